@@ -1,8 +1,10 @@
 // Triangle mesh as flat arrays, its bounding box and the mass properties of the body it bounds.
 #pragma once
 #include <Eigen/Core>
+#include <Eigen/Geometry>
 #include <array>
 #include <cstdint>
+#include <limits>
 #include <vector>
 
 namespace padder {
