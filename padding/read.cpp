@@ -210,8 +210,13 @@ ReadResult read_mesh(const std::filesystem::path& path, const ReadOptions& optio
     soup = reading::read_off(bytes, where);
   } else {
     if (ending == ".stl") reading::check_stl(bytes, where, result.notes);
-    if (ending == ".ply") reading::check_ply(bytes, where, result.notes);
+    std::vector<Point> doubles;
+    if (ending == ".ply") doubles = reading::check_ply(bytes, where, result.notes);
     soup = reading::read_scene(bytes, path, ending);
+    // Assimp keeps the vertices of a PLY as they stand, rounded: the same number in the same order.
+    if (std::ranges::equal(doubles, soup.points,
+                           [](const Point& p, const Point& q) { return p.isApprox(q, 1e-5); }))
+      soup.points = std::move(doubles);
   }
   std::ranges::move(soup.notes, std::back_inserter(result.notes));
   bytes = {};

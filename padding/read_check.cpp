@@ -205,7 +205,8 @@ class Text : public Body {
   std::size_t size_;
 };
 
-void check_body(const Header& header, Body& body, const std::string& where) {
+// Also keeps the vertices that are declared as doubles, of which assimp would leave the digits of a float.
+void check_body(const Header& header, Body& body, const std::string& where, std::vector<Point>& doubles) {
   std::int64_t vertices = 0;
   for (const Element& e : header.elements) vertices = e.name == "vertex" ? e.count : vertices;
   for (const Element& e : header.elements) {
@@ -217,9 +218,11 @@ void check_body(const Header& header, Body& body, const std::string& where) {
                       " cannot be read: the file is cut short or damaged, export it again");
     };
     if (static_cast<std::uint64_t>(e.count) > body.left()) cut(static_cast<std::int64_t>(body.left()));
-    for (std::int64_t row = 0; row < e.count; row++)
+    for (std::int64_t row = 0; row < e.count; row++) {
+      Point position = Point::Zero();
+      bool precise = false;
       for (const Property& p : e.properties) {
-        double value, length = 1;
+        double value = 0, length = 1;
         if (p.count_type >= 0 && (!body.read(p.count_type, length) || length < 0)) cut(row);
         const bool corner = e.name == "face" && p.count_type >= 0 && p.type < 6 &&
                             (p.name == "vertex_indices" || p.name == "vertex_index");
@@ -232,7 +235,13 @@ void check_body(const Header& header, Body& body, const std::string& where) {
                             std::to_string(static_cast<std::int64_t>(value)) + ", but there are only 0 to " +
                             std::to_string(vertices - 1) + ": export the mesh again");
         }
+        if (e.name != "vertex" || p.count_type >= 0 || p.name.size() != 1 || p.name < "x" || p.name > "z")
+          continue;
+        position[p.name[0] - 'x'] = value;
+        precise = precise || p.type == 7;
       }
+      if (precise) doubles.push_back(position);
+    }
   }
 }
 
@@ -253,8 +262,11 @@ void check_stl(std::string& bytes, const std::string& where, std::vector<std::st
   const std::string_view head = std::string_view(bytes).substr(0, 1024);
   std::string_view start = head;
   start.remove_prefix(std::min(start.find_first_not_of(" \t\r\n"), start.size()));
-  if (lower(start.substr(0, 5)) == "solid" && head.find('\0') == head.npos)
-    return check_ascii_stl(bytes, where);
+  if (lower(start.substr(0, 5)) == "solid" && head.find('\0') == head.npos) {
+    check_ascii_stl(bytes, where);
+    bytes = lower(bytes);  // assimp knows no FACET
+    return;
+  }
   if (bytes.size() < 84)
     fail(where,
          "too short for a binary STL and no text STL either: the file is cut short or of another format");
@@ -270,7 +282,9 @@ void check_stl(std::string& bytes, const std::string& where, std::vector<std::st
   bytes.resize(wanted);
 }
 
-void check_ply(const std::string& bytes, const std::string& where, std::vector<std::string>& notes) {
+std::vector<Point> check_ply(const std::string& bytes, const std::string& where,
+                             std::vector<std::string>& notes) {
+  std::vector<Point> doubles;
   const Header header = read_header(bytes, where);
   for (const Element& e : header.elements) {
     check_counts(e.name == "vertex" ? static_cast<std::uint64_t>(e.count) : 0, 0, where);
@@ -282,13 +296,14 @@ void check_ply(const std::string& bytes, const std::string& where, std::vector<s
   const std::string_view rest = std::string_view(bytes).substr(header.body);
   if (header.format == "ascii") {
     Text body(rest);
-    check_body(header, body, where);
+    check_body(header, body, where, doubles);
   } else {
     Binary body(rest, header.format == "binary_big_endian");
-    check_body(header, body, where);
+    check_body(header, body, where, doubles);
     if (body.left() > 0)
       notes.push_back(std::to_string(body.left()) + " bytes behind the last element left out");
   }
+  return doubles;
 }
 
 }  // namespace padder::reading

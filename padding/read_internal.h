@@ -35,10 +35,11 @@ Soup read_obj(std::string& bytes, const std::string& where);
 Soup read_off(const std::string& bytes, const std::string& where);
 Soup read_scene(const std::string& bytes, const std::filesystem::path& path, const std::string& ending);
 
-// Faults that assimp answers with a crash, a hang or a wrong mesh. They may mend the bytes and say so in a
-// note.
+// Faults that assimp answers with a crash, a hang or a wrong mesh are refused. STL may be mended, which a
+// note says. PLY returns the vertices when they are declared as doubles, else nothing.
 void check_stl(std::string& bytes, const std::string& where, std::vector<std::string>& notes);
-void check_ply(const std::string& bytes, const std::string& where, std::vector<std::string>& notes);
+std::vector<Point> check_ply(const std::string& bytes, const std::string& where,
+                             std::vector<std::string>& notes);
 
 // Text: the lines of a file, whatever ends them (\n, \r\n or \r), counted from 1.
 class Lines {
