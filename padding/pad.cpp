@@ -49,9 +49,12 @@ double edge_length(const PadOptions& options, double diagonal) {
 
 const char* name_of(RepairMode mode) {
   switch (mode) {
-    case RepairMode::never: return "never";
-    case RepairMode::wrap: return "wrap";
-    default: return "auto";
+    case RepairMode::never:
+      return "never";
+    case RepairMode::wrap:
+      return "wrap";
+    default:
+      return "auto";
   }
 }
 
@@ -65,7 +68,8 @@ std::string settings_json(const PadOptions& options, const PadReport& report) {
 }
 
 void scale_back(Accuracy& a, double s) {
-  for (double* length : {&a.protrusion_max, &a.protrusion_mean, &a.protrusion_p95, &a.gap_max, &a.gap_mean, &a.gap_p95})
+  for (double* length :
+       {&a.protrusion_max, &a.protrusion_mean, &a.protrusion_p95, &a.gap_max, &a.gap_mean, &a.gap_p95})
     *length *= s;
 }
 
@@ -94,8 +98,10 @@ Padded pad(const ReadResult& file, const PadOptions& options, const PadProgress&
   if (!(frame.scale > 0)) throw Error(name + ": all its points are one, so there is no surface to pad");
   // Moments of inertia go with the fifth power of the length: they must not overflow, nor vanish.
   if (!(frame.scale < 1e60 && frame.scale > 1e-60) || !frame.center.allFinite())
-    throw Error(name + ": its size is beyond what double precision can measure: scale it (--scale) to below 1e60");
-  if (!(options.depth > 0 && options.depth <= 1)) throw Error("the depth ratio must be above 0 and at most 1");
+    throw Error(name +
+                ": its size is beyond what double precision can measure: scale it (--scale) to below 1e60");
+  if (!(options.depth > 0 && options.depth <= 1))
+    throw Error("the depth ratio must be above 0 and at most 1");
   Mesh input = file.mesh;
   for (Point& p : input.points) p = frame.into(p);
   const double length = edge_length(options, frame.scale);

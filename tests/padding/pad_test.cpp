@@ -51,7 +51,8 @@ TEST(Pad, ClosedFormsAreMetWithinTheCaps) {
 }
 
 // 1e-9 relative to the diagonal, sphere by sphere.
-void expect_same(const Cluster& a, const Cluster& b, double scale, const std::function<Point(const Point&)>& move) {
+void expect_same(const Cluster& a, const Cluster& b, double scale,
+                 const std::function<Point(const Point&)>& move) {
   ASSERT_EQ(a.size(), b.size());
   double worst = 0;
   for (std::size_t k = 0; k < a.size(); k++) {
@@ -105,7 +106,8 @@ TEST(Pad, SameBytesForAnyNumberOfThreads) {
 TEST(Pad, TinyAndHugeBodies) {
   for (const double s : {1e-30, 1e-6, 1e38}) {
     SCOPED_TRACE(s);
-    const Mesh mesh = moved(shapes::box({0, 0, 0}, {1, 1, 1}), [&](const Point& p) -> Point { return s * p; });
+    const Mesh mesh =
+        moved(shapes::box({0, 0, 0}, {1, 1, 1}), [&](const Point& p) -> Point { return s * p; });
     const Padded p = pad(as_file(mesh), {});
     EXPECT_NEAR(p.cluster.mass.volume / std::pow(s, 3), 1, 1e-9);
     EXPECT_LT(p.cluster.accuracy.gap_max, 0.01 * s);
@@ -113,7 +115,8 @@ TEST(Pad, TinyAndHugeBodies) {
 }
 
 TEST(Pad, FarFromTheOriginKeepsItsDigits) {
-  const Mesh mesh = moved(shapes::box({0, 0, 0}, {1, 1, 1}), [](const Point& p) -> Point { return p + Point(1e7, 1e7, 1e7); });
+  const Mesh mesh = moved(shapes::box({0, 0, 0}, {1, 1, 1}),
+                          [](const Point& p) -> Point { return p + Point(1e7, 1e7, 1e7); });
   const Padded p = pad(as_file(mesh), {});
   EXPECT_NEAR(p.cluster.mass.volume, 1, 1e-6);
   EXPECT_LT(p.cluster.accuracy.protrusion_max, 0.01);
