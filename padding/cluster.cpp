@@ -24,7 +24,8 @@ void require(bool condition, const std::string& where, const std::string& senten
 }
 
 Vector vector_from(const Json& j) {
-  if (!j.is_array() || j.size() != 3) throw Json::type_error::create(302, "an array of three numbers is wanted", &j);
+  if (!j.is_array() || j.size() != 3)
+    throw Json::type_error::create(302, "an array of three numbers is wanted", &j);
   return {j[0].get<double>(), j[1].get<double>(), j[2].get<double>()};
 }
 
@@ -39,7 +40,8 @@ void check(const Cluster& c, const std::string& where) {
   require(c.centers.size() == c.size() && c.triangle.size() == c.size(), where,
           "spheres.centers, spheres.radii and spheres.triangle must be of one length");
   for (std::size_t k = 0; k < c.size(); k++) {
-    require(c.centers[k].allFinite(), where, "sphere " + std::to_string(k) + " has a centre that is not finite");
+    require(c.centers[k].allFinite(), where,
+            "sphere " + std::to_string(k) + " has a centre that is not finite");
     require(std::isfinite(c.radii[k]) && c.radii[k] >= 0, where,
             "sphere " + std::to_string(k) + " has a radius that is negative or not finite");
   }
@@ -84,7 +86,8 @@ std::string to_json(const Cluster& c) {
                    {"certified", a.certified}};
   Json centers = Json::array();
   for (const Point& p : c.centers) centers.push_back(vector_json(p));
-  j["spheres"] = {{"count", c.size()}, {"centers", std::move(centers)}, {"radii", c.radii}, {"triangle", c.triangle}};
+  j["spheres"] = {
+      {"count", c.size()}, {"centers", std::move(centers)}, {"radii", c.radii}, {"triangle", c.triangle}};
 
   // One line for each key, the arrays of spheres on lines of their own: small enough, and a diff can be read.
   std::string text = "{\n";
@@ -132,7 +135,8 @@ Cluster cluster_from_json(std::string_view text, const std::string& where) {
       return v->get<std::uint32_t>();
     };
     c.family = bits("family"), c.mask = bits("mask");
-    if (const Json* b = at(j, "bounds")) c.bounds.low = vector_from(b->at("low")), c.bounds.high = vector_from(b->at("high"));
+    if (const Json* b = at(j, "bounds"))
+      c.bounds.low = vector_from(b->at("low")), c.bounds.high = vector_from(b->at("high"));
     if (const Json* m = at(j, "mass_properties")) {
       c.mass.volume = m->at("volume").get<double>(), c.mass.center = vector_from(m->at("center"));
       c.mass.inertia = matrix_from(m->at("inertia")), c.mass.axes = matrix_from(m->at("axes")).transpose();
@@ -141,10 +145,12 @@ Cluster cluster_from_json(std::string_view text, const std::string& where) {
     if (const Json* v = at(j, "volume_union")) c.volume_union = v->get<double>();
     if (const Json* v = at(j, "accuracy")) {
       Accuracy& a = c.accuracy;
-      a.protrusion_max = v->value("protrusion_max", 0.0), a.protrusion_mean = v->value("protrusion_mean", 0.0);
+      a.protrusion_max = v->value("protrusion_max", 0.0),
+      a.protrusion_mean = v->value("protrusion_mean", 0.0);
       a.protrusion_p95 = v->value("protrusion_p95", 0.0), a.gap_max = v->value("gap_max", 0.0);
       a.gap_mean = v->value("gap_mean", 0.0), a.gap_p95 = v->value("gap_p95", 0.0);
-      a.coverage = v->value("coverage", 0.0), a.normal_error_mean_deg = v->value("normal_error_mean_deg", 0.0);
+      a.coverage = v->value("coverage", 0.0),
+      a.normal_error_mean_deg = v->value("normal_error_mean_deg", 0.0);
       a.normal_error_p95_deg = v->value("normal_error_p95_deg", 0.0);
       a.volume_ratio = v->value("volume_ratio", 0.0), a.certified = v->value("certified", false);
     }
@@ -157,8 +163,10 @@ Cluster cluster_from_json(std::string_view text, const std::string& where) {
     require(radii != nullptr, where, "\"spheres.radii\" is missing");
     c.radii = radii->get<std::vector<double>>();
     const Json* triangle = at(*spheres, "triangle");
-    if (triangle) c.triangle = triangle->get<std::vector<std::int64_t>>();
-    else c.triangle.assign(c.radii.size(), -1);
+    if (triangle)
+      c.triangle = triangle->get<std::vector<std::int64_t>>();
+    else
+      c.triangle.assign(c.radii.size(), -1);
   } catch (const Json::parse_error& e) {
     throw Error(where + ": not JSON at byte " + std::to_string(e.byte));
   } catch (const Json::exception& e) {
@@ -168,8 +176,12 @@ Cluster cluster_from_json(std::string_view text, const std::string& where) {
   return c;
 }
 
-void write_cluster(const Cluster& cluster, const std::filesystem::path& path) { write_file(path, to_json(cluster)); }
+void write_cluster(const Cluster& cluster, const std::filesystem::path& path) {
+  write_file(path, to_json(cluster));
+}
 
-Cluster read_cluster(const std::filesystem::path& path) { return cluster_from_json(read_file(path), path.string()); }
+Cluster read_cluster(const std::filesystem::path& path) {
+  return cluster_from_json(read_file(path), path.string());
+}
 
 }  // namespace padder
