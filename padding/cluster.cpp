@@ -42,10 +42,27 @@ void check(const Cluster& c, const std::string& where) {
   for (std::size_t k = 0; k < c.size(); k++) {
     require(c.centers[k].allFinite(), where,
             "sphere " + std::to_string(k) + " has a centre that is not finite");
-    require(std::isfinite(c.radii[k]) && c.radii[k] >= 0, where,
-            "sphere " + std::to_string(k) + " has a radius that is negative or not finite");
+    require(std::isfinite(c.radii[k]) && c.radii[k] > 0, where,
+            "sphere " + std::to_string(k) + " has a radius that is not positive and finite");
   }
+  const MassProperties& m = c.mass;
+  const Accuracy& a = c.accuracy;
+  const auto finite = [&](const char* key, bool yes) {
+    require(yes, where,
+            std::string("\"") + key + "\" holds a number that is not finite: is the mesh too large?");
+  };
+  finite("bounds", c.bounds.empty() || (c.bounds.low.allFinite() && c.bounds.high.allFinite()));
+  finite("mass_properties", std::isfinite(m.volume) && m.center.allFinite() && m.inertia.allFinite() &&
+                                m.axes.allFinite() && m.moments.allFinite());
+  finite("volume_union", std::isfinite(c.volume_union));
+  for (const double number :
+       {a.protrusion_max, a.protrusion_mean, a.protrusion_p95, a.gap_max, a.gap_mean, a.gap_p95, a.coverage,
+        a.normal_error_mean_deg, a.normal_error_p95_deg, a.volume_ratio})
+    finite("accuracy", std::isfinite(number));
 }
+
+// A file's name may hold bytes that are no UTF-8: these become the replacement character.
+std::string text_of(const Json& j) { return j.dump(-1, ' ', false, Json::error_handler_t::replace); }
 
 }  // namespace
 
@@ -61,10 +78,12 @@ std::string to_json(const Cluster& c) {
                  {"sha256", c.source.sha256},
                  {"triangles", c.source.triangles},
                  {"repair", c.source.repair}};
-  j["settings"] = Json::parse(c.settings);
+  j["settings"] = Json::parse(c.settings, nullptr, false);
+  require(j["settings"].is_object(), "cluster " + c.name, "its settings are not a JSON object");
   j["family"] = c.family;
   j["mask"] = c.mask;
-  j["bounds"] = {{"low", vector_json(c.bounds.low)}, {"high", vector_json(c.bounds.high)}};
+  if (!c.bounds.empty())
+    j["bounds"] = {{"low", vector_json(c.bounds.low)}, {"high", vector_json(c.bounds.high)}};
   const MassProperties& m = c.mass;
   j["mass_properties"] = {{"volume", m.volume},
                           {"center", vector_json(m.center)},
@@ -95,12 +114,12 @@ std::string to_json(const Cluster& c) {
     if (it != j.begin()) text += ",\n";
     text += "  \"" + it.key() + "\": ";
     if (it.key() != "spheres") {
-      text += it->dump();
+      text += text_of(*it);
       continue;
     }
     text += "{";
     for (auto s = it->begin(); s != it->end(); ++s)
-      text += std::string(s == it->begin() ? "\n" : ",\n") + "    \"" + s.key() + "\": " + s->dump();
+      text += std::string(s == it->begin() ? "\n" : ",\n") + "    \"" + s.key() + "\": " + text_of(*s);
     text += "\n  }";
   }
   return text + "\n}\n";
@@ -126,7 +145,10 @@ Cluster cluster_from_json(std::string_view text, const std::string& where) {
       c.source.file = s->value("file", ""), c.source.sha256 = s->value("sha256", "");
       c.source.triangles = s->value("triangles", std::uint64_t(0)), c.source.repair = s->value("repair", "");
     }
-    if (const Json* v = at(j, "settings")) c.settings = v->dump();
+    if (const Json* v = at(j, "settings")) {
+      require(v->is_object(), where, "\"settings\" must be an object");
+      c.settings = v->dump();
+    }
     const auto bits = [&](const char* name) -> std::uint32_t {
       const Json* v = at(j, name);
       if (!v) return 0;
@@ -167,6 +189,9 @@ Cluster cluster_from_json(std::string_view text, const std::string& where) {
       c.triangle = triangle->get<std::vector<std::int64_t>>();
     else
       c.triangle.assign(c.radii.size(), -1);
+    if (const Json* count = at(*spheres, "count"))
+      require(count->get<std::size_t>() == c.size(), where,
+              "\"spheres.count\" is not the number of spheres: is the file whole?");
   } catch (const Json::parse_error& e) {
     throw Error(where + ": not JSON at byte " + std::to_string(e.byte));
   } catch (const Json::exception& e) {
