@@ -40,9 +40,8 @@ struct Frame {
 
 // In the own frame.
 double edge_length(const PadOptions& options, double diagonal) {
-  if (options.edge_length < 0 || options.edge_share < 0) throw Error("the edge length must be positive");
-  if (options.edge_length > 0) return options.edge_length / diagonal;
-  if (options.edge_share > 0) return options.edge_share;
+  if (options.edge_length.value < 0) throw Error("the edge length must be positive");
+  if (options.edge_length.given()) return options.edge_length.of(diagonal) / diagonal;
   constexpr double cap = 1.0 / 400;  // an equilateral triangle of edge L has the circumradius L / sqrt(3)
   return std::clamp(std::numbers::sqrt3 * cap / options.depth, 0.002, 0.05);
 }

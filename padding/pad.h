@@ -11,14 +11,19 @@
 
 namespace padder {
 
-// Lengths in the mesh's unit.
+// In the mesh's unit, or as a share of its bounding box's diagonal.
+struct Length {
+  double value = 0;    // 0: not given
+  bool share = false;  // value is a share: 0.01 is 1 %
+
+  bool given() const { return value != 0; }
+  double of(double diagonal) const { return share ? value * diagonal : value; }
+};
+
 struct PadOptions {
-  double depth = 0.2;      // cap height over circumradius, 0 < depth <= 1
-  double edge_length = 0;  // of the remeshed triangles; 0: see edge_share
-  double edge_share =
-      0;  // the same as a share of the diagonal; both 0: so that caps are a 400th of the diagonal high
-  double sharp_angle =
-      40;  // degrees; edges sharper than this are kept by remeshing (not on a wrap, whose edges are noise)
+  double depth = 0.2;       // cap height over circumradius, 0 < depth <= 1
+  Length edge_length;       // of the remeshed triangles; not given: caps a 400th of the diagonal high
+  double sharp_angle = 40;  // degrees; remeshing keeps edges that turn by more (a wrap's are noise: none)
   RepairMode repair = RepairMode::automatic;
   std::uint32_t family = 0;  // of the asset; 0: none
   std::uint32_t mask = 0;    // bit k: no contact with family k + 1

@@ -8,9 +8,8 @@
 namespace padder {
 
 struct RefitOptions {
-  double margin =
-      0;  // by how much the body's surface lies outside the part's (a wrap's offset); caps are lowered by it
-  double gap = 0;  // largest gap left; 0: the largest cap height among the balls
+  double margin = 0;  // caps are lowered by it: how far the body lies outside the part (a wrap's offset)
+  double gap = 0;     // largest gap left; 0: the largest cap height among the balls
 };
 
 // The paper refits spheres along edges that an edge finder gives it. Here every sphere is asked: one whose

@@ -16,8 +16,7 @@ struct RemeshOptions {
 struct RemeshQuality {
   double min_angle_deg = 0;
   double share_under_20_deg = 0;  // triangles with an angle under 20 degrees
-  double share_non_delaunay =
-      0;  // of interior edges that are not sharp: opposite angles sum to more than 180 degrees
+  double share_non_delaunay = 0;  // of the edges neither sharp nor border: opposite angles sum to over 180
   double circumradius_max = 0;    // the sliver guard holds it under edge_length where the shape allows
   std::uint64_t sharp_edges = 0;  // kept
 };

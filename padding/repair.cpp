@@ -101,8 +101,8 @@ Repaired wrap(const Soup& soup, const RepairOptions& options, double diagonal, R
   Repaired out;
   out.kind = BodyKind::wrap;
   const double accuracy = options.accuracy > 0 ? options.accuracy : diagonal / 500;
-  out.alpha = options.alpha > 0 ? options.alpha : std::clamp(2 * accuracy, diagonal / 400, diagonal / 150);
-  out.offset = options.offset > 0 ? options.offset : std::min(accuracy / 6, diagonal / 1500);
+  out.alpha = options.alpha > 0 ? options.alpha : std::clamp(2.75 * accuracy, diagonal / 400, diagonal / 150);
+  out.offset = options.offset > 0 ? options.offset : std::min(accuracy / 3, diagonal / 1500);
   std::vector<std::array<std::size_t, 3>> triangles;
   for (const auto& t : soup.triangles) triangles.push_back({t[0], t[1], t[2]});
   CgalMesh mesh;

@@ -14,31 +14,30 @@
 
 #include "padding/error.h"
 
+namespace padder {
+
+// "0.01" is in the mesh's unit, "1%" a share of its diagonal. Found by CLI11 through its argument.
+bool lexical_cast(const std::string& text, Length& out) {
+  std::string number = text;
+  out.share = !number.empty() && number.back() == '%';
+  if (out.share) number.pop_back();
+  if (!CLI::detail::lexical_cast(number, out.value) || !std::isfinite(out.value) || out.value <= 0)
+    return false;
+  if (out.share) out.value /= 100;
+  return true;
+}
+
+}  // namespace padder
+
 namespace {
 
 using Json = nlohmann::ordered_json;
 namespace fs = std::filesystem;
 
-// "0.01" is in the mesh's unit, "1%" a share of its diagonal.
-struct Length {
-  double value = 0;
-  bool share = false;
-
-  double of(double diagonal) const { return share ? value / 100 * diagonal : value; }
-};
-
-bool lexical_cast(const std::string& text, Length& out) {
-  std::string number = text;
-  out.share = !number.empty() && number.back() == '%';
-  if (out.share) number.pop_back();
-  return CLI::detail::lexical_cast(number, out.value) && std::isfinite(out.value) && out.value > 0;
-}
-
 struct Arguments {
   std::vector<std::string> meshes;
   std::string output, unit;
   double scale = 1;
-  Length edge_length;
   padder::PadOptions options;
   int threads = 0;
   bool json = false, quiet = false;
@@ -62,7 +61,7 @@ void declare(CLI::App& app, Arguments& a) {
   app.add_option("-o", a.output, "file to write, or folder for several (default: NAME.spheres.json here)");
   app.add_option("--depth", a.options.depth, "cap height over circumradius, above 0 and at most 1")
       ->capture_default_str();
-  app.add_option("--edge-length", a.edge_length,
+  app.add_option("--edge-length", a.options.edge_length,
                  "of the remeshed triangles: in the mesh's unit, or a share of its diagonal as 2%")
       ->type_name("LENGTH");
   app.add_option("--sharp-angle", a.options.sharp_angle, "keep edges whose faces turn by more degrees")
@@ -211,12 +210,9 @@ int run(Arguments& a) {
         std::error_code code;
         fs::create_directories(paths[k].parent_path(), code);  // write_cluster says what is wrong with it
       }
-      padder::PadOptions options = a.options;
       padder::ReadOptions reading{a.scale, a.unit};
-      options.edge_length = a.edge_length.share ? 0 : a.edge_length.value;
-      options.edge_share = a.edge_length.share ? a.edge_length.value / 100 : 0;
       const padder::Padded padded =
-          padder::pad_file(mesh, reading, options, [&](const char* step, int done, int steps) {
+          padder::pad_file(mesh, reading, a.options, [&](const char* step, int done, int steps) {
             bar.show(mesh, k, a.meshes.size(), step, done, steps);
           });
       padder::write_cluster(padded.cluster, paths[k]);

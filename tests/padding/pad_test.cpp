@@ -38,7 +38,7 @@ TEST(Pad, ClosedFormsAreMetWithinTheCaps) {
   for (const auto& [name, mesh, volume] : cases) {
     SCOPED_TRACE(name);
     PadOptions options;
-    options.edge_share = 0.03;
+    options.edge_length = {0.03, true};
     const Padded p = pad(as_file(mesh), options);
     const double cap = options.depth * p.report.quality.circumradius_max;
     EXPECT_LE(p.cluster.accuracy.protrusion_max, cap * 1.001);
@@ -68,7 +68,7 @@ TEST(Pad, MovedAndScaledInputGivesTheSameSpheresMovedAndScaled) {
     shapes::Random random(seed);
     const Mesh mesh = shapes::blob(random);
     PadOptions options;
-    options.edge_share = 0.06;
+    options.edge_length = {0.06, true};
     const Cluster plain = pad(as_file(mesh), options).cluster;
     const double s = std::exp(random.uniform(-9, 9));
     const Vector shift = s * random.point(2);
@@ -83,7 +83,7 @@ TEST(Pad, TurnedInputGivesTheSameSpheresTurned) {
     shapes::Random random(seed);
     const Mesh mesh = shapes::blob(random);
     PadOptions options;
-    options.edge_length = 0.2;  // the box's diagonal changes with the turn
+    options.edge_length = {0.2, false};  // the box's diagonal changes with the turn
     const Cluster plain = pad(as_file(mesh), options).cluster;
     const Eigen::Matrix3d turn = random.rotation();
     const Vector shift = random.point(2);
