@@ -75,15 +75,28 @@ void check_spheres(const T& c, const std::string& where) {
   for (std::size_t k = 0; k < c.radii.size(); k++) {
     require(c.centers[k].allFinite(), where,
             "sphere " + std::to_string(k) + " has a centre that is not finite");
-    require(std::isfinite(c.radii[k]) && c.radii[k] >= 0, where,
-            "sphere " + std::to_string(k) + " has a radius that is negative or not finite");
+    require(std::isfinite(c.radii[k]) && c.radii[k] > 0, where,
+            "sphere " + std::to_string(k) + " has a radius that is not positive and finite");
   }
 }
 
 void check(const Cluster& c, const std::string& where) {
   check_spheres(c, where);
   for (const Lod& lod : c.lods) check_spheres(lod, where + ", lods");
+  const auto finite = [&](const char* key, bool yes) {
+    require(yes, where,
+            std::string("\"") + key + "\" holds a number that is not finite: is the mesh too large?");
+  };
+  const MassProperties& m = c.mass;
+  finite("bounds", c.bounds.empty() || (c.bounds.low.allFinite() && c.bounds.high.allFinite()));
+  finite("mass_properties", std::isfinite(m.volume) && m.center.allFinite() && m.inertia.allFinite() &&
+                                m.axes.allFinite() && m.moments.allFinite());
+  finite("volume_union", std::isfinite(c.volume_union));
+  for (const auto& [name, member] : accuracy_numbers) finite("accuracy", std::isfinite(c.accuracy.*member));
 }
+
+// A file's name may hold bytes that are no UTF-8: these become the replacement character.
+std::string text_of(const Json& j) { return j.dump(-1, ' ', false, Json::error_handler_t::replace); }
 
 template <class T>
 Json spheres_object(const T& c) {
@@ -97,7 +110,7 @@ Json spheres_object(const T& c) {
 
 // `key` follows what is being read, for the message.
 template <class T>
-void spheres_from(const Json& j, T& c, std::string& key) {
+void spheres_from(const Json& j, T& c, std::string& key, const std::string& where) {
   key = "spheres.centers";
   for (const Json& p : j.at("centers")) c.centers.push_back(vector_from(p));
   key = "spheres.radii";
@@ -107,6 +120,9 @@ void spheres_from(const Json& j, T& c, std::string& key) {
     c.triangle = j["triangle"].template get<std::vector<std::int64_t>>();
   else
     c.triangle.assign(c.radii.size(), -1);
+  key = "spheres.count";
+  if (j.contains("count") && j["count"].template get<std::size_t>() != c.radii.size())
+    throw Error(where + ": \"spheres.count\" is not the number of spheres: is the file whole?");
 }
 
 // One line for each key, the arrays of spheres on lines of their own: small enough, and a diff can be read.
@@ -125,7 +141,7 @@ void append_lines(std::string& text, const Json& object, int indent) {
       }
       text += "]";
     } else {
-      text += it->dump();
+      text += text_of(*it);
     }
   }
   text += "\n" + pad.substr(2) + "}";
@@ -145,10 +161,12 @@ std::string to_json(const Cluster& c) {
                  {"sha256", c.source.sha256},
                  {"triangles", c.source.triangles},
                  {"repair", c.source.repair}};
-  j["settings"] = Json::parse(c.settings);
+  j["settings"] = Json::parse(c.settings, nullptr, false);
+  require(j["settings"].is_object(), "cluster " + c.name, "its settings are not a JSON object");
   j["family"] = c.family;
   j["mask"] = c.mask;
-  j["bounds"] = {{"low", vector_json(c.bounds.low)}, {"high", vector_json(c.bounds.high)}};
+  if (!c.bounds.empty())
+    j["bounds"] = {{"low", vector_json(c.bounds.low)}, {"high", vector_json(c.bounds.high)}};
   const MassProperties& m = c.mass;
   j["mass_properties"] = {{"volume", m.volume},
                           {"center", vector_json(m.center)},
@@ -193,7 +211,10 @@ Cluster cluster_from_json(std::string_view text, const std::string& where) {
       c.source.file = s->value("file", ""), c.source.sha256 = s->value("sha256", "");
       c.source.triangles = s->value("triangles", std::uint64_t(0)), c.source.repair = s->value("repair", "");
     }
-    if (const Json* v = at(j, "settings")) c.settings = v->dump();
+    if (const Json* v = at(j, "settings")) {
+      require(v->is_object(), where, "\"settings\" must be an object");
+      c.settings = v->dump();
+    }
     const auto bits = [&](const char* name) -> std::uint32_t {
       const Json* v = at(j, name);
       if (!v) return 0;
@@ -213,14 +234,14 @@ Cluster cluster_from_json(std::string_view text, const std::string& where) {
     if (const Json* v = at(j, "accuracy")) c.accuracy = accuracy_from(*v);
     const Json* spheres = at(j, "spheres");
     require(spheres && spheres->is_object(), where, "\"spheres\" is missing");
-    spheres_from(*spheres, c, key);
+    spheres_from(*spheres, c, key, where);
     if (const Json* lods = at(j, "lods"))
       for (const Json& v : *lods) {
         Lod& lod = c.lods.emplace_back();
         key = "lods";
         lod.tolerance = v.at("tolerance").get<double>(), lod.volume_union = v.value("volume_union", 0.0);
         if (v.contains("accuracy")) lod.accuracy = accuracy_from(v["accuracy"]);
-        spheres_from(v.at("spheres"), lod, key);
+        spheres_from(v.at("spheres"), lod, key, where);
       }
   } catch (const Json::parse_error& e) {
     throw Error(where + ": not JSON at byte " + std::to_string(e.byte));

@@ -51,7 +51,7 @@ struct Cluster {
   std::string settings = "{}";  // a JSON object: all that is needed to make the cluster again
   std::uint32_t family = 0;     // 0: none
   std::uint32_t mask = 0;       // bit k: no contact with family k + 1
-  Box bounds;                   // of the input mesh
+  Box bounds;                   // of the input mesh; left out of the file when empty
   MassProperties mass;          // of the true body, density 1
   double volume_union = 0;      // of the spheres, overlaps counted once
   Accuracy accuracy;
@@ -65,7 +65,8 @@ struct Cluster {
 };
 
 // The JSON document as text, keys in a fixed order, numbers with the digits that give the same double back:
-// equal clusters give equal bytes. Throws Error when arrays differ in length or a number is not finite.
+// equal clusters give equal bytes. Throws Error when arrays differ in length, a number is not finite or a
+// radius not positive.
 std::string to_json(const Cluster& cluster);
 
 std::string to_json(const Accuracy& accuracy);  // its block alone
