@@ -113,6 +113,18 @@ std::vector<SurfaceSample> sample_surface(const Mesh& input, const Repaired& bod
   return samples;
 }
 
+// The largest distance of the mesh to the surface, over its corners and centroids.
+double farthest_from(const Surface& surface, const Mesh& mesh) {
+  double farthest = 0;
+#pragma omp parallel for schedule(dynamic, 256) reduction(max : farthest)
+  for (std::int64_t t = 0; t < static_cast<std::int64_t>(mesh.triangles.size()); t++) {
+    const Point a = mesh.corner(t, 0), b = mesh.corner(t, 1), c = mesh.corner(t, 2);
+    for (const Point& p : {a, Point((a + b + c) / 3)})
+      farthest = std::max(farthest, surface.nearest(p).distance);
+  }
+  return farthest;
+}
+
 struct BallSample {
   double protrusion;  // to the input; negative: not outside the body
   double angle;       // between the normals, degrees; negative: not on the outer surface
@@ -188,7 +200,8 @@ Measured measure(const Mesh& input, const Repaired& body, const Surface& body_su
   const Summary gap = summarize(gaps);
   a.gap_max = gap.max, a.gap_mean = gap.mean, a.gap_p95 = gap.p95;
   a.coverage = area > 0 ? covered / area : 0;
-  if (!wrap) a.gap_max = std::max(a.gap_max, gap_bound(body.mesh, set).upper);
+  a.gap_bound = gap_bound(body.mesh, set, options.floor).upper;
+  if (!wrap) a.gap_max = std::max(a.gap_max, a.gap_bound);
 
   const std::optional<Surface> own = wrap ? std::optional<Surface>(std::in_place, input) : std::nullopt;
   const Surface& input_surface = own ? *own : body_surface;
@@ -215,7 +228,9 @@ Measured measure(const Mesh& input, const Repaired& body, const Surface& body_su
   }
   const Summary protrusion = summarize(protrusions), angle = summarize(angles);
   a.protrusion_max = protrusion.max, a.protrusion_mean = protrusion.mean, a.protrusion_p95 = protrusion.p95;
-  if (!wrap) a.protrusion_max = std::max(a.protrusion_max, protrusion_bound(body_surface, balls).max);
+  a.protrusion_bound = std::max(0.0, protrusion_bound(body_surface, balls).max);
+  if (!wrap) a.protrusion_max = std::max(a.protrusion_max, a.protrusion_bound);
+  if (wrap) a.wrap_distance = farthest_from(input_surface, body.mesh);
   a.normal_error_mean_deg = angle.mean, a.normal_error_p95_deg = angle.p95;
   if (body.kind != BodyKind::sheet) {
     const double volume = mass_properties(body.mesh).volume;

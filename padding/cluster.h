@@ -20,7 +20,9 @@ struct Accuracy {
   double coverage = 0;                            // share of the mesh surface inside the union, 0 to 1
   double normal_error_mean_deg = 0, normal_error_p95_deg = 0;
   double volume_ratio = 0;  // volume of the union over the volume of the body; 0 for a sheet
-  bool certified = false;   // both maxima are proved upper bounds
+  double protrusion_bound = 0, gap_bound = 0;  // proved maxima against the repaired surface
+  double wrap_distance = 0;  // farthest the repaired surface lies from the input; 0 unless it was wrapped
+  bool certified = false;    // both maxima are proved upper bounds
 };
 
 // Where a cluster came from.
@@ -29,6 +31,16 @@ struct Source {
   std::string sha256;           // of its bytes
   std::uint64_t triangles = 0;  // as read
   std::string repair;           // what repair did, in words
+};
+
+// A coarser rung of a ladder of the same part.
+struct Lod {
+  double tolerance = 0;     // asked for
+  double volume_union = 0;  // overlaps counted once
+  Accuracy accuracy;
+  std::vector<Point> centers;
+  std::vector<double> radii;
+  std::vector<std::int64_t> triangle;
 };
 
 struct Cluster {
@@ -47,6 +59,8 @@ struct Cluster {
   std::vector<double> radii;           // N, > 0
   std::vector<std::int64_t> triangle;  // N: the triangle of the remeshed surface each sphere was made for
 
+  std::vector<Lod> lods;  // coarser versions of these spheres, coarsest first; empty unless asked for
+
   std::size_t size() const { return radii.size(); }
 };
 
@@ -54,6 +68,8 @@ struct Cluster {
 // equal clusters give equal bytes. Throws Error when arrays differ in length, a number is not finite or a
 // radius not positive.
 std::string to_json(const Cluster& cluster);
+
+std::string to_json(const Accuracy& accuracy);  // its block alone
 
 // Reads what to_json wrote, or a file by hand with at least `format`, `version` and `spheres`. `where` names
 // the file in messages. Throws Error that names the key at fault.

@@ -40,7 +40,7 @@ TEST(Pad, ClosedFormsAreMetWithinTheCaps) {
     PadOptions options;
     options.edge_length = {0.03, true};
     const Padded p = pad(as_file(mesh), options);
-    const double cap = options.depth * p.report.quality.circumradius_max;
+    const double cap = options.depth_used() * p.report.quality.circumradius_max;
     EXPECT_LE(p.cluster.accuracy.protrusion_max, cap * 1.001);
     EXPECT_LE(p.cluster.accuracy.gap_max, cap * 1.001);
     EXPECT_GT(p.cluster.accuracy.coverage, 0.9);
