@@ -14,7 +14,7 @@ class Backend {
   virtual ~Backend() = default;
   virtual const char* name() const = 0;
 
-  // The contacts of a checked input (check_input) by options.path. Throws Error: fault_sentence for the first
+  // The contacts by options.path; calls check_input first. Throws Error: fault_sentence for the first
   // faulty sphere, memory_sentence when memory is short. Leaves the backend usable in every case.
   virtual Contacts detect(const Input& input, const Options& options) = 0;
 

@@ -4,7 +4,9 @@
 
 namespace padder::detect {
 
-std::string cuda_absence() { return "this build has no CUDA backend: build with the CUDA toolkit on the PATH, or choose omp"; }
+std::string cuda_absence() {
+  return "this build has no CUDA backend: build with the CUDA toolkit on the PATH, or choose omp";
+}
 
 std::unique_ptr<Backend> make_cuda_backend(int) { throw Error(cuda_absence()); }
 

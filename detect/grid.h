@@ -23,7 +23,6 @@ struct Bin {
 struct Level {
   double size = 1, per_size = 1, units = 1;  // a bin's edge, about 1 / size, 2^28 / size
   double radius_max = 0;                     // of its spheres, or more; size >= 2 radius_max
-  float reach = 0;                           // the same in units, rounded up
   std::uint32_t hashed = 0;
   std::int64_t first[3] = {0, 0, 0};
   std::uint32_t count[3] = {1, 1, 1};
