@@ -96,9 +96,10 @@ PADDER_HD Geometry geometry(const Sphere& i, const Sphere& j) {
   Geometry g;
   const double d = root(distance_squared(i, j));
   g.depth = sub(add(i.r, j.r), d);
-  g.normal[0] = d > 0 ? div(sub(j.x, i.x), d) : 1;
-  g.normal[1] = d > 0 ? div(sub(j.y, i.y), d) : 0;
-  g.normal[2] = d > 0 ? div(sub(j.z, i.z), d) : 0;
+  const double per_d = d > 0 ? div(1, d) : 0;
+  g.normal[0] = d > 0 ? mul(sub(j.x, i.x), per_d) : 1;
+  g.normal[1] = mul(sub(j.y, i.y), per_d);
+  g.normal[2] = mul(sub(j.z, i.z), per_d);
   const double ci[3] = {i.x, i.y, i.z}, cj[3] = {j.x, j.y, j.z};
   for (int k = 0; k < 3; k++) {
     g.on_i[k] = add(ci[k], mul(i.r, g.normal[k]));

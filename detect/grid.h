@@ -70,7 +70,7 @@ struct Split {
   double rest;
 };
 PADDER_HD Split split(const Level& l, double x) {
-  double b = floor(mul(x, l.per_size));
+  double b = whole_below(mul(x, l.per_size));
   double rest = sub(x, mul(b, l.size));
   if (rest < 0)
     b -= 1, rest = sub(x, mul(b, l.size));
@@ -135,8 +135,8 @@ PADDER_HD Reach reach_of(const Level& l, const Split& s, double r) {
 // hair.
 PADDER_HD std::int32_t fixed_of(const Level& l, const Split& s) {
   const auto q = static_cast<std::uint64_t>(s.bin) << kUnitBits;
-  return static_cast<std::int32_t>(
-      static_cast<std::uint32_t>(q + static_cast<std::uint64_t>(floor(mul(s.rest, l.units) + 0.5))));
+  return static_cast<std::int32_t>(static_cast<std::uint32_t>(
+      q + static_cast<std::uint64_t>(whole_below(add(mul(s.rest, l.units), 0.5)))));
 }
 PADDER_HD FixedSlot fixed_slot(const Level& l, const Sphere& s) {
   return {fixed_of(l, split(l, s.x)), fixed_of(l, split(l, s.y)), fixed_of(l, split(l, s.z)),

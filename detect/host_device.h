@@ -33,6 +33,17 @@ PADDER_HD double larger(double a, double b) { return a > b ? a : b; }
 PADDER_HD double smaller(double a, double b) { return a < b ? a : b; }
 PADDER_HD double magnitude(double a) { return a < 0 ? -a : a; }
 
+// floor of |a| < 2^52. On a plain x86-64 std::floor is a call; the cast truncates towards zero, hence the
+// correction.
+PADDER_HD double whole_below(double a) {
+#if defined(__CUDA_ARCH__)
+  return ::floor(a);
+#else
+  const auto whole = static_cast<double>(static_cast<std::int64_t>(a));
+  return whole > a ? whole - 1 : whole;
+#endif
+}
+
 // 64 well mixed bits (Steele, Lea and Flood, Fast splittable pseudorandom number generators, 2014).
 PADDER_HD std::uint64_t mixed(std::uint64_t z) {
   z += 0x9E3779B97F4A7C15ull;
