@@ -1,5 +1,5 @@
-// Fast path on the GPU: spheres in the order of their bins (cuda_order.cu), and the search over bins and the forward
-// half of their neighbours (cuda_search.cu). Internal; only .cu files include this.
+// Fast path on the GPU: spheres in the order of their bins (cuda_order.cu), and the search over bins and the
+// forward half of their neighbours (cuda_search.cu). Internal; only .cu files include this.
 #pragma once
 #include "detect/cuda_source.h"
 #include "detect/detector.h"
@@ -7,27 +7,30 @@
 
 namespace padder::detect::cuda {
 
-// What the search reads of a sphere. Equal: float input of one radius; the slot's fourth word is the sphere's number.
+// What the search reads of a sphere. Equal: float input of one radius; the slot's fourth word is the sphere's
+// number.
 enum class SlotKind : std::uint8_t { equal, unequal, fixed };
 
-// Spheres in the order of their bins, in device memory. table[k] is the first place with a key of at least k << merge;
-// slots may be read up to kSlack places past the end.
+// Spheres in the order of their bins, in device memory. table[k] is the first place with a key of at least k
+// << merge; slots may be read up to kSlack places past the end.
 inline constexpr std::uint32_t kSlack = 64;
 struct Ordered {
-  void* slots = nullptr;               // FloatSlot or FixedSlot
-  std::uint32_t* ids = nullptr;        // null for SlotKind::equal
-  std::uint32_t* keys = nullptr;       // as grid.h numbers them
-  std::uint32_t* table = nullptr;      // (buckets >> merge) + 2 entries
+  void* slots = nullptr;           // FloatSlot or FixedSlot
+  std::uint32_t* ids = nullptr;    // null for SlotKind::equal
+  std::uint32_t* keys = nullptr;   // as grid.h numbers them
+  std::uint32_t* table = nullptr;  // (buckets >> merge) + 2 entries
   std::uint32_t count = 0;
   SlotKind kind = SlotKind::equal;
-  int merge = 0;                       // 2^merge bins along x share an entry of the table
+  int merge = 0;  // 2^merge bins along x share an entry of the table
 };
 
 struct Counters {
   unsigned long long contacts, doubtful;
   std::uint32_t ticket, flags;
 };
-enum : std::uint32_t { kCrowded = 1 };  // Counters::flags: a bin too full for its order to be put right in place
+enum : std::uint32_t {
+  kCrowded = 1
+};  // Counters::flags: a bin too full for its order to be put right in place
 
 // Where the contacts go, in device memory. Beyond `capacity` they are counted but not written.
 struct Output {
@@ -40,7 +43,8 @@ struct Output {
 };
 
 // The record in double, rounded once. The pair itself is written by the caller.
-__device__ __forceinline__ void put_geometry(const Output& out, std::uint64_t at, const Sphere& i, const Sphere& j) {
+__device__ __forceinline__ void put_geometry(const Output& out, std::uint64_t at, const Sphere& i,
+                                             const Sphere& j) {
   if (out.width == Width::pairs) return;
   const Geometry g = geometry(i, j);
   if (out.scalar == Scalar::f64) {

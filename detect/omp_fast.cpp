@@ -13,31 +13,37 @@ namespace {
 
 constexpr std::uint64_t kChunk =
     2048;  // slots searched at a stretch: the unit of work, and of the fixed order
-constexpr std::uint64_t kPiece = 4096;  // candidates tested between two looks at the room left
+constexpr std::uint32_t kPiece = 16384;  // candidates tested between two looks at the room left
 
 // The exact sphere of a slot: float slots hold it, fixed-point slots do not.
 template <class T>
-Sphere exact(const View<T>&, const std::uint32_t*, const FloatSlot* slots, std::uint32_t k) {
-  const FloatSlot& s = slots[k];
-  return {s.x, s.y, s.z, s.r};
+Sphere exact(const View<T>&, const std::uint32_t*, const Slots<FloatSlot>& slots, std::uint32_t k) {
+  return {slots.x[k], slots.y[k], slots.z[k], slots.r[k]};
 }
 template <class T>
-Sphere exact(const View<T>& spheres, const std::uint32_t* ids, const FixedSlot*, std::uint32_t k) {
+Sphere exact(const View<T>& spheres, const std::uint32_t* ids, const Slots<FixedSlot>&, std::uint32_t k) {
   return spheres[ids[k]];
 }
 
-FloatSlot slot_at(const Level&, const Sphere& s, const FloatSlot*) { return float_slot(s); }
-FixedSlot slot_at(const Level& l, const Sphere& s, const FixedSlot*) { return fixed_slot(l, s); }
+template <class Slot>
+Slot slot_at(const Level& l, const Sphere& s) {
+  if constexpr (std::is_same_v<Slot, FloatSlot>)
+    return float_slot(s);
+  else
+    return fixed_slot(l, s);
+}
 
 // Hits of one thread, which grow as they must. When memory is short they are only counted: then the sentence
 // about it can say how much was needed.
 class Hits {
  public:
-  Hits(Buffer<Pair>& buffer, Budget& budget)
-      : buffer_(buffer), budget_(budget) {}  // buffer: room for kPiece at least
-  // Room for kPiece more behind the returned place.
-  Pair* room() {
-    if (size_ + kPiece > buffer_.capacity()) grow();
+  static constexpr std::uint64_t kLeast = 2 * (kPiece + kLanes);
+  Hits(Buffer<std::uint32_t>& buffer, Budget& budget)
+      : buffer_(buffer), budget_(budget) {}  // buffer: kLeast at least
+
+  // Room for kPiece candidates behind what is kept.
+  std::uint32_t* room() {
+    if (size_ + kPiece + kLanes > buffer_.capacity()) grow();
     return buffer_.data() + size_;
   }
   void keep(std::uint64_t n) {
@@ -50,42 +56,26 @@ class Hits {
 
  private:
   void grow() {
-    Buffer<Pair> wider(budget_);
+    Buffer<std::uint32_t> wider(budget_);
     if (!wider.try_resize(2 * buffer_.capacity())) {
       counting_ = true, size_ = 0;
       return;
     }
-    std::memcpy(wider.data(), buffer_.data(), size_ * sizeof(Pair));
+    std::memcpy(wider.data(), buffer_.data(), size_ * sizeof(std::uint32_t));
     buffer_.swap(wider);
   }
-  Buffer<Pair>& buffer_;
+  Buffer<std::uint32_t>& buffer_;
   Budget& budget_;
   std::uint64_t size_ = 0, total_ = 0;
   bool counting_ = false;
 };
 
-// Candidates that one sphere meets in a run of slots. Without a branch on hit or miss: which of the two comes
-// next is nearly random, and a mispredicted branch costs more than the whole test.
-template <class Slot>
-std::uint64_t test_run(const Slot* slots, const Slot& me, std::uint32_t a, std::uint32_t begin,
-                       std::uint32_t end, Pair* out, std::uint64_t& doubts) {
-  std::uint64_t n = 0, doubt = 0;
-  for (std::uint32_t b = begin; b < end; b++) {
-    const Measured m = measured(me, slots[b]);
-    const float excess = m.d2 - m.s2, band = kRelativeBand * m.s2 + kAbsoluteBand<Slot>;
-    out[n] = {a, b};
-    doubt += std::abs(excess) <= band;
-    n += excess <= band;
-  }
-  doubts = doubt;
-  return n;
-}
-
 template <class Slot, class T>
 class Searcher {
  public:
-  Searcher(const View<T>& spheres, const Grid& grid, const Options& options, const Slot* slots,
-           const std::uint32_t* ids, const std::uint32_t* starts, const Filter* filters, Hits& hits)
+  Searcher(const View<T>& spheres, const Grid& grid, const Options& options, const Slots<Slot>& slots,
+           const std::uint32_t* ids, const std::uint32_t* starts, const Filter* filters, std::uint32_t* found,
+           Hits& hits)
       : spheres_(spheres),
         grid_(grid),
         own_(options.own),
@@ -93,9 +83,13 @@ class Searcher {
         ids_(ids),
         starts_(starts),
         filters_(filters),
+        found_(found),
         hits_(hits),
+        test_(test_runs_for_this_machine<Slot>()),
         exact_(options.precision == Precision::exact) {
-    for (int k = 0; k < 3; k++) bounded_ |= own_.low[k] > -INFINITY || own_.high[k] < INFINITY;
+    for (int k = 0; k < 3; k++) settles_ |= own_.low[k] > -INFINITY || own_.high[k] < INFINITY;
+    bounded_ = settles_;
+    settles_ |= filters != nullptr;
   }
   std::uint64_t doubtful() const { return doubtful_; }
 
@@ -109,13 +103,17 @@ class Searcher {
       if (slot == end) continue;
       while (key >= grid_.level[level].offset + grid_.level[level].buckets) level++;
       const Level& l = grid_.level[level];
-      if (l.hashed)
-        for (std::uint32_t a = slot; a < end; a++) own_level_hashed(l, key, a);
-      else
-        own_level_dense(l, key, slot, end);
-      for (int coarser = level + 1; coarser < grid_.levels; coarser++)
-        for (std::uint32_t a = slot; a < end; a++) coarser_level(grid_.level[coarser], a);
-      slot = end;
+      if (!l.hashed) forward_runs(l, key);
+      for (; slot < end; slot++) {
+        const std::uint64_t before = hits_.total();
+        if (l.hashed)
+          own_level_hashed(l, key, slot);
+        else
+          own_level_dense(slot);
+        for (int coarser = level + 1; coarser < grid_.levels; coarser++)
+          coarser_level(grid_.level[coarser], slot);
+        found_[slot] = static_cast<std::uint32_t>(hits_.total() - before);
+      }
     }
   }
 
@@ -127,35 +125,44 @@ class Searcher {
 
   Sphere exact_sphere(std::uint32_t k) const { return exact(spheres_, ids_, slots_, k); }
 
-  void own_level_dense(const Level& l, std::uint32_t key, std::uint32_t first, std::uint32_t end) {
+  // The forward half of a bin's neighbours: the rest of its row, the row behind in y, three rows in the layer
+  // above.
+  void forward_runs(const Level& l, std::uint32_t key) {
     const std::uint32_t row = l.count[0] + 2, plane = row * (l.count[1] + 2);
     const std::uint32_t rows[4] = {key + row, key + plane - row, key + plane, key + plane + row};
-    const std::uint32_t own_end = starts_[key + 2];
-    std::uint32_t begin[4], stop[4];
-    for (int k = 0; k < 4; k++) begin[k] = starts_[rows[k] - 1], stop[k] = starts_[rows[k] + 2];
-    for (std::uint32_t a = first; a < end; a++) {
-      const Slot me = slots_[a];
-      run(me, a, a + 1, own_end, {});
-      for (int k = 0; k < 4; k++) run(me, a, begin[k], stop[k], {});
+    runs_[0].end = starts_[key + 2];
+    candidates_ = runs_[0].end - starts_[key];
+    for (int k = 0; k < 4; k++) {
+      runs_[k + 1] = {starts_[rows[k] - 1], starts_[rows[k] + 2]};
+      candidates_ += runs_[k + 1].end - runs_[k + 1].begin;
     }
+  }
+  void own_level_dense(std::uint32_t a) {
+    const Slot me = slots_[a];
+    runs_[0].begin = a + 1;
+    if (candidates_ <= kPiece) {
+      take(me, a, runs_, 5, {});
+      return;
+    }
+    for (const Run& r : runs_) run(me, a, r, {});
   }
 
   void bucket(const Slot& me, std::uint32_t a, const Level& l, const Row& r) {
     const std::uint32_t row = row_of(l, r.y, r.z);
     if (!l.hashed) {
-      run(me, a, starts_[key_in_row(l, row, r.x_low)], starts_[key_in_row(l, row, r.x_high) + 1], {});
+      run(me, a, {starts_[key_in_row(l, row, r.x_low)], starts_[key_in_row(l, row, r.x_high) + 1]}, {});
       return;
     }
     for (std::int64_t x = r.x_low; x <= r.x_high; x++) {
       const std::uint32_t key = key_in_row(l, row, x);
-      run(me, a, starts_[key], starts_[key + 1], {&l, x, x, r.y, r.z});
+      run(me, a, {starts_[key], starts_[key + 1]}, {&l, x, x, r.y, r.z});
     }
   }
 
   void own_level_hashed(const Level& l, std::uint32_t key, std::uint32_t a) {
     const Slot me = slots_[a];
     const Bin b = bin_of(l, exact_sphere(a));
-    run(me, a, a + 1, starts_[key + 1], {&l, b.x, b.x, b.y, b.z});
+    run(me, a, {a + 1, starts_[key + 1]}, {&l, b.x, b.x, b.y, b.z});
     bucket(me, a, l, {&l, b.x + 1, b.x + 1, b.y, b.z});
     bucket(me, a, l, {&l, b.x - 1, b.x + 1, b.y + 1, b.z});
     for (std::int64_t y = b.y - 1; y <= b.y + 1; y++) bucket(me, a, l, {&l, b.x - 1, b.x + 1, y, b.z + 1});
@@ -163,7 +170,7 @@ class Searcher {
 
   void coarser_level(const Level& l, std::uint32_t a) {
     const Sphere s = exact_sphere(a);
-    const Slot me = slot_at(l, s, static_cast<const Slot*>(nullptr));
+    const Slot me = slot_at<Slot>(l, s);
     const Split x = split(l, s.x), y = split(l, s.y), z = split(l, s.z);
     const Reach rx = reach_of(l, x, s.r), ry = reach_of(l, y, s.r), rz = reach_of(l, z, s.r);
     for (int dz = rz.low; dz <= rz.high; dz++)
@@ -173,23 +180,28 @@ class Searcher {
       }
   }
 
-  void run(const Slot& me, std::uint32_t a, std::uint32_t begin, std::uint32_t end, const Row& meant) {
-    while (begin < end) {
-      const std::uint32_t stop = end - begin > kPiece ? begin + static_cast<std::uint32_t>(kPiece) : end;
-      Pair* out = hits_.room();
-      std::uint64_t doubts, n = test_run(slots_, me, a, begin, stop, out, doubts);
-      if (doubts | filters_check() | (meant.level != nullptr)) n = settle(me, out, n, meant, doubts);
-      hits_.keep(n);
-      begin = stop;
+  void run(const Slot& me, std::uint32_t a, Run r, const Row& meant) {
+    while (r.begin < r.end) {
+      const Run piece{r.begin, std::min(r.end, r.begin + kPiece)};
+      take(me, a, &piece, 1, meant);
+      r.begin = piece.end;
     }
   }
-  bool filters_check() const { return filters_ != nullptr || bounded_; }
+  // At most kPiece candidates.
+  void take(const Slot& me, std::uint32_t a, const Run* runs, int count, const Row& meant) {
+    std::uint32_t* out = hits_.room();
+    bool doubt;
+    std::uint32_t n = test_(slots_, me, runs, count, out, doubt);
+    if (doubt | settles_ | (meant.level != nullptr)) n = settle(me, a, out, n, meant, doubt);
+    hits_.keep(n);
+  }
 
   // What the filter could not say, and what is not about distance: the hits that stay.
-  std::uint64_t settle(const Slot& me, Pair* hits, std::uint64_t n, const Row& meant, std::uint64_t doubts) {
-    std::uint64_t kept = 0;
-    for (std::uint64_t k = 0; k < n; k++) {
-      const std::uint32_t a = hits[k].i, b = hits[k].j;
+  std::uint32_t settle(const Slot& me, std::uint32_t a, std::uint32_t* hits, std::uint32_t n,
+                       const Row& meant, bool doubt) {
+    std::uint32_t kept = 0;
+    for (std::uint32_t k = 0; k < n; k++) {
+      const std::uint32_t b = hits[k];
       if (filters_ && !admitted(filters_[a], filters_[b])) continue;
       if (meant.level && !in_row(*meant.level, exact_sphere(b), meant.x_low, meant.x_high, meant.y, meant.z))
         continue;
@@ -198,12 +210,14 @@ class Searcher {
         const Sphere i = exact_sphere(ordered ? a : b), j = exact_sphere(ordered ? b : a);
         if (!owns(own_, midpoint(i, j))) continue;
       }
-      const Measured m = measured(me, slots_[b]);
-      if (doubts && verdict<Slot>(m) == Verdict::doubt) {
-        doubtful_++;
-        if (exact_ ? !touching(exact_sphere(a), exact_sphere(b)) : m.d2 > m.s2) continue;
+      if (doubt) {
+        const Measured m = measured(me, slots_[b]);
+        if (verdict<Slot>(m) == Verdict::doubt) {
+          doubtful_++;
+          if (exact_ ? !touching(exact_sphere(a), exact_sphere(b)) : m.d2 > m.s2) continue;
+        }
       }
-      hits[kept++] = hits[k];
+      hits[kept++] = b;
     }
     return kept;
   }
@@ -211,18 +225,30 @@ class Searcher {
   const View<T>& spheres_;
   const Grid& grid_;
   const Region own_;
-  const Slot* slots_;
+  const Slots<Slot> slots_;
   const std::uint32_t* ids_;
   const std::uint32_t* starts_;
   const Filter* filters_;
+  std::uint32_t* found_;
   Hits& hits_;
-  bool exact_, bounded_ = false;
+  const TestRuns<Slot> test_;
+  bool exact_, bounded_ = false, settles_ = false;
+  Run runs_[5] = {};
+  std::uint64_t candidates_ = 0;
   std::uint64_t doubtful_ = 0;
 };
 
 }  // namespace
 
-Fast::Fast(Budget& b) : budget_(&b), keys_(b), starts_(b), ids_(b), entries_(b), slots_(b), filters_(b) {}
+Fast::Fast(Budget& b)
+    : budget_(&b),
+      keys_(b),
+      starts_(b),
+      ids_(b),
+      found_(b),
+      entries_(b),
+      slots_{Buffer<float>(b), Buffer<float>(b), Buffer<float>(b), Buffer<float>(b)},
+      filters_(b) {}
 
 // Counting sort in two steps that each stay in a core's cache: into parts of neighbouring keys, then inside
 // each part. Stable, so that the order of slots is the same for every thread count.
@@ -236,7 +262,11 @@ void Fast::sort(const View<T>& spheres, const Grid& grid, int threads, Seconds& 
   std::uint32_t* keys = keys_.resize(n, "bin numbers");
   Entry* entries = entries_.resize(n, "sorting");
   std::uint32_t* ids = ids_.resize(n, "sorted spheres");
-  auto* slots = reinterpret_cast<Slot*>(slots_.resize(n, "sorted spheres"));
+  for (Buffer<float>& component : slots_) {
+    component.resize(n + kLanes, "sorted spheres");
+    std::fill_n(component.data() + n, kLanes, 0.f);  // read with the last vector, and not looked at
+  }
+  const Slots<Slot> slots = this->slots<Slot>();
   Filter* filters = spheres.filtered() ? filters_.resize(n, "families and masks") : nullptr;
   std::uint32_t* starts = starts_.resize(std::uint64_t(grid.buckets) + 1, "starts of bins");
   std::vector<std::uint32_t> count(static_cast<std::size_t>(threads) * parts, 0), part_first(parts + 1, 0);
@@ -293,7 +323,7 @@ void Fast::sort(const View<T>& spheres, const Grid& grid, int threads, Seconds& 
       for (std::uint32_t k = part_first[p]; k < part_first[p + 1]; k++) {
         const std::uint32_t id = entries[k].id, at = place[entries[k].key - low]++;
         const Sphere s = spheres[id];
-        slots[at] = slot_at(grid.level[level_of(grid, s)], s, static_cast<const Slot*>(nullptr));
+        slots.set(at, slot_at<Slot>(grid.level[level_of(grid, s)], s));
         ids[at] = id;
         if (filters) filters[at] = spheres.filter(id);
       }
@@ -305,52 +335,70 @@ void Fast::sort(const View<T>& spheres, const Grid& grid, int threads, Seconds& 
 
 template <class Slot, class T>
 std::uint64_t Fast::search(const View<T>& spheres, const Grid& grid, const Options& options, int threads,
-                           Records& records, Seconds& seconds) {
+                           Seconds& seconds) {
   Watch watch;
   const std::uint64_t n = spheres.count, chunks = (n + kChunk - 1) / kChunk;
-  const auto* slots = reinterpret_cast<const Slot*>(slots_.data());
-  struct Piece {
-    std::uint64_t first, count, record;
-    int thread;
-  };
-  std::vector<Piece> pieces(chunks);
+  chunks_.resize(chunks);
   while (hits_.size() < static_cast<std::size_t>(threads)) hits_.emplace_back(*budget_);
-  for (Buffer<Pair>& buffer : hits_)
-    buffer.resize(4 * kPiece, "the list of contacts");  // nothing may throw in the threads
+  for (auto& buffer : hits_)
+    buffer.resize(Hits::kLeast, "the list of contacts");  // nothing may throw in the threads
+  std::uint32_t* found = found_.resize(n, "the list of contacts");
   std::uint64_t doubtful = 0, total = 0;
   bool counted_only = false;
 #pragma omp parallel num_threads(threads) reduction(+ : doubtful, total) reduction(|| : counted_only)
   {
     const int t = omp_get_thread_num();
     Hits hits(hits_[static_cast<std::size_t>(t)], *budget_);
-    Searcher<Slot, T> searcher(spheres, grid, options, slots, ids_.data(), starts_.data(),
-                               spheres.filtered() ? filters_.data() : nullptr, hits);
+    Searcher<Slot, T> searcher(spheres, grid, options, slots<Slot>(), ids_.data(), starts_.data(),
+                               spheres.filtered() ? filters_.data() : nullptr, found, hits);
 #pragma omp for schedule(dynamic, 1)
     for (std::int64_t k = 0; k < static_cast<std::int64_t>(chunks); k++) {
       const std::uint64_t first = static_cast<std::uint64_t>(k) * kChunk, before = hits.size();
       searcher.chunk(static_cast<std::uint32_t>(first),
                      static_cast<std::uint32_t>(std::min(n, first + kChunk)));
-      pieces[static_cast<std::size_t>(k)] = {before, hits.size() - before, 0, t};
+      chunks_[static_cast<std::size_t>(k)] = {before, hits.size() - before, 0, t};
     }
     doubtful += searcher.doubtful(), total += hits.total(), counted_only = counted_only || hits.counting();
   }
-  seconds.stage[6] += watch.lap();
   if (counted_only)
-    throw_memory(total * sizeof(Pair) + budget_->held(), (std::to_string(total) + " contacts").c_str());
+    throw_memory(total * sizeof(std::uint32_t) + budget_->held(),
+                 (std::to_string(total) + " contacts").c_str());
+  seconds.stage[6] += watch.lap();
+  return doubtful;
+}
 
+// Hits to records. Normals in batches: square roots and divisions then go several at a time.
+template <class Slot, class T>
+void Fast::write(const View<T>& spheres, const Options& options, int threads, Records& records) {
+  const Slots<Slot> slots = this->slots<Slot>();
+  const auto chunks = static_cast<std::int64_t>(chunks_.size());
+#pragma omp parallel for schedule(dynamic, 8) num_threads(threads)
+  for (std::int64_t k = 0; k < chunks; k++) {
+    const Chunk& c = chunks_[static_cast<std::size_t>(k)];
+    const std::uint32_t* hit = hits_[static_cast<std::size_t>(c.thread)].data() + c.first;
+    const auto first = static_cast<std::uint32_t>(static_cast<std::uint64_t>(k) * kChunk);
+    RecordWriter writer(records, options, c.record);
+    for (std::uint32_t a = first, done = 0; done < c.count; a++) {
+      if (found_[a] == 0) continue;
+      const Sphere sa = options.width == Width::pairs ? Sphere{} : exact(spheres, ids_.data(), slots, a);
+      for (const std::uint32_t end = done + found_[a]; done < end; done++)
+        writer.add(ids_[a], ids_[hit[done]], sa,
+                   [&] { return exact(spheres, ids_.data(), slots, hit[done]); });
+    }
+  }
+}
+
+template <class Slot, class T>
+std::uint64_t Fast::sort_and_search(const View<T>& spheres, const Grid& grid, const Options& options,
+                                    int threads, Records& records, Seconds& seconds) {
+  sort<Slot>(spheres, grid, threads, seconds);
+  const std::uint64_t doubtful = search<Slot>(spheres, grid, options, threads, seconds);
+  Watch watch;
   std::uint64_t sum = 0;
-  for (Piece& p : pieces) p.record = sum, sum += p.count;
+  for (Chunk& c : chunks_) c.record = sum, sum += c.count;
   seconds.stage[7] += watch.lap();
   records.resize(sum, options);
-#pragma omp parallel for schedule(dynamic, 8) num_threads(threads)
-  for (std::int64_t k = 0; k < static_cast<std::int64_t>(chunks); k++) {
-    const Piece& p = pieces[static_cast<std::size_t>(k)];
-    const Pair* hit = hits_[static_cast<std::size_t>(p.thread)].data() + p.first;
-    for (std::uint64_t q = 0; q < p.count; q++)
-      records.write(p.record + q, ids_[hit[q].i], ids_[hit[q].j],
-                    exact(spheres, ids_.data(), slots, hit[q].i),
-                    exact(spheres, ids_.data(), slots, hit[q].j), options);
-  }
+  write<Slot>(spheres, options, threads, records);
   seconds.stage[8] += watch.lap();
   return doubtful;
 }
@@ -359,12 +407,9 @@ template <class T>
 std::uint64_t Fast::run(const View<T>& spheres, const Summary& summary, const Options& options, int threads,
                         Records& records, Seconds& seconds) {
   const Grid grid = choose_grid(summary, options.bin_size);
-  if (sizeof(T) == sizeof(float) && float_range(summary.extent, summary.radius_max)) {
-    sort<FloatSlot>(spheres, grid, threads, seconds);
-    return search<FloatSlot>(spheres, grid, options, threads, records, seconds);
-  }
-  sort<FixedSlot>(spheres, grid, threads, seconds);
-  return search<FixedSlot>(spheres, grid, options, threads, records, seconds);
+  if (sizeof(T) == sizeof(float) && float_range(summary.extent, summary.radius_max))
+    return sort_and_search<FloatSlot>(spheres, grid, options, threads, records, seconds);
+  return sort_and_search<FixedSlot>(spheres, grid, options, threads, records, seconds);
 }
 template std::uint64_t Fast::run(const View<float>&, const Summary&, const Options&, int, Records&, Seconds&);
 template std::uint64_t Fast::run(const View<double>&, const Summary&, const Options&, int, Records&,
