@@ -194,8 +194,8 @@ class Fast {
   template <class Slot, class T>
   std::uint64_t search(const View<T>& spheres, const Grid& grid, const Options& options, int threads,
                        Seconds& seconds);
-  template <class Slot, class T>
-  void write(const View<T>& spheres, const Options& options, int threads, Records& records);
+  template <class Slot>
+  void write(const Options& options, int threads, Records& records);
 
   // A chunk of slots, and where its hits are: in the list of one thread.
   struct Chunk {
@@ -208,6 +208,7 @@ class Fast {
   Buffer<Entry> entries_;
   Buffer<float> slots_[4];
   Buffer<Filter> filters_;
+  Buffer<Sphere> spheres_;  // in the order of slots; for double input
   std::vector<Buffer<std::uint32_t>> hits_;  // of each thread: slots of the partners
   std::vector<Chunk> chunks_;
 };

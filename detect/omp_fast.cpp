@@ -15,15 +15,11 @@ constexpr std::uint64_t kChunk =
     2048;  // slots searched at a stretch: the unit of work, and of the fixed order
 constexpr std::uint32_t kPiece = 16384;  // candidates tested between two looks at the room left
 
-// The exact sphere of a slot: float slots hold it, fixed-point slots do not.
-template <class T>
-Sphere exact(const View<T>&, const std::uint32_t*, const Slots<FloatSlot>& slots, std::uint32_t k) {
+// The exact sphere of a slot: float slots hold it, for fixed-point slots it is kept beside them.
+Sphere exact(const Sphere*, const Slots<FloatSlot>& slots, std::uint32_t k) {
   return {slots.x[k], slots.y[k], slots.z[k], slots.r[k]};
 }
-template <class T>
-Sphere exact(const View<T>& spheres, const std::uint32_t* ids, const Slots<FixedSlot>&, std::uint32_t k) {
-  return spheres[ids[k]];
-}
+Sphere exact(const Sphere* spheres, const Slots<FixedSlot>&, std::uint32_t k) { return spheres[k]; }
 
 template <class Slot>
 Slot slot_at(const Level& l, const Sphere& s) {
@@ -70,10 +66,62 @@ class Hits {
   bool counting_ = false;
 };
 
-template <class Slot, class T>
+// Blocks of neighbours in a row, for which larger spheres are listed once: long ones, and short ones inside
+// them.
+// Fixed-point slots know their place modulo 256 bins: a long block and its neighbours must fit in that.
+constexpr std::uint32_t kLongBins = 64, kLongSlots = 256, kShortBins = 8, kShortSlots = 16;
+
+// Spheres of coarser levels that come near a block: copies of their slots, side by side.
+template <class Slot>
+class Near {
+ public:
+  void clear() { size_ = 0, overflow_ = false; }
+  void add(const Slots<Slot>& from, const Block<Slot>& block, const Run* runs, int count) {
+    add(from, block, runs, count, nullptr);
+  }
+  void add(const Near& from, const Block<Slot>& block) {
+    const Run all{0, from.size()};
+    add(from.slots(), block, &all, 1, from.slot_.data());
+    overflow_ |= from.overflow_;
+  }
+  std::uint32_t size() const { return size_; }
+  bool overflow() const { return overflow_; }  // too many: the list is of no use
+  std::uint32_t slot(std::uint32_t k) const { return slot_[k]; }
+  Slots<Slot> slots() const {
+    using C = typename Slots<Slot>::Component;
+    return {const_cast<C*>(x_.data()), const_cast<C*>(y_.data()), const_cast<C*>(z_.data()),
+            const_cast<float*>(r_.data())};
+  }
+
+ private:
+  void add(const Slots<Slot>& from, const Block<Slot>& block, const Run* runs, int count,
+           const std::uint32_t* names) {
+    std::uint64_t most = kLanes;
+    for (int k = 0; k < count; k++) most += runs[k].end - runs[k].begin;
+    if ((overflow_ |= size_ + most > kPiece)) return;
+    if (slot_.size() < size_ + most) {
+      slot_.resize(2 * (size_ + most));
+      x_.resize(slot_.size()), y_.resize(slot_.size()), z_.resize(slot_.size()), r_.resize(slot_.size());
+    }
+    const std::uint32_t end = size_ + sieve_(from, block, runs, count, slot_.data() + size_);
+    for (; size_ < end; size_++) {
+      const std::uint32_t b = slot_[size_];
+      x_[size_] = from.x[b], y_[size_] = from.y[b], z_[size_] = from.z[b], r_[size_] = from.r[b];
+      if (names) slot_[size_] = names[b];
+    }
+  }
+  const SieveRuns<Slot> sieve_ = sieve_runs_for_this_machine<Slot>();
+  std::uint32_t size_ = 0;
+  bool overflow_ = false;
+  std::vector<std::uint32_t> slot_;
+  std::vector<typename Slots<Slot>::Component> x_, y_, z_;
+  std::vector<float> r_;
+};
+
+template <class Slot>
 class Searcher {
  public:
-  Searcher(const View<T>& spheres, const Grid& grid, const Options& options, const Slots<Slot>& slots,
+  Searcher(const Sphere* spheres, const Grid& grid, const Options& options, const Slots<Slot>& slots,
            const std::uint32_t* ids, const std::uint32_t* starts, const Filter* filters, std::uint32_t* found,
            Hits& hits)
       : spheres_(spheres),
@@ -98,6 +146,7 @@ class Searcher {
         static_cast<std::uint32_t>(std::upper_bound(starts_, starts_ + grid_.buckets + 1, first) - starts_) -
         1;
     int level = 0;
+    long_end_ = short_end_ = 0;
     for (std::uint32_t slot = first; slot < last; key++) {
       const std::uint32_t end = std::min(starts_[key + 1], last);
       if (slot == end) continue;
@@ -106,24 +155,25 @@ class Searcher {
       if (!l.hashed) forward_runs(l, key);
       for (; slot < end; slot++) {
         const std::uint64_t before = hits_.total();
+        if (level + 1 < grid_.levels && slot >= short_end_) begin_block(level, key, slot, last);
         if (l.hashed)
           own_level_hashed(l, key, slot);
         else
           own_level_dense(slot);
-        for (int coarser = level + 1; coarser < grid_.levels; coarser++)
-          coarser_level(grid_.level[coarser], slot);
+        if (level + 1 < grid_.levels) coarser_levels(level, slot);
         found_[slot] = static_cast<std::uint32_t>(hits_.total() - before);
       }
     }
   }
 
  private:
+  static constexpr bool kFixed = std::is_same_v<Slot, FixedSlot>;
   struct Row {  // the bins that were meant, for hashed levels
     const Level* level = nullptr;
     std::int64_t x_low = 0, x_high = 0, y = 0, z = 0;
   };
 
-  Sphere exact_sphere(std::uint32_t k) const { return exact(spheres_, ids_, slots_, k); }
+  Sphere exact_sphere(std::uint32_t k) const { return exact(spheres_, slots_, k); }
 
   // The forward half of a bin's neighbours: the rest of its row, the row behind in y, three rows in the layer
   // above.
@@ -168,6 +218,119 @@ class Searcher {
     for (std::int64_t y = b.y - 1; y <= b.y + 1; y++) bucket(me, a, l, {&l, b.x - 1, b.x + 1, y, b.z + 1});
   }
 
+  struct Box {
+    Sphere low{INFINITY, INFINITY, INFINITY, 0},
+        high{-INFINITY, -INFINITY, -INFINITY, 0};  // of centres; low.r: largest radius
+  };
+  Box box_of(std::uint32_t first, std::uint32_t end) const {
+    Box box;
+    for (std::uint32_t a = first; a < end; a++) {
+      const Sphere s = exact_sphere(a);
+      box.low = {std::min(box.low.x, s.x), std::min(box.low.y, s.y), std::min(box.low.z, s.z),
+                 std::max(box.low.r, s.r)};
+      box.high = {std::max(box.high.x, s.x), std::max(box.high.y, s.y), std::max(box.high.z, s.z), 0};
+    }
+    return box;
+  }
+  Block<Slot> block_of(const Level& l, const Box& box) const {
+    const Sphere &low = box.low, &high = box.high;
+    const double unit = kFixed ? l.units : 1;
+    Block<Slot> block;
+    block.from = slot_at<Slot>(
+        l, {low.x + (high.x - low.x) / 2, low.y + (high.y - low.y) / 2, low.z + (high.z - low.z) / 2, low.r});
+    block.half[0] = static_cast<float>((high.x - low.x) / 2 * unit),
+    block.half[1] = static_cast<float>((high.y - low.y) / 2 * unit);
+    block.half[2] = static_cast<float>((high.z - low.z) / 2 * unit);
+    block.slack = static_cast<float>(l.size * unit * 1e-4);
+    return block;
+  }
+
+  // Neighbours along a row look at the same larger spheres, so these are listed once for all of them.
+  // Fixed-point slots are in units of their level: a list for each level. Float slots of all levels go into
+  // one.
+  void begin_block(int level, std::uint32_t key, std::uint32_t first, std::uint32_t last) {
+    const Level& l = grid_.level[level];
+    const std::uint32_t row = l.count[0] + 2,
+                        left = l.hashed ? 1 : row - (key - l.offset) % row;  // keys to the row's end
+    const auto end_of = [&](std::uint32_t bins, std::uint32_t slots) {
+      return l.hashed ? first + 1 : std::min({starts_[key + std::min(left, bins)], last, first + slots});
+    };
+    if (first >= long_end_) {
+      long_end_ = end_of(kLongBins, kLongSlots);
+      const Box box = box_of(first, long_end_);
+      for (int coarser = level + 1; coarser < grid_.levels; coarser++) list_near(coarser, box);
+    }
+    short_end_ = std::min(end_of(kShortBins, kShortSlots), long_end_);
+    const Box box = box_of(first, short_end_);
+    for (int coarser = level + 1; coarser < grid_.levels; coarser++) {
+      Near<Slot>& near = near_[kFixed ? coarser : 0];
+      if (kFixed || coarser == level + 1) near.clear();
+      if (long_[coarser].size() || long_[coarser].overflow())
+        near.add(long_[coarser], block_of(grid_.level[coarser], box));
+    }
+  }
+
+  void list_near(int level, const Box& box) {
+    const Level& l = grid_.level[level];
+    Near<Slot>& near = long_[level];
+    near.clear();
+    const Block<Slot> block = block_of(l, box);
+    const double r = box.low.r;
+    const auto low = [&](double x) {
+      const Split s = split(l, x);
+      return s.bin + reach_of(l, s, r).low;
+    };
+    const auto high = [&](double x) {
+      const Split s = split(l, x);
+      return s.bin + reach_of(l, s, r).high;
+    };
+    const std::int64_t x_low = low(box.low.x), x_high = high(box.high.x), y_low = low(box.low.y),
+                       y_high = high(box.high.y);
+    const std::int64_t z_low = low(box.low.z), z_high = high(box.high.z);
+    std::vector<Run>& runs = row_runs_;
+    runs.clear();
+    for (std::int64_t z = z_low; z <= z_high; z++)
+      for (std::int64_t y = y_low; y <= y_high; y++) {
+        std::int64_t first = x_low, last = x_high;
+        if (!cut_row(l, first, last, y, z)) continue;
+        const std::uint32_t row = row_of(l, y, z);
+        if (!l.hashed) {
+          const Run run{starts_[key_in_row(l, row, first)], starts_[key_in_row(l, row, last) + 1]};
+          if (run.begin < run.end) runs.push_back(run);
+          continue;
+        }
+        for (std::int64_t x = first; x <= last; x++) {
+          const std::uint32_t key = key_in_row(l, row, x);
+          for (std::uint32_t b = starts_[key]; b < starts_[key + 1]; b++)
+            if (in_row(l, exact_sphere(b), x, x, y, z)) runs.push_back({b, b + 1});
+        }
+      }
+    near.add(slots_, block, runs.data(), static_cast<int>(runs.size()));
+  }
+
+  void coarser_levels(int level, std::uint32_t a) {
+    for (int coarser = level + 1; coarser < grid_.levels; coarser++) {
+      const Near<Slot>& near = near_[kFixed ? coarser : 0];
+      if (near.overflow()) {
+        coarser_level(grid_.level[coarser], a);
+        continue;
+      }
+      if (near.size()) {
+        Slot me = slots_[a];
+        if constexpr (kFixed) me = fixed_slot(grid_.level[coarser], exact_sphere(a));
+        const Run all{0, near.size()};
+        std::uint32_t* out = hits_.room();
+        bool doubt;
+        std::uint32_t n = test_(near.slots(), me, &all, 1, out, doubt);
+        for (std::uint32_t k = 0; k < n; k++) out[k] = near.slot(out[k]);
+        if (doubt | settles_) n = settle(me, a, out, n, {}, doubt);
+        hits_.keep(n);
+      }
+      if (!kFixed) return;
+    }
+  }
+
+  // The same for one sphere, without a list: where there are too many for one.
   void coarser_level(const Level& l, std::uint32_t a) {
     const Sphere s = exact_sphere(a);
     const Slot me = slot_at<Slot>(l, s);
@@ -222,7 +385,7 @@ class Searcher {
     return kept;
   }
 
-  const View<T>& spheres_;
+  const Sphere* spheres_;  // of fixed-point slots
   const Grid& grid_;
   const Region own_;
   const Slots<Slot> slots_;
@@ -234,6 +397,9 @@ class Searcher {
   const TestRuns<Slot> test_;
   bool exact_, bounded_ = false, settles_ = false;
   Run runs_[5] = {};
+  Near<Slot> long_[kMaxLevels], near_[kMaxLevels];
+  std::vector<Run> row_runs_;
+  std::uint32_t long_end_ = 0, short_end_ = 0;
   std::uint64_t candidates_ = 0;
   std::uint64_t doubtful_ = 0;
 };
@@ -248,7 +414,8 @@ Fast::Fast(Budget& b)
       found_(b),
       entries_(b),
       slots_{Buffer<float>(b), Buffer<float>(b), Buffer<float>(b), Buffer<float>(b)},
-      filters_(b) {}
+      filters_(b),
+      spheres_(b) {}
 
 // Counting sort in two steps that each stay in a core's cache: into parts of neighbouring keys, then inside
 // each part. Stable, so that the order of slots is the same for every thread count.
@@ -267,6 +434,7 @@ void Fast::sort(const View<T>& spheres, const Grid& grid, int threads, Seconds& 
     std::fill_n(component.data() + n, kLanes, 0.f);  // read with the last vector, and not looked at
   }
   const Slots<Slot> slots = this->slots<Slot>();
+  Sphere* exact_spheres = std::is_same_v<Slot, FixedSlot> ? spheres_.resize(n, "sorted spheres") : nullptr;
   Filter* filters = spheres.filtered() ? filters_.resize(n, "families and masks") : nullptr;
   std::uint32_t* starts = starts_.resize(std::uint64_t(grid.buckets) + 1, "starts of bins");
   std::vector<std::uint32_t> count(static_cast<std::size_t>(threads) * parts, 0), part_first(parts + 1, 0);
@@ -323,6 +491,7 @@ void Fast::sort(const View<T>& spheres, const Grid& grid, int threads, Seconds& 
       for (std::uint32_t k = part_first[p]; k < part_first[p + 1]; k++) {
         const std::uint32_t id = entries[k].id, at = place[entries[k].key - low]++;
         const Sphere s = spheres[id];
+        if (exact_spheres) exact_spheres[at] = s;
         slots.set(at, slot_at<Slot>(grid.level[level_of(grid, s)], s));
         ids[at] = id;
         if (filters) filters[at] = spheres.filter(id);
@@ -349,8 +518,8 @@ std::uint64_t Fast::search(const View<T>& spheres, const Grid& grid, const Optio
   {
     const int t = omp_get_thread_num();
     Hits hits(hits_[static_cast<std::size_t>(t)], *budget_);
-    Searcher<Slot, T> searcher(spheres, grid, options, slots<Slot>(), ids_.data(), starts_.data(),
-                               spheres.filtered() ? filters_.data() : nullptr, found, hits);
+    Searcher<Slot> searcher(spheres_.data(), grid, options, slots<Slot>(), ids_.data(), starts_.data(),
+                            spheres.filtered() ? filters_.data() : nullptr, found, hits);
 #pragma omp for schedule(dynamic, 1)
     for (std::int64_t k = 0; k < static_cast<std::int64_t>(chunks); k++) {
       const std::uint64_t first = static_cast<std::uint64_t>(k) * kChunk, before = hits.size();
@@ -368,8 +537,8 @@ std::uint64_t Fast::search(const View<T>& spheres, const Grid& grid, const Optio
 }
 
 // Hits to records. Normals in batches: square roots and divisions then go several at a time.
-template <class Slot, class T>
-void Fast::write(const View<T>& spheres, const Options& options, int threads, Records& records) {
+template <class Slot>
+void Fast::write(const Options& options, int threads, Records& records) {
   const Slots<Slot> slots = this->slots<Slot>();
   const auto chunks = static_cast<std::int64_t>(chunks_.size());
 #pragma omp parallel for schedule(dynamic, 8) num_threads(threads)
@@ -380,10 +549,9 @@ void Fast::write(const View<T>& spheres, const Options& options, int threads, Re
     RecordWriter writer(records, options, c.record);
     for (std::uint32_t a = first, done = 0; done < c.count; a++) {
       if (found_[a] == 0) continue;
-      const Sphere sa = options.width == Width::pairs ? Sphere{} : exact(spheres, ids_.data(), slots, a);
+      const Sphere sa = options.width == Width::pairs ? Sphere{} : exact(spheres_.data(), slots, a);
       for (const std::uint32_t end = done + found_[a]; done < end; done++)
-        writer.add(ids_[a], ids_[hit[done]], sa,
-                   [&] { return exact(spheres, ids_.data(), slots, hit[done]); });
+        writer.add(ids_[a], ids_[hit[done]], sa, [&] { return exact(spheres_.data(), slots, hit[done]); });
     }
   }
 }
@@ -398,7 +566,7 @@ std::uint64_t Fast::sort_and_search(const View<T>& spheres, const Grid& grid, co
   for (Chunk& c : chunks_) c.record = sum, sum += c.count;
   seconds.stage[7] += watch.lap();
   records.resize(sum, options);
-  write<Slot>(spheres, options, threads, records);
+  write<Slot>(options, threads, records);
   seconds.stage[8] += watch.lap();
   return doubtful;
 }

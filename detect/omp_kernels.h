@@ -33,6 +33,21 @@ using TestRuns = std::uint32_t (*)(const Slots<Slot>& slots, const Slot& me, con
 template <class Slot>
 TestRuns<Slot> test_runs_for_this_machine();
 
+// A box of centres: half its edges about the position of `from`, whose r is the largest radius inside, and a
+// length that makes the sieve generous. All in the units of the slots.
+template <class Slot>
+struct Block {
+  Slot from = {};
+  float half[3] = {}, slack = 0;
+};
+// Writes the slots of `runs` that may touch a sphere of the block to `out`; room for all of them and kLanes
+// more. Only a first sieve: it may let through too many, never too few.
+template <class Slot>
+using SieveRuns = std::uint32_t (*)(const Slots<Slot>& slots, const Block<Slot>& block, const Run* runs,
+                                    int count, std::uint32_t* out);
+template <class Slot>
+SieveRuns<Slot> sieve_runs_for_this_machine();
+
 // Differences and sums of radii of up to kBatch pairs to normals and depths: geometry() of contact.h, bit for
 // bit.
 inline constexpr int kBatch = 256;
