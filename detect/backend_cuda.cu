@@ -40,7 +40,7 @@ class CudaBackend : public Backend {
     c.spheres = source_.count, c.memory = options.output, c.width = options.width, c.scalar = options.scalar;
     stream_of_hash_ = stream_;
     if (source_.count > 0) {
-      const Summary summary = survey(input);
+      const Summary summary = survey(input, options);
       options.path == Path::fast ? fast(input, options, summary, c) : nine_stages(options, summary, c);
     }
     pairs_on_device_ = pairs_.data(), last_count_ = c.count;
@@ -56,7 +56,7 @@ class CudaBackend : public Backend {
     begin(input, options);
     if (source_.count == 0) return {};
     Contacts c;
-    nine_stages(options, survey(input), c);
+    nine_stages(options, survey(input, options), c);
     last_count_ = 0;
     return stages_->arrays(pairs_.data(), stream_);
   }
@@ -87,10 +87,11 @@ class CudaBackend : public Backend {
     last_mark_ = now;
   }
 
-  Summary survey(const Input& input) {
+  Summary survey(const Input& input, const Options& options) {
     const Summary s = surveyor_.survey(source_, stream_);
     if (s.first_fault != ~std::uint64_t(0))
       throw Error(fault_sentence(s.first_fault, sphere_at(source_, static_cast<std::uint32_t>(s.first_fault), stream_), input));
+    check_range(s, options);
     return s;
   }
 

@@ -39,10 +39,15 @@ void write_geometry(const Geometry& g, std::byte* normals, std::byte* points, st
 }  // namespace
 
 bool Budget::take(std::uint64_t bytes) {
-  const std::uint64_t now = held_.fetch_add(bytes, std::memory_order_relaxed) + bytes;
-  // Small growth is granted unasked; a sixteenth of what is free stays for everyone else.
-  const bool ok = limit_ ? now <= limit_ : bytes < (1u << 20) || bytes <= free_memory() / 16 * 15;
-  if (!ok) held_.fetch_sub(bytes, std::memory_order_relaxed);
+  const std::uint64_t held = held_.fetch_add(bytes) + bytes, taken = taken_.fetch_add(bytes) + bytes;
+  bool ok = true;
+  if (limit_) {
+    ok = held <= limit_;
+  } else if (bytes >= (1u << 20)) {  // small growth is granted unasked
+    if (free_ == 0) free_ = free_memory();
+    ok = taken <= free_ / 16 * 15;
+  }
+  if (!ok) held_ -= bytes, taken_ -= bytes;
   return ok;
 }
 
@@ -185,8 +190,10 @@ class OmpBackend final : public Backend {
   Contacts any(const Input& input, const Options& options, Arrays* arrays) {
     records_.count = 0;
     check_input(input, false);
-    budget_.set_limit(options.memory_limit);
-    threads_ = options.threads > 0 ? options.threads : omp_get_max_threads();
+    budget_.begin(options.memory_limit);
+    // A small scene is done before a second thread has woken up.
+    const auto worth = static_cast<int>(std::min<std::uint64_t>(1 + sphere_count(input) / 2048, 1024));
+    threads_ = options.threads > 0 ? options.threads : std::min(omp_get_max_threads(), worth);
     const Spheres& s = input.spheres;
     if (!input.bodies.empty()) return run(place(input), input, options, arrays);
     if (s.scalar == Scalar::f32) return run(view<float>(s), input, options, arrays);
@@ -248,6 +255,7 @@ class OmpBackend final : public Backend {
     const Summary summary = omp::summarize(spheres, threads_);
     if (summary.first_fault != ~std::uint64_t(0))
       throw Error(fault_sentence(summary.first_fault, spheres[summary.first_fault], input));
+    check_range(summary, options);
     c.seconds.stage[0] = watch.lap();  // the bounds belong to stage 1
     if (options.path == Path::nine_stages)
       stages_.run(spheres, summary, options, threads_, records_, c.seconds, arrays);

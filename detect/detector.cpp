@@ -43,6 +43,12 @@ void check_input(const Input& input, bool device_memory_allowed) {
                 " spheres are more than one detector numbers (2^32 - 2): divide the scene into boxes");
 }
 
+void check_range(const Summary& s, const Options& o) {
+  if (o.width != Width::pairs && o.scalar == Scalar::f32 && s.extent + s.radius_max > 1e38)
+    throw Error("coordinates up to " + number(s.extent) +
+                " do not fit a float record: ask for double records or pairs only");
+}
+
 std::string fault_sentence(std::uint64_t index, const Sphere& s, const Input& input) {
   std::string name = "sphere " + std::to_string(index);
   std::uint64_t before = 0;

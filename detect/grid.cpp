@@ -40,16 +40,16 @@ Summary with_octaves(const Summary& given) {
 // Cost, in pair tests, of making octaves a to b (indices into `octaves`) one level: its own spheres look at
 // half of the neighbourhood, each finer sphere at 2 to 3 bins an axis. A row of bins costs about as much as
 // some pair tests.
-double level_cost(const Summary& s, const std::vector<int>& octaves, std::size_t a, std::size_t b,
-                  const double (&edges)[3]) {
+double level_cost(const Summary& s, const std::vector<int>& octaves, std::size_t a, std::size_t b) {
   constexpr double kOwnRows = 12, kCoarserRows = 18;
-  double count = 0, size = 0;
+  double size = 0, density = 0;  // spheres a bin
+  for (std::size_t k = a; k <= b; k++) size = std::max(size, s.octave[octaves[k]].need_max);
   for (std::size_t k = a; k <= b; k++) {
-    count += static_cast<double>(s.octave[octaves[k]].count);
-    size = std::max(size, s.octave[octaves[k]].need_max);
+    const Summary::Octave& o = s.octave[octaves[k]];
+    double part = static_cast<double>(o.count);
+    for (int c = 0; c < 3; c++) part *= std::min(1.0, size / (o.high[c] - o.low[c] + o.need_max));
+    density += part;
   }
-  double density = count;  // spheres a bin
-  for (const double edge : edges) density *= edge > size ? size / edge : 1;
   double cost = 0;
   for (std::size_t k = 0; k <= b; k++) {
     const Summary::Octave& o = s.octave[octaves[k]];
@@ -61,15 +61,13 @@ double level_cost(const Summary& s, const std::vector<int>& octaves, std::size_t
 
 // Best partition of the octaves into runs: dynamic programming over (levels used, octaves taken).
 std::vector<std::size_t> choose_levels(const Summary& s, const std::vector<int>& octaves) {
-  double edges[3];
-  for (int k = 0; k < 3; k++) edges[k] = s.high[k] - s.low[k] + s.need_max;
   const std::size_t n = octaves.size();
   std::vector<std::vector<double>> best(kMaxLevels + 1, std::vector<double>(n + 1, INFINITY));
   std::vector<std::vector<std::size_t>> from(kMaxLevels + 1, std::vector<std::size_t>(n + 1, 0));
   best[0][0] = 0;
   for (std::size_t a = 0; a < n; a++)
     for (std::size_t b = a; b < n; b++) {
-      const double cost = level_cost(s, octaves, a, b, edges);
+      const double cost = level_cost(s, octaves, a, b);
       for (int used = 0; used < kMaxLevels; used++)
         if (best[used][a] + cost < best[used + 1][b + 1])
           best[used + 1][b + 1] = best[used][a] + cost, from[used + 1][b + 1] = a;

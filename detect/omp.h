@@ -15,14 +15,16 @@ namespace padder::detect::omp {
 // so what is really free is asked for before every growth.
 class Budget {
  public:
-  void set_limit(std::uint64_t bytes) { limit_ = bytes; }
+  // Begins a call. What it takes counts against the memory free at its first large growth: taken memory shows
+  // as used only once it is written to.
+  void begin(std::uint64_t limit) { limit_ = limit, free_ = taken_ = 0; }
   std::uint64_t held() const { return held_.load(std::memory_order_relaxed); }
   bool take(std::uint64_t bytes);  // false: not to be had
   void give(std::uint64_t bytes) { held_.fetch_sub(bytes, std::memory_order_relaxed); }
 
  private:
   std::uint64_t limit_ = 0;
-  std::atomic<std::uint64_t> held_{0};
+  std::atomic<std::uint64_t> held_{0}, free_{0}, taken_{0};
 };
 
 // Memory that only grows, not initialised, its contents lost when it grows.

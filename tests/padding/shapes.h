@@ -1,0 +1,90 @@
+// Meshes with a closed form, for the tests of this folder.
+#pragma once
+#include <cmath>
+#include <map>
+#include <numbers>
+
+#include "padding/mesh.h"
+
+namespace padder::shapes {
+
+// Axis-aligned box from `low` to `high`, each face an n x n grid of two triangles a cell.
+inline Mesh box(const Point& low, const Point& high, int n = 1) {
+  Mesh mesh;
+  std::map<std::array<int, 3>, std::uint32_t> index;
+  const auto vertex = [&](std::array<int, 3> g) {
+    const auto [at, fresh] = index.try_emplace(g, static_cast<std::uint32_t>(mesh.points.size()));
+    if (fresh) mesh.points.push_back(low + Vector(g[0], g[1], g[2]).cwiseProduct(high - low) / n);
+    return at->second;
+  };
+  for (int axis = 0; axis < 3; axis++)
+    for (int side = 0; side < 2; side++)
+      for (int i = 0; i < n; i++)
+        for (int j = 0; j < n; j++) {
+          const auto corner = [&](int di, int dj) {
+            std::array<int, 3> g;
+            g[axis] = side * n, g[(axis + 1) % 3] = i + di, g[(axis + 2) % 3] = j + dj;
+            return vertex(g);
+          };
+          const auto a = corner(0, 0), b = corner(1, 0), c = corner(1, 1), d = corner(0, 1);
+          if (side)
+            mesh.triangles.push_back({a, b, c}), mesh.triangles.push_back({a, c, d});
+          else
+            mesh.triangles.push_back({a, c, b}), mesh.triangles.push_back({a, d, c});
+        }
+  return mesh;
+}
+
+// Sphere of radius 1 around the origin: an octahedron whose triangles are split in four `levels` times.
+inline Mesh sphere(int levels) {
+  Mesh mesh;
+  mesh.points = {{1, 0, 0}, {-1, 0, 0}, {0, 1, 0}, {0, -1, 0}, {0, 0, 1}, {0, 0, -1}};
+  mesh.triangles = {{0, 2, 4}, {2, 1, 4}, {1, 3, 4}, {3, 0, 4}, {2, 0, 5}, {1, 2, 5}, {3, 1, 5}, {0, 3, 5}};
+  for (int level = 0; level < levels; level++) {
+    std::map<std::pair<std::uint32_t, std::uint32_t>, std::uint32_t> middles;
+    const auto middle = [&](std::uint32_t u, std::uint32_t v) {
+      const auto [at, fresh] = middles.try_emplace({std::min(u, v), std::max(u, v)},
+                                                   static_cast<std::uint32_t>(mesh.points.size()));
+      if (fresh) mesh.points.push_back((mesh.points[u] + mesh.points[v]).normalized());
+      return at->second;
+    };
+    std::vector<std::array<std::uint32_t, 3>> finer;
+    for (const auto [a, b, c] : mesh.triangles) {
+      const auto ab = middle(a, b), bc = middle(b, c), ca = middle(c, a);
+      finer.insert(finer.end(), {{a, ab, ca}, {ab, b, bc}, {ca, bc, c}, {ab, bc, ca}});
+    }
+    mesh.triangles = std::move(finer);
+  }
+  return mesh;
+}
+
+// Torus around z: tube of radius `minor` about a circle of radius `major`, n x m quads.
+inline Mesh torus(double major, double minor, int n, int m) {
+  Mesh mesh;
+  const double step = 2 * std::numbers::pi;
+  for (int i = 0; i < n; i++)
+    for (int j = 0; j < m; j++) {
+      const double u = step * i / n, v = step * j / m, w = major + minor * std::cos(v);
+      mesh.points.push_back({w * std::cos(u), w * std::sin(u), minor * std::sin(v)});
+      const auto at = [&](int k, int l) { return static_cast<std::uint32_t>((k % n) * m + l % m); };
+      mesh.triangles.push_back({at(i, j), at(i + 1, j), at(i + 1, j + 1)});
+      mesh.triangles.push_back({at(i, j), at(i + 1, j + 1), at(i, j + 1)});
+    }
+  return mesh;
+}
+
+// Two triangles, or 2 n^2, on the square [0, side]^2 at z = 0, seen from above.
+inline Mesh square(double side, int n = 1) {
+  Mesh mesh;
+  for (int i = 0; i <= n; i++)
+    for (int j = 0; j <= n; j++) mesh.points.push_back({side * i / n, side * j / n, 0});
+  for (int i = 0; i < n; i++)
+    for (int j = 0; j < n; j++) {
+      const auto at = [&](int k, int l) { return static_cast<std::uint32_t>(k * (n + 1) + l); };
+      mesh.triangles.push_back({at(i, j), at(i + 1, j), at(i + 1, j + 1)});
+      mesh.triangles.push_back({at(i, j), at(i + 1, j + 1), at(i, j + 1)});
+    }
+  return mesh;
+}
+
+}  // namespace padder::shapes
