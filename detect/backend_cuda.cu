@@ -118,8 +118,6 @@ class CudaBackend : public Backend {
     const SlotKind kind = !floats                                      ? SlotKind::fixed
                           : summary.radius_min == summary.radius_max ? SlotKind::equal
                                                                        : SlotKind::unequal;
-    const Ordered ordered = orderer_.order(source_, grid, kind, stream_);
-    mark(seconds_.stage[3]);
     Counters* counters = counters_.reserve(1);
     Counters* found = host_counters_.reserve(1);
     unsigned long long* look_back = look_back_.reserve(search_blocks(source_.count));
@@ -128,12 +126,25 @@ class CudaBackend : public Backend {
     s.own = options.own, s.radius = summary.radius_max, s.owns_all = true;
     for (int k = 0; k < 3; k++)
       s.owns_all = s.owns_all && options.own.low[k] == -INFINITY && options.own.high[k] == INFINITY;
+    OrderMethod method = OrderMethod::automatic;
+    bool ordered_once = false;
+    Ordered ordered;
     // A list that turns out too short is counted to its end, made longer, and written again: nothing is dropped.
     while (true) {
+      if (!ordered_once) {
+        cuda_check(cudaMemsetAsync(counters, 0, sizeof(Counters), stream_), "clear the counters");
+        ordered = orderer_.order(source_, grid, kind, s.fixed_order, method, counters, stream_);
+        ordered_once = true;
+        mark(seconds_.stage[3]);
+      }
       const Output out = output(options);
       search(source_, grid, ordered, s, out, counters, look_back, stream_);
       cuda_check(cudaMemcpyAsync(found, counters, sizeof(Counters), cudaMemcpyDeviceToHost, stream_), "read the count");
       cuda_check(cudaStreamSynchronize(stream_), "search for contacts");
+      if (found->flags & kCrowded) {
+        method = OrderMethod::sort, ordered_once = false;
+        continue;
+      }
       c.count = found->contacts, c.doubtful = found->doubtful;
       if (c.count <= out.capacity) break;
       reserve_records(options, c.count + c.count / 8);

@@ -383,6 +383,7 @@ __global__ void __launch_bounds__(kThreads, General ? 3 : 5)
   __shared__ std::uint32_t sums[kWarps];
   __shared__ unsigned long long base;
   const std::uint32_t warp = threadIdx.x >> 5, lane = threadIdx.x & 31;
+  if (task.counters->flags & kCrowded) return;  // the table is not whole; the caller sorts instead
   // Blocks start in the order of their numbers, so that those waited for in look_back are running or done.
   const std::uint32_t first = (blockIdx.x * kWarps + warp) * 32;
   std::uint32_t hits = 0;
@@ -430,7 +431,7 @@ void search(const Source& source, const Grid& grid, const Ordered& spheres, cons
   task.judge_all = source.filtered || !options.owns_all;
   for (int k = 0; k < grid.levels; k++) task.judge_all = task.judge_all || grid.level[k].hashed;
   const auto blocks = static_cast<unsigned>(search_blocks(spheres.count));
-  cuda_check(cudaMemsetAsync(counters, 0, sizeof(Counters), stream), "clear the counters");
+  cuda_check(cudaMemsetAsync(counters, 0, offsetof(Counters, flags), stream), "clear the counters");
   if (options.fixed_order)
     cuda_check(cudaMemsetAsync(look_back, 0, blocks * sizeof(unsigned long long), stream), "clear the counters");
   auto* kernel = search_kernel<SlotKind::equal, false>;
