@@ -40,7 +40,7 @@ class CudaBackend : public Backend {
     c.spheres = source_.count, c.memory = options.output, c.width = options.width, c.scalar = options.scalar;
     stream_of_hash_ = stream_;
     if (source_.count > 0) {
-      const Summary summary = survey(input);
+      const Summary summary = survey(input, options);
       options.path == Path::fast ? fast(input, options, summary, c) : nine_stages(options, summary, c);
     }
     pairs_on_device_ = pairs_.data(), last_count_ = c.count;
@@ -56,7 +56,7 @@ class CudaBackend : public Backend {
     begin(input, options);
     if (source_.count == 0) return {};
     Contacts c;
-    nine_stages(options, survey(input), c);
+    nine_stages(options, survey(input, options), c);
     last_count_ = 0;
     return stages_->arrays(pairs_.data(), stream_);
   }
@@ -87,10 +87,11 @@ class CudaBackend : public Backend {
     last_mark_ = now;
   }
 
-  Summary survey(const Input& input) {
+  Summary survey(const Input& input, const Options& options) {
     const Summary s = surveyor_.survey(source_, stream_);
     if (s.first_fault != ~std::uint64_t(0))
       throw Error(fault_sentence(s.first_fault, sphere_at(source_, static_cast<std::uint32_t>(s.first_fault), stream_), input));
+    check_range(s, options);
     return s;
   }
 
@@ -117,8 +118,6 @@ class CudaBackend : public Backend {
     const SlotKind kind = !floats                                      ? SlotKind::fixed
                           : summary.radius_min == summary.radius_max ? SlotKind::equal
                                                                        : SlotKind::unequal;
-    const Ordered ordered = orderer_.order(source_, grid, kind, stream_);
-    mark(seconds_.stage[3]);
     Counters* counters = counters_.reserve(1);
     Counters* found = host_counters_.reserve(1);
     unsigned long long* look_back = look_back_.reserve(search_blocks(source_.count));
@@ -127,12 +126,25 @@ class CudaBackend : public Backend {
     s.own = options.own, s.radius = summary.radius_max, s.owns_all = true;
     for (int k = 0; k < 3; k++)
       s.owns_all = s.owns_all && options.own.low[k] == -INFINITY && options.own.high[k] == INFINITY;
+    OrderMethod method = OrderMethod::automatic;
+    bool ordered_once = false;
+    Ordered ordered;
     // A list that turns out too short is counted to its end, made longer, and written again: nothing is dropped.
     while (true) {
+      if (!ordered_once) {
+        cuda_check(cudaMemsetAsync(counters, 0, sizeof(Counters), stream_), "clear the counters");
+        ordered = orderer_.order(source_, grid, kind, s.fixed_order, method, counters, stream_);
+        ordered_once = true;
+        mark(seconds_.stage[3]);
+      }
       const Output out = output(options);
       search(source_, grid, ordered, s, out, counters, look_back, stream_);
       cuda_check(cudaMemcpyAsync(found, counters, sizeof(Counters), cudaMemcpyDeviceToHost, stream_), "read the count");
       cuda_check(cudaStreamSynchronize(stream_), "search for contacts");
+      if (found->flags & kCrowded) {
+        method = OrderMethod::sort, ordered_once = false;
+        continue;
+      }
       c.count = found->contacts, c.doubtful = found->doubtful;
       if (c.count <= out.capacity) break;
       reserve_records(options, c.count + c.count / 8);

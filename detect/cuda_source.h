@@ -1,5 +1,4 @@
-// Where the device reads spheres from: the caller's arrays, and bodies placed on the fly. Only .cu files
-// include this.
+// Where the device reads spheres from: the caller's arrays, and bodies placed on the fly. Only .cu files include this.
 #pragma once
 #include "detect/cuda_memory.h"
 #include "detect/place.h"
