@@ -309,9 +309,9 @@ TEST_F(Pad, TheAssetsPadAsTheFirstCommandSays) {
 // A cluster or one sentence, within 60 s and 4 GiB.
 class PadShared : public Pad {
  protected:
-  void expect_cluster_or_sentence(const fs::path& mesh) {
+  void expect_cluster_or_sentence(const fs::path& mesh, const std::string& options = "") {
     SCOPED_TRACE(mesh.string());
-    const Outcome run = pad("'" + mesh.string() + "' --json -o out.spheres.json", limits);
+    const Outcome run = pad("'" + mesh.string() + "' --json -o out.spheres.json " + options, limits);
     if (run.code == 1) {
       EXPECT_EQ(std::ranges::count(run.err, '\n'), 1) << run.err;
       EXPECT_EQ(run.err.rfind("pad: ", 0), 0u) << run.err;
@@ -339,7 +339,7 @@ TEST_F(PadShared, SmallMeshesOfEveryFormat) {
                            "formats/fels.3ds", "formats/two_solids_ascii.stl", "formats/negative_indices.obj",
                            "formats/off_no_space_after_magic.off", "hard/degenerate_faces.obj",
                            "hard/huge_coordinates_1e38.obj"})
-    expect_cluster_or_sentence(shared / name);
+    expect_cluster_or_sentence(shared / name, "--edge-length 4%");
 }
 
 TEST_F(PadShared, MalformedOnes) {
