@@ -1,0 +1,50 @@
+// Random input for property tests. Every test prints its seed, so that a failure can be made again.
+#pragma once
+#include <Eigen/Geometry>
+#include <random>
+
+#include "padding/mesh.h"
+#include "tests/padding/shapes.h"
+
+namespace padder::shapes {
+
+class Random {
+ public:
+  explicit Random(std::uint64_t seed) : engine_(seed) {}
+  double uniform(double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(engine_);
+  }
+  Point point(double size = 1) { return {uniform(-size, size), uniform(-size, size), uniform(-size, size)}; }
+  Vector direction() {
+    std::normal_distribution<double> normal;
+    return Vector(normal(engine_), normal(engine_), normal(engine_)).normalized();
+  }
+  Eigen::Matrix3d rotation() {
+    return Eigen::AngleAxisd(uniform(0, 2 * std::numbers::pi), direction()).toRotationMatrix();
+  }
+
+ private:
+  std::mt19937_64 engine_;
+};
+
+// A closed body without symmetry: a sphere whose radius swells and shrinks with a few random waves.
+inline Mesh blob(Random& random, int levels = 4) {
+  Mesh mesh = sphere(levels);
+  struct Wave {
+    Vector k;
+    double phase, height;
+  };
+  std::vector<Wave> waves;
+  for (int w = 0; w < 5; w++)
+    waves.push_back(
+        {random.direction() * random.uniform(1, 4), random.uniform(0, 6), random.uniform(0.02, 0.1)});
+  const Vector stretch(random.uniform(0.6, 1.4), random.uniform(0.6, 1.4), random.uniform(0.6, 1.4));
+  for (Point& p : mesh.points) {
+    double r = 1;
+    for (const auto& w : waves) r += w.height * std::sin(w.k.dot(p) + w.phase);
+    p = (r * p).cwiseProduct(stretch);
+  }
+  return mesh;
+}
+
+}  // namespace padder::shapes
