@@ -111,18 +111,24 @@ Json spheres_object(const T& c) {
 // `key` follows what is being read, for the message.
 template <class T>
 void spheres_from(const Json& j, T& c, std::string& key, const std::string& where) {
-  key = "spheres.centers";
-  for (const Json& p : j.at("centers")) c.centers.push_back(vector_from(p));
-  key = "spheres.radii";
-  c.radii = j.at("radii").get<std::vector<double>>();
-  key = "spheres.triangle";
-  if (j.contains("triangle"))
-    c.triangle = j["triangle"].template get<std::vector<std::int64_t>>();
+  const auto array = [&](const char* name) -> const Json* {
+    key = name;
+    const auto it = j.find(name);
+    return it != j.end() && it->is_array() ? &*it : nullptr;
+  };
+  const Json* centers = array("centers");
+  require(centers, where, "\"spheres.centers\" is missing or no array");
+  for (const Json& p : *centers) c.centers.push_back(vector_from(p));
+  const Json* radii = array("radii");
+  require(radii, where, "\"spheres.radii\" is missing or no array");
+  c.radii = radii->get<std::vector<double>>();
+  if (const Json* triangle = array("triangle"))
+    c.triangle = triangle->get<std::vector<std::int64_t>>();
   else
     c.triangle.assign(c.radii.size(), -1);
-  key = "spheres.count";
-  if (j.contains("count") && j["count"].template get<std::size_t>() != c.radii.size())
-    throw Error(where + ": \"spheres.count\" is not the number of spheres: is the file whole?");
+  key = "count";
+  require(!j.contains("count") || j["count"].template get<std::size_t>() == c.radii.size(), where,
+          "\"spheres.count\" is not the number of spheres: is the file whole?");
 }
 
 // One line for each key, the arrays of spheres on lines of their own: small enough, and a diff can be read.
@@ -233,7 +239,7 @@ Cluster cluster_from_json(std::string_view text, const std::string& where) {
     if (const Json* v = at(j, "volume_union")) c.volume_union = v->get<double>();
     if (const Json* v = at(j, "accuracy")) c.accuracy = accuracy_from(*v);
     const Json* spheres = at(j, "spheres");
-    require(spheres && spheres->is_object(), where, "\"spheres\" is missing");
+    require(spheres, where, "\"spheres\" is missing");
     spheres_from(*spheres, c, key, where);
     if (const Json* lods = at(j, "lods"))
       for (const Json& v : *lods) {

@@ -219,7 +219,7 @@ Padded pad(const ReadResult& file, const PadOptions& options, const PadProgress&
 
   const Surface surface(body.mesh);
   const auto measured = [&](const std::vector<Ball>& balls, double asked, double& volume_union) {
-    Measured m = measure(input, body, surface, balls, {.floor = 1e-3 * asked});
+    Measured m = measure(input, body, surface, balls, {.floor = asked});
     // Bounds are always proved; with a tolerance asked for they must keep it, too, but for the last digits.
     m.accuracy.certified = asked == 0 || (m.accuracy.protrusion_bound <= asked * (1 + 1e-9) &&
                                           m.accuracy.gap_bound <= asked * (1 + 1e-9));
