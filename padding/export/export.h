@@ -13,7 +13,7 @@ struct Format {
   // What becomes of families and masks.
   enum class Filter {
     numbers,  // kept as they are
-    bits,     // translated to bit fields (padding/export/filter.h), so many of them
+    bits,     // translated to bit fields (padding/export/families.h), so many of them
     pairs,    // translated to a list of the pairs of bodies that may not touch
     none      // cannot be held: a model that has any is refused
   };

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "padding/export/export.h"
-#include "padding/export/filter.h"
+#include "padding/export/families.h"
 
 namespace padder::exporting {
 

@@ -1,4 +1,4 @@
-#include "padding/export/filter.h"
+#include "padding/export/families.h"
 
 #include <algorithm>
 #include <map>
