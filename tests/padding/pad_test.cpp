@@ -38,9 +38,9 @@ TEST(Pad, ClosedFormsAreMetWithinTheCaps) {
   for (const auto& [name, mesh, volume] : cases) {
     SCOPED_TRACE(name);
     PadOptions options;
-    options.edge_share = 0.03;
+    options.edge_length = {0.03, true};
     const Padded p = pad(as_file(mesh), options);
-    const double cap = options.depth * p.report.quality.circumradius_max;
+    const double cap = options.depth_used() * p.report.quality.circumradius_max;
     EXPECT_LE(p.cluster.accuracy.protrusion_max, cap * 1.001);
     EXPECT_LE(p.cluster.accuracy.gap_max, cap * 1.001);
     EXPECT_GT(p.cluster.accuracy.coverage, 0.9);
@@ -51,7 +51,8 @@ TEST(Pad, ClosedFormsAreMetWithinTheCaps) {
 }
 
 // 1e-9 relative to the diagonal, sphere by sphere.
-void expect_same(const Cluster& a, const Cluster& b, double scale, const std::function<Point(const Point&)>& move) {
+void expect_same(const Cluster& a, const Cluster& b, double scale,
+                 const std::function<Point(const Point&)>& move) {
   ASSERT_EQ(a.size(), b.size());
   double worst = 0;
   for (std::size_t k = 0; k < a.size(); k++) {
@@ -67,7 +68,7 @@ TEST(Pad, MovedAndScaledInputGivesTheSameSpheresMovedAndScaled) {
     shapes::Random random(seed);
     const Mesh mesh = shapes::blob(random);
     PadOptions options;
-    options.edge_share = 0.06;
+    options.edge_length = {0.06, true};
     const Cluster plain = pad(as_file(mesh), options).cluster;
     const double s = std::exp(random.uniform(-9, 9));
     const Vector shift = s * random.point(2);
@@ -82,7 +83,7 @@ TEST(Pad, TurnedInputGivesTheSameSpheresTurned) {
     shapes::Random random(seed);
     const Mesh mesh = shapes::blob(random);
     PadOptions options;
-    options.edge_length = 0.2;  // the box's diagonal changes with the turn
+    options.edge_length = {0.2, false};  // the box's diagonal changes with the turn
     const Cluster plain = pad(as_file(mesh), options).cluster;
     const Eigen::Matrix3d turn = random.rotation();
     const Vector shift = random.point(2);
@@ -105,7 +106,8 @@ TEST(Pad, SameBytesForAnyNumberOfThreads) {
 TEST(Pad, TinyAndHugeBodies) {
   for (const double s : {1e-30, 1e-6, 1e38}) {
     SCOPED_TRACE(s);
-    const Mesh mesh = moved(shapes::box({0, 0, 0}, {1, 1, 1}), [&](const Point& p) -> Point { return s * p; });
+    const Mesh mesh =
+        moved(shapes::box({0, 0, 0}, {1, 1, 1}), [&](const Point& p) -> Point { return s * p; });
     const Padded p = pad(as_file(mesh), {});
     EXPECT_NEAR(p.cluster.mass.volume / std::pow(s, 3), 1, 1e-9);
     EXPECT_LT(p.cluster.accuracy.gap_max, 0.01 * s);
@@ -113,7 +115,8 @@ TEST(Pad, TinyAndHugeBodies) {
 }
 
 TEST(Pad, FarFromTheOriginKeepsItsDigits) {
-  const Mesh mesh = moved(shapes::box({0, 0, 0}, {1, 1, 1}), [](const Point& p) -> Point { return p + Point(1e7, 1e7, 1e7); });
+  const Mesh mesh = moved(shapes::box({0, 0, 0}, {1, 1, 1}),
+                          [](const Point& p) -> Point { return p + Point(1e7, 1e7, 1e7); });
   const Padded p = pad(as_file(mesh), {});
   EXPECT_NEAR(p.cluster.mass.volume, 1, 1e-6);
   EXPECT_LT(p.cluster.accuracy.protrusion_max, 0.01);
