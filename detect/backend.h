@@ -1,0 +1,43 @@
+// What the detector asks of a backend; internal. A backend owns its memory and keeps it from call to call.
+#pragma once
+#include <memory>
+#include <string>
+
+#include "detect/detector.h"
+#include "detect/grid.h"
+#include "detect/stages.h"
+
+namespace padder::detect {
+
+class Backend {
+ public:
+  virtual ~Backend() = default;
+  virtual const char* name() const = 0;
+
+  // The contacts by options.path; calls check_input first. Throws Error: fault_sentence for the first
+  // faulty sphere, memory_sentence when memory is short. Leaves the backend usable in every case.
+  virtual Contacts detect(const Input& input, const Options& options) = 0;
+
+  // The arrays of the nine stages, copied to the host.
+  virtual Arrays stages(const Input& input, const Options& options) = 0;
+
+  // Sum of pair_hash over the contacts of the last detect, where they lie.
+  virtual std::uint64_t hash() const = 0;
+
+  virtual std::uint64_t memory() const = 0;  // bytes held
+};
+
+std::unique_ptr<Backend> make_omp_backend();
+std::unique_ptr<Backend> make_cuda_backend(
+    int device);             // throws Error in a build without CUDA, or without a GPU
+std::string cuda_absence();  // why make_cuda_backend would throw; "" when it would not
+
+// Common to all backends, in detector.cpp.
+void check_input(const Input& input, bool device_memory_allowed);  // pointers, counts, shapes; throws Error
+std::uint64_t sphere_count(const Input& input);
+void check_range(const Summary& summary,
+                 const Options& options);  // the record can hold such lengths; throws Error
+std::string fault_sentence(std::uint64_t index, const Sphere& sphere, const Input& input);
+std::string memory_sentence(std::uint64_t bytes_needed, const char* what, const char* where);
+
+}  // namespace padder::detect

@@ -1,0 +1,227 @@
+// The CUDA backend: what is common to both paths. Input to the device, summary, one path or the other, records to where
+// they are wanted.
+#include <algorithm>
+#include <chrono>
+#include <optional>
+
+#include "detect/cuda_record.h"
+#include "detect/cuda_search.h"
+#include "detect/cuda_stages.h"
+
+namespace padder::detect {
+namespace cuda {
+namespace {
+
+// Work on the backend's device, then back to the caller's.
+class OnDevice {
+ public:
+  explicit OnDevice(int device) {
+    cuda_check(cudaGetDevice(&before_), "ask for the device");
+    if (device != before_) cuda_check(cudaSetDevice(device), "choose the device");
+  }
+  ~OnDevice() { cudaSetDevice(before_); }
+
+ private:
+  int before_ = 0;
+};
+
+class CudaBackend : public Backend {
+ public:
+  explicit CudaBackend(int device) : device_(device) {}
+  ~CudaBackend() override = default;
+  const char* name() const override { return "cuda"; }
+  std::uint64_t memory() const override { return book_.held; }
+
+  Contacts detect(const Input& input, const Options& options) override {
+    check_input(input, true);
+    const OnDevice on(device_);
+    begin(input, options);
+    Contacts c;
+    c.spheres = source_.count, c.memory = options.output, c.width = options.width, c.scalar = options.scalar;
+    stream_of_hash_ = stream_;
+    if (source_.count > 0) {
+      const Summary summary = survey(input);
+      options.path == Path::fast ? fast(input, options, summary, c) : nine_stages(options, summary, c);
+    }
+    pairs_on_device_ = pairs_.data(), last_count_ = c.count;
+    deliver(options, c);
+    c.seconds = seconds_;
+    c.seconds.total = std::chrono::duration<double>(Clock::now() - begun_).count();
+    return c;
+  }
+
+  Arrays stages(const Input& input, const Options& options) override {
+    check_input(input, true);
+    const OnDevice on(device_);
+    begin(input, options);
+    if (source_.count == 0) return {};
+    Contacts c;
+    nine_stages(options, survey(input), c);
+    last_count_ = 0;
+    return stages_->arrays(pairs_.data(), stream_);
+  }
+
+  std::uint64_t hash() const override {
+    const OnDevice on(device_);
+    return hash_of_pairs(pairs_on_device_, last_count_, hash_, stream_of_hash_);
+  }
+
+ private:
+  using Clock = std::chrono::steady_clock;
+
+  void begin(const Input& input, const Options& options) {
+    begun_ = last_mark_ = Clock::now();
+    seconds_ = {}, timings_ = options.timings;
+    stream_ = static_cast<cudaStream_t>(options.stream);
+    book_.limit = options.memory_limit;
+    source_ = input_.source(input, stream_);
+    mark(seconds_.place);
+  }
+
+  // Adds the time since the last mark. Without `timings` the device is not waited for and nothing is known.
+  void mark(double& seconds) {
+    if (!timings_) return;
+    cuda_check(cudaStreamSynchronize(stream_), "finish a stage");
+    const auto now = Clock::now();
+    seconds += std::chrono::duration<double>(now - last_mark_).count();
+    last_mark_ = now;
+  }
+
+  Summary survey(const Input& input) {
+    const Summary s = surveyor_.survey(source_, stream_);
+    if (s.first_fault != ~std::uint64_t(0))
+      throw Error(fault_sentence(s.first_fault, sphere_at(source_, static_cast<std::uint32_t>(s.first_fault), stream_), input));
+    return s;
+  }
+
+  void reserve_records(const Options& options, std::uint64_t count) {
+    pairs_.reserve(count);
+    const std::uint64_t scalar = options.scalar == Scalar::f32 ? 4 : 8;
+    if (options.width != Width::pairs) normals_.reserve(count * 4 * scalar);
+    if (options.width == Width::points) points_.reserve(count * 6 * scalar);
+  }
+  std::uint64_t capacity(const Options& options) const {
+    const std::uint64_t scalar = options.scalar == Scalar::f32 ? 4 : 8;
+    std::uint64_t n = pairs_.capacity();
+    if (options.width != Width::pairs) n = std::min(n, normals_.capacity() / (4 * scalar));
+    if (options.width == Width::points) n = std::min(n, points_.capacity() / (6 * scalar));
+    return n;
+  }
+  Output output(const Options& options) const {
+    return {pairs_.data(), normals_.data(), points_.data(), capacity(options), options.width, options.scalar};
+  }
+
+  void fast(const Input&, const Options& options, const Summary& summary, Contacts& c) {
+    const Grid grid = choose_grid(summary, options.bin_size);
+    const bool floats = !source_.wide && source_.placed == 0 && float_range(summary.extent, summary.radius_max);
+    const SlotKind kind = !floats                                      ? SlotKind::fixed
+                          : summary.radius_min == summary.radius_max ? SlotKind::equal
+                                                                       : SlotKind::unequal;
+    const Ordered ordered = orderer_.order(source_, grid, kind, stream_);
+    mark(seconds_.stage[3]);
+    Counters* counters = counters_.reserve(1);
+    Counters* found = host_counters_.reserve(1);
+    unsigned long long* look_back = look_back_.reserve(search_blocks(source_.count));
+    SearchOptions s;
+    s.exact = options.precision == Precision::exact, s.fixed_order = options.order == Order::fixed;
+    s.own = options.own, s.radius = summary.radius_max, s.owns_all = true;
+    for (int k = 0; k < 3; k++)
+      s.owns_all = s.owns_all && options.own.low[k] == -INFINITY && options.own.high[k] == INFINITY;
+    // A list that turns out too short is counted to its end, made longer, and written again: nothing is dropped.
+    while (true) {
+      const Output out = output(options);
+      search(source_, grid, ordered, s, out, counters, look_back, stream_);
+      cuda_check(cudaMemcpyAsync(found, counters, sizeof(Counters), cudaMemcpyDeviceToHost, stream_), "read the count");
+      cuda_check(cudaStreamSynchronize(stream_), "search for contacts");
+      c.count = found->contacts, c.doubtful = found->doubtful;
+      if (c.count <= out.capacity) break;
+      reserve_records(options, c.count + c.count / 8);
+    }
+    mark(seconds_.stage[8]);
+  }
+
+  void nine_stages(const Options& options, const Summary& summary, Contacts& c) {
+    if (!stages_) stages_.emplace(book_);
+    Stages& s = *stages_;
+    const StageGrid grid = choose_stage_grid(summary, options.bin_size);
+    mark(seconds_.stage[0]);
+    s.count_bins(source_, grid, stream_), mark(seconds_.stage[0]);
+    s.scan_bins(stream_), mark(seconds_.stage[1]);
+    s.fill_bins(stream_), mark(seconds_.stage[2]);
+    s.sort_by_bin(stream_), mark(seconds_.stage[3]);
+    s.find_starts(stream_), mark(seconds_.stage[4]);
+    s.push_inactive(stream_), mark(seconds_.stage[5]);
+    s.count_contacts(options.own, stream_), mark(seconds_.stage[6]);
+    c.count = s.scan_contacts(stream_), mark(seconds_.stage[7]);
+    reserve_records(options, c.count);
+    s.write_contacts(pairs_.data(), stream_);
+    write_geometry(source_, output(options), c.count, stream_), mark(seconds_.stage[8]);
+  }
+
+  void deliver(const Options& options, Contacts& c) {
+    c.pairs = pairs_.data();
+    if (options.width != Width::pairs) c.normals = normals_.data();
+    if (options.width == Width::points) c.points = points_.data();
+    if (options.output == Memory::device) {
+      cuda_check(cudaStreamSynchronize(stream_), "finish");
+      return;
+    }
+    const std::uint64_t scalar = options.scalar == Scalar::f32 ? 4 : 8;
+    const auto copy = [&](auto& host, const void* from, std::uint64_t bytes) -> const void* {
+      void* to = host.reserve(bytes);
+      if (bytes) cuda_check(cudaMemcpyAsync(to, from, bytes, cudaMemcpyDeviceToHost, stream_), "copy the contacts");
+      return to;
+    };
+    c.pairs = static_cast<const Pair*>(copy(host_pairs_, c.pairs, c.count * sizeof(Pair)));
+    if (c.normals) c.normals = copy(host_normals_, c.normals, c.count * 4 * scalar);
+    if (c.points) c.points = copy(host_points_, c.points, c.count * 6 * scalar);
+    cuda_check(cudaStreamSynchronize(stream_), "copy the contacts");
+  }
+
+  int device_;
+  cudaStream_t stream_ = nullptr, stream_of_hash_ = nullptr;
+  MemoryBook book_;
+  InputCopy input_{book_};
+  Source source_;
+  Surveyor surveyor_{book_};
+  Orderer orderer_{book_};
+  std::optional<Stages> stages_;
+  Buffer<Pair> pairs_{book_, "the contacts"};
+  Buffer<unsigned char> normals_{book_, "the contacts"}, points_{book_, "the contacts"};
+  Buffer<unsigned char> host_pairs_{book_, "the contacts", true}, host_normals_{book_, "the contacts", true},
+      host_points_{book_, "the contacts", true};
+  Buffer<Counters> counters_{book_, "counters"}, host_counters_{book_, "counters", true};
+  Buffer<unsigned long long> look_back_{book_, "the order of the list"};
+  mutable Buffer<unsigned long long> hash_{book_, "the hash"};
+  const Pair* pairs_on_device_ = nullptr;
+  std::uint64_t last_count_ = 0;
+  Seconds seconds_;
+  bool timings_ = false;
+  Clock::time_point begun_, last_mark_;
+};
+
+}  // namespace
+}  // namespace cuda
+
+std::string cuda_absence() {
+  int devices = 0;
+  const cudaError_t e = cudaGetDeviceCount(&devices);
+  if (e == cudaSuccess && devices > 0) return "";
+  cudaGetLastError();
+  return e == cudaSuccess || e == cudaErrorNoDevice
+             ? "there is no GPU that CUDA can use: choose omp"
+             : std::string("CUDA cannot be used (") + cudaGetErrorString(e) + "): choose omp";
+}
+
+std::unique_ptr<Backend> make_cuda_backend(int device) {
+  const std::string absence = cuda_absence();
+  if (!absence.empty()) throw Error(absence);
+  int devices = 0;
+  cuda::cuda_check(cudaGetDeviceCount(&devices), "count the GPUs");
+  if (device < 0 || device >= devices)
+    throw Error("there is no GPU " + std::to_string(device) + ": this machine has " + std::to_string(devices) +
+                ", numbered from 0");
+  return std::make_unique<cuda::CudaBackend>(device);
+}
+
+}  // namespace padder::detect

@@ -1,0 +1,13 @@
+// In the place of backend_cuda.cu where the build has no CUDA.
+#include "detect/backend.h"
+#include "padding/error.h"
+
+namespace padder::detect {
+
+std::string cuda_absence() {
+  return "this build has no CUDA backend: build with the CUDA toolkit on the PATH, or choose omp";
+}
+
+std::unique_ptr<Backend> make_cuda_backend(int) { throw Error(cuda_absence()); }
+
+}  // namespace padder::detect

@@ -1,0 +1,72 @@
+// Memory and error checks of the CUDA backend. Only .cu files include this.
+#pragma once
+#include <cuda_runtime.h>
+
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <utility>
+
+#include "detect/backend.h"
+#include "padding/error.h"
+
+namespace padder::detect::cuda {
+
+inline void cuda_check(cudaError_t e, const char* what) {
+  if (e == cudaSuccess) return;
+  cudaGetLastError();  // a sticky error would be found again by the next innocent call
+  throw Error(std::string("CUDA failed to ") + what + ": " + cudaGetErrorString(e));
+}
+inline void cuda_launched(const char* what) { cuda_check(cudaGetLastError(), what); }
+
+// What one backend holds, and how much it may hold. A change of address makes recorded graphs stale.
+struct MemoryBook {
+  std::uint64_t held = 0, limit = 0, peak = 0;
+  std::uint64_t moves = 0;  // allocations so far
+};
+
+// Memory that grows and never shrinks; contents are lost when it grows. Throws Error (memory_sentence).
+template <class T>
+class Buffer {
+ public:
+  Buffer(MemoryBook& book, const char* what, bool pinned = false) : book_(&book), what_(what), pinned_(pinned) {}
+  ~Buffer() { release(); }
+  Buffer(const Buffer&) = delete;
+  Buffer& operator=(const Buffer&) = delete;
+
+  T* reserve(std::uint64_t count) {
+    if (count <= capacity_ && data_) return data_;
+    release();
+    const std::uint64_t bytes = (count ? count : 1) * sizeof(T);
+    void* p = nullptr;
+    if (!pinned_ && book_->limit && book_->held + bytes > book_->limit)
+      throw Error(memory_sentence(book_->held + bytes, what_, "GPU"));
+    const cudaError_t e = pinned_ ? cudaMallocHost(&p, bytes) : cudaMalloc(&p, bytes);
+    if (e == cudaErrorMemoryAllocation) {
+      cudaGetLastError();
+      throw Error(memory_sentence(bytes, what_, pinned_ ? "host" : "GPU"));
+    }
+    cuda_check(e, "allocate memory");
+    data_ = static_cast<T*>(p), capacity_ = count ? count : 1;
+    book_->moves++;
+    if (!pinned_) book_->held += bytes, book_->peak = book_->held > book_->peak ? book_->held : book_->peak;
+    return data_;
+  }
+  void release() {
+    if (!data_) return;
+    pinned_ ? cudaFreeHost(data_) : cudaFree(data_);
+    if (!pinned_) book_->held -= capacity_ * sizeof(T);
+    data_ = nullptr, capacity_ = 0;
+  }
+  T* data() const { return data_; }
+  std::uint64_t capacity() const { return capacity_; }
+
+ private:
+  MemoryBook* book_;
+  const char* what_;
+  bool pinned_;
+  T* data_ = nullptr;
+  std::uint64_t capacity_ = 0;
+};
+
+}  // namespace padder::detect::cuda

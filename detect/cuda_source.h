@@ -1,0 +1,79 @@
+// Where the device reads spheres from: the caller's arrays, and bodies placed on the fly. Only .cu files include this.
+#pragma once
+#include "detect/cuda_memory.h"
+#include "detect/place.h"
+
+namespace padder::detect::cuda {
+
+// Device pointers. Sphere k is of a body while k < placed, else number k - placed of the loose ones.
+struct Source {
+  const void* centers = nullptr;
+  const void* radii = nullptr;
+  const std::uint32_t* family = nullptr;
+  const std::uint32_t* mask = nullptr;
+  const Body* bodies = nullptr;
+  const std::uint32_t* body_of = nullptr;      // of each placed sphere
+  const std::uint32_t* body_first = nullptr;   // its first sphere's number
+  const Sphere* shape_spheres = nullptr;       // of all shapes, one after another
+  const std::uint32_t* shape_first = nullptr;  // of each shape
+  std::uint32_t count = 0, placed = 0, center_stride = 3, radius_stride = 1;
+  bool wide = false;    // double input
+  bool packed = false;  // float x, y, z, r, aligned to 16 bytes: one load a sphere
+  bool filtered = false;
+
+  __device__ __forceinline__ Sphere sphere(std::uint32_t k) const {
+    if (k < placed) {
+      const std::uint32_t b = body_of[k];
+      const Body& body = bodies[b];
+      return detect::placed(body, shape_spheres[shape_first[body.shape] + (k - body_first[b])]);
+    }
+    k -= placed;
+    if (packed) {
+      const float4 s = static_cast<const float4*>(centers)[k];
+      return {s.x, s.y, s.z, s.w};
+    }
+    const std::uint64_t c = std::uint64_t(k) * center_stride, r = std::uint64_t(k) * radius_stride;
+    if (wide) {
+      const auto* p = static_cast<const double*>(centers) + c;
+      return {p[0], p[1], p[2], static_cast<const double*>(radii)[r]};
+    }
+    const auto* p = static_cast<const float*>(centers) + c;
+    return {p[0], p[1], p[2], static_cast<const float*>(radii)[r]};
+  }
+  __device__ __forceinline__ Filter filter(std::uint32_t k) const {
+    if (k < placed) {
+      const Body& body = bodies[body_of[k]];
+      return {body.family, body.mask};
+    }
+    k -= placed;
+    return {family ? family[k] : 0, mask ? mask[k] : 0};
+  }
+};
+
+// Doubles as unsigned integers of the same order, for atomic minima and maxima.
+__host__ __device__ inline unsigned long long ordered(double v) {
+  unsigned long long b;
+  memcpy(&b, &v, 8);
+  return b >> 63 ? ~b : b | 1ull << 63;
+}
+__host__ __device__ inline double unordered(unsigned long long b) {
+  b = b >> 63 ? b & ~(1ull << 63) : ~b;
+  double v;
+  memcpy(&v, &b, 8);
+  return v;
+}
+
+// First pass over the spheres (cuda_survey.cu): the summary that choose_grid asks for. Waits for the device.
+class Surveyor {
+ public:
+  explicit Surveyor(MemoryBook& book);
+  Summary survey(const Source& source, cudaStream_t stream);
+
+ private:
+  void octaves(const Source& source, Summary& summary, cudaStream_t stream);
+
+  Buffer<unsigned long long> values_, host_values_;
+  Buffer<double> sums_, host_sums_;
+};
+
+}  // namespace padder::detect::cuda

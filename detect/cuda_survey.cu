@@ -1,0 +1,147 @@
+// The summary of the spheres: bounds, radii, the first faulty sphere; by octaves of size where radii differ.
+#include <algorithm>
+
+#include "detect/cuda_source.h"
+
+namespace padder::detect::cuda {
+namespace {
+
+using Word = unsigned long long;
+// Minima: low x, y, z, radius, first fault. Maxima: high x, y, z, radius, need, extent.
+enum { kLow = 0, kRadiusMin = 3, kFault = 4, kHigh = 5, kRadiusMax = 8, kNeedMax = 9, kExtent = 10, kValues = 11 };
+constexpr int kThreads = 256, kBlocks = 132 * 4, kOctaveWords = 9;
+
+__device__ Word warp_min(Word v) {
+  for (int d = 16; d; d >>= 1) v = min(v, __shfl_xor_sync(~0u, v, d));
+  return v;
+}
+__device__ Word warp_max(Word v) {
+  for (int d = 16; d; d >>= 1) v = max(v, __shfl_xor_sync(~0u, v, d));
+  return v;
+}
+
+__global__ void begin_kernel(Word* v, int minima, int count, int period) {
+  const int k = threadIdx.x + blockIdx.x * blockDim.x;
+  if (k < count) v[k] = k % period < minima ? ~0ull : 0;
+}
+
+// The sum of the radii is made in a fixed order (blocks, then the host), so that the mean is the same in every run.
+__global__ void __launch_bounds__(kThreads) survey_kernel(Source source, Word* out, double* sums) {
+  double low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY};
+  double r_min = INFINITY, r_max = 0, need = 0, extent = 0, sum = 0;
+  Word fault = ~0ull;
+  for (std::uint64_t k = blockIdx.x * kThreads + threadIdx.x; k < source.count; k += kBlocks * kThreads) {
+    const Sphere s = source.sphere(static_cast<std::uint32_t>(k));
+    if (fault_of(s) != Fault::none) {
+      fault = min(fault, static_cast<Word>(k));
+      continue;
+    }
+    low[0] = smaller(low[0], s.x), low[1] = smaller(low[1], s.y), low[2] = smaller(low[2], s.z);
+    high[0] = larger(high[0], s.x), high[1] = larger(high[1], s.y), high[2] = larger(high[2], s.z);
+    r_min = smaller(r_min, s.r), r_max = larger(r_max, s.r), sum += s.r;
+    need = larger(need, need_of(s));
+    extent = larger(extent, larger(magnitude(s.x), larger(magnitude(s.y), magnitude(s.z))));
+  }
+  const Word minima[5] = {ordered(low[0]), ordered(low[1]), ordered(low[2]), ordered(r_min), fault};
+  const Word maxima[6] = {ordered(high[0]), ordered(high[1]), ordered(high[2]),
+                          ordered(r_max),   ordered(need),    ordered(extent)};
+  const bool first = (threadIdx.x & 31) == 0;
+  for (int k = 0; k < 5; k++) {
+    const Word v = warp_min(minima[k]);
+    if (first) atomicMin(out + k, v);
+  }
+  for (int k = 0; k < 6; k++) {
+    const Word v = warp_max(maxima[k]);
+    if (first) atomicMax(out + 5 + k, v);
+  }
+  __shared__ double shared[kThreads];
+  shared[threadIdx.x] = sum;
+  for (int d = kThreads / 2; d; d >>= 1) {
+    __syncthreads();
+    if (threadIdx.x < d) shared[threadIdx.x] += shared[threadIdx.x + d];
+  }
+  if (threadIdx.x == 0) sums[blockIdx.x] = shared[0];
+}
+
+// Of each octave: low x, y, z as minima; high x, y, z, radius, need as maxima; the count.
+__global__ void __launch_bounds__(kThreads) octave_kernel(Source source, int top, Word* out) {
+  __shared__ Word v[kOctaves * kOctaveWords];
+  for (int k = threadIdx.x; k < kOctaves * kOctaveWords; k += kThreads) v[k] = k % kOctaveWords < 3 ? ~0ull : 0;
+  __syncthreads();
+  for (std::uint64_t k = blockIdx.x * kThreads + threadIdx.x; k < source.count; k += kBlocks * kThreads) {
+    const Sphere s = source.sphere(static_cast<std::uint32_t>(k));
+    const double need = need_of(s);
+    Word* o = v + octave_of(top, need) * kOctaveWords;
+    const Word low[3] = {ordered(s.x), ordered(s.y), ordered(s.z)}, high[2] = {ordered(s.r), ordered(need)};
+    for (int c = 0; c < 3; c++) {  // reading first spares nearly every atomic operation
+      if (low[c] < *static_cast<volatile Word*>(o + c)) atomicMin(o + c, low[c]);
+      if (low[c] > *static_cast<volatile Word*>(o + 3 + c)) atomicMax(o + 3 + c, low[c]);
+    }
+    for (int c = 0; c < 2; c++)
+      if (high[c] > *static_cast<volatile Word*>(o + 6 + c)) atomicMax(o + 6 + c, high[c]);
+    atomicAdd(o + 8, 1ull);
+  }
+  __syncthreads();
+  for (int k = threadIdx.x; k < kOctaves * kOctaveWords; k += kThreads) {
+    if (v[k / kOctaveWords * kOctaveWords + 8] == 0) continue;
+    const int c = k % kOctaveWords;
+    if (c < 3)
+      atomicMin(out + k, v[k]);
+    else if (c < 8)
+      atomicMax(out + k, v[k]);
+    else
+      atomicAdd(out + k, v[k]);
+  }
+}
+
+}  // namespace
+
+Surveyor::Surveyor(MemoryBook& book)
+    : values_(book, "the summary"),
+      host_values_(book, "the summary", true),
+      sums_(book, "the summary"),
+      host_sums_(book, "the summary", true) {}
+
+Summary Surveyor::survey(const Source& source, cudaStream_t stream) {
+  Word* v = values_.reserve(kOctaves * kOctaveWords);
+  Word* host = host_values_.reserve(kOctaves * kOctaveWords);
+  double* sums = sums_.reserve(kBlocks);
+  double* host_sums = host_sums_.reserve(kBlocks);
+  begin_kernel<<<1, 32, 0, stream>>>(v, 5, kValues, kValues);
+  survey_kernel<<<kBlocks, kThreads, 0, stream>>>(source, v, sums);
+  cuda_launched("survey the spheres");
+  cuda_check(cudaMemcpyAsync(host, v, kValues * sizeof(Word), cudaMemcpyDeviceToHost, stream), "read the survey");
+  cuda_check(cudaMemcpyAsync(host_sums, sums, kBlocks * sizeof(double), cudaMemcpyDeviceToHost, stream),
+             "read the survey");
+  cuda_check(cudaStreamSynchronize(stream), "survey the spheres");
+  Summary s;
+  s.count = source.count;
+  s.first_fault = host[kFault];
+  for (int k = 0; k < 3; k++) s.low[k] = unordered(host[kLow + k]), s.high[k] = unordered(host[kHigh + k]);
+  s.radius_min = unordered(host[kRadiusMin]), s.radius_max = unordered(host[kRadiusMax]);
+  s.need_max = unordered(host[kNeedMax]), s.extent = unordered(host[kExtent]);
+  for (int k = 0; k < kBlocks; k++) s.radius_sum += host_sums[k];
+  if (s.first_fault == ~std::uint64_t(0) && needs_octaves(s)) octaves(source, s, stream);
+  return s;
+}
+
+void Surveyor::octaves(const Source& source, Summary& s, cudaStream_t stream) {
+  Word* v = values_.data();
+  Word* host = host_values_.data();
+  begin_kernel<<<3, 256, 0, stream>>>(v, 3, kOctaves * kOctaveWords, kOctaveWords);
+  octave_kernel<<<kBlocks, kThreads, 0, stream>>>(source, exponent_of(s.need_max), v);
+  cuda_launched("survey the sizes");
+  cuda_check(cudaMemcpyAsync(host, v, kOctaves * kOctaveWords * sizeof(Word), cudaMemcpyDeviceToHost, stream),
+             "read the survey");
+  cuda_check(cudaStreamSynchronize(stream), "survey the sizes");
+  for (int o = 0; o < kOctaves; o++, host += kOctaveWords) {
+    if (host[8] == 0) continue;
+    Summary::Octave& octave = s.octave[o];
+    octave.count = host[8];
+    for (int k = 0; k < 3; k++) octave.low[k] = unordered(host[k]), octave.high[k] = unordered(host[3 + k]);
+    octave.radius_max = unordered(host[6]), octave.need_max = unordered(host[7]);
+  }
+  s.octaves_known = true;
+}
+
+}  // namespace padder::detect::cuda

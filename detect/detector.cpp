@@ -1,0 +1,107 @@
+#include "detect/detector.h"
+
+#include <cstdio>
+
+#include "detect/backend.h"
+#include "padding/error.h"
+
+namespace padder::detect {
+namespace {
+
+std::string number(double v) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.9g", v);
+  return text;
+}
+
+}  // namespace
+
+std::uint64_t sphere_count(const Input& input) {
+  std::uint64_t n = input.spheres.count;
+  for (const Body& b : input.bodies) n += input.shapes[b.shape].count;
+  return n;
+}
+
+void check_input(const Input& input, bool device_memory_allowed) {
+  const Spheres& s = input.spheres;
+  for (std::size_t k = 0; k < input.bodies.size(); k++)
+    if (input.bodies[k].shape >= input.shapes.size())
+      throw Error("body " + std::to_string(k) + " names shape " + std::to_string(input.bodies[k].shape) +
+                  ", but there are " + std::to_string(input.shapes.size()));
+  for (std::size_t k = 0; k < input.shapes.size(); k++)
+    if (input.shapes[k].count && !input.shapes[k].spheres)
+      throw Error("shape " + std::to_string(k) + " has spheres but no pointer to them");
+  if (s.count && (!s.centers || !s.radii))
+    throw Error("the loose spheres need a pointer to centres and one to radii");
+  if (s.center_stride < 3) throw Error("the stride of the centres must be at least 3 numbers");
+  if (s.memory == Memory::device && s.count && !device_memory_allowed)
+    throw Error(
+        "the spheres lie in device memory, which the OpenMP backend cannot read: copy them or choose cuda");
+  const std::uint64_t n = sphere_count(input);
+  if (n >= 0xffffffffull)
+    throw Error(std::to_string(n) +
+                " spheres are more than one detector numbers (2^32 - 2): divide the scene into boxes");
+}
+
+void check_range(const Summary& s, const Options& o) {
+  if (o.width != Width::pairs && o.scalar == Scalar::f32 && s.extent + s.radius_max > 1e38)
+    throw Error("coordinates up to " + number(s.extent) +
+                " do not fit a float record: ask for double records or pairs only");
+}
+
+std::string fault_sentence(std::uint64_t index, const Sphere& s, const Input& input) {
+  std::string name = "sphere " + std::to_string(index);
+  std::uint64_t before = 0;
+  for (std::size_t k = 0; k < input.bodies.size(); k++) {
+    const std::uint64_t n = input.shapes[input.bodies[k].shape].count;
+    if (index < before + n) {
+      name += " (number " + std::to_string(index - before) + " of body " + std::to_string(k) + ")";
+      break;
+    }
+    before += n;
+  }
+  const std::string at = " at (" + number(s.x) + ", " + number(s.y) + ", " + number(s.z) + ")";
+  switch (fault_of(s)) {
+    case Fault::negative_radius:
+      return name + at + " has the negative radius " + number(s.r) + ": radii must be 0 or more";
+    case Fault::too_large:
+      return name + at + " with radius " + number(s.r) + " is beyond 1e100: scale the scene";
+    default:
+      return name + at + " with radius " + number(s.r) + " is not finite: correct or remove it";
+  }
+}
+
+std::string memory_sentence(std::uint64_t bytes, const char* what, const char* where) {
+  return std::to_string(bytes) + " bytes of " + where + " memory are needed for " + what +
+         " and are not to be had: divide the scene into boxes or ask for a narrower record";
+}
+
+Detector::Detector(const Options& options) : options_(options) {
+  if (options.backend == Choice::cuda || (options.backend == Choice::automatic && cuda_absence().empty()))
+    backend_ = make_cuda_backend(options.device);
+  else
+    backend_ = make_omp_backend();
+}
+Detector::~Detector() = default;
+Detector::Detector(Detector&&) noexcept = default;
+Detector& Detector::operator=(Detector&&) noexcept = default;
+
+const Contacts& Detector::detect(const Input& input) {
+  contacts_ = {};
+  if (!(options_.bin_size >= 0 && options_.bin_size <= kLargest))
+    throw Error("the bin size must be 0 (chosen) or a positive length, not " + number(options_.bin_size));
+  contacts_ = backend_->detect(input, options_);
+  return contacts_;
+}
+
+Arrays Detector::stages(const Input& input) {
+  contacts_ = {};
+  return backend_->stages(input, options_);
+}
+
+std::uint64_t Detector::hash() const { return backend_->hash(); }
+const char* Detector::backend() const { return backend_->name(); }
+std::uint64_t Detector::memory() const { return backend_->memory(); }
+bool cuda_present() { return cuda_absence().empty(); }
+
+}  // namespace padder::detect

@@ -1,0 +1,149 @@
+// The public class: spheres in, contacts out. Sections 2.1 and 2.2 of the paper; docs/detector.md for the
+// whole story.
+#pragma once
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <type_traits>
+#include <vector>
+
+#include "detect/contact.h"
+#include "detect/filter.h"
+#include "detect/place.h"
+
+namespace padder::detect {
+
+enum class Memory : std::uint8_t { host, device };
+enum class Scalar : std::uint8_t { f32, f64 };
+
+// N spheres in the caller's memory, read only while detect() runs. Strides count scalars, not bytes.
+struct Spheres {
+  std::uint64_t count = 0;  // below 2^32 - 1 with those of the bodies
+  Scalar scalar = Scalar::f32;
+  Memory memory = Memory::host;
+  const void* centers = nullptr;  // x, y, z of sphere k at k * center_stride
+  const void* radii = nullptr;    // of sphere k at k * radius_stride; stride 0: one radius for all
+  std::uint32_t center_stride = 3, radius_stride = 1;
+  const std::uint32_t* family = nullptr;  // null: 0 for all
+  const std::uint32_t* mask = nullptr;    // null: 0 for all
+};
+template <class T>
+Spheres spheres_of(std::uint64_t count, const T* centers, const T* radii, Memory memory = Memory::host) {
+  static_assert(std::is_same_v<T, float> || std::is_same_v<T, double>,
+                "spheres are given in float or double");
+  return {count, sizeof(T) == 4 ? Scalar::f32 : Scalar::f64, memory, centers, radii};
+}
+
+// What is to be tested. Spheres are numbered through: those of bodies[0], those of bodies[1], …, then the
+// loose ones. Shapes and bodies lie in host memory; only these few bytes travel to a GPU, and the spheres are
+// placed there, in double.
+struct Input {
+  Spheres spheres;
+  std::span<const Shape> shapes;
+  std::span<const Body> bodies;
+};
+
+// Contacts, i < j always. Pairs, and as many of the other arrays as were asked for, one entry a contact each.
+struct Pair {
+  std::uint32_t i, j;
+  friend bool operator==(const Pair&, const Pair&) = default;
+};
+template <class T>
+struct alignas(16) Normal {
+  T x, y, z;  // unit, from i to j
+  T depth;    // penetration: ri + rj - distance
+};
+template <class T>
+struct Points {
+  T on_i[3], on_j[3];  // the deepest point of each sphere in the other
+};
+
+enum class Choice : std::uint8_t { automatic, omp, cuda };
+enum class Path : std::uint8_t { fast, nine_stages };
+enum class Precision : std::uint8_t { exact, fast };
+enum class Order : std::uint8_t { fixed, any };
+enum class Width : std::uint8_t { pairs, normals, points };
+
+struct Options {
+  Choice backend = Choice::automatic;  // the GPU when there is one; fixed when the detector is made
+  int device = 0;                      // which GPU; fixed when the detector is made
+  void* stream = nullptr;              // a cudaStream_t to work on; null: the default stream
+  int threads = 0;                     // OpenMP; 0: as many as OpenMP would use
+  Path path = Path::fast;
+  Precision precision = Precision::exact;  // fast: float only; Contacts::doubtful bounds the difference
+  Order order = Order::fixed;      // the same list from every run and thread count of one backend and path
+  Width width = Width::normals;    // what is written: pairs only, + normal and depth, + both contact points
+  Scalar scalar = Scalar::f32;     // of the record; it is computed in double (exact) and rounded once
+  Memory output = Memory::host;    // where the contacts are to lie
+  double bin_size = 0;             // edge of a (finest) bin; 0: chosen (section 2.2.1)
+  Region own;                      // report only contacts whose midpoint lies inside
+  std::uint64_t memory_limit = 0;  // bytes this detector may hold; 0: what there is
+  bool timings = false;            // fill Contacts::seconds (a GPU is then waited for after each stage)
+};
+
+struct Seconds {
+  double place = 0;      // bodies to spheres, host to device
+  double stage[9] = {};  // stages 1 to 9; the fast path has the same names for what remains of them
+  double total = 0;
+};
+
+// Lies in the detector's memory and stays valid until its next call or its end.
+struct Contacts {
+  std::uint64_t count = 0, spheres = 0;
+  Memory memory = Memory::host;
+  Width width = Width::pairs;
+  Scalar scalar = Scalar::f32;
+  const Pair* pairs = nullptr;
+  const void* normals = nullptr;  // Normal<float> or Normal<double>, null for Width::pairs
+  const void* points = nullptr;   // Points<float> or Points<double>, null but for Width::points
+  std::uint64_t doubtful =
+      0;  // pairs inside the float band; with Precision::fast the count is off by at most this
+  Seconds seconds;
+  std::span<const Pair> pair_span() const { return {pairs, count}; }
+  template <class T>
+  std::span<const Normal<T>> normal_span() const {
+    return {static_cast<const Normal<T>*>(normals), normals ? count : 0};
+  }
+  template <class T>
+  std::span<const Points<T>> point_span() const {
+    return {static_cast<const Points<T>*>(points), points ? count : 0};
+  }
+};
+
+struct Arrays;  // T, S, B, C, D, E, F of a small scene: detect/stages.h
+class Backend;  // detect/backend.h
+
+// Bound to a device and a stream; keeps its memory from call to call. Not for two threads at once; two
+// detectors are.
+class Detector {
+ public:
+  // Throws Error when the backend asked for is not to be had.
+  explicit Detector(const Options& options = {});
+  ~Detector();
+  Detector(Detector&&) noexcept;
+  Detector& operator=(Detector&&) noexcept;
+
+  // Every contact, none twice, none dropped. Throws Error for a sphere that is not finite, negative or above
+  // 1e100 (its number is named) and when memory is short (the bytes needed are named); the detector stays
+  // usable.
+  const Contacts& detect(const Input& input);
+
+  // Order-free hash of the last contacts' pairs: equal for both backends, any thread count, any path.
+  std::uint64_t hash() const;
+
+  // The arrays of the nine stages, whatever the path: for small scenes, to look at.
+  Arrays stages(const Input& input);
+
+  const char* backend() const;             // "omp" or "cuda"
+  std::uint64_t memory() const;            // bytes held
+  Options& options() { return options_; }  // may be changed between calls, but for backend and device
+
+ private:
+  Options options_;
+  std::unique_ptr<Backend> backend_;
+  Contacts contacts_;
+};
+
+bool cuda_present();  // is there a GPU that this build can use?
+
+}  // namespace padder::detect

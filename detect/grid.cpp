@@ -1,0 +1,173 @@
+// Choice of levels and bins, on the host, from a summary of the spheres that a backend made.
+#include "detect/grid.h"
+
+#include <algorithm>
+#include <bit>
+#include <vector>
+
+#include "detect/backend.h"
+#include "detect/stages.h"
+#include "padding/error.h"
+
+namespace padder::detect {
+namespace {
+
+// The least number of 10 significant bits that is no less than x: its products with bin numbers up to 2^43
+// are exact.
+double rounded_up(double x) {
+  int exponent;
+  const double fraction = std::frexp(std::max(x, 0x1p-900), &exponent);
+  return std::ldexp(std::ceil(fraction * 1024) / 1024, exponent);
+}
+
+// Octaves that hold spheres, from the finest to the coarsest.
+std::vector<int> populated(const Summary& s) {
+  std::vector<int> octaves;
+  for (int o = kOctaves - 1; o >= 0; o--)
+    if (s.octave[o].count) octaves.push_back(o);
+  return octaves;
+}
+
+Summary with_octaves(const Summary& given) {
+  Summary s = given;
+  if (s.octaves_known) return s;
+  Summary::Octave& o = s.octave[0];
+  o.count = s.count, o.need_max = s.need_max, o.radius_max = s.radius_max;
+  std::copy_n(s.low, 3, o.low), std::copy_n(s.high, 3, o.high);
+  return s;
+}
+
+// Cost, in pair tests, of making octaves a to b (indices into `octaves`) one level: its own spheres look at
+// half of the neighbourhood, each finer sphere at 2 to 3 bins an axis. A row of bins costs about as much as
+// some pair tests.
+double level_cost(const Summary& s, const std::vector<int>& octaves, std::size_t a, std::size_t b) {
+  constexpr double kOwnRows = 12, kCoarserRows = 18;
+  double size = 0, density = 0;  // spheres a bin
+  for (std::size_t k = a; k <= b; k++) size = std::max(size, s.octave[octaves[k]].need_max);
+  for (std::size_t k = a; k <= b; k++) {
+    const Summary::Octave& o = s.octave[octaves[k]];
+    double part = static_cast<double>(o.count);
+    for (int c = 0; c < 3; c++) part *= std::min(1.0, size / (o.high[c] - o.low[c] + o.need_max));
+    density += part;
+  }
+  double cost = 0;
+  for (std::size_t k = 0; k <= b; k++) {
+    const Summary::Octave& o = s.octave[octaves[k]];
+    const double wide = 2 + (size > 0 ? o.need_max / size : 1), tests = density * wide * wide * wide;
+    cost += static_cast<double>(o.count) * (k < a ? kCoarserRows + tests : kOwnRows + tests / 2);
+  }
+  return cost;
+}
+
+// Best partition of the octaves into runs: dynamic programming over (levels used, octaves taken).
+std::vector<std::size_t> choose_levels(const Summary& s, const std::vector<int>& octaves) {
+  const std::size_t n = octaves.size();
+  std::vector<std::vector<double>> best(kMaxLevels + 1, std::vector<double>(n + 1, INFINITY));
+  std::vector<std::vector<std::size_t>> from(kMaxLevels + 1, std::vector<std::size_t>(n + 1, 0));
+  best[0][0] = 0;
+  for (std::size_t a = 0; a < n; a++)
+    for (std::size_t b = a; b < n; b++) {
+      const double cost = level_cost(s, octaves, a, b);
+      for (int used = 0; used < kMaxLevels; used++)
+        if (best[used][a] + cost < best[used + 1][b + 1])
+          best[used + 1][b + 1] = best[used][a] + cost, from[used + 1][b + 1] = a;
+    }
+  int used = 1;
+  for (int k = 2; k <= kMaxLevels; k++)
+    if (best[k][n] < best[used][n]) used = k;
+  std::vector<std::size_t> begins(static_cast<std::size_t>(used));
+  for (std::size_t end = n; used > 0; used--)
+    begins[static_cast<std::size_t>(used - 1)] = end = from[used][end];
+  return begins;
+}
+
+void lay_out(Level& l, const Summary::Octave& all, double bins_per_sphere, double most) {
+  double bins = 1;
+  for (int k = 0; k < 3; k++) {
+    const std::int64_t low = split(l, all.low[k]).bin, high = split(l, all.high[k]).bin;
+    l.first[k] = low;
+    l.count[k] = static_cast<std::uint32_t>(std::min<std::int64_t>(high - low + 1, 0x7fffffff));
+    bins *= static_cast<double>(high - low + 3);
+  }
+  if (bins <= std::min(bins_per_sphere * static_cast<double>(all.count) + 4096, most)) {
+    l.buckets = static_cast<std::uint32_t>(bins);
+    return;
+  }
+  l.hashed = 1;
+  l.ring = static_cast<std::uint32_t>(std::bit_ceil(std::clamp<std::uint64_t>(2 * all.count, 64, 1u << 28)));
+  l.buckets = l.ring;
+}
+
+}  // namespace
+
+bool needs_octaves(const Summary& s) { return s.count > 0 && s.need_max > 4 * s.radius_min; }
+
+Grid choose_grid(const Summary& given, double bin_size, double bins_per_sphere) {
+  Grid g;
+  if (given.count == 0) return g;
+  const Summary s = with_octaves(given);
+  const std::vector<int> octaves = populated(s);
+  const std::vector<std::size_t> begins = choose_levels(s, octaves);
+  g.levels = static_cast<std::int32_t>(begins.size());
+  g.top = exponent_of(s.need_max);
+  g.buckets = 0;
+  for (std::size_t level = 0; level < begins.size(); level++) {
+    const std::size_t end = level + 1 < begins.size() ? begins[level + 1] : octaves.size();
+    Summary::Octave all;
+    for (std::size_t k = begins[level]; k < end; k++) {
+      const Summary::Octave& o = s.octave[octaves[k]];
+      all.count += o.count, all.need_max = std::max(all.need_max, o.need_max);
+      all.radius_max = std::max(all.radius_max, o.radius_max);
+      for (int c = 0; c < 3; c++)
+        all.low[c] = std::min(all.low[c], o.low[c]), all.high[c] = std::max(all.high[c], o.high[c]);
+      g.level_of_octave[octaves[k]] = static_cast<std::uint8_t>(level);
+    }
+    Level& l = g.level[level];
+    l.size = all.need_max > 0 ? rounded_up(std::max(all.need_max, bin_size))
+                              : rounded_up(bin_size > 0 ? bin_size : 1);
+    l.per_size = 1 / l.size, l.units = std::ldexp(l.per_size, kUnitBits), l.radius_max = all.radius_max;
+    l.offset = g.buckets;
+    lay_out(l, all, bins_per_sphere, begins.size() == 1 ? 0x1p31 : 0x1p28);
+    g.buckets += l.buckets;
+  }
+  return g;
+}
+
+StageGrid choose_stage_grid(const Summary& given, double bin_size) {
+  StageGrid g;
+  if (given.count == 0) return g;
+  const Summary s = with_octaves(given);
+  const double count = static_cast<double>(s.count), mean = s.radius_sum / count;
+  double widest = 0;
+  for (int k = 0; k < 3; k++) widest = std::max(widest, s.high[k] - s.low[k]);
+  const auto entries = [&](double size) {  // of B, at most
+    double sum = 0;
+    for (const Summary::Octave& o : s.octave) {
+      const double wide = 2 * o.radius_max / size + 2;
+      sum += static_cast<double>(o.count) * wide * wide * wide;
+    }
+    return sum;
+  };
+  if (bin_size > 0) {
+    g.size = bin_size;
+    if (entries(g.size) > 1e12)
+      throw Error("bins of " + std::to_string(bin_size) +
+                  " are too small for these spheres: choose larger bins or the fast path");
+  } else if (s.radius_max > 0) {
+    g.size = s.radius_max > 3 * mean ? 3 * mean : 2 * s.radius_max * (1 + 0x1p-20);
+    while (entries(g.size) > 64 * count + 4096) g.size *= 1.25;
+  } else if (widest > 0) {
+    g.size = widest / std::cbrt(count);
+  }
+  g.size = std::max(g.size, 0x1p-900);
+  Sphere low{s.low[0], s.low[1], s.low[2], s.radius_max}, high{s.high[0], s.high[1], s.high[2], s.radius_max};
+  const Touched first = touched_bins(g, low), last = touched_bins(g, high);
+  for (int k = 0; k < 3; k++) {
+    g.first[k] = first.low[k];
+    g.side[k] = std::min<std::uint64_t>(static_cast<std::uint64_t>(last.high[k] - first.low[k]) + 1,
+                                        std::uint64_t(1) << kSideBits);
+  }
+  return g;
+}
+
+}  // namespace padder::detect

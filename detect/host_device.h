@@ -1,0 +1,55 @@
+// Arithmetic that decides something is written once, for host and device. Nothing of CUDA is included here.
+#pragma once
+#include <cmath>
+#include <cstdint>
+#include <cstring>
+
+#if defined(__CUDACC__)
+#define PADDER_HD __host__ __device__ __forceinline__
+#else
+#define PADDER_HD inline
+#endif
+
+namespace padder::detect {
+
+// Double arithmetic, one rounding each. A compiler that fused a product and a sum into one operation (nvcc
+// does by default, gcc where the processor has one) would decide a pair at the threshold otherwise than the
+// other backend. On the host the sources are compiled with -ffp-contract=off.
+#if defined(__CUDA_ARCH__)
+PADDER_HD double add(double a, double b) { return __dadd_rn(a, b); }
+PADDER_HD double sub(double a, double b) { return __dsub_rn(a, b); }
+PADDER_HD double mul(double a, double b) { return __dmul_rn(a, b); }
+PADDER_HD double div(double a, double b) { return __ddiv_rn(a, b); }
+PADDER_HD double root(double a) { return __dsqrt_rn(a); }
+#else
+PADDER_HD double add(double a, double b) { return a + b; }
+PADDER_HD double sub(double a, double b) { return a - b; }
+PADDER_HD double mul(double a, double b) { return a * b; }
+PADDER_HD double div(double a, double b) { return a / b; }
+PADDER_HD double root(double a) { return std::sqrt(a); }
+#endif
+
+PADDER_HD double larger(double a, double b) { return a > b ? a : b; }
+PADDER_HD double smaller(double a, double b) { return a < b ? a : b; }
+PADDER_HD double magnitude(double a) { return a < 0 ? -a : a; }
+
+// floor of |a| < 2^52. On a plain x86-64 std::floor is a call; the cast truncates towards zero, hence the
+// correction.
+PADDER_HD double whole_below(double a) {
+#if defined(__CUDA_ARCH__)
+  return ::floor(a);
+#else
+  const auto whole = static_cast<double>(static_cast<std::int64_t>(a));
+  return whole > a ? whole - 1 : whole;
+#endif
+}
+
+// 64 well mixed bits (Steele, Lea and Flood, Fast splittable pseudorandom number generators, 2014).
+PADDER_HD std::uint64_t mixed(std::uint64_t z) {
+  z += 0x9E3779B97F4A7C15ull;
+  z = (z ^ (z >> 30)) * 0xBF58476D1CE4E5B9ull;
+  z = (z ^ (z >> 27)) * 0x94D049BB133111EBull;
+  return z ^ (z >> 31);
+}
+
+}  // namespace padder::detect

@@ -1,0 +1,162 @@
+// What the OpenMP backend's sources share; internal.
+#pragma once
+#include <algorithm>
+#include <atomic>
+#include <cstdlib>
+#include <new>
+#include <string>
+#include <vector>
+
+#include "detect/backend.h"
+
+namespace padder::detect::omp {
+
+// How much this backend holds and may hold. Linux grants memory it does not have and kills the process later:
+// so what is really free is asked for before every growth.
+class Budget {
+ public:
+  // Begins a call. What it takes counts against the memory free at its first large growth: taken memory shows
+  // as used only once it is written to.
+  void begin(std::uint64_t limit) { limit_ = limit, free_ = taken_ = 0; }
+  std::uint64_t held() const { return held_.load(std::memory_order_relaxed); }
+  bool take(std::uint64_t bytes);  // false: not to be had
+  void give(std::uint64_t bytes) { held_.fetch_sub(bytes, std::memory_order_relaxed); }
+
+ private:
+  std::uint64_t limit_ = 0;
+  std::atomic<std::uint64_t> held_{0}, free_{0}, taken_{0};
+};
+
+// Memory that only grows, not initialised, its contents lost when it grows.
+template <class T>
+class Buffer {
+ public:
+  explicit Buffer(Budget& budget) : budget_(&budget) {}
+  Buffer(Buffer&& other) noexcept : budget_(other.budget_), data_(other.data_), capacity_(other.capacity_) {
+    other.data_ = nullptr, other.capacity_ = 0;
+  }
+  Buffer& operator=(Buffer&&) = delete;
+  ~Buffer() { release(); }
+
+  // Room for n; false when it is not to be had (then the buffer is empty).
+  bool try_resize(std::uint64_t n) {
+    if (n <= capacity_) return true;
+    release();
+    const std::uint64_t bytes = (n * sizeof(T) + 63) / 64 * 64;
+    if (!budget_->take(bytes)) return false;
+    data_ = static_cast<T*>(std::aligned_alloc(64, bytes));
+    if (!data_) return budget_->give(bytes), false;
+    capacity_ = bytes / sizeof(T), bytes_ = bytes;
+    return true;
+  }
+  T* resize(std::uint64_t n, const char* what);  // throws Error
+
+  T* data() const { return data_; }
+  T& operator[](std::uint64_t k) const { return data_[k]; }
+  std::uint64_t capacity() const { return capacity_; }
+  void swap(Buffer& other) noexcept {
+    std::swap(data_, other.data_), std::swap(capacity_, other.capacity_), std::swap(bytes_, other.bytes_);
+  }
+
+ private:
+  void release() {
+    if (data_) budget_->give(bytes_);
+    std::free(data_);
+    data_ = nullptr, capacity_ = bytes_ = 0;
+  }
+  Budget* budget_;
+  T* data_ = nullptr;
+  std::uint64_t capacity_ = 0, bytes_ = 0;
+};
+
+[[noreturn]] void throw_memory(std::uint64_t bytes, const char* what);
+template <class T>
+T* Buffer<T>::resize(std::uint64_t n, const char* what) {
+  if (!try_resize(n)) throw_memory(n * sizeof(T) + budget_->held(), what);
+  return data_;
+}
+
+// The spheres where they lie: the caller's arrays, or the placed ones of scenes with bodies.
+template <class T>
+struct View {
+  const T* centers;
+  const T* radii;
+  std::uint64_t center_stride, radius_stride, count;
+  const std::uint32_t* family;  // null: 0
+  const std::uint32_t* mask;
+  Sphere operator[](std::uint64_t k) const {
+    const T* c = centers + k * center_stride;
+    return {c[0], c[1], c[2], radii[k * radius_stride]};
+  }
+  Filter filter(std::uint64_t k) const { return {family ? family[k] : 0, mask ? mask[k] : 0}; }
+  bool filtered() const { return family || mask; }
+};
+
+// Seconds since the last call.
+class Watch {
+ public:
+  Watch();
+  double lap();
+
+ private:
+  double last_;
+};
+
+template <class T>
+Summary summarize(const View<T>& spheres, int threads);
+
+// Where the contacts end up; kept from call to call.
+struct Records {
+  explicit Records(Budget& b) : pairs(b), normals(b), points(b) {}
+  Buffer<Pair> pairs;
+  Buffer<std::byte> normals, points;
+  std::uint64_t count = 0;
+
+  void resize(std::uint64_t n, const Options& options);  // throws Error with the bytes for all of it
+  // Writes record k of a contact between spheres of numbers a and b; puts the smaller first.
+  void write(std::uint64_t k, std::uint32_t a, std::uint32_t b, const Sphere& sa, const Sphere& sb,
+             const Options& options);
+};
+
+// The nine stages (omp_stages.cpp).
+class Stages {
+ public:
+  explicit Stages(Budget& b);
+  template <class T>
+  void run(const View<T>& spheres, const Summary& summary, const Options& options, int threads,
+           Records& records, Seconds& seconds, Arrays* arrays);
+
+ private:
+  Buffer<std::uint64_t> T_, S_, D_, E_;
+  Buffer<BinEntry> B_, B_spare_;
+  Buffer<BinStart> C_, C_spare_;
+};
+
+// The fast path (omp_fast.cpp).
+class Fast {
+ public:
+  explicit Fast(Budget& b);
+  template <class T>
+  std::uint64_t run(const View<T>& spheres, const Summary& summary, const Options& options, int threads,
+                    Records& records,
+                    Seconds& seconds);  // gives the number of doubtful pairs
+
+ private:
+  struct Entry {
+    std::uint32_t key, id;
+  };
+  template <class Slot, class T>
+  std::uint64_t search(const View<T>& spheres, const Grid& grid, const Options& options, int threads,
+                       Records& records, Seconds& seconds);
+  template <class Slot, class T>
+  void sort(const View<T>& spheres, const Grid& grid, int threads, Seconds& seconds);
+
+  Budget* budget_;
+  Buffer<std::uint32_t> keys_, starts_, ids_;
+  Buffer<Entry> entries_;
+  Buffer<FloatSlot> slots_;  // or FixedSlot: the same size
+  Buffer<Filter> filters_;
+  std::vector<Buffer<Pair>> hits_;  // of each thread: slots of the two spheres
+};
+
+}  // namespace padder::detect::omp

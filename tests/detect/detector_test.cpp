@@ -1,0 +1,441 @@
+// Every backend, path, precision and kind of input against brute force in double.
+#include "detect/detector.h"
+
+#include <random>
+
+#include "detect/generate.h"
+#include "tests/detect/oracle.h"
+
+namespace padder::detect {
+namespace {
+
+struct Case {
+  Choice backend;
+  Path path;
+  Precision precision;
+  Scalar input;
+};
+
+std::string name_of(const testing::TestParamInfo<Case>& info) {
+  const Case& c = info.param;
+  return std::string(c.backend == Choice::omp ? "omp" : "cuda") +
+         (c.path == Path::fast ? "_fast" : "_stages") +
+         (c.precision == Precision::exact ? "_exact" : "_rough") +
+         (c.input == Scalar::f32 ? "_float" : "_double");
+}
+
+class DetectorTest : public testing::TestWithParam<Case> {
+ protected:
+  void SetUp() override {
+    if (GetParam().backend == Choice::cuda && !cuda_present())
+      GTEST_SKIP() << "no GPU that this build can use";
+    options_.backend = GetParam().backend, options_.path = GetParam().path,
+    options_.precision = GetParam().precision;
+  }
+
+  // The scene's contacts are those of brute force; in fast precision up to the doubtful ones.
+  void expect_right(const TestScene& given, const std::string& what) {
+    SCOPED_TRACE(what);
+    const TestScene scene = GetParam().input == Scalar::f32 ? given.rounded() : given;
+    const Arranged a(scene, GetParam().input);
+    if (!detector_) detector_ = std::make_unique<Detector>(options_);
+    detector_->options().threads = scene.spheres.size() < 1000 ? 1 : 2;
+    const Contacts& c = detector_->detect(a.input);
+    ASSERT_EQ(c.spheres, scene.spheres.size());
+    const std::vector<Pair> found = sorted(c.pair_span()), wanted = brute_force(scene);
+    for (const Pair& p : found) ASSERT_LT(p.i, p.j);
+    for (std::size_t k = 1; k < found.size(); k++) ASSERT_NE(found[k - 1], found[k]) << "reported twice";
+    if (options_.precision == Precision::exact) {
+      ASSERT_EQ(found.size(), wanted.size());
+      ASSERT_EQ(found, wanted);
+      std::uint64_t hash = 0;
+      for (const Pair& p : wanted) hash += pair_hash(p.i, p.j);
+      ASSERT_EQ(detector_->hash(), hash);
+    } else {
+      std::vector<Pair> differ;
+      std::set_symmetric_difference(
+          found.begin(), found.end(), wanted.begin(), wanted.end(), std::back_inserter(differ),
+          [](const Pair& p, const Pair& q) { return p.i != q.i ? p.i < q.i : p.j < q.j; });
+      ASSERT_LE(differ.size(), c.doubtful);
+    }
+    check_records(c, scene);
+  }
+
+  void check_records(const Contacts& c, const TestScene& scene) {
+    if (options_.width == Width::pairs || options_.scalar != Scalar::f32) return;
+    ASSERT_EQ(c.normal_span<float>().size(), c.count);
+    for (std::uint64_t k = 0; k < c.count; k++) {
+      const Sphere &a = scene.spheres[c.pairs[k].i], &b = scene.spheres[c.pairs[k].j];
+      const double d = std::hypot(b.x - a.x, b.y - a.y, b.z - a.z), s = a.r + b.r;
+      const Normal<float>& n = c.normal_span<float>()[k];
+      if (s < 1e-30) continue;  // a float record has no digits for it
+      ASSERT_NEAR(n.depth, s - d, 4e-7 * (s + d));
+      if (!(d > 1e-30 * s)) continue;
+      ASSERT_NEAR(n.x, (b.x - a.x) / d, 1e-6);
+      ASSERT_NEAR(n.y, (b.y - a.y) / d, 1e-6);
+      ASSERT_NEAR(n.z, (b.z - a.z) / d, 1e-6);
+    }
+  }
+
+  void expect_error(const TestScene& scene, const std::string& part) {
+    const Arranged a(scene, GetParam().input);
+    if (!detector_) detector_ = std::make_unique<Detector>(options_);
+    try {
+      detector_->detect(a.input);
+      FAIL() << "nothing was thrown, wanted: " << part;
+    } catch (const Error& e) {
+      EXPECT_NE(std::string(e.what()).find(part), std::string::npos) << e.what();
+    }
+  }
+
+  Options options_;
+  std::unique_ptr<Detector> detector_;  // one for all scenes of a test: memory is used again
+};
+
+TEST_P(DetectorTest, RandomScenes) {
+  std::random_device device;
+  std::uint32_t seed = device();
+  std::printf("seed %u\n", seed);
+  for (const std::uint32_t n : {0u, 1u, 2u, 3u, 17u, 300u, 2000u, 5000u})
+    for (const double ratio : {1.0, 4.0, 100.0})
+      for (const double room : {0.05, 0.6, 40.0}) {
+        if (n == 5000 && (ratio != 4 || room == 0.05)) continue;
+        seed++;
+        expect_right(random_scene(n, ratio, room, seed),
+                     "n " + std::to_string(n) + " ratio " + std::to_string(ratio) + " room " +
+                         std::to_string(room) + " seed " + std::to_string(seed));
+        if (HasFatalFailure()) return;
+      }
+}
+
+// Two spheres in all kinds of relation, at many places relative to the bins.
+TEST_P(DetectorTest, PairsByName) {
+  const struct {
+    const char* name;
+    Sphere a, b;
+  } pairs[] = {
+      {"disjoint", {0, 0, 0, 1}, {3, 0, 0, 1}},
+      {"exactly touching along x", {0, 0, 0, 1}, {2, 0, 0, 1}},
+      {"exactly touching, 3-4-5", {0, 0, 0, 2}, {3, 4, 0, 3}},
+      {"exactly touching, unequal", {1, 1, 1, 0.25}, {1, 1, 2.5, 1.25}},
+      {"apart by one ulp", {0, 0, 0, 1}, {std::nextafterf(2, 3), 0, 0, 1}},
+      {"overlapping by one ulp", {0, 0, 0, 1}, {std::nextafterf(2, 1), 0, 0, 1}},
+      {"overlapping", {0, 0, 0, 1}, {1, 1, 0.5, 1}},
+      {"contained", {0, 0, 0, 4}, {1, 0.5, 0, 1}},
+      {"contained, touching inside", {0, 0, 0, 4}, {3, 0, 0, 1}},
+      {"concentric", {1, 2, 3, 2}, {1, 2, 3, 0.5}},
+      {"alike", {1, 2, 3, 2}, {1, 2, 3, 2}},
+      {"two points in one place", {1, 2, 3, 0}, {1, 2, 3, 0}},
+      {"two points apart", {1, 2, 3, 0}, {1, 2, 3.5, 0}},
+      {"a point on a sphere", {0, 0, 0, 1}, {1, 0, 0, 0}},
+      {"a point off a sphere", {0, 0, 0, 1}, {1.0001, 0, 0, 0}},
+      {"midpoint on a bin face", {3, 1, 1, 1}, {5, 1, 1, 1}},
+      {"midpoint on a bin edge", {3, 3, 1, 1.5}, {5, 5, 1, 1.5}},
+      {"midpoint on a bin corner", {3, 3, 3, 2}, {5, 5, 5, 2}},
+      {"across the origin", {-0.5, -0.5, -0.5, 1}, {0.5, 0.5, 0.5, 1}},
+      {"large beside small", {0, 0, 0, 1000}, {1000.05, 0, 0, 0.1}},
+  };
+  for (const auto& p : pairs)
+    for (const double bin : {0.0, 2.0, 4.0, 16.0})
+      for (const double shift : {0.0, 1.0, -2.0, 100.0, 0.3}) {
+        if (p.a.r > 100 && bin > 0) continue;  // bins by the billion in the nine stages
+        TestScene s{{p.a, p.b}, {}, {}};
+        s.shift(shift);
+        detector_.reset();
+        options_.bin_size = bin;
+        expect_right(s,
+                     std::string(p.name) + " bin " + std::to_string(bin) + " shift " + std::to_string(shift));
+        std::swap(s.spheres[0], s.spheres[1]);
+        expect_right(s, std::string(p.name) + ", turned");
+      }
+}
+
+// A lattice of touching spheres: every midpoint lies on a face, edge or corner of a bin, every distance on
+// the threshold.
+TEST_P(DetectorTest, LatticeOfTouchingSpheres) {
+  TestScene s;
+  for (int z = 0; z < 9; z++)
+    for (int y = 0; y < 9; y++)
+      for (int x = 0; x < 9; x++) s.spheres.push_back({2.0 * x, 2.0 * y, 2.0 * z, 1});
+  for (const double bin : {0.0, 2.0, 4.0, 3.0})
+    for (const double shift : {0.0, -8.0, 0.5, 1e3}) {
+      TestScene moved = s;
+      moved.shift(shift);
+      detector_.reset();
+      options_.bin_size = bin;
+      expect_right(moved, "bin " + std::to_string(bin) + " shift " + std::to_string(shift));
+    }
+}
+
+// Partners put as close to the threshold as rounding lets them be, on both sides: float alone gets many of
+// them wrong.
+TEST_P(DetectorTest, OnTheThreshold) {
+  for (const double far : {0.0, 1e3, 1e6}) {
+    std::mt19937_64 random(7);
+    std::normal_distribution<double> normal;
+    std::uniform_real_distribution<double> unit(0, 1);
+    TestScene s;
+    for (int k = 0; k < 1500; k++) {
+      const Sphere a{unit(random) * 200, unit(random) * 200, unit(random) * 200, 0.5 + unit(random)};
+      double d[3], length = 0;
+      for (double& v : d) v = normal(random), length += v * v;
+      const double r = 0.5 + unit(random), t = (a.r + r) * (1 + 1e-15 * normal(random)) / std::sqrt(length);
+      s.spheres.push_back(a), s.spheres.push_back({a.x + t * d[0], a.y + t * d[1], a.z + t * d[2], r});
+    }
+    s.shift(far);
+    expect_right(s, "at " + std::to_string(far));
+  }
+}
+
+TEST_P(DetectorTest, AllAlike) {
+  expect_right({std::vector<Sphere>(300, Sphere{1, 2, 3, 0.5}), {}, {}}, "radius 0.5");
+  expect_right({std::vector<Sphere>(300, Sphere{0, 0, 0, 0}), {}, {}}, "points at the origin");
+  expect_right({std::vector<Sphere>(300, Sphere{1e6, 0, 7, 0}), {}, {}}, "points elsewhere");
+}
+
+TEST_P(DetectorTest, AllInOneBin) {
+  TestScene s = random_scene(400, 1, 0.5, 3);
+  for (Sphere& p : s.spheres) p.r *= 1e-3;
+  s.spheres.push_back({0, 0, 0, 50});
+  expect_right(s, "one large sphere sets the bins of the nine stages");
+  options_.bin_size = 1000, detector_.reset();
+  expect_right(s, "one bin for all");
+}
+
+TEST_P(DetectorTest, PointsOnly) {
+  TestScene s = random_scene(1000, 1, 1, 11);
+  for (Sphere& p : s.spheres) p.r = 0;
+  for (std::size_t k = 0; k < 20; k++) s.spheres.push_back(s.spheres[k * 7]);
+  expect_right(s, "points, twenty of them twice");
+}
+
+TEST_P(DetectorTest, RatioOneToTenThousand) {
+  TestScene s = random_scene(1500, 1, 30, 5);
+  for (std::size_t k = 0; k < s.spheres.size(); k++)
+    s.spheres[k].r = std::pow(1e4, static_cast<double>(k % 7) / 6) * 0.01;
+  s.spheres.resize(1400);
+  expect_right(s, "radii 0.01 to 100");
+}
+
+TEST_P(DetectorTest, FarFromTheOrigin) {
+  TestScene s = random_scene(800, 2, 0.5, 9);
+  s.scale(1e-3);  // millimetre spheres, in metres
+  s.shift(1e7);
+  expect_right(s, "at 1e7");
+  s.shift(1e9);
+  expect_right(s, "at 1e9");
+}
+
+TEST_P(DetectorTest, OneFarAwaySphere) {
+  for (const double far : {1e5, 1e9, 1e30}) {
+    TestScene s = random_scene(800, 2, 0.5, 10);
+    s.spheres.push_back({far, -far, far, 1});
+    s.spheres.push_back({far, -far, far, 2});
+    expect_right(s, "at " + std::to_string(far));
+  }
+}
+
+// A chain along the diagonal: bins by the billion, nearly all empty; and spheres strewn so thinly that rows
+// are hashed.
+TEST_P(DetectorTest, SparseDomains) {
+  TestScene chain;
+  for (int k = 0; k < 2000; k++) chain.spheres.push_back({1.5 * k, 1.5 * k, -1.5 * k, 1 + 0.5 * (k % 3)});
+  expect_right(chain, "a diagonal chain");
+  TestScene thin;
+  std::mt19937_64 random(21);
+  std::uniform_real_distribution<double> unit(-1e5, 1e5), near(-1.5, 1.5);
+  for (int k = 0; k < 1000; k++) {
+    const Sphere a{unit(random), unit(random), unit(random), 1};
+    thin.spheres.push_back(a),
+        thin.spheres.push_back({a.x + near(random), a.y + near(random), a.z + near(random), 1});
+  }
+  expect_right(thin, "pairs strewn over 1e15 bins");
+}
+
+TEST_P(DetectorTest, TinyAndHuge) {
+  for (const double scale : {1e-44, 1e-37, 1e-20, 1e-12, 1e12, 1e18, 1e30}) {
+    TestScene s = random_scene(500, 3, 0.3, 13);
+    s.scale(scale);
+    expect_right(s, "scaled by " + std::to_string(scale));
+  }
+  if (GetParam().input == Scalar::f32) return;
+  for (const double scale : {1e-310, 1e-160, 1e-100, 1e90}) {
+    TestScene s = random_scene(500, 3, 0.3, 13);
+    s.scale(scale);
+    if (scale > 1) {
+      expect_error(s, "do not fit a float record");
+      options_.width = Width::pairs;
+      detector_.reset();
+    }
+    expect_right(s, "scaled by " + std::to_string(scale));
+  }
+}
+
+TEST_P(DetectorTest, FamiliesAndMasks) {
+  TestScene s = random_scene(1500, 2, 0.1, 17);
+  std::mt19937_64 random(18);
+  const std::uint32_t families[] = {0, 0, 1, 2, 5, 31, 32, 33, 34, 0xffffffffu};
+  const std::uint32_t masks[] = {0, 0, 0, 1, 2, 16, 1u << 30, 1u << 31, 0xffffffffu};
+  for (std::size_t k = 0; k < s.spheres.size(); k++)
+    s.family.push_back(families[random() % std::size(families)]),
+        s.mask.push_back(masks[random() % std::size(masks)]);
+  expect_right(s, "both");
+  std::vector<std::uint32_t> none;
+  s.mask.swap(none);
+  expect_right(s, "families only");
+  s.mask.swap(none), s.family.clear();
+  expect_right(s, "masks only");
+}
+
+TEST_P(DetectorTest, BadInputIsNamed) {
+  TestScene s = random_scene(100, 1, 1, 1);
+  const auto with = [&](std::size_t k, Sphere bad) {
+    TestScene t = s;
+    t.spheres[k] = bad;
+    return t;
+  };
+  expect_error(with(7, {NAN, 0, 0, 1}), "sphere 7 at (nan, 0, 0) with radius 1 is not finite");
+  expect_error(with(99, {0, 0, INFINITY, 1}), "sphere 99 ");
+  expect_error(with(0, {0, 0, 0, NAN}), "sphere 0 ");
+  expect_error(with(3, {0, 0, 0, -0.5}), "sphere 3 at (0, 0, 0) has the negative radius -0.5");
+  if (GetParam().input == Scalar::f64)
+    expect_error(with(5, {1e101, 0, 0, 1}), "sphere 5 at (1e+101, 0, 0) with radius 1 is beyond 1e100");
+  expect_right(s, "usable after errors");
+}
+
+TEST_P(DetectorTest, TheListIsFixed) {
+  const TestScene s = random_scene(4000, 4, 0.3, 23).rounded();
+  const Arranged a(s, GetParam().input);
+  options_.width = Width::points;
+  std::vector<Pair> first;
+  for (const int threads : {1, 2, 3, 7}) {
+    options_.threads = threads;
+    Detector d(options_);
+    for (int again = 0; again < 2; again++) {
+      const Contacts& c = d.detect(a.input);
+      const std::vector<Pair> list(c.pairs, c.pairs + c.count);
+      if (first.empty()) first = list;
+      EXPECT_EQ(list, first);
+    }
+  }
+}
+
+TEST_P(DetectorTest, WidthsAndScalarsOfTheRecord) {
+  const TestScene s = random_scene(500, 3, 0.3, 29).rounded();
+  const Arranged a(s, GetParam().input);
+  for (const Width width : {Width::pairs, Width::normals, Width::points})
+    for (const Scalar scalar : {Scalar::f32, Scalar::f64}) {
+      options_.width = width, options_.scalar = scalar;
+      Detector d(options_);
+      const Contacts& c = d.detect(a.input);
+      ASSERT_GT(c.count, 100u);
+      EXPECT_EQ(c.normals != nullptr, width != Width::pairs);
+      EXPECT_EQ(c.points != nullptr, width == Width::points);
+      if (scalar == Scalar::f32 || width != Width::points) continue;
+      const double tolerance = options_.precision == Precision::exact ? 1e-13 : 1e-5;
+      for (std::uint64_t k = 0; k < c.count; k++) {
+        const Sphere &i = s.spheres[c.pairs[k].i], &j = s.spheres[c.pairs[k].j];
+        const Normal<double>& n = c.normal_span<double>()[k];
+        const Points<double>& p = c.point_span<double>()[k];
+        const double d2 = std::hypot(j.x - i.x, j.y - i.y, j.z - i.z);
+        EXPECT_NEAR(n.depth, i.r + j.r - d2, tolerance);
+        EXPECT_NEAR(std::hypot(n.x, n.y, n.z), 1, tolerance);
+        EXPECT_NEAR(std::hypot(p.on_i[0] - i.x, p.on_i[1] - i.y, p.on_i[2] - i.z), i.r, tolerance * 10);
+        EXPECT_NEAR(p.on_j[0], j.x - j.r * n.x, tolerance * 100);
+      }
+    }
+}
+
+// Eight boxes share the space: each contact is reported by one of them.
+TEST_P(DetectorTest, BoxesOwnEachContactOnce) {
+  TestScene s = random_scene(1500, 3, 0.2, 31).rounded();
+  for (int k = 0; k < 60; k++)
+    s.spheres.push_back({10.0 - 2 * (k % 5), 10.0, 2.0 * (k / 5), 1});  // midpoints on the faces
+  const Arranged a(s, GetParam().input);
+  std::vector<Pair> all;
+  for (int box = 0; box < 8; box++) {
+    options_.own = {};
+    for (int c = 0; c < 3; c++) (box >> c & 1 ? options_.own.low : options_.own.high)[c] = c == 2 ? 8 : 10;
+    Detector d(options_);
+    const Contacts& c = d.detect(a.input);
+    all.insert(all.end(), c.pairs, c.pairs + c.count);
+  }
+  if (options_.precision == Precision::exact) {
+    EXPECT_EQ(sorted(all), brute_force(s));
+  }
+}
+
+TEST_P(DetectorTest, MemoryIsKeptAndShortageIsASentence) {
+  const TestScene s = random_scene(3000, 2, 0.05, 37);
+  const Arranged a(s, GetParam().input);
+  options_.threads = 1;  // which thread finds how many is not fixed, and so neither is what each keeps
+  Detector d(options_);
+  const std::uint64_t contacts = d.detect(a.input).count, held = d.memory();
+  EXPECT_GT(held, 0u);
+  d.detect(a.input);
+  EXPECT_EQ(d.memory(), held);
+  Detector narrow(options_);
+  narrow.options().memory_limit = held / 4;
+  try {
+    narrow.detect(a.input);
+    FAIL() << "a quarter of the memory was enough";
+  } catch (const Error& e) {
+    EXPECT_NE(std::string(e.what()).find(" bytes of "), std::string::npos) << e.what();
+  }
+  narrow.options().memory_limit = 0;
+  EXPECT_EQ(narrow.detect(a.input).count, contacts);
+}
+
+// Bodies give what their spheres would give, placed one by one.
+TEST_P(DetectorTest, BodiesAreTheirSpheres) {
+  BodyScene scene = generate_bodies(30);
+  const Shape shapes[] = {{scene.shape.data(), scene.shape.size()}, {scene.shape.data(), 5}, {nullptr, 0}};
+  for (std::size_t k = 0; k < scene.bodies.size(); k++)
+    scene.bodies[k].shape = k % 7 == 0 ? 1 : k % 11 == 0 ? 2 : 0;
+  scene.bodies[3].family = 4, scene.bodies[4].mask = 8;
+  TestScene loose = random_scene(300, 2, 0.5, 41).rounded();
+  for (std::size_t k = 0; k < loose.spheres.size(); k++)
+    loose.family.push_back(k % 3 ? 0 : 4), loose.mask.push_back(0);
+
+  TestScene all;
+  for (const Body& b : scene.bodies)
+    for (std::uint64_t k = 0; k < shapes[b.shape].count; k++)
+      all.spheres.push_back(placed(b, shapes[b.shape].spheres[k])), all.family.push_back(b.family),
+          all.mask.push_back(b.mask);
+  all.spheres.insert(all.spheres.end(), loose.spheres.begin(), loose.spheres.end());
+  all.family.insert(all.family.end(), loose.family.begin(), loose.family.end());
+  all.mask.insert(all.mask.end(), loose.mask.begin(), loose.mask.end());
+
+  Arranged a(loose, GetParam().input);
+  a.input.shapes = shapes, a.input.bodies = scene.bodies;
+  Detector d(options_);
+  const Contacts& c = d.detect(a.input);
+  EXPECT_EQ(c.spheres, all.spheres.size());
+  EXPECT_GT(c.count, 100u);
+  if (options_.precision == Precision::exact) {
+    EXPECT_EQ(sorted(c.pair_span()), brute_force(all));
+  }
+  scene.bodies[5].position[1] = NAN;
+  EXPECT_THROW(d.detect(a.input), Error);
+  scene.bodies[5].shape = 9;
+  EXPECT_THROW(d.detect(a.input), Error);
+}
+
+INSTANTIATE_TEST_SUITE_P(Matrix, DetectorTest,
+                         testing::Values(Case{Choice::omp, Path::fast, Precision::exact, Scalar::f32},
+                                         Case{Choice::omp, Path::fast, Precision::exact, Scalar::f64},
+                                         Case{Choice::omp, Path::fast, Precision::fast, Scalar::f32},
+                                         Case{Choice::omp, Path::fast, Precision::fast, Scalar::f64},
+                                         Case{Choice::omp, Path::nine_stages, Precision::exact, Scalar::f32},
+                                         Case{Choice::omp, Path::nine_stages, Precision::exact, Scalar::f64},
+                                         Case{Choice::cuda, Path::fast, Precision::exact, Scalar::f32},
+                                         Case{Choice::cuda, Path::fast, Precision::exact, Scalar::f64},
+                                         Case{Choice::cuda, Path::fast, Precision::fast, Scalar::f32},
+                                         Case{Choice::cuda, Path::fast, Precision::fast, Scalar::f64},
+                                         Case{Choice::cuda, Path::nine_stages, Precision::exact, Scalar::f32},
+                                         Case{Choice::cuda, Path::nine_stages, Precision::exact,
+                                              Scalar::f64}),
+                         name_of);
+
+}  // namespace
+}  // namespace padder::detect

@@ -1,0 +1,114 @@
+// The oracle of the detector's tests: every pair, in double, written apart from the code under test.
+#pragma once
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "detect/detector.h"
+#include "padding/error.h"
+
+namespace padder::detect {
+
+inline std::ostream& operator<<(std::ostream& out, const Pair& p) {
+  return out << "(" << p.i << ", " << p.j << ")";
+}
+
+struct TestScene {
+  std::vector<Sphere> spheres;
+  std::vector<std::uint32_t> family, mask;  // empty: none
+
+  // Every coordinate and radius as float input gives it.
+  TestScene rounded() const {
+    TestScene s = *this;
+    for (Sphere& p : s.spheres)
+      p = {static_cast<float>(p.x), static_cast<float>(p.y), static_cast<float>(p.z),
+           static_cast<float>(p.r)};
+    return s;
+  }
+  void shift(double by) {
+    for (Sphere& p : spheres) p.x += by, p.y -= by, p.z += 2 * by;
+  }
+  void scale(double by) {
+    for (Sphere& p : spheres) p.x *= by, p.y *= by, p.z *= by, p.r *= by;
+  }
+};
+
+inline bool oracle_admits(std::uint32_t fa, std::uint32_t ma, std::uint32_t fb, std::uint32_t mb) {
+  if (fa != 0 && fa == fb) return false;
+  for (std::uint32_t bit = 0; bit < 32; bit++) {
+    if ((ma & (1u << bit)) && fb == bit + 1) return false;
+    if ((mb & (1u << bit)) && fa == bit + 1) return false;
+  }
+  return true;
+}
+
+inline std::vector<Pair> brute_force(const TestScene& s) {
+  std::vector<Pair> pairs;
+  const auto n = static_cast<std::uint32_t>(s.spheres.size());
+  for (std::uint32_t i = 0; i < n; i++)
+    for (std::uint32_t j = i + 1; j < n; j++) {
+      const Sphere &a = s.spheres[i], &b = s.spheres[j];
+      const volatile double x = (b.x - a.x) * (b.x - a.x), y = (b.y - a.y) * (b.y - a.y),
+                            z = (b.z - a.z) * (b.z - a.z);
+      const volatile double xy = x + y, d2 = xy + z, r = a.r + b.r,
+                            r2 = r * r;  // volatile: no operation is fused
+      if (!(d2 <= r2)) continue;
+      if (!s.family.empty() || !s.mask.empty()) {
+        const auto at = [](const auto& v, std::uint32_t k) { return v.empty() ? 0u : v[k]; };
+        if (!oracle_admits(at(s.family, i), at(s.mask, i), at(s.family, j), at(s.mask, j))) continue;
+      }
+      pairs.push_back({i, j});
+    }
+  return pairs;
+}
+
+inline std::vector<Pair> sorted(std::span<const Pair> pairs) {
+  std::vector<Pair> p(pairs.begin(), pairs.end());
+  std::sort(p.begin(), p.end(),
+            [](const Pair& a, const Pair& b) { return a.i != b.i ? a.i < b.i : a.j < b.j; });
+  return p;
+}
+
+// The scene as input in float or double; keeps the arrays alive.
+struct Arranged {
+  std::vector<float> f;
+  std::vector<double> d;
+  Input input;
+  Arranged(const TestScene& s, Scalar scalar) {
+    for (const Sphere& p : s.spheres)
+      for (const double v : {p.x, p.y, p.z, p.r})
+        scalar == Scalar::f32 ? f.push_back(static_cast<float>(v)) : d.push_back(v);
+    if (scalar == Scalar::f32)
+      input.spheres = spheres_of<float>(s.spheres.size(), f.data(), f.data() + 3);
+    else
+      input.spheres = spheres_of<double>(s.spheres.size(), d.data(), d.data() + 3);
+    input.spheres.center_stride = input.spheres.radius_stride = 4;
+    if (!s.family.empty()) input.spheres.family = s.family.data();
+    if (!s.mask.empty()) input.spheres.mask = s.mask.data();
+  }
+  Arranged(const Arranged&) = delete;
+};
+
+// n spheres at uniform places of a cube with `per_sphere` cubes of the mean diameter for each; radii 1 to
+// `ratio`, small ones far more often.
+inline TestScene random_scene(std::uint32_t n, double ratio, double per_sphere, std::uint32_t seed) {
+  std::mt19937_64 random(seed);
+  std::uniform_real_distribution<double> unit(0, 1);
+  TestScene s;
+  double volume = 0;
+  std::vector<double> radii;
+  for (std::uint32_t k = 0; k < n; k++) {
+    const double u = unit(random), r = ratio == 1 ? 1 : 1 / (1 - u * (1 - 1 / ratio));
+    radii.push_back(r), volume += 8 * r * r * r;
+  }
+  const double edge = std::cbrt(volume * per_sphere);
+  for (const double r : radii)
+    s.spheres.push_back({unit(random) * edge, unit(random) * edge, unit(random) * edge, r});
+  return s;
+}
+
+}  // namespace padder::detect

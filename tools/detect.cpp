@@ -1,0 +1,249 @@
+// detect: the contacts of a scene. Arguments and printing only; the work is padder::detect.
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <iostream>
+#include <nlohmann/json.hpp>
+
+#include "detect/contact_file.h"
+#include "detect/scene.h"
+#include "detect/stages.h"
+#include "padding/error.h"
+
+namespace {
+
+using namespace padder::detect;
+using Json = nlohmann::ordered_json;
+
+constexpr std::uint64_t kShown = 512;  // spheres whose stages are printed at most
+
+struct UsageError : std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
+
+// One of some words, each for a value; the first is the default.
+template <class T>
+class Choices {
+ public:
+  Choices(std::initializer_list<std::pair<const char*, T>> words)
+      : words_(words.begin(), words.end()), word(words_[0].first) {}
+  void add(CLI::App& app, const char* name, const char* what) {
+    std::string all;
+    for (const auto& [text, unused] : words_) all += (all.empty() ? "" : "|") + std::string(text);
+    app.add_option(name, word, what)->type_name(all)->check([this, all](const std::string& given) {
+      for (const auto& [text, unused] : words_)
+        if (given == text) return std::string();
+      return "one of " + all + " is wanted, not " + given;
+    });
+  }
+  T value() const {
+    for (const auto& [text, v] : words_)
+      if (word == text) return v;
+    return words_[0].second;
+  }
+
+ private:
+  std::vector<std::pair<const char*, T>> words_;
+
+ public:
+  std::string word;
+};
+
+struct Arguments {
+  std::string scene, output;
+  std::uint64_t copies = 0;
+  int devices = 1;
+  bool hash = false, stages = false, json = false, quiet = false;
+  Choices<Choice> backend{{"auto", Choice::automatic}, {"omp", Choice::omp}, {"cuda", Choice::cuda}};
+  Choices<Path> path{{"fast", Path::fast}, {"nine-stages", Path::nine_stages}};
+  Choices<Precision> precision{{"exact", Precision::exact}, {"fast", Precision::fast}};
+  Options options;
+};
+
+void declare(CLI::App& app, Arguments& a) {
+  app.add_option("SCENE", a.scene, "a scene (.json), or a cluster (.spheres.json)")->required();
+  app.add_option("--copies", a.copies, "of a cluster: a jittered pile of N bodies")
+      ->check(CLI::Range(1u, 0xfffffffeu))
+      ->type_name("N");
+  a.backend.add(app, "--backend", "auto takes the GPU when there is one");
+  app.add_option("--devices", a.devices, "GPUs to use")->check(CLI::PositiveNumber)->type_name("N");
+  a.path.add(app, "--path", "the fast path, or the nine stages as in the paper");
+  a.precision.add(app, "--precision", "exact: the contacts of double arithmetic; fast: float only");
+  app.add_option("--bin-size", a.options.bin_size, "edge of a bin, in the scene's unit (default: chosen)")
+      ->check(CLI::PositiveNumber)
+      ->type_name("S");
+  app.add_option("-o", a.output, "write the contacts, sorted: .csv, .npz or .vtp")->type_name("FILE");
+  app.add_flag("--hash", a.hash, "print the order-free hash of the pairs");
+  app.add_flag("--stages", a.stages, "print the arrays T, S, B, C, D, E, F of a small scene");
+  app.add_option("--threads", a.options.threads, "CPU threads (default: all)")
+      ->check(CLI::PositiveNumber)
+      ->type_name("N");
+  app.add_flag("--json", a.json, "print one JSON document on stdout");
+  app.add_flag("-q", a.quiet, "print nothing but errors");
+  app.set_version_flag("--version", "detect (padder) " PADDER_VERSION);
+}
+
+std::string bin_name(std::uint64_t bin, const StageGrid& g) {
+  const std::uint64_t x = bin % g.side[0], y = bin / g.side[0] % g.side[1], z = bin / g.side[0] / g.side[1];
+  return "(" + std::to_string(x) + "," + std::to_string(y) + "," + std::to_string(z) + ")";
+}
+
+template <class T, class Print>
+void print_row(const char* label, const std::vector<T>& values, Print print) {
+  std::string line = label;
+  for (std::size_t k = 0; k < values.size(); k++) {
+    const std::string word = " " + print(values[k], k);
+    if (line.size() + word.size() > 110) std::puts(line.c_str()), line = "   ";
+    line += word;
+  }
+  std::puts(line.c_str());
+}
+
+void print_stages(const Arrays& a) {
+  const StageGrid& g = a.grid;
+  const auto number = [](auto v, std::size_t) { return std::to_string(v); };
+  const auto entry = [&](const BinEntry& e, std::size_t) {
+    return bin_name(e.bin, g) + ":" + std::to_string(e.object);
+  };
+  const auto start = [&](const BinStart& s, std::size_t) {
+    return bin_name(s.bin, g) + ":" + (s.start == kInactive ? "inactive" : std::to_string(s.start));
+  };
+  std::printf(
+      "grid of %llu x %llu x %llu bins of edge %.9g; bin (x,y,z) has number x + y SIDE.x + z SIDE.x SIDE.y\n",
+      (unsigned long long)g.side[0], (unsigned long long)g.side[1], (unsigned long long)g.side[2], g.size);
+  std::puts("stage 1, T: bins each object touches"), print_row("  T", a.T, number);
+  std::puts("stage 2, S: inclusive scan of T"), print_row("  S", a.S, number);
+  std::puts("stage 3, B: bin:object"), print_row("  B", a.B, entry);
+  std::puts("stage 4, B sorted by bin"), print_row("  B", a.B_sorted, entry);
+  std::puts("stage 5, C: bin:start in B, of the bins that are touched"), print_row("  C", a.C, start);
+  std::printf("stage 6, C with inactive bins at the end: %llu active\n", (unsigned long long)a.active);
+  print_row("  C", a.C_sorted, start);
+  std::puts("stage 7, D: contacts of each active bin"), print_row("  D", a.D, number);
+  std::puts("stage 8, E: inclusive scan of D"), print_row("  E", a.E, number);
+  std::puts("stage 9, F: contacts");
+  print_row("  F", a.F, [](const Pair& p, std::size_t) {
+    return "(" + std::to_string(p.i) + "," + std::to_string(p.j) + ")";
+  });
+}
+
+Json stages_json(const Arrays& a) {
+  const auto entries = [](const std::vector<BinEntry>& from) {
+    Json to = Json::array();
+    for (const BinEntry& e : from) to.push_back({e.bin, e.object});
+    return to;
+  };
+  const auto starts = [](const std::vector<BinStart>& from) {
+    Json to = Json::array();
+    for (const BinStart& s : from) to.push_back({s.bin, s.start == kInactive ? Json() : Json(s.start)});
+    return to;
+  };
+  Json f = Json::array();
+  for (const Pair& p : a.F) f.push_back({p.i, p.j});
+  return {{"bin_size", a.grid.size},
+          {"side", a.grid.side},
+          {"T", a.T},
+          {"S", a.S},
+          {"B", entries(a.B)},
+          {"B_sorted", entries(a.B_sorted)},
+          {"C", starts(a.C)},
+          {"C_sorted", starts(a.C_sorted)},
+          {"active", a.active},
+          {"D", a.D},
+          {"E", a.E},
+          {"F", f}};
+}
+
+std::string hex(std::uint64_t v) {
+  char text[17];
+  std::snprintf(text, sizeof text, "%016llx", (unsigned long long)v);
+  return text;
+}
+
+int run(Arguments& a) {
+  if (a.devices > 1)
+    throw UsageError("--devices " + std::to_string(a.devices) + ": this version uses one GPU");
+  if (!a.output.empty()) check_contact_ending(a.output);
+  const Scene scene = read_scene_or_cluster(a.scene, a.copies);
+  if (a.stages && scene.size() > kShown)
+    throw padder::Error(a.scene + " has " + std::to_string(scene.size()) +
+                        " spheres: --stages prints scenes of at most " + std::to_string(kShown));
+  const Input input = scene.input();
+  a.options.backend = a.backend.value(), a.options.path = a.path.value(),
+  a.options.precision = a.precision.value();
+  a.options.timings = true;
+  a.options.width = a.output.empty() ? Width::normals : Width::points;
+  a.options.scalar = a.output.empty() ? Scalar::f32 : Scalar::f64;
+  if (scene.loose.scalar == Scalar::f64 || !scene.bodies.empty()) a.options.scalar = Scalar::f64;
+  Detector detector(a.options);
+  const Contacts& c = detector.detect(input);
+  const std::string hash = hex(detector.hash());
+  if (!a.output.empty()) write_contacts(sorted_table(c), a.output);
+  Json seconds = Json::object();
+  for (int k = 0; k < 9; k++) seconds["stage" + std::to_string(k + 1)] = c.seconds.stage[k];
+  seconds["place"] = c.seconds.place, seconds["total"] = c.seconds.total;
+  Json report = {{"spheres", c.spheres},
+                 {"bodies", scene.bodies.size()},
+                 {"contacts", c.count},
+                 {"hash", hash},
+                 {"backend", detector.backend()},
+                 {"path", a.path.word},
+                 {"precision", a.precision.word},
+                 {"doubtful", c.doubtful},
+                 {"seconds", seconds}};
+  if (!a.json && !a.quiet) {
+    std::printf("%llu spheres in %zu bodies and loose: %llu contacts (%s, %s) in %.4f s\n",
+                (unsigned long long)c.spheres, scene.bodies.size(), (unsigned long long)c.count,
+                detector.backend(), a.precision.word.c_str(), c.seconds.total);
+    if (a.options.precision == Precision::fast)
+      std::printf("float only: off from double arithmetic by at most %llu pairs\n",
+                  (unsigned long long)c.doubtful);
+    if (!a.output.empty()) std::printf("wrote %s\n", a.output.c_str());
+  }
+  if (a.hash && !a.json) std::printf("%s\n", hash.c_str());
+  if (a.stages) {
+    const Arrays arrays = detector.stages(input);
+    if (a.json)
+      report["stages"] = stages_json(arrays);
+    else
+      print_stages(arrays);
+  }
+  if (a.json) std::cout << report.dump(2) << std::endl;
+  return 0;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app(
+      "Examples:\n"
+      "  detect track_shoe.spheres.json --copies 1000     contacts of a pile of 1,000 bodies\n"
+      "  detect scene.json -o contacts.csv                contacts of a scene, written\n"
+      "  detect scene.json --stages --bin-size 1          the arrays of the nine stages of a small scene\n\n"
+      "Finds every pair of spheres that touch, but for those that families and masks exclude. Exact by "
+      "default: the\n"
+      "contacts are those of double arithmetic, the same from every backend, path and number of threads.",
+      "detect");
+  Arguments arguments;
+  declare(app, arguments);
+  try {
+    app.parse(argc, argv);
+    return run(arguments);
+  } catch (const CLI::Success& e) {  // --help, --version
+    return app.exit(e);
+  } catch (const CLI::ParseError& e) {
+    std::fprintf(stderr, "detect: %s (see detect --help)\n", e.what());
+    return 2;
+  } catch (const UsageError& e) {
+    std::fprintf(stderr, "detect: %s\n", e.what());
+    return 2;
+  } catch (const padder::Error& e) {
+    std::fprintf(stderr, "detect: %s\n", e.what());
+    return 1;
+  } catch (const std::bad_alloc&) {
+    std::fprintf(stderr, "detect: %s: not enough memory: divide the scene into boxes\n",
+                 arguments.scene.c_str());
+    return 1;
+  } catch (const std::exception& e) {
+    std::fprintf(stderr, "detect: unexpected: %s\n", e.what());
+    return 1;
+  }
+}
