@@ -13,6 +13,7 @@
 #include <optional>
 
 #include "padding/error.h"
+#include "padding/page.h"
 
 namespace padder {
 
@@ -36,7 +37,7 @@ namespace fs = std::filesystem;
 
 struct Arguments {
   std::vector<std::string> meshes;
-  std::string output, unit;
+  std::string output, unit, preview;
   double scale = 1;
   padder::PadOptions options;
   int threads = 0;
@@ -103,6 +104,7 @@ void declare(CLI::App& app, Arguments& a) {
       ->type_name("MODE");
   app.add_option("--family", a.options.family, "of the asset: no contact inside a family; 0 is none");
   app.add_option("--mask", a.options.mask, "bit k: no contact with family k + 1");
+  app.add_option("--preview", a.preview, "show mesh and spheres: a page (.html) or a picture (.png)")->type_name("FILE");
   app.add_option("--scale", a.scale, "factor on every coordinate")->check(CLI::PositiveNumber);
   app.add_option("--unit", a.unit, "m, cm, mm or in: the unit of the asset")
       ->check(CLI::IsMember({"m", "cm", "mm", "in"}));
@@ -131,6 +133,9 @@ std::vector<fs::path> outputs(const Arguments& a) {
                        ": pad them one by one with -o");
     out.push_back(path);
   }
+  if (!a.preview.empty() && (a.meshes.size() > 1 || !padder::is_preview(a.preview)))
+    throw UsageError("--preview shows one mesh in one file that ends in .html or .png");
+  if (a.preview.ends_with(".html")) padder::page_script();  // before the work, not after it
   if (!a.output.empty() && !folder && !a.output.ends_with(".json"))
     throw UsageError("cannot tell the format of " + a.output + ": end it with .spheres.json");
   return out;
@@ -247,6 +252,8 @@ int run(Arguments& a) {
             bar.show(mesh, k, a.meshes.size(), step, done, steps);
           });
       padder::write_cluster(padded.cluster, paths[k]);
+      if (!a.preview.empty())
+        padder::write_preview(padder::view_of(padded.cluster, padder::mesh_of(padded.cluster, paths[k], mesh)), a.preview);
       bar.clear();
       if (a.json)
         all.push_back(report_json(mesh, paths[k], a, padded));

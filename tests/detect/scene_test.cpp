@@ -4,7 +4,7 @@
 #include <filesystem>
 
 #include "detect/contact_file.h"
-#include "detect/npz.h"
+#include "padding/npz.h"
 #include "padding/file.h"
 #include "tests/detect/oracle.h"
 
