@@ -35,7 +35,7 @@ PADDER_HD bool touching(const Sphere& a, const Sphere& b) {
 }
 
 // What the search reads of a sphere, 16 bytes. Input in float is kept as it is. Input in double becomes fixed
-// point in units of the bin (grid.h: 2^-28 of its edge, modulo 16 bins): the difference of two neighbours is
+// point in units of the bin (grid.h: 2^-24 of its edge, modulo 256 bins): the difference of two neighbours is
 // exact in integers however far from the origin they are, so the band below does not grow with the domain.
 struct alignas(16) FloatSlot {
   float x, y, z, r;

@@ -212,7 +212,7 @@ ReadResult read_mesh(const std::filesystem::path& path, const ReadOptions& optio
     if (ending == ".stl") reading::check_stl(bytes, where, result.notes);
     std::vector<Point> doubles;
     if (ending == ".ply") doubles = reading::check_ply(bytes, where, result.notes);
-    soup = reading::read_scene(bytes, path, ending);
+    soup = reading::in_child([&] { return reading::read_scene(bytes, path, ending); }, bytes.size(), where);
     // Assimp keeps the vertices of a PLY as they stand, rounded: the same number in the same order.
     if (std::ranges::equal(doubles, soup.points,
                            [](const Point& p, const Point& q) { return p.isApprox(q, 1e-5); }))

@@ -2,6 +2,7 @@
 #pragma once
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -34,6 +35,12 @@ void check_counts(std::uint64_t points, std::uint64_t triangles, const std::stri
 Soup read_obj(std::string& bytes, const std::string& where);
 Soup read_off(const std::string& bytes, const std::string& where);
 Soup read_scene(const std::string& bytes, const std::filesystem::path& path, const std::string& ending);
+
+// Calls `read` in a forked process and brings its soup (without lines and notes) or its Error here: a crash,
+// an abort, an endless loop or boundless memory there is one sentence here. The process has 30 s and 4 GiB,
+// more for large files. Only the calling thread lives on in it: `read` may wait for no other, and uses no
+// OpenMP.
+Soup in_child(const std::function<Soup()>& read, std::size_t file_size, const std::string& where);
 
 // Faults that assimp answers with a crash, a hang or a wrong mesh are refused. STL may be mended, which a
 // note says. PLY returns the vertices when they are declared as doubles, else nothing.

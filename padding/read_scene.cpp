@@ -1,4 +1,5 @@
-// The formats that assimp reads.
+// The formats that assimp reads. Runs in a child process (read_child.cpp): on a damaged file assimp 5.2 may
+// abort.
 #include <assimp/config.h>
 #include <assimp/postprocess.h>
 #include <assimp/scene.h>
@@ -9,37 +10,29 @@
 #include <assimp/DefaultLogger.hpp>
 #include <assimp/Importer.hpp>
 #include <assimp/LogStream.hpp>
-#include <mutex>
 #include <utility>
 
 #include "padding/read_internal.h"
 
-#if defined(__SANITIZE_ADDRESS__)
-// Assimp 5.2 forgets some hundred bytes when it refuses a file.
-extern "C" const char* __lsan_default_suppressions() { return "leak:libassimp\n"; }
-#endif
-
 namespace padder::reading {
 namespace {
 
-// Assimp's log is one for the process: it is taken for the time of one import, and nothing of it is printed.
-std::mutex assimp_mutex;
-
+// What assimp says during an import; nothing of it is printed. Its log is one for the process, which here is
+// the child.
 class Talk : public Assimp::LogStream {
  public:
-  Talk() : own_(Assimp::DefaultLogger::isNullLogger()) {
-    if (own_) Assimp::DefaultLogger::create("", Assimp::Logger::NORMAL, 0);
+  Talk() {
+    Assimp::DefaultLogger::create("", Assimp::Logger::NORMAL, 0);
     Assimp::DefaultLogger::get()->attachStream(this, Assimp::Logger::Warn | Assimp::Logger::Err);
   }
   ~Talk() override {
     Assimp::DefaultLogger::get()->detachStream(this, Assimp::Logger::Warn | Assimp::Logger::Err);
-    if (own_) Assimp::DefaultLogger::kill();
+    Assimp::DefaultLogger::kill();
   }
   void write(const char* message) override { text_ += message; }
   const std::string& text() const { return text_; }
 
  private:
-  bool own_;
   std::string text_;
 };
 
@@ -103,7 +96,6 @@ void add(const aiMesh& mesh, const Eigen::Matrix4d& place, double factor, const 
 
 Soup read_scene(const std::string& bytes, const std::filesystem::path& path, const std::string& ending) {
   const std::string where = path.string();
-  const std::lock_guard lock(assimp_mutex);
   Talk talk;
   Assimp::Importer importer;
   importer.SetPropertyInteger(AI_CONFIG_PP_RVC_FLAGS,

@@ -1,0 +1,144 @@
+#include "padding/pad.h"
+
+#include <gtest/gtest.h>
+#include <omp.h>
+
+#include <filesystem>
+
+#include "padding/error.h"
+#include "tests/padding/random.h"
+
+namespace padder {
+namespace {
+
+ReadResult as_file(const Mesh& mesh, const std::string& name = "part.obj") {
+  ReadResult file;
+  file.mesh = mesh;
+  file.source.file = name;
+  file.source.triangles = mesh.triangles.size();
+  return file;
+}
+
+template <class Move>
+Mesh moved(Mesh mesh, Move&& move) {
+  for (Point& p : mesh.points) p = move(p);
+  return mesh;
+}
+
+TEST(Pad, ClosedFormsAreMetWithinTheCaps) {
+  struct Case {
+    std::string name;
+    Mesh mesh;
+    double volume;
+  };
+  const Case cases[] = {{"cube", shapes::box({0, 0, 0}, {1, 1, 1}), 1},
+                        {"sphere", shapes::sphere(6), 4 / 3. * std::numbers::pi},
+                        {"torus", shapes::torus(1, 0.3, 200, 60), 2 * std::pow(std::numbers::pi * 0.3, 2)},
+                        {"plate 1000:1", shapes::box({0, 0, 0}, {1, 1, 0.001}), 0.001}};
+  for (const auto& [name, mesh, volume] : cases) {
+    SCOPED_TRACE(name);
+    PadOptions options;
+    options.edge_length = {0.03, true};
+    const Padded p = pad(as_file(mesh), options);
+    const double cap = options.depth_used() * p.report.quality.circumradius_max;
+    EXPECT_LE(p.cluster.accuracy.protrusion_max, cap * 1.001);
+    EXPECT_LE(p.cluster.accuracy.gap_max, cap * 1.001);
+    EXPECT_GT(p.cluster.accuracy.coverage, 0.9);
+    EXPECT_NEAR(p.cluster.mass.volume, volume, 2e-3 * volume);
+    EXPECT_EQ(p.cluster.bounds.low, mesh.bounds().low);
+    EXPECT_EQ(p.report.triangles_in, mesh.triangles.size());
+  }
+}
+
+// 1e-9 relative to the diagonal, sphere by sphere.
+void expect_same(const Cluster& a, const Cluster& b, double scale,
+                 const std::function<Point(const Point&)>& move) {
+  ASSERT_EQ(a.size(), b.size());
+  double worst = 0;
+  for (std::size_t k = 0; k < a.size(); k++) {
+    worst = std::max(worst, (move(a.centers[k]) - b.centers[k]).norm() / b.bounds.diagonal());
+    worst = std::max(worst, std::abs(scale * a.radii[k] - b.radii[k]) / b.bounds.diagonal());
+  }
+  EXPECT_LT(worst, 1e-9);
+}
+
+TEST(Pad, MovedAndScaledInputGivesTheSameSpheresMovedAndScaled) {
+  for (std::uint64_t seed = 1; seed <= 4; seed++) {
+    SCOPED_TRACE("seed " + std::to_string(seed));
+    shapes::Random random(seed);
+    const Mesh mesh = shapes::blob(random);
+    PadOptions options;
+    options.edge_length = {0.06, true};
+    const Cluster plain = pad(as_file(mesh), options).cluster;
+    const double s = std::exp(random.uniform(-9, 9));
+    const Vector shift = s * random.point(2);
+    const auto similar = [&](const Point& p) -> Point { return s * p + shift; };
+    expect_same(plain, pad(as_file(moved(mesh, similar)), options).cluster, s, similar);
+  }
+}
+
+TEST(Pad, TurnedInputGivesTheSameSpheresTurned) {
+  for (std::uint64_t seed = 1; seed <= 4; seed++) {
+    SCOPED_TRACE("seed " + std::to_string(seed));
+    shapes::Random random(seed);
+    const Mesh mesh = shapes::blob(random);
+    PadOptions options;
+    options.edge_length = {0.2, false};  // the box's diagonal changes with the turn
+    const Cluster plain = pad(as_file(mesh), options).cluster;
+    const Eigen::Matrix3d turn = random.rotation();
+    const Vector shift = random.point(2);
+    const auto rigid = [&](const Point& p) -> Point { return turn * p + shift; };
+    expect_same(plain, pad(as_file(moved(mesh, rigid)), options).cluster, 1, rigid);
+  }
+}
+
+TEST(Pad, SameBytesForAnyNumberOfThreads) {
+  const ReadResult file = as_file(shapes::torus(1, 0.3, 50, 20));
+  const int threads = omp_get_max_threads();
+  omp_set_num_threads(1);
+  const std::string one = to_json(pad(file, {}).cluster);
+  omp_set_num_threads(4);
+  const std::string four = to_json(pad(file, {}).cluster);
+  omp_set_num_threads(threads);
+  EXPECT_EQ(one, four);
+}
+
+TEST(Pad, TinyAndHugeBodies) {
+  for (const double s : {1e-30, 1e-6, 1e38}) {
+    SCOPED_TRACE(s);
+    const Mesh mesh =
+        moved(shapes::box({0, 0, 0}, {1, 1, 1}), [&](const Point& p) -> Point { return s * p; });
+    const Padded p = pad(as_file(mesh), {});
+    EXPECT_NEAR(p.cluster.mass.volume / std::pow(s, 3), 1, 1e-9);
+    EXPECT_LT(p.cluster.accuracy.gap_max, 0.01 * s);
+  }
+}
+
+TEST(Pad, FarFromTheOriginKeepsItsDigits) {
+  const Mesh mesh = moved(shapes::box({0, 0, 0}, {1, 1, 1}),
+                          [](const Point& p) -> Point { return p + Point(1e7, 1e7, 1e7); });
+  const Padded p = pad(as_file(mesh), {});
+  EXPECT_NEAR(p.cluster.mass.volume, 1, 1e-6);
+  EXPECT_LT(p.cluster.accuracy.protrusion_max, 0.01);
+}
+
+TEST(Pad, ASheetIsSaidToBeOne) {
+  const Padded p = pad(as_file(shapes::square(1, 4)), {});
+  EXPECT_EQ(p.report.kind, BodyKind::sheet);
+  EXPECT_NE(p.cluster.source.repair.find("sheet"), std::string::npos);
+  EXPECT_EQ(p.cluster.mass.volume, 0);
+}
+
+TEST(Pad, RefusesWhatCannotBeDone) {
+  PadOptions options;
+  options.depth = 2;
+  EXPECT_THROW(pad(as_file(shapes::sphere(1)), options), Error);
+  Mesh point;
+  point.points = {{1, 1, 1}};
+  point.triangles = {{0, 0, 0}};
+  EXPECT_THROW(pad(as_file(point), {}), Error);
+  EXPECT_THROW(pad_file("no_such_file.obj", {}, {}), Error);
+}
+
+}  // namespace
+}  // namespace padder
