@@ -124,6 +124,7 @@ PADDER_HD Midpoint midpoint(const Sphere& i, const Sphere& j) {
 // A box to own: low <= point < high. Boxes that share a face own each contact once.
 struct Region {
   double low[3] = {-INFINITY, -INFINITY, -INFINITY}, high[3] = {INFINITY, INFINITY, INFINITY};
+  friend bool operator==(const Region&, const Region&) = default;
 };
 PADDER_HD bool owns(const Region& r, const Midpoint& m) {
   return r.low[0] <= m.x && m.x < r.high[0] && r.low[1] <= m.y && m.y < r.high[1] && r.low[2] <= m.z &&

@@ -52,10 +52,20 @@ __device__ __forceinline__ float4 slot_of(const Source& source, const Grid& grid
     return make_float4(f.x, f.y, f.z, Kind == SlotKind::equal ? __uint_as_float(id) : f.r);
   }
 }
-__device__ __forceinline__ std::uint32_t key_of_sphere(const Source& source, const Grid& grid, std::uint32_t id) {
+// The grid may be that of the call before, kept in the hope that it still fits (backend_cuda.cu): a sphere outside it is
+// reported, and gets a key that does no harm.
+__device__ __forceinline__ std::uint32_t key_of_sphere(const Source& source, const Grid& grid, std::uint32_t id,
+                                                       Counters* counters) {
   const Sphere s = source.sphere(id);
   const Level& l = grid.level[level_of(grid, s)];
-  return key_of(l, bin_of(l, s));
+  const Bin b = bin_of(l, s);
+  if (!l.hashed &&
+      !(static_cast<std::uint64_t>(b.x - l.first[0]) < l.count[0] && static_cast<std::uint64_t>(b.y - l.first[1]) < l.count[1] &&
+        static_cast<std::uint64_t>(b.z - l.first[2]) < l.count[2])) {
+    atomicOr(&counters->flags, kOutside);
+    return 0;
+  }
+  return key_of(l, b);
 }
 
 // Adds one to count[b] for each lane with b != ~0 and returns the count before. Neighbouring lanes of one bucket, as in
@@ -102,10 +112,10 @@ __device__ void scan_shared(std::uint32_t* v, std::uint32_t n, std::uint32_t* su
 
 __global__ void __launch_bounds__(kThreads)
     cell_count_kernel(Source source, const __grid_constant__ Grid grid, int merge, std::uint32_t* keys, std::uint32_t* ranks,
-                      std::uint32_t* counts) {
+                      std::uint32_t* counts, Counters* counters) {
   const std::uint32_t k = blockIdx.x * kThreads + threadIdx.x;
   const bool valid = k < source.count;
-  const std::uint32_t key = valid ? key_of_sphere(source, grid, k) : ~0u;
+  const std::uint32_t key = valid ? key_of_sphere(source, grid, k, counters) : ~0u;
   const std::uint32_t rank = ticket(counts, valid ? key >> merge : ~0u);
   if (valid) keys[k] = key, ranks[k] = rank;
 }
@@ -151,7 +161,7 @@ __global__ void __launch_bounds__(kThreads)
 
 __global__ void __launch_bounds__(kWide)
     bucket_count_kernel(Source source, const __grid_constant__ Grid grid, Buckets buckets, std::uint32_t* keys,
-                        std::uint32_t* counts) {
+                        std::uint32_t* counts, Counters* counters) {
   extern __shared__ std::uint32_t shared[];
   for (std::uint32_t b = threadIdx.x; b < buckets.count; b += kWide) shared[b] = 0;
   __syncthreads();
@@ -160,7 +170,7 @@ __global__ void __launch_bounds__(kWide)
     const std::uint64_t k = from + threadIdx.x;
     const bool valid = k < source.count;
     std::uint32_t key = 0;
-    if (valid) keys[k] = key = key_of_sphere(source, grid, static_cast<std::uint32_t>(k));
+    if (valid) keys[k] = key = key_of_sphere(source, grid, static_cast<std::uint32_t>(k), counters);
     ticket(shared, valid ? buckets.of(key) : ~0u);
   }
   __syncthreads();
@@ -293,9 +303,10 @@ __global__ void __launch_bounds__(kWide)
 // ---- sort
 
 __global__ void __launch_bounds__(kThreads)
-    sort_key_kernel(Source source, const __grid_constant__ Grid grid, std::uint32_t* keys, std::uint32_t* ids) {
+    sort_key_kernel(Source source, const __grid_constant__ Grid grid, std::uint32_t* keys, std::uint32_t* ids,
+                    Counters* counters) {
   const std::uint32_t k = blockIdx.x * kThreads + threadIdx.x;
-  if (k < source.count) keys[k] = key_of_sphere(source, grid, k), ids[k] = k;
+  if (k < source.count) keys[k] = key_of_sphere(source, grid, k, counters), ids[k] = k;
 }
 // Ends of bins go to the table; a running maximum turns them into starts.
 template <SlotKind Kind>
@@ -347,7 +358,7 @@ Ordered Orderer::order(const Source& source, const Grid& grid, SlotKind kind, bo
   o.keys = sorted_keys_.reserve(o.count);
   if (method == OrderMethod::buckets && !by_buckets(source, grid, tidy, counters, o, stream)) method = OrderMethod::sort;
   if (method == OrderMethod::cells) by_cells(source, grid, tidy, counters, o, stream);
-  if (method == OrderMethod::sort) by_sort(source, grid, o, stream);
+  if (method == OrderMethod::sort) by_sort(source, grid, counters, o, stream);
   cuda_launched("put the spheres in order");
   return o;
 }
@@ -359,7 +370,7 @@ void Orderer::by_cells(const Source& source, const Grid& grid, bool tidy, Counte
   cuda_check(cub::DeviceScan::ExclusiveSum(nullptr, bytes, o.table, o.table, o.entries + 1, stream), "plan the scan");
   void* scratch = scratch_.reserve(bytes);
   cuda_check(cudaMemsetAsync(o.table, 0, (o.entries + 1) * 4, stream), "clear the table of bins");
-  cell_count_kernel<<<blocks_for(o.count), kThreads, 0, stream>>>(source, grid, o.merge, keys, ranks, o.table);
+  cell_count_kernel<<<blocks_for(o.count), kThreads, 0, stream>>>(source, grid, o.merge, keys, ranks, o.table, counters);
   cuda_check(cub::DeviceScan::ExclusiveSum(scratch, bytes, o.table, o.table, o.entries + 1, stream), "scan the table of bins");
   with_kind(o.kind, [&](auto k) {
     const Places out{o.slots, o.ids, o.keys};
@@ -390,7 +401,7 @@ bool Orderer::by_buckets(const Source& source, const Grid& grid, bool tidy, Coun
   if (o.kind != SlotKind::equal) o.ids = sorted_ids_.reserve(2 * std::uint64_t(o.count)), split_ids = o.ids + o.count;
   const Places split{split_slots_.reserve(o.count), split_ids, split_keys}, out{o.slots, o.ids, o.keys};
   cuda_check(cudaMemsetAsync(starts, 0, (b.count + 1) * 4, stream), "clear the buckets");
-  bucket_count_kernel<<<132 * 2, kWide, b.count * 4, stream>>>(source, grid, b, keys, starts);
+  bucket_count_kernel<<<132 * 2, kWide, b.count * 4, stream>>>(source, grid, b, keys, starts, counters);
   bucket_start_kernel<<<1, kWide, 0, stream>>>(b, starts, cursors);
   with_kind(o.kind, [&](auto k) {
     auto* divide = bucket_split_kernel<k()>;
@@ -406,7 +417,7 @@ bool Orderer::by_buckets(const Source& source, const Grid& grid, bool tidy, Coun
   return true;
 }
 
-void Orderer::by_sort(const Source& source, const Grid& grid, Ordered& o, cudaStream_t stream) {
+void Orderer::by_sort(const Source& source, const Grid& grid, Counters* counters, Ordered& o, cudaStream_t stream) {
   std::uint32_t *keys = keys_.reserve(o.count), *ids = ids_.reserve(o.count);
   o.ids = sorted_ids_.reserve(o.count);
   std::size_t sort_bytes = 0, scan_bytes = 0;
@@ -417,7 +428,7 @@ void Orderer::by_sort(const Source& source, const Grid& grid, Ordered& o, cudaSt
   cuda_check(cub::DeviceScan::InclusiveScan(nullptr, scan_bytes, o.table, o.table, ::cuda::maximum<>{}, entries, stream),
              "plan the scan");
   void* scratch = scratch_.reserve(std::max(sort_bytes, scan_bytes));
-  sort_key_kernel<<<blocks_for(o.count), kThreads, 0, stream>>>(source, grid, keys, ids);
+  sort_key_kernel<<<blocks_for(o.count), kThreads, 0, stream>>>(source, grid, keys, ids, counters);
   cuda_check(cub::DeviceRadixSort::SortPairs(scratch, sort_bytes, keys, o.keys, ids, o.ids, o.count, o.merge, end_bit, stream),
              "sort the spheres by bin");
   cuda_check(cudaMemsetAsync(o.table, 0, entries * 4, stream), "clear the table of bins");

@@ -1,7 +1,8 @@
 // The search: one warp for 32 consecutive spheres of the order, one lane for each. Candidates of a row of bins lie
 // side by side; their verdicts are bits of a mask, hits go to a queue of the warp, and records are computed and written
-// by full warps. Places in the list are given out by the block: by one atomic addition, or, for a fixed order, by
-// decoupled look-back (Merrill and Garland, Single-pass Parallel Prefix Scan with Decoupled Look-back, 2016).
+// by full warps. Places in the list are given out tile by tile (128 spheres): by an atomic addition, or, for a fixed
+// order, by one block that does nothing but sum up the tiles' counts in their order. Either way a block learns its place
+// while it searches its next tile, and only then writes: nobody waits.
 #include <algorithm>
 
 #include "detect/cuda_search.h"
@@ -9,7 +10,9 @@
 namespace padder::detect::cuda {
 namespace {
 
-constexpr int kWarps = 8, kThreads = 32 * kWarps, kQueue = 256;
+constexpr int kWarps = 4, kThreads = 32 * kWarps, kQueue = 256, kStep = 2;
+// Blocks an SM must be able to hold: few registers and many warps pay more than the opposite here.
+constexpr int kDense = 10, kLevels = 6;
 constexpr std::uint32_t kAll = ~0u;
 
 // The filter of contact.h, in a shape that costs one operation less a candidate: the sign of d2 - kWide * s2 collects
@@ -23,7 +26,8 @@ struct Task {
   Output output;
   SearchOptions options;
   Counters* counters;
-  unsigned long long* look_back;
+  TileSums sums;
+  std::uint32_t tiles = 0;
   float radius = 0, s2 = 0;  // SlotKind::equal
   bool judge_all = false;    // every hit is asked for its filter, owner or bin
 };
@@ -285,16 +289,16 @@ struct Searcher {
   __device__ __forceinline__ void search_row(std::uint32_t begin, std::uint32_t end, const Slot& self, Where where) {
     const std::uint32_t count = end > begin ? end - begin : 0, longest = __reduce_max_sync(kAll, count);
     for (std::uint32_t done = 0; done < longest; done += 32) {
-      const std::uint32_t span = (min(longest - done, 32u) + 3) & ~3u, left = count > done ? count - done : 0;
+      const std::uint32_t span = (min(longest - done, 32u) + kStep - 1) & ~(kStep - 1u), left = count > done ? count - done : 0;
       const Slot* candidate = slots_of<Kind>(task) + (left ? begin + done : 0);
       std::uint32_t mask = 0;
       float nearest = INFINITY;
-      for (std::uint32_t k = 0; k < span; k += 4, candidate += 4) {
-        Slot c[4];
+      for (std::uint32_t k = 0; k < span; k += kStep, candidate += kStep) {
+        Slot c[kStep];
 #pragma unroll
-        for (int u = 0; u < 4; u++) c[u] = load_slot(candidate + u);
+        for (int u = 0; u < kStep; u++) c[u] = load_slot(candidate + u);
 #pragma unroll
-        for (int u = 0; u < 4; u++) {
+        for (int u = 0; u < kStep; u++) {
           const float e = excess(self, c[u]);
           mask = __funnelshift_l(__float_as_uint(e), mask, 1);
           nearest = fminf(nearest, fabsf(e));
@@ -339,106 +343,159 @@ __device__ __noinline__ std::uint32_t search_carefully(const Task& task, const G
   return s.hits;
 }
 
-// Exclusive sum of the blocks before this one, by one warp. Low two bits of an entry: 1 the block's own sum, 2 with all
-// before it. A window of 128 entries a step: the chain of blocks under way is a few hundred long.
-__device__ unsigned long long look_back(volatile unsigned long long* entry, std::uint32_t block, std::uint32_t sum) {
-  constexpr int kDeep = 4;
-  const int lane = threadIdx.x & 31;
+// The fixed order: sums up the counts of the tiles as they come, 512 a step, and tells each tile its place.
+__device__ void sum_tiles(const Task& task, std::uint32_t* shared) {
+  constexpr std::uint32_t kEach = 4;
+  const std::uint32_t lane = threadIdx.x & 31, warp = threadIdx.x >> 5;
+  volatile std::uint32_t* const counts = task.sums.counts;
   unsigned long long before = 0;
-  if (block > 0) {
-    if (lane == 0) entry[block] = static_cast<unsigned long long>(sum) << 2 | 1;
-    for (std::int64_t at = static_cast<std::int64_t>(block) - 1 - lane;; at -= 32 * kDeep) {
-      unsigned long long v[kDeep];
-      bool missing;
-      do {
-        missing = false;
+  for (std::uint32_t at = 0; at < task.tiles;) {
+    // Thread t looks at kEach neighbouring tiles; only those before the first missing one are taken.
+    std::uint32_t v[kEach], here = 0, sum = 0;
+    const std::uint32_t from = at + threadIdx.x * kEach;
 #pragma unroll
-        for (int d = 0; d < kDeep; d++) v[d] = at - 32 * d >= 0 ? entry[at - 32 * d] : 2;
+    for (std::uint32_t k = 0; k < kEach; k++) v[k] = from + k < task.tiles ? counts[from + k] : 0;
+    for (std::uint32_t k = 0; k < kEach && here == k && v[k]; k++) here++, sum += v[k] - 1;
+    const std::uint32_t full = __ballot_sync(kAll, here == kEach), stop = ~full ? __ffs(~full) - 1 : 32;
+    if (lane > stop) sum = 0, here = 0;
+    std::uint32_t upto = sum;
 #pragma unroll
-        for (int d = 0; d < kDeep; d++) missing |= (v[d] & 3) == 0;
-      } while (__any_sync(kAll, missing));
-      bool whole = false;
-      unsigned long long add = 0;
-#pragma unroll
-      for (int d = 0; d < kDeep; d++) {
-        if (whole) continue;
-        const std::uint32_t wholes = __ballot_sync(kAll, (v[d] & 3) == 2);
-        const int last = wholes ? __ffs(wholes) - 1 : 31;
-        add += lane <= last ? v[d] >> 2 : 0;
-        whole = wholes != 0;
-      }
-      for (int d = 16; d; d >>= 1) add += __shfl_xor_sync(kAll, add, d);
-      before += add;
-      if (whole) break;
+    for (int d = 1; d < 32; d <<= 1) {
+      const std::uint32_t u = __shfl_up_sync(kAll, upto, d);
+      if (static_cast<int>(lane) >= d) upto += u;
     }
+    if (lane == 31) shared[warp] = upto;
+    const std::uint32_t taken = __reduce_add_sync(kAll, here);
+    if (lane == 0) shared[kWarps + warp] = taken;
+    __syncthreads();
+    unsigned long long mine = before + upto - sum;
+    std::uint32_t all = 0;
+    bool open = true;  // no warp before stopped short
+    for (std::uint32_t w = 0; w < kWarps; w++) {
+      if (w == warp && !open) here = 0;
+      if (open && w < warp) mine += shared[w];
+      if (open) before += shared[w], all += shared[kWarps + w];
+      open = open && shared[kWarps + w] == 32 * kEach;
+    }
+    for (std::uint32_t k = 0; k < here; k++) {
+      *static_cast<volatile unsigned long long*>(task.sums.places + from + k) = mine + 1;
+      mine += v[k] - 1;
+    }
+    at += all;
+    __syncthreads();
   }
-  if (lane == 0) entry[block] = (before + sum) << 2 | 2;
-  return before;
+  if (threadIdx.x == 0) task.counters->contacts = before;
+}
+
+// What is known of a tile that has been searched and not written.
+struct Tile {
+  WarpMemory memory[kWarps];
+  std::uint32_t sums[kWarps];
+  unsigned long long place;
+};
+
+template <SlotKind Kind, bool General>
+__device__ __forceinline__ void write_tile(const Task& task, const Grid& grid, Tile& tile, std::uint32_t number) {
+  const std::uint32_t warp = threadIdx.x >> 5, lane = threadIdx.x & 31;
+  std::uint32_t sum = 0, before = 0;
+#pragma unroll
+  for (std::uint32_t k = 0; k < kWarps; k++) sum += tile.sums[k], before += k < warp ? tile.sums[k] : 0;
+  if (task.options.fixed_order) {
+    if (lane == 0) {
+      unsigned long long p;
+      while ((p = *static_cast<volatile unsigned long long*>(task.sums.places + number)) == 0) __nanosleep(100);
+      if (warp == 0) tile.place = p - 1;
+    }
+    __syncthreads();
+  }
+  const std::uint64_t at = tile.place + before;
+  if (tile.place + sum > task.output.capacity) return;  // counted; the list is made longer and the search repeated
+  const std::uint32_t hits = tile.sums[warp], first = (number * kWarps + warp) * 32;
+  if (hits > kQueue) {
+    search_carefully<Kind, General>(task, grid, tile.memory[warp], first, true, at);
+    return;
+  }
+  const WarpMemory& m = tile.memory[warp];
+  for (std::uint32_t k = lane; k < hits; k += 32) write_record<Kind>(task, first + m.lane[k], m.at[k], at + k);
 }
 
 template <SlotKind Kind, bool General>
-__global__ void __launch_bounds__(kThreads, General ? 3 : 5)
+__global__ void __launch_bounds__(kThreads, General ? kLevels : kDense)
     search_kernel(const __grid_constant__ Task task, const __grid_constant__ Grid grid) {
-  __shared__ WarpMemory memory[kWarps];
-  __shared__ std::uint32_t sums[kWarps];
-  __shared__ unsigned long long base;
+  __shared__ Tile tiles[2];
+  __shared__ std::uint32_t scan[2 * kWarps];
   const std::uint32_t warp = threadIdx.x >> 5, lane = threadIdx.x & 31;
-  if (task.counters->flags & kCrowded) return;  // the table is not whole; the caller sorts instead
-  // Blocks start in the order of their numbers, so that those waited for in look_back are running or done.
-  const std::uint32_t first = (blockIdx.x * kWarps + warp) * 32;
-  std::uint32_t hits = 0;
-  bool careful = task.judge_all;
-  if (!careful) {
-    Searcher<Kind, General, false> s(task, grid, memory[warp], first);
-    s.search();
-    hits = s.hits, careful = __any_sync(kAll, s.doubt);
-  }
-  if (careful) hits = search_carefully<Kind, General>(task, grid, memory[warp], first, false, 0);
-  if (lane == 0) sums[warp] = hits;
-  __syncthreads();
-  std::uint32_t sum = 0, before = 0;
-  for (std::uint32_t k = 0; k < kWarps; k++) sum += sums[k], before += k < warp ? sums[k] : 0;
-  if (warp == 0) {
-    if (task.options.fixed_order) {
-      const unsigned long long b = look_back(task.look_back, blockIdx.x, sum);
-      if (lane == 0) base = b;
-      if (lane == 0 && blockIdx.x + 1 == gridDim.x) task.counters->contacts = b + sum;
-    } else if (lane == 0) {
-      base = sum ? atomicAdd(&task.counters->contacts, static_cast<unsigned long long>(sum)) : 0;
+  if (task.counters->flags) return;  // the table is not whole; the caller orders the spheres in another way
+  // All blocks run at once (the launch sees to it), or waiting for another's tile could be for ever.
+  std::uint32_t number = blockIdx.x, step = gridDim.x;
+  if (task.options.fixed_order) {
+    if (number == 0) {
+      sum_tiles(task, scan);
+      return;
     }
+    number--, step--;
   }
-  __syncthreads();
-  if (base + sum > task.output.capacity) return;  // counted; the list is made longer and the search repeated
-  const std::uint64_t at = base + before;
-  if (hits > kQueue) {
-    search_carefully<Kind, General>(task, grid, memory[warp], first, true, at);
-    return;
+  bool waiting = false;
+  int now = 0;
+  for (; number < task.tiles; number += step, now ^= 1) {
+    Tile& tile = tiles[now];
+    const std::uint32_t first = (number * kWarps + warp) * 32;
+    std::uint32_t hits = 0;
+    if (first < task.spheres.count) {
+      bool careful = task.judge_all;
+      if (!careful) {
+        Searcher<Kind, General, false> s(task, grid, tile.memory[warp], first);
+        s.search();
+        hits = s.hits, careful = __any_sync(kAll, s.doubt);
+      }
+      if (careful) hits = search_carefully<Kind, General>(task, grid, tile.memory[warp], first, false, 0);
+    }
+    if (lane == 0) tile.sums[warp] = hits;
+    __syncthreads();
+    if (threadIdx.x == 0) {
+      std::uint32_t sum = 0;
+      for (std::uint32_t k = 0; k < kWarps; k++) sum += tile.sums[k];
+      if (task.options.fixed_order)
+        *static_cast<volatile std::uint32_t*>(task.sums.counts + number) = sum + 1;
+      else
+        tile.place = sum ? atomicAdd(&task.counters->contacts, static_cast<unsigned long long>(sum)) : 0;
+    }
+    if (waiting) write_tile<Kind, General>(task, grid, tiles[now ^ 1], number - step);
+    waiting = true;
+    // The other tile's memory is free again, and this one's place (any order) is known.
+    __syncthreads();
   }
-  const WarpMemory& m = memory[warp];
-  for (std::uint32_t k = lane; k < hits; k += 32) write_record<Kind>(task, first + m.lane[k], m.at[k], at + k);
+  if (waiting) write_tile<Kind, General>(task, grid, tiles[now ^ 1], number - step);
 }
 
 }  // namespace
 
-std::uint64_t search_blocks(std::uint32_t spheres) { return (std::uint64_t(spheres) + kThreads - 1) / kThreads; }
+std::uint64_t search_tiles(std::uint32_t spheres) { return (std::uint64_t(spheres) + kThreads - 1) / kThreads; }
 
 void search(const Source& source, const Grid& grid, const Ordered& spheres, const SearchOptions& options,
-            const Output& output, Counters* counters, unsigned long long* look_back, cudaStream_t stream) {
-  Task task{source, spheres, output, options, counters, look_back};
+            const Output& output, Counters* counters, TileSums sums, cudaStream_t stream) {
+  Task task{source, spheres, output, options, counters, sums};
   const bool general = grid.levels > 1 || grid.level[0].hashed;
+  task.tiles = static_cast<std::uint32_t>(search_tiles(spheres.count));
   task.radius = static_cast<float>(options.radius);
   task.s2 = (task.radius + task.radius) * (task.radius + task.radius);
   task.judge_all = source.filtered || !options.owns_all;
   for (int k = 0; k < grid.levels; k++) task.judge_all = task.judge_all || grid.level[k].hashed;
-  const auto blocks = static_cast<unsigned>(search_blocks(spheres.count));
   cuda_check(cudaMemsetAsync(counters, 0, offsetof(Counters, flags), stream), "clear the counters");
-  if (options.fixed_order)
-    cuda_check(cudaMemsetAsync(look_back, 0, blocks * sizeof(unsigned long long), stream), "clear the counters");
+  if (options.fixed_order) {
+    cuda_check(cudaMemsetAsync(sums.counts, 0, task.tiles * sizeof(*sums.counts), stream), "clear the counters");
+    cuda_check(cudaMemsetAsync(sums.places, 0, task.tiles * sizeof(*sums.places), stream), "clear the counters");
+  }
   auto* kernel = search_kernel<SlotKind::equal, false>;
-  if (spheres.kind == SlotKind::equal) kernel = general ? search_kernel<SlotKind::equal, true> : search_kernel<SlotKind::equal, false>;
+  if (spheres.kind == SlotKind::equal && general) kernel = search_kernel<SlotKind::equal, true>;
   if (spheres.kind == SlotKind::unequal) kernel = general ? search_kernel<SlotKind::unequal, true> : search_kernel<SlotKind::unequal, false>;
   if (spheres.kind == SlotKind::fixed) kernel = general ? search_kernel<SlotKind::fixed, true> : search_kernel<SlotKind::fixed, false>;
-  kernel<<<blocks, kThreads, 0, stream>>>(task, grid);
+  int device = 0, processors = 0, each = 0;
+  cuda_check(cudaGetDevice(&device), "ask for the device");
+  cuda_check(cudaDeviceGetAttribute(&processors, cudaDevAttrMultiProcessorCount, device), "ask for the device's size");
+  cuda_check(cudaOccupancyMaxActiveBlocksPerMultiprocessor(&each, kernel, kThreads, 0), "ask for the occupancy");
+  const auto blocks = std::min<unsigned>(task.tiles + (options.fixed_order ? 1 : 0), static_cast<unsigned>(processors * each));
+  kernel<<<std::max(blocks, 2u), kThreads, 0, stream>>>(task, grid);
   cuda_launched("search for contacts");
 }
 

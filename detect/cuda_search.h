@@ -28,7 +28,8 @@ struct Counters {
   unsigned long long contacts, doubtful;
   std::uint32_t flags;  // set by Orderer, cleared by its caller
 };
-enum : std::uint32_t { kCrowded = 1 };  // Counters::flags: a bin too full for its order to be put right in place
+// Counters::flags: a bin or bucket too full for the method; a sphere outside the bins, which were chosen for others.
+enum : std::uint32_t { kCrowded = 1, kOutside = 2 };
 
 // Where the contacts go, in device memory. Beyond `capacity` they are counted but not written.
 struct Output {
@@ -38,6 +39,7 @@ struct Output {
   std::uint64_t capacity = 0;
   Width width = Width::normals;
   Scalar scalar = Scalar::f32;
+  friend bool operator==(const Output&, const Output&) = default;
 };
 
 // The record in double, rounded once. The pair itself is written by the caller.
@@ -64,29 +66,34 @@ class Orderer {
   // where a bin or bucket is too full for the method; then only OrderMethod::sort gives an order.
   Ordered order(const Source& source, const Grid& grid, SlotKind kind, bool tidy, OrderMethod method, Counters* counters,
                 cudaStream_t stream);
-  double bucket_spheres = 7500;  // average aimed at
+  double bucket_spheres = 6500;  // average aimed at
   static constexpr std::uint32_t kFewSpheres = 1u << 20;
 
  private:
   void by_cells(const Source& source, const Grid& grid, bool tidy, Counters* counters, Ordered& o, cudaStream_t stream);
   bool by_buckets(const Source& source, const Grid& grid, bool tidy, Counters* counters, Ordered& o, cudaStream_t stream);
-  void by_sort(const Source& source, const Grid& grid, Ordered& o, cudaStream_t stream);
+  void by_sort(const Source& source, const Grid& grid, Counters* counters, Ordered& o, cudaStream_t stream);
 
   Buffer<std::uint32_t> keys_, sorted_keys_, ids_, sorted_ids_, table_, starts_;
   Buffer<float4> slots_, split_slots_;
   Buffer<unsigned char> scratch_;
 };
 
-// Work space of the search: the place of each block in a list of fixed order.
-std::uint64_t search_blocks(std::uint32_t spheres);
+// Work space of the search for a list of fixed order: an entry a tile of spheres.
+struct TileSums {
+  std::uint32_t* counts = nullptr;      // of contacts, + 1; 0: not known yet
+  unsigned long long* places = nullptr;  // in the list, + 1
+};
+std::uint64_t search_tiles(std::uint32_t spheres);
 struct SearchOptions {
   bool exact = true, fixed_order = true;
   Region own;
   bool owns_all = true;
   double radius = 0;  // of all spheres, for SlotKind::equal
+  friend bool operator==(const SearchOptions&, const SearchOptions&) = default;
 };
 // Counters but for the flags are set to zero first; afterwards they hold the number of contacts, whatever the capacity.
 void search(const Source& source, const Grid& grid, const Ordered& spheres, const SearchOptions& options,
-            const Output& output, Counters* counters, unsigned long long* look_back, cudaStream_t stream);
+            const Output& output, Counters* counters, TileSums sums, cudaStream_t stream);
 
 }  // namespace padder::detect::cuda

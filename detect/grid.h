@@ -28,6 +28,7 @@ struct Level {
   std::uint32_t count[3] = {1, 1, 1};
   std::uint32_t ring = 1;                 // a power of two
   std::uint32_t offset = 0, buckets = 1;  // its keys are offset to offset + buckets - 1
+  friend bool operator==(const Level&, const Level&) = default;
 };
 
 // Levels from the finest to the coarsest; a sphere looks for partners at its own level and the coarser ones.
@@ -38,6 +39,7 @@ struct Grid {
   double magnitude_share = 0;  // see need_of
   std::uint32_t buckets = 1;   // of all levels; keys need bits_for(buckets) bits
   Level level[kMaxLevels];
+  friend bool operator==(const Grid&, const Grid&) = default;
 };
 
 // The bin edge a sphere asks for: its diameter and a little, so that two touching spheres of one level are
