@@ -93,39 +93,6 @@ double extent(const UrdfLink& link, const std::vector<ReadResult>& files) {
   return box.diagonal();
 }
 
-// The link as if it had been one mesh file.
-ReadResult united(const UrdfLink& link, const fs::path& urdf, std::vector<std::string>& notes) {
-  std::vector<ReadResult> files(link.shapes.size());
-  for (std::size_t k = 0; k < files.size(); k++) {
-    if (link.shapes[k].type != UrdfShape::Type::mesh) continue;
-    files[k] = read_mesh(link.shapes[k].file, ReadOptions{1, "m"});
-    for (const std::string& note : files[k].notes) notes.push_back(link.name + ": " + note);
-    if (y_up(link.shapes[k].file))
-      for (Point& p : files[k].mesh.points) p = Point(p.x(), -p.z(), p.y());
-  }
-  const double chord_error = extent(link, files) / 400;
-  ReadResult all;
-  all.unit = "m";
-  for (std::size_t k = 0; k < files.size(); k++) {
-    const UrdfShape& s = link.shapes[k];
-    if (s.type == UrdfShape::Type::mesh) {
-      append(all.mesh, placed(std::move(files[k].mesh), s));
-      all.source.triangles += files[k].source.triangles;
-    } else {
-      const Mesh mesh = s.type == UrdfShape::Type::box        ? box(s.size)
-                        : s.type == UrdfShape::Type::cylinder ? cylinder(s.size.x(), s.size.z(), chord_error)
-                                                              : sphere(s.size.x());
-      append(all.mesh, placed(mesh, s));
-      all.source.triangles += mesh.triangles.size();
-    }
-  }
-  if (files.size() == 1 && link.shapes[0].type == UrdfShape::Type::mesh)
-    all.source.file = files[0].source.file, all.source.sha256 = files[0].source.sha256;
-  else
-    all.source.file = urdf.filename().string() + ", link " + link.name;
-  return all;
-}
-
 bool only_spheres(const UrdfLink& link) {
   return std::all_of(link.shapes.begin(), link.shapes.end(),
                      [](const UrdfShape& s) { return s.type == UrdfShape::Type::sphere; });
@@ -156,6 +123,39 @@ Cluster spheres_of(const UrdfLink& link, const fs::path& urdf) {
 
 }  // namespace
 
+ReadResult read_link(const UrdfLink& link, const fs::path& urdf) {
+  std::vector<ReadResult> files(link.shapes.size());
+  for (std::size_t k = 0; k < files.size(); k++) {
+    if (link.shapes[k].type != UrdfShape::Type::mesh) continue;
+    files[k] = read_mesh(link.shapes[k].file, ReadOptions{1, "m"});
+    if (y_up(link.shapes[k].file))
+      for (Point& p : files[k].mesh.points) p = Point(p.x(), -p.z(), p.y());
+  }
+  const double chord_error = extent(link, files) / 400;
+  ReadResult all;
+  all.unit = "m";
+  for (const ReadResult& f : files)
+    for (const std::string& note : f.notes) all.notes.push_back(link.name + ": " + note);
+  for (std::size_t k = 0; k < files.size(); k++) {
+    const UrdfShape& s = link.shapes[k];
+    if (s.type == UrdfShape::Type::mesh) {
+      append(all.mesh, placed(std::move(files[k].mesh), s));
+      all.source.triangles += files[k].source.triangles;
+    } else {
+      const Mesh mesh = s.type == UrdfShape::Type::box        ? box(s.size)
+                        : s.type == UrdfShape::Type::cylinder ? cylinder(s.size.x(), s.size.z(), chord_error)
+                                                              : sphere(s.size.x());
+      append(all.mesh, placed(mesh, s));
+      all.source.triangles += mesh.triangles.size();
+    }
+  }
+  if (files.size() == 1 && link.shapes[0].type == UrdfShape::Type::mesh)
+    all.source.file = files[0].source.file, all.source.sha256 = files[0].source.sha256;
+  else
+    all.source.file = urdf.filename().string() + ", link " + link.name;
+  return all;
+}
+
 PaddedRobot pad_robot(const fs::path& path, const PadOptions& options, const RobotProgress& progress) {
   Urdf urdf = read_urdf(path);
   if (std::all_of(urdf.links.begin(), urdf.links.end(), [](const UrdfLink& l) { return l.shapes.empty(); }))
@@ -174,7 +174,9 @@ PaddedRobot pad_robot(const fs::path& path, const PadOptions& options, const Rob
         cluster = spheres_of(link, path);
       } else {
         try {
-          Padded padded = pad(united(link, path, out.notes), options);
+          const ReadResult file = read_link(link, path);
+          out.notes.insert(out.notes.end(), file.notes.begin(), file.notes.end());
+          Padded padded = pad(file, options);
           cluster = std::move(padded.cluster), out.reports[k] = padded.report;
         } catch (const Error& e) {
           throw Error(path.string() + ", link " + link.name + ": " + e.what());

@@ -16,12 +16,15 @@ struct PaddedRobot {
 // Called before each link with its name, the links so far done and all of them.
 using RobotProgress = std::function<void(const std::string& link, std::size_t done, std::size_t of)>;
 
+// The link's shapes as if they had been one mesh file, in the link's frame and metres. A mesh is scaled
+// (turned over where the scale mirrors), COLLADA and glTF go from Y up to Z up; cylinders become polygons
+// whose chords stay within a 400th of the link's diagonal. Throws Error as read_mesh.
+ReadResult read_link(const UrdfLink& link, const std::filesystem::path& urdf);
+
 // A link's shapes are one body: overlapping meshes, boxes and cylinders are united by repair; a link that is
-// nothing but spheres keeps them as they are (several: without mass properties). A mesh is taken in the frame
-// of the link: scaled (turned over where the scale mirrors), COLLADA and glTF from Y up to Z up. `options`
-// holds for each link by itself: a share is of the link's own diagonal; family and mask in it are not used.
-// Cylinders are polygons whose chords stay within a 400th of the link's diagonal. Throws Error with link and
-// file in the sentence.
+// nothing but spheres keeps them as they are (several: without mass properties). `options` holds for each
+// link by itself: a share is of the link's own diagonal; family and mask in it are not used. Throws Error
+// with link and file in the sentence.
 PaddedRobot pad_robot(const std::filesystem::path& urdf, const PadOptions& options,
                       const RobotProgress& progress = {});
 
