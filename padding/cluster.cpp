@@ -92,7 +92,12 @@ void check(const Cluster& c, const std::string& where) {
   finite("mass_properties", std::isfinite(m.volume) && m.center.allFinite() && m.inertia.allFinite() &&
                                 m.axes.allFinite() && m.moments.allFinite());
   finite("volume_union", std::isfinite(c.volume_union));
-  for (const auto& [name, member] : accuracy_numbers) finite("accuracy", std::isfinite(c.accuracy.*member));
+  for (const auto& [name, member] : accuracy_numbers) {
+    finite("accuracy", std::isfinite(c.accuracy.*member));
+    for (const Lod& lod : c.lods) finite("lods.accuracy", std::isfinite(lod.accuracy.*member));
+  }
+  for (const Lod& lod : c.lods)
+    finite("lods", std::isfinite(lod.tolerance) && std::isfinite(lod.volume_union));
 }
 
 // A file's name may hold bytes that are no UTF-8: these become the replacement character.

@@ -14,6 +14,7 @@
 
 #include "padding/error.h"
 #include "padding/export/export.h"
+#include "padding/page.h"
 #include "tools/pad_robot.h"
 
 namespace padder {
@@ -38,7 +39,7 @@ namespace fs = std::filesystem;
 
 struct Arguments {
   std::vector<std::string> meshes;
-  std::string output, unit, format;
+  std::string output, unit, format, preview;
   double scale = 1, density = padder::ExportOptions().density;
   padder::PadOptions options;
   int threads = 0;
@@ -116,6 +117,8 @@ void declare(CLI::App& app, Arguments& a) {
       ->type_name("MODE");
   app.add_option("--family", a.options.family, "of the asset: no contact inside a family; 0 is none");
   app.add_option("--mask", a.options.mask, "bit k: no contact with family k + 1");
+  app.add_option("--preview", a.preview, "show mesh and spheres: a page (.html) or a picture (.png)")
+      ->type_name("FILE");
   app.add_option("--scale", a.scale, "factor on every coordinate")->check(CLI::PositiveNumber);
   app.add_option("--unit", a.unit, "m, cm, mm or in: the unit of the asset")
       ->check(CLI::IsMember({"m", "cm", "mm", "in"}));
@@ -169,6 +172,11 @@ std::vector<Target> targets(const Arguments& a) {
                        ": pad them one by one with -o");
     out.push_back(t);
   }
+  if (!a.preview.empty() && std::any_of(a.meshes.begin(), a.meshes.end(), is_robot))
+    throw UsageError("--preview shows a mesh, not a robot: give it one of the robot's meshes");
+  if (!a.preview.empty() && (a.meshes.size() > 1 || !padder::is_preview(a.preview)))
+    throw UsageError("--preview shows one mesh in one file that ends in .html or .png");
+  if (a.preview.ends_with(".html")) padder::page_script();  // before the work, not after it
   return out;
 }
 
@@ -302,6 +310,9 @@ int run(Arguments& a) {
         padder::write_model(padder::model_of(padded.cluster), path, *format, {a.density});
       else
         padder::write_cluster(padded.cluster, path);
+      if (!a.preview.empty())
+        padder::write_preview(padder::view_of(padded.cluster, padder::mesh_of(padded.cluster, path, mesh)),
+                              a.preview);
       bar.clear();
       if (a.json)
         all.push_back(report_json(mesh, path, a, padded));

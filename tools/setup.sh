@@ -4,8 +4,9 @@ padder_root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 
 # What the libraries and tools need, and what the tests need beyond that. Debian 12 names.
 packages_build=(g++ cmake ninja-build libeigen3-dev nlohmann-json3-dev libcli11-dev libcgal-dev libassimp-dev
-                libtinyobjloader-dev libssl-dev libpugixml-dev libyaml-cpp-dev zlib1g-dev)
-packages_test=(libgtest-dev python3 python3-jsonschema)
+                libtinyobjloader-dev libssl-dev libpugixml-dev libyaml-cpp-dev zlib1g-dev libembree-dev libpng-dev)
+packages_test=(libgtest-dev libbullet-dev python3 python3-jsonschema chromium chromium-driver)
+packages_page=(nodejs npm)
 
 say() { printf 'padder: %s\n' "$*" >&2; }
 fail() { say "$*"; exit 1; }
@@ -58,4 +59,11 @@ build() {
     say "building ${*:-everything} (the first time takes minutes)"
   fi
   ninja -C "$build_dir" "$@" >"$log" 2>&1 || { tail -n 40 "$log" >&2; fail "building failed; all of it is in $log"; }
+}
+
+# The page that preview and pad --preview write as .html is bundled by npm; nothing else needs node. Where node does not
+# come from Debian, npm is not a package of its own.
+build_page() {
+  command -v npm >/dev/null || ensure_packages "${packages_page[@]}"
+  build page
 }

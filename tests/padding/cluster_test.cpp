@@ -43,17 +43,47 @@ Cluster random_cluster(std::uint64_t seed, std::size_t n = 50) {
   c.mass.volume = positive(), c.mass.center = vector(), c.mass.moments = vector();
   for (int k = 0; k < 3; k++) c.mass.inertia.row(k) = vector(), c.mass.axes.row(k) = vector();
   c.volume_union = positive();
-  Accuracy& a = c.accuracy;
-  for (double* x : {&a.protrusion_max, &a.protrusion_mean, &a.protrusion_p95, &a.gap_max, &a.gap_mean,
-                    &a.gap_p95, &a.volume_ratio})
-    *x = positive();
-  a.coverage = 1.0 / 3, a.normal_error_mean_deg = 0.1, a.normal_error_p95_deg = 179.99999999999997,
-  a.certified = true;
-  for (std::size_t k = 0; k < n; k++) {
-    c.centers.push_back(vector()), c.radii.push_back(std::max(positive(), 5e-324));
-    c.triangle.push_back(static_cast<std::int64_t>(random() >> 2));
+  const auto accuracy = [&] {
+    Accuracy a;
+    for (double* x : {&a.protrusion_max, &a.protrusion_mean, &a.protrusion_p95, &a.gap_max, &a.gap_mean,
+                      &a.gap_p95, &a.volume_ratio, &a.protrusion_bound, &a.gap_bound, &a.wrap_distance})
+      *x = positive();
+    a.coverage = 1.0 / 3, a.normal_error_mean_deg = 0.1, a.normal_error_p95_deg = 179.99999999999997;
+    a.certified = random() % 2;
+    return a;
+  };
+  const auto spheres = [&](auto& of, std::size_t count) {
+    for (std::size_t k = 0; k < count; k++) {
+      of.centers.push_back(vector()), of.radii.push_back(std::max(positive(), 5e-324));
+      of.triangle.push_back(static_cast<std::int64_t>(random() >> 2));
+    }
+  };
+  c.accuracy = accuracy();
+  c.accuracy.certified = true;
+  spheres(c, n);
+  for (std::size_t k = 1; k < 4; k++) {
+    Lod& lod = c.lods.emplace_back();
+    lod.tolerance = positive(), lod.volume_union = positive(), lod.accuracy = accuracy();
+    spheres(lod, n / (k + 1));
   }
   return c;
+}
+
+void expect_same(const Accuracy& p, const Accuracy& q) {
+  EXPECT_EQ(p.protrusion_max, q.protrusion_max);
+  EXPECT_EQ(p.protrusion_mean, q.protrusion_mean);
+  EXPECT_EQ(p.protrusion_p95, q.protrusion_p95);
+  EXPECT_EQ(p.gap_max, q.gap_max);
+  EXPECT_EQ(p.gap_mean, q.gap_mean);
+  EXPECT_EQ(p.gap_p95, q.gap_p95);
+  EXPECT_EQ(p.coverage, q.coverage);
+  EXPECT_EQ(p.normal_error_mean_deg, q.normal_error_mean_deg);
+  EXPECT_EQ(p.normal_error_p95_deg, q.normal_error_p95_deg);
+  EXPECT_EQ(p.volume_ratio, q.volume_ratio);
+  EXPECT_EQ(p.protrusion_bound, q.protrusion_bound);
+  EXPECT_EQ(p.gap_bound, q.gap_bound);
+  EXPECT_EQ(p.wrap_distance, q.wrap_distance);
+  EXPECT_EQ(p.certified, q.certified);
 }
 
 void expect_same(const Cluster& a, const Cluster& b) {
@@ -75,21 +105,19 @@ void expect_same(const Cluster& a, const Cluster& b) {
   EXPECT_EQ(a.mass.axes, b.mass.axes);
   EXPECT_EQ(a.mass.moments, b.mass.moments);
   EXPECT_EQ(a.volume_union, b.volume_union);
-  const Accuracy &p = a.accuracy, &q = b.accuracy;
-  EXPECT_EQ(p.protrusion_max, q.protrusion_max);
-  EXPECT_EQ(p.protrusion_mean, q.protrusion_mean);
-  EXPECT_EQ(p.protrusion_p95, q.protrusion_p95);
-  EXPECT_EQ(p.gap_max, q.gap_max);
-  EXPECT_EQ(p.gap_mean, q.gap_mean);
-  EXPECT_EQ(p.gap_p95, q.gap_p95);
-  EXPECT_EQ(p.coverage, q.coverage);
-  EXPECT_EQ(p.normal_error_mean_deg, q.normal_error_mean_deg);
-  EXPECT_EQ(p.normal_error_p95_deg, q.normal_error_p95_deg);
-  EXPECT_EQ(p.volume_ratio, q.volume_ratio);
-  EXPECT_EQ(p.certified, q.certified);
+  expect_same(a.accuracy, b.accuracy);
   EXPECT_EQ(a.centers, b.centers);
   EXPECT_EQ(a.radii, b.radii);
   EXPECT_EQ(a.triangle, b.triangle);
+  ASSERT_EQ(a.lods.size(), b.lods.size());
+  for (std::size_t k = 0; k < a.lods.size(); k++) {
+    EXPECT_EQ(a.lods[k].tolerance, b.lods[k].tolerance);
+    EXPECT_EQ(a.lods[k].volume_union, b.lods[k].volume_union);
+    expect_same(a.lods[k].accuracy, b.lods[k].accuracy);
+    EXPECT_EQ(a.lods[k].centers, b.lods[k].centers);
+    EXPECT_EQ(a.lods[k].radii, b.lods[k].radii);
+    EXPECT_EQ(a.lods[k].triangle, b.lods[k].triangle);
+  }
 }
 
 // A folder that goes when the test ends.
@@ -154,10 +182,13 @@ TEST(Cluster, WhatIsNotFiniteIsNotWritten) {
                                                   [&](Cluster& c) { c.mass.inertia(2, 1) = inf; },
                                                   [&](Cluster& c) { c.volume_union = nan; },
                                                   [&](Cluster& c) { c.accuracy.gap_p95 = nan; },
+                                                  [&](Cluster& c) { c.lods[1].radii[0] = 0; },
+                                                  [&](Cluster& c) { c.lods[0].accuracy.gap_max = nan; },
+                                                  [&](Cluster& c) { c.lods[0].centers.pop_back(); },
                                                   [&](Cluster& c) { c.settings = "[1]"; },
                                                   [&](Cluster& c) { c.settings = "{"; }};
   for (const auto& fault : faults) {
-    Cluster c = random_cluster(3, 4);
+    Cluster c = random_cluster(3, 8);
     EXPECT_NO_THROW(to_json(c));
     fault(c);
     EXPECT_THROW(to_json(c), Error);

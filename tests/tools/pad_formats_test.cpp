@@ -6,7 +6,7 @@
 namespace padder::samples {
 namespace {
 
-class PadToolTest : public ExportTest {
+class PadFormatsTest : public ExportTest {
  protected:
   void SetUp() override {
     ExportTest::SetUp();
@@ -25,7 +25,7 @@ class PadToolTest : public ExportTest {
   }
 };
 
-TEST_F(PadToolTest, EndingsAndFormats) {
+TEST_F(PadFormatsTest, EndingsAndFormats) {
   ASSERT_EQ(pad("cube.obj --edge-length 10% -q").output, "");
   const Cluster cube = read_spheres(folder_ / "cube.spheres.json");
   for (const char* file : {"c.npz", "c.vtp", "c.urdf", "c.xml", "c.yaml", "c.xrdf", "c.srdf"}) {
@@ -45,7 +45,7 @@ TEST_F(PadToolTest, EndingsAndFormats) {
   EXPECT_TRUE(fs::exists(folder_ / "many/cube.txt"));
 }
 
-TEST_F(PadToolTest, WhatAFormatCannotHoldIsASentenceAndNoFile) {
+TEST_F(PadFormatsTest, WhatAFormatCannotHoldIsASentenceAndNoFile) {
   const Ran r = pad("cube.obj --edge-length 10% --family 3 -q -o c.csv");
   EXPECT_EQ(r.status, 1);
   EXPECT_NE(r.output.find("cannot hold"), std::string::npos) << r.output;
@@ -57,7 +57,7 @@ TEST_F(PadToolTest, WhatAFormatCannotHoldIsASentenceAndNoFile) {
   EXPECT_EQ(pad("cube.obj --density 0 -o c.csv").status, 2);
 }
 
-TEST_F(PadToolTest, Robots) {
+TEST_F(PadFormatsTest, Robots) {
   const Ran r = pad("r.urdf --edge-length 10% --json 2>/dev/null");
   ASSERT_EQ(r.status, 0) << r.output;
   const auto report = nlohmann::json::parse(r.output);

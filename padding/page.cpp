@@ -1,0 +1,234 @@
+#include "padding/page.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <map>
+#include <nlohmann/json.hpp>
+
+#include "padding/error.h"
+#include "padding/file.h"
+#include "padding/picture.h"
+
+namespace padder {
+namespace {
+
+using Json = nlohmann::ordered_json;
+namespace fs = std::filesystem;
+static_assert(std::endian::native == std::endian::little, "the page's arrays are little-endian");
+
+constexpr double kSteps = (1 << 21) - 1;  // of a coordinate: 21 bits
+
+std::string base64(const void* data, std::size_t size) {
+  static constexpr char digits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+  const auto* b = static_cast<const unsigned char*>(data);
+  std::string out;
+  out.reserve((size + 2) / 3 * 4);
+  for (std::size_t k = 0; k < size; k += 3) {
+    const std::size_t left = size - k;
+    const std::uint32_t w =
+        std::uint32_t(b[k]) << 16 | (left > 1 ? std::uint32_t(b[k + 1]) << 8 : 0) | (left > 2 ? b[k + 2] : 0);
+    out += digits[w >> 18];
+    out += digits[w >> 12 & 63];
+    out += left > 1 ? digits[w >> 6 & 63] : '=';
+    out += left > 2 ? digits[w & 63] : '=';
+  }
+  return out;
+}
+
+// The page's frame: the middle of the box at 0, its diagonal 1.
+struct Frame {
+  Point center;
+  double scale;
+  Vector low, step;  // of the centres' box, and a 2^21st of its edges
+
+  explicit Frame(const View& view) {
+    const Box box = view.bounds();
+    center = box.center();
+    scale = box.diagonal() > 0 ? box.diagonal() : 1;
+    Box centers;
+    for (const Point& p : view.centers) centers.add(p);
+    if (centers.empty()) centers.add(center);
+    low = into(centers.low);
+    step = (into(centers.high) - low) / kSteps;
+  }
+  Vector into(const Point& p) const { return (p - center) / scale; }
+  std::uint64_t cell(double x, int k) const {
+    return step[k] > 0 ? std::uint64_t(std::clamp(std::round((x - low[k]) / step[k]), 0.0, kSteps)) : 0;
+  }
+};
+
+// Elements of the page that hold data. Nothing a name or note says may end one, so < is written as its
+// number.
+class Elements {
+ public:
+  template <class T>
+  void add(const char* id, const std::vector<T>& values) {
+    text_ += std::string("<script type=\"application/octet-stream\" id=\"") + id + "\">" +
+             base64(values.data(), values.size() * sizeof(T)) + "</script>\n";
+  }
+  void add(const char* id, const Json& json) {
+    text_ += std::string("<script type=\"application/json\" id=\"") + id + "\">";
+    for (const char c : json.dump(-1, ' ', false, Json::error_handler_t::replace))
+      c == '<' ? text_ += "\\u003c" : text_ += c;
+    text_ += "</script>\n";
+  }
+  std::string take() { return std::move(text_); }
+
+ private:
+  std::string text_;
+};
+
+Json accuracy_json(const Accuracy& a) {
+  return {{"protrusion_max", a.protrusion_max},
+          {"protrusion_mean", a.protrusion_mean},
+          {"protrusion_p95", a.protrusion_p95},
+          {"gap_max", a.gap_max},
+          {"gap_mean", a.gap_mean},
+          {"gap_p95", a.gap_p95},
+          {"coverage", a.coverage},
+          {"normal_error_mean_deg", a.normal_error_mean_deg},
+          {"normal_error_p95_deg", a.normal_error_p95_deg},
+          {"volume_ratio", a.volume_ratio},
+          {"certified", a.certified}};
+}
+
+bool all_alike(const std::vector<std::uint32_t>& values) {
+  return std::all_of(values.begin(), values.end(), [&](std::uint32_t v) { return v == values[0]; });
+}
+
+Json head_json(const View& view, const PageOptions& o, const Frame& frame) {
+  const auto triple = [](const Vector& v) { return Json::array({v.x(), v.y(), v.z()}); };
+  Json j;
+  j["title"] = view.title, j["unit"] = view.unit, j["note"] = view.note;
+  j["spheres"] = view.size();
+  j["center"] = triple(frame.center), j["scale"] = frame.scale;
+  j["low"] = triple(frame.low), j["step"] = triple(frame.step);
+  // Of the mesh, as reports count; the spheres' where there is none.
+  j["diagonal"] = view.has_mesh() ? view.mesh.bounds().diagonal() : frame.scale;
+  j["family"] = view.family.empty() ? 0 : view.family[0];
+  j["mask"] = view.mask;
+  j["azimuth"] = o.azimuth, j["elevation"] = o.elevation, j["up"] = std::string(1, o.up);
+  if (!view.accuracy.empty()) j["accuracy"] = accuracy_json(view.accuracy[0]);
+  std::map<std::string, std::size_t> number_of;
+  Json names = Json::array(), bodies = Json::array(), rungs = Json::array();
+  for (const ViewBody& b : view.bodies) {
+    const auto [it, fresh] = number_of.emplace(b.cluster, names.size());
+    if (fresh) names.push_back(b.cluster);
+    bodies.push_back({it->second, b.first, b.count, b.family, b.mask});
+  }
+  j["clusters"] = std::move(names), j["bodies"] = std::move(bodies);
+  for (const ViewRung& r : view.rungs)
+    rungs.push_back({{"name", r.name}, {"first", r.first}, {"count", r.count}});
+  if (rungs.empty()) rungs.push_back({{"name", "all"}, {"first", 0}, {"count", view.size()}});
+  j["rungs"] = std::move(rungs);
+  const Palette& p = palette();
+  j["palette"] = {
+      {"none", p.none}, {"mesh", p.mesh}, {"background", p.background}, {"kinds", p.kinds}, {"ramp", p.ramp}};
+  return j;
+}
+
+std::string data_of(const View& view, const PageOptions& options) {
+  const Frame frame(view);
+  Elements out;
+  out.add("head", head_json(view, options, frame));
+  std::vector<std::uint32_t> words;
+  words.reserve(3 * view.size());
+  for (std::size_t k = 0; k < view.size(); k++) {
+    const Vector p = frame.into(view.centers[k]);
+    const std::uint64_t bits = frame.cell(p.x(), 0) | frame.cell(p.y(), 1) << 21 | frame.cell(p.z(), 2) << 42;
+    words.push_back(std::uint32_t(bits));
+    words.push_back(std::uint32_t(bits >> 32));
+    words.push_back(std::bit_cast<std::uint32_t>(float(view.radii[k] / frame.scale)));
+  }
+  out.add("spheres", words);
+  if (!view.family.empty() && !all_alike(view.family)) out.add("family", view.family);
+  if (!view.triangle.empty()) {
+    std::vector<std::int32_t> triangle(view.triangle.begin(), view.triangle.end());
+    out.add("triangle", triangle);
+  }
+  if (!view.protrusion.empty()) out.add("protrusion", view.protrusion);
+  if (!view.body.empty()) out.add("body", view.body);
+  if (view.has_mesh()) {
+    std::vector<float> points;
+    for (const Point& p : view.mesh.points)
+      for (const double x : frame.into(p)) points.push_back(float(x));
+    out.add("points", points);
+    out.add("triangles", view.mesh.triangles);
+  }
+  if (!view.contacts.empty()) {
+    std::vector<std::uint32_t> pairs;
+    std::vector<float> numbers;
+    for (const ViewContact& c : view.contacts) {
+      pairs.push_back(std::uint32_t(c.i)), pairs.push_back(std::uint32_t(c.j));
+      for (const double x : frame.into(c.at)) numbers.push_back(float(x));
+      for (const double x : c.normal) numbers.push_back(float(x));
+      numbers.push_back(float(c.depth));
+    }
+    out.add("pairs", pairs);
+    out.add("contacts", numbers);
+  }
+  return out.take();
+}
+
+std::string escaped(const std::string& text) {
+  std::string out;
+  for (const char c : text) {
+    if (c == '<')
+      out += "&lt;";
+    else if (c == '&')
+      out += "&amp;";
+    else
+      out += c;
+  }
+  return out;
+}
+
+}  // namespace
+
+fs::path page_script() {
+  std::error_code code;
+  const fs::path folder = fs::read_symlink("/proc/self/exe", code).parent_path();
+  for (const fs::path& candidate : {folder / "../page/page.html", folder / "../share/padder/page.html"})
+    if (fs::is_regular_file(candidate, code)) return candidate.lexically_normal();
+  throw Error(
+      "the page's script is not built yet: `cmake --build BUILD --target page` makes it (it needs npm; "
+      "`tools/run preview` does so by itself)");
+}
+
+std::string page_html(const View& view, const PageOptions& options) {
+  if (view.size() == 0 && !view.has_mesh())
+    throw Error(view.title + " holds no sphere, so there is nothing to show");
+  if (view.size() > (std::size_t(1) << 27))
+    throw Error(view.title + ": a page holds 134217728 spheres at most");
+  if (options.up != 'x' && options.up != 'y' && options.up != 'z')
+    throw Error("the axis that points up is x, y or z");
+  const fs::path script = options.script.empty() ? page_script() : options.script;
+  std::string html = read_file(script);
+  for (const auto& [mark, text] :
+       {std::pair<std::string, std::string>{"<!--padder:title-->", escaped(view.title)},
+        {"<!--padder:data-->", data_of(view, options)}}) {
+    const std::size_t at = html.find(mark);
+    if (at == std::string::npos)
+      throw Error(script.string() + " is not the template of a page: build the target page again");
+    html.replace(at, mark.size(), text);
+  }
+  return html;
+}
+
+void write_page(const View& view, const fs::path& path, const PageOptions& options) {
+  write_file(path, page_html(view, options));
+}
+
+bool is_preview(const fs::path& path) { return path.extension() == ".html" || path.extension() == ".png"; }
+
+void write_preview(const View& view, const fs::path& path) {
+  if (!is_preview(path))
+    throw Error("cannot tell what to write to " + path.string() + ": end it with .html or .png");
+  if (path.extension() == ".html")
+    write_page(view, path);
+  else
+    write_png(render(view), path);
+}
+
+}  // namespace padder

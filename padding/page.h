@@ -1,0 +1,36 @@
+// A view as one HTML file that needs no network: three.js, the data and all else inside. docs/preview.md says
+// what it can do.
+#pragma once
+#include <filesystem>
+#include <string>
+
+#include "padding/view.h"
+
+namespace padder {
+
+struct PageOptions {
+  double azimuth = -60,
+         elevation = 30;         // degrees: from where the camera looks at the middle when the page opens
+  char up = 'z';                 // 'x', 'y' or 'z': the axis that points up
+  std::filesystem::path script;  // the template; empty: page_script()
+};
+
+// The page without data, which npm's packages are needed to build (target `page`): share/padder/page.html
+// beside the running program's folder when installed, page/page.html in the build tree. Throws Error that
+// says how to build it.
+std::filesystem::path page_script();
+
+// The whole page. Positions are kept to 2^-22 of their box, radii, protrusions and contacts in single
+// precision: 12 bytes a sphere, and 4 more for each of protrusion, triangle, family and body where a view has
+// them, a third more as base64. Equal views give equal bytes. Throws Error for an empty view, more than 2^27
+// spheres, or a template that is not one.
+std::string page_html(const View& view, const PageOptions& options = {});
+
+void write_page(const View& view, const std::filesystem::path& path,
+                const PageOptions& options = {});  // whole or not at all
+
+// A page or a picture with everything as it is by default, by the ending of the path: .html or .png.
+bool is_preview(const std::filesystem::path& path);                       // has it one of the two?
+void write_preview(const View& view, const std::filesystem::path& path);  // throws Error
+
+}  // namespace padder

@@ -1,0 +1,191 @@
+#include "padding/view.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "padding/error.h"
+#include "padding/read.h"
+#include "padding/surface.h"
+
+namespace padder {
+namespace {
+
+namespace fs = std::filesystem;
+
+// At t in 0 to 1.
+Colour along_ramp(double t) {
+  const auto& ramp = palette().ramp;
+  const double x = std::clamp(t, 0.0, 1.0) * double(ramp.size() - 1);
+  const std::size_t k = std::min(std::size_t(x), ramp.size() - 2);
+  Colour c;
+  for (int i = 0; i < 3; i++)
+    c[i] = std::uint8_t(std::lround(ramp[k][i] + (x - double(k)) * (ramp[k + 1][i] - ramp[k][i])));
+  return c;
+}
+
+Colour of_kind(std::uint64_t number) {
+  const Palette& p = palette();
+  return number == 0 ? p.none : p.kinds[(number - 1) % p.kinds.size()];
+}
+
+// Neighbouring triangles have neighbouring numbers: steps of the golden ratio around the circle of hues set
+// them apart.
+Colour of_triangle(std::int64_t triangle) {
+  if (triangle < 0) return palette().none;
+  const double turns = std::fmod(double(triangle) * 0.6180339887498949, 1.0);
+  Colour c;
+  for (int k = 0; k < 3; k++) {
+    const double x = std::abs(std::fmod(turns * 6 + (k == 0 ? 0 : k == 1 ? 4 : 2), 6) - 3);
+    c[k] = std::uint8_t(std::lround(255 * (0.28 + 0.57 * std::clamp(x - 1, 0.0, 1.0))));
+  }
+  return c;
+}
+
+template <class T>
+std::vector<Colour> by_length(const std::vector<T>& lengths, double low) {
+  double high = low;
+  for (const T v : lengths) high = std::max(high, double(v));
+  std::vector<Colour> out;
+  out.reserve(lengths.size());
+  for (const T v : lengths) out.push_back(along_ramp(high > low ? (double(v) - low) / (high - low) : 0));
+  return out;
+}
+
+// Equal up to the rounding of a scale that went another way.
+bool same_box(const Box& a, const Box& b) {
+  const double tolerance = 1e-6 * b.diagonal();
+  return (a.low - b.low).cwiseAbs().maxCoeff() <= tolerance &&
+         (a.high - b.high).cwiseAbs().maxCoeff() <= tolerance;
+}
+
+ReadResult read_for(const Cluster& cluster, const fs::path& path) {
+  ReadOptions options;
+  options.unit = cluster.unit;
+  return read_mesh(path, options);
+}
+
+// The asset does not record --scale; its bounds do.
+Mesh scaled_to(const Cluster& cluster, Mesh mesh, const fs::path& path) {
+  const double own = mesh.bounds().diagonal(), wanted = cluster.bounds.diagonal();
+  if (cluster.bounds.empty() || same_box(mesh.bounds(), cluster.bounds)) return mesh;
+  if (own > 0)
+    for (Point& p : mesh.points) p *= wanted / own;
+  if (!same_box(mesh.bounds(), cluster.bounds))
+    throw Error(path.string() + ": this is not the mesh that cluster " + cluster.name +
+                " was made from, their bounding boxes differ: name the right one, or pad this one");
+  return mesh;
+}
+
+}  // namespace
+
+Box View::bounds() const {
+  Box box = mesh.bounds();
+  for (std::size_t k = 0; k < size(); k++) {
+    box.add(centers[k] - Vector::Constant(radii[k]));
+    box.add(centers[k] + Vector::Constant(radii[k]));
+  }
+  return box;
+}
+
+View view_of(const Cluster& cluster, const Mesh& mesh) {
+  View v;
+  v.title = cluster.name;
+  v.unit = cluster.unit;
+  v.note = cluster.program;
+  if (!cluster.source.file.empty())
+    v.note += (v.note.empty() ? "" : ", ") + std::string("from ") + cluster.source.file + " (" +
+              std::to_string(cluster.source.triangles) + " triangles)";
+  v.mesh = mesh;
+  v.centers = cluster.centers;
+  v.radii = cluster.radii;
+  v.family.assign(cluster.size(), cluster.family);
+  v.mask = cluster.mask;
+  v.triangle = cluster.triangle;
+  // A cluster written by hand says nothing of triangles, nor of accuracy.
+  if (std::all_of(v.triangle.begin(), v.triangle.end(), [](std::int64_t t) { return t < 0; }))
+    v.triangle.clear();
+  if (cluster.accuracy.coverage > 0 || cluster.accuracy.gap_max > 0) v.accuracy.push_back(cluster.accuracy);
+  if (!v.has_mesh()) return v;
+  const Surface surface(mesh);
+  // Faces inside the body, which repair would take away, bring the nearest point too near: the cluster's own
+  // figure bounds them all.
+  const double most =
+      v.accuracy.empty() ? std::numeric_limits<double>::infinity() : cluster.accuracy.protrusion_max;
+  v.protrusion.resize(v.size());
+#pragma omp parallel for schedule(dynamic, 256)
+  for (std::size_t k = 0; k < v.size(); k++)
+    v.protrusion[k] = float(std::clamp(v.radii[k] - surface.nearest(v.centers[k]).distance, 0.0, most));
+  return v;
+}
+
+Mesh mesh_of(const Cluster& cluster, const fs::path& cluster_path, const fs::path& path) {
+  if (!path.empty()) return scaled_to(cluster, read_for(cluster, path).mesh, path);
+  // A name with folders in it does not come from padder; it must not lead the search elsewhere.
+  const fs::path name = fs::path(cluster.source.file).filename();
+  if (name.empty() || cluster.source.sha256.empty()) return {};
+  for (const fs::path& folder : {cluster_path.parent_path(), fs::path(".")})
+    for (const fs::path& candidate : {folder / name, folder / "assets" / name}) {
+      std::error_code code;
+      if (!fs::is_regular_file(candidate, code)) continue;
+      try {
+        ReadResult file = read_for(cluster, candidate);
+        if (file.source.sha256 == cluster.source.sha256)
+          return scaled_to(cluster, std::move(file.mesh), candidate);
+      } catch (const Error&) {
+        // Another file of that name that nobody asked for.
+      }
+    }
+  return {};
+}
+
+std::vector<Colour> colours_of(const View& view, ColourBy by) {
+  const auto need = [&](bool there, const char* what) {
+    if (!there)
+      throw Error(view.title + " has nothing to be coloured by " + what + ": choose another --colour");
+  };
+  std::vector<Colour> out;
+  out.reserve(view.size());
+  switch (by) {
+    case ColourBy::radius:
+      return by_length(view.radii,
+                       view.radii.empty() ? 0 : *std::min_element(view.radii.begin(), view.radii.end()));
+    case ColourBy::protrusion:
+      need(view.protrusion.size() == view.size(), "protrusion, which needs the mesh");
+      return by_length(view.protrusion, 0);
+    case ColourBy::triangle:
+      need(view.triangle.size() == view.size(), "triangle");
+      for (const std::int64_t t : view.triangle) out.push_back(of_triangle(t));
+      return out;
+    case ColourBy::body:
+      need(view.body.size() == view.size(), "body");
+      for (const std::uint32_t b : view.body) out.push_back(of_kind(b < view.bodies.size() ? b + 1 : 0));
+      return out;
+    default:
+      for (const std::uint32_t f : view.family) out.push_back(of_kind(f));
+      return out;
+  }
+}
+
+const Palette& palette() {
+  static const Palette p{
+      .none = {232, 128, 58},
+      .mesh = {158, 170, 184},
+      .background = {244, 246, 248},
+      .kinds = {{208, 64, 56},
+                {48, 112, 192},
+                {64, 152, 80},
+                {226, 160, 40},
+                {132, 88, 172},
+                {40, 160, 168},
+                {196, 92, 148},
+                {128, 136, 52},
+                {140, 92, 60},
+                {92, 104, 208},
+                {104, 184, 140},
+                {120, 124, 132}},
+      .ramp = {{38, 48, 120}, {36, 104, 160}, {44, 160, 150}, {146, 200, 90}, {250, 220, 70}}};
+  return p;
+}
+
+}  // namespace padder

@@ -1,0 +1,87 @@
+// What is to be shown of a cluster or a scene: the spheres placed, what each can be coloured by, and the mesh
+// they cover. The picture (picture.h) and the page (page.h) both draw one of these.
+#pragma once
+#include <array>
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "padding/cluster.h"
+#include "padding/mesh.h"
+
+namespace padder {
+
+// A body of a scene: `count` spheres from `first` on.
+struct ViewBody {
+  std::string cluster;  // the name of its asset
+  std::uint64_t first = 0, count = 0;
+  std::uint32_t family = 0, mask = 0;
+};
+
+// A contact between the spheres i and j.
+struct ViewContact {
+  std::uint64_t i = 0, j = 0;
+  Point at = Point::Zero();        // halfway between the deepest points of the two
+  Vector normal = Vector::Zero();  // unit, from i to j
+  double depth = 0;
+};
+
+// Spheres of one level of detail: `count` from `first` on. Rungs share nothing; one of them is shown at a
+// time.
+struct ViewRung {
+  std::string name;
+  std::uint64_t first = 0, count = 0;
+};
+
+// All lengths in one unit and one frame. N spheres; an array that may be empty has N entries otherwise.
+struct View {
+  std::string title;
+  std::string unit;  // "" when nobody said
+  std::string note;  // where it came from, one line
+  Mesh mesh;         // without triangles when there is none
+  std::vector<Point> centers;
+  std::vector<double> radii;
+  std::vector<std::uint32_t> family;   // N; 0: none
+  std::vector<std::int64_t> triangle;  // may be empty
+  std::vector<float> protrusion;       // may be empty: how far the sphere can stand out of the mesh
+  std::vector<std::uint32_t> body;     // may be empty: index into bodies; bodies.size() for a loose sphere
+  std::vector<ViewBody> bodies;        // of a scene
+  std::vector<ViewContact> contacts;   // of a scene
+  std::vector<ViewRung> rungs;         // empty: all spheres are one level
+  std::vector<Accuracy> accuracy;      // none or one
+  std::uint32_t mask = 0;              // of a cluster
+
+  std::size_t size() const { return radii.size(); }
+  bool has_mesh() const { return !mesh.triangles.empty(); }
+  Box bounds() const;  // of mesh and spheres
+};
+
+// A cluster with the mesh it was made from, or without one. Protrusions need the mesh: radius less the
+// distance of the centre to the mesh, no less than 0 and no more than the largest protrusion that the cluster
+// itself reports: no point of a sphere whose centre lies inside stands out farther (certify.h). One
+// nearest-point query a sphere, on all threads.
+View view_of(const Cluster& cluster, const Mesh& mesh = {});
+
+// The mesh that `cluster` was made from, scaled as it was. With `path` empty it is looked for under its own
+// name beside the cluster, in the current folder and in `assets` in either; only a file with the recorded
+// sha256 is taken, and an empty mesh comes back when there is none. Throws Error when `path` cannot be read,
+// or its bounds are not the cluster's.
+Mesh mesh_of(const Cluster& cluster, const std::filesystem::path& cluster_path,
+             const std::filesystem::path& path = {});
+
+enum class ColourBy : std::uint8_t { family, radius, protrusion, triangle, body };
+using Colour = std::array<std::uint8_t, 3>;  // red, green, blue, sRGB
+
+// One colour a sphere. Throws Error when the view has not what it is to be coloured by.
+std::vector<Colour> colours_of(const View& view, ColourBy by);
+
+// The colours themselves, which the page shares. Families and bodies take kinds[(number - 1) % size], `none`
+// is number 0; lengths run through the stops of the ramp from 0 or the smallest to the largest.
+struct Palette {
+  Colour none, mesh, background;
+  std::vector<Colour> kinds, ramp;
+};
+const Palette& palette();
+
+}  // namespace padder

@@ -1,0 +1,153 @@
+"""A headless Chromium driven over the WebDriver protocol by chromedriver, with Python's own library alone."""
+import base64
+import json
+import os
+import shutil
+import struct
+import subprocess
+import tempfile
+import time
+import urllib.error
+import urllib.request
+import zlib
+
+FLAGS = ["--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
+         "--disable-component-update", "--disable-sync", "--disable-dev-shm-usage", "--hide-scrollbars",
+         # No graphics card: WebGL is drawn by the processor.
+         "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--force-device-scale-factor=1"]
+ELEMENT = "element-6066-11e4-a52e-4f735466cecf"  # the protocol's name for a reference to an element
+
+
+def absent():
+    """What is missing, as a sentence, or None."""
+    for name in ("chromium", "chromedriver"):
+        if not shutil.which(name):
+            return f"{name} is not installed (apt-get install chromium chromium-driver)"
+    return None
+
+
+class Image:
+    """8-bit pixels of a PNG: at(x, y) is (red, green, blue)."""
+
+    def __init__(self, png):
+        assert png[:8] == b"\x89PNG\r\n\x1a\n"
+        at, data = 8, b""
+        while at < len(png):
+            size, kind = struct.unpack(">I4s", png[at:at + 8])
+            body = png[at + 8:at + 8 + size]
+            if kind == b"IHDR":
+                self.width, self.height, depth, colour, _, _, interlace = struct.unpack(">IIBBBBB", body)
+                assert depth == 8 and colour in (2, 6) and interlace == 0
+                self.channels = 3 if colour == 2 else 4
+            elif kind == b"IDAT":
+                data += body
+            at += size + 12
+        raw, n, stride = zlib.decompress(data), self.channels, self.width * self.channels
+        self.rows, above = [], bytearray(stride)
+        for y in range(self.height):
+            kind = raw[y * (stride + 1)]
+            row = bytearray(raw[y * (stride + 1) + 1:(y + 1) * (stride + 1)])
+            for k in range(stride if kind else 0):  # filters: left, above, their mean, Paeth's choice
+                a, b = row[k - n] if k >= n else 0, above[k]
+                if kind == 1:
+                    guess = a
+                elif kind == 2:
+                    guess = b
+                elif kind == 3:
+                    guess = (a + b) // 2
+                else:
+                    c = above[k - n] if k >= n else 0
+                    p = a + b - c
+                    guess = min((abs(p - a), 0, a), (abs(p - b), 1, b), (abs(p - c), 2, c))[2]
+                row[k] = (row[k] + guess) & 255
+            self.rows.append(row)
+            above = row
+
+    def at(self, x, y):
+        return tuple(self.rows[y][x * self.channels:x * self.channels + 3])
+
+
+class Browser:
+    def __init__(self, width=1000, height=700):
+        self.folder = tempfile.mkdtemp()
+        self.driver = subprocess.Popen(["chromedriver", "--port=0"], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+        for line in self.driver.stdout:
+            if "started successfully on port" in line:
+                self.root = "http://127.0.0.1:" + line.strip().rstrip(".").split()[-1]
+                break
+        else:
+            raise RuntimeError("chromedriver did not start")
+        flags = FLAGS + [f"--user-data-dir={self.folder}", f"--window-size={width},{height}"]
+        answer = self.call("POST", "/session", {"capabilities": {"alwaysMatch": {
+            "browserName": "chrome", "goog:chromeOptions": {"binary": shutil.which("chromium"), "args": flags},
+            "goog:loggingPrefs": {"browser": "ALL"}}}})
+        self.session = "/session/" + answer["sessionId"]
+        # Chromium's window is taller than its page: set the page's own size.
+        self.send("goog/cdp/execute", {"cmd": "Emulation.setDeviceMetricsOverride", "params": {
+            "width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}})
+
+    def call(self, method, path, body=None):
+        request = urllib.request.Request(self.root + path, method=method, data=None if body is None else json.dumps(body).encode(),
+                                         headers={"Content-Type": "application/json"})
+        opener = urllib.request.build_opener(urllib.request.ProxyHandler({}))
+        try:
+            return json.load(opener.open(request, timeout=120))["value"]
+        except urllib.error.HTTPError as e:
+            raise RuntimeError(json.load(e)["value"]["message"]) from None
+
+    def send(self, path, body):
+        return self.call("POST", f"{self.session}/{path}", body)
+
+    def open(self, path):
+        self.send("url", {"url": "file://" + os.path.abspath(path)})
+
+    def run(self, script, *args):
+        return self.send("execute/sync", {"script": script, "args": list(args)})
+
+    def wait(self, script, seconds=60):
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            value = self.run("return " + script)
+            if value:
+                return value
+            time.sleep(0.02)
+        raise AssertionError(f"waited {seconds} s for: {script}")
+
+    def text(self, selector):
+        return self.run("const e = document.querySelector(arguments[0]); return e && !e.closest('[hidden]') ? e.textContent : null", selector)
+
+    def pointer(self, actions, kind="mouse"):
+        self.send("actions", {"actions": [{"type": "pointer", "id": kind, "parameters": {"pointerType": kind}, "actions": actions}]})
+
+    def click(self, x, y, kind="mouse"):
+        self.pointer([{"type": "pointerMove", "x": round(x), "y": round(y), "duration": 0}, {"type": "pointerDown", "button": 0},
+                      {"type": "pointerUp", "button": 0}], kind)
+
+    def drag(self, points, button=0, kind="mouse"):
+        at = lambda p, ms: {"type": "pointerMove", "x": round(p[0]), "y": round(p[1]), "duration": ms}
+        self.pointer([at(points[0], 0), {"type": "pointerDown", "button": button}] + [at(p, 30) for p in points[1:]] +
+                     [{"type": "pointerUp", "button": button}], kind)
+
+    def keys(self, text):
+        self.send("actions", {"actions": [{"type": "key", "id": "keys", "actions": [
+            {"type": kind, "value": key} for key in text for kind in ("keyDown", "keyUp")]}]})
+
+    def screenshot(self):
+        png = base64.b64decode(self.call("GET", self.session + "/screenshot"))
+        if os.environ.get("PADDER_SCREENSHOTS"):  # a folder to look at them in
+            name = f"{time.monotonic_ns()}.png"
+            with open(os.path.join(os.environ["PADDER_SCREENSHOTS"], name), "wb") as f:
+                f.write(png)
+        return Image(png)
+
+    def log(self):
+        """Messages of the console since the last call, but for the driver's talk of how fast it is."""
+        return [m["message"] for m in self.send("se/log", {"type": "browser"}) if "GL Driver Message" not in m["message"]]
+
+    def close(self):
+        try:
+            self.call("DELETE", self.session)
+        finally:
+            self.driver.terminate()
+            self.driver.wait(30)
+            shutil.rmtree(self.folder, ignore_errors=True)

@@ -1,0 +1,134 @@
+#include "padding/view.h"
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+
+#include "padding/error.h"
+#include "padding/read.h"
+#include "tests/padding/shapes.h"
+
+namespace padder {
+namespace {
+
+namespace fs = std::filesystem;
+
+Cluster three_spheres() {
+  Cluster c;
+  c.name = "part";
+  c.family = 3;
+  c.centers = {{0.5, 0.5, 0.5}, {0.2, 0.5, 0.5}, {0.5, 0.5, 0.9}};
+  c.radii = {0.4, 0.3, 0.15};
+  c.triangle = {7, 8, 9};
+  return c;
+}
+
+// An own folder, gone at the end.
+class Folder : public ::testing::Test {
+ protected:
+  Folder() { fs::create_directories(path / "assets"); }
+  ~Folder() override { fs::remove_all(path); }
+
+  fs::path write_box(const fs::path& name, double size) {
+    std::ofstream out(path / name);
+    const Mesh box = shapes::box({0, 0, 0}, {size, size, size});
+    for (const Point& p : box.points) out << "v " << p.x() << " " << p.y() << " " << p.z() << "\n";
+    for (const auto& t : box.triangles) out << "f " << t[0] + 1 << " " << t[1] + 1 << " " << t[2] + 1 << "\n";
+    return path / name;
+  }
+  // As pad records it, with every length `scale` times that of the file.
+  Cluster made_from(const fs::path& file, double scale = 1) {
+    const ReadResult read = read_mesh(file);
+    Cluster c = three_spheres();
+    c.source = read.source;
+    c.bounds = read.mesh.bounds();
+    c.bounds.low *= scale, c.bounds.high *= scale;
+    return c;
+  }
+  const fs::path path = fs::path(::testing::TempDir()) / ("view_test_" + std::to_string(::getpid()));
+};
+
+TEST(View, ProtrusionIsRadiusLessTheDistanceToTheMesh) {
+  const View v = view_of(three_spheres(), shapes::box({0, 0, 0}, {1, 1, 1}, 4));
+  ASSERT_EQ(v.protrusion.size(), 3u);
+  EXPECT_EQ(v.protrusion[0], 0);  // it stays below the surface
+  EXPECT_NEAR(v.protrusion[1], 0.1, 1e-6);
+  EXPECT_NEAR(v.protrusion[2], 0.05, 1e-6);
+  EXPECT_EQ(v.family, std::vector<std::uint32_t>(3, 3));
+}
+
+TEST(View, ProtrusionIsNeverMoreThanTheClusterReports) {
+  Cluster c = three_spheres();
+  c.accuracy.protrusion_max = 0.06, c.accuracy.coverage = 1;
+  const View v = view_of(c, shapes::box({0, 0, 0}, {1, 1, 1}));
+  EXPECT_FLOAT_EQ(v.protrusion[1], 0.06f);
+  EXPECT_NEAR(v.protrusion[2], 0.05, 1e-6);
+  EXPECT_EQ(v.accuracy.size(), 1u);
+}
+
+TEST(View, WhatAClusterByHandLacksIsLeftOut) {
+  Cluster c = three_spheres();
+  c.triangle.assign(3, -1);
+  const View v = view_of(c);
+  EXPECT_TRUE(v.triangle.empty());
+  EXPECT_TRUE(v.protrusion.empty());
+  EXPECT_TRUE(v.accuracy.empty());
+  EXPECT_FALSE(v.has_mesh());
+  EXPECT_THROW(colours_of(v, ColourBy::triangle), Error);
+  EXPECT_THROW(colours_of(v, ColourBy::protrusion), Error);
+  EXPECT_THROW(colours_of(v, ColourBy::body), Error);
+}
+
+TEST(View, BoundsHoldMeshAndSpheres) {
+  const View v = view_of(three_spheres(), shapes::box({0, 0, 0}, {1, 1, 1}));
+  EXPECT_DOUBLE_EQ(v.bounds().low.x(), -0.1);
+  EXPECT_DOUBLE_EQ(v.bounds().high.z(), 1.05);
+  EXPECT_DOUBLE_EQ(v.bounds().high.y(), 1);
+}
+
+TEST(View, ColoursFollowThePalette) {
+  View v = view_of(three_spheres());
+  const Palette& p = palette();
+  v.family = {0, 1, std::uint32_t(p.kinds.size()) + 1};
+  const auto family = colours_of(v, ColourBy::family);
+  EXPECT_EQ(family[0], p.none);
+  EXPECT_EQ(family[1], p.kinds[0]);
+  EXPECT_EQ(family[2], p.kinds[0]);
+  const auto radius = colours_of(v, ColourBy::radius);
+  EXPECT_EQ(radius[0], p.ramp.back());   // the largest
+  EXPECT_EQ(radius[2], p.ramp.front());  // the smallest
+  v.bodies = {{"a", 0, 2, 5, 0}};
+  v.body = {0, 0, 1};
+  const auto body = colours_of(v, ColourBy::body);
+  EXPECT_EQ(body[0], p.kinds[0]);
+  EXPECT_EQ(body[2], p.none);  // loose
+  const auto triangle = colours_of(v, ColourBy::triangle);
+  EXPECT_NE(triangle[0], triangle[1]);
+}
+
+TEST_F(Folder, TheMeshIsFoundByNameAndBytes) {
+  const Cluster c = made_from(write_box("part.obj", 2));
+  EXPECT_EQ(mesh_of(c, path / "part.spheres.json").triangles.size(), 12u);
+  EXPECT_TRUE(mesh_of(c, path / "assets" / "elsewhere" / "part.spheres.json").triangles.empty());
+  fs::rename(path / "part.obj", path / "assets" / "part.obj");
+  EXPECT_EQ(mesh_of(c, path / "part.spheres.json").triangles.size(), 12u);
+  write_box("assets/part.obj", 2.5);
+  EXPECT_TRUE(mesh_of(c, path / "part.spheres.json").triangles.empty());  // another part of that name
+}
+
+TEST_F(Folder, TheMeshComesAtTheScaleOfTheCluster) {
+  const fs::path file = write_box("part.obj", 2);
+  const Mesh mesh = mesh_of(made_from(file, 0.001), path / "part.spheres.json");
+  EXPECT_NEAR(mesh.bounds().high.x(), 0.002, 1e-12);
+}
+
+TEST_F(Folder, AnotherMeshIsRefused) {
+  const Cluster c = made_from(write_box("part.obj", 2));
+  std::ofstream(path / "other.obj") << "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+  EXPECT_THROW(mesh_of(c, path / "part.spheres.json", path / "other.obj"), Error);
+  EXPECT_THROW(mesh_of(c, path / "part.spheres.json", path / "absent.obj"), Error);
+}
+
+}  // namespace
+}  // namespace padder

@@ -1,0 +1,125 @@
+// The tables beside the picture.
+import {colourings, familyOf, kindColour, rampColour, rangeOf} from './colours.js';
+import {number, placed} from './data.js';
+
+const element = (id) => document.getElementById(id);
+const css = (c) => `rgb(${c.join(' ')})`;
+
+function fill(table, rows) {
+  table.replaceChildren(...rows.map(([name, value]) => {
+    const row = document.createElement('tr');
+    for (const text of [name, value]) row.appendChild(document.createElement('td')).textContent = text;
+    return row;
+  }));
+}
+
+const withUnit = (head, v) => number(v) + (head.unit ? ' ' + head.unit : '');
+const withShare = (head, v) => `${withUnit(head, v)} (${number(Number(((100 * v) / head.diagonal).toPrecision(3)))} %)`;
+
+// Families that a mask rules out, as words.
+function maskWords(mask) {
+  const families = [];
+  for (let k = 0; k < 32; k++) if ((mask >>> k) & 1) families.push(k + 1);
+  return families.length ? 'not with ' + families.join(', ') : 'none';
+}
+
+export function showPicked(data, contacts, k) {
+  element('picked-panel').hidden = k < 0;
+  if (k < 0) return;
+  const {head} = data, {centers, radii} = data;
+  element('picked-index').textContent = String(k);
+  const p = placed(head, centers[3 * k], centers[3 * k + 1], centers[3 * k + 2]);
+  const rows = [
+    ['x', withUnit(head, p[0])], ['y', withUnit(head, p[1])], ['z', withUnit(head, p[2])],
+    ['radius', withShare(head, radii[k] * head.scale)],
+    ['family', familyOf(data, k) === 0 ? 'none' : String(familyOf(data, k))],
+  ];
+  const b = data.body ? data.body[k] : -1, body = head.bodies[b];
+  rows.push(['mask', maskWords(body ? body[4] : head.mask)]);
+  if (data.triangle && data.triangle[k] >= 0) rows.push(['source triangle', String(data.triangle[k])]);
+  if (data.protrusion) rows.push(['protrusion below', withShare(head, data.protrusion[k])]);
+  if (data.body) rows.push(['body', body ? `${b} (${head.clusters[body[0]]})` : 'loose']);
+  if (body) rows.push(['sphere of the body', String(k - body[1])]);
+  if (contacts) {
+    const found = contacts.of(k);
+    rows.push(['contacts', String(found.length)]);
+    for (const c of found.slice(0, 12)) {
+      const other = contacts.pairs[2 * c] === k ? contacts.pairs[2 * c + 1] : contacts.pairs[2 * c];
+      rows.push([`with ${other}`, 'depth ' + withUnit(head, data.contacts[7 * c + 6])]);
+    }
+    if (found.length > 12) rows.push(['', `and ${found.length - 12} more`]);
+  }
+  fill(element('picked'), rows);
+}
+
+export function showLegend(data, by) {
+  const {head} = data, box = element('legend');
+  element('legend-title').textContent = 'Colour: ' + colourings[by].label;
+  box.replaceChildren();
+  const range = rangeOf(data, by);
+  if (range) {
+    const bar = box.appendChild(document.createElement('div'));
+    bar.className = 'bar';
+    const stops = Array.from({length: 9}, (_, k) => css(rampColour(head, k / 8)));
+    bar.style.background = `linear-gradient(to right, ${stops.join(', ')})`;
+    const ends = box.appendChild(document.createElement('div'));
+    ends.className = 'ends';
+    for (const v of [range.low, range.high]) ends.appendChild(document.createElement('span')).textContent = withUnit(head, v);
+    return;
+  }
+  const line = (colour, text) => {
+    const row = box.appendChild(document.createElement('div'));
+    const swatch = row.appendChild(document.createElement('span'));
+    swatch.className = 'swatch';
+    swatch.style.background = css(colour);
+    row.appendChild(document.createTextNode(text));
+  };
+  if (by === 'triangle') return void (box.textContent = 'one colour for each triangle of the remeshed surface');
+  const counts = new Map();
+  for (let k = 0; k < data.n; k++) {
+    const kind = by === 'body' ? (data.body[k] < head.bodies.length ? data.body[k] + 1 : 0) : familyOf(data, k);
+    counts.set(kind, (counts.get(kind) ?? 0) + 1);
+  }
+  const kinds = [...counts.keys()].sort((a, b) => a - b);
+  for (const kind of kinds.slice(0, 16)) {
+    const name = by === 'body' ? (kind ? `body ${kind - 1} (${head.clusters[head.bodies[kind - 1][0]]})` : 'loose')
+                               : kind ? `family ${kind}` : 'no family';
+    line(kindColour(head, kind), `${name}: ${counts.get(kind).toLocaleString('en')}`);
+  }
+  if (kinds.length > 16) box.appendChild(document.createElement('div')).textContent = `and ${kinds.length - 16} more`;
+}
+
+export function showAccuracy({head}) {
+  const a = head.accuracy;
+  if (!a) return;
+  element('accuracy-panel').hidden = false;
+  const share = (v) => `${number(Number((100 * v).toPrecision(4)))} %`;
+  fill(element('accuracy'), [
+    ['diagonal', withUnit(head, head.diagonal)],
+    ['protrusion, largest', withShare(head, a.protrusion_max)], ['protrusion, mean', withShare(head, a.protrusion_mean)],
+    ['protrusion, 95 %', withShare(head, a.protrusion_p95)],
+    ['gap, largest', withShare(head, a.gap_max)], ['gap, mean', withShare(head, a.gap_mean)], ['gap, 95 %', withShare(head, a.gap_p95)],
+    ['surface covered', share(a.coverage)],
+    ['normals off, mean', number(Number(a.normal_error_mean_deg.toPrecision(4))) + '°'],
+    ['normals off, 95 %', number(Number(a.normal_error_p95_deg.toPrecision(4))) + '°'],
+    ['union / body volume', number(Number(a.volume_ratio.toPrecision(5)))],
+    ['largest values', a.certified ? 'proved' : 'measured'],
+  ]);
+}
+
+export function showScene(data, contacts) {
+  const {head} = data;
+  if (!head.bodies.length && !contacts) return;
+  element('scene-panel').hidden = false;
+  const families = new Set(data.family ?? [head.family]);
+  const rows = [['spheres', data.n.toLocaleString('en')], ['bodies', head.bodies.length.toLocaleString('en')],
+                ['families', families.size.toLocaleString('en')]];
+  if (contacts) {
+    rows.push(['contacts', contacts.total.toLocaleString('en')], ['deepest', withUnit(head, contacts.deepest)]);
+    if (contacts.drawn < contacts.total) rows.push(['arrows drawn', contacts.drawn.toLocaleString('en')]);
+  }
+  fill(element('scene'), rows);
+  element('only-body').max = String(head.bodies.length - 1);
+  element('only-body').parentElement.hidden = !head.bodies.length;
+  element('show-contacts').parentElement.hidden = !contacts;
+}

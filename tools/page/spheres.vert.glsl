@@ -1,0 +1,37 @@
+// A sphere is four words: 21 bits for each of x, y, z, a float radius, and the colour with a byte that shows or hides it.
+precision highp float;
+precision highp int;
+uniform mat4 viewMatrix, projectionMatrix;
+uniform vec3 low, size;  // of the box that the 21 bits divide
+uniform float grow;      // of the radii, while fewer are drawn
+uniform int picked;
+in vec3 position;        // corner of the quad, -1 to 1
+in uvec4 sphere;
+flat out vec4 ball;      // centre in the camera's frame, radius
+flat out vec3 colour;
+out vec3 at;             // on the quad, in the camera's frame
+
+void main() {
+  if (sphere.w >> 24 == 0u) {
+    gl_Position = vec4(2.0, 2.0, 2.0, 1.0);
+    return;
+  }
+  uvec3 q = uvec3(sphere.x & 0x1fffffu, (sphere.x >> 21) | ((sphere.y & 0x3ffu) << 11), sphere.y >> 10);
+  vec3 centre = (viewMatrix * vec4(low + vec3(q) * size, 1.0)).xyz;
+  float radius = uintBitsToFloat(sphere.z) * grow;
+  ball = vec4(centre, radius);
+  colour = vec3(sphere.w & 255u, (sphere.w >> 8) & 255u, (sphere.w >> 16) & 255u) / 255.0;
+  if (gl_InstanceID == picked) colour = vec3(1.0, 0.1, 0.85);
+  // The outline of a ball in perspective is a circle around the line to its centre, wider than the ball: the quad
+  // stands across that line and just holds it.
+  float d2 = dot(centre, centre);
+  if (d2 <= radius * radius * 1.0001) {  // the eye is inside
+    gl_Position = vec4(2.0, 2.0, 2.0, 1.0);
+    return;
+  }
+  float reach = radius * sqrt(d2 / (d2 - radius * radius));
+  vec3 u = normalize(cross(centre, abs(centre.y) < 0.9 * sqrt(d2) ? vec3(0.0, 1.0, 0.0) : vec3(1.0, 0.0, 0.0)));
+  vec3 v = cross(u, normalize(centre));
+  at = centre + reach * (position.x * u + position.y * v);
+  gl_Position = projectionMatrix * vec4(at, 1.0);
+}

@@ -1,0 +1,183 @@
+// preview: a cluster or a scene as a page or a picture. Arguments and printing only.
+#include <CLI/CLI.hpp>
+#include <chrono>
+#include <cstdio>
+#include <iostream>
+#include <map>
+#include <nlohmann/json.hpp>
+
+#include "padding/error.h"
+#include "padding/file.h"
+#include "padding/page.h"
+#include "padding/picture.h"
+#include "tools/scene_view.h"
+
+namespace {
+
+using Json = nlohmann::ordered_json;
+namespace fs = std::filesystem;
+
+struct UsageError : std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
+
+struct Arguments {
+  std::string input, output, mesh, contacts, size;
+  std::uint64_t copies = 0;
+  std::string up = "z";
+  std::pair<double, double> from{-60, 30};
+  padder::PictureOptions picture;
+  bool json = false, quiet = false;
+};
+
+void declare(CLI::App& app, Arguments& a) {
+  const std::map<std::string, padder::Show> shows{{"mesh", padder::Show::mesh},
+                                                  {"spheres", padder::Show::spheres},
+                                                  {"wire", padder::Show::wire},
+                                                  {"both", padder::Show::both},
+                                                  {"side", padder::Show::side}};
+  const std::map<std::string, padder::ColourBy> colours{{"family", padder::ColourBy::family},
+                                                        {"radius", padder::ColourBy::radius},
+                                                        {"protrusion", padder::ColourBy::protrusion},
+                                                        {"triangle", padder::ColourBy::triangle},
+                                                        {"body", padder::ColourBy::body}};
+  app.add_option("INPUT", a.input, "a cluster (.spheres.json) or a scene (.json)")->required();
+  app.add_option("-o", a.output, "file to write: .html for a page, .png for a picture")
+      ->required()
+      ->type_name("FILE");
+  app.add_option("--mesh", a.mesh,
+                 "the mesh of the cluster (default: by its name and sha256, beside the cluster or here)")
+      ->type_name("MESH");
+  app.add_option("--contacts", a.contacts,
+                 "contacts of the scene as detect wrote them, .csv or .npz, for a page")
+      ->type_name("FILE");
+  app.add_option("--copies", a.copies, "of a cluster: the pile of N bodies that detect --copies N makes")
+      ->check(CLI::Range(1u, 0xfffffffeu))
+      ->type_name("N");
+  app.add_option("--from", a.from, "where the camera stands: degrees around, degrees above")
+      ->type_name("AROUND ABOVE");
+  app.add_option("--up", a.up, "the axis that points up: x, y or z")
+      ->check(CLI::IsMember({"x", "y", "z"}))
+      ->capture_default_str();
+  app.add_option("--show", a.picture.show,
+                 "picture: mesh, spheres, wire (mesh edges over spheres), both, side (by side, the default)")
+      ->transform(CLI::CheckedTransformer(shows))
+      ->type_name("WHAT");
+  app.add_option("--colour", a.picture.colour, "picture: by family, radius, protrusion, triangle or body")
+      ->transform(CLI::CheckedTransformer(colours))
+      ->type_name("WHAT");
+  app.add_option("--size", a.size, "picture: pixels (default: 1600x800)")->type_name("WxH");
+  app.add_option("--samples", a.picture.samples, "picture: rays a pixel")
+      ->check(CLI::Range(1, 4096))
+      ->capture_default_str();
+  app.add_flag("--json", a.json, "print one JSON document on stdout");
+  app.add_flag("-q", a.quiet, "print nothing but errors");
+  app.set_version_flag("--version", "preview (padder) " PADDER_VERSION);
+}
+
+// What the options say that CLI11 does not check: before any work is done.
+void check(Arguments& a) {
+  const std::string ending = fs::path(a.output).extension().string();
+  if (ending != ".html" && ending != ".png")
+    throw UsageError("cannot tell what to write to " + a.output + ": end it with .html or .png");
+  if (!a.size.empty()) {
+    int w = 0, h = 0, end = 0;
+    if (std::sscanf(a.size.c_str(), "%5dx%5d%n", &w, &h, &end) != 2 || std::size_t(end) != a.size.size() ||
+        w < 16 || h < 16 || w > 16384 || h > 16384)
+      throw UsageError("--size is WIDTHxHEIGHT, each 16 to 16384, as 1600x800");
+    a.picture.width = w, a.picture.height = h;
+  }
+  if (!std::isfinite(a.from.first) || !(std::abs(a.from.second) <= 89))
+    throw UsageError("--from takes degrees around, and degrees above from -89 to 89");
+  if (a.copies && !a.mesh.empty()) throw UsageError("--mesh shows one body: leave --copies out");
+}
+
+// By the name of the format: parsing a document of a million spheres twice would take seconds.
+bool is_cluster(std::string_view text) {
+  return text.find("\"padder.cluster\"") < text.find("\"padder.scene\"");
+}
+
+padder::View view_of(const Arguments& a) {
+  const fs::path path = a.input;
+  const std::string text = a.copies ? "" : padder::read_file(path);
+  if (is_cluster(text)) {
+    const padder::Cluster cluster = padder::cluster_from_json(text, path.string());
+    const padder::Mesh mesh = padder::mesh_of(cluster, path, a.mesh);
+    if (mesh.triangles.empty() && !a.quiet)
+      std::fprintf(stderr,
+                   "preview: the mesh of %s was not found: spheres alone are shown (--mesh MESH names it)\n",
+                   a.input.c_str());
+    return padder::view_of(cluster, mesh);
+  }
+  if (!a.mesh.empty()) throw UsageError("--mesh is for a cluster, and " + a.input + " is none");
+  return padder::view_of(padder::detect::read_scene_or_cluster(path, a.copies), path.stem().stem().string());
+}
+
+int run(Arguments& a) {
+  check(a);
+  const auto began = std::chrono::steady_clock::now();
+  padder::View view = view_of(a);
+  if (!a.contacts.empty()) padder::add_contacts(view, a.contacts);
+  const bool page = a.output.ends_with(".html");
+  if (page) {
+    padder::write_page(view, a.output, {a.from.first, a.from.second, a.up[0], {}});
+  } else {
+    a.picture.azimuth = a.from.first, a.picture.elevation = a.from.second, a.picture.up = a.up[0];
+    padder::write_png(padder::render(view, a.picture), a.output);
+  }
+  const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count();
+  const auto bytes = fs::file_size(a.output);
+  if (a.json)
+    std::cout << Json{{"input", a.input},
+                      {"output", a.output},
+                      {"kind", page ? "page" : "picture"},
+                      {"spheres", view.size()},
+                      {"triangles", view.mesh.triangles.size()},
+                      {"bodies", view.bodies.size()},
+                      {"contacts", view.contacts.size()},
+                      {"bytes", bytes},
+                      {"seconds", seconds}}
+                     .dump(2)
+              << std::endl;
+  else if (!a.quiet)
+    std::printf("%s: %zu spheres, %zu triangles, %zu contacts; %.1f MB, %.2f s\n", a.output.c_str(),
+                view.size(), view.mesh.triangles.size(), view.contacts.size(), double(bytes) / 1e6, seconds);
+  return 0;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app(
+      "Examples:\n"
+      "  preview track_shoe.spheres.json -o shoe.html                    a page to open in a browser\n"
+      "  preview track_shoe.spheres.json -o shoe.png --size 1600x800     a picture, mesh left and spheres "
+      "right\n"
+      "  preview scene.json --contacts contacts.npz -o scene.html        bodies, families, contacts as "
+      "arrows\n\n"
+      "Shows a cluster with its mesh, or a scene: as one HTML file that needs no network, or as a PNG.",
+      "preview");
+  Arguments arguments;
+  declare(app, arguments);
+  try {
+    app.parse(argc, argv);
+    return run(arguments);
+  } catch (const CLI::Success& e) {  // --help, --version
+    return app.exit(e);
+  } catch (const CLI::ParseError& e) {
+    std::fprintf(stderr, "preview: %s (see preview --help)\n", e.what());
+    return 2;
+  } catch (const UsageError& e) {
+    std::fprintf(stderr, "preview: %s\n", e.what());
+    return 2;
+  } catch (const padder::Error& e) {
+    std::fprintf(stderr, "preview: %s\n", e.what());
+    return 1;
+  } catch (const std::bad_alloc&) {
+    std::fprintf(stderr, "preview: %s: not enough memory to show it\n", arguments.input.c_str());
+    return 1;
+  } catch (const std::exception& e) {
+    std::fprintf(stderr, "preview: unexpected: %s\n", e.what());
+    return 1;
+  }
+}
