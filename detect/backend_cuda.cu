@@ -28,7 +28,11 @@ class OnDevice {
 class CudaBackend : public Backend {
  public:
   explicit CudaBackend(int device) : device_(device) {}
-  ~CudaBackend() override = default;
+  ~CudaBackend() override {
+    const OnDevice on(device_);
+    if (graph_) cudaGraphExecDestroy(graph_);
+    if (own_stream_) cudaStreamDestroy(own_stream_);
+  }
   const char* name() const override { return "cuda"; }
   std::uint64_t memory() const override { return book_.held; }
 
@@ -40,8 +44,10 @@ class CudaBackend : public Backend {
     c.spheres = source_.count, c.memory = options.output, c.width = options.width, c.scalar = options.scalar;
     stream_of_hash_ = stream_;
     if (source_.count > 0) {
-      const Summary summary = survey(input);
-      options.path == Path::fast ? fast(input, options, summary, c) : nine_stages(options, summary, c);
+      if (options.path == Path::fast)
+        fast(input, options, c);
+      else
+        nine_stages(options, survey(input, options), c);
     }
     pairs_on_device_ = pairs_.data(), last_count_ = c.count;
     deliver(options, c);
@@ -56,7 +62,7 @@ class CudaBackend : public Backend {
     begin(input, options);
     if (source_.count == 0) return {};
     Contacts c;
-    nine_stages(options, survey(input), c);
+    nine_stages(options, survey(input, options), c);
     last_count_ = 0;
     return stages_->arrays(pairs_.data(), stream_);
   }
@@ -73,6 +79,10 @@ class CudaBackend : public Backend {
     begun_ = last_mark_ = Clock::now();
     seconds_ = {}, timings_ = options.timings;
     stream_ = static_cast<cudaStream_t>(options.stream);
+    if (!stream_) {  // a stream of our own that waits for the default stream: that one cannot be recorded as a graph
+      if (!own_stream_) cuda_check(cudaStreamCreate(&own_stream_), "make a stream");
+      stream_ = own_stream_;
+    }
     book_.limit = options.memory_limit;
     source_ = input_.source(input, stream_);
     mark(seconds_.place);
@@ -87,11 +97,15 @@ class CudaBackend : public Backend {
     last_mark_ = now;
   }
 
-  Summary survey(const Input& input) {
+  Summary survey(const Input& input, const Options& options) {
     const Summary s = surveyor_.survey(source_, stream_);
+    check(s, input, options);
+    return s;
+  }
+  void check(const Summary& s, const Input& input, const Options& options) {
     if (s.first_fault != ~std::uint64_t(0))
       throw Error(fault_sentence(s.first_fault, sphere_at(source_, static_cast<std::uint32_t>(s.first_fault), stream_), input));
-    return s;
+    check_range(s, options);
   }
 
   void reserve_records(const Options& options, std::uint64_t count) {
@@ -111,31 +125,129 @@ class CudaBackend : public Backend {
     return {pairs_.data(), normals_.data(), points_.data(), capacity(options), options.width, options.scalar};
   }
 
-  void fast(const Input&, const Options& options, const Summary& summary, Contacts& c) {
-    const Grid grid = choose_grid(summary, options.bin_size);
-    const bool floats = !source_.wide && source_.placed == 0 && float_range(summary.extent, summary.radius_max);
-    const SlotKind kind = !floats                                      ? SlotKind::fixed
-                          : summary.radius_min == summary.radius_max ? SlotKind::equal
-                                                                       : SlotKind::unequal;
-    const Ordered ordered = orderer_.order(source_, grid, kind, stream_);
-    mark(seconds_.stage[3]);
-    Counters* counters = counters_.reserve(1);
-    Counters* found = host_counters_.reserve(1);
-    unsigned long long* look_back = look_back_.reserve(search_blocks(source_.count));
+  // Everything that decides what the device does between its first kernel and its count.
+  struct Plan {
+    Source source;
+    Grid grid;
+    SearchOptions search;
+    Output output;
+    SlotKind kind = SlotKind::equal;
+    OrderMethod method = OrderMethod::automatic;
+    bool octaves = false, with_survey = false;
+    int top = 0;
+    std::uint64_t moves = 0;  // allocations so far: addresses are those of the plan
+    friend bool operator==(const Plan&, const Plan&) = default;
+  };
+  static SearchOptions search_options(const Options& options, const Summary& summary) {
     SearchOptions s;
     s.exact = options.precision == Precision::exact, s.fixed_order = options.order == Order::fixed;
     s.own = options.own, s.radius = summary.radius_max, s.owns_all = true;
     for (int k = 0; k < 3; k++)
       s.owns_all = s.owns_all && options.own.low[k] == -INFINITY && options.own.high[k] == INFINITY;
-    // A list that turns out too short is counted to its end, made longer, and written again: nothing is dropped.
-    while (true) {
-      const Output out = output(options);
-      search(source_, grid, ordered, s, out, counters, look_back, stream_);
-      cuda_check(cudaMemcpyAsync(found, counters, sizeof(Counters), cudaMemcpyDeviceToHost, stream_), "read the count");
+    return s;
+  }
+  void make_plan(const Options& options, const Summary& summary) {
+    plan_ = {};
+    plan_.source = source_, plan_.grid = choose_grid(summary, options.bin_size);
+    plan_.search = search_options(options, summary);
+    const bool floats = !source_.wide && source_.placed == 0 && float_range(summary.extent, summary.radius_max);
+    plan_.kind = !floats                                      ? SlotKind::fixed
+                 : summary.radius_min == summary.radius_max ? SlotKind::equal
+                                                              : SlotKind::unequal;
+    plan_.octaves = needs_octaves(summary), plan_.top = exponent_of(summary.need_max);
+  }
+
+  // One pass over the device: order, search, and the counters (with_survey: the summary too) to the host.
+  void enqueue() {
+    Counters* counters = counters_.reserve(1);
+    Counters* found = host_counters_.reserve(1);
+    const std::uint64_t tiles = search_tiles(source_.count);
+    const TileSums sums{tile_counts_.reserve(tiles), tile_places_.reserve(tiles)};
+    if (plan_.with_survey) surveyor_.begin(source_, plan_.octaves, plan_.top, stream_);
+    cuda_check(cudaMemsetAsync(counters, 0, sizeof(Counters), stream_), "clear the counters");
+    const Ordered ordered =
+        orderer_.order(source_, plan_.grid, plan_.kind, plan_.search.fixed_order, plan_.method, counters, stream_);
+    mark(seconds_.stage[3]);
+    search(source_, plan_.grid, ordered, plan_.search, plan_.output, counters, sums, stream_);
+    cuda_check(cudaMemcpyAsync(found, counters, sizeof(Counters), cudaMemcpyDeviceToHost, stream_), "read the count");
+  }
+  // The same as a graph when the same was done in the call before: no gaps between the launches.
+  void enqueue_again() {
+    const bool same = plan_ == graph_plan_;
+    if (same && graph_) {
+      cuda_check(cudaGraphLaunch(graph_, stream_), "launch a graph");
+      return;
+    }
+    if (!same) {
+      if (graph_) cudaGraphExecDestroy(graph_);
+      graph_ = nullptr;
+      graph_plan_ = plan_;
+      enqueue();
+      graph_plan_.moves = book_.moves;
+      return;
+    }
+    cudaGraph_t recorded = nullptr;
+    cuda_check(cudaStreamBeginCapture(stream_, cudaStreamCaptureModeRelaxed), "record a graph");
+    try {
+      enqueue();
+    } catch (...) {
+      cudaStreamEndCapture(stream_, &recorded);
+      if (recorded) cudaGraphDestroy(recorded);
+      throw;
+    }
+    cuda_check(cudaStreamEndCapture(stream_, &recorded), "record a graph");
+    const cudaError_t e = cudaGraphInstantiate(&graph_, recorded, 0);
+    cudaGraphDestroy(recorded);
+    cuda_check(e, "record a graph");
+    cuda_check(cudaGraphLaunch(graph_, stream_), "launch a graph");
+  }
+
+  void fast(const Input& input, const Options& options, Contacts& c) {
+    // The bins of the call before are tried first, while the survey runs along: usually they still fit, and the device
+    // is waited for once instead of twice. They are taken only if they are those that the survey leads to, so that the
+    // result does not depend on what was detected before.
+    bool done = false;
+    if (hope_ > 0 && !options.timings && planned_for_ == source_.count) {
+      const Summary before = summary_;
+      make_plan(options, before);
+      plan_.output = output(options), plan_.with_survey = true, plan_.method = method_, plan_.moves = book_.moves;
+      enqueue_again();
       cuda_check(cudaStreamSynchronize(stream_), "search for contacts");
-      c.count = found->contacts, c.doubtful = found->doubtful;
-      if (c.count <= out.capacity) break;
-      reserve_records(options, c.count + c.count / 8);
+      const Grid grid = plan_.grid;
+      const SlotKind kind = plan_.kind;
+      done = surveyor_.finish(source_, plan_.octaves, plan_.top, summary_);
+      if (done) {
+        check(summary_, input, options);
+        make_plan(options, summary_);
+        done = grid == plan_.grid && kind == plan_.kind &&
+               summary_.radius_max == before.radius_max && !host_counters_.data()->flags;
+      }
+      hope_ = done ? 1 : -4;
+    }
+    if (!done) {
+      if (hope_ <= 0) hope_++;
+      planned_for_ = 0;
+      summary_ = survey(input, options);
+      mark(seconds_.stage[0]);
+      make_plan(options, summary_);
+      plan_.output = output(options), plan_.method = method_ = OrderMethod::automatic;
+      enqueue();
+      cuda_check(cudaStreamSynchronize(stream_), "search for contacts");
+    }
+    planned_for_ = source_.count;
+    // A bin too full for the method: sort. A list too short: it was counted to its end; made longer, and written again.
+    while (true) {
+      const Counters found = *host_counters_.data();
+      c.count = found.contacts, c.doubtful = found.doubtful;
+      if (found.flags & kCrowded)
+        plan_.method = method_ = OrderMethod::sort;
+      else if (c.count > capacity(options))
+        reserve_records(options, c.count + c.count / 8);
+      else
+        break;
+      plan_.output = output(options), plan_.with_survey = false;
+      enqueue();
+      cuda_check(cudaStreamSynchronize(stream_), "search for contacts");
     }
     mark(seconds_.stage[8]);
   }
@@ -191,10 +303,18 @@ class CudaBackend : public Backend {
   Buffer<unsigned char> host_pairs_{book_, "the contacts", true}, host_normals_{book_, "the contacts", true},
       host_points_{book_, "the contacts", true};
   Buffer<Counters> counters_{book_, "counters"}, host_counters_{book_, "counters", true};
-  Buffer<unsigned long long> look_back_{book_, "the order of the list"};
+  Buffer<std::uint32_t> tile_counts_{book_, "the order of the list"};
+  Buffer<unsigned long long> tile_places_{book_, "the order of the list"};
   mutable Buffer<unsigned long long> hash_{book_, "the hash"};
   const Pair* pairs_on_device_ = nullptr;
   std::uint64_t last_count_ = 0;
+  Plan plan_, graph_plan_;
+  cudaGraphExec_t graph_ = nullptr;
+  cudaStream_t own_stream_ = nullptr;
+  Summary summary_;
+  OrderMethod method_ = OrderMethod::automatic;
+  int hope_ = 1;  // above 0: try the bins of the call before; a disappointment lasts for some calls
+  std::uint64_t planned_for_ = 0;  // spheres of summary_
   Seconds seconds_;
   bool timings_ = false;
   Clock::time_point begun_, last_mark_;

@@ -83,6 +83,21 @@ void Records::write(std::uint64_t k, std::uint32_t a, std::uint32_t b, const Sph
     write_geometry<double>(g, normals.data(), p, k);
 }
 
+void RecordWriter::flush() {
+  if (size_ == 0) return;
+  to_normals(batch_, size_);
+  const auto copy = [&]<class T>(Normal<T>* to) {
+    for (int k = 0; k < size_; k++)
+      to[k] = {static_cast<T>(batch_.x[k]), static_cast<T>(batch_.y[k]), static_cast<T>(batch_.z[k]),
+               static_cast<T>(batch_.s[k])};
+  };
+  if (options_.scalar == Scalar::f32)
+    copy(reinterpret_cast<Normal<float>*>(records_.normals.data()) + batch_first_);
+  else
+    copy(reinterpret_cast<Normal<double>*>(records_.normals.data()) + batch_first_);
+  batch_first_ += static_cast<std::uint64_t>(size_), size_ = 0;
+}
+
 // Two passes when sizes vary: the octaves are counted from the largest need downwards.
 template <class T>
 Summary summarize(const View<T>& spheres, int threads) {

@@ -35,7 +35,7 @@ PADDER_HD bool touching(const Sphere& a, const Sphere& b) {
 }
 
 // What the search reads of a sphere, 16 bytes. Input in float is kept as it is. Input in double becomes fixed
-// point in units of the bin (grid.h: 2^-28 of its edge, modulo 16 bins): the difference of two neighbours is
+// point in units of the bin (grid.h: 2^-24 of its edge, modulo 256 bins): the difference of two neighbours is
 // exact in integers however far from the origin they are, so the band below does not grow with the domain.
 struct alignas(16) FloatSlot {
   float x, y, z, r;
@@ -124,6 +124,7 @@ PADDER_HD Midpoint midpoint(const Sphere& i, const Sphere& j) {
 // A box to own: low <= point < high. Boxes that share a face own each contact once.
 struct Region {
   double low[3] = {-INFINITY, -INFINITY, -INFINITY}, high[3] = {INFINITY, INFINITY, INFINITY};
+  friend bool operator==(const Region&, const Region&) = default;
 };
 PADDER_HD bool owns(const Region& r, const Midpoint& m) {
   return r.low[0] <= m.x && m.x < r.high[0] && r.low[1] <= m.y && m.y < r.high[1] && r.low[2] <= m.z &&

@@ -5,9 +5,10 @@
 #include <numeric>
 #include <string>
 
-#include "detect/npz.h"
 #include "padding/error.h"
 #include "padding/file.h"
+#include "padding/npz.h"
+#include "padding/vtp.h"
 
 namespace padder::detect {
 namespace {
@@ -51,53 +52,19 @@ std::string npz(const ContactTable& t) {
                     {"points_j", npy_array(points_j.data(), {n, 3})}});
 }
 
-// VTK's XML with its arrays appended as they lie in memory, each behind its length in bytes.
-class Vtp {
- public:
-  template <class T>
-  void array(const char* name, int components, const std::vector<T>& values) {
-    const char* type = std::is_same_v<T, double>         ? "Float64"
-                       : std::is_same_v<T, std::int64_t> ? "Int64"
-                                                         : "UInt32";
-    xml += "<DataArray type=\"" + std::string(type) + "\" Name=\"" + name + "\" NumberOfComponents=\"" +
-           std::to_string(components) + "\" format=\"appended\" offset=\"" + std::to_string(data_.size()) +
-           "\"/>\n";
-    const std::uint64_t bytes = values.size() * sizeof(T);
-    data_.append(reinterpret_cast<const char*>(&bytes), sizeof bytes);
-    data_.append(reinterpret_cast<const char*>(values.data()), bytes);
-  }
-  std::string whole() const {
-    return "<?xml version=\"1.0\"?>\n<VTKFile type=\"PolyData\" version=\"1.0\" byte_order=\"LittleEndian\" "
-           "header_type=\"UInt64\">\n" +
-           xml + "<AppendedData encoding=\"raw\">\n_" + data_ + "\n</AppendedData>\n</VTKFile>\n";
-  }
-  std::string xml;
-
- private:
-  std::string data_;
-};
-
 std::string vtp(const ContactTable& t) {
-  const std::size_t n = t.pairs.size();
-  std::vector<double> points, normals, depths;
+  std::vector<Point> halfway;
+  std::vector<double> normals, depths;
   std::vector<std::uint32_t> i, j;
-  std::vector<std::int64_t> connectivity(n), offsets(n);
-  std::iota(connectivity.begin(), connectivity.end(), 0), std::iota(offsets.begin(), offsets.end(), 1);
-  for (std::size_t k = 0; k < n; k++) {
-    for (int c = 0; c < 3; c++) points.push_back((t.points[k].on_i[c] + t.points[k].on_j[c]) / 2);
+  for (std::size_t k = 0; k < t.pairs.size(); k++) {
+    const Points<double>& p = t.points[k];
+    halfway.push_back(0.5 * (Point(p.on_i[0], p.on_i[1], p.on_i[2]) + Point(p.on_j[0], p.on_j[1], p.on_j[2])));
     normals.insert(normals.end(), {t.normals[k].x, t.normals[k].y, t.normals[k].z});
     depths.push_back(t.normals[k].depth), i.push_back(t.pairs[k].i), j.push_back(t.pairs[k].j);
   }
-  Vtp v;
-  v.xml += "<PolyData>\n<Piece NumberOfPoints=\"" + std::to_string(n) + "\" NumberOfVerts=\"" +
-           std::to_string(n) + "\">\n<PointData>\n";
-  v.array("i", 1, i), v.array("j", 1, j), v.array("normal", 3, normals), v.array("depth", 1, depths);
-  v.xml += "</PointData>\n<Points>\n";
-  v.array("points", 3, points);
-  v.xml += "</Points>\n<Verts>\n";
-  v.array("connectivity", 1, connectivity), v.array("offsets", 1, offsets);
-  v.xml += "</Verts>\n</Piece>\n</PolyData>\n";
-  return v.whole();
+  VtpWriter v(std::move(halfway));
+  v.add("i", i), v.add("j", j), v.add("normal", normals, 3), v.add("depth", depths);
+  return v.bytes();
 }
 
 }  // namespace

@@ -21,13 +21,15 @@ struct Ordered {
   std::uint32_t count = 0;
   SlotKind kind = SlotKind::equal;
   int merge = 0;                       // 2^merge bins along x share an entry of the table
+  std::uint64_t entries = 0, grid_entries = 0;  // of the table, and without the merging
 };
 
 struct Counters {
   unsigned long long contacts, doubtful;
-  std::uint32_t ticket, flags;
+  std::uint32_t flags;  // set by Orderer, cleared by its caller
 };
-enum : std::uint32_t { kCrowded = 1 };  // Counters::flags: a bin too full for its order to be put right in place
+// Counters::flags: a bin or bucket too full for the method; a sphere outside the bins, which were chosen for others.
+enum : std::uint32_t { kCrowded = 1, kOutside = 2 };
 
 // Where the contacts go, in device memory. Beyond `capacity` they are counted but not written.
 struct Output {
@@ -37,6 +39,7 @@ struct Output {
   std::uint64_t capacity = 0;
   Width width = Width::normals;
   Scalar scalar = Scalar::f32;
+  friend bool operator==(const Output&, const Output&) = default;
 };
 
 // The record in double, rounded once. The pair itself is written by the caller.
@@ -54,28 +57,43 @@ __device__ __forceinline__ void put_geometry(const Output& out, std::uint64_t at
   }
 }
 
+enum class OrderMethod : std::uint8_t { automatic, cells, buckets, sort };
+
 class Orderer {
  public:
   explicit Orderer(MemoryBook& book);
-  // Stable: within a bin by sphere number, so that the order is the same in every run.
-  Ordered order(const Source& source, const Grid& grid, SlotKind kind, cudaStream_t stream);
+  // `tidy`: within a bin by sphere number, so that the order is the same in every run. Sets kCrowded in the counters
+  // where a bin or bucket is too full for the method; then only OrderMethod::sort gives an order.
+  Ordered order(const Source& source, const Grid& grid, SlotKind kind, bool tidy, OrderMethod method, Counters* counters,
+                cudaStream_t stream);
+  double bucket_spheres = 6500;  // average aimed at
+  static constexpr std::uint32_t kFewSpheres = 1u << 20;
 
  private:
-  Buffer<std::uint32_t> keys_, sorted_keys_, ids_, sorted_ids_, table_;
-  Buffer<FloatSlot> slots_;
+  void by_cells(const Source& source, const Grid& grid, bool tidy, Counters* counters, Ordered& o, cudaStream_t stream);
+  bool by_buckets(const Source& source, const Grid& grid, bool tidy, Counters* counters, Ordered& o, cudaStream_t stream);
+  void by_sort(const Source& source, const Grid& grid, Counters* counters, Ordered& o, cudaStream_t stream);
+
+  Buffer<std::uint32_t> keys_, sorted_keys_, ids_, sorted_ids_, table_, starts_;
+  Buffer<float4> slots_, split_slots_;
   Buffer<unsigned char> scratch_;
 };
 
-// Work space of the search: the place of each block in a list of fixed order.
-std::uint64_t search_blocks(std::uint32_t spheres);
+// Work space of the search for a list of fixed order: an entry a tile of spheres.
+struct TileSums {
+  std::uint32_t* counts = nullptr;      // of contacts, + 1; 0: not known yet
+  unsigned long long* places = nullptr;  // in the list, + 1
+};
+std::uint64_t search_tiles(std::uint32_t spheres);
 struct SearchOptions {
   bool exact = true, fixed_order = true;
   Region own;
   bool owns_all = true;
   double radius = 0;  // of all spheres, for SlotKind::equal
+  friend bool operator==(const SearchOptions&, const SearchOptions&) = default;
 };
-// Counters are set to zero first; afterwards they hold the number of contacts, whatever the capacity.
+// Counters but for the flags are set to zero first; afterwards they hold the number of contacts, whatever the capacity.
 void search(const Source& source, const Grid& grid, const Ordered& spheres, const SearchOptions& options,
-            const Output& output, Counters* counters, unsigned long long* look_back, cudaStream_t stream);
+            const Output& output, Counters* counters, TileSums sums, cudaStream_t stream);
 
 }  // namespace padder::detect::cuda

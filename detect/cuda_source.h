@@ -20,6 +20,7 @@ struct Source {
   bool wide = false;    // double input
   bool packed = false;  // float x, y, z, r, aligned to 16 bytes: one load a sphere
   bool filtered = false;
+  friend bool operator==(const Source&, const Source&) = default;
 
   __device__ __forceinline__ Sphere sphere(std::uint32_t k) const {
     if (k < placed) {
@@ -63,15 +64,19 @@ __host__ __device__ inline double unordered(unsigned long long b) {
   return v;
 }
 
-// First pass over the spheres (cuda_survey.cu): the summary that choose_grid asks for. Waits for the device.
+// First pass over the spheres (cuda_survey.cu): the summary that choose_grid asks for.
 class Surveyor {
  public:
   explicit Surveyor(MemoryBook& book);
-  Summary survey(const Source& source, cudaStream_t stream);
+  Summary survey(const Source& source, cudaStream_t stream);  // waits for the device
+
+  // In two steps, without waiting between them: `top` is the exponent of the largest need as it is expected to be, and
+  // `octaves` whether sizes are to be told apart. The result is read once the stream has been waited for; false when
+  // the expectation was wrong, then ask survey().
+  void begin(const Source& source, bool octaves, int top, cudaStream_t stream);
+  bool finish(const Source& source, bool octaves, int top, Summary& summary) const;
 
  private:
-  void octaves(const Source& source, Summary& summary, cudaStream_t stream);
-
   Buffer<unsigned long long> values_, host_values_;
   Buffer<double> sums_, host_sums_;
 };

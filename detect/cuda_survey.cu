@@ -66,12 +66,15 @@ __global__ void __launch_bounds__(kThreads) survey_kernel(Source source, Word* o
 // Of each octave: low x, y, z as minima; high x, y, z, radius, need as maxima; the count.
 __global__ void __launch_bounds__(kThreads) octave_kernel(Source source, int top, Word* out) {
   __shared__ Word v[kOctaves * kOctaveWords];
+  __shared__ std::uint32_t counts[kOctaves];
+  for (int k = threadIdx.x; k < kOctaves; k += kThreads) counts[k] = 0;
   for (int k = threadIdx.x; k < kOctaves * kOctaveWords; k += kThreads) v[k] = k % kOctaveWords < 3 ? ~0ull : 0;
   __syncthreads();
   for (std::uint64_t k = blockIdx.x * kThreads + threadIdx.x; k < source.count; k += kBlocks * kThreads) {
     const Sphere s = source.sphere(static_cast<std::uint32_t>(k));
     const double need = need_of(s);
-    Word* o = v + octave_of(top, need) * kOctaveWords;
+    const int octave = octave_of(top, need);
+    Word* o = v + octave * kOctaveWords;
     const Word low[3] = {ordered(s.x), ordered(s.y), ordered(s.z)}, high[2] = {ordered(s.r), ordered(need)};
     for (int c = 0; c < 3; c++) {  // reading first spares nearly every atomic operation
       if (low[c] < *static_cast<volatile Word*>(o + c)) atomicMin(o + c, low[c]);
@@ -79,8 +82,11 @@ __global__ void __launch_bounds__(kThreads) octave_kernel(Source source, int top
     }
     for (int c = 0; c < 2; c++)
       if (high[c] > *static_cast<volatile Word*>(o + 6 + c)) atomicMax(o + 6 + c, high[c]);
-    atomicAdd(o + 8, 1ull);
+    const std::uint32_t peers = __match_any_sync(__activemask(), octave);
+    if ((threadIdx.x & 31) == __ffs(peers) - 1) atomicAdd(counts + octave, __popc(peers));
   }
+  __syncthreads();
+  for (int k = threadIdx.x; k < kOctaves; k += kThreads) v[k * kOctaveWords + 8] = counts[k];
   __syncthreads();
   for (int k = threadIdx.x; k < kOctaves * kOctaveWords; k += kThreads) {
     if (v[k / kOctaveWords * kOctaveWords + 8] == 0) continue;
@@ -102,38 +108,36 @@ Surveyor::Surveyor(MemoryBook& book)
       sums_(book, "the summary"),
       host_sums_(book, "the summary", true) {}
 
-Summary Surveyor::survey(const Source& source, cudaStream_t stream) {
-  Word* v = values_.reserve(kOctaves * kOctaveWords);
-  Word* host = host_values_.reserve(kOctaves * kOctaveWords);
-  double* sums = sums_.reserve(kBlocks);
-  double* host_sums = host_sums_.reserve(kBlocks);
+void Surveyor::begin(const Source& source, bool octaves, int top, cudaStream_t stream) {
+  constexpr int kAll = kValues + kOctaves * kOctaveWords;
+  Word *v = values_.reserve(kAll), *host = host_values_.reserve(kAll);
+  double *sums = sums_.reserve(kBlocks), *host_sums = host_sums_.reserve(kBlocks);
   begin_kernel<<<1, 32, 0, stream>>>(v, 5, kValues, kValues);
   survey_kernel<<<kBlocks, kThreads, 0, stream>>>(source, v, sums);
+  if (octaves) {
+    begin_kernel<<<3, 256, 0, stream>>>(v + kValues, 3, kOctaves * kOctaveWords, kOctaveWords);
+    octave_kernel<<<kBlocks, kThreads, 0, stream>>>(source, top, v + kValues);
+  }
   cuda_launched("survey the spheres");
-  cuda_check(cudaMemcpyAsync(host, v, kValues * sizeof(Word), cudaMemcpyDeviceToHost, stream), "read the survey");
+  cuda_check(cudaMemcpyAsync(host, v, (octaves ? kAll : kValues) * sizeof(Word), cudaMemcpyDeviceToHost, stream),
+             "read the survey");
   cuda_check(cudaMemcpyAsync(host_sums, sums, kBlocks * sizeof(double), cudaMemcpyDeviceToHost, stream),
              "read the survey");
-  cuda_check(cudaStreamSynchronize(stream), "survey the spheres");
-  Summary s;
+}
+
+bool Surveyor::finish(const Source& source, bool octaves, int top, Summary& s) const {
+  const Word* host = host_values_.data();
+  s = Summary{};
   s.count = source.count;
   s.first_fault = host[kFault];
   for (int k = 0; k < 3; k++) s.low[k] = unordered(host[kLow + k]), s.high[k] = unordered(host[kHigh + k]);
   s.radius_min = unordered(host[kRadiusMin]), s.radius_max = unordered(host[kRadiusMax]);
   s.need_max = unordered(host[kNeedMax]), s.extent = unordered(host[kExtent]);
-  for (int k = 0; k < kBlocks; k++) s.radius_sum += host_sums[k];
-  if (s.first_fault == ~std::uint64_t(0) && needs_octaves(s)) octaves(source, s, stream);
-  return s;
-}
-
-void Surveyor::octaves(const Source& source, Summary& s, cudaStream_t stream) {
-  Word* v = values_.data();
-  Word* host = host_values_.data();
-  begin_kernel<<<3, 256, 0, stream>>>(v, 3, kOctaves * kOctaveWords, kOctaveWords);
-  octave_kernel<<<kBlocks, kThreads, 0, stream>>>(source, exponent_of(s.need_max), v);
-  cuda_launched("survey the sizes");
-  cuda_check(cudaMemcpyAsync(host, v, kOctaves * kOctaveWords * sizeof(Word), cudaMemcpyDeviceToHost, stream),
-             "read the survey");
-  cuda_check(cudaStreamSynchronize(stream), "survey the sizes");
+  for (int k = 0; k < kBlocks; k++) s.radius_sum += host_sums_.data()[k];
+  if (s.first_fault != ~std::uint64_t(0)) return true;
+  if (octaves != needs_octaves(s) || (octaves && top != exponent_of(s.need_max))) return false;
+  if (!octaves) return true;
+  host += kValues;
   for (int o = 0; o < kOctaves; o++, host += kOctaveWords) {
     if (host[8] == 0) continue;
     Summary::Octave& octave = s.octave[o];
@@ -142,6 +146,19 @@ void Surveyor::octaves(const Source& source, Summary& s, cudaStream_t stream) {
     octave.radius_max = unordered(host[6]), octave.need_max = unordered(host[7]);
   }
   s.octaves_known = true;
+  return true;
+}
+
+Summary Surveyor::survey(const Source& source, cudaStream_t stream) {
+  Summary s;
+  begin(source, false, 0, stream);
+  cuda_check(cudaStreamSynchronize(stream), "survey the spheres");
+  if (finish(source, false, 0, s)) return s;
+  const int top = exponent_of(s.need_max);
+  begin(source, true, top, stream);
+  cuda_check(cudaStreamSynchronize(stream), "survey the spheres");
+  if (!finish(source, true, top, s)) throw Error("the spheres changed while they were read");
+  return s;
 }
 
 }  // namespace padder::detect::cuda

@@ -10,7 +10,7 @@
 namespace padder::detect {
 
 inline constexpr int kMaxLevels = 12, kOctaves = 64;
-inline constexpr int kUnitBits = 28;  // fixed-point units of a bin's edge
+inline constexpr int kUnitBits = 24;  // fixed-point units of a bin's edge: places are known modulo 2^(32 - 24) bins
 
 struct Bin {
   std::int64_t x, y, z;
@@ -21,13 +21,14 @@ struct Bin {
 // (y, z) begins at a hashed place of a ring of `ring` buckets and runs on along x. Then a bucket holds
 // spheres of unrelated bins, and a candidate counts only when its own bin is the one that was meant (in_row).
 struct Level {
-  double size = 1, per_size = 1, units = 1;  // a bin's edge, about 1 / size, 2^28 / size
+  double size = 1, per_size = 1, units = 1;  // a bin's edge, about 1 / size, 2^24 / size
   double radius_max = 0;                     // of its spheres, or more; size >= 2 radius_max
   std::uint32_t hashed = 0;
   std::int64_t first[3] = {0, 0, 0};
   std::uint32_t count[3] = {1, 1, 1};
   std::uint32_t ring = 1;                 // a power of two
   std::uint32_t offset = 0, buckets = 1;  // its keys are offset to offset + buckets - 1
+  friend bool operator==(const Level&, const Level&) = default;
 };
 
 // Levels from the finest to the coarsest; a sphere looks for partners at its own level and the coarser ones.
@@ -38,6 +39,7 @@ struct Grid {
   double magnitude_share = 0;  // see need_of
   std::uint32_t buckets = 1;   // of all levels; keys need bits_for(buckets) bits
   Level level[kMaxLevels];
+  friend bool operator==(const Grid&, const Grid&) = default;
 };
 
 // The bin edge a sphere asks for: its diameter and a little, so that two touching spheres of one level are
@@ -131,7 +133,7 @@ PADDER_HD Reach reach_of(const Level& l, const Split& s, double r) {
   return {s.rest < reach ? -1 : 0, s.rest + reach >= l.size ? 1 : 0};
 }
 
-// A sphere as the fixed-point slot of level l: position modulo 16 bins, off by at most half a unit and a
+// A sphere as the fixed-point slot of level l: position modulo 256 bins, off by at most half a unit and a
 // hair.
 PADDER_HD std::int32_t fixed_of(const Level& l, const Split& s) {
   const auto q = static_cast<std::uint64_t>(s.bin) << kUnitBits;

@@ -2,7 +2,7 @@
 
 #include <charconv>
 
-#include "detect/npz.h"
+#include "padding/npz.h"
 #include "padding/error.h"
 
 namespace padder::detect {

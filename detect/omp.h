@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "detect/backend.h"
+#include "detect/omp_kernels.h"
 
 namespace padder::detect::omp {
 
@@ -118,6 +119,40 @@ struct Records {
              const Options& options);
 };
 
+// Writes records one behind the other, from `first` on. What is left is written when it ends.
+class RecordWriter {
+ public:
+  RecordWriter(Records& records, const Options& options, std::uint64_t first)
+      : records_(records), options_(options), next_(first), batch_first_(first) {}
+  ~RecordWriter() { flush(); }
+  RecordWriter(const RecordWriter&) = delete;
+
+  // A contact of spheres number a and b; `other` gives the second one when it is needed.
+  template <class Other>
+  void add(std::uint32_t a, std::uint32_t b, const Sphere& sa, Other other) {
+    if (options_.width == Width::points) {
+      records_.write(next_++, a, b, sa, other(), options_);
+      return;
+    }
+    const bool ordered = a < b;
+    records_.pairs[next_++] = ordered ? Pair{a, b} : Pair{b, a};
+    if (options_.width == Width::pairs) return;
+    const Sphere sb = other();
+    const Sphere &i = ordered ? sa : sb, &j = ordered ? sb : sa;
+    batch_.x[size_] = j.x - i.x, batch_.y[size_] = j.y - i.y, batch_.z[size_] = j.z - i.z,
+    batch_.s[size_] = i.r + j.r;
+    if (++size_ == kBatch) flush();
+  }
+
+ private:
+  void flush();
+  Records& records_;
+  const Options& options_;
+  std::uint64_t next_, batch_first_;
+  int size_ = 0;
+  Batch batch_;
+};
+
 // The nine stages (omp_stages.cpp).
 class Stages {
  public:
@@ -146,17 +181,36 @@ class Fast {
     std::uint32_t key, id;
   };
   template <class Slot, class T>
-  std::uint64_t search(const View<T>& spheres, const Grid& grid, const Options& options, int threads,
-                       Records& records, Seconds& seconds);
+  std::uint64_t sort_and_search(const View<T>& spheres, const Grid& grid, const Options& options, int threads,
+                                Records& records, Seconds& seconds);
+  template <class Slot>
+  Slots<Slot> slots() const {
+    using C = typename Slots<Slot>::Component;
+    return {reinterpret_cast<C*>(slots_[0].data()), reinterpret_cast<C*>(slots_[1].data()),
+            reinterpret_cast<C*>(slots_[2].data()), slots_[3].data()};
+  }
   template <class Slot, class T>
   void sort(const View<T>& spheres, const Grid& grid, int threads, Seconds& seconds);
+  template <class Slot, class T>
+  std::uint64_t search(const View<T>& spheres, const Grid& grid, const Options& options, int threads,
+                       Seconds& seconds);
+  template <class Slot>
+  void write(const Options& options, int threads, Records& records);
+
+  // A chunk of slots, and where its hits are: in the list of one thread.
+  struct Chunk {
+    std::uint64_t first, count, record;
+    int thread;
+  };
 
   Budget* budget_;
-  Buffer<std::uint32_t> keys_, starts_, ids_;
+  Buffer<std::uint32_t> keys_, starts_, ids_, found_;  // found_: hits of each slot
   Buffer<Entry> entries_;
-  Buffer<FloatSlot> slots_;  // or FixedSlot: the same size
+  Buffer<float> slots_[4];
   Buffer<Filter> filters_;
-  std::vector<Buffer<Pair>> hits_;  // of each thread: slots of the two spheres
+  Buffer<Sphere> spheres_;  // in the order of slots; for double input
+  std::vector<Buffer<std::uint32_t>> hits_;  // of each thread: slots of the partners
+  std::vector<Chunk> chunks_;
 };
 
 }  // namespace padder::detect::omp

@@ -11,33 +11,34 @@
 namespace padder {
 
 struct AccuracyOptions {
-  std::int64_t surface_samples = 200000;  // points on the input mesh
-  std::int64_t ball_samples = 600000;     // points on the spheres, shared among them, at least 48 each
+  std::int64_t surface_samples = 100000;  // points on the input mesh, at least one a triangle
+  std::int64_t ball_samples = 300000;     // points on the spheres, shared among them, at least 48 each
+  double floor = 0;                       // gaps up to here need not be told apart in the bound
 };
 
 struct Measured {
-  Accuracy accuracy;        // certified is left false
+  Accuracy accuracy;        // certified is left false, both bounds are proved
   double volume_union = 0;  // of the balls, overlaps counted once
-  double buried = 0;        // share of the input's surface that lies inside the body, out of reach from outside
+  double buried = 0;  // share of the input's surface that lies inside the body, out of reach from outside
 };
 
-// Lengths in the mesh's unit, all against `input`, the mesh as it was read; `body`, what repair made of it, only says which
-// side is inside. The words, cuRobo's where it has them:
+// Lengths in the mesh's unit, all against `input`, the mesh as it was read; `body`, what repair made of it,
+// only says which side is inside. The words, cuRobo's where it has them:
 //
-//   protrusion  over the outer surface of the union, where it stands outside the body: distance to the input mesh.
-//   gap         over the surface of the input mesh: distance to the union, 0 for what is covered.
+//   protrusion  over the outer surface of the union, where it stands outside the body: distance to the input
+//   mesh. gap         over the surface of the input mesh: distance to the union, 0 for what is covered.
 //   coverage    share of the input's surface inside the union.
-//   normal      over the outer surface of the union: angle between its outward normal and that of the mesh at the
-//   error       nearest point.
-//   volume      of the union over the body's. A shell of spheres around a thick part leaves its middle empty: below 1.
-//   ratio
+//   normal      over the outer surface of the union: angle between its outward normal and that of the mesh at
+//   the error       nearest point. volume      of the union over the body's. A shell of spheres around a
+//   thick part leaves its middle empty: below 1. ratio
 //
-// Means and 95th percentiles are weighted by area, from points spread evenly (area-stratified on triangles, spirals of equal
-// area on spheres), no random numbers. The maxima are upper bounds where the body is the input's own surface
-// (padding/certify.h) and the largest of the samples, each sphere's outermost point among them, for a wrap.
-// For a wrap, input surface farther than twice its offset from the wrap cannot be touched from outside and is left out
+// Means and 95th percentiles are weighted by area, from points spread evenly (area-stratified on triangles,
+// spirals of equal area on spheres), no random numbers. The maxima are upper bounds where the body is the
+// input's own surface (padding/certify.h) and the largest of the samples, each sphere's outermost point among
+// them, for a wrap. For a wrap, input surface farther than twice its offset from the wrap cannot be touched
+// from outside and is left out
 // (`buried`). Works on any balls, however they were made. Same result for any number of threads.
-Measured measure(const Mesh& input, const Repaired& body, const Surface& body_surface, const std::vector<Ball>& balls,
-                 const AccuracyOptions& options = {});
+Measured measure(const Mesh& input, const Repaired& body, const Surface& body_surface,
+                 const std::vector<Ball>& balls, const AccuracyOptions& options = {});
 
 }  // namespace padder

@@ -90,14 +90,15 @@ GapBound gap_bound(const Mesh& mesh, const BallSet& balls, double floor, double 
     tighten(cell, balls, hint);
     cell.value = -infinity;
     if (cell.bound <= enough) return false;
-    const BallGap gap = balls.gap(cell.centroid());
+    cell.point = cell.centroid();
+    const BallGap gap = balls.gap(cell.point);
     cell.value = gap.value, hint = gap.ball;
     tighten(cell, balls, hint);
     return cell.bound > enough;
   };
   const auto improve = [&](const Cell& cell) {
     if (cell.value > best.lower)
-      best.lower = cell.value, best.point = cell.centroid(), best.triangle = cell.triangle;
+      best.lower = cell.value, best.point = cell.point, best.triangle = cell.triangle;
   };
 
   std::vector<Cell> level, next;
@@ -169,17 +170,20 @@ std::vector<Cell> gap_failures(const Mesh& mesh, const BallSet& balls, double bo
           tighten(cell, balls, hint);
           if (cell.bound <= bound) continue;
         }
-        const BallGap gap = balls.gap(cell.centroid());
+        cell.point = cell.centroid();
+        const BallGap gap = balls.gap(cell.point);
         cell.value = gap.value;
         if (!balls.empty()) tighten(cell, balls, hint = gap.ball);
         if (cell.bound <= bound) continue;
         // A cell across the rim of an uncovered spot holds both kinds of points: a corner outside settles it.
         // Splitting it until its centroid is outside would follow the rim all along.
         const double size = cell.size();
-        bool fails = cell.value > bound;
-        if (size <= grain && !fails)
-          for (const Point& p : cell.corner) fails = fails || balls.gap(p).value > bound;
-        if (size > smallest && (size > grain || !fails)) {
+        if (size <= grain)
+          for (const Point& p : cell.corner) {
+            const double value = balls.gap(p).value;
+            if (value > cell.value) cell.value = value, cell.point = p;
+          }
+        if (size > smallest && (size > grain || cell.value <= bound)) {
           const auto halves = bisect(cell);
           stack.push_back(halves[1]), stack.push_back(halves[0]);
         } else {

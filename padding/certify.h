@@ -24,9 +24,10 @@ ProtrusionBound protrusion_bound(const Surface& surface, const std::vector<Ball>
 // A piece of a triangle, small enough to be judged by itself.
 struct Cell {
   std::array<Point, 3> corner;
-  std::uint32_t triangle = 0;  // of the mesh
-  double value = 0;            // signed gap at the centroid
-  double bound = 0;            // proved: no point of the cell has a larger gap
+  std::uint32_t triangle = 0;   // of the mesh
+  Point point = Point::Zero();  // the point of the cell with the largest signed gap that was looked at
+  double value = 0;             // that gap
+  double bound = 0;             // proved: no point of the cell has a larger gap
 
   Point centroid() const { return (corner[0] + corner[1] + corner[2]) / 3; }
   double size() const;  // longest edge

@@ -1,4 +1,5 @@
-// Between our flat arrays and CGAL's surface mesh. Only for the sources that use CGAL: compiling it takes seconds.
+// Between our flat arrays and CGAL's surface mesh. Only for the sources that use CGAL: compiling it takes
+// seconds.
 #pragma once
 #include <CGAL/Exact_predicates_inexact_constructions_kernel.h>
 #include <CGAL/Surface_mesh.h>
@@ -34,7 +35,8 @@ inline Mesh from_cgal(const CgalMesh& mesh) {
     int k = 0;
     for (const auto v : mesh.vertices_around_face(mesh.halfedge(f))) {
       auto& i = index[v];
-      if (i == ~0u) i = static_cast<std::uint32_t>(out.points.size()), out.points.push_back(from_cgal(mesh.point(v)));
+      if (i == ~0u)
+        i = static_cast<std::uint32_t>(out.points.size()), out.points.push_back(from_cgal(mesh.point(v)));
       t[k++] = i;
     }
     out.triangles.push_back(t);

@@ -24,7 +24,8 @@ void require(bool condition, const std::string& where, const std::string& senten
 }
 
 Vector vector_from(const Json& j) {
-  if (!j.is_array() || j.size() != 3) throw Json::type_error::create(302, "an array of three numbers is wanted", &j);
+  if (!j.is_array() || j.size() != 3)
+    throw Json::type_error::create(302, "an array of three numbers is wanted", &j);
   return {j[0].get<double>(), j[1].get<double>(), j[2].get<double>()};
 }
 
@@ -35,14 +36,126 @@ Eigen::Matrix3d matrix_from(const Json& j) {
   return m;
 }
 
-void check(const Cluster& c, const std::string& where) {
-  require(c.centers.size() == c.size() && c.triangle.size() == c.size(), where,
+// The accuracy block's numbers under their names, for writing and reading alike.
+constexpr std::pair<const char*, double Accuracy::*> accuracy_numbers[] = {
+    {"protrusion_max", &Accuracy::protrusion_max},
+    {"protrusion_mean", &Accuracy::protrusion_mean},
+    {"protrusion_p95", &Accuracy::protrusion_p95},
+    {"gap_max", &Accuracy::gap_max},
+    {"gap_mean", &Accuracy::gap_mean},
+    {"gap_p95", &Accuracy::gap_p95},
+    {"coverage", &Accuracy::coverage},
+    {"normal_error_mean_deg", &Accuracy::normal_error_mean_deg},
+    {"normal_error_p95_deg", &Accuracy::normal_error_p95_deg},
+    {"volume_ratio", &Accuracy::volume_ratio},
+    {"protrusion_bound", &Accuracy::protrusion_bound},
+    {"gap_bound", &Accuracy::gap_bound},
+    {"wrap_distance", &Accuracy::wrap_distance},
+};
+
+Json accuracy_object(const Accuracy& a) {
+  Json j;
+  for (const auto& [name, member] : accuracy_numbers) j[name] = a.*member;
+  j["certified"] = a.certified;
+  return j;
+}
+
+Accuracy accuracy_from(const Json& j) {
+  Accuracy a;
+  for (const auto& [name, member] : accuracy_numbers) a.*member = j.value(name, 0.0);
+  a.certified = j.value("certified", false);
+  return a;
+}
+
+// Of a cluster or of one of its rungs.
+template <class T>
+void check_spheres(const T& c, const std::string& where) {
+  require(c.centers.size() == c.radii.size() && c.triangle.size() == c.radii.size(), where,
           "spheres.centers, spheres.radii and spheres.triangle must be of one length");
-  for (std::size_t k = 0; k < c.size(); k++) {
-    require(c.centers[k].allFinite(), where, "sphere " + std::to_string(k) + " has a centre that is not finite");
-    require(std::isfinite(c.radii[k]) && c.radii[k] >= 0, where,
-            "sphere " + std::to_string(k) + " has a radius that is negative or not finite");
+  for (std::size_t k = 0; k < c.radii.size(); k++) {
+    require(c.centers[k].allFinite(), where,
+            "sphere " + std::to_string(k) + " has a centre that is not finite");
+    require(std::isfinite(c.radii[k]) && c.radii[k] > 0, where,
+            "sphere " + std::to_string(k) + " has a radius that is not positive and finite");
   }
+}
+
+void check(const Cluster& c, const std::string& where) {
+  check_spheres(c, where);
+  for (const Lod& lod : c.lods) check_spheres(lod, where + ", lods");
+  const auto finite = [&](const char* key, bool yes) {
+    require(yes, where,
+            std::string("\"") + key + "\" holds a number that is not finite: is the mesh too large?");
+  };
+  const MassProperties& m = c.mass;
+  finite("bounds", c.bounds.empty() || (c.bounds.low.allFinite() && c.bounds.high.allFinite()));
+  finite("mass_properties", std::isfinite(m.volume) && m.center.allFinite() && m.inertia.allFinite() &&
+                                m.axes.allFinite() && m.moments.allFinite());
+  finite("volume_union", std::isfinite(c.volume_union));
+  for (const auto& [name, member] : accuracy_numbers) {
+    finite("accuracy", std::isfinite(c.accuracy.*member));
+    for (const Lod& lod : c.lods) finite("lods.accuracy", std::isfinite(lod.accuracy.*member));
+  }
+  for (const Lod& lod : c.lods)
+    finite("lods", std::isfinite(lod.tolerance) && std::isfinite(lod.volume_union));
+}
+
+// A file's name may hold bytes that are no UTF-8: these become the replacement character.
+std::string text_of(const Json& j) { return j.dump(-1, ' ', false, Json::error_handler_t::replace); }
+
+template <class T>
+Json spheres_object(const T& c) {
+  Json centers = Json::array();
+  for (const Point& p : c.centers) centers.push_back(vector_json(p));
+  return {{"count", c.radii.size()},
+          {"centers", std::move(centers)},
+          {"radii", c.radii},
+          {"triangle", c.triangle}};
+}
+
+// `key` follows what is being read, for the message.
+template <class T>
+void spheres_from(const Json& j, T& c, std::string& key, const std::string& where) {
+  const auto array = [&](const char* name) -> const Json* {
+    key = name;
+    const auto it = j.find(name);
+    return it != j.end() && it->is_array() ? &*it : nullptr;
+  };
+  const Json* centers = array("centers");
+  require(centers, where, "\"spheres.centers\" is missing or no array");
+  for (const Json& p : *centers) c.centers.push_back(vector_from(p));
+  const Json* radii = array("radii");
+  require(radii, where, "\"spheres.radii\" is missing or no array");
+  c.radii = radii->get<std::vector<double>>();
+  if (const Json* triangle = array("triangle"))
+    c.triangle = triangle->get<std::vector<std::int64_t>>();
+  else
+    c.triangle.assign(c.radii.size(), -1);
+  key = "count";
+  require(!j.contains("count") || j["count"].template get<std::size_t>() == c.radii.size(), where,
+          "\"spheres.count\" is not the number of spheres: is the file whole?");
+}
+
+// One line for each key, the arrays of spheres on lines of their own: small enough, and a diff can be read.
+void append_lines(std::string& text, const Json& object, int indent) {
+  const std::string pad(indent, ' ');
+  text += "{";
+  for (auto it = object.begin(); it != object.end(); ++it) {
+    text += (it == object.begin() ? "\n" : ",\n") + pad + "\"" + it.key() + "\": ";
+    if (it.key() == "spheres") {
+      append_lines(text, *it, indent + 2);
+    } else if (it.key() == "lods") {
+      text += "[";
+      for (std::size_t k = 0; k < it->size(); k++) {
+        if (k > 0) text += ", ";
+        append_lines(text, (*it)[k], indent + 2);
+      }
+      text += "]";
+    } else {
+      text += text_of(*it);
+    }
+  }
+  text += "\n" + pad.substr(2) + "}";
 }
 
 }  // namespace
@@ -59,10 +172,12 @@ std::string to_json(const Cluster& c) {
                  {"sha256", c.source.sha256},
                  {"triangles", c.source.triangles},
                  {"repair", c.source.repair}};
-  j["settings"] = Json::parse(c.settings);
+  j["settings"] = Json::parse(c.settings, nullptr, false);
+  require(j["settings"].is_object(), "cluster " + c.name, "its settings are not a JSON object");
   j["family"] = c.family;
   j["mask"] = c.mask;
-  j["bounds"] = {{"low", vector_json(c.bounds.low)}, {"high", vector_json(c.bounds.high)}};
+  if (!c.bounds.empty())
+    j["bounds"] = {{"low", vector_json(c.bounds.low)}, {"high", vector_json(c.bounds.high)}};
   const MassProperties& m = c.mass;
   j["mass_properties"] = {{"volume", m.volume},
                           {"center", vector_json(m.center)},
@@ -70,38 +185,22 @@ std::string to_json(const Cluster& c) {
                           {"axes", matrix_json(m.axes.transpose())},
                           {"moments", vector_json(m.moments)}};
   j["volume_union"] = c.volume_union;
-  const Accuracy& a = c.accuracy;
-  j["accuracy"] = {{"protrusion_max", a.protrusion_max},
-                   {"protrusion_mean", a.protrusion_mean},
-                   {"protrusion_p95", a.protrusion_p95},
-                   {"gap_max", a.gap_max},
-                   {"gap_mean", a.gap_mean},
-                   {"gap_p95", a.gap_p95},
-                   {"coverage", a.coverage},
-                   {"normal_error_mean_deg", a.normal_error_mean_deg},
-                   {"normal_error_p95_deg", a.normal_error_p95_deg},
-                   {"volume_ratio", a.volume_ratio},
-                   {"certified", a.certified}};
-  Json centers = Json::array();
-  for (const Point& p : c.centers) centers.push_back(vector_json(p));
-  j["spheres"] = {{"count", c.size()}, {"centers", std::move(centers)}, {"radii", c.radii}, {"triangle", c.triangle}};
-
-  // One line for each key, the arrays of spheres on lines of their own: small enough, and a diff can be read.
-  std::string text = "{\n";
-  for (auto it = j.begin(); it != j.end(); ++it) {
-    if (it != j.begin()) text += ",\n";
-    text += "  \"" + it.key() + "\": ";
-    if (it.key() != "spheres") {
-      text += it->dump();
-      continue;
-    }
-    text += "{";
-    for (auto s = it->begin(); s != it->end(); ++s)
-      text += std::string(s == it->begin() ? "\n" : ",\n") + "    \"" + s.key() + "\": " + s->dump();
-    text += "\n  }";
+  j["accuracy"] = accuracy_object(c.accuracy);
+  j["spheres"] = spheres_object(c);
+  if (!c.lods.empty()) {
+    Json& lods = j["lods"] = Json::array();
+    for (const Lod& lod : c.lods)
+      lods.push_back({{"tolerance", lod.tolerance},
+                      {"volume_union", lod.volume_union},
+                      {"accuracy", accuracy_object(lod.accuracy)},
+                      {"spheres", spheres_object(lod)}});
   }
-  return text + "\n}\n";
+  std::string text;
+  append_lines(text, j, 2);
+  return text + "\n";
 }
+
+std::string to_json(const Accuracy& accuracy) { return accuracy_object(accuracy).dump(); }
 
 Cluster cluster_from_json(std::string_view text, const std::string& where) {
   Cluster c;
@@ -123,7 +222,10 @@ Cluster cluster_from_json(std::string_view text, const std::string& where) {
       c.source.file = s->value("file", ""), c.source.sha256 = s->value("sha256", "");
       c.source.triangles = s->value("triangles", std::uint64_t(0)), c.source.repair = s->value("repair", "");
     }
-    if (const Json* v = at(j, "settings")) c.settings = v->dump();
+    if (const Json* v = at(j, "settings")) {
+      require(v->is_object(), where, "\"settings\" must be an object");
+      c.settings = v->dump();
+    }
     const auto bits = [&](const char* name) -> std::uint32_t {
       const Json* v = at(j, name);
       if (!v) return 0;
@@ -132,33 +234,26 @@ Cluster cluster_from_json(std::string_view text, const std::string& where) {
       return v->get<std::uint32_t>();
     };
     c.family = bits("family"), c.mask = bits("mask");
-    if (const Json* b = at(j, "bounds")) c.bounds.low = vector_from(b->at("low")), c.bounds.high = vector_from(b->at("high"));
+    if (const Json* b = at(j, "bounds"))
+      c.bounds.low = vector_from(b->at("low")), c.bounds.high = vector_from(b->at("high"));
     if (const Json* m = at(j, "mass_properties")) {
       c.mass.volume = m->at("volume").get<double>(), c.mass.center = vector_from(m->at("center"));
       c.mass.inertia = matrix_from(m->at("inertia")), c.mass.axes = matrix_from(m->at("axes")).transpose();
       c.mass.moments = vector_from(m->at("moments"));
     }
     if (const Json* v = at(j, "volume_union")) c.volume_union = v->get<double>();
-    if (const Json* v = at(j, "accuracy")) {
-      Accuracy& a = c.accuracy;
-      a.protrusion_max = v->value("protrusion_max", 0.0), a.protrusion_mean = v->value("protrusion_mean", 0.0);
-      a.protrusion_p95 = v->value("protrusion_p95", 0.0), a.gap_max = v->value("gap_max", 0.0);
-      a.gap_mean = v->value("gap_mean", 0.0), a.gap_p95 = v->value("gap_p95", 0.0);
-      a.coverage = v->value("coverage", 0.0), a.normal_error_mean_deg = v->value("normal_error_mean_deg", 0.0);
-      a.normal_error_p95_deg = v->value("normal_error_p95_deg", 0.0);
-      a.volume_ratio = v->value("volume_ratio", 0.0), a.certified = v->value("certified", false);
-    }
+    if (const Json* v = at(j, "accuracy")) c.accuracy = accuracy_from(*v);
     const Json* spheres = at(j, "spheres");
-    require(spheres != nullptr, where, "\"spheres\" is missing");
-    const Json* centers = at(*spheres, "centers");
-    require(centers && centers->is_array(), where, "\"spheres.centers\" is missing or no array");
-    for (const Json& p : *centers) c.centers.push_back(vector_from(p));
-    const Json* radii = at(*spheres, "radii");
-    require(radii != nullptr, where, "\"spheres.radii\" is missing");
-    c.radii = radii->get<std::vector<double>>();
-    const Json* triangle = at(*spheres, "triangle");
-    if (triangle) c.triangle = triangle->get<std::vector<std::int64_t>>();
-    else c.triangle.assign(c.radii.size(), -1);
+    require(spheres, where, "\"spheres\" is missing");
+    spheres_from(*spheres, c, key, where);
+    if (const Json* lods = at(j, "lods"))
+      for (const Json& v : *lods) {
+        Lod& lod = c.lods.emplace_back();
+        key = "lods";
+        lod.tolerance = v.at("tolerance").get<double>(), lod.volume_union = v.value("volume_union", 0.0);
+        if (v.contains("accuracy")) lod.accuracy = accuracy_from(v["accuracy"]);
+        spheres_from(v.at("spheres"), lod, key, where);
+      }
   } catch (const Json::parse_error& e) {
     throw Error(where + ": not JSON at byte " + std::to_string(e.byte));
   } catch (const Json::exception& e) {
@@ -168,8 +263,12 @@ Cluster cluster_from_json(std::string_view text, const std::string& where) {
   return c;
 }
 
-void write_cluster(const Cluster& cluster, const std::filesystem::path& path) { write_file(path, to_json(cluster)); }
+void write_cluster(const Cluster& cluster, const std::filesystem::path& path) {
+  write_file(path, to_json(cluster));
+}
 
-Cluster read_cluster(const std::filesystem::path& path) { return cluster_from_json(read_file(path), path.string()); }
+Cluster read_cluster(const std::filesystem::path& path) {
+  return cluster_from_json(read_file(path), path.string());
+}
 
 }  // namespace padder

@@ -11,14 +11,18 @@
 
 namespace padder {
 
-// Errors of a cluster against the input mesh; lengths in the mesh's unit. The words are defined in docs/padding.md.
+// Errors of a cluster against the input mesh; lengths in the mesh's unit. The words are defined in
+// docs/padding.md.
 struct Accuracy {
-  double protrusion_max = 0, protrusion_mean = 0, protrusion_p95 = 0;  // union's outer surface outside the mesh
-  double gap_max = 0, gap_mean = 0, gap_p95 = 0;                       // mesh surface outside the union
-  double coverage = 0;                                                 // share of the mesh surface inside the union, 0 to 1
+  double protrusion_max = 0, protrusion_mean = 0,
+         protrusion_p95 = 0;                      // union's outer surface outside the mesh
+  double gap_max = 0, gap_mean = 0, gap_p95 = 0;  // mesh surface outside the union
+  double coverage = 0;                            // share of the mesh surface inside the union, 0 to 1
   double normal_error_mean_deg = 0, normal_error_p95_deg = 0;
   double volume_ratio = 0;  // volume of the union over the volume of the body; 0 for a sheet
-  bool certified = false;   // both maxima are proved upper bounds
+  double protrusion_bound = 0, gap_bound = 0;  // proved maxima against the repaired surface
+  double wrap_distance = 0;  // farthest the repaired surface lies from the input; 0 unless it was wrapped
+  bool certified = false;    // both maxima are proved upper bounds
 };
 
 // Where a cluster came from.
@@ -29,34 +33,50 @@ struct Source {
   std::string repair;           // what repair did, in words
 };
 
+// A coarser rung of a ladder of the same part.
+struct Lod {
+  double tolerance = 0;     // asked for
+  double volume_union = 0;  // overlaps counted once
+  Accuracy accuracy;
+  std::vector<Point> centers;
+  std::vector<double> radii;
+  std::vector<std::int64_t> triangle;
+};
+
 struct Cluster {
   std::string name;
-  std::string unit;               // "m", "cm", "mm", "in", or "" when the user gave none
-  std::string program;            // name and version that made it
+  std::string unit;     // "m", "cm", "mm", "in", or "" when the user gave none
+  std::string program;  // name and version that made it
   Source source;
-  std::string settings = "{}";    // a JSON object: all that is needed to make the cluster again
-  std::uint32_t family = 0;       // 0: none
-  std::uint32_t mask = 0;         // bit k: no contact with family k + 1
-  Box bounds;                     // of the input mesh
-  MassProperties mass;            // of the true body, density 1
-  double volume_union = 0;        // of the spheres, overlaps counted once
+  std::string settings = "{}";  // a JSON object: all that is needed to make the cluster again
+  std::uint32_t family = 0;     // 0: none
+  std::uint32_t mask = 0;       // bit k: no contact with family k + 1
+  Box bounds;                   // of the input mesh; left out of the file when empty
+  MassProperties mass;          // of the true body, density 1
+  double volume_union = 0;      // of the spheres, overlaps counted once
   Accuracy accuracy;
-  std::vector<Point> centers;           // N
-  std::vector<double> radii;            // N, > 0
-  std::vector<std::int64_t> triangle;   // N: the triangle of the remeshed surface each sphere was made for
+  std::vector<Point> centers;          // N
+  std::vector<double> radii;           // N, > 0
+  std::vector<std::int64_t> triangle;  // N: the triangle of the remeshed surface each sphere was made for
+
+  std::vector<Lod> lods;  // coarser versions of these spheres, coarsest first; empty unless asked for
 
   std::size_t size() const { return radii.size(); }
 };
 
-// The JSON document as text, keys in a fixed order, numbers with the digits that give the same double back: equal
-// clusters give equal bytes. Throws Error when arrays differ in length or a number is not finite.
+// The JSON document as text, keys in a fixed order, numbers with the digits that give the same double back:
+// equal clusters give equal bytes. Throws Error when arrays differ in length, a number is not finite or a
+// radius not positive.
 std::string to_json(const Cluster& cluster);
 
-// Reads what to_json wrote, or a file by hand with at least `format`, `version` and `spheres`. `where` names the file in
-// messages. Throws Error that names the key at fault.
+std::string to_json(const Accuracy& accuracy);  // its block alone
+
+// Reads what to_json wrote, or a file by hand with at least `format`, `version` and `spheres`. `where` names
+// the file in messages. Throws Error that names the key at fault.
 Cluster cluster_from_json(std::string_view text, const std::string& where);
 
-void write_cluster(const Cluster& cluster, const std::filesystem::path& path);  // whole or not at all; throws Error
-Cluster read_cluster(const std::filesystem::path& path);                        // throws Error
+void write_cluster(const Cluster& cluster,
+                   const std::filesystem::path& path);    // whole or not at all; throws Error
+Cluster read_cluster(const std::filesystem::path& path);  // throws Error
 
 }  // namespace padder

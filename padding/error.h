@@ -4,7 +4,8 @@
 
 namespace padder {
 
-// One clear sentence: what is wrong, in which file and place, what to do. Tools print it on stderr and exit with 1.
+// One clear sentence: what is wrong, in which file and place, what to do. Tools print it on stderr and exit
+// with 1.
 class Error : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;

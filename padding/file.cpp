@@ -30,7 +30,8 @@ void write_file(const std::filesystem::path& path, std::string_view bytes) {
     if (!out) {
       out.close();
       std::filesystem::remove(beside, code);
-      throw Error("cannot write " + path.string() + ": check that the folder exists, may be written and has room");
+      throw Error("cannot write " + path.string() +
+                  ": check that the folder exists, may be written and has room");
     }
   }
   std::filesystem::rename(beside, path, code);

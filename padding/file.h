@@ -9,8 +9,9 @@ namespace padder {
 // The bytes of the file. Throws Error when it cannot be read.
 std::string read_file(const std::filesystem::path& path);
 
-// Writes `bytes` to a temporary file in the same folder and renames it to `path`: a reader sees the old file or the
-// new one, never half of it. Throws Error (nothing is left behind) when the folder is absent, full or not writable.
+// Writes `bytes` to a temporary file in the same folder and renames it to `path`: a reader sees the old file
+// or the new one, never half of it. Throws Error (nothing is left behind) when the folder is absent, full or
+// not writable.
 void write_file(const std::filesystem::path& path, std::string_view bytes);
 
 }  // namespace padder

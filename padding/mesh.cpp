@@ -25,7 +25,8 @@ MassProperties mass_properties(const Mesh& mesh) {
   Vector first = Vector::Zero();
   Eigen::Matrix3d second = Eigen::Matrix3d::Zero();  // integral of x x^T
   for (std::size_t t = 0; t < mesh.triangles.size(); t++) {
-    const Vector a = mesh.corner(t, 0) - origin, b = mesh.corner(t, 1) - origin, c = mesh.corner(t, 2) - origin;
+    const Vector a = mesh.corner(t, 0) - origin, b = mesh.corner(t, 1) - origin,
+                 c = mesh.corner(t, 2) - origin;
     const double v = a.dot(b.cross(c)) / 6;  // of the tetrahedron (origin, a, b, c)
     const Vector sum = a + b + c;
     m.volume += v;
@@ -43,7 +44,8 @@ MassProperties mass_properties(const Mesh& mesh) {
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(m.inertia);
   m.moments = solver.eigenvalues();
   m.axes = solver.eigenvectors();
-  // An eigenvector's sign is arbitrary: its largest component points up, and the third follows from the first two.
+  // An eigenvector's sign is arbitrary: its largest component points up, and the third follows from the first
+  // two.
   for (int k = 0; k < 2; k++) {
     Eigen::Index largest;
     m.axes.col(k).cwiseAbs().maxCoeff(&largest);

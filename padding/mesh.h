@@ -4,6 +4,7 @@
 #include <Eigen/Geometry>
 #include <array>
 #include <cstdint>
+#include <limits>
 #include <vector>
 
 namespace padder {
@@ -45,9 +46,9 @@ struct MassProperties {
   Vector moments = Vector::Zero();                     // principal moments, ascending, one for each column
 };
 
-// Exact for the closed, outward-oriented polyhedron up to rounding: sums over the tetrahedra that the triangles span
-// with the box's centre (Mirtich, Fast and accurate computation of polyhedral mass properties, 1996, gives the same
-// integrals). For an open mesh the result depends on the closing cone and means little.
+// Exact for the closed, outward-oriented polyhedron up to rounding: sums over the tetrahedra that the
+// triangles span with the box's centre (Mirtich, Fast and accurate computation of polyhedral mass properties,
+// 1996, gives the same integrals). For an open mesh the result depends on the closing cone and means little.
 MassProperties mass_properties(const Mesh& mesh);
 
 }  // namespace padder

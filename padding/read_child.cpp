@@ -60,13 +60,15 @@ class Pipe {
 [[noreturn]] void live(int end, const std::function<Soup()>& read, std::size_t file_size) {
   const int nowhere = ::open("/dev/null", O_WRONLY);
   if (nowhere >= 0) ::dup2(nowhere, STDOUT_FILENO), ::dup2(nowhere, STDERR_FILENO);  // assertions talk
-  for (const int signal : {SIGABRT, SIGSEGV, SIGFPE, SIGBUS, SIGILL, SIGXCPU}) std::signal(signal, SIG_DFL);
+  for (const int signal : {SIGABRT, SIGSEGV, SIGFPE, SIGBUS, SIGILL, SIGXCPU, SIGALRM})
+    std::signal(signal, SIG_DFL);
   const rlimit no_core = {0, 0};
   ::setrlimit(RLIMIT_CORE, &no_core);
   const rlimit time = {30 + file_size / 1000000,
                        30 + file_size / 1000000};  // seconds: 1 MB takes well under one
   ::setrlimit(RLIMIT_CPU, &time);
-#if !defined(__SANITIZE_ADDRESS__)  // which reserves terabytes
+  ::alarm(static_cast<unsigned>(20 * time.rlim_cur));  // for one that waits instead of working
+#if !defined(__SANITIZE_ADDRESS__)                     // which reserves terabytes
   const rlimit memory = {(rlim_t(4) << 30) + 100 * file_size, (rlim_t(4) << 30) + 100 * file_size};
   ::setrlimit(RLIMIT_DATA, &memory);
 #endif
@@ -110,7 +112,8 @@ Soup in_child(const std::function<Soup()>& read, std::size_t file_size, const st
   while (::waitpid(child, &status, 0) < 0 && errno == EINTR) {
   }
   if (!whole) {
-    const bool late = WIFSIGNALED(status) && (WTERMSIG(status) == SIGXCPU || WTERMSIG(status) == SIGKILL);
+    const int signal = WIFSIGNALED(status) ? WTERMSIG(status) : 0;
+    const bool late = signal == SIGXCPU || signal == SIGALRM || signal == SIGKILL;
     fail(where, std::string(late ? "assimp came to no end on it" : "assimp crashed on it") +
                     ": the file is damaged, export it again or in another format");
   }

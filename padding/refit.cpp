@@ -24,13 +24,15 @@ Ball ball_under(const Surface& body, const Point& p, const Vector& normal, doubl
 void refit_one(const Surface& body, const Mesh& remeshed, double margin, FittedBall& fitted) {
   const double cap = lowered(fitted.cap, margin), below = fitted.ball.radius - fitted.cap;
   const double side = body.signed_nearest(fitted.ball.center).distance;
-  if (side <= 0 && -side >= below - 1e-9 * fitted.ball.radius && margin == 0) return;  // the paper's sphere will do
+  if (side <= 0 && -side >= below - 1e-9 * fitted.ball.radius && margin == 0)
+    return;  // the paper's sphere will do
   if (side <= 0 && fitted.ball.radius + side <= cap) return;
   const auto& t = remeshed.triangles[fitted.triangle];
   const Triangle3 tri{remeshed.points[t[0]], remeshed.points[t[1]], remeshed.points[t[2]]};
   const Nearest touch = body.nearest(tri.enclosing_circle().center);
   Ball ball = ball_under(body, touch.point, tri.area_normal().normalized(), below, cap);
-  if (ball.radius == 0) ball = ball_under(body, touch.point, body.signed_nearest(touch.point).normal, below, cap);
+  if (ball.radius == 0)
+    ball = ball_under(body, touch.point, body.signed_nearest(touch.point).normal, below, cap);
   fitted.ball = ball;
 }
 
@@ -56,7 +58,8 @@ class Sparse {
  private:
   static std::uint64_t key(const Eigen::Vector3i& c) {
     constexpr std::uint64_t mask = (1 << 21) - 1;
-    return (std::uint64_t(c.x()) & mask) << 42 | (std::uint64_t(c.y()) & mask) << 21 | (std::uint64_t(c.z()) & mask);
+    return (std::uint64_t(c.x()) & mask) << 42 | (std::uint64_t(c.y()) & mask) << 21 |
+           (std::uint64_t(c.z()) & mask);
   }
 
   double spacing_;
@@ -85,7 +88,8 @@ std::vector<FittedBall> refit(const Surface& body, const Mesh& remeshed, std::ve
     for (const auto& b : balls) plain.push_back(b.ball);
     std::vector<Cell> open = gap_failures(body.mesh(), BallSet(plain), gap, 2 * gap);
     if (open.empty()) break;
-    std::stable_sort(open.begin(), open.end(), [](const Cell& a, const Cell& b) { return a.value > b.value; });
+    std::stable_sort(open.begin(), open.end(),
+                     [](const Cell& a, const Cell& b) { return a.value > b.value; });
     // Of cells side by side the worst gets a ball; the others wait and see whether it covers them too.
     std::vector<Cell> chosen;
     Sparse taken(gap);
@@ -96,7 +100,8 @@ std::vector<FittedBall> refit(const Surface& body, const Mesh& remeshed, std::ve
     for (std::int64_t k = 0; k < static_cast<std::int64_t>(chosen.size()); k++) {
       const Point p = chosen[k].centroid();
       const Vector normal = body.mesh().area_normal(chosen[k].triangle).normalized();
-      found[k] = {ball_under(body, p, normal, largest, lowered(gap, options.margin)), gap, triangles.nearest(p).triangle};
+      found[k] = {ball_under(body, p, normal, largest, lowered(gap, options.margin)), gap,
+                  triangles.nearest(p).triangle};
       if (found[k].ball.radius == 0) found[k].ball = {p, lowered(gap, options.margin)};  // on a knife's edge
     }
     balls.insert(balls.end(), found.begin(), found.end());

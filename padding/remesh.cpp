@@ -51,8 +51,8 @@ bool flip_keeps_shape(const CgalMesh& mesh, Halfedge h) {
   return true;
 }
 
-// Lawson's flips on the embedded surface. On a plane they end; on a curved one each flip changes the geometry, so their
-// number is bounded, and what is left is reported as a share.
+// Lawson's flips on the embedded surface. On a plane they end; on a curved one each flip changes the
+// geometry, so their number is bounded, and what is left is reported as a share.
 void make_delaunay(CgalMesh& mesh, const SharpMap& sharp) {
   std::deque<Edge> work(mesh.edges().begin(), mesh.edges().end());
   std::size_t budget = 20 * mesh.number_of_edges();
@@ -63,7 +63,8 @@ void make_delaunay(CgalMesh& mesh, const SharpMap& sharp) {
     const Halfedge h = mesh.halfedge(e), g = mesh.opposite(h);
     if (opposite_angle(mesh, h) + opposite_angle(mesh, g) <= std::numbers::pi + 1e-9) continue;
     if (!flip_keeps_shape(mesh, h)) continue;
-    for (const Halfedge k : {mesh.next(h), mesh.prev(h), mesh.next(g), mesh.prev(g)}) work.push_back(mesh.edge(k));
+    for (const Halfedge k : {mesh.next(h), mesh.prev(h), mesh.next(g), mesh.prev(g)})
+      work.push_back(mesh.edge(k));
     CGAL::Euler::flip_edge(h, mesh);
   }
 }
@@ -146,7 +147,8 @@ Remeshed remesh(const Mesh& input, const RemeshOptions& options) {
   const double length = options.edge_length;
   if (!(length > 0)) throw Error("the edge length must be positive");
   if (input.area() / (0.43 * length * length) > 2147483648.0)
-    throw Error("an edge length of " + std::to_string(length) + " would make more than 2^31 triangles: use a longer one");
+    throw Error("an edge length of " + std::to_string(length) +
+                " would make more than 2^31 triangles: use a longer one");
   CgalMesh mesh = to_cgal(input);
   SharpMap sharp = mesh.add_property_map<Edge, bool>("e:sharp", false).first;
   if (options.sharp_angle < 180) pmp::detect_sharp_edges(mesh, options.sharp_angle, sharp);

@@ -42,7 +42,8 @@ class Report {
   std::string text_;
 };
 
-// Triangles of no area carry no surface, whatever they connect: three points on a line would only mislead the normals.
+// Triangles of no area carry no surface, whatever they connect: three points on a line would only mislead the
+// normals.
 Soup soup_with_area(const Mesh& mesh) {
   Soup soup;
   const double tiny = 1e-14 * std::pow(mesh.bounds().diagonal(), 2);
@@ -79,7 +80,8 @@ std::size_t close_small_holes(CgalMesh& mesh, double longest_rim) {
   return closed;
 }
 
-// A terrain: open, and nearly all of it seen from one side. A shell with a missing lid is not (its normals cancel).
+// A terrain: open, and nearly all of it seen from one side. A shell with a missing lid is not (its normals
+// cancel).
 bool looks_like_sheet(const Mesh& mesh) {
   Vector sum = Vector::Zero();
   for (std::size_t t = 0; t < mesh.triangles.size(); t++) sum += mesh.area_normal(t);
@@ -94,20 +96,21 @@ bool looks_like_sheet(const Mesh& mesh) {
   return facing > 0.999 * area;
 }
 
-Repaired wrap(const Soup& soup, const RepairOptions& options, double diagonal, Report report, const std::string& why) {
+Repaired wrap(const Soup& soup, const RepairOptions& options, double diagonal, Report report,
+              const std::string& why) {
   Repaired out;
   out.kind = BodyKind::wrap;
   const double accuracy = options.accuracy > 0 ? options.accuracy : diagonal / 500;
-  out.alpha = options.alpha > 0 ? options.alpha : std::clamp(2 * accuracy, diagonal / 400, diagonal / 150);
-  out.offset = options.offset > 0 ? options.offset : std::min(accuracy / 6, diagonal / 1500);
+  out.alpha = options.alpha > 0 ? options.alpha : std::clamp(2.75 * accuracy, diagonal / 400, diagonal / 150);
+  out.offset = options.offset > 0 ? options.offset : std::min(accuracy / 3, diagonal / 1500);
   std::vector<std::array<std::size_t, 3>> triangles;
   for (const auto& t : soup.triangles) triangles.push_back({t[0], t[1], t[2]});
   CgalMesh mesh;
   CGAL::alpha_wrap_3(soup.points, triangles, out.alpha, out.offset, mesh);
   out.mesh = from_cgal(mesh);
   char settings[100];
-  std::snprintf(settings, sizeof settings, "alpha %.3g %%, offset %.3g %% of the diagonal", 100 * out.alpha / diagonal,
-                100 * out.offset / diagonal);
+  std::snprintf(settings, sizeof settings, "alpha %.3g %%, offset %.3g %% of the diagonal",
+                100 * out.alpha / diagonal, 100 * out.offset / diagonal);
   report.add("wrapped (" + why + "; " + settings + ")");
   out.report = report.text();
   return out;
@@ -116,12 +119,15 @@ Repaired wrap(const Soup& soup, const RepairOptions& options, double diagonal, R
 Repaired as_given(Soup soup, const std::string& name) {
   pmp::merge_duplicate_points_in_polygon_soup(soup.points, soup.triangles);
   if (!pmp::is_polygon_soup_a_polygon_mesh(soup.triangles))
-    throw Error(name + ": not a manifold, oriented mesh, so it cannot be padded without repair: leave out --repair never");
+    throw Error(
+        name +
+        ": not a manifold, oriented mesh, so it cannot be padded without repair: leave out --repair never");
   CgalMesh mesh;
   pmp::polygon_soup_to_polygon_mesh(soup.points, soup.triangles, mesh);
   Repaired out;
   out.kind = CGAL::is_closed(mesh) ? BodyKind::solid : BodyKind::sheet;
-  out.report = out.kind == BodyKind::solid ? "none (as given)" : "none (as given: an open sheet, padded below its normals)";
+  out.report = out.kind == BodyKind::solid ? "none (as given)"
+                                           : "none (as given: an open sheet, padded below its normals)";
   out.mesh = from_cgal(mesh);
   return out;
 }
@@ -139,7 +145,8 @@ Repaired repair(const Mesh& input, const RepairOptions& options, const std::stri
     report.add("dropped " + count_of(flat, "triangle") + " without area");
   const std::size_t before = soup.triangles.size();
   pmp::repair_polygon_soup(soup.points, soup.triangles);
-  if (soup.triangles.size() < before) report.add("dropped " + count_of(before - soup.triangles.size(), "duplicate triangle"));
+  if (soup.triangles.size() < before)
+    report.add("dropped " + count_of(before - soup.triangles.size(), "duplicate triangle"));
   if (soup.triangles.empty()) throw Error(name + ": no triangle has an area, so there is no surface to pad");
   const Soup clean = soup;
   if (options.mode == RepairMode::wrap) return wrap(clean, options, diagonal, report, "as asked");

@@ -14,9 +14,11 @@ constexpr int stack_size = 128;  // depth is bounded by the median fallback in b
 
 enum Feature : int { face = 0, vertex0 = 1, vertex1 = 2, vertex2 = 3, edge01 = 4, edge12 = 5, edge20 = 6 };
 
-// Closest point of triangle (a, a+ab, a+ac) to p, by Voronoi region of its features (Ericson, Real-Time Collision
-// Detection, 2005, section 5.1.5). A degenerate triangle falls to its edges, which a zero-length edge survives.
-inline double closest(const Point& p, const Point& a, const Vector& ab, const Vector& ac, Point& q, int& feature) {
+// Closest point of triangle (a, a+ab, a+ac) to p, by Voronoi region of its features (Ericson, Real-Time
+// Collision Detection, 2005, section 5.1.5). A degenerate triangle falls to its edges, which a zero-length
+// edge survives.
+inline double closest(const Point& p, const Point& a, const Vector& ab, const Vector& ac, Point& q,
+                      int& feature) {
   const Vector ap = p - a;
   const double d1 = ab.dot(ap), d2 = ac.dot(ap);
   if (d1 <= 0 && d2 <= 0) return q = a, feature = vertex0, ap.squaredNorm();
@@ -118,8 +120,8 @@ Surface::Surface(const Mesh& mesh) : mesh_(mesh) {
 }
 
 // Binned surface-area heuristic; returns the node's index.
-std::uint32_t Surface::build(std::vector<std::uint32_t>& order, const std::vector<Box>& boxes, std::uint32_t begin,
-                             std::uint32_t end) {
+std::uint32_t Surface::build(std::vector<std::uint32_t>& order, const std::vector<Box>& boxes,
+                             std::uint32_t begin, std::uint32_t end) {
   constexpr int bins = 16;
   Box centers;
   for (auto k = begin; k < end; k++) centers.add(boxes[order[k]].center());
@@ -202,7 +204,8 @@ static void traverse(const auto& nodes, const Point& p, double& limit2, Visit&& 
       continue;
     }
     const auto& node = nodes[entry.child];
-    const double d0 = box_distance(node.low[0], node.high[0], p), d1 = box_distance(node.low[1], node.high[1], p);
+    const double d0 = box_distance(node.low[0], node.high[0], p),
+                 d1 = box_distance(node.low[1], node.high[1], p);
     const int near = d1 < d0;
     const double near2 = near ? d1 : d0, far2 = near ? d0 : d1;
     if (far2 < limit2) stack[top++] = {far2, node.child[1 - near], node.count[1 - near]};
@@ -234,9 +237,12 @@ Nearest Surface::signed_nearest(const Point& p) const {
   Point q;
   int feature;
   closest(p, a, mesh_.points[t[1]] - a, mesh_.points[t[2]] - a, q, feature);
-  if (feature == face) best.normal = face_normals_[best.triangle];
-  else if (feature <= vertex2) best.normal = vertex_normals_[t[feature - vertex0]];
-  else best.normal = edge_normals_[best.triangle][feature - edge01];
+  if (feature == face)
+    best.normal = face_normals_[best.triangle];
+  else if (feature <= vertex2)
+    best.normal = vertex_normals_[t[feature - vertex0]];
+  else
+    best.normal = edge_normals_[best.triangle][feature - edge01];
   if ((p - best.point).dot(best.normal) < 0) best.distance = -best.distance;
   return best;
 }

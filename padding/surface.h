@@ -13,12 +13,13 @@ namespace padder {
 struct Nearest {
   Point point = Point::Zero();
   double distance = std::numeric_limits<double>::infinity();
-  std::uint32_t triangle = 0;  // index in the mesh; undefined when distance is infinite
+  std::uint32_t triangle = 0;      // index in the mesh; undefined when distance is infinite
   Vector normal = Vector::Zero();  // pseudonormal there, filled by Surface::signed_nearest only; unit length
 };
 
 // Keeps a copy of what it needs of the mesh; immutable after construction, so any number of threads may ask.
-// Building costs O(n log n), about 1 s a million triangles; a query O(log n) when the point is near the surface.
+// Building costs O(n log n), about 1 s a million triangles; a query O(log n) when the point is near the
+// surface.
 class Surface {
  public:
   explicit Surface(const Mesh& mesh);
@@ -26,9 +27,10 @@ class Surface {
   // Nearest point closer than `limit`; distance stays infinite when there is none.
   Nearest nearest(const Point& p, double limit = std::numeric_limits<double>::infinity()) const;
 
-  // Nearest point and the side of p: distance is negative inside. The sign is that of the angle-weighted pseudonormal
-  // (Baerentzen and Aanaes, Signed distance computation using the angle weighted pseudonormal, 2005): exact for a
-  // closed, oriented surface without self-intersections; for an open sheet, below its normals is inside.
+  // Nearest point and the side of p: distance is negative inside. The sign is that of the angle-weighted
+  // pseudonormal (Baerentzen and Aanaes, Signed distance computation using the angle weighted pseudonormal,
+  // 2005): exact for a closed, oriented surface without self-intersections; for an open sheet, below its
+  // normals is inside.
   Nearest signed_nearest(const Point& p) const;
 
   // Is any point of the surface closer to p than `limit`? Cheaper than nearest: stops at the first.

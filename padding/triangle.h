@@ -26,7 +26,8 @@ struct Triangle3 {
     return (a - b).norm() * (b - c).norm() * (c - a).norm() / (2 * twice_area);
   }
 
-  // Barycentric coordinates of the circumcentre; negative beyond an edge that faces an obtuse angle. NaN for a line.
+  // Barycentric coordinates of the circumcentre; negative beyond an edge that faces an obtuse angle. NaN for
+  // a line.
   std::array<double, 3> circumcenter_weights() const {
     const double la = (b - c).squaredNorm(), lb = (c - a).squaredNorm(), lc = (a - b).squaredNorm();
     const double wa = la * (lb + lc - la), wb = lb * (lc + la - lb), wc = lc * (la + lb - lc);
@@ -38,7 +39,8 @@ struct Triangle3 {
     return w[0] * a + w[1] * b + w[2] * c;
   }
 
-  // The smallest circle that holds the triangle: the circumcircle, or the one over the longest edge when obtuse.
+  // The smallest circle that holds the triangle: the circumcircle, or the one over the longest edge when
+  // obtuse.
   struct Circle {
     Point center;
     double radius;

@@ -15,31 +15,30 @@
 #include "padding/error.h"
 #include "padding/page.h"
 
+namespace padder {
+
+// "0.01" is in the mesh's unit, "1%" a share of its diagonal. Found by CLI11 through its argument.
+bool lexical_cast(const std::string& text, Length& out) {
+  std::string number = text;
+  out.share = !number.empty() && number.back() == '%';
+  if (out.share) number.pop_back();
+  if (!CLI::detail::lexical_cast(number, out.value) || !std::isfinite(out.value) || out.value <= 0)
+    return false;
+  if (out.share) out.value /= 100;
+  return true;
+}
+
+}  // namespace padder
+
 namespace {
 
 using Json = nlohmann::ordered_json;
 namespace fs = std::filesystem;
 
-// "0.01" is in the mesh's unit, "1%" a share of its diagonal.
-struct Length {
-  double value = 0;
-  bool share = false;
-
-  double of(double diagonal) const { return share ? value / 100 * diagonal : value; }
-};
-
-bool lexical_cast(const std::string& text, Length& out) {
-  std::string number = text;
-  out.share = !number.empty() && number.back() == '%';
-  if (out.share) number.pop_back();
-  return CLI::detail::lexical_cast(number, out.value) && std::isfinite(out.value) && out.value > 0;
-}
-
 struct Arguments {
   std::vector<std::string> meshes;
   std::string output, unit, preview;
   double scale = 1;
-  Length edge_length;
   padder::PadOptions options;
   int threads = 0;
   bool json = false, quiet = false;
@@ -50,26 +49,65 @@ struct UsageError : std::runtime_error {
 };
 
 void declare(CLI::App& app, Arguments& a) {
-  app.add_option("MESH", a.meshes, "mesh files: " + [] {
-       std::string endings;
-       for (const auto& e : padder::mesh_endings()) endings += (endings.empty() ? "" : " ") + e.substr(1);
-       return endings;
-     }())->required();
+  app.add_option(
+         "MESH", a.meshes,
+         "mesh files: " +
+             [] {
+               std::string endings;
+               for (const auto& e : padder::mesh_endings())
+                 endings += (endings.empty() ? "" : " ") + e.substr(1);
+               return endings;
+             }())
+      ->required();
   app.add_option("-o", a.output, "file to write, or folder for several (default: NAME.spheres.json here)");
-  app.add_option("--depth", a.options.depth, "cap height over circumradius, above 0 and at most 1")->capture_default_str();
-  app.add_option("--edge-length", a.edge_length, "of the remeshed triangles: in the mesh's unit, or a share of its diagonal as 2%")
+  app.add_option("--depth", a.options.depth,
+                 "one sphere a triangle: cap height over circumradius, above 0, at most 1 (default: 0.2)");
+  app.add_option("--edge-length", a.options.edge_length,
+                 "of the remeshed triangles: in the mesh's unit, or a share of its diagonal as 2%")
       ->type_name("LENGTH");
+  app.add_option(
+         "--tolerance", a.options.tolerance,
+         "the fewest spheres with protrusion and gap proved to be within it; with --depth: thin those")
+      ->type_name("LENGTH");
+  app.add_option("--max-spheres", a.options.max_spheres, "the smallest error that so many spheres can keep")
+      ->check(CLI::PositiveNumber);
+  app.add_option("--max-radius", a.options.max_radius, "no larger sphere")->type_name("LENGTH");
+  app.add_option("--min-radius", a.options.min_radius,
+                 "no smaller sphere, even where the tolerance asks for it")
+      ->type_name("LENGTH");
+  const std::map<std::string, padder::Balance> balances{
+      {"none", padder::Balance::none}, {"volume", padder::Balance::volume}, {"mean", padder::Balance::mean}};
+  app.add_option(
+         "--balance", a.options.balance,
+         "within the tolerance: none (fewest), volume (of the union as the mesh's), mean (smallest means)")
+      ->transform(CLI::CheckedTransformer(balances))
+      ->type_name("WHAT");
+  app.add_option("--smooth", a.options.smooth, "mean normal error asked for, degrees")
+      ->check(CLI::PositiveNumber);
+  app.add_option("--effort", a.options.effort, "0 to 3: search longer for fewer spheres")
+      ->capture_default_str()
+      ->check(CLI::Range(0, 3));
+  app.add_option("--reach", a.options.reach,
+                 "radius of the smallest grain: what it cannot touch is not padded")
+      ->type_name("LENGTH");
+  app.add_option("--lod", a.options.lod, "a ladder of tolerances in one asset, as 2%,1%,0.5%")
+      ->delimiter(',')
+      ->type_name("LENGTHS");
   app.add_option("--sharp-angle", a.options.sharp_angle, "keep edges whose faces turn by more degrees")
-      ->capture_default_str()->check(CLI::Range(1., 180.));
+      ->capture_default_str()
+      ->check(CLI::Range(1., 180.));
   const std::map<std::string, padder::RepairMode> modes{{"auto", padder::RepairMode::automatic},
                                                         {"never", padder::RepairMode::never},
                                                         {"wrap", padder::RepairMode::wrap}};
-  app.add_option("--repair", a.options.repair, "auto, never or wrap")->transform(CLI::CheckedTransformer(modes))->type_name("MODE");
+  app.add_option("--repair", a.options.repair, "auto, never or wrap")
+      ->transform(CLI::CheckedTransformer(modes))
+      ->type_name("MODE");
   app.add_option("--family", a.options.family, "of the asset: no contact inside a family; 0 is none");
   app.add_option("--mask", a.options.mask, "bit k: no contact with family k + 1");
   app.add_option("--preview", a.preview, "show mesh and spheres: a page (.html) or a picture (.png)")->type_name("FILE");
   app.add_option("--scale", a.scale, "factor on every coordinate")->check(CLI::PositiveNumber);
-  app.add_option("--unit", a.unit, "m, cm, mm or in: the unit of the asset")->check(CLI::IsMember({"m", "cm", "mm", "in"}));
+  app.add_option("--unit", a.unit, "m, cm, mm or in: the unit of the asset")
+      ->check(CLI::IsMember({"m", "cm", "mm", "in"}));
   app.add_option("--threads", a.threads, "threads to use (default: all)")->check(CLI::PositiveNumber);
   app.add_flag("--json", a.json, "print one JSON document on stdout");
   app.add_flag("-q", a.quiet, "print nothing but errors");
@@ -85,11 +123,14 @@ std::vector<fs::path> outputs(const Arguments& a) {
   std::map<fs::path, std::string> owner;
   for (const auto& mesh : a.meshes) {
     fs::path path = fs::path(mesh).stem().string() + ".spheres.json";
-    if (folder) path = fs::path(a.output) / path;
-    else if (!a.output.empty()) path = a.output;
+    if (folder)
+      path = fs::path(a.output) / path;
+    else if (!a.output.empty())
+      path = a.output;
     const auto [it, fresh] = owner.emplace(path, mesh);
     if (!fresh)
-      throw UsageError(mesh + " and " + it->second + " would both write " + path.string() + ": pad them one by one with -o");
+      throw UsageError(mesh + " and " + it->second + " would both write " + path.string() +
+                       ": pad them one by one with -o");
     out.push_back(path);
   }
   if (!a.preview.empty() && (a.meshes.size() > 1 || !padder::is_preview(a.preview)))
@@ -106,11 +147,12 @@ class ProgressBar {
   explicit ProgressBar(bool wanted) : on_(wanted && isatty(STDERR_FILENO)) {}
   ~ProgressBar() { clear(); }
 
-  void show(const std::string& mesh, std::size_t index, std::size_t of, const char* step, int done, int steps) {
+  void show(const std::string& mesh, std::size_t index, std::size_t of, const char* step, int done,
+            int steps) {
     if (!on_) return;
     const int width = 30, filled = int(width * (double(index) + double(done) / steps) / double(of));
-    std::fprintf(stderr, "\r[%s%s] %s: %s\033[K", std::string(filled, '=').c_str(), std::string(width - filled, ' ').c_str(),
-                 mesh.c_str(), step);
+    std::fprintf(stderr, "\r[%s%s] %s: %s\033[K", std::string(filled, '=').c_str(),
+                 std::string(width - filled, ' ').c_str(), mesh.c_str(), step);
     std::fflush(stderr);
   }
   void clear() {
@@ -121,32 +163,33 @@ class ProgressBar {
   bool on_;
 };
 
-Json accuracy_json(const padder::Accuracy& a) {
-  return {{"protrusion_max", a.protrusion_max}, {"protrusion_mean", a.protrusion_mean},
-          {"protrusion_p95", a.protrusion_p95}, {"gap_max", a.gap_max},
-          {"gap_mean", a.gap_mean},             {"gap_p95", a.gap_p95},
-          {"coverage", a.coverage},             {"normal_error_mean_deg", a.normal_error_mean_deg},
-          {"normal_error_p95_deg", a.normal_error_p95_deg}, {"volume_ratio", a.volume_ratio},
-          {"certified", a.certified}};
-}
-
-Json report_json(const std::string& input, const fs::path& output, const Arguments& a, const padder::Padded& p) {
+Json report_json(const std::string& input, const fs::path& output, const Arguments& a,
+                 const padder::Padded& p) {
   const auto& r = p.report;
   const auto& s = r.seconds;
+  const bool depth_mode = a.options.depth || !a.options.by_tolerance();
+  Json lods = Json::array();
+  for (const auto& lod : p.cluster.lods)
+    lods.push_back({{"tolerance", lod.tolerance},
+                    {"spheres", lod.radii.size()},
+                    {"accuracy", Json::parse(padder::to_json(lod.accuracy))}});
   const auto [least, most] = std::minmax_element(p.cluster.radii.begin(), p.cluster.radii.end());
   return {{"input", input},
           {"output", output.string()},
           {"triangles_in", r.triangles_in},
           {"triangles_remeshed", r.triangles_remeshed},
           {"repair", p.cluster.source.repair},
-          {"depth", a.options.depth},
-          {"tolerance", nullptr},
+          {"depth", depth_mode ? Json(a.options.depth_used()) : Json(nullptr)},
+          {"tolerance", r.tolerance > 0 ? Json(r.tolerance) : Json(nullptr)},
+          {"within", r.within},
+          {"grid_entries", r.grid_entries},
+          {"lods", lods},
           {"edge_length", r.edge_length},
           {"spheres", p.cluster.size()},
           {"diagonal", r.diagonal},
           {"radius_min", *least},
           {"radius_max", *most},
-          {"accuracy", accuracy_json(p.cluster.accuracy)},
+          {"accuracy", Json::parse(padder::to_json(p.cluster.accuracy))},
           {"buried", r.buried},
           {"quality",
            {{"min_angle_deg", r.quality.min_angle_deg},
@@ -155,20 +198,38 @@ Json report_json(const std::string& input, const fs::path& output, const Argumen
             {"circumradius_max", r.quality.circumradius_max},
             {"sharp_edges", r.quality.sharp_edges}}},
           {"seconds",
-           {{"read", s.read}, {"repair", s.repair}, {"remesh", s.remesh}, {"fit", s.fit}, {"refit", s.refit},
-            {"cull", s.cull}, {"accuracy", s.accuracy}, {"total", s.total()}}}};
+           {{"read", s.read},
+            {"repair", s.repair},
+            {"remesh", s.remesh},
+            {"fit", s.fit},
+            {"refit", s.refit},
+            {"cull", s.cull},
+            {"accuracy", s.accuracy},
+            {"total", s.total()}}}};
+}
+
+void print_errors(const padder::Accuracy& a, double diagonal, std::size_t spheres) {
+  const auto percent = [&](double length) { return 100 * length / diagonal; };
+  std::printf(
+      "  %zu spheres: protrusion at most %.3f %% (mean %.3f %%), gap at most %.3f %% (mean %.4f %%)%s\n",
+      spheres, percent(a.protrusion_max), percent(a.protrusion_mean), percent(a.gap_max), percent(a.gap_mean),
+      a.certified ? ", both proved" : "");
 }
 
 void print_report(const std::string& input, const fs::path& output, const padder::Padded& p) {
   const auto& r = p.report;
-  const auto& a = p.cluster.accuracy;
-  const auto percent = [&](double length) { return 100 * length / r.diagonal; };
-  std::printf("%s: %llu triangles, remeshed to %llu; repair: %s\n", input.c_str(), (unsigned long long)r.triangles_in,
-              (unsigned long long)r.triangles_remeshed, p.cluster.source.repair.c_str());
-  std::printf("  %zu spheres; protrusion %.3f %% at most (mean %.3f %%), gap %.3f %% at most (mean %.4f %%) of the diagonal %g%s\n",
-              p.cluster.size(), percent(a.protrusion_max), percent(a.protrusion_mean), percent(a.gap_max),
-              percent(a.gap_mean), r.diagonal, (p.cluster.unit.empty() ? "" : " " + p.cluster.unit).c_str());
-  std::printf("  normals off by %.1f degrees in the mean; %.2f s\n", a.normal_error_mean_deg, r.seconds.total());
+  std::printf("%s: %llu triangles", input.c_str(), (unsigned long long)r.triangles_in);
+  if (r.triangles_remeshed > 0) std::printf(", remeshed to %llu", (unsigned long long)r.triangles_remeshed);
+  std::printf("; repair: %s\n", p.cluster.source.repair.c_str());
+  for (const auto& lod : p.cluster.lods) print_errors(lod.accuracy, r.diagonal, lod.radii.size());
+  print_errors(p.cluster.accuracy, r.diagonal, p.cluster.size());
+  if (r.kind == padder::BodyKind::wrap)
+    std::printf("  proofs hold against the wrap, which lies up to %.3f %% outside the input\n",
+                100 * p.cluster.accuracy.wrap_distance / r.diagonal);
+  if (!r.within) std::printf("  the count or the radius limits did not allow the tolerance asked for\n");
+  std::printf("  of the diagonal %g%s; normals off by %.1f degrees in the mean; %.2f s\n", r.diagonal,
+              (p.cluster.unit.empty() ? "" : " " + p.cluster.unit).c_str(),
+              p.cluster.accuracy.normal_error_mean_deg, r.seconds.total());
   std::printf("  wrote %s\n", output.c_str());
 }
 
@@ -185,19 +246,19 @@ int run(Arguments& a) {
         std::error_code code;
         fs::create_directories(paths[k].parent_path(), code);  // write_cluster says what is wrong with it
       }
-      padder::PadOptions options = a.options;
       padder::ReadOptions reading{a.scale, a.unit};
-      options.edge_length = a.edge_length.share ? 0 : a.edge_length.value;
-      options.edge_share = a.edge_length.share ? a.edge_length.value / 100 : 0;
-      const padder::Padded padded = padder::pad_file(mesh, reading, options, [&](const char* step, int done, int steps) {
-        bar.show(mesh, k, a.meshes.size(), step, done, steps);
-      });
+      const padder::Padded padded =
+          padder::pad_file(mesh, reading, a.options, [&](const char* step, int done, int steps) {
+            bar.show(mesh, k, a.meshes.size(), step, done, steps);
+          });
       padder::write_cluster(padded.cluster, paths[k]);
       if (!a.preview.empty())
         padder::write_preview(padder::view_of(padded.cluster, padder::mesh_of(padded.cluster, paths[k], mesh)), a.preview);
       bar.clear();
-      if (a.json) all.push_back(report_json(mesh, paths[k], a, padded));
-      else if (!a.quiet) print_report(mesh, paths[k], padded);
+      if (a.json)
+        all.push_back(report_json(mesh, paths[k], a, padded));
+      else if (!a.quiet)
+        print_report(mesh, paths[k], padded);
     } catch (const padder::Error& e) {
       bar.clear();
       std::fprintf(stderr, "pad: %s\n", e.what());
@@ -221,9 +282,12 @@ int main(int argc, char** argv) {
   CLI::App app(
       "Examples:\n"
       "  pad track_shoe.obj --depth 0.2               writes track_shoe.spheres.json\n"
+      "  pad track_shoe.obj --tolerance 0.5%          the fewest spheres within 0.5 % of the diagonal, "
+      "proved\n"
       "  pad link*.stl -o clusters/ --unit m          a batch into a folder\n"
       "  pad part.obj --edge-length 1% --json         finer, with the report as JSON\n\n"
-      "Covers a triangle mesh with spheres: repairs it, remeshes it isotropically, fits one sphere a triangle at the\n"
+      "Covers a triangle mesh with spheres: repairs it, remeshes it isotropically, fits one sphere a "
+      "triangle at the\n"
       "depth ratio, refits what would stand out, measures the result and writes it as a cluster.",
       "pad");
   Arguments arguments;

@@ -4,8 +4,8 @@ padder_root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 
 # What the libraries and tools need, and what the tests need beyond that. Debian 12 names.
 packages_build=(g++ cmake ninja-build libeigen3-dev nlohmann-json3-dev libcli11-dev libcgal-dev libassimp-dev
-                libtinyobjloader-dev libssl-dev libembree-dev libpng-dev)
-packages_test=(libgtest-dev python3 python3-jsonschema chromium chromium-driver)
+                libtinyobjloader-dev libssl-dev libpugixml-dev libyaml-cpp-dev zlib1g-dev libembree-dev libpng-dev)
+packages_test=(libgtest-dev libbullet-dev python3 python3-jsonschema chromium chromium-driver)
 packages_page=(nodejs npm)
 
 say() { printf 'padder: %s\n' "$*" >&2; }

@@ -52,7 +52,8 @@ TEST(Accuracy, BallInACubeLeavesItsCornersOpen) {
   // Mean of |x| - 1 over a face: integrate sqrt(1 + u^2 + v^2) over the unit square by the midpoint rule.
   double sum = 0;
   for (int i = 0; i < 1000; i++)
-    for (int j = 0; j < 1000; j++) sum += std::sqrt(1 + std::pow((i + .5) / 1000, 2) + std::pow((j + .5) / 1000, 2));
+    for (int j = 0; j < 1000; j++)
+      sum += std::sqrt(1 + std::pow((i + .5) / 1000, 2) + std::pow((j + .5) / 1000, 2));
   EXPECT_NEAR(a.gap_mean, sum / 1e6 - 1, 1e-4);
 }
 
@@ -63,7 +64,8 @@ TEST(Accuracy, VolumeOfTwoOverlappingBalls) {
   EXPECT_NEAR(m.volume_union, 2 * 4 / 3. * pi - lens, 2e-3);
 }
 
-// The independent oracle: random points, brute force over all balls and triangles, nothing of padding/ but the mesh.
+// The independent oracle: random points, brute force over all balls and triangles, nothing of padding/ but
+// the mesh.
 struct BruteForce {
   const Mesh& mesh;
   const std::vector<Ball>& balls;
@@ -122,8 +124,10 @@ TEST(Accuracy, AgreesWithBruteForceOnRandomClusters) {
     }
     EXPECT_GE(m.accuracy.gap_max, gap_max);
     EXPECT_LE(m.accuracy.gap_max, gap_max + 0.05);
-    EXPECT_GE(m.accuracy.protrusion_max, protrusion_max - 0.01);  // the oracle's distance is to a grid: a little too large
-    EXPECT_LE(m.accuracy.protrusion_max, protrusion_max + 0.15);  // ours is a bound; 3,000 points miss the tips
+    EXPECT_GE(m.accuracy.protrusion_max,
+              protrusion_max - 0.01);  // the oracle's distance is to a grid: a little too large
+    EXPECT_LE(m.accuracy.protrusion_max,
+              protrusion_max + 0.15);  // ours is a bound; 3,000 points miss the tips
     EXPECT_NEAR(m.volume_union, 64 * inside / box, 0.15);
   }
 }
@@ -159,9 +163,7 @@ TEST(Accuracy, SameForAnyNumberOfThreads) {
   EXPECT_EQ(one.volume_union, three.volume_union);
 }
 
-TEST(Accuracy, NoBallsIsNoCoverage) {
-  EXPECT_EQ(of(shapes::sphere(2), {}).accuracy.coverage, 0);
-}
+TEST(Accuracy, NoBallsIsNoCoverage) { EXPECT_EQ(of(shapes::sphere(2), {}).accuracy.coverage, 0); }
 
 }  // namespace
 }  // namespace padder

@@ -56,11 +56,13 @@ TEST(Fit, ASliverYieldsNoRunawaySphere) {
   mesh.triangles = {{0, 1, 2}};
   const auto balls = fit(mesh, 0.2, 1);
   EXPECT_NEAR(balls[0].ball.radius, 2.6 * 0.5, 1e-9);
-  for (const Point& p : mesh.points) EXPECT_LE((p - balls[0].ball.center).norm(), balls[0].ball.radius + 1e-9);
+  for (const Point& p : mesh.points)
+    EXPECT_LE((p - balls[0].ball.center).norm(), balls[0].ball.radius + 1e-9);
 }
 
 TEST(Fit, RefusesADepthOutsideItsRange) {
-  for (const double depth : {0.0, -0.1, 1.5, std::nan("")}) EXPECT_THROW(fit(shapes::sphere(1), depth, 1), Error) << depth;
+  for (const double depth : {0.0, -0.1, 1.5, std::nan("")})
+    EXPECT_THROW(fit(shapes::sphere(1), depth, 1), Error) << depth;
 }
 
 }  // namespace

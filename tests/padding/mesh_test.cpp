@@ -9,7 +9,8 @@ namespace {
 
 Mesh box(const Vector& size, const Point& low) {
   Mesh m;
-  for (int k = 0; k < 8; k++) m.points.push_back(low + Vector(size.x() * (k & 1), size.y() * (k >> 1 & 1), size.z() * (k >> 2)));
+  for (int k = 0; k < 8; k++)
+    m.points.push_back(low + Vector(size.x() * (k & 1), size.y() * (k >> 1 & 1), size.z() * (k >> 2)));
   m.triangles = {{0, 2, 1}, {1, 2, 3}, {4, 5, 6}, {5, 7, 6}, {0, 1, 4}, {1, 5, 4},
                  {2, 6, 3}, {3, 6, 7}, {0, 4, 2}, {2, 4, 6}, {1, 3, 5}, {3, 7, 5}};
   return m;

@@ -38,9 +38,9 @@ TEST(Pad, ClosedFormsAreMetWithinTheCaps) {
   for (const auto& [name, mesh, volume] : cases) {
     SCOPED_TRACE(name);
     PadOptions options;
-    options.edge_share = 0.03;
+    options.edge_length = {0.03, true};
     const Padded p = pad(as_file(mesh), options);
-    const double cap = options.depth * p.report.quality.circumradius_max;
+    const double cap = options.depth_used() * p.report.quality.circumradius_max;
     EXPECT_LE(p.cluster.accuracy.protrusion_max, cap * 1.001);
     EXPECT_LE(p.cluster.accuracy.gap_max, cap * 1.001);
     EXPECT_GT(p.cluster.accuracy.coverage, 0.9);
@@ -51,7 +51,8 @@ TEST(Pad, ClosedFormsAreMetWithinTheCaps) {
 }
 
 // 1e-9 relative to the diagonal, sphere by sphere.
-void expect_same(const Cluster& a, const Cluster& b, double scale, const std::function<Point(const Point&)>& move) {
+void expect_same(const Cluster& a, const Cluster& b, double scale,
+                 const std::function<Point(const Point&)>& move) {
   ASSERT_EQ(a.size(), b.size());
   double worst = 0;
   for (std::size_t k = 0; k < a.size(); k++) {
@@ -67,7 +68,7 @@ TEST(Pad, MovedAndScaledInputGivesTheSameSpheresMovedAndScaled) {
     shapes::Random random(seed);
     const Mesh mesh = shapes::blob(random);
     PadOptions options;
-    options.edge_share = 0.06;
+    options.edge_length = {0.06, true};
     const Cluster plain = pad(as_file(mesh), options).cluster;
     const double s = std::exp(random.uniform(-9, 9));
     const Vector shift = s * random.point(2);
@@ -82,7 +83,7 @@ TEST(Pad, TurnedInputGivesTheSameSpheresTurned) {
     shapes::Random random(seed);
     const Mesh mesh = shapes::blob(random);
     PadOptions options;
-    options.edge_length = 0.2;  // the box's diagonal changes with the turn
+    options.edge_length = {0.2, false};  // the box's diagonal changes with the turn
     const Cluster plain = pad(as_file(mesh), options).cluster;
     const Eigen::Matrix3d turn = random.rotation();
     const Vector shift = random.point(2);
@@ -105,7 +106,8 @@ TEST(Pad, SameBytesForAnyNumberOfThreads) {
 TEST(Pad, TinyAndHugeBodies) {
   for (const double s : {1e-30, 1e-6, 1e38}) {
     SCOPED_TRACE(s);
-    const Mesh mesh = moved(shapes::box({0, 0, 0}, {1, 1, 1}), [&](const Point& p) -> Point { return s * p; });
+    const Mesh mesh =
+        moved(shapes::box({0, 0, 0}, {1, 1, 1}), [&](const Point& p) -> Point { return s * p; });
     const Padded p = pad(as_file(mesh), {});
     EXPECT_NEAR(p.cluster.mass.volume / std::pow(s, 3), 1, 1e-9);
     EXPECT_LT(p.cluster.accuracy.gap_max, 0.01 * s);
@@ -113,7 +115,8 @@ TEST(Pad, TinyAndHugeBodies) {
 }
 
 TEST(Pad, FarFromTheOriginKeepsItsDigits) {
-  const Mesh mesh = moved(shapes::box({0, 0, 0}, {1, 1, 1}), [](const Point& p) -> Point { return p + Point(1e7, 1e7, 1e7); });
+  const Mesh mesh = moved(shapes::box({0, 0, 0}, {1, 1, 1}),
+                          [](const Point& p) -> Point { return p + Point(1e7, 1e7, 1e7); });
   const Padded p = pad(as_file(mesh), {});
   EXPECT_NEAR(p.cluster.mass.volume, 1, 1e-6);
   EXPECT_LT(p.cluster.accuracy.protrusion_max, 0.01);
@@ -126,6 +129,102 @@ TEST(Pad, ASheetIsSaidToBeOne) {
   EXPECT_EQ(p.cluster.mass.volume, 0);
 }
 
+Padded by_tolerance(const Mesh& mesh, double share, PadOptions options = {}) {
+  options.tolerance = {share, true};
+  return pad(as_file(mesh), options);
+}
+
+TEST(Pad, AToleranceIsKeptAndProved) {
+  for (const auto& [name, mesh] : {std::pair<std::string, Mesh>{"cube", shapes::box({0, 0, 0}, {1, 1, 1})},
+                                   {"torus", shapes::torus(1, 0.3, 60, 20)},
+                                   {"plate", shapes::box({0, 0, 0}, {1, 1, 0.02})}}) {
+    SCOPED_TRACE(name);
+    const Padded p = by_tolerance(mesh, 0.02);
+    const Accuracy& a = p.cluster.accuracy;
+    EXPECT_TRUE(a.certified);
+    const double asked = 0.02 * p.report.diagonal * (1 + 1e-9);
+    EXPECT_LE(a.protrusion_bound, asked);
+    EXPECT_LE(a.gap_bound, asked);
+    EXPECT_EQ(p.report.triangles_remeshed, 0u);
+    EXPECT_LT(p.cluster.size(), pad(as_file(mesh), {}).cluster.size() / 4);
+  }
+}
+
+TEST(Pad, ASphereIsOneSphere) { EXPECT_EQ(by_tolerance(shapes::sphere(5), 0.005).cluster.size(), 1u); }
+
+TEST(Pad, ATighterToleranceOnDepthThinsLess) {
+  const Mesh mesh = shapes::torus(1, 0.3, 60, 20);
+  PadOptions options;
+  options.depth = 0.3;
+  options.edge_length = {0.03, true};
+  const std::size_t all = pad(as_file(mesh), options).cluster.size();
+  const std::size_t loose = by_tolerance(mesh, 0.02, options).cluster.size();
+  const std::size_t tight = by_tolerance(mesh, 0.004, options).cluster.size();
+  EXPECT_LT(loose, tight);
+  EXPECT_LE(tight, all);
+  EXPECT_GT(by_tolerance(mesh, 0.004, options).report.triangles_remeshed, 0u);
+}
+
+TEST(Pad, ACountIsKept) {
+  PadOptions options;
+  options.max_spheres = 30;
+  const Padded few = pad(as_file(shapes::torus(1, 0.3, 60, 20)), options);
+  options.max_spheres = 60;
+  const Padded more = pad(as_file(shapes::torus(1, 0.3, 60, 20)), options);
+  EXPECT_LE(few.cluster.size(), 30u);
+  EXPECT_LE(more.cluster.size(), 60u);
+  EXPECT_LT(more.cluster.accuracy.gap_bound + more.cluster.accuracy.protrusion_bound,
+            few.cluster.accuracy.gap_bound + few.cluster.accuracy.protrusion_bound);
+}
+
+TEST(Pad, ALadderHasEachRungProvedAndIsReadBack) {
+  PadOptions options;
+  options.lod = {{0.01, true}, {0.04, true}, {0.02, true}};
+  const Padded p = pad(as_file(shapes::torus(1, 0.3, 60, 20)), options);
+  ASSERT_EQ(p.cluster.lods.size(), 2u);
+  EXPECT_NEAR(p.cluster.lods[0].tolerance, 0.04 * p.report.diagonal, 1e-12);
+  EXPECT_LT(p.cluster.lods[0].radii.size(), p.cluster.lods[1].radii.size());
+  EXPECT_LT(p.cluster.lods[1].radii.size(), p.cluster.size());
+  for (const Lod& lod : p.cluster.lods) {
+    EXPECT_TRUE(lod.accuracy.certified);
+    EXPECT_LE(lod.accuracy.gap_bound, lod.tolerance * (1 + 1e-9));
+  }
+  EXPECT_TRUE(p.cluster.accuracy.certified);
+  const std::string text = to_json(p.cluster);
+  EXPECT_EQ(to_json(cluster_from_json(text, "text")), text);
+}
+
+TEST(Pad, WhatAGrainCannotReachIsNotPadded) {
+  // A block with a slot 0.1 wide and 0.8 deep.
+  Mesh mesh = shapes::box({0, 0, 0}, {0.45, 1, 1}, 2);
+  for (const Mesh& more :
+       {shapes::box({0.55, 0, 0}, {1, 1, 1}, 2), shapes::box({0.3, 0.1, 0.05}, {0.7, 0.9, 0.2}, 2)}) {
+    const auto n = static_cast<std::uint32_t>(mesh.points.size());
+    mesh.points.insert(mesh.points.end(), more.points.begin(), more.points.end());
+    for (auto t : more.triangles) mesh.triangles.push_back({t[0] + n, t[1] + n, t[2] + n});
+  }
+  const auto in_slot = [](const Cluster& c) {  // does any sphere reach the middle of the slot?
+    for (std::size_t k = 0; k < c.size(); k++)
+      if ((c.centers[k] - Point(0.5, 0.5, 0.6)).norm() < c.radii[k]) return true;
+    return false;
+  };
+  PadOptions options;
+  options.reach = {0.02, false};
+  EXPECT_FALSE(in_slot(by_tolerance(mesh, 0.01, options).cluster));
+  options.reach = {0.15, false};
+  const Padded closed = by_tolerance(mesh, 0.01, options);
+  EXPECT_TRUE(in_slot(closed.cluster));
+  EXPECT_GT(closed.report.buried, 0.2);
+}
+
+TEST(Pad, RadiusLimitsAreKept) {
+  PadOptions options;
+  options.max_radius = {0.1, false};
+  const Cluster c = by_tolerance(shapes::box({0, 0, 0}, {1, 1, 1}), 0.02, options).cluster;
+  for (const double r : c.radii) EXPECT_LE(r, 0.1 * (1 + 1e-9));
+  EXPECT_TRUE(c.accuracy.certified);
+}
+
 TEST(Pad, RefusesWhatCannotBeDone) {
   PadOptions options;
   options.depth = 2;
@@ -135,6 +234,13 @@ TEST(Pad, RefusesWhatCannotBeDone) {
   point.triangles = {{0, 0, 0}};
   EXPECT_THROW(pad(as_file(point), {}), Error);
   EXPECT_THROW(pad_file("no_such_file.obj", {}, {}), Error);
+  PadOptions both;
+  both.lod = {{0.01, true}};
+  both.tolerance = {0.01, true};
+  EXPECT_THROW(pad(as_file(shapes::sphere(2)), both), Error);
+  PadOptions negative;
+  negative.tolerance = {-1, false};
+  EXPECT_THROW(pad(as_file(shapes::sphere(2)), negative), Error);
 }
 
 }  // namespace

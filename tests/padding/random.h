@@ -11,7 +11,9 @@ namespace padder::shapes {
 class Random {
  public:
   explicit Random(std::uint64_t seed) : engine_(seed) {}
-  double uniform(double low, double high) { return std::uniform_real_distribution<double>(low, high)(engine_); }
+  double uniform(double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(engine_);
+  }
   Point point(double size = 1) { return {uniform(-size, size), uniform(-size, size), uniform(-size, size)}; }
   Vector direction() {
     std::normal_distribution<double> normal;
@@ -34,7 +36,8 @@ inline Mesh blob(Random& random, int levels = 4) {
   };
   std::vector<Wave> waves;
   for (int w = 0; w < 5; w++)
-    waves.push_back({random.direction() * random.uniform(1, 4), random.uniform(0, 6), random.uniform(0.02, 0.1)});
+    waves.push_back(
+        {random.direction() * random.uniform(1, 4), random.uniform(0, 6), random.uniform(0.02, 0.1)});
   const Vector stretch(random.uniform(0.6, 1.4), random.uniform(0.6, 1.4), random.uniform(0.6, 1.4));
   for (Point& p : mesh.points) {
     double r = 1;

@@ -387,6 +387,12 @@ TEST(ReadChild, WhateverHappensThereIsASentenceHere) {
               return {};
             }).find("t.fbx: assimp came to no end"),
             0u);
+  EXPECT_EQ(sentence([]() -> Soup {
+              ::alarm(1);
+              ::pause();
+              return {};
+            }).find("t.fbx: assimp came to no end"),
+            0u);
   Soup soup;
   soup.points.assign(100000, Point(1, 2, 3));
   soup.corners = {7, 8, 9}, soup.ends = {3}, soup.thin = 5, soup.unit = "in";

@@ -35,11 +35,13 @@ TEST(Remesh, CubeKeepsItsEdgesItsVolumeAndIsDelaunay) {
 }
 
 TEST(Remesh, SphereAndTorusKeepTheirTopologyAndShape) {
-  for (const auto& [mesh, genus_euler] : {std::pair{shapes::sphere(5), 2l}, {shapes::torus(1, 0.3, 60, 20), 0l}}) {
+  for (const auto& [mesh, genus_euler] :
+       {std::pair{shapes::sphere(5), 2l}, {shapes::torus(1, 0.3, 60, 20), 0l}}) {
     const Remeshed r = remesh(mesh, {.edge_length = 0.12});
     EXPECT_TRUE(closed_and_oriented(r.mesh));
     EXPECT_EQ(euler(r.mesh), genus_euler);
-    EXPECT_NEAR(mass_properties(r.mesh).volume, mass_properties(mesh).volume, 0.02 * mass_properties(mesh).volume);
+    EXPECT_NEAR(mass_properties(r.mesh).volume, mass_properties(mesh).volume,
+                0.02 * mass_properties(mesh).volume);
     EXPECT_LT(r.quality.share_non_delaunay, 1e-3);
     EXPECT_LT(r.quality.share_under_20_deg, 1e-3);
     const Surface surface(mesh);

@@ -49,10 +49,10 @@ TEST(Repair, SoupShuffledDuplicatedAndInsideOut) {
   Mesh soup = soup_of(turned_over(cube));
   for (auto& t : soup.triangles)
     if (random.uniform(0, 1) < 0.5) std::swap(t[0], t[1]);
-  soup.triangles.push_back(soup.triangles[5]);                                            // twice the same
+  soup.triangles.push_back(soup.triangles[5]);  // twice the same
   soup.points.push_back({0, 0, 0}), soup.points.push_back({1, 1, 1}), soup.points.push_back({0.5, 0.5, 0.5});
   const auto n = static_cast<std::uint32_t>(soup.points.size());
-  soup.triangles.push_back({n - 3, n - 2, n - 1});                                        // no area
+  soup.triangles.push_back({n - 3, n - 2, n - 1});  // no area
   const Repaired r = repair(soup, {}, "soup");
   EXPECT_EQ(r.kind, BodyKind::solid);
   EXPECT_NEAR(volume(r), 1, 1e-12);
@@ -80,7 +80,8 @@ TEST(Repair, AnOpenBoxIsWrapped) {
   // A shell: five unit walls, as thick as twice the offset and some.
   EXPECT_NEAR(volume(r), 5 * 2 * r.offset, 2 * r.offset);
   const Surface input(mesh), wrap(r.mesh);
-  for (const Point& p : r.mesh.points) EXPECT_NEAR(input.nearest(p).distance, r.offset, 0.5 * r.offset + 0.2 * r.alpha);
+  for (const Point& p : r.mesh.points)
+    EXPECT_NEAR(input.nearest(p).distance, r.offset, 0.5 * r.offset + 0.2 * r.alpha);
   for (const auto& t : mesh.triangles)  // the wrap encloses the input
     for (auto v : t) EXPECT_LE(wrap.signed_nearest(mesh.points[v]).distance, 0);
 }

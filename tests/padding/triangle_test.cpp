@@ -20,7 +20,8 @@ TEST(Triangle, CircumcenterIsAsFarFromEachCorner) {
     const Triangle3 t{random.point(), random.point(), random.point()};
     if (t.circumradius() > 100) continue;  // nearly a line: the centre is far away and loses digits
     const Point c = t.circumcenter();
-    for (const Point& p : {t.a, t.b, t.c}) EXPECT_NEAR((p - c).norm(), t.circumradius(), 1e-9 * t.circumradius());
+    for (const Point& p : {t.a, t.b, t.c})
+      EXPECT_NEAR((p - c).norm(), t.circumradius(), 1e-9 * t.circumradius());
     EXPECT_NEAR(t.angle(0) + t.angle(1) + t.angle(2), std::numbers::pi, 1e-12);
   }
 }

@@ -1,4 +1,4 @@
-#include "detect/npz.h"
+#include "padding/npz.h"
 
 #include <array>
 #include <bit>
@@ -8,7 +8,7 @@
 
 static_assert(std::endian::native == std::endian::little, "arrays are written as they lie in memory");
 
-namespace padder::detect {
+namespace padder {
 namespace {
 
 std::uint32_t crc32(std::string_view bytes) {
@@ -175,4 +175,4 @@ Npz npz_from_bytes(std::string_view in, const std::string& where) {
   return arrays;
 }
 
-}  // namespace padder::detect
+}  // namespace padder

@@ -8,7 +8,7 @@
 #include <type_traits>
 #include <vector>
 
-namespace padder::detect {
+namespace padder {
 
 // One array, row by row. kind and size as NumPy writes them: 'f' 4, 'f' 8, 'u' 4, 'i' 8, …
 struct NpyArray {
@@ -42,4 +42,4 @@ std::string npz_bytes(const Npz& arrays);
 // Throws Error, which begins with `where`, for anything but an archive of uncompressed little-endian arrays.
 Npz npz_from_bytes(std::string_view bytes, const std::string& where);
 
-}  // namespace padder::detect
+}  // namespace padder

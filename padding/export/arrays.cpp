@@ -1,0 +1,52 @@
+// Flat arrays of spheres: NumPy's .npz and VTK's .vtp. Bodies are placed in the world, joints at 0.
+#include "padding/export/writers.h"
+#include "padding/npz.h"
+#include "padding/vtp.h"
+
+namespace padder::exporting {
+namespace {
+
+struct Arrays {
+  std::vector<Point> centers;
+  std::vector<double> radii;
+  std::vector<std::uint32_t> family, mask, body;
+
+  explicit Arrays(const Model& model) {
+    const auto poses = world_poses(model);
+    for (std::size_t b = 0; b < model.bodies.size(); b++) {
+      const Cluster& c = model.bodies[b].cluster;
+      for (std::size_t k = 0; k < c.size(); k++) {
+        // A body at the origin keeps its numbers bit for bit.
+        centers.push_back(poses[b].matrix().isIdentity(0) ? c.centers[k] : poses[b] * c.centers[k]);
+        radii.push_back(c.radii[k]);
+        family.push_back(c.family), mask.push_back(c.mask), body.push_back(static_cast<std::uint32_t>(b));
+      }
+    }
+  }
+};
+
+}  // namespace
+
+Files write_npz(const Job& job) {
+  const Arrays a(job.model);
+  std::vector<double> centers;
+  centers.reserve(3 * a.centers.size());
+  for (const Point& p : a.centers) centers.insert(centers.end(), {p.x(), p.y(), p.z()});
+  const std::uint64_t n = a.radii.size();
+  Npz arrays{{"centers", npy_array(centers.data(), {n, 3})},
+             {"radii", npy_array(a.radii.data(), {n})},
+             {"family", npy_array(a.family.data(), {n})},
+             {"mask", npy_array(a.mask.data(), {n})}};
+  if (job.model.bodies.size() > 1) arrays["body"] = npy_array(a.body.data(), {n});
+  return {{"", npz_bytes(arrays)}};
+}
+
+Files write_vtp(const Job& job) {
+  Arrays a(job.model);
+  VtpWriter v(std::move(a.centers));
+  v.add("radius", a.radii), v.add("family", a.family), v.add("mask", a.mask);
+  if (job.model.bodies.size() > 1) v.add("body", a.body);
+  return {{"", v.bytes()}};
+}
+
+}  // namespace padder::exporting

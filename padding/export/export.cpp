@@ -1,0 +1,227 @@
+#include "padding/export/export.h"
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cmath>
+
+#include "padding/error.h"
+#include "padding/export/writers.h"
+#include "padding/file.h"
+
+namespace padder {
+namespace {
+
+using exporting::Files;
+using exporting::Job;
+namespace fs = std::filesystem;
+
+struct Entry {
+  Format format;
+  Files (*write)(const Job&);
+};
+
+using F = Format::Filter;
+// Chrono has 16 family bits, but its functions take 0 to 14 and masks up to 0x7fff.
+constexpr std::array<Entry, 14> kEntries{{
+    {{"dem-engine", ".csv", "DEM-Engine", F::none, 0, false, false, true}, exporting::write_csv},
+    {{"liggghts", "", "LIGGGHTS", F::none, 0, false, false, false}, exporting::write_liggghts},
+    {{"yade", "", "YADE", F::none, 0, false, false, false}, exporting::write_yade},
+    {{"mercury", "", "MercuryDPM", F::none, 0, false, false, true}, exporting::write_mercury},
+    {{"chrono", "", "Chrono", F::bits, 15, true, false, true}, exporting::write_chrono},
+    {{"npz", ".npz", "NumPy", F::numbers, 0, true, false, false}, exporting::write_npz},
+    {{"vtp", ".vtp", "VTK and ParaView", F::numbers, 0, true, false, false}, exporting::write_vtp},
+    {{"glb", ".glb", "glTF viewers", F::numbers, 0, true, true, false}, exporting::write_glb},
+    {{"urdf", ".urdf", "ROS", F::pairs, 0, true, true, false}, exporting::write_urdf},
+    {{"mujoco", ".xml", "MuJoCo", F::bits, 32, true, true, false}, exporting::write_mujoco},
+    {{"curobo", ".yaml", "cuRobo", F::pairs, 0, true, true, false}, exporting::write_curobo},
+    {{"xrdf", ".xrdf", "Isaac cuMotion", F::pairs, 0, true, true, false}, exporting::write_xrdf},
+    {{"srdf", ".srdf", "MoveIt", F::pairs, 0, true, true, false}, exporting::write_srdf},
+    {{"usd", ".usda", "USD", F::pairs, 0, true, false, false}, exporting::write_usda},
+}};
+
+const std::vector<Format>& table() {
+  static const auto all = [] {
+    std::vector<Format> list;
+    for (const Entry& e : kEntries) list.push_back(e.format);
+    return list;
+  }();
+  return all;
+}
+
+std::vector<CollisionFilter> filters_of(const Model& model) {
+  std::vector<CollisionFilter> filters;
+  for (const Body& b : model.bodies) filters.push_back({b.cluster.family, b.cluster.mask});
+  return filters;
+}
+
+void check(const Model& model, const Format& format, const std::string& where) {
+  const auto fail = [&](const std::string& what) { throw Error("cannot write " + where + ": " + what); };
+  if (model.spheres() == 0) fail("there is no sphere in it");
+  if (!format.several && model.bodies.size() > 1)
+    fail(std::string(format.program) + " takes one body a file and there are " +
+         std::to_string(model.bodies.size()) + ": write them one by one");
+  for (const Body& b : model.bodies) {
+    const Cluster& c = b.cluster;
+    if (c.centers.size() != c.size()) fail(b.name + " has not one radius for each centre");
+    for (std::size_t k = 0; k < c.size(); k++)
+      if (!c.centers[k].allFinite() || !std::isfinite(c.radii[k]) || !(c.radii[k] > 0))
+        fail("sphere " + std::to_string(k) + " of " + b.name + " is not finite or has no positive radius");
+    if (format.mass_frame && c.size() > 0 && !(c.mass.volume > 0))
+      fail(b.name + " has no volume (an open sheet, or spheres without a mesh), and " + format.program +
+           " wants mass and moments: close the mesh, or pad it with --repair wrap");
+    if (format.filter == F::none && (c.family != 0 || c.mask != 0))
+      fail(b.name + " has a family or a mask, which the file cannot hold (" + format.program +
+           " sets who may touch whom in its own script): pad without --family and --mask");
+  }
+}
+
+}  // namespace
+
+std::span<const Format> formats() { return table(); }
+
+const Format& find_format(const fs::path& path, const std::string& name) {
+  std::string known;
+  for (const Format& f : table()) {
+    if (name.empty() ? (*f.ending && path.extension() == f.ending) : name == f.name) return f;
+    if (name.empty() && *f.ending) known += std::string(known.empty() ? "" : " ") + f.ending;
+    if (!name.empty()) known += std::string(known.empty() ? "" : " ") + f.name;
+  }
+  if (name.empty())
+    throw Error("cannot tell the format of " + path.string() + ": end it with .spheres.json or one of " +
+                known);
+  throw Error("no format is called \"" + name + "\": there are " + known);
+}
+
+void write_model(const Model& model, const fs::path& path, const Format& format,
+                 const ExportOptions& options) {
+  check(model, format, path.string());
+  if (!(options.density > 0) || !std::isfinite(options.density)) throw Error("the density must be positive");
+  const Model converted =
+      scaled(model, format.in_metres ? metres(model.unit) : 1, format.in_metres ? "m" : model.unit);
+  Job job{converted, options, {}, {}};
+  if (format.filter == F::bits) {
+    auto bits = filter_bits(filters_of(model), format.bits);
+    if (!bits)
+      throw Error("cannot write " + path.string() + ": the families of " + model.name +
+                  " need more than the " + std::to_string(format.bits) + " that " + format.program + " has");
+    job.bits = std::move(*bits);
+  } else if (format.filter == F::pairs) {
+    job.pairs = filtered_pairs(filters_of(model));
+  }
+  const auto entry = std::find_if(kEntries.begin(), kEntries.end(), [&](const Entry& e) {
+    return std::string_view(e.format.name) == format.name;
+  });
+  if (entry == kEntries.end()) throw Error("no format is called \"" + std::string(format.name) + "\"");
+  for (const auto& [name, bytes] : entry->write(job)) {
+    if (name.empty()) {
+      write_file(path, bytes);
+    } else if (name.front() == '*') {  // beside, with another ending
+      fs::path beside = path;
+      write_file(beside.replace_extension(name.substr(1)), bytes);
+    } else {
+      std::error_code code;
+      fs::create_directories((path / name).parent_path(), code);  // write_file says what is wrong with it
+      write_file(path / name, bytes);
+    }
+  }
+}
+
+namespace exporting {
+
+std::string number(double value) {
+  if (value == 0) return "0";  // not -0
+  char text[32];
+  return std::string(text, std::to_chars(text, text + sizeof text, value).ptr);
+}
+
+std::string numbers(const Vector& v, const char* between) {
+  return number(v.x()) + between + number(v.y()) + between + number(v.z());
+}
+
+std::string xml_text(const std::string& text) {
+  std::string out;
+  for (const char c : text) {
+    if (c == '&')
+      out += "&amp;";
+    else if (c == '<')
+      out += "&lt;";
+    else if (c == '>')
+      out += "&gt;";
+    else if (c == '"')
+      out += "&quot;";
+    else
+      out += c;
+  }
+  return out;
+}
+
+std::string quoted(const std::string& text) {
+  std::string out = "\"";
+  for (const char c : one_line(text)) {
+    if (c == '"' || c == '\\') out += '\\';
+    out += c;
+  }
+  return out + '"';
+}
+
+std::string one_line(std::string text) {
+  for (char& c : text)
+    if (static_cast<unsigned char>(c) < 32) c = ' ';
+  return text;
+}
+
+std::string identifier(const std::string& name) {
+  std::string out;
+  for (const char c : name) {
+    const bool letter = (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '_';
+    const bool digit = c >= '0' && c <= '9';
+    if (digit && out.empty()) out = "_";
+    out += letter || digit ? c : '_';
+  }
+  return out.empty() ? "_" : out;
+}
+
+std::vector<std::string> identifiers(const Model& model) {
+  std::vector<std::string> out;
+  for (const Body& b : model.bodies) {
+    const std::string base = identifier(b.name);
+    std::string name = base;
+    for (int k = 2; std::find(out.begin(), out.end(), name) != out.end(); k++)
+      name = base + "_" + std::to_string(k);
+    out.push_back(name);
+  }
+  return out;
+}
+
+std::vector<Eigen::Isometry3d> world_poses(const Model& model) {
+  std::vector<Eigen::Isometry3d> out;
+  for (const Body& b : model.bodies) {
+    if (b.parent < 0)
+      out.push_back(b.pose);
+    else
+      out.push_back(out[static_cast<std::size_t>(b.parent)] * b.pose);
+  }
+  return out;
+}
+
+std::string origin(const Model& model) {
+  std::string inside;
+  if (!model.bodies.empty()) {
+    const Cluster& c = model.bodies[0].cluster;
+    inside = c.program;
+    if (model.bodies.size() == 1 && !c.source.file.empty())
+      inside += (inside.empty() ? "from " : ", from ") + c.source.file;
+  }
+  return one_line(model.name + (inside.empty() ? "" : " (" + inside + ")"));
+}
+
+std::vector<Point> centers_in_mass_frame(const Cluster& c) {
+  std::vector<Point> out;
+  out.reserve(c.size());
+  for (const Point& p : c.centers) out.push_back(c.mass.axes.transpose() * (p - c.mass.center));
+  return out;
+}
+
+}  // namespace exporting
+}  // namespace padder

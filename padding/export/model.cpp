@@ -1,0 +1,67 @@
+#include "padding/export/model.h"
+
+#include <cmath>
+
+#include "padding/error.h"
+
+namespace padder {
+namespace {
+
+void scale(Cluster& c, double s) {
+  for (Point& p : c.centers) p *= s;
+  for (double& r : c.radii) r *= s;
+  if (!c.bounds.empty()) c.bounds.low *= s, c.bounds.high *= s;
+  c.mass.volume *= std::pow(s, 3), c.mass.center *= s;
+  c.mass.inertia *= std::pow(s, 5), c.mass.moments *= std::pow(s, 5);
+  c.volume_union *= std::pow(s, 3);
+  Accuracy& a = c.accuracy;
+  for (double* length :
+       {&a.protrusion_max, &a.protrusion_mean, &a.protrusion_p95, &a.gap_max, &a.gap_mean, &a.gap_p95})
+    *length *= s;
+}
+
+}  // namespace
+
+std::size_t Model::spheres() const {
+  std::size_t n = 0;
+  for (const Body& b : bodies) n += b.cluster.size();
+  return n;
+}
+
+Model model_of(Cluster cluster) {
+  Model model;
+  model.name = cluster.name, model.unit = cluster.unit;
+  model.bodies.emplace_back();
+  model.bodies[0].name = cluster.name;
+  model.bodies[0].cluster = std::move(cluster);
+  return model;
+}
+
+double metres(const std::string& unit) {
+  if (unit.empty() || unit == "m") return 1;
+  if (unit == "cm") return 0.01;
+  if (unit == "mm") return 0.001;
+  if (unit == "in") return 0.0254;
+  throw Error("\"" + unit + "\" is no unit of length known here: use m, cm, mm or in");
+}
+
+Model scaled(Model model, double factor, const std::string& unit) {
+  model.unit = unit;
+  for (Body& b : model.bodies) {
+    b.cluster.unit = unit;
+    b.pose.translation() *= factor;
+    if (b.joint.type == Joint::Type::prismatic) b.joint.lower *= factor, b.joint.upper *= factor;
+    if (b.inertial) b.inertial->center *= factor, b.inertial->inertia *= factor * factor;
+    if (factor != 1) scale(b.cluster, factor);
+  }
+  return model;
+}
+
+std::optional<Inertial> inertial_of(const Body& body, double density) {
+  if (body.inertial) return body.inertial;
+  const MassProperties& m = body.cluster.mass;
+  if (!(m.volume > 0)) return {};
+  return Inertial{density * m.volume, m.center, density * m.inertia};
+}
+
+}  // namespace padder

@@ -1,0 +1,127 @@
+// MuJoCo's MJCF: bodies nested as the joints say, a sphere geom a sphere.
+#include "padding/export/writers.h"
+
+namespace padder::exporting {
+namespace {
+
+// MuJoCo reads a signed 32-bit number: bit 31 is written as a negative one.
+std::string bit_field(std::uint32_t bits) { return std::to_string(static_cast<std::int32_t>(bits)); }
+
+std::string place(const Eigen::Isometry3d& pose) {
+  std::string out;
+  if (!pose.translation().isZero(0)) out += " pos=\"" + numbers(pose.translation()) + "\"";
+  if (!pose.linear().isIdentity(0)) {
+    const Eigen::Quaterniond q(pose.linear());
+    out += " quat=\"" + number(q.w()) + " " + numbers(q.vec()) + "\"";
+  }
+  return out;
+}
+
+class Writer {
+ public:
+  explicit Writer(const Job& job) : job_(job), children_(job.model.bodies.size()) {
+    for (std::size_t b = 0; b < job.model.bodies.size(); b++)
+      if (const int parent = job.model.bodies[b].parent; parent >= 0)
+        children_[static_cast<std::size_t>(parent)].push_back(b);
+  }
+
+  std::string document() {
+    std::string bodies;
+    for (std::size_t b = 0; b < job_.model.bodies.size(); b++)
+      if (job_.model.bodies[b].parent < 0) bodies += body(b, "    ");
+    std::string compiler = "angle=\"radian\" inertiafromgeom=\"false\"";  // overlaps would count twice
+    if (weightless_) compiler += " boundmass=\"1e-6\" boundinertia=\"1e-9\"";
+    return "<!-- " + comment(origin(job_.model)) + ", metres, density " + number(job_.options.density) +
+           " where no mass was stated -->\n" +
+           (weightless_ ? "<!-- boundmass and boundinertia: MuJoCo wants some mass on every moving body, and "
+                          "one has none -->\n"
+                        : "") +
+           "<mujoco model=\"" + xml_text(one_line(job_.model.name)) + "\">\n  <compiler " + compiler +
+           "/>\n  <default>\n    <geom type=\"sphere\"/>\n  </default>\n  <worldbody>\n" + bodies +
+           "  </worldbody>\n</mujoco>\n";
+  }
+
+ private:
+  static std::string comment(std::string text) {  // "--" must not occur in one
+    for (std::size_t k; (k = text.find("--")) != std::string::npos;) text[k] = ' ';
+    return text;
+  }
+
+  std::string joint(const Body& b, const std::string& indent) {
+    const auto hinge_or_slide = [&](const char* type, const Vector& axis, const std::string& suffix,
+                                    bool limited) {
+      return indent + "<joint name=\"" + xml_text(b.joint.name + suffix) + "\" type=\"" + type +
+             "\" axis=\"" + numbers(axis) + "\"" +
+             (limited
+                  ? " limited=\"true\" range=\"" + number(b.joint.lower) + " " + number(b.joint.upper) + "\""
+                  : "") +
+             "/>\n";
+    };
+    const Vector x = b.joint.axis.unitOrthogonal(), y = b.joint.axis.cross(x);
+    switch (b.joint.type) {
+      case Joint::Type::revolute:
+        return hinge_or_slide("hinge", b.joint.axis, "", b.joint.lower < b.joint.upper);
+      case Joint::Type::continuous:
+        return hinge_or_slide("hinge", b.joint.axis, "", false);
+      case Joint::Type::prismatic:
+        return hinge_or_slide("slide", b.joint.axis, "", b.joint.lower < b.joint.upper);
+      case Joint::Type::planar:
+        return hinge_or_slide("slide", x, "_x", false) + hinge_or_slide("slide", y, "_y", false) +
+               hinge_or_slide("hinge", b.joint.axis, "_turn", false);
+      case Joint::Type::floating: {  // a free joint may only stand in the world
+        std::string out;
+        for (int k = 0; k < 3; k++)
+          out += hinge_or_slide("slide", Vector::Unit(k), std::string("_") + "xyz"[k], false);
+        return out + indent + "<joint name=\"" + xml_text(b.joint.name) + "_turn\" type=\"ball\"/>\n";
+      }
+      default:
+        return "";
+    }
+  }
+
+  bool weighs(std::size_t b) const {  // with what is fixed to it
+    if (inertial_of(job_.model.bodies[b], job_.options.density)) return true;
+    for (const std::size_t child : children_[b])
+      if (job_.model.bodies[child].joint.type == Joint::Type::fixed && weighs(child)) return true;
+    return false;
+  }
+
+  std::string body(std::size_t index, const std::string& indent) {
+    const Body& b = job_.model.bodies[index];
+    const std::string inside = indent + "  ";
+    std::string out = indent + "<body name=\"" + xml_text(b.name) + "\"" + place(b.pose) + ">\n";
+    const auto inertial = inertial_of(b, job_.options.density);
+    // An asset on its own is a free body; a robot's root stays where it is.
+    const bool alone = job_.model.urdf.empty() && b.parent < 0;
+    if (alone && inertial && b.joint.type == Joint::Type::fixed)
+      out += inside + "<freejoint/>\n";
+    else if (b.joint.type != Joint::Type::fixed) {
+      out += joint(b, inside);
+      weightless_ |= !weighs(index);
+    }
+    if (inertial && inertial->mass > 0) {
+      const Eigen::Matrix3d& m = inertial->inertia;
+      out += inside + "<inertial pos=\"" + numbers(inertial->center) + "\" mass=\"" + number(inertial->mass) +
+             "\" fullinertia=\"" + numbers(m.diagonal()) + " " + number(m(0, 1)) + " " + number(m(0, 2)) +
+             " " + number(m(1, 2)) + "\"/>\n";
+    }
+    const Cluster& c = b.cluster;
+    const FilterBits bits = job_.bits[index];
+    for (std::size_t k = 0; k < c.size(); k++)
+      out += inside + "<geom type=\"sphere\" size=\"" + number(c.radii[k]) + "\" pos=\"" +
+             numbers(c.centers[k]) + "\" contype=\"" + bit_field(bits.own) + "\" conaffinity=\"" +
+             bit_field(bits.others) + "\"/>\n";
+    for (const std::size_t child : children_[index]) out += body(child, inside);
+    return out + indent + "</body>\n";
+  }
+
+  const Job& job_;
+  std::vector<std::vector<std::size_t>> children_;
+  bool weightless_ = false;
+};
+
+}  // namespace
+
+Files write_mujoco(const Job& job) { return {{"", Writer(job).document()}}; }
+
+}  // namespace padder::exporting

@@ -1,0 +1,158 @@
+// URDF, one <collision> a sphere, and MoveIt's SRDF.
+#include <algorithm>
+#include <cmath>
+#include <pugixml.hpp>
+#include <sstream>
+
+#include "padding/error.h"
+#include "padding/export/writers.h"
+
+namespace padder::exporting {
+namespace {
+
+const char* word(Joint::Type type) {
+  switch (type) {
+    case Joint::Type::revolute:
+      return "revolute";
+    case Joint::Type::continuous:
+      return "continuous";
+    case Joint::Type::prismatic:
+      return "prismatic";
+    case Joint::Type::planar:
+      return "planar";
+    case Joint::Type::floating:
+      return "floating";
+    default:
+      return "fixed";
+  }
+}
+
+// Fixed axes x, y, z, as URDF has them.
+Vector roll_pitch_yaw(const Eigen::Matrix3d& m) {
+  const double horizontal = std::hypot(m(0, 0), m(1, 0));
+  if (horizontal < 1e-12) return {std::atan2(-m(1, 2), m(1, 1)), std::atan2(-m(2, 0), horizontal), 0};
+  return {std::atan2(m(2, 1), m(2, 2)), std::atan2(-m(2, 0), horizontal), std::atan2(m(1, 0), m(0, 0))};
+}
+
+void set(pugi::xml_node node, const char* attribute, const std::string& value) {
+  node.append_attribute(attribute).set_value(value.c_str());
+}
+
+void append_collisions(pugi::xml_node link, const Cluster& c) {
+  for (std::size_t k = 0; k < c.size(); k++) {
+    pugi::xml_node collision = link.append_child("collision");
+    set(collision.append_child("origin"), "xyz", numbers(c.centers[k]));
+    set(collision.append_child("geometry").append_child("sphere"), "radius", number(c.radii[k]));
+  }
+}
+
+void prepend_inertial(pugi::xml_node link, const Inertial& i) {
+  pugi::xml_node inertial = link.prepend_child("inertial");
+  set(inertial.append_child("origin"), "xyz", numbers(i.center));
+  set(inertial.append_child("mass"), "value", number(i.mass));
+  pugi::xml_node inertia = inertial.append_child("inertia");
+  const char* names[3][3] = {{"ixx", "ixy", "ixz"}, {"", "iyy", "iyz"}, {"", "", "izz"}};
+  for (int row = 0; row < 3; row++)
+    for (int column = row; column < 3; column++)
+      set(inertia, names[row][column], number(i.inertia(row, column)));
+}
+
+void append_joint(pugi::xml_node robot, const Body& body, const std::string& parent) {
+  pugi::xml_node joint = robot.append_child("joint");
+  set(joint, "name", body.joint.name.empty() ? body.name + "_joint" : body.joint.name);
+  set(joint, "type", word(body.joint.type));
+  set(joint.append_child("parent"), "link", parent);
+  set(joint.append_child("child"), "link", body.name);
+  pugi::xml_node place = joint.append_child("origin");
+  set(place, "xyz", numbers(body.pose.translation()));
+  set(place, "rpy", numbers(roll_pitch_yaw(body.pose.linear())));
+  if (body.joint.type == Joint::Type::fixed || body.joint.type == Joint::Type::floating) return;
+  set(joint.append_child("axis"), "xyz", numbers(body.joint.axis));
+  if (body.joint.type != Joint::Type::revolute && body.joint.type != Joint::Type::prismatic) return;
+  pugi::xml_node limit = joint.append_child("limit");  // effort and velocity must be there; 0 says: not known
+  set(limit, "lower", number(body.joint.lower)), set(limit, "upper", number(body.joint.upper));
+  set(limit, "effort", "0"), set(limit, "velocity", "0");
+}
+
+std::string text_of(const pugi::xml_document& document) {
+  std::ostringstream out;
+  document.save(out, "  ");
+  return out.str();
+}
+
+// The document a robot came from: only what is in <collision> changes, and a missing <inertial> is added.
+std::string edited(const Job& job) {
+  pugi::xml_document document;
+  if (!document.load_string(job.model.urdf.c_str(), pugi::parse_full))
+    throw Error("the URDF of " + job.model.name + " is not XML");
+  pugi::xml_node robot = document.child("robot");
+  for (const Body& body : job.model.bodies) {
+    pugi::xml_node link = robot.find_child_by_attribute("link", "name", body.name.c_str());
+    if (!link) throw Error("the URDF of " + job.model.name + " has no link " + body.name);
+    while (link.remove_child("collision")) continue;
+    const auto inertial = inertial_of(body, job.options.density);
+    if (inertial && !link.child("inertial")) prepend_inertial(link, *inertial);
+    append_collisions(link, body.cluster);
+  }
+  return text_of(document);
+}
+
+std::string srdf(const Job& job, bool spheres) {
+  pugi::xml_document document;
+  document.append_child(pugi::node_comment).set_value((" " + origin(job.model) + " ").c_str());
+  pugi::xml_node robot = document.append_child("robot");
+  set(robot, "name", job.model.name);
+  for (const Body& body : job.model.bodies) {
+    if (!spheres || body.cluster.size() == 0) continue;
+    pugi::xml_node link = robot.append_child("link_sphere_approximation");
+    set(link, "link", body.name);
+    for (std::size_t k = 0; k < body.cluster.size(); k++) {
+      pugi::xml_node sphere = link.append_child("sphere");
+      set(sphere, "center", numbers(body.cluster.centers[k])),
+          set(sphere, "radius", number(body.cluster.radii[k]));
+    }
+  }
+  for (const auto& [i, j] : job.pairs) {
+    if (job.model.bodies[i].cluster.size() == 0 || job.model.bodies[j].cluster.size() == 0) continue;
+    pugi::xml_node pair = robot.append_child("disable_collisions");
+    set(pair, "link1", job.model.bodies[i].name), set(pair, "link2", job.model.bodies[j].name);
+    set(pair, "reason", "Adjacent");
+  }
+  return text_of(document);
+}
+
+}  // namespace
+
+Files write_urdf(const Job& job) {
+  Files files;
+  if (!job.model.urdf.empty()) {
+    files.emplace_back("", edited(job));
+  } else {
+    pugi::xml_document document;
+    document.append_child(pugi::node_comment).set_value((" " + origin(job.model) + " ").c_str());
+    pugi::xml_node robot = document.append_child("robot");
+    set(robot, "name", job.model.name);
+    const auto& bodies = job.model.bodies;
+    const bool world =
+        std::count_if(bodies.begin(), bodies.end(), [](const Body& b) { return b.parent < 0; }) > 1 ||
+        !bodies[0].pose.matrix().isIdentity(0);
+    if (world) set(robot.append_child("link"), "name", "world");  // a URDF has one root
+    for (const Body& body : bodies) {
+      pugi::xml_node link = robot.append_child("link");
+      set(link, "name", body.name);
+      if (const auto inertial = inertial_of(body, job.options.density)) prepend_inertial(link, *inertial);
+      append_collisions(link, body.cluster);
+    }
+    for (const Body& body : bodies)
+      if (body.parent >= 0 || world)
+        append_joint(robot, body,
+                     body.parent < 0 ? "world" : bodies[static_cast<std::size_t>(body.parent)].name);
+    files.emplace_back("", text_of(document));
+  }
+  if (!job.pairs.empty()) files.emplace_back("*.srdf", srdf(job, false));  // URDF has no words for them
+  return files;
+}
+
+Files write_srdf(const Job& job) { return {{"", srdf(job, true)}}; }
+
+}  // namespace padder::exporting

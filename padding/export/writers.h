@@ -1,0 +1,58 @@
+// Inside padding/export: one function for each format, and what they share.
+#pragma once
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "padding/export/export.h"
+#include "padding/export/families.h"
+
+namespace padder::exporting {
+
+// What a writer gets: the model in the format's unit, checked against the format's limits.
+struct Job {
+  const Model& model;
+  const ExportOptions& options;
+  std::vector<FilterBits> bits;                            // a body each, for Filter::bits
+  std::vector<std::pair<std::size_t, std::size_t>> pairs;  // of bodies that may not touch
+};
+
+// Path below the target ("" the target itself, "*.srdf" beside it with another ending) and bytes.
+using Files = std::vector<std::pair<std::string, std::string>>;
+
+Files write_csv(const Job& job);
+Files write_liggghts(const Job& job);
+Files write_yade(const Job& job);
+Files write_mercury(const Job& job);
+Files write_chrono(const Job& job);
+Files write_npz(const Job& job);
+Files write_vtp(const Job& job);
+Files write_glb(const Job& job);
+Files write_usda(const Job& job);
+Files write_urdf(const Job& job);
+Files write_srdf(const Job& job);
+Files write_mujoco(const Job& job);
+Files write_curobo(const Job& job);
+Files write_xrdf(const Job& job);
+
+// Spheres about the centre of mass along the principal axes.
+std::vector<Point> centers_in_mass_frame(const Cluster& cluster);
+
+// Shortest text that reads back as the same double; whole numbers without a point.
+std::string number(double value);
+std::string numbers(const Vector& v, const char* between = " ");
+std::string xml_text(const std::string& text);    // &, <, >, " escaped
+std::string quoted(const std::string& text);      // a double-quoted YAML, USD or C++ string
+std::string one_line(std::string text);           // line ends become blanks: for comments
+std::string identifier(const std::string& name);  // letters, digits, _: for USD prims and C++
+
+// An identifier for each body, no two alike.
+std::vector<std::string> identifiers(const Model& model);
+
+// Where each body is in the world, joints at 0.
+std::vector<Eigen::Isometry3d> world_poses(const Model& model);
+
+// "track_shoe (padder 0.1.0, track_shoe.obj)": for a comment at the head of a file.
+std::string origin(const Model& model);
+
+}  // namespace padder::exporting

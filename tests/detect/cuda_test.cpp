@@ -1,0 +1,115 @@
+// What only scenes of a million spheres reach: the other ways of ordering, graphs, the bins of the call before. The
+// answer is that of the OpenMP backend.
+#include <cuda_runtime_api.h>
+
+#include "detect/generate.h"
+#include "tests/detect/oracle.h"
+
+namespace padder::detect {
+namespace {
+
+Input input_of(const std::vector<FloatSphere>& s) {
+  Input input;
+  input.spheres = spheres_of(s.size(), &s[0].x, &s[0].r);
+  input.spheres.center_stride = input.spheres.radius_stride = 4;
+  return input;
+}
+
+class CudaTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    if (!cuda_present()) GTEST_SKIP() << "no GPU that this build can use";
+    cpu_.backend = Choice::omp, gpu_.backend = Choice::cuda;
+    cpu_.width = Width::pairs;
+  }
+  Options cpu_, gpu_;
+};
+
+TEST_F(CudaTest, LargeScenesAgree) {
+  Detector cpu(cpu_), gpu(gpu_);
+  for (const char* name : {"dense", "dilute", "poly35", "poly100"})
+    for (const bool random_order : {true, false}) {
+      const auto spheres = generate(name, 1'100'000, random_order);
+      const Input input = input_of(spheres);
+      const std::uint64_t count = cpu.detect(input).count, hash = cpu.hash();
+      for (int again = 0; again < 4; again++) {  // alone, with the bins of the call before, recorded, as a graph
+        EXPECT_EQ(gpu.detect(input).count, count) << name << " call " << again;
+        EXPECT_EQ(gpu.hash(), hash) << name << " call " << again;
+      }
+    }
+}
+
+TEST_F(CudaTest, TheOrderIsTheSameInTwentyRuns) {
+  for (const std::uint64_t n : {30'000ull, 1'100'000ull}) {
+    const auto spheres = generate("poly35", n);
+    std::vector<Pair> first;
+    std::vector<Normal<float>> normals;
+    Detector d(gpu_);
+    for (int run = 0; run < 20; run++) {
+      Detector fresh(gpu_);
+      const Contacts& c = (run % 5 == 0 ? fresh : d).detect(input_of(spheres));
+      if (first.empty()) {
+        first.assign(c.pairs, c.pairs + c.count);
+        normals.assign(c.normal_span<float>().begin(), c.normal_span<float>().end());
+      }
+      ASSERT_EQ(c.count, first.size());
+      ASSERT_EQ(std::memcmp(c.pairs, first.data(), c.count * sizeof(Pair)), 0) << "run " << run;
+      ASSERT_EQ(std::memcmp(c.normals, normals.data(), c.count * sizeof(Normal<float>)), 0) << "run " << run;
+    }
+  }
+}
+
+// A detector that has seen another scene answers as a fresh one does, in the same order.
+TEST_F(CudaTest, WhatWasDetectedBeforeDoesNotMatter) {
+  auto spheres = generate("dense", 20'000);
+  Detector d(gpu_);
+  for (int step = 0; step < 12; step++) {
+    for (std::size_t k = 0; k < spheres.size(); k++) spheres[k].x += step % 3 == 0 ? 3.f : 0.01f;
+    if (step == 7) spheres[5].x = 500;
+    if (step == 8) spheres[6].r = 2;
+    if (step == 9) spheres[6].r = 30;
+    Detector fresh(gpu_);
+    const Contacts &a = d.detect(input_of(spheres)), &b = fresh.detect(input_of(spheres));
+    ASSERT_EQ(a.count, b.count) << "step " << step;
+    ASSERT_EQ(std::memcmp(a.pairs, b.pairs, a.count * sizeof(Pair)), 0) << "step " << step;
+  }
+}
+
+TEST_F(CudaTest, CrowdedBins) {
+  std::vector<FloatSphere> spheres;
+  for (int k = 0; k < 1500; k++) spheres.push_back({0.001f * static_cast<float>(k % 11), 0, 0, 0.0001f});
+  for (int k = 0; k < 400; k++) spheres.push_back({static_cast<float>(k), 5, 5, 0.5f});
+  Detector cpu(cpu_), gpu(gpu_);
+  const std::uint64_t count = cpu.detect(input_of(spheres)).count;
+  for (int again = 0; again < 3; again++) EXPECT_EQ(gpu.detect(input_of(spheres)).count, count);
+  EXPECT_EQ(gpu.hash(), cpu.hash());
+}
+
+TEST_F(CudaTest, DeviceMemoryAndAStream) {
+  const auto spheres = generate("dense", 50'000);
+  void* device = nullptr;
+  ASSERT_EQ(cudaMalloc(&device, spheres.size() * sizeof(FloatSphere)), cudaSuccess);
+  cudaStream_t stream;
+  ASSERT_EQ(cudaStreamCreateWithFlags(&stream, cudaStreamNonBlocking), cudaSuccess);
+  ASSERT_EQ(cudaMemcpyAsync(device, spheres.data(), spheres.size() * sizeof(FloatSphere), cudaMemcpyHostToDevice, stream), cudaSuccess);
+  Input input = input_of(spheres);
+  input.spheres.centers = device, input.spheres.radii = static_cast<float*>(device) + 3;
+  input.spheres.memory = Memory::device;
+  gpu_.stream = stream, gpu_.output = Memory::device;
+  Detector gpu(gpu_), cpu(cpu_);
+  std::uint64_t held = 0;
+  for (int again = 0; again < 5; again++) {
+    const Contacts& c = gpu.detect(input);
+    EXPECT_EQ(c.memory, Memory::device);
+    if (again == 2) held = gpu.memory();
+    if (again > 2) {
+      EXPECT_EQ(gpu.memory(), held);
+    }
+    EXPECT_EQ(c.count, cpu.detect(input_of(spheres)).count);
+    EXPECT_EQ(gpu.hash(), cpu.hash());
+  }
+  cudaStreamDestroy(stream), cudaFree(device);
+}
+
+}  // namespace
+}  // namespace padder::detect

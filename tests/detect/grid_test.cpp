@@ -1,0 +1,144 @@
+// Bins, keys and levels: what the fast path's claim of completeness rests on.
+#include "detect/grid.h"
+
+#include <random>
+
+#include "tests/detect/oracle.h"
+
+namespace padder::detect {
+namespace {
+
+Summary summary_of(const std::vector<Sphere>& spheres) {
+  Summary s;
+  s.count = spheres.size(), s.octaves_known = true;
+  for (const Sphere& p : spheres) s.need_max = std::max(s.need_max, need_of(p));
+  for (const Sphere& p : spheres) {
+    Summary::Octave& o = s.octave[octave_of(exponent_of(s.need_max), need_of(p))];
+    const double c[3] = {p.x, p.y, p.z};
+    o.count++, o.need_max = std::max(o.need_max, need_of(p)), o.radius_max = std::max(o.radius_max, p.r);
+    s.radius_max = std::max(s.radius_max, p.r), s.radius_min = std::min(s.radius_min, p.r),
+    s.radius_sum += p.r;
+    for (int k = 0; k < 3; k++) {
+      o.low[k] = std::min(o.low[k], c[k]), o.high[k] = std::max(o.high[k], c[k]);
+      s.low[k] = std::min(s.low[k], c[k]), s.high[k] = std::max(s.high[k], c[k]);
+    }
+  }
+  return s;
+}
+
+TEST(Grid, SplitIsExactAtEveryMagnitude) {
+  std::mt19937_64 random(5);
+  std::uniform_real_distribution<double> unit(-1, 1);
+  for (const double size : {2.00390625, 0.5009765625 * 0x1p-30, 1023 * 0x1p40}) {
+    Level l;
+    l.size = size, l.per_size = 1 / size;
+    for (int k = 0; k < 100000; k++) {
+      const double x = size * unit(random) * std::pow(2.0, 42 * std::abs(unit(random)));
+      const Split s = split(l, x);
+      const long double corner = static_cast<long double>(s.bin) * size;
+      ASSERT_GE(s.rest, 0);
+      ASSERT_LE(s.rest, size);
+      ASSERT_LE(std::abs(static_cast<double>(corner + s.rest - x)), size * 0x1p-52) << x;
+    }
+    for (const double bin : {-3., -1., 0., 1., 7., 1e12}) {  // on a face: the bin above it
+      const Split s = split(l, bin * size);
+      EXPECT_EQ(s.bin, static_cast<std::int64_t>(bin));
+      EXPECT_EQ(s.rest, 0);
+    }
+    EXPECT_EQ(split(l, -0.5 * size).bin, -1) << "floor, not a cast";
+  }
+}
+
+TEST(Grid, FixedPointDifferencesDoNotGrowWithTheDomain) {
+  Level l;
+  l.size = 2.00390625, l.per_size = 1 / l.size, l.units = std::ldexp(l.per_size, kUnitBits);
+  std::mt19937_64 random(6);
+  std::uniform_real_distribution<double> unit(-1, 1);
+  for (const double far : {0., 1e5, 1e9, 1e12})
+    for (int k = 0; k < 20000; k++) {
+      const double a = far * unit(random) + unit(random), b = a + 4 * unit(random);
+      const double apart = wrapped_difference(fixed_of(l, split(l, a)), fixed_of(l, split(l, b)));
+      ASSERT_LE(std::abs(apart - (b - a) * l.units), 1.001) << a << " " << b;
+    }
+}
+
+TEST(Grid, DenseKeysAreInjectiveWithABorder) {
+  std::vector<Sphere> spheres;
+  for (int z = -2; z < 3; z++)
+    for (int y = 0; y < 4; y++)
+      for (int x = 5; x < 12; x++) spheres.push_back({2.1 * x, 2.1 * y, 2.1 * z, 1});
+  const Grid g = choose_grid(summary_of(spheres), 0);
+  ASSERT_EQ(g.levels, 1);
+  const Level& l = g.level[0];
+  ASSERT_FALSE(l.hashed);
+  std::vector<int> seen(g.buckets, 0);
+  for (std::int64_t z = l.first[2] - 1; z <= l.first[2] + l.count[2]; z++)
+    for (std::int64_t y = l.first[1] - 1; y <= l.first[1] + l.count[1]; y++)
+      for (std::int64_t x = l.first[0] - 1; x <= l.first[0] + l.count[0]; x++) {
+        const std::uint32_t key = key_of(l, {x, y, z});
+        ASSERT_LT(key, g.buckets);
+        seen[key]++;
+      }
+  for (const int times : seen) EXPECT_EQ(times, 1);
+}
+
+TEST(Grid, SparseDomainsAreHashedAndSmall) {
+  std::vector<Sphere> spheres;
+  for (int k = 0; k < 1000; k++) spheres.push_back({3.0 * k, 3.0 * k, 3.0 * k, 1});
+  const Grid g = choose_grid(summary_of(spheres), 0);
+  EXPECT_TRUE(g.level[0].hashed);
+  EXPECT_LE(g.buckets, 4096u);
+}
+
+TEST(Grid, EverySphereFitsItsLevel) {
+  for (const double ratio : {1.0, 1.9, 4.0, 100.0, 1e4, 1e9}) {
+    TestScene scene = random_scene(3000, ratio, 2, 77);
+    scene.spheres.push_back({1e25, 0, 0, 1});
+    scene.spheres.push_back({0, 0, 0, 0});
+    const Grid g = choose_grid(summary_of(scene.spheres), 0);
+    ASSERT_LE(g.levels, kMaxLevels);
+    for (const Sphere& s : scene.spheres) {
+      const Level& l = g.level[level_of(g, s)];
+      ASSERT_GT(l.size, 2 * s.r);
+      ASSERT_GE(l.radius_max, s.r);
+      ASSERT_LE(std::abs(s.x) / l.size, 0x1p43);
+      ASSERT_LT(key_of(l, bin_of(l, s)) - l.offset, l.buckets);
+    }
+    for (int k = 1; k < g.levels; k++) EXPECT_GE(g.level[k].size, g.level[k - 1].size);
+  }
+}
+
+TEST(Grid, EqualRadiiAreOneLevelAndWideOnesSeveral) {
+  EXPECT_EQ(choose_grid(summary_of(random_scene(1000, 1, 1, 1).spheres), 0).levels, 1);
+  EXPECT_GT(choose_grid(summary_of(random_scene(20000, 100, 0.5, 1).spheres), 0).levels, 2);
+}
+
+// Two spheres of one level that touch are at most one bin apart: what reach_of says is never too little.
+TEST(Grid, PartnersAreWithinReach) {
+  std::mt19937_64 random(8);
+  std::uniform_real_distribution<double> unit(0, 1);
+  const TestScene scene = random_scene(2000, 30, 1, 3);
+  const Grid g = choose_grid(summary_of(scene.spheres), 0);
+  for (const Sphere& a : scene.spheres)
+    for (int coarser = level_of(g, a); coarser < g.levels; coarser++) {
+      const Level& l = g.level[coarser];
+      const double r = l.radius_max, d = (a.r + r) * (1 + 1e-15) * (unit(random) < 0.5 ? -1 : 1);
+      const Sphere b{a.x + d, a.y, a.z, r};
+      const Split s = split(l, a.x);
+      const Reach reach = reach_of(l, s, a.r);
+      const std::int64_t off = split(l, b.x).bin - s.bin;
+      ASSERT_GE(off, reach.low);
+      ASSERT_LE(off, reach.high);
+    }
+}
+
+TEST(Grid, BitsForKeys) {
+  EXPECT_EQ(bits_for(1), 0);
+  EXPECT_EQ(bits_for(2), 1);
+  EXPECT_EQ(bits_for(3), 2);
+  EXPECT_EQ(bits_for(1u << 31), 31);
+  EXPECT_EQ(bits_for(0xffffffffu), 32);
+}
+
+}  // namespace
+}  // namespace padder::detect

@@ -1,0 +1,199 @@
+// Scenes in JSON: what is read, what is refused and with which words, families settled, files beside them.
+#include "detect/scene.h"
+
+#include <filesystem>
+
+#include "detect/contact_file.h"
+#include "padding/npz.h"
+#include "padding/file.h"
+#include "tests/detect/oracle.h"
+
+namespace padder::detect {
+namespace {
+
+namespace fs = std::filesystem;
+
+class SceneTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    folder_ = fs::temp_directory_path() / ("padder_scene_" + std::to_string(::getpid()));
+    fs::create_directories(folder_);
+    Cluster c;
+    c.name = "pair", c.unit = "m";
+    c.centers = {Point(0, 0, 0), Point(1, 0, 0)}, c.radii = {0.75, 0.5}, c.triangle = {0, 1};
+    c.bounds.add(Point(-1, -1, -1)), c.bounds.add(Point(2, 1, 1));
+    write_cluster(c, folder_ / "pair.spheres.json");
+    c.family = 7, c.mask = 6;
+    write_cluster(c, folder_ / "seven.spheres.json");
+    c.unit = "mm";
+    write_cluster(c, folder_ / "mm.spheres.json");
+  }
+  void TearDown() override { fs::remove_all(folder_); }
+
+  Scene scene(const std::string& members) const {
+    return scene_from_json(R"({"format": "padder.scene", "version": 1, )" + members + "}", "s.json", folder_);
+  }
+  void refused(const std::string& members, const std::string& sentence) const {
+    try {
+      scene(members);
+      FAIL() << "read: " << members;
+    } catch (const Error& e) {
+      EXPECT_EQ(std::string(e.what()), sentence);
+    }
+  }
+
+  fs::path folder_;
+  const std::string clusters_ = R"("clusters": {"p": "pair.spheres.json", "s": "seven.spheres.json"}, )";
+};
+
+TEST_F(SceneTest, BodiesAreTurnedAndMoved) {
+  const Scene s = scene(clusters_ + R"("bodies": [{"cluster": "p", "position": [10, 20, 30],
+      "quaternion": [0.7071067811865476, 0, 0, 0.7071067811865476]}, {"cluster": "s", "position": [0, 0, 0], "scale": 1}])");
+  ASSERT_EQ(s.bodies.size(), 2u);
+  EXPECT_EQ(s.size(), 4u);
+  EXPECT_EQ(s.unit, "m");
+  const Sphere p = placed(s.bodies[0], s.assets[s.bodies[0].shape].spheres[1]);  // a quarter turn about z
+  EXPECT_NEAR(p.x, 10, 1e-15);
+  EXPECT_NEAR(p.y, 21, 1e-14);
+  EXPECT_EQ(p.z, 30);
+  EXPECT_EQ(p.r, 0.5);
+}
+
+TEST_F(SceneTest, FamiliesAreSettled) {
+  const Scene s = scene(clusters_ + R"("bodies": [
+      {"cluster": "p", "position": [0, 0, 0]}, {"cluster": "p", "position": [0, 0, 0], "family": 33, "mask": 9},
+      {"cluster": "s", "position": [0, 0, 0]}, {"cluster": "p", "position": [0, 0, 0], "family": 0},
+      {"cluster": "p", "position": [0, 0, 0]}],
+      "spheres": [{"centers": [[0, 0, 0]], "radii": 1, "family": 34}])");
+  std::vector<std::uint32_t> families, masks;
+  for (const Body& b : s.bodies) families.push_back(b.family), masks.push_back(b.mask);
+  EXPECT_EQ(families, (std::vector<std::uint32_t>{35, 33, 7, 0, 36}))
+      << "own ones above 32 that nothing else uses";
+  EXPECT_EQ(masks, (std::vector<std::uint32_t>{0, 9, 6, 0, 0}));
+}
+
+TEST_F(SceneTest, LooseSpheresFromEverySource) {
+  const std::vector<float> centers{0, 0, 0, 3, 0, 0}, radii{1, 2.5f};
+  const std::vector<std::uint32_t> family{4, 5};
+  write_file(folder_ / "l.npz", npz_bytes({{"centers", npy_array(centers.data(), {2, 3})},
+                                           {"radii", npy_array(radii.data(), {2})},
+                                           {"family", npy_array(family.data(), {2})}}));
+  write_file(folder_ / "l.csv", "# two spheres\nx,y,z,r\n0.1,0,0,1\n\n2e0, 0 ,0,1\r\n");
+  const Scene only = scene(R"("spheres": [{"file": "l.npz"}])");
+  EXPECT_EQ(only.loose.scalar, Scalar::f32) << "float32 stays float";
+  EXPECT_EQ(only.loose.family, family);
+  const Scene all = scene(
+      R"("spheres": [{"file": "l.npz"}, {"file": "l.csv", "mask": 3}, {"generate": "dense", "count": 10},
+      {"centers": [[1, 2, 3], [4, 5, 6]], "radii": [1, 0]}])");
+  ASSERT_EQ(all.loose.size(), 16u);
+  EXPECT_EQ(all.loose.scalar, Scalar::f64);
+  EXPECT_EQ(all.loose.twice[4 * 2], 0.1);
+  EXPECT_EQ(all.loose.twice[4 * 1 + 3], 2.5);
+  EXPECT_EQ(all.loose.family[1], 5u);
+  EXPECT_EQ(all.loose.family[2], 0u);
+  EXPECT_EQ(all.loose.mask[0], 0u);
+  EXPECT_EQ(all.loose.mask[3], 3u);
+  EXPECT_EQ(all.loose.mask[15], 0u);
+}
+
+TEST_F(SceneTest, FaultsAreNamedWithTheirPlace) {
+  refused(R"("bodys": [])", "s.json: the key \"bodys\" is unknown: see docs/scenes.md");
+  refused(
+      clusters_ +
+          R"("bodies": [{"cluster": "p", "position": [0, 0, 0]}, {"cluster": "q", "position": [0, 0, 0]}])",
+      "s.json, bodies 1, cluster: no cluster of that name is in \"clusters\"");
+  refused(clusters_ + R"("bodies": [{"cluster": "p", "position": [0, 0]}])",
+          "s.json, bodies 0, position: 3 numbers are wanted");
+  refused(clusters_ + R"("bodies": [{"cluster": "p", "position": [0, 0, 0], "quaternion": [1, 1, 0, 0]}])",
+          "s.json, bodies 0, quaternion: a quaternion [w, x, y, z] of length 1 is wanted");
+  refused(clusters_ + R"("bodies": [{"cluster": "p", "position": [0, 0, 0], "scale": 2}])",
+          "s.json, bodies 0, scale: only 1 is possible: scale when padding (pad --scale)");
+  refused(clusters_ + R"("bodies": [{"cluster": "p", "position": [0, 0, 0], "family": -1}])",
+          "s.json, bodies 0, family: a whole number from 0 to 4294967295 is wanted");
+  refused(R"("unit": "m", "clusters": {"a": "mm.spheres.json"})",
+          "s.json, clusters, a: the cluster is in mm, the scene in m: pad it again in the scene's unit");
+  refused(R"("spheres": [{"centers": [[0, 0, 0]], "radii": [1, 2]}])",
+          "s.json, spheres 0, radii: one radius for each centre is wanted, or one number for all");
+  refused(R"("spheres": [{"generate": "heap", "count": 3}])",
+          "no generator is called 'heap': there are dense, dilute, poly35, poly045 and poly100");
+  EXPECT_THROW(scene_from_json("{", "s.json", folder_), Error);
+  EXPECT_THROW(scene_from_json("[]", "s.json", folder_), Error);
+  EXPECT_THROW(scene(R"("spheres": [{"file": "absent.csv"}])"), Error);
+}
+
+TEST_F(SceneTest, FaultyFilesOfSpheres) {
+  const auto csv = [](const char* text) { return loose_from_csv(text, "l.csv"); };
+  EXPECT_THROW(csv(""), Error);
+  EXPECT_THROW(csv("x,y,z\n"), Error);
+  EXPECT_THROW(csv("x,y,z,radius\n1,2,3,4\n"), Error);
+  try {
+    csv("x,y,z,r\n1,2,3,4\n1,2,3\n");
+    FAIL();
+  } catch (const Error& e) {
+    EXPECT_STREQ(e.what(), "l.csv:3: 4 numbers are wanted, there are 3");
+  }
+  EXPECT_THROW(csv("x,y,z,r\n1,2,3,4x\n"), Error);
+  EXPECT_THROW(csv("x,y,z,r,family\n1,2,3,4,-1\n"), Error);
+  const std::vector<double> four(4, 1.);
+  const std::string good =
+      npz_bytes({{"centers", npy_array(four.data(), {1, 3})}, {"radii", npy_array(four.data(), {1})}});
+  EXPECT_EQ(loose_from_npz(good, "l").size(), 1u);
+  for (std::size_t cut = 0; cut < good.size(); cut += 7)
+    EXPECT_THROW(loose_from_npz(good.substr(0, cut), "l"), Error) << cut;
+  for (std::size_t at = 0; at < good.size(); at++) {  // no byte may crash it
+    std::string bad = good;
+    bad[at] = static_cast<char>(bad[at] ^ 0x55);
+    try {
+      loose_from_npz(bad, "l");
+    } catch (const Error&) {
+    }
+  }
+}
+
+TEST_F(SceneTest, NpzGivesBackWhatWasWritten) {
+  const std::vector<double> d{1.5, -2, 1e300};
+  const std::vector<std::uint32_t> u{0, 0xffffffffu};
+  const Npz back =
+      npz_from_bytes(npz_bytes({{"d", npy_array(d.data(), {3, 1})}, {"u", npy_array(u.data(), {2})}}), "x");
+  EXPECT_EQ(back.at("d").as<double>(), d);
+  EXPECT_EQ(back.at("d").shape, (std::vector<std::uint64_t>{3, 1}));
+  EXPECT_EQ(back.at("u").as<std::uint32_t>(), u);
+}
+
+TEST_F(SceneTest, PileHasContactsBetweenBodiesOnly) {
+  const Cluster c = read_cluster(folder_ / "pair.spheres.json");
+  const Scene s = pile_of(c, 500);
+  EXPECT_EQ(s.size(), 1000u);
+  Options o;
+  o.backend = Choice::omp;
+  Detector d(o);
+  const Contacts& found = d.detect(s.input());
+  EXPECT_GT(found.count, 50u);
+  for (const Pair& p : found.pair_span()) EXPECT_NE(p.i / 2, p.j / 2);
+  EXPECT_EQ(read_scene_or_cluster(folder_ / "pair.spheres.json", 500).size(), 1000u);
+}
+
+TEST_F(SceneTest, ContactsAreWrittenSortedInEveryFormat) {
+  const Scene s =
+      scene(R"("spheres": [{"centers": [[5, 0, 0], [0, 0, 0], [1.5, 0, 0], [6, 0, 0]], "radii": 1}])");
+  Options o;
+  o.backend = Choice::omp;
+  o.width = Width::points, o.scalar = Scalar::f64;
+  Detector d(o);
+  const ContactTable t = sorted_table(d.detect(s.input()));
+  write_contacts(t, folder_ / "c.csv");
+  EXPECT_EQ(read_file(folder_ / "c.csv"),
+            "i,j,nx,ny,nz,depth,ix,iy,iz,jx,jy,jz\n0,3,1,0,0,1,6,0,0,5,0,0\n1,2,1,0,0,0.5,1,0,0,0.5,0,0\n");
+  write_contacts(t, folder_ / "c.npz");
+  const Npz z = npz_from_bytes(read_file(folder_ / "c.npz"), "c.npz");
+  EXPECT_EQ(z.at("pairs").as<std::uint32_t>(), (std::vector<std::uint32_t>{0, 3, 1, 2}));
+  EXPECT_EQ(z.at("depths").as<double>(), (std::vector<double>{1, 0.5}));
+  EXPECT_EQ(z.at("points_j").as<double>(), (std::vector<double>{5, 0, 0, 0.5, 0, 0}));
+  write_contacts(t, folder_ / "c.vtp");
+  EXPECT_NE(read_file(folder_ / "c.vtp").find("NumberOfPoints=\"2\""), std::string::npos);
+  EXPECT_THROW(write_contacts(t, folder_ / "c.txt"), Error);
+  EXPECT_THROW(write_contacts(t, folder_ / "absent" / "c.csv"), Error);
+}
+
+}  // namespace
+}  // namespace padder::detect

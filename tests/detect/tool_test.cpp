@@ -1,0 +1,139 @@
+// The tool detect, run as a user runs it: exit codes, one JSON document, one sentence for an error.
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+
+#include "padding/cluster.h"
+#include "padding/file.h"
+
+namespace padder {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::json;
+
+struct Ran {
+  int code;
+  std::string out, err;
+};
+
+class DetectTool : public testing::Test {
+ protected:
+  void SetUp() override {
+    folder_ = fs::temp_directory_path() / ("padder_tool_" + std::to_string(::getpid()));
+    fs::create_directories(folder_);
+    write_file(
+        folder_ / "dense.json",
+        R"({"format": "padder.scene", "version": 1, "spheres": [{"generate": "dense", "count": 3000}]})");
+    write_file(folder_ / "small.json", R"({"format": "padder.scene", "version": 1,
+        "spheres": [{"centers": [[0, 0, 0], [1.5, 0, 0], [0, 5, 0]], "radii": 1}]})");
+  }
+  void TearDown() override { fs::remove_all(folder_); }
+
+  Ran run(const std::string& arguments) const {
+    const std::string out = folder_ / "out", err = folder_ / "err";
+    const int status = std::system(
+        ("cd " + folder_.string() + " && " PADDER_BIN "/detect " + arguments + " >" + out + " 2>" + err)
+            .c_str());
+    return {WEXITSTATUS(status), read_file(out), read_file(err)};
+  }
+
+  fs::path folder_;
+};
+
+TEST_F(DetectTool, JsonAsPromised) {
+  const Ran r = run("dense.json --backend omp --json");
+  ASSERT_EQ(r.code, 0) << r.err;
+  const Json j = Json::parse(r.out);
+  EXPECT_EQ(j["spheres"], 3000);
+  EXPECT_EQ(j["bodies"], 0);
+  EXPECT_EQ(j["backend"], "omp");
+  EXPECT_EQ(j["precision"], "exact");
+  EXPECT_GT(j["contacts"], 8000);
+  for (int k = 1; k <= 9; k++) EXPECT_TRUE(j["seconds"].contains("stage" + std::to_string(k)));
+  EXPECT_TRUE(j["seconds"].contains("total"));
+  EXPECT_EQ(r.err, "");
+  const Json stages = Json::parse(run("dense.json --backend omp --path nine-stages --threads 1 --json").out);
+  EXPECT_EQ(stages["hash"], j["hash"]);
+  EXPECT_EQ(stages["contacts"], j["contacts"]);
+}
+
+TEST_F(DetectTool, HashIsOneLine) {
+  const Ran r = run("dense.json -q --hash");
+  EXPECT_EQ(r.code, 0);
+  EXPECT_EQ(r.out.size(), 17u) << r.out;
+  EXPECT_EQ(run("dense.json -q").out, "");
+}
+
+TEST_F(DetectTool, StagesShowTheArrays) {
+  const Ran r = run("small.json --stages");
+  EXPECT_EQ(r.code, 0);
+  for (const char* part : {"\n  T ", "\n  S ", "\n  B ", "\n  C ", "\n  D ", "\n  E ", "\n  F (0,1)"})
+    EXPECT_NE(r.out.find(part), std::string::npos) << part;
+  const Json j = Json::parse(run("small.json --stages --json").out);
+  EXPECT_EQ(j["stages"]["F"], Json::parse("[[0, 1]]"));
+  EXPECT_EQ(run("dense.json --stages").code, 1);
+}
+
+TEST_F(DetectTool, FilesFromAnyBackendAndPathAreTheSame) {
+  ASSERT_EQ(run("dense.json -o a.csv").code, 0);
+  ASSERT_EQ(run("dense.json --path nine-stages --backend omp --threads 1 -o b.csv").code, 0);
+  EXPECT_EQ(read_file(folder_ / "a.csv"), read_file(folder_ / "b.csv"));
+}
+
+TEST_F(DetectTool, CopiesOfACluster) {
+  Cluster c;
+  c.name = "ball", c.centers = {Point(0, 0, 0), Point(1, 0, 0)}, c.radii = {1, 1}, c.triangle = {0, 0};
+  c.bounds.add(Point(-1, -1, -1)), c.bounds.add(Point(2, 1, 1));
+  write_cluster(c, folder_ / "ball.spheres.json");
+  const Json j = Json::parse(run("ball.spheres.json --copies 100 --json").out);
+  EXPECT_EQ(j["bodies"], 100);
+  EXPECT_EQ(j["spheres"], 200);
+  EXPECT_GT(j["contacts"], 10);
+  EXPECT_EQ(run("dense.json --copies 3").code, 1);
+}
+
+TEST_F(DetectTool, ErrorsAreOneSentenceAndACode) {
+  EXPECT_EQ(run("").code, 2);
+  EXPECT_EQ(run("dense.json --precision sloppy").code, 2);
+  EXPECT_EQ(run("dense.json --backend omp --bin-size -1").code, 2);
+  EXPECT_EQ(run("dense.json --devices 2").code, 2);
+  EXPECT_EQ(run("--help").code, 0);
+  EXPECT_EQ(run("--version").out, "detect (padder) " PADDER_VERSION "\n");
+  const Ran absent = run("absent.json");
+  EXPECT_EQ(absent.code, 1);
+  EXPECT_EQ(absent.err, "detect: cannot open absent.json: check the name and that it may be read\n");
+  EXPECT_EQ(run("dense.json -o contacts.txt").code, 1);
+  write_file(
+      folder_ / "bad.json",
+      R"({"format": "padder.scene", "version": 1, "spheres": [{"centers": [[0, 0, 0]], "radii": [-1]}]})");
+  const Ran bad = run("bad.json --backend omp --json");
+  EXPECT_EQ(bad.code, 1);
+  EXPECT_EQ(bad.out, "");
+  EXPECT_EQ(bad.err, "detect: sphere 0 at (0, 0, 0) has the negative radius -1: radii must be 0 or more\n");
+}
+
+TEST_F(DetectTool, SchemaHoldsForScenesThatAreRead) {
+  if (std::system("python3 -c 'import jsonschema' 2>/dev/null") != 0)
+    GTEST_SKIP() << "python3-jsonschema is not installed";
+  const auto valid = [&](const std::string& file) {
+    return std::system(("cd " + folder_.string() +
+                        " && python3 -c 'import json, jsonschema, sys; "
+                        "jsonschema.validate(json.load(open(sys.argv[1])), "
+                        "json.load(open(sys.argv[2])))' " +
+                        file + " " PADDER_ASSETS "/scene.schema.json 2>/dev/null")
+                           .c_str()) == 0;
+  };
+  EXPECT_TRUE(valid("dense.json"));
+  EXPECT_TRUE(valid("small.json"));
+  write_file(folder_ / "wrong.json",
+             R"({"format": "padder.scene", "version": 1, "bodies": [{"cluster": "a", "position": [0, 0]}]})");
+  EXPECT_FALSE(valid("wrong.json"));
+}
+
+}  // namespace
+}  // namespace padder

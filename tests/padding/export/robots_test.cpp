@@ -1,0 +1,172 @@
+// Robots' links: padding/export/urdf.cpp, yaml.cpp, read_robots.cpp.
+#include "padding/error.h"
+#include "tests/padding/export/samples.h"
+
+namespace padder::samples {
+namespace {
+
+class RobotsTest : public ExportTest {
+ protected:
+  // Every link's spheres are there again.
+  void expect_arm(const std::string& file) {
+    const Model m = arm();
+    for (const Body& b : m.bodies) {
+      SCOPED_TRACE(file + " " + b.name);
+      if (b.cluster.size()) {
+        const Cluster back = read_spheres(folder_ / file, b.name);
+        expect_same_spheres(back, b.cluster);
+        EXPECT_EQ(back.name, b.name);
+      } else {
+        EXPECT_THROW(read_spheres(folder_ / file, b.name), Error);
+      }
+    }
+    EXPECT_THROW(read_spheres(folder_ / file), Error);  // which link?
+  }
+};
+
+double mass(const std::string& urdf) {
+  const auto at = urdf.find("<mass value=\"");
+  return at == std::string::npos ? -1 : std::atof(urdf.c_str() + at + 13);
+}
+
+TEST_F(RobotsTest, EveryFormatGivesTheSameBitsBack) {
+  for (const char* file : {"a.urdf", "a.yaml", "a.xrdf", "a.srdf", "a.xml"}) {
+    write(arm(), file);
+    expect_arm(file);
+    const std::string one = std::string("b.") + fs::path(file).extension().string().substr(1);
+    expect_same_spheres(read_spheres(write(model_of(brick()), one)), brick());
+  }
+}
+
+TEST_F(RobotsTest, MillimetresBecomeMetres) {
+  Cluster c = brick();
+  c.unit = "mm";
+  for (const char* file : {"b.urdf", "b.yaml", "b.xrdf", "b.srdf", "b.xml"}) {
+    const Cluster back = read_spheres(write(model_of(c), file));
+    EXPECT_NEAR(back.centers[2].z(), 0.001 * c.centers[2].z(), 1e-15) << file;
+    EXPECT_NEAR(back.radii[2], 0.001 * c.radii[2], 1e-15) << file;
+  }
+  // 1000 kg/m^3 in a box of 48e-3 mm^3.
+  EXPECT_NEAR(mass(text(model_of(c), "b.urdf")), 48e-9, 1e-18);
+}
+
+TEST_F(RobotsTest, UrdfHasTrueMassAndThePairsBesideIt) {
+  const std::string urdf = text(model_of(brick()), "b.urdf");
+  EXPECT_NEAR(mass(urdf), 48, 1e-9);
+  EXPECT_FALSE(fs::exists(folder_ / "b.srdf"));
+  write(arm(), "arm.urdf");
+  const std::string srdf = read_file(folder_ / "arm.srdf");
+  for (const char* pair :
+       {"link1=\"base\" link2=\"upper\"", "link1=\"base\" link2=\"hand\"", "link1=\"upper\" link2=\"hand\"",
+        "link1=\"upper\" link2=\"finger\"", "link1=\"hand\" link2=\"finger\""})
+    EXPECT_NE(srdf.find(pair), std::string::npos) << pair;
+  EXPECT_EQ(srdf.find("link1=\"base\" link2=\"finger\""), std::string::npos);
+  EXPECT_EQ(srdf.find("frame"), std::string::npos);
+}
+
+TEST_F(RobotsTest, CheckUrdfAcceptsIt) {
+  if (!have("check_urdf")) GTEST_SKIP() << "check_urdf (liburdfdom-tools) is not installed";
+  for (const Model& m : {arm(), model_of(brick())}) {
+    const Ran r = run("check_urdf '" + write(m, "a.urdf").string() + "'");
+    EXPECT_EQ(r.status, 0) << r.output;
+    EXPECT_NE(r.output.find("robot name is: " + m.name), std::string::npos) << r.output;
+  }
+  Model loose = arm();  // two roots: a world is put under them
+  loose.bodies[3].parent = -1;
+  const Ran r = run("check_urdf '" + write(loose, "a.urdf").string() + "'");
+  EXPECT_EQ(r.status, 0) << r.output;
+  EXPECT_NE(r.output.find("root Link: world has 2 child"), std::string::npos) << r.output;
+}
+
+TEST_F(RobotsTest, PosesOfJointsSurviveTheirAngles) {
+  Model m = arm();
+  for (const Vector& angles :
+       {Vector(0.1, 0.2, 0.3), Vector(1, std::numbers::pi / 2, 0), Vector(-3, -1.5, 3)}) {
+    const Eigen::Matrix3d turn =
+        (Eigen::AngleAxisd(angles.z(), Vector::UnitZ()) * Eigen::AngleAxisd(angles.y(), Vector::UnitY()) *
+         Eigen::AngleAxisd(angles.x(), Vector::UnitX()))
+            .toRotationMatrix();
+    m.bodies[1].pose.linear() = turn;
+    const std::string urdf = text(m, "a.urdf");
+    const auto at = urdf.find("rpy=\"");
+    double r, p, y;
+    ASSERT_EQ(std::sscanf(urdf.c_str() + at, "rpy=\"%lf %lf %lf", &r, &p, &y), 3);
+    const Eigen::Matrix3d back =
+        (Eigen::AngleAxisd(y, Vector::UnitZ()) * Eigen::AngleAxisd(p, Vector::UnitY()) *
+         Eigen::AngleAxisd(r, Vector::UnitX()))
+            .toRotationMatrix();
+    EXPECT_LT((back - turn).norm(), 1e-9);
+  }
+}
+
+// PyYAML, which cuRobo reads with, is stricter about numbers than yaml-cpp.
+TEST_F(RobotsTest, PyYamlReadsNumbersAndPairs) {
+  if (!python_has("yaml")) GTEST_SKIP() << "python3-yaml is not installed";
+  Model m = arm();
+  m.bodies[0].cluster.centers[0] = {1e-5, -2e-9, 1e22};
+  m.bodies[0].cluster.radii[0] = 5e-7;
+  m.bodies[1].name = "yes: \"quoted\" # link";
+  write(m, "a.yaml"), write(m, "a.xrdf");
+  write_file(folder_ / "check.py", R"(
+import yaml
+c = yaml.safe_load(open("a.yaml"))
+x = yaml.safe_load(open("a.xrdf"))
+s = c["collision_spheres"]
+assert s == x["geometry"]["arm_spheres"]["spheres"]
+assert s["base"][0] == {"center": [1e-5, -2e-9, 1e22], "radius": 5e-7}, s["base"][0]
+assert all(isinstance(v, (int, float)) for link in s.values() for b in link for v in b["center"] + [b["radius"]])
+ignore = {'base': ['yes: "quoted" # link', 'hand'], 'yes: "quoted" # link': ['hand', 'finger'], 'hand': ['finger']}
+assert c["self_collision_ignore"] == ignore == x["self_collision"]["ignore"], c["self_collision_ignore"]
+assert c["collision_link_names"] == list(s)
+assert x["format"] == "xrdf" and x["format_version"] == 1.0
+assert x["collision"]["geometry"] == x["self_collision"]["geometry"] == "arm_spheres"
+print("well")
+)");
+  const Ran r = run("cd '" + folder_.string() + "' && '" PADDER_PYTHON "' check.py");
+  EXPECT_EQ(r.output, "well\n");
+}
+
+TEST_F(RobotsTest, FilesByHand) {
+  const auto read = [&](const std::string& file, const std::string& content, const std::string& part = {}) {
+    write_file(folder_ / file, content);
+    return read_spheres(folder_ / file, part);
+  };
+  const std::string whole =
+      "robot_cfg:\n  kinematics:\n    collision_spheres:\n      hand:\n      - center: [0, 1, 2]\n        "
+      "radius: 0.5\n";
+  EXPECT_EQ(read("w.yml", whole).centers[0], Point(0, 1, 2));
+  EXPECT_EQ(read("u.urdf",
+                 "<robot name='r'><link name='a'><collision><geometry><sphere "
+                 "radius='2'/></geometry></collision><collision>"
+                 "<geometry><box size='1 1 1'/></geometry></collision></link></robot>")
+                .radii[0],
+            2);
+  EXPECT_EQ(read("m.xml",
+                 "<mujoco><worldbody><geom type='plane' size='1 1 1'/><body name='a'><body name='b'><geom "
+                 "size='.5' pos='1 2 "
+                 "3'/><geom type='box' size='1 1 1'/></body></body></worldbody></mujoco>")
+                .centers[0],
+            Point(1, 2, 3));
+  EXPECT_THROW(read("w.yml", "robot_cfg: {kinematics: {collision_spheres: spheres/franka.yml}}"), Error);
+  EXPECT_THROW(read("w.yml", "collision_spheres: {hand: [{center: [0, 1], radius: 1}]}"), Error);
+  EXPECT_THROW(read("w.yml", "collision_spheres: {hand: [{center: [0, 1, x], radius: 1}]}"), Error);
+  EXPECT_THROW(read("w.yml", "collision_spheres: {hand: [{center: [0, 1, 2], radius: 0}]}"), Error);
+  EXPECT_THROW(read("w.yml", "collision_spheres: {hand: 5}"), Error);
+  EXPECT_THROW(read("w.yml", "collision_spheres: {}"), Error);
+  EXPECT_THROW(read("w.yml", "[1, 2"), Error);
+  EXPECT_THROW(read("w.yml", "5"), Error);
+  EXPECT_THROW(read("w.yml", ""), Error);
+  EXPECT_THROW(read("u.urdf", "<robot><link name='a'>"), Error);
+  EXPECT_THROW(read("u.urdf", "<robots/>"), Error);
+  EXPECT_THROW(read("u.urdf",
+                    "<robot><link name='a'><collision><origin xyz='1 2'/><geometry><sphere "
+                    "radius='2'/></geometry></collision></link></robot>"),
+               Error);
+  EXPECT_THROW(read("u.urdf",
+                    "<robot><link name='a'><collision><geometry><sphere "
+                    "radius='two'/></geometry></collision></link></robot>"),
+               Error);
+}
+
+}  // namespace
+}  // namespace padder::samples

@@ -1,0 +1,366 @@
+// The tool pad from outside, as a user meets it: what it prints, writes and returns.
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <set>
+
+#include "padding/cluster.h"
+#include "padding/file.h"
+
+namespace padder {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::json;
+
+const fs::path assets = PADDER_ASSETS, shared = fs::path(PADDER_SHARED) / "meshes";
+
+struct Outcome {
+  int code = -1;  // of the exit; 128 + signal when it was ended by one
+  std::string out, err;
+};
+
+class Pad : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    std::string name = (fs::temp_directory_path() / "padder-pad-XXXXXX").string();
+    folder_ = ::mkdtemp(name.data());
+    if (!fs::exists(fs::path(PADDER_BIN) / "pad")) GTEST_SKIP() << "the tool pad is not built here";
+  }
+  void TearDown() override { fs::remove_all(folder_); }
+
+  // Runs pad in the test's folder. `before` comes ahead of it on the command line.
+  Outcome pad(const std::string& arguments, const std::string& before = "") {
+    const fs::path out = folder_ / ".out", err = folder_ / ".err";
+    const std::string command = "cd '" + folder_.string() + "' && " + before + " '" + PADDER_BIN + "/pad' " +
+                                arguments + " >'" + out.string() + "' 2>'" + err.string() + "' </dev/null";
+    const int status = std::system(command.c_str());
+    Outcome run;
+    run.code = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
+    run.out = read_file(out), run.err = read_file(err);
+    fs::remove(out), fs::remove(err);
+    return run;
+  }
+
+  // Names of what lies in the test's folder, without the meshes put there.
+  std::set<std::string> files() const {
+    std::set<std::string> names;
+    for (const auto& entry : fs::recursive_directory_iterator(folder_))
+      if (entry.is_regular_file() && !put_.contains(entry.path().string()))
+        names.insert(fs::relative(entry.path(), folder_).string());
+    return names;
+  }
+  std::string put(const std::string& name, const std::string& bytes) {
+    write_file(folder_ / name, bytes);
+    put_.insert((folder_ / name).string());
+    return name;
+  }
+  std::string cube(const std::string& name) {
+    return put(name,
+               "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nv 0 0 1\nv 1 0 1\nv 0 1 1\nv 1 1 1\nf 1 3 4 2\nf 5 6 8 "
+               "7\nf 1 2 6 5\nf 3 7 8 4\nf 1 5 7 3\nf 2 4 8 6\n");
+  }
+
+  static void expect_one_sentence(const Outcome& run, int code) {
+    EXPECT_EQ(run.code, code) << run.err;
+    EXPECT_EQ(run.out, "");
+    EXPECT_EQ(std::ranges::count(run.err, '\n'), 1) << run.err;
+    EXPECT_EQ(run.err.rfind("pad: ", 0), 0u) << run.err;
+    EXPECT_EQ(run.err.find("unexpected"), std::string::npos) << run.err;
+    EXPECT_GT(run.err.size(), 15u) << run.err;
+  }
+
+  fs::path folder_;
+  std::set<std::string> put_;
+};
+
+// True also where python3-jsonschema is not installed.
+bool of_schema(const fs::path& document) {
+  if (std::system("/usr/bin/python3 -c 'import jsonschema' >/dev/null 2>&1") != 0) return true;
+  const std::string command = "/usr/bin/python3 -W ignore -m jsonschema -i '" + document.string() + "' '" +
+                              (assets / "cluster.schema.json").string() + "' >/dev/null 2>&1";
+  return std::system(command.c_str()) == 0;
+}
+
+const std::string coarse = " --edge-length 20% ";  // quick
+
+TEST_F(Pad, WrongUsageReturns2WithOneSentenceAndWritesNothing) {
+  const std::string a = cube("a.obj");
+  fs::create_directory(folder_ / "sub");
+  write_file(folder_ / "sub" / "a.obj", read_file(folder_ / "a.obj"));
+  put_.insert((folder_ / "sub" / "a.obj").string());
+  for (const char* arguments : {
+           "",
+           "--no-such-option a.obj",
+           "a.obj --depth",
+           "a.obj --depth x",
+           "a.obj --unit ft",
+           "a.obj --scale 0",
+           "a.obj --scale -1",
+           "a.obj --repair perhaps",
+           "a.obj --tolerance 0",
+           "a.obj --tolerance -1%",
+           "a.obj --max-spheres 0",
+           "a.obj --lod 2%,x",
+           "a.obj --balance both",
+           "a.obj --effort 4",
+           "a.obj --smooth 0",
+           "a.obj --edge-length 0",
+           "a.obj --edge-length -1%",
+           "a.obj --edge-length x%",
+           "a.obj --family -1",
+           "a.obj --family 4294967296",
+           "a.obj --mask 1.5",
+           "a.obj --threads 0",
+           "a.obj --threads x",
+           "a.obj sub/a.obj",
+           "a.obj sub/a.obj -o both.spheres.json",
+           "a.obj -o a.unknown",
+
+       }) {
+    SCOPED_TRACE(arguments);
+    expect_one_sentence(pad(arguments), 2);
+  }
+  EXPECT_TRUE(files().empty());
+}
+
+TEST_F(Pad, DepthOutsideItsRangeIsRefusedInOneSentence) {
+  cube("a.obj");
+  for (const char* arguments : {"a.obj --depth 0", "a.obj --depth 1.5", "a.obj --depth -0.2",
+                                "a.obj --depth nan", "a.obj --scale nan"}) {
+    const Outcome run = pad(arguments);
+    EXPECT_TRUE(run.code == 1 || run.code == 2) << run.code;
+    expect_one_sentence(run, run.code);
+  }
+  EXPECT_TRUE(files().empty());
+}
+
+TEST_F(Pad, HelpBeginsWithExamplesAndVersionIsTheProjects) {
+  const Outcome help = pad("--help");
+  EXPECT_EQ(help.code, 0);
+  EXPECT_EQ(help.out.rfind("Examples", 0), 0u) << help.out.substr(0, 100);
+  EXPECT_EQ(help.err, "");
+  for (const char* option : {"-o", "--depth", "--edge-length", "--repair", "--family", "--mask", "--scale",
+                             "--unit", "--threads", "--json", "-q", "--tolerance", "--max-spheres", "--lod"})
+    EXPECT_NE(help.out.find(option), std::string::npos) << option;
+  const Outcome version = pad("--version");
+  EXPECT_EQ(version.code, 0);
+  EXPECT_NE(version.out.find(PADDER_VERSION), std::string::npos);
+  EXPECT_EQ(std::ranges::count(version.out, '\n'), 1);
+}
+
+void expect_report(const Json& j) {
+  for (const char* key : {"input", "output", "repair"}) EXPECT_TRUE(j.at(key).is_string()) << key;
+  for (const char* key : {"triangles_in", "triangles_remeshed", "spheres"})
+    EXPECT_TRUE(j.at(key).is_number_unsigned()) << key;
+  for (const char* key : {"diagonal", "radius_min", "radius_max"}) EXPECT_TRUE(j.at(key).is_number()) << key;
+  for (const char* key : {"depth", "tolerance"})  // null: not asked for
+    EXPECT_TRUE(j.at(key).is_null() || j.at(key).is_number()) << key;
+  for (const char* key :
+       {"protrusion_max", "protrusion_mean", "protrusion_p95", "gap_max", "gap_mean", "gap_p95", "coverage",
+        "normal_error_mean_deg", "normal_error_p95_deg", "volume_ratio"})
+    EXPECT_GE(j.at("accuracy").at(key).get<double>(), 0) << key;
+  EXPECT_TRUE(j.at("accuracy").at("certified").is_boolean());
+  std::set<std::string> keys;
+  double sum = 0, total = 0;
+  for (const auto& [key, value] : j.at("seconds").items()) {
+    keys.insert(key);
+    (key == "total" ? total : sum) += value.get<double>();
+  }
+  EXPECT_EQ(keys,
+            (std::set<std::string>{"read", "repair", "remesh", "fit", "refit", "cull", "accuracy", "total"}));
+  EXPECT_NEAR(total, sum, 1e-6 + 0.1 * sum);
+}
+
+TEST_F(Pad, JsonIsOneDocumentAsPromisedAndTrueToTheFile) {
+  cube("a.obj");
+  const Outcome run = pad("a.obj --json --depth 0.2" + coarse);
+  ASSERT_EQ(run.code, 0) << run.err;
+  EXPECT_EQ(run.err, "");  // no progress bar: this is no terminal
+  const Json j = Json::parse(run.out);
+  ASSERT_TRUE(j.is_object());
+  expect_report(j);
+  EXPECT_EQ(j["input"], "a.obj");
+  EXPECT_EQ(j["output"], "a.spheres.json");
+  EXPECT_EQ(j["triangles_in"], 12);
+  EXPECT_NEAR(j["diagonal"], std::sqrt(3.0), 1e-12);
+  EXPECT_EQ(files(), std::set<std::string>{"a.spheres.json"});
+  const Cluster c = read_cluster(folder_ / "a.spheres.json");
+  EXPECT_EQ(j["spheres"], c.size());
+  EXPECT_EQ(j["radius_min"], *std::ranges::min_element(c.radii));
+  EXPECT_EQ(j["radius_max"], *std::ranges::max_element(c.radii));
+  EXPECT_EQ(j["accuracy"]["gap_max"], c.accuracy.gap_max);
+  EXPECT_EQ(j["repair"], c.source.repair);
+  EXPECT_EQ(c.name, "a");
+  EXPECT_EQ(c.source.file, "a.obj");
+  EXPECT_EQ(c.source.sha256.size(), 64u);
+  EXPECT_EQ(c.family, 0u);
+  EXPECT_NEAR(c.mass.volume, 1, 1e-9);
+}
+
+TEST_F(Pad, AToleranceIsKeptAndALadderHoldsItsRungs) {
+  cube("a.obj");
+  const Outcome run = pad("a.obj --json --lod 4%,8%");
+  ASSERT_EQ(run.code, 0) << run.err;
+  const Json j = Json::parse(run.out);
+  expect_report(j);
+  EXPECT_NEAR(j["tolerance"], 0.04 * std::sqrt(3.0), 1e-9);
+  ASSERT_EQ(j["lods"].size(), 1u);
+  const Cluster c = read_cluster(folder_ / "a.spheres.json");
+  ASSERT_EQ(c.lods.size(), 1u);
+  EXPECT_EQ(j["lods"][0]["spheres"], c.lods[0].radii.size());
+  EXPECT_LE(c.lods[0].radii.size(), c.size());  // coarser
+  EXPECT_LE(c.accuracy.protrusion_max, 0.04 * std::sqrt(3.0) * (1 + 1e-9));
+  EXPECT_LE(c.accuracy.gap_max, 0.04 * std::sqrt(3.0) * (1 + 1e-9));
+  EXPECT_LE(c.lods[0].accuracy.gap_max, 0.08 * std::sqrt(3.0) * (1 + 1e-9));
+  EXPECT_TRUE(c.accuracy.certified);
+  EXPECT_TRUE(of_schema(folder_ / "a.spheres.json"));
+}
+
+TEST_F(Pad, ABatchPrintsAnArrayAndFillsAFolder) {
+  cube("a.obj"), cube("b.obj");
+  const Outcome run = pad("a.obj b.obj --json -o made/here/" + coarse);
+  ASSERT_EQ(run.code, 0) << run.err;
+  const Json j = Json::parse(run.out);
+  ASSERT_TRUE(j.is_array());
+  ASSERT_EQ(j.size(), 2u);
+  for (const Json& report : j) expect_report(report);
+  EXPECT_EQ(j[0]["input"], "a.obj");
+  EXPECT_EQ(j[1]["input"], "b.obj");
+  EXPECT_EQ(files(), (std::set<std::string>{"made/here/a.spheres.json", "made/here/b.spheres.json"}));
+}
+
+TEST_F(Pad, AFaultyMeshInABatchHindersNoOther) {
+  cube("a.obj"), put("bad.obj", "v 0 0 0\nf 1 2 3\n"), cube("c.obj");
+  const Outcome run = pad("a.obj bad.obj c.obj --json" + coarse);
+  EXPECT_EQ(run.code, 1);
+  EXPECT_EQ(std::ranges::count(run.err, '\n'), 1) << run.err;
+  EXPECT_NE(run.err.find("bad.obj"), std::string::npos) << run.err;
+  EXPECT_EQ(Json::parse(run.out).size(), 3u);
+  EXPECT_EQ(files(), (std::set<std::string>{"a.spheres.json", "c.spheres.json"}));
+}
+
+TEST_F(Pad, QuietIsSilentButForErrors) {
+  cube("a.obj");
+  const Outcome run = pad("a.obj -q" + coarse);
+  EXPECT_EQ(run.code, 0);
+  EXPECT_EQ(run.out + run.err, "");
+  EXPECT_EQ(files().size(), 1u);
+  expect_one_sentence(pad("absent.obj -q"), 1);
+}
+
+TEST_F(Pad, WithoutJsonItTalksOnlyOfWhatItMade) {
+  cube("a.obj");
+  const Outcome run = pad("a.obj -o other.spheres.json" + coarse);
+  EXPECT_EQ(run.code, 0);
+  EXPECT_EQ(run.err, "");
+  EXPECT_NE(run.out.find("other.spheres.json"), std::string::npos) << run.out;
+  EXPECT_EQ(files(), std::set<std::string>{"other.spheres.json"});
+}
+
+TEST_F(Pad, SameInputSameBytesWhateverTheThreads) {
+  cube("a.obj");
+  for (const char* arguments : {"-o one/ --threads 1", "-o two/ --threads 2", "-o three/ --threads 2"})
+    ASSERT_EQ(pad(std::string("a.obj -q ") + arguments + " --edge-length 8%").code, 0);
+  const std::string bytes = read_file(folder_ / "one/a.spheres.json");
+  EXPECT_TRUE(bytes == read_file(folder_ / "two/a.spheres.json"));
+  EXPECT_TRUE(bytes == read_file(folder_ / "three/a.spheres.json"));
+}
+
+TEST_F(Pad, ScaleUnitFamilyAndMaskArriveInTheAsset) {
+  cube("a.obj");
+  ASSERT_EQ(pad("a.obj -q --scale 2 --unit cm --family 7 --mask 5" + coarse).code, 0);
+  const Cluster c = read_cluster(folder_ / "a.spheres.json");
+  EXPECT_EQ(c.unit, "cm");
+  EXPECT_EQ(c.family, 7u);
+  EXPECT_EQ(c.mask, 5u);
+  EXPECT_NEAR(c.mass.volume, 8, 1e-9);
+  EXPECT_NEAR(c.bounds.high.x(), 2, 1e-12);
+}
+
+TEST_F(Pad, NothingHalfWrittenAndTheOldFileKept) {
+  cube("a.obj"), put("bad.obj", "v 0 0 0\nf 1 2 3\n");
+  write_file(folder_ / "old.spheres.json", "old");
+  expect_one_sentence(pad("bad.obj -o old.spheres.json"), 1);
+  EXPECT_EQ(read_file(folder_ / "old.spheres.json"), "old");
+  expect_one_sentence(pad("a.obj -o a.obj/a.spheres.json" + coarse), 1);  // below a file
+  fs::create_directory(folder_ / "taken.spheres.json");
+  expect_one_sentence(pad("a.obj -o bad.obj/" + coarse), 1);
+  EXPECT_EQ(files(), std::set<std::string>{"old.spheres.json"});
+  // Room for less than the document: the file system says so, nothing is left.
+  const Outcome full = pad("a.obj -o big.spheres.json --edge-length 3%", "ulimit -f 8; trap '' XFSZ;");
+  expect_one_sentence(full, 1);
+  EXPECT_EQ(files(), std::set<std::string>{"old.spheres.json"});
+}
+
+TEST_F(Pad, TheAssetsPadAsTheFirstCommandSays) {
+  const Outcome run = pad("'" + (assets / "track_shoe.obj").string() + "' --depth 0.2 --json");
+  ASSERT_EQ(run.code, 0) << run.err;
+  expect_report(Json::parse(run.out));
+  EXPECT_EQ(Json::parse(run.out)["repair"], read_cluster(folder_ / "track_shoe.spheres.json").source.repair);
+  EXPECT_TRUE(of_schema(folder_ / "track_shoe.spheres.json"));
+}
+
+// A cluster or one sentence, within 60 s and 4 GiB.
+class PadShared : public Pad {
+ protected:
+  void expect_cluster_or_sentence(const fs::path& mesh, const std::string& options = "") {
+    SCOPED_TRACE(mesh.string());
+    const Outcome run = pad("'" + mesh.string() + "' --json -o out.spheres.json " + options, limits);
+    if (run.code == 1) {
+      EXPECT_EQ(std::ranges::count(run.err, '\n'), 1) << run.err;
+      EXPECT_EQ(run.err.rfind("pad: ", 0), 0u) << run.err;
+      EXPECT_NE(run.err.find(mesh.filename().string()), std::string::npos) << run.err;
+      EXPECT_TRUE(files().empty());
+      return;
+    }
+    ASSERT_EQ(run.code, 0) << run.err;
+    expect_report(Json::parse(run.out));
+    const Cluster c = read_cluster(folder_ / "out.spheres.json");
+    EXPECT_GT(c.size(), 0u);
+    EXPECT_EQ(c.source.file, mesh.filename().string());
+    fs::remove(folder_ / "out.spheres.json");
+  }
+#if defined(__SANITIZE_ADDRESS__)
+  const std::string limits = "timeout 600";
+#else
+  const std::string limits = "ulimit -v 4194304; timeout 60";
+#endif
+};
+
+TEST_F(PadShared, SmallMeshesOfEveryFormat) {
+  if (!fs::exists(shared)) GTEST_SKIP() << shared << " is not here";
+  for (const char* name : {"formats/box_cr_newlines.ply", "formats/box_interleaved.glb", "formats/sphere.dae",
+                           "formats/fels.3ds", "formats/two_solids_ascii.stl", "formats/negative_indices.obj",
+                           "formats/off_no_space_after_magic.off", "hard/degenerate_faces.obj",
+                           "hard/huge_coordinates_1e38.obj"})
+    expect_cluster_or_sentence(shared / name, "--edge-length 4%");
+}
+
+TEST_F(PadShared, MalformedOnes) {
+  if (!fs::exists(shared)) GTEST_SKIP() << shared << " is not here";
+  for (const auto& entry : fs::directory_iterator(shared / "malformed"))
+    if (entry.path().extension() != ".bin") expect_cluster_or_sentence(entry.path());
+}
+
+TEST_F(PadShared, AllOfThem) {
+  if (!std::getenv("PADDER_LONG_TESTS")) GTEST_SKIP() << "takes minutes: set PADDER_LONG_TESTS=1";
+  if (!fs::exists(shared)) GTEST_SKIP() << shared << " is not here";
+  int seen = 0;
+  for (const char* folder : {"parts", "classic", "formats", "hard", "robots"})
+    for (const auto& entry : fs::recursive_directory_iterator(shared / folder)) {
+      const std::set<std::string> others = {".bin", ".csv", ".urdf", ""};
+      if (!entry.is_regular_file() || others.contains(entry.path().extension().string())) continue;
+      expect_cluster_or_sentence(entry.path());
+      seen++;
+    }
+  EXPECT_EQ(seen, 67);
+}
+
+}  // namespace
+}  // namespace padder

@@ -1,0 +1,110 @@
+// bench: the measurements behind the figures of docs/. Arguments and printing only.
+#include "tools/bench.h"
+
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <iostream>
+
+#include "padding/error.h"
+
+namespace {
+
+using namespace padder::bench;
+
+struct Entry {
+  const char* name;
+  const char* what;
+  Run run;
+};
+
+const std::vector<Entry>& entries() {
+  static const std::vector<Entry> all{
+      {"table2", "errors against Bullet in double, beside the paper's Table 2", table2},
+      {"speedup", "speedup over a warm Bullet step, the paper's Fig. 25", speedup},
+  };
+  return all;
+}
+
+void print_table(const Json& table) {
+  std::vector<std::size_t> width;
+  for (const Json& row : table)
+    for (std::size_t k = 0; k < row.size(); k++) {
+      if (k >= width.size()) width.push_back(0);
+      width[k] = std::max(width[k], row[k].get<std::string>().size());
+    }
+  for (std::size_t r = 0; r < table.size(); r++) {
+    std::string line = "|";
+    for (std::size_t k = 0; k < width.size(); k++) {
+      std::string cell = k < table[r].size() ? table[r][k].get<std::string>() : "";
+      line += " " + cell + std::string(width[k] - cell.size(), ' ') + " |";
+    }
+    std::puts(line.c_str());
+    if (r) continue;
+    line = "|";
+    for (const std::size_t w : width) line += " " + std::string(std::max<std::size_t>(w, 3), '-') + " |";
+    std::puts(line.c_str());
+  }
+}
+
+int run(const std::string& name, const Settings& settings) {
+  for (const Entry& e : entries()) {
+    if (name != e.name) continue;
+    if (!settings.folder.empty()) std::filesystem::create_directories(settings.folder);
+    Json result = e.run(settings);
+    if (settings.json)
+      std::cout << result.dump(2) << std::endl;
+    else
+      print_table(result["table"]);
+    return 0;
+  }
+  std::fprintf(stderr, "bench: no bench is called '%s': see bench --list\n", name.c_str());
+  return 2;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app(
+      "Examples:\n"
+      "  bench --list                                  the benches\n"
+      "  bench table2 --spheres 1000000 -o figures/    one size, its files into a folder\n"
+      "  bench speedup --backend omp --threads 2       on the CPU only",
+      "bench");
+  std::string name;
+  Settings s;
+  bool list = false;
+  app.add_option("NAME", name, "which bench");
+  app.add_flag("--list", list, "name the benches");
+  app.add_option("--spheres", s.spheres, "sizes, instead of the bench's own")
+      ->delimiter(',')
+      ->type_name("N,N,...");
+  app.add_option("--backend", s.backend, "auto, omp or cuda")->check(CLI::IsMember({"auto", "omp", "cuda"}));
+  app.add_option("--threads", s.threads, "CPU threads (default: all)")->check(CLI::PositiveNumber);
+  app.add_option("--repeat", s.repeat, "measured calls; the median counts")
+      ->check(CLI::PositiveNumber)
+      ->capture_default_str();
+  app.add_option("-o", s.folder, "write the bench's files into this folder")->type_name("DIR");
+  app.add_flag("--json", s.json, "print one JSON document on stdout");
+  app.add_flag("-q", s.quiet, "print nothing but results and errors");
+  app.set_version_flag("--version", "bench (padder) " PADDER_VERSION);
+  try {
+    app.parse(argc, argv);
+    if (list) {
+      for (const Entry& e : entries()) std::printf("%-10s %s\n", e.name, e.what);
+      return 0;
+    }
+    if (name.empty()) {
+      std::fprintf(stderr, "bench: name a bench: see bench --list\n");
+      return 2;
+    }
+    return run(name, s);
+  } catch (const CLI::Success& e) {
+    return app.exit(e);
+  } catch (const CLI::ParseError& e) {
+    std::fprintf(stderr, "bench: %s (see bench --help)\n", e.what());
+    return 2;
+  } catch (const std::exception& e) {
+    std::fprintf(stderr, "bench: %s\n", e.what());
+    return 1;
+  }
+}

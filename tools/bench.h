@@ -1,0 +1,54 @@
+// The benches: each a function, registered by one line in bench.cpp. It prints a table on stdout (or one JSON
+// document with --json) and writes its files into a folder when one is named.
+#pragma once
+#include <chrono>
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "detect/detector.h"
+#include "detect/generate.h"
+
+namespace padder::bench {
+
+using Json = nlohmann::ordered_json;
+
+struct Settings {
+  std::vector<std::uint64_t> spheres;  // sizes asked for; empty: the bench's own
+  std::string backend = "auto";        // auto: each that is there
+  int threads = 0;                     // 0: all
+  int repeat = 5;                      // measured calls after a warm-up; the median counts
+  bool json = false, quiet = false;
+  std::filesystem::path folder;  // empty: no files
+};
+
+// Gives the bench's result as JSON, "table" in it as printed (rows of text cells, the first the header).
+using Run = std::function<Json(const Settings&)>;
+
+Json table2(const Settings&);   // bench_table2.cpp
+Json speedup(const Settings&);  // bench_speedup.cpp
+
+// --- What benches share (bench_common.cpp) ---
+
+double seconds_of(const std::function<void()>& work);
+double median_seconds(int repeat, const std::function<void()>& work);  // one call before, not measured
+void say(const Settings&, const std::string& sentence);                // progress, on stderr
+
+std::vector<detect::Choice> backends(const Settings&);                    // those asked for that are there
+detect::Input input_of(const std::vector<detect::FloatSphere>& spheres);  // borrows
+
+// The yardstick and oracle: a plain uniform grid, one thread, double arithmetic. Pairs (i < j), unsorted.
+std::vector<detect::Pair> plain_grid(const std::vector<detect::FloatSphere>& spheres);
+std::uint64_t hash_of(const std::vector<detect::Pair>& pairs);
+
+std::string machine();  // processor and threads, in words
+std::string number(double value, const char* format);
+
+// Runs gnuplot on a script; false (and a sentence on stderr) where it is not installed.
+bool plot(const Settings&, const std::string& script);
+
+}  // namespace padder::bench

@@ -1,0 +1,84 @@
+// Writes the parts in assets/, or the same with other dimensions.
+#include <CLI/CLI.hpp>
+#include <iostream>
+
+#include "assets/parts.h"
+#include "assets/solid.h"
+#include "padding/error.h"
+#include "padding/file.h"
+
+int main(int argc, char** argv) {
+  using namespace padder;
+  CLI::App app(
+      "make_assets                                           the four parts, as assets/ holds them\n"
+      "make_assets -o parts track_shoe --pitch 0.2 --lugs 9  one of them, with other dimensions\n\n"
+      "Writes NAME.obj; lengths in metres.");
+  app.set_version_flag("--version", PADDER_VERSION);
+  app.option_defaults()->always_capture_default();
+  std::string folder = ".";
+  app.add_option("-o,--out", folder, "folder to write to");
+  app.require_subcommand(0);
+  app.fallthrough();
+
+  assets::TrackShoe shoe;
+  auto* track_shoe = app.add_subcommand("track_shoe", "a single-pin track shoe");
+  track_shoe->add_option("--pitch", shoe.pitch, "from pin to pin");
+  track_shoe->add_option("--width", shoe.width, "along the pins");
+  track_shoe->add_option("--bore", shoe.bore, "diameter of the pin's hole");
+  track_shoe->add_option("--boss", shoe.boss, "outer diameter of a lug");
+  track_shoe->add_option("--plate", shoe.plate, "thickness of the body");
+  track_shoe->add_option("--grouser", shoe.grouser, "height of the grousers");
+  track_shoe->add_option("--horn", shoe.horn, "height of the guide horn");
+  track_shoe->add_option("--lugs", shoe.lugs, "front and rear together");
+  track_shoe->add_option("--segments", shoe.segments, "of a full circle");
+
+  assets::RoadWheel wheel;
+  auto* road_wheel = app.add_subcommand("road_wheel", "a rubber-tyred disc wheel");
+  road_wheel->add_option("--radius", wheel.radius, "of the tyre");
+  road_wheel->add_option("--width", wheel.width, "of the rim");
+  road_wheel->add_option("--bore", wheel.bore, "diameter of the hub's hole");
+  road_wheel->add_option("--bolts", wheel.bolts, "holes in the hub");
+  road_wheel->add_option("--windows", wheel.windows, "holes in the disc");
+  road_wheel->add_option("--segments", wheel.segments, "of a full circle");
+
+  assets::Grain grain;
+  auto* one_grain = app.add_subcommand("grain", "a convex, rounded particle");
+  one_grain->add_option("--size", grain.size, "about its diameter");
+  one_grain->add_option("--planes", grain.planes, "that cut it");
+  one_grain->add_option("--roundness", grain.roundness, "0 to 1");
+  one_grain->add_option("--frequency", grain.frequency, "20 of its square are the triangles");
+  one_grain->add_option("--seed", grain.seed, "another seed, another grain");
+
+  assets::Hopper bunker;
+  auto* hopper = app.add_subcommand("hopper", "a funnel from a square to a round opening");
+  hopper->add_option("--inlet", bunker.inlet, "outer side of the square");
+  hopper->add_option("--outlet", bunker.outlet, "outer diameter");
+  hopper->add_option("--height", bunker.height, "");
+  hopper->add_option("--wall", bunker.wall, "thickness");
+  hopper->add_option("--bolts", bunker.bolts, "at each side of the flange");
+  hopper->add_option("--segments", bunker.segments, "a multiple of 8");
+
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& e) {
+    return app.exit(e) == 0 ? 0 : 2;
+  }
+  try {
+    const bool all = app.get_subcommands().empty();
+    const auto write = [&](CLI::App* part, const char* what, const Mesh& mesh, int decimals) {
+      const std::string path = folder + "/" + part->get_name() + ".obj";
+      write_file(
+          path, assets::to_obj(
+                    mesh, std::string(what) + ", in metres\nmade by padder's make_assets " + part->get_name(),
+                    decimals));
+      std::cerr << path << ": " << mesh.triangles.size() << " triangles\n";
+    };
+    if (all || *track_shoe) write(track_shoe, "Single-pin track shoe", assets::make_track_shoe(shoe), 7);
+    if (all || *road_wheel) write(road_wheel, "Road wheel", assets::make_road_wheel(wheel), 7);
+    if (all || *one_grain) write(one_grain, "Grain", assets::make_grain(grain), 9);
+    if (all || *hopper) write(hopper, "Hopper", assets::make_hopper(bunker), 7);
+  } catch (const Error& e) {
+    std::cerr << "make_assets: " << e.what() << "\n";
+    return 1;
+  }
+}
