@@ -346,7 +346,7 @@ Ordered Orderer::order(const Source& source, const Grid& grid, SlotKind kind, bo
   bool dense = true;
   for (int k = 0; k < grid.levels; k++) dense = dense && !grid.level[k].hashed;
   if (method == OrderMethod::automatic)
-    method = !dense ? OrderMethod::sort : source.count < kFewSpheres ? OrderMethod::cells : OrderMethod::buckets;
+    method = !dense ? OrderMethod::sort : source.count < kFewSpheres ? OrderMethod::cells : single ? OrderMethod::buckets : OrderMethod::sort;
   Ordered o;
   o.kind = kind, o.count = source.count, o.grid_entries = grid.buckets;
   // Where bins are many and nearly empty, several along x share an entry of the table. Not in rows so short that an entry

@@ -1,8 +1,8 @@
 // The search: one warp for 32 consecutive spheres of the order, one lane for each. Candidates of a row of bins lie
 // side by side; their verdicts are bits of a mask, hits go to a queue of the warp, and records are computed and written
-// by full warps. Places in the list are given out tile by tile (128 spheres): by an atomic addition, or, for a fixed
-// order, by one block that does nothing but sum up the tiles' counts in their order. Either way a block learns its place
-// while it searches its next tile, and only then writes: nobody waits.
+// by full warps. Places in the list are given out tile by tile (128 spheres): for any order by one atomic addition; for a
+// fixed order by a block that does nothing but sum up the tiles' counts as they come, while each of the others searches
+// its next tile before it asks for the place of the one before.
 #include <algorithm>
 
 #include "detect/cuda_search.h"
@@ -10,7 +10,7 @@
 namespace padder::detect::cuda {
 namespace {
 
-constexpr int kWarps = 4, kThreads = 32 * kWarps, kQueue = 256, kStep = 2;
+constexpr int kWarps = 4, kThreads = 32 * kWarps, kQueue = 192, kStep = 2;
 // Blocks an SM must be able to hold: few registers and many warps pay more than the opposite here.
 constexpr int kDense = 10, kLevels = 6;
 constexpr std::uint32_t kAll = ~0u;
@@ -343,9 +343,10 @@ __device__ __noinline__ std::uint32_t search_carefully(const Task& task, const G
   return s.hits;
 }
 
-// The fixed order: sums up the counts of the tiles as they come, 512 a step, and tells each tile its place.
-__device__ void sum_tiles(const Task& task, std::uint32_t* shared) {
-  constexpr std::uint32_t kEach = 4;
+// Sums up the counts of the tiles as they come, a thousand a step, and tells each tile its place.
+__device__ void sum_tiles(const Task& task) {
+  constexpr std::uint32_t kEach = 8;
+  __shared__ std::uint32_t sums[kWarps], takens[kWarps];
   const std::uint32_t lane = threadIdx.x & 31, warp = threadIdx.x >> 5;
   volatile std::uint32_t* const counts = task.sums.counts;
   unsigned long long before = 0;
@@ -355,7 +356,9 @@ __device__ void sum_tiles(const Task& task, std::uint32_t* shared) {
     const std::uint32_t from = at + threadIdx.x * kEach;
 #pragma unroll
     for (std::uint32_t k = 0; k < kEach; k++) v[k] = from + k < task.tiles ? counts[from + k] : 0;
-    for (std::uint32_t k = 0; k < kEach && here == k && v[k]; k++) here++, sum += v[k] - 1;
+#pragma unroll
+    for (std::uint32_t k = 0; k < kEach; k++)
+      if (here == k && v[k]) here++, sum += v[k] - 1;
     const std::uint32_t full = __ballot_sync(kAll, here == kEach), stop = ~full ? __ffs(~full) - 1 : 32;
     if (lane > stop) sum = 0, here = 0;
     std::uint32_t upto = sum;
@@ -364,35 +367,58 @@ __device__ void sum_tiles(const Task& task, std::uint32_t* shared) {
       const std::uint32_t u = __shfl_up_sync(kAll, upto, d);
       if (static_cast<int>(lane) >= d) upto += u;
     }
-    if (lane == 31) shared[warp] = upto;
     const std::uint32_t taken = __reduce_add_sync(kAll, here);
-    if (lane == 0) shared[kWarps + warp] = taken;
+    if (lane == 31) sums[warp] = upto;
+    if (lane == 0) takens[warp] = taken;
     __syncthreads();
     unsigned long long mine = before + upto - sum;
-    std::uint32_t all = 0;
     bool open = true;  // no warp before stopped short
     for (std::uint32_t w = 0; w < kWarps; w++) {
       if (w == warp && !open) here = 0;
-      if (open && w < warp) mine += shared[w];
-      if (open) before += shared[w], all += shared[kWarps + w];
-      open = open && shared[kWarps + w] == 32 * kEach;
+      if (!open) continue;
+      if (w < warp) mine += sums[w];
+      before += sums[w], at += takens[w];
+      open = takens[w] == 32 * kEach;
     }
-    for (std::uint32_t k = 0; k < here; k++) {
-      *static_cast<volatile unsigned long long*>(task.sums.places + from + k) = mine + 1;
-      mine += v[k] - 1;
-    }
-    at += all;
+#pragma unroll
+    for (std::uint32_t k = 0; k < kEach; k++)
+      if (k < here) {
+        *static_cast<volatile unsigned long long*>(task.sums.places + from + k) = mine + 1;
+        mine += v[k] - 1;
+      }
     __syncthreads();
   }
   if (threadIdx.x == 0) task.counters->contacts = before;
 }
 
-// What is known of a tile that has been searched and not written.
+// A tile that has been searched and not written.
 struct Tile {
   WarpMemory memory[kWarps];
   std::uint32_t sums[kWarps];
   unsigned long long place;
 };
+
+// Returns the tile's contacts.
+template <SlotKind Kind, bool General>
+__device__ __forceinline__ std::uint32_t search_tile(const Task& task, const Grid& grid, Tile& tile, std::uint32_t number) {
+  const std::uint32_t warp = threadIdx.x >> 5, first = (number * kWarps + warp) * 32;
+  std::uint32_t hits = 0;
+  if (first < task.spheres.count) {
+    bool careful = task.judge_all;
+    if (!careful) {
+      Searcher<Kind, General, false> s(task, grid, tile.memory[warp], first);
+      s.search();
+      hits = s.hits, careful = __any_sync(kAll, s.doubt);
+    }
+    if (careful) hits = search_carefully<Kind, General>(task, grid, tile.memory[warp], first, false, 0);
+  }
+  if ((threadIdx.x & 31) == 0) tile.sums[warp] = hits;
+  __syncthreads();
+  std::uint32_t sum = 0;
+#pragma unroll
+  for (std::uint32_t k = 0; k < kWarps; k++) sum += tile.sums[k];
+  return sum;
+}
 
 template <SlotKind Kind, bool General>
 __device__ __forceinline__ void write_tile(const Task& task, const Grid& grid, Tile& tile, std::uint32_t number) {
@@ -400,16 +426,8 @@ __device__ __forceinline__ void write_tile(const Task& task, const Grid& grid, T
   std::uint32_t sum = 0, before = 0;
 #pragma unroll
   for (std::uint32_t k = 0; k < kWarps; k++) sum += tile.sums[k], before += k < warp ? tile.sums[k] : 0;
-  if (task.options.fixed_order) {
-    if (lane == 0) {
-      unsigned long long p;
-      while ((p = *static_cast<volatile unsigned long long*>(task.sums.places + number)) == 0) __nanosleep(100);
-      if (warp == 0) tile.place = p - 1;
-    }
-    __syncthreads();
-  }
-  const std::uint64_t at = tile.place + before;
   if (tile.place + sum > task.output.capacity) return;  // counted; the list is made longer and the search repeated
+  const std::uint64_t at = tile.place + before;
   const std::uint32_t hits = tile.sums[warp], first = (number * kWarps + warp) * 32;
   if (hits > kQueue) {
     search_carefully<Kind, General>(task, grid, tile.memory[warp], first, true, at);
@@ -421,51 +439,72 @@ __device__ __forceinline__ void write_tile(const Task& task, const Grid& grid, T
 
 template <SlotKind Kind, bool General>
 __global__ void __launch_bounds__(kThreads, General ? kLevels : kDense)
-    search_kernel(const __grid_constant__ Task task, const __grid_constant__ Grid grid) {
-  __shared__ Tile tiles[2];
-  __shared__ std::uint32_t scan[2 * kWarps];
-  const std::uint32_t warp = threadIdx.x >> 5, lane = threadIdx.x & 31;
+    search_any_kernel(const __grid_constant__ Task task, const __grid_constant__ Grid grid) {
+  __shared__ Tile tile;
   if (task.counters->flags) return;  // the table is not whole; the caller orders the spheres in another way
-  // All blocks run at once (the launch sees to it), or waiting for another's tile could be for ever.
-  std::uint32_t number = blockIdx.x, step = gridDim.x;
-  if (task.options.fixed_order) {
-    if (number == 0) {
-      sum_tiles(task, scan);
-      return;
-    }
-    number--, step--;
+  const std::uint32_t sum = search_tile<Kind, General>(task, grid, tile, blockIdx.x);
+  if (threadIdx.x == 0) tile.place = sum ? atomicAdd(&task.counters->contacts, static_cast<unsigned long long>(sum)) : 0;
+  __syncthreads();
+  write_tile<Kind, General>(task, grid, tile, blockIdx.x);
+}
+
+// All blocks run at once (the launch sees to it), or waiting for another's tile could be for ever.
+template <SlotKind Kind, bool General>
+__global__ void __launch_bounds__(kThreads, General ? kLevels : kDense)
+    search_fixed_kernel(const __grid_constant__ Task task, const __grid_constant__ Grid grid) {
+  __shared__ Tile tiles[2];
+  if (task.counters->flags) return;
+  if (blockIdx.x == 0) {
+    sum_tiles(task);
+    return;
   }
+  std::uint32_t number = blockIdx.x - 1, number_before = 0;
   bool waiting = false;
   int now = 0;
-  for (; number < task.tiles; number += step, now ^= 1) {
-    Tile& tile = tiles[now];
-    const std::uint32_t first = (number * kWarps + warp) * 32;
-    std::uint32_t hits = 0;
-    if (first < task.spheres.count) {
-      bool careful = task.judge_all;
-      if (!careful) {
-        Searcher<Kind, General, false> s(task, grid, tile.memory[warp], first);
-        s.search();
-        hits = s.hits, careful = __any_sync(kAll, s.doubt);
+#pragma unroll 1
+  for (; number < task.tiles; now ^= 1) {
+    Tile &tile = tiles[now], &last = tiles[now ^ 1];
+    const std::uint32_t sum = search_tile<Kind, General>(task, grid, tile, number);
+    if (threadIdx.x == 0) *static_cast<volatile std::uint32_t*>(task.sums.counts + number) = sum + 1;
+    if (waiting) {
+      if (threadIdx.x == 0) {
+        unsigned long long place;
+        while ((place = *static_cast<volatile unsigned long long*>(task.sums.places + number_before)) == 0) __nanosleep(64);
+        last.place = place - 1;
       }
-      if (careful) hits = search_carefully<Kind, General>(task, grid, tile.memory[warp], first, false, 0);
+      __syncthreads();
+      write_tile<Kind, General>(task, grid, last, number_before);
     }
-    if (lane == 0) tile.sums[warp] = hits;
-    __syncthreads();
-    if (threadIdx.x == 0) {
-      std::uint32_t sum = 0;
-      for (std::uint32_t k = 0; k < kWarps; k++) sum += tile.sums[k];
-      if (task.options.fixed_order)
-        *static_cast<volatile std::uint32_t*>(task.sums.counts + number) = sum + 1;
-      else
-        tile.place = sum ? atomicAdd(&task.counters->contacts, static_cast<unsigned long long>(sum)) : 0;
-    }
-    if (waiting) write_tile<Kind, General>(task, grid, tiles[now ^ 1], number - step);
-    waiting = true;
-    // The other tile's memory is free again, and this one's place (any order) is known.
+    waiting = true, number_before = number, number += gridDim.x - 1;
     __syncthreads();
   }
-  if (waiting) write_tile<Kind, General>(task, grid, tiles[now ^ 1], number - step);
+  if (!waiting) return;
+  Tile& last = tiles[now ^ 1];
+  if (threadIdx.x == 0) {
+    unsigned long long place;
+    while ((place = *static_cast<volatile unsigned long long*>(task.sums.places + number_before)) == 0) __nanosleep(64);
+    last.place = place - 1;
+  }
+  __syncthreads();
+  write_tile<Kind, General>(task, grid, last, number_before);
+}
+
+template <SlotKind Kind, bool General>
+void launch(Task& task, const Grid& grid, bool fixed_order, cudaStream_t stream) {
+  if (!fixed_order) {
+    search_any_kernel<Kind, General><<<task.tiles, kThreads, 0, stream>>>(task, grid);
+    return;
+  }
+  cuda_check(cudaMemsetAsync(task.sums.counts, 0, task.tiles * sizeof(*task.sums.counts), stream), "clear the counters");
+  cuda_check(cudaMemsetAsync(task.sums.places, 0, task.tiles * sizeof(*task.sums.places), stream), "clear the counters");
+  auto* const kernel = search_fixed_kernel<Kind, General>;
+  int device = 0, processors = 0, each = 0;
+  cuda_check(cudaGetDevice(&device), "ask for the device");
+  cuda_check(cudaDeviceGetAttribute(&processors, cudaDevAttrMultiProcessorCount, device), "ask for the device's size");
+  cuda_check(cudaOccupancyMaxActiveBlocksPerMultiprocessor(&each, kernel, kThreads, 0), "ask for the occupancy");
+  const auto blocks = std::min<unsigned>(task.tiles + 1, static_cast<unsigned>(processors * each));
+  void* arguments[] = {&task, const_cast<Grid*>(&grid)};
+  cuda_check(cudaLaunchCooperativeKernel(kernel, dim3(blocks), dim3(kThreads), arguments, 0, stream), "search for contacts");
 }
 
 }  // namespace
@@ -482,20 +521,13 @@ void search(const Source& source, const Grid& grid, const Ordered& spheres, cons
   task.judge_all = source.filtered || !options.owns_all;
   for (int k = 0; k < grid.levels; k++) task.judge_all = task.judge_all || grid.level[k].hashed;
   cuda_check(cudaMemsetAsync(counters, 0, offsetof(Counters, flags), stream), "clear the counters");
-  if (options.fixed_order) {
-    cuda_check(cudaMemsetAsync(sums.counts, 0, task.tiles * sizeof(*sums.counts), stream), "clear the counters");
-    cuda_check(cudaMemsetAsync(sums.places, 0, task.tiles * sizeof(*sums.places), stream), "clear the counters");
-  }
-  auto* kernel = search_kernel<SlotKind::equal, false>;
-  if (spheres.kind == SlotKind::equal && general) kernel = search_kernel<SlotKind::equal, true>;
-  if (spheres.kind == SlotKind::unequal) kernel = general ? search_kernel<SlotKind::unequal, true> : search_kernel<SlotKind::unequal, false>;
-  if (spheres.kind == SlotKind::fixed) kernel = general ? search_kernel<SlotKind::fixed, true> : search_kernel<SlotKind::fixed, false>;
-  int device = 0, processors = 0, each = 0;
-  cuda_check(cudaGetDevice(&device), "ask for the device");
-  cuda_check(cudaDeviceGetAttribute(&processors, cudaDevAttrMultiProcessorCount, device), "ask for the device's size");
-  cuda_check(cudaOccupancyMaxActiveBlocksPerMultiprocessor(&each, kernel, kThreads, 0), "ask for the occupancy");
-  const auto blocks = std::min<unsigned>(task.tiles + (options.fixed_order ? 1 : 0), static_cast<unsigned>(processors * each));
-  kernel<<<std::max(blocks, 2u), kThreads, 0, stream>>>(task, grid);
+  const bool fixed = options.fixed_order;
+  if (spheres.kind == SlotKind::equal)
+    general ? launch<SlotKind::equal, true>(task, grid, fixed, stream) : launch<SlotKind::equal, false>(task, grid, fixed, stream);
+  if (spheres.kind == SlotKind::unequal)
+    general ? launch<SlotKind::unequal, true>(task, grid, fixed, stream) : launch<SlotKind::unequal, false>(task, grid, fixed, stream);
+  if (spheres.kind == SlotKind::fixed)
+    general ? launch<SlotKind::fixed, true>(task, grid, fixed, stream) : launch<SlotKind::fixed, false>(task, grid, fixed, stream);
   cuda_launched("search for contacts");
 }
 

@@ -67,7 +67,7 @@ class Orderer {
   Ordered order(const Source& source, const Grid& grid, SlotKind kind, bool tidy, OrderMethod method, Counters* counters,
                 cudaStream_t stream);
   double bucket_spheres = 6500;  // average aimed at
-  static constexpr std::uint32_t kFewSpheres = 1u << 20;
+  static constexpr std::uint32_t kFewSpheres = 1u << 18;
 
  private:
   void by_cells(const Source& source, const Grid& grid, bool tidy, Counters* counters, Ordered& o, cudaStream_t stream);
@@ -79,9 +79,9 @@ class Orderer {
   Buffer<unsigned char> scratch_;
 };
 
-// Work space of the search for a list of fixed order: an entry a tile of spheres.
+// Work space of the search for a list of fixed order: an entry for each tile of spheres.
 struct TileSums {
-  std::uint32_t* counts = nullptr;      // of contacts, + 1; 0: not known yet
+  std::uint32_t* counts = nullptr;       // of contacts, + 1; 0: not known yet
   unsigned long long* places = nullptr;  // in the list, + 1
 };
 std::uint64_t search_tiles(std::uint32_t spheres);

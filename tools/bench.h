@@ -31,6 +31,8 @@ using Run = std::function<Json(const Settings&)>;
 
 Json table2(const Settings&);   // bench_table2.cpp
 Json speedup(const Settings&);  // bench_speedup.cpp
+Json scaling(const Settings&);  // bench_scaling.cpp
+Json stages(const Settings&);   // bench_stages.cpp
 
 // --- What benches share (bench_common.cpp) ---
 
