@@ -3,6 +3,7 @@
 // the host.
 #include <algorithm>
 
+#include "padding/error.h"
 #include "padding/file.h"
 #include "tools/bench.h"
 #include "tools/bench_device.h"
@@ -58,13 +59,21 @@ Json scaling(const Settings& s) {
         const double fixed = timed(Precision::exact, Order::fixed, Width::normals);
         const std::uint64_t contacts = d.detect(device.input()).count, held = d.memory();
         const double points = timed(Precision::exact, Order::any, Width::points);
+        const std::uint64_t hash = d.hash();
+        if (backend == detect::Choice::cuda) {  // the nine stages decide every pair in double
+          o.path = detect::Path::nine_stages, o.width = Width::pairs;
+          detect::Detector reference(o);
+          if (reference.detect(device.input()).count != contacts || reference.hash() != hash)
+            throw Error("the fast path and the nine stages differ at " + std::string(c.scene) + " " +
+                        std::to_string(n));
+        }
         const double bytes =
             (static_cast<double>(held) - 24.0 * static_cast<double>(contacts)) / static_cast<double>(n);
         rows.push_back({{"scene", c.scene},
                         {"random_order", c.random_order},
                         {"spheres", n},
                         {"contacts", contacts},
-                        {"hash", std::to_string(d.hash())},
+                        {"hash", std::to_string(hash)},
                         {"backend", d.backend()},
                         {"seconds_fast", fast},
                         {"seconds_exact", exact},
