@@ -4,7 +4,7 @@ padder_root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 
 # What the libraries and tools need, and what the tests need beyond that. Debian 12 names.
 packages_build=(g++ cmake ninja-build libeigen3-dev nlohmann-json3-dev libcli11-dev libcgal-dev libassimp-dev
-                libtinyobjloader-dev libssl-dev)
+                libtinyobjloader-dev libssl-dev libbullet-dev gnuplot-nox)
 packages_test=(libgtest-dev python3 python3-jsonschema)
 
 say() { printf 'padder: %s\n' "$*" >&2; }
