@@ -1,8 +1,9 @@
-// The search: one warp for 32 consecutive spheres of the order, one lane for each. Candidates of a row of bins lie
-// side by side; their verdicts are bits of a mask, hits go to a queue of the warp, and records are computed and written
-// by full warps. Places in the list are given out tile by tile (128 spheres): for any order by one atomic addition; for a
-// fixed order by a block that does nothing but sum up the tiles' counts as they come, while each of the others searches
-// its next tile before it asks for the place of the one before.
+// The search: one warp for 32 consecutive spheres of the order, one lane for each. Candidates of a row of
+// bins lie side by side; their verdicts are bits of a mask, hits go to a queue of the warp, and records are
+// computed and written by full warps. Places in the list are given out tile by tile (128 spheres): for any
+// order by one atomic addition; for a fixed order by a block that does nothing but sum up the tiles' counts
+// as they come, while each of the others searches its next tile before it asks for the place of the one
+// before.
 #include <algorithm>
 
 #include "detect/cuda_search.h"
@@ -15,9 +16,10 @@ constexpr int kWarps = 4, kThreads = 32 * kWarps, kQueue = 192, kStep = 2;
 constexpr int kDense = 10, kLevels = 6;
 constexpr std::uint32_t kAll = ~0u;
 
-// The filter of contact.h, in a shape that costs one operation less a candidate: the sign of d2 - kWide * s2 collects
-// in a mask, and the smallest magnitude tells whether any candidate is near the threshold. 2^-18 leaves room for the
-// band of 2^-20 and for its own rounding (2^-21); what it lets through is judged by verdict().
+// The filter of contact.h, in a shape that costs one operation less a candidate: the sign of d2 - kWide * s2
+// collects in a mask, and the smallest magnitude tells whether any candidate is near the threshold. 2^-18
+// leaves room for the band of 2^-20 and for its own rounding (2^-21); what it lets through is judged by
+// verdict().
 constexpr float kWide = 1 + 0x1p-18f, kNear = 0x1p-17f;
 
 struct Task {
@@ -53,7 +55,8 @@ __device__ __forceinline__ float3 difference(const FloatSlot& a, const FloatSlot
   return make_float3(b.x - a.x, b.y - a.y, b.z - a.z);
 }
 __device__ __forceinline__ float3 difference(const FixedSlot& a, const FixedSlot& b) {
-  return make_float3(static_cast<float>(wrapped_difference(a.x, b.x)), static_cast<float>(wrapped_difference(a.y, b.y)),
+  return make_float3(static_cast<float>(wrapped_difference(a.x, b.x)),
+                     static_cast<float>(wrapped_difference(a.y, b.y)),
                      static_cast<float>(wrapped_difference(a.z, b.z)));
 }
 template <SlotKind Kind>
@@ -77,21 +80,25 @@ __device__ __forceinline__ Sphere sphere_at(const Task& task, std::uint32_t plac
   }
 }
 
-// Where a row of candidates was looked for: level and offset of its bin from the sphere's own, for hashed levels.
+// Where a row of candidates was looked for: level and offset of its bin from the sphere's own, for hashed
+// levels.
 struct Where {
   int level = 0, dx = 0, dy = 0, dz = 0;
 };
 
-// What the mask let through and what must be asked more than its distance. Rare, or slow anyway: kept out of line.
+// What the mask let through and what must be asked more than its distance. Rare, or slow anyway: kept out of
+// line.
 template <SlotKind Kind, bool General>
-__device__ bool contact(const Task& task, const Grid& grid, std::uint32_t place, typename SlotOf<Kind>::Type slot,
-                        std::uint32_t j, Where where, bool count_doubt) {
+__device__ bool contact(const Task& task, const Grid& grid, std::uint32_t place,
+                        typename SlotOf<Kind>::Type slot, std::uint32_t j, Where where, bool count_doubt) {
   const auto other = load_slot(slots_of<Kind>(task) + j);
   if constexpr (General) {
     const Level& l = grid.level[where.level];
     if (l.hashed) {
       const Bin b = bin_of(l, sphere_at<Kind>(task, place));
-      if (!in_row(l, sphere_at<Kind>(task, j), b.x + where.dx, b.x + where.dx, b.y + where.dy, b.z + where.dz)) return false;
+      if (!in_row(l, sphere_at<Kind>(task, j), b.x + where.dx, b.x + where.dx, b.y + where.dy,
+                  b.z + where.dz))
+        return false;
     }
   }
   Measured m;
@@ -105,7 +112,9 @@ __device__ bool contact(const Task& task, const Grid& grid, std::uint32_t place,
   if (v == Verdict::apart) return false;
   if (v == Verdict::doubt) {
     if (count_doubt) atomicAdd(&task.counters->doubtful, 1ull);
-    if (task.options.exact ? !touching(sphere_at<Kind>(task, place), sphere_at<Kind>(task, j)) : !(m.d2 <= m.s2)) return false;
+    if (task.options.exact ? !touching(sphere_at<Kind>(task, place), sphere_at<Kind>(task, j))
+                           : !(m.d2 <= m.s2))
+      return false;
   }
   const std::uint32_t ia = id_at<Kind>(task, place), ib = id_at<Kind>(task, j);
   if (task.source.filtered && !admitted(task.source.filter(ia), task.source.filter(ib))) return false;
@@ -117,9 +126,10 @@ __device__ bool contact(const Task& task, const Grid& grid, std::uint32_t place,
   return true;
 }
 template <SlotKind Kind, bool General>
-__device__ __forceinline__ std::uint32_t judged(const Task& task, const Grid& grid, std::uint32_t mask, std::uint32_t from,
-                                             std::uint32_t place, typename SlotOf<Kind>::Type slot, Where where,
-                                             bool count_doubt) {
+__device__ __forceinline__ std::uint32_t judged(const Task& task, const Grid& grid, std::uint32_t mask,
+                                                std::uint32_t from, std::uint32_t place,
+                                                typename SlotOf<Kind>::Type slot, Where where,
+                                                bool count_doubt) {
   for (std::uint32_t rest = mask; rest;) {
     const int k = __clz(rest);
     const std::uint32_t bit = 0x80000000u >> k;
@@ -130,17 +140,19 @@ __device__ __forceinline__ std::uint32_t judged(const Task& task, const Grid& gr
 }
 
 template <SlotKind Kind>
-__device__ __noinline__ void write_wide(const Task& task, std::uint32_t pi, std::uint32_t pj, std::uint64_t at) {
+__device__ __noinline__ void write_wide(const Task& task, std::uint32_t pi, std::uint32_t pj,
+                                        std::uint64_t at) {
   const std::uint32_t ia = id_at<Kind>(task, pi), ib = id_at<Kind>(task, pj);
   const bool swap = ib < ia;
   task.output.pairs[at] = {min(ia, ib), max(ia, ib)};
   put_geometry(task.output, at, sphere_at<Kind>(task, swap ? pj : pi), sphere_at<Kind>(task, swap ? pi : pj));
 }
 
-// Float records of float input, from the slots: differences are exact or off by one rounding, the square root is
-// corrected by a step of Newton's method.
+// Float records of float input, from the slots: differences are exact or off by one rounding, the square root
+// is corrected by a step of Newton's method.
 template <SlotKind Kind>
-__device__ __forceinline__ void write_record(const Task& task, std::uint32_t pi, std::uint32_t pj, std::uint64_t at) {
+__device__ __forceinline__ void write_record(const Task& task, std::uint32_t pi, std::uint32_t pj,
+                                             std::uint64_t at) {
   const Output& out = task.output;
   if (Kind == SlotKind::fixed || (out.scalar == Scalar::f64 && out.width != Width::pairs)) {
     write_wide<Kind>(task, pi, pj, at);
@@ -159,7 +171,8 @@ __device__ __forceinline__ void write_record(const Task& task, std::uint32_t pi,
       write_wide<Kind>(task, pi, pj, at);
       return;
     }
-    const float ra = Kind == SlotKind::equal ? task.radius : a.r, rb = Kind == SlotKind::equal ? task.radius : b.r;
+    const float ra = Kind == SlotKind::equal ? task.radius : a.r,
+                rb = Kind == SlotKind::equal ? task.radius : b.r;
     const float inverse = rsqrtf(d2), s = swap ? -inverse : inverse, root = d2 * inverse;
     const float distance = fmaf(0.5f * inverse, fmaf(-root, root, d2), root);
     const float4 n = make_float4(d.x * s, d.y * s, d.z * s, ra + rb - distance);
@@ -179,8 +192,8 @@ struct WarpMemory {
   unsigned char lane[kQueue];  // lane of i
 };
 
-// Must stay in registers: no function that is not inlined may see `this`. Not careful: notes in `doubt` that a candidate
-// came near the threshold, and the warp is searched again carefully; a few in a thousand are.
+// Must stay in registers: no function that is not inlined may see `this`. Not careful: notes in `doubt` that
+// a candidate came near the threshold, and the warp is searched again carefully; a few in a thousand are.
 template <SlotKind Kind, bool General, bool Careful>
 struct Searcher {
   using Slot = typename SlotOf<Kind>::Type;
@@ -194,7 +207,13 @@ struct Searcher {
   float wide = 0, near = 0;
 
   __device__ __forceinline__ Searcher(const Task& t, const Grid& g, WarpMemory& m, std::uint32_t f)
-      : task(t), grid(g), memory(m), lane(threadIdx.x & 31), first(f), place(f + lane), valid(place < t.spheres.count) {
+      : task(t),
+        grid(g),
+        memory(m),
+        lane(threadIdx.x & 31),
+        first(f),
+        place(f + lane),
+        valid(place < t.spheres.count) {
     if (!valid) place = task.spheres.count - 1;
     slot = load_slot(slots_of<Kind>(task) + place);
     if constexpr (Kind == SlotKind::equal)
@@ -202,10 +221,13 @@ struct Searcher {
     else
       near = near_of(grid.level[0], slot.r);
   }
-  __device__ __forceinline__ std::uint32_t start(std::uint32_t key) const { return __ldg(task.spheres.table + key); }
+  __device__ __forceinline__ std::uint32_t start(std::uint32_t key) const {
+    return __ldg(task.spheres.table + key);
+  }
 
   __device__ __forceinline__ float near_of(const Level& l, float r) const {
-    const float most = r + static_cast<float>(Kind == SlotKind::fixed ? l.radius_max * l.units : l.radius_max);
+    const float most =
+        r + static_cast<float>(Kind == SlotKind::fixed ? l.radius_max * l.units : l.radius_max);
     return most * most * kNear * 1.001f + 4 * kAbsoluteBand<Slot>;
   }
 
@@ -219,7 +241,8 @@ struct Searcher {
   // One level of dense bins: the rows lie at fixed distances from the sphere's own key.
   __device__ __forceinline__ void search_level() {
     const Level& l = grid.level[0];
-    const std::uint32_t key = __ldg(task.spheres.keys + place), row = l.count[0] + 2, plane = row * (l.count[1] + 2);
+    const std::uint32_t key = __ldg(task.spheres.keys + place), row = l.count[0] + 2,
+                        plane = row * (l.count[1] + 2);
     const int m = task.spheres.merge;
     std::uint32_t begin = place + 1, end = start(((key + 1) >> m) + 1), at = key;
 #pragma unroll 1
@@ -240,10 +263,12 @@ struct Searcher {
       const Level& l = grid.level[level];
       const bool active = own <= level, same = own == level;
       const Split sx = split(l, sphere.x), sy = split(l, sphere.y), sz = split(l, sphere.z);
-      const Reach rx = reach_of(l, sx, sphere.r), ry = reach_of(l, sy, sphere.r), rz = reach_of(l, sz, sphere.r);
+      const Reach rx = reach_of(l, sx, sphere.r), ry = reach_of(l, sy, sphere.r),
+                  rz = reach_of(l, sz, sphere.r);
       Slot here = slot;
       if constexpr (Kind == SlotKind::fixed)
-        here = {fixed_of(l, sx), fixed_of(l, sy), fixed_of(l, sz), static_cast<float>(mul(sphere.r, l.units))};
+        here = {fixed_of(l, sx), fixed_of(l, sy), fixed_of(l, sz),
+                static_cast<float>(mul(sphere.r, l.units))};
       if constexpr (Kind != SlotKind::equal) near = near_of(l, here.r);
       for (int dz = -1; dz <= 1; dz++)
         for (int dy = -1; dy <= 1; dy++) {
@@ -285,11 +310,14 @@ struct Searcher {
     }
   }
 
-  // Candidates begin to end - 1, other ones in each lane. Verdicts of 32 at a time; candidate k is bit 31 - k.
-  __device__ __forceinline__ void search_row(std::uint32_t begin, std::uint32_t end, const Slot& self, Where where) {
+  // Candidates begin to end - 1, other ones in each lane. Verdicts of 32 at a time; candidate k is bit 31 -
+  // k.
+  __device__ __forceinline__ void search_row(std::uint32_t begin, std::uint32_t end, const Slot& self,
+                                             Where where) {
     const std::uint32_t count = end > begin ? end - begin : 0, longest = __reduce_max_sync(kAll, count);
     for (std::uint32_t done = 0; done < longest; done += 32) {
-      const std::uint32_t span = (min(longest - done, 32u) + kStep - 1) & ~(kStep - 1u), left = count > done ? count - done : 0;
+      const std::uint32_t span = (min(longest - done, 32u) + kStep - 1) & ~(kStep - 1u),
+                          left = count > done ? count - done : 0;
       const Slot* candidate = slots_of<Kind>(task) + (left ? begin + done : 0);
       std::uint32_t mask = 0;
       float nearest = INFINITY;
@@ -400,7 +428,8 @@ struct Tile {
 
 // Returns the tile's contacts.
 template <SlotKind Kind, bool General>
-__device__ __forceinline__ std::uint32_t search_tile(const Task& task, const Grid& grid, Tile& tile, std::uint32_t number) {
+__device__ __forceinline__ std::uint32_t search_tile(const Task& task, const Grid& grid, Tile& tile,
+                                                     std::uint32_t number) {
   const std::uint32_t warp = threadIdx.x >> 5, first = (number * kWarps + warp) * 32;
   std::uint32_t hits = 0;
   if (first < task.spheres.count) {
@@ -421,12 +450,14 @@ __device__ __forceinline__ std::uint32_t search_tile(const Task& task, const Gri
 }
 
 template <SlotKind Kind, bool General>
-__device__ __forceinline__ void write_tile(const Task& task, const Grid& grid, Tile& tile, std::uint32_t number) {
+__device__ __forceinline__ void write_tile(const Task& task, const Grid& grid, Tile& tile,
+                                           std::uint32_t number) {
   const std::uint32_t warp = threadIdx.x >> 5, lane = threadIdx.x & 31;
   std::uint32_t sum = 0, before = 0;
 #pragma unroll
   for (std::uint32_t k = 0; k < kWarps; k++) sum += tile.sums[k], before += k < warp ? tile.sums[k] : 0;
-  if (tile.place + sum > task.output.capacity) return;  // counted; the list is made longer and the search repeated
+  if (tile.place + sum > task.output.capacity)
+    return;  // counted; the list is made longer and the search repeated
   const std::uint64_t at = tile.place + before;
   const std::uint32_t hits = tile.sums[warp], first = (number * kWarps + warp) * 32;
   if (hits > kQueue) {
@@ -434,7 +465,8 @@ __device__ __forceinline__ void write_tile(const Task& task, const Grid& grid, T
     return;
   }
   const WarpMemory& m = tile.memory[warp];
-  for (std::uint32_t k = lane; k < hits; k += 32) write_record<Kind>(task, first + m.lane[k], m.at[k], at + k);
+  for (std::uint32_t k = lane; k < hits; k += 32)
+    write_record<Kind>(task, first + m.lane[k], m.at[k], at + k);
 }
 
 template <SlotKind Kind, bool General>
@@ -443,7 +475,8 @@ __global__ void __launch_bounds__(kThreads, General ? kLevels : kDense)
   __shared__ Tile tile;
   if (task.counters->flags) return;  // the table is not whole; the caller orders the spheres in another way
   const std::uint32_t sum = search_tile<Kind, General>(task, grid, tile, blockIdx.x);
-  if (threadIdx.x == 0) tile.place = sum ? atomicAdd(&task.counters->contacts, static_cast<unsigned long long>(sum)) : 0;
+  if (threadIdx.x == 0)
+    tile.place = sum ? atomicAdd(&task.counters->contacts, static_cast<unsigned long long>(sum)) : 0;
   __syncthreads();
   write_tile<Kind, General>(task, grid, tile, blockIdx.x);
 }
@@ -469,7 +502,8 @@ __global__ void __launch_bounds__(kThreads, General ? kLevels : kDense)
     if (waiting) {
       if (threadIdx.x == 0) {
         unsigned long long place;
-        while ((place = *static_cast<volatile unsigned long long*>(task.sums.places + number_before)) == 0) __nanosleep(64);
+        while ((place = *static_cast<volatile unsigned long long*>(task.sums.places + number_before)) == 0)
+          __nanosleep(64);
         last.place = place - 1;
       }
       __syncthreads();
@@ -482,7 +516,8 @@ __global__ void __launch_bounds__(kThreads, General ? kLevels : kDense)
   Tile& last = tiles[now ^ 1];
   if (threadIdx.x == 0) {
     unsigned long long place;
-    while ((place = *static_cast<volatile unsigned long long*>(task.sums.places + number_before)) == 0) __nanosleep(64);
+    while ((place = *static_cast<volatile unsigned long long*>(task.sums.places + number_before)) == 0)
+      __nanosleep(64);
     last.place = place - 1;
   }
   __syncthreads();
@@ -495,21 +530,28 @@ void launch(Task& task, const Grid& grid, bool fixed_order, cudaStream_t stream)
     search_any_kernel<Kind, General><<<task.tiles, kThreads, 0, stream>>>(task, grid);
     return;
   }
-  cuda_check(cudaMemsetAsync(task.sums.counts, 0, task.tiles * sizeof(*task.sums.counts), stream), "clear the counters");
-  cuda_check(cudaMemsetAsync(task.sums.places, 0, task.tiles * sizeof(*task.sums.places), stream), "clear the counters");
+  cuda_check(cudaMemsetAsync(task.sums.counts, 0, task.tiles * sizeof(*task.sums.counts), stream),
+             "clear the counters");
+  cuda_check(cudaMemsetAsync(task.sums.places, 0, task.tiles * sizeof(*task.sums.places), stream),
+             "clear the counters");
   auto* const kernel = search_fixed_kernel<Kind, General>;
   int device = 0, processors = 0, each = 0;
   cuda_check(cudaGetDevice(&device), "ask for the device");
-  cuda_check(cudaDeviceGetAttribute(&processors, cudaDevAttrMultiProcessorCount, device), "ask for the device's size");
-  cuda_check(cudaOccupancyMaxActiveBlocksPerMultiprocessor(&each, kernel, kThreads, 0), "ask for the occupancy");
+  cuda_check(cudaDeviceGetAttribute(&processors, cudaDevAttrMultiProcessorCount, device),
+             "ask for the device's size");
+  cuda_check(cudaOccupancyMaxActiveBlocksPerMultiprocessor(&each, kernel, kThreads, 0),
+             "ask for the occupancy");
   const auto blocks = std::min<unsigned>(task.tiles + 1, static_cast<unsigned>(processors * each));
   void* arguments[] = {&task, const_cast<Grid*>(&grid)};
-  cuda_check(cudaLaunchCooperativeKernel(kernel, dim3(blocks), dim3(kThreads), arguments, 0, stream), "search for contacts");
+  cuda_check(cudaLaunchCooperativeKernel(kernel, dim3(blocks), dim3(kThreads), arguments, 0, stream),
+             "search for contacts");
 }
 
 }  // namespace
 
-std::uint64_t search_tiles(std::uint32_t spheres) { return (std::uint64_t(spheres) + kThreads - 1) / kThreads; }
+std::uint64_t search_tiles(std::uint32_t spheres) {
+  return (std::uint64_t(spheres) + kThreads - 1) / kThreads;
+}
 
 void search(const Source& source, const Grid& grid, const Ordered& spheres, const SearchOptions& options,
             const Output& output, Counters* counters, TileSums sums, cudaStream_t stream) {
@@ -523,11 +565,14 @@ void search(const Source& source, const Grid& grid, const Ordered& spheres, cons
   cuda_check(cudaMemsetAsync(counters, 0, offsetof(Counters, flags), stream), "clear the counters");
   const bool fixed = options.fixed_order;
   if (spheres.kind == SlotKind::equal)
-    general ? launch<SlotKind::equal, true>(task, grid, fixed, stream) : launch<SlotKind::equal, false>(task, grid, fixed, stream);
+    general ? launch<SlotKind::equal, true>(task, grid, fixed, stream)
+            : launch<SlotKind::equal, false>(task, grid, fixed, stream);
   if (spheres.kind == SlotKind::unequal)
-    general ? launch<SlotKind::unequal, true>(task, grid, fixed, stream) : launch<SlotKind::unequal, false>(task, grid, fixed, stream);
+    general ? launch<SlotKind::unequal, true>(task, grid, fixed, stream)
+            : launch<SlotKind::unequal, false>(task, grid, fixed, stream);
   if (spheres.kind == SlotKind::fixed)
-    general ? launch<SlotKind::fixed, true>(task, grid, fixed, stream) : launch<SlotKind::fixed, false>(task, grid, fixed, stream);
+    general ? launch<SlotKind::fixed, true>(task, grid, fixed, stream)
+            : launch<SlotKind::fixed, false>(task, grid, fixed, stream);
   cuda_launched("search for contacts");
 }
 

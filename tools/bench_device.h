@@ -1,5 +1,5 @@
-// Spheres in the memory of a GPU, for benches of what a simulation on the GPU would see. Without CUDA in the build only
-// host memory is offered.
+// Spheres in the memory of a GPU, for benches of what a simulation on the GPU would see. Without CUDA in the
+// build only host memory is offered.
 #pragma once
 #include <string>
 #include <vector>

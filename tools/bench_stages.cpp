@@ -1,5 +1,5 @@
-// Milliseconds of each stage: the nine stages as in the paper, and what remains of them on the fast path. A GPU is waited
-// for after each stage, so that the sum is more than the time of a call.
+// Milliseconds of each stage: the nine stages as in the paper, and what remains of them on the fast path. A
+// GPU is waited for after each stage, so that the sum is more than the time of a call.
 #include <algorithm>
 
 #include "padding/file.h"
@@ -9,7 +9,8 @@
 namespace padder::bench {
 
 Json stages(const Settings& s) {
-  const std::vector<std::uint64_t> sizes = s.spheres.empty() ? std::vector<std::uint64_t>{1000000} : s.spheres;
+  const std::vector<std::uint64_t> sizes =
+      s.spheres.empty() ? std::vector<std::uint64_t>{1000000} : s.spheres;
   Json rows = Json::array();
   Json header = {"backend", "path", "spheres", "contacts", "place"};
   for (int k = 1; k <= 9; k++) header.push_back("stage " + std::to_string(k));
@@ -38,9 +39,10 @@ Json stages(const Settings& s) {
           return v[v.size() / 2];
         };
         const char* name = path == detect::Path::fast ? "fast" : "nine stages";
-        const double place = median([](const detect::Seconds& r) { return r.place; }),
-                     total = median([](const detect::Seconds& r) { return r.total; });
-        Json row = {d.backend(), name, std::to_string(n), std::to_string(contacts), number(place * 1e3, "%.3f")};
+        const double place = median([](const detect::Seconds&r) { return r.place; }),
+                     total = median([](const detect::Seconds&r) { return r.total; });
+        Json row = {d.backend(), name, std::to_string(n), std::to_string(contacts),
+                    number(place * 1e3, "%.3f")};
         Json seconds = {{"place", place}};
         for (std::size_t k = 0; k < 9; k++) {
           const double t = median([k](const detect::Seconds& r) { return r.stage[k]; });
@@ -50,11 +52,16 @@ Json stages(const Settings& s) {
         row.push_back(number(total * 1e3, "%.3f"));
         seconds["total"] = total;
         table.push_back(row);
-        rows.push_back({{"backend", d.backend()}, {"path", name}, {"spheres", n}, {"contacts", contacts}, {"seconds", seconds}});
+        rows.push_back({{"backend", d.backend()},
+                        {"path", name},
+                        {"spheres", n},
+                        {"contacts", contacts},
+                        {"seconds", seconds}});
       }
   }
-  Json result = {{"bench", "stages"}, {"scene", "dense"}, {"machine", machine()}, {"device", device_name()},
-                 {"threads", s.threads}, {"rows", rows}, {"table", table}};
+  Json result = {{"bench", "stages"},       {"scene", "dense"},     {"machine", machine()},
+                 {"device", device_name()}, {"threads", s.threads}, {"rows", rows},
+                 {"table", table}};
   if (!s.folder.empty()) write_file(s.folder / "stages.json", result.dump(2) + "\n");
   return result;
 }
