@@ -71,6 +71,9 @@ Json speedup(const Settings& s) {
                        number(warm, "%.3f"), number(plain * 1e3, "%.1f"), name, number(full * 1e3, "%.2f"),
                        number(pairs * 1e3, "%.2f"), number(warm / full, "%.0f")});
       data += " " + number(warm / full, "%g");
+      say(s, "Bullet " + number(warm, "%.3f") + " s warm, " + number(first, "%.2f") + " s first; " + name +
+                 " " + number(full * 1e3, "%.2f") + " ms, pairs only " + number(pairs * 1e3, "%.2f") +
+                 " ms; plain grid " + number(plain * 1e3, "%.1f") + " ms");
       names.push_back(name == "omp" ? "CPU" : "GPU, from and to host memory");
     }
     data += "\n";
