@@ -13,7 +13,9 @@
 #include <optional>
 
 #include "padding/error.h"
+#include "padding/export/export.h"
 #include "padding/page.h"
+#include "tools/pad_robot.h"
 
 namespace padder {
 
@@ -37,8 +39,8 @@ namespace fs = std::filesystem;
 
 struct Arguments {
   std::vector<std::string> meshes;
-  std::string output, unit, preview;
-  double scale = 1;
+  std::string output, unit, format, preview;
+  double scale = 1, density = padder::ExportOptions().density;
   padder::PadOptions options;
   int threads = 0;
   bool json = false, quiet = false;
@@ -59,7 +61,18 @@ void declare(CLI::App& app, Arguments& a) {
                return endings;
              }())
       ->required();
-  app.add_option("-o", a.output, "file to write, or folder for several (default: NAME.spheres.json here)");
+  app.add_option("-o", a.output,
+                 "file to write, its ending tells the format (docs/formats.md), or folder for several "
+                 "(default: NAME.spheres.json here)");
+  app.add_option("--format", a.format,
+                 [] {
+                   std::string names = "another program's format, where the ending does not tell:";
+                   for (const auto& f : padder::formats()) names += std::string(" ") + f.name;
+                   return names;
+                 }())
+      ->type_name("NAME");
+  app.add_option("--density", a.density, "for formats that state a mass (default: 1000, kg/m^3 in metres)")
+      ->check(CLI::PositiveNumber);
   app.add_option("--depth", a.options.depth,
                  "one sphere a triangle: cap height over circumradius, above 0, at most 1 (default: 0.2)");
   app.add_option("--edge-length", a.options.edge_length,
@@ -104,7 +117,8 @@ void declare(CLI::App& app, Arguments& a) {
       ->type_name("MODE");
   app.add_option("--family", a.options.family, "of the asset: no contact inside a family; 0 is none");
   app.add_option("--mask", a.options.mask, "bit k: no contact with family k + 1");
-  app.add_option("--preview", a.preview, "show mesh and spheres: a page (.html) or a picture (.png)")->type_name("FILE");
+  app.add_option("--preview", a.preview, "show mesh and spheres: a page (.html) or a picture (.png)")
+      ->type_name("FILE");
   app.add_option("--scale", a.scale, "factor on every coordinate")->check(CLI::PositiveNumber);
   app.add_option("--unit", a.unit, "m, cm, mm or in: the unit of the asset")
       ->check(CLI::IsMember({"m", "cm", "mm", "in"}));
@@ -114,30 +128,55 @@ void declare(CLI::App& app, Arguments& a) {
   app.set_version_flag("--version", "pad (padder) " PADDER_VERSION);
 }
 
-// Where each cluster goes. Two meshes must not write one file.
-std::vector<fs::path> outputs(const Arguments& a) {
-  const bool folder = !a.output.empty() && (fs::is_directory(a.output) || a.output.back() == '/');
+bool is_robot(const std::string& file) { return fs::path(file).extension() == ".urdf"; }
+
+// Where each result goes and as what; null is our own format. Two meshes must not write one file.
+struct Target {
+  fs::path path;
+  const padder::Format* format = nullptr;
+  bool in_folder = false;  // -o names a folder, not the file
+};
+
+std::vector<Target> targets(const Arguments& a) {
+  const bool folder =
+      !a.output.empty() && (fs::is_directory(a.output) || a.output.back() == '/') && a.format != "mercury";
   if (a.meshes.size() > 1 && !a.output.empty() && !folder)
     throw UsageError("-o must name a folder when there are several meshes: make it, or end it with /");
-  std::vector<fs::path> out;
+  std::vector<Target> out;
   std::map<fs::path, std::string> owner;
   for (const auto& mesh : a.meshes) {
-    fs::path path = fs::path(mesh).stem().string() + ".spheres.json";
+    Target t;
+    t.in_folder = folder;
+    try {
+      if (!a.format.empty())
+        t.format = &padder::find_format({}, a.format);
+      else if (!a.output.empty() && !folder && !a.output.ends_with(".json"))
+        t.format = &padder::find_format(a.output);
+      else if (is_robot(mesh))
+        t.format = &padder::find_format({}, "urdf");
+    } catch (const padder::Error& e) {
+      throw UsageError(e.what());
+    }
+    if (is_robot(mesh) && a.output.ends_with(".json"))
+      throw UsageError(
+          "a robot has several links and a .spheres.json is one body: -o a folder gets one for each link");
+    t.path = fs::path(mesh).stem().string() +
+             (!t.format ? ".spheres.json" : std::string(is_robot(mesh) ? ".spheres" : "") + t.format->ending);
     if (folder)
-      path = fs::path(a.output) / path;
+      t.path = fs::path(a.output) / t.path;
     else if (!a.output.empty())
-      path = a.output;
-    const auto [it, fresh] = owner.emplace(path, mesh);
+      t.path = a.output;
+    const auto [it, fresh] = owner.emplace(t.path, mesh);
     if (!fresh)
-      throw UsageError(mesh + " and " + it->second + " would both write " + path.string() +
+      throw UsageError(mesh + " and " + it->second + " would both write " + t.path.string() +
                        ": pad them one by one with -o");
-    out.push_back(path);
+    out.push_back(t);
   }
+  if (!a.preview.empty() && std::any_of(a.meshes.begin(), a.meshes.end(), is_robot))
+    throw UsageError("--preview shows a mesh, not a robot: give it one of the robot's meshes");
   if (!a.preview.empty() && (a.meshes.size() > 1 || !padder::is_preview(a.preview)))
     throw UsageError("--preview shows one mesh in one file that ends in .html or .png");
   if (a.preview.ends_with(".html")) padder::page_script();  // before the work, not after it
-  if (!a.output.empty() && !folder && !a.output.ends_with(".json"))
-    throw UsageError("cannot tell the format of " + a.output + ": end it with .spheres.json");
   return out;
 }
 
@@ -235,30 +274,50 @@ void print_report(const std::string& input, const fs::path& output, const padder
 
 int run(Arguments& a) {
   if (a.threads > 0) omp_set_num_threads(a.threads);
-  const std::vector<fs::path> paths = outputs(a);
+  const std::vector<Target> goals = targets(a);
   Json all = Json::array();
   bool failed = false;
   ProgressBar bar(!a.quiet);
   for (std::size_t k = 0; k < a.meshes.size(); k++) {
     const std::string& mesh = a.meshes[k];
     try {
-      if (paths[k].has_parent_path()) {
+      const auto& [path, format, in_folder] = goals[k];
+      if (path.has_parent_path()) {
         std::error_code code;
-        fs::create_directories(paths[k].parent_path(), code);  // write_cluster says what is wrong with it
+        fs::create_directories(path.parent_path(), code);  // write_cluster says what is wrong with it
+      }
+      if (is_robot(mesh)) {
+        if (a.scale != 1 || (!a.unit.empty() && a.unit != "m"))
+          throw padder::Error(mesh + ": a URDF is in metres: leave out --scale and --unit");
+        padder::RobotJob job{mesh, path, format, a.options, {a.density}, in_folder};
+        const Json report =
+            padder::run_robot(job, [&](const std::string& link, std::size_t done, std::size_t of) {
+              bar.show(mesh + ", " + link, k, a.meshes.size(), "", int(done), int(of));
+            });
+        bar.clear();
+        if (a.json)
+          all.push_back(report);
+        else if (!a.quiet)
+          padder::print_robot(report);
+        continue;
       }
       padder::ReadOptions reading{a.scale, a.unit};
       const padder::Padded padded =
           padder::pad_file(mesh, reading, a.options, [&](const char* step, int done, int steps) {
             bar.show(mesh, k, a.meshes.size(), step, done, steps);
           });
-      padder::write_cluster(padded.cluster, paths[k]);
+      if (format)
+        padder::write_model(padder::model_of(padded.cluster), path, *format, {a.density});
+      else
+        padder::write_cluster(padded.cluster, path);
       if (!a.preview.empty())
-        padder::write_preview(padder::view_of(padded.cluster, padder::mesh_of(padded.cluster, paths[k], mesh)), a.preview);
+        padder::write_preview(padder::view_of(padded.cluster, padder::mesh_of(padded.cluster, path, mesh)),
+                              a.preview);
       bar.clear();
       if (a.json)
-        all.push_back(report_json(mesh, paths[k], a, padded));
+        all.push_back(report_json(mesh, path, a, padded));
       else if (!a.quiet)
-        print_report(mesh, paths[k], padded);
+        print_report(mesh, path, padded);
     } catch (const padder::Error& e) {
       bar.clear();
       std::fprintf(stderr, "pad: %s\n", e.what());
@@ -285,6 +344,8 @@ int main(int argc, char** argv) {
       "  pad track_shoe.obj --tolerance 0.5%          the fewest spheres within 0.5 % of the diagonal, "
       "proved\n"
       "  pad link*.stl -o clusters/ --unit m          a batch into a folder\n"
+      "  pad part.obj -o part.vtp                     for ParaView; docs/formats.md lists the others\n"
+      "  pad robot.urdf --tolerance 1%                every link; writes robot.spheres.urdf\n"
       "  pad part.obj --edge-length 1% --json         finer, with the report as JSON\n\n"
       "Covers a triangle mesh with spheres: repairs it, remeshes it isotropically, fits one sphere a "
       "triangle at the\n"

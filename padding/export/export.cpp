@@ -24,20 +24,20 @@ struct Entry {
 using F = Format::Filter;
 // Chrono has 16 family bits, but its functions take 0 to 14 and masks up to 0x7fff.
 constexpr std::array<Entry, 14> kEntries{{
-    {{"dem-engine", ".csv", "DEM-Engine", F::none, 0, false, false, true}, exporting::write_csv},
-    {{"liggghts", "", "LIGGGHTS", F::none, 0, false, false, false}, exporting::write_liggghts},
-    {{"yade", "", "YADE", F::none, 0, false, false, false}, exporting::write_yade},
-    {{"mercury", "", "MercuryDPM", F::none, 0, false, false, true}, exporting::write_mercury},
-    {{"chrono", "", "Chrono", F::bits, 15, true, false, true}, exporting::write_chrono},
-    {{"npz", ".npz", "NumPy", F::numbers, 0, true, false, false}, exporting::write_npz},
-    {{"vtp", ".vtp", "VTK and ParaView", F::numbers, 0, true, false, false}, exporting::write_vtp},
-    {{"glb", ".glb", "glTF viewers", F::numbers, 0, true, true, false}, exporting::write_glb},
-    {{"urdf", ".urdf", "ROS", F::pairs, 0, true, true, false}, exporting::write_urdf},
-    {{"mujoco", ".xml", "MuJoCo", F::bits, 32, true, true, false}, exporting::write_mujoco},
-    {{"curobo", ".yaml", "cuRobo", F::pairs, 0, true, true, false}, exporting::write_curobo},
-    {{"xrdf", ".xrdf", "Isaac cuMotion", F::pairs, 0, true, true, false}, exporting::write_xrdf},
-    {{"srdf", ".srdf", "MoveIt", F::pairs, 0, true, true, false}, exporting::write_srdf},
-    {{"usd", ".usda", "USD", F::pairs, 0, true, false, false}, exporting::write_usda},
+    {{"dem-engine", ".csv", true, "DEM-Engine", F::none, 0, false, false, true}, exporting::write_csv},
+    {{"liggghts", ".txt", false, "LIGGGHTS", F::none, 0, false, false, false}, exporting::write_liggghts},
+    {{"yade", ".txt", false, "YADE", F::none, 0, false, false, false}, exporting::write_yade},
+    {{"mercury", "", false, "MercuryDPM", F::none, 0, false, false, true}, exporting::write_mercury},
+    {{"chrono", ".h", false, "Chrono", F::bits, 15, true, false, true}, exporting::write_chrono},
+    {{"npz", ".npz", true, "NumPy", F::numbers, 0, true, false, false}, exporting::write_npz},
+    {{"vtp", ".vtp", true, "VTK and ParaView", F::numbers, 0, true, false, false}, exporting::write_vtp},
+    {{"glb", ".glb", true, "glTF viewers", F::numbers, 0, true, true, false}, exporting::write_glb},
+    {{"urdf", ".urdf", true, "ROS", F::pairs, 0, true, true, false}, exporting::write_urdf},
+    {{"mujoco", ".xml", true, "MuJoCo", F::bits, 32, true, true, false}, exporting::write_mujoco},
+    {{"curobo", ".yaml", true, "cuRobo", F::pairs, 0, true, true, false}, exporting::write_curobo},
+    {{"xrdf", ".xrdf", true, "Isaac cuMotion", F::pairs, 0, true, true, false}, exporting::write_xrdf},
+    {{"srdf", ".srdf", true, "MoveIt", F::pairs, 0, true, true, false}, exporting::write_srdf},
+    {{"usd", ".usda", true, "USD", F::pairs, 0, true, false, false}, exporting::write_usda},
 }};
 
 const std::vector<Format>& table() {
@@ -83,8 +83,8 @@ std::span<const Format> formats() { return table(); }
 const Format& find_format(const fs::path& path, const std::string& name) {
   std::string known;
   for (const Format& f : table()) {
-    if (name.empty() ? (*f.ending && path.extension() == f.ending) : name == f.name) return f;
-    if (name.empty() && *f.ending) known += std::string(known.empty() ? "" : " ") + f.ending;
+    if (name.empty() ? (f.own_ending && path.extension() == f.ending) : name == f.name) return f;
+    if (name.empty() && f.own_ending) known += std::string(known.empty() ? "" : " ") + f.ending;
     if (!name.empty()) known += std::string(known.empty() ? "" : " ") + f.name;
   }
   if (name.empty())

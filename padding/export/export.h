@@ -18,7 +18,8 @@ struct Format {
     none      // cannot be held: a model that has any is refused
   };
   const char* name;     // "dem-engine", "mujoco" …: for --format
-  const char* ending;   // with its dot; "" for formats without an ending of their own
+  const char* ending;   // with its dot; "" for a folder
+  bool own_ending;      // the ending alone tells the format
   const char* program;  // who reads it
   Filter filter;
   int bits;         // for Filter::bits

@@ -7,17 +7,29 @@
 namespace padder {
 namespace {
 
+void scale(Accuracy& a, double s) {
+  for (double* length : {&a.protrusion_max, &a.protrusion_mean, &a.protrusion_p95, &a.gap_max, &a.gap_mean,
+                         &a.gap_p95, &a.protrusion_bound, &a.gap_bound, &a.wrap_distance})
+    *length *= s;
+}
+
+void scale(std::vector<Point>& centers, std::vector<double>& radii, double s) {
+  for (Point& p : centers) p *= s;
+  for (double& r : radii) r *= s;
+}
+
 void scale(Cluster& c, double s) {
-  for (Point& p : c.centers) p *= s;
-  for (double& r : c.radii) r *= s;
+  scale(c.centers, c.radii, s);
+  scale(c.accuracy, s);
   if (!c.bounds.empty()) c.bounds.low *= s, c.bounds.high *= s;
   c.mass.volume *= std::pow(s, 3), c.mass.center *= s;
   c.mass.inertia *= std::pow(s, 5), c.mass.moments *= std::pow(s, 5);
   c.volume_union *= std::pow(s, 3);
-  Accuracy& a = c.accuracy;
-  for (double* length :
-       {&a.protrusion_max, &a.protrusion_mean, &a.protrusion_p95, &a.gap_max, &a.gap_mean, &a.gap_p95})
-    *length *= s;
+  for (Lod& lod : c.lods) {
+    scale(lod.centers, lod.radii, s);
+    scale(lod.accuracy, s);
+    lod.tolerance *= s, lod.volume_union *= std::pow(s, 3);
+  }
 }
 
 }  // namespace

@@ -16,7 +16,7 @@ class MujocoTest : public ExportTest {
   void load(const Model& model) {
     char error[1000] = "";
     std::string xml = text(model, "m.xml");  // 100 contacts are MuJoCo 2.2's own limit
-    xml.insert(xml.find("  <default>"), "  <size nconmax=\"5000\" njmax=\"50000\"/>\n");
+    xml.insert(xml.find("  <default>"), "  <size nconmax=\"5000\" njmax=\"3000\"/>\n");
     write_file(folder_ / "m.xml", xml);
     m_ = mj_loadXML((folder_ / "m.xml").c_str(), nullptr, error, sizeof error);
     ASSERT_NE(m_, nullptr) << error << "\n" << read_file(folder_ / "m.xml");

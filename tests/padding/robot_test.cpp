@@ -1,0 +1,247 @@
+#include "padding/robot.h"
+
+#ifdef PADDER_MUJOCO
+#include <mujoco/mujoco.h>
+#endif
+
+#include <set>
+
+#include "padding/error.h"
+#include "padding/export/families.h"
+#include "tests/padding/export/samples.h"
+
+namespace padder::samples {
+namespace {
+
+class RobotTest : public ExportTest {
+ protected:
+  fs::path urdf(const std::string& inside, const std::string& file = "pkg/urdf/r.urdf") {
+    fs::create_directories((folder_ / file).parent_path());
+    write_file(folder_ / file, "<?xml version='1.0'?>\n<robot name='r'>" + inside + "</robot>");
+    return folder_ / file;
+  }
+  static PadOptions coarse() {
+    PadOptions o;
+    o.edge_length = {0.08, true};
+    return o;
+  }
+};
+
+const std::string kBox = "<collision><geometry><box size='0.2 0.4 0.6'/></geometry></collision>";
+std::string link(const std::string& name, const std::string& inside = kBox) {
+  return "<link name='" + name + "'>" + inside + "</link>";
+}
+std::string joint(
+    const std::string& parent, const std::string& child, const std::string& type = "revolute",
+    const std::string& inside = "<axis xyz='0 0 2'/><limit lower='-1' upper='2' effort='1' velocity='1'/>") {
+  return "<joint name='" + parent + "_" + child + "' type='" + type + "'><parent link='" + parent +
+         "'/><child link='" + child + "'/>" + inside + "</joint>";
+}
+
+TEST_F(RobotTest, ReadsTheTreeParentsFirst) {
+  const Urdf u = read_urdf(
+      urdf(joint("b", "c") + joint("a", "b", "fixed", "<origin xyz='1 2 3' rpy='0 0 1.5707963267948966'/>") +
+           link("c") + link("b", "") + link("a")));
+  ASSERT_EQ(u.links.size(), 3u);
+  EXPECT_EQ(u.links[0].name, "a");
+  EXPECT_EQ(u.model.bodies[2].name, "c");
+  EXPECT_EQ(u.model.bodies[2].parent, 1);
+  EXPECT_EQ(u.model.bodies[2].joint.axis, Vector(0, 0, 1));
+  EXPECT_EQ(u.model.bodies[2].joint.upper, 2);
+  EXPECT_LT((u.model.bodies[1].pose * Point(1, 0, 0) - Point(1, 3, 3)).norm(), 1e-12);
+}
+
+TEST_F(RobotTest, RefusesWhatIsNoRobot) {
+  const std::string ab = link("a") + link("b");
+  for (const std::string& inside :
+       {std::string(), link("a") + link("a"), ab, ab + joint("a", "x"),
+        ab + joint("a", "b") + joint("b", "a"), ab + joint("a", "b", "glued"),
+        ab + joint("a", "b", "revolute", "<axis xyz='0 0 0'/>"),
+        ab + joint("a", "b", "revolute", "<origin xyz='0 0'/>"),
+        ab + link("c") + joint("a", "c") + joint("b", "c"),
+        link("a", "<collision><geometry><torus/></geometry></collision>"),
+        link("a", "<collision><geometry><box size='1 0 1'/></geometry></collision>"),
+        link("a", "<collision><geometry><sphere radius='x'/></geometry></collision>"),
+        link("a", "<collision><geometry><mesh filename='package://pkg/none.stl'/></geometry></collision>"),
+        link("a", "<collision><geometry><mesh filename='none.stl'/></geometry></collision>")})
+    EXPECT_THROW(read_urdf(urdf(inside)), Error) << inside;
+  EXPECT_THROW(read_urdf(folder_ / "absent.urdf"), Error);
+  EXPECT_THROW(pad_robot(urdf(link("a", "")), coarse()), Error);
+}
+
+TEST_F(RobotTest, NeighboursAreRigidGroupsAndTheNextAboveWithShapes) {
+  // base - frame (no shape) - arm; arm = tool (fixed); tool - finger1, finger2; base - leg
+  Urdf u = read_urdf(urdf(link("base") + link("frame", "") + link("arm") + link("tool") + link("finger1") +
+                          link("finger2") + link("leg") + joint("base", "frame") + joint("frame", "arm") +
+                          joint("arm", "tool", "fixed") + joint("tool", "finger1") +
+                          joint("tool", "finger2") + joint("base", "leg")));
+  std::set<std::string> names;
+  for (const auto& [i, j] : neighbours(u)) names.insert(u.links[i].name + " " + u.links[j].name);
+  EXPECT_EQ(names, (std::set<std::string>{"base arm", "base tool", "base leg", "arm tool", "arm finger1",
+                                          "arm finger2", "tool finger1", "tool finger2"}));
+  set_families(u);
+  std::vector<CollisionFilter> filters;
+  for (const Body& b : u.model.bodies) filters.push_back({b.cluster.family, b.cluster.mask});
+  EXPECT_EQ(filtered_pairs(filters), neighbours(u));
+}
+
+TEST_F(RobotTest, PadsBoxesCylindersSpheresAndMeshesInPlace) {
+  fs::create_directories(folder_ / "pkg/meshes");
+  write_file(folder_ / "pkg/meshes/tet.obj",
+             "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n");
+  const PaddedRobot r = pad_robot(
+      urdf(link("base",
+                "<visual><geometry><mesh filename='package://pkg/meshes/absent.dae'/></geometry></visual>" +
+                    kBox) +
+           link("ball",
+                "<inertial><mass value='7'/><inertia ixx='1' ixy='0' ixz='0' iyy='1' iyz='0' "
+                "izz='1'/></inertial><collision>"
+                "<origin xyz='1 0 0'/><geometry><sphere radius='0.25'/></geometry></collision>") +
+           link("tube",
+                "<collision><origin rpy='1.5707963267948966 0 0'/><geometry><cylinder radius='0.1' "
+                "length='1'/></geometry></collision>") +
+           link("tet",
+                "<collision><origin xyz='0 0 5'/><geometry><mesh filename='package://pkg/meshes/tet.obj' "
+                "scale='1 1 -2'/></geometry></collision>") +
+           link("frame", "") + joint("base", "ball") + joint("base", "tube") + joint("tube", "tet") +
+           joint("tet", "frame")),
+      coarse());
+  const auto body = [&](const std::string& name) -> const Body& {
+    for (const Body& b : r.model.bodies)
+      if (b.name == name) return b;
+    throw Error("no body " + name);
+  };
+  EXPECT_NEAR(body("base").cluster.mass.volume, 0.048, 1e-6);
+  EXPECT_EQ(body("ball").cluster.centers, std::vector<Point>{Point(1, 0, 0)});
+  EXPECT_EQ(body("ball").cluster.radii, std::vector<double>{0.25});
+  EXPECT_EQ(body("ball").inertial->mass, 7);
+  EXPECT_NEAR(body("tube").cluster.mass.volume, std::numbers::pi * 0.01, 1e-4 * std::numbers::pi);
+  EXPECT_NEAR(body("tube").cluster.bounds.high.y(), 0.5, 1e-9);
+  EXPECT_NEAR(body("tube").cluster.bounds.high.z(), 0.1, 1.02 / 400);
+  EXPECT_NEAR(body("tet").cluster.mass.volume, 1 / 3., 1e-6);
+  EXPECT_NEAR(body("tet").cluster.mass.center.z(), 4.5, 1e-6);
+  EXPECT_EQ(body("frame").cluster.size(), 0u);
+  // The URDF keeps what it had; only collisions are new, and inertia where there was none.
+  const std::string out = text(r.model, "out.urdf");
+  EXPECT_NE(out.find("package://pkg/meshes/absent.dae"), std::string::npos);
+  EXPECT_EQ(out.find("<box"), std::string::npos);
+  EXPECT_NE(out.find("<mass value=\"7\""), std::string::npos);
+  std::size_t masses = 0;
+  for (std::size_t at = 0; (at = out.find("<mass ", at)) != std::string::npos; at++) masses++;
+  EXPECT_EQ(masses, 4u);
+  expect_same_spheres(read_spheres(folder_ / "out.urdf", "tet"), body("tet").cluster);
+}
+
+TEST_F(RobotTest, VisualsAreTakenWhenThereIsNothingElse) {
+  const PaddedRobot r =
+      pad_robot(urdf(link("a", "<visual><geometry><box size='1 1 1'/></geometry></visual>")), coarse());
+  EXPECT_GT(r.model.spheres(), 0u);
+  ASSERT_EQ(r.notes.size(), 1u);
+}
+
+TEST_F(RobotTest, ColladaOfTheUr5StandsLikeItsStl) {
+  const fs::path robots = fs::path(PADDER_SHARED) / "meshes/robots";
+  if (!fs::exists(robots)) GTEST_SKIP() << "the shared meshes are not there";
+  fs::copy(robots / "ur5_forearm_collision.stl", folder_ / "a.stl");
+  fs::copy(robots / "ur5_forearm_visual.dae", folder_ / "b.dae");
+  const auto mesh = [](const std::string& file) {
+    return "<collision><geometry><mesh filename='" + file + "'/></geometry></collision>";
+  };
+  const fs::path file = urdf(link("a", mesh("a.stl")) + link("b", mesh("b.dae")) + joint("a", "b"), "r.urdf");
+  const Urdf robot = read_urdf(file);
+  const Box a = read_link(robot.links[0], file).mesh.bounds(),
+            b = read_link(robot.links[1], file).mesh.bounds();
+  EXPECT_LT((a.low - b.low).norm(), 0.002);
+  EXPECT_LT((a.high - b.high).norm(), 0.002);
+}
+
+// Padded at 1 %, and shown to all that read it.
+class RealRobotTest : public RobotTest {
+ protected:
+  void expect_accepted(const PaddedRobot& r) {
+    std::vector<CollisionFilter> filters;
+    for (const Body& b : r.model.bodies) filters.push_back({b.cluster.family, b.cluster.mask});
+    for (const Body& b : r.model.bodies) {
+      if (b.cluster.size() == 0) continue;
+      // Proved against the repaired surface; the input lies within the wrap's distance of it.
+      const Accuracy& a = b.cluster.accuracy;
+      const double allowed = 0.0101 * b.cluster.bounds.diagonal() + a.wrap_distance;
+      EXPECT_LE(a.protrusion_max, allowed) << b.name;
+      EXPECT_LE(a.gap_max, allowed) << b.name;
+    }
+    for (const char* file : {"r.urdf", "r.xml", "r.yaml", "r.xrdf", "r.srdf"}) {
+      write(r.model, file);
+      for (const Body& b : r.model.bodies)
+        if (b.cluster.size() > 0) expect_same_spheres(read_spheres(folder_ / file, b.name), b.cluster);
+    }
+    if (have("check_urdf")) {
+      const Ran ran = run("check_urdf '" + (folder_ / "r.urdf").string() + "'");
+      EXPECT_EQ(ran.status, 0) << ran.output;
+    }
+    if (python_has("yaml")) {
+      const Ran ran = run("cd '" + folder_.string() +
+                          "' && '" PADDER_PYTHON
+                          "' -c 'import yaml\n"
+                          "c = yaml.safe_load(open(\"r.yaml\"))\nx = yaml.safe_load(open(\"r.xrdf\"))\n"
+                          "g, = x[\"geometry\"].values()\nassert g[\"spheres\"] == c[\"collision_spheres\"]\n"
+                          "print(sum(len(s) for s in g[\"spheres\"].values()))'");
+      EXPECT_EQ(ran.output, std::to_string(r.model.spheres()) + "\n");
+    }
+#ifdef PADDER_MUJOCO
+    std::string xml = read_file(folder_ / "r.xml");
+    xml.insert(xml.find("  <default>"), "  <size nconmax=\"5000\" njmax=\"3000\"/>\n");
+    write_file(folder_ / "r.xml", xml);
+    char error[1000] = "";
+    mjModel* m = mj_loadXML((folder_ / "r.xml").c_str(), nullptr, error, sizeof error);
+    ASSERT_NE(m, nullptr) << error;
+    EXPECT_EQ(static_cast<std::size_t>(m->ngeom), r.model.spheres());
+    mjData* d = mj_makeData(m);
+    for (int k = 0; k < m->nq; k++) d->qpos[k] = 0.5 * (m->jnt_range[2 * k] + m->jnt_range[2 * k + 1]);
+    mj_forward(m, d);
+    for (int k = 0; k < d->ncon; k++) {
+      const auto a = static_cast<std::size_t>(m->geom_bodyid[d->contact[k].geom1] - 1);
+      const auto b = static_cast<std::size_t>(m->geom_bodyid[d->contact[k].geom2] - 1);
+      EXPECT_TRUE(may_touch(filters[a], filters[b]))
+          << r.model.bodies[a].name << " " << r.model.bodies[b].name;
+    }
+    mj_deleteData(d), mj_deleteModel(m);
+#endif
+  }
+  static PadOptions one_percent() {
+    PadOptions o;
+    o.tolerance = {0.01, true};
+    return o;
+  }
+};
+
+TEST_F(RealRobotTest, Panda) {
+  const fs::path panda =
+      fs::path(PADDER_SHARED) / "meshes/robots/moveit_resources_panda_description/urdf/panda.urdf";
+  if (!fs::exists(panda)) GTEST_SKIP() << "the shared meshes are not there";
+  const PaddedRobot r = pad_robot(panda, one_percent());
+  EXPECT_EQ(r.model.bodies.size(), 12u);
+  std::size_t padded = 0;
+  for (const Body& b : r.model.bodies) padded += b.cluster.size() > 0;
+  EXPECT_EQ(padded, 11u);
+  expect_accepted(r);
+}
+
+TEST_F(RealRobotTest, Ur5Links) {
+  const fs::path robots = fs::path(PADDER_SHARED) / "meshes/robots";
+  if (!fs::exists(robots)) GTEST_SKIP() << "the shared meshes are not there";
+  for (const char* file : {"ur5_upperarm_collision.stl", "ur5_forearm_collision.stl"})
+    fs::copy(robots / file, folder_ / file);
+  const auto mesh = [](const std::string& file) {
+    return "<collision><geometry><mesh filename='" + file + "'/></geometry></collision>";
+  };
+  const fs::path file = urdf(link("upper_arm", mesh("ur5_upperarm_collision.stl")) +
+                                 link("forearm", mesh("ur5_forearm_collision.stl")) +
+                                 joint("upper_arm", "forearm", "revolute",
+                                       "<origin xyz='0 -0.1197 0.425'/><axis xyz='0 1 0'/><limit lower='-3' "
+                                       "upper='3' effort='1' velocity='1'/>"),
+                             "ur5.urdf");
+  expect_accepted(pad_robot(file, one_percent()));
+}
+
+}  // namespace
+}  // namespace padder::samples

@@ -1,0 +1,77 @@
+// The program pad itself: endings, formats, robots, exit codes.
+#include <nlohmann/json.hpp>
+
+#include "tests/padding/export/samples.h"
+
+namespace padder::samples {
+namespace {
+
+class PadFormatsTest : public ExportTest {
+ protected:
+  void SetUp() override {
+    ExportTest::SetUp();
+    write_file(folder_ / "cube.obj",
+               "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nv 1 1 1\nv 0 1 1\n"
+               "f 4 3 2 1\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n");
+    write_file(folder_ / "r.urdf",
+               "<robot name='r'><link name='a'><collision><geometry><mesh "
+               "filename='cube.obj'/></geometry></collision></link>"
+               "<link name='b'><collision><geometry><sphere radius='0.5'/></geometry></collision></link>"
+               "<joint name='j' type='continuous'><parent link='a'/><child link='b'/><axis xyz='0 0 "
+               "1'/></joint></robot>");
+  }
+  Ran pad(const std::string& arguments) {
+    return run("cd '" + folder_.string() + "' && '" PADDER_BIN "/pad' " + arguments);
+  }
+};
+
+TEST_F(PadFormatsTest, EndingsAndFormats) {
+  ASSERT_EQ(pad("cube.obj --edge-length 10% -q").output, "");
+  const Cluster cube = read_spheres(folder_ / "cube.spheres.json");
+  for (const char* file : {"c.npz", "c.vtp", "c.urdf", "c.xml", "c.yaml", "c.xrdf", "c.srdf"}) {
+    ASSERT_EQ(pad(std::string("cube.obj --edge-length 10% -q -o out/") + file).output, "") << file;
+    expect_same_spheres(read_spheres(folder_ / "out" / file), cube);
+  }
+  for (const char* file : {"c.csv", "c.glb", "c.usda"}) {
+    EXPECT_EQ(pad(std::string("cube.obj --edge-length 10% -q -o ") + file).output, "");
+    EXPECT_TRUE(fs::exists(folder_ / file));
+  }
+  for (const char* format : {"liggghts", "yade", "mercury", "chrono"})
+    EXPECT_EQ(pad(std::string("cube.obj --edge-length 10% -q -o f_") + format + " --format " + format).output,
+              "");
+  EXPECT_TRUE(fs::exists(folder_ / "f_mercury/inertia/toi.txt"));
+  expect_same_spheres(read_spheres(folder_ / "f_yade"), cube);
+  EXPECT_EQ(pad("cube.obj --edge-length 10% -q --format liggghts -o many/").output, "");
+  EXPECT_TRUE(fs::exists(folder_ / "many/cube.txt"));
+}
+
+TEST_F(PadFormatsTest, WhatAFormatCannotHoldIsASentenceAndNoFile) {
+  const Ran r = pad("cube.obj --edge-length 10% --family 3 -q -o c.csv");
+  EXPECT_EQ(r.status, 1);
+  EXPECT_NE(r.output.find("cannot hold"), std::string::npos) << r.output;
+  EXPECT_EQ(std::count(r.output.begin(), r.output.end(), '\n'), 1);
+  EXPECT_FALSE(fs::exists(folder_ / "c.csv"));
+  EXPECT_EQ(pad("cube.obj -o c.xyz").status, 2);
+  EXPECT_EQ(pad("cube.obj --format povray").status, 2);
+  EXPECT_EQ(pad("r.urdf -o r.spheres.json").status, 2);
+  EXPECT_EQ(pad("cube.obj --density 0 -o c.csv").status, 2);
+}
+
+TEST_F(PadFormatsTest, Robots) {
+  const Ran r = pad("r.urdf --edge-length 10% --json 2>/dev/null");
+  ASSERT_EQ(r.status, 0) << r.output;
+  const auto report = nlohmann::json::parse(r.output);
+  EXPECT_EQ(report["links"].size(), 2u);
+  EXPECT_EQ(report["links"][1]["spheres"], 1);
+  EXPECT_TRUE(fs::exists(folder_ / "r.spheres.urdf"));
+  EXPECT_TRUE(fs::exists(folder_ / "r.spheres.srdf"));
+  EXPECT_EQ(pad("r.urdf --edge-length 10% -q -o all/").output, "");
+  EXPECT_TRUE(fs::exists(folder_ / "all/r.spheres.urdf"));
+  EXPECT_EQ(read_spheres(folder_ / "all/b.spheres.json").family, report["links"][1]["family"]);
+  EXPECT_EQ(pad("r.urdf --edge-length 10% -q -o r.xml").output, "");
+  EXPECT_EQ(read_spheres(folder_ / "r.xml", "b").radii[0], 0.5);
+  EXPECT_EQ(pad("r.urdf --scale 2").status, 1);
+}
+
+}  // namespace
+}  // namespace padder::samples
