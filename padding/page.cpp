@@ -199,8 +199,8 @@ fs::path page_script() {
 std::string page_html(const View& view, const PageOptions& options) {
   if (view.size() == 0 && !view.has_mesh())
     throw Error(view.title + " holds no sphere, so there is nothing to show");
-  if (view.size() > (std::size_t(1) << 27))
-    throw Error(view.title + ": a page holds 134217728 spheres at most");
+  if (view.size() > (std::size_t(1) << 25))
+    throw Error(view.title + ": a page holds 33554432 spheres at most");
   if (options.up != 'x' && options.up != 'y' && options.up != 'z')
     throw Error("the axis that points up is x, y or z");
   const fs::path script = options.script.empty() ? page_script() : options.script;

@@ -3,15 +3,15 @@
 #include <charconv>
 #include <cmath>
 
-#include "detect/npz.h"
 #include "detect/place.h"
 #include "padding/error.h"
 #include "padding/file.h"
+#include "padding/npz.h"
 
 namespace padder {
 namespace {
 
-constexpr std::uint64_t kMostSpheres = std::uint64_t(1) << 27;
+constexpr std::uint64_t kMostSpheres = std::uint64_t(1) << 25;
 constexpr std::string_view kHeader = "i,j,nx,ny,nz,depth,ix,iy,iz,jx,jy,jz";
 
 ViewContact contact_of(std::uint64_t i, std::uint64_t j, const double* normal, double depth,
@@ -59,8 +59,8 @@ std::vector<ViewContact> contacts_from_csv(std::string_view text, const std::str
 }
 
 std::vector<ViewContact> contacts_from_npz(std::string_view bytes, const std::string& where) {
-  const detect::Npz arrays = detect::npz_from_bytes(bytes, where);
-  const auto array = [&](const char* name) -> const detect::NpyArray& {
+  const Npz arrays = npz_from_bytes(bytes, where);
+  const auto array = [&](const char* name) -> const NpyArray& {
     const auto it = arrays.find(name);
     if (it == arrays.end()) throw Error(where + ": array `" + name + "` is missing: is it a contact file?");
     return it->second;

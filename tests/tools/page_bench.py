@@ -37,19 +37,20 @@ def main():
             b.open(page)
             b.wait("window.padder && padder.state().frames > 0 && padder.state().drawn === padder.state().spheres")
             opened = time.monotonic() - began
+            opened_cpu = used(cpu, b.cpu())
             cpu = b.cpu()
             began = time.monotonic()
             b.click(600, 360)
             b.wait("!document.querySelector('#picked-panel').hidden")
             answered = time.monotonic() - began
+            answered_cpu = used(cpu, b.cpu())
             picked = b.run("return padder.state().picked")
             print(f"processors                 {os.cpu_count()}, load {os.getloadavg()[0]:.1f}")
             print(f"spheres                    {report['spheres']}")
             print(f"bodies                     {report['bodies']}")
             print(f"page                       {report['bytes'] / 1e6:.1f} MB, written in {report['seconds']:.2f} s")
-            print(f"open to all spheres shown  {opened:.2f} s" + used(cpu, b.cpu()))
-            answer_cpu = used(cpu, b.cpu())
-            print(f"click to answer            {answered:.2f} s (sphere {picked})" + answer_cpu, flush=True)
+            print(f"open to all spheres shown  {opened:.2f} s" + opened_cpu)
+            print(f"click to answer            {answered:.2f} s (sphere {picked})" + answered_cpu, flush=True)
             times = []
             for _ in range(30):
                 began = time.monotonic()

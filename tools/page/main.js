@@ -29,6 +29,8 @@ class Page {
     this.up = new three.Vector3(head.up === 'x' ? 1 : 0, head.up === 'y' ? 1 : 0, head.up === 'z' ? 1 : 0);
     this.camera = new three.PerspectiveCamera(26, 1, 0.01, 20);
     this.camera.up.copy(this.up);
+    const most = 4096 * this.renderer.capabilities.maxTextureSize;
+    if (data.n > most) throw new Error(`this browser draws ${most.toLocaleString('en')} spheres at most, and here are ${data.n.toLocaleString('en')}`);
     this.spheres = new Spheres(data, this.light);
     this.surface = data.triangles ? new Surface(data, this.light) : null;
     this.contacts = data.contacts ? new Contacts(data) : null;

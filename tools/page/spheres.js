@@ -1,9 +1,11 @@
-// The spheres: one instanced triangle each, 16 bytes on the GPU, ray against sphere in the fragment shader. A triangle
-// around the outline covers 1.3 times what a square would, but is half the work where there is no graphics card.
+// The spheres: one triangle each, 16 bytes on the GPU, ray against sphere in the fragment shader. The shader fetches the bytes
+// from a texture by the number of the vertex: instances of one triangle are slow, and very slow without a graphics card.
 import * as three from 'three';
 import vertex from './spheres.vert.glsl';
 import fragment from './spheres.frag.glsl';
 import light from './light.glsl';
+
+const kRow = 4096;  // spheres in a row of the texture; spheres.vert.glsl knows it too
 
 // Random but the same every time: any first part of the order is an even sample of the spheres.
 function shuffled(first, count) {
@@ -21,19 +23,19 @@ export class Spheres {
   // `light` uniforms are shared with the mesh.
   constructor(data, lightUniforms) {
     this.data = data;
-    const geometry = (this.geometry = new three.InstancedBufferGeometry());
-    geometry.setAttribute('position', new three.BufferAttribute(new Float32Array([-Math.sqrt(3), -1, 0, Math.sqrt(3), -1, 0, 0, 2, 0]), 3));
+    this.geometry = new three.BufferGeometry();  // without attributes
     this.uniforms = {
       ...lightUniforms,
       low: {value: new three.Vector3(...data.head.low)},
       size: {value: new three.Vector3(...data.head.step)},
       grow: {value: 1},
       picked: {value: -1},
+      spheres: {value: null},
     };
     const material = new three.RawShaderMaterial({
       glslVersion: three.GLSL3, uniforms: this.uniforms, vertexShader: vertex, fragmentShader: fragment + light,
     });
-    this.object = new three.Mesh(geometry, material);
+    this.object = new three.Mesh(this.geometry, material);
     this.object.frustumCulled = false;
     this.setRung(0);
   }
@@ -44,11 +46,12 @@ export class Spheres {
     this.order = shuffled(first, count);
     this.slot = new Uint32Array(count);  // of sphere first + k, in the order
     for (let k = 0; k < count; k++) this.slot[this.order[k] - first] = k;
-    const words = (this.words = new Uint32Array(4 * count));
+    const rows = Math.max(1, Math.ceil(count / kRow)), words = (this.words = new Uint32Array(4 * kRow * rows));
     for (let k = 0; k < count; k++) words.set(this.data.packed.subarray(3 * this.order[k], 3 * this.order[k] + 3), 4 * k);
-    this.attribute = new three.InstancedBufferAttribute(words, 4);
-    this.attribute.gpuType = three.IntType;
-    this.geometry.setAttribute('sphere', this.attribute);
+    if (this.texture) this.texture.dispose();
+    this.texture = new three.DataTexture(words, kRow, rows, three.RGBAIntegerFormat, three.UnsignedIntType);
+    this.texture.internalFormat = 'RGBA32UI';
+    this.uniforms.spheres.value = this.texture;
     this.pick(-1);
     this.draw(count);
   }
@@ -59,7 +62,7 @@ export class Spheres {
       const sphere = this.order[k];
       this.words[4 * k + 3] = hidden(sphere) ? 0 : (colour(sphere) | 0xff000000) >>> 0;
     }
-    this.attribute.needsUpdate = true;
+    this.texture.needsUpdate = true;
   }
 
   hides(sphere) { return this.words[4 * this.slot[sphere - this.first] + 3] >>> 24 === 0; }
@@ -70,7 +73,8 @@ export class Spheres {
 
   // The first `count` of the order. Fewer spheres are drawn larger, so that what they cover stays about the same.
   draw(count) {
-    this.geometry.instanceCount = this.drawn = Math.min(this.count, Math.max(1, Math.round(count)));
+    this.drawn = Math.min(this.count, Math.max(1, Math.round(count)));
+    this.geometry.setDrawRange(0, 3 * this.drawn);
     this.uniforms.grow.value = Math.min(2.5, Math.sqrt(this.count / this.drawn));
   }
 
