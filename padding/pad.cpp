@@ -221,8 +221,10 @@ Padded pad(const ReadResult& file, const PadOptions& options, const PadProgress&
   const auto measured = [&](const std::vector<Ball>& balls, double asked, double& volume_union) {
     Measured m = measure(input, body, surface, balls, {.floor = asked});
     // Bounds are always proved; with a tolerance asked for they must keep it, too, but for the last digits.
-    m.accuracy.certified = asked == 0 || (m.accuracy.protrusion_bound <= asked * (1 + 1e-9) &&
-                                          m.accuracy.gap_bound <= asked * (1 + 1e-9));
+    // Beyond the border of a sheet there is no side, so nothing is proved there.
+    m.accuracy.certified =
+        body.kind != BodyKind::sheet && (asked == 0 || (m.accuracy.protrusion_bound <= asked * (1 + 1e-9) &&
+                                                        m.accuracy.gap_bound <= asked * (1 + 1e-9)));
     report.buried = m.buried;
     scale_back(m.accuracy, frame.scale);
     volume_union = m.volume_union * std::pow(frame.scale, 3);
@@ -246,7 +248,10 @@ Padded pad(const ReadResult& file, const PadOptions& options, const PadProgress&
       if (asked > 0) keep(made, thin_balls(surface, made.balls, asked, options.effort));
     } else {
       step("cull", 4);
-      const Culled culled = cull(surface, cull_options(options, rungs[rung], frame.scale));
+      CullOptions culling = cull_options(options, rungs[rung], frame.scale);
+      // Nothing lies below a sheet, so nothing else bounds its balls, which sag and reach past its border.
+      if (body.kind == BodyKind::sheet) culling.max_radius = std::min(culling.max_radius, 0.05);
+      const Culled culled = cull(surface, culling);
       made.balls = culled.balls;
       made.triangle.assign(culled.triangle.begin(), culled.triangle.end());
       report.within = report.within && culled.within && culled.proved;

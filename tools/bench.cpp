@@ -1,7 +1,7 @@
 // bench: the measurements behind the figures of docs/. Arguments and printing only.
 #include "tools/bench.h"
+#include "tools/cli.h"
 
-#include <CLI/CLI.hpp>
 #include <cstdio>
 #include <iostream>
 
@@ -94,24 +94,12 @@ int main(int argc, char** argv) {
   app.add_flag("--json", s.json, "print one JSON document on stdout");
   app.add_flag("-q", s.quiet, "print nothing but results and errors");
   app.set_version_flag("--version", "bench (padder) " PADDER_VERSION);
-  try {
-    app.parse(argc, argv);
+  return padder::cli::run(app, argc, argv, [&] {
     if (list) {
       for (const Entry& e : entries()) std::printf("%-10s %s\n", e.name, e.what);
       return 0;
     }
-    if (name.empty()) {
-      std::fprintf(stderr, "bench: name a bench: see bench --list\n");
-      return 2;
-    }
+    if (name.empty()) throw padder::cli::UsageError("name a bench: see bench --list");
     return run(name, s);
-  } catch (const CLI::Success& e) {
-    return app.exit(e);
-  } catch (const CLI::ParseError& e) {
-    std::fprintf(stderr, "bench: %s (see bench --help)\n", e.what());
-    return 2;
-  } catch (const std::exception& e) {
-    std::fprintf(stderr, "bench: %s\n", e.what());
-    return 1;
-  }
+  });
 }

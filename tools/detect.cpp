@@ -1,5 +1,4 @@
 // detect: the contacts of a scene. Arguments and printing only; the work is padder::detect.
-#include <CLI/CLI.hpp>
 #include <cstdio>
 #include <iostream>
 #include <nlohmann/json.hpp>
@@ -8,6 +7,7 @@
 #include "detect/scene.h"
 #include "detect/stages.h"
 #include "padding/error.h"
+#include "tools/cli.h"
 
 namespace {
 
@@ -16,9 +16,7 @@ using Json = nlohmann::ordered_json;
 
 constexpr std::uint64_t kShown = 512;  // spheres whose stages are printed at most
 
-struct UsageError : std::runtime_error {
-  using std::runtime_error::runtime_error;
-};
+using padder::cli::UsageError;
 
 // One of some words, each for a value; the first is the default.
 template <class T>
@@ -224,26 +222,5 @@ int main(int argc, char** argv) {
       "detect");
   Arguments arguments;
   declare(app, arguments);
-  try {
-    app.parse(argc, argv);
-    return run(arguments);
-  } catch (const CLI::Success& e) {  // --help, --version
-    return app.exit(e);
-  } catch (const CLI::ParseError& e) {
-    std::fprintf(stderr, "detect: %s (see detect --help)\n", e.what());
-    return 2;
-  } catch (const UsageError& e) {
-    std::fprintf(stderr, "detect: %s\n", e.what());
-    return 2;
-  } catch (const padder::Error& e) {
-    std::fprintf(stderr, "detect: %s\n", e.what());
-    return 1;
-  } catch (const std::bad_alloc&) {
-    std::fprintf(stderr, "detect: %s: not enough memory: divide the scene into boxes\n",
-                 arguments.scene.c_str());
-    return 1;
-  } catch (const std::exception& e) {
-    std::fprintf(stderr, "detect: unexpected: %s\n", e.what());
-    return 1;
-  }
+  return padder::cli::run(app, argc, argv, [&] { return run(arguments); });
 }

@@ -4,7 +4,6 @@
 #include <omp.h>
 #include <unistd.h>
 
-#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cstdio>
 #include <iostream>
@@ -15,6 +14,7 @@
 #include "padding/error.h"
 #include "padding/export/export.h"
 #include "padding/page.h"
+#include "tools/cli.h"
 #include "tools/pad_robot.h"
 
 namespace padder {
@@ -46,9 +46,7 @@ struct Arguments {
   bool json = false, quiet = false;
 };
 
-struct UsageError : std::runtime_error {
-  using std::runtime_error::runtime_error;
-};
+using padder::cli::UsageError;
 
 void declare(CLI::App& app, Arguments& a) {
   app.add_option(
@@ -74,7 +72,8 @@ void declare(CLI::App& app, Arguments& a) {
   app.add_option("--density", a.density, "for formats that state a mass (default: 1000, kg/m^3 in metres)")
       ->check(CLI::PositiveNumber);
   app.add_option("--depth", a.options.depth,
-                 "one sphere a triangle: cap height over circumradius, above 0, at most 1 (default: 0.2)");
+                 "one sphere a triangle: cap height over circumradius, above 0, at most 1 (default: 0.2)")
+      ->check(CLI::Range(1e-6, 1.));
   app.add_option("--edge-length", a.options.edge_length,
                  "of the remeshed triangles: in the mesh's unit, or a share of its diagonal as 2%")
       ->type_name("LENGTH");
@@ -353,22 +352,5 @@ int main(int argc, char** argv) {
       "pad");
   Arguments arguments;
   declare(app, arguments);
-  try {
-    app.parse(argc, argv);
-    return run(arguments);
-  } catch (const CLI::Success& e) {  // --help, --version
-    return app.exit(e);
-  } catch (const CLI::ParseError& e) {
-    std::fprintf(stderr, "pad: %s (see pad --help)\n", e.what());
-    return 2;
-  } catch (const UsageError& e) {
-    std::fprintf(stderr, "pad: %s\n", e.what());
-    return 2;
-  } catch (const padder::Error& e) {
-    std::fprintf(stderr, "pad: %s\n", e.what());
-    return 1;
-  } catch (const std::exception& e) {
-    std::fprintf(stderr, "pad: unexpected: %s\n", e.what());
-    return 1;
-  }
+  return padder::cli::run(app, argc, argv, [&] { return run(arguments); });
 }

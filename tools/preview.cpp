@@ -1,5 +1,4 @@
 // preview: a cluster or a scene as a page or a picture. Arguments and printing only.
-#include <CLI/CLI.hpp>
 #include <chrono>
 #include <cstdio>
 #include <iostream>
@@ -7,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "padding/error.h"
+#include "tools/cli.h"
 #include "padding/file.h"
 #include "padding/page.h"
 #include "padding/picture.h"
@@ -17,9 +17,7 @@ namespace {
 using Json = nlohmann::ordered_json;
 namespace fs = std::filesystem;
 
-struct UsageError : std::runtime_error {
-  using std::runtime_error::runtime_error;
-};
+using padder::cli::UsageError;
 
 struct Arguments {
   std::string input, output, mesh, contacts, size;
@@ -159,25 +157,5 @@ int main(int argc, char** argv) {
       "preview");
   Arguments arguments;
   declare(app, arguments);
-  try {
-    app.parse(argc, argv);
-    return run(arguments);
-  } catch (const CLI::Success& e) {  // --help, --version
-    return app.exit(e);
-  } catch (const CLI::ParseError& e) {
-    std::fprintf(stderr, "preview: %s (see preview --help)\n", e.what());
-    return 2;
-  } catch (const UsageError& e) {
-    std::fprintf(stderr, "preview: %s\n", e.what());
-    return 2;
-  } catch (const padder::Error& e) {
-    std::fprintf(stderr, "preview: %s\n", e.what());
-    return 1;
-  } catch (const std::bad_alloc&) {
-    std::fprintf(stderr, "preview: %s: not enough memory to show it\n", arguments.input.c_str());
-    return 1;
-  } catch (const std::exception& e) {
-    std::fprintf(stderr, "preview: unexpected: %s\n", e.what());
-    return 1;
-  }
+  return padder::cli::run(app, argc, argv, [&] { return run(arguments); });
 }
