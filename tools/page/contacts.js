@@ -35,13 +35,14 @@ export class Contacts {
     let deepest = 0;
     for (let k = 0; k < total; k++) deepest = Math.max(deepest, contacts[7 * k + 6]);
     this.deepest = deepest;
+    const least = Math.min(0.03, 0.6 / Math.sqrt(total));  // a few arrows must be found, many must leave room
     const at = new Float32Array(3 * this.drawn), arrow = new Float32Array(4 * this.drawn), tint = new Float32Array(3 * this.drawn);
     for (let k = 0; k < this.drawn; k++) {
       const c = Math.floor((k * total) / this.drawn);
       at.set(contacts.subarray(7 * c, 7 * c + 3), 3 * k);
       arrow.set(contacts.subarray(7 * c + 3, 7 * c + 6), 4 * k);
       const smaller = Math.min(radii[pairs[2 * c]], radii[pairs[2 * c + 1]]), depth = contacts[7 * c + 6];
-      arrow[4 * k + 3] = Math.max(depth / head.scale, smaller > 0 ? smaller : 0.002);
+      arrow[4 * k + 3] = Math.max(depth / head.scale, smaller, least);
       const ramp = rampColour(head, deepest > 0 ? depth / deepest : 0);
       for (let i = 0; i < 3; i++) tint[3 * k + i] = ramp[i] / 255;
     }
@@ -56,7 +57,7 @@ export class Contacts {
     geometry.setAttribute('arrow', new three.InstancedBufferAttribute(arrow, 4));
     geometry.setAttribute('tint', new three.InstancedBufferAttribute(tint, 3));
     this.object = new three.Group();
-    for (const [opacity, depthFunc] of [[0.5, three.GreaterDepth], [1, three.LessEqualDepth]]) {
+    for (const [opacity, depthFunc] of [[0.7, three.GreaterDepth], [1, three.LessEqualDepth]]) {
       const mesh = new three.Mesh(geometry, new three.RawShaderMaterial({
         glslVersion: three.GLSL3, vertexShader: vertex, fragmentShader: fragment, side: three.DoubleSide,
         uniforms: {opacity: {value: opacity}}, transparent: opacity < 1, depthWrite: opacity === 1, depthFunc,
