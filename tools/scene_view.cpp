@@ -3,7 +3,7 @@
 #include <charconv>
 #include <cmath>
 
-#include "detect/npz.h"
+#include "padding/npz.h"
 #include "detect/place.h"
 #include "padding/error.h"
 #include "padding/file.h"
