@@ -1,5 +1,5 @@
-// The CUDA backend: what is common to both paths. Input to the device, summary, one path or the other, records to where
-// they are wanted.
+// The CUDA backend: what is common to both paths. Input to the device, summary, one path or the other,
+// records to where they are wanted.
 #include <algorithm>
 #include <chrono>
 #include <optional>
@@ -79,7 +79,8 @@ class CudaBackend : public Backend {
     begun_ = last_mark_ = Clock::now();
     seconds_ = {}, timings_ = options.timings;
     stream_ = static_cast<cudaStream_t>(options.stream);
-    if (!stream_) {  // a stream of our own that waits for the default stream: that one cannot be recorded as a graph
+    if (!stream_) {  // a stream of our own that waits for the default stream: that one cannot be recorded as
+                     // a graph
       if (!own_stream_) cuda_check(cudaStreamCreate(&own_stream_), "make a stream");
       stream_ = own_stream_;
     }
@@ -104,7 +105,8 @@ class CudaBackend : public Backend {
   }
   void check(const Summary& s, const Input& input, const Options& options) {
     if (s.first_fault != ~std::uint64_t(0))
-      throw Error(fault_sentence(s.first_fault, sphere_at(source_, static_cast<std::uint32_t>(s.first_fault), stream_), input));
+      throw Error(fault_sentence(
+          s.first_fault, sphere_at(source_, static_cast<std::uint32_t>(s.first_fault), stream_), input));
     check_range(s, options);
   }
 
@@ -150,10 +152,11 @@ class CudaBackend : public Backend {
     plan_ = {};
     plan_.source = source_, plan_.grid = choose_grid(summary, options.bin_size);
     plan_.search = search_options(options, summary);
-    const bool floats = !source_.wide && source_.placed == 0 && float_range(summary.extent, summary.radius_max);
-    plan_.kind = !floats                                      ? SlotKind::fixed
+    const bool floats =
+        !source_.wide && source_.placed == 0 && float_range(summary.extent, summary.radius_max);
+    plan_.kind = !floats                                    ? SlotKind::fixed
                  : summary.radius_min == summary.radius_max ? SlotKind::equal
-                                                              : SlotKind::unequal;
+                                                            : SlotKind::unequal;
     plan_.octaves = needs_octaves(summary), plan_.top = exponent_of(summary.need_max);
   }
 
@@ -165,11 +168,12 @@ class CudaBackend : public Backend {
     const TileSums sums{tile_counts_.reserve(tiles), tile_places_.reserve(tiles)};
     if (plan_.with_survey) surveyor_.begin(source_, plan_.octaves, plan_.top, stream_);
     cuda_check(cudaMemsetAsync(counters, 0, sizeof(Counters), stream_), "clear the counters");
-    const Ordered ordered =
-        orderer_.order(source_, plan_.grid, plan_.kind, plan_.search.fixed_order, plan_.method, counters, stream_);
+    const Ordered ordered = orderer_.order(source_, plan_.grid, plan_.kind, plan_.search.fixed_order,
+                                           plan_.method, counters, stream_);
     mark(seconds_.stage[3]);
     search(source_, plan_.grid, ordered, plan_.search, plan_.output, counters, sums, stream_);
-    cuda_check(cudaMemcpyAsync(found, counters, sizeof(Counters), cudaMemcpyDeviceToHost, stream_), "read the count");
+    cuda_check(cudaMemcpyAsync(found, counters, sizeof(Counters), cudaMemcpyDeviceToHost, stream_),
+               "read the count");
   }
   // The same as a graph when the same was done in the call before: no gaps between the launches.
   void enqueue_again() {
@@ -203,14 +207,15 @@ class CudaBackend : public Backend {
   }
 
   void fast(const Input& input, const Options& options, Contacts& c) {
-    // The bins of the call before are tried first, while the survey runs along: usually they still fit, and the device
-    // is waited for once instead of twice. They are taken only if they are those that the survey leads to, so that the
-    // result does not depend on what was detected before.
+    // The bins of the call before are tried first, while the survey runs along: usually they still fit, and
+    // the device is waited for once instead of twice. They are taken only if they are those that the survey
+    // leads to, so that the result does not depend on what was detected before.
     bool done = false;
     if (hope_ > 0 && !options.timings && planned_for_ == source_.count) {
       const Summary before = summary_;
       make_plan(options, before);
-      plan_.output = output(options), plan_.with_survey = true, plan_.method = method_, plan_.moves = book_.moves;
+      plan_.output = output(options), plan_.with_survey = true, plan_.method = method_,
+      plan_.moves = book_.moves;
       enqueue_again();
       cuda_check(cudaStreamSynchronize(stream_), "search for contacts");
       const Grid grid = plan_.grid;
@@ -219,8 +224,8 @@ class CudaBackend : public Backend {
       if (done) {
         check(summary_, input, options);
         make_plan(options, summary_);
-        done = grid == plan_.grid && kind == plan_.kind &&
-               summary_.radius_max == before.radius_max && !host_counters_.data()->flags;
+        done = grid == plan_.grid && kind == plan_.kind && summary_.radius_max == before.radius_max &&
+               !host_counters_.data()->flags;
       }
       hope_ = done ? 1 : -4;
     }
@@ -235,7 +240,8 @@ class CudaBackend : public Backend {
       cuda_check(cudaStreamSynchronize(stream_), "search for contacts");
     }
     planned_for_ = source_.count;
-    // A bin too full for the method: sort. A list too short: it was counted to its end; made longer, and written again.
+    // A bin too full for the method: sort. A list too short: it was counted to its end; made longer, and
+    // written again.
     while (true) {
       const Counters found = *host_counters_.data();
       c.count = found.contacts, c.doubtful = found.doubtful;
@@ -281,7 +287,8 @@ class CudaBackend : public Backend {
     const std::uint64_t scalar = options.scalar == Scalar::f32 ? 4 : 8;
     const auto copy = [&](auto& host, const void* from, std::uint64_t bytes) -> const void* {
       void* to = host.reserve(bytes);
-      if (bytes) cuda_check(cudaMemcpyAsync(to, from, bytes, cudaMemcpyDeviceToHost, stream_), "copy the contacts");
+      if (bytes)
+        cuda_check(cudaMemcpyAsync(to, from, bytes, cudaMemcpyDeviceToHost, stream_), "copy the contacts");
       return to;
     };
     c.pairs = static_cast<const Pair*>(copy(host_pairs_, c.pairs, c.count * sizeof(Pair)));
@@ -339,8 +346,8 @@ std::unique_ptr<Backend> make_cuda_backend(int device) {
   int devices = 0;
   cuda::cuda_check(cudaGetDeviceCount(&devices), "count the GPUs");
   if (device < 0 || device >= devices)
-    throw Error("there is no GPU " + std::to_string(device) + ": this machine has " + std::to_string(devices) +
-                ", numbered from 0");
+    throw Error("there is no GPU " + std::to_string(device) + ": this machine has " +
+                std::to_string(devices) + ", numbered from 0");
   return std::make_unique<cuda::CudaBackend>(device);
 }
 

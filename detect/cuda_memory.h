@@ -29,7 +29,8 @@ struct MemoryBook {
 template <class T>
 class Buffer {
  public:
-  Buffer(MemoryBook& book, const char* what, bool pinned = false) : book_(&book), what_(what), pinned_(pinned) {}
+  Buffer(MemoryBook& book, const char* what, bool pinned = false)
+      : book_(&book), what_(what), pinned_(pinned) {}
   ~Buffer() { release(); }
   Buffer(const Buffer&) = delete;
   Buffer& operator=(const Buffer&) = delete;

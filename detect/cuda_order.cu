@@ -1,8 +1,9 @@
 // Spheres into the order of their bins, in one of three ways:
 //   cells    a counting sort over bins; counts live in L2. Fewest launches: for small scenes.
-//   buckets  two passes over the spheres: into some thousand buckets of consecutive bins, through shared memory so that
-//            what goes to one bucket is written together; then each bucket, which fits shared memory, is put in order and
-//            its part of the table written. No sphere is gathered from a random place.
+//   buckets  two passes over the spheres: into some thousand buckets of consecutive bins, through shared
+//   memory so that
+//            what goes to one bucket is written together; then each bucket, which fits shared memory, is put
+//            in order and its part of the table written. No sphere is gathered from a random place.
 //   sort     a stable radix sort of keys: for hashed levels, crowded bins, everything else.
 #include <cub/device/device_radix_sort.cuh>
 #include <cub/device/device_scan.cuh>
@@ -14,7 +15,9 @@ namespace {
 
 constexpr int kThreads = 256, kWide = 1024, kItems = 8;
 constexpr std::uint32_t kMostBuckets = 6144, kSharedBytes = 227 * 1024;
-unsigned blocks_for(std::uint64_t n, int threads = kThreads) { return static_cast<unsigned>((n + threads - 1) / threads); }
+unsigned blocks_for(std::uint64_t n, int threads = kThreads) {
+  return static_cast<unsigned>((n + threads - 1) / threads);
+}
 
 // Where spheres are put; ids is null where the slot holds the number.
 struct Places {
@@ -52,24 +55,24 @@ __device__ __forceinline__ float4 slot_of(const Source& source, const Grid& grid
     return make_float4(f.x, f.y, f.z, Kind == SlotKind::equal ? __uint_as_float(id) : f.r);
   }
 }
-// The grid may be that of the call before, kept in the hope that it still fits (backend_cuda.cu): a sphere outside it is
-// reported, and gets a key that does no harm.
-__device__ __forceinline__ std::uint32_t key_of_sphere(const Source& source, const Grid& grid, std::uint32_t id,
-                                                       Counters* counters) {
+// The grid may be that of the call before, kept in the hope that it still fits (backend_cuda.cu): a sphere
+// outside it is reported, and gets a key that does no harm.
+__device__ __forceinline__ std::uint32_t key_of_sphere(const Source& source, const Grid& grid,
+                                                       std::uint32_t id, Counters* counters) {
   const Sphere s = source.sphere(id);
   const Level& l = grid.level[level_of(grid, s)];
   const Bin b = bin_of(l, s);
-  if (!l.hashed &&
-      !(static_cast<std::uint64_t>(b.x - l.first[0]) < l.count[0] && static_cast<std::uint64_t>(b.y - l.first[1]) < l.count[1] &&
-        static_cast<std::uint64_t>(b.z - l.first[2]) < l.count[2])) {
+  if (!l.hashed && !(static_cast<std::uint64_t>(b.x - l.first[0]) < l.count[0] &&
+                     static_cast<std::uint64_t>(b.y - l.first[1]) < l.count[1] &&
+                     static_cast<std::uint64_t>(b.z - l.first[2]) < l.count[2])) {
     atomicOr(&counters->flags, kOutside);
     return 0;
   }
   return key_of(l, b);
 }
 
-// Adds one to count[b] for each lane with b != ~0 and returns the count before. Neighbouring lanes of one bucket, as in
-// coherent input, share one atomic operation.
+// Adds one to count[b] for each lane with b != ~0 and returns the count before. Neighbouring lanes of one
+// bucket, as in coherent input, share one atomic operation.
 __device__ __forceinline__ std::uint32_t ticket(std::uint32_t* count, std::uint32_t b) {
   const int lane = threadIdx.x & 31;
   const std::uint32_t left = __shfl_up_sync(~0u, b, 1);
@@ -81,11 +84,13 @@ __device__ __forceinline__ std::uint32_t ticket(std::uint32_t* count, std::uint3
   return __shfl_sync(~0u, at, head) + lane - head;
 }
 
-// Exclusive sums of v[0 .. n) in shared memory by the whole block; v[n] becomes the total. `sums` has 32 entries.
+// Exclusive sums of v[0 .. n) in shared memory by the whole block; v[n] becomes the total. `sums` has 32
+// entries.
 __device__ void scan_shared(std::uint32_t* v, std::uint32_t n, std::uint32_t* sums) {
   const std::uint32_t lane = threadIdx.x & 31, warp = threadIdx.x >> 5, warps = blockDim.x >> 5;
   // Each warp scans a contiguous part, 32 entries a step: no bank conflicts.
-  const std::uint32_t part = ((n + warps - 1) / warps + 31) & ~31u, from = min(warp * part, n), to = min(from + part, n);
+  const std::uint32_t part = ((n + warps - 1) / warps + 31) & ~31u, from = min(warp * part, n),
+                      to = min(from + part, n);
   std::uint32_t sum = 0;
   for (std::uint32_t k = from + lane; k < to; k += 32) sum += v[k];
   sum = __reduce_add_sync(~0u, sum);
@@ -111,8 +116,8 @@ __device__ void scan_shared(std::uint32_t* v, std::uint32_t n, std::uint32_t* su
 // ---- cells
 
 __global__ void __launch_bounds__(kThreads)
-    cell_count_kernel(Source source, const __grid_constant__ Grid grid, int merge, std::uint32_t* keys, std::uint32_t* ranks,
-                      std::uint32_t* counts, Counters* counters) {
+    cell_count_kernel(Source source, const __grid_constant__ Grid grid, int merge, std::uint32_t* keys,
+                      std::uint32_t* ranks, std::uint32_t* counts, Counters* counters) {
   const std::uint32_t k = blockIdx.x * kThreads + threadIdx.x;
   const bool valid = k < source.count;
   const std::uint32_t key = valid ? key_of_sphere(source, grid, k, counters) : ~0u;
@@ -143,7 +148,9 @@ __global__ void __launch_bounds__(kThreads)
     return;
   }
   auto* slots = static_cast<float4*>(out.slots);
-  const auto id = [&](std::uint32_t p) { return Kind == SlotKind::equal ? __float_as_uint(slots[p].w) : out.ids[p]; };
+  const auto id = [&](std::uint32_t p) {
+    return Kind == SlotKind::equal ? __float_as_uint(slots[p].w) : out.ids[p];
+  };
   for (std::uint32_t i = from + 1; i < to; i++) {
     const float4 slot = slots[i];
     const std::uint32_t mine = id(i), key = out.keys[i];
@@ -160,13 +167,14 @@ __global__ void __launch_bounds__(kThreads)
 // ---- buckets
 
 __global__ void __launch_bounds__(kWide)
-    bucket_count_kernel(Source source, const __grid_constant__ Grid grid, Buckets buckets, std::uint32_t* keys,
-                        std::uint32_t* counts, Counters* counters) {
+    bucket_count_kernel(Source source, const __grid_constant__ Grid grid, Buckets buckets,
+                        std::uint32_t* keys, std::uint32_t* counts, Counters* counters) {
   extern __shared__ std::uint32_t shared[];
   for (std::uint32_t b = threadIdx.x; b < buckets.count; b += kWide) shared[b] = 0;
   __syncthreads();
   const std::uint64_t step = static_cast<std::uint64_t>(gridDim.x) * kWide;
-  for (std::uint64_t from = static_cast<std::uint64_t>(blockIdx.x) * kWide; from < source.count; from += step) {
+  for (std::uint64_t from = static_cast<std::uint64_t>(blockIdx.x) * kWide; from < source.count;
+       from += step) {
     const std::uint64_t k = from + threadIdx.x;
     const bool valid = k < source.count;
     std::uint32_t key = 0;
@@ -177,7 +185,8 @@ __global__ void __launch_bounds__(kWide)
   for (std::uint32_t b = threadIdx.x; b < buckets.count; b += kWide)
     if (shared[b]) atomicAdd(counts + b, shared[b]);
 }
-__global__ void __launch_bounds__(kWide) bucket_start_kernel(Buckets buckets, std::uint32_t* starts, std::uint32_t* cursors) {
+__global__ void __launch_bounds__(kWide)
+    bucket_start_kernel(Buckets buckets, std::uint32_t* starts, std::uint32_t* cursors) {
   __shared__ std::uint32_t v[kMostBuckets + 1], sums[32];
   for (std::uint32_t b = threadIdx.x; b < buckets.count; b += kWide) v[b] = starts[b];
   __syncthreads();
@@ -187,11 +196,12 @@ __global__ void __launch_bounds__(kWide) bucket_start_kernel(Buckets buckets, st
     if (b < buckets.count) cursors[b] = v[b];
   }
 }
-// One tile of spheres a block: ordered by bucket in shared memory, then written, each bucket's share to one place.
+// One tile of spheres a block: ordered by bucket in shared memory, then written, each bucket's share to one
+// place.
 template <SlotKind Kind>
 __global__ void __launch_bounds__(kWide)
-    bucket_split_kernel(Source source, const __grid_constant__ Grid grid, Buckets buckets, const std::uint32_t* keys,
-                        std::uint32_t* cursors, Places out) {
+    bucket_split_kernel(Source source, const __grid_constant__ Grid grid, Buckets buckets,
+                        const std::uint32_t* keys, std::uint32_t* cursors, Places out) {
   constexpr std::uint32_t kTile = kWide * kItems;
   extern __shared__ float4 slots[];
   auto* tile_keys = reinterpret_cast<std::uint32_t*>(slots + kTile);
@@ -201,7 +211,8 @@ __global__ void __launch_bounds__(kWide)
   for (std::uint32_t b = threadIdx.x; b < buckets.count; b += kWide) counts[b] = 0;
   __syncthreads();
   const std::uint64_t first = static_cast<std::uint64_t>(blockIdx.x) * kTile;
-  const auto count = static_cast<std::uint32_t>(min(static_cast<std::uint64_t>(source.count) - first, std::uint64_t(kTile)));
+  const auto count =
+      static_cast<std::uint32_t>(min(static_cast<std::uint64_t>(source.count) - first, std::uint64_t(kTile)));
   std::uint32_t key[kItems], rank[kItems];
 #pragma unroll
   for (int u = 0; u < kItems; u++) {
@@ -225,7 +236,8 @@ __global__ void __launch_bounds__(kWide)
     slots[at] = s, tile_keys[at] = key[u];
     if (Kind != SlotKind::equal) rank[u] = at;
   }
-  // The numbers take the place of the keys' ranks: they are staged in a second round, through the same memory.
+  // The numbers take the place of the keys' ranks: they are staged in a second round, through the same
+  // memory.
   __syncthreads();
   for (std::uint32_t s = threadIdx.x; s < count; s += kWide) {
     const std::uint32_t b = buckets.of(tile_keys[s]), to = shift[b] - counts[b] + s;
@@ -249,15 +261,16 @@ __global__ void __launch_bounds__(kWide)
 // One bucket a block: its spheres by bin, within a bin by number if `tidy`, and its part of the table.
 template <SlotKind Kind>
 __global__ void __launch_bounds__(kWide)
-    bucket_order_kernel(Buckets buckets, std::uint32_t capacity, const std::uint32_t* starts, Places in, Places out,
-                        std::uint32_t* table, bool tidy, Counters* counters) {
+    bucket_order_kernel(Buckets buckets, std::uint32_t capacity, const std::uint32_t* starts, Places in,
+                        Places out, std::uint32_t* table, bool tidy, Counters* counters) {
   extern __shared__ float4 slots[];
   auto* tile_keys = reinterpret_cast<std::uint32_t*>(slots + capacity);
   auto* numbers = tile_keys + capacity;
   auto* bins = Kind == SlotKind::equal ? numbers : numbers + capacity;
   __shared__ std::uint32_t sums[32];
   const std::uint32_t begin = starts[blockIdx.x], count = starts[blockIdx.x + 1] - begin;
-  const std::uint32_t first = buckets.first_entry(blockIdx.x), width = buckets.first_entry(blockIdx.x + 1) - first;
+  const std::uint32_t first = buckets.first_entry(blockIdx.x),
+                      width = buckets.first_entry(blockIdx.x + 1) - first;
   if (count > capacity) {
     if (threadIdx.x == 0) atomicOr(&counters->flags, kCrowded);
     return;
@@ -286,11 +299,14 @@ __global__ void __launch_bounds__(kWide)
     if (Kind != SlotKind::equal) numbers[at] = in.ids[begin + k];
   }
   __syncthreads();
-  const auto number = [&](std::uint32_t s) { return Kind == SlotKind::equal ? __float_as_uint(slots[s].w) : numbers[s]; };
+  const auto number = [&](std::uint32_t s) {
+    return Kind == SlotKind::equal ? __float_as_uint(slots[s].w) : numbers[s];
+  };
   for (std::uint32_t s = threadIdx.x; s < count; s += blockDim.x) {
     std::uint32_t to = s;
     if (tidy) {
-      const std::uint32_t b = (tile_keys[s] >> buckets.merge) - first, from = bins[b], end = bins[b + 1], mine = number(s);
+      const std::uint32_t b = (tile_keys[s] >> buckets.merge) - first, from = bins[b], end = bins[b + 1],
+                          mine = number(s);
       to = from;
       for (std::uint32_t q = from; q < end; q++) to += number(q) < mine;
     }
@@ -311,8 +327,8 @@ __global__ void __launch_bounds__(kThreads)
 // Ends of bins go to the table; a running maximum turns them into starts.
 template <SlotKind Kind>
 __global__ void __launch_bounds__(kThreads)
-    sort_place_kernel(Source source, const __grid_constant__ Grid grid, const std::uint32_t* keys, const std::uint32_t* ids,
-                      int merge, float4* slots, std::uint32_t* table) {
+    sort_place_kernel(Source source, const __grid_constant__ Grid grid, const std::uint32_t* keys,
+                      const std::uint32_t* ids, int merge, float4* slots, std::uint32_t* table) {
   const std::uint32_t p = blockIdx.x * kThreads + threadIdx.x;
   if (p >= source.count) return;
   const std::uint32_t key = keys[p] >> merge;
@@ -346,36 +362,48 @@ Ordered Orderer::order(const Source& source, const Grid& grid, SlotKind kind, bo
   bool dense = true;
   for (int k = 0; k < grid.levels; k++) dense = dense && !grid.level[k].hashed;
   if (method == OrderMethod::automatic)
-    method = !dense ? OrderMethod::sort : source.count < kFewSpheres ? OrderMethod::cells : OrderMethod::buckets;
+    method = !dense                       ? OrderMethod::sort
+             : source.count < kFewSpheres ? OrderMethod::cells
+             : single                     ? OrderMethod::buckets
+                                          : OrderMethod::sort;
   Ordered o;
   o.kind = kind, o.count = source.count, o.grid_entries = grid.buckets;
-  // Where bins are many and nearly empty, several along x share an entry of the table. Not in rows so short that an entry
-  // could hold bins of two rows that both hold partners of one sphere.
+  // Where bins are many and nearly empty, several along x share an entry of the table. Not in rows so short
+  // that an entry could hold bins of two rows that both hold partners of one sphere.
   if (single && method != OrderMethod::sort && grid.level[0].count[0] >= 32)
-    while (o.merge < 3 && (static_cast<double>(grid.buckets) / (2 << o.merge)) > 0.75 * source.count) o.merge++;
+    while (o.merge < 3 && (static_cast<double>(grid.buckets) / (2 << o.merge)) > 0.75 * source.count)
+      o.merge++;
   o.entries = (grid.buckets >> o.merge) + 2;
   o.table = table_.reserve(o.entries + 1), o.slots = slots_.reserve(std::uint64_t(o.count) + kSlack);
   o.keys = sorted_keys_.reserve(o.count);
-  if (method == OrderMethod::buckets && !by_buckets(source, grid, tidy, counters, o, stream)) method = OrderMethod::sort;
+  if (method == OrderMethod::buckets && !by_buckets(source, grid, tidy, counters, o, stream))
+    method = OrderMethod::sort;
   if (method == OrderMethod::cells) by_cells(source, grid, tidy, counters, o, stream);
   if (method == OrderMethod::sort) by_sort(source, grid, counters, o, stream);
   cuda_launched("put the spheres in order");
   return o;
 }
 
-void Orderer::by_cells(const Source& source, const Grid& grid, bool tidy, Counters* counters, Ordered& o, cudaStream_t stream) {
+void Orderer::by_cells(const Source& source, const Grid& grid, bool tidy, Counters* counters, Ordered& o,
+                       cudaStream_t stream) {
   std::uint32_t *keys = keys_.reserve(o.count), *ranks = ids_.reserve(o.count);
   if (o.kind != SlotKind::equal) o.ids = sorted_ids_.reserve(o.count);
   std::size_t bytes = 0;
-  cuda_check(cub::DeviceScan::ExclusiveSum(nullptr, bytes, o.table, o.table, o.entries + 1, stream), "plan the scan");
+  cuda_check(cub::DeviceScan::ExclusiveSum(nullptr, bytes, o.table, o.table, o.entries + 1, stream),
+             "plan the scan");
   void* scratch = scratch_.reserve(bytes);
   cuda_check(cudaMemsetAsync(o.table, 0, (o.entries + 1) * 4, stream), "clear the table of bins");
-  cell_count_kernel<<<blocks_for(o.count), kThreads, 0, stream>>>(source, grid, o.merge, keys, ranks, o.table, counters);
-  cuda_check(cub::DeviceScan::ExclusiveSum(scratch, bytes, o.table, o.table, o.entries + 1, stream), "scan the table of bins");
+  cell_count_kernel<<<blocks_for(o.count), kThreads, 0, stream>>>(source, grid, o.merge, keys, ranks, o.table,
+                                                                  counters);
+  cuda_check(cub::DeviceScan::ExclusiveSum(scratch, bytes, o.table, o.table, o.entries + 1, stream),
+             "scan the table of bins");
   with_kind(o.kind, [&](auto k) {
     const Places out{o.slots, o.ids, o.keys};
-    cell_place_kernel<k()><<<blocks_for(o.count), kThreads, 0, stream>>>(source, grid, o.merge, keys, ranks, o.table, out);
-    if (tidy) cell_tidy_kernel<k()><<<blocks_for(o.entries), kThreads, 0, stream>>>(o.entries, o.table, out, counters);
+    cell_place_kernel<k()>
+        <<<blocks_for(o.count), kThreads, 0, stream>>>(source, grid, o.merge, keys, ranks, o.table, out);
+    if (tidy)
+      cell_tidy_kernel<k()>
+          <<<blocks_for(o.entries), kThreads, 0, stream>>>(o.entries, o.table, out, counters);
   });
 }
 
@@ -390,15 +418,20 @@ bool Orderer::by_buckets(const Source& source, const Grid& grid, bool tidy, Coun
   b.magic = static_cast<std::uint32_t>(std::min(4294967295.0, std::ceil(4294967296.0 / width)));
   b.widest = static_cast<std::uint32_t>(width) + 2;
   b.count = static_cast<std::uint32_t>((std::uint64_t(b.entries - 1) * b.magic) >> 32) + 1;
-  const std::uint32_t table_bytes = (b.widest + 1) * 4, tile_bytes = kWide * kItems * 20 + (2 * b.count + 1) * 4;
-  if (b.count > kMostBuckets || width < 2 || table_bytes + 4096 * sphere_bytes > kSharedBytes || tile_bytes > kSharedBytes - 1024) return false;
+  const std::uint32_t table_bytes = (b.widest + 1) * 4,
+                      tile_bytes = kWide * kItems * 20 + (2 * b.count + 1) * 4;
+  if (b.count > kMostBuckets || width < 2 || table_bytes + 4096 * sphere_bytes > kSharedBytes ||
+      tile_bytes > kSharedBytes - 1024)
+    return false;
   const std::uint32_t room = bucket_spheres <= 4096 ? 112 * 1024 : kSharedBytes - 1024;
-  const std::uint32_t capacity = std::min<std::uint32_t>((room - table_bytes) / sphere_bytes, 10 * kWide) & ~3u;
+  const std::uint32_t capacity =
+      std::min<std::uint32_t>((room - table_bytes) / sphere_bytes, 10 * kWide) & ~3u;
   if (capacity < bucket_spheres * 1.1) return false;
   std::uint32_t *keys = keys_.reserve(o.count), *split_keys = ids_.reserve(o.count);
   std::uint32_t *starts = starts_.reserve(2 * kMostBuckets + 2), *cursors = starts + kMostBuckets + 1;
   std::uint32_t* split_ids = nullptr;
-  if (o.kind != SlotKind::equal) o.ids = sorted_ids_.reserve(2 * std::uint64_t(o.count)), split_ids = o.ids + o.count;
+  if (o.kind != SlotKind::equal)
+    o.ids = sorted_ids_.reserve(2 * std::uint64_t(o.count)), split_ids = o.ids + o.count;
   const Places split{split_slots_.reserve(o.count), split_ids, split_keys}, out{o.slots, o.ids, o.keys};
   cuda_check(cudaMemsetAsync(starts, 0, (b.count + 1) * 4, stream), "clear the buckets");
   bucket_count_kernel<<<132 * 2, kWide, b.count * 4, stream>>>(source, grid, b, keys, starts, counters);
@@ -407,36 +440,47 @@ bool Orderer::by_buckets(const Source& source, const Grid& grid, bool tidy, Coun
     auto* divide = bucket_split_kernel<k()>;
     auto* arrange = bucket_order_kernel<k()>;
     const std::uint32_t order_bytes = capacity * sphere_bytes + table_bytes;
-    cuda_check(cudaFuncSetAttribute(divide, cudaFuncAttributeMaxDynamicSharedMemorySize, kSharedBytes - 1024), "take shared memory");
-    cuda_check(cudaFuncSetAttribute(arrange, cudaFuncAttributeMaxDynamicSharedMemorySize, kSharedBytes - 1024), "take shared memory");
-    divide<<<blocks_for(o.count, kWide * kItems), kWide, tile_bytes, stream>>>(source, grid, b, keys, cursors, split);
-    arrange<<<b.count, kWide, order_bytes, stream>>>(b, capacity, starts, split, out, o.table, tidy, counters);
+    cuda_check(cudaFuncSetAttribute(divide, cudaFuncAttributeMaxDynamicSharedMemorySize, kSharedBytes - 1024),
+               "take shared memory");
+    cuda_check(
+        cudaFuncSetAttribute(arrange, cudaFuncAttributeMaxDynamicSharedMemorySize, kSharedBytes - 1024),
+        "take shared memory");
+    divide<<<blocks_for(o.count, kWide * kItems), kWide, tile_bytes, stream>>>(source, grid, b, keys, cursors,
+                                                                               split);
+    arrange<<<b.count, kWide, order_bytes, stream>>>(b, capacity, starts, split, out, o.table, tidy,
+                                                     counters);
   });
   // The last entry that the buckets do not write: the end of all.
-  cuda_check(cudaMemcpyAsync(o.table + o.entries, starts + b.count, 4, cudaMemcpyDeviceToDevice, stream), "end the table of bins");
+  cuda_check(cudaMemcpyAsync(o.table + o.entries, starts + b.count, 4, cudaMemcpyDeviceToDevice, stream),
+             "end the table of bins");
   return true;
 }
 
-void Orderer::by_sort(const Source& source, const Grid& grid, Counters* counters, Ordered& o, cudaStream_t stream) {
+void Orderer::by_sort(const Source& source, const Grid& grid, Counters* counters, Ordered& o,
+                      cudaStream_t stream) {
   std::uint32_t *keys = keys_.reserve(o.count), *ids = ids_.reserve(o.count);
   o.ids = sorted_ids_.reserve(o.count);
   std::size_t sort_bytes = 0, scan_bytes = 0;
   const int end_bit = std::max(bits_for(grid.buckets), 1);
   const std::uint64_t entries = o.entries + 1;
-  cuda_check(cub::DeviceRadixSort::SortPairs(nullptr, sort_bytes, keys, o.keys, ids, o.ids, o.count, o.merge, end_bit, stream),
+  cuda_check(cub::DeviceRadixSort::SortPairs(nullptr, sort_bytes, keys, o.keys, ids, o.ids, o.count, o.merge,
+                                             end_bit, stream),
              "plan the sort");
-  cuda_check(cub::DeviceScan::InclusiveScan(nullptr, scan_bytes, o.table, o.table, ::cuda::maximum<>{}, entries, stream),
+  cuda_check(cub::DeviceScan::InclusiveScan(nullptr, scan_bytes, o.table, o.table, ::cuda::maximum<>{},
+                                            entries, stream),
              "plan the scan");
   void* scratch = scratch_.reserve(std::max(sort_bytes, scan_bytes));
   sort_key_kernel<<<blocks_for(o.count), kThreads, 0, stream>>>(source, grid, keys, ids, counters);
-  cuda_check(cub::DeviceRadixSort::SortPairs(scratch, sort_bytes, keys, o.keys, ids, o.ids, o.count, o.merge, end_bit, stream),
+  cuda_check(cub::DeviceRadixSort::SortPairs(scratch, sort_bytes, keys, o.keys, ids, o.ids, o.count, o.merge,
+                                             end_bit, stream),
              "sort the spheres by bin");
   cuda_check(cudaMemsetAsync(o.table, 0, entries * 4, stream), "clear the table of bins");
   with_kind(o.kind, [&](auto k) {
-    sort_place_kernel<k()><<<blocks_for(o.count), kThreads, 0, stream>>>(source, grid, o.keys, o.ids, o.merge,
-                                                                         static_cast<float4*>(o.slots), o.table);
+    sort_place_kernel<k()><<<blocks_for(o.count), kThreads, 0, stream>>>(
+        source, grid, o.keys, o.ids, o.merge, static_cast<float4*>(o.slots), o.table);
   });
-  cuda_check(cub::DeviceScan::InclusiveScan(scratch, scan_bytes, o.table, o.table, ::cuda::maximum<>{}, entries, stream),
+  cuda_check(cub::DeviceScan::InclusiveScan(scratch, scan_bytes, o.table, o.table, ::cuda::maximum<>{},
+                                            entries, stream),
              "find the bins' starts");
 }
 

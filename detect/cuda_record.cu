@@ -20,13 +20,16 @@ __global__ void body_of_kernel(std::uint32_t bodies, const std::uint32_t* first,
 __global__ void sphere_kernel(Source source, std::uint32_t k, Sphere* out) { *out = source.sphere(k); }
 
 __global__ void __launch_bounds__(kThreads) geometry_kernel(Source source, Output out, std::uint64_t count) {
-  for (std::uint64_t k = blockIdx.x * std::uint64_t(kThreads) + threadIdx.x; k < count; k += std::uint64_t(gridDim.x) * kThreads)
+  for (std::uint64_t k = blockIdx.x * std::uint64_t(kThreads) + threadIdx.x; k < count;
+       k += std::uint64_t(gridDim.x) * kThreads)
     put_geometry(out, k, source.sphere(out.pairs[k].i), source.sphere(out.pairs[k].j));
 }
 
-__global__ void __launch_bounds__(kThreads) hash_kernel(const Pair* pairs, std::uint64_t count, unsigned long long* sum) {
+__global__ void __launch_bounds__(kThreads)
+    hash_kernel(const Pair* pairs, std::uint64_t count, unsigned long long* sum) {
   unsigned long long h = 0;
-  for (std::uint64_t k = blockIdx.x * std::uint64_t(kThreads) + threadIdx.x; k < count; k += std::uint64_t(gridDim.x) * kThreads)
+  for (std::uint64_t k = blockIdx.x * std::uint64_t(kThreads) + threadIdx.x; k < count;
+       k += std::uint64_t(gridDim.x) * kThreads)
     h += pair_hash(pairs[k].i, pairs[k].j);
   for (int d = 16; d; d >>= 1) h += __shfl_xor_sync(~0u, h, d);
   if ((threadIdx.x & 31) == 0) atomicAdd(sum, h);
@@ -35,9 +38,15 @@ __global__ void __launch_bounds__(kThreads) hash_kernel(const Pair* pairs, std::
 }  // namespace
 
 InputCopy::InputCopy(MemoryBook& book)
-    : centers_(book, "the spheres"), radii_(book, "the spheres"), family_(book, "families"), mask_(book, "masks"),
-      body_of_(book, "the bodies"), body_first_(book, "the bodies"), shape_first_(book, "the shapes"),
-      bodies_(book, "the bodies"), shapes_(book, "the shapes") {}
+    : centers_(book, "the spheres"),
+      radii_(book, "the spheres"),
+      family_(book, "families"),
+      mask_(book, "masks"),
+      body_of_(book, "the bodies"),
+      body_first_(book, "the bodies"),
+      shape_first_(book, "the shapes"),
+      bodies_(book, "the bodies"),
+      shapes_(book, "the shapes") {}
 
 Source InputCopy::source(const Input& input, cudaStream_t stream) {
   Source s;
@@ -46,8 +55,8 @@ Source InputCopy::source(const Input& input, cudaStream_t stream) {
   if (input.spheres.count) copy_loose(input.spheres, s, stream);
   if (s.placed) copy_bodies(input, s, stream);
   s.filtered = s.family || s.mask || std::any_of(input.bodies.begin(), input.bodies.end(), [](const Body& b) {
-    return b.family || b.mask;
-  });
+                 return b.family || b.mask;
+               });
   return s;
 }
 
@@ -60,7 +69,8 @@ void InputCopy::copy_loose(const Spheres& spheres, Source& s, cudaStream_t strea
   s.centers = spheres.centers, s.radii = spheres.radii, s.family = spheres.family, s.mask = spheres.mask;
   // x, y, z, r in one array, strides 4: often, and best read and copied as one.
   const auto* c = static_cast<const unsigned char*>(spheres.centers);
-  const bool woven = spheres.center_stride == 4 && spheres.radius_stride == 4 && spheres.radii == c + 3 * scalar;
+  const bool woven =
+      spheres.center_stride == 4 && spheres.radius_stride == 4 && spheres.radii == c + 3 * scalar;
   if (spheres.memory == Memory::host) {
     const auto copy = [&](auto& buffer, const void* from, std::uint64_t bytes) {
       auto* to = buffer.reserve(bytes / sizeof(*buffer.data()) + 1);
@@ -93,18 +103,21 @@ void InputCopy::copy_bodies(const Input& input, Source& s, cudaStream_t stream) 
   std::uint32_t *body_of = body_of_.reserve(spheres), *body_first = body_first_.reserve(first.size()),
                 *shapes_first = shape_first_.reserve(shape_first.size());
   const auto copy = [&](void* to, const void* from, std::uint64_t bytes) {
-    if (bytes) cuda_check(cudaMemcpyAsync(to, from, bytes, cudaMemcpyHostToDevice, stream), "copy the bodies");
+    if (bytes)
+      cuda_check(cudaMemcpyAsync(to, from, bytes, cudaMemcpyHostToDevice, stream), "copy the bodies");
   };
   for (std::size_t k = 0; k < input.shapes.size(); k++)
     copy(shapes + shape_first[k], input.shapes[k].spheres, input.shapes[k].count * sizeof(Sphere));
   copy(bodies, input.bodies.data(), input.bodies.size() * sizeof(Body));
-  copy(body_first, first.data(), first.size() * 4), copy(shapes_first, shape_first.data(), shape_first.size() * 4);
+  copy(body_first, first.data(), first.size() * 4),
+      copy(shapes_first, shape_first.data(), shape_first.size() * 4);
   const auto n = static_cast<std::uint32_t>(input.bodies.size());
   body_of_kernel<<<std::min(n, 132u * 64), 64, 0, stream>>>(n, body_first, body_of);
   cuda_launched("number the bodies' spheres");
   // The vectors above must outlive their copies.
   cuda_check(cudaStreamSynchronize(stream), "copy the bodies");
-  s.bodies = bodies, s.body_of = body_of, s.body_first = body_first, s.shape_spheres = shapes, s.shape_first = shapes_first;
+  s.bodies = bodies, s.body_of = body_of, s.body_first = body_first, s.shape_spheres = shapes,
+  s.shape_first = shapes_first;
 }
 
 Sphere sphere_at(const Source& source, std::uint32_t k, cudaStream_t stream) {
@@ -125,13 +138,15 @@ void write_geometry(const Source& source, const Output& output, std::uint64_t co
   cuda_launched("write the contacts");
 }
 
-std::uint64_t hash_of_pairs(const Pair* pairs, std::uint64_t count, Buffer<unsigned long long>& sum, cudaStream_t stream) {
+std::uint64_t hash_of_pairs(const Pair* pairs, std::uint64_t count, Buffer<unsigned long long>& sum,
+                            cudaStream_t stream) {
   if (count == 0) return 0;
   unsigned long long *device = sum.reserve(1), value = 0;
   cuda_check(cudaMemsetAsync(device, 0, sizeof value, stream), "hash the contacts");
   hash_kernel<<<blocks_for(count), kThreads, 0, stream>>>(pairs, count, device);
   cuda_launched("hash the contacts");
-  cuda_check(cudaMemcpyAsync(&value, device, sizeof value, cudaMemcpyDeviceToHost, stream), "hash the contacts");
+  cuda_check(cudaMemcpyAsync(&value, device, sizeof value, cudaMemcpyDeviceToHost, stream),
+             "hash the contacts");
   cuda_check(cudaStreamSynchronize(stream), "hash the contacts");
   return value;
 }

@@ -4,8 +4,8 @@
 
 namespace padder::detect::cuda {
 
-// The caller's input on the device: copied there if it lies in host memory; bodies go as poses, their spheres are
-// placed where they are read.
+// The caller's input on the device: copied there if it lies in host memory; bodies go as poses, their spheres
+// are placed where they are read.
 class InputCopy {
  public:
   explicit InputCopy(MemoryBook& book);
@@ -26,6 +26,7 @@ Sphere sphere_at(const Source& source, std::uint32_t k, cudaStream_t stream);  /
 // Normals, depths and points of pairs that are written already, in double, rounded once.
 void write_geometry(const Source& source, const Output& output, std::uint64_t count, cudaStream_t stream);
 
-std::uint64_t hash_of_pairs(const Pair* pairs, std::uint64_t count, Buffer<unsigned long long>& sum, cudaStream_t stream);
+std::uint64_t hash_of_pairs(const Pair* pairs, std::uint64_t count, Buffer<unsigned long long>& sum,
+                            cudaStream_t stream);
 
 }  // namespace padder::detect::cuda

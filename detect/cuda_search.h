@@ -1,5 +1,5 @@
-// Fast path on the GPU: spheres in the order of their bins (cuda_order.cu), and the search over bins and the forward
-// half of their neighbours (cuda_search.cu). Internal; only .cu files include this.
+// Fast path on the GPU: spheres in the order of their bins (cuda_order.cu), and the search over bins and the
+// forward half of their neighbours (cuda_search.cu). Internal; only .cu files include this.
 #pragma once
 #include "detect/cuda_source.h"
 #include "detect/detector.h"
@@ -7,20 +7,21 @@
 
 namespace padder::detect::cuda {
 
-// What the search reads of a sphere. Equal: float input of one radius; the slot's fourth word is the sphere's number.
+// What the search reads of a sphere. Equal: float input of one radius; the slot's fourth word is the sphere's
+// number.
 enum class SlotKind : std::uint8_t { equal, unequal, fixed };
 
-// Spheres in the order of their bins, in device memory. table[k] is the first place with a key of at least k << merge;
-// slots may be read up to kSlack places past the end.
+// Spheres in the order of their bins, in device memory. table[k] is the first place with a key of at least k
+// << merge; slots may be read up to kSlack places past the end.
 inline constexpr std::uint32_t kSlack = 64;
 struct Ordered {
-  void* slots = nullptr;               // FloatSlot or FixedSlot
-  std::uint32_t* ids = nullptr;        // null for SlotKind::equal
-  std::uint32_t* keys = nullptr;       // as grid.h numbers them
-  std::uint32_t* table = nullptr;      // (buckets >> merge) + 2 entries
+  void* slots = nullptr;           // FloatSlot or FixedSlot
+  std::uint32_t* ids = nullptr;    // null for SlotKind::equal
+  std::uint32_t* keys = nullptr;   // as grid.h numbers them
+  std::uint32_t* table = nullptr;  // (buckets >> merge) + 2 entries
   std::uint32_t count = 0;
   SlotKind kind = SlotKind::equal;
-  int merge = 0;                       // 2^merge bins along x share an entry of the table
+  int merge = 0;                                // 2^merge bins along x share an entry of the table
   std::uint64_t entries = 0, grid_entries = 0;  // of the table, and without the merging
 };
 
@@ -28,7 +29,8 @@ struct Counters {
   unsigned long long contacts, doubtful;
   std::uint32_t flags;  // set by Orderer, cleared by its caller
 };
-// Counters::flags: a bin or bucket too full for the method; a sphere outside the bins, which were chosen for others.
+// Counters::flags: a bin or bucket too full for the method; a sphere outside the bins, which were chosen for
+// others.
 enum : std::uint32_t { kCrowded = 1, kOutside = 2 };
 
 // Where the contacts go, in device memory. Beyond `capacity` they are counted but not written.
@@ -43,7 +45,8 @@ struct Output {
 };
 
 // The record in double, rounded once. The pair itself is written by the caller.
-__device__ __forceinline__ void put_geometry(const Output& out, std::uint64_t at, const Sphere& i, const Sphere& j) {
+__device__ __forceinline__ void put_geometry(const Output& out, std::uint64_t at, const Sphere& i,
+                                             const Sphere& j) {
   if (out.width == Width::pairs) return;
   const Geometry g = geometry(i, j);
   if (out.scalar == Scalar::f64) {
@@ -62,16 +65,18 @@ enum class OrderMethod : std::uint8_t { automatic, cells, buckets, sort };
 class Orderer {
  public:
   explicit Orderer(MemoryBook& book);
-  // `tidy`: within a bin by sphere number, so that the order is the same in every run. Sets kCrowded in the counters
-  // where a bin or bucket is too full for the method; then only OrderMethod::sort gives an order.
-  Ordered order(const Source& source, const Grid& grid, SlotKind kind, bool tidy, OrderMethod method, Counters* counters,
-                cudaStream_t stream);
+  // `tidy`: within a bin by sphere number, so that the order is the same in every run. Sets kCrowded in the
+  // counters where a bin or bucket is too full for the method; then only OrderMethod::sort gives an order.
+  Ordered order(const Source& source, const Grid& grid, SlotKind kind, bool tidy, OrderMethod method,
+                Counters* counters, cudaStream_t stream);
   double bucket_spheres = 6500;  // average aimed at
-  static constexpr std::uint32_t kFewSpheres = 1u << 20;
+  static constexpr std::uint32_t kFewSpheres = 1u << 18;
 
  private:
-  void by_cells(const Source& source, const Grid& grid, bool tidy, Counters* counters, Ordered& o, cudaStream_t stream);
-  bool by_buckets(const Source& source, const Grid& grid, bool tidy, Counters* counters, Ordered& o, cudaStream_t stream);
+  void by_cells(const Source& source, const Grid& grid, bool tidy, Counters* counters, Ordered& o,
+                cudaStream_t stream);
+  bool by_buckets(const Source& source, const Grid& grid, bool tidy, Counters* counters, Ordered& o,
+                  cudaStream_t stream);
   void by_sort(const Source& source, const Grid& grid, Counters* counters, Ordered& o, cudaStream_t stream);
 
   Buffer<std::uint32_t> keys_, sorted_keys_, ids_, sorted_ids_, table_, starts_;
@@ -79,9 +84,9 @@ class Orderer {
   Buffer<unsigned char> scratch_;
 };
 
-// Work space of the search for a list of fixed order: an entry a tile of spheres.
+// Work space of the search for a list of fixed order: an entry for each tile of spheres.
 struct TileSums {
-  std::uint32_t* counts = nullptr;      // of contacts, + 1; 0: not known yet
+  std::uint32_t* counts = nullptr;       // of contacts, + 1; 0: not known yet
   unsigned long long* places = nullptr;  // in the list, + 1
 };
 std::uint64_t search_tiles(std::uint32_t spheres);
@@ -92,7 +97,8 @@ struct SearchOptions {
   double radius = 0;  // of all spheres, for SlotKind::equal
   friend bool operator==(const SearchOptions&, const SearchOptions&) = default;
 };
-// Counters but for the flags are set to zero first; afterwards they hold the number of contacts, whatever the capacity.
+// Counters but for the flags are set to zero first; afterwards they hold the number of contacts, whatever the
+// capacity.
 void search(const Source& source, const Grid& grid, const Ordered& spheres, const SearchOptions& options,
             const Output& output, Counters* counters, TileSums sums, cudaStream_t stream);
 

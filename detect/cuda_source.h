@@ -1,4 +1,5 @@
-// Where the device reads spheres from: the caller's arrays, and bodies placed on the fly. Only .cu files include this.
+// Where the device reads spheres from: the caller's arrays, and bodies placed on the fly. Only .cu files
+// include this.
 #pragma once
 #include "detect/cuda_memory.h"
 #include "detect/place.h"
@@ -70,9 +71,9 @@ class Surveyor {
   explicit Surveyor(MemoryBook& book);
   Summary survey(const Source& source, cudaStream_t stream);  // waits for the device
 
-  // In two steps, without waiting between them: `top` is the exponent of the largest need as it is expected to be, and
-  // `octaves` whether sizes are to be told apart. The result is read once the stream has been waited for; false when
-  // the expectation was wrong, then ask survey().
+  // In two steps, without waiting between them: `top` is the exponent of the largest need as it is expected
+  // to be, and `octaves` whether sizes are to be told apart. The result is read once the stream has been
+  // waited for; false when the expectation was wrong, then ask survey().
   void begin(const Source& source, bool octaves, int top, cudaStream_t stream);
   bool finish(const Source& source, bool octaves, int top, Summary& summary) const;
 

@@ -1,10 +1,10 @@
 #include "detect/cuda_stages.h"
 
+#include <thrust/iterator/counting_iterator.h>
 #include <algorithm>
 #include <cub/device/device_radix_sort.cuh>
 #include <cub/device/device_scan.cuh>
 #include <cub/device/device_select.cuh>
-#include <thrust/iterator/counting_iterator.h>
 
 namespace padder::detect::cuda {
 namespace {
@@ -14,7 +14,8 @@ constexpr int kThreads = 128;
 // A grid-stride loop: counts here may pass 2^32.
 template <class F>
 __global__ void __launch_bounds__(kThreads) each_kernel(std::uint64_t n, F f) {
-  for (std::uint64_t k = blockIdx.x * std::uint64_t(kThreads) + threadIdx.x; k < n; k += std::uint64_t(gridDim.x) * kThreads)
+  for (std::uint64_t k = blockIdx.x * std::uint64_t(kThreads) + threadIdx.x; k < n;
+       k += std::uint64_t(gridDim.x) * kThreads)
     f(k);
 }
 template <class F>
@@ -39,15 +40,17 @@ struct HeadOfBin {  // is entry k the first of its bin?
 
 // Every pair of one active bin: by one thread, as in the paper.
 template <class F>
-__device__ void pairs_of_bin(const Source& source, const StageGrid& grid, const Region& own, std::uint64_t start,
-                             std::uint64_t end, std::uint64_t bin, const std::uint32_t* object, F f) {
+__device__ void pairs_of_bin(const Source& source, const StageGrid& grid, const Region& own,
+                             std::uint64_t start, std::uint64_t end, std::uint64_t bin,
+                             const std::uint32_t* object, F f) {
   for (std::uint64_t a = start; a < end; a++) {
     const std::uint32_t i = object[a];
     const Sphere si = source.sphere(i);
     const Filter fi = source.filter(i);
     for (std::uint64_t b = a + 1; b < end; b++) {
       const std::uint32_t j = object[b];
-      if (j != i && reports(grid, bin, si, source.sphere(j), fi, source.filter(j), own)) f(min(i, j), max(i, j));
+      if (j != i && reports(grid, bin, si, source.sphere(j), fi, source.filter(j), own))
+        f(min(i, j), max(i, j));
     }
   }
 }
@@ -55,10 +58,22 @@ __device__ void pairs_of_bin(const Source& source, const StageGrid& grid, const 
 }  // namespace
 
 Stages::Stages(MemoryBook& book)
-    : T_(book, "array T"), S_(book, "array S"), B_bin_(book, "array B"), B_bin_sorted_(book, "array B"),
-      C_start_(book, "array C"), C_start_sorted_(book, "array C"), C_end_(book, "array C"), C_bin_(book, "array C"),
-      D_(book, "array D"), E_(book, "array E"), B_object_(book, "array B"), B_object_sorted_(book, "array B"),
-      C_order_(book, "array C"), C_order_sorted_(book, "array C"), heads_(book, "array C"), scratch_(book, "sorting") {}
+    : T_(book, "array T"),
+      S_(book, "array S"),
+      B_bin_(book, "array B"),
+      B_bin_sorted_(book, "array B"),
+      C_start_(book, "array C"),
+      C_start_sorted_(book, "array C"),
+      C_end_(book, "array C"),
+      C_bin_(book, "array C"),
+      D_(book, "array D"),
+      E_(book, "array E"),
+      B_object_(book, "array B"),
+      B_object_sorted_(book, "array B"),
+      C_order_(book, "array C"),
+      C_order_sorted_(book, "array C"),
+      heads_(book, "array C"),
+      scratch_(book, "sorting") {}
 
 std::uint64_t Stages::count_bins(const Source& source, const StageGrid& grid, cudaStream_t stream) {
   source_ = source, grid_ = grid;
@@ -73,7 +88,8 @@ std::uint64_t Stages::scan_bins(cudaStream_t stream) {
   std::uint64_t *T = T_.data(), *S = S_.reserve(source_.count);
   std::size_t bytes = 0;
   cuda_check(cub::DeviceScan::InclusiveSum(nullptr, bytes, T, S, source_.count, stream), "scan array T");
-  cuda_check(cub::DeviceScan::InclusiveSum(scratch_.reserve(bytes), bytes, T, S, source_.count, stream), "scan array T");
+  cuda_check(cub::DeviceScan::InclusiveSum(scratch_.reserve(bytes), bytes, T, S, source_.count, stream),
+             "scan array T");
   return entries_ = source_.count ? value_at(S + source_.count - 1, stream) : 0;
 }
 
@@ -95,14 +111,16 @@ void Stages::fill_bins(cudaStream_t stream) {
 void Stages::sort_by_bin(cudaStream_t stream) {
   std::uint64_t *bin = B_bin_.data(), *bin_sorted = B_bin_sorted_.reserve(entries_);
   std::uint32_t *object = B_object_.data(), *object_sorted = B_object_sorted_.reserve(entries_);
-  const double numbers = static_cast<double>(grid_.side[0]) * static_cast<double>(grid_.side[1]) * static_cast<double>(grid_.side[2]);
+  const double numbers = static_cast<double>(grid_.side[0]) * static_cast<double>(grid_.side[1]) *
+                         static_cast<double>(grid_.side[2]);
   int bits = 1;
   while (bits < 64 && std::ldexp(1.0, bits) < numbers) bits++;
   std::size_t bytes = 0;
-  cuda_check(cub::DeviceRadixSort::SortPairs(nullptr, bytes, bin, bin_sorted, object, object_sorted, entries_, 0, bits, stream),
-             "sort array B");
-  cuda_check(cub::DeviceRadixSort::SortPairs(scratch_.reserve(bytes), bytes, bin, bin_sorted, object, object_sorted, entries_,
+  cuda_check(cub::DeviceRadixSort::SortPairs(nullptr, bytes, bin, bin_sorted, object, object_sorted, entries_,
                                              0, bits, stream),
+             "sort array B");
+  cuda_check(cub::DeviceRadixSort::SortPairs(scratch_.reserve(bytes), bytes, bin, bin_sorted, object,
+                                             object_sorted, entries_, 0, bits, stream),
              "sort array B");
 }
 
@@ -115,10 +133,14 @@ void Stages::find_starts(cudaStream_t stream) {
   std::size_t bytes = 0;
   const HeadOfBin head{bin};
   std::uint64_t* const count = C_start_sorted_.reserve(1);
-  cuda_check(cub::DeviceSelect::If(nullptr, bytes, entry, heads, count, entries_, head, stream), "find array C");
-  cuda_check(cub::DeviceSelect::If(scratch_.reserve(bytes), bytes, entry, heads, count, entries_, head, stream), "find array C");
+  cuda_check(cub::DeviceSelect::If(nullptr, bytes, entry, heads, count, entries_, head, stream),
+             "find array C");
+  cuda_check(
+      cub::DeviceSelect::If(scratch_.reserve(bytes), bytes, entry, heads, count, entries_, head, stream),
+      "find array C");
   bins_ = value_at(count, stream);
-  std::uint64_t *start = C_start_.reserve(bins_), *end = C_end_.reserve(bins_), *number = C_bin_.reserve(bins_);
+  std::uint64_t *start = C_start_.reserve(bins_), *end = C_end_.reserve(bins_),
+                *number = C_bin_.reserve(bins_);
   const std::uint64_t bins = bins_, entries = entries_;
   each(bins, stream, "find array C", [=] __device__(std::uint64_t c) {
     const std::uint64_t from = heads[c], to = c + 1 < bins ? heads[c + 1] : entries;
@@ -129,13 +151,18 @@ void Stages::find_starts(cudaStream_t stream) {
 void Stages::push_inactive(cudaStream_t stream) {
   active_ = 0;
   if (bins_ == 0) return;
-  if (bins_ > 0xffffffffull) throw Error("more than 2^32 bins are touched: choose larger bins or the fast path");
+  if (bins_ > 0xffffffffull)
+    throw Error("more than 2^32 bins are touched: choose larger bins or the fast path");
   std::uint64_t *start = C_start_.data(), *sorted = C_start_sorted_.reserve(bins_);
   std::uint32_t *order = C_order_.reserve(bins_), *order_sorted = C_order_sorted_.reserve(bins_);
-  each(bins_, stream, "sort array C", [order] __device__(std::uint64_t c) { order[c] = static_cast<std::uint32_t>(c); });
+  each(bins_, stream, "sort array C",
+       [order] __device__(std::uint64_t c) { order[c] = static_cast<std::uint32_t>(c); });
   std::size_t bytes = 0;
-  cuda_check(cub::DeviceRadixSort::SortPairs(nullptr, bytes, start, sorted, order, order_sorted, bins_, 0, 64, stream), "sort array C");
-  cuda_check(cub::DeviceRadixSort::SortPairs(scratch_.reserve(bytes), bytes, start, sorted, order, order_sorted, bins_, 0, 64, stream),
+  cuda_check(cub::DeviceRadixSort::SortPairs(nullptr, bytes, start, sorted, order, order_sorted, bins_, 0, 64,
+                                             stream),
+             "sort array C");
+  cuda_check(cub::DeviceRadixSort::SortPairs(scratch_.reserve(bytes), bytes, start, sorted, order,
+                                             order_sorted, bins_, 0, 64, stream),
              "sort array C");
   // The index of the last valid entry.
   std::uint64_t* last = heads_.data();
@@ -149,13 +176,15 @@ void Stages::push_inactive(cudaStream_t stream) {
 
 void Stages::count_contacts(const Region& own, cudaStream_t stream) {
   own_ = own;
-  std::uint64_t *D = D_.reserve(active_), *start = C_start_sorted_.data(), *end = C_end_.data(), *number = C_bin_.data();
+  std::uint64_t *D = D_.reserve(active_), *start = C_start_sorted_.data(), *end = C_end_.data(),
+                *number = C_bin_.data();
   const std::uint32_t *order = C_order_sorted_.data(), *object = B_object_sorted_.data();
   const Source source = source_;
   const StageGrid grid = grid_;
   each(active_, stream, "count the contacts", [=] __device__(std::uint64_t c) {
     std::uint64_t n = 0;
-    pairs_of_bin(source, grid, own, start[c], end[order[c]], number[order[c]], object, [&n](std::uint32_t, std::uint32_t) { n++; });
+    pairs_of_bin(source, grid, own, start[c], end[order[c]], number[order[c]], object,
+                 [&n](std::uint32_t, std::uint32_t) { n++; });
     D[c] = n;
   });
 }
@@ -166,12 +195,14 @@ std::uint64_t Stages::scan_contacts(cudaStream_t stream) {
   std::uint64_t *D = D_.data(), *E = E_.reserve(active_);
   std::size_t bytes = 0;
   cuda_check(cub::DeviceScan::InclusiveSum(nullptr, bytes, D, E, active_, stream), "scan array D");
-  cuda_check(cub::DeviceScan::InclusiveSum(scratch_.reserve(bytes), bytes, D, E, active_, stream), "scan array D");
+  cuda_check(cub::DeviceScan::InclusiveSum(scratch_.reserve(bytes), bytes, D, E, active_, stream),
+             "scan array D");
   return contacts_ = value_at(E + active_ - 1, stream);
 }
 
 void Stages::write_contacts(Pair* F, cudaStream_t stream) {
-  std::uint64_t *D = D_.data(), *E = E_.data(), *start = C_start_sorted_.data(), *end = C_end_.data(), *number = C_bin_.data();
+  std::uint64_t *D = D_.data(), *E = E_.data(), *start = C_start_sorted_.data(), *end = C_end_.data(),
+                *number = C_bin_.data();
   const std::uint32_t *order = C_order_sorted_.data(), *object = B_object_sorted_.data();
   const Source source = source_;
   const StageGrid grid = grid_;
@@ -179,7 +210,9 @@ void Stages::write_contacts(Pair* F, cudaStream_t stream) {
   each(active_, stream, "write the contacts", [=] __device__(std::uint64_t c) {
     std::uint64_t at = E[c] - D[c];
     pairs_of_bin(source, grid, own, start[c], end[order[c]], number[order[c]], object,
-                 [&](std::uint32_t i, std::uint32_t j) { F[at++] = {i, j}; });
+                 [&](std::uint32_t i, std::uint32_t j) {
+                   F[at++] = {i, j};
+                 });
   });
 }
 
@@ -188,7 +221,9 @@ namespace {
 template <class T>
 std::vector<T> copied(const T* p, std::uint64_t n, cudaStream_t stream) {
   std::vector<T> v(n);
-  if (n) cuda_check(cudaMemcpyAsync(v.data(), p, n * sizeof(T), cudaMemcpyDeviceToHost, stream), "copy the arrays");
+  if (n)
+    cuda_check(cudaMemcpyAsync(v.data(), p, n * sizeof(T), cudaMemcpyDeviceToHost, stream),
+               "copy the arrays");
   cuda_check(cudaStreamSynchronize(stream), "copy the arrays");
   return v;
 }
@@ -209,7 +244,8 @@ Arrays Stages::arrays(const Pair* F, cudaStream_t stream) const {
   };
   a.B = entries(B_bin_.data(), B_object_.data());
   a.B_sorted = entries(B_bin_sorted_.data(), B_object_sorted_.data());
-  const auto start = copied(C_start_.data(), bins_, stream), sorted = copied(C_start_sorted_.data(), bins_, stream),
+  const auto start = copied(C_start_.data(), bins_, stream),
+             sorted = copied(C_start_sorted_.data(), bins_, stream),
              end = copied(C_end_.data(), bins_, stream), number = copied(C_bin_.data(), bins_, stream);
   const auto order = copied(C_order_sorted_.data(), bins_, stream);
   for (std::size_t c = 0; c < bins_; c++) {

@@ -8,7 +8,16 @@ namespace {
 
 using Word = unsigned long long;
 // Minima: low x, y, z, radius, first fault. Maxima: high x, y, z, radius, need, extent.
-enum { kLow = 0, kRadiusMin = 3, kFault = 4, kHigh = 5, kRadiusMax = 8, kNeedMax = 9, kExtent = 10, kValues = 11 };
+enum {
+  kLow = 0,
+  kRadiusMin = 3,
+  kFault = 4,
+  kHigh = 5,
+  kRadiusMax = 8,
+  kNeedMax = 9,
+  kExtent = 10,
+  kValues = 11
+};
 constexpr int kThreads = 256, kBlocks = 132 * 4, kOctaveWords = 9;
 
 __device__ Word warp_min(Word v) {
@@ -25,7 +34,8 @@ __global__ void begin_kernel(Word* v, int minima, int count, int period) {
   if (k < count) v[k] = k % period < minima ? ~0ull : 0;
 }
 
-// The sum of the radii is made in a fixed order (blocks, then the host), so that the mean is the same in every run.
+// The sum of the radii is made in a fixed order (blocks, then the host), so that the mean is the same in
+// every run.
 __global__ void __launch_bounds__(kThreads) survey_kernel(Source source, Word* out, double* sums) {
   double low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY};
   double r_min = INFINITY, r_max = 0, need = 0, extent = 0, sum = 0;
@@ -68,7 +78,8 @@ __global__ void __launch_bounds__(kThreads) octave_kernel(Source source, int top
   __shared__ Word v[kOctaves * kOctaveWords];
   __shared__ std::uint32_t counts[kOctaves];
   for (int k = threadIdx.x; k < kOctaves; k += kThreads) counts[k] = 0;
-  for (int k = threadIdx.x; k < kOctaves * kOctaveWords; k += kThreads) v[k] = k % kOctaveWords < 3 ? ~0ull : 0;
+  for (int k = threadIdx.x; k < kOctaves * kOctaveWords; k += kThreads)
+    v[k] = k % kOctaveWords < 3 ? ~0ull : 0;
   __syncthreads();
   for (std::uint64_t k = blockIdx.x * kThreads + threadIdx.x; k < source.count; k += kBlocks * kThreads) {
     const Sphere s = source.sphere(static_cast<std::uint32_t>(k));
@@ -119,8 +130,9 @@ void Surveyor::begin(const Source& source, bool octaves, int top, cudaStream_t s
     octave_kernel<<<kBlocks, kThreads, 0, stream>>>(source, top, v + kValues);
   }
   cuda_launched("survey the spheres");
-  cuda_check(cudaMemcpyAsync(host, v, (octaves ? kAll : kValues) * sizeof(Word), cudaMemcpyDeviceToHost, stream),
-             "read the survey");
+  cuda_check(
+      cudaMemcpyAsync(host, v, (octaves ? kAll : kValues) * sizeof(Word), cudaMemcpyDeviceToHost, stream),
+      "read the survey");
   cuda_check(cudaMemcpyAsync(host_sums, sums, kBlocks * sizeof(double), cudaMemcpyDeviceToHost, stream),
              "read the survey");
 }

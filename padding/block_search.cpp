@@ -61,7 +61,7 @@ std::vector<std::uint32_t> improve_in_blocks(const Sets& sets, std::size_t rows,
       for (auto r : sets[s])
         if (owner[r] == nowhere) owner[r] = b;
 
-#pragma omp parallel for schedule(dynamic, 1)
+#pragma omp parallel for schedule(dynamic, 1) if (blocks.size() > 1)
   for (std::uint32_t b = 0; b < blocks.size(); b++) {
     std::vector<std::uint32_t> own;  // rows
     for (auto s : blocks[b])

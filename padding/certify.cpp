@@ -96,6 +96,8 @@ GapBound gap_bound(const Mesh& mesh, const BallSet& balls, double floor, double 
     tighten(cell, balls, hint);
     return cell.bound > enough;
   };
+  // Up to the floor no share is added: a gap just below a tolerance is proved to keep it.
+  const auto settled = [&](double lower) { return lower <= floor ? floor : lower * (1 + relative); };
   const auto improve = [&](const Cell& cell) {
     if (cell.value > best.lower)
       best.lower = cell.value, best.point = cell.point, best.triangle = cell.triangle;
@@ -103,7 +105,7 @@ GapBound gap_bound(const Mesh& mesh, const BallSet& balls, double floor, double 
 
   std::vector<Cell> level, next;
   for (bool first = true; first || !level.empty(); first = false) {
-    const double enough = std::max(floor, best.lower * (1 + relative));
+    const double enough = settled(best.lower);
     const std::size_t count = first ? n : level.size();
     constexpr std::size_t block = 256;
     const std::size_t blocks = (count + block - 1) / block;
@@ -137,7 +139,7 @@ GapBound gap_bound(const Mesh& mesh, const BallSet& balls, double floor, double 
     }
     next.clear();
     for (const Result& result : results) improve(result.top), pruned = std::max(pruned, result.pruned);
-    const double now = std::max(floor, best.lower * (1 + relative));
+    const double now = settled(best.lower);
     for (const Result& result : results)
       for (const Cell& cell : result.open) {
         if (cell.bound > now && cell.size() > smallest)

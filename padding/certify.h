@@ -42,15 +42,15 @@ struct GapBound {
 };
 
 // Branch and bound: a ball's gap is a convex function, so its largest value over a cell is at a corner; the
-// best ball at the centroid gives each cell a bound, and cells are bisected until upper <= max(floor, lower *
-// (1 + relative)). `floor`: gaps up to here need not be told apart (a tolerance; 0 for the true maximum).
-// upper >= lower always. An empty union has an infinite gap. Runs on all threads; the result does not depend
-// on their number.
+// best ball at the centroid gives each cell a bound, and cells are bisected until upper <= floor or, where
+// lower is above the floor, upper <= lower * (1 + relative). `floor`: gaps up to here need not be told apart
+// (a tolerance; 0 for the true maximum). upper >= lower always. An empty union has an infinite gap. Runs on
+// all threads; the result does not depend on their number.
 GapBound gap_bound(const Mesh& mesh, const BallSet& balls, double floor = 0, double relative = 1e-3);
 
 // The cells that could not be proved to lie within `bound`: an empty answer is the proof that all do. A cell
-// is bisected as long as it is larger than `grain` or its own gap at the centroid is within the bound, down
-// to a size below which only rounding is left. In the order of the triangles, whatever the number of threads.
+// is bisected as long as it is larger than `grain` or no point of it is known that fails, down to a size
+// below which only rounding is left. In the order of the triangles, whatever the number of threads.
 std::vector<Cell> gap_failures(const Mesh& mesh, const BallSet& balls, double bound, double grain);
 
 }  // namespace padder

@@ -20,6 +20,8 @@ constexpr double margin = 0.5;  // share of a row's own radius that must be cove
 constexpr double medial_tolerance = 0.05;  // share of the reach
 constexpr double wander = 0.25;  // how far new places lie from a chosen ball's, share of the disc it covers
 
+constexpr int most_rounds = 100;
+
 // What an effort buys.
 struct Search {
   double fine_density;
@@ -65,11 +67,12 @@ class Coverer {
       if (move == 0) pool_.replace_rows(scaled(samples.fine));
       solve(1);
     }
+    // The cap is for radius limits, at the rim of what they leave open; otherwise some ten rounds are enough.
     double share = 0.4;
-    for (;; share *= 0.7) {
+    for (int round = 0;; round++, share *= 0.7) {
       const std::vector<Cell> failures = gap_failures(mesh_, BallSet(balls()), gap_, 0.25 * reach_);
       if (failures.empty()) return finish(true);
-      if (!refine(failures)) return finish(false);
+      if (round == most_rounds || !refine(failures)) return finish(false);
       solve(share);
     }
   }
@@ -141,7 +144,7 @@ class Coverer {
   std::vector<Candidate> moved(int move) const {
     const std::size_t n = chosen_.size() * search_.places;
     std::vector<Sample> places(n);
-#pragma omp parallel for schedule(dynamic, 16)
+#pragma omp parallel for schedule(dynamic, 16) if (n > 64)
     for (std::size_t k = 0; k < n; k++) {
       const Candidate& c = pool_.candidates()[chosen_[k / search_.places]];
       Random random((static_cast<std::uint64_t>(move + 1) << 40) + k);
@@ -176,7 +179,7 @@ class Coverer {
       for (auto other : near) gone[other] = 1;
     }
     std::vector<Ball> medials(taken.size());
-#pragma omp parallel for schedule(dynamic, 16)
+#pragma omp parallel for schedule(dynamic, 16) if (taken.size() > 32)
     for (std::size_t k = 0; k < taken.size(); k++)
       medials[k] = medial(points[taken[k]], failures[taken[k]].triangle);
     std::vector<Row> rows;
@@ -184,7 +187,9 @@ class Coverer {
     for (std::size_t k = 0; k < taken.size(); k++) {
       const std::size_t before = candidates.size();
       propose(points[taken[k]], failures[taken[k]].triangle, medials[k], candidates);
-      if (candidates.size() > before) rows.push_back({points[taken[k]], 0});
+      // A spot that only rounding kept from being proved needs a ball that covers it with room to spare.
+      const double spare = failures[taken[k]].value > gap_ ? 0 : 0.01 * reach_;
+      if (candidates.size() > before) rows.push_back({points[taken[k]], spare});
     }
     pool_.add(rows, candidates);
     return !rows.empty();
@@ -246,10 +251,13 @@ std::vector<std::uint32_t> thin_balls(const Surface& surface, const std::vector<
                                  {.steps = search.steps * std::pow(0.7, round - 1), .seed = round});
     std::vector<Ball> kept;
     for (auto k : chosen) kept.push_back(balls[k]);
-    // Where the chosen leave a gap that others would close, those points become rows.
+    // Where the chosen leave a gap that others would close, those points become rows. At the rim of what none
+    // covers, cells fail in the notch between two balls although no point of them is known to: those are
+    // passed over.
     std::vector<Row> rows;
     for (const Cell& cell : gap_failures(surface.mesh(), BallSet(kept), bound, 0.25 * gap))
-      if (all.gap(cell.point).value <= bound * (1 - rounding)) rows.push_back({cell.point, 0});
+      if (cell.value > bound && all.gap(cell.point).value <= bound * (1 - rounding))
+        rows.push_back({cell.point, 0});
     if (rows.empty()) return chosen;
     pool.add(rows, {});
   }

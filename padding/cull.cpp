@@ -91,7 +91,7 @@ class Culling {
         low = reach_;
         if (reach_ >= 2 * largest_error * diagonal_) break;
       }
-      if (high < 1.005 * low) break;
+      if (high < 1.02 * low) break;
       if (last_count > 0 && last_count != n)
         power = std::clamp(std::log(n / last_count) / std::log(last_reach / reach_), 0.7, 2.5);
       last_reach = reach_, last_count = n;

@@ -21,6 +21,11 @@ const std::vector<Entry>& entries() {
   static const std::vector<Entry> all{
       {"table2", "errors against Bullet in double, beside the paper's Table 2", table2},
       {"speedup", "speedup over a warm Bullet step, the paper's Fig. 25", speedup},
+      {"scaling", "time against contacts for every scene, the paper's Fig. 26", scaling},
+      {"stages", "milliseconds of each stage, the nine stages and the fast path", stages},
+#ifdef PADDER_BENCH_PADDING
+      {"frontier", "spheres against error of meshes, the paper's fit beside ours", frontier},
+#endif
   };
   return all;
 }
@@ -68,12 +73,14 @@ int main(int argc, char** argv) {
       "Examples:\n"
       "  bench --list                                  the benches\n"
       "  bench table2 --spheres 1000000 -o figures/    one size, its files into a folder\n"
-      "  bench speedup --backend omp --threads 2       on the CPU only",
+      "  bench speedup --backend omp --threads 2       on the CPU only\n"
+      "  bench frontier part.obj -o figures/           a table, JSON and a plot",
       "bench");
   std::string name;
   Settings s;
   bool list = false;
   app.add_option("NAME", name, "which bench");
+  app.add_option("MESH", s.meshes, "mesh files (frontier)");
   app.add_flag("--list", list, "name the benches");
   app.add_option("--spheres", s.spheres, "sizes, instead of the bench's own")
       ->delimiter(',')

@@ -19,6 +19,7 @@ using Json = nlohmann::ordered_json;
 
 struct Settings {
   std::vector<std::uint64_t> spheres;  // sizes asked for; empty: the bench's own
+  std::vector<std::string> meshes;     // files, for those benches that pad
   std::string backend = "auto";        // auto: each that is there
   int threads = 0;                     // 0: all
   int repeat = 5;                      // measured calls after a warm-up; the median counts
@@ -29,8 +30,11 @@ struct Settings {
 // Gives the bench's result as JSON, "table" in it as printed (rows of text cells, the first the header).
 using Run = std::function<Json(const Settings&)>;
 
-Json table2(const Settings&);   // bench_table2.cpp
-Json speedup(const Settings&);  // bench_speedup.cpp
+Json table2(const Settings&);    // bench_table2.cpp
+Json speedup(const Settings&);   // bench_speedup.cpp
+Json scaling(const Settings&);   // bench_scaling.cpp
+Json stages(const Settings&);    // bench_stages.cpp
+Json frontier(const Settings&);  // bench_frontier.cpp; only where padder::padding is built
 
 // --- What benches share (bench_common.cpp) ---
 

@@ -103,7 +103,7 @@ padder::View view_of(const Arguments& a) {
   if (is_cluster(text)) {
     const padder::Cluster cluster = padder::cluster_from_json(text, path.string());
     const padder::Mesh mesh = padder::mesh_of(cluster, path, a.mesh);
-    if (mesh.triangles.empty() && !a.quiet)
+    if (mesh.triangles.empty() && !cluster.source.file.empty() && !a.quiet)
       std::fprintf(stderr,
                    "preview: the mesh of %s was not found: spheres alone are shown (--mesh MESH names it)\n",
                    a.input.c_str());

@@ -5,7 +5,8 @@ padder_root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 # What the libraries and tools need, and what the tests need beyond that. Debian 12 names.
 packages_build=(g++ cmake ninja-build libeigen3-dev nlohmann-json3-dev libcli11-dev libcgal-dev libassimp-dev
                 libtinyobjloader-dev libssl-dev libpugixml-dev libyaml-cpp-dev zlib1g-dev libembree-dev libpng-dev)
-packages_test=(libgtest-dev libbullet-dev python3 python3-jsonschema chromium chromium-driver)
+packages_bench=(libbullet-dev gnuplot-nox)  # Bullet: the oracle and the peer of two benchmarks
+packages_test=(libgtest-dev python3 python3-jsonschema chromium chromium-driver "${packages_bench[@]}")
 packages_page=(nodejs npm)
 
 say() { printf 'padder: %s\n' "$*" >&2; }
@@ -36,6 +37,7 @@ ensure_packages() {
     fail "the packages could not be installed (see above)"
   fi
   rm -f "$log"
+  installed_something=yes
 }
 
 # The CUDA backend is built where the CUDA compiler is.
@@ -51,7 +53,8 @@ choose_preset() {
 build() {
   local log=$build_dir/tools.log
   mkdir -p "$build_dir"
-  if [ ! -f "$build_dir/build.ninja" ]; then
+  if [ ! -f "$build_dir/build.ninja" ] || [ -n "${installed_something:-}" ]; then  # what is new must be found
+    installed_something=
     say "configuring ($preset)"
     (cd "$padder_root" && cmake --preset "$preset") >"$log" 2>&1 || { tail -n 30 "$log" >&2; fail "configuring failed"; }
   fi

@@ -1,5 +1,5 @@
-// What only scenes of a million spheres reach: the other ways of ordering, graphs, the bins of the call before. The
-// answer is that of the OpenMP backend.
+// What only scenes of a million spheres reach: the other ways of ordering, graphs, the bins of the call
+// before. The answer is that of the OpenMP backend.
 #include <cuda_runtime_api.h>
 
 #include "detect/generate.h"
@@ -32,7 +32,8 @@ TEST_F(CudaTest, LargeScenesAgree) {
       const auto spheres = generate(name, 1'100'000, random_order);
       const Input input = input_of(spheres);
       const std::uint64_t count = cpu.detect(input).count, hash = cpu.hash();
-      for (int again = 0; again < 4; again++) {  // alone, with the bins of the call before, recorded, as a graph
+      for (int again = 0; again < 4;
+           again++) {  // alone, with the bins of the call before, recorded, as a graph
         EXPECT_EQ(gpu.detect(input).count, count) << name << " call " << again;
         EXPECT_EQ(gpu.hash(), hash) << name << " call " << again;
       }
@@ -91,7 +92,9 @@ TEST_F(CudaTest, DeviceMemoryAndAStream) {
   ASSERT_EQ(cudaMalloc(&device, spheres.size() * sizeof(FloatSphere)), cudaSuccess);
   cudaStream_t stream;
   ASSERT_EQ(cudaStreamCreateWithFlags(&stream, cudaStreamNonBlocking), cudaSuccess);
-  ASSERT_EQ(cudaMemcpyAsync(device, spheres.data(), spheres.size() * sizeof(FloatSphere), cudaMemcpyHostToDevice, stream), cudaSuccess);
+  ASSERT_EQ(cudaMemcpyAsync(device, spheres.data(), spheres.size() * sizeof(FloatSphere),
+                            cudaMemcpyHostToDevice, stream),
+            cudaSuccess);
   Input input = input_of(spheres);
   input.spheres.centers = device, input.spheres.radii = static_cast<float*>(device) + 3;
   input.spheres.memory = Memory::device;

@@ -30,16 +30,16 @@ void expect_proved(const Surface& surface, const Culled& culled) {
 }
 
 TEST(Cull, ToleranceIsKept) {
-  const Culled culled = cull(torus(), {.tolerance = 0.02});
+  const Culled culled = cull(torus(), {.tolerance = 0.03});
   expect_proved(torus(), culled);
-  EXPECT_LE(culled.protrusion, 0.02);
-  EXPECT_LE(culled.gap, 0.02);
+  EXPECT_LE(culled.protrusion, 0.03);
+  EXPECT_LE(culled.gap, 0.03);
   EXPECT_TRUE(culled.within);
 }
 
 TEST(Cull, CountIsUsedUpAndMoreSpheresAreBetter) {
   double last = 1;
-  for (std::uint64_t count : {1, 12, 40}) {
+  for (std::uint64_t count : {1, 25}) {
     const Culled culled = cull(torus(), {.max_spheres = count});
     expect_proved(torus(), culled);
     EXPECT_LE(culled.balls.size(), count);
@@ -50,38 +50,38 @@ TEST(Cull, CountIsUsedUpAndMoreSpheresAreBetter) {
 }
 
 TEST(Cull, CountComesBeforeTolerance) {
-  const Culled few = cull(torus(), {.tolerance = 0.002, .max_spheres = 30});
+  const Culled few = cull(torus(), {.tolerance = 0.004, .max_spheres = 20});
   expect_proved(torus(), few);
-  EXPECT_LE(few.balls.size(), 30u);
+  EXPECT_LE(few.balls.size(), 20u);
   EXPECT_FALSE(few.within);
-  EXPECT_GT(few.gap, 0.002);
-  const Culled plenty = cull(torus(), {.tolerance = 0.02, .max_spheres = 100000});
+  EXPECT_GT(few.gap, 0.004);
+  const Culled plenty = cull(torus(), {.tolerance = 0.03, .max_spheres = 100000});
   EXPECT_TRUE(plenty.within);
-  EXPECT_EQ(plenty.balls.size(), cull(torus(), {.tolerance = 0.02}).balls.size());
+  EXPECT_EQ(plenty.balls.size(), cull(torus(), {.tolerance = 0.03}).balls.size());
 }
 
 TEST(Cull, VolumeIsMatchedWithinTheTolerance) {
-  const Culled culled = cull(torus(), {.tolerance = 0.02, .balance = Balance::volume});
+  const Culled culled = cull(torus(), {.tolerance = 0.03, .balance = Balance::volume});
   expect_proved(torus(), culled);
-  EXPECT_LE(std::max(culled.protrusion, culled.gap), 0.02 * (1 + 1e-9));
+  EXPECT_LE(std::max(culled.protrusion, culled.gap), 0.03 * (1 + 1e-9));
   const double body = mass_properties(torus().mesh()).volume;
   EXPECT_NEAR(union_shape(torus(), culled.balls, 400000).volume / body, 1, 0.01);
   EXPECT_NEAR(culled.volume_ratio, 1, 0.01);
 }
 
 TEST(Cull, MeansGetSmallerWithinTheTolerance) {
-  const Culled none = cull(torus(), {.tolerance = 0.02});
-  const Culled mean = cull(torus(), {.tolerance = 0.02, .balance = Balance::mean});
+  const Culled none = cull(torus(), {.tolerance = 0.03});
+  const Culled mean = cull(torus(), {.tolerance = 0.03, .balance = Balance::mean});
   expect_proved(torus(), mean);
-  EXPECT_LE(std::max(mean.protrusion, mean.gap), 0.02 * (1 + 1e-9));
+  EXPECT_LE(std::max(mean.protrusion, mean.gap), 0.03 * (1 + 1e-9));
   EXPECT_LE(mean.balls.size(), none.balls.size() * 3 / 2);
   const UnionShape before = union_shape(torus(), none.balls), after = union_shape(torus(), mean.balls);
   EXPECT_LT(after.protrusion + after.gap, 0.9 * (before.protrusion + before.gap));
 }
 
 TEST(Cull, SmoothnessIsReached) {
-  const double rough = union_shape(torus(), cull(torus(), {.tolerance = 0.02}).balls).normal_error;
-  const Culled smooth = cull(torus(), {.tolerance = 0.02, .smooth = 0.8 * rough});
+  const double rough = union_shape(torus(), cull(torus(), {.tolerance = 0.03}).balls).normal_error;
+  const Culled smooth = cull(torus(), {.tolerance = 0.03, .smooth = 0.8 * rough});
   expect_proved(torus(), smooth);
   EXPECT_LE(smooth.normal_error, 0.8 * rough);
   EXPECT_NEAR(smooth.normal_error, union_shape(torus(), smooth.balls, 300000).normal_error, 0.5);

@@ -139,13 +139,21 @@ TEST(Surface, NothingIsNearWhereThereIsNothing) {
   EXPECT_TRUE(surface.bounds().empty());
 }
 
+// Acute edges all over, where the normal of the nearest face alone tells the wrong side.
+Mesh hedgehog(Random& random) {
+  Mesh mesh = shapes::sphere(3);
+  for (Point& p : mesh.points) p *= random.uniform(0, 1) < 0.3 ? 1 : random.uniform(0.25, 0.4);
+  return mesh;
+}
+
 TEST(Surface, TheSignIsThatOfTheWindingNumber) {
-  for (std::uint64_t seed = 51; seed <= 56; seed++) {
+  for (std::uint64_t seed = 51; seed <= 58; seed++) {
     SCOPED_TRACE("seed " + std::to_string(seed));
     Random random(seed);
-    Mesh mesh = seed % 3 == 0   ? shapes::box({-0.5, -0.1, -0.9}, {0.5, 0.1, 0.9}, 2)
-                : seed % 3 == 1 ? shapes::torus(0.7, 0.25, 24, 12)
-                                : shapes::blob(random, 3);
+    Mesh mesh = seed % 4 == 0   ? shapes::box({-0.5, -0.1, -0.9}, {0.5, 0.1, 0.9}, 2)
+                : seed % 4 == 1 ? shapes::torus(0.7, 0.25, 24, 12)
+                : seed % 4 == 2 ? shapes::blob(random, 3)
+                                : hedgehog(random);
     const Eigen::Matrix3d turn = random.rotation();
     for (Point& p : mesh.points) p = turn * p;
     const Surface surface(mesh);

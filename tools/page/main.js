@@ -20,7 +20,7 @@ class Page {
   constructor(data) {
     this.data = data;
     const {head} = data, canvas = element('canvas');
-    this.renderer = new three.WebGLRenderer({canvas, antialias: true});
+    this.renderer = new three.WebGLRenderer({canvas, antialias: data.n < 200000});
     this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
     this.renderer.setClearColor(new three.Color(`rgb(${head.palette.background.join(',')})`).convertLinearToSRGB(), 1);
     this.renderer.outputColorSpace = three.LinearSRGBColorSpace;  // the shaders write sRGB themselves
@@ -37,7 +37,7 @@ class Page {
     if (this.surface) this.left.add(this.surface.solid);
     if (this.contacts) this.right.add(this.contacts.object);
     this.split = this.surface ? 0.5 : 0;
-    this.moving = 0;
+    this.frames = 0;  // in full
     this.budget = 200000;  // spheres while moving; follows the speed of the machine
     this.colour = 'family', this.overlay = 'none', this.onlyBody = -1;
 
@@ -224,18 +224,33 @@ class Page {
   }
   moved() {
     this.fitted = false;
-    this.moving = performance.now();
+    this.restless = true;  // until nothing has moved for a quarter of a second
+    clearTimeout(this.settle);
+    this.settle = setTimeout(() => { this.restless = false; this.ask(); }, 250);
     this.ask();
   }
+  // One frame at a time: while the graphics card works on one, whatever else is asked for makes one more.
   ask() {
-    if (this.asked) return;
     this.asked = true;
-    requestAnimationFrame(() => { this.asked = false; this.draw(); });
+    if (this.waiting || this.busy) return;
+    this.waiting = true;
+    requestAnimationFrame(() => { this.waiting = false; this.asked = false; this.draw(); });
+  }
+  // Calls back when the graphics card has done what it was told.
+  whenDone(done) {
+    const gl = this.renderer.getContext(), fence = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
+    gl.flush();
+    const look = () => {
+      if (fence && !gl.isContextLost() && gl.getSyncParameter(fence, gl.SYNC_STATUS) !== gl.SIGNALED) return void setTimeout(look, 3);
+      if (fence) gl.deleteSync(fence);
+      done();
+    };
+    setTimeout(look, 0);
   }
 
   draw() {
     const detail = element('detail').value, total = this.spheres.count;
-    const coarse = detail === 'auto' && performance.now() - this.moving < 250 && total > this.budget;
+    const coarse = detail === 'auto' && this.restless && total > this.budget;
     this.spheres.draw(detail === 'auto' ? (coarse ? this.budget : total) : total * Number(detail));
     const began = performance.now();
     const {renderer, camera} = this, size = renderer.getSize(new three.Vector2());
@@ -258,15 +273,17 @@ class Page {
     element('divider').hidden = edge <= 0 || edge >= size.x;
     element('divider').style.left = edge + 'px';
     element('drawn').textContent = `${this.spheres.drawn.toLocaleString('en')} of ${total.toLocaleString('en')} spheres`;
-    if (coarse) {
-      renderer.getContext().finish();  // or the time is that of asking, not of drawing
-      const took = performance.now() - began;
-      this.budget = three.MathUtils.clamp(Math.round(this.budget * three.MathUtils.clamp(33 / took, 0.5, 1.5)), 5000, 1e7);
-      clearTimeout(this.settle);
-      this.settle = setTimeout(() => this.ask(), 260);
-    } else {
-      this.frames = (this.frames ?? 0) + 1;
-    }
+    this.busy = true;
+    this.whenDone(() => {
+      this.busy = false;
+      if (coarse) {  // as many as make 30 frames a second
+        const factor = three.MathUtils.clamp(33 / (performance.now() - began), 0.5, 1.5);
+        this.budget = three.MathUtils.clamp(Math.round(this.budget * factor), 5000, 1e7);
+      } else {
+        this.frames++;
+      }
+      if (this.asked) this.ask();
+    });
   }
 
   // For tests and the console: what is on the screen, in numbers.
@@ -274,7 +291,7 @@ class Page {
     this.camera.updateMatrixWorld();
     return {
       spheres: this.data.n, drawn: this.spheres.drawn, picked: this.spheres.picked, split: this.split, colour: this.colour,
-      overlay: this.overlay, frames: this.frames ?? 0, contacts: this.contacts ? this.contacts.total : 0,
+      overlay: this.overlay, frames: this.frames, busy: Boolean(this.busy || this.waiting), contacts: this.contacts ? this.contacts.total : 0,
       view: this.camera.matrixWorldInverse.toArray(), projection: this.camera.projectionMatrix.toArray(),
     };
   }

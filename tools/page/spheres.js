@@ -1,4 +1,5 @@
-// The spheres: one instanced quad each, 16 bytes on the GPU, ray against sphere in the fragment shader.
+// The spheres: one instanced triangle each, 16 bytes on the GPU, ray against sphere in the fragment shader. A triangle
+// around the outline covers 1.3 times what a square would, but is half the work where there is no graphics card.
 import * as three from 'three';
 import vertex from './spheres.vert.glsl';
 import fragment from './spheres.frag.glsl';
@@ -21,8 +22,7 @@ export class Spheres {
   constructor(data, lightUniforms) {
     this.data = data;
     const geometry = (this.geometry = new three.InstancedBufferGeometry());
-    geometry.setAttribute('position', new three.BufferAttribute(new Float32Array([-1, -1, 0, 1, -1, 0, -1, 1, 0, 1, 1, 0]), 3));
-    geometry.setIndex([0, 1, 2, 2, 1, 3]);
+    geometry.setAttribute('position', new three.BufferAttribute(new Float32Array([-Math.sqrt(3), -1, 0, Math.sqrt(3), -1, 0, 0, 2, 0]), 3));
     this.uniforms = {
       ...lightUniforms,
       low: {value: new three.Vector3(...data.head.low)},

@@ -5,11 +5,11 @@ uniform mat4 viewMatrix, projectionMatrix;
 uniform vec3 low, size;  // of the box that the 21 bits divide
 uniform float grow;      // of the radii, while fewer are drawn
 uniform int picked;
-in vec3 position;        // corner of the quad, -1 to 1
+in vec3 position;        // corner of the triangle around the unit circle
 in uvec4 sphere;
 flat out vec4 ball;      // centre in the camera's frame, radius
 flat out vec3 colour;
-out vec3 at;             // on the quad, in the camera's frame
+out vec3 at;             // on the triangle, in the camera's frame
 
 void main() {
   if (sphere.w >> 24 == 0u) {
@@ -22,8 +22,8 @@ void main() {
   ball = vec4(centre, radius);
   colour = vec3(sphere.w & 255u, (sphere.w >> 8) & 255u, (sphere.w >> 16) & 255u) / 255.0;
   if (gl_InstanceID == picked) colour = vec3(1.0, 0.1, 0.85);
-  // The outline of a ball in perspective is a circle around the line to its centre, wider than the ball: the quad
-  // stands across that line and just holds it.
+  // The outline of a ball in perspective is a circle around the line to its centre, wider than the ball: the
+  // triangle stands across that line and just holds it.
   float d2 = dot(centre, centre);
   if (d2 <= radius * radius * 1.0001) {  // the eye is inside
     gl_Position = vec4(2.0, 2.0, 2.0, 1.0);

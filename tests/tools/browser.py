@@ -144,6 +144,27 @@ class Browser:
         """Messages of the console since the last call, but for the driver's talk of how fast it is."""
         return [m["message"] for m in self.send("se/log", {"type": "browser"}) if "GL Driver Message" not in m["message"]]
 
+    def cpu(self):
+        """Processor seconds that the browser's processes have used so far, by what they are."""
+        def stat(pid):
+            with open(f"/proc/{pid}/stat") as f:
+                return f.read().rsplit(")", 1)[1].split()
+        spent, family = {}, {self.driver.pid}
+        pids = sorted(int(p) for p in os.listdir("/proc") if p.isdigit())
+        for pid in pids:  # a child has a larger number than its parent
+            try:
+                fields = stat(pid)
+                if int(fields[1]) not in family:
+                    continue
+                family.add(pid)
+                with open(f"/proc/{pid}/cmdline") as f:
+                    words = f.read().replace("\0", " ").split()
+                kind = next((w[7:] for w in words if w.startswith("--type=")), "browser")
+                spent[kind] = spent.get(kind, 0) + (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+            except (OSError, IndexError):
+                pass  # it has just ended
+        return spent
+
     def close(self):
         try:
             self.call("DELETE", self.session)

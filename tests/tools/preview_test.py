@@ -1,0 +1,115 @@
+#!/usr/bin/env python3
+"""The command line of preview, and of pad --preview: what is written, exit codes, sentences. Takes the programs' folder."""
+import json
+import os
+import struct
+import subprocess
+import sys
+import tempfile
+import unittest
+
+BIN = os.path.abspath(sys.argv.pop(1))
+PAGE = os.path.exists(os.path.join(BIN, "..", "page", "page.html"))
+
+
+class PreviewTest(unittest.TestCase):
+    def setUp(self):
+        self.folder = tempfile.TemporaryDirectory()
+        self.addCleanup(self.folder.cleanup)
+        with open(self.path("tetra.obj"), "w") as f:
+            f.write("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n")
+        with open(self.path("ball.spheres.json"), "w") as f:
+            json.dump({"format": "padder.cluster", "version": 1, "name": "ball", "spheres": {"centers": [[0, 0, 0]], "radii": [1]}}, f)
+        with open(self.path("scene.json"), "w") as f:
+            json.dump({"format": "padder.scene", "version": 1, "clusters": {"ball": "ball.spheres.json"},
+                       "bodies": [{"cluster": "ball", "position": [x, 0, 0]} for x in (0, 1.5)]}, f)
+
+    def path(self, name):
+        return os.path.join(self.folder.name, name)
+
+    def run_tool(self, name, *args, code=0):
+        done = subprocess.run([os.path.join(BIN, name), *args], cwd=self.folder.name, capture_output=True, text=True)
+        self.assertEqual(done.returncode, code, done.stderr)
+        if code:
+            self.assertEqual(done.stderr.count("\n"), 1, done.stderr)  # one sentence
+            self.assertEqual(done.stdout, "")
+        return done
+
+    def preview(self, *args, code=0):
+        return self.run_tool("preview", *args, code=code)
+
+    def size_of(self, name):
+        with open(self.path(name), "rb") as f:
+            head = f.read(24)
+        self.assertEqual(head[:8], b"\x89PNG\r\n\x1a\n")
+        return struct.unpack(">II", head[16:])
+
+    def test_a_picture_of_the_size_asked_for(self):
+        out = self.preview("ball.spheres.json", "-o", "ball.png", "--size", "120x80", "--samples", "2", "--json").stdout
+        self.assertEqual(self.size_of("ball.png"), (120, 80))
+        report = json.loads(out)
+        self.assertEqual((report["kind"], report["spheres"], report["triangles"]), ("picture", 1, 0))
+        self.assertEqual(report["bytes"], os.path.getsize(self.path("ball.png")))
+
+    def test_pad_shows_what_it_made(self):
+        self.run_tool("pad", "tetra.obj", "--edge-length", "20%", "--preview", "tetra.png", "-q")
+        self.assertEqual(self.size_of("tetra.png"), (1600, 800))
+        self.run_tool("pad", "tetra.obj", "--preview", "tetra.jpg", code=2)
+        self.run_tool("pad", "tetra.obj", "tetra.obj", "--preview", "tetra.png", code=2)
+        # The mesh is found again by its name and bytes; under another name it must be told.
+        done = self.preview("tetra.spheres.json", "-o", "again.png", "--size", "64x64", "--samples", "1", "--json")
+        self.assertEqual(json.loads(done.stdout)["triangles"], 4)
+        os.rename(self.path("tetra.obj"), self.path("moved.obj"))
+        done = self.preview("tetra.spheres.json", "-o", "again.png", "--size", "64x64", "--samples", "1", "--json")
+        self.assertEqual(json.loads(done.stdout)["triangles"], 0)
+        self.assertIn("--mesh", done.stderr)
+        done = self.preview("tetra.spheres.json", "--mesh", "moved.obj", "-o", "again.png", "--size", "64x64", "--samples", "1", "--json")
+        self.assertEqual((json.loads(done.stdout)["triangles"], done.stderr), (4, ""))
+
+    def test_scene_and_copies(self):
+        done = self.preview("scene.json", "-o", "s.png", "--size", "64x64", "--samples", "1", "--colour", "body", "--json")
+        self.assertEqual(json.loads(done.stdout)["bodies"], 2)
+        done = self.preview("ball.spheres.json", "--copies", "5", "-o", "s.png", "--size", "64x64", "--samples", "1", "--json")
+        self.assertEqual(json.loads(done.stdout)["spheres"], 5)
+
+    @unittest.skipUnless(PAGE, "the page is not built")
+    def test_contacts_of_both_kinds_give_one_page(self):
+        pages = []
+        for ending in ("csv", "npz"):
+            self.run_tool("detect", "scene.json", "-o", "c." + ending, "-q")
+            self.preview("scene.json", "--contacts", "c." + ending, "-o", "s.html", "-q")
+            with open(self.path("s.html")) as f:
+                pages.append(f.read())
+        self.assertEqual(pages[0], pages[1])
+        self.assertIn('id="pairs"', pages[0])
+
+    def test_wrong_usage_is_2_and_writes_nothing(self):
+        for args in (["ball.spheres.json"], ["ball.spheres.json", "-o", "a.jpg"], ["ball.spheres.json", "-o", "a.png", "--size", "5x5"],
+                     ["ball.spheres.json", "-o", "a.png", "--size", "64x64x2"], ["ball.spheres.json", "-o", "a.png", "--show", "all"],
+                     ["ball.spheres.json", "-o", "a.png", "--from", "0", "90"], ["scene.json", "-o", "a.png", "--mesh", "tetra.obj"],
+                     ["ball.spheres.json", "-o", "a.png", "--up", "w"], ["-o", "a.png"]):
+            with self.subTest(args):
+                self.preview(*args, code=2)
+        self.assertFalse(os.path.exists(self.path("a.png")))
+
+    def test_failures_are_1_and_name_the_file(self):
+        texts = {"nothing.csv": "", "header.csv": "i,j\n", "number.csv": "i,j,nx,ny,nz,depth,ix,iy,iz,jx,jy,jz\n0,1,0,0,x\n",
+                 "other.csv": "i,j,nx,ny,nz,depth,ix,iy,iz,jx,jy,jz\n0,9,1,0,0,.1,0,0,0,0,0,0\n", "not.npz": "PK", "c.txt": ""}
+        for name, text in texts.items():
+            with open(self.path(name), "w") as f:
+                f.write(text)
+            with self.subTest(name):
+                self.assertIn(name, self.preview("scene.json", "--contacts", name, "-o", "a.png", code=1).stderr)
+        with open(self.path("broken.json"), "w") as f:
+            f.write('{"format": "padder.cluster"')
+        for name in ("absent.spheres.json", "broken.json", "tetra.obj", "."):
+            with self.subTest(name):
+                self.assertIn(name, self.preview(name, "-o", "a.png", code=1).stderr)
+        self.assertIn("absent.obj", self.preview("ball.spheres.json", "--mesh", "absent.obj", "-o", "a.png", code=1).stderr)
+        self.preview("ball.spheres.json", "-o", "no/such/folder.png", "--size", "32x32", code=1)
+        self.preview("ball.spheres.json", "-o", "a.png", "--colour", "protrusion", code=1)
+        self.assertFalse(os.path.exists(self.path("a.png")))
+
+
+if __name__ == "__main__":
+    unittest.main()
