@@ -59,8 +59,8 @@ std::vector<ViewContact> contacts_from_csv(std::string_view text, const std::str
 }
 
 std::vector<ViewContact> contacts_from_npz(std::string_view bytes, const std::string& where) {
-  const detect::Npz arrays = detect::npz_from_bytes(bytes, where);
-  const auto array = [&](const char* name) -> const detect::NpyArray& {
+  const Npz arrays = npz_from_bytes(bytes, where);
+  const auto array = [&](const char* name) -> const NpyArray& {
     const auto it = arrays.find(name);
     if (it == arrays.end()) throw Error(where + ": array `" + name + "` is missing: is it a contact file?");
     return it->second;
