@@ -53,7 +53,9 @@ void append_faces(Mesh& mesh, const py::array& given) {
   }
 }
 
-Mesh mesh_of(const py::array& vertices, const py::array& faces) {
+Mesh mesh_of(const py::object& given_vertices, const py::object& given_faces) {
+  const py::array vertices = py::array::ensure(given_vertices), faces = py::array::ensure(given_faces);
+  if (!vertices || !faces) throw py::type_error("vertices and faces must be arrays");
   if (vertices.ndim() != 2 || vertices.shape(1) != 3)
     throw py::value_error("vertices must be of the shape (N, 3)");
   if (faces.ndim() != 2 || faces.shape(1) != 3) throw py::value_error("faces must be of the shape (M, 3)");
@@ -443,7 +445,7 @@ PYBIND11_MODULE(_core, m) {
 
   m.def(
       "pad",
-      [](const py::array& vertices, const py::array& faces, const py::object& depth,
+      [](const py::object& vertices, const py::object& faces, const py::object& depth,
          const py::object& tolerance, const py::object& edge_length, std::uint64_t max_spheres,
          double sharp_angle, const std::string& repair, std::uint32_t family, std::uint32_t mask,
          const std::string& unit, const std::string& name) {
