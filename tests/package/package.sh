@@ -1,0 +1,47 @@
+#!/usr/bin/env bash
+# The installed package as others meet it. package.sh STEP SOURCE BUILD WORK CXX, STEP one of:
+#   install   installs BUILD to WORK/prefix
+#   consumer  builds and runs tests/package/consumer against WORK/prefix
+#   headers   compiles each installed header by itself
+#   detect    configures SOURCE without padding, where CGAL must not be looked for; builds, installs, and a consumer of that
+set -euo pipefail
+step=$1 source=$2 build=$3 work=$4 cxx=$5
+export CXX=$cxx
+unset DESTDIR
+# A tree of its own that a changed compiler or prefix cannot have spoilt.
+configure() { cmake -S "$1" -B "$2" -G Ninja -DCMAKE_BUILD_TYPE=Debug "${@:3}"; }
+
+case $step in
+  install)
+    rm -rf "$work"
+    cmake --install "$build" --prefix "$work/prefix" >/dev/null
+    ;;
+  consumer)
+    configure "$source/tests/package/consumer" "$work/consumer" -DCMAKE_PREFIX_PATH="$work/prefix"
+    cmake --build "$work/consumer"
+    (cd "$work" && consumer/consumer)
+    ;;
+  headers)
+    include=$work/prefix/include/padder
+    cd "$include"
+    # As C++20 with every warning an error; what a header needs it must include itself. Nothing of the build's own.
+    find . -name '*.h' | sed 's,^\./,,' | sort >"$work/headers.txt"
+    [ "$(wc -l <"$work/headers.txt")" -ge 20 ]
+    xargs -P 2 -n 1 sh -c 'echo "#include \"$0\"" | "$CXX" -std=c++20 -fopenmp -Wall -Wextra -Werror -fsyntax-only \
+      -I . -isystem /usr/include/eigen3 -x c++ - || { echo "$0 does not compile by itself" >&2; exit 1; }' <"$work/headers.txt"
+    ;;
+  detect)
+    mkdir -p "$work/none"
+    configure "$source" "$work/detect" -DPADDER_PADDING=OFF -DPADDER_TOOLS=OFF -DPADDER_TESTS=OFF -DPADDER_CUDA=OFF \
+              -DPADDER_PYTHON_MODULE=OFF -DCMAKE_INSTALL_PREFIX="$work/detect_prefix"
+    if grep -E '^(CGAL|assimp)_DIR' "$work/detect/CMakeCache.txt"; then
+      echo "a build without padding looked for CGAL or assimp" >&2
+      exit 1
+    fi
+    cmake --build "$work/detect"
+    cmake --install "$work/detect" >/dev/null
+    configure "$source/tests/package/detect_consumer" "$work/detect_consumer" -DCMAKE_PREFIX_PATH="$work/detect_prefix"
+    cmake --build "$work/detect_consumer"
+    "$work/detect_consumer/detect_consumer"
+    ;;
+esac

@@ -1,0 +1,211 @@
+import ast
+import os
+import pathlib
+import subprocess
+import sys
+import threading
+import time
+
+import numpy as np
+import padder
+import pytest
+
+CUBE = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=float)
+FACES = np.array([[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1],
+                  [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]])
+
+
+@pytest.fixture(scope="module")
+def cube():
+    return padder.pad(CUBE, FACES, edge_length="10%", unit="m", name="cube.obj", family=3, mask=5)
+
+
+def brute(centers, radii, family=None, mask=None):
+    n = len(centers)
+    family = np.zeros(n, np.uint32) if family is None else family
+    mask = np.zeros(n, np.uint32) if mask is None else mask
+    out = []
+    for i in range(n):
+        for j in range(i + 1, n):
+            hidden = family[i] == family[j] != 0
+            for a, b in ((i, j), (j, i)):
+                hidden |= 1 <= family[b] <= 32 and bool(int(mask[a]) >> (int(family[b]) - 1) & 1)
+            if not hidden and np.linalg.norm(centers[i] - centers[j]) < radii[i] + radii[j]:
+                out.append((i, j))
+    return out
+
+
+def scene(n=300, seed=1):
+    g = np.random.default_rng(seed)
+    return g.uniform(0, 10, (n, 3)), g.uniform(0.3, 1, n), g.integers(0, 5, n).astype(np.uint32), g.integers(0, 8, n).astype(np.uint32)
+
+
+def pairs(contacts):
+    return sorted(map(tuple, np.asarray(contacts.pairs).tolist()))
+
+
+def test_cluster(cube):
+    assert len(cube) == len(cube.radii) == len(cube.triangle) > 12
+    assert cube.centers.shape == (len(cube), 3) and cube.centers.dtype == np.float64
+    assert (cube.radii > 0).all()
+    assert cube.volume == pytest.approx(1) and cube.center_of_mass == pytest.approx([0.5] * 3)
+    assert cube.inertia == pytest.approx(np.eye(3) / 6)
+    assert cube.accuracy["gap_max"] < 0.05
+    assert (cube.family, cube.mask, cube.unit, cube.name) == (3, 5, "m", "cube")
+
+
+def test_arrays_are_views_that_keep_the_cluster():
+    cluster = padder.pad(CUBE, FACES, edge_length="20%")
+    a, b = cluster.centers, cluster.centers
+    assert np.shares_memory(a, b) and not a.flags.writeable
+    before = a.copy()
+    del cluster, b
+    assert (a == before).all()
+
+
+@pytest.mark.parametrize("vertices", [np.float32, np.float64, "F", "list"])
+@pytest.mark.parametrize("faces", [np.int32, np.uint32, np.int64, np.uint64, np.uint8])
+def test_any_layout_gives_the_same(vertices, faces):
+    v = np.asfortranarray(CUBE) if vertices == "F" else CUBE.tolist() if vertices == "list" else CUBE.astype(vertices)
+    one = padder.pad(v, FACES.astype(faces), edge_length="20%")
+    assert (one.centers == padder.pad(CUBE, FACES, edge_length="20%").centers).all()
+
+
+def test_tolerance_is_kept_and_takes_fewer():
+    share, length = padder.pad(CUBE, FACES, tolerance="3%"), padder.pad(CUBE, FACES, tolerance=0.03 * 3**0.5)
+    assert share.accuracy["certified"] and share.accuracy["protrusion_max"] <= 0.0301 * 3**0.5
+    assert (share.radii == length.radii).all()
+
+
+@pytest.mark.parametrize("arguments, error", [
+    ((CUBE[:, :2], FACES), ValueError), ((CUBE, FACES[:, :2]), ValueError), ((CUBE, FACES + 1), IndexError),
+    ((CUBE, FACES - 1), IndexError), ((CUBE, FACES * 1.0), TypeError), ((CUBE * np.nan, FACES), ValueError),
+    ((CUBE, FACES[:0]), ValueError), ((CUBE * 0, FACES), padder.Error)])
+def test_bad_meshes(arguments, error):
+    with pytest.raises(error):
+        padder.pad(*arguments)
+
+
+@pytest.mark.parametrize("options", [{"depth": 2}, {"tolerance": "1"}, {"tolerance": "x%"}, {"tolerance": -1}, {"repair": "no"},
+                                     {"unit": "ft"}, {"edge_length": 0}])
+def test_bad_options(options):
+    with pytest.raises((ValueError, padder.Error)):
+        padder.pad(CUBE, FACES, **options)
+
+
+def test_files(cube, tmp_path):
+    for name in ("c.spheres.json", "c.npz", "c.vtp"):
+        cube.save(tmp_path / name)
+        back = padder.load(tmp_path / name)
+        assert (back.centers == cube.centers).all() and (back.radii == cube.radii).all() and back.family == 3
+    with pytest.raises(padder.Error):
+        cube.save(tmp_path / "c.csv")
+    (tmp_path / "t.obj").write_text("".join("v %g %g %g\n" % tuple(v) for v in CUBE) + "".join("f %d %d %d\n" % tuple(f + 1) for f in FACES))
+    assert (padder.pad_file(tmp_path / "t.obj", edge_length="10%").centers == cube.centers).all()
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_detect_is_brute_force(dtype):
+    c, r, family, mask = scene()
+    c, r = c.astype(dtype), r.astype(dtype)
+    contacts = padder.detect(c, r, family, mask, width="points", backend="omp")
+    assert pairs(contacts) == brute(c.astype(float), r.astype(float), family, mask)
+    assert contacts.pairs.dtype == np.uint32 and contacts.normals.dtype == dtype
+    i, j = contacts.pairs.T
+    d = c[j].astype(float) - c[i]
+    length = np.linalg.norm(d, axis=1)
+    assert contacts.normals == pytest.approx(d / length[:, None], abs=1e-5)
+    assert contacts.depth == pytest.approx(r[i] + r[j] - length, abs=1e-5)
+    assert contacts.points_i == pytest.approx(c[i] + r[i, None] * contacts.normals, abs=1e-5)
+    assert contacts.hash == padder.detect(c, r, family, mask, backend="omp").hash
+
+
+def test_detect_takes_strides_and_one_radius():
+    c, r, _, _ = scene()
+    rows = np.zeros((len(c), 4))
+    rows[:, :3], rows[:, 3] = c, r
+    assert pairs(padder.detect(rows[:, :3], rows[:, 3], backend="omp")) == brute(c, r)
+    assert pairs(padder.detect(c[::-1], r[::-1], backend="omp")) == brute(c[::-1], r[::-1])
+    assert pairs(padder.detect(np.asfortranarray(c), 0.7, backend="omp")) == brute(c, np.full(len(c), 0.7))
+    assert len(padder.detect(c[:0], r[:0], backend="omp")) == 0
+    assert len(padder.detect(c[:1], r[:1], backend="omp").pairs) == 0
+
+
+def test_contacts_outlive_what_made_them():
+    c, r, _, _ = scene()
+    p = padder.detect(c, r, backend="omp").pairs
+    del c, r
+    assert sorted(map(tuple, p.tolist())) == brute(*scene()[:2])
+
+
+def test_dlpack_objects_are_read():
+    class Only:  # an array of another library: nothing but the protocol
+        def __init__(self, a):
+            self.a = a
+
+        def __dlpack__(self, **_):
+            return self.a.__dlpack__()
+
+    c, r, _, _ = scene()
+    assert pairs(padder.detect(Only(c), Only(r), backend="omp")) == brute(c, r)
+
+
+def test_bad_spheres():
+    c, r, _, _ = scene()
+    for arguments in ((c[:, :2], r), (c, r[:-1]), (c, r, np.zeros(3, np.uint32)), (c, r, -np.ones(len(c), int))):
+        with pytest.raises(ValueError):
+            padder.detect(*arguments, backend="omp")
+    with pytest.raises(TypeError):
+        padder.detect(c, r, r, backend="omp")
+    with pytest.raises(padder.Error):
+        padder.detect(c * np.nan, r, backend="omp")
+    with pytest.raises(ValueError):
+        padder.detect(c, r, backend="gpu")
+    with pytest.raises(AttributeError):
+        padder.detect(c, r, width="pairs", backend="omp").depth
+
+
+def test_other_threads_run_meanwhile():
+    c, r, _, _ = scene(400_000)
+    c *= 10
+    done, ticks = threading.Event(), 0
+
+    def work():
+        padder.detect(c, r, backend="omp", threads=1)
+        done.set()
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    while not done.is_set():
+        ticks += 1
+        time.sleep(0.001)
+    thread.join()
+    assert ticks > 3  # with the lock held all the while it would be one or two
+
+
+def test_stubs_name_what_is_there():
+    stub = ast.parse((pathlib.Path(padder.__file__).parent / "__init__.pyi").read_text())
+    for node in stub.body:
+        if isinstance(node, (ast.FunctionDef, ast.ClassDef)):
+            assert hasattr(padder, node.name), node.name
+            if isinstance(node, ast.ClassDef):
+                for inner in node.body:
+                    if isinstance(inner, ast.FunctionDef):
+                        assert hasattr(getattr(padder, node.name), inner.name), (node.name, inner.name)
+            else:
+                names = [a.arg for a in node.args.args + node.args.kwonlyargs]
+                signature = getattr(padder, node.name).__doc__.splitlines()[0]
+                assert all(name + ":" in signature for name in names), node.name
+    named = {n.name for n in stub.body if isinstance(n, (ast.FunctionDef, ast.ClassDef))}
+    assert set(padder.__all__) == named
+
+
+def test_pip_installs_a_checkout(tmp_path):
+    if subprocess.run([sys.executable, "-m", "pip", "--version"], capture_output=True).returncode:
+        pytest.skip("pip is not installed")
+    command = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--no-index", "--target", str(tmp_path)]
+    ran = subprocess.run(command + [os.environ["PADDER_SOURCE_DIR"]], capture_output=True, text=True)
+    assert ran.returncode == 0, ran.stdout + ran.stderr
+    code = "import padder; print(padder.__file__, padder.__version__)"
+    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env={**os.environ, "PYTHONPATH": str(tmp_path)})
+    assert ran.stdout.startswith(str(tmp_path)), ran.stderr
