@@ -74,7 +74,7 @@ TEST(Repair, AnOpenBoxIsWrapped) {
     return std::all_of(t.begin(), t.end(), [&](auto v) { return mesh.points[v].z() == 1; });
   });
   RepairOptions options;
-  options.accuracy = 0.05;
+  options.alpha = 0.05, options.offset = 0.002;
   const Repaired r = repair(mesh, options, "open box");
   EXPECT_EQ(r.kind, BodyKind::wrap);
   // A shell: five unit walls, as thick as twice the offset and some.
