@@ -176,7 +176,11 @@ Repaired repair(const Mesh& input, const RepairOptions& options, const std::stri
       out.report = report.text();
       return out;
     }
-    return wrap(clean, options, diagonal, report, "open: " + count_of(border, "border edge"));
+    // Loose faces, most edges open: both sides of each are wrapped, which takes a minute with a ball fit for
+    // parts.
+    RepairOptions coarser = options;
+    if (2 * border > mesh.number_of_edges() && options.alpha == 0) coarser.alpha = diagonal / 100;
+    return wrap(clean, coarser, diagonal, report, "open: " + count_of(border, "border edge"));
   }
   if (intersects) return wrap(clean, options, diagonal, report, "self-intersecting");
   // Nested shells become cavities; pieces apart from each other all face outward.
