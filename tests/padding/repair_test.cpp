@@ -74,11 +74,11 @@ TEST(Repair, AnOpenBoxIsWrapped) {
     return std::all_of(t.begin(), t.end(), [&](auto v) { return mesh.points[v].z() == 1; });
   });
   RepairOptions options;
-  options.alpha = 0.03, options.offset = 0.003;
+  options.accuracy = 0.05;
   const Repaired r = repair(mesh, options, "open box");
   EXPECT_EQ(r.kind, BodyKind::wrap);
   // A shell: five unit walls, as thick as twice the offset and some.
-  EXPECT_NEAR(volume(r), 5 * 2 * r.offset, 0.5 * 10 * r.offset);
+  EXPECT_NEAR(volume(r), 5 * 2 * r.offset, 2 * r.offset);
   const Surface input(mesh), wrap(r.mesh);
   for (const Point& p : r.mesh.points)
     EXPECT_NEAR(input.nearest(p).distance, r.offset, 0.5 * r.offset + 0.2 * r.alpha);
