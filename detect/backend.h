@@ -35,6 +35,7 @@ std::string cuda_absence();  // why make_cuda_backend would throw; "" when it wo
 // Common to all backends, in detector.cpp.
 void check_input(const Input& input, bool device_memory_allowed);  // pointers, counts, shapes; throws Error
 std::uint64_t sphere_count(const Input& input);
+Body body_at(const Input& input, std::size_t k);  // with its pose, which must lie in host memory
 void check_range(const Summary& summary,
                  const Options& options);  // the record can hold such lengths; throws Error
 std::string fault_sentence(std::uint64_t index, const Sphere& sphere, const Input& input);

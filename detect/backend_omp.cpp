@@ -4,7 +4,7 @@
 #include <chrono>
 #include <cstdio>
 
-#include "detect/omp.h"
+#include "detect/omp_bodies.h"
 #include "padding/error.h"
 
 namespace padder::detect {
@@ -210,6 +210,12 @@ class OmpBackend final : public Backend {
     const auto worth = static_cast<int>(std::min<std::uint64_t>(1 + sphere_count(input) / 2048, 1024));
     threads_ = options.threads > 0 ? options.threads : std::min(omp_get_max_threads(), worth);
     const Spheres& s = input.spheres;
+    if (!arrays && bodies_first(input, options, sphere_count(input))) {
+      Contacts c;
+      if (bodies_.run(input, options, threads_, records_, c.seconds))
+        return delivered(c, sphere_count(input), options);
+    }
+    bodies_.forget();
     if (!input.bodies.empty()) return run(place(input), input, options, arrays);
     if (s.scalar == Scalar::f32) return run(view<float>(s), input, options, arrays);
     return run(view<double>(s), input, options, arrays);
@@ -223,7 +229,9 @@ class OmpBackend final : public Backend {
             s.radius_stride,
             s.count,
             s.family,
-            s.mask};
+            s.mask,
+            nullptr,
+            s.is_static};
   }
 
   // Spheres of bodies, then the loose ones, in double.
@@ -233,16 +241,20 @@ class OmpBackend final : public Backend {
     Sphere* out = placed_.resize(n, "the spheres of the bodies");
     std::uint32_t* family = family_.resize(n, "families");
     std::uint32_t* mask = mask_.resize(n, "masks");
+    std::uint32_t* owner = owner_.resize(n, "the bodies of spheres");
     std::vector<std::uint64_t> first(input.bodies.size() + 1, 0);
     for (std::size_t b = 0; b < input.bodies.size(); b++)
       first[b + 1] = first[b] + input.shapes[input.bodies[b].shape].count;
     const auto bodies = static_cast<std::int64_t>(input.bodies.size());
 #pragma omp parallel for schedule(dynamic, 16) num_threads(threads_)
     for (std::int64_t k = 0; k < bodies; k++) {
-      const Body& body = input.bodies[static_cast<std::size_t>(k)];
+      const Body body = body_at(input, static_cast<std::size_t>(k));
       const Shape& shape = input.shapes[body.shape];
-      for (std::uint64_t q = 0, at = first[static_cast<std::size_t>(k)]; q < shape.count; q++, at++)
-        out[at] = placed(body, shape.spheres[q]), family[at] = body.family, mask[at] = body.mask;
+      const std::uint32_t mine = owner_of(static_cast<std::uint32_t>(k), body.is_static);
+      for (std::uint64_t q = 0, at = first[static_cast<std::size_t>(k)]; q < shape.count; q++, at++) {
+        out[at] = placed(body, shape.spheres[q]);
+        family[at] = body.family, mask[at] = body.mask, owner[at] = mine;
+      }
     }
     const auto loose = static_cast<std::int64_t>(input.spheres.count);
     const std::uint64_t base = first.back();
@@ -251,7 +263,8 @@ class OmpBackend final : public Backend {
       for (std::int64_t k = 0; k < loose; k++) {
         const auto q = static_cast<std::uint64_t>(k);
         const Filter f = v.filter(q);
-        out[base + q] = v[q], family[base + q] = f.family, mask[base + q] = f.mask;
+        out[base + q] = v[q];
+        family[base + q] = f.family, mask[base + q] = f.mask, owner[base + q] = f.owner;
       }
     };
     if (input.spheres.scalar == Scalar::f32)
@@ -259,7 +272,7 @@ class OmpBackend final : public Backend {
     else
       copy(view<double>(input.spheres));
     place_seconds_ = watch.lap();
-    return {&out->x, &out->r, 4, 4, n, family, mask};
+    return {&out->x, &out->r, 4, 4, n, family, mask, owner};
   }
 
   template <class T>
@@ -276,7 +289,11 @@ class OmpBackend final : public Backend {
       stages_.run(spheres, summary, options, threads_, records_, c.seconds, arrays);
     else
       c.doubtful = fast_.run(spheres, summary, options, threads_, records_, c.seconds);
-    c.count = records_.count, c.spheres = spheres.count;
+    return delivered(c, spheres.count, options);
+  }
+
+  Contacts delivered(Contacts c, std::uint64_t spheres, const Options& options) {
+    c.count = records_.count, c.spheres = spheres;
     c.width = options.width, c.scalar = options.scalar;
     c.pairs = records_.pairs.data();
     if (options.width != Width::pairs) c.normals = records_.normals.data();
@@ -290,8 +307,9 @@ class OmpBackend final : public Backend {
   omp::Records records_{budget_};
   omp::Stages stages_{budget_};
   omp::Fast fast_{budget_};
+  omp::BodySearch bodies_{budget_};
   omp::Buffer<Sphere> placed_{budget_};
-  omp::Buffer<std::uint32_t> family_{budget_}, mask_{budget_};
+  omp::Buffer<std::uint32_t> family_{budget_}, mask_{budget_}, owner_{budget_};
   int threads_ = 1;
   double place_seconds_ = 0;
 };

@@ -17,6 +17,13 @@ __global__ void body_of_kernel(std::uint32_t bodies, const std::uint32_t* first,
     for (std::uint32_t k = first[b] + threadIdx.x; k < first[b + 1]; k += blockDim.x) body_of[k] = b;
 }
 
+__global__ void pose_kernel(std::uint32_t bodies, const Pose* poses, Body* out) {
+  for (std::uint32_t b = blockIdx.x * blockDim.x + threadIdx.x; b < bodies; b += gridDim.x * blockDim.x) {
+    for (int k = 0; k < 9; k++) out[b].rotation[k] = poses[b].rotation[k];
+    for (int k = 0; k < 3; k++) out[b].position[k] = poses[b].position[k];
+  }
+}
+
 __global__ void sphere_kernel(Source source, std::uint32_t k, Sphere* out) { *out = source.sphere(k); }
 
 __global__ void __launch_bounds__(kThreads) geometry_kernel(Source source, Output out, std::uint64_t count) {
@@ -40,12 +47,14 @@ __global__ void __launch_bounds__(kThreads)
 InputCopy::InputCopy(MemoryBook& book)
     : centers_(book, "the spheres"),
       radii_(book, "the spheres"),
+      static_(book, "what is static"),
       family_(book, "families"),
       mask_(book, "masks"),
       body_of_(book, "the bodies"),
       body_first_(book, "the bodies"),
       shape_first_(book, "the shapes"),
       bodies_(book, "the bodies"),
+      poses_(book, "the poses"),
       shapes_(book, "the shapes") {}
 
 Source InputCopy::source(const Input& input, cudaStream_t stream) {
@@ -54,9 +63,7 @@ Source InputCopy::source(const Input& input, cudaStream_t stream) {
   s.placed = s.count - static_cast<std::uint32_t>(input.spheres.count);
   if (input.spheres.count) copy_loose(input.spheres, s, stream);
   if (s.placed) copy_bodies(input, s, stream);
-  s.filtered = s.family || s.mask || std::any_of(input.bodies.begin(), input.bodies.end(), [](const Body& b) {
-                 return b.family || b.mask;
-               });
+  s.filtered = s.family || s.mask || s.is_static || s.placed;
   return s;
 }
 
@@ -67,6 +74,7 @@ void InputCopy::copy_loose(const Spheres& spheres, Source& s, cudaStream_t strea
   s.center_stride = spheres.center_stride, s.radius_stride = spheres.radius_stride;
   s.wide = spheres.scalar == Scalar::f64;
   s.centers = spheres.centers, s.radii = spheres.radii, s.family = spheres.family, s.mask = spheres.mask;
+  s.is_static = spheres.is_static;
   // x, y, z, r in one array, strides 4: often, and best read and copied as one.
   const auto* c = static_cast<const unsigned char*>(spheres.centers);
   const bool woven =
@@ -82,6 +90,7 @@ void InputCopy::copy_loose(const Spheres& spheres, Source& s, cudaStream_t strea
     s.radii = woven ? to + 3 * scalar : copy(radii_, spheres.radii, radius_bytes);
     if (spheres.family) s.family = copy(family_, spheres.family, n * 4);
     if (spheres.mask) s.mask = copy(mask_, spheres.mask, n * 4);
+    if (spheres.is_static) s.is_static = copy(static_, spheres.is_static, n);
   }
   s.packed = woven && !s.wide && reinterpret_cast<std::uintptr_t>(s.centers) % 16 == 0;
 }
@@ -112,6 +121,15 @@ void InputCopy::copy_bodies(const Input& input, Source& s, cudaStream_t stream) 
   copy(body_first, first.data(), first.size() * 4),
       copy(shapes_first, shape_first.data(), shape_first.size() * 4);
   const auto n = static_cast<std::uint32_t>(input.bodies.size());
+  if (input.poses) {
+    const Pose* poses = input.poses;
+    if (input.pose_memory == Memory::host) {
+      Pose* to = poses_.reserve(n);
+      copy(to, poses, n * sizeof(Pose));
+      poses = to;
+    }
+    pose_kernel<<<blocks_for(n), kThreads, 0, stream>>>(n, poses, bodies);
+  }
   body_of_kernel<<<std::min(n, 132u * 64), 64, 0, stream>>>(n, body_first, body_of);
   cuda_launched("number the bodies' spheres");
   // The vectors above must outlive their copies.

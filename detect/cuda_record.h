@@ -15,9 +15,10 @@ class InputCopy {
   void copy_loose(const Spheres& spheres, Source& source, cudaStream_t stream);
   void copy_bodies(const Input& input, Source& source, cudaStream_t stream);
 
-  Buffer<unsigned char> centers_, radii_;
+  Buffer<unsigned char> centers_, radii_, static_;
   Buffer<std::uint32_t> family_, mask_, body_of_, body_first_, shape_first_;
   Buffer<Body> bodies_;
+  Buffer<Pose> poses_;
   Buffer<Sphere> shapes_;
 };
 

@@ -12,6 +12,8 @@ struct Source {
   const void* radii = nullptr;
   const std::uint32_t* family = nullptr;
   const std::uint32_t* mask = nullptr;
+  const std::uint32_t* owner = nullptr;     // of loose ones that stand for something else (cuda_bodies.cu)
+  const std::uint8_t* is_static = nullptr;  // of loose spheres
   const Body* bodies = nullptr;
   const std::uint32_t* body_of = nullptr;      // of each placed sphere
   const std::uint32_t* body_first = nullptr;   // its first sphere's number
@@ -45,10 +47,13 @@ struct Source {
   __device__ __forceinline__ Filter filter(std::uint32_t k) const {
     if (k < placed) {
       const Body& body = bodies[body_of[k]];
-      return {body.family, body.mask};
+      return {body.family, body.mask, owner_of(body_of[k], body.is_static)};
     }
     k -= placed;
-    return {family ? family[k] : 0, mask ? mask[k] : 0};
+    return {family ? family[k] : 0, mask ? mask[k] : 0,
+            owner                       ? owner[k]
+            : is_static && is_static[k] ? kStatic
+                                        : 0};
   }
 };
 

@@ -1,5 +1,6 @@
 #include "detect/detector.h"
 
+#include <algorithm>
 #include <cstdio>
 
 #include "detect/backend.h"
@@ -22,6 +23,15 @@ std::uint64_t sphere_count(const Input& input) {
   return n;
 }
 
+Body body_at(const Input& input, std::size_t k) {
+  Body body = input.bodies[k];
+  if (input.poses) {
+    std::copy_n(input.poses[k].rotation, 9, body.rotation);
+    std::copy_n(input.poses[k].position, 3, body.position);
+  }
+  return body;
+}
+
 void check_input(const Input& input, bool device_memory_allowed) {
   const Spheres& s = input.spheres;
   for (std::size_t k = 0; k < input.bodies.size(); k++)
@@ -37,6 +47,16 @@ void check_input(const Input& input, bool device_memory_allowed) {
   if (s.memory == Memory::device && s.count && !device_memory_allowed)
     throw Error(
         "the spheres lie in device memory, which the OpenMP backend cannot read: copy them or choose cuda");
+  if (input.poses && input.pose_memory == Memory::device && !device_memory_allowed)
+    throw Error(
+        "the poses lie in device memory, which the OpenMP backend cannot read: copy them or choose cuda");
+  if (input.bodies.size() >= kStatic - 1)
+    throw Error(std::to_string(input.bodies.size()) +
+                " bodies are more than one detector numbers (2^31 - 2): divide the scene into boxes");
+  for (const std::uint32_t k : input.moved)
+    if (k >= input.bodies.size())
+      throw Error("body " + std::to_string(k) + " is said to have moved, but there are " +
+                  std::to_string(input.bodies.size()));
   const std::uint64_t n = sphere_count(input);
   if (n >= 0xffffffffull)
     throw Error(std::to_string(n) +

@@ -24,8 +24,9 @@ struct Spheres {
   const void* centers = nullptr;  // x, y, z of sphere k at k * center_stride
   const void* radii = nullptr;    // of sphere k at k * radius_stride; stride 0: one radius for all
   std::uint32_t center_stride = 3, radius_stride = 1;
-  const std::uint32_t* family = nullptr;  // null: 0 for all
-  const std::uint32_t* mask = nullptr;    // null: 0 for all
+  const std::uint32_t* family = nullptr;    // null: 0 for all
+  const std::uint32_t* mask = nullptr;      // null: 0 for all
+  const std::uint8_t* is_static = nullptr;  // not 0: stands still; two static ones are no contact. null: none
 };
 template <class T>
 Spheres spheres_of(std::uint64_t count, const T* centers, const T* radii, Memory memory = Memory::host) {
@@ -36,11 +37,23 @@ Spheres spheres_of(std::uint64_t count, const T* centers, const T* radii, Memory
 
 // What is to be tested. Spheres are numbered through: those of bodies[0], those of bodies[1], …, then the
 // loose ones. Shapes and bodies lie in host memory; only these few bytes travel to a GPU, and the spheres are
-// placed there, in double.
+// placed there, in double. Spheres of one body are no contact, whatever its family.
 struct Input {
   Spheres spheres;
   std::span<const Shape> shapes;
   std::span<const Body> bodies;
+
+  // For scenes that stay from call to call. 0: everything is read in every call. Any other number stands for
+  // the state of shapes and bodies and of what is static: a call with the number of the call before reads of
+  // them only the poses of the bodies in `moved`, and nothing of static spheres. Whoever changes anything
+  // else gives a new number.
+  std::uint64_t revision = 0;
+  std::span<const std::uint32_t> moved;  // with the revision of the call before; in host memory
+
+  // Poses of all bodies, read in every call instead of those in `bodies` (of static bodies: only with a new
+  // revision). Host memory, or with the CUDA backend its device memory. null: those in `bodies`.
+  const Pose* poses = nullptr;
+  Memory pose_memory = Memory::host;
 };
 
 // Contacts, i < j always. Pairs, and as many of the other arrays as were asked for, one entry a contact each.
@@ -62,6 +75,7 @@ enum class Choice : std::uint8_t { automatic, omp, cuda };
 enum class Path : std::uint8_t { fast, nine_stages };
 enum class Precision : std::uint8_t { exact, fast };
 enum class Order : std::uint8_t { fixed, any };
+enum class Bodies : std::uint8_t { automatic, first, expanded };
 enum class Width : std::uint8_t { pairs, normals, points };
 
 struct Options {
@@ -71,14 +85,15 @@ struct Options {
   int threads = 0;                     // OpenMP; 0: as many as OpenMP would use
   Path path = Path::fast;
   Precision precision = Precision::exact;  // fast: float only; Contacts::doubtful bounds the difference
-  Order order = Order::fixed;      // the same list from every run and thread count of one backend and path
-  Width width = Width::normals;    // what is written: pairs only, + normal and depth, + both contact points
-  Scalar scalar = Scalar::f32;     // of the record; it is computed in double (exact) and rounded once
-  Memory output = Memory::host;    // where the contacts are to lie
-  double bin_size = 0;             // edge of a (finest) bin; 0: chosen (section 2.2.1)
-  Region own;                      // report only contacts whose midpoint lies inside
-  std::uint64_t memory_limit = 0;  // bytes this detector may hold; 0: what there is
-  bool timings = false;            // fill Contacts::seconds (a GPU is then waited for after each stage)
+  Order order = Order::fixed;    // the same list from every run and thread count of one backend and path
+  Width width = Width::normals;  // what is written: pairs only, + normal and depth, + both contact points
+  Scalar scalar = Scalar::f32;   // of the record; it is computed in double (exact) and rounded once
+  Memory output = Memory::host;  // where the contacts are to lie
+  double bin_size = 0;           // edge of a (finest) bin; 0: chosen (section 2.2.1)
+  Bodies bodies = Bodies::automatic;  // on the fast path: search balls about bodies first, or every sphere
+  Region own;                         // report only contacts whose midpoint lies inside
+  std::uint64_t memory_limit = 0;     // bytes this detector may hold; 0: what there is
+  bool timings = false;               // fill Contacts::seconds (a GPU is then waited for after each stage)
 };
 
 struct Seconds {

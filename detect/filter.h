@@ -7,13 +7,21 @@ namespace padder::detect {
 struct Filter {
   std::uint32_t family = 0;  // 0: none, equals nothing
   std::uint32_t mask = 0;    // bit k: no contact with family k + 1; families above 32 cannot be masked
+  std::uint32_t owner = 0;   // 1 + the number of its body, 0: a loose sphere; kStatic added: it never moves
 };
+inline constexpr std::uint32_t kStatic = 1u << 31;
+PADDER_HD std::uint32_t owner_of(std::uint32_t body, bool is_static) {
+  return (body + 1) | (is_static ? kStatic : 0);
+}
 
-// Two spheres of one family, or of which either masks the other's family, are no contact. Symmetric.
+// Two spheres of one body, of one family, two static ones, or two of which either masks the other's family,
+// are no contact. Symmetric.
 PADDER_HD bool masks(std::uint32_t mask, std::uint32_t family) {
   return family - 1u < 32u && (mask >> (family - 1u) & 1u) != 0;
 }
 PADDER_HD bool admitted(const Filter& a, const Filter& b) {
+  if (a.owner & b.owner & kStatic) return false;
+  if (a.owner == b.owner && a.owner != 0) return false;
   if (a.family == b.family && a.family != 0) return false;
   return !masks(a.mask, b.family) && !masks(b.mask, a.family);
 }

@@ -30,8 +30,8 @@ bool parse(std::string_view text, T& value) {
   return error == std::errc() && end == text.data() + text.size();
 }
 
-void append_tags(std::vector<std::uint32_t>& to, std::uint64_t before, const std::vector<std::uint32_t>& more,
-                 std::uint64_t count) {
+template <class T>
+void append_tags(std::vector<T>& to, std::uint64_t before, const std::vector<T>& more, std::uint64_t count) {
   if (to.empty() && more.empty()) return;
   to.resize(before, 0);
   if (more.empty())
@@ -45,6 +45,7 @@ void append_tags(std::vector<std::uint32_t>& to, std::uint64_t before, const std
 void LooseSpheres::append(const LooseSpheres& more) {
   const std::uint64_t before = size(), count = more.size();
   append_tags(family, before, more.family, count), append_tags(mask, before, more.mask, count);
+  append_tags(is_static, before, more.is_static, count);
   if (before == 0) scalar = more.scalar;
   if (scalar == Scalar::f32 && more.scalar == Scalar::f64) {
     twice.assign(single.begin(), single.end());
@@ -65,6 +66,7 @@ Spheres LooseSpheres::view() const {
   s.center_stride = s.radius_stride = 4;
   if (!family.empty()) s.family = family.data();
   if (!mask.empty()) s.mask = mask.data();
+  if (!is_static.empty()) s.is_static = is_static.data();
   return s;
 }
 

@@ -10,12 +10,13 @@
 
 namespace padder::detect {
 
-// x, y, z, r of each sphere, in float or in double; family and mask empty or one for each.
+// x, y, z, r of each sphere, in float or in double; the others empty or one for each.
 struct LooseSpheres {
   Scalar scalar = Scalar::f32;
   std::vector<float> single;  // 4 N, when scalar is f32
   std::vector<double> twice;  // 4 N, when scalar is f64
   std::vector<std::uint32_t> family, mask;
+  std::vector<std::uint8_t> is_static;  // likewise
 
   std::uint64_t size() const { return (scalar == Scalar::f32 ? single.size() : twice.size()) / 4; }
   // Behind the spheres here; to double when either side is.

@@ -85,12 +85,19 @@ struct View {
   std::uint64_t center_stride, radius_stride, count;
   const std::uint32_t* family;  // null: 0
   const std::uint32_t* mask;
+  const std::uint32_t* owner = nullptr;     // null: those of loose spheres
+  const std::uint8_t* is_static = nullptr;  // of loose spheres
   Sphere operator[](std::uint64_t k) const {
     const T* c = centers + k * center_stride;
     return {c[0], c[1], c[2], radii[k * radius_stride]};
   }
-  Filter filter(std::uint64_t k) const { return {family ? family[k] : 0, mask ? mask[k] : 0}; }
-  bool filtered() const { return family || mask; }
+  Filter filter(std::uint64_t k) const {
+    return {family ? family[k] : 0, mask ? mask[k] : 0,
+            owner                       ? owner[k]
+            : is_static && is_static[k] ? kStatic
+                                        : 0};
+  }
+  bool filtered() const { return family || mask || owner || is_static; }
 };
 
 // Seconds since the last call.
@@ -208,7 +215,7 @@ class Fast {
   Buffer<Entry> entries_;
   Buffer<float> slots_[4];
   Buffer<Filter> filters_;
-  Buffer<Sphere> spheres_;  // in the order of slots; for double input
+  Buffer<Sphere> spheres_;                   // in the order of slots; for double input
   std::vector<Buffer<std::uint32_t>> hits_;  // of each thread: slots of the partners
   std::vector<Chunk> chunks_;
 };

@@ -15,6 +15,11 @@ struct Body {
   double position[3] = {0, 0, 0};
   std::uint32_t shape = 0;  // index among the shapes
   std::uint32_t family = 0, mask = 0;
+  bool is_static = false;  // stands still; two static ones are no contact
+};
+struct Pose {  // as in Body
+  double rotation[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
+  double position[3] = {0, 0, 0};
 };
 
 // Rows of the rotation of a quaternion w + xi + yj + zk of any length but zero; host only.

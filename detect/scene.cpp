@@ -52,6 +52,10 @@ class Reader {
     if (!json_.is_string()) fail("a string is wanted");
     return json_.get<std::string>();
   }
+  bool truth() const {
+    if (!json_.is_boolean()) fail("true or false is wanted");
+    return json_.get<bool>();
+  }
   double real() const {
     if (!json_.is_number()) fail("a number is wanted");
     return json_.get<double>();
@@ -119,7 +123,7 @@ void read_rotation(const Reader& r, Body& body) {
 }
 
 Body read_body(const Reader& r, const Assets& assets, bool& family_given) {
-  r.only({"cluster", "position", "quaternion", "family", "mask", "scale"});
+  r.only({"cluster", "position", "quaternion", "family", "mask", "scale", "static"});
   Body body;
   const auto found = assets.index.find(r.at("cluster").text());
   if (found == assets.index.end()) r.at("cluster").fail("no cluster of that name is in \"clusters\"");
@@ -130,6 +134,7 @@ Body read_body(const Reader& r, const Assets& assets, bool& family_given) {
     r.at("scale").fail("only 1 is possible: scale when padding (pad --scale)");
   body.family = r.has("family") ? r.at("family").bits() : assets.family[body.shape];
   body.mask = r.has("mask") ? r.at("mask").bits() : assets.mask[body.shape];
+  body.is_static = r.has("static") && r.at("static").truth();
   family_given = r.has("family") || body.family != 0;
   return body;
 }
@@ -150,7 +155,7 @@ LooseSpheres read_inline(const Reader& r) {
 }
 
 LooseSpheres read_loose(const Reader& r, const std::filesystem::path& folder) {
-  r.only({"file", "generate", "count", "order", "centers", "radii", "family", "mask"});
+  r.only({"file", "generate", "count", "order", "centers", "radii", "family", "mask", "static"});
   if (r.has("file") + r.has("generate") + r.has("centers") != 1)
     r.fail("one of \"file\", \"generate\" and \"centers\" is wanted");
   LooseSpheres l;
@@ -182,6 +187,7 @@ LooseSpheres read_loose(const Reader& r, const std::filesystem::path& folder) {
     for (std::size_t k = 0; k < t.size(); k++) to.push_back(t.at(k).bits());
   };
   tags("family", l.family), tags("mask", l.mask);
+  if (r.has("static") && r.at("static").truth()) l.is_static.assign(l.size(), 1);
   return l;
 }
 
@@ -230,7 +236,9 @@ Json parsed(std::string_view text, const std::string& where) {
 Input Scene::input() const {
   shapes_.clear();
   for (const Asset& a : assets) shapes_.push_back({a.spheres.data(), a.spheres.size()});
-  return {loose.view(), shapes_, bodies};
+  Input input;
+  input.spheres = loose.view(), input.shapes = shapes_, input.bodies = bodies;
+  return input;
 }
 
 std::uint64_t Scene::size() const {

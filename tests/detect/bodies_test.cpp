@@ -1,0 +1,499 @@
+// Bodies first, and what stands still: against brute force over every placed sphere, the nine stages and the
+// path that expands every body.
+#include "detect/bodies.h"
+
+#include <cstring>
+#include <map>
+#include <random>
+
+#include "detect/generate.h"
+#include "tests/detect/oracle.h"
+
+namespace padder::detect {
+namespace {
+
+struct BodiesScene {
+  std::vector<std::vector<Sphere>> assets;
+  std::vector<Body> bodies;
+  std::vector<double> loose;  // x, y, z, r
+  std::vector<std::uint32_t> family, mask;
+  std::vector<std::uint8_t> is_static;
+  std::vector<Shape> shapes;
+
+  Input input() {
+    shapes.clear();
+    for (const auto& a : assets) shapes.push_back({a.data(), a.size()});
+    Input in;
+    in.spheres = spheres_of<double>(loose.size() / 4, loose.data(), loose.data() + 3);
+    in.spheres.center_stride = in.spheres.radius_stride = 4;
+    if (!family.empty()) in.spheres.family = family.data();
+    if (!mask.empty()) in.spheres.mask = mask.data();
+    if (!is_static.empty()) in.spheres.is_static = is_static.data();
+    in.shapes = shapes, in.bodies = bodies;
+    return in;
+  }
+  void scale(double by) {
+    for (auto& a : assets)
+      for (Sphere& s : a) s = {s.x * by, s.y * by, s.z * by, s.r * by};
+    for (Body& b : bodies)
+      for (double& p : b.position) p *= by;
+    for (double& v : loose) v *= by;
+  }
+  void shift(double by) {
+    for (Body& b : bodies) b.position[0] += by, b.position[1] -= by, b.position[2] += 2 * by;
+    for (std::size_t k = 0; k < loose.size(); k += 4)
+      loose[k] += by, loose[k + 1] -= by, loose[k + 2] += 2 * by;
+  }
+
+  // Every pair of placed spheres, by the rules written once more.
+  std::vector<Pair> wanted() const {
+    TestScene all;
+    std::vector<std::size_t> body;
+    std::vector<bool> still;
+    for (std::size_t b = 0; b < bodies.size(); b++)
+      for (const Sphere& s : assets[bodies[b].shape]) {
+        all.spheres.push_back(placed(bodies[b], s)), body.push_back(b), still.push_back(bodies[b].is_static);
+        all.family.push_back(bodies[b].family), all.mask.push_back(bodies[b].mask);
+      }
+    for (std::size_t k = 0; k < loose.size() / 4; k++) {
+      all.spheres.push_back({loose[4 * k], loose[4 * k + 1], loose[4 * k + 2], loose[4 * k + 3]});
+      body.push_back(bodies.size() + k), still.push_back(!is_static.empty() && is_static[k]);
+      all.family.push_back(family.empty() ? 0 : family[k]), all.mask.push_back(mask.empty() ? 0 : mask[k]);
+    }
+    std::vector<Pair> pairs = brute_force(all);
+    std::erase_if(pairs, [&](const Pair& p) { return body[p.i] == body[p.j] || (still[p.i] && still[p.j]); });
+    return pairs;
+  }
+};
+
+std::vector<Sphere> blob(std::uint32_t n, double size, double r_low, double r_high, std::uint32_t seed) {
+  std::mt19937_64 random(seed);
+  std::uniform_real_distribution<double> at(-size, size), radius(r_low, r_high);
+  std::vector<Sphere> s(n);
+  for (Sphere& p : s) p = {at(random), at(random), at(random), radius(random)};
+  return s;
+}
+Body body_at(std::uint32_t shape, double x, double y, double z, std::mt19937_64& random) {
+  std::normal_distribution<double> normal;
+  Body b;
+  rotation_of(normal(random), normal(random), normal(random), normal(random), b.rotation);
+  b.position[0] = x, b.position[1] = y, b.position[2] = z, b.shape = shape;
+  return b;
+}
+BodiesScene strewn(std::vector<std::vector<Sphere>> assets, std::uint32_t bodies, std::uint32_t loose,
+                   double size, std::uint32_t seed) {
+  BodiesScene s;
+  s.assets = std::move(assets);
+  std::mt19937_64 random(seed);
+  std::uniform_real_distribution<double> at(-size, size), radius(0.05, 0.5);
+  for (std::uint32_t b = 0; b < bodies; b++)
+    s.bodies.push_back(
+        body_at(b % static_cast<std::uint32_t>(s.assets.size()), at(random), at(random), at(random), random));
+  for (std::uint32_t k = 0; k < loose; k++)
+    for (int c = 0; c < 4; c++) s.loose.push_back(c == 3 ? radius(random) : at(random));
+  return s;
+}
+
+class BodiesTest : public testing::TestWithParam<Choice> {
+ protected:
+  void SetUp() override {
+    if (GetParam() == Choice::cuda && !cuda_present()) GTEST_SKIP() << "no GPU that this build can use";
+    options_.backend = GetParam(), options_.bodies = Bodies::first;
+  }
+  void expect_right(BodiesScene& s, const std::string& what) {
+    SCOPED_TRACE(what);
+    const std::vector<Pair> wanted = s.wanted();
+    std::uint64_t hash = 0;
+    for (const Pair& p : wanted) hash += pair_hash(p.i, p.j);
+    if (!detector_) detector_ = std::make_unique<Detector>(options_);
+    for (const Order order : {Order::fixed, Order::any}) {
+      detector_->options().order = order;
+      const Contacts& c = detector_->detect(s.input());
+      const std::vector<Pair> found = sorted(c.pair_span());
+      for (std::size_t k = 1; k < found.size(); k++) ASSERT_NE(found[k - 1], found[k]) << "reported twice";
+      for (const Pair& p : found) ASSERT_LT(p.i, p.j);
+      ASSERT_EQ(found.size(), wanted.size());
+      ASSERT_EQ(found, wanted);
+      ASSERT_EQ(detector_->hash(), hash);
+    }
+    Options other = options_;
+    other.bodies = Bodies::expanded;
+    if (!expanded_) expanded_ = std::make_unique<Detector>(other);
+    ASSERT_EQ(expanded_->detect(s.input()).count, wanted.size());
+    ASSERT_EQ(expanded_->hash(), hash);
+    other.path = Path::nine_stages;
+    if (!stages_) stages_ = std::make_unique<Detector>(other);
+    if (!with_stages_) return;
+    ASSERT_EQ(stages_->detect(s.input()).count, wanted.size());
+    ASSERT_EQ(stages_->hash(), hash);
+  }
+  Options options_;
+  bool with_stages_ = true;
+  std::unique_ptr<Detector> detector_, expanded_, stages_;
+};
+
+TEST_P(BodiesTest, NoneAndEmptyAndOne) {
+  BodiesScene s;
+  expect_right(s, "nothing");
+  s.assets = {{}, {{0, 0, 0, 1}}};
+  expect_right(s, "shapes only");
+  std::mt19937_64 random(1);
+  s.bodies = {body_at(0, 0, 0, 0, random)};
+  expect_right(s, "a body of no spheres");
+  s.bodies.push_back(body_at(1, 0, 0, 0, random));
+  expect_right(s, "one sphere");
+  s.bodies.push_back(body_at(1, 2, 0, 0, random));
+  expect_right(s, "two, exactly touching");
+  s.loose = {0, 2, 0, 1};
+  expect_right(s, "and a loose one");
+}
+
+TEST_P(BodiesTest, PilesOfAllKinds) {
+  std::random_device device;
+  std::uint32_t seed = device();
+  std::printf("seed %u\n", seed);
+  const auto one = blob(1, 0.3, 0.2, 1, 1), few = blob(7, 1, 0.1, 0.6, 2), piece = blob(64, 1, 0.1, 0.3, 3),
+             more = blob(65, 1, 0.1, 0.3, 4), many = blob(300, 2, 0.05, 0.2, 5);
+  for (const double size : {1.0, 4.0, 12.0})
+    for (const std::uint32_t loose : {0u, 150u})
+      for (int kind = 0; kind < 5; kind++) {
+        const std::vector<std::vector<std::vector<Sphere>>> kinds{
+            {one}, {few}, {piece}, {more, one}, {many, few, one}};
+        BodiesScene s = strewn(kinds[static_cast<std::size_t>(kind)],
+                               kind == 4   ? 12
+                               : kind == 0 ? 150
+                                           : 30,
+                               loose, size, ++seed);
+        for (std::size_t b = 0; b < s.bodies.size(); b++) s.bodies[b].family = b % 3 ? 0 : 33 + b % 5;
+        expect_right(s, "kind " + std::to_string(kind) + " size " + std::to_string(size) + " loose " +
+                            std::to_string(loose) + " seed " + std::to_string(seed));
+        if (HasFatalFailure()) return;
+      }
+}
+
+TEST_P(BodiesTest, NestedAndCoinciding) {
+  BodiesScene s = strewn({blob(300, 3, 0.1, 0.4, 1), blob(20, 0.5, 0.05, 0.2, 2)}, 12, 50, 1, 3);
+  for (Body& b : s.bodies) b.position[0] = b.position[1] = b.position[2] = 0;
+  expect_right(s, "all about one point");
+  for (Body& b : s.bodies) std::copy_n(s.bodies[0].rotation, 9, b.rotation);
+  expect_right(s, "in one pose");
+}
+
+TEST_P(BodiesTest, FamiliesAndMasks) {
+  BodiesScene s = strewn({blob(30, 1, 0.1, 0.4, 1)}, 24, 200, 2, 4);
+  for (std::size_t b = 0; b < s.bodies.size(); b++)
+    s.bodies[b].family = b % 6 == 5 ? 40 : b % 6, s.bodies[b].mask = b % 4 == 0 ? 0b1010 : 0;
+  for (std::size_t k = 0; k < 200; k++) s.family.push_back(k % 7), s.mask.push_back(k % 3 ? 0 : 0b10100);
+  expect_right(s, "families and masks of bodies and of loose spheres");
+  s.mask.clear();
+  expect_right(s, "no masks of loose spheres");
+}
+
+// A ground of thousands of spheres under small things, and a pebble of 1e-6 of its size.
+TEST_P(BodiesTest, HugeBesideTiny) {
+  std::vector<Sphere> ground;
+  for (int y = 0; y < 40; y++)
+    for (int x = 0; x < 40; x++) ground.push_back({x - 20.0, y - 20.0, std::sin(0.3 * x), 0.8});
+  BodiesScene s = strewn({blob(20, 0.3, 0.05, 0.2, 1)}, 60, 100, 1, 5);
+  s.assets.push_back(ground);
+  std::mt19937_64 random(2);
+  std::uniform_real_distribution<double> at(-20, 20);
+  for (Body& b : s.bodies) b.position[0] = at(random), b.position[1] = at(random);
+  s.bodies.push_back({});
+  s.bodies.back().shape = 1, s.bodies.back().position[2] = -0.7;
+  s.assets.push_back({{0, 0, 0, 1e-6}, {1e-6, 0, 0, 1e-6}});
+  for (int k = 0; k < 20; k++) s.bodies.push_back(body_at(2, at(random), at(random), 0, random));
+  s.assets.push_back({{0, 0, -1e6, 1e6 - 3}});
+  s.bodies.push_back(body_at(3, 0, 0, 0, random));
+  for (double& r : s.bodies.back().rotation) r = 0;  // any matrix at all
+  s.bodies.back().rotation[0] = s.bodies.back().rotation[4] = s.bodies.back().rotation[8] = 1;
+  expect_right(s, "a ground");
+}
+
+TEST_P(BodiesTest, FarTinyAndHuge) {
+  for (const double far : {1e7, 1e12}) {
+    BodiesScene s = strewn({blob(64, 1, 0.1, 0.3, 3)}, 20, 50, 2, 6);
+    s.shift(far);
+    expect_right(s, "at " + std::to_string(far));
+  }
+  for (const double scale : {1e-300, 1e-160, 1e-40, 1e40, 1e90}) {
+    options_.width = Width::pairs, detector_.reset(), expanded_.reset(), stages_.reset();
+    BodiesScene s = strewn({blob(64, 1, 0.1, 0.3, 3), blob(1, 0, 0, 0, 1)}, 20, 50, 2, 7);
+    s.scale(scale);
+    with_stages_ = scale > 1e-150;
+    if (scale <
+        1e-150) {  // no longer geometry: squares underflow. Equal to the other path where that is exact
+      if (scale < 1e-200) expect_right(s, "scaled by " + std::to_string(scale));
+    } else {
+      expect_right(s, "scaled by " + std::to_string(scale));
+    }
+  }
+}
+
+// Shapes whose spheres lie far from the shape's own origin, and matrices that are no rotations: the balls
+// must still be generous enough.
+TEST_P(BodiesTest, OddFramesAndMatrices) {
+  BodiesScene s = strewn({blob(100, 1, 0.1, 0.3, 3)}, 25, 50, 2, 8);
+  for (Sphere& p : s.assets[0]) p.x += 1e5, p.z -= 1e5;
+  for (Body& b : s.bodies) {
+    const Sphere at = placed(b, {1e5, 0, -1e5, 0});
+    b.position[0] -= at.x - b.position[0], b.position[1] -= at.y - b.position[1];
+    b.position[2] -= at.z - b.position[2];
+  }
+  expect_right(s, "an asset far from its origin");
+  BodiesScene t = strewn({blob(100, 1, 0.1, 0.3, 3)}, 25, 50, 3, 9);
+  std::mt19937_64 random(3);
+  std::uniform_real_distribution<double> any(-1.5, 1.5);
+  for (Body& b : t.bodies)
+    for (double& m : b.rotation) m = any(random);
+  expect_right(t, "any matrices");
+  for (Body& b : t.bodies)
+    for (double& m : b.rotation) m = 0;
+  expect_right(t, "matrices of zeros");
+}
+
+// Spheres put on the threshold, as near as rounding lets them be: at the rims of both bodies' balls.
+TEST_P(BodiesTest, TouchingAtTheRim) {
+  std::mt19937_64 random(10);
+  std::normal_distribution<double> normal;
+  for (const double far : {0.0, 1e3, 1e6}) {
+    BodiesScene s;
+    s.assets = {{{0, 0, 0, 1}}, {{0.1, 0.2, 0.3, 0.5}, {0.3, 0.2, 0.1, 0.25}}};
+    for (int k = 0; k < 150; k++) {
+      Body a = body_at(k % 2, 7.0 * (k % 12), 7.0 * (k / 12), 0, random), b = body_at(0, 0, 0, 0, random);
+      const Sphere at = placed(a, s.assets[a.shape][0]);
+      double d[3], length = 0;
+      for (double& v : d) v = normal(random), length += v * v;
+      const double t = (at.r + 1) * (1 + 1e-15 * normal(random)) / std::sqrt(length);
+      b.position[0] = at.x + t * d[0], b.position[1] = at.y + t * d[1], b.position[2] = at.z + t * d[2];
+      s.bodies.push_back(a), s.bodies.push_back(b);
+    }
+    s.shift(far);
+    expect_right(s, "at " + std::to_string(far));
+  }
+}
+
+TEST_P(BodiesTest, RecordsAreThoseOfTheSpheres) {
+  BodiesScene s = strewn({blob(100, 1, 0.1, 0.3, 3)}, 20, 50, 1.5, 11);
+  for (const Scalar scalar : {Scalar::f32, Scalar::f64})
+    for (const Order order : {Order::fixed, Order::any}) {
+      Options o = options_, e = options_;
+      o.width = e.width = Width::points, o.scalar = scalar, e.scalar = Scalar::f64, o.order = order;
+      e.bodies = Bodies::expanded;
+      Detector first(o), expanded(e);
+      const Contacts &a = first.detect(s.input()), &b = expanded.detect(s.input());
+      ASSERT_GT(a.count, 100u);
+      ASSERT_EQ(a.count, b.count);
+      std::map<std::pair<std::uint32_t, std::uint32_t>, std::uint64_t> at;
+      for (std::uint64_t k = 0; k < b.count; k++) at[{b.pairs[k].i, b.pairs[k].j}] = k;
+      const double tolerance = scalar == Scalar::f32 ? 1e-6 : 1e-14;
+      for (std::uint64_t k = 0; k < a.count; k++) {
+        const std::uint64_t q = at.at({a.pairs[k].i, a.pairs[k].j});
+        const Normal<double>& n = b.normal_span<double>()[q];
+        const Points<double>& p = b.point_span<double>()[q];
+        const auto check = [&](const auto& normals, const auto& points) {
+          ASSERT_NEAR(normals[k].x, n.x, tolerance);
+          ASSERT_NEAR(normals[k].depth, n.depth, tolerance);
+          ASSERT_NEAR(points[k].on_i[1], p.on_i[1], tolerance * 4);
+          ASSERT_NEAR(points[k].on_j[2], p.on_j[2], tolerance * 4);
+        };
+        if (scalar == Scalar::f32)
+          check(a.normal_span<float>(), a.point_span<float>());
+        else
+          check(a.normal_span<double>(), a.point_span<double>());
+      }
+    }
+}
+
+TEST_P(BodiesTest, BoxesOwnEachContactOnce) {
+  BodiesScene s = strewn({blob(100, 1, 0.1, 0.3, 3)}, 20, 50, 1.5, 12);
+  std::vector<Pair> all;
+  for (int box = 0; box < 2; box++) {
+    (box ? options_.own.low : options_.own.high)[1] = 0.1;
+    Detector d(options_);
+    const Contacts& c = d.detect(s.input());
+    all.insert(all.end(), c.pairs, c.pairs + c.count);
+    options_.own = {};
+  }
+  EXPECT_EQ(sorted(all), s.wanted());
+}
+
+// What is wrong is named as the other path names it, and the detector stays usable.
+TEST_P(BodiesTest, FaultsAreNamed) {
+  const BodiesScene good = strewn({blob(100, 1, 0.1, 0.3, 3)}, 12, 50, 1.5, 13);
+  Detector d(options_);
+  const auto expect = [&](BodiesScene s, const std::string& part) {
+    try {
+      d.detect(s.input());
+      FAIL() << "nothing was thrown, wanted: " << part;
+    } catch (const Error& e) {
+      EXPECT_NE(std::string(e.what()).find(part), std::string::npos) << e.what();
+    }
+    BodiesScene again = good;
+    EXPECT_EQ(d.detect(again.input()).count, good.wanted().size());
+  };
+  BodiesScene s = good;
+  s.bodies[5].position[1] = NAN;
+  expect(s, "sphere 500 (number 0 of body 5)");
+  s = good, s.bodies[6].rotation[3] = INFINITY;
+  expect(s, "of body 6)");
+  s = good, s.assets[0][9].r = -1;
+  expect(s, "number 9 of body 0");
+  s = good, s.assets[0][9].x = NAN;
+  expect(s, "number 9 of body 0");
+  s = good, s.loose[4 * 7] = NAN;
+  expect(s, "sphere 1207");
+  s = good, s.loose[4 * 7 + 3] = -2;
+  expect(s, "negative radius");
+  s = good, s.bodies[4].position[0] = 1e101;
+  expect(s, "beyond 1e100");
+  s = good, s.bodies[4].position[0] = 1e60;
+  expect(s, "do not fit a float record");
+  s = good, s.bodies[4].shape = 3;
+  expect(s, "names shape 3");
+}
+
+// ---- what stands still
+
+TEST_P(BodiesTest, StaticOnesMeetOnlyWhatMoves) {
+  std::uint32_t seed = 100;
+  const auto piece = blob(64, 1, 0.1, 0.3, 3), many = blob(300, 2, 0.05, 0.2, 5),
+             dust = blob(9, 0.1, 0.001, 0.05, 6);
+  for (const double size : {1.0, 4.0, 40.0})
+    for (const int one_in : {1, 2, 5}) {
+      BodiesScene s = strewn({piece, many, dust}, 21, 200, size, ++seed);
+      for (std::size_t b = 0; b < s.bodies.size(); b++) s.bodies[b].is_static = b % one_in == 0;
+      for (std::size_t k = 0; k < 200; k++) s.is_static.push_back(k % 3 == 1);
+      s.loose[4 * 4 + 3] = size, s.loose[4 * 5 + 3] = size;  // large ones, one of them static
+      expect_right(s, "size " + std::to_string(size) + " one in " + std::to_string(one_in));
+      if (HasFatalFailure()) return;
+    }
+}
+
+// Few and far: the table of the static ones is hashed, or has bins without end.
+TEST_P(BodiesTest, StaticOnesStrewnThinly) {
+  BodiesScene s = strewn({blob(5, 1, 0.1, 0.3, 3)}, 300, 300, 3e4, 14);
+  for (std::size_t b = 0; b < 300; b++) s.bodies[b].is_static = b % 2;
+  for (std::size_t b = 1; b < 300; b += 2)
+    for (int c = 0; c < 3; c++) s.bodies[b - 1].position[c] = s.bodies[b].position[c] + 0.5;
+  s.bodies[10].position[0] = 1e18, s.bodies[11].position[0] = 1e18, s.bodies[13].position[1] = -1e25;
+  for (std::size_t k = 0; k < 300; k++) s.is_static.push_back(k % 2);
+  expect_right(s, "thin");
+  s.loose[3] = 1e5;
+  expect_right(s, "one that covers it all");
+  s.loose[4 + 3] = 1e5;
+  expect_right(s, "a static one that covers it all");
+}
+
+TEST_P(BodiesTest, OnlyWhatMovedIsReadAgain) {
+  BodiesScene s = strewn({blob(20, 1, 0.1, 0.5, 3)}, 60, 100, 4, 15);
+  for (std::size_t b = 10; b < 60; b++) s.bodies[b].is_static = true;
+  for (std::size_t k = 0; k < 100; k++) s.is_static.push_back(k > 20);
+  Detector d(options_);
+  std::mt19937_64 random(4);
+  std::uniform_real_distribution<double> at(-5, 5);
+  std::uint64_t revision = 7;
+  for (int step = 0; step < 12; step++) {
+    std::vector<std::uint32_t> moved{static_cast<std::uint32_t>(step % 10), 3};
+    for (const std::uint32_t b : moved)
+      for (double& p : s.bodies[b].position) p = at(random);
+    if (step == 8) s.bodies[40].position[0] = at(random), revision++;
+    s.loose[static_cast<std::size_t>(4 * (step % 20))] = at(random);
+    Input in = s.input();
+    in.revision = revision, in.moved = moved;
+    const Contacts& c = d.detect(in);
+    ASSERT_EQ(sorted(c.pair_span()), s.wanted()) << "step " << step;
+    Detector fresh(options_);
+    const Contacts& f = fresh.detect(s.input());
+    ASSERT_EQ(c.count, f.count);
+    ASSERT_EQ(std::memcmp(c.pairs, f.pairs, f.count * sizeof(Pair)), 0) << "the order depends on the past";
+    if (step == 5) {  // a call that goes another way is not forgotten
+      s.bodies[1].position[2] = 0;
+      Input other = s.input();
+      const std::uint32_t one[] = {1};
+      other.revision = revision, other.moved = one;
+      d.options().path = Path::nine_stages;
+      EXPECT_EQ(sorted(d.detect(other).pair_span()), s.wanted());
+      d.options().path = Path::fast;
+    }
+  }
+  const std::uint32_t none[] = {60};
+  Input in = s.input();
+  in.moved = none;
+  EXPECT_THROW(d.detect(in), Error);
+}
+
+TEST_P(BodiesTest, PosesApartFromBodies) {
+  BodiesScene s = strewn({blob(64, 1, 0.1, 0.3, 3)}, 30, 40, 3, 16);
+  for (std::size_t b = 20; b < 30; b++) s.bodies[b].is_static = true;
+  for (const Bodies way : {Bodies::first, Bodies::expanded}) {
+    options_.bodies = way;
+    Detector d(options_);
+    std::mt19937_64 random(5);
+    for (int step = 0; step < 4; step++) {
+      std::vector<Pose> poses(30);
+      BodiesScene moved = s;
+      for (std::size_t b = 0; b < 30; b++) {
+        if (b < 20)
+          moved.bodies[b] = body_at(0, s.bodies[b].position[0], s.bodies[b].position[1], 0.1 * step, random);
+        std::copy_n(moved.bodies[b].rotation, 9, poses[b].rotation);
+        std::copy_n(moved.bodies[b].position, 3, poses[b].position);
+      }
+      Input in = s.input();
+      in.poses = poses.data(), in.revision = step < 2 ? 0 : 5;
+      ASSERT_EQ(sorted(d.detect(in).pair_span()), moved.wanted()) << "step " << step;
+    }
+  }
+}
+
+TEST_P(BodiesTest, LoosePartsStandStillWithoutBodies) {
+  BodiesScene s = strewn({}, 0, 600, 4, 17);
+  for (std::size_t k = 0; k < 600; k++) s.is_static.push_back(k % 4 != 0);
+  expect_right(s, "loose spheres only");
+}
+
+INSTANTIATE_TEST_SUITE_P(Backends, BodiesTest, testing::Values(Choice::omp, Choice::cuda),
+                         [](const auto& which) { return which.param == Choice::omp ? "omp" : "cuda"; });
+
+// ---- pieces
+
+TEST(Pieces, HoldEverySphereOnceAndItsBallHoldsThem) {
+  const auto a = blob(1000, 3, 0.1, 0.5, 1), b = blob(64, 1, 0, 0, 2), c = blob(65, 1, 0, 1, 3);
+  const Shape shapes[] = {{a.data(), a.size()}, {b.data(), b.size()}, {nullptr, 0}, {c.data(), c.size()}};
+  Pieces p;
+  EXPECT_TRUE(p.update(shapes));
+  EXPECT_FALSE(p.update(shapes));
+  ASSERT_EQ(p.shape_first.size(), 5u);
+  for (int shape = 0; shape < 4; shape++) {
+    std::vector<int> seen(shapes[shape].count, 0);
+    for (std::uint32_t k = p.shape_first[shape]; k < p.shape_first[shape + 1]; k++) {
+      const Piece& piece = p.pieces[k];
+      ASSERT_GE(piece.count, 1u);
+      ASSERT_LE(piece.count, kPieceSpheres);
+      for (std::uint32_t s = piece.first; s < piece.first + piece.count; s++) {
+        seen[p.numbers[s]]++;
+        const Sphere &in = p.spheres[s], &given = shapes[shape].spheres[p.numbers[s]];
+        EXPECT_EQ(in.x, given.x);
+        EXPECT_LE(std::hypot(in.x - piece.ball.x, in.y - piece.ball.y, in.z - piece.ball.z) + in.r,
+                  piece.ball.r * (1 + 1e-15));
+      }
+    }
+    for (const int n : seen) EXPECT_EQ(n, 1);
+    EXPECT_EQ(p.shape_first[shape + 1] - p.shape_first[shape],
+              (shapes[shape].count + kPieceSpheres - 1) / kPieceSpheres);
+  }
+}
+
+// The ball about the 64 unit spheres of a shell of radius 3 is that of radius 4, or a little less.
+TEST(Pieces, TheBallIsSmall) {
+  const BodyScene scene = generate_bodies(1);
+  const Shape shape[] = {{scene.shape.data(), scene.shape.size()}};
+  Pieces p;
+  p.update(shape);
+  ASSERT_EQ(p.pieces.size(), 1u);
+  EXPECT_LE(p.pieces[0].ball.r, 4.0001);
+  EXPECT_GE(p.pieces[0].ball.r, 3.9);
+}
+
+}  // namespace
+}  // namespace padder::detect
