@@ -33,7 +33,8 @@ std::unique_ptr<Backend> make_cuda_backend(
 std::string cuda_absence();  // why make_cuda_backend would throw; "" when it would not
 
 // Common to all backends, in detector.cpp.
-void check_input(const Input& input, bool device_memory_allowed);  // pointers, counts, shapes; throws Error
+// Pointers, counts, shapes; throws Error. `known`: the bodies were checked in the call before.
+void check_input(const Input& input, bool device_memory_allowed, bool known = false);
 std::uint64_t sphere_count(const Input& input);
 Body body_at(const Input& input, std::size_t k);  // with its pose, which must lie in host memory
 void check_range(const Summary& summary,

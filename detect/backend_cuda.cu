@@ -4,6 +4,7 @@
 #include <chrono>
 #include <optional>
 
+#include "detect/cuda_bodies.h"
 #include "detect/cuda_record.h"
 #include "detect/cuda_search.h"
 #include "detect/cuda_stages.h"
@@ -37,13 +38,22 @@ class CudaBackend : public Backend {
   std::uint64_t memory() const override { return book_.held; }
 
   Contacts detect(const Input& input, const Options& options) override {
-    check_input(input, true);
+    const bool known =
+        options.path == Path::fast && options.bodies != Bodies::expanded && bodies_.knows(input);
+    check_input(input, true, known);
     const OnDevice on(device_);
-    begin(input, options);
+    begin(options);
     Contacts c;
-    c.spheres = source_.count, c.memory = options.output, c.width = options.width, c.scalar = options.scalar;
+    c.memory = options.output, c.width = options.width, c.scalar = options.scalar;
     stream_of_hash_ = stream_;
-    if (source_.count > 0) {
+    bool done = false;
+    if (known || bodies_first(input, options, sphere_count(input)))
+      done = bodies(input, options, c);
+    else
+      bodies_.forget();
+    if (!done) read(input);
+    if (!done) c.spheres = source_.count;
+    if (!done && source_.count > 0) {
       if (options.path == Path::fast)
         fast(input, options, c);
       else
@@ -59,7 +69,8 @@ class CudaBackend : public Backend {
   Arrays stages(const Input& input, const Options& options) override {
     check_input(input, true);
     const OnDevice on(device_);
-    begin(input, options);
+    begin(options);
+    read(input);
     if (source_.count == 0) return {};
     Contacts c;
     nine_stages(options, survey(input, options), c);
@@ -75,7 +86,7 @@ class CudaBackend : public Backend {
  private:
   using Clock = std::chrono::steady_clock;
 
-  void begin(const Input& input, const Options& options) {
+  void begin(const Options& options) {
     begun_ = last_mark_ = Clock::now();
     seconds_ = {}, timings_ = options.timings;
     stream_ = static_cast<cudaStream_t>(options.stream);
@@ -85,8 +96,22 @@ class CudaBackend : public Backend {
       stream_ = own_stream_;
     }
     book_.limit = options.memory_limit;
+  }
+  void read(const Input& input) {
     source_ = input_.source(input, stream_);
     mark(seconds_.place);
+  }
+
+  // False: the spheres of bodies must be expanded.
+  bool bodies(const Input& input, const Options& options, Contacts& c) {
+    const auto room = [&](std::uint64_t count) {
+      reserve_records(options, count);
+      return output(options);
+    };
+    const auto marks = [&](int stage) { mark(stage < 0 ? seconds_.place : seconds_.stage[stage]); };
+    if (!bodies_.run(input, options, room, c.count, stream_, marks)) return false;
+    c.spheres = bodies_.body_spheres() + input.spheres.count;
+    return true;
   }
 
   // Adds the time since the last mark. Without `timings` the device is not waited for and nothing is known.
@@ -304,6 +329,7 @@ class CudaBackend : public Backend {
   Source source_;
   Surveyor surveyor_{book_};
   Orderer orderer_{book_};
+  BodySearch bodies_{book_};
   std::optional<Stages> stages_;
   Buffer<Pair> pairs_{book_, "the contacts"};
   Buffer<unsigned char> normals_{book_, "the contacts"}, points_{book_, "the contacts"};

@@ -204,16 +204,18 @@ class OmpBackend final : public Backend {
  private:
   Contacts any(const Input& input, const Options& options, Arrays* arrays) {
     records_.count = 0;
-    check_input(input, false);
+    const bool known =
+        !arrays && options.path == Path::fast && options.bodies != Bodies::expanded && bodies_.knows(input);
+    check_input(input, false, known);
+    const std::uint64_t n = known ? bodies_.body_spheres() + input.spheres.count : sphere_count(input);
     budget_.begin(options.memory_limit);
     // A small scene is done before a second thread has woken up.
-    const auto worth = static_cast<int>(std::min<std::uint64_t>(1 + sphere_count(input) / 2048, 1024));
+    const auto worth = static_cast<int>(std::min<std::uint64_t>(1 + n / 2048, 1024));
     threads_ = options.threads > 0 ? options.threads : std::min(omp_get_max_threads(), worth);
     const Spheres& s = input.spheres;
-    if (!arrays && bodies_first(input, options, sphere_count(input))) {
+    if (known || (!arrays && bodies_first(input, options, n))) {
       Contacts c;
-      if (bodies_.run(input, options, threads_, records_, c.seconds))
-        return delivered(c, sphere_count(input), options);
+      if (bodies_.run(input, options, threads_, records_, c.seconds)) return delivered(c, n, options);
     }
     bodies_.forget();
     if (!input.bodies.empty()) return run(place(input), input, options, arrays);

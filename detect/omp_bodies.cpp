@@ -234,10 +234,15 @@ void BodySearch::write(const Options& options, int threads, Records& records) {
   }
 }
 
+bool BodySearch::knows(const Input& input) const {
+  return input.revision != 0 && input.revision == revision_ && input.bodies.size() == bodies_.size() &&
+         input.spheres.count == known_loose_;
+}
+
 bool BodySearch::run(const Input& input, const Options& options, int threads, Records& records,
                      Seconds& seconds) {
   Watch watch;
-  const bool known = input.revision != 0 && input.revision == revision_;
+  const bool known = knows(input);
   revision_ = 0;  // known again when all went well
   spheres_ = &input.spheres;
   read_bodies(input, known);
@@ -265,7 +270,7 @@ bool BodySearch::run(const Input& input, const Options& options, int threads, Re
   seconds.stage[6] += watch.lap();
   write(options, threads, records);
   seconds.stage[8] += watch.lap();
-  revision_ = input.revision;
+  revision_ = input.revision, known_loose_ = input.spheres.count;
   return true;
 }
 

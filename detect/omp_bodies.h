@@ -13,6 +13,8 @@ class BodySearch {
   // All contacts to `records`. False: something is out of the ordinary (a pose that is none, coordinates
   // beyond what a record holds); then the spheres must be expanded and each be asked.
   bool run(const Input& input, const Options& options, int threads, Records& records, Seconds& seconds);
+  bool knows(const Input& input) const;  // by its revision
+  std::uint64_t body_spheres() const { return assembly_.body_first.back(); }
   void forget() { revision_ = 0; }  // a call went another way: what moved in it was not seen
 
  private:
@@ -55,7 +57,7 @@ class BodySearch {
   }
 
   Budget* budget_;
-  std::uint64_t revision_ = 0;
+  std::uint64_t revision_ = 0, known_loose_ = 0;
   Assembly assembly_;
   StaticTable table_;
   double static_extent_ = 0;

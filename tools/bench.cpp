@@ -22,6 +22,7 @@ const std::vector<Entry>& entries() {
       {"table2", "errors against Bullet in double, beside the paper's Table 2", table2},
       {"speedup", "speedup over a warm Bullet step, the paper's Fig. 25", speedup},
       {"scaling", "time against contacts for every scene, the paper's Fig. 26", scaling},
+      {"bodies", "the rows of scaling that are made of bodies, and a few that move among many", bodies},
       {"stages", "milliseconds of each stage, the nine stages and the fast path", stages},
 #ifdef PADDER_BENCH_PADDING
       {"frontier", "spheres against error of meshes, the paper's fit beside ours", frontier},

@@ -33,6 +33,7 @@ using Run = std::function<Json(const Settings&)>;
 Json table2(const Settings&);    // bench_table2.cpp
 Json speedup(const Settings&);   // bench_speedup.cpp
 Json scaling(const Settings&);   // bench_scaling.cpp
+Json bodies(const Settings&);    // bench_scaling.cpp; its rows of bodies alone
 Json stages(const Settings&);    // bench_stages.cpp
 Json frontier(const Settings&);  // bench_frontier.cpp; only where padder::padding is built
 

@@ -17,9 +17,83 @@ struct Case {
   std::vector<std::uint64_t> sizes;
 };
 
-}  // namespace
+// Bodies of 64 spheres, posed from one asset, the first `moving` of which move.
+struct BodyCase {
+  const char* name;
+  std::uint32_t bodies, moving;
+};
 
-Json scaling(const Settings& s) {
+class Table {
+ public:
+  explicit Table(const Settings& s) : settings_(s) {}
+
+  // `order` says how the spheres lie in memory. Where `expand`, the reference is the fast path that expands
+  // every body; else the nine stages, which decide every pair in double.
+  void row(const std::string& scene, const std::string& order, std::uint64_t n, const detect::Input& input,
+           detect::Choice backend, bool expand = false) {
+    using detect::Order, detect::Precision, detect::Width;
+    const Settings& s = settings_;
+    const bool cuda = backend == detect::Choice::cuda;
+    say(s, scene + " " + std::to_string(n) + (cuda ? " cuda" : " omp"));
+    detect::Options o;
+    o.backend = backend, o.threads = s.threads;
+    if (cuda) o.output = detect::Memory::device;
+    detect::Detector d(o);
+    const int repeat = std::max(s.repeat, cuda ? 11 : 3);
+    const auto timed = [&](Precision p, Order how, Width w) {
+      d.options().precision = p, d.options().order = how, d.options().width = w;
+      // The second call finds its memory, the third records its graph.
+      for (int k = 0; k < 3; k++) d.detect(input);
+      return median_seconds(repeat, [&] { d.detect(input); });
+    };
+    const double fast = timed(Precision::fast, Order::any, Width::normals);
+    const double exact = timed(Precision::exact, Order::any, Width::normals);
+    const double fixed = timed(Precision::exact, Order::fixed, Width::normals);
+    const std::uint64_t contacts = d.detect(input).count, held = d.memory();
+    const double points = timed(Precision::exact, Order::any, Width::points);
+    const std::uint64_t hash = d.hash();
+    if (cuda || expand) {
+      o.width = Width::pairs;
+      if (expand)
+        o.bodies = detect::Bodies::expanded;
+      else
+        o.path = detect::Path::nine_stages;
+      detect::Detector reference(o);
+      if (reference.detect(input).count != contacts || reference.hash() != hash)
+        throw Error("the fast path and the reference differ at " + scene + " " + std::to_string(n));
+    }
+    const double bytes =
+        (static_cast<double>(held) - 24.0 * static_cast<double>(contacts)) / static_cast<double>(n);
+    rows.push_back({{"scene", scene},
+                    {"random_order", order == "random"},
+                    {"spheres", n},
+                    {"contacts", contacts},
+                    {"hash", std::to_string(hash)},
+                    {"backend", d.backend()},
+                    {"seconds_fast", fast},
+                    {"seconds_exact", exact},
+                    {"seconds_exact_fixed", fixed},
+                    {"seconds_exact_points", points},
+                    {"bytes_held", held}});
+    table.push_back({scene, order, std::to_string(n), std::to_string(contacts), d.backend(),
+                     number(fast * 1e3, "%.3f"), number(exact * 1e3, "%.3f"), number(fixed * 1e3, "%.3f"),
+                     number(points * 1e3, "%.3f"), number(exact * 1e9 / static_cast<double>(n), "%.3f"),
+                     number(bytes, "%.0f")});
+    if (order != "bodies")
+      data += number(static_cast<double>(contacts) / 1e6, "%g") + " " + number(exact * 1e3, "%g") + "\n";
+  }
+
+  Json rows = Json::array();
+  Json table =
+      Json::array({{"scene", "order", "spheres", "contacts", "backend", "fast [ms]", "exact [ms]",
+                    "exact, fixed order [ms]", "exact, points [ms]", "ns a sphere", "bytes a sphere"}});
+  std::string data;
+
+ private:
+  const Settings& settings_;
+};
+
+void loose_rows(const Settings& s, Table& t) {
   std::vector<Case> cases;
   for (const char* scene : {"dense", "dilute", "poly35", "poly100"}) {
     std::vector<std::uint64_t> sizes = s.spheres;
@@ -29,74 +103,50 @@ Json scaling(const Settings& s) {
     cases.push_back({scene, true, sizes});
   }
   if (s.spheres.empty() && s.backend == "cuda") cases.push_back({"dense", false, {20000000}});
-  Json rows = Json::array();
-  Json table =
-      Json::array({{"scene", "order", "spheres", "contacts", "backend", "fast [ms]", "exact [ms]",
-                    "exact, fixed order [ms]", "exact, points [ms]", "ns a sphere", "bytes a sphere"}});
-  std::string data;
   for (const Case& c : cases)
     for (const std::uint64_t n : c.sizes) {
       const std::vector<detect::FloatSphere> spheres = detect::generate(c.scene, n, c.random_order);
       for (const detect::Choice backend : backends(s)) {
         if (backend == detect::Choice::omp && n > 5000000) continue;
-        say(s, std::string(c.scene) + " " + std::to_string(n) +
-                   (backend == detect::Choice::omp ? " omp" : " cuda"));
-        detect::Options o;
-        o.backend = backend, o.threads = s.threads;
-        if (backend == detect::Choice::cuda) o.output = detect::Memory::device;
         const DeviceSpheres device(spheres, backend == detect::Choice::cuda);
-        detect::Detector d(o);
-        const int repeat = std::max(s.repeat, backend == detect::Choice::cuda ? 11 : 3);
-        const auto timed = [&](detect::Precision p, detect::Order order, detect::Width w) {
-          d.options().precision = p, d.options().order = order, d.options().width = w;
-          d.detect(device.input());  // the second call finds its memory, the third records its graph
-          d.detect(device.input());
-          return median_seconds(repeat, [&] { d.detect(device.input()); });
-        };
-        using detect::Order, detect::Precision, detect::Width;
-        const double fast = timed(Precision::fast, Order::any, Width::normals);
-        const double exact = timed(Precision::exact, Order::any, Width::normals);
-        const double fixed = timed(Precision::exact, Order::fixed, Width::normals);
-        const std::uint64_t contacts = d.detect(device.input()).count, held = d.memory();
-        const double points = timed(Precision::exact, Order::any, Width::points);
-        const std::uint64_t hash = d.hash();
-        if (backend == detect::Choice::cuda) {  // the nine stages decide every pair in double
-          o.path = detect::Path::nine_stages, o.width = Width::pairs;
-          detect::Detector reference(o);
-          if (reference.detect(device.input()).count != contacts || reference.hash() != hash)
-            throw Error("the fast path and the nine stages differ at " + std::string(c.scene) + " " +
-                        std::to_string(n));
-        }
-        const double bytes =
-            (static_cast<double>(held) - 24.0 * static_cast<double>(contacts)) / static_cast<double>(n);
-        rows.push_back({{"scene", c.scene},
-                        {"random_order", c.random_order},
-                        {"spheres", n},
-                        {"contacts", contacts},
-                        {"hash", std::to_string(hash)},
-                        {"backend", d.backend()},
-                        {"seconds_fast", fast},
-                        {"seconds_exact", exact},
-                        {"seconds_exact_fixed", fixed},
-                        {"seconds_exact_points", points},
-                        {"bytes_held", held}});
-        table.push_back({c.scene, c.random_order ? "random" : "coherent", std::to_string(n),
-                         std::to_string(contacts), d.backend(), number(fast * 1e3, "%.3f"),
-                         number(exact * 1e3, "%.3f"), number(fixed * 1e3, "%.3f"),
-                         number(points * 1e3, "%.3f"), number(exact * 1e9 / static_cast<double>(n), "%.3f"),
-                         number(bytes, "%.0f")});
-        data += number(static_cast<double>(contacts) / 1e6, "%g") + " " + number(exact * 1e3, "%g") + "\n";
+        t.row(c.scene, c.random_order ? "random" : "coherent", n, device.input(), backend);
       }
     }
+}
+
+// --spheres N: bodies of N spheres together.
+void body_rows(const Settings& s, Table& t) {
+  std::vector<BodyCase> bodies;
+  for (const std::uint64_t n : s.spheres)
+    bodies.push_back({"cluster", static_cast<std::uint32_t>(n / 64), ~0u});
+  if (s.spheres.empty())
+    bodies = {{"cluster", 10000, ~0u},
+              {"cluster", 100000, ~0u},
+              {"cluster", 10, ~0u},
+              {"cluster, 10 bodies move", 1000, 10},
+              {"cluster, 10 bodies move", 1000000, 10}};
+  for (const BodyCase& c : bodies)
+    for (const detect::Choice backend : backends(s)) {
+      const bool cuda = backend == detect::Choice::cuda;
+      if (c.bodies == 0 || (!cuda && c.bodies > 100000)) continue;
+      detect::BodyScene scene = detect::generate_bodies(c.bodies);
+      for (std::size_t b = 0; b < scene.bodies.size(); b++) scene.bodies[b].is_static = b >= c.moving;
+      const DeviceBodies device(scene, c.moving, cuda);
+      t.row(c.name, "bodies", 64 * std::uint64_t(c.bodies), device.input(), backend, c.moving < c.bodies);
+    }
+}
+
+Json result_of(const Settings& s, const char* name, const Table& t) {
   Json result = {
-      {"bench", "scaling"},   {"record", "i, j, normal, depth in float (points: + both contact points)"},
+      {"bench", name},        {"record", "i, j, normal, depth in float (points: + both contact points)"},
       {"machine", machine()}, {"device", device_name()},
-      {"threads", s.threads}, {"rows", rows},
-      {"table", table}};
+      {"threads", s.threads}, {"rows", t.rows},
+      {"table", t.table}};
   if (!s.folder.empty()) {
-    write_file(s.folder / "scaling.json", result.dump(2) + "\n");
+    write_file(s.folder / (std::string(name) + ".json"), result.dump(2) + "\n");
+    if (t.data.empty()) return result;
     const std::filesystem::path file = s.folder / ".scaling.dat";
-    write_file(file, data);
+    write_file(file, t.data);
     plot(
         s,
         "set terminal svg size 800,500 font 'sans,14'\nset output '" + (s.folder / "scaling.svg").string() +
@@ -105,6 +155,20 @@ Json scaling(const Settings& s) {
     std::filesystem::remove(file);
   }
   return result;
+}
+
+}  // namespace
+
+Json scaling(const Settings& s) {
+  Table t(s);
+  loose_rows(s, t), body_rows(s, t);
+  return result_of(s, "scaling", t);
+}
+
+Json bodies(const Settings& s) {
+  Table t(s);
+  body_rows(s, t);
+  return result_of(s, "bodies", t);
 }
 
 }  // namespace padder::bench
