@@ -25,12 +25,15 @@ void Assembly::update(const Input& input, const std::uint8_t* is_static) {
   elements.insert(elements.end(), still.begin(), still.end());
 }
 
-bool bodies_first(const Input& input, const Options& options, std::uint64_t spheres) {
+bool bodies_first(const Input& input, const Options& options, std::uint64_t spheres, double ball_cost) {
   if (options.path != Path::fast || options.bodies == Bodies::expanded) return false;
   if (options.bodies == Bodies::first) return true;
   if (input.spheres.is_static) return true;
   if (input.bodies.empty()) return false;
-  if (3 * (input.spheres.count + spheres / kPieceSpheres + input.bodies.size()) < spheres) return true;
+  const auto loose = static_cast<double>(input.spheres.count),
+             of_bodies = static_cast<double>(spheres) - loose;
+  const double balls = of_bodies / kPieceSpheres + static_cast<double>(input.bodies.size());
+  if (ball_cost * balls + loose < of_bodies) return true;
   return std::any_of(input.bodies.begin(), input.bodies.end(), [](const Body& b) { return b.is_static; });
 }
 

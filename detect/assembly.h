@@ -19,8 +19,8 @@ struct Assembly {
   void update(const Input& input, const std::uint8_t* is_static);
 };
 
-// Is it worth it? Searching a ball costs about three times as much as searching a sphere.
-bool bodies_first(const Input& input, const Options& options, std::uint64_t spheres);
+// Is it worth it? `ball_cost`: of searching a ball, in spheres expanded and searched; `spheres`: of all.
+bool bodies_first(const Input& input, const Options& options, std::uint64_t spheres, double ball_cost);
 
 // Static elements in the bins of their balls' centres. A ball that moves is held against it level by level,
 // over all bins within reach, however many of its bins it covers.

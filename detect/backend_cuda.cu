@@ -47,7 +47,7 @@ class CudaBackend : public Backend {
     c.memory = options.output, c.width = options.width, c.scalar = options.scalar;
     stream_of_hash_ = stream_;
     bool done = false;
-    if (known || bodies_first(input, options, sphere_count(input)))
+    if (known || bodies_first(input, options, sphere_count(input), 0.75))
       done = bodies(input, options, c);
     else
       bodies_.forget();
@@ -70,6 +70,7 @@ class CudaBackend : public Backend {
     check_input(input, true);
     const OnDevice on(device_);
     begin(options);
+    bodies_.forget();
     read(input);
     if (source_.count == 0) return {};
     Contacts c;

@@ -213,7 +213,7 @@ class OmpBackend final : public Backend {
     const auto worth = static_cast<int>(std::min<std::uint64_t>(1 + n / 2048, 1024));
     threads_ = options.threads > 0 ? options.threads : std::min(omp_get_max_threads(), worth);
     const Spheres& s = input.spheres;
-    if (known || (!arrays && bodies_first(input, options, n))) {
+    if (known || (!arrays && bodies_first(input, options, n, 3))) {
       Contacts c;
       if (bodies_.run(input, options, threads_, records_, c.seconds)) return delivered(c, n, options);
     }

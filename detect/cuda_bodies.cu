@@ -36,11 +36,18 @@ __global__ void moved_kernel(const MovedBody* moved, std::uint32_t count, Body* 
   for (std::uint32_t k = blockIdx.x * kThreads + threadIdx.x; k < count; k += gridDim.x * kThreads)
     put(bodies[moved[k].body], moved[k].pose);
 }
-// `list` null: all.
-__global__ void pose_kernel(const Pose* poses, const std::uint32_t* list, std::uint32_t count, Body* bodies) {
-  for (std::uint32_t k = blockIdx.x * kThreads + threadIdx.x; k < count; k += gridDim.x * kThreads) {
-    const std::uint32_t b = list ? list[k] : k;
-    put(bodies[b], poses[b]);
+// A thread for each number of a pose. `list` null: all.
+__global__ void __launch_bounds__(kThreads)
+    pose_kernel(const Pose* poses, const std::uint32_t* list, std::uint32_t count, Body* bodies) {
+  const std::uint64_t all = 12 * std::uint64_t(count);
+  for (std::uint64_t k = blockIdx.x * kThreads + threadIdx.x; k < all;
+       k += std::uint64_t(gridDim.x) * kThreads) {
+    const auto b = static_cast<std::uint32_t>(k / 12), c = static_cast<std::uint32_t>(k % 12);
+    const std::uint32_t body = list ? list[b] : b;
+    if (c < 9)
+      bodies[body].rotation[c] = poses[body].rotation[c];
+    else
+      bodies[body].position[c - 9] = poses[body].position[c - 9];
   }
 }
 // Loose spheres to the array of our own; `list` null: all.
@@ -160,8 +167,8 @@ void BodySearch::read_all(const Input& input, cudaStream_t stream) {
   if (input.poses && n) {
     const Pose* poses =
         input.pose_memory == Memory::device ? input.poses : copied(poses_, input.poses, n, stream);
-    pose_kernel<<<blocks_for(n), kThreads, 0, stream>>>(poses, nullptr, static_cast<std::uint32_t>(n),
-                                                        bodies);
+    pose_kernel<<<blocks_for(12 * n), kThreads, 0, stream>>>(poses, nullptr, static_cast<std::uint32_t>(n),
+                                                             bodies);
     cuda_launched("place the bodies");
   }
   cuda_check(cudaStreamSynchronize(stream), "copy the bodies");  // the vectors must outlive their copies
@@ -174,8 +181,8 @@ void BodySearch::read_moved(const Input& input, cudaStream_t stream) {
   const auto count = static_cast<std::uint32_t>(moving_bodies_.size());
   if (input.poses && input.pose_memory == Memory::device) {
     if (count)
-      pose_kernel<<<blocks_for(count), kThreads, 0, stream>>>(input.poses, moving_list_.data(), count,
-                                                              bodies);
+      pose_kernel<<<blocks_for(12 * std::uint64_t(count)), kThreads, 0, stream>>>(
+          input.poses, moving_list_.data(), count, bodies);
     cuda_launched("place the bodies");
     return;
   }

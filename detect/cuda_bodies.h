@@ -37,8 +37,8 @@ struct BodyView {
 };
 
 struct BodyCounters {
-  Counters broad;  // pairs of elements
-  unsigned long long static_pairs, contacts;
+  Counters broad;                                   // pairs of elements
+  unsigned long long static_pairs, contacts, next;  // next: pair to be looked at
 };
 
 class BodySearch {

@@ -4,7 +4,7 @@ namespace padder::detect::cuda {
 namespace {
 
 constexpr int kWarps = 4, kThreads = 32 * kWarps;
-constexpr std::uint32_t kBatch = 16;  // pairs of elements a warp takes at a time
+constexpr std::uint32_t kBatch = 8;   // pairs of elements a warp takes at a time
 constexpr std::uint32_t kStage = 96;  // contacts a warp keeps before it asks for a place in the list
 constexpr std::uint32_t kAll = ~0u;
 
@@ -130,15 +130,18 @@ __device__ __forceinline__ Element take(const Element& e, int lane) {
 
 // Lanes sift `kBatch` pairs of elements at once: two loose spheres are decided there and then, for the others
 // both sieves are made. Then the whole warp looks at one pair after the other.
-__global__ void __launch_bounds__(kThreads) meet_kernel(const __grid_constant__ MeetTask task) {
+__global__ void __launch_bounds__(kThreads, 4) meet_kernel(const __grid_constant__ MeetTask task) {
   __shared__ WarpMemory memory[kWarps];
   const std::uint64_t n = task.counters->broad.contacts + task.counters->static_pairs;
   if (task.counters->broad.flags || n > task.pair_room) return;  // to be done again
   const std::uint32_t lane = threadIdx.x & 31, warp = threadIdx.x >> 5;
   Meeter m{task, memory[warp], lane};
   const BodyView& v = task.view;
-  for (std::uint64_t first = (std::uint64_t(blockIdx.x) * kWarps + warp) * kBatch; first < n;
-       first += std::uint64_t(gridDim.x) * kWarps * kBatch) {
+  while (true) {
+    unsigned long long first = 0;  // whoever has done takes the next: pairs differ in cost
+    if (lane == 0) first = atomicAdd(&task.counters->next, static_cast<unsigned long long>(kBatch));
+    first = __shfl_sync(kAll, first, 0);
+    if (first >= n) break;
     const std::uint64_t item = first + lane;
     const bool valid = lane < kBatch && item < n;
     Element a, b;

@@ -7,6 +7,21 @@
 namespace padder::detect::omp {
 namespace {
 
+#if defined(__x86_64__) && defined(__GNUC__)
+#define PADDER_CLONES __attribute__((target_clones("avx2", "default")))
+#else
+#define PADDER_CLONES
+#endif
+
+// For each of n, in whole vectors: may it be reached, does it touch. The same bits on every processor.
+PADDER_CLONES void sift(const Sieve& s, const NearSphere* near, std::uint32_t n, std::uint8_t* pass) {
+  for (std::uint32_t k = 0; k < n; k++) pass[k] = passes(s, near[k]);
+}
+PADDER_CLONES void test(const Sphere& s, const double* x, const double* y, const double* z, const double* r,
+                        std::uint32_t n, std::uint8_t* hit) {
+  for (std::uint32_t k = 0; k < n; k++) hit[k] = touching(s, {x[k], y[k], z[k], r[k]});
+}
+
 constexpr std::uint64_t kPart =
     256;  // pairs looked at at a stretch: the unit of work, and of the fixed order
 
@@ -186,9 +201,11 @@ void BodySearch::gather(std::uint32_t element, const Sphere& other, Survivors& o
   const Sieve sieve = sieve_of(body, piece, balls_[element], other);
   const NearSphere* near = &assembly_.pieces.near[piece.first];
   std::uint32_t kept[kPieceSpheres], n = 0;
+  std::uint8_t pass[kPieceSpheres];
+  sift(sieve, near, piece.count, pass);
   for (std::uint32_t k = 0; k < piece.count; k++) {
     kept[n] = piece.first + k;
-    n += passes(sieve, near[k]);
+    n += pass[k];
   }
   for (std::uint32_t k = 0; k < n; k++) out.add(kept[k], placed(body, assembly_.pieces.spheres[kept[k]]));
 }
@@ -202,8 +219,8 @@ void BodySearch::meet(std::uint64_t k, const Options& options, Survivors& a, Sur
   for (int c = 0; c < 3; c++) bounded |= options.own.low[c] > -INFINITY || options.own.high[c] < INFINITY;
   for (std::uint32_t i = 0; i < a.count; i++) {
     const Sphere s = a[i];
-    bool hit[kPieceSpheres];
-    for (std::uint32_t j = 0; j < b.count; j++) hit[j] = touching(s, b[j]);
+    std::uint8_t hit[kPieceSpheres];
+    test(s, b.x, b.y, b.z, b.r, b.count, hit);
     for (std::uint32_t j = 0; j < b.count; j++) {
       if (!hit[j]) continue;
       if (bounded) {

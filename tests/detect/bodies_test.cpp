@@ -353,6 +353,32 @@ TEST_P(BodiesTest, FaultsAreNamed) {
   expect(s, "names shape 3");
 }
 
+// Every body meets every other one: the list of bodies that meet is longer than anyone would guess.
+TEST_P(BodiesTest, ManyInOnePlace) {
+  BodiesScene s = strewn({{{0, 0, 0, 0.1}, {2, 0, 0, 0.1}}}, 300, 300, 0.3, 18);
+  expect_right(s, "all within reach");
+}
+
+TEST_P(BodiesTest, MemoryIsKeptAndShortageIsASentence) {
+  BodiesScene s = strewn({blob(100, 1, 0.1, 0.3, 3)}, 40, 50, 1.5, 19);
+  options_.threads = 1;
+  Detector d(options_);
+  const std::uint64_t contacts = d.detect(s.input()).count, held = d.memory();
+  EXPECT_GT(held, 0u);
+  d.detect(s.input());
+  EXPECT_EQ(d.memory(), held);
+  Detector narrow(options_);
+  narrow.options().memory_limit = held / 3;
+  try {
+    narrow.detect(s.input());
+    FAIL() << "a third of the memory was enough";
+  } catch (const Error& e) {
+    EXPECT_NE(std::string(e.what()).find(" bytes of "), std::string::npos) << e.what();
+  }
+  narrow.options().memory_limit = 0;
+  EXPECT_EQ(narrow.detect(s.input()).count, contacts);
+}
+
 // ---- what stands still
 
 TEST_P(BodiesTest, StaticOnesMeetOnlyWhatMoves) {

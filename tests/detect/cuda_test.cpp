@@ -76,6 +76,62 @@ TEST_F(CudaTest, WhatWasDetectedBeforeDoesNotMatter) {
   }
 }
 
+// Bodies first: the same list, bit by bit, from each run, as a graph and alone; the pairs are those of the
+// CPU that expands every body.
+TEST_F(CudaTest, ManyBodiesAgree) {
+  BodyScene scene = generate_bodies(20'000);
+  const Shape shapes[] = {{scene.shape.data(), scene.shape.size()}};
+  const auto loose = generate("dilute", 60'000);
+  Input input = input_of(loose);
+  input.shapes = shapes, input.bodies = scene.bodies;
+  cpu_.bodies = Bodies::expanded;
+  for (const bool some_static : {false, true}) {
+    for (std::size_t b = 0; b < scene.bodies.size(); b++) scene.bodies[b].is_static = some_static && b % 3;
+    Detector cpu(cpu_), gpu(gpu_);
+    const std::uint64_t count = cpu.detect(input).count;
+    std::vector<Pair> first;
+    for (int run = 0; run < 20; run++) {
+      input.revision = run < 15 ? 1 : 0;
+      Detector fresh(gpu_);
+      const Contacts& c = (run % 7 == 6 ? fresh : gpu).detect(input);
+      ASSERT_EQ(c.count, count) << "run " << run;
+      if (first.empty()) {
+        EXPECT_EQ(gpu.hash(), cpu.hash());
+        first.assign(c.pairs, c.pairs + c.count);
+      }
+      ASSERT_EQ(std::memcmp(c.pairs, first.data(), count * sizeof(Pair)), 0) << "run " << run;
+    }
+    gpu.options().order = Order::any;
+    EXPECT_EQ(gpu.detect(input).count, count);
+    EXPECT_EQ(gpu.hash(), cpu.hash());
+  }
+}
+
+// Loose spheres and what is static of them in device memory.
+TEST_F(CudaTest, StaticOnesInDeviceMemory) {
+  const auto spheres = generate("dense", 20'000);
+  std::vector<std::uint8_t> is_static;
+  for (std::size_t k = 0; k < spheres.size(); k++) is_static.push_back(k % 5 != 0);
+  Input host = input_of(spheres), device = host;
+  host.spheres.is_static = is_static.data();
+  void *memory = nullptr, *flags = nullptr;
+  ASSERT_EQ(cudaMalloc(&memory, spheres.size() * sizeof(FloatSphere)), cudaSuccess);
+  ASSERT_EQ(cudaMalloc(&flags, spheres.size()), cudaSuccess);
+  ASSERT_EQ(cudaMemcpy(memory, spheres.data(), spheres.size() * sizeof(FloatSphere), cudaMemcpyHostToDevice),
+            cudaSuccess);
+  ASSERT_EQ(cudaMemcpy(flags, is_static.data(), spheres.size(), cudaMemcpyHostToDevice), cudaSuccess);
+  device.spheres.centers = memory, device.spheres.radii = static_cast<float*>(memory) + 3;
+  device.spheres.memory = Memory::device, device.spheres.is_static = static_cast<std::uint8_t*>(flags);
+  device.revision = 3;
+  Detector cpu(cpu_), gpu(gpu_);
+  const std::uint64_t count = cpu.detect(host).count;
+  for (int again = 0; again < 4; again++) {
+    EXPECT_EQ(gpu.detect(device).count, count);
+    EXPECT_EQ(gpu.hash(), cpu.hash());
+  }
+  cudaFree(memory), cudaFree(flags);
+}
+
 TEST_F(CudaTest, CrowdedBins) {
   std::vector<FloatSphere> spheres;
   for (int k = 0; k < 1500; k++) spheres.push_back({0.001f * static_cast<float>(k % 11), 0, 0, 0.0001f});

@@ -46,6 +46,20 @@ class SceneTest : public testing::Test {
   const std::string clusters_ = R"("clusters": {"p": "pair.spheres.json", "s": "seven.spheres.json"}, )";
 };
 
+TEST_F(SceneTest, WhatIsStatic) {
+  const Scene s = scene(clusters_ + R"("bodies": [{"cluster": "p", "position": [0, 0, 0], "static": true},
+      {"cluster": "p", "position": [0, 0, 0], "static": false}, {"cluster": "p", "position": [0, 0, 0]}],
+      "spheres": [{"centers": [[0, 0, 0]], "radii": 1}, {"centers": [[0, 0, 0], [1, 0, 0]], "radii": 1, "static": true},
+                  {"centers": [[0, 0, 0]], "radii": 1}])");
+  EXPECT_TRUE(s.bodies[0].is_static);
+  EXPECT_FALSE(s.bodies[1].is_static);
+  EXPECT_FALSE(s.bodies[2].is_static);
+  EXPECT_EQ(s.loose.is_static, (std::vector<std::uint8_t>{0, 1, 1, 0}));
+  EXPECT_EQ(s.input().spheres.is_static, s.loose.is_static.data());
+  refused(clusters_ + R"("bodies": [{"cluster": "p", "position": [0, 0, 0], "static": 1}])",
+          "s.json, bodies 0, static: true or false is wanted");
+}
+
 TEST_F(SceneTest, BodiesAreTurnedAndMoved) {
   const Scene s = scene(clusters_ + R"("bodies": [{"cluster": "p", "position": [10, 20, 30],
       "quaternion": [0.7071067811865476, 0, 0, 0.7071067811865476]}, {"cluster": "s", "position": [0, 0, 0], "scale": 1}])");
