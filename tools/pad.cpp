@@ -266,6 +266,8 @@ void print_report(const std::string& input, const fs::path& output, const padder
   if (r.kind == padder::BodyKind::wrap)
     std::printf("  proofs hold against the wrap, which lies up to %.3f %% outside the input\n",
                 100 * p.cluster.accuracy.wrap_distance / r.diagonal);
+  if (r.kind == padder::BodyKind::sheet)
+    std::printf("  an open sheet has no inside: its errors are measured, not proved\n");
   if (!r.within) std::printf("  the count or the radius limits did not allow the tolerance asked for\n");
   std::printf("  of the diagonal %g%s; normals off by %.1f degrees in the mean; %.2f s\n", r.diagonal,
               (p.cluster.unit.empty() ? "" : " " + p.cluster.unit).c_str(),
