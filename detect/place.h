@@ -10,6 +10,7 @@ struct Shape {
   std::uint64_t count = 0;
 };
 
+// A pose, and the shape that takes it.
 struct Body {
   double rotation[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};  // rows; orthonormal
   double position[3] = {0, 0, 0};
@@ -17,7 +18,9 @@ struct Body {
   std::uint32_t family = 0, mask = 0;
   bool is_static = false;  // stands still; two static ones are no contact
 };
-struct Pose {  // as in Body
+
+// Where a body is; as in Body.
+struct Pose {
   double rotation[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
   double position[3] = {0, 0, 0};
 };
