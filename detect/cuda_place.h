@@ -1,0 +1,107 @@
+// Places in the list, given out to tiles. For any order by one atomic addition. For a fixed order a tile has
+// `share` places to itself, wherever the others are; what it finds beyond them spills over, and what it
+// leaves spare is filled afterwards, the n-th spare place by the n-th hit that spilled, counted in the order
+// of the tiles. `share` is a little less than the mean, so that all that spares is filled and few hits move;
+// nobody waits for anybody. Only cuda_search.cu includes this.
+#pragma once
+#include <cub/block/block_reduce.cuh>
+#include <cub/block/block_scan.cuh>
+
+#include "detect/cuda_judge.h"
+
+namespace padder::detect::cuda {
+namespace {
+
+constexpr int kGroupTiles = 1024, kFillTiles = 8;
+using Word = unsigned long long;
+
+__device__ __forceinline__ Target take_place(const Task& task, std::uint32_t tile, std::uint32_t sum) {
+  if (!task.options.fixed_order)
+    return {sum ? atomicAdd(&task.counters->contacts, static_cast<Word>(sum)) : 0, 0, ~0u};
+  const std::uint32_t share = task.options.share, spilled = sum > share ? sum - share : 0;
+  Word* const group = task.sums.groups + tile / kGroupTiles * 2;
+  Target t{static_cast<Word>(tile) * share, 0, share};
+  if (spilled) t.spill = atomicAdd(&task.counters->spilled, static_cast<Word>(spilled));
+  if (spilled) atomicAdd(group + 1, static_cast<Word>(spilled));
+  if (sum < share) atomicAdd(group, static_cast<Word>(share - sum));
+  task.sums.counts[tile] = sum, task.sums.spill_at[tile] = t.spill;
+  return t;
+}
+
+// What was spare and what spilled before each tile, and the number of contacts.
+__global__ void __launch_bounds__(kGroupTiles) count_places_kernel(const __grid_constant__ Task task) {
+  using Reduce = cub::BlockReduce<Word, kGroupTiles>;
+  using Scan = cub::BlockScan<Word, kGroupTiles>;
+  __shared__ union {
+    typename Reduce::TempStorage reduce;
+    typename Scan::TempStorage scan;
+  } memory;
+  __shared__ Word shared_before[2];
+  if (task.counters->flags) return;
+  const std::uint32_t tile = blockIdx.x * kGroupTiles + threadIdx.x, share = task.options.share;
+  for (int which = 0; which < 2; which++) {
+    Word sum = 0;
+    for (std::uint32_t k = threadIdx.x; k < blockIdx.x; k += kGroupTiles)
+      sum += task.sums.groups[2 * k + which];
+    sum = Reduce(memory.reduce).Sum(sum);
+    if (threadIdx.x == 0) shared_before[which] = sum;
+    __syncthreads();
+  }
+  const bool valid = tile < task.tiles;
+  const std::uint32_t count = valid ? task.sums.counts[tile] : 0;
+  Word before[2], total[2];
+  for (int which = 0; which < 2; which++) {
+    const Word mine = !valid  ? 0
+                      : which ? (count > share ? count - share : 0)
+                              : (count < share ? share - count : 0);
+    Scan(memory.scan).ExclusiveSum(mine, before[which], total[which]);
+    before[which] += shared_before[which], total[which] += shared_before[which];
+    __syncthreads();
+  }
+  if (valid) task.sums.spares[tile] = before[0], task.sums.spills[tile] = before[1];
+  if (blockIdx.x + 1 == gridDim.x && threadIdx.x == 0) {
+    task.sums.spares[task.tiles] = total[0];
+    task.counters->contacts = static_cast<Word>(task.tiles) * share - total[0] + total[1];
+  }
+}
+
+// The last tile with spares[tile] <= n, by the whole warp: 33 parts a step.
+__device__ __forceinline__ std::uint32_t tile_of_spare(const Task& task, Word n) {
+  std::uint32_t low = 0, high = task.tiles;  // spares[low] <= n < spares[high]
+  while (high - low > 1) {
+    const std::uint32_t step = (high - low + 32) / 33, at = low + (1 + (threadIdx.x & 31)) * step;
+    const std::uint32_t below = __popc(__ballot_sync(kAll, at < high && __ldg(task.sums.spares + at) <= n));
+    low += below * step;
+    if (low + step < high) high = low + step;
+  }
+  return low;
+}
+
+// The hits that spilled, a tile a warp.
+template <SlotKind Kind>
+__global__ void __launch_bounds__(32 * kFillTiles) fill_kernel(const __grid_constant__ Task task) {
+  const std::uint32_t tile = blockIdx.x * kFillTiles + (threadIdx.x >> 5), share = task.options.share;
+  if (tile >= task.tiles || task.counters->flags) return;
+  const std::uint32_t count = task.sums.counts[tile];
+  if (count <= share) return;
+  const Word *const spares = task.sums.spares, number = task.sums.spills[tile],
+                    from = task.sums.spill_at[tile], spare = spares[task.tiles];
+  std::uint32_t low = number < spare ? tile_of_spare(task, number) : 0;
+  for (std::uint32_t k = threadIdx.x & 31; k < count - share; k += 32) {
+    const Word n = number + k;
+    Word at = static_cast<Word>(task.tiles) * share + n - spare;
+    if (n < spare) {
+      std::uint32_t step = 1;
+      while (low + step < task.tiles && __ldg(spares + low + step) <= n) low += step, step *= 2;
+      while (step /= 2)
+        if (low + step < task.tiles && __ldg(spares + low + step) <= n) low += step;
+      at = static_cast<Word>(low) * share + task.sums.counts[low] + n - spares[low];
+    }
+    if (from + k >= task.sums.room || at >= task.output.capacity) continue;  // the search is repeated
+    const Word hit = task.sums.spill[from + k];
+    write_record<Kind>(task, static_cast<std::uint32_t>(hit >> 32), static_cast<std::uint32_t>(hit), at);
+  }
+}
+
+}  // namespace
+}  // namespace padder::detect::cuda
