@@ -197,15 +197,18 @@ struct Target {
   unsigned long long place, spill;
   std::uint32_t limit;
 };
+__device__ __forceinline__ void spill(const Task& task, const Target& target, std::uint32_t at,
+                                      std::uint32_t pi, std::uint32_t pj) {
+  const unsigned long long to = target.spill + (at - target.limit);
+  if (to < task.sums.room) task.sums.spill[to] = static_cast<unsigned long long>(pi) << 32 | pj;
+}
 template <SlotKind Kind>
 __device__ __forceinline__ void put(const Task& task, const Target& target, std::uint32_t at,
                                     std::uint32_t pi, std::uint32_t pj) {
-  if (at < target.limit) {
+  if (at < target.limit)
     write_record<Kind>(task, pi, pj, target.place + at);
-  } else {
-    const unsigned long long to = target.spill + (at - target.limit);
-    if (to < task.sums.room) task.sums.spill[to] = static_cast<unsigned long long>(pi) << 32 | pj;
-  }
+  else
+    spill(task, target, at, pi, pj);
 }
 
 // The hits of a warp; a unit that looks down may have many.

@@ -13,7 +13,7 @@
 namespace padder::detect::cuda {
 namespace {
 
-constexpr int kThreads = 256, kWide = 1024, kItems = 8;
+constexpr int kThreads = 256, kWide = 1024, kItems = 8, kCount = 512;
 constexpr std::uint32_t kMostBuckets = 6144, kSharedBytes = 227 * 1024;
 unsigned blocks_for(std::uint64_t n, int threads = kThreads) {
   return static_cast<unsigned>((n + threads - 1) / threads);
@@ -185,16 +185,16 @@ __global__ void __launch_bounds__(kThreads)
 // ---- buckets
 
 template <bool Along>
-__global__ void __launch_bounds__(kWide)
+__global__ void __launch_bounds__(kCount, 3)
     bucket_count_kernel(Source source, const __grid_constant__ Grid grid,
                         const __grid_constant__ Buckets buckets, std::uint32_t* keys, std::uint32_t* counts,
                         unsigned long long* found, Counters* counters) {
   Bounds bounds;
   extern __shared__ std::uint32_t shared[];
-  for (std::uint32_t b = threadIdx.x; b < buckets.count; b += kWide) shared[b] = 0;
+  for (std::uint32_t b = threadIdx.x; b < buckets.count; b += kCount) shared[b] = 0;
   __syncthreads();
-  const std::uint64_t step = static_cast<std::uint64_t>(gridDim.x) * kWide;
-  for (std::uint64_t from = static_cast<std::uint64_t>(blockIdx.x) * kWide; from < source.count;
+  const std::uint64_t step = static_cast<std::uint64_t>(gridDim.x) * kCount;
+  for (std::uint64_t from = static_cast<std::uint64_t>(blockIdx.x) * kCount; from < source.count;
        from += step) {
     const std::uint64_t k = from + threadIdx.x;
     const bool valid = k < source.count;
@@ -208,7 +208,7 @@ __global__ void __launch_bounds__(kWide)
   }
   if (Along) bounds.give(found);
   __syncthreads();
-  for (std::uint32_t b = threadIdx.x; b < buckets.count; b += kWide)
+  for (std::uint32_t b = threadIdx.x; b < buckets.count; b += kCount)
     if (shared[b]) atomicAdd(counts + b, shared[b]);
 }
 __global__ void __launch_bounds__(kWide) bucket_start_kernel(const __grid_constant__ Buckets buckets,
@@ -350,9 +350,9 @@ template <bool Along>
 __global__ void __launch_bounds__(kThreads)
     sort_key_kernel(Source source, const __grid_constant__ Grid grid, std::uint32_t* keys, std::uint32_t* ids,
                     unsigned long long* found, Counters* counters) {
-  const std::uint32_t k = blockIdx.x * kThreads + threadIdx.x;
   Bounds bounds;
-  if (k < source.count) {
+  for (std::uint64_t at = blockIdx.x * kThreads + threadIdx.x; at < source.count; at += gridDim.x * kThreads) {
+    const auto k = static_cast<std::uint32_t>(at);
     const Sphere s = source.sphere(k);
     keys[k] = key_of_sphere(s, grid, counters), ids[k] = k;
     if (Along) bounds.take(s, k);
@@ -477,7 +477,7 @@ bool Orderer::by_buckets(const Source& source, const Grid& grid, bool tidy, unsi
     o.ids = sorted_ids_.reserve(2 * std::uint64_t(o.count)), split_ids = o.ids + o.count;
   const Places split{split_slots, split_ids, split_keys}, out{o.slots, o.ids, o.keys};
   cuda_check(cudaMemsetAsync(starts, 0, (b.count + 1) * 4, stream), "clear the buckets");
-  (bounds ? bucket_count_kernel<true> : bucket_count_kernel<false>)<<<132 * 2, kWide, b.count * 4, stream>>>(
+  (bounds ? bucket_count_kernel<true> : bucket_count_kernel<false>)<<<132 * 4, kCount, b.count * 4, stream>>>(
       source, grid, b, keys, starts, bounds, counters);
   bucket_start_kernel<<<1, kWide, 0, stream>>>(b, starts, cursors);
   with_kind(o.kind, [&](auto k) {
@@ -514,7 +514,8 @@ void Orderer::by_sort(const Source& source, const Grid& grid, unsigned long long
                                             entries, stream),
              "plan the scan");
   void* scratch = scratch_.reserve(std::max(sort_bytes, scan_bytes));
-  (bounds ? sort_key_kernel<true> : sort_key_kernel<false>)<<<blocks_for(o.count), kThreads, 0, stream>>>(
+  (bounds ? sort_key_kernel<true>
+          : sort_key_kernel<false>)<<<std::min(blocks_for(o.count), 132u * 32), kThreads, 0, stream>>>(
       source, grid, keys, ids, bounds, counters);
   cuda_check(cub::DeviceRadixSort::SortPairs(scratch, sort_bytes, keys, o.keys, ids, o.ids, o.count, o.merge,
                                              end_bit, stream),

@@ -79,7 +79,7 @@ __device__ __forceinline__ std::uint32_t tile_of_spare(const Task& task, Word n)
 
 // The hits that spilled, a tile a warp.
 template <SlotKind Kind>
-__global__ void __launch_bounds__(32 * kFillTiles) fill_kernel(const __grid_constant__ Task task) {
+__global__ void __launch_bounds__(32 * kFillTiles, 6) fill_kernel(const __grid_constant__ Task task) {
   const std::uint32_t tile = blockIdx.x * kFillTiles + (threadIdx.x >> 5), share = task.options.share;
   if (tile >= task.tiles || task.counters->flags) return;
   const std::uint32_t count = task.sums.counts[tile];

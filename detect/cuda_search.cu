@@ -255,8 +255,11 @@ __global__ void __launch_bounds__(kThreads, kBlocks<W>)
     search_carefully<Kind, W>(task, grid, memory[warp], first, &target, before);
     return;
   }
-  for (std::uint32_t k = lane; k < hits; k += 32)
-    put<Kind>(task, target, before + k, first + memory[warp].lane[k], memory[warp].at[k]);
+  const std::uint32_t kept = before < target.limit ? min(hits, target.limit - before) : 0;
+  for (std::uint32_t k = lane; k < kept; k += 32)
+    write_record<Kind>(task, first + memory[warp].lane[k], memory[warp].at[k], target.place + before + k);
+  for (std::uint32_t k = kept + lane; k < hits; k += 32)
+    spill(task, target, before + k, first + memory[warp].lane[k], memory[warp].at[k]);
 }
 
 std::uint32_t own_tiles(std::uint32_t spheres) {

@@ -92,7 +92,6 @@ struct Bounds {
   }
   __device__ __forceinline__ void give(unsigned long long* out) const {
     const float minima[4] = {low[0], low[1], low[2], r_min}, maxima[4] = {high[0], high[1], high[2], r_max};
-    const bool first = (threadIdx.x & 31) == 0;
     const auto rank = [](float f) {
       const std::uint32_t b = __float_as_uint(f);
       return b >> 31 ? ~b : b | 0x80000000u;
@@ -100,18 +99,29 @@ struct Bounds {
     const auto value = [](std::uint32_t b) {
       return ordered(static_cast<double>(__uint_as_float(b >> 31 ? b & 0x7fffffffu : ~b)));
     };
+    __shared__ std::uint32_t all[9];
+    if (threadIdx.x < 9) all[threadIdx.x] = threadIdx.x < 4 || threadIdx.x == 8 ? ~0u : 0;
+    __syncthreads();
+    const bool first = (threadIdx.x & 31) == 0;
 #pragma unroll
     for (int k = 0; k < 4; k++) {
-      const unsigned long long l = value(__reduce_min_sync(~0u, rank(minima[k]))),
-                               h = value(__reduce_max_sync(~0u, rank(maxima[k])));
-      // Reading first spares nearly every atomic operation.
-      if (first && l < *static_cast<volatile unsigned long long*>(out + kLow + k))
-        atomicMin(out + kLow + k, l);
-      if (first && h > *static_cast<volatile unsigned long long*>(out + kHigh + k))
-        atomicMax(out + kHigh + k, h);
+      const std::uint32_t l = __reduce_min_sync(~0u, rank(minima[k])), h = __reduce_max_sync(~0u, rank(maxima[k]));
+      if (first) atomicMin(all + k, l), atomicMax(all + 4 + k, h);
     }
     const std::uint32_t f = __reduce_min_sync(~0u, fault);
-    if (first && f != ~0u) atomicMin(out + kFault, static_cast<unsigned long long>(f));
+    if (first && f != ~0u) atomicMin(all + 8, f);
+    __syncthreads();
+    // Reading first spares nearly every atomic operation on the few words that all blocks share.
+    const std::uint32_t k = threadIdx.x;
+    if (k < 4) {
+      const unsigned long long l = value(all[k]);
+      if (l < *static_cast<volatile unsigned long long*>(out + kLow + k)) atomicMin(out + kLow + k, l);
+    } else if (k < 8) {
+      const unsigned long long h = value(all[k]);
+      if (h > *static_cast<volatile unsigned long long*>(out + kHigh + k - 4)) atomicMax(out + kHigh + k - 4, h);
+    } else if (k == 8 && all[8] != ~0u) {
+      atomicMin(out + kFault, static_cast<unsigned long long>(all[8]));
+    }
   }
 };
 
