@@ -167,8 +167,10 @@ class CudaBackend : public Backend {
     auto* const counters = reinterpret_cast<Counters*>(surveyor_.head());
     found_ = reinterpret_cast<const Counters*>(surveyor_.host_head());
     const bool along = plan_.with_survey && Surveyor::rides_along(source_);
-    if (plan_.with_survey) surveyor_.begin(source_, plan_.octaves, plan_.top, along, stream_);
-    cuda_check(cudaMemsetAsync(counters, 0, sizeof(Counters), stream_), "clear the counters");
+    if (plan_.with_survey)
+      surveyor_.begin(source_, plan_.octaves, plan_.top, along, stream_);
+    else
+      cuda_check(cudaMemsetAsync(counters, 0, sizeof(Counters), stream_), "clear the counters");
     orderer_.lend(reinterpret_cast<float4*>(normals_.data()), normals_.capacity() / sizeof(float4),
                   reinterpret_cast<std::uint32_t*>(pairs_.data()), pairs_.capacity() * 2);
     const Ordered ordered =
@@ -255,11 +257,11 @@ class CudaBackend : public Backend {
       const Counters found = *found_;
       c.count = found.contacts, c.doubtful = found.doubtful;
       const bool fixed = plan_.search.fixed_order;
-      const std::uint32_t share = fixed ? tile_share(c.count, source_.count, plan_.grid, plan_.kind) : 0;
+      const Share share = fixed ? share_for(found, source_.count, plan_.grid, plan_.kind) : Share{};
       if (found.flags & kCrowded) {
         plan_.method = method_ = OrderMethod::sort;
       } else if (c.count > capacity(options) || share != plan_.search.share ||
-                 (fixed && share && found.spilled > search_memory_.spill.capacity())) {
+                 (fixed && found.spilled > search_memory_.spill.capacity())) {
         if (c.count > capacity(options)) reserve_records(options, c.count + c.count / 8);
         if (fixed) {
           const bool known = share == plan_.search.share;  // else: usually a twentieth of the list
@@ -339,7 +341,7 @@ class CudaBackend : public Backend {
   OrderMethod method_ = OrderMethod::automatic;
   int hope_ = 1;  // above 0: try the bins of the call before; a disappointment lasts for some calls
   std::uint64_t planned_for_ = 0;  // spheres of summary_
-  std::uint32_t share_ = 0;        // of the list before, for a fixed order
+  Share share_;                    // of the list before, for a fixed order
   Seconds seconds_;
   bool timings_ = false;
   Clock::time_point begun_, last_mark_;

@@ -185,7 +185,7 @@ __global__ void __launch_bounds__(kThreads)
 // ---- buckets
 
 template <bool Along>
-__global__ void __launch_bounds__(kCount, 3)
+__global__ void __launch_bounds__(kCount, 4)
     bucket_count_kernel(Source source, const __grid_constant__ Grid grid,
                         const __grid_constant__ Buckets buckets, std::uint32_t* keys, std::uint32_t* counts,
                         unsigned long long* found, Counters* counters) {
@@ -318,6 +318,8 @@ __global__ void __launch_bounds__(kWide)
   __syncthreads();
   scan_shared(bins, width, sums);
   for (std::uint32_t b = threadIdx.x; b < width; b += blockDim.x) table[first + b] = begin + bins[b];
+  if (blockIdx.x + 1 == gridDim.x && threadIdx.x == 0)
+    table[first + width] = begin + count;  // the end of all
 #pragma unroll
   for (int u = 0; u < kMost; u++) {
     const std::uint32_t k = threadIdx.x + u * kWide;
@@ -351,7 +353,8 @@ __global__ void __launch_bounds__(kThreads)
     sort_key_kernel(Source source, const __grid_constant__ Grid grid, std::uint32_t* keys, std::uint32_t* ids,
                     unsigned long long* found, Counters* counters) {
   Bounds bounds;
-  for (std::uint64_t at = blockIdx.x * kThreads + threadIdx.x; at < source.count; at += gridDim.x * kThreads) {
+  for (std::uint64_t at = blockIdx.x * kThreads + threadIdx.x; at < source.count;
+       at += gridDim.x * kThreads) {
     const auto k = static_cast<std::uint32_t>(at);
     const Sphere s = source.sphere(k);
     keys[k] = key_of_sphere(s, grid, counters), ids[k] = k;
@@ -494,9 +497,6 @@ bool Orderer::by_buckets(const Source& source, const Grid& grid, bool tidy, unsi
     arrange<<<b.count, kWide, order_bytes, stream>>>(b, capacity, starts, split, out, o.table, tidy,
                                                      counters);
   });
-  // The last entry that the buckets do not write: the end of all.
-  cuda_check(cudaMemcpyAsync(o.table + o.entries, starts + b.count, 4, cudaMemcpyDeviceToDevice, stream),
-             "end the table of bins");
   return true;
 }
 

@@ -1,8 +1,9 @@
 // Places in the list, given out to tiles. For any order by one atomic addition. For a fixed order a tile has
-// `share` places to itself, wherever the others are; what it finds beyond them spills over, and what it
+// its share of places to itself, wherever the others are; what it finds beyond them spills over, and what it
 // leaves spare is filled afterwards, the n-th spare place by the n-th hit that spilled, counted in the order
-// of the tiles. `share` is a little less than the mean, so that all that spares is filled and few hits move;
-// nobody waits for anybody. Only cuda_search.cu includes this.
+// of the tiles. The share is a little less than the mean (of tiles of spheres, and of those that look down),
+// so that all that spares is filled and few hits move; nobody waits for anybody. Only cuda_search.cu includes
+// this.
 #pragma once
 #include <cub/block/block_reduce.cuh>
 #include <cub/block/block_scan.cuh>
@@ -15,12 +16,21 @@ namespace {
 constexpr int kGroupTiles = 1024, kFillTiles = 8;
 using Word = unsigned long long;
 
+__device__ __forceinline__ std::uint32_t share_of(const Task& task, std::uint32_t tile) {
+  return tile < task.own_tiles ? task.options.share.own : task.options.share.down;
+}
+// The first place of a tile; of the number of tiles, the end of all shares.
+__device__ __forceinline__ Word base_of(const Task& task, std::uint32_t tile) {
+  const std::uint32_t own = min(tile, task.own_tiles);
+  return static_cast<Word>(own) * task.options.share.own +
+         static_cast<Word>(tile - own) * task.options.share.down;
+}
 __device__ __forceinline__ Target take_place(const Task& task, std::uint32_t tile, std::uint32_t sum) {
   if (!task.options.fixed_order)
     return {sum ? atomicAdd(&task.counters->contacts, static_cast<Word>(sum)) : 0, 0, ~0u};
-  const std::uint32_t share = task.options.share, spilled = sum > share ? sum - share : 0;
+  const std::uint32_t share = share_of(task, tile), spilled = sum > share ? sum - share : 0;
   Word* const group = task.sums.groups + tile / kGroupTiles * 2;
-  Target t{static_cast<Word>(tile) * share, 0, share};
+  Target t{base_of(task, tile), 0, share};
   if (spilled) t.spill = atomicAdd(&task.counters->spilled, static_cast<Word>(spilled));
   if (spilled) atomicAdd(group + 1, static_cast<Word>(spilled));
   if (sum < share) atomicAdd(group, static_cast<Word>(share - sum));
@@ -38,7 +48,7 @@ __global__ void __launch_bounds__(kGroupTiles) count_places_kernel(const __grid_
   } memory;
   __shared__ Word shared_before[2];
   if (task.counters->flags) return;
-  const std::uint32_t tile = blockIdx.x * kGroupTiles + threadIdx.x, share = task.options.share;
+  const std::uint32_t tile = blockIdx.x * kGroupTiles + threadIdx.x, share = share_of(task, tile);
   for (int which = 0; which < 2; which++) {
     Word sum = 0;
     for (std::uint32_t k = threadIdx.x; k < blockIdx.x; k += kGroupTiles)
@@ -49,6 +59,9 @@ __global__ void __launch_bounds__(kGroupTiles) count_places_kernel(const __grid_
   }
   const bool valid = tile < task.tiles;
   const std::uint32_t count = valid ? task.sums.counts[tile] : 0;
+  const Word own = Reduce(memory.reduce).Sum(tile < task.own_tiles ? count : 0);
+  if (threadIdx.x == 0) atomicAdd(&task.counters->own, own);
+  __syncthreads();
   Word before[2], total[2];
   for (int which = 0; which < 2; which++) {
     const Word mine = !valid  ? 0
@@ -61,7 +74,7 @@ __global__ void __launch_bounds__(kGroupTiles) count_places_kernel(const __grid_
   if (valid) task.sums.spares[tile] = before[0], task.sums.spills[tile] = before[1];
   if (blockIdx.x + 1 == gridDim.x && threadIdx.x == 0) {
     task.sums.spares[task.tiles] = total[0];
-    task.counters->contacts = static_cast<Word>(task.tiles) * share - total[0] + total[1];
+    task.counters->contacts = base_of(task, task.tiles) - total[0] + total[1];
   }
 }
 
@@ -77,29 +90,40 @@ __device__ __forceinline__ std::uint32_t tile_of_spare(const Task& task, Word n)
   return low;
 }
 
-// The hits that spilled, a tile a warp.
+// The hits that spilled, of some tiles a block: a warp looks for each tile's first spare place, then all
+// threads share the hits.
 template <SlotKind Kind>
 __global__ void __launch_bounds__(32 * kFillTiles, 6) fill_kernel(const __grid_constant__ Task task) {
-  const std::uint32_t tile = blockIdx.x * kFillTiles + (threadIdx.x >> 5), share = task.options.share;
-  if (tile >= task.tiles || task.counters->flags) return;
-  const std::uint32_t count = task.sums.counts[tile];
-  if (count <= share) return;
-  const Word *const spares = task.sums.spares, number = task.sums.spills[tile],
-                    from = task.sums.spill_at[tile], spare = spares[task.tiles];
-  std::uint32_t low = number < spare ? tile_of_spare(task, number) : 0;
-  for (std::uint32_t k = threadIdx.x & 31; k < count - share; k += 32) {
-    const Word n = number + k;
-    Word at = static_cast<Word>(task.tiles) * share + n - spare;
+  __shared__ std::uint32_t counts[kFillTiles], lows[kFillTiles];
+  if (task.counters->flags) return;
+  const std::uint32_t warp = threadIdx.x >> 5, first = blockIdx.x * kFillTiles, tile = first + warp;
+  const std::uint32_t count = tile < task.tiles ? task.sums.counts[tile] : 0, share = share_of(task, tile),
+                      spilled = count > share ? count - share : 0;
+  const Word *const spares = task.sums.spares, spare = spares[task.tiles];
+  if (spilled) {
+    const Word number = task.sums.spills[tile];
+    const std::uint32_t low = number < spare ? tile_of_spare(task, number) : 0;
+    lows[warp] = low;
+  }
+  counts[warp] = spilled;
+  __syncthreads();
+  std::uint32_t total = 0;
+  for (int t = 0; t < kFillTiles; t++) total += counts[t];
+  for (std::uint32_t at = threadIdx.x; at < total; at += 32 * kFillTiles) {
+    std::uint32_t k = at, t = 0;
+    while (k >= counts[t]) k -= counts[t++];
+    const Word n = task.sums.spills[first + t] + k, from = task.sums.spill_at[first + t] + k;
+    Word to = base_of(task, task.tiles) + n - spare;
     if (n < spare) {
-      std::uint32_t step = 1;
+      std::uint32_t low = lows[t], step = 1;
       while (low + step < task.tiles && __ldg(spares + low + step) <= n) low += step, step *= 2;
       while (step /= 2)
         if (low + step < task.tiles && __ldg(spares + low + step) <= n) low += step;
-      at = static_cast<Word>(low) * share + task.sums.counts[low] + n - spares[low];
+      to = base_of(task, low) + task.sums.counts[low] + n - spares[low];
     }
-    if (from + k >= task.sums.room || at >= task.output.capacity) continue;  // the search is repeated
-    const Word hit = task.sums.spill[from + k];
-    write_record<Kind>(task, static_cast<std::uint32_t>(hit >> 32), static_cast<std::uint32_t>(hit), at);
+    if (from >= task.sums.room || to >= task.output.capacity) continue;  // the search is repeated
+    const Word hit = task.sums.spill[from];
+    write_record<Kind>(task, static_cast<std::uint32_t>(hit >> 32), static_cast<std::uint32_t>(hit), to);
   }
 }
 

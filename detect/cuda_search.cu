@@ -286,11 +286,14 @@ void launch(Task& task, const Grid& grid, const Downs& downs, cudaStream_t strea
 
 }  // namespace
 
-std::uint32_t tile_share(std::uint64_t contacts, std::uint32_t spheres, const Grid& grid, SlotKind kind) {
-  const double tiles = std::max(own_tiles(spheres) + down_tiles(plan_downs(grid, kind)), 1u),
-               mean = static_cast<double>(contacts) / tiles;
-  if (mean < 1) return 0;
-  return static_cast<std::uint32_t>(std::min(std::exp2(std::floor(16 * std::log2(mean)) / 16), 0x1p24));
+Share share_for(const Counters& found, std::uint32_t spheres, const Grid& grid, SlotKind kind) {
+  const auto share = [](unsigned long long contacts, std::uint32_t tiles) -> std::uint32_t {
+    const double mean = static_cast<double>(contacts) / std::max(tiles, 1u);
+    if (mean < 1) return 0;
+    return static_cast<std::uint32_t>(std::min(std::exp2(std::floor(16 * std::log2(mean)) / 16), 0x1p24));
+  };
+  return {share(found.own, own_tiles(spheres)),
+          share(found.contacts - found.own, down_tiles(plan_downs(grid, kind)))};
 }
 
 void search(const Source& source, const Grid& grid, const Ordered& spheres, const SearchOptions& options,

@@ -27,7 +27,8 @@ struct Ordered {
 
 struct Counters {
   unsigned long long contacts, doubtful, spilled;
-  std::uint32_t flags;  // set by Orderer, cleared by its caller
+  unsigned long long own;  // contacts within a level, for a fixed order
+  std::uint32_t flags;     // set by Orderer, cleared by its caller
 };
 // Counters::flags: a bin or bucket too full for the method; a sphere outside the bins, which were chosen for
 // others.
@@ -100,17 +101,22 @@ struct SearchMemory {
       : sums(book, "the order of the list"), spill(book, "the order of the list") {}
   Buffer<unsigned long long> sums, spill;
 };
+// Places of the list that a tile has to itself: a tile of spheres, and one of units that look down.
+struct Share {
+  std::uint32_t own = 0, down = 0;
+  friend bool operator==(const Share&, const Share&) = default;
+};
 struct SearchOptions {
   bool exact = true, fixed_order = true;
-  std::uint32_t share = 0;  // tile_share of the list, for a fixed order
+  Share share;  // share_for the list, for a fixed order
   Region own;
   bool owns_all = true;
   double radius = 0;  // of all spheres, for SlotKind::equal
   friend bool operator==(const SearchOptions&, const SearchOptions&) = default;
 };
-// Places of the list that each tile of spheres has to itself. It decides the order of the list, and is a
-// matter of the list's length alone: a list found with another share is not the one to hand out.
-std::uint32_t tile_share(std::uint64_t contacts, std::uint32_t spheres, const Grid& grid, SlotKind kind);
+// The share decides the order of the list, and follows from the contacts alone: a list found with another
+// share is not the one to hand out.
+Share share_for(const Counters& found, std::uint32_t spheres, const Grid& grid, SlotKind kind);
 // The caller sets the counters to zero first; afterwards they hold the number of contacts, whatever the
 // capacity.
 void search(const Source& source, const Grid& grid, const Ordered& spheres, const SearchOptions& options,

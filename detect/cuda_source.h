@@ -105,7 +105,8 @@ struct Bounds {
     const bool first = (threadIdx.x & 31) == 0;
 #pragma unroll
     for (int k = 0; k < 4; k++) {
-      const std::uint32_t l = __reduce_min_sync(~0u, rank(minima[k])), h = __reduce_max_sync(~0u, rank(maxima[k]));
+      const std::uint32_t l = __reduce_min_sync(~0u, rank(minima[k])),
+                          h = __reduce_max_sync(~0u, rank(maxima[k]));
       if (first) atomicMin(all + k, l), atomicMax(all + 4 + k, h);
     }
     const std::uint32_t f = __reduce_min_sync(~0u, fault);
@@ -118,7 +119,8 @@ struct Bounds {
       if (l < *static_cast<volatile unsigned long long*>(out + kLow + k)) atomicMin(out + kLow + k, l);
     } else if (k < 8) {
       const unsigned long long h = value(all[k]);
-      if (h > *static_cast<volatile unsigned long long*>(out + kHigh + k - 4)) atomicMax(out + kHigh + k - 4, h);
+      if (h > *static_cast<volatile unsigned long long*>(out + kHigh + k - 4))
+        atomicMax(out + kHigh + k - 4, h);
     } else if (k == 8 && all[8] != ~0u) {
       atomicMin(out + kFault, static_cast<unsigned long long>(all[8]));
     }
@@ -141,7 +143,8 @@ class Surveyor {
   void read(bool octaves, bool along, cudaStream_t stream);
   bool finish(const Source& source, bool octaves, int top, bool along, Summary& summary) const;
 
-  // Words of the caller in front of the summary, so that one copy brings both to the host.
+  // Words of the caller in front of the summary, so that one copy brings both to the host. begin() clears
+  // them.
   static constexpr int kHead = 8;
   unsigned long long* head() { return values_.reserve(words()); }
   const unsigned long long* host_head() { return host_values_.reserve(words()); }

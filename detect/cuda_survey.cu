@@ -19,8 +19,9 @@ __device__ Word warp_max(Word v) {
   return v;
 }
 
-__global__ void begin_kernel(Word* v, int minima, int count, int period) {
+__global__ void begin_kernel(Word* v, int minima, int count, int period, int head) {
   const int k = threadIdx.x + blockIdx.x * blockDim.x;
+  if (k < head) v[k - head] = 0;
   if (k < count) v[k] = k % period < minima ? ~0ull : 0;
 }
 
@@ -113,10 +114,10 @@ std::uint64_t Surveyor::words() { return kHead + kAll; }
 
 void Surveyor::begin(const Source& source, bool octaves, int top, bool along, cudaStream_t stream) {
   Word* v = head() + kHead;
-  begin_kernel<<<1, 32, 0, stream>>>(v, 5, kBounds, kBounds);
+  begin_kernel<<<1, 32, 0, stream>>>(v, 5, kBounds, kBounds, kHead);
   if (!along) survey_kernel<<<kBlocks, kThreads, 0, stream>>>(source, v, sums_.reserve(kBlocks));
   if (octaves) {
-    begin_kernel<<<3, 256, 0, stream>>>(v + kBounds, 3, kOctaves * kOctaveWords, kOctaveWords);
+    begin_kernel<<<3, 256, 0, stream>>>(v + kBounds, 3, kOctaves * kOctaveWords, kOctaveWords, 0);
     octave_kernel<<<kBlocks, kThreads, 0, stream>>>(source, top, v + kBounds);
   }
   cuda_launched("survey the spheres");
