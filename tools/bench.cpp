@@ -85,6 +85,7 @@ int main(int argc, char** argv) {
   app.add_option("--spheres", s.spheres, "sizes, instead of the bench's own")
       ->delimiter(',')
       ->type_name("N,N,...");
+  app.add_option("--scene", s.scene, "one generated scene only (scaling)");
   app.add_option("--backend", s.backend, "auto, omp or cuda")->check(CLI::IsMember({"auto", "omp", "cuda"}));
   app.add_option("--threads", s.threads, "CPU threads (default: all)")->check(CLI::PositiveNumber);
   app.add_option("--repeat", s.repeat, "measured calls; the median counts")
