@@ -90,8 +90,8 @@ __device__ __forceinline__ std::uint32_t tile_of_spare(const Task& task, Word n)
   return low;
 }
 
-// The hits that spilled, of some tiles a block: a warp looks for each tile's first spare place, then all
-// threads share the hits.
+// The hits that spilled, of some tiles a block (or several blocks, where tiles may have many): a warp looks
+// for each tile's first spare place, then all threads share the hits.
 template <SlotKind Kind>
 __global__ void __launch_bounds__(32 * kFillTiles, 6) fill_kernel(const __grid_constant__ Task task) {
   __shared__ std::uint32_t counts[kFillTiles], lows[kFillTiles];
@@ -109,7 +109,7 @@ __global__ void __launch_bounds__(32 * kFillTiles, 6) fill_kernel(const __grid_c
   __syncthreads();
   std::uint32_t total = 0;
   for (int t = 0; t < kFillTiles; t++) total += counts[t];
-  for (std::uint32_t at = threadIdx.x; at < total; at += 32 * kFillTiles) {
+  for (std::uint32_t at = blockIdx.y * blockDim.x + threadIdx.x; at < total; at += gridDim.y * blockDim.x) {
     std::uint32_t k = at, t = 0;
     while (k >= counts[t]) k -= counts[t++];
     const Word n = task.sums.spills[first + t] + k, from = task.sums.spill_at[first + t] + k;

@@ -271,7 +271,10 @@ void launch(const Task& task, const Grid& grid, const typename DownsOf<W>::Type&
   search_kernel<Kind, W><<<task.tiles, kThreads, 0, stream>>>(task, grid, downs);
   if (!task.options.fixed_order) return;
   count_places_kernel<<<(task.tiles + kGroupTiles - 1) / kGroupTiles, kGroupTiles, 0, stream>>>(task);
-  fill_kernel<Kind><<<(task.tiles + kFillTiles - 1) / kFillTiles, 32 * kFillTiles, 0, stream>>>(task);
+  // Tiles that look down may spill much: more blocks for them, while that is not too many blocks.
+  const std::uint32_t fills = (task.tiles + kFillTiles - 1) / kFillTiles;
+  const dim3 blocks(fills, W == Way::down ? std::clamp(24000 / fills, 1u, 8u) : 1);
+  fill_kernel<Kind><<<blocks, 32 * kFillTiles, 0, stream>>>(task);
 }
 
 template <SlotKind Kind>
