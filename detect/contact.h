@@ -10,6 +10,7 @@ struct Sphere {
   double x = 0, y = 0, z = 0, r = 0;
 };
 
+// Why a sphere is refused.
 enum class Fault : std::uint32_t { none, not_finite, negative_radius, too_large };
 inline constexpr double kLargest = 1e100;  // of a coordinate or radius: squares and sums of it stay finite
 
@@ -40,6 +41,7 @@ PADDER_HD bool touching(const Sphere& a, const Sphere& b) {
 struct alignas(16) FloatSlot {
   float x, y, z, r;
 };
+// The same in fixed point.
 struct alignas(16) FixedSlot {
   std::int32_t x, y, z;
   float r;  // in the same units
@@ -57,6 +59,7 @@ inline constexpr float kAbsoluteBand = 0x1p-100f;
 template <>
 inline constexpr float kAbsoluteBand<FixedSlot> = 0x1p26f;
 
+// Squares of the distance and of the sum of the radii, in float.
 struct Measured {
   float d2, s2;
 };

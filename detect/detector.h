@@ -13,7 +13,9 @@
 
 namespace padder::detect {
 
+// Where an array lies.
 enum class Memory : std::uint8_t { host, device };
+// Of what numbers an array is made.
 enum class Scalar : std::uint8_t { f32, f64 };
 
 // N spheres in the caller's memory, read only while detect() runs. Strides count scalars, not bytes.
@@ -48,22 +50,30 @@ struct Pair {
   std::uint32_t i, j;
   friend bool operator==(const Pair&, const Pair&) = default;
 };
+// Normal and depth of a contact.
 template <class T>
 struct alignas(16) Normal {
   T x, y, z;  // unit, from i to j
   T depth;    // penetration: ri + rj - distance
 };
+// Both points of a contact.
 template <class T>
 struct Points {
   T on_i[3], on_j[3];  // the deepest point of each sphere in the other
 };
 
+// Which backend.
 enum class Choice : std::uint8_t { automatic, omp, cuda };
+// Which way to the contacts: the same contacts by either.
 enum class Path : std::uint8_t { fast, nine_stages };
+// Who decides: double arithmetic, or float alone.
 enum class Precision : std::uint8_t { exact, fast };
+// Whether contacts come in the same order every time.
 enum class Order : std::uint8_t { fixed, any };
+// What is written of a contact.
 enum class Width : std::uint8_t { pairs, normals, points };
 
+// How to detect; the defaults are right for most.
 struct Options {
   Choice backend = Choice::automatic;  // the GPU when there is one; fixed when the detector is made
   int device = 0;                      // which GPU; fixed when the detector is made
@@ -81,6 +91,7 @@ struct Options {
   bool timings = false;            // fill Contacts::seconds (a GPU is then waited for after each stage)
 };
 
+// Where the time went.
 struct Seconds {
   double place = 0;      // bodies to spheres, host to device
   double stage[9] = {};  // stages 1 to 9; the fast path has the same names for what remains of them

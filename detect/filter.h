@@ -4,6 +4,7 @@
 
 namespace padder::detect {
 
+// Family and mask of a sphere (section 2.3 of the paper).
 struct Filter {
   std::uint32_t family = 0;  // 0: none, equals nothing
   std::uint32_t mask = 0;    // bit k: no contact with family k + 1; families above 32 cannot be masked

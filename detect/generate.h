@@ -25,6 +25,7 @@ class Random {
   std::uint64_t state_;
 };
 
+// A sphere of a generated scene.
 struct FloatSphere {
   float x, y, z, r;
 };

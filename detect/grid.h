@@ -13,6 +13,7 @@ inline constexpr int kMaxLevels = 12, kOctaves = 64;
 inline constexpr int kUnitBits =
     24;  // fixed-point units of a bin's edge: places are known modulo 2^(32 - 24) bins
 
+// A bin by its place in a level.
 struct Bin {
   std::int64_t x, y, z;
 };
@@ -160,6 +161,7 @@ PADDER_HD int bits_for(std::uint32_t buckets) {
 // What a first pass over the spheres finds; each backend fills it in its own way. Bounds may be wider than
 // the truth.
 struct Summary {
+  // The spheres whose sizes share a power of two.
   struct Octave {
     std::uint64_t count = 0;
     double need_max = 0, radius_max = 0;

@@ -10,6 +10,7 @@ struct Shape {
   std::uint64_t count = 0;
 };
 
+// A pose, and the shape that takes it.
 struct Body {
   double rotation[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};  // rows; orthonormal
   double position[3] = {0, 0, 0};

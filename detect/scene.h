@@ -14,8 +14,10 @@
 
 namespace padder::detect {
 
+// Bodies and loose spheres, and the clusters that the bodies are made of.
 struct Scene {
   std::string unit;  // "" when nobody said
+  // A cluster by its name in the scene.
   struct Asset {
     std::string name;
     std::vector<Sphere> spheres;  // of the cluster, in its own frame

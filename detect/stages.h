@@ -23,10 +23,12 @@ struct StageGrid {
   std::uint64_t side[3] = {1, 1, 1};
 };
 
+// One sphere in one bin.
 struct BinEntry {  // of B
   std::uint64_t bin;
   std::uint32_t object;
 };
+// Where the spheres of a bin begin.
 struct BinStart {  // of C: one for each bin that is touched at all (the paper: one for each bin of the grid)
   std::uint64_t start;  // in sorted B; kInactive: fewer than two spheres touch it
   std::uint64_t end;    // one past its last entry

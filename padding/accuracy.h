@@ -10,12 +10,14 @@
 
 namespace padder {
 
+// How closely to look.
 struct AccuracyOptions {
   std::int64_t surface_samples = 100000;  // points on the input mesh, at least one a triangle
   std::int64_t ball_samples = 300000;     // points on the spheres, shared among them, at least 48 each
   double floor = 0;                       // gaps up to here need not be told apart in the bound
 };
 
+// What measure() gives.
 struct Measured {
   Accuracy accuracy;        // certified is left false, both bounds are proved
   double volume_union = 0;  // of the balls, overlaps counted once
@@ -25,12 +27,14 @@ struct Measured {
 // Lengths in the mesh's unit, all against `input`, the mesh as it was read; `body`, what repair made of it,
 // only says which side is inside. The words, cuRobo's where it has them:
 //
-//   protrusion  over the outer surface of the union, where it stands outside the body: distance to the input
-//   mesh. gap         over the surface of the input mesh: distance to the union, 0 for what is covered.
-//   coverage    share of the input's surface inside the union.
-//   normal      over the outer surface of the union: angle between its outward normal and that of the mesh at
-//   the error       nearest point. volume      of the union over the body's. A shell of spheres around a
-//   thick part leaves its middle empty: below 1. ratio
+// * protrusion: over the outer surface of the union, where it stands outside the body: distance to the input
+//   mesh;
+// * gap: over the surface of the input mesh: distance to the union, 0 for what is covered;
+// * coverage: share of the input's surface inside the union;
+// * normal error: over the outer surface of the union: angle between its outward normal and that of the mesh
+//   at the nearest point;
+// * volume ratio: volume of the union over the body's. A shell of spheres around a thick part leaves its
+//   middle empty: below 1.
 //
 // Means and 95th percentiles are weighted by area, from points spread evenly (area-stratified on triangles,
 // spirals of equal area on spheres), no random numbers. The maxima are upper bounds where the body is the

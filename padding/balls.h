@@ -9,6 +9,7 @@
 
 namespace padder {
 
+// A sphere as padding works with it, in the frame of the part.
 struct Ball {
   Point center = Point::Zero();
   double radius = 0;

@@ -5,6 +5,7 @@
 
 namespace padder {
 
+// How hard to search.
 struct BlockSearch {
   std::size_t block = 200;  // sets of the cover in a block, at most
   double steps = 100;       // exchanges for each set of the cover

@@ -43,6 +43,7 @@ struct Lod {
   std::vector<std::int64_t> triangle;
 };
 
+// The asset.
 struct Cluster {
   std::string name;
   std::string unit;     // "m", "cm", "mm", "in", or "" when the user gave none

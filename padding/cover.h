@@ -14,6 +14,7 @@ struct CoverOptions {
   int effort = 1;  // 0: greedy only, 1: local search, 2 and 3: finer, each about twice as long
 };
 
+// What cover() found.
 struct Cover {
   std::vector<Ball> balls;              // with the whole protrusion allowed
   std::vector<std::uint32_t> triangle;  // of the surface, that each ball was grown from

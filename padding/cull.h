@@ -32,6 +32,7 @@ struct CullOptions {
   int effort = 1;     // as in CoverOptions
 };
 
+// What cull() left.
 struct Culled {
   std::vector<Ball> balls;
   std::vector<std::uint32_t> triangle;  // of the surface, that each ball was grown from

@@ -51,11 +51,13 @@ struct PadOptions {
   double depth_used() const { return depth.value_or(0.2); }
 };
 
+// Time spent in each step.
 struct PadSeconds {
   double read = 0, repair = 0, remesh = 0, fit = 0, refit = 0, cull = 0, accuracy = 0;
   double total() const { return read + repair + remesh + fit + refit + cull + accuracy; }
 };
 
+// What happened on the way.
 struct PadReport {
   std::uint64_t triangles_in = 0, triangles_remeshed = 0;
   double edge_length = 0;   // used; 0 when nothing was remeshed
@@ -69,6 +71,7 @@ struct PadReport {
   PadSeconds seconds;
 };
 
+// What pad() gives.
 struct Padded {
   Cluster cluster;
   PadReport report;

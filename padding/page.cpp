@@ -118,10 +118,12 @@ Json head_json(const View& view, const PageOptions& o, const Frame& frame) {
     bodies.push_back({it->second, b.first, b.count, b.family, b.mask});
   }
   j["clusters"] = std::move(names), j["bodies"] = std::move(bodies);
-  for (const ViewRung& r : view.rungs)
+  for (const ViewRung& r : view.rungs) {
     rungs.push_back({{"name", r.name}, {"first", r.first}, {"count", r.count}});
+    if (!r.accuracy.empty()) rungs.back()["accuracy"] = accuracy_json(r.accuracy[0]);
+  }
   if (rungs.empty()) rungs.push_back({{"name", "all"}, {"first", 0}, {"count", view.size()}});
-  j["rungs"] = std::move(rungs);
+  j["rungs"] = std::move(rungs), j["rung"] = o.rung;
   const Palette& p = palette();
   j["palette"] = {
       {"none", p.none}, {"mesh", p.mesh}, {"background", p.background}, {"kinds", p.kinds}, {"ramp", p.ramp}};
@@ -203,6 +205,8 @@ std::string page_html(const View& view, const PageOptions& options) {
     throw Error(view.title + ": a page holds 33554432 spheres at most");
   if (options.up != 'x' && options.up != 'y' && options.up != 'z')
     throw Error("the axis that points up is x, y or z");
+  if (options.rung >= std::max<std::size_t>(1, view.rungs.size()))
+    one_rung(view, options.rung);  // says why not
   const fs::path script = options.script.empty() ? page_script() : options.script;
   std::string html = read_file(script);
   for (const auto& [mark, text] :

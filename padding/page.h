@@ -8,10 +8,12 @@
 
 namespace padder {
 
+// How a page opens.
 struct PageOptions {
   double azimuth = -60,
          elevation = 30;         // degrees: from where the camera looks at the middle when the page opens
   char up = 'z';                 // 'x', 'y' or 'z': the axis that points up
+  std::size_t rung = 0;          // the level of detail it opens with
   std::filesystem::path script;  // the template; empty: page_script()
 };
 
@@ -22,8 +24,8 @@ std::filesystem::path page_script();
 
 // The whole page. Positions are kept to 2^-22 of their box, radii, protrusions and contacts in single
 // precision: 12 bytes a sphere, and 4 more for each of protrusion, triangle, family and body where a view has
-// them, a third more as base64. Equal views give equal bytes. Throws Error for an empty view, more than 2^27
-// spheres, or a template that is not one.
+// them, a third more as base64. Equal views give equal bytes. Throws Error for an empty view, more than 2^25
+// spheres, a rung that is not there, or a template that is not one.
 std::string page_html(const View& view, const PageOptions& options = {});
 
 void write_page(const View& view, const std::filesystem::path& path,

@@ -340,6 +340,19 @@ class Stage {
   Vec mesh_colour_, background_, lamp_;
 };
 
+Picture render_level(const View& view, const PictureOptions& o) {
+  Picture picture{o.width, o.height, std::vector<std::uint8_t>(std::size_t(3) * o.width * o.height)};
+  const Stage stage(view, o);
+  const Show show = view.has_mesh() ? o.show : Show::spheres;
+  if (show == Show::side) {
+    stage.draw(Show::mesh, 0, o.width / 2, picture);
+    stage.draw(Show::spheres, o.width / 2, o.width - o.width / 2, picture);
+  } else {
+    stage.draw(show, 0, o.width, picture);
+  }
+  return picture;
+}
+
 }  // namespace
 
 Picture render(const View& view, const PictureOptions& o) {
@@ -351,16 +364,8 @@ Picture render(const View& view, const PictureOptions& o) {
     throw Error("the camera stands at an elevation of -89 to 89 degrees");
   if (view.size() == 0 && !view.has_mesh())
     throw Error(view.title + " holds no sphere, so there is nothing to show");
-  Picture picture{o.width, o.height, std::vector<std::uint8_t>(std::size_t(3) * o.width * o.height)};
-  const Stage stage(view, o);
-  const Show show = view.has_mesh() ? o.show : Show::spheres;
-  if (show == Show::side) {
-    stage.draw(Show::mesh, 0, o.width / 2, picture);
-    stage.draw(Show::spheres, o.width / 2, o.width - o.width / 2, picture);
-  } else {
-    stage.draw(show, 0, o.width, picture);
-  }
-  return picture;
+  if (!view.rungs.empty() || o.rung != 0) return render_level(one_rung(view, o.rung), o);
+  return render_level(view, o);
 }
 
 std::string png_bytes(const Picture& picture) {

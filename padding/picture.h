@@ -10,6 +10,7 @@
 
 namespace padder {
 
+// What of a view a picture shows.
 enum class Show : std::uint8_t {
   mesh,
   spheres,
@@ -18,6 +19,7 @@ enum class Show : std::uint8_t {
   side,  // mesh on the left, spheres on the right, from the same direction
 };
 
+// What is drawn, from where and how finely.
 struct PictureOptions {
   int width = 1600, height = 800;  // pixels, 16 to 16384
   Show show = Show::side;          // a view without mesh shows its spheres, whatever is said here
@@ -25,6 +27,7 @@ struct PictureOptions {
   double azimuth = -60, elevation = 30;  // degrees: from where the camera looks at the middle
   char up = 'z';                         // 'x', 'y' or 'z': the axis that points up
   int samples = 32;                      // rays a pixel; noise falls with its square root
+  std::size_t rung = 0;                  // the level of detail that is drawn: 0 the finest
 };
 
 // Pixels row by row from the top left, 3 bytes each: red, green, blue, sRGB.

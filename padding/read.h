@@ -10,6 +10,7 @@
 
 namespace padder {
 
+// How the numbers of a file are to be taken.
 struct ReadOptions {
   double scale = 1;  // factor on every coordinate, > 0
   std::string unit;  // "m", "cm", "mm", "in": the unit wanted; "" keeps the file's own

@@ -7,6 +7,7 @@
 
 namespace padder {
 
+// How far spheres may stand out.
 struct RefitOptions {
   double margin = 0;  // caps are lowered by it: how far the body lies outside the part (a wrap's offset)
   double gap = 0;     // largest gap left; 0: the largest cap height among the balls

@@ -6,6 +6,7 @@
 
 namespace padder {
 
+// The triangles wanted.
 struct RemeshOptions {
   double edge_length = 0;   // wanted, in the mesh's unit; > 0
   double sharp_angle = 40;  // degrees: an edge whose faces' normals differ by more is kept; 180 keeps none
@@ -21,6 +22,7 @@ struct RemeshQuality {
   std::uint64_t sharp_edges = 0;  // kept
 };
 
+// The new surface, and how good its triangles are.
 struct Remeshed {
   Mesh mesh;
   RemeshQuality quality;

@@ -6,12 +6,14 @@
 
 namespace padder {
 
+// How far repair may go.
 enum class RepairMode {
   automatic,  // clean and close; an open terrain stays a sheet; what is still no solid is wrapped
   never,  // trust the file: equal points merged, nothing else; a closed mesh is a body, an open one a sheet
   wrap,   // wrap whatever comes
 };
 
+// What the repaired surface is.
 enum class BodyKind {
   solid,  // closed, the input's own surface
   wrap,   // closed, an alpha wrap around the input
@@ -27,6 +29,7 @@ struct RepairOptions {
   double hole_size = 0.1;  // holes whose rim is no longer than this share of the diagonal are closed
 };
 
+// The surface that is padded, and what became of the input.
 struct Repaired {
   Mesh mesh;
   BodyKind kind = BodyKind::solid;

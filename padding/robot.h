@@ -7,6 +7,7 @@
 
 namespace padder {
 
+// A robot whose links are clusters.
 struct PaddedRobot {
   Model model;  // metres; each cluster in its link's frame, with the families of set_families
   std::vector<PadReport> reports;  // one a body; of links without shapes as it is made

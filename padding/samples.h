@@ -8,6 +8,7 @@
 
 namespace padder {
 
+// A point of the surface.
 struct Sample {
   Point point;  // inside a triangle, where the normal is the triangle's own
   std::uint32_t triangle = 0;
@@ -20,11 +21,13 @@ struct Row {
   double margin = 0;  // distance to the points that have no row of their own, about
 };
 
+// What sample() gives.
 struct Samples {
   std::vector<Sample> grown;
   std::vector<Row> coarse, fine;  // rows of two densities; neither contains the other
 };
 
+// How densely to sample.
 struct SampleOptions {
   double reach = 0;  // how far beyond its medial ball a sphere covers: the tolerances of both sides together
   double grown_density = 3;   // balls along the radius of the disc that a sphere covers on a flat

@@ -9,6 +9,7 @@
 
 namespace padder {
 
+// A triangle by its corners.
 struct Triangle3 {
   Point a, b, c;
 

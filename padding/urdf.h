@@ -9,7 +9,9 @@
 
 namespace padder {
 
+// One geometry of a link.
 struct UrdfShape {
+  // URDF's kinds.
   enum class Type { mesh, box, cylinder, sphere };
   Type type = Type::mesh;
   Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();  // in the link's frame
@@ -18,6 +20,7 @@ struct UrdfShape {
   Vector size = Vector::Zero();  // box: its sides; cylinder: radius, radius, length; sphere: radius thrice
 };
 
+// A link, its shapes and its mass.
 struct UrdfLink {
   std::string name;
   std::vector<UrdfShape> shapes;  // to be padded
@@ -30,8 +33,8 @@ struct Urdf {
   std::vector<std::string> notes;  // what was not taken as it stands, one clause each
 };
 
-// Metres and radians, as URDF has them. Shapes are those of <collision>; when no link has any, those of
-// <visual>, and a note says so. References to meshes:
+// Metres and radians, as URDF has them. Shapes are those of `collision`; when no link has any, those of
+// `visual`, and a note says so. References to meshes:
 //   package://PKG/rest  the folder PKG is looked for in the folders above the URDF, then in ROS_PACKAGE_PATH
 //   file:///rest        as it stands
 //   rest                beside the URDF

@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <limits>
+#include <nlohmann/json.hpp>
 
 #include "padding/error.h"
 #include "padding/read.h"
@@ -77,6 +79,47 @@ Mesh scaled_to(const Cluster& cluster, Mesh mesh, const fs::path& path) {
   return mesh;
 }
 
+// "within 0.5 %": of the diagonal, as tolerances are asked for.
+std::string rung_name(const Cluster& cluster, double tolerance) {
+  const double diagonal = cluster.bounds.empty() ? 0 : cluster.bounds.diagonal();
+  char text[64];
+  if (diagonal > 0)
+    std::snprintf(text, sizeof text, "within %.3g %%", 100 * tolerance / diagonal);
+  else
+    std::snprintf(text, sizeof text, "within %.3g%s%s", tolerance, cluster.unit.empty() ? "" : " ",
+                  cluster.unit.c_str());
+  return text;
+}
+
+// The tolerance of the cluster's own spheres is the finest of the ladder that was asked for.
+std::string finest_name(const Cluster& cluster) {
+  const auto settings = nlohmann::json::parse(cluster.settings, nullptr, false);
+  double finest = std::numeric_limits<double>::infinity();
+  if (settings.is_object() && settings.contains("lod") && settings["lod"].is_array())
+    for (const auto& t : settings["lod"])
+      if (t.is_number()) finest = std::min(finest, t.get<double>());
+  return std::isfinite(finest) ? rung_name(cluster, finest) : "finest";
+}
+
+// A file by hand says nothing of its accuracy.
+std::vector<Accuracy> measured(const Accuracy& a) {
+  return a.coverage > 0 || a.gap_max > 0 ? std::vector{a} : std::vector<Accuracy>{};
+}
+
+// `most` by rung. Faces inside the body, which repair would take away, bring the nearest point too near: the
+// largest protrusion that the rung reports bounds them all.
+void add_protrusion(View& v, const std::vector<double>& most) {
+  const Surface surface(v.mesh);
+  v.protrusion.resize(v.size());
+  for (std::size_t rung = 0; rung < v.rungs.size(); rung++) {
+    const std::size_t first = v.rungs[rung].first, end = first + v.rungs[rung].count;
+#pragma omp parallel for schedule(dynamic, 256)
+    for (std::size_t k = first; k < end; k++)
+      v.protrusion[k] =
+          float(std::clamp(v.radii[k] - surface.nearest(v.centers[k]).distance, 0.0, most[rung]));
+  }
+}
+
 }  // namespace
 
 Box View::bounds() const {
@@ -97,26 +140,47 @@ View view_of(const Cluster& cluster, const Mesh& mesh) {
     v.note += (v.note.empty() ? "" : ", ") + std::string("from ") + cluster.source.file + " (" +
               std::to_string(cluster.source.triangles) + " triangles)";
   v.mesh = mesh;
-  v.centers = cluster.centers;
-  v.radii = cluster.radii;
-  v.family.assign(cluster.size(), cluster.family);
+  std::vector<double> most;  // by rung: the largest protrusion reported
+  const auto add = [&](const auto& rung, const std::string& name) {
+    v.rungs.push_back({name, v.size(), rung.radii.size(), measured(rung.accuracy)});
+    v.centers.insert(v.centers.end(), rung.centers.begin(), rung.centers.end());
+    v.radii.insert(v.radii.end(), rung.radii.begin(), rung.radii.end());
+    v.triangle.insert(v.triangle.end(), rung.triangle.begin(), rung.triangle.end());
+    most.push_back(v.rungs.back().accuracy.empty() ? std::numeric_limits<double>::infinity()
+                                                   : rung.accuracy.protrusion_max);
+  };
+  add(cluster, cluster.lods.empty() ? "all" : finest_name(cluster));
+  for (auto lod = cluster.lods.rbegin(); lod != cluster.lods.rend(); ++lod)
+    add(*lod, rung_name(cluster, lod->tolerance));
+  v.family.assign(v.size(), cluster.family);
   v.mask = cluster.mask;
-  v.triangle = cluster.triangle;
-  // A cluster written by hand says nothing of triangles, nor of accuracy.
+  // A cluster written by hand says nothing of triangles.
   if (std::all_of(v.triangle.begin(), v.triangle.end(), [](std::int64_t t) { return t < 0; }))
     v.triangle.clear();
-  if (cluster.accuracy.coverage > 0 || cluster.accuracy.gap_max > 0) v.accuracy.push_back(cluster.accuracy);
-  if (!v.has_mesh()) return v;
-  const Surface surface(mesh);
-  // Faces inside the body, which repair would take away, bring the nearest point too near: the cluster's own
-  // figure bounds them all.
-  const double most =
-      v.accuracy.empty() ? std::numeric_limits<double>::infinity() : cluster.accuracy.protrusion_max;
-  v.protrusion.resize(v.size());
-#pragma omp parallel for schedule(dynamic, 256)
-  for (std::size_t k = 0; k < v.size(); k++)
-    v.protrusion[k] = float(std::clamp(v.radii[k] - surface.nearest(v.centers[k]).distance, 0.0, most));
+  v.accuracy = v.rungs[0].accuracy;
+  if (v.has_mesh()) add_protrusion(v, most);
+  if (cluster.lods.empty()) v.rungs.clear();
   return v;
+}
+
+View one_rung(const View& view, std::size_t rung) {
+  const std::size_t levels = std::max<std::size_t>(1, view.rungs.size());
+  if (rung >= levels)
+    throw Error(view.title + " has " + std::to_string(levels) + (levels == 1 ? " level" : " levels") +
+                " of detail, 0 the finest, and no level " + std::to_string(rung) + " (pad --lod makes more)");
+  View one = view;
+  if (view.rungs.empty()) return one;
+  const ViewRung& r = view.rungs[rung];
+  const auto keep = [&](auto& values) {
+    if (values.empty()) return;
+    values.erase(values.begin() + std::ptrdiff_t(r.first + r.count), values.end());
+    values.erase(values.begin(), values.begin() + std::ptrdiff_t(r.first));
+  };
+  keep(one.centers), keep(one.radii), keep(one.family), keep(one.triangle), keep(one.protrusion),
+      keep(one.body);
+  one.accuracy = r.accuracy;
+  one.rungs.clear();
+  return one;
 }
 
 Mesh mesh_of(const Cluster& cluster, const fs::path& cluster_path, const fs::path& path) {

@@ -32,6 +32,7 @@ struct ViewContact {
 struct ViewRung {
   std::string name;
   std::uint64_t first = 0, count = 0;
+  std::vector<Accuracy> accuracy;  // none or one
 };
 
 // All lengths in one unit and one frame. N spheres; an array that may be empty has N entries otherwise.
@@ -48,8 +49,8 @@ struct View {
   std::vector<std::uint32_t> body;     // may be empty: index into bodies; bodies.size() for a loose sphere
   std::vector<ViewBody> bodies;        // of a scene
   std::vector<ViewContact> contacts;   // of a scene
-  std::vector<ViewRung> rungs;         // empty: all spheres are one level
-  std::vector<Accuracy> accuracy;      // none or one
+  std::vector<ViewRung> rungs;         // finest first; empty: all spheres are one level
+  std::vector<Accuracy> accuracy;      // none or one: of the first rung
   std::uint32_t mask = 0;              // of a cluster
 
   std::size_t size() const { return radii.size(); }
@@ -60,8 +61,13 @@ struct View {
 // A cluster with the mesh it was made from, or without one. Protrusions need the mesh: radius less the
 // distance of the centre to the mesh, no less than 0 and no more than the largest protrusion that the cluster
 // itself reports: no point of a sphere whose centre lies inside stands out farther (certify.h). One
-// nearest-point query a sphere, on all threads.
+// nearest-point query a sphere, on all threads. A ladder becomes rungs: the cluster's own spheres, then its
+// lods from fine to coarse, each named by its tolerance as a share of the diagonal.
 View view_of(const Cluster& cluster, const Mesh& mesh = {});
+
+// The spheres of one rung alone, as a view of one level: 0 is the finest. Throws Error when there is no such
+// rung; a view without rungs has rung 0.
+View one_rung(const View& view, std::size_t rung);
 
 // The mesh that `cluster` was made from, scaled as it was. With `path` empty it is looked for under its own
 // name beside the cluster, in the current folder and in `assets` in either; only a file with the recorded
@@ -70,6 +76,7 @@ View view_of(const Cluster& cluster, const Mesh& mesh = {});
 Mesh mesh_of(const Cluster& cluster, const std::filesystem::path& cluster_path,
              const std::filesystem::path& path = {});
 
+// What the colour of a sphere tells.
 enum class ColourBy : std::uint8_t { family, radius, protrusion, triangle, body };
 using Colour = std::array<std::uint8_t, 3>;  // red, green, blue, sRGB
 

@@ -74,7 +74,8 @@ int main(int argc, char** argv) {
       "  bench --list                                  the benches\n"
       "  bench table2 --spheres 1000000 -o figures/    one size, its files into a folder\n"
       "  bench speedup --backend omp --threads 2       on the CPU only\n"
-      "  bench frontier part.obj -o figures/           a table, JSON and a plot",
+      "  bench frontier part.obj -o figures/           a table, JSON and a plot\n\n"
+      "Measures what the figures of docs/ are made of. Prints a table for Markdown.\n",
       "bench");
   std::string name;
   Settings s;
@@ -85,8 +86,10 @@ int main(int argc, char** argv) {
   app.add_option("--spheres", s.spheres, "sizes, instead of the bench's own")
       ->delimiter(',')
       ->type_name("N,N,...");
-  app.add_option("--scene", s.scene, "one generated scene only (scaling)");
-  app.add_option("--backend", s.backend, "auto, omp or cuda")->check(CLI::IsMember({"auto", "omp", "cuda"}));
+  app.add_option("--scene", s.scene, "one generated scene only (scaling)")->type_name("NAME");
+  app.add_option("--backend", s.backend, "auto (each that is there, the default), omp or cuda")
+      ->type_name("WHICH")
+      ->check(CLI::IsMember({"auto", "omp", "cuda"}));
   app.add_option("--threads", s.threads, "CPU threads (default: all)")->check(CLI::PositiveNumber);
   app.add_option("--repeat", s.repeat, "measured calls; the median counts")
       ->check(CLI::PositiveNumber)

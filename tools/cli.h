@@ -4,8 +4,12 @@
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <functional>
+#include <memory>
 #include <new>
+#include <regex>
+#include <sstream>
 #include <stdexcept>
+#include <string>
 
 #include "padding/error.h"
 
@@ -16,8 +20,62 @@ struct UsageError : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
+// Help as docs/cli.md shows it: names to the left, sentences to the right, no line beyond 100 columns.
+class Formatter : public CLI::Formatter {
+ public:
+  std::string make_option(const CLI::Option* option, bool is_positional) const override {
+    // "FLOAT:FLOAT in [1 - 180]": what is taken, then how CLI11 checks it. Of that only a range is of use,
+    // unless the description has told it.
+    const std::string type = option->get_type_name();
+    std::string taken = type.substr(0, type.find(':'));
+    if (taken == "INT" || taken == "UINT") taken = "N";
+    if (taken == "FLOAT") taken = "X";
+    std::string left = "  " + make_option_name(option, is_positional);
+    if (!is_positional && option->get_type_size() != 0 && !taken.empty()) left += " " + taken;
+    if (option->get_expected_max() == CLI::detail::expected_max_vector_size)
+      left += is_positional ? "..." : "";
+    std::string right = option->get_description();
+    std::smatch range;
+    const bool told = right.find(" to ") != std::string::npos || right.find("at most") != std::string::npos;
+    if (!told && std::regex_search(type, range, std::regex(R"(in \[(\S+) - (\S+)\])")))
+      right += "; " + range[1].str() + " to " + range[2].str();
+    if (!option->get_default_str().empty()) right += " (default: " + option->get_default_str() + ")";
+    if (option->get_required()) right += " (required)";
+    return two_columns(left, right);
+  }
+  std::string make_subcommand(const CLI::App* sub) const override {
+    return two_columns("  " + sub->get_name(), sub->get_description());
+  }
+
+ private:
+  static std::string two_columns(std::string line, const std::string& right) {
+    constexpr std::size_t column = 25, width = 100;
+    std::string out;
+    if (line.size() + 2 > column) out = line + "\n", line.clear();
+    line.resize(column, ' ');
+    std::istringstream words(right);
+    for (std::string word; words >> word;) {
+      if (line.size() > column && line.size() + 1 + word.size() > width)
+        out += line + "\n", line.assign(column, ' ');
+      line += (line.size() > column ? " " : "") + word;
+    }
+    line.erase(line.find_last_not_of(' ') + 1);
+    return out + line + "\n";
+  }
+};
+
+inline void set_help(CLI::App& app) {
+  app.formatter(std::make_shared<Formatter>());
+  app.get_help_ptr()->description("print this and exit");
+  if (app.get_version_ptr()) app.get_version_ptr()->description("print the version and exit");
+  for (CLI::App* sub : app.get_subcommands([](CLI::App*) { return true; })) set_help(*sub);
+  if (!app.get_parent())
+    app.footer("Results go to stdout, talk to stderr. Exit code: 0 done, 1 the work failed, 2 wrong usage.");
+}
+
 // The app must have its name. `work` gives the exit code.
 inline int run(CLI::App& app, int argc, char** argv, const std::function<int()>& work) {
+  set_help(app);
   const char* name = app.get_name().c_str();
   const auto fail = [&](int code, const std::string& sentence) {
     std::fprintf(stderr, "%s: %s\n", name, sentence.c_str());

@@ -27,11 +27,14 @@ class Choices {
   void add(CLI::App& app, const char* name, const char* what) {
     std::string all;
     for (const auto& [text, unused] : words_) all += (all.empty() ? "" : "|") + std::string(text);
-    app.add_option(name, word, what)->type_name(all)->check([this, all](const std::string& given) {
-      for (const auto& [text, unused] : words_)
-        if (given == text) return std::string();
-      return "one of " + all + " is wanted, not " + given;
-    });
+    app.add_option(name, word, what)
+        ->type_name(all)
+        ->capture_default_str()
+        ->check([this, all](const std::string& given) {
+          for (const auto& [text, unused] : words_)
+            if (given == text) return std::string();
+          return "one of " + all + " is wanted, not " + given;
+        });
   }
   T value() const {
     for (const auto& [text, v] : words_)
@@ -218,7 +221,7 @@ int main(int argc, char** argv) {
       "  detect scene.json --stages --bin-size 1          the arrays of the nine stages of a small scene\n\n"
       "Finds every pair of spheres that touch, but for those that families and masks exclude. Exact by "
       "default: the\n"
-      "contacts are those of double arithmetic, the same from every backend, path and number of threads.",
+      "contacts are those of double arithmetic, the same from every backend, path and number of threads.\n",
       "detect");
   Arguments arguments;
   declare(app, arguments);

@@ -1,22 +1,24 @@
 // Writes the parts in assets/, or the same with other dimensions.
-#include <CLI/CLI.hpp>
 #include <iostream>
 
 #include "assets/parts.h"
 #include "assets/solid.h"
 #include "padding/error.h"
 #include "padding/file.h"
+#include "tools/cli.h"
 
 int main(int argc, char** argv) {
   using namespace padder;
   CLI::App app(
-      "make_assets                                           the four parts, as assets/ holds them\n"
-      "make_assets -o parts track_shoe --pitch 0.2 --lugs 9  one of them, with other dimensions\n\n"
-      "Writes NAME.obj; lengths in metres.");
-  app.set_version_flag("--version", PADDER_VERSION);
+      "Examples:\n"
+      "  make_assets                                           the four parts, as assets/ holds them\n"
+      "  make_assets -o parts track_shoe --pitch 0.2 --lugs 9  one of them, with other dimensions\n\n"
+      "Writes NAME.obj; lengths in metres. PART --help lists its dimensions.\n",
+      "make_assets");
+  app.set_version_flag("--version", "make_assets (padder) " PADDER_VERSION);
   app.option_defaults()->always_capture_default();
   std::string folder = ".";
-  app.add_option("-o,--out", folder, "folder to write to");
+  app.add_option("-o,--out", folder, "folder to write to")->type_name("DIR");
   app.require_subcommand(0);
   app.fallthrough();
 
@@ -58,12 +60,7 @@ int main(int argc, char** argv) {
   hopper->add_option("--bolts", bunker.bolts, "at each side of the flange");
   hopper->add_option("--segments", bunker.segments, "a multiple of 8");
 
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& e) {
-    return app.exit(e) == 0 ? 0 : 2;
-  }
-  try {
+  return cli::run(app, argc, argv, [&] {
     const bool all = app.get_subcommands().empty();
     const auto write = [&](CLI::App* part, const char* what, const Mesh& mesh, int decimals) {
       const std::string path = folder + "/" + part->get_name() + ".obj";
@@ -77,8 +74,6 @@ int main(int argc, char** argv) {
     if (all || *road_wheel) write(road_wheel, "Road wheel", assets::make_road_wheel(wheel), 7);
     if (all || *one_grain) write(one_grain, "Grain", assets::make_grain(grain), 9);
     if (all || *hopper) write(hopper, "Hopper", assets::make_hopper(bunker), 7);
-  } catch (const Error& e) {
-    std::cerr << "make_assets: " << e.what() << "\n";
-    return 1;
-  }
+    return 0;
+  });
 }

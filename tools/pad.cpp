@@ -61,7 +61,8 @@ void declare(CLI::App& app, Arguments& a) {
       ->required();
   app.add_option("-o", a.output,
                  "file to write, its ending tells the format (docs/formats.md), or folder for several "
-                 "(default: NAME.spheres.json here)");
+                 "(default: NAME.spheres.json here)")
+      ->type_name("FILE|DIR");
   app.add_option("--format", a.format,
                  [] {
                    std::string names = "another program's format, where the ending does not tell:";
@@ -89,9 +90,9 @@ void declare(CLI::App& app, Arguments& a) {
       ->type_name("LENGTH");
   const std::map<std::string, padder::Balance> balances{
       {"none", padder::Balance::none}, {"volume", padder::Balance::volume}, {"mean", padder::Balance::mean}};
-  app.add_option(
-         "--balance", a.options.balance,
-         "within the tolerance: none (fewest), volume (of the union as the mesh's), mean (smallest means)")
+  app.add_option("--balance", a.options.balance,
+                 "within the tolerance: none (fewest, the default), volume (of the union as the mesh's), "
+                 "mean (smallest means)")
       ->transform(CLI::CheckedTransformer(balances))
       ->type_name("WHAT");
   app.add_option("--smooth", a.options.smooth, "mean normal error asked for, degrees")
@@ -111,7 +112,7 @@ void declare(CLI::App& app, Arguments& a) {
   const std::map<std::string, padder::RepairMode> modes{{"auto", padder::RepairMode::automatic},
                                                         {"never", padder::RepairMode::never},
                                                         {"wrap", padder::RepairMode::wrap}};
-  app.add_option("--repair", a.options.repair, "auto, never or wrap")
+  app.add_option("--repair", a.options.repair, "auto (the default), never or wrap")
       ->transform(CLI::CheckedTransformer(modes))
       ->type_name("MODE");
   app.add_option("--family", a.options.family, "of the asset: no contact inside a family; 0 is none");
@@ -120,6 +121,7 @@ void declare(CLI::App& app, Arguments& a) {
       ->type_name("FILE");
   app.add_option("--scale", a.scale, "factor on every coordinate")->check(CLI::PositiveNumber);
   app.add_option("--unit", a.unit, "m, cm, mm or in: the unit of the asset")
+      ->type_name("UNIT")
       ->check(CLI::IsMember({"m", "cm", "mm", "in"}));
   app.add_option("--threads", a.threads, "threads to use (default: all)")->check(CLI::PositiveNumber);
   app.add_flag("--json", a.json, "print one JSON document on stdout");
@@ -264,6 +266,8 @@ void print_report(const std::string& input, const fs::path& output, const padder
   if (r.kind == padder::BodyKind::wrap)
     std::printf("  proofs hold against the wrap, which lies up to %.3f %% outside the input\n",
                 100 * p.cluster.accuracy.wrap_distance / r.diagonal);
+  if (r.kind == padder::BodyKind::sheet)
+    std::printf("  an open sheet has no inside: its errors are measured, not proved\n");
   if (!r.within) std::printf("  the count or the radius limits did not allow the tolerance asked for\n");
   std::printf("  of the diagonal %g%s; normals off by %.1f degrees in the mean; %.2f s\n", r.diagonal,
               (p.cluster.unit.empty() ? "" : " " + p.cluster.unit).c_str(),
@@ -348,7 +352,9 @@ int main(int argc, char** argv) {
       "  pad part.obj --edge-length 1% --json         finer, with the report as JSON\n\n"
       "Covers a triangle mesh with spheres: repairs it, remeshes it isotropically, fits one sphere a "
       "triangle at the\n"
-      "depth ratio, refits what would stand out, measures the result and writes it as a cluster.",
+      "depth ratio, refits what would stand out, measures the result and writes it as a cluster. A LENGTH is "
+      "in the\n"
+      "mesh's own unit, or a share of the diagonal of its bounding box when it ends in %.\n",
       "pad");
   Arguments arguments;
   declare(app, arguments);

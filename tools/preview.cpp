@@ -1,4 +1,5 @@
 // preview: a cluster or a scene as a page or a picture. Arguments and printing only.
+#include <algorithm>
 #include <chrono>
 #include <cstdio>
 #include <iostream>
@@ -6,10 +7,10 @@
 #include <nlohmann/json.hpp>
 
 #include "padding/error.h"
-#include "tools/cli.h"
 #include "padding/file.h"
 #include "padding/page.h"
 #include "padding/picture.h"
+#include "tools/cli.h"
 #include "tools/scene_view.h"
 
 namespace {
@@ -22,6 +23,7 @@ using padder::cli::UsageError;
 struct Arguments {
   std::string input, output, mesh, contacts, size;
   std::uint64_t copies = 0;
+  std::size_t rung = 0;
   std::string up = "z";
   std::pair<double, double> from{-60, 30};
   padder::PictureOptions picture;
@@ -52,16 +54,25 @@ void declare(CLI::App& app, Arguments& a) {
   app.add_option("--copies", a.copies, "of a cluster: the pile of N bodies that detect --copies N makes")
       ->check(CLI::Range(1u, 0xfffffffeu))
       ->type_name("N");
+  app.add_option(
+         "--lod", a.rung,
+         "which level of detail of a ladder (pad --lod): 0 the finest, 1 the next coarser …; a picture "
+         "draws it, a page opens with it")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str()
+      ->type_name("K");
   app.add_option("--from", a.from, "where the camera stands: degrees around, degrees above")
       ->type_name("AROUND ABOVE");
   app.add_option("--up", a.up, "the axis that points up: x, y or z")
       ->check(CLI::IsMember({"x", "y", "z"}))
+      ->type_name("AXIS")
       ->capture_default_str();
   app.add_option("--show", a.picture.show,
                  "picture: mesh, spheres, wire (mesh edges over spheres), both, side (by side, the default)")
       ->transform(CLI::CheckedTransformer(shows))
       ->type_name("WHAT");
-  app.add_option("--colour", a.picture.colour, "picture: by family, radius, protrusion, triangle or body")
+  app.add_option("--colour", a.picture.colour,
+                 "picture: by family (the default), radius, protrusion, triangle or body")
       ->transform(CLI::CheckedTransformer(colours))
       ->type_name("WHAT");
   app.add_option("--size", a.size, "picture: pixels (default: 1600x800)")->type_name("WxH");
@@ -118,18 +129,21 @@ int run(Arguments& a) {
   if (!a.contacts.empty()) padder::add_contacts(view, a.contacts);
   const bool page = a.output.ends_with(".html");
   if (page) {
-    padder::write_page(view, a.output, {a.from.first, a.from.second, a.up[0], {}});
+    padder::write_page(view, a.output, {a.from.first, a.from.second, a.up[0], a.rung, {}});
   } else {
+    a.picture.rung = a.rung;
     a.picture.azimuth = a.from.first, a.picture.elevation = a.from.second, a.picture.up = a.up[0];
     padder::write_png(padder::render(view, a.picture), a.output);
   }
   const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count();
   const auto bytes = fs::file_size(a.output);
+  const std::uint64_t shown = view.rungs.empty() ? view.size() : view.rungs[a.rung].count;
   if (a.json)
     std::cout << Json{{"input", a.input},
                       {"output", a.output},
                       {"kind", page ? "page" : "picture"},
-                      {"spheres", view.size()},
+                      {"spheres", shown},
+                      {"levels", std::max<std::size_t>(1, view.rungs.size())},
                       {"triangles", view.mesh.triangles.size()},
                       {"bodies", view.bodies.size()},
                       {"contacts", view.contacts.size()},
@@ -139,7 +153,8 @@ int run(Arguments& a) {
               << std::endl;
   else if (!a.quiet)
     std::printf("%s: %zu spheres, %zu triangles, %zu contacts; %.1f MB, %.2f s\n", a.output.c_str(),
-                view.size(), view.mesh.triangles.size(), view.contacts.size(), double(bytes) / 1e6, seconds);
+                std::size_t(shown), view.mesh.triangles.size(), view.contacts.size(), double(bytes) / 1e6,
+                seconds);
   return 0;
 }
 
@@ -153,7 +168,7 @@ int main(int argc, char** argv) {
       "right\n"
       "  preview scene.json --contacts contacts.npz -o scene.html        bodies, families, contacts as "
       "arrows\n\n"
-      "Shows a cluster with its mesh, or a scene: as one HTML file that needs no network, or as a PNG.",
+      "Shows a cluster with its mesh, or a scene: as one HTML file that needs no network, or as a PNG.\n",
       "preview");
   Arguments arguments;
   declare(app, arguments);

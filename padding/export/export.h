@@ -9,6 +9,7 @@
 
 namespace padder {
 
+// A foreign format and what it can hold.
 struct Format {
   // What becomes of families and masks.
   enum class Filter {
@@ -34,6 +35,7 @@ std::span<const Format> formats();
 // By name, or by the path's ending when name is "". Throws Error that lists what there is.
 const Format& find_format(const std::filesystem::path& path, const std::string& name = {});
 
+// What a format needs to know and a cluster does not say.
 struct ExportOptions {
   // Mass over volume, for formats that state a mass and bodies that come without one: kg/m^3 where the format
   // is in metres, else mass per cubed unit of the model.

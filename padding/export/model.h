@@ -15,7 +15,9 @@ struct Inertial {
   Eigen::Matrix3d inertia = Eigen::Matrix3d::Zero();  // about the centre, along the body's axes
 };
 
+// What joins a body to its parent, as URDF has it.
 struct Joint {
+  // URDF's kinds.
   enum class Type { fixed, revolute, continuous, prismatic, planar, floating };
   std::string name;
   Type type = Type::fixed;
@@ -23,6 +25,7 @@ struct Joint {
   double lower = 0, upper = 0;    // of revolute (radians) and prismatic (length)
 };
 
+// A body or link, with its spheres.
 struct Body {
   std::string name;
   Cluster cluster;  // in the body's frame; no spheres: a body without collision geometry

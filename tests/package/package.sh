@@ -2,6 +2,7 @@
 # The installed package as others meet it. package.sh STEP SOURCE BUILD WORK CXX, STEP one of:
 #   install   installs BUILD to WORK/prefix
 #   consumer  builds and runs tests/package/consumer against WORK/prefix
+#   view      the same with tests/package/view_consumer
 #   headers   compiles each installed header by itself
 #   detect    configures SOURCE without padding, where CGAL must not be looked for; builds, installs, and a consumer of that
 set -euo pipefail
@@ -21,6 +22,13 @@ case $step in
     configure "$source/tests/package/consumer" "$work/consumer" -DCMAKE_PREFIX_PATH="$work/prefix"
     cmake --build "$work/consumer"
     (cd "$work" && consumer/consumer)
+    ;;
+  view)
+    configure "$source/tests/package/view_consumer" "$work/view_consumer" -DCMAKE_PREFIX_PATH="$work/prefix"
+    cmake --build "$work/view_consumer"
+    page=$work/prefix/share/padder/page.html
+    [ -f "$page" ] || { page=$work/template.html; echo '<!--padder:title--><!--padder:data-->' >"$page"; }  # the page is optional
+    (cd "$work" && view_consumer/view_consumer "$page" && [ "$(head -c 4 tetrahedron.png | tail -c 3)" = PNG ] && [ -s tetrahedron.html ])
     ;;
   headers)
     include=$work/prefix/include/padder

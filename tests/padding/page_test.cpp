@@ -98,7 +98,9 @@ TEST_F(Page, EverythingAViewHasIsThere) {
   view.body = {0, 1, 2};
   view.mesh = shapes::box({10, -4, 0}, {11, -3, 1});
   view.contacts = {{0, 2, {10.5, -3, 0.5}, {0, 0, 1}, 0.125}};
-  view.rungs = {{"coarse", 0, 1}, {"fine", 1, 2}};
+  view.rungs = {{"fine", 0, 2, {}}, {"coarse", 2, 1, std::vector<Accuracy>(1)}};
+  view.rungs[1].accuracy[0].gap_max = 0.875;
+  options.rung = 1;
   view.accuracy.resize(1);
   view.accuracy[0].gap_max = 0.75;
   const std::string html = page_html(view, options);
@@ -109,7 +111,10 @@ TEST_F(Page, EverythingAViewHasIsThere) {
   EXPECT_EQ(array<std::uint32_t>(html, "body"), view.body);
   EXPECT_EQ(head["clusters"], (Json{"a", "b"}));
   EXPECT_EQ(head["bodies"], (Json{{0, 0, 1, 4, 9}, {1, 1, 1, 0, 0}, {0, 2, 1, 7, 0}}));
-  EXPECT_EQ(head["rungs"][1]["name"], "fine");
+  EXPECT_EQ(head["rung"], 1);
+  EXPECT_EQ(head["rungs"][0], (Json{{"name", "fine"}, {"first", 0}, {"count", 2}}));
+  EXPECT_EQ(head["rungs"][1]["name"], "coarse");
+  EXPECT_EQ(head["rungs"][1]["accuracy"]["gap_max"], 0.875);
   EXPECT_EQ(head["accuracy"]["gap_max"], 0.75);
   EXPECT_EQ(head["diagonal"].get<double>(), std::sqrt(3.0));  // the mesh's
   const auto points = array<float>(html, "points");
@@ -147,6 +152,9 @@ TEST_F(Page, FaultsAreSentences) {
   options.up = 'q';
   EXPECT_THROW(page_html(view, options), Error);
   options.up = 'z';
+  options.rung = 1;  // there is one level, number 0
+  EXPECT_THROW(page_html(view, options), Error);
+  options.rung = 0;
   std::ofstream(script) << "<p>no template</p>";
   EXPECT_THROW(page_html(view, options), Error);
   options.script = script.string() + ".absent";

@@ -67,6 +67,47 @@ TEST(View, ProtrusionIsNeverMoreThanTheClusterReports) {
   EXPECT_EQ(v.accuracy.size(), 1u);
 }
 
+TEST(View, ALadderBecomesRungsFromFineToCoarse) {
+  Cluster c = three_spheres();
+  c.bounds = shapes::box({0, 0, 0}, {1, 1, 1}).bounds();
+  const double diagonal = c.bounds.diagonal();
+  c.settings =
+      "{\"lod\": [" + std::to_string(0.02 * diagonal) + ", " + std::to_string(0.005 * diagonal) + "]}";
+  c.lods.resize(2);  // coarsest first
+  c.lods[0] = {0.02 * diagonal, 0, {}, {{0.5, 0.5, 0.5}}, {0.6}, {1}};
+  c.lods[1] = {0.01 * diagonal, 0, {}, {{0.4, 0.5, 0.5}, {0.6, 0.5, 0.5}}, {0.5, 0.45}, {2, 3}};
+  c.lods[0].accuracy.gap_max = 0.02, c.lods[0].accuracy.protrusion_max = 0.07;
+  const View v = view_of(c, shapes::box({0, 0, 0}, {1, 1, 1}));
+  ASSERT_EQ(v.rungs.size(), 3u);
+  EXPECT_EQ(v.size(), 6u);
+  const std::vector<std::string> names{"within 0.5 %", "within 1 %", "within 2 %"};
+  for (std::size_t k = 0; k < 3; k++) EXPECT_EQ(v.rungs[k].name, names[k]);
+  EXPECT_EQ(v.rungs[1].first, 3u);
+  EXPECT_EQ(v.rungs[1].count, 2u);
+  EXPECT_EQ(v.triangle, (std::vector<std::int64_t>{7, 8, 9, 2, 3, 1}));
+  EXPECT_NEAR(v.protrusion[3], 0.1, 1e-6);
+  EXPECT_FLOAT_EQ(v.protrusion[5], 0.07f);  // 0.1, but its rung reports less
+
+  const View coarse = one_rung(v, 2);
+  EXPECT_EQ(coarse.radii, std::vector<double>{0.6});
+  EXPECT_EQ(coarse.family, std::vector<std::uint32_t>{3});
+  EXPECT_EQ(coarse.triangle, std::vector<std::int64_t>{1});
+  EXPECT_EQ(coarse.protrusion.size(), 1u);
+  ASSERT_EQ(coarse.accuracy.size(), 1u);
+  EXPECT_EQ(coarse.accuracy[0].gap_max, 0.02);
+  EXPECT_TRUE(coarse.rungs.empty());
+  EXPECT_EQ(one_rung(v, 1).radii, (std::vector<double>{0.5, 0.45}));
+  EXPECT_EQ(one_rung(v, 0).radii, three_spheres().radii);
+  EXPECT_THROW(one_rung(v, 3), Error);
+}
+
+TEST(View, WithoutALadderThereIsOneLevel) {
+  const View v = view_of(three_spheres());
+  EXPECT_TRUE(v.rungs.empty());
+  EXPECT_EQ(one_rung(v, 0).radii, v.radii);
+  EXPECT_THROW(one_rung(v, 1), Error);
+}
+
 TEST(View, WhatAClusterByHandLacksIsLeftOut) {
   Cluster c = three_spheres();
   c.triangle.assign(3, -1);

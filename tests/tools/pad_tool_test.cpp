@@ -140,6 +140,28 @@ TEST_F(Pad, DepthOutsideItsRangeIsRefusedInOneSentence) {
   EXPECT_TRUE(files().empty());
 }
 
+TEST_F(Pad, AnOpenSheetIsMeasuredAndSaysThatNothingIsProved) {
+  std::string text;
+  for (int y = 0; y < 9; y++)
+    for (int x = 0; x < 9; x++)
+      text += "v " + std::to_string(x) + " " + std::to_string(y) + " " + std::to_string(0.1 * ((x + y) % 3)) +
+              "\n";
+  for (int y = 0; y < 8; y++)
+    for (int x = 1; x <= 8; x++) {
+      const auto at = [&](int dx, int dy) { return " " + std::to_string((y + dy) * 9 + x + dx); };
+      text += "f" + at(0, 0) + at(1, 0) + at(1, 1) + at(0, 1) + "\n";
+    }
+  put("terrain.obj", text);
+  for (const char* arguments : {"terrain.obj --edge-length 10%", "terrain.obj --tolerance 2%"}) {
+    SCOPED_TRACE(arguments);
+    const Outcome run = pad(arguments);
+    EXPECT_EQ(run.code, 0) << run.err;
+    EXPECT_NE(run.out.find("an open sheet"), std::string::npos) << run.out;
+    EXPECT_NE(run.out.find("measured, not proved"), std::string::npos) << run.out;
+    EXPECT_EQ(run.out.find("both proved"), std::string::npos) << run.out;
+  }
+}
+
 TEST_F(Pad, HelpBeginsWithExamplesAndVersionIsTheProjects) {
   const Outcome help = pad("--help");
   EXPECT_EQ(help.code, 0);

@@ -372,22 +372,34 @@ class PageTest(unittest.TestCase):
             self.assertIn(part, rows)
 
     def test_a_level_of_detail_is_chosen_from_a_list(self):
-        # No cluster holds several levels yet: the page's own data is changed.
-        write_cluster(self.path("two.spheres.json"), [([0, 0, 0], 1), ([3, 0, 0], 1), ([3, 2, 0], 1)])
-        tool("preview", self.path("two.spheres.json"), "-o", self.path("two.html"), "-q")
-        with open(self.path("two.html")) as f:
-            html = f.read()
-        one = '"rungs":[{"name":"all","first":0,"count":3}]'
-        self.assertIn(one, html)
-        two = '"rungs":[{"name":"coarse","first":0,"count":1},{"name":"fine","first":1,"count":2}]'
-        with open(self.path("two.html"), "w") as f:
-            f.write(html.replace(one, two))
-        self.load("two.html")
-        self.assertEqual(self.state()["drawn"], 1)
-        self.b.run("const e = document.querySelector('#rung'); e.value = '1'; e.dispatchEvent(new Event('change'))")
-        self.b.wait("padder.state().drawn === 2")
+        tool("pad", self.path("brick.obj"), "--lod", "8%,4%,2%", "-o", self.path("ladder.spheres.json"), "-q")
+        with open(self.path("ladder.spheres.json")) as f:
+            ladder = json.load(f)
+        levels = [ladder["spheres"]["count"]] + [lod["spheres"]["count"] for lod in reversed(ladder["lods"])]
+        self.assertGreater(levels[0], levels[1])
+        self.assertGreater(levels[1], levels[2])
+        tool("preview", self.path("ladder.spheres.json"), "-o", self.path("ladder.html"), "-q")
+        self.load("ladder.html")
+        self.assertEqual(self.b.run("return [...document.querySelector('#rung').options].map((o) => o.text)"),
+                         [f"within {t} % ({n:,})" for t, n in zip((2, 4, 8), levels)])
+        self.assertEqual((self.state()["rung"], self.state()["drawn"]), (0, levels[0]))
+        finest = self.b.text("#accuracy")
+        self.b.keys("3")  # spheres alone
+        fine = self.picture()
+        self.b.run("const e = document.querySelector('#rung'); e.value = '2'; e.dispatchEvent(new Event('change'))")
+        self.b.wait(f"padder.state().drawn === {levels[2]}")
+        self.assertIn(f": {levels[2]}", self.b.text("#legend"))
+        self.assertNotEqual(self.b.text("#accuracy"), finest)
+        self.assertNotEqual(self.picture().rows, fine.rows)
         self.b.keys("n")
-        self.assertEqual(self.state()["picked"], 1)
+        self.assertEqual(self.state()["picked"], levels[0] + levels[1])  # the first of the coarsest
+        self.assertEqual(self.b.text("#picked-index"), "0")
+        self.b.keys("l")  # round to the finest
+        self.assertEqual((self.state()["rung"], self.state()["drawn"], self.state()["picked"]), (0, levels[0], -1))
+        # The page opens with the level asked for.
+        tool("preview", self.path("ladder.spheres.json"), "--lod", "1", "-o", self.path("ladder.html"), "-q")
+        self.load("ladder.html")
+        self.assertEqual((self.state()["rung"], self.state()["drawn"]), (1, levels[1]))
 
     def test_a_page_without_data_says_so(self):
         self.b.open(os.path.join(BIN, "..", "page", "page.html"))

@@ -66,6 +66,32 @@ class PreviewTest(unittest.TestCase):
         done = self.preview("tetra.spheres.json", "--mesh", "moved.obj", "-o", "again.png", "--size", "64x64", "--samples", "1", "--json")
         self.assertEqual((json.loads(done.stdout)["triangles"], done.stderr), (4, ""))
 
+    def test_a_picture_draws_one_level_of_a_ladder(self):
+        self.run_tool("pad", "tetra.obj", "--lod", "10%,4%", "-q")
+        with open(self.path("tetra.spheres.json")) as f:
+            ladder = json.load(f)
+        counts = [ladder["spheres"]["count"], ladder["lods"][0]["spheres"]["count"]]
+        self.assertGreater(counts[0], counts[1])
+        pictures = []
+        for level, count in enumerate(counts):
+            done = self.preview("tetra.spheres.json", "-o", "l.png", "--lod", str(level), "--size", "96x48", "--samples", "1", "--json")
+            report = json.loads(done.stdout)
+            self.assertEqual((report["spheres"], report["levels"]), (count, 2))
+            with open(self.path("l.png"), "rb") as f:
+                pictures.append(f.read())
+        self.assertNotEqual(*pictures)
+        # The finest alone gives the picture of a cluster that holds nothing else.
+        del ladder["lods"]
+        with open(self.path("alone.spheres.json"), "w") as f:
+            json.dump(ladder, f)
+        self.preview("alone.spheres.json", "-o", "l.png", "--size", "96x48", "--samples", "1")
+        with open(self.path("l.png"), "rb") as f:
+            self.assertEqual(f.read(), pictures[0])
+        for ending in ("png", "html") if PAGE else ("png",):
+            self.assertIn("2 levels", self.preview("tetra.spheres.json", "-o", "l." + ending, "--lod", "2", code=1).stderr)
+        for wrong in ("x", "-1"):
+            self.preview("tetra.spheres.json", "-o", "l.png", "--lod", wrong, code=2)
+
     def test_scene_and_copies(self):
         done = self.preview("scene.json", "-o", "s.png", "--size", "64x64", "--samples", "1", "--colour", "body", "--json")
         self.assertEqual(json.loads(done.stdout)["bodies"], 2)

@@ -63,7 +63,8 @@ class Page {
     element('split-label').hidden = element('overlay-label').hidden = !this.surface;
     element('rung-label').hidden = head.rungs.length < 2;
     head.rungs.forEach((r, k) => element('rung').add(new Option(`${r.name} (${r.count.toLocaleString('en')})`, k)));
-    showAccuracy(this.data);
+    element('rung').value = String(head.rung);
+    showAccuracy(this.data, head.rung);
     showScene(this.data, this.contacts);
   }
 
@@ -80,7 +81,12 @@ class Page {
     element('colour').addEventListener('change', (e) => { this.colour = e.target.value; this.paint(); });
     element('overlay').addEventListener('change', (e) => this.setOverlay(e.target.value));
     element('detail').addEventListener('change', () => this.ask());
-    element('rung').addEventListener('change', (e) => { this.spheres.setRung(Number(e.target.value)); this.pick(-1); this.paint(); });
+    element('rung').addEventListener('change', (e) => {
+      this.spheres.setRung(Number(e.target.value));
+      showAccuracy(this.data, this.spheres.rung);
+      this.pick(-1);
+      this.paint();
+    });
     element('fit').addEventListener('click', () => this.fit());
     element('only-body').addEventListener('input', (e) => {
       this.onlyBody = e.target.value === '' ? -1 : Number(e.target.value);
@@ -114,7 +120,7 @@ class Page {
         '+': () => this.zoom(0.8), '=': () => this.zoom(0.8), '-': () => this.zoom(1.25),
         '[': () => this.setSplit(this.split - 0.05), ']': () => this.setSplit(this.split + 0.05),
         1: () => this.setSplit(1), 2: () => this.setSplit(0.5), 3: () => this.setSplit(0),
-        c: () => next('colour'), o: () => next('overlay'), d: () => next('detail'), f: () => this.fit(),
+        c: () => next('colour'), o: () => next('overlay'), d: () => next('detail'), l: () => next('rung'), f: () => this.fit(),
         n: () => step(1), p: () => step(-1), Escape: () => this.pick(-1),
         a: () => panel('accuracy-panel'), '?': () => panel('help-panel'),
       };
@@ -195,7 +201,7 @@ class Page {
   paint() {
     const {body} = this.data, only = this.onlyBody;
     this.spheres.paint(painter(this.data, this.colour), (k) => only >= 0 && (!body || body[k] !== only));
-    showLegend(this.data, this.colour);
+    showLegend(this.data, this.colour, this.spheres);
     this.ask();
   }
   pick(k) {
@@ -293,7 +299,7 @@ class Page {
     this.camera.updateMatrixWorld();
     return {
       spheres: this.data.n, drawn: this.spheres.drawn, picked: this.spheres.picked, split: this.split, colour: this.colour,
-      overlay: this.overlay, frames: this.frames, busy: Boolean(this.busy || this.waiting), contacts: this.contacts ? this.contacts.total : 0,
+      overlay: this.overlay, rung: this.spheres.rung, frames: this.frames, busy: Boolean(this.busy || this.waiting), contacts: this.contacts ? this.contacts.total : 0,
       view: this.camera.matrixWorldInverse.toArray(), projection: this.camera.projectionMatrix.toArray(),
     };
   }

@@ -21,7 +21,7 @@ vec3 lit(vec3 albedo, vec3 normal, vec3 along);
 void main() {
   vec3 along = normalize(at), normal = normalize(cross(dFdx(at), dFdy(at)));
   if (dot(normal, along) > 0.0) normal = -normal;
-  pixel = vec4(lit(albedo, normal, along), opacity);
+  pixel = vec4(lit(pow(albedo, vec3(2.2)), normal, along), opacity);
 }`;
 
 // Each edge once, however many triangles share it.

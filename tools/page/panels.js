@@ -27,7 +27,7 @@ export function showPicked(data, contacts, k) {
   element('picked-panel').hidden = k < 0;
   if (k < 0) return;
   const {head} = data, {centers, radii} = data;
-  element('picked-index').textContent = String(k);
+  element('picked-index').textContent = String(k - data.head.rungs.find((r) => k < r.first + r.count).first);  // of its level
   const p = placed(head, centers[3 * k], centers[3 * k + 1], centers[3 * k + 2]);
   const rows = [
     ['x', withUnit(head, p[0])], ['y', withUnit(head, p[1])], ['z', withUnit(head, p[2])],
@@ -52,7 +52,8 @@ export function showPicked(data, contacts, k) {
   fill(element('picked'), rows);
 }
 
-export function showLegend(data, by) {
+// Of the level of detail that is shown: `count` spheres from `first` on.
+export function showLegend(data, by, {first, count}) {
   const {head} = data, box = element('legend');
   element('legend-title').textContent = 'Colour: ' + colourings[by].label;
   box.replaceChildren();
@@ -76,7 +77,7 @@ export function showLegend(data, by) {
   };
   if (by === 'triangle') return void (box.textContent = 'one colour for each triangle of the remeshed surface');
   const counts = new Map();
-  for (let k = 0; k < data.n; k++) {
+  for (let k = first; k < first + count; k++) {
     const kind = by === 'body' ? (data.body[k] < head.bodies.length ? data.body[k] + 1 : 0) : familyOf(data, k);
     counts.set(kind, (counts.get(kind) ?? 0) + 1);
   }
@@ -89,10 +90,10 @@ export function showLegend(data, by) {
   if (kinds.length > 16) box.appendChild(document.createElement('div')).textContent = `and ${kinds.length - 16} more`;
 }
 
-export function showAccuracy({head}) {
-  const a = head.accuracy;
+export function showAccuracy({head}, rung) {
+  const a = head.rungs.length > 1 ? head.rungs[rung].accuracy : head.accuracy;
+  element('accuracy-panel').hidden = !a;
   if (!a) return;
-  element('accuracy-panel').hidden = false;
   const share = (v) => `${number(Number((100 * v).toPrecision(4)))} %`;
   fill(element('accuracy'), [
     ['diagonal', withUnit(head, head.diagonal)],

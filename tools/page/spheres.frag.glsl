@@ -14,7 +14,6 @@ void main() {
   float q = ball.w * ball.w - dot(beside, beside);
   if (q < 0.0) discard;
   vec3 hit = (middle - sqrt(q)) * along;
-  vec4 clip = projectionMatrix * vec4(hit, 1.0);
-  gl_FragDepth = 0.5 + 0.5 * clip.z / clip.w;
+  gl_FragDepth = 0.5 - 0.5 * (projectionMatrix[2].z + projectionMatrix[3].z / hit.z);
   pixel = vec4(lit(colour, (hit - ball.xyz) / ball.w, along), 1.0);
 }

@@ -37,12 +37,12 @@ export class Spheres {
     });
     this.object = new three.Mesh(this.geometry, material);
     this.object.frustumCulled = false;
-    this.setRung(0);
+    this.setRung(data.head.rung);
   }
 
   setRung(index) {
     const {first, count} = this.data.head.rungs[index];
-    this.first = first, this.count = count;
+    this.rung = index, this.first = first, this.count = count;
     this.order = shuffled(first, count);
     this.slot = new Uint32Array(count);  // of sphere first + k, in the order
     for (let k = 0; k < count; k++) this.slot[this.order[k] - first] = k;

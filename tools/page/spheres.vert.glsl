@@ -26,6 +26,7 @@ void main() {
   ball = vec4(centre, radius);
   colour = vec3(sphere.w & 255u, (sphere.w >> 8) & 255u, (sphere.w >> 16) & 255u) / 255.0;
   if (number == picked) colour = vec3(1.0, 0.1, 0.85);
+  colour = pow(colour, vec3(2.2));  // linear
   // The outline of a ball in perspective is a circle around the line to its centre, wider than the ball: the
   // triangle stands across that line and just holds it.
   float d2 = dot(centre, centre);

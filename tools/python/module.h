@@ -1,0 +1,11 @@
+// The rooms of the module padder._core; each adds its names. Their words: padder/__init__.pyi.
+#pragma once
+#include <pybind11/pybind11.h>
+
+namespace padder::python {
+
+void add_arrays(pybind11::module_& module);  // arrays.cpp: DeviceArray
+void add_pad(pybind11::module_& module);     // pad.cpp: Cluster, load, pad, pad_file
+void add_detect(pybind11::module_& module);  // detect.cpp: Contacts, detect
+
+}  // namespace padder::python

@@ -1,0 +1,207 @@
+// padder::pad, clusters, and files of other programs.
+#include <pybind11/numpy.h>
+#include <pybind11/stl/filesystem.h>
+
+#include "padding/export/export.h"
+#include "padding/export/import.h"
+#include "padding/pad.h"
+#include "tools/python/arrays.h"
+#include "tools/python/module.h"
+
+namespace padder::python {
+
+using namespace pybind11::literals;
+
+namespace {
+
+// A number is in the mesh's unit, "1%" a share of its diagonal.
+Length length_of(const py::object& given, const char* name) {
+  if (given.is_none()) return {};
+  if (py::isinstance<py::str>(given)) {
+    const std::string text = py::cast<std::string>(given);
+    try {
+      std::size_t end = 0;
+      const double value = std::stod(text, &end);
+      if (text.substr(end) == "%" && value > 0) return {value / 100, true};
+    } catch (const std::logic_error&) {
+    }
+    throw py::value_error(std::string(name) +
+                          " must be a positive number, or a share of the diagonal as \"1%\"");
+  }
+  const double value = py::cast<double>(given);
+  if (!(value > 0)) throw py::value_error(std::string(name) + " must be positive");
+  return {value, false};
+}
+
+template <class Index>
+void append_faces(Mesh& mesh, const py::array& given) {
+  const auto faces = py::cast<py::array_t<Index, py::array::c_style | py::array::forcecast>>(given);
+  const auto f = faces.template unchecked<2>();
+  mesh.triangles.reserve(static_cast<std::size_t>(f.shape(0)));
+  for (py::ssize_t k = 0; k < f.shape(0); k++) {
+    std::array<std::uint32_t, 3> t;
+    for (int c = 0; c < 3; c++) {
+      if (static_cast<std::int64_t>(f(k, c)) < 0 || static_cast<std::uint64_t>(f(k, c)) >= mesh.points.size())
+        throw py::index_error("face " + std::to_string(k) + " names a vertex that is not there");
+      t[static_cast<std::size_t>(c)] = static_cast<std::uint32_t>(f(k, c));
+    }
+    mesh.triangles.push_back(t);
+  }
+}
+
+Mesh mesh_of(const py::object& given_vertices, const py::object& given_faces) {
+  const py::array vertices = py::array::ensure(given_vertices), faces = py::array::ensure(given_faces);
+  if (!vertices || !faces) throw py::type_error("vertices and faces must be arrays");
+  if (vertices.ndim() != 2 || vertices.shape(1) != 3)
+    throw py::value_error("vertices must be of the shape (N, 3)");
+  if (faces.ndim() != 2 || faces.shape(1) != 3) throw py::value_error("faces must be of the shape (M, 3)");
+  if (faces.dtype().kind() != 'i' && faces.dtype().kind() != 'u')
+    throw py::type_error("faces must be whole numbers");
+  Mesh mesh;
+  const auto points = py::cast<py::array_t<double, py::array::c_style | py::array::forcecast>>(vertices);
+  const auto v = points.unchecked<2>();
+  for (py::ssize_t k = 0; k < v.shape(0); k++) {
+    mesh.points.emplace_back(v(k, 0), v(k, 1), v(k, 2));
+    if (!mesh.points.back().allFinite())
+      throw py::value_error("vertex " + std::to_string(k) + " is not finite");
+  }
+  if (faces.dtype().kind() == 'u')
+    append_faces<std::uint64_t>(mesh, faces);
+  else
+    append_faces<std::int64_t>(mesh, faces);
+  return mesh;
+}
+
+PadOptions options_of(const py::object& depth, const py::object& tolerance, const py::object& edge_length,
+                      std::uint64_t max_spheres, double sharp_angle, const std::string& repair,
+                      std::uint32_t family, std::uint32_t mask) {
+  PadOptions o;
+  if (!depth.is_none()) o.depth = py::cast<double>(depth);
+  o.tolerance = length_of(tolerance, "tolerance");
+  o.edge_length = length_of(edge_length, "edge_length");
+  o.max_spheres = max_spheres, o.sharp_angle = sharp_angle, o.family = family, o.mask = mask;
+  if (repair == "never")
+    o.repair = RepairMode::never;
+  else if (repair == "wrap")
+    o.repair = RepairMode::wrap;
+  else if (repair != "auto")
+    throw py::value_error("repair must be \"auto\", \"never\" or \"wrap\"");
+  return o;
+}
+
+py::object from_json(const std::string& text) { return py::module_::import("json").attr("loads")(text); }
+
+py::array vector_of(const Vector& v) {
+  py::array_t<double> a(3);
+  for (int k = 0; k < 3; k++) a.mutable_at(k) = v[k];
+  return a;
+}
+
+}  // namespace
+
+void add_pad(py::module_& m) {
+  py::class_<Cluster, std::shared_ptr<Cluster>>(m, "Cluster")
+      .def("__len__", &Cluster::size)
+      .def("__repr__",
+           [](const Cluster& c) {
+             return "<padder.Cluster " + c.name + ": " + std::to_string(c.size()) + " spheres>";
+           })
+      .def_readwrite("name", &Cluster::name)
+      .def_readwrite("unit", &Cluster::unit)
+      .def_readwrite("family", &Cluster::family)
+      .def_readwrite("mask", &Cluster::mask)
+      .def_readonly("volume_union", &Cluster::volume_union)
+      .def_property_readonly("centers",
+                             [](const py::object& self) {
+                               const auto& c = py::cast<const Cluster&>(self);
+                               static_assert(sizeof(Point) == 3 * sizeof(double));
+                               return view(c.centers.empty() ? nullptr : c.centers[0].data(),
+                                           {py::ssize_t(c.size()), 3}, {24, 8}, self);
+                             })
+      .def_property_readonly("radii",
+                             [](const py::object& self) {
+                               const auto& c = py::cast<const Cluster&>(self);
+                               return view(c.radii.data(), {py::ssize_t(c.size())}, {8}, self);
+                             })
+      .def_property_readonly("triangle",
+                             [](const py::object& self) {
+                               const auto& c = py::cast<const Cluster&>(self);
+                               return view(c.triangle.data(), {py::ssize_t(c.size())}, {8}, self);
+                             })
+      .def_property_readonly("volume", [](const Cluster& c) { return c.mass.volume; })
+      .def_property_readonly("center_of_mass", [](const Cluster& c) { return vector_of(c.mass.center); })
+      .def_property_readonly("inertia",
+                             [](const Cluster& c) {
+                               py::array_t<double> a({3, 3});
+                               for (int i = 0; i < 3; i++)
+                                 for (int j = 0; j < 3; j++) a.mutable_at(i, j) = c.mass.inertia(i, j);
+                               return a;
+                             })
+      .def_property_readonly("accuracy", [](const Cluster& c) { return from_json(to_json(c.accuracy)); })
+      .def_property_readonly("settings", [](const Cluster& c) { return from_json(c.settings); })
+      .def("to_json", [](const Cluster& c) { return to_json(c); })
+      .def(
+          "save",
+          [](const Cluster& c, const std::filesystem::path& path, const std::string& format, double density) {
+            if (format.empty() && path.extension() == ".json")
+              write_cluster(c, path);
+            else
+              write_model(model_of(c), path, find_format(path, format), {density});
+          },
+          "path"_a, "format"_a = "", "density"_a = 1000.0);
+
+  m.def(
+      "load",
+      [](const std::filesystem::path& path, const std::string& part) {
+        return std::make_shared<Cluster>(read_spheres(path, part));
+      },
+      "path"_a, "part"_a = "",
+      "Spheres from a .spheres.json or another program's file (docs/formats.md); part: the link or clump "
+      "wanted.");
+
+  m.def(
+      "pad",
+      [](const py::object& vertices, const py::object& faces, const py::object& depth,
+         const py::object& tolerance, const py::object& edge_length, std::uint64_t max_spheres,
+         double sharp_angle, const std::string& repair, std::uint32_t family, std::uint32_t mask,
+         const std::string& unit, const std::string& name) {
+        const PadOptions options =
+            options_of(depth, tolerance, edge_length, max_spheres, sharp_angle, repair, family, mask);
+        metres(unit);  // a word that is no unit is refused
+        ReadResult file;
+        file.mesh = mesh_of(vertices, faces);
+        file.unit = unit, file.source.file = name, file.source.triangles = file.mesh.triangles.size();
+        if (file.mesh.triangles.empty()) throw py::value_error("there is no face");
+        const py::gil_scoped_release release;
+        return std::make_shared<Cluster>(padder::pad(file, options).cluster);
+      },
+      "vertices"_a, "faces"_a, "depth"_a = py::none(), "tolerance"_a = py::none(),
+      "edge_length"_a = py::none(), "max_spheres"_a = 0, "sharp_angle"_a = 40.0, "repair"_a = "auto",
+      "family"_a = 0, "mask"_a = 0, "unit"_a = "", "name"_a = "mesh",
+      R"(Covers a triangle mesh with spheres.
+
+vertices: (N, 3) numbers in any unit, copied once; faces: (M, 3) whole numbers, counter-clockwise from outside.
+depth: cap height over circumradius, 0 to 1 (0.2 when nothing else is asked for): a sphere a triangle.
+tolerance: the fewest spheres with protrusion and gap proved within it.
+Lengths (tolerance, edge_length) are in the mesh's unit, or a share of its diagonal as "1%".
+Other threads of Python run meanwhile. Raises padder.Error when the mesh cannot be padded.)");
+
+  m.def(
+      "pad_file",
+      [](const std::filesystem::path& path, const py::object& depth, const py::object& tolerance,
+         const py::object& edge_length, std::uint64_t max_spheres, double sharp_angle,
+         const std::string& repair, std::uint32_t family, std::uint32_t mask, const std::string& unit,
+         double scale) {
+        const PadOptions options =
+            options_of(depth, tolerance, edge_length, max_spheres, sharp_angle, repair, family, mask);
+        const py::gil_scoped_release release;
+        return std::make_shared<Cluster>(padder::pad_file(path, {scale, unit}, options).cluster);
+      },
+      "path"_a, "depth"_a = py::none(), "tolerance"_a = py::none(), "edge_length"_a = py::none(),
+      "max_spheres"_a = 0, "sharp_angle"_a = 40.0, "repair"_a = "auto", "family"_a = 0, "mask"_a = 0,
+      "unit"_a = "", "scale"_a = 1.0,
+      "Reads a mesh file and pads it: see pad. unit: \"m\", \"cm\", \"mm\" or \"in\"; scale: on every "
+      "coordinate.");
+}
+
+}  // namespace padder::python
