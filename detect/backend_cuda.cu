@@ -176,8 +176,9 @@ class CudaBackend : public Backend {
   }
   void make_plan(const Options& options, const Summary& summary) {
     plan_ = {};
-    plan_.source = source_, plan_.grid = choose_grid(summary, options.bin_size);
+    plan_.source = source_, plan_.grid = choose_grid(summary, options.bin_size, 8, Look::down);
     plan_.search = search_options(options, summary);
+    if (plan_.search.fixed_order) plan_.search.share = share_;
     const bool floats =
         !source_.wide && source_.placed == 0 && float_range(summary.extent, summary.radius_max);
     plan_.kind = !floats                                    ? SlotKind::fixed
@@ -188,18 +189,25 @@ class CudaBackend : public Backend {
 
   // One pass over the device: order, search, and the counters (with_survey: the summary too) to the host.
   void enqueue() {
-    Counters* counters = counters_.reserve(1);
-    Counters* found = host_counters_.reserve(1);
-    const std::uint64_t tiles = search_tiles(source_.count);
-    const TileSums sums{tile_counts_.reserve(tiles), tile_places_.reserve(tiles)};
-    if (plan_.with_survey) surveyor_.begin(source_, plan_.octaves, plan_.top, stream_);
-    cuda_check(cudaMemsetAsync(counters, 0, sizeof(Counters), stream_), "clear the counters");
-    const Ordered ordered = orderer_.order(source_, plan_.grid, plan_.kind, plan_.search.fixed_order,
-                                           plan_.method, counters, stream_);
+    static_assert(sizeof(Counters) <= Surveyor::kHead * 8);
+    auto* const counters = reinterpret_cast<Counters*>(surveyor_.head());
+    found_ = reinterpret_cast<const Counters*>(surveyor_.host_head());
+    const bool along = plan_.with_survey && Surveyor::rides_along(source_);
+    if (plan_.with_survey)
+      surveyor_.begin(source_, plan_.octaves, plan_.top, along, stream_);
+    else
+      cuda_check(cudaMemsetAsync(counters, 0, sizeof(Counters), stream_), "clear the counters");
+    orderer_.lend(reinterpret_cast<float4*>(normals_.data()), normals_.capacity() / sizeof(float4),
+                  reinterpret_cast<std::uint32_t*>(pairs_.data()), pairs_.capacity() * 2);
+    const Ordered ordered =
+        orderer_.order(source_, plan_.grid, plan_.kind, plan_.search.fixed_order, plan_.method,
+                       along ? surveyor_.bounds() : nullptr, counters, stream_);
     mark(seconds_.stage[3]);
-    search(source_, plan_.grid, ordered, plan_.search, plan_.output, counters, sums, stream_);
-    cuda_check(cudaMemcpyAsync(found, counters, sizeof(Counters), cudaMemcpyDeviceToHost, stream_),
-               "read the count");
+    search(source_, plan_.grid, ordered, plan_.search, plan_.output, counters, search_memory_, stream_);
+    if (plan_.with_survey)
+      surveyor_.read(plan_.octaves, along, stream_);
+    else
+      surveyor_.read_head(stream_);
   }
   // The same as a graph when the same was done in the call before: no gaps between the launches.
   void enqueue_again() {
@@ -246,12 +254,12 @@ class CudaBackend : public Backend {
       cuda_check(cudaStreamSynchronize(stream_), "search for contacts");
       const Grid grid = plan_.grid;
       const SlotKind kind = plan_.kind;
-      done = surveyor_.finish(source_, plan_.octaves, plan_.top, summary_);
+      done = surveyor_.finish(source_, plan_.octaves, plan_.top, Surveyor::rides_along(source_), summary_);
       if (done) {
         check(summary_, input, options);
         make_plan(options, summary_);
         done = grid == plan_.grid && kind == plan_.kind && summary_.radius_max == before.radius_max &&
-               !host_counters_.data()->flags;
+               !found_->flags;
       }
       hope_ = done ? 1 : -4;
     }
@@ -261,22 +269,34 @@ class CudaBackend : public Backend {
       summary_ = survey(input, options);
       mark(seconds_.stage[0]);
       make_plan(options, summary_);
+      // The order's work space is lent by the list: the list is made long enough for that.
+      if (options.width != Width::pairs && source_.count >= Orderer::kFewSpheres && capacity(options) == 0)
+        reserve_records(options, source_.count);
       plan_.output = output(options), plan_.method = method_ = OrderMethod::automatic;
       enqueue();
       cuda_check(cudaStreamSynchronize(stream_), "search for contacts");
     }
     planned_for_ = source_.count;
     // A bin too full for the method: sort. A list too short: it was counted to its end; made longer, and
-    // written again.
+    // written again. So is a list in the order of another length.
     while (true) {
-      const Counters found = *host_counters_.data();
+      const Counters found = *found_;
       c.count = found.contacts, c.doubtful = found.doubtful;
-      if (found.flags & kCrowded)
+      const bool fixed = plan_.search.fixed_order;
+      const Share share = fixed ? share_for(found, source_.count, plan_.grid, plan_.kind) : Share{};
+      if (found.flags & kCrowded) {
         plan_.method = method_ = OrderMethod::sort;
-      else if (c.count > capacity(options))
-        reserve_records(options, c.count + c.count / 8);
-      else
+      } else if (c.count > capacity(options) || share != plan_.search.share ||
+                 (fixed && found.spilled > search_memory_.spill.capacity())) {
+        if (c.count > capacity(options)) reserve_records(options, c.count + c.count / 8);
+        if (fixed) {
+          const bool known = share == plan_.search.share;  // else: usually a twentieth of the list
+          search_memory_.spill.reserve(known ? found.spilled + found.spilled / 8 : c.count / 16 + 4096);
+          plan_.search.share = share_ = share;
+        }
+      } else {
         break;
+      }
       plan_.output = output(options), plan_.with_survey = false;
       enqueue();
       cuda_check(cudaStreamSynchronize(stream_), "search for contacts");
@@ -336,9 +356,8 @@ class CudaBackend : public Backend {
   Buffer<unsigned char> normals_{book_, "the contacts"}, points_{book_, "the contacts"};
   Buffer<unsigned char> host_pairs_{book_, "the contacts", true}, host_normals_{book_, "the contacts", true},
       host_points_{book_, "the contacts", true};
-  Buffer<Counters> counters_{book_, "counters"}, host_counters_{book_, "counters", true};
-  Buffer<std::uint32_t> tile_counts_{book_, "the order of the list"};
-  Buffer<unsigned long long> tile_places_{book_, "the order of the list"};
+  const Counters* found_ = nullptr;  // of the last search, on the host
+  SearchMemory search_memory_{book_};
   mutable Buffer<unsigned long long> hash_{book_, "the hash"};
   const Pair* pairs_on_device_ = nullptr;
   std::uint64_t last_count_ = 0;
@@ -349,6 +368,7 @@ class CudaBackend : public Backend {
   OrderMethod method_ = OrderMethod::automatic;
   int hope_ = 1;  // above 0: try the bins of the call before; a disappointment lasts for some calls
   std::uint64_t planned_for_ = 0;  // spheres of summary_
+  Share share_;                    // of the list before, for a fixed order
   Seconds seconds_;
   bool timings_ = false;
   Clock::time_point begun_, last_mark_;

@@ -115,8 +115,7 @@ BodySearch::BodySearch(MemoryBook& book)
       scratch_(book, "sums"),
       counters_(book, "counters"),
       host_counters_(book, "counters", true),
-      tile_counts_(book, "the order of the list"),
-      tile_places_(book, "the order of the list") {}
+      search_memory_(book) {}
 
 BodySearch::~BodySearch() {
   if (graph_) cudaGraphExecDestroy(graph_);
@@ -283,6 +282,7 @@ void BodySearch::make_plan(const Options& options, const Output& output) {
   plan_.view = view_, plan_.loose = loose_, plan_.output = output, plan_.own = options.own;
   plan_.grid = choose_grid(summary_, 0), plan_.method = method_, plan_.moves = book_.moves;
   plan_.fixed_order = options.order == Order::fixed;
+  if (plan_.fixed_order) plan_.share = share_;
   plan_.octaves = needs_octaves(summary_), plan_.top = exponent_of(summary_.need_max);
   Source& b = plan_.balls;
   b.centers = &view_.balls->x, b.radii = &view_.balls->r, b.center_stride = b.radius_stride = 4;
@@ -308,17 +308,15 @@ void BodySearch::enqueue(cudaStream_t stream, const Mark& mark) {
   BodyCounters *counters = counters_.reserve(1), *found = host_counters_.reserve(1);
   cuda_check(cudaMemsetAsync(counters, 0, sizeof *counters, stream), "clear the counters");
   if (view_.moving > 0) {
-    if (plan_.with_survey) surveyor_.begin(plan_.balls, plan_.octaves, plan_.top, stream);
-    const std::uint64_t tiles = search_tiles(view_.moving);
-    const TileSums sums{tile_counts_.reserve(tiles), tile_places_.reserve(tiles)};
+    if (plan_.with_survey) surveyor_.begin(plan_.balls, plan_.octaves, plan_.top, false, stream);
     const Ordered ordered = orderer_.order(plan_.balls, plan_.grid, SlotKind::fixed, plan_.fixed_order,
-                                           plan_.method, &counters->broad, stream);
+                                           plan_.method, nullptr, &counters->broad, stream);
     mark(3);
     SearchOptions o;
-    o.fixed_order = plan_.fixed_order, o.radius = summary_.radius_max;
+    o.fixed_order = plan_.fixed_order, o.share = plan_.share, o.radius = summary_.radius_max;
     Output pairs;
     pairs.pairs = pairs_.data(), pairs.capacity = pairs_.capacity(), pairs.width = Width::pairs;
-    search(plan_.balls, plan_.grid, ordered, o, pairs, &counters->broad, sums, stream);
+    search(plan_.balls, plan_.grid, ordered, o, pairs, &counters->broad, search_memory_, stream);
     meet_static(stream);
     mark(6);
     MeetTask t{view_, loose_, plan_.own};
@@ -342,6 +340,7 @@ void BodySearch::enqueue(cudaStream_t stream, const Mark& mark) {
     mark(7);
     write_hits(t, plan_.output, stream);
   }
+  if (view_.moving > 0 && plan_.with_survey) surveyor_.read(plan_.octaves, false, stream);
   cuda_check(cudaMemcpyAsync(found, counters, sizeof *found, cudaMemcpyDeviceToHost, stream),
              "read the count");
 }
@@ -402,7 +401,7 @@ bool BodySearch::run(const Input& input, const Options& options, const Room& out
     enqueue_again(stream, mark);
     cuda_check(cudaStreamSynchronize(stream), "search for contacts");
     const Grid grid = plan_.grid;
-    done = surveyor_.finish(plan_.balls, plan_.octaves, plan_.top, summary_);
+    done = surveyor_.finish(plan_.balls, plan_.octaves, plan_.top, false, summary_);
     if (done) {
       if (!ordinary(options)) return false;
       done = grid == choose_grid(summary_, 0) && !(host_counters_.data()->broad.flags & kOutside);
@@ -423,14 +422,21 @@ bool BodySearch::run(const Input& input, const Options& options, const Room& out
     enqueue(stream, mark);
     cuda_check(cudaStreamSynchronize(stream), "search for contacts");
   }
-  // Whatever was too small was counted to its end; it is made larger and the pass repeated.
+  // Whatever was too small was counted to its end; it is made larger and the pass repeated. So is a list of
+  // pairs in the order of another length.
   while (true) {
     const BodyCounters& found = *host_counters_.data();
     const std::uint64_t pairs = found.broad.contacts + found.static_pairs;
+    const bool fixed = plan_.fixed_order && view_.moving > 0;
+    const Share share = fixed ? share_for(found.broad, view_.moving, plan_.grid, SlotKind::fixed) : Share{};
+    const bool known = !fixed || share == plan_.share;
+    const std::uint64_t spilled = fixed ? found.broad.spilled : 0;
     if (found.broad.flags & kCrowded) {
       method_ = OrderMethod::sort;
-    } else if (pairs > pairs_.capacity()) {
-      pairs_.reserve(pairs + pairs / 8);
+    } else if (pairs > pairs_.capacity() || !known || spilled > search_memory_.spill.capacity()) {
+      if (pairs > pairs_.capacity()) pairs_.reserve(pairs + pairs / 8);
+      if (fixed)
+        search_memory_.spill.reserve(known ? spilled + spilled / 8 : pairs / 16 + 4096), share_ = share;
     } else if (found.contacts > std::min(hits_.capacity(), out.capacity)) {
       hits_.reserve(found.contacts + found.contacts / 8);
       out = output(hits_.capacity());

@@ -68,6 +68,7 @@ class BodySearch {
     Region own;
     OrderMethod method = OrderMethod::automatic;
     bool octaves = false, with_survey = false, fixed_order = true;
+    Share share;
     int top = 0;
     std::uint64_t moves = 0;
     friend bool operator==(const Plan&, const Plan&) = default;
@@ -119,8 +120,8 @@ class BodySearch {
   Buffer<unsigned long long> item_places_, query_places_;
   Buffer<unsigned char> scratch_;
   Buffer<BodyCounters> counters_, host_counters_;
-  Buffer<std::uint32_t> tile_counts_;
-  Buffer<unsigned long long> tile_places_;
+  SearchMemory search_memory_;
+  Share share_;  // of the pairs found before
 };
 
 }  // namespace padder::detect::cuda

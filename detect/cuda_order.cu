@@ -13,7 +13,7 @@
 namespace padder::detect::cuda {
 namespace {
 
-constexpr int kThreads = 256, kWide = 1024, kItems = 8;
+constexpr int kThreads = 256, kWide = 1024, kItems = 8, kCount = 512;
 constexpr std::uint32_t kMostBuckets = 6144, kSharedBytes = 227 * 1024;
 unsigned blocks_for(std::uint64_t n, int threads = kThreads) {
   return static_cast<unsigned>((n + threads - 1) / threads);
@@ -26,16 +26,26 @@ struct Places {
   std::uint32_t* keys = nullptr;
 };
 
-// Bucket of a table entry: entries first_entry(b) to first_entry(b + 1) - 1 are of bucket b.
+// Bucket of a table entry: entries first_entry(b) to first_entry(b + 1) - 1 are of bucket b. Each level has
+// buckets of its own width, for the levels' bins are not equally full.
 struct Buckets {
-  std::uint32_t count = 1, magic = 1, entries = 1, widest = 1;
-  int merge = 0;
-  __host__ __device__ std::uint32_t of(std::uint32_t key) const {
-    return static_cast<std::uint32_t>((static_cast<std::uint64_t>(key >> merge) * magic) >> 32);
+  std::uint32_t count = 0, entries = 1, widest = 1;
+  int merge = 0, levels = 1;
+  struct Part {
+    std::uint32_t entry = 0, bucket = 0, magic = 1;  // its first ones; 2^32 / width
+  } part[kMaxLevels];
+  __device__ __forceinline__ std::uint32_t of(std::uint32_t key) const {
+    const std::uint32_t entry = key >> merge;
+    int k = 0;
+    while (k + 1 < levels && entry >= part[k + 1].entry) k++;
+    return part[k].bucket + __umulhi(entry - part[k].entry, part[k].magic);
   }
-  __host__ __device__ std::uint32_t first_entry(std::uint32_t b) const {
-    const std::uint64_t first = ((static_cast<std::uint64_t>(b) << 32) + magic - 1) / magic;
-    return first < entries ? static_cast<std::uint32_t>(first) : entries;
+  __device__ __forceinline__ std::uint32_t first_entry(std::uint32_t b) const {
+    int k = 0;
+    while (k + 1 < levels && b >= part[k + 1].bucket) k++;
+    const std::uint64_t magic = part[k].magic,
+                        first = ((static_cast<std::uint64_t>(b - part[k].bucket) << 32) + magic - 1) / magic;
+    return static_cast<std::uint32_t>(min(part[k].entry + first, std::uint64_t(entries)));
   }
 };
 
@@ -57,9 +67,8 @@ __device__ __forceinline__ float4 slot_of(const Source& source, const Grid& grid
 }
 // The grid may be that of the call before, kept in the hope that it still fits (backend_cuda.cu): a sphere
 // outside it is reported, and gets a key that does no harm.
-__device__ __forceinline__ std::uint32_t key_of_sphere(const Source& source, const Grid& grid,
-                                                       std::uint32_t id, Counters* counters) {
-  const Sphere s = source.sphere(id);
+__device__ __forceinline__ std::uint32_t key_of_sphere(const Sphere& s, const Grid& grid,
+                                                       Counters* counters) {
   const Level& l = grid.level[level_of(grid, s)];
   const Bin b = bin_of(l, s);
   if (!l.hashed && !(static_cast<std::uint64_t>(b.x - l.first[0]) < l.count[0] &&
@@ -115,12 +124,21 @@ __device__ void scan_shared(std::uint32_t* v, std::uint32_t n, std::uint32_t* su
 
 // ---- cells
 
+template <bool Along>
 __global__ void __launch_bounds__(kThreads)
     cell_count_kernel(Source source, const __grid_constant__ Grid grid, int merge, std::uint32_t* keys,
-                      std::uint32_t* ranks, std::uint32_t* counts, Counters* counters) {
+                      std::uint32_t* ranks, std::uint32_t* counts, unsigned long long* found,
+                      Counters* counters) {
   const std::uint32_t k = blockIdx.x * kThreads + threadIdx.x;
   const bool valid = k < source.count;
-  const std::uint32_t key = valid ? key_of_sphere(source, grid, k, counters) : ~0u;
+  std::uint32_t key = ~0u;
+  Bounds bounds;
+  if (valid) {
+    const Sphere s = source.sphere(k);
+    key = key_of_sphere(s, grid, counters);
+    if (Along) bounds.take(s, k);
+  }
+  if (Along) bounds.give(found);
   const std::uint32_t rank = ticket(counts, valid ? key >> merge : ~0u);
   if (valid) keys[k] = key, ranks[k] = rank;
 }
@@ -166,27 +184,35 @@ __global__ void __launch_bounds__(kThreads)
 
 // ---- buckets
 
-__global__ void __launch_bounds__(kWide)
-    bucket_count_kernel(Source source, const __grid_constant__ Grid grid, Buckets buckets,
-                        std::uint32_t* keys, std::uint32_t* counts, Counters* counters) {
+template <bool Along>
+__global__ void __launch_bounds__(kCount, 4)
+    bucket_count_kernel(Source source, const __grid_constant__ Grid grid,
+                        const __grid_constant__ Buckets buckets, std::uint32_t* keys, std::uint32_t* counts,
+                        unsigned long long* found, Counters* counters) {
+  Bounds bounds;
   extern __shared__ std::uint32_t shared[];
-  for (std::uint32_t b = threadIdx.x; b < buckets.count; b += kWide) shared[b] = 0;
+  for (std::uint32_t b = threadIdx.x; b < buckets.count; b += kCount) shared[b] = 0;
   __syncthreads();
-  const std::uint64_t step = static_cast<std::uint64_t>(gridDim.x) * kWide;
-  for (std::uint64_t from = static_cast<std::uint64_t>(blockIdx.x) * kWide; from < source.count;
+  const std::uint64_t step = static_cast<std::uint64_t>(gridDim.x) * kCount;
+  for (std::uint64_t from = static_cast<std::uint64_t>(blockIdx.x) * kCount; from < source.count;
        from += step) {
     const std::uint64_t k = from + threadIdx.x;
     const bool valid = k < source.count;
     std::uint32_t key = 0;
-    if (valid) keys[k] = key = key_of_sphere(source, grid, static_cast<std::uint32_t>(k), counters);
+    if (valid) {
+      const Sphere s = source.sphere(static_cast<std::uint32_t>(k));
+      keys[k] = key = key_of_sphere(s, grid, counters);
+      if (Along) bounds.take(s, static_cast<std::uint32_t>(k));
+    }
     ticket(shared, valid ? buckets.of(key) : ~0u);
   }
+  if (Along) bounds.give(found);
   __syncthreads();
-  for (std::uint32_t b = threadIdx.x; b < buckets.count; b += kWide)
+  for (std::uint32_t b = threadIdx.x; b < buckets.count; b += kCount)
     if (shared[b]) atomicAdd(counts + b, shared[b]);
 }
-__global__ void __launch_bounds__(kWide)
-    bucket_start_kernel(Buckets buckets, std::uint32_t* starts, std::uint32_t* cursors) {
+__global__ void __launch_bounds__(kWide) bucket_start_kernel(const __grid_constant__ Buckets buckets,
+                                                             std::uint32_t* starts, std::uint32_t* cursors) {
   __shared__ std::uint32_t v[kMostBuckets + 1], sums[32];
   for (std::uint32_t b = threadIdx.x; b < buckets.count; b += kWide) v[b] = starts[b];
   __syncthreads();
@@ -200,8 +226,9 @@ __global__ void __launch_bounds__(kWide)
 // place.
 template <SlotKind Kind>
 __global__ void __launch_bounds__(kWide)
-    bucket_split_kernel(Source source, const __grid_constant__ Grid grid, Buckets buckets,
-                        const std::uint32_t* keys, std::uint32_t* cursors, Places out) {
+    bucket_split_kernel(Source source, const __grid_constant__ Grid grid,
+                        const __grid_constant__ Buckets buckets, const std::uint32_t* keys,
+                        std::uint32_t* cursors, Places out) {
   constexpr std::uint32_t kTile = kWide * kItems;
   extern __shared__ float4 slots[];
   auto* tile_keys = reinterpret_cast<std::uint32_t*>(slots + kTile);
@@ -261,8 +288,9 @@ __global__ void __launch_bounds__(kWide)
 // One bucket a block: its spheres by bin, within a bin by number if `tidy`, and its part of the table.
 template <SlotKind Kind>
 __global__ void __launch_bounds__(kWide)
-    bucket_order_kernel(Buckets buckets, std::uint32_t capacity, const std::uint32_t* starts, Places in,
-                        Places out, std::uint32_t* table, bool tidy, Counters* counters) {
+    bucket_order_kernel(const __grid_constant__ Buckets buckets, std::uint32_t capacity,
+                        const std::uint32_t* starts, Places in, Places out, std::uint32_t* table, bool tidy,
+                        Counters* counters) {
   extern __shared__ float4 slots[];
   auto* tile_keys = reinterpret_cast<std::uint32_t*>(slots + capacity);
   auto* numbers = tile_keys + capacity;
@@ -290,6 +318,8 @@ __global__ void __launch_bounds__(kWide)
   __syncthreads();
   scan_shared(bins, width, sums);
   for (std::uint32_t b = threadIdx.x; b < width; b += blockDim.x) table[first + b] = begin + bins[b];
+  if (blockIdx.x + 1 == gridDim.x && threadIdx.x == 0)
+    table[first + width] = begin + count;  // the end of all
 #pragma unroll
   for (int u = 0; u < kMost; u++) {
     const std::uint32_t k = threadIdx.x + u * kWide;
@@ -318,11 +348,19 @@ __global__ void __launch_bounds__(kWide)
 
 // ---- sort
 
+template <bool Along>
 __global__ void __launch_bounds__(kThreads)
     sort_key_kernel(Source source, const __grid_constant__ Grid grid, std::uint32_t* keys, std::uint32_t* ids,
-                    Counters* counters) {
-  const std::uint32_t k = blockIdx.x * kThreads + threadIdx.x;
-  if (k < source.count) keys[k] = key_of_sphere(source, grid, k, counters), ids[k] = k;
+                    unsigned long long* found, Counters* counters) {
+  Bounds bounds;
+  for (std::uint64_t at = blockIdx.x * kThreads + threadIdx.x; at < source.count;
+       at += gridDim.x * kThreads) {
+    const auto k = static_cast<std::uint32_t>(at);
+    const Sphere s = source.sphere(k);
+    keys[k] = key_of_sphere(s, grid, counters), ids[k] = k;
+    if (Along) bounds.take(s, k);
+  }
+  if (Along) bounds.give(found);
 }
 // Ends of bins go to the table; a running maximum turns them into starts.
 template <SlotKind Kind>
@@ -357,15 +395,14 @@ Orderer::Orderer(MemoryBook& book)
       scratch_(book, "sorting") {}
 
 Ordered Orderer::order(const Source& source, const Grid& grid, SlotKind kind, bool tidy, OrderMethod method,
-                       Counters* counters, cudaStream_t stream) {
+                       unsigned long long* bounds, Counters* counters, cudaStream_t stream) {
   const bool single = grid.levels == 1 && !grid.level[0].hashed;
   bool dense = true;
   for (int k = 0; k < grid.levels; k++) dense = dense && !grid.level[k].hashed;
   if (method == OrderMethod::automatic)
     method = !dense                       ? OrderMethod::sort
              : source.count < kFewSpheres ? OrderMethod::cells
-             : single                     ? OrderMethod::buckets
-                                          : OrderMethod::sort;
+                                          : OrderMethod::buckets;
   Ordered o;
   o.kind = kind, o.count = source.count, o.grid_entries = grid.buckets;
   // Where bins are many and nearly empty, several along x share an entry of the table. Not in rows so short
@@ -376,16 +413,16 @@ Ordered Orderer::order(const Source& source, const Grid& grid, SlotKind kind, bo
   o.entries = (grid.buckets >> o.merge) + 2;
   o.table = table_.reserve(o.entries + 1), o.slots = slots_.reserve(std::uint64_t(o.count) + kSlack);
   o.keys = sorted_keys_.reserve(o.count);
-  if (method == OrderMethod::buckets && !by_buckets(source, grid, tidy, counters, o, stream))
+  if (method == OrderMethod::buckets && !by_buckets(source, grid, tidy, bounds, counters, o, stream))
     method = OrderMethod::sort;
-  if (method == OrderMethod::cells) by_cells(source, grid, tidy, counters, o, stream);
-  if (method == OrderMethod::sort) by_sort(source, grid, counters, o, stream);
+  if (method == OrderMethod::cells) by_cells(source, grid, tidy, bounds, counters, o, stream);
+  if (method == OrderMethod::sort) by_sort(source, grid, bounds, counters, o, stream);
   cuda_launched("put the spheres in order");
   return o;
 }
 
-void Orderer::by_cells(const Source& source, const Grid& grid, bool tidy, Counters* counters, Ordered& o,
-                       cudaStream_t stream) {
+void Orderer::by_cells(const Source& source, const Grid& grid, bool tidy, unsigned long long* bounds,
+                       Counters* counters, Ordered& o, cudaStream_t stream) {
   std::uint32_t *keys = keys_.reserve(o.count), *ranks = ids_.reserve(o.count);
   if (o.kind != SlotKind::equal) o.ids = sorted_ids_.reserve(o.count);
   std::size_t bytes = 0;
@@ -393,8 +430,8 @@ void Orderer::by_cells(const Source& source, const Grid& grid, bool tidy, Counte
              "plan the scan");
   void* scratch = scratch_.reserve(bytes);
   cuda_check(cudaMemsetAsync(o.table, 0, (o.entries + 1) * 4, stream), "clear the table of bins");
-  cell_count_kernel<<<blocks_for(o.count), kThreads, 0, stream>>>(source, grid, o.merge, keys, ranks, o.table,
-                                                                  counters);
+  (bounds ? cell_count_kernel<true> : cell_count_kernel<false>)<<<blocks_for(o.count), kThreads, 0, stream>>>(
+      source, grid, o.merge, keys, ranks, o.table, bounds, counters);
   cuda_check(cub::DeviceScan::ExclusiveSum(scratch, bytes, o.table, o.table, o.entries + 1, stream),
              "scan the table of bins");
   with_kind(o.kind, [&](auto k) {
@@ -407,34 +444,44 @@ void Orderer::by_cells(const Source& source, const Grid& grid, bool tidy, Counte
   });
 }
 
-bool Orderer::by_buckets(const Source& source, const Grid& grid, bool tidy, Counters* counters, Ordered& o,
-                         cudaStream_t stream) {
+bool Orderer::by_buckets(const Source& source, const Grid& grid, bool tidy, unsigned long long* bounds,
+                         Counters* counters, Ordered& o, cudaStream_t stream) {
   const std::uint32_t sphere_bytes = o.kind == SlotKind::equal ? 20 : 24;
+  // As many buckets as give each about `bucket_spheres` on average, and no more entries than leave room.
+  const double aim = bucket_spheres;
+  const std::uint32_t room = aim <= 4096 ? 112 * 1024 : kSharedBytes - 1024;
+  const double widest = (room - aim * 1.12 * sphere_bytes) / 4 - 4;
+  if (widest < 64) return false;
   Buckets b;
-  b.merge = o.merge, b.entries = static_cast<std::uint32_t>(o.entries);
-  // As many buckets as give each about `bucket_spheres` on average; more where the table is wide.
-  const double per_sphere = static_cast<double>(o.entries) / o.count;
-  double width = std::max(1.0, std::floor(bucket_spheres * per_sphere));
-  b.magic = static_cast<std::uint32_t>(std::min(4294967295.0, std::ceil(4294967296.0 / width)));
-  b.widest = static_cast<std::uint32_t>(width) + 2;
-  b.count = static_cast<std::uint32_t>((std::uint64_t(b.entries - 1) * b.magic) >> 32) + 1;
+  b.merge = o.merge, b.levels = grid.levels, b.entries = static_cast<std::uint32_t>(o.entries);
+  for (int k = 0; k < grid.levels; k++) {
+    Buckets::Part& part = b.part[k];
+    part.entry = k ? grid.level[k].offset : 0, part.bucket = b.count;
+    const std::uint32_t entries = (k + 1 < grid.levels ? grid.level[k + 1].offset : b.entries) - part.entry;
+    const double spheres = static_cast<double>(std::max<std::uint64_t>(grid.level[k].spheres, 1)),
+                 width = std::floor(std::clamp(aim * entries / spheres, 2.0, widest - 1));
+    part.magic = static_cast<std::uint32_t>(std::ceil(4294967296.0 / width));
+    b.widest = std::max(b.widest, static_cast<std::uint32_t>(width) + 2);
+    b.count += static_cast<std::uint32_t>((std::uint64_t(entries - 1) * part.magic) >> 32) + 1;
+  }
   const std::uint32_t table_bytes = (b.widest + 1) * 4,
                       tile_bytes = kWide * kItems * 20 + (2 * b.count + 1) * 4;
-  if (b.count > kMostBuckets || width < 2 || table_bytes + 4096 * sphere_bytes > kSharedBytes ||
-      tile_bytes > kSharedBytes - 1024)
-    return false;
-  const std::uint32_t room = bucket_spheres <= 4096 ? 112 * 1024 : kSharedBytes - 1024;
+  if (b.count > kMostBuckets || tile_bytes > kSharedBytes - 1024) return false;
   const std::uint32_t capacity =
       std::min<std::uint32_t>((room - table_bytes) / sphere_bytes, 10 * kWide) & ~3u;
-  if (capacity < bucket_spheres * 1.1) return false;
-  std::uint32_t *keys = keys_.reserve(o.count), *split_keys = ids_.reserve(o.count);
+  // Work space in the list of contacts, which is written afterwards.
+  const bool lent = lent_slots_ >= o.count && lent_words_ >= 2 * std::uint64_t(o.count);
+  std::uint32_t* keys = lent ? lent_word_ : keys_.reserve(o.count);
+  std::uint32_t* split_keys = lent ? lent_word_ + o.count : ids_.reserve(o.count);
+  float4* split_slots = lent ? lent_slot_ : split_slots_.reserve(o.count);
   std::uint32_t *starts = starts_.reserve(2 * kMostBuckets + 2), *cursors = starts + kMostBuckets + 1;
   std::uint32_t* split_ids = nullptr;
   if (o.kind != SlotKind::equal)
     o.ids = sorted_ids_.reserve(2 * std::uint64_t(o.count)), split_ids = o.ids + o.count;
-  const Places split{split_slots_.reserve(o.count), split_ids, split_keys}, out{o.slots, o.ids, o.keys};
+  const Places split{split_slots, split_ids, split_keys}, out{o.slots, o.ids, o.keys};
   cuda_check(cudaMemsetAsync(starts, 0, (b.count + 1) * 4, stream), "clear the buckets");
-  bucket_count_kernel<<<132 * 2, kWide, b.count * 4, stream>>>(source, grid, b, keys, starts, counters);
+  (bounds ? bucket_count_kernel<true> : bucket_count_kernel<false>)<<<132 * 4, kCount, b.count * 4, stream>>>(
+      source, grid, b, keys, starts, bounds, counters);
   bucket_start_kernel<<<1, kWide, 0, stream>>>(b, starts, cursors);
   with_kind(o.kind, [&](auto k) {
     auto* divide = bucket_split_kernel<k()>;
@@ -450,14 +497,11 @@ bool Orderer::by_buckets(const Source& source, const Grid& grid, bool tidy, Coun
     arrange<<<b.count, kWide, order_bytes, stream>>>(b, capacity, starts, split, out, o.table, tidy,
                                                      counters);
   });
-  // The last entry that the buckets do not write: the end of all.
-  cuda_check(cudaMemcpyAsync(o.table + o.entries, starts + b.count, 4, cudaMemcpyDeviceToDevice, stream),
-             "end the table of bins");
   return true;
 }
 
-void Orderer::by_sort(const Source& source, const Grid& grid, Counters* counters, Ordered& o,
-                      cudaStream_t stream) {
+void Orderer::by_sort(const Source& source, const Grid& grid, unsigned long long* bounds, Counters* counters,
+                      Ordered& o, cudaStream_t stream) {
   std::uint32_t *keys = keys_.reserve(o.count), *ids = ids_.reserve(o.count);
   o.ids = sorted_ids_.reserve(o.count);
   std::size_t sort_bytes = 0, scan_bytes = 0;
@@ -470,7 +514,9 @@ void Orderer::by_sort(const Source& source, const Grid& grid, Counters* counters
                                             entries, stream),
              "plan the scan");
   void* scratch = scratch_.reserve(std::max(sort_bytes, scan_bytes));
-  sort_key_kernel<<<blocks_for(o.count), kThreads, 0, stream>>>(source, grid, keys, ids, counters);
+  (bounds ? sort_key_kernel<true>
+          : sort_key_kernel<false>)<<<std::min(blocks_for(o.count), 132u * 32), kThreads, 0, stream>>>(
+      source, grid, keys, ids, bounds, counters);
   cuda_check(cub::DeviceRadixSort::SortPairs(scratch, sort_bytes, keys, o.keys, ids, o.ids, o.count, o.merge,
                                              end_bit, stream),
              "sort the spheres by bin");

@@ -1,212 +1,38 @@
 // The search: one warp for 32 consecutive spheres of the order, one lane for each. Candidates of a row of
 // bins lie side by side; their verdicts are bits of a mask, hits go to a queue of the warp, and records are
-// computed and written by full warps. Places in the list are given out tile by tile (128 spheres): for any
-// order by one atomic addition; for a fixed order by a block that does nothing but sum up the tiles' counts
-// as they come, while each of the others searches its next tile before it asks for the place of the one
-// before.
+// computed and written by full warps. Places in the list are given out tile by tile, 128 spheres
+// (cuda_place.h).
 #include <algorithm>
 
-#include "detect/cuda_search.h"
+#include "detect/cuda_down.h"
+#include "detect/cuda_place.h"
 
 namespace padder::detect::cuda {
 namespace {
 
-constexpr int kWarps = 4, kThreads = 32 * kWarps, kQueue = 192, kStep = 2;
+constexpr int kStep = 2;
 // Blocks an SM must be able to hold: few registers and many warps pay more than the opposite here.
-constexpr int kDense = 10, kLevels = 6;
-constexpr std::uint32_t kAll = ~0u;
-
-// The filter of contact.h, in a shape that costs one operation less a candidate: the sign of d2 - kWide * s2
-// collects in a mask, and the smallest magnitude tells whether any candidate is near the threshold. 2^-18
-// leaves room for the band of 2^-20 and for its own rounding (2^-21); what it lets through is judged by
-// verdict().
-constexpr float kWide = 1 + 0x1p-18f, kNear = 0x1p-17f;
-
-struct Task {
-  Source source;
-  Ordered spheres;
-  Output output;
-  SearchOptions options;
-  Counters* counters;
-  TileSums sums;
-  std::uint32_t tiles = 0;
-  float radius = 0, s2 = 0;  // SlotKind::equal
-  bool judge_all = false;    // every hit is asked for its filter, owner or bin
-};
-
-template <SlotKind Kind>
-struct SlotOf {
-  using Type = FloatSlot;
-};
-template <>
-struct SlotOf<SlotKind::fixed> {
-  using Type = FixedSlot;
-};
-
-__device__ __forceinline__ FloatSlot load_slot(const FloatSlot* p) {
-  const float4 v = __ldg(reinterpret_cast<const float4*>(p));
-  return {v.x, v.y, v.z, v.w};
-}
-__device__ __forceinline__ FixedSlot load_slot(const FixedSlot* p) {
-  const int4 v = __ldg(reinterpret_cast<const int4*>(p));
-  return {v.x, v.y, v.z, __int_as_float(v.w)};
-}
-__device__ __forceinline__ float3 difference(const FloatSlot& a, const FloatSlot& b) {
-  return make_float3(b.x - a.x, b.y - a.y, b.z - a.z);
-}
-__device__ __forceinline__ float3 difference(const FixedSlot& a, const FixedSlot& b) {
-  return make_float3(static_cast<float>(wrapped_difference(a.x, b.x)),
-                     static_cast<float>(wrapped_difference(a.y, b.y)),
-                     static_cast<float>(wrapped_difference(a.z, b.z)));
-}
-template <SlotKind Kind>
-__device__ __forceinline__ const typename SlotOf<Kind>::Type* slots_of(const Task& task) {
-  return static_cast<const typename SlotOf<Kind>::Type*>(task.spheres.slots);
-}
-template <SlotKind Kind>
-__device__ __forceinline__ std::uint32_t id_at(const Task& task, std::uint32_t place) {
-  if constexpr (Kind == SlotKind::equal)
-    return __float_as_uint(load_slot(slots_of<Kind>(task) + place).r);
-  else
-    return __ldg(task.spheres.ids + place);
-}
-template <SlotKind Kind>
-__device__ __forceinline__ Sphere sphere_at(const Task& task, std::uint32_t place) {
-  if constexpr (Kind == SlotKind::fixed) {
-    return task.source.sphere(__ldg(task.spheres.ids + place));
-  } else {
-    const FloatSlot s = load_slot(slots_of<Kind>(task) + place);
-    return {s.x, s.y, s.z, Kind == SlotKind::equal ? task.options.radius : double(s.r)};
-  }
-}
-
-// Where a row of candidates was looked for: level and offset of its bin from the sphere's own, for hashed
-// levels.
-struct Where {
-  int level = 0, dx = 0, dy = 0, dz = 0;
-};
-
-// What the mask let through and what must be asked more than its distance. Rare, or slow anyway: kept out of
-// line.
-template <SlotKind Kind, bool General>
-__device__ bool contact(const Task& task, const Grid& grid, std::uint32_t place,
-                        typename SlotOf<Kind>::Type slot, std::uint32_t j, Where where, bool count_doubt) {
-  const auto other = load_slot(slots_of<Kind>(task) + j);
-  if constexpr (General) {
-    const Level& l = grid.level[where.level];
-    if (l.hashed) {
-      const Bin b = bin_of(l, sphere_at<Kind>(task, place));
-      if (!in_row(l, sphere_at<Kind>(task, j), b.x + where.dx, b.x + where.dx, b.y + where.dy,
-                  b.z + where.dz))
-        return false;
-    }
-  }
-  Measured m;
-  if constexpr (Kind == SlotKind::equal) {
-    const float3 d = difference(slot, other);
-    m = {d.x * d.x + d.y * d.y + d.z * d.z, task.s2};
-  } else {
-    m = measured(slot, other);
-  }
-  const Verdict v = verdict<typename SlotOf<Kind>::Type>(m);
-  if (v == Verdict::apart) return false;
-  if (v == Verdict::doubt) {
-    if (count_doubt) atomicAdd(&task.counters->doubtful, 1ull);
-    if (task.options.exact ? !touching(sphere_at<Kind>(task, place), sphere_at<Kind>(task, j))
-                           : !(m.d2 <= m.s2))
-      return false;
-  }
-  const std::uint32_t ia = id_at<Kind>(task, place), ib = id_at<Kind>(task, j);
-  if (task.source.filtered && !admitted(task.source.filter(ia), task.source.filter(ib))) return false;
-  if (!task.options.owns_all) {
-    const bool swap = ib < ia;
-    const Sphere a = sphere_at<Kind>(task, swap ? j : place), b = sphere_at<Kind>(task, swap ? place : j);
-    if (!owns(task.options.own, midpoint(a, b))) return false;
-  }
-  return true;
-}
-template <SlotKind Kind, bool General>
-__device__ __forceinline__ std::uint32_t judged(const Task& task, const Grid& grid, std::uint32_t mask,
-                                                std::uint32_t from, std::uint32_t place,
-                                                typename SlotOf<Kind>::Type slot, Where where,
-                                                bool count_doubt) {
-  for (std::uint32_t rest = mask; rest;) {
-    const int k = __clz(rest);
-    const std::uint32_t bit = 0x80000000u >> k;
-    rest ^= bit;
-    if (!contact<Kind, General>(task, grid, place, slot, from + k, where, count_doubt)) mask ^= bit;
-  }
-  return mask;
-}
-
-template <SlotKind Kind>
-__device__ __noinline__ void write_wide(const Task& task, std::uint32_t pi, std::uint32_t pj,
-                                        std::uint64_t at) {
-  const std::uint32_t ia = id_at<Kind>(task, pi), ib = id_at<Kind>(task, pj);
-  const bool swap = ib < ia;
-  task.output.pairs[at] = {min(ia, ib), max(ia, ib)};
-  put_geometry(task.output, at, sphere_at<Kind>(task, swap ? pj : pi), sphere_at<Kind>(task, swap ? pi : pj));
-}
-
-// Float records of float input, from the slots: differences are exact or off by one rounding, the square root
-// is corrected by a step of Newton's method.
-template <SlotKind Kind>
-__device__ __forceinline__ void write_record(const Task& task, std::uint32_t pi, std::uint32_t pj,
-                                             std::uint64_t at) {
-  const Output& out = task.output;
-  if (Kind == SlotKind::fixed || (out.scalar == Scalar::f64 && out.width != Width::pairs)) {
-    write_wide<Kind>(task, pi, pj, at);
-    return;
-  }
-  if constexpr (Kind != SlotKind::fixed) {
-    const FloatSlot a = load_slot(slots_of<Kind>(task) + pi), b = load_slot(slots_of<Kind>(task) + pj);
-    const std::uint32_t ia = Kind == SlotKind::equal ? __float_as_uint(a.r) : __ldg(task.spheres.ids + pi),
-                        ib = Kind == SlotKind::equal ? __float_as_uint(b.r) : __ldg(task.spheres.ids + pj);
-    const bool swap = ib < ia;
-    __stcs(reinterpret_cast<uint2*>(out.pairs + at), make_uint2(min(ia, ib), max(ia, ib)));
-    if (out.width == Width::pairs) return;
-    const float3 d = difference(a, b);
-    const float d2 = d.x * d.x + d.y * d.y + d.z * d.z;
-    if (d2 < 0x1p-80f) {  // squares underflow, or equal centres
-      write_wide<Kind>(task, pi, pj, at);
-      return;
-    }
-    const float ra = Kind == SlotKind::equal ? task.radius : a.r,
-                rb = Kind == SlotKind::equal ? task.radius : b.r;
-    const float inverse = rsqrtf(d2), s = swap ? -inverse : inverse, root = d2 * inverse;
-    const float distance = fmaf(0.5f * inverse, fmaf(-root, root, d2), root);
-    const float4 n = make_float4(d.x * s, d.y * s, d.z * s, ra + rb - distance);
-    __stcs(static_cast<float4*>(out.normals) + at, n);
-    if (out.width == Width::normals) return;
-    const FloatSlot i = swap ? b : a, j = swap ? a : b;
-    const float ri = swap ? rb : ra, rj = swap ? ra : rb;
-    auto* p = static_cast<float2*>(out.points) + 3 * at;
-    __stcs(p, make_float2(fmaf(ri, n.x, i.x), fmaf(ri, n.y, i.y)));
-    __stcs(p + 1, make_float2(fmaf(ri, n.z, i.z), fmaf(-rj, n.x, j.x)));
-    __stcs(p + 2, make_float2(fmaf(-rj, n.y, j.y), fmaf(-rj, n.z, j.z)));
-  }
-}
-
-struct WarpMemory {
-  std::uint32_t at[kQueue];    // place of j
-  unsigned char lane[kQueue];  // lane of i
-};
+template <Way W>
+constexpr int kBlocks = W == Way::single ? 10
+                        : W == Way::down ? 8
+                                         : 6;
 
 // Must stay in registers: no function that is not inlined may see `this`. Not careful: notes in `doubt` that
 // a candidate came near the threshold, and the warp is searched again carefully; a few in a thousand are.
-template <SlotKind Kind, bool General, bool Careful>
+template <SlotKind Kind, Way W, bool Careful>
 struct Searcher {
   using Slot = typename SlotOf<Kind>::Type;
   const Task& task;
   const Grid& grid;
-  WarpMemory& memory;
+  WarpMemory<W>& memory;
   std::uint32_t lane, first, place, hits = 0;
-  bool valid, write = false, doubt = false;
-  std::uint64_t base = 0;
+  bool valid, doubt = false;
+  const Target* target = nullptr;  // where hits are written instead of being queued
+  std::uint32_t base = 0;
   Slot slot;
   float wide = 0, near = 0;
 
-  __device__ __forceinline__ Searcher(const Task& t, const Grid& g, WarpMemory& m, std::uint32_t f)
+  __device__ __forceinline__ Searcher(const Task& t, const Grid& g, WarpMemory<W>& m, std::uint32_t f)
       : task(t),
         grid(g),
         memory(m),
@@ -219,7 +45,15 @@ struct Searcher {
     if constexpr (Kind == SlotKind::equal)
       wide = task.s2 * kWide + 2 * kAbsoluteBand<Slot>, near = task.s2 * kNear + 4 * kAbsoluteBand<Slot>;
     else
-      near = near_of(grid.level[0], slot.r);
+      near = near_of(grid.level[level()], slot.r);
+  }
+  __device__ __forceinline__ int level() const {
+    int level = 0;
+    if constexpr (W == Way::down) {
+      const std::uint32_t key = __ldg(task.spheres.keys + place);
+      while (level + 1 < grid.levels && key >= grid.level[level + 1].offset) level++;
+    }
+    return level;
   }
   __device__ __forceinline__ std::uint32_t start(std::uint32_t key) const {
     return __ldg(task.spheres.table + key);
@@ -232,15 +66,15 @@ struct Searcher {
   }
 
   __device__ __forceinline__ void search() {
-    if constexpr (General)
+    if constexpr (W == Way::up)
       search_levels();
     else
       search_level();
   }
 
-  // One level of dense bins: the rows lie at fixed distances from the sphere's own key.
+  // A level of dense bins: the rows lie at fixed distances from the sphere's own key.
   __device__ __forceinline__ void search_level() {
-    const Level& l = grid.level[0];
+    const Level& l = grid.level[level()];
     const std::uint32_t key = __ldg(task.spheres.keys + place), row = l.count[0] + 2,
                         plane = row * (l.count[1] + 2);
     const int m = task.spheres.merge;
@@ -336,7 +170,7 @@ struct Searcher {
       mask &= left >= 32 ? ~0u : ~(~0u >> left);
       if constexpr (Careful) {
         if (mask && (task.judge_all || !(nearest > near)))
-          mask = judged<Kind, General>(task, grid, mask, begin + done, place, self, where, !write);
+          mask = judged<Kind, W>(task, grid, mask, begin + done, place, self, where, !target);
       } else {
         doubt |= !(nearest > near);
       }
@@ -351,9 +185,9 @@ struct Searcher {
         const int k = __clz(mask);
         mask ^= 0x80000000u >> k;
         const std::uint32_t at = hits + __popc(has & ((1u << lane) - 1));
-        if (Careful && write)
-          write_record<Kind>(task, place, from + k, base + at);
-        else if (at < kQueue)
+        if (Careful && target)
+          put<Kind>(task, *target, base + at, place, from + k);
+        else if (at < kQueue<W>)
           memory.at[at] = from + k, memory.lane[at] = static_cast<unsigned char>(lane);
       }
       hits += __popc(has);
@@ -361,218 +195,131 @@ struct Searcher {
   }
 };
 
-// Judges every hit that asks for it. With `write`, writes the hits from `base` on instead of queueing them.
-template <SlotKind Kind, bool General>
-__device__ __noinline__ std::uint32_t search_carefully(const Task& task, const Grid& grid, WarpMemory& memory,
-                                                       std::uint32_t first, bool write, std::uint64_t base) {
-  Searcher<Kind, General, true> s(task, grid, memory, first);
-  s.write = write, s.base = base;
+// Judges every hit that asks for it. With a target, writes the hits as those from `base` on of the tile.
+template <SlotKind Kind, Way W>
+__device__ __noinline__ std::uint32_t search_carefully(const Task& task, const Grid& grid,
+                                                       WarpMemory<W>& memory, std::uint32_t first,
+                                                       const Target* target, std::uint32_t base) {
+  Searcher<Kind, W, true> s(task, grid, memory, first);
+  s.target = target, s.base = base;
   s.search();
   return s.hits;
 }
 
-// Sums up the counts of the tiles as they come, a thousand a step, and tells each tile its place.
-__device__ void sum_tiles(const Task& task) {
-  constexpr std::uint32_t kEach = 8;
-  __shared__ std::uint32_t sums[kWarps], takens[kWarps];
-  const std::uint32_t lane = threadIdx.x & 31, warp = threadIdx.x >> 5;
-  volatile std::uint32_t* const counts = task.sums.counts;
-  unsigned long long before = 0;
-  for (std::uint32_t at = 0; at < task.tiles;) {
-    // Thread t looks at kEach neighbouring tiles; only those before the first missing one are taken.
-    std::uint32_t v[kEach], here = 0, sum = 0;
-    const std::uint32_t from = at + threadIdx.x * kEach;
-#pragma unroll
-    for (std::uint32_t k = 0; k < kEach; k++) v[k] = from + k < task.tiles ? counts[from + k] : 0;
-#pragma unroll
-    for (std::uint32_t k = 0; k < kEach; k++)
-      if (here == k && v[k]) here++, sum += v[k] - 1;
-    const std::uint32_t full = __ballot_sync(kAll, here == kEach), stop = ~full ? __ffs(~full) - 1 : 32;
-    if (lane > stop) sum = 0, here = 0;
-    std::uint32_t upto = sum;
-#pragma unroll
-    for (int d = 1; d < 32; d <<= 1) {
-      const std::uint32_t u = __shfl_up_sync(kAll, upto, d);
-      if (static_cast<int>(lane) >= d) upto += u;
-    }
-    const std::uint32_t taken = __reduce_add_sync(kAll, here);
-    if (lane == 31) sums[warp] = upto;
-    if (lane == 0) takens[warp] = taken;
-    __syncthreads();
-    unsigned long long mine = before + upto - sum;
-    bool open = true;  // no warp before stopped short
-    for (std::uint32_t w = 0; w < kWarps; w++) {
-      if (w == warp && !open) here = 0;
-      if (!open) continue;
-      if (w < warp) mine += sums[w];
-      before += sums[w], at += takens[w];
-      open = takens[w] == 32 * kEach;
-    }
-#pragma unroll
-    for (std::uint32_t k = 0; k < kEach; k++)
-      if (k < here) {
-        *static_cast<volatile unsigned long long*>(task.sums.places + from + k) = mine + 1;
-        mine += v[k] - 1;
+template <SlotKind Kind, Way W>
+using Group = std::conditional_t<W == Way::down, Lookers<Kind>, char>;
+
+// A tile of spheres, or units that look down, a block.
+template <SlotKind Kind, Way W>
+__global__ void __launch_bounds__(kThreads, kBlocks<W>)
+    search_kernel(const __grid_constant__ Task task, const __grid_constant__ Grid grid,
+                  const __grid_constant__ typename DownsOf<W>::Type downs) {
+  __shared__ WarpMemory<W> memory[kWarps];
+  __shared__ Group<Kind, W> group[kWarps];
+  __shared__ std::uint32_t sums[kWarps];
+  __shared__ Target target;
+  if (task.counters->flags) return;  // the table is not whole; the caller orders the spheres in another way
+  const std::uint32_t warp = threadIdx.x >> 5, lane = threadIdx.x & 31, number = blockIdx.x;
+  const bool own = W != Way::down || number < task.own_tiles;
+  const std::uint32_t unit = (number - task.own_tiles) * kWarps + warp;
+  std::uint32_t first = (number * kWarps + warp) * 32, hits = 0;
+  if (own) {
+    if (first < task.spheres.count) {
+      bool careful = task.judge_all;
+      if (!careful) {
+        Searcher<Kind, W, false> s(task, grid, memory[warp], first);
+        s.search();
+        hits = s.hits, careful = __any_sync(kAll, s.doubt);
       }
-    __syncthreads();
-  }
-  if (threadIdx.x == 0) task.counters->contacts = before;
-}
-
-// A tile that has been searched and not written.
-struct Tile {
-  WarpMemory memory[kWarps];
-  std::uint32_t sums[kWarps];
-  unsigned long long place;
-};
-
-// Returns the tile's contacts.
-template <SlotKind Kind, bool General>
-__device__ __forceinline__ std::uint32_t search_tile(const Task& task, const Grid& grid, Tile& tile,
-                                                     std::uint32_t number) {
-  const std::uint32_t warp = threadIdx.x >> 5, first = (number * kWarps + warp) * 32;
-  std::uint32_t hits = 0;
-  if (first < task.spheres.count) {
-    bool careful = task.judge_all;
-    if (!careful) {
-      Searcher<Kind, General, false> s(task, grid, tile.memory[warp], first);
-      s.search();
-      hits = s.hits, careful = __any_sync(kAll, s.doubt);
+      if (careful) hits = search_carefully<Kind, W>(task, grid, memory[warp], first, nullptr, 0);
     }
-    if (careful) hits = search_carefully<Kind, General>(task, grid, tile.memory[warp], first, false, 0);
+  } else if constexpr (W == Way::down) {
+    if (unit < downs.units)
+      hits = search_down<Kind>(task, grid, downs, memory[warp], group[warp], unit, nullptr, 0, first);
   }
-  if ((threadIdx.x & 31) == 0) tile.sums[warp] = hits;
+  if (lane == 0) sums[warp] = hits;
   __syncthreads();
-  std::uint32_t sum = 0;
-#pragma unroll
-  for (std::uint32_t k = 0; k < kWarps; k++) sum += tile.sums[k];
-  return sum;
-}
-
-template <SlotKind Kind, bool General>
-__device__ __forceinline__ void write_tile(const Task& task, const Grid& grid, Tile& tile,
-                                           std::uint32_t number) {
-  const std::uint32_t warp = threadIdx.x >> 5, lane = threadIdx.x & 31;
   std::uint32_t sum = 0, before = 0;
 #pragma unroll
-  for (std::uint32_t k = 0; k < kWarps; k++) sum += tile.sums[k], before += k < warp ? tile.sums[k] : 0;
-  if (tile.place + sum > task.output.capacity)
+  for (std::uint32_t k = 0; k < kWarps; k++) sum += sums[k], before += k < warp ? sums[k] : 0;
+  if (threadIdx.x == 0) target = take_place(task, number, sum);
+  __syncthreads();
+  if (target.place + min(sum, target.limit) > task.output.capacity)
     return;  // counted; the list is made longer and the search repeated
-  const std::uint64_t at = tile.place + before;
-  const std::uint32_t hits = tile.sums[warp], first = (number * kWarps + warp) * 32;
-  if (hits > kQueue) {
-    search_carefully<Kind, General>(task, grid, tile.memory[warp], first, true, at);
-    return;
-  }
-  const WarpMemory& m = tile.memory[warp];
-  for (std::uint32_t k = lane; k < hits; k += 32)
-    write_record<Kind>(task, first + m.lane[k], m.at[k], at + k);
-}
-
-template <SlotKind Kind, bool General>
-__global__ void __launch_bounds__(kThreads, General ? kLevels : kDense)
-    search_any_kernel(const __grid_constant__ Task task, const __grid_constant__ Grid grid) {
-  __shared__ Tile tile;
-  if (task.counters->flags) return;  // the table is not whole; the caller orders the spheres in another way
-  const std::uint32_t sum = search_tile<Kind, General>(task, grid, tile, blockIdx.x);
-  if (threadIdx.x == 0)
-    tile.place = sum ? atomicAdd(&task.counters->contacts, static_cast<unsigned long long>(sum)) : 0;
-  __syncthreads();
-  write_tile<Kind, General>(task, grid, tile, blockIdx.x);
-}
-
-// All blocks run at once (the launch sees to it), or waiting for another's tile could be for ever.
-template <SlotKind Kind, bool General>
-__global__ void __launch_bounds__(kThreads, General ? kLevels : kDense)
-    search_fixed_kernel(const __grid_constant__ Task task, const __grid_constant__ Grid grid) {
-  __shared__ Tile tiles[2];
-  if (task.counters->flags) return;
-  if (blockIdx.x == 0) {
-    sum_tiles(task);
-    return;
-  }
-  std::uint32_t number = blockIdx.x - 1, number_before = 0;
-  bool waiting = false;
-  int now = 0;
-#pragma unroll 1
-  for (; number < task.tiles; now ^= 1) {
-    Tile &tile = tiles[now], &last = tiles[now ^ 1];
-    const std::uint32_t sum = search_tile<Kind, General>(task, grid, tile, number);
-    if (threadIdx.x == 0) *static_cast<volatile std::uint32_t*>(task.sums.counts + number) = sum + 1;
-    if (waiting) {
-      if (threadIdx.x == 0) {
-        unsigned long long place;
-        while ((place = *static_cast<volatile unsigned long long*>(task.sums.places + number_before)) == 0)
-          __nanosleep(64);
-        last.place = place - 1;
+  if (hits > kQueue<W>) {
+    if constexpr (W == Way::down)
+      if (!own) {
+        write_down<Kind>(task, grid, downs, memory[warp], group[warp], unit, &target, before);
+        return;
       }
-      __syncthreads();
-      write_tile<Kind, General>(task, grid, last, number_before);
-    }
-    waiting = true, number_before = number, number += gridDim.x - 1;
-    __syncthreads();
-  }
-  if (!waiting) return;
-  Tile& last = tiles[now ^ 1];
-  if (threadIdx.x == 0) {
-    unsigned long long place;
-    while ((place = *static_cast<volatile unsigned long long*>(task.sums.places + number_before)) == 0)
-      __nanosleep(64);
-    last.place = place - 1;
-  }
-  __syncthreads();
-  write_tile<Kind, General>(task, grid, last, number_before);
-}
-
-template <SlotKind Kind, bool General>
-void launch(Task& task, const Grid& grid, bool fixed_order, cudaStream_t stream) {
-  if (!fixed_order) {
-    search_any_kernel<Kind, General><<<task.tiles, kThreads, 0, stream>>>(task, grid);
+    search_carefully<Kind, W>(task, grid, memory[warp], first, &target, before);
     return;
   }
-  cuda_check(cudaMemsetAsync(task.sums.counts, 0, task.tiles * sizeof(*task.sums.counts), stream),
-             "clear the counters");
-  cuda_check(cudaMemsetAsync(task.sums.places, 0, task.tiles * sizeof(*task.sums.places), stream),
-             "clear the counters");
-  auto* const kernel = search_fixed_kernel<Kind, General>;
-  int device = 0, processors = 0, each = 0;
-  cuda_check(cudaGetDevice(&device), "ask for the device");
-  cuda_check(cudaDeviceGetAttribute(&processors, cudaDevAttrMultiProcessorCount, device),
-             "ask for the device's size");
-  cuda_check(cudaOccupancyMaxActiveBlocksPerMultiprocessor(&each, kernel, kThreads, 0),
-             "ask for the occupancy");
-  const auto blocks = std::min<unsigned>(task.tiles + 1, static_cast<unsigned>(processors * each));
-  void* arguments[] = {&task, const_cast<Grid*>(&grid)};
-  cuda_check(cudaLaunchCooperativeKernel(kernel, dim3(blocks), dim3(kThreads), arguments, 0, stream),
-             "search for contacts");
+  const std::uint32_t kept = before < target.limit ? min(hits, target.limit - before) : 0;
+  for (std::uint32_t k = lane; k < kept; k += 32)
+    write_record<Kind>(task, first + memory[warp].lane[k], memory[warp].at[k], target.place + before + k);
+  for (std::uint32_t k = kept + lane; k < hits; k += 32)
+    spill(task, target, before + k, first + memory[warp].lane[k], memory[warp].at[k]);
+}
+
+std::uint32_t own_tiles(std::uint32_t spheres) {
+  return static_cast<std::uint32_t>((std::uint64_t(spheres) + kThreads - 1) / kThreads);
+}
+
+template <SlotKind Kind, Way W>
+void launch(const Task& task, const Grid& grid, const typename DownsOf<W>::Type& downs, cudaStream_t stream) {
+  search_kernel<Kind, W><<<task.tiles, kThreads, 0, stream>>>(task, grid, downs);
+  if (!task.options.fixed_order) return;
+  count_places_kernel<<<(task.tiles + kGroupTiles - 1) / kGroupTiles, kGroupTiles, 0, stream>>>(task);
+  // Tiles that look down may spill much: more blocks for them, while that is not too many blocks.
+  const std::uint32_t fills = (task.tiles + kFillTiles - 1) / kFillTiles;
+  const dim3 blocks(fills, W == Way::down ? std::clamp(24000 / fills, 1u, 8u) : 1);
+  fill_kernel<Kind><<<blocks, 32 * kFillTiles, 0, stream>>>(task);
+}
+
+template <SlotKind Kind>
+void launch(Task& task, const Grid& grid, const Downs& downs, cudaStream_t stream) {
+  if (grid.levels == 1 && !grid.level[0].hashed)
+    launch<Kind, Way::single>(task, grid, NoDowns{}, stream);
+  else if (downs.count)
+    launch<Kind, Way::down>(task, grid, downs, stream);
+  else
+    launch<Kind, Way::up>(task, grid, NoDowns{}, stream);
 }
 
 }  // namespace
 
-std::uint64_t search_tiles(std::uint32_t spheres) {
-  return (std::uint64_t(spheres) + kThreads - 1) / kThreads;
+Share share_for(const Counters& found, std::uint32_t spheres, const Grid& grid, SlotKind kind) {
+  const auto share = [](unsigned long long contacts, std::uint32_t tiles) -> std::uint32_t {
+    const double mean = static_cast<double>(contacts) / std::max(tiles, 1u);
+    if (mean < 1) return 0;
+    return static_cast<std::uint32_t>(std::min(std::exp2(std::floor(16 * std::log2(mean)) / 16), 0x1p24));
+  };
+  return {share(found.own, own_tiles(spheres)),
+          share(found.contacts - found.own, down_tiles(plan_downs(grid, kind)))};
 }
 
 void search(const Source& source, const Grid& grid, const Ordered& spheres, const SearchOptions& options,
-            const Output& output, Counters* counters, TileSums sums, cudaStream_t stream) {
-  Task task{source, spheres, output, options, counters, sums};
-  const bool general = grid.levels > 1 || grid.level[0].hashed;
-  task.tiles = static_cast<std::uint32_t>(search_tiles(spheres.count));
+            const Output& output, Counters* counters, SearchMemory& memory, cudaStream_t stream) {
+  Task task{source, spheres, output, options, counters};
+  const Downs downs = plan_downs(grid, spheres.kind);
+  task.own_tiles = own_tiles(spheres.count), task.tiles = task.own_tiles + down_tiles(downs);
   task.radius = static_cast<float>(options.radius);
   task.s2 = (task.radius + task.radius) * (task.radius + task.radius);
   task.judge_all = source.filtered || !options.owns_all;
   for (int k = 0; k < grid.levels; k++) task.judge_all = task.judge_all || grid.level[k].hashed;
-  cuda_check(cudaMemsetAsync(counters, 0, offsetof(Counters, flags), stream), "clear the counters");
-  const bool fixed = options.fixed_order;
-  if (spheres.kind == SlotKind::equal)
-    general ? launch<SlotKind::equal, true>(task, grid, fixed, stream)
-            : launch<SlotKind::equal, false>(task, grid, fixed, stream);
-  if (spheres.kind == SlotKind::unequal)
-    general ? launch<SlotKind::unequal, true>(task, grid, fixed, stream)
-            : launch<SlotKind::unequal, false>(task, grid, fixed, stream);
-  if (spheres.kind == SlotKind::fixed)
-    general ? launch<SlotKind::fixed, true>(task, grid, fixed, stream)
-            : launch<SlotKind::fixed, false>(task, grid, fixed, stream);
+  if (options.fixed_order) {
+    const std::uint64_t tiles = task.tiles, groups = (tiles + kGroupTiles - 1) / kGroupTiles;
+    auto* p = memory.sums.reserve(4 * tiles + 2 + 2 * groups);
+    task.sums.groups = p, task.sums.spares = p + 2 * groups, task.sums.spills = task.sums.spares + tiles + 1,
+    task.sums.spill_at = task.sums.spills + tiles;
+    task.sums.counts = reinterpret_cast<std::uint32_t*>(task.sums.spill_at + tiles);
+    task.sums.spill = memory.spill.data(), task.sums.room = memory.spill.data() ? memory.spill.capacity() : 0;
+    cuda_check(cudaMemsetAsync(p, 0, 16 * groups, stream), "clear the counters");
+  }
+  if (spheres.kind == SlotKind::equal) launch<SlotKind::equal>(task, grid, downs, stream);
+  if (spheres.kind == SlotKind::unequal) launch<SlotKind::unequal>(task, grid, downs, stream);
+  if (spheres.kind == SlotKind::fixed) launch<SlotKind::fixed>(task, grid, downs, stream);
   cuda_launched("search for contacts");
 }
 

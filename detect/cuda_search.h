@@ -26,8 +26,9 @@ struct Ordered {
 };
 
 struct Counters {
-  unsigned long long contacts, doubtful;
-  std::uint32_t flags;  // set by Orderer, cleared by its caller
+  unsigned long long contacts, doubtful, spilled;
+  unsigned long long own;  // contacts within a level, for a fixed order
+  std::uint32_t flags;     // set by Orderer, cleared by its caller
 };
 // Counters::flags: a bin or bucket too full for the method; a sphere outside the bins, which were chosen for
 // others.
@@ -67,39 +68,58 @@ class Orderer {
   explicit Orderer(MemoryBook& book);
   // `tidy`: within a bin by sphere number, so that the order is the same in every run. Sets kCrowded in the
   // counters where a bin or bucket is too full for the method; then only OrderMethod::sort gives an order.
+  // `bounds`, unless null, is told the bounds of the spheres (Surveyor).
   Ordered order(const Source& source, const Grid& grid, SlotKind kind, bool tidy, OrderMethod method,
-                Counters* counters, cudaStream_t stream);
+                unsigned long long* bounds, Counters* counters, cudaStream_t stream);
+  // Memory that order() may use and leave behind changed.
+  void lend(float4* slots, std::uint64_t slot_count, std::uint32_t* words, std::uint64_t word_count) {
+    lent_slot_ = slots, lent_slots_ = slot_count, lent_word_ = words, lent_words_ = word_count;
+  }
   double bucket_spheres = 6500;  // average aimed at
   static constexpr std::uint32_t kFewSpheres = 1u << 18;
 
  private:
-  void by_cells(const Source& source, const Grid& grid, bool tidy, Counters* counters, Ordered& o,
-                cudaStream_t stream);
-  bool by_buckets(const Source& source, const Grid& grid, bool tidy, Counters* counters, Ordered& o,
-                  cudaStream_t stream);
-  void by_sort(const Source& source, const Grid& grid, Counters* counters, Ordered& o, cudaStream_t stream);
+  void by_cells(const Source& source, const Grid& grid, bool tidy, unsigned long long* bounds,
+                Counters* counters, Ordered& o, cudaStream_t stream);
+  bool by_buckets(const Source& source, const Grid& grid, bool tidy, unsigned long long* bounds,
+                  Counters* counters, Ordered& o, cudaStream_t stream);
+  void by_sort(const Source& source, const Grid& grid, unsigned long long* bounds, Counters* counters,
+               Ordered& o, cudaStream_t stream);
 
   Buffer<std::uint32_t> keys_, sorted_keys_, ids_, sorted_ids_, table_, starts_;
   Buffer<float4> slots_, split_slots_;
   Buffer<unsigned char> scratch_;
+  float4* lent_slot_ = nullptr;
+  std::uint32_t* lent_word_ = nullptr;
+  std::uint64_t lent_slots_ = 0, lent_words_ = 0;
 };
 
-// Work space of the search for a list of fixed order: an entry for each tile of spheres.
-struct TileSums {
-  std::uint32_t* counts = nullptr;       // of contacts, + 1; 0: not known yet
-  unsigned long long* places = nullptr;  // in the list, + 1
+// Work space of the search for a list of fixed order. The caller makes `spill` longer when Counters::spilled
+// says so, and searches again.
+struct SearchMemory {
+  explicit SearchMemory(MemoryBook& book)
+      : sums(book, "the order of the list"), spill(book, "the order of the list") {}
+  Buffer<unsigned long long> sums, spill;
 };
-std::uint64_t search_tiles(std::uint32_t spheres);
+// Places of the list that a tile has to itself: a tile of spheres, and one of units that look down.
+struct Share {
+  std::uint32_t own = 0, down = 0;
+  friend bool operator==(const Share&, const Share&) = default;
+};
 struct SearchOptions {
   bool exact = true, fixed_order = true;
+  Share share;  // share_for the list, for a fixed order
   Region own;
   bool owns_all = true;
   double radius = 0;  // of all spheres, for SlotKind::equal
   friend bool operator==(const SearchOptions&, const SearchOptions&) = default;
 };
-// Counters but for the flags are set to zero first; afterwards they hold the number of contacts, whatever the
+// The share decides the order of the list, and follows from the contacts alone: a list found with another
+// share is not the one to hand out.
+Share share_for(const Counters& found, std::uint32_t spheres, const Grid& grid, SlotKind kind);
+// The caller sets the counters to zero first; afterwards they hold the number of contacts, whatever the
 // capacity.
 void search(const Source& source, const Grid& grid, const Ordered& spheres, const SearchOptions& options,
-            const Output& output, Counters* counters, TileSums sums, cudaStream_t stream);
+            const Output& output, Counters* counters, SearchMemory& memory, cudaStream_t stream);
 
 }  // namespace padder::detect::cuda

@@ -70,19 +70,93 @@ __host__ __device__ inline double unordered(unsigned long long b) {
   return v;
 }
 
+// Bounds of float spheres, gathered along by a kernel that reads them anyway. Each thread takes spheres, then
+// all threads of the block give what they have.
+enum {
+  kLow = 0,
+  kRadiusMin = 3,
+  kFault = 4,
+  kHigh = 5,
+  kRadiusMax = 8,
+  kNeedMax = 9,
+  kExtent = 10,
+  kBounds = 11
+};
+struct Bounds {
+  float low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY},
+        r_min = INFINITY, r_max = 0;
+  std::uint32_t fault = ~0u;
+  __device__ __forceinline__ void take(const Sphere& s, std::uint32_t k) {
+    const auto x = static_cast<float>(s.x), y = static_cast<float>(s.y), z = static_cast<float>(s.z),
+               r = static_cast<float>(s.r);
+    const float nought = (x - x) + (y - y) + (z - z) + (r - r);  // not a number unless all are finite
+    if (!(nought == 0 && r >= 0)) fault = min(fault, k);
+    low[0] = fminf(low[0], x), low[1] = fminf(low[1], y), low[2] = fminf(low[2], z);
+    high[0] = fmaxf(high[0], x), high[1] = fmaxf(high[1], y), high[2] = fmaxf(high[2], z);
+    r_min = fminf(r_min, r), r_max = fmaxf(r_max, r);
+  }
+  __device__ __forceinline__ void give(unsigned long long* out) const {
+    const float minima[4] = {low[0], low[1], low[2], r_min}, maxima[4] = {high[0], high[1], high[2], r_max};
+    const auto rank = [](float f) {
+      const std::uint32_t b = __float_as_uint(f);
+      return b >> 31 ? ~b : b | 0x80000000u;
+    };
+    const auto value = [](std::uint32_t b) {
+      return ordered(static_cast<double>(__uint_as_float(b >> 31 ? b & 0x7fffffffu : ~b)));
+    };
+    __shared__ std::uint32_t all[9];
+    if (threadIdx.x < 9) all[threadIdx.x] = threadIdx.x < 4 || threadIdx.x == 8 ? ~0u : 0;
+    __syncthreads();
+    const bool first = (threadIdx.x & 31) == 0;
+#pragma unroll
+    for (int k = 0; k < 4; k++) {
+      const std::uint32_t l = __reduce_min_sync(~0u, rank(minima[k])),
+                          h = __reduce_max_sync(~0u, rank(maxima[k]));
+      if (first) atomicMin(all + k, l), atomicMax(all + 4 + k, h);
+    }
+    const std::uint32_t f = __reduce_min_sync(~0u, fault);
+    if (first && f != ~0u) atomicMin(all + 8, f);
+    __syncthreads();
+    // Reading first spares nearly every atomic operation on the few words that all blocks share.
+    const std::uint32_t k = threadIdx.x;
+    if (k < 4) {
+      const unsigned long long l = value(all[k]);
+      if (l < *static_cast<volatile unsigned long long*>(out + kLow + k)) atomicMin(out + kLow + k, l);
+    } else if (k < 8) {
+      const unsigned long long h = value(all[k]);
+      if (h > *static_cast<volatile unsigned long long*>(out + kHigh + k - 4))
+        atomicMax(out + kHigh + k - 4, h);
+    } else if (k == 8 && all[8] != ~0u) {
+      atomicMin(out + kFault, static_cast<unsigned long long>(all[8]));
+    }
+  }
+};
+
 // First pass over the spheres (cuda_survey.cu): the summary that choose_grid asks for.
 class Surveyor {
  public:
   explicit Surveyor(MemoryBook& book);
   Summary survey(const Source& source, cudaStream_t stream);  // waits for the device
 
-  // In two steps, without waiting between them: `top` is the exponent of the largest need as it is expected
-  // to be, and `octaves` whether sizes are to be told apart. The result is read once the stream has been
-  // waited for; false when the expectation was wrong, then ask survey().
-  void begin(const Source& source, bool octaves, int top, cudaStream_t stream);
-  bool finish(const Source& source, bool octaves, int top, Summary& summary) const;
+  // In steps, without waiting between them: `top` is the exponent of the largest need as it is expected to
+  // be, and `octaves` whether sizes are to be told apart. Where rides_along, a later kernel gathers Bounds
+  // into bounds(). read() copies to the host what was found; finish() is called once the stream has been
+  // waited for, and is false when the expectation was wrong: then ask survey().
+  static bool rides_along(const Source& source) { return source.packed && source.placed == 0; }
+  void begin(const Source& source, bool octaves, int top, bool along, cudaStream_t stream);
+  unsigned long long* bounds() const { return values_.data() + kHead; }
+  void read(bool octaves, bool along, cudaStream_t stream);
+  bool finish(const Source& source, bool octaves, int top, bool along, Summary& summary) const;
+
+  // Words of the caller in front of the summary, so that one copy brings both to the host. begin() clears
+  // them.
+  static constexpr int kHead = 8;
+  unsigned long long* head() { return values_.reserve(words()); }
+  const unsigned long long* host_head() { return host_values_.reserve(words()); }
+  void read_head(cudaStream_t stream);
 
  private:
+  static std::uint64_t words();
   Buffer<unsigned long long> values_, host_values_;
   Buffer<double> sums_, host_sums_;
 };

@@ -7,18 +7,8 @@ namespace padder::detect::cuda {
 namespace {
 
 using Word = unsigned long long;
-// Minima: low x, y, z, radius, first fault. Maxima: high x, y, z, radius, need, extent.
-enum {
-  kLow = 0,
-  kRadiusMin = 3,
-  kFault = 4,
-  kHigh = 5,
-  kRadiusMax = 8,
-  kNeedMax = 9,
-  kExtent = 10,
-  kValues = 11
-};
 constexpr int kThreads = 256, kBlocks = 132 * 4, kOctaveWords = 9;
+constexpr int kAll = kBounds + kOctaves * kOctaveWords;
 
 __device__ Word warp_min(Word v) {
   for (int d = 16; d; d >>= 1) v = min(v, __shfl_xor_sync(~0u, v, d));
@@ -29,8 +19,9 @@ __device__ Word warp_max(Word v) {
   return v;
 }
 
-__global__ void begin_kernel(Word* v, int minima, int count, int period) {
+__global__ void begin_kernel(Word* v, int minima, int count, int period, int head) {
   const int k = threadIdx.x + blockIdx.x * blockDim.x;
+  if (k < head) v[k - head] = 0;
   if (k < count) v[k] = k % period < minima ? ~0ull : 0;
 }
 
@@ -119,37 +110,55 @@ Surveyor::Surveyor(MemoryBook& book)
       sums_(book, "the summary"),
       host_sums_(book, "the summary", true) {}
 
-void Surveyor::begin(const Source& source, bool octaves, int top, cudaStream_t stream) {
-  constexpr int kAll = kValues + kOctaves * kOctaveWords;
-  Word *v = values_.reserve(kAll), *host = host_values_.reserve(kAll);
-  double *sums = sums_.reserve(kBlocks), *host_sums = host_sums_.reserve(kBlocks);
-  begin_kernel<<<1, 32, 0, stream>>>(v, 5, kValues, kValues);
-  survey_kernel<<<kBlocks, kThreads, 0, stream>>>(source, v, sums);
+std::uint64_t Surveyor::words() { return kHead + kAll; }
+
+void Surveyor::begin(const Source& source, bool octaves, int top, bool along, cudaStream_t stream) {
+  Word* v = head() + kHead;
+  begin_kernel<<<1, 32, 0, stream>>>(v, 5, kBounds, kBounds, kHead);
+  if (!along) survey_kernel<<<kBlocks, kThreads, 0, stream>>>(source, v, sums_.reserve(kBlocks));
   if (octaves) {
-    begin_kernel<<<3, 256, 0, stream>>>(v + kValues, 3, kOctaves * kOctaveWords, kOctaveWords);
-    octave_kernel<<<kBlocks, kThreads, 0, stream>>>(source, top, v + kValues);
+    begin_kernel<<<3, 256, 0, stream>>>(v + kBounds, 3, kOctaves * kOctaveWords, kOctaveWords, 0);
+    octave_kernel<<<kBlocks, kThreads, 0, stream>>>(source, top, v + kBounds);
   }
   cuda_launched("survey the spheres");
+}
+
+void Surveyor::read_head(cudaStream_t stream) {
+  cuda_check(cudaMemcpyAsync(host_values_.reserve(words()), head(), kHead * sizeof(Word),
+                             cudaMemcpyDeviceToHost, stream),
+             "read the count");
+}
+
+void Surveyor::read(bool octaves, bool along, cudaStream_t stream) {
   cuda_check(
-      cudaMemcpyAsync(host, v, (octaves ? kAll : kValues) * sizeof(Word), cudaMemcpyDeviceToHost, stream),
+      cudaMemcpyAsync(host_values_.reserve(words()), head(),
+                      (kHead + (octaves ? kAll : kBounds)) * sizeof(Word), cudaMemcpyDeviceToHost, stream),
       "read the survey");
-  cuda_check(cudaMemcpyAsync(host_sums, sums, kBlocks * sizeof(double), cudaMemcpyDeviceToHost, stream),
+  if (along) return;
+  cuda_check(cudaMemcpyAsync(host_sums_.reserve(kBlocks), sums_.reserve(kBlocks), kBlocks * sizeof(double),
+                             cudaMemcpyDeviceToHost, stream),
              "read the survey");
 }
 
-bool Surveyor::finish(const Source& source, bool octaves, int top, Summary& s) const {
-  const Word* host = host_values_.data();
+bool Surveyor::finish(const Source& source, bool octaves, int top, bool along, Summary& s) const {
+  const Word* host = host_values_.data() + kHead;
   s = Summary{};
   s.count = source.count;
   s.first_fault = host[kFault];
   for (int k = 0; k < 3; k++) s.low[k] = unordered(host[kLow + k]), s.high[k] = unordered(host[kHigh + k]);
   s.radius_min = unordered(host[kRadiusMin]), s.radius_max = unordered(host[kRadiusMax]);
-  s.need_max = unordered(host[kNeedMax]), s.extent = unordered(host[kExtent]);
-  for (int k = 0; k < kBlocks; k++) s.radius_sum += host_sums_.data()[k];
+  if (along) {  // both are monotone, so that the largest comes of the largest
+    for (int k = 0; k < 3; k++)
+      s.extent = larger(s.extent, larger(magnitude(s.low[k]), magnitude(s.high[k])));
+    s.need_max = need_of({s.extent, 0, 0, s.radius_max});
+  } else {
+    s.need_max = unordered(host[kNeedMax]), s.extent = unordered(host[kExtent]);
+  }
+  for (int k = 0; k < kBlocks && !along; k++) s.radius_sum += host_sums_.data()[k];
   if (s.first_fault != ~std::uint64_t(0)) return true;
   if (octaves != needs_octaves(s) || (octaves && top != exponent_of(s.need_max))) return false;
   if (!octaves) return true;
-  host += kValues;
+  host += kBounds;
   for (int o = 0; o < kOctaves; o++, host += kOctaveWords) {
     if (host[8] == 0) continue;
     Summary::Octave& octave = s.octave[o];
@@ -163,13 +172,14 @@ bool Surveyor::finish(const Source& source, bool octaves, int top, Summary& s) c
 
 Summary Surveyor::survey(const Source& source, cudaStream_t stream) {
   Summary s;
-  begin(source, false, 0, stream);
-  cuda_check(cudaStreamSynchronize(stream), "survey the spheres");
-  if (finish(source, false, 0, s)) return s;
-  const int top = exponent_of(s.need_max);
-  begin(source, true, top, stream);
-  cuda_check(cudaStreamSynchronize(stream), "survey the spheres");
-  if (!finish(source, true, top, s)) throw Error("the spheres changed while they were read");
+  const auto look = [&](bool octaves, int top) {
+    begin(source, octaves, top, false, stream);
+    read(octaves, false, stream);
+    cuda_check(cudaStreamSynchronize(stream), "survey the spheres");
+    return finish(source, octaves, top, false, s);
+  };
+  if (look(false, 0)) return s;
+  if (!look(true, exponent_of(s.need_max))) throw Error("the spheres changed while they were read");
   return s;
 }
 

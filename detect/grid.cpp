@@ -37,37 +37,62 @@ Summary with_octaves(const Summary& given) {
   return s;
 }
 
-// Cost, in pair tests, of making octaves a to b (indices into `octaves`) one level: its own spheres look at
-// half of the neighbourhood, each finer sphere at 2 to 3 bins an axis. A row of bins costs about as much as
-// some pair tests.
-double level_cost(const Summary& s, const std::vector<int>& octaves, std::size_t a, std::size_t b) {
-  constexpr double kOwnRows = 12, kCoarserRows = 18;
-  double size = 0, density = 0;  // spheres a bin
-  for (std::size_t k = a; k <= b; k++) size = std::max(size, s.octave[octaves[k]].need_max);
+// Spheres a bin if octaves a to b (indices into `octaves`) are one level of bins of this size.
+double level_density(const Summary& s, const std::vector<int>& octaves, std::size_t a, std::size_t b,
+                     double size) {
+  double density = 0;
   for (std::size_t k = a; k <= b; k++) {
     const Summary::Octave& o = s.octave[octaves[k]];
     double part = static_cast<double>(o.count);
     for (int c = 0; c < 3; c++) part *= std::min(1.0, size / (o.high[c] - o.low[c] + o.need_max));
     density += part;
   }
+  return density;
+}
+
+// Cost, in pair tests, of making octaves a to b one level. Up: its own spheres look at half of the
+// neighbourhood, each finer sphere at 2 to 3 bins an axis; a row of bins costs about as much as some pair
+// tests. Down: each coarser sphere looks at every row of bins that comes near it, 4 tests a row, and there a
+// test costs 4 (cuda_down.h).
+double level_cost(const Summary& s, const std::vector<int>& octaves, std::size_t a, std::size_t b,
+                  Look look) {
+  const double own_rows = look == Look::up ? 12 : 25, coarser_rows = 18, down_row = 4, down_test = 4;
+  double size = 0;
+  for (std::size_t k = a; k <= b; k++) size = std::max(size, s.octave[octaves[k]].need_max);
+  const double density = level_density(s, octaves, a, b, size);
   double cost = 0;
-  for (std::size_t k = 0; k <= b; k++) {
+  for (std::size_t k = a; k <= b; k++) {
     const Summary::Octave& o = s.octave[octaves[k]];
-    const double wide = 2 + (size > 0 ? o.need_max / size : 1), tests = density * wide * wide * wide;
-    cost += static_cast<double>(o.count) * (k < a ? kCoarserRows + tests : kOwnRows + tests / 2);
+    const double wide = 2 + (look == Look::down ? 1
+                             : size > 0         ? o.need_max / size
+                                                : 1),
+                 tests = density * wide * wide * wide;
+    cost += static_cast<double>(o.count) * (own_rows + tests / 2);
+  }
+  for (std::size_t k = 0; k < a && look == Look::up; k++) {
+    const Summary::Octave& o = s.octave[octaves[k]];
+    const double wide = 2 + (size > 0 ? o.need_max / size : 1);
+    cost += static_cast<double>(o.count) * (coarser_rows + density * wide * wide * wide);
+  }
+  for (std::size_t k = b + 1; k < octaves.size() && look == Look::down; k++) {
+    const Summary::Octave& o = s.octave[octaves[k]];
+    const double wide = 2 + (size > 0 ? 0.75 * o.need_max / size : 1);
+    cost += static_cast<double>(o.count) * wide * wide * (down_row + down_test * density * wide / 2);
   }
   return cost;
 }
 
 // Best partition of the octaves into runs: dynamic programming over (levels used, octaves taken).
-std::vector<std::size_t> choose_levels(const Summary& s, const std::vector<int>& octaves) {
+std::vector<std::size_t> choose_levels(const Summary& s, const std::vector<int>& octaves, Look look) {
   const std::size_t n = octaves.size();
   std::vector<std::vector<double>> best(kMaxLevels + 1, std::vector<double>(n + 1, INFINITY));
   std::vector<std::vector<std::size_t>> from(kMaxLevels + 1, std::vector<std::size_t>(n + 1, 0));
   best[0][0] = 0;
   for (std::size_t a = 0; a < n; a++)
     for (std::size_t b = a; b < n; b++) {
-      const double cost = level_cost(s, octaves, a, b);
+      // A level more is not free, even of a handful of spheres.
+      const double cost =
+          level_cost(s, octaves, a, b, look) + (look == Look::down ? 0.02 * static_cast<double>(s.count) : 0);
       for (int used = 0; used < kMaxLevels; used++)
         if (best[used][a] + cost < best[used + 1][b + 1])
           best[used + 1][b + 1] = best[used][a] + cost, from[used + 1][b + 1] = a;
@@ -81,7 +106,7 @@ std::vector<std::size_t> choose_levels(const Summary& s, const std::vector<int>&
   return begins;
 }
 
-void lay_out(Level& l, const Summary::Octave& all, double bins_per_sphere, double most) {
+void lay_out(Level& l, const Summary::Octave& all, double most) {
   double bins = 1;
   for (int k = 0; k < 3; k++) {
     const std::int64_t low = split(l, all.low[k]).bin, high = split(l, all.high[k]).bin;
@@ -89,7 +114,7 @@ void lay_out(Level& l, const Summary::Octave& all, double bins_per_sphere, doubl
     l.count[k] = static_cast<std::uint32_t>(std::min<std::int64_t>(high - low + 1, 0x7fffffff));
     bins *= static_cast<double>(high - low + 3);
   }
-  if (bins <= std::min(bins_per_sphere * static_cast<double>(all.count) + 4096, most)) {
+  if (bins <= most) {
     l.buckets = static_cast<std::uint32_t>(bins);
     return;
   }
@@ -102,12 +127,12 @@ void lay_out(Level& l, const Summary::Octave& all, double bins_per_sphere, doubl
 
 bool needs_octaves(const Summary& s) { return s.count > 0 && s.need_max > 4 * s.radius_min; }
 
-Grid choose_grid(const Summary& given, double bin_size, double bins_per_sphere) {
+Grid choose_grid(const Summary& given, double bin_size, double bins_per_sphere, Look look) {
   Grid g;
   if (given.count == 0) return g;
   const Summary s = with_octaves(given);
   const std::vector<int> octaves = populated(s);
-  const std::vector<std::size_t> begins = choose_levels(s, octaves);
+  const std::vector<std::size_t> begins = choose_levels(s, octaves, look);
   g.levels = static_cast<std::int32_t>(begins.size());
   g.top = exponent_of(s.need_max);
   g.buckets = 0;
@@ -126,8 +151,12 @@ Grid choose_grid(const Summary& given, double bin_size, double bins_per_sphere) 
     l.size = all.need_max > 0 ? rounded_up(std::max(all.need_max, bin_size))
                               : rounded_up(bin_size > 0 ? bin_size : 1);
     l.per_size = 1 / l.size, l.units = std::ldexp(l.per_size, kUnitBits), l.radius_max = all.radius_max;
+    l.spheres = all.count;
     l.offset = g.buckets;
-    lay_out(l, all, bins_per_sphere, begins.size() == 1 ? 0x1p31 : 0x1p28);
+    // A level of few spheres may have as many bins as those below it: coarser bins are fewer anyway.
+    const double many = std::max(bins_per_sphere * static_cast<double>(all.count),
+                                 look == Look::down ? 2 * static_cast<double>(s.count) : 0);
+    lay_out(l, all, std::min(many + 4096, begins.size() == 1 ? 0x1p31 : 0x1p28));
     g.buckets += l.buckets;
   }
   return g;

@@ -10,7 +10,8 @@
 namespace padder::detect {
 
 inline constexpr int kMaxLevels = 12, kOctaves = 64;
-inline constexpr int kUnitBits = 24;  // fixed-point units of a bin's edge: places are known modulo 2^(32 - 24) bins
+inline constexpr int kUnitBits =
+    24;  // fixed-point units of a bin's edge: places are known modulo 2^(32 - 24) bins
 
 // A bin by its place in a level.
 struct Bin {
@@ -29,10 +30,12 @@ struct Level {
   std::uint32_t count[3] = {1, 1, 1};
   std::uint32_t ring = 1;                 // a power of two
   std::uint32_t offset = 0, buckets = 1;  // its keys are offset to offset + buckets - 1
+  std::uint64_t spheres = 0;              // as many as the summary has
   friend bool operator==(const Level&, const Level&) = default;
 };
 
-// Levels from the finest to the coarsest; a sphere looks for partners at its own level and the coarser ones.
+// Levels from the finest to the coarsest. A sphere looks for partners at its own level and, as the backend
+// likes, at the coarser ones (up) or at the finer ones (down).
 struct Grid {
   std::int32_t levels = 1;
   std::int32_t top = 0;  // exponent of the largest need
@@ -179,7 +182,8 @@ struct Summary {
 // Host. Merges octaves into the levels that cost least and lays out their bins: dense up to about
 // `bins_per_sphere` bins a sphere, hashed beyond. `bin_size` raises the edge of the finest bins; 0 chooses.
 // Never more than 2^32 buckets.
+enum class Look { up, down };
 bool needs_octaves(const Summary& s);
-Grid choose_grid(const Summary& s, double bin_size, double bins_per_sphere = 8);
+Grid choose_grid(const Summary& s, double bin_size, double bins_per_sphere = 8, Look look = Look::up);
 
 }  // namespace padder::detect

@@ -87,6 +87,7 @@ int main(int argc, char** argv) {
   app.add_option("--spheres", s.spheres, "sizes, instead of the bench's own")
       ->delimiter(',')
       ->type_name("N,N,...");
+  app.add_option("--scene", s.scene, "one generated scene only (scaling)")->type_name("NAME");
   app.add_option("--backend", s.backend, "auto (each that is there, the default), omp or cuda")
       ->type_name("WHICH")
       ->check(CLI::IsMember({"auto", "omp", "cuda"}));

@@ -19,6 +19,7 @@ using Json = nlohmann::ordered_json;
 
 struct Settings {
   std::vector<std::uint64_t> spheres;  // sizes asked for; empty: the bench's own
+  std::string scene;                   // scaling: this one only
   std::vector<std::string> meshes;     // files, for those benches that pad
   std::string backend = "auto";        // auto: each that is there
   int threads = 0;                     // 0: all

@@ -23,14 +23,17 @@ struct BodyCase {
   std::uint32_t bodies, moving;
 };
 
+// What a list is compared with: the nine stages, which decide every pair in double; the fast path that
+// expands every body; the fast path of the processor.
+enum class Against { nine_stages, expanded, processor };
+
 class Table {
  public:
   explicit Table(const Settings& s) : settings_(s) {}
 
-  // `order` says how the spheres lie in memory. Where `expand`, the reference is the fast path that expands
-  // every body; else the nine stages, which decide every pair in double.
+  // `order` says how the spheres lie in memory; `host` is the same input in host memory, for the processor.
   void row(const std::string& scene, const std::string& order, std::uint64_t n, const detect::Input& input,
-           detect::Choice backend, bool expand = false) {
+           detect::Choice backend, Against against, const detect::Input& host) {
     using detect::Order, detect::Precision, detect::Width;
     const Settings& s = settings_;
     const bool cuda = backend == detect::Choice::cuda;
@@ -52,14 +55,14 @@ class Table {
     const std::uint64_t contacts = d.detect(input).count, held = d.memory();
     const double points = timed(Precision::exact, Order::any, Width::points);
     const std::uint64_t hash = d.hash();
-    if (cuda || expand) {
+    if (cuda || against == Against::expanded) {
       o.width = Width::pairs;
-      if (expand)
-        o.bodies = detect::Bodies::expanded;
-      else
-        o.path = detect::Path::nine_stages;
+      if (against == Against::expanded) o.bodies = detect::Bodies::expanded;
+      if (against == Against::nine_stages) o.path = detect::Path::nine_stages;
+      const bool processor = against == Against::processor;
+      if (processor) o.backend = detect::Choice::omp, o.output = detect::Memory::host;
       detect::Detector reference(o);
-      if (reference.detect(input).count != contacts || reference.hash() != hash)
+      if (reference.detect(processor ? host : input).count != contacts || reference.hash() != hash)
         throw Error("the fast path and the reference differ at " + scene + " " + std::to_string(n));
     }
     const double bytes =
@@ -96,20 +99,26 @@ class Table {
 void loose_rows(const Settings& s, Table& t) {
   std::vector<Case> cases;
   for (const char* scene : {"dense", "dilute", "poly35", "poly100"}) {
+    if (!s.scene.empty() && s.scene != scene) continue;
     std::vector<std::uint64_t> sizes = s.spheres;
     if (sizes.empty()) sizes = {100000, 1000000, 5000000};
     if (s.spheres.empty() && s.backend == "cuda" && std::string(scene) != "poly100")
       sizes.push_back(20000000);
     cases.push_back({scene, true, sizes});
   }
-  if (s.spheres.empty() && s.backend == "cuda") cases.push_back({"dense", false, {20000000}});
+  if (s.spheres.empty() && s.backend == "cuda" && s.scene.empty())
+    cases.push_back({"dense", false, {20000000}});
   for (const Case& c : cases)
     for (const std::uint64_t n : c.sizes) {
       const std::vector<detect::FloatSphere> spheres = detect::generate(c.scene, n, c.random_order);
       for (const detect::Choice backend : backends(s)) {
         if (backend == detect::Choice::omp && n > 5000000) continue;
         const DeviceSpheres device(spheres, backend == detect::Choice::cuda);
-        t.row(c.scene, c.random_order ? "random" : "coherent", n, device.input(), backend);
+        // Lists of a billion leave the nine stages no memory.
+        const bool huge = n > 100000000;
+        const detect::Input host = detect::input_of(spheres);
+        t.row(c.scene, c.random_order ? "random" : "coherent", n, device.input(), backend,
+              huge ? Against::processor : Against::nine_stages, host);
       }
     }
 }
@@ -132,7 +141,8 @@ void body_rows(const Settings& s, Table& t) {
       detect::BodyScene scene = detect::generate_bodies(c.bodies);
       for (std::size_t b = 0; b < scene.bodies.size(); b++) scene.bodies[b].is_static = b >= c.moving;
       const DeviceBodies device(scene, c.moving, cuda);
-      t.row(c.name, "bodies", 64 * std::uint64_t(c.bodies), device.input(), backend, c.moving < c.bodies);
+      t.row(c.name, "bodies", 64 * std::uint64_t(c.bodies), device.input(), backend,
+            c.moving < c.bodies ? Against::expanded : Against::nine_stages, device.input());
     }
 }
 
@@ -161,7 +171,9 @@ Json result_of(const Settings& s, const char* name, const Table& t) {
 
 Json scaling(const Settings& s) {
   Table t(s);
-  loose_rows(s, t), body_rows(s, t);
+  loose_rows(s, t);
+  if (s.scene.empty() || s.scene == "cluster") body_rows(s, t);
+  if (t.rows.empty()) throw Error("scaling has the scenes dense, dilute, poly35, poly100 and cluster");
   return result_of(s, "scaling", t);
 }
 

@@ -132,6 +132,56 @@ TEST_F(CudaTest, StaticOnesInDeviceMemory) {
   cudaFree(memory), cudaFree(flags);
 }
 
+// Levels that look down (float and double slots), and sizes so far apart that they look up; few coarse
+// spheres, whose level has many empty bins; one sphere that holds all the others.
+TEST_F(CudaTest, LevelsAgree) {
+  const auto expect_same = [&](const Input& input, const char* what) {
+    Detector cpu(cpu_), gpu(gpu_);
+    const std::uint64_t count = cpu.detect(input).count;
+    EXPECT_GT(count, 0u);
+    for (int again = 0; again < 3; again++) {
+      EXPECT_EQ(gpu.detect(input).count, count) << what;
+      EXPECT_EQ(gpu.hash(), cpu.hash()) << what;
+    }
+  };
+  for (const std::uint64_t n : {20'000ull, 400'000ull}) {
+    auto spheres = generate("poly100", n);
+    std::vector<double> centers, radii;
+    for (const FloatSphere& s : spheres) {
+      for (const float x : {s.x, s.y, s.z}) centers.push_back(x + 1e-9);
+      radii.push_back(s.r);
+    }
+    Input wide;
+    wide.spheres = spheres_of(n, centers.data(), radii.data());
+    expect_same(wide, "in double");
+    spheres[7].r = 3000;
+    expect_same(input_of(spheres), "one holds most");
+    for (std::size_t k = 0; k < n; k += 100) spheres[k].r = 0.01f;
+    expect_same(input_of(spheres), "1 to 300,000");
+    spheres = generate("dense", n);
+    for (std::size_t k = 0; k < 5; k++) spheres[k * 1000].r = 9;
+    expect_same(input_of(spheres), "five coarse ones");
+  }
+}
+
+// The places of a list of fixed order follow from its contacts alone, not from the list before: longer,
+// shorter, nearly and quite empty ones.
+TEST_F(CudaTest, ListsOfAllLengthsInOneOrder) {
+  const auto given = generate("poly35", 60'000);
+  Detector d(gpu_);
+  for (const float grown : {1.f, 1.01f, 1.3f, 0.9f, 0.05f, 0.f, 2.f, 1.f}) {
+    auto spheres = given;
+    for (FloatSphere& s : spheres) s.r *= grown;
+    Detector fresh(gpu_), cpu(cpu_);
+    const Contacts &a = d.detect(input_of(spheres)), &b = fresh.detect(input_of(spheres));
+    ASSERT_EQ(a.count, cpu.detect(input_of(spheres)).count) << grown;
+    ASSERT_EQ(d.hash(), cpu.hash()) << grown;
+    ASSERT_EQ(a.count, b.count) << grown;
+    ASSERT_EQ(std::memcmp(a.pairs, b.pairs, a.count * sizeof(Pair)), 0) << grown;
+    ASSERT_EQ(std::memcmp(a.normals, b.normals, a.count * sizeof(Normal<float>)), 0) << grown;
+  }
+}
+
 TEST_F(CudaTest, CrowdedBins) {
   std::vector<FloatSphere> spheres;
   for (int k = 0; k < 1500; k++) spheres.push_back({0.001f * static_cast<float>(k % 11), 0, 0, 0.0001f});
