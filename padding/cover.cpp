@@ -22,7 +22,7 @@ constexpr double medial_tolerance = 0.05;  // share of the reach
 constexpr double wander = 0.25;  // how far new places lie from a chosen ball's, share of the disc it covers
 
 // How a large cover is searched on: more rounds of more places, also while the certificate still finds spots.
-// It would take as much off a small one, whose seconds matter more.
+// It takes as much off a small one, whose seconds matter more: there it is left to a higher effort.
 constexpr int late_moves = 4, late_places = 12, late_refinements = 8;
 constexpr double late_share = 0.6;  // of the exchanges
 
@@ -50,7 +50,7 @@ class Coverer {
         reach_(protrusion_ + gap_),
         min_radius_(options.min_radius),
         largest_(std::min(options.max_radius - protrusion_, surface.bounds().diagonal())),
-        large_(options.large),
+        large_(options.effort > 1 ? 0 : options.large),
         search_(search_of(options.effort)),
         pool_(gap_) {
     if (mesh_.triangles.empty()) throw Error("there is no surface to cover: the mesh has no triangles");
