@@ -17,8 +17,14 @@ namespace {
 constexpr double rounding =
     1e-9;                       // share of a tolerance kept back, so that rescaling does not break the proof
 constexpr double margin = 0.5;  // share of a row's own radius that must be covered around it
+constexpr double late_margin = 0.3;  // the same once the certificate has the last word on what the rows miss
 constexpr double medial_tolerance = 0.05;  // share of the reach
 constexpr double wander = 0.25;  // how far new places lie from a chosen ball's, share of the disc it covers
+
+// How a large cover is searched on: more rounds of more places, also while the certificate still finds spots.
+// It takes as much off a small one, whose seconds matter more: there it is left to a higher effort.
+constexpr int late_moves = 4, late_places = 12, late_refinements = 8;
+constexpr double late_share = 0.6;  // of the exchanges
 
 constexpr int most_rounds = 100;
 
@@ -44,6 +50,7 @@ class Coverer {
         reach_(protrusion_ + gap_),
         min_radius_(options.min_radius),
         largest_(std::min(options.max_radius - protrusion_, surface.bounds().diagonal())),
+        large_(options.effort > 1 ? 0 : options.large),
         search_(search_of(options.effort)),
         pool_(gap_) {
     if (mesh_.triangles.empty()) throw Error("there is no surface to cover: the mesh has no triangles");
@@ -57,21 +64,25 @@ class Coverer {
     Samples samples = sample_surface(surface_, sampling);
     std::vector<Candidate> candidates;
     for (const Sample& s : samples.grown) propose(s.point, s.triangle, s.ball, candidates);
-    pool_.add(scaled(samples.coarse), candidates);
+    pool_.add(scaled(samples.coarse, margin), candidates);
     solve(1);
-    for (int move = 0; move < search_.moves; move++) {
-      std::vector<Candidate> fresh = moved(move);
-      pool_.keep(chosen_);
-      std::iota(chosen_.begin(), chosen_.end(), 0u);
-      pool_.add({}, fresh);
-      if (move == 0) pool_.replace_rows(scaled(samples.fine));
+    for (int k = 0; k < search_.moves; k++) {
+      move(search_.places, {wander, wander});
+      if (k == 0) pool_.replace_rows(scaled(samples.fine, margin));
       solve(1);
+    }
+    const bool large = search_.moves > 0 && chosen_.size() > large_;
+    if (large) pool_.replace_rows(scaled(samples.fine, late_margin));
+    for (int k = 0; large && k < late_moves; k++) {
+      move(late_places, {0.5 * wander, 1.6 * wander});
+      solve(late_share);
     }
     // The cap is for radius limits, at the rim of what they leave open; otherwise some ten rounds are enough.
     double share = 0.4;
     for (int round = 0;; round++, share *= 0.7) {
       const std::vector<Cell> failures = gap_failures(mesh_, BallSet(balls()), gap_, 0.25 * reach_);
       if (failures.empty()) return finish(true);
+      if (large && round < late_refinements) move(late_places, {0.5 * wander, 1.6 * wander});
       if (round == most_rounds || !refine(failures)) return finish(false);
       solve(share);
     }
@@ -103,8 +114,8 @@ class Coverer {
     if (radius >= min_radius_) candidates.push_back({{medial.center, radius}, medial.radius, p, triangle});
   }
 
-  std::vector<Row> scaled(std::vector<Row> rows) const {
-    for (Row& row : rows) row.margin *= margin;
+  static std::vector<Row> scaled(std::vector<Row> rows, double share) {
+    for (Row& row : rows) row.margin *= share;
     return rows;
   }
 
@@ -140,23 +151,27 @@ class Coverer {
     return false;
   }
 
-  // Medial balls at places around those of the chosen.
-  std::vector<Candidate> moved(int move) const {
-    const std::size_t n = chosen_.size() * search_.places;
+  // The next problem: the chosen balls, and medial balls at places around theirs, in turn up to the one and
+  // up to the other share of their discs away.
+  void move(int tries, std::array<double, 2> away) {
+    const std::size_t n = chosen_.size() * static_cast<std::size_t>(tries);
+    const std::uint64_t seed = ++moves_ << 40;
     std::vector<Sample> places(n);
 #pragma omp parallel for schedule(dynamic, 16) if (n > 64)
     for (std::size_t k = 0; k < n; k++) {
-      const Candidate& c = pool_.candidates()[chosen_[k / search_.places]];
-      Random random((static_cast<std::uint64_t>(move + 1) << 40) + k);
-      const double disc = covered_disc(c.depth, reach_);
+      const Candidate& c = pool_.candidates()[chosen_[k / static_cast<std::size_t>(tries)]];
+      Random random(seed + k);
+      const double most = away[k % 2] * covered_disc(c.depth, reach_);
       Vector step;
-      for (int axis = 0; axis < 3; axis++) step[axis] = (2 * random.uniform() - 1) * wander * disc;
+      for (int axis = 0; axis < 3; axis++) step[axis] = (2 * random.uniform() - 1) * most;
       const Nearest at = surface_.nearest(c.point + step);
       places[k] = {at.point, at.triangle, medial(at.point, at.triangle)};
     }
-    std::vector<Candidate> candidates;
-    for (const Sample& s : places) propose(s.point, s.triangle, s.ball, candidates);
-    return candidates;
+    std::vector<Candidate> fresh;
+    for (const Sample& s : places) propose(s.point, s.triangle, s.ball, fresh);
+    pool_.keep(chosen_);
+    std::iota(chosen_.begin(), chosen_.end(), 0u);
+    pool_.add({}, fresh);
   }
 
   // Makes rows of the worst spots, each with a ball of its own that covers it; false if no such ball is
@@ -205,10 +220,11 @@ class Coverer {
   const Surface& surface_;
   const Mesh& mesh_;
   const double protrusion_, gap_, reach_, min_radius_, largest_;
+  const std::size_t large_;
   const Search search_;
   Pool pool_;
   std::vector<std::uint32_t> chosen_;
-  std::uint64_t seed_ = 0;
+  std::uint64_t seed_ = 0, moves_ = 0;  // used so far
 };
 
 }  // namespace

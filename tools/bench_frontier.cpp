@@ -76,6 +76,16 @@ double growth(const std::vector<Row>& rows, const std::string& mesh, const std::
   return n < 2 ? 0 : (n * xy - x * y) / (n * xx - x * x);
 }
 
+// The same between the first and the last rung alone.
+double growth_of_ends(const std::vector<Row>& rows, const std::string& mesh, const std::string& method) {
+  const Row *first = nullptr, *last = nullptr;
+  for (const Row& r : rows)
+    if (r.mesh == mesh && r.method == method && r.error() > 0 && r.spheres > 0) (first ? last : first) = &r;
+  if (!last || first->error() == last->error()) return 0;
+  return std::log(static_cast<double>(last->spheres) / static_cast<double>(first->spheres)) /
+         std::log(first->error() / last->error());
+}
+
 void draw(const Settings& s, const std::string& mesh, const std::vector<Row>& rows) {
   std::map<std::string, std::string> data;
   for (const Row& r : rows)
@@ -89,11 +99,19 @@ void draw(const Settings& s, const std::string& mesh, const std::vector<Row>& ro
       "set logscale xy\nset grid\nset key right top\nset title '" +
       mesh + "' noenhanced\n";
   for (const auto& [method, title] : titles) script += "$" + method + " << EOD\n" + data[method] + "EOD\n";
+  // What counts would be if they grew with these powers from the coarsest rung of each on.
+  const auto guide = [&](const char* method, const char* power, const char* dash) {
+    for (const Row& r : rows)
+      if (r.mesh == mesh && r.method == method)
+        return ", " + std::to_string(r.spheres) + "*(" + number(r.error(), "%g") + "/x)**" + power +
+               " with lines lw 1 dt " + dash + " lc rgb 'gray40' title '1/error^{" + power + "}'";
+    return std::string();
+  };
   script += "plot ";
   for (std::size_t k = 0; k < titles.size(); k++)
     script += (k ? ", $" : "$") + titles[k].first + " using 1:2 with linespoints lw 2 title '" +
               titles[k].second + "'";
-  plot(s, script + "\n");
+  plot(s, script + guide("tolerance", "1.5", "2") + guide("depth", "2", "3") + "\n");
 }
 
 Json json_of(const Row& r) {
@@ -139,7 +157,10 @@ Json frontier(const Settings& s) {
       rows.push_back(paper(file, name, e));
     }
     for (const char* method : {"tolerance", "depth", "paper"})
-      growths.push_back({{"mesh", name}, {"method", method}, {"power", growth(rows, name, method)}});
+      growths.push_back({{"mesh", name},
+                         {"method", method},
+                         {"power", growth(rows, name, method)},
+                         {"power_of_ends", growth_of_ends(rows, name, method)}});
     if (!s.folder.empty()) draw(s, name, rows);
   }
   Json table = Json::array({{"mesh", "method", "setting [%]", "spheres", "s", "protrusion <= [%]", "mean",
@@ -154,8 +175,9 @@ Json frontier(const Settings& s) {
          number(a.gap_mean, "%.4f"), number(a.normal_error_mean_deg, "%.1f"), a.certified ? "yes" : "no"});
   }
   for (const Json& g : growths)
-    table.push_back({g["mesh"], g["method"], "count ~ error^-" + number(g["power"].get<double>(), "%.2f"), "",
-                     "", "", "", "", "", "", ""});
+    table.push_back({g["mesh"], g["method"], "count ~ error^-" + number(g["power"].get<double>(), "%.2f"),
+                     "ends alone: " + number(g["power_of_ends"].get<double>(), "%.3f"), "", "", "", "", "",
+                     "", ""});
   Json result = {
       {"bench", "frontier"}, {"machine", machine()}, {"rows", all}, {"growth", growths}, {"table", table}};
   if (!s.folder.empty()) write_file(s.folder / "frontier.json", result.dump(2) + "\n");

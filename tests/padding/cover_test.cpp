@@ -148,6 +148,30 @@ TEST(Cover, SameResultForAnyNumberOfThreads) {
   }
 }
 
+// Large covers are searched on, also between the certificate's rounds: worth some spheres, proved as well.
+TEST(Cover, LargeCoversAreSearchedOnTheSameForAnyNumberOfThreads) {
+  const double e = 0.01;
+  const Surface surface(unit(shapes::box({0, 0, 0}, {1, 0.6, 0.05})));
+  const auto cover = [&](std::size_t large) {
+    return cover_surface(surface, {.protrusion = e, .gap = e, .large = large});
+  };
+  const int before = omp_get_max_threads();
+  omp_set_num_threads(1);
+  const Cover one = cover(50);
+  omp_set_num_threads(3);
+  const Cover three = cover(50), small = cover(1000);
+  omp_set_num_threads(before);
+  ASSERT_TRUE(one.proved);
+  EXPECT_LE(protrusion_bound(surface, one.balls).max, e + 1e-15);
+  EXPECT_LE(gap_bound(surface.mesh(), BallSet(one.balls), e).upper, e);
+  EXPECT_LT(static_cast<double>(one.balls.size()), 0.97 * static_cast<double>(small.balls.size()));
+  ASSERT_EQ(one.balls.size(), three.balls.size());
+  for (std::size_t k = 0; k < one.balls.size(); k++) {
+    ASSERT_EQ(one.balls[k].center, three.balls[k].center);
+    ASSERT_EQ(one.balls[k].radius, three.balls[k].radius);
+  }
+}
+
 TEST(Cover, RefusesWhatCannotBeCovered) {
   EXPECT_THROW(cover_surface(Surface(Mesh()), {.protrusion = 0.01, .gap = 0.01}), Error);
   EXPECT_THROW(cover_surface(Surface(shapes::sphere(1)), {}), Error);
