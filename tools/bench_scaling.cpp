@@ -116,7 +116,7 @@ void loose_rows(const Settings& s, Table& t) {
         const DeviceSpheres device(spheres, backend == detect::Choice::cuda);
         // Lists of a billion leave the nine stages no memory.
         const bool huge = n > 100000000;
-        const detect::Input host = detect::input_of(spheres);
+        const detect::Input host = input_of(spheres);
         t.row(c.scene, c.random_order ? "random" : "coherent", n, device.input(), backend,
               huge ? Against::processor : Against::nine_stages, host);
       }
