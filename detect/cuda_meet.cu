@@ -143,12 +143,15 @@ __global__ void __launch_bounds__(kThreads, 4) meet_kernel(const __grid_constant
     first = __shfl_sync(kAll, first, 0);
     if (first >= n) break;
     const std::uint64_t item = first + lane;
-    const bool valid = lane < kBatch && item < n;
+    Pair p{~0u, ~0u};
+    if (lane < kBatch && item < n) p = task.pairs[item];
+    // A list in the order of another length has holes, and is made again: what stands in them must do no
+    // harm.
+    const bool valid = p.i < v.count && p.j < v.count;
     Element a, b;
     Sieve sieve_a, sieve_b;
     bool whole = false, hit = false;
     if (valid) {
-      const Pair p = task.pairs[item];
       a = v.elements[p.i], b = v.elements[p.j];
       if (a.body == kLoose && b.body == kLoose) {
         const Sphere sa = task.loose.sphere(a.piece), sb = task.loose.sphere(b.piece);
