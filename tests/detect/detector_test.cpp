@@ -141,8 +141,8 @@ TEST_P(DetectorTest, PairsByName) {
         if (p.a.r > 100 && bin > 0) continue;  // bins by the billion in the nine stages
         TestScene s{{p.a, p.b}, {}, {}};
         s.shift(shift);
-        detector_.reset();
-        options_.bin_size = bin;
+        if (!detector_) detector_ = std::make_unique<Detector>(options_);
+        detector_->options().bin_size = bin;
         expect_right(s,
                      std::string(p.name) + " bin " + std::to_string(bin) + " shift " + std::to_string(shift));
         std::swap(s.spheres[0], s.spheres[1]);

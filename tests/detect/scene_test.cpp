@@ -4,8 +4,8 @@
 #include <filesystem>
 
 #include "detect/contact_file.h"
-#include "padding/npz.h"
 #include "padding/file.h"
+#include "padding/npz.h"
 #include "tests/detect/oracle.h"
 
 namespace padder::detect {
