@@ -274,7 +274,7 @@ class OmpBackend final : public Backend {
     else
       copy(view<double>(input.spheres));
     place_seconds_ = watch.lap();
-    return {&out->x, &out->r, 4, 4, n, family, mask, owner};
+    return omp::view_of(out, n, family, mask, owner);
   }
 
   template <class T>

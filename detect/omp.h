@@ -100,6 +100,13 @@ struct View {
   bool filtered() const { return family || mask || owner || is_static; }
 };
 
+// Of spheres side by side; null when there are none.
+inline View<double> view_of(const Sphere* spheres, std::uint64_t count, const std::uint32_t* family,
+                            const std::uint32_t* mask, const std::uint32_t* owner) {
+  if (count == 0) return {nullptr, nullptr, 4, 4, 0, family, mask, owner};
+  return {&spheres->x, &spheres->r, 4, 4, count, family, mask, owner};
+}
+
 // Seconds since the last call.
 class Watch {
  public:

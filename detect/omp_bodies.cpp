@@ -265,8 +265,8 @@ bool BodySearch::run(const Input& input, const Options& options, int threads, Re
   read_bodies(input, known);
   if (!place(input, known, threads)) return false;
   seconds.place = watch.lap();
-  const View<double> balls{&balls_.data()->x, &balls_.data()->r, 4, 4, assembly_.moving, family_.data(),
-                           mask_.data(),      owner_.data()};
+  const View<double> balls =
+      view_of(balls_.data(), assembly_.moving, family_.data(), mask_.data(), owner_.data());
   const Summary summary = summarize(balls, threads);
   if (summary.first_fault != ~std::uint64_t(0)) return false;
   if (options.width != Width::pairs && options.scalar == Scalar::f32 &&
