@@ -1,6 +1,7 @@
 #include "padding/cover.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numeric>
 
@@ -25,6 +26,7 @@ constexpr double wander = 0.25;  // how far new places lie from a chosen ball's,
 // It takes as much off a small one, whose seconds matter more: there it is left to a higher effort.
 constexpr int late_moves = 4, late_places = 12, late_refinements = 8;
 constexpr double late_share = 0.6;  // of the exchanges
+constexpr std::array late_wander = {0.5 * wander, 1.6 * wander};
 
 constexpr int most_rounds = 100;
 
@@ -74,7 +76,7 @@ class Coverer {
     const bool large = search_.moves > 0 && chosen_.size() > large_;
     if (large) pool_.replace_rows(scaled(samples.fine, late_margin));
     for (int k = 0; large && k < late_moves; k++) {
-      move(late_places, {0.5 * wander, 1.6 * wander});
+      move(late_places, late_wander);
       solve(late_share);
     }
     // The cap is for radius limits, at the rim of what they leave open; otherwise some ten rounds are enough.
@@ -82,7 +84,7 @@ class Coverer {
     for (int round = 0;; round++, share *= 0.7) {
       const std::vector<Cell> failures = gap_failures(mesh_, BallSet(balls()), gap_, 0.25 * reach_);
       if (failures.empty()) return finish(true);
-      if (large && round < late_refinements) move(late_places, {0.5 * wander, 1.6 * wander});
+      if (large && round < late_refinements) move(late_places, late_wander);
       if (round == most_rounds || !refine(failures)) return finish(false);
       solve(share);
     }

@@ -26,7 +26,7 @@ std::uint32_t crc32(std::string_view bytes) {
 }
 
 void put(std::string& out, std::uint64_t value, int bytes) {
-  for (int k = 0; k < bytes; k++) out += k < 8 ? static_cast<char>(value >> 8 * k & 255) : '\0';
+  for (int k = 0; k < bytes; k++, value >>= 8) out += static_cast<char>(value & 255);
 }
 
 std::uint64_t get(std::string_view in, std::uint64_t at, int bytes, const std::string& where) {
