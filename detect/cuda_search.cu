@@ -59,6 +59,16 @@ struct Searcher {
     return __ldg(task.spheres.table + key);
   }
 
+  __device__ __forceinline__ std::uint32_t own_key() const {
+    if constexpr (Kind != SlotKind::fixed)
+      if (task.spheres.bins.on) {
+        std::uint32_t key;
+        key_of(task.spheres.bins, slot.x, slot.y, slot.z, key);
+        return key;
+      }
+    return __ldg(task.spheres.keys + place);
+  }
+
   __device__ __forceinline__ float near_of(const Level& l, float r) const {
     const float most =
         r + static_cast<float>(Kind == SlotKind::fixed ? l.radius_max * l.units : l.radius_max);
@@ -75,8 +85,7 @@ struct Searcher {
   // A level of dense bins: the rows lie at fixed distances from the sphere's own key.
   __device__ __forceinline__ void search_level() {
     const Level& l = grid.level[level()];
-    const std::uint32_t key = __ldg(task.spheres.keys + place), row = l.count[0] + 2,
-                        plane = row * (l.count[1] + 2);
+    const std::uint32_t key = own_key(), row = l.count[0] + 2, plane = row * (l.count[1] + 2);
     const int m = task.spheres.merge;
     std::uint32_t begin = place + 1, end = start(((key + 1) >> m) + 1), at = key;
 #pragma unroll 1

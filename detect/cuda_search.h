@@ -11,13 +11,24 @@ namespace padder::detect::cuda {
 // number.
 enum class SlotKind : std::uint8_t { equal, unequal, fixed };
 
+// Bins of one dense level in float (cuda_bins.h), where they will do: keys are then computed from the slots
+// and stand nowhere.
+inline constexpr std::uint32_t kMostFloatBins = 4096;  // on an axis
+struct FloatBins {
+  float origin[3] = {0, 0, 0}, per_size = 0;
+  std::uint32_t count[3] = {1, 1, 1}, row = 0,
+                rows = 0;  // bins of a row and rows of a plane, with the border
+  bool on = false;
+};
+
 // Spheres in the order of their bins, in device memory. table[k] is the first place with a key of at least k
 // << merge; slots may be read up to kSlack places past the end.
 inline constexpr std::uint32_t kSlack = 64;
 struct Ordered {
-  void* slots = nullptr;           // FloatSlot or FixedSlot
-  std::uint32_t* ids = nullptr;    // null for SlotKind::equal
-  std::uint32_t* keys = nullptr;   // as grid.h numbers them
+  void* slots = nullptr;          // FloatSlot or FixedSlot
+  std::uint32_t* ids = nullptr;   // null for SlotKind::equal
+  std::uint32_t* keys = nullptr;  // as grid.h numbers them; null where bins.on
+  FloatBins bins;
   std::uint32_t* table = nullptr;  // (buckets >> merge) + 2 entries
   std::uint32_t count = 0;
   SlotKind kind = SlotKind::equal;
