@@ -250,8 +250,9 @@ class CudaBackend : public Backend {
       make_plan(options, before);
       plan_.output = output(options), plan_.with_survey = true, plan_.method = method_,
       plan_.moves = book_.moves;
+      surveyor_.expect(plan_.octaves, Surveyor::rides_along(source_));
       enqueue_again();
-      cuda_check(cudaStreamSynchronize(stream_), "search for contacts");
+      surveyor_.arrived(stream_);
       const Grid grid = plan_.grid;
       const SlotKind kind = plan_.kind;
       done = surveyor_.finish(source_, plan_.octaves, plan_.top, Surveyor::rides_along(source_), summary_);
@@ -326,8 +327,8 @@ class CudaBackend : public Backend {
     c.pairs = pairs_.data();
     if (options.width != Width::pairs) c.normals = normals_.data();
     if (options.width == Width::points) c.points = points_.data();
-    if (options.output == Memory::device) {
-      cuda_check(cudaStreamSynchronize(stream_), "finish");
+    if (options.output == Memory::device) {  // the fast path has waited for the count, which comes last
+      if (options.path != Path::fast) cuda_check(cudaStreamSynchronize(stream_), "finish");
       return;
     }
     const std::uint64_t scalar = options.scalar == Scalar::f32 ? 4 : 8;

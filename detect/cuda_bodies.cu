@@ -398,8 +398,10 @@ bool BodySearch::run(const Input& input, const Options& options, const Room& out
   if (known && hope_ > 0 && view_.moving > 0) {
     make_plan(options, out);
     plan_.with_survey = true;
+    Arrival counters;
+    counters.expect(host_counters_.reserve(1), sizeof(BodyCounters));
     enqueue_again(stream, mark);
-    cuda_check(cudaStreamSynchronize(stream), "search for contacts");
+    counters.arrived(stream, "search for contacts");
     const Grid grid = plan_.grid;
     done = surveyor_.finish(plan_.balls, plan_.octaves, plan_.top, false, summary_);
     if (done) {

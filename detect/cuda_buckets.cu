@@ -1,13 +1,16 @@
-// Two passes over the spheres: into some thousand buckets of consecutive bins, through shared memory so that
-// what goes to one bucket is written together; then each bucket, which fits shared memory, is put in order
-// and its part of the table written. No sphere is gathered from a random place.
+// Through buckets: some thousand of them, each of consecutive bins. A first pass divides the spheres among
+// the buckets, through shared memory so that what goes to one bucket is written together; then each bucket,
+// which fits shared memory, is put in order and its part of the table written. No sphere is gathered from a
+// random place. Where the buckets are too many to be divided among at once, groups of buckets come first.
 #include "detect/cuda_order.h"
 
 namespace padder::detect::cuda {
 namespace {
-
 constexpr int kWide = 1024, kItems = 8, kMost = 10, kCount = 512, kProcessors = 132;
-constexpr std::uint32_t kMostBuckets = 6144, kSharedBytes = 226 * 1024, kTile = kWide * kItems;
+constexpr std::uint32_t kTile = kWide * kItems, kSharedBytes = 226 * 1024;
+// Buckets that spheres can be divided among at once; of a group; in all.
+constexpr std::uint32_t kMostAtOnce = 6144, kGroupBits = 10, kMostBuckets = 56000,
+                        kMostGroups = (kMostBuckets >> kGroupBits) + 1;
 
 // Bucket of a table entry: entries first_entry(b) to first_entry(b + 1) - 1 are of bucket b. Each level has
 // buckets of its own width, for the levels' bins are not equally full.
@@ -32,133 +35,182 @@ struct Buckets {
   }
 };
 
-template <class Bins, bool Along>
-__global__ void __launch_bounds__(kCount, 4)
+// A block counts for itself; `Threads` of them, as few blocks a processor as their counts leave room for.
+template <class Bins, bool Along, int Threads>
+__global__ void __launch_bounds__(Threads, Threads == kCount ? 4 : 1)
     bucket_count_kernel(const __grid_constant__ Source source, const __grid_constant__ Bins bins,
                         const __grid_constant__ Buckets buckets, std::uint32_t* keys, std::uint32_t* counts,
                         unsigned long long* found, Counters* counters) {
+  constexpr int kAtOnce = Threads == kCount ? 1 : 3;
   Bounds bounds;
   extern __shared__ std::uint32_t shared[];
-  for (std::uint32_t b = threadIdx.x; b < buckets.count; b += kCount) shared[b] = 0;
+  for (std::uint32_t b = threadIdx.x; b < buckets.count; b += Threads) shared[b] = 0;
   __syncthreads();
-  const std::uint64_t step = static_cast<std::uint64_t>(gridDim.x) * kCount;
-  for (std::uint64_t from = static_cast<std::uint64_t>(blockIdx.x) * kCount; from < source.count;
+  const std::uint64_t step = static_cast<std::uint64_t>(gridDim.x) * Threads * kAtOnce;
+  for (std::uint64_t from = static_cast<std::uint64_t>(blockIdx.x) * Threads * kAtOnce; from < source.count;
        from += step) {
-    const std::uint64_t k = from + threadIdx.x;
-    const bool valid = k < source.count;
-    std::uint32_t key = 0;
-    if (valid) {
-      const Sphere s = source.sphere(static_cast<std::uint32_t>(k));
-      key = key_of_sphere(s, bins, counters);
-      if (!kKeyless<Bins>) keys[k] = key;
-      if (Along) bounds.take(s, static_cast<std::uint32_t>(k));
+    Sphere s[kAtOnce];
+#pragma unroll
+    for (int u = 0; u < kAtOnce; u++) {
+      const std::uint64_t k = from + u * Threads + threadIdx.x;
+      if (k < source.count) s[u] = source.sphere(static_cast<std::uint32_t>(k));
     }
-    ticket(shared, valid ? buckets.of(key) : ~0u);
+#pragma unroll
+    for (int u = 0; u < kAtOnce; u++) {
+      const std::uint64_t k = from + u * Threads + threadIdx.x;
+      const bool valid = k < source.count;
+      std::uint32_t key = 0;
+      if (valid) {
+        key = key_of_sphere(s[u], bins, counters);
+        if (!kKeyless<Bins>) keys[k] = key;
+        if (Along) bounds.take(s[u], static_cast<std::uint32_t>(k));
+      }
+      ticket(shared, valid ? buckets.of(key) : ~0u);
+    }
   }
   if (Along) bounds.give(found);
   __syncthreads();
-  for (std::uint32_t b = threadIdx.x; b < buckets.count; b += kCount)
+  for (std::uint32_t b = threadIdx.x; b < buckets.count; b += Threads)
     if (shared[b]) atomicAdd(counts + b, shared[b]);
 }
 
-__global__ void __launch_bounds__(kWide) bucket_start_kernel(const __grid_constant__ Buckets buckets,
-                                                             std::uint32_t* starts, std::uint32_t* cursors) {
-  __shared__ std::uint32_t v[kMostBuckets + 1], sums[32];
-  for (std::uint32_t b = threadIdx.x; b < buckets.count; b += kWide) v[b] = starts[b];
+// Where each bucket begins, and where its next sphere goes; of the groups too, and their first tiles.
+struct Starts {
+  std::uint32_t *bucket = nullptr, *cursor = nullptr, *group_cursor = nullptr, *group_tile = nullptr;
+};
+__global__ void __launch_bounds__(kWide)
+    bucket_start_kernel(const __grid_constant__ Buckets buckets, Starts starts, std::uint32_t groups) {
+  extern __shared__ std::uint32_t v[];
+  __shared__ std::uint32_t sums[32];
+  for (std::uint32_t b = threadIdx.x; b < buckets.count; b += kWide) v[b] = starts.bucket[b];
   scan_shared(v, buckets.count, sums);
   for (std::uint32_t b = threadIdx.x; b <= buckets.count; b += kWide) {
-    starts[b] = v[b];
-    if (b < buckets.count) cursors[b] = v[b];
+    starts.bucket[b] = v[b];
+    if (b < buckets.count) starts.cursor[b] = v[b];
   }
+  for (std::uint32_t g = threadIdx.x; g < groups; g += kWide) starts.group_cursor[g] = v[g << kGroupBits];
+  if (threadIdx.x > 0) return;
+  std::uint32_t tiles = 0;
+  for (std::uint32_t g = 0; g < groups; g++) {
+    starts.group_tile[g] = tiles;
+    tiles += (v[min((g + 1) << kGroupBits, buckets.count)] - v[g << kGroupBits] + kTile - 1) / kTile;
+  }
+  if (groups) starts.group_tile[groups] = tiles;
 }
+
+enum class Pass { whole, among_groups, within_groups };
 
 // Tiles of spheres, one after the other: ordered by bucket in shared memory, then written, each bucket's
 // share to one place. The next tile is read while this one is written.
-template <SlotKind Kind, class Bins>
+template <SlotKind Kind, class Bins, Pass P, bool Packed>
 __global__ void __launch_bounds__(kWide)
     bucket_split_kernel(const __grid_constant__ Source source, const __grid_constant__ Bins bins,
-                        const __grid_constant__ Buckets buckets, const std::uint32_t* keys,
-                        std::uint32_t* cursors, Places out) {
-  constexpr int kShare = kMostBuckets / kWide;
+                        const __grid_constant__ Buckets buckets, std::uint32_t count, Starts starts,
+                        Places in, Places out) {
+  constexpr int kShare = kMostAtOnce / kWide;
+  constexpr bool kKeys = !kKeyless<Bins>, kIds = Kind != SlotKind::equal, kWithin = P == Pass::within_groups;
   extern __shared__ float4 slots[];
   auto* bucket_at = reinterpret_cast<std::uint16_t*>(slots + kTile);
   auto* counts = reinterpret_cast<std::uint32_t*>(bucket_at + kTile);
-  auto* shift = counts + buckets.count + 1;
+  auto* shift = counts + count + 1;
   __shared__ std::uint32_t sums[32];
-  const auto tiles = static_cast<std::uint32_t>((std::uint64_t(source.count) + kTile - 1) / kTile);
-  const auto count_of = [&](std::uint32_t tile) {
-    return static_cast<std::uint32_t>(
-        min(std::uint64_t(source.count) - std::uint64_t(tile) * kTile, std::uint64_t(kTile)));
+  struct Range {
+    std::uint32_t first, count, group;
+  };
+  const std::uint32_t groups = (buckets.count + (1u << kGroupBits) - 1) >> kGroupBits;
+  const auto tiles = kWithin ? starts.group_tile[groups]
+                             : static_cast<std::uint32_t>((std::uint64_t(source.count) + kTile - 1) / kTile);
+  const auto range_of = [&](std::uint32_t tile, std::uint32_t group) -> Range {
+    std::uint32_t first = tile * kTile, end = source.count;
+    if (kWithin) {
+      while (tile >= starts.group_tile[group + 1]) group++;
+      first = starts.bucket[group << kGroupBits] + (tile - starts.group_tile[group]) * kTile;
+      end = starts.bucket[min((group + 1) << kGroupBits, buckets.count)];
+    }
+    return {first, min(end - first, kTile), group};
   };
   float4 slot[kItems];
-  const auto read = [&](std::uint32_t tile) {
-    const std::uint32_t count = count_of(tile), first = tile * kTile;
+  const auto read = [&](const Range& r) {
 #pragma unroll
     for (int u = 0; u < kItems; u++) {
       const std::uint32_t k = threadIdx.x + u * kWide;
-      if (k < count) slot[u] = slot_of<Kind>(source, grid_of(bins), first + k);
+      if (k < r.count)
+        slot[u] = kWithin ? static_cast<const float4*>(in.slots)[r.first + k]
+                          : bare_slot<Kind, Packed>(source, grid_of(bins), r.first + k);
     }
   };
-  for (std::uint32_t b = threadIdx.x; b < buckets.count; b += kWide) counts[b] = 0;
-  if (blockIdx.x < tiles) read(blockIdx.x);
+  for (std::uint32_t b = threadIdx.x; b < count; b += kWide) counts[b] = 0;
+  std::uint32_t tile = blockIdx.x;
+  if (tile >= tiles) return;
+  std::uint32_t group = 0;
+  read(range_of(tile, 0));
   __syncthreads();
-  for (std::uint32_t tile = blockIdx.x; tile < tiles; tile += gridDim.x) {
-    const std::uint32_t count = count_of(tile), first = tile * kTile;
+  for (; tile < tiles; tile += gridDim.x) {
+    const Range range = range_of(tile, group);
+    group = range.group;
+    std::uint32_t* const cursors = P == Pass::whole          ? starts.cursor
+                                   : P == Pass::among_groups ? starts.group_cursor
+                                                             : starts.cursor + (range.group << kGroupBits);
     std::uint32_t place[kItems];  // bucket and rank in it; then the place in the tile
 #pragma unroll
     for (int u = 0; u < kItems; u++) {
       const std::uint32_t k = threadIdx.x + u * kWide;
       std::uint32_t bucket = ~0u, key = 0;
-      if (k < count) {
-        if constexpr (kKeyless<Bins>)
-          key_of(bins, slot[u].x, slot[u].y, slot[u].z, key);
+      if (k < range.count) {
+        if constexpr (kKeys)
+          key = in.keys[range.first + k];
         else
-          key = keys[first + k];
+          key_of(bins, slot[u].x, slot[u].y, slot[u].z, key);
         bucket = buckets.of(key);
+        if (P == Pass::among_groups) bucket >>= kGroupBits;
+        if (P == Pass::within_groups) bucket &= (1u << kGroupBits) - 1;
       }
       place[u] = ticket(counts, bucket) | bucket << 16;
     }
-    __syncthreads();
+    scan_shared(counts, count, sums);
+#pragma unroll
+    for (int u = 0; u < kItems; u++) {
+      if (threadIdx.x + u * kWide >= range.count) break;
+      const std::uint32_t bucket = place[u] >> 16;
+      place[u] = counts[bucket] + (place[u] & 0xffff);
+      if (Kind == SlotKind::equal && !kWithin)
+        slot[u].w = __uint_as_float(range.first + threadIdx.x + u * kWide);
+      slots[place[u]] = slot[u], bucket_at[place[u]] = static_cast<std::uint16_t>(bucket);
+    }
+    // The slots' registers are free now: places are asked for, and the next tile, before either is waited
+    // for.
     std::uint32_t taken[kShare];
 #pragma unroll
     for (int u = 0; u < kShare; u++) {
-      const std::uint32_t b = threadIdx.x + u * kWide, c = b < buckets.count ? counts[b] : 0;
+      const std::uint32_t b = threadIdx.x + u * kWide, c = b < count ? counts[b + 1] - counts[b] : 0;
       taken[u] = c ? atomicAdd(cursors + b, c) : 0;
     }
-    scan_shared(counts, buckets.count, sums);
+    if (tile + gridDim.x < tiles) read(range_of(tile + gridDim.x, group));
 #pragma unroll
     for (int u = 0; u < kShare; u++) {
       const std::uint32_t b = threadIdx.x + u * kWide;
-      if (b < buckets.count) shift[b] = taken[u] - counts[b];
-    }
-#pragma unroll
-    for (int u = 0; u < kItems; u++) {
-      if (threadIdx.x + u * kWide >= count) break;
-      const std::uint32_t bucket = place[u] >> 16;
-      place[u] = counts[bucket] + (place[u] & 0xffff);
-      slots[place[u]] = slot[u], bucket_at[place[u]] = static_cast<std::uint16_t>(bucket);
+      if (b < count) shift[b] = taken[u] - counts[b];
     }
     __syncthreads();
-    if (tile + gridDim.x < tiles) read(tile + gridDim.x);
-    for (std::uint32_t b = threadIdx.x; b < buckets.count; b += kWide) counts[b] = 0;
-    for (std::uint32_t s = threadIdx.x; s < count; s += kWide)
+    for (std::uint32_t b = threadIdx.x; b < count; b += kWide) counts[b] = 0;
+    for (std::uint32_t s = threadIdx.x; s < range.count; s += kWide)
       static_cast<float4*>(out.slots)[shift[bucket_at[s]] + s] = slots[s];
     __syncthreads();
     // What does not fit the slot is staged in a second round, through the same memory.
-    if (Kind != SlotKind::equal || !kKeyless<Bins>) {
+    if (kIds || kKeys) {
       auto *numbers = reinterpret_cast<std::uint32_t*>(slots), *tile_keys = numbers + kTile;
 #pragma unroll
       for (int u = 0; u < kItems; u++) {
         const std::uint32_t k = threadIdx.x + u * kWide;
-        if (k >= count) break;
-        if (Kind != SlotKind::equal) numbers[place[u]] = first + k;
-        if (!kKeyless<Bins>) tile_keys[place[u]] = keys[first + k];
+        if (k >= range.count) break;
+        if (kIds) numbers[place[u]] = kWithin ? in.ids[range.first + k] : range.first + k;
+        if (kKeys) tile_keys[place[u]] = in.keys[range.first + k];
       }
       __syncthreads();
-      for (std::uint32_t s = threadIdx.x; s < count; s += kWide) {
+      for (std::uint32_t s = threadIdx.x; s < range.count; s += kWide) {
         const std::uint32_t to = shift[bucket_at[s]] + s;
-        if (Kind != SlotKind::equal) out.ids[to] = numbers[s];
-        if (!kKeyless<Bins>) out.keys[to] = tile_keys[s];
+        if (kIds) out.ids[to] = numbers[s];
+        if (kKeys) out.keys[to] = tile_keys[s];
       }
       __syncthreads();
     }
@@ -267,34 +319,61 @@ bool Orderer::by_buckets(const Source& source, const Grid& grid, bool tidy, unsi
     b.widest = std::max(b.widest, static_cast<std::uint32_t>(width) + 2);
     b.count += static_cast<std::uint32_t>((std::uint64_t(entries - 1) * part.magic) >> 32) + 1;
   }
-  const std::uint32_t table_bytes = (b.widest + 1) * 4, tile_bytes = kTile * 18 + (2 * b.count + 1) * 4;
-  if (b.count > kMostBuckets || tile_bytes > kSharedBytes) return false;
+  if (b.count > kMostBuckets) return false;
+  const bool grouped = b.count > kMostAtOnce;
+  const std::uint32_t groups = grouped ? (b.count + (1u << kGroupBits) - 1) >> kGroupBits : 0;
+  const auto tile_bytes = [](std::uint32_t count) { return kTile * 18 + (2 * count + 1) * 4; };
+  const std::uint32_t table_bytes = (b.widest + 1) * 4;
   const std::uint32_t capacity =
       std::min<std::uint32_t>((kSharedBytes - table_bytes) / sphere_bytes, kMost * kWide) & ~3u;
   // Work space in the list of contacts, which is written afterwards.
-  const std::uint64_t words = keyed ? 2 * std::uint64_t(o.count) : 0;
-  const bool lent = lent_slots_ >= o.count && lent_words_ >= words;
-  std::uint32_t *keys = nullptr, *split_keys = nullptr, *split_ids = nullptr;
-  if (keyed)
-    keys = lent ? lent_word_ : keys_.reserve(o.count),
-    split_keys = lent ? lent_word_ + o.count : ids_.reserve(o.count);
-  float4* split_slots = lent ? lent_slot_ : split_slots_.reserve(o.count);
-  std::uint32_t *starts = starts_.reserve(2 * kMostBuckets + 2), *cursors = starts + kMostBuckets + 1;
-  if (ids) o.ids = sorted_ids_.reserve(2 * std::uint64_t(o.count)), split_ids = o.ids + o.count;
-  const Places split{split_slots, split_ids, split_keys}, out{o.slots, o.ids, o.keys};
-  cuda_check(cudaMemsetAsync(starts, 0, (b.count + 1) * 4, stream), "clear the buckets");
+  const std::uint64_t n = o.count;
+  const bool lent = lent_slots_ >= n && lent_words_ >= (keyed ? 2 * n : 0);
+  if (keyed) o.keys = sorted_keys_.reserve(n);
+  Places source_places, split, out{o.slots, nullptr, o.keys};
+  split.slots = lent ? lent_slot_ : split_slots_.reserve(n);
+  if (keyed) {
+    source_places.keys = lent ? lent_word_ : keys_.reserve(n);
+    split.keys = lent ? lent_word_ + n : ids_.reserve(n);
+  }
+  if (ids) out.ids = o.ids = sorted_ids_.reserve(2 * n), split.ids = o.ids + n;
+  Starts starts;
+  starts.bucket = starts_.reserve(2 * std::uint64_t(b.count) + 2 + 2 * kMostGroups + 1);
+  starts.cursor = starts.bucket + b.count + 1, starts.group_cursor = starts.cursor + b.count + 1;
+  starts.group_tile = starts.group_cursor + kMostGroups;
+  cuda_check(cudaMemsetAsync(starts.bucket, 0, (b.count + 1) * 4, stream), "clear the buckets");
   with_bins(o, grid, [&]<class Kind, class Bins>(Kind kind, const Bins& bins) {
-    (bounds ? bucket_count_kernel<Bins, true>
-            : bucket_count_kernel<Bins, false>)<<<kProcessors * 4, kCount, b.count * 4, stream>>>(
-        source, bins, b, keys, starts, bounds, counters);
-    bucket_start_kernel<<<1, kWide, 0, stream>>>(b, starts, cursors);
-    auto* divide = bucket_split_kernel<kind(), Bins>;
-    auto* arrange = bucket_order_kernel<kind(), Bins>;
-    let_take_shared(divide), let_take_shared(arrange);
-    divide<<<std::min<unsigned>(blocks_for(o.count, kTile), kProcessors), kWide, tile_bytes, stream>>>(
-        source, bins, b, keys, cursors, split);
-    arrange<<<b.count, kWide, capacity * sphere_bytes + table_bytes, stream>>>(
-        bins, b, capacity, starts, split, out, o.table, tidy, counters);
+    const auto with_shared = [&](auto* kernel, unsigned blocks, int threads, std::uint32_t bytes,
+                                 auto&&... arguments) {
+      cuda_check(cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, kSharedBytes),
+                 "take shared memory");
+      kernel<<<blocks, threads, bytes, stream>>>(arguments...);
+    };
+    const unsigned tiles = std::min<unsigned>(blocks_for(n, kTile), kProcessors);
+    if (grouped)
+      with_shared(bounds ? bucket_count_kernel<Bins, true, kWide> : bucket_count_kernel<Bins, false, kWide>,
+                  kProcessors, kWide, b.count * 4, source, bins, b, source_places.keys, starts.bucket, bounds,
+                  counters);
+    else
+      with_shared(bounds ? bucket_count_kernel<Bins, true, kCount> : bucket_count_kernel<Bins, false, kCount>,
+                  kProcessors * 4, kCount, b.count * 4, source, bins, b, source_places.keys, starts.bucket,
+                  bounds, counters);
+    with_shared(bucket_start_kernel, 1, kWide, (b.count + 1) * 4, b, starts, groups);
+    constexpr bool kMayPack = kind() != SlotKind::fixed;
+    const bool packed = kMayPack && source.packed;
+    if (grouped) {
+      with_shared(packed ? bucket_split_kernel<kind(), Bins, Pass::among_groups, kMayPack>
+                         : bucket_split_kernel<kind(), Bins, Pass::among_groups, false>,
+                  tiles, kWide, tile_bytes(groups), source, bins, b, groups, starts, source_places, out);
+      with_shared(bucket_split_kernel<kind(), Bins, Pass::within_groups, false>, tiles, kWide,
+                  tile_bytes(1u << kGroupBits), source, bins, b, 1u << kGroupBits, starts, out, split);
+    } else {
+      with_shared(packed ? bucket_split_kernel<kind(), Bins, Pass::whole, kMayPack>
+                         : bucket_split_kernel<kind(), Bins, Pass::whole, false>,
+                  tiles, kWide, tile_bytes(b.count), source, bins, b, b.count, starts, source_places, split);
+    }
+    with_shared(bucket_order_kernel<kind(), Bins>, b.count, kWide, capacity * sphere_bytes + table_bytes,
+                bins, b, capacity, starts.bucket, split, out, o.table, tidy, counters);
   });
   return true;
 }

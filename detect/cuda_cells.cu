@@ -1,156 +1,172 @@
-// A counting sort over bins; counts live in L2. Fewest launches: for small scenes.
+// A counting sort over bins for small scenes, in one launch: all blocks are resident and wait for each other
+// between the steps, which costs less than the start of a kernel. Spheres stay in registers; counts live in
+// L2.
+#include <cooperative_groups.h>
+
 #include "detect/cuda_order.h"
 
 namespace padder::detect::cuda {
 namespace {
 
-constexpr int kThreads = 256, kScan = 1024, kScanItems = 4, kScanTile = kScan * kScanItems;
+constexpr int kThreads = 512, kItems = 2, kBlocksAProcessor = 2;
+constexpr std::uint32_t kMostOfABin = 64;
 using Word = unsigned long long;
 
-// Sets to zero the table and the sums of its parts.
-__global__ void __launch_bounds__(kThreads)
-    cell_clear_kernel(std::uint32_t* table, std::uint32_t entries, Word* sums, std::uint32_t parts) {
-  follow();
-  const std::uint32_t k = blockIdx.x * kThreads + threadIdx.x;
-  if (4 * k < entries) reinterpret_cast<uint4*>(table)[k] = make_uint4(0, 0, 0, 0);
-  if (k < parts) sums[k] = 0;
-}
+struct CellTask {
+  Source source;
+  Ordered to;
+  std::uint32_t* numbers = nullptr;  // by place, in any order within a bin: for a tidy order
+  Word* sums = nullptr;              // of each block's part of the table
+  Word* bounds = nullptr;
+  Counters* counters = nullptr;
+};
 
-template <class Bins, bool Along>
-__global__ void __launch_bounds__(kThreads)
-    cell_count_kernel(const __grid_constant__ Source source, const __grid_constant__ Bins bins, int merge,
-                      std::uint32_t* keys, std::uint32_t* ranks, std::uint32_t* counts, Word* found,
-                      Counters* counters) {
-  follow();
-  const std::uint32_t k = blockIdx.x * kThreads + threadIdx.x;
-  const bool valid = k < source.count;
-  std::uint32_t key = ~0u;
-  Bounds bounds;
-  if (valid) {
-    const Sphere s = source.sphere(k);
-    key = key_of_sphere(s, bins, counters);
-    if (Along) bounds.take(s, k);
-  }
-  const std::uint32_t rank = ticket(counts, valid ? key >> merge : ~0u);
-  if (valid) {
-    ranks[k] = rank;
-    if (!kKeyless<Bins>) keys[k] = key;
-  }
-  if (Along) bounds.give(found);
-}
-
-// Exclusive sums of the table in one launch: a block publishes the sum of its part and adds up those of all
-// parts before it, which are few and were begun before it.
-__global__ void __launch_bounds__(kScan)
-    cell_scan_kernel(std::uint32_t* table, std::uint32_t entries, Word* sums) {
+// Exclusive sums of v[0 .. n) by all blocks: each publishes the sum of its part and adds up those before it.
+__device__ void scan_table(std::uint32_t* v, std::uint32_t n, Word* sums) {
   constexpr Word kKnown = Word(1) << 32;
-  follow();
-  __shared__ std::uint32_t warp_sums[32], shared_before;
-  const std::uint32_t lane = threadIdx.x & 31, warp = threadIdx.x >> 5,
-                      at = (blockIdx.x * kScan + threadIdx.x) * kScanItems;
+  constexpr int kWarps = kThreads / 32;
+  __shared__ std::uint32_t warp_sums[2][kWarps], shared_before;
+  const std::uint32_t lane = threadIdx.x & 31, warp = threadIdx.x >> 5;
+  // 16 bytes a thread and step.
+  const std::uint32_t quads = (n + 3) / 4, part = (quads + gridDim.x - 1) / gridDim.x,
+                      from = min(blockIdx.x * part, quads), to = min(from + part, quads);
+  auto* const quad = reinterpret_cast<uint4*>(v);
+  std::uint32_t sum = 0;
+  for (std::uint32_t k = from + threadIdx.x; k < to; k += kThreads) {
+    const uint4 q = quad[k];
+    sum += q.x + q.y + q.z + q.w;
+  }
+  sum = __reduce_add_sync(~0u, sum);
+  if (lane == 0) warp_sums[0][warp] = sum;
   if (threadIdx.x == 0) shared_before = 0;
-  uint4 v = at < entries ? *reinterpret_cast<const uint4*>(table + at) : make_uint4(0, 0, 0, 0);
-  std::uint32_t total, before = sum_before(v.x + v.y + v.z + v.w, total);
-  if (lane == 0) warp_sums[warp] = total;
   __syncthreads();
-  const std::uint32_t mine = warp_sums[lane];
-  before += __reduce_add_sync(~0u, lane < warp ? mine : 0);
   if (warp == 0) {
-    const std::uint32_t all = __reduce_add_sync(~0u, mine);
+    const std::uint32_t all = __reduce_add_sync(~0u, lane < kWarps ? warp_sums[0][lane] : 0);
     if (lane == 0) atomicExch(sums + blockIdx.x, kKnown | all);
   }
   std::uint32_t earlier = 0;
-  for (std::uint32_t part = threadIdx.x; part < blockIdx.x; part += kScan) {
-    Word sum;
-    while (!((sum = *static_cast<volatile Word*>(sums + part)) & kKnown)) {
-    }
-    earlier += static_cast<std::uint32_t>(sum);
+  for (std::uint32_t b = threadIdx.x; b < blockIdx.x; b += kThreads) {
+    Word s;
+    do s = *static_cast<volatile Word*>(sums + b);
+    while (!(s & kKnown));
+    earlier += static_cast<std::uint32_t>(s);
   }
   earlier = __reduce_add_sync(~0u, earlier);
   if (lane == 0 && earlier) atomicAdd(&shared_before, earlier);
   __syncthreads();
-  before += shared_before;
-  if (at < entries)
-    *reinterpret_cast<uint4*>(table + at) =
-        make_uint4(before, before + v.x, before + v.x + v.y, before + v.x + v.y + v.z);
-}
-
-template <SlotKind Kind, class Bins>
-__global__ void __launch_bounds__(kThreads)
-    cell_place_kernel(const __grid_constant__ Source source, const __grid_constant__ Bins bins, int merge,
-                      const std::uint32_t* keys, const std::uint32_t* ranks, const std::uint32_t* table,
-                      Places out) {
-  follow();
-  const std::uint32_t k = blockIdx.x * kThreads + threadIdx.x;
-  if (k >= source.count) return;
-  const float4 slot = slot_of<Kind>(source, grid_of(bins), k);
-  std::uint32_t key;
-  if constexpr (kKeyless<Bins>)
-    key_of(bins, slot.x, slot.y, slot.z, key);
-  else
-    key = keys[k];
-  const std::uint32_t at = table[key >> merge] + ranks[k];
-  static_cast<float4*>(out.slots)[at] = slot;
-  if (!kKeyless<Bins>) out.keys[at] = key;
-  if (Kind != SlotKind::equal) out.ids[at] = k;
-}
-
-// Spheres of a bin by their number. Bins are small; a crowded one is reported and the caller sorts instead.
-template <SlotKind Kind, bool Keyless>
-__global__ void __launch_bounds__(kThreads)
-    cell_tidy_kernel(std::uint32_t entries, const std::uint32_t* table, Places out, Counters* counters) {
-  follow();
-  const std::uint32_t b = blockIdx.x * kThreads + threadIdx.x;
-  if (b >= entries) return;
-  const std::uint32_t from = table[b], to = table[b + 1];
-  if (to - from < 2) return;
-  if (to - from > 64) {
-    atomicOr(&counters->flags, kCrowded);
-    return;
+  std::uint32_t before = shared_before;
+  int which = 1;
+  for (std::uint32_t step = from; step < to; step += kThreads, which ^= 1) {
+    const std::uint32_t k = step + threadIdx.x;
+    const uint4 q = k < to ? quad[k] : make_uint4(0, 0, 0, 0);
+    std::uint32_t total, mine = sum_before(q.x + q.y + q.z + q.w, total);
+    if (lane == 0) warp_sums[which][warp] = total;
+    __syncthreads();
+    const std::uint32_t w = lane < kWarps ? warp_sums[which][lane] : 0;
+    mine += before + __reduce_add_sync(~0u, lane < warp ? w : 0);
+    if (k < to) quad[k] = make_uint4(mine, mine + q.x, mine + q.x + q.y, mine + q.x + q.y + q.z);
+    before += __reduce_add_sync(~0u, w);
   }
-  auto* slots = static_cast<float4*>(out.slots);
-  const auto id = [&](std::uint32_t p) {
-    return Kind == SlotKind::equal ? __float_as_uint(slots[p].w) : out.ids[p];
-  };
-  for (std::uint32_t i = from + 1; i < to; i++) {
-    const float4 slot = slots[i];
-    const std::uint32_t mine = Kind == SlotKind::equal ? __float_as_uint(slot.w) : out.ids[i],
-                        key = Keyless ? 0 : out.keys[i];
-    std::uint32_t j = i;
-    for (; j > from && id(j - 1) > mine; j--) {
-      slots[j] = slots[j - 1];
-      if (!Keyless) out.keys[j] = out.keys[j - 1];
-      if (Kind != SlotKind::equal) out.ids[j] = out.ids[j - 1];
+}
+
+template <SlotKind Kind, class Bins, bool Along, bool Tidy>
+__global__ void __launch_bounds__(kThreads, kBlocksAProcessor)
+    cell_order_kernel(const __grid_constant__ CellTask task, const __grid_constant__ Bins bins) {
+  const auto grid = cooperative_groups::this_grid();
+  const std::uint32_t thread = blockIdx.x * kThreads + threadIdx.x, threads = gridDim.x * kThreads,
+                      count = task.source.count, entries = static_cast<std::uint32_t>(task.to.entries + 1);
+  std::uint32_t* const table = task.to.table;
+  for (std::uint32_t k = thread; 4 * k < entries; k += threads)
+    reinterpret_cast<uint4*>(table)[k] = make_uint4(0, 0, 0, 0);
+  if (threadIdx.x == 0) task.sums[blockIdx.x] = 0;
+  if (Along && thread < kBounds) task.bounds[thread] = Bounds::nothing(thread);
+  if (Along && thread == 0) *task.counters = {};
+  float4 slot[kItems];
+#pragma unroll
+  for (int u = 0; u < kItems; u++) {
+    const std::uint32_t k = thread + u * threads;
+    if (k < count) slot[u] = slot_of<Kind>(task.source, grid_of(bins), k);
+  }
+  grid.sync();
+
+  std::uint32_t key[kItems], rank[kItems];
+  Bounds bounds;
+#pragma unroll
+  for (int u = 0; u < kItems; u++) {
+    const std::uint32_t k = thread + u * threads;
+    key[u] = ~0u;
+    if (k < count) {
+      const Sphere s = task.source.sphere(k);
+      key[u] = key_of_sphere(s, bins, task.counters);
+      if (Along) bounds.take(s, k);
     }
-    slots[j] = slot;
-    if (!Keyless) out.keys[j] = key;
-    if (Kind != SlotKind::equal) out.ids[j] = mine;
+    rank[u] = ticket(table, k < count ? key[u] >> task.to.merge : ~0u);
+  }
+  if (Along) bounds.give(task.bounds);
+  grid.sync();
+
+  scan_table(table, entries, task.sums);
+  grid.sync();
+
+  if (Tidy) {
+    // Within a bin by number: a sphere's rank is how many of its bin have a smaller one. Bins are small; a
+    // crowded one is reported, and the caller sorts instead.
+#pragma unroll
+    for (int u = 0; u < kItems; u++) {
+      const std::uint32_t k = thread + u * threads;
+      if (k < count) task.numbers[table[key[u] >> task.to.merge] + rank[u]] = k;
+    }
+    grid.sync();
+  }
+#pragma unroll
+  for (int u = 0; u < kItems; u++) {
+    const std::uint32_t k = thread + u * threads;
+    if (k >= count) break;
+    const std::uint32_t entry = key[u] >> task.to.merge, from = table[entry];
+    std::uint32_t at = from + rank[u];
+    if (Tidy) {
+      const std::uint32_t end = table[entry + 1];
+      at = from;
+      if (end - from > kMostOfABin) {
+        atomicOr(&task.counters->flags, kCrowded);
+        continue;
+      }
+      for (std::uint32_t p = from; p < end; p++) at += task.numbers[p] < k;
+    }
+    static_cast<float4*>(task.to.slots)[at] = slot[u];
+    if (!kKeyless<Bins>) task.to.keys[at] = key[u];
+    if (Kind != SlotKind::equal) task.to.ids[at] = k;
   }
 }
-
-std::uint32_t scan_parts(std::uint64_t entries) { return blocks_for(entries, kScanTile); }
 
 }  // namespace
 
-std::uint64_t cell_sums(std::uint64_t entries) { return scan_parts(entries); }
-
-void order_by_cells(const Source& source, const Grid& grid, const CellPlan& plan, unsigned long long* bounds,
-                    Counters* counters, const Ordered& o, cudaStream_t stream) {
-  const auto entries = static_cast<std::uint32_t>(o.entries + 1);
-  const unsigned blocks = blocks_for(o.count, kThreads);
-  launch(cell_clear_kernel, {blocks_for((entries + 3) / 4, kThreads), kThreads}, stream, o.table, entries,
-         plan.sums, scan_parts(entries));
+bool Orderer::by_cells(const Source& source, const Grid& grid, bool tidy, unsigned long long* bounds,
+                       Counters* counters, Ordered& o, cudaStream_t stream) {
+  int device = 0, processors = 0;
+  cuda_check(cudaGetDevice(&device), "ask for the device");
+  cuda_check(cudaDeviceGetAttribute(&processors, cudaDevAttrMultiProcessorCount, device), "ask the device");
+  const auto most = static_cast<unsigned>(processors * kBlocksAProcessor);
+  if (o.count > std::uint64_t(most) * kThreads * kItems) return false;
+  if (!o.bins.on) o.keys = sorted_keys_.reserve(o.count);
+  if (o.kind != SlotKind::equal) o.ids = sorted_ids_.reserve(o.count);
+  CellTask task{source, o};
+  if (tidy) task.numbers = keys_.reserve(o.count);
+  task.sums = reinterpret_cast<Word*>(scratch_.reserve(most * sizeof(Word)));
+  task.bounds = bounds, task.counters = counters;
   with_bins(o, grid, [&]<class Kind, class Bins>(Kind kind, const Bins& bins) {
-    launch(bounds ? cell_count_kernel<Bins, true> : cell_count_kernel<Bins, false>, {blocks, kThreads},
-           stream, source, bins, o.merge, plan.keys, plan.ranks, o.table, bounds, counters);
-    launch(cell_scan_kernel, {scan_parts(entries), kScan}, stream, o.table, entries, plan.sums);
-    const Places out{o.slots, o.ids, o.keys};
-    launch(cell_place_kernel<kind(), Bins>, {blocks, kThreads}, stream, source, bins, o.merge, plan.keys,
-           plan.ranks, o.table, out);
-    if (plan.tidy)
-      launch(cell_tidy_kernel<kind(), kKeyless<Bins>>, {blocks_for(o.entries, kThreads), kThreads}, stream,
-             static_cast<std::uint32_t>(o.entries), o.table, out, counters);
+    auto* const kernel = bounds ? (tidy ? cell_order_kernel<kind(), Bins, true, true>
+                                        : cell_order_kernel<kind(), Bins, true, false>)
+                                : (tidy ? cell_order_kernel<kind(), Bins, false, true>
+                                        : cell_order_kernel<kind(), Bins, false, false>);
+    Bins b = bins;
+    void* arguments[] = {&task, &b};
+    cuda_check(cudaLaunchCooperativeKernel(reinterpret_cast<const void*>(kernel),
+                                           std::min(blocks_for(o.count, kThreads), most), kThreads, arguments,
+                                           0, stream),
+               "put the spheres in order");
   });
+  return true;
 }
 
 }  // namespace padder::detect::cuda

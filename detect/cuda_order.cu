@@ -70,23 +70,14 @@ Ordered Orderer::order(const Source& source, const Grid& grid, SlotKind kind, bo
   o.entries = (grid.buckets >> o.merge) + 2;
   o.table = table_.reserve(o.entries + 4), o.slots = slots_.reserve(std::uint64_t(o.count) + kSlack);
   o.bins = float_bins(grid, kind);
-  if (!o.bins.on) o.keys = sorted_keys_.reserve(o.count);
+  if (method == OrderMethod::cells && !by_cells(source, grid, tidy, bounds, counters, o, stream))
+    method = OrderMethod::buckets;
+  if (method != OrderMethod::cells && bounds) Surveyor::begin_bounds(bounds, stream);
   if (method == OrderMethod::buckets && !by_buckets(source, grid, tidy, bounds, counters, o, stream))
     method = OrderMethod::sort;
-  if (method == OrderMethod::cells) by_cells(source, grid, tidy, bounds, counters, o, stream);
   if (method == OrderMethod::sort) by_sort(source, grid, bounds, counters, o, stream);
   cuda_launched("put the spheres in order");
   return o;
-}
-
-void Orderer::by_cells(const Source& source, const Grid& grid, bool tidy, unsigned long long* bounds,
-                       Counters* counters, Ordered& o, cudaStream_t stream) {
-  CellPlan plan;
-  plan.ranks = ids_.reserve(o.count), plan.tidy = tidy;
-  plan.sums = reinterpret_cast<unsigned long long*>(scratch_.reserve(8 * cell_sums(o.entries + 1)));
-  if (!o.bins.on) plan.keys = keys_.reserve(o.count);
-  if (o.kind != SlotKind::equal) o.ids = sorted_ids_.reserve(o.count);
-  order_by_cells(source, grid, plan, bounds, counters, o, stream);
 }
 
 void Orderer::by_sort(const Source& source, const Grid& grid, unsigned long long* bounds, Counters* counters,

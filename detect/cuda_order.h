@@ -1,7 +1,6 @@
 // What the three ways of putting spheres in order share. Only cuda_{order,cells,buckets}.cu include this.
 #pragma once
 #include "detect/cuda_bins.h"
-#include "detect/cuda_launch.h"
 
 namespace padder::detect::cuda {
 
@@ -20,20 +19,18 @@ struct Places {
 template <class Bins>
 inline constexpr bool kKeyless = std::is_same_v<Bins, FloatBins>;
 
-template <SlotKind Kind>
-__device__ __forceinline__ float4 slot_of(const Source& source, const Grid* grid, std::uint32_t id) {
-  if (Kind != SlotKind::fixed && source.packed) {
-    float4 s = __ldg(static_cast<const float4*>(source.centers) + id);
-    if (Kind == SlotKind::equal) s.w = __uint_as_float(id);
-    return s;
-  }
+// All of a slot but the number that takes the place of equal radii. Packed: source.packed, where a kernel is
+// made for that.
+template <SlotKind Kind, bool Packed>
+__device__ __forceinline__ float4 bare_slot(const Source& source, const Grid* grid, std::uint32_t id) {
+  if constexpr (Packed) return __ldg(static_cast<const float4*>(source.centers) + id);
   const Sphere s = source.sphere(id);
   if constexpr (Kind == SlotKind::fixed) {
     const FixedSlot f = fixed_slot(grid->level[level_of(*grid, s)], s);
     return make_float4(__int_as_float(f.x), __int_as_float(f.y), __int_as_float(f.z), f.r);
   } else {
     const FloatSlot f = float_slot(s);
-    return make_float4(f.x, f.y, f.z, Kind == SlotKind::equal ? __uint_as_float(id) : f.r);
+    return make_float4(f.x, f.y, f.z, f.r);
   }
 }
 
@@ -87,6 +84,15 @@ __device__ __forceinline__ void scan_shared(std::uint32_t* v, std::uint32_t n, s
   __syncthreads();
 }
 
+template <SlotKind Kind>
+__device__ __forceinline__ float4 slot_of(const Source& source, const Grid* grid, std::uint32_t id) {
+  constexpr bool kMayPack = Kind != SlotKind::fixed;
+  float4 s = kMayPack && source.packed ? bare_slot<Kind, kMayPack>(source, grid, id)
+                                       : bare_slot<Kind, false>(source, grid, id);
+  if (Kind == SlotKind::equal) s.w = __uint_as_float(id);
+  return s;
+}
+
 template <class F>
 void with_kind(SlotKind kind, F f) {
   if (kind == SlotKind::equal) f(std::integral_constant<SlotKind, SlotKind::equal>{});
@@ -104,15 +110,5 @@ void with_bins(const Ordered& o, const Grid& grid, F f) {
 }
 __device__ __forceinline__ const Grid* grid_of(const Grid& g) { return &g; }
 __device__ __forceinline__ const Grid* grid_of(const FloatBins&) { return nullptr; }
-
-// Kernels of the two ways that have files of their own.
-struct CellPlan {
-  std::uint32_t *keys = nullptr, *ranks = nullptr;
-  unsigned long long* sums = nullptr;  // cell_sums(entries) of them
-  bool tidy = true;
-};
-std::uint64_t cell_sums(std::uint64_t entries);
-void order_by_cells(const Source& source, const Grid& grid, const CellPlan& plan, unsigned long long* bounds,
-                    Counters* counters, const Ordered& o, cudaStream_t stream);
 
 }  // namespace padder::detect::cuda

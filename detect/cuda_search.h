@@ -79,7 +79,8 @@ class Orderer {
   explicit Orderer(MemoryBook& book);
   // `tidy`: within a bin by sphere number, so that the order is the same in every run. Sets kCrowded in the
   // counters where a bin or bucket is too full for the method; then only OrderMethod::sort gives an order.
-  // `bounds`, unless null, is told the bounds of the spheres (Surveyor).
+  // `bounds`, unless null, is Surveyor::bounds(): they are gathered along, and they and the counters need not
+  // have been set to zero.
   Ordered order(const Source& source, const Grid& grid, SlotKind kind, bool tidy, OrderMethod method,
                 unsigned long long* bounds, Counters* counters, cudaStream_t stream);
   // Memory that order() may use and leave behind changed.
@@ -90,7 +91,7 @@ class Orderer {
   static constexpr std::uint32_t kFewSpheres = 1u << 18;
 
  private:
-  void by_cells(const Source& source, const Grid& grid, bool tidy, unsigned long long* bounds,
+  bool by_cells(const Source& source, const Grid& grid, bool tidy, unsigned long long* bounds,
                 Counters* counters, Ordered& o, cudaStream_t stream);
   bool by_buckets(const Source& source, const Grid& grid, bool tidy, unsigned long long* bounds,
                   Counters* counters, Ordered& o, cudaStream_t stream);

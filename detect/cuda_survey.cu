@@ -112,9 +112,13 @@ Surveyor::Surveyor(MemoryBook& book)
 
 std::uint64_t Surveyor::words() { return kHead + kAll; }
 
+void Surveyor::begin_bounds(Word* bounds, cudaStream_t stream) {
+  begin_kernel<<<1, 32, 0, stream>>>(bounds, 5, kBounds, kBounds, kHead);
+}
+
 void Surveyor::begin(const Source& source, bool octaves, int top, bool along, cudaStream_t stream) {
   Word* v = head() + kHead;
-  begin_kernel<<<1, 32, 0, stream>>>(v, 5, kBounds, kBounds, kHead);
+  if (!along) begin_bounds(v, stream);
   if (!along) survey_kernel<<<kBlocks, kThreads, 0, stream>>>(source, v, sums_.reserve(kBlocks));
   if (octaves) {
     begin_kernel<<<3, 256, 0, stream>>>(v + kBounds, 3, kOctaves * kOctaveWords, kOctaveWords, 0);
@@ -127,6 +131,13 @@ void Surveyor::read_head(cudaStream_t stream) {
   cuda_check(cudaMemcpyAsync(host_values_.reserve(words()), head(), kHead * sizeof(Word),
                              cudaMemcpyDeviceToHost, stream),
              "read the count");
+}
+
+void Surveyor::expect(bool octaves, bool along) {
+  if (along)
+    arrival_.expect(host_values_.reserve(words()), (kHead + (octaves ? kAll : kBounds)) * sizeof(Word));
+  else
+    arrival_.expect(host_sums_.reserve(kBlocks), kBlocks * sizeof(double));
 }
 
 void Surveyor::read(bool octaves, bool along, cudaStream_t stream) {
