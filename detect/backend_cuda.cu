@@ -187,6 +187,14 @@ class CudaBackend : public Backend {
     plan_.octaves = needs_octaves(summary), plan_.top = exponent_of(summary.need_max);
   }
 
+  void expect_report() {
+    report_.clear();
+    if (plan_.with_survey)
+      surveyor_.read(plan_.octaves, Surveyor::rides_along(source_), report_);
+    else
+      surveyor_.read_head(report_);
+    report_.expect();
+  }
   // One pass over the device: order, search, and the counters (with_survey: the summary too) to the host.
   void enqueue() {
     static_assert(sizeof(Counters) <= Surveyor::kHead * 8);
@@ -204,10 +212,7 @@ class CudaBackend : public Backend {
                        along ? surveyor_.bounds() : nullptr, counters, stream_);
     mark(seconds_.stage[3]);
     search(source_, plan_.grid, ordered, plan_.search, plan_.output, counters, search_memory_, stream_);
-    if (plan_.with_survey)
-      surveyor_.read(plan_.octaves, along, stream_);
-    else
-      surveyor_.read_head(stream_);
+    report_.send(stream_);
   }
   // The same as a graph when the same was done in the call before: no gaps between the launches.
   void enqueue_again() {
@@ -250,9 +255,9 @@ class CudaBackend : public Backend {
       make_plan(options, before);
       plan_.output = output(options), plan_.with_survey = true, plan_.method = method_,
       plan_.moves = book_.moves;
-      surveyor_.expect(plan_.octaves, Surveyor::rides_along(source_));
+      expect_report();
       enqueue_again();
-      surveyor_.arrived(stream_);
+      report_.arrived(stream_, "search for contacts");
       const Grid grid = plan_.grid;
       const SlotKind kind = plan_.kind;
       done = surveyor_.finish(source_, plan_.octaves, plan_.top, Surveyor::rides_along(source_), summary_);
@@ -274,8 +279,9 @@ class CudaBackend : public Backend {
       if (options.width != Width::pairs && source_.count >= Orderer::kFewSpheres && capacity(options) == 0)
         reserve_records(options, source_.count);
       plan_.output = output(options), plan_.method = method_ = OrderMethod::automatic;
+      expect_report();
       enqueue();
-      cuda_check(cudaStreamSynchronize(stream_), "search for contacts");
+      report_.arrived(stream_, "search for contacts");
     }
     planned_for_ = source_.count;
     // A bin too full for the method: sort. A list too short: it was counted to its end; made longer, and
@@ -299,8 +305,9 @@ class CudaBackend : public Backend {
         break;
       }
       plan_.output = output(options), plan_.with_survey = false;
+      expect_report();
       enqueue();
-      cuda_check(cudaStreamSynchronize(stream_), "search for contacts");
+      report_.arrived(stream_, "search for contacts");
     }
     mark(seconds_.stage[8]);
   }
@@ -350,6 +357,7 @@ class CudaBackend : public Backend {
   InputCopy input_{book_};
   Source source_;
   Surveyor surveyor_{book_};
+  Report report_;
   Orderer orderer_{book_};
   BodySearch bodies_{book_};
   std::optional<Stages> stages_;

@@ -303,9 +303,16 @@ void BodySearch::meet_static(cudaStream_t stream) {
   write_static(t, table_.grid, stream);
 }
 
+void BodySearch::expect_report() {
+  report_.clear();
+  if (view_.moving > 0 && plan_.with_survey) surveyor_.read(plan_.octaves, false, report_);
+  report_.add(counters_.reserve(1), host_counters_.reserve(1), sizeof(BodyCounters));
+  report_.expect();
+}
+
 // One pass over the device, up to the counters on the host.
 void BodySearch::enqueue(cudaStream_t stream, const Mark& mark) {
-  BodyCounters *counters = counters_.reserve(1), *found = host_counters_.reserve(1);
+  BodyCounters* counters = counters_.reserve(1);
   cuda_check(cudaMemsetAsync(counters, 0, sizeof *counters, stream), "clear the counters");
   if (view_.moving > 0) {
     if (plan_.with_survey) surveyor_.begin(plan_.balls, plan_.octaves, plan_.top, false, stream);
@@ -340,9 +347,7 @@ void BodySearch::enqueue(cudaStream_t stream, const Mark& mark) {
     mark(7);
     write_hits(t, plan_.output, stream);
   }
-  if (view_.moving > 0 && plan_.with_survey) surveyor_.read(plan_.octaves, false, stream);
-  cuda_check(cudaMemcpyAsync(found, counters, sizeof *found, cudaMemcpyDeviceToHost, stream),
-             "read the count");
+  report_.send(stream);
 }
 
 // The same as a graph when the same was done in the call before: no gaps between the launches.
@@ -398,10 +403,9 @@ bool BodySearch::run(const Input& input, const Options& options, const Room& out
   if (known && hope_ > 0 && view_.moving > 0) {
     make_plan(options, out);
     plan_.with_survey = true;
-    Arrival counters;
-    counters.expect(host_counters_.reserve(1), sizeof(BodyCounters));
+    expect_report();
     enqueue_again(stream, mark);
-    counters.arrived(stream, "search for contacts");
+    report_.arrived(stream, "search for contacts");
     const Grid grid = plan_.grid;
     done = surveyor_.finish(plan_.balls, plan_.octaves, plan_.top, false, summary_);
     if (done) {
@@ -421,8 +425,9 @@ bool BodySearch::run(const Input& input, const Options& options, const Room& out
     if (!ordinary(options)) return false;
     mark(0);
     make_plan(options, out);
+    expect_report();
     enqueue(stream, mark);
-    cuda_check(cudaStreamSynchronize(stream), "search for contacts");
+    report_.arrived(stream, "search for contacts");
   }
   // Whatever was too small was counted to its end; it is made larger and the pass repeated. So is a list of
   // pairs in the order of another length.
@@ -447,8 +452,9 @@ bool BodySearch::run(const Input& input, const Options& options, const Room& out
       break;
     }
     make_plan(options, out);
+    expect_report();
     enqueue(stream, mark);
-    cuda_check(cudaStreamSynchronize(stream), "search for contacts");
+    report_.arrived(stream, "search for contacts");
   }
   mark(8);
   revision_ = revision;

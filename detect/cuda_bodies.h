@@ -80,6 +80,7 @@ class BodySearch {
   bool build_table(cudaStream_t stream);
   void place(std::uint32_t first, std::uint32_t end, cudaStream_t stream);
   void make_plan(const Options& options, const Output& output);
+  void expect_report();
   void enqueue(cudaStream_t stream, const Mark& mark);
   void enqueue_again(cudaStream_t stream, const Mark& mark);
   void meet_static(cudaStream_t stream);
@@ -120,6 +121,7 @@ class BodySearch {
   Buffer<unsigned long long> item_places_, query_places_;
   Buffer<unsigned char> scratch_;
   Buffer<BodyCounters> counters_, host_counters_;
+  Report report_;
   SearchMemory search_memory_;
   Share share_;  // of the pairs found before
 };

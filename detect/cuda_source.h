@@ -2,7 +2,7 @@
 // include this.
 #pragma once
 #include "detect/cuda_memory.h"
-#include "detect/cuda_wait.h"
+#include "detect/cuda_report.h"
 #include "detect/place.h"
 
 namespace padder::detect::cuda {
@@ -150,23 +150,19 @@ class Surveyor {
   void begin(const Source& source, bool octaves, int top, bool along, cudaStream_t stream);
   static void begin_bounds(unsigned long long* bounds, cudaStream_t stream);  // and clears the head
   unsigned long long* bounds() const { return values_.data() + kHead; }
-  void read(bool octaves, bool along, cudaStream_t stream);
-  // Waits for what read() copies; expect() it before anything is enqueued.
-  void expect(bool octaves, bool along);
-  void arrived(cudaStream_t stream) const { arrival_.arrived(stream, "search for contacts"); }
+  void read(bool octaves, bool along, Report& report);
   bool finish(const Source& source, bool octaves, int top, bool along, Summary& summary) const;
 
   // Words of the caller in front of the summary, so that one copy brings both to the host.
   static constexpr int kHead = 8;
   unsigned long long* head() { return values_.reserve(words()); }
   const unsigned long long* host_head() { return host_values_.reserve(words()); }
-  void read_head(cudaStream_t stream);
+  void read_head(Report& report);
 
  private:
   static std::uint64_t words();
   Buffer<unsigned long long> values_, host_values_;
   Buffer<double> sums_, host_sums_;
-  Arrival arrival_;
 };
 
 }  // namespace padder::detect::cuda

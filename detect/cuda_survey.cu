@@ -127,28 +127,13 @@ void Surveyor::begin(const Source& source, bool octaves, int top, bool along, cu
   cuda_launched("survey the spheres");
 }
 
-void Surveyor::read_head(cudaStream_t stream) {
-  cuda_check(cudaMemcpyAsync(host_values_.reserve(words()), head(), kHead * sizeof(Word),
-                             cudaMemcpyDeviceToHost, stream),
-             "read the count");
+void Surveyor::read_head(Report& report) {
+  report.add(head(), host_values_.reserve(words()), kHead * sizeof(Word));
 }
 
-void Surveyor::expect(bool octaves, bool along) {
-  if (along)
-    arrival_.expect(host_values_.reserve(words()), (kHead + (octaves ? kAll : kBounds)) * sizeof(Word));
-  else
-    arrival_.expect(host_sums_.reserve(kBlocks), kBlocks * sizeof(double));
-}
-
-void Surveyor::read(bool octaves, bool along, cudaStream_t stream) {
-  cuda_check(
-      cudaMemcpyAsync(host_values_.reserve(words()), head(),
-                      (kHead + (octaves ? kAll : kBounds)) * sizeof(Word), cudaMemcpyDeviceToHost, stream),
-      "read the survey");
-  if (along) return;
-  cuda_check(cudaMemcpyAsync(host_sums_.reserve(kBlocks), sums_.reserve(kBlocks), kBlocks * sizeof(double),
-                             cudaMemcpyDeviceToHost, stream),
-             "read the survey");
+void Surveyor::read(bool octaves, bool along, Report& report) {
+  report.add(head(), host_values_.reserve(words()), (kHead + (octaves ? kAll : kBounds)) * sizeof(Word));
+  if (!along) report.add(sums_.reserve(kBlocks), host_sums_.reserve(kBlocks), kBlocks * sizeof(double));
 }
 
 bool Surveyor::finish(const Source& source, bool octaves, int top, bool along, Summary& s) const {
@@ -184,9 +169,12 @@ bool Surveyor::finish(const Source& source, bool octaves, int top, bool along, S
 Summary Surveyor::survey(const Source& source, cudaStream_t stream) {
   Summary s;
   const auto look = [&](bool octaves, int top) {
+    Report report;
+    read(octaves, false, report);
+    report.expect();
     begin(source, octaves, top, false, stream);
-    read(octaves, false, stream);
-    cuda_check(cudaStreamSynchronize(stream), "survey the spheres");
+    report.send(stream);
+    report.arrived(stream, "survey the spheres");
     return finish(source, octaves, top, false, s);
   };
   if (look(false, 0)) return s;
