@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "detect/cuda_bodies.h"
+#include "detect/cuda_graph.h"
 #include "detect/cuda_record.h"
 #include "detect/cuda_search.h"
 #include "detect/cuda_stages.h"
@@ -31,7 +32,6 @@ class CudaBackend : public Backend {
   explicit CudaBackend(int device) : device_(device) {}
   ~CudaBackend() override {
     const OnDevice on(device_);
-    if (graph_) cudaGraphExecDestroy(graph_);
     if (own_stream_) cudaStreamDestroy(own_stream_);
   }
   const char* name() const override { return "cuda"; }
@@ -214,37 +214,6 @@ class CudaBackend : public Backend {
     search(source_, plan_.grid, ordered, plan_.search, plan_.output, counters, search_memory_, stream_);
     report_.send(stream_);
   }
-  // The same as a graph when the same was done in the call before: no gaps between the launches.
-  void enqueue_again() {
-    const bool same = plan_ == graph_plan_;
-    if (same && graph_) {
-      cuda_check(cudaGraphLaunch(graph_, stream_), "launch a graph");
-      return;
-    }
-    if (!same) {
-      if (graph_) cudaGraphExecDestroy(graph_);
-      graph_ = nullptr;
-      graph_plan_ = plan_;
-      enqueue();
-      graph_plan_.moves = book_.moves;
-      return;
-    }
-    cudaGraph_t recorded = nullptr;
-    cuda_check(cudaStreamBeginCapture(stream_, cudaStreamCaptureModeRelaxed), "record a graph");
-    try {
-      enqueue();
-    } catch (...) {
-      cudaStreamEndCapture(stream_, &recorded);
-      if (recorded) cudaGraphDestroy(recorded);
-      throw;
-    }
-    cuda_check(cudaStreamEndCapture(stream_, &recorded), "record a graph");
-    const cudaError_t e = cudaGraphInstantiate(&graph_, recorded, 0);
-    cudaGraphDestroy(recorded);
-    cuda_check(e, "record a graph");
-    cuda_check(cudaGraphLaunch(graph_, stream_), "launch a graph");
-  }
-
   void fast(const Input& input, const Options& options, Contacts& c) {
     // The bins of the call before are tried first, while the survey runs along: usually they still fit, and
     // the device is waited for once instead of twice. They are taken only if they are those that the survey
@@ -256,7 +225,7 @@ class CudaBackend : public Backend {
       plan_.output = output(options), plan_.with_survey = true, plan_.method = method_,
       plan_.moves = book_.moves;
       expect_report();
-      enqueue_again();
+      recording_.run(plan_, book_.moves, stream_, [&] { enqueue(); });
       report_.arrived(stream_, "search for contacts");
       const Grid grid = plan_.grid;
       const SlotKind kind = plan_.kind;
@@ -370,8 +339,8 @@ class CudaBackend : public Backend {
   mutable Buffer<unsigned long long> hash_{book_, "the hash"};
   const Pair* pairs_on_device_ = nullptr;
   std::uint64_t last_count_ = 0;
-  Plan plan_, graph_plan_;
-  cudaGraphExec_t graph_ = nullptr;
+  Plan plan_;
+  Recording<Plan> recording_;
   cudaStream_t own_stream_ = nullptr;
   Summary summary_;
   OrderMethod method_ = OrderMethod::automatic;

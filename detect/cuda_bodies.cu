@@ -117,10 +117,6 @@ BodySearch::BodySearch(MemoryBook& book)
       host_counters_(book, "counters", true),
       search_memory_(book) {}
 
-BodySearch::~BodySearch() {
-  if (graph_) cudaGraphExecDestroy(graph_);
-}
-
 bool BodySearch::knows(const Input& input) const {
   return input.revision != 0 && input.revision == revision_ && input.bodies.size() == known_bodies_ &&
          input.spheres.count == known_loose_;
@@ -350,36 +346,6 @@ void BodySearch::enqueue(cudaStream_t stream, const Mark& mark) {
   report_.send(stream);
 }
 
-// The same as a graph when the same was done in the call before: no gaps between the launches.
-void BodySearch::enqueue_again(cudaStream_t stream, const Mark& mark) {
-  const bool same = plan_ == graph_plan_;
-  if (same && graph_) {
-    cuda_check(cudaGraphLaunch(graph_, stream), "launch a graph");
-    return;
-  }
-  if (!same) {
-    if (graph_) cudaGraphExecDestroy(graph_);
-    graph_ = nullptr, graph_plan_ = plan_;
-    enqueue(stream, mark);
-    graph_plan_.moves = book_.moves;
-    return;
-  }
-  cudaGraph_t recorded = nullptr;
-  cuda_check(cudaStreamBeginCapture(stream, cudaStreamCaptureModeRelaxed), "record a graph");
-  try {
-    enqueue(stream, [](int) {});
-  } catch (...) {
-    cudaStreamEndCapture(stream, &recorded);
-    if (recorded) cudaGraphDestroy(recorded);
-    throw;
-  }
-  cuda_check(cudaStreamEndCapture(stream, &recorded), "record a graph");
-  const cudaError_t e = cudaGraphInstantiate(&graph_, recorded, 0);
-  cudaGraphDestroy(recorded);
-  cuda_check(e, "record a graph");
-  cuda_check(cudaGraphLaunch(graph_, stream), "launch a graph");
-}
-
 bool BodySearch::ordinary(const Options& options) const {
   if (summary_.first_fault != ~std::uint64_t(0)) return false;
   return options.width == Width::pairs || options.scalar == Scalar::f64 ||
@@ -404,7 +370,10 @@ bool BodySearch::run(const Input& input, const Options& options, const Room& out
     make_plan(options, out);
     plan_.with_survey = true;
     expect_report();
-    enqueue_again(stream, mark);
+    if (options.timings)  // marks wait for the device, which a recording cannot
+      enqueue(stream, mark);
+    else
+      recording_.run(plan_, book_.moves, stream, [&] { enqueue(stream, mark); });
     report_.arrived(stream, "search for contacts");
     const Grid grid = plan_.grid;
     done = surveyor_.finish(plan_.balls, plan_.octaves, plan_.top, false, summary_);

@@ -5,6 +5,7 @@
 #include <functional>
 
 #include "detect/assembly.h"
+#include "detect/cuda_graph.h"
 #include "detect/cuda_record.h"
 #include "detect/cuda_search.h"
 
@@ -44,7 +45,6 @@ struct BodyCounters {
 class BodySearch {
  public:
   explicit BodySearch(MemoryBook& book);
-  ~BodySearch();
 
   bool knows(const Input& input) const;  // by its revision
   void forget() { revision_ = 0; }       // a call went another way: what moved in it was not seen
@@ -82,7 +82,6 @@ class BodySearch {
   void make_plan(const Options& options, const Output& output);
   void expect_report();
   void enqueue(cudaStream_t stream, const Mark& mark);
-  void enqueue_again(cudaStream_t stream, const Mark& mark);
   void meet_static(cudaStream_t stream);
   bool ordinary(const Options& options) const;
 
@@ -99,8 +98,8 @@ class BodySearch {
   StaticView static_view_;
   Source loose_;
   Summary summary_;
-  Plan plan_, graph_plan_;
-  cudaGraphExec_t graph_ = nullptr;
+  Plan plan_;
+  Recording<Plan> recording_;
   int hope_ = 0;  // above 0: the bins of the call before are tried first
   OrderMethod method_ = OrderMethod::automatic;
 

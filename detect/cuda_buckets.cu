@@ -35,15 +35,33 @@ struct Buckets {
   }
 };
 
-// A block counts for itself; `Threads` of them, as few blocks a processor as their counts leave room for.
+// Where each bucket begins, and where its next sphere goes; of the groups too, and their first tiles.
+// `bucket` holds the counts first; `finished` is the number of blocks that have counted.
+struct Starts {
+  std::uint32_t *finished = nullptr, *bucket = nullptr, *cursor = nullptr, *group_cursor = nullptr,
+                *group_tile = nullptr;
+};
+__global__ void __launch_bounds__(kCount)
+    bucket_begin_kernel(Starts starts, std::uint32_t count, unsigned long long* bounds, Counters* counters) {
+  const std::uint32_t k = blockIdx.x * kCount + threadIdx.x;
+  if (k < count) starts.bucket[k] = 0;
+  if (k == 0) *starts.finished = 0;
+  if (!bounds) return;
+  if (k < kBounds) bounds[k] = Bounds::nothing(k);
+  if (k == 0) *counters = {};
+}
+
+// A block counts for itself; `Threads` of them, as few blocks a processor as their counts leave room for. The
+// last block to finish makes starts of the counts.
 template <class Bins, bool Along, int Threads>
 __global__ void __launch_bounds__(Threads, Threads == kCount ? 4 : 1)
     bucket_count_kernel(const __grid_constant__ Source source, const __grid_constant__ Bins bins,
-                        const __grid_constant__ Buckets buckets, std::uint32_t* keys, std::uint32_t* counts,
-                        unsigned long long* found, Counters* counters) {
+                        const __grid_constant__ Buckets buckets, std::uint32_t* keys, Starts starts,
+                        std::uint32_t groups, unsigned long long* found, Counters* counters) {
   constexpr int kAtOnce = Threads == kCount ? 1 : 3;
   Bounds bounds;
   extern __shared__ std::uint32_t shared[];
+  __shared__ std::uint32_t sums[32], number;
   for (std::uint32_t b = threadIdx.x; b < buckets.count; b += Threads) shared[b] = 0;
   __syncthreads();
   const std::uint64_t step = static_cast<std::uint64_t>(gridDim.x) * Threads * kAtOnce;
@@ -71,31 +89,29 @@ __global__ void __launch_bounds__(Threads, Threads == kCount ? 4 : 1)
   if (Along) bounds.give(found);
   __syncthreads();
   for (std::uint32_t b = threadIdx.x; b < buckets.count; b += Threads)
-    if (shared[b]) atomicAdd(counts + b, shared[b]);
-}
-
-// Where each bucket begins, and where its next sphere goes; of the groups too, and their first tiles.
-struct Starts {
-  std::uint32_t *bucket = nullptr, *cursor = nullptr, *group_cursor = nullptr, *group_tile = nullptr;
-};
-__global__ void __launch_bounds__(kWide)
-    bucket_start_kernel(const __grid_constant__ Buckets buckets, Starts starts, std::uint32_t groups) {
-  extern __shared__ std::uint32_t v[];
-  __shared__ std::uint32_t sums[32];
-  for (std::uint32_t b = threadIdx.x; b < buckets.count; b += kWide) v[b] = starts.bucket[b];
-  scan_shared(v, buckets.count, sums);
-  for (std::uint32_t b = threadIdx.x; b <= buckets.count; b += kWide) {
-    starts.bucket[b] = v[b];
-    if (b < buckets.count) starts.cursor[b] = v[b];
+    if (shared[b]) atomicAdd(starts.bucket + b, shared[b]);
+  __threadfence();
+  __syncthreads();
+  if (threadIdx.x == 0) number = atomicAdd(starts.finished, 1);
+  __syncthreads();
+  if (number + 1 < gridDim.x) return;
+  __threadfence();
+  for (std::uint32_t b = threadIdx.x; b < buckets.count; b += Threads) shared[b] = __ldcg(starts.bucket + b);
+  scan_shared(shared, buckets.count, sums);
+  for (std::uint32_t b = threadIdx.x; b <= buckets.count; b += Threads) {
+    starts.bucket[b] = shared[b];
+    if (b < buckets.count) starts.cursor[b] = shared[b];
   }
-  for (std::uint32_t g = threadIdx.x; g < groups; g += kWide) starts.group_cursor[g] = v[g << kGroupBits];
-  if (threadIdx.x > 0) return;
+  for (std::uint32_t g = threadIdx.x; g < groups; g += Threads)
+    starts.group_cursor[g] = shared[g << kGroupBits];
+  if (threadIdx.x > 0 || groups == 0) return;
   std::uint32_t tiles = 0;
   for (std::uint32_t g = 0; g < groups; g++) {
     starts.group_tile[g] = tiles;
-    tiles += (v[min((g + 1) << kGroupBits, buckets.count)] - v[g << kGroupBits] + kTile - 1) / kTile;
+    tiles +=
+        (shared[min((g + 1) << kGroupBits, buckets.count)] - shared[g << kGroupBits] + kTile - 1) / kTile;
   }
-  if (groups) starts.group_tile[groups] = tiles;
+  starts.group_tile[groups] = tiles;
 }
 
 enum class Pass { whole, among_groups, within_groups };
@@ -338,10 +354,11 @@ bool Orderer::by_buckets(const Source& source, const Grid& grid, bool tidy, unsi
   }
   if (ids) out.ids = o.ids = sorted_ids_.reserve(2 * n), split.ids = o.ids + n;
   Starts starts;
-  starts.bucket = starts_.reserve(2 * std::uint64_t(b.count) + 2 + 2 * kMostGroups + 1);
-  starts.cursor = starts.bucket + b.count + 1, starts.group_cursor = starts.cursor + b.count + 1;
+  starts.finished = starts_.reserve(2 * std::uint64_t(b.count) + 2 * kMostGroups + 4);
+  starts.bucket = starts.finished + 1, starts.cursor = starts.bucket + b.count + 1,
+  starts.group_cursor = starts.cursor + b.count + 1;
   starts.group_tile = starts.group_cursor + kMostGroups;
-  cuda_check(cudaMemsetAsync(starts.bucket, 0, (b.count + 1) * 4, stream), "clear the buckets");
+  bucket_begin_kernel<<<blocks_for(b.count, kCount), kCount, 0, stream>>>(starts, b.count, bounds, counters);
   with_bins(o, grid, [&]<class Kind, class Bins>(Kind kind, const Bins& bins) {
     const auto with_shared = [&](auto* kernel, unsigned blocks, int threads, std::uint32_t bytes,
                                  auto&&... arguments) {
@@ -352,13 +369,12 @@ bool Orderer::by_buckets(const Source& source, const Grid& grid, bool tidy, unsi
     const unsigned tiles = std::min<unsigned>(blocks_for(n, kTile), kProcessors);
     if (grouped)
       with_shared(bounds ? bucket_count_kernel<Bins, true, kWide> : bucket_count_kernel<Bins, false, kWide>,
-                  kProcessors, kWide, b.count * 4, source, bins, b, source_places.keys, starts.bucket, bounds,
-                  counters);
+                  kProcessors, kWide, (b.count + 1) * 4, source, bins, b, source_places.keys, starts, groups,
+                  bounds, counters);
     else
       with_shared(bounds ? bucket_count_kernel<Bins, true, kCount> : bucket_count_kernel<Bins, false, kCount>,
-                  kProcessors * 4, kCount, b.count * 4, source, bins, b, source_places.keys, starts.bucket,
-                  bounds, counters);
-    with_shared(bucket_start_kernel, 1, kWide, (b.count + 1) * 4, b, starts, groups);
+                  kProcessors * 4, kCount, (b.count + 1) * 4, source, bins, b, source_places.keys, starts,
+                  groups, bounds, counters);
     constexpr bool kMayPack = kind() != SlotKind::fixed;
     const bool packed = kMayPack && source.packed;
     if (grouped) {

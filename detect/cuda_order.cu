@@ -61,20 +61,20 @@ Ordered Orderer::order(const Source& source, const Grid& grid, SlotKind kind, bo
              : source.count < kFewSpheres ? OrderMethod::cells
                                           : OrderMethod::buckets;
   Ordered o;
-  o.kind = kind, o.count = source.count, o.grid_entries = grid.buckets;
+  o.kind = kind, o.count = source.count;
+  o.bins = float_bins(grid, kind, source.count);
+  const std::uint32_t buckets = o.bins.on ? o.bins.buckets : grid.buckets;
   // Where bins are many and nearly empty, several along x share an entry of the table. Not in rows so short
   // that an entry could hold bins of two rows that both hold partners of one sphere.
-  if (single && method != OrderMethod::sort && grid.level[0].count[0] >= 32)
-    while (o.merge < 3 && (static_cast<double>(grid.buckets) / (2 << o.merge)) > 0.75 * source.count)
-      o.merge++;
-  o.entries = (grid.buckets >> o.merge) + 2;
+  if (single && o.bins.fine == 1 && method != OrderMethod::sort && grid.level[0].count[0] >= 32)
+    while (o.merge < 3 && (static_cast<double>(buckets) / (2 << o.merge)) > 0.75 * source.count) o.merge++;
+  o.entries = (buckets >> o.merge) + 2;
   o.table = table_.reserve(o.entries + 4), o.slots = slots_.reserve(std::uint64_t(o.count) + kSlack);
-  o.bins = float_bins(grid, kind);
   if (method == OrderMethod::cells && !by_cells(source, grid, tidy, bounds, counters, o, stream))
     method = OrderMethod::buckets;
-  if (method != OrderMethod::cells && bounds) Surveyor::begin_bounds(bounds, stream);
   if (method == OrderMethod::buckets && !by_buckets(source, grid, tidy, bounds, counters, o, stream))
     method = OrderMethod::sort;
+  if (method == OrderMethod::sort && bounds) Surveyor::begin_bounds(bounds, stream);
   if (method == OrderMethod::sort) by_sort(source, grid, bounds, counters, o, stream);
   cuda_launched("put the spheres in order");
   return o;
@@ -85,7 +85,7 @@ void Orderer::by_sort(const Source& source, const Grid& grid, unsigned long long
   std::uint32_t *keys = keys_.reserve(o.count), *ids = ids_.reserve(o.count);
   o.ids = sorted_ids_.reserve(o.count), o.keys = sorted_keys_.reserve(o.count);
   std::size_t sort_bytes = 0, scan_bytes = 0;
-  const int end_bit = std::max(bits_for(grid.buckets), 1);
+  const int end_bit = std::max(bits_for(o.bins.on ? o.bins.buckets : grid.buckets), 1);
   const std::uint64_t entries = o.entries + 1;
   cuda_check(cub::DeviceRadixSort::SortPairs(nullptr, sort_bytes, keys, o.keys, ids, o.ids, o.count, o.merge,
                                              end_bit, stream),

@@ -59,16 +59,6 @@ struct Searcher {
     return __ldg(task.spheres.table + key);
   }
 
-  __device__ __forceinline__ std::uint32_t own_key() const {
-    if constexpr (Kind != SlotKind::fixed)
-      if (task.spheres.bins.on) {
-        std::uint32_t key;
-        key_of(task.spheres.bins, slot.x, slot.y, slot.z, key);
-        return key;
-      }
-    return __ldg(task.spheres.keys + place);
-  }
-
   __device__ __forceinline__ float near_of(const Level& l, float r) const {
     const float most =
         r + static_cast<float>(Kind == SlotKind::fixed ? l.radius_max * l.units : l.radius_max);
@@ -84,16 +74,23 @@ struct Searcher {
 
   // A level of dense bins: the rows lie at fixed distances from the sphere's own key.
   __device__ __forceinline__ void search_level() {
-    const Level& l = grid.level[level()];
-    const std::uint32_t key = own_key(), row = l.count[0] + 2, plane = row * (l.count[1] + 2);
+    std::uint32_t key, row, plane, reach = 1;
+    const FloatBins& bins = task.spheres.bins;
+    if (Kind != SlotKind::fixed && bins.on) {
+      key_of(bins, slot.x, slot.y, slot.z, key);
+      row = bins.row, plane = bins.plane, reach = bins.fine;
+    } else {
+      const Level& l = grid.level[level()];
+      key = __ldg(task.spheres.keys + place), row = l.count[0] + 2, plane = row * (l.count[1] + 2);
+    }
     const int m = task.spheres.merge;
-    std::uint32_t begin = place + 1, end = start(((key + 1) >> m) + 1), at = key;
+    std::uint32_t begin = place + 1, end = start(((key + reach) >> m) + 1), at = key;
 #pragma unroll 1
     for (int q = 0; q < 5; q++) {
       // The next row's place is asked for before this one's candidates are looked at.
       at = q == 1 ? key + plane - row : at + row;
       std::uint32_t next_begin = 0, next_end = 0;
-      if (q < 4) next_begin = start((at - 1) >> m), next_end = start(((at + 1) >> m) + 1);
+      if (q < 4) next_begin = start((at - reach) >> m), next_end = start(((at + reach) >> m) + 1);
       search_row(begin, valid ? end : begin, slot, {});
       begin = next_begin, end = next_end;
     }

@@ -15,9 +15,9 @@ enum class SlotKind : std::uint8_t { equal, unequal, fixed };
 // and stand nowhere.
 inline constexpr std::uint32_t kMostFloatBins = 4096;  // on an axis
 struct FloatBins {
-  float origin[3] = {0, 0, 0}, per_size = 0;
-  std::uint32_t count[3] = {1, 1, 1}, row = 0,
-                rows = 0;  // bins of a row and rows of a plane, with the border
+  float origin[3] = {0, 0, 0}, per_size[3] = {0, 0, 0};
+  std::uint32_t count[3] = {1, 1, 1}, row = 0, plane = 0, buckets = 0;  // keys of a row, a plane and in all
+  std::uint32_t fine = 1;  // bins along x that make up one of the level's: a row of candidates is shorter
   bool on = false;
 };
 
@@ -32,8 +32,8 @@ struct Ordered {
   std::uint32_t* table = nullptr;  // (buckets >> merge) + 2 entries
   std::uint32_t count = 0;
   SlotKind kind = SlotKind::equal;
-  int merge = 0;                                // 2^merge bins along x share an entry of the table
-  std::uint64_t entries = 0, grid_entries = 0;  // of the table, and without the merging
+  int merge = 0;              // 2^merge bins along x share an entry of the table
+  std::uint64_t entries = 0;  // of the table
 };
 
 struct Counters {
