@@ -40,14 +40,14 @@ inline FloatBins float_bins(const Grid& grid, SlotKind kind, std::uint64_t spher
   return b;
 }
 
-__device__ __forceinline__ bool float_bin(float x, float origin, float per_size, std::uint32_t count,
-                                          std::uint32_t& bin) {
-  const float t = __fmul_rn(__fsub_rn(x, origin), per_size);
-  bin = min(static_cast<std::uint32_t>(static_cast<int>(t)), count - 1);
+PADDER_HD bool float_bin(float x, float origin, float per_size, std::uint32_t count, std::uint32_t& bin) {
+  const float t = (x - origin) * per_size;
+  bin = static_cast<std::uint32_t>(static_cast<int>(t));
+  if (bin >= count) bin = count - 1;
   return t >= 0 && t < static_cast<float>(count) + 0.5f;
 }
 // False (and a key that does no harm) for a sphere outside the bins.
-__device__ __forceinline__ bool key_of(const FloatBins& b, float x, float y, float z, std::uint32_t& key) {
+PADDER_HD bool key_of(const FloatBins& b, float x, float y, float z, std::uint32_t& key) {
   std::uint32_t i, j, k;
   const bool in = float_bin(x, b.origin[0], b.per_size[0], b.count[0], i) &
                   float_bin(y, b.origin[1], b.per_size[1], b.count[1], j) &
