@@ -31,7 +31,7 @@ PADDER_HD double root(double a) { return std::sqrt(a); }
 
 PADDER_HD double larger(double a, double b) { return a > b ? a : b; }
 PADDER_HD double smaller(double a, double b) { return a < b ? a : b; }
-PADDER_HD double magnitude(double a) { return a < 0 ? -a : a; }
+PADDER_HD double magnitude(double a) { return ::fabs(a); }
 
 // floor of |a| < 2^52. On a plain x86-64 std::floor is a call; the cast truncates towards zero, hence the
 // correction.
