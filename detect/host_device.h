@@ -39,8 +39,9 @@ PADDER_HD double whole_below(double a) {
 #if defined(__CUDA_ARCH__)
   return ::floor(a);
 #else
-  const auto whole = static_cast<double>(static_cast<std::int64_t>(a));
-  return whole > a ? whole - 1 : whole;
+  const auto whole = static_cast<std::int64_t>(a);
+  return static_cast<double>(whole -
+                             (static_cast<double>(whole) > a));  // no branch: half of all are negative
 #endif
 }
 
