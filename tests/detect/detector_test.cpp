@@ -231,6 +231,11 @@ TEST_P(DetectorTest, FarFromTheOrigin) {
   expect_right(s, "at 1e7");
   s.shift(1e9);
   expect_right(s, "at 1e9");
+  TestScene wide = random_scene(2000, 100, 0.6, 19);  // several levels
+  wide.shift(1e7);
+  expect_right(wide, "radii 1 to 100 at 1e7");
+  wide.shift(1e12);
+  if (GetParam().input == Scalar::f64) expect_right(wide, "radii 1 to 100 at 1e12");
 }
 
 TEST_P(DetectorTest, OneFarAwaySphere) {
