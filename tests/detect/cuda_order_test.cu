@@ -56,14 +56,18 @@ TEST(CudaBins, TouchingSpheresAreNeighbours) {
       const auto coordinate = [](const float4& s, int k) { return k == 0 ? s.x : k == 1 ? s.y : s.z; };
       for (int k = 0; k < 3; k++)
         for (std::size_t p = 0; p < spheres.size(); p++) {
-          const float x = coordinate(spheres[p], k);
-          // As far as touching spheres can be, to both sides, and held within the bounds.
+          // Just below a face, and as far as a touching sphere can be.
+          const float limit = static_cast<float>(summary.high[k]);
+          float x = coordinate(spheres[p], k), y;
+          std::uint32_t i, j;
+          ASSERT_TRUE(float_bin(x, b.origin[k], b.per_size[k], b.count[k], i));
+          float from = static_cast<float>(i + 1) / b.per_size[k];
+          do from = std::nextafter(from, 0.0f), x = b.origin[k] + from;
+          while (float_bin(x, b.origin[k], b.per_size[k], b.count[k], j) && j > i);
           for (const float d : {2 * r, -2 * r, r}) {
-            float y = x + d;
+            y = x + d;
             while (std::abs(static_cast<double>(y) - x) > 2.0 * r) y = std::nextafter(y, x);
-            y = std::clamp(y, static_cast<float>(summary.low[k]), static_cast<float>(summary.high[k]));
-            std::uint32_t i, j;
-            ASSERT_TRUE(float_bin(x, b.origin[k], b.per_size[k], b.count[k], i)) << scene;
+            if (x > limit || y > limit || y < static_cast<float>(summary.low[k])) continue;
             ASSERT_TRUE(float_bin(y, b.origin[k], b.per_size[k], b.count[k], j)) << scene;
             const int apart = std::abs(static_cast<int>(i) - static_cast<int>(j));
             ASSERT_LE(apart, k == 0 ? static_cast<int>(b.fine) : 1)
