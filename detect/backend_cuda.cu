@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "detect/cuda_bodies.h"
+#include "detect/cuda_graph.h"
 #include "detect/cuda_record.h"
 #include "detect/cuda_search.h"
 #include "detect/cuda_stages.h"
@@ -31,7 +32,6 @@ class CudaBackend : public Backend {
   explicit CudaBackend(int device) : device_(device) {}
   ~CudaBackend() override {
     const OnDevice on(device_);
-    if (graph_) cudaGraphExecDestroy(graph_);
     if (own_stream_) cudaStreamDestroy(own_stream_);
   }
   const char* name() const override { return "cuda"; }
@@ -187,6 +187,14 @@ class CudaBackend : public Backend {
     plan_.octaves = needs_octaves(summary), plan_.top = exponent_of(summary.need_max);
   }
 
+  void expect_report() {
+    report_.clear();
+    if (plan_.with_survey)
+      surveyor_.read(plan_.octaves, Surveyor::rides_along(source_), report_);
+    else
+      surveyor_.read_head(report_);
+    report_.expect();
+  }
   // One pass over the device: order, search, and the counters (with_survey: the summary too) to the host.
   void enqueue() {
     static_assert(sizeof(Counters) <= Surveyor::kHead * 8);
@@ -204,42 +212,8 @@ class CudaBackend : public Backend {
                        along ? surveyor_.bounds() : nullptr, counters, stream_);
     mark(seconds_.stage[3]);
     search(source_, plan_.grid, ordered, plan_.search, plan_.output, counters, search_memory_, stream_);
-    if (plan_.with_survey)
-      surveyor_.read(plan_.octaves, along, stream_);
-    else
-      surveyor_.read_head(stream_);
+    report_.send(stream_);
   }
-  // The same as a graph when the same was done in the call before: no gaps between the launches.
-  void enqueue_again() {
-    const bool same = plan_ == graph_plan_;
-    if (same && graph_) {
-      cuda_check(cudaGraphLaunch(graph_, stream_), "launch a graph");
-      return;
-    }
-    if (!same) {
-      if (graph_) cudaGraphExecDestroy(graph_);
-      graph_ = nullptr;
-      graph_plan_ = plan_;
-      enqueue();
-      graph_plan_.moves = book_.moves;
-      return;
-    }
-    cudaGraph_t recorded = nullptr;
-    cuda_check(cudaStreamBeginCapture(stream_, cudaStreamCaptureModeRelaxed), "record a graph");
-    try {
-      enqueue();
-    } catch (...) {
-      cudaStreamEndCapture(stream_, &recorded);
-      if (recorded) cudaGraphDestroy(recorded);
-      throw;
-    }
-    cuda_check(cudaStreamEndCapture(stream_, &recorded), "record a graph");
-    const cudaError_t e = cudaGraphInstantiate(&graph_, recorded, 0);
-    cudaGraphDestroy(recorded);
-    cuda_check(e, "record a graph");
-    cuda_check(cudaGraphLaunch(graph_, stream_), "launch a graph");
-  }
-
   void fast(const Input& input, const Options& options, Contacts& c) {
     // The bins of the call before are tried first, while the survey runs along: usually they still fit, and
     // the device is waited for once instead of twice. They are taken only if they are those that the survey
@@ -250,8 +224,9 @@ class CudaBackend : public Backend {
       make_plan(options, before);
       plan_.output = output(options), plan_.with_survey = true, plan_.method = method_,
       plan_.moves = book_.moves;
-      enqueue_again();
-      cuda_check(cudaStreamSynchronize(stream_), "search for contacts");
+      expect_report();
+      recording_.run(plan_, book_.moves, stream_, [&] { enqueue(); });
+      report_.arrived(stream_, "search for contacts");
       const Grid grid = plan_.grid;
       const SlotKind kind = plan_.kind;
       done = surveyor_.finish(source_, plan_.octaves, plan_.top, Surveyor::rides_along(source_), summary_);
@@ -273,8 +248,9 @@ class CudaBackend : public Backend {
       if (options.width != Width::pairs && source_.count >= Orderer::kFewSpheres && capacity(options) == 0)
         reserve_records(options, source_.count);
       plan_.output = output(options), plan_.method = method_ = OrderMethod::automatic;
+      expect_report();
       enqueue();
-      cuda_check(cudaStreamSynchronize(stream_), "search for contacts");
+      report_.arrived(stream_, "search for contacts");
     }
     planned_for_ = source_.count;
     // A bin too full for the method: sort. A list too short: it was counted to its end; made longer, and
@@ -298,8 +274,9 @@ class CudaBackend : public Backend {
         break;
       }
       plan_.output = output(options), plan_.with_survey = false;
+      expect_report();
       enqueue();
-      cuda_check(cudaStreamSynchronize(stream_), "search for contacts");
+      report_.arrived(stream_, "search for contacts");
     }
     mark(seconds_.stage[8]);
   }
@@ -326,8 +303,8 @@ class CudaBackend : public Backend {
     c.pairs = pairs_.data();
     if (options.width != Width::pairs) c.normals = normals_.data();
     if (options.width == Width::points) c.points = points_.data();
-    if (options.output == Memory::device) {
-      cuda_check(cudaStreamSynchronize(stream_), "finish");
+    if (options.output == Memory::device) {  // the fast path has waited for the count, which comes last
+      if (options.path != Path::fast) cuda_check(cudaStreamSynchronize(stream_), "finish");
       return;
     }
     const std::uint64_t scalar = options.scalar == Scalar::f32 ? 4 : 8;
@@ -349,6 +326,7 @@ class CudaBackend : public Backend {
   InputCopy input_{book_};
   Source source_;
   Surveyor surveyor_{book_};
+  Report report_;
   Orderer orderer_{book_};
   BodySearch bodies_{book_};
   std::optional<Stages> stages_;
@@ -361,8 +339,8 @@ class CudaBackend : public Backend {
   mutable Buffer<unsigned long long> hash_{book_, "the hash"};
   const Pair* pairs_on_device_ = nullptr;
   std::uint64_t last_count_ = 0;
-  Plan plan_, graph_plan_;
-  cudaGraphExec_t graph_ = nullptr;
+  Plan plan_;
+  Recording<Plan> recording_;
   cudaStream_t own_stream_ = nullptr;
   Summary summary_;
   OrderMethod method_ = OrderMethod::automatic;

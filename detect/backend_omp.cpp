@@ -22,20 +22,6 @@ std::uint64_t free_memory() {
   return kib ? kib * 1024 : ~std::uint64_t(0) / 2;  // not Linux: the allocator has the last word
 }
 
-std::uint64_t record_bytes(const Options& o, bool points) {
-  const std::uint64_t scalar = o.scalar == Scalar::f32 ? 4 : 8;
-  return points ? (o.width == Width::points ? 6 * scalar : 0) : (o.width == Width::pairs ? 0 : 4 * scalar);
-}
-
-template <class T>
-void write_geometry(const Geometry& g, std::byte* normals, std::byte* points, std::uint64_t k) {
-  reinterpret_cast<Normal<T>*>(normals)[k] = {static_cast<T>(g.normal[0]), static_cast<T>(g.normal[1]),
-                                              static_cast<T>(g.normal[2]), static_cast<T>(g.depth)};
-  if (!points) return;
-  Points<T>& p = reinterpret_cast<Points<T>*>(points)[k];
-  for (int c = 0; c < 3; c++) p.on_i[c] = static_cast<T>(g.on_i[c]), p.on_j[c] = static_cast<T>(g.on_j[c]);
-}
-
 }  // namespace
 
 bool Budget::take(std::uint64_t bytes) {
@@ -60,42 +46,6 @@ double Watch::lap() {
   const double now = omp_get_wtime(), passed = now - last_;
   last_ = now;
   return passed;
-}
-
-void Records::resize(std::uint64_t n, const Options& o) {
-  const std::uint64_t normal = record_bytes(o, false), point = record_bytes(o, true);
-  count = 0;
-  if (!pairs.try_resize(n) || !normals.try_resize(n * normal) || !points.try_resize(n * point))
-    throw_memory(n * (sizeof(Pair) + normal + point), (std::to_string(n) + " contacts").c_str());
-  count = n;
-}
-
-void Records::write(std::uint64_t k, std::uint32_t a, std::uint32_t b, const Sphere& sa, const Sphere& sb,
-                    const Options& o) {
-  const bool ordered = a < b;
-  pairs[k] = ordered ? Pair{a, b} : Pair{b, a};
-  if (o.width == Width::pairs) return;
-  const Geometry g = ordered ? geometry(sa, sb) : geometry(sb, sa);
-  std::byte* p = o.width == Width::points ? points.data() : nullptr;
-  if (o.scalar == Scalar::f32)
-    write_geometry<float>(g, normals.data(), p, k);
-  else
-    write_geometry<double>(g, normals.data(), p, k);
-}
-
-void RecordWriter::flush() {
-  if (size_ == 0) return;
-  to_normals(batch_, size_);
-  const auto copy = [&]<class T>(Normal<T>* to) {
-    for (int k = 0; k < size_; k++)
-      to[k] = {static_cast<T>(batch_.x[k]), static_cast<T>(batch_.y[k]), static_cast<T>(batch_.z[k]),
-               static_cast<T>(batch_.s[k])};
-  };
-  if (options_.scalar == Scalar::f32)
-    copy(reinterpret_cast<Normal<float>*>(records_.normals.data()) + batch_first_);
-  else
-    copy(reinterpret_cast<Normal<double>*>(records_.normals.data()) + batch_first_);
-  batch_first_ += static_cast<std::uint64_t>(size_), size_ = 0;
 }
 
 // Two passes when sizes vary: the octaves are counted from the largest need downwards.

@@ -117,10 +117,6 @@ BodySearch::BodySearch(MemoryBook& book)
       host_counters_(book, "counters", true),
       search_memory_(book) {}
 
-BodySearch::~BodySearch() {
-  if (graph_) cudaGraphExecDestroy(graph_);
-}
-
 bool BodySearch::knows(const Input& input) const {
   return input.revision != 0 && input.revision == revision_ && input.bodies.size() == known_bodies_ &&
          input.spheres.count == known_loose_;
@@ -303,9 +299,16 @@ void BodySearch::meet_static(cudaStream_t stream) {
   write_static(t, table_.grid, stream);
 }
 
+void BodySearch::expect_report() {
+  report_.clear();
+  if (view_.moving > 0 && plan_.with_survey) surveyor_.read(plan_.octaves, false, report_);
+  report_.add(counters_.reserve(1), host_counters_.reserve(1), sizeof(BodyCounters));
+  report_.expect();
+}
+
 // One pass over the device, up to the counters on the host.
 void BodySearch::enqueue(cudaStream_t stream, const Mark& mark) {
-  BodyCounters *counters = counters_.reserve(1), *found = host_counters_.reserve(1);
+  BodyCounters* counters = counters_.reserve(1);
   cuda_check(cudaMemsetAsync(counters, 0, sizeof *counters, stream), "clear the counters");
   if (view_.moving > 0) {
     if (plan_.with_survey) surveyor_.begin(plan_.balls, plan_.octaves, plan_.top, false, stream);
@@ -340,39 +343,7 @@ void BodySearch::enqueue(cudaStream_t stream, const Mark& mark) {
     mark(7);
     write_hits(t, plan_.output, stream);
   }
-  if (view_.moving > 0 && plan_.with_survey) surveyor_.read(plan_.octaves, false, stream);
-  cuda_check(cudaMemcpyAsync(found, counters, sizeof *found, cudaMemcpyDeviceToHost, stream),
-             "read the count");
-}
-
-// The same as a graph when the same was done in the call before: no gaps between the launches.
-void BodySearch::enqueue_again(cudaStream_t stream, const Mark& mark) {
-  const bool same = plan_ == graph_plan_;
-  if (same && graph_) {
-    cuda_check(cudaGraphLaunch(graph_, stream), "launch a graph");
-    return;
-  }
-  if (!same) {
-    if (graph_) cudaGraphExecDestroy(graph_);
-    graph_ = nullptr, graph_plan_ = plan_;
-    enqueue(stream, mark);
-    graph_plan_.moves = book_.moves;
-    return;
-  }
-  cudaGraph_t recorded = nullptr;
-  cuda_check(cudaStreamBeginCapture(stream, cudaStreamCaptureModeRelaxed), "record a graph");
-  try {
-    enqueue(stream, [](int) {});
-  } catch (...) {
-    cudaStreamEndCapture(stream, &recorded);
-    if (recorded) cudaGraphDestroy(recorded);
-    throw;
-  }
-  cuda_check(cudaStreamEndCapture(stream, &recorded), "record a graph");
-  const cudaError_t e = cudaGraphInstantiate(&graph_, recorded, 0);
-  cudaGraphDestroy(recorded);
-  cuda_check(e, "record a graph");
-  cuda_check(cudaGraphLaunch(graph_, stream), "launch a graph");
+  report_.send(stream);
 }
 
 bool BodySearch::ordinary(const Options& options) const {
@@ -398,8 +369,12 @@ bool BodySearch::run(const Input& input, const Options& options, const Room& out
   if (known && hope_ > 0 && view_.moving > 0) {
     make_plan(options, out);
     plan_.with_survey = true;
-    enqueue_again(stream, mark);
-    cuda_check(cudaStreamSynchronize(stream), "search for contacts");
+    expect_report();
+    if (options.timings)  // marks wait for the device, which a recording cannot
+      enqueue(stream, mark);
+    else
+      recording_.run(plan_, book_.moves, stream, [&] { enqueue(stream, mark); });
+    report_.arrived(stream, "search for contacts");
     const Grid grid = plan_.grid;
     done = surveyor_.finish(plan_.balls, plan_.octaves, plan_.top, false, summary_);
     if (done) {
@@ -419,8 +394,9 @@ bool BodySearch::run(const Input& input, const Options& options, const Room& out
     if (!ordinary(options)) return false;
     mark(0);
     make_plan(options, out);
+    expect_report();
     enqueue(stream, mark);
-    cuda_check(cudaStreamSynchronize(stream), "search for contacts");
+    report_.arrived(stream, "search for contacts");
   }
   // Whatever was too small was counted to its end; it is made larger and the pass repeated. So is a list of
   // pairs in the order of another length.
@@ -445,8 +421,9 @@ bool BodySearch::run(const Input& input, const Options& options, const Room& out
       break;
     }
     make_plan(options, out);
+    expect_report();
     enqueue(stream, mark);
-    cuda_check(cudaStreamSynchronize(stream), "search for contacts");
+    report_.arrived(stream, "search for contacts");
   }
   mark(8);
   revision_ = revision;

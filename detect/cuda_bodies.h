@@ -5,6 +5,7 @@
 #include <functional>
 
 #include "detect/assembly.h"
+#include "detect/cuda_graph.h"
 #include "detect/cuda_record.h"
 #include "detect/cuda_search.h"
 
@@ -44,7 +45,6 @@ struct BodyCounters {
 class BodySearch {
  public:
   explicit BodySearch(MemoryBook& book);
-  ~BodySearch();
 
   bool knows(const Input& input) const;  // by its revision
   void forget() { revision_ = 0; }       // a call went another way: what moved in it was not seen
@@ -80,8 +80,8 @@ class BodySearch {
   bool build_table(cudaStream_t stream);
   void place(std::uint32_t first, std::uint32_t end, cudaStream_t stream);
   void make_plan(const Options& options, const Output& output);
+  void expect_report();
   void enqueue(cudaStream_t stream, const Mark& mark);
-  void enqueue_again(cudaStream_t stream, const Mark& mark);
   void meet_static(cudaStream_t stream);
   bool ordinary(const Options& options) const;
 
@@ -98,8 +98,8 @@ class BodySearch {
   StaticView static_view_;
   Source loose_;
   Summary summary_;
-  Plan plan_, graph_plan_;
-  cudaGraphExec_t graph_ = nullptr;
+  Plan plan_;
+  Recording<Plan> recording_;
   int hope_ = 0;  // above 0: the bins of the call before are tried first
   OrderMethod method_ = OrderMethod::automatic;
 
@@ -120,6 +120,7 @@ class BodySearch {
   Buffer<unsigned long long> item_places_, query_places_;
   Buffer<unsigned char> scratch_;
   Buffer<BodyCounters> counters_, host_counters_;
+  Report report_;
   SearchMemory search_memory_;
   Share share_;  // of the pairs found before
 };

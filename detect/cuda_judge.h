@@ -1,7 +1,7 @@
 // What a search does with two spheres: the filter in its cheapest shape, the judgement where that is not
 // enough, and the record. Only cuda_search.cu and cuda_down.h include this.
 #pragma once
-#include "detect/cuda_search.h"
+#include "detect/cuda_bins.h"
 
 namespace padder::detect::cuda {
 namespace {

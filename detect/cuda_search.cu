@@ -81,16 +81,22 @@ struct Searcher {
 
   // A level of dense bins: the rows lie at fixed distances from the sphere's own key.
   __device__ __forceinline__ void search_level() {
-    const Level& l = grid.level[level()];
-    const std::uint32_t key = __ldg(task.spheres.keys + place), row = l.count[0] + 2,
-                        plane = row * (l.count[1] + 2);
+    std::uint32_t key, row, plane, reach = 1;
+    const FloatBins& bins = task.spheres.bins;
+    if (Kind != SlotKind::fixed && bins.on) {
+      key_of(bins, slot.x, slot.y, slot.z, key);
+      row = bins.row, plane = bins.plane, reach = bins.fine;
+    } else {
+      const Level& l = grid.level[level()];
+      key = __ldg(task.spheres.keys + place), row = l.count[0] + 2, plane = row * (l.count[1] + 2);
+    }
     const int m = task.spheres.merge;
     if constexpr (W == Way::few) {
       // The places of all rows are asked for at once.
       std::uint32_t begin[5], end[5], at = key;
 #pragma unroll
       for (int q = 0; q < 5; q++) {
-        begin[q] = q ? start((at - 1) >> m) : place + 1, end[q] = start(((at + 1) >> m) + 1);
+        begin[q] = q ? start((at - reach) >> m) : place + 1, end[q] = start(((at + reach) >> m) + 1);
         at = q == 1 ? key + plane - row : at + row;  // of the next one
       }
 #pragma unroll 1
@@ -100,13 +106,13 @@ struct Searcher {
         for (int k = 0; k < 4; k++) begin[k] = begin[k + 1], end[k] = end[k + 1];
       }
     } else {
-      std::uint32_t begin = place + 1, end = start(((key + 1) >> m) + 1), at = key;
+      std::uint32_t begin = place + 1, end = start(((key + reach) >> m) + 1), at = key;
 #pragma unroll 1
       for (int q = 0; q < 5; q++) {
         // The next row's place is asked for before this one's candidates are looked at.
         at = q == 1 ? key + plane - row : at + row;
         std::uint32_t next_begin = 0, next_end = 0;
-        if (q < 4) next_begin = start((at - 1) >> m), next_end = start(((at + 1) >> m) + 1);
+        if (q < 4) next_begin = start((at - reach) >> m), next_end = start(((at + reach) >> m) + 1);
         search_row(begin, valid ? end : begin, slot, {});
         begin = next_begin, end = next_end;
       }

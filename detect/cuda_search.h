@@ -11,18 +11,29 @@ namespace padder::detect::cuda {
 // number.
 enum class SlotKind : std::uint8_t { equal, unequal, fixed };
 
+// Bins of one dense level in float (cuda_bins.h), where they will do: keys are then computed from the slots
+// and stand nowhere.
+inline constexpr std::uint32_t kMostFloatBins = 4096;  // on an axis
+struct FloatBins {
+  float origin[3] = {0, 0, 0}, per_size[3] = {0, 0, 0};
+  std::uint32_t count[3] = {1, 1, 1}, row = 0, plane = 0, buckets = 0;  // keys of a row, a plane and in all
+  std::uint32_t fine = 1;  // bins along x that make up one of the level's: a row of candidates is shorter
+  bool on = false;
+};
+
 // Spheres in the order of their bins, in device memory. table[k] is the first place with a key of at least k
 // << merge; slots may be read up to kSlack places past the end.
 inline constexpr std::uint32_t kSlack = 64;
 struct Ordered {
-  void* slots = nullptr;           // FloatSlot or FixedSlot
-  std::uint32_t* ids = nullptr;    // null for SlotKind::equal
-  std::uint32_t* keys = nullptr;   // as grid.h numbers them
+  void* slots = nullptr;          // FloatSlot or FixedSlot
+  std::uint32_t* ids = nullptr;   // null for SlotKind::equal
+  std::uint32_t* keys = nullptr;  // as grid.h numbers them; null where bins.on
+  FloatBins bins;
   std::uint32_t* table = nullptr;  // (buckets >> merge) + 2 entries
   std::uint32_t count = 0;
   SlotKind kind = SlotKind::equal;
-  int merge = 0;                                // 2^merge bins along x share an entry of the table
-  std::uint64_t entries = 0, grid_entries = 0;  // of the table, and without the merging
+  int merge = 0;              // 2^merge bins along x share an entry of the table
+  std::uint64_t entries = 0;  // of the table
 };
 
 struct Counters {
@@ -68,7 +79,8 @@ class Orderer {
   explicit Orderer(MemoryBook& book);
   // `tidy`: within a bin by sphere number, so that the order is the same in every run. Sets kCrowded in the
   // counters where a bin or bucket is too full for the method; then only OrderMethod::sort gives an order.
-  // `bounds`, unless null, is told the bounds of the spheres (Surveyor).
+  // `bounds`, unless null, is Surveyor::bounds(): they are gathered along, and they and the counters need not
+  // have been set to zero.
   Ordered order(const Source& source, const Grid& grid, SlotKind kind, bool tidy, OrderMethod method,
                 unsigned long long* bounds, Counters* counters, cudaStream_t stream);
   // Memory that order() may use and leave behind changed.
@@ -79,7 +91,7 @@ class Orderer {
   static constexpr std::uint32_t kFewSpheres = 1u << 18;
 
  private:
-  void by_cells(const Source& source, const Grid& grid, bool tidy, unsigned long long* bounds,
+  bool by_cells(const Source& source, const Grid& grid, bool tidy, unsigned long long* bounds,
                 Counters* counters, Ordered& o, cudaStream_t stream);
   bool by_buckets(const Source& source, const Grid& grid, bool tidy, unsigned long long* bounds,
                   Counters* counters, Ordered& o, cudaStream_t stream);

@@ -2,6 +2,7 @@
 // include this.
 #pragma once
 #include "detect/cuda_memory.h"
+#include "detect/cuda_report.h"
 #include "detect/place.h"
 
 namespace padder::detect::cuda {
@@ -86,6 +87,9 @@ struct Bounds {
   float low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY},
         r_min = INFINITY, r_max = 0;
   std::uint32_t fault = ~0u;
+  static __device__ __forceinline__ unsigned long long nothing(std::uint32_t word) {
+    return word <= kFault ? ~0ull : 0;
+  }
   __device__ __forceinline__ void take(const Sphere& s, std::uint32_t k) {
     const auto x = static_cast<float>(s.x), y = static_cast<float>(s.y), z = static_cast<float>(s.z),
                r = static_cast<float>(s.r);
@@ -139,21 +143,21 @@ class Surveyor {
   Summary survey(const Source& source, cudaStream_t stream);  // waits for the device
 
   // In steps, without waiting between them: `top` is the exponent of the largest need as it is expected to
-  // be, and `octaves` whether sizes are to be told apart. Where rides_along, a later kernel gathers Bounds
-  // into bounds(). read() copies to the host what was found; finish() is called once the stream has been
-  // waited for, and is false when the expectation was wrong: then ask survey().
+  // be, and `octaves` whether sizes are to be told apart. Where rides_along, a later kernel clears the head
+  // and gathers Bounds into bounds(). read() copies to the host what was found; finish() is called once the
+  // stream has been waited for, and is false when the expectation was wrong: then ask survey().
   static bool rides_along(const Source& source) { return source.packed && source.placed == 0; }
   void begin(const Source& source, bool octaves, int top, bool along, cudaStream_t stream);
+  static void begin_bounds(unsigned long long* bounds, cudaStream_t stream);  // and clears the head
   unsigned long long* bounds() const { return values_.data() + kHead; }
-  void read(bool octaves, bool along, cudaStream_t stream);
+  void read(bool octaves, bool along, Report& report);
   bool finish(const Source& source, bool octaves, int top, bool along, Summary& summary) const;
 
-  // Words of the caller in front of the summary, so that one copy brings both to the host. begin() clears
-  // them.
+  // Words of the caller in front of the summary, so that one copy brings both to the host.
   static constexpr int kHead = 8;
   unsigned long long* head() { return values_.reserve(words()); }
   const unsigned long long* host_head() { return host_values_.reserve(words()); }
-  void read_head(cudaStream_t stream);
+  void read_head(Report& report);
 
  private:
   static std::uint64_t words();

@@ -112,9 +112,13 @@ Surveyor::Surveyor(MemoryBook& book)
 
 std::uint64_t Surveyor::words() { return kHead + kAll; }
 
+void Surveyor::begin_bounds(Word* bounds, cudaStream_t stream) {
+  begin_kernel<<<1, 32, 0, stream>>>(bounds, 5, kBounds, kBounds, kHead);
+}
+
 void Surveyor::begin(const Source& source, bool octaves, int top, bool along, cudaStream_t stream) {
   Word* v = head() + kHead;
-  begin_kernel<<<1, 32, 0, stream>>>(v, 5, kBounds, kBounds, kHead);
+  if (!along) begin_bounds(v, stream);
   if (!along) survey_kernel<<<kBlocks, kThreads, 0, stream>>>(source, v, sums_.reserve(kBlocks));
   if (octaves) {
     begin_kernel<<<3, 256, 0, stream>>>(v + kBounds, 3, kOctaves * kOctaveWords, kOctaveWords, 0);
@@ -123,21 +127,13 @@ void Surveyor::begin(const Source& source, bool octaves, int top, bool along, cu
   cuda_launched("survey the spheres");
 }
 
-void Surveyor::read_head(cudaStream_t stream) {
-  cuda_check(cudaMemcpyAsync(host_values_.reserve(words()), head(), kHead * sizeof(Word),
-                             cudaMemcpyDeviceToHost, stream),
-             "read the count");
+void Surveyor::read_head(Report& report) {
+  report.add(head(), host_values_.reserve(words()), kHead * sizeof(Word));
 }
 
-void Surveyor::read(bool octaves, bool along, cudaStream_t stream) {
-  cuda_check(
-      cudaMemcpyAsync(host_values_.reserve(words()), head(),
-                      (kHead + (octaves ? kAll : kBounds)) * sizeof(Word), cudaMemcpyDeviceToHost, stream),
-      "read the survey");
-  if (along) return;
-  cuda_check(cudaMemcpyAsync(host_sums_.reserve(kBlocks), sums_.reserve(kBlocks), kBlocks * sizeof(double),
-                             cudaMemcpyDeviceToHost, stream),
-             "read the survey");
+void Surveyor::read(bool octaves, bool along, Report& report) {
+  report.add(head(), host_values_.reserve(words()), (kHead + (octaves ? kAll : kBounds)) * sizeof(Word));
+  if (!along) report.add(sums_.reserve(kBlocks), host_sums_.reserve(kBlocks), kBlocks * sizeof(double));
 }
 
 bool Surveyor::finish(const Source& source, bool octaves, int top, bool along, Summary& s) const {
@@ -173,9 +169,12 @@ bool Surveyor::finish(const Source& source, bool octaves, int top, bool along, S
 Summary Surveyor::survey(const Source& source, cudaStream_t stream) {
   Summary s;
   const auto look = [&](bool octaves, int top) {
+    Report report;
+    read(octaves, false, report);
+    report.expect();
     begin(source, octaves, top, false, stream);
-    read(octaves, false, stream);
-    cuda_check(cudaStreamSynchronize(stream), "survey the spheres");
+    report.send(stream);
+    report.arrived(stream, "survey the spheres");
     return finish(source, octaves, top, false, s);
   };
   if (look(false, 0)) return s;

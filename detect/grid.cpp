@@ -55,6 +55,77 @@ double level_density(const Summary& s, const std::vector<int>& octaves, std::siz
   return density;
 }
 
+// Octaves a to b together.
+Summary::Octave merged(const Summary& s, const std::vector<int>& octaves, std::size_t a, std::size_t b) {
+  Summary::Octave all;
+  for (std::size_t k = a; k <= b; k++) {
+    const Summary::Octave& o = s.octave[octaves[k]];
+    all.count += o.count, all.need_max = std::max(all.need_max, o.need_max);
+    all.radius_max = std::max(all.radius_max, o.radius_max);
+    for (int c = 0; c < 3; c++)
+      all.low[c] = std::min(all.low[c], o.low[c]), all.high[c] = std::max(all.high[c], o.high[c]);
+  }
+  return all;
+}
+
+// Below, costs of the CPU's search in nanoseconds, measured on one machine; spheres are taken to be spread
+// evenly over the box of their octave or level.
+double bins_along(const Summary::Octave& o, int axis, double size) {
+  return (o.high[axis] - o.low[axis]) / size + 1;
+}
+double density_of(const Summary::Octave& o, double size) {
+  return static_cast<double>(o.count) / bins_along(o, 0, size) / bins_along(o, 1, size) /
+         bins_along(o, 2, size);
+}
+// The share of the spheres of `from` that come within `reach` of the box of `at`.
+double share_near(const Summary::Octave& from, const Summary::Octave& at, double reach) {
+  double share = 1;
+  for (int c = 0; c < 3; c++) {
+    const double common =
+        std::min(from.high[c], at.high[c] + reach) - std::max(from.low[c], at.low[c] - reach);
+    share *= common < 0 ? 0 : std::min(1.0, (common + reach) / (from.high[c] - from.low[c] + reach));
+  }
+  return share;
+}
+// Of the candidates of a row: eight are tested at once, and rows begin and end anywhere.
+double row_cost(double candidates) { return 4.5 * std::max(1.0, candidates / 8 + 0.5); }
+// Of a sphere of `from` that looks at a level `at`: of the rows that a ball crosses, of a radius that is
+// usual.
+double look_cost(const Summary::Octave& from, const Summary::Octave& at, double size, bool hashed = false) {
+  if (!(size > 0)) return 0;
+  const double reach = 0.7 * from.radius_max + at.radius_max, wide = 2 * reach / size + 1;
+  double rows = 0.8;
+  for (int c = 1; c < 3; c++) rows *= hashed ? wide : std::min(wide, bins_along(at, c, size));
+  const double row = hashed
+                         ? 15 * wide  // bin by bin
+                         : 8 + row_cost(density_of(at, size) * 0.8 * std::min(wide, bins_along(at, 0, size)));
+  return 15 + share_near(from, at, reach) * (25 + rows * row);
+}
+// Of octaves a to b as one level of which any other may look at any: of its own spheres, and of each pair of
+// it and a coarser octave, taken from the side that costs less.
+double either_cost(const Summary& s, const std::vector<int>& octaves, std::size_t a, std::size_t b) {
+  const Summary::Octave all = merged(s, octaves, a, b);
+  const double size = all.need_max, own = 10,
+               several = 8;  // several: keys where there is more than one level
+  if (!(size > 0)) return 0;
+  double cost = b + 1 - a < octaves.size() ? several * static_cast<double>(all.count) : 0;
+  for (std::size_t k = a; k <= b; k++) {
+    const Summary::Octave& o = s.octave[octaves[k]];
+    double density = 0;
+    for (std::size_t q = a; q <= b; q++) {
+      const Summary::Octave& other = s.octave[octaves[q]];
+      density += density_of(other, size) * share_near(o, other, size);
+    }
+    cost += static_cast<double>(o.count) * (own + 5 * row_cost(3 * density));
+  }
+  for (std::size_t k = b + 1; k < octaves.size(); k++) {
+    const Summary::Octave& o = s.octave[octaves[k]];
+    cost += std::min(static_cast<double>(o.count) * look_cost(o, all, size),
+                     static_cast<double>(all.count) * look_cost(all, o, o.need_max));
+  }
+  return cost;
+}
+
 // Cost, in pair tests, of making octaves a to b one level. Up: its own spheres look at half of the
 // neighbourhood, each finer sphere at 2 to 3 bins an axis; a row of bins costs about as much as some pair
 // tests. Down: each coarser sphere looks at every row of bins that comes near it, 4 tests a row, and there a
@@ -98,8 +169,10 @@ std::vector<std::size_t> choose_levels(const Summary& s, const std::vector<int>&
   for (std::size_t a = 0; a < n; a++)
     for (std::size_t b = a; b < n; b++) {
       // A level more is not free, even of a handful of spheres.
-      const double cost =
-          level_cost(s, octaves, a, b, look) + (look == Look::down ? 0.02 * static_cast<double>(s.count) : 0);
+      const double cost = look == Look::either
+                              ? either_cost(s, octaves, a, b)
+                              : level_cost(s, octaves, a, b, look) +
+                                    (look == Look::down ? 0.02 * static_cast<double>(s.count) : 0);
       for (int used = 0; used < kMaxLevels; used++)
         if (best[used][a] + cost < best[used + 1][b + 1])
           best[used + 1][b + 1] = best[used][a] + cost, from[used + 1][b + 1] = a;
@@ -147,15 +220,9 @@ Grid choose_grid(const Summary& given, double bin_size, double bins_per_sphere, 
   g.buckets = 0;
   for (std::size_t level = 0; level < begins.size(); level++) {
     const std::size_t end = level + 1 < begins.size() ? begins[level + 1] : octaves.size();
-    Summary::Octave all;
-    for (std::size_t k = begins[level]; k < end; k++) {
-      const Summary::Octave& o = s.octave[octaves[k]];
-      all.count += o.count, all.need_max = std::max(all.need_max, o.need_max);
-      all.radius_max = std::max(all.radius_max, o.radius_max);
-      for (int c = 0; c < 3; c++)
-        all.low[c] = std::min(all.low[c], o.low[c]), all.high[c] = std::max(all.high[c], o.high[c]);
+    const Summary::Octave all = merged(s, octaves, begins[level], end - 1);
+    for (std::size_t k = begins[level]; k < end; k++)
       g.level_of_octave[octaves[k]] = static_cast<std::uint8_t>(level);
-    }
     Level& l = g.level[level];
     l.size = all.need_max > 0 ? rounded_up(std::max(all.need_max, bin_size))
                               : rounded_up(bin_size > 0 ? bin_size : 1);
@@ -164,11 +231,21 @@ Grid choose_grid(const Summary& given, double bin_size, double bins_per_sphere, 
     l.offset = g.buckets;
     // A level of few spheres may have as many bins as those below it: coarser bins are fewer anyway.
     const double many = std::max(bins_per_sphere * static_cast<double>(all.count),
-                                 look == Look::down ? 2 * static_cast<double>(s.count) : 0);
+                                 look != Look::up ? 2 * static_cast<double>(s.count) : 0);
     lay_out(l, all, std::min(many + 4096, begins.size() == 1 ? 0x1p31 : 0x1p28));
     g.buckets += l.buckets;
   }
   return g;
+}
+
+double look_cost(const Level& from, const Level& at) {
+  const auto octave = [](const Level& l) {
+    Summary::Octave o{l.spheres, l.size, l.radius_max};
+    for (int k = 0; k < 3; k++)
+      o.low[k] = static_cast<double>(l.first[k]) * l.size, o.high[k] = o.low[k] + (l.count[k] - 1) * l.size;
+    return o;
+  };
+  return look_cost(octave(from), octave(at), at.size, at.hashed);
 }
 
 StageGrid choose_stage_grid(const Summary& given, double bin_size) {

@@ -182,8 +182,11 @@ struct Summary {
 // Host. Merges octaves into the levels that cost least and lays out their bins: dense up to about
 // `bins_per_sphere` bins a sphere, hashed beyond. `bin_size` raises the edge of the finest bins; 0 chooses.
 // Never more than 2^32 buckets.
-enum class Look { up, down };
+enum class Look { up, down, either };
 bool needs_octaves(const Summary& s);
 Grid choose_grid(const Summary& s, double bin_size, double bins_per_sphere = 8, Look look = Look::up);
+// Host. What it costs, on a CPU, that a sphere of `from` looks at level `at`: some nanoseconds, good for
+// comparing.
+double look_cost(const Level& from, const Level& at);
 
 }  // namespace padder::detect

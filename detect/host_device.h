@@ -31,7 +31,7 @@ PADDER_HD double root(double a) { return std::sqrt(a); }
 
 PADDER_HD double larger(double a, double b) { return a > b ? a : b; }
 PADDER_HD double smaller(double a, double b) { return a < b ? a : b; }
-PADDER_HD double magnitude(double a) { return a < 0 ? -a : a; }
+PADDER_HD double magnitude(double a) { return ::fabs(a); }
 
 // floor of |a| < 2^52. On a plain x86-64 std::floor is a call; the cast truncates towards zero, hence the
 // correction.
@@ -39,8 +39,9 @@ PADDER_HD double whole_below(double a) {
 #if defined(__CUDA_ARCH__)
   return ::floor(a);
 #else
-  const auto whole = static_cast<double>(static_cast<std::int64_t>(a));
-  return whole > a ? whole - 1 : whole;
+  const auto whole = static_cast<std::int64_t>(a);
+  return static_cast<double>(whole -
+                             (static_cast<double>(whole) > a));  // no branch: half of all are negative
 #endif
 }
 

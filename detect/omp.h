@@ -97,6 +97,13 @@ struct View {
             : is_static && is_static[k] ? kStatic
                                         : 0};
   }
+  void prefetch(std::uint64_t k) const {
+#ifdef __GNUC__
+    __builtin_prefetch(centers + k * center_stride);
+#else
+    (void)k;
+#endif
+  }
   bool filtered() const { return family || mask || owner || is_static; }
 };
 
@@ -163,7 +170,7 @@ class RecordWriter {
   Records& records_;
   const Options& options_;
   std::uint64_t next_, batch_first_;
-  int size_ = 0;
+  std::uint32_t size_ = 0;
   Batch batch_;
 };
 
@@ -181,7 +188,15 @@ class Stages {
   Buffer<BinStart> C_, C_spare_;
 };
 
-// The fast path (omp_fast.cpp).
+// The exact sphere of a slot: float slots hold it, for fixed-point slots it is kept beside them.
+inline Sphere exact_sphere(const Sphere*, const Slots<FloatSlot>& slots, std::uint32_t k) {
+  return {slots.x[k], slots.y[k], slots.z[k], slots.r[k]};
+}
+inline Sphere exact_sphere(const Sphere* spheres, const Slots<FixedSlot>&, std::uint32_t k) {
+  return spheres[k];
+}
+
+// The fast path (omp_fast.cpp, omp_search.cpp, omp_record.cpp).
 class Fast {
  public:
   explicit Fast(Budget& b);
@@ -205,20 +220,20 @@ class Fast {
   }
   template <class Slot, class T>
   void sort(const View<T>& spheres, const Grid& grid, int threads, Seconds& seconds);
-  template <class Slot, class T>
-  std::uint64_t search(const View<T>& spheres, const Grid& grid, const Options& options, int threads,
+  template <class Slot>
+  std::uint64_t search(const Grid& grid, const Options& options, bool filtered, int threads,
                        Seconds& seconds);
   template <class Slot>
   void write(const Options& options, int threads, Records& records);
 
-  // A chunk of slots, and where its hits are: in the list of one thread.
+  // Slots searched at a stretch, and where their hits are: in the list of one thread.
   struct Chunk {
-    std::uint64_t first, count, record;
+    std::uint64_t slot, slots, first, count, record;
     int thread;
   };
 
   Budget* budget_;
-  Buffer<std::uint32_t> keys_, starts_, ids_, found_;  // found_: hits of each slot
+  Buffer<std::uint32_t> keys_, starts_, ids_, found_;  // found_: hits of each slot; keys_: sorted at last
   Buffer<Entry> entries_;
   Buffer<float> slots_[4];
   Buffer<Filter> filters_;

@@ -2,6 +2,7 @@
 
 #include <omp.h>
 
+#include <bit>
 #include <cstring>
 
 namespace padder::detect::omp {
@@ -20,6 +21,17 @@ PADDER_CLONES void sift(const Sieve& s, const NearSphere* near, std::uint32_t n,
 PADDER_CLONES void test(const Sphere& s, const double* x, const double* y, const double* z, const double* r,
                         std::uint32_t n, std::uint8_t* hit) {
   for (std::uint32_t k = 0; k < n; k++) hit[k] = touching(s, {x[k], y[k], z[k], r[k]});
+}
+
+// Which of up to 64 bytes are set, as bits.
+std::uint64_t bits_of(const std::uint8_t* set, std::uint32_t count) {
+  std::uint64_t bits = 0;
+  for (std::uint32_t k = 0; k < count; k += 8) {
+    std::uint64_t eight;
+    std::memcpy(&eight, set + k, 8);
+    bits |= ((eight & 0x0101010101010101) * 0x0102040810204080 >> 56) << k;
+  }
+  return count < 64 ? bits & ((std::uint64_t(1) << count) - 1) : bits;
 }
 
 constexpr std::uint64_t kPart =
@@ -200,14 +212,12 @@ void BodySearch::gather(std::uint32_t element, const Sphere& other, Survivors& o
   const Piece& piece = assembly_.pieces.pieces[e.piece];
   const Sieve sieve = sieve_of(body, piece, balls_[element], other);
   const NearSphere* near = &assembly_.pieces.near[piece.first];
-  std::uint32_t kept[kPieceSpheres], n = 0;
-  std::uint8_t pass[kPieceSpheres];
+  std::uint8_t pass[kPieceSpheres] = {};
   sift(sieve, near, piece.count, pass);
-  for (std::uint32_t k = 0; k < piece.count; k++) {
-    kept[n] = piece.first + k;
-    n += pass[k];
+  for (std::uint64_t left = bits_of(pass, piece.count); left; left &= left - 1) {
+    const std::uint32_t k = piece.first + static_cast<std::uint32_t>(std::countr_zero(left));
+    out.add(k, placed(body, assembly_.pieces.spheres[k]));
   }
-  for (std::uint32_t k = 0; k < n; k++) out.add(kept[k], placed(body, assembly_.pieces.spheres[kept[k]]));
 }
 
 void BodySearch::meet(std::uint64_t k, const Options& options, Survivors& a, Survivors& b, List<Hit>& hits) {
@@ -219,10 +229,10 @@ void BodySearch::meet(std::uint64_t k, const Options& options, Survivors& a, Sur
   for (int c = 0; c < 3; c++) bounded |= options.own.low[c] > -INFINITY || options.own.high[c] < INFINITY;
   for (std::uint32_t i = 0; i < a.count; i++) {
     const Sphere s = a[i];
-    std::uint8_t hit[kPieceSpheres];
+    std::uint8_t hit[kPieceSpheres] = {};
     test(s, b.x, b.y, b.z, b.r, b.count, hit);
-    for (std::uint32_t j = 0; j < b.count; j++) {
-      if (!hit[j]) continue;
+    for (std::uint64_t left = bits_of(hit, b.count); left; left &= left - 1) {
+      const auto j = static_cast<std::uint32_t>(std::countr_zero(left));
       if (bounded) {
         const bool ordered = number(a.body, a.slot[i]) < number(b.body, b.slot[j]);
         if (!owns(options.own, ordered ? midpoint(s, b[j]) : midpoint(b[j], s))) continue;

@@ -25,35 +25,46 @@ struct Run {
   std::uint32_t begin, end;
 };
 
-// Writes the slots of `runs` that the filter does not call apart from `me` to `out`, in order; room for all
-// of them and kLanes more. Gives their number; sets `doubt` when any of them is inside the band.
-template <class Slot>
-using TestRuns = std::uint32_t (*)(const Slots<Slot>& slots, const Slot& me, const Run* runs, int count,
-                                   std::uint32_t* out, bool& doubt);
-template <class Slot>
-TestRuns<Slot> test_runs_for_this_machine();
-
-// A box of centres: half its edges about the position of `from`, whose r is the largest radius inside, and a
-// length that makes the sieve generous. All in the units of the slots.
-template <class Slot>
-struct Block {
-  Slot from = {};
-  float half[3] = {}, slack = 0;
+// A ball over the bins of a dense level: centre and radius in bins, counted from the low corner of the bin at
+// `key`, and the bins to look at, counted likewise.
+struct Ball {
+  float x, y, z, radius;
+  int x_low, x_high, y_low, y_high, z_low, z_high;
+  std::uint32_t key, row, plane;  // keys from the level's first; from one row to the next in y, in z
 };
-// Writes the slots of `runs` that may touch a sphere of the block to `out`; room for all of them and kLanes
-// more. Only a first sieve: it may let through too many, never too few.
-template <class Slot>
-using SieveRuns = std::uint32_t (*)(const Slots<Slot>& slots, const Block<Slot>& block, const Run* runs,
-                                    int count, std::uint32_t* out);
-template <class Slot>
-SieveRuns<Slot> sieve_runs_for_this_machine();
 
-// Differences and sums of radii of up to kBatch pairs to normals and depths: geometry() of contact.h, bit for
-// bit.
-inline constexpr int kBatch = 256;
+// What is there for this machine and in plain C++: the same results.
+template <class Slot>
+struct Kernels {
+  // Writes the slots of `runs` that the filter does not call apart from `me` to `out`, in order; room for all
+  // of them and kLanes more. Gives their number; sets `doubt` when any of them is inside the band, or a slot
+  // beside them.
+  std::uint32_t (*test_runs)(const Slots<Slot>& slots, const Slot& me, const Run* runs, int count,
+                             std::uint32_t* out, bool& doubt);
+  // Writes the runs of the rows that the ball crosses to `out`, empty ones left out, by z, then y; room for
+  // all rows and kLanes more. Gives their number. Less than 2^31 keys.
+  int (*find_rows)(const Ball& ball, const std::uint32_t* starts, Run* out);
+  // Pairs of the sphere of slot a and those of hits[0 to count - 1]: their numbers, the smaller first, and
+  // their slots in that order. Room for count and kLanes more.
+  void (*order_pairs)(std::uint32_t a, const std::uint32_t* hits, int count, const std::uint32_t* ids,
+                      Pair* pairs, std::uint32_t* i, std::uint32_t* j);
+};
+template <class Slot>
+Kernels<Slot> plain_kernels();
+template <class Slot>
+Kernels<Slot> kernels_for_this_machine();
+
+// Differences and sums of radii of up to kBatch pairs, and from these normals and depths: geometry() of
+// contact.h, bit for bit.
+inline constexpr std::uint32_t kBatch = 256;
 struct Batch {
-  double x[kBatch], y[kBatch], z[kBatch], s[kBatch];  // in: cj - ci, ri + rj; out: normal, depth
+  double x[kBatch], y[kBatch], z[kBatch], s[kBatch];  // cj - ci, ri + rj; then normal, depth
 };
+// Of slots i[k], j[k]; the exact spheres of fixed-point slots lie beside them.
+void differences(const Slots<FloatSlot>& slots, const Sphere*, const std::uint32_t* i, const std::uint32_t* j,
+                 int count, Batch& out);
+void differences(const Slots<FixedSlot>&, const Sphere* spheres, const std::uint32_t* i,
+                 const std::uint32_t* j, int count, Batch& out);
 void to_normals(Batch& batch, int count);
 
 }  // namespace padder::detect::omp

@@ -27,6 +27,7 @@ const std::vector<Entry>& entries() {
 #ifdef PADDER_BENCH_PADDING
       {"frontier", "spheres against error of meshes, the paper's fit beside ours", frontier},
 #endif
+      {"draw", "no measurement: the plots of such benches, from the JSON files they wrote", draw_files},
   };
   return all;
 }
@@ -75,14 +76,18 @@ int main(int argc, char** argv) {
       "  bench --list                                  the benches\n"
       "  bench table2 --spheres 1000000 -o figures/    one size, its files into a folder\n"
       "  bench speedup --backend omp --threads 2       on the CPU only\n"
-      "  bench frontier part.obj -o figures/           a table, JSON and a plot\n\n"
-      "Measures what the figures of docs/ are made of. Prints a table for Markdown.\n",
+      "  bench frontier part.obj -o figures/           a table, JSON and a plot\n"
+      "  bench draw figures/frontier.json              the plot again from its JSON, on any machine\n\n"
+      "Measures what the figures of docs/ are made of. Prints a table for Markdown. With -o also NAME.json "
+      "and,\n"
+      "where gnuplot is installed, NAME.svg; draw makes the same NAME.svg from NAME.json, beside it or in "
+      "DIR.\n",
       "bench");
   std::string name;
   Settings s;
   bool list = false;
   app.add_option("NAME", name, "which bench");
-  app.add_option("MESH", s.meshes, "mesh files (frontier)");
+  app.add_option("FILE", s.files, "meshes (frontier), JSON files that benches wrote (draw)");
   app.add_flag("--list", list, "name the benches");
   app.add_option("--spheres", s.spheres, "sizes, instead of the bench's own")
       ->delimiter(',')

@@ -20,7 +20,7 @@ using Json = nlohmann::ordered_json;
 struct Settings {
   std::vector<std::uint64_t> spheres;  // sizes asked for; empty: the bench's own
   std::string scene;                   // scaling: this one only
-  std::vector<std::string> meshes;     // files, for those benches that pad
+  std::vector<std::string> files;      // meshes, for those benches that pad; documents to draw
   std::string backend = "auto";        // auto: each that is there
   int threads = 0;                     // 0: all
   int repeat = 5;                      // measured calls after a warm-up; the median counts
@@ -31,12 +31,13 @@ struct Settings {
 // Gives the bench's result as JSON, "table" in it as printed (rows of text cells, the first the header).
 using Run = std::function<Json(const Settings&)>;
 
-Json table2(const Settings&);    // bench_table2.cpp
-Json speedup(const Settings&);   // bench_speedup.cpp
-Json scaling(const Settings&);   // bench_scaling.cpp
-Json bodies(const Settings&);    // bench_scaling.cpp; its rows of bodies alone
-Json stages(const Settings&);    // bench_stages.cpp
-Json frontier(const Settings&);  // bench_frontier.cpp; only where padder::padding is built
+Json table2(const Settings&);      // bench_table2.cpp
+Json speedup(const Settings&);     // bench_speedup.cpp
+Json scaling(const Settings&);     // bench_scaling.cpp
+Json bodies(const Settings&);      // bench_scaling.cpp; its rows of bodies alone
+Json stages(const Settings&);      // bench_stages.cpp
+Json frontier(const Settings&);    // bench_frontier.cpp; only where padder::padding is built
+Json draw_files(const Settings&);  // bench_draw.cpp; no measurement: the plots of documents
 
 // --- What benches share (bench_common.cpp) ---
 
@@ -54,7 +55,8 @@ std::uint64_t hash_of(const std::vector<detect::Pair>& pairs);
 std::string machine();  // processor and threads, in words
 std::string number(double value, const char* format);
 
-// Runs gnuplot on a script; false (and a sentence on stderr) where it is not installed.
-bool plot(const Settings&, const std::string& script);
+// Where a folder is named: the result as NAME.json, and its plots (a sentence on stderr where gnuplot is not
+// installed).
+void write_result(const Settings&, const Json& result);  // bench_draw.cpp
 
 }  // namespace padder::bench

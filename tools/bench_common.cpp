@@ -1,14 +1,9 @@
-#include <unistd.h>
-
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <cstdlib>
 #include <fstream>
 #include <thread>
 
-#include "padding/error.h"
-#include "padding/file.h"
 #include "tools/bench.h"
 
 namespace padder::bench {
@@ -115,19 +110,6 @@ std::string number(double value, const char* format) {
   char text[64];
   std::snprintf(text, sizeof text, format, value);
   return text;
-}
-
-bool plot(const Settings& s, const std::string& script) {
-  if (std::system("command -v gnuplot >/dev/null 2>&1") != 0) {
-    say(s, "no plot: gnuplot is not installed (Debian: gnuplot-nox)");
-    return false;
-  }
-  const std::filesystem::path file = s.folder / (".plot" + std::to_string(::getpid()));
-  write_file(file, script);
-  const int status = std::system(("gnuplot '" + file.string() + "'").c_str());
-  std::filesystem::remove(file);
-  if (status != 0) throw Error("gnuplot failed on the plot");
-  return true;
 }
 
 }  // namespace padder::bench

@@ -3,12 +3,10 @@
 // without the repair.
 #include <algorithm>
 #include <cmath>
-#include <map>
 #include <numbers>
 
 #include "padding/accuracy.h"
 #include "padding/error.h"
-#include "padding/file.h"
 #include "padding/fit.h"
 #include "padding/pad.h"
 #include "tools/bench.h"
@@ -86,34 +84,6 @@ double growth_of_ends(const std::vector<Row>& rows, const std::string& mesh, con
          std::log(first->error() / last->error());
 }
 
-void draw(const Settings& s, const std::string& mesh, const std::vector<Row>& rows) {
-  std::map<std::string, std::string> data;
-  for (const Row& r : rows)
-    if (r.mesh == mesh) data[r.method] += number(r.error(), "%g") + " " + std::to_string(r.spheres) + "\n";
-  const std::vector<std::pair<std::string, std::string>> titles = {
-      {"tolerance", "--tolerance"}, {"depth", "--depth 0.2, refitted"}, {"paper", "fixed depth 0.2 (paper)"}};
-  std::string script =
-      "set terminal svg size 800,500 font 'sans,14'\nset output '" +
-      (s.folder / ("frontier_" + mesh + ".svg")).string() +
-      "'\nset xlabel 'Largest error, protrusion or gap [% of the diagonal]'\nset ylabel 'Spheres'\n"
-      "set logscale xy\nset grid\nset key right top\nset title '" +
-      mesh + "' noenhanced\n";
-  for (const auto& [method, title] : titles) script += "$" + method + " << EOD\n" + data[method] + "EOD\n";
-  // What counts would be if they grew with these powers from the coarsest rung of each on.
-  const auto guide = [&](const char* method, const char* power, const char* dash) {
-    for (const Row& r : rows)
-      if (r.mesh == mesh && r.method == method)
-        return ", " + std::to_string(r.spheres) + "*(" + number(r.error(), "%g") + "/x)**" + power +
-               " with lines lw 1 dt " + dash + " lc rgb 'gray40' title '1/error^{" + power + "}'";
-    return std::string();
-  };
-  script += "plot ";
-  for (std::size_t k = 0; k < titles.size(); k++)
-    script += (k ? ", $" : "$") + titles[k].first + " using 1:2 with linespoints lw 2 title '" +
-              titles[k].second + "'";
-  plot(s, script + guide("tolerance", "1.5", "2") + guide("depth", "2", "3") + "\n");
-}
-
 Json json_of(const Row& r) {
   const Accuracy& a = r.accuracy;
   return {{"mesh", r.mesh},
@@ -137,10 +107,10 @@ Json json_of(const Row& r) {
 }  // namespace
 
 Json frontier(const Settings& s) {
-  if (s.meshes.empty()) throw Error("name at least one mesh: bench frontier MESH...");
+  if (s.files.empty()) throw Error("name at least one mesh: bench frontier MESH...");
   std::vector<Row> rows;
   Json growths = Json::array();
-  for (const std::string& path : s.meshes) {
+  for (const std::string& path : s.files) {
     const ReadResult file = read_mesh(path);
     const std::string name = std::filesystem::path(path).stem().string();
     for (const double t : tolerances) {
@@ -161,7 +131,6 @@ Json frontier(const Settings& s) {
                          {"method", method},
                          {"power", growth(rows, name, method)},
                          {"power_of_ends", growth_of_ends(rows, name, method)}});
-    if (!s.folder.empty()) draw(s, name, rows);
   }
   Json table = Json::array({{"mesh", "method", "setting [%]", "spheres", "s", "protrusion <= [%]", "mean",
                              "gap <= [%]", "mean", "normal error [deg]", "certified"}});
@@ -180,7 +149,7 @@ Json frontier(const Settings& s) {
                      "", ""});
   Json result = {
       {"bench", "frontier"}, {"machine", machine()}, {"rows", all}, {"growth", growths}, {"table", table}};
-  if (!s.folder.empty()) write_file(s.folder / "frontier.json", result.dump(2) + "\n");
+  write_result(s, result);
   return result;
 }
 

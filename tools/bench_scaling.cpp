@@ -4,7 +4,6 @@
 #include <algorithm>
 
 #include "padding/error.h"
-#include "padding/file.h"
 #include "tools/bench.h"
 #include "tools/bench_device.h"
 
@@ -82,15 +81,12 @@ class Table {
                      number(fast * 1e3, "%.3f"), number(exact * 1e3, "%.3f"), number(fixed * 1e3, "%.3f"),
                      number(points * 1e3, "%.3f"), number(exact * 1e9 / static_cast<double>(n), "%.3f"),
                      number(bytes, "%.0f")});
-    if (order != "bodies")
-      data += number(static_cast<double>(contacts) / 1e6, "%g") + " " + number(exact * 1e3, "%g") + "\n";
   }
 
   Json rows = Json::array();
   Json table =
       Json::array({{"scene", "order", "spheres", "contacts", "backend", "fast [ms]", "exact [ms]",
                     "exact, fixed order [ms]", "exact, points [ms]", "ns a sphere", "bytes a sphere"}});
-  std::string data;
 
  private:
   const Settings& settings_;
@@ -152,18 +148,7 @@ Json result_of(const Settings& s, const char* name, const Table& t) {
       {"machine", machine()}, {"device", device_name()},
       {"threads", s.threads}, {"rows", t.rows},
       {"table", t.table}};
-  if (!s.folder.empty()) {
-    write_file(s.folder / (std::string(name) + ".json"), result.dump(2) + "\n");
-    if (t.data.empty()) return result;
-    const std::filesystem::path file = s.folder / ".scaling.dat";
-    write_file(file, t.data);
-    plot(
-        s,
-        "set terminal svg size 800,500 font 'sans,14'\nset output '" + (s.folder / "scaling.svg").string() +
-            "'\nset xlabel 'Contacts [millions]'\nset ylabel 'Time [ms]'\nset logscale xy\nset grid\nplot '" +
-            file.string() + "' using 1:2 with points pt 7 title 'exact'\n");
-    std::filesystem::remove(file);
-  }
+  write_result(s, result);
   return result;
 }
 

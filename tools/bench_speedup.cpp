@@ -2,26 +2,10 @@
 // measured warm (the second and later steps, nothing moved: its pairs and manifolds are kept, which favours
 // it).
 #include "padding/error.h"
-#include "padding/file.h"
 #include "tools/bench.h"
 #include "tools/bench_bullet.h"
 
 namespace padder::bench {
-namespace {
-
-std::string plot_script(const std::string& svg, const std::string& data,
-                        const std::vector<std::string>& names) {
-  std::string s = "set terminal svg size 800,500 font 'sans,14'\nset output '" + svg + "'\n" +
-                  "set xlabel 'Contacts [millions]'\nset ylabel 'Speedup over a warm Bullet step'\nset "
-                  "logscale y\nset grid\n" +
-                  "set key left top\nplot ";
-  for (std::size_t k = 0; k < names.size(); k++)
-    s += (k ? ", " : "") + ("'" + data + "' using 1:" + std::to_string(k + 2) +
-                            " with linespoints lw 2 title '" + names[k] + "'");
-  return s + ", 180 with lines dt 2 title 'the paper, at most'\n";
-}
-
-}  // namespace
 
 Json speedup(const Settings& s) {
   if (!have_bullet()) BulletWorld{{}};
@@ -30,8 +14,6 @@ Json speedup(const Settings& s) {
   Json rows = Json::array();
   Json table = Json::array({{"spheres", "contacts", "Bullet, first [s]", "Bullet, warm [s]",
                              "plain grid, 1 thread [ms]", "backend", "[ms]", "pairs only [ms]", "speedup"}});
-  std::string data;
-  std::vector<std::string> names;
   for (const std::uint64_t n : sizes) {
     const std::vector<detect::FloatSphere> spheres = detect::generate("dense", n);
     say(s, std::to_string(n) + " spheres: Bullet");
@@ -45,8 +27,6 @@ Json speedup(const Settings& s) {
     }
     std::vector<detect::Pair> oracle;
     const double plain = median_seconds(3, [&] { oracle = plain_grid(spheres); });
-    data += number(static_cast<double>(oracle.size()) / 1e6, "%g");
-    names.clear();
     for (const detect::Choice backend : backends(s)) {
       detect::Options o;
       o.backend = backend, o.threads = s.threads;
@@ -70,24 +50,15 @@ Json speedup(const Settings& s) {
       table.push_back({std::to_string(n), std::to_string(oracle.size()), number(first, "%.2f"),
                        number(warm, "%.3f"), number(plain * 1e3, "%.1f"), name, number(full * 1e3, "%.2f"),
                        number(pairs * 1e3, "%.2f"), number(warm / full, "%.0f")});
-      data += " " + number(warm / full, "%g");
       say(s, "Bullet " + number(warm, "%.3f") + " s warm, " + number(first, "%.2f") + " s first; " + name +
                  " " + number(full * 1e3, "%.2f") + " ms, pairs only " + number(pairs * 1e3, "%.2f") +
                  " ms; plain grid " + number(plain * 1e3, "%.1f") + " ms");
-      names.push_back(name == "omp" ? "CPU" : "GPU, from and to host memory");
     }
-    data += "\n";
   }
   Json result = {{"bench", "speedup"},   {"scene", "dense"},     {"record", "i, j, normal, depth in float"},
                  {"machine", machine()}, {"threads", s.threads}, {"rows", rows},
                  {"table", table}};
-  if (!s.folder.empty()) {
-    write_file(s.folder / "speedup.json", result.dump(2) + "\n");
-    const std::filesystem::path file = s.folder / ".speedup.dat";
-    write_file(file, data);
-    plot(s, plot_script((s.folder / "speedup.svg").string(), file.string(), names));
-    std::filesystem::remove(file);
-  }
+  write_result(s, result);
   return result;
 }
 

@@ -2,7 +2,6 @@
 // GPU is waited for after each stage, so that the sum is more than the time of a call.
 #include <algorithm>
 
-#include "padding/file.h"
 #include "tools/bench.h"
 #include "tools/bench_device.h"
 
@@ -62,7 +61,7 @@ Json stages(const Settings& s) {
   Json result = {{"bench", "stages"},       {"scene", "dense"},     {"machine", machine()},
                  {"device", device_name()}, {"threads", s.threads}, {"rows", rows},
                  {"table", table}};
-  if (!s.folder.empty()) write_file(s.folder / "stages.json", result.dump(2) + "\n");
+  write_result(s, result);
   return result;
 }
 

@@ -88,7 +88,7 @@ Json table2(const Settings& s) {
   const auto result = [&] {
     const Json all = {
         {"bench", "table2"}, {"scene", "poly045"}, {"machine", machine()}, {"rows", rows}, {"table", table}};
-    if (!s.folder.empty()) write_file(s.folder / "table2.json", all.dump(2) + "\n");
+    write_result(s, all);
     return all;
   };
   for (const std::uint64_t n : sizes) {

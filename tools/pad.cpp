@@ -13,7 +13,7 @@
 
 #include "padding/error.h"
 #include "padding/export/export.h"
-#include "padding/page.h"
+#include "padding/view/page.h"
 #include "tools/cli.h"
 #include "tools/pad_robot.h"
 

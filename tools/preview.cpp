@@ -8,8 +8,8 @@
 
 #include "padding/error.h"
 #include "padding/file.h"
-#include "padding/page.h"
-#include "padding/picture.h"
+#include "padding/view/page.h"
+#include "padding/view/picture.h"
 #include "tools/cli.h"
 #include "tools/scene_view.h"
 

@@ -3,7 +3,7 @@
 #include <filesystem>
 
 #include "detect/scene.h"
-#include "padding/view.h"
+#include "padding/view/view.h"
 
 namespace padder {
 

@@ -23,6 +23,8 @@ class CudaTest : public testing::Test {
     cpu_.width = Width::pairs;
   }
 
+  void expect_levels_agree(std::uint64_t n);
+
   void expect_same_order(const char* name, std::uint64_t n) {
     const auto spheres = generate(name, n);
     std::vector<Pair> first;
@@ -150,7 +152,7 @@ TEST_F(CudaTest, StaticOnesInDeviceMemory) {
 
 // Levels that look down (float and double slots), and sizes so far apart that they look up; few coarse
 // spheres, whose level has many empty bins; one sphere that holds all the others.
-TEST_F(CudaTest, LevelsAgree) {
+void CudaTest::expect_levels_agree(std::uint64_t n) {
   const auto expect_same = [&](const Input& input, const char* what) {
     Detector cpu(cpu_), gpu(gpu_);
     const std::uint64_t count = cpu.detect(input).count;
@@ -160,25 +162,25 @@ TEST_F(CudaTest, LevelsAgree) {
       EXPECT_EQ(gpu.hash(), cpu.hash()) << what;
     }
   };
-  for (const std::uint64_t n : {20'000ull, 400'000ull}) {
-    auto spheres = generate("poly100", n);
-    std::vector<double> centers, radii;
-    for (const FloatSphere& s : spheres) {
-      for (const float x : {s.x, s.y, s.z}) centers.push_back(x + 1e-9);
-      radii.push_back(s.r);
-    }
-    Input wide;
-    wide.spheres = spheres_of(n, centers.data(), radii.data());
-    expect_same(wide, "in double");
-    spheres[7].r = 3000;
-    expect_same(input_of(spheres), "one holds most");
-    for (std::size_t k = 0; k < n; k += 100) spheres[k].r = 0.01f;
-    expect_same(input_of(spheres), "1 to 300,000");
-    spheres = generate("dense", n);
-    for (std::size_t k = 0; k < 5; k++) spheres[k * 1000].r = 9;
-    expect_same(input_of(spheres), "five coarse ones");
+  auto spheres = generate("poly100", n);
+  std::vector<double> centers, radii;
+  for (const FloatSphere& s : spheres) {
+    for (const float x : {s.x, s.y, s.z}) centers.push_back(x + 1e-9);
+    radii.push_back(s.r);
   }
+  Input wide;
+  wide.spheres = spheres_of(n, centers.data(), radii.data());
+  expect_same(wide, "in double");
+  spheres[7].r = 3000;
+  expect_same(input_of(spheres), "one holds most");
+  for (std::size_t k = 0; k < n; k += 100) spheres[k].r = 0.01f;
+  expect_same(input_of(spheres), "1 to 300,000");
+  spheres = generate("dense", n);
+  for (std::size_t k = 0; k < 5; k++) spheres[k * 1000].r = 9;
+  expect_same(input_of(spheres), "five coarse ones");
 }
+TEST_F(CudaTest, LevelsAgree) { expect_levels_agree(20'000); }
+TEST_F(CudaTest, LargeLevelsAgree) { expect_levels_agree(400'000); }
 
 // The places of a list of fixed order follow from its contacts alone, not from the list before: longer,
 // shorter, nearly and quite empty ones.

@@ -95,22 +95,41 @@ TEST(Grid, EverySphereFitsItsLevel) {
     TestScene scene = random_scene(3000, ratio, 2, 77);
     scene.spheres.push_back({1e25, 0, 0, 1});
     scene.spheres.push_back({0, 0, 0, 0});
-    const Grid g = choose_grid(summary_of(scene.spheres), 0);
-    ASSERT_LE(g.levels, kMaxLevels);
-    for (const Sphere& s : scene.spheres) {
-      const Level& l = g.level[level_of(g, s)];
-      ASSERT_GT(l.size, 2 * s.r);
-      ASSERT_GE(l.radius_max, s.r);
-      ASSERT_LE(std::abs(s.x) / l.size, 0x1p43);
-      ASSERT_LT(key_of(l, bin_of(l, s)) - l.offset, l.buckets);
+    for (const Look look : {Look::up, Look::down, Look::either}) {
+      const Grid g = choose_grid(summary_of(scene.spheres), 0, 8, look);
+      ASSERT_LE(g.levels, kMaxLevels);
+      for (const Sphere& s : scene.spheres) {
+        const Level& l = g.level[level_of(g, s)];
+        ASSERT_GT(l.size, 2 * s.r);
+        ASSERT_GE(l.radius_max, s.r);
+        ASSERT_LE(std::abs(s.x) / l.size, 0x1p43);
+        ASSERT_LT(key_of(l, bin_of(l, s)) - l.offset, l.buckets);
+      }
+      for (int k = 1; k < g.levels; k++) EXPECT_GE(g.level[k].size, g.level[k - 1].size);
     }
-    for (int k = 1; k < g.levels; k++) EXPECT_GE(g.level[k].size, g.level[k - 1].size);
   }
 }
 
 TEST(Grid, EqualRadiiAreOneLevelAndWideOnesSeveral) {
   EXPECT_EQ(choose_grid(summary_of(random_scene(1000, 1, 1, 1).spheres), 0).levels, 1);
   EXPECT_GT(choose_grid(summary_of(random_scene(20000, 100, 0.5, 1).spheres), 0).levels, 2);
+}
+
+// What looks at any level: a hair above an octave is no level more, and few large spheres look down at many
+// small ones, not the other way round.
+TEST(Grid, LevelsThatLookEitherWay) {
+  TestScene near = random_scene(20000, 1, 3.5, 5);
+  for (std::size_t k = 0; k < near.spheres.size(); k++)
+    near.spheres[k].r = k == 7 ? 2.0001 : 1 + static_cast<double>(k % 100) / 100;
+  EXPECT_EQ(choose_grid(summary_of(near.spheres), 0, 8, Look::either).levels, 1);
+  TestScene wide = random_scene(20000, 1, 3.5, 6);
+  for (std::size_t k = 0; k < wide.spheres.size(); k += 200) wide.spheres[k].r = 30;
+  const Grid g = choose_grid(summary_of(wide.spheres), 0, 8, Look::either);
+  ASSERT_EQ(g.levels, 2);
+  const Level &fine = g.level[0], &coarse = g.level[1];
+  EXPECT_LT(look_cost(coarse, fine) * static_cast<double>(coarse.spheres),
+            look_cost(fine, coarse) * static_cast<double>(fine.spheres));
+  EXPECT_GT(look_cost(coarse, fine), 20 * look_cost(fine, coarse)) << "of one sphere";
 }
 
 // Two spheres of one level that touch are at most one bin apart: what reach_of says is never too little.

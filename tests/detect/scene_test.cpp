@@ -3,7 +3,6 @@
 
 #include <filesystem>
 
-#include "detect/contact_file.h"
 #include "padding/file.h"
 #include "padding/npz.h"
 #include "tests/detect/oracle.h"
@@ -185,28 +184,6 @@ TEST_F(SceneTest, PileHasContactsBetweenBodiesOnly) {
   EXPECT_GT(found.count, 50u);
   for (const Pair& p : found.pair_span()) EXPECT_NE(p.i / 2, p.j / 2);
   EXPECT_EQ(read_scene_or_cluster(folder_ / "pair.spheres.json", 500).size(), 1000u);
-}
-
-TEST_F(SceneTest, ContactsAreWrittenSortedInEveryFormat) {
-  const Scene s =
-      scene(R"("spheres": [{"centers": [[5, 0, 0], [0, 0, 0], [1.5, 0, 0], [6, 0, 0]], "radii": 1}])");
-  Options o;
-  o.backend = Choice::omp;
-  o.width = Width::points, o.scalar = Scalar::f64;
-  Detector d(o);
-  const ContactTable t = sorted_table(d.detect(s.input()));
-  write_contacts(t, folder_ / "c.csv");
-  EXPECT_EQ(read_file(folder_ / "c.csv"),
-            "i,j,nx,ny,nz,depth,ix,iy,iz,jx,jy,jz\n0,3,1,0,0,1,6,0,0,5,0,0\n1,2,1,0,0,0.5,1,0,0,0.5,0,0\n");
-  write_contacts(t, folder_ / "c.npz");
-  const Npz z = npz_from_bytes(read_file(folder_ / "c.npz"), "c.npz");
-  EXPECT_EQ(z.at("pairs").as<std::uint32_t>(), (std::vector<std::uint32_t>{0, 3, 1, 2}));
-  EXPECT_EQ(z.at("depths").as<double>(), (std::vector<double>{1, 0.5}));
-  EXPECT_EQ(z.at("points_j").as<double>(), (std::vector<double>{5, 0, 0, 0.5, 0, 0}));
-  write_contacts(t, folder_ / "c.vtp");
-  EXPECT_NE(read_file(folder_ / "c.vtp").find("NumberOfPoints=\"2\""), std::string::npos);
-  EXPECT_THROW(write_contacts(t, folder_ / "c.txt"), Error);
-  EXPECT_THROW(write_contacts(t, folder_ / "absent" / "c.csv"), Error);
 }
 
 }  // namespace

@@ -9,7 +9,7 @@ import numpy as np
 import padder
 import pytest
 
-from test_padder import pairs, scene
+from test_padder import heap, pairs, scene, wanted
 
 
 class Cuda:
@@ -101,6 +101,21 @@ def test_what_a_device_array_is_not_is_said(cuda):
         padder.detect(OnDevice(cuda, centers), OnDevice(cuda, radii), OnDevice(cuda, family.astype(np.int64)))
     with pytest.raises(ValueError, match="one place"):
         padder.detect(OnDevice(cuda, centers), radii)
+
+
+def test_poses_on_the_device(cuda):
+    shapes, poses, shape, is_static = heap()
+    bodies, detector = padder.Bodies(shapes, poses, shape, is_static=is_static), padder.Detector()
+    assert detector.backend == "cuda"
+    for step in range(4):
+        contacts = detector.detect(bodies=bodies, revision=1, poses=OnDevice(cuda, poses))
+        found = sorted(map(tuple, back(cuda, contacts.pairs).tolist()))
+        assert found == wanted(shapes, poses, shape, is_static)
+        poses[~is_static, 9:] += 0.1  # what stands still is read once
+    with pytest.raises(padder.Error, match="device memory"):
+        padder.Detector(backend="omp").detect(bodies=bodies, poses=OnDevice(cuda, poses))
+    with pytest.raises(TypeError, match="poses"):
+        detector.detect(bodies=bodies, poses=OnDevice(cuda, poses.astype(np.float32)))
 
 
 class DlTensor(ctypes.Structure):

@@ -165,6 +165,145 @@ def test_bad_spheres():
         padder.detect(c, r, width="pairs", backend="omp").depth
 
 
+def turned(angle, position):
+    """A pose: turned about z, then put at the position."""
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([c, -s, 0, s, c, 0, 0, 0, 1, *position])
+
+
+def heap(count=36, seed=2):
+    """Bodies of two shapes with their spheres placed by NumPy: poses, shape, is_static; centers, radii, body of each."""
+    g = np.random.default_rng(seed)
+    shapes = [(g.uniform(-1, 1, (9, 3)), g.uniform(0.2, 0.5, 9)), (g.uniform(-1, 1, (4, 3)), 0.4)]
+    poses = np.array([turned(g.uniform(0, 6), g.uniform(0, 4.5, 3)) for _ in range(count)])
+    return shapes, poses, g.integers(0, 2, count), g.integers(0, 2, count).astype(bool)
+
+
+def wanted(shapes, poses, shape, is_static, centers=np.zeros((0, 3)), radii=np.zeros(0), loose_static=None):
+    c, r, body, still = [], [], [], []
+    for b, (pose, k, s) in enumerate(zip(poses, shape, is_static)):
+        own, own_r = shapes[k]
+        c.append(own @ pose[:9].reshape(3, 3).T + pose[9:])
+        r.append(np.broadcast_to(own_r, len(own)))
+        body += [b] * len(own)
+        still += [s] * len(own)
+    body += range(len(poses), len(poses) + len(centers))
+    still += list(np.zeros(len(centers), bool) if loose_static is None else loose_static)
+    c, r = np.concatenate(c + [centers]), np.concatenate(r + [radii])
+    return [(i, j) for i, j in brute(c, r) if body[i] != body[j] and not (still[i] and still[j])]
+
+
+def test_static_spheres_do_not_meet():
+    c, r, _, _ = scene()
+    still = np.arange(len(c)) % 3 > 0
+    expected = [(i, j) for i, j in brute(c, r) if not (still[i] and still[j])]
+    for given in (still, still.astype(np.uint8), still.astype(np.int64) * 512, still.tolist()):
+        assert pairs(padder.detect(c, r, is_static=given, backend="omp")) == expected
+    with pytest.raises(ValueError):
+        padder.detect(c, r, is_static=still[1:], backend="omp")
+    with pytest.raises(TypeError):
+        padder.detect(c, r, is_static=r, backend="omp")
+
+
+def test_bodies_are_brute_force():
+    shapes, poses, shape, is_static = heap()
+    c, r, _, _ = scene(40)
+    bodies = padder.Bodies(shapes, poses, shape, is_static=is_static)
+    assert len(bodies) == 36 and len(wanted(shapes, poses, shape, is_static)) > 100
+    assert pairs(padder.detect(bodies=bodies, backend="omp")) == wanted(shapes, poses, shape, is_static)
+    found = padder.detect(c, r, bodies=bodies, is_static=np.ones(40, bool), width="points", backend="omp")
+    assert pairs(found) == wanted(shapes, poses, shape, is_static, c, r, np.ones(40, bool))
+    assert found.points_i.shape == (len(found), 3)
+    bodies.family[:] = 7
+    assert len(padder.detect(bodies=bodies, backend="omp")) == 0
+
+
+def test_bodies_show_their_memory(cube):
+    shapes, poses, shape, is_static = heap()
+    bodies = padder.Bodies([cube, *shapes], poses, shape, is_static=is_static)
+    assert (bodies.poses == poses).all() and (bodies.shape == shape).all() and (bodies.is_static == is_static).all()
+    assert (bodies.family == np.where(shape == 0, cube.family, 0)).all()  # those of the Cluster
+    assert (bodies.mask == np.where(shape == 0, cube.mask, 0)).all()
+    view = bodies.poses
+    view[3, 9:] += 1
+    assert (bodies.poses[3, 9:] == poses[3, 9:] + 1).all() and not bodies.shape.flags.writeable
+    before = view.copy()
+    del bodies
+    assert (view == before).all()
+    given = padder.Bodies(shapes, poses[::2], family=np.arange(18), mask=np.arange(18))
+    assert (given.poses == poses[::2]).all() and (given.family == np.arange(18)).all() and not given.shape.any()
+
+
+def test_what_stands_still_is_kept():
+    shapes, poses, shape, is_static = heap()
+    bodies, detector = padder.Bodies(shapes, poses, shape, is_static=is_static), padder.Detector(backend="omp")
+    assert detector.backend == "omp"
+
+    def found(**arguments):
+        return pairs(detector.detect(bodies=bodies, **arguments))
+
+    assert found(revision=1) == wanted(shapes, poses, shape, is_static)
+    moving, still = np.flatnonzero(~is_static), np.flatnonzero(is_static)
+    # Only what is said to have moved is read: not the other moving body, nor a static one.
+    bodies.poses[[moving[0], moving[1], still[0]], 9:] += 0.7
+    poses[moving[0], 9:] += 0.7
+    assert found(revision=1, moved=[moving[0]]) == wanted(shapes, poses, shape, is_static)
+    assert found(revision=1, moved=[]) == wanted(shapes, poses, shape, is_static)
+    poses[moving[1], 9:] += 0.7
+    assert found(revision=1, moved=moving) == wanted(shapes, poses, shape, is_static)
+    poses[still[0], 9:] += 0.7
+    assert found(revision=2) == wanted(shapes, poses, shape, is_static)
+    # All poses from elsewhere, in whatever rows.
+    other = np.zeros((len(poses), 16))
+    other[:, :12] = poses
+    other[moving, 9:12] -= 0.3
+    assert found(revision=2, poses=other[:, :12]) == wanted(shapes, other[:, :12], shape, is_static)
+    bodies.is_static[:] = False
+    assert found(poses=poses) == wanted(shapes, poses, shape, np.zeros(len(poses), bool))
+
+
+def test_contacts_of_a_detector_are_there_until_the_next_call():
+    c, r, _, _ = scene()
+    detector = padder.Detector(backend="omp")
+    contacts = detector.detect(c, r)
+    kept = contacts.pairs[5:]
+    with pytest.raises(padder.Error, match="still in use"):
+        detector.detect(c, r)
+    assert pairs(contacts) == brute(c, r)
+    before = kept.copy()
+    del kept
+    again = detector.detect(c, r)
+    assert len(contacts) == len(again)
+    for gone in ("pairs", "depth", "hash"):
+        with pytest.raises(padder.Error, match="gone"):
+            getattr(contacts, gone)
+    again = again.pairs
+    del detector, contacts
+    assert (again[5:] == before).all()  # what shows the memory keeps it
+
+
+def test_bad_bodies():
+    shapes, poses, shape, _ = heap()
+    c, r, _, _ = scene(40)
+    bodies, detector = padder.Bodies(shapes, poses), padder.Detector(backend="omp")
+    for error, make in [
+            (ValueError, lambda: padder.Bodies(shapes, poses[:, :11])), (ValueError, lambda: padder.Bodies(shapes, poses, shape[1:])),
+            (IndexError, lambda: padder.Bodies(shapes, poses, shape + 1)), (IndexError, lambda: padder.Bodies([], poses)),
+            (TypeError, lambda: padder.Bodies([3], poses)), (TypeError, lambda: padder.Bodies(["ab"], poses)),
+            (ValueError, lambda: padder.Bodies([(c[:, :2], r)], poses)), (ValueError, lambda: padder.Bodies([(c, r[1:])], poses)),
+            (TypeError, lambda: padder.Bodies(shapes, poses, is_static=poses[:, 0])),
+            (ValueError, lambda: padder.Bodies(shapes, poses, family=np.zeros(3, int))),
+            (ValueError, lambda: detector.detect(bodies=bodies, poses=poses[1:])), (ValueError, lambda: detector.detect(poses=poses)),
+            (padder.Error, lambda: detector.detect(bodies=bodies, moved=[36])), (ValueError, lambda: detector.detect(bodies=bodies, moved=[-1])),
+            (TypeError, lambda: detector.detect(bodies=shapes)), (ValueError, lambda: detector.detect(c)),
+            (ValueError, lambda: detector.detect(radii=r)), (padder.Error, lambda: detector.detect(bodies=bodies, poses=poses * np.nan))]:
+        with pytest.raises(error):
+            make()
+    assert pairs(detector.detect(bodies=bodies)) == wanted(shapes, poses, np.zeros(36, int), np.zeros(36, bool))
+    assert len(padder.detect(bodies=padder.Bodies(shapes, poses[:0]), backend="omp")) == 0
+    assert len(padder.detect(bodies=padder.Bodies([(c[:0], r[:0])], poses), backend="omp")) == 0
+
+
 def test_other_threads_run_meanwhile():
     c, r, _, _ = scene(400_000)
     c *= 10

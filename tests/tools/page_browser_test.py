@@ -17,7 +17,7 @@ from browser import Browser
 
 BIN = os.path.abspath(sys.argv.pop(1))
 WIDTH, HEIGHT = 720, 480
-ORANGE, BACKGROUND = (232, 128, 58), (244, 246, 248)  # padding/view.cpp
+ORANGE, BACKGROUND = (232, 128, 58), (244, 246, 248)  # padding/view/view.cpp
 RED, BLUE = (208, 64, 56), (48, 112, 192)              # families 1 and 2
 ARROWS = {"left": "\ue012", "up": "\ue013", "right": "\ue014", "down": "\ue015"}
 ESCAPE = "\ue00c"

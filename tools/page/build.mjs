@@ -1,5 +1,5 @@
 // Makes the page's template: index.html with style.css and the bundled main.js inside. `node build.mjs OUT`.
-// padding/page.cpp puts a cluster's data where the template says so.
+// padding/view/page.cpp puts a cluster's data where the template says so.
 import {build} from 'esbuild';
 import {readFileSync, writeFileSync} from 'node:fs';
 import {dirname, join} from 'node:path';

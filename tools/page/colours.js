@@ -1,4 +1,4 @@
-// One colour a sphere, by the palette in the head; the same rules as padding/view.cpp.
+// One colour a sphere, by the palette in the head; the same rules as padding/view/view.cpp.
 
 export const colourings = {
   family: {label: 'family', has: () => true},

@@ -1,4 +1,4 @@
-// What padding/page.cpp wrote into the page: a JSON head and arrays as base64.
+// What padding/view/page.cpp wrote into the page: a JSON head and arrays as base64.
 
 function bytesOf(id) {
   const element = document.getElementById(id);

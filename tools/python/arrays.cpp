@@ -109,6 +109,17 @@ void convert(Given& g, const char* name, char kind, int size, bool contiguous) {
   g = given(np.attr("ascontiguousarray")(a, "dtype"_a = std::string(1, kind) + std::to_string(size)), name);
 }
 
+void convert_flags(Given& g, const char* name) {
+  if (g.kind != 'b' && g.kind != 'u' && g.kind != 'i')
+    throw py::type_error(std::string(name) + " must be booleans or whole numbers");
+  if (g.size == 1 && g.shape.size() == 1 && (g.shape[0] < 2 || g.strides[0] == 1)) return;
+  if (g.memory == detect::Memory::device)
+    throw py::type_error(std::string(name) + " on a device must be of one byte each, contiguous");
+  if (!py::isinstance<py::array>(g.keep))
+    throw py::type_error(std::string(name) + ": convert it to a NumPy array first");
+  g = given(py::module_::import("numpy").attr("ascontiguousarray")(g.keep, "dtype"_a = "bool"), name);
+}
+
 py::dict DeviceArray::interface() const {
   std::vector<std::int64_t> bytes;
   for (const std::int64_t s : strides_) bytes.push_back(s * size_);

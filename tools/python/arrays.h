@@ -34,6 +34,9 @@ bool is_float(const Given& g, int size);
 // NumPy can convert is converted; a device array must come as it is wanted. Throws TypeError or ValueError.
 void convert(Given& g, const char* name, char kind, int size, bool contiguous);
 
+// One byte each, 0 or not, of booleans or whole numbers; the same rules.
+void convert_flags(Given& g, const char* name);
+
 // A view of memory that `owner` keeps alive; not to be written to.
 template <class T>
 py::array view(const T* data, std::vector<py::ssize_t> shape, std::vector<py::ssize_t> strides,

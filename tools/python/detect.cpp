@@ -1,7 +1,9 @@
 // padder::detect on NumPy and GPU arrays.
 #include <memory>
 
+#include "padding/error.h"
 #include "tools/python/arrays.h"
+#include "tools/python/bodies.h"
 #include "tools/python/module.h"
 
 namespace padder::python {
@@ -10,43 +12,100 @@ using namespace pybind11::literals;
 
 namespace {
 
-// Keeps the detector: its memory is what the arrays show.
-struct PyContacts {
+// A detector, whose memory is what the arrays of its last call show. All but `detector` under Python's lock.
+struct Keeper {
   std::unique_ptr<detect::Detector> detector;
-  detect::Contacts contacts;
-  int device = 0;
+  std::uint64_t calls = 0;
+  std::size_t lent = 0;  // arrays that are still in use
+  bool busy = false;
+};
 
+class PyContacts {
+ public:
+  PyContacts(std::shared_ptr<Keeper> keeper, const detect::Contacts& contacts, int device)
+      : keeper_(std::move(keeper)), call_(keeper_->calls), contacts_(contacts), device_(device) {}
+
+  std::uint64_t count() const { return contacts_.count; }
+  std::string backend() const { return keeper_->detector->backend(); }
+  std::uint64_t hash() const {
+    check();
+    return keeper_->detector->hash();
+  }
+  py::object pairs() const {
+    check();
+    return array<std::uint32_t>(contacts_.pairs, 2, 2, 0);
+  }
+  py::object normals() const { return reals(contacts_.normals, "normals", 3, 4, 0); }
+  py::object depth() const { return reals(contacts_.normals, "depths", 1, 4, 3); }
+  py::object points_i() const { return reals(contacts_.points, "points", 3, 6, 0); }
+  py::object points_j() const { return reals(contacts_.points, "points", 3, 6, 3); }
+
+ private:
+  void check() const {
+    if (keeper_->calls != call_)
+      throw Error(
+          "these contacts are gone, for their detector was asked again: take their arrays before that");
+  }
+  // Owns an array of the detector's memory: keeps that, and lets the next call know.
+  py::object loan() const {
+    auto* keeper = new std::shared_ptr<Keeper>(keeper_);
+    (*keeper)->lent++;
+    return py::capsule(keeper, [](void* p) {
+      auto* k = static_cast<std::shared_ptr<Keeper>*>(p);
+      (*k)->lent--;
+      delete k;
+    });
+  }
   template <class T>
-  static py::object array(const py::object& self, const void* data, std::int64_t columns, std::int64_t row,
-                          std::int64_t first) {
-    const auto& me = py::cast<const PyContacts&>(self);
-    const auto n = static_cast<std::int64_t>(me.contacts.count);
+  py::object array(const void* data, std::int64_t columns, std::int64_t row, std::int64_t first) const {
+    const auto n = static_cast<std::int64_t>(contacts_.count);
     const T* at = data ? static_cast<const T*>(data) + first : nullptr;
-    if (me.contacts.memory == detect::Memory::device) {
+    if (contacts_.memory == detect::Memory::device) {
       std::vector<std::int64_t> shape{n}, strides{row};
       if (columns > 1) shape.push_back(columns), strides.push_back(1);
-      return py::cast(DeviceArray(self, at, shape, strides, std::is_floating_point_v<T> ? 'f' : 'u',
-                                  sizeof(T), me.device));
+      return py::cast(DeviceArray(loan(), at, shape, strides, std::is_floating_point_v<T> ? 'f' : 'u',
+                                  sizeof(T), device_));
     }
     std::vector<py::ssize_t> shape{n}, strides{static_cast<py::ssize_t>(row * sizeof(T))};
     if (columns > 1) shape.push_back(columns), strides.push_back(sizeof(T));
-    return view(at, shape, strides, self);
+    return view(at, shape, strides, loan());
   }
-  static py::object pairs(const py::object& self) {
-    return array<std::uint32_t>(self, py::cast<const PyContacts&>(self).contacts.pairs, 2, 2, 0);
+  py::object reals(const void* data, const char* what, std::int64_t columns, std::int64_t row,
+                   std::int64_t first) const {
+    check();
+    if (!data && contacts_.count)
+      throw py::attribute_error(std::string(what) + " were not asked for: see `width`");
+    return contacts_.scalar == detect::Scalar::f32 ? array<float>(data, columns, row, first)
+                                                   : array<double>(data, columns, row, first);
   }
-  static py::object reals(const py::object& self, const void* data, const char* what, std::int64_t columns,
-                          std::int64_t row, std::int64_t first) {
-    const auto& c = py::cast<const PyContacts&>(self).contacts;
-    if (!data && c.count) throw py::attribute_error(std::string(what) + " were not asked for: see `width`");
-    return c.scalar == detect::Scalar::f32 ? array<float>(self, data, columns, row, first)
-                                           : array<double>(self, data, columns, row, first);
+
+  std::shared_ptr<Keeper> keeper_;
+  std::uint64_t call_;
+  detect::Contacts contacts_;
+  int device_;
+};
+
+// What a call is given, as the detector reads it; keeps the arrays.
+struct Request {
+  detect::Input input;
+  detect::Scalar scalar = detect::Scalar::f64;
+  detect::Memory memory = detect::Memory::host;  // where the contacts are to lie
+  std::vector<Given> kept;
+
+  const char* keep(const Given& g) {
+    kept.push_back(g);
+    return g.data;
   }
 };
 
-PyContacts detect_spheres(const py::object& centers, const py::object& radii, const py::object& family,
-                          const py::object& mask, const std::string& width, const std::string& backend,
-                          const std::string& precision, int threads, int device) {
+void add_spheres(Request& in, const py::object& centers, const py::object& radii, const py::object& family,
+                 const py::object& mask, const py::object& is_static) {
+  if (centers.is_none()) {
+    if (!radii.is_none() || !family.is_none() || !mask.is_none() || !is_static.is_none())
+      throw py::value_error("radii, family, mask and is_static are those of spheres: centers are missing");
+    return;
+  }
+  if (radii.is_none()) throw py::value_error("centers want radii");
   Given c = given(centers, "centers"), r = given(radii, "radii");
   if (c.shape.size() != 2 || c.shape[1] != 3) throw py::value_error("centers must be of the shape (N, 3)");
   const py::ssize_t n = c.shape[0];
@@ -54,101 +113,165 @@ PyContacts detect_spheres(const py::object& centers, const py::object& radii, co
     throw py::value_error("radii must be of the shape (N,), or one number for all");
   const bool single = is_float(c, 4) && (is_float(r, 4) || r.shape.empty());
   convert(c, "centers", 'f', single ? 4 : 8, false), convert(r, "radii", 'f', single ? 4 : 8, false);
-  detect::Options o;
-  o.scalar = single ? detect::Scalar::f32 : detect::Scalar::f64;
-  o.memory_limit = 0, o.threads = threads, o.device = device;
-  if (width == "pairs")
-    o.width = detect::Width::pairs;
-  else if (width == "points")
-    o.width = detect::Width::points;
-  else if (width != "normals")
-    throw py::value_error("width must be \"pairs\", \"normals\" or \"points\"");
-  if (backend == "omp")
-    o.backend = detect::Choice::omp;
-  else if (backend == "cuda")
-    o.backend = detect::Choice::cuda;
-  else if (backend != "auto")
-    throw py::value_error("backend must be \"auto\", \"omp\" or \"cuda\"");
-  if (precision == "fast")
-    o.precision = detect::Precision::fast;
-  else if (precision != "exact")
-    throw py::value_error("precision must be \"exact\" or \"fast\"");
-  detect::Input input;
-  detect::Spheres& s = input.spheres;
-  s.count = static_cast<std::uint64_t>(n), s.scalar = o.scalar, s.memory = c.memory;
-  s.centers = c.data, s.radii = r.data;
+  in.scalar = single ? detect::Scalar::f32 : detect::Scalar::f64, in.memory = c.memory;
+  detect::Spheres& s = in.input.spheres;
+  s.count = static_cast<std::uint64_t>(n), s.scalar = in.scalar, s.memory = c.memory;
+  s.centers = in.keep(c), s.radii = in.keep(r);
   s.center_stride = static_cast<std::uint32_t>(n > 1 ? c.strides[0] / c.size : 3);
   s.radius_stride = static_cast<std::uint32_t>(r.shape.empty() ? 0 : n > 1 ? r.strides[0] / r.size : 1);
-  std::vector<Given> bits;
-  const auto filter = [&](const py::object& object, const char* name) -> const std::uint32_t* {
+  const auto one_each = [&](const py::object& object, const char* name, bool flags) -> const char* {
     if (object.is_none()) return nullptr;
     Given g = given(object, name);
     if (g.shape != std::vector<py::ssize_t>{n})
       throw py::value_error(std::string(name) + " must be of the shape (N,)");
-    convert(g, name, 'u', 4, true);
-    bits.push_back(g);
-    return reinterpret_cast<const std::uint32_t*>(g.data);
+    flags ? convert_flags(g, name) : convert(g, name, 'u', 4, true);
+    return in.keep(g);
   };
-  s.family = filter(family, "family"), s.mask = filter(mask, "mask");
-  bits.push_back(r);
-  for (const Given& g : bits)
+  s.family = reinterpret_cast<const std::uint32_t*>(one_each(family, "family", false));
+  s.mask = reinterpret_cast<const std::uint32_t*>(one_each(mask, "mask", false));
+  s.is_static = reinterpret_cast<const std::uint8_t*>(one_each(is_static, "is_static", true));
+  for (const Given& g : in.kept)
     if (g.memory != c.memory)
-      throw py::value_error("all arrays must lie in one place: on the host or on the device");
-  o.output = c.memory;
-  if (c.memory == detect::Memory::device && backend == "auto") o.backend = detect::Choice::cuda;
-  PyContacts out;
-  out.device = device;
-  {
-    const py::gil_scoped_release release;
-    out.detector = std::make_unique<detect::Detector>(o);
-    out.contacts = out.detector->detect(input);
-  }
-  return out;
+      throw py::value_error("all arrays of spheres must lie in one place: on the host or on the device");
 }
+
+void add_poses(Request& in, const py::object& poses, const py::object& moved) {
+  if (!moved.is_none()) {
+    Given g = given(moved, "moved");
+    if (g.shape.size() != 1) throw py::value_error("moved must be of the shape (M,)");
+    if (g.shape[0] == 0) g = given(py::array_t<std::uint32_t>(0), "moved");  // [] is of no type
+    convert(g, "moved", 'u', 4, true);
+    if (g.memory != detect::Memory::host) throw py::type_error("moved must lie on the host");
+    const auto* first = reinterpret_cast<const std::uint32_t*>(in.keep(g));
+    in.input.moved = {first, static_cast<std::size_t>(g.shape[0])};
+  }
+  if (poses.is_none()) return;
+  Given p = given(poses, "poses");
+  if (p.shape != std::vector<py::ssize_t>{static_cast<py::ssize_t>(in.input.bodies.size()), 12})
+    throw py::value_error("poses must be of the shape (B, 12), a row for each body");
+  convert(p, "poses", 'f', 8, false);
+  if (p.shape[0] > 1 && p.strides[0] != sizeof(detect::Pose)) {
+    if (p.memory == detect::Memory::device || !py::isinstance<py::array>(p.keep))
+      throw py::type_error("the rows of poses must be contiguous");
+    p = given(py::module_::import("numpy").attr("ascontiguousarray")(p.keep), "poses");
+  }
+  in.input.poses = reinterpret_cast<const detect::Pose*>(in.keep(p)), in.input.pose_memory = p.memory;
+  if (in.input.spheres.count == 0) in.memory = p.memory;
+}
+
+class PyDetector {
+ public:
+  PyDetector(const std::string& width, const std::string& backend, const std::string& precision, int threads,
+             int device) {
+    detect::Options o;
+    o.threads = threads, o.device = device;
+    if (width == "pairs")
+      o.width = detect::Width::pairs;
+    else if (width == "points")
+      o.width = detect::Width::points;
+    else if (width != "normals")
+      throw py::value_error("width must be \"pairs\", \"normals\" or \"points\"");
+    if (backend == "omp")
+      o.backend = detect::Choice::omp;
+    else if (backend == "cuda")
+      o.backend = detect::Choice::cuda;
+    else if (backend != "auto")
+      throw py::value_error("backend must be \"auto\", \"omp\" or \"cuda\"");
+    if (precision == "fast")
+      o.precision = detect::Precision::fast;
+    else if (precision != "exact")
+      throw py::value_error("precision must be \"exact\" or \"fast\"");
+    keeper_->detector = std::make_unique<detect::Detector>(o);
+  }
+
+  std::string backend() const { return keeper_->detector->backend(); }
+
+  PyContacts detect(const py::object& centers, const py::object& radii, const py::object& family,
+                    const py::object& mask, const py::object& is_static,
+                    const std::shared_ptr<Bodies>& bodies, std::uint64_t revision, const py::object& moved,
+                    const py::object& poses) {
+    Request in;
+    if (bodies) in.input.shapes = bodies->shapes, in.input.bodies = bodies->bodies;
+    in.input.revision = revision;
+    add_spheres(in, centers, radii, family, mask, is_static);
+    add_poses(in, poses, moved);
+    if (keeper_->busy) throw Error("this detector is at work in another thread: make one for each");
+    if (keeper_->lent)
+      throw Error(
+          "arrays of the last contacts are still in use, and the detector would write over them: copy what "
+          "is to "
+          "stay, and delete the rest, before the next call");
+    keeper_->calls++, keeper_->busy = true;
+    struct Done {
+      Keeper& keeper;
+      ~Done() { keeper.busy = false; }
+    } done{*keeper_};
+    detect::Options& o = keeper_->detector->options();
+    o.scalar = in.scalar, o.output = in.memory;
+    detect::Contacts contacts;
+    {
+      const py::gil_scoped_release release;
+      contacts = keeper_->detector->detect(in.input);
+    }
+    return {keeper_, contacts, o.device};
+  }
+
+ private:
+  std::shared_ptr<Keeper> keeper_ = std::make_shared<Keeper>();
+};
+
+// What both `detect`s say of their arrays.
+const std::string arrays_said = R"(Every contact of N spheres and the spheres of bodies, none twice.
+
+centers: (N, 3), radii: (N,) or one number; float32 when both are, else float64. family, mask: (N,) uint32 or None:
+no contact inside one family other than 0, nor where a mask has bit family - 1 of the other side. is_static: (N,), what stands
+still: two static ones are no contact. bodies: Bodies; numbers count the spheres of bodies[0], bodies[1], ..., then those of
+centers. NumPy arrays, and device arrays through __cuda_array_interface__ or DLPack, are read where they lie; then the contacts
+lie there too. They must not be written to while this runs; other threads of Python run meanwhile.
+)";
 
 }  // namespace
 
 void add_detect(py::module_& m) {
   py::class_<PyContacts>(m, "Contacts")
-      .def("__len__", [](const PyContacts& c) { return c.contacts.count; })
+      .def("__len__", &PyContacts::count)
       .def_property_readonly("pairs", &PyContacts::pairs)
-      .def_property_readonly("normals",
-                             [](const py::object& self) {
-                               return PyContacts::reals(self,
-                                                        py::cast<const PyContacts&>(self).contacts.normals,
-                                                        "normals", 3, 4, 0);
-                             })
-      .def_property_readonly("depth",
-                             [](const py::object& self) {
-                               return PyContacts::reals(self,
-                                                        py::cast<const PyContacts&>(self).contacts.normals,
-                                                        "depths", 1, 4, 3);
-                             })
-      .def_property_readonly("points_i",
-                             [](const py::object& self) {
-                               return PyContacts::reals(self,
-                                                        py::cast<const PyContacts&>(self).contacts.points,
-                                                        "points", 3, 6, 0);
-                             })
-      .def_property_readonly("points_j",
-                             [](const py::object& self) {
-                               return PyContacts::reals(self,
-                                                        py::cast<const PyContacts&>(self).contacts.points,
-                                                        "points", 3, 6, 3);
-                             })
-      .def_property_readonly("backend", [](const PyContacts& c) { return c.detector->backend(); })
-      .def_property_readonly("hash", [](const PyContacts& c) { return c.detector->hash(); });
+      .def_property_readonly("normals", &PyContacts::normals)
+      .def_property_readonly("depth", &PyContacts::depth)
+      .def_property_readonly("points_i", &PyContacts::points_i)
+      .def_property_readonly("points_j", &PyContacts::points_j)
+      .def_property_readonly("backend", &PyContacts::backend)
+      .def_property_readonly("hash", &PyContacts::hash);
 
-  m.def("detect", &detect_spheres, "centers"_a, "radii"_a, "family"_a = py::none(), "mask"_a = py::none(),
-        py::kw_only(), "width"_a = "normals", "backend"_a = "auto", "precision"_a = "exact", "threads"_a = 0,
-        "device"_a = 0,
-        R"(Every contact of N spheres, none twice.
+  py::class_<PyDetector>(m, "Detector")
+      .def(py::init<const std::string&, const std::string&, const std::string&, int, int>(), py::kw_only(),
+           "width"_a = "normals", "backend"_a = "auto", "precision"_a = "exact", "threads"_a = 0,
+           "device"_a = 0)
+      .def_property_readonly("backend", &PyDetector::backend)
+      .def(
+          "detect", &PyDetector::detect, "centers"_a = py::none(), "radii"_a = py::none(),
+          "family"_a = py::none(), "mask"_a = py::none(), py::kw_only(), "is_static"_a = py::none(),
+          "bodies"_a = py::none(), "revision"_a = 0, "moved"_a = py::none(), "poses"_a = py::none(),
+          (arrays_said +
+           R"(revision: not 0 where bodies and what is static stay from call to call. A call with the revision of the call before reads of
+bodies only the poses of those in `moved`, (M,) numbers, and nothing of static spheres; whatever else changes wants another.
+poses: (B, 12) float64, of all bodies, on the host or on the device, instead of those in `bodies`.
+The Contacts are there until the next call, which is refused while arrays of theirs are in use. Raises padder.Error.)")
+              .c_str());
 
-centers: (N, 3), radii: (N,) or one number; float32 when both are, else float64. family, mask: (N,) uint32 or None:
-no contact inside one family other than 0, nor where a mask has bit family - 1 of the other side.
-NumPy arrays, and device arrays through __cuda_array_interface__ or DLPack, are read where they lie; then the contacts
-lie there too. They must not be written to while this runs; other threads of Python run meanwhile.
-Returns Contacts whose arrays are views that keep it alive. Raises padder.Error.)");
+  m.def(
+      "detect",
+      [](const py::object& centers, const py::object& radii, const py::object& family, const py::object& mask,
+         const py::object& is_static, const std::shared_ptr<Bodies>& bodies, const std::string& width,
+         const std::string& backend, const std::string& precision, int threads, int device) {
+        return PyDetector(width, backend, precision, threads, device)
+            .detect(centers, radii, family, mask, is_static, bodies, 0, py::none(), py::none());
+      },
+      "centers"_a = py::none(), "radii"_a = py::none(), "family"_a = py::none(), "mask"_a = py::none(),
+      py::kw_only(), "is_static"_a = py::none(), "bodies"_a = py::none(), "width"_a = "normals",
+      "backend"_a = "auto", "precision"_a = "exact", "threads"_a = 0, "device"_a = 0,
+      (arrays_said + "Returns Contacts whose arrays are views that keep it alive. Raises padder.Error.")
+          .c_str());
 }
 
 }  // namespace padder::python

@@ -8,5 +8,6 @@ PYBIND11_MODULE(_core, m) {
   pybind11::register_exception<padder::Error>(m, "Error", PyExc_RuntimeError);
   padder::python::add_pad(m);
   padder::python::add_arrays(m);
+  padder::python::add_bodies(m);
   padder::python::add_detect(m);
 }

@@ -6,6 +6,7 @@ namespace padder::python {
 
 void add_arrays(pybind11::module_& module);  // arrays.cpp: DeviceArray
 void add_pad(pybind11::module_& module);     // pad.cpp: Cluster, load, pad, pad_file
-void add_detect(pybind11::module_& module);  // detect.cpp: Contacts, detect
+void add_bodies(pybind11::module_& module);  // bodies.cpp: Bodies
+void add_detect(pybind11::module_& module);  // detect.cpp: Contacts, Detector, detect
 
 }  // namespace padder::python

@@ -1,5 +1,5 @@
-#include "padding/page.h"
-#include "padding/picture.h"
+#include "padding/view/page.h"
+#include "padding/view/picture.h"
 
 int main(int, char** argv) {
   padder::Cluster cluster;

@@ -6,6 +6,6 @@
 
 Every function's shapes and units are in the stubs (__init__.pyi) and in docs/python.md.
 """
-from ._core import Cluster, Contacts, DeviceArray, Error, __version__, detect, load, pad, pad_file
+from ._core import Bodies, Cluster, Contacts, Detector, DeviceArray, Error, __version__, detect, load, pad, pad_file
 
-__all__ = ["Cluster", "Contacts", "DeviceArray", "Error", "detect", "load", "pad", "pad_file"]
+__all__ = ["Bodies", "Cluster", "Contacts", "Detector", "DeviceArray", "Error", "detect", "load", "pad", "pad_file"]

@@ -1,12 +1,20 @@
+from collections.abc import Sequence
 from os import PathLike
-from typing import Any, Literal, Optional, Sequence, Union
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 __version__: str
-Length = Union[float, str]  # in the mesh's unit, or a share of the bounding box's diagonal as "1%"
+Path = str | PathLike[str]
+Length = float | str  # in the mesh's unit, or a share of the bounding box's diagonal as "1%"
 Repair = Literal["auto", "never", "wrap"]
+Width = Literal["pairs", "normals", "points"]
+Backend = Literal["auto", "omp", "cuda"]
+Precision = Literal["exact", "fast"]
+Doubles = NDArray[np.float64]
+Integers = NDArray[np.uint32]
+Reals = NDArray[np.floating[Any]] | DeviceArray  # float32 where centres and radii are, else float64
 
 class Error(RuntimeError): ...
 
@@ -16,9 +24,9 @@ class Cluster:
     family: int
     mask: int
     @property
-    def centers(self) -> NDArray[np.float64]: ...  # (N, 3), a read-only view
+    def centers(self) -> Doubles: ...  # (N, 3), a read-only view
     @property
-    def radii(self) -> NDArray[np.float64]: ...  # (N,), a read-only view
+    def radii(self) -> Doubles: ...  # (N,), a read-only view
     @property
     def triangle(self) -> NDArray[np.int64]: ...  # (N,), of the remeshed surface
     @property
@@ -26,16 +34,16 @@ class Cluster:
     @property
     def volume_union(self) -> float: ...  # of the spheres, overlaps once
     @property
-    def center_of_mass(self) -> NDArray[np.float64]: ...  # (3,)
+    def center_of_mass(self) -> Doubles: ...  # (3,)
     @property
-    def inertia(self) -> NDArray[np.float64]: ...  # (3, 3), density 1, about the centre of mass, length^5
+    def inertia(self) -> Doubles: ...  # (3, 3), density 1, about the centre of mass, length^5
     @property
     def accuracy(self) -> dict[str, Any]: ...
     @property
     def settings(self) -> dict[str, Any]: ...
     def __len__(self) -> int: ...
     def to_json(self) -> str: ...
-    def save(self, path: Union[str, PathLike[str]], format: str = "", density: float = 1000.0) -> None: ...
+    def save(self, path: Path, format: str = "", density: float = 1000.0) -> None: ...
 
 class DeviceArray:
     @property
@@ -43,69 +51,82 @@ class DeviceArray:
     @property
     def shape(self) -> tuple[int, ...]: ...
     def __dlpack__(
-        self,
-        *,
-        stream: Optional[int] = None,
-        max_version: Optional[tuple[int, int]] = None,
-        dl_device: Optional[tuple[int, int]] = None,
-        copy: Optional[bool] = None,
+        self, *, stream: int | None = None, max_version: tuple[int, int] | None = None,
+        dl_device: tuple[int, int] | None = None, copy: bool | None = None,
     ) -> Any: ...
     def __dlpack_device__(self) -> tuple[int, int]: ...
 
+# Shapes (in their own frames) put at places. All members but `shape` may be written to: see Detector.detect.
+class Bodies:
+    def __init__(
+        self,
+        shapes: Sequence[Cluster | tuple[ArrayLike, ArrayLike]],  # or centers (N, 3) and radii, (N,) or one number
+        poses: ArrayLike,  # (B, 12): the rotation row by row, then the position
+        shape: ArrayLike | None = None,  # (B,), which shape each takes; None: the first
+        *,
+        family: ArrayLike | None = None,  # (B,); None: those of the body's Cluster, 0 for arrays
+        mask: ArrayLike | None = None,
+        is_static: ArrayLike | None = None,  # (B,), what stands still: two static ones are no contact
+    ) -> None: ...
+    @property
+    def poses(self) -> Doubles: ...  # (B, 12)
+    @property
+    def shape(self) -> Integers: ...  # (B,), a read-only view
+    @property
+    def family(self) -> Integers: ...
+    @property
+    def mask(self) -> Integers: ...
+    @property
+    def is_static(self) -> NDArray[np.bool_]: ...
+    def __len__(self) -> int: ...
+
+# Arrays are views; those of a Detector's contacts are in its way until they are deleted.
 class Contacts:
     @property
-    def pairs(self) -> Union[NDArray[np.uint32], DeviceArray]: ...  # (M, 2), i < j
+    def pairs(self) -> Integers | DeviceArray: ...  # (M, 2), i < j: spheres of bodies[0], bodies[1], ..., then of centers
     @property
-    def normals(self) -> Union[NDArray[np.floating[Any]], DeviceArray]: ...  # (M, 3), unit, from i to j
+    def normals(self) -> Reals: ...  # (M, 3), unit, from i to j
     @property
-    def depth(self) -> Union[NDArray[np.floating[Any]], DeviceArray]: ...  # (M,), r_i + r_j - distance
+    def depth(self) -> Reals: ...  # (M,), r_i + r_j - distance
     @property
-    def points_i(self) -> Union[NDArray[np.floating[Any]], DeviceArray]: ...  # (M, 3), deepest point of i in j
+    def points_i(self) -> Reals: ...  # (M, 3), deepest point of i in j
     @property
-    def points_j(self) -> Union[NDArray[np.floating[Any]], DeviceArray]: ...
+    def points_j(self) -> Reals: ...
     @property
     def backend(self) -> str: ...
     @property
     def hash(self) -> int: ...
     def __len__(self) -> int: ...
 
-def load(path: Union[str, PathLike[str]], part: str = "") -> Cluster: ...
+# Keeps its memory, and what stands still, from call to call.
+class Detector:
+    def __init__(
+        self, *, width: Width = "normals", backend: Backend = "auto", precision: Precision = "exact",
+        threads: int = 0, device: int = 0,
+    ) -> None: ...
+    @property
+    def backend(self) -> str: ...
+    def detect(
+        self, centers: Any = None, radii: Any = None, family: Any = None, mask: Any = None, *,
+        is_static: Any = None, bodies: Bodies | None = None,
+        revision: int = 0,  # as in the call before: of `bodies` only poses of `moved` are read, of static spheres nothing
+        moved: ArrayLike | None = None,  # (M,), which bodies have another pose than in the call before
+        poses: Any = None,  # (B, 12) float64 of all bodies, on host or device, instead of those in `bodies`
+    ) -> Contacts: ...
+
+def load(path: Path, part: str = "") -> Cluster: ...
 def pad(
-    vertices: ArrayLike,
-    faces: ArrayLike,
-    depth: Optional[float] = None,
-    tolerance: Optional[Length] = None,
-    edge_length: Optional[Length] = None,
-    max_spheres: int = 0,
-    sharp_angle: float = 40.0,
-    repair: Repair = "auto",
-    family: int = 0,
-    mask: int = 0,
-    unit: str = "",
-    name: str = "mesh",
+    vertices: ArrayLike, faces: ArrayLike, depth: float | None = None, tolerance: Length | None = None,
+    edge_length: Length | None = None, max_spheres: int = 0, sharp_angle: float = 40.0, repair: Repair = "auto",
+    family: int = 0, mask: int = 0, unit: str = "", name: str = "mesh",
 ) -> Cluster: ...
 def pad_file(
-    path: Union[str, PathLike[str]],
-    depth: Optional[float] = None,
-    tolerance: Optional[Length] = None,
-    edge_length: Optional[Length] = None,
-    max_spheres: int = 0,
-    sharp_angle: float = 40.0,
-    repair: Repair = "auto",
-    family: int = 0,
-    mask: int = 0,
-    unit: str = "",
-    scale: float = 1.0,
+    path: Path, depth: float | None = None, tolerance: Length | None = None,
+    edge_length: Length | None = None, max_spheres: int = 0, sharp_angle: float = 40.0, repair: Repair = "auto",
+    family: int = 0, mask: int = 0, unit: str = "", scale: float = 1.0,
 ) -> Cluster: ...
 def detect(
-    centers: Any,
-    radii: Any,
-    family: Any = None,
-    mask: Any = None,
-    *,
-    width: Literal["pairs", "normals", "points"] = "normals",
-    backend: Literal["auto", "omp", "cuda"] = "auto",
-    precision: Literal["exact", "fast"] = "exact",
-    threads: int = 0,
-    device: int = 0,
+    centers: Any = None, radii: Any = None, family: Any = None, mask: Any = None, *,
+    is_static: Any = None, bodies: Bodies | None = None, width: Width = "normals", backend: Backend = "auto",
+    precision: Precision = "exact", threads: int = 0, device: int = 0,
 ) -> Contacts: ...

@@ -1,4 +1,4 @@
-#include "padding/page.h"
+#include "padding/view/page.h"
 
 #include <algorithm>
 #include <bit>
@@ -8,7 +8,7 @@
 
 #include "padding/error.h"
 #include "padding/file.h"
-#include "padding/picture.h"
+#include "padding/view/picture.h"
 
 namespace padder {
 namespace {

@@ -4,7 +4,7 @@
 #include <filesystem>
 #include <string>
 
-#include "padding/view.h"
+#include "padding/view/view.h"
 
 namespace padder {
 

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "padding/view.h"
+#include "padding/view/view.h"
 
 namespace padder {
 

@@ -1,4 +1,4 @@
-#include "padding/picture.h"
+#include "padding/view/picture.h"
 
 #include <embree3/rtcore.h>
 #include <png.h>

@@ -1,4 +1,4 @@
-#include "padding/page.h"
+#include "padding/view/page.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "padding/picture.h"
+#include "padding/view/picture.h"
 
 #include <gtest/gtest.h>
 #include <omp.h>

@@ -1,4 +1,4 @@
-#include "padding/view.h"
+#include "padding/view/view.h"
 
 #include <algorithm>
 #include <cmath>

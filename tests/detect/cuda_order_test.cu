@@ -1,0 +1,203 @@
+// The ways of putting spheres in the order of their bins, each forced upon scenes that would take another,
+// and bins in float against what the search asks of them.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <random>
+#include <vector>
+
+#include "detect/cuda_bins.h"
+
+namespace padder::detect::cuda {
+namespace {
+
+Summary summary_of(const std::vector<float4>& spheres) {
+  Summary s;
+  s.count = spheres.size();
+  for (const float4& p : spheres) {
+    const double x[3] = {p.x, p.y, p.z};
+    for (int k = 0; k < 3; k++) s.low[k] = std::min(s.low[k], x[k]), s.high[k] = std::max(s.high[k], x[k]);
+    for (const double c : x) s.extent = std::max(s.extent, std::abs(c));
+    s.radius_min = std::min<double>(s.radius_min, p.w), s.radius_max = std::max<double>(s.radius_max, p.w);
+    s.radius_sum += p.w;
+    s.need_max = std::max(s.need_max, need_of({p.x, p.y, p.z, p.w}));
+  }
+  return s;
+}
+
+std::vector<float4> cloud(std::mt19937& random, std::size_t count, float side, float low, float least,
+                          float most) {
+  std::uniform_real_distribution<float> place(low, low + side), radius(least, most);
+  std::vector<float4> spheres(count);
+  for (float4& s : spheres) s = {place(random), place(random), place(random), radius(random)};
+  return spheres;
+}
+
+// The one thing that the search needs of a bin: two centres no further apart on an axis than the largest
+// diameter are at most one bin apart, `fine` bins along x; and what lies within the bounds is within the
+// bins.
+TEST(CudaBins, TouchingSpheresAreNeighbours) {
+  std::mt19937 random(20261120);
+  int on = 0;
+  for (int scene = 0; scene < 300; scene++) {
+    std::uniform_real_distribution<float> exponent(-8, 12), share(0, 1);
+    // A radius whose diameter, with the little that need_of() adds, fills a bin of ten significant bits.
+    const double size =
+        std::ldexp(std::floor(512 + 511 * share(random)), static_cast<int>(exponent(random)) - 14);
+    auto r = static_cast<float>(size / 2 / (1 + 0x1p-20));
+    while (need_of({0, 0, 0, r}) > size) r = std::nextafter(r, 0.0f);
+    const float side = 2 * r * std::exp2(share(random) * 11.9f), low = (share(random) - 0.5f) * 4 * side;
+    auto spheres = cloud(random, 200, side, low, r, r);
+    const Summary summary = summary_of(spheres);
+    for (const std::uint64_t count : {200ull, 1ull << 31}) {  // so many that rows are fine
+      const FloatBins b = float_bins(choose_grid(summary, 0, 1e12), SlotKind::equal, count);
+      if (!b.on) continue;
+      on++;
+      const auto coordinate = [](const float4& s, int k) { return k == 0 ? s.x : k == 1 ? s.y : s.z; };
+      for (int k = 0; k < 3; k++)
+        for (std::size_t p = 0; p < spheres.size(); p++) {
+          const float x = coordinate(spheres[p], k);
+          // As far as touching spheres can be, to both sides, and held within the bounds.
+          for (const float d : {2 * r, -2 * r, r}) {
+            float y = x + d;
+            while (std::abs(static_cast<double>(y) - x) > 2.0 * r) y = std::nextafter(y, x);
+            y = std::clamp(y, static_cast<float>(summary.low[k]), static_cast<float>(summary.high[k]));
+            std::uint32_t i, j;
+            ASSERT_TRUE(float_bin(x, b.origin[k], b.per_size[k], b.count[k], i)) << scene;
+            ASSERT_TRUE(float_bin(y, b.origin[k], b.per_size[k], b.count[k], j)) << scene;
+            const int apart = std::abs(static_cast<int>(i) - static_cast<int>(j));
+            ASSERT_LE(apart, k == 0 ? static_cast<int>(b.fine) : 1)
+                << "scene " << scene << " axis " << k << ": " << x << ", " << y << " with r " << r;
+          }
+        }
+      std::uint32_t bin;
+      ASSERT_FALSE(float_bin(NAN, b.origin[0], b.per_size[0], b.count[0], bin));
+      ASSERT_FALSE(float_bin(static_cast<float>(summary.high[0]) + 4 * r, b.origin[0], b.per_size[0],
+                             b.count[0], bin));
+      ASSERT_FALSE(
+          float_bin(static_cast<float>(summary.low[0]) - 4 * r, b.origin[0], b.per_size[0], b.count[0], bin));
+    }
+  }
+  EXPECT_GT(on, 200);
+}
+
+struct Way {
+  OrderMethod method;
+  double bucket_spheres;
+  const char* name;
+};
+
+class CudaOrderTest : public testing::TestWithParam<Way> {
+ protected:
+  void SetUp() override {
+    int devices = 0;
+    if (cudaGetDeviceCount(&devices) != cudaSuccess || devices == 0)
+      GTEST_SKIP() << "no GPU that this build can use";
+  }
+
+  template <class T>
+  static std::vector<T> host(const T* device, std::size_t count) {
+    std::vector<T> v(count);
+    cuda_check(cudaMemcpy(v.data(), device, count * sizeof(T), cudaMemcpyDeviceToHost), "copy");
+    return v;
+  }
+
+  // Spheres of each table entry are those whose key says so, by number where tidy, and none is missing.
+  void expect_order(const std::vector<float4>& spheres, SlotKind kind, bool packed, bool tidy, bool along) {
+    SCOPED_TRACE(testing::Message() << spheres.size() << " spheres, kind " << int(kind) << ", packed "
+                                    << packed << ", tidy " << tidy << ", bounds " << along);
+    const auto count = static_cast<std::uint32_t>(spheres.size());
+    MemoryBook book;
+    Buffer<float> given(book, "the test");
+    cuda_check(cudaMemcpy(given.reserve(4ull * count), spheres.data(), 16ull * count, cudaMemcpyHostToDevice),
+               "copy");
+    Source source;
+    source.centers = given.data(), source.radii = given.data() + 3;
+    source.center_stride = source.radius_stride = 4, source.count = count, source.packed = packed;
+    const Summary summary = summary_of(spheres);
+    const Grid grid = choose_grid(summary, 0, 8, Look::down);
+    Orderer orderer(book);
+    orderer.bucket_spheres = GetParam().bucket_spheres;
+    Buffer<unsigned long long> words(book, "the test");
+    auto* const head = words.reserve(Surveyor::kHead + kBounds);
+    auto* const counters = reinterpret_cast<Counters*>(head);
+    cuda_check(cudaMemset(head, along ? 0xff : 0, (Surveyor::kHead + kBounds) * 8), "set");
+    const Ordered o = orderer.order(source, grid, kind, tidy, GetParam().method,
+                                    along ? head + Surveyor::kHead : nullptr, counters, nullptr);
+    cuda_check(cudaDeviceSynchronize(), "put in order");
+    const auto found = host(reinterpret_cast<const unsigned long long*>(head), Surveyor::kHead + kBounds);
+    ASSERT_EQ(host(&counters->flags, 1)[0], 0u);
+    if (along)
+      for (int k = 0; k < 3; k++) {
+        ASSERT_EQ(unordered(found[Surveyor::kHead + kLow + k]), summary.low[k]);
+        ASSERT_EQ(unordered(found[Surveyor::kHead + kHigh + k]), summary.high[k]);
+      }
+    const auto slots = host(static_cast<const float4*>(o.slots), count);
+    const auto table = host(o.table, o.entries + 1);
+    std::vector<std::uint32_t> ids(count), keys;
+    if (kind == SlotKind::equal)
+      for (std::uint32_t p = 0; p < count; p++) std::memcpy(&ids[p], &slots[p].w, 4);
+    else
+      ids = host(o.ids, count);
+    if (!o.bins.on) keys = host(o.keys, count);
+    std::vector<char> seen(count, 0);
+    std::vector<std::uint32_t> places(o.entries + 1, 0);
+    for (std::uint32_t p = 0; p < count; p++) {
+      ASSERT_LT(ids[p], count);
+      ASSERT_EQ(seen[ids[p]]++, 0) << "listed twice";
+      const float4& s = spheres[ids[p]];
+      std::uint32_t key;
+      if (o.bins.on)
+        ASSERT_TRUE(key_of(o.bins, s.x, s.y, s.z, key));
+      else
+        ASSERT_EQ(
+            key = key_of(grid.level[level_of(grid, {s.x, s.y, s.z, s.w})],
+                         bin_of(grid.level[level_of(grid, {s.x, s.y, s.z, s.w})], {s.x, s.y, s.z, s.w})),
+            keys[p]);
+      const std::uint32_t entry = key >> o.merge;
+      ASSERT_LE(table[entry], p);
+      ASSERT_LT(p, table[entry + 1]);
+      if (kind != SlotKind::fixed) ASSERT_TRUE(slots[p].x == s.x && slots[p].y == s.y && slots[p].z == s.z);
+      if (kind == SlotKind::unequal) ASSERT_EQ(slots[p].w, s.w);
+      if (tidy && p > table[entry]) ASSERT_LT(ids[p - 1], ids[p]);
+    }
+    ASSERT_TRUE(std::is_sorted(table.begin(), table.end()));
+    ASSERT_EQ(table[0], 0u);
+    ASSERT_EQ(table.back(), count);
+  }
+};
+
+TEST_P(CudaOrderTest, EverySphereIsWhereItsKeySays) {
+  std::mt19937 random(7);
+  for (const std::size_t count : {1, 31, 1000, 20'000}) {
+    const float side = std::cbrt(static_cast<float>(count));
+    const auto equal = cloud(random, count, side, -3, 0.6f, 0.6f),
+               few = cloud(random, count, 8 * side, 5, 0.5f, 0.5f),
+               full = cloud(random, count, side, 0, 1.2f, 1.2f),
+               unequal = cloud(random, count, side, 1, 0.2f, 0.7f);
+    auto levels = unequal;
+    for (std::size_t k = 0; k < count; k += 50) levels[k].w = 3;
+    for (const bool tidy : {false, true}) {
+      expect_order(equal, SlotKind::equal, true, tidy, true);
+      expect_order(equal, SlotKind::fixed, false, tidy, false);
+      expect_order(few, SlotKind::equal, false, tidy, true);
+      expect_order(full, SlotKind::equal, true, tidy, false);
+      expect_order(unequal, SlotKind::unequal, true, tidy, true);
+      expect_order(levels, SlotKind::unequal, true, tidy, false);
+      expect_order(levels, SlotKind::fixed, false, tidy, true);
+      if (HasFatalFailure()) return;
+    }
+  }
+}
+
+// 8 spheres a bucket: 20,000 spheres make 2,500 buckets; 2: 10,000, which are divided among in two passes.
+INSTANTIATE_TEST_SUITE_P(Ways, CudaOrderTest,
+                         testing::Values(Way{OrderMethod::cells, 6500, "cells"},
+                                         Way{OrderMethod::buckets, 6500, "buckets"},
+                                         Way{OrderMethod::buckets, 8, "small_buckets"},
+                                         Way{OrderMethod::buckets, 2, "groups_of_buckets"},
+                                         Way{OrderMethod::sort, 6500, "sort"}),
+                         [](const auto& info) { return std::string(info.param.name); });
+
+}  // namespace
+}  // namespace padder::detect::cuda

@@ -1,0 +1,144 @@
+#include "tools/python/bodies.h"
+
+#include <cstddef>
+#include <type_traits>
+
+#include "padding/cluster.h"
+#include "tools/python/arrays.h"
+#include "tools/python/module.h"
+
+namespace padder::python {
+
+using namespace pybind11::literals;
+
+namespace {
+
+using Body = detect::Body;
+
+std::vector<detect::Sphere> spheres_of_arrays(const py::object& shape, std::size_t k) {
+  const std::string name = "shape " + std::to_string(k);
+  if (!py::isinstance<py::sequence>(shape) || py::len(shape) != 2)
+    throw py::type_error(name + " must be a Cluster or (centers, radii)");
+  using Doubles = py::array_t<double, py::array::c_style | py::array::forcecast>;
+  const Doubles centers = Doubles::ensure(shape[py::int_(0)]), radii = Doubles::ensure(shape[py::int_(1)]);
+  if (!centers || !radii) {
+    PyErr_Clear();
+    throw py::type_error(name + " must be a Cluster or (centers, radii), arrays of numbers");
+  }
+  if (centers.ndim() != 2 || centers.shape(1) != 3)
+    throw py::value_error("the centers of " + name + " must be of the shape (N, 3)");
+  const py::ssize_t n = centers.shape(0);
+  if (radii.ndim() > 1 || (radii.ndim() == 1 && radii.shape(0) != n))
+    throw py::value_error("the radii of " + name + " must be of the shape (N,), or one number for all");
+  std::vector<detect::Sphere> spheres;
+  for (py::ssize_t i = 0; i < n; i++)
+    spheres.push_back(
+        {centers.at(i, 0), centers.at(i, 1), centers.at(i, 2), radii.data()[radii.ndim() ? i : 0]});
+  return spheres;
+}
+
+// One number a body into each; `put` gets the body and its number. T: std::uint32_t or bytes, flags.
+template <class T, class Put>
+void each(const py::object& object, const char* name, std::vector<Body>& bodies, Put put) {
+  if (object.is_none()) return;
+  Given g = given(object, name);
+  if constexpr (sizeof(T) == 1)
+    convert_flags(g, name);
+  else
+    convert(g, name, 'u', 4, true);
+  if (g.memory != detect::Memory::host) throw py::type_error(std::string(name) + " must lie on the host");
+  if (g.shape != std::vector<py::ssize_t>{static_cast<py::ssize_t>(bodies.size())})
+    throw py::value_error(std::string(name) + " must be of the shape (B,), one for each row of poses");
+  for (std::size_t b = 0; b < bodies.size(); b++) put(bodies[b], reinterpret_cast<const T*>(g.data)[b]);
+}
+
+std::shared_ptr<Bodies> bodies_of(const py::sequence& shapes, const py::object& poses,
+                                  const py::object& shape, const py::object& family, const py::object& mask,
+                                  const py::object& is_static) {
+  auto out = std::make_shared<Bodies>();
+  std::vector<std::pair<std::uint32_t, std::uint32_t>> filters;  // of each shape: its family and mask
+  for (std::size_t k = 0; k < py::len(shapes); k++) {
+    const py::object s = shapes[k];
+    if (py::isinstance<Cluster>(s)) {
+      const auto& c = py::cast<const Cluster&>(s);
+      std::vector<detect::Sphere>& spheres = out->spheres.emplace_back();
+      for (std::size_t i = 0; i < c.size(); i++)
+        spheres.push_back({c.centers[i].x(), c.centers[i].y(), c.centers[i].z(), c.radii[i]});
+      filters.emplace_back(c.family, c.mask);
+    } else {
+      out->spheres.push_back(spheres_of_arrays(s, k));
+      filters.emplace_back(0, 0);
+    }
+  }
+  for (const auto& s : out->spheres) out->shapes.push_back({s.data(), s.size()});
+  Given p = given(poses, "poses");
+  if (p.shape.size() != 2 || p.shape[1] != 12) throw py::value_error("poses must be of the shape (B, 12)");
+  convert(p, "poses", 'f', 8, false);
+  if (p.memory != detect::Memory::host)
+    throw py::type_error("the poses that bodies are made with must lie on the host");
+  out->bodies.resize(static_cast<std::size_t>(p.shape[0]));
+  for (std::size_t b = 0; b < out->bodies.size(); b++) {
+    const auto* from = reinterpret_cast<const double*>(p.data + static_cast<py::ssize_t>(b) * p.strides[0]);
+    std::copy_n(from, 9, out->bodies[b].rotation), std::copy_n(from + 9, 3, out->bodies[b].position);
+  }
+  each<std::uint32_t>(shape, "shape", out->bodies, [](Body& b, std::uint32_t v) { b.shape = v; });
+  for (std::size_t b = 0; b < out->bodies.size(); b++) {
+    Body& body = out->bodies[b];
+    // Checked here, for good: Python's view of it is read-only.
+    if (body.shape >= out->shapes.size())
+      throw py::index_error("body " + std::to_string(b) + " names shape " + std::to_string(body.shape) +
+                            ", but there are " + std::to_string(out->shapes.size()));
+    body.family = filters[body.shape].first, body.mask = filters[body.shape].second;
+  }
+  each<std::uint32_t>(family, "family", out->bodies, [](Body& b, std::uint32_t v) { b.family = v; });
+  each<std::uint32_t>(mask, "mask", out->bodies, [](Body& b, std::uint32_t v) { b.mask = v; });
+  each<std::uint8_t>(is_static, "is_static", out->bodies,
+                     [](Body& b, std::uint8_t v) { b.is_static = v != 0; });
+  return out;
+}
+
+// One member of all bodies as an array, the memory itself.
+template <class T>
+py::array member(const py::object& self, std::size_t offset, py::ssize_t columns, bool writeable) {
+  std::vector<Body>& b = py::cast<Bodies&>(self).bodies;
+  std::vector<py::ssize_t> shape{static_cast<py::ssize_t>(b.size())}, strides{sizeof(Body)};
+  if (columns > 1) shape.push_back(columns), strides.push_back(sizeof(T));
+  static const T none{};
+  const void* at =
+      b.empty() ? static_cast<const void*>(&none) : reinterpret_cast<const char*>(b.data()) + offset;
+  py::array a(py::dtype::of<T>(), std::move(shape), std::move(strides), at, self);
+  if (!writeable) a.attr("flags").attr("writeable") = false;  // there is no way back
+  return a;
+}
+
+}  // namespace
+
+void add_bodies(py::module_& m) {
+  static_assert(std::is_standard_layout_v<Body> && offsetof(Body, rotation) == 0 &&
+                offsetof(Body, position) == 9 * sizeof(double));
+  py::class_<Bodies, std::shared_ptr<Bodies>>(m, "Bodies")
+      .def(py::init(&bodies_of), "shapes"_a, "poses"_a, "shape"_a = py::none(), py::kw_only(),
+           "family"_a = py::none(), "mask"_a = py::none(), "is_static"_a = py::none(),
+           R"(B bodies: shapes put at places.
+
+shapes: Clusters, or (centers, radii) in the shape's own frame. poses: (B, 12) float64, the rotation row by row, then the
+position. shape: (B,), which shape each takes; None: the first. family, mask: (B,); None: those of the body's Cluster, 0 for
+arrays. is_static: (B,), what stands still: two static ones are no contact.)")
+      .def("__len__", [](const Bodies& b) { return b.bodies.size(); })
+      .def_property_readonly("poses",
+                             [](const py::object& self) { return member<double>(self, 0, 12, true); })
+      .def_property_readonly(
+          "shape",
+          [](const py::object& self) { return member<std::uint32_t>(self, offsetof(Body, shape), 1, false); })
+      .def_property_readonly(
+          "family",
+          [](const py::object& self) { return member<std::uint32_t>(self, offsetof(Body, family), 1, true); })
+      .def_property_readonly(
+          "mask",
+          [](const py::object& self) { return member<std::uint32_t>(self, offsetof(Body, mask), 1, true); })
+      .def_property_readonly("is_static", [](const py::object& self) {
+        return member<bool>(self, offsetof(Body, is_static), 1, true);
+      });
+}
+
+}  // namespace padder::python
