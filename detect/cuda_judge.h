@@ -15,11 +15,16 @@ constexpr std::uint32_t kAll = ~0u;
 // verdict().
 constexpr float kWide = 1 + 0x1p-18f, kNear = 0x1p-17f;
 
-// Work space for a list of fixed order (cuda_place.h).
+// Work space for a list of fixed order (cuda_place.h). Tiles: of spheres, then units that look down.
 struct TileSums {
-  unsigned long long *groups = nullptr, *spares = nullptr, *spills = nullptr, *spill_at = nullptr;
-  std::uint32_t* counts = nullptr;      // of contacts of each tile
-  unsigned long long* spill = nullptr;  // places of i and j
+  bool turns = false;                    // few tiles: each waits for those before it
+  unsigned long long* turn = nullptr;    // the next tile to begin, then the count of each tile
+  unsigned int* fills = nullptr;         // blocks that have read `groups`
+  unsigned long long* groups = nullptr;  // of each group of tiles: places left spare, hits that spilled
+  std::uint32_t own_groups = 0, all_groups = 0;
+  unsigned long long* spill_at = nullptr;              // where a tile's spilled hits lie
+  std::uint32_t *counts = nullptr, *firsts = nullptr;  // contacts of each tile; first sphere of each unit
+  unsigned long long* spill = nullptr;                 // places of i (or unit and number within it) and j
   std::uint64_t room = 0;
 };
 
@@ -30,9 +35,10 @@ struct Task {
   SearchOptions options;
   Counters* counters;
   TileSums sums;
-  std::uint32_t tiles = 0, own_tiles = 0;
-  float radius = 0, s2 = 0;  // SlotKind::equal
-  bool judge_all = false;    // every hit is asked for its filter, owner or bin
+  unsigned int* next = nullptr;  // units are dealt to warps from here; zero between searches. Null: one each
+  std::uint32_t own_tiles = 0, units = 0;  // tiles of spheres; units that look down
+  float radius = 0, s2 = 0;                // SlotKind::equal
+  bool judge_all = false;                  // every hit is asked for its filter, owner or bin
 };
 
 template <SlotKind Kind>
@@ -81,9 +87,10 @@ __device__ __forceinline__ Sphere sphere_at(const Task& task, std::uint32_t plac
   }
 }
 
-// How the search looks for partners: at one level of bins; at its own of several levels, while the coarser
-// spheres look down (cuda_down.h); or up through levels of which some are hashed.
-enum class Way { single, down, up };
+// How the search looks for partners: at one level of bins (few: of so few spheres that latency is all); at
+// its own of several levels, while the coarser spheres look down (cuda_down.h); or up through levels of which
+// some are hashed.
+enum class Way { single, few, down, up };
 
 // Where a row of candidates was looked for: level and offset of its bin from the sphere's own, for hashed
 // levels.
@@ -154,53 +161,71 @@ __device__ __noinline__ void write_wide(const Task& task, std::uint32_t pi, std:
 }
 
 // Float records of float input, from the slots: differences are exact or off by one rounding, the square root
-// is corrected by a step of Newton's method.
+// is corrected by a step of Newton's method. In two parts, so that several records can be asked for at a
+// time.
+struct Both {
+  FloatSlot a, b;
+  std::uint32_t ia, ib;
+};
 template <SlotKind Kind>
-__device__ __forceinline__ void write_record(const Task& task, std::uint32_t pi, std::uint32_t pj,
-                                             std::uint64_t at) {
+__device__ __forceinline__ bool is_wide(const Task& task) {
+  return Kind == SlotKind::fixed || (task.output.scalar == Scalar::f64 && task.output.width != Width::pairs);
+}
+template <SlotKind Kind>
+__device__ __forceinline__ Both load_both(const Task& task, std::uint32_t pi, std::uint32_t pj) {
+  const auto* const slots = static_cast<const FloatSlot*>(task.spheres.slots);
+  Both t{load_slot(slots + pi), load_slot(slots + pj), 0, 0};
+  t.ia = Kind == SlotKind::equal ? __float_as_uint(t.a.r) : __ldg(task.spheres.ids + pi);
+  t.ib = Kind == SlotKind::equal ? __float_as_uint(t.b.r) : __ldg(task.spheres.ids + pj);
+  return t;
+}
+template <SlotKind Kind>
+__device__ __forceinline__ void write_both(const Task& task, const Both& t, std::uint32_t pi,
+                                           std::uint32_t pj, std::uint64_t at) {
   const Output& out = task.output;
-  if (Kind == SlotKind::fixed || (out.scalar == Scalar::f64 && out.width != Width::pairs)) {
+  const FloatSlot &a = t.a, &b = t.b;
+  const bool swap = t.ib < t.ia;
+  __stcs(reinterpret_cast<uint2*>(out.pairs + at), make_uint2(min(t.ia, t.ib), max(t.ia, t.ib)));
+  if (out.width == Width::pairs) return;
+  const float3 d = difference(a, b);
+  const float d2 = d.x * d.x + d.y * d.y + d.z * d.z;
+  if (d2 < 0x1p-80f) {  // squares underflow, or equal centres
     write_wide<Kind>(task, pi, pj, at);
     return;
   }
-  if constexpr (Kind != SlotKind::fixed) {
-    const FloatSlot a = load_slot(slots_of<Kind>(task) + pi), b = load_slot(slots_of<Kind>(task) + pj);
-    const std::uint32_t ia = Kind == SlotKind::equal ? __float_as_uint(a.r) : __ldg(task.spheres.ids + pi),
-                        ib = Kind == SlotKind::equal ? __float_as_uint(b.r) : __ldg(task.spheres.ids + pj);
-    const bool swap = ib < ia;
-    __stcs(reinterpret_cast<uint2*>(out.pairs + at), make_uint2(min(ia, ib), max(ia, ib)));
-    if (out.width == Width::pairs) return;
-    const float3 d = difference(a, b);
-    const float d2 = d.x * d.x + d.y * d.y + d.z * d.z;
-    if (d2 < 0x1p-80f) {  // squares underflow, or equal centres
-      write_wide<Kind>(task, pi, pj, at);
-      return;
-    }
-    const float ra = Kind == SlotKind::equal ? task.radius : a.r,
-                rb = Kind == SlotKind::equal ? task.radius : b.r;
-    const float inverse = rsqrtf(d2), s = swap ? -inverse : inverse, root = d2 * inverse;
-    const float distance = fmaf(0.5f * inverse, fmaf(-root, root, d2), root);
-    const float4 n = make_float4(d.x * s, d.y * s, d.z * s, ra + rb - distance);
-    __stcs(static_cast<float4*>(out.normals) + at, n);
-    if (out.width == Width::normals) return;
-    const FloatSlot i = swap ? b : a, j = swap ? a : b;
-    const float ri = swap ? rb : ra, rj = swap ? ra : rb;
-    auto* p = static_cast<float2*>(out.points) + 3 * at;
-    __stcs(p, make_float2(fmaf(ri, n.x, i.x), fmaf(ri, n.y, i.y)));
-    __stcs(p + 1, make_float2(fmaf(ri, n.z, i.z), fmaf(-rj, n.x, j.x)));
-    __stcs(p + 2, make_float2(fmaf(-rj, n.y, j.y), fmaf(-rj, n.z, j.z)));
-  }
+  const float ra = Kind == SlotKind::equal ? task.radius : a.r,
+              rb = Kind == SlotKind::equal ? task.radius : b.r;
+  const float inverse = rsqrtf(d2), s = swap ? -inverse : inverse, root = d2 * inverse;
+  const float distance = fmaf(0.5f * inverse, fmaf(-root, root, d2), root);
+  const float4 n = make_float4(d.x * s, d.y * s, d.z * s, ra + rb - distance);
+  __stcs(static_cast<float4*>(out.normals) + at, n);
+  if (out.width == Width::normals) return;
+  const FloatSlot i = swap ? b : a, j = swap ? a : b;
+  const float ri = swap ? rb : ra, rj = swap ? ra : rb;
+  auto* p = static_cast<float2*>(out.points) + 3 * at;
+  __stcs(p, make_float2(fmaf(ri, n.x, i.x), fmaf(ri, n.y, i.y)));
+  __stcs(p + 1, make_float2(fmaf(ri, n.z, i.z), fmaf(-rj, n.x, j.x)));
+  __stcs(p + 2, make_float2(fmaf(-rj, n.y, j.y), fmaf(-rj, n.z, j.z)));
+}
+template <SlotKind Kind>
+__device__ __forceinline__ void write_record(const Task& task, std::uint32_t pi, std::uint32_t pj,
+                                             std::uint64_t at) {
+  if (is_wide<Kind>(task)) return write_wide<Kind>(task, pi, pj, at);
+  if constexpr (Kind != SlotKind::fixed) write_both<Kind>(task, load_both<Kind>(task, pi, pj), pi, pj, at);
 }
 
 // Where a tile's hits go: the first `limit` of them to the list from `place` on, the others to the spill.
+// Those of a unit are spilled as kOfUnit, its number and theirs within it, so that they tell whose they are.
+constexpr std::uint32_t kOfUnit = 1u << 31, kMostUnits = 1u << 26;
 struct Target {
   unsigned long long place, spill;
-  std::uint32_t limit;
+  std::uint32_t limit, unit, first;  // of a unit: kOfUnit | number << 5, its first sphere
 };
 __device__ __forceinline__ void spill(const Task& task, const Target& target, std::uint32_t at,
                                       std::uint32_t pi, std::uint32_t pj) {
   const unsigned long long to = target.spill + (at - target.limit);
-  if (to < task.sums.room) task.sums.spill[to] = static_cast<unsigned long long>(pi) << 32 | pj;
+  const std::uint32_t i = target.unit ? target.unit | (pi - target.first) : pi;
+  if (to < task.sums.room) task.sums.spill[to] = static_cast<unsigned long long>(i) << 32 | pj;
 }
 template <SlotKind Kind>
 __device__ __forceinline__ void put(const Task& task, const Target& target, std::uint32_t at,

@@ -110,12 +110,14 @@ class Orderer {
 // says so, and searches again.
 struct SearchMemory {
   explicit SearchMemory(MemoryBook& book)
-      : sums(book, "the order of the list"), spill(book, "the order of the list") {}
-  Buffer<unsigned long long> sums, spill;
+      : sums(book, "the order of the list"),
+        marks(book, "the order of the list"),
+        spill(book, "the order of the list") {}
+  Buffer<unsigned long long> sums, marks, spill;  // marks: as the last search left them
 };
-// Places of the list that a tile has to itself: a tile of spheres, and one of units that look down.
+// Places of the list that a tile of spheres has to itself.
 struct Share {
-  std::uint32_t own = 0, down = 0;
+  std::uint32_t own = 0;
   friend bool operator==(const Share&, const Share&) = default;
 };
 struct SearchOptions {

@@ -37,14 +37,19 @@ Summary with_octaves(const Summary& given) {
   return s;
 }
 
-// Spheres a bin if octaves a to b (indices into `octaves`) are one level of bins of this size.
+// Spheres a bin if octaves a to b (indices into `octaves`) are one level of bins of this size, as those of
+// octave `seen_by` meet them: a lone large sphere fills its own bin, but few spheres are near it.
 double level_density(const Summary& s, const std::vector<int>& octaves, std::size_t a, std::size_t b,
-                     double size) {
+                     double size, const Summary::Octave& seen_by) {
   double density = 0;
   for (std::size_t k = a; k <= b; k++) {
     const Summary::Octave& o = s.octave[octaves[k]];
     double part = static_cast<double>(o.count);
-    for (int c = 0; c < 3; c++) part *= std::min(1.0, size / (o.high[c] - o.low[c] + o.need_max));
+    for (int c = 0; c < 3; c++) {
+      const double wide = o.high[c] - o.low[c];
+      part *= std::min(1.0, size / (wide + o.need_max)) *
+              std::min(1.0, (wide + size) / (seen_by.high[c] - seen_by.low[c] + size));
+    }
     density += part;
   }
   return density;
@@ -130,25 +135,27 @@ double level_cost(const Summary& s, const std::vector<int>& octaves, std::size_t
   const double own_rows = look == Look::up ? 12 : 25, coarser_rows = 18, down_row = 4, down_test = 4;
   double size = 0;
   for (std::size_t k = a; k <= b; k++) size = std::max(size, s.octave[octaves[k]].need_max);
-  const double density = level_density(s, octaves, a, b, size);
+  const auto density = [&](const Summary::Octave& seen_by) {
+    return level_density(s, octaves, a, b, size, seen_by);
+  };
   double cost = 0;
   for (std::size_t k = a; k <= b; k++) {
     const Summary::Octave& o = s.octave[octaves[k]];
     const double wide = 2 + (look == Look::down ? 1
                              : size > 0         ? o.need_max / size
                                                 : 1),
-                 tests = density * wide * wide * wide;
+                 tests = density(o) * wide * wide * wide;
     cost += static_cast<double>(o.count) * (own_rows + tests / 2);
   }
   for (std::size_t k = 0; k < a && look == Look::up; k++) {
     const Summary::Octave& o = s.octave[octaves[k]];
     const double wide = 2 + (size > 0 ? o.need_max / size : 1);
-    cost += static_cast<double>(o.count) * (coarser_rows + density * wide * wide * wide);
+    cost += static_cast<double>(o.count) * (coarser_rows + density(o) * wide * wide * wide);
   }
   for (std::size_t k = b + 1; k < octaves.size() && look == Look::down; k++) {
     const Summary::Octave& o = s.octave[octaves[k]];
     const double wide = 2 + (size > 0 ? 0.75 * o.need_max / size : 1);
-    cost += static_cast<double>(o.count) * wide * wide * (down_row + down_test * density * wide / 2);
+    cost += static_cast<double>(o.count) * wide * wide * (down_row + down_test * density(o) * wide / 2);
   }
   return cost;
 }
@@ -170,6 +177,8 @@ std::vector<std::size_t> choose_levels(const Summary& s, const std::vector<int>&
         if (best[used][a] + cost < best[used + 1][b + 1])
           best[used + 1][b + 1] = best[used][a] + cost, from[used + 1][b + 1] = a;
     }
+  // One level alone is searched by a leaner kernel: a handful of larger spheres is not worth a second one.
+  if (look == Look::down) best[1][n] -= 4 * static_cast<double>(s.count);
   int used = 1;
   for (int k = 2; k <= kMaxLevels; k++)
     if (best[k][n] < best[used][n]) used = k;
