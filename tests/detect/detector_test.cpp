@@ -61,8 +61,6 @@ class DetectorTest : public testing::TestWithParam<Case> {
     check_records(c, scene);
   }
 
-  void expect_pairs_by_name(double shift);
-
   void check_records(const Contacts& c, const TestScene& scene) {
     if (options_.width == Width::pairs || options_.scalar != Scalar::f32) return;
     ASSERT_EQ(c.normal_span<float>().size(), c.count);
@@ -110,12 +108,13 @@ TEST_P(DetectorTest, RandomScenes) {
       }
 }
 
-// Two spheres in all kinds of relation, at many places relative to the bins.
-void DetectorTest::expect_pairs_by_name(double shift) {
-  const struct {
-    const char* name;
-    Sphere a, b;
-  } pairs[] = {
+// Two spheres in all kinds of relation.
+struct NamedPair {
+  const char* name;
+  Sphere a, b;
+};
+const std::vector<NamedPair>& named_pairs() {
+  static const std::vector<NamedPair> pairs = {
       {"disjoint", {0, 0, 0, 1}, {3, 0, 0, 1}},
       {"exactly touching along x", {0, 0, 0, 1}, {2, 0, 0, 1}},
       {"exactly touching, 3-4-5", {0, 0, 0, 2}, {3, 4, 0, 3}},
@@ -137,25 +136,41 @@ void DetectorTest::expect_pairs_by_name(double shift) {
       {"across the origin", {-0.5, -0.5, -0.5, 1}, {0.5, 0.5, 0.5, 1}},
       {"large beside small", {0, 0, 0, 1000}, {1000.05, 0, 0, 0.1}},
   };
-  for (const auto& p : pairs)
-    for (const double bin : {0.0, 2.0, 4.0, 16.0}) {
-      if (p.a.r > 100 && bin > 0) continue;  // bins by the billion in the nine stages
+  return pairs;
+}
+
+// Each alone, so that the bins are of its own size.
+TEST_P(DetectorTest, PairsByName) {
+  for (const NamedPair& p : named_pairs())
+    for (const double shift : {0.0, -2.0, 0.3}) {
       TestScene s{{p.a, p.b}, {}, {}};
       s.shift(shift);
-      if (!detector_) detector_ = std::make_unique<Detector>(options_);
-      detector_->options().bin_size = bin;
-      expect_right(s,
-                   std::string(p.name) + " bin " + std::to_string(bin) + " shift " + std::to_string(shift));
+      expect_right(s, std::string(p.name) + " shift " + std::to_string(shift));
       std::swap(s.spheres[0], s.spheres[1]);
       expect_right(s, std::string(p.name) + ", turned");
     }
 }
-// One test a shift: compute-sanitizer needs minutes for each.
-TEST_P(DetectorTest, PairsByName) { expect_pairs_by_name(0); }
-TEST_P(DetectorTest, PairsByNameOneOff) { expect_pairs_by_name(1); }
-TEST_P(DetectorTest, PairsByNameBelowTheOrigin) { expect_pairs_by_name(-2); }
-TEST_P(DetectorTest, PairsByNameFarOff) { expect_pairs_by_name(100); }
-TEST_P(DetectorTest, PairsByNameOffTheLattice) { expect_pairs_by_name(0.3); }
+
+// All together, 64 apart, in bins of given sizes, at many places relative to the bins; pair k is of spheres 2
+// k and 2 k + 1.
+TEST_P(DetectorTest, PairsByNameInGivenBins) {
+  for (const double bin : {2.0, 4.0, 16.0})
+    for (const double shift : {0.0, 1.0, -2.0, 100.0, 0.3})
+      for (const bool turned : {false, true}) {
+        TestScene s;
+        for (const NamedPair& p : named_pairs()) {
+          if (p.a.r > 100) continue;  // bins by the billion in the nine stages
+          const double x = 64.0 * static_cast<double>(s.spheres.size() % 8),
+                       y = 8.0 * static_cast<double>(s.spheres.size() / 8 * 8);
+          for (Sphere q : {turned ? p.b : p.a, turned ? p.a : p.b})
+            q.x += x, q.y += y, s.spheres.push_back(q);
+        }
+        s.shift(shift);
+        if (!detector_) detector_ = std::make_unique<Detector>(options_);
+        detector_->options().bin_size = bin;
+        expect_right(s, "bin " + std::to_string(bin) + " shift " + std::to_string(shift));
+      }
+}
 
 // A lattice of touching spheres: every midpoint lies on a face, edge or corner of a bin, every distance on
 // the threshold.
