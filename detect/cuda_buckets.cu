@@ -11,6 +11,7 @@ constexpr std::uint32_t kTile = kWide * kItems, kSharedBytes = 226 * 1024;
 // Buckets that spheres can be divided among at once; of a group; in all.
 constexpr std::uint32_t kMostAtOnce = 6144, kGroupBits = 10, kMostBuckets = 56000,
                         kMostGroups = (kMostBuckets >> kGroupBits) + 1;
+constexpr std::uint32_t kHalved = 3'000'000;  // up to so many spheres, buckets and blocks are half as large
 
 // Bucket of a table entry: entries first_entry(b) to first_entry(b + 1) - 1 are of bucket b. Each level has
 // buckets of its own width, for the levels' bins are not equally full.
@@ -233,9 +234,10 @@ __global__ void __launch_bounds__(kWide)
   }
 }
 
-// One bucket a block: its spheres by bin, within a bin by number if `tidy`, and its part of the table.
-template <SlotKind Kind, class Bins>
-__global__ void __launch_bounds__(kWide)
+// One bucket a block: its spheres by bin, within a bin by number if `tidy`, and its part of the table. Half
+// as wide blocks are two a processor, so that one reads while the other counts.
+template <SlotKind Kind, class Bins, int Threads>
+__global__ void __launch_bounds__(Threads, kWide / Threads)
     bucket_order_kernel(const __grid_constant__ Bins grid_bins, const __grid_constant__ Buckets buckets,
                         std::uint32_t capacity, const std::uint32_t* starts, Places in, Places out,
                         std::uint32_t* table, bool tidy, Counters* counters) {
@@ -262,7 +264,7 @@ __global__ void __launch_bounds__(kWide)
   std::uint32_t place[kMost];  // bin and rank in it
 #pragma unroll
   for (int u = 0; u < kMost; u++) {
-    const std::uint32_t k = threadIdx.x + u * kWide;
+    const std::uint32_t k = threadIdx.x + u * Threads;
     if (k < count) {
       if (kKeys) place[u] = in.keys[begin + k];
       slot[u] = static_cast<const float4*>(in.slots)[begin + k];
@@ -272,7 +274,7 @@ __global__ void __launch_bounds__(kWide)
   __syncthreads();
 #pragma unroll
   for (int u = 0; u < kMost; u++) {
-    if (threadIdx.x + u * kWide >= count) break;
+    if (threadIdx.x + u * Threads >= count) break;
     const std::uint32_t bin = kKeys ? bin_of_key(place[u]) : bin_of_slot(slot[u]);
     place[u] = atomicAdd(bins + bin, 1u) | bin << 16;
   }
@@ -282,7 +284,7 @@ __global__ void __launch_bounds__(kWide)
     table[first + width] = begin + count;  // the end of all
 #pragma unroll
   for (int u = 0; u < kMost; u++) {
-    const std::uint32_t k = threadIdx.x + u * kWide;
+    const std::uint32_t k = threadIdx.x + u * Threads;
     if (k >= count) break;
     const std::uint32_t at = bins[place[u] >> 16] + (place[u] & 0xffff);
     slots[at] = slot[u];
@@ -306,12 +308,6 @@ __global__ void __launch_bounds__(kWide)
   }
 }
 
-template <class Kernel>
-void let_take_shared(Kernel* kernel) {
-  cuda_check(cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, kSharedBytes),
-             "take shared memory");
-}
-
 }  // namespace
 
 bool Orderer::by_buckets(const Source& source, const Grid& grid, bool tidy, unsigned long long* bounds,
@@ -320,8 +316,11 @@ bool Orderer::by_buckets(const Source& source, const Grid& grid, bool tidy, unsi
   const std::uint32_t sphere_bytes = 16 + (ids ? 4 : 0) + (keyed ? 4 : 0);
   // As many buckets as give each about `bucket_spheres` on average, and no more entries than leave room, nor
   // than 16 bits can number.
-  const double aim = bucket_spheres,
-               widest = std::min((kSharedBytes - aim * 1.12 * sphere_bytes) / 4 - 4, 65535.0);
+  const bool halved = o.count <= kHalved;
+  const int width_of_block = halved ? kWide / 2 : kWide;
+  const std::uint32_t room = halved ? kSharedBytes / 2 : kSharedBytes;
+  const double aim = halved ? bucket_spheres / 2 : bucket_spheres,
+               widest = std::min((room - aim * 1.12 * sphere_bytes) / 4 - 4, 65535.0);
   if (widest < 64) return false;
   Buckets b;
   b.merge = o.merge, b.levels = grid.levels, b.entries = static_cast<std::uint32_t>(o.entries);
@@ -341,7 +340,7 @@ bool Orderer::by_buckets(const Source& source, const Grid& grid, bool tidy, unsi
   const auto tile_bytes = [](std::uint32_t count) { return kTile * 18 + (2 * count + 1) * 4; };
   const std::uint32_t table_bytes = (b.widest + 1) * 4;
   const std::uint32_t capacity =
-      std::min<std::uint32_t>((kSharedBytes - table_bytes) / sphere_bytes, kMost * kWide) & ~3u;
+      std::min<std::uint32_t>((room - table_bytes) / sphere_bytes, kMost * width_of_block) & ~3u;
   // Work space in the list of contacts, which is written afterwards.
   const std::uint64_t n = o.count;
   const bool lent = lent_slots_ >= n && lent_words_ >= (keyed ? 2 * n : 0);
@@ -388,8 +387,10 @@ bool Orderer::by_buckets(const Source& source, const Grid& grid, bool tidy, unsi
                          : bucket_split_kernel<kind(), Bins, Pass::whole, false>,
                   tiles, kWide, tile_bytes(b.count), source, bins, b, b.count, starts, source_places, split);
     }
-    with_shared(bucket_order_kernel<kind(), Bins>, b.count, kWide, capacity * sphere_bytes + table_bytes,
-                bins, b, capacity, starts.bucket, split, out, o.table, tidy, counters);
+    with_shared(
+        halved ? bucket_order_kernel<kind(), Bins, kWide / 2> : bucket_order_kernel<kind(), Bins, kWide>,
+        b.count, width_of_block, capacity * sphere_bytes + table_bytes, bins, b, capacity, starts.bucket,
+        split, out, o.table, tidy, counters);
   });
   return true;
 }
