@@ -273,6 +273,7 @@ __device__ __forceinline__ void look_down(const Task& task, const Grid& grid, co
     for (std::uint32_t turn = 0;; turn++) {
       const std::uint32_t hits =
           search_down<Kind>(task, grid, downs, memory, lookers, warp, turn, nullptr, 0);
+      __syncwarp();  // other lanes' hits are read below
       // By shuffles and not through shared memory: lanes 1 to 31 wait here, or the warp stays split.
       Word at = 0;
       if (lane == 0) at = take_unit(task, lookers.unit, lookers.first, hits);
