@@ -1,4 +1,4 @@
-// In the place of backend_cuda.cu where the build has no CUDA.
+// In the place of cuda/backend.cu where the build has no CUDA.
 #include "detect/backend.h"
 #include "padding/error.h"
 

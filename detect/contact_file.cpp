@@ -58,7 +58,8 @@ std::string vtp(const ContactTable& t) {
   std::vector<std::uint32_t> i, j;
   for (std::size_t k = 0; k < t.pairs.size(); k++) {
     const Points<double>& p = t.points[k];
-    halfway.push_back(0.5 * (Point(p.on_i[0], p.on_i[1], p.on_i[2]) + Point(p.on_j[0], p.on_j[1], p.on_j[2])));
+    halfway.push_back(0.5 *
+                      (Point(p.on_i[0], p.on_i[1], p.on_i[2]) + Point(p.on_j[0], p.on_j[1], p.on_j[2])));
     normals.insert(normals.end(), {t.normals[k].x, t.normals[k].y, t.normals[k].z});
     depths.push_back(t.normals[k].depth), i.push_back(t.pairs[k].i), j.push_back(t.pairs[k].j);
   }

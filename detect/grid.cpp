@@ -129,7 +129,7 @@ double either_cost(const Summary& s, const std::vector<int>& octaves, std::size_
 // Cost, in pair tests, of making octaves a to b one level. Up: its own spheres look at half of the
 // neighbourhood, each finer sphere at 2 to 3 bins an axis; a row of bins costs about as much as some pair
 // tests. Down: each coarser sphere looks at every row of bins that comes near it, 4 tests a row, and there a
-// test costs 4 (cuda_down.h).
+// test costs 4 (cuda/down.h).
 double level_cost(const Summary& s, const std::vector<int>& octaves, std::size_t a, std::size_t b,
                   Look look) {
   const double own_rows = look == Look::up ? 12 : 25, coarser_rows = 18, down_row = 4, down_test = 4;

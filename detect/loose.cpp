@@ -2,8 +2,8 @@
 
 #include <charconv>
 
-#include "padding/npz.h"
 #include "padding/error.h"
+#include "padding/npz.h"
 
 namespace padder::detect {
 namespace {

@@ -6,7 +6,7 @@
 #include <random>
 #include <vector>
 
-#include "detect/cuda_bins.h"
+#include "detect/cuda/bins.h"
 
 namespace padder::detect::cuda {
 namespace {

@@ -1,6 +1,6 @@
 // The inner loops of the CPU's search: those for this machine give what plain C++ gives, and both what they
 // promise.
-#include "detect/omp_kernels.h"
+#include "detect/omp/kernels.h"
 
 #include <algorithm>
 #include <random>

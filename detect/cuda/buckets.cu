@@ -1,0 +1,398 @@
+// Through buckets: some thousand of them, each of consecutive bins. A first pass divides the spheres among
+// the buckets, through shared memory so that what goes to one bucket is written together; then each bucket,
+// which fits shared memory, is put in order and its part of the table written. No sphere is gathered from a
+// random place. Where the buckets are too many to be divided among at once, groups of buckets come first.
+#include "detect/cuda/order.h"
+
+namespace padder::detect::cuda {
+namespace {
+constexpr int kWide = 1024, kItems = 8, kMost = 10, kCount = 512, kProcessors = 132;
+constexpr std::uint32_t kTile = kWide * kItems, kSharedBytes = 226 * 1024;
+// Buckets that spheres can be divided among at once; of a group; in all.
+constexpr std::uint32_t kMostAtOnce = 6144, kGroupBits = 10, kMostBuckets = 56000,
+                        kMostGroups = (kMostBuckets >> kGroupBits) + 1;
+constexpr std::uint32_t kHalved = 3'000'000;  // up to so many spheres, buckets and blocks are half as large
+
+// Bucket of a table entry: entries first_entry(b) to first_entry(b + 1) - 1 are of bucket b. Each level has
+// buckets of its own width, for the levels' bins are not equally full.
+struct Buckets {
+  std::uint32_t count = 0, entries = 1, widest = 1;
+  int merge = 0, levels = 1;
+  struct Part {
+    std::uint32_t entry = 0, bucket = 0, magic = 1;  // its first ones; 2^32 / width
+  } part[kMaxLevels];
+  __device__ __forceinline__ std::uint32_t of(std::uint32_t key) const {
+    const std::uint32_t entry = key >> merge;
+    int k = 0;
+    while (k + 1 < levels && entry >= part[k + 1].entry) k++;
+    return part[k].bucket + __umulhi(entry - part[k].entry, part[k].magic);
+  }
+  __device__ __forceinline__ std::uint32_t first_entry(std::uint32_t b) const {
+    int k = 0;
+    while (k + 1 < levels && b >= part[k + 1].bucket) k++;
+    const std::uint64_t magic = part[k].magic,
+                        first = ((static_cast<std::uint64_t>(b - part[k].bucket) << 32) + magic - 1) / magic;
+    return static_cast<std::uint32_t>(min(part[k].entry + first, std::uint64_t(entries)));
+  }
+};
+
+// Where each bucket begins, and where its next sphere goes; of the groups too, and their first tiles.
+// `bucket` holds the counts first; `finished` is the number of blocks that have counted.
+struct Starts {
+  std::uint32_t *finished = nullptr, *bucket = nullptr, *cursor = nullptr, *group_cursor = nullptr,
+                *group_tile = nullptr;
+};
+__global__ void __launch_bounds__(kCount)
+    bucket_begin_kernel(Starts starts, std::uint32_t count, unsigned long long* bounds, Counters* counters) {
+  const std::uint32_t k = blockIdx.x * kCount + threadIdx.x;
+  if (k < count) starts.bucket[k] = 0;
+  if (k == 0) *starts.finished = 0;
+  if (!bounds) return;
+  if (k < kBounds) bounds[k] = Bounds::nothing(k);
+  if (k == 0) *counters = {};
+}
+
+// A block counts for itself; `Threads` of them, as few blocks a processor as their counts leave room for. The
+// last block to finish makes starts of the counts.
+template <class Bins, bool Along, int Threads>
+__global__ void __launch_bounds__(Threads, Threads == kCount ? 4 : 1)
+    bucket_count_kernel(const __grid_constant__ Source source, const __grid_constant__ Bins bins,
+                        const __grid_constant__ Buckets buckets, std::uint32_t* keys, Starts starts,
+                        std::uint32_t groups, unsigned long long* found, Counters* counters) {
+  constexpr int kAtOnce = Threads == kCount ? 1 : 3;
+  Bounds bounds;
+  extern __shared__ std::uint32_t shared[];
+  __shared__ std::uint32_t sums[32], number;
+  for (std::uint32_t b = threadIdx.x; b < buckets.count; b += Threads) shared[b] = 0;
+  __syncthreads();
+  const std::uint64_t step = static_cast<std::uint64_t>(gridDim.x) * Threads * kAtOnce;
+  for (std::uint64_t from = static_cast<std::uint64_t>(blockIdx.x) * Threads * kAtOnce; from < source.count;
+       from += step) {
+    Sphere s[kAtOnce];
+#pragma unroll
+    for (int u = 0; u < kAtOnce; u++) {
+      const std::uint64_t k = from + u * Threads + threadIdx.x;
+      if (k < source.count) s[u] = source.sphere(static_cast<std::uint32_t>(k));
+    }
+#pragma unroll
+    for (int u = 0; u < kAtOnce; u++) {
+      const std::uint64_t k = from + u * Threads + threadIdx.x;
+      const bool valid = k < source.count;
+      std::uint32_t key = 0;
+      if (valid) {
+        key = key_of_sphere(s[u], bins, counters);
+        if (!kKeyless<Bins>) keys[k] = key;
+        if (Along) bounds.take(s[u], static_cast<std::uint32_t>(k));
+      }
+      ticket(shared, valid ? buckets.of(key) : ~0u);
+    }
+  }
+  if (Along) bounds.give(found);
+  __syncthreads();
+  for (std::uint32_t b = threadIdx.x; b < buckets.count; b += Threads)
+    if (shared[b]) atomicAdd(starts.bucket + b, shared[b]);
+  __threadfence();
+  __syncthreads();
+  if (threadIdx.x == 0) number = atomicAdd(starts.finished, 1);
+  __syncthreads();
+  if (number + 1 < gridDim.x) return;
+  __threadfence();
+  for (std::uint32_t b = threadIdx.x; b < buckets.count; b += Threads) shared[b] = __ldcg(starts.bucket + b);
+  scan_shared(shared, buckets.count, sums);
+  for (std::uint32_t b = threadIdx.x; b <= buckets.count; b += Threads) {
+    starts.bucket[b] = shared[b];
+    if (b < buckets.count) starts.cursor[b] = shared[b];
+  }
+  for (std::uint32_t g = threadIdx.x; g < groups; g += Threads)
+    starts.group_cursor[g] = shared[g << kGroupBits];
+  if (threadIdx.x > 0 || groups == 0) return;
+  std::uint32_t tiles = 0;
+  for (std::uint32_t g = 0; g < groups; g++) {
+    starts.group_tile[g] = tiles;
+    tiles +=
+        (shared[min((g + 1) << kGroupBits, buckets.count)] - shared[g << kGroupBits] + kTile - 1) / kTile;
+  }
+  starts.group_tile[groups] = tiles;
+}
+
+enum class Pass { whole, among_groups, within_groups };
+
+// Tiles of spheres, one after the other: ordered by bucket in shared memory, then written, each bucket's
+// share to one place. The next tile is read while this one is written.
+template <SlotKind Kind, class Bins, Pass P, bool Packed>
+__global__ void __launch_bounds__(kWide)
+    bucket_split_kernel(const __grid_constant__ Source source, const __grid_constant__ Bins bins,
+                        const __grid_constant__ Buckets buckets, std::uint32_t count, Starts starts,
+                        Places in, Places out) {
+  constexpr int kShare = kMostAtOnce / kWide;
+  constexpr bool kKeys = !kKeyless<Bins>, kIds = Kind != SlotKind::equal, kWithin = P == Pass::within_groups;
+  extern __shared__ float4 slots[];
+  auto* bucket_at = reinterpret_cast<std::uint16_t*>(slots + kTile);
+  auto* counts = reinterpret_cast<std::uint32_t*>(bucket_at + kTile);
+  auto* shift = counts + count + 1;
+  __shared__ std::uint32_t sums[32];
+  struct Range {
+    std::uint32_t first, count, group;
+  };
+  const std::uint32_t groups = (buckets.count + (1u << kGroupBits) - 1) >> kGroupBits;
+  const auto tiles = kWithin ? starts.group_tile[groups]
+                             : static_cast<std::uint32_t>((std::uint64_t(source.count) + kTile - 1) / kTile);
+  const auto range_of = [&](std::uint32_t tile, std::uint32_t group) -> Range {
+    std::uint32_t first = tile * kTile, end = source.count;
+    if (kWithin) {
+      while (tile >= starts.group_tile[group + 1]) group++;
+      first = starts.bucket[group << kGroupBits] + (tile - starts.group_tile[group]) * kTile;
+      end = starts.bucket[min((group + 1) << kGroupBits, buckets.count)];
+    }
+    return {first, min(end - first, kTile), group};
+  };
+  float4 slot[kItems];
+  const auto read = [&](const Range& r) {
+#pragma unroll
+    for (int u = 0; u < kItems; u++) {
+      const std::uint32_t k = threadIdx.x + u * kWide;
+      if (k < r.count)
+        slot[u] = kWithin ? static_cast<const float4*>(in.slots)[r.first + k]
+                          : bare_slot<Kind, Packed>(source, grid_of(bins), r.first + k);
+    }
+  };
+  for (std::uint32_t b = threadIdx.x; b < count; b += kWide) counts[b] = 0;
+  std::uint32_t tile = blockIdx.x;
+  if (tile >= tiles) return;
+  std::uint32_t group = 0;
+  read(range_of(tile, 0));
+  __syncthreads();
+  for (; tile < tiles; tile += gridDim.x) {
+    const Range range = range_of(tile, group);
+    group = range.group;
+    std::uint32_t* const cursors = P == Pass::whole          ? starts.cursor
+                                   : P == Pass::among_groups ? starts.group_cursor
+                                                             : starts.cursor + (range.group << kGroupBits);
+    std::uint32_t place[kItems];  // bucket and rank in it; then the place in the tile
+#pragma unroll
+    for (int u = 0; u < kItems; u++) {
+      const std::uint32_t k = threadIdx.x + u * kWide;
+      std::uint32_t bucket = ~0u, key = 0;
+      if (k < range.count) {
+        if constexpr (kKeys)
+          key = in.keys[range.first + k];
+        else
+          key_of(bins, slot[u].x, slot[u].y, slot[u].z, key);
+        bucket = buckets.of(key);
+        if (P == Pass::among_groups) bucket >>= kGroupBits;
+        if (P == Pass::within_groups) bucket &= (1u << kGroupBits) - 1;
+      }
+      place[u] = ticket(counts, bucket) | bucket << 16;
+    }
+    scan_shared(counts, count, sums);
+#pragma unroll
+    for (int u = 0; u < kItems; u++) {
+      if (threadIdx.x + u * kWide >= range.count) break;
+      const std::uint32_t bucket = place[u] >> 16;
+      place[u] = counts[bucket] + (place[u] & 0xffff);
+      if (Kind == SlotKind::equal && !kWithin)
+        slot[u].w = __uint_as_float(range.first + threadIdx.x + u * kWide);
+      slots[place[u]] = slot[u], bucket_at[place[u]] = static_cast<std::uint16_t>(bucket);
+    }
+    // The slots' registers are free now: places are asked for, and the next tile, before either is waited
+    // for.
+    std::uint32_t taken[kShare];
+#pragma unroll
+    for (int u = 0; u < kShare; u++) {
+      const std::uint32_t b = threadIdx.x + u * kWide, c = b < count ? counts[b + 1] - counts[b] : 0;
+      taken[u] = c ? atomicAdd(cursors + b, c) : 0;
+    }
+    if (tile + gridDim.x < tiles) read(range_of(tile + gridDim.x, group));
+#pragma unroll
+    for (int u = 0; u < kShare; u++) {
+      const std::uint32_t b = threadIdx.x + u * kWide;
+      if (b < count) shift[b] = taken[u] - counts[b];
+    }
+    __syncthreads();
+    for (std::uint32_t b = threadIdx.x; b < count; b += kWide) counts[b] = 0;
+    for (std::uint32_t s = threadIdx.x; s < range.count; s += kWide)
+      static_cast<float4*>(out.slots)[shift[bucket_at[s]] + s] = slots[s];
+    __syncthreads();
+    // What does not fit the slot is staged in a second round, through the same memory.
+    if (kIds || kKeys) {
+      auto *numbers = reinterpret_cast<std::uint32_t*>(slots), *tile_keys = numbers + kTile;
+#pragma unroll
+      for (int u = 0; u < kItems; u++) {
+        const std::uint32_t k = threadIdx.x + u * kWide;
+        if (k >= range.count) break;
+        if (kIds) numbers[place[u]] = kWithin ? in.ids[range.first + k] : range.first + k;
+        if (kKeys) tile_keys[place[u]] = in.keys[range.first + k];
+      }
+      __syncthreads();
+      for (std::uint32_t s = threadIdx.x; s < range.count; s += kWide) {
+        const std::uint32_t to = shift[bucket_at[s]] + s;
+        if (kIds) out.ids[to] = numbers[s];
+        if (kKeys) out.keys[to] = tile_keys[s];
+      }
+      __syncthreads();
+    }
+  }
+}
+
+// One bucket a block: its spheres by bin, within a bin by number if `tidy`, and its part of the table. Half
+// as wide blocks are two a processor, so that one reads while the other counts.
+template <SlotKind Kind, class Bins, int Threads>
+__global__ void __launch_bounds__(Threads, kWide / Threads)
+    bucket_order_kernel(const __grid_constant__ Bins grid_bins, const __grid_constant__ Buckets buckets,
+                        std::uint32_t capacity, const std::uint32_t* starts, Places in, Places out,
+                        std::uint32_t* table, bool tidy, Counters* counters) {
+  constexpr bool kIds = Kind != SlotKind::equal, kKeys = !kKeyless<Bins>;
+  extern __shared__ float4 slots[];
+  auto* tile_keys = reinterpret_cast<std::uint32_t*>(slots + capacity);
+  auto* numbers = kKeys ? tile_keys + capacity : tile_keys;
+  auto* bins = kIds ? numbers + capacity : numbers;
+  __shared__ std::uint32_t sums[32];
+  const std::uint32_t begin = starts[blockIdx.x], count = starts[blockIdx.x + 1] - begin;
+  const std::uint32_t first = buckets.first_entry(blockIdx.x),
+                      width = buckets.first_entry(blockIdx.x + 1) - first;
+  if (count > capacity) {
+    if (threadIdx.x == 0) atomicOr(&counters->flags, kCrowded);
+    return;
+  }
+  const auto bin_of_key = [&](std::uint32_t key) { return (key >> buckets.merge) - first; };
+  const auto bin_of_slot = [&](const float4& s) {
+    std::uint32_t key = 0;
+    if constexpr (!kKeys) key_of(grid_bins, s.x, s.y, s.z, key);
+    return bin_of_key(key);
+  };
+  float4 slot[kMost];
+  std::uint32_t place[kMost];  // bin and rank in it
+#pragma unroll
+  for (int u = 0; u < kMost; u++) {
+    const std::uint32_t k = threadIdx.x + u * Threads;
+    if (k < count) {
+      if (kKeys) place[u] = in.keys[begin + k];
+      slot[u] = static_cast<const float4*>(in.slots)[begin + k];
+    }
+  }
+  for (std::uint32_t b = threadIdx.x; b < width; b += blockDim.x) bins[b] = 0;
+  __syncthreads();
+#pragma unroll
+  for (int u = 0; u < kMost; u++) {
+    if (threadIdx.x + u * Threads >= count) break;
+    const std::uint32_t bin = kKeys ? bin_of_key(place[u]) : bin_of_slot(slot[u]);
+    place[u] = atomicAdd(bins + bin, 1u) | bin << 16;
+  }
+  scan_shared(bins, width, sums);
+  for (std::uint32_t b = threadIdx.x; b < width; b += blockDim.x) table[first + b] = begin + bins[b];
+  if (blockIdx.x + 1 == gridDim.x && threadIdx.x == 0)
+    table[first + width] = begin + count;  // the end of all
+#pragma unroll
+  for (int u = 0; u < kMost; u++) {
+    const std::uint32_t k = threadIdx.x + u * Threads;
+    if (k >= count) break;
+    const std::uint32_t at = bins[place[u] >> 16] + (place[u] & 0xffff);
+    slots[at] = slot[u];
+    if (kKeys) tile_keys[at] = in.keys[begin + k];
+    if (kIds) numbers[at] = in.ids[begin + k];
+  }
+  __syncthreads();
+  const auto number = [&](std::uint32_t s) { return kIds ? numbers[s] : __float_as_uint(slots[s].w); };
+  for (std::uint32_t s = threadIdx.x; s < count; s += blockDim.x) {
+    std::uint32_t to = s;
+    const float4 mine = slots[s];
+    if (tidy) {
+      const std::uint32_t b = kKeys ? bin_of_key(tile_keys[s]) : bin_of_slot(mine), from = bins[b],
+                          end = bins[b + 1], own = kIds ? numbers[s] : __float_as_uint(mine.w);
+      to = from;
+      for (std::uint32_t q = from; q < end; q++) to += number(q) < own;
+    }
+    static_cast<float4*>(out.slots)[begin + to] = mine;
+    if (kKeys) out.keys[begin + to] = tile_keys[s];
+    if (kIds) out.ids[begin + to] = numbers[s];
+  }
+}
+
+}  // namespace
+
+bool Orderer::by_buckets(const Source& source, const Grid& grid, bool tidy, unsigned long long* bounds,
+                         Counters* counters, Ordered& o, cudaStream_t stream) {
+  const bool ids = o.kind != SlotKind::equal, keyed = !o.bins.on;
+  const std::uint32_t sphere_bytes = 16 + (ids ? 4 : 0) + (keyed ? 4 : 0);
+  // As many buckets as give each about `bucket_spheres` on average, and no more entries than leave room, nor
+  // than 16 bits can number.
+  const bool halved = o.count <= kHalved;
+  const int width_of_block = halved ? kWide / 2 : kWide;
+  const std::uint32_t room = halved ? kSharedBytes / 2 : kSharedBytes;
+  const double aim = halved ? bucket_spheres / 2 : bucket_spheres,
+               widest = std::min((room - aim * 1.12 * sphere_bytes) / 4 - 4, 65535.0);
+  if (widest < 64) return false;
+  Buckets b;
+  b.merge = o.merge, b.levels = grid.levels, b.entries = static_cast<std::uint32_t>(o.entries);
+  for (int k = 0; k < grid.levels; k++) {
+    Buckets::Part& part = b.part[k];
+    part.entry = k ? grid.level[k].offset : 0, part.bucket = b.count;
+    const std::uint32_t entries = (k + 1 < grid.levels ? grid.level[k + 1].offset : b.entries) - part.entry;
+    const double spheres = static_cast<double>(std::max<std::uint64_t>(grid.level[k].spheres, 1)),
+                 width = std::floor(std::clamp(aim * entries / spheres, 2.0, widest - 1));
+    part.magic = static_cast<std::uint32_t>(std::ceil(4294967296.0 / width));
+    b.widest = std::max(b.widest, static_cast<std::uint32_t>(width) + 2);
+    b.count += static_cast<std::uint32_t>((std::uint64_t(entries - 1) * part.magic) >> 32) + 1;
+  }
+  if (b.count > kMostBuckets) return false;
+  const bool grouped = b.count > kMostAtOnce;
+  const std::uint32_t groups = grouped ? (b.count + (1u << kGroupBits) - 1) >> kGroupBits : 0;
+  const auto tile_bytes = [](std::uint32_t count) { return kTile * 18 + (2 * count + 1) * 4; };
+  const std::uint32_t table_bytes = (b.widest + 1) * 4;
+  const std::uint32_t capacity =
+      std::min<std::uint32_t>((room - table_bytes) / sphere_bytes, kMost * width_of_block) & ~3u;
+  // Work space in the list of contacts, which is written afterwards.
+  const std::uint64_t n = o.count;
+  const bool lent = lent_slots_ >= n && lent_words_ >= (keyed ? 2 * n : 0);
+  if (keyed) o.keys = sorted_keys_.reserve(n);
+  Places source_places, split, out{o.slots, nullptr, o.keys};
+  split.slots = lent ? lent_slot_ : split_slots_.reserve(n);
+  if (keyed) {
+    source_places.keys = lent ? lent_word_ : keys_.reserve(n);
+    split.keys = lent ? lent_word_ + n : ids_.reserve(n);
+  }
+  if (ids) out.ids = o.ids = sorted_ids_.reserve(2 * n), split.ids = o.ids + n;
+  Starts starts;
+  starts.finished = starts_.reserve(2 * std::uint64_t(b.count) + 2 * kMostGroups + 4);
+  starts.bucket = starts.finished + 1, starts.cursor = starts.bucket + b.count + 1,
+  starts.group_cursor = starts.cursor + b.count + 1;
+  starts.group_tile = starts.group_cursor + kMostGroups;
+  bucket_begin_kernel<<<blocks_for(b.count, kCount), kCount, 0, stream>>>(starts, b.count, bounds, counters);
+  with_bins(o, grid, [&]<class Kind, class Bins>(Kind kind, const Bins& bins) {
+    const auto with_shared = [&](auto* kernel, unsigned blocks, int threads, std::uint32_t bytes,
+                                 auto&&... arguments) {
+      cuda_check(cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, kSharedBytes),
+                 "take shared memory");
+      kernel<<<blocks, threads, bytes, stream>>>(arguments...);
+    };
+    const unsigned tiles = std::min<unsigned>(blocks_for(n, kTile), kProcessors);
+    if (grouped)
+      with_shared(bounds ? bucket_count_kernel<Bins, true, kWide> : bucket_count_kernel<Bins, false, kWide>,
+                  kProcessors, kWide, (b.count + 1) * 4, source, bins, b, source_places.keys, starts, groups,
+                  bounds, counters);
+    else
+      with_shared(bounds ? bucket_count_kernel<Bins, true, kCount> : bucket_count_kernel<Bins, false, kCount>,
+                  kProcessors * 4, kCount, (b.count + 1) * 4, source, bins, b, source_places.keys, starts,
+                  groups, bounds, counters);
+    constexpr bool kMayPack = kind() != SlotKind::fixed;
+    const bool packed = kMayPack && source.packed;
+    if (grouped) {
+      with_shared(packed ? bucket_split_kernel<kind(), Bins, Pass::among_groups, kMayPack>
+                         : bucket_split_kernel<kind(), Bins, Pass::among_groups, false>,
+                  tiles, kWide, tile_bytes(groups), source, bins, b, groups, starts, source_places, out);
+      with_shared(bucket_split_kernel<kind(), Bins, Pass::within_groups, false>, tiles, kWide,
+                  tile_bytes(1u << kGroupBits), source, bins, b, 1u << kGroupBits, starts, out, split);
+    } else {
+      with_shared(packed ? bucket_split_kernel<kind(), Bins, Pass::whole, kMayPack>
+                         : bucket_split_kernel<kind(), Bins, Pass::whole, false>,
+                  tiles, kWide, tile_bytes(b.count), source, bins, b, b.count, starts, source_places, split);
+    }
+    with_shared(
+        halved ? bucket_order_kernel<kind(), Bins, kWide / 2> : bucket_order_kernel<kind(), Bins, kWide>,
+        b.count, width_of_block, capacity * sphere_bytes + table_bytes, bins, b, capacity, starts.bucket,
+        split, out, o.table, tidy, counters);
+  });
+  return true;
+}
+
+}  // namespace padder::detect::cuda

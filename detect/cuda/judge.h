@@ -1,0 +1,249 @@
+// What a search does with two spheres: the filter in its cheapest shape, the judgement where that is not
+// enough, and the record. Only search.cu and down.h include this.
+#pragma once
+#include "detect/cuda/bins.h"
+
+namespace padder::detect::cuda {
+namespace {
+
+constexpr int kWarps = 4, kThreads = 32 * kWarps;
+constexpr std::uint32_t kAll = ~0u;
+
+// The filter of contact.h, in a shape that costs one operation less a candidate: the sign of d2 - kWide * s2
+// collects in a mask, and the smallest magnitude tells whether any candidate is near the threshold. 2^-18
+// leaves room for the band of 2^-20 and for its own rounding (2^-21); what it lets through is judged by
+// verdict().
+constexpr float kWide = 1 + 0x1p-18f, kNear = 0x1p-17f;
+
+// Work space for a list of fixed order (place.h). Tiles: of spheres, then units that look down.
+struct TileSums {
+  bool turns = false;                    // few tiles: each waits for those before it
+  unsigned long long* turn = nullptr;    // the next tile to begin, then the count of each tile
+  unsigned int* fills = nullptr;         // blocks that have read `groups`
+  unsigned long long* groups = nullptr;  // of each group of tiles: places left spare, hits that spilled
+  std::uint32_t own_groups = 0, all_groups = 0;
+  unsigned long long* spill_at = nullptr;              // where a tile's spilled hits lie
+  std::uint32_t *counts = nullptr, *firsts = nullptr;  // contacts of each tile; first sphere of each unit
+  unsigned long long* spill = nullptr;                 // places of i (or unit and number within it) and j
+  std::uint64_t room = 0;
+};
+
+struct Task {
+  Source source;
+  Ordered spheres;
+  Output output;
+  SearchOptions options;
+  Counters* counters;
+  TileSums sums;
+  unsigned int* next = nullptr;  // units are dealt to warps from here; zero between searches. Null: one each
+  std::uint32_t own_tiles = 0, units = 0;  // tiles of spheres; units that look down
+  float radius = 0, s2 = 0;                // SlotKind::equal
+  bool judge_all = false;                  // every hit is asked for its filter, owner or bin
+};
+
+template <SlotKind Kind>
+struct SlotOf {
+  using Type = FloatSlot;
+};
+template <>
+struct SlotOf<SlotKind::fixed> {
+  using Type = FixedSlot;
+};
+
+__device__ __forceinline__ FloatSlot load_slot(const FloatSlot* p) {
+  const float4 v = __ldg(reinterpret_cast<const float4*>(p));
+  return {v.x, v.y, v.z, v.w};
+}
+__device__ __forceinline__ FixedSlot load_slot(const FixedSlot* p) {
+  const int4 v = __ldg(reinterpret_cast<const int4*>(p));
+  return {v.x, v.y, v.z, __int_as_float(v.w)};
+}
+__device__ __forceinline__ float3 difference(const FloatSlot& a, const FloatSlot& b) {
+  return make_float3(b.x - a.x, b.y - a.y, b.z - a.z);
+}
+__device__ __forceinline__ float3 difference(const FixedSlot& a, const FixedSlot& b) {
+  return make_float3(static_cast<float>(wrapped_difference(a.x, b.x)),
+                     static_cast<float>(wrapped_difference(a.y, b.y)),
+                     static_cast<float>(wrapped_difference(a.z, b.z)));
+}
+template <SlotKind Kind>
+__device__ __forceinline__ const typename SlotOf<Kind>::Type* slots_of(const Task& task) {
+  return static_cast<const typename SlotOf<Kind>::Type*>(task.spheres.slots);
+}
+template <SlotKind Kind>
+__device__ __forceinline__ std::uint32_t id_at(const Task& task, std::uint32_t place) {
+  if constexpr (Kind == SlotKind::equal)
+    return __float_as_uint(load_slot(slots_of<Kind>(task) + place).r);
+  else
+    return __ldg(task.spheres.ids + place);
+}
+template <SlotKind Kind>
+__device__ __forceinline__ Sphere sphere_at(const Task& task, std::uint32_t place) {
+  if constexpr (Kind == SlotKind::fixed) {
+    return task.source.sphere(__ldg(task.spheres.ids + place));
+  } else {
+    const FloatSlot s = load_slot(slots_of<Kind>(task) + place);
+    return {s.x, s.y, s.z, Kind == SlotKind::equal ? task.options.radius : double(s.r)};
+  }
+}
+
+// How the search looks for partners: at one level of bins (few: of so few spheres that latency is all); at
+// its own of several levels, while the coarser spheres look down (down.h); or up through levels of which
+// some are hashed.
+enum class Way { single, few, down, up };
+
+// Where a row of candidates was looked for: level and offset of its bin from the sphere's own, for hashed
+// levels.
+struct Where {
+  int level = 0, dx = 0, dy = 0, dz = 0;
+};
+
+// What the mask let through and what must be asked more than its distance. Rare, or slow anyway: kept out of
+// line.
+template <SlotKind Kind, Way W>
+__device__ bool contact(const Task& task, const Grid& grid, std::uint32_t place,
+                        typename SlotOf<Kind>::Type slot, std::uint32_t j, Where where, bool count_doubt) {
+  const auto other = load_slot(slots_of<Kind>(task) + j);
+  if constexpr (W == Way::up) {
+    const Level& l = grid.level[where.level];
+    if (l.hashed) {
+      const Bin b = bin_of(l, sphere_at<Kind>(task, place));
+      if (!in_row(l, sphere_at<Kind>(task, j), b.x + where.dx, b.x + where.dx, b.y + where.dy,
+                  b.z + where.dz))
+        return false;
+    }
+  }
+  Measured m;
+  if constexpr (Kind == SlotKind::equal) {
+    const float3 d = difference(slot, other);
+    m = {d.x * d.x + d.y * d.y + d.z * d.z, task.s2};
+  } else {
+    m = measured(slot, other);
+  }
+  const Verdict v = verdict<typename SlotOf<Kind>::Type>(m);
+  if (v == Verdict::apart) return false;
+  if (v == Verdict::doubt) {
+    if (count_doubt) atomicAdd(&task.counters->doubtful, 1ull);
+    if (task.options.exact ? !touching(sphere_at<Kind>(task, place), sphere_at<Kind>(task, j))
+                           : !(m.d2 <= m.s2))
+      return false;
+  }
+  const std::uint32_t ia = id_at<Kind>(task, place), ib = id_at<Kind>(task, j);
+  if (task.source.filtered && !admitted(task.source.filter(ia), task.source.filter(ib))) return false;
+  if (!task.options.owns_all) {
+    const bool swap = ib < ia;
+    const Sphere a = sphere_at<Kind>(task, swap ? j : place), b = sphere_at<Kind>(task, swap ? place : j);
+    if (!owns(task.options.own, midpoint(a, b))) return false;
+  }
+  return true;
+}
+template <SlotKind Kind, Way W>
+__device__ __forceinline__ std::uint32_t judged(const Task& task, const Grid& grid, std::uint32_t mask,
+                                                std::uint32_t from, std::uint32_t place,
+                                                typename SlotOf<Kind>::Type slot, Where where,
+                                                bool count_doubt) {
+  for (std::uint32_t rest = mask; rest;) {
+    const int k = __clz(rest);
+    const std::uint32_t bit = 0x80000000u >> k;
+    rest ^= bit;
+    if (!contact<Kind, W>(task, grid, place, slot, from + k, where, count_doubt)) mask ^= bit;
+  }
+  return mask;
+}
+
+template <SlotKind Kind>
+__device__ __noinline__ void write_wide(const Task& task, std::uint32_t pi, std::uint32_t pj,
+                                        std::uint64_t at) {
+  const std::uint32_t ia = id_at<Kind>(task, pi), ib = id_at<Kind>(task, pj);
+  const bool swap = ib < ia;
+  task.output.pairs[at] = {min(ia, ib), max(ia, ib)};
+  put_geometry(task.output, at, sphere_at<Kind>(task, swap ? pj : pi), sphere_at<Kind>(task, swap ? pi : pj));
+}
+
+// Float records of float input, from the slots: differences are exact or off by one rounding, the square root
+// is corrected by a step of Newton's method. In two parts, so that several records can be asked for at a
+// time.
+struct Both {
+  FloatSlot a, b;
+  std::uint32_t ia, ib;
+};
+template <SlotKind Kind>
+__device__ __forceinline__ bool is_wide(const Task& task) {
+  return Kind == SlotKind::fixed || (task.output.scalar == Scalar::f64 && task.output.width != Width::pairs);
+}
+template <SlotKind Kind>
+__device__ __forceinline__ Both load_both(const Task& task, std::uint32_t pi, std::uint32_t pj) {
+  const auto* const slots = static_cast<const FloatSlot*>(task.spheres.slots);
+  Both t{load_slot(slots + pi), load_slot(slots + pj), 0, 0};
+  t.ia = Kind == SlotKind::equal ? __float_as_uint(t.a.r) : __ldg(task.spheres.ids + pi);
+  t.ib = Kind == SlotKind::equal ? __float_as_uint(t.b.r) : __ldg(task.spheres.ids + pj);
+  return t;
+}
+template <SlotKind Kind>
+__device__ __forceinline__ void write_both(const Task& task, const Both& t, std::uint32_t pi,
+                                           std::uint32_t pj, std::uint64_t at) {
+  const Output& out = task.output;
+  const FloatSlot &a = t.a, &b = t.b;
+  const bool swap = t.ib < t.ia;
+  __stcs(reinterpret_cast<uint2*>(out.pairs + at), make_uint2(min(t.ia, t.ib), max(t.ia, t.ib)));
+  if (out.width == Width::pairs) return;
+  const float3 d = difference(a, b);
+  const float d2 = d.x * d.x + d.y * d.y + d.z * d.z;
+  if (d2 < 0x1p-80f) {  // squares underflow, or equal centres
+    write_wide<Kind>(task, pi, pj, at);
+    return;
+  }
+  const float ra = Kind == SlotKind::equal ? task.radius : a.r,
+              rb = Kind == SlotKind::equal ? task.radius : b.r;
+  const float inverse = rsqrtf(d2), s = swap ? -inverse : inverse, root = d2 * inverse;
+  const float distance = fmaf(0.5f * inverse, fmaf(-root, root, d2), root);
+  const float4 n = make_float4(d.x * s, d.y * s, d.z * s, ra + rb - distance);
+  __stcs(static_cast<float4*>(out.normals) + at, n);
+  if (out.width == Width::normals) return;
+  const FloatSlot i = swap ? b : a, j = swap ? a : b;
+  const float ri = swap ? rb : ra, rj = swap ? ra : rb;
+  auto* p = static_cast<float2*>(out.points) + 3 * at;
+  __stcs(p, make_float2(fmaf(ri, n.x, i.x), fmaf(ri, n.y, i.y)));
+  __stcs(p + 1, make_float2(fmaf(ri, n.z, i.z), fmaf(-rj, n.x, j.x)));
+  __stcs(p + 2, make_float2(fmaf(-rj, n.y, j.y), fmaf(-rj, n.z, j.z)));
+}
+template <SlotKind Kind>
+__device__ __forceinline__ void write_record(const Task& task, std::uint32_t pi, std::uint32_t pj,
+                                             std::uint64_t at) {
+  if (is_wide<Kind>(task)) return write_wide<Kind>(task, pi, pj, at);
+  if constexpr (Kind != SlotKind::fixed) write_both<Kind>(task, load_both<Kind>(task, pi, pj), pi, pj, at);
+}
+
+// Where a tile's hits go: the first `limit` of them to the list from `place` on, the others to the spill.
+// Those of a unit are spilled as kOfUnit, its number and theirs within it, so that they tell whose they are.
+constexpr std::uint32_t kOfUnit = 1u << 31, kMostUnits = 1u << 26;
+struct Target {
+  unsigned long long place, spill;
+  std::uint32_t limit, unit, first;  // of a unit: kOfUnit | number << 5, its first sphere
+};
+__device__ __forceinline__ void spill(const Task& task, const Target& target, std::uint32_t at,
+                                      std::uint32_t pi, std::uint32_t pj) {
+  const unsigned long long to = target.spill + (at - target.limit);
+  const std::uint32_t i = target.unit ? target.unit | (pi - target.first) : pi;
+  if (to < task.sums.room) task.sums.spill[to] = static_cast<unsigned long long>(i) << 32 | pj;
+}
+template <SlotKind Kind>
+__device__ __forceinline__ void put(const Task& task, const Target& target, std::uint32_t at,
+                                    std::uint32_t pi, std::uint32_t pj) {
+  if (at < target.limit)
+    write_record<Kind>(task, pi, pj, target.place + at);
+  else
+    spill(task, target, at, pi, pj);
+}
+
+// The hits of a warp; a unit that looks down may have many.
+template <Way W>
+constexpr std::uint32_t kQueue = W == Way::down ? 320 : 192;
+template <Way W>
+struct WarpMemory {
+  std::uint32_t at[kQueue<W>];    // place of j
+  unsigned char lane[kQueue<W>];  // place of i, from the warp's first
+};
+
+}  // namespace
+}  // namespace padder::detect::cuda

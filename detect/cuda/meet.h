@@ -1,0 +1,42 @@
+// What happens to elements that met, and to moving ones among static ones (meet.cu). Internal; only .cu
+// files include this.
+#pragma once
+#include "detect/cuda/bodies.h"
+
+namespace padder::detect::cuda {
+
+// A contact that is found and not yet written: the sphere `slot` of Pieces on this body, or a loose one.
+struct Hit {
+  std::uint32_t a_body, a_slot, b_body, b_slot;
+};
+
+struct MeetTask {
+  BodyView view;
+  Source loose;
+  Region own;
+  bool owns_all = true, fixed_order = true;
+  const Pair* pairs = nullptr;  // of elements
+  std::uint64_t pair_room = 0, room = 0;
+  uint4* hits = nullptr;                 // Hit
+  uint2* ranks = nullptr;                // pair of elements, number within it; for a fixed order
+  std::uint32_t* item_counts = nullptr;  // contacts of each pair of elements
+  const unsigned long long* item_places = nullptr;
+  BodyCounters* counters = nullptr;
+};
+void meet(const MeetTask& task, cudaStream_t stream);
+void write_hits(const MeetTask& task, const Output& output, cudaStream_t stream);
+
+// Moving elements against the table of static ones: counted, then written behind the pairs that are there.
+struct StaticTask {
+  BodyView view;
+  StaticView table;
+  Pair* pairs = nullptr;
+  std::uint64_t pair_room = 0;
+  std::uint32_t* counts = nullptr;  // of each moving element
+  const unsigned long long* places = nullptr;
+  BodyCounters* counters = nullptr;
+};
+void count_static(const StaticTask& task, const Grid& grid, cudaStream_t stream);
+void write_static(const StaticTask& task, const Grid& grid, cudaStream_t stream);
+
+}  // namespace padder::detect::cuda

@@ -1,0 +1,114 @@
+// What the three ways of putting spheres in order share. Only cuda_{order,cells,buckets}.cu include this.
+#pragma once
+#include "detect/cuda/bins.h"
+
+namespace padder::detect::cuda {
+
+inline unsigned blocks_for(std::uint64_t n, int threads) {
+  return static_cast<unsigned>((n + threads - 1) / threads);
+}
+
+// Where spheres are put; ids is null where the slot holds the number, keys where they are computed again.
+struct Places {
+  void* slots = nullptr;
+  std::uint32_t* ids = nullptr;
+  std::uint32_t* keys = nullptr;
+};
+
+// With bins in float nothing of a key is written.
+template <class Bins>
+inline constexpr bool kKeyless = std::is_same_v<Bins, FloatBins>;
+
+// All of a slot but the number that takes the place of equal radii. Packed: source.packed, where a kernel is
+// made for that.
+template <SlotKind Kind, bool Packed>
+__device__ __forceinline__ float4 bare_slot(const Source& source, const Grid* grid, std::uint32_t id) {
+  if constexpr (Packed) return __ldg(static_cast<const float4*>(source.centers) + id);
+  const Sphere s = source.sphere(id);
+  if constexpr (Kind == SlotKind::fixed) {
+    const FixedSlot f = fixed_slot(grid->level[level_of(*grid, s)], s);
+    return make_float4(__int_as_float(f.x), __int_as_float(f.y), __int_as_float(f.z), f.r);
+  } else {
+    const FloatSlot f = float_slot(s);
+    return make_float4(f.x, f.y, f.z, f.r);
+  }
+}
+
+// Adds one to count[b] for each lane with b != ~0 and returns the count before. Neighbouring lanes of one
+// bucket, as in coherent input, share one atomic operation.
+__device__ __forceinline__ std::uint32_t ticket(std::uint32_t* count, std::uint32_t b) {
+  const int lane = threadIdx.x & 31;
+  const std::uint32_t left = __shfl_up_sync(~0u, b, 1);
+  const std::uint32_t heads = __ballot_sync(~0u, lane == 0 || left != b);
+  const int head = 31 - __clz(heads & (~0u >> (31 - lane)));
+  const std::uint32_t after = lane == 31 ? 0 : heads & (~1u << lane);
+  std::uint32_t at = 0;
+  if (head == lane && b != ~0u) at = atomicAdd(count + b, (after ? __ffs(after) - 1 : 32) - lane);
+  return __shfl_sync(~0u, at, head) + lane - head;
+}
+
+// Sum over the lanes before this one, and (in every lane) over all of them.
+__device__ __forceinline__ std::uint32_t sum_before(std::uint32_t v, std::uint32_t& total) {
+  const std::uint32_t lane = threadIdx.x & 31;
+  std::uint32_t upto = v;
+#pragma unroll
+  for (int d = 1; d < 32; d <<= 1) {
+    const std::uint32_t u = __shfl_up_sync(~0u, upto, d);
+    if (static_cast<int>(lane) >= d) upto += u;
+  }
+  total = __shfl_sync(~0u, upto, 31);
+  return upto - v;
+}
+
+// Exclusive sums of v[0 .. n) in shared memory by the whole block; v[n] becomes the total. `sums` has 32
+// entries. Begins and ends with all threads together.
+__device__ __forceinline__ void scan_shared(std::uint32_t* v, std::uint32_t n, std::uint32_t* sums) {
+  __syncthreads();
+  const std::uint32_t lane = threadIdx.x & 31, warp = threadIdx.x >> 5, warps = blockDim.x >> 5;
+  // Each warp scans a contiguous part, 32 entries a step: no bank conflicts.
+  const std::uint32_t part = ((n + warps - 1) / warps + 31) & ~31u, from = min(warp * part, n),
+                      to = min(from + part, n);
+  std::uint32_t sum = 0;
+  for (std::uint32_t k = from + lane; k < to; k += 32) sum += v[k];
+  sum = __reduce_add_sync(~0u, sum);
+  if (lane == 0) sums[warp] = sum;
+  __syncthreads();
+  std::uint32_t before = __reduce_add_sync(~0u, lane < warp ? sums[lane] : 0);
+  for (std::uint32_t k = from; k < to; k += 32) {
+    std::uint32_t total;
+    const std::uint32_t mine = sum_before(k + lane < to ? v[k + lane] : 0, total);
+    if (k + lane < to) v[k + lane] = before + mine;
+    before += total;
+  }
+  if (warp + 1 == warps && lane == 0) v[n] = before;
+  __syncthreads();
+}
+
+template <SlotKind Kind>
+__device__ __forceinline__ float4 slot_of(const Source& source, const Grid* grid, std::uint32_t id) {
+  constexpr bool kMayPack = Kind != SlotKind::fixed;
+  float4 s = kMayPack && source.packed ? bare_slot<Kind, kMayPack>(source, grid, id)
+                                       : bare_slot<Kind, false>(source, grid, id);
+  if (Kind == SlotKind::equal) s.w = __uint_as_float(id);
+  return s;
+}
+
+template <class F>
+void with_kind(SlotKind kind, F f) {
+  if (kind == SlotKind::equal) f(std::integral_constant<SlotKind, SlotKind::equal>{});
+  if (kind == SlotKind::unequal) f(std::integral_constant<SlotKind, SlotKind::unequal>{});
+  if (kind == SlotKind::fixed) f(std::integral_constant<SlotKind, SlotKind::fixed>{});
+}
+// f(kind, bins): by the grid, or in float where o.bins are on.
+template <class F>
+void with_bins(const Ordered& o, const Grid& grid, F f) {
+  with_kind(o.kind, [&](auto kind) {
+    if constexpr (kind() != SlotKind::fixed)
+      if (o.bins.on) return f(kind, o.bins);
+    f(kind, grid);
+  });
+}
+__device__ __forceinline__ const Grid* grid_of(const Grid& g) { return &g; }
+__device__ __forceinline__ const Grid* grid_of(const FloatBins&) { return nullptr; }
+
+}  // namespace padder::detect::cuda

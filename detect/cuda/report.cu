@@ -1,0 +1,53 @@
+#include "detect/cuda/report.h"
+
+#include <atomic>
+#include <chrono>
+
+namespace padder::detect::cuda {
+namespace {
+
+using Word = unsigned long long;
+constexpr Word kMark = 0x9d1f5c3ab7e60248;
+constexpr auto kPatience = std::chrono::microseconds(400);
+
+__global__ void report_kernel(const __grid_constant__ Report::Parts parts) {
+  for (int p = 0; p < parts.count; p++)
+    for (std::uint32_t k = threadIdx.x; k < parts.part[p].words; k += blockDim.x)
+      *static_cast<volatile Word*>(parts.part[p].to + k) = parts.part[p].from[k];
+}
+
+}  // namespace
+
+void Report::add(const void* device, void* pinned, std::uint64_t bytes) {
+  parts_.part[parts_.count++] = {static_cast<const Word*>(device), static_cast<Word*>(pinned),
+                                 static_cast<std::uint32_t>(bytes / sizeof(Word))};
+}
+
+void Report::expect() const {
+  for (int p = 0; p < parts_.count; p++)
+    for (std::uint32_t k = 0; k < parts_.part[p].words; k++)
+      std::atomic_ref(parts_.part[p].to[k]).store(kMark, std::memory_order_relaxed);
+  std::atomic_thread_fence(std::memory_order_seq_cst);
+}
+
+void Report::send(cudaStream_t stream) const {
+  report_kernel<<<1, 256, 0, stream>>>(parts_);
+  cuda_launched("report what was found");
+}
+
+void Report::arrived(cudaStream_t stream, const char* what) const {
+  using Clock = std::chrono::steady_clock;
+  const auto until = Clock::now() + kPatience;
+  unsigned turn = 0;
+  for (int p = 0; p < parts_.count; p++)
+    for (std::uint32_t k = 0; k < parts_.part[p].words;) {
+      if (std::atomic_ref(parts_.part[p].to[k]).load(std::memory_order_acquire) != kMark) {
+        k++;
+      } else if (++turn % 64 == 0 && Clock::now() > until) {
+        cuda_check(cudaStreamSynchronize(stream), what);
+        return;
+      }
+    }
+}
+
+}  // namespace padder::detect::cuda

@@ -1,0 +1,139 @@
+// Fast path on the GPU: spheres in the order of their bins (order.cu), and the search over bins and the
+// forward half of their neighbours (search.cu). Internal; only .cu files include this.
+#pragma once
+#include "detect/cuda/source.h"
+#include "detect/detector.h"
+#include "detect/grid.h"
+
+namespace padder::detect::cuda {
+
+// What the search reads of a sphere. Equal: float input of one radius; the slot's fourth word is the sphere's
+// number.
+enum class SlotKind : std::uint8_t { equal, unequal, fixed };
+
+// Bins of one dense level in float (bins.h), where they will do: keys are then computed from the slots
+// and stand nowhere.
+inline constexpr std::uint32_t kMostFloatBins = 4096;  // on an axis
+struct FloatBins {
+  float origin[3] = {0, 0, 0}, per_size[3] = {0, 0, 0};
+  std::uint32_t count[3] = {1, 1, 1}, row = 0, plane = 0, buckets = 0;  // keys of a row, a plane and in all
+  std::uint32_t fine = 1;  // bins along x that make up one of the level's: a row of candidates is shorter
+  bool on = false;
+};
+
+// Spheres in the order of their bins, in device memory. table[k] is the first place with a key of at least k
+// << merge; slots may be read up to kSlack places past the end.
+inline constexpr std::uint32_t kSlack = 64;
+struct Ordered {
+  void* slots = nullptr;          // FloatSlot or FixedSlot
+  std::uint32_t* ids = nullptr;   // null for SlotKind::equal
+  std::uint32_t* keys = nullptr;  // as grid.h numbers them; null where bins.on
+  FloatBins bins;
+  std::uint32_t* table = nullptr;  // (buckets >> merge) + 2 entries
+  std::uint32_t count = 0;
+  SlotKind kind = SlotKind::equal;
+  int merge = 0;              // 2^merge bins along x share an entry of the table
+  std::uint64_t entries = 0;  // of the table
+};
+
+struct Counters {
+  unsigned long long contacts, doubtful, spilled;
+  unsigned long long own;  // contacts within a level, for a fixed order
+  std::uint32_t flags;     // set by Orderer, cleared by its caller
+};
+// Counters::flags: a bin or bucket too full for the method; a sphere outside the bins, which were chosen for
+// others.
+enum : std::uint32_t { kCrowded = 1, kOutside = 2 };
+
+// Where the contacts go, in device memory. Beyond `capacity` they are counted but not written.
+struct Output {
+  Pair* pairs = nullptr;
+  void* normals = nullptr;
+  void* points = nullptr;
+  std::uint64_t capacity = 0;
+  Width width = Width::normals;
+  Scalar scalar = Scalar::f32;
+  friend bool operator==(const Output&, const Output&) = default;
+};
+
+// The record in double, rounded once. The pair itself is written by the caller.
+__device__ __forceinline__ void put_geometry(const Output& out, std::uint64_t at, const Sphere& i,
+                                             const Sphere& j) {
+  if (out.width == Width::pairs) return;
+  const Geometry g = geometry(i, j);
+  if (out.scalar == Scalar::f64) {
+    static_cast<Normal<double>*>(out.normals)[at] = {g.normal[0], g.normal[1], g.normal[2], g.depth};
+    auto* p = static_cast<double*>(out.points) + 6 * at;
+    for (int k = 0; k < 3 && out.width == Width::points; k++) p[k] = g.on_i[k], p[3 + k] = g.on_j[k];
+  } else {
+    static_cast<float4*>(out.normals)[at] = make_float4(g.normal[0], g.normal[1], g.normal[2], g.depth);
+    auto* p = static_cast<float*>(out.points) + 6 * at;
+    for (int k = 0; k < 3 && out.width == Width::points; k++) p[k] = g.on_i[k], p[3 + k] = g.on_j[k];
+  }
+}
+
+enum class OrderMethod : std::uint8_t { automatic, cells, buckets, sort };
+
+class Orderer {
+ public:
+  explicit Orderer(MemoryBook& book);
+  // `tidy`: within a bin by sphere number, so that the order is the same in every run. Sets kCrowded in the
+  // counters where a bin or bucket is too full for the method; then only OrderMethod::sort gives an order.
+  // `bounds`, unless null, is Surveyor::bounds(): they are gathered along, and they and the counters need not
+  // have been set to zero.
+  Ordered order(const Source& source, const Grid& grid, SlotKind kind, bool tidy, OrderMethod method,
+                unsigned long long* bounds, Counters* counters, cudaStream_t stream);
+  // Memory that order() may use and leave behind changed.
+  void lend(float4* slots, std::uint64_t slot_count, std::uint32_t* words, std::uint64_t word_count) {
+    lent_slot_ = slots, lent_slots_ = slot_count, lent_word_ = words, lent_words_ = word_count;
+  }
+  double bucket_spheres = 6500;  // average aimed at
+  static constexpr std::uint32_t kFewSpheres = 1u << 18;
+
+ private:
+  bool by_cells(const Source& source, const Grid& grid, bool tidy, unsigned long long* bounds,
+                Counters* counters, Ordered& o, cudaStream_t stream);
+  bool by_buckets(const Source& source, const Grid& grid, bool tidy, unsigned long long* bounds,
+                  Counters* counters, Ordered& o, cudaStream_t stream);
+  void by_sort(const Source& source, const Grid& grid, unsigned long long* bounds, Counters* counters,
+               Ordered& o, cudaStream_t stream);
+
+  Buffer<std::uint32_t> keys_, sorted_keys_, ids_, sorted_ids_, table_, starts_;
+  Buffer<float4> slots_, split_slots_;
+  Buffer<unsigned char> scratch_;
+  float4* lent_slot_ = nullptr;
+  std::uint32_t* lent_word_ = nullptr;
+  std::uint64_t lent_slots_ = 0, lent_words_ = 0;
+};
+
+// Work space of the search for a list of fixed order. The caller makes `spill` longer when Counters::spilled
+// says so, and searches again.
+struct SearchMemory {
+  explicit SearchMemory(MemoryBook& book)
+      : sums(book, "the order of the list"),
+        marks(book, "the order of the list"),
+        spill(book, "the order of the list") {}
+  Buffer<unsigned long long> sums, marks, spill;  // marks: as the last search left them
+};
+// Places of the list that a tile of spheres has to itself.
+struct Share {
+  std::uint32_t own = 0;
+  friend bool operator==(const Share&, const Share&) = default;
+};
+struct SearchOptions {
+  bool exact = true, fixed_order = true;
+  Share share;  // share_for the list, for a fixed order
+  Region own;
+  bool owns_all = true;
+  double radius = 0;  // of all spheres, for SlotKind::equal
+  friend bool operator==(const SearchOptions&, const SearchOptions&) = default;
+};
+// The share decides the order of the list, and follows from the contacts alone: a list found with another
+// share is not the one to hand out.
+Share share_for(const Counters& found, std::uint32_t spheres, const Grid& grid, SlotKind kind);
+// The caller sets the counters to zero first; afterwards they hold the number of contacts, whatever the
+// capacity.
+void search(const Source& source, const Grid& grid, const Ordered& spheres, const SearchOptions& options,
+            const Output& output, Counters* counters, SearchMemory& memory, cudaStream_t stream);
+
+}  // namespace padder::detect::cuda

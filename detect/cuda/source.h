@@ -1,0 +1,168 @@
+// Where the device reads spheres from: the caller's arrays, and bodies placed on the fly. Only .cu files
+// include this.
+#pragma once
+#include "detect/cuda/memory.h"
+#include "detect/cuda/report.h"
+#include "detect/place.h"
+
+namespace padder::detect::cuda {
+
+// Device pointers. Sphere k is of a body while k < placed, else number k - placed of the loose ones.
+struct Source {
+  const void* centers = nullptr;
+  const void* radii = nullptr;
+  const std::uint32_t* family = nullptr;
+  const std::uint32_t* mask = nullptr;
+  const std::uint32_t* owner = nullptr;     // of loose ones that stand for something else (bodies.cu)
+  const std::uint8_t* is_static = nullptr;  // of loose spheres
+  const Body* bodies = nullptr;
+  const std::uint32_t* body_of = nullptr;      // of each placed sphere
+  const std::uint32_t* body_first = nullptr;   // its first sphere's number
+  const Sphere* shape_spheres = nullptr;       // of all shapes, one after another
+  const std::uint32_t* shape_first = nullptr;  // of each shape
+  std::uint32_t count = 0, placed = 0, center_stride = 3, radius_stride = 1;
+  bool wide = false;    // double input
+  bool packed = false;  // float x, y, z, r, aligned to 16 bytes: one load a sphere
+  bool filtered = false;
+  friend bool operator==(const Source&, const Source&) = default;
+
+  __device__ __forceinline__ Sphere sphere(std::uint32_t k) const {
+    if (k < placed) {
+      const std::uint32_t b = body_of[k];
+      const Body& body = bodies[b];
+      return detect::placed(body, shape_spheres[shape_first[body.shape] + (k - body_first[b])]);
+    }
+    k -= placed;
+    if (packed) {
+      const float4 s = static_cast<const float4*>(centers)[k];
+      return {s.x, s.y, s.z, s.w};
+    }
+    const std::uint64_t c = std::uint64_t(k) * center_stride, r = std::uint64_t(k) * radius_stride;
+    if (wide) {
+      const auto* p = static_cast<const double*>(centers) + c;
+      return {p[0], p[1], p[2], static_cast<const double*>(radii)[r]};
+    }
+    const auto* p = static_cast<const float*>(centers) + c;
+    return {p[0], p[1], p[2], static_cast<const float*>(radii)[r]};
+  }
+  __device__ __forceinline__ Filter filter(std::uint32_t k) const {
+    if (k < placed) {
+      const Body& body = bodies[body_of[k]];
+      return {body.family, body.mask, owner_of(body_of[k], body.is_static)};
+    }
+    k -= placed;
+    return {family ? family[k] : 0, mask ? mask[k] : 0,
+            owner                       ? owner[k]
+            : is_static && is_static[k] ? kStatic
+                                        : 0};
+  }
+};
+
+// Doubles as unsigned integers of the same order, for atomic minima and maxima.
+__host__ __device__ inline unsigned long long ordered(double v) {
+  unsigned long long b;
+  memcpy(&b, &v, 8);
+  return b >> 63 ? ~b : b | 1ull << 63;
+}
+__host__ __device__ inline double unordered(unsigned long long b) {
+  b = b >> 63 ? b & ~(1ull << 63) : ~b;
+  double v;
+  memcpy(&v, &b, 8);
+  return v;
+}
+
+// Bounds of float spheres, gathered along by a kernel that reads them anyway. Each thread takes spheres, then
+// all threads of the block give what they have.
+enum {
+  kLow = 0,
+  kRadiusMin = 3,
+  kFault = 4,
+  kHigh = 5,
+  kRadiusMax = 8,
+  kNeedMax = 9,
+  kExtent = 10,
+  kBounds = 11
+};
+struct Bounds {
+  float low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY},
+        r_min = INFINITY, r_max = 0;
+  std::uint32_t fault = ~0u;
+  static __device__ __forceinline__ unsigned long long nothing(std::uint32_t word) {
+    return word <= kFault ? ~0ull : 0;
+  }
+  __device__ __forceinline__ void take(const Sphere& s, std::uint32_t k) {
+    const auto x = static_cast<float>(s.x), y = static_cast<float>(s.y), z = static_cast<float>(s.z),
+               r = static_cast<float>(s.r);
+    const float nought = (x - x) + (y - y) + (z - z) + (r - r);  // not a number unless all are finite
+    if (!(nought == 0 && r >= 0)) fault = min(fault, k);
+    low[0] = fminf(low[0], x), low[1] = fminf(low[1], y), low[2] = fminf(low[2], z);
+    high[0] = fmaxf(high[0], x), high[1] = fmaxf(high[1], y), high[2] = fmaxf(high[2], z);
+    r_min = fminf(r_min, r), r_max = fmaxf(r_max, r);
+  }
+  __device__ __forceinline__ void give(unsigned long long* out) const {
+    const float minima[4] = {low[0], low[1], low[2], r_min}, maxima[4] = {high[0], high[1], high[2], r_max};
+    const auto rank = [](float f) {
+      const std::uint32_t b = __float_as_uint(f);
+      return b >> 31 ? ~b : b | 0x80000000u;
+    };
+    const auto value = [](std::uint32_t b) {
+      return ordered(static_cast<double>(__uint_as_float(b >> 31 ? b & 0x7fffffffu : ~b)));
+    };
+    __shared__ std::uint32_t all[9];
+    if (threadIdx.x < 9) all[threadIdx.x] = threadIdx.x < 4 || threadIdx.x == 8 ? ~0u : 0;
+    __syncthreads();
+    const bool first = (threadIdx.x & 31) == 0;
+#pragma unroll
+    for (int k = 0; k < 4; k++) {
+      const std::uint32_t l = __reduce_min_sync(~0u, rank(minima[k])),
+                          h = __reduce_max_sync(~0u, rank(maxima[k]));
+      if (first) atomicMin(all + k, l), atomicMax(all + 4 + k, h);
+    }
+    const std::uint32_t f = __reduce_min_sync(~0u, fault);
+    if (first && f != ~0u) atomicMin(all + 8, f);
+    __syncthreads();
+    // Reading first spares nearly every atomic operation on the few words that all blocks share.
+    const std::uint32_t k = threadIdx.x;
+    if (k < 4) {
+      const unsigned long long l = value(all[k]);
+      if (l < *static_cast<volatile unsigned long long*>(out + kLow + k)) atomicMin(out + kLow + k, l);
+    } else if (k < 8) {
+      const unsigned long long h = value(all[k]);
+      if (h > *static_cast<volatile unsigned long long*>(out + kHigh + k - 4))
+        atomicMax(out + kHigh + k - 4, h);
+    } else if (k == 8 && all[8] != ~0u) {
+      atomicMin(out + kFault, static_cast<unsigned long long>(all[8]));
+    }
+  }
+};
+
+// First pass over the spheres (survey.cu): the summary that choose_grid asks for.
+class Surveyor {
+ public:
+  explicit Surveyor(MemoryBook& book);
+  Summary survey(const Source& source, cudaStream_t stream);  // waits for the device
+
+  // In steps, without waiting between them: `top` is the exponent of the largest need as it is expected to
+  // be, and `octaves` whether sizes are to be told apart. Where rides_along, a later kernel clears the head
+  // and gathers Bounds into bounds(). read() copies to the host what was found; finish() is called once the
+  // stream has been waited for, and is false when the expectation was wrong: then ask survey().
+  static bool rides_along(const Source& source) { return source.packed && source.placed == 0; }
+  void begin(const Source& source, bool octaves, int top, bool along, cudaStream_t stream);
+  static void begin_bounds(unsigned long long* bounds, cudaStream_t stream);  // and clears the head
+  unsigned long long* bounds() const { return values_.data() + kHead; }
+  void read(bool octaves, bool along, Report& report);
+  bool finish(const Source& source, bool octaves, int top, bool along, Summary& summary) const;
+
+  // Words of the caller in front of the summary, so that one copy brings both to the host.
+  static constexpr int kHead = 8;
+  unsigned long long* head() { return values_.reserve(words()); }
+  const unsigned long long* host_head() { return host_values_.reserve(words()); }
+  void read_head(Report& report);
+
+ private:
+  static std::uint64_t words();
+  Buffer<unsigned long long> values_, host_values_;
+  Buffer<double> sums_, host_sums_;
+};
+
+}  // namespace padder::detect::cuda

@@ -1,0 +1,273 @@
+// The OpenMP backend: places bodies, sums up the spheres, hands them to a path and collects the records.
+#include <omp.h>
+
+#include <chrono>
+#include <cstdio>
+
+#include "detect/omp/bodies.h"
+#include "padding/error.h"
+
+namespace padder::detect {
+namespace omp {
+namespace {
+
+std::uint64_t free_memory() {
+  std::uint64_t kib = 0;
+  if (std::FILE* f = std::fopen("/proc/meminfo", "r")) {
+    char line[128];
+    while (std::fgets(line, sizeof line, f))
+      if (std::sscanf(line, "MemAvailable: %lu kB", &kib) == 1) break;
+    std::fclose(f);
+  }
+  return kib ? kib * 1024 : ~std::uint64_t(0) / 2;  // not Linux: the allocator has the last word
+}
+
+}  // namespace
+
+bool Budget::take(std::uint64_t bytes) {
+  const std::uint64_t held = held_.fetch_add(bytes) + bytes, taken = taken_.fetch_add(bytes) + bytes;
+  bool ok = true;
+  if (limit_) {
+    ok = held <= limit_;
+  } else if (bytes >= (1u << 20)) {  // small growth is granted unasked
+    if (free_ == 0) free_ = free_memory();
+    ok = taken <= free_ / 16 * 15;
+  }
+  if (!ok) held_ -= bytes, taken_ -= bytes;
+  return ok;
+}
+
+void throw_memory(std::uint64_t bytes, const char* what) {
+  throw Error(memory_sentence(bytes, what, "host"));
+}
+
+Watch::Watch() : last_(omp_get_wtime()) {}
+double Watch::lap() {
+  const double now = omp_get_wtime(), passed = now - last_;
+  last_ = now;
+  return passed;
+}
+
+// Two passes when sizes vary: the octaves are counted from the largest need downwards.
+template <class T>
+Summary summarize(const View<T>& spheres, int threads) {
+  Summary s;
+  s.count = spheres.count;
+  const auto n = static_cast<std::int64_t>(spheres.count);
+#pragma omp parallel num_threads(threads)
+  {
+    Summary mine;
+#pragma omp for schedule(static) nowait
+    for (std::int64_t k = 0; k < n; k++) {
+      const Sphere p = spheres[static_cast<std::uint64_t>(k)];
+      if (fault_of(p) != Fault::none) [[unlikely]] {
+        mine.first_fault = std::min(mine.first_fault, static_cast<std::uint64_t>(k));
+        continue;
+      }
+      const double c[3] = {p.x, p.y, p.z};
+      for (int a = 0; a < 3; a++)
+        mine.low[a] = std::min(mine.low[a], c[a]), mine.high[a] = std::max(mine.high[a], c[a]);
+      mine.radius_max = std::max(mine.radius_max, p.r), mine.radius_min = std::min(mine.radius_min, p.r);
+    }
+#pragma omp critical
+    {
+      for (int a = 0; a < 3; a++)
+        s.low[a] = std::min(s.low[a], mine.low[a]), s.high[a] = std::max(s.high[a], mine.high[a]);
+      s.radius_max = std::max(s.radius_max, mine.radius_max),
+      s.radius_min = std::min(s.radius_min, mine.radius_min);
+      s.first_fault = std::min(s.first_fault, mine.first_fault);
+    }
+  }
+  if (n == 0 || s.first_fault != ~std::uint64_t(0)) return s;
+  for (int a = 0; a < 3; a++) s.extent = std::max({s.extent, std::abs(s.low[a]), std::abs(s.high[a])});
+  // need_of is the larger of two terms that both grow: so its largest value follows from the two extremes.
+  s.need_max = need_of({s.extent, 0, 0, s.radius_max});
+  s.radius_sum = s.radius_max * static_cast<double>(n);
+  if (!needs_octaves(s)) return s;
+
+  s.octaves_known = true, s.radius_sum = 0;
+  const int top = exponent_of(s.need_max);
+  std::vector<Summary> all(
+      static_cast<std::size_t>(threads));  // summed in the order of threads: fixed for one count
+#pragma omp parallel num_threads(threads)
+  {
+    Summary& mine = all[static_cast<std::size_t>(omp_get_thread_num())];
+    mine.radius_sum = 0;
+#pragma omp for schedule(static)
+    for (std::int64_t k = 0; k < n; k++) {
+      const Sphere p = spheres[static_cast<std::uint64_t>(k)];
+      const double need = need_of(p), c[3] = {p.x, p.y, p.z};
+      Summary::Octave& o = mine.octave[octave_of(top, need)];
+      o.count++, o.need_max = std::max(o.need_max, need), o.radius_max = std::max(o.radius_max, p.r);
+      for (int a = 0; a < 3; a++) o.low[a] = std::min(o.low[a], c[a]), o.high[a] = std::max(o.high[a], c[a]);
+    }
+  }
+  for (const Summary& mine : all)
+    for (int k = 0; k < kOctaves; k++) {
+      Summary::Octave& o = s.octave[k];
+      const Summary::Octave& m = mine.octave[k];
+      o.count += m.count, o.need_max = std::max(o.need_max, m.need_max),
+                          o.radius_max = std::max(o.radius_max, m.radius_max);
+      for (int a = 0; a < 3; a++)
+        o.low[a] = std::min(o.low[a], m.low[a]), o.high[a] = std::max(o.high[a], m.high[a]);
+    }
+  // A sum of radii would depend on the thread count; this one does not, and is as good for choosing bins.
+  for (const Summary::Octave& o : s.octave)
+    s.radius_sum += 0.75 * o.radius_max * static_cast<double>(o.count);
+  return s;
+}
+template Summary summarize(const View<float>&, int);
+template Summary summarize(const View<double>&, int);
+
+}  // namespace omp
+
+namespace {
+
+class OmpBackend final : public Backend {
+ public:
+  const char* name() const override { return "omp"; }
+  std::uint64_t memory() const override { return budget_.held(); }
+
+  Contacts detect(const Input& input, const Options& options) override {
+    return any(input, options, nullptr);
+  }
+
+  Arrays stages(const Input& input, const Options& options) override {
+    Arrays arrays;
+    Options o = options;
+    o.path = Path::nine_stages;
+    any(input, o, &arrays);
+    return arrays;
+  }
+
+  std::uint64_t hash() const override {
+    std::uint64_t sum = 0;
+    const auto n = static_cast<std::int64_t>(records_.count);
+#pragma omp parallel for schedule(static) num_threads(threads_) reduction(+ : sum)
+    for (std::int64_t k = 0; k < n; k++) {
+      const Pair p = records_.pairs[static_cast<std::uint64_t>(k)];
+      sum += pair_hash(p.i, p.j);
+    }
+    return sum;
+  }
+
+ private:
+  Contacts any(const Input& input, const Options& options, Arrays* arrays) {
+    records_.count = 0;
+    const bool known =
+        !arrays && options.path == Path::fast && options.bodies != Bodies::expanded && bodies_.knows(input);
+    check_input(input, false, known);
+    const std::uint64_t n = known ? bodies_.body_spheres() + input.spheres.count : sphere_count(input);
+    budget_.begin(options.memory_limit);
+    // A small scene is done before a second thread has woken up.
+    const auto worth = static_cast<int>(std::min<std::uint64_t>(1 + n / 2048, 1024));
+    threads_ = options.threads > 0 ? options.threads : std::min(omp_get_max_threads(), worth);
+    const Spheres& s = input.spheres;
+    if (known || (!arrays && bodies_first(input, options, n, 3))) {
+      Contacts c;
+      if (bodies_.run(input, options, threads_, records_, c.seconds)) return delivered(c, n, options);
+    }
+    bodies_.forget();
+    if (!input.bodies.empty()) return run(place(input), input, options, arrays);
+    if (s.scalar == Scalar::f32) return run(view<float>(s), input, options, arrays);
+    return run(view<double>(s), input, options, arrays);
+  }
+
+  template <class T>
+  static omp::View<T> view(const Spheres& s) {
+    return {static_cast<const T*>(s.centers),
+            static_cast<const T*>(s.radii),
+            s.center_stride,
+            s.radius_stride,
+            s.count,
+            s.family,
+            s.mask,
+            nullptr,
+            s.is_static};
+  }
+
+  // Spheres of bodies, then the loose ones, in double.
+  omp::View<double> place(const Input& input) {
+    omp::Watch watch;
+    const std::uint64_t n = sphere_count(input);
+    Sphere* out = placed_.resize(n, "the spheres of the bodies");
+    std::uint32_t* family = family_.resize(n, "families");
+    std::uint32_t* mask = mask_.resize(n, "masks");
+    std::uint32_t* owner = owner_.resize(n, "the bodies of spheres");
+    std::vector<std::uint64_t> first(input.bodies.size() + 1, 0);
+    for (std::size_t b = 0; b < input.bodies.size(); b++)
+      first[b + 1] = first[b] + input.shapes[input.bodies[b].shape].count;
+    const auto bodies = static_cast<std::int64_t>(input.bodies.size());
+#pragma omp parallel for schedule(dynamic, 16) num_threads(threads_)
+    for (std::int64_t k = 0; k < bodies; k++) {
+      const Body body = body_at(input, static_cast<std::size_t>(k));
+      const Shape& shape = input.shapes[body.shape];
+      const std::uint32_t mine = owner_of(static_cast<std::uint32_t>(k), body.is_static);
+      for (std::uint64_t q = 0, at = first[static_cast<std::size_t>(k)]; q < shape.count; q++, at++) {
+        out[at] = placed(body, shape.spheres[q]);
+        family[at] = body.family, mask[at] = body.mask, owner[at] = mine;
+      }
+    }
+    const auto loose = static_cast<std::int64_t>(input.spheres.count);
+    const std::uint64_t base = first.back();
+    const auto copy = [&](const auto& v) {
+#pragma omp parallel for schedule(static) num_threads(threads_)
+      for (std::int64_t k = 0; k < loose; k++) {
+        const auto q = static_cast<std::uint64_t>(k);
+        const Filter f = v.filter(q);
+        out[base + q] = v[q];
+        family[base + q] = f.family, mask[base + q] = f.mask, owner[base + q] = f.owner;
+      }
+    };
+    if (input.spheres.scalar == Scalar::f32)
+      copy(view<float>(input.spheres));
+    else
+      copy(view<double>(input.spheres));
+    place_seconds_ = watch.lap();
+    return omp::view_of(out, n, family, mask, owner);
+  }
+
+  template <class T>
+  Contacts run(const omp::View<T>& spheres, const Input& input, const Options& options, Arrays* arrays) {
+    omp::Watch watch;
+    Contacts c;
+    if (!input.bodies.empty()) c.seconds.place = place_seconds_;
+    const Summary summary = omp::summarize(spheres, threads_);
+    if (summary.first_fault != ~std::uint64_t(0))
+      throw Error(fault_sentence(summary.first_fault, spheres[summary.first_fault], input));
+    check_range(summary, options);
+    c.seconds.stage[0] = watch.lap();  // the bounds belong to stage 1
+    if (options.path == Path::nine_stages)
+      stages_.run(spheres, summary, options, threads_, records_, c.seconds, arrays);
+    else
+      c.doubtful = fast_.run(spheres, summary, options, threads_, records_, c.seconds);
+    return delivered(c, spheres.count, options);
+  }
+
+  Contacts delivered(Contacts c, std::uint64_t spheres, const Options& options) {
+    c.count = records_.count, c.spheres = spheres;
+    c.width = options.width, c.scalar = options.scalar;
+    c.pairs = records_.pairs.data();
+    if (options.width != Width::pairs) c.normals = records_.normals.data();
+    if (options.width == Width::points) c.points = records_.points.data();
+    for (const double t : c.seconds.stage) c.seconds.total += t;
+    c.seconds.total += c.seconds.place;
+    return c;
+  }
+
+  omp::Budget budget_;
+  omp::Records records_{budget_};
+  omp::Stages stages_{budget_};
+  omp::Fast fast_{budget_};
+  omp::BodySearch bodies_{budget_};
+  omp::Buffer<Sphere> placed_{budget_};
+  omp::Buffer<std::uint32_t> family_{budget_}, mask_{budget_}, owner_{budget_};
+  int threads_ = 1;
+  double place_seconds_ = 0;
+};
+
+}  // namespace
+
+std::unique_ptr<Backend> make_omp_backend() { return std::make_unique<OmpBackend>(); }
+
+}  // namespace padder::detect

@@ -1,0 +1,304 @@
+#include "detect/omp/bodies.h"
+
+#include <omp.h>
+
+#include <bit>
+#include <cstring>
+
+namespace padder::detect::omp {
+namespace {
+
+#if defined(__x86_64__) && defined(__GNUC__)
+#define PADDER_CLONES __attribute__((target_clones("avx2", "default")))
+#else
+#define PADDER_CLONES
+#endif
+
+// For each of n, in whole vectors: may it be reached, does it touch. The same bits on every processor.
+PADDER_CLONES void sift(const Sieve& s, const NearSphere* near, std::uint32_t n, std::uint8_t* pass) {
+  for (std::uint32_t k = 0; k < n; k++) pass[k] = passes(s, near[k]);
+}
+PADDER_CLONES void test(const Sphere& s, const double* x, const double* y, const double* z, const double* r,
+                        std::uint32_t n, std::uint8_t* hit) {
+  for (std::uint32_t k = 0; k < n; k++) hit[k] = touching(s, {x[k], y[k], z[k], r[k]});
+}
+
+// Which of up to 64 bytes are set, as bits.
+std::uint64_t bits_of(const std::uint8_t* set, std::uint32_t count) {
+  std::uint64_t bits = 0;
+  for (std::uint32_t k = 0; k < count; k += 8) {
+    std::uint64_t eight;
+    std::memcpy(&eight, set + k, 8);
+    bits |= ((eight & 0x0101010101010101) * 0x0102040810204080 >> 56) << k;
+  }
+  return count < 64 ? bits & ((std::uint64_t(1) << count) - 1) : bits;
+}
+
+constexpr std::uint64_t kPart =
+    256;  // pairs looked at at a stretch: the unit of work, and of the fixed order
+
+}  // namespace
+
+// The spheres of an element that the other's ball reaches, placed.
+struct BodySearch::Survivors {
+  std::uint32_t body, count, slot[kPieceSpheres];
+  double x[kPieceSpheres], y[kPieceSpheres], z[kPieceSpheres], r[kPieceSpheres];
+  void add(std::uint32_t s, const Sphere& p) {
+    slot[count] = s, x[count] = p.x, y[count] = p.y, z[count] = p.z, r[count++] = p.r;
+  }
+  Sphere operator[](std::uint32_t k) const { return {x[k], y[k], z[k], r[k]}; }
+};
+
+BodySearch::BodySearch(Budget& b)
+    : budget_(&b), fast_(b), broad_(b), balls_(b), family_(b), mask_(b), owner_(b) {}
+
+template <class T>
+bool BodySearch::List<T>::add(Budget& budget, const T& value) {
+  total++;
+  if (size == buffer.capacity()) {
+    Buffer<T> wider(budget);
+    if (!wider.try_resize(std::max<std::uint64_t>(2 * size, 1024))) return false;
+    if (size) std::memcpy(wider.data(), buffer.data(), size * sizeof(T));
+    buffer.swap(wider);
+  }
+  buffer[size++] = value;
+  return true;
+}
+
+Sphere BodySearch::loose(std::uint32_t k) const {
+  const Spheres& s = *spheres_;
+  const std::uint64_t c = std::uint64_t(k) * s.center_stride, r = std::uint64_t(k) * s.radius_stride;
+  const auto read = [&]<class T>(const T* centers, const T* radii) -> Sphere {
+    return {centers[c], centers[c + 1], centers[c + 2], radii[r]};
+  };
+  if (s.scalar == Scalar::f32)
+    return read(static_cast<const float*>(s.centers), static_cast<const float*>(s.radii));
+  return read(static_cast<const double*>(s.centers), static_cast<const double*>(s.radii));
+}
+
+void BodySearch::read_bodies(const Input& input, bool known) {
+  if (!known) {
+    bodies_.assign(input.bodies.begin(), input.bodies.end());
+    if (input.poses)
+      for (std::size_t b = 0; b < bodies_.size(); b++) bodies_[b] = body_at(input, b);
+    assembly_.update(input, input.spheres.is_static);
+    return;
+  }
+  const auto read = [&](std::uint32_t b) {
+    const Body body = body_at(input, b);
+    std::copy_n(body.rotation, 9, bodies_[b].rotation), std::copy_n(body.position, 3, bodies_[b].position);
+  };
+  for (const std::uint32_t b : input.moved)
+    if (!bodies_[b].is_static) read(b);
+  if (!input.poses) return;
+  std::uint32_t last = kLoose;
+  for (std::uint32_t e = 0; e < assembly_.moving; e++) {
+    const std::uint32_t b = assembly_.elements[e].body;
+    if (b != last && b != kLoose) read(b);
+    last = b;
+  }
+}
+
+// Balls, families and masks of all elements, of static ones only when they are not known. False when one of
+// the static balls is faulty.
+bool BodySearch::place(const Input& input, bool known, int threads) {
+  const std::uint64_t all = assembly_.elements.size(), n = known ? assembly_.moving : all;
+  Sphere* balls = balls_.resize(all, "the balls about bodies");
+  std::uint32_t* family = family_.resize(all, "families");
+  std::uint32_t* mask = mask_.resize(all, "masks");
+  std::uint32_t* owner = owner_.resize(all, "the bodies of spheres");
+  const Spheres& s = input.spheres;
+#pragma omp parallel for schedule(static) num_threads(threads)
+  for (std::int64_t k = 0; k < static_cast<std::int64_t>(n); k++) {
+    const Element e = assembly_.elements[static_cast<std::size_t>(k)];
+    if (e.body == kLoose) {
+      balls[k] = ball_of(loose(e.piece));
+      family[k] = s.family ? s.family[e.piece] : 0, mask[k] = s.mask ? s.mask[e.piece] : 0;
+      owner[k] = s.is_static && s.is_static[e.piece] ? kStatic : 0;
+    } else {
+      const Body& body = bodies_[e.body];
+      balls[k] = ball_of(body, assembly_.pieces.pieces[e.piece]);
+      family[k] = body.family, mask[k] = body.mask, owner[k] = owner_of(e.body, body.is_static);
+    }
+  }
+  if (known) return true;
+  if (!table_.build({balls + assembly_.moving, all - assembly_.moving}, assembly_.moving)) return false;
+  static_extent_ = 0;
+  for (const Sphere& b : table_.balls)
+    static_extent_ =
+        std::max({static_extent_, std::abs(b.x) + b.r, std::abs(b.y) + b.r, std::abs(b.z) + b.r});
+  return true;
+}
+
+// f(k, list) for k from 0 to count - 1, in parts; afterwards parts says where each part's entries are.
+template <class T, class F>
+void BodySearch::in_parts(std::vector<List<T>>& lists, std::vector<Part>& parts, std::uint64_t count,
+                          int threads, F f) {
+  while (lists.size() < static_cast<std::size_t>(threads)) lists.emplace_back(*budget_);
+  for (List<T>& l : lists) l.size = l.total = 0;
+  parts.resize((count + kPart - 1) / kPart);
+#pragma omp parallel num_threads(threads)
+  {
+    const int t = omp_get_thread_num();
+    List<T>& mine = lists[static_cast<std::size_t>(t)];
+#pragma omp for schedule(dynamic, 1)
+    for (std::int64_t p = 0; p < static_cast<std::int64_t>(parts.size()); p++) {
+      const std::uint64_t first = static_cast<std::uint64_t>(p) * kPart, before = mine.size;
+      f(first, std::min(count, first + kPart), mine);
+      parts[static_cast<std::size_t>(p)] = {before, mine.size - before, t};
+    }
+  }
+  std::uint64_t total = 0, kept = 0;
+  for (const List<T>& l : lists) total += l.total, kept += l.size;
+  if (kept < total)
+    throw_memory(total * sizeof(T) + budget_->held(), (std::to_string(total) + " contacts").c_str());
+}
+
+// Moving elements against the table of static ones.
+void BodySearch::meet_static(int threads) {
+  static_pairs_.clear();
+  if (table_.count == 0) return;
+  in_parts(pair_lists_, parts_, assembly_.moving, threads,
+           [&](std::uint64_t first, std::uint64_t end, List<Pair>& list) {
+             for (auto e = static_cast<std::uint32_t>(first); e < end; e++) {
+               const Sphere& ball = balls_[e];
+               const Filter mine = filter(e);
+               const auto look = [&](std::uint32_t from, std::uint32_t to, auto meant) {
+                 for (std::uint32_t k = from; k < to; k++)
+                   if (touching(ball, table_.balls[k]) && meant(table_.balls[k]) &&
+                       admitted(mine, filter(table_.elements[k])))
+                     list.add(*budget_, {e, table_.elements[k]});
+               };
+               const auto any = [](const Sphere&) { return true; };
+               for (int level = 0; level < table_.grid.levels; level++) {
+                 const Level& l = table_.grid.level[level];
+                 const std::uint32_t begin = table_.starts[l.offset],
+                                     last = table_.starts[l.offset + l.buckets];
+                 BinBox box;
+                 if (begin == last || !bins_in_reach(l, table_.bounds[level], ball, last - begin, box))
+                   continue;
+                 if (box.whole) {
+                   look(begin, last, any);
+                   continue;
+                 }
+                 for (std::int64_t z = box.low[2]; z <= box.high[2]; z++)
+                   for (std::int64_t y = box.low[1]; y <= box.high[1]; y++) {
+                     const std::uint32_t row = row_of(l, y, z);
+                     if (!l.hashed) {
+                       look(table_.starts[key_in_row(l, row, box.low[0])],
+                            table_.starts[key_in_row(l, row, box.high[0]) + 1], any);
+                       continue;
+                     }
+                     for (std::int64_t x = box.low[0]; x <= box.high[0]; x++) {
+                       const std::uint32_t key = key_in_row(l, row, x);
+                       look(table_.starts[key], table_.starts[key + 1],
+                            [&](const Sphere& s) { return in_row(l, s, x, x, y, z); });
+                     }
+                   }
+               }
+             }
+           });
+  for (const Part& p : parts_) {
+    const Pair* from = pair_lists_[static_cast<std::size_t>(p.thread)].buffer.data() + p.first;
+    static_pairs_.insert(static_pairs_.end(), from, from + p.count);
+  }
+}
+
+void BodySearch::gather(std::uint32_t element, const Sphere& other, Survivors& out) const {
+  const Element e = assembly_.elements[element];
+  out.body = e.body, out.count = 0;
+  if (e.body == kLoose) return out.add(e.piece, loose(e.piece));
+  const Body& body = bodies_[e.body];
+  const Piece& piece = assembly_.pieces.pieces[e.piece];
+  const Sieve sieve = sieve_of(body, piece, balls_[element], other);
+  const NearSphere* near = &assembly_.pieces.near[piece.first];
+  std::uint8_t pass[kPieceSpheres] = {};
+  sift(sieve, near, piece.count, pass);
+  for (std::uint64_t left = bits_of(pass, piece.count); left; left &= left - 1) {
+    const std::uint32_t k = piece.first + static_cast<std::uint32_t>(std::countr_zero(left));
+    out.add(k, placed(body, assembly_.pieces.spheres[k]));
+  }
+}
+
+void BodySearch::meet(std::uint64_t k, const Options& options, Survivors& a, Survivors& b, List<Hit>& hits) {
+  const Pair p = pair(k);
+  gather(p.i, balls_[p.j], a);
+  if (a.count == 0) return;
+  gather(p.j, balls_[p.i], b);
+  bool bounded = false;
+  for (int c = 0; c < 3; c++) bounded |= options.own.low[c] > -INFINITY || options.own.high[c] < INFINITY;
+  for (std::uint32_t i = 0; i < a.count; i++) {
+    const Sphere s = a[i];
+    std::uint8_t hit[kPieceSpheres] = {};
+    test(s, b.x, b.y, b.z, b.r, b.count, hit);
+    for (std::uint64_t left = bits_of(hit, b.count); left; left &= left - 1) {
+      const auto j = static_cast<std::uint32_t>(std::countr_zero(left));
+      if (bounded) {
+        const bool ordered = number(a.body, a.slot[i]) < number(b.body, b.slot[j]);
+        if (!owns(options.own, ordered ? midpoint(s, b[j]) : midpoint(b[j], s))) continue;
+      }
+      hits.add(*budget_, {a.body, a.slot[i], b.body, b.slot[j]});
+    }
+  }
+}
+
+void BodySearch::write(const Options& options, int threads, Records& records) {
+  std::vector<std::uint64_t> first(parts_.size());
+  std::uint64_t sum = 0;
+  for (std::size_t p = 0; p < parts_.size(); p++) first[p] = sum, sum += parts_[p].count;
+  records.resize(sum, options);
+#pragma omp parallel for schedule(dynamic, 8) num_threads(threads)
+  for (std::int64_t k = 0; k < static_cast<std::int64_t>(parts_.size()); k++) {
+    const Part& p = parts_[static_cast<std::size_t>(k)];
+    const Hit* hit = hit_lists_[static_cast<std::size_t>(p.thread)].buffer.data() + p.first;
+    RecordWriter writer(records, options, first[static_cast<std::size_t>(k)]);
+    for (std::uint64_t q = 0; q < p.count; q++) {
+      const Hit& h = hit[q];
+      const Sphere a = options.width == Width::pairs ? Sphere{} : sphere(h.a_body, h.a_slot);
+      writer.add(number(h.a_body, h.a_slot), number(h.b_body, h.b_slot), a,
+                 [&] { return sphere(h.b_body, h.b_slot); });
+    }
+  }
+}
+
+bool BodySearch::knows(const Input& input) const {
+  return input.revision != 0 && input.revision == revision_ && input.bodies.size() == bodies_.size() &&
+         input.spheres.count == known_loose_;
+}
+
+bool BodySearch::run(const Input& input, const Options& options, int threads, Records& records,
+                     Seconds& seconds) {
+  Watch watch;
+  const bool known = knows(input);
+  revision_ = 0;  // known again when all went well
+  spheres_ = &input.spheres;
+  read_bodies(input, known);
+  if (!place(input, known, threads)) return false;
+  seconds.place = watch.lap();
+  const View<double> balls =
+      view_of(balls_.data(), assembly_.moving, family_.data(), mask_.data(), owner_.data());
+  const Summary summary = summarize(balls, threads);
+  if (summary.first_fault != ~std::uint64_t(0)) return false;
+  if (options.width != Width::pairs && options.scalar == Scalar::f32 &&
+      std::max(summary.extent + summary.radius_max, static_extent_) > 1e37)
+    return false;
+  Options broad;
+  broad.width = Width::pairs;
+  seconds.stage[0] = watch.lap();
+  fast_.run(balls, summary, broad, threads, broad_, seconds);
+  watch.lap();
+  meet_static(threads);
+  seconds.stage[6] += watch.lap();
+  in_parts(hit_lists_, parts_, broad_.count + static_pairs_.size(), threads,
+           [&](std::uint64_t first, std::uint64_t end, List<Hit>& list) {
+             Survivors a, b;
+             for (std::uint64_t k = first; k < end; k++) meet(k, options, a, b, list);
+           });
+  seconds.stage[6] += watch.lap();
+  write(options, threads, records);
+  seconds.stage[8] += watch.lap();
+  revision_ = input.revision, known_loose_ = input.spheres.count;
+  return true;
+}
+
+}  // namespace padder::detect::omp

@@ -1,0 +1,295 @@
+#include "detect/omp/kernels.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#if defined(__x86_64__) && defined(__GNUC__)
+#define PADDER_AVX2 1
+#include <immintrin.h>
+#endif
+
+namespace padder::detect::omp {
+namespace {
+
+// Any machine. No branch on hit or miss: which of the two comes next is nearly random, and a mispredicted
+// branch costs more than the whole test.
+template <class Slot>
+std::uint32_t test_runs_plain(const Slots<Slot>& slots, const Slot& me, const Run* runs, int count,
+                              std::uint32_t* out, bool& doubt) {
+  std::uint32_t n = 0;
+  bool any = false;
+  for (int k = 0; k < count; k++)
+    for (std::uint32_t b = runs[k].begin; b < runs[k].end; b++) {
+      const Measured m = measured(me, slots[b]);
+      const float excess = m.d2 - m.s2, band = kRelativeBand * m.s2 + kAbsoluteBand<Slot>;
+      out[n] = b;
+      n += excess <= band;
+      any |= std::abs(excess) <= band;
+    }
+  doubt = any;
+  return n;
+}
+
+int find_rows_plain(const Ball& ball, const std::uint32_t* starts, Run* out) {
+  int n = 0;
+  for (int z = ball.z_low; z <= ball.z_high; z++)
+    for (int y = ball.y_low; y <= ball.y_high; y++) {
+      const float fy = static_cast<float>(y), fz = static_cast<float>(z);
+      const float gap_y = std::max(std::max(fy - ball.y, ball.y - (fy + 1)), 0.f),
+                  gap_z = std::max(std::max(fz - ball.z, ball.z - (fz + 1)), 0.f);
+      const float rest = ball.radius * ball.radius - gap_y * gap_y - gap_z * gap_z;
+      if (rest < 0) continue;
+      const float half = std::sqrt(rest);
+      const int low = std::max(static_cast<int>(std::floor(ball.x - half)), ball.x_low),
+                high = std::min(static_cast<int>(std::floor(ball.x + half)), ball.x_high);
+      if (low > high) continue;
+      const std::uint32_t key =
+          ball.key + static_cast<std::uint32_t>(z) * ball.plane + static_cast<std::uint32_t>(y) * ball.row;
+      out[n] = {starts[key + static_cast<std::uint32_t>(low)],
+                starts[key + static_cast<std::uint32_t>(high) + 1]};
+      n += out[n].begin < out[n].end;
+    }
+  return n;
+}
+
+void order_pairs_plain(std::uint32_t a, const std::uint32_t* hits, int count, const std::uint32_t* ids,
+                       Pair* pairs, std::uint32_t* i, std::uint32_t* j) {
+  for (int k = 0; k < count; k++) {
+    const std::uint32_t b = hits[k];
+    const bool ordered = ids[a] < ids[b];
+    pairs[k] = ordered ? Pair{ids[a], ids[b]} : Pair{ids[b], ids[a]};
+    i[k] = ordered ? a : b, j[k] = ordered ? b : a;
+  }
+}
+
+#ifdef PADDER_AVX2
+// For each mask of 8 lanes, the lanes that are set, in order: the permutation that packs a vector.
+constexpr auto kPacking = [] {
+  std::array<std::array<std::uint8_t, 8>, 256> table{};
+  for (unsigned mask = 0; mask < 256; mask++) {
+    unsigned n = 0;
+    for (std::uint8_t lane = 0; lane < 8; lane++)
+      if (mask >> lane & 1) table[mask][n++] = lane;
+  }
+  return table;
+}();
+
+// One place in all lanes.
+struct FloatPlace {
+  __m256 x, y, z;
+};
+struct FixedPlace {
+  __m256i x, y, z;
+};
+__attribute__((target("avx2"))) inline FloatPlace spread(const FloatSlot& s) {
+  return {_mm256_set1_ps(s.x), _mm256_set1_ps(s.y), _mm256_set1_ps(s.z)};
+}
+__attribute__((target("avx2"))) inline FixedPlace spread(const FixedSlot& s) {
+  return {_mm256_set1_epi32(s.x), _mm256_set1_epi32(s.y), _mm256_set1_epi32(s.z)};
+}
+// Eight components less one: exact integers for fixed point.
+__attribute__((target("avx2"))) inline __m256 apart(const float* p, __m256 from) {
+  return _mm256_sub_ps(_mm256_loadu_ps(p), from);
+}
+__attribute__((target("avx2"))) inline __m256 apart(const std::int32_t* p, __m256i from) {
+  const __m256i there = _mm256_loadu_si256(reinterpret_cast<const __m256i*>(p));
+  return _mm256_cvtepi32_ps(_mm256_sub_epi32(there, from));
+}
+__attribute__((target("avx2"))) inline __m256 squared_length(__m256 x, __m256 y, __m256 z) {
+  return _mm256_add_ps(_mm256_add_ps(_mm256_mul_ps(x, x), _mm256_mul_ps(y, y)), _mm256_mul_ps(z, z));
+}
+__attribute__((target("avx2"))) inline __m256 absolute(__m256 v) {
+  return _mm256_and_ps(v, _mm256_castsi256_ps(_mm256_set1_epi32(0x7fffffff)));
+}
+__attribute__((target("avx2"))) inline std::uint32_t lanes_at_most(__m256 a, __m256 b) {
+  return static_cast<std::uint32_t>(_mm256_movemask_ps(_mm256_cmp_ps(a, b, _CMP_LE_OQ)));
+}
+// The permutation that packs the lanes of `mask`.
+__attribute__((target("avx2"))) inline __m256i packing(std::uint32_t mask) {
+  return _mm256_cvtepu8_epi32(_mm_loadl_epi64(reinterpret_cast<const __m128i*>(kPacking[mask].data())));
+}
+// Packs the lanes of `mask`, which are slots b, b + 1, …; the lanes behind them are written over later.
+__attribute__((target("avx2,popcnt"))) inline std::uint32_t pack(std::uint32_t* out, std::uint32_t b,
+                                                                 std::uint32_t mask) {
+  const __m256i which = _mm256_add_epi32(packing(mask), _mm256_set1_epi32(static_cast<std::int32_t>(b)));
+  _mm256_storeu_si256(reinterpret_cast<__m256i*>(out), which);
+  return static_cast<std::uint32_t>(_mm_popcnt_u32(mask));
+}
+inline std::uint32_t inside(std::uint32_t left) { return left >= kLanes ? 255u : (1u << left) - 1; }
+
+// A run's first vector is tested even when the run is empty: a branch on that would often be mispredicted.
+template <class Slot>
+__attribute__((target("avx2,popcnt"))) std::uint32_t test_runs_avx2(const Slots<Slot>& slots, const Slot& me,
+                                                                    const Run* runs, int count,
+                                                                    std::uint32_t* out, bool& doubt) {
+  const __m256 relative = _mm256_set1_ps(kRelativeBand), constant = _mm256_set1_ps(kAbsoluteBand<Slot>);
+  const __m256 radius = _mm256_set1_ps(me.r);
+  const Slots<Slot> from = slots;
+  const auto my = spread(me);
+  __m256 any = _mm256_setzero_ps();
+  std::uint32_t* const first = out;
+  for (const Run* const end = runs + count; runs != end; runs++) {
+    std::uint32_t b = runs->begin;
+    const std::uint32_t e = runs->end;
+    do {
+      const __m256 d2 =
+          squared_length(apart(from.x + b, my.x), apart(from.y + b, my.y), apart(from.z + b, my.z));
+      const __m256 s = _mm256_add_ps(_mm256_loadu_ps(from.r + b), radius), s2 = _mm256_mul_ps(s, s);
+      const __m256 excess = _mm256_sub_ps(d2, s2),
+                   band = _mm256_add_ps(_mm256_mul_ps(relative, s2), constant);
+      any = _mm256_or_ps(any, _mm256_cmp_ps(absolute(excess), band, _CMP_LE_OQ));
+      out += pack(out, b, lanes_at_most(excess, band) & inside(e - b));
+      b += kLanes;
+    } while (b < e);
+  }
+  doubt = _mm256_movemask_ps(any) != 0;
+  return static_cast<std::uint32_t>(out - first);
+}
+
+// a0 b0 a1 b1 … to memory.
+__attribute__((target("avx2"))) inline void store_both(void* to, __m256i a, __m256i b) {
+  const __m256i low = _mm256_unpacklo_epi32(a, b), high = _mm256_unpackhi_epi32(a, b);
+  auto* out = static_cast<__m256i*>(to);
+  _mm256_storeu_si256(out, _mm256_permute2x128_si256(low, high, 0x20));
+  _mm256_storeu_si256(out + 1, _mm256_permute2x128_si256(low, high, 0x31));
+}
+// How far a ball's centre is from bins first to first + 1 of its axis, squared.
+__attribute__((target("avx2"))) inline __m256 gap_squared(__m256i first, float centre) {
+  const __m256 low = _mm256_cvtepi32_ps(first), at = _mm256_set1_ps(centre);
+  const __m256 below = _mm256_sub_ps(low, at),
+               above = _mm256_sub_ps(at, _mm256_add_ps(low, _mm256_set1_ps(1)));
+  const __m256 gap = _mm256_max_ps(_mm256_max_ps(below, above), _mm256_setzero_ps());
+  return _mm256_mul_ps(gap, gap);
+}
+__attribute__((target("avx2"))) inline __m256i times(__m256i a, std::uint32_t b) {
+  return _mm256_mullo_epi32(a, _mm256_set1_epi32(static_cast<int>(b)));
+}
+__attribute__((target("avx2"))) inline __m256i floor_of(__m256 v) {
+  return _mm256_cvttps_epi32(_mm256_floor_ps(v));
+}
+
+// Eight rows at a time.
+__attribute__((target("avx2,popcnt"))) int find_rows_avx2(const Ball& ball, const std::uint32_t* starts,
+                                                          Run* out) {
+  const int side = ball.y_high - ball.y_low + 1, rows = side * (ball.z_high - ball.z_low + 1);
+  const __m256 square = _mm256_set1_ps(ball.radius * ball.radius), x = _mm256_set1_ps(ball.x),
+               half_row = _mm256_set1_ps(0.5f), per_side = _mm256_set1_ps(1 / static_cast<float>(side));
+  const auto* const table = reinterpret_cast<const int*>(starts);
+  int n = 0;
+  for (int k = 0; k < rows; k += static_cast<int>(kLanes)) {
+    const __m256i row = _mm256_add_epi32(_mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7), _mm256_set1_epi32(k));
+    // Half a row more keeps the quotient from its rounding.
+    const __m256i layer =
+        _mm256_cvttps_epi32(_mm256_mul_ps(_mm256_add_ps(_mm256_cvtepi32_ps(row), half_row), per_side));
+    const __m256i z = _mm256_add_epi32(layer, _mm256_set1_epi32(ball.z_low)),
+                  y = _mm256_add_epi32(_mm256_sub_epi32(row, times(layer, static_cast<std::uint32_t>(side))),
+                                       _mm256_set1_epi32(ball.y_low));
+    const __m256 rest = _mm256_sub_ps(_mm256_sub_ps(square, gap_squared(y, ball.y)), gap_squared(z, ball.z)),
+                 half = _mm256_sqrt_ps(rest);
+    const __m256i low = _mm256_max_epi32(floor_of(_mm256_sub_ps(x, half)), _mm256_set1_epi32(ball.x_low)),
+                  high = _mm256_min_epi32(floor_of(_mm256_add_ps(x, half)), _mm256_set1_epi32(ball.x_high));
+    const __m256i crossed = _mm256_castps_si256(_mm256_cmp_ps(rest, _mm256_setzero_ps(), _CMP_GE_OQ)),
+                  is_row = _mm256_cmpgt_epi32(_mm256_set1_epi32(rows), row),
+                  there =
+                      _mm256_andnot_si256(_mm256_cmpgt_epi32(low, high), _mm256_and_si256(crossed, is_row));
+    const __m256i key = _mm256_add_epi32(_mm256_set1_epi32(static_cast<int>(ball.key)),
+                                         _mm256_add_epi32(times(z, ball.plane), times(y, ball.row)));
+    const __m256i none = _mm256_setzero_si256(),
+                  begin = _mm256_mask_i32gather_epi32(none, table, _mm256_add_epi32(key, low), there, 4),
+                  end = _mm256_mask_i32gather_epi32(none, table + 1, _mm256_add_epi32(key, high), there, 4);
+    const __m256i empty = _mm256_cmpeq_epi32(begin, end);
+    const auto mask = ~static_cast<std::uint32_t>(_mm256_movemask_ps(_mm256_castsi256_ps(empty))) & 255;
+    store_both(out + n, _mm256_permutevar8x32_epi32(begin, packing(mask)),
+               _mm256_permutevar8x32_epi32(end, packing(mask)));
+    n += _mm_popcnt_u32(mask);
+  }
+  return n;
+}
+
+__attribute__((target("avx2"))) void order_pairs_avx2(std::uint32_t a, const std::uint32_t* hits, int count,
+                                                      const std::uint32_t* ids, Pair* pairs, std::uint32_t* i,
+                                                      std::uint32_t* j) {
+  const __m256i mine = _mm256_set1_epi32(static_cast<int>(ids[a])),
+                me = _mm256_set1_epi32(static_cast<int>(a));
+  const auto* const table = reinterpret_cast<const int*>(ids);
+  for (int k = 0; k < count; k += static_cast<int>(kLanes)) {
+    const __m256i here =
+        _mm256_cmpgt_epi32(_mm256_set1_epi32(count - k), _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7));
+    const __m256i b = _mm256_maskload_epi32(reinterpret_cast<const int*>(hits + k), here);
+    // 64-bit places: 32-bit ones would be signed.
+    const __m128i first = _mm256_mask_i64gather_epi32(_mm_setzero_si128(), table,
+                                                      _mm256_cvtepu32_epi64(_mm256_castsi256_si128(b)),
+                                                      _mm256_castsi256_si128(here), 4),
+                  second = _mm256_mask_i64gather_epi32(_mm_setzero_si128(), table,
+                                                       _mm256_cvtepu32_epi64(_mm256_extracti128_si256(b, 1)),
+                                                       _mm256_extracti128_si256(here, 1), 4);
+    const __m256i other = _mm256_set_m128i(second, first), low = _mm256_min_epu32(mine, other),
+                  ordered = _mm256_cmpeq_epi32(low, mine);
+    store_both(pairs + k, low, _mm256_max_epu32(mine, other));
+    _mm256_storeu_si256(reinterpret_cast<__m256i*>(i + k), _mm256_blendv_epi8(b, me, ordered));
+    _mm256_storeu_si256(reinterpret_cast<__m256i*>(j + k), _mm256_blendv_epi8(me, b, ordered));
+  }
+}
+#endif
+
+}  // namespace
+
+template <class Slot>
+Kernels<Slot> plain_kernels() {
+  return {test_runs_plain<Slot>, find_rows_plain, order_pairs_plain};
+}
+template <class Slot>
+Kernels<Slot> kernels_for_this_machine() {
+#ifdef PADDER_AVX2
+  if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("popcnt"))
+    return {test_runs_avx2<Slot>, find_rows_avx2, order_pairs_avx2};
+#endif
+  return plain_kernels<Slot>();
+}
+template Kernels<FloatSlot> plain_kernels();
+template Kernels<FixedSlot> plain_kernels();
+template Kernels<FloatSlot> kernels_for_this_machine();
+template Kernels<FixedSlot> kernels_for_this_machine();
+
+#ifdef PADDER_AVX2
+#define PADDER_CLONES __attribute__((target_clones("avx2", "default")))
+#else
+#define PADDER_CLONES
+#endif
+namespace {
+PADDER_CLONES void float_differences(const float* x, const float* y, const float* z, const float* r,
+                                     const std::uint32_t* i, const std::uint32_t* j, int count, Batch& out) {
+  for (int k = 0; k < count; k++) {
+    const std::uint32_t a = i[k], b = j[k];
+    out.x[k] = static_cast<double>(x[b]) - static_cast<double>(x[a]);
+    out.y[k] = static_cast<double>(y[b]) - static_cast<double>(y[a]);
+    out.z[k] = static_cast<double>(z[b]) - static_cast<double>(z[a]);
+    out.s[k] = static_cast<double>(r[a]) + static_cast<double>(r[b]);
+  }
+}
+}  // namespace
+void differences(const Slots<FloatSlot>& slots, const Sphere*, const std::uint32_t* i, const std::uint32_t* j,
+                 int count, Batch& out) {
+  float_differences(slots.x, slots.y, slots.z, slots.r, i, j, count, out);
+}
+PADDER_CLONES void differences(const Slots<FixedSlot>&, const Sphere* spheres, const std::uint32_t* i,
+                               const std::uint32_t* j, int count, Batch& out) {
+  for (int k = 0; k < count; k++) {
+    const Sphere &a = spheres[i[k]], &b = spheres[j[k]];
+    out.x[k] = b.x - a.x, out.y[k] = b.y - a.y, out.z[k] = b.z - a.z, out.s[k] = a.r + b.r;
+  }
+}
+
+PADDER_CLONES void to_normals(Batch& batch, int count) {
+  for (int k = 0; k < count; k++) {
+    const double x = batch.x[k], y = batch.y[k], z = batch.z[k];
+    const double d = std::sqrt(x * x + y * y + z * z), per_d = 1 / d;
+    batch.x[k] = d > 0 ? x * per_d : 1;
+    batch.y[k] = d > 0 ? y * per_d : 0;
+    batch.z[k] = d > 0 ? z * per_d : 0;
+    batch.s[k] -= d;
+  }
+}
+
+}  // namespace padder::detect::omp
