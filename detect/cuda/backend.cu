@@ -187,10 +187,13 @@ class CudaBackend : public Backend {
     plan_.octaves = needs_octaves(summary), plan_.top = exponent_of(summary.need_max);
   }
 
+  // The bounds are gathered by the kernels that put the spheres in order.
+  bool along() const { return plan_.with_survey && Surveyor::rides_along(source_); }
+
   void expect_report() {
     report_.clear();
     if (plan_.with_survey)
-      surveyor_.read(plan_.octaves, Surveyor::rides_along(source_), report_);
+      surveyor_.read(plan_.octaves, along(), report_);
     else
       surveyor_.read_head(report_);
     report_.expect();
@@ -200,20 +203,20 @@ class CudaBackend : public Backend {
     static_assert(sizeof(Counters) <= Surveyor::kHead * 8);
     auto* const counters = reinterpret_cast<Counters*>(surveyor_.head());
     found_ = reinterpret_cast<const Counters*>(surveyor_.host_head());
-    const bool along = plan_.with_survey && Surveyor::rides_along(source_);
     if (plan_.with_survey)
-      surveyor_.begin(source_, plan_.octaves, plan_.top, along, stream_);
+      surveyor_.begin(source_, plan_.octaves, plan_.top, along(), stream_);
     else
       cuda_check(cudaMemsetAsync(counters, 0, sizeof(Counters), stream_), "clear the counters");
     orderer_.lend(reinterpret_cast<float4*>(normals_.data()), normals_.capacity() / sizeof(float4),
                   reinterpret_cast<std::uint32_t*>(pairs_.data()), pairs_.capacity() * 2);
     const Ordered ordered =
         orderer_.order(source_, plan_.grid, plan_.kind, plan_.search.fixed_order, plan_.method,
-                       along ? surveyor_.bounds() : nullptr, counters, stream_);
+                       along() ? surveyor_.bounds() : nullptr, counters, stream_);
     mark(seconds_.stage[3]);
     search(source_, plan_.grid, ordered, plan_.search, plan_.output, counters, search_memory_, stream_);
     report_.send(stream_);
   }
+
   void fast(const Input& input, const Options& options, Contacts& c) {
     // The bins of the call before are tried first, while the survey runs along: usually they still fit, and
     // the device is waited for once instead of twice. They are taken only if they are those that the survey
@@ -229,7 +232,7 @@ class CudaBackend : public Backend {
       report_.arrived(stream_, "search for contacts");
       const Grid grid = plan_.grid;
       const SlotKind kind = plan_.kind;
-      done = surveyor_.finish(source_, plan_.octaves, plan_.top, Surveyor::rides_along(source_), summary_);
+      done = surveyor_.finish(source_, plan_.octaves, plan_.top, along(), summary_);
       if (done) {
         check(summary_, input, options);
         make_plan(options, summary_);

@@ -6,7 +6,8 @@
 
 namespace padder::detect::cuda {
 namespace {
-constexpr int kWide = 1024, kItems = 8, kMost = 10, kCount = 512, kProcessors = 132;
+
+constexpr int kWide = 1024, kItems = 8, kMost = 10, kCount = 512;
 constexpr std::uint32_t kTile = kWide * kItems, kSharedBytes = 226 * 1024;
 // Buckets that spheres can be divided among at once; of a group; in all.
 constexpr std::uint32_t kMostAtOnce = 6144, kGroupBits = 10, kMostBuckets = 56000,

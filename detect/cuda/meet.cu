@@ -264,17 +264,17 @@ __global__ void __launch_bounds__(kThreads)
 }
 
 unsigned blocks_for(std::uint64_t units, unsigned each) {
-  return static_cast<unsigned>(std::min<std::uint64_t>((units + each - 1) / each + 1, 132 * 16));
+  return static_cast<unsigned>(std::min<std::uint64_t>((units + each - 1) / each + 1, kProcessors * 16));
 }
 
 }  // namespace
 
 void meet(const MeetTask& task, cudaStream_t stream) {
-  meet_kernel<<<132 * 8, kThreads, 0, stream>>>(task);
+  meet_kernel<<<kProcessors * 8, kThreads, 0, stream>>>(task);
   cuda_launched("look at the spheres of bodies that met");
 }
 void write_hits(const MeetTask& task, const Output& output, cudaStream_t stream) {
-  write_kernel<<<132 * 8, 256, 0, stream>>>(task, output);
+  write_kernel<<<kProcessors * 8, 256, 0, stream>>>(task, output);
   cuda_launched("write the contacts");
 }
 void count_static(const StaticTask& task, const Grid& grid, cudaStream_t stream) {

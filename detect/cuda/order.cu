@@ -1,5 +1,5 @@
-// Spheres into the order of their bins, in one of three ways: a counting sort over bins (cells.cu), two
-// passes through buckets (buckets.cu), or here a stable radix sort of keys, for hashed levels, crowded
+// Spheres into the order of their bins, in one of three ways: a counting sort over bins (cells.cu),
+// through buckets (buckets.cu), or here a stable radix sort of keys, for hashed levels, crowded
 // bins and everything else.
 #include <cub/device/device_radix_sort.cuh>
 #include <cub/device/device_scan.cuh>
@@ -10,6 +10,11 @@ namespace padder::detect::cuda {
 namespace {
 
 constexpr int kThreads = 256;
+
+// Keys are below this.
+std::uint32_t keys_of(const Grid& grid, const FloatBins& bins) {
+  return bins.on ? bins.buckets : grid.buckets;
+}
 
 template <class Bins, bool Along>
 __global__ void __launch_bounds__(kThreads)
@@ -63,7 +68,7 @@ Ordered Orderer::order(const Source& source, const Grid& grid, SlotKind kind, bo
   Ordered o;
   o.kind = kind, o.count = source.count;
   o.bins = float_bins(grid, kind, source.count);
-  const std::uint32_t buckets = o.bins.on ? o.bins.buckets : grid.buckets;
+  const std::uint32_t buckets = keys_of(grid, o.bins);
   // Where bins are many and nearly empty, several along x share an entry of the table. Not in rows so short
   // that an entry could hold bins of two rows that both hold partners of one sphere.
   if (single && o.bins.fine == 1 && method != OrderMethod::sort && grid.level[0].count[0] >= 32)
@@ -85,7 +90,7 @@ void Orderer::by_sort(const Source& source, const Grid& grid, unsigned long long
   std::uint32_t *keys = keys_.reserve(o.count), *ids = ids_.reserve(o.count);
   o.ids = sorted_ids_.reserve(o.count), o.keys = sorted_keys_.reserve(o.count);
   std::size_t sort_bytes = 0, scan_bytes = 0;
-  const int end_bit = std::max(bits_for(o.bins.on ? o.bins.buckets : grid.buckets), 1);
+  const int end_bit = std::max(bits_for(keys_of(grid, o.bins)), 1);
   const std::uint64_t entries = o.entries + 1;
   cuda_check(cub::DeviceRadixSort::SortPairs(nullptr, sort_bytes, keys, o.keys, ids, o.ids, o.count, o.merge,
                                              end_bit, stream),
@@ -95,9 +100,11 @@ void Orderer::by_sort(const Source& source, const Grid& grid, unsigned long long
              "plan the scan");
   void* scratch = scratch_.reserve(std::max(sort_bytes, scan_bytes));
   with_bins(o, grid, [&]<class Kind, class Bins>(Kind, const Bins& bins) {
-    (bounds ? sort_key_kernel<Bins, true>
-            : sort_key_kernel<
-                  Bins, false>)<<<std::min(blocks_for(o.count, kThreads), 132u * 32), kThreads, 0, stream>>>(
+    (bounds
+         ? sort_key_kernel<Bins, true>
+         : sort_key_kernel<
+               Bins,
+               false>)<<<std::min(blocks_for(o.count, kThreads), kProcessors * 32u), kThreads, 0, stream>>>(
         source, bins, keys, ids, bounds, counters);
   });
   cuda_check(cub::DeviceRadixSort::SortPairs(scratch, sort_bytes, keys, o.keys, ids, o.ids, o.count, o.merge,

@@ -1,4 +1,5 @@
-// What the three ways of putting spheres in order share. Only cuda_{order,cells,buckets}.cu include this.
+// What the three ways of putting spheres in order share. Only order.cu, cells.cu and buckets.cu
+// include this.
 #pragma once
 #include "detect/cuda/bins.h"
 

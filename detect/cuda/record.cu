@@ -9,7 +9,7 @@ namespace {
 
 constexpr int kThreads = 256;
 unsigned blocks_for(std::uint64_t n) {
-  return static_cast<unsigned>(std::clamp<std::uint64_t>((n + kThreads - 1) / kThreads, 1, 132 * 32));
+  return static_cast<unsigned>(std::clamp<std::uint64_t>((n + kThreads - 1) / kThreads, 1, kProcessors * 32));
 }
 
 __global__ void body_of_kernel(std::uint32_t bodies, const std::uint32_t* first, std::uint32_t* body_of) {

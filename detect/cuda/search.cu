@@ -19,9 +19,8 @@ constexpr int kBlocks = W == Way::single                  ? 10
                         : W == Way::down || W == Way::few ? 8
                                                           : 6;
 
-// Tiles that are few; and so few that all run at once on an H200 (fewer on a smaller device: no harm but to
-// speed) and wait for each other.
-constexpr std::uint32_t kProcessors = 132, kFewTiles = 16 * kProcessors;
+// Few tiles of one level: a kernel of their own. kMostTurns of them run at once, and can wait for each other.
+constexpr std::uint32_t kFewTiles = 16 * kProcessors;
 static_assert(kMostTurns <= kFewTiles);
 
 // Must stay in registers: no function that is not inlined may see `this`. Not careful: notes in `doubt` that
@@ -383,7 +382,7 @@ void launch(const Task& task, const Grid& grid, const typename DownsOf<W>::Type&
   std::uint32_t blocks = task.own_tiles;
   if constexpr (W == Way::down) {
     const std::uint32_t lookers = over(downs.warps, kWarps);
-    blocks += task.next ? std::min(lookers, kProcessors * kBlocks<W>) : lookers;
+    blocks += task.next ? std::min<std::uint32_t>(lookers, kProcessors * kBlocks<W>) : lookers;
   }
   search_kernel<Kind, W><<<blocks, kThreads, 0, stream>>>(task, grid, downs);
   if (!task.options.fixed_order || task.sums.turns) return;

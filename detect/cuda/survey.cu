@@ -7,7 +7,7 @@ namespace padder::detect::cuda {
 namespace {
 
 using Word = unsigned long long;
-constexpr int kThreads = 256, kBlocks = 132 * 4, kOctaveWords = 9;
+constexpr int kThreads = 256, kBlocks = kProcessors * 4, kOctaveWords = 9;
 constexpr int kAll = kBounds + kOctaves * kOctaveWords;
 
 __device__ Word warp_min(Word v) {

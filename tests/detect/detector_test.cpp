@@ -142,7 +142,7 @@ const std::vector<NamedPair>& named_pairs() {
 // Each alone, so that the bins are of its own size.
 TEST_P(DetectorTest, PairsByName) {
   for (const NamedPair& p : named_pairs())
-    for (const double shift : {0.0, -2.0, 0.3}) {
+    for (const double shift : {0.0, 1.0, -2.0, 100.0, 0.3}) {
       TestScene s{{p.a, p.b}, {}, {}};
       s.shift(shift);
       expect_right(s, std::string(p.name) + " shift " + std::to_string(shift));
@@ -151,19 +151,19 @@ TEST_P(DetectorTest, PairsByName) {
     }
 }
 
-// All together, 64 apart, in bins of given sizes, at many places relative to the bins; pair k is of spheres 2
-// k and 2 k + 1.
+// All together, 64 apart along y and z, so that no x is rounded, in bins of given sizes and at many places
+// relative to the bins; pair k is of spheres 2 k and 2 k + 1.
 TEST_P(DetectorTest, PairsByNameInGivenBins) {
   for (const double bin : {2.0, 4.0, 16.0})
     for (const double shift : {0.0, 1.0, -2.0, 100.0, 0.3})
       for (const bool turned : {false, true}) {
         TestScene s;
+        int number = 0;
         for (const NamedPair& p : named_pairs()) {
           if (p.a.r > 100) continue;  // bins by the billion in the nine stages
-          const double x = 64.0 * static_cast<double>(s.spheres.size() % 8),
-                       y = 8.0 * static_cast<double>(s.spheres.size() / 8 * 8);
           for (Sphere q : {turned ? p.b : p.a, turned ? p.a : p.b})
-            q.x += x, q.y += y, s.spheres.push_back(q);
+            q.y += 64 * (number % 5), q.z += 64 * (number / 5), s.spheres.push_back(q);
+          number++;
         }
         s.shift(shift);
         if (!detector_) detector_ = std::make_unique<Detector>(options_);

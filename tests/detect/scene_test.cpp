@@ -134,35 +134,6 @@ TEST_F(SceneTest, FaultsAreNamedWithTheirPlace) {
   EXPECT_THROW(scene(R"("spheres": [{"file": "absent.csv"}])"), Error);
 }
 
-TEST_F(SceneTest, FaultyFilesOfSpheres) {
-  const auto csv = [](const char* text) { return loose_from_csv(text, "l.csv"); };
-  EXPECT_THROW(csv(""), Error);
-  EXPECT_THROW(csv("x,y,z\n"), Error);
-  EXPECT_THROW(csv("x,y,z,radius\n1,2,3,4\n"), Error);
-  try {
-    csv("x,y,z,r\n1,2,3,4\n1,2,3\n");
-    FAIL();
-  } catch (const Error& e) {
-    EXPECT_STREQ(e.what(), "l.csv:3: 4 numbers are wanted, there are 3");
-  }
-  EXPECT_THROW(csv("x,y,z,r\n1,2,3,4x\n"), Error);
-  EXPECT_THROW(csv("x,y,z,r,family\n1,2,3,4,-1\n"), Error);
-  const std::vector<double> four(4, 1.);
-  const std::string good =
-      npz_bytes({{"centers", npy_array(four.data(), {1, 3})}, {"radii", npy_array(four.data(), {1})}});
-  EXPECT_EQ(loose_from_npz(good, "l").size(), 1u);
-  for (std::size_t cut = 0; cut < good.size(); cut += 7)
-    EXPECT_THROW(loose_from_npz(good.substr(0, cut), "l"), Error) << cut;
-  for (std::size_t at = 0; at < good.size(); at++) {  // no byte may crash it
-    std::string bad = good;
-    bad[at] = static_cast<char>(bad[at] ^ 0x55);
-    try {
-      loose_from_npz(bad, "l");
-    } catch (const Error&) {
-    }
-  }
-}
-
 TEST_F(SceneTest, NpzGivesBackWhatWasWritten) {
   const std::vector<double> d{1.5, -2, 1e300};
   const std::vector<std::uint32_t> u{0, 0xffffffffu};
