@@ -60,15 +60,19 @@ TEST(Loose, AppendedSpheresKeepTheirNumbersAndFilters) {
 
 // The view is of the arrays themselves.
 TEST(Loose, ViewIsBorrowed) {
-  const LooseSpheres one = loose_from({{1, 2, 3, 4}}), two = loose_from_csv("x,y,z,r\n1,2,3,4\n", "l.csv");
+  const LooseSpheres one = loose_from({{1, 2, 3, 4}, {5, 6, 7, 8}}),
+                     two = loose_from_csv("x,y,z,r\n1,2,3,4\n5,6,7,8\n", "l.csv");
   const Spheres f = one.view(), d = two.view();
-  EXPECT_EQ(f.count, 1u);
+  ASSERT_EQ(f.count, 2u);
   EXPECT_EQ(f.scalar, Scalar::f32);
   EXPECT_EQ(f.centers, one.single.data());
-  EXPECT_EQ(static_cast<const float*>(f.radii)[0], 4);
+  EXPECT_EQ(static_cast<const float*>(f.centers)[f.center_stride], 5);
+  EXPECT_EQ(static_cast<const float*>(f.radii)[f.radius_stride], 8);
+  ASSERT_EQ(d.count, 2u);
   EXPECT_EQ(d.scalar, Scalar::f64);
   EXPECT_EQ(d.centers, two.twice.data());
-  EXPECT_EQ(static_cast<const double*>(d.radii)[0], 4);
+  EXPECT_EQ(static_cast<const double*>(d.centers)[d.center_stride], 5);
+  EXPECT_EQ(static_cast<const double*>(d.radii)[d.radius_stride], 8);
   EXPECT_EQ(f.family, nullptr);
 }
 
