@@ -1,7 +1,7 @@
 // Keys of spheres on the device: by the grid as every backend has it, or by bins in float where these do,
 // which are cheap enough to be computed again instead of being written and read. Only .cu files include this.
 #pragma once
-#include "detect/cuda/search.h"
+#include "detect/cuda/codes.h"
 
 namespace padder::detect::cuda {
 
@@ -34,6 +34,7 @@ inline FloatBins float_bins(const Grid& grid, SlotKind kind, std::uint64_t spher
   if (static_cast<double>(spheres) > 4 * bins && grid.buckets < 0x1p29) b.fine = 4;
   b.count[0] *= b.fine;
   b.per_size[0] = rounded * static_cast<float>(b.fine), b.per_size[1] = b.per_size[2] = rounded;
+  b.units = rounded * kCodeUnits;
   b.row = b.count[0] + b.fine, b.plane = b.row * (b.count[1] + 2);
   b.buckets = b.plane * (b.count[2] + 2) + b.fine;
   b.on = std::isnormal(rounded) && std::isfinite(extent);
@@ -54,6 +55,12 @@ PADDER_HD bool key_of(const FloatBins& b, float x, float y, float z, std::uint32
                   float_bin(z, b.origin[2], b.per_size[2], b.count[2], k);
   key = (k + 1) * b.plane + (j + 1) * b.row + i + b.fine;
   return in;
+}
+
+PADDER_HD int level_of_key(const Grid& g, std::uint32_t key) {
+  int level = 0;
+  while (level + 1 < g.levels && key >= g.level[level + 1].offset) level++;
+  return level;
 }
 
 // The bins may be those of the call before, kept in the hope that they still fit (backend.cu): a sphere

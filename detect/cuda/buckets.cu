@@ -304,6 +304,7 @@ __global__ void __launch_bounds__(Threads, kWide / Threads)
       for (std::uint32_t q = from; q < end; q++) to += number(q) < own;
     }
     static_cast<float4*>(out.slots)[begin + to] = mine;
+    if (out.codes) out.codes[begin + to] = code_for<Kind>(grid_bins, kKeys ? tile_keys[s] : 0, mine);
     if (kKeys) out.keys[begin + to] = tile_keys[s];
     if (kIds) out.ids[begin + to] = numbers[s];
   }
@@ -346,7 +347,7 @@ bool Orderer::by_buckets(const Source& source, const Grid& grid, bool tidy, unsi
   const std::uint64_t n = o.count;
   const bool lent = lent_slots_ >= n && lent_words_ >= (keyed ? 2 * n : 0);
   if (keyed) o.keys = sorted_keys_.reserve(n);
-  Places source_places, split, out{o.slots, nullptr, o.keys};
+  Places source_places, split, out{o.slots, nullptr, o.keys, o.codes};
   split.slots = lent ? lent_slot_ : split_slots_.reserve(n);
   if (keyed) {
     source_places.keys = lent ? lent_word_ : keys_.reserve(n);

@@ -134,6 +134,7 @@ __global__ void __launch_bounds__(kThreads, kBlocksAProcessor)
       for (std::uint32_t p = from; p < end; p++) at += task.numbers[p] < k;
     }
     static_cast<float4*>(task.to.slots)[at] = slot[u];
+    if (task.to.codes) task.to.codes[at] = code_for<Kind>(bins, key[u], slot[u]);
     if (!kKeyless<Bins>) task.to.keys[at] = key[u];
     if (Kind != SlotKind::equal) task.to.ids[at] = k;
   }

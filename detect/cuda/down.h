@@ -254,15 +254,8 @@ __device__ __forceinline__ std::uint32_t search_down(const Task& task, const Gri
     const auto test = [&](bool valid, std::uint32_t i, std::uint32_t j, const Slot& b) {
       bool hit = false;
       if (valid) {
-        const Slot a = lookers.slot[i];
-        const float3 x = difference(a, b);
-        float s2 = task.s2;
-        if constexpr (Kind != SlotKind::equal) s2 = (a.r + b.r) * (a.r + b.r);
-        const float e =
-            fmaf(x.z, x.z, fmaf(x.y, x.y, fmaf(x.x, x.x, fmaf(-kWide, s2, -2 * kAbsoluteBand<Slot>))));
-        hit = e < 0;
-        if (hit && (task.judge_all || !(e < -(s2 * (kNear * 1.001f) + 4 * kAbsoluteBand<Slot>))))
-          hit = contact<Kind, Way::down>(task, grid, first + (lookers.side[i] >> 16), a, j, {}, !target);
+        hit = meets<Kind, Way::down>(task, grid, first + (lookers.side[i] >> 16), lookers.slot[i], j, b,
+                                     !target);
       }
       const std::uint32_t has = __ballot_sync(kAll, hit);
       if (hit) {

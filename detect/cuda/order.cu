@@ -35,11 +35,13 @@ template <SlotKind Kind, class Bins>
 __global__ void __launch_bounds__(kThreads)
     sort_place_kernel(const __grid_constant__ Source source, const __grid_constant__ Bins bins,
                       const std::uint32_t* keys, const std::uint32_t* ids, int merge, float4* slots,
-                      std::uint32_t* table) {
+                      std::uint32_t* codes, std::uint32_t* table) {
   const std::uint32_t p = blockIdx.x * kThreads + threadIdx.x;
   if (p >= source.count) return;
   const std::uint32_t key = keys[p] >> merge;
-  slots[p] = slot_of<Kind>(source, grid_of(bins), ids[p]);
+  const float4 slot = slot_of<Kind>(source, grid_of(bins), ids[p]);
+  slots[p] = slot;
+  if (codes) codes[p] = code_for<Kind>(bins, keys[p], slot);
   if (p + 1 == source.count || keys[p + 1] >> merge != key) table[key + 1] = p + 1;
 }
 
@@ -50,6 +52,7 @@ Orderer::Orderer(MemoryBook& book)
       sorted_keys_(book, "the bins"),
       ids_(book, "the bins"),
       sorted_ids_(book, "the bins"),
+      codes_(book, "the spheres in the order of their bins"),
       table_(book, "the table of bins"),
       starts_(book, "the table of bins"),
       slots_(book, "the spheres in the order of their bins"),
@@ -75,6 +78,7 @@ Ordered Orderer::order(const Source& source, const Grid& grid, SlotKind kind, bo
     while (o.merge < 3 && (static_cast<double>(buckets) / (2 << o.merge)) > 0.75 * source.count) o.merge++;
   o.entries = (buckets >> o.merge) + 2;
   o.table = table_.reserve(o.entries + 4), o.slots = slots_.reserve(std::uint64_t(o.count) + kSlack);
+  if (dense) o.codes = codes_.reserve(std::uint64_t(o.count) + kSlack);
   if (method == OrderMethod::cells && !by_cells(source, grid, tidy, bounds, counters, o, stream))
     method = OrderMethod::buckets;
   if (method == OrderMethod::buckets && !by_buckets(source, grid, tidy, bounds, counters, o, stream))
@@ -113,7 +117,7 @@ void Orderer::by_sort(const Source& source, const Grid& grid, unsigned long long
   cuda_check(cudaMemsetAsync(o.table, 0, entries * 4, stream), "clear the table of bins");
   with_bins(o, grid, [&]<class Kind, class Bins>(Kind kind, const Bins& bins) {
     sort_place_kernel<kind(), Bins><<<blocks_for(o.count, kThreads), kThreads, 0, stream>>>(
-        source, bins, o.keys, o.ids, o.merge, static_cast<float4*>(o.slots), o.table);
+        source, bins, o.keys, o.ids, o.merge, static_cast<float4*>(o.slots), o.codes, o.table);
   });
   cuda_check(cub::DeviceScan::InclusiveScan(scratch, scan_bytes, o.table, o.table, ::cuda::maximum<>{},
                                             entries, stream),

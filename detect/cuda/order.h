@@ -2,6 +2,7 @@
 // include this.
 #pragma once
 #include "detect/cuda/bins.h"
+#include "detect/cuda/warp.h"
 
 namespace padder::detect::cuda {
 
@@ -9,11 +10,13 @@ inline unsigned blocks_for(std::uint64_t n, int threads) {
   return static_cast<unsigned>((n + threads - 1) / threads);
 }
 
-// Where spheres are put; ids is null where the slot holds the number, keys where they are computed again.
+// Where spheres are put; ids is null where the slot holds the number, keys where they are computed again,
+// codes where they are not yet wanted.
 struct Places {
   void* slots = nullptr;
   std::uint32_t* ids = nullptr;
   std::uint32_t* keys = nullptr;
+  std::uint32_t* codes = nullptr;
 };
 
 // With bins in float nothing of a key is written.
@@ -48,19 +51,6 @@ __device__ __forceinline__ std::uint32_t ticket(std::uint32_t* count, std::uint3
   return __shfl_sync(~0u, at, head) + lane - head;
 }
 
-// Sum over the lanes before this one, and (in every lane) over all of them.
-__device__ __forceinline__ std::uint32_t sum_before(std::uint32_t v, std::uint32_t& total) {
-  const std::uint32_t lane = threadIdx.x & 31;
-  std::uint32_t upto = v;
-#pragma unroll
-  for (int d = 1; d < 32; d <<= 1) {
-    const std::uint32_t u = __shfl_up_sync(~0u, upto, d);
-    if (static_cast<int>(lane) >= d) upto += u;
-  }
-  total = __shfl_sync(~0u, upto, 31);
-  return upto - v;
-}
-
 // Exclusive sums of v[0 .. n) in shared memory by the whole block; v[n] becomes the total. `sums` has 32
 // entries. Begins and ends with all threads together.
 __device__ __forceinline__ void scan_shared(std::uint32_t* v, std::uint32_t n, std::uint32_t* sums) {
@@ -92,6 +82,20 @@ __device__ __forceinline__ float4 slot_of(const Source& source, const Grid* grid
                                        : bare_slot<Kind, false>(source, grid, id);
   if (Kind == SlotKind::equal) s.w = __uint_as_float(id);
   return s;
+}
+
+// The word of codes.h for a slot with this key.
+template <SlotKind Kind>
+__device__ __forceinline__ std::uint32_t code_for(const FloatBins& bins, std::uint32_t, const float4& s) {
+  return code_of<Kind>(bins, {s.x, s.y, s.z, s.w});
+}
+template <SlotKind Kind>
+__device__ __forceinline__ std::uint32_t code_for(const Grid& grid, std::uint32_t key, const float4& s) {
+  const Level& l = grid.level[level_of_key(grid, key)];
+  if constexpr (Kind == SlotKind::fixed)
+    return code_of<Kind>(l, FixedSlot{__float_as_int(s.x), __float_as_int(s.y), __float_as_int(s.z), s.w});
+  else
+    return code_of<Kind>(l, FloatSlot{s.x, s.y, s.z, s.w});
 }
 
 template <class F>

@@ -18,16 +18,18 @@ struct FloatBins {
   float origin[3] = {0, 0, 0}, per_size[3] = {0, 0, 0};
   std::uint32_t count[3] = {1, 1, 1}, row = 0, plane = 0, buckets = 0;  // keys of a row, a plane and in all
   std::uint32_t fine = 1;  // bins along x that make up one of the level's: a row of candidates is shorter
+  float units = 0;         // of codes.h, a length
   bool on = false;
 };
 
 // Spheres in the order of their bins, in device memory. table[k] is the first place with a key of at least k
-// << merge; slots may be read up to kSlack places past the end.
+// << merge; slots and codes may be read up to kSlack places past the end.
 inline constexpr std::uint32_t kSlack = 64;
 struct Ordered {
-  void* slots = nullptr;          // FloatSlot or FixedSlot
-  std::uint32_t* ids = nullptr;   // null for SlotKind::equal
-  std::uint32_t* keys = nullptr;  // as grid.h numbers them; null where bins.on
+  void* slots = nullptr;           // FloatSlot or FixedSlot
+  std::uint32_t* ids = nullptr;    // null for SlotKind::equal
+  std::uint32_t* codes = nullptr;  // codes.h; null where a level is hashed
+  std::uint32_t* keys = nullptr;   // as grid.h numbers them; null where bins.on
   FloatBins bins;
   std::uint32_t* table = nullptr;  // (buckets >> merge) + 2 entries
   std::uint32_t count = 0;
@@ -98,7 +100,7 @@ class Orderer {
   void by_sort(const Source& source, const Grid& grid, unsigned long long* bounds, Counters* counters,
                Ordered& o, cudaStream_t stream);
 
-  Buffer<std::uint32_t> keys_, sorted_keys_, ids_, sorted_ids_, table_, starts_;
+  Buffer<std::uint32_t> keys_, sorted_keys_, ids_, sorted_ids_, codes_, table_, starts_;
   Buffer<float4> slots_, split_slots_;
   Buffer<unsigned char> scratch_;
   float4* lent_slot_ = nullptr;

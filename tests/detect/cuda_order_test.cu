@@ -114,7 +114,22 @@ class CudaOrderTest : public testing::TestWithParam<Way> {
     return v;
   }
 
-  // Spheres of each table entry are those whose key says so, by number where tidy, and none is missing.
+  static std::uint32_t code_on_host(const Ordered& o, const Grid& grid, SlotKind kind, std::uint32_t key,
+                                    const float4& slot) {
+    const FloatSlot s{slot.x, slot.y, slot.z, slot.w};
+    if (o.bins.on)
+      return kind == SlotKind::equal ? code_of<SlotKind::equal>(o.bins, s)
+                                     : code_of<SlotKind::unequal>(o.bins, s);
+    const Level& l = grid.level[level_of_key(grid, key)];
+    FixedSlot f;
+    std::memcpy(&f, &slot, sizeof f);
+    return kind == SlotKind::equal     ? code_of<SlotKind::equal>(l, s)
+           : kind == SlotKind::unequal ? code_of<SlotKind::unequal>(l, s)
+                                       : code_of<SlotKind::fixed>(l, f);
+  }
+
+  // Spheres of each table entry are those whose key says so, by number where tidy, and none is missing; each
+  // has its code.
   void expect_order(const std::vector<float4>& spheres, SlotKind kind, bool packed, bool tidy, bool along) {
     SCOPED_TRACE(testing::Message() << spheres.size() << " spheres, kind " << int(kind) << ", packed "
                                     << packed << ", tidy " << tidy << ", bounds " << along);
@@ -146,7 +161,8 @@ class CudaOrderTest : public testing::TestWithParam<Way> {
       }
     const auto slots = host(static_cast<const float4*>(o.slots), count);
     const auto table = host(o.table, o.entries + 1);
-    std::vector<std::uint32_t> ids(count), keys;
+    std::vector<std::uint32_t> ids(count), keys, codes;
+    if (o.codes) codes = host(o.codes, count);
     if (kind == SlotKind::equal)
       for (std::uint32_t p = 0; p < count; p++) std::memcpy(&ids[p], &slots[p].w, 4);
     else
@@ -171,6 +187,7 @@ class CudaOrderTest : public testing::TestWithParam<Way> {
       ASSERT_LT(p, table[entry + 1]);
       if (kind != SlotKind::fixed) ASSERT_TRUE(slots[p].x == s.x && slots[p].y == s.y && slots[p].z == s.z);
       if (kind == SlotKind::unequal) ASSERT_EQ(slots[p].w, s.w);
+      if (o.codes) ASSERT_EQ(codes[p], code_on_host(o, grid, kind, key, slots[p]));
       if (tidy && p > table[entry]) ASSERT_LT(ids[p - 1], ids[p]);
     }
     ASSERT_TRUE(std::is_sorted(table.begin(), table.end()));
