@@ -164,6 +164,7 @@ class CudaBackend : public Backend {
     bool octaves = false, with_survey = false;
     int top = 0;
     std::uint64_t moves = 0;  // allocations so far: addresses are those of the plan
+    std::uint64_t kept = 0;   // Orderer::kept(), where the buckets of the call before are to be tried
     friend bool operator==(const Plan&, const Plan&) = default;
   };
   static SearchOptions search_options(const Options& options, const Summary& summary) {
@@ -211,7 +212,7 @@ class CudaBackend : public Backend {
                   reinterpret_cast<std::uint32_t*>(pairs_.data()), pairs_.capacity() * 2);
     const Ordered ordered =
         orderer_.order(source_, plan_.grid, plan_.kind, plan_.search.fixed_order, plan_.method,
-                       along() ? surveyor_.bounds() : nullptr, counters, stream_);
+                       along() ? surveyor_.bounds() : nullptr, counters, stream_, plan_.with_survey);
     mark(seconds_.stage[3]);
     search(source_, plan_.grid, ordered, plan_.search, plan_.output, counters, search_memory_, stream_);
     report_.send(stream_);
@@ -226,7 +227,7 @@ class CudaBackend : public Backend {
       const Summary before = summary_;
       make_plan(options, before);
       plan_.output = output(options), plan_.with_survey = true, plan_.method = method_,
-      plan_.moves = book_.moves;
+      plan_.moves = book_.moves, plan_.kept = orderer_.kept();
       expect_report();
       recording_.run(plan_, book_.moves, stream_, [&] { enqueue(); });
       report_.arrived(stream_, "search for contacts");
@@ -249,7 +250,7 @@ class CudaBackend : public Backend {
       make_plan(options, summary_);
       // The order's work space is lent by the list: the list is made long enough for that.
       if (options.width != Width::pairs && source_.count >= Orderer::kFewSpheres && capacity(options) == 0)
-        reserve_records(options, source_.count);
+        reserve_records(options, Orderer::room(source_.count));
       plan_.output = output(options), plan_.method = method_ = OrderMethod::automatic;
       expect_report();
       enqueue();

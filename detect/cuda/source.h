@@ -99,6 +99,7 @@ struct Bounds {
     high[0] = fmaxf(high[0], x), high[1] = fmaxf(high[1], y), high[2] = fmaxf(high[2], z);
     r_min = fminf(r_min, r), r_max = fmaxf(r_max, r);
   }
+  template <bool AskFirst = true>
   __device__ __forceinline__ void give(unsigned long long* out) const {
     const float minima[4] = {low[0], low[1], low[2], r_min}, maxima[4] = {high[0], high[1], high[2], r_max};
     const auto rank = [](float f) {
@@ -121,14 +122,16 @@ struct Bounds {
     const std::uint32_t f = __reduce_min_sync(~0u, fault);
     if (first && f != ~0u) atomicMin(all + 8, f);
     __syncthreads();
-    // Reading first spares nearly every atomic operation on the few words that all blocks share.
+    // Reading first spares nearly every atomic operation on the few words that all blocks share, but must be
+    // waited for.
     const std::uint32_t k = threadIdx.x;
     if (k < 4) {
       const unsigned long long l = value(all[k]);
-      if (l < *static_cast<volatile unsigned long long*>(out + kLow + k)) atomicMin(out + kLow + k, l);
+      if (!AskFirst || l < *static_cast<volatile unsigned long long*>(out + kLow + k))
+        atomicMin(out + kLow + k, l);
     } else if (k < 8) {
       const unsigned long long h = value(all[k]);
-      if (h > *static_cast<volatile unsigned long long*>(out + kHigh + k - 4))
+      if (!AskFirst || h > *static_cast<volatile unsigned long long*>(out + kHigh + k - 4))
         atomicMax(out + kHigh + k - 4, h);
     } else if (k == 8 && all[8] != ~0u) {
       atomicMin(out + kFault, static_cast<unsigned long long>(all[8]));
