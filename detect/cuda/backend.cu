@@ -4,6 +4,7 @@
 #include <chrono>
 #include <optional>
 
+#include "detect/cuda/bins.h"
 #include "detect/cuda/bodies.h"
 #include "detect/cuda/graph.h"
 #include "detect/cuda/record.h"
@@ -249,8 +250,12 @@ class CudaBackend : public Backend {
       mark(seconds_.stage[0]);
       make_plan(options, summary_);
       // The order's work space is lent by the list: the list is made long enough for that.
-      if (options.width != Width::pairs && source_.count >= Orderer::kFewSpheres && capacity(options) == 0)
-        reserve_records(options, Orderer::room(source_.count));
+      if (options.width != Width::pairs && source_.count >= Orderer::kFewSpheres && capacity(options) == 0) {
+        if (float_bins(plan_.grid, plan_.kind, source_.count).on)  // lends no words
+          normals_.reserve(Orderer::room(source_.count) * sizeof(float4));
+        else
+          reserve_records(options, Orderer::room(source_.count));
+      }
       plan_.output = output(options), plan_.method = method_ = OrderMethod::automatic;
       expect_report();
       enqueue();
@@ -268,7 +273,7 @@ class CudaBackend : public Backend {
         plan_.method = method_ = OrderMethod::sort;
       } else if (c.count > capacity(options) || share != plan_.search.share ||
                  (fixed && found.spilled > search_memory_.spill.capacity())) {
-        if (c.count > capacity(options)) reserve_records(options, c.count + c.count / 8);
+        if (c.count > capacity(options)) reserve_records(options, c.count + c.count / 16);
         if (fixed) {
           const bool known = share == plan_.search.share;  // else: usually a twentieth of the list
           search_memory_.spill.reserve(known ? found.spilled + found.spilled / 8 : c.count / 16 + 4096);
