@@ -352,8 +352,7 @@ __global__ void __launch_bounds__(Threads, kWide / Threads)
       to = bins[b];
       for (std::uint32_t q = bins[b]; q < end; q++) to += number(q) < own;
     }
-    if (Kept && found)
-      bounds.take({mine.x, mine.y, mine.z, Kind == SlotKind::equal ? radius : mine.w}, number(s));
+    if (Kept && found) bounds.take_quickly(mine.x, mine.y, mine.z, Kind == SlotKind::equal ? radius : mine.w);
     static_cast<float4*>(out.slots)[begin + to] = mine;
     if (out.codes) out.codes[begin + to] = code_for<Kind>(grid_bins, kKeys ? tile_keys[s] : 0, mine);
     if (kKeys) out.keys[begin + to] = tile_keys[s];

@@ -1,5 +1,5 @@
 // Where a sphere lies within its surroundings, in one word: the first filter of a search through one level.
-// Coordinates are counted in units of a 64th to an 84th of a bin, modulo 256, a byte each; the difference of
+// Coordinates are counted in units of a 64th to a 92nd of a bin, modulo 256, a byte each; the difference of
 // two words by one subtraction holds the three differences, and one dot product of bytes squares and adds
 // them. A pair that touches always passes; most others do not. Only .cu files include this.
 #pragma once
@@ -10,11 +10,11 @@ namespace padder::detect::cuda {
 // With t the exact coordinates in units, a word holds q = floor(t) modulo 256: x in the highest byte, then y,
 // z, and the radius. A difference of words is that of the bytes, less the borrows of the bytes below: in the
 // byte of z more than dz - 1 and less than dz + 1, in those of y and x more than d - 2 and less than d + 1.
-// Units computed in float are off by 0.041 each (4,096 bins of 84 units, two roundings), which makes at most
+// Units computed in float are off by 0.045 each (4,096 bins of 92 units, two roundings), which makes at most
 //   sqrt(1.09^2 + 2 * 2.09^2) < 3.2 units
 // between the length of (dx, dy, dz) and that of the bytes. Two spheres of a level that touch are at most a
 // bin apart: the bytes then do not overflow.
-inline constexpr float kCodeUnits = 84;            // of a bin; those two bins away do not come round again
+inline constexpr float kCodeUnits = 92;            // of a bin: few of those two bins away come round again
 inline constexpr int kFixedShift = kUnitBits - 6;  // of fixed point: 64 units
 inline constexpr double kFixedCodeUnits = 64, kCodeSlack = 3.2;
 
@@ -26,7 +26,7 @@ PADDER_HD std::uint32_t packed(std::uint32_t x, std::uint32_t y, std::uint32_t z
 // harm.
 PADDER_HD std::uint32_t radius_byte(float units) {
   const float up = ::ceilf(units);
-  return 256 - static_cast<std::uint32_t>(up < 1 ? 1.0f : up > 45 ? 45.0f : up);
+  return 256 - static_cast<std::uint32_t>(up < 1 ? 1.0f : up > 60 ? 60.0f : up);
 }
 
 // Words of float slots in bins of float; of float slots by their level; of fixed-point slots.

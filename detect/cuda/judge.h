@@ -209,14 +209,15 @@ __device__ __forceinline__ Both load_both(const Task& task, std::uint32_t pi, st
   t.ib = Kind == SlotKind::equal ? __float_as_uint(t.b.r) : __ldg(task.spheres.ids + pj);
   return t;
 }
-template <SlotKind Kind>
+// Normals: known to be of that width.
+template <SlotKind Kind, bool Normals = false>
 __device__ __forceinline__ void write_both(const Task& task, const Both& t, std::uint32_t pi,
                                            std::uint32_t pj, std::uint64_t at) {
   const Output& out = task.output;
   const FloatSlot &a = t.a, &b = t.b;
   const bool swap = t.ib < t.ia;
   __stcs(reinterpret_cast<uint2*>(out.pairs + at), make_uint2(min(t.ia, t.ib), max(t.ia, t.ib)));
-  if (out.width == Width::pairs) return;
+  if (!Normals && out.width == Width::pairs) return;
   float3 d = difference(a, b);
   float d2 = d.x * d.x + d.y * d.y + d.z * d.z, unit = 1;
   if (d2 < 0x1p-80f) {  // squares may underflow: in units of 2^-100
@@ -232,7 +233,7 @@ __device__ __forceinline__ void write_both(const Task& task, const Both& t, std:
   const float distance = fmaf(0.5f * inverse, fmaf(-root, root, d2), root);
   const float4 n = make_float4(d.x * s, d.y * s, d.z * s, ra + rb - distance * unit);
   __stcs(static_cast<float4*>(out.normals) + at, n);
-  if (out.width == Width::normals) return;
+  if (Normals || out.width == Width::normals) return;
   const FloatSlot i = swap ? b : a, j = swap ? a : b;
   const float ri = swap ? rb : ra, rj = swap ? ra : rb;
   auto* p = static_cast<float2*>(out.points) + 3 * at;

@@ -37,20 +37,27 @@ __device__ __forceinline__ void write_hits(const Task& task, const Target& targe
 #pragma unroll 1
     for (std::uint32_t k = lane; k < most; k += 32) pair(k, i, j), write_wide<Kind>(task, i, j, to + k);
   } else if constexpr (Kind != SlotKind::fixed) {
-    constexpr int kAtOnce = 2;
+    const auto write = [&](auto normals) {
+      constexpr int kAtOnce = 2;
 #pragma unroll 1
-    for (std::uint32_t k = lane; k < most; k += 32 * kAtOnce) {
-      std::uint32_t is[kAtOnce], js[kAtOnce];
-      Both both[kAtOnce];
+      for (std::uint32_t k = lane; k < most; k += 32 * kAtOnce) {
+        std::uint32_t is[kAtOnce], js[kAtOnce];
+        Both both[kAtOnce];
 #pragma unroll
-      for (int u = 0; u < kAtOnce; u++) {
-        pair(k + 32 * u < most ? k + 32 * u : k, is[u], js[u]);
-        both[u] = load_both<Kind>(task, is[u], js[u]);
+        for (int u = 0; u < kAtOnce; u++) {
+          pair(k + 32 * u < most ? k + 32 * u : k, is[u], js[u]);
+          both[u] = load_both<Kind>(task, is[u], js[u]);
+        }
+#pragma unroll
+        for (int u = 0; u < kAtOnce; u++)
+          if (k + 32 * u < most)
+            write_both<Kind, decltype(normals)::value>(task, both[u], is[u], js[u], to + k + 32 * u);
       }
-#pragma unroll
-      for (int u = 0; u < kAtOnce; u++)
-        if (k + 32 * u < most) write_both<Kind>(task, both[u], is[u], js[u], to + k + 32 * u);
-    }
+    };
+    if (task.output.width == Width::normals)
+      write(std::true_type{});
+    else
+      write(std::false_type{});
   }
   const Word spill = target.spill + before - limit;
 #pragma unroll 1
@@ -211,7 +218,12 @@ __global__ void __launch_bounds__(kThreads, kBlocks<W>)
   const std::uint32_t flags = task.counters->flags;
   if (W != Way::single && flags) return;
   if (turns) __syncthreads();
-  const std::uint32_t number = turns ? static_cast<std::uint32_t>(memory.turn) : blockIdx.x;
+  // From the last tile on, whose spheres were put in order last and are still in L2. Of unequal radii that
+  // gained nothing.
+  constexpr bool kBackwards = W == Way::single && Kind == SlotKind::equal;
+  const std::uint32_t number = turns        ? static_cast<std::uint32_t>(memory.turn)
+                               : kBackwards ? gridDim.x - 1 - blockIdx.x
+                                            : blockIdx.x;
   if constexpr (W == Way::down) {
     if (!turns && number >= task.own_tiles) {
       const std::uint32_t warp = threadIdx.x >> 5;

@@ -125,6 +125,13 @@ struct Bounds {
     high[0] = fmaxf(high[0], x), high[1] = fmaxf(high[1], y), high[2] = fmaxf(high[2], z);
     r_min = fminf(r_min, r), r_max = fmaxf(r_max, r);
   }
+  // The number of a faulty sphere is not noted: what is no number is then in `high` or r_max.
+  __device__ __forceinline__ void take_quickly(float x, float y, float z, float r) {
+    low[0] = fminf(low[0], x), low[1] = fminf(low[1], y), low[2] = fminf(low[2], z), r_min = fminf(r_min, r);
+    const auto larger_or_none = [](float& a, float b) { asm("max.NaN.f32 %0, %0, %1;" : "+f"(a) : "f"(b)); };
+    larger_or_none(high[0], x), larger_or_none(high[1], y), larger_or_none(high[2], z);
+    larger_or_none(r_max, r);
+  }
   template <bool AskFirst = true>
   __device__ __forceinline__ void give(unsigned long long* out) const {
     const float minima[4] = {low[0], low[1], low[2], r_min}, maxima[4] = {high[0], high[1], high[2], r_max};

@@ -1,5 +1,6 @@
 // The summary of the spheres: bounds, radii, the first faulty sphere; by octaves of size where radii differ.
 #include <algorithm>
+#include <cmath>
 
 #include "detect/cuda/source.h"
 
@@ -8,6 +9,7 @@ namespace {
 
 using Word = unsigned long long;
 constexpr int kThreads = 256, kBlocks = kProcessors * 4, kOctaveWords = 9;
+constexpr int kManyBlocks = 8;  // a processor: as many threads as it holds
 constexpr int kAll = kBounds + kOctaves * kOctaveWords;
 
 __device__ Word warp_min(Word v) {
@@ -104,7 +106,7 @@ __global__ void __launch_bounds__(kThreads) octave_kernel(Source source, int top
 
 // The same of packed float spheres, in float: bounds and radii keep their order as integers, and the largest
 // need follows from the largest radius and coordinate.
-__global__ void __launch_bounds__(kThreads)
+__global__ void __launch_bounds__(kThreads, kManyBlocks)
     float_octave_kernel(const float4* spheres, std::uint32_t count, int top, Word* out) {
   // low x, y, z, count; high x, y, z, radius
   __shared__ uint4 v[kOctaves][2];
@@ -112,7 +114,7 @@ __global__ void __launch_bounds__(kThreads)
     v[k][0] = make_uint4(~0u, ~0u, ~0u, 0), v[k][1] = make_uint4(0, 0, 0, 0);
   __syncthreads();
   const std::uint32_t lane = threadIdx.x & 31;
-  for (std::uint64_t from = blockIdx.x * kThreads; from < count; from += kBlocks * kThreads) {
+  for (std::uint64_t from = blockIdx.x * kThreads; from < count; from += gridDim.x * kThreads) {
     const std::uint64_t k = from + threadIdx.x;
     int octave = -1;
     if (k < count) {
@@ -176,8 +178,8 @@ void Surveyor::begin(const Source& source, bool octaves, int top, bool along, cu
   if (octaves) {
     begin_kernel<<<3, 256, 0, stream>>>(v + kBounds, 3, kOctaves * kOctaveWords, kOctaveWords, 0);
     if (rides_along(source))
-      float_octave_kernel<<<kBlocks, kThreads, 0, stream>>>(static_cast<const float4*>(source.centers),
-                                                            source.count, top, v + kBounds);
+      float_octave_kernel<<<kProcessors * kManyBlocks, kThreads, 0, stream>>>(
+          static_cast<const float4*>(source.centers), source.count, top, v + kBounds);
     else
       octave_kernel<<<kBlocks, kThreads, 0, stream>>>(source, top, v + kBounds);
   }
@@ -200,6 +202,10 @@ bool Surveyor::finish(const Source& source, bool octaves, int top, bool along, S
   s.first_fault = host[kFault];
   for (int k = 0; k < 3; k++) s.low[k] = unordered(host[kLow + k]), s.high[k] = unordered(host[kHigh + k]);
   s.radius_min = unordered(host[kRadiusMin]), s.radius_max = unordered(host[kRadiusMax]);
+  // What is gathered quickly shows a fault, but not whose.
+  bool finite = s.radius_min >= 0 && std::isfinite(s.radius_max);
+  for (int k = 0; k < 3; k++) finite = finite && std::isfinite(s.low[k]) && std::isfinite(s.high[k]);
+  if (along && s.first_fault == ~std::uint64_t(0) && !finite) return false;
   if (along) {  // both are monotone, so that the largest comes of the largest
     for (int k = 0; k < 3; k++)
       s.extent = larger(s.extent, larger(magnitude(s.low[k]), magnitude(s.high[k])));

@@ -128,12 +128,11 @@ TEST_F(CudaCodes, TouchingSpheresPass) {
   });
 }
 
-// A tenth of a bin further apart than the largest spheres touch, up to where bytes come round again: two bins
-// less the largest diameter.
+// From a tenth of a bin further apart than the largest spheres touch to where bytes come round again.
 TEST_F(CudaCodes, OthersDoNot) {
   boxes([&](std::mt19937& random, const float(&low)[3], const float(&high)[3], float r, const Grid& grid,
             const FloatBins& bins) {
-    for (const double share : {1.12, 1.5, 1.85})
+    for (const double share : {1.12, 1.4, 1.7})
       each(grid, bins, true, r, pairs(random, low, high, r, r, share, 30),
            [&](bool, bool passed, const Pair3& p) {
              ASSERT_FALSE(passed) << share << ": " << p.a.x << ' ' << p.a.y << ' ' << p.a.z << ", " << p.b.x
