@@ -60,10 +60,11 @@ PADDER_HD int exponent_of(double need) {
   memcpy(&bits, &need, sizeof bits);
   return static_cast<int>(bits >> 52 & 0x7ff) - 1023;
 }
-PADDER_HD int octave_of(int top, double need) {
-  const int below = top - exponent_of(need);
+PADDER_HD int octave_of_exponent(int top, int exponent) {
+  const int below = top - exponent;
   return below < 0 ? 0 : below < kOctaves ? below : kOctaves - 1;
 }
+PADDER_HD int octave_of(int top, double need) { return octave_of_exponent(top, exponent_of(need)); }
 PADDER_HD int level_of(const Grid& g, const Sphere& s) {
   return g.levels == 1 ? 0 : g.level_of_octave[octave_of(g.top, need_of(s))];
 }

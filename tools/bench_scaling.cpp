@@ -102,7 +102,9 @@ void loose_rows(const Settings& s, Table& t) {
       sizes.push_back(20000000);
     cases.push_back({scene, true, sizes});
   }
-  if (s.spheres.empty() && s.backend == "cuda" && s.scene.empty())
+  if (s.scene == "coherent")
+    cases.push_back({"dense", false, s.spheres.empty() ? std::vector<std::uint64_t>{20000000} : s.spheres});
+  else if (s.spheres.empty() && s.backend == "cuda" && s.scene.empty())
     cases.push_back({"dense", false, {20000000}});
   for (const Case& c : cases)
     for (const std::uint64_t n : c.sizes) {
@@ -158,7 +160,8 @@ Json scaling(const Settings& s) {
   Table t(s);
   loose_rows(s, t);
   if (s.scene.empty() || s.scene == "cluster") body_rows(s, t);
-  if (t.rows.empty()) throw Error("scaling has the scenes dense, dilute, poly35, poly100 and cluster");
+  if (t.rows.empty())
+    throw Error("scaling has the scenes dense, coherent, dilute, poly35, poly100 and cluster");
   return result_of(s, "scaling", t);
 }
 

@@ -4,6 +4,7 @@
 #include <chrono>
 #include <optional>
 
+#include "detect/cuda/bins.h"
 #include "detect/cuda/bodies.h"
 #include "detect/cuda/graph.h"
 #include "detect/cuda/record.h"
@@ -164,6 +165,7 @@ class CudaBackend : public Backend {
     bool octaves = false, with_survey = false;
     int top = 0;
     std::uint64_t moves = 0;  // allocations so far: addresses are those of the plan
+    std::uint64_t kept = 0;   // Orderer::kept(), where the buckets of the call before are to be tried
     friend bool operator==(const Plan&, const Plan&) = default;
   };
   static SearchOptions search_options(const Options& options, const Summary& summary) {
@@ -211,7 +213,7 @@ class CudaBackend : public Backend {
                   reinterpret_cast<std::uint32_t*>(pairs_.data()), pairs_.capacity() * 2);
     const Ordered ordered =
         orderer_.order(source_, plan_.grid, plan_.kind, plan_.search.fixed_order, plan_.method,
-                       along() ? surveyor_.bounds() : nullptr, counters, stream_);
+                       along() ? surveyor_.bounds() : nullptr, counters, stream_, plan_.with_survey);
     mark(seconds_.stage[3]);
     search(source_, plan_.grid, ordered, plan_.search, plan_.output, counters, search_memory_, stream_);
     report_.send(stream_);
@@ -226,7 +228,7 @@ class CudaBackend : public Backend {
       const Summary before = summary_;
       make_plan(options, before);
       plan_.output = output(options), plan_.with_survey = true, plan_.method = method_,
-      plan_.moves = book_.moves;
+      plan_.moves = book_.moves, plan_.kept = orderer_.kept();
       expect_report();
       recording_.run(plan_, book_.moves, stream_, [&] { enqueue(); });
       report_.arrived(stream_, "search for contacts");
@@ -248,8 +250,12 @@ class CudaBackend : public Backend {
       mark(seconds_.stage[0]);
       make_plan(options, summary_);
       // The order's work space is lent by the list: the list is made long enough for that.
-      if (options.width != Width::pairs && source_.count >= Orderer::kFewSpheres && capacity(options) == 0)
-        reserve_records(options, source_.count);
+      if (options.width != Width::pairs && source_.count >= Orderer::kFewSpheres && capacity(options) == 0) {
+        if (float_bins(plan_.grid, plan_.kind, source_.count).on)  // lends no words
+          normals_.reserve(Orderer::room(source_.count) * sizeof(float4));
+        else
+          reserve_records(options, Orderer::room(source_.count));
+      }
       plan_.output = output(options), plan_.method = method_ = OrderMethod::automatic;
       expect_report();
       enqueue();
@@ -267,7 +273,7 @@ class CudaBackend : public Backend {
         plan_.method = method_ = OrderMethod::sort;
       } else if (c.count > capacity(options) || share != plan_.search.share ||
                  (fixed && found.spilled > search_memory_.spill.capacity())) {
-        if (c.count > capacity(options)) reserve_records(options, c.count + c.count / 8);
+        if (c.count > capacity(options)) reserve_records(options, c.count + c.count / 16);
         if (fixed) {
           const bool known = share == plan_.search.share;  // else: usually a twentieth of the list
           search_memory_.spill.reserve(known ? found.spilled + found.spilled / 8 : c.count / 16 + 4096);

@@ -2,6 +2,8 @@
 // the buckets, through shared memory so that what goes to one bucket is written together; then each bucket,
 // which fits shared memory, is put in order and its part of the table written. No sphere is gathered from a
 // random place. Where the buckets are too many to be divided among at once, groups of buckets come first.
+// Where buckets begin is counted; or, where the call before had the same buckets, each gets a little more
+// room than it needed then, and what was found is counted along.
 #include "detect/cuda/order.h"
 
 namespace padder::detect::cuda {
@@ -38,15 +40,31 @@ struct Buckets {
 };
 
 // Where each bucket begins, and where its next sphere goes; of the groups too, and their first tiles.
-// `bucket` holds the counts first; `finished` is the number of blocks that have counted.
+// `bucket` holds the counts first; `finished` is the number of blocks that have counted. `room`: where each
+// bucket may be put while spheres are divided, if not where it begins.
 struct Starts {
-  std::uint32_t *finished = nullptr, *bucket = nullptr, *cursor = nullptr, *group_cursor = nullptr,
-                *group_tile = nullptr;
+  std::uint32_t *finished = nullptr, *bucket = nullptr, *cursor = nullptr, *room = nullptr,
+                *group_cursor = nullptr, *group_tile = nullptr;
 };
+// A sixteenth more than the bucket before it ends at, and some for small ones.
+__host__ __device__ constexpr std::uint32_t roomy(std::uint32_t start, std::uint32_t bucket) {
+  return start + start / 16 + 64 * bucket;
+}
 __global__ void __launch_bounds__(kCount)
     bucket_begin_kernel(Starts starts, std::uint32_t count, unsigned long long* bounds, Counters* counters) {
   const std::uint32_t k = blockIdx.x * kCount + threadIdx.x;
   if (k < count) starts.bucket[k] = 0;
+  if (k == 0) *starts.finished = 0;
+  if (!bounds) return;
+  if (k < kBounds) bounds[k] = Bounds::nothing(k);
+  if (k == 0) *counters = {};
+}
+
+// The same where buckets have room by what the call before found.
+__global__ void __launch_bounds__(kCount)
+    bucket_room_kernel(Starts starts, std::uint32_t count, unsigned long long* bounds, Counters* counters) {
+  const std::uint32_t k = blockIdx.x * kCount + threadIdx.x;
+  if (k <= count) starts.room[k] = starts.cursor[k] = roomy(starts.bucket[k], k);
   if (k == 0) *starts.finished = 0;
   if (!bounds) return;
   if (k < kBounds) bounds[k] = Bounds::nothing(k);
@@ -118,13 +136,35 @@ __global__ void __launch_bounds__(Threads, Threads == kCount ? 4 : 1)
 
 enum class Pass { whole, among_groups, within_groups };
 
+// By the last block that has divided its spheres: what was found is where buckets begin.
+__device__ __noinline__ void begin_as_found(const Starts& starts, std::uint32_t count, std::uint32_t* shared,
+                                            std::uint32_t* sums, Counters* counters) {
+  __shared__ std::uint32_t number;
+  __threadfence();
+  __syncthreads();
+  if (threadIdx.x == 0) number = atomicAdd(starts.finished, 1);
+  __syncthreads();
+  if (number + 1 < gridDim.x) return;
+  __threadfence();
+  for (std::uint32_t b = threadIdx.x; b < count; b += blockDim.x) {
+    const std::uint32_t begin = starts.room[b], room = starts.room[b + 1] - begin,
+                        found = __ldcg(starts.cursor + b) - begin;
+    if (found > room) atomicOr(&counters->flags, kOutside);
+    shared[b] = min(found, room);
+  }
+  scan_shared(shared, count, sums);
+  for (std::uint32_t b = threadIdx.x; b <= count; b += blockDim.x) starts.bucket[b] = shared[b];
+}
+
 // Tiles of spheres, one after the other: ordered by bucket in shared memory, then written, each bucket's
-// share to one place. The next tile is read while this one is written.
-template <SlotKind Kind, class Bins, Pass P, bool Packed>
+// share to one place. The next tile is read while this one is written. Kept: buckets have room by the call
+// before; one that has outgrown it, or a sphere of another radius than all have, is reported.
+template <SlotKind Kind, class Bins, Pass P, bool Packed, bool Kept>
 __global__ void __launch_bounds__(kWide)
     bucket_split_kernel(const __grid_constant__ Source source, const __grid_constant__ Bins bins,
-                        const __grid_constant__ Buckets buckets, std::uint32_t count, Starts starts,
-                        Places in, Places out) {
+                        const __grid_constant__ Buckets buckets, std::uint32_t count,
+                        const __grid_constant__ Starts starts, Places in, Places out, float radius,
+                        Counters* counters) {
   constexpr int kShare = kMostAtOnce / kWide;
   constexpr bool kKeys = !kKeyless<Bins>, kIds = Kind != SlotKind::equal, kWithin = P == Pass::within_groups;
   extern __shared__ float4 slots[];
@@ -158,6 +198,8 @@ __global__ void __launch_bounds__(kWide)
     }
   };
   for (std::uint32_t b = threadIdx.x; b < count; b += kWide) counts[b] = 0;
+  // A bucket that has outgrown its room runs into the next one's, the last no further than one place.
+  const auto place_of = [&](std::uint32_t to) { return Kept ? min(to, roomy(source.count, count)) : to; };
   std::uint32_t tile = blockIdx.x;
   if (tile >= tiles) return;
   std::uint32_t group = 0;
@@ -179,6 +221,7 @@ __global__ void __launch_bounds__(kWide)
           key = in.keys[range.first + k];
         else
           key_of(bins, slot[u].x, slot[u].y, slot[u].z, key);
+        if (Kept && Kind == SlotKind::equal && slot[u].w != radius) atomicOr(&counters->flags, kOutside);
         bucket = buckets.of(key);
         if (P == Pass::among_groups) bucket >>= kGroupBits;
         if (P == Pass::within_groups) bucket &= (1u << kGroupBits) - 1;
@@ -212,7 +255,7 @@ __global__ void __launch_bounds__(kWide)
     __syncthreads();
     for (std::uint32_t b = threadIdx.x; b < count; b += kWide) counts[b] = 0;
     for (std::uint32_t s = threadIdx.x; s < range.count; s += kWide)
-      static_cast<float4*>(out.slots)[shift[bucket_at[s]] + s] = slots[s];
+      static_cast<float4*>(out.slots)[place_of(shift[bucket_at[s]] + s)] = slots[s];
     __syncthreads();
     // What does not fit the slot is staged in a second round, through the same memory.
     if (kIds || kKeys) {
@@ -226,31 +269,36 @@ __global__ void __launch_bounds__(kWide)
       }
       __syncthreads();
       for (std::uint32_t s = threadIdx.x; s < range.count; s += kWide) {
-        const std::uint32_t to = shift[bucket_at[s]] + s;
+        const std::uint32_t to = place_of(shift[bucket_at[s]] + s);
         if (kIds) out.ids[to] = numbers[s];
         if (kKeys) out.keys[to] = tile_keys[s];
       }
       __syncthreads();
     }
   }
+  if constexpr (Kept) begin_as_found(starts, count, counts, sums, counters);
 }
 
 // One bucket a block: its spheres by bin, within a bin by number if `tidy`, and its part of the table. Half
-// as wide blocks are two a processor, so that one reads while the other counts.
-template <SlotKind Kind, class Bins, int Threads>
+// as wide blocks are two a processor, so that one reads while the other counts. Kept: buckets lie in the
+// rooms they had, and bounds are gathered here.
+template <SlotKind Kind, class Bins, int Threads, bool Kept>
 __global__ void __launch_bounds__(Threads, kWide / Threads)
     bucket_order_kernel(const __grid_constant__ Bins grid_bins, const __grid_constant__ Buckets buckets,
-                        std::uint32_t capacity, const std::uint32_t* starts, Places in, Places out,
-                        std::uint32_t* table, bool tidy, Counters* counters) {
+                        std::uint32_t capacity, const __grid_constant__ Starts where, Places in, Places out,
+                        std::uint32_t* table, bool tidy, unsigned long long* found, float radius,
+                        Counters* counters) {
   constexpr bool kIds = Kind != SlotKind::equal, kKeys = !kKeyless<Bins>;
   extern __shared__ float4 slots[];
   auto* tile_keys = reinterpret_cast<std::uint32_t*>(slots + capacity);
   auto* numbers = kKeys ? tile_keys + capacity : tile_keys;
   auto* bins = kIds ? numbers + capacity : numbers;
   __shared__ std::uint32_t sums[32];
-  const std::uint32_t begin = starts[blockIdx.x], count = starts[blockIdx.x + 1] - begin;
+  const std::uint32_t begin = where.bucket[blockIdx.x], count = where.bucket[blockIdx.x + 1] - begin,
+                      from = Kept ? where.room[blockIdx.x] : begin;
   const std::uint32_t first = buckets.first_entry(blockIdx.x),
                       width = buckets.first_entry(blockIdx.x + 1) - first;
+  if (Kept && counters->flags) return;  // a bucket ran into another
   if (count > capacity) {
     if (threadIdx.x == 0) atomicOr(&counters->flags, kCrowded);
     return;
@@ -267,8 +315,8 @@ __global__ void __launch_bounds__(Threads, kWide / Threads)
   for (int u = 0; u < kMost; u++) {
     const std::uint32_t k = threadIdx.x + u * Threads;
     if (k < count) {
-      if (kKeys) place[u] = in.keys[begin + k];
-      slot[u] = static_cast<const float4*>(in.slots)[begin + k];
+      if (kKeys) place[u] = in.keys[from + k];
+      slot[u] = static_cast<const float4*>(in.slots)[from + k];
     }
   }
   for (std::uint32_t b = threadIdx.x; b < width; b += blockDim.x) bins[b] = 0;
@@ -289,31 +337,35 @@ __global__ void __launch_bounds__(Threads, kWide / Threads)
     if (k >= count) break;
     const std::uint32_t at = bins[place[u] >> 16] + (place[u] & 0xffff);
     slots[at] = slot[u];
-    if (kKeys) tile_keys[at] = in.keys[begin + k];
-    if (kIds) numbers[at] = in.ids[begin + k];
+    if (kKeys) tile_keys[at] = in.keys[from + k];
+    if (kIds) numbers[at] = in.ids[from + k];
   }
   __syncthreads();
   const auto number = [&](std::uint32_t s) { return kIds ? numbers[s] : __float_as_uint(slots[s].w); };
+  Bounds bounds;
   for (std::uint32_t s = threadIdx.x; s < count; s += blockDim.x) {
     std::uint32_t to = s;
     const float4 mine = slots[s];
     if (tidy) {
-      const std::uint32_t b = kKeys ? bin_of_key(tile_keys[s]) : bin_of_slot(mine), from = bins[b],
-                          end = bins[b + 1], own = kIds ? numbers[s] : __float_as_uint(mine.w);
-      to = from;
-      for (std::uint32_t q = from; q < end; q++) to += number(q) < own;
+      const std::uint32_t b = kKeys ? bin_of_key(tile_keys[s]) : bin_of_slot(mine), end = bins[b + 1],
+                          own = number(s);
+      to = bins[b];
+      for (std::uint32_t q = bins[b]; q < end; q++) to += number(q) < own;
     }
+    if (Kept && found)
+      bounds.take({mine.x, mine.y, mine.z, Kind == SlotKind::equal ? radius : mine.w}, number(s));
     static_cast<float4*>(out.slots)[begin + to] = mine;
     if (out.codes) out.codes[begin + to] = code_for<Kind>(grid_bins, kKeys ? tile_keys[s] : 0, mine);
     if (kKeys) out.keys[begin + to] = tile_keys[s];
     if (kIds) out.ids[begin + to] = numbers[s];
   }
+  if (Kept && found) bounds.give<false>(found);
 }
 
 }  // namespace
 
-bool Orderer::by_buckets(const Source& source, const Grid& grid, bool tidy, unsigned long long* bounds,
-                         Counters* counters, Ordered& o, cudaStream_t stream) {
+bool Orderer::by_buckets(const Source& source, const Grid& grid, bool tidy, bool keep,
+                         unsigned long long* bounds, Counters* counters, Ordered& o, cudaStream_t stream) {
   const bool ids = o.kind != SlotKind::equal, keyed = !o.bins.on;
   const std::uint32_t sphere_bytes = 16 + (ids ? 4 : 0) + (keyed ? 4 : 0);
   // As many buckets as give each about `bucket_spheres` on average, and no more entries than leave room, nor
@@ -345,21 +397,34 @@ bool Orderer::by_buckets(const Source& source, const Grid& grid, bool tidy, unsi
       std::min<std::uint32_t>((room - table_bytes) / sphere_bytes, kMost * width_of_block) & ~3u;
   // Work space in the list of contacts, which is written afterwards.
   const std::uint64_t n = o.count;
-  const bool lent = lent_slots_ >= n && lent_words_ >= (keyed ? 2 * n : 0);
+  // Two calls with the same buckets, whatever the spheres do: those of the first have room in the second.
+  const Layout layout{n, b.count, b.entries, b.part[0].magic};
+  const std::uint64_t roomy_count = roomy(o.count, b.count) + 1ull;
+  const bool fits = lent_slots_ >= roomy_count || lent_slots_ < n,  // no memory of its own for the sake of it
+      keepable = !keyed && !grouped && roomy_count > n && fits, kept = keep && keepable && layout == layout_;
+  const std::uint64_t split_room = keepable ? roomy_count : n;
+  keep_layout(keepable ? layout : Layout{});
+  const bool lent = lent_slots_ >= split_room && lent_words_ >= (keyed ? 2 * n : 0);
   if (keyed) o.keys = sorted_keys_.reserve(n);
   Places source_places, split, out{o.slots, nullptr, o.keys, o.codes};
-  split.slots = lent ? lent_slot_ : split_slots_.reserve(n);
+  split.slots = lent ? lent_slot_ : split_slots_.reserve(split_room);
   if (keyed) {
     source_places.keys = lent ? lent_word_ : keys_.reserve(n);
     split.keys = lent ? lent_word_ + n : ids_.reserve(n);
   }
-  if (ids) out.ids = o.ids = sorted_ids_.reserve(2 * n), split.ids = o.ids + n;
+  if (ids) out.ids = o.ids = sorted_ids_.reserve(n + split_room), split.ids = o.ids + n;
   Starts starts;
-  starts.finished = starts_.reserve(2 * std::uint64_t(b.count) + 2 * kMostGroups + 4);
+  starts.finished = starts_.reserve(3 * std::uint64_t(b.count) + 2 * kMostGroups + 6);
   starts.bucket = starts.finished + 1, starts.cursor = starts.bucket + b.count + 1,
-  starts.group_cursor = starts.cursor + b.count + 1;
+  starts.room = starts.cursor + b.count + 1, starts.group_cursor = starts.room + b.count + 1;
   starts.group_tile = starts.group_cursor + kMostGroups;
-  bucket_begin_kernel<<<blocks_for(b.count, kCount), kCount, 0, stream>>>(starts, b.count, bounds, counters);
+  if (kept)
+    bucket_room_kernel<<<blocks_for(b.count + 1, kCount), kCount, 0, stream>>>(starts, b.count, bounds,
+                                                                               counters);
+  else
+    bucket_begin_kernel<<<blocks_for(b.count, kCount), kCount, 0, stream>>>(starts, b.count, bounds,
+                                                                            counters);
+  const auto radius = static_cast<float>(grid.level[0].radius_max);
   with_bins(o, grid, [&]<class Kind, class Bins>(Kind kind, const Bins& bins) {
     const auto with_shared = [&](auto* kernel, unsigned blocks, int threads, std::uint32_t bytes,
                                  auto&&... arguments) {
@@ -368,7 +433,8 @@ bool Orderer::by_buckets(const Source& source, const Grid& grid, bool tidy, unsi
       kernel<<<blocks, threads, bytes, stream>>>(arguments...);
     };
     const unsigned tiles = std::min<unsigned>(blocks_for(n, kTile), kProcessors);
-    if (grouped)
+    if (kept) {
+    } else if (grouped)
       with_shared(bounds ? bucket_count_kernel<Bins, true, kWide> : bucket_count_kernel<Bins, false, kWide>,
                   kProcessors, kWide, (b.count + 1) * 4, source, bins, b, source_places.keys, starts, groups,
                   bounds, counters);
@@ -376,23 +442,33 @@ bool Orderer::by_buckets(const Source& source, const Grid& grid, bool tidy, unsi
       with_shared(bounds ? bucket_count_kernel<Bins, true, kCount> : bucket_count_kernel<Bins, false, kCount>,
                   kProcessors * 4, kCount, (b.count + 1) * 4, source, bins, b, source_places.keys, starts,
                   groups, bounds, counters);
-    constexpr bool kMayPack = kind() != SlotKind::fixed;
+    constexpr bool kMayPack = kind() != SlotKind::fixed, kMayKeep = kKeyless<Bins>;
     const bool packed = kMayPack && source.packed;
+    const auto split_by = [&](auto* kernel, std::uint32_t of, const Places& from, const Places& to) {
+      with_shared(kernel, tiles, kWide, tile_bytes(of), source, bins, b, of, starts, from, to, radius,
+                  counters);
+    };
+    constexpr auto kWhole = Pass::whole, kAmong = Pass::among_groups, kWithin = Pass::within_groups;
     if (grouped) {
-      with_shared(packed ? bucket_split_kernel<kind(), Bins, Pass::among_groups, kMayPack>
-                         : bucket_split_kernel<kind(), Bins, Pass::among_groups, false>,
-                  tiles, kWide, tile_bytes(groups), source, bins, b, groups, starts, source_places, out);
-      with_shared(bucket_split_kernel<kind(), Bins, Pass::within_groups, false>, tiles, kWide,
-                  tile_bytes(1u << kGroupBits), source, bins, b, 1u << kGroupBits, starts, out, split);
+      split_by(packed ? bucket_split_kernel<kind(), Bins, kAmong, kMayPack, false>
+                      : bucket_split_kernel<kind(), Bins, kAmong, false, false>,
+               groups, source_places, out);
+      split_by(bucket_split_kernel<kind(), Bins, kWithin, false, false>, 1u << kGroupBits, out, split);
+    } else if (kept) {
+      split_by(packed ? bucket_split_kernel<kind(), Bins, kWhole, kMayPack, kMayKeep>
+                      : bucket_split_kernel<kind(), Bins, kWhole, false, kMayKeep>,
+               b.count, source_places, split);
     } else {
-      with_shared(packed ? bucket_split_kernel<kind(), Bins, Pass::whole, kMayPack>
-                         : bucket_split_kernel<kind(), Bins, Pass::whole, false>,
-                  tiles, kWide, tile_bytes(b.count), source, bins, b, b.count, starts, source_places, split);
+      split_by(packed ? bucket_split_kernel<kind(), Bins, kWhole, kMayPack, false>
+                      : bucket_split_kernel<kind(), Bins, kWhole, false, false>,
+               b.count, source_places, split);
     }
-    with_shared(
-        halved ? bucket_order_kernel<kind(), Bins, kWide / 2> : bucket_order_kernel<kind(), Bins, kWide>,
-        b.count, width_of_block, capacity * sphere_bytes + table_bytes, bins, b, capacity, starts.bucket,
-        split, out, o.table, tidy, counters);
+    with_shared(kept     ? halved ? bucket_order_kernel<kind(), Bins, kWide / 2, kMayKeep>
+                                  : bucket_order_kernel<kind(), Bins, kWide, kMayKeep>
+                    : halved ? bucket_order_kernel<kind(), Bins, kWide / 2, false>
+                         : bucket_order_kernel<kind(), Bins, kWide, false>,
+                b.count, width_of_block, capacity * sphere_bytes + table_bytes, bins, b, capacity, starts,
+                split, out, o.table, tidy, bounds, radius, counters);
   });
   return true;
 }

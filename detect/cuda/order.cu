@@ -60,7 +60,7 @@ Orderer::Orderer(MemoryBook& book)
       scratch_(book, "sorting") {}
 
 Ordered Orderer::order(const Source& source, const Grid& grid, SlotKind kind, bool tidy, OrderMethod method,
-                       unsigned long long* bounds, Counters* counters, cudaStream_t stream) {
+                       unsigned long long* bounds, Counters* counters, cudaStream_t stream, bool keep) {
   const bool single = grid.levels == 1 && !grid.level[0].hashed;
   bool dense = true;
   for (int k = 0; k < grid.levels; k++) dense = dense && !grid.level[k].hashed;
@@ -81,7 +81,7 @@ Ordered Orderer::order(const Source& source, const Grid& grid, SlotKind kind, bo
   if (dense) o.codes = codes_.reserve(std::uint64_t(o.count) + kSlack);
   if (method == OrderMethod::cells && !by_cells(source, grid, tidy, bounds, counters, o, stream))
     method = OrderMethod::buckets;
-  if (method == OrderMethod::buckets && !by_buckets(source, grid, tidy, bounds, counters, o, stream))
+  if (method == OrderMethod::buckets && !by_buckets(source, grid, tidy, keep, bounds, counters, o, stream))
     method = OrderMethod::sort;
   if (method == OrderMethod::sort && bounds) Surveyor::begin_bounds(bounds, stream);
   if (method == OrderMethod::sort) by_sort(source, grid, bounds, counters, o, stream);

@@ -83,23 +83,43 @@ class Orderer {
   // counters where a bin or bucket is too full for the method; then only OrderMethod::sort gives an order.
   // `bounds`, unless null, is Surveyor::bounds(): they are gathered along, and they and the counters need not
   // have been set to zero.
+  // `keep`: if the call before had the same buckets, nothing is counted: each has a little more room than it
+  // needed then. Sets kOutside where that is not enough, or a sphere is not what the grid was made for; the
+  // caller then calls again without.
   Ordered order(const Source& source, const Grid& grid, SlotKind kind, bool tidy, OrderMethod method,
-                unsigned long long* bounds, Counters* counters, cudaStream_t stream);
+                unsigned long long* bounds, Counters* counters, cudaStream_t stream, bool keep = false);
+  // Another number whenever `keep` would stand for something else.
+  std::uint64_t kept() const { return kept_; }
   // Memory that order() may use and leave behind changed.
   void lend(float4* slots, std::uint64_t slot_count, std::uint32_t* words, std::uint64_t word_count) {
     lent_slot_ = slots, lent_slots_ = slot_count, lent_word_ = words, lent_words_ = word_count;
   }
   double bucket_spheres = 6500;  // average aimed at
   static constexpr std::uint32_t kFewSpheres = 1u << 18;
+  // Slots lent that are enough for any order.
+  static std::uint64_t room(std::uint64_t spheres) { return spheres + spheres / 8; }
 
  private:
   bool by_cells(const Source& source, const Grid& grid, bool tidy, unsigned long long* bounds,
                 Counters* counters, Ordered& o, cudaStream_t stream);
-  bool by_buckets(const Source& source, const Grid& grid, bool tidy, unsigned long long* bounds,
+  bool by_buckets(const Source& source, const Grid& grid, bool tidy, bool keep, unsigned long long* bounds,
                   Counters* counters, Ordered& o, cudaStream_t stream);
   void by_sort(const Source& source, const Grid& grid, unsigned long long* bounds, Counters* counters,
                Ordered& o, cudaStream_t stream);
 
+  // Of the buckets whose starts the last call left behind; none where spheres is 0.
+  struct Layout {
+    std::uint64_t spheres = 0;
+    std::uint32_t buckets = 0, entries = 0, magic = 0;
+    friend bool operator==(const Layout&, const Layout&) = default;
+  };
+  void keep_layout(const Layout& layout) {
+    if (layout != layout_) kept_++;
+    layout_ = layout;
+  }
+
+  Layout layout_;
+  std::uint64_t kept_ = 0;
   Buffer<std::uint32_t> keys_, sorted_keys_, ids_, sorted_ids_, codes_, table_, starts_;
   Buffer<float4> slots_, split_slots_;
   Buffer<unsigned char> scratch_;

@@ -3,6 +3,7 @@
 #pragma once
 #include "detect/cuda/memory.h"
 #include "detect/cuda/report.h"
+#include "detect/grid.h"
 #include "detect/place.h"
 
 namespace padder::detect::cuda {
@@ -71,6 +72,31 @@ __host__ __device__ inline double unordered(unsigned long long b) {
   return v;
 }
 
+// Floats as unsigned integers of the same order, and back.
+__host__ __device__ inline std::uint32_t rank_of(float f) {
+  std::uint32_t b;
+  memcpy(&b, &f, 4);
+  return b >> 31 ? ~b : b | 0x80000000u;
+}
+__host__ __device__ inline float of_rank(std::uint32_t b) {
+  b = b >> 31 ? b & 0x7fffffffu : ~b;
+  float f;
+  memcpy(&f, &b, 4);
+  return f;
+}
+
+// exponent_of(need_of()) of a float sphere, by its bits. 2 r (1 + 2^-20) has the exponent of 2 r, or one more
+// where r has a mantissa of more than 2 - 2^-19.
+__host__ __device__ inline int need_exponent(float x, float y, float z, float r) {
+  const float m = fmaxf(fmaxf(fabsf(x), fabsf(y)), fabsf(z));
+  std::uint32_t of_m, of_r;
+  memcpy(&of_m, &m, 4), memcpy(&of_r, &r, 4);
+  if (of_m < 0x00800000u || of_r < 0x00800000u) return exponent_of(need_of({x, y, z, r}));
+  const int far = static_cast<int>(of_m >> 23) - 127 - 42,
+            near = static_cast<int>(of_r >> 23) - 126 + ((of_r & 0x7fffffu) > 0x7ffff0u);
+  return near > far ? near : far;
+}
+
 // Bounds of float spheres, gathered along by a kernel that reads them anyway. Each thread takes spheres, then
 // all threads of the block give what they have.
 enum {
@@ -99,36 +125,33 @@ struct Bounds {
     high[0] = fmaxf(high[0], x), high[1] = fmaxf(high[1], y), high[2] = fmaxf(high[2], z);
     r_min = fminf(r_min, r), r_max = fmaxf(r_max, r);
   }
+  template <bool AskFirst = true>
   __device__ __forceinline__ void give(unsigned long long* out) const {
     const float minima[4] = {low[0], low[1], low[2], r_min}, maxima[4] = {high[0], high[1], high[2], r_max};
-    const auto rank = [](float f) {
-      const std::uint32_t b = __float_as_uint(f);
-      return b >> 31 ? ~b : b | 0x80000000u;
-    };
-    const auto value = [](std::uint32_t b) {
-      return ordered(static_cast<double>(__uint_as_float(b >> 31 ? b & 0x7fffffffu : ~b)));
-    };
+    const auto value = [](std::uint32_t b) { return ordered(static_cast<double>(of_rank(b))); };
     __shared__ std::uint32_t all[9];
     if (threadIdx.x < 9) all[threadIdx.x] = threadIdx.x < 4 || threadIdx.x == 8 ? ~0u : 0;
     __syncthreads();
     const bool first = (threadIdx.x & 31) == 0;
 #pragma unroll
     for (int k = 0; k < 4; k++) {
-      const std::uint32_t l = __reduce_min_sync(~0u, rank(minima[k])),
-                          h = __reduce_max_sync(~0u, rank(maxima[k]));
+      const std::uint32_t l = __reduce_min_sync(~0u, rank_of(minima[k])),
+                          h = __reduce_max_sync(~0u, rank_of(maxima[k]));
       if (first) atomicMin(all + k, l), atomicMax(all + 4 + k, h);
     }
     const std::uint32_t f = __reduce_min_sync(~0u, fault);
     if (first && f != ~0u) atomicMin(all + 8, f);
     __syncthreads();
-    // Reading first spares nearly every atomic operation on the few words that all blocks share.
+    // Reading first spares nearly every atomic operation on the few words that all blocks share, but must be
+    // waited for.
     const std::uint32_t k = threadIdx.x;
     if (k < 4) {
       const unsigned long long l = value(all[k]);
-      if (l < *static_cast<volatile unsigned long long*>(out + kLow + k)) atomicMin(out + kLow + k, l);
+      if (!AskFirst || l < *static_cast<volatile unsigned long long*>(out + kLow + k))
+        atomicMin(out + kLow + k, l);
     } else if (k < 8) {
       const unsigned long long h = value(all[k]);
-      if (h > *static_cast<volatile unsigned long long*>(out + kHigh + k - 4))
+      if (!AskFirst || h > *static_cast<volatile unsigned long long*>(out + kHigh + k - 4))
         atomicMax(out + kHigh + k - 4, h);
     } else if (k == 8 && all[8] != ~0u) {
       atomicMin(out + kFault, static_cast<unsigned long long>(all[8]));

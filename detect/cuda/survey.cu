@@ -102,6 +102,59 @@ __global__ void __launch_bounds__(kThreads) octave_kernel(Source source, int top
   }
 }
 
+// The same of packed float spheres, in float: bounds and radii keep their order as integers, and the largest
+// need follows from the largest radius and coordinate.
+__global__ void __launch_bounds__(kThreads)
+    float_octave_kernel(const float4* spheres, std::uint32_t count, int top, Word* out) {
+  // low x, y, z, count; high x, y, z, radius
+  __shared__ uint4 v[kOctaves][2];
+  for (int k = threadIdx.x; k < kOctaves; k += kThreads)
+    v[k][0] = make_uint4(~0u, ~0u, ~0u, 0), v[k][1] = make_uint4(0, 0, 0, 0);
+  __syncthreads();
+  const std::uint32_t lane = threadIdx.x & 31;
+  for (std::uint64_t from = blockIdx.x * kThreads; from < count; from += kBlocks * kThreads) {
+    const std::uint64_t k = from + threadIdx.x;
+    int octave = -1;
+    if (k < count) {
+      const float4 s = __ldg(spheres + k);
+      octave = octave_of_exponent(top, need_exponent(s.x, s.y, s.z, s.w));
+      const std::uint32_t x = rank_of(s.x), y = rank_of(s.y), z = rank_of(s.z), r = rank_of(s.w);
+      // Reading first spares nearly every atomic operation.
+      const uint4 low = v[octave][0], high = v[octave][1];
+      auto *const minima = reinterpret_cast<std::uint32_t*>(&v[octave][0]), *const maxima = minima + 4;
+      if (x < low.x) atomicMin(minima, x);
+      if (y < low.y) atomicMin(minima + 1, y);
+      if (z < low.z) atomicMin(minima + 2, z);
+      if (x > high.x) atomicMax(maxima, x);
+      if (y > high.y) atomicMax(maxima + 1, y);
+      if (z > high.z) atomicMax(maxima + 2, z);
+      if (r > high.w) atomicMax(maxima + 3, r);
+    }
+    // Few octaves meet in a warp.
+    for (std::uint32_t rest = __ballot_sync(~0u, octave >= 0); rest;) {
+      const int first = __ffs(rest) - 1;
+      const std::uint32_t peers = __ballot_sync(~0u, octave == __shfl_sync(~0u, octave, first));
+      if (static_cast<int>(lane) == first) atomicAdd(&v[octave][0].w, __popc(peers));
+      rest &= ~peers;
+    }
+  }
+  __syncthreads();
+  for (int k = threadIdx.x; k < kOctaves; k += kThreads) {
+    const uint4 low = v[k][0], high = v[k][1];
+    if (low.w == 0) continue;
+    Word* const o = out + k * kOctaveWords;
+    const double lows[3] = {of_rank(low.x), of_rank(low.y), of_rank(low.z)},
+                 highs[3] = {of_rank(high.x), of_rank(high.y), of_rank(high.z)}, r = of_rank(high.w);
+    double most = 0;
+    for (int c = 0; c < 3; c++) {
+      atomicMin(o + c, ordered(lows[c])), atomicMax(o + 3 + c, ordered(highs[c]));
+      most = larger(most, larger(magnitude(lows[c]), magnitude(highs[c])));
+    }
+    atomicMax(o + 6, ordered(r)), atomicMax(o + 7, ordered(need_of({most, 0, 0, r})));
+    atomicAdd(o + 8, static_cast<Word>(low.w));
+  }
+}
+
 }  // namespace
 
 Surveyor::Surveyor(MemoryBook& book)
@@ -122,7 +175,11 @@ void Surveyor::begin(const Source& source, bool octaves, int top, bool along, cu
   if (!along) survey_kernel<<<kBlocks, kThreads, 0, stream>>>(source, v, sums_.reserve(kBlocks));
   if (octaves) {
     begin_kernel<<<3, 256, 0, stream>>>(v + kBounds, 3, kOctaves * kOctaveWords, kOctaveWords, 0);
-    octave_kernel<<<kBlocks, kThreads, 0, stream>>>(source, top, v + kBounds);
+    if (rides_along(source))
+      float_octave_kernel<<<kBlocks, kThreads, 0, stream>>>(static_cast<const float4*>(source.centers),
+                                                            source.count, top, v + kBounds);
+    else
+      octave_kernel<<<kBlocks, kThreads, 0, stream>>>(source, top, v + kBounds);
   }
   cuda_launched("survey the spheres");
 }

@@ -131,38 +131,52 @@ class CudaOrderTest : public testing::TestWithParam<Way> {
   // Spheres of each table entry are those whose key says so, by number where tidy, and none is missing; each
   // has its code.
   void expect_order(const std::vector<float4>& spheres, SlotKind kind, bool packed, bool tidy, bool along) {
+    Orderer orderer(book_);
+    expect_order(orderer, summary_of(spheres), spheres, kind, packed, tidy, along, false, false);
+  }
+  // By an orderer that may keep the buckets of its last call, with the grid of this summary; `refused`: it
+  // says that they will not do.
+  void expect_order(Orderer& orderer, const Summary& summary, const std::vector<float4>& spheres,
+                    SlotKind kind, bool packed, bool tidy, bool along, bool keep, bool refused) {
     SCOPED_TRACE(testing::Message() << spheres.size() << " spheres, kind " << int(kind) << ", packed "
-                                    << packed << ", tidy " << tidy << ", bounds " << along);
+                                    << packed << ", tidy " << tidy << ", bounds " << along << ", kept "
+                                    << keep);
     const auto count = static_cast<std::uint32_t>(spheres.size());
-    MemoryBook book;
-    Buffer<float> given(book, "the test");
+    Buffer<float> given(book_, "the test");
     cuda_check(cudaMemcpy(given.reserve(4ull * count), spheres.data(), 16ull * count, cudaMemcpyHostToDevice),
                "copy");
     Source source;
     source.centers = given.data(), source.radii = given.data() + 3;
     source.center_stride = source.radius_stride = 4, source.count = count, source.packed = packed;
-    const Summary summary = summary_of(spheres);
     const Grid grid = choose_grid(summary, 0, 8, Look::down);
-    Orderer orderer(book);
     orderer.bucket_spheres = GetParam().bucket_spheres;
     // Mostly there is a list whose memory serves as work space.
-    Buffer<float4> list(book, "the test");
+    Buffer<float4> list(book_, "the test");
     const std::uint64_t lent = kind == SlotKind::equal && !packed ? 0 : 64ull * count + 4096;
     orderer.lend(list.reserve(lent + 1), lent, nullptr, 0);
-    Buffer<unsigned long long> words(book, "the test");
+    Buffer<unsigned long long> words(book_, "the test");
     auto* const head = words.reserve(Surveyor::kHead + kBounds);
     auto* const counters = reinterpret_cast<Counters*>(head);
     cuda_check(cudaMemset(head, along ? 0xff : 0, (Surveyor::kHead + kBounds) * 8), "set");
     const Ordered o = orderer.order(source, grid, kind, tidy, GetParam().method,
-                                    along ? head + Surveyor::kHead : nullptr, counters, nullptr);
+                                    along ? head + Surveyor::kHead : nullptr, counters, nullptr, keep);
     cuda_check(cudaDeviceSynchronize(), "put in order");
     const auto found = host(reinterpret_cast<const unsigned long long*>(head), Surveyor::kHead + kBounds);
+    if (refused) {
+      ASSERT_NE(host(&counters->flags, 1)[0], 0u);
+      return;
+    }
     ASSERT_EQ(host(&counters->flags, 1)[0], 0u);
-    if (along)
+    if (along) {
+      const Summary is = summary_of(spheres);
       for (int k = 0; k < 3; k++) {
-        ASSERT_EQ(unordered(found[Surveyor::kHead + kLow + k]), summary.low[k]);
-        ASSERT_EQ(unordered(found[Surveyor::kHead + kHigh + k]), summary.high[k]);
+        ASSERT_EQ(unordered(found[Surveyor::kHead + kLow + k]), is.low[k]);
+        ASSERT_EQ(unordered(found[Surveyor::kHead + kHigh + k]), is.high[k]);
       }
+      ASSERT_EQ(unordered(found[Surveyor::kHead + kRadiusMin]), is.radius_min);
+      ASSERT_EQ(unordered(found[Surveyor::kHead + kRadiusMax]), is.radius_max);
+      ASSERT_EQ(found[Surveyor::kHead + kFault], ~0ull);
+    }
     const auto slots = host(static_cast<const float4*>(o.slots), count);
     const auto table = host(o.table, o.entries + 1);
     std::vector<std::uint32_t> ids(count), keys, codes;
@@ -198,6 +212,8 @@ class CudaOrderTest : public testing::TestWithParam<Way> {
     ASSERT_EQ(table[0], 0u);
     ASSERT_EQ(table.back(), count);
   }
+
+  MemoryBook book_;
 };
 
 TEST_P(CudaOrderTest, EverySphereIsWhereItsKeySays) {
@@ -239,11 +255,50 @@ TEST_P(CudaOrderTest, FullBinsAreTidyToo) {
     }
 }
 
-// 8 spheres a bucket: 20,000 spheres make 2,500 buckets; 2: 10,000, which are divided among in two passes.
+// Buckets that keep the room of the call before hold spheres that moved a little; those that all went to one
+// corner, or one of another radius, are refused; then the next call counts again.
+TEST_P(CudaOrderTest, BucketsAreKept) {
+  if (GetParam().method != OrderMethod::buckets) GTEST_SKIP() << "nothing to keep";
+  std::mt19937 random(11);
+  for (const bool same : {true, false}) {
+    const SlotKind kind = same ? SlotKind::equal : SlotKind::unequal;
+    auto spheres = cloud(random, 20'000, 27, -3, same ? 0.6f : 0.4f, 0.6f);
+    spheres[0] = {-4, -4, -4, 0.6f}, spheres[1] = {25, 25, 25, 0.6f};  // the box stays
+    const Summary summary = summary_of(spheres);
+    std::uniform_real_distribution<float> step(-0.05f, 0.05f);
+    for (const bool along : {true, false}) {
+      Orderer orderer(book_);
+      for (int call = 0; call < 5; call++) {
+        expect_order(orderer, summary, spheres, kind, call % 2 == 0, call<3, along, call> 0, false);
+        if (HasFatalFailure()) return;
+        for (std::size_t k = 2; k < spheres.size(); k++)
+          spheres[k].x += step(random), spheres[k].y += step(random), spheres[k].z += step(random);
+      }
+      const std::uint64_t kept = orderer.kept();
+      auto crowd = spheres;
+      for (std::size_t k = 2; k < crowd.size(); k++)
+        crowd[k].x = 0.25f * crowd[k].x + 15, crowd[k].y = 0.25f * crowd[k].y + 15,
+        crowd[k].z = 0.25f * crowd[k].z + 15;
+      const bool groups = GetParam().bucket_spheres < 10;  // of so many buckets nothing is kept
+      expect_order(orderer, summary, crowd, kind, true, true, along, true, !groups);
+      EXPECT_EQ(orderer.kept(), kept);
+      expect_order(orderer, summary, spheres, kind, true, true, along, false, false);
+      if (same && !groups) {
+        auto other = spheres;
+        other[12'345].w = 0.59f;
+        expect_order(orderer, summary, other, kind, true, true, along, true, true);
+      }
+      if (HasFatalFailure()) return;
+    }
+  }
+}
+
+// 20,000 spheres with 8 or 2 a bucket make more than are divided among in one pass.
 INSTANTIATE_TEST_SUITE_P(Ways, CudaOrderTest,
                          testing::Values(Way{OrderMethod::cells, 6500, "cells"},
                                          Way{OrderMethod::buckets, 6500, "buckets"},
-                                         Way{OrderMethod::buckets, 8, "small_buckets"},
+                                         Way{OrderMethod::buckets, 100, "small_buckets"},
+                                         Way{OrderMethod::buckets, 8, "many_buckets"},
                                          Way{OrderMethod::buckets, 2, "groups_of_buckets"},
                                          Way{OrderMethod::sort, 6500, "sort"}),
                          [](const auto& info) { return std::string(info.param.name); });
