@@ -12,17 +12,51 @@ constexpr int kThreads = 512, kItems = 2, kBlocksAProcessor = 2;
 constexpr std::uint32_t kMostOfABin = 64;
 using Word = unsigned long long;
 
+// For a tidy order: the numbers of the spheres of each table entry. The first kOfEntry of an entry to come
+// leave theirs in the entry's own places, before it is known where the entry begins. The others go to a list;
+// if that is full, all numbers are written once more, by place, which takes another wait of all blocks.
+constexpr std::uint32_t kOfEntry = 8, kMostBeyond = 128;
+struct Numbers {
+  std::uint32_t* of_entry = nullptr;  // null: no memory for them
+  Word* beyond = nullptr;             // entry << 32 | number
+  std::uint32_t* beyond_count = nullptr;
+  std::uint32_t* by_place = nullptr;  // in any order within an entry
+
+  __device__ __forceinline__ void leave(std::uint32_t entry, std::uint32_t rank, std::uint32_t k) const {
+    if (rank < kOfEntry) {
+      of_entry[entry * kOfEntry + rank] = k;
+    } else {
+      const std::uint32_t at = atomicAdd(beyond_count, 1u);
+      if (at < kMostBeyond) beyond[at] = static_cast<Word>(entry) << 32 | k;
+    }
+  }
+  // How many of the entry's `n` are smaller than k.
+  __device__ __forceinline__ std::uint32_t smaller(std::uint32_t entry, std::uint32_t n, std::uint32_t k,
+                                                   std::uint32_t all_beyond) const {
+    const auto* const four = reinterpret_cast<const uint4*>(of_entry + entry * kOfEntry);
+    const uint4 a = four[0], b = four[1];
+    std::uint32_t s = (n > 0 && a.x < k) + (n > 1 && a.y < k) + (n > 2 && a.z < k) + (n > 3 && a.w < k) +
+                      (n > 4 && b.x < k) + (n > 5 && b.y < k) + (n > 6 && b.z < k) + (n > 7 && b.w < k);
+    for (std::uint32_t q = 0; n > kOfEntry && q < all_beyond; q++)
+      s += beyond[q] >> 32 == entry && static_cast<std::uint32_t>(beyond[q]) < k;
+    return s;
+  }
+};
+
 struct CellTask {
   Source source;
   Ordered to;
-  std::uint32_t* numbers = nullptr;  // by place, in any order within a bin: for a tidy order
-  Word* sums = nullptr;              // of each block's part of the table
+  Numbers numbers;
+  Word* sums = nullptr;  // of each block's part of the table
   Word* bounds = nullptr;
   Counters* counters = nullptr;
 };
 
-// Exclusive sums of v[0 .. n) by all blocks: each publishes the sum of its part and adds up those before it.
-__device__ void scan_table(std::uint32_t* v, std::uint32_t n, Word* sums) {
+// Exclusive sums of v[0 .. n) by all blocks: each publishes the sum of its part and adds up those before it,
+// and in between calls meanwhile().
+template <class Meanwhile>
+__device__ __forceinline__ void scan_table(std::uint32_t* v, std::uint32_t n, Word* sums,
+                                           Meanwhile meanwhile) {
   constexpr Word kKnown = Word(1) << 32;
   constexpr int kWarps = kThreads / 32;
   __shared__ std::uint32_t warp_sums[2][kWarps], shared_before;
@@ -44,6 +78,7 @@ __device__ void scan_table(std::uint32_t* v, std::uint32_t n, Word* sums) {
     const std::uint32_t all = __reduce_add_sync(~0u, lane < kWarps ? warp_sums[0][lane] : 0);
     if (lane == 0) atomicExch(sums + blockIdx.x, kKnown | all);
   }
+  meanwhile();
   std::uint32_t earlier = 0;
   for (std::uint32_t b = threadIdx.x; b < blockIdx.x; b += kThreads) {
     Word s;
@@ -81,6 +116,7 @@ __global__ void __launch_bounds__(kThreads, kBlocksAProcessor)
   if (threadIdx.x == 0) task.sums[blockIdx.x] = 0;
   if (Along && thread < kBounds) task.bounds[thread] = Bounds::nothing(thread);
   if (Along && thread == 0) *task.counters = {};
+  if (Tidy && thread == 0) *task.numbers.beyond_count = 0;
   float4 slot[kItems];
 #pragma unroll
   for (int u = 0; u < kItems; u++) {
@@ -102,19 +138,29 @@ __global__ void __launch_bounds__(kThreads, kBlocksAProcessor)
     }
     rank[u] = ticket(table, k < count ? key[u] >> task.to.merge : ~0u);
   }
-  if (Along) bounds.give(task.bounds);
-  grid.sync();
-
-  scan_table(table, entries, task.sums);
-  grid.sync();
-
-  if (Tidy) {
-    // Within a bin by number: a sphere's rank is how many of its bin have a smaller one. Bins are small; a
-    // crowded one is reported, and the caller sorts instead.
+  if (Tidy && task.numbers.of_entry) {
 #pragma unroll
     for (int u = 0; u < kItems; u++) {
       const std::uint32_t k = thread + u * threads;
-      if (k < count) task.numbers[table[key[u] >> task.to.merge] + rank[u]] = k;
+      if (k < count) task.numbers.leave(key[u] >> task.to.merge, rank[u], k);
+    }
+  }
+  if (Along) bounds.give(task.bounds);
+  grid.sync();
+
+  std::uint32_t beyond = ~0u;
+  scan_table(table, entries, task.sums, [&] {
+    if (Tidy && task.numbers.of_entry)
+      beyond = *static_cast<volatile std::uint32_t*>(task.numbers.beyond_count);
+  });
+  grid.sync();
+
+  const bool once_more = Tidy && beyond > kMostBeyond;
+  if (once_more) {
+#pragma unroll
+    for (int u = 0; u < kItems; u++) {
+      const std::uint32_t k = thread + u * threads;
+      if (k < count) task.numbers.by_place[table[key[u] >> task.to.merge] + rank[u]] = k;
     }
     grid.sync();
   }
@@ -125,13 +171,18 @@ __global__ void __launch_bounds__(kThreads, kBlocksAProcessor)
     const std::uint32_t entry = key[u] >> task.to.merge, from = table[entry];
     std::uint32_t at = from + rank[u];
     if (Tidy) {
+      // Within a bin by number: a sphere's rank is how many of its bin have a smaller one. Bins are small; a
+      // crowded one is reported, and the caller sorts instead.
       const std::uint32_t end = table[entry + 1];
       at = from;
       if (end - from > kMostOfABin) {
         atomicOr(&task.counters->flags, kCrowded);
         continue;
       }
-      for (std::uint32_t p = from; p < end; p++) at += task.numbers[p] < k;
+      if (once_more)
+        for (std::uint32_t p = from; p < end; p++) at += task.numbers.by_place[p] < k;
+      else
+        at += task.numbers.smaller(entry, end - from, k, beyond);
     }
     static_cast<float4*>(task.to.slots)[at] = slot[u];
     if (task.to.codes) task.to.codes[at] = code_for<Kind>(bins, key[u], slot[u]);
@@ -152,8 +203,18 @@ bool Orderer::by_cells(const Source& source, const Grid& grid, bool tidy, unsign
   if (!o.bins.on) o.keys = sorted_keys_.reserve(o.count);
   if (o.kind != SlotKind::equal) o.ids = sorted_ids_.reserve(o.count);
   CellTask task{source, o};
-  if (tidy) task.numbers = keys_.reserve(o.count);
-  task.sums = reinterpret_cast<Word*>(scratch_.reserve(most * sizeof(Word)));
+  task.sums = reinterpret_cast<Word*>(scratch_.reserve((most + kMostBeyond + 1) * sizeof(Word)));
+  Numbers& numbers = task.numbers;
+  numbers.beyond = task.sums + most;
+  numbers.beyond_count = reinterpret_cast<std::uint32_t*>(numbers.beyond + kMostBeyond);
+  if (tidy) numbers.by_place = keys_.reserve(o.count);
+  // Work space in the list of contacts, which is written afterwards. In the first call there is none, and it
+  // is not known yet whether it will be long enough: then the other way.
+  const std::uint64_t words = o.entries * kOfEntry;
+  if (tidy && lent_slots_ * 4 >= words)
+    numbers.of_entry = reinterpret_cast<std::uint32_t*>(lent_slot_);
+  else if (tidy && lent_words_ > 0)
+    numbers.of_entry = lent_words_ >= words ? lent_word_ : ids_.reserve(words);
   task.bounds = bounds, task.counters = counters;
   with_bins(o, grid, [&]<class Kind, class Bins>(Kind kind, const Bins& bins) {
     auto* const kernel = bounds ? (tidy ? cell_order_kernel<kind(), Bins, true, true>

@@ -38,7 +38,7 @@ constexpr float kWide = 1 + 0x1p-20f, kNear = 0x1p-19f;
 // Work space for a list of fixed order (place.h). Tiles: of spheres, then units that look down.
 struct TileSums {
   bool turns = false;                    // few tiles: each waits for those before it
-  unsigned long long* turn = nullptr;    // the next tile to begin, then the count of each tile
+  unsigned long long* turn = nullptr;    // number of the search, then words of place.h
   unsigned int* fills = nullptr;         // blocks that have read `groups`
   unsigned long long* groups = nullptr;  // of each group of tiles: places left spare, hits that spilled
   std::uint32_t own_groups = 0, all_groups = 0;

@@ -4,7 +4,7 @@
 // by the n-th hit that spilled, counted in the order of the tiles. The share is a little less than the mean,
 // so that all that spares is filled and few hits move; nobody waits for anybody. Units find so different
 // numbers that they have no share: all of theirs moves, in one piece. Where tiles are so few that all run at
-// once, each waits for those before it instead. Only search.cu includes this.
+// once, each waits for the counts of those before it instead. Only search.cu includes this.
 #pragma once
 #include <cub/block/block_scan.cuh>
 
@@ -14,13 +14,15 @@ namespace padder::detect::cuda {
 namespace {
 
 constexpr int kGroupTiles = 1024, kFillTiles = 32, kFillThreads = 256;
-constexpr std::uint32_t kMostTurns = 1056;
+constexpr std::uint32_t kMostTurns = 1056, kTurnGroups = (kMostTurns + 31) / 32,
+                        kTurnWords = kMostTurns + 2 * kTurnGroups;
 using Word = unsigned long long;
 
-// Tiles of spheres that a block fills. Where there are levels some spill much: fewer, while that is not too
-// many blocks.
+// Tiles of spheres that a block fills: fewer, while that is not too many blocks, and fewer still where there
+// are levels, since then some spill much.
+constexpr std::uint32_t kManyTiles = 10000;
 __host__ __device__ inline std::uint32_t fill_tiles(const Task& task) {
-  return task.units && task.own_tiles < 10000 ? kFillTiles / 4 : kFillTiles;
+  return task.own_tiles >= kManyTiles ? kFillTiles : task.units ? kFillTiles / 4 : kFillTiles / 2;
 }
 
 // Groups of tiles are of tiles of spheres or of such that look down, not of both.
@@ -66,45 +68,47 @@ __device__ __forceinline__ Word take_unit(const Task& task, std::uint32_t unit, 
   return at;
 }
 
-// ---- Few tiles: a tile waits until all tiles before it are counted. Tiles are numbered as they begin, so
-// that those before are at work or done and the wait ends, whatever else the device does. turn[0] holds the
-// number of the search and that of the next tile, turn[1 + tile] the number of the search and the tile's
-// count: nothing has to be cleared in between.
-__device__ __forceinline__ Word begin_turn(const Task& task) {
-  const Word turn = atomicAdd(task.sums.turn, Word(1));
-  if (static_cast<std::uint32_t>(turn) + 1 == gridDim.x) *task.sums.turn = ((turn >> 32) + 1) << 32;
-  return turn;
+// ---- Few tiles: a tile waits for the counts of those before it. They are at work or done, since blocks
+// begin in the order of their numbers (what CUB's scans rely on, too): so the wait ends, whatever else the
+// device does. Counts are brought to the tiles that ask for them, since many that ask at few places hold up
+// each other and the search: a tile adds its own to a word of each later tile among its 32, and the last of
+// 32 their sum to a word of each later group of 32. A word is whole when as many have added to it as come
+// before. Of two sets of words a search uses one and clears the other for the next.
+__device__ __forceinline__ std::uint32_t begin_turn(const Task& task) {
+  return *reinterpret_cast<volatile std::uint32_t*>(task.sums.turn);
 }
-// By all threads of the block: the contacts before the tile.
-__device__ __forceinline__ Word take_turn(const Task& task, Word turn, std::uint32_t sum, Word* shared) {
-  constexpr int kAtATime = 8;
-  const auto tile = static_cast<std::uint32_t>(turn);
-  const Word mark = ((turn >> 32) + 1) << 32;
-  volatile Word* const counts = task.sums.turn + 1;
-  if (threadIdx.x == 0) counts[tile] = mark | sum;
-  Word before = 0;
-  for (std::uint32_t from = threadIdx.x; from < tile; from += kAtATime * kThreads) {
-    Word count[kAtATime];
-    bool whole;
-    do {
-      whole = true;
-#pragma unroll
-      for (int u = 0; u < kAtATime; u++)
-        count[u] = from + u * kThreads < tile ? counts[from + u * kThreads] : mark;
-#pragma unroll
-      for (int u = 0; u < kAtATime; u++) whole = whole && (count[u] ^ mark) >> 32 == 0;
-    } while (!whole);
-#pragma unroll
-    for (int u = 0; u < kAtATime; u++) before += count[u] ^ mark;
+// By all threads of the block, after a barrier: the contacts before the tile. `turn` from begin_turn.
+__device__ __forceinline__ Word take_turn(const Task& task, const std::uint32_t& turn, std::uint32_t sum,
+                                          Word* shared) {
+  constexpr int kAdded = 40;  // a word: how many have added, from this bit on, and their sum
+  const std::uint32_t tile = kept(blockIdx.x), lane = kept(threadIdx.x & 31);
+  if (threadIdx.x < 32) {
+    const std::uint32_t odd = turn & 1, index = tile & 31, group = tile / 32, other = tile - index + lane;
+    Word *const words = task.sums.turn + 1 + odd * kTurnWords, *const of_groups = words + kMostTurns,
+                *const sums = of_groups + kTurnGroups,
+                *const next = words + kTurnWords - 2 * odd * kTurnWords;
+    const Word mine = Word(1) << kAdded | sum;
+    if (lane > index && other < gridDim.x) atomicAdd(words + other, mine);
+    Word before = lane == 0 ? atomicAdd(sums + group, mine) : 0;
+    before = __shfl_sync(kAll, before, 0);
+    if (before >> kAdded == 31)
+      for (std::uint32_t g = group + 1 + lane; g * 32 < gridDim.x; g += 32)
+        atomicAdd(of_groups + g, before + mine - (Word(31) << kAdded));
+    for (std::uint32_t k = tile + lane * gridDim.x; k < kTurnWords; k += 32 * gridDim.x) next[k] = 0;
+    if (lane == 0) {
+      const volatile Word *const a = words + tile, *const b = of_groups + group;
+      Word x, y;
+      do x = *a, y = *b;
+      while (x >> kAdded != index || y >> kAdded != group);
+      *shared = before = (x + y) & ((Word(1) << kAdded) - 1);
+      if (tile + 1 == gridDim.x) {  // all have counted, and so have read which set of words it is
+        task.counters->contacts = before + sum;
+        *reinterpret_cast<std::uint32_t*>(task.sums.turn) = turn + 1;
+      }
+    }
   }
-#pragma unroll
-  for (int d = 16; d; d >>= 1) before += __shfl_xor_sync(kAll, before, d);
-  if ((threadIdx.x & 31) == 0) shared[threadIdx.x >> 5] = before;
   __syncthreads();
-  before = 0;
-  for (int w = 0; w < kWarps; w++) before += shared[w];
-  if (threadIdx.x == 0 && tile + 1 == gridDim.x) task.counters->contacts = before + sum;
-  return before;
+  return *shared;
 }
 
 // ---- Many tiles: what spilled is put where places are spare, and behind.
@@ -147,48 +151,75 @@ __device__ __forceinline__ void move(const Task& task, Word from, Word to) {
   write_record<Kind>(task, static_cast<std::uint32_t>(hit >> 32), static_cast<std::uint32_t>(hit), to);
 }
 
+// What a thread's first hit of the block needs, asked for before its place is known.
+template <SlotKind Kind>
+struct Ahead {
+  Word hit = 0;
+  Both both;
+  bool known = false;
+  __device__ __forceinline__ std::uint32_t i() const { return static_cast<std::uint32_t>(hit >> 32); }
+  __device__ __forceinline__ std::uint32_t j() const { return static_cast<std::uint32_t>(hit); }
+};
+__device__ __forceinline__ Word spill_place(const FillMemory& memory, std::uint32_t at) {
+  const std::uint32_t t = tile_of(memory, at);
+  return memory.spills[t] + (at - memory.begins[t]);
+}
+template <SlotKind Kind>
+__device__ __forceinline__ void move(const Task& task, const FillMemory& memory, const Ahead<Kind>& ahead,
+                                     std::uint32_t at, Word to) {
+  if (Kind == SlotKind::fixed || !ahead.known || at != threadIdx.x)
+    move<Kind>(task, spill_place(memory, at), to);
+  else if (to < task.output.capacity)
+    write_both<Kind>(task, ahead.both, ahead.i(), ahead.j(), to);
+}
+// The thread's first at no less than `from`.
+__device__ __forceinline__ std::uint32_t own_from(std::uint32_t from) {
+  return from + (threadIdx.x - from) % kFillThreads;
+}
+
 // The hits of some tiles that fill the spare places from the `number`-th on: group after group of the tiles
 // that left them.
 template <SlotKind Kind>
 __device__ __forceinline__ void fill_spare(const Task& task, FillMemory& memory, Word number,
-                                           std::uint32_t total) {
+                                           std::uint32_t total, const Ahead<Kind>& ahead) {
   constexpr int kEach = kGroupTiles / kFillThreads;
   const std::uint32_t share = task.options.share.own;
   Word spare = memory.spare;  // before the group
   std::uint32_t done = 0;
   for (std::uint32_t g = memory.group; done < total; g++) {
     std::uint32_t left[kEach], all;
+    const std::uint32_t tile = g * kGroupTiles + threadIdx.x * kEach;
+    uint4 c = make_uint4(share, share, share, share);
+    if (tile < task.own_tiles) c = *reinterpret_cast<const uint4*>(task.sums.counts + tile);
+    const std::uint32_t count[kEach] = {c.x, c.y, c.z, c.w};
 #pragma unroll
-    for (int u = 0; u < kEach; u++) {
-      const std::uint32_t tile = g * kGroupTiles + threadIdx.x * kEach + u,
-                          count = tile < task.own_tiles ? task.sums.counts[tile] : share;
-      left[u] = count < share ? share - count : 0;
-    }
+    for (int u = 0; u < kEach; u++)
+      left[u] = tile + u < task.own_tiles && count[u] < share ? share - count[u] : 0;
     __syncthreads();
     cub::BlockScan<std::uint32_t, kFillThreads>(memory.tiles).InclusiveSum(left, left, all);
 #pragma unroll
     for (int u = 0; u < kEach; u++) memory.left[threadIdx.x * kEach + u] = left[u];
     __syncthreads();
     const auto upto = static_cast<std::uint32_t>(min(spare + all - number, static_cast<Word>(total)));
-    for (std::uint32_t at = done + threadIdx.x; at < upto; at += kFillThreads) {
-      const std::uint32_t t = tile_of(memory, at);
+    for (std::uint32_t at = own_from(done); at < upto; at += kFillThreads) {
       std::uint32_t low = 0;
       const auto n = static_cast<std::uint32_t>(number + at - spare);  // of the group
       for (std::uint32_t step = kGroupTiles / 2; step; step /= 2)
         if (memory.left[low + step - 1] <= n) low += step;
       const Word end = static_cast<Word>(g * kGroupTiles + low + 1) * share;
-      move<Kind>(task, memory.spills[t] + (at - memory.begins[t]), end - (memory.left[low] - n));
+      move<Kind>(task, memory, ahead, at, end - (memory.left[low] - n));
     }
     done = upto, spare += all;
   }
 }
 
-// The group of tiles with the `number`-th spare place, and the spare places before it.
-__device__ __forceinline__ void find_spare(const Task& task, FillMemory& memory, Word number) {
+// The group of tiles with the `number`-th spare place, and the spare places before it. `spare`: of the group
+// of the thread's number.
+__device__ __forceinline__ void find_spare(const Task& task, FillMemory& memory, Word number, Word spare) {
   Word before = 0;
   for (std::uint32_t g0 = 0; g0 < task.sums.own_groups; g0 += kFillThreads) {
     const std::uint32_t g = g0 + threadIdx.x;
-    const Word spare = g < task.sums.own_groups ? task.sums.groups[2 * g] : 0;
+    if (g0) spare = g < task.sums.own_groups ? task.sums.groups[2 * g] : 0;
     Word upto, all;
     cub::BlockScan<Word, kFillThreads>(memory.groups).InclusiveSum(spare, upto, all);
     upto += before;
@@ -200,11 +231,11 @@ __device__ __forceinline__ void find_spare(const Task& task, FillMemory& memory,
 }
 
 // Some tiles of spheres a block, or a group of units, of which it only says where their hits belong: spill_at
-// becomes what is between a hit's place in the spill and in the list.
-template <SlotKind Kind>
-__global__ void __launch_bounds__(kFillThreads, 6) fill_kernel(const __grid_constant__ Task task) {
+// becomes what is between a hit's place in the spill and in the list. Many: of so many tiles that full
+// processors count for more than a block's latency.
+template <SlotKind Kind, bool Many>
+__global__ void __launch_bounds__(kFillThreads, Many ? 6 : 3) fill_kernel(const __grid_constant__ Task task) {
   __shared__ FillMemory memory;
-  if (task.counters->flags) return;
   const TileSums& sums = task.sums;
   const std::uint32_t each_tiles = fill_tiles(task), share = task.options.share.own,
                       own_fills = (task.own_tiles + each_tiles - 1) / each_tiles;
@@ -212,57 +243,74 @@ __global__ void __launch_bounds__(kFillThreads, 6) fill_kernel(const __grid_cons
   const std::uint32_t group = own ? blockIdx.x * each_tiles / kGroupTiles
                                   : sums.own_groups + blockIdx.x - own_fills,
                       first = own ? blockIdx.x * each_tiles : tiles_of(task, group).first;
-  const auto spilled_of = [&](std::uint32_t tile) {
-    const std::uint32_t count = sums.counts[tile];
-    return count > share ? count - share : 0;
-  };
-  // Spare places, spilled hits before the block's, all of them.
+  const auto over = [&](std::uint32_t count) { return count > share ? count - share : 0; };
+  // What needs no other's word is asked for all at once. Spare places, spilled hits before the block's, all
+  // of them.
+  const std::uint32_t flags = task.counters->flags;
   Three mine{};
+  Word spare_here = 0, net = 0;  // net: of tiles of spheres, their contacts less their shares
   for (std::uint32_t g = threadIdx.x; g < sums.all_groups; g += kFillThreads) {
-    const Word spilled = sums.groups[2 * g + 1];
-    mine.v[0] += sums.groups[2 * g], mine.v[1] += g < group ? spilled : 0, mine.v[2] += spilled;
+    const ulonglong2 both = *reinterpret_cast<const ulonglong2*>(sums.groups + 2 * g);
+    mine.v[0] += both.x, mine.v[1] += g < group ? both.y : 0, mine.v[2] += both.y;
+    if (g < kFillThreads) spare_here = g < sums.own_groups ? both.x : 0;
+    if (g < sums.own_groups) net += both.y - both.x;
   }
   if (own) {
-    for (std::uint32_t k = group * kGroupTiles + threadIdx.x; k < first; k += kFillThreads)
-      mine.v[1] += spilled_of(k);
+    const std::uint32_t tile = group * kGroupTiles + 4 * threadIdx.x;
+    if (tile < first) {
+      const uint4 c = *reinterpret_cast<const uint4*>(sums.counts + tile);
+      mine.v[1] += over(c.x) + over(c.y) + over(c.z) + over(c.w);  // first is a multiple of four
+    }
     if (threadIdx.x < 32) {
-      const std::uint32_t tile = first + threadIdx.x;
-      const bool valid = threadIdx.x < each_tiles && tile < task.own_tiles;
-      const std::uint32_t count = valid ? spilled_of(tile) : 0;
+      const std::uint32_t mine_tile = first + threadIdx.x;
+      const bool valid = threadIdx.x < each_tiles && mine_tile < task.own_tiles;
+      const std::uint32_t count = valid ? over(sums.counts[mine_tile]) : 0;
+      const Word at = valid ? sums.spill_at[mine_tile] : 0;
       std::uint32_t upto = count;
 #pragma unroll
       for (int d = 1; d < kFillTiles; d <<= 1) {
         const std::uint32_t u = __shfl_up_sync(kAll, upto, d);
         if (static_cast<int>(threadIdx.x) >= d) upto += u;
       }
-      memory.begins[threadIdx.x] = upto - count, memory.spills[threadIdx.x] = valid ? sums.spill_at[tile] : 0;
+      memory.begins[threadIdx.x] = upto - count, memory.spills[threadIdx.x] = at;
       if (threadIdx.x == kFillTiles - 1) memory.total = upto;
     }
   }
+  if (flags) return;
   const Three all = block_sums(memory, mine);
   const Word spares = all.v[0], number = all.v[1], shares = static_cast<Word>(task.own_tiles) * share;
   if (blockIdx.x == 0) {
-    Word net = 0;  // of tiles of spheres: their contacts less their shares
-    for (std::uint32_t g = threadIdx.x; g < sums.own_groups; g += kFillThreads)
-      net += sums.groups[2 * g + 1] - sums.groups[2 * g];
     if (threadIdx.x == 0) net += shares, task.counters->contacts = shares - spares + all.v[2];
     if (net) atomicAdd(&task.counters->own, net);
   }
   // What does not fill a spare place lies behind all shares.
   const Word behind = shares + number - spares;
+  // Once all blocks have read the groups, the last of them leaves them as they were before the search.
+  const auto retire = [&] {
+    if (threadIdx.x >= 32) return;
+    unsigned last = 0;
+    if (threadIdx.x == 0) last = atomicInc(sums.fills, gridDim.x - 1) + 1 == gridDim.x;
+    if (__shfl_sync(kAll, last, 0))
+      for (std::uint32_t k = threadIdx.x; k < 2 * sums.all_groups; k += 32) sums.groups[k] = 0;
+  };
   if (own) {
     const std::uint32_t total = memory.total;
     const auto spare =
         static_cast<std::uint32_t>(number >= spares ? 0 : min(spares - number, static_cast<Word>(total)));
-    if (spare) {
-      find_spare(task, memory, number);
-      fill_spare<Kind>(task, memory, number, spare);
+    Ahead<Kind> ahead;
+    if (!Many && threadIdx.x < total) {
+      const Word from = spill_place(memory, threadIdx.x);
+      if (from < sums.room && !is_wide<Kind>(task)) ahead.hit = __ldg(sums.spill + from), ahead.known = true;
     }
-    for (std::uint32_t at = spare + threadIdx.x; at < total; at += kFillThreads) {
-      const std::uint32_t t = tile_of(memory, at);
-      move<Kind>(task, memory.spills[t] + (at - memory.begins[t]), behind + at);
-    }
+    if (spare) find_spare(task, memory, number, spare_here);
+    retire();
+    if constexpr (Kind != SlotKind::fixed)
+      if (ahead.known) ahead.both = load_both<Kind>(task, ahead.i(), ahead.j());
+    if (spare) fill_spare<Kind>(task, memory, number, spare, ahead);
+    for (std::uint32_t at = own_from(spare); at < total; at += kFillThreads)
+      move<Kind>(task, memory, ahead, at, behind + at);
   } else {
+    retire();
     constexpr int kEach = kGroupTiles / kFillThreads;
     const std::uint32_t tile = first + threadIdx.x * kEach, end = task.own_tiles + task.units;
     std::uint32_t before[kEach], count;
@@ -273,16 +321,6 @@ __global__ void __launch_bounds__(kFillThreads, 6) fill_kernel(const __grid_cons
     for (int u = 0; u < kEach; u++)
       if (tile + u < end) sums.spill_at[tile + u] = behind + before[u] - sums.spill_at[tile + u];
   }
-  // The last block leaves the groups as it found them before the search.
-  __syncthreads();
-  if (threadIdx.x >= 32) return;
-  unsigned last = 0;
-  if (threadIdx.x == 0) {
-    __threadfence();
-    last = atomicInc(sums.fills, gridDim.x - 1) + 1 == gridDim.x;
-  }
-  if (__shfl_sync(kAll, last, 0))
-    for (std::uint32_t k = threadIdx.x; k < 2 * sums.all_groups; k += 32) sums.groups[k] = 0;
 }
 
 // The hits of units from the spill to the list.

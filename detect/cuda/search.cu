@@ -122,7 +122,8 @@ struct BlockMemory {
   Group<Kind, W> group[kWarps];
   std::uint32_t sums[kWarps];
   Target targets[kWarps];
-  Word turn, befores[kWarps];
+  Word before;
+  std::uint32_t turn;
 };
 
 // A tile of spheres, or (where tiles wait for those before them) of units that look down.
@@ -170,7 +171,7 @@ __device__ __forceinline__ void search_tile(const Task& task, const Grid& grid,
     sum += count, before += k < warp ? count : 0;
   }
   if (turns) {
-    const Word place = take_turn(task, memory.turn, sum, memory.befores);
+    const Word place = take_turn(task, memory.turn, sum, &memory.before);
     if ((threadIdx.x & 31) == 0) memory.targets[warp] = {place, 0, ~0u, 0, 0};
     __syncwarp();
   } else {
@@ -217,13 +218,10 @@ __global__ void __launch_bounds__(kThreads, kBlocks<W>)
   // something else to wait for, too.
   const std::uint32_t flags = task.counters->flags;
   if (W != Way::single && flags) return;
-  if (turns) __syncthreads();
   // From the last tile on, whose spheres were put in order last and are still in L2. Of unequal radii that
   // gained nothing.
   constexpr bool kBackwards = W == Way::single && Kind == SlotKind::equal;
-  const std::uint32_t number = turns        ? static_cast<std::uint32_t>(memory.turn)
-                               : kBackwards ? gridDim.x - 1 - blockIdx.x
-                                            : blockIdx.x;
+  const std::uint32_t number = kept(kBackwards ? gridDim.x - 1 - blockIdx.x : blockIdx.x);
   if constexpr (W == Way::down) {
     if (!turns && number >= task.own_tiles) {
       const std::uint32_t warp = threadIdx.x >> 5;
@@ -249,9 +247,11 @@ void launch(const Task& task, const Grid& grid, const typename DownsOf<W>::Type&
   }
   search_kernel<Kind, W><<<blocks, kThreads, 0, stream>>>(task, grid, downs);
   if (!task.options.fixed_order || task.sums.turns) return;
-  fill_kernel<Kind>
-      <<<over(task.own_tiles, fill_tiles(task)) + over(task.units, kGroupTiles), kFillThreads, 0, stream>>>(
-          task);
+  const std::uint32_t fills = over(task.own_tiles, fill_tiles(task)) + over(task.units, kGroupTiles);
+  if (task.units || task.own_tiles >= kManyTiles)
+    fill_kernel<Kind, true><<<fills, kFillThreads, 0, stream>>>(task);
+  else
+    fill_kernel<Kind, false><<<fills, kFillThreads, 0, stream>>>(task);
   if (task.units) move_kernel<Kind><<<6 * kProcessors, kFillThreads, 0, stream>>>(task);
 }
 
@@ -291,18 +291,18 @@ void search(const Source& source, const Grid& grid, const Ordered& spheres, cons
   task.judge_all = source.filtered || !options.owns_all;
   for (int k = 0; k < grid.levels; k++) task.judge_all = task.judge_all || grid.level[k].hashed;
   const std::uint64_t groups = over(task.own_tiles, kGroupTiles) + over(task.units, kGroupTiles),
-                      marks = 2 + kMostTurns + 2 * groups;
+                      marks = 2 + 2 * kTurnWords + 2 * groups;
   if (options.fixed_order || downs.warps) {
     const bool fresh = memory.marks.capacity() < marks;
     auto* const p = memory.marks.reserve(marks);
     if (fresh) cuda_check(cudaMemsetAsync(p, 0, marks * 8, stream), "clear the counters");
     if (spheres.count >= kManySpheres) task.next = reinterpret_cast<unsigned int*>(p);
     task.sums.fills = reinterpret_cast<unsigned int*>(p) + 1;
-    task.sums.turn = p + 1, task.sums.groups = p + 2 + kMostTurns;
+    task.sums.turn = p + 1, task.sums.groups = p + 2 + 2 * kTurnWords;
   }
   if (options.fixed_order) {
     TileSums& sums = task.sums;
-    const std::uint64_t tiles = std::uint64_t(task.own_tiles) + task.units;
+    const std::uint64_t tiles = (std::uint64_t(task.own_tiles) + task.units + 1) & ~1ull;  // 16 bytes align
     sums.turns = task.own_tiles + over(downs.warps, kWarps) <= kMostTurns;
     sums.own_groups = over(task.own_tiles, kGroupTiles);
     sums.all_groups = sums.own_groups + over(task.units, kGroupTiles);

@@ -150,6 +150,10 @@ class CudaOrderTest : public testing::TestWithParam<Way> {
     source.center_stride = source.radius_stride = 4, source.count = count, source.packed = packed;
     const Grid grid = choose_grid(summary, 0, 8, Look::down);
     orderer.bucket_spheres = GetParam().bucket_spheres;
+    // Mostly there is a list whose memory serves as work space.
+    Buffer<float4> list(book_, "the test");
+    const std::uint64_t lent = kind == SlotKind::equal && !packed ? 0 : 64ull * count + 4096;
+    orderer.lend(list.reserve(lent + 1), lent, nullptr, 0);
     Buffer<unsigned long long> words(book_, "the test");
     auto* const head = words.reserve(Surveyor::kHead + kBounds);
     auto* const counters = reinterpret_cast<Counters*>(head);
@@ -235,6 +239,20 @@ TEST_P(CudaOrderTest, EverySphereIsWhereItsKeySays) {
       if (HasFatalFailure()) return;
     }
   }
+}
+
+// Bins with more spheres than have a place of their own to tell their numbers: a few of them, and many.
+TEST_P(CudaOrderTest, FullBinsAreTidyToo) {
+  std::mt19937 random(11);
+  auto few = cloud(random, 5000, 17, 0, 0.6f, 0.6f);
+  std::uniform_real_distribution<float> near(4, 4.2f);
+  for (std::size_t k = 0; k < 25; k++) few[k * 190] = {near(random), near(random), near(random), 0.6f};
+  const auto many = cloud(random, 5000, 6, 0, 0.6f, 0.6f);
+  for (int again = 0; again < 5; again++)
+    for (const auto& spheres : {few, many}) {
+      expect_order(spheres, SlotKind::equal, true, true, true);
+      if (HasFatalFailure()) return;
+    }
 }
 
 // Buckets that keep the room of the call before hold spheres that moved a little; those that all went to one
