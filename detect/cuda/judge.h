@@ -274,6 +274,7 @@ template <Way W>
 constexpr std::uint32_t kQueue = W == Way::down ? 320
                                  : W == Way::up ? 192
                                                 : 256;
+constexpr std::uint32_t kLate = 1u << 31;  // of hits: more than the queue holds; found again to be written
 template <Way W>
 struct WarpMemory {
   std::uint32_t at[kQueue<W>];

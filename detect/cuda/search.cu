@@ -14,9 +14,9 @@ namespace {
 
 // Blocks an SM must be able to hold: few registers and many warps pay more than the opposite here.
 template <Way W>
-constexpr int kBlocks = W == Way::single                  ? 10
-                        : W == Way::down || W == Way::few ? 8
-                                                          : 6;
+constexpr int kBlocks = W == Way::single || W == Way::down ? 10
+                        : W == Way::few                    ? 8
+                                                           : 6;
 
 // Few tiles of one level: a kernel of their own. kMostTurns of them run at once, and can wait for each other.
 constexpr std::uint32_t kFewTiles = 16 * kProcessors;
@@ -78,8 +78,8 @@ __device__ __forceinline__ void look_down(const Task& task, const Grid& grid, co
     }
     if (warp >= downs.warps) return;
     for (std::uint32_t turn = 0;; turn++) {
-      const std::uint32_t hits =
-          search_down<Kind>(task, grid, downs, memory, lookers, warp, turn, nullptr, 0);
+      const std::uint32_t found = search_down<Kind>(task, grid, downs, memory, lookers, warp, turn),
+                          hits = found & ~kLate;
       __syncwarp();  // other lanes' hits are read below
       // By shuffles and not through shared memory: lanes 1 to 31 wait here, or the warp stays split.
       Word at = 0;
@@ -88,20 +88,20 @@ __device__ __forceinline__ void look_down(const Task& task, const Grid& grid, co
       const bool more = lookers.more;
       if (fixed && !more && lane < lookers.left)  // those that are empty
         task.sums.counts[task.own_tiles + lookers.unit + 1 + lane] = 0;
-      if (hits > kQueue<Way::down>) {
+      if (found & kLate) {
         const std::uint32_t limit = fixed ? 0 : ~0u;
         const Target target{at, at, limit, kOfUnit | lookers.unit << 5, lookers.first};
         if (fixed || at + hits <= task.output.capacity)
-          write_down<Kind>(task, grid, downs, memory, lookers, warp, turn, target, 0);
+          search_down_unqueued<Kind>(task, grid, downs, lookers, warp, turn, &target, 0);
       } else if (fixed) {
         const std::uint32_t of = kOfUnit | lookers.unit << 5;
         for (std::uint32_t k = lane; k < hits; k += 32)
           if (at + k < task.sums.room)
-            task.sums.spill[at + k] = static_cast<Word>(of | memory.lane[k]) << 32 | memory.at[k];
+            task.sums.spill[at + k] =
+                static_cast<Word>(of | lookers.side[memory.lane[k]] >> 16) << 32 | memory.at[k];
       } else if (at + hits <= task.output.capacity) {
-        const std::uint32_t first = lookers.first;
         for (std::uint32_t k = lane; k < hits; k += 32)
-          write_record<Kind>(task, first + memory.lane[k], memory.at[k], at + k);
+          write_record<Kind>(task, lookers.place(memory.lane[k]), memory.at[k], at + k);
       }
       __syncwarp();
       if (!more) break;
@@ -119,7 +119,6 @@ struct BlockMemory {
 };
 
 // A tile of spheres, or (where tiles wait for those before them) of units that look down.
-constexpr std::uint32_t kLate = 1u << 31;  // of hits: more than the queue holds; found again to be written
 template <SlotKind Kind, Way W>
 __device__ __forceinline__ void search_tile(const Task& task, const Grid& grid,
                                             const typename DownsOf<W>::Type& downs,
@@ -147,11 +146,8 @@ __device__ __forceinline__ void search_tile(const Task& task, const Grid& grid,
       }
     } else if constexpr (W == Way::down) {
       const std::uint32_t looker = (number - task.own_tiles) * kWarps + warp;
-      if (looker < downs.warps) {
-        hits = search_down<Kind>(task, grid, downs, memory.warp[warp], memory.group[warp], looker, 0, nullptr,
-                                 0);
-        if (hits > kQueue<W>) hits |= kLate;
-      }
+      if (looker < downs.warps)
+        hits = search_down<Kind>(task, grid, downs, memory.warp[warp], memory.group[warp], looker, 0);
     }
     if ((threadIdx.x & 31) == 0) memory.sums[warp] = hits;
   }
@@ -182,10 +178,12 @@ __device__ __forceinline__ void search_tile(const Task& task, const Grid& grid,
     });
   } else if (!(hits & kLate)) {
     if constexpr (W == Way::up || W == Way::down) {
-      std::uint32_t from = first;
-      if constexpr (W == Way::down) from = memory.group[warp].first;
       write_hits<Kind>(task, target, hits, before, [&](std::uint32_t k, std::uint32_t& i, std::uint32_t& j) {
-        i = from + memory.warp[warp].lane[k], j = memory.warp[warp].at[k];
+        i = memory.warp[warp].lane[k], j = memory.warp[warp].at[k];
+        if constexpr (W == Way::down)
+          i = memory.group[warp].place(i);
+        else
+          i += first;
       });
     }
   } else if constexpr (W == Way::up) {
@@ -193,8 +191,8 @@ __device__ __forceinline__ void search_tile(const Task& task, const Grid& grid,
   } else if (own) {
     search_unqueued<Kind, W>(task, grid, first, &target, before);
   } else if constexpr (W == Way::down) {
-    write_down<Kind>(task, grid, downs, memory.warp[warp], memory.group[warp],
-                     (number - task.own_tiles) * kWarps + warp, 0, target, before);
+    search_down_unqueued<Kind>(task, grid, downs, memory.group[warp],
+                               (number - task.own_tiles) * kWarps + warp, 0, &target, before);
   }
 }
 
