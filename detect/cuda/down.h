@@ -19,6 +19,7 @@ struct Down {
   std::uint32_t first_warp, first_unit, first, end;  // spheres `first` to `end` - 1 of the order
   std::uint32_t group, parts, turns, step;           // step: parts / turns, rounded up
   float per_part;  // parts of a sphere that reaches one bin far; more with the third power of its reach
+  float density;   // spheres of the finer level in a bin
   std::int32_t coarse, fine;
 };
 struct Downs {
@@ -63,6 +64,7 @@ inline Downs plan_downs(const Grid& grid, SlotKind kind) {
       const double all = (2 * reach + 2) * (2 * reach + 2);    // rows, at most
       double full = 4.19 * static_cast<double>(fine.spheres);  // hits of a sphere that reaches one bin far
       for (const std::uint32_t side : fine.count) full /= side;
+      d.density = static_cast<float>(full / 4.19);
       // Of a sphere of three quarters of the largest radius: most are smaller.
       const double usual = (0.75 * coarse.radius_max + fine.radius_max) * fine.per_size,
                    hits = full * usual * usual * usual + 1e-9;
@@ -101,10 +103,24 @@ struct Lookers {
   uint2 row[64];              // rows with candidates: place of the first less its number, looker
   std::uint32_t unit, first;  // its number, its first sphere
   std::uint32_t left, more;   // units that the warp has after it, and of those some may have rows
+  Target target;
   __device__ __forceinline__ std::uint32_t place(std::uint32_t looker) const {
     return first + (side[looker] >> 16);
   }
 };
+
+// How far a sphere of radius r reaches among those of the finer level, in bins of that, and into how many
+// parts its rows are divided. A unit beyond the last part is empty.
+__device__ __forceinline__ float reach_of(const Grid& grid, const Down& d, double r) {
+  const Level& l = grid.level[d.fine];
+  r = smaller(r, grid.level[d.coarse].radius_max) + l.radius_max;
+  return __fmaf_rn(static_cast<float>(r * l.per_size), kReachShare, kReachMore);
+}
+__device__ __forceinline__ std::uint32_t parts_of(const Down& d, float reach) {
+  if (d.parts == 1) return 1;
+  const float parts = __fmul_rn(__fmul_rn(d.per_part, reach), __fmul_rn(reach, reach));
+  return min(d.parts, static_cast<std::uint32_t>(parts) + 1);
+}
 
 // Unit `turn` of those of a warp: its candidates, 32 at a time, to take(valid, looker, j, slot of j). False:
 // it has none.
@@ -134,10 +150,8 @@ __device__ __forceinline__ void search_rows(const Task& task, const Grid& grid, 
   std::uint32_t key = 0, ny = 1;
   if (lane < members) {
     const Sphere s = sphere_at<Kind>(task, first + lane);
-    const double r = smaller(s.r, grid.level[d.coarse].radius_max) + l.radius_max;
-    const float reach = static_cast<float>(r * l.per_size) * kReachShare + kReachMore;
-    // A unit beyond its sphere's last part is empty.
-    if (d.parts > 1) parts = min(d.parts, static_cast<std::uint32_t>(d.per_part * reach * reach * reach) + 1);
+    const float reach = reach_of(grid, d, s.r);
+    parts = parts_of(d, reach);
     if (part < parts) {
       const Split x = split(l, s.x), y = split(l, s.y), z = split(l, s.z);
       if constexpr (Kind == SlotKind::fixed)
@@ -310,6 +324,7 @@ __device__ __noinline__ std::uint32_t settle_down(const Task& task, const Grid& 
         from + lane < count && meets<Kind, Way::down>(task, grid, lookers.place(looker), lookers.slot[looker],
                                                       j, load_slot(slots + j), true);
     const std::uint32_t has = __ballot_sync(kAll, hit), to = hits + __popc(has & below);
+    __syncwarp();  // all have read what is written over
     if (hit) memory.at[to] = j, memory.lane[to] = static_cast<unsigned char>(looker);
     hits += __popc(has);
     __syncwarp();

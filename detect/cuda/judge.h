@@ -41,12 +41,18 @@ struct TileSums {
   unsigned long long* turn = nullptr;    // the next tile to begin, then the count of each tile
   unsigned int* fills = nullptr;         // blocks that have read `groups`
   unsigned long long* groups = nullptr;  // of each group of tiles: places left spare, hits that spilled
-  std::uint32_t own_groups = 0, all_groups = 0;
+  std::uint32_t own_groups = 0, all_groups = 0, share_groups = 0;
   unsigned long long* spill_at = nullptr;              // where a tile's spilled hits lie
   std::uint32_t *counts = nullptr, *firsts = nullptr;  // contacts of each tile; first sphere of each unit
   unsigned long long* spill = nullptr;                 // places of i (or unit and number within it) and j
   std::uint64_t room = 0;
+  // Where there are units. Of each its share and the places of those before it in its group, in one word, and
+  // of each group its first place in the list, at last that behind all shares. Of each tile the spare places
+  // of its group up to it, and of each group those before it, at last all.
+  std::uint32_t *shares = nullptr, *spares = nullptr;
+  unsigned long long *bases = nullptr, *spares_before = nullptr;
 };
+constexpr std::uint32_t kShareBits = 10, kMostShare = (1u << kShareBits) - 1;
 
 struct Task {
   Source source;

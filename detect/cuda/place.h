@@ -2,9 +2,9 @@
 // addition. For a fixed order a tile of spheres has its share of places to itself, wherever the others are;
 // what it finds beyond them spills over, and what it leaves spare is filled afterwards, the n-th spare place
 // by the n-th hit that spilled, counted in the order of the tiles. The share is a little less than the mean,
-// so that all that spares is filled and few hits move; nobody waits for anybody. Units find so different
-// numbers that they have no share: all of theirs moves, in one piece. Where tiles are so few that all run at
-// once, each waits for those before it instead. Only search.cu includes this.
+// so that all that spares is filled and few hits move; nobody waits for anybody. Units that look down find so
+// different numbers that each has a share of its own (expect.h), or none where spheres are few. Where tiles
+// are so few that all run at once, each waits for those before it instead. Only search.cu includes this.
 #pragma once
 #include <cub/block/block_scan.cuh>
 
@@ -13,15 +13,9 @@
 namespace padder::detect::cuda {
 namespace {
 
-constexpr int kGroupTiles = 1024, kFillTiles = 32, kFillThreads = 256;
+constexpr int kGroupTiles = 1024, kShareUnits = 256, kFillTiles = 32, kFillThreads = 256;
 constexpr std::uint32_t kMostTurns = 1056;
 using Word = unsigned long long;
-
-// Tiles of spheres that a block fills. Where there are levels some spill much: fewer, while that is not too
-// many blocks.
-__host__ __device__ inline std::uint32_t fill_tiles(const Task& task) {
-  return task.units && task.own_tiles < 10000 ? kFillTiles / 4 : kFillTiles;
-}
 
 // Groups of tiles are of tiles of spheres or of such that look down, not of both.
 __device__ __forceinline__ std::uint32_t group_of(const Task& task, std::uint32_t tile) {
@@ -52,18 +46,33 @@ __device__ __forceinline__ Target take_place(const Task& task, std::uint32_t til
   return t;
 }
 
-// Of a unit: its first place, or for a fixed order its first place in the spill.
-__device__ __forceinline__ Word take_unit(const Task& task, std::uint32_t unit, std::uint32_t first,
-                                          std::uint32_t hits) {
+// The word of a unit in `shares`, and what lies behind all shares.
+__device__ __forceinline__ std::uint32_t share_of(const TileSums& sums, std::uint32_t unit) {
+  return sums.shares ? sums.shares[unit] : 0;
+}
+__device__ __forceinline__ Word behind_shares(const Task& task) {
+  const TileSums& sums = task.sums;
+  return sums.shares ? sums.bases[sums.share_groups]
+                     : static_cast<Word>(task.own_tiles) * task.options.share.own;
+}
+
+// Of a unit.
+__device__ __forceinline__ Target take_unit(const Task& task, std::uint32_t unit, std::uint32_t first,
+                                            std::uint32_t hits) {
   Counters* const c = task.counters;
-  const bool fixed = task.options.fixed_order;
-  const Word at = hits ? atomicAdd(fixed ? &c->spilled : &c->contacts, static_cast<Word>(hits)) : 0;
-  if (fixed) {
-    const std::uint32_t tile = task.own_tiles + unit;
-    if (hits) atomicAdd(task.sums.groups + group_of(task, tile) * 2 + 1, static_cast<Word>(hits));
-    task.sums.counts[tile] = hits, task.sums.spill_at[tile] = at, task.sums.firsts[unit] = first;
-  }
-  return at;
+  if (!task.options.fixed_order)
+    return {hits ? atomicAdd(&c->contacts, static_cast<Word>(hits)) : 0, 0, ~0u, 0, 0};
+  const TileSums& sums = task.sums;
+  const std::uint32_t tile = task.own_tiles + unit, word = share_of(sums, unit), share = word & kMostShare,
+                      spilled = hits > share ? hits - share : 0;
+  Word* const group = sums.groups + group_of(task, tile) * 2;
+  Target t{0, 0, share, kOfUnit | unit << 5, first};
+  if (share) t.place = sums.bases[unit / kShareUnits] + (word >> kShareBits);
+  if (spilled) t.spill = atomicAdd(&c->spilled, static_cast<Word>(spilled));
+  if (spilled) atomicAdd(group + 1, static_cast<Word>(spilled));
+  if (hits < share) atomicAdd(group, static_cast<Word>(share - hits));
+  sums.counts[tile] = hits, sums.spill_at[tile] = t.spill, sums.firsts[unit] = first;
+  return t;
 }
 
 // ---- Few tiles: a tile waits until all tiles before it are counted. Tiles are numbered as they begin, so
@@ -140,6 +149,18 @@ __device__ __forceinline__ Three block_sums(FillMemory& memory, Three mine) {
     for (int w = 0; w < kFillThreads / 32; w++) all.v[k] += memory.sums[k][w];
   return all;
 }
+// The last block leaves the groups of tiles as they were before the search.
+__device__ __forceinline__ void leave_groups(const TileSums& sums) {
+  __syncthreads();
+  if (threadIdx.x >= 32) return;
+  unsigned last = 0;
+  if (threadIdx.x == 0) {
+    __threadfence();
+    last = atomicInc(sums.fills, gridDim.x - 1) + 1 == gridDim.x;
+  }
+  if (__shfl_sync(kAll, last, 0))
+    for (std::uint32_t k = threadIdx.x; k < 2 * sums.all_groups; k += 32) sums.groups[k] = 0;
+}
 template <SlotKind Kind>
 __device__ __forceinline__ void move(const Task& task, Word from, Word to) {
   if (from >= task.sums.room || to >= task.output.capacity) return;  // the search is repeated
@@ -199,19 +220,14 @@ __device__ __forceinline__ void find_spare(const Task& task, FillMemory& memory,
   }
 }
 
-// Some tiles of spheres a block, or a group of units, of which it only says where their hits belong: spill_at
-// becomes what is between a hit's place in the spill and in the list.
+// Some tiles of spheres a block, where there are no units.
 template <SlotKind Kind>
 __global__ void __launch_bounds__(kFillThreads, 6) fill_kernel(const __grid_constant__ Task task) {
   __shared__ FillMemory memory;
   if (task.counters->flags) return;
   const TileSums& sums = task.sums;
-  const std::uint32_t each_tiles = fill_tiles(task), share = task.options.share.own,
-                      own_fills = (task.own_tiles + each_tiles - 1) / each_tiles;
-  const bool own = blockIdx.x < own_fills;
-  const std::uint32_t group = own ? blockIdx.x * each_tiles / kGroupTiles
-                                  : sums.own_groups + blockIdx.x - own_fills,
-                      first = own ? blockIdx.x * each_tiles : tiles_of(task, group).first;
+  const std::uint32_t share = task.options.share.own, group = blockIdx.x * kFillTiles / kGroupTiles,
+                      first = blockIdx.x * kFillTiles;
   const auto spilled_of = [&](std::uint32_t tile) {
     const std::uint32_t count = sums.counts[tile];
     return count > share ? count - share : 0;
@@ -222,85 +238,39 @@ __global__ void __launch_bounds__(kFillThreads, 6) fill_kernel(const __grid_cons
     const Word spilled = sums.groups[2 * g + 1];
     mine.v[0] += sums.groups[2 * g], mine.v[1] += g < group ? spilled : 0, mine.v[2] += spilled;
   }
-  if (own) {
-    for (std::uint32_t k = group * kGroupTiles + threadIdx.x; k < first; k += kFillThreads)
-      mine.v[1] += spilled_of(k);
-    if (threadIdx.x < 32) {
-      const std::uint32_t tile = first + threadIdx.x;
-      const bool valid = threadIdx.x < each_tiles && tile < task.own_tiles;
-      const std::uint32_t count = valid ? spilled_of(tile) : 0;
-      std::uint32_t upto = count;
+  for (std::uint32_t k = group * kGroupTiles + threadIdx.x; k < first; k += kFillThreads)
+    mine.v[1] += spilled_of(k);
+  if (threadIdx.x < kFillTiles) {
+    const std::uint32_t tile = first + threadIdx.x;
+    const bool valid = tile < task.own_tiles;
+    const std::uint32_t count = valid ? spilled_of(tile) : 0;
+    std::uint32_t upto = count;
 #pragma unroll
-      for (int d = 1; d < kFillTiles; d <<= 1) {
-        const std::uint32_t u = __shfl_up_sync(kAll, upto, d);
-        if (static_cast<int>(threadIdx.x) >= d) upto += u;
-      }
-      memory.begins[threadIdx.x] = upto - count, memory.spills[threadIdx.x] = valid ? sums.spill_at[tile] : 0;
-      if (threadIdx.x == kFillTiles - 1) memory.total = upto;
+    for (int d = 1; d < kFillTiles; d <<= 1) {
+      const std::uint32_t u = __shfl_up_sync(kAll, upto, d);
+      if (static_cast<int>(threadIdx.x) >= d) upto += u;
     }
+    memory.begins[threadIdx.x] = upto - count, memory.spills[threadIdx.x] = valid ? sums.spill_at[tile] : 0;
+    if (threadIdx.x == kFillTiles - 1) memory.total = upto;
   }
   const Three all = block_sums(memory, mine);
   const Word spares = all.v[0], number = all.v[1], shares = static_cast<Word>(task.own_tiles) * share;
-  if (blockIdx.x == 0) {
-    Word net = 0;  // of tiles of spheres: their contacts less their shares
-    for (std::uint32_t g = threadIdx.x; g < sums.own_groups; g += kFillThreads)
-      net += sums.groups[2 * g + 1] - sums.groups[2 * g];
-    if (threadIdx.x == 0) net += shares, task.counters->contacts = shares - spares + all.v[2];
-    if (net) atomicAdd(&task.counters->own, net);
-  }
+  if (blockIdx.x == 0 && threadIdx.x == 0)
+    task.counters->contacts = task.counters->own = shares - spares + all.v[2];
   // What does not fill a spare place lies behind all shares.
   const Word behind = shares + number - spares;
-  if (own) {
-    const std::uint32_t total = memory.total;
-    const auto spare =
-        static_cast<std::uint32_t>(number >= spares ? 0 : min(spares - number, static_cast<Word>(total)));
-    if (spare) {
-      find_spare(task, memory, number);
-      fill_spare<Kind>(task, memory, number, spare);
-    }
-    for (std::uint32_t at = spare + threadIdx.x; at < total; at += kFillThreads) {
-      const std::uint32_t t = tile_of(memory, at);
-      move<Kind>(task, memory.spills[t] + (at - memory.begins[t]), behind + at);
-    }
-  } else {
-    constexpr int kEach = kGroupTiles / kFillThreads;
-    const std::uint32_t tile = first + threadIdx.x * kEach, end = task.own_tiles + task.units;
-    std::uint32_t before[kEach], count;
-#pragma unroll
-    for (int u = 0; u < kEach; u++) before[u] = tile + u < end ? sums.counts[tile + u] : 0;
-    cub::BlockScan<std::uint32_t, kFillThreads>(memory.tiles).ExclusiveSum(before, before, count);
-#pragma unroll
-    for (int u = 0; u < kEach; u++)
-      if (tile + u < end) sums.spill_at[tile + u] = behind + before[u] - sums.spill_at[tile + u];
+  const std::uint32_t total = memory.total;
+  const auto spare =
+      static_cast<std::uint32_t>(number >= spares ? 0 : min(spares - number, static_cast<Word>(total)));
+  if (spare) {
+    find_spare(task, memory, number);
+    fill_spare<Kind>(task, memory, number, spare);
   }
-  // The last block leaves the groups as it found them before the search.
-  __syncthreads();
-  if (threadIdx.x >= 32) return;
-  unsigned last = 0;
-  if (threadIdx.x == 0) {
-    __threadfence();
-    last = atomicInc(sums.fills, gridDim.x - 1) + 1 == gridDim.x;
+  for (std::uint32_t at = spare + threadIdx.x; at < total; at += kFillThreads) {
+    const std::uint32_t t = tile_of(memory, at);
+    move<Kind>(task, memory.spills[t] + (at - memory.begins[t]), behind + at);
   }
-  if (__shfl_sync(kAll, last, 0))
-    for (std::uint32_t k = threadIdx.x; k < 2 * sums.all_groups; k += 32) sums.groups[k] = 0;
-}
-
-// The hits of units from the spill to the list.
-template <SlotKind Kind>
-__global__ void __launch_bounds__(kFillThreads, 6) move_kernel(const __grid_constant__ Task task) {
-  if (task.counters->flags) return;
-  const TileSums& sums = task.sums;
-  const Word count = min(task.counters->spilled, static_cast<Word>(sums.room));
-  for (Word from = blockIdx.x * Word(kFillThreads) + threadIdx.x; from < count;
-       from += gridDim.x * Word(kFillThreads)) {
-    const Word hit = __ldg(sums.spill + from);
-    const auto i = static_cast<std::uint32_t>(hit >> 32);
-    if (!(i & kOfUnit)) continue;
-    const std::uint32_t unit = (i & ~kOfUnit) >> 5;
-    const Word to = from + __ldg(sums.spill_at + task.own_tiles + unit);
-    if (to >= task.output.capacity) continue;
-    write_record<Kind>(task, __ldg(sums.firsts + unit) + (i & 31), static_cast<std::uint32_t>(hit), to);
-  }
+  leave_groups(sums);
 }
 
 }  // namespace

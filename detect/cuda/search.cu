@@ -4,7 +4,7 @@
 // full warps.
 #include <algorithm>
 
-#include "detect/cuda/down.h"
+#include "detect/cuda/expect.h"
 #include "detect/cuda/level.h"
 #include "detect/cuda/place.h"
 #include "detect/cuda/up.h"
@@ -21,6 +21,8 @@ constexpr int kBlocks = W == Way::single || W == Way::down ? 10
 // Few tiles of one level: a kernel of their own. kMostTurns of them run at once, and can wait for each other.
 constexpr std::uint32_t kFewTiles = 16 * kProcessors;
 static_assert(kMostTurns <= kFewTiles);
+// Where tiles wait for each other a warp has one unit only.
+static_assert(kMostTurns * kThreads < kManySpheres);
 
 template <SlotKind Kind, Way W>
 using Group = std::conditional_t<W == Way::down, Lookers<Kind>, char>;
@@ -81,27 +83,27 @@ __device__ __forceinline__ void look_down(const Task& task, const Grid& grid, co
       const std::uint32_t found = search_down<Kind>(task, grid, downs, memory, lookers, warp, turn),
                           hits = found & ~kLate;
       __syncwarp();  // other lanes' hits are read below
-      // By shuffles and not through shared memory: lanes 1 to 31 wait here, or the warp stays split.
       Word at = 0;
-      if (lane == 0) at = take_unit(task, lookers.unit, lookers.first, hits);
+      if (lane == 0) {
+        const Target t = take_unit(task, lookers.unit, lookers.first, hits);
+        lookers.target = t, at = t.place;
+      }
+      // By a shuffle and not through shared memory: lanes 1 to 31 wait here, or the warp stays split.
       at = __shfl_sync(kAll, at, 0);
       const bool more = lookers.more;
-      if (fixed && !more && lane < lookers.left)  // those that are empty
+      // Those that are empty: nothing was expected of them.
+      if (fixed && !more && lane < lookers.left)
         task.sums.counts[task.own_tiles + lookers.unit + 1 + lane] = 0;
-      if (found & kLate) {
-        const std::uint32_t limit = fixed ? 0 : ~0u;
-        const Target target{at, at, limit, kOfUnit | lookers.unit << 5, lookers.first};
-        if (fixed || at + hits <= task.output.capacity)
-          search_down_unqueued<Kind>(task, grid, downs, lookers, warp, turn, &target, 0);
-      } else if (fixed) {
-        const std::uint32_t of = kOfUnit | lookers.unit << 5;
-        for (std::uint32_t k = lane; k < hits; k += 32)
-          if (at + k < task.sums.room)
-            task.sums.spill[at + k] =
-                static_cast<Word>(of | lookers.side[memory.lane[k]] >> 16) << 32 | memory.at[k];
-      } else if (at + hits <= task.output.capacity) {
-        for (std::uint32_t k = lane; k < hits; k += 32)
+      const std::uint32_t most = fixed ? min(hits, lookers.target.limit) : hits;
+      if (at + most > task.output.capacity) {
+        // Counted; the list is made longer and the search repeated.
+      } else if (found & kLate) {
+        search_down_unqueued<Kind>(task, grid, downs, lookers, warp, turn, &lookers.target, 0);
+      } else {
+        for (std::uint32_t k = lane; k < most; k += 32)
           write_record<Kind>(task, lookers.place(memory.lane[k]), memory.at[k], at + k);
+        for (std::uint32_t k = most + lane; k < hits; k += 32)
+          spill(task, lookers.target, k, lookers.place(memory.lane[k]), memory.at[k]);
       }
       __syncwarp();
       if (!more) break;
@@ -233,12 +235,17 @@ void launch(const Task& task, const Grid& grid, const typename DownsOf<W>::Type&
     const std::uint32_t lookers = over(downs.warps, kWarps);
     blocks += task.next ? std::min<std::uint32_t>(lookers, kProcessors * kBlocks<W>) : lookers;
   }
+  if constexpr (W == Way::down)
+    if (task.sums.shares && !task.sums.turns)
+      share_kernel<Kind><<<over(task.units, kShareUnits), kShareUnits, 0, stream>>>(task, grid, downs);
   search_kernel<Kind, W><<<blocks, kThreads, 0, stream>>>(task, grid, downs);
   if (!task.options.fixed_order || task.sums.turns) return;
-  fill_kernel<Kind>
-      <<<over(task.own_tiles, fill_tiles(task)) + over(task.units, kGroupTiles), kFillThreads, 0, stream>>>(
-          task);
-  if (task.units) move_kernel<Kind><<<6 * kProcessors, kFillThreads, 0, stream>>>(task);
+  if (task.units == 0) {
+    fill_kernel<Kind><<<over(task.own_tiles, kFillTiles), kFillThreads, 0, stream>>>(task);
+  } else {
+    number_kernel<<<task.sums.all_groups, kFillThreads, 0, stream>>>(task);
+    move_kernel<Kind><<<5 * kProcessors, kFillThreads, 0, stream>>>(task);
+  }
 }
 
 template <SlotKind Kind>
@@ -256,14 +263,17 @@ void launch(Task& task, const Grid& grid, const Downs& downs, cudaStream_t strea
 }  // namespace
 
 Share share_for(const Counters& found, std::uint32_t spheres, const Grid& grid, SlotKind kind) {
-  const auto share = [](unsigned long long contacts, std::uint32_t tiles) -> std::uint32_t {
-    const double mean = static_cast<double>(contacts) / std::max(tiles, 1u);
-    if (mean < 1) return 0;
-    return static_cast<std::uint32_t>(std::min(std::exp2(std::floor(16 * std::log2(mean)) / 16), 0x1p24));
-  };
+  const auto rounded = [](double mean) { return std::exp2(std::floor(16 * std::log2(mean)) / 16); };
   const std::uint32_t tiles = own_tiles(spheres);
-  if (tiles + over(plan_downs(grid, kind).warps, kWarps) <= kMostTurns) return {};
-  return {share(found.own, tiles)};
+  const Downs downs = plan_downs(grid, kind);
+  if (tiles + over(downs.warps, kWarps) <= kMostTurns) return {};
+  Share share;
+  const double own = static_cast<double>(found.own) / std::max(tiles, 1u),
+               of_units = static_cast<double>(found.contacts - found.own);
+  if (own >= 1) share.own = static_cast<std::uint32_t>(std::min(rounded(own), 0x1p24));
+  if (downs.units && of_units > 0 && found.expected)
+    share.unit = static_cast<float>(rounded(std::min(of_units / static_cast<double>(found.expected), 1.0)));
+  return share;
 }
 
 void search(const Source& source, const Grid& grid, const Ordered& spheres, const SearchOptions& options,
@@ -277,14 +287,14 @@ void search(const Source& source, const Grid& grid, const Ordered& spheres, cons
   task.judge_all = source.filtered || !options.owns_all;
   for (int k = 0; k < grid.levels; k++) task.judge_all = task.judge_all || grid.level[k].hashed;
   const std::uint64_t groups = over(task.own_tiles, kGroupTiles) + over(task.units, kGroupTiles),
-                      marks = 2 + kMostTurns + 2 * groups;
+                      marks = 3 + kMostTurns + 2 * groups;
   if (options.fixed_order || downs.warps) {
     const bool fresh = memory.marks.capacity() < marks;
     auto* const p = memory.marks.reserve(marks);
     if (fresh) cuda_check(cudaMemsetAsync(p, 0, marks * 8, stream), "clear the counters");
     if (spheres.count >= kManySpheres) task.next = reinterpret_cast<unsigned int*>(p);
     task.sums.fills = reinterpret_cast<unsigned int*>(p) + 1;
-    task.sums.turn = p + 1, task.sums.groups = p + 2 + kMostTurns;
+    task.sums.turn = p + 2, task.sums.groups = p + 3 + kMostTurns;
   }
   if (options.fixed_order) {
     TileSums& sums = task.sums;
@@ -292,9 +302,15 @@ void search(const Source& source, const Grid& grid, const Ordered& spheres, cons
     sums.turns = task.own_tiles + over(downs.warps, kWarps) <= kMostTurns;
     sums.own_groups = over(task.own_tiles, kGroupTiles);
     sums.all_groups = sums.own_groups + over(task.units, kGroupTiles);
-    auto* p = memory.sums.reserve(2 * tiles);
-    sums.spill_at = p, sums.counts = reinterpret_cast<std::uint32_t*>(p + tiles),
-    sums.firsts = sums.counts + tiles;
+    const std::uint64_t units = task.units;
+    const bool shares = units && spheres.count >= kManySpheres;  // of few, moving all costs less
+    sums.share_groups = shares ? over(units, kShareUnits) : 0;
+    auto* p = memory.sums.reserve(tiles + sums.share_groups + sums.all_groups + 2 +
+                                  (tiles + (units ? tiles + 2 * units : 0) + 1) / 2);
+    sums.spill_at = p, sums.bases = p + tiles, sums.spares_before = sums.bases + sums.share_groups + 1;
+    sums.counts = reinterpret_cast<std::uint32_t*>(sums.spares_before + sums.all_groups + 1),
+    sums.firsts = sums.counts + tiles, sums.spares = sums.firsts + units;
+    if (shares) sums.shares = sums.spares + tiles;
     sums.spill = memory.spill.data(), sums.room = memory.spill.data() ? memory.spill.capacity() : 0;
   }
   if (spheres.kind == SlotKind::equal) launch<SlotKind::equal>(task, grid, downs, stream);
