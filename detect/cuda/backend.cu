@@ -251,7 +251,9 @@ class CudaBackend : public Backend {
       make_plan(options, summary_);
       // The order's work space is lent by the list: the list is made long enough for that.
       if (options.width != Width::pairs && source_.count >= Orderer::kFewSpheres && capacity(options) == 0) {
-        if (float_bins(plan_.grid, plan_.kind, source_.count).on)  // lends no words
+        const bool words =
+            plan_.kind != SlotKind::equal || !float_bins(plan_.grid, plan_.kind, source_.count).on;
+        if (!words)
           normals_.reserve(Orderer::room(source_.count) * sizeof(float4));
         else
           reserve_records(options, Orderer::room(source_.count));

@@ -411,7 +411,11 @@ bool Orderer::by_buckets(const Source& source, const Grid& grid, bool tidy, bool
     source_places.keys = lent ? lent_word_ : keys_.reserve(n);
     split.keys = lent ? lent_word_ + n : ids_.reserve(n);
   }
-  if (ids) out.ids = o.ids = sorted_ids_.reserve(n + split_room), split.ids = o.ids + n;
+  const bool lent_ids = lent && lent_words_ >= (keyed ? 2 * n : 0) + split_room;
+  if (ids) {
+    out.ids = o.ids = sorted_ids_.reserve(lent_ids ? n : n + split_room);
+    split.ids = lent_ids ? lent_word_ + (keyed ? 2 * n : 0) : o.ids + n;
+  }
   Starts starts;
   starts.finished = starts_.reserve(3 * std::uint64_t(b.count) + 2 * kMostGroups + 6);
   starts.bucket = starts.finished + 1, starts.cursor = starts.bucket + b.count + 1,

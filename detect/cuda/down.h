@@ -19,6 +19,7 @@ struct Down {
   std::uint32_t first_warp, first_unit, first, end;  // spheres `first` to `end` - 1 of the order
   std::uint32_t group, parts, turns, step;           // step: parts / turns, rounded up
   float per_part;  // parts of a sphere that reaches one bin far; more with the third power of its reach
+  float density;   // spheres of the finer level in a bin
   std::int32_t coarse, fine;
 };
 struct Downs {
@@ -63,6 +64,7 @@ inline Downs plan_downs(const Grid& grid, SlotKind kind) {
       const double all = (2 * reach + 2) * (2 * reach + 2);    // rows, at most
       double full = 4.19 * static_cast<double>(fine.spheres);  // hits of a sphere that reaches one bin far
       for (const std::uint32_t side : fine.count) full /= side;
+      d.density = static_cast<float>(full / 4.19);
       // Of a sphere of three quarters of the largest radius: most are smaller.
       const double usual = (0.75 * coarse.radius_max + fine.radius_max) * fine.per_size,
                    hits = full * usual * usual * usual + 1e-9;
@@ -101,15 +103,31 @@ struct Lookers {
   uint2 row[64];              // rows with candidates: place of the first less its number, looker
   std::uint32_t unit, first;  // its number, its first sphere
   std::uint32_t left, more;   // units that the warp has after it, and of those some may have rows
+  Target target;
+  __device__ __forceinline__ std::uint32_t place(std::uint32_t looker) const {
+    return first + (side[looker] >> 16);
+  }
 };
 
-// Hits of unit `turn` of those of a warp, to the queue; with a target, written as those from `base` on of the
-// tile.
-template <SlotKind Kind>
-__device__ __forceinline__ std::uint32_t search_down(const Task& task, const Grid& grid, const Downs& downs,
-                                                     WarpMemory<Way::down>& memory, Lookers<Kind>& lookers,
-                                                     std::uint32_t warp, std::uint32_t turn,
-                                                     const Target* target, std::uint32_t base) {
+// How far a sphere of radius r reaches among those of the finer level, in bins of that, and into how many
+// parts its rows are divided. A unit beyond the last part is empty.
+__device__ __forceinline__ float reach_of(const Grid& grid, const Down& d, double r) {
+  const Level& l = grid.level[d.fine];
+  r = smaller(r, grid.level[d.coarse].radius_max) + l.radius_max;
+  return __fmaf_rn(static_cast<float>(r * l.per_size), kReachShare, kReachMore);
+}
+__device__ __forceinline__ std::uint32_t parts_of(const Down& d, float reach) {
+  if (d.parts == 1) return 1;
+  const float parts = __fmul_rn(__fmul_rn(d.per_part, reach), __fmul_rn(reach, reach));
+  return min(d.parts, static_cast<std::uint32_t>(parts) + 1);
+}
+
+// Unit `turn` of those of a warp: its candidates, 32 at a time, to take(valid, looker, j, slot of j). False:
+// it has none.
+template <SlotKind Kind, class Take>
+__device__ __forceinline__ void search_rows(const Task& task, const Grid& grid, const Downs& downs,
+                                            Lookers<Kind>& lookers, std::uint32_t warp, std::uint32_t turn,
+                                            Take take) {
   using Slot = typename SlotOf<Kind>::Type;
   const std::uint32_t lane = threadIdx.x & 31, upto_me = ~0u >> (31 - lane);
   std::uint32_t which = 0;
@@ -132,10 +150,8 @@ __device__ __forceinline__ std::uint32_t search_down(const Task& task, const Gri
   std::uint32_t key = 0, ny = 1;
   if (lane < members) {
     const Sphere s = sphere_at<Kind>(task, first + lane);
-    const double r = smaller(s.r, grid.level[d.coarse].radius_max) + l.radius_max;
-    const float reach = static_cast<float>(r * l.per_size) * kReachShare + kReachMore;
-    // A unit beyond its sphere's last part is empty.
-    if (d.parts > 1) parts = min(d.parts, static_cast<std::uint32_t>(d.per_part * reach * reach * reach) + 1);
+    const float reach = reach_of(grid, d, s.r);
+    parts = parts_of(d, reach);
     if (part < parts) {
       const Split x = split(l, s.x), y = split(l, s.y), z = split(l, s.z);
       if constexpr (Kind == SlotKind::fixed)
@@ -175,7 +191,7 @@ __device__ __forceinline__ std::uint32_t search_down(const Task& task, const Gri
   const std::uint32_t some = __ballot_sync(kAll, rows != 0);
   if (!some) {
     __syncwarp();
-    return 0;
+    return;
   }
   std::uint32_t start = rows;
   if (some != 1) {
@@ -200,7 +216,7 @@ __device__ __forceinline__ std::uint32_t search_down(const Task& task, const Gri
     return count && begin - w < 32 ? 1u << (begin - w) : 0u;
   };
   const std::uint32_t* const table = task.spheres.table + l.offset + 1;
-  std::uint32_t hits = 0, begun = 0;
+  std::uint32_t begun = 0;
 #pragma unroll 1
   for (std::uint32_t w = 0; w < items; w += 64) {
     std::uint32_t begin[2] = {}, count[2] = {}, who[2] = {};
@@ -251,22 +267,6 @@ __device__ __forceinline__ std::uint32_t search_down(const Task& task, const Gri
     if (count[1]) lookers.row[before + (count[0] != 0)] = make_uint2(begin[1] - start1, who[1]);
     __syncwarp();
     std::uint32_t seen = 0;
-    const auto test = [&](bool valid, std::uint32_t i, std::uint32_t j, const Slot& b) {
-      bool hit = false;
-      if (valid) {
-        hit = meets<Kind, Way::down>(task, grid, first + (lookers.side[i] >> 16), lookers.slot[i], j, b,
-                                     !target);
-      }
-      const std::uint32_t has = __ballot_sync(kAll, hit);
-      if (hit) {
-        const std::uint32_t to = hits + __popc(has & (upto_me >> 1)), sphere = lookers.side[i] >> 16;
-        if (target)
-          put<Kind>(task, *target, base + to, first + sphere, j);
-        else if (to < kQueue<Way::down>)
-          memory.at[to] = j, memory.lane[to] = static_cast<unsigned char>(sphere);
-      }
-      hits += __popc(has);
-    };
 #pragma unroll 1
     for (std::uint32_t t = lane; t - lane < total; t += 64) {
       std::uint32_t i[2], j[2];
@@ -279,22 +279,82 @@ __device__ __forceinline__ std::uint32_t search_down(const Task& task, const Gri
         const uint2 row = lookers.row[seen + __popc(news & upto_me) - 1];
         seen += __popc(news);
         i[h] = row.y, j[h] = t + 32 * h + row.x;
-        if (t + 32 * h < total) b[h] = load_slot(slots + j[h]);
+        b[h] = load_slot(slots + j[h]);  // behind the last: of kSlack
       }
-      test(t < total, i[0], j[0], b[0]);
-      if (t - lane + 32 < total) test(t + 32 < total, i[1], j[1], b[1]);
+      take(t < total, i[0], j[0], b[0]);
+      if (t - lane + 32 < total) take(t + 32 < total, i[1], j[1], b[1]);
     }
+  }
+}
+
+// A unit without the queue, for the few with more hits than it holds: each candidate is judged as it comes.
+// With a target, writes the hits as those from `base` on of the tile.
+template <SlotKind Kind>
+__device__ __noinline__ std::uint32_t search_down_unqueued(const Task& task, const Grid& grid,
+                                                           const Downs& downs, Lookers<Kind>& lookers,
+                                                           std::uint32_t warp, std::uint32_t turn,
+                                                           const Target* target, std::uint32_t base) {
+  const std::uint32_t below = (1u << (threadIdx.x & 31)) - 1;
+  std::uint32_t hits = 0;
+  search_rows<Kind>(task, grid, downs, lookers, warp, turn,
+                    [&](bool valid, std::uint32_t looker, std::uint32_t j, const auto& b) {
+                      const std::uint32_t i = lookers.place(looker);
+                      const bool hit =
+                          valid && meets<Kind, Way::down>(task, grid, i, lookers.slot[looker], j, b, !target);
+                      const std::uint32_t has = __ballot_sync(kAll, hit);
+                      if (hit && target) put<Kind>(task, *target, base + hits + __popc(has & below), i, j);
+                      hits += __popc(has);
+                    });
+  return hits;
+}
+
+// Judges those of the queue one by one, where float is not sure of all, or all are asked for more than their
+// distance; contacts are moved together, in the same order.
+template <SlotKind Kind>
+__device__ __noinline__ std::uint32_t settle_down(const Task& task, const Grid& grid,
+                                                  WarpMemory<Way::down>& memory, const Lookers<Kind>& lookers,
+                                                  std::uint32_t count) {
+  const auto* const slots = slots_of<Kind>(task);
+  const std::uint32_t lane = threadIdx.x & 31, below = (1u << lane) - 1;
+  std::uint32_t hits = 0;
+#pragma unroll 1
+  for (std::uint32_t from = 0; from < count; from += 32) {
+    const std::uint32_t k = min(from + lane, count - 1), j = memory.at[k], looker = memory.lane[k];
+    const bool hit =
+        from + lane < count && meets<Kind, Way::down>(task, grid, lookers.place(looker), lookers.slot[looker],
+                                                      j, load_slot(slots + j), true);
+    const std::uint32_t has = __ballot_sync(kAll, hit), to = hits + __popc(has & below);
+    __syncwarp();  // all have read what is written over
+    if (hit) memory.at[to] = j, memory.lane[to] = static_cast<unsigned char>(looker);
+    hits += __popc(has);
+    __syncwarp();
   }
   return hits;
 }
 
-// The same out of line, for the few units with more hits than the queue holds.
+// Hits of unit `turn` of those of a warp, to the queue; kLate: it does not hold them.
 template <SlotKind Kind>
-__device__ __noinline__ void write_down(const Task& task, const Grid& grid, const Downs& downs,
-                                        WarpMemory<Way::down>& memory, Lookers<Kind>& lookers,
-                                        std::uint32_t warp, std::uint32_t turn, const Target& target,
-                                        std::uint32_t base) {
-  search_down<Kind>(task, grid, downs, memory, lookers, warp, turn, &target, base);
+__device__ __forceinline__ std::uint32_t search_down(const Task& task, const Grid& grid, const Downs& downs,
+                                                     WarpMemory<Way::down>& memory, Lookers<Kind>& lookers,
+                                                     std::uint32_t warp, std::uint32_t turn) {
+  const std::uint32_t below = (1u << (threadIdx.x & 31)) - 1;
+  bool doubt = task.judge_all;
+  std::uint32_t hits = 0;
+  search_rows<Kind>(task, grid, downs, lookers, warp, turn,
+                    [&](bool valid, std::uint32_t looker, std::uint32_t j, const auto& b) {
+                      bool sure;
+                      const bool hit = within<Kind>(task, lookers.slot[looker], b, sure) && valid;
+                      doubt = doubt || (hit && !sure);
+                      const std::uint32_t has = __ballot_sync(kAll, hit), to = hits + __popc(has & below);
+                      if (hit && to < kQueue<Way::down>)
+                        memory.at[to] = j, memory.lane[to] = static_cast<unsigned char>(looker);
+                      hits += __popc(has);
+                    });
+  __syncwarp();
+  if (hits > kQueue<Way::down>)
+    return search_down_unqueued<Kind>(task, grid, downs, lookers, warp, turn, nullptr, 0) | kLate;
+  if (__any_sync(kAll, doubt)) hits = settle_down<Kind>(task, grid, memory, lookers, hits);
+  return hits;
 }
 
 }  // namespace

@@ -39,14 +39,20 @@ constexpr float kWide = 1 + 0x1p-20f, kNear = 0x1p-19f;
 struct TileSums {
   bool turns = false;                    // few tiles: each waits for those before it
   unsigned long long* turn = nullptr;    // number of the search, then words of place.h
-  unsigned int* fills = nullptr;         // blocks that have read `groups`
+  unsigned int* fills = nullptr;         // blocks that have read `groups`; then those that have summed shares
   unsigned long long* groups = nullptr;  // of each group of tiles: places left spare, hits that spilled
-  std::uint32_t own_groups = 0, all_groups = 0;
+  std::uint32_t own_groups = 0, all_groups = 0, share_groups = 0;
   unsigned long long* spill_at = nullptr;              // where a tile's spilled hits lie
   std::uint32_t *counts = nullptr, *firsts = nullptr;  // contacts of each tile; first sphere of each unit
   unsigned long long* spill = nullptr;                 // places of i (or unit and number within it) and j
   std::uint64_t room = 0;
+  // Where there are units. Of each its share and the places of those before it in its group, in one word, and
+  // of each group its first place in the list, at last that behind all shares. Of each tile the spare places
+  // of its group up to it, and of each group those before it, at last all.
+  std::uint32_t *shares = nullptr, *spares = nullptr;
+  unsigned long long *bases = nullptr, *spares_before = nullptr;
 };
+constexpr std::uint32_t kShareBits = 10, kMostShare = (1u << kShareBits) - 1;
 
 struct Task {
   Source source;
@@ -275,6 +281,7 @@ template <Way W>
 constexpr std::uint32_t kQueue = W == Way::down ? 320
                                  : W == Way::up ? 192
                                                 : 256;
+constexpr std::uint32_t kLate = 1u << 31;  // of hits: more than the queue holds; found again to be written
 template <Way W>
 struct WarpMemory {
   std::uint32_t at[kQueue<W>];

@@ -137,7 +137,7 @@ __device__ __forceinline__ std::uint32_t search_level(const Task& task, const Ow
 }
 
 // Those of the queue that touch, moved together, in the same order; `check(words, hit)` tells of some at a
-// time, some word standing for those behind the end.
+// time, the last word standing for those behind the end.
 template <int AtOnce, class Check>
 __device__ __forceinline__ std::uint32_t sieve(const Queue& queue, std::uint32_t count, Check check) {
   const std::uint32_t lane = kept(threadIdx.x & 31), below = (1u << lane) - 1;
@@ -149,7 +149,7 @@ __device__ __forceinline__ std::uint32_t sieve(const Queue& queue, std::uint32_t
 #pragma unroll
     for (int u = 0; u < AtOnce; u++) {
       hit[u] = k + 32 * u + lane < count;
-      word[u] = queue.get(hit[u] ? k + 32 * u + lane : k);  // k: not written yet
+      word[u] = queue.get(min(k + 32 * u + lane, count - 1));  // never one that is written over
     }
     check(word, hit);
 #pragma unroll

@@ -2,9 +2,10 @@
 // addition. For a fixed order a tile of spheres has its share of places to itself, wherever the others are;
 // what it finds beyond them spills over, and what it leaves spare is filled afterwards, the n-th spare place
 // by the n-th hit that spilled, counted in the order of the tiles. The share is a little less than the mean,
-// so that all that spares is filled and few hits move; nobody waits for anybody. Units find so different
-// numbers that they have no share: all of theirs moves, in one piece. Where tiles are so few that all run at
-// once, each waits for the counts of those before it instead. Only search.cu includes this.
+// so that all that spares is filled and few hits move; nobody waits for anybody. Units that look down find so
+// different numbers that each has a share of its own (expect.h), or none where spheres are few. Where tiles
+// are so few that all run at once, each waits for the counts of those before it instead. Only search.cu
+// includes this.
 #pragma once
 #include <cub/block/block_scan.cuh>
 
@@ -13,16 +14,15 @@
 namespace padder::detect::cuda {
 namespace {
 
-constexpr int kGroupTiles = 1024, kFillTiles = 32, kFillThreads = 256;
+constexpr int kGroupTiles = 1024, kShareUnits = 256, kFillTiles = 32, kFillThreads = 256;
 constexpr std::uint32_t kMostTurns = 1056, kTurnGroups = (kMostTurns + 31) / 32,
                         kTurnWords = kMostTurns + 2 * kTurnGroups;
 using Word = unsigned long long;
 
-// Tiles of spheres that a block fills: fewer, while that is not too many blocks, and fewer still where there
-// are levels, since then some spill much.
+// Tiles of spheres that a block fills: fewer, while that is not too many blocks.
 constexpr std::uint32_t kManyTiles = 10000;
 __host__ __device__ inline std::uint32_t fill_tiles(const Task& task) {
-  return task.own_tiles >= kManyTiles ? kFillTiles : task.units ? kFillTiles / 4 : kFillTiles / 2;
+  return task.own_tiles >= kManyTiles ? kFillTiles : kFillTiles / 2;
 }
 
 // Groups of tiles are of tiles of spheres or of such that look down, not of both.
@@ -54,18 +54,33 @@ __device__ __forceinline__ Target take_place(const Task& task, std::uint32_t til
   return t;
 }
 
-// Of a unit: its first place, or for a fixed order its first place in the spill.
-__device__ __forceinline__ Word take_unit(const Task& task, std::uint32_t unit, std::uint32_t first,
-                                          std::uint32_t hits) {
+// The word of a unit in `shares`, and what lies behind all shares.
+__device__ __forceinline__ std::uint32_t share_of(const TileSums& sums, std::uint32_t unit) {
+  return sums.shares ? sums.shares[unit] : 0;
+}
+__device__ __forceinline__ Word behind_shares(const Task& task) {
+  const TileSums& sums = task.sums;
+  return sums.shares ? sums.bases[sums.share_groups]
+                     : static_cast<Word>(task.own_tiles) * task.options.share.own;
+}
+
+// Of a unit.
+__device__ __forceinline__ Target take_unit(const Task& task, std::uint32_t unit, std::uint32_t first,
+                                            std::uint32_t hits) {
   Counters* const c = task.counters;
-  const bool fixed = task.options.fixed_order;
-  const Word at = hits ? atomicAdd(fixed ? &c->spilled : &c->contacts, static_cast<Word>(hits)) : 0;
-  if (fixed) {
-    const std::uint32_t tile = task.own_tiles + unit;
-    if (hits) atomicAdd(task.sums.groups + group_of(task, tile) * 2 + 1, static_cast<Word>(hits));
-    task.sums.counts[tile] = hits, task.sums.spill_at[tile] = at, task.sums.firsts[unit] = first;
-  }
-  return at;
+  if (!task.options.fixed_order)
+    return {hits ? atomicAdd(&c->contacts, static_cast<Word>(hits)) : 0, 0, ~0u, 0, 0};
+  const TileSums& sums = task.sums;
+  const std::uint32_t tile = task.own_tiles + unit, word = share_of(sums, unit), share = word & kMostShare,
+                      spilled = hits > share ? hits - share : 0;
+  Word* const group = sums.groups + group_of(task, tile) * 2;
+  Target t{0, 0, share, kOfUnit | unit << 5, first};
+  if (share) t.place = sums.bases[unit / kShareUnits] + (word >> kShareBits);
+  if (spilled) t.spill = atomicAdd(&c->spilled, static_cast<Word>(spilled));
+  if (spilled) atomicAdd(group + 1, static_cast<Word>(spilled));
+  if (hits < share) atomicAdd(group, static_cast<Word>(share - hits));
+  sums.counts[tile] = hits, sums.spill_at[tile] = t.spill, sums.firsts[unit] = first;
+  return t;
 }
 
 // ---- Few tiles: a tile waits for the counts of those before it. They are at work or done, since blocks
@@ -143,6 +158,18 @@ __device__ __forceinline__ Three block_sums(FillMemory& memory, Three mine) {
   for (int k = 0; k < 3; k++)
     for (int w = 0; w < kFillThreads / 32; w++) all.v[k] += memory.sums[k][w];
   return all;
+}
+// The last block leaves the groups of tiles as they were before the search.
+__device__ __forceinline__ void leave_groups(const TileSums& sums) {
+  __syncthreads();
+  if (threadIdx.x >= 32) return;
+  unsigned last = 0;
+  if (threadIdx.x == 0) {
+    __threadfence();
+    last = atomicInc(sums.fills, gridDim.x - 1) + 1 == gridDim.x;
+  }
+  if (__shfl_sync(kAll, last, 0))
+    for (std::uint32_t k = threadIdx.x; k < 2 * sums.all_groups; k += 32) sums.groups[k] = 0;
 }
 template <SlotKind Kind>
 __device__ __forceinline__ void move(const Task& task, Word from, Word to) {
@@ -230,115 +257,61 @@ __device__ __forceinline__ void find_spare(const Task& task, FillMemory& memory,
   }
 }
 
-// Some tiles of spheres a block, or a group of units, of which it only says where their hits belong: spill_at
-// becomes what is between a hit's place in the spill and in the list. Many: of so many tiles that full
-// processors count for more than a block's latency.
+// Some tiles of spheres a block, where there are no units. Many: of so many tiles that full processors count
+// for more than a block's latency.
 template <SlotKind Kind, bool Many>
 __global__ void __launch_bounds__(kFillThreads, Many ? 6 : 3) fill_kernel(const __grid_constant__ Task task) {
   __shared__ FillMemory memory;
   const TileSums& sums = task.sums;
   const std::uint32_t each_tiles = fill_tiles(task), share = task.options.share.own,
-                      own_fills = (task.own_tiles + each_tiles - 1) / each_tiles;
-  const bool own = blockIdx.x < own_fills;
-  const std::uint32_t group = own ? blockIdx.x * each_tiles / kGroupTiles
-                                  : sums.own_groups + blockIdx.x - own_fills,
-                      first = own ? blockIdx.x * each_tiles : tiles_of(task, group).first;
+                      group = blockIdx.x * each_tiles / kGroupTiles, first = blockIdx.x * each_tiles;
   const auto over = [&](std::uint32_t count) { return count > share ? count - share : 0; };
   // What needs no other's word is asked for all at once. Spare places, spilled hits before the block's, all
   // of them.
   const std::uint32_t flags = task.counters->flags;
   Three mine{};
-  Word spare_here = 0, net = 0;  // net: of tiles of spheres, their contacts less their shares
+  Word spare_here = 0;
   for (std::uint32_t g = threadIdx.x; g < sums.all_groups; g += kFillThreads) {
     const ulonglong2 both = *reinterpret_cast<const ulonglong2*>(sums.groups + 2 * g);
     mine.v[0] += both.x, mine.v[1] += g < group ? both.y : 0, mine.v[2] += both.y;
-    if (g < kFillThreads) spare_here = g < sums.own_groups ? both.x : 0;
-    if (g < sums.own_groups) net += both.y - both.x;
+    if (g < kFillThreads) spare_here = both.x;
   }
-  if (own) {
-    const std::uint32_t tile = group * kGroupTiles + 4 * threadIdx.x;
-    if (tile < first) {
-      const uint4 c = *reinterpret_cast<const uint4*>(sums.counts + tile);
-      mine.v[1] += over(c.x) + over(c.y) + over(c.z) + over(c.w);  // first is a multiple of four
-    }
-    if (threadIdx.x < 32) {
-      const std::uint32_t mine_tile = first + threadIdx.x;
-      const bool valid = threadIdx.x < each_tiles && mine_tile < task.own_tiles;
-      const std::uint32_t count = valid ? over(sums.counts[mine_tile]) : 0;
-      const Word at = valid ? sums.spill_at[mine_tile] : 0;
-      std::uint32_t upto = count;
-#pragma unroll
-      for (int d = 1; d < kFillTiles; d <<= 1) {
-        const std::uint32_t u = __shfl_up_sync(kAll, upto, d);
-        if (static_cast<int>(threadIdx.x) >= d) upto += u;
-      }
-      memory.begins[threadIdx.x] = upto - count, memory.spills[threadIdx.x] = at;
-      if (threadIdx.x == kFillTiles - 1) memory.total = upto;
-    }
+  const std::uint32_t tile = group * kGroupTiles + 4 * threadIdx.x;
+  if (tile < first) {
+    const uint4 c = *reinterpret_cast<const uint4*>(sums.counts + tile);
+    mine.v[1] += over(c.x) + over(c.y) + over(c.z) + over(c.w);  // first is a multiple of four
+  }
+  if (threadIdx.x < 32) {
+    const std::uint32_t mine_tile = first + threadIdx.x;
+    const bool valid = threadIdx.x < each_tiles && mine_tile < task.own_tiles;
+    const std::uint32_t count = valid ? over(sums.counts[mine_tile]) : 0;
+    const Word at = valid ? sums.spill_at[mine_tile] : 0;
+    std::uint32_t all, before = sum_before(count, all);
+    memory.begins[threadIdx.x] = before, memory.spills[threadIdx.x] = at;
+    if (threadIdx.x == 0) memory.total = all;
   }
   if (flags) return;
   const Three all = block_sums(memory, mine);
   const Word spares = all.v[0], number = all.v[1], shares = static_cast<Word>(task.own_tiles) * share;
-  if (blockIdx.x == 0) {
-    if (threadIdx.x == 0) net += shares, task.counters->contacts = shares - spares + all.v[2];
-    if (net) atomicAdd(&task.counters->own, net);
-  }
+  if (blockIdx.x == 0 && threadIdx.x == 0)
+    task.counters->contacts = task.counters->own = shares - spares + all.v[2];
   // What does not fill a spare place lies behind all shares.
   const Word behind = shares + number - spares;
-  // Once all blocks have read the groups, the last of them leaves them as they were before the search.
-  const auto retire = [&] {
-    if (threadIdx.x >= 32) return;
-    unsigned last = 0;
-    if (threadIdx.x == 0) last = atomicInc(sums.fills, gridDim.x - 1) + 1 == gridDim.x;
-    if (__shfl_sync(kAll, last, 0))
-      for (std::uint32_t k = threadIdx.x; k < 2 * sums.all_groups; k += 32) sums.groups[k] = 0;
-  };
-  if (own) {
-    const std::uint32_t total = memory.total;
-    const auto spare =
-        static_cast<std::uint32_t>(number >= spares ? 0 : min(spares - number, static_cast<Word>(total)));
-    Ahead<Kind> ahead;
-    if (!Many && threadIdx.x < total) {
-      const Word from = spill_place(memory, threadIdx.x);
-      if (from < sums.room && !is_wide<Kind>(task)) ahead.hit = __ldg(sums.spill + from), ahead.known = true;
-    }
-    if (spare) find_spare(task, memory, number, spare_here);
-    retire();
-    if constexpr (Kind != SlotKind::fixed)
-      if (ahead.known) ahead.both = load_both<Kind>(task, ahead.i(), ahead.j());
-    if (spare) fill_spare<Kind>(task, memory, number, spare, ahead);
-    for (std::uint32_t at = own_from(spare); at < total; at += kFillThreads)
-      move<Kind>(task, memory, ahead, at, behind + at);
-  } else {
-    retire();
-    constexpr int kEach = kGroupTiles / kFillThreads;
-    const std::uint32_t tile = first + threadIdx.x * kEach, end = task.own_tiles + task.units;
-    std::uint32_t before[kEach], count;
-#pragma unroll
-    for (int u = 0; u < kEach; u++) before[u] = tile + u < end ? sums.counts[tile + u] : 0;
-    cub::BlockScan<std::uint32_t, kFillThreads>(memory.tiles).ExclusiveSum(before, before, count);
-#pragma unroll
-    for (int u = 0; u < kEach; u++)
-      if (tile + u < end) sums.spill_at[tile + u] = behind + before[u] - sums.spill_at[tile + u];
+  const std::uint32_t total = memory.total;
+  const auto spare =
+      static_cast<std::uint32_t>(number >= spares ? 0 : min(spares - number, static_cast<Word>(total)));
+  Ahead<Kind> ahead;
+  if (!Many && threadIdx.x < total) {
+    const Word from = spill_place(memory, threadIdx.x);
+    if (from < sums.room && !is_wide<Kind>(task)) ahead.hit = __ldg(sums.spill + from), ahead.known = true;
   }
-}
-
-// The hits of units from the spill to the list.
-template <SlotKind Kind>
-__global__ void __launch_bounds__(kFillThreads, 6) move_kernel(const __grid_constant__ Task task) {
-  if (task.counters->flags) return;
-  const TileSums& sums = task.sums;
-  const Word count = min(task.counters->spilled, static_cast<Word>(sums.room));
-  for (Word from = blockIdx.x * Word(kFillThreads) + threadIdx.x; from < count;
-       from += gridDim.x * Word(kFillThreads)) {
-    const Word hit = __ldg(sums.spill + from);
-    const auto i = static_cast<std::uint32_t>(hit >> 32);
-    if (!(i & kOfUnit)) continue;
-    const std::uint32_t unit = (i & ~kOfUnit) >> 5;
-    const Word to = from + __ldg(sums.spill_at + task.own_tiles + unit);
-    if (to >= task.output.capacity) continue;
-    write_record<Kind>(task, __ldg(sums.firsts + unit) + (i & 31), static_cast<std::uint32_t>(hit), to);
-  }
+  if (spare) find_spare(task, memory, number, spare_here);
+  leave_groups(sums);
+  if constexpr (Kind != SlotKind::fixed)
+    if (ahead.known) ahead.both = load_both<Kind>(task, ahead.i(), ahead.j());
+  if (spare) fill_spare<Kind>(task, memory, number, spare, ahead);
+  for (std::uint32_t at = own_from(spare); at < total; at += kFillThreads)
+    move<Kind>(task, memory, ahead, at, behind + at);
 }
 
 }  // namespace

@@ -4,7 +4,7 @@
 // full warps.
 #include <algorithm>
 
-#include "detect/cuda/down.h"
+#include "detect/cuda/expect.h"
 #include "detect/cuda/level.h"
 #include "detect/cuda/place.h"
 #include "detect/cuda/up.h"
@@ -14,13 +14,15 @@ namespace {
 
 // Blocks an SM must be able to hold: few registers and many warps pay more than the opposite here.
 template <Way W>
-constexpr int kBlocks = W == Way::single                  ? 10
-                        : W == Way::down || W == Way::few ? 8
-                                                          : 6;
+constexpr int kBlocks = W == Way::single || W == Way::down ? 10
+                        : W == Way::few                    ? 8
+                                                           : 6;
 
 // Few tiles of one level: a kernel of their own. kMostTurns of them run at once, and can wait for each other.
 constexpr std::uint32_t kFewTiles = 16 * kProcessors;
 static_assert(kMostTurns <= kFewTiles);
+// Where tiles wait for each other a warp has one unit only.
+static_assert(kMostTurns * kThreads < kManySpheres);
 
 template <SlotKind Kind, Way W>
 using Group = std::conditional_t<W == Way::down, Lookers<Kind>, char>;
@@ -85,30 +87,30 @@ __device__ __forceinline__ void look_down(const Task& task, const Grid& grid, co
     }
     if (warp >= downs.warps) return;
     for (std::uint32_t turn = 0;; turn++) {
-      const std::uint32_t hits =
-          search_down<Kind>(task, grid, downs, memory, lookers, warp, turn, nullptr, 0);
+      const std::uint32_t found = search_down<Kind>(task, grid, downs, memory, lookers, warp, turn),
+                          hits = found & ~kLate;
       __syncwarp();  // other lanes' hits are read below
-      // By shuffles and not through shared memory: lanes 1 to 31 wait here, or the warp stays split.
       Word at = 0;
-      if (lane == 0) at = take_unit(task, lookers.unit, lookers.first, hits);
+      if (lane == 0) {
+        const Target t = take_unit(task, lookers.unit, lookers.first, hits);
+        lookers.target = t, at = t.place;
+      }
+      // By a shuffle and not through shared memory: lanes 1 to 31 wait here, or the warp stays split.
       at = __shfl_sync(kAll, at, 0);
       const bool more = lookers.more;
-      if (fixed && !more && lane < lookers.left)  // those that are empty
+      // Those that are empty: nothing was expected of them.
+      if (fixed && !more && lane < lookers.left)
         task.sums.counts[task.own_tiles + lookers.unit + 1 + lane] = 0;
-      if (hits > kQueue<Way::down>) {
-        const std::uint32_t limit = fixed ? 0 : ~0u;
-        const Target target{at, at, limit, kOfUnit | lookers.unit << 5, lookers.first};
-        if (fixed || at + hits <= task.output.capacity)
-          write_down<Kind>(task, grid, downs, memory, lookers, warp, turn, target, 0);
-      } else if (fixed) {
-        const std::uint32_t of = kOfUnit | lookers.unit << 5;
-        for (std::uint32_t k = lane; k < hits; k += 32)
-          if (at + k < task.sums.room)
-            task.sums.spill[at + k] = static_cast<Word>(of | memory.lane[k]) << 32 | memory.at[k];
-      } else if (at + hits <= task.output.capacity) {
-        const std::uint32_t first = lookers.first;
-        for (std::uint32_t k = lane; k < hits; k += 32)
-          write_record<Kind>(task, first + memory.lane[k], memory.at[k], at + k);
+      const std::uint32_t most = fixed ? min(hits, lookers.target.limit) : hits;
+      if (at + most > task.output.capacity) {
+        // Counted; the list is made longer and the search repeated.
+      } else if (found & kLate) {
+        search_down_unqueued<Kind>(task, grid, downs, lookers, warp, turn, &lookers.target, 0);
+      } else {
+        for (std::uint32_t k = lane; k < most; k += 32)
+          write_record<Kind>(task, lookers.place(memory.lane[k]), memory.at[k], at + k);
+        for (std::uint32_t k = most + lane; k < hits; k += 32)
+          spill(task, lookers.target, k, lookers.place(memory.lane[k]), memory.at[k]);
       }
       __syncwarp();
       if (!more) break;
@@ -127,7 +129,6 @@ struct BlockMemory {
 };
 
 // A tile of spheres, or (where tiles wait for those before them) of units that look down.
-constexpr std::uint32_t kLate = 1u << 31;  // of hits: more than the queue holds; found again to be written
 template <SlotKind Kind, Way W>
 __device__ __forceinline__ void search_tile(const Task& task, const Grid& grid,
                                             const typename DownsOf<W>::Type& downs,
@@ -155,11 +156,8 @@ __device__ __forceinline__ void search_tile(const Task& task, const Grid& grid,
       }
     } else if constexpr (W == Way::down) {
       const std::uint32_t looker = (number - task.own_tiles) * kWarps + warp;
-      if (looker < downs.warps) {
-        hits = search_down<Kind>(task, grid, downs, memory.warp[warp], memory.group[warp], looker, 0, nullptr,
-                                 0);
-        if (hits > kQueue<W>) hits |= kLate;
-      }
+      if (looker < downs.warps)
+        hits = search_down<Kind>(task, grid, downs, memory.warp[warp], memory.group[warp], looker, 0);
     }
     if ((threadIdx.x & 31) == 0) memory.sums[warp] = hits;
   }
@@ -190,10 +188,12 @@ __device__ __forceinline__ void search_tile(const Task& task, const Grid& grid,
     });
   } else if (!(hits & kLate)) {
     if constexpr (W == Way::up || W == Way::down) {
-      std::uint32_t from = first;
-      if constexpr (W == Way::down) from = memory.group[warp].first;
       write_hits<Kind>(task, target, hits, before, [&](std::uint32_t k, std::uint32_t& i, std::uint32_t& j) {
-        i = from + memory.warp[warp].lane[k], j = memory.warp[warp].at[k];
+        i = memory.warp[warp].lane[k], j = memory.warp[warp].at[k];
+        if constexpr (W == Way::down)
+          i = memory.group[warp].place(i);
+        else
+          i += first;
       });
     }
   } else if constexpr (W == Way::up) {
@@ -201,8 +201,8 @@ __device__ __forceinline__ void search_tile(const Task& task, const Grid& grid,
   } else if (own) {
     search_unqueued<Kind, W>(task, grid, first, &target, before);
   } else if constexpr (W == Way::down) {
-    write_down<Kind>(task, grid, downs, memory.warp[warp], memory.group[warp],
-                     (number - task.own_tiles) * kWarps + warp, 0, target, before);
+    search_down_unqueued<Kind>(task, grid, downs, memory.group[warp],
+                               (number - task.own_tiles) * kWarps + warp, 0, &target, before);
   }
 }
 
@@ -245,14 +245,20 @@ void launch(const Task& task, const Grid& grid, const typename DownsOf<W>::Type&
     const std::uint32_t lookers = over(downs.warps, kWarps);
     blocks += task.next ? std::min<std::uint32_t>(lookers, kProcessors * kBlocks<W>) : lookers;
   }
+  if constexpr (W == Way::down)
+    if (task.sums.shares && !task.sums.turns)
+      share_kernel<Kind><<<over(task.units, kShareUnits), kShareUnits, 0, stream>>>(task, grid, downs);
   search_kernel<Kind, W><<<blocks, kThreads, 0, stream>>>(task, grid, downs);
   if (!task.options.fixed_order || task.sums.turns) return;
-  const std::uint32_t fills = over(task.own_tiles, fill_tiles(task)) + over(task.units, kGroupTiles);
-  if (task.units || task.own_tiles >= kManyTiles)
-    fill_kernel<Kind, true><<<fills, kFillThreads, 0, stream>>>(task);
-  else
-    fill_kernel<Kind, false><<<fills, kFillThreads, 0, stream>>>(task);
-  if (task.units) move_kernel<Kind><<<6 * kProcessors, kFillThreads, 0, stream>>>(task);
+  if (task.units > 0) {
+    number_kernel<<<task.sums.all_groups, kFillThreads, 0, stream>>>(task);
+    move_kernel<Kind><<<5 * kProcessors, kFillThreads, 0, stream>>>(task);
+  } else {
+    (task.own_tiles >= kManyTiles
+         ? fill_kernel<Kind, true>
+         : fill_kernel<Kind, false>)<<<over(task.own_tiles, fill_tiles(task)), kFillThreads, 0, stream>>>(
+        task);
+  }
 }
 
 template <SlotKind Kind>
@@ -270,14 +276,17 @@ void launch(Task& task, const Grid& grid, const Downs& downs, cudaStream_t strea
 }  // namespace
 
 Share share_for(const Counters& found, std::uint32_t spheres, const Grid& grid, SlotKind kind) {
-  const auto share = [](unsigned long long contacts, std::uint32_t tiles) -> std::uint32_t {
-    const double mean = static_cast<double>(contacts) / std::max(tiles, 1u);
-    if (mean < 1) return 0;
-    return static_cast<std::uint32_t>(std::min(std::exp2(std::floor(16 * std::log2(mean)) / 16), 0x1p24));
-  };
+  const auto rounded = [](double mean) { return std::exp2(std::floor(16 * std::log2(mean)) / 16); };
   const std::uint32_t tiles = own_tiles(spheres);
-  if (tiles + over(plan_downs(grid, kind).warps, kWarps) <= kMostTurns) return {};
-  return {share(found.own, tiles)};
+  const Downs downs = plan_downs(grid, kind);
+  if (tiles + over(downs.warps, kWarps) <= kMostTurns) return {};
+  Share share;
+  const double own = static_cast<double>(found.own) / std::max(tiles, 1u),
+               of_units = static_cast<double>(found.contacts - found.own);
+  if (own >= 1) share.own = static_cast<std::uint32_t>(std::min(rounded(own), 0x1p24));
+  if (downs.units && of_units > 0 && found.expected)
+    share.unit = static_cast<float>(rounded(std::min(of_units / static_cast<double>(found.expected), 1.0)));
+  return share;
 }
 
 void search(const Source& source, const Grid& grid, const Ordered& spheres, const SearchOptions& options,
@@ -291,24 +300,30 @@ void search(const Source& source, const Grid& grid, const Ordered& spheres, cons
   task.judge_all = source.filtered || !options.owns_all;
   for (int k = 0; k < grid.levels; k++) task.judge_all = task.judge_all || grid.level[k].hashed;
   const std::uint64_t groups = over(task.own_tiles, kGroupTiles) + over(task.units, kGroupTiles),
-                      marks = 2 + 2 * kTurnWords + 2 * groups;
+                      marks = 4 + 2 * kTurnWords + 2 * groups;
   if (options.fixed_order || downs.warps) {
     const bool fresh = memory.marks.capacity() < marks;
     auto* const p = memory.marks.reserve(marks);
     if (fresh) cuda_check(cudaMemsetAsync(p, 0, marks * 8, stream), "clear the counters");
     if (spheres.count >= kManySpheres) task.next = reinterpret_cast<unsigned int*>(p);
     task.sums.fills = reinterpret_cast<unsigned int*>(p) + 1;
-    task.sums.turn = p + 1, task.sums.groups = p + 2 + 2 * kTurnWords;
+    task.sums.turn = p + 2, task.sums.groups = p + 4 + 2 * kTurnWords;
   }
   if (options.fixed_order) {
     TileSums& sums = task.sums;
-    const std::uint64_t tiles = (std::uint64_t(task.own_tiles) + task.units + 1) & ~1ull;  // 16 bytes align
+    const std::uint64_t tiles = std::uint64_t(task.own_tiles) + task.units;
     sums.turns = task.own_tiles + over(downs.warps, kWarps) <= kMostTurns;
     sums.own_groups = over(task.own_tiles, kGroupTiles);
     sums.all_groups = sums.own_groups + over(task.units, kGroupTiles);
-    auto* p = memory.sums.reserve(2 * tiles);
-    sums.spill_at = p, sums.counts = reinterpret_cast<std::uint32_t*>(p + tiles),
-    sums.firsts = sums.counts + tiles;
+    const std::uint64_t units = task.units;
+    const bool shares = units && spheres.count >= kManySpheres;  // of few, moving all costs less
+    sums.share_groups = shares ? over(units, kShareUnits) : 0;
+    const std::uint64_t words = (tiles + sums.share_groups + sums.all_groups + 3) & ~std::uint64_t(1);
+    auto* const p = memory.sums.reserve(words + (tiles + (units ? tiles + 2 * units : 0) + 1) / 2);
+    sums.spill_at = p, sums.bases = p + tiles, sums.spares_before = sums.bases + sums.share_groups + 1;
+    sums.counts = reinterpret_cast<std::uint32_t*>(p + words);  // read four at a time
+    sums.firsts = sums.counts + tiles, sums.spares = sums.firsts + units;
+    if (shares) sums.shares = sums.spares + tiles;
     sums.spill = memory.spill.data(), sums.room = memory.spill.data() ? memory.spill.capacity() : 0;
   }
   if (spheres.kind == SlotKind::equal) launch<SlotKind::equal>(task, grid, downs, stream);

@@ -40,8 +40,9 @@ struct Ordered {
 
 struct Counters {
   unsigned long long contacts, doubtful, spilled;
-  unsigned long long own;  // contacts within a level, for a fixed order
-  std::uint32_t flags;     // set by Orderer, cleared by its caller
+  unsigned long long own;       // contacts within a level, for a fixed order
+  unsigned long long expected;  // 16ths of contacts that units were expected to find (expect.h)
+  std::uint32_t flags;          // set by Orderer, cleared by its caller
 };
 // Counters::flags: a bin or bucket too full for the method; a sphere outside the bins, which were chosen for
 // others.
@@ -137,9 +138,11 @@ struct SearchMemory {
         spill(book, "the order of the list") {}
   Buffer<unsigned long long> sums, marks, spill;  // marks: as the last search left them
 };
-// Places of the list that a tile of spheres has to itself.
+// Places of the list that a tile of spheres has to itself, and a unit that looks down of a 16th of a hit it
+// is expected to find.
 struct Share {
   std::uint32_t own = 0;
+  float unit = 0;
   friend bool operator==(const Share&, const Share&) = default;
 };
 struct SearchOptions {
