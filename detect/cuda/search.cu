@@ -97,6 +97,7 @@ __device__ __forceinline__ void look_down(const Task& task, const Grid& grid, co
       }
       // By a shuffle and not through shared memory: lanes 1 to 31 wait here, or the warp stays split.
       at = __shfl_sync(kAll, at, 0);
+      __syncwarp();  // the target is read below
       const bool more = lookers.more;
       // Those that are empty: nothing was expected of them.
       if (fixed && !more && lane < lookers.left)
@@ -319,9 +320,9 @@ void search(const Source& source, const Grid& grid, const Ordered& spheres, cons
     const bool shares = units && spheres.count >= kManySpheres;  // of few, moving all costs less
     sums.share_groups = shares ? over(units, kShareUnits) : 0;
     const std::uint64_t words = (tiles + sums.share_groups + sums.all_groups + 3) & ~std::uint64_t(1);
-    auto* const p = memory.sums.reserve(words + (tiles + (units ? tiles + 2 * units : 0) + 1) / 2);
+    auto* const p = memory.sums.reserve(words + (tiles + (units ? tiles + 2 * units : 0) + 1) / 2 + 2);
     sums.spill_at = p, sums.bases = p + tiles, sums.spares_before = sums.bases + sums.share_groups + 1;
-    sums.counts = reinterpret_cast<std::uint32_t*>(p + words);  // read four at a time
+    sums.counts = reinterpret_cast<std::uint32_t*>(p + words);  // read four at a time, also the last
     sums.firsts = sums.counts + tiles, sums.spares = sums.firsts + units;
     if (shares) sums.shares = sums.spares + tiles;
     sums.spill = memory.spill.data(), sums.room = memory.spill.data() ? memory.spill.capacity() : 0;
