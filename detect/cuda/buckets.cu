@@ -71,6 +71,18 @@ __global__ void __launch_bounds__(kCount)
   if (k == 0) *counters = {};
 }
 
+// By all threads: whether all other blocks have been here. Then what they wrote before is seen.
+__device__ __forceinline__ bool is_last(const Starts& starts) {
+  __shared__ std::uint32_t number;
+  __threadfence();
+  __syncthreads();
+  if (threadIdx.x == 0) number = atomicAdd(starts.finished, 1);
+  __syncthreads();
+  if (number + 1 < gridDim.x) return false;
+  __threadfence();
+  return true;
+}
+
 // A block counts for itself; `Threads` of them, as few blocks a processor as their counts leave room for. The
 // last block to finish makes starts of the counts.
 template <class Bins, bool Along, int Threads>
@@ -81,7 +93,7 @@ __global__ void __launch_bounds__(Threads, Threads == kCount ? 4 : 1)
   constexpr int kAtOnce = Threads == kCount ? 1 : 3;
   Bounds bounds;
   extern __shared__ std::uint32_t shared[];
-  __shared__ std::uint32_t sums[32], number;
+  __shared__ std::uint32_t sums[32];
   for (std::uint32_t b = threadIdx.x; b < buckets.count; b += Threads) shared[b] = 0;
   __syncthreads();
   const std::uint64_t step = static_cast<std::uint64_t>(gridDim.x) * Threads * kAtOnce;
@@ -110,12 +122,7 @@ __global__ void __launch_bounds__(Threads, Threads == kCount ? 4 : 1)
   __syncthreads();
   for (std::uint32_t b = threadIdx.x; b < buckets.count; b += Threads)
     if (shared[b]) atomicAdd(starts.bucket + b, shared[b]);
-  __threadfence();
-  __syncthreads();
-  if (threadIdx.x == 0) number = atomicAdd(starts.finished, 1);
-  __syncthreads();
-  if (number + 1 < gridDim.x) return;
-  __threadfence();
+  if (!is_last(starts)) return;
   for (std::uint32_t b = threadIdx.x; b < buckets.count; b += Threads) shared[b] = __ldcg(starts.bucket + b);
   scan_shared(shared, buckets.count, sums);
   for (std::uint32_t b = threadIdx.x; b <= buckets.count; b += Threads) {
@@ -139,13 +146,7 @@ enum class Pass { whole, among_groups, within_groups };
 // By the last block that has divided its spheres: what was found is where buckets begin.
 __device__ __noinline__ void begin_as_found(const Starts& starts, std::uint32_t count, std::uint32_t* shared,
                                             std::uint32_t* sums, Counters* counters) {
-  __shared__ std::uint32_t number;
-  __threadfence();
-  __syncthreads();
-  if (threadIdx.x == 0) number = atomicAdd(starts.finished, 1);
-  __syncthreads();
-  if (number + 1 < gridDim.x) return;
-  __threadfence();
+  if (!is_last(starts)) return;
   for (std::uint32_t b = threadIdx.x; b < count; b += blockDim.x) {
     const std::uint32_t begin = starts.room[b], room = starts.room[b + 1] - begin,
                         found = __ldcg(starts.cursor + b) - begin;
@@ -436,12 +437,11 @@ bool Orderer::by_buckets(const Source& source, const Grid& grid, bool tidy, bool
       kernel<<<blocks, threads, bytes, stream>>>(arguments...);
     };
     const unsigned tiles = std::min<unsigned>(blocks_for(n, kTile), kProcessors);
-    if (kept) {
-    } else if (grouped)
+    if (!kept && grouped)
       with_shared(bounds ? bucket_count_kernel<Bins, true, kWide> : bucket_count_kernel<Bins, false, kWide>,
                   kProcessors, kWide, (b.count + 1) * 4, source, bins, b, source_places.keys, starts, groups,
                   bounds, counters);
-    else
+    else if (!kept)
       with_shared(bounds ? bucket_count_kernel<Bins, true, kCount> : bucket_count_kernel<Bins, false, kCount>,
                   kProcessors * 4, kCount, (b.count + 1) * 4, source, bins, b, source_places.keys, starts,
                   groups, bounds, counters);

@@ -16,7 +16,7 @@ namespace padder::detect::cuda {
 // bin apart: the bytes then do not overflow.
 inline constexpr float kCodeUnits = 92;            // of a bin: few of those two bins away come round again
 inline constexpr int kFixedShift = kUnitBits - 6;  // of fixed point: 64 units
-inline constexpr double kFixedCodeUnits = 64, kCodeSlack = 3.2;
+inline constexpr double kCodeSlack = 3.2;
 
 PADDER_HD std::uint32_t packed(std::uint32_t x, std::uint32_t y, std::uint32_t z, std::uint32_t low) {
   return x << 24 | (y & 255) << 16 | (z & 255) << 8 | low;

@@ -122,8 +122,7 @@ __device__ __forceinline__ std::uint32_t parts_of(const Down& d, float reach) {
   return min(d.parts, static_cast<std::uint32_t>(parts) + 1);
 }
 
-// Unit `turn` of those of a warp: its candidates, 32 at a time, to take(valid, looker, j, slot of j). False:
-// it has none.
+// Unit `turn` of those of a warp: its candidates, 32 at a time, to take(valid, looker, j, slot of j).
 template <SlotKind Kind, class Take>
 __device__ __forceinline__ void search_rows(const Task& task, const Grid& grid, const Downs& downs,
                                             Lookers<Kind>& lookers, std::uint32_t warp, std::uint32_t turn,

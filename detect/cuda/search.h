@@ -85,8 +85,9 @@ class Orderer {
   // `bounds`, unless null, is Surveyor::bounds(): they are gathered along, and they and the counters need not
   // have been set to zero.
   // `keep`: if the call before had the same buckets, nothing is counted: each has a little more room than it
-  // needed then. Sets kOutside where that is not enough, or a sphere is not what the grid was made for; the
-  // caller then calls again without.
+  // needed then. Sets kOutside where that is not enough, or where one radius is not that of all; the caller
+  // then calls again without. Spheres outside the bins are not reported: the caller compares the grid with
+  // the bounds, where coordinates that are no numbers show, too, but not whose.
   Ordered order(const Source& source, const Grid& grid, SlotKind kind, bool tidy, OrderMethod method,
                 unsigned long long* bounds, Counters* counters, cudaStream_t stream, bool keep = false);
   // Another number whenever `keep` would stand for something else.
