@@ -205,15 +205,16 @@ class CudaBackend : public Backend {
     static_assert(sizeof(Counters) <= Surveyor::kHead * 8);
     auto* const counters = reinterpret_cast<Counters*>(surveyor_.head());
     found_ = reinterpret_cast<const Counters*>(surveyor_.host_head());
-    if (plan_.with_survey)
-      surveyor_.begin(source_, plan_.octaves, plan_.top, along(), stream_);
-    else
+    if (plan_.with_survey && !along())
+      surveyor_.begin(source_, plan_.octaves, plan_.top, stream_);
+    else if (!plan_.with_survey)
       cuda_check(cudaMemsetAsync(counters, 0, sizeof(Counters), stream_), "clear the counters");
     orderer_.lend(reinterpret_cast<float4*>(normals_.data()), normals_.capacity() / sizeof(float4),
                   reinterpret_cast<std::uint32_t*>(pairs_.data()), pairs_.capacity() * 2);
     const Ordered ordered =
         orderer_.order(source_, plan_.grid, plan_.kind, plan_.search.fixed_order, plan_.method,
-                       along() ? surveyor_.bounds() : nullptr, counters, stream_, plan_.with_survey);
+                       along() ? surveyor_.gather(plan_.octaves, plan_.top) : Gather{}, counters, stream_,
+                       plan_.with_survey);
     mark(seconds_.stage[3]);
     search(source_, plan_.grid, ordered, plan_.search, plan_.output, counters, search_memory_, stream_);
     report_.send(stream_);

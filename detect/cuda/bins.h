@@ -12,15 +12,14 @@ namespace padder::detect::cuda {
 //   1 - side * 2^-21 + 2 * (side + 1/4) * 2^-23 < 1 in t, hence by at most one bin,
 // and along x, where all is `fine` times as much, by at most `fine` bins. A bin here need not be the bin of
 // grid.h. Keys are numbered x fastest, with `fine` empty bins between two rows and a border of rows.
-inline FloatBins float_bins(const Grid& grid, SlotKind kind, std::uint64_t spheres) {
+inline FloatBins bins_of(const Level& l) {
   FloatBins b;
-  const Level& l = grid.level[0];
-  if (kind == SlotKind::fixed || grid.levels != 1 || l.hashed) return b;
+  if (l.hashed) return b;
   std::uint32_t side = 0;
-  double extent = 0, bins = 1;
+  double extent = 0;
   for (int k = 0; k < 3; k++) {
     const double low = static_cast<double>(l.first[k]) * l.size;
-    side = std::max(side, l.count[k]), b.count[k] = l.count[k], bins *= l.count[k];
+    side = std::max(side, l.count[k]), b.count[k] = l.count[k];
     extent = std::max({extent, std::abs(low), std::abs(low + l.count[k] * l.size)});
     b.origin[k] = static_cast<float>(low);
     if (b.origin[k] > low) b.origin[k] = std::nextafter(b.origin[k], -INFINITY);
@@ -30,15 +29,39 @@ inline FloatBins float_bins(const Grid& grid, SlotKind kind, std::uint64_t spher
   const double per_size = (1 - side * 0x1p-21) / l.size;
   auto rounded = static_cast<float>(per_size);
   if (rounded > per_size) rounded = std::nextafter(rounded, 0.0f);
-  // Finer rows pay where bins hold many spheres; elsewhere they only make the table longer.
-  if (static_cast<double>(spheres) > 4 * bins && grid.buckets < 0x1p29) b.fine = 4;
-  b.count[0] *= b.fine;
-  b.per_size[0] = rounded * static_cast<float>(b.fine), b.per_size[1] = b.per_size[2] = rounded;
-  b.units = rounded * kCodeUnits;
-  b.row = b.count[0] + b.fine, b.plane = b.row * (b.count[1] + 2);
-  b.buckets = b.plane * (b.count[2] + 2) + b.fine;
+  b.per_size[0] = b.per_size[1] = b.per_size[2] = rounded, b.units = rounded * kCodeUnits;
   b.on = std::isnormal(rounded) && std::isfinite(extent);
   return b;
+}
+// Of a scene of one level.
+inline FloatBins float_bins(const Grid& grid, SlotKind kind, std::uint64_t spheres) {
+  if (kind == SlotKind::fixed || grid.levels != 1) return {};
+  FloatBins b = bins_of(grid.level[0]);
+  if (!b.on) return b;
+  // Finer rows pay where bins hold many spheres; elsewhere they only make the table longer.
+  if (static_cast<double>(spheres) > 4.0 * b.count[0] * b.count[1] * b.count[2] && grid.buckets < 0x1p29)
+    b.fine = 4;
+  b.count[0] *= b.fine, b.per_size[0] *= static_cast<float>(b.fine);
+  b.first = b.fine, b.row = b.count[0] + b.fine, b.plane = b.row * (b.count[1] + 2);
+  b.buckets = b.plane * (b.count[2] + 2) + b.fine;
+  return b;
+}
+// Of several. Spheres of two levels: the place of the coarser one among the finer level's bins is found in
+// double, so that it and the place of a finer one, in bins, differ by at most their distance and 2^-10.
+inline LevelBins level_bins(const Grid& grid, SlotKind kind) {
+  LevelBins g;
+  if (kind != SlotKind::unequal || grid.levels == 1) return g;
+  for (int k = 0; k < grid.levels; k++) {
+    const Level& l = grid.level[k];
+    FloatBins& b = g.level[k] = bins_of(l);
+    if (!b.on) return {};
+    b.row = l.count[0] + 2, b.plane = b.row * (l.count[1] + 2);
+    b.first = l.offset + 1, b.buckets = l.buckets;
+  }
+  g.top = grid.top;
+  std::copy_n(grid.level_of_octave, kOctaves, g.level_of_octave);
+  g.on = true;
+  return g;
 }
 
 PADDER_HD bool float_bin(float x, float origin, float per_size, std::uint32_t count, std::uint32_t& bin) {
@@ -53,8 +76,17 @@ PADDER_HD bool key_of(const FloatBins& b, float x, float y, float z, std::uint32
   const bool in = float_bin(x, b.origin[0], b.per_size[0], b.count[0], i) &
                   float_bin(y, b.origin[1], b.per_size[1], b.count[1], j) &
                   float_bin(z, b.origin[2], b.per_size[2], b.count[2], k);
-  key = (k + 1) * b.plane + (j + 1) * b.row + i + b.fine;
+  key = (k + 1) * b.plane + (j + 1) * b.row + i + b.first;
   return in;
+}
+PADDER_HD bool key_of(const FloatBins& b, const float4& s, std::uint32_t& key) {
+  return key_of(b, s.x, s.y, s.z, key);
+}
+__host__ __device__ __forceinline__ int level_of(const LevelBins& g, const float4& s) {
+  return g.level_of_octave[octave_of_exponent(g.top, need_exponent(s.x, s.y, s.z, s.w))];
+}
+__host__ __device__ __forceinline__ bool key_of(const LevelBins& g, const float4& s, std::uint32_t& key) {
+  return key_of(g.level[level_of(g, s)], s, key);
 }
 
 PADDER_HD int level_of_key(const Grid& g, std::uint32_t key) {
@@ -77,10 +109,14 @@ __device__ __forceinline__ std::uint32_t key_of_sphere(const Sphere& s, const Gr
   }
   return key_of(l, b);
 }
-__device__ __forceinline__ std::uint32_t key_of_sphere(const Sphere& s, const FloatBins& bins,
+template <class Bins>
+__device__ __forceinline__ std::uint32_t key_of_sphere(const Sphere& s, const Bins& bins,
                                                        Counters* counters) {
   std::uint32_t key;
-  if (!key_of(bins, static_cast<float>(s.x), static_cast<float>(s.y), static_cast<float>(s.z), key))
+  if (!key_of(bins,
+              make_float4(static_cast<float>(s.x), static_cast<float>(s.y), static_cast<float>(s.z),
+                          static_cast<float>(s.r)),
+              key))
     atomicOr(&counters->flags, kOutside);
   return key;
 }

@@ -311,9 +311,9 @@ void BodySearch::enqueue(cudaStream_t stream, const Mark& mark) {
   BodyCounters* counters = counters_.reserve(1);
   cuda_check(cudaMemsetAsync(counters, 0, sizeof *counters, stream), "clear the counters");
   if (view_.moving > 0) {
-    if (plan_.with_survey) surveyor_.begin(plan_.balls, plan_.octaves, plan_.top, false, stream);
+    if (plan_.with_survey) surveyor_.begin(plan_.balls, plan_.octaves, plan_.top, stream);
     const Ordered ordered = orderer_.order(plan_.balls, plan_.grid, SlotKind::fixed, plan_.fixed_order,
-                                           plan_.method, nullptr, &counters->broad, stream);
+                                           plan_.method, {}, &counters->broad, stream);
     mark(3);
     SearchOptions o;
     o.fixed_order = plan_.fixed_order, o.share = plan_.share, o.radius = summary_.radius_max;

@@ -30,9 +30,13 @@ struct Buckets {
     while (k + 1 < levels && entry >= part[k + 1].entry) k++;
     return part[k].bucket + __umulhi(entry - part[k].entry, part[k].magic);
   }
-  __device__ __forceinline__ std::uint32_t first_entry(std::uint32_t b) const {
+  __device__ __forceinline__ int level_of(std::uint32_t b) const {
     int k = 0;
     while (k + 1 < levels && b >= part[k + 1].bucket) k++;
+    return k;
+  }
+  __device__ __forceinline__ std::uint32_t first_entry(std::uint32_t b) const {
+    const int k = level_of(b);
     const std::uint64_t magic = part[k].magic,
                         first = ((static_cast<std::uint64_t>(b - part[k].bucket) << 32) + magic - 1) / magic;
     return static_cast<std::uint32_t>(min(part[k].entry + first, std::uint64_t(entries)));
@@ -62,12 +66,12 @@ __global__ void __launch_bounds__(kCount)
 
 // The same where buckets have room by what the call before found.
 __global__ void __launch_bounds__(kCount)
-    bucket_room_kernel(Starts starts, std::uint32_t count, unsigned long long* bounds, Counters* counters) {
+    bucket_room_kernel(Starts starts, std::uint32_t count, Gather gather, Counters* counters) {
   const std::uint32_t k = blockIdx.x * kCount + threadIdx.x;
   if (k <= count) starts.room[k] = starts.cursor[k] = roomy(starts.bucket[k], k);
   if (k == 0) *starts.finished = 0;
-  if (!bounds) return;
-  if (k < kBounds) bounds[k] = Bounds::nothing(k);
+  if (!gather.bounds) return;
+  gather.begin(k, gridDim.x * kCount);
   if (k == 0) *counters = {};
 }
 
@@ -221,7 +225,7 @@ __global__ void __launch_bounds__(kWide)
         if constexpr (kKeys)
           key = in.keys[range.first + k];
         else
-          key_of(bins, slot[u].x, slot[u].y, slot[u].z, key);
+          key_of(bins, slot[u], key);
         if (Kept && Kind == SlotKind::equal && slot[u].w != radius) atomicOr(&counters->flags, kOutside);
         bucket = buckets.of(key);
         if (P == Pass::among_groups) bucket >>= kGroupBits;
@@ -287,7 +291,7 @@ template <SlotKind Kind, class Bins, int Threads, bool Kept>
 __global__ void __launch_bounds__(Threads, kWide / Threads)
     bucket_order_kernel(const __grid_constant__ Bins grid_bins, const __grid_constant__ Buckets buckets,
                         std::uint32_t capacity, const __grid_constant__ Starts where, Places in, Places out,
-                        std::uint32_t* table, bool tidy, unsigned long long* found, float radius,
+                        std::uint32_t* table, bool tidy, const __grid_constant__ Gather gather, float radius,
                         Counters* counters) {
   constexpr bool kIds = Kind != SlotKind::equal, kKeys = !kKeyless<Bins>;
   extern __shared__ float4 slots[];
@@ -297,6 +301,7 @@ __global__ void __launch_bounds__(Threads, kWide / Threads)
   __shared__ std::uint32_t sums[32];
   const std::uint32_t begin = where.bucket[blockIdx.x], count = where.bucket[blockIdx.x + 1] - begin,
                       from = Kept ? where.room[blockIdx.x] : begin;
+  const auto& bins_here = bins_of_level(grid_bins, buckets.level_of(blockIdx.x));
   const std::uint32_t first = buckets.first_entry(blockIdx.x),
                       width = buckets.first_entry(blockIdx.x + 1) - first;
   if (Kept && counters->flags) return;  // a bucket ran into another
@@ -307,7 +312,7 @@ __global__ void __launch_bounds__(Threads, kWide / Threads)
   const auto bin_of_key = [&](std::uint32_t key) { return (key >> buckets.merge) - first; };
   const auto bin_of_slot = [&](const float4& s) {
     std::uint32_t key = 0;
-    if constexpr (!kKeys) key_of(grid_bins, s.x, s.y, s.z, key);
+    if constexpr (!kKeys) key_of(bins_here, s, key);
     return bin_of_key(key);
   };
   float4 slot[kMost];
@@ -353,20 +358,35 @@ __global__ void __launch_bounds__(Threads, kWide / Threads)
       to = bins[b];
       for (std::uint32_t q = bins[b]; q < end; q++) to += number(q) < own;
     }
-    if (Kept && found) bounds.take_quickly(mine.x, mine.y, mine.z, Kind == SlotKind::equal ? radius : mine.w);
+    if (Kept && gather.bounds)
+      bounds.take_quickly(mine.x, mine.y, mine.z, Kind == SlotKind::equal ? radius : mine.w);
     static_cast<float4*>(out.slots)[begin + to] = mine;
-    if (out.codes) out.codes[begin + to] = code_for<Kind>(grid_bins, kKeys ? tile_keys[s] : 0, mine);
+    if (out.codes) out.codes[begin + to] = code_for<Kind>(bins_here, kKeys ? tile_keys[s] : 0, mine);
     if (kKeys) out.keys[begin + to] = tile_keys[s];
     if (kIds) out.ids[begin + to] = numbers[s];
   }
-  if (Kept && found) bounds.give<false>(found);
+  if (Kept && gather.bounds) bounds.give<false>(gather.bounds);
+  if (Kept && kIds && gather.octaves) {
+    __syncthreads();
+    auto& octaves = *reinterpret_cast<OctaveBounds*>(bins);
+    octaves.begin();
+    __syncthreads();
+    for (std::uint32_t s0 = threadIdx.x & ~31u; s0 < count; s0 += blockDim.x) {
+      const std::uint32_t s = s0 + (threadIdx.x & 31);
+      const float4 mine = slots[min(s, count - 1)];
+      octaves.take(gather.top, {mine.x, mine.y, mine.z, mine.w}, s < count);
+    }
+    __syncthreads();
+    octaves.give(gather.octaves);
+  }
 }
 
 }  // namespace
 
-bool Orderer::by_buckets(const Source& source, const Grid& grid, bool tidy, bool keep,
-                         unsigned long long* bounds, Counters* counters, Ordered& o, cudaStream_t stream) {
-  const bool ids = o.kind != SlotKind::equal, keyed = !o.bins.on;
+bool Orderer::by_buckets(const Source& source, const Grid& grid, bool tidy, bool keep, const Gather& gather,
+                         Counters* counters, Ordered& o, cudaStream_t stream) {
+  const bool ids = o.kind != SlotKind::equal, keyed = !o.bins.on && !o.float_levels;
+  unsigned long long* const bounds = gather.bounds;
   const std::uint32_t sphere_bytes = 16 + (ids ? 4 : 0) + (keyed ? 4 : 0);
   // As many buckets as give each about `bucket_spheres` on average, and no more entries than leave room, nor
   // than 16 bits can number.
@@ -392,13 +412,15 @@ bool Orderer::by_buckets(const Source& source, const Grid& grid, bool tidy, bool
   const bool grouped = b.count > kMostAtOnce;
   const std::uint32_t groups = grouped ? (b.count + (1u << kGroupBits) - 1) >> kGroupBits : 0;
   const auto tile_bytes = [](std::uint32_t count) { return kTile * 18 + (2 * count + 1) * 4; };
-  const std::uint32_t table_bytes = (b.widest + 1) * 4;
+  // Where the bucket's entries were counted, sizes are gathered in the end.
+  const std::uint32_t table_bytes = std::max<std::uint32_t>((b.widest + 1) * 4, sizeof(OctaveBounds));
   const std::uint32_t capacity =
       std::min<std::uint32_t>((room - table_bytes) / sphere_bytes, kMost * width_of_block) & ~3u;
   // Work space in the list of contacts, which is written afterwards.
   const std::uint64_t n = o.count;
   // Two calls with the same buckets, whatever the spheres do: those of the first have room in the second.
-  const Layout layout{n, b.count, b.entries, b.part[0].magic};
+  Layout layout{n, b.count, b.entries};
+  for (int k = 0; k < b.levels; k++) layout.magic[k] = b.part[k].magic;
   const std::uint64_t roomy_count = roomy(o.count, b.count) + 1ull;
   const bool fits = lent_slots_ >= roomy_count || lent_slots_ < n,  // no memory of its own for the sake of it
       keepable = !keyed && !grouped && roomy_count > n && fits, kept = keep && keepable && layout == layout_;
@@ -422,8 +444,9 @@ bool Orderer::by_buckets(const Source& source, const Grid& grid, bool tidy, bool
   starts.bucket = starts.finished + 1, starts.cursor = starts.bucket + b.count + 1,
   starts.room = starts.cursor + b.count + 1, starts.group_cursor = starts.room + b.count + 1;
   starts.group_tile = starts.group_cursor + kMostGroups;
+  if (gather.octaves && !kept) Surveyor::gather_octaves(source, gather, stream);
   if (kept)
-    bucket_room_kernel<<<blocks_for(b.count + 1, kCount), kCount, 0, stream>>>(starts, b.count, bounds,
+    bucket_room_kernel<<<blocks_for(b.count + 1, kCount), kCount, 0, stream>>>(starts, b.count, gather,
                                                                                counters);
   else
     bucket_begin_kernel<<<blocks_for(b.count, kCount), kCount, 0, stream>>>(starts, b.count, bounds,
@@ -471,7 +494,7 @@ bool Orderer::by_buckets(const Source& source, const Grid& grid, bool tidy, bool
                     : halved ? bucket_order_kernel<kind(), Bins, kWide / 2, false>
                          : bucket_order_kernel<kind(), Bins, kWide, false>,
                 b.count, width_of_block, capacity * sphere_bytes + table_bytes, bins, b, capacity, starts,
-                split, out, o.table, tidy, bounds, radius, counters);
+                split, out, o.table, tidy, gather, radius, counters);
   });
   return true;
 }

@@ -48,7 +48,7 @@ struct CellTask {
   Ordered to;
   Numbers numbers;
   Word* sums = nullptr;  // of each block's part of the table
-  Word* bounds = nullptr;
+  Gather gather;
   Counters* counters = nullptr;
 };
 
@@ -114,7 +114,7 @@ __global__ void __launch_bounds__(kThreads, kBlocksAProcessor)
   for (std::uint32_t k = thread; 4 * k < entries; k += threads)
     reinterpret_cast<uint4*>(table)[k] = make_uint4(0, 0, 0, 0);
   if (threadIdx.x == 0) task.sums[blockIdx.x] = 0;
-  if (Along && thread < kBounds) task.bounds[thread] = Bounds::nothing(thread);
+  if (Along) task.gather.begin(thread, threads);
   if (Along && thread == 0) *task.counters = {};
   if (Tidy && thread == 0) *task.numbers.beyond_count = 0;
   float4 slot[kItems];
@@ -145,7 +145,19 @@ __global__ void __launch_bounds__(kThreads, kBlocksAProcessor)
       if (k < count) task.numbers.leave(key[u] >> task.to.merge, rank[u], k);
     }
   }
-  if (Along) bounds.give(task.bounds);
+  if (Along) bounds.give(task.gather.bounds);
+  if (Along && task.gather.octaves) {
+    __shared__ OctaveBounds octaves;
+    octaves.begin();
+    __syncthreads();
+#pragma unroll
+    for (int u = 0; u < kItems; u++) {
+      const std::uint32_t k = thread + u * threads;
+      octaves.take(task.gather.top, k < count ? task.source.sphere(k) : Sphere{}, k < count);
+    }
+    __syncthreads();
+    octaves.give(task.gather.octaves);
+  }
   grid.sync();
 
   std::uint32_t beyond = ~0u;
@@ -193,14 +205,14 @@ __global__ void __launch_bounds__(kThreads, kBlocksAProcessor)
 
 }  // namespace
 
-bool Orderer::by_cells(const Source& source, const Grid& grid, bool tidy, unsigned long long* bounds,
+bool Orderer::by_cells(const Source& source, const Grid& grid, bool tidy, const Gather& gather,
                        Counters* counters, Ordered& o, cudaStream_t stream) {
   int device = 0, processors = 0;
   cuda_check(cudaGetDevice(&device), "ask for the device");
   cuda_check(cudaDeviceGetAttribute(&processors, cudaDevAttrMultiProcessorCount, device), "ask the device");
   const auto most = static_cast<unsigned>(processors * kBlocksAProcessor);
   if (o.count > std::uint64_t(most) * kThreads * kItems) return false;
-  if (!o.bins.on) o.keys = sorted_keys_.reserve(o.count);
+  if (!o.bins.on && !o.float_levels) o.keys = sorted_keys_.reserve(o.count);
   if (o.kind != SlotKind::equal) o.ids = sorted_ids_.reserve(o.count);
   CellTask task{source, o};
   task.sums = reinterpret_cast<Word*>(scratch_.reserve((most + kMostBeyond + 1) * sizeof(Word)));
@@ -215,12 +227,12 @@ bool Orderer::by_cells(const Source& source, const Grid& grid, bool tidy, unsign
     numbers.of_entry = reinterpret_cast<std::uint32_t*>(lent_slot_);
   else if (tidy && lent_words_ > 0)
     numbers.of_entry = lent_words_ >= words ? lent_word_ : ids_.reserve(words);
-  task.bounds = bounds, task.counters = counters;
+  task.gather = gather, task.counters = counters;
   with_bins(o, grid, [&]<class Kind, class Bins>(Kind kind, const Bins& bins) {
-    auto* const kernel = bounds ? (tidy ? cell_order_kernel<kind(), Bins, true, true>
-                                        : cell_order_kernel<kind(), Bins, true, false>)
-                                : (tidy ? cell_order_kernel<kind(), Bins, false, true>
-                                        : cell_order_kernel<kind(), Bins, false, false>);
+    auto* const kernel = gather.bounds ? (tidy ? cell_order_kernel<kind(), Bins, true, true>
+                                               : cell_order_kernel<kind(), Bins, true, false>)
+                                       : (tidy ? cell_order_kernel<kind(), Bins, false, true>
+                                               : cell_order_kernel<kind(), Bins, false, false>);
     Bins b = bins;
     void* arguments[] = {&task, &b};
     cuda_check(cudaLaunchCooperativeKernel(reinterpret_cast<const void*>(kernel),

@@ -24,10 +24,14 @@ struct Down {
 };
 struct Downs {
   static constexpr int kMost = kMaxLevels * (kMaxLevels - 1) / 2;
+  static constexpr bool kLevels = true;
   std::uint32_t count = 0, warps = 0, units = 0;
   Down pair[kMost];
+  LevelBins bins;  // where the order is by them
 };
-struct NoDowns {};
+struct NoDowns {
+  static constexpr bool kLevels = false;
+};
 template <Way W>
 struct DownsOf {
   using Type = NoDowns;
@@ -40,8 +44,9 @@ struct DownsOf<Way::down> {
 // From so many on a warp takes units as long as there are any, instead of one.
 constexpr std::uint64_t kManySpheres = 300000;
 
-// Lengths in bins of the finer level are floats; this much more covers their rounding, twice.
-constexpr float kReachShare = 1 + 0x1p-16f, kReachMore = 0x1p-14f;
+// Lengths in bins of the finer level are floats; this much more covers their rounding, twice, and that of
+// bins in float.
+constexpr float kReachShare = 1 + 0x1p-16f, kReachMore = 0x1p-10f + 0x1p-14f;
 
 // How the levels are looked through; none where it cannot be done downwards: not where levels are hashed,
 // where sizes differ so much that fixed-point slots of one level say nothing at another, or where it would be
@@ -122,6 +127,25 @@ __device__ __forceinline__ std::uint32_t parts_of(const Down& d, float reach) {
   return min(d.parts, static_cast<std::uint32_t>(parts) + 1);
 }
 
+// Where a coordinate lies among the finer level's bins: in which, from the first on, and how far in it, in
+// bins. `bins`: in float, if the order is by them.
+struct InBins {
+  int bin;
+  float rest;
+};
+__device__ __forceinline__ InBins in_bins(const Level& l, const FloatBins* bins, int axis, double x) {
+  constexpr std::int64_t kFar = std::int64_t(1) << 30;
+  if (bins) {
+    const double t = (x - static_cast<double>(bins->origin[axis])) *
+                     static_cast<double>(bins->per_size[axis]),
+                 bin = fmin(fmax(whole_below(t), -static_cast<double>(kFar)), static_cast<double>(kFar));
+    return {static_cast<int>(bin), static_cast<float>(t - bin)};
+  }
+  const Split s = split(l, x);
+  return {static_cast<int>(min(max(s.bin - l.first[axis], -kFar), kFar)),
+          static_cast<float>(s.rest * l.per_size)};
+}
+
 // Unit `turn` of those of a warp: its candidates, 32 at a time, to take(valid, looker, j, slot of j).
 template <SlotKind Kind, class Take>
 __device__ __forceinline__ void search_rows(const Task& task, const Grid& grid, const Downs& downs,
@@ -152,17 +176,15 @@ __device__ __forceinline__ void search_rows(const Task& task, const Grid& grid, 
     const float reach = reach_of(grid, d, s.r);
     parts = parts_of(d, reach);
     if (part < parts) {
-      const Split x = split(l, s.x), y = split(l, s.y), z = split(l, s.z);
       if constexpr (Kind == SlotKind::fixed)
-        slot = {fixed_of(l, x), fixed_of(l, y), fixed_of(l, z), static_cast<float>(mul(s.r, l.units))};
+        slot = {fixed_of(l, split(l, s.x)), fixed_of(l, split(l, s.y)), fixed_of(l, split(l, s.z)),
+                static_cast<float>(mul(s.r, l.units))};
       else
         slot = load_slot(slots + first + lane);
-      const auto near = [](std::int64_t bin) {
-        return static_cast<int>(min(max(bin, -(std::int64_t(1) << 30)), std::int64_t(1) << 30));
-      };
-      const int at_y = near(y.bin - l.first[1]), at_z = near(z.bin - l.first[2]);
-      const float px = static_cast<float>(x.rest * l.per_size), py = static_cast<float>(y.rest * l.per_size),
-                  pz = static_cast<float>(z.rest * l.per_size);
+      const FloatBins* const bins = downs.bins.on ? downs.bins.level + d.fine : nullptr;
+      const InBins x = in_bins(l, bins, 0, s.x), y = in_bins(l, bins, 1, s.y), z = in_bins(l, bins, 2, s.z);
+      const int at_y = y.bin, at_z = z.bin;
+      const float px = x.rest, py = y.rest, pz = z.rest;
       const int y0 = max(at_y + __float2int_rd(py - reach), 0),
                 y1 = min(at_y + __float2int_rd(py + reach), static_cast<int>(l.count[1]) - 1),
                 z0 = max(at_z + __float2int_rd(pz - reach), 0),
@@ -176,7 +198,7 @@ __device__ __forceinline__ void search_rows(const Task& task, const Grid& grid, 
         }
         within =
             make_float4(px, py - static_cast<float>(y0 - at_y), pz - static_cast<float>(z0 - at_z), reach);
-        x_bin = near(x.bin - l.first[0]), ny = side;
+        x_bin = x.bin, ny = side;
         key = static_cast<std::uint32_t>(z0 + 1) * plane + static_cast<std::uint32_t>(y0 + 1) * row_length;
       }
     }

@@ -29,8 +29,10 @@ struct Own {
   bool live;  // false: stands for no sphere, behind the last
   std::uint32_t begin[5], end[5];
 };
-template <SlotKind Kind>
-__device__ __forceinline__ Own<Kind> own_of(const Task& task, const Grid& grid, std::uint32_t first) {
+// `downs`: of the way (DownsOf).
+template <SlotKind Kind, class DownsOfWay>
+__device__ __forceinline__ Own<Kind> own_of(const Task& task, const Grid& grid, const DownsOfWay& downs,
+                                            std::uint32_t first) {
   const std::uint32_t at = first + (threadIdx.x & 31), last = task.spheres.count - 1;
   Own<Kind> own;
   own.place = min(at, last), own.live = at <= last;
@@ -43,6 +45,14 @@ __device__ __forceinline__ Own<Kind> own_of(const Task& task, const Grid& grid, 
     if (bins.on) {
       key_of(bins, own.slot.x, own.slot.y, own.slot.z, key);
       row = bins.row, plane = bins.plane, reach = bins.fine, keyed = false;
+    }
+  }
+  if constexpr (Kind == SlotKind::unequal && DownsOfWay::kLevels) {
+    if (downs.bins.on) {
+      const float4 s = make_float4(own.slot.x, own.slot.y, own.slot.z, own.slot.r);
+      const FloatBins& b = downs.bins.level[level_of(downs.bins, s)];
+      key_of(b, s, key);
+      row = b.row, plane = b.plane, keyed = false;
     }
   }
   if (keyed) {
@@ -199,11 +209,12 @@ __device__ __forceinline__ std::uint32_t settle(const Task& task, const Grid& gr
 
 // Without a queue, for warps with more candidates than it holds and for long rows. With a target, writes the
 // hits as those from `base` on of the tile.
-template <SlotKind Kind, Way W>
-__device__ __noinline__ std::uint32_t search_unqueued(const Task& task, const Grid& grid, std::uint32_t first,
+template <SlotKind Kind, Way W, class DownsOfWay>
+__device__ __noinline__ std::uint32_t search_unqueued(const Task& task, const Grid& grid,
+                                                      const DownsOfWay& downs, std::uint32_t first,
                                                       const Target* target, std::uint32_t base) {
   const std::uint32_t lane = threadIdx.x & 31, below = (1u << lane) - 1;
-  Own<Kind> own = own_of<Kind>(task, grid, first);
+  Own<Kind> own = own_of<Kind>(task, grid, downs, first);
   const auto* const slots = slots_of<Kind>(task);
   std::uint32_t hits = 0;
 #pragma unroll 1

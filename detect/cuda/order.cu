@@ -60,7 +60,7 @@ Orderer::Orderer(MemoryBook& book)
       scratch_(book, "sorting") {}
 
 Ordered Orderer::order(const Source& source, const Grid& grid, SlotKind kind, bool tidy, OrderMethod method,
-                       unsigned long long* bounds, Counters* counters, cudaStream_t stream, bool keep) {
+                       const Gather& gather, Counters* counters, cudaStream_t stream, bool keep) {
   const bool single = grid.levels == 1 && !grid.level[0].hashed;
   bool dense = true;
   for (int k = 0; k < grid.levels; k++) dense = dense && !grid.level[k].hashed;
@@ -71,6 +71,7 @@ Ordered Orderer::order(const Source& source, const Grid& grid, SlotKind kind, bo
   Ordered o;
   o.kind = kind, o.count = source.count;
   o.bins = float_bins(grid, kind, source.count);
+  o.float_levels = dense && level_bins(grid, kind).on;
   const std::uint32_t buckets = keys_of(grid, o.bins);
   // Where bins are many and nearly empty, several along x share an entry of the table. Not in rows so short
   // that an entry could hold bins of two rows that both hold partners of one sphere.
@@ -79,18 +80,19 @@ Ordered Orderer::order(const Source& source, const Grid& grid, SlotKind kind, bo
   o.entries = (buckets >> o.merge) + 2;
   o.table = table_.reserve(o.entries + 4), o.slots = slots_.reserve(std::uint64_t(o.count) + kSlack);
   if (dense) o.codes = codes_.reserve(std::uint64_t(o.count) + kSlack);
-  if (method == OrderMethod::cells && !by_cells(source, grid, tidy, bounds, counters, o, stream))
+  if (method == OrderMethod::cells && !by_cells(source, grid, tidy, gather, counters, o, stream))
     method = OrderMethod::buckets;
-  if (method == OrderMethod::buckets && !by_buckets(source, grid, tidy, keep, bounds, counters, o, stream))
+  if (method == OrderMethod::buckets && !by_buckets(source, grid, tidy, keep, gather, counters, o, stream))
     method = OrderMethod::sort;
-  if (method == OrderMethod::sort && bounds) Surveyor::begin_bounds(bounds, stream);
-  if (method == OrderMethod::sort) by_sort(source, grid, bounds, counters, o, stream);
+  if (method == OrderMethod::sort) by_sort(source, grid, gather, counters, o, stream);
   cuda_launched("put the spheres in order");
   return o;
 }
 
-void Orderer::by_sort(const Source& source, const Grid& grid, unsigned long long* bounds, Counters* counters,
+void Orderer::by_sort(const Source& source, const Grid& grid, const Gather& gather, Counters* counters,
                       Ordered& o, cudaStream_t stream) {
+  if (gather.bounds) Surveyor::begin_bounds(gather.bounds, stream);
+  if (gather.octaves) Surveyor::gather_octaves(source, gather, stream);
   std::uint32_t *keys = keys_.reserve(o.count), *ids = ids_.reserve(o.count);
   o.ids = sorted_ids_.reserve(o.count), o.keys = sorted_keys_.reserve(o.count);
   std::size_t sort_bytes = 0, scan_bytes = 0;
@@ -104,12 +106,12 @@ void Orderer::by_sort(const Source& source, const Grid& grid, unsigned long long
              "plan the scan");
   void* scratch = scratch_.reserve(std::max(sort_bytes, scan_bytes));
   with_bins(o, grid, [&]<class Kind, class Bins>(Kind, const Bins& bins) {
-    (bounds
+    (gather.bounds
          ? sort_key_kernel<Bins, true>
          : sort_key_kernel<
                Bins,
                false>)<<<std::min(blocks_for(o.count, kThreads), kProcessors * 32u), kThreads, 0, stream>>>(
-        source, bins, keys, ids, bounds, counters);
+        source, bins, keys, ids, gather.bounds, counters);
   });
   cuda_check(cub::DeviceRadixSort::SortPairs(scratch, sort_bytes, keys, o.keys, ids, o.ids, o.count, o.merge,
                                              end_bit, stream),

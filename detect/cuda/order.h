@@ -21,7 +21,7 @@ struct Places {
 
 // With bins in float nothing of a key is written.
 template <class Bins>
-inline constexpr bool kKeyless = std::is_same_v<Bins, FloatBins>;
+inline constexpr bool kKeyless = !std::is_same_v<Bins, Grid>;
 
 // All of a slot but the number that takes the place of equal radii. Packed: source.packed, where a kernel is
 // made for that.
@@ -90,6 +90,10 @@ __device__ __forceinline__ std::uint32_t code_for(const FloatBins& bins, std::ui
   return code_of<Kind>(bins, {s.x, s.y, s.z, s.w});
 }
 template <SlotKind Kind>
+__device__ __forceinline__ std::uint32_t code_for(const LevelBins& g, std::uint32_t, const float4& s) {
+  return code_of<Kind>(g.level[level_of(g, s)], {s.x, s.y, s.z, s.w});
+}
+template <SlotKind Kind>
 __device__ __forceinline__ std::uint32_t code_for(const Grid& grid, std::uint32_t key, const float4& s) {
   const Level& l = grid.level[level_of_key(grid, key)];
   if constexpr (Kind == SlotKind::fixed)
@@ -104,16 +108,29 @@ void with_kind(SlotKind kind, F f) {
   if (kind == SlotKind::unequal) f(std::integral_constant<SlotKind, SlotKind::unequal>{});
   if (kind == SlotKind::fixed) f(std::integral_constant<SlotKind, SlotKind::fixed>{});
 }
-// f(kind, bins): by the grid, or in float where o.bins are on.
+// f(kind, bins): by the grid, or in float where `o` says so.
 template <class F>
 void with_bins(const Ordered& o, const Grid& grid, F f) {
   with_kind(o.kind, [&](auto kind) {
     if constexpr (kind() != SlotKind::fixed)
       if (o.bins.on) return f(kind, o.bins);
+    if constexpr (kind() == SlotKind::unequal)
+      if (o.float_levels) return f(kind, level_bins(grid, kind()));
     f(kind, grid);
   });
 }
 __device__ __forceinline__ const Grid* grid_of(const Grid& g) { return &g; }
-__device__ __forceinline__ const Grid* grid_of(const FloatBins&) { return nullptr; }
+template <class Bins>
+__device__ __forceinline__ const Grid* grid_of(const Bins&) {
+  return nullptr;
+}
+// The bins of a bucket, whose spheres are all of one level.
+template <class Bins>
+__device__ __forceinline__ const Bins& bins_of_level(const Bins& bins, int) {
+  return bins;
+}
+__device__ __forceinline__ const FloatBins& bins_of_level(const LevelBins& bins, int level) {
+  return bins.level[level];
+}
 
 }  // namespace padder::detect::cuda

@@ -148,10 +148,10 @@ __device__ __forceinline__ void search_tile(const Task& task, const Grid& grid,
           if (hits > kQueue<W>) hits |= kLate;
         } else {
           const Queue queue{shared_address(memory.warp[warp].at), first};
-          const Own<Kind> mine = own_of<Kind>(task, grid, first);
+          const Own<Kind> mine = own_of<Kind>(task, grid, downs, first);
           if (flags) return;
           const std::uint32_t queued = search_level<Kind, W>(task, mine, queue);
-          hits = queued > kQueue<W> ? search_unqueued<Kind, W>(task, grid, first, nullptr, 0) | kLate
+          hits = queued > kQueue<W> ? search_unqueued<Kind, W>(task, grid, downs, first, nullptr, 0) | kLate
                                     : settle<Kind, W>(task, grid, queue, queued);
         }
       }
@@ -200,7 +200,7 @@ __device__ __forceinline__ void search_tile(const Task& task, const Grid& grid,
   } else if constexpr (W == Way::up) {
     search_carefully<Kind>(task, grid, memory.warp[warp], first, &target, before);
   } else if (own) {
-    search_unqueued<Kind, W>(task, grid, first, &target, before);
+    search_unqueued<Kind, W>(task, grid, downs, first, &target, before);
   } else if constexpr (W == Way::down) {
     search_down_unqueued<Kind>(task, grid, downs, memory.group[warp],
                                (number - task.own_tiles) * kWarps + warp, 0, &target, before);
@@ -293,7 +293,8 @@ Share share_for(const Counters& found, std::uint32_t spheres, const Grid& grid, 
 void search(const Source& source, const Grid& grid, const Ordered& spheres, const SearchOptions& options,
             const Output& output, Counters* counters, SearchMemory& memory, cudaStream_t stream) {
   Task task{source, spheres, output, options, counters};
-  const Downs downs = plan_downs(grid, spheres.kind);
+  Downs downs = plan_downs(grid, spheres.kind);
+  if (spheres.float_levels) downs.bins = level_bins(grid, spheres.kind);
   task.own_tiles = own_tiles(spheres.count), task.units = downs.units;
   task.radius = static_cast<float>(options.radius);
   task.s2 = (task.radius + task.radius) * (task.radius + task.radius);

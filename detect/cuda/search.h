@@ -17,8 +17,16 @@ inline constexpr std::uint32_t kMostFloatBins = 4096;  // on an axis
 struct FloatBins {
   float origin[3] = {0, 0, 0}, per_size[3] = {0, 0, 0};
   std::uint32_t count[3] = {1, 1, 1}, row = 0, plane = 0, buckets = 0;  // keys of a row, a plane and in all
+  std::uint32_t first = 1;                                              // key of bin (0, -1, -1)
   std::uint32_t fine = 1;  // bins along x that make up one of the level's: a row of candidates is shorter
   float units = 0;         // of codes.h, a length
+  bool on = false;
+};
+// The same of several dense levels; keys as grid.h numbers them, though a sphere's bin need not be the same.
+struct LevelBins {
+  FloatBins level[kMaxLevels];
+  std::int32_t top = 0;
+  std::uint8_t level_of_octave[kOctaves] = {};
   bool on = false;
 };
 
@@ -29,8 +37,9 @@ struct Ordered {
   void* slots = nullptr;           // FloatSlot or FixedSlot
   std::uint32_t* ids = nullptr;    // null for SlotKind::equal
   std::uint32_t* codes = nullptr;  // codes.h; null where a level is hashed
-  std::uint32_t* keys = nullptr;   // as grid.h numbers them; null where bins.on
+  std::uint32_t* keys = nullptr;   // as grid.h numbers them; null where bins are in float
   FloatBins bins;
+  bool float_levels = false;       // by level_bins(grid, kind), if not by `bins`
   std::uint32_t* table = nullptr;  // (buckets >> merge) + 2 entries
   std::uint32_t count = 0;
   SlotKind kind = SlotKind::equal;
@@ -82,14 +91,13 @@ class Orderer {
   explicit Orderer(MemoryBook& book);
   // `tidy`: within a bin by sphere number, so that the order is the same in every run. Sets kCrowded in the
   // counters where a bin or bucket is too full for the method; then only OrderMethod::sort gives an order.
-  // `bounds`, unless null, is Surveyor::bounds(): they are gathered along, and they and the counters need not
-  // have been set to zero.
+  // What `gather` asks for is gathered along; it and the counters need not have been set to zero then.
   // `keep`: if the call before had the same buckets, nothing is counted: each has a little more room than it
   // needed then. Sets kOutside where that is not enough, or where one radius is not that of all; the caller
   // then calls again without. Spheres outside the bins are not reported: the caller compares the grid with
   // the bounds, where coordinates that are no numbers show, too, but not whose.
   Ordered order(const Source& source, const Grid& grid, SlotKind kind, bool tidy, OrderMethod method,
-                unsigned long long* bounds, Counters* counters, cudaStream_t stream, bool keep = false);
+                const Gather& gather, Counters* counters, cudaStream_t stream, bool keep = false);
   // Another number whenever `keep` would stand for something else.
   std::uint64_t kept() const { return kept_; }
   // Memory that order() may use and leave behind changed.
@@ -102,17 +110,17 @@ class Orderer {
   static std::uint64_t room(std::uint64_t spheres) { return spheres + spheres / 8; }
 
  private:
-  bool by_cells(const Source& source, const Grid& grid, bool tidy, unsigned long long* bounds,
-                Counters* counters, Ordered& o, cudaStream_t stream);
-  bool by_buckets(const Source& source, const Grid& grid, bool tidy, bool keep, unsigned long long* bounds,
+  bool by_cells(const Source& source, const Grid& grid, bool tidy, const Gather& gather, Counters* counters,
+                Ordered& o, cudaStream_t stream);
+  bool by_buckets(const Source& source, const Grid& grid, bool tidy, bool keep, const Gather& gather,
                   Counters* counters, Ordered& o, cudaStream_t stream);
-  void by_sort(const Source& source, const Grid& grid, unsigned long long* bounds, Counters* counters,
-               Ordered& o, cudaStream_t stream);
+  void by_sort(const Source& source, const Grid& grid, const Gather& gather, Counters* counters, Ordered& o,
+               cudaStream_t stream);
 
   // Of the buckets whose starts the last call left behind; none where spheres is 0.
   struct Layout {
     std::uint64_t spheres = 0;
-    std::uint32_t buckets = 0, entries = 0, magic = 0;
+    std::uint32_t buckets = 0, entries = 0, magic[kMaxLevels] = {};
     friend bool operator==(const Layout&, const Layout&) = default;
   };
   void keep_layout(const Layout& layout) {

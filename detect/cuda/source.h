@@ -166,6 +166,77 @@ struct Bounds {
   }
 };
 
+// The same of each octave of size below the exponent `top`, in shared memory. begin() and give() are called
+// by all threads of the block, with barriers around, take() by all lanes of a warp.
+struct OctaveBounds {
+  // What is given of each: low x, y, z as minima; high x, y, z, radius, need as maxima; the count.
+  static constexpr int kWords = 9;
+  uint4 v[kOctaves][2];  // ranks of low x, y, z, the count; of high x, y, z, radius
+  static __device__ __forceinline__ unsigned long long nothing(std::uint32_t word) {
+    return word % kWords < 3 ? ~0ull : 0;
+  }
+  __device__ __forceinline__ void begin() {
+    for (std::uint32_t k = threadIdx.x; k < kOctaves; k += blockDim.x)
+      v[k][0] = make_uint4(~0u, ~0u, ~0u, 0), v[k][1] = make_uint4(0, 0, 0, 0);
+  }
+  __device__ __forceinline__ void take(int top, const Sphere& s, bool valid) {
+    int octave = -1;
+    if (valid) {
+      const auto sx = static_cast<float>(s.x), sy = static_cast<float>(s.y), sz = static_cast<float>(s.z),
+                 sr = static_cast<float>(s.r);
+      octave = octave_of_exponent(top, need_exponent(sx, sy, sz, sr));
+      const std::uint32_t x = rank_of(sx), y = rank_of(sy), z = rank_of(sz), r = rank_of(sr);
+      // Reading first spares nearly every atomic operation.
+      const uint4 low = v[octave][0], high = v[octave][1];
+      auto *const minima = reinterpret_cast<std::uint32_t*>(&v[octave][0]), *const maxima = minima + 4;
+      if (x < low.x) atomicMin(minima, x);
+      if (y < low.y) atomicMin(minima + 1, y);
+      if (z < low.z) atomicMin(minima + 2, z);
+      if (x > high.x) atomicMax(maxima, x);
+      if (y > high.y) atomicMax(maxima + 1, y);
+      if (z > high.z) atomicMax(maxima + 2, z);
+      if (r > high.w) atomicMax(maxima + 3, r);
+    }
+    // Few octaves meet in a warp.
+    for (std::uint32_t rest = __ballot_sync(~0u, octave >= 0); rest;) {
+      const int first = __ffs(rest) - 1;
+      const std::uint32_t peers = __ballot_sync(~0u, octave == __shfl_sync(~0u, octave, first));
+      if (static_cast<int>(threadIdx.x & 31) == first) atomicAdd(&v[octave][0].w, __popc(peers));
+      rest &= ~peers;
+    }
+  }
+  // The largest need follows from the largest radius and coordinate.
+  __device__ __forceinline__ void give(unsigned long long* out) const {
+    for (std::uint32_t k = threadIdx.x; k < kOctaves; k += blockDim.x) {
+      const uint4 low = v[k][0], high = v[k][1];
+      if (low.w == 0) continue;
+      unsigned long long* const o = out + k * kWords;
+      const double lows[3] = {of_rank(low.x), of_rank(low.y), of_rank(low.z)},
+                   highs[3] = {of_rank(high.x), of_rank(high.y), of_rank(high.z)}, r = of_rank(high.w);
+      double most = 0;
+      for (int c = 0; c < 3; c++) {
+        atomicMin(o + c, ordered(lows[c])), atomicMax(o + 3 + c, ordered(highs[c]));
+        most = larger(most, larger(magnitude(lows[c]), magnitude(highs[c])));
+      }
+      atomicMax(o + 6, ordered(r)), atomicMax(o + 7, ordered(need_of({most, 0, 0, r})));
+      atomicAdd(o + 8, static_cast<unsigned long long>(low.w));
+    }
+  }
+};
+
+// What a kernel that reads all spheres is asked to gather along: Surveyor::bounds(), and with them the
+// octaves below the exponent `top`. Null: not asked for.
+struct Gather {
+  unsigned long long *bounds = nullptr, *octaves = nullptr;
+  int top = 0;
+  static constexpr std::uint32_t kWords = kOctaves * OctaveBounds::kWords;
+  // By `threads` threads, of which this is number `thread`.
+  __device__ __forceinline__ void begin(std::uint32_t thread, std::uint32_t threads) const {
+    for (std::uint32_t k = thread; k < kBounds; k += threads) bounds[k] = Bounds::nothing(k);
+    for (std::uint32_t k = thread; octaves && k < kWords; k += threads) octaves[k] = OctaveBounds::nothing(k);
+  }
+};
+
 // First pass over the spheres (survey.cu): the summary that choose_grid asks for.
 class Surveyor {
  public:
@@ -173,13 +244,18 @@ class Surveyor {
   Summary survey(const Source& source, cudaStream_t stream);  // waits for the device
 
   // In steps, without waiting between them: `top` is the exponent of the largest need as it is expected to
-  // be, and `octaves` whether sizes are to be told apart. Where rides_along, a later kernel clears the head
-  // and gathers Bounds into bounds(). read() copies to the host what was found; finish() is called once the
-  // stream has been waited for, and is false when the expectation was wrong: then ask survey().
+  // be, and `octaves` whether sizes are to be told apart. Where rides_along, begin() is not called: later
+  // kernels clear the head and gather(). read() copies to the host what was found; finish() is called once
+  // the stream has been waited for, and is false when the expectation was wrong: then ask survey().
   static bool rides_along(const Source& source) { return source.packed && source.placed == 0; }
-  void begin(const Source& source, bool octaves, int top, bool along, cudaStream_t stream);
+  void begin(const Source& source, bool octaves, int top, cudaStream_t stream);
   static void begin_bounds(unsigned long long* bounds, cudaStream_t stream);  // and clears the head
-  unsigned long long* bounds() const { return values_.data() + kHead; }
+  Gather gather(bool octaves, int top) const {
+    unsigned long long* const bounds = values_.data() + kHead;
+    return {bounds, octaves ? bounds + kBounds : nullptr, top};
+  }
+  // The octaves, in a pass of their own.
+  static void gather_octaves(const Source& source, const Gather& gather, cudaStream_t stream);
   void read(bool octaves, bool along, Report& report);
   bool finish(const Source& source, bool octaves, int top, bool along, Summary& summary) const;
 

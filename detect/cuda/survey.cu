@@ -8,7 +8,7 @@ namespace padder::detect::cuda {
 namespace {
 
 using Word = unsigned long long;
-constexpr int kThreads = 256, kBlocks = kProcessors * 4, kOctaveWords = 9;
+constexpr int kThreads = 256, kBlocks = kProcessors * 4, kOctaveWords = OctaveBounds::kWords;
 constexpr int kManyBlocks = 8;  // a processor: as many threads as it holds
 constexpr int kAll = kBounds + kOctaves * kOctaveWords;
 
@@ -104,57 +104,19 @@ __global__ void __launch_bounds__(kThreads) octave_kernel(Source source, int top
   }
 }
 
-// The same of packed float spheres, in float: bounds and radii keep their order as integers, and the largest
-// need follows from the largest radius and coordinate.
+// The same of packed float spheres, in float: bounds and radii keep their order as integers.
 __global__ void __launch_bounds__(kThreads, kManyBlocks)
     float_octave_kernel(const float4* spheres, std::uint32_t count, int top, Word* out) {
-  // low x, y, z, count; high x, y, z, radius
-  __shared__ uint4 v[kOctaves][2];
-  for (int k = threadIdx.x; k < kOctaves; k += kThreads)
-    v[k][0] = make_uint4(~0u, ~0u, ~0u, 0), v[k][1] = make_uint4(0, 0, 0, 0);
+  __shared__ OctaveBounds bounds;
+  bounds.begin();
   __syncthreads();
-  const std::uint32_t lane = threadIdx.x & 31;
   for (std::uint64_t from = blockIdx.x * kThreads; from < count; from += gridDim.x * kThreads) {
     const std::uint64_t k = from + threadIdx.x;
-    int octave = -1;
-    if (k < count) {
-      const float4 s = __ldg(spheres + k);
-      octave = octave_of_exponent(top, need_exponent(s.x, s.y, s.z, s.w));
-      const std::uint32_t x = rank_of(s.x), y = rank_of(s.y), z = rank_of(s.z), r = rank_of(s.w);
-      // Reading first spares nearly every atomic operation.
-      const uint4 low = v[octave][0], high = v[octave][1];
-      auto *const minima = reinterpret_cast<std::uint32_t*>(&v[octave][0]), *const maxima = minima + 4;
-      if (x < low.x) atomicMin(minima, x);
-      if (y < low.y) atomicMin(minima + 1, y);
-      if (z < low.z) atomicMin(minima + 2, z);
-      if (x > high.x) atomicMax(maxima, x);
-      if (y > high.y) atomicMax(maxima + 1, y);
-      if (z > high.z) atomicMax(maxima + 2, z);
-      if (r > high.w) atomicMax(maxima + 3, r);
-    }
-    // Few octaves meet in a warp.
-    for (std::uint32_t rest = __ballot_sync(~0u, octave >= 0); rest;) {
-      const int first = __ffs(rest) - 1;
-      const std::uint32_t peers = __ballot_sync(~0u, octave == __shfl_sync(~0u, octave, first));
-      if (static_cast<int>(lane) == first) atomicAdd(&v[octave][0].w, __popc(peers));
-      rest &= ~peers;
-    }
+    const float4 s = k < count ? __ldg(spheres + k) : make_float4(0, 0, 0, 0);
+    bounds.take(top, {s.x, s.y, s.z, s.w}, k < count);
   }
   __syncthreads();
-  for (int k = threadIdx.x; k < kOctaves; k += kThreads) {
-    const uint4 low = v[k][0], high = v[k][1];
-    if (low.w == 0) continue;
-    Word* const o = out + k * kOctaveWords;
-    const double lows[3] = {of_rank(low.x), of_rank(low.y), of_rank(low.z)},
-                 highs[3] = {of_rank(high.x), of_rank(high.y), of_rank(high.z)}, r = of_rank(high.w);
-    double most = 0;
-    for (int c = 0; c < 3; c++) {
-      atomicMin(o + c, ordered(lows[c])), atomicMax(o + 3 + c, ordered(highs[c]));
-      most = larger(most, larger(magnitude(lows[c]), magnitude(highs[c])));
-    }
-    atomicMax(o + 6, ordered(r)), atomicMax(o + 7, ordered(need_of({most, 0, 0, r})));
-    atomicAdd(o + 8, static_cast<Word>(low.w));
-  }
+  bounds.give(out);
 }
 
 }  // namespace
@@ -171,19 +133,21 @@ void Surveyor::begin_bounds(Word* bounds, cudaStream_t stream) {
   begin_kernel<<<1, 32, 0, stream>>>(bounds, 5, kBounds, kBounds, kHead);
 }
 
-void Surveyor::begin(const Source& source, bool octaves, int top, bool along, cudaStream_t stream) {
+void Surveyor::begin(const Source& source, bool octaves, int top, cudaStream_t stream) {
   Word* v = head() + kHead;
-  if (!along) begin_bounds(v, stream);
-  if (!along) survey_kernel<<<kBlocks, kThreads, 0, stream>>>(source, v, sums_.reserve(kBlocks));
-  if (octaves) {
-    begin_kernel<<<3, 256, 0, stream>>>(v + kBounds, 3, kOctaves * kOctaveWords, kOctaveWords, 0);
-    if (rides_along(source))
-      float_octave_kernel<<<kProcessors * kManyBlocks, kThreads, 0, stream>>>(
-          static_cast<const float4*>(source.centers), source.count, top, v + kBounds);
-    else
-      octave_kernel<<<kBlocks, kThreads, 0, stream>>>(source, top, v + kBounds);
-  }
+  begin_bounds(v, stream);
+  survey_kernel<<<kBlocks, kThreads, 0, stream>>>(source, v, sums_.reserve(kBlocks));
+  if (octaves) gather_octaves(source, gather(true, top), stream);
   cuda_launched("survey the spheres");
+}
+
+void Surveyor::gather_octaves(const Source& source, const Gather& gather, cudaStream_t stream) {
+  begin_kernel<<<3, 256, 0, stream>>>(gather.octaves, 3, kOctaves * kOctaveWords, kOctaveWords, 0);
+  if (rides_along(source))
+    float_octave_kernel<<<kProcessors * kManyBlocks, kThreads, 0, stream>>>(
+        static_cast<const float4*>(source.centers), source.count, gather.top, gather.octaves);
+  else
+    octave_kernel<<<kBlocks, kThreads, 0, stream>>>(source, gather.top, gather.octaves);
 }
 
 void Surveyor::read_head(Report& report) {
@@ -235,7 +199,7 @@ Summary Surveyor::survey(const Source& source, cudaStream_t stream) {
     Report report;
     read(octaves, false, report);
     report.expect();
-    begin(source, octaves, top, false, stream);
+    begin(source, octaves, top, stream);
     report.send(stream);
     report.arrived(stream, "survey the spheres");
     return finish(source, octaves, top, false, s);

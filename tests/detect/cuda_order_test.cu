@@ -120,6 +120,10 @@ class CudaOrderTest : public testing::TestWithParam<Way> {
     if (o.bins.on)
       return kind == SlotKind::equal ? code_of<SlotKind::equal>(o.bins, s)
                                      : code_of<SlotKind::unequal>(o.bins, s);
+    if (o.float_levels) {
+      const LevelBins bins = level_bins(grid, kind);
+      return code_of<SlotKind::unequal>(bins.level[level_of(bins, slot)], s);
+    }
     const Level& l = grid.level[level_of_key(grid, key)];
     FixedSlot f;
     std::memcpy(&f, &slot, sizeof f);
@@ -155,13 +159,18 @@ class CudaOrderTest : public testing::TestWithParam<Way> {
     const std::uint64_t lent = kind == SlotKind::equal && !packed ? 0 : 64ull * count + 4096;
     orderer.lend(list.reserve(lent + 1), lent, nullptr, 0);
     Buffer<unsigned long long> words(book_, "the test");
-    auto* const head = words.reserve(Surveyor::kHead + kBounds);
+    constexpr std::uint32_t kWords = Surveyor::kHead + kBounds + Gather::kWords;
+    auto* const head = words.reserve(kWords);
     auto* const counters = reinterpret_cast<Counters*>(head);
-    cuda_check(cudaMemset(head, along ? 0xff : 0, (Surveyor::kHead + kBounds) * 8), "set");
-    const Ordered o = orderer.order(source, grid, kind, tidy, GetParam().method,
-                                    along ? head + Surveyor::kHead : nullptr, counters, nullptr, keep);
+    cuda_check(cudaMemset(head, along ? 0xff : 0, kWords * 8), "set");
+    Gather gather;
+    const bool octaves = along && needs_octaves(summary) && packed;
+    if (along) gather.bounds = head + Surveyor::kHead, gather.top = exponent_of(summary.need_max);
+    if (octaves) gather.octaves = gather.bounds + kBounds;
+    const Ordered o =
+        orderer.order(source, grid, kind, tidy, GetParam().method, gather, counters, nullptr, keep);
     cuda_check(cudaDeviceSynchronize(), "put in order");
-    const auto found = host(reinterpret_cast<const unsigned long long*>(head), Surveyor::kHead + kBounds);
+    const auto found = host(reinterpret_cast<const unsigned long long*>(head), kWords);
     if (refused) {
       ASSERT_NE(host(&counters->flags, 1)[0], 0u);
       return;
@@ -176,6 +185,19 @@ class CudaOrderTest : public testing::TestWithParam<Way> {
       ASSERT_EQ(unordered(found[Surveyor::kHead + kRadiusMin]), is.radius_min);
       ASSERT_EQ(unordered(found[Surveyor::kHead + kRadiusMax]), is.radius_max);
       ASSERT_EQ(found[Surveyor::kHead + kFault], ~0ull);
+      for (int k = 0; k < kOctaves && octaves; k++) {
+        const unsigned long long* const w =
+            &found[Surveyor::kHead + kBounds + k * std::size_t(OctaveBounds::kWords)];
+        const Summary::Octave& octave = is.octave[k];
+        ASSERT_EQ(w[8], octave.count) << k;
+        if (octave.count == 0) continue;
+        for (int c = 0; c < 3; c++) {
+          ASSERT_EQ(unordered(w[c]), octave.low[c]) << k;
+          ASSERT_EQ(unordered(w[3 + c]), octave.high[c]) << k;
+        }
+        ASSERT_EQ(unordered(w[6]), octave.radius_max) << k;
+        ASSERT_EQ(unordered(w[7]), octave.need_max) << k;
+      }
     }
     const auto slots = host(static_cast<const float4*>(o.slots), count);
     const auto table = host(o.table, o.entries + 1);
@@ -185,7 +207,9 @@ class CudaOrderTest : public testing::TestWithParam<Way> {
       for (std::uint32_t p = 0; p < count; p++) std::memcpy(&ids[p], &slots[p].w, 4);
     else
       ids = host(o.ids, count);
-    if (!o.bins.on) keys = host(o.keys, count);
+    const LevelBins levels = level_bins(grid, kind);
+    ASSERT_EQ(o.float_levels, levels.on);
+    if (o.keys) keys = host(o.keys, count);
     std::vector<char> seen(count, 0);
     std::vector<std::uint32_t> places(o.entries + 1, 0);
     for (std::uint32_t p = 0; p < count; p++) {
@@ -195,6 +219,8 @@ class CudaOrderTest : public testing::TestWithParam<Way> {
       std::uint32_t key;
       if (o.bins.on)
         ASSERT_TRUE(key_of(o.bins, s.x, s.y, s.z, key));
+      else if (o.float_levels)
+        ASSERT_TRUE(key_of(levels, s, key));
       else
         ASSERT_EQ(
             key = key_of(grid.level[level_of(grid, {s.x, s.y, s.z, s.w})],
