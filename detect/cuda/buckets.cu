@@ -43,6 +43,59 @@ struct Buckets {
   }
 };
 
+// The bucket of a slot.
+template <class Bins>
+struct BucketOf {
+  __device__ __forceinline__ BucketOf(const Bins&, const Buckets&) {}
+  __device__ __forceinline__ std::uint32_t operator()(const Bins& bins, const Buckets& buckets,
+                                                      const float4& slot) const {
+    std::uint32_t key;
+    key_of(bins, slot, key);
+    return buckets.of(key);
+  }
+};
+// Lanes of a warp ask for several levels: what tells the bucket lies in shared memory. A barrier must follow
+// before the first is asked for.
+template <>
+struct BucketOf<LevelBins> {
+  struct Line {
+    float origin[3], per_size;
+    std::uint32_t count_xy, count_z, magic, bucket;
+  };
+  struct Memory {
+    alignas(16) Line line[kMaxLevels];
+    std::uint8_t level_of_octave[kOctaves];
+  };
+  const Memory* memory;
+  __device__ __forceinline__ BucketOf(const LevelBins& bins, const Buckets& buckets) {
+    __shared__ Memory shared;
+    memory = &shared;
+    if (threadIdx.x < kOctaves) shared.level_of_octave[threadIdx.x] = bins.level_of_octave[threadIdx.x];
+    if (threadIdx.x < kMaxLevels) {
+      const FloatBins& b = bins.level[threadIdx.x];
+      const Buckets::Part& part = buckets.part[threadIdx.x];
+      shared.line[threadIdx.x] = {{b.origin[0], b.origin[1], b.origin[2]},
+                                  b.per_size[0],
+                                  b.count[0] | b.count[1] << 16,
+                                  b.count[2],
+                                  part.magic,
+                                  part.bucket};
+    }
+  }
+  __device__ __forceinline__ std::uint32_t operator()(const LevelBins& bins, const Buckets&,
+                                                      const float4& slot) const {
+    const int octave = octave_of_exponent(bins.top, need_exponent(slot.x, slot.y, slot.z, slot.w));
+    const auto* const line = reinterpret_cast<const float4*>(memory->line + memory->level_of_octave[octave]);
+    const float4 a = line[0], b = line[1];
+    const std::uint32_t xy = __float_as_uint(b.x), nx = xy & 0xffff, ny = xy >> 16, nz = __float_as_uint(b.y);
+    std::uint32_t i, j, k;
+    float_bin(slot.x, a.x, a.w, nx, i), float_bin(slot.y, a.y, a.w, ny, j),
+        float_bin(slot.z, a.z, a.w, nz, k);
+    const std::uint32_t entry = ((k + 1) * (ny + 2) + j + 1) * (nx + 2) + i + 1;  // as level_bins() has it
+    return __float_as_uint(b.w) + __umulhi(entry, __float_as_uint(b.z));
+  }
+};
+
 // Where each bucket begins, and where its next sphere goes; of the groups too, and their first tiles.
 // `bucket` holds the counts first; `finished` is the number of blocks that have counted. `room`: where each
 // bucket may be put while spheres are divided, if not where it begins.
@@ -192,6 +245,7 @@ __global__ void __launch_bounds__(kWide)
     }
     return {first, min(end - first, kTile), group};
   };
+  const BucketOf<Bins> bucket_of(bins, buckets);
   float4 slot[kItems];
   const auto read = [&](const Range& r) {
 #pragma unroll
@@ -220,14 +274,13 @@ __global__ void __launch_bounds__(kWide)
 #pragma unroll
     for (int u = 0; u < kItems; u++) {
       const std::uint32_t k = threadIdx.x + u * kWide;
-      std::uint32_t bucket = ~0u, key = 0;
+      std::uint32_t bucket = ~0u;
       if (k < range.count) {
         if constexpr (kKeys)
-          key = in.keys[range.first + k];
+          bucket = buckets.of(in.keys[range.first + k]);
         else
-          key_of(bins, slot[u], key);
+          bucket = bucket_of(bins, buckets, slot[u]);
         if (Kept && Kind == SlotKind::equal && slot[u].w != radius) atomicOr(&counters->flags, kOutside);
-        bucket = buckets.of(key);
         if (P == Pass::among_groups) bucket >>= kGroupBits;
         if (P == Pass::within_groups) bucket &= (1u << kGroupBits) - 1;
       }
@@ -341,10 +394,19 @@ __global__ void __launch_bounds__(Threads, kWide / Threads)
   for (int u = 0; u < kMost; u++) {
     const std::uint32_t k = threadIdx.x + u * Threads;
     if (k >= count) break;
-    const std::uint32_t at = bins[place[u] >> 16] + (place[u] & 0xffff);
-    slots[at] = slot[u];
-    if (kKeys) tile_keys[at] = in.keys[from + k];
-    if (kIds) numbers[at] = in.ids[from + k];
+    place[u] = bins[place[u] >> 16] + (place[u] & 0xffff);
+    slots[place[u]] = slot[u];
+    if (kKeys) tile_keys[place[u]] = in.keys[from + k];
+  }
+  // Asked for all at once, in registers that the slots had.
+  if constexpr (kIds) {
+    std::uint32_t id[kMost];
+#pragma unroll
+    for (int u = 0; u < kMost; u++)
+      if (threadIdx.x + u * Threads < count) id[u] = in.ids[from + threadIdx.x + u * Threads];
+#pragma unroll
+    for (int u = 0; u < kMost; u++)
+      if (threadIdx.x + u * Threads < count) numbers[place[u]] = id[u];
   }
   __syncthreads();
   const auto number = [&](std::uint32_t s) { return kIds ? numbers[s] : __float_as_uint(slots[s].w); };
@@ -369,13 +431,15 @@ __global__ void __launch_bounds__(Threads, kWide / Threads)
   if (Kept && kIds && gather.octaves) {
     __syncthreads();
     auto& octaves = *reinterpret_cast<OctaveBounds*>(bins);
+    OctaveTaker taker;
     octaves.begin();
     __syncthreads();
     for (std::uint32_t s0 = threadIdx.x & ~31u; s0 < count; s0 += blockDim.x) {
       const std::uint32_t s = s0 + (threadIdx.x & 31);
       const float4 mine = slots[min(s, count - 1)];
-      octaves.take(gather.top, {mine.x, mine.y, mine.z, mine.w}, s < count);
+      taker.take(octaves, gather.top, mine, s < count);
     }
+    taker.give(octaves);
     __syncthreads();
     octaves.give(gather.octaves);
   }

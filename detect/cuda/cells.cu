@@ -148,13 +148,19 @@ __global__ void __launch_bounds__(kThreads, kBlocksAProcessor)
   if (Along) bounds.give(task.gather.bounds);
   if (Along && task.gather.octaves) {
     __shared__ OctaveBounds octaves;
+    OctaveTaker taker;
     octaves.begin();
     __syncthreads();
 #pragma unroll
     for (int u = 0; u < kItems; u++) {
       const std::uint32_t k = thread + u * threads;
-      octaves.take(task.gather.top, k < count ? task.source.sphere(k) : Sphere{}, k < count);
+      const Sphere s = k < count ? task.source.sphere(k) : Sphere{};
+      taker.take(octaves, task.gather.top,
+                 make_float4(static_cast<float>(s.x), static_cast<float>(s.y), static_cast<float>(s.z),
+                             static_cast<float>(s.r)),
+                 k < count);
     }
+    taker.give(octaves);
     __syncthreads();
     octaves.give(task.gather.octaves);
   }

@@ -167,61 +167,85 @@ struct Bounds {
 };
 
 // The same of each octave of size below the exponent `top`, in shared memory. begin() and give() are called
-// by all threads of the block, with barriers around, take() by all lanes of a warp.
+// by all threads of the block, with barriers around.
 struct OctaveBounds {
   // What is given of each: low x, y, z as minima; high x, y, z, radius, need as maxima; the count.
   static constexpr int kWords = 9;
-  uint4 v[kOctaves][2];  // ranks of low x, y, z, the count; of high x, y, z, radius
+  std::uint32_t v[kOctaves][8];  // ranks of low x, y, z; of high x, y, z, radius; the count
   static __device__ __forceinline__ unsigned long long nothing(std::uint32_t word) {
     return word % kWords < 3 ? ~0ull : 0;
   }
   __device__ __forceinline__ void begin() {
-    for (std::uint32_t k = threadIdx.x; k < kOctaves; k += blockDim.x)
-      v[k][0] = make_uint4(~0u, ~0u, ~0u, 0), v[k][1] = make_uint4(0, 0, 0, 0);
+    for (std::uint32_t k = threadIdx.x; k < kOctaves * 8; k += blockDim.x)
+      v[k / 8][k % 8] = k % 8 < 3 ? ~0u : 0;
   }
-  __device__ __forceinline__ void take(int top, const Sphere& s, bool valid) {
-    int octave = -1;
-    if (valid) {
-      const auto sx = static_cast<float>(s.x), sy = static_cast<float>(s.y), sz = static_cast<float>(s.z),
-                 sr = static_cast<float>(s.r);
-      octave = octave_of_exponent(top, need_exponent(sx, sy, sz, sr));
-      const std::uint32_t x = rank_of(sx), y = rank_of(sy), z = rank_of(sz), r = rank_of(sr);
-      // Reading first spares nearly every atomic operation.
-      const uint4 low = v[octave][0], high = v[octave][1];
-      auto *const minima = reinterpret_cast<std::uint32_t*>(&v[octave][0]), *const maxima = minima + 4;
-      if (x < low.x) atomicMin(minima, x);
-      if (y < low.y) atomicMin(minima + 1, y);
-      if (z < low.z) atomicMin(minima + 2, z);
-      if (x > high.x) atomicMax(maxima, x);
-      if (y > high.y) atomicMax(maxima + 1, y);
-      if (z > high.z) atomicMax(maxima + 2, z);
-      if (r > high.w) atomicMax(maxima + 3, r);
-    }
-    // Few octaves meet in a warp.
-    for (std::uint32_t rest = __ballot_sync(~0u, octave >= 0); rest;) {
-      const int first = __ffs(rest) - 1;
-      const std::uint32_t peers = __ballot_sync(~0u, octave == __shfl_sync(~0u, octave, first));
-      if (static_cast<int>(threadIdx.x & 31) == first) atomicAdd(&v[octave][0].w, __popc(peers));
-      rest &= ~peers;
-    }
+  __device__ __forceinline__ void take(int octave, const float (&low)[3], const float (&high)[4],
+                                       std::uint32_t count) {
+    std::uint32_t* const o = v[octave];
+#pragma unroll
+    for (int c = 0; c < 3; c++) atomicMin(o + c, rank_of(low[c]));
+#pragma unroll
+    for (int c = 0; c < 4; c++) atomicMax(o + 3 + c, rank_of(high[c]));
+    atomicAdd(o + 7, count);
   }
   // The largest need follows from the largest radius and coordinate.
   __device__ __forceinline__ void give(unsigned long long* out) const {
     for (std::uint32_t k = threadIdx.x; k < kOctaves; k += blockDim.x) {
-      const uint4 low = v[k][0], high = v[k][1];
-      if (low.w == 0) continue;
+      const std::uint32_t count = v[k][7];
+      if (count == 0) continue;
       unsigned long long* const o = out + k * kWords;
-      const double lows[3] = {of_rank(low.x), of_rank(low.y), of_rank(low.z)},
-                   highs[3] = {of_rank(high.x), of_rank(high.y), of_rank(high.z)}, r = of_rank(high.w);
       double most = 0;
+      const double r = of_rank(v[k][6]);
       for (int c = 0; c < 3; c++) {
-        atomicMin(o + c, ordered(lows[c])), atomicMax(o + 3 + c, ordered(highs[c]));
-        most = larger(most, larger(magnitude(lows[c]), magnitude(highs[c])));
+        const double low = of_rank(v[k][c]), high = of_rank(v[k][3 + c]);
+        atomicMin(o + c, ordered(low)), atomicMax(o + 3 + c, ordered(high));
+        most = larger(most, larger(magnitude(low), magnitude(high)));
       }
       atomicMax(o + 6, ordered(r)), atomicMax(o + 7, ordered(need_of({most, 0, 0, r})));
-      atomicAdd(o + 8, static_cast<unsigned long long>(low.w));
+      atomicAdd(o + 8, static_cast<unsigned long long>(count));
     }
   }
+};
+// What a thread has for it. Of two octaves, the finest that its warp met first and the next one, registers
+// hold the bounds; spheres of others go to shared memory one by one. All lanes of a warp together.
+class OctaveTaker {
+ public:
+  __device__ __forceinline__ void take(OctaveBounds& all, int top, const float4& s, bool valid) {
+    const int octave = valid ? octave_of_exponent(top, need_exponent(s.x, s.y, s.z, s.w)) : -1;
+    if (fine_ < 0) fine_ = __reduce_max_sync(~0u, octave);
+#pragma unroll
+    for (int k = 0; k < 2; k++) {
+      const bool in = valid && octave == fine_ - k;
+      const float x[4] = {s.x, s.y, s.z, s.w};
+#pragma unroll
+      for (int c = 0; c < 3; c++) low_[k][c] = fminf(low_[k][c], in ? x[c] : INFINITY);
+#pragma unroll
+      for (int c = 0; c < 4; c++) high_[k][c] = fmaxf(high_[k][c], in ? x[c] : -INFINITY);
+      count_[k] += in;
+    }
+    if (valid && octave != fine_ && octave != fine_ - 1)
+      all.take(octave, {s.x, s.y, s.z}, {s.x, s.y, s.z, s.w}, 1);
+  }
+  __device__ __forceinline__ void give(OctaveBounds& all) const {
+#pragma unroll
+    for (int k = 0; k < 2; k++) {
+      const std::uint32_t count = __reduce_add_sync(~0u, count_[k]);
+      if (count == 0) continue;
+      float low[3], high[4];
+#pragma unroll
+      for (int c = 0; c < 3; c++) low[c] = of_rank(__reduce_min_sync(~0u, rank_of(low_[k][c])));
+#pragma unroll
+      for (int c = 0; c < 4; c++) high[c] = of_rank(__reduce_max_sync(~0u, rank_of(high_[k][c])));
+      if ((threadIdx.x & 31) == 0) all.take(fine_ - k, low, high, count);
+    }
+  }
+
+ private:
+  int fine_ = -1;
+  float low_[2][3] = {{INFINITY, INFINITY, INFINITY}, {INFINITY, INFINITY, INFINITY}},
+        high_[2][4] = {{-INFINITY, -INFINITY, -INFINITY, -INFINITY},
+                       {-INFINITY, -INFINITY, -INFINITY, -INFINITY}};
+  std::uint32_t count_[2] = {};
 };
 
 // What a kernel that reads all spheres is asked to gather along: Surveyor::bounds(), and with them the

@@ -9,7 +9,7 @@ namespace {
 
 using Word = unsigned long long;
 constexpr int kThreads = 256, kBlocks = kProcessors * 4, kOctaveWords = OctaveBounds::kWords;
-constexpr int kManyBlocks = 8;  // a processor: as many threads as it holds
+constexpr int kManyBlocks = 5;  // a processor
 constexpr int kAll = kBounds + kOctaves * kOctaveWords;
 
 __device__ Word warp_min(Word v) {
@@ -108,13 +108,15 @@ __global__ void __launch_bounds__(kThreads) octave_kernel(Source source, int top
 __global__ void __launch_bounds__(kThreads, kManyBlocks)
     float_octave_kernel(const float4* spheres, std::uint32_t count, int top, Word* out) {
   __shared__ OctaveBounds bounds;
+  OctaveTaker taker;
   bounds.begin();
   __syncthreads();
   for (std::uint64_t from = blockIdx.x * kThreads; from < count; from += gridDim.x * kThreads) {
     const std::uint64_t k = from + threadIdx.x;
     const float4 s = k < count ? __ldg(spheres + k) : make_float4(0, 0, 0, 0);
-    bounds.take(top, {s.x, s.y, s.z, s.w}, k < count);
+    taker.take(bounds, top, s, k < count);
   }
+  taker.give(bounds);
   __syncthreads();
   bounds.give(out);
 }

@@ -261,6 +261,7 @@ TEST_P(CudaOrderTest, EverySphereIsWhereItsKeySays) {
         expect_order(full, SlotKind::equal, true, tidy, false);
         expect_order(unequal, SlotKind::unequal, true, tidy, true);
         expect_order(levels, SlotKind::unequal, true, tidy, false);
+        expect_order(levels, SlotKind::unequal, true, tidy, true);
       }
       if (HasFatalFailure()) return;
     }
@@ -286,26 +287,34 @@ TEST_P(CudaOrderTest, FullBinsAreTidyToo) {
 TEST_P(CudaOrderTest, BucketsAreKept) {
   if (GetParam().method != OrderMethod::buckets) GTEST_SKIP() << "nothing to keep";
   std::mt19937 random(11);
-  for (const bool same : {true, false}) {
+  for (const char* radii : {"equal", "unequal", "of several levels"}) {
+    SCOPED_TRACE(radii);
+    const bool same = radii[0] == 'e', several = radii[0] == 'o';
     const SlotKind kind = same ? SlotKind::equal : SlotKind::unequal;
-    auto spheres = cloud(random, 20'000, 27, -3, same ? 0.6f : 0.4f, 0.6f);
-    spheres[0] = {-4, -4, -4, 0.6f}, spheres[1] = {25, 25, 25, 0.6f};  // the box stays
+    auto spheres = cloud(random, 20'000, 27, -3, same ? 0.6f : several ? 0.51f : 0.4f, 0.6f);
+    for (std::size_t k = 0; k < spheres.size() && several; k += 20)
+      spheres[k].w = std::ldexp(0.55f, static_cast<int>(k / 20) % 4);
+    for (int k = 0; k < 4; k++) {  // the box stays, of each level
+      const float r = several ? std::ldexp(0.6f, k) : 0.6f;
+      spheres[2 * k] = {-4, -4, -4, r}, spheres[2 * k + 1] = {25, 25, 25, r};
+    }
     const Summary summary = summary_of(spheres);
+    ASSERT_EQ(choose_grid(summary, 0, 8, Look::down).levels > 1, several);
     std::uniform_real_distribution<float> step(-0.05f, 0.05f);
     for (const bool along : {true, false}) {
       Orderer orderer(book_);
       for (int call = 0; call < 5; call++) {
         expect_order(orderer, summary, spheres, kind, call % 2 == 0, call<3, along, call> 0, false);
         if (HasFatalFailure()) return;
-        for (std::size_t k = 2; k < spheres.size(); k++)
+        for (std::size_t k = 8; k < spheres.size(); k++)
           spheres[k].x += step(random), spheres[k].y += step(random), spheres[k].z += step(random);
       }
       const std::uint64_t kept = orderer.kept();
       auto crowd = spheres;
-      for (std::size_t k = 2; k < crowd.size(); k++)
+      for (std::size_t k = 8; k < crowd.size(); k++)
         crowd[k].x = 0.25f * crowd[k].x + 15, crowd[k].y = 0.25f * crowd[k].y + 15,
         crowd[k].z = 0.25f * crowd[k].z + 15;
-      const bool groups = GetParam().bucket_spheres < 10;  // of so many buckets nothing is kept
+      const bool groups = GetParam().bucket_spheres < (several ? 5 : 10);  // of so many nothing is kept
       expect_order(orderer, summary, crowd, kind, true, true, along, true, !groups);
       EXPECT_EQ(orderer.kept(), kept);
       expect_order(orderer, summary, spheres, kind, true, true, along, false, false);
