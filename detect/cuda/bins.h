@@ -47,7 +47,8 @@ inline FloatBins float_bins(const Grid& grid, SlotKind kind, std::uint64_t spher
   return b;
 }
 // Of several. Spheres of two levels: the place of the coarser one among the finer level's bins is found in
-// double, so that it and the place of a finer one, in bins, differ by at most their distance and 2^-10.
+// double, that of the finer one in float, off by less than side * 2^-23. Their distance is taken in the
+// level's own bins (its per_size), which are shorter by more than that.
 inline LevelBins level_bins(const Grid& grid, SlotKind kind) {
   LevelBins g;
   if (kind != SlotKind::unequal || grid.levels == 1) return g;

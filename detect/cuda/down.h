@@ -44,9 +44,8 @@ struct DownsOf<Way::down> {
 // From so many on a warp takes units as long as there are any, instead of one.
 constexpr std::uint64_t kManySpheres = 300000;
 
-// Lengths in bins of the finer level are floats; this much more covers their rounding, twice, and that of
-// bins in float.
-constexpr float kReachShare = 1 + 0x1p-16f, kReachMore = 0x1p-10f + 0x1p-14f;
+// Lengths in bins of the finer level are floats; this much more covers their rounding, twice.
+constexpr float kReachShare = 1 + 0x1p-16f, kReachMore = 0x1p-14f;
 
 // How the levels are looked through; none where it cannot be done downwards: not where levels are hashed,
 // where sizes differ so much that fixed-point slots of one level say nothing at another, or where it would be

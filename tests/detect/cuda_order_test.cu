@@ -93,6 +93,48 @@ TEST(CudaBins, TouchingSpheresAreNeighbours) {
   EXPECT_GT(on, 200);
 }
 
+// What the search needs where a sphere looks down at a finer level: the bin of one that touches it is among
+// those that its reach covers.
+TEST(CudaBins, CoarserSpheresReachThoseThatTouch) {
+  std::mt19937 random(20261121);
+  std::uniform_real_distribution<float> share(0, 1);
+  int on = 0;
+  for (int scene = 0; scene < 300; scene++) {
+    const float r = std::exp2(share(random) * 20 - 10), side = r * std::exp2(3 + share(random) * 9.9f),
+                low = (share(random) - 0.5f) * 4 * side;
+    auto spheres = cloud(random, 400, side, low, 0.7f * r, r);
+    for (int k = 0; k < 40; k++) spheres[10 * k].w = r * std::exp2(1 + 6 * share(random));
+    const Summary summary = summary_of(spheres);
+    const Grid grid = choose_grid(summary, 0, 1e12, Look::down);
+    const LevelBins bins = level_bins(grid, SlotKind::unequal);
+    if (!bins.on) continue;
+    on++;
+    for (const float4& coarse : spheres)
+      for (int f = 0; f < level_of(bins, coarse); f++) {
+        const FloatBins& b = bins.level[f];
+        const Level& l = grid.level[f];
+        const double far = static_cast<double>(coarse.w) + l.radius_max;
+        for (int k = 0; k < 3; k++)
+          for (int step = -4; step <= 4; step++) {
+            // At a face, and the coarser sphere as far away as it can touch.
+            const auto face = static_cast<float>(1 + std::floor(share(random) * (b.count[k] - 1)));
+            float y = b.origin[k] + face / b.per_size[k];
+            for (int ulp = 0; ulp < std::abs(step); ulp++)
+              y = std::nextafter(y, step < 0 ? -INFINITY : INFINITY);
+            auto x = static_cast<float>(step & 1 ? y + far : y - far);
+            while (std::abs(static_cast<double>(y) - x) > far) x = std::nextafter(x, y);
+            std::uint32_t bin;
+            if (!float_bin(y, b.origin[k], b.per_size[k], b.count[k], bin)) continue;
+            const double place = (static_cast<double>(x) - b.origin[k]) * b.per_size[k],
+                         reach = far * l.per_size;
+            ASSERT_GE(bin, std::floor(place - reach)) << "scene " << scene << " level " << f;
+            ASSERT_LE(bin, std::floor(place + reach)) << "scene " << scene << " level " << f;
+          }
+      }
+  }
+  EXPECT_GT(on, 150);
+}
+
 struct Way {
   OrderMethod method;
   double bucket_spheres;
