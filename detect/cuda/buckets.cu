@@ -379,6 +379,8 @@ __global__ void __launch_bounds__(Threads, kWide / Threads)
     }
   }
   for (std::uint32_t b = threadIdx.x; b < width; b += blockDim.x) bins[b] = 0;
+  auto& octaves = *reinterpret_cast<OctaveBounds*>(bins + ((width + 4) & ~3u));
+  if (Kept && kIds && gather.octaves) octaves.begin();
   __syncthreads();
 #pragma unroll
   for (int u = 0; u < kMost; u++) {
@@ -411,6 +413,9 @@ __global__ void __launch_bounds__(Threads, kWide / Threads)
   __syncthreads();
   const auto number = [&](std::uint32_t s) { return kIds ? numbers[s] : __float_as_uint(slots[s].w); };
   Bounds bounds;
+  const bool by_octave = Kept && kIds && gather.octaves;
+  OctaveTaker taker;
+  if (by_octave) taker.begin(gather.top, slots[min(threadIdx.x, count - 1)], threadIdx.x < count);
   for (std::uint32_t s = threadIdx.x; s < count; s += blockDim.x) {
     std::uint32_t to = s;
     const float4 mine = slots[s];
@@ -422,23 +427,14 @@ __global__ void __launch_bounds__(Threads, kWide / Threads)
     }
     if (Kept && gather.bounds)
       bounds.take_quickly(mine.x, mine.y, mine.z, Kind == SlotKind::equal ? radius : mine.w);
+    if (by_octave) taker.take(octaves, gather.top, mine);
     static_cast<float4*>(out.slots)[begin + to] = mine;
     if (out.codes) out.codes[begin + to] = code_for<Kind>(bins_here, kKeys ? tile_keys[s] : 0, mine);
     if (kKeys) out.keys[begin + to] = tile_keys[s];
     if (kIds) out.ids[begin + to] = numbers[s];
   }
   if (Kept && gather.bounds) bounds.give<false>(gather.bounds);
-  if (Kept && kIds && gather.octaves) {
-    __syncthreads();
-    auto& octaves = *reinterpret_cast<OctaveBounds*>(bins);
-    OctaveTaker taker;
-    octaves.begin();
-    __syncthreads();
-    for (std::uint32_t s0 = threadIdx.x & ~31u; s0 < count; s0 += blockDim.x) {
-      const std::uint32_t s = s0 + (threadIdx.x & 31);
-      const float4 mine = slots[min(s, count - 1)];
-      taker.take(octaves, gather.top, mine, s < count);
-    }
+  if (by_octave) {
     taker.give(octaves);
     __syncthreads();
     octaves.give(gather.octaves);
@@ -476,8 +472,7 @@ bool Orderer::by_buckets(const Source& source, const Grid& grid, bool tidy, bool
   const bool grouped = b.count > kMostAtOnce;
   const std::uint32_t groups = grouped ? (b.count + (1u << kGroupBits) - 1) >> kGroupBits : 0;
   const auto tile_bytes = [](std::uint32_t count) { return kTile * 18 + (2 * count + 1) * 4; };
-  // Where the bucket's entries were counted, sizes are gathered in the end.
-  const std::uint32_t table_bytes = std::max<std::uint32_t>((b.widest + 1) * 4, sizeof(OctaveBounds));
+  const std::uint32_t table_bytes = ((b.widest + 4) & ~3u) * 4 + (ids ? sizeof(OctaveBounds) : 0);
   const std::uint32_t capacity =
       std::min<std::uint32_t>((room - table_bytes) / sphere_bytes, kMost * width_of_block) & ~3u;
   // Work space in the list of contacts, which is written afterwards.

@@ -155,10 +155,10 @@ __global__ void __launch_bounds__(kThreads, kBlocksAProcessor)
     for (int u = 0; u < kItems; u++) {
       const std::uint32_t k = thread + u * threads;
       const Sphere s = k < count ? task.source.sphere(k) : Sphere{};
-      taker.take(octaves, task.gather.top,
-                 make_float4(static_cast<float>(s.x), static_cast<float>(s.y), static_cast<float>(s.z),
-                             static_cast<float>(s.r)),
-                 k < count);
+      const auto f = make_float4(static_cast<float>(s.x), static_cast<float>(s.y), static_cast<float>(s.z),
+                                 static_cast<float>(s.r));
+      if (u == 0) taker.begin(task.gather.top, f, k < count);
+      if (k < count) taker.take(octaves, task.gather.top, f);
     }
     taker.give(octaves);
     __syncthreads();

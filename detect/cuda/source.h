@@ -206,16 +206,20 @@ struct OctaveBounds {
     }
   }
 };
-// What a thread has for it. Of two octaves, the finest that its warp met first and the next one, registers
-// hold the bounds; spheres of others go to shared memory one by one. All lanes of a warp together.
+// What a thread has for it. Of two octaves, the finest that its warp has met first and the next one,
+// registers hold the bounds; spheres of others go to shared memory one by one. begin() and give() by all
+// lanes of a warp.
 class OctaveTaker {
  public:
-  __device__ __forceinline__ void take(OctaveBounds& all, int top, const float4& s, bool valid) {
-    const int octave = valid ? octave_of_exponent(top, need_exponent(s.x, s.y, s.z, s.w)) : -1;
-    if (fine_ < 0) fine_ = __reduce_max_sync(~0u, octave);
+  // With what it will take first, if that is a sphere.
+  __device__ __forceinline__ void begin(int top, const float4& s, bool valid) {
+    fine_ = __reduce_max_sync(~0u, valid ? octave_of(top, s) : -1);
+  }
+  __device__ __forceinline__ void take(OctaveBounds& all, int top, const float4& s) {
+    const int octave = octave_of(top, s);
 #pragma unroll
     for (int k = 0; k < 2; k++) {
-      const bool in = valid && octave == fine_ - k;
+      const bool in = octave == fine_ - k;
       const float x[4] = {s.x, s.y, s.z, s.w};
 #pragma unroll
       for (int c = 0; c < 3; c++) low_[k][c] = fminf(low_[k][c], in ? x[c] : INFINITY);
@@ -223,8 +227,7 @@ class OctaveTaker {
       for (int c = 0; c < 4; c++) high_[k][c] = fmaxf(high_[k][c], in ? x[c] : -INFINITY);
       count_[k] += in;
     }
-    if (valid && octave != fine_ && octave != fine_ - 1)
-      all.take(octave, {s.x, s.y, s.z}, {s.x, s.y, s.z, s.w}, 1);
+    if (octave != fine_ && octave != fine_ - 1) all.take(octave, {s.x, s.y, s.z}, {s.x, s.y, s.z, s.w}, 1);
   }
   __device__ __forceinline__ void give(OctaveBounds& all) const {
 #pragma unroll
@@ -241,6 +244,9 @@ class OctaveTaker {
   }
 
  private:
+  static __device__ __forceinline__ int octave_of(int top, const float4& s) {
+    return octave_of_exponent(top, need_exponent(s.x, s.y, s.z, s.w));
+  }
   int fine_ = -1;
   float low_[2][3] = {{INFINITY, INFINITY, INFINITY}, {INFINITY, INFINITY, INFINITY}},
         high_[2][4] = {{-INFINITY, -INFINITY, -INFINITY, -INFINITY},

@@ -114,7 +114,8 @@ __global__ void __launch_bounds__(kThreads, kManyBlocks)
   for (std::uint64_t from = blockIdx.x * kThreads; from < count; from += gridDim.x * kThreads) {
     const std::uint64_t k = from + threadIdx.x;
     const float4 s = k < count ? __ldg(spheres + k) : make_float4(0, 0, 0, 0);
-    taker.take(bounds, top, s, k < count);
+    if (from == blockIdx.x * kThreads) taker.begin(top, s, k < count);
+    if (k < count) taker.take(bounds, top, s);
   }
   taker.give(bounds);
   __syncthreads();
