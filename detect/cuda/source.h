@@ -180,7 +180,7 @@ class Surveyor {
   void begin(const Source& source, bool octaves, int top, bool along, cudaStream_t stream);
   static void begin_bounds(unsigned long long* bounds, cudaStream_t stream);  // and clears the head
   unsigned long long* bounds() const { return values_.data() + kHead; }
-  void read(bool octaves, bool along, Report& report);
+  void read(const Source& source, bool octaves, bool along, Report& report);
   bool finish(const Source& source, bool octaves, int top, bool along, Summary& summary) const;
 
   // Words of the caller in front of the summary, so that one copy brings both to the host.
