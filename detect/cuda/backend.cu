@@ -195,7 +195,7 @@ class CudaBackend : public Backend {
   void expect_report() {
     report_.clear();
     if (plan_.with_survey)
-      surveyor_.read(plan_.octaves, along(), report_);
+      surveyor_.read(source_, plan_.octaves, along(), report_);
     else
       surveyor_.read_head(report_);
     report_.expect();

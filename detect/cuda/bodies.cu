@@ -108,9 +108,9 @@ BodySearch::BodySearch(MemoryBook& book)
       pairs_(book, "the bodies that meet"),
       hits_(book, "the contacts"),
       ranks_(book, "the order of the list"),
-      item_counts_(book, "the order of the list"),
+      batch_counts_(book, "the order of the list"),
       query_counts_(book, "what is static"),
-      item_places_(book, "the order of the list"),
+      batch_places_(book, "the order of the list"),
       query_places_(book, "what is static"),
       scratch_(book, "sums"),
       counters_(book, "counters"),
@@ -301,7 +301,7 @@ void BodySearch::meet_static(cudaStream_t stream) {
 
 void BodySearch::expect_report() {
   report_.clear();
-  if (view_.moving > 0 && plan_.with_survey) surveyor_.read(plan_.octaves, false, report_);
+  if (view_.moving > 0 && plan_.with_survey) surveyor_.read(plan_.balls, plan_.octaves, false, report_);
   report_.add(counters_.reserve(1), host_counters_.reserve(1), sizeof(BodyCounters));
   report_.expect();
 }
@@ -312,6 +312,9 @@ void BodySearch::enqueue(cudaStream_t stream, const Mark& mark) {
   cuda_check(cudaMemsetAsync(counters, 0, sizeof *counters, stream), "clear the counters");
   if (view_.moving > 0) {
     if (plan_.with_survey) surveyor_.begin(plan_.balls, plan_.octaves, plan_.top, stream);
+    // Both are written after the spheres are in order.
+    orderer_.lend(reinterpret_cast<float4*>(hits_.data()), hits_.capacity(),
+                  reinterpret_cast<std::uint32_t*>(pairs_.data()), pairs_.capacity() * 2);
     const Ordered ordered = orderer_.order(plan_.balls, plan_.grid, SlotKind::fixed, plan_.fixed_order,
                                            plan_.method, {}, &counters->broad, stream);
     mark(3);
@@ -327,16 +330,18 @@ void BodySearch::enqueue(cudaStream_t stream, const Mark& mark) {
     t.pairs = pairs_.data(), t.pair_room = pairs_.capacity(), t.room = hits_.capacity();
     t.hits = hits_.data(), t.counters = counters;
     if (plan_.fixed_order) {
-      t.ranks = ranks_.reserve(hits_.capacity()), t.item_counts = item_counts_.reserve(pairs_.capacity());
-      unsigned long long* places = item_places_.reserve(pairs_.capacity());
-      t.item_places = places;
+      const std::uint64_t batches = (pairs_.capacity() + kBatch - 1) / kBatch;
+      t.ranks = ranks_.reserve(hits_.capacity()), t.batch_counts = batch_counts_.reserve(batches);
       meet(t, stream);
-      std::size_t bytes = 0;
-      cub::DeviceScan::ExclusiveSum(nullptr, bytes, t.item_counts, places, pairs_.capacity(), stream);
-      void* scratch = scratch_.reserve(bytes);
-      cuda_check(
-          cub::DeviceScan::ExclusiveSum(scratch, bytes, t.item_counts, places, pairs_.capacity(), stream),
-          "scan");
+      if (batches > kMostBatches) {
+        unsigned long long* places = batch_places_.reserve(batches);
+        t.batch_places = places;
+        std::size_t bytes = 0;
+        cub::DeviceScan::ExclusiveSum(nullptr, bytes, t.batch_counts, places, batches, stream);
+        void* scratch = scratch_.reserve(bytes);
+        cuda_check(cub::DeviceScan::ExclusiveSum(scratch, bytes, t.batch_counts, places, batches, stream),
+                   "scan");
+      }
     } else {
       meet(t, stream);
     }

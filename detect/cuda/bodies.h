@@ -116,8 +116,8 @@ class BodySearch {
   Buffer<Pair> pairs_;
   Buffer<uint4> hits_;
   Buffer<uint2> ranks_;
-  Buffer<std::uint32_t> item_counts_, query_counts_;
-  Buffer<unsigned long long> item_places_, query_places_;
+  Buffer<std::uint32_t> batch_counts_, query_counts_;
+  Buffer<unsigned long long> batch_places_, query_places_;
   Buffer<unsigned char> scratch_;
   Buffer<BodyCounters> counters_, host_counters_;
   Report report_;

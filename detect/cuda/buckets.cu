@@ -423,7 +423,12 @@ __global__ void __launch_bounds__(Threads, kWide / Threads)
       const std::uint32_t b = kKeys ? bin_of_key(tile_keys[s]) : bin_of_slot(mine), end = bins[b + 1],
                           own = number(s);
       to = bins[b];
-      for (std::uint32_t q = bins[b]; q < end; q++) to += number(q) < own;
+      // Four at a time: bins are small, and one after the other each would be waited for.
+      for (std::uint32_t q = to; q < end; q += 4) {
+#pragma unroll
+        for (std::uint32_t v = 0; v < 4; v++)
+          if (q + v < end && q + v != s) to += number(q + v) < own;
+      }
     }
     if (Kept && gather.bounds)
       bounds.take_quickly(mine.x, mine.y, mine.z, Kind == SlotKind::equal ? radius : mine.w);

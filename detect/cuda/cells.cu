@@ -30,11 +30,17 @@ struct Numbers {
       if (at < kMostBeyond) beyond[at] = static_cast<Word>(entry) << 32 | k;
     }
   }
-  // How many of the entry's `n` are smaller than k.
-  __device__ __forceinline__ std::uint32_t smaller(std::uint32_t entry, std::uint32_t n, std::uint32_t k,
-                                                   std::uint32_t all_beyond) const {
+  // Those that an entry's own places hold, once all have come; and how many of its `n` are smaller than k.
+  struct First {
+    uint4 a, b;
+  };
+  __device__ __forceinline__ First first(std::uint32_t entry) const {
     const auto* const four = reinterpret_cast<const uint4*>(of_entry + entry * kOfEntry);
-    const uint4 a = four[0], b = four[1];
+    return {four[0], four[1]};
+  }
+  __device__ __forceinline__ std::uint32_t smaller(const First& f, std::uint32_t entry, std::uint32_t n,
+                                                   std::uint32_t k, std::uint32_t all_beyond) const {
+    const uint4 &a = f.a, &b = f.b;
     std::uint32_t s = (n > 0 && a.x < k) + (n > 1 && a.y < k) + (n > 2 && a.z < k) + (n > 3 && a.w < k) +
                       (n > 4 && b.x < k) + (n > 5 && b.y < k) + (n > 6 && b.z < k) + (n > 7 && b.w < k);
     for (std::uint32_t q = 0; n > kOfEntry && q < all_beyond; q++)
@@ -167,9 +173,13 @@ __global__ void __launch_bounds__(kThreads, kBlocksAProcessor)
   grid.sync();
 
   std::uint32_t beyond = ~0u;
+  Numbers::First first[kItems];
   scan_table(table, entries, task.sums, [&] {
-    if (Tidy && task.numbers.of_entry)
-      beyond = *static_cast<volatile std::uint32_t*>(task.numbers.beyond_count);
+    if (!Tidy || !task.numbers.of_entry) return;
+    beyond = *static_cast<volatile std::uint32_t*>(task.numbers.beyond_count);
+#pragma unroll
+    for (int u = 0; u < kItems; u++)
+      if (thread + u * threads < count) first[u] = task.numbers.first(key[u] >> task.to.merge);
   });
   grid.sync();
 
@@ -200,7 +210,7 @@ __global__ void __launch_bounds__(kThreads, kBlocksAProcessor)
       if (once_more)
         for (std::uint32_t p = from; p < end; p++) at += task.numbers.by_place[p] < k;
       else
-        at += task.numbers.smaller(entry, end - from, k, beyond);
+        at += task.numbers.smaller(first[u], entry, end - from, k, beyond);
     }
     static_cast<float4*>(task.to.slots)[at] = slot[u];
     if (task.to.codes) task.to.codes[at] = code_for<Kind>(bins, key[u], slot[u]);

@@ -9,9 +9,9 @@
 namespace padder::detect::cuda {
 namespace {
 
-// The share of a ball of this reach around p that lies between 0 and n of an axis.
-__device__ __forceinline__ float cut(float p, float n, float reach) {
-  const float low = fmaxf(-p / reach, -1.f), high = fminf((n - p) / reach, 1.f);
+// The share of a ball of reach 1 / `per_reach` around p that lies between 0 and n of an axis.
+__device__ __forceinline__ float cut(float p, float n, float per_reach) {
+  const float low = fmaxf(-p * per_reach, -1.f), high = fminf((n - p) * per_reach, 1.f);
   return fmaxf(0.25f * (high * (3 - high * high) - low * (3 - low * low)), 0.f);
 }
 // Integral of 2 sqrt(1 - t^2), to two thousandths.
@@ -21,17 +21,25 @@ __device__ __forceinline__ float disc(float t) {
   return t * (2 - t2 * (1 / 3.f + t2 * (0.05f + 0.0459f * t4)));
 }
 
-// Hits of a unit, in 16ths. Spheres of the finer level are taken for 0.68 of the largest.
+// Hits of a unit, in 16ths, none behind the last unit; by all lanes. Spheres of the finer level are taken for
+// 0.68 of the largest.
 template <SlotKind Kind>
 __device__ __forceinline__ float expected_hits(const Task& task, const Grid& grid, const Downs& downs,
                                                std::uint32_t unit) {
   constexpr float kBall = 4.18879f;
+  // Neighbours are mostly of the same pair of levels.
+  const std::uint32_t lane = threadIdx.x & 31, lowest = unit - lane;
   std::uint32_t which = 0;
-  for (std::uint32_t k = 1; k < downs.count; k++) which += downs.pair[k].first_unit <= unit;
+  for (std::uint32_t k = lane; k - lane < downs.count; k += 32)
+    which += __popc(__ballot_sync(kAll, k < downs.count && downs.pair[k].first_unit <= lowest));
+  which--;
+  while (which + 1 < downs.count && downs.pair[which + 1].first_unit <= unit) which++;
+  if (unit >= task.units) return 0;
   const Down& d = downs.pair[which];
   const Level& l = grid.level[d.fine];
-  const std::uint32_t number_of_unit = unit - d.first_unit, at = number_of_unit / d.turns,
-                      turn = number_of_unit - at * d.turns, number = at / d.step,
+  const std::uint32_t number_of_unit = unit - d.first_unit,
+                      at = d.turns == 1 ? number_of_unit : number_of_unit / d.turns,
+                      turn = number_of_unit - at * d.turns, number = d.step == 1 ? at : at / d.step,
                       part = at - number * d.step + turn * d.step, first = d.first + number * d.group,
                       end = min(min(first + d.group, d.end), task.spheres.count);
   const float fine = 0.68f * static_cast<float>(l.radius_max), per_size = static_cast<float>(l.per_size);
@@ -59,11 +67,11 @@ __device__ __forceinline__ float expected_hits(const Task& task, const Grid& gri
     p[k] = static_cast<float>(x * l.per_size - static_cast<double>(l.first[k]));
     n[k] = static_cast<float>(l.count[k]);
   }
-  const float reach = (static_cast<float>(s.r) + fine) * per_size;
-  float volume = cut(p[0], n[0], reach);
+  const float reach = (static_cast<float>(s.r) + fine) * per_size, per_reach = __frcp_rn(reach),
+              volume = cut(p[0], n[0], per_reach);
   if (parts == 1)
-    return 16 * kBall * d.density * reach * reach * reach * volume * cut(p[1], n[1], reach) *
-           cut(p[2], n[2], reach);
+    return 16 * kBall * d.density * reach * reach * reach * volume * cut(p[1], n[1], per_reach) *
+           cut(p[2], n[2], per_reach);
   // The part's rows, layer by layer.
   const float y0 = fmaxf(floorf(p[1] - widest), 0.f), y1 = fminf(floorf(p[1] + widest), n[1] - 1),
               z0 = fmaxf(floorf(p[2] - widest), 0.f), z1 = fminf(floorf(p[2] + widest), n[2] - 1);
@@ -88,7 +96,8 @@ __device__ __forceinline__ float expected_hits(const Task& task, const Grid& gri
   return 16 * d.density * volume * sum;
 }
 
-// A group of units a block: their shares, and where those begin in the list.
+// Groups of units: their shares, and where those begin in the list. The search may begin when all blocks of
+// this have begun; who needs the shares waits for the end of it.
 template <SlotKind Kind>
 __global__ void __launch_bounds__(kShareUnits, 4)
     share_kernel(const __grid_constant__ Task task, const __grid_constant__ Grid grid,
@@ -99,39 +108,43 @@ __global__ void __launch_bounds__(kShareUnits, 4)
     typename cub::BlockScan<Word, kShareUnits>::TempStorage groups;
   } memory;
   __shared__ bool last;
+  begin_next();
   if (task.counters->flags) return;
   const TileSums& sums = task.sums;
-  const std::uint32_t unit = blockIdx.x * kShareUnits + threadIdx.x;
-  std::uint32_t hits = 0;  // in 16ths
-  if (unit < task.units)
-    hits = static_cast<std::uint32_t>(fminf(expected_hits<Kind>(task, grid, downs, unit), 16.f * kMostShare));
-  const std::uint32_t share =
-      min(static_cast<std::uint32_t>(static_cast<float>(hits) * task.options.share.unit), kMostShare);
-  std::uint32_t before, all;
-  Scan(memory.scan).ExclusiveSum(share, before, all);
-  if (unit < task.units) sums.shares[unit] = before << kShareBits | share;
-  const std::uint32_t warp_hits = __reduce_add_sync(kAll, hits);
-  if ((threadIdx.x & 31) == 0 && warp_hits) atomicAdd(&task.counters->expected, static_cast<Word>(warp_hits));
+  std::uint32_t expected = 0;
+  for (std::uint32_t group = blockIdx.x; group < sums.share_groups; group += gridDim.x) {
+    const std::uint32_t unit = group * kShareUnits + threadIdx.x;
+    const auto hits =  // in 16ths
+        static_cast<std::uint32_t>(fminf(expected_hits<Kind>(task, grid, downs, unit), 16.f * kMostShare));
+    const std::uint32_t share =
+        min(static_cast<std::uint32_t>(static_cast<float>(hits) * task.options.share.unit), kMostShare);
+    std::uint32_t before, all;
+    Scan(memory.scan).ExclusiveSum(share, before, all);
+    if (unit < task.units) sums.shares[unit] = before << kShareBits | share;
+    if (threadIdx.x == 0) sums.bases[group] = all;
+    expected += hits;
+    __syncthreads();
+  }
+  expected = __reduce_add_sync(kAll, expected);
+  if ((threadIdx.x & 31) == 0 && expected) atomicAdd(&task.counters->expected, static_cast<Word>(expected));
   // The last block sums up the groups.
   if (threadIdx.x == 0) {
-    sums.bases[blockIdx.x] = all;
     __threadfence();
     last = atomicInc(sums.fills + 1, gridDim.x - 1) + 1 == gridDim.x;
   }
   __syncthreads();
   if (!last) return;
   Word base = static_cast<Word>(task.own_tiles) * task.options.share.own;
-  for (std::uint32_t g0 = 0; g0 < gridDim.x; g0 += kShareUnits) {
+  for (std::uint32_t g0 = 0; g0 < sums.share_groups; g0 += kShareUnits) {
     const std::uint32_t g = g0 + threadIdx.x;
-    Word of_group = g < gridDim.x ? __ldcg(sums.bases + g) : 0, total;
+    Word of_group = g < sums.share_groups ? __ldcg(sums.bases + g) : 0, total;
     cub::BlockScan<Word, kShareUnits>(memory.groups).ExclusiveSum(of_group, of_group, total);
-    if (g < gridDim.x) sums.bases[g] = base + of_group;
+    if (g < sums.share_groups) sums.bases[g] = base + of_group;
     base += total;
     __syncthreads();
   }
-  if (threadIdx.x == 0) sums.bases[gridDim.x] = base;
+  if (threadIdx.x == 0) sums.bases[sums.share_groups] = base;
 }
-
 // After the search, instead of fill_kernel: one kernel numbers what spilled and the places left spare, a
 // group of tiles a block (spill_at becomes what is between a hit's place in the spill and its number),
 // another moves hit by hit.
@@ -140,25 +153,25 @@ __global__ void __launch_bounds__(kFillThreads, 4) number_kernel(const __grid_co
   using Scan = cub::BlockScan<Word, kFillThreads>;
   __shared__ typename Scan::TempStorage memory;
   __shared__ Word before[2];
-  if (task.counters->flags) return;
+  begin_next();
   const TileSums& sums = task.sums;
-  const std::uint32_t group = blockIdx.x, share = task.options.share.own;
+  const std::uint32_t group = blockIdx.x, share = task.options.share.own, flags = task.counters->flags;
   const Tiles tiles = tiles_of(task, group);
   if (threadIdx.x < 2) before[threadIdx.x] = 0;
   // Hits that spilled in the lower half, places left spare in the upper.
   const std::uint32_t tile = tiles.first + threadIdx.x * kEach;
-  Word mine[kEach], start[kEach], all;
+  Word mine[kEach], start[kEach], lies_at[kEach], all;
 #pragma unroll
   for (int u = 0; u < kEach; u++) {
-    mine[u] = 0;
+    mine[u] = lies_at[u] = 0;
     if (tile + u >= tiles.end) continue;
+    lies_at[u] = sums.spill_at[tile + u];
     const std::uint32_t count = sums.counts[tile + u],
                         places = tile + u < task.own_tiles
                                      ? share
                                      : share_of(sums, tile + u - task.own_tiles) & kMostShare;
     mine[u] = count > places ? count - places : static_cast<Word>(places - count) << 32;
   }
-  Scan(memory).ExclusiveSum(mine, start, all);
   Word upto[2] = {}, net = 0, own = 0;  // before the group; contacts less shares
   for (std::uint32_t g = threadIdx.x; g < (group ? group : sums.all_groups); g += kFillThreads) {
     const Word spare = sums.groups[2 * g], spilled = sums.groups[2 * g + 1];
@@ -167,6 +180,8 @@ __global__ void __launch_bounds__(kFillThreads, 4) number_kernel(const __grid_co
     else
       net += spilled - spare, own += g < sums.own_groups ? spilled - spare : 0;
   }
+  if (flags) return;
+  Scan(memory).ExclusiveSum(mine, start, all);
 #pragma unroll
   for (int d = 16; d; d >>= 1) {
     upto[0] += __shfl_xor_sync(kAll, upto[0], d), upto[1] += __shfl_xor_sync(kAll, upto[1], d);
@@ -185,12 +200,11 @@ __global__ void __launch_bounds__(kFillThreads, 4) number_kernel(const __grid_co
 #pragma unroll
   for (int u = 0; u < kEach; u++) {
     if (tile + u >= tiles.end) continue;
-    sums.spill_at[tile + u] = before[0] + static_cast<std::uint32_t>(start[u]) - sums.spill_at[tile + u];
+    sums.spill_at[tile + u] = before[0] + static_cast<std::uint32_t>(start[u]) - lies_at[u];
     sums.spares[tile + u] = static_cast<std::uint32_t>((start[u] + mine[u]) >> 32);
   }
   if (threadIdx.x == 0) sums.spares_before[group] = before[1];
   if (threadIdx.x == 0 && group + 1 == gridDim.x) sums.spares_before[gridDim.x] = before[1] + (all >> 32);
-  leave_groups(sums);
 }
 
 // The last k of 0 to n - 1 for which upto(k) is no more than `number`, as all before it are, or 0. Three are
@@ -214,53 +228,49 @@ __device__ __forceinline__ std::uint32_t last_upto(std::uint32_t n, Word number,
   }
   return first;
 }
-// The `number`-th spare place.
+// The `number`-th spare place. What number_kernel wrote while this ran is no read-only data.
 __device__ __forceinline__ Word spare_place(const Task& task, Word number) {
   const TileSums& sums = task.sums;
   const std::uint32_t group =
-      last_upto(sums.all_groups, number, [&](std::uint32_t g) { return __ldg(sums.spares_before + g); });
-  const auto n = static_cast<std::uint32_t>(number - __ldg(sums.spares_before + group));
+      last_upto(sums.all_groups, number, [&](std::uint32_t g) { return sums.spares_before[g]; });
+  const auto n = static_cast<std::uint32_t>(number - sums.spares_before[group]);
   const Tiles tiles = tiles_of(task, group);
   const std::uint32_t tile =
       tiles.first + last_upto(tiles.end - tiles.first, n, [&](std::uint32_t k) -> Word {
-        return k ? __ldg(sums.spares + tiles.first + k - 1) : 0;
+        return k ? sums.spares[tiles.first + k - 1] : 0;
       });
   Word end = static_cast<Word>(tile + 1) * task.options.share.own;
   if (tile >= task.own_tiles) {
     const std::uint32_t unit = tile - task.own_tiles, word = __ldg(sums.shares + unit);
     end = __ldg(sums.bases + unit / kShareUnits) + (word >> kShareBits) + (word & kMostShare);
   }
-  return end - (__ldg(sums.spares + tile) - n);
+  return end - (sums.spares[tile] - n);
 }
 
-// The hits that spilled to the list.
-template <SlotKind Kind>
+// The hits that spilled to the list. Begins beside number_kernel, since most of what it reads is there
+// already. Leaves the groups of tiles as they were before the search.
+template <SlotKind Kind, bool Wide>
 __global__ void __launch_bounds__(kFillThreads, 5) move_kernel(const __grid_constant__ Task task) {
-  if (task.counters->flags) return;
   const TileSums& sums = task.sums;
-  const bool wide = is_wide<Kind>(task);
-  const Word count = min(task.counters->spilled, static_cast<Word>(sums.room)),
-             spares = __ldg(sums.spares_before + sums.all_groups), behind = behind_shares(task) - spares;
-  for (Word from = blockIdx.x * Word(kFillThreads) + threadIdx.x; from < count;
-       from += gridDim.x * Word(kFillThreads)) {
-    const Word hit = __ldg(sums.spill + from);
-    auto i = static_cast<std::uint32_t>(hit >> 32);
-    const auto j = static_cast<std::uint32_t>(hit);
-    std::uint32_t tile = i / kThreads;
-    if (i & kOfUnit) {
-      const std::uint32_t unit = (i & ~kOfUnit) >> 5;
-      tile = task.own_tiles + unit, i = __ldg(sums.firsts + unit) + (i & 31);
-    }
-    const Word number = from + __ldg(sums.spill_at + tile);
-    Both both;
-    if constexpr (Kind != SlotKind::fixed)
-      if (!wide) both = load_both<Kind>(task, i, j);  // while the place is looked for
-    const Word to = number < spares ? spare_place(task, number) : behind + number;
-    if (to >= task.output.capacity) continue;
-    if (wide)
-      write_wide<Kind>(task, i, j, to);
-    else if constexpr (Kind != SlotKind::fixed)
-      write_both<Kind>(task, both, i, j, to);
+  const std::uint32_t thread = blockIdx.x * kFillThreads + threadIdx.x, threads = gridDim.x * kFillThreads;
+  // A thread's next hit is asked for before its last is moved, the first before it is known to be one.
+  Word hit = 0;
+  if (thread < sums.room) hit = __ldg(sums.spill + thread);
+  const std::uint32_t flags = task.counters->flags;
+  const Word count = min(task.counters->spilled, static_cast<Word>(sums.room));
+  if (flags) return;
+  Spilled<Kind, Wide> mine;
+  if (thread < count) mine = {task, hit};
+  await_before();
+  for (std::uint32_t k = thread; k < 2 * sums.all_groups; k += threads) sums.groups[k] = 0;
+  const Word spares = __ldcg(sums.spares_before + sums.all_groups), behind = behind_shares(task) - spares;
+  for (Word from = thread; from < count;) {
+    const Word next = from + threads;
+    if (next < count) hit = __ldg(sums.spill + next);
+    const Word number = from + sums.spill_at[mine.tile];
+    mine.write(task, number < spares ? spare_place(task, number) : behind + number);
+    if (next < count) mine = {task, hit};
+    from = next;
   }
 }
 

@@ -37,10 +37,11 @@ constexpr float kWide = 1 + 0x1p-20f, kNear = 0x1p-19f;
 
 // Work space for a list of fixed order (place.h). Tiles: of spheres, then units that look down.
 struct TileSums {
-  bool turns = false;                    // few tiles: each waits for those before it
-  unsigned long long* turn = nullptr;    // number of the search, then words of place.h
-  unsigned int* fills = nullptr;         // blocks that have read `groups`; then those that have summed shares
-  unsigned long long* groups = nullptr;  // of each group of tiles: places left spare, hits that spilled
+  bool turns = false;                  // few tiles: each waits for those before it
+  unsigned long long* turn = nullptr;  // number of the search, then words of place.h
+  unsigned int* fills = nullptr;       // blocks that have read `groups`; then those that have summed shares
+  // Of each group of tiles: places left spare, hits that spilled. Null where fill_few_kernel numbers all.
+  unsigned long long* groups = nullptr;
   std::uint32_t own_groups = 0, all_groups = 0, share_groups = 0;
   unsigned long long* spill_at = nullptr;              // where a tile's spilled hits lie
   std::uint32_t *counts = nullptr, *firsts = nullptr;  // contacts of each tile; first sphere of each unit

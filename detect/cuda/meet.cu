@@ -1,10 +1,11 @@
 #include "detect/cuda/meet.h"
 
+#include "detect/cuda/warp.h"
+
 namespace padder::detect::cuda {
 namespace {
 
 constexpr int kWarps = 4, kThreads = 32 * kWarps;
-constexpr std::uint32_t kBatch = 8;   // pairs of elements a warp takes at a time
 constexpr std::uint32_t kStage = 96;  // contacts a warp keeps before it asks for a place in the list
 constexpr std::uint32_t kAll = ~0u;
 
@@ -31,7 +32,7 @@ __device__ __forceinline__ std::uint32_t number_of(const BodyView& v, std::uint3
 struct Meeter {
   const MeetTask& task;
   WarpMemory& memory;
-  std::uint32_t lane, staged = 0;
+  std::uint32_t lane, staged = 0, batch = 0, found = 0;  // found: of the batch
 
   __device__ __forceinline__ bool owned(const Element& a, std::uint32_t slot_a, const Sphere& sa,
                                         const Element& b, std::uint32_t slot_b, const Sphere& sb) const {
@@ -53,12 +54,13 @@ struct Meeter {
     staged = 0;
     __syncwarp();
   }
-  // The hits of all lanes, in the order of lanes; `rank` is that of this lane's hit.
-  __device__ __forceinline__ void push(bool hit, const uint4& h, std::uint32_t item, std::uint32_t rank) {
+  // The hits of all lanes, in the order of lanes.
+  __device__ __forceinline__ void push(bool hit, const uint4& h) {
     const std::uint32_t hits = __ballot_sync(kAll, hit), before = __popc(hits & ((1u << lane) - 1));
     if (staged + __popc(hits) > kStage) flush();
-    if (hit) memory.hits[staged + before] = h, memory.ranks[staged + before] = make_uint2(item, rank);
-    staged += __popc(hits);
+    if (hit)
+      memory.hits[staged + before] = h, memory.ranks[staged + before] = make_uint2(batch, found + before);
+    staged += __popc(hits), found += __popc(hits);
   }
 
   // Those spheres of an element that pass the sieve, placed; gives their number.
@@ -90,17 +92,16 @@ struct Meeter {
   }
 
   // Contacts of the elements a and b.
-  __device__ __forceinline__ std::uint32_t meet(std::uint32_t item, const Element& a, const Element& b,
-                                                const Sieve& sieve_a, const Sieve& sieve_b) {
+  __device__ __forceinline__ void meet(const Element& a, const Element& b, const Sieve& sieve_a,
+                                       const Sieve& sieve_b) {
     Side &sa = memory.side[0], &sb = memory.side[1];
     __syncwarp();  // the sides are read no more
     const std::uint32_t na = gather(a, sieve_a, sa);
-    if (na == 0) return 0;
+    if (na == 0) return;
     const std::uint32_t nb = gather(b, sieve_b, sb);
     __syncwarp();
     const float per_nb = 1.f / static_cast<float>(nb);
     const std::uint32_t total = na * nb;
-    std::uint32_t found = 0;
     for (std::uint32_t from = 0; from < total; from += 32) {
       const std::uint32_t t = from + lane;
       const auto i = static_cast<std::uint32_t>((static_cast<float>(t) + 0.5f) * per_nb);
@@ -110,13 +111,9 @@ struct Meeter {
         const Sphere p = sa[i], q = sb[j];
         hit = touching(p, q) && owned(a, sa.slot[i], p, b, sb.slot[j], q);
       }
-      const std::uint32_t hits = __ballot_sync(kAll, hit);
-      if (!hits) continue;
-      const uint4 h = hit ? make_uint4(a.body, sa.slot[i], b.body, sb.slot[j]) : make_uint4(0, 0, 0, 0);
-      push(hit, h, item, found + __popc(hits & ((1u << lane) - 1)));
-      found += __popc(hits);
+      if (!__any_sync(kAll, hit)) continue;
+      push(hit, hit ? make_uint4(a.body, sa.slot[i], b.body, sb.slot[j]) : make_uint4(0, 0, 0, 0));
     }
-    return found;
   }
 };
 
@@ -156,7 +153,6 @@ __global__ void __launch_bounds__(kThreads, 4) meet_kernel(const __grid_constant
       if (a.body == kLoose && b.body == kLoose) {
         const Sphere sa = task.loose.sphere(a.piece), sb = task.loose.sphere(b.piece);
         hit = touching(sa, sb) && m.owned(a, a.piece, sa, b, b.piece, sb);
-        if (task.fixed_order) task.item_counts[item] = hit;
       } else {
         const Sphere ball_a = v.balls[p.i], ball_b = v.balls[p.j];
         whole = true;
@@ -164,32 +160,48 @@ __global__ void __launch_bounds__(kThreads, 4) meet_kernel(const __grid_constant
         if (b.body != kLoose) sieve_b = sieve_of(v.bodies[b.body], v.pieces[b.piece], ball_b, ball_a);
       }
     }
-    if (__any_sync(kAll, hit))
-      m.push(hit, make_uint4(kLoose, a.piece, kLoose, b.piece), static_cast<std::uint32_t>(item), 0);
+    m.batch = static_cast<std::uint32_t>(first / kBatch), m.found = 0;
+    if (__any_sync(kAll, hit)) m.push(hit, make_uint4(kLoose, a.piece, kLoose, b.piece));
     for (std::uint32_t rest = __ballot_sync(kAll, whole); rest; rest &= rest - 1) {
       const int k = __ffs(rest) - 1;
-      const std::uint32_t found = m.meet(static_cast<std::uint32_t>(first + k), take(a, k), take(b, k),
-                                         take(sieve_a, k), take(sieve_b, k));
-      if (task.fixed_order && lane == 0) task.item_counts[first + k] = found;
+      m.meet(take(a, k), take(b, k), take(sieve_a, k), take(sieve_b, k));
     }
+    if (task.fixed_order && lane == 0) task.batch_counts[m.batch] = m.found;
   }
   if (m.staged) m.flush();
 }
 
-__global__ void __launch_bounds__(256)
+template <bool Sums>
+constexpr int kWriters = Sums ? 512 : 256;
+// Sums: each block sums up the counts of batches for itself.
+template <bool Sums>
+__global__ void __launch_bounds__(kWriters<Sums>)
     write_kernel(const __grid_constant__ MeetTask task, const __grid_constant__ Output out) {
-  const std::uint64_t n = task.counters->contacts;
-  if (n > task.room || n > out.capacity) return;  // counted; the list is made longer
+  constexpr int kThreads = kWriters<Sums>;
+  __shared__ std::uint32_t before[Sums ? kMostBatches + 1 : 1], sums[32];
+  const std::uint64_t n = task.counters->contacts, first = blockIdx.x * std::uint64_t(kThreads) + threadIdx.x,
+                      step = gridDim.x * std::uint64_t(kThreads);
+  if (n > task.room || n > out.capacity || first - threadIdx.x >= n) return;  // the list is made longer
   const BodyView& v = task.view;
-  for (std::uint64_t k = blockIdx.x * std::uint64_t(256) + threadIdx.x; k < n;
-       k += std::uint64_t(gridDim.x) * 256) {
-    const uint4 h = task.hits[k];
-    std::uint64_t at = k;
-    if (task.fixed_order) {
-      const uint2 r = task.ranks[k];
-      at = task.item_places[r.x] + r.y;
-    }
-    const std::uint32_t na = number_of(v, h.x, h.y), nb = number_of(v, h.z, h.w);
+  uint4 h = make_uint4(0, 0, 0, 0);
+  uint2 r = make_uint2(0, 0);
+  std::uint32_t na = 0, nb = 0;
+  const auto read = [&](std::uint64_t k) {
+    if (k >= n) return;
+    h = task.hits[k];
+    if (task.fixed_order) r = task.ranks[k];
+    na = number_of(v, h.x, h.y), nb = number_of(v, h.z, h.w);
+  };
+  read(first);
+  if constexpr (Sums) {
+    const std::uint64_t pairs = task.counters->broad.contacts + task.counters->static_pairs;
+    const auto batches = static_cast<std::uint32_t>(
+        (min(pairs, static_cast<std::uint64_t>(task.pair_room)) + kBatch - 1) / kBatch);
+    for (std::uint32_t b = threadIdx.x; b < batches; b += kThreads) before[b] = task.batch_counts[b];
+    scan_shared(before, batches, sums);
+  }
+  for (std::uint64_t k = first; k < n; k += step, read(k)) {
+    const std::uint64_t at = Sums ? before[r.x] + r.y : task.fixed_order ? task.batch_places[r.x] + r.y : k;
     out.pairs[at] = {min(na, nb), max(na, nb)};
     if (out.width == Width::pairs) continue;
     const Sphere a = h.x == kLoose ? task.loose.sphere(h.y) : placed(v.bodies[h.x], v.spheres[h.y]);
@@ -274,7 +286,11 @@ void meet(const MeetTask& task, cudaStream_t stream) {
   cuda_launched("look at the spheres of bodies that met");
 }
 void write_hits(const MeetTask& task, const Output& output, cudaStream_t stream) {
-  write_kernel<<<kProcessors * 8, 256, 0, stream>>>(task, output);
+  const bool sums = task.fixed_order && !task.batch_places;
+  if (sums)
+    write_kernel<true><<<kProcessors * 2, kWriters<true>, 0, stream>>>(task, output);
+  else
+    write_kernel<false><<<kProcessors * 8, kWriters<false>, 0, stream>>>(task, output);
   cuda_launched("write the contacts");
 }
 void count_static(const StaticTask& task, const Grid& grid, cudaStream_t stream) {

@@ -10,6 +10,9 @@ struct Hit {
   std::uint32_t a_body, a_slot, b_body, b_slot;
 };
 
+// Pairs of elements that a warp takes at a time; batches that are so few that they are summed up on the fly.
+constexpr std::uint32_t kBatch = 8, kMostBatches = 12000;
+
 struct MeetTask {
   BodyView view;
   Source loose;
@@ -17,10 +20,12 @@ struct MeetTask {
   bool owns_all = true, fixed_order = true;
   const Pair* pairs = nullptr;  // of elements
   std::uint64_t pair_room = 0, room = 0;
-  uint4* hits = nullptr;                 // Hit
-  uint2* ranks = nullptr;                // pair of elements, number within it; for a fixed order
-  std::uint32_t* item_counts = nullptr;  // contacts of each pair of elements
-  const unsigned long long* item_places = nullptr;
+  uint4* hits = nullptr;  // Hit
+  // For a fixed order: of each hit its batch of pairs and number within that; contacts of each batch, and
+  // those before it, unless these are null: then kMostBatches is not exceeded.
+  uint2* ranks = nullptr;
+  std::uint32_t* batch_counts = nullptr;
+  const unsigned long long* batch_places = nullptr;
   BodyCounters* counters = nullptr;
 };
 void meet(const MeetTask& task, cudaStream_t stream);

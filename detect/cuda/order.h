@@ -51,30 +51,6 @@ __device__ __forceinline__ std::uint32_t ticket(std::uint32_t* count, std::uint3
   return __shfl_sync(~0u, at, head) + lane - head;
 }
 
-// Exclusive sums of v[0 .. n) in shared memory by the whole block; v[n] becomes the total. `sums` has 32
-// entries. Begins and ends with all threads together.
-__device__ __forceinline__ void scan_shared(std::uint32_t* v, std::uint32_t n, std::uint32_t* sums) {
-  __syncthreads();
-  const std::uint32_t lane = threadIdx.x & 31, warp = threadIdx.x >> 5, warps = blockDim.x >> 5;
-  // Each warp scans a contiguous part, 32 entries a step: no bank conflicts.
-  const std::uint32_t part = ((n + warps - 1) / warps + 31) & ~31u, from = min(warp * part, n),
-                      to = min(from + part, n);
-  std::uint32_t sum = 0;
-  for (std::uint32_t k = from + lane; k < to; k += 32) sum += v[k];
-  sum = __reduce_add_sync(~0u, sum);
-  if (lane == 0) sums[warp] = sum;
-  __syncthreads();
-  std::uint32_t before = __reduce_add_sync(~0u, lane < warp ? sums[lane] : 0);
-  for (std::uint32_t k = from; k < to; k += 32) {
-    std::uint32_t total;
-    const std::uint32_t mine = sum_before(k + lane < to ? v[k + lane] : 0, total);
-    if (k + lane < to) v[k + lane] = before + mine;
-    before += total;
-  }
-  if (warp + 1 == warps && lane == 0) v[n] = before;
-  __syncthreads();
-}
-
 template <SlotKind Kind>
 __device__ __forceinline__ float4 slot_of(const Source& source, const Grid* grid, std::uint32_t id) {
   constexpr bool kMayPack = Kind != SlotKind::fixed;

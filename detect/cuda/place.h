@@ -15,15 +15,17 @@ namespace padder::detect::cuda {
 namespace {
 
 constexpr int kGroupTiles = 1024, kShareUnits = 256, kFillTiles = 32, kFillThreads = 256;
+// So many tiles at most are numbered by each block for itself, 8 bytes of shared memory a tile.
+constexpr std::uint32_t kMostNumbered = 14000;
+constexpr int kFewThreads = 1024;
+// Four tiles each of a thread's; an odd number, so that threads do not meet at a bank.
+__host__ __device__ inline std::uint32_t few_quads(std::uint32_t tiles) {
+  return ((tiles + 4 * kFewThreads - 1) / (4 * kFewThreads)) | 1;
+}
+constexpr std::uint32_t few_bytes(std::uint32_t quads) { return 2 * 16 * kFewThreads * quads; }
 constexpr std::uint32_t kMostTurns = 1056, kTurnGroups = (kMostTurns + 31) / 32,
                         kTurnWords = kMostTurns + 2 * kTurnGroups;
 using Word = unsigned long long;
-
-// Tiles of spheres that a block fills: fewer, while that is not too many blocks.
-constexpr std::uint32_t kManyTiles = 10000;
-__host__ __device__ inline std::uint32_t fill_tiles(const Task& task) {
-  return task.own_tiles >= kManyTiles ? kFillTiles : kFillTiles / 2;
-}
 
 // Groups of tiles are of tiles of spheres or of such that look down, not of both.
 __device__ __forceinline__ std::uint32_t group_of(const Task& task, std::uint32_t tile) {
@@ -40,23 +42,29 @@ __device__ __forceinline__ Tiles tiles_of(const Task& task, std::uint32_t group)
   return {first, min(first + kGroupTiles, own ? task.own_tiles : task.own_tiles + task.units)};
 }
 
+// What a tile left spare or spilled, to its group.
+__device__ __forceinline__ void note(const Task& task, std::uint32_t tile, std::uint32_t share,
+                                     std::uint32_t found) {
+  if (!task.sums.groups || found == share) return;
+  Word* const group = task.sums.groups + group_of(task, tile) * 2;
+  atomicAdd(group + (found > share), static_cast<Word>(found > share ? found - share : share - found));
+}
+
 // Of a tile of spheres.
 __device__ __forceinline__ Target take_place(const Task& task, std::uint32_t tile, std::uint32_t sum) {
   if (!task.options.fixed_order)
     return {sum ? atomicAdd(&task.counters->contacts, static_cast<Word>(sum)) : 0, 0, ~0u, 0, 0};
   const std::uint32_t share = task.options.share.own, spilled = sum > share ? sum - share : 0;
-  Word* const group = task.sums.groups + tile / kGroupTiles * 2;
   Target t{static_cast<Word>(tile) * share, 0, share, 0, 0};
   if (spilled) t.spill = atomicAdd(&task.counters->spilled, static_cast<Word>(spilled));
-  if (spilled) atomicAdd(group + 1, static_cast<Word>(spilled));
-  if (sum < share) atomicAdd(group, static_cast<Word>(share - sum));
+  note(task, tile, share, sum);
   task.sums.counts[tile] = sum, task.sums.spill_at[tile] = t.spill;
   return t;
 }
 
 // The word of a unit in `shares`, and what lies behind all shares.
 __device__ __forceinline__ std::uint32_t share_of(const TileSums& sums, std::uint32_t unit) {
-  return sums.shares ? sums.shares[unit] : 0;
+  return sums.shares ? __ldcg(sums.shares + unit) : 0;
 }
 __device__ __forceinline__ Word behind_shares(const Task& task) {
   const TileSums& sums = task.sums;
@@ -73,12 +81,10 @@ __device__ __forceinline__ Target take_unit(const Task& task, std::uint32_t unit
   const TileSums& sums = task.sums;
   const std::uint32_t tile = task.own_tiles + unit, word = share_of(sums, unit), share = word & kMostShare,
                       spilled = hits > share ? hits - share : 0;
-  Word* const group = sums.groups + group_of(task, tile) * 2;
   Target t{0, 0, share, kOfUnit | unit << 5, first};
-  if (share) t.place = sums.bases[unit / kShareUnits] + (word >> kShareBits);
+  if (share) t.place = __ldcg(sums.bases + unit / kShareUnits) + (word >> kShareBits);
   if (spilled) t.spill = atomicAdd(&c->spilled, static_cast<Word>(spilled));
-  if (spilled) atomicAdd(group + 1, static_cast<Word>(spilled));
-  if (hits < share) atomicAdd(group, static_cast<Word>(share - hits));
+  note(task, tile, share, hits);
   sums.counts[tile] = hits, sums.spill_at[tile] = t.spill, sums.firsts[unit] = first;
   return t;
 }
@@ -126,6 +132,134 @@ __device__ __forceinline__ Word take_turn(const Task& task, const std::uint32_t&
   return *shared;
 }
 
+// A hit that spilled. Where the list was too short the spill may hold anything: it is kept within bounds.
+// Wide: is_wide records; known beforehand, since a call within a loop costs registers.
+template <SlotKind Kind, bool Wide>
+struct Spilled {
+  std::uint32_t i, j, tile;
+  Both both;  // unless Wide
+  __device__ __forceinline__ Spilled() {}
+  __device__ __forceinline__ Spilled(const Task& task, Word hit) {
+    const std::uint32_t last = task.spheres.count - 1;
+    i = static_cast<std::uint32_t>(hit >> 32), j = min(static_cast<std::uint32_t>(hit), last);
+    if (i & kOfUnit && task.units) {
+      const std::uint32_t unit = min((i & ~kOfUnit) >> 5, task.units - 1);
+      tile = task.own_tiles + unit, i = __ldg(task.sums.firsts + unit) + (i & 31);
+    } else {
+      tile = min(i, last) / kThreads;
+    }
+    i = min(i, last);
+    if constexpr (!Wide) both = load_both<Kind>(task, i, j);
+  }
+  __device__ __forceinline__ void write(const Task& task, Word to) const {
+    if (to >= task.output.capacity) return;
+    if constexpr (Wide)
+      write_wide<Kind>(task, i, j, to);
+    else
+      write_both<Kind>(task, both, i, j, to);
+  }
+};
+
+// ---- Few tiles, but too many to wait: each block sums up the counts of all, and moves some of what spilled.
+// Units have no share here.
+template <SlotKind Kind, bool Wide>
+__global__ void __launch_bounds__(kFewThreads) fill_few_kernel(const __grid_constant__ Task task) {
+  static_assert(kFewThreads == 32 * 32);
+  extern __shared__ uint4 shared[];
+  __shared__ uint2 of_warps[32];
+  const TileSums& sums = task.sums;
+  const std::uint32_t tiles = task.own_tiles + task.units, each = few_quads(tiles),
+                      share = task.options.share.own, lane = threadIdx.x & 31, warp = threadIdx.x >> 5;
+  // Of each tile: the number of the first hit that it spilled; places left spare up to its end.
+  uint4 *const quads = shared + threadIdx.x * each, *const spare_quads = quads + kFewThreads * each;
+  const auto* const numbers = reinterpret_cast<const std::uint32_t*>(shared);
+  const std::uint32_t* const spares = numbers + 4 * kFewThreads * each;
+  const bool totals = blockIdx.x + 1 == gridDim.x;  // sets the counters: it has the fewest hits
+  // The thread's first hit is asked for before it is known whether there is one.
+  const Word step = gridDim.x * Word(kFewThreads);
+  Word from = blockIdx.x * Word(kFewThreads) + threadIdx.x, hit = 0;
+  if (from < sums.room) hit = __ldg(sums.spill + from);
+  const std::uint32_t flags = task.counters->flags;
+  const Word spilled = task.counters->spilled, count = min(spilled, static_cast<Word>(sums.room));
+  // Places of tiles `t` to t + 3, of which those behind the last count nothing and have none.
+  const auto places_of = [&](std::uint32_t t) {
+    const auto of = [&](std::uint32_t tile) { return tile < task.own_tiles ? share : 0; };
+    if (t + 3 < task.own_tiles) return make_uint4(share, share, share, share);
+    return make_uint4(of(t), of(t + 1), of(t + 2), of(t + 3));
+  };
+  const std::uint32_t first = threadIdx.x * each * 4;
+  std::uint32_t over = 0, spare = 0;  // hits that spilled, places left spare
+  const auto add = [&](std::uint32_t found, std::uint32_t places) {
+    const std::uint32_t more = max(found, places);
+    over += more - places, spare += more - found;
+  };
+  Word own = 0;
+#pragma unroll 3
+  for (std::uint32_t q = 0; q < each; q++) {
+    const std::uint32_t t = first + 4 * q;
+    uint4 c = make_uint4(0, 0, 0, 0);
+    if (t < tiles) c = __ldg(reinterpret_cast<const uint4*>(sums.counts + t));
+    if (t + 3 >= tiles) {
+      c.y = t + 1 < tiles ? c.y : 0, c.z = t + 2 < tiles ? c.z : 0, c.w = 0;
+    }
+    quads[q] = c;
+    const uint4 p = places_of(t);
+    add(c.x, p.x), add(c.y, p.y), add(c.z, p.z), add(c.w, p.w);
+    if (totals)
+      own += (t < task.own_tiles ? c.x : 0) + static_cast<Word>(t + 1 < task.own_tiles ? c.y : 0) +
+             (t + 2 < task.own_tiles ? c.z : 0) + static_cast<Word>(t + 3 < task.own_tiles ? c.w : 0);
+  }
+  if (flags || (blockIdx.x * Word(kFewThreads) >= count && !totals)) return;
+  Spilled<Kind, Wide> mine;
+  std::uint32_t lies_at = 0;
+  const auto ask = [&] {
+    mine = {task, hit}, lies_at = static_cast<std::uint32_t>(__ldg(sums.spill_at + mine.tile));
+  };
+  // The next is asked for before this one is moved.
+  const auto ask_next = [&] {
+    if (from + step < count) hit = __ldg(sums.spill + from + step);
+  };
+  if (from < count) ask(), ask_next();
+  std::uint32_t over_all, spare_all;
+  over = sum_before(over, over_all), spare = sum_before(spare, spare_all);
+  if (lane == 0) of_warps[warp] = make_uint2(over_all, spare_all);
+  if (totals) {
+#pragma unroll
+    for (int d = 16; d; d >>= 1) own += __shfl_xor_sync(kAll, own, d);
+    if (lane == 0 && own) atomicAdd(&task.counters->own, own);
+  }
+  __syncthreads();
+  const uint2 of_warp = of_warps[lane];
+  over += __reduce_add_sync(kAll, lane < warp ? of_warp.x : 0);
+  spare += __reduce_add_sync(kAll, lane < warp ? of_warp.y : 0);
+  const std::uint32_t all_spares = __reduce_add_sync(kAll, of_warp.y);
+  const Word shares = static_cast<Word>(task.own_tiles) * share;
+  if (totals && threadIdx.x == 0) task.counters->contacts = shares - all_spares + spilled;
+#pragma unroll 1
+  for (std::uint32_t q = 0; q < each; q++) {
+    const uint4 c = quads[q], p = places_of(first + 4 * q);
+    uint4 n, s;
+    n.x = over, add(c.x, p.x), s.x = spare, n.y = over, add(c.y, p.y), s.y = spare;
+    n.z = over, add(c.z, p.z), s.z = spare, n.w = over, add(c.w, p.w), s.w = spare;
+    quads[q] = n, spare_quads[q] = s;
+  }
+  __syncthreads();
+  while (from < count) {
+    const std::uint32_t number = numbers[mine.tile] + (static_cast<std::uint32_t>(from) - lies_at);
+    Word to = shares + number - all_spares;
+    if (number < all_spares) {
+      std::uint32_t tile = 0;
+      for (std::uint32_t k = 1u << (31 - __clz(task.own_tiles)); k; k >>= 1)
+        if (tile + k <= task.own_tiles && spares[tile + k - 1] <= number) tile += k;
+      tile = min(tile, task.own_tiles - 1);
+      to = static_cast<Word>(tile + 1) * share - (spares[tile] - number);
+    }
+    mine.write(task, to);
+    from += step;
+    if (from < count) ask(), ask_next();
+  }
+}
+
 // ---- Many tiles: what spilled is put where places are spare, and behind.
 struct FillMemory {
   cub::BlockScan<Word, kFillThreads>::TempStorage groups;
@@ -171,33 +305,15 @@ __device__ __forceinline__ void leave_groups(const TileSums& sums) {
   if (__shfl_sync(kAll, last, 0))
     for (std::uint32_t k = threadIdx.x; k < 2 * sums.all_groups; k += 32) sums.groups[k] = 0;
 }
-template <SlotKind Kind>
-__device__ __forceinline__ void move(const Task& task, Word from, Word to) {
-  if (from >= task.sums.room || to >= task.output.capacity) return;  // the search is repeated
-  const Word hit = __ldg(task.sums.spill + from);
-  write_record<Kind>(task, static_cast<std::uint32_t>(hit >> 32), static_cast<std::uint32_t>(hit), to);
-}
-
-// What a thread's first hit of the block needs, asked for before its place is known.
-template <SlotKind Kind>
-struct Ahead {
-  Word hit = 0;
-  Both both;
-  bool known = false;
-  __device__ __forceinline__ std::uint32_t i() const { return static_cast<std::uint32_t>(hit >> 32); }
-  __device__ __forceinline__ std::uint32_t j() const { return static_cast<std::uint32_t>(hit); }
-};
 __device__ __forceinline__ Word spill_place(const FillMemory& memory, std::uint32_t at) {
   const std::uint32_t t = tile_of(memory, at);
   return memory.spills[t] + (at - memory.begins[t]);
 }
-template <SlotKind Kind>
-__device__ __forceinline__ void move(const Task& task, const FillMemory& memory, const Ahead<Kind>& ahead,
-                                     std::uint32_t at, Word to) {
-  if (Kind == SlotKind::fixed || !ahead.known || at != threadIdx.x)
-    move<Kind>(task, spill_place(memory, at), to);
-  else if (to < task.output.capacity)
-    write_both<Kind>(task, ahead.both, ahead.i(), ahead.j(), to);
+template <SlotKind Kind, bool Wide>
+__device__ __forceinline__ void move(const Task& task, const FillMemory& memory, std::uint32_t at, Word to) {
+  const Word from = spill_place(memory, at);
+  if (from >= task.sums.room || to >= task.output.capacity) return;  // the search is repeated
+  Spilled<Kind, Wide>(task, __ldg(task.sums.spill + from)).write(task, to);
 }
 // The thread's first at no less than `from`.
 __device__ __forceinline__ std::uint32_t own_from(std::uint32_t from) {
@@ -206,9 +322,9 @@ __device__ __forceinline__ std::uint32_t own_from(std::uint32_t from) {
 
 // The hits of some tiles that fill the spare places from the `number`-th on: group after group of the tiles
 // that left them.
-template <SlotKind Kind>
+template <SlotKind Kind, bool Wide>
 __device__ __forceinline__ void fill_spare(const Task& task, FillMemory& memory, Word number,
-                                           std::uint32_t total, const Ahead<Kind>& ahead) {
+                                           std::uint32_t total) {
   constexpr int kEach = kGroupTiles / kFillThreads;
   const std::uint32_t share = task.options.share.own;
   Word spare = memory.spare;  // before the group
@@ -234,7 +350,7 @@ __device__ __forceinline__ void fill_spare(const Task& task, FillMemory& memory,
       for (std::uint32_t step = kGroupTiles / 2; step; step /= 2)
         if (memory.left[low + step - 1] <= n) low += step;
       const Word end = static_cast<Word>(g * kGroupTiles + low + 1) * share;
-      move<Kind>(task, memory, ahead, at, end - (memory.left[low] - n));
+      move<Kind, Wide>(task, memory, at, end - (memory.left[low] - n));
     }
     done = upto, spare += all;
   }
@@ -257,14 +373,13 @@ __device__ __forceinline__ void find_spare(const Task& task, FillMemory& memory,
   }
 }
 
-// Some tiles of spheres a block, where there are no units. Many: of so many tiles that full processors count
-// for more than a block's latency.
-template <SlotKind Kind, bool Many>
-__global__ void __launch_bounds__(kFillThreads, Many ? 6 : 3) fill_kernel(const __grid_constant__ Task task) {
+// Some tiles of spheres a block, where there are no units.
+template <SlotKind Kind, bool Wide>
+__global__ void __launch_bounds__(kFillThreads, 6) fill_kernel(const __grid_constant__ Task task) {
   __shared__ FillMemory memory;
   const TileSums& sums = task.sums;
-  const std::uint32_t each_tiles = fill_tiles(task), share = task.options.share.own,
-                      group = blockIdx.x * each_tiles / kGroupTiles, first = blockIdx.x * each_tiles;
+  const std::uint32_t share = task.options.share.own, first = blockIdx.x * kFillTiles,
+                      group = first / kGroupTiles;
   const auto over = [&](std::uint32_t count) { return count > share ? count - share : 0; };
   // What needs no other's word is asked for all at once. Spare places, spilled hits before the block's, all
   // of them.
@@ -283,7 +398,7 @@ __global__ void __launch_bounds__(kFillThreads, Many ? 6 : 3) fill_kernel(const 
   }
   if (threadIdx.x < 32) {
     const std::uint32_t mine_tile = first + threadIdx.x;
-    const bool valid = threadIdx.x < each_tiles && mine_tile < task.own_tiles;
+    const bool valid = threadIdx.x < kFillTiles && mine_tile < task.own_tiles;
     const std::uint32_t count = valid ? over(sums.counts[mine_tile]) : 0;
     const Word at = valid ? sums.spill_at[mine_tile] : 0;
     std::uint32_t all, before = sum_before(count, all);
@@ -300,18 +415,11 @@ __global__ void __launch_bounds__(kFillThreads, Many ? 6 : 3) fill_kernel(const 
   const std::uint32_t total = memory.total;
   const auto spare =
       static_cast<std::uint32_t>(number >= spares ? 0 : min(spares - number, static_cast<Word>(total)));
-  Ahead<Kind> ahead;
-  if (!Many && threadIdx.x < total) {
-    const Word from = spill_place(memory, threadIdx.x);
-    if (from < sums.room && !is_wide<Kind>(task)) ahead.hit = __ldg(sums.spill + from), ahead.known = true;
-  }
   if (spare) find_spare(task, memory, number, spare_here);
   leave_groups(sums);
-  if constexpr (Kind != SlotKind::fixed)
-    if (ahead.known) ahead.both = load_both<Kind>(task, ahead.i(), ahead.j());
-  if (spare) fill_spare<Kind>(task, memory, number, spare, ahead);
+  if (spare) fill_spare<Kind, Wide>(task, memory, number, spare);
   for (std::uint32_t at = own_from(spare); at < total; at += kFillThreads)
-    move<Kind>(task, memory, ahead, at, behind + at);
+    move<Kind, Wide>(task, memory, at, behind + at);
 }
 
 }  // namespace

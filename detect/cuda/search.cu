@@ -75,6 +75,7 @@ __device__ __forceinline__ void look_down(const Task& task, const Grid& grid, co
                                           WarpMemory<Way::down>& memory, Lookers<Kind>& lookers) {
   const std::uint32_t lane = threadIdx.x & 31;
   const bool fixed = task.options.fixed_order;
+  if (task.sums.shares) await_before();
   do {
     std::uint32_t warp = (blockIdx.x - task.own_tiles) * kWarps + (threadIdx.x >> 5);
     if (task.next) {
@@ -239,26 +240,63 @@ std::uint32_t over(std::uint64_t n, std::uint32_t each) {
 
 std::uint32_t own_tiles(std::uint32_t spheres) { return over(spheres, kThreads); }
 
+// Begins once all blocks of the kernel before have said that it may (begin_next); that one is waited for by
+// await_before.
+template <class... Given, class... Arguments>
+void launch_beside(void (*kernel)(Given...), unsigned blocks, unsigned threads, cudaStream_t stream,
+                   const Arguments&... arguments) {
+  cudaLaunchAttribute beside{};
+  beside.id = cudaLaunchAttributeProgrammaticStreamSerialization;
+  beside.val.programmaticStreamSerializationAllowed = 1;
+  cudaLaunchConfig_t config{};
+  config.gridDim = blocks, config.blockDim = threads, config.stream = stream;
+  config.attrs = &beside, config.numAttrs = 1;
+  cuda_check(cudaLaunchKernelEx(&config, kernel, Given(arguments)...), "search for contacts");
+}
+
 template <SlotKind Kind, Way W>
 void launch(const Task& task, const Grid& grid, const typename DownsOf<W>::Type& downs, cudaStream_t stream) {
   std::uint32_t blocks = task.own_tiles;
   if constexpr (W == Way::down) {
     const std::uint32_t lookers = over(downs.warps, kWarps);
     blocks += task.next ? std::min<std::uint32_t>(lookers, kProcessors * kBlocks<W>) : lookers;
-  }
-  if constexpr (W == Way::down)
-    if (task.sums.shares && !task.sums.turns)
-      share_kernel<Kind><<<over(task.units, kShareUnits), kShareUnits, 0, stream>>>(task, grid, downs);
-  search_kernel<Kind, W><<<blocks, kThreads, 0, stream>>>(task, grid, downs);
-  if (!task.options.fixed_order || task.sums.turns) return;
-  if (task.units > 0) {
-    number_kernel<<<task.sums.all_groups, kFillThreads, 0, stream>>>(task);
-    move_kernel<Kind><<<5 * kProcessors, kFillThreads, 0, stream>>>(task);
+    // Shares are made beside the tiles of spheres: the search begins once all blocks that make them have, and
+    // units wait for them.
+    if (task.sums.shares && !task.sums.turns) {
+      share_kernel<Kind>
+          <<<std::min<std::uint32_t>(task.sums.share_groups, 2 * kProcessors), kShareUnits, 0, stream>>>(
+              task, grid, downs);
+      launch_beside(search_kernel<Kind, W>, blocks, kThreads, stream, task, grid, downs);
+    } else {
+      search_kernel<Kind, W><<<blocks, kThreads, 0, stream>>>(task, grid, downs);
+    }
   } else {
-    (task.own_tiles >= kManyTiles
-         ? fill_kernel<Kind, true>
-         : fill_kernel<Kind, false>)<<<over(task.own_tiles, fill_tiles(task)), kFillThreads, 0, stream>>>(
-        task);
+    search_kernel<Kind, W><<<blocks, kThreads, 0, stream>>>(task, grid, downs);
+  }
+  if (!task.options.fixed_order || task.sums.turns) return;
+  const auto with_wide = [&](auto&& start) {
+    if constexpr (Kind != SlotKind::fixed)
+      if (task.output.scalar == Scalar::f32 || task.output.width == Width::pairs)
+        return start(std::false_type{});
+    start(std::true_type{});
+  };
+  if (!task.sums.groups) {
+    const std::uint32_t bytes = few_bytes(few_quads(task.own_tiles + task.units));
+    with_wide([&](auto wide) {
+      auto* const kernel = fill_few_kernel<Kind, wide()>;
+      cuda_check(cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, bytes),
+                 "take shared memory");
+      kernel<<<kProcessors, kFewThreads, bytes, stream>>>(task);
+    });
+  } else if (task.units > 0) {
+    number_kernel<<<task.sums.all_groups, kFillThreads, 0, stream>>>(task);
+    with_wide([&](auto wide) {
+      launch_beside(move_kernel<Kind, wide()>, 5 * kProcessors, kFillThreads, stream, task);
+    });
+  } else {
+    with_wide([&](auto wide) {
+      fill_kernel<Kind, wide()><<<over(task.own_tiles, kFillTiles), kFillThreads, 0, stream>>>(task);
+    });
   }
 }
 
@@ -327,6 +365,10 @@ void search(const Source& source, const Grid& grid, const Ordered& spheres, cons
     sums.firsts = sums.counts + tiles, sums.spares = sums.firsts + units;
     if (shares) sums.shares = sums.spares + tiles;
     sums.spill = memory.spill.data(), sums.room = memory.spill.data() ? memory.spill.capacity() : 0;
+    // Numbers of 32 bits are enough then.
+    if (!shares && tiles <= kMostNumbered &&
+        (sums.room | options.share.own * std::uint64_t(tiles)) >> 32 == 0)
+      sums.groups = nullptr;
   }
   if (spheres.kind == SlotKind::equal) launch<SlotKind::equal>(task, grid, downs, stream);
   if (spheres.kind == SlotKind::unequal) launch<SlotKind::unequal>(task, grid, downs, stream);

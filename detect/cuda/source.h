@@ -286,7 +286,7 @@ class Surveyor {
   }
   // The octaves, in a pass of their own.
   static void gather_octaves(const Source& source, const Gather& gather, cudaStream_t stream);
-  void read(bool octaves, bool along, Report& report);
+  void read(const Source& source, bool octaves, bool along, Report& report);
   bool finish(const Source& source, bool octaves, int top, bool along, Summary& summary) const;
 
   // Words of the caller in front of the summary, so that one copy brings both to the host.

@@ -21,6 +21,13 @@ __device__ Word warp_max(Word v) {
   return v;
 }
 
+// Blocks that look at the spheres, as many as they ask for: of few, the others would only stand in line to
+// say that they found nothing.
+unsigned blocks_of(const Source& source) {
+  return static_cast<unsigned>(
+      std::clamp<std::uint64_t>((source.count + kThreads - 1ull) / kThreads, 1, kBlocks));
+}
+
 __global__ void begin_kernel(Word* v, int minima, int count, int period, int head) {
   const int k = threadIdx.x + blockIdx.x * blockDim.x;
   if (k < head) v[k - head] = 0;
@@ -33,7 +40,7 @@ __global__ void __launch_bounds__(kThreads) survey_kernel(Source source, Word* o
   double low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY};
   double r_min = INFINITY, r_max = 0, need = 0, extent = 0, sum = 0;
   Word fault = ~0ull;
-  for (std::uint64_t k = blockIdx.x * kThreads + threadIdx.x; k < source.count; k += kBlocks * kThreads) {
+  for (std::uint64_t k = blockIdx.x * kThreads + threadIdx.x; k < source.count; k += gridDim.x * kThreads) {
     const Sphere s = source.sphere(static_cast<std::uint32_t>(k));
     if (fault_of(s) != Fault::none) {
       fault = min(fault, static_cast<Word>(k));
@@ -49,19 +56,28 @@ __global__ void __launch_bounds__(kThreads) survey_kernel(Source source, Word* o
   const Word maxima[6] = {ordered(high[0]), ordered(high[1]), ordered(high[2]),
                           ordered(r_max),   ordered(need),    ordered(extent)};
   const bool first = (threadIdx.x & 31) == 0;
+  __shared__ Word of_warps[kBounds][kThreads / 32];
   for (int k = 0; k < 5; k++) {
     const Word v = warp_min(minima[k]);
-    if (first) atomicMin(out + k, v);
+    if (first) of_warps[k][threadIdx.x >> 5] = v;
   }
   for (int k = 0; k < 6; k++) {
     const Word v = warp_max(maxima[k]);
-    if (first) atomicMax(out + 5 + k, v);
+    if (first) of_warps[5 + k][threadIdx.x >> 5] = v;
   }
   __shared__ double shared[kThreads];
   shared[threadIdx.x] = sum;
   for (int d = kThreads / 2; d; d >>= 1) {
     __syncthreads();
     if (threadIdx.x < d) shared[threadIdx.x] += shared[threadIdx.x + d];
+  }
+  if (const int k = threadIdx.x; k < kBounds) {
+    Word v = of_warps[k][0];
+    for (int w = 1; w < kThreads / 32; w++) v = k < 5 ? min(v, of_warps[k][w]) : max(v, of_warps[k][w]);
+    if (k < 5)
+      atomicMin(out + k, v);
+    else
+      atomicMax(out + k, v);
   }
   if (threadIdx.x == 0) sums[blockIdx.x] = shared[0];
 }
@@ -139,7 +155,7 @@ void Surveyor::begin_bounds(Word* bounds, cudaStream_t stream) {
 void Surveyor::begin(const Source& source, bool octaves, int top, cudaStream_t stream) {
   Word* v = head() + kHead;
   begin_bounds(v, stream);
-  survey_kernel<<<kBlocks, kThreads, 0, stream>>>(source, v, sums_.reserve(kBlocks));
+  survey_kernel<<<blocks_of(source), kThreads, 0, stream>>>(source, v, sums_.reserve(kBlocks));
   if (octaves) gather_octaves(source, gather(true, top), stream);
   cuda_launched("survey the spheres");
 }
@@ -157,9 +173,10 @@ void Surveyor::read_head(Report& report) {
   report.add(head(), host_values_.reserve(words()), kHead * sizeof(Word));
 }
 
-void Surveyor::read(bool octaves, bool along, Report& report) {
+void Surveyor::read(const Source& source, bool octaves, bool along, Report& report) {
   report.add(head(), host_values_.reserve(words()), (kHead + (octaves ? kAll : kBounds)) * sizeof(Word));
-  if (!along) report.add(sums_.reserve(kBlocks), host_sums_.reserve(kBlocks), kBlocks * sizeof(double));
+  if (!along)
+    report.add(sums_.reserve(kBlocks), host_sums_.reserve(kBlocks), blocks_of(source) * sizeof(double));
 }
 
 bool Surveyor::finish(const Source& source, bool octaves, int top, bool along, Summary& s) const {
@@ -180,7 +197,7 @@ bool Surveyor::finish(const Source& source, bool octaves, int top, bool along, S
   } else {
     s.need_max = unordered(host[kNeedMax]), s.extent = unordered(host[kExtent]);
   }
-  for (int k = 0; k < kBlocks && !along; k++) s.radius_sum += host_sums_.data()[k];
+  for (unsigned k = 0; k < blocks_of(source) && !along; k++) s.radius_sum += host_sums_.data()[k];
   if (s.first_fault != ~std::uint64_t(0)) return true;
   if (octaves != needs_octaves(s) || (octaves && top != exponent_of(s.need_max))) return false;
   if (!octaves) return true;
@@ -200,7 +217,7 @@ Summary Surveyor::survey(const Source& source, cudaStream_t stream) {
   Summary s;
   const auto look = [&](bool octaves, int top) {
     Report report;
-    read(octaves, false, report);
+    read(source, octaves, false, report);
     report.expect();
     begin(source, octaves, top, stream);
     report.send(stream);

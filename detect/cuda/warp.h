@@ -1,4 +1,4 @@
-// Small things that a warp does together. Only .cu files include this.
+// Small things that a warp does together, or a block. Only .cu files include this.
 #pragma once
 #include <cstdint>
 
@@ -16,6 +16,35 @@ __device__ __forceinline__ T sum_before(T v, T& total) {
   }
   total = __shfl_sync(~0u, upto, 31);
   return upto - v;
+}
+
+// Two kernels of which the second is launched to run beside the first: the first says that it may begin, and
+// the second waits for the end of the first, and sees what that wrote.
+__device__ __forceinline__ void begin_next() { asm volatile("griddepcontrol.launch_dependents;"); }
+__device__ __forceinline__ void await_before() { asm volatile("griddepcontrol.wait;" ::: "memory"); }
+
+// Exclusive sums of v[0 .. n) in shared memory by the whole block; v[n] becomes the total. `sums` has 32
+// entries. Begins and ends with all threads together.
+__device__ __forceinline__ void scan_shared(std::uint32_t* v, std::uint32_t n, std::uint32_t* sums) {
+  __syncthreads();
+  const std::uint32_t lane = threadIdx.x & 31, warp = threadIdx.x >> 5, warps = blockDim.x >> 5;
+  // Each warp scans a contiguous part, 32 entries a step: no bank conflicts.
+  const std::uint32_t part = ((n + warps - 1) / warps + 31) & ~31u, from = min(warp * part, n),
+                      to = min(from + part, n);
+  std::uint32_t sum = 0;
+  for (std::uint32_t k = from + lane; k < to; k += 32) sum += v[k];
+  sum = __reduce_add_sync(~0u, sum);
+  if (lane == 0) sums[warp] = sum;
+  __syncthreads();
+  std::uint32_t before = __reduce_add_sync(~0u, lane < warp ? sums[lane] : 0);
+  for (std::uint32_t k = from; k < to; k += 32) {
+    std::uint32_t total;
+    const std::uint32_t mine = sum_before(k + lane < to ? v[k + lane] : 0, total);
+    if (k + lane < to) v[k + lane] = before + mine;
+    before += total;
+  }
+  if (warp + 1 == warps && lane == 0) v[n] = before;
+  __syncthreads();
 }
 
 }  // namespace padder::detect::cuda
