@@ -43,11 +43,15 @@ constexpr std::uint64_t kManySpheres = 300000;
 // Lengths in bins of the finer level are floats; this much more covers their rounding, twice.
 constexpr float kReachShare = 1 + 0x1p-16f, kReachMore = 0x1p-14f;
 
+// Bins of the finer level no farther than this from zero: then double tells a place among them well enough.
+constexpr std::int64_t kFarthest = std::int64_t(1) << 33;
+
 // How the levels are looked through; none where it cannot be done downwards: not where levels are hashed,
 // where sizes differ so much that fixed-point slots of one level say nothing at another, or where it would be
 // too many rows.
-inline Downs plan_downs(const Grid& grid, SlotKind kind) {
-  constexpr double kWidest = 100, kHits = 128, kPart = 160, kRows = 2048;
+inline Downs plan_downs(const Grid& grid, SlotKind kind, bool flows = false) {
+  constexpr double kWidest = 100, kRows = 2048;
+  const double most_hits = flows ? 500 : 128, part_hits = flows ? 1000 : 160;
   Downs downs;
   std::uint64_t first = 0, spheres = 0, units = 0, warps = 0;
   for (int c = 0; c < grid.levels; c++) spheres += grid.level[c].spheres;
@@ -59,6 +63,8 @@ inline Downs plan_downs(const Grid& grid, SlotKind kind) {
       const Level& fine = grid.level[f];
       const double reach = (coarse.radius_max + fine.radius_max) * fine.per_size * kReachShare + kReachMore;
       if (reach > (kind == SlotKind::fixed ? kWidest : 8 * kWidest)) return {};
+      for (const std::int64_t bin : fine.first)
+        if (flows && std::abs(bin) > kFarthest) return {};
       Down d{};
       d.coarse = c, d.fine = f;
       const double all = (2 * reach + 2) * (2 * reach + 2);    // rows, at most
@@ -69,17 +75,18 @@ inline Downs plan_downs(const Grid& grid, SlotKind kind) {
       const double usual = (0.75 * coarse.radius_max + fine.radius_max) * fine.per_size,
                    hits = full * usual * usual * usual + 1e-9;
       d.group = d.parts = 1;
-      if (hits < kHits)
-        d.group = static_cast<std::uint32_t>(std::clamp(std::min(kHits / hits, kRows / all), 1.0, 32.0));
+      if (hits < most_hits)
+        d.group = static_cast<std::uint32_t>(std::clamp(std::min(most_hits / hits, kRows / all), 1.0, 32.0));
       if (d.group == 1) {
-        const double parts = std::max(full / kPart, all / kRows / (reach * reach * reach));
+        const double parts = std::max(full / part_hits, all / kRows / (reach * reach * reach));
         d.per_part = static_cast<float>(parts);
         d.parts = static_cast<std::uint32_t>(
             std::clamp(std::ceil(parts * reach * reach * reach), 1.0, std::max(1.0, all / 2)));
       }
       d.first = static_cast<std::uint32_t>(first),
       d.end = d.first + static_cast<std::uint32_t>(coarse.spheres);
-      d.turns = d.parts < 8 || spheres < kManySpheres ? 1 : 3, d.step = (d.parts + d.turns - 1) / d.turns;
+      d.turns = flows || d.parts < 8 || spheres < kManySpheres ? 1 : 3,
+      d.step = (d.parts + d.turns - 1) / d.turns;
       d.first_unit = static_cast<std::uint32_t>(units), d.first_warp = static_cast<std::uint32_t>(warps);
       const std::uint64_t more = (coarse.spheres + d.group - 1) / d.group * d.step;
       warps += more, units += more * d.turns;

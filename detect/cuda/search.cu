@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "detect/cuda/expect.h"
+#include "detect/cuda/flow.h"
 #include "detect/cuda/level.h"
 #include "detect/cuda/place.h"
 #include "detect/cuda/up.h"
@@ -326,6 +327,18 @@ void search(const Source& source, const Grid& grid, const Ordered& spheres, cons
     sums.firsts = sums.counts + tiles, sums.spares = sums.firsts + units;
     if (shares) sums.shares = sums.spares + tiles;
     sums.spill = memory.spill.data(), sums.room = memory.spill.data() ? memory.spill.capacity() : 0;
+  }
+  if (task.next && !options.fixed_order && spheres.kind == SlotKind::unequal && !task.judge_all &&
+      !(output.scalar == Scalar::f64 && output.width != Width::pairs)) {
+    const Downs flows = plan_downs(grid, spheres.kind, true);
+    if (flows.count) {
+      const std::uint64_t items = std::uint64_t(flows.warps) + task.own_tiles;
+      flow_kernel<<<static_cast<std::uint32_t>(
+                        std::min<std::uint64_t>(over(items, kWarps), kProcessors * kFlowBlocks)),
+                    kThreads, 0, stream>>>(task, grid, flows);
+      cuda_launched("search for contacts");
+      return;
+    }
   }
   if (spheres.kind == SlotKind::equal) launch<SlotKind::equal>(task, grid, downs, stream);
   if (spheres.kind == SlotKind::unequal) launch<SlotKind::unequal>(task, grid, downs, stream);
