@@ -12,7 +12,8 @@ namespace padder::detect::cuda {
 namespace {
 
 // Blocks an SM must be able to hold: with one more, memory of the first level becomes too little.
-constexpr int kFlowBlocks = 9;
+template <bool Fixed>
+constexpr int kFlowBlocks = Fixed ? 8 : 9;
 
 // Pairs of a warp, and the spheres of a unit in bins of the finer level.
 struct FlowMemory {
@@ -40,6 +41,7 @@ __device__ __forceinline__ float root(float v) {
 
 // Must stay in registers: no function that is not inlined may be called, or what lives across the call lies
 // in local memory everywhere.
+template <bool Fixed>
 struct Flow {
   static constexpr SlotKind kKind = SlotKind::unequal;
   static constexpr std::uint32_t kAtOnce = 2, kStep = 32 * kAtOnce;
@@ -48,6 +50,11 @@ struct Flow {
   FlowMemory& memory;
   std::uint32_t lane, address;                 // of the pairs
   std::uint32_t hits = 0, from = 0, upto = 0;  // candidates: `from` to `upto` - 1
+  // Fixed order: of the tile or unit, the places of its own and how many contacts have been told of.
+  Word place = 0, spill = 0;
+  std::uint32_t limit = 0, told = 0;
+  enum class Pass : std::uint8_t { first, last, again } pass = Pass::first;
+  bool lost = false;  // contacts beyond the limit, before their place in the spill was known
 
   __device__ __forceinline__ Flow(const Task& t, const Grid& g, FlowMemory& m)
       : task(t), grid(g), memory(m), lane(held(threadIdx.x & 31)), address(held(shared_address(m.pair))) {}
@@ -104,43 +111,95 @@ struct Flow {
     const Measured m = measured(a, b);
     const Verdict v = verdict<FloatSlot>(m);
     if (v != Verdict::doubt) return v != Verdict::apart;
-    atomicAdd(&task.counters->doubtful, 1ull);
+    if (pass != Pass::again) atomicAdd(&task.counters->doubtful, 1ull);
     return task.options.exact ? touching({a.x, a.y, a.z, a.r}, {b.x, b.y, b.z, b.r}) : m.d2 <= m.s2;
   }
 
   // Contacts to the list.
   __device__ __forceinline__ void write() {
-    Word place = 0;
-    if (lane == 0) place = atomicAdd(&task.counters->contacts, static_cast<Word>(hits));
-    if (task.output.width == Width::normals)
-      write<true>(place);
-    else
-      write<false>(place);
+    if constexpr (Fixed) {
+      const std::uint32_t here = pass != Pass::again && told < limit ? min(hits, limit - told) : 0;
+      write_records(place + told, here);
+      if (told + hits > limit) {
+        if (pass == Pass::first) lost = true;
+        for (std::uint32_t k = max(told, limit) - told + lane; pass != Pass::first && k < hits; k += 32) {
+          const uint2 pair = load_pair(address + 8 * k);
+          const Word to = spill + (told + k - limit);
+          if (to < task.sums.room) task.sums.spill[to] = static_cast<Word>(name_of(pair.x)) << 32 | pair.y;
+        }
+      }
+      told += hits;
+    } else {
+      if (lane == 0) place = atomicAdd(&task.counters->contacts, static_cast<Word>(hits));
+      write_records(place, hits);
+    }
     hits = 0;
     __syncwarp();
   }
+  __device__ __forceinline__ void write_records(Word at, std::uint32_t count) {
+    if (task.output.width == Width::normals)
+      write_records<true>(at, count);
+    else
+      write_records<false>(at, count);
+  }
   template <bool Normals>
-  __device__ __forceinline__ void write(Word place) {
+  __device__ __forceinline__ void write_records(Word at, std::uint32_t count) {
     constexpr int kRecords = 2;
 #pragma unroll 1
-    for (std::uint32_t k = 0; k < hits; k += 32 * kRecords) {
+    for (std::uint32_t k = 0; k < count; k += 32 * kRecords) {
       uint2 pair[kRecords];
       Both both[kRecords];
 #pragma unroll
       for (int u = 0; u < kRecords; u++) {
-        pair[u] = load_pair(address + 8 * min(k + 32 * u + lane, hits - 1));
+        pair[u] = load_pair(address + 8 * min(k + 32 * u + lane, count - 1));
         both[u] = load_both<kKind>(task, pair[u].x, pair[u].y);
       }
       if (k == 0) {  // the place comes while records are asked for
-        place = __shfl_sync(kAll, place, 0);
-        if (place + hits > task.output.capacity) break;  // counted; the search is repeated
+        if (!Fixed) at = __shfl_sync(kAll, at, 0);
+        if (at + count > task.output.capacity) break;  // counted; the search is repeated
       }
 #pragma unroll
       for (int u = 0; u < kRecords; u++)
-        if (k + 32 * u + lane < hits)
-          write_both<kKind, Normals>(task, both[u], pair[u].x, pair[u].y, place + (k + 32 * u + lane));
+        if (k + 32 * u + lane < count)
+          write_both<kKind, Normals>(task, both[u], pair[u].x, pair[u].y, at + (k + 32 * u + lane));
     }
   }
+
+  // Fixed order. A tile or unit begins; its first sphere, for what spills.
+  std::uint32_t unit = 0, first_of_unit = 0;
+  __device__ __forceinline__ std::uint32_t name_of(std::uint32_t i) const {
+    return unit ? unit | (i - first_of_unit) : i;
+  }
+  __device__ __forceinline__ void begin_tile(std::uint32_t tile) {
+    limit = task.options.share.own, place = static_cast<Word>(tile) * limit, unit = 0;
+    pass = Pass::first, told = 0, lost = false;
+  }
+  __device__ __forceinline__ void begin_unit(std::uint32_t number, std::uint32_t first) {
+    const std::uint32_t word = task.sums.shares[number];
+    limit = word & kMostShare, place = task.sums.bases[number / kShareUnits] + (word >> kShareBits);
+    unit = kOfUnit | number << 5, first_of_unit = first;
+    pass = Pass::first, told = 0, lost = false;
+  }
+  // It ends; true where it has to be looked at again.
+  __device__ __forceinline__ bool end(std::uint32_t tile) {
+#pragma unroll 1
+    while (from < upto) judge<false>();
+    from = upto = 0;
+    if (pass == Pass::first) {
+      const std::uint32_t sum = told + hits;
+      if (lane == 0)
+        spill =
+            (unit ? take_unit(task, (unit & ~kOfUnit) >> 5, first_of_unit, sum) : take_place(task, tile, sum))
+                .spill;
+      spill = __shfl_sync(kAll, spill, 0);
+      pass = Pass::last;
+    }
+    if (hits) write();
+    const bool again = lost && pass == Pass::last;
+    told = 0, pass = Pass::again;
+    return again;
+  }
+
   // Candidates have been put at the end, up to `end`.
   __device__ __forceinline__ void put(std::uint32_t end) {
     upto = end;
@@ -396,7 +455,8 @@ struct Flow {
 // The order in which work is taken: tiles of the coarser levels, whose rows may be long, then of each pair of
 // levels and of the tiles of the finest one part in kRounds after the other, so that what is near in space,
 // as the orders of all levels are much alike, is done at one time.
-constexpr std::uint32_t kFlowTile = 256;
+template <bool Fixed>
+constexpr std::uint32_t kFlowTile = Fixed ? kThreads : 2 * kThreads;
 struct Work {
   std::uint32_t items, coarse, tiles;  // coarse: tiles not of the finest level
   std::uint32_t count[Downs::kMost + 1];
@@ -436,17 +496,19 @@ __device__ __forceinline__ Item item_of(const Work& work, std::uint32_t pairs, s
   }
 }
 
-__global__ void __launch_bounds__(kThreads, kFlowBlocks)
+template <bool Fixed>
+__global__ void __launch_bounds__(kThreads, kFlowBlocks<Fixed>)
     flow_kernel(const __grid_constant__ Task task, const __grid_constant__ Grid grid,
                 const __grid_constant__ Downs downs) {
   __shared__ FlowMemory memory[kWarps];
   __shared__ Work work;
+  constexpr std::uint32_t kTile = kFlowTile<Fixed>;
   // The table is not whole: the caller orders the spheres in another way.
   if (task.counters->flags) return;
   for (std::uint32_t p = threadIdx.x; p <= downs.count; p += kThreads) {
-    const std::uint32_t tiles = (task.spheres.count + kFlowTile - 1) / kFlowTile,
+    const std::uint32_t tiles = (task.spheres.count + kTile - 1) / kTile,
                         finest = static_cast<std::uint32_t>(
-                            min(grid.level[0].spheres / kFlowTile, static_cast<std::uint64_t>(tiles)));
+                            min(grid.level[0].spheres / kTile, static_cast<std::uint64_t>(tiles)));
     if (p == downs.count) work.tiles = tiles, work.coarse = tiles - finest, work.items = downs.warps + tiles;
     work.count[p] = p == downs.count       ? finest
                     : p + 1 == downs.count ? downs.warps - downs.pair[p].first_warp
@@ -454,7 +516,7 @@ __global__ void __launch_bounds__(kThreads, kFlowBlocks)
   }
   __syncthreads();
   const std::uint32_t warp = __shfl_sync(kAll, threadIdx.x >> 5, 0), items = work.items;
-  Flow flow(task, grid, memory[warp]);
+  Flow<Fixed> flow(task, grid, memory[warp]);
   std::uint32_t number = blockIdx.x * kWarps + warp;
 #pragma unroll 1
   while (number < items) {
@@ -462,18 +524,28 @@ __global__ void __launch_bounds__(kThreads, kFlowBlocks)
     std::uint32_t next = 0;
     if (flow.lane == 0) next = atomicAdd(task.next, 1u);
     const Item item = item_of(work, downs.count, number, flow.lane);
-    if (item.pair < downs.count) {
-      flow.look_down(downs.pair[item.pair], item.unit);
-    } else {
-      const std::uint32_t first = item.unit * kFlowTile, end = min(first + kFlowTile, task.spheres.count);
-#pragma unroll 1
-      for (std::uint32_t at = first; at < end; at += 32) flow.look_around(at);
+    const bool down = item.pair < downs.count;
+    const Down& d = downs.pair[down ? item.pair : 0];
+    if constexpr (Fixed) {
+      if (down)
+        flow.begin_unit(d.first_unit + item.unit, d.first + item.unit / d.parts * d.group);
+      else
+        flow.begin_tile(item.unit);
     }
+    do {
+      if (down) {
+        flow.look_down(d, item.unit);
+      } else {
+        const std::uint32_t first = item.unit * kTile, end = min(first + kTile, task.spheres.count);
+#pragma unroll 1
+        for (std::uint32_t at = first; at < end; at += 32) flow.look_around(at);
+      }
+    } while (Fixed && flow.end(item.unit));
     // The last to find nothing leaves the counter as it was.
     if (flow.lane == 0 && next + 1 == items) *task.next = 0;
     number = __shfl_sync(kAll, next, 0) + gridDim.x * kWarps;
   }
-  flow.finish();
+  if (!Fixed) flow.finish();
 }
 
 }  // namespace

@@ -263,6 +263,22 @@ void launch(const Task& task, const Grid& grid, const typename DownsOf<W>::Type&
   }
 }
 
+void flow(const Task& task, const Grid& grid, const Downs& downs, cudaStream_t stream) {
+  const auto blocks = [&](std::uint32_t most) {
+    return std::min(over(std::uint64_t(downs.warps) + task.own_tiles, kWarps), kProcessors * most);
+  };
+  if (task.options.fixed_order) {
+    constexpr SlotKind kKind = SlotKind::unequal;
+    share_kernel<kKind><<<over(task.units, kShareUnits), kShareUnits, 0, stream>>>(task, grid, downs);
+    flow_kernel<true><<<blocks(kFlowBlocks<true>), kThreads, 0, stream>>>(task, grid, downs);
+    number_kernel<<<task.sums.all_groups, kFillThreads, 0, stream>>>(task);
+    move_kernel<kKind><<<5 * kProcessors, kFillThreads, 0, stream>>>(task);
+  } else {
+    flow_kernel<false><<<blocks(kFlowBlocks<false>), kThreads, 0, stream>>>(task, grid, downs);
+  }
+  cuda_launched("search for contacts");
+}
+
 template <SlotKind Kind>
 void launch(Task& task, const Grid& grid, const Downs& downs, cudaStream_t stream) {
   if (grid.levels == 1 && !grid.level[0].hashed && task.own_tiles <= kFewTiles)
@@ -294,13 +310,19 @@ Share share_for(const Counters& found, std::uint32_t spheres, const Grid& grid, 
 void search(const Source& source, const Grid& grid, const Ordered& spheres, const SearchOptions& options,
             const Output& output, Counters* counters, SearchMemory& memory, cudaStream_t stream) {
   Task task{source, spheres, output, options, counters};
-  const Downs downs = plan_downs(grid, spheres.kind);
-  task.own_tiles = own_tiles(spheres.count), task.units = downs.units;
+  task.own_tiles = own_tiles(spheres.count);
   task.radius = static_cast<float>(options.radius);
   task.s2 = (task.radius + task.radius) * (task.radius + task.radius);
   task.code_limit = code_limit(grid, spheres.bins, options.radius);
   task.judge_all = source.filtered || !options.owns_all;
   for (int k = 0; k < grid.levels; k++) task.judge_all = task.judge_all || grid.level[k].hashed;
+  // Many spheres in float, whose distance alone counts: another kernel.
+  Downs downs;
+  bool flows = spheres.count >= kManySpheres && spheres.kind == SlotKind::unequal && !task.judge_all &&
+               (output.scalar == Scalar::f32 || output.width == Width::pairs);
+  if (flows) downs = plan_downs(grid, spheres.kind, true), flows = downs.count > 0;
+  if (!flows) downs = plan_downs(grid, spheres.kind);
+  task.units = downs.units;
   const std::uint64_t groups = over(task.own_tiles, kGroupTiles) + over(task.units, kGroupTiles),
                       marks = 4 + 2 * kTurnWords + 2 * groups;
   if (options.fixed_order || downs.warps) {
@@ -328,18 +350,7 @@ void search(const Source& source, const Grid& grid, const Ordered& spheres, cons
     if (shares) sums.shares = sums.spares + tiles;
     sums.spill = memory.spill.data(), sums.room = memory.spill.data() ? memory.spill.capacity() : 0;
   }
-  if (task.next && !options.fixed_order && spheres.kind == SlotKind::unequal && !task.judge_all &&
-      !(output.scalar == Scalar::f64 && output.width != Width::pairs)) {
-    const Downs flows = plan_downs(grid, spheres.kind, true);
-    if (flows.count) {
-      const std::uint64_t items = std::uint64_t(flows.warps) + task.own_tiles;
-      flow_kernel<<<static_cast<std::uint32_t>(
-                        std::min<std::uint64_t>(over(items, kWarps), kProcessors * kFlowBlocks)),
-                    kThreads, 0, stream>>>(task, grid, flows);
-      cuda_launched("search for contacts");
-      return;
-    }
-  }
+  if (flows) return flow(task, grid, downs, stream);
   if (spheres.kind == SlotKind::equal) launch<SlotKind::equal>(task, grid, downs, stream);
   if (spheres.kind == SlotKind::unequal) launch<SlotKind::unequal>(task, grid, downs, stream);
   if (spheres.kind == SlotKind::fixed) launch<SlotKind::fixed>(task, grid, downs, stream);
