@@ -48,7 +48,7 @@ constexpr std::int64_t kFarthest = std::int64_t(1) << 33;
 
 // How the levels are looked through; none where it cannot be done downwards: not where levels are hashed,
 // where sizes differ so much that fixed-point slots of one level say nothing at another, or where it would be
-// too many rows.
+// too many rows. Flows: units for flow.h, which are larger, since nothing but the work is divided into them.
 inline Downs plan_downs(const Grid& grid, SlotKind kind, bool flows = false) {
   constexpr double kWidest = 100, kRows = 2048;
   const double most_hits = flows ? 500 : 128, part_hits = flows ? 1000 : 160;

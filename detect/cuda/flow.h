@@ -1,8 +1,8 @@
-// Several levels and many spheres, for a list of any order: warps take work as long as there is any, units
-// that look down (down.h), then tiles of spheres at their own level (level.h). What may touch flows through
-// one row of pairs of the warp, in shared memory, whatever it comes from: candidates wait at its end until
-// there are enough for full warps to judge them, contacts at its front until there are enough to write. Only
-// search.cu includes this.
+// Several levels and many spheres: warps take work as long as there is any, units that look down (down.h) and
+// tiles of spheres at their own level (level.h). What may touch flows through one row of pairs of the warp,
+// in shared memory, whatever it comes from: candidates wait at its end until there are enough for full warps
+// to judge them, contacts at its front until there are enough to write. For a list of fixed order it runs dry
+// after each unit and tile, which have places of their own (expect.h, place.h). Only search.cu includes this.
 #pragma once
 #include "detect/cuda/down.h"
 #include "detect/cuda/level.h"
@@ -11,9 +11,10 @@
 namespace padder::detect::cuda {
 namespace {
 
-// Blocks an SM must be able to hold: with one more, memory of the first level becomes too little.
-template <bool Fixed>
-constexpr int kFlowBlocks = Fixed ? 8 : 9;
+// Blocks an SM must be able to hold: more would spill registers and leave too little of the first cache.
+constexpr int kFlowBlocks = 9;
+// From so many spheres on. Of fewer, units and tiles of a fixed order are too few to run dry one by one.
+constexpr std::uint64_t kFlowSpheres = kManySpheres, kFixedFlowSpheres = 3 * kManySpheres;
 
 // Pairs of a warp, and the spheres of a unit in bins of the finer level.
 struct FlowMemory {
@@ -51,8 +52,8 @@ struct Flow {
   std::uint32_t lane, address;                 // of the pairs
   std::uint32_t hits = 0, from = 0, upto = 0;  // candidates: `from` to `upto` - 1
   // Fixed order: of the tile or unit, the places of its own and how many contacts have been told of.
-  Word place = 0, spill = 0;
-  std::uint32_t limit = 0, told = 0;
+  Word base = 0, spill = 0;  // spill: lane 0
+  std::uint32_t share = 0, told = 0;
   enum class Pass : std::uint8_t { first, last, again } pass = Pass::first;
   bool lost = false;  // contacts beyond the limit, before their place in the spill was known
 
@@ -118,18 +119,22 @@ struct Flow {
   // Contacts to the list.
   __device__ __forceinline__ void write() {
     if constexpr (Fixed) {
+      const std::uint32_t limit = unit ? share & kMostShare : share;
+      const Word place = base + (unit ? share >> kShareBits : 0);
       const std::uint32_t here = pass != Pass::again && told < limit ? min(hits, limit - told) : 0;
       write_records(place + told, here);
       if (told + hits > limit) {
         if (pass == Pass::first) lost = true;
+        const Word begin = __shfl_sync(kAll, spill, 0);
         for (std::uint32_t k = max(told, limit) - told + lane; pass != Pass::first && k < hits; k += 32) {
           const uint2 pair = load_pair(address + 8 * k);
-          const Word to = spill + (told + k - limit);
+          const Word to = begin + (told + k - limit);
           if (to < task.sums.room) task.sums.spill[to] = static_cast<Word>(name_of(pair.x)) << 32 | pair.y;
         }
       }
       told += hits;
     } else {
+      Word place = 0;
       if (lane == 0) place = atomicAdd(&task.counters->contacts, static_cast<Word>(hits));
       write_records(place, hits);
     }
@@ -171,12 +176,12 @@ struct Flow {
     return unit ? unit | (i - first_of_unit) : i;
   }
   __device__ __forceinline__ void begin_tile(std::uint32_t tile) {
-    limit = task.options.share.own, place = static_cast<Word>(tile) * limit, unit = 0;
+    share = task.options.share.own, base = static_cast<Word>(tile) * share, unit = 0;
     pass = Pass::first, told = 0, lost = false;
   }
   __device__ __forceinline__ void begin_unit(std::uint32_t number, std::uint32_t first) {
-    const std::uint32_t word = task.sums.shares[number];
-    limit = word & kMostShare, place = task.sums.bases[number / kShareUnits] + (word >> kShareBits);
+    // Asked for here and not looked at before something is written.
+    share = __ldg(task.sums.shares + number), base = __ldg(task.sums.bases + number / kShareUnits);
     unit = kOfUnit | number << 5, first_of_unit = first;
     pass = Pass::first, told = 0, lost = false;
   }
@@ -191,7 +196,6 @@ struct Flow {
         spill =
             (unit ? take_unit(task, (unit & ~kOfUnit) >> 5, first_of_unit, sum) : take_place(task, tile, sum))
                 .spill;
-      spill = __shfl_sync(kAll, spill, 0);
       pass = Pass::last;
     }
     if (hits) write();
@@ -264,6 +268,8 @@ struct Flow {
   __device__ __forceinline__ bool look_at_rows(std::uint32_t first, std::uint32_t skipped, std::uint32_t& end,
                                                bool& more) {
     Own<kKind> own = own_of<kKind>(task, grid, first);
+    const std::uint32_t soon = min(first + 32 + lane, task.spheres.count - 1);
+    prefetch(task.spheres.codes + soon), prefetch(task.spheres.keys + soon);
     if (skipped) {
 #pragma unroll
       for (int q = 0; q < 5; q++) own.begin[q] = min((own.begin[q] & ~3u) + skipped, own.end[q]);
@@ -497,7 +503,7 @@ __device__ __forceinline__ Item item_of(const Work& work, std::uint32_t pairs, s
 }
 
 template <bool Fixed>
-__global__ void __launch_bounds__(kThreads, kFlowBlocks<Fixed>)
+__global__ void __launch_bounds__(kThreads, kFlowBlocks)
     flow_kernel(const __grid_constant__ Task task, const __grid_constant__ Grid grid,
                 const __grid_constant__ Downs downs) {
   __shared__ FlowMemory memory[kWarps];

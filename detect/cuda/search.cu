@@ -1,7 +1,7 @@
 // The search: one warp for 32 consecutive spheres of the order, at their own level (level.h), and warps that
-// look down at finer levels (down.h); or all levels upwards (up.h). What touches waits in a queue of the warp
-// until its tile of 128 spheres has places in the list (place.h); then records are computed and written by
-// full warps.
+// look down at finer levels (down.h), of many spheres as one flow (flow.h); or all levels upwards (up.h).
+// What touches waits in a queue of the warp until its tile of 128 spheres has places in the list (place.h);
+// then records are computed and written by full warps.
 #include <algorithm>
 
 #include "detect/cuda/expect.h"
@@ -264,17 +264,16 @@ void launch(const Task& task, const Grid& grid, const typename DownsOf<W>::Type&
 }
 
 void flow(const Task& task, const Grid& grid, const Downs& downs, cudaStream_t stream) {
-  const auto blocks = [&](std::uint32_t most) {
-    return std::min(over(std::uint64_t(downs.warps) + task.own_tiles, kWarps), kProcessors * most);
-  };
+  const std::uint32_t blocks = std::min<std::uint32_t>(
+      over(std::uint64_t(downs.warps) + task.own_tiles, kWarps), kProcessors * kFlowBlocks);
   if (task.options.fixed_order) {
     constexpr SlotKind kKind = SlotKind::unequal;
     share_kernel<kKind><<<over(task.units, kShareUnits), kShareUnits, 0, stream>>>(task, grid, downs);
-    flow_kernel<true><<<blocks(kFlowBlocks<true>), kThreads, 0, stream>>>(task, grid, downs);
+    flow_kernel<true><<<blocks, kThreads, 0, stream>>>(task, grid, downs);
     number_kernel<<<task.sums.all_groups, kFillThreads, 0, stream>>>(task);
     move_kernel<kKind><<<5 * kProcessors, kFillThreads, 0, stream>>>(task);
   } else {
-    flow_kernel<false><<<blocks(kFlowBlocks<false>), kThreads, 0, stream>>>(task, grid, downs);
+    flow_kernel<false><<<blocks, kThreads, 0, stream>>>(task, grid, downs);
   }
   cuda_launched("search for contacts");
 }
@@ -318,7 +317,8 @@ void search(const Source& source, const Grid& grid, const Ordered& spheres, cons
   for (int k = 0; k < grid.levels; k++) task.judge_all = task.judge_all || grid.level[k].hashed;
   // Many spheres in float, whose distance alone counts: another kernel.
   Downs downs;
-  bool flows = spheres.count >= kManySpheres && spheres.kind == SlotKind::unequal && !task.judge_all &&
+  bool flows = spheres.count >= (options.fixed_order ? kFixedFlowSpheres : kFlowSpheres) &&
+               spheres.kind == SlotKind::unequal && !task.judge_all &&
                (output.scalar == Scalar::f32 || output.width == Width::pairs);
   if (flows) downs = plan_downs(grid, spheres.kind, true), flows = downs.count > 0;
   if (!flows) downs = plan_downs(grid, spheres.kind);

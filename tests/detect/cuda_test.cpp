@@ -225,7 +225,9 @@ TEST_F(CudaTest, ListsOfAllLengthsInOneOrder) {
       expect_one_order(name, n);  // tiles that wait; that do not
 }
 // Units that look down have places of their own.
-TEST_F(CudaTest, LargeListsOfAllLengthsInOneOrder) { expect_one_order("poly100", 320'000); }
+TEST_F(CudaTest, LargeListsOfAllLengthsInOneOrder) {
+  for (const std::uint64_t n : {320'000, 950'000}) expect_one_order("poly100", n);
+}
 
 TEST_F(CudaTest, CrowdedBins) {
   std::vector<FloatSphere> spheres;
