@@ -49,9 +49,10 @@ constexpr float kReachShare = 1 + 0x1p-16f, kReachMore = 0x1p-14f;
 
 // How the levels are looked through; none where it cannot be done downwards: not where levels are hashed,
 // where sizes differ so much that fixed-point slots of one level say nothing at another, or where it would be
-// too many rows.
-inline Downs plan_downs(const Grid& grid, SlotKind kind) {
-  constexpr double kWidest = 100, kHits = 128, kPart = 160, kRows = 2048;
+// too many rows. Flows: units for flow.h, which are larger, since nothing but the work is divided into them.
+inline Downs plan_downs(const Grid& grid, SlotKind kind, bool flows = false) {
+  constexpr double kWidest = 100, kRows = 2048;
+  const double most_hits = flows ? 500 : 128, part_hits = flows ? 1000 : 160;
   Downs downs;
   std::uint64_t first = 0, spheres = 0, units = 0, warps = 0;
   for (int c = 0; c < grid.levels; c++) spheres += grid.level[c].spheres;
@@ -73,17 +74,18 @@ inline Downs plan_downs(const Grid& grid, SlotKind kind) {
       const double usual = (0.75 * coarse.radius_max + fine.radius_max) * fine.per_size,
                    hits = full * usual * usual * usual + 1e-9;
       d.group = d.parts = 1;
-      if (hits < kHits)
-        d.group = static_cast<std::uint32_t>(std::clamp(std::min(kHits / hits, kRows / all), 1.0, 32.0));
+      if (hits < most_hits)
+        d.group = static_cast<std::uint32_t>(std::clamp(std::min(most_hits / hits, kRows / all), 1.0, 32.0));
       if (d.group == 1) {
-        const double parts = std::max(full / kPart, all / kRows / (reach * reach * reach));
+        const double parts = std::max(full / part_hits, all / kRows / (reach * reach * reach));
         d.per_part = static_cast<float>(parts);
         d.parts = static_cast<std::uint32_t>(
             std::clamp(std::ceil(parts * reach * reach * reach), 1.0, std::max(1.0, all / 2)));
       }
       d.first = static_cast<std::uint32_t>(first),
       d.end = d.first + static_cast<std::uint32_t>(coarse.spheres);
-      d.turns = d.parts < 8 || spheres < kManySpheres ? 1 : 3, d.step = (d.parts + d.turns - 1) / d.turns;
+      d.turns = flows || d.parts < 8 || spheres < kManySpheres ? 1 : 3,
+      d.step = (d.parts + d.turns - 1) / d.turns;
       d.first_unit = static_cast<std::uint32_t>(units), d.first_warp = static_cast<std::uint32_t>(warps);
       const std::uint64_t more = (coarse.spheres + d.group - 1) / d.group * d.step;
       warps += more, units += more * d.turns;

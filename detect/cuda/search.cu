@@ -1,10 +1,11 @@
 // The search: one warp for 32 consecutive spheres of the order, at their own level (level.h), and warps that
-// look down at finer levels (down.h); or all levels upwards (up.h). What touches waits in a queue of the warp
-// until its tile of 128 spheres has places in the list (place.h); then records are computed and written by
-// full warps.
+// look down at finer levels (down.h), of many spheres as one flow (flow.h); or all levels upwards (up.h).
+// What touches waits in a queue of the warp until its tile of 128 spheres has places in the list (place.h);
+// then records are computed and written by full warps.
 #include <algorithm>
 
 #include "detect/cuda/expect.h"
+#include "detect/cuda/flow.h"
 #include "detect/cuda/level.h"
 #include "detect/cuda/place.h"
 #include "detect/cuda/up.h"
@@ -300,6 +301,21 @@ void launch(const Task& task, const Grid& grid, const typename DownsOf<W>::Type&
   }
 }
 
+void flow(const Task& task, const Grid& grid, const Downs& downs, cudaStream_t stream) {
+  const std::uint32_t blocks = std::min<std::uint32_t>(
+      over(std::uint64_t(downs.warps) + task.own_tiles, kWarps), kProcessors * kFlowBlocks);
+  if (task.options.fixed_order) {
+    constexpr SlotKind kKind = SlotKind::unequal;
+    share_kernel<kKind><<<over(task.units, kShareUnits), kShareUnits, 0, stream>>>(task, grid, downs);
+    launch_beside(flow_kernel<true>, blocks, kThreads, stream, task, grid, downs);
+    number_kernel<<<task.sums.all_groups, kFillThreads, 0, stream>>>(task);
+    launch_beside(move_kernel<kKind, false>, 5 * kProcessors, kFillThreads, stream, task);
+  } else {
+    flow_kernel<false><<<blocks, kThreads, 0, stream>>>(task, grid, downs);
+  }
+  cuda_launched("search for contacts");
+}
+
 template <SlotKind Kind>
 void launch(Task& task, const Grid& grid, const Downs& downs, cudaStream_t stream) {
   if (grid.levels == 1 && !grid.level[0].hashed && task.own_tiles <= kFewTiles)
@@ -331,14 +347,21 @@ Share share_for(const Counters& found, std::uint32_t spheres, const Grid& grid, 
 void search(const Source& source, const Grid& grid, const Ordered& spheres, const SearchOptions& options,
             const Output& output, Counters* counters, SearchMemory& memory, cudaStream_t stream) {
   Task task{source, spheres, output, options, counters};
-  Downs downs = plan_downs(grid, spheres.kind);
-  if (spheres.float_levels) downs.bins = level_bins(grid, spheres.kind);
-  task.own_tiles = own_tiles(spheres.count), task.units = downs.units;
+  task.own_tiles = own_tiles(spheres.count);
   task.radius = static_cast<float>(options.radius);
   task.s2 = (task.radius + task.radius) * (task.radius + task.radius);
   task.code_limit = code_limit(grid, spheres.bins, options.radius);
   task.judge_all = source.filtered || !options.owns_all;
   for (int k = 0; k < grid.levels; k++) task.judge_all = task.judge_all || grid.level[k].hashed;
+  // Many spheres in float, whose distance alone counts: another kernel.
+  Downs downs;
+  bool flows = spheres.count >= (options.fixed_order ? kFixedFlowSpheres : kFlowSpheres) &&
+               spheres.float_levels && !task.judge_all &&
+               (output.scalar == Scalar::f32 || output.width == Width::pairs);
+  if (flows) downs = plan_downs(grid, spheres.kind, true), flows = downs.count > 0;
+  if (!flows) downs = plan_downs(grid, spheres.kind);
+  if (spheres.float_levels) downs.bins = level_bins(grid, spheres.kind);
+  task.units = downs.units;
   const std::uint64_t groups = over(task.own_tiles, kGroupTiles) + over(task.units, kGroupTiles),
                       marks = 4 + 2 * kTurnWords + 2 * groups;
   if (options.fixed_order || downs.warps) {
@@ -370,6 +393,7 @@ void search(const Source& source, const Grid& grid, const Ordered& spheres, cons
         (sums.room | options.share.own * std::uint64_t(tiles)) >> 32 == 0)
       sums.groups = nullptr;
   }
+  if (flows) return flow(task, grid, downs, stream);
   if (spheres.kind == SlotKind::equal) launch<SlotKind::equal>(task, grid, downs, stream);
   if (spheres.kind == SlotKind::unequal) launch<SlotKind::unequal>(task, grid, downs, stream);
   if (spheres.kind == SlotKind::fixed) launch<SlotKind::fixed>(task, grid, downs, stream);

@@ -155,13 +155,19 @@ TEST_F(CudaTest, StaticOnesInDeviceMemory) {
 // spheres, whose level has many empty bins; one sphere that holds all the others.
 void CudaTest::expect_levels_agree(std::uint64_t n) {
   const auto expect_same = [&](const Input& input, const char* what) {
-    Detector cpu(cpu_), gpu(gpu_);
+    Detector cpu(cpu_);
     const std::uint64_t count = cpu.detect(input).count;
     EXPECT_GT(count, 0u);
-    for (int again = 0; again < 3; again++) {
-      EXPECT_EQ(gpu.detect(input).count, count) << what;
-      EXPECT_EQ(gpu.hash(), cpu.hash()) << what;
-    }
+    for (const Order order : {Order::fixed, Order::any})
+      for (const Width width : {Width::normals, Width::points}) {
+        Options options = gpu_;
+        options.order = order, options.width = width;
+        Detector gpu(options);
+        for (int again = 0; again < 3; again++) {
+          EXPECT_EQ(gpu.detect(input).count, count) << what;
+          EXPECT_EQ(gpu.hash(), cpu.hash()) << what;
+        }
+      }
   };
   auto spheres = generate("poly100", n);
   std::vector<double> centers, radii;
@@ -185,6 +191,12 @@ void CudaTest::expect_levels_agree(std::uint64_t n) {
   spheres = generate("dense", n);
   for (std::size_t k = 0; k < 5; k++) spheres[k * 1000].r = 9;
   expect_same(input_of(spheres), "five coarse ones");
+  for (int k = 0; k < 600; k++) {  // more in a row of bins than is looked at at a time
+    const float x = 8 + static_cast<float>(k % 9), y = 8 + static_cast<float>(k / 9 % 9),
+                z = 8 + static_cast<float>(k / 81);
+    spheres[static_cast<std::size_t>(k) * 30] = {x, y, z, 3};
+  }
+  expect_same(input_of(spheres), "crowded coarse ones");
 }
 TEST_F(CudaTest, LevelsAgree) { expect_levels_agree(20'000); }
 TEST_F(CudaTest, LargeLevelsAgree) { expect_levels_agree(400'000); }
@@ -213,7 +225,9 @@ TEST_F(CudaTest, ListsOfAllLengthsInOneOrder) {
       expect_one_order(name, n);  // tiles that wait; that do not
 }
 // Units that look down have places of their own.
-TEST_F(CudaTest, LargeListsOfAllLengthsInOneOrder) { expect_one_order("poly100", 320'000); }
+TEST_F(CudaTest, LargeListsOfAllLengthsInOneOrder) {
+  for (const std::uint64_t n : {320'000, 950'000}) expect_one_order("poly100", n);
+}
 
 TEST_F(CudaTest, CrowdedBins) {
   std::vector<FloatSphere> spheres;

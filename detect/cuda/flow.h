@@ -1,0 +1,566 @@
+// Several levels and many spheres: warps take work as long as there is any, units that look down (down.h) and
+// tiles of spheres at their own level (level.h). What may touch flows through one row of pairs of the warp,
+// in shared memory, whatever it comes from: candidates wait at its end until there are enough for full warps
+// to judge them, contacts at its front until there are enough to write. For a list of fixed order it runs dry
+// after each unit and tile, which have places of their own (expect.h, place.h). Only search.cu includes this.
+#pragma once
+#include "detect/cuda/down.h"
+#include "detect/cuda/level.h"
+#include "detect/cuda/place.h"
+
+namespace padder::detect::cuda {
+namespace {
+
+// Blocks an SM must be able to hold: more would spill registers and leave too little of the first cache.
+constexpr int kFlowBlocks = 9;
+// From so many spheres on. Of fewer, units and tiles of a fixed order are too few to run dry one by one.
+constexpr std::uint64_t kFlowSpheres = kManySpheres, kFixedFlowSpheres = 3 * kManySpheres;
+
+// Pairs of a warp, and the spheres of a unit in bins of the finer level.
+struct FlowMemory {
+  static constexpr std::uint32_t kPairs = 256, kWrite = 64;  // kWrite: contacts that are enough to write
+  uint2 pair[kPairs];
+  float4 within[32];  // centre: x within its bin, y and z from the middle of the first row; reach squared
+  uint4 rows[32];     // x of its bin, entry of its first row, its first item, 2^32 / rows along y
+  uint2 side[32];     // rows along y, its place
+  uint4 level;        // entries of a row, of a plane; the last bin along x
+};
+
+__device__ __forceinline__ void store_pair(std::uint32_t address, std::uint32_t i, std::uint32_t j) {
+  asm volatile("st.shared.v2.u32 [%0], {%1, %2};" ::"r"(address), "r"(i), "r"(j) : "memory");
+}
+__device__ __forceinline__ uint2 load_pair(std::uint32_t address) {
+  uint2 v;
+  asm volatile("ld.shared.v2.u32 {%0, %1}, [%2];" : "=r"(v.x), "=r"(v.y) : "r"(address) : "memory");
+  return v;
+}
+__device__ __forceinline__ float root(float v) {
+  float r;
+  asm("sqrt.approx.ftz.f32 %0, %1;" : "=f"(r) : "f"(v));
+  return r;
+}
+
+// Must stay in registers: no function that is not inlined may be called, or what lives across the call lies
+// in local memory everywhere.
+template <bool Fixed>
+struct Flow {
+  static constexpr SlotKind kKind = SlotKind::unequal;
+  static constexpr std::uint32_t kAtOnce = 2, kStep = 32 * kAtOnce;
+  const Task& task;
+  const Grid& grid;
+  const Downs& downs;
+  FlowMemory& memory;
+  std::uint32_t lane, address;                 // of the pairs
+  std::uint32_t hits = 0, from = 0, upto = 0;  // candidates: `from` to `upto` - 1
+  // Fixed order: of the tile or unit, the places of its own and how many contacts have been told of.
+  Word base = 0, spill = 0;  // spill: lane 0
+  std::uint32_t share = 0, told = 0;
+  enum class Pass : std::uint8_t { first, last, again } pass = Pass::first;
+  bool lost = false;  // contacts beyond the limit, before their place in the spill was known
+
+  __device__ __forceinline__ Flow(const Task& t, const Grid& g, const Downs& d, FlowMemory& m)
+      : task(t),
+        grid(g),
+        downs(d),
+        memory(m),
+        lane(held(threadIdx.x & 31)),
+        address(held(shared_address(m.pair))) {}
+  // By a shuffle: then it is not found again each time.
+  static __device__ __forceinline__ std::uint32_t held(std::uint32_t v) {
+    return __shfl_sync(kAll, v, threadIdx.x);
+  }
+
+  __device__ __forceinline__ std::uint32_t below() const { return (1u << lane) - 1; }
+  __device__ __forceinline__ const FloatSlot* slots() const { return slots_of<kKind>(task); }
+
+  static __device__ __forceinline__ void prefetch(const void* p) {
+    asm volatile("prefetch.global.L1 [%0];" ::"l"(p));
+  }
+
+  // Judges the next candidates: kStep of them, or what there is.
+  template <bool Full>
+  __device__ __forceinline__ void judge() {
+    uint2 pair[kAtOnce];
+    FloatSlot a[kAtOnce], b[kAtOnce];
+    bool hit[kAtOnce], doubt = false;
+#pragma unroll
+    for (int u = 0; u < kAtOnce; u++) {
+      const std::uint32_t at = from + 32 * u + lane;
+      hit[u] = Full || at < upto;
+      pair[u] = load_pair(address + 8 * (Full ? at : min(at, upto - 1)));
+    }
+#pragma unroll
+    for (int u = 0; u < kAtOnce; u++)
+      a[u] = load_slot(slots() + pair[u].x), b[u] = load_slot(slots() + pair[u].y);
+#pragma unroll
+    for (int u = 0; u < kAtOnce; u++) {
+      bool sure;
+      hit[u] = within<kKind>(task, a[u], b[u], sure) && hit[u];
+      doubt = doubt || (hit[u] && !sure);
+    }
+    if (__any_sync(kAll, doubt)) {
+#pragma unroll
+      for (int u = 0; u < kAtOnce; u++) hit[u] = hit[u] && meets_closely(a[u], b[u]);
+    }
+#pragma unroll
+    for (int u = 0; u < kAtOnce; u++) {
+      const std::uint32_t has = __ballot_sync(kAll, hit[u]);
+      if (u == 0) __syncwarp();  // all have read what is written over
+      if (hit[u]) store_pair(address + 8 * (hits + __popc(has & below())), pair[u].x, pair[u].y);
+      hits += __popc(has);
+    }
+    from += kStep;
+    __syncwarp();
+  }
+
+  // What float is not sure of; nothing but distance counts here.
+  __device__ __forceinline__ bool meets_closely(const FloatSlot& a, const FloatSlot& b) const {
+    const Measured m = measured(a, b);
+    const Verdict v = verdict<FloatSlot>(m);
+    if (v != Verdict::doubt) return v != Verdict::apart;
+    if (pass != Pass::again) atomicAdd(&task.counters->doubtful, 1ull);
+    return task.options.exact ? touching({a.x, a.y, a.z, a.r}, {b.x, b.y, b.z, b.r}) : m.d2 <= m.s2;
+  }
+
+  // Contacts to the list.
+  __device__ __forceinline__ void write() {
+    if constexpr (Fixed) {
+      const std::uint32_t limit = unit ? share & kMostShare : share;
+      const Word place = base + (unit ? share >> kShareBits : 0);
+      const std::uint32_t here = pass != Pass::again && told < limit ? min(hits, limit - told) : 0;
+      write_records(place + told, here);
+      if (told + hits > limit) {
+        if (pass == Pass::first) lost = true;
+        const Word begin = __shfl_sync(kAll, spill, 0);
+        for (std::uint32_t k = max(told, limit) - told + lane; pass != Pass::first && k < hits; k += 32) {
+          const uint2 pair = load_pair(address + 8 * k);
+          const Word to = begin + (told + k - limit);
+          if (to < task.sums.room) task.sums.spill[to] = static_cast<Word>(name_of(pair.x)) << 32 | pair.y;
+        }
+      }
+      told += hits;
+    } else {
+      Word place = 0;
+      if (lane == 0) place = atomicAdd(&task.counters->contacts, static_cast<Word>(hits));
+      write_records(place, hits);
+    }
+    hits = 0;
+    __syncwarp();
+  }
+  __device__ __forceinline__ void write_records(Word at, std::uint32_t count) {
+    if (task.output.width == Width::normals)
+      write_records<true>(at, count);
+    else
+      write_records<false>(at, count);
+  }
+  template <bool Normals>
+  __device__ __forceinline__ void write_records(Word at, std::uint32_t count) {
+    constexpr int kRecords = 2;
+#pragma unroll 1
+    for (std::uint32_t k = 0; k < count; k += 32 * kRecords) {
+      uint2 pair[kRecords];
+      Both both[kRecords];
+#pragma unroll
+      for (int u = 0; u < kRecords; u++) {
+        pair[u] = load_pair(address + 8 * min(k + 32 * u + lane, count - 1));
+        both[u] = load_both<kKind>(task, pair[u].x, pair[u].y);
+      }
+      if (k == 0) {  // the place comes while records are asked for
+        if (!Fixed) at = __shfl_sync(kAll, at, 0);
+        if (at + count > task.output.capacity) break;  // counted; the search is repeated
+      }
+#pragma unroll
+      for (int u = 0; u < kRecords; u++)
+        if (k + 32 * u + lane < count)
+          write_both<kKind, Normals>(task, both[u], pair[u].x, pair[u].y, at + (k + 32 * u + lane));
+    }
+  }
+
+  // Fixed order. A tile or unit begins; its first sphere, for what spills.
+  std::uint32_t unit = 0, first_of_unit = 0;
+  __device__ __forceinline__ std::uint32_t name_of(std::uint32_t i) const {
+    return unit ? unit | (i - first_of_unit) : i;
+  }
+  __device__ __forceinline__ void begin_tile(std::uint32_t tile) {
+    share = task.options.share.own, base = static_cast<Word>(tile) * share, unit = 0;
+    pass = Pass::first, told = 0, lost = false;
+  }
+  __device__ __forceinline__ void begin_unit(std::uint32_t number, std::uint32_t first) {
+    // Asked for here and not looked at before something is written.
+    await_before();
+    share = task.sums.shares[number], base = task.sums.bases[number / kShareUnits];
+    unit = kOfUnit | number << 5, first_of_unit = first;
+    pass = Pass::first, told = 0, lost = false;
+  }
+  // It ends; true where it has to be looked at again.
+  __device__ __forceinline__ bool end(std::uint32_t tile) {
+#pragma unroll 1
+    while (from < upto) judge<false>();
+    from = upto = 0;
+    if (pass == Pass::first) {
+      const std::uint32_t sum = told + hits;
+      if (lane == 0)
+        spill =
+            (unit ? take_unit(task, (unit & ~kOfUnit) >> 5, first_of_unit, sum) : take_place(task, tile, sum))
+                .spill;
+      pass = Pass::last;
+    }
+    if (hits) write();
+    const bool again = lost && pass == Pass::last;
+    told = 0, pass = Pass::again;
+    return again;
+  }
+
+  // Candidates have been put at the end, up to `end`.
+  __device__ __forceinline__ void put(std::uint32_t end) {
+    upto = end;
+    __syncwarp();
+#pragma unroll 1
+    while (upto - from >= kStep) judge<true>();
+    if (hits >= FlowMemory::kWrite) write();
+  }
+  // Moves what waits together; then there is room for kRoom.
+  static constexpr std::uint32_t kRoom = FlowMemory::kPairs - FlowMemory::kWrite - kStep;
+  __device__ __forceinline__ void make_room() {
+    const std::uint32_t left = upto - from;  // less than kStep
+    uint2 pair[kAtOnce];
+#pragma unroll
+    for (int u = 0; u < kAtOnce; u++)
+      if (32 * u + lane < left) pair[u] = load_pair(address + 8 * (from + 32 * u + lane));
+    __syncwarp();
+#pragma unroll
+    for (int u = 0; u < kAtOnce; u++)
+      if (32 * u + lane < left) store_pair(address + 8 * (hits + 32 * u + lane), pair[u].x, pair[u].y);
+    from = hits, upto = hits + left;
+  }
+  __device__ __forceinline__ void finish() {
+#pragma unroll 1
+    while (from < upto) judge<false>();
+    from = upto = 0;
+    if (hits) write();
+  }
+
+  // Some consecutive candidates of each lane to the end of the row, for sphere i, as many as there is room
+  // for; leaves the others. Returns the new end.
+  __device__ __forceinline__ std::uint32_t put_runs(std::uint32_t i, std::uint32_t& begin,
+                                                    std::uint32_t end) {
+    const std::uint32_t count = min(end - begin, FlowMemory::kPairs);
+    std::uint32_t total;
+    const std::uint32_t start = sum_before(count, total);
+    if (upto + total > FlowMemory::kPairs) make_room();
+    const std::uint32_t room = FlowMemory::kPairs - upto, n = min(count, room - min(start, room));
+    std::uint32_t to = address + 8 * (upto + start);
+#pragma unroll 1
+    for (std::uint32_t k = 0; __any_sync(kAll, k < n); k += 4, to += 32)
+#pragma unroll
+      for (std::uint32_t u = 0; u < 4; u++)
+        if (k + u < n) store_pair(to + 8 * u, i, begin + k + u);
+    begin += n;
+    return upto + min(total, room);
+  }
+
+  // 32 spheres from `first` on, at their own level.
+  __device__ __forceinline__ void look_around(std::uint32_t first) {
+    std::uint32_t end = 0, skipped = 0;  // skipped: where rows are too long for one look
+    Slowly slowly;
+    bool few = true, more = false;
+    do {
+      if (few) few = look_at_rows(first, skipped, end, more);
+      if (!few && !(more = look_at_row(first, skipped, slowly, end))) break;
+      if (few) skipped += 32;
+      put(end);
+    } while (more);
+  }
+  // The first 32 candidates of each row after `skipped`; false where those are too many.
+  __device__ __forceinline__ bool look_at_rows(std::uint32_t first, std::uint32_t skipped, std::uint32_t& end,
+                                               bool& more) {
+    Own<kKind> own = own_of<kKind>(task, grid, downs, first);
+    const std::uint32_t soon = min(first + 32 + lane, task.spheres.count - 1);
+    prefetch(task.spheres.codes + soon), prefetch(slots() + soon);
+    if (skipped) {
+#pragma unroll
+      for (int q = 0; q < 5; q++) own.begin[q] = min((own.begin[q] & ~3u) + skipped, own.end[q]);
+    }
+#pragma unroll
+    for (int q = 0; q < 5; q++) prefetch(task.spheres.codes + own.begin[q]);
+    std::uint32_t mask[5], base[5], most = 0;
+    // Counts of five rows side by side, no more than 32 * 32 each in the warp.
+    constexpr int kBits = 12;
+    const auto of_row = [](std::uint64_t counts, int q) {
+      return static_cast<std::uint32_t>(counts >> kBits * q) & ((1u << kBits) - 1);
+    };
+    std::uint64_t counts = 0;
+#pragma unroll
+    for (int q = 0; q < 5; q++) {
+      std::uint32_t longest;
+      mask[q] = look<kKind>(task, own.seeker, own.begin[q], own.end[q], own.live, longest);
+      base[q] = (own.begin[q] & ~3u) + 31;
+      counts |= static_cast<std::uint64_t>(__popc(mask[q])) << kBits * q;
+      most = max(most, longest);
+    }
+    std::uint64_t all, before = sum_before(counts, all);
+    std::uint32_t total = 0;
+#pragma unroll
+    for (int q = 0; q < 5; q++) total += of_row(all, q);
+    if (total > kRoom) return false;
+    more = most > 32;
+    if (upto + total > FlowMemory::kPairs) make_room();
+    // Row after row, so that neighbours ask for neighbours in memory.
+    std::uint32_t row = address + 8 * upto;
+#pragma unroll
+    for (int q = 0; q < 5; q++) {
+      std::uint32_t to = row + 8 * of_row(before, q);
+      row += 8 * of_row(all, q);
+      while (mask[q]) {
+        const int bit = 31 - __clz(mask[q]);
+        store_pair(to, own.place, base[q] - bit);
+        mask[q] ^= 1u << bit, to += 8;
+      }
+    }
+    end = upto + total;
+    return true;
+  }
+  // Row after row, in pieces that there is room for; false behind the last.
+  struct Slowly {
+    std::uint32_t mask = 0, base = 0, row = 0, done = 0;  // done: candidates of the row
+    bool longer = true;
+  };
+  __device__ __forceinline__ bool look_at_row(std::uint32_t first, std::uint32_t skipped, Slowly& s,
+                                              std::uint32_t& end) {
+    while (!__any_sync(kAll, s.mask != 0)) {
+      if (!s.longer) s.row++, s.done = 0;
+      if (s.row == 5) return false;
+      const Own<kKind> own = own_of<kKind>(task, grid, downs, first);
+      std::uint32_t begin = 0, behind = 0, longest;
+#pragma unroll
+      for (std::uint32_t q = 0; q < 5; q++)
+        if (q == s.row) begin = own.begin[q], behind = own.end[q];
+      if (skipped + s.done) begin = min((begin & ~3u) + skipped + s.done, behind);
+      s.mask = look<kKind>(task, own.seeker, begin, behind, own.live, longest);
+      s.base = (begin & ~3u) + 31, s.done += 32, s.longer = longest > 32;
+    }
+    const std::uint32_t count = __popc(s.mask);
+    std::uint32_t total;
+    const std::uint32_t start = sum_before(count, total);
+    if (upto + total > FlowMemory::kPairs) make_room();
+    const std::uint32_t room = FlowMemory::kPairs - upto;
+    std::uint32_t to = address + 8 * (upto + start);
+    for (std::uint32_t n = min(count, room - min(start, room)); n; n--, to += 8) {
+      const int bit = 31 - __clz(s.mask);
+      store_pair(to, min(first + lane, task.spheres.count - 1), s.base - bit);
+      s.mask ^= 1u << bit;
+    }
+    end = upto + min(total, room);
+    return true;
+  }
+
+  // A unit.
+  __device__ __forceinline__ void look_down(const Down& d, std::uint32_t at) {
+    const Level& l = grid.level[d.fine];
+    const FloatBins& bins = downs.bins.level[d.fine];
+    const std::uint32_t number = d.parts == 1 ? at : at / d.parts, part = at - number * d.parts,
+                        first = d.first + number * d.group;
+    // The bins may be those of another scene (backend.cu): places and radii are held within bounds.
+    const std::uint32_t members =
+        first < task.spheres.count ? min(min(d.group, d.end - first), task.spheres.count - first) : 0;
+    const std::uint32_t row_length = l.count[0] + 2, plane = row_length * (l.count[1] + 2);
+    std::uint32_t rows = 0, skipped = 0, ny = 1, key = 0;
+    float4 within;
+    int x_bin = 0;
+    if (lane < members) {
+      const FloatSlot s = load_slot(slots() + first + lane);
+      const float reach = reach_of(grid, d, s.r);
+      const std::uint32_t parts = parts_of(d, reach);
+      if (part < parts) {
+        int bin[3];
+        float p[3];
+#pragma unroll
+        for (int k = 0; k < 3; k++) {
+          const double t = (static_cast<double>(k == 0   ? s.x
+                                                : k == 1 ? s.y
+                                                         : s.z) -
+                            static_cast<double>(bins.origin[k])) *
+                           static_cast<double>(bins.per_size[k]);
+          bin[k] = min(max(__double2int_rd(t), -(1 << 30)), 1 << 30);
+          p[k] = __saturatef(static_cast<float>(t - bin[k]));
+        }
+        const int y0 = max(bin[1] + __float2int_rd(p[1] - reach), 0),
+                  y1 = min(bin[1] + __float2int_rd(p[1] + reach), static_cast<int>(l.count[1]) - 1),
+                  z0 = max(bin[2] + __float2int_rd(p[2] - reach), 0),
+                  z1 = min(bin[2] + __float2int_rd(p[2] + reach), static_cast<int>(l.count[2]) - 1);
+        if (y0 <= y1 && z0 <= z1) {
+          ny = static_cast<std::uint32_t>(y1 - y0 + 1);
+          rows = ny * static_cast<std::uint32_t>(z1 - z0 + 1);
+          if (parts > 1) {
+            const std::uint32_t each = (rows + parts - 1) / parts;
+            skipped = min(part * each, rows), rows = min(each, rows - skipped);
+          }
+          within = make_float4(p[0], p[1] + static_cast<float>(bin[1] - y0) - 0.5f,
+                               p[2] + static_cast<float>(bin[2] - z0) - 0.5f, reach * reach);
+          x_bin = bin[0];
+          key = l.offset + 1 + static_cast<std::uint32_t>(z0 + 1) * plane +
+                static_cast<std::uint32_t>(y0 + 1) * row_length;
+        }
+      }
+    }
+    const std::uint32_t some = __ballot_sync(kAll, rows != 0);
+    if (!some) return;
+    std::uint32_t items = rows, start = 0;
+    if (members > 1)
+      start = sum_before(rows, items);
+    else
+      items = __shfl_sync(kAll, rows, 0);
+    __syncwarp();  // all have read what is written over
+    if (rows) {
+      const int to = __popc(some & below());
+      memory.within[to] = within;
+      memory.side[to] = make_uint2(ny, first + lane);
+      memory.rows[to] =
+          make_uint4(static_cast<std::uint32_t>(x_bin), key, start - skipped, 0xffffffffu / ny + 1);
+    } else {
+      start = ~0u;  // begins in no window
+    }
+    if (lane == 0) memory.level = make_uint4(row_length, plane, l.count[0] - 1, 0);
+    __syncwarp();
+    const bool alone = some == 1;
+    std::uint32_t begun = 0;
+    // Row `item` of the unit, one a lane: whose, and its candidates.
+    struct Row {
+      std::uint32_t i, begin, end;
+    };
+    const auto find = [&](std::uint32_t window) {
+      Row r{0, 0, 0};
+      std::uint32_t who = 0;
+      if (!alone) {
+        const std::uint32_t from_here = start - window,
+                            news = __reduce_or_sync(kAll, from_here < 32 ? 1u << from_here : 0u);
+        who = begun + __popc(news & (~0u >> (31 - lane))) - 1, begun += __popc(news);
+      }
+      const std::uint32_t item = window + lane;
+      const float4 p = memory.within[who];
+      const uint4 q = memory.rows[who], of_level = memory.level;
+      const uint2 side = memory.side[who];
+      const std::uint32_t line = item - q.z, iz = side.x == 1 ? line : __umulhi(line, q.w),
+                          iy = line - iz * side.x;
+      r.i = side.y;
+      const float gap_y = fmaxf(fabsf(static_cast<float>(static_cast<int>(iy)) - p.y) - 0.5f, 0.f),
+                  gap_z = fmaxf(fabsf(static_cast<float>(static_cast<int>(iz)) - p.z) - 0.5f, 0.f),
+                  rest = fmaf(-gap_y, gap_y, fmaf(-gap_z, gap_z, p.w));
+      const float half = root(rest);  // no number where the row is too far
+      const int x = static_cast<int>(q.x), low = max(x + __float2int_rd(p.x - half), 0),
+                high = min(x + __float2int_rd(p.x + half), static_cast<int>(of_level.z));
+      const std::uint32_t* const t =
+          task.spheres.table + (q.y + iz * of_level.y + iy * of_level.x + static_cast<std::uint32_t>(low));
+      if (item < items && rest >= 0 && low <= high) r.begin = __ldg(t), r.end = __ldg(t + (high - low + 1));
+      return r;
+    };
+    Row row = find(0);
+#pragma unroll 1
+    for (std::uint32_t w = 32;;) {
+      const std::uint32_t end = put_runs(row.i, row.begin, row.end);
+      const bool more = __any_sync(kAll, row.begin != row.end), last = !more && w >= items;
+      if (!more && !last) row = find(w), w += 32;
+      put(end);
+      if (last) break;
+    }
+  }
+};
+
+// The order in which work is taken: tiles of the coarser levels, whose rows may be long, then of each pair of
+// levels and of the tiles of the finest one part in kRounds after the other, so that what is near in space,
+// as the orders of all levels are much alike, is done at one time.
+template <bool Fixed>
+constexpr std::uint32_t kFlowTile = Fixed ? kThreads : 2 * kThreads;
+struct Work {
+  std::uint32_t items, coarse, tiles;  // coarse: tiles not of the finest level
+  std::uint32_t count[Downs::kMost + 1];
+};
+struct Item {
+  std::uint32_t pair, unit;  // pair: downs.count: a tile
+};
+__device__ __forceinline__ Item item_of(const Work& work, std::uint32_t pairs, std::uint32_t number,
+                                        std::uint32_t lane) {
+  constexpr std::uint32_t kRoundBits = 8;
+  if (number < work.coarse) return {pairs, work.tiles - 1 - number};
+  number -= work.coarse;
+  const auto begin = [&](std::uint32_t count, std::uint32_t round) {
+    return static_cast<std::uint32_t>(static_cast<std::uint64_t>(count) * round >> kRoundBits);
+  };
+  auto round = static_cast<std::uint32_t>(static_cast<float>(number) * (1 << kRoundBits) /
+                                          static_cast<float>(work.items - work.coarse) * 0.99999f);
+  std::uint32_t before = 0;
+  for (bool more = true; more; round += more) {
+    std::uint32_t next = 0;
+    before = 0;
+    for (std::uint32_t p = lane; p <= pairs; p += 32)
+      before += begin(work.count[p], round), next += begin(work.count[p], round + 1);
+    before = __reduce_add_sync(kAll, before), next = __reduce_add_sync(kAll, next);
+    more = next <= number;
+  }
+  std::uint32_t left = number - before;
+  for (std::uint32_t p0 = 0;; p0 += 32) {
+    const std::uint32_t n = p0 + lane <= pairs ? work.count[p0 + lane] : 0, first = begin(n, round),
+                        here = begin(n, round + 1) - first;
+    std::uint32_t all, start = sum_before(here, all);
+    if (left < all) {
+      const std::uint32_t who = 31 - __clz(__ballot_sync(kAll, left - start < here));
+      return {p0 + who, __shfl_sync(kAll, first + left - start, who)};
+    }
+    left -= all;
+  }
+}
+
+template <bool Fixed>
+__global__ void __launch_bounds__(kThreads, kFlowBlocks)
+    flow_kernel(const __grid_constant__ Task task, const __grid_constant__ Grid grid,
+                const __grid_constant__ Downs downs) {
+  __shared__ FlowMemory memory[kWarps];
+  __shared__ Work work;
+  constexpr std::uint32_t kTile = kFlowTile<Fixed>;
+  // The table is not whole: the caller orders the spheres in another way.
+  if (task.counters->flags) return;
+  for (std::uint32_t p = threadIdx.x; p <= downs.count; p += kThreads) {
+    const std::uint32_t tiles = (task.spheres.count + kTile - 1) / kTile,
+                        finest = static_cast<std::uint32_t>(
+                            min(grid.level[0].spheres / kTile, static_cast<std::uint64_t>(tiles)));
+    if (p == downs.count) work.tiles = tiles, work.coarse = tiles - finest, work.items = downs.warps + tiles;
+    work.count[p] = p == downs.count       ? finest
+                    : p + 1 == downs.count ? downs.warps - downs.pair[p].first_warp
+                                           : downs.pair[p + 1].first_warp - downs.pair[p].first_warp;
+  }
+  __syncthreads();
+  const std::uint32_t warp = __shfl_sync(kAll, threadIdx.x >> 5, 0), items = work.items;
+  Flow<Fixed> flow(task, grid, downs, memory[warp]);
+  std::uint32_t number = blockIdx.x * kWarps + warp;
+#pragma unroll 1
+  while (number < items) {
+    // Asked for long before it is needed.
+    std::uint32_t next = 0;
+    if (flow.lane == 0) next = atomicAdd(task.next, 1u);
+    const Item item = item_of(work, downs.count, number, flow.lane);
+    const bool down = item.pair < downs.count;
+    const Down& d = downs.pair[down ? item.pair : 0];
+    if constexpr (Fixed) {
+      if (down)
+        flow.begin_unit(d.first_unit + item.unit, d.first + item.unit / d.parts * d.group);
+      else
+        flow.begin_tile(item.unit);
+    }
+    do {
+      if (down) {
+        flow.look_down(d, item.unit);
+      } else {
+        const std::uint32_t first = item.unit * kTile, end = min(first + kTile, task.spheres.count);
+#pragma unroll 1
+        for (std::uint32_t at = first; at < end; at += 32) flow.look_around(at);
+      }
+    } while (Fixed && flow.end(item.unit));
+    // The last to find nothing leaves the counter as it was.
+    if (flow.lane == 0 && next + 1 == items) *task.next = 0;
+    number = __shfl_sync(kAll, next, 0) + gridDim.x * kWarps;
+  }
+  if (!Fixed) flow.finish();
+}
+
+}  // namespace
+}  // namespace padder::detect::cuda
