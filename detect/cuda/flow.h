@@ -78,7 +78,6 @@ struct Flow {
   }
 
   // Judges the next candidates: kStep of them, or what there is.
-  template <bool Full>
   __device__ __forceinline__ void judge() {
     uint2 pair[kAtOnce];
     FloatSlot a[kAtOnce], b[kAtOnce];
@@ -86,8 +85,8 @@ struct Flow {
 #pragma unroll
     for (int u = 0; u < kAtOnce; u++) {
       const std::uint32_t at = from + 32 * u + lane;
-      hit[u] = Full || at < upto;
-      pair[u] = load_pair(address + 8 * (Full ? at : min(at, upto - 1)));
+      hit[u] = at < upto;
+      pair[u] = load_pair(address + 8 * min(at, upto - 1));
     }
 #pragma unroll
     for (int u = 0; u < kAtOnce; u++)
@@ -147,13 +146,7 @@ struct Flow {
     hits = 0;
     __syncwarp();
   }
-  __device__ __forceinline__ void write_records(Word at, std::uint32_t count) {
-    if (task.output.width == Width::normals)
-      write_records<true>(at, count);
-    else
-      write_records<false>(at, count);
-  }
-  template <bool Normals>
+  // One body for all widths: what instructions there are must fit the cache that they come from.
   __device__ __forceinline__ void write_records(Word at, std::uint32_t count) {
     constexpr int kRecords = 2;
 #pragma unroll 1
@@ -172,7 +165,7 @@ struct Flow {
 #pragma unroll
       for (int u = 0; u < kRecords; u++)
         if (k + 32 * u + lane < count)
-          write_both<kKind, Normals>(task, both[u], pair[u].x, pair[u].y, at + (k + 32 * u + lane));
+          write_both<kKind>(task, both[u], pair[u].x, pair[u].y, at + (k + 32 * u + lane));
     }
   }
 
@@ -195,7 +188,7 @@ struct Flow {
   // It ends; true where it has to be looked at again.
   __device__ __forceinline__ bool end(std::uint32_t tile) {
 #pragma unroll 1
-    while (from < upto) judge<false>();
+    while (from < upto) judge();
     from = upto = 0;
     if (pass == Pass::first) {
       const std::uint32_t sum = told + hits;
@@ -211,13 +204,18 @@ struct Flow {
     return again;
   }
 
+  // Judges and writes while there is enough for full warps; `all`: until nothing waits.
+  __device__ __forceinline__ void drain(bool all) {
+    const std::uint32_t judged = all ? 1 : kStep, written = all ? 1 : FlowMemory::kWrite;
+#pragma unroll 1
+    while (from < upto && upto - from >= judged) judge();
+    if (hits >= written) write();
+  }
   // Candidates have been put at the end, up to `end`.
   __device__ __forceinline__ void put(std::uint32_t end) {
     upto = end;
     __syncwarp();
-#pragma unroll 1
-    while (upto - from >= kStep) judge<true>();
-    if (hits >= FlowMemory::kWrite) write();
+    drain(false);
   }
   // Moves what waits together; then there is room for kRoom.
   static constexpr std::uint32_t kRoom = FlowMemory::kPairs - FlowMemory::kWrite - kStep;
@@ -234,10 +232,8 @@ struct Flow {
     from = hits, upto = hits + left;
   }
   __device__ __forceinline__ void finish() {
-#pragma unroll 1
-    while (from < upto) judge<false>();
+    drain(true);
     from = upto = 0;
-    if (hits) write();
   }
 
   // Some consecutive candidates of each lane to the end of the row, for sphere i, as many as there is room
@@ -259,28 +255,61 @@ struct Flow {
     return upto + min(total, room);
   }
 
-  // 32 spheres from `first` on, at their own level.
-  __device__ __forceinline__ void look_around(std::uint32_t first) {
-    std::uint32_t end = 0, skipped = 0;  // skipped: where rows are too long for one look
+  // What a tile or unit still has to offer, a piece at a time, so that candidates are judged and contacts
+  // written at one place: what instructions there are must fit the cache that they come from. Of a tile:
+  // spheres `at` to `behind` - 1, 32 a piece. Of a unit: rows, 32 a piece; `row` is the lane's, of those
+  // before `at`.
+  struct Row {
+    std::uint32_t i, begin, end;
+  };
+  std::uint32_t at = 0, behind = 0;
+  Row row{0, 0, 0};
+  std::uint32_t start = 0, begun = 0;  // of the lane's sphere, its first row; spheres whose rows have begun
+  bool alone = false;                  // one sphere
+
+  // Where rows have too many candidates for one look: of the row that is looked at.
+  struct Slowly {
+    std::uint32_t mask = 0, base = 0, row = 0, done = 0;  // done: candidates of the row
+    bool longer = true;
+  };
+
+  __device__ __forceinline__ void take_all(bool down, bool finest) {
+    int slow = -1;  // not: candidates of each row that have been looked at
     Slowly slowly;
-    bool few = true, more = false;
-    do {
-      if (few) few = look_at_rows(first, skipped, end, more);
-      if (!few && !(more = look_at_row(first, skipped, slowly, end))) break;
-      if (few) skipped += 32;
+    for (bool last = false; !last;) {
+      std::uint32_t end;
+      if (down) {
+        end = put_runs(row.i, row.begin, row.end);
+        if (!__any_sync(kAll, row.begin != row.end)) {
+          last = at >= behind;
+          if (!last) row = find(at), at += 32;
+        }
+      } else {
+        bool longer = false, done = true;
+        if (slow < 0) {
+          const bool few = look_at_rows(at, finest, end, longer);
+          if (!few || longer) slow = few ? 32 : 0, done = false, slowly = {};
+          if (!few) end = upto;
+        } else if (look_at_row(at, finest, slow, slowly, end)) {
+          done = false;
+        } else {
+          end = upto;
+        }
+        if (done) slow = -1, at += 32, last = at >= behind;
+      }
       put(end);
-    } while (more);
+    }
   }
-  // The first 32 candidates of each row after `skipped`; false where those are too many.
-  __device__ __forceinline__ bool look_at_rows(std::uint32_t first, std::uint32_t skipped, std::uint32_t& end,
-                                               bool& more) {
-    Own<kKind> own = own_of<kKind>(task, grid, downs, first);
+  __device__ __forceinline__ void begin_around(std::uint32_t first, std::uint32_t end) {
+    at = first, behind = end;
+  }
+  // 32 spheres at their own level, the first 32 candidates of each row; false where those are too many.
+  // Longer: a row has more.
+  __device__ __forceinline__ bool look_at_rows(std::uint32_t first, bool finest, std::uint32_t& end,
+                                               bool& longer) {
+    Own<kKind> own = own_of<kKind>(task, grid, downs, first, finest);
     const std::uint32_t soon = min(first + 32 + lane, task.spheres.count - 1);
     prefetch(task.spheres.codes + soon), prefetch(slots() + soon);
-    if (skipped) {
-#pragma unroll
-      for (int q = 0; q < 5; q++) own.begin[q] = min((own.begin[q] & ~3u) + skipped, own.end[q]);
-    }
 #pragma unroll
     for (int q = 0; q < 5; q++) prefetch(task.spheres.codes + own.begin[q]);
     std::uint32_t mask[5], base[5], most = 0;
@@ -303,7 +332,7 @@ struct Flow {
 #pragma unroll
     for (int q = 0; q < 5; q++) total += of_row(all, q);
     if (total > kRoom) return false;
-    more = most > 32;
+    longer = most > 32;
     if (upto + total > FlowMemory::kPairs) make_room();
     // Row after row, so that neighbours ask for neighbours in memory.
     std::uint32_t row = address + 8 * upto;
@@ -321,16 +350,12 @@ struct Flow {
     return true;
   }
   // Row after row, in pieces that there is room for; false behind the last.
-  struct Slowly {
-    std::uint32_t mask = 0, base = 0, row = 0, done = 0;  // done: candidates of the row
-    bool longer = true;
-  };
-  __device__ __forceinline__ bool look_at_row(std::uint32_t first, std::uint32_t skipped, Slowly& s,
-                                              std::uint32_t& end) {
+  __device__ __forceinline__ bool look_at_row(std::uint32_t first, bool finest, std::uint32_t skipped,
+                                              Slowly& s, std::uint32_t& end) {
     while (!__any_sync(kAll, s.mask != 0)) {
       if (!s.longer) s.row++, s.done = 0;
       if (s.row == 5) return false;
-      const Own<kKind> own = own_of<kKind>(task, grid, downs, first);
+      const Own<kKind> own = own_of<kKind>(task, grid, downs, first, finest);
       std::uint32_t begin = 0, behind = 0, longest;
 #pragma unroll
       for (std::uint32_t q = 0; q < 5; q++)
@@ -354,12 +379,12 @@ struct Flow {
     return true;
   }
 
-  // A unit.
-  __device__ __forceinline__ void look_down(const Down& d, std::uint32_t at) {
+  // A unit begins; false where it has no rows.
+  __device__ __forceinline__ bool begin_down(const Down& d, std::uint32_t unit_of_pair) {
     const Level& l = grid.level[d.fine];
     const FloatBins& bins = downs.bins.level[d.fine];
-    const std::uint32_t number = d.parts == 1 ? at : at / d.parts, part = at - number * d.parts,
-                        first = d.first + number * d.group;
+    const std::uint32_t number = d.parts == 1 ? unit_of_pair : unit_of_pair / d.parts,
+                        part = unit_of_pair - number * d.parts, first = d.first + number * d.group;
     // The bins may be those of another scene (backend.cu): places and radii are held within bounds.
     const std::uint32_t members =
         first < task.spheres.count ? min(min(d.group, d.end - first), task.spheres.count - first) : 0;
@@ -404,8 +429,9 @@ struct Flow {
       }
     }
     const std::uint32_t some = __ballot_sync(kAll, rows != 0);
-    if (!some) return;
-    std::uint32_t items = rows, start = 0;
+    if (!some) return false;
+    std::uint32_t items = rows;
+    start = 0;
     if (members > 1)
       start = sum_before(rows, items);
     else
@@ -422,47 +448,35 @@ struct Flow {
     }
     if (lane == 0) memory.level = make_uint4(row_length, plane, l.count[0] - 1, 0);
     __syncwarp();
-    const bool alone = some == 1;
-    std::uint32_t begun = 0;
-    // Row `item` of the unit, one a lane: whose, and its candidates.
-    struct Row {
-      std::uint32_t i, begin, end;
-    };
-    const auto find = [&](std::uint32_t window) {
-      Row r{0, 0, 0};
-      std::uint32_t who = 0;
-      if (!alone) {
-        const std::uint32_t from_here = start - window,
-                            news = __reduce_or_sync(kAll, from_here < 32 ? 1u << from_here : 0u);
-        who = begun + __popc(news & (~0u >> (31 - lane))) - 1, begun += __popc(news);
-      }
-      const std::uint32_t item = window + lane;
-      const float4 p = memory.within[who];
-      const uint4 q = memory.rows[who], of_level = memory.level;
-      const uint2 side = memory.side[who];
-      const std::uint32_t line = item - q.z, iz = side.x == 1 ? line : __umulhi(line, q.w),
-                          iy = line - iz * side.x;
-      r.i = side.y;
-      const float gap_y = fmaxf(fabsf(static_cast<float>(static_cast<int>(iy)) - p.y) - 0.5f, 0.f),
-                  gap_z = fmaxf(fabsf(static_cast<float>(static_cast<int>(iz)) - p.z) - 0.5f, 0.f),
-                  rest = fmaf(-gap_y, gap_y, fmaf(-gap_z, gap_z, p.w));
-      const float half = root(rest);  // no number where the row is too far
-      const int x = static_cast<int>(q.x), low = max(x + __float2int_rd(p.x - half), 0),
-                high = min(x + __float2int_rd(p.x + half), static_cast<int>(of_level.z));
-      const std::uint32_t* const t =
-          task.spheres.table + (q.y + iz * of_level.y + iy * of_level.x + static_cast<std::uint32_t>(low));
-      if (item < items && rest >= 0 && low <= high) r.begin = __ldg(t), r.end = __ldg(t + (high - low + 1));
-      return r;
-    };
-    Row row = find(0);
-#pragma unroll 1
-    for (std::uint32_t w = 32;;) {
-      const std::uint32_t end = put_runs(row.i, row.begin, row.end);
-      const bool more = __any_sync(kAll, row.begin != row.end), last = !more && w >= items;
-      if (!more && !last) row = find(w), w += 32;
-      put(end);
-      if (last) break;
+    alone = some == 1, begun = 0, at = 0, behind = items, row = {0, 0, 0};
+    return true;
+  }
+  // Row `item` of the unit, one a lane: whose, and its candidates.
+  __device__ __forceinline__ Row find(std::uint32_t window) {
+    Row r{0, 0, 0};
+    std::uint32_t who = 0;
+    if (!alone) {
+      const std::uint32_t from_here = start - window,
+                          news = __reduce_or_sync(kAll, from_here < 32 ? 1u << from_here : 0u);
+      who = begun + __popc(news & (~0u >> (31 - lane))) - 1, begun += __popc(news);
     }
+    const std::uint32_t item = window + lane;
+    const float4 p = memory.within[who];
+    const uint4 q = memory.rows[who], of_level = memory.level;
+    const uint2 side = memory.side[who];
+    const std::uint32_t line = item - q.z, iz = side.x == 1 ? line : __umulhi(line, q.w),
+                        iy = line - iz * side.x;
+    r.i = side.y;
+    const float gap_y = fmaxf(fabsf(static_cast<float>(static_cast<int>(iy)) - p.y) - 0.5f, 0.f),
+                gap_z = fmaxf(fabsf(static_cast<float>(static_cast<int>(iz)) - p.z) - 0.5f, 0.f),
+                rest = fmaf(-gap_y, gap_y, fmaf(-gap_z, gap_z, p.w));
+    const float half = root(rest);  // no number where the row is too far
+    const int x = static_cast<int>(q.x), low = max(x + __float2int_rd(p.x - half), 0),
+              high = min(x + __float2int_rd(p.x + half), static_cast<int>(of_level.z));
+    const std::uint32_t* const t =
+        task.spheres.table + (q.y + iz * of_level.y + iy * of_level.x + static_cast<std::uint32_t>(low));
+    if (item < behind && rest >= 0 && low <= high) r.begin = __ldg(t), r.end = __ldg(t + (high - low + 1));
+    return r;
   }
 };
 
@@ -546,14 +560,10 @@ __global__ void __launch_bounds__(kThreads, kFlowBlocks)
       else
         flow.begin_tile(item.unit);
     }
+    const bool finest = !Fixed && item.unit < work.tiles - work.coarse;  // Fixed: more would spill
     do {
-      if (down) {
-        flow.look_down(d, item.unit);
-      } else {
-        const std::uint32_t first = item.unit * kTile, end = min(first + kTile, task.spheres.count);
-#pragma unroll 1
-        for (std::uint32_t at = first; at < end; at += 32) flow.look_around(at);
-      }
+      if (!down) flow.begin_around(item.unit * kTile, min(item.unit * kTile + kTile, task.spheres.count));
+      if (!down || flow.begin_down(d, item.unit)) flow.take_all(down, finest);
     } while (Fixed && flow.end(item.unit));
     // The last to find nothing leaves the counter as it was.
     if (flow.lane == 0 && next + 1 == items) *task.next = 0;

@@ -29,10 +29,10 @@ struct Own {
   bool live;  // false: stands for no sphere, behind the last
   std::uint32_t begin[5], end[5];
 };
-// `downs`: of the way (DownsOf).
+// `downs`: of the way (DownsOf). `finest`: all 32 are known to be of the finest level.
 template <SlotKind Kind, class DownsOfWay>
 __device__ __forceinline__ Own<Kind> own_of(const Task& task, const Grid& grid, const DownsOfWay& downs,
-                                            std::uint32_t first) {
+                                            std::uint32_t first, bool finest = false) {
   const std::uint32_t at = first + (threadIdx.x & 31), last = task.spheres.count - 1;
   Own<Kind> own;
   own.place = min(at, last), own.live = at <= last;
@@ -50,9 +50,12 @@ __device__ __forceinline__ Own<Kind> own_of(const Task& task, const Grid& grid, 
   if constexpr (Kind == SlotKind::unequal && DownsOfWay::kLevels) {
     if (downs.bins.on) {
       const float4 s = make_float4(own.slot.x, own.slot.y, own.slot.z, own.slot.r);
-      const FloatBins& b = downs.bins.level[level_of(downs.bins, s)];
-      key_of(b, s, key);
-      row = b.row, plane = b.plane, keyed = false;
+      const auto in = [&](const FloatBins& b) { key_of(b, s, key), row = b.row, plane = b.plane; };
+      if (finest)
+        in(downs.bins.level[0]);
+      else
+        in(downs.bins.level[level_of(downs.bins, s)]);
+      keyed = false;
     }
   }
   if (keyed) {

@@ -220,6 +220,7 @@ class OctaveTaker {
 #pragma unroll
     for (int k = 0; k < 2; k++) {
       const bool in = octave == fine_ - k;
+      if (k == 1 && !__any_sync(__activemask(), in)) continue;
       const float x[4] = {s.x, s.y, s.z, s.w};
 #pragma unroll
       for (int c = 0; c < 3; c++) low_[k][c] = fminf(low_[k][c], in ? x[c] : INFINITY);
