@@ -274,7 +274,7 @@ struct Flow {
   };
 
   __device__ __forceinline__ void take_all(bool down, bool finest) {
-    int slow = -1;  // not: candidates of each row that have been looked at
+    int slow = -1;  // unless below zero: so many candidates of each row have been looked at, then row by row
     Slowly slowly;
     for (bool last = false; !last;) {
       std::uint32_t end;
