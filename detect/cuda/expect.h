@@ -1,8 +1,10 @@
 // Places in the list for units that look down, where its order is fixed: each has about as many to itself as
 // its spheres can be expected to meet there, from their radii and how many spheres of the finer level there
 // are in a bin. Where those lie evenly, nine in ten hits are then written where they stay; what is wrong is
-// put right as with tiles of spheres (place.h). Only search.cu includes this.
+// put right afterwards (number.h). Only search.cu includes this.
 #pragma once
+#include <cmath>
+
 #include "detect/cuda/down.h"
 #include "detect/cuda/place.h"
 
@@ -96,6 +98,31 @@ __device__ __forceinline__ float expected_hits(const Task& task, const Grid& gri
   return 16 * d.density * volume * sum;
 }
 
+// Host. Places for `tiles` tiles of flow.h: on average as many a sphere as `share` is for kThreads of them,
+// at each level in proportion to how many of its spheres are within reach of one.
+inline TileShares tile_shares(const Grid& grid, std::uint32_t share, std::uint32_t tiles) {
+  TileShares s;
+  double weight[kMaxLevels], sum = 0;
+  std::uint64_t first = 0;
+  s.levels = grid.levels;
+  for (int k = 0; k < grid.levels; k++) {
+    const Level& l = grid.level[k];
+    weight[k] = static_cast<double>(l.spheres) * std::pow(l.radius_max * l.per_size, 3) /
+                    (static_cast<double>(l.count[0]) * l.count[1] * l.count[2]) +
+                1e-30;
+    if (k) weight[k] = std::clamp(weight[k], 0x1p-5 * weight[0], 0x1p5 * weight[0]);
+    s.first[k] = std::min(static_cast<std::uint32_t>((first + kFlowTile - 1) / kFlowTile), tiles),
+    first += l.spheres;
+  }
+  const auto end = [&](int k) { return k + 1 < grid.levels ? s.first[k + 1] : tiles; };
+  for (int k = 0; k < grid.levels; k++) sum += weight[k] * (end(k) - s.first[k]);
+  for (int k = 0; k < grid.levels; k++) {
+    s.share[k] = static_cast<std::uint32_t>(share * 2. * tiles / sum * weight[k]);
+    s.place[k + 1] = s.place[k] + static_cast<std::uint64_t>(s.share[k]) * (end(k) - s.first[k]);
+  }
+  return s;
+}
+
 // Groups of units: their shares, and where those begin in the list. The search may begin when all blocks of
 // this have begun; who needs the shares waits for the end of it.
 template <SlotKind Kind>
@@ -108,6 +135,7 @@ __global__ void __launch_bounds__(kShareUnits, 4)
     typename cub::BlockScan<Word, kShareUnits>::TempStorage groups;
   } memory;
   __shared__ bool last;
+  await_before();  // what comes next must not begin before the spheres are in order
   begin_next();
   if (task.counters->flags) return;
   const TileSums& sums = task.sums;
@@ -134,7 +162,7 @@ __global__ void __launch_bounds__(kShareUnits, 4)
   }
   __syncthreads();
   if (!last) return;
-  Word base = static_cast<Word>(task.own_tiles) * task.options.share.own;
+  Word base = task.shares.place[task.shares.levels];
   for (std::uint32_t g0 = 0; g0 < sums.share_groups; g0 += kShareUnits) {
     const std::uint32_t g = g0 + threadIdx.x;
     Word of_group = g < sums.share_groups ? __ldcg(sums.bases + g) : 0, total;
@@ -144,134 +172,6 @@ __global__ void __launch_bounds__(kShareUnits, 4)
     __syncthreads();
   }
   if (threadIdx.x == 0) sums.bases[sums.share_groups] = base;
-}
-// After the search, instead of fill_kernel: one kernel numbers what spilled and the places left spare, a
-// group of tiles a block (spill_at becomes what is between a hit's place in the spill and its number),
-// another moves hit by hit.
-__global__ void __launch_bounds__(kFillThreads, 4) number_kernel(const __grid_constant__ Task task) {
-  constexpr int kEach = kGroupTiles / kFillThreads;
-  using Scan = cub::BlockScan<Word, kFillThreads>;
-  __shared__ typename Scan::TempStorage memory;
-  __shared__ Word before[2];
-  begin_next();
-  const TileSums& sums = task.sums;
-  const std::uint32_t group = blockIdx.x, share = task.options.share.own, flags = task.counters->flags;
-  const Tiles tiles = tiles_of(task, group);
-  if (threadIdx.x < 2) before[threadIdx.x] = 0;
-  // Hits that spilled in the lower half, places left spare in the upper.
-  const std::uint32_t tile = tiles.first + threadIdx.x * kEach;
-  Word mine[kEach], start[kEach], lies_at[kEach], all;
-#pragma unroll
-  for (int u = 0; u < kEach; u++) {
-    mine[u] = lies_at[u] = 0;
-    if (tile + u >= tiles.end) continue;
-    lies_at[u] = sums.spill_at[tile + u];
-    const std::uint32_t count = sums.counts[tile + u],
-                        places = tile + u < task.own_tiles
-                                     ? share
-                                     : share_of(sums, tile + u - task.own_tiles) & kMostShare;
-    mine[u] = count > places ? count - places : static_cast<Word>(places - count) << 32;
-  }
-  Word upto[2] = {}, net = 0, own = 0;  // before the group; contacts less shares
-  for (std::uint32_t g = threadIdx.x; g < (group ? group : sums.all_groups); g += kFillThreads) {
-    const Word spare = sums.groups[2 * g], spilled = sums.groups[2 * g + 1];
-    if (group)
-      upto[0] += spilled, upto[1] += spare;
-    else
-      net += spilled - spare, own += g < sums.own_groups ? spilled - spare : 0;
-  }
-  if (flags) return;
-  Scan(memory).ExclusiveSum(mine, start, all);
-#pragma unroll
-  for (int d = 16; d; d >>= 1) {
-    upto[0] += __shfl_xor_sync(kAll, upto[0], d), upto[1] += __shfl_xor_sync(kAll, upto[1], d);
-    net += __shfl_xor_sync(kAll, net, d), own += __shfl_xor_sync(kAll, own, d);
-  }
-  if ((threadIdx.x & 31) == 0) {
-    if (upto[0]) atomicAdd(before, upto[0]);
-    if (upto[1]) atomicAdd(before + 1, upto[1]);
-  }
-  if (group == 0 && (threadIdx.x & 31) == 0) {
-    if (threadIdx.x == 0) net += behind_shares(task), own += static_cast<Word>(task.own_tiles) * share;
-    if (net) atomicAdd(&task.counters->contacts, net);
-    if (own) atomicAdd(&task.counters->own, own);
-  }
-  __syncthreads();
-#pragma unroll
-  for (int u = 0; u < kEach; u++) {
-    if (tile + u >= tiles.end) continue;
-    sums.spill_at[tile + u] = before[0] + static_cast<std::uint32_t>(start[u]) - lies_at[u];
-    sums.spares[tile + u] = static_cast<std::uint32_t>((start[u] + mine[u]) >> 32);
-  }
-  if (threadIdx.x == 0) sums.spares_before[group] = before[1];
-  if (threadIdx.x == 0 && group + 1 == gridDim.x) sums.spares_before[gridDim.x] = before[1] + (all >> 32);
-}
-
-// The last k of 0 to n - 1 for which upto(k) is no more than `number`, as all before it are, or 0. Three are
-// asked at a time: what it waits for is memory.
-template <class Upto>
-__device__ __forceinline__ std::uint32_t last_upto(std::uint32_t n, Word number, Upto upto) {
-  std::uint32_t first = 0;
-  while (n > 1) {
-    const std::uint32_t step = (n + 3) / 4, k1 = min(step, n - 1), k2 = min(2 * step, n - 1),
-                        k3 = min(3 * step, n - 1);
-    const Word u1 = upto(first + k1), u2 = upto(first + k2), u3 = upto(first + k3);
-    const std::uint32_t low = u3 <= number   ? k3
-                              : u2 <= number ? k2
-                              : u1 <= number ? k1
-                                             : 0,
-                        high = u3 <= number   ? n
-                               : u2 <= number ? k3
-                               : u1 <= number ? k2
-                                              : k1;
-    first += low, n = max(high, low + 1) - low;
-  }
-  return first;
-}
-// The `number`-th spare place. What number_kernel wrote while this ran is no read-only data.
-__device__ __forceinline__ Word spare_place(const Task& task, Word number) {
-  const TileSums& sums = task.sums;
-  const std::uint32_t group =
-      last_upto(sums.all_groups, number, [&](std::uint32_t g) { return sums.spares_before[g]; });
-  const auto n = static_cast<std::uint32_t>(number - sums.spares_before[group]);
-  const Tiles tiles = tiles_of(task, group);
-  const std::uint32_t tile =
-      tiles.first + last_upto(tiles.end - tiles.first, n, [&](std::uint32_t k) -> Word {
-        return k ? sums.spares[tiles.first + k - 1] : 0;
-      });
-  Word end = static_cast<Word>(tile + 1) * task.options.share.own;
-  if (tile >= task.own_tiles) {
-    const std::uint32_t unit = tile - task.own_tiles, word = __ldg(sums.shares + unit);
-    end = __ldg(sums.bases + unit / kShareUnits) + (word >> kShareBits) + (word & kMostShare);
-  }
-  return end - (sums.spares[tile] - n);
-}
-
-// The hits that spilled to the list. Begins beside number_kernel, since most of what it reads is there
-// already. Leaves the groups of tiles as they were before the search.
-template <SlotKind Kind, bool Wide>
-__global__ void __launch_bounds__(kFillThreads, 5) move_kernel(const __grid_constant__ Task task) {
-  const TileSums& sums = task.sums;
-  const std::uint32_t thread = blockIdx.x * kFillThreads + threadIdx.x, threads = gridDim.x * kFillThreads;
-  // A thread's next hit is asked for before its last is moved, the first before it is known to be one.
-  Word hit = 0;
-  if (thread < sums.room) hit = __ldg(sums.spill + thread);
-  const std::uint32_t flags = task.counters->flags;
-  const Word count = min(task.counters->spilled, static_cast<Word>(sums.room));
-  if (flags) return;
-  Spilled<Kind, Wide> mine;
-  if (thread < count) mine = {task, hit};
-  await_before();
-  for (std::uint32_t k = thread; k < 2 * sums.all_groups; k += threads) sums.groups[k] = 0;
-  const Word spares = __ldcg(sums.spares_before + sums.all_groups), behind = behind_shares(task) - spares;
-  for (Word from = thread; from < count;) {
-    const Word next = from + threads;
-    if (next < count) hit = __ldg(sums.spill + next);
-    const Word number = from + sums.spill_at[mine.tile];
-    mine.write(task, number < spares ? spare_place(task, number) : behind + number);
-    if (next < count) mine = {task, hit};
-    from = next;
-  }
 }
 
 }  // namespace

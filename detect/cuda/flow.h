@@ -13,8 +13,8 @@ namespace {
 
 // Blocks an SM must be able to hold: more would spill registers and leave too little of the first cache.
 constexpr int kFlowBlocks = 9;
-// From so many spheres on. Of fewer, units and tiles of a fixed order are too few to run dry one by one.
-constexpr std::uint64_t kFlowSpheres = kManySpheres, kFixedFlowSpheres = 3 * kManySpheres;
+// From so many spheres on.
+constexpr std::uint64_t kFlowSpheres = 140000;
 
 // Pairs of a warp, and the spheres of a unit in bins of the finer level.
 struct FlowMemory {
@@ -24,6 +24,9 @@ struct FlowMemory {
   uint4 rows[32];     // x of its bin, entry of its first row, its first item, 2^32 / rows along y
   uint2 side[32];     // rows along y, its place
   uint4 level;        // entries of a row, of a plane; the last bin along x
+  // Fixed order: of the tile or unit, the places of its own. Of a unit: the word of place.h, of its group.
+  unsigned long long place;
+  std::uint32_t share;
 };
 
 __device__ __forceinline__ void store_pair(std::uint32_t address, std::uint32_t i, std::uint32_t j) {
@@ -34,6 +37,15 @@ __device__ __forceinline__ uint2 load_pair(std::uint32_t address) {
   asm volatile("ld.shared.v2.u32 {%0, %1}, [%2];" : "=r"(v.x), "=r"(v.y) : "r"(address) : "memory");
   return v;
 }
+// From global to shared memory, while the warp works on; await_copies: of the same lane.
+template <int Bytes>
+__device__ __forceinline__ void copy(void* to, const void* from) {
+  asm volatile("cp.async.ca.shared.global [%0], [%1], %2;" ::"r"(
+                   static_cast<std::uint32_t>(__cvta_generic_to_shared(to))),
+               "l"(from), "n"(Bytes)
+               : "memory");
+}
+__device__ __forceinline__ void await_copies() { asm volatile("cp.async.wait_all;" ::: "memory"); }
 __device__ __forceinline__ float root(float v) {
   float r;
   asm("sqrt.approx.ftz.f32 %0, %1;" : "=f"(r) : "f"(v));
@@ -52,11 +64,8 @@ struct Flow {
   FlowMemory& memory;
   std::uint32_t lane, address;                 // of the pairs
   std::uint32_t hits = 0, from = 0, upto = 0;  // candidates: `from` to `upto` - 1
-  // Fixed order: of the tile or unit, the places of its own and how many contacts have been told of.
-  Word base = 0, spill = 0;  // spill: lane 0
-  std::uint32_t share = 0, told = 0;
-  enum class Pass : std::uint8_t { first, last, again } pass = Pass::first;
-  bool lost = false;  // contacts beyond the limit, before their place in the spill was known
+  // Fixed order: the number of the tile or unit among both, and its contacts so far.
+  std::uint32_t tile = 0, told = 0;
 
   __device__ __forceinline__ Flow(const Task& t, const Grid& g, const Downs& d, FlowMemory& m)
       : task(t),
@@ -117,24 +126,30 @@ struct Flow {
     const Measured m = measured(a, b);
     const Verdict v = verdict<FloatSlot>(m);
     if (v != Verdict::doubt) return v != Verdict::apart;
-    if (pass != Pass::again) atomicAdd(&task.counters->doubtful, 1ull);
+    atomicAdd(&task.counters->doubtful, 1ull);
     return task.options.exact ? touching({a.x, a.y, a.z, a.r}, {b.x, b.y, b.z, b.r}) : m.d2 <= m.s2;
   }
 
-  // Contacts to the list.
+  // Contacts to the list; of a fixed order those beyond the tile's places to the spill.
   __device__ __forceinline__ void write() {
     if constexpr (Fixed) {
-      const std::uint32_t limit = unit ? share & kMostShare : share;
-      const Word place = base + (unit ? share >> kShareBits : 0);
-      const std::uint32_t here = pass != Pass::again && told < limit ? min(hits, limit - told) : 0;
-      write_records(place + told, here);
-      if (told + hits > limit) {
-        if (pass == Pass::first) lost = true;
-        const Word begin = __shfl_sync(kAll, spill, 0);
-        for (std::uint32_t k = max(told, limit) - told + lane; pass != Pass::first && k < hits; k += 32) {
+      // Asked for when the unit began and not looked at before something is written.
+      await_copies();
+      __syncwarp();
+      const std::uint32_t share = memory.share, limit = share & most(),
+                          here = told < limit ? min(hits, limit - told) : 0;
+      write_records(memory.place + ((share & ~most()) >> kShareBits) + told, here);
+      if (here < hits) {
+        Word begin = 0;
+        if (lane == 0) begin = atomicAdd(&task.counters->spilled, 2 * static_cast<Word>(hits - here));
+        begin = __shfl_sync(kAll, begin, 0);
+#pragma unroll 1
+        for (std::uint32_t k = here + lane; k < hits; k += 32) {
           const uint2 pair = load_pair(address + 8 * k);
-          const Word to = begin + (told + k - limit);
-          if (to < task.sums.room) task.sums.spill[to] = static_cast<Word>(name_of(pair.x)) << 32 | pair.y;
+          const Word to = begin + 2 * (k - here);
+          if (to + 1 < task.sums.room)
+            reinterpret_cast<uint4*>(task.sums.spill)[to / 2] =
+                make_uint4(pair.x, pair.y, tile, told + k - limit);
         }
       }
       told += hits;
@@ -169,39 +184,28 @@ struct Flow {
     }
   }
 
-  // Fixed order. A tile or unit begins; its first sphere, for what spills.
-  std::uint32_t unit = 0, first_of_unit = 0;
-  __device__ __forceinline__ std::uint32_t name_of(std::uint32_t i) const {
-    return unit ? unit | (i - first_of_unit) : i;
+  // Fixed order. The bits of the share that say how many places; the others say where.
+  __device__ __forceinline__ std::uint32_t most() const { return tile < task.own_tiles ? ~0u : kMostShare; }
+  __device__ __forceinline__ void begin_tile(std::uint32_t number) {
+    tile = number, told = 0;
+    const PlacesOfTile places = places_of_tile(task, number);
+    if (lane == 0) memory.place = places.first, memory.share = places.count;
   }
-  __device__ __forceinline__ void begin_tile(std::uint32_t tile) {
-    share = task.options.share.own, base = static_cast<Word>(tile) * share, unit = 0;
-    pass = Pass::first, told = 0, lost = false;
-  }
-  __device__ __forceinline__ void begin_unit(std::uint32_t number, std::uint32_t first) {
-    // Asked for here and not looked at before something is written.
+  __device__ __forceinline__ void begin_unit(std::uint32_t number) {
+    tile = task.own_tiles + number, told = 0;
     await_before();
-    share = task.sums.shares[number], base = task.sums.bases[number / kShareUnits];
-    unit = kOfUnit | number << 5, first_of_unit = first;
-    pass = Pass::first, told = 0, lost = false;
-  }
-  // It ends; true where it has to be looked at again.
-  __device__ __forceinline__ bool end(std::uint32_t tile) {
-#pragma unroll 1
-    while (from < upto) judge();
-    from = upto = 0;
-    if (pass == Pass::first) {
-      const std::uint32_t sum = told + hits;
-      if (lane == 0)
-        spill =
-            (unit ? take_unit(task, (unit & ~kOfUnit) >> 5, first_of_unit, sum) : take_place(task, tile, sum))
-                .spill;
-      pass = Pass::last;
+    if (lane == 0) {
+      copy<8>(&memory.place, task.sums.bases + number / kShareUnits);
+      copy<4>(&memory.share, task.sums.shares + number);
     }
-    if (hits) write();
-    const bool again = lost && pass == Pass::last;
-    told = 0, pass = Pass::again;
-    return again;
+  }
+  // It ends: nothing of it waits any more.
+  __device__ __forceinline__ void end() {
+    if (lane == 0) {
+      await_copies();
+      task.sums.counts[tile] = told;
+      note(task, tile, memory.share & most(), told);
+    }
   }
 
   // Judges and writes while there is enough for full warps; `all`: until nothing waits.
@@ -209,13 +213,14 @@ struct Flow {
     const std::uint32_t judged = all ? 1 : kStep, written = all ? 1 : FlowMemory::kWrite;
 #pragma unroll 1
     while (from < upto && upto - from >= judged) judge();
+    if (all) from = upto = 0;
     if (hits >= written) write();
   }
   // Candidates have been put at the end, up to `end`.
-  __device__ __forceinline__ void put(std::uint32_t end) {
+  __device__ __forceinline__ void put(std::uint32_t end, bool all) {
     upto = end;
     __syncwarp();
-    drain(false);
+    drain(all);
   }
   // Moves what waits together; then there is room for kRoom.
   static constexpr std::uint32_t kRoom = FlowMemory::kPairs - FlowMemory::kWrite - kStep;
@@ -231,10 +236,7 @@ struct Flow {
       if (32 * u + lane < left) store_pair(address + 8 * (hits + 32 * u + lane), pair[u].x, pair[u].y);
     from = hits, upto = hits + left;
   }
-  __device__ __forceinline__ void finish() {
-    drain(true);
-    from = upto = 0;
-  }
+  __device__ __forceinline__ void finish() { drain(true); }
 
   // Some consecutive candidates of each lane to the end of the row, for sphere i, as many as there is room
   // for; leaves the others. Returns the new end.
@@ -297,7 +299,7 @@ struct Flow {
         }
         if (done) slow = -1, at += 32, last = at >= behind;
       }
-      put(end);
+      put(end, Fixed && last);
     }
   }
   __device__ __forceinline__ void begin_around(std::uint32_t first, std::uint32_t end) {
@@ -483,10 +485,8 @@ struct Flow {
 // The order in which work is taken: tiles of the coarser levels, whose rows may be long, then of each pair of
 // levels and of the tiles of the finest one part in kRounds after the other, so that what is near in space,
 // as the orders of all levels are much alike, is done at one time.
-template <bool Fixed>
-constexpr std::uint32_t kFlowTile = Fixed ? kThreads : 2 * kThreads;
 struct Work {
-  std::uint32_t items, coarse, tiles;  // coarse: tiles not of the finest level
+  std::uint32_t items, first, tiles;  // first: tiles to begin with, all but those of the finest level
   std::uint32_t count[Downs::kMost + 1];
 };
 struct Item {
@@ -495,13 +495,13 @@ struct Item {
 __device__ __forceinline__ Item item_of(const Work& work, std::uint32_t pairs, std::uint32_t number,
                                         std::uint32_t lane) {
   constexpr std::uint32_t kRoundBits = 8;
-  if (number < work.coarse) return {pairs, work.tiles - 1 - number};
-  number -= work.coarse;
+  if (number < work.first) return {pairs, work.tiles - 1 - number};
+  number -= work.first;
   const auto begin = [&](std::uint32_t count, std::uint32_t round) {
     return static_cast<std::uint32_t>(static_cast<std::uint64_t>(count) * round >> kRoundBits);
   };
   auto round = static_cast<std::uint32_t>(static_cast<float>(number) * (1 << kRoundBits) /
-                                          static_cast<float>(work.items - work.coarse) * 0.99999f);
+                                          static_cast<float>(work.items - work.first) * 0.99999f);
   std::uint32_t before = 0;
   for (bool more = true; more; round += more) {
     std::uint32_t next = 0;
@@ -530,15 +530,17 @@ __global__ void __launch_bounds__(kThreads, kFlowBlocks)
                 const __grid_constant__ Downs downs) {
   __shared__ FlowMemory memory[kWarps];
   __shared__ Work work;
-  constexpr std::uint32_t kTile = kFlowTile<Fixed>;
+  constexpr std::uint32_t kTile = kFlowTile;
+  if (Fixed) begin_next();  // which waits for the end of this
   // The table is not whole: the caller orders the spheres in another way.
   if (task.counters->flags) return;
   for (std::uint32_t p = threadIdx.x; p <= downs.count; p += kThreads) {
     const std::uint32_t tiles = (task.spheres.count + kTile - 1) / kTile,
                         finest = static_cast<std::uint32_t>(
                             min(grid.level[0].spheres / kTile, static_cast<std::uint64_t>(tiles)));
-    if (p == downs.count) work.tiles = tiles, work.coarse = tiles - finest, work.items = downs.warps + tiles;
-    work.count[p] = p == downs.count       ? finest
+    const std::uint32_t first = tiles - finest;
+    if (p == downs.count) work.tiles = tiles, work.first = first, work.items = downs.warps + tiles;
+    work.count[p] = p == downs.count       ? tiles - first
                     : p + 1 == downs.count ? downs.warps - downs.pair[p].first_warp
                                            : downs.pair[p + 1].first_warp - downs.pair[p].first_warp;
   }
@@ -556,15 +558,14 @@ __global__ void __launch_bounds__(kThreads, kFlowBlocks)
     const Down& d = downs.pair[down ? item.pair : 0];
     if constexpr (Fixed) {
       if (down)
-        flow.begin_unit(d.first_unit + item.unit, d.first + item.unit / d.parts * d.group);
+        flow.begin_unit(d.first_unit + item.unit);
       else
         flow.begin_tile(item.unit);
     }
-    const bool finest = !Fixed && item.unit < work.tiles - work.coarse;  // Fixed: more would spill
-    do {
-      if (!down) flow.begin_around(item.unit * kTile, min(item.unit * kTile + kTile, task.spheres.count));
-      if (!down || flow.begin_down(d, item.unit)) flow.take_all(down, finest);
-    } while (Fixed && flow.end(item.unit));
+    const bool finest = !Fixed && item.unit < work.tiles - work.first;  // Fixed: more would spill
+    if (!down) flow.begin_around(item.unit * kTile, min(item.unit * kTile + kTile, task.spheres.count));
+    if (!down || flow.begin_down(d, item.unit)) flow.take_all(down, finest);
+    if (Fixed) flow.end();
     // The last to find nothing leaves the counter as it was.
     if (flow.lane == 0 && next + 1 == items) *task.next = 0;
     number = __shfl_sync(kAll, next, 0) + gridDim.x * kWarps;

@@ -49,11 +49,20 @@ struct TileSums {
   std::uint64_t room = 0;
   // Where there are units. Of each its share and the places of those before it in its group, in one word, and
   // of each group its first place in the list, at last that behind all shares. Of each tile the spare places
-  // of its group up to it, and of each group those before it, at last all.
-  std::uint32_t *shares = nullptr, *spares = nullptr;
-  unsigned long long *bases = nullptr, *spares_before = nullptr;
+  // up to it, modulo 2^32, and the tile of each kSpares-th; how many there are in all.
+  std::uint32_t *shares = nullptr, *spares = nullptr, *index = nullptr;
+  unsigned long long *bases = nullptr, *all_spares = nullptr;
+  std::uint64_t index_room = 0;
 };
-constexpr std::uint32_t kShareBits = 10, kMostShare = (1u << kShareBits) - 1;
+constexpr std::uint32_t kSpares = 32;
+// Of tiles of spheres, which tile of each level is its first, the places that each has to itself, and the
+// first place of the first; at last the place behind them all.
+struct TileShares {
+  int levels = 1;
+  std::uint32_t first[kMaxLevels] = {}, share[kMaxLevels] = {};
+  unsigned long long place[kMaxLevels + 1] = {};
+};
+constexpr std::uint32_t kShareBits = 12, kMostShare = (1u << kShareBits) - 1;
 
 struct Task {
   Source source;
@@ -62,6 +71,7 @@ struct Task {
   SearchOptions options;
   Counters* counters;
   TileSums sums;
+  TileShares shares;
   unsigned int* next = nullptr;  // units are dealt to warps from here; zero between searches. Null: one each
   std::uint32_t own_tiles = 0, units = 0;  // tiles of spheres; units that look down
   float radius = 0, s2 = 0;                // SlotKind::equal

@@ -14,6 +14,8 @@
 namespace padder::detect::cuda {
 namespace {
 
+// Spheres of a tile of flow.h.
+constexpr std::uint32_t kFlowTile = 2 * kThreads;
 constexpr int kGroupTiles = 1024, kShareUnits = 256, kFillTiles = 32, kFillThreads = 256;
 // So many tiles at most are numbered by each block for itself, 8 bytes of shared memory a tile.
 constexpr std::uint32_t kMostNumbered = 14000;
@@ -62,14 +64,24 @@ __device__ __forceinline__ Target take_place(const Task& task, std::uint32_t til
   return t;
 }
 
+// The places of a tile of spheres.
+struct PlacesOfTile {
+  Word first;
+  std::uint32_t count;
+};
+__device__ __forceinline__ PlacesOfTile places_of_tile(const Task& task, std::uint32_t tile) {
+  const TileShares& s = task.shares;
+  int level = s.levels - 1;
+  while (level > 0 && tile < s.first[level]) level--;
+  return {s.place[level] + static_cast<Word>(tile - s.first[level]) * s.share[level], s.share[level]};
+}
 // The word of a unit in `shares`, and what lies behind all shares.
 __device__ __forceinline__ std::uint32_t share_of(const TileSums& sums, std::uint32_t unit) {
   return sums.shares ? __ldcg(sums.shares + unit) : 0;
 }
 __device__ __forceinline__ Word behind_shares(const Task& task) {
   const TileSums& sums = task.sums;
-  return sums.shares ? sums.bases[sums.share_groups]
-                     : static_cast<Word>(task.own_tiles) * task.options.share.own;
+  return sums.shares ? sums.bases[sums.share_groups] : task.shares.place[task.shares.levels];
 }
 
 // Of a unit.
@@ -139,6 +151,12 @@ struct Spilled {
   std::uint32_t i, j, tile;
   Both both;  // unless Wide
   __device__ __forceinline__ Spilled() {}
+  __device__ __forceinline__ Spilled(const Task& task, std::uint32_t pi, std::uint32_t pj, std::uint32_t of)
+      : i(min(pi, task.spheres.count - 1)),
+        j(min(pj, task.spheres.count - 1)),
+        tile(min(of, task.own_tiles + task.units - 1)) {
+    if constexpr (!Wide) both = load_both<Kind>(task, i, j);
+  }
   __device__ __forceinline__ Spilled(const Task& task, Word hit) {
     const std::uint32_t last = task.spheres.count - 1;
     i = static_cast<std::uint32_t>(hit >> 32), j = min(static_cast<std::uint32_t>(hit), last);

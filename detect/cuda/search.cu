@@ -7,6 +7,7 @@
 #include "detect/cuda/expect.h"
 #include "detect/cuda/flow.h"
 #include "detect/cuda/level.h"
+#include "detect/cuda/number.h"
 #include "detect/cuda/place.h"
 #include "detect/cuda/up.h"
 
@@ -290,9 +291,9 @@ void launch(const Task& task, const Grid& grid, const typename DownsOf<W>::Type&
       kernel<<<kProcessors, kFewThreads, bytes, stream>>>(task);
     });
   } else if (task.units > 0) {
-    number_kernel<<<task.sums.all_groups, kFillThreads, 0, stream>>>(task);
+    launch_beside(number_kernel<false>, task.sums.all_groups, kFillThreads, stream, task);
     with_wide([&](auto wide) {
-      launch_beside(move_kernel<Kind, wide()>, 5 * kProcessors, kFillThreads, stream, task);
+      launch_beside(move_kernel<Kind, wide(), false>, 5 * kProcessors, kFillThreads, stream, task);
     });
   } else {
     with_wide([&](auto wide) {
@@ -301,15 +302,20 @@ void launch(const Task& task, const Grid& grid, const typename DownsOf<W>::Type&
   }
 }
 
-void flow(const Task& task, const Grid& grid, const Downs& downs, cudaStream_t stream) {
-  const std::uint32_t blocks = std::min<std::uint32_t>(
-      over(std::uint64_t(downs.warps) + task.own_tiles, kWarps), kProcessors * kFlowBlocks);
+void flow(Task task, const Grid& grid, const Downs& downs, cudaStream_t stream) {
+  const std::uint32_t tiles = over(task.spheres.count, kFlowTile),
+                      blocks = std::min<std::uint32_t>(over(std::uint64_t(downs.warps) + tiles, kWarps),
+                                                       kProcessors * kFlowBlocks);
   if (task.options.fixed_order) {
     constexpr SlotKind kKind = SlotKind::unequal;
-    share_kernel<kKind><<<over(task.units, kShareUnits), kShareUnits, 0, stream>>>(task, grid, downs);
+    TileSums& sums = task.sums;
+    task.own_tiles = tiles, task.shares = tile_shares(grid, task.options.share.own, tiles);
+    sums.own_groups = over(tiles, kGroupTiles),
+    sums.all_groups = sums.own_groups + over(task.units, kGroupTiles);
+    launch_beside(share_kernel<kKind>, over(task.units, kShareUnits), kShareUnits, stream, task, grid, downs);
     launch_beside(flow_kernel<true>, blocks, kThreads, stream, task, grid, downs);
-    number_kernel<<<task.sums.all_groups, kFillThreads, 0, stream>>>(task);
-    launch_beside(move_kernel<kKind, false>, 5 * kProcessors, kFillThreads, stream, task);
+    launch_beside(number_kernel<true>, sums.all_groups, kFillThreads, stream, task);
+    launch_beside(move_kernel<kKind, false, true>, 5 * kProcessors, kFillThreads, stream, task);
   } else {
     flow_kernel<false><<<blocks, kThreads, 0, stream>>>(task, grid, downs);
   }
@@ -331,7 +337,10 @@ void launch(Task& task, const Grid& grid, const Downs& downs, cudaStream_t strea
 }  // namespace
 
 Share share_for(const Counters& found, std::uint32_t spheres, const Grid& grid, SlotKind kind) {
-  const auto rounded = [](double mean) { return std::exp2(std::floor(16 * std::log2(mean)) / 16); };
+  // In steps, so that it seldom changes from call to call; 1, what is expected, is in the middle of one.
+  const auto rounded = [](double mean) {
+    return std::exp2((std::floor(16 * std::log2(mean) + 0.5) - 0.5) / 16);
+  };
   const std::uint32_t tiles = own_tiles(spheres);
   const Downs downs = plan_downs(grid, kind);
   if (tiles + over(downs.warps, kWarps) <= kMostTurns) return {};
@@ -355,8 +364,7 @@ void search(const Source& source, const Grid& grid, const Ordered& spheres, cons
   for (int k = 0; k < grid.levels; k++) task.judge_all = task.judge_all || grid.level[k].hashed;
   // Many spheres in float, whose distance alone counts: another kernel.
   Downs downs;
-  bool flows = spheres.count >= (options.fixed_order ? kFixedFlowSpheres : kFlowSpheres) &&
-               spheres.float_levels && !task.judge_all &&
+  bool flows = spheres.count >= kFlowSpheres && spheres.float_levels && !task.judge_all &&
                (output.scalar == Scalar::f32 || output.width == Width::pairs);
   if (flows) downs = plan_downs(grid, spheres.kind, true), flows = downs.count > 0;
   if (!flows) downs = plan_downs(grid, spheres.kind);
@@ -368,7 +376,7 @@ void search(const Source& source, const Grid& grid, const Ordered& spheres, cons
     const bool fresh = memory.marks.capacity() < marks;
     auto* const p = memory.marks.reserve(marks);
     if (fresh) cuda_check(cudaMemsetAsync(p, 0, marks * 8, stream), "clear the counters");
-    if (spheres.count >= kManySpheres) task.next = reinterpret_cast<unsigned int*>(p);
+    if (flows || spheres.count >= kManySpheres) task.next = reinterpret_cast<unsigned int*>(p);
     task.sums.fills = reinterpret_cast<unsigned int*>(p) + 1;
     task.sums.turn = p + 2, task.sums.groups = p + 4 + 2 * kTurnWords;
   }
@@ -379,15 +387,20 @@ void search(const Source& source, const Grid& grid, const Ordered& spheres, cons
     sums.own_groups = over(task.own_tiles, kGroupTiles);
     sums.all_groups = sums.own_groups + over(task.units, kGroupTiles);
     const std::uint64_t units = task.units;
-    const bool shares = units && spheres.count >= kManySpheres;  // of few, moving all costs less
+    const bool shares = units && (flows || spheres.count >= kManySpheres);  // of few, moving all costs less
     sums.share_groups = shares ? over(units, kShareUnits) : 0;
-    const std::uint64_t words = (tiles + sums.share_groups + sums.all_groups + 3) & ~std::uint64_t(1);
-    auto* const p = memory.sums.reserve(words + (tiles + (units ? tiles + 2 * units : 0) + 1) / 2 + 2);
-    sums.spill_at = p, sums.bases = p + tiles, sums.spares_before = sums.bases + sums.share_groups + 1;
+    const std::uint64_t words = (tiles + sums.share_groups + 3) & ~std::uint64_t(1);
+    sums.spill = memory.spill.data(), sums.room = memory.spill.data() ? memory.spill.capacity() : 0;
+    sums.index_room = units ? sums.room / kSpares + 1 : 0;
+    auto* const p =
+        memory.sums.reserve(words + (tiles + (units ? tiles + 2 * units : 0) + sums.index_room + 1) / 2 + 2);
+    sums.spill_at = p, sums.bases = p + tiles, sums.all_spares = sums.bases + sums.share_groups + 1;
     sums.counts = reinterpret_cast<std::uint32_t*>(p + words);  // read four at a time, also the last
     sums.firsts = sums.counts + tiles, sums.spares = sums.firsts + units;
-    if (shares) sums.shares = sums.spares + tiles;
-    sums.spill = memory.spill.data(), sums.room = memory.spill.data() ? memory.spill.capacity() : 0;
+    if (units) sums.index = sums.spares + tiles;
+    if (shares) sums.shares = sums.index + sums.index_room;
+    task.shares.share[0] = options.share.own;
+    task.shares.place[1] = static_cast<std::uint64_t>(options.share.own) * task.own_tiles;
     // Numbers of 32 bits are enough then.
     if (!shares && tiles <= kMostNumbered &&
         (sums.room | options.share.own * std::uint64_t(tiles)) >> 32 == 0)

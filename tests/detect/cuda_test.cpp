@@ -221,12 +221,12 @@ void CudaTest::expect_one_order(const char* name, std::uint64_t n) {
 }
 TEST_F(CudaTest, ListsOfAllLengthsInOneOrder) {
   for (const char* name : {"poly35", "poly100"})
-    for (const std::uint64_t n : {30'000, 140'000})
+    for (const std::uint64_t n : {30'000, 130'000})
       expect_one_order(name, n);  // tiles that wait; that do not
 }
 // Units that look down have places of their own.
 TEST_F(CudaTest, LargeListsOfAllLengthsInOneOrder) {
-  for (const std::uint64_t n : {320'000, 950'000}) expect_one_order("poly100", n);
+  for (const std::uint64_t n : {150'000, 320'000, 950'000}) expect_one_order("poly100", n);
 }
 
 TEST_F(CudaTest, CrowdedBins) {
