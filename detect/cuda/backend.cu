@@ -279,7 +279,7 @@ class CudaBackend : public Backend {
         if (c.count > capacity(options)) reserve_records(options, c.count + c.count / 16);
         if (fixed) {
           const bool known = share == plan_.search.share;  // else: usually less
-          search_memory_.spill.reserve(known ? found.spilled + found.spilled / 8 : c.count / 10 + 4096);
+          search_memory_.spill.reserve(known ? found.spilled + found.spilled / 8 : c.count / 16 + 4096);
           plan_.search.share = share_ = share;
         }
       } else {

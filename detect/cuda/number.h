@@ -108,10 +108,14 @@ __device__ __forceinline__ Word spare_place(const Task& task, Word number, Word 
   return end - static_cast<std::uint32_t>(left(tile));
 }
 
+// Blocks of it an SM must be able to hold: hits wait for memory, so that many under way pay.
+template <bool Flows>
+constexpr int kMoveBlocks = Flows ? 7 : 5;
 // The hits that spilled to the list. Begins beside number_kernel, since most of what it reads is there
 // already. Leaves the groups of tiles as they were before the search.
 template <SlotKind Kind, bool Wide, bool Flows>
-__global__ void __launch_bounds__(kFillThreads, 5) move_kernel(const __grid_constant__ Task task) {
+__global__ void __launch_bounds__(kFillThreads, kMoveBlocks<Flows>)
+    move_kernel(const __grid_constant__ Task task) {
   const TileSums& sums = task.sums;
   const std::uint32_t thread = blockIdx.x * kFillThreads + threadIdx.x, threads = gridDim.x * kFillThreads;
   // A thread's next hit is asked for before its last is moved, the first before it is known to be one.

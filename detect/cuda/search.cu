@@ -293,7 +293,8 @@ void launch(const Task& task, const Grid& grid, const typename DownsOf<W>::Type&
   } else if (task.units > 0) {
     launch_beside(number_kernel<false>, task.sums.all_groups, kFillThreads, stream, task);
     with_wide([&](auto wide) {
-      launch_beside(move_kernel<Kind, wide(), false>, 5 * kProcessors, kFillThreads, stream, task);
+      launch_beside(move_kernel<Kind, wide(), false>, kMoveBlocks<false> * kProcessors, kFillThreads, stream,
+                    task);
     });
   } else {
     with_wide([&](auto wide) {
@@ -315,7 +316,8 @@ void flow(Task task, const Grid& grid, const Downs& downs, cudaStream_t stream) 
     launch_beside(share_kernel<kKind>, over(task.units, kShareUnits), kShareUnits, stream, task, grid, downs);
     launch_beside(flow_kernel<true>, blocks, kThreads, stream, task, grid, downs);
     launch_beside(number_kernel<true>, sums.all_groups, kFillThreads, stream, task);
-    launch_beside(move_kernel<kKind, false, true>, 5 * kProcessors, kFillThreads, stream, task);
+    launch_beside(move_kernel<kKind, false, true>, kMoveBlocks<true> * kProcessors, kFillThreads, stream,
+                  task);
   } else {
     flow_kernel<false><<<blocks, kThreads, 0, stream>>>(task, grid, downs);
   }
@@ -337,9 +339,11 @@ void launch(Task& task, const Grid& grid, const Downs& downs, cudaStream_t strea
 }  // namespace
 
 Share share_for(const Counters& found, std::uint32_t spheres, const Grid& grid, SlotKind kind) {
-  // In steps, so that it seldom changes from call to call; 1, what is expected, is in the middle of one.
-  const auto rounded = [](double mean) {
-    return std::exp2((std::floor(16 * std::log2(mean) + 0.5) - 0.5) / 16);
+  // In steps, so that it seldom changes from call to call, finer where chance changes the count by less; what
+  // is expected, 1, is in the middle of one.
+  const double steps = found.contacts >> 24 ? 64 : found.contacts >> 22 ? 32 : 16;  // of an octave
+  const auto rounded = [&](double mean) {
+    return std::exp2((std::floor(steps * std::log2(mean) + 0.5) - 0.5) / steps);
   };
   const std::uint32_t tiles = own_tiles(spheres);
   const Downs downs = plan_downs(grid, kind);
