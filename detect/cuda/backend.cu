@@ -278,7 +278,7 @@ class CudaBackend : public Backend {
                  (fixed && found.spilled > search_memory_.spill.capacity())) {
         if (c.count > capacity(options)) reserve_records(options, c.count + c.count / 16);
         if (fixed) {
-          const bool known = share == plan_.search.share;  // else: usually less
+          const bool known = share == plan_.search.share;  // else: usually a twentieth of the list
           search_memory_.spill.reserve(known ? found.spilled + found.spilled / 8 : c.count / 16 + 4096);
           plan_.search.share = share_ = share;
         }

@@ -98,9 +98,9 @@ __device__ __forceinline__ float expected_hits(const Task& task, const Grid& gri
   return 16 * d.density * volume * sum;
 }
 
-// Host. Places for `tiles` tiles of flow.h: on average as many a sphere as `share` is for kThreads of them,
-// at each level in proportion to how many of its spheres are within reach of one.
-inline TileShares tile_shares(const Grid& grid, std::uint32_t share, std::uint32_t tiles) {
+// Host. Places for `tiles` tiles of flow.h, `places` in all and never more: what is left spare must not
+// exceed what spills. At each level in proportion to how many of its spheres are within reach of one.
+inline TileShares tile_shares(const Grid& grid, std::uint64_t places, std::uint32_t tiles) {
   TileShares s;
   double weight[kMaxLevels], sum = 0;
   std::uint64_t first = 0;
@@ -117,7 +117,7 @@ inline TileShares tile_shares(const Grid& grid, std::uint32_t share, std::uint32
   const auto end = [&](int k) { return k + 1 < grid.levels ? s.first[k + 1] : tiles; };
   for (int k = 0; k < grid.levels; k++) sum += weight[k] * (end(k) - s.first[k]);
   for (int k = 0; k < grid.levels; k++) {
-    s.share[k] = static_cast<std::uint32_t>(share * 2. * tiles / sum * weight[k]);
+    s.share[k] = static_cast<std::uint32_t>(static_cast<double>(places) / sum * weight[k]);
     s.place[k + 1] = s.place[k] + static_cast<std::uint64_t>(s.share[k]) * (end(k) - s.first[k]);
   }
   return s;

@@ -7,7 +7,9 @@
 namespace padder::detect::cuda {
 namespace {
 
-// Flows: hits of flow.h, which tell their tile and which they are of those that it spilled.
+// A group of tiles a block. spill_at becomes what is between a hit's place in the spill and its number.
+// Flows: hits of flow.h, which tell their tile and which they are of those that it spilled: between that and
+// the number.
 template <bool Flows>
 __global__ void __launch_bounds__(kFillThreads, 4) number_kernel(const __grid_constant__ Task task) {
   constexpr int kEach = kGroupTiles / kFillThreads;
@@ -76,7 +78,7 @@ __global__ void __launch_bounds__(kFillThreads, 4) number_kernel(const __grid_co
 __device__ __forceinline__ Word spare_place(const Task& task, Word number, Word all) {
   const TileSums& sums = task.sums;
   const Word k = number / kSpares;
-  if (k >= sums.index_room) return ~Word(0);  // the spill was too short: the search is repeated
+  if (k >= sums.index_room) return ~Word(0);   // the spill was too short: the search is repeated
   const auto left = [&](std::uint32_t tile) {  // behind the place, up to the end of the tile's
     return static_cast<std::int32_t>(sums.spares[tile] - static_cast<std::uint32_t>(number));
   };

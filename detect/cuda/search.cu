@@ -310,7 +310,7 @@ void flow(Task task, const Grid& grid, const Downs& downs, cudaStream_t stream) 
   if (task.options.fixed_order) {
     constexpr SlotKind kKind = SlotKind::unequal;
     TileSums& sums = task.sums;
-    task.own_tiles = tiles, task.shares = tile_shares(grid, task.options.share.own, tiles);
+    task.own_tiles = tiles, task.shares = tile_shares(grid, task.shares.place[1], tiles);
     sums.own_groups = over(tiles, kGroupTiles),
     sums.all_groups = sums.own_groups + over(task.units, kGroupTiles);
     launch_beside(share_kernel<kKind>, over(task.units, kShareUnits), kShareUnits, stream, task, grid, downs);
