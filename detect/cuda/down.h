@@ -14,14 +14,26 @@ namespace {
 
 // A pair of levels. A unit: `group` spheres of the coarser one and all their rows of the finer one; or one
 // sphere and a part of its rows, of so many parts as its size asks for, `parts` at most. A warp takes `turns`
-// units one after the other, of parts far from each other: most spheres have only the first of them.
+// units one after the other, of parts far from each other: most spheres have only the first of them. In
+// flow.h a unit may be of several `pieces`: groups that follow each other, or parts far from each other.
 struct Down {
   std::uint32_t first_warp, first_unit, first, end;  // spheres `first` to `end` - 1 of the order
-  std::uint32_t group, parts, turns, step;           // step: parts / turns, rounded up
+  std::uint32_t group, parts, turns, step;           // step: parts / turns / pieces, rounded up
+  std::uint32_t pieces, wide;                        // wide: spheres from one unit to the next
   float per_part;  // parts of a sphere that reaches one bin far; more with the third power of its reach
   float density;   // spheres of the finer level in a bin
   std::int32_t coarse, fine;
 };
+// A piece of a unit of flow.h: its first sphere of `group`, and which part of that one's rows it is.
+struct Piece {
+  std::uint32_t first, part;
+};
+__host__ __device__ __forceinline__ Piece piece_of(const Down& d, std::uint32_t unit_of_pair,
+                                                   std::uint32_t piece) {
+  const std::uint32_t number = d.step == 1 ? unit_of_pair : unit_of_pair / d.step;
+  if (d.parts == 1) return {d.first + number * d.wide + piece * d.group, 0};
+  return {d.first + number * d.wide, unit_of_pair - number * d.step + piece * d.step};
+}
 struct Downs {
   static constexpr int kMost = kMaxLevels * (kMaxLevels - 1) / 2;
   static constexpr bool kLevels = true;
@@ -44,13 +56,17 @@ struct DownsOf<Way::down> {
 // From so many on a warp takes units as long as there are any, instead of one.
 constexpr std::uint64_t kManySpheres = 300000;
 
+// From so many on a unit of a flow of fixed order has two pieces: fewer hits miss its share, and the row of
+// pairs runs dry less often. Of fewer spheres the last units would take too long.
+constexpr std::uint64_t kManyPieces = 3000000;
+
 // Lengths in bins of the finer level are floats; this much more covers their rounding, twice.
 constexpr float kReachShare = 1 + 0x1p-16f, kReachMore = 0x1p-14f;
 
 // How the levels are looked through; none where it cannot be done downwards: not where levels are hashed,
 // where sizes differ so much that fixed-point slots of one level say nothing at another, or where it would be
 // too many rows. Flows: units for flow.h, which are larger, since nothing but the work is divided into them.
-inline Downs plan_downs(const Grid& grid, SlotKind kind, bool flows = false) {
+inline Downs plan_downs(const Grid& grid, SlotKind kind, bool flows = false, bool fixed_order = false) {
   constexpr double kWidest = 100, kRows = 2048;
   const double most_hits = flows ? 500 : 128, part_hits = flows ? 1000 : 160;
   Downs downs;
@@ -84,10 +100,14 @@ inline Downs plan_downs(const Grid& grid, SlotKind kind, bool flows = false) {
       }
       d.first = static_cast<std::uint32_t>(first),
       d.end = d.first + static_cast<std::uint32_t>(coarse.spheres);
-      d.turns = flows || d.parts < 8 || spheres < kManySpheres ? 1 : 3,
-      d.step = (d.parts + d.turns - 1) / d.turns;
+      d.turns = flows || d.parts < 8 || spheres < kManySpheres ? 1 : 3;
+      d.pieces = 1;
+      if (flows && fixed_order && spheres >= kManyPieces)
+        d.pieces = d.parts > 1 || 2 * d.group * hits <= most_hits ? 2 : 1;
+      d.wide = d.parts > 1 ? 1 : d.group * d.pieces;
+      d.step = d.parts == 1 ? 1 : (d.parts + d.turns * d.pieces - 1) / (d.turns * d.pieces);
       d.first_unit = static_cast<std::uint32_t>(units), d.first_warp = static_cast<std::uint32_t>(warps);
-      const std::uint64_t more = (coarse.spheres + d.group - 1) / d.group * d.step;
+      const std::uint64_t more = (coarse.spheres + d.wide - 1) / d.wide * d.step;
       warps += more, units += more * d.turns;
       // At most some hundred rows a sphere of the scene.
       if (units > spheres / 2 + 65536 || units > kMostUnits) return {};

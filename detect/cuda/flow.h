@@ -203,8 +203,7 @@ struct Flow {
   __device__ __forceinline__ void end() {
     if (lane == 0) {
       await_copies();
-      task.sums.counts[tile] = told;
-      note(task, tile, memory.share & most(), told);
+      note_net(task, tile, static_cast<std::int32_t>(told - (memory.share & most())));
     }
   }
 
@@ -237,6 +236,7 @@ struct Flow {
     from = hits, upto = hits + left;
   }
   __device__ __forceinline__ void finish() { drain(true); }
+  __device__ __forceinline__ bool waits() const { return from < upto || hits > 0; }
 
   // Some consecutive candidates of each lane to the end of the row, for sphere i, as many as there is room
   // for; leaves the others. Returns the new end.
@@ -275,7 +275,8 @@ struct Flow {
     bool longer = true;
   };
 
-  __device__ __forceinline__ void take_all(bool down, bool finest) {
+  // Dry: until nothing waits.
+  __device__ __forceinline__ void take_all(bool down, bool finest, bool dry) {
     int slow = -1;  // unless below zero: so many candidates of each row have been looked at, then row by row
     Slowly slowly;
     for (bool last = false; !last;) {
@@ -284,7 +285,7 @@ struct Flow {
         end = put_runs(row.i, row.begin, row.end);
         if (!__any_sync(kAll, row.begin != row.end)) {
           last = at >= behind;
-          if (!last) row = find(at), at += 32;
+          if (!last) row = find(at), at += 32;  // asked for while what waits is judged
         }
       } else {
         bool longer = false, done = true;
@@ -299,7 +300,7 @@ struct Flow {
         }
         if (done) slow = -1, at += 32, last = at >= behind;
       }
-      put(end, Fixed && last);
+      put(end, dry && last);
     }
   }
   __device__ __forceinline__ void begin_around(std::uint32_t first, std::uint32_t end) {
@@ -381,15 +382,14 @@ struct Flow {
     return true;
   }
 
-  // A unit begins; false where it has no rows.
-  __device__ __forceinline__ bool begin_down(const Down& d, std::uint32_t unit_of_pair) {
+  // A piece of a unit begins; false where it has no rows.
+  __device__ __forceinline__ bool begin_down(const Down& d, std::uint32_t unit_of_pair, std::uint32_t piece) {
     const Level& l = grid.level[d.fine];
     const FloatBins& bins = downs.bins.level[d.fine];
-    const std::uint32_t number = d.parts == 1 ? unit_of_pair : unit_of_pair / d.parts,
-                        part = unit_of_pair - number * d.parts, first = d.first + number * d.group;
+    const auto [first, part] = piece_of(d, unit_of_pair, piece);
     // The bins may be those of another scene (backend.cu): places and radii are held within bounds.
-    const std::uint32_t members =
-        first < task.spheres.count ? min(min(d.group, d.end - first), task.spheres.count - first) : 0;
+    const std::uint32_t behind_last = min(d.end, task.spheres.count),
+                        members = first < behind_last ? min(d.group, behind_last - first) : 0;
     const std::uint32_t row_length = l.count[0] + 2, plane = row_length * (l.count[1] + 2);
     std::uint32_t rows = 0, skipped = 0, ny = 1, key = 0;
     float4 within;
@@ -483,24 +483,33 @@ struct Flow {
 };
 
 // The order in which work is taken: tiles of the coarser levels, whose rows may be long, then of each pair of
-// levels and of the tiles of the finest one part in kRounds after the other, so that what is near in space,
-// as the orders of all levels are much alike, is done at one time.
+// levels and of the tiles of the finest one part in 2^bits after the other, so that what is near in space, as
+// the orders of all levels are much alike, is done at one time. For a list of fixed order of fewer spheres
+// all tiles, since units must wait for their shares, then pairs from those of the largest spheres to those of
+// the smallest, whose units take least, in few parts: what is begun last should not take long.
 struct Work {
-  std::uint32_t items, first, tiles;  // first: tiles to begin with, all but those of the finest level
+  std::uint32_t items, first, tiles;  // first: tiles to begin with
   std::uint32_t count[Downs::kMost + 1];
 };
+__device__ __forceinline__ std::uint32_t part_bits(const Task& task, bool backwards) {
+  const bool whole = task.spheres.count >= 600000 && task.spheres.count < 1500000;  // as measured
+  return !backwards ? 8 : whole ? 0 : 2;
+}
+template <bool Fixed>
+__device__ __forceinline__ bool tiles_first(const Task& task) {
+  return Fixed && task.spheres.count < kManyPieces;
+}
 struct Item {
   std::uint32_t pair, unit;  // pair: downs.count: a tile
 };
 __device__ __forceinline__ Item item_of(const Work& work, std::uint32_t pairs, std::uint32_t number,
-                                        std::uint32_t lane) {
-  constexpr std::uint32_t kRoundBits = 8;
+                                        std::uint32_t lane, std::uint32_t bits) {
   if (number < work.first) return {pairs, work.tiles - 1 - number};
   number -= work.first;
   const auto begin = [&](std::uint32_t count, std::uint32_t round) {
-    return static_cast<std::uint32_t>(static_cast<std::uint64_t>(count) * round >> kRoundBits);
+    return static_cast<std::uint32_t>(static_cast<std::uint64_t>(count) * round >> bits);
   };
-  auto round = static_cast<std::uint32_t>(static_cast<float>(number) * (1 << kRoundBits) /
+  auto round = static_cast<std::uint32_t>(static_cast<float>(number) * static_cast<float>(1 << bits) /
                                           static_cast<float>(work.items - work.first) * 0.99999f);
   std::uint32_t before = 0;
   for (bool more = true; more; round += more) {
@@ -534,15 +543,17 @@ __global__ void __launch_bounds__(kThreads, kFlowBlocks)
   if (Fixed) begin_next();  // which waits for the end of this
   // The table is not whole: the caller orders the spheres in another way.
   if (task.counters->flags) return;
+  const bool backwards = tiles_first<Fixed>(task);
   for (std::uint32_t p = threadIdx.x; p <= downs.count; p += kThreads) {
     const std::uint32_t tiles = (task.spheres.count + kTile - 1) / kTile,
                         finest = static_cast<std::uint32_t>(
                             min(grid.level[0].spheres / kTile, static_cast<std::uint64_t>(tiles)));
-    const std::uint32_t first = tiles - finest;
+    const std::uint32_t first = backwards ? tiles : tiles - finest,
+                        at = backwards && p < downs.count ? downs.count - 1 - p : p;
     if (p == downs.count) work.tiles = tiles, work.first = first, work.items = downs.warps + tiles;
-    work.count[p] = p == downs.count       ? tiles - first
-                    : p + 1 == downs.count ? downs.warps - downs.pair[p].first_warp
-                                           : downs.pair[p + 1].first_warp - downs.pair[p].first_warp;
+    work.count[at] = p == downs.count       ? tiles - first
+                     : p + 1 == downs.count ? downs.warps - downs.pair[p].first_warp
+                                            : downs.pair[p + 1].first_warp - downs.pair[p].first_warp;
   }
   __syncthreads();
   const std::uint32_t warp = __shfl_sync(kAll, threadIdx.x >> 5, 0), items = work.items;
@@ -553,7 +564,8 @@ __global__ void __launch_bounds__(kThreads, kFlowBlocks)
     // Asked for long before it is needed.
     std::uint32_t next = 0;
     if (flow.lane == 0) next = atomicAdd(task.next, 1u);
-    const Item item = item_of(work, downs.count, number, flow.lane);
+    Item item = item_of(work, downs.count, number, flow.lane, part_bits(task, backwards));
+    if (backwards && item.pair < downs.count) item.pair = downs.count - 1 - item.pair;
     const bool down = item.pair < downs.count;
     const Down& d = downs.pair[down ? item.pair : 0];
     if constexpr (Fixed) {
@@ -564,7 +576,13 @@ __global__ void __launch_bounds__(kThreads, kFlowBlocks)
     }
     const bool finest = !Fixed && item.unit < work.tiles - work.first;  // Fixed: more would spill
     if (!down) flow.begin_around(item.unit * kTile, min(item.unit * kTile + kTile, task.spheres.count));
-    if (!down || flow.begin_down(d, item.unit)) flow.take_all(down, finest);
+    std::uint32_t piece = 0;
+    for (bool last = false; !last;) {
+      const bool some = !down || flow.begin_down(d, item.unit, piece++);
+      // Of a sphere's pieces those behind an empty one are empty.
+      last = !Fixed || !down || piece >= d.pieces || (!some && d.parts > 1);
+      if (some || (Fixed && last && flow.waits())) flow.take_all(down, finest, Fixed && last);
+    }
     if (Fixed) flow.end();
     // The last to find nothing leaves the counter as it was.
     if (flow.lane == 0 && next + 1 == items) *task.next = 0;

@@ -39,19 +39,24 @@ constexpr float kWide = 1 + 0x1p-20f, kNear = 0x1p-19f;
 struct TileSums {
   bool turns = false;                  // few tiles: each waits for those before it
   unsigned long long* turn = nullptr;  // number of the search, then words of place.h
-  unsigned int* fills = nullptr;       // blocks that have read `groups`; then those that have summed shares
-  // Of each group of tiles: places left spare, hits that spilled. Null where fill_few_kernel numbers all.
+  unsigned int* fills = nullptr;       // blocks that have read `groups`
+  // Of each group of tiles: places left spare, hits that spilled; with `eights`, of each eight tiles both in
+  // one word (note_net). Null where fill_few_kernel numbers all.
   unsigned long long* groups = nullptr;
+  bool eights = false;
   std::uint32_t own_groups = 0, all_groups = 0, share_groups = 0;
-  unsigned long long* spill_at = nullptr;              // where a tile's spilled hits lie
-  std::uint32_t *counts = nullptr, *firsts = nullptr;  // contacts of each tile; first sphere of each unit
-  unsigned long long* spill = nullptr;                 // places of i (or unit and number within it) and j
+  unsigned long long* spill_at = nullptr;  // where a tile's spilled hits lie
+  // Contacts of each tile (of flow.h: less its places); first sphere of each unit.
+  std::uint32_t *counts = nullptr, *firsts = nullptr;
+  unsigned long long* spill = nullptr;  // places of i (or unit and number within it) and j
   std::uint64_t room = 0;
   // Where there are units. Of each its share and the places of those before it in its group, in one word, and
   // of each group its first place in the list, at last that behind all shares. Of each tile the spare places
   // up to it, modulo 2^32, and the tile of each kSpares-th; how many there are in all.
   std::uint32_t *shares = nullptr, *spares = nullptr, *index = nullptr;
   unsigned long long *bases = nullptr, *all_spares = nullptr;
+  // Of each group of units the word of places_before (expect.h); zero between searches.
+  unsigned long long* share_sums = nullptr;
   std::uint64_t index_room = 0;
 };
 constexpr std::uint32_t kSpares = 32;

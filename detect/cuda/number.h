@@ -1,6 +1,6 @@
-// After a search of fixed order with units (expect.h): one kernel numbers the hits that spilled and the
-// places left spare, another moves hit by hit, the n-th hit to the n-th spare place or, where there are no
-// more, behind all shares. Only search.cu includes this.
+// After a search of fixed order with units (expect.h), unless it is a flow of so few that fill_flow.h serves:
+// one kernel numbers the hits that spilled and the places left spare, another moves hit by hit, the n-th hit
+// to the n-th spare place or, where there are no more, behind all shares. Only search.cu includes this.
 #pragma once
 #include "detect/cuda/place.h"
 
@@ -30,11 +30,12 @@ __global__ void __launch_bounds__(kFillThreads, 4) number_kernel(const __grid_co
     mine[u] = lies_at[u] = 0;
     if (tile + u >= tiles.end) continue;
     if (!Flows) lies_at[u] = sums.spill_at[tile + u];
-    const std::uint32_t count = sums.counts[tile + u],
-                        places = tile + u < task.own_tiles
-                                     ? places_of_tile(task, tile + u).count
-                                     : share_of(sums, tile + u - task.own_tiles) & kMostShare;
-    mine[u] = count > places ? count - places : static_cast<Word>(places - count) << 32;
+    auto net = static_cast<std::int32_t>(sums.counts[tile + u]);
+    if (!Flows)
+      net -= static_cast<std::int32_t>(tile + u < task.own_tiles
+                                           ? places_of_tile(task, tile + u).count
+                                           : share_of(sums, tile + u - task.own_tiles) & kMostShare);
+    mine[u] = net > 0 ? net : static_cast<Word>(-net) << 32;
   }
   Word upto[2] = {}, net = 0, own = 0;  // before the group; contacts less shares
   for (std::uint32_t g = threadIdx.x; g < (group ? group : sums.all_groups); g += kFillThreads) {
@@ -115,7 +116,7 @@ __device__ __forceinline__ Word spare_place(const Task& task, Word number, Word 
 template <bool Flows>
 constexpr int kMoveBlocks = Flows ? 7 : 5;
 // The hits that spilled to the list. Begins beside number_kernel, since most of what it reads is there
-// already. Leaves the groups of tiles as they were before the search.
+// already. Leaves the groups of tiles and of units as they were before the search.
 template <SlotKind Kind, bool Wide, bool Flows>
 __global__ void __launch_bounds__(kFillThreads, kMoveBlocks<Flows>)
     move_kernel(const __grid_constant__ Task task) {
@@ -141,6 +142,7 @@ __global__ void __launch_bounds__(kFillThreads, kMoveBlocks<Flows>)
   if (thread < count) take();
   await_before();
   for (std::uint32_t k = thread; k < 2 * sums.all_groups; k += threads) sums.groups[k] = 0;
+  for (std::uint32_t k = thread; k < sums.share_groups; k += threads) sums.share_sums[k] = 0;
   const Word spares = __ldcg(sums.all_spares), behind = behind_shares(task) - spares;
   for (Word from = thread; from < count;) {
     const Word next = from + threads;

@@ -52,6 +52,18 @@ __device__ __forceinline__ void note(const Task& task, std::uint32_t tile, std::
   atomicAdd(group + (found > share), static_cast<Word>(found > share ? found - share : share - found));
 }
 
+// Of flow.h: contacts less places. To its group or, where fill_flow.h serves, to its eight tiles: hits
+// spilled in the lower half of a word, places left spare in the upper.
+__device__ __forceinline__ void note_net(const Task& task, std::uint32_t tile, std::int32_t net) {
+  task.sums.counts[tile] = static_cast<std::uint32_t>(net);
+  if (net == 0) return;
+  const auto more = static_cast<Word>(net < 0 ? -net : net);
+  if (task.sums.eights)
+    atomicAdd(task.sums.groups + tile / 8, net < 0 ? more << 32 : more);
+  else
+    atomicAdd(task.sums.groups + group_of(task, tile) * 2 + (net > 0), more);
+}
+
 // Of a tile of spheres.
 __device__ __forceinline__ Target take_place(const Task& task, std::uint32_t tile, std::uint32_t sum) {
   if (!task.options.fixed_order)
@@ -72,6 +84,7 @@ struct PlacesOfTile {
 __device__ __forceinline__ PlacesOfTile places_of_tile(const Task& task, std::uint32_t tile) {
   const TileShares& s = task.shares;
   int level = s.levels - 1;
+#pragma unroll 1
   while (level > 0 && tile < s.first[level]) level--;
   return {s.place[level] + static_cast<Word>(tile - s.first[level]) * s.share[level], s.share[level]};
 }

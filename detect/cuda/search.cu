@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "detect/cuda/expect.h"
+#include "detect/cuda/fill_flow.h"
 #include "detect/cuda/flow.h"
 #include "detect/cuda/level.h"
 #include "detect/cuda/number.h"
@@ -245,13 +246,13 @@ std::uint32_t own_tiles(std::uint32_t spheres) { return over(spheres, kThreads);
 // Begins once all blocks of the kernel before have said that it may (begin_next); that one is waited for by
 // await_before.
 template <class... Given, class... Arguments>
-void launch_beside(void (*kernel)(Given...), unsigned blocks, unsigned threads, cudaStream_t stream,
-                   const Arguments&... arguments) {
+void launch_beside(void (*kernel)(Given...), unsigned bytes, unsigned blocks, unsigned threads,
+                   cudaStream_t stream, const Arguments&... arguments) {
   cudaLaunchAttribute beside{};
   beside.id = cudaLaunchAttributeProgrammaticStreamSerialization;
   beside.val.programmaticStreamSerializationAllowed = 1;
   cudaLaunchConfig_t config{};
-  config.gridDim = blocks, config.blockDim = threads, config.stream = stream;
+  config.gridDim = blocks, config.blockDim = threads, config.dynamicSmemBytes = bytes, config.stream = stream;
   config.attrs = &beside, config.numAttrs = 1;
   cuda_check(cudaLaunchKernelEx(&config, kernel, Given(arguments)...), "search for contacts");
 }
@@ -268,7 +269,7 @@ void launch(const Task& task, const Grid& grid, const typename DownsOf<W>::Type&
       share_kernel<Kind>
           <<<std::min<std::uint32_t>(task.sums.share_groups, 2 * kProcessors), kShareUnits, 0, stream>>>(
               task, grid, downs);
-      launch_beside(search_kernel<Kind, W>, blocks, kThreads, stream, task, grid, downs);
+      launch_beside(search_kernel<Kind, W>, 0, blocks, kThreads, stream, task, grid, downs);
     } else {
       search_kernel<Kind, W><<<blocks, kThreads, 0, stream>>>(task, grid, downs);
     }
@@ -291,10 +292,10 @@ void launch(const Task& task, const Grid& grid, const typename DownsOf<W>::Type&
       kernel<<<kProcessors, kFewThreads, bytes, stream>>>(task);
     });
   } else if (task.units > 0) {
-    launch_beside(number_kernel<false>, task.sums.all_groups, kFillThreads, stream, task);
+    launch_beside(number_kernel<false>, 0, task.sums.all_groups, kFillThreads, stream, task);
     with_wide([&](auto wide) {
-      launch_beside(move_kernel<Kind, wide(), false>, kMoveBlocks<false> * kProcessors, kFillThreads, stream,
-                    task);
+      launch_beside(move_kernel<Kind, wide(), false>, 0, kMoveBlocks<false> * kProcessors, kFillThreads,
+                    stream, task);
     });
   } else {
     with_wide([&](auto wide) {
@@ -313,11 +314,22 @@ void flow(Task task, const Grid& grid, const Downs& downs, cudaStream_t stream) 
     task.own_tiles = tiles, task.shares = tile_shares(grid, task.shares.place[1], tiles);
     sums.own_groups = over(tiles, kGroupTiles),
     sums.all_groups = sums.own_groups + over(task.units, kGroupTiles);
-    launch_beside(share_kernel<kKind>, over(task.units, kShareUnits), kShareUnits, stream, task, grid, downs);
-    launch_beside(flow_kernel<true>, blocks, kThreads, stream, task, grid, downs);
-    launch_beside(number_kernel<true>, sums.all_groups, kFillThreads, stream, task);
-    launch_beside(move_kernel<kKind, false, true>, kMoveBlocks<true> * kProcessors, kFillThreads, stream,
-                  task);
+    const std::uint32_t eights = over(std::uint64_t(tiles) + task.units, 8);
+    sums.eights =
+        eights <= kMostEights && sums.room >> 33 == 0 && task.shares.place[task.shares.levels] >> 31 == 0;
+    launch_beside(share_kernel<kKind>, 0, over(task.units, kShareUnits), kShareUnits, stream, task, grid,
+                  downs);
+    launch_beside(flow_kernel<true>, 0, blocks, kThreads, stream, task, grid, downs);
+    if (sums.eights) {
+      const std::uint32_t bytes = eights * sizeof(uint2);
+      cuda_check(cudaFuncSetAttribute(fill_flow_kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, bytes),
+                 "take shared memory");
+      launch_beside(fill_flow_kernel, bytes, kProcessors, kFlowFillThreads, stream, task);
+    } else {
+      launch_beside(number_kernel<true>, 0, sums.all_groups, kFillThreads, stream, task);
+      launch_beside(move_kernel<kKind, false, true>, 0, kMoveBlocks<true> * kProcessors, kFillThreads, stream,
+                    task);
+    }
   } else {
     flow_kernel<false><<<blocks, kThreads, 0, stream>>>(task, grid, downs);
   }
@@ -370,12 +382,15 @@ void search(const Source& source, const Grid& grid, const Ordered& spheres, cons
   Downs downs;
   bool flows = spheres.count >= kFlowSpheres && spheres.float_levels && !task.judge_all &&
                (output.scalar == Scalar::f32 || output.width == Width::pairs);
-  if (flows) downs = plan_downs(grid, spheres.kind, true), flows = downs.count > 0;
+  if (flows) downs = plan_downs(grid, spheres.kind, true, options.fixed_order), flows = downs.count > 0;
   if (!flows) downs = plan_downs(grid, spheres.kind);
   if (spheres.float_levels) downs.bins = level_bins(grid, spheres.kind);
   task.units = downs.units;
   const std::uint64_t groups = over(task.own_tiles, kGroupTiles) + over(task.units, kGroupTiles),
-                      marks = 4 + 2 * kTurnWords + 2 * groups;
+                      eights = over(task.own_tiles / 2 + 1 + std::uint64_t(task.units), 8) + 3,
+                      words_of_groups = std::max(2 * groups, eights),
+                      share_groups = over(task.units, kShareUnits),
+                      marks = 4 + 2 * kTurnWords + words_of_groups + share_groups;
   if (options.fixed_order || downs.warps) {
     const bool fresh = memory.marks.capacity() < marks;
     auto* const p = memory.marks.reserve(marks);
@@ -383,6 +398,7 @@ void search(const Source& source, const Grid& grid, const Ordered& spheres, cons
     if (flows || spheres.count >= kManySpheres) task.next = reinterpret_cast<unsigned int*>(p);
     task.sums.fills = reinterpret_cast<unsigned int*>(p) + 1;
     task.sums.turn = p + 2, task.sums.groups = p + 4 + 2 * kTurnWords;
+    task.sums.share_sums = task.sums.groups + words_of_groups;
   }
   if (options.fixed_order) {
     TileSums& sums = task.sums;
@@ -392,14 +408,14 @@ void search(const Source& source, const Grid& grid, const Ordered& spheres, cons
     sums.all_groups = sums.own_groups + over(task.units, kGroupTiles);
     const std::uint64_t units = task.units;
     const bool shares = units && (flows || spheres.count >= kManySpheres);  // of few, moving all costs less
-    sums.share_groups = shares ? over(units, kShareUnits) : 0;
+    sums.share_groups = shares ? share_groups : 0;
     const std::uint64_t words = (tiles + sums.share_groups + 3) & ~std::uint64_t(1);
     sums.spill = memory.spill.data(), sums.room = memory.spill.data() ? memory.spill.capacity() : 0;
     sums.index_room = units ? sums.room / kSpares + 1 : 0;
     auto* const p =
         memory.sums.reserve(words + (tiles + (units ? tiles + 2 * units : 0) + sums.index_room + 1) / 2 + 2);
     sums.spill_at = p, sums.bases = p + tiles, sums.all_spares = sums.bases + sums.share_groups + 1;
-    sums.counts = reinterpret_cast<std::uint32_t*>(p + words);  // read four at a time, also the last
+    sums.counts = reinterpret_cast<std::uint32_t*>(p + words);  // read four or eight at a time, also the last
     sums.firsts = sums.counts + tiles, sums.spares = sums.firsts + units;
     if (units) sums.index = sums.spares + tiles;
     if (shares) sums.shares = sums.index + sums.index_room;

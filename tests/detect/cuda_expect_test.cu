@@ -1,9 +1,10 @@
-// How the places of a list of fixed order are dealt to tiles of spheres of several levels, on the host.
+// How the work of several levels and the places of a list of fixed order are dealt out, on the host.
 #include "detect/cuda/expect.h"
 
 #include <gtest/gtest.h>
 
 #include <random>
+#include <vector>
 
 namespace padder::detect::cuda {
 namespace {
@@ -41,6 +42,46 @@ TEST(CudaExpect, TilesGetNoMorePlacesThanThereAre) {
     ASSERT_LE(s.place[s.levels], places) << "scene " << scene;
     ASSERT_GE(s.place[s.levels] + tiles, places) << "scene " << scene;
   }
+}
+
+// Each sphere of a level looks once at each part of its rows of each finer level, whatever units are made of.
+TEST(CudaExpect, PiecesOfUnitsAreEachLookedAtOnce) {
+  const unsigned seed = std::random_device{}();
+  std::printf("seed %u\n", seed);
+  std::mt19937 random(seed);
+  const auto below = [&](std::uint64_t n) { return random() % n; };
+  int in_pieces = 0, parts_in_pieces = 0, in_one = 0;
+  for (int scene = 0; scene < 300; scene++) {
+    Grid grid;
+    grid.levels = 2 + static_cast<int>(below(4));
+    double radius = 1;
+    for (int k = 0; k < grid.levels; k++, radius *= 2 + static_cast<double>(below(3))) {
+      Level& l = grid.level[k];
+      l.spheres = k == 0 ? (scene % 2 ? kManyPieces : 200'000) + below(100'000) : 1 + below(20'000 >> 3 * k);
+      l.radius_max = radius, l.size = 2 * radius, l.per_size = 1 / l.size;
+      for (auto& side : l.count)
+        side = 2 + static_cast<std::uint32_t>(below(static_cast<std::uint64_t>(400 / radius) + 1));
+    }
+    const Downs downs = plan_downs(grid, SlotKind::unequal, true, true);
+    for (std::uint32_t p = 0; p < downs.count; p++) {
+      const Down& d = downs.pair[p];
+      const std::uint32_t units =
+          (p + 1 < downs.count ? downs.pair[p + 1].first_unit : downs.units) - d.first_unit;
+      std::vector<std::uint8_t> looks(static_cast<std::size_t>(d.end - d.first) * d.parts);
+      for (std::uint32_t unit = 0; unit < units; unit++)
+        for (std::uint32_t piece = 0; piece < d.pieces; piece++) {
+          const Piece q = piece_of(d, unit, piece);
+          if (q.part >= d.parts) continue;  // more than the largest sphere has
+          for (std::uint32_t k = q.first; k < std::min(q.first + d.group, d.end); k++)
+            looks[static_cast<std::size_t>(k - d.first) * d.parts + q.part]++;
+        }
+      for (const std::uint8_t n : looks) ASSERT_EQ(n, 1) << "scene " << scene << " pair " << p;
+      (d.pieces == 1 ? in_one : d.parts > 1 ? parts_in_pieces : in_pieces)++;
+    }
+  }
+  EXPECT_GT(in_one, 0);
+  EXPECT_GT(in_pieces, 0);
+  EXPECT_GT(parts_in_pieces, 0);
 }
 
 }  // namespace

@@ -229,6 +229,25 @@ TEST_F(CudaTest, LargeListsOfAllLengthsInOneOrder) {
   for (const std::uint64_t n : {150'000, 320'000, 950'000}) expect_one_order("poly100", n);
 }
 
+// Units of two pieces; so many tiles that no one kernel both numbers and moves what spilled.
+TEST_F(CudaTest, LargestListsInOneOrder) {
+  for (const std::uint64_t n : {3'200'000, 14'000'000}) {
+    const auto spheres = generate("poly100", n);
+    Detector cpu(cpu_), gpu(gpu_);
+    const std::uint64_t count = cpu.detect(input_of(spheres)).count;
+    std::vector<Pair> first;
+    for (int run = 0; run < 5; run++) {
+      Detector fresh(gpu_);
+      Detector& d = run == 2 ? fresh : gpu;
+      const Contacts& c = d.detect(input_of(spheres));
+      ASSERT_EQ(c.count, count) << n << " run " << run;
+      ASSERT_EQ(d.hash(), cpu.hash()) << n << " run " << run;
+      if (first.empty()) first.assign(c.pairs, c.pairs + c.count);
+      ASSERT_EQ(std::memcmp(c.pairs, first.data(), count * sizeof(Pair)), 0) << n << " run " << run;
+    }
+  }
+}
+
 TEST_F(CudaTest, CrowdedBins) {
   std::vector<FloatSphere> spheres;
   for (int k = 0; k < 1500; k++) spheres.push_back({0.001f * static_cast<float>(k % 11), 0, 0, 0.0001f});
