@@ -24,15 +24,15 @@ struct Down {
   float density;   // spheres of the finer level in a bin
   std::int32_t coarse, fine;
 };
-// A piece of a unit of flow.h: its first sphere of `group`, and which part of that one's rows it is.
+// What a warp looks at for one turn or piece: its first sphere of `group`, and which part of that one's rows.
+// `warp`: of those of the pair.
 struct Piece {
   std::uint32_t first, part;
 };
-__host__ __device__ __forceinline__ Piece piece_of(const Down& d, std::uint32_t unit_of_pair,
-                                                   std::uint32_t piece) {
-  const std::uint32_t number = d.step == 1 ? unit_of_pair : unit_of_pair / d.step;
+__host__ __device__ __forceinline__ Piece piece_of(const Down& d, std::uint32_t warp, std::uint32_t piece) {
+  const std::uint32_t number = d.step == 1 ? warp : warp / d.step;
   if (d.parts == 1) return {d.first + number * d.wide + piece * d.group, 0};
-  return {d.first + number * d.wide, unit_of_pair - number * d.step + piece * d.step};
+  return {d.first + number * d.wide, warp - number * d.step + piece * d.step};
 }
 struct Downs {
   static constexpr int kMost = kMaxLevels * (kMaxLevels - 1) / 2;
@@ -179,8 +179,8 @@ __device__ __forceinline__ void search_rows(const Task& task, const Grid& grid, 
     which += __popc(__ballot_sync(kAll, k < downs.count && downs.pair[k].first_warp <= warp));
   const Down& d = downs.pair[which - 1];
   const Level& l = grid.level[d.fine];
-  const std::uint32_t at = warp - d.first_warp, number = d.step == 1 ? at : at / d.step,
-                      part = at - number * d.step + turn * d.step, first = d.first + number * d.group;
+  const std::uint32_t at = warp - d.first_warp;
+  const auto [first, part] = piece_of(d, at, turn);
   // The bins may be those of another scene (backend.cu): places and radii are held within bounds.
   const std::uint32_t members =
       first < task.spheres.count ? min(min(d.group, d.end - first), task.spheres.count - first) : 0;

@@ -1,7 +1,7 @@
 // Places in the list for units that look down, where its order is fixed: each has about as many to itself as
 // its spheres can be expected to meet there, from their radii and how many spheres of the finer level there
 // are in a bin. Where those lie evenly, nine in ten hits are then written where they stay; what is wrong is
-// put right afterwards (number.h). Only search.cu includes this.
+// put right afterwards (fill_flow.h, number.h). Only search.cu includes this.
 #pragma once
 #include <cmath>
 
@@ -37,9 +37,8 @@ template <SlotKind Kind>
 __device__ __forceinline__ float expected_of_part(const Task& task, const Grid& grid, const Down& d,
                                                   std::uint32_t number_of_unit, float fine) {
   const Level& l = grid.level[d.fine];
-  const std::uint32_t at = d.turns == 1 ? number_of_unit : number_of_unit / d.turns,
-                      turn = number_of_unit - at * d.turns, number = d.step == 1 ? at : at / d.step,
-                      part = at - number * d.step + turn * d.step, first = d.first + number;
+  const std::uint32_t warp = d.turns == 1 ? number_of_unit : number_of_unit / d.turns;
+  const auto [first, part] = piece_of(d, warp, number_of_unit - warp * d.turns);
   if (first >= min(d.end, task.spheres.count)) return 0;
   const Sphere s = sphere_at<Kind>(task, first);
   const float widest = reach_of(grid, d, s.r), per_size = static_cast<float>(l.per_size);
@@ -177,9 +176,8 @@ __device__ __forceinline__ Word places_before(Word* words, std::uint32_t group, 
   for (std::int64_t end = group; more && end > 0; end -= 32) {
     const std::int64_t g = end - 1 - lane;
     Word word = kAllUpto;
-    if (g >= 0) do
-        word = of_groups[g];
-      while (word == 0);
+    while (g >= 0 && (word = of_groups[g]) == 0) {
+    }
     const std::uint32_t whole = __ballot_sync(kAll, word >= kAllUpto);
     Word sum = (whole & ((1u << lane) - 1)) == 0 ? word & kPlaces : 0;
 #pragma unroll
@@ -222,7 +220,7 @@ __global__ void __launch_bounds__(kShareUnits, 4)
       if (threadIdx.x == 0 && group + 1 == sums.share_groups) sums.bases[group + 1] = base + all;
     }
     expected += hits;
-    if (group + gridDim.x < sums.share_groups) __syncthreads();
+    if (group + gridDim.x < sums.share_groups) __syncthreads();  // the scan's memory is used again
   }
   expected = __reduce_add_sync(kAll, expected);
   if ((threadIdx.x & 31) == 0 && expected) atomicAdd(&task.counters->expected, static_cast<Word>(expected));

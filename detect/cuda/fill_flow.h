@@ -11,7 +11,6 @@ namespace {
 constexpr int kFlowFillThreads = 1024;
 // Eights of tiles that shared memory holds.
 constexpr std::uint32_t kMostEights = 25000;
-static_assert((4 + 2 * kTurnWords) % 2 == 0);  // two words are read at a time
 
 // Contacts of a tile less its places: above zero it spilled so many, below zero it left so many spare.
 __device__ __forceinline__ void load_eight(const Task& task, std::uint32_t eight, std::int32_t (&net)[8]) {
@@ -28,7 +27,7 @@ struct Eights {
   const uint2* chunk;
   std::uint32_t count, bits;  // 2^bits eights a chunk
 };
-__host__ __device__ inline std::uint32_t chunk_bits(std::uint32_t eights) {
+__device__ __forceinline__ std::uint32_t chunk_bits(std::uint32_t eights) {
   std::uint32_t bits = 5;
   while (std::uint64_t(32) << bits < eights) bits++;
   return bits;
@@ -55,13 +54,7 @@ __device__ __forceinline__ Word spare_place(const Task& task, const Eights& eigh
     left += min(net[u], 0);
     if (!found && left < 0) found = true, end = -left, tile += u;
   }
-  if (tile < task.own_tiles) {
-    const PlacesOfTile p = places_of_tile(task, tile);
-    return p.first + p.count - end;
-  }
-  const std::uint32_t unit = min(tile - task.own_tiles, task.units - 1),
-                      word = __ldcg(task.sums.shares + unit);
-  return __ldcg(task.sums.bases + unit / kShareUnits) + (word >> kShareBits) + (word & kMostShare) - end;
+  return end_of_places(task, min(tile, task.own_tiles + task.units - 1)) - end;
 }
 
 __global__ void __launch_bounds__(kFlowFillThreads, 1) fill_flow_kernel(const __grid_constant__ Task task) {
@@ -72,7 +65,7 @@ __global__ void __launch_bounds__(kFlowFillThreads, 1) fill_flow_kernel(const __
   const TileSums& sums = task.sums;
   const std::uint32_t lane = threadIdx.x & 31, warp = threadIdx.x >> 5,
                       thread = blockIdx.x * kFlowFillThreads + threadIdx.x,
-                      threads = gridDim.x * kFlowFillThreads, count = (task.own_tiles + task.units + 7) / 8,
+                      threads = gridDim.x * kFlowFillThreads, count = eights_of(task),
                       bits = chunk_bits(count);
   const Eights eights{of_eights, chunks, count, bits};
   // The thread's first hit and what it needs are asked for before it is known whether there is one.

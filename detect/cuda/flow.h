@@ -491,13 +491,9 @@ struct Work {
   std::uint32_t items, first, tiles;  // first: tiles to begin with
   std::uint32_t count[Downs::kMost + 1];
 };
-__device__ __forceinline__ std::uint32_t part_bits(const Task& task, bool backwards) {
+__device__ __forceinline__ std::uint32_t part_bits(const Task& task, bool tiles_first) {
   const bool whole = task.spheres.count >= 600000 && task.spheres.count < 1500000;  // as measured
-  return !backwards ? 8 : whole ? 0 : 2;
-}
-template <bool Fixed>
-__device__ __forceinline__ bool tiles_first(const Task& task) {
-  return Fixed && task.spheres.count < kManyPieces;
+  return !tiles_first ? 8 : whole ? 0 : 2;
 }
 struct Item {
   std::uint32_t pair, unit;  // pair: downs.count: a tile
@@ -543,13 +539,13 @@ __global__ void __launch_bounds__(kThreads, kFlowBlocks)
   if (Fixed) begin_next();  // which waits for the end of this
   // The table is not whole: the caller orders the spheres in another way.
   if (task.counters->flags) return;
-  const bool backwards = tiles_first<Fixed>(task);
+  const bool tiles_first = Fixed && task.spheres.count < kManyPieces;  // and pairs backwards
   for (std::uint32_t p = threadIdx.x; p <= downs.count; p += kThreads) {
     const std::uint32_t tiles = (task.spheres.count + kTile - 1) / kTile,
                         finest = static_cast<std::uint32_t>(
                             min(grid.level[0].spheres / kTile, static_cast<std::uint64_t>(tiles)));
-    const std::uint32_t first = backwards ? tiles : tiles - finest,
-                        at = backwards && p < downs.count ? downs.count - 1 - p : p;
+    const std::uint32_t first = tiles_first ? tiles : tiles - finest,
+                        at = tiles_first && p < downs.count ? downs.count - 1 - p : p;
     if (p == downs.count) work.tiles = tiles, work.first = first, work.items = downs.warps + tiles;
     work.count[at] = p == downs.count       ? tiles - first
                      : p + 1 == downs.count ? downs.warps - downs.pair[p].first_warp
@@ -564,8 +560,8 @@ __global__ void __launch_bounds__(kThreads, kFlowBlocks)
     // Asked for long before it is needed.
     std::uint32_t next = 0;
     if (flow.lane == 0) next = atomicAdd(task.next, 1u);
-    Item item = item_of(work, downs.count, number, flow.lane, part_bits(task, backwards));
-    if (backwards && item.pair < downs.count) item.pair = downs.count - 1 - item.pair;
+    Item item = item_of(work, downs.count, number, flow.lane, part_bits(task, tiles_first));
+    if (tiles_first && item.pair < downs.count) item.pair = downs.count - 1 - item.pair;
     const bool down = item.pair < downs.count;
     const Down& d = downs.pair[down ? item.pair : 0];
     if constexpr (Fixed) {

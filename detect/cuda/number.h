@@ -101,15 +101,7 @@ __device__ __forceinline__ Word spare_place(const Task& task, Word number, Word 
     else
       tile = t3 + 1;
   }
-  Word end;
-  if (tile < task.own_tiles) {
-    const PlacesOfTile p = places_of_tile(task, tile);
-    end = p.first + p.count;
-  } else {
-    const std::uint32_t unit = tile - task.own_tiles, word = __ldg(sums.shares + unit);
-    end = __ldg(sums.bases + unit / kShareUnits) + (word >> kShareBits) + (word & kMostShare);
-  }
-  return end - static_cast<std::uint32_t>(left(tile));
+  return end_of_places(task, tile) - static_cast<std::uint32_t>(left(tile));
 }
 
 // Blocks of it an SM must be able to hold: hits wait for memory, so that many under way pay.

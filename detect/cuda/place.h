@@ -28,6 +28,13 @@ constexpr std::uint32_t few_bytes(std::uint32_t quads) { return 2 * 16 * kFewThr
 constexpr std::uint32_t kMostTurns = 1056, kTurnGroups = (kMostTurns + 31) / 32,
                         kTurnWords = kMostTurns + 2 * kTurnGroups;
 using Word = unsigned long long;
+// Where the words of groups begin in SearchMemory::marks; a multiple of two, since two are read at a time.
+constexpr std::uint32_t kGroupsAt = 4 + 2 * kTurnWords;
+static_assert(kGroupsAt % 2 == 0);
+// Eights of tiles and units, the last perhaps of fewer.
+__host__ __device__ inline std::uint32_t eights_of(const Task& task) {
+  return static_cast<std::uint32_t>((std::uint64_t(task.own_tiles) + task.units + 7) / 8);
+}
 
 // Groups of tiles are of tiles of spheres or of such that look down, not of both.
 __device__ __forceinline__ std::uint32_t group_of(const Task& task, std::uint32_t tile) {
@@ -95,6 +102,16 @@ __device__ __forceinline__ std::uint32_t share_of(const TileSums& sums, std::uin
 __device__ __forceinline__ Word behind_shares(const Task& task) {
   const TileSums& sums = task.sums;
   return sums.shares ? sums.bases[sums.share_groups] : task.shares.place[task.shares.levels];
+}
+
+// Behind the places that a tile of spheres or a unit has to itself.
+__device__ __forceinline__ Word end_of_places(const Task& task, std::uint32_t tile) {
+  if (tile < task.own_tiles) {
+    const PlacesOfTile p = places_of_tile(task, tile);
+    return p.first + p.count;
+  }
+  const std::uint32_t unit = tile - task.own_tiles, word = __ldcg(task.sums.shares + unit);
+  return __ldcg(task.sums.bases + unit / kShareUnits) + (word >> kShareBits) + (word & kMostShare);
 }
 
 // Of a unit.

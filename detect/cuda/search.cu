@@ -243,16 +243,20 @@ std::uint32_t over(std::uint64_t n, std::uint32_t each) {
 
 std::uint32_t own_tiles(std::uint32_t spheres) { return over(spheres, kThreads); }
 
+struct Shape {
+  unsigned blocks, threads, bytes = 0;  // bytes: of shared memory, asked for at the launch
+};
 // Begins once all blocks of the kernel before have said that it may (begin_next); that one is waited for by
 // await_before.
 template <class... Given, class... Arguments>
-void launch_beside(void (*kernel)(Given...), unsigned bytes, unsigned blocks, unsigned threads,
-                   cudaStream_t stream, const Arguments&... arguments) {
+void launch_beside(void (*kernel)(Given...), Shape shape, cudaStream_t stream,
+                   const Arguments&... arguments) {
   cudaLaunchAttribute beside{};
   beside.id = cudaLaunchAttributeProgrammaticStreamSerialization;
   beside.val.programmaticStreamSerializationAllowed = 1;
   cudaLaunchConfig_t config{};
-  config.gridDim = blocks, config.blockDim = threads, config.dynamicSmemBytes = bytes, config.stream = stream;
+  config.gridDim = shape.blocks, config.blockDim = shape.threads, config.dynamicSmemBytes = shape.bytes;
+  config.stream = stream;
   config.attrs = &beside, config.numAttrs = 1;
   cuda_check(cudaLaunchKernelEx(&config, kernel, Given(arguments)...), "search for contacts");
 }
@@ -269,7 +273,7 @@ void launch(const Task& task, const Grid& grid, const typename DownsOf<W>::Type&
       share_kernel<Kind>
           <<<std::min<std::uint32_t>(task.sums.share_groups, 2 * kProcessors), kShareUnits, 0, stream>>>(
               task, grid, downs);
-      launch_beside(search_kernel<Kind, W>, 0, blocks, kThreads, stream, task, grid, downs);
+      launch_beside(search_kernel<Kind, W>, {blocks, kThreads}, stream, task, grid, downs);
     } else {
       search_kernel<Kind, W><<<blocks, kThreads, 0, stream>>>(task, grid, downs);
     }
@@ -292,9 +296,9 @@ void launch(const Task& task, const Grid& grid, const typename DownsOf<W>::Type&
       kernel<<<kProcessors, kFewThreads, bytes, stream>>>(task);
     });
   } else if (task.units > 0) {
-    launch_beside(number_kernel<false>, 0, task.sums.all_groups, kFillThreads, stream, task);
+    launch_beside(number_kernel<false>, {task.sums.all_groups, kFillThreads}, stream, task);
     with_wide([&](auto wide) {
-      launch_beside(move_kernel<Kind, wide(), false>, 0, kMoveBlocks<false> * kProcessors, kFillThreads,
+      launch_beside(move_kernel<Kind, wide(), false>, {kMoveBlocks<false> * kProcessors, kFillThreads},
                     stream, task);
     });
   } else {
@@ -304,30 +308,21 @@ void launch(const Task& task, const Grid& grid, const typename DownsOf<W>::Type&
   }
 }
 
-void flow(Task task, const Grid& grid, const Downs& downs, cudaStream_t stream) {
-  const std::uint32_t tiles = over(task.spheres.count, kFlowTile),
-                      blocks = std::min<std::uint32_t>(over(std::uint64_t(downs.warps) + tiles, kWarps),
-                                                       kProcessors * kFlowBlocks);
+void flow(const Task& task, const Grid& grid, const Downs& downs, cudaStream_t stream) {
+  const std::uint32_t blocks = std::min<std::uint32_t>(
+      over(std::uint64_t(downs.warps) + task.own_tiles, kWarps), kProcessors * kFlowBlocks);
   if (task.options.fixed_order) {
     constexpr SlotKind kKind = SlotKind::unequal;
-    TileSums& sums = task.sums;
-    task.own_tiles = tiles, task.shares = tile_shares(grid, task.shares.place[1], tiles);
-    sums.own_groups = over(tiles, kGroupTiles),
-    sums.all_groups = sums.own_groups + over(task.units, kGroupTiles);
-    const std::uint32_t eights = over(std::uint64_t(tiles) + task.units, 8);
-    sums.eights =
-        eights <= kMostEights && sums.room >> 33 == 0 && task.shares.place[task.shares.levels] >> 31 == 0;
-    launch_beside(share_kernel<kKind>, 0, over(task.units, kShareUnits), kShareUnits, stream, task, grid,
-                  downs);
-    launch_beside(flow_kernel<true>, 0, blocks, kThreads, stream, task, grid, downs);
-    if (sums.eights) {
-      const std::uint32_t bytes = eights * sizeof(uint2);
+    launch_beside(share_kernel<kKind>, {task.sums.share_groups, kShareUnits}, stream, task, grid, downs);
+    launch_beside(flow_kernel<true>, {blocks, kThreads}, stream, task, grid, downs);
+    if (task.sums.eights) {
+      const std::uint32_t bytes = eights_of(task) * sizeof(uint2);
       cuda_check(cudaFuncSetAttribute(fill_flow_kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, bytes),
                  "take shared memory");
-      launch_beside(fill_flow_kernel, bytes, kProcessors, kFlowFillThreads, stream, task);
+      launch_beside(fill_flow_kernel, {kProcessors, kFlowFillThreads, bytes}, stream, task);
     } else {
-      launch_beside(number_kernel<true>, 0, sums.all_groups, kFillThreads, stream, task);
-      launch_beside(move_kernel<kKind, false, true>, 0, kMoveBlocks<true> * kProcessors, kFillThreads, stream,
+      launch_beside(number_kernel<true>, {task.sums.all_groups, kFillThreads}, stream, task);
+      launch_beside(move_kernel<kKind, false, true>, {kMoveBlocks<true> * kProcessors, kFillThreads}, stream,
                     task);
     }
   } else {
@@ -372,7 +367,6 @@ Share share_for(const Counters& found, std::uint32_t spheres, const Grid& grid, 
 void search(const Source& source, const Grid& grid, const Ordered& spheres, const SearchOptions& options,
             const Output& output, Counters* counters, SearchMemory& memory, cudaStream_t stream) {
   Task task{source, spheres, output, options, counters};
-  task.own_tiles = own_tiles(spheres.count);
   task.radius = static_cast<float>(options.radius);
   task.s2 = (task.radius + task.radius) * (task.radius + task.radius);
   task.code_limit = code_limit(grid, spheres.bins, options.radius);
@@ -385,43 +379,47 @@ void search(const Source& source, const Grid& grid, const Ordered& spheres, cons
   if (flows) downs = plan_downs(grid, spheres.kind, true, options.fixed_order), flows = downs.count > 0;
   if (!flows) downs = plan_downs(grid, spheres.kind);
   if (spheres.float_levels) downs.bins = level_bins(grid, spheres.kind);
+  task.own_tiles = flows ? over(spheres.count, kFlowTile) : own_tiles(spheres.count);
   task.units = downs.units;
-  const std::uint64_t groups = over(task.own_tiles, kGroupTiles) + over(task.units, kGroupTiles),
-                      eights = over(task.own_tiles / 2 + 1 + std::uint64_t(task.units), 8) + 3,
-                      words_of_groups = std::max(2 * groups, eights),
-                      share_groups = over(task.units, kShareUnits),
-                      marks = 4 + 2 * kTurnWords + words_of_groups + share_groups;
+  const std::uint32_t own_groups = over(task.own_tiles, kGroupTiles),
+                      all_groups = own_groups + over(task.units, kGroupTiles),
+                      share_groups = over(task.units, kShareUnits);
+  // Eights are read four at a time, also the last.
+  const std::uint64_t words_of_groups =
+                          std::max<std::uint64_t>(2 * std::uint64_t(all_groups), eights_of(task) + 3),
+                      marks = kGroupsAt + words_of_groups + share_groups;
   if (options.fixed_order || downs.warps) {
     const bool fresh = memory.marks.capacity() < marks;
     auto* const p = memory.marks.reserve(marks);
     if (fresh) cuda_check(cudaMemsetAsync(p, 0, marks * 8, stream), "clear the counters");
     if (flows || spheres.count >= kManySpheres) task.next = reinterpret_cast<unsigned int*>(p);
     task.sums.fills = reinterpret_cast<unsigned int*>(p) + 1;
-    task.sums.turn = p + 2, task.sums.groups = p + 4 + 2 * kTurnWords;
+    task.sums.turn = p + 2, task.sums.groups = p + kGroupsAt;
     task.sums.share_sums = task.sums.groups + words_of_groups;
   }
   if (options.fixed_order) {
     TileSums& sums = task.sums;
     const std::uint64_t tiles = std::uint64_t(task.own_tiles) + task.units;
-    sums.turns = task.own_tiles + over(downs.warps, kWarps) <= kMostTurns;
-    sums.own_groups = over(task.own_tiles, kGroupTiles);
-    sums.all_groups = sums.own_groups + over(task.units, kGroupTiles);
+    sums.turns = !flows && task.own_tiles + over(downs.warps, kWarps) <= kMostTurns;
+    sums.own_groups = own_groups, sums.all_groups = all_groups;
     const std::uint64_t units = task.units;
     const bool shares = units && (flows || spheres.count >= kManySpheres);  // of few, moving all costs less
     sums.share_groups = shares ? share_groups : 0;
     const std::uint64_t words = (tiles + sums.share_groups + 3) & ~std::uint64_t(1);
     sums.spill = memory.spill.data(), sums.room = memory.spill.data() ? memory.spill.capacity() : 0;
     sums.index_room = units ? sums.room / kSpares + 1 : 0;
-    auto* const p =
-        memory.sums.reserve(words + (tiles + (units ? tiles + 2 * units : 0) + sums.index_room + 1) / 2 + 2);
+    auto* const p = memory.sums.reserve(
+        words + (tiles + 8 + (units ? tiles + 2 * units : 0) + sums.index_room + 1) / 2 + 2);
     sums.spill_at = p, sums.bases = p + tiles, sums.all_spares = sums.bases + sums.share_groups + 1;
     sums.counts = reinterpret_cast<std::uint32_t*>(p + words);  // read four or eight at a time, also the last
-    sums.firsts = sums.counts + tiles, sums.spares = sums.firsts + units;
+    sums.firsts = sums.counts + tiles + 8, sums.spares = sums.firsts + units;
     if (units) sums.index = sums.spares + tiles;
     if (shares) sums.shares = sums.index + sums.index_room;
-    task.shares.share[0] = options.share.own;
-    task.shares.place[1] = static_cast<std::uint64_t>(options.share.own) * task.own_tiles;
+    const std::uint64_t places = static_cast<std::uint64_t>(options.share.own) * own_tiles(spheres.count);
+    task.shares.share[0] = options.share.own, task.shares.place[1] = places;
+    if (flows) task.shares = tile_shares(grid, places, task.own_tiles);
     // Numbers of 32 bits are enough then.
+    sums.eights = flows && eights_of(task) <= kMostEights && sums.room >> 33 == 0 && places >> 31 == 0;
     if (!shares && tiles <= kMostNumbered &&
         (sums.room | options.share.own * std::uint64_t(tiles)) >> 32 == 0)
       sums.groups = nullptr;
