@@ -1,10 +1,20 @@
 // A C++ header for Chrono: it has no file format for clumps of spheres, and its own inertia counts overlaps
 // twice.
+#include <algorithm>
+
+#include "padding/error.h"
 #include "padding/export/writers.h"
 
 namespace padder::exporting {
 
 Files write_chrono(const Job& job) {
+  const std::vector<CollisionFilter> filters = filters_of(job.model);
+  const auto bits = chrono_bits(filters);
+  if (!bits)
+    throw Error("cannot write " + job.model.name +
+                " for Chrono: its bodies are told apart by more than the " + std::to_string(kChronoFamilies) +
+                " families that Chrono has for them");
+  const bool kept = std::ranges::all_of(filters, [](const auto& f) { return f.family <= kChronoFamilies; });
   std::string out = "// " + origin(job.model) + ", unit " +
                     (job.model.unit.empty() ? "as in the mesh" : job.model.unit) + ", density " +
                     number(job.options.density) + ".\n";
@@ -17,8 +27,13 @@ Files write_chrono(const Job& job) {
       "//                                                      ChFrame<>(ChVector3d(s[0], s[1], s[2]), "
       "QUNIT));\n"
       "//   body->GetCollisionModel()->SetFamilyGroup(b::family_group);\n"
-      "//   body->GetCollisionModel()->SetFamilyMask(b::family_mask);\n"
-      "// The mesh itself, to look at, goes into that frame by axes^T (p - center).\n#pragma once\n\n";
+      "//   body->GetCollisionModel()->SetFamilyMask(b::family_mask);\n";
+  out += kept ? "// Family k is Chrono's family k; 0, which every body of Chrono's is of at first, is no "
+                "family.\n"
+              : "// Families above 14 are among them: the numbers hold among the bodies of this file, and "
+                "are not "
+                "the families.\n";
+  out += "// The mesh itself, to look at, goes into that frame by axes^T (p - center).\n#pragma once\n\n";
   out += "namespace " + identifier(job.model.name) + " {\n";
   const std::vector<std::string> names = identifiers(job.model);
   for (std::size_t k = 0; k < job.model.bodies.size(); k++) {
@@ -36,8 +51,8 @@ Files write_chrono(const Job& job) {
     for (int row = 0; row < 3; row++)
       out += (row ? ", {" : "{") + numbers(c.mass.axes.row(row).transpose(), ", ") + "}";
     out += "};  // columns: the principal directions\n";
-    out += "inline constexpr short family_group = " + std::to_string(job.bits[k].own) +
-           ", family_mask = " + std::to_string(job.bits[k].others) + ";\n";
+    out += "inline constexpr short family_group = " + std::to_string((*bits)[k].own) +
+           ", family_mask = " + std::to_string((*bits)[k].others) + ";\n";
     out += "inline constexpr double spheres[" + std::to_string(c.size()) + "][4] = {  // x, y, z, r\n";
     for (std::size_t s = 0; s < c.size(); s++)
       out += "    {" + numbers(centers[s], ", ") + ", " + number(c.radii[s]) + "},\n";

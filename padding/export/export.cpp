@@ -22,18 +22,18 @@ struct Entry {
 };
 
 using F = Format::Filter;
-// Chrono has 16 family bits, but its functions take 0 to 14 and masks up to 0x7fff.
 constexpr std::array<Entry, 14> kEntries{{
     {{"dem-engine", ".csv", true, "DEM-Engine", F::none, 0, false, false, true}, exporting::write_csv},
     {{"liggghts", ".txt", false, "LIGGGHTS", F::none, 0, false, false, false}, exporting::write_liggghts},
     {{"yade", ".txt", false, "YADE", F::none, 0, false, false, false}, exporting::write_yade},
     {{"mercury", "", false, "MercuryDPM", F::none, 0, false, false, true}, exporting::write_mercury},
-    {{"chrono", ".h", false, "Chrono", F::bits, 15, true, false, true}, exporting::write_chrono},
+    {{"chrono", ".h", false, "Chrono", F::bits, kChronoFamilies, true, false, true}, exporting::write_chrono},
     {{"npz", ".npz", true, "NumPy", F::numbers, 0, true, false, false}, exporting::write_npz},
     {{"vtp", ".vtp", true, "VTK and ParaView", F::numbers, 0, true, false, false}, exporting::write_vtp},
     {{"glb", ".glb", true, "glTF viewers", F::numbers, 0, true, true, false}, exporting::write_glb},
     {{"urdf", ".urdf", true, "ROS", F::pairs, 0, true, true, false}, exporting::write_urdf},
-    {{"mujoco", ".xml", true, "MuJoCo", F::bits, 32, true, true, false}, exporting::write_mujoco},
+    {{"mujoco", ".xml", true, "MuJoCo", F::bits, kMujocoFamilies, true, true, false},
+     exporting::write_mujoco},
     {{"curobo", ".yaml", true, "cuRobo", F::pairs, 0, true, true, false}, exporting::write_curobo},
     {{"xrdf", ".xrdf", true, "Isaac cuMotion", F::pairs, 0, true, true, false}, exporting::write_xrdf},
     {{"srdf", ".srdf", true, "MoveIt", F::pairs, 0, true, true, false}, exporting::write_srdf},
@@ -49,18 +49,14 @@ const std::vector<Format>& table() {
   return all;
 }
 
-std::vector<CollisionFilter> filters_of(const Model& model) {
-  std::vector<CollisionFilter> filters;
-  for (const Body& b : model.bodies) filters.push_back({b.cluster.family, b.cluster.mask});
-  return filters;
-}
-
 void check(const Model& model, const Format& format, const std::string& where) {
   const auto fail = [&](const std::string& what) { throw Error("cannot write " + where + ": " + what); };
   if (model.spheres() == 0) fail("there is no sphere in it");
   if (!format.several && model.bodies.size() > 1)
     fail(std::string(format.program) + " takes one body a file and there are " +
          std::to_string(model.bodies.size()) + ": write them one by one");
+  const auto with_spheres = std::count_if(model.bodies.begin(), model.bodies.end(),
+                                          [](const Body& b) { return b.cluster.size() > 0; });
   for (const Body& b : model.bodies) {
     const Cluster& c = b.cluster;
     if (c.centers.size() != c.size()) fail(b.name + " has not one radius for each centre");
@@ -73,6 +69,16 @@ void check(const Model& model, const Format& format, const std::string& where) {
     if (format.filter == F::none && (c.family != 0 || c.mask != 0))
       fail(b.name + " has a family or a mask, which the file cannot hold (" + format.program +
            " sets who may touch whom in its own script): pad without --family and --mask");
+    // A robot's families were made to say who may touch whom inside it, and that is written.
+    if (format.filter == F::pairs && with_spheres == 1 && model.urdf.empty() &&
+        (c.family != 0 || c.mask != 0))
+      fail(b.name + " has a family or a mask, which the file cannot hold (" + format.program +
+           " names pairs of bodies in one file, and there is one): pad without --family and --mask, or write "
+           ".spheres.json, .npz, .vtp, .xml or Chrono's header");
+    if (format.filter == F::bits && with_spheres == 1 && model.urdf.empty() &&
+        c.family > static_cast<std::uint32_t>(format.bits))
+      fail(b.name + " is of family " + std::to_string(c.family) + ", and " + format.program +
+           " has bits for families 1 to " + std::to_string(format.bits) + ": pad with one of those");
   }
 }
 
@@ -99,16 +105,9 @@ void write_model(const Model& model, const fs::path& path, const Format& format,
   if (!(options.density > 0) || !std::isfinite(options.density)) throw Error("the density must be positive");
   const Model converted =
       scaled(model, format.in_metres ? metres(model.unit) : 1, format.in_metres ? "m" : model.unit);
-  Job job{converted, options, {}, {}};
-  if (format.filter == F::bits) {
-    auto bits = filter_bits(filters_of(model), format.bits);
-    if (!bits)
-      throw Error("cannot write " + path.string() + ": the families of " + model.name +
-                  " need more than the " + std::to_string(format.bits) + " that " + format.program + " has");
-    job.bits = std::move(*bits);
-  } else if (format.filter == F::pairs) {
-    job.pairs = filtered_pairs(filters_of(model));
-  }
+  Job job{converted, options, {}};
+  if (format.filter == F::pairs || format.filter == F::bits)
+    job.pairs = filtered_pairs(exporting::filters_of(model));
   const auto entry = std::find_if(kEntries.begin(), kEntries.end(), [&](const Entry& e) {
     return std::string_view(e.format.name) == format.name;
   });
@@ -180,6 +179,12 @@ std::string identifier(const std::string& name) {
     out += letter || digit ? c : '_';
   }
   return out.empty() ? "_" : out;
+}
+
+std::vector<CollisionFilter> filters_of(const Model& model) {
+  std::vector<CollisionFilter> filters;
+  for (const Body& b : model.bodies) filters.push_back({b.cluster.family, b.cluster.mask});
+  return filters;
 }
 
 std::vector<std::string> identifiers(const Model& model) {

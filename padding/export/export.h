@@ -14,8 +14,8 @@ struct Format {
   // What becomes of families and masks.
   enum class Filter {
     numbers,  // kept as they are
-    bits,     // translated to bit fields (padding/export/families.h), so many of them
-    pairs,    // translated to a list of the pairs of bodies that may not touch
+    bits,     // translated to bit fields (padding/export/families.h): so many families keep their own
+    pairs,    // translated to a list of the pairs of bodies that may not touch; of a part alone not held
     none      // cannot be held: a model that has any is refused
   };
   const char* name;     // "dem-engine", "mujoco" …: for --format

@@ -71,6 +71,49 @@ bool may_touch(const CollisionFilter& a, const CollisionFilter& b) {
   return !masked(a.mask, b.family) && !masked(b.mask, a.family);
 }
 
+namespace {
+
+// The mask of ours, moved to where family k is bit k, without families that have no bit.
+std::uint32_t masked_bits(std::uint32_t mask, std::uint32_t families) {
+  return (mask << 1) & ((std::uint32_t(2) << families) - 2);
+}
+
+}  // namespace
+
+FilterBits mujoco_bits(const CollisionFilter& body) {
+  constexpr std::uint32_t none_but_mask = std::uint32_t(1) << 31;
+  const std::uint32_t masked = masked_bits(body.mask, kMujocoFamilies);
+  if (body.family >= 1 && body.family <= kMujocoFamilies) {
+    const std::uint32_t own = std::uint32_t(1) << body.family;
+    return {own, ~none_but_mask & ~own & ~masked};
+  }
+  // Nobody admits this bit but bodies like it: with the others the mask here alone decides.
+  if (masked) return {none_but_mask, ~masked};
+  return {~std::uint32_t(0), ~std::uint32_t(0)};  // also a geom that has only one of the two fields is met
+}
+
+// ChCollisionModel.cpp of Chrono 8 and 9: a model begins with family_group(1) and family_mask(0x7FFF),
+// SetFamily(k) makes the group 1 << k with 0 <= k < 15, SetFamilyGroup wants one bit, SetFamilyMask at most
+// 0x7FFF, and "the contact is created only if the family is within the 'family mask' of the other, and
+// viceversa" (ChCollisionModel.h). https://github.com/projectchrono/chrono/blob/main/src/chrono/collision/
+std::optional<std::vector<FilterBits>> chrono_bits(const std::vector<CollisionFilter>& bodies) {
+  constexpr std::uint32_t all = 0x7fff;
+  const bool kept = std::ranges::all_of(bodies, [](const auto& b) { return b.family <= kChronoFamilies; });
+  std::vector<FilterBits> out;
+  if (kept) {
+    for (const CollisionFilter& b : bodies) {
+      const std::uint32_t own = std::uint32_t(1) << b.family;
+      out.push_back({own, all & ~(b.family ? own : 0) & ~masked_bits(b.mask, kChronoFamilies)});
+    }
+    return out;
+  }
+  if (bodies.size() < 2) return {};
+  const auto among = filter_bits(bodies, kChronoFamilies);
+  if (!among) return {};
+  for (const FilterBits& f : *among) out.push_back({f.own << 1, f.others << 1 | 1});
+  return out;
+}
+
 std::optional<std::vector<FilterBits>> filter_bits(const std::vector<CollisionFilter>& bodies, int bits) {
   Classes classes = classes_of(bodies);
   classes.merge_alike(false);

@@ -20,6 +20,9 @@ std::string place(const Eigen::Isometry3d& pose) {
 class Writer {
  public:
   explicit Writer(const Job& job) : job_(job), children_(job.model.bodies.size()) {
+    // The families of a robot's links are about each other alone: outside it they meet everything.
+    for (const CollisionFilter& f : filters_of(job.model))
+      bits_.push_back(mujoco_bits(job.model.urdf.empty() ? f : CollisionFilter{}));
     for (std::size_t b = 0; b < job.model.bodies.size(); b++)
       if (const int parent = job.model.bodies[b].parent; parent >= 0)
         children_[static_cast<std::size_t>(parent)].push_back(b);
@@ -38,7 +41,7 @@ class Writer {
                         : "") +
            "<mujoco model=\"" + xml_text(one_line(job_.model.name)) + "\">\n  <compiler " + compiler +
            "/>\n  <default>\n    <geom type=\"sphere\"/>\n  </default>\n  <worldbody>\n" + bodies +
-           "  </worldbody>\n</mujoco>\n";
+           "  </worldbody>\n" + excluded() + "</mujoco>\n";
   }
 
  private:
@@ -106,7 +109,7 @@ class Writer {
              " " + number(m(1, 2)) + "\"/>\n";
     }
     const Cluster& c = b.cluster;
-    const FilterBits bits = job_.bits[index];
+    const FilterBits bits = bits_[index];
     for (std::size_t k = 0; k < c.size(); k++)
       out += inside + "<geom type=\"sphere\" size=\"" + number(c.radii[k]) + "\" pos=\"" +
              numbers(c.centers[k]) + "\" contype=\"" + bit_field(bits.own) + "\" conaffinity=\"" +
@@ -115,7 +118,20 @@ class Writer {
     return out + indent + "</body>\n";
   }
 
+  // Pairs that may not touch and that the bits let through.
+  std::string excluded() const {
+    std::string out;
+    for (const auto& [i, j] : job_.pairs) {
+      const Body &a = job_.model.bodies[i], &b = job_.model.bodies[j];
+      const bool pass = (bits_[i].own & bits_[j].others) || (bits_[j].own & bits_[i].others);
+      if (pass && a.cluster.size() > 0 && b.cluster.size() > 0)
+        out += "    <exclude body1=\"" + xml_text(a.name) + "\" body2=\"" + xml_text(b.name) + "\"/>\n";
+    }
+    return out.empty() ? "" : "  <contact>\n" + out + "  </contact>\n";
+  }
+
   const Job& job_;
+  std::vector<FilterBits> bits_;
   std::vector<std::vector<std::size_t>> children_;
   bool weightless_ = false;
 };

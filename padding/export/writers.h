@@ -13,7 +13,6 @@ namespace padder::exporting {
 struct Job {
   const Model& model;
   const ExportOptions& options;
-  std::vector<FilterBits> bits;                            // a body each, for Filter::bits
   std::vector<std::pair<std::size_t, std::size_t>> pairs;  // of bodies that may not touch
 };
 
@@ -45,6 +44,8 @@ std::string xml_text(const std::string& text);    // &, <, >, " escaped
 std::string quoted(const std::string& text);      // a double-quoted YAML, USD or C++ string
 std::string one_line(std::string text);           // line ends become blanks: for comments
 std::string identifier(const std::string& name);  // letters, digits, _: for USD prims and C++
+
+std::vector<CollisionFilter> filters_of(const Model& model);  // a body each
 
 // An identifier for each body, no two alike.
 std::vector<std::string> identifiers(const Model& model);

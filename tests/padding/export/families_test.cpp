@@ -76,6 +76,65 @@ TEST(Families, MoreClassesThanBitsIsSaid) {
   expect_translated(chain, 32, true);
 }
 
+// Chrono's rule, and what a body of Chrono's own is at first (the comment at chrono_bits).
+const FilterBits chrono_default{1, 0x7fff};
+
+TEST(Families, ChronosRuleIsOursInEveryFile) {
+  std::vector<CollisionFilter> filters;
+  for (const std::uint32_t family : {0u, 1u, 2u, 3u, 13u, 14u})
+    for (const std::uint32_t mask : {0u, 1u, 2u, 5u, 0x2000u, 0x3fffu, 0xffffc000u, 0xffffffffu})
+      filters.push_back({family, mask});
+  for (const auto& a : filters)
+    for (const auto& b : filters) {  // each translated by itself, as parts written to two files are
+      const FilterBits one = chrono_bits({a})->front(), other = chrono_bits({b})->front();
+      EXPECT_EQ(both_sides(one, other), may_touch(a, b))
+          << a.family << " " << a.mask << ", " << b.family << " " << b.mask;
+      EXPECT_TRUE(both_sides(one, chrono_default));
+      EXPECT_EQ(__builtin_popcount(one.own), 1);  // SetFamilyGroup asserts it
+      EXPECT_LE(one.others, 0x7fffu);             // SetFamilyMask asserts it
+    }
+  EXPECT_EQ(chrono_bits({{0, 0}})->front(), chrono_default);
+  EXPECT_EQ(chrono_bits({{3, 4}})->front().own, 1u << 3);  // SetFamily(3)
+}
+
+TEST(Families, ChronoTellsMoreFamiliesApartAmongThemselves) {
+  EXPECT_FALSE(chrono_bits({{15, 0}}));  // alone there is nothing to tell it from
+  const std::vector<CollisionFilter> robot{{40, 1}, {1, 0}, {2, 1}, {2, 0}};
+  const auto bits = chrono_bits(robot);
+  ASSERT_TRUE(bits);
+  for (std::size_t i = 0; i < robot.size(); i++) {
+    EXPECT_TRUE(both_sides((*bits)[i], chrono_default));
+    for (std::size_t j = 0; j < robot.size(); j++)
+      EXPECT_EQ(both_sides((*bits)[i], (*bits)[j]), may_touch(robot[i], robot[j])) << i << " " << j;
+  }
+}
+
+TEST(Families, MujocosBitsAreTheSameInEveryFile) {
+  const FilterBits mujoco_default{1, 1};
+  for (const auto& a : table()) {
+    EXPECT_TRUE(either_side(mujoco_bits(a), mujoco_default)) << a.family << " " << a.mask;
+    for (const auto& b : table()) {
+      const bool touch = either_side(mujoco_bits(a), mujoco_bits(b));
+      EXPECT_TRUE(touch || !may_touch(a, b))
+          << a.family << " " << a.mask << ", " << b.family << " " << b.mask;
+      const bool have_bits = std::max(a.family, b.family) <= kMujocoFamilies;
+      const auto masks = [](const CollisionFilter& x, const CollisionFilter& y) {
+        return y.family >= 1 && y.family <= 32 && (x.mask >> (y.family - 1) & 1) != 0;
+      };
+      // One family, a mask of a body without a family, a mask returned: the bits alone say it.
+      const bool said = (a.family == b.family && a.family != 0) || (a.family == 0 && masks(a, b)) ||
+                        (masks(a, b) && masks(b, a));
+      EXPECT_FALSE(touch && have_bits && said)
+          << a.family << " " << a.mask << ", " << b.family << " " << b.mask;
+    }
+  }
+  // Only one of the two fields: a floor that is met, but meets nothing by itself, and the other way round.
+  EXPECT_TRUE(either_side(mujoco_bits({0, 0}), {0, 1}));
+  EXPECT_TRUE(either_side(mujoco_bits({0, 0}), {2, 0}));
+  EXPECT_EQ(mujoco_bits({3, 0}).own, 1u << 3);
+  EXPECT_NE(mujoco_bits({0, 4}), mujoco_bits({0, 0}));
+}
+
 TEST(Families, PairsAreThoseThatMayNotTouch) {
   const std::vector<CollisionFilter> bodies{{1, 2}, {2, 0}, {1, 0}, {0, 0}};
   EXPECT_EQ(filtered_pairs(bodies), (std::vector<std::pair<std::size_t, std::size_t>>{{0, 1}, {0, 2}}));

@@ -14,9 +14,12 @@ namespace {
 class MujocoTest : public ExportTest {
  protected:
   void load(const Model& model) {
-    char error[1000] = "";
     std::string xml = text(model, "m.xml");  // 100 contacts are MuJoCo 2.2's own limit
     xml.insert(xml.find("  <default>"), "  <size nconmax=\"5000\" njmax=\"3000\"/>\n");
+    load_xml(xml);
+  }
+  void load_xml(const std::string& xml) {
+    char error[1000] = "";
     write_file(folder_ / "m.xml", xml);
     m_ = mj_loadXML((folder_ / "m.xml").c_str(), nullptr, error, sizeof error);
     ASSERT_NE(m_, nullptr) << error << "\n" << read_file(folder_ / "m.xml");
@@ -24,8 +27,12 @@ class MujocoTest : public ExportTest {
     d_ = mj_makeData(m_);
     mj_forward(m_, d_);
   }
-  void TearDown() override {
+  void unload() {
     mj_deleteData(d_), mj_deleteModel(m_);
+    d_ = nullptr, m_ = nullptr;
+  }
+  void TearDown() override {
+    unload();
     ExportTest::TearDown();
   }
   std::set<std::pair<int, int>> touching_bodies() const {  // numbered from 0: MuJoCo's 0 is the world
@@ -81,18 +88,86 @@ TEST_F(MujocoTest, TheTruthTableOfFamilies) {
   EXPECT_GT(expected.size(), 50u);
 }
 
-TEST_F(MujocoTest, AllThirtyTwoBitsAreUsedAndNoMore) {
+TEST_F(MujocoTest, MoreFamiliesThanBitsInOneFile) {
   std::vector<CollisionFilter> chain;  // each masks the one before: no two alike
   for (std::uint32_t k = 1; k <= 32; k++) chain.push_back({k, k == 1 ? 0 : 1u << (k - 2)});
+  for (const std::uint32_t k : {40u, 40u, 41u}) chain.push_back({k, 1u << 31});
   load(heap(chain));
   std::set<std::pair<int, int>> expected;
-  for (int i = 0; i < 32; i++)
-    for (int j = i + 2; j < 32; j++) expected.emplace(i, j);
+  for (int i = 0; i < int(chain.size()); i++)
+    for (int j = i + 1; j < int(chain.size()); j++)
+      if (may_touch(chain[std::size_t(i)], chain[std::size_t(j)])) expected.emplace(i, j);
   EXPECT_EQ(touching_bodies(), expected);
-  chain.push_back({33, 1});
-  fs::remove(folder_ / "m.xml");
-  EXPECT_THROW(write(heap(chain), "m.xml"), Error);
-  EXPECT_FALSE(fs::exists(folder_ / "m.xml"));
+  EXPECT_EQ(expected.count({32, 33}), 0u);
+  for (const std::uint32_t family : {31u, 33u})  // alone, with nothing in the file to be kept from
+    EXPECT_THROW(write(heap({{family, 0}}), "one.xml"), Error);
+  EXPECT_FALSE(fs::exists(folder_ / "one.xml"));
+}
+
+// Parts written to a file each and put into one world, where a ball of MuJoCo's own lies too.
+TEST_F(MujocoTest, PartsOfSeveralFilesKnowEachOther) {
+  const std::vector<CollisionFilter> filters{{0, 0},       {0, 0},       {1, 0},  {1, 0},
+                                             {3, 0},       {3, 0},       {0, 4},  {0, 5},
+                                             {4, 1u << 4}, {5, 1u << 3}, {30, 0}, {0, 1u << 29}};
+  std::string bodies = "    <body name=\"own\"><freejoint/><geom size=\"0.5\" pos=\"1 2 3\"/></body>\n";
+  const std::string begin = "<worldbody>\n", end = "  </worldbody>";
+  for (std::size_t k = 0; k < filters.size(); k++) {
+    Model m = heap({filters[k]});
+    m.bodies[0].name = "b" + std::to_string(k);
+    const std::string xml = text(m, "part.xml");
+    EXPECT_EQ(xml.find("<exclude"), std::string::npos);
+    const auto from = xml.find(begin) + begin.size();
+    bodies += xml.substr(from, xml.find(end) - from);
+  }
+  load_xml("<mujoco><size nconmax=\"5000\" njmax=\"3000\"/><worldbody>\n" + bodies + "</worldbody></mujoco>");
+  std::set<std::pair<int, int>> expected;
+  for (int i = 0; i < int(filters.size()); i++) {
+    expected.emplace(0, i + 1);  // everything meets what is of no family
+    for (int j = i + 1; j < int(filters.size()); j++) {
+      const CollisionFilter &a = filters[std::size_t(i)], &b = filters[std::size_t(j)];
+      if (may_touch(a, b)) expected.emplace(i + 1, j + 1);
+    }
+  }
+  EXPECT_EQ(touching_bodies(), expected);
+}
+
+// Two balls, one above the other, and the lower is fixed: the upper falls through what it may not touch.
+TEST_F(MujocoTest, FamiliesDecideWhatFallsThrough) {
+  for (const auto& [a, b] : {std::pair(CollisionFilter{0, 0}, CollisionFilter{0, 0}),
+                             {{1, 0}, {3, 0}},
+                             {{3, 0}, {3, 0}},
+                             {{0, 4}, {3, 0}},
+                             {{0, 4}, {2, 0}},
+                             {{0, 0}, {3, 4}}}) {
+    std::string bodies;
+    for (const auto& [f, z] : {std::pair(a, 0.0), {b, 0.5}}) {
+      Model m = heap({f});
+      m.bodies[0].name = z > 0 ? "upper" : "lower";
+      m.bodies[0].cluster.centers[0] = m.bodies[0].cluster.mass.center;
+      m.bodies[0].pose.translation() = Vector(0, 0, z) - m.bodies[0].cluster.mass.center;
+      std::string xml = text(m, "part.xml");
+      const auto from = xml.find("<worldbody>\n") + 12, to = xml.find("  </worldbody>");
+      xml = xml.substr(from, to - from);
+      if (z == 0) xml.erase(xml.find("<freejoint/>"), 12);
+      bodies += xml;
+    }
+    load_xml("<mujoco><worldbody>\n" + bodies + "</worldbody></mujoco>");
+    for (int step = 0; step < 1000; step++) mj_step(m_, d_);
+    const int upper = mj_name2id(m_, mjOBJ_BODY, "upper");
+    const double fallen = 0.5 - d_->xipos[3 * upper + 2];
+    EXPECT_EQ(fallen < 1, may_touch(a, b)) << a.family << " " << b.family << " " << fallen;
+    unload();
+  }
+}
+
+TEST_F(MujocoTest, ARobotMeetsWhatIsOutsideIt) {
+  Model robot = arm();
+  robot.urdf = "<robot name='arm'/>";  // as one that was read: its families are about its links alone
+  const std::string xml = text(robot, "robot.xml");
+  EXPECT_EQ(xml.find("contype=\"2\""), std::string::npos);
+  EXPECT_NE(xml.find("<exclude body1=\"base\" body2=\"upper\"/>"), std::string::npos);
+  load(robot);
+  EXPECT_EQ(touching_bodies().count({0, 1}), 0u);
 }
 
 TEST_F(MujocoTest, ARobotsJoints) {
@@ -123,8 +198,7 @@ TEST_F(MujocoTest, EveryTypeOfJointAndNoMassAtAll) {
     for (Body& b : m.bodies) b.cluster.mass = {};
     load(m);
     EXPECT_EQ(m_->nv, (type == Joint::Type::continuous ? 1 : type == Joint::Type::planar ? 3 : 6) + 1);
-    mj_deleteData(d_), mj_deleteModel(m_);
-    d_ = nullptr, m_ = nullptr;
+    unload();
   }
 }
 
