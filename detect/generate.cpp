@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "padding/error.h"
+#include "padding/excerpt.h"
 
 namespace padder::detect {
 namespace {
@@ -92,7 +93,7 @@ std::vector<FloatSphere> generate(const std::string& name, std::uint64_t n, bool
   else if (name == "poly100")
     spheres = poisson(n, 3.5, power_law, random);
   else
-    throw Error("no generator is called '" + name +
+    throw Error("no generator is called '" + excerpt(name) +
                 "': there are dense, dilute, poly35, poly045 and poly100");
   if (random_order)
     for (std::uint64_t k = n; k-- > 1;) std::swap(spheres[k], spheres[random.bits() % (k + 1)]);

@@ -3,6 +3,7 @@
 #include <charconv>
 
 #include "padding/error.h"
+#include "padding/excerpt.h"
 #include "padding/npz.h"
 
 namespace padder::detect {
@@ -142,13 +143,13 @@ LooseSpheres loose_from_csv(std::string_view text, const std::string& where) {
                   std::to_string(f.size()));
     for (std::size_t k = 0; k < 4; k++) {
       double v = 0;
-      if (!parse(f[k], v)) throw Error(at + "'" + std::string(f[k]) + "' is not a number");
+      if (!parse(f[k], v)) throw Error(at + "'" + excerpt(f[k]) + "' is not a number");
       l.twice.push_back(v);
     }
     for (const auto& [column, to] : {std::pair(family, &l.family), std::pair(mask, &l.mask)}) {
       std::uint32_t v = 0;
       if (column && !parse(f[column], v))
-        throw Error(at + "'" + std::string(f[column]) + "' is not a whole number from 0 to 4294967295");
+        throw Error(at + "'" + excerpt(f[column]) + "' is not a whole number from 0 to 4294967295");
       if (column) to->push_back(v);
     }
   }

@@ -2,16 +2,18 @@
 
 #include <cmath>
 #include <map>
-#include <nlohmann/json.hpp>
 #include <set>
 
 #include "padding/error.h"
+#include "padding/excerpt.h"
 #include "padding/file.h"
+#include "padding/json.h"
 
 namespace padder::detect {
 namespace {
 
 using Json = nlohmann::json;
+using Reader = JsonPlace<Json>;
 
 Scene::Asset asset_of(const Cluster& c) {
   Scene::Asset a{c.name, {}};
@@ -20,62 +22,6 @@ Scene::Asset asset_of(const Cluster& c) {
     a.spheres.push_back({c.centers[k].x(), c.centers[k].y(), c.centers[k].z(), c.radii[k]});
   return a;
 }
-
-// One place in the document, so that a message can say where it is.
-class Reader {
- public:
-  Reader(const Json& json, std::string where) : json_(json), where_(std::move(where)) {}
-
-  [[noreturn]] void fail(const std::string& sentence) const { throw Error(where_ + ": " + sentence); }
-
-  void only(std::initializer_list<const char*> keys) const {
-    if (!json_.is_object()) fail("an object is wanted");
-    for (const auto& [key, value] : json_.items()) {
-      bool known = false;
-      for (const char* k : keys) known |= key == k;
-      if (!known) fail("the key \"" + key + "\" is unknown: see docs/scenes.md");
-    }
-  }
-  bool has(const char* key) const { return json_.contains(key); }
-  Reader at(const char* key) const {
-    if (!has(key)) fail("\"" + std::string(key) + "\" is missing");
-    return {json_.at(key), where_ + ", " + key};
-  }
-  Reader at(std::size_t k) const { return {json_.at(k), where_ + " " + std::to_string(k)}; }
-  std::size_t size() const {
-    if (!json_.is_array()) fail("an array is wanted");
-    return json_.size();
-  }
-  const Json& json() const { return json_; }
-
-  std::string text() const {
-    if (!json_.is_string()) fail("a string is wanted");
-    return json_.get<std::string>();
-  }
-  bool truth() const {
-    if (!json_.is_boolean()) fail("true or false is wanted");
-    return json_.get<bool>();
-  }
-  double real() const {
-    if (!json_.is_number()) fail("a number is wanted");
-    return json_.get<double>();
-  }
-  std::uint64_t whole(std::uint64_t most) const {
-    if (!json_.is_number_unsigned() || json_.get<std::uint64_t>() > most)
-      fail("a whole number from 0 to " + std::to_string(most) + " is wanted");
-    return json_.get<std::uint64_t>();
-  }
-  std::uint32_t bits() const { return static_cast<std::uint32_t>(whole(0xffffffffu)); }
-  template <std::size_t N>
-  void reals(double (&to)[N]) const {
-    if (!json_.is_array() || json_.size() != N) fail(std::to_string(N) + " numbers are wanted");
-    for (std::size_t k = 0; k < N; k++) to[k] = at(k).real();
-  }
-
- private:
-  const Json& json_;
-  std::string where_;
-};
 
 // Families that bodies may not be given because something in the scene uses them.
 class Families {
@@ -100,11 +46,10 @@ Assets read_assets(const Reader& clusters, Scene& scene, const std::filesystem::
   Assets assets;
   if (!clusters.json().is_object()) clusters.fail("an object of names and files is wanted");
   for (const auto& [name, unused] : clusters.json().items()) {
-    const Cluster c = read_cluster(folder / clusters.at(name.c_str()).text());
+    const Cluster c = read_cluster(folder / clusters.at(name).file());
     if (!c.unit.empty() && !scene.unit.empty() && c.unit != scene.unit)
-      clusters.at(name.c_str())
-          .fail("the cluster is in " + c.unit + ", the scene in " + scene.unit +
-                ": pad it again in the scene's unit");
+      clusters.at(name).fail("the cluster is in " + excerpt(c.unit) + ", the scene in " +
+                             excerpt(scene.unit) + ": pad it again in the scene's unit");
     if (scene.unit.empty()) scene.unit = c.unit;
     assets.index[name] = static_cast<std::uint32_t>(scene.assets.size());
     assets.family.push_back(c.family), assets.mask.push_back(c.mask);
@@ -160,7 +105,7 @@ LooseSpheres read_loose(const Reader& r, const std::filesystem::path& folder) {
     r.fail("one of \"file\", \"generate\" and \"centers\" is wanted");
   LooseSpheres l;
   if (r.has("file")) {
-    const std::filesystem::path path = folder / r.at("file").text();
+    const std::filesystem::path path = folder / r.at("file").file();
     const std::string bytes = read_file(path);
     if (path.extension() == ".npz")
       l = loose_from_npz(bytes, path.string());
@@ -223,14 +168,6 @@ Scene scene_of(const Json& json, const std::string& where, const std::filesystem
   return scene;
 }
 
-Json parsed(std::string_view text, const std::string& where) {
-  try {
-    return Json::parse(text);
-  } catch (const Json::parse_error& e) {
-    throw Error(where + ": not JSON at byte " + std::to_string(e.byte));
-  }
-}
-
 }  // namespace
 
 Input Scene::input() const {
@@ -248,11 +185,11 @@ std::uint64_t Scene::size() const {
 }
 
 Scene scene_from_json(std::string_view text, const std::string& where, const std::filesystem::path& folder) {
-  return scene_of(parsed(text, where), where, folder);
+  return scene_of(parse_json<Json>(text, where), where, folder);
 }
 
 Scene read_scene(const std::filesystem::path& path) {
-  return scene_from_json(read_file(path), path.string(), path.parent_path());
+  return scene_from_json(read_file(path, kMostText), path.string(), path.parent_path());
 }
 
 Scene pile_of(const Cluster& cluster, std::uint64_t n) {
@@ -282,8 +219,8 @@ Scene pile_of(const Cluster& cluster, std::uint64_t n) {
 }
 
 Scene read_scene_or_cluster(const std::filesystem::path& path, std::uint64_t copies) {
-  const std::string text = read_file(path);
-  const Json json = parsed(text, path.string());
+  const std::string text = read_file(path, kMostText);
+  const Json json = parse_json<Json>(text, path.string());
   if (json.is_object() && json.value("format", Json()) == "padder.cluster")
     return pile_of(cluster_from_json(text, path.string()), copies ? copies : 1);
   if (copies)

@@ -1,15 +1,16 @@
 #include "padding/cluster.h"
 
 #include <cmath>
-#include <nlohmann/json.hpp>
 
 #include "padding/error.h"
 #include "padding/file.h"
+#include "padding/json.h"
 
 namespace padder {
 namespace {
 
 using Json = nlohmann::ordered_json;
+using Place = JsonPlace<Json>;
 
 Json vector_json(const Vector& v) { return Json::array({v.x(), v.y(), v.z()}); }
 
@@ -23,16 +24,16 @@ void require(bool condition, const std::string& where, const std::string& senten
   if (!condition) throw Error(where + ": " + sentence);
 }
 
-Vector vector_from(const Json& j) {
-  if (!j.is_array() || j.size() != 3)
-    throw Json::type_error::create(302, "an array of three numbers is wanted", &j);
-  return {j[0].get<double>(), j[1].get<double>(), j[2].get<double>()};
+Vector vector_from(const Place& p) {
+  double v[3];
+  p.reals(v);
+  return {v[0], v[1], v[2]};
 }
 
-Eigen::Matrix3d matrix_from(const Json& j) {
-  if (!j.is_array() || j.size() != 3) throw Json::type_error::create(302, "three rows are wanted", &j);
+Eigen::Matrix3d matrix_from(const Place& p) {
+  if (p.size() != 3) p.fail("three rows are wanted");
   Eigen::Matrix3d m;
-  for (int k = 0; k < 3; k++) m.row(k) = vector_from(j[k]).transpose();
+  for (int k = 0; k < 3; k++) m.row(k) = vector_from(p.at(static_cast<std::size_t>(k))).transpose();
   return m;
 }
 
@@ -60,10 +61,19 @@ Json accuracy_object(const Accuracy& a) {
   return j;
 }
 
-Accuracy accuracy_from(const Json& j) {
+// What the file leaves out stays as it is.
+void read_text(const Place& p, const char* key, std::string& to) {
+  if (p.has(key)) to = p.at(key).text();
+}
+void read_real(const Place& p, const char* key, double& to) {
+  if (p.has(key)) to = p.at(key).real();
+}
+
+Accuracy accuracy_from(const Place& p) {
+  p.object();
   Accuracy a;
-  for (const auto& [name, member] : accuracy_numbers) a.*member = j.value(name, 0.0);
-  a.certified = j.value("certified", false);
+  for (const auto& [name, member] : accuracy_numbers) read_real(p, name, a.*member);
+  if (p.has("certified")) a.certified = p.at("certified").truth();
   return a;
 }
 
@@ -113,27 +123,20 @@ Json spheres_object(const T& c) {
           {"triangle", c.triangle}};
 }
 
-// `key` follows what is being read, for the message.
 template <class T>
-void spheres_from(const Json& j, T& c, std::string& key, const std::string& where) {
-  const auto array = [&](const char* name) -> const Json* {
-    key = name;
-    const auto it = j.find(name);
-    return it != j.end() && it->is_array() ? &*it : nullptr;
-  };
-  const Json* centers = array("centers");
-  require(centers, where, "\"spheres.centers\" is missing or no array");
-  for (const Json& p : *centers) c.centers.push_back(vector_from(p));
-  const Json* radii = array("radii");
-  require(radii, where, "\"spheres.radii\" is missing or no array");
-  c.radii = radii->get<std::vector<double>>();
-  if (const Json* triangle = array("triangle"))
-    c.triangle = triangle->get<std::vector<std::int64_t>>();
-  else
-    c.triangle.assign(c.radii.size(), -1);
-  key = "count";
-  require(!j.contains("count") || j["count"].template get<std::size_t>() == c.radii.size(), where,
-          "\"spheres.count\" is not the number of spheres: is the file whole?");
+void spheres_from(const Place& p, T& c) {
+  const Place centers = p.at("centers"), radii = p.at("radii");
+  c.centers.resize(centers.size()), c.radii.resize(radii.size());
+  for (std::size_t k = 0; k < c.centers.size(); k++) centers.at(k).reals(c.centers[k].data(), 3);
+  for (std::size_t k = 0; k < c.radii.size(); k++) c.radii[k] = radii.at(k).real();
+  c.triangle.assign(c.radii.size(), -1);
+  if (p.has("triangle")) {
+    const Place triangle = p.at("triangle");
+    c.triangle.resize(triangle.size());
+    for (std::size_t k = 0; k < c.triangle.size(); k++) c.triangle[k] = triangle.at(k).integer();
+  }
+  if (p.has("count") && p.at("count").whole(UINT64_MAX) != c.radii.size())
+    p.at("count").fail("it is not the number of spheres: is the file whole?");
 }
 
 // One line for each key, the arrays of spheres on lines of their own: small enough, and a diff can be read.
@@ -203,61 +206,49 @@ std::string to_json(const Cluster& c) {
 std::string to_json(const Accuracy& accuracy) { return accuracy_object(accuracy).dump(); }
 
 Cluster cluster_from_json(std::string_view text, const std::string& where) {
+  const Json document = parse_json<Json>(text, where);
+  const Place p(document, where);
+  const auto is = [&](const char* key, const Json& value) { return p.has(key) && p.at(key).json() == value; };
+  require(is("format", "padder.cluster"), where, "not a cluster: \"format\" must be \"padder.cluster\"");
+  require(is("version", 1), where, "this program reads version 1 of the cluster format");
   Cluster c;
-  std::string key = "document";
-  try {
-    const Json j = Json::parse(text);
-    require(j.is_object() && j.value("format", "") == "padder.cluster", where,
-            "not a cluster: \"format\" must be \"padder.cluster\"");
-    require(j.value("version", 0) == 1, where, "this program reads version 1 of the cluster format");
-    const auto at = [&](const Json& object, const char* name) -> const Json* {
-      key = name;
-      const auto it = object.find(name);
-      return it == object.end() ? nullptr : &*it;
-    };
-    if (const Json* v = at(j, "name")) c.name = v->get<std::string>();
-    if (const Json* v = at(j, "unit")) c.unit = v->get<std::string>();
-    if (const Json* v = at(j, "program")) c.program = v->get<std::string>();
-    if (const Json* s = at(j, "source")) {
-      c.source.file = s->value("file", ""), c.source.sha256 = s->value("sha256", "");
-      c.source.triangles = s->value("triangles", std::uint64_t(0)), c.source.repair = s->value("repair", "");
+  read_text(p, "name", c.name), read_text(p, "unit", c.unit), read_text(p, "program", c.program);
+  if (p.has("source")) {
+    const Place source = p.at("source");
+    source.object();
+    read_text(source, "file", c.source.file), read_text(source, "sha256", c.source.sha256);
+    if (source.has("triangles")) c.source.triangles = source.at("triangles").whole(UINT64_MAX);
+    read_text(source, "repair", c.source.repair);
+  }
+  if (p.has("settings")) {
+    p.at("settings").object();
+    c.settings = p.at("settings").json().dump();
+  }
+  if (p.has("family")) c.family = p.at("family").bits();
+  if (p.has("mask")) c.mask = p.at("mask").bits();
+  if (p.has("bounds")) {
+    const Place bounds = p.at("bounds");
+    c.bounds.low = vector_from(bounds.at("low")), c.bounds.high = vector_from(bounds.at("high"));
+  }
+  if (p.has("mass_properties")) {
+    const Place mass = p.at("mass_properties");
+    c.mass.volume = mass.at("volume").real(), c.mass.center = vector_from(mass.at("center"));
+    c.mass.inertia = matrix_from(mass.at("inertia")), c.mass.axes = matrix_from(mass.at("axes")).transpose();
+    c.mass.moments = vector_from(mass.at("moments"));
+  }
+  read_real(p, "volume_union", c.volume_union);
+  if (p.has("accuracy")) c.accuracy = accuracy_from(p.at("accuracy"));
+  spheres_from(p.at("spheres"), c);
+  if (p.has("lods")) {
+    const Place lods = p.at("lods");
+    for (std::size_t k = 0; k < lods.size(); k++) {
+      const Place rung = lods.at(k);
+      Lod& lod = c.lods.emplace_back();
+      lod.tolerance = rung.at("tolerance").real();
+      read_real(rung, "volume_union", lod.volume_union);
+      if (rung.has("accuracy")) lod.accuracy = accuracy_from(rung.at("accuracy"));
+      spheres_from(rung.at("spheres"), lod);
     }
-    if (const Json* v = at(j, "settings")) {
-      require(v->is_object(), where, "\"settings\" must be an object");
-      c.settings = v->dump();
-    }
-    const auto bits = [&](const char* name) -> std::uint32_t {
-      const Json* v = at(j, name);
-      if (!v) return 0;
-      require(v->is_number_integer() && *v >= 0 && *v <= 0xffffffffull, where,
-              std::string(name) + " must be a whole number from 0 to 4294967295");
-      return v->get<std::uint32_t>();
-    };
-    c.family = bits("family"), c.mask = bits("mask");
-    if (const Json* b = at(j, "bounds"))
-      c.bounds.low = vector_from(b->at("low")), c.bounds.high = vector_from(b->at("high"));
-    if (const Json* m = at(j, "mass_properties")) {
-      c.mass.volume = m->at("volume").get<double>(), c.mass.center = vector_from(m->at("center"));
-      c.mass.inertia = matrix_from(m->at("inertia")), c.mass.axes = matrix_from(m->at("axes")).transpose();
-      c.mass.moments = vector_from(m->at("moments"));
-    }
-    if (const Json* v = at(j, "volume_union")) c.volume_union = v->get<double>();
-    if (const Json* v = at(j, "accuracy")) c.accuracy = accuracy_from(*v);
-    const Json* spheres = at(j, "spheres");
-    require(spheres, where, "\"spheres\" is missing");
-    spheres_from(*spheres, c, key, where);
-    if (const Json* lods = at(j, "lods"))
-      for (const Json& v : *lods) {
-        Lod& lod = c.lods.emplace_back();
-        key = "lods";
-        lod.tolerance = v.at("tolerance").get<double>(), lod.volume_union = v.value("volume_union", 0.0);
-        if (v.contains("accuracy")) lod.accuracy = accuracy_from(v["accuracy"]);
-        spheres_from(v.at("spheres"), lod, key, where);
-      }
-  } catch (const Json::parse_error& e) {
-    throw Error(where + ": not JSON at byte " + std::to_string(e.byte));
-  } catch (const Json::exception& e) {
-    throw Error(where + ": the value of \"" + key + "\" is not of the cluster format: " + e.what());
   }
   check(c, where);
   return c;
@@ -268,7 +259,7 @@ void write_cluster(const Cluster& cluster, const std::filesystem::path& path) {
 }
 
 Cluster read_cluster(const std::filesystem::path& path) {
-  return cluster_from_json(read_file(path), path.string());
+  return cluster_from_json(read_file(path, kMostText), path.string());
 }
 
 }  // namespace padder

@@ -73,7 +73,9 @@ std::string to_json(const Cluster& cluster);
 std::string to_json(const Accuracy& accuracy);  // its block alone
 
 // Reads what to_json wrote, or a file by hand with at least `format`, `version` and `spheres`. `where` names
-// the file in messages. Throws Error that names the key at fault.
+// the file in messages. Throws Error that names the place at fault: no JSON, a key twice in one object, a
+// number beyond a double's, a value of another type than the format's. Other keys than the format's are not
+// looked at.
 Cluster cluster_from_json(std::string_view text, const std::string& where);
 
 void write_cluster(const Cluster& cluster,

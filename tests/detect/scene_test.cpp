@@ -129,6 +129,17 @@ TEST_F(SceneTest, FaultsAreNamedWithTheirPlace) {
           "s.json, spheres 0, radii: one radius for each centre is wanted, or one number for all");
   refused(R"("spheres": [{"generate": "heap", "count": 3}])",
           "no generator is called 'heap': there are dense, dilute, poly35, poly045 and poly100");
+  refused(R"("unit": "m", "unit": "mm")", "s.json: the key \"unit\" stands twice in one object: remove one");
+  refused(R"("spheres": [{"generate": "dense", "count": 1, "count": 2}])",
+          "s.json, spheres 0: the key \"count\" stands twice in one object: remove one");
+  refused("\"" + std::string(1000, 'k') + "\": 1",
+          "s.json: the key \"" + std::string(60, 'k') + "…\" is unknown: see docs/scenes.md");
+  refused(R"("clusters": {"a": "b\u0000c"})",
+          "s.json, clusters, a: the name of a file is wanted, not 'b\\x00c'");
+  refused(R"("clusters": {"a\u0000b": 7})", "s.json, clusters, a\\x00b: a string is wanted");
+  EXPECT_THROW(scene(R"("spheres": [{"centers": [[0, 0, 1e999]], "radii": 1}])"), Error);
+  EXPECT_THROW(scene(R"("spheres": [{"file": "/dev/zero"}])"), Error);
+  EXPECT_THROW(scene(R"("clusters": {"a": "/dev/zero"})"), Error);
   EXPECT_THROW(scene_from_json("{", "s.json", folder_), Error);
   EXPECT_THROW(scene_from_json("[]", "s.json", folder_), Error);
   EXPECT_THROW(scene(R"("spheres": [{"file": "absent.csv"}])"), Error);

@@ -204,42 +204,85 @@ TEST(Cluster, FaultyDocumentsEndInASentenceThatNamesTheKey) {
       {head + spheres, "not JSON at byte"},
       {"[]", "\"format\" must be"},
       {"{}", "\"format\" must be"},
-      {R"({"format":7})", "not of the cluster format"},
+      {R"({"format":7})", "\"format\" must be"},
       {R"({"format":"padder.scene","version":1})", "\"format\" must be"},
       {R"({"format":"padder.cluster","version":2,)" + spheres + "}", "version 1"},
       {R"({"format":"padder.cluster",)" + spheres + "}", "version 1"},
       {R"({"format":"padder.cluster","version":1})", "\"spheres\" is missing"},
-      {head + R"("spheres":[]})", "\"spheres.centers\" is missing"},
-      {head + R"("spheres":{"centers":[[0,0,0]]}})", "\"spheres.radii\" is missing"},
-      {head + R"("spheres":{"centers":[[0,0]],"radii":[1]}})", "\"centers\""},
-      {head + R"("spheres":{"centers":[[0,0,"1"]],"radii":[1]}})", "\"centers\""},
-      {head + R"("spheres":{"centers":[[0,0,null]],"radii":[1]}})", "\"centers\""},
-      {head + R"("spheres":{"centers":[[0,0,1]],"radii":["1"]}})", "\"radii\""},
+      {head + R"("spheres":[]})", "text, spheres: an object is wanted"},
+      {head + R"("spheres":{"centers":[[0,0,0]]}})", "text, spheres: \"radii\" is missing"},
+      {head + R"("spheres":{"centers":[[0,0]],"radii":[1]}})", "text, spheres, centers 0: 3 numbers"},
+      {head + R"("spheres":{"centers":[[0,0,"1"]],"radii":[1]}})", "text, spheres, centers 0 2: a number"},
+      {head + R"("spheres":{"centers":[[0,0,null]],"radii":[1]}})", "text, spheres, centers 0 2: a number"},
+      {head + R"("spheres":{"centers":[[0,0,1]],"radii":["1"]}})", "text, spheres, radii 0: a number"},
       {head + R"("spheres":{"centers":[[0,0,1]],"radii":[1,2]}})", "one length"},
       {head + R"("spheres":{"centers":[[0,0,1]],"radii":[1],"triangle":[]}})", "one length"},
-      {head + R"("spheres":{"count":2,"centers":[[0,0,1]],"radii":[1]}})", "\"spheres.count\""},
+      {head + R"("spheres":{"count":2,"centers":[[0,0,1]],"radii":[1]}})",
+       "text, spheres, count: it is not the number of spheres"},
       {head + R"("spheres":{"centers":[[0,0,1]],"radii":[0]}})", "sphere 0 has a radius"},
       {head + R"("spheres":{"centers":[[0,0,1]],"radii":[-1]}})", "sphere 0 has a radius"},
-      {head + R"("spheres":{"centers":[[0,0,1e999]],"radii":[1]}})", "text: "},
-      {head + R"("family":-1,)" + spheres + "}", "family must be a whole number"},
-      {head + R"("mask":4294967296,)" + spheres + "}", "mask must be a whole number"},
-      {head + R"("mask":1.5,)" + spheres + "}", "mask must be a whole number"},
-      {head + R"("name":7,)" + spheres + "}", "\"name\""},
-      {head + R"("source":7,)" + spheres + "}", "\"source\""},
-      {head + R"("settings":7,)" + spheres + "}", "\"settings\" must be an object"},
-      {head + R"("bounds":{"low":[0,0,0]},)" + spheres + "}", "\"bounds\""},
-      {head + R"("mass_properties":{"volume":1},)" + spheres + "}", "\"mass_properties\""},
-      {head + R"("accuracy":{"gap_max":"0"},)" + spheres + "}", "\"accuracy\""}};
+      {head + R"("spheres":{"centers":[[0,0,1e999]],"radii":[1]}})",
+       "text, spheres, centers 0: the number '1e999' at byte 71 (line 1) is too large"},
+      {head + R"("family":-1,)" + spheres + "}", "text, family: a whole number from 0 to 4294967295"},
+      {head + R"("mask":4294967296,)" + spheres + "}", "text, mask: a whole number from 0 to 4294967295"},
+      {head + R"("mask":1.5,)" + spheres + "}", "text, mask: a whole number from 0 to 4294967295"},
+      {head + R"("name":7,)" + spheres + "}", "text, name: a string"},
+      {head + R"("source":7,)" + spheres + "}", "text, source: an object"},
+      {head + R"("settings":7,)" + spheres + "}", "text, settings: an object"},
+      {head + R"("bounds":{"low":[0,0,0]},)" + spheres + "}", "text, bounds: \"high\" is missing"},
+      {head + R"("mass_properties":{"volume":1},)" + spheres + "}", "text, mass_properties: \"center\""},
+      {head + R"("accuracy":{"gap_max":"0"},)" + spheres + "}", "text, accuracy, gap_max: a number"},
+      {head + R"("accuracy":{"certified":1},)" + spheres + "}", "text, accuracy, certified: true or false"},
+      {head + R"("source":{"triangles":1.5},)" + spheres + "}", "text, source, triangles: a whole number"},
+      {head + R"("spheres":{"centers":[[0,0,1]],"radii":[1],"triangle":[0.5]}})",
+       "triangle 0: a whole number"}};
   for (const auto& [text, words] : table) {
     try {
       cluster_from_json(text, "text");
       ADD_FAILURE() << text << " was read";
     } catch (const Error& e) {
       const std::string sentence = e.what();
-      EXPECT_EQ(sentence.rfind("text: ", 0), 0u) << sentence;
+      EXPECT_EQ(sentence.rfind("text", 0), 0u) << sentence;
+      EXPECT_EQ(sentence.find("json."), std::string::npos) << sentence;  // the library's own words
       EXPECT_NE(sentence.find(words), std::string::npos) << text << "\n" << sentence;
     }
   }
+}
+
+// What a file holds may not come back whole, nor move the cursor.
+TEST(Cluster, HostileDocumentsEndInAShortSentence) {
+  const std::string head = R"({"format":"padder.cluster","version":1,)", large(10000000, 'k');
+  const std::string spheres = R"("spheres":{"centers":[[0,0,0]],"radii":[1]})";
+  std::string deep = head + R"("settings":{"a":)";
+  for (int k = 0; k < 1000000; k++) deep += '[';
+  const std::pair<std::string, std::string> table[] = {
+      {head + spheres + "," + spheres + "}", "text: the key \"spheres\" stands twice in one object"},
+      {head + R"("spheres":{"centers":[[0,0,0]],"radii":[1],"radii":[2]}})",
+       "text, spheres: the key \"radii\" stands twice"},
+      {head + R"("lods":[{"spheres":{"radii":[],"radii":[]}}],)" + spheres + "}",
+       "text, lods 0, spheres: the key \"radii\" stands twice"},
+      {head + '"' + large + "\":1,\"" + large + "\":2," + spheres + "}", "stands twice"},
+      {head + R"("a\nb":1,"a\nb":2})", "the key \"a\\nb\" stands twice"},
+      {head + R"("name":")" + large, "it ends too early"},
+      {head + R"("name":)" + large + "}", "near '\"name\":k'"},
+      {head + R"("name":)" + std::string(1000000, '9') + "e9}", "is too large for a double"},
+      {head + "\"name\":\"\x1b[2J\"}", "near '\"<U+001B>'"},
+      {deep, "nested deeper than 64 levels"}};
+  for (const auto& [text, words] : table) {
+    try {
+      cluster_from_json(text, "text");
+      ADD_FAILURE() << text.substr(0, 200) << " was read";
+    } catch (const Error& e) {
+      const std::string sentence = e.what();
+      EXPECT_NE(sentence.find(words), std::string::npos) << sentence.substr(0, 400);
+      EXPECT_LT(sentence.size(), 300u);
+      EXPECT_TRUE(std::ranges::all_of(sentence, [](char c) { return static_cast<unsigned char>(c) >= 32; }));
+    }
+  }
+  // Many keys that nobody asks for take no longer than their bytes.
+  std::string many = head;
+  for (int k = 0; k < 200000; k++) many += '"' + std::to_string(k) + "\":0,";
+  EXPECT_EQ(cluster_from_json(many + spheres + "}", "text").size(), 1u);
 }
 
 TEST(Cluster, CutAnywhereItIsRefused) {

@@ -1,9 +1,11 @@
 #include "padding/file.h"
 
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <cstdlib>
+#include <fstream>
 #include <functional>
 #include <thread>
 #include <vector>
@@ -52,6 +54,23 @@ TEST_F(File, EveryByteComesBack) {
 TEST_F(File, ReadingWhatIsNotThere) {
   expect_error([&] { read_file(folder_ / "absent"); }, (folder_ / "absent").string());
   expect_error([&] { read_file(folder_); }, "is a folder");
+}
+
+TEST_F(File, OnlyRegularFilesOfSomeSizeAreRead) {
+  for (const char* device : {"/dev/zero", "/dev/null", "/dev/tty"})
+    if (fs::exists(device)) expect_error([&] { read_file(device); }, "name");  // no terminal: cannot open
+  expect_error([&] { read_file("/dev/zero"); }, "is a device, a pipe or a socket: name a regular file");
+  for (const char* system : {"/proc/self/mem", "/proc/self/status"})
+    if (fs::exists(system)) expect_error([&] { read_file(system); }, "without a size");
+  ASSERT_EQ(::mkfifo((folder_ / "pipe").c_str(), 0600), 0);
+  expect_error([&] { read_file(folder_ / "pipe"); }, "is a device, a pipe or a socket");  // at once
+  std::ofstream(folder_ / "large").put('x');
+  fs::resize_file(folder_ / "large", std::uintmax_t(1) << 40);  // a hole
+  expect_error([&] { read_file(folder_ / "large"); }, "1099511627776 bytes, and at most 8589934592 are read");
+  write_file(folder_ / "four", "1234");
+  expect_error([&] { read_file(folder_ / "four", 3); }, "has 4 bytes, and at most 3 are read");
+  EXPECT_EQ(read_file(folder_ / "four", 4), "1234");
+  expect_error([&] { read_file("a\nb\x1b"); }, "a\\nb\\x1b");
 }
 
 TEST_F(File, AFailedWriteLeavesNothingAndHarmsNothing) {
