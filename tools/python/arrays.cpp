@@ -1,5 +1,8 @@
 #include "tools/python/arrays.h"
 
+#include <algorithm>
+#include <optional>
+
 #include "tools/python/module.h"
 
 namespace padder::python {
@@ -24,100 +27,214 @@ struct DlManaged {
   void (*deleter)(DlManaged*);
 };
 
-void fill_strides(Given& g) {
-  if (!g.strides.empty() || g.shape.empty()) return;
-  g.strides.assign(g.shape.size(), g.size);
-  for (std::size_t k = g.shape.size() - 1; k-- > 0;) g.strides[k] = g.strides[k + 1] * g.shape[k + 1];
+using Kind = Contract::Kind;
+
+std::string named(const char* name, const std::string& what) { return std::string(name) + " " + what; }
+
+std::vector<py::ssize_t> packed_strides(const std::vector<py::ssize_t>& shape, py::ssize_t size) {
+  std::vector<py::ssize_t> strides(shape.size(), size);
+  for (std::size_t k = shape.size(); k-- > 1;) strides[k - 1] = strides[k] * shape[k];
+  return strides;
 }
 
-Given from_cuda(const py::object& object) {
+bool empty(const Array& a) { return std::find(a.shape.begin(), a.shape.end(), 0) != a.shape.end(); }
+
+// Can it be read where it lies? Strides are told to the detector in numbers, in 32 bits.
+bool layout_fits(const Array& a, bool rows) {
+  const std::vector<py::ssize_t> packed = packed_strides(a.shape, a.size);
+  for (std::size_t k = 0; k < a.shape.size(); k++) {
+    if (a.shape[k] <= 1 || a.strides[k] == packed[k]) continue;
+    const bool outermost = k == 0 && rows;
+    if (!outermost || a.strides[k] <= 0 || a.strides[k] % a.size != 0 || a.strides[k] / a.size > 0xffffffffll)
+      return false;
+  }
+  return true;
+}
+
+bool type_fits(const Array& a, Kind kind) {
+  switch (kind) {
+    case Kind::real:
+      return a.kind == 'f' && (a.size == 4 || a.size == 8);
+    case Kind::wide:
+      return a.kind == 'f' && a.size == 8;
+    case Kind::bits:
+      return a.kind == 'u' && a.size == 4;
+    case Kind::whole:
+      return (a.kind == 'u' || a.kind == 'i') && a.size == 8;
+    case Kind::flags:
+      return (a.kind == 'b' || a.kind == 'u' || a.kind == 'i') && a.size == 1;
+  }
+  return false;
+}
+
+const char* type_said(Kind kind) {
+  switch (kind) {
+    case Kind::real:
+      return "float32 or float64";
+    case Kind::wide:
+      return "float64";
+    case Kind::bits:
+      return "uint32";
+    case Kind::whole:
+      return "int64 or uint64";
+    default:
+      return "bool, uint8 or int8";
+  }
+}
+
+Array from_cuda(const py::object& object, const char* name) {
   const py::dict d = object.attr("__cuda_array_interface__");
   const std::string type = py::cast<std::string>(d["typestr"]);
-  Given g;
-  g.keep = object, g.memory = detect::Memory::device;
-  g.data = reinterpret_cast<const char*>(py::cast<std::uintptr_t>(d["data"].cast<py::tuple>()[0]));
-  g.shape = d["shape"].cast<std::vector<py::ssize_t>>();
-  if (d.contains("strides") && !d["strides"].is_none())
-    g.strides = d["strides"].cast<std::vector<py::ssize_t>>();
-  g.kind = type.at(1), g.size = std::stoi(type.substr(2));
-  return g;
+  if (type.size() < 3 || type.size() > 4 || type.find_first_not_of("0123456789", 2) != type.npos ||
+      type[0] == '>')
+    throw py::type_error(named(name, "on a device must be plain little-endian numbers, not " + type));
+  if (d.contains("mask") && !d["mask"].is_none())
+    throw py::value_error(named(name, "on a device has a mask"));
+  Array a;
+  a.keep = object, a.memory = detect::Memory::device;
+  a.data = reinterpret_cast<const char*>(py::cast<std::uintptr_t>(d["data"].cast<py::tuple>()[0]));
+  a.kind = type[1], a.size = std::stoi(type.substr(2));
+  a.shape = d["shape"].cast<std::vector<py::ssize_t>>();
+  const bool told = d.contains("strides") && !d["strides"].is_none();
+  a.strides = told ? d["strides"].cast<std::vector<py::ssize_t>>() : packed_strides(a.shape, a.size);
+  if (a.strides.size() != a.shape.size())
+    throw py::value_error(named(name, "has not one stride a dimension"));
+  return a;
 }
 
-Given from_dlpack(const py::object& object) {
+// On the host what comes is shown as a NumPy array, and treated as any other.
+py::object host_view(const Array& a) {
+  const std::string type = std::string(1, a.kind) + std::to_string(a.size);
+  return py::array(py::dtype(type), a.shape, a.strides, a.data, a.keep);
+}
+
+Array from_dlpack(const py::object& object, const char* name) {
   const py::object capsule = object.attr("__dlpack__")();
   auto* managed = static_cast<DlManaged*>(PyCapsule_GetPointer(capsule.ptr(), "dltensor"));
   if (!managed) throw py::error_already_set();
   PyCapsule_SetName(capsule.ptr(), "used_dltensor");  // ours to delete from now on
-  Given g;
-  g.keep = py::capsule(managed, [](void* m) {
+  Array a;
+  a.keep = py::capsule(managed, [](void* m) {
     if (auto* d = static_cast<DlManaged*>(m); d->deleter) d->deleter(d);
   });
   const DlTensor& t = managed->tensor;
-  if (t.device_type != 1 && t.device_type != 2)
-    throw py::type_error("arrays must lie on the host or on a CUDA device");
-  g.memory = t.device_type == 2 ? detect::Memory::device : detect::Memory::host;
-  g.data = static_cast<const char*>(t.data) + t.byte_offset;
-  g.kind = t.code == 2 ? 'f' : t.code == 1 ? 'u' : 'i', g.size = t.bits / 8;
-  for (int k = 0; k < t.ndim; k++) {
-    g.shape.push_back(t.shape[k]);
-    if (t.strides) g.strides.push_back(t.strides[k] * g.size);
+  const bool host = t.device_type == 1 || t.device_type == 3;  // 3: host memory that a device reads
+  if (!host && t.device_type != 2 && t.device_type != 13)      // 13: memory that wanders
+    throw py::type_error(named(name, "must lie on the host or on a CUDA device"));
+  static constexpr char kinds[] = {'i', 'u', 'f', 0, 0, 0, 'b'};  // by DLPack's codes
+  a.kind = t.code < sizeof kinds ? kinds[t.code] : '\0';
+  if (!a.kind || t.lanes != 1 || t.bits % 8 != 0)
+    throw py::type_error(named(name, "must be whole numbers, floats or booleans"));
+  a.memory = host ? detect::Memory::host : detect::Memory::device;
+  a.data = static_cast<const char*>(t.data) + t.byte_offset;
+  a.size = t.bits / 8;
+  a.shape.assign(t.shape, t.shape + t.ndim);
+  a.strides = packed_strides(a.shape, a.size);
+  for (int k = 0; t.strides && k < t.ndim; k++)
+    a.strides[static_cast<std::size_t>(k)] = t.strides[k] * a.size;
+  return a;
+}
+
+Array from_numpy(const py::array& array) {
+  Array a;
+  a.keep = array, a.data = static_cast<const char*>(array.data());
+  a.shape.assign(array.shape(), array.shape() + array.ndim());
+  a.strides.assign(array.strides(), array.strides() + array.ndim());
+  a.kind = array.dtype().kind(), a.size = static_cast<int>(array.itemsize());
+  return a;
+}
+
+// By numpy.asarray, without what NumPy would do in silence: forget a mask.
+py::array numpy_array(const py::object& object, const char* name) {
+  const py::module_ np = py::module_::import("numpy");
+  if (py::isinstance<py::array>(object) && py::cast<bool>(np.attr("ma").attr("is_masked")(object)))
+    throw py::value_error(named(name, "has masked entries: fill them, or leave them out"));
+  try {
+    return np.attr("asarray")(object);
+  } catch (const py::error_already_set&) {
+    throw py::type_error(named(name, "is no array of numbers"));
   }
-  return g;
+}
+
+void check_type(const py::array& a, const Contract& wanted) {
+  const char kind = a.dtype().kind();
+  const bool whole = kind == 'i' || kind == 'u', flag = whole || kind == 'b', real = flag || kind == 'f';
+  const bool reals = wanted.kind == Kind::real || wanted.kind == Kind::wide;
+  if (a.size() == 0 ? real : reals ? real : wanted.kind == Kind::flags ? flag : whole)
+    return;  // [] is of no type
+  throw py::type_error(named(wanted.name, std::string("must be ") +
+                                              (reals                        ? "real numbers"
+                                               : wanted.kind == Kind::flags ? "booleans or whole numbers"
+                                                                            : "whole numbers") +
+                                              ", not " + py::cast<std::string>(py::str(a.dtype()))));
+}
+
+// Native numbers of the wanted type, aligned and laid out as wanted; itself where it is that already.
+py::array converted(const py::array& a, const Contract& wanted) {
+  const char kind = a.dtype().kind();
+  if (wanted.kind == Kind::bits && a.size() > 0) {
+    const py::object low = a.attr("min")(), high = a.attr("max")();  // NumPy's own: exact beyond 2^53
+    if (py::int_(low) < py::int_(0) || py::int_(high) > py::int_(4294967295))
+      throw py::value_error(named(wanted.name, "must be from 0 to 4294967295"));
+  }
+  const char* type = wanted.kind == Kind::real    ? (kind == 'f' && a.itemsize() == 4 ? "f4" : "f8")
+                     : wanted.kind == Kind::wide  ? "f8"
+                     : wanted.kind == Kind::bits  ? "u4"
+                     : wanted.kind == Kind::whole ? (kind == 'u' ? "u8" : "i8")
+                                                  : "?";
+  const py::dtype target{std::string(type)};
+  const bool aligned = py::cast<bool>(a.attr("flags").attr("aligned"));
+  // Any byte is a flag: it is read as 0 or not.
+  const bool same =
+      wanted.kind == Kind::flags ? type_fits(from_numpy(a), wanted.kind) : a.dtype().equal(target);
+  if (same && aligned && layout_fits(from_numpy(a), wanted.rows)) return a;
+  return a.attr("astype")(target,
+                          "order"_a = "C");  // not ascontiguousarray, which makes a number a list of one
+}
+
+bool shape_fits(const Array& a, const Contract& wanted) {
+  if (a.one() && wanted.number) return true;
+  if (a.shape.size() != wanted.shape.size()) return false;
+  for (std::size_t k = 0; k < a.shape.size(); k++)
+    if (wanted.shape[k] != any && a.shape[k] != wanted.shape[k]) return false;
+  return true;
 }
 
 }  // namespace
 
-Given given(const py::object& object, const char* name) {
-  Given g;
-  if (py::hasattr(object, "__cuda_array_interface__")) {
-    g = from_cuda(object);
-  } else if (!py::isinstance<py::array>(object) && py::hasattr(object, "__dlpack__")) {
-    g = from_dlpack(object);
+Array array_of(const py::object& object, const Contract& wanted) {
+  py::object host = object;
+  std::optional<Array> other;
+  if (py::hasattr(object, "__cuda_array_interface__"))
+    other = from_cuda(object, wanted.name);
+  else if (!py::isinstance<py::array>(object) && py::hasattr(object, "__dlpack__"))
+    other = from_dlpack(object, wanted.name);
+  if (other && other->memory == detect::Memory::host) host = host_view(*other), other.reset();
+  Array a;
+  if (other) {
+    a = *other;
   } else {
-    const py::array a = py::array::ensure(object);
-    if (!a) throw py::type_error(std::string(name) + " is no array");
-    g.keep = a, g.data = static_cast<const char*>(a.data());
-    g.shape.assign(a.shape(), a.shape() + a.ndim()), g.strides.assign(a.strides(), a.strides() + a.ndim());
-    g.kind = a.dtype().kind(), g.size = static_cast<int>(a.itemsize());
+    const py::array array = numpy_array(host, wanted.name);
+    check_type(array, wanted);
+    a = from_numpy(array);
   }
-  fill_strides(g);
-  return g;
+  if (!shape_fits(a, wanted))
+    throw py::value_error(named(wanted.name, std::string("must be of the shape ") + wanted.said));
+  if (a.memory == detect::Memory::host)
+    return from_numpy(converted(py::reinterpret_borrow<py::array>(a.keep), wanted));
+  if (!empty(a) && (!type_fits(a, wanted.kind) || !layout_fits(a, wanted.rows)))
+    throw py::type_error(
+        named(wanted.name, std::string("on a device must be ") + type_said(wanted.kind) +
+                               (wanted.rows ? " with its last axis contiguous" : ", contiguous")));
+  return a;
 }
 
-bool is_float(const Given& g, int size) { return g.kind == 'f' && g.size == size; }
-
-void convert(Given& g, const char* name, char kind, int size, bool contiguous) {
-  const auto row = [&] { return g.strides.empty() || g.strides.back() == g.size; };
-  const auto whole = [&] {
-    bool positive = true;
-    for (const py::ssize_t s : g.strides) positive &= s >= 0 && s % g.size == 0;
-    return positive && (g.shape.size() < 2 || row()) && (!contiguous || g.shape.size() != 1 || row());
-  };
-  if (g.kind == kind && g.size == size && whole()) return;
-  if (g.memory == detect::Memory::device)
-    throw py::type_error(std::string(name) + " on a device must be " + (kind == 'f' ? "float" : "uint") +
-                         std::to_string(8 * size) + " with its last axis contiguous");
-  if (!py::isinstance<py::array>(g.keep))
-    throw py::type_error(std::string(name) + ": convert it to a NumPy array first");
-  if (kind == 'u' && g.kind != 'u' && g.kind != 'i')
-    throw py::type_error(std::string(name) + " must be whole numbers");
-  const py::module_ np = py::module_::import("numpy");
-  py::object a = g.keep;
-  if (kind == 'u' && g.shape.size() == 1 && g.shape[0] > 0 &&
-      (py::cast<double>(a.attr("min")()) < 0 || py::cast<double>(a.attr("max")()) > 4294967295.0))
-    throw py::value_error(std::string(name) + " must be from 0 to 4294967295");
-  g = given(np.attr("ascontiguousarray")(a, "dtype"_a = std::string(1, kind) + std::to_string(size)), name);
-}
-
-void convert_flags(Given& g, const char* name) {
-  if (g.kind != 'b' && g.kind != 'u' && g.kind != 'i')
-    throw py::type_error(std::string(name) + " must be booleans or whole numbers");
-  if (g.size == 1 && g.shape.size() == 1 && (g.shape[0] < 2 || g.strides[0] == 1)) return;
-  if (g.memory == detect::Memory::device)
-    throw py::type_error(std::string(name) + " on a device must be of one byte each, contiguous");
-  if (!py::isinstance<py::array>(g.keep))
-    throw py::type_error(std::string(name) + ": convert it to a NumPy array first");
-  g = given(py::module_::import("numpy").attr("ascontiguousarray")(g.keep, "dtype"_a = "bool"), name);
+void convert_real(Array& array, const char* name, int size) {
+  if (array.size == size) return;
+  if (array.memory == detect::Memory::device)
+    throw py::type_error(
+        named(name, "on a device must be of the type of the other arrays, float" + std::to_string(8 * size)));
+  array = from_numpy(array.keep.attr("astype")(py::dtype(size == 4 ? "f4" : "f8"), "order"_a = "C"));
 }
 
 py::dict DeviceArray::interface() const {

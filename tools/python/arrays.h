@@ -15,27 +15,50 @@ namespace padder::python {
 
 namespace py = pybind11;
 
-// An array of the caller's.
-struct Given {
+// An array of the caller's, as the detector reads it: native numbers of one of the types of its Contract.
+struct Array {
   py::object keep;  // what owns the memory while detect runs
   const char* data = nullptr;
-  std::vector<py::ssize_t> shape, strides;  // strides in bytes
-  char kind = 'f';
-  int size = 4;
+  std::vector<py::ssize_t> shape, strides;  // strides in bytes; one each for every dimension
+  char kind = 'f';                          // as NumPy names it
+  int size = 4;                             // bytes a number
   detect::Memory memory = detect::Memory::host;
+
+  bool single() const { return kind == 'f' && size == 4; }
+  bool one() const { return shape.empty(); }  // a number, not a list of one
+  template <class T>
+  const T* as() const {
+    return reinterpret_cast<const T*>(data);
+  }
 };
 
-// Of anything that has one of the three. Throws TypeError, which names the argument, for what has none.
-Given given(const py::object& object, const char* name);
+// What an argument must be, and so what comes of it.
+struct Contract {
+  enum class Kind {
+    real,   // float32 stays so, all other real numbers and booleans become float64
+    wide,   // float64
+    bits,   // whole numbers from 0 to 4294967295: uint32
+    whole,  // whole numbers: int64, or uint64 when they come as unsigned
+    flags   // booleans or whole numbers, true where not 0: a byte each, 0 or not
+  };
+  const char* name;
+  Kind kind;
+  std::vector<py::ssize_t> shape;  // any: any length
+  const char* said;                // the shape in words, for the message
+  bool number = false;             // a single number, of no dimension, will do too
+  bool rows = false;  // may stay where it is with other numbers between its rows; else contiguous
+};
+inline constexpr py::ssize_t any = -1;
 
-bool is_float(const Given& g, int size);
+// The one door for arrays: of NumPy (of any type, byte order, alignment and strides), lists, tuples, whatever
+// numpy.asarray takes, and objects with __cuda_array_interface__ or DLPack. On the host what is not as wanted
+// is converted once; on a device it is refused. `shape` is the caller's, so no dimension is ever added.
+// Throws TypeError (complex numbers, objects, text, a device array of another type or layout) or ValueError
+// (another shape, masked entries, a number out of range), which name the argument.
+Array array_of(const py::object& object, const Contract& wanted);
 
-// As numbers of this kind ('f', 'u', 'i') and size with the last axis contiguous. On the host anything that
-// NumPy can convert is converted; a device array must come as it is wanted. Throws TypeError or ValueError.
-void convert(Given& g, const char* name, char kind, int size, bool contiguous);
-
-// One byte each, 0 or not, of booleans or whole numbers; the same rules.
-void convert_flags(Given& g, const char* name);
+// A real array as float32 (size 4) or float64 (8); the same rules.
+void convert_real(Array& array, const char* name, int size);
 
 // A view of memory that `owner` keeps alive; not to be written to.
 template <class T>

@@ -19,21 +19,19 @@ std::vector<detect::Sphere> spheres_of_arrays(const py::object& shape, std::size
   const std::string name = "shape " + std::to_string(k);
   if (!py::isinstance<py::sequence>(shape) || py::len(shape) != 2)
     throw py::type_error(name + " must be a Cluster or (centers, radii)");
-  using Doubles = py::array_t<double, py::array::c_style | py::array::forcecast>;
-  const Doubles centers = Doubles::ensure(shape[py::int_(0)]), radii = Doubles::ensure(shape[py::int_(1)]);
-  if (!centers || !radii) {
-    PyErr_Clear();
-    throw py::type_error(name + " must be a Cluster or (centers, radii), arrays of numbers");
-  }
-  if (centers.ndim() != 2 || centers.shape(1) != 3)
-    throw py::value_error("the centers of " + name + " must be of the shape (N, 3)");
-  const py::ssize_t n = centers.shape(0);
-  if (radii.ndim() > 1 || (radii.ndim() == 1 && radii.shape(0) != n))
-    throw py::value_error("the radii of " + name + " must be of the shape (N,), or one number for all");
+  const std::string centers_name = "the centers of " + name, radii_name = "the radii of " + name;
+  const Array centers =
+      array_of(shape[py::int_(0)], {centers_name.c_str(), Contract::Kind::wide, {any, 3}, "(N, 3)"});
+  const py::ssize_t n = centers.shape[0];
+  const Array radii =
+      array_of(shape[py::int_(1)],
+               {radii_name.c_str(), Contract::Kind::wide, {n}, "(N,), or one number for all", true});
+  if (centers.memory != detect::Memory::host || radii.memory != detect::Memory::host)
+    throw py::type_error(name + " must lie on the host");
   std::vector<detect::Sphere> spheres;
+  const auto *c = centers.as<double>(), *r = radii.as<double>();
   for (py::ssize_t i = 0; i < n; i++)
-    spheres.push_back(
-        {centers.at(i, 0), centers.at(i, 1), centers.at(i, 2), radii.data()[radii.ndim() ? i : 0]});
+    spheres.push_back({c[3 * i], c[3 * i + 1], c[3 * i + 2], r[radii.one() ? 0 : i]});
   return spheres;
 }
 
@@ -41,15 +39,11 @@ std::vector<detect::Sphere> spheres_of_arrays(const py::object& shape, std::size
 template <class T, class Put>
 void each(const py::object& object, const char* name, std::vector<Body>& bodies, Put put) {
   if (object.is_none()) return;
-  Given g = given(object, name);
-  if constexpr (sizeof(T) == 1)
-    convert_flags(g, name);
-  else
-    convert(g, name, 'u', 4, true);
-  if (g.memory != detect::Memory::host) throw py::type_error(std::string(name) + " must lie on the host");
-  if (g.shape != std::vector<py::ssize_t>{static_cast<py::ssize_t>(bodies.size())})
-    throw py::value_error(std::string(name) + " must be of the shape (B,), one for each row of poses");
-  for (std::size_t b = 0; b < bodies.size(); b++) put(bodies[b], reinterpret_cast<const T*>(g.data)[b]);
+  const auto kind = sizeof(T) == 1 ? Contract::Kind::flags : Contract::Kind::bits;
+  const auto count = static_cast<py::ssize_t>(bodies.size());
+  const Array a = array_of(object, {name, kind, {count}, "(B,), one for each row of poses"});
+  if (a.memory != detect::Memory::host) throw py::type_error(std::string(name) + " must lie on the host");
+  for (std::size_t b = 0; b < bodies.size(); b++) put(bodies[b], a.as<T>()[b]);
 }
 
 std::shared_ptr<Bodies> bodies_of(const py::sequence& shapes, const py::object& poses,
@@ -71,14 +65,12 @@ std::shared_ptr<Bodies> bodies_of(const py::sequence& shapes, const py::object& 
     }
   }
   for (const auto& s : out->spheres) out->shapes.push_back({s.data(), s.size()});
-  Given p = given(poses, "poses");
-  if (p.shape.size() != 2 || p.shape[1] != 12) throw py::value_error("poses must be of the shape (B, 12)");
-  convert(p, "poses", 'f', 8, false);
+  const Array p = array_of(poses, {"poses", Contract::Kind::wide, {any, 12}, "(B, 12)"});
   if (p.memory != detect::Memory::host)
     throw py::type_error("the poses that bodies are made with must lie on the host");
   out->bodies.resize(static_cast<std::size_t>(p.shape[0]));
   for (std::size_t b = 0; b < out->bodies.size(); b++) {
-    const auto* from = reinterpret_cast<const double*>(p.data + static_cast<py::ssize_t>(b) * p.strides[0]);
+    const double* from = p.as<double>() + 12 * b;
     std::copy_n(from, 9, out->bodies[b].rotation), std::copy_n(from + 9, 3, out->bodies[b].position);
   }
   each<std::uint32_t>(shape, "shape", out->bodies, [](Body& b, std::uint32_t v) { b.shape = v; });

@@ -1,4 +1,6 @@
 // padder::detect on NumPy and GPU arrays.
+#include <algorithm>
+#include <cmath>
 #include <memory>
 
 #include "padding/error.h"
@@ -90,11 +92,11 @@ struct Request {
   detect::Input input;
   detect::Scalar scalar = detect::Scalar::f64;
   detect::Memory memory = detect::Memory::host;  // where the contacts are to lie
-  std::vector<Given> kept;
+  std::vector<Array> kept;
 
-  const char* keep(const Given& g) {
-    kept.push_back(g);
-    return g.data;
+  const char* keep(const Array& a) {
+    kept.push_back(a);
+    return a.data;
   }
 };
 
@@ -106,57 +108,76 @@ void add_spheres(Request& in, const py::object& centers, const py::object& radii
     return;
   }
   if (radii.is_none()) throw py::value_error("centers want radii");
-  Given c = given(centers, "centers"), r = given(radii, "radii");
-  if (c.shape.size() != 2 || c.shape[1] != 3) throw py::value_error("centers must be of the shape (N, 3)");
+  using Kind = Contract::Kind;
+  Array c = array_of(centers, {"centers", Kind::real, {any, 3}, "(N, 3)", false, true});
   const py::ssize_t n = c.shape[0];
-  if (r.shape.size() > 1 || (r.shape.size() == 1 && r.shape[0] != n))
-    throw py::value_error("radii must be of the shape (N,), or one number for all");
-  const bool single = is_float(c, 4) && (is_float(r, 4) || r.shape.empty());
-  convert(c, "centers", 'f', single ? 4 : 8, false), convert(r, "radii", 'f', single ? 4 : 8, false);
+  Array r = array_of(radii, {"radii", Kind::real, {n}, "(N,), or one number for all", true, true});
+  const bool single = c.single() && (r.single() || r.one());  // one number is taken as the centers are
+  convert_real(c, "centers", single ? 4 : 8), convert_real(r, "radii", single ? 4 : 8);
   in.scalar = single ? detect::Scalar::f32 : detect::Scalar::f64, in.memory = c.memory;
   detect::Spheres& s = in.input.spheres;
   s.count = static_cast<std::uint64_t>(n), s.scalar = in.scalar, s.memory = c.memory;
   s.centers = in.keep(c), s.radii = in.keep(r);
   s.center_stride = static_cast<std::uint32_t>(n > 1 ? c.strides[0] / c.size : 3);
-  s.radius_stride = static_cast<std::uint32_t>(r.shape.empty() ? 0 : n > 1 ? r.strides[0] / r.size : 1);
-  const auto one_each = [&](const py::object& object, const char* name, bool flags) -> const char* {
-    if (object.is_none()) return nullptr;
-    Given g = given(object, name);
-    if (g.shape != std::vector<py::ssize_t>{n})
-      throw py::value_error(std::string(name) + " must be of the shape (N,)");
-    flags ? convert_flags(g, name) : convert(g, name, 'u', 4, true);
-    return in.keep(g);
+  s.radius_stride = static_cast<std::uint32_t>(r.one() ? 0 : n > 1 ? r.strides[0] / r.size : 1);
+  const auto one_each = [&](const py::object& object, const char* name, Kind kind) -> const char* {
+    return object.is_none() ? nullptr : in.keep(array_of(object, {name, kind, {n}, "(N,)"}));
   };
-  s.family = reinterpret_cast<const std::uint32_t*>(one_each(family, "family", false));
-  s.mask = reinterpret_cast<const std::uint32_t*>(one_each(mask, "mask", false));
-  s.is_static = reinterpret_cast<const std::uint8_t*>(one_each(is_static, "is_static", true));
-  for (const Given& g : in.kept)
-    if (g.memory != c.memory)
+  s.family = reinterpret_cast<const std::uint32_t*>(one_each(family, "family", Kind::bits));
+  s.mask = reinterpret_cast<const std::uint32_t*>(one_each(mask, "mask", Kind::bits));
+  s.is_static = reinterpret_cast<const std::uint8_t*>(one_each(is_static, "is_static", Kind::flags));
+  for (const Array& a : in.kept)
+    if (a.memory != c.memory)
       throw py::value_error("all arrays of spheres must lie in one place: on the host or on the device");
 }
 
 void add_poses(Request& in, const py::object& poses, const py::object& moved) {
+  const auto count = static_cast<py::ssize_t>(in.input.bodies.size());
   if (!moved.is_none()) {
-    Given g = given(moved, "moved");
-    if (g.shape.size() != 1) throw py::value_error("moved must be of the shape (M,)");
-    if (g.shape[0] == 0) g = given(py::array_t<std::uint32_t>(0), "moved");  // [] is of no type
-    convert(g, "moved", 'u', 4, true);
-    if (g.memory != detect::Memory::host) throw py::type_error("moved must lie on the host");
-    const auto* first = reinterpret_cast<const std::uint32_t*>(in.keep(g));
-    in.input.moved = {first, static_cast<std::size_t>(g.shape[0])};
+    const Array a = array_of(moved, {"moved", Contract::Kind::bits, {any}, "(M,)"});
+    if (a.memory != detect::Memory::host) throw py::type_error("moved must lie on the host");
+    in.keep(a);
+    in.input.moved = {a.as<std::uint32_t>(), static_cast<std::size_t>(a.shape[0])};
+    for (const std::uint32_t b : in.input.moved)
+      if (b >= in.input.bodies.size())
+        throw py::index_error("moved names body " + std::to_string(b) + ", but there are " +
+                              std::to_string(count));
   }
   if (poses.is_none()) return;
-  Given p = given(poses, "poses");
-  if (p.shape != std::vector<py::ssize_t>{static_cast<py::ssize_t>(in.input.bodies.size()), 12})
-    throw py::value_error("poses must be of the shape (B, 12), a row for each body");
-  convert(p, "poses", 'f', 8, false);
-  if (p.shape[0] > 1 && p.strides[0] != sizeof(detect::Pose)) {
-    if (p.memory == detect::Memory::device || !py::isinstance<py::array>(p.keep))
-      throw py::type_error("the rows of poses must be contiguous");
-    p = given(py::module_::import("numpy").attr("ascontiguousarray")(p.keep), "poses");
-  }
+  const Array p =
+      array_of(poses, {"poses", Contract::Kind::wide, {count, 12}, "(B, 12), a row for each body"});
   in.input.poses = reinterpret_cast<const detect::Pose*>(in.keep(p)), in.input.pose_memory = p.memory;
   if (in.input.spheres.count == 0) in.memory = p.memory;
+}
+
+// Is it the numbers themselves that are wrong? Asked only when the detector has refused the call.
+bool numbers_at_fault(const Request& in) {
+  const auto bad = [](const auto& s) {
+    return !std::isfinite(s.x + s.y + s.z) || !std::isfinite(s.r) || s.r < 0;
+  };
+  for (const detect::Shape& shape : in.input.shapes)
+    if (std::any_of(shape.spheres, shape.spheres + shape.count, bad)) return true;
+  const auto pose = [](const double* rotation, const double* position) {
+    const auto finite = [](double v) { return std::isfinite(v); };
+    return std::all_of(rotation, rotation + 9, finite) && std::all_of(position, position + 3, finite);
+  };
+  for (const detect::Body& b : in.input.bodies)
+    if (!in.input.poses && !pose(b.rotation, b.position)) return true;
+  for (std::size_t b = 0;
+       in.input.poses && in.input.pose_memory == detect::Memory::host && b < in.input.bodies.size(); b++)
+    if (!pose(in.input.poses[b].rotation, in.input.poses[b].position)) return true;
+  const detect::Spheres& s = in.input.spheres;
+  const auto loose = [&]<class T>(const T* centers, const T* radii) {
+    for (std::uint64_t k = 0; k < s.count; k++) {
+      const T *c = centers + k * s.center_stride, r = radii[k * s.radius_stride];
+      if (bad(detect::Sphere{c[0], c[1], c[2], r})) return true;
+    }
+    return false;
+  };
+  if (s.memory != detect::Memory::host) return false;
+  return s.scalar == detect::Scalar::f32
+             ? loose(static_cast<const float*>(s.centers), static_cast<const float*>(s.radii))
+             : loose(static_cast<const double*>(s.centers), static_cast<const double*>(s.radii));
 }
 
 class PyDetector {
@@ -209,9 +230,12 @@ class PyDetector {
     detect::Options& o = keeper_->detector->options();
     o.scalar = in.scalar, o.output = in.memory;
     detect::Contacts contacts;
-    {
+    try {
       const py::gil_scoped_release release;
       contacts = keeper_->detector->detect(in.input);
+    } catch (const Error& e) {
+      if (numbers_at_fault(in)) throw py::value_error(e.what());
+      throw;
     }
     return {keeper_, contacts, o.device};
   }

@@ -2,6 +2,10 @@
 #include <pybind11/numpy.h>
 #include <pybind11/stl/filesystem.h>
 
+#include <cerrno>
+#include <cmath>
+
+#include "padding/error.h"
 #include "padding/export/export.h"
 #include "padding/export/import.h"
 #include "padding/pad.h"
@@ -14,6 +18,16 @@ using namespace pybind11::literals;
 
 namespace {
 
+double number_of(const py::object& given, const char* name) {
+  const double value = PyFloat_AsDouble(given.ptr());
+  if (PyErr_Occurred()) {
+    PyErr_Clear();
+    throw py::type_error(std::string(name) + " must be a number");
+  }
+  if (!std::isfinite(value)) throw py::value_error(std::string(name) + " must be finite");
+  return value;
+}
+
 // A number is in the mesh's unit, "1%" a share of its diagonal.
 Length length_of(const py::object& given, const char* name) {
   if (given.is_none()) return {};
@@ -22,61 +36,71 @@ Length length_of(const py::object& given, const char* name) {
     try {
       std::size_t end = 0;
       const double value = std::stod(text, &end);
-      if (text.substr(end) == "%" && value > 0) return {value / 100, true};
+      if (text.substr(end) == "%" && value > 0 && std::isfinite(value)) return {value / 100, true};
     } catch (const std::logic_error&) {
     }
     throw py::value_error(std::string(name) +
                           " must be a positive number, or a share of the diagonal as \"1%\"");
   }
-  const double value = py::cast<double>(given);
+  const double value = number_of(given, name);
   if (!(value > 0)) throw py::value_error(std::string(name) + " must be positive");
   return {value, false};
 }
 
 template <class Index>
-void append_faces(Mesh& mesh, const py::array& given) {
-  const auto faces = py::cast<py::array_t<Index, py::array::c_style | py::array::forcecast>>(given);
-  const auto f = faces.template unchecked<2>();
-  mesh.triangles.reserve(static_cast<std::size_t>(f.shape(0)));
-  for (py::ssize_t k = 0; k < f.shape(0); k++) {
-    std::array<std::uint32_t, 3> t;
-    for (int c = 0; c < 3; c++) {
-      if (static_cast<std::int64_t>(f(k, c)) < 0 || static_cast<std::uint64_t>(f(k, c)) >= mesh.points.size())
-        throw py::index_error("face " + std::to_string(k) + " names a vertex that is not there");
-      t[static_cast<std::size_t>(c)] = static_cast<std::uint32_t>(f(k, c));
-    }
-    mesh.triangles.push_back(t);
+void append_faces(Mesh& mesh, const Array& faces) {
+  const auto count = static_cast<std::size_t>(faces.shape[0]);
+  mesh.triangles.resize(count);
+  for (std::size_t k = 0; k < 3 * count; k++) {
+    const Index v = faces.as<Index>()[k];
+    if (v < Index(0) || static_cast<std::uint64_t>(v) >= mesh.points.size())
+      throw py::index_error("face " + std::to_string(k / 3) + " names a vertex that is not there");
+    mesh.triangles[k / 3][k % 3] = static_cast<std::uint32_t>(v);
   }
 }
 
 Mesh mesh_of(const py::object& given_vertices, const py::object& given_faces) {
-  const py::array vertices = py::array::ensure(given_vertices), faces = py::array::ensure(given_faces);
-  if (!vertices || !faces) throw py::type_error("vertices and faces must be arrays");
-  if (vertices.ndim() != 2 || vertices.shape(1) != 3)
-    throw py::value_error("vertices must be of the shape (N, 3)");
-  if (faces.ndim() != 2 || faces.shape(1) != 3) throw py::value_error("faces must be of the shape (M, 3)");
-  if (faces.dtype().kind() != 'i' && faces.dtype().kind() != 'u')
-    throw py::type_error("faces must be whole numbers");
+  const Array vertices = array_of(given_vertices, {"vertices", Contract::Kind::wide, {any, 3}, "(N, 3)"});
+  const Array faces = array_of(given_faces, {"faces", Contract::Kind::whole, {any, 3}, "(M, 3)"});
+  if (vertices.memory != detect::Memory::host || faces.memory != detect::Memory::host)
+    throw py::type_error("vertices and faces must lie on the host");
   Mesh mesh;
-  const auto points = py::cast<py::array_t<double, py::array::c_style | py::array::forcecast>>(vertices);
-  const auto v = points.unchecked<2>();
-  for (py::ssize_t k = 0; k < v.shape(0); k++) {
-    mesh.points.emplace_back(v(k, 0), v(k, 1), v(k, 2));
+  for (py::ssize_t k = 0; k < vertices.shape[0]; k++) {
+    const double* v = vertices.as<double>() + 3 * k;
+    mesh.points.emplace_back(v[0], v[1], v[2]);
     if (!mesh.points.back().allFinite())
       throw py::value_error("vertex " + std::to_string(k) + " is not finite");
   }
-  if (faces.dtype().kind() == 'u')
+  if (faces.kind == 'u')
     append_faces<std::uint64_t>(mesh, faces);
   else
     append_faces<std::int64_t>(mesh, faces);
   return mesh;
 }
 
+// Python's own error, which says the same as open() does.
+void need_file(const std::filesystem::path& path) {
+  std::error_code code;
+  if (path.empty() || std::filesystem::exists(path, code)) return;
+  errno = ENOENT;
+  PyErr_SetFromErrnoWithFilename(PyExc_FileNotFoundError, path.c_str());
+  throw py::error_already_set();
+}
+
+void need_unit(const std::string& unit) {
+  try {
+    metres(unit);
+  } catch (const Error& e) {
+    throw py::value_error(e.what());
+  }
+}
+
 PadOptions options_of(const py::object& depth, const py::object& tolerance, const py::object& edge_length,
                       std::uint64_t max_spheres, double sharp_angle, const std::string& repair,
                       std::uint32_t family, std::uint32_t mask) {
   PadOptions o;
-  if (!depth.is_none()) o.depth = py::cast<double>(depth);
+  if (!depth.is_none()) o.depth = number_of(depth, "depth");
+  if (!std::isfinite(sharp_angle)) throw py::value_error("sharp_angle must be finite");
   o.tolerance = length_of(tolerance, "tolerance");
   o.edge_length = length_of(edge_length, "edge_length");
   o.max_spheres = max_spheres, o.sharp_angle = sharp_angle, o.family = family, o.mask = mask;
@@ -143,6 +167,8 @@ void add_pad(py::module_& m) {
       .def(
           "save",
           [](const Cluster& c, const std::filesystem::path& path, const std::string& format, double density) {
+            if (!(density > 0) || !std::isfinite(density)) throw py::value_error("density must be positive");
+            if (path.has_parent_path()) need_file(path.parent_path());
             if (format.empty() && path.extension() == ".json")
               write_cluster(c, path);
             else
@@ -153,6 +179,7 @@ void add_pad(py::module_& m) {
   m.def(
       "load",
       [](const std::filesystem::path& path, const std::string& part) {
+        need_file(path);
         return std::make_shared<Cluster>(read_spheres(path, part));
       },
       "path"_a, "part"_a = "",
@@ -167,7 +194,7 @@ void add_pad(py::module_& m) {
          const std::string& unit, const std::string& name) {
         const PadOptions options =
             options_of(depth, tolerance, edge_length, max_spheres, sharp_angle, repair, family, mask);
-        metres(unit);  // a word that is no unit is refused
+        need_unit(unit);
         ReadResult file;
         file.mesh = mesh_of(vertices, faces);
         file.unit = unit, file.source.file = name, file.source.triangles = file.mesh.triangles.size();
@@ -194,6 +221,8 @@ Other threads of Python run meanwhile. Raises padder.Error when the mesh cannot 
          double scale) {
         const PadOptions options =
             options_of(depth, tolerance, edge_length, max_spheres, sharp_angle, repair, family, mask);
+        need_unit(unit), need_file(path);
+        if (!(scale > 0) || !std::isfinite(scale)) throw py::value_error("scale must be positive");
         const py::gil_scoped_release release;
         return std::make_shared<Cluster>(padder::pad_file(path, {scale, unit}, options).cluster);
       },
