@@ -9,6 +9,7 @@
 #include <map>
 #include <span>
 
+#include "padding/excerpt.h"
 #include "padding/file.h"
 #include "padding/polygon.h"
 #include "padding/read_internal.h"
@@ -80,11 +81,7 @@ Point parse_point(std::string_view& line, const std::string& where, std::uint32_
   return p;
 }
 
-std::string printable(std::string_view word) {
-  std::string text = "'";
-  for (const char c : word.substr(0, 24)) text += c >= ' ' && c <= '~' ? c : '?';
-  return text + (word.size() > 24 ? "…'" : "'");
-}
+std::string printable(std::string_view word) { return "'" + excerpt(word) + "'"; }
 
 }  // namespace reading
 
@@ -208,15 +205,16 @@ ReadResult read_mesh(const std::filesystem::path& path, const ReadOptions& optio
     soup = reading::read_obj(bytes, where);
   } else if (ending == ".off") {
     soup = reading::read_off(bytes, where);
+  } else if (ending == ".ply") {
+    soup = reading::read_ply(bytes, where);
   } else {
     if (ending == ".stl") reading::check_stl(bytes, where, result.notes);
-    std::vector<Point> doubles;
-    if (ending == ".ply") doubles = reading::check_ply(bytes, where, result.notes);
-    soup = reading::in_child([&] { return reading::read_scene(bytes, path, ending); }, bytes.size(), where);
-    // Assimp keeps the vertices of a PLY as they stand, rounded: the same number in the same order.
-    if (std::ranges::equal(doubles, soup.points,
-                           [](const Point& p, const Point& q) { return p.isApprox(q, 1e-5); }))
-      soup.points = std::move(doubles);
+    soup = reading::in_child(
+        [&] {
+          return ending == ".3mf" ? reading::read_3mf(bytes, where)
+                                  : reading::read_scene(bytes, path, ending);
+        },
+        bytes.size(), where);
   }
   std::ranges::move(soup.notes, std::back_inserter(result.notes));
   bytes = {};

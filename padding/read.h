@@ -32,21 +32,28 @@ struct ReadResult {
 //   nodes      of a scene: each instance of a mesh is placed by the transforms above it; where these mirror,
 //   the faces
 //              are turned over so that outside stays outside.
-//   numbers    OBJ and OFF in double precision. The others pass through assimp, which keeps float32: about
-//   seven
-//              digits, and beyond 3.4e38 nothing; in a binary STL that is all the file has.
-//   unit       glTF and COLLADA come in metres and with Y up (COLLADA's own unit and up axis are converted),
-//   FBX in the
-//              unit it names. When options.unit differs from the file's, coordinates are converted. OBJ, STL,
-//              PLY, OFF and 3DS name no unit, and 3MF's is not delivered by assimp: there options.unit is a
-//              label only.
+//   numbers    OBJ, OFF, PLY and 3MF in double precision (of what a PLY declares as float, a float). The
+//              others pass through assimp, which keeps float32: about seven digits, and beyond 3.4e38
+//              nothing; in a binary STL that is all the file has.
+//   unit       3MF says its unit (millimetres unless it says another; microns come as mm, feet as in). glTF
+//   and
+//              COLLADA come in metres and with Y up (COLLADA's own unit and up axis are converted), FBX in
+//              the unit it names. When options.unit differs from the file's, coordinates are converted. OBJ,
+//              STL, PLY, OFF and 3DS name no unit: there options.unit is a label only.
 //   scale      multiplies last; without options.unit the result's unit is then unknown.
-//   left out   faces of one or two corners, points that no face uses (also those that are not finite): see
-//   notes. sha256     of the named file alone, not of the buffers that a .gltf refers to.
+//   strips     of PLY and glTF are triangles, every second one turned.
+//   3MF        what is to be built, with components and transforms; supports are left out.
+//   left out   faces of one or two corners, lines, edges, points that no face uses (also those that are not
+//              finite): see notes.
+//   refused    what has a shape that is not read: free-form surfaces of OBJ, faces of a PLY under another
+//   name
+//              than face or tristrips, extensions that a 3MF or glTF needs.
+//   sha256     of the named file alone, not of the buffers that a .gltf refers to.
 //
-// OBJ is read by tinyobjloader, OFF here (assimp 5.2 drops its faces of more than nine corners and takes -1
-// for 0), the rest by assimp after a check of STL and PLY that names the place of a fault. Assimp reads one
-// file at a time, whatever the number of threads.
+// OBJ is read by tinyobjloader; OFF, PLY and 3MF here (assimp 5.2 drops faces of an OFF of more than nine
+// corners, takes strips of a PLY for one triangle, and does not tell the unit of a 3MF), the rest by assimp.
+// What assimp or zlib see is read in a process of its own. Assimp reads one file at a time, whatever the
+// number of threads.
 //
 // Throws Error, one sentence that names the file and the place: absent or empty file, unknown ending,
 // malformed or truncated content, an index out of range, a used vertex that is not finite, no triangle at

@@ -82,10 +82,12 @@ class Pipe {
   } catch (const std::exception& e) {
     error = e.what();
   }
+  std::string notes;  // a line each
+  for (const std::string& note : soup.notes) notes += note + '\n';
   bool sent = pipe.put_array(error);
   if (error.empty())
     sent = sent && pipe.put_array(soup.points) && pipe.put_array(soup.corners) && pipe.put_array(soup.ends) &&
-           pipe.put(&soup.thin, sizeof soup.thin) && pipe.put_array(soup.unit);
+           pipe.put(&soup.thin, sizeof soup.thin) && pipe.put_array(soup.unit) && pipe.put_array(notes);
   ::_exit(sent ? 0 : 1);
 }
 
@@ -103,22 +105,25 @@ Soup in_child(const std::function<Soup()>& read, std::size_t file_size, const st
   if (child < 0) fail(where, std::string("no process to read it in: ") + std::strerror(fork_error));
 
   Soup soup;
-  std::string error;
+  std::string error, notes;
   bool whole = pipe.get_array(error);
   if (error.empty())
     whole = whole && pipe.get_array(soup.points) && pipe.get_array(soup.corners) &&
-            pipe.get_array(soup.ends) && pipe.get(&soup.thin, sizeof soup.thin) && pipe.get_array(soup.unit);
+            pipe.get_array(soup.ends) && pipe.get(&soup.thin, sizeof soup.thin) &&
+            pipe.get_array(soup.unit) && pipe.get_array(notes);
+  Lines lines(notes);
+  for (std::string_view note; lines.next(note);) soup.notes.emplace_back(note);
   int status = 0;
   while (::waitpid(child, &status, 0) < 0 && errno == EINTR) {
   }
   if (!whole) {
     const int signal = WIFSIGNALED(status) ? WTERMSIG(status) : 0;
     const bool late = signal == SIGXCPU || signal == SIGALRM || signal == SIGKILL;
-    fail(where, std::string(late ? "assimp came to no end on it" : "assimp crashed on it") +
+    fail(where, std::string(late ? "the reader came to no end on it" : "the reader crashed on it") +
                     ": the file is damaged, export it again or in another format");
   }
   if (error == "?out of memory")
-    fail(where, "assimp ran out of memory on it: the file is damaged or too large, split the mesh");
+    fail(where, "the reader ran out of memory on it: the file is damaged or too large, split the mesh");
   if (!error.empty()) throw Error(error);
   return soup;
 }

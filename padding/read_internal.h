@@ -34,19 +34,18 @@ void check_counts(std::uint64_t points, std::uint64_t triangles, const std::stri
 
 Soup read_obj(std::string& bytes, const std::string& where);
 Soup read_off(const std::string& bytes, const std::string& where);
+Soup read_ply(const std::string& bytes, const std::string& where);
+Soup read_3mf(const std::string& bytes, const std::string& where);
 Soup read_scene(const std::string& bytes, const std::filesystem::path& path, const std::string& ending);
 
-// Calls `read` in a forked process and brings its soup (without lines and notes) or its Error here: a crash,
+// Calls `read` in a forked process and brings its soup (without lines) or its Error here: a crash,
 // an abort, an endless loop or boundless memory there is one sentence here. The process has 30 s and 4 GiB,
 // more for large files. Only the calling thread lives on in it: `read` may wait for no other, and uses no
 // OpenMP.
 Soup in_child(const std::function<Soup()>& read, std::size_t file_size, const std::string& where);
 
-// Faults that assimp answers with a crash, a hang or a wrong mesh are refused. STL may be mended, which a
-// note says. PLY returns the vertices when they are declared as doubles, else nothing.
+// Faults that assimp answers with a wrong mesh are refused, and what can be mended is, which a note says.
 void check_stl(std::string& bytes, const std::string& where, std::vector<std::string>& notes);
-std::vector<Point> check_ply(const std::string& bytes, const std::string& where,
-                             std::vector<std::string>& notes);
 
 // Text: the lines of a file, whatever ends them (\n, \r\n or \r), counted from 1.
 class Lines {
@@ -74,6 +73,6 @@ bool parse_whole(std::string_view word, std::int64_t& value);  // the whole word
 // such.
 Point parse_point(std::string_view& line, const std::string& where, std::uint32_t line_number);
 
-std::string printable(std::string_view word);  // short, quoted, no control characters
+std::string printable(std::string_view word);  // its excerpt, quoted
 
 }  // namespace padder::reading

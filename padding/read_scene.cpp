@@ -4,6 +4,7 @@
 #include <assimp/postprocess.h>
 #include <assimp/scene.h>
 
+#include <assimp/DefaultIOSystem.h>
 #include <Eigen/Core>
 #include <Eigen/LU>
 #include <algorithm>
@@ -12,6 +13,8 @@
 #include <assimp/LogStream.hpp>
 #include <utility>
 
+#include "padding/excerpt.h"
+#include "padding/json.h"
 #include "padding/read_internal.h"
 
 namespace padder::reading {
@@ -40,8 +43,53 @@ std::string one_line(std::string text) {
   std::ranges::replace_if(
       text, [](char c) { return c == '\n' || c == '\r'; }, ' ');
   while (!text.empty() && (text.back() == ' ' || text.back() == '.')) text.pop_back();
-  return text.substr(0, 200);
+  return excerpt(text, 200);
 }
+
+// What a glTF needs, and what changes its shape, must be read or refused: assimp passes over both.
+void check_gltf(std::string_view bytes, const std::string& ending, const std::string& where) {
+  if (ending == ".glb") {  // a head of 12 bytes, then the JSON behind its length and kind
+    std::uint32_t length = 0;
+    if (bytes.size() < 20 || !bytes.starts_with("glTF") || bytes.substr(16, 4) != "JSON")
+      fail(where, "it is no binary glTF 2, or cut short: export it again");
+    for (std::size_t k = 4; k-- > 0;) length = length << 8 | static_cast<unsigned char>(bytes[12 + k]);
+    if (length > bytes.size() - 20) fail(where, "it is cut short: export it again");
+    bytes = bytes.substr(20, length);
+  }
+  using Json = nlohmann::json;
+  const Json json = parse_json<Json>(bytes, where);
+  const JsonPlace<Json> document(json, where);
+  const auto names = [&](const char* key) {
+    std::vector<std::string> out;
+    if (document.has(key))
+      for (std::size_t k = 0; k < document.at(key).size(); k++) out.push_back(document.at(key).at(k).text());
+    return out;
+  };
+  const auto harmless = [](std::string_view name) {  // only how it looks
+    return name.starts_with("KHR_materials_") || name.starts_with("KHR_texture_") ||
+           name.starts_with("EXT_texture_") || name.starts_with("KHR_lights_") || name.starts_with("KHR_xmp");
+  };
+  for (const std::string& name : names("extensionsRequired"))
+    if (!harmless(name))
+      fail(where,
+           "it needs the glTF extension '" + excerpt(name) + "', which is not read: export it without");
+  for (const std::string& name : names("extensionsUsed"))
+    if (name == "EXT_mesh_gpu_instancing" || name == "KHR_draco_mesh_compression" ||
+        name == "EXT_meshopt_compression")
+      fail(where, "it uses the glTF extension '" + name + "', which is not read: export it without");
+}
+
+// Files that a scene refers to: a pipe or a device among them would never end.
+class Files : public Assimp::DefaultIOSystem {
+ public:
+  bool Exists(const char* name) const override {  // assimp's own opens it to see
+    std::error_code code;
+    return std::filesystem::is_regular_file(name, code);
+  }
+  Assimp::IOStream* Open(const char* name, const char* mode) override {
+    return Exists(name) ? DefaultIOSystem::Open(name, mode) : nullptr;
+  }
+};
 
 // FBX says how many centimetres its unit has.
 std::string unit_of(const aiScene& scene, const std::string& ending, double& factor) {
@@ -96,8 +144,10 @@ void add(const aiMesh& mesh, const Eigen::Matrix4d& place, double factor, const 
 
 Soup read_scene(const std::string& bytes, const std::filesystem::path& path, const std::string& ending) {
   const std::string where = path.string();
+  if (ending == ".gltf" || ending == ".glb") check_gltf(bytes, ending, where);
   Talk talk;
   Assimp::Importer importer;
+  importer.SetIOHandler(new Files);  // which the importer owns
   importer.SetPropertyInteger(AI_CONFIG_PP_RVC_FLAGS,
                               aiComponent_NORMALS | aiComponent_TANGENTS_AND_BITANGENTS | aiComponent_COLORS |
                                   aiComponent_TEXCOORDS | aiComponent_BONEWEIGHTS | aiComponent_ANIMATIONS |
@@ -107,8 +157,8 @@ Soup read_scene(const std::string& bytes, const std::filesystem::path& path, con
                            AI_CONFIG_IMPORT_FBX_READ_LIGHTS, AI_CONFIG_IMPORT_FBX_READ_CAMERAS,
                            AI_CONFIG_IMPORT_FBX_READ_ANIMATIONS, AI_CONFIG_IMPORT_FBX_READ_WEIGHTS})
     importer.SetPropertyBool(part, false);
-  // STL and PLY go over as the checked bytes; a scene may refer to other files, which only its path leads to.
-  const bool alone = ending == ".stl" || ending == ".ply";
+  // STL goes over as the checked bytes; a scene may refer to other files, which only its path leads to.
+  const bool alone = ending == ".stl";
   const aiScene* scene = alone ? importer.ReadFileFromMemory(bytes.data(), bytes.size(),
                                                              aiProcess_RemoveComponent, ending.c_str() + 1)
                                : importer.ReadFile(where, aiProcess_RemoveComponent);

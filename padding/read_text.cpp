@@ -1,5 +1,6 @@
 // The two text formats that are read in double precision: OBJ and OFF.
 #include <algorithm>
+#include <array>
 #include <istream>
 #include <limits>
 #include <streambuf>
@@ -42,12 +43,17 @@ std::int64_t corner_index(std::string_view word, const std::string& where, std::
   return index;
 }
 
+// What has a surface, or may have, and is neither read nor to be passed over.
+constexpr std::array<std::string_view, 9> kOtherSurfaces = {"surf", "fo",  "bzp",  "bsp", "cdc",
+                                                            "cdp",  "res", "call", "csh"};
+
 // Reads the vertices, and refuses what tinyobjloader would pass over in silence: it takes text that is no
 // number for 0 and reads no further than a comma, an empty face is skipped, and no index is compared with the
 // number of vertices.
 void check_obj(std::string_view text, const std::string& where, Soup& soup) {
   std::int64_t largest = 0;
   std::uint32_t largest_line = 0;
+  std::uint64_t others = 0;
   Lines lines(text);
   for (std::string_view line; lines.next(line);) {
     line = line.substr(0, line.find('#') == 0 ? 0 : line.size());
@@ -57,6 +63,11 @@ void check_obj(std::string_view text, const std::string& where, Soup& soup) {
       soup.lines.push_back(lines.number());
       continue;
     }
+    if (std::ranges::find(kOtherSurfaces, key) != kOtherSurfaces.end())
+      fail(where,
+           line_at(lines.number()) + "'" + std::string(key) +
+               "' is a free-form surface or another file, which is not read: export the mesh as polygons");
+    if (key == "l" || key == "p" || key == "curv" || key == "curv2") others++;
     if (key != "f") continue;
     int corners = 0;
     for (std::string_view word; !(word = next_word(line)).empty() && word[0] != '#'; corners++) {
@@ -70,6 +81,7 @@ void check_obj(std::string_view text, const std::string& where, Soup& soup) {
     }
     if (corners == 0) fail(where, line_at(lines.number()) + "a face without corners: export the mesh again");
   }
+  if (others) soup.notes.push_back(std::to_string(others) + " lines, curves or points left out");
   if (largest > static_cast<std::int64_t>(soup.points.size()))
     fail(where, line_at(largest_line) + "a face names vertex " + std::to_string(largest) +
                     ", but the file has only " + std::to_string(soup.points.size()) +
