@@ -5,6 +5,7 @@
 #include <cstring>
 
 #include "padding/error.h"
+#include "padding/excerpt.h"
 
 static_assert(std::endian::native == std::endian::little, "arrays are written as they lie in memory");
 
@@ -65,7 +66,7 @@ NpyArray npy_from_bytes(std::string_view in, const std::string& where) {
   if ((header[quote + 1] != '<' && a.size != 1) || std::string("fui").find(a.kind) == std::string::npos ||
       (a.size != 4 && a.size != 8))
     fail("numbers must be little-endian of 4 or 8 bytes: save float32, float64, uint32 or int64");
-  if (header.find("'fortran_order': True") != std::string::npos) fail("save the array in C order");
+  if (header.find("'fortran_order': False") == std::string::npos) fail("save the array in C order");
   const auto open = header.find('(');
   if (open == std::string::npos) fail("the array has no shape");
   for (std::size_t k = open + 1; k < header.size() && header[k] != ')';) {
@@ -162,14 +163,17 @@ Npz npz_from_bytes(std::string_view in, const std::string& where) {
     get(in, at + 46 + name_size, 0, where);
     std::string name(in.substr(at + 46, name_size));
     if (method != 0)
-      throw Error(where + ": " + name + " is compressed: save with numpy.savez, not savez_compressed");
+      throw Error(where + ": " + excerpt(name) +
+                  " is compressed: save with numpy.savez, not savez_compressed");
     // NumPy always leaves room for the 64-bit sizes of large archives; only above 4 GiB are they used.
     if (size == 0xffffffffu || local == 0xffffffffu)
       throw Error(where + ": archives beyond 4 GiB are not read");
     const std::uint64_t data = local + 30 + get(in, local + 26, 2, where) + get(in, local + 28, 2, where);
     if (data + size > in.size()) throw Error(where + ": the archive is cut off");
     if (name.ends_with(".npy")) name.resize(name.size() - 4);
-    arrays[name] = npy_from_bytes(in.substr(data, size), where + ": " + name);
+    const std::string array = where + ": " + excerpt(name);
+    if (!arrays.emplace(name, npy_from_bytes(in.substr(data, size), array)).second)
+      throw Error(array + " stands twice in the archive: remove one");
     at += 46 + name_size + extra + comment;
   }
   return arrays;

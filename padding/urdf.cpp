@@ -10,7 +10,9 @@
 #include <set>
 
 #include "padding/error.h"
+#include "padding/excerpt.h"
 #include "padding/export/families.h"
+#include "padding/export/xml.h"
 #include "padding/file.h"
 
 namespace padder {
@@ -24,11 +26,10 @@ class Reader {
 
   Urdf read() {
     Urdf urdf;
-    urdf.model.urdf = read_file(path_);
+    urdf.model.urdf = read_file(path_, kMostText);
     urdf.model.unit = "m";
     pugi::xml_document document;
-    const auto result = document.load_string(urdf.model.urdf.c_str());
-    if (!result) fail("not XML at byte " + std::to_string(result.offset) + ": " + result.description());
+    importing::load_xml(document, urdf.model.urdf, path_.string());
     const pugi::xml_node robot = document.child("robot");
     if (!robot) fail("<robot> is not its root: a .xacro must be expanded first");
     urdf.model.name = robot.attribute("name").as_string("robot");
@@ -61,11 +62,12 @@ class Reader {
       if (text != end && *text == '+') text++;
       const auto [next, code] = std::from_chars(text, end, v[k]);
       if (code != std::errc() || !std::isfinite(v[k]))
-        fail(where + ": three numbers are wanted, not \"" + attribute.as_string() + "\"");
+        fail(where + ": three numbers are wanted, not \"" + excerpt(attribute.as_string()) + "\"");
       text = next;
     }
     blanks();
-    if (text != end) fail(where + ": three numbers are wanted, not \"" + attribute.as_string() + "\"");
+    if (text != end)
+      fail(where + ": three numbers are wanted, not \"" + excerpt(attribute.as_string()) + "\"");
     return v;
   }
   double one(const pugi::xml_attribute& attribute, const std::string& where) const {
@@ -74,7 +76,7 @@ class Reader {
     double v = 0;
     const auto [next, code] = std::from_chars(text, end, v);
     if (code != std::errc() || next != end || !std::isfinite(v))
-      fail(where + ": a number is wanted, not \"" + std::string(text) + "\"");
+      fail(where + ": a number is wanted, not \"" + excerpt(text) + "\"");
     return v;
   }
   double positive(const pugi::xml_attribute& attribute, const std::string& where) const {
@@ -122,18 +124,18 @@ class Reader {
     std::error_code code;
     for (const fs::path& p : tried)
       if (fs::is_regular_file(p, code)) return p;
-    fail(where + ": the mesh " + reference + " is not there: " +
+    fail(where + ": the mesh " + excerpt(reference, 200) + " is not there: " +
          (tried.size() > 1 ? "no folder above the URDF has it, nor one of ROS_PACKAGE_PATH"
-                           : "looked for " + tried[0].string()));
+                           : "looked for " + excerpt(tried[0].string(), 500)));
   }
 
   void add_link(const pugi::xml_node& node, const char* kind) {
     UrdfLink link;
     Body body;
     link.name = body.name = node.attribute("name").as_string();
-    const std::string where = "link " + link.name;
+    const std::string where = "link " + excerpt(link.name);
     if (link.name.empty()) fail("a <link> has no name");
-    if (!index_.emplace(link.name, links_.size()).second) fail("two links are called " + link.name);
+    if (!index_.emplace(link.name, links_.size()).second) fail("two links are called " + excerpt(link.name));
     for (const auto& element : node.children(kind)) {
       const pugi::xml_node geometry = element.child("geometry");
       UrdfShape shape;
@@ -181,11 +183,11 @@ class Reader {
         {"planar", Joint::Type::planar},         {"floating", Joint::Type::floating}};
     Joint joint;
     joint.name = node.attribute("name").as_string();
-    const std::string where = "joint " + joint.name;
-    if (!joint_names_.insert(joint.name).second) fail("two joints are called " + joint.name);
+    const std::string where = "joint " + excerpt(joint.name);
+    if (!joint_names_.insert(joint.name).second) fail("two joints are called " + excerpt(joint.name));
     const auto type = types.find(node.attribute("type").as_string());
     if (type == types.end())
-      fail(where + ": \"" + node.attribute("type").as_string() + "\" is no type of joint");
+      fail(where + ": \"" + excerpt(node.attribute("type").as_string()) + "\" is no type of joint");
     joint.type = type->second;
     const auto link = [&](const char* which) {
       const auto it = index_.find(node.child(which).attribute("link").as_string());
@@ -193,7 +195,7 @@ class Reader {
       return it->second;
     };
     const std::size_t parent = link("parent"), child = link("child");
-    if (parents_[child] >= 0) fail(where + ": " + links_[child].name + " has a parent already");
+    if (parents_[child] >= 0) fail(where + ": " + excerpt(links_[child].name) + " has a parent already");
     const Vector axis = three(node.child("axis").attribute("xyz"), Vector::UnitX(), where);
     const bool turns = joint.type != Joint::Type::fixed && joint.type != Joint::Type::floating;
     if (turns && !(axis.norm() > 0)) fail(where + ": its axis has no length");
@@ -215,7 +217,8 @@ class Reader {
       std::vector<std::size_t> chain;  // from k up to the first that is placed
       for (int up = static_cast<int>(k); up >= 0 && at[static_cast<std::size_t>(up)] < 0;
            up = parents_[static_cast<std::size_t>(up)]) {
-        if (chain.size() > links_.size()) fail("its joints go round in a circle at " + links_[k].name);
+        if (chain.size() > links_.size())
+          fail("its joints go round in a circle at " + excerpt(links_[k].name));
         chain.push_back(static_cast<std::size_t>(up));
       }
       for (auto it = chain.rbegin(); it != chain.rend(); ++it) {
@@ -229,7 +232,7 @@ class Reader {
     std::string roots;
     int count = 0;
     for (const Body& b : urdf.model.bodies)
-      if (b.parent < 0) roots += (count++ ? ", " : "") + b.name;
+      if (b.parent < 0) roots += (count++ ? ", " : "") + excerpt(b.name);
     if (count > 1) fail("a robot has one root, and here are " + std::to_string(count) + ": " + roots);
   }
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <set>
 
+#include "padding/excerpt.h"
 #include "padding/export/readers.h"
 #include "padding/file.h"
 
@@ -18,16 +19,19 @@ Part chosen(Parts parts, const std::string& wanted, const std::string& where) {
   if (parts.empty()) throw Error(where + ": there is no sphere in it");
   std::string names;
   for (std::size_t k = 0; k < std::min<std::size_t>(parts.size(), 20); k++)
-    names += (k ? ", " : "") + parts[k].name;
+    names += (k ? ", " : "") + excerpt(parts[k].name);
   if (parts.size() > 20) names += " …";
   if (wanted.empty()) {
     if (parts.size() > 1)
       throw Error(where + " holds " + std::to_string(parts.size()) + " parts: name one of " + names);
     return std::move(parts[0]);
   }
+  const auto named = [&](const Part& p) { return p.name == wanted; };
+  if (std::ranges::count_if(parts, named) > 1)
+    throw Error(where + " has several parts called \"" + excerpt(wanted) + "\": give each a name of its own");
   for (Part& p : parts)
-    if (p.name == wanted) return std::move(p);
-  throw Error(where + " has no part called \"" + wanted + "\": there are " + names);
+    if (named(p)) return std::move(p);
+  throw Error(where + " has no part called \"" + excerpt(wanted) + "\": there are " + names);
 }
 
 // A cluster has one family and one mask.
@@ -51,7 +55,8 @@ Cluster read_spheres(const fs::path& path, const std::string& part) {
   if (fs::is_directory(path, code)) {
     parts = importing::read_mercury(path);
   } else {
-    const std::string bytes = read_file(path);
+    const bool text = ending != ".csv" && ending != ".npz" && ending != ".vtp";
+    const std::string bytes = read_file(path, text ? kMostText : kMostBytes);
     if (ending == ".json") return cluster_from_json(bytes, where);
     if (ending == ".csv")
       parts = importing::read_csv(bytes, where);
@@ -78,7 +83,7 @@ Cluster read_spheres(const fs::path& path, const std::string& part) {
   c.family = common(p.family, "families", where), c.mask = common(p.mask, "masks", where);
   for (std::size_t k = 0; k < c.size(); k++) {
     if (!c.centers[k].allFinite() || !std::isfinite(c.radii[k]) || !(c.radii[k] > 0))
-      throw Error(where + ": sphere " + std::to_string(k) + " of " + c.name +
+      throw Error(where + ": sphere " + std::to_string(k) + " of " + excerpt(c.name) +
                   " is not finite or has no positive radius");
     c.bounds.add(c.centers[k] - Vector::Constant(c.radii[k])),
         c.bounds.add(c.centers[k] + Vector::Constant(c.radii[k]));

@@ -3,6 +3,7 @@
 #include <charconv>
 #include <map>
 
+#include "padding/excerpt.h"
 #include "padding/export/readers.h"
 #include "padding/file.h"
 #include "padding/npz.h"
@@ -50,7 +51,7 @@ struct Lines {
     if (text.starts_with('+')) text.remove_prefix(1);
     const auto [end, code] = std::from_chars(text.data(), text.data() + text.size(), value);
     if (text.empty() || code != std::errc() || end != text.data() + text.size())
-      fail(line, "\"" + std::string(text) + "\" is not a number");
+      fail(line, "\"" + excerpt(text) + "\" is not a number");
     return value;
   }
   void sphere(Part& part, const std::vector<std::string_view>& c, const std::array<std::size_t, 4>& at,

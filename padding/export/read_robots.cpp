@@ -4,20 +4,37 @@
 #include <charconv>
 #include <pugixml.hpp>
 
+#include "padding/excerpt.h"
 #include "padding/export/readers.h"
+#include "padding/export/xml.h"
 
 namespace padder::importing {
 namespace {
 
+// yaml-cpp takes the first of two equal keys and says nothing.
+YAML::Node value_of(const YAML::Node& map, const char* key, const std::string& where) {
+  YAML::Node found(YAML::NodeType::Undefined);
+  bool any = false;
+  if (!map.IsMap()) return found;
+  for (const auto& entry : map) {
+    if (!entry.first.IsScalar() || entry.first.Scalar() != key) continue;
+    if (any)
+      throw Error(where + ", line " + std::to_string(entry.first.Mark().line + 1) + ": the key '" + key +
+                  "' stands twice: remove one");
+    found.reset(entry.second), any = true;
+  }
+  return found;
+}
+
 Part links_spheres(const std::string& link, const YAML::Node& list, const std::string& where) {
   Part part;
   part.name = link;
-  std::string at = where + ", spheres of " + link;
+  const std::string at = where + ", spheres of '" + excerpt(link) + "'";
   if (!list.IsSequence()) throw Error(at + ": a list is wanted");
   try {
     for (const YAML::Node& sphere : list) {
-      const YAML::Node center = sphere["center"], radius = sphere["radius"];
-      if (!center || !radius || !center.IsSequence() || center.size() != 3)
+      const YAML::Node center = value_of(sphere, "center", at), radius = value_of(sphere, "radius", at);
+      if (!center.IsDefined() || !radius.IsDefined() || !center.IsSequence() || center.size() != 3)
         throw Error(at + ", line " + std::to_string(sphere.Mark().line + 1) +
                     ": each needs a center of three numbers and a radius");
       part.centers.emplace_back(center[0].as<double>(), center[1].as<double>(), center[2].as<double>());
@@ -31,10 +48,15 @@ Part links_spheres(const std::string& link, const YAML::Node& list, const std::s
 
 void append(Parts& parts, const YAML::Node& links, const std::string& where) {
   if (links.IsScalar())
-    throw Error(where + ": collision_spheres names another file, " + links.Scalar() + ": give that one");
+    throw Error(where + ": collision_spheres names another file, '" + excerpt(links.Scalar()) +
+                "': give that one");
   if (!links.IsMap()) throw Error(where + ": the spheres must be listed under the names of their links");
   for (const auto& link : links) {
     if (!link.first.IsScalar()) throw Error(where + ": a link's name must be a word");
+    for (const Part& p : parts)
+      if (p.name == link.first.Scalar())
+        throw Error(where + ", line " + std::to_string(link.first.Mark().line + 1) + ": the link '" +
+                    excerpt(p.name) + "' is listed twice: remove one");
     parts.push_back(links_spheres(link.first.Scalar(), link.second, where));
   }
 }
@@ -61,8 +83,8 @@ void append(Part& part, const pugi::xml_node& at, const char* center, const char
   const auto [next, code] = std::from_chars(radius, end, r);  // MuJoCo's size may have further numbers
   const bool blank = next == end || *next == ' ';
   if ((*center && !three(center, p)) || code != std::errc() || !blank)
-    throw Error(where + ", byte " + std::to_string(at.offset_debug()) + ": a sphere of " + part.name +
-                " has no centre of three numbers or no radius");
+    throw Error(where + ", byte " + std::to_string(at.offset_debug()) + ": a sphere of '" +
+                excerpt(part.name) + "'" + " has no centre of three numbers or no radius");
   part.centers.push_back(p), part.radii.push_back(r);
 }
 
@@ -85,12 +107,14 @@ Parts read_yaml(const std::string& text, const std::string& where) {
   try {
     document = YAML::Load(text);
   } catch (const YAML::Exception& e) {
-    throw Error(where + ", line " + std::to_string(e.mark.line + 1) + ": not YAML: " + e.msg);
+    throw Error(where + ", line " + std::to_string(e.mark.line + 1) +
+                ": not YAML: check that the file is whole");
   }
   if (!document.IsMap())
     throw Error(where + ": neither collision_spheres (cuRobo) nor geometry (XRDF) is in it");
   Parts parts;
-  if (const YAML::Node geometry = document["geometry"]; geometry && geometry.IsMap()) {
+  if (const YAML::Node geometry = value_of(document, "geometry", where);
+      geometry.IsDefined() && geometry.IsMap()) {
     std::size_t groups = 0;
     for (const auto& group : geometry)
       if (group.second.IsMap() && group.second["spheres"]) groups++;
@@ -105,12 +129,12 @@ Parts read_yaml(const std::string& text, const std::string& where) {
     }
     return parts;
   }
-  YAML::Node spheres = document["collision_spheres"];
-  if (!spheres && document["robot_cfg"].IsDefined() &&
+  YAML::Node spheres = value_of(document, "collision_spheres", where);
+  if (!spheres.IsDefined() && document["robot_cfg"].IsDefined() &&
       document["robot_cfg"].IsMap())  // a whole robot of cuRobo
     if (const YAML::Node k = document["robot_cfg"]["kinematics"]; k && k.IsMap())
       spheres.reset(k["collision_spheres"]);
-  if (!spheres || !spheres.IsDefined())
+  if (!spheres.IsDefined())
     throw Error(where + ": neither collision_spheres (cuRobo) nor geometry (XRDF) is in it");
   append(parts, spheres, where);
   return parts;
@@ -118,9 +142,7 @@ Parts read_yaml(const std::string& text, const std::string& where) {
 
 Parts read_xml(const std::string& text, const std::string& where) {
   pugi::xml_document document;
-  const pugi::xml_parse_result result = document.load_string(text.c_str());
-  if (!result)
-    throw Error(where + ", byte " + std::to_string(result.offset) + ": not XML: " + result.description());
+  load_xml(document, text, where);
   Parts parts;
   if (const pugi::xml_node mujoco = document.child("mujoco")) {
     for (const pugi::xml_node& world : mujoco.children("worldbody")) append_mujoco(parts, world, where);

@@ -6,7 +6,9 @@
 #include <cstring>
 #include <pugixml.hpp>
 
+#include "padding/excerpt.h"
 #include "padding/export/readers.h"
+#include "padding/export/xml.h"
 
 namespace padder::importing {
 namespace {
@@ -56,8 +58,7 @@ class Reader {
       appended_ = bytes.substr(begin + 1, end - begin - 1);
       xml += "</VTKFile>";
     }
-    const auto result = document_.load_buffer(xml.data(), xml.size());
-    if (!result) fail(std::string("not XML: ") + result.description());
+    load_xml(document_, xml, where);
     const pugi::xml_node file = document_.child("VTKFile");
     if (!file.child("PolyData")) fail("not a VTK file of PolyData");
     if (std::string_view(file.attribute("byte_order").as_string("LittleEndian")) != "LittleEndian")
@@ -183,7 +184,7 @@ class Reader {
     if (type == "Int64") return as<std::int64_t>(bytes);
     if (type == "UInt64") return as<std::uint64_t>(bytes);
     if (type == "UInt8") return as<std::uint8_t>(bytes);
-    fail("an array is of the type " + std::string(type) + ": save it as Float64, Float32, UInt32 or Int64");
+    fail("an array is of the type '" + excerpt(type) + "': save it as Float64, Float32, UInt32 or Int64");
   }
 
   const std::string& where_;

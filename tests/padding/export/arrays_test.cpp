@@ -112,6 +112,21 @@ TEST_F(ArraysTest, DamagedFilesAreSentences) {
   }
 }
 
+TEST_F(ArraysTest, AnArrayThatStandsTwiceIsRefused) {
+  const double centers[] = {0, 0, 0}, radii[] = {1};
+  std::string bytes = npz_bytes({{"centers", npy_array(centers, {1, 3})},
+                                 {"radii", npy_array(radii, {1})},
+                                 {"radio", npy_array(radii, {1})}});
+  EXPECT_EQ(npz_from_bytes(bytes, "f").size(), 3u);
+  for (std::size_t at; (at = bytes.find("radio")) != std::string::npos;) bytes.replace(at, 5, "radii");
+  try {
+    npz_from_bytes(bytes, "f");
+    FAIL();
+  } catch (const Error& e) {
+    EXPECT_STREQ(e.what(), "f: radii stands twice in the archive: remove one");
+  }
+}
+
 TEST_F(ArraysTest, SeveralFamiliesAreNoCluster) {
   const double centers[] = {0, 0, 0, 1, 1, 1}, radii[] = {1, 1};
   const std::uint32_t family[] = {1, 2};

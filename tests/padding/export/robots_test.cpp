@@ -168,5 +168,59 @@ TEST_F(RobotsTest, FilesByHand) {
                Error);
 }
 
+// What a file says twice is not chosen from, what it nests is bounded, and none of it comes back at length or
+// in a library's words.
+TEST_F(RobotsTest, HostileFilesEndInAShortSentence) {
+  const std::string large(1000000, 'k'), sphere = "[{center: [0, 1, 2], radius: 1}]";
+  const auto deep = [](const std::string& open, const std::string& close) {
+    std::string out;
+    for (int k = 0; k < 100000; k++) out += open;
+    for (int k = 0; k < 100000; k++) out += close;
+    return out;
+  };
+  const std::string body = "<collision><geometry><sphere radius='1'/></geometry></collision>";
+  const std::tuple<const char*, std::string, const char*> table[] = {
+      {"a.yaml", "collision_spheres: {h: " + sphere + ", h: " + sphere + "}", "the link 'h' is listed twice"},
+      {"a.yaml", "collision_spheres: {h: " + sphere + "}\ncollision_spheres: {g: " + sphere + "}",
+       "line 2: the key 'collision_spheres' stands twice"},
+      {"a.yaml", "collision_spheres: {h: [{center: [0, 1, 2], radius: 1, radius: 2}]}",
+       "the key 'radius' stands twice"},
+      {"a.yaml", "geometry: {g: {spheres: {h: " + sphere + ", h: " + sphere + "}}}",
+       "the link 'h' is listed twice"},
+      {"a.yaml", "collision_spheres: " + large, "names another file, 'kkk"},
+      {"a.yaml", "collision_spheres: [1, 2", "not YAML: check that the file is whole"},
+      {"a.yaml", deep("[", "]"), "a.yaml"},
+      {"a.urdf", "<robot><link name='a' name='b'>" + body + "</link></robot>",
+       "has the attribute 'name' twice"},
+      {"a.urdf",
+       "<robot><link name='" + large +
+           "'><collision><geometry><sphere radius='x'/></geometry></collision></link></robot>",
+       "a sphere of 'kkk"},
+      {"a.urdf", "<robot><link name='a'>\n<</robot>", "not XML at byte"},
+      {"a.xml", "<mujoco><worldbody>" + deep("<body>", "</body>") + "</worldbody></mujoco>",
+       "nested deeper than 256 levels"}};
+  for (const auto& [file, content, words] : table) {
+    write_file(folder_ / file, content);
+    try {
+      read_spheres(folder_ / file);
+      ADD_FAILURE() << content.substr(0, 200) << " was read";
+    } catch (const Error& e) {
+      const std::string sentence = e.what();
+      EXPECT_NE(sentence.find(words), std::string::npos) << sentence.substr(0, 400);
+      EXPECT_LT(sentence.size(), 300u + folder_.string().size());
+    }
+  }
+  const std::string two =
+      "<mujoco><worldbody><body name='a'><geom size='1'/></body><body name='a'><geom "
+      "size='2'/></body></worldbody></mujoco>";
+  write_file(folder_ / "two.xml", two);
+  EXPECT_THROW(read_spheres(folder_ / "two.xml", "a"), Error);
+  for (const char* ending : {"json", "csv", "npz", "vtp", "yaml", "urdf", "xml", "txt"}) {
+    const fs::path link = folder_ / (std::string("zero.") + ending);
+    fs::create_symlink("/dev/zero", link);
+    EXPECT_THROW(read_spheres(link), Error) << ending;
+  }
+}
+
 }  // namespace
 }  // namespace padder::samples
