@@ -140,6 +140,11 @@ class OmpBackend final : public Backend {
     return arrays;
   }
 
+  void forget() noexcept override {
+    bodies_.forget();
+    records_.count = 0;
+  }
+
   std::uint64_t hash() const override {
     std::uint64_t sum = 0;
     const auto n = static_cast<std::int64_t>(records_.count);

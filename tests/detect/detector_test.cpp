@@ -1,9 +1,11 @@
 // Every backend, path, precision and kind of input against brute force in double.
 #include "detect/detector.h"
 
+#include <functional>
 #include <random>
 
 #include "detect/generate.h"
+#include "detect/stages.h"
 #include "tests/detect/oracle.h"
 
 namespace padder::detect {
@@ -446,6 +448,119 @@ TEST_P(DetectorTest, BodiesAreTheirSpheres) {
   EXPECT_THROW(d.detect(a.input), Error);
   scene.bodies[5].shape = 9;
   EXPECT_THROW(d.detect(a.input), Error);
+}
+
+// ---- what is refused, by every entry, and what is left after it
+
+TEST_P(DetectorTest, OptionsThatCannotBeMeantAreRefused) {
+  const Arranged a(random_scene(50, 1, 0.1, 1), GetParam().input);
+  const auto refused = [&](Options o, const std::string& part) {
+    o.backend = options_.backend, o.path = options_.path;
+    Detector d(o);
+    for (const bool stages : {false, true}) try {
+        stages ? (void)d.stages(a.input) : (void)d.detect(a.input);
+        ADD_FAILURE() << "nothing was thrown, wanted: " << part << (stages ? " of stages()" : "");
+      } catch (const Error& e) {
+        EXPECT_NE(std::string(e.what()).find(part), std::string::npos) << e.what();
+      }
+  };
+  Options o;
+  for (const double size : {-1.0, double(NAN), double(INFINITY), 1e101}) {
+    o.bin_size = size;
+    refused(o, "the bin size must be 0 (chosen) or a positive length");
+  }
+  o = {};
+  for (const int threads : {-1, 1025, 100000, 2000000000}) {
+    o.threads = threads;
+    refused(o, "the number of threads must be 0 (chosen) or 1 to 1024, not " + std::to_string(threads));
+  }
+  for (int k = 0; k < 6; k++) {
+    o = {};
+    (k % 2 ? o.own.high : o.own.low)[k / 2] = NAN;
+    refused(o, std::string("is not a number along ") + "xyz"[k / 2]);
+  }
+}
+
+TEST_P(DetectorTest, AsManyThreadsAsMayBeAskedFor) {
+  const TestScene s = random_scene(3000, 100, 0.3, 2).rounded();
+  const Arranged a(s, GetParam().input);
+  Detector one(options_), all(options_);
+  one.options().threads = 1, all.options().threads = kMostThreads;
+  EXPECT_EQ(all.detect(a.input).count, one.detect(a.input).count);
+  EXPECT_EQ(all.hash(), one.hash());
+}
+
+TEST_P(DetectorTest, MoreSpheresThanNumbersAreRefused) {
+  const Sphere sphere[] = {{0, 0, 0, 1}, {0, 0, 0, 1}};
+  const Shape shapes[] = {{sphere, 2}, {sphere, ~std::uint64_t(0) - 1}};
+  Body two;
+  two.shape = 1;
+  const Body bodies[] = {Body{}, two};
+  Detector d(options_);
+  Arranged a({{{1, 2, 3, 4}}, {}, {}}, GetParam().input);
+  const auto refused = [&](const char* part) {
+    try {
+      d.detect(a.input);
+      ADD_FAILURE() << "nothing was thrown, wanted: " << part;
+    } catch (const Error& e) {
+      EXPECT_NE(std::string(e.what()).find(part), std::string::npos) << e.what();
+    }
+  };
+  a.input.spheres.count = 0xffffffff;
+  refused("4294967295 spheres are more than one detector numbers");
+  a.input.spheres.count = ~std::uint64_t(0);
+  refused("2^64 - 1 or more spheres");
+  a.input.shapes = shapes, a.input.bodies = {bodies, 1};
+  refused("2^64 - 1 or more spheres");
+  a.input.spheres.count = 0, a.input.bodies = bodies;
+  refused("2^64 - 1 or more spheres");
+}
+
+TEST_P(DetectorTest, ACallThatThrewLeavesNoContacts) {
+  const TestScene s = random_scene(100, 1, 0.1, 1);
+  const Arranged a(s, GetParam().input), bad({{{NAN, 0, 0, 1}}, {}, {}}, GetParam().input);
+  Detector d(options_);
+  EXPECT_EQ(d.hash(), 0u) << "before the first call";
+  for (int how = 0; how < 3; how++) {
+    const Contacts& c = d.detect(a.input);
+    ASSERT_GT(c.count, 0u);
+    ASSERT_NE(d.hash(), 0u);
+    if (how == 0) {
+      EXPECT_THROW(d.detect(bad.input), Error);
+    }
+    if (how == 1) {
+      d.options().bin_size = -1;
+      EXPECT_THROW(d.detect(a.input), Error);
+      d.options().bin_size = 0;
+    }
+    if (how == 2) d.stages(a.input);
+    EXPECT_EQ(d.hash(), 0u) << how;
+    EXPECT_EQ(c.count, 0u) << how;
+  }
+}
+
+TEST_P(DetectorTest, AMovedFromDetectorSaysSo) {
+  const TestScene s = random_scene(100, 1, 0.1, 1);
+  const Arranged a(s, GetParam().input);
+  Detector d(options_);
+  d.detect(a.input);
+  const std::uint64_t hash = d.hash();
+  Detector other(std::move(d));
+  EXPECT_EQ(other.hash(), hash);
+  EXPECT_GT(other.memory(), 0u);
+  EXPECT_EQ(d.memory(), 0u);
+  for (const auto& call : std::initializer_list<std::function<void()>>{
+           [&] { d.detect(a.input); }, [&] { d.stages(a.input); }, [&] { d.hash(); }, [&] { d.backend(); }})
+    try {
+      call();
+      ADD_FAILURE() << "nothing was thrown";
+    } catch (const Error& e) {
+      EXPECT_NE(std::string(e.what()).find("was moved to another"), std::string::npos) << e.what();
+    }
+  d.options().threads = 1;
+  d = Detector(options_);
+  d.detect(a.input);
+  EXPECT_EQ(d.hash(), hash);
 }
 
 INSTANTIATE_TEST_SUITE_P(Matrix, DetectorTest,
