@@ -40,6 +40,7 @@ std::unique_ptr<Backend> make_cuda_backend(
 std::string cuda_absence();  // why make_cuda_backend would throw; "" when it would not
 
 // Common to all backends, in detector.cpp.
+std::string number(double v);  // as sentences say it
 // What no backend can do with these options, wherever the call comes from; throws Error.
 void check_options(const Options& options);
 // Pointers, counts, shapes; throws Error. `known`: the bodies were checked in the call before.

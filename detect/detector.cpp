@@ -9,15 +9,12 @@
 #include "padding/error.h"
 
 namespace padder::detect {
-namespace {
 
 std::string number(double v) {
   char text[32];
   std::snprintf(text, sizeof text, "%.9g", v);
   return text;
 }
-
-}  // namespace
 
 std::uint64_t sphere_count(const Input& input) {
   std::uint64_t n = input.spheres.count;

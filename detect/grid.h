@@ -69,9 +69,16 @@ PADDER_HD int level_of(const Grid& g, const Sphere& s) {
   return g.levels == 1 ? 0 : g.level_of_octave[octave_of(g.top, need_of(s))];
 }
 
-// The bin number and what is left: rest = x - bin * size, 0 <= rest < size, each without rounding where it
-// matters. The quotient may be one off (it is a rounded product); the exact remainder says so. floor and not
-// a cast: -0.5 is in bin -1.
+// The bin number, floor(x / size) exactly, and what is left, x - bin * size, 0 <= rest <= size. For |x| <=
+// 2^43 size. The floor never decreases with x: what lies between two coordinates lies between their bins.
+//   Corners b * size are exact. The rounded quotient is off by less than 2^-8, or it underflows to 0, so
+//   b is at most one off. A difference has the sign of the exact one even when it is rounded, so rest < 0
+//   says that b is one too high, whatever the size of x. If b is one too low then rest >= size, rounded or
+//   not. If b is right, the difference is exact for b >= 1 and b <= -2 (Sterbenz: x and b * size are within a
+//   factor of two) and for b = 0, and so rest < size; in bin -1 it may be rounded up to size, from -1e-20 for
+//   one. But there b is never one too low: the quotient is negative and so is x. A rest of `size` is off by
+//   at most 2^-53 of it, as any rest in that bin.
+// floor and not a cast: -0.5 is in bin -1.
 struct Split {
   std::int64_t bin;
   double rest;
@@ -81,7 +88,7 @@ PADDER_HD Split split(const Level& l, double x) {
   double rest = sub(x, mul(b, l.size));
   if (rest < 0)
     b -= 1, rest = sub(x, mul(b, l.size));
-  else if (rest >= l.size)
+  else if (rest >= l.size && b != -1)
     b += 1, rest = sub(x, mul(b, l.size));
   return {static_cast<std::int64_t>(b), rest};
 }

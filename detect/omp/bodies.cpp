@@ -14,13 +14,17 @@ namespace {
 #define PADDER_CLONES
 #endif
 
-// For each of n, in whole vectors: may it be reached, does it touch. The same bits on every processor.
+// For each of n, in whole vectors: may it be reached, does it touch. The same bits on every processor. No
+// radius is negative, so the sum of two is small only where both are.
 PADDER_CLONES void sift(const Sieve& s, const NearSphere* near, std::uint32_t n, std::uint8_t* pass) {
   for (std::uint32_t k = 0; k < n; k++) pass[k] = passes(s, near[k]);
 }
 PADDER_CLONES void test(const Sphere& s, const double* x, const double* y, const double* z, const double* r,
                         std::uint32_t n, std::uint8_t* hit) {
-  for (std::uint32_t k = 0; k < n; k++) hit[k] = touching(s, {x[k], y[k], z[k], r[k]});
+  if (s.r >= kSmallSum)
+    for (std::uint32_t k = 0; k < n; k++) hit[k] = touching_unscaled(s, {x[k], y[k], z[k], r[k]});
+  else
+    for (std::uint32_t k = 0; k < n; k++) hit[k] = touching(s, {x[k], y[k], z[k], r[k]});
 }
 
 // Which of up to 64 bytes are set, as bits.

@@ -288,16 +288,83 @@ TEST_P(DetectorTest, TinyAndHuge) {
     expect_right(s, "scaled by " + std::to_string(scale));
   }
   if (GetParam().input == Scalar::f32) return;
-  for (const double scale : {1e-310, 1e-160, 1e-100, 1e90}) {
+  for (const double scale : {1e-320, 1e-310, 1e-280, 1e-200, 1e-160, 1e-150, 1e-140, 1e-100, 1e90, 2e97}) {
     TestScene s = random_scene(500, 3, 0.3, 13);
     s.scale(scale);
-    if (scale > 1) {
+    if (scale > 1 && options_.width != Width::pairs) {
       expect_error(s, "do not fit a float record");
       options_.width = Width::pairs;
       detector_.reset();
     }
     expect_right(s, "scaled by " + std::to_string(scale));
   }
+}
+
+// Wide radii, points, a lattice on the threshold, hashed rows: at sizes where squares underflow. A scene
+// times a power of two has the same contacts.
+TEST_P(DetectorTest, ScenesOfAnySize) {
+  if (GetParam().input == Scalar::f32) return;
+  options_.width = Width::pairs;
+  TestScene wide = random_scene(400, 100, 0.3, 14), points = random_scene(300, 1, 1, 15), lattice, thin;
+  for (Sphere& p : points.spheres) p.r = 0;
+  for (std::size_t k = 0; k < 20; k++) points.spheres.push_back(points.spheres[k * 7]);
+  for (int k = 0; k < 343; k++)
+    lattice.spheres.push_back({2.0 * (k % 7), 2.0 * (k / 7 % 7), 2.0 * (k / 49), 1});
+  std::mt19937_64 random(21);
+  std::uniform_real_distribution<double> unit(-1e4, 1e4), near(-1.5, 1.5);
+  for (int k = 0; k < 200; k++) {
+    const Sphere a{unit(random), unit(random), unit(random), 1};
+    thin.spheres.push_back(a);
+    thin.spheres.push_back({a.x + near(random), a.y + near(random), a.z + near(random), 1});
+  }
+  for (const TestScene* scene : {&wide, &points, &lattice, &thin}) {
+    std::uint64_t contacts = 0;
+    for (const int exponent : {0, -480, -499, -500, -501, -505, -512, -540, -700, -895, -950, -1060, 310}) {
+      TestScene s = *scene;
+      s.scale(std::ldexp(1.0, exponent));
+      expect_right(s, "times 2^" + std::to_string(exponent));
+      if (HasFatalFailure()) return;
+      const std::uint64_t found = brute_force(s).size();
+      if (exponent == 0) contacts = found;
+      if (exponent > -950) {
+        EXPECT_EQ(found, contacts) << exponent;
+      }
+    }
+  }
+}
+
+// Coordinates just below zero, of any size, beside larger spheres that look down: -1e-20 and -5e-324 are in
+// one bin.
+TEST_P(DetectorTest, JustBelowZero) {
+  std::mt19937 random(5);
+  std::uniform_real_distribution<double> unit(0, 1);
+  for (int axis = 0; axis < 3; axis++)
+    for (const bool large : {false, true}) {
+      TestScene s;
+      for (int k = 0; k < 1500; k++) {
+        double p[3] = {40 * unit(random), 40 * unit(random), 40 * unit(random)};
+        if (k % 20 == 0) p[axis] = k % 40 ? -1e-20 : -5e-324;
+        s.spheres.push_back({p[0], p[1], p[2], large && k % 20 && unit(random) < 0.01 ? 12 : 1.2});
+      }
+      expect_right(s, "axis " + std::to_string(axis) + (large ? " and large ones" : ""));
+    }
+}
+
+// Sizes that have nothing to do with each other in one scene.
+TEST_P(DetectorTest, SizesWithoutEnd) {
+  if (GetParam().input == Scalar::f32) return;
+  options_.width = Width::pairs;
+  std::mt19937_64 random(31);
+  std::uniform_real_distribution<double> unit(-1, 1);
+  TestScene s;
+  for (int k = 0; k < 600; k++) {
+    const double by = std::pow(10.0, -160 + 160 * unit(random)), r = by * std::abs(unit(random));
+    s.spheres.push_back({by * unit(random), by * unit(random), by * unit(random), k % 5 ? r : 0});
+    s.spheres.push_back({s.spheres.back().x, s.spheres.back().y + 1.2 * r, s.spheres.back().z, r / 3});
+  }
+  expect_right(s, "1e-320 to 1");
+  for (Sphere& p : s.spheres) p.x *= 1e90, p.r *= 1e90;
+  expect_right(s, "1e-230 to 1e90");
 }
 
 TEST_P(DetectorTest, FamiliesAndMasks) {
