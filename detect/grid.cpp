@@ -209,6 +209,27 @@ void lay_out(Level& l, const Summary::Octave& all, double most) {
 
 bool needs_octaves(const Summary& s) { return s.count > 0 && s.need_max > 4 * s.radius_min; }
 
+int octaves_above(std::span<const std::uint64_t, kExponents> of_exponent) {
+  // Spheres below each exponent; the smallest and largest exponent there is.
+  std::vector<std::uint64_t> below(kExponents + 1, 0);
+  int smallest = kExponents, largest = -1;
+  for (int e = 0; e < kExponents; e++) {
+    below[static_cast<std::size_t>(e + 1)] =
+        below[static_cast<std::size_t>(e)] + of_exponent[static_cast<std::size_t>(e)];
+    if (of_exponent[static_cast<std::size_t>(e)]) smallest = std::min(smallest, e), largest = e;
+  }
+  // Spheres that share an octave with others of another exponent, if octave 0 begins at `top`.
+  const auto lumped = [&](int top) {
+    const int last = top - (kOctaves - 1);
+    return (largest > top ? below[kExponents] - below[static_cast<std::size_t>(top)] : 0) +
+           (smallest < last ? below[static_cast<std::size_t>(last + 1)] : 0);
+  };
+  int best = largest;
+  for (int top = largest; top >= std::max(smallest, 0) && lumped(best) > 0; top--)
+    if (lumped(top) < lumped(best)) best = top;
+  return largest - best;
+}
+
 Grid choose_grid(const Summary& given, double bin_size, double bins_per_sphere, Look look) {
   Grid g;
   if (given.count == 0) return g;
@@ -216,7 +237,7 @@ Grid choose_grid(const Summary& given, double bin_size, double bins_per_sphere, 
   const std::vector<int> octaves = populated(s);
   const std::vector<std::size_t> begins = choose_levels(s, octaves, look);
   g.levels = static_cast<std::int32_t>(begins.size());
-  g.top = exponent_of(s.need_max);
+  g.top = exponent_of(s.need_max) - s.above;
   g.buckets = 0;
   for (std::size_t level = 0; level < begins.size(); level++) {
     const std::size_t end = level + 1 < begins.size() ? begins[level + 1] : octaves.size();

@@ -4,6 +4,7 @@
 // double without rounding.
 #pragma once
 #include <cstddef>
+#include <span>
 
 #include "detect/contact.h"
 
@@ -181,11 +182,19 @@ struct Summary {
          extent = 0;  // extent: largest |coordinate|
   double low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY};
   std::uint64_t first_fault = ~std::uint64_t(0);  // index of the first sphere with a fault
-  // By octave of need below exponent_of(need_max). Octave 0 holds everything when need varies by less than
-  // one octave: a backend may then skip the second pass and leave this to choose_grid.
+  // By octave of need below `above` octaves under exponent_of(need_max): octave 0 holds what is larger, too,
+  // and the last what is smaller. Octave 0 holds everything when need varies by less than one octave: a
+  // backend may then skip the second pass and leave this to choose_grid.
   bool octaves_known = false;
+  int above = 0;
   Octave octave[kOctaves];
 };
+
+// Host. Where need varies by more than kOctaves octaves: the best Summary::above, given how many spheres
+// there are of each exponent_of(need) + 1023. One ball of 1e25 would else put all others, however they
+// differ, into the last octave, and so into one level, with bins for the largest of them.
+inline constexpr int kExponents = 2047;
+int octaves_above(std::span<const std::uint64_t, kExponents> of_exponent);
 
 // Host. Merges octaves into the levels that cost least and lays out their bins: dense up to about
 // `bins_per_sphere` bins a sphere, hashed beyond. `bin_size` raises the edge of the finest bins; 0 chooses.

@@ -1,6 +1,7 @@
 // The OpenMP backend: places bodies, sums up the spheres, hands them to a path and collects the records.
 #include <omp.h>
 
+#include <array>
 #include <chrono>
 #include <cstdio>
 
@@ -48,6 +49,50 @@ double Watch::lap() {
   return passed;
 }
 
+// Spheres by exponent_of(need) + 1023.
+template <class T>
+std::array<std::uint64_t, kExponents> exponents_of(const View<T>& spheres, int threads) {
+  std::array<std::uint64_t, kExponents> all{};
+#pragma omp parallel num_threads(threads)
+  {
+    std::array<std::uint64_t, kExponents> mine{};
+#pragma omp for schedule(static) nowait
+    for (std::int64_t k = 0; k < static_cast<std::int64_t>(spheres.count); k++)
+      mine[static_cast<std::size_t>(exponent_of(need_of(spheres[static_cast<std::uint64_t>(k)])) + 1023)]++;
+#pragma omp critical
+    for (int e = 0; e < kExponents; e++)
+      all[static_cast<std::size_t>(e)] += mine[static_cast<std::size_t>(e)];
+  }
+  return all;
+}
+
+template <class T>
+void count_octaves(const View<T>& spheres, int threads, Summary& s) {
+  const int top = exponent_of(s.need_max) - s.above;
+  std::fill_n(s.octave, kOctaves, Summary::Octave{});
+#pragma omp parallel num_threads(threads)
+  {
+    Summary mine;
+#pragma omp for schedule(static) nowait
+    for (std::int64_t k = 0; k < static_cast<std::int64_t>(spheres.count); k++) {
+      const Sphere p = spheres[static_cast<std::uint64_t>(k)];
+      const double need = need_of(p), c[3] = {p.x, p.y, p.z};
+      Summary::Octave& o = mine.octave[octave_of(top, need)];
+      o.count++, o.need_max = std::max(o.need_max, need), o.radius_max = std::max(o.radius_max, p.r);
+      for (int a = 0; a < 3; a++) o.low[a] = std::min(o.low[a], c[a]), o.high[a] = std::max(o.high[a], c[a]);
+    }
+#pragma omp critical
+    for (int k = 0; k < kOctaves; k++) {
+      Summary::Octave& o = s.octave[k];
+      const Summary::Octave& m = mine.octave[k];
+      o.count += m.count, o.need_max = std::max(o.need_max, m.need_max),
+                          o.radius_max = std::max(o.radius_max, m.radius_max);
+      for (int a = 0; a < 3; a++)
+        o.low[a] = std::min(o.low[a], m.low[a]), o.high[a] = std::max(o.high[a], m.high[a]);
+    }
+  }
+}
+
 // Two passes when sizes vary: the octaves are counted from the largest need downwards.
 template <class T>
 Summary summarize(const View<T>& spheres, int threads) {
@@ -86,31 +131,11 @@ Summary summarize(const View<T>& spheres, int threads) {
   if (!needs_octaves(s)) return s;
 
   s.octaves_known = true, s.radius_sum = 0;
-  const int top = exponent_of(s.need_max);
-  std::vector<Summary> all(
-      static_cast<std::size_t>(threads));  // summed in the order of threads: fixed for one count
-#pragma omp parallel num_threads(threads)
-  {
-    Summary& mine = all[static_cast<std::size_t>(omp_get_thread_num())];
-    mine.radius_sum = 0;
-#pragma omp for schedule(static)
-    for (std::int64_t k = 0; k < n; k++) {
-      const Sphere p = spheres[static_cast<std::uint64_t>(k)];
-      const double need = need_of(p), c[3] = {p.x, p.y, p.z};
-      Summary::Octave& o = mine.octave[octave_of(top, need)];
-      o.count++, o.need_max = std::max(o.need_max, need), o.radius_max = std::max(o.radius_max, p.r);
-      for (int a = 0; a < 3; a++) o.low[a] = std::min(o.low[a], c[a]), o.high[a] = std::max(o.high[a], c[a]);
-    }
+  count_octaves(spheres, threads, s);
+  if (s.octave[kOctaves - 1].count > 0) {  // perhaps of very different sizes
+    s.above = octaves_above(exponents_of(spheres, threads));
+    if (s.above > 0) count_octaves(spheres, threads, s);
   }
-  for (const Summary& mine : all)
-    for (int k = 0; k < kOctaves; k++) {
-      Summary::Octave& o = s.octave[k];
-      const Summary::Octave& m = mine.octave[k];
-      o.count += m.count, o.need_max = std::max(o.need_max, m.need_max),
-                          o.radius_max = std::max(o.radius_max, m.radius_max);
-      for (int a = 0; a < 3; a++)
-        o.low[a] = std::min(o.low[a], m.low[a]), o.high[a] = std::max(o.high[a], m.high[a]);
-    }
   // A sum of radii would depend on the thread count; this one does not, and is as good for choosing bins.
   for (const Summary::Octave& o : s.octave)
     s.radius_sum += 0.75 * o.radius_max * static_cast<double>(o.count);

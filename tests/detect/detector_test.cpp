@@ -350,6 +350,28 @@ TEST_P(DetectorTest, JustBelowZero) {
     }
 }
 
+// One ball beyond all others among spheres of many sizes: each is still looked at by few, not by all.
+TEST_P(DetectorTest, OneBallBeyondAll) {
+  if (GetParam().path == Path::nine_stages) return;  // a bin there is three times the mean
+  TestScene s = random_scene(3000, 100, 0.6, 51);
+  options_.width = Width::pairs;
+  for (const double r : {1e6, 1e15, 1e25}) {
+    s.spheres[7].r = r;
+    expect_right(s, "radius " + std::to_string(r));
+  }
+  TestScene many = random_scene(100000, 100, 0.6, 52);
+  double seconds[2];
+  for (const bool giant : {false, true}) {
+    if (giant) many.spheres[7].r = 1e25;
+    const Arranged a(many, GetParam().input);
+    detector_->detect(a.input), detector_->options().timings = true;
+    seconds[giant] = INFINITY;
+    for (int k = 0; k < 3; k++)
+      seconds[giant] = std::min(seconds[giant], detector_->detect(a.input).seconds.total);
+  }
+  EXPECT_LT(seconds[1], 10 * seconds[0] + 0.1);
+}
+
 // Sizes that have nothing to do with each other in one scene.
 TEST_P(DetectorTest, SizesWithoutEnd) {
   if (GetParam().input == Scalar::f32) return;

@@ -155,6 +155,27 @@ TEST(Grid, EverySphereFitsItsLevel) {
   }
 }
 
+// One ball beyond all others, or points beneath them, does not blur the sizes of the others.
+TEST(Grid, OctavesAreWhereTheSpheresAre) {
+  std::vector<std::uint64_t> of(kExponents, 0);
+  const auto above = [&] { return octaves_above(std::span<const std::uint64_t, kExponents>(of)); };
+  for (int e = 1023; e < 1030; e++) of[e] = 1000;
+  EXPECT_EQ(above(), 0);
+  of[1023 + 63] = 1;
+  EXPECT_EQ(above(), 0) << "64 octaves are told apart";
+  of[1023 + 63] = 0, of[1023 + 84] = 1, of[1023 + 300] = 2;
+  const int top = 1023 + 300 - above();
+  EXPECT_GT(top, 1029);
+  EXPECT_LT(top, 1023 + 64);
+  of[0] = 7000;  // more points than spheres: they are one octave of their own
+  EXPECT_GT(1023 + 300 - above(), 1029);
+  of.assign(kExponents, 0), of[0] = 5;
+  EXPECT_EQ(above(), 0);
+  of.assign(kExponents, 1);
+  EXPECT_GE(above(), 0);
+  EXPECT_LT(above(), kExponents);
+}
+
 TEST(Grid, EqualRadiiAreOneLevelAndWideOnesSeveral) {
   EXPECT_EQ(choose_grid(summary_of(random_scene(1000, 1, 1, 1).spheres), 0).levels, 1);
   EXPECT_GT(choose_grid(summary_of(random_scene(20000, 100, 0.5, 1).spheres), 0).levels, 2);
