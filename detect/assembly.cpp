@@ -18,6 +18,7 @@ void Assembly::update(const Input& input, const std::uint8_t* is_static) {
       to.push_back({static_cast<std::uint32_t>(b), p});
   }
   body_first.push_back(static_cast<std::uint32_t>(number));
+  moving_pieces = static_cast<std::uint32_t>(elements.size());
   for (std::uint64_t k = 0; k < input.spheres.count; k++)
     (is_static && is_static[k] ? still : elements).push_back({kLoose, static_cast<std::uint32_t>(k)});
   single = input.spheres.count > 0;

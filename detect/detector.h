@@ -174,8 +174,10 @@ class Detector {
   // throws the same errors, and leaves no contacts.
   Arrays stages(const Input& input);
 
-  const char* backend() const;             // "omp" or "cuda"
-  std::uint64_t memory() const;            // bytes held for arrays, never above Options::memory_limit
+  const char* backend() const;  // "omp" or "cuda"
+  // Bytes held for spheres, bins, pairs and contacts, those of every thread among them: after a call no more
+  // than Options::memory_limit. What describes shapes, bodies and static spheres on the host is not in it.
+  std::uint64_t memory() const;
   Options& options() { return options_; }  // may be changed between calls, but for backend and device
 
  private:

@@ -504,6 +504,36 @@ TEST_P(DetectorTest, MemoryIsKeptAndShortageIsASentence) {
   EXPECT_EQ(narrow.detect(a.input).count, contacts);
 }
 
+// Whatever threads hold counts, also after they became fewer and the limit lower.
+TEST_P(DetectorTest, MemoryStaysBelowItsLimit) {
+  const TestScene s = random_scene(3000, 20, 0.05, 38), small = random_scene(50, 1, 0.5, 39);
+  const Arranged a(s, GetParam().input), b(small, GetParam().input);
+  Detector d(options_);
+  std::uint64_t contacts = 0;
+  for (const int threads : {1, 2, 5, 9, 17, 3}) {
+    d.options().threads = threads;
+    contacts = d.detect(a.input).count;
+  }
+  const std::uint64_t held = d.memory();
+  d.options().threads = 1, d.options().memory_limit = 1u << 20;
+  for (const Arranged* scene : {&b, &a, &b}) {
+    try {
+      d.detect(scene->input);
+    } catch (const Error& e) {
+      EXPECT_NE(std::string(e.what()).find(" bytes of "), std::string::npos) << e.what();
+    }
+    EXPECT_LE(d.memory(), d.options().memory_limit);
+  }
+  d.options().memory_limit = 0;
+  EXPECT_EQ(d.detect(a.input).count, contacts);
+  if (GetParam().backend == Choice::omp) {
+    Detector fresh(options_);
+    fresh.options().threads = 1;
+    fresh.detect(a.input);
+    EXPECT_LE(d.memory(), 2 * fresh.memory()) << "held before: " << held;
+  }
+}
+
 // Bodies give what their spheres would give, placed one by one.
 TEST_P(DetectorTest, BodiesAreTheirSpheres) {
   BodyScene scene = generate_bodies(30);
