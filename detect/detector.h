@@ -99,9 +99,11 @@ struct Options {
   Choice backend = Choice::automatic;  // the GPU when there is one; fixed when the detector is made
   int device = 0;                      // which GPU; fixed when the detector is made
   void* stream = nullptr;              // a cudaStream_t to work on; null: the default stream
-  int threads = 0;                     // OpenMP; 0: no more than OpenMP would use or the work is worth
+  // OpenMP. 0: as many as OpenMP would use and the work is worth, one for a while after other programs took
+  // processors away in a call. Else exactly so many, up to kMostThreads.
+  int threads = 0;
   Path path = Path::fast;
-  Precision precision = Precision::exact;  // fast: float only; Contacts::doubtful bounds the difference
+  Precision precision = Precision::exact;  // fast: float only; may err both ways, see Contacts::doubtful
   Order order = Order::fixed;    // the same list from every run and thread count of one backend and path
   Width width = Width::normals;  // what is written: pairs only, + normal and depth, + both contact points
   // Of the record. It is computed in double and rounded once; f32 of float spheres on a GPU's fast path in
@@ -131,8 +133,9 @@ struct Contacts {
   const Pair* pairs = nullptr;
   const void* normals = nullptr;  // Normal<float> or Normal<double>, null for Width::pairs
   const void* points = nullptr;   // Points<float> or Points<double>, null but for Width::points
-  std::uint64_t doubtful =
-      0;  // pairs inside the float band; with Precision::fast the count is off by at most this
+  // Pairs inside the float band. With Precision::fast each of them may be wrongly in the list or wrongly
+  // missing, and no other: at most so many pairs differ from those of Precision::exact.
+  std::uint64_t doubtful = 0;
   Seconds seconds;
   std::span<const Pair> pair_span() const { return {pairs, count}; }
   template <class T>
