@@ -285,13 +285,13 @@ namespace {
 // True when some length is so small that its square lost digits: then nothing was written.
 PADDER_CLONES bool to_normals_unscaled(Batch& batch, int count) {
   double square[kBatch];
-  bool small = false;
+  std::int64_t small = 0;  // as wide as a square, so that the loop is done in vectors
   for (int k = 0; k < count; k++) {
     const double x = batch.x[k], y = batch.y[k], z = batch.z[k];
     square[k] = x * x + y * y + z * z;
-    small |= square[k] < kSmallSquare;
+    small |= square[k] < kSmallSquare ? 1 : 0;
   }
-  if (small) return true;
+  if (small != 0) return true;
   for (int k = 0; k < count; k++) {
     const double d = std::sqrt(square[k]), per_d = 1 / d;
     batch.x[k] *= per_d, batch.y[k] *= per_d, batch.z[k] *= per_d, batch.s[k] -= d;
