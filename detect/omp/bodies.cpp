@@ -19,12 +19,14 @@ namespace {
 PADDER_CLONES void sift(const Sieve& s, const NearSphere* near, std::uint32_t n, std::uint8_t* pass) {
   for (std::uint32_t k = 0; k < n; k++) pass[k] = passes(s, near[k]);
 }
-PADDER_CLONES void test(const Sphere& s, const double* x, const double* y, const double* z, const double* r,
-                        std::uint32_t n, std::uint8_t* hit) {
-  if (s.r >= kSmallSum)
-    for (std::uint32_t k = 0; k < n; k++) hit[k] = touching_unscaled(s, {x[k], y[k], z[k], r[k]});
-  else
-    for (std::uint32_t k = 0; k < n; k++) hit[k] = touching(s, {x[k], y[k], z[k], r[k]});
+PADDER_CLONES void test_unscaled(const Sphere& s, const double* x, const double* y, const double* z,
+                                 const double* r, std::uint32_t n, std::uint8_t* hit) {
+  for (std::uint32_t k = 0; k < n; k++) hit[k] = touching_unscaled(s, {x[k], y[k], z[k], r[k]});
+}
+void test(const Sphere& s, const double* x, const double* y, const double* z, const double* r,
+          std::uint32_t n, std::uint8_t* hit) {
+  if (s.r >= kSmallSum) return test_unscaled(s, x, y, z, r, n, hit);
+  for (std::uint32_t k = 0; k < n; k++) hit[k] = touching(s, {x[k], y[k], z[k], r[k]});
 }
 
 // Which of up to 64 bytes are set, as bits.
