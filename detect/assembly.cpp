@@ -18,6 +18,7 @@ void Assembly::update(const Input& input, const std::uint8_t* is_static) {
       to.push_back({static_cast<std::uint32_t>(b), p});
   }
   body_first.push_back(static_cast<std::uint32_t>(number));
+  moving_pieces = static_cast<std::uint32_t>(elements.size());
   for (std::uint64_t k = 0; k < input.spheres.count; k++)
     (is_static && is_static[k] ? still : elements).push_back({kLoose, static_cast<std::uint32_t>(k)});
   single = input.spheres.count > 0;
@@ -45,7 +46,10 @@ bool StaticTable::build(std::span<const Sphere> all, std::uint32_t first) {
     s.need_max = std::max(s.need_max, need_of(b));
   }
   s.octaves_known = true;
-  const int top = exponent_of(s.need_max);
+  std::vector<std::uint64_t> of_exponent(kExponents, 0);
+  for (const Sphere& b : all) of_exponent[static_cast<std::size_t>(exponent_of(need_of(b)) + 1023)]++;
+  if (count > 0) s.above = octaves_above(std::span<const std::uint64_t, kExponents>(of_exponent));
+  const int top = exponent_of(s.need_max) - s.above;
   for (const Sphere& b : all) {
     Summary::Octave& o = s.octave[octave_of(top, need_of(b))];
     const double c[3] = {b.x, b.y, b.z};

@@ -10,7 +10,7 @@ namespace padder::detect {
 struct Assembly {
   Pieces pieces;
   std::vector<Element> elements;  // moving ones, then static ones; each in the order of sphere numbers
-  std::uint32_t moving = 0;
+  std::uint32_t moving = 0, moving_pieces = 0;  // elements; of them pieces of bodies, which come first
   std::vector<std::uint32_t>
       body_first;       // number of the first sphere of each body, and of the first loose one
   bool single = false;  // some element is a loose sphere

@@ -47,7 +47,8 @@ Sphere enclosing_ball(std::span<const Sphere> spheres) {
   }
   // hypot and the sums are off by some 2^-52 of the distance and of the coordinates, which placing covers
   // too.
-  best.r = best.r * (1 + 0x1p-45) + 0x1p-48 * (std::abs(best.x) + std::abs(best.y) + std::abs(best.z));
+  best.r = best.r * (1 + 0x1p-45) + 0x1p-48 * (std::abs(best.x) + std::abs(best.y) + std::abs(best.z)) +
+           kBallLeast;
   return best;
 }
 

@@ -47,8 +47,9 @@ struct Element {
 };
 inline constexpr std::uint32_t kLoose = ~0u;  // as a body
 
-// Margins of the proof: of a ball, relative to its radius, its distance from both origins, and absolute.
-inline constexpr double kBallMargin = 0x1p-46, kBallLeast = 0x1p-500, kBallMost = 0x1p330;
+// Margins of the proof: of a ball, relative to its radius, its distance from both origins, and absolute: a
+// rounding below 2^-1022 moves a number by up to 2^-1075, and no ball sees a thousand of them.
+inline constexpr double kBallMargin = 0x1p-46, kBallLeast = 0x1p-1060, kBallMost = 0x1p330;
 
 // A number no less than the greatest factor by which the matrix stretches; 1 and a hair for a rotation.
 PADDER_HD double stretch_of(const double (&m)[9]) {

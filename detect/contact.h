@@ -26,13 +26,25 @@ PADDER_HD Fault fault_of(const Sphere& s) {
 // THE decision, in plain IEEE double arithmetic, each operation rounded once, in this order. Every backend,
 // path and thread count reports exactly the pairs for which it is true. Symmetric in a and b; touching
 // counts.
-PADDER_HD double distance_squared(const Sphere& a, const Sphere& b) {
-  const double x = sub(b.x, a.x), y = sub(b.y, a.y), z = sub(b.z, a.z);
+PADDER_HD double length_squared(double x, double y, double z) {
   return add(add(mul(x, x), mul(y, y)), mul(z, z));
 }
+// Squares of small lengths underflow, so small pairs are first scaled up, which is exact. With u = 2^-53:
+//   s >= 2^-500: s s >= 2^-1000, and what squares of differences lose, 3 * 2^-1075, is below 2^-73 of it.
+//   s < 2^-500: scaled, s < 2^100, and a length that is not 0 is at least 2^(600 - 1074), its square
+//   2^-948: nothing underflows. A difference may overflow; then it is infinite, and rightly apart.
+// So at any size the decision is that of the rounded differences and sum up to 5 u of s s, and a scene times
+// a power of two has the same contacts.
+inline constexpr double kSmallSum = 0x1p-500, kScaleUp = 0x1p600;
 PADDER_HD bool touching(const Sphere& a, const Sphere& b) {
+  double x = sub(b.x, a.x), y = sub(b.y, a.y), z = sub(b.z, a.z), s = add(a.r, b.r);
+  if (s < kSmallSum) x = mul(x, kScaleUp), y = mul(y, kScaleUp), z = mul(z, kScaleUp), s = mul(s, kScaleUp);
+  return length_squared(x, y, z) <= mul(s, s);
+}
+// The same where a.r + b.r is known not to be small: no branch, for loops over many b.
+PADDER_HD bool touching_unscaled(const Sphere& a, const Sphere& b) {
   const double s = add(a.r, b.r);
-  return distance_squared(a, b) <= mul(s, s);
+  return length_squared(sub(b.x, a.x), sub(b.y, a.y), sub(b.z, a.z)) <= mul(s, s);
 }
 
 // What the search reads of a sphere, 16 bytes. Input in float is kept as it is. Input in double becomes fixed
@@ -95,14 +107,29 @@ struct Geometry {
   double depth;             // ri + rj - distance, >= 0 up to rounding
   double on_i[3], on_j[3];  // the deepest point of each sphere in the other: ci + ri n, cj - rj n
 };
+// From one centre to another, and how far. All but `down` is multiplied by `up`: 1, but where squares would
+// lose digits a power of two; down = 1 / up.
+struct Line {
+  double x, y, z, length, up, down;
+};
+inline constexpr double kSmallSquare = 0x1p-900;
+PADDER_HD Line line_of(double x, double y, double z) {
+  const double d2 = length_squared(x, y, z);
+  if (!(d2 < kSmallSquare)) return {x, y, z, root(d2), 1, 1};
+  x = mul(x, kScaleUp), y = mul(y, kScaleUp), z = mul(z, kScaleUp);
+  return {x, y, z, root(length_squared(x, y, z)), kScaleUp, 1 / kScaleUp};
+}
+PADDER_HD Line line_of(const Sphere& i, const Sphere& j) {
+  return line_of(sub(j.x, i.x), sub(j.y, i.y), sub(j.z, i.z));
+}
 PADDER_HD Geometry geometry(const Sphere& i, const Sphere& j) {
   Geometry g;
-  const double d = root(distance_squared(i, j));
-  g.depth = sub(add(i.r, j.r), d);
-  const double per_d = d > 0 ? div(1, d) : 0;
-  g.normal[0] = d > 0 ? mul(sub(j.x, i.x), per_d) : 1;
-  g.normal[1] = mul(sub(j.y, i.y), per_d);
-  g.normal[2] = mul(sub(j.z, i.z), per_d);
+  const Line l = line_of(i, j);
+  g.depth = sub(add(i.r, j.r), mul(l.length, l.down));
+  const double per_d = l.length > 0 ? div(1, l.length) : 0;
+  g.normal[0] = l.length > 0 ? mul(l.x, per_d) : 1;
+  g.normal[1] = mul(l.y, per_d);
+  g.normal[2] = mul(l.z, per_d);
   const double ci[3] = {i.x, i.y, i.z}, cj[3] = {j.x, j.y, j.z};
   for (int k = 0; k < 3; k++) {
     g.on_i[k] = add(ci[k], mul(i.r, g.normal[k]));
@@ -117,10 +144,11 @@ struct Midpoint {
   double x, y, z;
 };
 PADDER_HD Midpoint midpoint(const Sphere& i, const Sphere& j) {
-  const double d = root(distance_squared(i, j));
-  if (d <= magnitude(sub(i.r, j.r))) return i.r <= j.r ? Midpoint{i.x, i.y, i.z} : Midpoint{j.x, j.y, j.z};
+  const Line l = line_of(i, j);
+  const double larger_by = mul(sub(i.r, j.r), l.up);
+  if (l.length <= magnitude(larger_by)) return i.r <= j.r ? Midpoint{i.x, i.y, i.z} : Midpoint{j.x, j.y, j.z};
   // Halfway between the two deepest points, measured along the line of centres from i.
-  const double t = div(mul(0.5, add(d, sub(i.r, j.r))), d);
+  const double t = div(mul(0.5, add(l.length, larger_by)), l.length);
   return {add(i.x, mul(t, sub(j.x, i.x))), add(i.y, mul(t, sub(j.y, i.y))), add(i.z, mul(t, sub(j.z, i.z)))};
 }
 

@@ -1,13 +1,14 @@
 #include "detect/detector.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 
 #include "detect/backend.h"
+#include "detect/revision.h"
 #include "padding/error.h"
 
 namespace padder::detect {
-namespace {
 
 std::string number(double v) {
   char text[32];
@@ -15,11 +16,12 @@ std::string number(double v) {
   return text;
 }
 
-}  // namespace
-
 std::uint64_t sphere_count(const Input& input) {
   std::uint64_t n = input.spheres.count;
-  for (const Body& b : input.bodies) n += input.shapes[b.shape].count;
+  for (const Body& b : input.bodies) {
+    const std::uint64_t more = input.shapes[b.shape].count;
+    n = n > ~std::uint64_t(0) - more ? ~std::uint64_t(0) : n + more;
+  }
   return n;
 }
 
@@ -53,14 +55,23 @@ void check_input(const Input& input, bool device_memory_allowed, bool known) {
   if (input.bodies.size() >= kStatic - 1)
     throw Error(std::to_string(input.bodies.size()) +
                 " bodies are more than one detector numbers (2^31 - 2): divide the scene into boxes");
-  for (const std::uint32_t k : input.moved)
-    if (k >= input.bodies.size())
-      throw Error("body " + std::to_string(k) + " is said to have moved, but there are " +
-                  std::to_string(input.bodies.size()));
   const std::uint64_t n = known ? 0 : sphere_count(input);
   if (n >= 0xffffffffull)
-    throw Error(std::to_string(n) +
+    throw Error((n == ~std::uint64_t(0) ? "2^64 - 1 or more" : std::to_string(n)) +
                 " spheres are more than one detector numbers (2^32 - 2): divide the scene into boxes");
+}
+
+void check_options(const Options& o) {
+  if (!(o.bin_size >= 0 && o.bin_size <= kLargest))
+    throw Error("the bin size must be 0 (chosen) or a positive length up to 1e100, not " +
+                number(o.bin_size));
+  if (o.threads < 0 || o.threads > kMostThreads)
+    throw Error("the number of threads must be 0 (chosen) or 1 to " + std::to_string(kMostThreads) +
+                ", not " + std::to_string(o.threads));
+  for (int k = 0; k < 3; k++)
+    if (std::isnan(o.own.low[k]) || std::isnan(o.own.high[k]))
+      throw Error("the box to own (Options::own) is not a number along " + std::string(1, "xyz"[k]) +
+                  ": give both its faces, or leave them infinite");
 }
 
 void check_range(const Summary& s, const Options& o) {
@@ -101,27 +112,47 @@ Detector::Detector(const Options& options) : options_(options) {
     backend_ = make_cuda_backend(options.device);
   else
     backend_ = make_omp_backend();
+  revision_ = std::make_unique<RevisionKeeper>();
 }
 Detector::~Detector() = default;
 Detector::Detector(Detector&&) noexcept = default;
 Detector& Detector::operator=(Detector&&) noexcept = default;
 
-const Contacts& Detector::detect(const Input& input) {
+Backend& Detector::own_backend() const {
+  if (!backend_) throw Error("this detector was moved to another: use that one, or assign a new one");
+  return *backend_;
+}
+
+// Every call into a backend: one that throws leaves no contacts, and no revision that the next could rely on.
+template <class Work>
+auto Detector::call(Work work) {
+  Backend& backend = own_backend();
   contacts_ = {};
-  if (!(options_.bin_size >= 0 && options_.bin_size <= kLargest))
-    throw Error("the bin size must be 0 (chosen) or a positive length, not " + number(options_.bin_size));
-  contacts_ = backend_->detect(input, options_);
+  try {
+    check_options(options_);
+    return work(backend);
+  } catch (...) {
+    backend.forget(), revision_->forget();
+    throw;
+  }
+}
+
+const Contacts& Detector::detect(const Input& input) {
+  contacts_ = call([&](Backend& backend) { return backend.detect(revision_->settle(input), options_); });
   return contacts_;
 }
 
 Arrays Detector::stages(const Input& input) {
-  contacts_ = {};
-  return backend_->stages(input, options_);
+  if (revision_) revision_->forget();  // reads everything
+  return call([&](Backend& backend) { return backend.stages(input, options_); });
 }
 
-std::uint64_t Detector::hash() const { return backend_->hash(); }
-const char* Detector::backend() const { return backend_->name(); }
-std::uint64_t Detector::memory() const { return backend_->memory(); }
+std::uint64_t Detector::hash() const {
+  const Backend& backend = own_backend();
+  return contacts_.count > 0 ? backend.hash() : 0;
+}
+const char* Detector::backend() const { return own_backend().name(); }
+std::uint64_t Detector::memory() const { return backend_ ? backend_->memory() : 0; }
 bool cuda_present() { return cuda_absence().empty(); }
 
 }  // namespace padder::detect

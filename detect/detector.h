@@ -45,16 +45,19 @@ struct Input {
   std::span<const Shape> shapes;
   std::span<const Body> bodies;
 
-  // For scenes that stay from call to call. 0: everything is read in every call. Any other number stands for
-  // the state of shapes and bodies and of what is static: a call with the number of the call before reads of
-  // them only the poses of the bodies in `moved`, and nothing of static spheres. Whoever changes anything
-  // else gives a new number.
+  // For scenes that stay from call to call: it names a version of the shapes, the bodies and the static
+  // spheres. With the revision of the call before (0: with none) a body stands where `poses` says, or
+  // `bodies` if `moved` names it; any other body, and every static one, even if named, stands where it did
+  // in that call, whatever `bodies` says of it now. This holds on every path. Whoever changes anything else,
+  // a static pose, shape, family, mask or sphere among them, gives a new revision: static spheres and shapes
+  // are not compared, and a change of theirs may be seen or not. A call that threw counts as none.
   std::uint64_t revision = 0;
-  std::span<const std::uint32_t> moved;  // with the revision of the call before; in host memory
+  std::span<const std::uint32_t> moved;  // read with the revision of the call before; in host memory
 
-  // Poses of all bodies, read in every call instead of those in `bodies` (of static bodies: only with a new
-  // revision). Host memory, or with the CUDA backend its device memory. null: those in `bodies`.
-  const Pose* poses = nullptr;
+  // Poses of all bodies, in the place of those in `bodies`. Of static bodies they are read with a new
+  // revision only. Host memory, or with the CUDA backend its device memory: then in every call of the
+  // revision.
+  const Pose* poses = nullptr;  // null: those in `bodies`
   Memory pose_memory = Memory::host;
 };
 
@@ -89,14 +92,18 @@ enum class Bodies : std::uint8_t { automatic, first, expanded };
 // What is written of a contact.
 enum class Width : std::uint8_t { pairs, normals, points };
 
-// How to detect; the defaults are right for most.
+inline constexpr int kMostThreads = 1024;  // that can be asked for: each takes a stack and 128 KiB
+
+// How to detect; the defaults are right for most. What cannot be meant is refused by the next call.
 struct Options {
   Choice backend = Choice::automatic;  // the GPU when there is one; fixed when the detector is made
   int device = 0;                      // which GPU; fixed when the detector is made
   void* stream = nullptr;              // a cudaStream_t to work on; null: the default stream
-  int threads = 0;                     // OpenMP; 0: as many as OpenMP would use
+  // OpenMP. 0: as many as OpenMP would use and the work is worth, one for a while after other programs took
+  // processors away in a call. Else exactly so many, up to kMostThreads.
+  int threads = 0;
   Path path = Path::fast;
-  Precision precision = Precision::exact;  // fast: float only; Contacts::doubtful bounds the difference
+  Precision precision = Precision::exact;  // fast: float only; may err both ways, see Contacts::doubtful
   Order order = Order::fixed;    // the same list from every run and thread count of one backend and path
   Width width = Width::normals;  // what is written: pairs only, + normal and depth, + both contact points
   // Of the record. It is computed in double and rounded once; f32 of float spheres on a GPU's fast path in
@@ -126,8 +133,9 @@ struct Contacts {
   const Pair* pairs = nullptr;
   const void* normals = nullptr;  // Normal<float> or Normal<double>, null for Width::pairs
   const void* points = nullptr;   // Points<float> or Points<double>, null but for Width::points
-  std::uint64_t doubtful =
-      0;  // pairs inside the float band; with Precision::fast the count is off by at most this
+  // Pairs inside the float band. With Precision::fast each of them may be wrongly in the list or wrongly
+  // missing, and no other: at most so many pairs differ from those of Precision::exact.
+  std::uint64_t doubtful = 0;
   Seconds seconds;
   std::span<const Pair> pair_span() const { return {pairs, count}; }
   template <class T>
@@ -140,11 +148,13 @@ struct Contacts {
   }
 };
 
-struct Arrays;  // T, S, B, C, D, E, F of a small scene: detect/stages.h
-class Backend;  // detect/backend.h
+struct Arrays;         // T, S, B, C, D, E, F of a small scene: detect/stages.h
+class Backend;         // detect/backend.h
+class RevisionKeeper;  // detect/revision.h
 
 // Bound to a device and a stream; keeps its memory from call to call. Not for two threads at once; two
-// detectors are.
+// detectors are. A detector that was moved from holds nothing: memory() is 0, options() may be read, a
+// detector may be assigned to it, and all else throws Error.
 class Detector {
  public:
   // Throws Error when the backend asked for is not to be had.
@@ -154,23 +164,32 @@ class Detector {
   Detector& operator=(Detector&&) noexcept;
 
   // Every contact, none twice, none dropped. Throws Error for a sphere that is not finite, negative or above
-  // 1e100 (its number is named) and when memory is short (the bytes needed are named); the detector stays
-  // usable.
+  // 1e100 (its number is named), for options that cannot be meant, and when memory is short (the bytes needed
+  // are named). The detector stays usable: a call that threw leaves no contacts (hash() is 0), and the next
+  // one reads everything anew, whatever its revision.
   const Contacts& detect(const Input& input);
 
-  // Order-free hash of the last contacts' pairs: equal for both backends, any thread count, any path.
+  // Order-free hash of the last contacts' pairs: equal for both backends, any thread count, any path. 0 when
+  // there are none: before the first call, and after one that threw or stages().
   std::uint64_t hash() const;
 
-  // The arrays of the nine stages, whatever the path: for small scenes, to look at.
+  // The arrays of the nine stages, whatever the path: for small scenes, to look at. Takes the same options,
+  // throws the same errors, and leaves no contacts.
   Arrays stages(const Input& input);
 
-  const char* backend() const;             // "omp" or "cuda"
-  std::uint64_t memory() const;            // bytes held
+  const char* backend() const;  // "omp" or "cuda"
+  // Bytes held for spheres, bins, pairs and contacts, those of every thread among them: after a call no more
+  // than Options::memory_limit. What describes shapes, bodies and static spheres on the host is not in it.
+  std::uint64_t memory() const;
   Options& options() { return options_; }  // may be changed between calls, but for backend and device
 
  private:
+  Backend& own_backend() const;
+  template <class Work>
+  auto call(Work work);
   Options options_;
   std::unique_ptr<Backend> backend_;
+  std::unique_ptr<RevisionKeeper> revision_;
   Contacts contacts_;
 };
 

@@ -209,6 +209,27 @@ void lay_out(Level& l, const Summary::Octave& all, double most) {
 
 bool needs_octaves(const Summary& s) { return s.count > 0 && s.need_max > 4 * s.radius_min; }
 
+int octaves_above(std::span<const std::uint64_t, kExponents> of_exponent) {
+  // Spheres below each exponent; the smallest and largest exponent there is.
+  std::vector<std::uint64_t> below(kExponents + 1, 0);
+  int smallest = kExponents, largest = -1;
+  for (int e = 0; e < kExponents; e++) {
+    below[static_cast<std::size_t>(e + 1)] =
+        below[static_cast<std::size_t>(e)] + of_exponent[static_cast<std::size_t>(e)];
+    if (of_exponent[static_cast<std::size_t>(e)]) smallest = std::min(smallest, e), largest = e;
+  }
+  // Spheres that share an octave with others of another exponent, if octave 0 begins at `top`.
+  const auto lumped = [&](int top) {
+    const int last = top - (kOctaves - 1);
+    return (largest > top ? below[kExponents] - below[static_cast<std::size_t>(top)] : 0) +
+           (smallest < last ? below[static_cast<std::size_t>(last + 1)] : 0);
+  };
+  int best = largest;
+  for (int top = largest; top >= std::max(smallest, 0) && lumped(best) > 0; top--)
+    if (lumped(top) < lumped(best)) best = top;
+  return largest - best;
+}
+
 Grid choose_grid(const Summary& given, double bin_size, double bins_per_sphere, Look look) {
   Grid g;
   if (given.count == 0) return g;
@@ -216,7 +237,7 @@ Grid choose_grid(const Summary& given, double bin_size, double bins_per_sphere, 
   const std::vector<int> octaves = populated(s);
   const std::vector<std::size_t> begins = choose_levels(s, octaves, look);
   g.levels = static_cast<std::int32_t>(begins.size());
-  g.top = exponent_of(s.need_max);
+  g.top = exponent_of(s.need_max) - s.above;
   g.buckets = 0;
   for (std::size_t level = 0; level < begins.size(); level++) {
     const std::size_t end = level + 1 < begins.size() ? begins[level + 1] : octaves.size();
@@ -258,23 +279,28 @@ StageGrid choose_stage_grid(const Summary& given, double bin_size) {
   const auto entries = [&](double size) {  // of B, at most
     double sum = 0;
     for (const Summary::Octave& o : s.octave) {
-      const double wide = 2 * o.radius_max / size + 2;
+      if (o.count == 0) continue;
+      double extent = 0;
+      for (int k = 0; k < 3; k++) extent = std::max({extent, std::abs(o.low[k]), std::abs(o.high[k])});
+      const double wide = 2 * (o.radius_max + hair_of(extent, o.radius_max)) / size + 2;
       sum += static_cast<double>(o.count) * wide * wide * wide;
     }
     return sum;
   };
   if (bin_size > 0) {
-    g.size = bin_size;
+    g.size = std::max(bin_size, 0x1p-900);
     if (entries(g.size) > 1e12)
-      throw Error("bins of " + std::to_string(bin_size) +
+      throw Error("bins of " + number(bin_size) +
                   " are too small for these spheres: choose larger bins or the fast path");
-  } else if (s.radius_max > 0) {
-    g.size = s.radius_max > 3 * mean ? 3 * mean : 2 * s.radius_max * (1 + 0x1p-20);
+  } else {
+    if (s.radius_max > 0)
+      g.size = s.radius_max > 3 * mean ? 3 * mean : 2 * s.radius_max * (1 + 0x1p-20);
+    else if (widest > 0)
+      g.size = widest / std::cbrt(count);
+    g.size =
+        std::max(g.size, 0x1p-900);  // before it grows: a length near 2^-1074 times 1.25 stays what it is
     while (entries(g.size) > 64 * count + 4096) g.size *= 1.25;
-  } else if (widest > 0) {
-    g.size = widest / std::cbrt(count);
   }
-  g.size = std::max(g.size, 0x1p-900);
   Sphere low{s.low[0], s.low[1], s.low[2], s.radius_max}, high{s.high[0], s.high[1], s.high[2], s.radius_max};
   const Touched first = touched_bins(g, low), last = touched_bins(g, high);
   for (int k = 0; k < 3; k++) {

@@ -4,6 +4,7 @@
 // double without rounding.
 #pragma once
 #include <cstddef>
+#include <span>
 
 #include "detect/contact.h"
 
@@ -69,9 +70,16 @@ PADDER_HD int level_of(const Grid& g, const Sphere& s) {
   return g.levels == 1 ? 0 : g.level_of_octave[octave_of(g.top, need_of(s))];
 }
 
-// The bin number and what is left: rest = x - bin * size, 0 <= rest < size, each without rounding where it
-// matters. The quotient may be one off (it is a rounded product); the exact remainder says so. floor and not
-// a cast: -0.5 is in bin -1.
+// The bin number, floor(x / size) exactly, and what is left, x - bin * size, 0 <= rest <= size. For |x| <=
+// 2^43 size. The floor never decreases with x: what lies between two coordinates lies between their bins.
+//   Corners b * size are exact. The rounded quotient is off by less than 2^-8, or it underflows to 0, so
+//   b is at most one off. A difference has the sign of the exact one even when it is rounded, so rest < 0
+//   says that b is one too high, whatever the size of x. If b is one too low then rest >= size, rounded or
+//   not. If b is right, the difference is exact for b >= 1 and b <= -2 (Sterbenz: x and b * size are within a
+//   factor of two) and for b = 0, and so rest < size; in bin -1 it may be rounded up to size, from -1e-20 for
+//   one. But there b is never one too low: the quotient is negative and so is x. A rest of `size` is off by
+//   at most 2^-53 of it, as any rest in that bin.
+// floor and not a cast: -0.5 is in bin -1.
 struct Split {
   std::int64_t bin;
   double rest;
@@ -81,7 +89,7 @@ PADDER_HD Split split(const Level& l, double x) {
   double rest = sub(x, mul(b, l.size));
   if (rest < 0)
     b -= 1, rest = sub(x, mul(b, l.size));
-  else if (rest >= l.size)
+  else if (rest >= l.size && b != -1)
     b += 1, rest = sub(x, mul(b, l.size));
   return {static_cast<std::int64_t>(b), rest};
 }
@@ -174,11 +182,19 @@ struct Summary {
          extent = 0;  // extent: largest |coordinate|
   double low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY};
   std::uint64_t first_fault = ~std::uint64_t(0);  // index of the first sphere with a fault
-  // By octave of need below exponent_of(need_max). Octave 0 holds everything when need varies by less than
-  // one octave: a backend may then skip the second pass and leave this to choose_grid.
+  // By octave of need below `above` octaves under exponent_of(need_max): octave 0 holds what is larger, too,
+  // and the last what is smaller. Octave 0 holds everything when need varies by less than one octave: a
+  // backend may then skip the second pass and leave this to choose_grid.
   bool octaves_known = false;
+  int above = 0;
   Octave octave[kOctaves];
 };
+
+// Host. Where need varies by more than kOctaves octaves: the best Summary::above, given how many spheres
+// there are of each exponent_of(need) + 1023. One ball of 1e25 would else put all others, however they
+// differ, into the last octave, and so into one level, with bins for the largest of them.
+inline constexpr int kExponents = 2047;
+int octaves_above(std::span<const std::uint64_t, kExponents> of_exponent);
 
 // Host. Merges octaves into the levels that cost least and lays out their bins: dense up to about
 // `bins_per_sphere` bins a sphere, hashed beyond. `bin_size` raises the edge of the finest bins; 0 chooses.

@@ -25,14 +25,9 @@ struct Pose {
   double position[3] = {0, 0, 0};
 };
 
-// Rows of the rotation of a quaternion w + xi + yj + zk of any length but zero; host only.
-inline void rotation_of(double w, double x, double y, double z, double (&m)[9]) {
-  const double s = 2 / (w * w + x * x + y * y + z * z);
-  const double rows[9] = {1 - s * (y * y + z * z), s * (x * y - w * z),     s * (x * z + w * y),
-                          s * (x * y + w * z),     1 - s * (x * x + z * z), s * (y * z - w * x),
-                          s * (x * z - w * y),     s * (y * z + w * x),     1 - s * (x * x + y * y)};
-  for (int k = 0; k < 9; k++) m[k] = rows[k];
-}
+// Rows of the rotation of a quaternion w + xi + yj + zk of any length; host only. Throws Error for one that
+// is zero, infinite or not a number: who reads it knows whose it is.
+void rotation_of(double w, double x, double y, double z, double (&m)[9]);
 
 // Written once, so that both backends place a sphere at the same bits.
 PADDER_HD Sphere placed(const Body& b, const Sphere& s) {

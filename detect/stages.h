@@ -51,7 +51,10 @@ struct Arrays {
 };
 
 // The bins a sphere touches, first and last on each axis. Bounds are widened by a hair, so that spheres which
-// touch by the decision of contact.h always share a bin, whatever was rounded.
+// touch by the decision of contact.h always share a bin, whatever was rounded: with c, r the larger of both
+// spheres' and s the sum of their radii, they are apart along an axis by at most s (1 + 2^-50), and each
+// bound is off by at most 2^-51 (c + r), or, below 2^-1022, where only products round, by 2^-1074. The hairs
+// are 2^-48 (c + r) together and 2^-1070 each: more than all that. And stage_bin never decreases with x.
 struct Touched {
   std::int64_t low[3], high[3];
 };
@@ -59,11 +62,14 @@ PADDER_HD std::int64_t stage_bin(double x, double size) {
   const double q = floor(div(x, size));  // clamped: a cast beyond 2^63 is undefined
   return static_cast<std::int64_t>(smaller(larger(q, -0x1p61), 0x1p61));
 }
+PADDER_HD double hair_of(double coordinate, double r) {
+  return add(add(mul(magnitude(coordinate), 0x1p-48), mul(r, 0x1p-48)), 0x1p-1070);
+}
 PADDER_HD Touched touched_bins(const StageGrid& g, const Sphere& s) {
   const double c[3] = {s.x, s.y, s.z};
   Touched t;
   for (int k = 0; k < 3; k++) {
-    const double hair = add(mul(magnitude(c[k]), 0x1p-48), mul(s.r, 0x1p-48));
+    const double hair = hair_of(c[k], s.r);
     t.low[k] = stage_bin(sub(c[k], add(s.r, hair)), g.size);
     t.high[k] = stage_bin(add(c[k], add(s.r, hair)), g.size);
   }

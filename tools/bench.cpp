@@ -96,7 +96,8 @@ int main(int argc, char** argv) {
   app.add_option("--backend", s.backend, "auto (each that is there, the default), omp or cuda")
       ->type_name("WHICH")
       ->check(CLI::IsMember({"auto", "omp", "cuda"}));
-  app.add_option("--threads", s.threads, "CPU threads (default: all)")->check(CLI::PositiveNumber);
+  app.add_option("--threads", s.threads, "CPU threads, 1 to 1024 (default: all)")
+      ->check(CLI::Range(1, padder::cli::kMostThreads));
   app.add_option("--repeat", s.repeat, "measured calls; the median counts")
       ->check(CLI::PositiveNumber)
       ->capture_default_str();

@@ -20,6 +20,9 @@ struct UsageError : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
+// Of --threads. More than any machine has; a hundred thousand stacks would end the program without a word.
+inline constexpr int kMostThreads = 1024;
+
 // Help as docs/cli.md shows it: names to the left, sentences to the right, no line beyond 100 columns.
 class Formatter : public CLI::Formatter {
  public:

@@ -75,8 +75,9 @@ void declare(CLI::App& app, Arguments& a) {
   app.add_option("-o", a.output, "write the contacts, sorted: .csv, .npz or .vtp")->type_name("FILE");
   app.add_flag("--hash", a.hash, "print the order-free hash of the pairs");
   app.add_flag("--stages", a.stages, "print the arrays T, S, B, C, D, E, F of a small scene");
-  app.add_option("--threads", a.options.threads, "CPU threads (default: all)")
-      ->check(CLI::PositiveNumber)
+  static_assert(padder::cli::kMostThreads == kMostThreads);
+  app.add_option("--threads", a.options.threads, "CPU threads, 1 to 1024 (default: all)")
+      ->check(CLI::Range(1, kMostThreads))
       ->type_name("N");
   app.add_flag("--json", a.json, "print one JSON document on stdout");
   app.add_flag("-q", a.quiet, "print nothing but errors");

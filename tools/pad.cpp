@@ -123,7 +123,8 @@ void declare(CLI::App& app, Arguments& a) {
   app.add_option("--unit", a.unit, "m, cm, mm or in: the unit of the asset")
       ->type_name("UNIT")
       ->check(CLI::IsMember({"m", "cm", "mm", "in"}));
-  app.add_option("--threads", a.threads, "threads to use (default: all)")->check(CLI::PositiveNumber);
+  app.add_option("--threads", a.threads, "threads to use, 1 to 1024 (default: all)")
+      ->check(CLI::Range(1, padder::cli::kMostThreads));
   app.add_flag("--json", a.json, "print one JSON document on stdout");
   app.add_flag("-q", a.quiet, "print nothing but errors");
   app.set_version_flag("--version", "pad (padder) " PADDER_VERSION);

@@ -1,10 +1,12 @@
 // The OpenMP backend: places bodies, sums up the spheres, hands them to a path and collects the records.
 #include <omp.h>
 
+#include <array>
 #include <chrono>
 #include <cstdio>
 
 #include "detect/omp/bodies.h"
+#include "detect/omp/threads.h"
 #include "padding/error.h"
 
 namespace padder::detect {
@@ -48,6 +50,50 @@ double Watch::lap() {
   return passed;
 }
 
+// Spheres by exponent_of(need) + 1023.
+template <class T>
+std::array<std::uint64_t, kExponents> exponents_of(const View<T>& spheres, int threads) {
+  std::array<std::uint64_t, kExponents> all{};
+#pragma omp parallel num_threads(threads)
+  {
+    std::array<std::uint64_t, kExponents> mine{};
+#pragma omp for schedule(static) nowait
+    for (std::int64_t k = 0; k < static_cast<std::int64_t>(spheres.count); k++)
+      mine[static_cast<std::size_t>(exponent_of(need_of(spheres[static_cast<std::uint64_t>(k)])) + 1023)]++;
+#pragma omp critical
+    for (int e = 0; e < kExponents; e++)
+      all[static_cast<std::size_t>(e)] += mine[static_cast<std::size_t>(e)];
+  }
+  return all;
+}
+
+template <class T>
+void count_octaves(const View<T>& spheres, int threads, Summary& s) {
+  const int top = exponent_of(s.need_max) - s.above;
+  std::fill_n(s.octave, kOctaves, Summary::Octave{});
+#pragma omp parallel num_threads(threads)
+  {
+    Summary mine;
+#pragma omp for schedule(static) nowait
+    for (std::int64_t k = 0; k < static_cast<std::int64_t>(spheres.count); k++) {
+      const Sphere p = spheres[static_cast<std::uint64_t>(k)];
+      const double need = need_of(p), c[3] = {p.x, p.y, p.z};
+      Summary::Octave& o = mine.octave[octave_of(top, need)];
+      o.count++, o.need_max = std::max(o.need_max, need), o.radius_max = std::max(o.radius_max, p.r);
+      for (int a = 0; a < 3; a++) o.low[a] = std::min(o.low[a], c[a]), o.high[a] = std::max(o.high[a], c[a]);
+    }
+#pragma omp critical
+    for (int k = 0; k < kOctaves; k++) {
+      Summary::Octave& o = s.octave[k];
+      const Summary::Octave& m = mine.octave[k];
+      o.count += m.count, o.need_max = std::max(o.need_max, m.need_max),
+                          o.radius_max = std::max(o.radius_max, m.radius_max);
+      for (int a = 0; a < 3; a++)
+        o.low[a] = std::min(o.low[a], m.low[a]), o.high[a] = std::max(o.high[a], m.high[a]);
+    }
+  }
+}
+
 // Two passes when sizes vary: the octaves are counted from the largest need downwards.
 template <class T>
 Summary summarize(const View<T>& spheres, int threads) {
@@ -86,31 +132,11 @@ Summary summarize(const View<T>& spheres, int threads) {
   if (!needs_octaves(s)) return s;
 
   s.octaves_known = true, s.radius_sum = 0;
-  const int top = exponent_of(s.need_max);
-  std::vector<Summary> all(
-      static_cast<std::size_t>(threads));  // summed in the order of threads: fixed for one count
-#pragma omp parallel num_threads(threads)
-  {
-    Summary& mine = all[static_cast<std::size_t>(omp_get_thread_num())];
-    mine.radius_sum = 0;
-#pragma omp for schedule(static)
-    for (std::int64_t k = 0; k < n; k++) {
-      const Sphere p = spheres[static_cast<std::uint64_t>(k)];
-      const double need = need_of(p), c[3] = {p.x, p.y, p.z};
-      Summary::Octave& o = mine.octave[octave_of(top, need)];
-      o.count++, o.need_max = std::max(o.need_max, need), o.radius_max = std::max(o.radius_max, p.r);
-      for (int a = 0; a < 3; a++) o.low[a] = std::min(o.low[a], c[a]), o.high[a] = std::max(o.high[a], c[a]);
-    }
+  count_octaves(spheres, threads, s);
+  if (s.octave[kOctaves - 1].count > 0) {  // perhaps of very different sizes
+    s.above = octaves_above(exponents_of(spheres, threads));
+    if (s.above > 0) count_octaves(spheres, threads, s);
   }
-  for (const Summary& mine : all)
-    for (int k = 0; k < kOctaves; k++) {
-      Summary::Octave& o = s.octave[k];
-      const Summary::Octave& m = mine.octave[k];
-      o.count += m.count, o.need_max = std::max(o.need_max, m.need_max),
-                          o.radius_max = std::max(o.radius_max, m.radius_max);
-      for (int a = 0; a < 3; a++)
-        o.low[a] = std::min(o.low[a], m.low[a]), o.high[a] = std::max(o.high[a], m.high[a]);
-    }
   // A sum of radii would depend on the thread count; this one does not, and is as good for choosing bins.
   for (const Summary::Octave& o : s.octave)
     s.radius_sum += 0.75 * o.radius_max * static_cast<double>(o.count);
@@ -129,7 +155,9 @@ class OmpBackend final : public Backend {
   std::uint64_t memory() const override { return budget_.held(); }
 
   Contacts detect(const Input& input, const Options& options) override {
-    return any(input, options, nullptr);
+    const Contacts c = any(input, options, nullptr);
+    chosen_.done();
+    return c;
   }
 
   Arrays stages(const Input& input, const Options& options) override {
@@ -140,12 +168,17 @@ class OmpBackend final : public Backend {
     return arrays;
   }
 
+  void forget() noexcept override {
+    kept_->bodies.forget();
+    kept_->records.count = 0;
+  }
+
   std::uint64_t hash() const override {
     std::uint64_t sum = 0;
-    const auto n = static_cast<std::int64_t>(records_.count);
+    const auto n = static_cast<std::int64_t>(kept_->records.count);
 #pragma omp parallel for schedule(static) num_threads(threads_) reduction(+ : sum)
     for (std::int64_t k = 0; k < n; k++) {
-      const Pair p = records_.pairs[static_cast<std::uint64_t>(k)];
+      const Pair p = kept_->records.pairs[static_cast<std::uint64_t>(k)];
       sum += pair_hash(p.i, p.j);
     }
     return sum;
@@ -153,21 +186,22 @@ class OmpBackend final : public Backend {
 
  private:
   Contacts any(const Input& input, const Options& options, Arrays* arrays) {
-    records_.count = 0;
-    const bool known =
-        !arrays && options.path == Path::fast && options.bodies != Bodies::expanded && bodies_.knows(input);
+    if (options.memory_limit && budget_.held() > options.memory_limit)  // set lower than it was
+      kept_ = nullptr, kept_ = std::make_unique<Kept>(budget_);
+    kept_->records.count = 0;
+    const bool known = !arrays && options.path == Path::fast && options.bodies != Bodies::expanded &&
+                       kept_->bodies.knows(input);
     check_input(input, false, known);
-    const std::uint64_t n = known ? bodies_.body_spheres() + input.spheres.count : sphere_count(input);
+    const std::uint64_t n = known ? kept_->bodies.body_spheres() + input.spheres.count : sphere_count(input);
     budget_.begin(options.memory_limit);
-    // A small scene is done before a second thread has woken up.
-    const auto worth = static_cast<int>(std::min<std::uint64_t>(1 + n / 2048, 1024));
-    threads_ = options.threads > 0 ? options.threads : std::min(omp_get_max_threads(), worth);
+    threads_ = chosen_.choose(options.threads, known ? kept_->bodies.work() : n);
     const Spheres& s = input.spheres;
     if (known || (!arrays && bodies_first(input, options, n, 3))) {
       Contacts c;
-      if (bodies_.run(input, options, threads_, records_, c.seconds)) return delivered(c, n, options);
+      if (kept_->bodies.run(input, options, threads_, kept_->records, c.seconds))
+        return delivered(c, n, options);
     }
-    bodies_.forget();
+    kept_->bodies.forget();
     if (!input.bodies.empty()) return run(place(input), input, options, arrays);
     if (s.scalar == Scalar::f32) return run(view<float>(s), input, options, arrays);
     return run(view<double>(s), input, options, arrays);
@@ -190,10 +224,10 @@ class OmpBackend final : public Backend {
   omp::View<double> place(const Input& input) {
     omp::Watch watch;
     const std::uint64_t n = sphere_count(input);
-    Sphere* out = placed_.resize(n, "the spheres of the bodies");
-    std::uint32_t* family = family_.resize(n, "families");
-    std::uint32_t* mask = mask_.resize(n, "masks");
-    std::uint32_t* owner = owner_.resize(n, "the bodies of spheres");
+    Sphere* out = kept_->placed.resize(n, "the spheres of the bodies");
+    std::uint32_t* family = kept_->family.resize(n, "families");
+    std::uint32_t* mask = kept_->mask.resize(n, "masks");
+    std::uint32_t* owner = kept_->owner.resize(n, "the bodies of spheres");
     std::vector<std::uint64_t> first(input.bodies.size() + 1, 0);
     for (std::size_t b = 0; b < input.bodies.size(); b++)
       first[b + 1] = first[b] + input.shapes[input.bodies[b].shape].count;
@@ -238,30 +272,37 @@ class OmpBackend final : public Backend {
     check_range(summary, options);
     c.seconds.stage[0] = watch.lap();  // the bounds belong to stage 1
     if (options.path == Path::nine_stages)
-      stages_.run(spheres, summary, options, threads_, records_, c.seconds, arrays);
+      kept_->stages.run(spheres, summary, options, threads_, kept_->records, c.seconds, arrays);
     else
-      c.doubtful = fast_.run(spheres, summary, options, threads_, records_, c.seconds);
+      c.doubtful = kept_->fast.run(spheres, summary, options, threads_, kept_->records, c.seconds);
     return delivered(c, spheres.count, options);
   }
 
   Contacts delivered(Contacts c, std::uint64_t spheres, const Options& options) {
-    c.count = records_.count, c.spheres = spheres;
+    c.count = kept_->records.count, c.spheres = spheres;
     c.width = options.width, c.scalar = options.scalar;
-    c.pairs = records_.pairs.data();
-    if (options.width != Width::pairs) c.normals = records_.normals.data();
-    if (options.width == Width::points) c.points = records_.points.data();
+    c.pairs = kept_->records.pairs.data();
+    if (options.width != Width::pairs) c.normals = kept_->records.normals.data();
+    if (options.width == Width::points) c.points = kept_->records.points.data();
     for (const double t : c.seconds.stage) c.seconds.total += t;
     c.seconds.total += c.seconds.place;
     return c;
   }
 
+  // Whatever is kept from call to call.
+  struct Kept {
+    explicit Kept(omp::Budget& b)
+        : records(b), stages(b), fast(b), bodies(b), placed(b), family(b), mask(b), owner(b) {}
+    omp::Records records;
+    omp::Stages stages;
+    omp::Fast fast;
+    omp::BodySearch bodies;
+    omp::Buffer<Sphere> placed;
+    omp::Buffer<std::uint32_t> family, mask, owner;
+  };
   omp::Budget budget_;
-  omp::Records records_{budget_};
-  omp::Stages stages_{budget_};
-  omp::Fast fast_{budget_};
-  omp::BodySearch bodies_{budget_};
-  omp::Buffer<Sphere> placed_{budget_};
-  omp::Buffer<std::uint32_t> family_{budget_}, mask_{budget_}, owner_{budget_};
+  std::unique_ptr<Kept> kept_ = std::make_unique<Kept>(budget_);
+  omp::Threads chosen_;
   int threads_ = 1;
   double place_seconds_ = 0;
 };

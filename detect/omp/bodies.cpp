@@ -14,12 +14,18 @@ namespace {
 #define PADDER_CLONES
 #endif
 
-// For each of n, in whole vectors: may it be reached, does it touch. The same bits on every processor.
+// For each of n, in whole vectors: may it be reached, does it touch. The same bits on every processor. No
+// radius is negative, so the sum of two is small only where both are.
 PADDER_CLONES void sift(const Sieve& s, const NearSphere* near, std::uint32_t n, std::uint8_t* pass) {
   for (std::uint32_t k = 0; k < n; k++) pass[k] = passes(s, near[k]);
 }
-PADDER_CLONES void test(const Sphere& s, const double* x, const double* y, const double* z, const double* r,
-                        std::uint32_t n, std::uint8_t* hit) {
+PADDER_CLONES void test_unscaled(const Sphere& s, const double* x, const double* y, const double* z,
+                                 const double* r, std::uint32_t n, std::uint8_t* hit) {
+  for (std::uint32_t k = 0; k < n; k++) hit[k] = touching_unscaled(s, {x[k], y[k], z[k], r[k]});
+}
+void test(const Sphere& s, const double* x, const double* y, const double* z, const double* r,
+          std::uint32_t n, std::uint8_t* hit) {
+  if (s.r >= kSmallSum) return test_unscaled(s, x, y, z, r, n, hit);
   for (std::uint32_t k = 0; k < n; k++) hit[k] = touching(s, {x[k], y[k], z[k], r[k]});
 }
 
@@ -50,7 +56,7 @@ struct BodySearch::Survivors {
 };
 
 BodySearch::BodySearch(Budget& b)
-    : budget_(&b), fast_(b), broad_(b), balls_(b), family_(b), mask_(b), owner_(b) {}
+    : budget_(&b), fast_(b), broad_(b), balls_(b), family_(b), mask_(b), owner_(b), static_pairs_(b) {}
 
 template <class T>
 bool BodySearch::List<T>::add(Budget& budget, const T& value) {
@@ -84,19 +90,9 @@ void BodySearch::read_bodies(const Input& input, bool known) {
     assembly_.update(input, input.spheres.is_static);
     return;
   }
-  const auto read = [&](std::uint32_t b) {
-    const Body body = body_at(input, b);
-    std::copy_n(body.rotation, 9, bodies_[b].rotation), std::copy_n(body.position, 3, bodies_[b].position);
-  };
-  for (const std::uint32_t b : input.moved)
-    if (!bodies_[b].is_static) read(b);
-  if (!input.poses) return;
-  std::uint32_t last = kLoose;
-  for (std::uint32_t e = 0; e < assembly_.moving; e++) {
-    const std::uint32_t b = assembly_.elements[e].body;
-    if (b != last && b != kLoose) read(b);
-    last = b;
-  }
+  for (const std::uint32_t b :
+       input.moved)  // poses in host memory are in the bodies already (RevisionKeeper)
+    if (!bodies_[b].is_static) bodies_[b] = input.bodies[b];
 }
 
 // Balls, families and masks of all elements, of static ones only when they are not known. False when one of
@@ -156,7 +152,7 @@ void BodySearch::in_parts(std::vector<List<T>>& lists, std::vector<Part>& parts,
 
 // Moving elements against the table of static ones.
 void BodySearch::meet_static(int threads) {
-  static_pairs_.clear();
+  static_count_ = 0;
   if (table_.count == 0) return;
   in_parts(pair_lists_, parts_, assembly_.moving, threads,
            [&](std::uint64_t first, std::uint64_t end, List<Pair>& list) {
@@ -198,9 +194,13 @@ void BodySearch::meet_static(int threads) {
                }
              }
            });
+  std::uint64_t all = 0;
+  for (const Part& p : parts_) all += p.count;
+  static_pairs_.resize(all, "pairs with static spheres");
   for (const Part& p : parts_) {
     const Pair* from = pair_lists_[static_cast<std::size_t>(p.thread)].buffer.data() + p.first;
-    static_pairs_.insert(static_pairs_.end(), from, from + p.count);
+    std::copy_n(from, p.count, static_pairs_.data() + static_count_);
+    static_count_ += p.count;
   }
 }
 
@@ -289,7 +289,7 @@ bool BodySearch::run(const Input& input, const Options& options, int threads, Re
   watch.lap();
   meet_static(threads);
   seconds.stage[6] += watch.lap();
-  in_parts(hit_lists_, parts_, broad_.count + static_pairs_.size(), threads,
+  in_parts(hit_lists_, parts_, broad_.count + static_count_, threads,
            [&](std::uint64_t first, std::uint64_t end, List<Hit>& list) {
              Survivors a, b;
              for (std::uint64_t k = first; k < end; k++) meet(k, options, a, b, list);

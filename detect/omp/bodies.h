@@ -14,6 +14,11 @@ class BodySearch {
   // beyond what a record holds); then the spheres must be expanded and each be asked.
   bool run(const Input& input, const Options& options, int threads, Records& records, Seconds& seconds);
   bool knows(const Input& input) const;  // by its revision
+  // Of a call whose revision is known, in spheres that are searched one by one: a piece that moves meets some
+  // others, and then its spheres are looked at.
+  std::uint64_t work() const {
+    return assembly_.moving + std::uint64_t(kWorkOfPiece - 1) * assembly_.moving_pieces;
+  }
   std::uint64_t body_spheres() const { return assembly_.body_first.back(); }
   void forget() { revision_ = 0; }  // a call went another way: what moved in it was not seen
 
@@ -56,6 +61,7 @@ class BodySearch {
     return k < broad_.count ? broad_.pairs[k] : static_pairs_[k - broad_.count];
   }
 
+  static constexpr std::uint32_t kWorkOfPiece = 16;
   Budget* budget_;
   std::uint64_t revision_ = 0, known_loose_ = 0;
   Assembly assembly_;
@@ -67,7 +73,8 @@ class BodySearch {
   Records broad_;  // pairs of elements
   Buffer<Sphere> balls_;
   Buffer<std::uint32_t> family_, mask_, owner_;
-  std::vector<Pair> static_pairs_;
+  Buffer<Pair> static_pairs_;
+  std::uint64_t static_count_ = 0;
   std::vector<List<Pair>> pair_lists_;
   std::vector<List<Hit>> hit_lists_;
   std::vector<Part> parts_;

@@ -14,6 +14,8 @@ Fast::Fast(Budget& b)
       starts_(b),
       ids_(b),
       found_(b),
+      counts_(b),
+      places_(b),
       entries_(b),
       slots_{Buffer<float>(b), Buffer<float>(b), Buffer<float>(b), Buffer<float>(b)},
       filters_(b),
@@ -40,14 +42,18 @@ void Fast::sort(const View<T>& spheres, const Grid& grid, int threads, Seconds& 
   Sphere* exact_spheres = std::is_same_v<Slot, FixedSlot> ? spheres_.resize(n, "sorted spheres") : nullptr;
   Filter* filters = spheres.filtered() ? filters_.resize(n, "families and masks") : nullptr;
   std::uint32_t* starts = starts_.resize(std::uint64_t(grid.buckets) + 1, "starts of bins");
-  std::vector<std::uint32_t> count(static_cast<std::size_t>(threads) * parts, 0), part_first(parts + 1, 0);
+  const std::uint64_t each = std::uint64_t(1) << shift;  // bins of a part
+  std::uint32_t* count = counts_.resize(static_cast<std::uint64_t>(threads) * parts, "sorting");
+  std::uint32_t* places = places_.resize(static_cast<std::uint64_t>(threads) * each, "sorting");
+  std::vector<std::uint32_t> part_first(parts + 1, 0);
 
 #pragma omp parallel num_threads(threads)
   {
     const auto t = static_cast<std::uint64_t>(omp_get_thread_num()),
                all = static_cast<std::uint64_t>(omp_get_num_threads());
     const std::uint64_t begin = n * t / all, end = n * (t + 1) / all;
-    std::uint32_t* mine = &count[t * parts];
+    std::uint32_t *mine = count + t * parts, *place = places + t * each;
+    std::fill_n(mine, parts, 0u);
     for (std::uint64_t i = begin; i < end; i++) {
       const Sphere s = spheres[i];
       const Level& l = grid.level[level_of(grid, s)];
@@ -77,13 +83,12 @@ void Fast::sort(const View<T>& spheres, const Grid& grid, int threads, Seconds& 
 #pragma omp single
     seconds.stage[2] += watch.lap();
 
-    std::vector<std::uint32_t> place(std::size_t(1) << shift);
 #pragma omp for schedule(dynamic, 4)
     for (std::int64_t part = 0; part < static_cast<std::int64_t>(parts); part++) {
       const auto p = static_cast<std::uint64_t>(part);
       const auto low = static_cast<std::uint32_t>(p << shift);
       const std::uint32_t width = std::min(std::uint32_t(1) << shift, grid.buckets - low);
-      std::fill_n(place.begin(), width, 0u);
+      std::fill_n(place, width, 0u);
       for (std::uint32_t k = part_first[p]; k < part_first[p + 1]; k++) place[entries[k].key - low]++;
       std::uint32_t sum = part_first[p];
       for (std::uint32_t b = 0; b < width; b++) {

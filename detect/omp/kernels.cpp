@@ -281,14 +281,31 @@ PADDER_CLONES void differences(const Slots<FixedSlot>&, const Sphere* spheres, c
   }
 }
 
-PADDER_CLONES void to_normals(Batch& batch, int count) {
+namespace {
+// True when some length is so small that its square lost digits: then nothing was written.
+PADDER_CLONES bool to_normals_unscaled(Batch& batch, int count) {
+  double square[kBatch];
+  std::int64_t small = 0;  // as wide as a square, so that the loop is done in vectors
   for (int k = 0; k < count; k++) {
     const double x = batch.x[k], y = batch.y[k], z = batch.z[k];
-    const double d = std::sqrt(x * x + y * y + z * z), per_d = 1 / d;
-    batch.x[k] = d > 0 ? x * per_d : 1;
-    batch.y[k] = d > 0 ? y * per_d : 0;
-    batch.z[k] = d > 0 ? z * per_d : 0;
-    batch.s[k] -= d;
+    square[k] = x * x + y * y + z * z;
+    small |= square[k] < kSmallSquare ? 1 : 0;
+  }
+  if (small != 0) return true;
+  for (int k = 0; k < count; k++) {
+    const double d = std::sqrt(square[k]), per_d = 1 / d;
+    batch.x[k] *= per_d, batch.y[k] *= per_d, batch.z[k] *= per_d, batch.s[k] -= d;
+  }
+  return false;
+}
+}  // namespace
+void to_normals(Batch& batch, int count) {
+  if (!to_normals_unscaled(batch, count)) return;
+  for (int k = 0; k < count; k++) {
+    const Line l = line_of(batch.x[k], batch.y[k], batch.z[k]);
+    const double per_d = l.length > 0 ? 1 / l.length : 0;
+    batch.x[k] = l.length > 0 ? l.x * per_d : 1, batch.y[k] = l.y * per_d, batch.z[k] = l.z * per_d;
+    batch.s[k] -= l.length * l.down;
   }
 }
 

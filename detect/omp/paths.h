@@ -33,9 +33,7 @@ template <class T>
 class Buffer {
  public:
   explicit Buffer(Budget& budget) : budget_(&budget) {}
-  Buffer(Buffer&& other) noexcept : budget_(other.budget_), data_(other.data_), capacity_(other.capacity_) {
-    other.data_ = nullptr, other.capacity_ = 0;
-  }
+  Buffer(Buffer&& other) noexcept : budget_(other.budget_) { swap(other); }
   Buffer& operator=(Buffer&&) = delete;
   ~Buffer() { release(); }
 
@@ -234,6 +232,7 @@ class Fast {
 
   Budget* budget_;
   Buffer<std::uint32_t> keys_, starts_, ids_, found_;  // found_: hits of each slot; keys_: sorted at last
+  Buffer<std::uint32_t> counts_, places_;              // of each thread: spheres of each part, of each bin
   Buffer<Entry> entries_;
   Buffer<float> slots_[4];
   Buffer<Filter> filters_;

@@ -1,6 +1,7 @@
 // The decision, the filter's band, the record and the midpoint rule, without a detector.
 #include "detect/contact.h"
 
+#include <limits>
 #include <random>
 
 #include "detect/grid.h"
@@ -15,6 +16,44 @@ TEST(Contact, TouchingCounts) {
   EXPECT_TRUE(touching({0, 0, 0, 0}, {0, 0, 0, 0}));
   EXPECT_FALSE(touching({0, 0, 0, 0}, {0, 0, 1e-100, 0}));
   EXPECT_TRUE(touching({1e300 * 0, 0, 0, 4}, {1, 0, 0, 1}));  // contained
+}
+
+// The geometry decides at every size, not what is left of squares: against long double, whose exponents go
+// far beyond, wherever rounding cannot matter; and the same spheres times a power of two always.
+TEST(Contact, TheDecisionHoldsAtAnySize) {
+  ASSERT_LT(std::numeric_limits<long double>::min_exponent, -10000);
+  EXPECT_FALSE(touching({0, 0, 0, 0}, {0, 0, 1e-170, 0}));
+  EXPECT_FALSE(touching({0, 0, 0, 0}, {5e-324, 0, 0, 0}));
+  EXPECT_TRUE(touching({0, 0, 0, 5e-324}, {5e-324, 0, 0, 0}));
+  EXPECT_FALSE(touching({0, 0, 0, 5e-324}, {5e-324, 5e-324, 0, 0}));
+  EXPECT_TRUE(touching({0, 0, 0, 1e-170}, {2e-170, 0, 0, 1e-170}));
+  EXPECT_FALSE(touching({0, 0, 0, 1e-170}, {2.0000001e-170, 0, 0, 1e-170}));
+  EXPECT_FALSE(touching({1e100, -1e100, 0, 0}, {-1e100, 1e100, 0, 5e-324}));
+  EXPECT_TRUE(touching({1e-320, 0, 0, 1e-320}, {1, 0, 0, 1}));
+  std::mt19937_64 random(11);
+  std::uniform_real_distribution<double> unit(-1, 1);
+  for (const int exponent :
+       {0, 300, -400, -470, -499, -500, -501, -502, -520, -600, -900, -1000, -1022, -1060})
+    for (int k = 0; k < 20000; k++) {
+      Sphere a{unit(random), unit(random), unit(random), std::abs(unit(random))};
+      Sphere b{unit(random), unit(random), unit(random), std::abs(unit(random)) * (k % 3 == 0 ? 1e-9 : 1)};
+      const bool at_one = touching(a, b);
+      for (Sphere* s : {&a, &b})
+        for (double* v : {&s->x, &s->y, &s->z, &s->r}) *v = std::ldexp(*v, exponent);
+      if (exponent > -900) {
+        ASSERT_EQ(touching(a, b), at_one) << exponent;
+      }
+      const long double x = static_cast<long double>(b.x) - a.x, y = static_cast<long double>(b.y) - a.y,
+                        z = static_cast<long double>(b.z) - a.z, s = static_cast<long double>(a.r) + b.r;
+      const long double excess = x * x + y * y + z * z - s * s;
+      if (std::abs(excess) < 1e-14L * s * s) continue;
+      ASSERT_EQ(touching(a, b), excess <= 0) << exponent;
+      ASSERT_EQ(touching(a, b), touching(b, a)) << exponent;
+      ASSERT_EQ(touching(a, b), oracle_touching(a, b)) << exponent;
+      if (a.r + b.r >= kSmallSum) {
+        ASSERT_EQ(touching(a, b), touching_unscaled(a, b));
+      }
+    }
 }
 
 TEST(Contact, FaultsAreTold) {
@@ -93,6 +132,27 @@ TEST(Contact, RecordOfTwoSpheres) {
   EXPECT_EQ(same.normal[0], 1);
   EXPECT_EQ(same.normal[1], 0);
   EXPECT_EQ(same.depth, 2.5);
+}
+
+TEST(Contact, RecordAndMidpointAtAnySize) {
+  for (const int exponent : {0, 330, -450, -500, -530, -560, -700, -1000, -1040}) {
+    const double by = std::ldexp(1.0, exponent), digits = exponent < -1000 ? 1e-6 : 1e-14;
+    const Sphere i{0, 0, 0, 2 * by}, j{3 * by, 4 * by, 0, 4 * by};
+    const Geometry g = geometry(i, j);
+    EXPECT_NEAR(g.normal[0], 0.6, digits) << exponent;
+    EXPECT_NEAR(g.normal[1], 0.8, digits) << exponent;
+    EXPECT_NEAR(g.depth / by, 1, digits) << exponent;
+    EXPECT_NEAR(g.on_i[0] / by, 1.2, digits) << exponent;
+    EXPECT_NEAR(midpoint(i, j).x / by, 0.9, digits) << exponent;  // deepest points 2 and 1 along the line
+    const Sphere inside{by, by, 0, 0.25 * by};
+    EXPECT_EQ(midpoint(i, inside).x, by) << exponent;
+    // Centres much nearer to each other than the radii.
+    const Geometry near = geometry({0, 0, 0, 1}, {0, 3 * by, -4 * by, 2});
+    if (exponent > 0) continue;
+    EXPECT_NEAR(near.normal[1], 0.6, digits) << exponent;
+    EXPECT_NEAR(near.normal[2], -0.8, digits) << exponent;
+    EXPECT_NEAR(near.depth, 3 - 5 * by, 1e-14) << exponent;
+  }
 }
 
 TEST(Contact, MidpointRule) {

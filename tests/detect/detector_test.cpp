@@ -1,9 +1,11 @@
 // Every backend, path, precision and kind of input against brute force in double.
 #include "detect/detector.h"
 
+#include <functional>
 #include <random>
 
 #include "detect/generate.h"
+#include "detect/stages.h"
 #include "tests/detect/oracle.h"
 
 namespace padder::detect {
@@ -286,16 +288,105 @@ TEST_P(DetectorTest, TinyAndHuge) {
     expect_right(s, "scaled by " + std::to_string(scale));
   }
   if (GetParam().input == Scalar::f32) return;
-  for (const double scale : {1e-310, 1e-160, 1e-100, 1e90}) {
+  for (const double scale : {1e-320, 1e-310, 1e-280, 1e-200, 1e-160, 1e-150, 1e-140, 1e-100, 1e90, 2e97}) {
     TestScene s = random_scene(500, 3, 0.3, 13);
     s.scale(scale);
-    if (scale > 1) {
+    if (scale > 1 && options_.width != Width::pairs) {
       expect_error(s, "do not fit a float record");
       options_.width = Width::pairs;
       detector_.reset();
     }
     expect_right(s, "scaled by " + std::to_string(scale));
   }
+}
+
+// Wide radii, points, a lattice on the threshold, hashed rows: at sizes where squares underflow. A scene
+// times a power of two has the same contacts.
+TEST_P(DetectorTest, ScenesOfAnySize) {
+  if (GetParam().input == Scalar::f32) return;
+  options_.width = Width::pairs;
+  TestScene wide = random_scene(400, 100, 0.3, 14), points = random_scene(300, 1, 1, 15), lattice, thin;
+  for (Sphere& p : points.spheres) p.r = 0;
+  for (std::size_t k = 0; k < 20; k++) points.spheres.push_back(points.spheres[k * 7]);
+  for (int k = 0; k < 343; k++)
+    lattice.spheres.push_back({2.0 * (k % 7), 2.0 * (k / 7 % 7), 2.0 * (k / 49), 1});
+  std::mt19937_64 random(21);
+  std::uniform_real_distribution<double> unit(-1e4, 1e4), near(-1.5, 1.5);
+  for (int k = 0; k < 200; k++) {
+    const Sphere a{unit(random), unit(random), unit(random), 1};
+    thin.spheres.push_back(a);
+    thin.spheres.push_back({a.x + near(random), a.y + near(random), a.z + near(random), 1});
+  }
+  for (const TestScene* scene : {&wide, &points, &lattice, &thin}) {
+    std::uint64_t contacts = 0;
+    for (const int exponent : {0, -480, -499, -500, -501, -505, -512, -540, -700, -895, -950, -1060, 310}) {
+      TestScene s = *scene;
+      s.scale(std::ldexp(1.0, exponent));
+      expect_right(s, "times 2^" + std::to_string(exponent));
+      if (HasFatalFailure()) return;
+      const std::uint64_t found = brute_force(s).size();
+      if (exponent == 0) contacts = found;
+      if (exponent > -950) {
+        EXPECT_EQ(found, contacts) << exponent;
+      }
+    }
+  }
+}
+
+// Coordinates just below zero, of any size, beside larger spheres that look down: -1e-20 and -5e-324 are in
+// one bin.
+TEST_P(DetectorTest, JustBelowZero) {
+  std::mt19937 random(5);
+  std::uniform_real_distribution<double> unit(0, 1);
+  for (int axis = 0; axis < 3; axis++)
+    for (const bool large : {false, true}) {
+      TestScene s;
+      for (int k = 0; k < 1500; k++) {
+        double p[3] = {40 * unit(random), 40 * unit(random), 40 * unit(random)};
+        if (k % 20 == 0) p[axis] = k % 40 ? -1e-20 : -5e-324;
+        s.spheres.push_back({p[0], p[1], p[2], large && k % 20 && unit(random) < 0.01 ? 12 : 1.2});
+      }
+      expect_right(s, "axis " + std::to_string(axis) + (large ? " and large ones" : ""));
+    }
+}
+
+// One ball beyond all others among spheres of many sizes: each is still looked at by few, not by all.
+TEST_P(DetectorTest, OneBallBeyondAll) {
+  if (GetParam().path == Path::nine_stages) return;  // a bin there is three times the mean
+  TestScene s = random_scene(3000, 100, 0.6, 51);
+  options_.width = Width::pairs;
+  for (const double r : {1e6, 1e15, 1e25}) {
+    s.spheres[7].r = r;
+    expect_right(s, "radius " + std::to_string(r));
+  }
+  TestScene many = random_scene(100000, 100, 0.6, 52);
+  double seconds[2];
+  for (const bool giant : {false, true}) {
+    if (giant) many.spheres[7].r = 1e25;
+    const Arranged a(many, GetParam().input);
+    detector_->detect(a.input), detector_->options().timings = true;
+    seconds[giant] = INFINITY;
+    for (int k = 0; k < 3; k++)
+      seconds[giant] = std::min(seconds[giant], detector_->detect(a.input).seconds.total);
+  }
+  EXPECT_LT(seconds[1], 10 * seconds[0] + 0.1);
+}
+
+// Sizes that have nothing to do with each other in one scene.
+TEST_P(DetectorTest, SizesWithoutEnd) {
+  if (GetParam().input == Scalar::f32) return;
+  options_.width = Width::pairs;
+  std::mt19937_64 random(31);
+  std::uniform_real_distribution<double> unit(-1, 1);
+  TestScene s;
+  for (int k = 0; k < 600; k++) {
+    const double by = std::pow(10.0, -160 + 160 * unit(random)), r = by * std::abs(unit(random));
+    s.spheres.push_back({by * unit(random), by * unit(random), by * unit(random), k % 5 ? r : 0});
+    s.spheres.push_back({s.spheres.back().x, s.spheres.back().y + 1.2 * r, s.spheres.back().z, r / 3});
+  }
+  expect_right(s, "1e-320 to 1");
+  for (Sphere& p : s.spheres) p.x *= 1e90, p.r *= 1e90;
+  expect_right(s, "1e-230 to 1e90");
 }
 
 TEST_P(DetectorTest, FamiliesAndMasks) {
@@ -413,6 +504,36 @@ TEST_P(DetectorTest, MemoryIsKeptAndShortageIsASentence) {
   EXPECT_EQ(narrow.detect(a.input).count, contacts);
 }
 
+// Whatever threads hold counts, also after they became fewer and the limit lower.
+TEST_P(DetectorTest, MemoryStaysBelowItsLimit) {
+  const TestScene s = random_scene(3000, 20, 0.05, 38), small = random_scene(50, 1, 0.5, 39);
+  const Arranged a(s, GetParam().input), b(small, GetParam().input);
+  Detector d(options_);
+  std::uint64_t contacts = 0;
+  for (const int threads : {1, 2, 5, 9, 17, 3}) {
+    d.options().threads = threads;
+    contacts = d.detect(a.input).count;
+  }
+  const std::uint64_t held = d.memory();
+  d.options().threads = 1, d.options().memory_limit = 1u << 20;
+  for (const Arranged* scene : {&b, &a, &b}) {
+    try {
+      d.detect(scene->input);
+    } catch (const Error& e) {
+      EXPECT_NE(std::string(e.what()).find(" bytes of "), std::string::npos) << e.what();
+    }
+    EXPECT_LE(d.memory(), d.options().memory_limit);
+  }
+  d.options().memory_limit = 0;
+  EXPECT_EQ(d.detect(a.input).count, contacts);
+  if (GetParam().backend == Choice::omp) {
+    Detector fresh(options_);
+    fresh.options().threads = 1;
+    fresh.detect(a.input);
+    EXPECT_LE(d.memory(), 2 * fresh.memory()) << "held before: " << held;
+  }
+}
+
 // Bodies give what their spheres would give, placed one by one.
 TEST_P(DetectorTest, BodiesAreTheirSpheres) {
   BodyScene scene = generate_bodies(30);
@@ -446,6 +567,119 @@ TEST_P(DetectorTest, BodiesAreTheirSpheres) {
   EXPECT_THROW(d.detect(a.input), Error);
   scene.bodies[5].shape = 9;
   EXPECT_THROW(d.detect(a.input), Error);
+}
+
+// ---- what is refused, by every entry, and what is left after it
+
+TEST_P(DetectorTest, OptionsThatCannotBeMeantAreRefused) {
+  const Arranged a(random_scene(50, 1, 0.1, 1), GetParam().input);
+  const auto refused = [&](Options o, const std::string& part) {
+    o.backend = options_.backend, o.path = options_.path;
+    Detector d(o);
+    for (const bool stages : {false, true}) try {
+        stages ? (void)d.stages(a.input) : (void)d.detect(a.input);
+        ADD_FAILURE() << "nothing was thrown, wanted: " << part << (stages ? " of stages()" : "");
+      } catch (const Error& e) {
+        EXPECT_NE(std::string(e.what()).find(part), std::string::npos) << e.what();
+      }
+  };
+  Options o;
+  for (const double size : {-1.0, double(NAN), double(INFINITY), 1e101}) {
+    o.bin_size = size;
+    refused(o, "the bin size must be 0 (chosen) or a positive length");
+  }
+  o = {};
+  for (const int threads : {-1, 1025, 100000, 2000000000}) {
+    o.threads = threads;
+    refused(o, "the number of threads must be 0 (chosen) or 1 to 1024, not " + std::to_string(threads));
+  }
+  for (int k = 0; k < 6; k++) {
+    o = {};
+    (k % 2 ? o.own.high : o.own.low)[k / 2] = NAN;
+    refused(o, std::string("is not a number along ") + "xyz"[k / 2]);
+  }
+}
+
+TEST_P(DetectorTest, AsManyThreadsAsMayBeAskedFor) {
+  const TestScene s = random_scene(3000, 100, 0.3, 2).rounded();
+  const Arranged a(s, GetParam().input);
+  Detector one(options_), all(options_);
+  one.options().threads = 1, all.options().threads = kMostThreads;
+  EXPECT_EQ(all.detect(a.input).count, one.detect(a.input).count);
+  EXPECT_EQ(all.hash(), one.hash());
+}
+
+TEST_P(DetectorTest, MoreSpheresThanNumbersAreRefused) {
+  const Sphere sphere[] = {{0, 0, 0, 1}, {0, 0, 0, 1}};
+  const Shape shapes[] = {{sphere, 2}, {sphere, ~std::uint64_t(0) - 1}};
+  Body two;
+  two.shape = 1;
+  const Body bodies[] = {Body{}, two};
+  Detector d(options_);
+  Arranged a({{{1, 2, 3, 4}}, {}, {}}, GetParam().input);
+  const auto refused = [&](const char* part) {
+    try {
+      d.detect(a.input);
+      ADD_FAILURE() << "nothing was thrown, wanted: " << part;
+    } catch (const Error& e) {
+      EXPECT_NE(std::string(e.what()).find(part), std::string::npos) << e.what();
+    }
+  };
+  a.input.spheres.count = 0xffffffff;
+  refused("4294967295 spheres are more than one detector numbers");
+  a.input.spheres.count = ~std::uint64_t(0);
+  refused("2^64 - 1 or more spheres");
+  a.input.shapes = shapes, a.input.bodies = {bodies, 1};
+  refused("2^64 - 1 or more spheres");
+  a.input.spheres.count = 0, a.input.bodies = bodies;
+  refused("2^64 - 1 or more spheres");
+}
+
+TEST_P(DetectorTest, ACallThatThrewLeavesNoContacts) {
+  const TestScene s = random_scene(100, 1, 0.1, 1);
+  const Arranged a(s, GetParam().input), bad({{{NAN, 0, 0, 1}}, {}, {}}, GetParam().input);
+  Detector d(options_);
+  EXPECT_EQ(d.hash(), 0u) << "before the first call";
+  for (int how = 0; how < 3; how++) {
+    const Contacts& c = d.detect(a.input);
+    ASSERT_GT(c.count, 0u);
+    ASSERT_NE(d.hash(), 0u);
+    if (how == 0) {
+      EXPECT_THROW(d.detect(bad.input), Error);
+    }
+    if (how == 1) {
+      d.options().bin_size = -1;
+      EXPECT_THROW(d.detect(a.input), Error);
+      d.options().bin_size = 0;
+    }
+    if (how == 2) d.stages(a.input);
+    EXPECT_EQ(d.hash(), 0u) << how;
+    EXPECT_EQ(c.count, 0u) << how;
+  }
+}
+
+TEST_P(DetectorTest, AMovedFromDetectorSaysSo) {
+  const TestScene s = random_scene(100, 1, 0.1, 1);
+  const Arranged a(s, GetParam().input);
+  Detector d(options_);
+  d.detect(a.input);
+  const std::uint64_t hash = d.hash();
+  Detector other(std::move(d));
+  EXPECT_EQ(other.hash(), hash);
+  EXPECT_GT(other.memory(), 0u);
+  EXPECT_EQ(d.memory(), 0u);
+  for (const auto& call : std::initializer_list<std::function<void()>>{
+           [&] { d.detect(a.input); }, [&] { d.stages(a.input); }, [&] { d.hash(); }, [&] { d.backend(); }})
+    try {
+      call();
+      ADD_FAILURE() << "nothing was thrown";
+    } catch (const Error& e) {
+      EXPECT_NE(std::string(e.what()).find("was moved to another"), std::string::npos) << e.what();
+    }
+  d.options().threads = 1;
+  d = Detector(options_);
+  d.detect(a.input);
+  EXPECT_EQ(d.hash(), hash);
 }
 
 INSTANTIATE_TEST_SUITE_P(Matrix, DetectorTest,

@@ -1,6 +1,7 @@
 // Bins, keys and levels: what the fast path's claim of completeness rests on.
 #include "detect/grid.h"
 
+#include <limits>
 #include <random>
 
 #include "tests/detect/oracle.h"
@@ -46,6 +47,50 @@ TEST(Grid, SplitIsExactAtEveryMagnitude) {
       EXPECT_EQ(s.rest, 0);
     }
     EXPECT_EQ(split(l, -0.5 * size).bin, -1) << "floor, not a cast";
+  }
+}
+
+// split() against its definition, in arithmetic of 113 bits, where a corner and its comparison are exact:
+// wherever a coordinate lies, of whatever size, beside whichever face.
+TEST(Grid, SplitIsTheFloorAndNeverDecreases) {
+  std::mt19937_64 random(std::random_device{}());
+  const std::uint64_t seed = random();
+  std::printf("seed %llu\n", static_cast<unsigned long long>(seed));
+  random.seed(seed);
+  std::uniform_real_distribution<double> unit(0, 1);
+  const auto any = [&](double low, double high) { return std::exp2(low + (high - low) * unit(random)); };
+  for (int trial = 0; trial < 300; trial++) {
+    Level l;
+    const int exponent = trial % 3 == 0   ? -900
+                         : trial % 3 == 1 ? static_cast<int>(random() % 40) - 20
+                                          : static_cast<int>(random() % 1240) - 900;
+    l.size = trial == 0 ? 0x1p-900 : std::ldexp(static_cast<double>(512 + random() % 513), exponent);
+    l.per_size = 1 / l.size;
+    std::vector<double> at = {0.0, -0.0, 5e-324, -5e-324, 1e-300, -1e-300, 0x1p-1022, -0x1p-1022};
+    for (int k = 0; k < 400; k++) {
+      const double sign = random() % 2 ? 1 : -1;
+      at.push_back(sign * any(-1074, std::log2(l.size) + 42));                    // of any size
+      at.push_back(sign * l.size * any(-60, 42.9));                               // some bins away
+      double face = sign * l.size * std::floor(any(0, random() % 2 ? 3 : 42.9));  // on a face
+      for (std::uint64_t n = random() % 4; n > 0; n--)
+        face = std::nextafter(face, random() % 2 ? INFINITY : -INFINITY);  // and beside it
+      at.push_back(face);
+      at.push_back(sign * 5e-324 * static_cast<double>(random() % 1000));
+      at.push_back(-l.size * any(-1100, -40));  // just below zero
+    }
+    std::sort(at.begin(), at.end());
+    std::int64_t before = std::numeric_limits<std::int64_t>::min();
+    for (const double x : at) {
+      const Split s = split(l, x);
+      const __float128 corner = static_cast<__float128>(s.bin) * l.size, next = corner + l.size;
+      ASSERT_TRUE(corner <= x && x < next) << x << " bins of " << l.size << " bin " << s.bin;
+      ASSERT_GE(s.bin, before) << x << " bins of " << l.size;
+      before = s.bin;
+      ASSERT_TRUE(s.rest >= 0 && s.rest <= l.size) << x << " bins of " << l.size << " rest " << s.rest;
+      const __float128 off = s.rest - (x - corner);
+      ASSERT_TRUE(s.bin == -1 ? (off < 0 ? -off : off) <= l.size * 0x1p-53 : corner + s.rest == x)
+          << x << " bins of " << l.size;
+    }
   }
 }
 
@@ -108,6 +153,27 @@ TEST(Grid, EverySphereFitsItsLevel) {
       for (int k = 1; k < g.levels; k++) EXPECT_GE(g.level[k].size, g.level[k - 1].size);
     }
   }
+}
+
+// One ball beyond all others, or points beneath them, does not blur the sizes of the others.
+TEST(Grid, OctavesAreWhereTheSpheresAre) {
+  std::vector<std::uint64_t> of(kExponents, 0);
+  const auto above = [&] { return octaves_above(std::span<const std::uint64_t, kExponents>(of)); };
+  for (int e = 1023; e < 1030; e++) of[e] = 1000;
+  EXPECT_EQ(above(), 0);
+  of[1023 + 63] = 1;
+  EXPECT_EQ(above(), 0) << "64 octaves are told apart";
+  of[1023 + 63] = 0, of[1023 + 84] = 1, of[1023 + 300] = 2;
+  const int top = 1023 + 300 - above();
+  EXPECT_GT(top, 1029);
+  EXPECT_LT(top, 1023 + 64);
+  of[0] = 7000;  // more points than spheres: they are one octave of their own
+  EXPECT_GT(1023 + 300 - above(), 1029);
+  of.assign(kExponents, 0), of[0] = 5;
+  EXPECT_EQ(above(), 0);
+  of.assign(kExponents, 1);
+  EXPECT_GE(above(), 0);
+  EXPECT_LT(above(), kExponents);
 }
 
 TEST(Grid, EqualRadiiAreOneLevelAndWideOnesSeveral) {

@@ -148,5 +148,33 @@ TYPED_TEST(KernelsTest, PairsAreOrderedByNumber) {
     }
 }
 
+// Batches give what geometry() gives, bit for bit, of any size: without a tiny length among them, and with
+// some.
+TEST(Kernels, NormalsAreThoseOfTheRecord) {
+  std::mt19937_64 random(9);
+  std::uniform_real_distribution<double> unit(-1, 1);
+  for (const int exponent : {0, 300, -400, -500, -700, -1060, 1})
+    for (int round = 0; round < 20; round++) {
+      std::vector<Sphere> i(kBatch), j(kBatch);
+      Batch batch;
+      for (std::uint32_t k = 0; k < kBatch; k++) {
+        const double by = std::ldexp(1.0, exponent == 1 && k % 7 == 0 ? -600 : exponent);
+        i[k] = {by * unit(random), by * unit(random), by * unit(random), by * std::abs(unit(random))};
+        j[k] = {by * unit(random), by * unit(random), by * unit(random), by * std::abs(unit(random))};
+        if (round % 2 && k % 5 == 0) j[k] = i[k];
+        batch.x[k] = j[k].x - i[k].x, batch.y[k] = j[k].y - i[k].y, batch.z[k] = j[k].z - i[k].z;
+        batch.s[k] = i[k].r + j[k].r;
+      }
+      to_normals(batch, kBatch);
+      for (std::uint32_t k = 0; k < kBatch; k++) {
+        const Geometry g = geometry(i[k], j[k]);
+        ASSERT_EQ(batch.x[k], g.normal[0]) << exponent;
+        ASSERT_EQ(batch.y[k], g.normal[1]) << exponent;
+        ASSERT_EQ(batch.z[k], g.normal[2]) << exponent;
+        ASSERT_EQ(batch.s[k], g.depth) << exponent;
+      }
+    }
+}
+
 }  // namespace
 }  // namespace padder::detect::omp

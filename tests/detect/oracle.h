@@ -46,17 +46,29 @@ inline bool oracle_admits(std::uint32_t fa, std::uint32_t ma, std::uint32_t fb, 
   return true;
 }
 
+// The decision of two spheres, whatever their size: where the longest of its four lengths is no everyday
+// number it is brought to 0.5 to 1 first, by a power of two of its own, so that no square that counts can
+// overflow or underflow.
+inline bool oracle_touching(const Sphere& a, const Sphere& b) {
+  double v[4] = {b.x - a.x, b.y - a.y, b.z - a.z, a.r + b.r}, longest = 0;
+  for (const double c : v) longest = std::max(longest, std::abs(c));
+  int exponent = 0;
+  if (!(longest > 1e-50 && longest < 1e50)) {
+    std::frexp(longest, &exponent);
+    for (double& c : v) c = std::ldexp(c, -exponent);
+  }
+  const volatile double x = v[0] * v[0], y = v[1] * v[1], z = v[2] * v[2];
+  const volatile double xy = x + y, d2 = xy + z, r2 = v[3] * v[3];  // volatile: no operation is fused
+  return d2 <= r2;
+}
+
 inline std::vector<Pair> brute_force(const TestScene& s) {
   std::vector<Pair> pairs;
   const auto n = static_cast<std::uint32_t>(s.spheres.size());
   for (std::uint32_t i = 0; i < n; i++)
     for (std::uint32_t j = i + 1; j < n; j++) {
       const Sphere &a = s.spheres[i], &b = s.spheres[j];
-      const volatile double x = (b.x - a.x) * (b.x - a.x), y = (b.y - a.y) * (b.y - a.y),
-                            z = (b.z - a.z) * (b.z - a.z);
-      const volatile double xy = x + y, d2 = xy + z, r = a.r + b.r,
-                            r2 = r * r;  // volatile: no operation is fused
-      if (!(d2 <= r2)) continue;
+      if (!oracle_touching(a, b)) continue;
       if (!s.family.empty() || !s.mask.empty()) {
         const auto at = [](const auto& v, std::uint32_t k) { return v.empty() ? 0u : v[k]; };
         if (!oracle_admits(at(s.family, i), at(s.mask, i), at(s.family, j), at(s.mask, j))) continue;

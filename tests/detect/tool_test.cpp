@@ -102,6 +102,12 @@ TEST_F(DetectTool, ErrorsAreOneSentenceAndACode) {
   EXPECT_EQ(run("dense.json --precision sloppy").code, 2);
   EXPECT_EQ(run("dense.json --backend omp --bin-size -1").code, 2);
   EXPECT_EQ(run("dense.json --devices 2").code, 2);
+  for (const char* threads : {"0", "-1", "1025", "100000", "2000000000", "3000000000"}) {
+    const Ran r = run(std::string("dense.json --backend omp --threads ") + threads);
+    EXPECT_EQ(r.code, 2) << threads;
+    EXPECT_NE(r.err.find("--threads"), std::string::npos) << r.err;
+  }
+  EXPECT_EQ(run("dense.json --backend omp --threads 1024").code, 0);
   EXPECT_EQ(run("--help").code, 0);
   EXPECT_EQ(run("--version").out, "detect (padder) " PADDER_VERSION "\n");
   const Ran absent = run("absent.json");
