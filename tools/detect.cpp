@@ -177,7 +177,7 @@ int run(Arguments& a) {
   Detector detector(a.options);
   const Contacts& c = detector.detect(input);
   const std::string hash = hex(detector.hash());
-  if (!a.output.empty()) write_contacts(sorted_table(c), a.output);
+  if (!a.output.empty()) write_contacts(c, a.output, a.options.threads);
   Json seconds = Json::object();
   for (int k = 0; k < 9; k++) seconds["stage" + std::to_string(k + 1)] = c.seconds.stage[k];
   seconds["place"] = c.seconds.place, seconds["total"] = c.seconds.total;
