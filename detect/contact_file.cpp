@@ -4,8 +4,10 @@
 
 #include <algorithm>
 #include <charconv>
+#include <condition_variable>
 #include <exception>
 #include <memory>
+#include <mutex>
 #include <string>
 
 #include "detect/sorted_runs.h"
@@ -149,14 +151,18 @@ class VtpOut : public OfArrays<VtpWriter> {
   }
 };
 
-// Blocks become bytes side by side, and are written one after the other.
+// Blocks become bytes side by side, and are written one after the other. Who waits for its turn sleeps:
+// OpenMP's `ordered` would burn a processor while the disk is busy.
 void write_run(std::span<const KeyedContact> run, Kind& kind, int threads) {
+  std::mutex mutex;
+  std::condition_variable turn_came;
+  std::uint64_t turn = 0;  // the block that is to be written next
   std::exception_ptr error;
   const std::uint64_t blocks = (run.size() + kBlock - 1) / kBlock;
 #pragma omp parallel num_threads(threads)
   {
     Columns columns;
-#pragma omp for ordered schedule(dynamic, 1)
+#pragma omp for schedule(dynamic, 1)  // hands out blocks in ascending order, so that every turn comes
     for (std::uint64_t b = 0; b < blocks; b++) {
       std::exception_ptr mine;
       try {
@@ -164,15 +170,18 @@ void write_run(std::span<const KeyedContact> run, Kind& kind, int threads) {
       } catch (...) {
         mine = std::current_exception();
       }
-#pragma omp ordered
-      {
-        if (!error) error = mine;
-        try {
-          if (!error) kind.write(columns);
-        } catch (...) {
-          error = std::current_exception();
-        }
+      std::unique_lock lock(mutex);
+      turn_came.wait(lock, [&] { return turn == b; });
+      if (!error) error = mine;
+      lock.unlock();  // the others prepare their blocks meanwhile; the file is ours until the turn passes on
+      try {
+        if (!error) kind.write(columns);
+      } catch (...) {
+        error = std::current_exception();
       }
+      lock.lock();
+      turn++;
+      turn_came.notify_all();
     }
   }
   if (error) std::rethrow_exception(error);
