@@ -1,12 +1,13 @@
 // NumPy's .npz: named arrays in a zip archive, stored without compression. Host only; no further library.
 #pragma once
 #include <cstdint>
-#include <filesystem>
 #include <map>
 #include <string>
 #include <string_view>
 #include <type_traits>
 #include <vector>
+
+#include "padding/file.h"
 
 namespace padder {
 
@@ -35,8 +36,42 @@ NpyArray npy_array(const T* data, std::vector<std::uint64_t> shape) {
   return a;
 }
 
-// The archive as bytes, arrays in alphabetical order: equal arrays give equal bytes. Throws Error beyond 4
-// GiB.
+// An array without its bytes, as an archive announces it.
+struct NpyHead {
+  std::string name;
+  char kind = 'f';
+  int size = 8;
+  std::vector<std::uint64_t> shape;
+
+  std::uint64_t bytes() const;
+};
+
+// An archive whose arrays nobody holds as a whole: the place of each is known from the heads, so that all can
+// be filled side by side. Holds no more than the heads. Equal arrays give equal bytes, in whatever portions
+// they came. Sizes and places beyond 4 GiB are written as ZIP64, which NumPy and zip programs read.
+class NpzWriter {
+ public:
+  static constexpr std::uint64_t kPlain = 0xffffffff;  // what zip's own fields cannot hold
+
+  // Sizes and places of `wide` bytes and more are written as ZIP64.
+  NpzWriter(const std::vector<NpyHead>& heads, WriteAt write, std::uint64_t wide = kPlain);
+  void append(std::size_t array, std::string_view bytes);  // behind what the array has got
+  void finish();  // heads and directory; throws Error when an array has not got its bytes
+
+ private:
+  struct Entry {
+    std::string file, npy;        // NAME.npy, and NumPy's own head of the array
+    std::uint64_t local, data;    // where the entry and its data begin
+    std::uint64_t size, got = 0;  // bytes of npy and the array
+    std::uint32_t crc = 0;
+  };
+  WriteAt write_;
+  std::uint64_t wide_;
+  std::vector<Entry> entries_;
+  std::uint64_t end_ = 0;
+};
+
+// The archive as bytes, arrays in alphabetical order.
 std::string npz_bytes(const Npz& arrays);
 
 // Throws Error, which begins with `where`, for anything but an archive of uncompressed little-endian arrays.

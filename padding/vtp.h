@@ -3,40 +3,47 @@
 #pragma once
 #include <cstdint>
 #include <string>
-#include <type_traits>
+#include <string_view>
 #include <vector>
 
-#include "padding/mesh.h"
+#include "padding/file.h"
 
 namespace padder {
 
-// Points, each with a vertex so that ParaView shows it, and arrays of one entry (or `components`) a point.
+// An array of point data as the file announces it: kind 'f' or 'u' or 'i' and bytes of a number, as in
+// NpyHead, and how many of them a point has.
+struct VtpHead {
+  std::string name;
+  char kind = 'f';
+  int size = 8;
+  int components = 1;
+};
+
+// A file whose arrays nobody holds as a whole: the place of each is known from the heads, so that all can be
+// filled side by side. Each point gets a vertex, so that ParaView shows it. Holds no more than the heads.
 class VtpWriter {
  public:
-  explicit VtpWriter(std::vector<Point> points) : points_(std::move(points)) {}
-
-  // T: double, std::uint32_t or std::int64_t; values holds components a point.
+  VtpWriter(std::uint64_t points, std::vector<VtpHead> heads, WriteAt write);
+  // Behind what the array has got. The one behind those of `heads` is the positions, three doubles a point.
+  void append(std::size_t array, std::string_view bytes);
   template <class T>
-  void add(const char* name, const std::vector<T>& values, int components = 1) {
-    append(point_data_, name, components, values);
+  void append(std::size_t array, const std::vector<T>& values) {
+    append(array, {reinterpret_cast<const char*>(values.data()), values.size() * sizeof(T)});
   }
-  std::string bytes() const;
+  void finish();  // heads and vertices; throws Error when an array has not got its bytes
 
  private:
-  template <class T>
-  void append(std::string& xml, const char* name, int components, const std::vector<T>& values) {
-    static_assert(std::is_same_v<T, double> || std::is_same_v<T, std::uint32_t> ||
-                  std::is_same_v<T, std::int64_t>);
-    const char* type = std::is_same_v<T, double>         ? "Float64"
-                       : std::is_same_v<T, std::int64_t> ? "Int64"
-                                                         : "UInt32";
-    append_bytes(xml, name, type, components, values.data(), values.size() * sizeof(T));
-  }
-  void append_bytes(std::string& xml, const char* name, const char* type, int components, const void* data,
-                    std::uint64_t size);
+  struct Array {
+    std::string name;
+    std::uint64_t at, size, got = 0;  // from the beginning of the appended data; 8 bytes of size come first
+  };
+  std::string announce(const VtpHead& head);
+  void append_numbers(std::size_t array, std::int64_t first);
 
-  std::vector<Point> points_;
-  std::string point_data_, data_;
+  WriteAt write_;
+  std::uint64_t points_, end_ = 0;
+  std::string head_;  // all before the appended data
+  std::vector<Array> arrays_;
 };
 
 }  // namespace padder

@@ -1,6 +1,7 @@
 // bench: the measurements behind the figures of docs/. Arguments and printing only.
 #include "tools/bench.h"
 #include "tools/cli.h"
+#include "tools/json_failure.h"
 
 #include <cstdio>
 #include <iostream>
@@ -64,8 +65,7 @@ int run(const std::string& name, const Settings& settings) {
       print_table(result["table"]);
     return 0;
   }
-  std::fprintf(stderr, "bench: no bench is called '%s': see bench --list\n", name.c_str());
-  return 2;
+  throw padder::cli::UsageError("no bench is called '" + name + "': see bench --list");
 }
 
 }  // namespace
@@ -105,12 +105,15 @@ int main(int argc, char** argv) {
   app.add_flag("--json", s.json, "print one JSON document on stdout");
   app.add_flag("-q", s.quiet, "print nothing but results and errors");
   app.set_version_flag("--version", "bench (padder) " PADDER_VERSION);
-  return padder::cli::run(app, argc, argv, [&] {
+  const auto work = [&] {
     if (list) {
       for (const Entry& e : entries()) std::printf("%-10s %s\n", e.name, e.what);
       return 0;
     }
     if (name.empty()) throw padder::cli::UsageError("name a bench: see bench --list");
     return run(name, s);
+  };
+  return padder::cli::run(app, argc, argv, work, [&](const std::string& error) {
+    if (s.json) padder::cli::print_failure(name, error);
   });
 }

@@ -45,6 +45,12 @@ double seconds_of(const std::function<void()>& work);
 double median_seconds(int repeat, const std::function<void()>& work);  // one call before, not measured
 void say(const Settings&, const std::string& sentence);                // progress, on stderr
 
+// detector.detect(input) and detector.hash(), as benches call them: the process ends with a sentence when there
+// is no answer within a minute. A processor has a second more for each million spheres, since there is nothing
+// in it that could hang.
+const detect::Contacts& detect_watched(detect::Detector& detector, const detect::Input& input);
+std::uint64_t hash_watched(const detect::Detector& detector);
+
 std::vector<detect::Choice> backends(const Settings&);                    // those asked for that are there
 detect::Input input_of(const std::vector<detect::FloatSphere>& spheres);  // borrows
 

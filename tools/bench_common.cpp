@@ -2,9 +2,11 @@
 #include <cmath>
 #include <cstdio>
 #include <fstream>
+#include <string_view>
 #include <thread>
 
 #include "tools/bench.h"
+#include "tools/watchdog.h"
 
 namespace padder::bench {
 
@@ -24,6 +26,22 @@ double median_seconds(int repeat, const std::function<void()>& work) {
 
 void say(const Settings& s, const std::string& sentence) {
   if (!s.quiet) std::fprintf(stderr, "bench: %s\n", sentence.c_str());
+}
+
+const detect::Contacts& detect_watched(detect::Detector& detector, const detect::Input& input) {
+  double seconds = 60;
+  if (std::string_view(detector.backend()) == "omp") {
+    std::uint64_t largest = 0;  // body
+    for (const detect::Shape& shape : input.shapes) largest = std::max(largest, shape.count);
+    seconds += 1e-6 * static_cast<double>(input.spheres.count + largest * input.bodies.size());
+  }
+  const Watchdog limit("bench: detect", seconds);
+  return detector.detect(input);
+}
+
+std::uint64_t hash_watched(const detect::Detector& detector) {
+  const Watchdog limit("bench: hash");
+  return detector.hash();
 }
 
 std::vector<detect::Choice> backends(const Settings& s) {

@@ -45,15 +45,15 @@ class Table {
     const auto timed = [&](Precision p, Order how, Width w) {
       d.options().precision = p, d.options().order = how, d.options().width = w;
       // The second call finds its memory, the third records its graph.
-      for (int k = 0; k < 3; k++) d.detect(input);
-      return median_seconds(repeat, [&] { d.detect(input); });
+      for (int k = 0; k < 3; k++) detect_watched(d, input);
+      return median_seconds(repeat, [&] { detect_watched(d, input); });
     };
     const double fast = timed(Precision::fast, Order::any, Width::normals);
     const double exact = timed(Precision::exact, Order::any, Width::normals);
     const double fixed = timed(Precision::exact, Order::fixed, Width::normals);
-    const std::uint64_t contacts = d.detect(input).count, held = d.memory();
+    const std::uint64_t contacts = detect_watched(d, input).count, held = d.memory();
     const double points = timed(Precision::exact, Order::any, Width::points);
-    const std::uint64_t hash = d.hash();
+    const std::uint64_t hash = hash_watched(d);
     if (cuda || against == Against::expanded) {
       o.width = Width::pairs;
       if (against == Against::expanded) o.bodies = detect::Bodies::expanded;
@@ -61,7 +61,8 @@ class Table {
       const bool processor = against == Against::processor;
       if (processor) o.backend = detect::Choice::omp, o.output = detect::Memory::host;
       detect::Detector reference(o);
-      if (reference.detect(processor ? host : input).count != contacts || reference.hash() != hash)
+      if (detect_watched(reference, processor ? host : input).count != contacts ||
+          hash_watched(reference) != hash)
         throw Error("the fast path and the reference differ at " + scene + " " + std::to_string(n));
     }
     const double bytes =

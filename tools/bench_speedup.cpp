@@ -32,11 +32,11 @@ Json speedup(const Settings& s) {
       o.backend = backend, o.threads = s.threads;
       detect::Detector detector(o);
       const detect::Input input = input_of(spheres);
-      const double full = median_seconds(s.repeat, [&] { detector.detect(input); });
-      if (detector.hash() != hash_of(oracle)) throw Error("the pairs differ from those of double arithmetic");
+      const double full = median_seconds(s.repeat, [&] { detect_watched(detector, input); });
+      if (hash_watched(detector) != hash_of(oracle)) throw Error("the pairs differ from those of double arithmetic");
       const std::string name = detector.backend();
       detector.options().width = detect::Width::pairs;
-      const double pairs = median_seconds(s.repeat, [&] { detector.detect(input); });
+      const double pairs = median_seconds(s.repeat, [&] { detect_watched(detector, input); });
       rows.push_back({{"spheres", n},
                       {"contacts", oracle.size()},
                       {"contacts_bullet", bullet_contacts},

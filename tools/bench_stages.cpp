@@ -27,7 +27,7 @@ Json stages(const Settings& s) {
         std::vector<detect::Seconds> runs;
         std::uint64_t contacts = 0;
         for (int k = 0; k <= s.repeat; k++) {
-          const detect::Contacts& c = d.detect(device.input());
+          const detect::Contacts& c = detect_watched(d, device.input());
           contacts = c.count;
           if (k) runs.push_back(c.seconds);
         }

@@ -2,16 +2,21 @@
 // stderr and the exit code the command line promises (0 done, 1 the work failed, 2 wrong usage).
 #pragma once
 #include <CLI/CLI.hpp>
+#include <cerrno>
+#include <csignal>
 #include <cstdio>
 #include <functional>
+#include <iostream>
 #include <memory>
 #include <new>
 #include <regex>
 #include <sstream>
 #include <stdexcept>
 #include <string>
+#include <system_error>
 
 #include "padding/error.h"
+#include "tools/usage.h"
 
 namespace padder::cli {
 
@@ -76,8 +81,17 @@ inline void set_help(CLI::App& app) {
     app.footer("Results go to stdout, talk to stderr. Exit code: 0 done, 1 the work failed, 2 wrong usage.");
 }
 
-// The app must have its name. `work` gives the exit code.
-inline int run(CLI::App& app, int argc, char** argv, const std::function<int()>& work) {
+// What was printed reached its reader: a full disk must not pass for success.
+inline void flush_results() {
+  std::cout.flush();
+  if (std::fflush(stdout) == 0 && std::cout && !std::ferror(stdout)) return;
+  throw Error("cannot write to the standard output (" + std::generic_category().message(errno) + ")");
+}
+
+// The app must have its name. `work` gives the exit code. `failed` is told the sentence of a failure once the
+// arguments are known: a tool with --json prints it on stdout, too.
+inline int run(CLI::App& app, int argc, char** argv, const std::function<int()>& work,
+               const std::function<void(const std::string&)>& failed = {}) {
   set_help(app);
   const char* name = app.get_name().c_str();
   const auto fail = [&](int code, const std::string& sentence) {
@@ -86,19 +100,28 @@ inline int run(CLI::App& app, int argc, char** argv, const std::function<int()>&
   };
   try {
     app.parse(argc, argv);
-    return work();
   } catch (const CLI::Success& e) {  // --help, --version
     return app.exit(e);
   } catch (const CLI::ParseError& e) {  // CLI11's own exit codes are above 100
-    return fail(2, e.what() + (" (see " + app.get_name()) + " --help)");
+    return fail(2, usage_sentence(app, e) + " (see " + app.get_name() + " --help)");
+  }
+  const auto fail_told = [&](int code, const std::string& sentence) {
+    if (failed) failed(sentence);
+    return fail(code, sentence);
+  };
+  std::signal(SIGXFSZ, SIG_IGN);  // a file beyond the limit is then an error of the write, with a sentence
+  try {
+    const int code = work();
+    flush_results();
+    return code;
   } catch (const UsageError& e) {
-    return fail(2, e.what());
+    return fail_told(2, e.what());
   } catch (const Error& e) {
-    return fail(1, e.what());
+    return fail_told(1, e.what());
   } catch (const std::bad_alloc&) {
-    return fail(1, "not enough memory: ask for less (a longer edge, a wider tolerance, fewer spheres)");
+    return fail_told(1, "not enough memory: ask for less (a longer edge, a wider tolerance, fewer spheres)");
   } catch (const std::exception& e) {
-    return fail(1, std::string("unexpected: ") + e.what());
+    return fail_told(1, std::string("unexpected: ") + e.what());
   }
 }
 

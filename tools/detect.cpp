@@ -8,6 +8,7 @@
 #include "detect/stages.h"
 #include "padding/error.h"
 #include "tools/cli.h"
+#include "tools/json_failure.h"
 
 namespace {
 
@@ -26,15 +27,10 @@ class Choices {
       : words_(words.begin(), words.end()), word(words_[0].first) {}
   void add(CLI::App& app, const char* name, const char* what) {
     std::string all;
-    for (const auto& [text, unused] : words_) all += (all.empty() ? "" : "|") + std::string(text);
-    app.add_option(name, word, what)
-        ->type_name(all)
-        ->capture_default_str()
-        ->check([this, all](const std::string& given) {
-          for (const auto& [text, unused] : words_)
-            if (given == text) return std::string();
-          return "one of " + all + " is wanted, not " + given;
-        });
+    std::vector<std::string> words;
+    for (const auto& [text, unused] : words_)
+      all += (all.empty() ? "" : "|") + std::string(text), words.push_back(text);
+    app.add_option(name, word, what)->type_name(all)->capture_default_str()->check(CLI::IsMember(words));
   }
   T value() const {
     for (const auto& [text, v] : words_)
@@ -178,7 +174,7 @@ int run(Arguments& a) {
   Detector detector(a.options);
   const Contacts& c = detector.detect(input);
   const std::string hash = hex(detector.hash());
-  if (!a.output.empty()) write_contacts(sorted_table(c), a.output);
+  if (!a.output.empty()) write_contacts(c, a.output, a.options.threads);
   Json seconds = Json::object();
   for (int k = 0; k < 9; k++) seconds["stage" + std::to_string(k + 1)] = c.seconds.stage[k];
   seconds["place"] = c.seconds.place, seconds["total"] = c.seconds.total;
@@ -226,5 +222,9 @@ int main(int argc, char** argv) {
       "detect");
   Arguments arguments;
   declare(app, arguments);
-  return padder::cli::run(app, argc, argv, [&] { return run(arguments); });
+  return padder::cli::run(
+      app, argc, argv, [&] { return run(arguments); },
+      [&](const std::string& error) {
+        if (arguments.json) padder::cli::print_failure(arguments.scene, error);
+      });
 }

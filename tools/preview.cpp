@@ -11,6 +11,7 @@
 #include "padding/view/page.h"
 #include "padding/view/picture.h"
 #include "tools/cli.h"
+#include "tools/json_failure.h"
 #include "tools/scene_view.h"
 
 namespace {
@@ -172,5 +173,9 @@ int main(int argc, char** argv) {
       "preview");
   Arguments arguments;
   declare(app, arguments);
-  return padder::cli::run(app, argc, argv, [&] { return run(arguments); });
+  return padder::cli::run(
+      app, argc, argv, [&] { return run(arguments); },
+      [&](const std::string& error) {
+        if (arguments.json) padder::cli::print_failure(arguments.input, error);
+      });
 }

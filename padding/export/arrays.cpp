@@ -7,8 +7,7 @@ namespace padder::exporting {
 namespace {
 
 struct Arrays {
-  std::vector<Point> centers;
-  std::vector<double> radii;
+  std::vector<double> positions, radii;  // three numbers a sphere, and one
   std::vector<std::uint32_t> family, mask, body;
 
   explicit Arrays(const Model& model) {
@@ -17,7 +16,8 @@ struct Arrays {
       const Cluster& c = model.bodies[b].cluster;
       for (std::size_t k = 0; k < c.size(); k++) {
         // A body at the origin keeps its numbers bit for bit.
-        centers.push_back(poses[b].matrix().isIdentity(0) ? c.centers[k] : poses[b] * c.centers[k]);
+        const Point p = poses[b].matrix().isIdentity(0) ? c.centers[k] : poses[b] * c.centers[k];
+        positions.insert(positions.end(), {p.x(), p.y(), p.z()});
         radii.push_back(c.radii[k]);
         family.push_back(c.family), mask.push_back(c.mask), body.push_back(static_cast<std::uint32_t>(b));
       }
@@ -29,11 +29,8 @@ struct Arrays {
 
 Files write_npz(const Job& job) {
   const Arrays a(job.model);
-  std::vector<double> centers;
-  centers.reserve(3 * a.centers.size());
-  for (const Point& p : a.centers) centers.insert(centers.end(), {p.x(), p.y(), p.z()});
   const std::uint64_t n = a.radii.size();
-  Npz arrays{{"centers", npy_array(centers.data(), {n, 3})},
+  Npz arrays{{"centers", npy_array(a.positions.data(), {n, 3})},
              {"radii", npy_array(a.radii.data(), {n})},
              {"family", npy_array(a.family.data(), {n})},
              {"mask", npy_array(a.mask.data(), {n})}};
@@ -42,11 +39,16 @@ Files write_npz(const Job& job) {
 }
 
 Files write_vtp(const Job& job) {
-  Arrays a(job.model);
-  VtpWriter v(std::move(a.centers));
-  v.add("radius", a.radii), v.add("family", a.family), v.add("mask", a.mask);
-  if (job.model.bodies.size() > 1) v.add("body", a.body);
-  return {{"", v.bytes()}};
+  const Arrays a(job.model);
+  std::vector<VtpHead> heads{{"radius", 'f', 8, 1}, {"family", 'u', 4, 1}, {"mask", 'u', 4, 1}};
+  if (job.model.bodies.size() > 1) heads.push_back({"body", 'u', 4, 1});
+  std::string out;
+  VtpWriter v(a.radii.size(), heads, write_into(out));
+  v.append(0, a.radii), v.append(1, a.family), v.append(2, a.mask);
+  if (job.model.bodies.size() > 1) v.append(3, a.body);
+  v.append(heads.size(), a.positions);
+  v.finish();
+  return {{"", std::move(out)}};
 }
 
 }  // namespace padder::exporting

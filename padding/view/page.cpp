@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <functional>
 #include <map>
 #include <nlohmann/json.hpp>
 
@@ -19,11 +20,12 @@ static_assert(std::endian::native == std::endian::little, "the page's arrays are
 
 constexpr double kSteps = (1 << 21) - 1;  // of a coordinate: 21 bits
 
-std::string base64(const void* data, std::size_t size) {
+// Takes the page piece by piece.
+using Write = std::function<void(std::string_view)>;
+
+void append_base64(std::string& out, const void* data, std::size_t size) {
   static constexpr char digits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
   const auto* b = static_cast<const unsigned char*>(data);
-  std::string out;
-  out.reserve((size + 2) / 3 * 4);
   for (std::size_t k = 0; k < size; k += 3) {
     const std::size_t left = size - k;
     const std::uint32_t w =
@@ -33,7 +35,6 @@ std::string base64(const void* data, std::size_t size) {
     out += left > 1 ? digits[w >> 6 & 63] : '=';
     out += left > 2 ? digits[w & 63] : '=';
   }
-  return out;
 }
 
 // The page's frame: the middle of the box at 0, its diagonal 1.
@@ -62,21 +63,37 @@ struct Frame {
 // number.
 class Elements {
  public:
+  explicit Elements(Write write) : write_(std::move(write)) {}
+
+  // `count` items, item k the numbers that fill(k, numbers) appends. Made and written in blocks: the arrays
+  // of a large scene are not held a second time, nor as text.
+  template <class T, class Fill>
+  void add(const char* id, std::size_t count, const Fill& fill) {
+    constexpr std::size_t block = 3 << 14;  // of items: a multiple of 3, so that its base64 needs no padding
+    write_(std::string("<script type=\"application/octet-stream\" id=\"") + id + "\">");
+    std::vector<T> numbers;
+    std::string text;
+    for (std::size_t first = 0; first < count; first += block) {
+      numbers.clear(), text.clear();
+      for (std::size_t k = first; k < std::min(count, first + block); k++) fill(k, numbers);
+      append_base64(text, numbers.data(), numbers.size() * sizeof(T));
+      write_(text);
+    }
+    write_("</script>\n");
+  }
   template <class T>
   void add(const char* id, const std::vector<T>& values) {
-    text_ += std::string("<script type=\"application/octet-stream\" id=\"") + id + "\">" +
-             base64(values.data(), values.size() * sizeof(T)) + "</script>\n";
+    add<T>(id, values.size(), [&](std::size_t k, std::vector<T>& out) { out.push_back(values[k]); });
   }
   void add(const char* id, const Json& json) {
-    text_ += std::string("<script type=\"application/json\" id=\"") + id + "\">";
+    std::string text = std::string("<script type=\"application/json\" id=\"") + id + "\">";
     for (const char c : json.dump(-1, ' ', false, Json::error_handler_t::replace))
-      c == '<' ? text_ += "\\u003c" : text_ += c;
-    text_ += "</script>\n";
+      c == '<' ? text += "\\u003c" : text += c;
+    write_(text + "</script>\n");
   }
-  std::string take() { return std::move(text_); }
 
  private:
-  std::string text_;
+  Write write_;
 };
 
 Json accuracy_json(const Accuracy& a) {
@@ -130,47 +147,41 @@ Json head_json(const View& view, const PageOptions& o, const Frame& frame) {
   return j;
 }
 
-std::string data_of(const View& view, const PageOptions& options) {
+void write_data(const View& view, const PageOptions& options, const Write& write) {
   const Frame frame(view);
-  Elements out;
+  Elements out(write);
   out.add("head", head_json(view, options, frame));
-  std::vector<std::uint32_t> words;
-  words.reserve(3 * view.size());
-  for (std::size_t k = 0; k < view.size(); k++) {
+  out.add<std::uint32_t>("spheres", view.size(), [&](std::size_t k, std::vector<std::uint32_t>& words) {
     const Vector p = frame.into(view.centers[k]);
     const std::uint64_t bits = frame.cell(p.x(), 0) | frame.cell(p.y(), 1) << 21 | frame.cell(p.z(), 2) << 42;
     words.push_back(std::uint32_t(bits));
     words.push_back(std::uint32_t(bits >> 32));
     words.push_back(std::bit_cast<std::uint32_t>(float(view.radii[k] / frame.scale)));
-  }
-  out.add("spheres", words);
+  });
   if (!view.family.empty() && !all_alike(view.family)) out.add("family", view.family);
-  if (!view.triangle.empty()) {
-    std::vector<std::int32_t> triangle(view.triangle.begin(), view.triangle.end());
-    out.add("triangle", triangle);
-  }
+  if (!view.triangle.empty())
+    out.add<std::int32_t>(
+        "triangle", view.triangle.size(),
+        [&](std::size_t k, std::vector<std::int32_t>& to) { to.push_back(std::int32_t(view.triangle[k])); });
   if (!view.protrusion.empty()) out.add("protrusion", view.protrusion);
   if (!view.body.empty()) out.add("body", view.body);
   if (view.has_mesh()) {
-    std::vector<float> points;
-    for (const Point& p : view.mesh.points)
-      for (const double x : frame.into(p)) points.push_back(float(x));
-    out.add("points", points);
+    out.add<float>("points", view.mesh.points.size(), [&](std::size_t k, std::vector<float>& to) {
+      for (const double x : frame.into(view.mesh.points[k])) to.push_back(float(x));
+    });
     out.add("triangles", view.mesh.triangles);
   }
   if (!view.contacts.empty()) {
-    std::vector<std::uint32_t> pairs;
-    std::vector<float> numbers;
-    for (const ViewContact& c : view.contacts) {
-      pairs.push_back(std::uint32_t(c.i)), pairs.push_back(std::uint32_t(c.j));
-      for (const double x : frame.into(c.at)) numbers.push_back(float(x));
-      for (const double x : c.normal) numbers.push_back(float(x));
-      numbers.push_back(float(c.depth));
-    }
-    out.add("pairs", pairs);
-    out.add("contacts", numbers);
+    out.add<std::uint32_t>("pairs", view.contacts.size(), [&](std::size_t k, std::vector<std::uint32_t>& to) {
+      to.push_back(std::uint32_t(view.contacts[k].i)), to.push_back(std::uint32_t(view.contacts[k].j));
+    });
+    out.add<float>("contacts", view.contacts.size(), [&](std::size_t k, std::vector<float>& to) {
+      const ViewContact& c = view.contacts[k];
+      for (const double x : frame.into(c.at)) to.push_back(float(x));
+      for (const double x : c.normal) to.push_back(float(x));
+      to.push_back(float(c.depth));
+    });
   }
-  return out.take();
 }
 
 std::string escaped(const std::string& text) {
@@ -186,6 +197,29 @@ std::string escaped(const std::string& text) {
   return out;
 }
 
+void page(const View& view, const PageOptions& options, const Write& write) {
+  if (view.size() == 0 && !view.has_mesh())
+    throw Error(view.title + " holds no sphere, so there is nothing to show");
+  if (view.size() > (std::size_t(1) << 25))
+    throw Error(view.title + ": a page holds 33554432 spheres at most");
+  if (options.up != 'x' && options.up != 'y' && options.up != 'z')
+    throw Error("the axis that points up is x, y or z");
+  if (options.rung >= std::max<std::size_t>(1, view.rungs.size()))
+    one_rung(view, options.rung);  // says why not
+  const fs::path script = options.script.empty() ? page_script() : options.script;
+  const std::string html = read_file(script);
+  const std::string_view marks[] = {"<!--padder:title-->", "<!--padder:data-->"};
+  const std::size_t title = html.find(marks[0]), data = html.find(marks[1]);
+  if (title == std::string::npos || data == std::string::npos || data < title)
+    throw Error(script.string() + " is not the template of a page: build the target page again");
+  const std::size_t behind = title + marks[0].size();
+  write(std::string_view(html).substr(0, title));
+  write(escaped(view.title));
+  write(std::string_view(html).substr(behind, data - behind));
+  write_data(view, options, write);
+  write(std::string_view(html).substr(data + marks[1].size()));
+}
+
 }  // namespace
 
 fs::path page_script() {
@@ -199,29 +233,15 @@ fs::path page_script() {
 }
 
 std::string page_html(const View& view, const PageOptions& options) {
-  if (view.size() == 0 && !view.has_mesh())
-    throw Error(view.title + " holds no sphere, so there is nothing to show");
-  if (view.size() > (std::size_t(1) << 25))
-    throw Error(view.title + ": a page holds 33554432 spheres at most");
-  if (options.up != 'x' && options.up != 'y' && options.up != 'z')
-    throw Error("the axis that points up is x, y or z");
-  if (options.rung >= std::max<std::size_t>(1, view.rungs.size()))
-    one_rung(view, options.rung);  // says why not
-  const fs::path script = options.script.empty() ? page_script() : options.script;
-  std::string html = read_file(script);
-  for (const auto& [mark, text] :
-       {std::pair<std::string, std::string>{"<!--padder:title-->", escaped(view.title)},
-        {"<!--padder:data-->", data_of(view, options)}}) {
-    const std::size_t at = html.find(mark);
-    if (at == std::string::npos)
-      throw Error(script.string() + " is not the template of a page: build the target page again");
-    html.replace(at, mark.size(), text);
-  }
+  std::string html;
+  page(view, options, [&](std::string_view piece) { html += piece; });
   return html;
 }
 
 void write_page(const View& view, const fs::path& path, const PageOptions& options) {
-  write_file(path, page_html(view, options));
+  FileWriter out(path);
+  page(view, options, [&](std::string_view piece) { out.append(piece); });
+  out.commit();
 }
 
 bool is_preview(const fs::path& path) { return path.extension() == ".html" || path.extension() == ".png"; }

@@ -1,7 +1,13 @@
-// Contacts as files: sorted, every number back to its last bit from each format, whole or not at all.
+// Contacts as files: sorted, every number back to its last bit from each format, whole or not at all, and on
+// memory that does not grow with them.
 #include "detect/contact_file.h"
 
+#include <malloc.h>
+#include <sys/resource.h>
+
+#include <atomic>
 #include <bit>
+#include <csignal>
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
@@ -12,10 +18,46 @@
 #include "padding/npz.h"
 #include "tests/detect/oracle.h"
 
+// Every allocation of this program is counted: the bytes held, and the most since somebody last asked.
+namespace {
+std::atomic<std::int64_t> held{0}, most{0};
+void count(std::int64_t bytes) {
+  const std::int64_t now = held += bytes;
+  for (std::int64_t seen = most; seen < now && !most.compare_exchange_weak(seen, now);) {
+  }
+}
+}  // namespace
+
+void* operator new(std::size_t bytes) {
+  void* const p = std::malloc(bytes);
+  if (!p) throw std::bad_alloc();
+  count(static_cast<std::int64_t>(malloc_usable_size(p)));
+  return p;
+}
+void operator delete(void* p) noexcept {
+  if (p) count(-static_cast<std::int64_t>(malloc_usable_size(p)));
+  std::free(p);
+}
+void operator delete(void* p, std::size_t) noexcept { operator delete(p); }
+
 namespace padder::detect {
 namespace {
 
 namespace fs = std::filesystem;
+
+// Contacts and the arrays that they lie in.
+struct ContactTable {
+  std::vector<Pair> pairs;
+  std::vector<Normal<double>> normals;
+  std::vector<Points<double>> points;
+
+  Contacts contacts() const {
+    Contacts c;
+    c.count = pairs.size(), c.width = Width::points, c.scalar = Scalar::f64;
+    c.pairs = pairs.data(), c.normals = normals.data(), c.points = points.data();
+    return c;
+  }
+};
 
 class ContactFileTest : public testing::Test {
  protected:
@@ -25,8 +67,11 @@ class ContactFileTest : public testing::Test {
   }
   void TearDown() override { fs::remove_all(folder_); }
   std::string written(const ContactTable& t, const std::string& name) const {
-    write_contacts(t, folder_ / name);
+    write_contacts(t.contacts(), folder_ / name);
     return read_file(folder_ / name);
+  }
+  std::size_t entries() const {
+    return static_cast<std::size_t>(std::distance(fs::recursive_directory_iterator(folder_), {}));
   }
   fs::path folder_;
 };
@@ -36,7 +81,23 @@ ContactTable found_in(const TestScene& s) {
   Options o;
   o.backend = Choice::omp, o.width = Width::points, o.scalar = Scalar::f64, o.order = Order::any;
   Detector d(o);
-  return sorted_table(d.detect(arranged.input));
+  const Contacts& c = d.detect(arranged.input);
+  const auto normals = c.normal_span<double>();
+  const auto points = c.point_span<double>();
+  return {{c.pairs, c.pairs + c.count}, {normals.begin(), normals.end()}, {points.begin(), points.end()}};
+}
+
+// As many contacts as wanted, in no order, whose numbers follow from the pair.
+ContactTable many(std::uint32_t count) {
+  ContactTable t;
+  t.pairs.reserve(count), t.normals.reserve(count), t.points.reserve(count);
+  for (std::uint32_t k = 0; k < count; k++) {
+    const std::uint32_t i = static_cast<std::uint32_t>(k * std::uint64_t(2654435761) % count);
+    const double v = 1. / (i + 3.);
+    t.pairs.push_back({i, i + 1}), t.normals.push_back({v, -v, v * v, 1 + v});
+    t.points.push_back({{v, 2 * v, 3 * v}, {4 * v, 5 * v, 6 * v}});
+  }
+  return t;
 }
 
 // What a record may hold, and what a printer of numbers stumbles over.
@@ -91,15 +152,78 @@ TEST_F(ContactFileTest, SortedWithTheRecordsOfEachPair) {
   const std::vector<Pair> wanted = brute_force(s);
   const ContactTable t = found_in(s);
   ASSERT_GT(wanted.size(), 1000u);
-  ASSERT_EQ(t.pairs, wanted);
+  EXPECT_NE(t.pairs, wanted) << "was sorted already";
+  const Npz z = npz_from_bytes(written(t, "c.npz"), "c.npz");
+  const auto pairs = z.at("pairs").as<std::uint32_t>();
+  const auto depths = z.at("depths").as<double>(), normals = z.at("normals").as<double>(),
+             on_i = z.at("points_i").as<double>(), on_j = z.at("points_j").as<double>();
+  ASSERT_EQ(depths.size(), wanted.size());
   for (std::size_t k = 0; k < wanted.size(); k++) {
+    ASSERT_EQ((Pair{pairs[2 * k], pairs[2 * k + 1]}), wanted[k]);
     const Sphere &a = s.spheres[wanted[k].i], &b = s.spheres[wanted[k].j];
-    const double x = b.x - a.x, y = b.y - a.y, z = b.z - a.z, d = std::sqrt(x * x + y * y + z * z);
-    ASSERT_NEAR(t.normals[k].depth, a.r + b.r - d, 1e-12);
-    ASSERT_NEAR(t.normals[k].y, y / d, 1e-12);
-    ASSERT_NEAR(t.points[k].on_i[0], a.x + a.r * x / d, 1e-11);
-    ASSERT_NEAR(t.points[k].on_j[2], b.z - b.r * z / d, 1e-11);
+    const double x = b.x - a.x, y = b.y - a.y, z2 = b.z - a.z, d = std::sqrt(x * x + y * y + z2 * z2);
+    ASSERT_NEAR(depths[k], a.r + b.r - d, 1e-12);
+    ASSERT_NEAR(normals[3 * k + 1], y / d, 1e-12);
+    ASSERT_NEAR(on_i[3 * k], a.x + a.r * x / d, 1e-11);
+    ASSERT_NEAR(on_j[3 * k + 2], b.z - b.r * z2 / d, 1e-11);
   }
+}
+
+// Many blocks, by one thread and by several: the same bytes, the checksums of the archive among them.
+TEST_F(ContactFileTest, ThreadsWriteTheSameBytes) {
+  const ContactTable t = many(50000);
+  for (const char* name : {"c.csv", "c.npz", "c.vtp"}) {
+    SCOPED_TRACE(name);
+    write_contacts(t.contacts(), folder_ / name, 1);
+    const std::string one = read_file(folder_ / name);
+    write_contacts(t.contacts(), folder_ / name, 5);
+    EXPECT_TRUE(one == read_file(folder_ / name));
+  }
+  const auto pairs = npz_from_bytes(read_file(folder_ / "c.npz"), "c.npz").at("pairs").as<std::uint32_t>();
+  for (std::uint32_t k = 0; k < 50000; k++) ASSERT_EQ(pairs[2 * k], k);
+  const std::string whole =
+      " -c 'import sys, zipfile; sys.exit(zipfile.ZipFile(sys.argv[1]).testzip() != None)' ";
+  EXPECT_EQ(std::system((PADDER_PYTHON + whole + (folder_ / "c.npz").string()).c_str()), 0);
+}
+
+// The records of these contacts alone are 88 MB, a text of them 200 MB.
+TEST_F(ContactFileTest, MemoryDoesNotGrowWithTheContacts) {
+  const ContactTable t = many(1000000);
+  for (const char* name : {"c.csv", "c.npz", "c.vtp"}) {
+    SCOPED_TRACE(name);
+    const std::int64_t before = held;
+    most = before;
+    write_contacts(t.contacts(), folder_ / name, 16);
+    EXPECT_LT(most - before, 64 << 20);
+    fs::remove(folder_ / name);
+  }
+}
+
+// A disk with room for a part of the file only: what the system says of it is said, and nothing is left.
+TEST_F(ContactFileTest, FullDisk) {
+  const ContactTable t = many(50000);
+  const auto handler = std::signal(SIGXFSZ, SIG_IGN);
+  rlimit old;
+  ::getrlimit(RLIMIT_FSIZE, &old);
+  const rlimit small{1 << 20, old.rlim_max};
+  for (const char* name : {"c.csv", "c.npz", "c.vtp"}) {
+    SCOPED_TRACE(name);
+    write_file(folder_ / name, "old");
+    ::setrlimit(RLIMIT_FSIZE, &small);
+    std::string said;
+    try {
+      write_contacts(t.contacts(), folder_ / name);
+    } catch (const Error& e) {
+      said = e.what();
+    }
+    ::setrlimit(RLIMIT_FSIZE, &old);
+    EXPECT_EQ(said, "cannot write " + (folder_ / name).string() +
+                        " (File too large): check that the folder exists, may be written and has room");
+    EXPECT_EQ(read_file(folder_ / name), "old");
+    fs::remove(folder_ / name);
+    EXPECT_EQ(entries(), 0u);
+  }
+  std::signal(SIGXFSZ, handler);
 }
 
 TEST_F(ContactFileTest, CsvGivesEveryBitBack) {
@@ -184,22 +308,17 @@ TEST_F(ContactFileTest, NoContacts) {
   EXPECT_NE(written({}, "c.vtp").find("NumberOfPoints=\"0\""), std::string::npos);
 }
 
-TEST_F(ContactFileTest, OtherRecordsAreNoTable) {
-  const Pair pair{0, 1};
-  const Normal<double> normal{1, 0, 0, 0.5};
-  const Points<double> points{};
-  Contacts c;
-  c.count = 1, c.width = Width::points, c.scalar = Scalar::f64;
-  c.pairs = &pair, c.normals = &normal, c.points = &points;
-  EXPECT_EQ(sorted_table(c).pairs.size(), 1u);
+TEST_F(ContactFileTest, OtherRecordsAreRefused) {
+  const ContactTable t = odd_numbers();
   for (int wrong = 0; wrong < 4; wrong++) {
-    Contacts other = c;
-    if (wrong == 0) other.memory = Memory::device;
-    if (wrong == 1) other.width = Width::normals;
-    if (wrong == 2) other.width = Width::pairs;
-    if (wrong == 3) other.scalar = Scalar::f32;
-    EXPECT_THROW(sorted_table(other), Error) << wrong;
+    Contacts c = t.contacts();
+    if (wrong == 0) c.memory = Memory::device;
+    if (wrong == 1) c.width = Width::normals;
+    if (wrong == 2) c.width = Width::pairs;
+    if (wrong == 3) c.scalar = Scalar::f32;
+    EXPECT_THROW(write_contacts(c, folder_ / "c.csv"), Error) << wrong;
   }
+  EXPECT_EQ(entries(), 0u);
 }
 
 TEST_F(ContactFileTest, WhatCannotBeWrittenIsSaidAndLeavesNothing) {
@@ -209,7 +328,7 @@ TEST_F(ContactFileTest, WhatCannotBeWrittenIsSaidAndLeavesNothing) {
     SCOPED_TRACE(name);
     EXPECT_THROW(check_contact_ending(name), Error);
     try {
-      write_contacts(t, folder_ / name);
+      write_contacts(t.contacts(), folder_ / name);
       FAIL() << "written";
     } catch (const Error& e) {
       EXPECT_EQ(std::string(e.what()), "cannot tell the format of " + (folder_ / name).string() +
@@ -219,11 +338,9 @@ TEST_F(ContactFileTest, WhatCannotBeWrittenIsSaidAndLeavesNothing) {
   EXPECT_EQ(read_file(folder_ / "c.txt"), "mine");
   EXPECT_NO_THROW(check_contact_ending("a folder/c.vtp"));
   fs::create_directory(folder_ / "folder.csv");
-  EXPECT_THROW(write_contacts(t, folder_ / "absent" / "c.csv"), Error);
-  EXPECT_THROW(write_contacts(t, folder_ / "folder.csv"), Error);
-  std::size_t left = 0;
-  for ([[maybe_unused]] const auto& entry : fs::recursive_directory_iterator(folder_)) left++;
-  EXPECT_EQ(left, 2u) << "c.txt and folder.csv";
+  EXPECT_THROW(write_contacts(t.contacts(), folder_ / "absent" / "c.csv"), Error);
+  EXPECT_THROW(write_contacts(t.contacts(), folder_ / "folder.csv"), Error);
+  EXPECT_EQ(entries(), 2u) << "c.txt and folder.csv";
 }
 
 }  // namespace

@@ -119,8 +119,74 @@ TEST_F(DetectTool, ErrorsAreOneSentenceAndACode) {
       R"({"format": "padder.scene", "version": 1, "spheres": [{"centers": [[0, 0, 0]], "radii": [-1]}]})");
   const Ran bad = run("bad.json --backend omp --json");
   EXPECT_EQ(bad.code, 1);
-  EXPECT_EQ(bad.out, "");
+  EXPECT_EQ(Json::parse(bad.out),
+            (Json{{"input", "bad.json"}, {"error", bad.err.substr(8, bad.err.size() - 9)}}));  // "detect: "
   EXPECT_EQ(bad.err, "detect: sphere 0 at (0, 0, 0) has the negative radius -1: radii must be 0 or more\n");
+}
+
+TEST_F(DetectTool, JsonTellsEveryFailureOfTheWork) {
+  for (const char* arguments : {"absent.json", "dense.json --devices 2", "dense.json --stages",
+                                "dense.json -o absent/c.npz", "dense.json -o c.txt"}) {
+    const Ran r = run(std::string(arguments) + " --json");
+    EXPECT_NE(r.code, 0);
+    const Json j = Json::parse(r.out);
+    EXPECT_EQ(j.size(), 2u);
+    EXPECT_EQ(j["input"], std::string(arguments).substr(0, std::string(arguments).find(' ')));
+    EXPECT_EQ("detect: " + j["error"].get<std::string>() + "\n", r.err);
+  }
+  EXPECT_EQ(run("dense.json --json --zzz").out, "");  // wrong usage is no result
+}
+
+// What option, what was given, what is allowed; none of CLI11's own words.
+TEST_F(DetectTool, WrongUsageIsASentence) {
+  const auto said = [&](const std::string& arguments) {
+    const Ran r = run("dense.json " + arguments);
+    EXPECT_EQ(r.code, 2) << arguments;
+    EXPECT_TRUE(r.err.ends_with(" (see detect --help)\n")) << r.err;
+    return r.err.substr(8, r.err.find(" (see") - 8);
+  };
+  EXPECT_EQ(said("--copies 0"), "--copies takes a whole number from 1 to 4294967294, not \"0\"");
+  EXPECT_EQ(said("--copies=-5"), "--copies takes a whole number from 1 to 4294967294, not \"-5\"");
+  EXPECT_EQ(said("--copies many"), "--copies takes a whole number from 1 to 4294967294, not \"many\"");
+  EXPECT_EQ(said("--devices 1e6"), "--devices takes a whole number above 0, not \"1e6\"");
+  EXPECT_EQ(said("--bin-size -1"), "--bin-size takes a number above 0, not \"-1\"");
+  EXPECT_EQ(said("--bin-size wide"), "--bin-size takes a number above 0, not \"wide\"");
+  EXPECT_EQ(said("--bin-size"), "--bin-size takes a number above 0, and none is given");
+  EXPECT_EQ(said("--precision sloppy"), "--precision takes one of exact and fast, not \"sloppy\"");
+  EXPECT_EQ(said("--backend gpu"), "--backend takes one of auto, omp and cuda, not \"gpu\"");
+  EXPECT_EQ(said("-o a.csv -o b.csv"), "-o is given 2 times: give it once");
+  EXPECT_EQ(said("-o"), "-o takes a value, and none is given");
+  EXPECT_EQ(said("--hash=maybe"), "--hash takes no value, not \"maybe\"");
+  EXPECT_EQ(said("--zzz"), "there is no option \"--zzz\"");
+  EXPECT_EQ(said("other.json"), "\"other.json\" is one input too many");
+  EXPECT_LT(said("--bin-size " + std::string(100000, '7')).size(), 200u);
+  EXPECT_EQ(run("").err, "detect: SCENE is required (see detect --help)\n");
+}
+
+TEST_F(DetectTool, AFullDiskIsASentence) {
+  const Ran r = run("dense.json -o c.npz --json");
+  ASSERT_EQ(r.code, 0);
+  fs::remove(folder_ / "c.npz");
+  for (const char* name : {"c.csv", "c.npz", "c.vtp"}) {
+    const std::string out = folder_ / "out", err = folder_ / "err";
+    const int status =
+        std::system(("cd " + folder_.string() + " && ulimit -f 100 && " PADDER_BIN "/detect dense.json -o " +
+                     name + " >" + out + " 2>" + err)
+                        .c_str());
+    EXPECT_EQ(WEXITSTATUS(status), 1);
+    EXPECT_EQ(read_file(err),
+              "detect: cannot write " + std::string(name) +
+                  " (File too large): check that the folder exists, may be written and has room\n");
+    for (const auto& entry : fs::directory_iterator(folder_))
+      EXPECT_FALSE(entry.path().filename().string().starts_with("c.")) << entry.path();
+  }
+  if (fs::exists("/dev/full")) {
+    const int status = std::system(
+        ("cd " + folder_.string() + " && " PADDER_BIN "/detect dense.json --json >/dev/full 2>err").c_str());
+    EXPECT_EQ(WEXITSTATUS(status), 1);
+    EXPECT_EQ(read_file(folder_ / "err"),
+              "detect: cannot write to the standard output (No space left on device)\n");
+  }
 }
 
 TEST_F(DetectTool, SchemaHoldsForScenesThatAreRead) {

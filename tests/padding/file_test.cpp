@@ -83,11 +83,29 @@ TEST_F(File, AFailedWriteLeavesNothingAndHarmsNothing) {
   EXPECT_EQ(entries(), 1u);
 }
 
+TEST_F(File, GrowsInPiecesAndAnywhere) {
+  FileWriter out(folder_ / "a");
+  out.append("one "), out.append("two ");
+  out.write_at(12, "four"), out.write_at(8, "for ");
+  EXPECT_FALSE(fs::exists(folder_ / "a"));
+  out.commit();
+  EXPECT_EQ(read_file(folder_ / "a"), "one two for four");
+  EXPECT_EQ(entries(), 1u);
+}
+
+TEST_F(File, WithoutCommitNothingIsLeft) {
+  write_file(folder_ / "a", "old");
+  { FileWriter(folder_ / "a").append("new"); }
+  EXPECT_EQ(read_file(folder_ / "a"), "old");
+  EXPECT_EQ(entries(), 1u);
+}
+
 TEST_F(File, AFullDiskIsNoticed) {
   if (!fs::exists("/dev/full")) GTEST_SKIP() << "no /dev/full on this system";
   fs::create_symlink("/dev/full",
                      folder_ / ("a.part" + std::to_string(::getpid())));  // where the bytes go first
-  expect_error([&] { write_file(folder_ / "a", std::string(100000, 'x')); }, "has room");
+  expect_error([&] { write_file(folder_ / "a", std::string(100000, 'x')); },
+               "a (No space left on device): check that the folder exists, may be written and has room");
   EXPECT_EQ(entries(), 0u);
 }
 

@@ -32,7 +32,8 @@ class PreviewTest(unittest.TestCase):
         self.assertEqual(done.returncode, code, done.stderr)
         if code:
             self.assertEqual(done.stderr.count("\n"), 1, done.stderr)  # one sentence
-            self.assertEqual(done.stdout, "")
+            if "--json" not in args:
+                self.assertEqual(done.stdout, "")
         return done
 
     def preview(self, *args, code=0):
@@ -117,6 +118,24 @@ class PreviewTest(unittest.TestCase):
             with self.subTest(args):
                 self.preview(*args, code=2)
         self.assertFalse(os.path.exists(self.path("a.png")))
+
+    def test_wrong_usage_says_what_is_taken(self):
+        for args, sentence in ((["--show", "cube"], '--show takes one of both, mesh, side, spheres and wire, not "cube"'),
+                               (["--up", "w"], '--up takes one of x, y and z, not "w"'),
+                               (["--lod", "-1"], '--lod takes a whole number, 0 or more, not "-1"'),
+                               (["--samples", "1.5"], '--samples takes a whole number from 1 to 4096, not "1.5"'),
+                               (["--from", "1", "b"], '--from takes 2 numbers, not "1,b"'),
+                               (["--from", "1"], "--from takes 2 numbers, and fewer are given")):
+            with self.subTest(args):
+                said = self.preview("ball.spheres.json", "-o", "a.png", *args, code=2).stderr
+                self.assertEqual(said, "preview: " + sentence + " (see preview --help)\n")
+
+    def test_json_tells_failures(self):
+        for args in (["absent.spheres.json", "-o", "a.png"], ["ball.spheres.json", "-o", "no/such/folder.png", "--size", "32x32"]):
+            with self.subTest(args):
+                ran = self.preview(*args, "--json", code=1)
+                self.assertEqual(ran.stderr, "preview: " + json.loads(ran.stdout)["error"] + "\n")
+                self.assertEqual(json.loads(ran.stdout)["input"], args[0])
 
     def test_failures_are_1_and_name_the_file(self):
         texts = {"nothing.csv": "", "header.csv": "i,j\n", "number.csv": "i,j,nx,ny,nz,depth,ix,iy,iz,jx,jy,jz\n0,1,0,0,x\n",

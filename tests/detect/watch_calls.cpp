@@ -1,0 +1,19 @@
+// Linked into the tests of the detector, whose calls of Detector::detect() come here (the linker's --wrap,
+// set in CMakeLists.txt): a call that hangs on a GPU ends the test with a sentence after a minute. Without a
+// GPU the limit is that of a whole test under ctest, which slow machines and sanitizers stay below.
+#include "detect/detector.h"
+#include "tools/watchdog.h"
+
+using padder::detect::Contacts, padder::detect::Detector, padder::detect::Input;
+
+extern "C" {
+// A member function takes `this` as its first argument.
+const Contacts& __real__ZN6padder6detect8Detector6detectERKNS0_5InputE(Detector*, const Input&);
+const Contacts& __wrap__ZN6padder6detect8Detector6detectERKNS0_5InputE(Detector*, const Input&);
+}
+
+const Contacts& __wrap__ZN6padder6detect8Detector6detectERKNS0_5InputE(Detector* self, const Input& input) {
+  static const double seconds = padder::detect::cuda_present() ? 60 : 600;
+  const padder::Watchdog limit("detect", seconds);
+  return __real__ZN6padder6detect8Detector6detectERKNS0_5InputE(self, input);
+}

@@ -1,0 +1,30 @@
+// The limit that the tests of the detector put on each of its calls.
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+
+#include "detect/detector.h"
+#include "detect/generate.h"
+#include "tools/watchdog.h"
+
+namespace padder::detect {
+namespace {
+
+// The nine stages on one thread take longer than the watchdog needs to look; the limit is set to nothing.
+TEST(WatchCallsDeathTest, ACallThatTakesTooLongEndsTheTest) {
+  GTEST_FLAG_SET(death_test_style, "threadsafe");
+  ::setenv("PADDER_WATCHDOG", "1e-6", 1);
+  const auto call = [] {
+    const auto spheres = generate("dense", 1000000);
+    Input input;
+    input.spheres = spheres_of(spheres.size(), &spheres[0].x, &spheres[0].r);
+    input.spheres.center_stride = input.spheres.radius_stride = 4;
+    Options o;
+    o.backend = Choice::omp, o.path = Path::nine_stages, o.threads = 1;
+    Detector(o).detect(input);
+  };
+  EXPECT_EXIT(call(), testing::ExitedWithCode(Watchdog::kEnded), "^detect: no answer after .* s, ended\n$");
+}
+
+}  // namespace
+}  // namespace padder::detect

@@ -1,0 +1,16 @@
+// What a tool with --json prints on stdout when its work fails; the sentence goes to stderr as ever.
+#pragma once
+#include <iostream>
+#include <nlohmann/json.hpp>
+#include <string>
+
+namespace padder::cli {
+
+inline void print_failure(const std::string& input, const std::string& error) {
+  using Json = nlohmann::ordered_json;
+  // A file's name may be no UTF-8.
+  std::cout << Json{{"input", input}, {"error", error}}.dump(2, ' ', false, Json::error_handler_t::replace)
+            << std::endl;
+}
+
+}  // namespace padder::cli

@@ -1,0 +1,123 @@
+// What is wrong with a command line, in our words: which option, what was given, what it takes. CLI11's own
+// messages show how it checks ("OR {0,1,2} FAILED"), not what to type.
+#pragma once
+#include <CLI/CLI.hpp>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace padder::cli {
+
+// In quotes, and cut where it is too long to read.
+inline std::string in_quotes(std::string_view text) {
+  constexpr std::size_t most = 100;
+  return '"' + std::string(text.substr(0, most)) + (text.size() > most ? "...\"" : "\"");
+}
+
+// "a, b and c".
+inline std::string listed(const std::vector<std::string>& words) {
+  std::string out;
+  for (std::size_t k = 0; k < words.size(); k++)
+    out += (k == 0 ? "" : k + 1 < words.size() ? ", " : " and ") + words[k];
+  return out;
+}
+
+// What an option takes, from its type and from what its checks say of themselves, which CLI11 writes behind:
+// "N:UINT in [1 - 9]", "X:POSITIVE", "AXIS:{x,y,z}", "WHAT:value in {a->1,b->2} OR {1,2}".
+inline std::string taken_by(const CLI::Option& option) {
+  const std::string type = option.get_type_name(), name = type.substr(0, type.find(':'));
+  const auto between = [&](const char* open, const char* close) -> std::string {
+    const std::size_t from = type.find(open);
+    if (from == std::string::npos) return "";
+    const std::size_t begin = from + std::string_view(open).size();
+    return type.substr(begin, type.find(close, begin) - begin);
+  };
+  if (const std::string all = between("{", "}"); !all.empty()) {
+    std::vector<std::string> words;
+    for (const std::string& word : CLI::detail::split(all, ','))
+      words.push_back(word.substr(0, word.find("->")));
+    return "one of " + listed(words);
+  }
+  if (name.starts_with("LENGTH")) return "a length above 0: a number, or a share of the diagonal as 1%";
+  const bool whole = name == "N" || name == "K" || name == "INT" || name == "UINT" ||
+                     name.starts_with("N,") || type.find("INT in [") != std::string::npos;
+  const int count = option.get_type_size_max();
+  std::string out = count > 1 && count < 10 ? std::to_string(count) + (whole ? " whole numbers" : " numbers")
+                    : whole                 ? "a whole number"
+                                            : "a number";
+  if (const std::string range = between(" in [", "]"); !range.empty())
+    out += " from " + range.substr(0, range.find(" - ")) + " to " + range.substr(range.find(" - ") + 3);
+  else if (type.find("POSITIVE") != std::string::npos)
+    out += " above 0";
+  else if (type.find("NONNEGATIVE") != std::string::npos)
+    out += ", 0 or more";
+  return out;
+}
+
+inline bool takes_numbers_or_words(const CLI::Option& option) {
+  const std::string type = option.get_type_name();
+  for (const char* text : {"FILE", "DIR", "MESH", "NAME", "TEXT"})
+    if (type.starts_with(text)) return type.find('{') != std::string::npos;
+  return true;
+}
+
+// The option of the app, or of one of its subcommands, that the message is about; null: none.
+inline const CLI::Option* option_of(const CLI::App& app, std::string_view message) {
+  constexpr std::string_view convert = "Could not convert: ";
+  const bool converts = message.starts_with(convert);
+  if (converts) message.remove_prefix(convert.size());
+  for (const CLI::Option* option : app.get_options())
+    if (message.starts_with(option->get_name() + (converts ? " = " : ":"))) return option;
+  for (const CLI::App* sub : app.get_subcommands())
+    if (const CLI::Option* option = option_of(*sub, message)) return option;
+  return nullptr;
+}
+
+// What was given, where the message is one of CLI11's own checks; empty: it is a sentence of ours.
+inline std::string refused_value(std::string_view message, const CLI::Option& option) {
+  constexpr std::string_view convert = "Could not convert: ";
+  if (message.starts_with(convert)) return std::string(message.substr(message.find(" = ") + 3));
+  message.remove_prefix(option.get_name().size() + 2);
+  const auto inside = [&](std::string_view before, std::string_view after) -> std::string {
+    const std::size_t end = message.rfind(after);
+    if (!message.starts_with(before) || end == std::string_view::npos || end < before.size()) return "";
+    return std::string(message.substr(before.size(), end - before.size()));
+  };
+  std::string value = inside("Value ", " not in range ");
+  if (value.empty()) value = inside("Check ", " value in {");
+  if (value.empty()) value = inside("", " not in {");
+  return value;
+}
+
+inline std::string extra_sentence(const CLI::App& app) {
+  const std::vector<std::string> extras = app.remaining(true);
+  const std::string first = extras.empty() ? "" : extras.front();
+  if (first.starts_with("-")) return "there is no option " + in_quotes(first);
+  std::vector<std::string> parts;
+  for (const CLI::App* sub : app.get_subcommands([](const CLI::App*) { return true; }))
+    parts.push_back(sub->get_name());
+  if (!parts.empty()) return in_quotes(first) + " is none of " + listed(parts);
+  return in_quotes(first) + " is one input too many";
+}
+
+// The sentence for an error of `app`'s parsing.
+inline std::string usage_sentence(const CLI::App& app, const CLI::ParseError& error) {
+  const std::string message = error.what();
+  if (dynamic_cast<const CLI::ExtrasError*>(&error)) return extra_sentence(app);
+  const CLI::Option* option = option_of(app, message);
+  if (!option) return message;
+  const std::string name = option->get_name();
+  if (dynamic_cast<const CLI::ArgumentMismatch*>(&error)) {
+    if (message.find("At Most") != std::string::npos)
+      return name + " is given " + std::to_string(option->results().size()) + " times: give it once";
+    return name + " takes " + (takes_numbers_or_words(*option) ? taken_by(*option) : "a value") + ", and " +
+           (option->results().empty() || option->get_type_size_max() == 1 ? "none is given"
+                                                                          : "fewer are given");
+  }
+  const std::string given = refused_value(message, *option);
+  if (given.empty()) return message;
+  if (option->get_expected_max() == 0) return name + " takes no value, not " + in_quotes(given);
+  return name + " takes " + taken_by(*option) + ", not " + in_quotes(given);
+}
+
+}  // namespace padder::cli
