@@ -20,7 +20,7 @@ namespace padder::detect {
 namespace {
 
 constexpr std::uint64_t kBlock = 1 << 12;  // contacts that a thread turns into bytes before they are written
-constexpr int kMostThreads = 16;           // each holds a block: a megabyte of text at most
+constexpr int kMostWriters = 16;           // each holds a block: a megabyte of text at most
 
 // What a block becomes: the next bytes of each array of the file, or of the file itself.
 using Columns = std::vector<std::string>;
@@ -200,7 +200,7 @@ void write_contacts(const Contacts& c, const std::filesystem::path& path, int th
   check_contact_ending(path);
   if (c.memory != Memory::host || c.width != Width::points || c.scalar != Scalar::f64)
     throw Error("a file of contacts is made of double records with both points in host memory");
-  threads = std::clamp(threads > 0 ? threads : omp_get_max_threads(), 1, kMostThreads);
+  threads = std::clamp(threads > 0 ? threads : omp_get_max_threads(), 1, kMostWriters);
   const auto ending = path.extension();
   FileWriter file(path);
   std::unique_ptr<Kind> kind;
