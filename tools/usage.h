@@ -62,12 +62,11 @@ inline bool takes_numbers_or_words(const CLI::Option& option) {
 }
 
 // The option of the app, or of one of its subcommands, that the message is about; null: none.
-inline const CLI::Option* option_of(const CLI::App& app, std::string_view message) {
-  constexpr std::string_view convert = "Could not convert: ";
-  const bool converts = message.starts_with(convert);
-  if (converts) message.remove_prefix(convert.size());
+inline const CLI::Option* option_of(const CLI::App& app, const std::string& message) {
   for (const CLI::Option* option : app.get_options())
-    if (message.starts_with(option->get_name() + (converts ? " = " : ":"))) return option;
+    if (message.starts_with(option->get_name() + ":") ||
+        message.starts_with("Could not convert: " + option->get_name() + " = "))
+      return option;
   for (const CLI::App* sub : app.get_subcommands())
     if (const CLI::Option* option = option_of(*sub, message)) return option;
   return nullptr;
