@@ -26,6 +26,8 @@ class DeviceCopy {
 #if defined(PADDER_TEST_CUDA)
     cuda_must(cudaMalloc(&data_, bytes ? bytes : 1), "cudaMalloc");
     cuda_must(cudaMemcpy(data_, from, bytes, cudaMemcpyHostToDevice), "copy to the device");
+    cuda_must(cudaStreamSynchronize(nullptr),
+              "copy to the device");  // a stream of another kind may read it next
 #else
     (void)from, (void)bytes;
     throw std::runtime_error("this build has no device memory");

@@ -38,15 +38,17 @@ struct ModelFault {
     last
   };
   Kind kind = Kind::none;
-  std::size_t at = 0;   // of the sphere, the body, the shape
-  std::size_t in = 0;   // which of its numbers
-  double value = 0;     // that is written there
-  std::string says;     // must stand in the error's sentence
+  std::size_t at = 0;  // of the sphere, the body, the shape
+  std::size_t in = 0;  // which of its numbers
+  double value = 0;    // that is written there
+  std::string says;    // must stand in the error's sentence
 };
 inline const char* name_of(ModelFault::Kind k) {
-  static const char* const names[] = {
-      "none",        "bin size", "bin size of stages", "sphere", "pose",    "sphere of a shape", "shape index", "moved",
-      "own",         "limit",    "pointer",            "stride", "device memory", "too many"};
+  static const char* const names[] = {"none",          "bin size", "bin size of stages",
+                                      "sphere",        "pose",     "sphere of a shape",
+                                      "shape index",   "moved",    "own",
+                                      "limit",         "pointer",  "stride",
+                                      "device memory", "too many"};
   return names[static_cast<int>(k)];
 }
 
@@ -117,10 +119,14 @@ class ModelInput {
   };
   Layout layout(std::size_t n) const {
     switch (form_.layout) {
-      case 1: return {3, 1, 0, 3 * n, 4 * n};
-      case 2: return {7, 3, 1, 7 * n + 3, 10 * n + 5};
-      case 3: return {3, 0, 0, 3 * n, 3 * n + 1};
-      default: return {4, 4, 0, 3, 4 * n};
+      case 1:
+        return {3, 1, 0, 3 * n, 4 * n};
+      case 2:
+        return {7, 3, 1, 7 * n + 3, 10 * n + 5};
+      case 3:
+        return {3, 0, 0, 3 * n, 3 * n + 1};
+      default:
+        return {4, 4, 0, 3, 4 * n};
     }
   }
   template <class T>
@@ -154,7 +160,8 @@ class ModelInput {
   template <class T>
   Spheres arranged(const std::vector<T>& v) {
     const T* p = placed(v);
-    Spheres s = spheres_of<T>(count_, p ? p + layout_.center_first : nullptr, p ? p + layout_.radius_first : nullptr);
+    Spheres s =
+        spheres_of<T>(count_, p ? p + layout_.center_first : nullptr, p ? p + layout_.radius_first : nullptr);
     s.center_stride = static_cast<std::uint32_t>(layout_.center_stride);
     s.radius_stride = static_cast<std::uint32_t>(layout_.radius_stride);
     return s;

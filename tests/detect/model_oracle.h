@@ -24,9 +24,17 @@ struct ModelSphere {
 inline bool model_masks(std::uint32_t mask, std::uint32_t family) {
   return family >= 1 && family <= 32 && (mask >> (family - 1)) % 2 == 1;
 }
+inline bool model_touch(const Sphere& a, const Sphere& b) {  // built without fused operations
+  double x = b.x - a.x, y = b.y - a.y, z = b.z - a.z, r = a.r + b.r;
+  if (r < 1e-100) {  // as large as it takes to square it
+    if (r == 0) return x == 0 && y == 0 && z == 0;
+    const int up = -std::ilogb(r);
+    x = std::ldexp(x, up), y = std::ldexp(y, up), z = std::ldexp(z, up), r = std::ldexp(r, up);
+  }
+  return x * x + y * y + z * z <= r * r;
+}
 inline bool model_contact(const ModelSphere& a, const ModelSphere& b) {
-  const double x = b.at.x - a.at.x, y = b.at.y - a.at.y, z = b.at.z - a.at.z, r = a.at.r + b.at.r;
-  if (!(x * x + y * y + z * z <= r * r)) return false;  // built without fused operations
+  if (!model_touch(a.at, b.at)) return false;
   if (a.body >= 0 && a.body == b.body) return false;
   if (a.still && b.still) return false;
   if (a.family != 0 && a.family == b.family) return false;
@@ -74,7 +82,7 @@ class ModelOracle {
     const double c[3] = {s.x, s.y, s.z};
     Box b;
     for (int k = 0; k < 3; k++) {
-      const double reach = s.r + 0x1p-40 * (std::abs(c[k]) + s.r) + 0x1p-500;
+      const double reach = s.r + 0x1p-40 * (std::abs(c[k]) + s.r) + 0x1p-1060;
       b.low[k] = c[k] - reach, b.high[k] = c[k] + reach;
     }
     return b;

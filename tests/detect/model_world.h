@@ -67,12 +67,13 @@ struct ModelWorld {
       const Body& body = bodies[b];
       const double *m = body.rotation, *p = body.position;
       for (const Sphere& s : shapes[body.shape])
-        all.push_back({{m[0] * s.x + m[1] * s.y + m[2] * s.z + p[0], m[3] * s.x + m[4] * s.y + m[5] * s.z + p[1],
-                        m[6] * s.x + m[7] * s.y + m[8] * s.z + p[2], s.r},
-                       body.family,
-                       body.mask,
-                       static_cast<std::int64_t>(b),
-                       body.is_static});
+        all.push_back(
+            {{m[0] * s.x + m[1] * s.y + m[2] * s.z + p[0], m[3] * s.x + m[4] * s.y + m[5] * s.z + p[1],
+              m[6] * s.x + m[7] * s.y + m[8] * s.z + p[2], s.r},
+             body.family,
+             body.mask,
+             static_cast<std::int64_t>(b),
+             body.is_static});
     }
     for (std::size_t k = 0; k < loose.size(); k++)
       all.push_back({loose[k], family.empty() ? 0 : family[k], mask.empty() ? 0 : mask[k], -1, is_still(k)});
@@ -91,11 +92,16 @@ struct ModelWorld {
   }
   double radius(Dice& dice) const {
     switch (radii) {
-      case Radii::four: return unit * dice.between(1, 4);
-      case Radii::hundred: return unit / (1 - 0.99 * dice.between(0, 1));
-      case Radii::log_normal: return unit * std::exp(0.7 * dice.normal());
-      case Radii::points: return 0;
-      default: return unit;
+      case Radii::four:
+        return unit * dice.between(1, 4);
+      case Radii::hundred:
+        return unit / (1 - 0.99 * dice.between(0, 1));
+      case Radii::log_normal:
+        return unit * std::exp(0.7 * dice.normal());
+      case Radii::points:
+        return 0;
+      default:
+        return unit;
     }
   }
   void place(Dice& dice, std::size_t k, Sphere& s) const {
@@ -139,7 +145,8 @@ struct ModelWorld {
   void strew(Dice& dice, std::size_t n) {
     radii = dice.of({Radii::equal, Radii::four, Radii::hundred, Radii::log_normal, Radii::equal});
     if (dice.chance(0.05)) radii = Radii::points;
-    places = dice.of({Places::everywhere, Places::everywhere, Places::crowds, Places::lattice, Places::chain});
+    places =
+        dice.of({Places::everywhere, Places::everywhere, Places::crowds, Places::lattice, Places::chain});
     if (n <= 150 && dice.chance(0.1)) places = Places::one;
     const double room = dice.of({0.5, 0.7, 2.0, 40.0, 1e6});
     double volume = 0;
@@ -232,7 +239,9 @@ struct ModelWorld {
       case 2:
         if (with_bodies) populate(dice, 3000);
         break;
-      case 3: attributes(dice); break;
+      case 3:
+        attributes(dice);
+        break;
       case 4:
         if (!shapes.empty()) {
           const std::size_t k = dice.index(shapes.size());
@@ -244,10 +253,12 @@ struct ModelWorld {
         break;
       case 5: {
         const double by = dice.of({1e-3, 1e3, 0x1p-20, 1e-12, 1e12, 1e-30, 1e30, 0.1}), to = unit * by;
-        if (floats ? to > 1e-31 && to < 1e25 && edge * by < 1e30 : to > 1e-100 && edge * by < 1e80) scale(by);
+        if (floats ? to > 1e-40 && to < 1e25 && edge * by < 1e30 : to > 1e-310 && edge * by < 1e80) scale(by);
         break;
       }
-      case 6: shift(edge * dice.of({0.5, 3.0, -100.0, floats ? 10.0 : 1e7})); break;
+      case 6:
+        shift(edge * dice.of({0.5, 3.0, -100.0, floats ? 10.0 : 1e7}));
+        break;
       case 7:  // what stands still goes elsewhere, or begins to move
         for (Body& b : bodies) {
           if (b.is_static && dice.chance(0.7)) new_place(dice, b);
@@ -320,7 +331,9 @@ struct ModelWorld {
       case 4:
         if (n < 100000) resize_tail(dice, n + dice.of<std::size_t>({1, 2, 7, 60, n / 2}));
         break;
-      case 5: resize_tail(dice, n - std::min(n, dice.of<std::size_t>({1, 2, 7, n / 2, n}))); break;
+      case 5:
+        resize_tail(dice, n - std::min(n, dice.of<std::size_t>({1, 2, 7, n / 2, n})));
+        break;
       case 6:
         for (std::size_t k = 0; k < n; k++) {
           if (!family.empty() && !is_still(k) && dice.chance(0.3)) family[k] = new_family(dice);
@@ -328,7 +341,9 @@ struct ModelWorld {
         }
         tell("families");
         break;
-      case 7: odd_spheres(dice); break;
+      case 7:
+        odd_spheres(dice);
+        break;
       case 8: {
         const double by = dice.of({0.5, 0.99, 1.01, 1.3});
         each_moving(dice, 1, [&](std::size_t k) { loose[k].r *= by; });
@@ -348,7 +363,8 @@ struct ModelWorld {
       double* const axis = dice.chance(0.5) ? &s.x : &s.z;
       if (kind == 0 && std::abs(far) < (floats ? 1e37 : 1e98)) *axis = sign * far;
       if (kind == 1) *axis = sign * dice.of({0.0, 5e-324, 1e-300, 1e-20, 1e-7}) * unit;
-      if (kind == 2 && edge < 1e30) s.r = dice.of({0.5, 1.0, 100.0, 1e6}) * (loose.size() < 5000 ? edge : unit);
+      if (kind == 2 && edge < 1e30)
+        s.r = dice.of({0.5, 1.0, 100.0, 1e6}) * (loose.size() < 5000 ? edge : unit);
       if (kind == 3) s.x = center[0], s.y = center[1], s.z = center[2];
       if (kind == 4) s.r = 0;
       s = given(s);
