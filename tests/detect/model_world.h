@@ -156,6 +156,7 @@ struct ModelWorld {
       volume += 8 * r * r * r * static_cast<double>(n) / static_cast<double>(std::min<std::size_t>(n, 1000));
     }
     edge = unit * std::cbrt(room * std::max(volume, 8.0));
+    if (dice.chance(0.2)) center[0] = center[1] = center[2] = edge / 2;  // a corner at the origin
     loose.resize(n);
     for (std::size_t k = 0; k < n; k++) loose[k] = new_sphere(dice, k);
     family.clear(), mask.clear(), still.clear();
@@ -352,11 +353,11 @@ struct ModelWorld {
       }
     }
   }
-  // A few far away, huge, a hair from zero, or in one place.
+  // Some far away, huge, a hair from zero, or in one place.
   void odd_spheres(Dice& dice) {
-    const std::uint64_t kind = dice.below(5);
+    const std::uint64_t kind = dice.below(5), many = dice.of<std::uint64_t>({1, 3, 30});
     const double far = edge * dice.of({30.0, 1e5, 1e9, 1e20}), sign = dice.of({-1.0, 1.0});
-    for (std::size_t q = 0; q < 3 && !loose.empty(); q++) {
+    for (std::size_t q = 0; q < many && !loose.empty(); q++) {
       const std::size_t k = dice.index(loose.size());
       if (is_still(k)) continue;
       Sphere& s = loose[k];
