@@ -69,9 +69,10 @@ class Script {
     change_options();
     change_form();
     call.options = options_, call.form = form_;
-    if (!find()) {  // too many contacts: another scene
+    while (!find()) {  // too many contacts: another scene
       heavy_ = true, call.number = call.number == last_ ? 0 : call.number;
-      call.moved.clear(), begin(), call.form = form_, find();
+      std::fill_n(world_.center, 3, 0.0);
+      call.moved.clear(), begin(), change_form(), call.form = form_;
     }
     if (stages_cost() > 3e6) options_.path = call.options.path = Path::fast;
     decide(call);

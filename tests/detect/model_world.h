@@ -2,7 +2,7 @@
 // make under one revision, and heavy ones, which ask for another (detector.h, Input::revision). Drawn from a
 // stream of numbers alone, so that a seed stands for a scene.
 #pragma once
-#include <cfloat>
+#include <array>
 #include <numbers>
 #include <string>
 #include <vector>
@@ -357,13 +357,15 @@ struct ModelWorld {
   void odd_spheres(Dice& dice) {
     const std::uint64_t kind = dice.below(5), many = dice.of<std::uint64_t>({1, 3, 30});
     const double far = edge * dice.of({30.0, 1e5, 1e9, 1e20}), sign = dice.of({-1.0, 1.0});
+    const std::size_t along = dice.index(3), smallest = dice.index(3);
     for (std::size_t q = 0; q < many && !loose.empty(); q++) {
       const std::size_t k = dice.index(loose.size());
       if (is_still(k)) continue;
       Sphere& s = loose[k];
-      double* const axis = dice.chance(0.5) ? &s.x : &s.z;
+      double* const axis = along == 0 ? &s.x : along == 1 ? &s.y : &s.z;
       if (kind == 0 && std::abs(far) < (floats ? 1e37 : 1e98)) *axis = sign * far;
-      if (kind == 1) *axis = sign * dice.of({0.0, 5e-324, 1e-300, 1e-20, 1e-7}) * unit;
+      if (kind == 1)
+        *axis = sign * std::array{1e-7, 1e-20, 1e-300, 5e-324, 0.0}[smallest + dice.index(3)] * unit;
       if (kind == 2 && edge < 1e30)
         s.r = dice.of({0.5, 1.0, 100.0, 1e6}) * (loose.size() < 5000 ? edge : unit);
       if (kind == 3) s.x = center[0], s.y = center[1], s.z = center[2];
