@@ -5,6 +5,7 @@
 namespace padder::detect {
 
 inline constexpr std::uint64_t kMostContacts = 250'000;  // of a scene
+inline constexpr double kLeastUnit = 1e-260;             // all that is smaller shares a bin
 
 // Sizes of lists of loose spheres: about what the code decides by. On the CPU: pieces, batches, parts,
 // vectors, chunks, candidates at a time. On the GPU: cells, flows, buckets.
@@ -49,8 +50,11 @@ class Script {
     world_.floats = dice_.chance(0.6);
     form_.scalar = world_.floats && dice_.chance(0.7) ? Scalar::f32 : Scalar::f64;
     begin();
-    if (!world_.floats && dice_.chance(0.1))
-      world_.scale(dice_.of({1e-310, 1e-200, 1e-160, 1e-140, 1e-90, 1e-40, 1e40, 1e85}));
+    if (!world_.floats && dice_.chance(0.1)) {
+      const double by = dice_.of({1e-310, 1e-200, 1e-160, 1e-140, 1e-90, 1e-40, 1e40, 1e85});
+      if (by < kLeastUnit) size_ = small_size, begin();
+      world_.scale(by);
+    }
   }
   std::size_t steps() const { return steps_; }
   const ModelWorld& world() const { return world_; }
@@ -75,6 +79,7 @@ class Script {
       call.moved.clear(), begin(), change_form(), call.form = form_;
     }
     if (stages_cost() > 3e6) options_.path = call.options.path = Path::fast;
+    if (spheres_.size() > 3000 && blurred()) options_.precision = call.options.precision = Precision::exact;
     decide(call);
     last_ = call.number;
     using K = ModelFault::Kind;
@@ -156,10 +161,17 @@ class Script {
     return ModelOracle(spheres_, options_.own).contacts(pairs_, kMostContacts);
   }
 
+  // So far out, or so small, that float alone could take every pair for a contact.
+  bool blurred() const {
+    double extent = 0;
+    for (const double c : world_.center) extent = std::max(extent, std::abs(c));
+    return world_.unit < kLeastUnit || extent > 1e9 * world_.unit;
+  }
+
   // Entries of the bins of the nine stages, or pairs tested in given bins, about.
   double stages_cost() const {
     if (options_.bin_size == 0)
-      return options_.path == Path::nine_stages ? 100.0 * static_cast<double>(spheres_.size()) : 0;
+      return options_.path == Path::nine_stages ? 600.0 * static_cast<double>(spheres_.size()) : 0;
     double entries = 0;
     for (const ModelSphere& s : spheres_) {  // with the hair by which the stages widen a sphere
       const double far = std::max({std::abs(s.at.x), std::abs(s.at.y), std::abs(s.at.z)});

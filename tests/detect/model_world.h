@@ -254,7 +254,7 @@ struct ModelWorld {
         break;
       case 5: {
         const double by = dice.of({1e-3, 1e3, 0x1p-20, 1e-12, 1e12, 1e-30, 1e30, 0.1}), to = unit * by;
-        if (floats ? to > 1e-40 && to < 1e25 && edge * by < 1e30 : to > 1e-310 && edge * by < 1e80) scale(by);
+        if (floats ? to > 1e-40 && to < 1e25 && edge * by < 1e30 : to > 1e-250 && edge * by < 1e80) scale(by);
         break;
       }
       case 6:
