@@ -84,7 +84,8 @@ class ModelInput {
         f64_[index_of(f)] = f.value;
     }
     if (f.kind == K::pose) {
-      (with_poses_ ? poses_[f.at].rotation : bodies_[f.at].rotation)[f.in % 9] = f.value;
+      if (!std::isfinite(f.value))  // what is too large could cancel out
+        (with_poses_ ? poses_[f.at].rotation : bodies_[f.at].rotation)[f.in % 9] = f.value;
       (with_poses_ ? poses_[f.at].position : bodies_[f.at].position)[f.in % 3] = f.value;
     }
     if (f.kind == K::shape_sphere) shapes_[bodies_[f.at].shape][f.in].y = f.value;
