@@ -190,13 +190,18 @@ class OmpBackend final : public Backend {
       kept_ = nullptr, kept_ = std::make_unique<Kept>(budget_);
     kept_->records.count = 0;
     const bool known = !arrays && options.path == Path::fast && options.bodies != Bodies::expanded &&
-                       kept_->bodies.knows(input);
+                       kept_->bodies.knows(input) && (options.bodies == Bodies::first || automatic_first_);
     check_input(input, false, known);
     const std::uint64_t n = known ? kept_->bodies.body_spheres() + input.spheres.count : sphere_count(input);
     budget_.begin(options.memory_limit);
     threads_ = chosen_.choose(options.threads, known ? kept_->bodies.work() : n);
     const Spheres& s = input.spheres;
     if (known || (!arrays && bodies_first(input, options, n, 3))) {
+      if (!known) {
+        Options automatic = options;
+        automatic.bodies = Bodies::automatic;
+        automatic_first_ = bodies_first(input, automatic, n, 3);
+      }
       Contacts c;
       if (kept_->bodies.run(input, options, threads_, kept_->records, c.seconds))
         return delivered(c, n, options);
@@ -304,6 +309,8 @@ class OmpBackend final : public Backend {
   std::unique_ptr<Kept> kept_ = std::make_unique<Kept>(budget_);
   omp::Threads chosen_;
   int threads_ = 1;
+  bool automatic_first_ = false;  // what Bodies::automatic decided for the revision that is known: the list
+                                  // of a fixed order must not depend on how the call before was made
   double place_seconds_ = 0;
 };
 
