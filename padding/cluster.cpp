@@ -53,16 +53,28 @@ constexpr std::pair<const char*, double Accuracy::*> accuracy_numbers[] = {
     {"wrap_distance", &Accuracy::wrap_distance},
 };
 
+Json kind_json(SurfaceKind kind) { return kind == SurfaceKind::none ? Json(nullptr) : Json(name_of(kind)); }
+
 Json accuracy_object(const Accuracy& a) {
   Json j;
   for (const auto& [name, member] : accuracy_numbers) j[name] = a.*member;
+  j["proved_against"] = kind_json(a.proved_against);
   j["certified"] = a.certified;
   return j;
+}
+
+SurfaceKind kind_from(const Json& j) {
+  if (j.is_null()) return SurfaceKind::none;
+  const auto name = j.get<std::string>();
+  for (const auto kind : {SurfaceKind::input, SurfaceKind::filled, SurfaceKind::wrap})
+    if (name == name_of(kind)) return kind;
+  throw Json::other_error::create(501, "\"input\", \"filled\" or \"wrap\" is wanted", &j);
 }
 
 Accuracy accuracy_from(const Json& j) {
   Accuracy a;
   for (const auto& [name, member] : accuracy_numbers) a.*member = j.value(name, 0.0);
+  if (const auto it = j.find("proved_against"); it != j.end()) a.proved_against = kind_from(*it);
   a.certified = j.value("certified", false);
   return a;
 }
@@ -160,6 +172,19 @@ void append_lines(std::string& text, const Json& object, int indent) {
 
 }  // namespace
 
+const char* name_of(SurfaceKind kind) {
+  switch (kind) {
+    case SurfaceKind::input:
+      return "input";
+    case SurfaceKind::filled:
+      return "filled";
+    case SurfaceKind::wrap:
+      return "wrap";
+    default:
+      return "";
+  }
+}
+
 std::string to_json(const Cluster& c) {
   check(c, "cluster " + c.name);
   Json j;
@@ -183,7 +208,8 @@ std::string to_json(const Cluster& c) {
                           {"center", vector_json(m.center)},
                           {"inertia", matrix_json(m.inertia)},
                           {"axes", matrix_json(m.axes.transpose())},
-                          {"moments", vector_json(m.moments)}};
+                          {"moments", vector_json(m.moments)},
+                          {"of", kind_json(c.mass_of)}};
   j["volume_union"] = c.volume_union;
   j["accuracy"] = accuracy_object(c.accuracy);
   j["spheres"] = spheres_object(c);
@@ -240,6 +266,7 @@ Cluster cluster_from_json(std::string_view text, const std::string& where) {
       c.mass.volume = m->at("volume").get<double>(), c.mass.center = vector_from(m->at("center"));
       c.mass.inertia = matrix_from(m->at("inertia")), c.mass.axes = matrix_from(m->at("axes")).transpose();
       c.mass.moments = vector_from(m->at("moments"));
+      if (const Json* of = at(*m, "of")) c.mass_of = kind_from(*of);
     }
     if (const Json* v = at(j, "volume_union")) c.volume_union = v->get<double>();
     if (const Json* v = at(j, "accuracy")) c.accuracy = accuracy_from(*v);
