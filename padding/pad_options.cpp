@@ -89,6 +89,7 @@ void check(const PadOptions& options) {
     throw Error("the mean normal error asked for (smooth) must be from 0 to 180 degrees");
   if (!(options.sharp_angle >= 1 && options.sharp_angle <= 180))
     throw Error("the sharp angle must be from 1 to 180 degrees");
+  if (options.max_spheres > 0xffffffffu) throw Error("there can be no more than 4294967295 spheres");
   if (!(options.effort >= 0 && options.effort <= 3)) throw Error("the effort must be 0, 1, 2 or 3");
   if (!options.lod.empty() && (options.tolerance.given() || options.max_spheres > 0 || options.depth))
     throw Error("a ladder of tolerances stands alone: leave out the depth, the tolerance and the count");

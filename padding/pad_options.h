@@ -34,7 +34,7 @@ struct PadOptions {
       40;  // degrees, 1 to 180; remeshing keeps edges that turn by more (a wrap's are noise: none)
 
   Length tolerance;               // of protrusion and gap alike
-  std::uint64_t max_spheres = 0;  // 0: no limit; else the best error for a count
+  std::uint64_t max_spheres = 0;  // 0: no limit; else the best error for a count, at most 2^32 - 1
   Length min_radius, max_radius;
   Balance balance = Balance::none;  // what the freedom within the tolerance is spent on
   double smooth = 0;                // degrees of mean normal error asked for, below 180; 0: not asked

@@ -4,6 +4,7 @@
 #include <CLI/CLI.hpp>
 #include <charconv>
 #include <cmath>
+#include <cstdint>
 #include <string>
 
 #include "padding/pad_options.h"
@@ -27,8 +28,10 @@ inline CLI::Validator decimal() {
 }
 
 inline bool is_whole(const std::string& text) {
-  return !text.empty() && text.find_first_not_of("0123456789") == std::string::npos &&
-         (text == "0" || text[0] != '0');
+  std::uint64_t value = 0;  // CLI11 would take what is too large for the largest there is
+  const char* end = text.data() + text.size();
+  const auto read = std::from_chars(text.data(), end, value);
+  return read.ec == std::errc() && read.ptr == end && (text == "0" || text[0] != '0');
 }
 
 // Digits, without a sign and without a zero ahead.

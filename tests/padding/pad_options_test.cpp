@@ -70,6 +70,7 @@ TEST(PadOptions, WhatMakesNoSenseIsRefused) {
       [](PadOptions& o) { o.sharp_angle = 0; },
       [](PadOptions& o) { o.effort = -1; },
       [](PadOptions& o) { o.effort = 4; },
+      [](PadOptions& o) { o.max_spheres = 1ull << 32; },
       [](PadOptions& o) {
         o.tolerance = {}, o.max_radius = {0.1, false};
       },  // without effect

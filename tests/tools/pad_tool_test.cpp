@@ -303,7 +303,7 @@ Mesh read_obj(const fs::path& path) {
 
 TEST_F(Pad, TheMeshWrittenHasTheTrianglesThatTheSpheresName) {
   cube("a.obj"), cube("b.obj");
-  const Outcome run = pad("a.obj --json --scale 3 --edge-length 10% --write-mesh surface.obj");
+  const Outcome run = pad("a.obj --json --scale 3 --edge-length 4% --write-mesh surface.obj");
   ASSERT_EQ(run.code, 0) << run.err;
   const Json j = Json::parse(run.out);
   EXPECT_EQ(j["mesh"], "surface.obj");
