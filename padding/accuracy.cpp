@@ -125,6 +125,11 @@ double farthest_from(const Surface& surface, const Mesh& mesh) {
   return farthest;
 }
 
+SurfaceKind proved_against(const Repaired& body) {
+  if (body.kind == BodyKind::wrap) return SurfaceKind::wrap;
+  return body.filled > 0 ? SurfaceKind::filled : SurfaceKind::input;
+}
+
 struct BallSample {
   double protrusion;  // to the input; negative: not outside the body
   double angle;       // between the normals, degrees; negative: not on the outer surface
@@ -201,6 +206,8 @@ Measured measure(const Mesh& input, const Repaired& body, const Surface& body_su
   a.gap_max = gap.max, a.gap_mean = gap.mean, a.gap_p95 = gap.p95;
   a.coverage = area > 0 ? covered / area : 0;
   a.gap_bound = gap_bound(body.mesh, set, options.floor).upper;
+  // Triangles without area may lie apart from the others.
+  if (!wrap) a.gap_bound = std::max(a.gap_bound, gap_bound(body.flat, set, options.floor).upper);
   if (!wrap) a.gap_max = std::max(a.gap_max, a.gap_bound);
 
   const std::optional<Surface> own = wrap ? std::optional<Surface>(std::in_place, input) : std::nullopt;
@@ -228,7 +235,9 @@ Measured measure(const Mesh& input, const Repaired& body, const Surface& body_su
   }
   const Summary protrusion = summarize(protrusions), angle = summarize(angles);
   a.protrusion_max = protrusion.max, a.protrusion_mean = protrusion.mean, a.protrusion_p95 = protrusion.p95;
-  a.protrusion_bound = std::max(0.0, protrusion_bound(body_surface, balls).max);
+  const ProtrusionBound bound = protrusion_bound(body_surface, balls);
+  a.protrusion_bound = std::max(0.0, bound.max), m.outside = bound.outside;
+  if (bound.proved) a.proved_against = proved_against(body);
   if (!wrap) a.protrusion_max = std::max(a.protrusion_max, a.protrusion_bound);
   if (wrap) a.wrap_distance = farthest_from(input_surface, body.mesh);
   a.normal_error_mean_deg = angle.mean, a.normal_error_p95_deg = angle.p95;

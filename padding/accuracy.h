@@ -19,13 +19,15 @@ struct AccuracyOptions {
 
 // What measure() gives.
 struct Measured {
-  Accuracy accuracy;        // certified is left false, both bounds are proved
+  Accuracy accuracy;        // certified is left false: what was asked for is not known here
   double volume_union = 0;  // of the balls, overlaps counted once
   double buried = 0;  // share of the input's surface that lies inside the body, out of reach from outside
+  std::size_t outside = 0;  // balls whose centre lies outside the body (ProtrusionBound)
 };
 
 // Lengths in the mesh's unit, all against `input`, the mesh as it was read; `body`, what repair made of it,
-// only says which side is inside. The words, cuRobo's where it has them:
+// only says which side is inside. `body_surface` is the Surface of body.mesh with the sides of body.side().
+// The words, cuRobo's where it has them:
 //
 // * protrusion: over the outer surface of the union, where it stands outside the body: distance to the input
 //   mesh;
@@ -38,9 +40,10 @@ struct Measured {
 //
 // Means and 95th percentiles are weighted by area, from points spread evenly (area-stratified on triangles,
 // spirals of equal area on spheres), no random numbers. The maxima are upper bounds where the body is the
-// input's own surface (padding/certify.h) and the largest of the samples, each sphere's outermost point among
-// them, for a wrap. For a wrap, input surface farther than twice its offset from the wrap cannot be touched
-// from outside and is left out
+// input's own surface, with patches or without (padding/certify.h), and the largest of the samples, each
+// sphere's outermost point among them, for a wrap; of a sheet only the gap is a bound. `proved_against` says
+// which of these it was: the proof looks at the surface itself, not at what `body` says of it. For a wrap,
+// input surface farther than twice its offset from the wrap cannot be touched from outside and is left out
 // (`buried`). Works on any balls, however they were made. Same result for any number of threads.
 Measured measure(const Mesh& input, const Repaired& body, const Surface& body_surface,
                  const std::vector<Ball>& balls, const AccuracyOptions& options = {});

@@ -11,6 +11,10 @@ constexpr double infinity = std::numeric_limits<double>::infinity();
 // Cells smaller than this share of the largest coordinate are not split further: rounding rules below.
 constexpr double smallest_cell = 1e-9;
 
+// A centre that is nearer to the surface than this share of its radius lies on it: on a knife's edge no ball
+// has its centre inside.
+constexpr double on_surface = 1e-6;
+
 double bound_by(const Ball& ball, const Cell& cell) {
   double far2 = 0;
   for (const Point& p : cell.corner) far2 = std::max(far2, (p - ball.center).squaredNorm());
@@ -62,10 +66,21 @@ double Cell::size() const {
 
 ProtrusionBound protrusion_bound(const Surface& surface, const std::vector<Ball>& balls) {
   ProtrusionBound bound;
+  bound.proved = surface.closed();
   bound.each.resize(balls.size());
-#pragma omp parallel for schedule(dynamic, 16) if (balls.size() > 64)
-  for (std::size_t k = 0; k < balls.size(); k++)
-    bound.each[k] = balls[k].radius + surface.signed_nearest(balls[k].center).distance;
+  std::size_t outside = 0;
+#pragma omp parallel for schedule(dynamic, 16) if (balls.size() > 64) reduction(+ : outside)
+  for (std::size_t k = 0; k < balls.size(); k++) {
+    const Ball& ball = balls[k];
+    const Nearest at = surface.signed_nearest(ball.center);
+    double distance = at.distance;
+    // Where no winding number can be told the centre lies on the surface, but for rounding: outside is the
+    // safe side.
+    if (bound.proved) distance = std::copysign(distance, surface.winding_number(ball.center) > 0 ? -1. : 1.);
+    bound.each[k] = ball.radius + distance;
+    outside += distance > on_surface * ball.radius;
+  }
+  bound.outside = outside;
   for (std::size_t k = 0; k < balls.size(); k++)
     if (bound.each[k] > bound.max) bound.max = bound.each[k], bound.ball = static_cast<std::uint32_t>(k);
   return bound;

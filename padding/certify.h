@@ -15,10 +15,15 @@ struct ProtrusionBound {
   double max = -std::numeric_limits<double>::infinity();  // over all balls
   std::uint32_t ball = 0;                                 // where
   std::vector<double> each;                               // one a ball
+  bool proved = false;      // false for an open surface: it has no inside, and `each` is only an estimate
+  std::size_t outside = 0;  // balls whose centre lies outside the body, none in a sound cluster: the surface
+                            // faces inward there, or the ball was never meant for it
 };
 
-// The inside of `surface` is what Surface::signed_nearest says. One nearest-point query a ball; runs on all
-// threads.
+// Inside is where the surface's winding number is above 0: the surface must be closed, which is looked at
+// here, and may intersect itself, overlap and be turned inside out; nothing is taken on trust. A
+// nearest-point query and a ray for each ball; runs on all threads. On an open surface, inside is below its
+// normals.
 ProtrusionBound protrusion_bound(const Surface& surface, const std::vector<Ball>& balls);
 
 // A piece of a triangle, small enough to be judged by itself.

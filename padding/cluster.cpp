@@ -54,9 +54,12 @@ constexpr std::pair<const char*, double Accuracy::*> accuracy_numbers[] = {
     {"wrap_distance", &Accuracy::wrap_distance},
 };
 
+Json kind_json(SurfaceKind kind) { return kind == SurfaceKind::none ? Json(nullptr) : Json(name_of(kind)); }
+
 Json accuracy_object(const Accuracy& a) {
   Json j;
   for (const auto& [name, member] : accuracy_numbers) j[name] = a.*member;
+  j["proved_against"] = kind_json(a.proved_against);
   j["certified"] = a.certified;
   return j;
 }
@@ -68,11 +71,22 @@ void read_text(const Place& p, const char* key, std::string& to) {
 void read_real(const Place& p, const char* key, double& to) {
   if (p.has(key)) to = p.at(key).real();
 }
+void read_kind(const Place& p, const char* key, SurfaceKind& to) {
+  if (!p.has(key)) return;
+  const Place at = p.at(key);
+  to = SurfaceKind::none;
+  if (at.json().is_null()) return;
+  const std::string name = at.text();
+  for (const auto kind : {SurfaceKind::input, SurfaceKind::filled, SurfaceKind::wrap})
+    if (name == name_of(kind)) to = kind;
+  if (to == SurfaceKind::none) at.fail("\"input\", \"filled\", \"wrap\" or null is wanted");
+}
 
 Accuracy accuracy_from(const Place& p) {
   p.object();
   Accuracy a;
   for (const auto& [name, member] : accuracy_numbers) read_real(p, name, a.*member);
+  read_kind(p, "proved_against", a.proved_against);
   if (p.has("certified")) a.certified = p.at("certified").truth();
   return a;
 }
@@ -163,6 +177,19 @@ void append_lines(std::string& text, const Json& object, int indent) {
 
 }  // namespace
 
+const char* name_of(SurfaceKind kind) {
+  switch (kind) {
+    case SurfaceKind::input:
+      return "input";
+    case SurfaceKind::filled:
+      return "filled";
+    case SurfaceKind::wrap:
+      return "wrap";
+    default:
+      return "";
+  }
+}
+
 std::string to_json(const Cluster& c) {
   check(c, "cluster " + c.name);
   Json j;
@@ -186,7 +213,8 @@ std::string to_json(const Cluster& c) {
                           {"center", vector_json(m.center)},
                           {"inertia", matrix_json(m.inertia)},
                           {"axes", matrix_json(m.axes.transpose())},
-                          {"moments", vector_json(m.moments)}};
+                          {"moments", vector_json(m.moments)},
+                          {"of", kind_json(c.mass_of)}};
   j["volume_union"] = c.volume_union;
   j["accuracy"] = accuracy_object(c.accuracy);
   j["spheres"] = spheres_object(c);
@@ -235,6 +263,7 @@ Cluster cluster_from_json(std::string_view text, const std::string& where) {
     c.mass.volume = mass.at("volume").real(), c.mass.center = vector_from(mass.at("center"));
     c.mass.inertia = matrix_from(mass.at("inertia")), c.mass.axes = matrix_from(mass.at("axes")).transpose();
     c.mass.moments = vector_from(mass.at("moments"));
+    read_kind(mass, "of", c.mass_of);
   }
   read_real(p, "volume_union", c.volume_union);
   if (p.has("accuracy")) c.accuracy = accuracy_from(p.at("accuracy"));

@@ -11,6 +11,14 @@
 
 namespace padder {
 
+// Which surface a figure was taken from.
+enum class SurfaceKind {
+  none,    // of no surface: nothing is proved
+  input,   // the input's own triangles
+  filled,  // these and the patches over holes that repair closed
+  wrap     // a surface around the input, in its place
+};
+
 // Errors of a cluster against the input mesh; lengths in the mesh's unit. The words are defined in
 // docs/padding.md.
 struct Accuracy {
@@ -20,9 +28,13 @@ struct Accuracy {
   double coverage = 0;                            // share of the mesh surface inside the union, 0 to 1
   double normal_error_mean_deg = 0, normal_error_p95_deg = 0;
   double volume_ratio = 0;  // volume of the union over the volume of the body; 0 for a sheet
-  double protrusion_bound = 0, gap_bound = 0;  // proved maxima against the repaired surface
-  double wrap_distance = 0;  // farthest the repaired surface lies from the input; 0 unless it was wrapped
-  bool certified = false;    // both maxima are proved upper bounds
+  double protrusion_bound = 0, gap_bound = 0;  // maxima against the surface of `proved_against`
+  double wrap_distance = 0;  // farthest a wrap lies from the input where it was sampled; 0 unless wrapped
+  // The surface that both bounds are proved against. For input and filled, protrusion_max and gap_max are
+  // these bounds. For a wrap they are the largest of the samples, no bounds. For none (an open sheet)
+  // protrusion_max is sampled and protrusion_bound an estimate; gap_max and gap_bound still are proved.
+  SurfaceKind proved_against = SurfaceKind::none;
+  bool certified = false;  // proved against the input itself, and within what was asked
 };
 
 // Where a cluster came from.
@@ -53,17 +65,23 @@ struct Cluster {
   std::uint32_t family = 0;     // 0: none
   std::uint32_t mask = 0;       // bit k: no contact with family k + 1
   Box bounds;                   // of the input mesh; left out of the file when empty
-  MassProperties mass;          // of the true body, density 1
-  double volume_union = 0;      // of the spheres, overlaps counted once
+  MassProperties mass;          // of the body that `mass_of` bounds, density 1; no volume: unknown
+  SurfaceKind mass_of = SurfaceKind::input;  // a wrap's mass can be far from the body's
+  double volume_union = 0;                   // of the spheres, overlaps counted once
   Accuracy accuracy;
-  std::vector<Point> centers;          // N
-  std::vector<double> radii;           // N, > 0
-  std::vector<std::int64_t> triangle;  // N: the triangle of the remeshed surface each sphere was made for
+  std::vector<Point> centers;  // N
+  std::vector<double> radii;   // N, > 0
+  // N: the triangle that each sphere was made for, of the surface in Padded::mesh (pad --write-mesh); -1:
+  // none.
+  std::vector<std::int64_t> triangle;
 
   std::vector<Lod> lods;  // coarser versions of these spheres, coarsest first; empty unless asked for
 
   std::size_t size() const { return radii.size(); }
 };
+
+// "input", "filled", "wrap"; "" for none.
+const char* name_of(SurfaceKind kind);
 
 // The JSON document as text, keys in a fixed order, numbers with the digits that give the same double back:
 // equal clusters give equal bytes. Throws Error when arrays differ in length, a number is not finite or a

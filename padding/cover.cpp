@@ -212,9 +212,13 @@ class Coverer {
     return !rows.empty();
   }
 
-  Cover finish(bool proved) const {
+  Cover finish(bool covered) const {
     Cover cover;
-    cover.balls = balls(), cover.proved = proved;
+    cover.balls = balls(), cover.covered = covered;
+    if (covered) {
+      const ProtrusionBound bound = protrusion_bound(surface_, cover.balls);
+      cover.proved = bound.proved && bound.max <= protrusion_ + rounding * reach_;
+    }
     for (auto k : chosen_) cover.triangle.push_back(pool_.candidates()[k].triangle);
     return cover;
   }

@@ -19,7 +19,8 @@ struct CoverOptions {
 struct Cover {
   std::vector<Ball> balls;              // with the whole protrusion allowed
   std::vector<std::uint32_t> triangle;  // of the surface, that each ball was grown from
-  bool proved = false;  // both bounds hold everywhere; false only where radius limits forbid a cover
+  bool covered = false;  // the gap holds everywhere; false only where radius limits forbid a cover
+  bool proved = false;   // so does the protrusion: never on an open surface, nor where it faces inward
 };
 
 // A ball grown from an inner medial ball of radius m to m + protrusion covers what lies within m + protrusion

@@ -42,7 +42,7 @@ class Culling {
     culled.balls = dilated(dilation);
     culled.triangle = cover_.triangle;
     culled.protrusion = dilation, culled.gap = reach_ - dilation;
-    culled.proved = cover_.proved;
+    culled.covered = cover_.covered, culled.proved = cover_.proved;
     culled.within = culled.within || std::max(culled.protrusion, culled.gap) <= options_.tolerance;
     return culled;
   }

@@ -38,7 +38,8 @@ struct Culled {
   std::vector<std::uint32_t> triangle;  // of the surface, that each ball was grown from
   double protrusion = 0,
          gap = 0;           // the bounds that hold; both at most the tolerance, if the count allowed it
-  bool proved = false;      // false only where min_radius forbids a cover
+  bool covered = false;     // the gap holds everywhere: false only where radius limits forbid a cover
+  bool proved = false;      // both bounds hold: never on an open surface, nor where it faces inward
   bool within = true;       // false when max_spheres was too few for the tolerance
   double normal_error = 0;  // degrees, estimated; only when `smooth` was asked for
   double volume_ratio = 0;  // estimated, over the body's; only for Balance::volume

@@ -4,52 +4,16 @@
 //   samples and balls
 #pragma once
 #include <functional>
-#include <optional>
 #include <string>
 #include <vector>
 
 #include "padding/cluster.h"
-#include "padding/cull.h"
+#include "padding/pad_options.h"
 #include "padding/read.h"
 #include "padding/remesh.h"
 #include "padding/repair.h"
 
 namespace padder {
-
-// In the mesh's unit, or as a share of its bounding box's diagonal.
-struct Length {
-  double value = 0;    // 0: not given
-  bool share = false;  // value is a share: 0.01 is 1 %
-
-  bool given() const { return value != 0; }
-  double of(double diagonal) const { return share ? value * diagonal : value; }
-};
-
-// Two ways to say what is wanted. A depth ratio: one sphere a triangle, as in the paper. A tolerance, a count
-// or a ladder: the fewest spheres that keep it. Both a depth and a tolerance: the spheres of the depth,
-// thinned to those that the tolerance needs.
-struct PadOptions {
-  std::optional<double>
-      depth;           // cap height over circumradius, 0 < depth <= 1; 0.2 when nothing else is asked for
-  Length edge_length;  // of the remeshed triangles; not given: caps a 400th of the diagonal high
-  double sharp_angle = 40;  // degrees; remeshing keeps edges that turn by more (a wrap's are noise: none)
-
-  Length tolerance;               // of protrusion and gap alike
-  std::uint64_t max_spheres = 0;  // 0: no limit; else the best error for a count
-  Length min_radius, max_radius;
-  Balance balance = Balance::none;  // what the freedom within the tolerance is spent on
-  double smooth = 0;                // degrees of mean normal error asked for; 0: not asked
-  int effort = 1;                   // 0 to 3: longer search, fewer spheres
-  std::vector<Length> lod;          // tolerances of a ladder: the finest is the cluster, the others its lods
-
-  Length reach;  // radius of the smallest grain: what it cannot touch is not padded
-  RepairMode repair = RepairMode::automatic;
-  std::uint32_t family = 0;  // of the asset; 0: none
-  std::uint32_t mask = 0;    // bit k: no contact with family k + 1
-
-  bool by_tolerance() const { return tolerance.given() || max_spheres > 0 || !lod.empty(); }
-  double depth_used() const { return depth.value_or(0.2); }
-};
 
 // Time spent in each step.
 struct PadSeconds {
@@ -60,13 +24,19 @@ struct PadSeconds {
 // What happened on the way.
 struct PadReport {
   std::uint64_t triangles_in = 0, triangles_remeshed = 0;
-  double edge_length = 0;   // used; 0 when nothing was remeshed
-  double tolerance = 0;     // asked for, in the mesh's unit; 0: none
-  bool within = true;       // false when max_spheres or a radius limit did not allow the tolerance
+  double edge_length = 0;  // used; 0 when nothing was remeshed
+  double tolerance = 0;    // asked for, in the mesh's unit; 0: none
+  // Does each rung's protrusion_max and gap_max, against the input, keep its tolerance? True when none was
+  // asked for. Where these are samples (Accuracy::proved_against) it is no proof: `certified` is.
+  bool within = true;
+  std::vector<std::string> warnings;  // one sentence each: what is likely not as it was meant
+  std::string reason;                 // why the cluster is not certified, in words; empty when it is
   double grid_entries = 0;  // of the spheres in the detector's grid, with bins as wide as the largest sphere
   double diagonal = 0;      // of the input's bounding box
   double buried = 0;        // share of the input's surface that cannot be touched from outside (wraps only)
   BodyKind kind = BodyKind::solid;
+  std::uint64_t filled = 0;  // holes that repair closed, of a solid
+  double filled_area = 0;    // of their patches, in the mesh's unit squared
   RemeshQuality quality;
   PadSeconds seconds;
 };
@@ -75,6 +45,9 @@ struct PadReport {
 struct Padded {
   Cluster cluster;
   PadReport report;
+  // The surface that cluster.triangle counts the triangles of, in the input's frame and unit: remeshed by
+  // depth, repaired by tolerance (write_mesh, padding/write_mesh.h).
+  Mesh mesh;
 };
 
 // Called before each step with its name; steps so far done and all of them, for a progress bar.
@@ -83,7 +56,7 @@ using PadProgress = std::function<void(const char* step, int done, int of)>;
 // Works in a frame of its own, centred and scaled to a diagonal of 1, with coordinates rounded to 2^-36 of it
 // (1.5e-11), so that a moved or scaled mesh gives the same cluster moved or scaled. The cluster is in the
 // mesh's own frame and unit, made anew from the same bytes and options it is equal bit for bit, for any
-// number of threads. Throws Error (see padding/read.h, repair.h) with `file` in the sentence.
+// number of threads. Throws Error (see padding/read.h, repair.h, pad_options.h) with `file` in the sentence.
 Padded pad(const ReadResult& file, const PadOptions& options, const PadProgress& progress = {});
 
 // Reads the file first; report.seconds.read is then filled.

@@ -44,14 +44,18 @@ class Report {
 
 // Triangles of no area carry no surface, whatever they connect: three points on a line would only mislead the
 // normals.
-Soup soup_with_area(const Mesh& mesh) {
+Soup soup_with_area(const Mesh& mesh, Mesh& flat) {
   Soup soup;
   const double tiny = 1e-14 * std::pow(mesh.bounds().diagonal(), 2);
   for (const Point& p : mesh.points) soup.points.push_back(to_cgal(p));
   for (std::size_t t = 0; t < mesh.triangles.size(); t++) {
     const auto& c = mesh.triangles[t];
-    if (mesh.area_normal(t).norm() > tiny) soup.triangles.push_back({c[0], c[1], c[2]});
+    if (mesh.area_normal(t).norm() > tiny)
+      soup.triangles.push_back({c[0], c[1], c[2]});
+    else
+      flat.triangles.push_back(c);
   }
+  if (!flat.triangles.empty()) flat.points = mesh.points;
   return soup;
 }
 
@@ -61,10 +65,15 @@ std::size_t border_edges(const CgalMesh& mesh) {
   return n;
 }
 
-std::size_t close_small_holes(CgalMesh& mesh, double longest_rim) {
+struct Patches {
+  std::size_t holes = 0;
+  double area = 0;
+};
+
+Patches close_small_holes(CgalMesh& mesh, double longest_rim) {
   std::vector<CgalMesh::Halfedge_index> cycles;
   pmp::extract_boundary_cycles(mesh, std::back_inserter(cycles));
-  std::size_t closed = 0;
+  Patches closed;
   for (const auto h : cycles) {
     double rim = 0;
     std::size_t edges = 0;
@@ -75,7 +84,8 @@ std::size_t close_small_holes(CgalMesh& mesh, double longest_rim) {
     if (rim > longest_rim || edges > 500) continue;  // the filling search is cubic in the number of edges
     std::vector<CgalMesh::Face_index> patch;
     pmp::triangulate_hole(mesh, h, std::back_inserter(patch));
-    closed += !patch.empty();
+    closed.holes += !patch.empty();
+    closed.area += pmp::area(patch, mesh);
   }
   return closed;
 }
@@ -107,7 +117,7 @@ Repaired wrap(const Soup& soup, const RepairOptions& options, double diagonal, R
   for (const auto& t : soup.triangles) triangles.push_back({t[0], t[1], t[2]});
   CgalMesh mesh;
   CGAL::alpha_wrap_3(soup.points, triangles, out.alpha, out.offset, mesh);
-  out.mesh = from_cgal(mesh);
+  out.mesh = from_cgal(mesh), out.checked = true;
   char settings[100];
   std::snprintf(settings, sizeof settings, "alpha %.3g %%, offset %.3g %% of the diagonal",
                 100 * out.alpha / diagonal, 100 * out.offset / diagonal);
@@ -132,10 +142,8 @@ Repaired as_given(Soup soup, const std::string& name) {
   return out;
 }
 
-}  // namespace
-
-Repaired repair(const Mesh& input, const RepairOptions& options, const std::string& name) {
-  Soup soup = soup_with_area(input);
+// `soup` is what of the input has an area.
+Repaired repaired(Soup soup, const Mesh& input, const RepairOptions& options, const std::string& name) {
   if (soup.triangles.empty()) throw Error(name + ": no triangle has an area, so there is no surface to pad");
   const double diagonal = input.bounds().diagonal();
   if (options.mode == RepairMode::never) return as_given(std::move(soup), name);
@@ -157,8 +165,8 @@ Repaired repair(const Mesh& input, const RepairOptions& options, const std::stri
   CgalMesh mesh;
   pmp::polygon_soup_to_polygon_mesh(soup.points, soup.triangles, mesh);
   pmp::stitch_borders(mesh);
-  if (const std::size_t holes = close_small_holes(mesh, options.hole_size * diagonal))
-    report.add("closed " + count_of(holes, "small hole"));
+  const Patches patches = close_small_holes(mesh, options.hole_size * diagonal);
+  if (patches.holes > 0) report.add("closed " + count_of(patches.holes, "small hole"));
 
   // CGAL's exact predicates decide on intersections; degenerate faces would make that test throw.
   bool degenerate = false;
@@ -189,7 +197,18 @@ Repaired repair(const Mesh& input, const RepairOptions& options, const std::stri
   if (!(pmp::volume(mesh) > 1e-12 * std::pow(diagonal, 3)))
     return wrap(clean, options, diagonal, report, "without volume");
   Repaired out;
-  out.mesh = from_cgal(mesh), out.report = report.text();
+  out.mesh = from_cgal(mesh), out.report = report.text(), out.checked = true;
+  out.filled = patches.holes, out.filled_area = patches.area;
+  return out;
+}
+
+}  // namespace
+
+Repaired repair(const Mesh& input, const RepairOptions& options, const std::string& name) {
+  Mesh flat;
+  Soup soup = soup_with_area(input, flat);
+  Repaired out = repaired(std::move(soup), input, options, name);
+  out.flat = std::move(flat);
   return out;
 }
 

@@ -2,14 +2,15 @@
 #pragma once
 #include <string>
 
-#include "padding/mesh.h"
+#include "padding/surface.h"
 
 namespace padder {
 
 // How far repair may go.
 enum class RepairMode {
   automatic,  // clean and close; an open terrain stays a sheet; what is still no solid is wrapped
-  never,  // trust the file: equal points merged, nothing else; a closed mesh is a body, an open one a sheet
+  never,  // trust the file: equal points merged, nothing else; a closed mesh is a body, an open one a sheet;
+          // inside is where its winding number is above 0
   wrap,   // wrap whatever comes
 };
 
@@ -35,6 +36,14 @@ struct Repaired {
   BodyKind kind = BodyKind::solid;
   std::string report;  // what was done, for a person: "closed 2 holes; wrapped (open: 327 border edges)"
   double alpha = 0, offset = 0;  // of the wrap, else 0
+  Mesh flat;                     // the input's triangles without area, which are not in `mesh`
+  std::size_t filled = 0;        // holes that were closed, of a solid
+  double filled_area = 0;        // of their patches, which are no part of the input
+  // Known to be closed, oriented outward and free of self-intersections, by exact predicates: then a
+  // pseudonormal tells the side of a point.
+  bool checked = false;
+
+  SideBy side() const { return checked || kind == BodyKind::sheet ? SideBy::pseudonormal : SideBy::winding; }
 };
 
 // Soup tools of CGAL's polygon mesh processing (merge, orient, stitch, fill), else its 3D alpha wrap

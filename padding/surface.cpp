@@ -6,6 +6,8 @@
 #include <numeric>
 #include <unordered_map>
 
+#include "padding/random.h"
+
 namespace padder {
 namespace {
 
@@ -66,7 +68,7 @@ double half_area(const Box& b) {
 
 }  // namespace
 
-Surface::Surface(const Mesh& mesh) : mesh_(mesh) {
+Surface::Surface(const Mesh& mesh, SideBy side) : mesh_(mesh), side_(side) {
   const std::size_t n = mesh_.triangles.size();
   bounds_ = mesh_.bounds();
   std::vector<Box> boxes(n);
@@ -97,7 +99,11 @@ Surface::Surface(const Mesh& mesh) : mesh_(mesh) {
   face_normals_.resize(n);
   vertex_normals_.assign(mesh_.points.size(), Vector::Zero());
   edge_normals_.resize(n);
-  std::unordered_map<std::uint64_t, Vector> edges;
+  struct Edge {
+    Vector normal = Vector::Zero();
+    int direction = 0;  // triangles that run along it upwards, less those that run downwards
+  };
+  std::unordered_map<std::uint64_t, Edge> edges;
   edges.reserve(2 * n);
   const auto key = [](std::uint32_t u, std::uint32_t v) {
     return (std::uint64_t(std::min(u, v)) << 32) | std::max(u, v);
@@ -110,13 +116,16 @@ Surface::Surface(const Mesh& mesh) : mesh_(mesh) {
       const Vector e = mesh_.corner(t, (k + 1) % 3) - mesh_.corner(t, k);
       const Vector f = mesh_.corner(t, (k + 2) % 3) - mesh_.corner(t, k);
       vertex_normals_[v] += std::atan2(e.cross(f).norm(), e.dot(f)) * face_normals_[t];
-      edges.try_emplace(key(v, w), Vector::Zero()).first->second += face_normals_[t];
+      Edge& edge = edges[key(v, w)];
+      edge.normal += face_normals_[t], edge.direction += (v < w) - (w < v);
     }
   }
   for (auto& normal : vertex_normals_) normal.normalize();  // a zero vector stays zero
   for (std::size_t t = 0; t < n; t++)
     for (int k = 0; k < 3; k++)
-      edge_normals_[t][k] = edges[key(mesh_.triangles[t][k], mesh_.triangles[t][(k + 1) % 3])].normalized();
+      edge_normals_[t][k] =
+          edges[key(mesh_.triangles[t][k], mesh_.triangles[t][(k + 1) % 3])].normal.normalized();
+  for (const auto& [ends, edge] : edges) open_edges_ += edge.direction != 0;
 }
 
 // Binned surface-area heuristic; returns the node's index.
@@ -243,8 +252,86 @@ Nearest Surface::signed_nearest(const Point& p) const {
     best.normal = vertex_normals_[t[feature - vertex0]];
   else
     best.normal = edge_normals_[best.triangle][feature - edge01];
-  if ((p - best.point).dot(best.normal) < 0) best.distance = -best.distance;
+  bool inside = (p - best.point).dot(best.normal) < 0;
+  if (side_ == SideBy::winding && best.distance > 0)
+    if (const auto winding = winding_number(p)) inside = *winding > 0;
+  if (inside) best.distance = -best.distance;
   return best;
+}
+
+std::optional<int> Surface::winding_number(const Point& p) const {
+  if (!closed()) return std::nullopt;
+  if ((p.array() < bounds_.low.array()).any() || (p.array() > bounds_.high.array()).any()) return 0;
+  // Directions without a pattern that a mesh could have. A ray is left open when it grazes an edge, which
+  // hardly ever happens to a second one; a point on the surface fails with all.
+  static const std::vector<Vector> directions = [] {
+    std::vector<Vector> all;
+    Random random(7);
+    while (all.size() < 16) {
+      const Vector d(2 * random.uniform() - 1, 2 * random.uniform() - 1, 2 * random.uniform() - 1);
+      if (d.cwiseAbs().minCoeff() > 0.1) all.push_back(d);
+    }
+    return all;
+  }();
+  for (const Vector& d : directions)
+    if (const auto sum = crossings(p, d)) return sum;
+  return std::nullopt;
+}
+
+namespace {
+
+// Of a ray and a triangle, relative to the ray's origin: +1 where the ray leaves through its front, -1 where
+// it enters, 0 where it misses; none when a sign is smaller than its rounding error. Each component of d is
+// at most 1. Errors: the differences a, b, c are off by 2^-53 of themselves, so each of the products below by
+// less than 12 times that, and there are 6.
+std::optional<int> crossing(const Vector& d, const Vector& a, const Vector& b, const Vector& c) {
+  constexpr double error = 72 * 0x1p-53;
+  const double size_a = a.cwiseAbs().maxCoeff(), size_b = b.cwiseAbs().maxCoeff(),
+               size_c = c.cwiseAbs().maxCoeff();
+  const auto sign = [](double value, double bound) { return value > bound ? 1 : value < -bound ? -1 : 0; };
+  const int ab = sign(d.dot(a.cross(b)), error * size_a * size_b),
+            bc = sign(d.dot(b.cross(c)), error * size_b * size_c),
+            ca = sign(d.dot(c.cross(a)), error * size_c * size_a);
+  if (std::min({ab, bc, ca}) < 0 && std::max({ab, bc, ca}) > 0) return 0;  // the line passes beside it
+  if (ab == 0 || bc == 0 || ca == 0) return std::nullopt;
+  const int ahead = sign(a.dot(b.cross(c)), error * size_a * size_b * size_c);
+  if (ahead == 0) return std::nullopt;
+  return ahead == ab ? ab : 0;
+}
+
+// Does the ray meet the box? Never false for one that does: the range is widened by more than rounding.
+bool meets(const double* low, const double* high, const Point& p, const Vector& inverse) {
+  if (low[0] > high[0]) return false;  // the empty half of a root that is a leaf
+  double from = 0, to = std::numeric_limits<double>::infinity();
+  for (int k = 0; k < 3; k++) {
+    const double s = (low[k] - p[k]) * inverse[k], t = (high[k] - p[k]) * inverse[k];
+    from = std::max(from, std::min(s, t)), to = std::min(to, std::max(s, t));
+  }
+  return from * (1 - 1e-14) <= to * (1 + 1e-14);
+}
+
+}  // namespace
+
+std::optional<int> Surface::crossings(const Point& p, const Vector& direction) const {
+  const Vector inverse = direction.cwiseInverse();
+  std::uint32_t stack[stack_size];
+  int top = 0, sum = 0;
+  stack[top++] = 0;
+  while (top > 0) {
+    const Node& node = nodes_[stack[--top]];
+    for (int side = 0; side < 2; side++) {
+      if (!meets(node.low[side], node.high[side], p, inverse)) continue;
+      if (node.count[side] == 0) stack[top++] = node.child[side];
+      for (std::uint32_t k = 0; k < node.count[side]; k++) {
+        const auto& t = mesh_.triangles[slots_[node.child[side] + k].triangle];
+        const auto one =
+            crossing(direction, mesh_.points[t[0]] - p, mesh_.points[t[1]] - p, mesh_.points[t[2]] - p);
+        if (!one) return std::nullopt;
+        sum += *one;
+      }
+    }
+  }
+  return sum;
 }
 
 bool Surface::any_within(const Point& p, double limit) const {

@@ -14,20 +14,19 @@
 #include "padding/error.h"
 #include "padding/export/export.h"
 #include "padding/view/page.h"
+#include "padding/write_mesh.h"
+#include "tools/arguments.h"
 #include "tools/cli.h"
+#include "tools/pad_report.h"
 #include "tools/pad_robot.h"
 
 namespace padder {
 
-// "0.01" is in the mesh's unit, "1%" a share of its diagonal. Found by CLI11 through its argument.
+// Found by CLI11 through its argument.
 bool lexical_cast(const std::string& text, Length& out) {
-  std::string number = text;
-  out.share = !number.empty() && number.back() == '%';
-  if (out.share) number.pop_back();
-  if (!CLI::detail::lexical_cast(number, out.value) || !std::isfinite(out.value) || out.value <= 0)
-    return false;
-  if (out.share) out.value /= 100;
-  return true;
+  const auto length = length_of(text);
+  if (length) out = *length;
+  return length.has_value();
 }
 
 }  // namespace padder
@@ -39,14 +38,14 @@ namespace fs = std::filesystem;
 
 struct Arguments {
   std::vector<std::string> meshes;
-  std::string output, unit, format, preview;
+  std::string output, unit, format, preview, write_mesh;
   double scale = 1, density = padder::ExportOptions().density;
   padder::PadOptions options;
   int threads = 0;
   bool json = false, quiet = false;
 };
 
-using padder::cli::UsageError;
+using namespace padder::cli;
 
 void declare(CLI::App& app, Arguments& a) {
   app.add_option(
@@ -71,23 +70,31 @@ void declare(CLI::App& app, Arguments& a) {
                  }())
       ->type_name("NAME");
   app.add_option("--density", a.density, "for formats that state a mass (default: 1000, kg/m^3 in metres)")
+      ->check(decimal())
       ->check(CLI::PositiveNumber);
   app.add_option("--depth", a.options.depth,
                  "one sphere a triangle: cap height over circumradius, above 0, at most 1 (default: 0.2)")
+      ->check(decimal())
       ->check(CLI::Range(1e-6, 1.));
   app.add_option("--edge-length", a.options.edge_length,
                  "of the remeshed triangles: in the mesh's unit, or a share of its diagonal as 2%")
-      ->type_name("LENGTH");
+      ->type_name("LENGTH")
+      ->check(length());
   app.add_option(
          "--tolerance", a.options.tolerance,
          "the fewest spheres with protrusion and gap proved to be within it; with --depth: thin those")
-      ->type_name("LENGTH");
+      ->type_name("LENGTH")
+      ->check(length());
   app.add_option("--max-spheres", a.options.max_spheres, "the smallest error that so many spheres can keep")
+      ->check(whole())
       ->check(CLI::PositiveNumber);
-  app.add_option("--max-radius", a.options.max_radius, "no larger sphere")->type_name("LENGTH");
+  app.add_option("--max-radius", a.options.max_radius, "no larger sphere")
+      ->type_name("LENGTH")
+      ->check(length());
   app.add_option("--min-radius", a.options.min_radius,
                  "no smaller sphere, even where the tolerance asks for it")
-      ->type_name("LENGTH");
+      ->type_name("LENGTH")
+      ->check(length());
   const std::map<std::string, padder::Balance> balances{
       {"none", padder::Balance::none}, {"volume", padder::Balance::volume}, {"mean", padder::Balance::mean}};
   app.add_option("--balance", a.options.balance,
@@ -96,18 +103,23 @@ void declare(CLI::App& app, Arguments& a) {
       ->transform(CLI::CheckedTransformer(balances))
       ->type_name("WHAT");
   app.add_option("--smooth", a.options.smooth, "mean normal error asked for, degrees")
+      ->check(decimal())
       ->check(CLI::PositiveNumber);
   app.add_option("--effort", a.options.effort, "0 to 3: search longer for fewer spheres")
       ->capture_default_str()
+      ->check(whole())
       ->check(CLI::Range(0, 3));
   app.add_option("--reach", a.options.reach,
                  "radius of the smallest grain: what it cannot touch is not padded")
-      ->type_name("LENGTH");
+      ->type_name("LENGTH")
+      ->check(length());
   app.add_option("--lod", a.options.lod, "a ladder of tolerances in one asset, as 2%,1%,0.5%")
       ->delimiter(',')
-      ->type_name("LENGTHS");
+      ->type_name("LENGTHS")
+      ->check(length());
   app.add_option("--sharp-angle", a.options.sharp_angle, "keep edges whose faces turn by more degrees")
       ->capture_default_str()
+      ->check(decimal())
       ->check(CLI::Range(1., 180.));
   const std::map<std::string, padder::RepairMode> modes{{"auto", padder::RepairMode::automatic},
                                                         {"never", padder::RepairMode::never},
@@ -115,15 +127,25 @@ void declare(CLI::App& app, Arguments& a) {
   app.add_option("--repair", a.options.repair, "auto (the default), never or wrap")
       ->transform(CLI::CheckedTransformer(modes))
       ->type_name("MODE");
-  app.add_option("--family", a.options.family, "of the asset: no contact inside a family; 0 is none");
-  app.add_option("--mask", a.options.mask, "bit k: no contact with family k + 1");
+  app.add_option("--family", a.options.family, "of the asset: no contact inside a family; 0 is none")
+      ->check(whole());
+  app.add_option("--mask", a.options.mask, "bit k: no contact with family k + 1")->check(bits());
+  app.add_flag("--force", a.options.force,
+               "take lengths that can hardly be meant, as a tolerance beyond half the thinnest extent");
+  app.add_option("--write-mesh", a.write_mesh,
+                 "write the surface that the spheres were made on, whose faces spheres.triangle counts: .obj "
+                 ".off .ply .stl, or a folder for NAME.surface.obj")
+      ->type_name("FILE|DIR");
   app.add_option("--preview", a.preview, "show mesh and spheres: a page (.html) or a picture (.png)")
       ->type_name("FILE");
-  app.add_option("--scale", a.scale, "factor on every coordinate")->check(CLI::PositiveNumber);
+  app.add_option("--scale", a.scale, "factor on every coordinate")
+      ->check(decimal())
+      ->check(CLI::PositiveNumber);
   app.add_option("--unit", a.unit, "m, cm, mm or in: the unit of the asset")
       ->type_name("UNIT")
       ->check(CLI::IsMember({"m", "cm", "mm", "in"}));
   app.add_option("--threads", a.threads, "threads to use, 1 to 1024 (default: all)")
+      ->check(whole())
       ->check(CLI::Range(1, padder::cli::kMostThreads));
   app.add_flag("--json", a.json, "print one JSON document on stdout");
   app.add_flag("-q", a.quiet, "print nothing but errors");
@@ -137,18 +159,43 @@ struct Target {
   fs::path path;
   const padder::Format* format = nullptr;
   bool in_folder = false;  // -o names a folder, not the file
+  fs::path mesh;           // where --write-mesh puts the surface; empty without it
 };
 
+bool is_folder(const std::string& path) {
+  return !path.empty() && (fs::is_directory(path) || path.back() == '/');
+}
+
+// For --write-mesh.
+fs::path surface_file(const Arguments& a, const std::string& mesh) {
+  if (a.write_mesh.empty()) return {};
+  if (is_robot(mesh))
+    throw UsageError("--write-mesh writes the surface of a mesh, not of a robot: give it one of its meshes");
+  if (is_folder(a.write_mesh))
+    return fs::path(a.write_mesh) / (fs::path(mesh).stem().string() + ".surface.obj");
+  if (a.meshes.size() > 1)
+    throw UsageError(
+        "--write-mesh must name a folder when there are several meshes: make it, or end it with /");
+  if (!padder::can_write_mesh(a.write_mesh))
+    throw UsageError("--write-mesh must name a file that ends in .obj, .off, .ply or .stl, or a folder");
+  std::error_code code;
+  if (fs::equivalent(a.write_mesh, mesh, code))
+    throw UsageError("--write-mesh would write over " + mesh + ": name another file");
+  return a.write_mesh;
+}
+
 std::vector<Target> targets(const Arguments& a) {
-  const bool folder =
-      !a.output.empty() && (fs::is_directory(a.output) || a.output.back() == '/') && a.format != "mercury";
+  const bool folder = is_folder(a.output) && a.format != "mercury";
   if (a.meshes.size() > 1 && !a.output.empty() && !folder)
     throw UsageError("-o must name a folder when there are several meshes: make it, or end it with /");
   std::vector<Target> out;
   std::map<fs::path, std::string> owner;
   for (const auto& mesh : a.meshes) {
+    if (mesh == "%")
+      throw UsageError("a % stands alone: write a share of the diagonal as one word, as in --tolerance 5%");
     Target t;
     t.in_folder = folder;
+    t.mesh = surface_file(a, mesh);
     try {
       if (!a.format.empty())
         t.format = &padder::find_format({}, a.format);
@@ -204,76 +251,45 @@ class ProgressBar {
   bool on_;
 };
 
-Json report_json(const std::string& input, const fs::path& output, const Arguments& a,
-                 const padder::Padded& p) {
-  const auto& r = p.report;
-  const auto& s = r.seconds;
-  const bool depth_mode = a.options.depth || !a.options.by_tolerance();
-  Json lods = Json::array();
-  for (const auto& lod : p.cluster.lods)
-    lods.push_back({{"tolerance", lod.tolerance},
-                    {"spheres", lod.radii.size()},
-                    {"accuracy", Json::parse(padder::to_json(lod.accuracy))}});
-  const auto [least, most] = std::minmax_element(p.cluster.radii.begin(), p.cluster.radii.end());
-  return {{"input", input},
-          {"output", output.string()},
-          {"triangles_in", r.triangles_in},
-          {"triangles_remeshed", r.triangles_remeshed},
-          {"repair", p.cluster.source.repair},
-          {"depth", depth_mode ? Json(a.options.depth_used()) : Json(nullptr)},
-          {"tolerance", r.tolerance > 0 ? Json(r.tolerance) : Json(nullptr)},
-          {"within", r.within},
-          {"grid_entries", r.grid_entries},
-          {"lods", lods},
-          {"edge_length", r.edge_length},
-          {"spheres", p.cluster.size()},
-          {"diagonal", r.diagonal},
-          {"radius_min", *least},
-          {"radius_max", *most},
-          {"accuracy", Json::parse(padder::to_json(p.cluster.accuracy))},
-          {"buried", r.buried},
-          {"quality",
-           {{"min_angle_deg", r.quality.min_angle_deg},
-            {"share_under_20_deg", r.quality.share_under_20_deg},
-            {"share_non_delaunay", r.quality.share_non_delaunay},
-            {"circumradius_max", r.quality.circumradius_max},
-            {"sharp_edges", r.quality.sharp_edges}}},
-          {"seconds",
-           {{"read", s.read},
-            {"repair", s.repair},
-            {"remesh", s.remesh},
-            {"fit", s.fit},
-            {"refit", s.refit},
-            {"cull", s.cull},
-            {"accuracy", s.accuracy},
-            {"total", s.total()}}}};
+void make_folder_of(const fs::path& file) {
+  std::error_code code;  // who writes the file says what is wrong with its folder
+  if (file.has_parent_path()) fs::create_directories(file.parent_path(), code);
 }
 
-void print_errors(const padder::Accuracy& a, double diagonal, std::size_t spheres) {
-  const auto percent = [&](double length) { return 100 * length / diagonal; };
-  std::printf(
-      "  %zu spheres: protrusion at most %.3f %% (mean %.3f %%), gap at most %.3f %% (mean %.4f %%)%s\n",
-      spheres, percent(a.protrusion_max), percent(a.protrusion_mean), percent(a.gap_max), percent(a.gap_mean),
-      a.certified ? ", both proved" : "");
+void warn(const Arguments& a, const std::string& sentence) {
+  if (!a.quiet) std::fprintf(stderr, "pad: warning: %s\n", sentence.c_str());
 }
 
-void print_report(const std::string& input, const fs::path& output, const padder::Padded& p) {
-  const auto& r = p.report;
-  std::printf("%s: %llu triangles", input.c_str(), (unsigned long long)r.triangles_in);
-  if (r.triangles_remeshed > 0) std::printf(", remeshed to %llu", (unsigned long long)r.triangles_remeshed);
-  std::printf("; repair: %s\n", p.cluster.source.repair.c_str());
-  for (const auto& lod : p.cluster.lods) print_errors(lod.accuracy, r.diagonal, lod.radii.size());
-  print_errors(p.cluster.accuracy, r.diagonal, p.cluster.size());
-  if (r.kind == padder::BodyKind::wrap)
-    std::printf("  proofs hold against the wrap, which lies up to %.3f %% outside the input\n",
-                100 * p.cluster.accuracy.wrap_distance / r.diagonal);
-  if (r.kind == padder::BodyKind::sheet)
-    std::printf("  an open sheet has no inside: its errors are measured, not proved\n");
-  if (!r.within) std::printf("  the count or the radius limits did not allow the tolerance asked for\n");
-  std::printf("  of the diagonal %g%s; normals off by %.1f degrees in the mean; %.2f s\n", r.diagonal,
-              (p.cluster.unit.empty() ? "" : " " + p.cluster.unit).c_str(),
-              p.cluster.accuracy.normal_error_mean_deg, r.seconds.total());
-  std::printf("  wrote %s\n", output.c_str());
+Json pad_urdf(const Arguments& a, const std::string& file, const Target& goal,
+              const padder::RobotProgress& show) {
+  if (a.scale != 1 || (!a.unit.empty() && a.unit != "m"))
+    throw padder::Error(file + ": a URDF is in metres: leave out --scale and --unit");
+  padder::RobotJob job{file, goal.path, goal.format, a.options, {a.density}, goal.in_folder};
+  return padder::run_robot(job, show);
+}
+
+// The written files in the report, and what is to be said beside it.
+Json pad_mesh(const Arguments& a, const std::string& file, const Target& goal,
+              const padder::PadProgress& show, const std::function<void()>& done) {
+  const padder::Padded padded = padder::pad_file(file, {a.scale, a.unit}, a.options, show);
+  std::vector<std::string> warnings = padded.report.warnings;
+  if (goal.format)
+    for (auto& sentence :
+         padder::write_model(padder::model_of(padded.cluster), goal.path, *goal.format, {a.density}))
+      warnings.push_back(std::move(sentence));
+  else
+    padder::write_cluster(padded.cluster, goal.path);
+  if (!goal.mesh.empty()) {
+    make_folder_of(goal.mesh);
+    padder::write_mesh(padded.mesh, goal.mesh);
+  }
+  if (!a.preview.empty())
+    padder::write_preview(padder::view_of(padded.cluster, padder::mesh_of(padded.cluster, goal.path, file)),
+                          a.preview);
+  done();
+  const padder::PadFiles files{file, goal.path, goal.mesh};
+  if (!a.json && !a.quiet) padder::print_report(files, padded);
+  return padder::report_json(files, a.options, padded, warnings);
 }
 
 int run(Arguments& a) {
@@ -282,57 +298,36 @@ int run(Arguments& a) {
   Json all = Json::array();
   bool failed = false;
   ProgressBar bar(!a.quiet);
+  const auto fail = [&](const std::string& mesh, const std::string& what) {
+    bar.clear();
+    std::fprintf(stderr, "pad: %s\n", what.c_str());
+    all.push_back({{"input", mesh}, {"error", what}});
+    failed = true;
+  };
   for (std::size_t k = 0; k < a.meshes.size(); k++) {
     const std::string& mesh = a.meshes[k];
     try {
-      const auto& [path, format, in_folder] = goals[k];
-      if (path.has_parent_path()) {
-        std::error_code code;
-        fs::create_directories(path.parent_path(), code);  // write_cluster says what is wrong with it
-      }
-      if (is_robot(mesh)) {
-        if (a.scale != 1 || (!a.unit.empty() && a.unit != "m"))
-          throw padder::Error(mesh + ": a URDF is in metres: leave out --scale and --unit");
-        padder::RobotJob job{mesh, path, format, a.options, {a.density}, in_folder};
-        const Json report =
-            padder::run_robot(job, [&](const std::string& link, std::size_t done, std::size_t of) {
-              bar.show(mesh + ", " + link, k, a.meshes.size(), "", int(done), int(of));
-            });
-        bar.clear();
-        if (a.json)
-          all.push_back(report);
-        else if (!a.quiet)
-          padder::print_robot(report);
-        continue;
-      }
-      padder::ReadOptions reading{a.scale, a.unit};
-      const padder::Padded padded =
-          padder::pad_file(mesh, reading, a.options, [&](const char* step, int done, int steps) {
-            bar.show(mesh, k, a.meshes.size(), step, done, steps);
-          });
-      if (format)
-        padder::write_model(padder::model_of(padded.cluster), path, *format, {a.density});
-      else
-        padder::write_cluster(padded.cluster, path);
-      if (!a.preview.empty())
-        padder::write_preview(padder::view_of(padded.cluster, padder::mesh_of(padded.cluster, path, mesh)),
-                              a.preview);
+      make_folder_of(goals[k].path);
+      const bool robot = is_robot(mesh);
+      const Json report =
+          robot ? pad_urdf(a, mesh, goals[k],
+                           [&](const std::string& link, std::size_t done, std::size_t of) {
+                             bar.show(mesh + ", " + link, k, a.meshes.size(), "", int(done), int(of));
+                           })
+                : pad_mesh(
+                      a, mesh, goals[k],
+                      [&](const char* step, int done, int of) {
+                        bar.show(mesh, k, a.meshes.size(), step, done, of);
+                      },
+                      [&] { bar.clear(); });
       bar.clear();
-      if (a.json)
-        all.push_back(report_json(mesh, path, a, padded));
-      else if (!a.quiet)
-        print_report(mesh, path, padded);
+      if (robot && !a.json && !a.quiet) padder::print_robot(report);
+      for (const auto& sentence : report["warnings"]) warn(a, sentence.get<std::string>());
+      all.push_back(report);
     } catch (const padder::Error& e) {
-      bar.clear();
-      std::fprintf(stderr, "pad: %s\n", e.what());
-      if (a.json) all.push_back({{"input", mesh}, {"error", e.what()}});
-      failed = true;
+      fail(mesh, e.what());
     } catch (const std::bad_alloc&) {
-      bar.clear();
-      const std::string what = mesh + ": not enough memory: use a longer --edge-length";
-      std::fprintf(stderr, "pad: %s\n", what.c_str());
-      if (a.json) all.push_back({{"input", mesh}, {"error", what}});
-      failed = true;
+      fail(mesh, mesh + ": not enough memory: use a longer --edge-length");
     }
   }
   if (a.json) std::cout << (a.meshes.size() == 1 ? all[0] : all).dump(2) << std::endl;

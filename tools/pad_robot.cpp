@@ -11,7 +11,9 @@ using Json = nlohmann::ordered_json;
 
 Json run_robot(const RobotJob& job, const RobotProgress& progress) {
   const PaddedRobot robot = pad_robot(job.urdf, job.options, progress);
-  write_model(robot.model, job.output, *job.format, job.exporting);
+  auto warnings = write_model(robot.model, job.output, *job.format, job.exporting);
+  for (const PadReport& report : robot.reports)
+    warnings.insert(warnings.end(), report.warnings.begin(), report.warnings.end());
   Json links = Json::array();
   for (std::size_t k = 0; k < robot.model.bodies.size(); k++) {
     const Cluster& c = robot.model.bodies[k].cluster;
@@ -21,21 +23,25 @@ Json run_robot(const RobotJob& job, const RobotProgress& progress) {
       std::replace(file.begin(), file.end(), '/', '_');
       write_cluster(c, job.output.parent_path() / (file + ".spheres.json"));
     }
-    links.push_back({{"link", c.name},
-                     {"spheres", c.size()},
-                     {"family", c.family},
-                     {"mask", c.mask},
-                     {"diagonal", c.bounds.diagonal()},
-                     {"repair", c.source.repair},
-                     {"accuracy", Json::parse(to_json(c.accuracy))},
-                     {"seconds", robot.reports[k].seconds.total()}});
+    links.push_back(
+        {{"link", c.name},
+         {"spheres", c.size()},
+         {"family", c.family},
+         {"mask", c.mask},
+         {"diagonal", c.bounds.diagonal()},
+         {"repair", c.source.repair},
+         {"within", robot.reports[k].within},
+         {"reason", robot.reports[k].reason.empty() ? Json(nullptr) : Json(robot.reports[k].reason)},
+         {"accuracy", Json::parse(to_json(c.accuracy))},
+         {"seconds", robot.reports[k].seconds.total()}});
   }
   return {{"input", job.urdf.string()},
           {"output", job.output.string()},
           {"robot", robot.model.name},
           {"spheres", robot.model.spheres()},
           {"links", links},
-          {"notes", robot.notes}};
+          {"notes", robot.notes},
+          {"warnings", warnings}};
 }
 
 void print_robot(const Json& report) {
@@ -43,11 +49,17 @@ void print_robot(const Json& report) {
               report["robot"].get<std::string>().c_str(), report["links"].size());
   for (const Json& link : report["links"]) {
     const double diagonal = link["diagonal"];
-    std::printf("  %-24s %6zu spheres; protrusion at most %.3f %%, gap at most %.3f %% of %g m; family %u\n",
+    const Json& accuracy = link["accuracy"];
+    const Json& against = accuracy["proved_against"];
+    const std::string basis = against == "input"    ? "proved"
+                              : against == "filled" ? "proved with its holes filled"
+                              : against == "wrap"   ? "the largest samples, proved against a wrap only"
+                                                    : "not proved";
+    std::printf("  %-24s %6zu spheres; protrusion %.3f %%, gap %.3f %% of %g m at most (%s); family %u%s\n",
                 link["link"].get<std::string>().c_str(), link["spheres"].get<std::size_t>(),
-                100 * link["accuracy"]["protrusion_max"].get<double>() / diagonal,
-                100 * link["accuracy"]["gap_max"].get<double>() / diagonal, diagonal,
-                link["family"].get<unsigned>());
+                100 * accuracy["protrusion_max"].get<double>() / diagonal,
+                100 * accuracy["gap_max"].get<double>() / diagonal, diagonal, basis.c_str(),
+                link["family"].get<unsigned>(), link["within"] ? "" : "; beyond the tolerance");
   }
   for (const Json& note : report["notes"]) std::printf("  note: %s\n", note.get<std::string>().c_str());
   std::printf("  %zu spheres in all; wrote %s\n", report["spheres"].get<std::size_t>(),

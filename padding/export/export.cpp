@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "padding/error.h"
+#include "padding/export/warnings.h"
 #include "padding/export/writers.h"
 #include "padding/file.h"
 
@@ -99,8 +100,8 @@ const Format& find_format(const fs::path& path, const std::string& name) {
   throw Error("no format is called \"" + name + "\": there are " + known);
 }
 
-void write_model(const Model& model, const fs::path& path, const Format& format,
-                 const ExportOptions& options) {
+std::vector<std::string> write_model(const Model& model, const fs::path& path, const Format& format,
+                                     const ExportOptions& options) {
   check(model, format, path.string());
   if (!(options.density > 0) || !std::isfinite(options.density)) throw Error("the density must be positive");
   const Model converted =
@@ -124,6 +125,7 @@ void write_model(const Model& model, const fs::path& path, const Format& format,
       write_file(path / name, bytes);
     }
   }
+  return mass_warnings(model, format);
 }
 
 namespace exporting {

@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <span>
 #include <string>
+#include <vector>
 
 #include "padding/export/model.h"
 
@@ -46,8 +47,9 @@ struct ExportOptions {
 // NAME.srdf beside it. Each file whole or not at all, and none when the model cannot be held: Error says what
 // and why in one sentence (families, several bodies, no volume, a sphere of radius 0, nothing in it). Numbers
 // carry the digits that give the same double back, but in .glb, which is float32. Equal models give equal
-// bytes.
-void write_model(const Model& model, const std::filesystem::path& path, const Format& format,
-                 const ExportOptions& options = {});
+// bytes. Returns what the file's reader should be told, one sentence each (padding/export/warnings.h); most
+// often nothing.
+std::vector<std::string> write_model(const Model& model, const std::filesystem::path& path,
+                                     const Format& format, const ExportOptions& options = {});
 
 }  // namespace padder

@@ -107,6 +107,7 @@ Json accuracy_json(const Accuracy& a) {
           {"normal_error_mean_deg", a.normal_error_mean_deg},
           {"normal_error_p95_deg", a.normal_error_p95_deg},
           {"volume_ratio", a.volume_ratio},
+          {"proved_against", name_of(a.proved_against)},
           {"certified", a.certified}};
 }
 

@@ -103,6 +103,62 @@ TEST(Certify, BallOutsideStandsOutByItsWholeReach) {
   EXPECT_EQ(bound.ball, 0u);
 }
 
+Mesh turned(Mesh mesh) {
+  for (auto& t : mesh.triangles) std::swap(t[0], t[1]);
+  return mesh;
+}
+
+Mesh joined(Mesh mesh, const Mesh& more) {
+  const auto n = static_cast<std::uint32_t>(mesh.points.size());
+  mesh.points.insert(mesh.points.end(), more.points.begin(), more.points.end());
+  for (const auto& t : more.triangles) mesh.triangles.push_back({t[0] + n, t[1] + n, t[2] + n});
+  return mesh;
+}
+
+// Whoever calls, and whatever the surface says of its sides: the premises are looked at here.
+TEST(Certify, ABodyTurnedInsideOutHasNoInside) {
+  const std::vector<Ball> balls = {{Point(0.5, 0.5, 0.5), 0.4}, {Point(3, 0.5, 0.5), 1.9}};
+  const Mesh cube = shapes::box({0, 0, 0}, {1, 1, 1});
+  const ProtrusionBound right = protrusion_bound(Surface(cube), balls);
+  EXPECT_TRUE(right.proved);
+  EXPECT_EQ(right.outside, 1u);
+  EXPECT_NEAR(right.each[0], -0.1, 1e-12);
+  EXPECT_NEAR(right.each[1], 3.9, 1e-12);
+  const ProtrusionBound wrong = protrusion_bound(Surface(turned(cube)), balls);
+  EXPECT_EQ(wrong.outside, 2u);
+  EXPECT_NEAR(wrong.each[0], 0.9, 1e-12);
+  EXPECT_NEAR(wrong.each[1], 3.9, 1e-12);  // by the normals it would be -0.1
+}
+
+// By its normals a centre above a buried face counts as outside, one below a face that another solid's inside
+// out piece has brought near as inside.
+TEST(Certify, CrossingSolidsAreProvedByTheirWindingNumber) {
+  const Mesh mesh = joined(shapes::box({0, 0, 0}, {1, 1, 1}), shapes::box({0.4, 0.4, 0.4}, {1.6, 0.6, 0.6}));
+  const Surface surface(mesh);
+  std::mt19937 random(1);
+  std::uniform_real_distribution<double> u(-0.3, 1.9);
+  std::vector<Ball> balls;
+  for (int k = 0; k < 2000; k++) balls.push_back({Point(u(random), u(random), u(random)), 0.05});
+  const ProtrusionBound bound = protrusion_bound(surface, balls);
+  EXPECT_TRUE(bound.proved);
+  const auto in_box = [](const Point& p, const Point& low, const Point& high) {
+    return (p.array() > low.array()).all() && (p.array() < high.array()).all();
+  };
+  for (std::size_t k = 0; k < balls.size(); k++) {
+    const Point& c = balls[k].center;
+    const bool inside = in_box(c, {0, 0, 0}, {1, 1, 1}) || in_box(c, {0.4, 0.4, 0.4}, {1.6, 0.6, 0.6});
+    const double distance = surface.nearest(c).distance;
+    EXPECT_NEAR(bound.each[k], 0.05 + (inside ? -distance : distance), 1e-12) << k;
+  }
+}
+
+TEST(Certify, AnOpenSurfaceProvesNothing) {
+  Mesh box = shapes::box({0, 0, 0}, {1, 1, 1}, 2);
+  EXPECT_TRUE(protrusion_bound(Surface(box), {{Point(0.5, 0.5, 0.5), 0.4}}).proved);
+  box.triangles.pop_back();
+  EXPECT_FALSE(protrusion_bound(Surface(box), {{Point(0.5, 0.5, 0.5), 0.4}}).proved);
+}
+
 TEST(Certify, SameResultForAnyNumberOfThreads) {
   const Mesh mesh = shapes::torus(1, 0.3, 60, 30);
   const Surface surface(mesh);

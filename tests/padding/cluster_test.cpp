@@ -60,6 +60,7 @@ Cluster random_cluster(std::uint64_t seed, std::size_t n = 50) {
   };
   c.accuracy = accuracy();
   c.accuracy.certified = true;
+  c.accuracy.proved_against = SurfaceKind::input, c.mass_of = SurfaceKind::wrap;
   spheres(c, n);
   for (std::size_t k = 1; k < 4; k++) {
     Lod& lod = c.lods.emplace_back();
@@ -83,6 +84,7 @@ void expect_same(const Accuracy& p, const Accuracy& q) {
   EXPECT_EQ(p.protrusion_bound, q.protrusion_bound);
   EXPECT_EQ(p.gap_bound, q.gap_bound);
   EXPECT_EQ(p.wrap_distance, q.wrap_distance);
+  EXPECT_EQ(p.proved_against, q.proved_against);
   EXPECT_EQ(p.certified, q.certified);
 }
 
@@ -104,6 +106,7 @@ void expect_same(const Cluster& a, const Cluster& b) {
   EXPECT_EQ(a.mass.inertia, b.mass.inertia);
   EXPECT_EQ(a.mass.axes, b.mass.axes);
   EXPECT_EQ(a.mass.moments, b.mass.moments);
+  EXPECT_EQ(a.mass_of, b.mass_of);
   EXPECT_EQ(a.volume_union, b.volume_union);
   expect_same(a.accuracy, b.accuracy);
   EXPECT_EQ(a.centers, b.centers);
@@ -327,6 +330,20 @@ TEST(Cluster, TheSchemaHoldsForWhatIsWrittenAndForNothingElse) {
     write_file(file, bad.replace(at, from.size(), to));
     EXPECT_EQ(validate(file), 1) << from << " as " << to;
   }
+}
+
+TEST(Cluster, SaysWhichSurfaceIsMeant) {
+  Cluster c;
+  c.centers = {Point::Zero()}, c.radii = {1}, c.triangle = {-1};
+  for (const auto kind : {SurfaceKind::none, SurfaceKind::input, SurfaceKind::filled, SurfaceKind::wrap}) {
+    c.mass_of = c.accuracy.proved_against = kind;
+    const Cluster back = cluster_from_json(to_json(c), "text");
+    EXPECT_EQ(back.mass_of, kind);
+    EXPECT_EQ(back.accuracy.proved_against, kind);
+  }
+  std::string text = to_json(c);
+  text.replace(text.find("\"wrap\""), 6, "\"hull\"");
+  EXPECT_THROW(cluster_from_json(text, "text"), Error);
 }
 
 }  // namespace

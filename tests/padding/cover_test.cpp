@@ -130,6 +130,21 @@ TEST(Cover, RadiusLimitsAreKept) {
   for (const Ball& ball : large.balls) EXPECT_GE(ball.radius, 0.1);
 }
 
+// Whoever calls: a side that the normals tell is no proof.
+TEST(Cover, ProvesNothingWithoutAnInside) {
+  const CoverOptions options{.protrusion = 0.03, .gap = 0.03, .max_radius = 0.1, .effort = 0};
+  const Cover sheet = cover_surface(Surface(unit(shapes::square(1, 4))), options);
+  EXPECT_TRUE(sheet.covered);
+  EXPECT_FALSE(sheet.proved);
+  Mesh turned = unit(shapes::box({0, 0, 0}, {1, 1, 1}));
+  for (auto& t : turned.triangles) std::swap(t[0], t[1]);
+  const Surface surface(turned);
+  const Cover cover = cover_surface(surface, options);
+  EXPECT_TRUE(cover.covered);
+  EXPECT_EQ(cover.proved, protrusion_bound(surface, cover.balls).max <= 0.03);
+  EXPECT_FALSE(cover.proved);  // the balls lie outside, where the normals say inside is
+}
+
 TEST(Cover, SameResultForAnyNumberOfThreads) {
   const Surface surface(unit(shapes::torus(1, 0.3, 40, 20)));
   const int before = omp_get_max_threads();

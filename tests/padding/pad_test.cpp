@@ -227,6 +227,157 @@ TEST(Pad, RadiusLimitsAreKept) {
   EXPECT_TRUE(c.accuracy.certified);
 }
 
+Mesh joined(Mesh mesh, const Mesh& more) {
+  const auto n = static_cast<std::uint32_t>(mesh.points.size());
+  mesh.points.insert(mesh.points.end(), more.points.begin(), more.points.end());
+  for (const auto& t : more.triangles) mesh.triangles.push_back({t[0] + n, t[1] + n, t[2] + n});
+  return mesh;
+}
+
+double distance_to(const BallSet& set, const Point& p) { return set.gap(p).value; }
+
+// Points of the union's surface, judged by solid angles and the nearest point: what a certificate says holds.
+double largest_protrusion(const Mesh& mesh, const Cluster& c, int points) {
+  const Surface surface(mesh);
+  std::vector<Ball> balls;
+  for (std::size_t k = 0; k < c.size(); k++) balls.push_back({c.centers[k], c.radii[k]});
+  const BallSet set(balls);
+  shapes::Random random(11);
+  double worst = 0;
+  for (int k = 0; k < points; k++) {
+    const Ball& ball = balls[static_cast<std::size_t>(k) % balls.size()];
+    const Point x = ball.center + ball.radius * random.direction();
+    if (distance_to(set, x) < -1e-9) continue;
+    if (const auto winding = surface.winding_number(x); winding && *winding <= 0)
+      worst = std::max(worst, surface.nearest(x).distance);
+  }
+  return worst;
+}
+
+// With --repair never nothing but the certificate looks at the surface.
+TEST(Pad, WhatIsCertifiedWithoutRepairIsTrue) {
+  Mesh inverted = shapes::box({0, 0, 0}, {1, 1, 1}, 2);
+  for (auto& t : inverted.triangles) std::swap(t[0], t[1]);
+  const Mesh crossing =
+      joined(shapes::box({0, 0, 0}, {1, 1, 1}), shapes::box({0.5, 0.25, 0.25}, {1.5, 0.75, 0.75}));
+  const Mesh half = joined(shapes::box({2, 0, 0}, {4, 1, 1}), inverted);
+  for (const auto& [name, mesh] :
+       {std::pair<std::string, Mesh>{"inverted", inverted}, {"crossing", crossing}, {"half", half}})
+    for (const bool depth : {false, true}) {
+      SCOPED_TRACE(name + (depth ? ", depth" : ", tolerance"));
+      PadOptions options;
+      options.repair = RepairMode::never, options.effort = 0;
+      if (depth)
+        options.edge_length = {0.06, true};
+      else
+        options.tolerance = {0.03, true};
+      const Padded p = pad(as_file(mesh), options);
+      const Accuracy& a = p.cluster.accuracy;
+      EXPECT_EQ(a.proved_against, SurfaceKind::input);
+      EXPECT_LE(largest_protrusion(mesh, p.cluster, 20000), a.protrusion_max * (1 + 1e-9));
+      if (!depth) {
+        EXPECT_EQ(a.certified, p.report.within);
+      }
+      EXPECT_EQ(a.certified, p.report.reason.empty()) << p.report.reason;
+      EXPECT_GE(p.cluster.mass.volume, 0);
+      EXPECT_EQ(p.report.warnings.empty(), name != "inverted");
+    }
+}
+
+TEST(Pad, EachFigureSaysWhatItWasProvedAgainst) {
+  const auto basis = [](const Padded& p) { return p.cluster.accuracy.proved_against; };
+  const Mesh box = shapes::box({0, 0, 0}, {1, 1, 1}, 24);
+  PadOptions quick;
+  quick.effort = 0;
+  const Padded whole = by_tolerance(box, 0.05, quick);
+  EXPECT_EQ(basis(whole), SurfaceKind::input);
+  EXPECT_EQ(whole.report.reason, "");
+  EXPECT_EQ(whole.cluster.mass_of, SurfaceKind::input);
+
+  Mesh hole = box;
+  hole.triangles.erase(hole.triangles.begin(), hole.triangles.begin() + 2);  // a square of 1/24
+  const Padded filled = by_tolerance(hole, 0.05, quick);
+  EXPECT_EQ(basis(filled), SurfaceKind::filled);
+  EXPECT_EQ(filled.report.filled, 1u);
+  EXPECT_NEAR(filled.report.filled_area, 1 / 576., 1e-9);
+  EXPECT_TRUE(filled.report.within);
+  EXPECT_FALSE(filled.cluster.accuracy.certified);
+  EXPECT_NE(filled.report.reason.find("1 hole"), std::string::npos) << filled.report.reason;
+  EXPECT_EQ(filled.cluster.mass_of, SurfaceKind::filled);
+
+  PadOptions wrapping = quick;
+  wrapping.repair = RepairMode::wrap;
+  const Padded wrap = by_tolerance(shapes::box({0, 0, 0}, {1, 1, 1}), 0.05, wrapping);
+  EXPECT_EQ(basis(wrap), SurfaceKind::wrap);
+  EXPECT_FALSE(wrap.cluster.accuracy.certified);
+  EXPECT_EQ(wrap.cluster.mass_of, SurfaceKind::wrap);
+
+  const Padded sheet = by_tolerance(shapes::square(1, 8), 0.01, quick);
+  EXPECT_EQ(basis(sheet), SurfaceKind::none);
+  EXPECT_FALSE(sheet.cluster.accuracy.certified);
+  for (const Padded* p : {&whole, &filled, &wrap, &sheet}) {
+    const Accuracy& a = p->cluster.accuracy;
+    const double asked = p->report.tolerance * (1 + 1e-9);
+    EXPECT_EQ(p->report.within, a.protrusion_max <= asked && a.gap_max <= asked);
+    EXPECT_EQ(p->report.reason.empty(), a.certified);
+  }
+}
+
+// Two slabs with a slit between them, which a wrap bridges: what fills it stands out of both.
+TEST(Pad, WithinIsAboutTheInputAlsoForAWrap) {
+  const Mesh slit =
+      joined(joined(shapes::box({0, 0, 0}, {1, 1, 0.4}, 2), shapes::box({0, 0, 0.41}, {1, 1, 0.8}, 2)),
+             shapes::box({0.2, 0.2, 0.3}, {0.3, 0.3, 0.5}));
+  PadOptions quick;
+  quick.effort = 0;
+  const Padded p = by_tolerance(slit, 0.01, quick);
+  ASSERT_EQ(p.report.kind, BodyKind::wrap);
+  const double asked = p.report.tolerance;
+  ASSERT_GT(p.cluster.accuracy.protrusion_max, asked);
+  EXPECT_LE(p.cluster.accuracy.protrusion_bound, asked * (1 + 1e-9));
+  EXPECT_FALSE(p.report.within);
+  EXPECT_NE(p.report.reason.find("not kept"), std::string::npos) << p.report.reason;
+}
+
+TEST(Pad, ASpikeWithoutAreaIsSurfaceToo) {
+  Mesh mesh = shapes::box({0, 0, 0}, {1, 1, 1}, 2);
+  const auto n = static_cast<std::uint32_t>(mesh.points.size());
+  mesh.points.insert(mesh.points.end(), {{1, 0.5, 0.5}, {1.5, 0.5, 0.5}, {1.2, 0.5, 0.5}});
+  mesh.triangles.push_back({n, n + 1, n + 2});
+  const Padded p = by_tolerance(mesh, 0.03);
+  EXPECT_NEAR(p.cluster.accuracy.gap_max, 0.5, 0.1);
+  EXPECT_FALSE(p.cluster.accuracy.certified);
+  EXPECT_FALSE(p.report.within);
+}
+
+// spheres.triangle counts the triangles of the mesh that comes along.
+TEST(Pad, EachSphereTouchesItsTriangleOfTheMesh) {
+  const auto move = [](const Point& p) -> Point { return 20 * p + Point(300, -50, 7); };
+  const Mesh torus = moved(shapes::torus(1, 0.3, 60, 20), move);
+  PadOptions by_depth;
+  by_depth.edge_length = {0.04, true};
+  PadOptions thinned = by_depth;
+  thinned.depth = 0.2, thinned.tolerance = {0.01, true};
+  PadOptions by_tolerance;
+  by_tolerance.tolerance = {0.02, true};
+  for (const PadOptions& options : {by_depth, thinned, by_tolerance}) {
+    const Padded p = pad(as_file(torus), options);
+    if (options.depth || !options.by_tolerance())
+      EXPECT_EQ(p.mesh.triangles.size(), p.report.triangles_remeshed);
+    else
+      EXPECT_EQ(p.mesh.triangles.size(), torus.triangles.size());
+    const double slack = 1e-9 * p.report.diagonal;
+    for (std::size_t k = 0; k < p.cluster.size(); k++) {
+      const auto t = static_cast<std::size_t>(p.cluster.triangle[k]);
+      ASSERT_LT(t, p.mesh.triangles.size());
+      Mesh one;
+      one.points = {p.mesh.corner(t, 0), p.mesh.corner(t, 1), p.mesh.corner(t, 2)};
+      one.triangles = {{0, 1, 2}};
+      EXPECT_LE(Surface(one).nearest(p.cluster.centers[k]).distance, p.cluster.radii[k] + slack) << k;
+    }
+  }
+}
+
 TEST(Pad, RefusesWhatCannotBeDone) {
   PadOptions options;
   options.depth = 2;
@@ -243,6 +394,11 @@ TEST(Pad, RefusesWhatCannotBeDone) {
   PadOptions negative;
   negative.tolerance = {-1, false};
   EXPECT_THROW(pad(as_file(shapes::sphere(2)), negative), Error);
+  PadOptions beyond;
+  beyond.tolerance = {2, true};
+  EXPECT_THROW(pad(as_file(shapes::sphere(2)), beyond), Error);
+  beyond.force = true;
+  EXPECT_EQ(pad(as_file(shapes::sphere(2)), beyond).cluster.size(), 1u);
 }
 
 }  // namespace

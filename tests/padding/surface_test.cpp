@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <numbers>
+#include <set>
 #include <thread>
 
 #include "tests/padding/random.h"
@@ -211,6 +213,86 @@ TEST(Surface, ManyThreadsGetTheSameAnswers) {
     });
   for (std::thread& thread : threads) thread.join();
   for (const auto& answer : answers) EXPECT_EQ(answer, answers[0]);
+}
+
+// The oracle: solid angles over 4 pi (Van Oosterom and Strackee, The solid angle of a plane triangle, 1983).
+double solid_angles(const Mesh& mesh, const Point& x) {
+  double sum = 0;
+  for (std::size_t t = 0; t < mesh.triangles.size(); t++) {
+    const Vector a = mesh.corner(t, 0) - x, b = mesh.corner(t, 1) - x, c = mesh.corner(t, 2) - x;
+    const double la = a.norm(), lb = b.norm(), lc = c.norm();
+    sum += 2 * std::atan2(a.dot(b.cross(c)), la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb);
+  }
+  return sum / (4 * std::numbers::pi);
+}
+
+void append(Mesh& mesh, const Mesh& more, bool turned = false) {
+  const auto n = static_cast<std::uint32_t>(mesh.points.size());
+  mesh.points.insert(mesh.points.end(), more.points.begin(), more.points.end());
+  for (auto t : more.triangles) {
+    if (turned) std::swap(t[0], t[1]);
+    mesh.triangles.push_back({t[0] + n, t[1] + n, t[2] + n});
+  }
+}
+
+TEST(Surface, WindingNumberIsThatOfSolidAnglesWhateverIntersects) {
+  Mesh overlapping = shapes::box({0, 0, 0}, {1, 1, 1}, 3), turned, nested = shapes::sphere(3), mixed;
+  append(overlapping, shapes::box({0.5, 0.25, 0.25}, {1.5, 0.75, 0.75}, 2));
+  append(turned, shapes::torus(1, 0.4, 12, 8), true);
+  append(nested, shapes::box({-0.2, -0.2, -0.2}, {0.3, 0.3, 0.3}));  // both outward: 2 within
+  append(mixed, shapes::sphere(2)), append(mixed, shapes::box({0, 0, 0}, {2, 2, 2}), true);
+  for (const Mesh& mesh : {overlapping, turned, nested, mixed}) {
+    const Surface surface(mesh);
+    ASSERT_TRUE(surface.closed());
+    shapes::Random random(3);
+    std::set<int> seen;
+    for (int k = 0; k < 2000; k++) {
+      const Point p = random.point(2);
+      const auto winding = surface.winding_number(p);
+      ASSERT_TRUE(winding) << k;
+      ASSERT_EQ(*winding, std::lround(solid_angles(mesh, p))) << k;
+      seen.insert(*winding);
+    }
+    EXPECT_GE(seen.size(), 2u);
+  }
+}
+
+// Rays from points in line with edges and corners graze them; a lattice on the mesh's own coordinates is the
+// worst case.
+TEST(Surface, WindingNumberOfALatticeOnTheMeshsOwnCoordinates) {
+  const Surface surface(shapes::box({0, 0, 0}, {4, 4, 4}, 4));
+  for (int x = -1; x <= 5; x++)
+    for (int y = -1; y <= 5; y++)
+      for (int z = -1; z <= 5; z++) {
+        const auto in = [](int c) { return c > 0 && c < 4; };
+        const auto out = [](int c) { return c < 0 || c > 4; };
+        const auto winding = surface.winding_number({double(x), double(y), double(z)});
+        if (out(x) || out(y) || out(z))
+          EXPECT_EQ(winding, 0) << x << y << z;
+        else if (in(x) && in(y) && in(z))
+          EXPECT_EQ(winding, 1) << x << y << z;
+        else
+          EXPECT_FALSE(winding) << x << y << z;  // on the surface
+      }
+}
+
+TEST(Surface, OnlyAClosedSurfaceHasAWindingNumber) {
+  EXPECT_FALSE(Surface(Mesh()).winding_number({0, 0, 0}));
+  const Surface sheet(shapes::square(1, 2));
+  EXPECT_EQ(sheet.open_edges(), 8u);
+  EXPECT_FALSE(sheet.winding_number({0.5, 0.5, 0.5}));
+  Mesh box = shapes::box({0, 0, 0}, {1, 1, 1});
+  std::swap(box.triangles[0][0], box.triangles[0][1]);  // one faces inward
+  EXPECT_FALSE(Surface(box).closed());
+}
+
+TEST(Surface, SidesByWindingNumberAreRightWhereNormalsMislead) {
+  Mesh mesh = shapes::box({0, 0, 0}, {1, 1, 1});
+  append(mesh, shapes::box({0.4, 0.4, 0.4}, {1.6, 0.6, 0.6}));
+  // Inside the cube, above a face of the other solid that is buried there.
+  const Point p(0.7, 0.5, 0.62);
+  EXPECT_GT(Surface(mesh).signed_nearest(p).distance, 0);
+  EXPECT_LT(Surface(mesh, SideBy::winding).signed_nearest(p).distance, 0);
 }
 
 }  // namespace

@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <set>
+#include <sstream>
 
 #include "padding/cluster.h"
 #include "padding/file.h"
@@ -121,7 +122,46 @@ TEST_F(Pad, WrongUsageReturns2WithOneSentenceAndWritesNothing) {
            "a.obj sub/a.obj",
            "a.obj sub/a.obj -o both.spheres.json",
            "a.obj -o a.unknown",
-
+           "a.obj --tolerance 5 %",  // two words
+           "a.obj --tolerance 5%%",
+           "a.obj --tolerance 5%x",
+           "a.obj --tolerance '5%% '",
+           "a.obj --tolerance nan%",
+           "a.obj --tolerance inf",
+           "a.obj --tolerance 0x10%",
+           "a.obj --tolerance 1e999",
+           "a.obj --tolerance +5%",
+           "a.obj --tolerance '% 5'",
+           "a.obj --edge-length nan",
+           "a.obj --max-radius inf",
+           "a.obj --min-radius 0x1",
+           "a.obj --reach ''",
+           "a.obj --lod 2%,nan",
+           "a.obj --depth nan",
+           "a.obj --depth 0x1p-3",
+           "a.obj --depth ' 0.2'",
+           "a.obj --scale inf",
+           "a.obj --scale 0x2",
+           "a.obj --scale 2x",
+           "a.obj --density nan",
+           "a.obj --smooth inf",
+           "a.obj --sharp-angle nan",
+           "a.obj --effort 0x1",
+           "a.obj --effort 1.5",
+           "a.obj --max-spheres -1",
+           "a.obj --max-spheres 010",
+           "a.obj --max-spheres 1e3",
+           "a.obj --max-spheres 99999999999999999999",
+           "a.obj --family 010",
+           "a.obj --mask 0x",
+           "a.obj --mask 0x1ffffffff",
+           "a.obj --threads 100000",
+           "a.obj --threads 0x2",
+           "a.obj --threads -1",
+           "a.obj --write-mesh a.glb",
+           "a.obj --write-mesh a.obj",  // the input
+           "a.obj a.stl --write-mesh both.obj",
+           "a.urdf --write-mesh a.obj",
        }) {
     SCOPED_TRACE(arguments);
     expect_one_sentence(pad(arguments), 2);
@@ -138,6 +178,159 @@ TEST_F(Pad, DepthOutsideItsRangeIsRefusedInOneSentence) {
     expect_one_sentence(run, run.code);
   }
   EXPECT_TRUE(files().empty());
+}
+
+TEST_F(Pad, WhatCannotBeMeantIsRefusedUnlessForced) {
+  cube("a.obj");
+  for (const char* arguments :
+       {"a.obj --tolerance 200%", "a.obj --tolerance 5", "a.obj --lod 1%,90%", "a.obj --edge-length 200%",
+        "a.obj --tolerance 2% --min-radius 5", "a.obj --tolerance 2% --reach 0.00001%",
+        "a.obj --tolerance 2% --reach 300%", "a.obj --tolerance 2% --min-radius 10% --max-radius 5%",
+        "a.obj --max-radius 5%"}) {
+    SCOPED_TRACE(arguments);
+    expect_one_sentence(pad(arguments), 1);
+  }
+  EXPECT_TRUE(files().empty());
+  EXPECT_EQ(pad("a.obj -q --tolerance 200% --force").code, 0);
+  // A blank before the sign is none of these.
+  const Outcome blank = pad("a.obj --tolerance '5 %' --json");
+  ASSERT_EQ(blank.code, 0) << blank.err;
+  EXPECT_NEAR(Json::parse(blank.out)["tolerance"], 0.05 * std::sqrt(3.0), 1e-12);
+}
+
+TEST_F(Pad, WithoutRepairWhatFacesInwardIsSaid) {
+  std::string text = read_file(folder_ / cube("a.obj"));
+  std::string turned;
+  for (std::size_t at = 0; at < text.size();) {  // each face backwards
+    const std::size_t end = text.find('\n', at) + 1;
+    std::string line = text.substr(at, end - at);
+    if (line[0] == 'f') std::reverse(line.begin() + 2, line.end() - 1);
+    turned += line, at = end;
+  }
+  put("turned.obj", turned);
+  const Outcome run = pad("turned.obj --repair never --tolerance 5% --json");
+  ASSERT_EQ(run.code, 0) << run.err;
+  EXPECT_NE(run.err.find("face inward"), std::string::npos) << run.err;
+  const Json j = Json::parse(run.out);
+  EXPECT_EQ(j["warnings"].size(), 1u);
+  const Cluster c = read_cluster(folder_ / "turned.spheres.json");
+  EXPECT_EQ(c.mass.volume, 0);
+  // Judged from outside: no sphere reaches farther from the cube's faces than was proved.
+  if (j["accuracy"]["certified"]) {
+    for (std::size_t k = 0; k < c.size(); k++) {
+      const double out = ((c.centers[k] - Point(0.5, 0.5, 0.5)).cwiseAbs() - Point(0.5, 0.5, 0.5)).maxCoeff();
+      EXPECT_LE(std::abs(out) + c.radii[k], 0.0501 * std::sqrt(3.0)) << k;
+    }
+  }
+}
+
+// Two boxes through each other: wrapped, and the mass is that of the wrap.
+TEST_F(Pad, AWrapIsSaidToBeOneInEveryFigure) {
+  put("cross.obj", [&] {
+    std::string first = read_file(folder_ / cube("a.obj")), second;
+    std::istringstream lines(first);
+    for (std::string line; std::getline(lines, line);) {
+      std::istringstream words(line);
+      std::string head;
+      words >> head;
+      double x[4];
+      for (double& v : x) words >> v;
+      if (head == "v")
+        second += "v " + std::to_string(x[0] + 0.5) + " " + std::to_string(0.5 * x[1] + 0.25) + " " +
+                  std::to_string(0.5 * x[2] + 0.25) + "\n";
+      else
+        second += "f " + std::to_string(int(x[0]) + 8) + " " + std::to_string(int(x[1]) + 8) + " " +
+                  std::to_string(int(x[2]) + 8) + " " + std::to_string(int(x[3]) + 8) + "\n";
+    }
+    std::string all, faces;
+    for (const std::string& part : {first, second}) {
+      std::istringstream again(part);
+      for (std::string line; std::getline(again, line);) (line[0] == 'v' ? all : faces) += line + "\n";
+    }
+    return all + faces;
+  }());
+  const Outcome run = pad("cross.obj --tolerance 4% --json --unit m -o cross.urdf");
+  ASSERT_EQ(run.code, 0) << run.err;
+  const Json j = Json::parse(run.out);
+  EXPECT_EQ(j["accuracy"]["proved_against"], "wrap");
+  EXPECT_EQ(j["accuracy"]["certified"], false);
+  EXPECT_TRUE(j["reason"].is_string());
+  ASSERT_EQ(j["warnings"].size(), 1u);
+  EXPECT_EQ(std::ranges::count(run.err, '\n'), 1) << run.err;
+  EXPECT_NE(run.err.find("wrap"), std::string::npos) << run.err;
+  const Outcome text = pad("cross.obj --tolerance 4%");
+  EXPECT_EQ(text.out.find("both proved"), std::string::npos) << text.out;
+  EXPECT_NE(text.out.find("in the samples"), std::string::npos) << text.out;
+  EXPECT_NE(text.out.find("not certified"), std::string::npos) << text.out;
+  EXPECT_EQ(text.err, "");  // our own format says whose mass it is
+  EXPECT_EQ(Json::parse(read_file(folder_ / "cross.spheres.json"))["mass_properties"]["of"], "wrap");
+  EXPECT_TRUE(of_schema(folder_ / "cross.spheres.json"));
+  EXPECT_EQ(pad("cross.obj --tolerance 4% -q --unit m -o cross.urdf").err, "");
+}
+
+double to_triangle(const Mesh& mesh, std::size_t t, const Point& p) {  // from the nearest of many points
+  const Point a = mesh.corner(t, 0), u = mesh.corner(t, 1) - a, v = mesh.corner(t, 2) - a;
+  double least = std::numeric_limits<double>::infinity();
+  for (int i = 0; i <= 60; i++)
+    for (int j = 0; i + j <= 60; j++) least = std::min(least, (a + i / 60. * u + j / 60. * v - p).norm());
+  return least;
+}
+
+// The file's own faces, in its order, without the library: spheres.triangle counts them.
+Mesh read_obj(const fs::path& path) {
+  Mesh mesh;
+  std::istringstream in(read_file(path));
+  for (std::string line; std::getline(in, line);) {
+    std::istringstream words(line);
+    std::string head;
+    words >> head;
+    if (head == "v") {
+      Point p;
+      words >> p.x() >> p.y() >> p.z();
+      mesh.points.push_back(p);
+    } else if (head == "f") {
+      std::array<std::uint32_t, 3> t;
+      for (auto& v : t) {
+        std::string word;
+        words >> word;
+        v = std::uint32_t(std::stoul(word)) - 1;
+      }
+      mesh.triangles.push_back(t);
+    }
+  }
+  return mesh;
+}
+
+TEST_F(Pad, TheMeshWrittenHasTheTrianglesThatTheSpheresName) {
+  cube("a.obj"), cube("b.obj");
+  const Outcome run = pad("a.obj --json --scale 3 --edge-length 4% --write-mesh surface.obj");
+  ASSERT_EQ(run.code, 0) << run.err;
+  const Json j = Json::parse(run.out);
+  EXPECT_EQ(j["mesh"], "surface.obj");
+  const Cluster c = read_cluster(folder_ / "a.spheres.json");
+  const Mesh mesh = read_obj(folder_ / "surface.obj");
+  EXPECT_EQ(mesh.triangles.size(), j["triangles_remeshed"]);
+  EXPECT_NEAR((mesh.bounds().high - Point(3, 3, 3)).norm(), 0, 1e-6);
+  std::size_t through = 0;
+  for (std::size_t k = 0; k < c.size(); k++) {
+    const auto t = std::size_t(c.triangle[k]);
+    ASSERT_LT(t, mesh.triangles.size());
+    bool all = true;
+    for (int v = 0; v < 3; v++)
+      all = all && std::abs((mesh.corner(t, v) - c.centers[k]).norm() - c.radii[k]) < 1e-6;
+    through += all;
+    // Refitted at an edge it still meets its triangle.
+    EXPECT_LE(to_triangle(mesh, t, c.centers[k]), c.radii[k] + 0.02) << k;
+  }
+  EXPECT_GT(through, c.size() / 2);  // as fitted: through the corners
+  const Outcome batch = pad("a.obj b.obj -q --tolerance 10% --write-mesh meshes/");
+  ASSERT_EQ(batch.code, 0) << batch.err;
+  EXPECT_EQ(read_obj(folder_ / "meshes/b.surface.obj").triangles.size(), 12u);  // nothing remeshed
+  for (const char* name : {"s.off", "s.ply", "s.stl"}) {
+    EXPECT_EQ(pad(std::string("a.obj -q --tolerance 10% --write-mesh ") + name).code, 0);
+    EXPECT_TRUE(fs::exists(folder_ / name));
+  }
+  expect_one_sentence(pad("a.obj --tolerance 10% --write-mesh b.obj/s.obj"), 1);  // below a file
 }
 
 TEST_F(Pad, AnOpenSheetIsMeasuredAndSaysThatNothingIsProved) {
@@ -187,7 +380,20 @@ void expect_report(const Json& j) {
        {"protrusion_max", "protrusion_mean", "protrusion_p95", "gap_max", "gap_mean", "gap_p95", "coverage",
         "normal_error_mean_deg", "normal_error_p95_deg", "volume_ratio"})
     EXPECT_GE(j.at("accuracy").at(key).get<double>(), 0) << key;
-  EXPECT_TRUE(j.at("accuracy").at("certified").is_boolean());
+  const Json& accuracy = j.at("accuracy");
+  EXPECT_TRUE(accuracy.at("certified").is_boolean());
+  EXPECT_TRUE(j.at("within").is_boolean());
+  EXPECT_EQ(j.at("reason").is_null(), accuracy["certified"]) << j["reason"];
+  const Json against = accuracy.at("proved_against");
+  EXPECT_TRUE(against.is_null() || against == "input" || against == "filled" || against == "wrap");
+  if (accuracy["certified"]) {
+    EXPECT_EQ(against, "input");
+    EXPECT_TRUE(j["within"]);
+  }
+  if (!j["tolerance"].is_null() && j["within"]) {
+    for (const char* key : {"protrusion_max", "gap_max"})
+      EXPECT_LE(accuracy[key].get<double>(), j["tolerance"].get<double>() * (1 + 1e-8)) << key;
+  }
   std::set<std::string> keys;
   double sum = 0, total = 0;
   for (const auto& [key, value] : j.at("seconds").items()) {

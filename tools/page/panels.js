@@ -52,6 +52,11 @@ export function showPicked(data, contacts, k) {
   fill(element('picked'), rows);
 }
 
+// What stands behind the largest protrusion and gap, by the surface that they were proved against.
+const LARGEST = {
+  input: 'proved', filled: 'proved, with holes of the input filled', wrap: 'measured; proved against a wrap only',
+};
+
 // Of the level of detail that is shown: `count` spheres from `first` on.
 export function showLegend(data, by, {first, count}) {
   const {head} = data, box = element('legend');
@@ -104,7 +109,8 @@ export function showAccuracy({head}, rung) {
     ['normals off, mean', number(Number(a.normal_error_mean_deg.toPrecision(4))) + '°'],
     ['normals off, 95 %', number(Number(a.normal_error_p95_deg.toPrecision(4))) + '°'],
     ['union / body volume', number(Number(a.volume_ratio.toPrecision(5)))],
-    ['largest values', a.certified ? 'proved' : 'measured'],
+    ['largest values', LARGEST[a.proved_against] ?? 'measured'],
+    ['certified', a.certified ? 'yes' : 'no'],
   ]);
 }
 

@@ -32,13 +32,8 @@ double number_of(const py::object& given, const char* name) {
 Length length_of(const py::object& given, const char* name) {
   if (given.is_none()) return {};
   if (py::isinstance<py::str>(given)) {
-    const std::string text = py::cast<std::string>(given);
-    try {
-      std::size_t end = 0;
-      const double value = std::stod(text, &end);
-      if (text.substr(end) == "%" && value > 0 && std::isfinite(value)) return {value / 100, true};
-    } catch (const std::logic_error&) {
-    }
+    const auto length = padder::length_of(py::cast<std::string>(given));
+    if (length && length->share) return *length;
     throw py::value_error(std::string(name) +
                           " must be a positive number, or a share of the diagonal as \"1%\"");
   }
@@ -153,6 +148,7 @@ void add_pad(py::module_& m) {
                                return view(c.triangle.data(), {py::ssize_t(c.size())}, {8}, self);
                              })
       .def_property_readonly("volume", [](const Cluster& c) { return c.mass.volume; })
+      .def_property_readonly("mass_of", [](const Cluster& c) { return name_of(c.mass_of); })
       .def_property_readonly("center_of_mass", [](const Cluster& c) { return vector_of(c.mass.center); })
       .def_property_readonly("inertia",
                              [](const Cluster& c) {
@@ -172,7 +168,9 @@ void add_pad(py::module_& m) {
             if (format.empty() && path.extension() == ".json")
               write_cluster(c, path);
             else
-              write_model(model_of(c), path, find_format(path, format), {density});
+              for (const std::string& told :
+                   write_model(model_of(c), path, find_format(path, format), {density}))
+                if (PyErr_WarnEx(PyExc_UserWarning, told.c_str(), 1) != 0) throw py::error_already_set();
           },
           "path"_a, "format"_a = "", "density"_a = 1000.0);
 

@@ -28,9 +28,11 @@ class Cluster:
     @property
     def radii(self) -> Doubles: ...  # (N,), a read-only view
     @property
-    def triangle(self) -> NDArray[np.int64]: ...  # (N,), of the remeshed surface
+    def triangle(self) -> NDArray[np.int64]: ...  # (N,), of the surface that the spheres were made on
     @property
     def volume(self) -> float: ...  # of the body, length^3
+    @property
+    def mass_of(self) -> str: ...  # whose body that is: "input", "filled" (holes) or "wrap" (around the mesh)
     @property
     def volume_union(self) -> float: ...  # of the spheres, overlaps once
     @property

@@ -1,0 +1,56 @@
+#include "padding/export/warnings.h"
+
+#include <map>
+
+#include "tests/padding/export/samples.h"
+
+namespace padder::samples {
+namespace {
+
+class WarningsTest : public ExportTest {
+ protected:
+  // All that the format writes, by the file's name.
+  std::map<std::string, std::string> files(const Model& model, const Format& format,
+                                           const std::string& name) {
+    const fs::path at = folder_ / name;
+    fs::create_directories(at);
+    write_model(model, at / (std::string("a") + format.ending), format);
+    std::map<std::string, std::string> out;
+    for (const auto& entry : fs::recursive_directory_iterator(at))
+      if (entry.is_regular_file()) out[fs::relative(entry.path(), at).string()] = read_file(entry.path());
+    return out;
+  }
+};
+
+// The oracle is what is written: does it change with the mass?
+TEST_F(WarningsTest, WhatStatesAMassIsKnown) {
+  const Model model = model_of(brick());
+  Model heavier = model;
+  MassProperties& mass = heavier.bodies[0].cluster.mass;
+  mass.volume *= 2, mass.inertia *= 2, mass.moments *= 2;
+  for (const Format& format : formats()) {
+    const std::string name = format.name;
+    EXPECT_EQ(states_mass(format), files(model, format, name) != files(heavier, format, name + "_heavier"))
+        << name;
+  }
+}
+
+TEST_F(WarningsTest, TheMassOfAWrapIsNotWrittenWithoutAWord) {
+  Model model = model_of(brick());
+  for (const Format& format : formats()) {
+    model.bodies[0].inertial.reset();
+    for (const auto kind : {SurfaceKind::input, SurfaceKind::filled}) {
+      model.bodies[0].cluster.mass_of = kind;
+      EXPECT_TRUE(mass_warnings(model, format).empty()) << format.name;
+    }
+    model.bodies[0].cluster.mass_of = SurfaceKind::wrap;
+    const auto told = write_model(model, folder_ / (std::string("a") + format.name + format.ending), format);
+    ASSERT_EQ(told.size(), states_mass(format) ? 1u : 0u) << format.name;
+    for (const auto& sentence : told) EXPECT_NE(sentence.find("brick"), std::string::npos) << sentence;
+    model.bodies[0].inertial = Inertial{};  // stated by the robot's own file
+    EXPECT_TRUE(mass_warnings(model, format).empty()) << format.name;
+  }
+}
+
+}  // namespace
+}  // namespace padder::samples

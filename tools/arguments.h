@@ -1,0 +1,66 @@
+// Checks of what is typed, before CLI11 takes a number from it: it would take nan, inf, 0x10 and 010 (for 8)
+// too.
+#pragma once
+#include <CLI/CLI.hpp>
+#include <charconv>
+#include <cmath>
+#include <cstdint>
+#include <string>
+
+#include "padding/pad_options.h"
+
+namespace padder::cli {
+
+inline std::string not_a(const std::string& text, const char* what) {
+  return '"' + text + "\" is no " + what;
+}
+
+// A finite decimal number.
+inline CLI::Validator decimal() {
+  return {[](const std::string& text) {
+            double value = 0;
+            const char* end = text.data() + text.size();
+            const auto read = std::from_chars(text.data(), end, value);
+            const bool good = read.ec == std::errc() && read.ptr == end && std::isfinite(value);
+            return good ? std::string() : not_a(text, "decimal number");
+          },
+          ""};
+}
+
+inline bool is_whole(const std::string& text) {
+  std::uint64_t value = 0;  // CLI11 would take what is too large for the largest there is
+  const char* end = text.data() + text.size();
+  const auto read = std::from_chars(text.data(), end, value);
+  return read.ec == std::errc() && read.ptr == end && (text == "0" || text[0] != '0');
+}
+
+// Digits, without a sign and without a zero ahead.
+inline CLI::Validator whole() {
+  return {[](const std::string& text) {
+            return is_whole(text) ? std::string() : not_a(text, "whole number in decimal digits");
+          },
+          ""};
+}
+
+// The same, or in hexadecimal digits behind 0x: for fields of bits.
+inline CLI::Validator bits() {
+  return {[](const std::string& text) {
+            const bool hex = text.starts_with("0x") && text.size() > 2 &&
+                             text.find_first_not_of("0123456789abcdefABCDEF", 2) == std::string::npos;
+            return hex || is_whole(text) ? std::string() : not_a(text, "whole number, as 12 or 0xc");
+          },
+          ""};
+}
+
+// What padder::length_of takes.
+inline CLI::Validator length() {
+  return {[](const std::string& text) {
+            return length_of(text) ? std::string()
+                                   : not_a(text,
+                                           "length: write a number above 0 for the mesh's own unit, as "
+                                           "0.01, or a share of its diagonal, as 1%");
+          },
+          ""};
+}
+
+}  // namespace padder::cli
