@@ -152,10 +152,14 @@ double level_cost(const Summary& s, const std::vector<int>& octaves, std::size_t
     const double wide = 2 + (size > 0 ? o.need_max / size : 1);
     cost += static_cast<double>(o.count) * (coarser_rows + density(o) * wide * wide * wide);
   }
+  const Summary::Octave all = merged(s, octaves, a, b);
   for (std::size_t k = b + 1; k < octaves.size() && look == Look::down; k++) {
     const Summary::Octave& o = s.octave[octaves[k]];
-    const double wide = 2 + (size > 0 ? 0.75 * o.need_max / size : 1);
-    cost += static_cast<double>(o.count) * wide * wide * (down_row + down_test * density(o) * wide / 2);
+    double wide[3];  // bins within reach, of those that exist
+    for (int c = 0; c < 3; c++)
+      wide[c] = size > 0 ? std::min(2 + 0.75 * o.need_max / size, 2 + bins_along(all, c, size)) : 3;
+    cost +=
+        static_cast<double>(o.count) * wide[1] * wide[2] * (down_row + down_test * density(o) * wide[0] / 2);
   }
   return cost;
 }

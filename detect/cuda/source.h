@@ -8,6 +8,12 @@
 
 namespace padder::detect::cuda {
 
+// A sphere was found outside bins that hold all: in words for the caller.
+inline constexpr const char* kChanged =
+    "a sphere lies outside the bounds that were found a moment before: do not change the input while "
+    "detect() "
+    "runs";
+
 // Device pointers. Sphere k is of a body while k < placed, else number k - placed of the loose ones.
 struct Source {
   const void* centers = nullptr;
@@ -288,7 +294,8 @@ class Surveyor {
   // The octaves, in a pass of their own.
   static void gather_octaves(const Source& source, const Gather& gather, cudaStream_t stream);
   void read(const Source& source, bool octaves, bool along, Report& report);
-  bool finish(const Source& source, bool octaves, int top, bool along, Summary& summary) const;
+  // `above`: Summary::above, by which `top` is lower than the largest need's exponent.
+  bool finish(const Source& source, bool octaves, int top, bool along, Summary& summary, int above = 0) const;
 
   // Words of the caller in front of the summary, so that one copy brings both to the host.
   static constexpr int kHead = 8;
@@ -298,8 +305,10 @@ class Surveyor {
 
  private:
   static std::uint64_t words();
+  int find_above(const Source& source, cudaStream_t stream);
   Buffer<unsigned long long> values_, host_values_;
   Buffer<double> sums_, host_sums_;
+  Buffer<unsigned long long> exponents_;
 };
 
 }  // namespace padder::detect::cuda

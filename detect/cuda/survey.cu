@@ -1,6 +1,8 @@
 // The summary of the spheres: bounds, radii, the first faulty sphere; by octaves of size where radii differ.
 #include <algorithm>
 #include <cmath>
+#include <span>
+#include <vector>
 
 #include "detect/cuda/source.h"
 
@@ -138,13 +140,26 @@ __global__ void __launch_bounds__(kThreads, kManyBlocks)
   bounds.give(out);
 }
 
+// Spheres by exponent_of(need) + 1023.
+__global__ void __launch_bounds__(kThreads) exponent_kernel(Source source, Word* out) {
+  __shared__ std::uint32_t counts[kExponents];
+  for (int k = threadIdx.x; k < kExponents; k += kThreads) counts[k] = 0;
+  __syncthreads();
+  for (std::uint64_t k = blockIdx.x * kThreads + threadIdx.x; k < source.count; k += gridDim.x * kThreads)
+    atomicAdd(counts + exponent_of(need_of(source.sphere(static_cast<std::uint32_t>(k)))) + 1023, 1u);
+  __syncthreads();
+  for (int k = threadIdx.x; k < kExponents; k += kThreads)
+    if (counts[k]) atomicAdd(out + k, static_cast<Word>(counts[k]));
+}
+
 }  // namespace
 
 Surveyor::Surveyor(MemoryBook& book)
     : values_(book, "the summary"),
       host_values_(book, "the summary", true),
       sums_(book, "the summary"),
-      host_sums_(book, "the summary", true) {}
+      host_sums_(book, "the summary", true),
+      exponents_(book, "the summary") {}
 
 std::uint64_t Surveyor::words() { return kHead + kAll; }
 
@@ -179,7 +194,7 @@ void Surveyor::read(const Source& source, bool octaves, bool along, Report& repo
     report.add(sums_.reserve(kBlocks), host_sums_.reserve(kBlocks), blocks_of(source) * sizeof(double));
 }
 
-bool Surveyor::finish(const Source& source, bool octaves, int top, bool along, Summary& s) const {
+bool Surveyor::finish(const Source& source, bool octaves, int top, bool along, Summary& s, int above) const {
   const Word* host = host_values_.data() + kHead;
   s = Summary{};
   s.count = source.count;
@@ -199,7 +214,7 @@ bool Surveyor::finish(const Source& source, bool octaves, int top, bool along, S
   }
   for (unsigned k = 0; k < blocks_of(source) && !along; k++) s.radius_sum += host_sums_.data()[k];
   if (s.first_fault != ~std::uint64_t(0)) return true;
-  if (octaves != needs_octaves(s) || (octaves && top != exponent_of(s.need_max))) return false;
+  if (octaves != needs_octaves(s) || (octaves && top != exponent_of(s.need_max) - above)) return false;
   if (!octaves) return true;
   host += kBounds;
   for (int o = 0; o < kOctaves; o++, host += kOctaveWords) {
@@ -209,23 +224,42 @@ bool Surveyor::finish(const Source& source, bool octaves, int top, bool along, S
     for (int k = 0; k < 3; k++) octave.low[k] = unordered(host[k]), octave.high[k] = unordered(host[3 + k]);
     octave.radius_max = unordered(host[6]), octave.need_max = unordered(host[7]);
   }
-  s.octaves_known = true;
+  s.octaves_known = true, s.above = above;
   return true;
+}
+
+// Summary::above, where sizes differ by more octaves than there are.
+int Surveyor::find_above(const Source& source, cudaStream_t stream) {
+  Word* const device = exponents_.reserve(kExponents);
+  std::vector<std::uint64_t> found(kExponents);
+  cuda_check(cudaMemsetAsync(device, 0, kExponents * sizeof(Word), stream), "clear the counters");
+  exponent_kernel<<<blocks_of(source), kThreads, 0, stream>>>(source, device);
+  cuda_launched("survey the spheres");
+  cuda_check(cudaMemcpyAsync(found.data(), device, kExponents * sizeof(Word), cudaMemcpyDeviceToHost, stream),
+             "survey the spheres");
+  cuda_check(cudaStreamSynchronize(stream), "survey the spheres");
+  return octaves_above(std::span<const std::uint64_t, kExponents>(found));
 }
 
 Summary Surveyor::survey(const Source& source, cudaStream_t stream) {
   Summary s;
-  const auto look = [&](bool octaves, int top) {
+  const auto look = [&](bool octaves, int above) {
+    const int top = octaves ? exponent_of(s.need_max) - above : 0;
     Report report;
     read(source, octaves, false, report);
     report.expect();
     begin(source, octaves, top, stream);
     report.send(stream);
     report.arrived(stream, "survey the spheres");
-    return finish(source, octaves, top, false, s);
+    return finish(source, octaves, top, false, s, above);
   };
   if (look(false, 0)) return s;
-  if (!look(true, exponent_of(s.need_max))) throw Error("the spheres changed while they were read");
+  bool done = look(true, 0);
+  if (done && s.octave[kOctaves - 1].count > 0) {  // perhaps of very different sizes
+    const int above = find_above(source, stream);
+    if (above > 0) done = look(true, above);
+  }
+  if (!done) throw Error(kChanged);
   return s;
 }
 

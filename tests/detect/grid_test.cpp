@@ -183,6 +183,22 @@ TEST(Grid, EqualRadiiAreOneLevelAndWideOnesSeveral) {
 
 // What looks at any level: a hair above an octave is no level more, and few large spheres look down at many
 // small ones, not the other way round.
+// However large one sphere is, it looks through no more bins than there are: it must not make bins of its own
+// size, in which all others would be tested each against each.
+TEST(Grid, OneGiantDoesNotCoarsenTheOthers) {
+  for (const double giant : {1e3, 1e6, 1e30}) {
+    std::vector<Sphere> spheres;
+    for (int k = 0; k < 64000; k++)
+      spheres.push_back({1.6 * (k % 40), 1.6 * (k / 40 % 40), 1.6 * (k / 1600), 1});
+    spheres[777].r = giant;
+    for (const Look look : {Look::down, Look::either}) {
+      const Grid g = choose_grid(summary_of(spheres), 0, 8, look);
+      EXPECT_GT(g.levels, 1) << giant;
+      EXPECT_LT(g.level[0].size, 4) << giant;
+    }
+  }
+}
+
 TEST(Grid, LevelsThatLookEitherWay) {
   TestScene near = random_scene(20000, 1, 3.5, 5);
   for (std::size_t k = 0; k < near.spheres.size(); k++)
