@@ -126,7 +126,7 @@ struct Flow {
     const Measured m = measured(a, b);
     const Verdict v = verdict<FloatSlot>(m);
     if (v != Verdict::doubt) return v != Verdict::apart;
-    atomicAdd(&task.counters->doubtful, 1ull);
+    note_doubt(task);
     return task.options.exact ? touching({a.x, a.y, a.z, a.r}, {b.x, b.y, b.z, b.r}) : m.d2 <= m.s2;
   }
 

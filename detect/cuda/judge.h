@@ -141,6 +141,14 @@ struct Where {
   int level = 0, dx = 0, dy = 0, dz = 0;
 };
 
+// One more pair that float is not sure of, in each lane that is here: lanes of a warp that are here together
+// share one atomic operation, since in a lattice that touches exactly every pair is such a one.
+__device__ __forceinline__ void note_doubt(const Task& task) {
+  const std::uint32_t here = __activemask();
+  if ((threadIdx.x & 31) == __ffs(here) - 1)
+    atomicAdd(&task.counters->doubtful, static_cast<unsigned long long>(__popc(here)));
+}
+
 // What the mask let through and what must be asked more than its distance. Rare, or slow anyway: kept out of
 // line.
 template <SlotKind Kind, Way W>
@@ -166,7 +174,7 @@ __device__ bool contact(const Task& task, const Grid& grid, std::uint32_t place,
   const Verdict v = verdict<typename SlotOf<Kind>::Type>(m);
   if (v == Verdict::apart) return false;
   if (v == Verdict::doubt) {
-    if (count_doubt) atomicAdd(&task.counters->doubtful, 1ull);
+    if (count_doubt) note_doubt(task);
     if (task.options.exact ? !touching(sphere_at<Kind>(task, place), sphere_at<Kind>(task, j))
                            : !(m.d2 <= m.s2))
       return false;
