@@ -27,6 +27,7 @@ bool bodies_first(const Input& input, const Options& options, std::uint64_t sphe
 struct StaticTable {
   struct Bounds {
     double low[3], high[3];  // of the centres of a level
+    friend bool operator==(const Bounds&, const Bounds&) = default;
   };
   Grid grid;
   Bounds bounds[kMaxLevels] = {};
@@ -41,10 +42,11 @@ struct StaticTable {
 
 // The table as the search reads it, in the memory of whoever searches.
 struct StaticView {
-  StaticTable::Bounds bounds[kMaxLevels];
+  StaticTable::Bounds bounds[kMaxLevels] = {};
   const std::uint32_t* starts = nullptr;
   const std::uint32_t* elements = nullptr;
   const Sphere* balls = nullptr;
+  friend bool operator==(const StaticView&, const StaticView&) = default;
 };
 
 // The bins of a level that may hold the centre of a ball which `ball` touches; false: none. `whole` when all

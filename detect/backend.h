@@ -2,6 +2,7 @@
 #pragma once
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "detect/detector.h"
 #include "detect/grid.h"
@@ -22,10 +23,13 @@ class Backend {
   // The arrays of the nine stages, copied to the host.
   virtual Arrays stages(const Input& input, const Options& options) = 0;
 
+  // input.poses, which lie in device memory, copied to the host. Throws Error.
+  virtual std::vector<Pose> device_poses(const Input& input, const Options& options) = 0;
+
   // Called whenever detect or stages threw, or a call was refused before it came here. A backend forgets the
   // revision (poses that the call named as moved may not have been read, so the next call reads everything),
   // whatever it planned from the calls before, and its list of contacts. Memory is kept.
-  virtual void forget() noexcept {}
+  virtual void forget() noexcept = 0;
 
   // Sum of pair_hash over the contacts of the last detect, where they lie. Asked for only while there are
   // some: not after forget(), stages() or a call that found none.
@@ -36,8 +40,8 @@ class Backend {
 
 std::unique_ptr<Backend> make_omp_backend();
 std::unique_ptr<Backend> make_cuda_backend(
-    int device);             // throws Error in a build without CUDA, or without a GPU
-std::string cuda_absence();  // why make_cuda_backend would throw; "" when it would not
+    int device);                       // throws Error in a build without CUDA, or without a GPU
+std::string cuda_absence(int device);  // why make_cuda_backend would throw; "" when it would not
 
 // Common to all backends, in detector.cpp.
 std::string number(double v);  // as sentences say it

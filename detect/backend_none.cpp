@@ -4,10 +4,10 @@
 
 namespace padder::detect {
 
-std::string cuda_absence() {
+std::string cuda_absence(int) {
   return "this build has no CUDA backend: build with the CUDA toolkit on the PATH, or choose omp";
 }
 
-std::unique_ptr<Backend> make_cuda_backend(int) { throw Error(cuda_absence()); }
+std::unique_ptr<Backend> make_cuda_backend(int device) { throw Error(cuda_absence(device)); }
 
 }  // namespace padder::detect

@@ -108,7 +108,8 @@ std::string memory_sentence(std::uint64_t bytes, const char* what, const char* w
 }
 
 Detector::Detector(const Options& options) : options_(options) {
-  if (options.backend == Choice::cuda || (options.backend == Choice::automatic && cuda_absence().empty()))
+  if (options.backend == Choice::cuda ||
+      (options.backend == Choice::automatic && cuda_absence(options.device).empty()))
     backend_ = make_cuda_backend(options.device);
   else
     backend_ = make_omp_backend();
@@ -138,13 +139,18 @@ auto Detector::call(Work work) {
 }
 
 const Contacts& Detector::detect(const Input& input) {
-  contacts_ = call([&](Backend& backend) { return backend.detect(revision_->settle(input), options_); });
+  contacts_ = call([&](Backend& backend) {
+    const auto read_poses = [&] { return backend.device_poses(input, options_); };
+    return backend.detect(revision_->settle(input, read_poses), options_);
+  });
   return contacts_;
 }
 
 Arrays Detector::stages(const Input& input) {
-  if (revision_) revision_->forget();  // reads everything
-  return call([&](Backend& backend) { return backend.stages(input, options_); });
+  if (revision_) revision_->forget();
+  Input all = input;
+  all.revision = 0;  // reads everything
+  return call([&](Backend& backend) { return backend.stages(all, options_); });
 }
 
 std::uint64_t Detector::hash() const {
@@ -153,6 +159,6 @@ std::uint64_t Detector::hash() const {
 }
 const char* Detector::backend() const { return own_backend().name(); }
 std::uint64_t Detector::memory() const { return backend_ ? backend_->memory() : 0; }
-bool cuda_present() { return cuda_absence().empty(); }
+bool cuda_present() { return cuda_absence(0).empty(); }
 
 }  // namespace padder::detect

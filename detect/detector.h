@@ -98,7 +98,9 @@ inline constexpr int kMostThreads = 1024;  // that can be asked for: each takes 
 struct Options {
   Choice backend = Choice::automatic;  // the GPU when there is one; fixed when the detector is made
   int device = 0;                      // which GPU; fixed when the detector is made
-  void* stream = nullptr;              // a cudaStream_t to work on; null: the default stream
+  // A cudaStream_t of the device's primary context to work on; null: the default stream. The call begins when
+  // what the stream was given before is done, and has ended when detect() returns.
+  void* stream = nullptr;
   // OpenMP. 0: as many as OpenMP would use and the work is worth, one for a while after other programs took
   // processors away in a call. Else exactly so many, up to kMostThreads.
   int threads = 0;
@@ -179,7 +181,8 @@ class Detector {
 
   const char* backend() const;  // "omp" or "cuda"
   // Bytes held for spheres, bins, pairs and contacts, those of every thread among them: after a call no more
-  // than Options::memory_limit. What describes shapes, bodies and static spheres on the host is not in it.
+  // than Options::memory_limit. What describes shapes, bodies and static spheres on the host is not in it,
+  // nor with the CUDA backend are lists that were brought to the host.
   std::uint64_t memory() const;
   Options& options() { return options_; }  // may be changed between calls, but for backend and device
 

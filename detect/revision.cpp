@@ -13,7 +13,7 @@ void take_pose(const Pose& from, Body& to) {
 
 }  // namespace
 
-Input RevisionKeeper::settle(const Input& input) {
+Input RevisionKeeper::settle(const Input& input, const ReadPoses& read_poses) {
   const bool known =
       input.revision != 0 && input.revision == revision_ && input.bodies.size() == bodies_.size();
   revision_ = 0;  // set when all is copied
@@ -29,6 +29,11 @@ Input RevisionKeeper::settle(const Input& input) {
     for (std::size_t k = 0; k < bodies_.size(); k++) {
       if (!bodies_[k].is_static) moving_.push_back(static_cast<std::uint32_t>(k));
       if (host_poses) take_pose(input.poses[k], bodies_[k]);
+    }
+    if (input.poses && !host_poses && moving_.size() < bodies_.size()) {
+      const std::vector<Pose> poses = read_poses();
+      for (std::size_t k = 0; k < bodies_.size(); k++)
+        if (bodies_[k].is_static) take_pose(poses[k], bodies_[k]);
     }
   } else if (host_poses) {
     for (const std::uint32_t k : moving_) take_pose(input.poses[k], bodies_[k]);

@@ -6,6 +6,7 @@
 
 #include "detect/cuda/bins.h"
 #include "detect/cuda/bodies.h"
+#include "detect/cuda/device.h"
 #include "detect/cuda/graph.h"
 #include "detect/cuda/record.h"
 #include "detect/cuda/search.h"
@@ -15,40 +16,25 @@ namespace padder::detect {
 namespace cuda {
 namespace {
 
-// Work on the backend's device, then back to the caller's.
-class OnDevice {
+// Everything that the backend holds on its device, whose context is current in every call and at the end.
+class Work {
  public:
-  explicit OnDevice(int device) {
-    cuda_check(cudaGetDevice(&before_), "ask for the device");
-    if (device != before_) cuda_check(cudaSetDevice(device), "choose the device");
-  }
-  ~OnDevice() { cudaSetDevice(before_); }
+  explicit Work(int device) : device_(device) {}
+  std::uint64_t memory() const { return book_.held; }
 
- private:
-  int before_ = 0;
-};
-
-class CudaBackend : public Backend {
- public:
-  explicit CudaBackend(int device) : device_(device) {}
-  ~CudaBackend() override {
-    const OnDevice on(device_);
-    if (own_stream_) cudaStreamDestroy(own_stream_);
-  }
-  const char* name() const override { return "cuda"; }
-  std::uint64_t memory() const override { return book_.held; }
-
-  Contacts detect(const Input& input, const Options& options) override {
-    const bool known =
-        options.path == Path::fast && options.bodies != Bodies::expanded && bodies_.knows(input);
+  Contacts detect(const Input& input, const Options& options) {
+    const auto first = [&] {
+      return options.path == Path::fast &&
+             (options.bodies == Bodies::first || (options.bodies == Bodies::automatic && automatic_first_));
+    };
+    const bool known = bodies_.knows(input) && first();
     check_input(input, true, known);
-    const OnDevice on(device_);
-    begin(options);
+    if (!known) automatic_first_ = bodies_first(input, {}, sphere_count(input), 0.75);
+    begin(input, options);
     Contacts c;
     c.memory = options.output, c.width = options.width, c.scalar = options.scalar;
-    stream_of_hash_ = stream_;
     bool done = false;
-    if (known || bodies_first(input, options, sphere_count(input), 0.75))
+    if (first())
       done = bodies(input, options, c);
     else
       bodies_.forget();
@@ -60,44 +46,67 @@ class CudaBackend : public Backend {
       else
         nine_stages(options, survey(input, options), c);
     }
-    pairs_on_device_ = pairs_.data(), last_count_ = c.count;
     deliver(options, c);
+    pairs_on_device_ = pairs_.data(), last_count_ = c.count;
     c.seconds = seconds_;
     c.seconds.total = std::chrono::duration<double>(Clock::now() - begun_).count();
+    running_ = false;
     return c;
   }
 
-  Arrays stages(const Input& input, const Options& options) override {
+  Arrays stages(const Input& input, const Options& options) {
     check_input(input, true);
-    const OnDevice on(device_);
-    begin(options);
+    begin(input, options);
     bodies_.forget();
     read(input);
     if (source_.count == 0) return {};
     Contacts c;
     nine_stages(options, survey(input, options), c);
     last_count_ = 0;
-    return stages_->arrays(pairs_.data(), stream_);
+    Arrays arrays = stages_->arrays(pairs_.data(), stream_);
+    running_ = false;
+    return arrays;
   }
 
-  std::uint64_t hash() const override {
-    const OnDevice on(device_);
-    return hash_of_pairs(pairs_on_device_, last_count_, hash_, stream_of_hash_);
+  // Whatever the last call did is over when it returns, so that this needs no stream of the caller's.
+  std::uint64_t hash() { return hash_of_pairs(pairs_on_device_, last_count_, hash_, side_.get()); }
+
+  // After a call that failed: nothing of it runs on, and nothing of it is taken for granted.
+  void forget() noexcept {
+    if (running_) cudaStreamSynchronize(stream_);
+    cudaGetLastError();
+    running_ = false;
+    bodies_.forget();
+    planned_for_ = last_count_ = 0;
   }
 
  private:
   using Clock = std::chrono::steady_clock;
 
-  void begin(const Options& options) {
+  void begin(const Input& input, const Options& options) {
     begun_ = last_mark_ = Clock::now();
-    seconds_ = {}, timings_ = options.timings;
+    seconds_ = {}, timings_ = options.timings, running_ = true;
     stream_ = static_cast<cudaStream_t>(options.stream);
-    if (!stream_) {  // a stream of our own that waits for the default stream: that one cannot be recorded as
-                     // a graph
-      if (!own_stream_) cuda_check(cudaStreamCreate(&own_stream_), "make a stream");
-      stream_ = own_stream_;
-    }
+    processors_ = processors_of(stream_, device_);
     book_.limit = options.memory_limit;
+    check_memory(input);
+  }
+  // Asks where arrays lie that were not there in the call before.
+  void check_memory(const Input& input) {
+    const Spheres& s = input.spheres;
+    const bool spheres = s.memory == Memory::device && s.count, poses = input.pose_memory == Memory::device;
+    const std::pair<const void*, const char*> given[kGiven] = {
+        {spheres ? s.centers : nullptr, "the centres of the loose spheres"},
+        {spheres ? s.radii : nullptr, "the radii of the loose spheres"},
+        {spheres ? s.family : nullptr, "the families of the loose spheres"},
+        {spheres ? s.mask : nullptr, "the masks of the loose spheres"},
+        {spheres ? s.is_static : nullptr, "the marks of static loose spheres"},
+        {poses ? input.poses : nullptr, "the poses"}};
+    for (int k = 0; k < kGiven; k++) {
+      if (given[k].first && given[k].first != checked_[k])
+        check_device_memory(given[k].first, device_, given[k].second);
+      checked_[k] = given[k].first;
+    }
   }
   void read(const Input& input) {
     source_ = input_.source(input, stream_);
@@ -111,7 +120,7 @@ class CudaBackend : public Backend {
       return output(options);
     };
     const auto marks = [&](int stage) { mark(stage < 0 ? seconds_.place : seconds_.stage[stage]); };
-    if (!bodies_.run(input, options, room, c.count, stream_, marks)) return false;
+    if (!bodies_.run(input, options, room, c.count, stream_, side_, processors_, marks)) return false;
     c.spheres = bodies_.body_spheres() + input.spheres.count;
     return true;
   }
@@ -126,7 +135,7 @@ class CudaBackend : public Backend {
   }
 
   Summary survey(const Input& input, const Options& options) {
-    const Summary s = surveyor_.survey(source_, stream_);
+    const Summary s = tools_.surveyor.survey(source_, stream_);
     check(s, input, options);
     return s;
   }
@@ -154,20 +163,34 @@ class CudaBackend : public Backend {
     return {pairs_.data(), normals_.data(), points_.data(), capacity(options), options.width, options.scalar};
   }
 
-  // Everything that decides what the device does between its first kernel and its count.
+  // Everything that decides what the device does between its first kernel and its count: whatever a kernel is
+  // given by value follows from it.
   struct Plan {
     Source source;
     Grid grid;
     SearchOptions search;
     Output output;
+    Lent lent;
     SlotKind kind = SlotKind::equal;
     OrderMethod method = OrderMethod::automatic;
     bool octaves = false, with_survey = false;
-    int top = 0;
+    int top = 0, processors = 1;
     std::uint64_t moves = 0;  // allocations so far: addresses are those of the plan
     std::uint64_t kept = 0;   // Orderer::kept(), where the buckets of the call before are to be tried
     friend bool operator==(const Plan&, const Plan&) = default;
+
+    // The bounds are gathered by the kernels that put the spheres in order.
+    bool along() const { return with_survey && Surveyor::rides_along(source); }
   };
+  // What a plan works with. Only addresses come from here, which stay while nothing is allocated.
+  struct Tools {
+    explicit Tools(MemoryBook& book) : surveyor(book), orderer(book), search(book) {}
+    Surveyor surveyor;
+    Report report;
+    Orderer orderer;
+    SearchMemory search;
+  };
+
   static SearchOptions search_options(const Options& options, const Summary& summary) {
     SearchOptions s;
     s.exact = options.precision == Precision::exact, s.fixed_order = options.order == Order::fixed;
@@ -187,37 +210,53 @@ class CudaBackend : public Backend {
                  : summary.radius_min == summary.radius_max ? SlotKind::equal
                                                             : SlotKind::unequal;
     plan_.octaves = needs_octaves(summary), plan_.top = exponent_of(summary.need_max);
+    plan_.processors = processors_;
+  }
+  // The rest of the plan, once the list is as long as it is to be.
+  void plan_output(const Options& options, bool with_survey) {
+    plan_.output = output(options), plan_.with_survey = with_survey, plan_.method = method_;
+    plan_.lent = {reinterpret_cast<float4*>(normals_.data()), normals_.capacity() / sizeof(float4),
+                  reinterpret_cast<std::uint32_t*>(pairs_.data()), pairs_.capacity() * 2};
+    plan_.moves = book_.moves, plan_.kept = tools_.orderer.kept();
   }
 
-  // The bounds are gathered by the kernels that put the spheres in order.
-  bool along() const { return plan_.with_survey && Surveyor::rides_along(source_); }
-
-  void expect_report() {
-    report_.clear();
-    if (plan_.with_survey)
-      surveyor_.read(source_, plan_.octaves, along(), report_);
+  static void expect_report(const Plan& plan, Tools& tools) {
+    tools.report.clear();
+    if (plan.with_survey)
+      tools.surveyor.read(plan.source, plan.octaves, plan.along(), tools.report);
     else
-      surveyor_.read_head(report_);
-    report_.expect();
+      tools.surveyor.read_head(tools.report);
+    tools.report.expect();
   }
   // One pass over the device: order, search, and the counters (with_survey: the summary too) to the host.
-  void enqueue() {
+  // `ordered` is called between the first two.
+  template <class Ordering>
+  static void enqueue(const Plan& plan, Tools& tools, cudaStream_t stream, Ordering ordered) {
     static_assert(sizeof(Counters) <= Surveyor::kHead * 8);
-    auto* const counters = reinterpret_cast<Counters*>(surveyor_.head());
-    found_ = reinterpret_cast<const Counters*>(surveyor_.host_head());
-    if (plan_.with_survey && !along())
-      surveyor_.begin(source_, plan_.octaves, plan_.top, stream_);
-    else if (!plan_.with_survey)
-      cuda_check(cudaMemsetAsync(counters, 0, sizeof(Counters), stream_), "clear the counters");
-    orderer_.lend(reinterpret_cast<float4*>(normals_.data()), normals_.capacity() / sizeof(float4),
-                  reinterpret_cast<std::uint32_t*>(pairs_.data()), pairs_.capacity() * 2);
-    const Ordered ordered =
-        orderer_.order(source_, plan_.grid, plan_.kind, plan_.search.fixed_order, plan_.method,
-                       along() ? surveyor_.gather(plan_.octaves, plan_.top) : Gather{}, counters, stream_,
-                       plan_.with_survey);
-    mark(seconds_.stage[3]);
-    search(source_, plan_.grid, ordered, plan_.search, plan_.output, counters, search_memory_, stream_);
-    report_.send(stream_);
+    auto* const counters = reinterpret_cast<Counters*>(tools.surveyor.head());
+    if (plan.with_survey && !plan.along())
+      tools.surveyor.begin(plan.source, plan.octaves, plan.top, stream);
+    else if (!plan.with_survey)
+      cuda_check(cudaMemsetAsync(counters, 0, sizeof(Counters), stream), "clear the counters");
+    const Gather gather = plan.along() ? tools.surveyor.gather(plan.octaves, plan.top) : Gather{};
+    const Ordered spheres =
+        tools.orderer.order(plan.source, plan.grid, plan.kind, plan.search.fixed_order, plan.method, gather,
+                            plan.lent, counters, plan.processors, stream, plan.with_survey);
+    ordered();
+    search(plan.source, plan.grid, spheres, plan.search, plan.output, counters, tools.search, plan.processors,
+           stream);
+    tools.report.send(stream);
+  }
+  // The pass of plan_, to its end.
+  void pass(bool recorded) {
+    expect_report(plan_, tools_);
+    if (recorded)
+      recording_.run(plan_, book_.moves, stream_, side_,
+                     [&](cudaStream_t stream) { enqueue(plan_, tools_, stream, [] {}); });
+    else
+      enqueue(plan_, tools_, stream_, [&] { mark(seconds_.stage[3]); });
+    tools_.report.arrived(stream_, "search for contacts");
+    found_ = *reinterpret_cast<const Counters*>(tools_.surveyor.host_head());
   }
 
   void fast(const Input& input, const Options& options, Contacts& c) {
@@ -225,28 +264,25 @@ class CudaBackend : public Backend {
     // the device is waited for once instead of twice. They are taken only if they are those that the survey
     // leads to, so that the result does not depend on what was detected before.
     bool done = false;
-    if (hope_ > 0 && !options.timings && planned_for_ == source_.count) {
+    const std::uint64_t planned_for = std::exchange(planned_for_, 0);  // until all went well
+    if (hope_ > 0 && !options.timings && planned_for == source_.count) {
       const Summary before = summary_;
       make_plan(options, before);
-      plan_.output = output(options), plan_.with_survey = true, plan_.method = method_,
-      plan_.moves = book_.moves, plan_.kept = orderer_.kept();
-      expect_report();
-      recording_.run(plan_, book_.moves, stream_, [&] { enqueue(); });
-      report_.arrived(stream_, "search for contacts");
+      plan_output(options, true);
+      pass(true);
       const Grid grid = plan_.grid;
       const SlotKind kind = plan_.kind;
-      done = surveyor_.finish(source_, plan_.octaves, plan_.top, along(), summary_);
+      done = tools_.surveyor.finish(source_, plan_.octaves, plan_.top, plan_.along(), summary_);
       if (done) {
         check(summary_, input, options);
         make_plan(options, summary_);
         done = grid == plan_.grid && kind == plan_.kind && summary_.radius_max == before.radius_max &&
-               !found_->flags;
+               !found_.flags && summary_.octave[kOctaves - 1].count == 0;
       }
       hope_ = done ? 1 : -4;
     }
     if (!done) {
       if (hope_ <= 0) hope_++;
-      planned_for_ = 0;
       summary_ = survey(input, options);
       mark(seconds_.stage[0]);
       make_plan(options, summary_);
@@ -259,37 +295,35 @@ class CudaBackend : public Backend {
         else
           reserve_records(options, Orderer::room(source_.count));
       }
-      plan_.output = output(options), plan_.method = method_ = OrderMethod::automatic;
-      expect_report();
-      enqueue();
-      report_.arrived(stream_, "search for contacts");
+      method_ = OrderMethod::automatic;
+      plan_output(options, false);
+      pass(false);
     }
-    planned_for_ = source_.count;
     // A bin too full for the method: sort. A list too short: it was counted to its end; made longer, and
     // written again. So is a list in the order of another length.
     while (true) {
-      const Counters found = *found_;
+      const Counters& found = found_;
       c.count = found.contacts, c.doubtful = found.doubtful;
       const bool fixed = plan_.search.fixed_order;
       const Share share = fixed ? share_for(found, source_.count, plan_.grid, plan_.kind) : Share{};
+      if (found.flags & kOutside) throw Error(kChanged);
       if (found.flags & kCrowded) {
-        plan_.method = method_ = OrderMethod::sort;
+        method_ = OrderMethod::sort;
       } else if (c.count > capacity(options) || share != plan_.search.share ||
-                 (fixed && found.spilled > search_memory_.spill.capacity())) {
+                 (fixed && found.spilled > tools_.search.spill.capacity())) {
         if (c.count > capacity(options)) reserve_records(options, c.count + c.count / 16);
         if (fixed) {
           const bool known = share == plan_.search.share;  // else: usually a twentieth of the list
-          search_memory_.spill.reserve(known ? found.spilled + found.spilled / 8 : c.count / 16 + 4096);
+          tools_.search.spill.reserve(known ? found.spilled + found.spilled / 8 : c.count / 16 + 4096);
           plan_.search.share = share_ = share;
         }
       } else {
         break;
       }
-      plan_.output = output(options), plan_.with_survey = false;
-      expect_report();
-      enqueue();
-      report_.arrived(stream_, "search for contacts");
+      plan_output(options, false);
+      pass(false);
     }
+    planned_for_ = source_.count;
     mark(seconds_.stage[8]);
   }
 
@@ -321,7 +355,8 @@ class CudaBackend : public Backend {
     }
     const std::uint64_t scalar = options.scalar == Scalar::f32 ? 4 : 8;
     const auto copy = [&](auto& host, const void* from, std::uint64_t bytes) -> const void* {
-      void* to = host.reserve(bytes);
+      if (bytes > host.capacity()) host.reserve(bytes + bytes / 8);
+      void* to = host.reserve(1);
       if (bytes)
         cuda_check(cudaMemcpyAsync(to, from, bytes, cudaMemcpyDeviceToHost, stream_), "copy the contacts");
       return to;
@@ -332,59 +367,124 @@ class CudaBackend : public Backend {
     cuda_check(cudaStreamSynchronize(stream_), "copy the contacts");
   }
 
-  int device_;
-  cudaStream_t stream_ = nullptr, stream_of_hash_ = nullptr;
+  static constexpr int kGiven = 6;
+
+  int device_, processors_ = 1;
+  cudaStream_t stream_ = nullptr;
+  SideStream side_;
   MemoryBook book_;
   InputCopy input_{book_};
+  const void* checked_[kGiven] = {};  // known to be device memory
   Source source_;
-  Surveyor surveyor_{book_};
-  Report report_;
-  Orderer orderer_{book_};
+  Tools tools_{book_};
   BodySearch bodies_{book_};
+  bool automatic_first_ = false;  // what Bodies::automatic means for the last input that was not known
   std::optional<Stages> stages_;
   Buffer<Pair> pairs_{book_, "the contacts"};
   Buffer<unsigned char> normals_{book_, "the contacts"}, points_{book_, "the contacts"};
   Buffer<unsigned char> host_pairs_{book_, "the contacts", true}, host_normals_{book_, "the contacts", true},
       host_points_{book_, "the contacts", true};
-  const Counters* found_ = nullptr;  // of the last search, on the host
-  SearchMemory search_memory_{book_};
-  mutable Buffer<unsigned long long> hash_{book_, "the hash"};
+  Counters found_{};  // of the last search
+  Buffer<unsigned long long> hash_{book_, "the hash"};
   const Pair* pairs_on_device_ = nullptr;
   std::uint64_t last_count_ = 0;
   Plan plan_;
   Recording<Plan> recording_;
-  cudaStream_t own_stream_ = nullptr;
   Summary summary_;
   OrderMethod method_ = OrderMethod::automatic;
   int hope_ = 1;  // above 0: try the bins of the call before; a disappointment lasts for some calls
-  std::uint64_t planned_for_ = 0;  // spheres of summary_
+  std::uint64_t planned_for_ = 0;  // spheres of summary_; 0: it is not to be relied on
   Share share_;                    // of the list before, for a fixed order
   Seconds seconds_;
-  bool timings_ = false;
+  bool timings_ = false, running_ = false;
   Clock::time_point begun_, last_mark_;
+};
+
+// The device's context is current while anything is done with what lies there, its end included.
+class CudaBackend : public Backend {
+ public:
+  explicit CudaBackend(int device) : device_(device), work_(std::make_unique<Work>(device)) {}
+  ~CudaBackend() override {
+    const OnDevice on(device_);
+    work_.reset();
+  }
+  const char* name() const override { return "cuda"; }
+  std::uint64_t memory() const override { return work_->memory(); }
+  Contacts detect(const Input& input, const Options& options) override {
+    const OnDevice on(device_);
+    on.require();
+    keep_limit(options);
+    return work_->detect(input, options);
+  }
+  Arrays stages(const Input& input, const Options& options) override {
+    const OnDevice on(device_);
+    on.require();
+    keep_limit(options);
+    return work_->stages(input, options);
+  }
+  std::uint64_t hash() const override {
+    const OnDevice on(device_);
+    on.require();
+    return work_->hash();
+  }
+  std::vector<Pose> device_poses(const Input& input, const Options& options) override {
+    const OnDevice on(device_);
+    on.require();
+    check_device_memory(input.poses, device_, "the poses");
+    std::vector<Pose> poses(input.bodies.size());
+    const auto stream = static_cast<cudaStream_t>(options.stream);
+    cuda_check(cudaMemcpyAsync(poses.data(), input.poses, poses.size() * sizeof(Pose), cudaMemcpyDeviceToHost,
+                               stream),
+               "read the poses");
+    cuda_check(cudaStreamSynchronize(stream), "read the poses");
+    return poses;
+  }
+  void forget() noexcept override {
+    const OnDevice on(device_);
+    work_->forget();
+  }
+
+ private:
+  // A limit that was lowered: what is held is given back, and the call takes what it needs.
+  void keep_limit(const Options& options) {
+    if (options.memory_limit && work_->memory() > options.memory_limit)
+      work_.reset(), work_ = std::make_unique<Work>(device_);
+  }
+
+  int device_;
+  std::unique_ptr<Work> work_;
 };
 
 }  // namespace
 }  // namespace cuda
 
-std::string cuda_absence() {
+std::string cuda_absence(int device) {
   int devices = 0;
-  const cudaError_t e = cudaGetDeviceCount(&devices);
-  if (e == cudaSuccess && devices > 0) return "";
+  const cudaError_t counted = cudaGetDeviceCount(&devices);
+  if (counted != cudaSuccess || devices == 0) {
+    cudaGetLastError();
+    return counted == cudaSuccess || counted == cudaErrorNoDevice
+               ? "there is no GPU that CUDA can use: choose omp"
+               : std::string("CUDA cannot be used (") + cudaGetErrorString(counted) + "): choose omp";
+  }
+  if (device < 0 || device >= devices)
+    return "there is no GPU " + std::to_string(device) + ": this machine has " + std::to_string(devices) +
+           ", numbered from 0";
+  const cuda::OnDevice on(device);
+  if (cuda::has_kernels()) return "";
+  int major = 0, minor = 0;
+  cudaDeviceGetAttribute(&major, cudaDevAttrComputeCapabilityMajor, device);
+  cudaDeviceGetAttribute(&minor, cudaDevAttrComputeCapabilityMinor, device);
   cudaGetLastError();
-  return e == cudaSuccess || e == cudaErrorNoDevice
-             ? "there is no GPU that CUDA can use: choose omp"
-             : std::string("CUDA cannot be used (") + cudaGetErrorString(e) + "): choose omp";
+  const std::string of = std::to_string(major) + std::to_string(minor);
+  return "this build has no code for GPU " + std::to_string(device) + ", whose compute capability is " +
+         std::to_string(major) + "." + std::to_string(minor) +
+         ": build it with -DCMAKE_CUDA_ARCHITECTURES=" + of + " or choose omp";
 }
 
 std::unique_ptr<Backend> make_cuda_backend(int device) {
-  const std::string absence = cuda_absence();
+  const std::string absence = cuda_absence(device);
   if (!absence.empty()) throw Error(absence);
-  int devices = 0;
-  cuda::cuda_check(cudaGetDeviceCount(&devices), "count the GPUs");
-  if (device < 0 || device >= devices)
-    throw Error("there is no GPU " + std::to_string(device) + ": this machine has " +
-                std::to_string(devices) + ", numbered from 0");
   return std::make_unique<cuda::CudaBackend>(device);
 }
 

@@ -36,14 +36,16 @@ __global__ void moved_kernel(const MovedBody* moved, std::uint32_t count, Body* 
   for (std::uint32_t k = blockIdx.x * kThreads + threadIdx.x; k < count; k += gridDim.x * kThreads)
     put(bodies[moved[k].body], moved[k].pose);
 }
-// A thread for each number of a pose. `list` null: all.
-__global__ void __launch_bounds__(kThreads)
-    pose_kernel(const Pose* poses, const std::uint32_t* list, std::uint32_t count, Body* bodies) {
+// A thread for each number of a pose. `list` null: all; `moving`: but those of static bodies, which are where
+// they were put.
+__global__ void __launch_bounds__(kThreads) pose_kernel(const Pose* poses, const std::uint32_t* list,
+                                                        std::uint32_t count, Body* bodies, bool moving) {
   const std::uint64_t all = 12 * std::uint64_t(count);
   for (std::uint64_t k = blockIdx.x * kThreads + threadIdx.x; k < all;
        k += std::uint64_t(gridDim.x) * kThreads) {
     const auto b = static_cast<std::uint32_t>(k / 12), c = static_cast<std::uint32_t>(k % 12);
     const std::uint32_t body = list ? list[b] : b;
+    if (moving && bodies[body].is_static) continue;
     if (c < 9)
       bodies[body].rotation[c] = poses[body].rotation[c];
     else
@@ -83,8 +85,7 @@ T* copied(Buffer<T>& to, const T* from, std::uint64_t count, cudaStream_t stream
 BodySearch::BodySearch(MemoryBook& book)
     : book_(book),
       input_(book),
-      surveyor_(book),
-      orderer_(book),
+      tools_(book),
       bodies_(book, "the bodies"),
       poses_(book, "the poses"),
       elements_(book, "the pieces of bodies"),
@@ -106,16 +107,20 @@ BodySearch::BodySearch(MemoryBook& book)
       moved_(book, "what moved"),
       host_moved_(book, "what moved", true),
       pairs_(book, "the bodies that meet"),
-      hits_(book, "the contacts"),
-      ranks_(book, "the order of the list"),
-      batch_counts_(book, "the order of the list"),
-      query_counts_(book, "what is static"),
-      batch_places_(book, "the order of the list"),
-      query_places_(book, "what is static"),
-      scratch_(book, "sums"),
-      counters_(book, "counters"),
-      host_counters_(book, "counters", true),
-      search_memory_(book) {}
+      hits_(book, "the contacts") {}
+
+BodySearch::Tools::Tools(MemoryBook& book)
+    : surveyor(book),
+      orderer(book),
+      search(book),
+      ranks(book, "the order of the list"),
+      batch_counts(book, "the order of the list"),
+      query_counts(book, "what is static"),
+      batch_places(book, "the order of the list"),
+      query_places(book, "what is static"),
+      scratch(book, "sums"),
+      counters(book, "counters"),
+      host_counters(book, "counters", true) {}
 
 bool BodySearch::knows(const Input& input) const {
   return input.revision != 0 && input.revision == revision_ && input.bodies.size() == known_bodies_ &&
@@ -163,32 +168,30 @@ void BodySearch::read_all(const Input& input, cudaStream_t stream) {
     const Pose* poses =
         input.pose_memory == Memory::device ? input.poses : copied(poses_, input.poses, n, stream);
     pose_kernel<<<blocks_for(12 * n), kThreads, 0, stream>>>(poses, nullptr, static_cast<std::uint32_t>(n),
-                                                             bodies);
+                                                             bodies, input.revision != 0);
     cuda_launched("place the bodies");
   }
   cuda_check(cudaStreamSynchronize(stream), "copy the bodies");  // the vectors must outlive their copies
   known_bodies_ = n, known_loose_ = s.count;
 }
 
-// The poses of what moves; only these few bytes travel.
+// The poses of what moves; only these few bytes travel. Poses in host memory are in `bodies` (revision.h).
 void BodySearch::read_moved(const Input& input, cudaStream_t stream) {
   Body* bodies = bodies_.data();
   const auto count = static_cast<std::uint32_t>(moving_bodies_.size());
   if (input.poses && input.pose_memory == Memory::device) {
     if (count)
       pose_kernel<<<blocks_for(12 * std::uint64_t(count)), kThreads, 0, stream>>>(
-          input.poses, moving_list_.data(), count, bodies);
+          input.poses, moving_list_.data(), count, bodies, false);
     cuda_launched("place the bodies");
     return;
   }
-  const std::span<const std::uint32_t> list =
-      input.poses ? std::span<const std::uint32_t>(moving_bodies_) : input.moved;
-  if (list.empty()) return;
-  MovedBody* host = host_moved_.reserve(list.size());
+  if (input.moved.empty()) return;
+  MovedBody* host = host_moved_.reserve(input.moved.size());
   std::uint32_t n = 0;
-  for (const std::uint32_t b : list) {
-    if (input.bodies[b].is_static) continue;
-    const Body body = body_at(input, b);
+  for (const std::uint32_t b : input.moved) {
+    const Body& body = input.bodies[b];
+    if (body.is_static) continue;
     std::copy_n(body.rotation, 9, host[n].pose.rotation),
         std::copy_n(body.position, 3, host[n].pose.position);
     host[n++].body = b;
@@ -273,82 +276,102 @@ bool BodySearch::build_table(cudaStream_t stream) {
   return true;
 }
 
-void BodySearch::make_plan(const Options& options, const Output& output) {
+void BodySearch::make_plan(const Options& options, const Output& output, int processors) {
   plan_ = {};
   plan_.view = view_, plan_.loose = loose_, plan_.output = output, plan_.own = options.own;
+  plan_.statics = static_view_, plan_.static_grid = table_.grid, plan_.static_count = table_.count;
   plan_.grid = choose_grid(summary_, 0), plan_.method = method_, plan_.moves = book_.moves;
   plan_.fixed_order = options.order == Order::fixed;
   if (plan_.fixed_order) plan_.share = share_;
   plan_.octaves = needs_octaves(summary_), plan_.top = exponent_of(summary_.need_max);
+  plan_.processors = processors;
+  plan_.pairs.pairs = pairs_.data(), plan_.pairs.capacity = pairs_.capacity();
+  plan_.pairs.width = Width::pairs;
+  plan_.hits = hits_.data(), plan_.hit_room = hits_.capacity();
   Source& b = plan_.balls;
   b.centers = &view_.balls->x, b.radii = &view_.balls->r, b.center_stride = b.radius_stride = 4;
   b.family = view_.family, b.mask = view_.mask, b.owner = view_.owner;
   b.count = view_.moving, b.wide = b.filtered = true;
 }
 
-void BodySearch::meet_static(cudaStream_t stream) {
-  if (table_.count == 0 || view_.moving == 0) return;
-  StaticTask t{view_, static_view_, pairs_.data(), pairs_.capacity(), query_counts_.reserve(view_.moving)};
-  unsigned long long* places = query_places_.reserve(view_.moving);
-  t.places = places, t.counters = counters_.data();
-  count_static(t, table_.grid, stream);
+void BodySearch::meet_static(const Plan& plan, Tools& tools, cudaStream_t stream) {
+  const std::uint32_t moving = plan.view.moving;
+  if (plan.static_count == 0 || moving == 0) return;
+  StaticTask t{plan.view, plan.statics, plan.pairs.pairs, plan.pairs.capacity,
+               tools.query_counts.reserve(moving)};
+  unsigned long long* places = tools.query_places.reserve(moving);
+  t.places = places, t.counters = tools.counters.data();
+  count_static(t, plan.static_grid, stream);
   std::size_t bytes = 0;
-  cub::DeviceScan::ExclusiveSum(nullptr, bytes, t.counts, places, view_.moving, stream);
-  void* scratch = scratch_.reserve(bytes);
-  cuda_check(cub::DeviceScan::ExclusiveSum(scratch, bytes, t.counts, places, view_.moving, stream), "scan");
-  write_static(t, table_.grid, stream);
+  cub::DeviceScan::ExclusiveSum(nullptr, bytes, t.counts, places, moving, stream);
+  void* scratch = tools.scratch.reserve(bytes);
+  cuda_check(cub::DeviceScan::ExclusiveSum(scratch, bytes, t.counts, places, moving, stream), "scan");
+  write_static(t, plan.static_grid, stream);
 }
 
-void BodySearch::expect_report() {
-  report_.clear();
-  if (view_.moving > 0 && plan_.with_survey) surveyor_.read(plan_.balls, plan_.octaves, false, report_);
-  report_.add(counters_.reserve(1), host_counters_.reserve(1), sizeof(BodyCounters));
-  report_.expect();
+// The spheres of all elements that met.
+void BodySearch::meet_all(const Plan& plan, Tools& tools, MeetTask& t, cudaStream_t stream) {
+  if (!plan.fixed_order) return meet(t, stream);
+  const std::uint64_t batches = (plan.pairs.capacity + kBatch - 1) / kBatch;
+  t.ranks = tools.ranks.reserve(plan.hit_room), t.batch_counts = tools.batch_counts.reserve(batches);
+  meet(t, stream);
+  if (batches <= kMostBatches) return;
+  unsigned long long* places = tools.batch_places.reserve(batches);
+  t.batch_places = places;
+  std::size_t bytes = 0;
+  cub::DeviceScan::ExclusiveSum(nullptr, bytes, t.batch_counts, places, batches, stream);
+  void* scratch = tools.scratch.reserve(bytes);
+  cuda_check(cub::DeviceScan::ExclusiveSum(scratch, bytes, t.batch_counts, places, batches, stream), "scan");
+}
+
+void BodySearch::expect_report(const Plan& plan, Tools& tools) {
+  tools.report.clear();
+  if (plan.view.moving > 0 && plan.with_survey)
+    tools.surveyor.read(plan.balls, plan.octaves, false, tools.report);
+  tools.report.add(tools.counters.reserve(1), tools.host_counters.reserve(1), sizeof(BodyCounters));
+  tools.report.expect();
 }
 
 // One pass over the device, up to the counters on the host.
-void BodySearch::enqueue(cudaStream_t stream, const Mark& mark) {
-  BodyCounters* counters = counters_.reserve(1);
+void BodySearch::enqueue(const Plan& plan, Tools& tools, cudaStream_t stream, const Mark& mark) {
+  BodyCounters* counters = tools.counters.reserve(1);
   cuda_check(cudaMemsetAsync(counters, 0, sizeof *counters, stream), "clear the counters");
-  if (view_.moving > 0) {
-    if (plan_.with_survey) surveyor_.begin(plan_.balls, plan_.octaves, plan_.top, stream);
+  if (plan.view.moving > 0) {
+    if (plan.with_survey) tools.surveyor.begin(plan.balls, plan.octaves, plan.top, stream);
     // Both are written after the spheres are in order.
-    orderer_.lend(reinterpret_cast<float4*>(hits_.data()), hits_.capacity(),
-                  reinterpret_cast<std::uint32_t*>(pairs_.data()), pairs_.capacity() * 2);
-    const Ordered ordered = orderer_.order(plan_.balls, plan_.grid, SlotKind::fixed, plan_.fixed_order,
-                                           plan_.method, {}, &counters->broad, stream);
+    const Lent lent{reinterpret_cast<float4*>(plan.hits), plan.hit_room,
+                    reinterpret_cast<std::uint32_t*>(plan.pairs.pairs), plan.pairs.capacity * 2};
+    const Ordered ordered =
+        tools.orderer.order(plan.balls, plan.grid, SlotKind::fixed, plan.fixed_order, plan.method, {}, lent,
+                            &counters->broad, plan.processors, stream);
     mark(3);
     SearchOptions o;
-    o.fixed_order = plan_.fixed_order, o.share = plan_.share, o.radius = summary_.radius_max;
-    Output pairs;
-    pairs.pairs = pairs_.data(), pairs.capacity = pairs_.capacity(), pairs.width = Width::pairs;
-    search(plan_.balls, plan_.grid, ordered, o, pairs, &counters->broad, search_memory_, stream);
-    meet_static(stream);
+    o.fixed_order = plan.fixed_order, o.share = plan.share;
+    search(plan.balls, plan.grid, ordered, o, plan.pairs, &counters->broad, tools.search, plan.processors,
+           stream);
+    meet_static(plan, tools, stream);
     mark(6);
-    MeetTask t{view_, loose_, plan_.own};
-    t.owns_all = plan_.own == Region{}, t.fixed_order = plan_.fixed_order;
-    t.pairs = pairs_.data(), t.pair_room = pairs_.capacity(), t.room = hits_.capacity();
-    t.hits = hits_.data(), t.counters = counters;
-    if (plan_.fixed_order) {
-      const std::uint64_t batches = (pairs_.capacity() + kBatch - 1) / kBatch;
-      t.ranks = ranks_.reserve(hits_.capacity()), t.batch_counts = batch_counts_.reserve(batches);
-      meet(t, stream);
-      if (batches > kMostBatches) {
-        unsigned long long* places = batch_places_.reserve(batches);
-        t.batch_places = places;
-        std::size_t bytes = 0;
-        cub::DeviceScan::ExclusiveSum(nullptr, bytes, t.batch_counts, places, batches, stream);
-        void* scratch = scratch_.reserve(bytes);
-        cuda_check(cub::DeviceScan::ExclusiveSum(scratch, bytes, t.batch_counts, places, batches, stream),
-                   "scan");
-      }
-    } else {
-      meet(t, stream);
-    }
+    MeetTask t{plan.view, plan.loose, plan.own};
+    t.owns_all = plan.own == Region{}, t.fixed_order = plan.fixed_order;
+    t.pairs = plan.pairs.pairs, t.pair_room = plan.pairs.capacity, t.room = plan.hit_room;
+    t.hits = plan.hits, t.counters = counters;
+    meet_all(plan, tools, t, stream);
     mark(7);
-    write_hits(t, plan_.output, stream);
+    write_hits(t, plan.output, stream);
   }
-  report_.send(stream);
+  tools.report.send(stream);
+}
+
+// The pass of plan_, to its end; with `side` recorded there.
+void BodySearch::pass(cudaStream_t stream, SideStream* side, const Mark& mark) {
+  expect_report(plan_, tools_);
+  if (side)
+    recording_.run(plan_, book_.moves, stream, *side,
+                   [&](cudaStream_t s) { enqueue(plan_, tools_, s, [](int) {}); });
+  else
+    enqueue(plan_, tools_, stream, mark);
+  tools_.report.arrived(stream, "search for contacts");
+  found_ = *tools_.host_counters.data();
 }
 
 bool BodySearch::ordinary(const Options& options) const {
@@ -358,7 +381,7 @@ bool BodySearch::ordinary(const Options& options) const {
 }
 
 bool BodySearch::run(const Input& input, const Options& options, const Room& output, std::uint64_t& contacts,
-                     cudaStream_t stream, const Mark& mark) {
+                     cudaStream_t stream, SideStream& side, int processors, const Mark& mark) {
   const bool known = knows(input);
   const std::uint64_t revision = input.revision;
   revision_ = 0;  // known again when all went well
@@ -372,19 +395,15 @@ bool BodySearch::run(const Input& input, const Options& options, const Room& out
   Output out = output(hits_.capacity());
   bool done = false;
   if (known && hope_ > 0 && view_.moving > 0) {
-    make_plan(options, out);
+    make_plan(options, out, processors);
     plan_.with_survey = true;
-    expect_report();
-    if (options.timings)  // marks wait for the device, which a recording cannot
-      enqueue(stream, mark);
-    else
-      recording_.run(plan_, book_.moves, stream, [&] { enqueue(stream, mark); });
-    report_.arrived(stream, "search for contacts");
+    pass(stream, options.timings ? nullptr : &side, mark);  // marks wait for the device: not when recorded
     const Grid grid = plan_.grid;
-    done = surveyor_.finish(plan_.balls, plan_.octaves, plan_.top, false, summary_);
+    done = tools_.surveyor.finish(plan_.balls, plan_.octaves, plan_.top, false, summary_);
     if (done) {
       if (!ordinary(options)) return false;
-      done = grid == choose_grid(summary_, 0) && !(host_counters_.data()->broad.flags & kOutside);
+      done = grid == choose_grid(summary_, 0) && !(found_.broad.flags & kOutside) &&
+             summary_.octave[kOctaves - 1].count == 0;
     }
     hope_ = done ? 1 : -4;
   }
@@ -393,31 +412,30 @@ bool BodySearch::run(const Input& input, const Options& options, const Room& out
     method_ = OrderMethod::automatic;
     summary_ = {};
     if (view_.moving > 0) {
-      make_plan(options, out);
-      summary_ = surveyor_.survey(plan_.balls, stream);
+      make_plan(options, out, processors);
+      summary_ = tools_.surveyor.survey(plan_.balls, stream);
     }
     if (!ordinary(options)) return false;
     mark(0);
-    make_plan(options, out);
-    expect_report();
-    enqueue(stream, mark);
-    report_.arrived(stream, "search for contacts");
+    make_plan(options, out, processors);
+    pass(stream, nullptr, mark);
   }
   // Whatever was too small was counted to its end; it is made larger and the pass repeated. So is a list of
   // pairs in the order of another length.
   while (true) {
-    const BodyCounters& found = *host_counters_.data();
+    const BodyCounters& found = found_;
     const std::uint64_t pairs = found.broad.contacts + found.static_pairs;
     const bool fixed = plan_.fixed_order && view_.moving > 0;
     const Share share = fixed ? share_for(found.broad, view_.moving, plan_.grid, SlotKind::fixed) : Share{};
     const bool known = !fixed || share == plan_.share;
     const std::uint64_t spilled = fixed ? found.broad.spilled : 0;
+    if (found.broad.flags & kOutside) throw Error(kChanged);
     if (found.broad.flags & kCrowded) {
       method_ = OrderMethod::sort;
-    } else if (pairs > pairs_.capacity() || !known || spilled > search_memory_.spill.capacity()) {
+    } else if (pairs > pairs_.capacity() || !known || spilled > tools_.search.spill.capacity()) {
       if (pairs > pairs_.capacity()) pairs_.reserve(pairs + pairs / 8);
       if (fixed)
-        search_memory_.spill.reserve(known ? spilled + spilled / 8 : pairs / 16 + 4096), share_ = share;
+        tools_.search.spill.reserve(known ? spilled + spilled / 8 : pairs / 16 + 4096), share_ = share;
     } else if (found.contacts > std::min(hits_.capacity(), out.capacity)) {
       hits_.reserve(found.contacts + found.contacts / 8);
       out = output(hits_.capacity());
@@ -425,10 +443,8 @@ bool BodySearch::run(const Input& input, const Options& options, const Room& out
       contacts = found.contacts;
       break;
     }
-    make_plan(options, out);
-    expect_report();
-    enqueue(stream, mark);
-    report_.arrived(stream, "search for contacts");
+    make_plan(options, out, processors);
+    pass(stream, nullptr, mark);
   }
   mark(8);
   revision_ = revision;

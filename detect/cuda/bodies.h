@@ -42,6 +42,8 @@ struct BodyCounters {
   unsigned long long static_pairs, contacts, next;  // next: pair to be looked at
 };
 
+struct MeetTask;  // meet.h
+
 class BodySearch {
  public:
   explicit BodySearch(MemoryBook& book);
@@ -55,23 +57,43 @@ class BodySearch {
   // holds); then the spheres must be expanded and each be asked. `mark` is called after each stage.
   using Room = std::function<Output(std::uint64_t count)>;
   using Mark = std::function<void(int stage)>;  // -1: place
+  // `side` records what is enqueued, `processors`: processors_of(stream).
   bool run(const Input& input, const Options& options, const Room& output, std::uint64_t& contacts,
-           cudaStream_t stream, const Mark& mark);
+           cudaStream_t stream, SideStream& side, int processors, const Mark& mark);
 
  private:
-  // Everything that decides what the device does between its first kernel and its count.
+  // Everything that decides what the device does between its first kernel and its count: whatever a kernel is
+  // given by value follows from it.
   struct Plan {
     BodyView view;
     Source balls, loose;
     Grid grid;
-    Output output;
+    Output output, pairs;  // of contacts, of elements that met
     Region own;
+    StaticView statics;
+    Grid static_grid;
+    std::uint32_t static_count = 0;
+    uint4* hits = nullptr;
+    std::uint64_t hit_room = 0;
     OrderMethod method = OrderMethod::automatic;
     bool octaves = false, with_survey = false, fixed_order = true;
     Share share;
-    int top = 0;
+    int top = 0, processors = 1;
     std::uint64_t moves = 0;
     friend bool operator==(const Plan&, const Plan&) = default;
+  };
+  // What a plan works with. Only addresses come from here, which stay while nothing is allocated.
+  struct Tools {
+    explicit Tools(MemoryBook& book);
+    Surveyor surveyor;
+    Orderer orderer;
+    SearchMemory search;
+    Report report;
+    Buffer<uint2> ranks;
+    Buffer<std::uint32_t> batch_counts, query_counts;
+    Buffer<unsigned long long> batch_places, query_places;
+    Buffer<unsigned char> scratch;
+    Buffer<BodyCounters> counters, host_counters;
   };
 
   void read_all(const Input& input, cudaStream_t stream);
@@ -79,16 +101,17 @@ class BodySearch {
   void read_loose(const Input& input, bool known, cudaStream_t stream);
   bool build_table(cudaStream_t stream);
   void place(std::uint32_t first, std::uint32_t end, cudaStream_t stream);
-  void make_plan(const Options& options, const Output& output);
-  void expect_report();
-  void enqueue(cudaStream_t stream, const Mark& mark);
-  void meet_static(cudaStream_t stream);
+  void make_plan(const Options& options, const Output& output, int processors);
+  void pass(cudaStream_t stream, SideStream* side, const Mark& mark);
+  static void expect_report(const Plan& plan, Tools& tools);
+  static void enqueue(const Plan& plan, Tools& tools, cudaStream_t stream, const Mark& mark);
+  static void meet_static(const Plan& plan, Tools& tools, cudaStream_t stream);
+  static void meet_all(const Plan& plan, Tools& tools, MeetTask& task, cudaStream_t stream);
   bool ordinary(const Options& options) const;
 
   MemoryBook& book_;
   InputCopy input_;
-  Surveyor surveyor_;
-  Orderer orderer_;
+  Tools tools_;
   Assembly assembly_;
   StaticTable table_;
   double static_extent_ = 0;
@@ -115,14 +138,8 @@ class BodySearch {
   Buffer<MovedBody> moved_, host_moved_;
   Buffer<Pair> pairs_;
   Buffer<uint4> hits_;
-  Buffer<uint2> ranks_;
-  Buffer<std::uint32_t> batch_counts_, query_counts_;
-  Buffer<unsigned long long> batch_places_, query_places_;
-  Buffer<unsigned char> scratch_;
-  Buffer<BodyCounters> counters_, host_counters_;
-  Report report_;
-  SearchMemory search_memory_;
-  Share share_;  // of the pairs found before
+  BodyCounters found_{};  // of the last pass
+  Share share_;           // of the pairs found before
 };
 
 }  // namespace padder::detect::cuda

@@ -449,7 +449,7 @@ __global__ void __launch_bounds__(Threads, kWide / Threads)
 }  // namespace
 
 bool Orderer::by_buckets(const Source& source, const Grid& grid, bool tidy, bool keep, const Gather& gather,
-                         Counters* counters, Ordered& o, cudaStream_t stream) {
+                         const Lent& lending, Counters* counters, Ordered& o, cudaStream_t stream) {
   const bool ids = o.kind != SlotKind::equal, keyed = !o.bins.on && !o.float_levels;
   unsigned long long* const bounds = gather.bounds;
   const std::uint32_t sphere_bytes = 16 + (ids ? 4 : 0) + (keyed ? 4 : 0);
@@ -486,22 +486,23 @@ bool Orderer::by_buckets(const Source& source, const Grid& grid, bool tidy, bool
   Layout layout{n, b.count, b.entries};
   for (int k = 0; k < b.levels; k++) layout.magic[k] = b.part[k].magic;
   const std::uint64_t roomy_count = roomy(o.count, b.count) + 1ull;
-  const bool fits = lent_slots_ >= roomy_count || lent_slots_ < n,  // no memory of its own for the sake of it
+  const bool fits = lending.slots >= roomy_count ||
+                    lending.slots < n,  // no memory of its own for the sake of it
       keepable = !keyed && !grouped && roomy_count > n && fits, kept = keep && keepable && layout == layout_;
   const std::uint64_t split_room = keepable ? roomy_count : n;
   keep_layout(keepable ? layout : Layout{});
-  const bool lent = lent_slots_ >= split_room && lent_words_ >= (keyed ? 2 * n : 0);
+  const bool lent = lending.slots >= split_room && lending.words >= (keyed ? 2 * n : 0);
   if (keyed) o.keys = sorted_keys_.reserve(n);
   Places source_places, split, out{o.slots, nullptr, o.keys, o.codes};
-  split.slots = lent ? lent_slot_ : split_slots_.reserve(split_room);
+  split.slots = lent ? lending.slot : split_slots_.reserve(split_room);
   if (keyed) {
-    source_places.keys = lent ? lent_word_ : keys_.reserve(n);
-    split.keys = lent ? lent_word_ + n : ids_.reserve(n);
+    source_places.keys = lent ? lending.word : keys_.reserve(n);
+    split.keys = lent ? lending.word + n : ids_.reserve(n);
   }
-  const bool lent_ids = lent && lent_words_ >= (keyed ? 2 * n : 0) + split_room;
+  const bool lent_ids = lent && lending.words >= (keyed ? 2 * n : 0) + split_room;
   if (ids) {
     out.ids = o.ids = sorted_ids_.reserve(lent_ids ? n : n + split_room);
-    split.ids = lent_ids ? lent_word_ + (keyed ? 2 * n : 0) : o.ids + n;
+    split.ids = lent_ids ? lending.word + (keyed ? 2 * n : 0) : o.ids + n;
   }
   Starts starts;
   starts.finished = starts_.reserve(3 * std::uint64_t(b.count) + 2 * kMostGroups + 6);

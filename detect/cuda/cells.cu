@@ -3,6 +3,7 @@
 // L2.
 #include <cooperative_groups.h>
 
+#include "detect/cuda/device.h"
 #include "detect/cuda/order.h"
 
 namespace padder::detect::cuda {
@@ -219,14 +220,28 @@ __global__ void __launch_bounds__(kThreads, kBlocksAProcessor)
   }
 }
 
+// f(kernel, bins) with the one that serves.
+template <class F>
+void with_kernel(const Ordered& o, const Grid& grid, bool along, bool tidy, F f) {
+  with_bins(o, grid, [&]<class Kind, class Bins>(Kind kind, const Bins& bins) {
+    f(along ? (tidy ? cell_order_kernel<kind(), Bins, true, true>
+                    : cell_order_kernel<kind(), Bins, true, false>)
+            : (tidy ? cell_order_kernel<kind(), Bins, false, true>
+                    : cell_order_kernel<kind(), Bins, false, false>),
+      bins);
+  });
+}
+
 }  // namespace
 
 bool Orderer::by_cells(const Source& source, const Grid& grid, bool tidy, const Gather& gather,
-                       Counters* counters, Ordered& o, cudaStream_t stream) {
-  int device = 0, processors = 0;
-  cuda_check(cudaGetDevice(&device), "ask for the device");
-  cuda_check(cudaDeviceGetAttribute(&processors, cudaDevAttrMultiProcessorCount, device), "ask the device");
-  const auto most = static_cast<unsigned>(processors * kBlocksAProcessor);
+                       const Lent& lent, Counters* counters, Ordered& o, int processors,
+                       cudaStream_t stream) {
+  unsigned most = 0;
+  with_kernel(o, grid, gather.bounds, tidy, [&](auto* kernel, const auto&) {
+    most = std::min<unsigned>(resident_blocks(reinterpret_cast<const void*>(kernel), kThreads, 0, processors),
+                              static_cast<unsigned>(processors) * kBlocksAProcessor);
+  });
   if (o.count > std::uint64_t(most) * kThreads * kItems) return false;
   if (!o.bins.on && !o.float_levels) o.keys = sorted_keys_.reserve(o.count);
   if (o.kind != SlotKind::equal) o.ids = sorted_ids_.reserve(o.count);
@@ -239,18 +254,13 @@ bool Orderer::by_cells(const Source& source, const Grid& grid, bool tidy, const 
   // Work space in the list of contacts, which is written afterwards. In the first call there is none, and it
   // is not known yet whether it will be long enough: then the other way.
   const std::uint64_t words = o.entries * kOfEntry;
-  if (tidy && lent_slots_ * 4 >= words)
-    numbers.of_entry = reinterpret_cast<std::uint32_t*>(lent_slot_);
-  else if (tidy && lent_words_ > 0)
-    numbers.of_entry = lent_words_ >= words ? lent_word_ : ids_.reserve(words);
+  if (tidy && lent.slots * 4 >= words)
+    numbers.of_entry = reinterpret_cast<std::uint32_t*>(lent.slot);
+  else if (tidy && lent.words > 0)
+    numbers.of_entry = lent.words >= words ? lent.word : ids_.reserve(words);
   task.gather = gather, task.counters = counters;
-  with_bins(o, grid, [&]<class Kind, class Bins>(Kind kind, const Bins& bins) {
-    auto* const kernel = gather.bounds ? (tidy ? cell_order_kernel<kind(), Bins, true, true>
-                                               : cell_order_kernel<kind(), Bins, true, false>)
-                                       : (tidy ? cell_order_kernel<kind(), Bins, false, true>
-                                               : cell_order_kernel<kind(), Bins, false, false>);
-    Bins b = bins;
-    void* arguments[] = {&task, &b};
+  with_kernel(o, grid, gather.bounds, tidy, [&](auto* kernel, auto bins) {
+    void* arguments[] = {&task, &bins};
     cuda_check(cudaLaunchCooperativeKernel(reinterpret_cast<const void*>(kernel),
                                            std::min(blocks_for(o.count, kThreads), most), kThreads, arguments,
                                            0, stream),

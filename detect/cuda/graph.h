@@ -5,8 +5,28 @@
 
 namespace padder::detect::cuda {
 
-// Plan: everything that decides what is enqueued, comparable; plan.moves is MemoryBook::moves, since a graph
-// holds addresses.
+// A stream that no other stream waits for, and that waits for none: work is recorded on it, which other
+// threads may disturb on a stream that waits for the default one. Made when it is first asked for.
+class SideStream {
+ public:
+  SideStream() = default;
+  ~SideStream() {
+    if (stream_) cudaStreamDestroy(stream_);
+  }
+  SideStream(const SideStream&) = delete;
+  SideStream& operator=(const SideStream&) = delete;
+  cudaStream_t get() {
+    if (!stream_) cuda_check(cudaStreamCreateWithFlags(&stream_, cudaStreamNonBlocking), "make a stream");
+    return stream_;
+  }
+
+ private:
+  cudaStream_t stream_ = nullptr;
+};
+
+// Plan: everything that decides what is enqueued, comparable: whatever a kernel is given by value follows
+// from it. What stands behind the addresses may change. plan.moves is MemoryBook::moves, since a graph holds
+// addresses.
 template <class Plan>
 class Recording {
  public:
@@ -15,37 +35,46 @@ class Recording {
   Recording(const Recording&) = delete;
   Recording& operator=(const Recording&) = delete;
 
-  // Enqueues what the plan stands for: by calling enqueue() the first time, recorded the second time in a
-  // row, from the record afterwards. `moves` is read after enqueue(), which may allocate. Throws Error.
+  // Enqueues on `stream` what the plan stands for: by calling enqueue(stream) the first time, recorded on
+  // `side` the second time in a row, from the record afterwards. `moves` is read after enqueue(), which may
+  // allocate. Throws Error.
   template <class Enqueue>
-  void run(const Plan& plan, const std::uint64_t& moves, cudaStream_t stream, Enqueue enqueue) {
+  void run(const Plan& plan, const std::uint64_t& moves, cudaStream_t stream, SideStream& side,
+           Enqueue enqueue) {
     if (!(plan == plan_)) {
       drop();
       plan_ = plan;
-      enqueue();
+      enqueue(stream);
       plan_.moves = moves;
       return;
     }
-    if (!graph_) record(stream, enqueue);
+    if (!graph_) record(side.get(), enqueue);
+    if (plan_.moves != moves) {  // memory was taken while it was recorded: some addresses are old
+      drop();
+      plan_.moves = moves;
+      return enqueue(stream);
+    }
     cuda_check(cudaGraphLaunch(graph_, stream), "launch a graph");
   }
 
  private:
   template <class Enqueue>
-  void record(cudaStream_t stream, Enqueue enqueue) {
+  void record(cudaStream_t side, Enqueue enqueue) {
     cudaGraph_t recorded = nullptr;
-    cuda_check(cudaStreamBeginCapture(stream, cudaStreamCaptureModeRelaxed), "record a graph");
+    cuda_check(cudaStreamBeginCapture(side, cudaStreamCaptureModeRelaxed), "record a graph");
     try {
-      enqueue();
+      enqueue(side);
     } catch (...) {
-      cudaStreamEndCapture(stream, &recorded);
+      cudaStreamEndCapture(side, &recorded);
       if (recorded) cudaGraphDestroy(recorded);
       throw;
     }
-    cuda_check(cudaStreamEndCapture(stream, &recorded), "record a graph");
-    const cudaError_t e = cudaGraphInstantiate(&graph_, recorded, 0);
+    cuda_check(cudaStreamEndCapture(side, &recorded), "record a graph");
+    cudaGraphExec_t made = nullptr;
+    const cudaError_t e = cudaGraphInstantiate(&made, recorded, 0);
     cudaGraphDestroy(recorded);
     cuda_check(e, "record a graph");
+    graph_ = made;
   }
   void drop() {
     if (graph_) cudaGraphExecDestroy(graph_);

@@ -60,7 +60,8 @@ Orderer::Orderer(MemoryBook& book)
       scratch_(book, "sorting") {}
 
 Ordered Orderer::order(const Source& source, const Grid& grid, SlotKind kind, bool tidy, OrderMethod method,
-                       const Gather& gather, Counters* counters, cudaStream_t stream, bool keep) {
+                       const Gather& gather, const Lent& lent, Counters* counters, int processors,
+                       cudaStream_t stream, bool keep) {
   const bool single = grid.levels == 1 && !grid.level[0].hashed;
   bool dense = true;
   for (int k = 0; k < grid.levels; k++) dense = dense && !grid.level[k].hashed;
@@ -80,9 +81,11 @@ Ordered Orderer::order(const Source& source, const Grid& grid, SlotKind kind, bo
   o.entries = (buckets >> o.merge) + 2;
   o.table = table_.reserve(o.entries + 4), o.slots = slots_.reserve(std::uint64_t(o.count) + kSlack);
   if (dense) o.codes = codes_.reserve(std::uint64_t(o.count) + kSlack);
-  if (method == OrderMethod::cells && !by_cells(source, grid, tidy, gather, counters, o, stream))
+  if (method == OrderMethod::cells &&
+      !by_cells(source, grid, tidy, gather, lent, counters, o, processors, stream))
     method = OrderMethod::buckets;
-  if (method == OrderMethod::buckets && !by_buckets(source, grid, tidy, keep, gather, counters, o, stream))
+  if (method == OrderMethod::buckets &&
+      !by_buckets(source, grid, tidy, keep, gather, lent, counters, o, stream))
     method = OrderMethod::sort;
   if (method == OrderMethod::sort) by_sort(source, grid, gather, counters, o, stream);
   cuda_launched("put the spheres in order");

@@ -17,8 +17,10 @@ __global__ void body_of_kernel(std::uint32_t bodies, const std::uint32_t* first,
     for (std::uint32_t k = first[b] + threadIdx.x; k < first[b + 1]; k += blockDim.x) body_of[k] = b;
 }
 
-__global__ void pose_kernel(std::uint32_t bodies, const Pose* poses, Body* out) {
+// `moving`: only of bodies that may move; the others are where they were put.
+__global__ void pose_kernel(std::uint32_t bodies, const Pose* poses, Body* out, bool moving) {
   for (std::uint32_t b = blockIdx.x * blockDim.x + threadIdx.x; b < bodies; b += gridDim.x * blockDim.x) {
+    if (moving && out[b].is_static) continue;
     for (int k = 0; k < 9; k++) out[b].rotation[k] = poses[b].rotation[k];
     for (int k = 0; k < 3; k++) out[b].position[k] = poses[b].position[k];
   }
@@ -128,7 +130,7 @@ void InputCopy::copy_bodies(const Input& input, Source& s, cudaStream_t stream) 
       copy(to, poses, n * sizeof(Pose));
       poses = to;
     }
-    pose_kernel<<<blocks_for(n), kThreads, 0, stream>>>(n, poses, bodies);
+    pose_kernel<<<blocks_for(n), kThreads, 0, stream>>>(n, poses, bodies, input.revision != 0);
   }
   body_of_kernel<<<std::min(n, 132u * 64), 64, 0, stream>>>(n, body_first, body_of);
   cuda_launched("number the bodies' spheres");
@@ -154,6 +156,11 @@ void write_geometry(const Source& source, const Output& output, std::uint64_t co
   if (count == 0 || output.width == Width::pairs) return;
   geometry_kernel<<<blocks_for(count), kThreads, 0, stream>>>(source, output, count);
   cuda_launched("write the contacts");
+}
+
+bool has_kernels() {
+  cudaFuncAttributes found{};
+  return cudaFuncGetAttributes(&found, hash_kernel) == cudaSuccess;
 }
 
 std::uint64_t hash_of_pairs(const Pair* pairs, std::uint64_t count, Buffer<unsigned long long>& sum,

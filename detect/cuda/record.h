@@ -27,6 +27,8 @@ Sphere sphere_at(const Source& source, std::uint32_t k, cudaStream_t stream);  /
 // Normals, depths and points of pairs that are written already, in double, rounded once.
 void write_geometry(const Source& source, const Output& output, std::uint64_t count, cudaStream_t stream);
 
+bool has_kernels();  // does this build have code for the current device?
+
 std::uint64_t hash_of_pairs(const Pair* pairs, std::uint64_t count, Buffer<unsigned long long>& sum,
                             cudaStream_t stream);
 

@@ -4,6 +4,7 @@
 // then records are computed and written by full warps.
 #include <algorithm>
 
+#include "detect/cuda/device.h"
 #include "detect/cuda/expect.h"
 #include "detect/cuda/fill_flow.h"
 #include "detect/cuda/flow.h"
@@ -21,7 +22,8 @@ constexpr int kBlocks = W == Way::single || W == Way::down ? 10
                         : W == Way::few                    ? 8
                                                            : 6;
 
-// Few tiles of one level: a kernel of their own. kMostTurns of them run at once, and can wait for each other.
+// Few tiles of one level: a kernel of their own. Up to kMostTurns of them wait for each other, if so many run
+// at once.
 constexpr std::uint32_t kFewTiles = 16 * kProcessors;
 static_assert(kMostTurns <= kFewTiles);
 // Where tiles wait for each other a warp has one unit only.
@@ -261,8 +263,17 @@ void launch_beside(void (*kernel)(Given...), Shape shape, cudaStream_t stream,
   cuda_check(cudaLaunchKernelEx(&config, kernel, Given(arguments)...), "search for contacts");
 }
 
+// Groups wait for the shares of those before them.
+template <SlotKind Kind>
+Shape shape_of_shares(const Task& task, int processors) {
+  return {std::min(task.sums.share_groups, resident_blocks(reinterpret_cast<const void*>(share_kernel<Kind>),
+                                                           kShareUnits, 0, processors)),
+          kShareUnits};
+}
+
 template <SlotKind Kind, Way W>
-void launch(const Task& task, const Grid& grid, const typename DownsOf<W>::Type& downs, cudaStream_t stream) {
+void launch(const Task& task, const Grid& grid, const typename DownsOf<W>::Type& downs, int processors,
+            cudaStream_t stream) {
   std::uint32_t blocks = task.own_tiles;
   if constexpr (W == Way::down) {
     const std::uint32_t lookers = over(downs.warps, kWarps);
@@ -270,9 +281,8 @@ void launch(const Task& task, const Grid& grid, const typename DownsOf<W>::Type&
     // Shares are made beside the tiles of spheres: the search begins once all blocks that make them have, and
     // units wait for them.
     if (task.sums.shares && !task.sums.turns) {
-      share_kernel<Kind>
-          <<<std::min<std::uint32_t>(task.sums.share_groups, 2 * kProcessors), kShareUnits, 0, stream>>>(
-              task, grid, downs);
+      const Shape shares = shape_of_shares<Kind>(task, processors);
+      share_kernel<Kind><<<shares.blocks, shares.threads, 0, stream>>>(task, grid, downs);
       launch_beside(search_kernel<Kind, W>, {blocks, kThreads}, stream, task, grid, downs);
     } else {
       search_kernel<Kind, W><<<blocks, kThreads, 0, stream>>>(task, grid, downs);
@@ -308,12 +318,12 @@ void launch(const Task& task, const Grid& grid, const typename DownsOf<W>::Type&
   }
 }
 
-void flow(const Task& task, const Grid& grid, const Downs& downs, cudaStream_t stream) {
+void flow(const Task& task, const Grid& grid, const Downs& downs, int processors, cudaStream_t stream) {
   const std::uint32_t blocks = std::min<std::uint32_t>(
       over(std::uint64_t(downs.warps) + task.own_tiles, kWarps), kProcessors * kFlowBlocks);
   if (task.options.fixed_order) {
     constexpr SlotKind kKind = SlotKind::unequal;
-    launch_beside(share_kernel<kKind>, {task.sums.share_groups, kShareUnits}, stream, task, grid, downs);
+    launch_beside(share_kernel<kKind>, shape_of_shares<kKind>(task, processors), stream, task, grid, downs);
     launch_beside(flow_kernel<true>, {blocks, kThreads}, stream, task, grid, downs);
     if (task.sums.eights) {
       const std::uint32_t bytes = eights_of(task) * sizeof(uint2);
@@ -331,16 +341,35 @@ void flow(const Task& task, const Grid& grid, const Downs& downs, cudaStream_t s
   cuda_launched("search for contacts");
 }
 
-template <SlotKind Kind>
-void launch(Task& task, const Grid& grid, const Downs& downs, cudaStream_t stream) {
-  if (grid.levels == 1 && !grid.level[0].hashed && task.own_tiles <= kFewTiles)
-    launch<Kind, Way::few>(task, grid, NoDowns{}, stream);
-  else if (grid.levels == 1 && !grid.level[0].hashed)
-    launch<Kind, Way::single>(task, grid, NoDowns{}, stream);
-  else if (downs.count)
-    launch<Kind, Way::down>(task, grid, downs, stream);
-  else
-    launch<Kind, Way::up>(task, grid, NoDowns{}, stream);
+Way way_of(const Grid& grid, const Downs& downs, std::uint32_t own_tiles) {
+  if (grid.levels == 1 && !grid.level[0].hashed) return own_tiles <= kFewTiles ? Way::few : Way::single;
+  return downs.count ? Way::down : Way::up;
+}
+
+// f(kind, way), both as constants.
+template <class F>
+void with_way(SlotKind kind, Way way, F f) {
+  const auto of_kind = [&](auto k) {
+    if (way == Way::few) f(k, std::integral_constant<Way, Way::few>{});
+    if (way == Way::single) f(k, std::integral_constant<Way, Way::single>{});
+    if (way == Way::down) f(k, std::integral_constant<Way, Way::down>{});
+    if (way == Way::up) f(k, std::integral_constant<Way, Way::up>{});
+  };
+  if (kind == SlotKind::equal) of_kind(std::integral_constant<SlotKind, SlotKind::equal>{});
+  if (kind == SlotKind::unequal) of_kind(std::integral_constant<SlotKind, SlotKind::unequal>{});
+  if (kind == SlotKind::fixed) of_kind(std::integral_constant<SlotKind, SlotKind::fixed>{});
+}
+
+// Tiles of which each waits for those before it: all must run at once.
+bool takes_turns(const Task& task, const Downs& downs, Way way, int processors) {
+  const std::uint32_t tiles = task.own_tiles + over(downs.warps, kWarps);
+  if (tiles > kMostTurns || way == Way::single) return false;
+  unsigned resident = 0;
+  with_way(task.spheres.kind, way, [&](auto kind, auto w) {
+    resident =
+        resident_blocks(reinterpret_cast<const void*>(search_kernel<kind(), w()>), kThreads, 0, processors);
+  });
+  return tiles <= resident;
 }
 
 }  // namespace
@@ -365,7 +394,8 @@ Share share_for(const Counters& found, std::uint32_t spheres, const Grid& grid, 
 }
 
 void search(const Source& source, const Grid& grid, const Ordered& spheres, const SearchOptions& options,
-            const Output& output, Counters* counters, SearchMemory& memory, cudaStream_t stream) {
+            const Output& output, Counters* counters, SearchMemory& memory, int processors,
+            cudaStream_t stream) {
   Task task{source, spheres, output, options, counters};
   task.radius = static_cast<float>(options.radius);
   task.s2 = (task.radius + task.radius) * (task.radius + task.radius);
@@ -381,6 +411,7 @@ void search(const Source& source, const Grid& grid, const Ordered& spheres, cons
   if (spheres.float_levels) downs.bins = level_bins(grid, spheres.kind);
   task.own_tiles = flows ? over(spheres.count, kFlowTile) : own_tiles(spheres.count);
   task.units = downs.units;
+  const Way way = way_of(grid, downs, task.own_tiles);
   const std::uint32_t own_groups = over(task.own_tiles, kGroupTiles),
                       all_groups = own_groups + over(task.units, kGroupTiles),
                       share_groups = over(task.units, kShareUnits);
@@ -400,7 +431,7 @@ void search(const Source& source, const Grid& grid, const Ordered& spheres, cons
   if (options.fixed_order) {
     TileSums& sums = task.sums;
     const std::uint64_t tiles = std::uint64_t(task.own_tiles) + task.units;
-    sums.turns = !flows && task.own_tiles + over(downs.warps, kWarps) <= kMostTurns;
+    sums.turns = !flows && takes_turns(task, downs, way, processors);
     sums.own_groups = own_groups, sums.all_groups = all_groups;
     const std::uint64_t units = task.units;
     const bool shares = units && (flows || spheres.count >= kManySpheres);  // of few, moving all costs less
@@ -424,10 +455,13 @@ void search(const Source& source, const Grid& grid, const Ordered& spheres, cons
         (sums.room | options.share.own * std::uint64_t(tiles)) >> 32 == 0)
       sums.groups = nullptr;
   }
-  if (flows) return flow(task, grid, downs, stream);
-  if (spheres.kind == SlotKind::equal) launch<SlotKind::equal>(task, grid, downs, stream);
-  if (spheres.kind == SlotKind::unequal) launch<SlotKind::unequal>(task, grid, downs, stream);
-  if (spheres.kind == SlotKind::fixed) launch<SlotKind::fixed>(task, grid, downs, stream);
+  if (flows) return flow(task, grid, downs, processors, stream);
+  with_way(spheres.kind, way, [&](auto kind, auto w) {
+    if constexpr (w() == Way::down)
+      launch<kind(), w()>(task, grid, downs, processors, stream);
+    else
+      launch<kind(), w()>(task, grid, NoDowns{}, processors, stream);
+  });
   cuda_launched("search for contacts");
 }
 

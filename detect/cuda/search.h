@@ -84,6 +84,15 @@ __device__ __forceinline__ void put_geometry(const Output& out, std::uint64_t at
   }
 }
 
+// Memory that putting in order may use and leave behind changed: that of the list, which is written later.
+struct Lent {
+  float4* slot = nullptr;
+  std::uint64_t slots = 0;
+  std::uint32_t* word = nullptr;
+  std::uint64_t words = 0;
+  friend bool operator==(const Lent&, const Lent&) = default;
+};
+
 enum class OrderMethod : std::uint8_t { automatic, cells, buckets, sort };
 
 class Orderer {
@@ -95,25 +104,23 @@ class Orderer {
   // `keep`: if the call before had the same buckets, nothing is counted: each has a little more room than it
   // needed then. Sets kOutside where that is not enough, or where one radius is not that of all; the caller
   // then calls again without. Spheres outside the bins are not reported: the caller compares the grid with
-  // the bounds, where coordinates that are no numbers show, too, but not whose.
+  // the bounds, where coordinates that are no numbers show, too, but not whose. `processors`:
+  // processors_of(stream); the order does not depend on it.
   Ordered order(const Source& source, const Grid& grid, SlotKind kind, bool tidy, OrderMethod method,
-                const Gather& gather, Counters* counters, cudaStream_t stream, bool keep = false);
+                const Gather& gather, const Lent& lent, Counters* counters, int processors,
+                cudaStream_t stream, bool keep = false);
   // Another number whenever `keep` would stand for something else.
   std::uint64_t kept() const { return kept_; }
-  // Memory that order() may use and leave behind changed.
-  void lend(float4* slots, std::uint64_t slot_count, std::uint32_t* words, std::uint64_t word_count) {
-    lent_slot_ = slots, lent_slots_ = slot_count, lent_word_ = words, lent_words_ = word_count;
-  }
   double bucket_spheres = 6500;  // average aimed at
   static constexpr std::uint32_t kFewSpheres = 1u << 18;
   // Slots lent that are enough for any order.
   static std::uint64_t room(std::uint64_t spheres) { return spheres + spheres / 8; }
 
  private:
-  bool by_cells(const Source& source, const Grid& grid, bool tidy, const Gather& gather, Counters* counters,
-                Ordered& o, cudaStream_t stream);
+  bool by_cells(const Source& source, const Grid& grid, bool tidy, const Gather& gather, const Lent& lent,
+                Counters* counters, Ordered& o, int processors, cudaStream_t stream);
   bool by_buckets(const Source& source, const Grid& grid, bool tidy, bool keep, const Gather& gather,
-                  Counters* counters, Ordered& o, cudaStream_t stream);
+                  const Lent& lent, Counters* counters, Ordered& o, cudaStream_t stream);
   void by_sort(const Source& source, const Grid& grid, const Gather& gather, Counters* counters, Ordered& o,
                cudaStream_t stream);
 
@@ -133,9 +140,6 @@ class Orderer {
   Buffer<std::uint32_t> keys_, sorted_keys_, ids_, sorted_ids_, codes_, table_, starts_;
   Buffer<float4> slots_, split_slots_;
   Buffer<unsigned char> scratch_;
-  float4* lent_slot_ = nullptr;
-  std::uint32_t* lent_word_ = nullptr;
-  std::uint64_t lent_slots_ = 0, lent_words_ = 0;
 };
 
 // Work space of the search for a list of fixed order. The caller makes `spill` longer when Counters::spilled
@@ -166,8 +170,9 @@ struct SearchOptions {
 // share is not the one to hand out.
 Share share_for(const Counters& found, std::uint32_t spheres, const Grid& grid, SlotKind kind);
 // The caller sets the counters to zero first; afterwards they hold the number of contacts, whatever the
-// capacity.
+// capacity. `processors`: processors_of(stream); the list does not depend on it.
 void search(const Source& source, const Grid& grid, const Ordered& spheres, const SearchOptions& options,
-            const Output& output, Counters* counters, SearchMemory& memory, cudaStream_t stream);
+            const Output& output, Counters* counters, SearchMemory& memory, int processors,
+            cudaStream_t stream);
 
 }  // namespace padder::detect::cuda

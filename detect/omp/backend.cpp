@@ -168,6 +168,11 @@ class OmpBackend final : public Backend {
     return arrays;
   }
 
+  std::vector<Pose> device_poses(const Input& input, const Options&) override {
+    check_input(input, false);  // throws: there are none that this backend could read
+    return {};
+  }
+
   void forget() noexcept override {
     kept_->bodies.forget();
     kept_->records.count = 0;

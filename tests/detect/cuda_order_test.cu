@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "detect/cuda/bins.h"
+#include "detect/cuda/device.h"
 
 namespace padder::detect::cuda {
 namespace {
@@ -198,8 +199,8 @@ class CudaOrderTest : public testing::TestWithParam<Way> {
     orderer.bucket_spheres = GetParam().bucket_spheres;
     // Mostly there is a list whose memory serves as work space.
     Buffer<float4> list(book_, "the test");
-    const std::uint64_t lent = kind == SlotKind::equal && !packed ? 0 : 64ull * count + 4096;
-    orderer.lend(list.reserve(lent + 1), lent, nullptr, 0);
+    const std::uint64_t room = kind == SlotKind::equal && !packed ? 0 : 64ull * count + 4096;
+    const Lent lent{list.reserve(room + 1), room, nullptr, 0};
     Buffer<unsigned long long> words(book_, "the test");
     constexpr std::uint32_t kWords = Surveyor::kHead + kBounds + Gather::kWords;
     auto* const head = words.reserve(kWords);
@@ -209,8 +210,8 @@ class CudaOrderTest : public testing::TestWithParam<Way> {
     const bool octaves = along && needs_octaves(summary) && packed;
     if (along) gather.bounds = head + Surveyor::kHead, gather.top = exponent_of(summary.need_max);
     if (octaves) gather.octaves = gather.bounds + kBounds;
-    const Ordered o =
-        orderer.order(source, grid, kind, tidy, GetParam().method, gather, counters, nullptr, keep);
+    const Ordered o = orderer.order(source, grid, kind, tidy, GetParam().method, gather, lent, counters,
+                                    processors_of(nullptr, 0), nullptr, keep);
     cuda_check(cudaDeviceSynchronize(), "put in order");
     const auto found = host(reinterpret_cast<const unsigned long long*>(head), kWords);
     if (refused) {

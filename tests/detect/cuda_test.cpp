@@ -24,6 +24,7 @@ class CudaTest : public testing::Test {
   }
 
   void expect_levels_agree(std::uint64_t n);
+  void expect_right_between_faults(std::uint64_t n);
   void expect_one_order(const char* name, std::uint64_t n);
 
   void expect_same_order(const char* name, std::uint64_t n) {
@@ -120,6 +121,91 @@ TEST_F(CudaTest, WhatWasDetectedBeforeDoesNotMatter) {
     const Contacts &a = d.detect(input_of(spheres)), &b = fresh.detect(input_of(spheres));
     ASSERT_EQ(a.count, b.count) << "step " << step;
     ASSERT_EQ(std::memcmp(a.pairs, b.pairs, a.count * sizeof(Pair)), 0) << "step " << step;
+  }
+}
+
+// One bad or far sphere between good calls of one size: it is refused or found, and the call after it is
+// right.
+void CudaTest::expect_right_between_faults(std::uint64_t n) {
+  for (const char* name : {"dense", "poly35", "poly100"}) {
+    auto spheres = generate(name, n);
+    cpu_.width = gpu_.width;  // what a record can hold is refused alike
+    Detector cpu(cpu_), gpu(gpu_);
+    cpu.detect(input_of(spheres));
+    const std::uint64_t hash = cpu.hash();
+    const auto expect_right = [&](const char* when) {
+      gpu.detect(input_of(spheres));
+      ASSERT_EQ(gpu.hash(), hash) << name << " " << n << " " << when;
+    };
+    int step = 0;
+    for (const float evil : {NAN, INFINITY, -INFINITY, 3e38f, -3e38f, 1e30f, 1e6f, -1e-42f})
+      for (const bool radius : {false, true}) {
+        for (int good = 0; good <= ++step % 5; good++) expect_right("before");
+        float& at = radius ? spheres[n / 2].r : spheres[n / 2].x;
+        const float keep = std::exchange(at, evil);
+        try {
+          const std::uint64_t count = gpu.detect(input_of(spheres)).count;
+          ASSERT_EQ(count, cpu.detect(input_of(spheres)).count) << name << " " << n << " " << evil;
+          ASSERT_EQ(gpu.hash(), cpu.hash());
+        } catch (const Error&) {
+          EXPECT_EQ(gpu.hash(), 0u);
+          EXPECT_THROW(cpu.detect(input_of(spheres)), Error) << name << " " << n << " " << evil;
+        }
+        at = keep;
+        expect_right("after");
+      }
+  }
+}
+TEST_F(CudaTest, RightBetweenFaults) {
+  expect_right_between_faults(1'000), expect_right_between_faults(20'000);
+}
+TEST_F(CudaTest, LargeScenesAreRightBetweenFaults) {
+  expect_right_between_faults(150'000), expect_right_between_faults(300'000);
+}
+
+// A list that grows from call to call finds its memory most of the time: pinned memory is dear.
+TEST_F(CudaTest, AGrowingListKeepsItsMemory) {
+  auto spheres = generate("dense", 20'000);
+  Detector gpu(gpu_);
+  const Pair* last = nullptr;
+  int moves = 0;
+  for (int call = 0; call < 30; call++) {
+    const Contacts& c = gpu.detect(input_of(spheres));
+    moves += c.pairs != last, last = c.pairs;
+    for (FloatSphere& s : spheres) s.r *= 1.002f;
+  }
+  EXPECT_LE(moves, 4);
+}
+
+// Static bodies stand elsewhere with each new revision, which a graph of the one before must not be launched
+// for.
+TEST_F(CudaTest, AGraphDoesNotOutliveItsRevision) {
+  std::vector<Sphere> ground;
+  const std::vector<Sphere> ball{{0, 0, 0, 0.6}};
+  for (int x = 0; x < 40; x++)
+    for (int y = 0; y < 40; y++) ground.push_back({x * 0.5, y * 0.5, 0, 0.5});
+  const Shape shapes[2] = {{ground.data(), ground.size()}, {ball.data(), ball.size()}};
+  std::vector<Body> bodies(501);
+  bodies[0].is_static = true;
+  for (int k = 0; k < 500; k++) {
+    Body& b = bodies[static_cast<std::size_t>(k) + 1];
+    b.shape = 1, b.position[0] = k % 25 * 3.0 - 5, b.position[1] = k / 25 * 1.0, b.position[2] = 0.7;
+  }
+  Input input;
+  input.shapes = shapes, input.bodies = bodies;
+  for (const Order order : {Order::fixed, Order::any}) {
+    gpu_.bodies = Bodies::first, gpu_.order = order;
+    Detector gpu(gpu_), cpu(cpu_);
+    for (std::uint64_t revision = 1; revision <= 5; revision++) {
+      input.revision = revision, bodies[0].position[0] = static_cast<double>(revision - 1) * 12;
+      Input fresh = input;
+      fresh.revision = 0;
+      const std::uint64_t count = cpu.detect(fresh).count;
+      for (int call = 0; call < 5; call++) {
+        EXPECT_EQ(gpu.detect(input).count, count) << "revision " << revision << " call " << call;
+        EXPECT_EQ(gpu.hash(), cpu.hash());
+      }
+    }
   }
 }
 

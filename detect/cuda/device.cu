@@ -1,0 +1,71 @@
+#include "detect/cuda/device.h"
+
+#include <algorithm>
+
+namespace padder::detect::cuda {
+namespace {
+
+// A function of the driver, which the program is not linked to; null where the driver is too old for it.
+template <class Function>
+Function driver_function(const char* name, unsigned since) {
+  void* found = nullptr;
+  cudaDriverEntryPointQueryResult result{};
+  if (cudaGetDriverEntryPointByVersion(name, &found, since, cudaEnableDefault, &result) != cudaSuccess) {
+    cudaGetLastError();
+    return nullptr;
+  }
+  return result == cudaDriverEntryPointSuccess ? reinterpret_cast<Function>(found) : nullptr;
+}
+
+}  // namespace
+
+OnDevice::OnDevice(int device) noexcept {
+  static const auto current = driver_function<CUresult (*)(CUcontext*)>("cuCtxGetCurrent", 4000);
+  if (!current || current(&before_) != CUDA_SUCCESS) before_ = nullptr;
+  cudaGetLastError();
+  error_ = cudaSetDevice(device);
+}
+
+OnDevice::~OnDevice() {
+  static const auto make_current = driver_function<CUresult (*)(CUcontext)>("cuCtxSetCurrent", 4000);
+  if (before_ && make_current) make_current(before_);
+}
+
+void check_device_memory(const void* p, int device, const char* what) {
+  cudaPointerAttributes found{};
+  cuda_check(cudaPointerGetAttributes(&found, p), "ask where an array lies");
+  if (found.type == cudaMemoryTypeUnregistered || !found.devicePointer)
+    throw Error(
+        std::string(what) +
+        " are said to lie in device memory, but the pointer is none of the device's: say that they lie "
+        "in host memory, or copy them to the device");
+  if (found.type == cudaMemoryTypeDevice && found.device != device)
+    throw Error(std::string(what) + " lie in the memory of GPU " + std::to_string(found.device) +
+                ", but the detector works on GPU " + std::to_string(device) +
+                ": copy them, or make the detector with that device");
+}
+
+int processors_of(cudaStream_t stream, int device) {
+  static const auto green_of =
+      driver_function<CUresult (*)(CUstream, CUgreenCtx*)>("cuStreamGetGreenCtx", 12040);
+  static const auto resource_of =
+      driver_function<CUresult (*)(CUgreenCtx, CUdevResource*, CUdevResourceType)>("cuGreenCtxGetDevResource",
+                                                                                   12040);
+  CUgreenCtx green = nullptr;
+  CUdevResource part{};
+  if (green_of && resource_of && green_of(stream, &green) == CUDA_SUCCESS && green &&
+      resource_of(green, &part, CU_DEV_RESOURCE_TYPE_SM) == CUDA_SUCCESS)
+    return static_cast<int>(part.sm.smCount);
+  int processors = 0;
+  cuda_check(cudaDeviceGetAttribute(&processors, cudaDevAttrMultiProcessorCount, device), "ask the device");
+  return processors;
+}
+
+unsigned resident_blocks(const void* kernel, int threads, std::size_t shared_bytes, int processors) {
+  int of_a_processor = 0;
+  cuda_check(cudaOccupancyMaxActiveBlocksPerMultiprocessor(&of_a_processor, kernel, threads, shared_bytes),
+             "ask how many blocks run at once");
+  return static_cast<unsigned>(std::max(of_a_processor * processors, 1));
+}
+
+}  // namespace padder::detect::cuda

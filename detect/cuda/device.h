@@ -1,0 +1,39 @@
+// Where kernels run: the device's context, which is current for the length of a call only; the memory that a
+// caller says is the device's; and how many blocks of a kernel run at once. Internal; only .cu files include
+// this.
+#pragma once
+#include <cuda.h>
+
+#include "detect/cuda/memory.h"
+
+namespace padder::detect::cuda {
+
+// Makes the device's primary context current, and the caller's current again at the end, whatever it was.
+// Discards the error that an earlier call of the caller's own left in the runtime: it would be taken for
+// ours.
+class OnDevice {
+ public:
+  explicit OnDevice(int device) noexcept;
+  ~OnDevice();
+  OnDevice(const OnDevice&) = delete;
+  OnDevice& operator=(const OnDevice&) = delete;
+  void require() const { cuda_check(error_, "choose the device"); }  // throws Error
+
+ private:
+  CUcontext before_ = nullptr;
+  cudaError_t error_ = cudaSuccess;
+};
+
+// Throws Error unless kernels on `device` can read what lies at `p`, which is named `what` ("the centres").
+void check_device_memory(const void* p, int device, const char* what);
+
+// Processors that kernels on the stream may use: fewer than the device has in a green context, under MPS or
+// on a MIG slice.
+int processors_of(cudaStream_t stream, int device);
+
+// How many blocks of the kernel run at once on so many processors, at least one. Blocks that wait for each
+// other must be no more than this: then each runs sooner or later, whatever else the device does. Throws
+// Error.
+unsigned resident_blocks(const void* kernel, int threads, std::size_t shared_bytes, int processors);
+
+}  // namespace padder::detect::cuda
