@@ -4,7 +4,7 @@
 
 namespace padder::detect {
 
-inline constexpr std::uint64_t kMostContacts = 250'000;  // of a scene
+inline constexpr std::uint64_t kMostContacts = 250'000;  // of a scene, and 12 more for each sphere
 inline constexpr double kLeastUnit = 1e-260;             // all that is smaller shares a bin
 
 // Sizes of lists of loose spheres: about what the code decides by. On the CPU: pieces, batches, parts,
@@ -158,7 +158,7 @@ class Script {
 
   bool find() {
     spheres_ = world_.spheres();
-    return ModelOracle(spheres_, options_.own).contacts(pairs_, kMostContacts);
+    return ModelOracle(spheres_, options_.own).contacts(pairs_, kMostContacts + 12 * spheres_.size());
   }
 
   // So far out, or so small, that float alone could take every pair for a contact.
