@@ -128,9 +128,17 @@ class Searcher {
 
  private:
   static constexpr bool kFixed = std::is_same_v<Slot, FixedSlot>;
-  struct Row {  // the bins that were meant, for hashed levels
+  struct Bins {  // that were meant, for hashed levels
     const Level* level = nullptr;
-    std::int64_t x_low = 0, x_high = 0, y = 0, z = 0;
+    std::int64_t x_low = 0, x_high = 0, y_low = 0, y_high = 0, z_low = 0, z_high = 0;
+    double count() const {
+      return static_cast<double>(x_high - x_low + 1) * static_cast<double>(y_high - y_low + 1) *
+             static_cast<double>(z_high - z_low + 1);
+    }
+    bool hold(const Sphere& s) const {
+      const Bin b = bin_of(*level, s);
+      return x_low <= b.x && b.x <= x_high && y_low <= b.y && b.y <= y_high && z_low <= b.z && b.z <= z_high;
+    }
   };
 
   Sphere exact_sphere(std::uint32_t k) const { return omp::exact_sphere(spheres_, slots_, k); }
@@ -157,25 +165,26 @@ class Searcher {
     for (const Run& r : runs_) run(me, a, r, {});
   }
 
-  void bucket(const Slot& me, std::uint32_t a, const Level& l, const Row& r) {
-    const std::uint32_t row = row_of(l, r.y, r.z);
-    if (!l.hashed) {
-      run(me, a, {starts_[key_in_row(l, row, r.x_low)], starts_[key_in_row(l, row, r.x_high) + 1]}, {});
-      return;
-    }
-    for (std::int64_t x = r.x_low; x <= r.x_high; x++) {
-      const std::uint32_t key = key_in_row(l, row, x);
-      run(me, a, {starts_[key], starts_[key + 1]}, {&l, x, x, r.y, r.z});
-    }
+  // Of a hashed level, bin by bin.
+  void look_into(const Slot& me, std::uint32_t a, const Bins& bins) {
+    const Level& l = *bins.level;
+    for (std::int64_t z = bins.z_low; z <= bins.z_high; z++)
+      for (std::int64_t y = bins.y_low; y <= bins.y_high; y++) {
+        const std::uint32_t row = row_of(l, y, z);
+        for (std::int64_t x = bins.x_low; x <= bins.x_high; x++) {
+          const std::uint32_t key = key_in_row(l, row, x);
+          run(me, a, {starts_[key], starts_[key + 1]}, {&l, x, x, y, y, z, z});
+        }
+      }
   }
 
   void own_level_hashed(const Level& l, std::uint32_t key, std::uint32_t a) {
     const Slot me = slots_[a];
     const Bin b = bin_of(l, exact_sphere(a));
-    run(me, a, {a + 1, starts_[key + 1]}, {&l, b.x, b.x, b.y, b.z});
-    bucket(me, a, l, {&l, b.x + 1, b.x + 1, b.y, b.z});
-    bucket(me, a, l, {&l, b.x - 1, b.x + 1, b.y + 1, b.z});
-    for (std::int64_t y = b.y - 1; y <= b.y + 1; y++) bucket(me, a, l, {&l, b.x - 1, b.x + 1, y, b.z + 1});
+    run(me, a, {a + 1, starts_[key + 1]}, {&l, b.x, b.x, b.y, b.y, b.z, b.z});
+    look_into(me, a, {&l, b.x + 1, b.x + 1, b.y, b.y, b.z, b.z});
+    look_into(me, a, {&l, b.x - 1, b.x + 1, b.y + 1, b.y + 1, b.z, b.z});
+    look_into(me, a, {&l, b.x - 1, b.x + 1, b.y - 1, b.y + 1, b.z + 1, b.z + 1});
   }
 
   // The spheres of another level that may touch a: in the rows that a ball about it crosses.
@@ -196,10 +205,18 @@ class Searcher {
     ball.y_low = floor_of(ball.y - ball.radius), ball.y_high = floor_of(ball.y + ball.radius);
     ball.z_low = floor_of(ball.z - ball.radius), ball.z_high = floor_of(ball.z + ball.radius);
     if (l.hashed) {
-      for (int dz = ball.z_low; dz <= ball.z_high; dz++)
-        for (int dy = ball.y_low; dy <= ball.y_high; dy++)
-          bucket(me, a, l, {&l, x.bin + ball.x_low, x.bin + ball.x_high, y.bin + dy, z.bin + dz});
-      return;
+      const Bins bins{&l,
+                      x.bin + ball.x_low,
+                      x.bin + ball.x_high,
+                      y.bin + ball.y_low,
+                      y.bin + ball.y_high,
+                      z.bin + ball.z_low,
+                      z.bin + ball.z_high};
+      // The bins within reach are bounded by nothing but radii: where they are more than there are spheres,
+      // the spheres are gone through instead.
+      const Run all{starts_[l.offset], starts_[l.offset + l.buckets]};
+      if (bins.count() > all.end - all.begin) return run(me, a, all, bins);
+      return look_into(me, a, bins);
     }
     if (!cut(l, 0, x.bin, ball.x_low, ball.x_high) || !cut(l, 1, y.bin, ball.y_low, ball.y_high) ||
         !cut(l, 2, z.bin, ball.z_low, ball.z_high))
@@ -238,7 +255,7 @@ class Searcher {
     if (count > first) take(me, a, rows_ + first, count - first, {});
   }
 
-  void run(const Slot& me, std::uint32_t a, Run r, const Row& meant) {
+  void run(const Slot& me, std::uint32_t a, Run r, const Bins& meant) {
     while (r.begin < r.end) {
       const Run piece{r.begin, std::min(r.end, r.begin + kPiece)};
       take(me, a, &piece, 1, meant);
@@ -246,7 +263,7 @@ class Searcher {
     }
   }
   // At most kPiece candidates.
-  void take(const Slot& me, std::uint32_t a, const Run* runs, int count, const Row& meant) {
+  void take(const Slot& me, std::uint32_t a, const Run* runs, int count, const Bins& meant) {
     std::uint32_t* out = hits_.room();
     bool doubt;
     std::uint32_t n = kernels_.test_runs(slots_, me, runs, count, out, doubt);
@@ -256,13 +273,12 @@ class Searcher {
 
   // What the filter could not say, and what is not about distance: the hits that stay.
   std::uint32_t settle(const Slot& me, std::uint32_t a, std::uint32_t* hits, std::uint32_t n,
-                       const Row& meant, bool doubt) {
+                       const Bins& meant, bool doubt) {
     std::uint32_t kept = 0;
     for (std::uint32_t k = 0; k < n; k++) {
       const std::uint32_t b = hits[k];
       if (filters_ && !admitted(filters_[a], filters_[b])) continue;
-      if (meant.level && !in_row(*meant.level, exact_sphere(b), meant.x_low, meant.x_high, meant.y, meant.z))
-        continue;
+      if (meant.level && !meant.hold(exact_sphere(b))) continue;
       if (bounded_) {
         const bool ordered = ids_[a] < ids_[b];
         const Sphere i = exact_sphere(ordered ? a : b), j = exact_sphere(ordered ? b : a);

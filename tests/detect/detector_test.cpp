@@ -1,6 +1,7 @@
 // Every backend, path, precision and kind of input against brute force in double.
 #include "detect/detector.h"
 
+#include <chrono>
 #include <functional>
 #include <random>
 
@@ -370,6 +371,21 @@ TEST_P(DetectorTest, OneBallBeyondAll) {
       seconds[giant] = std::min(seconds[giant], detector_->detect(a.input).seconds.total);
   }
   EXPECT_LT(seconds[1], 10 * seconds[0] + 0.1);
+}
+
+// Balls over bins by the hundred million, nearly all empty, and one so far away that by the box of their
+// sizes hardly any of them is near a small sphere.
+TEST_P(DetectorTest, BallsOverEmptyBins) {
+  std::mt19937_64 random(53);
+  std::uniform_real_distribution<double> at(-2000, 2000);
+  TestScene s;
+  for (int k = 0; k < 2030; k++)
+    s.spheres.push_back({at(random), at(random), at(random), k % 70 == 0 ? 500.0 + k % 100 : 1});
+  s.spheres.push_back({1e9, 0, 0, 600});
+  options_.width = Width::pairs;
+  const auto begin = std::chrono::steady_clock::now();
+  expect_right(s, "thirty balls");
+  EXPECT_LT(std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count(), 10);
 }
 
 // Sizes that have nothing to do with each other in one scene.
