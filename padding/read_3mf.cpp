@@ -47,9 +47,9 @@ class Reader {
     const pugi::xml_node model = part(root).child("model");
     read_unit(model);
     const pugi::xml_node build = model.child("build");
-    double count = 0;
-    for (const pugi::xml_node& item : build.children("item")) count += triangles(object_of(root, item), 0);
-    check_counts(0, static_cast<std::uint64_t>(std::min(count, 1e18)), where_);
+    double faces = 0;
+    for (const pugi::xml_node& item : build.children("item")) faces += triangles(object_of(root, item), 0);
+    check_counts(0, static_cast<std::uint64_t>(std::min(faces, 1e18)), where_);
     for (const pugi::xml_node& item : build.children("item")) add(object_of(root, item), place_of(item));
     if (!build.child("item")) die("nothing is to be built: its <build> has no <item>, export it again");
     for (const auto& [what, count] : left_out_)

@@ -26,7 +26,9 @@ TEST(Zip, EveryFileComesBack) {
     const Zip zip(bytes, "z");
     for (const auto& [name, data] : files) EXPECT_EQ(zip.read(name, 1 << 20), data);
     EXPECT_TRUE(zip.has("3d/3DMODEL.model") == false && zip.has("3d/MODEL.model"));
-    if (deflated) EXPECT_LT(bytes.size(), 1000u);
+    if (deflated) {
+      EXPECT_LT(bytes.size(), 1000u);
+    }
   }
 }
 
