@@ -5,9 +5,9 @@
 
 namespace padder {
 
-// At most `most` characters, then …; control characters, and bytes that are no UTF-8, as \n, \t or \x1b: a
-// message stays one line that a terminal takes for text, whatever the file holds. Cost: that of what is
-// shown.
+// At most `most` characters, then …; control characters, and bytes that are no UTF-8, as escapes of C are
+// written: a message stays one line that a terminal takes for text, whatever the file holds. Cost: that of
+// what is shown.
 std::string excerpt(std::string_view text, std::size_t most = 60);
 
 }  // namespace padder
