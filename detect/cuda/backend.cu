@@ -276,6 +276,7 @@ class Work {
       if (done) {
         check(summary_, input, options);
         make_plan(options, summary_);
+        // Where the last octave is populated a survey may tell sizes apart in another way (Summary::above).
         done = grid == plan_.grid && kind == plan_.kind && summary_.radius_max == before.radius_max &&
                !found_.flags && summary_.octave[kOctaves - 1].count == 0;
       }

@@ -3,22 +3,6 @@
 #include <algorithm>
 
 namespace padder::detect::cuda {
-namespace {
-
-// A function of the driver, which the program is not linked to; null where the driver is too old for it.
-template <class Function>
-Function driver_function(const char* name, unsigned since) {
-  void* found = nullptr;
-  cudaDriverEntryPointQueryResult result{};
-  if (cudaGetDriverEntryPointByVersion(name, &found, since, cudaEnableDefault, &result) != cudaSuccess) {
-    cudaGetLastError();
-    return nullptr;
-  }
-  return result == cudaDriverEntryPointSuccess ? reinterpret_cast<Function>(found) : nullptr;
-}
-
-}  // namespace
-
 OnDevice::OnDevice(int device) noexcept {
   static const auto current = driver_function<CUresult (*)(CUcontext*)>("cuCtxGetCurrent", 4000);
   if (!current || current(&before_) != CUDA_SUCCESS) before_ = nullptr;

@@ -8,6 +8,19 @@
 
 namespace padder::detect::cuda {
 
+// A function of the driver as it is since that version (12040: 12.4); a program is not linked to the driver.
+// Null where the driver is older.
+template <class Function>
+Function driver_function(const char* name, unsigned since) {
+  void* found = nullptr;
+  cudaDriverEntryPointQueryResult result{};
+  if (cudaGetDriverEntryPointByVersion(name, &found, since, cudaEnableDefault, &result) != cudaSuccess) {
+    cudaGetLastError();
+    return nullptr;
+  }
+  return result == cudaDriverEntryPointSuccess ? reinterpret_cast<Function>(found) : nullptr;
+}
+
 // Makes the device's primary context current, and the caller's current again at the end, whatever it was.
 // Discards the error that an earlier call of the caller's own left in the runtime: it would be taken for
 // ours.

@@ -6,26 +6,13 @@
 #include <atomic>
 #include <thread>
 
-#include "detect/generate.h"
+#include "detect/cuda/device.h"
 #include "tests/detect/oracle.h"
 
 namespace padder::detect {
 namespace {
 
-Input input_of(const std::vector<FloatSphere>& s) {
-  Input input;
-  input.spheres = spheres_of(s.size(), &s[0].x, &s[0].r);
-  input.spheres.center_stride = input.spheres.radius_stride = 4;
-  return input;
-}
-
-template <class Function>
-Function driver_function(const char* name) {
-  void* found = nullptr;
-  cudaDriverEntryPointQueryResult result;
-  cudaGetDriverEntryPointByVersion(name, &found, 4000, cudaEnableDefault, &result);
-  return reinterpret_cast<Function>(found);
-}
+using cuda::driver_function;
 
 __global__ void nothing_kernel() {}
 __global__ void fault_kernel() { *reinterpret_cast<volatile int*>(16) = 1; }
@@ -62,9 +49,9 @@ TEST_F(CudaCallerTest, AnErrorOfTheCallersIsNotTakenForOurs) {
 }
 
 TEST_F(CudaCallerTest, TheCallersContextStaysCurrent) {
-  const auto create = driver_function<CUresult (*)(CUcontext*, unsigned, CUdevice)>("cuCtxCreate");
-  const auto current = driver_function<CUresult (*)(CUcontext*)>("cuCtxGetCurrent");
-  const auto destroy = driver_function<CUresult (*)(CUcontext)>("cuCtxDestroy");
+  const auto create = driver_function<CUresult (*)(CUcontext*, unsigned, CUdevice)>("cuCtxCreate", 4000);
+  const auto current = driver_function<CUresult (*)(CUcontext*)>("cuCtxGetCurrent", 4000);
+  const auto destroy = driver_function<CUresult (*)(CUcontext)>("cuCtxDestroy", 4000);
   ASSERT_TRUE(create && current && destroy);
   Detector before(options_);
   expect_right(before);

@@ -10,30 +10,23 @@
 namespace padder::detect {
 namespace {
 
-template <class Function>
-Function driver_function(const char* name) {
-  void* found = nullptr;
-  cudaDriverEntryPointQueryResult result;
-  if (cudaGetDriverEntryPointByVersion(name, &found, 12050, cudaEnableDefault, &result) != cudaSuccess)
-    return nullptr;
-  return reinterpret_cast<Function>(found);
-}
+using cuda::driver_function;
 
 // A stream of a context with some processors.
 class GreenStream {
  public:
   explicit GreenStream(unsigned processors) {
-    const auto all_of =
-        driver_function<CUresult (*)(CUdevice, CUdevResource*, CUdevResourceType)>("cuDeviceGetDevResource");
+    const auto all_of = driver_function<CUresult (*)(CUdevice, CUdevResource*, CUdevResourceType)>(
+        "cuDeviceGetDevResource", 12050);
     const auto split =
         driver_function<CUresult (*)(CUdevResource*, unsigned*, const CUdevResource*, CUdevResource*,
-                                     unsigned, unsigned)>("cuDevSmResourceSplitByCount");
+                                     unsigned, unsigned)>("cuDevSmResourceSplitByCount", 12050);
     const auto describe = driver_function<CUresult (*)(CUdevResourceDesc*, CUdevResource*, unsigned)>(
-        "cuDevResourceGenerateDesc");
-    const auto make =
-        driver_function<CUresult (*)(CUgreenCtx*, CUdevResourceDesc, CUdevice, unsigned)>("cuGreenCtxCreate");
+        "cuDevResourceGenerateDesc", 12050);
+    const auto make = driver_function<CUresult (*)(CUgreenCtx*, CUdevResourceDesc, CUdevice, unsigned)>(
+        "cuGreenCtxCreate", 12050);
     const auto stream_of =
-        driver_function<CUresult (*)(CUstream*, CUgreenCtx, unsigned, int)>("cuGreenCtxStreamCreate");
+        driver_function<CUresult (*)(CUstream*, CUgreenCtx, unsigned, int)>("cuGreenCtxStreamCreate", 12050);
     if (!all_of || !split || !describe || !make || !stream_of) return;
     CUdevResource all{}, part{}, rest{};
     CUdevResourceDesc description;
@@ -47,7 +40,7 @@ class GreenStream {
   }
   ~GreenStream() {
     if (stream) cudaStreamDestroy(stream);
-    const auto destroy = driver_function<CUresult (*)(CUgreenCtx)>("cuGreenCtxDestroy");
+    const auto destroy = driver_function<CUresult (*)(CUgreenCtx)>("cuGreenCtxDestroy", 12050);
     if (context_ && destroy) destroy(context_);
   }
   CUstream stream = nullptr;

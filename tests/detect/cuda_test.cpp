@@ -2,18 +2,10 @@
 // before. The answer is that of the OpenMP backend.
 #include <cuda_runtime_api.h>
 
-#include "detect/generate.h"
 #include "tests/detect/oracle.h"
 
 namespace padder::detect {
 namespace {
-
-Input input_of(const std::vector<FloatSphere>& s) {
-  Input input;
-  input.spheres = spheres_of(s.size(), &s[0].x, &s[0].r);
-  input.spheres.center_stride = input.spheres.radius_stride = 4;
-  return input;
-}
 
 class CudaTest : public testing::Test {
  protected:

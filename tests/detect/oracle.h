@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "detect/detector.h"
+#include "detect/generate.h"
 #include "padding/error.h"
 
 namespace padder::detect {
@@ -36,6 +37,14 @@ struct TestScene {
     for (Sphere& p : spheres) p.x *= by, p.y *= by, p.z *= by, p.r *= by;
   }
 };
+
+// Borrows the spheres.
+inline Input input_of(const std::vector<FloatSphere>& s) {
+  Input input;
+  input.spheres = spheres_of(s.size(), &s[0].x, &s[0].r);
+  input.spheres.center_stride = input.spheres.radius_stride = 4;
+  return input;
+}
 
 inline bool oracle_admits(std::uint32_t fa, std::uint32_t ma, std::uint32_t fb, std::uint32_t mb) {
   if (fa != 0 && fa == fb) return false;
