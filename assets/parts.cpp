@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
 #include "assets/parts.h"
 
 #include <Eigen/Geometry>
@@ -8,7 +9,7 @@
 #include <string>
 
 #include "assets/solid.h"
-#include "padding/error.h"
+#include "padding/asset/error.h"
 
 namespace padder::assets {
 namespace {

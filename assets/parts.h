@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
 // The parts that ship with padder, each from a handful of dimensions. Metres; y is the axis of pins and
 // wheels, x the direction of travel, z up. Each is one closed, manifold, outward solid without
 // self-intersections. Deterministic: equal dimensions give equal meshes. Throw Error when dimensions do not
@@ -5,7 +6,7 @@
 #pragma once
 #include <cstdint>
 
-#include "padding/mesh.h"
+#include "padding/asset/mesh.h"
 
 namespace padder::assets {
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
 #include "assets/solid.h"
 
 #include <CGAL/Exact_predicates_exact_constructions_kernel.h>
@@ -11,8 +12,8 @@
 #include <map>
 #include <numbers>
 
-#include "padding/error.h"
-#include "padding/polygon.h"
+#include "padding/asset/error.h"
+#include "padding/input/polygon.h"
 
 namespace padder::assets {
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
 // Closed solids from rings of points, and exact unions and differences of them: enough of a modeller to make
 // parts. All lengths in metres.
 #pragma once
@@ -5,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "padding/mesh.h"
+#include "padding/asset/mesh.h"
 
 namespace padder::assets {
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
 // Flat regions of a boolean's result, cut anew without the traces of the operands.
 #include <CGAL/Constrained_Delaunay_triangulation_2.h>
 #include <CGAL/Constrained_triangulation_face_base_2.h>
@@ -16,7 +17,7 @@
 #include <numeric>
 
 #include "assets/solid.h"
-#include "padding/error.h"
+#include "padding/asset/error.h"
 
 namespace padder::assets {
 namespace {

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 // Sphere against sphere, for host and device: the decision, the float filter in front of it, what a contact
 // record holds, and who owns a contact. Lengths in the caller's unit. Proofs and drawings: docs/detector.md.
 #pragma once
@@ -54,7 +55,7 @@ struct alignas(16) FloatSlot {
   float x, y, z, r;
 };
 // The same in fixed point.
-struct alignas(16) FixedSlot {
+struct alignas(16) FixedPointSlot {
   std::int32_t x, y, z;
   float r;  // in the same units
 };
@@ -69,7 +70,7 @@ inline constexpr float kRelativeBand = 0x1p-20f;
 template <class Slot>
 inline constexpr float kAbsoluteBand = 0x1p-100f;
 template <>
-inline constexpr float kAbsoluteBand<FixedSlot> = 0x1p26f;
+inline constexpr float kAbsoluteBand<FixedPointSlot> = 0x1p26f;
 
 // Squares of the distance and of the sum of the radii, in float.
 struct Measured {
@@ -82,7 +83,7 @@ PADDER_HD Measured measured(const FloatSlot& a, const FloatSlot& b) {
 PADDER_HD std::int32_t wrapped_difference(std::int32_t a, std::int32_t b) {
   return static_cast<std::int32_t>(static_cast<std::uint32_t>(b) - static_cast<std::uint32_t>(a));
 }
-PADDER_HD Measured measured(const FixedSlot& a, const FixedSlot& b) {
+PADDER_HD Measured measured(const FixedPointSlot& a, const FixedPointSlot& b) {
   const float x = static_cast<float>(wrapped_difference(a.x, b.x));
   const float y = static_cast<float>(wrapped_difference(a.y, b.y));
   const float z = static_cast<float>(wrapped_difference(a.z, b.z));

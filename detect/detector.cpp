@@ -1,12 +1,13 @@
+// SPDX-License-Identifier: MIT
 #include "detect/detector.h"
 
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
 
-#include "detect/backend.h"
-#include "detect/revision.h"
-#include "padding/error.h"
+#include "detect/core/backend.h"
+#include "detect/core/revision.h"
+#include "padding/asset/error.h"
 
 namespace padder::detect {
 
@@ -108,8 +109,8 @@ std::string memory_sentence(std::uint64_t bytes, const char* what, const char* w
 }
 
 Detector::Detector(const Options& options) : options_(options) {
-  if (options.backend == Choice::cuda ||
-      (options.backend == Choice::automatic && cuda_absence(options.device).empty()))
+  if (options.backend == BackendKind::cuda ||
+      (options.backend == BackendKind::automatic && cuda_absence(options.device).empty()))
     backend_ = make_cuda_backend(options.device);
   else
     backend_ = make_omp_backend();

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 // The public class: spheres in, contacts out. Sections 2.1 and 2.2 of the paper; docs/detector.md for the
 // whole story.
 #pragma once
@@ -7,9 +8,9 @@
 #include <type_traits>
 #include <vector>
 
+#include "detect/body.h"
 #include "detect/contact.h"
 #include "detect/filter.h"
-#include "detect/place.h"
 
 namespace padder::detect {
 
@@ -78,15 +79,28 @@ struct Points {
   T on_i[3], on_j[3];  // the deepest point of each sphere in the other
 };
 
-// Which backend.
-enum class Choice : std::uint8_t { automatic, omp, cuda };
-// Which way to the contacts: the same contacts by either.
-enum class Path : std::uint8_t { fast, nine_stages };
-// Who decides: double arithmetic, or float alone.
-enum class Precision : std::uint8_t { exact, fast };
-// Whether contacts come in the same order every time.
-enum class Order : std::uint8_t { fixed, any };
-// What is searched on the fast path: balls about bodies first, or every sphere; `automatic` guesses which is
+// Which backend detects.
+enum class BackendKind : std::uint8_t { automatic, omp, cuda };
+using Choice [[deprecated("BackendKind")]] = BackendKind;
+// Which algorithm finds the contacts. Both find the same ones.
+enum class Path : std::uint8_t {
+  grid,         // one sort by cell and one search of neighbouring cells
+  nine_stages,  // the nine stages of the paper, as a reference
+  fast [[deprecated("Path::grid")]] = grid
+};
+// Which arithmetic decides whether two spheres touch.
+enum class Precision : std::uint8_t {
+  exact,    // double where float is not sure
+  float32,  // float alone
+  fast [[deprecated("Precision::float32")]] = float32
+};
+// The order of the list of contacts.
+enum class Order : std::uint8_t {
+  stable,  // the same in every run
+  any,     // whatever is quickest
+  fixed [[deprecated("Order::stable")]] = stable
+};
+// What is searched on the grid path: balls about bodies first, or every sphere; `automatic` guesses which is
 // quicker.
 enum class Bodies : std::uint8_t { automatic, first, expanded };
 // What is written of a contact.
@@ -96,19 +110,19 @@ inline constexpr int kMostThreads = 1024;  // that can be asked for: each takes 
 
 // How to detect; the defaults are right for most. What cannot be meant is refused by the next call.
 struct Options {
-  Choice backend = Choice::automatic;  // the GPU when there is one; fixed when the detector is made
-  int device = 0;                      // which GPU; fixed when the detector is made
+  BackendKind backend = BackendKind::automatic;  // the GPU when there is one; fixed when the detector is made
+  int device = 0;                                // which GPU; fixed when the detector is made
   // A cudaStream_t of the device's primary context to work on; null: the default stream. The call begins when
   // what the stream was given before is done, and has ended when detect() returns.
   void* stream = nullptr;
   // OpenMP. 0: as many as OpenMP would use and the work is worth, one for a while after other programs took
   // processors away in a call. Else exactly so many, up to kMostThreads.
   int threads = 0;
-  Path path = Path::fast;
-  Precision precision = Precision::exact;  // fast: float only; may err both ways, see Contacts::doubtful
-  Order order = Order::fixed;    // the same list from every run and thread count of one backend and path
+  Path path = Path::grid;
+  Precision precision = Precision::exact;  // float32 may err both ways, see Contacts::doubtful
+  Order order = Order::stable;   // the same list from every run and thread count of one backend and path
   Width width = Width::normals;  // what is written: pairs only, + normal and depth, + both contact points
-  // Of the record. It is computed in double and rounded once; f32 of float spheres on a GPU's fast path in
+  // Of the record. It is computed in double and rounded once; f32 of float spheres on a GPU's grid path in
   // float (4e-7 relative).
   Scalar scalar = Scalar::f32;
   Memory output = Memory::host;       // where the contacts are to lie
@@ -122,7 +136,7 @@ struct Options {
 // Where the time went.
 struct Seconds {
   double place = 0;      // bodies to spheres, host to device
-  double stage[9] = {};  // stages 1 to 9; the fast path has the same names for what remains of them
+  double stage[9] = {};  // stages 1 to 9; the grid path has the same names for what remains of them
   double total = 0;
 };
 
@@ -135,7 +149,7 @@ struct Contacts {
   const Pair* pairs = nullptr;
   const void* normals = nullptr;  // Normal<float> or Normal<double>, null for Width::pairs
   const void* points = nullptr;   // Points<float> or Points<double>, null but for Width::points
-  // Pairs inside the float band. With Precision::fast each of them may be wrongly in the list or wrongly
+  // Pairs inside the float band. With Precision::float32 each of them may be wrongly in the list or wrongly
   // missing, and no other: at most so many pairs differ from those of Precision::exact.
   std::uint64_t doubtful = 0;
   Seconds seconds;
@@ -150,9 +164,9 @@ struct Contacts {
   }
 };
 
-struct Arrays;         // T, S, B, C, D, E, F of a small scene: detect/stages.h
-class Backend;         // detect/backend.h
-class RevisionKeeper;  // detect/revision.h
+struct Arrays;         // T, S, B, C, D, E, F of a small scene: detect/core/nine_stages.h
+class Backend;         // detect/core/backend.h
+class RevisionKeeper;  // detect/core/revision.h
 
 // Bound to a device and a stream; keeps its memory from call to call. Not for two threads at once; two
 // detectors are. A detector that was moved from holds nothing: memory() is 0, options() may be read, a

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 // Families and masks (section 2.3 of the paper), for host and device. Stages 7 and 9 ask the same function.
 #pragma once
 #include "detect/host_device.h"

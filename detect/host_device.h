@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 // Arithmetic that decides something is written once, for host and device. Nothing of CUDA is included here.
 #pragma once
 #include <cmath>

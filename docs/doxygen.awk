@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: MIT
 # The headers carry plain comments; this shows them to Doxygen as its own: those above a declaration as ///, those
 # behind one as ///<, the one a file begins with as the file's. In Markdown a quote inside a span of code, which Doxygen
 # takes for the span's end, becomes another character.

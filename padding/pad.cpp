@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
 #include "padding/pad.h"
 
 #include <algorithm>
@@ -6,9 +7,9 @@
 #include <cstdio>
 #include <numbers>
 
-#include "padding/accuracy.h"
-#include "padding/error.h"
-#include "padding/refit.h"
+#include "padding/asset/error.h"
+#include "padding/by_depth/refit.h"
+#include "padding/verify/accuracy.h"
 
 namespace padder {
 namespace {

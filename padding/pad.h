@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
 // The padding pipeline in one call: mesh in, cluster and report out.
 //   read - repair - remesh - fit - refit - accuracy         by depth ratio (cull before accuracy with a
 //   tolerance) read - repair - cull - accuracy                         by tolerance: the cull makes its own
@@ -7,11 +8,11 @@
 #include <string>
 #include <vector>
 
-#include "padding/cluster.h"
+#include "padding/asset/cluster.h"
+#include "padding/input/read.h"
+#include "padding/meshing/remesh.h"
+#include "padding/meshing/repair.h"
 #include "padding/pad_options.h"
-#include "padding/read.h"
-#include "padding/remesh.h"
-#include "padding/repair.h"
 
 namespace padder {
 
@@ -46,7 +47,7 @@ struct Padded {
   Cluster cluster;
   PadReport report;
   // The surface that cluster.triangle counts the triangles of, in the input's frame and unit: remeshed by
-  // depth, repaired by tolerance (write_mesh, padding/write_mesh.h).
+  // depth, repaired by tolerance (write_mesh, padding/meshing/write_mesh.h).
   Mesh mesh;
 };
 
@@ -56,7 +57,8 @@ using PadProgress = std::function<void(const char* step, int done, int of)>;
 // Works in a frame of its own, centred and scaled to a diagonal of 1, with coordinates rounded to 2^-36 of it
 // (1.5e-11), so that a moved or scaled mesh gives the same cluster moved or scaled. The cluster is in the
 // mesh's own frame and unit, made anew from the same bytes and options it is equal bit for bit, for any
-// number of threads. Throws Error (see padding/read.h, repair.h, pad_options.h) with `file` in the sentence.
+// number of threads. Throws Error (see padding/input/read.h, repair.h, pad_options.h) with `file` in the
+// sentence.
 Padded pad(const ReadResult& file, const PadOptions& options, const PadProgress& progress = {});
 
 // Reads the file first; report.seconds.read is then filled.

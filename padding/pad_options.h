@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
 // What padding is asked for, and which of it cannot be meant.
 #pragma once
 #include <optional>
@@ -5,8 +6,8 @@
 #include <string_view>
 #include <vector>
 
-#include "padding/cull.h"
-#include "padding/repair.h"
+#include "padding/by_tolerance/cull.h"
+#include "padding/meshing/repair.h"
 
 namespace padder {
 

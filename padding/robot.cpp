@@ -1,10 +1,11 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
 #include "padding/robot.h"
 
 #include <algorithm>
 #include <cmath>
 #include <numbers>
 
-#include "padding/error.h"
+#include "padding/asset/error.h"
 
 namespace padder {
 namespace {

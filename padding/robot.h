@@ -1,9 +1,10 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
 // Every link of a robot padded: a URDF in, a model of spheres out (padding/export/export.h writes it).
 #pragma once
 #include <filesystem>
 
+#include "padding/input/urdf.h"
 #include "padding/pad.h"
-#include "padding/urdf.h"
 
 namespace padder {
 

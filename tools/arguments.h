@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
 // Checks of what is typed, before CLI11 takes a number from it: it would take nan, inf, 0x10 and 010 (for 8)
 // too.
 #pragma once

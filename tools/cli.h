@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
 // What every tool's main does around its work: parse, run, and turn whatever goes wrong into one sentence on
 // stderr and the exit code the command line promises (0 done, 1 the work failed, 2 wrong usage).
 #pragma once
@@ -15,7 +16,7 @@
 #include <string>
 #include <system_error>
 
-#include "padding/error.h"
+#include "padding/asset/error.h"
 #include "tools/usage.h"
 
 namespace padder::cli {

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: GPL-3.0-or-later
 """cli_reference.py BIN DOC [--check]: docs/cli.md from what the programs in BIN say of themselves with --help.
 
 With --check nothing is written: it leaves with 1 when DOC is not what it would write, and says how to renew it.

@@ -1,12 +1,13 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
 // detect: the contacts of a scene. Arguments and printing only; the work is padder::detect.
 #include <cstdio>
 #include <iostream>
 #include <nlohmann/json.hpp>
 
-#include "detect/contact_file.h"
-#include "detect/scene.h"
-#include "detect/stages.h"
-#include "padding/error.h"
+#include "detect/core/nine_stages.h"
+#include "detect/scene/contact_file.h"
+#include "detect/scene/scene.h"
+#include "padding/asset/error.h"
 #include "tools/cli.h"
 #include "tools/json_failure.h"
 
@@ -50,9 +51,10 @@ struct Arguments {
   std::uint64_t copies = 0;
   int devices = 1;
   bool hash = false, stages = false, json = false, quiet = false;
-  Choices<Choice> backend{{"auto", Choice::automatic}, {"omp", Choice::omp}, {"cuda", Choice::cuda}};
-  Choices<Path> path{{"fast", Path::fast}, {"nine-stages", Path::nine_stages}};
-  Choices<Precision> precision{{"exact", Precision::exact}, {"fast", Precision::fast}};
+  Choices<BackendKind> backend{
+      {"auto", BackendKind::automatic}, {"omp", BackendKind::omp}, {"cuda", BackendKind::cuda}};
+  Choices<Path> path{{"fast", Path::grid}, {"nine-stages", Path::nine_stages}};
+  Choices<Precision> precision{{"exact", Precision::exact}, {"fast", Precision::float32}};
   Options options;
 };
 
@@ -191,7 +193,7 @@ int run(Arguments& a) {
     std::printf("%llu spheres in %zu bodies and loose: %llu contacts (%s, %s) in %.4f s\n",
                 (unsigned long long)c.spheres, scene.bodies.size(), (unsigned long long)c.count,
                 detector.backend(), a.precision.word.c_str(), c.seconds.total);
-    if (a.options.precision == Precision::fast)
+    if (a.options.precision == Precision::float32)
       std::printf("float only: off from double arithmetic by at most %llu pairs\n",
                   (unsigned long long)c.doubtful);
     if (!a.output.empty()) std::printf("wrote %s\n", a.output.c_str());

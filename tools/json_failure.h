@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
 // What a tool with --json prints on stdout when its work fails; the sentence goes to stderr as ever.
 #pragma once
 #include <iostream>

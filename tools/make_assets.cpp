@@ -1,10 +1,11 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
 // Writes the parts in assets/, or the same with other dimensions.
 #include <iostream>
 
 #include "assets/parts.h"
 #include "assets/solid.h"
-#include "padding/error.h"
-#include "padding/file.h"
+#include "padding/asset/error.h"
+#include "padding/asset/file.h"
 #include "tools/cli.h"
 
 int main(int argc, char** argv) {

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
 // pad: triangle meshes to clusters of spheres. Arguments and printing only; the work is padder::pad.
 #include "padding/pad.h"
 
@@ -11,10 +12,10 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
-#include "padding/error.h"
+#include "padding/asset/error.h"
 #include "padding/export/export.h"
+#include "padding/meshing/write_mesh.h"
 #include "padding/view/page.h"
-#include "padding/write_mesh.h"
 #include "tools/arguments.h"
 #include "tools/cli.h"
 #include "tools/pad_report.h"

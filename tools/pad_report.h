@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
 // What pad says of a mesh that it has padded.
 #pragma once
 #include <filesystem>

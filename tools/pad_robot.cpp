@@ -1,9 +1,10 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
 #include "tools/pad_robot.h"
 
 #include <algorithm>
 #include <cstdio>
 
-#include "padding/cluster.h"
+#include "padding/asset/cluster.h"
 
 namespace padder {
 

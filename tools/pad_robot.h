@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
 // pad for a robot: the links of a URDF, and what is printed of them.
 #pragma once
 #include <nlohmann/json.hpp>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
 // preview: a cluster or a scene as a page or a picture. Arguments and printing only.
 #include <algorithm>
 #include <chrono>
@@ -6,8 +7,8 @@
 #include <map>
 #include <nlohmann/json.hpp>
 
-#include "padding/error.h"
-#include "padding/file.h"
+#include "padding/asset/error.h"
+#include "padding/asset/file.h"
 #include "padding/view/page.h"
 #include "padding/view/picture.h"
 #include "tools/cli.h"

@@ -1,12 +1,13 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
 #include "tools/scene_view.h"
 
 #include <charconv>
 #include <cmath>
 
-#include "detect/place.h"
-#include "padding/error.h"
-#include "padding/file.h"
-#include "padding/npz.h"
+#include "detect/body.h"
+#include "padding/asset/error.h"
+#include "padding/asset/file.h"
+#include "padding/asset/npz.h"
 
 namespace padder {
 namespace {

@@ -1,8 +1,9 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
 // What preview shows of a scene: its bodies placed, and the contacts that detect found in it.
 #pragma once
 #include <filesystem>
 
-#include "detect/scene.h"
+#include "detect/scene/scene.h"
 #include "padding/view/view.h"
 
 namespace padder {

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 # Sourced by tools/run and tools/test: Debian packages, configuring, building. Talks on stderr only.
 
 padder_root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
 // What is wrong with a command line, in our words: which option, what was given, what it takes. CLI11's own
 // messages show how it checks ("OR {0,1,2} FAILED"), not what to type.
 #pragma once

@@ -1,16 +1,17 @@
+// SPDX-License-Identifier: MIT
 // The CUDA backend: what is common to both paths. Input to the device, summary, one path or the other,
 // records to where they are wanted.
 #include <algorithm>
 #include <chrono>
 #include <optional>
 
-#include "detect/cuda/bins.h"
-#include "detect/cuda/bodies.h"
+#include "detect/cuda/bodies/bodies.h"
 #include "detect/cuda/device.h"
 #include "detect/cuda/graph.h"
-#include "detect/cuda/record.h"
-#include "detect/cuda/search.h"
-#include "detect/cuda/stages.h"
+#include "detect/cuda/order/bins.h"
+#include "detect/cuda/output/records.h"
+#include "detect/cuda/reference/nine_stages.h"
+#include "detect/cuda/search/search.h"
 
 namespace padder::detect {
 namespace cuda {
@@ -24,7 +25,7 @@ class Work {
 
   Contacts detect(const Input& input, const Options& options) {
     const auto first = [&] {
-      return options.path == Path::fast &&
+      return options.path == Path::grid &&
              (options.bodies == Bodies::first || (options.bodies == Bodies::automatic && automatic_first_));
     };
     const bool known = bodies_.knows(input) && first();
@@ -41,7 +42,7 @@ class Work {
     if (!done) read(input);
     if (!done) c.spheres = source_.count;
     if (!done && source_.count > 0) {
-      if (options.path == Path::fast)
+      if (options.path == Path::grid)
         fast(input, options, c);
       else
         nine_stages(options, survey(input, options), c);
@@ -193,7 +194,7 @@ class Work {
 
   static SearchOptions search_options(const Options& options, const Summary& summary) {
     SearchOptions s;
-    s.exact = options.precision == Precision::exact, s.fixed_order = options.order == Order::fixed;
+    s.exact = options.precision == Precision::exact, s.stable_order = options.order == Order::stable;
     s.own = options.own, s.radius = summary.radius_max, s.owns_all = true;
     for (int k = 0; k < 3; k++)
       s.owns_all = s.owns_all && options.own.low[k] == -INFINITY && options.own.high[k] == INFINITY;
@@ -203,10 +204,10 @@ class Work {
     plan_ = {};
     plan_.source = source_, plan_.grid = choose_grid(summary, options.bin_size, 8, Look::down);
     plan_.search = search_options(options, summary);
-    if (plan_.search.fixed_order) plan_.search.share = share_;
+    if (plan_.search.stable_order) plan_.search.share = share_;
     const bool floats =
         !source_.wide && source_.placed == 0 && float_range(summary.extent, summary.radius_max);
-    plan_.kind = !floats                                    ? SlotKind::fixed
+    plan_.kind = !floats                                    ? SlotKind::fixed_point
                  : summary.radius_min == summary.radius_max ? SlotKind::equal
                                                             : SlotKind::unequal;
     plan_.octaves = needs_octaves(summary), plan_.top = exponent_of(summary.need_max);
@@ -240,7 +241,7 @@ class Work {
       cuda_check(cudaMemsetAsync(counters, 0, sizeof(Counters), stream), "clear the counters");
     const Gather gather = plan.along() ? tools.surveyor.gather(plan.octaves, plan.top) : Gather{};
     const Ordered spheres =
-        tools.orderer.order(plan.source, plan.grid, plan.kind, plan.search.fixed_order, plan.method, gather,
+        tools.orderer.order(plan.source, plan.grid, plan.kind, plan.search.stable_order, plan.method, gather,
                             plan.lent, counters, plan.processors, stream, plan.with_survey);
     ordered();
     search(plan.source, plan.grid, spheres, plan.search, plan.output, counters, tools.search, plan.processors,
@@ -305,7 +306,7 @@ class Work {
     while (true) {
       const Counters& found = found_;
       c.count = found.contacts, c.doubtful = found.doubtful;
-      const bool fixed = plan_.search.fixed_order;
+      const bool fixed = plan_.search.stable_order;
       const Share share = fixed ? share_for(found, source_.count, plan_.grid, plan_.kind) : Share{};
       if (found.flags & kOutside) throw Error(kChanged);
       if (found.flags & kCrowded) {
@@ -351,7 +352,7 @@ class Work {
     if (options.width != Width::pairs) c.normals = normals_.data();
     if (options.width == Width::points) c.points = points_.data();
     if (options.output == Memory::device) {  // the fast path has waited for the count, which comes last
-      if (options.path != Path::fast) cuda_check(cudaStreamSynchronize(stream_), "finish");
+      if (options.path != Path::grid) cuda_check(cudaStreamSynchronize(stream_), "finish");
       return;
     }
     const std::uint64_t scalar = options.scalar == Scalar::f32 ? 4 : 8;

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 // Where kernels run: the device's context, which is current for the length of a call only; the memory that a
 // caller says is the device's; and how many blocks of a kernel run at once. Internal; only .cu files include
 // this.

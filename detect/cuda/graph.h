@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 // The same work again as a graph: no gaps between its launches, and one call instead of many. Only .cu files
 // include this.
 #pragma once

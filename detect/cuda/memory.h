@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 // Memory and error checks of the CUDA backend. Only .cu files include this.
 #pragma once
 #include <cuda_runtime.h>
@@ -7,8 +8,8 @@
 #include <string>
 #include <utility>
 
-#include "detect/backend.h"
-#include "padding/error.h"
+#include "detect/core/backend.h"
+#include "padding/asset/error.h"
 
 namespace padder::detect::cuda {
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 #include "detect/cuda/report.h"
 
 #include <atomic>

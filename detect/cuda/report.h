@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 // The few words that a pass over the device ends with, brought to the host by a kernel that writes them
 // there. A copy by the copy engine, and cudaStreamSynchronize after it, end on a beat of 8 us on the machines
 // measured (docs/results/h200.md): a quarter of a small pass. Only .cu files include this.

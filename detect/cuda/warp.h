@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 // Small things that a warp does together, or a block. Only .cu files include this.
 #pragma once
 #include <cstdint>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 // The OpenMP backend: places bodies, sums up the spheres, hands them to a path and collects the records.
 #include <omp.h>
 
@@ -7,7 +8,7 @@
 
 #include "detect/omp/bodies.h"
 #include "detect/omp/threads.h"
-#include "padding/error.h"
+#include "padding/asset/error.h"
 
 namespace padder::detect {
 namespace omp {
@@ -194,7 +195,7 @@ class OmpBackend final : public Backend {
     if (options.memory_limit && budget_.held() > options.memory_limit)  // set lower than it was
       kept_ = nullptr, kept_ = std::make_unique<Kept>(budget_);
     kept_->records.count = 0;
-    const bool known = !arrays && options.path == Path::fast && options.bodies != Bodies::expanded &&
+    const bool known = !arrays && options.path == Path::grid && options.bodies != Bodies::expanded &&
                        kept_->bodies.knows(input) && (options.bodies == Bodies::first || automatic_first_);
     check_input(input, false, known);
     const std::uint64_t n = known ? kept_->bodies.body_spheres() + input.spheres.count : sphere_count(input);

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 #include "detect/omp/bodies.h"
 
 #include <omp.h>

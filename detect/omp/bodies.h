@@ -1,7 +1,8 @@
+// SPDX-License-Identifier: MIT
 // Bodies first on the CPU (bodies.cpp): the fast path over balls about pieces of bodies and over loose
 // spheres, then the spheres of each two that meet. Internal.
 #pragma once
-#include "detect/assembly.h"
+#include "detect/core/assembly.h"
 #include "detect/omp/paths.h"
 
 namespace padder::detect::omp {

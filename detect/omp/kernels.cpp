@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 #include "detect/omp/kernels.h"
 
 #include <algorithm>
@@ -85,7 +86,7 @@ struct FixedPlace {
 __attribute__((target("avx2"))) inline FloatPlace spread(const FloatSlot& s) {
   return {_mm256_set1_ps(s.x), _mm256_set1_ps(s.y), _mm256_set1_ps(s.z)};
 }
-__attribute__((target("avx2"))) inline FixedPlace spread(const FixedSlot& s) {
+__attribute__((target("avx2"))) inline FixedPlace spread(const FixedPointSlot& s) {
   return {_mm256_set1_epi32(s.x), _mm256_set1_epi32(s.y), _mm256_set1_epi32(s.z)};
 }
 // Eight components less one: exact integers for fixed point.
@@ -248,9 +249,9 @@ Kernels<Slot> kernels_for_this_machine() {
   return plain_kernels<Slot>();
 }
 template Kernels<FloatSlot> plain_kernels();
-template Kernels<FixedSlot> plain_kernels();
+template Kernels<FixedPointSlot> plain_kernels();
 template Kernels<FloatSlot> kernels_for_this_machine();
-template Kernels<FixedSlot> kernels_for_this_machine();
+template Kernels<FixedPointSlot> kernels_for_this_machine();
 
 #ifdef PADDER_AVX2
 #define PADDER_CLONES __attribute__((target_clones("avx2", "default")))
@@ -273,7 +274,7 @@ void differences(const Slots<FloatSlot>& slots, const Sphere*, const std::uint32
                  int count, Batch& out) {
   float_differences(slots.x, slots.y, slots.z, slots.r, i, j, count, out);
 }
-PADDER_CLONES void differences(const Slots<FixedSlot>&, const Sphere* spheres, const std::uint32_t* i,
+PADDER_CLONES void differences(const Slots<FixedPointSlot>&, const Sphere* spheres, const std::uint32_t* i,
                                const std::uint32_t* j, int count, Batch& out) {
   for (int k = 0; k < count; k++) {
     const Sphere &a = spheres[i[k]], &b = spheres[j[k]];

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 // The inner loops of the fast path on the CPU, for the instructions this machine has; internal.
 #pragma once
 #include <cstdint>
@@ -63,7 +64,7 @@ struct Batch {
 // Of slots i[k], j[k]; the exact spheres of fixed-point slots lie beside them.
 void differences(const Slots<FloatSlot>& slots, const Sphere*, const std::uint32_t* i, const std::uint32_t* j,
                  int count, Batch& out);
-void differences(const Slots<FixedSlot>&, const Sphere* spheres, const std::uint32_t* i,
+void differences(const Slots<FixedPointSlot>&, const Sphere* spheres, const std::uint32_t* i,
                  const std::uint32_t* j, int count, Batch& out);
 void to_normals(Batch& batch, int count);
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 // What the OpenMP backend's sources share; internal.
 #pragma once
 #include <algorithm>
@@ -7,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "detect/backend.h"
+#include "detect/core/backend.h"
 #include "detect/omp/kernels.h"
 
 namespace padder::detect::omp {
@@ -190,7 +191,7 @@ class Stages {
 inline Sphere exact_sphere(const Sphere*, const Slots<FloatSlot>& slots, std::uint32_t k) {
   return {slots.x[k], slots.y[k], slots.z[k], slots.r[k]};
 }
-inline Sphere exact_sphere(const Sphere* spheres, const Slots<FixedSlot>&, std::uint32_t k) {
+inline Sphere exact_sphere(const Sphere* spheres, const Slots<FixedPointSlot>&, std::uint32_t k) {
   return spheres[k];
 }
 

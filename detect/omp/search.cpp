@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 // Stages 7 to 9 of the fast path on the CPU: each sphere against the rest of its bin and the forward half of
 // the bins around, where every pair of one level meets once, and against the levels that its own level looks
 // at.
@@ -127,7 +128,7 @@ class Searcher {
   }
 
  private:
-  static constexpr bool kFixed = std::is_same_v<Slot, FixedSlot>;
+  static constexpr bool kFixed = std::is_same_v<Slot, FixedPointSlot>;
   struct Bins {  // that were meant, for hashed levels
     const Level* level = nullptr;
     std::int64_t x_low = 0, x_high = 0, y_low = 0, y_high = 0, z_low = 0, z_high = 0;
@@ -196,7 +197,8 @@ class Searcher {
     const Split x = split(l, s.x), y = split(l, s.y), z = split(l, s.z);
     Slot me = slots_[a];
     if constexpr (kFixed)
-      me = {fixed_of(l, x), fixed_of(l, y), fixed_of(l, z), static_cast<float>(mul(s.r, l.units))};
+      me = {fixed_point_of(l, x), fixed_point_of(l, y), fixed_point_of(l, z),
+            static_cast<float>(mul(s.r, l.units))};
     Ball ball;
     ball.x = static_cast<float>(x.rest * l.per_size), ball.y = static_cast<float>(y.rest * l.per_size);
     ball.z = static_cast<float>(z.rest * l.per_size);
@@ -321,7 +323,7 @@ template <class Slot>
 std::uint64_t Fast::search(const Grid& grid, const Options& options, bool filtered, int threads,
                            Seconds& seconds) {
   Watch watch;
-  const Looks looks = plan_looks(grid, std::is_same_v<Slot, FixedSlot>);
+  const Looks looks = plan_looks(grid, std::is_same_v<Slot, FixedPointSlot>);
   chunks_.clear();
   for (int k = 0; k < grid.levels; k++) {
     const Level& l = grid.level[k];
@@ -359,6 +361,6 @@ std::uint64_t Fast::search(const Grid& grid, const Options& options, bool filter
   return doubtful;
 }
 template std::uint64_t Fast::search<FloatSlot>(const Grid&, const Options&, bool, int, Seconds&);
-template std::uint64_t Fast::search<FixedSlot>(const Grid&, const Options&, bool, int, Seconds&);
+template std::uint64_t Fast::search<FixedPointSlot>(const Grid&, const Options&, bool, int, Seconds&);
 
 }  // namespace padder::detect::omp

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 #include "detect/omp/threads.h"
 
 #include <omp.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 // How many threads a call gets that does not say how many. Internal.
 #pragma once
 #include <chrono>

@@ -1,7 +1,8 @@
+// SPDX-License-Identifier: MIT
 // Flat arrays of spheres: NumPy's .npz and VTK's .vtp. Bodies are placed in the world, joints at 0.
+#include "padding/asset/npz.h"
+#include "padding/asset/vtp.h"
 #include "padding/export/writers.h"
-#include "padding/npz.h"
-#include "padding/vtp.h"
 
 namespace padder::exporting {
 namespace {

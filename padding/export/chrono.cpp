@@ -1,8 +1,9 @@
+// SPDX-License-Identifier: MIT
 // A C++ header for Chrono: it has no file format for clumps of spheres, and its own inertia counts overlaps
 // twice.
 #include <algorithm>
 
-#include "padding/error.h"
+#include "padding/asset/error.h"
 #include "padding/export/writers.h"
 
 namespace padder::exporting {

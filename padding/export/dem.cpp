@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 // Sphere lists of DEM programs: DEM-Engine, LIGGGHTS, YADE, MercuryDPM.
 #include "padding/export/writers.h"
 

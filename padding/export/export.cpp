@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 #include "padding/export/export.h"
 
 #include <algorithm>
@@ -5,10 +6,10 @@
 #include <charconv>
 #include <cmath>
 
-#include "padding/error.h"
+#include "padding/asset/error.h"
+#include "padding/asset/file.h"
 #include "padding/export/warnings.h"
 #include "padding/export/writers.h"
-#include "padding/file.h"
 
 namespace padder {
 namespace {

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 // Clusters and robots as other programs' files. The table of formats, with what each cannot hold:
 // docs/formats.md.
 #pragma once

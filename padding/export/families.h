@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 // Our rule of families and masks (docs/formats.md) in the words of other programs.
 #pragma once
 #include <cstdint>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 // glTF 2.0 binary: one unit sphere, drawn at every sphere of a body through EXT_mesh_gpu_instancing.
 #include <algorithm>
 #include <bit>
@@ -5,7 +6,7 @@
 #include <map>
 #include <nlohmann/json.hpp>
 
-#include "padding/error.h"
+#include "padding/asset/error.h"
 #include "padding/export/writers.h"
 
 namespace padder::exporting {

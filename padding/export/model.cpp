@@ -1,8 +1,9 @@
+// SPDX-License-Identifier: MIT
 #include "padding/export/model.h"
 
 #include <cmath>
 
-#include "padding/error.h"
+#include "padding/asset/error.h"
 
 namespace padder {
 namespace {

@@ -1,10 +1,11 @@
+// SPDX-License-Identifier: MIT
 // What one foreign file can hold: bodies made of spheres, the joints between them, who may touch whom.
 #pragma once
 #include <optional>
 #include <string>
 #include <vector>
 
-#include "padding/cluster.h"
+#include "padding/asset/cluster.h"
 
 namespace padder {
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 // MuJoCo's MJCF: bodies nested as the joints say, a sphere geom a sphere.
 #include "padding/export/writers.h"
 

@@ -1,10 +1,11 @@
+// SPDX-License-Identifier: MIT
 // URDF, one <collision> a sphere, and MoveIt's SRDF.
 #include <algorithm>
 #include <cmath>
 #include <pugixml.hpp>
 #include <sstream>
 
-#include "padding/error.h"
+#include "padding/asset/error.h"
 #include "padding/export/writers.h"
 
 namespace padder::exporting {

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 // USD as text: an Xform a body with a Sphere prim a sphere, each a collider of USD's physics schema.
 #include "padding/export/writers.h"
 

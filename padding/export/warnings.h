@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 // What a file states that its reader should not take at its word.
 #pragma once
 #include <string>

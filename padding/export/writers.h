@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 // Inside padding/export: one function for each format, and what they share.
 #pragma once
 #include <string>

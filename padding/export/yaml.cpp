@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 // Robots' spheres as YAML: cuRobo and Isaac's XRDF. Both name the links that are never tested against each
 // other.
 #include "padding/export/writers.h"

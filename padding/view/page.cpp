@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 #include "padding/view/page.h"
 
 #include <algorithm>
@@ -7,8 +8,8 @@
 #include <map>
 #include <nlohmann/json.hpp>
 
-#include "padding/error.h"
-#include "padding/file.h"
+#include "padding/asset/error.h"
+#include "padding/asset/file.h"
 #include "padding/view/picture.h"
 
 namespace padder {

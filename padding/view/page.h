@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 // A view as one HTML file that needs no network: three.js, the data and all else inside. docs/preview.md says
 // what it can do.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 #include "padding/view/picture.h"
 
 #include <embree3/rtcore.h>
@@ -8,8 +9,8 @@
 #include <memory>
 #include <numbers>
 
-#include "padding/error.h"
-#include "padding/file.h"
+#include "padding/asset/error.h"
+#include "padding/asset/file.h"
 
 namespace padder {
 namespace {

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 // A picture of a view: ray traced without display or GPU, by Embree. Soft light from a bright sky and one
 // broad lamp, on a ground that fades into the background.
 #pragma once

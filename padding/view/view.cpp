@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 #include "padding/view/view.h"
 
 #include <algorithm>
@@ -6,9 +7,9 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 
-#include "padding/error.h"
-#include "padding/read.h"
-#include "padding/surface.h"
+#include "padding/asset/error.h"
+#include "padding/geometry/surface.h"
+#include "padding/input/read.h"
 
 namespace padder {
 namespace {

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 // What is to be shown of a cluster or a scene: the spheres placed, what each can be coloured by, and the mesh
 // they cover. The picture (picture.h) and the page (page.h) both draw one of these.
 #pragma once
@@ -7,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "padding/cluster.h"
-#include "padding/mesh.h"
+#include "padding/asset/cluster.h"
+#include "padding/asset/mesh.h"
 
 namespace padder {
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
 #include "assets/parts.h"
 
 #include <CGAL/Exact_predicates_inexact_constructions_kernel.h>
@@ -13,9 +14,9 @@
 #include <cstdlib>
 #include <numbers>
 
-#include "padding/error.h"
-#include "padding/file.h"
-#include "padding/read.h"
+#include "padding/asset/error.h"
+#include "padding/asset/file.h"
+#include "padding/input/read.h"
 
 namespace padder::assets {
 namespace {

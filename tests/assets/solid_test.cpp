@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
 #include "assets/solid.h"
 
 #include <gtest/gtest.h>
@@ -5,7 +6,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "padding/error.h"
+#include "padding/asset/error.h"
 
 namespace padder::assets {
 namespace {

@@ -1,12 +1,13 @@
+// SPDX-License-Identifier: MIT
 // Bodies first, and what stands still: against brute force over every placed sphere, the nine stages and the
 // path that expands every body.
-#include "detect/bodies.h"
+#include "detect/core/pieces.h"
 
 #include <cstring>
 #include <map>
 #include <random>
 
-#include "detect/generate.h"
+#include "detect/scene/generate.h"
 #include "tests/detect/oracle.h"
 
 namespace padder::detect {
@@ -94,10 +95,10 @@ BodiesScene strewn(std::vector<std::vector<Sphere>> assets, std::uint32_t bodies
   return s;
 }
 
-class BodiesTest : public testing::TestWithParam<Choice> {
+class BodiesTest : public testing::TestWithParam<BackendKind> {
  protected:
   void SetUp() override {
-    if (GetParam() == Choice::cuda && !cuda_present()) GTEST_SKIP() << "no GPU that this build can use";
+    if (GetParam() == BackendKind::cuda && !cuda_present()) GTEST_SKIP() << "no GPU that this build can use";
     options_.backend = GetParam(), options_.bodies = Bodies::first;
   }
   void expect_right(BodiesScene& s, const std::string& what) {
@@ -106,7 +107,7 @@ class BodiesTest : public testing::TestWithParam<Choice> {
     std::uint64_t hash = 0;
     for (const Pair& p : wanted) hash += pair_hash(p.i, p.j);
     if (!detector_) detector_ = std::make_unique<Detector>(options_);
-    for (const Order order : {Order::fixed, Order::any}) {
+    for (const Order order : {Order::stable, Order::any}) {
       detector_->options().order = order;
       const Contacts& c = detector_->detect(s.input());
       const std::vector<Pair> found = sorted(c.pair_span());
@@ -277,7 +278,7 @@ TEST_P(BodiesTest, TouchingAtTheRim) {
 TEST_P(BodiesTest, RecordsAreThoseOfTheSpheres) {
   BodiesScene s = strewn({blob(100, 1, 0.1, 0.3, 3)}, 20, 50, 1.5, 11);
   for (const Scalar scalar : {Scalar::f32, Scalar::f64})
-    for (const Order order : {Order::fixed, Order::any}) {
+    for (const Order order : {Order::stable, Order::any}) {
       Options o = options_, e = options_;
       o.width = e.width = Width::points, o.scalar = scalar, e.scalar = Scalar::f64, o.order = order;
       e.bodies = Bodies::expanded;
@@ -459,7 +460,7 @@ TEST_P(BodiesTest, OnlyWhatMovedIsReadAgain) {
       other.revision = revision, other.moved = one;
       d.options().path = Path::nine_stages;
       EXPECT_EQ(sorted(d.detect(other).pair_span()), s.wanted());
-      d.options().path = Path::fast;
+      d.options().path = Path::grid;
     }
   }
   const std::uint32_t none[] = {60};
@@ -497,8 +498,8 @@ TEST_P(BodiesTest, LoosePartsStandStillWithoutBodies) {
   expect_right(s, "loose spheres only");
 }
 
-INSTANTIATE_TEST_SUITE_P(Backends, BodiesTest, testing::Values(Choice::omp, Choice::cuda),
-                         [](const auto& which) { return which.param == Choice::omp ? "omp" : "cuda"; });
+INSTANTIATE_TEST_SUITE_P(Backends, BodiesTest, testing::Values(BackendKind::omp, BackendKind::cuda),
+                         [](const auto& which) { return which.param == BackendKind::omp ? "omp" : "cuda"; });
 
 // ---- pieces
 

@@ -1,10 +1,11 @@
+// SPDX-License-Identifier: MIT
 // The decision, the filter's band, the record and the midpoint rule, without a detector.
 #include "detect/contact.h"
 
 #include <limits>
 #include <random>
 
-#include "detect/grid.h"
+#include "detect/core/grid.h"
 #include "tests/detect/oracle.h"
 
 namespace padder::detect {
@@ -114,7 +115,7 @@ TEST(Contact, FilterIsRightOutsideItsBandInFixedPoint) {
       l.size = scale == 1 ? 2.00390625 : std::ldexp(0x201p-8, std::ilogb(scale) + 1), l.per_size = 1 / l.size;
       l.units = std::ldexp(l.per_size, kUnitBits);
       ASSERT_GE(l.size, 2 * scale);
-      filter_is_right(scale, far, false, [&](const Sphere& s) { return fixed_slot(l, s); });
+      filter_is_right(scale, far, false, [&](const Sphere& s) { return fixed_point_slot(l, s); });
     }
 }
 

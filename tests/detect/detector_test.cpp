@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 // Every backend, path, precision and kind of input against brute force in double.
 #include "detect/detector.h"
 
@@ -5,15 +6,15 @@
 #include <functional>
 #include <random>
 
-#include "detect/generate.h"
-#include "detect/stages.h"
+#include "detect/core/nine_stages.h"
+#include "detect/scene/generate.h"
 #include "tests/detect/oracle.h"
 
 namespace padder::detect {
 namespace {
 
 struct Case {
-  Choice backend;
+  BackendKind backend;
   Path path;
   Precision precision;
   Scalar input;
@@ -21,8 +22,8 @@ struct Case {
 
 std::string name_of(const testing::TestParamInfo<Case>& info) {
   const Case& c = info.param;
-  return std::string(c.backend == Choice::omp ? "omp" : "cuda") +
-         (c.path == Path::fast ? "_fast" : "_stages") +
+  return std::string(c.backend == BackendKind::omp ? "omp" : "cuda") +
+         (c.path == Path::grid ? "_fast" : "_stages") +
          (c.precision == Precision::exact ? "_exact" : "_rough") +
          (c.input == Scalar::f32 ? "_float" : "_double");
 }
@@ -30,7 +31,7 @@ std::string name_of(const testing::TestParamInfo<Case>& info) {
 class DetectorTest : public testing::TestWithParam<Case> {
  protected:
   void SetUp() override {
-    if (GetParam().backend == Choice::cuda && !cuda_present())
+    if (GetParam().backend == BackendKind::cuda && !cuda_present())
       GTEST_SKIP() << "no GPU that this build can use";
     options_.backend = GetParam().backend, options_.path = GetParam().path,
     options_.precision = GetParam().precision;
@@ -542,7 +543,7 @@ TEST_P(DetectorTest, MemoryStaysBelowItsLimit) {
   }
   d.options().memory_limit = 0;
   EXPECT_EQ(d.detect(a.input).count, contacts);
-  if (GetParam().backend == Choice::omp) {
+  if (GetParam().backend == BackendKind::omp) {
     Detector fresh(options_);
     fresh.options().threads = 1;
     fresh.detect(a.input);
@@ -698,21 +699,21 @@ TEST_P(DetectorTest, AMovedFromDetectorSaysSo) {
   EXPECT_EQ(d.hash(), hash);
 }
 
-INSTANTIATE_TEST_SUITE_P(Matrix, DetectorTest,
-                         testing::Values(Case{Choice::omp, Path::fast, Precision::exact, Scalar::f32},
-                                         Case{Choice::omp, Path::fast, Precision::exact, Scalar::f64},
-                                         Case{Choice::omp, Path::fast, Precision::fast, Scalar::f32},
-                                         Case{Choice::omp, Path::fast, Precision::fast, Scalar::f64},
-                                         Case{Choice::omp, Path::nine_stages, Precision::exact, Scalar::f32},
-                                         Case{Choice::omp, Path::nine_stages, Precision::exact, Scalar::f64},
-                                         Case{Choice::cuda, Path::fast, Precision::exact, Scalar::f32},
-                                         Case{Choice::cuda, Path::fast, Precision::exact, Scalar::f64},
-                                         Case{Choice::cuda, Path::fast, Precision::fast, Scalar::f32},
-                                         Case{Choice::cuda, Path::fast, Precision::fast, Scalar::f64},
-                                         Case{Choice::cuda, Path::nine_stages, Precision::exact, Scalar::f32},
-                                         Case{Choice::cuda, Path::nine_stages, Precision::exact,
-                                              Scalar::f64}),
-                         name_of);
+INSTANTIATE_TEST_SUITE_P(
+    Matrix, DetectorTest,
+    testing::Values(Case{BackendKind::omp, Path::grid, Precision::exact, Scalar::f32},
+                    Case{BackendKind::omp, Path::grid, Precision::exact, Scalar::f64},
+                    Case{BackendKind::omp, Path::grid, Precision::float32, Scalar::f32},
+                    Case{BackendKind::omp, Path::grid, Precision::float32, Scalar::f64},
+                    Case{BackendKind::omp, Path::nine_stages, Precision::exact, Scalar::f32},
+                    Case{BackendKind::omp, Path::nine_stages, Precision::exact, Scalar::f64},
+                    Case{BackendKind::cuda, Path::grid, Precision::exact, Scalar::f32},
+                    Case{BackendKind::cuda, Path::grid, Precision::exact, Scalar::f64},
+                    Case{BackendKind::cuda, Path::grid, Precision::float32, Scalar::f32},
+                    Case{BackendKind::cuda, Path::grid, Precision::float32, Scalar::f64},
+                    Case{BackendKind::cuda, Path::nine_stages, Precision::exact, Scalar::f32},
+                    Case{BackendKind::cuda, Path::nine_stages, Precision::exact, Scalar::f64}),
+    name_of);
 
 }  // namespace
 }  // namespace padder::detect

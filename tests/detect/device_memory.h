@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 // Device memory for tests that are also built without CUDA, where there is none.
 #pragma once
 #include <cstddef>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 // Every combination of families and masks of docs/detector.md, both ways round.
 #include "detect/filter.h"
 

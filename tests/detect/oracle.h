@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 // The oracle of the detector's tests: every pair, in double, written apart from the code under test.
 #pragma once
 #include <gtest/gtest.h>
@@ -9,8 +10,8 @@
 #include <vector>
 
 #include "detect/detector.h"
-#include "detect/generate.h"
-#include "padding/error.h"
+#include "detect/scene/generate.h"
+#include "padding/asset/error.h"
 
 namespace padder::detect {
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 // The tool detect, run as a user runs it: exit codes, one JSON document, one sentence for an error.
 #include <gtest/gtest.h>
 #include <sys/wait.h>
@@ -7,8 +8,8 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
-#include "padding/cluster.h"
-#include "padding/file.h"
+#include "padding/asset/cluster.h"
+#include "padding/asset/file.h"
 
 namespace padder {
 namespace {

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 // Linked into the tests of the detector, whose calls of Detector::detect() come here (the linker's --wrap,
 // set in CMakeLists.txt): a call that hangs on a GPU ends the test with a sentence after a minute. On the CPU
 // the limit is that of a whole test under ctest, which slow machines and sanitizers stay below.
@@ -14,7 +15,7 @@ const Contacts& __wrap__ZN6padder6detect8Detector6detectERKNS0_5InputE(Detector*
 }
 
 const Contacts& __wrap__ZN6padder6detect8Detector6detectERKNS0_5InputE(Detector* self, const Input& input) {
-  const bool cpu = self->options().backend == padder::detect::Choice::omp;
+  const bool cpu = self->options().backend == padder::detect::BackendKind::omp;
   const padder::Watchdog limit("detect", cpu ? 600 : 60);
   return __real__ZN6padder6detect8Detector6detectERKNS0_5InputE(self, input);
 }

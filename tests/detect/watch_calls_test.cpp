@@ -1,10 +1,11 @@
+// SPDX-License-Identifier: MIT
 // The limit that the tests of the detector put on each of its calls.
 #include <gtest/gtest.h>
 
 #include <cstdlib>
 
 #include "detect/detector.h"
-#include "detect/generate.h"
+#include "detect/scene/generate.h"
 #include "tools/watchdog.h"
 
 namespace padder::detect {
@@ -20,7 +21,7 @@ TEST(WatchCallsDeathTest, ACallThatTakesTooLongEndsTheTest) {
     input.spheres = spheres_of(spheres.size(), &spheres[0].x, &spheres[0].r);
     input.spheres.center_stride = input.spheres.radius_stride = 4;
     Options o;
-    o.backend = Choice::omp, o.path = Path::nine_stages, o.threads = 1;
+    o.backend = BackendKind::omp, o.path = Path::nine_stages, o.threads = 1;
     Detector(o).detect(input);
   };
   EXPECT_EXIT(call(), testing::ExitedWithCode(Watchdog::kEnded), "^detect: no answer after .* s, ended\n$");

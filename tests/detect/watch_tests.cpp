@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 // Linked into the tests that launch kernels themselves: a test that hangs on a GPU ends with a sentence.
 #include <gtest/gtest.h>
 

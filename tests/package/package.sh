@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: MIT
 # The installed package as others meet it. package.sh STEP SOURCE BUILD WORK CXX, STEP one of:
 #   install   installs BUILD to WORK/prefix
 #   consumer  builds and runs tests/package/consumer against WORK/prefix

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
 #include "padding/pad_options.h"
 
 #include <gtest/gtest.h>
@@ -6,7 +7,7 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 
-#include "padding/error.h"
+#include "padding/asset/error.h"
 
 namespace padder {
 namespace {

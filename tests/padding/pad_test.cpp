@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
 #include "padding/pad.h"
 
 #include <gtest/gtest.h>
@@ -5,7 +6,7 @@
 
 #include <filesystem>
 
-#include "padding/error.h"
+#include "padding/asset/error.h"
 #include "tests/padding/random.h"
 
 namespace padder {

@@ -1,9 +1,10 @@
+// SPDX-License-Identifier: MIT
 // Random input for property tests. Every test prints its seed, so that a failure can be made again.
 #pragma once
 #include <Eigen/Geometry>
 #include <random>
 
-#include "padding/mesh.h"
+#include "padding/asset/mesh.h"
 #include "tests/padding/shapes.h"
 
 namespace padder::shapes {

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
 #include "padding/robot.h"
 
 #ifdef PADDER_MUJOCO
@@ -6,7 +7,7 @@
 
 #include <set>
 
-#include "padding/error.h"
+#include "padding/asset/error.h"
 #include "padding/export/families.h"
 #include "tests/padding/export/samples.h"
 

@@ -1,10 +1,11 @@
+// SPDX-License-Identifier: MIT
 // Meshes with a closed form, for the tests of this folder.
 #pragma once
 #include <cmath>
 #include <map>
 #include <numbers>
 
-#include "padding/mesh.h"
+#include "padding/asset/mesh.h"
 
 namespace padder::shapes {
 

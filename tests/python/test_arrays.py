@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """Every array argument of every function, in every type and layout, against the same call with a clean copy."""
 import array
 import decimal

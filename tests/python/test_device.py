@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """padder.detect on arrays that lie on a GPU, through each of the doors they come and go by. Skipped without one.
 
 Device memory comes from the driver itself (libcuda), so that neither CuPy nor PyTorch is needed; where PyTorch is at hand

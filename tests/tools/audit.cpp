@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
 // audit MESH CLUSTER: measures a cluster against its mesh once more, by other means than padding/accuracy,
 // and says whether the report in the cluster is true. Random points instead of lattices, CGAL's AABB tree
 // instead of our hierarchy, winding numbers instead of pseudonormals, all balls instead of a tree of them.
@@ -22,9 +23,9 @@
 #include <random>
 #include <set>
 
-#include "padding/cluster.h"
-#include "padding/error.h"
-#include "padding/read.h"
+#include "padding/asset/cluster.h"
+#include "padding/asset/error.h"
+#include "padding/input/read.h"
 
 namespace {
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
 // Plots of the benches, by the program: a bench's own is what `bench draw` makes of its JSON; what no bench
 // wrote, or is damaged, ends with one sentence and no picture.
 #include <gtest/gtest.h>
@@ -9,7 +10,7 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
-#include "padding/file.h"
+#include "padding/asset/file.h"
 
 namespace padder {
 namespace {

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """A headless Chromium driven over the WebDriver protocol by chromedriver, with Python's own library alone."""
 import base64
 import json

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
 // glb_test.mjs BIN: what pad writes as .glb, judged by Khronos' glTF validator, which npm fetched beside the page's packages.
 // Leaves with 77, and a sentence, where it is not there.
 import {execFileSync} from 'node:child_process';

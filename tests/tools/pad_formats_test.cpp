@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
 // The program pad itself: endings, formats, robots, exit codes.
 #include <nlohmann/json.hpp>
 

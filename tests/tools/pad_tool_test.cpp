@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
 // The tool pad from outside, as a user meets it: what it prints, writes and returns.
 #include <gtest/gtest.h>
 #include <sys/wait.h>
@@ -10,8 +11,8 @@
 #include <set>
 #include <sstream>
 
-#include "padding/cluster.h"
-#include "padding/file.h"
+#include "padding/asset/cluster.h"
+#include "padding/asset/file.h"
 
 namespace padder {
 namespace {

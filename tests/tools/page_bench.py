@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: GPL-3.0-or-later
 """page_bench.py BIN CLUSTER [SPHERES]: how long a page of a million spheres takes in a headless browser, drawn in software.
 
 Makes a pile of copies of the cluster, at least SPHERES (1000000) in all, opens its page and prints one line for each figure.

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: GPL-3.0-or-later
 """Opens pages that pad, detect and preview made in a headless browser and does with them what a person would.
 
 What must be on the screen is worked out here, by rays through the camera that the page says it has. Takes the folder of

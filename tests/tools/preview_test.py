@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: GPL-3.0-or-later
 """The command line of preview, and of pad --preview: what is written, exit codes, sentences. Takes the programs' folder."""
 import json
 import os

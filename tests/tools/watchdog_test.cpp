@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
 // A scope that does not end in time ends the process, with a sentence; others do nothing.
 #include "tools/watchdog.h"
 

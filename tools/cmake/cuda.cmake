@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: MIT
 # Finds nvcc, as PADDER_CUDA wants it, and sets padder_with_cuda. Included by the top level: a language that a folder
 # below enables is not known beside it.
 set(padder_with_cuda OFF)

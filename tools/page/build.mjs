@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 // Makes the page's template: index.html with style.css and the bundled main.js inside. `node build.mjs OUT`.
 // padding/view/page.cpp puts a cluster's data where the template says so.
 import {build} from 'esbuild';

@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: MIT
 # build.sh FOLDER: fetches the packages of package-lock.json and makes FOLDER/page.html. Works on copies in FOLDER, so that
 # the source tree stays clean.
 set -euo pipefail

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 // One colour a sphere, by the palette in the head; the same rules as padding/view/view.cpp.
 
 export const colourings = {

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 // Contacts as arrows from i to j, coloured by depth: flat, turned to the camera; what spheres hide of one shows faintly.
 import * as three from 'three';
 import {rampColour} from './colours.js';

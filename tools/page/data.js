@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 // What padding/view/page.cpp wrote into the page: a JSON head and arrays as base64.
 
 function bytesOf(id) {

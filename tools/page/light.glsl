@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 // Sky above, a lamp over the left shoulder, a soft highlight. The colour comes linear and goes as sRGB: powers are dear
 // without a graphics card, so that of the colour is taken once a sphere.
 uniform vec3 skyward;  // up, in the camera's frame

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 // The page of a cluster or a scene: picture, slider, keys. What it shows is in data.js, how in spheres.js, mesh.js and
 // contacts.js, the tables in panels.js. A frame is drawn only when something has changed.
 import * as three from 'three';

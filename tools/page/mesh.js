@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 // The mesh: flat faces, its edges, and itself as glass.
 import * as three from 'three';
 import light from './light.glsl';

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 // The tables beside the picture.
 import {colourings, familyOf, kindColour, rampColour, rangeOf} from './colours.js';
 import {number, placed} from './data.js';

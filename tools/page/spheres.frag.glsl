@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 precision highp float;
 uniform mat4 projectionMatrix;
 flat in vec4 ball;

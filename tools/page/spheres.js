@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 // The spheres: one triangle each, 16 bytes on the GPU, ray against sphere in the fragment shader. The shader fetches the bytes
 // from a texture by the number of the vertex: instances of one triangle are slow, and very slow without a graphics card.
 import * as three from 'three';

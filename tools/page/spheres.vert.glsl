@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 // A sphere is four words: 21 bits for each of x, y, z, a float radius, and the colour with a byte that shows or hides it.
 precision highp float;
 precision highp int;

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
 // Arrays on either side of the module: NumPy's buffers, __cuda_array_interface__, DLPack. What comes in is
 // read where it lies; what goes out is a view that keeps its owner alive.
 #pragma once

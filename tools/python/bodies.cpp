@@ -1,9 +1,10 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
 #include "tools/python/bodies.h"
 
 #include <cstddef>
 #include <type_traits>
 
-#include "padding/cluster.h"
+#include "padding/asset/cluster.h"
 #include "tools/python/arrays.h"
 #include "tools/python/module.h"
 

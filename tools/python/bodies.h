@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
 // Bodies as the module keeps them: shapes converted once, bodies in memory that Python sees as arrays.
 #pragma once
 #include <pybind11/pybind11.h>

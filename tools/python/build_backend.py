@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """PEP 517 backend: configures with CMake, builds the module, packs it. Needs no package from anywhere.
 
 PADDER_BUILD_DIR in the environment names a build folder to use (and keep) instead of build/python.

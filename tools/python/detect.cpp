@@ -1,9 +1,10 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
 // padder::detect on NumPy and GPU arrays.
 #include <algorithm>
 #include <cmath>
 #include <memory>
 
-#include "padding/error.h"
+#include "padding/asset/error.h"
 #include "tools/python/arrays.h"
 #include "tools/python/bodies.h"
 #include "tools/python/module.h"
@@ -193,13 +194,13 @@ class PyDetector {
     else if (width != "normals")
       throw py::value_error("width must be \"pairs\", \"normals\" or \"points\"");
     if (backend == "omp")
-      o.backend = detect::Choice::omp;
+      o.backend = detect::BackendKind::omp;
     else if (backend == "cuda")
-      o.backend = detect::Choice::cuda;
+      o.backend = detect::BackendKind::cuda;
     else if (backend != "auto")
       throw py::value_error("backend must be \"auto\", \"omp\" or \"cuda\"");
     if (precision == "fast")
-      o.precision = detect::Precision::fast;
+      o.precision = detect::Precision::float32;
     else if (precision != "exact")
       throw py::value_error("precision must be \"exact\" or \"fast\"");
     keeper_->detector = std::make_unique<detect::Detector>(o);

@@ -1,7 +1,8 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
 // The Python module padder._core: padder::pad and the detector on NumPy and GPU arrays.
 #include "tools/python/module.h"
 
-#include "padding/error.h"
+#include "padding/asset/error.h"
 
 PYBIND11_MODULE(_core, m) {
   m.attr("__version__") = PADDER_VERSION;

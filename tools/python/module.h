@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
 // The rooms of the module padder._core; each adds its names. Their words: padder/__init__.pyi.
 #pragma once
 #include <pybind11/pybind11.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
 // padder::pad, clusters, and files of other programs.
 #include <pybind11/numpy.h>
 #include <pybind11/stl/filesystem.h>
@@ -5,9 +6,9 @@
 #include <cerrno>
 #include <cmath>
 
-#include "padding/error.h"
+#include "padding/asset/error.h"
 #include "padding/export/export.h"
-#include "padding/export/import.h"
+#include "padding/import/import.h"
 #include "padding/pad.h"
 #include "tools/python/arrays.h"
 #include "tools/python/module.h"

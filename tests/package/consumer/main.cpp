@@ -1,7 +1,8 @@
+// SPDX-License-Identifier: MIT
 #include <cstdio>
 
 #include "padding/export/export.h"
-#include "padding/export/import.h"
+#include "padding/import/import.h"
 #include "padding/pad.h"
 
 int main() {

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 #include <cstdio>
 
 #include "detect/detector.h"
@@ -5,7 +6,7 @@
 int main() {
   const float centers[] = {0, 0, 0, 1.5f, 0, 0, 5, 0, 0}, radii[] = {1, 1, 1};
   padder::detect::Options options;
-  options.backend = padder::detect::Choice::omp;
+  options.backend = padder::detect::BackendKind::omp;
   padder::detect::Detector detector(options);
   padder::detect::Input input;
   input.spheres = padder::detect::spheres_of(3, centers, radii);

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 #include "padding/view/page.h"
 #include "padding/view/picture.h"
 

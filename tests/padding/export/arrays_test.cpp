@@ -1,6 +1,7 @@
+// SPDX-License-Identifier: MIT
 // Flat arrays: padding/export/arrays.cpp, read_vtp.cpp.
-#include "padding/error.h"
-#include "padding/npz.h"
+#include "padding/asset/error.h"
+#include "padding/asset/npz.h"
 #include "tests/padding/export/samples.h"
 
 namespace padder::samples {

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 #include "padding/export/families.h"
 
 #include <gtest/gtest.h>

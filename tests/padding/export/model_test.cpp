@@ -1,6 +1,7 @@
+// SPDX-License-Identifier: MIT
 #include "padding/export/model.h"
 
-#include "padding/error.h"
+#include "padding/asset/error.h"
 #include "tests/padding/export/samples.h"
 
 namespace padder::samples {

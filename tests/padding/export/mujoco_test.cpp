@@ -1,10 +1,11 @@
+// SPDX-License-Identifier: MIT
 // MJCF in MuJoCo itself: padding/export/mujoco.cpp.
 #include <mujoco/mujoco.h>
 
 #include <algorithm>
 #include <set>
 
-#include "padding/error.h"
+#include "padding/asset/error.h"
 #include "padding/export/families.h"
 #include "tests/padding/export/samples.h"
 

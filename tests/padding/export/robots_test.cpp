@@ -1,5 +1,6 @@
+// SPDX-License-Identifier: MIT
 // Robots' links: padding/export/urdf.cpp, yaml.cpp, read_robots.cpp.
-#include "padding/error.h"
+#include "padding/asset/error.h"
 #include "tests/padding/export/samples.h"
 
 namespace padder::samples {

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 // Clusters and a robot to export, a folder to do it in, and programs to show the result to.
 #pragma once
 #include <gtest/gtest.h>
@@ -7,9 +8,9 @@
 #include <cstdio>
 #include <filesystem>
 
+#include "padding/asset/file.h"
 #include "padding/export/export.h"
-#include "padding/export/import.h"
-#include "padding/file.h"
+#include "padding/import/import.h"
 #include "tests/padding/shapes.h"
 
 namespace padder::samples {

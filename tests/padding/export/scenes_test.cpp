@@ -1,8 +1,9 @@
+// SPDX-License-Identifier: MIT
 // Formats to look at: padding/export/glb.cpp, usd.cpp.
 #include <cstring>
 #include <nlohmann/json.hpp>
 
-#include "padding/error.h"
+#include "padding/asset/error.h"
 #include "tests/padding/export/samples.h"
 
 namespace padder::samples {

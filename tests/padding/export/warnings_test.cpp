@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 #include "padding/export/warnings.h"
 
 #include <map>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 #include "padding/view/page.h"
 
 #include <gtest/gtest.h>
@@ -8,8 +9,8 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
-#include "padding/error.h"
-#include "padding/file.h"
+#include "padding/asset/error.h"
+#include "padding/asset/file.h"
 #include "tests/padding/shapes.h"
 
 namespace padder {

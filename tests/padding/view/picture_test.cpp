@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 #include "padding/view/picture.h"
 
 #include <gtest/gtest.h>
@@ -6,7 +7,7 @@
 
 #include <cmath>
 
-#include "padding/error.h"
+#include "padding/asset/error.h"
 #include "tests/padding/shapes.h"
 
 namespace padder {

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 #include "padding/view/view.h"
 
 #include <gtest/gtest.h>
@@ -5,8 +6,8 @@
 #include <filesystem>
 #include <fstream>
 
-#include "padding/error.h"
-#include "padding/read.h"
+#include "padding/asset/error.h"
+#include "padding/input/read.h"
 #include "tests/padding/shapes.h"
 
 namespace padder {

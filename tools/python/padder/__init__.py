@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """Triangle meshes to clusters of spheres, and the contacts between spheres.
 
     import padder

@@ -1,0 +1,14 @@
+// SPDX-License-Identifier: MIT
+// In the place of cuda/backend.cu where the build has no CUDA.
+#include "detect/core/backend.h"
+#include "padding/asset/error.h"
+
+namespace padder::detect {
+
+std::string cuda_absence(int) {
+  return "this build has no CUDA backend: build with the CUDA toolkit on the PATH, or choose omp";
+}
+
+std::unique_ptr<Backend> make_cuda_backend(int device) { throw Error(cuda_absence(device)); }
+
+}  // namespace padder::detect

@@ -1,0 +1,267 @@
+// SPDX-License-Identifier: MIT
+// The summary of the spheres: bounds, radii, the first faulty sphere; by octaves of size where radii differ.
+#include <algorithm>
+#include <cmath>
+#include <span>
+#include <vector>
+
+#include "detect/cuda/device_input.h"
+
+namespace padder::detect::cuda {
+namespace {
+
+using Word = unsigned long long;
+constexpr int kThreads = 256, kBlocks = kProcessors * 4, kOctaveWords = OctaveBounds::kWords;
+constexpr int kManyBlocks = 5;  // a processor
+constexpr int kAll = kBounds + kOctaves * kOctaveWords;
+
+__device__ Word warp_min(Word v) {
+  for (int d = 16; d; d >>= 1) v = min(v, __shfl_xor_sync(~0u, v, d));
+  return v;
+}
+__device__ Word warp_max(Word v) {
+  for (int d = 16; d; d >>= 1) v = max(v, __shfl_xor_sync(~0u, v, d));
+  return v;
+}
+
+// Blocks that look at the spheres, as many as they ask for: of few, the others would only stand in line to
+// say that they found nothing.
+unsigned blocks_of(const Source& source) {
+  return static_cast<unsigned>(
+      std::clamp<std::uint64_t>((source.count + kThreads - 1ull) / kThreads, 1, kBlocks));
+}
+
+__global__ void begin_kernel(Word* v, int minima, int count, int period, int head) {
+  const int k = threadIdx.x + blockIdx.x * blockDim.x;
+  if (k < head) v[k - head] = 0;
+  if (k < count) v[k] = k % period < minima ? ~0ull : 0;
+}
+
+// The sum of the radii is made in a fixed order (blocks, then the host), so that the mean is the same in
+// every run.
+__global__ void __launch_bounds__(kThreads) survey_kernel(Source source, Word* out, double* sums) {
+  double low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY};
+  double r_min = INFINITY, r_max = 0, need = 0, extent = 0, sum = 0;
+  Word fault = ~0ull;
+  for (std::uint64_t k = blockIdx.x * kThreads + threadIdx.x; k < source.count; k += gridDim.x * kThreads) {
+    const Sphere s = source.sphere(static_cast<std::uint32_t>(k));
+    if (fault_of(s) != Fault::none) {
+      fault = min(fault, static_cast<Word>(k));
+      continue;
+    }
+    low[0] = smaller(low[0], s.x), low[1] = smaller(low[1], s.y), low[2] = smaller(low[2], s.z);
+    high[0] = larger(high[0], s.x), high[1] = larger(high[1], s.y), high[2] = larger(high[2], s.z);
+    r_min = smaller(r_min, s.r), r_max = larger(r_max, s.r), sum += s.r;
+    need = larger(need, need_of(s));
+    extent = larger(extent, larger(magnitude(s.x), larger(magnitude(s.y), magnitude(s.z))));
+  }
+  const Word minima[5] = {ordered(low[0]), ordered(low[1]), ordered(low[2]), ordered(r_min), fault};
+  const Word maxima[6] = {ordered(high[0]), ordered(high[1]), ordered(high[2]),
+                          ordered(r_max),   ordered(need),    ordered(extent)};
+  const bool first = (threadIdx.x & 31) == 0;
+  __shared__ Word of_warps[kBounds][kThreads / 32];
+  for (int k = 0; k < 5; k++) {
+    const Word v = warp_min(minima[k]);
+    if (first) of_warps[k][threadIdx.x >> 5] = v;
+  }
+  for (int k = 0; k < 6; k++) {
+    const Word v = warp_max(maxima[k]);
+    if (first) of_warps[5 + k][threadIdx.x >> 5] = v;
+  }
+  __shared__ double shared[kThreads];
+  shared[threadIdx.x] = sum;
+  for (int d = kThreads / 2; d; d >>= 1) {
+    __syncthreads();
+    if (threadIdx.x < d) shared[threadIdx.x] += shared[threadIdx.x + d];
+  }
+  if (const int k = threadIdx.x; k < kBounds) {
+    Word v = of_warps[k][0];
+    for (int w = 1; w < kThreads / 32; w++) v = k < 5 ? min(v, of_warps[k][w]) : max(v, of_warps[k][w]);
+    if (k < 5)
+      atomicMin(out + k, v);
+    else
+      atomicMax(out + k, v);
+  }
+  if (threadIdx.x == 0) sums[blockIdx.x] = shared[0];
+}
+
+// Of each octave: low x, y, z as minima; high x, y, z, radius, need as maxima; the count.
+__global__ void __launch_bounds__(kThreads) octave_kernel(Source source, int top, Word* out) {
+  __shared__ Word v[kOctaves * kOctaveWords];
+  __shared__ std::uint32_t counts[kOctaves];
+  for (int k = threadIdx.x; k < kOctaves; k += kThreads) counts[k] = 0;
+  for (int k = threadIdx.x; k < kOctaves * kOctaveWords; k += kThreads)
+    v[k] = k % kOctaveWords < 3 ? ~0ull : 0;
+  __syncthreads();
+  for (std::uint64_t k = blockIdx.x * kThreads + threadIdx.x; k < source.count; k += kBlocks * kThreads) {
+    const Sphere s = source.sphere(static_cast<std::uint32_t>(k));
+    const double need = need_of(s);
+    const int octave = octave_of(top, need);
+    Word* o = v + octave * kOctaveWords;
+    const Word low[3] = {ordered(s.x), ordered(s.y), ordered(s.z)}, high[2] = {ordered(s.r), ordered(need)};
+    for (int c = 0; c < 3; c++) {  // reading first spares nearly every atomic operation
+      if (low[c] < *static_cast<volatile Word*>(o + c)) atomicMin(o + c, low[c]);
+      if (low[c] > *static_cast<volatile Word*>(o + 3 + c)) atomicMax(o + 3 + c, low[c]);
+    }
+    for (int c = 0; c < 2; c++)
+      if (high[c] > *static_cast<volatile Word*>(o + 6 + c)) atomicMax(o + 6 + c, high[c]);
+    const std::uint32_t peers = __match_any_sync(__activemask(), octave);
+    if ((threadIdx.x & 31) == __ffs(peers) - 1) atomicAdd(counts + octave, __popc(peers));
+  }
+  __syncthreads();
+  for (int k = threadIdx.x; k < kOctaves; k += kThreads) v[k * kOctaveWords + 8] = counts[k];
+  __syncthreads();
+  for (int k = threadIdx.x; k < kOctaves * kOctaveWords; k += kThreads) {
+    if (v[k / kOctaveWords * kOctaveWords + 8] == 0) continue;
+    const int c = k % kOctaveWords;
+    if (c < 3)
+      atomicMin(out + k, v[k]);
+    else if (c < 8)
+      atomicMax(out + k, v[k]);
+    else
+      atomicAdd(out + k, v[k]);
+  }
+}
+
+// The same of packed float spheres, in float: bounds and radii keep their order as integers.
+__global__ void __launch_bounds__(kThreads, kManyBlocks)
+    float_octave_kernel(const float4* spheres, std::uint32_t count, int top, Word* out) {
+  __shared__ OctaveBounds bounds;
+  OctaveTaker taker;
+  bounds.begin();
+  __syncthreads();
+  for (std::uint64_t from = blockIdx.x * kThreads; from < count; from += gridDim.x * kThreads) {
+    const std::uint64_t k = from + threadIdx.x;
+    const float4 s = k < count ? __ldg(spheres + k) : make_float4(0, 0, 0, 0);
+    if (from == blockIdx.x * kThreads) taker.begin(top, s, k < count);
+    if (k < count) taker.take(bounds, top, s);
+  }
+  taker.give(bounds);
+  __syncthreads();
+  bounds.give(out);
+}
+
+// Spheres by exponent_of(need) + 1023.
+__global__ void __launch_bounds__(kThreads) exponent_kernel(Source source, Word* out) {
+  __shared__ std::uint32_t counts[kExponents];
+  for (int k = threadIdx.x; k < kExponents; k += kThreads) counts[k] = 0;
+  __syncthreads();
+  for (std::uint64_t k = blockIdx.x * kThreads + threadIdx.x; k < source.count; k += gridDim.x * kThreads)
+    atomicAdd(counts + exponent_of(need_of(source.sphere(static_cast<std::uint32_t>(k)))) + 1023, 1u);
+  __syncthreads();
+  for (int k = threadIdx.x; k < kExponents; k += kThreads)
+    if (counts[k]) atomicAdd(out + k, static_cast<Word>(counts[k]));
+}
+
+}  // namespace
+
+Surveyor::Surveyor(MemoryBook& book)
+    : values_(book, "the summary"),
+      host_values_(book, "the summary", true),
+      sums_(book, "the summary"),
+      host_sums_(book, "the summary", true),
+      exponents_(book, "the summary") {}
+
+std::uint64_t Surveyor::words() { return kHead + kAll; }
+
+void Surveyor::begin_bounds(Word* bounds, cudaStream_t stream) {
+  begin_kernel<<<1, 32, 0, stream>>>(bounds, 5, kBounds, kBounds, kHead);
+}
+
+void Surveyor::begin(const Source& source, bool octaves, int top, cudaStream_t stream) {
+  Word* v = head() + kHead;
+  begin_bounds(v, stream);
+  survey_kernel<<<blocks_of(source), kThreads, 0, stream>>>(source, v, sums_.reserve(kBlocks));
+  if (octaves) gather_octaves(source, gather(true, top), stream);
+  cuda_launched("survey the spheres");
+}
+
+void Surveyor::gather_octaves(const Source& source, const Gather& gather, cudaStream_t stream) {
+  begin_kernel<<<3, 256, 0, stream>>>(gather.octaves, 3, kOctaves * kOctaveWords, kOctaveWords, 0);
+  if (rides_along(source))
+    float_octave_kernel<<<kProcessors * kManyBlocks, kThreads, 0, stream>>>(
+        static_cast<const float4*>(source.centers), source.count, gather.top, gather.octaves);
+  else
+    octave_kernel<<<kBlocks, kThreads, 0, stream>>>(source, gather.top, gather.octaves);
+}
+
+void Surveyor::read_head(Report& report) {
+  report.add(head(), host_values_.reserve(words()), kHead * sizeof(Word));
+}
+
+void Surveyor::read(const Source& source, bool octaves, bool along, Report& report) {
+  report.add(head(), host_values_.reserve(words()), (kHead + (octaves ? kAll : kBounds)) * sizeof(Word));
+  if (!along)
+    report.add(sums_.reserve(kBlocks), host_sums_.reserve(kBlocks), blocks_of(source) * sizeof(double));
+}
+
+bool Surveyor::finish(const Source& source, bool octaves, int top, bool along, Summary& s, int above) const {
+  const Word* host = host_values_.data() + kHead;
+  s = Summary{};
+  s.count = source.count;
+  s.first_fault = host[kFault];
+  for (int k = 0; k < 3; k++) s.low[k] = unordered(host[kLow + k]), s.high[k] = unordered(host[kHigh + k]);
+  s.radius_min = unordered(host[kRadiusMin]), s.radius_max = unordered(host[kRadiusMax]);
+  // What is gathered quickly shows a fault, but not whose.
+  bool finite = s.radius_min >= 0 && std::isfinite(s.radius_max);
+  for (int k = 0; k < 3; k++) finite = finite && std::isfinite(s.low[k]) && std::isfinite(s.high[k]);
+  if (along && s.first_fault == ~std::uint64_t(0) && !finite) return false;
+  if (along) {  // both are monotone, so that the largest comes of the largest
+    for (int k = 0; k < 3; k++)
+      s.extent = larger(s.extent, larger(magnitude(s.low[k]), magnitude(s.high[k])));
+    s.need_max = need_of({s.extent, 0, 0, s.radius_max});
+  } else {
+    s.need_max = unordered(host[kNeedMax]), s.extent = unordered(host[kExtent]);
+  }
+  for (unsigned k = 0; k < blocks_of(source) && !along; k++) s.radius_sum += host_sums_.data()[k];
+  if (s.first_fault != ~std::uint64_t(0)) return true;
+  if (octaves != needs_octaves(s) || (octaves && top != exponent_of(s.need_max) - above)) return false;
+  if (!octaves) return true;
+  host += kBounds;
+  for (int o = 0; o < kOctaves; o++, host += kOctaveWords) {
+    if (host[8] == 0) continue;
+    Summary::Octave& octave = s.octave[o];
+    octave.count = host[8];
+    for (int k = 0; k < 3; k++) octave.low[k] = unordered(host[k]), octave.high[k] = unordered(host[3 + k]);
+    octave.radius_max = unordered(host[6]), octave.need_max = unordered(host[7]);
+  }
+  s.octaves_known = true, s.above = above;
+  return true;
+}
+
+// Summary::above, where sizes differ by more octaves than there are.
+int Surveyor::find_above(const Source& source, cudaStream_t stream) {
+  Word* const device = exponents_.reserve(kExponents);
+  std::vector<std::uint64_t> found(kExponents);
+  cuda_check(cudaMemsetAsync(device, 0, kExponents * sizeof(Word), stream), "clear the counters");
+  exponent_kernel<<<blocks_of(source), kThreads, 0, stream>>>(source, device);
+  cuda_launched("survey the spheres");
+  cuda_check(cudaMemcpyAsync(found.data(), device, kExponents * sizeof(Word), cudaMemcpyDeviceToHost, stream),
+             "survey the spheres");
+  cuda_check(cudaStreamSynchronize(stream), "survey the spheres");
+  return octaves_above(std::span<const std::uint64_t, kExponents>(found));
+}
+
+Summary Surveyor::survey(const Source& source, cudaStream_t stream) {
+  Summary s;
+  const auto look = [&](bool octaves, int above) {
+    const int top = octaves ? exponent_of(s.need_max) - above : 0;
+    Report report;
+    read(source, octaves, false, report);
+    report.expect();
+    begin(source, octaves, top, stream);
+    report.send(stream);
+    report.arrived(stream, "survey the spheres");
+    return finish(source, octaves, top, false, s, above);
+  };
+  if (look(false, 0)) return s;
+  bool done = look(true, 0);
+  if (done && s.octave[kOctaves - 1].count > 0) {  // perhaps of very different sizes
+    const int above = find_above(source, stream);
+    if (above > 0) done = look(true, above);
+  }
+  if (!done) throw Error(kChanged);
+  return s;
+}
+
+}  // namespace padder::detect::cuda

@@ -1,0 +1,126 @@
+// SPDX-License-Identifier: MIT
+// Keys of spheres on the device: by the grid as every backend has it, or by bins in float where these do,
+// which are cheap enough to be computed again instead of being written and read. Only .cu files include this.
+#pragma once
+#include "detect/cuda/order/codes.h"
+
+namespace padder::detect::cuda {
+
+// The bin in float of one dense level: t = (x - origin) * per_size rounded, bin = floor(t). The difference of
+// two floats and the product are rounded once each, so that t is off by less than 2^-23 of itself, and never
+// decreases with x. Edges are longer than the level's by the factor 1 / (1 - side * 2^-21), with `side` the
+// most bins on an axis: two coordinates no more than level.size apart then differ by at most
+//   1 - side * 2^-21 + 2 * (side + 1/4) * 2^-23 < 1 in t, hence by at most one bin,
+// and along x, where all is `fine` times as much, by at most `fine` bins. A bin here need not be the bin of
+// grid.h. Keys are numbered x fastest, with `fine` empty bins between two rows and a border of rows.
+inline FloatBins bins_of(const Level& l) {
+  FloatBins b;
+  if (l.hashed) return b;
+  std::uint32_t side = 0;
+  double extent = 0;
+  for (int k = 0; k < 3; k++) {
+    const double low = static_cast<double>(l.first[k]) * l.size;
+    side = std::max(side, l.count[k]), b.count[k] = l.count[k];
+    extent = std::max({extent, std::abs(low), std::abs(low + l.count[k] * l.size)});
+    b.origin[k] = static_cast<float>(low);
+    if (b.origin[k] > low) b.origin[k] = std::nextafter(b.origin[k], -INFINITY);
+  }
+  // Far from the origin the lattice itself is rounded: then no.
+  if (side > kMostFloatBins || extent * 0x1p-23 > l.size * 0x1p-4) return b;
+  const double per_size = (1 - side * 0x1p-21) / l.size;
+  auto rounded = static_cast<float>(per_size);
+  if (rounded > per_size) rounded = std::nextafter(rounded, 0.0f);
+  b.per_size[0] = b.per_size[1] = b.per_size[2] = rounded, b.units = rounded * kCodeUnits;
+  b.on = std::isnormal(rounded) && std::isfinite(extent);
+  return b;
+}
+// Of a scene of one level.
+inline FloatBins float_bins(const Grid& grid, SlotKind kind, std::uint64_t spheres) {
+  if (kind == SlotKind::fixed_point || grid.levels != 1) return {};
+  FloatBins b = bins_of(grid.level[0]);
+  if (!b.on) return b;
+  // Finer rows pay where bins hold many spheres; elsewhere they only make the table longer.
+  if (static_cast<double>(spheres) > 4.0 * b.count[0] * b.count[1] * b.count[2] && grid.buckets < 0x1p29)
+    b.fine = 4;
+  b.count[0] *= b.fine, b.per_size[0] *= static_cast<float>(b.fine);
+  b.first = b.fine, b.row = b.count[0] + b.fine, b.plane = b.row * (b.count[1] + 2);
+  b.buckets = b.plane * (b.count[2] + 2) + b.fine;
+  return b;
+}
+// Of several. Spheres of two levels: the place of the coarser one among the finer level's bins is found in
+// double, that of the finer one in float, off by less than side * 2^-23. Their distance is taken in the
+// level's own bins (its per_size), which are shorter by more than that.
+inline LevelBins level_bins(const Grid& grid, SlotKind kind) {
+  LevelBins g;
+  if (kind != SlotKind::unequal || grid.levels == 1) return g;
+  for (int k = 0; k < grid.levels; k++) {
+    const Level& l = grid.level[k];
+    FloatBins& b = g.level[k] = bins_of(l);
+    if (!b.on) return {};
+    b.row = l.count[0] + 2, b.plane = b.row * (l.count[1] + 2);
+    b.first = l.offset + 1, b.buckets = l.buckets;
+  }
+  g.top = grid.top;
+  std::copy_n(grid.level_of_octave, kOctaves, g.level_of_octave);
+  g.on = true;
+  return g;
+}
+
+PADDER_HD bool float_bin(float x, float origin, float per_size, std::uint32_t count, std::uint32_t& bin) {
+  const float t = (x - origin) * per_size;
+  bin = static_cast<std::uint32_t>(static_cast<int>(t));
+  if (bin >= count) bin = count - 1;
+  return t >= 0 && t < static_cast<float>(count) + 0.5f;
+}
+// False (and a key that does no harm) for a sphere outside the bins.
+PADDER_HD bool key_of(const FloatBins& b, float x, float y, float z, std::uint32_t& key) {
+  std::uint32_t i, j, k;
+  const bool in = float_bin(x, b.origin[0], b.per_size[0], b.count[0], i) &
+                  float_bin(y, b.origin[1], b.per_size[1], b.count[1], j) &
+                  float_bin(z, b.origin[2], b.per_size[2], b.count[2], k);
+  key = (k + 1) * b.plane + (j + 1) * b.row + i + b.first;
+  return in;
+}
+PADDER_HD bool key_of(const FloatBins& b, const float4& s, std::uint32_t& key) {
+  return key_of(b, s.x, s.y, s.z, key);
+}
+__host__ __device__ __forceinline__ int level_of(const LevelBins& g, const float4& s) {
+  return g.level_of_octave[octave_of_exponent(g.top, need_exponent(s.x, s.y, s.z, s.w))];
+}
+__host__ __device__ __forceinline__ bool key_of(const LevelBins& g, const float4& s, std::uint32_t& key) {
+  return key_of(g.level[level_of(g, s)], s, key);
+}
+
+PADDER_HD int level_of_key(const Grid& g, std::uint32_t key) {
+  int level = 0;
+  while (level + 1 < g.levels && key >= g.level[level + 1].offset) level++;
+  return level;
+}
+
+// The bins may be those of the call before, kept in the hope that they still fit (backend.cu): a sphere
+// outside them is reported.
+__device__ __forceinline__ std::uint32_t key_of_sphere(const Sphere& s, const Grid& grid,
+                                                       Counters* counters) {
+  const Level& l = grid.level[level_of(grid, s)];
+  const Bin b = bin_of(l, s);
+  if (!l.hashed && !(static_cast<std::uint64_t>(b.x - l.first[0]) < l.count[0] &&
+                     static_cast<std::uint64_t>(b.y - l.first[1]) < l.count[1] &&
+                     static_cast<std::uint64_t>(b.z - l.first[2]) < l.count[2])) {
+    atomicOr(&counters->flags, kOutside);
+    return 0;
+  }
+  return key_of(l, b);
+}
+template <class Bins>
+__device__ __forceinline__ std::uint32_t key_of_sphere(const Sphere& s, const Bins& bins,
+                                                       Counters* counters) {
+  std::uint32_t key;
+  if (!key_of(bins,
+              make_float4(static_cast<float>(s.x), static_cast<float>(s.y), static_cast<float>(s.z),
+                          static_cast<float>(s.r)),
+              key))
+    atomicOr(&counters->flags, kOutside);
+  return key;
+}
+
+}  // namespace padder::detect::cuda

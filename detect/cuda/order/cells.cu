@@ -1,0 +1,273 @@
+// SPDX-License-Identifier: MIT
+// A counting sort over bins for small scenes, in one launch: all blocks are resident and wait for each other
+// between the steps, which costs less than the start of a kernel. Spheres stay in registers; counts live in
+// L2.
+#include <cooperative_groups.h>
+
+#include "detect/cuda/device.h"
+#include "detect/cuda/order/order.h"
+
+namespace padder::detect::cuda {
+namespace {
+
+constexpr int kThreads = 512, kItems = 2, kBlocksAProcessor = 2;
+constexpr std::uint32_t kMostOfABin = 64;
+using Word = unsigned long long;
+
+// For a stable order: the numbers of the spheres of each table entry. The first kOfEntry of an entry to come
+// leave theirs in the entry's own places, before it is known where the entry begins. The others go to a list;
+// if that is full, all numbers are written once more, by place, which takes another wait of all blocks.
+constexpr std::uint32_t kOfEntry = 8, kMostBeyond = 128;
+struct Numbers {
+  std::uint32_t* of_entry = nullptr;  // null: no memory for them
+  Word* beyond = nullptr;             // entry << 32 | number
+  std::uint32_t* beyond_count = nullptr;
+  std::uint32_t* by_place = nullptr;  // in any order within an entry
+
+  __device__ __forceinline__ void leave(std::uint32_t entry, std::uint32_t rank, std::uint32_t k) const {
+    if (rank < kOfEntry) {
+      of_entry[entry * kOfEntry + rank] = k;
+    } else {
+      const std::uint32_t at = atomicAdd(beyond_count, 1u);
+      if (at < kMostBeyond) beyond[at] = static_cast<Word>(entry) << 32 | k;
+    }
+  }
+  // Those that an entry's own places hold, once all have come; and how many of its `n` are smaller than k.
+  struct First {
+    uint4 a, b;
+  };
+  __device__ __forceinline__ First first(std::uint32_t entry) const {
+    const auto* const four = reinterpret_cast<const uint4*>(of_entry + entry * kOfEntry);
+    return {four[0], four[1]};
+  }
+  __device__ __forceinline__ std::uint32_t smaller(const First& f, std::uint32_t entry, std::uint32_t n,
+                                                   std::uint32_t k, std::uint32_t all_beyond) const {
+    const uint4 &a = f.a, &b = f.b;
+    std::uint32_t s = (n > 0 && a.x < k) + (n > 1 && a.y < k) + (n > 2 && a.z < k) + (n > 3 && a.w < k) +
+                      (n > 4 && b.x < k) + (n > 5 && b.y < k) + (n > 6 && b.z < k) + (n > 7 && b.w < k);
+    for (std::uint32_t q = 0; n > kOfEntry && q < all_beyond; q++)
+      s += beyond[q] >> 32 == entry && static_cast<std::uint32_t>(beyond[q]) < k;
+    return s;
+  }
+};
+
+struct CellTask {
+  Source source;
+  Ordered to;
+  Numbers numbers;
+  Word* sums = nullptr;  // of each block's part of the table
+  Gather gather;
+  Counters* counters = nullptr;
+};
+
+// Exclusive sums of v[0 .. n) by all blocks: each publishes the sum of its part and adds up those before it,
+// and in between calls meanwhile().
+template <class Meanwhile>
+__device__ __forceinline__ void scan_table(std::uint32_t* v, std::uint32_t n, Word* sums,
+                                           Meanwhile meanwhile) {
+  constexpr Word kKnown = Word(1) << 32;
+  constexpr int kWarps = kThreads / 32;
+  __shared__ std::uint32_t warp_sums[2][kWarps], shared_before;
+  const std::uint32_t lane = threadIdx.x & 31, warp = threadIdx.x >> 5;
+  // 16 bytes a thread and step.
+  const std::uint32_t quads = (n + 3) / 4, part = (quads + gridDim.x - 1) / gridDim.x,
+                      from = min(blockIdx.x * part, quads), to = min(from + part, quads);
+  auto* const quad = reinterpret_cast<uint4*>(v);
+  std::uint32_t sum = 0;
+  for (std::uint32_t k = from + threadIdx.x; k < to; k += kThreads) {
+    const uint4 q = quad[k];
+    sum += q.x + q.y + q.z + q.w;
+  }
+  sum = __reduce_add_sync(~0u, sum);
+  if (lane == 0) warp_sums[0][warp] = sum;
+  if (threadIdx.x == 0) shared_before = 0;
+  __syncthreads();
+  if (warp == 0) {
+    const std::uint32_t all = __reduce_add_sync(~0u, lane < kWarps ? warp_sums[0][lane] : 0);
+    if (lane == 0) atomicExch(sums + blockIdx.x, kKnown | all);
+  }
+  meanwhile();
+  std::uint32_t earlier = 0;
+  for (std::uint32_t b = threadIdx.x; b < blockIdx.x; b += kThreads) {
+    Word s;
+    do s = *static_cast<volatile Word*>(sums + b);
+    while (!(s & kKnown));
+    earlier += static_cast<std::uint32_t>(s);
+  }
+  earlier = __reduce_add_sync(~0u, earlier);
+  if (lane == 0 && earlier) atomicAdd(&shared_before, earlier);
+  __syncthreads();
+  std::uint32_t before = shared_before;
+  int which = 1;
+  for (std::uint32_t step = from; step < to; step += kThreads, which ^= 1) {
+    const std::uint32_t k = step + threadIdx.x;
+    const uint4 q = k < to ? quad[k] : make_uint4(0, 0, 0, 0);
+    std::uint32_t total, mine = sum_before(q.x + q.y + q.z + q.w, total);
+    if (lane == 0) warp_sums[which][warp] = total;
+    __syncthreads();
+    const std::uint32_t w = lane < kWarps ? warp_sums[which][lane] : 0;
+    mine += before + __reduce_add_sync(~0u, lane < warp ? w : 0);
+    if (k < to) quad[k] = make_uint4(mine, mine + q.x, mine + q.x + q.y, mine + q.x + q.y + q.z);
+    before += __reduce_add_sync(~0u, w);
+  }
+}
+
+template <SlotKind Kind, class Bins, bool Along, bool Tidy>
+__global__ void __launch_bounds__(kThreads, kBlocksAProcessor)
+    cell_order_kernel(const __grid_constant__ CellTask task, const __grid_constant__ Bins bins) {
+  const auto grid = cooperative_groups::this_grid();
+  const std::uint32_t thread = blockIdx.x * kThreads + threadIdx.x, threads = gridDim.x * kThreads,
+                      count = task.source.count, entries = static_cast<std::uint32_t>(task.to.entries + 1);
+  std::uint32_t* const table = task.to.table;
+  for (std::uint32_t k = thread; 4 * k < entries; k += threads)
+    reinterpret_cast<uint4*>(table)[k] = make_uint4(0, 0, 0, 0);
+  if (threadIdx.x == 0) task.sums[blockIdx.x] = 0;
+  if (Along) task.gather.begin(thread, threads);
+  if (Along && thread == 0) *task.counters = {};
+  if (Tidy && thread == 0) *task.numbers.beyond_count = 0;
+  float4 slot[kItems];
+#pragma unroll
+  for (int u = 0; u < kItems; u++) {
+    const std::uint32_t k = thread + u * threads;
+    if (k < count) slot[u] = slot_of<Kind>(task.source, grid_of(bins), k);
+  }
+  grid.sync();
+
+  std::uint32_t key[kItems], rank[kItems];
+  Bounds bounds;
+#pragma unroll
+  for (int u = 0; u < kItems; u++) {
+    const std::uint32_t k = thread + u * threads;
+    key[u] = ~0u;
+    if (k < count) {
+      const Sphere s = task.source.sphere(k);
+      key[u] = key_of_sphere(s, bins, task.counters);
+      if (Along) bounds.take(s, k);
+    }
+    rank[u] = ticket(table, k < count ? key[u] >> task.to.merge : ~0u);
+  }
+  if (Tidy && task.numbers.of_entry) {
+#pragma unroll
+    for (int u = 0; u < kItems; u++) {
+      const std::uint32_t k = thread + u * threads;
+      if (k < count) task.numbers.leave(key[u] >> task.to.merge, rank[u], k);
+    }
+  }
+  if (Along) bounds.give(task.gather.bounds);
+  if (Along && task.gather.octaves) {
+    __shared__ OctaveBounds octaves;
+    OctaveTaker taker;
+    octaves.begin();
+    __syncthreads();
+#pragma unroll
+    for (int u = 0; u < kItems; u++) {
+      const std::uint32_t k = thread + u * threads;
+      const Sphere s = k < count ? task.source.sphere(k) : Sphere{};
+      const auto f = make_float4(static_cast<float>(s.x), static_cast<float>(s.y), static_cast<float>(s.z),
+                                 static_cast<float>(s.r));
+      if (u == 0) taker.begin(task.gather.top, f, k < count);
+      if (k < count) taker.take(octaves, task.gather.top, f);
+    }
+    taker.give(octaves);
+    __syncthreads();
+    octaves.give(task.gather.octaves);
+  }
+  grid.sync();
+
+  std::uint32_t beyond = ~0u;
+  Numbers::First first[kItems];
+  scan_table(table, entries, task.sums, [&] {
+    if (!Tidy || !task.numbers.of_entry) return;
+    beyond = *static_cast<volatile std::uint32_t*>(task.numbers.beyond_count);
+#pragma unroll
+    for (int u = 0; u < kItems; u++)
+      if (thread + u * threads < count) first[u] = task.numbers.first(key[u] >> task.to.merge);
+  });
+  grid.sync();
+
+  const bool once_more = Tidy && beyond > kMostBeyond;
+  if (once_more) {
+#pragma unroll
+    for (int u = 0; u < kItems; u++) {
+      const std::uint32_t k = thread + u * threads;
+      if (k < count) task.numbers.by_place[table[key[u] >> task.to.merge] + rank[u]] = k;
+    }
+    grid.sync();
+  }
+#pragma unroll
+  for (int u = 0; u < kItems; u++) {
+    const std::uint32_t k = thread + u * threads;
+    if (k >= count) break;
+    const std::uint32_t entry = key[u] >> task.to.merge, from = table[entry];
+    std::uint32_t at = from + rank[u];
+    if (Tidy) {
+      // Within a bin by number: a sphere's rank is how many of its bin have a smaller one. Bins are small; a
+      // crowded one is reported, and the caller sorts instead.
+      const std::uint32_t end = table[entry + 1];
+      at = from;
+      if (end - from > kMostOfABin) {
+        atomicOr(&task.counters->flags, kCrowded);
+        continue;
+      }
+      if (once_more)
+        for (std::uint32_t p = from; p < end; p++) at += task.numbers.by_place[p] < k;
+      else
+        at += task.numbers.smaller(first[u], entry, end - from, k, beyond);
+    }
+    static_cast<float4*>(task.to.slots)[at] = slot[u];
+    if (task.to.codes) task.to.codes[at] = code_for<Kind>(bins, key[u], slot[u]);
+    if (!kKeyless<Bins>) task.to.keys[at] = key[u];
+    if (Kind != SlotKind::equal) task.to.ids[at] = k;
+  }
+}
+
+// f(kernel, bins) with the one that serves.
+template <class F>
+void with_kernel(const Ordered& o, const Grid& grid, bool along, bool stable, F f) {
+  with_bins(o, grid, [&]<class Kind, class Bins>(Kind kind, const Bins& bins) {
+    f(along ? (stable ? cell_order_kernel<kind(), Bins, true, true>
+                      : cell_order_kernel<kind(), Bins, true, false>)
+            : (stable ? cell_order_kernel<kind(), Bins, false, true>
+                      : cell_order_kernel<kind(), Bins, false, false>),
+      bins);
+  });
+}
+
+}  // namespace
+
+bool Orderer::by_cells(const Source& source, const Grid& grid, bool stable, const Gather& gather,
+                       const Lent& lent, Counters* counters, Ordered& o, int processors,
+                       cudaStream_t stream) {
+  unsigned most = 0;
+  with_kernel(o, grid, gather.bounds, stable, [&](auto* kernel, const auto&) {
+    most = std::min<unsigned>(resident_blocks(reinterpret_cast<const void*>(kernel), kThreads, 0, processors),
+                              static_cast<unsigned>(processors) * kBlocksAProcessor);
+  });
+  if (o.count > std::uint64_t(most) * kThreads * kItems) return false;
+  if (!o.bins.on && !o.float_levels) o.keys = sorted_keys_.reserve(o.count);
+  if (o.kind != SlotKind::equal) o.ids = sorted_ids_.reserve(o.count);
+  CellTask task{source, o};
+  task.sums = reinterpret_cast<Word*>(scratch_.reserve((most + kMostBeyond + 1) * sizeof(Word)));
+  Numbers& numbers = task.numbers;
+  numbers.beyond = task.sums + most;
+  numbers.beyond_count = reinterpret_cast<std::uint32_t*>(numbers.beyond + kMostBeyond);
+  if (stable) numbers.by_place = keys_.reserve(o.count);
+  // Work space in the list of contacts, which is written afterwards. In the first call there is none, and it
+  // is not known yet whether it will be long enough: then the other way.
+  const std::uint64_t words = o.entries * kOfEntry;
+  if (stable && lent.slots * 4 >= words)
+    numbers.of_entry = reinterpret_cast<std::uint32_t*>(lent.slot);
+  else if (stable && lent.words > 0)
+    numbers.of_entry = lent.words >= words ? lent.word : ids_.reserve(words);
+  task.gather = gather, task.counters = counters;
+  with_kernel(o, grid, gather.bounds, stable, [&](auto* kernel, auto bins) {
+    void* arguments[] = {&task, &bins};
+    cuda_check(cudaLaunchCooperativeKernel(reinterpret_cast<const void*>(kernel),
+                                           std::min(blocks_for(o.count, kThreads), most), kThreads, arguments,
+                                           0, stream),
+               "put the spheres in order");
+  });
+  return true;
+}
+
+}  // namespace padder::detect::cuda

@@ -1,0 +1,133 @@
+// SPDX-License-Identifier: MIT
+// Spheres into the order of their bins, in one of three ways: a counting sort over bins (cells.cu),
+// through buckets (buckets.cu), or here a stable radix sort of keys, for hashed levels, crowded
+// bins and everything else.
+#include <cub/device/device_radix_sort.cuh>
+#include <cub/device/device_scan.cuh>
+
+#include "detect/cuda/order/order.h"
+
+namespace padder::detect::cuda {
+namespace {
+
+constexpr int kThreads = 256;
+
+// Keys are below this.
+std::uint32_t keys_of(const Grid& grid, const FloatBins& bins) {
+  return bins.on ? bins.buckets : grid.buckets;
+}
+
+template <class Bins, bool Along>
+__global__ void __launch_bounds__(kThreads)
+    sort_key_kernel(const __grid_constant__ Source source, const __grid_constant__ Bins bins,
+                    std::uint32_t* keys, std::uint32_t* ids, unsigned long long* found, Counters* counters) {
+  Bounds bounds;
+  for (std::uint64_t at = blockIdx.x * kThreads + threadIdx.x; at < source.count;
+       at += gridDim.x * kThreads) {
+    const auto k = static_cast<std::uint32_t>(at);
+    const Sphere s = source.sphere(k);
+    keys[k] = key_of_sphere(s, bins, counters), ids[k] = k;
+    if (Along) bounds.take(s, k);
+  }
+  if (Along) bounds.give(found);
+}
+// Ends of bins go to the table; a running maximum turns them into starts.
+template <SlotKind Kind, class Bins>
+__global__ void __launch_bounds__(kThreads)
+    sort_place_kernel(const __grid_constant__ Source source, const __grid_constant__ Bins bins,
+                      const std::uint32_t* keys, const std::uint32_t* ids, int merge, float4* slots,
+                      std::uint32_t* codes, std::uint32_t* table) {
+  const std::uint32_t p = blockIdx.x * kThreads + threadIdx.x;
+  if (p >= source.count) return;
+  const std::uint32_t key = keys[p] >> merge;
+  const float4 slot = slot_of<Kind>(source, grid_of(bins), ids[p]);
+  slots[p] = slot;
+  if (codes) codes[p] = code_for<Kind>(bins, keys[p], slot);
+  if (p + 1 == source.count || keys[p + 1] >> merge != key) table[key + 1] = p + 1;
+}
+
+}  // namespace
+
+Orderer::Orderer(MemoryBook& book)
+    : keys_(book, "the bins"),
+      sorted_keys_(book, "the bins"),
+      ids_(book, "the bins"),
+      sorted_ids_(book, "the bins"),
+      codes_(book, "the spheres in the order of their bins"),
+      table_(book, "the table of bins"),
+      starts_(book, "the table of bins"),
+      slots_(book, "the spheres in the order of their bins"),
+      split_slots_(book, "the spheres in the order of their bins"),
+      scratch_(book, "sorting") {}
+
+Ordered Orderer::order(const Source& source, const Grid& grid, SlotKind kind, bool stable, OrderMethod method,
+                       const Gather& gather, const Lent& lent, Counters* counters, int processors,
+                       cudaStream_t stream, bool keep) {
+  const bool single = grid.levels == 1 && !grid.level[0].hashed;
+  bool dense = true;
+  for (int k = 0; k < grid.levels; k++) dense = dense && !grid.level[k].hashed;
+  if (method == OrderMethod::automatic)
+    method = !dense                       ? OrderMethod::sort
+             : source.count < kFewSpheres ? OrderMethod::cells
+                                          : OrderMethod::buckets;
+  Ordered o;
+  o.kind = kind, o.count = source.count;
+  o.bins = float_bins(grid, kind, source.count);
+  o.float_levels = dense && level_bins(grid, kind).on;
+  const std::uint32_t buckets = keys_of(grid, o.bins);
+  // Where bins are many and nearly empty, several along x share an entry of the table. Not in rows so short
+  // that an entry could hold bins of two rows that both hold partners of one sphere.
+  if (single && o.bins.fine == 1 && method != OrderMethod::sort && grid.level[0].count[0] >= 32)
+    while (o.merge < 3 && (static_cast<double>(buckets) / (2 << o.merge)) > 0.75 * source.count) o.merge++;
+  o.entries = (buckets >> o.merge) + 2;
+  o.table = table_.reserve(o.entries + 4), o.slots = slots_.reserve(std::uint64_t(o.count) + kSlack);
+  if (dense) o.codes = codes_.reserve(std::uint64_t(o.count) + kSlack);
+  if (method == OrderMethod::cells &&
+      !by_cells(source, grid, stable, gather, lent, counters, o, processors, stream))
+    method = OrderMethod::buckets;
+  if (method == OrderMethod::buckets &&
+      !by_buckets(source, grid, stable, keep, gather, lent, counters, o, stream))
+    method = OrderMethod::sort;
+  if (method == OrderMethod::sort) by_sort(source, grid, gather, counters, o, stream);
+  cuda_launched("put the spheres in order");
+  return o;
+}
+
+void Orderer::by_sort(const Source& source, const Grid& grid, const Gather& gather, Counters* counters,
+                      Ordered& o, cudaStream_t stream) {
+  if (gather.bounds) Surveyor::begin_bounds(gather.bounds, stream);
+  if (gather.octaves) Surveyor::gather_octaves(source, gather, stream);
+  std::uint32_t *keys = keys_.reserve(o.count), *ids = ids_.reserve(o.count);
+  o.ids = sorted_ids_.reserve(o.count), o.keys = sorted_keys_.reserve(o.count);
+  std::size_t sort_bytes = 0, scan_bytes = 0;
+  const int end_bit = std::max(bits_for(keys_of(grid, o.bins)), 1);
+  const std::uint64_t entries = o.entries + 1;
+  cuda_check(cub::DeviceRadixSort::SortPairs(nullptr, sort_bytes, keys, o.keys, ids, o.ids, o.count, o.merge,
+                                             end_bit, stream),
+             "plan the sort");
+  cuda_check(cub::DeviceScan::InclusiveScan(nullptr, scan_bytes, o.table, o.table, ::cuda::maximum<>{},
+                                            entries, stream),
+             "plan the scan");
+  void* scratch = scratch_.reserve(std::max(sort_bytes, scan_bytes));
+  with_bins(o, grid, [&]<class Kind, class Bins>(Kind, const Bins& bins) {
+    (gather.bounds
+         ? sort_key_kernel<Bins, true>
+         : sort_key_kernel<
+               Bins,
+               false>)<<<std::min(blocks_for(o.count, kThreads), kProcessors * 32u), kThreads, 0, stream>>>(
+        source, bins, keys, ids, gather.bounds, counters);
+  });
+  cuda_check(cub::DeviceRadixSort::SortPairs(scratch, sort_bytes, keys, o.keys, ids, o.ids, o.count, o.merge,
+                                             end_bit, stream),
+             "sort the spheres by bin");
+  cuda_check(cudaMemsetAsync(o.table, 0, entries * 4, stream), "clear the table of bins");
+  with_bins(o, grid, [&]<class Kind, class Bins>(Kind kind, const Bins& bins) {
+    sort_place_kernel<kind(), Bins><<<blocks_for(o.count, kThreads), kThreads, 0, stream>>>(
+        source, bins, o.keys, o.ids, o.merge, static_cast<float4*>(o.slots), o.codes, o.table);
+  });
+  cuda_check(cub::DeviceScan::InclusiveScan(scratch, scan_bytes, o.table, o.table, ::cuda::maximum<>{},
+                                            entries, stream),
+             "find the bins' starts");
+}
+
+}  // namespace padder::detect::cuda

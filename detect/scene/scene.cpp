@@ -1,0 +1,232 @@
+// SPDX-License-Identifier: MIT
+#include "detect/scene/scene.h"
+
+#include <cmath>
+#include <map>
+#include <set>
+
+#include "padding/asset/error.h"
+#include "padding/asset/excerpt.h"
+#include "padding/asset/file.h"
+#include "padding/asset/json.h"
+
+namespace padder::detect {
+namespace {
+
+using Json = nlohmann::json;
+using Reader = JsonPlace<Json>;
+
+Scene::Asset asset_of(const Cluster& c) {
+  Scene::Asset a{c.name, {}};
+  a.spheres.reserve(c.size());
+  for (std::size_t k = 0; k < c.size(); k++)
+    a.spheres.push_back({c.centers[k].x(), c.centers[k].y(), c.centers[k].z(), c.radii[k]});
+  return a;
+}
+
+// Families that bodies may not be given because something in the scene uses them.
+class Families {
+ public:
+  void use(std::uint32_t family) { used_.insert(family); }
+  std::uint32_t own() {
+    while (used_.contains(next_)) next_++;
+    return next_++;
+  }
+
+ private:
+  std::set<std::uint32_t> used_;
+  std::uint32_t next_ = 33;
+};
+
+struct Assets {
+  std::map<std::string, std::uint32_t> index;
+  std::vector<std::uint32_t> family, mask;
+};
+
+Assets read_assets(const Reader& clusters, Scene& scene, const std::filesystem::path& folder) {
+  Assets assets;
+  if (!clusters.json().is_object()) clusters.fail("an object of names and files is wanted");
+  for (const auto& [name, unused] : clusters.json().items()) {
+    const Cluster c = read_cluster(folder / clusters.at(name).file());
+    if (!c.unit.empty() && !scene.unit.empty() && c.unit != scene.unit)
+      clusters.at(name).fail("the cluster is in " + excerpt(c.unit) + ", the scene in " +
+                             excerpt(scene.unit) + ": pad it again in the scene's unit");
+    if (scene.unit.empty()) scene.unit = c.unit;
+    assets.index[name] = static_cast<std::uint32_t>(scene.assets.size());
+    assets.family.push_back(c.family), assets.mask.push_back(c.mask);
+    scene.assets.push_back(asset_of(c));
+    scene.assets.back().name = name;
+  }
+  return assets;
+}
+
+void read_rotation(const Reader& r, Body& body) {
+  double q[4];
+  r.reals(q);
+  const double length = std::sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
+  if (!(std::abs(length - 1) < 1e-3)) r.fail("a quaternion [w, x, y, z] of length 1 is wanted");
+  rotation_of(q[0], q[1], q[2], q[3], body.rotation);
+}
+
+Body read_body(const Reader& r, const Assets& assets, bool& family_given) {
+  r.only({"cluster", "position", "quaternion", "family", "mask", "scale", "static"});
+  Body body;
+  const auto found = assets.index.find(r.at("cluster").text());
+  if (found == assets.index.end()) r.at("cluster").fail("no cluster of that name is in \"clusters\"");
+  body.shape = found->second;
+  r.at("position").reals(body.position);
+  if (r.has("quaternion")) read_rotation(r.at("quaternion"), body);
+  if (r.has("scale") && r.at("scale").real() != 1)
+    r.at("scale").fail("only 1 is possible: scale when padding (pad --scale)");
+  body.family = r.has("family") ? r.at("family").bits() : assets.family[body.shape];
+  body.mask = r.has("mask") ? r.at("mask").bits() : assets.mask[body.shape];
+  body.is_static = r.has("static") && r.at("static").truth();
+  family_given = r.has("family") || body.family != 0;
+  return body;
+}
+
+LooseSpheres read_inline(const Reader& r) {
+  LooseSpheres l;
+  l.scalar = Scalar::f64;
+  const Reader centers = r.at("centers"), radii = r.at("radii");
+  const bool one = radii.json().is_number();
+  if (!one && radii.size() != centers.size())
+    radii.fail("one radius for each centre is wanted, or one number for all");
+  for (std::size_t k = 0; k < centers.size(); k++) {
+    double c[3];
+    centers.at(k).reals(c);
+    l.twice.insert(l.twice.end(), {c[0], c[1], c[2], one ? radii.real() : radii.at(k).real()});
+  }
+  return l;
+}
+
+LooseSpheres read_loose(const Reader& r, const std::filesystem::path& folder) {
+  r.only({"file", "generate", "count", "order", "centers", "radii", "family", "mask", "static"});
+  if (r.has("file") + r.has("generate") + r.has("centers") != 1)
+    r.fail("one of \"file\", \"generate\" and \"centers\" is wanted");
+  LooseSpheres l;
+  if (r.has("file")) {
+    const std::filesystem::path path = folder / r.at("file").file();
+    const std::string bytes = read_file(path);
+    if (path.extension() == ".npz")
+      l = loose_from_npz(bytes, path.string());
+    else if (path.extension() == ".csv")
+      l = loose_from_csv(bytes, path.string());
+    else
+      r.at("file").fail("spheres are read from .npz and .csv");
+  } else if (r.has("generate")) {
+    const std::string order = r.has("order") ? r.at("order").text() : "random";
+    if (order != "random" && order != "coherent") r.at("order").fail("\"random\" or \"coherent\" is wanted");
+    l = loose_from(generate(r.at("generate").text(), r.at("count").whole(0xfffffffeu), order == "random"));
+  } else {
+    l = read_inline(r);
+  }
+  const auto tags = [&](const char* key, std::vector<std::uint32_t>& to) {
+    if (!r.has(key)) return;
+    const Reader t = r.at(key);
+    if (!t.json().is_array()) {
+      to.assign(l.size(), t.bits());
+      return;
+    }
+    if (t.size() != l.size()) t.fail("one number for each sphere is wanted, or one for all");
+    to.clear();
+    for (std::size_t k = 0; k < t.size(); k++) to.push_back(t.at(k).bits());
+  };
+  tags("family", l.family), tags("mask", l.mask);
+  if (r.has("static") && r.at("static").truth()) l.is_static.assign(l.size(), 1);
+  return l;
+}
+
+Scene scene_of(const Json& json, const std::string& where, const std::filesystem::path& folder) {
+  const Reader r(json, where);
+  r.only({"format", "version", "name", "unit", "clusters", "bodies", "spheres"});
+  if (!r.has("format") || json["format"] != "padder.scene")
+    r.fail("not a scene: \"format\" must be \"padder.scene\"");
+  if (!r.has("version") || json["version"] != 1) r.fail("this program reads version 1 of the scene format");
+  Scene scene;
+  if (r.has("unit")) scene.unit = r.at("unit").text();
+  Assets assets;
+  if (r.has("clusters")) assets = read_assets(r.at("clusters"), scene, folder);
+  Families families;
+  std::vector<std::size_t> without;
+  if (r.has("bodies")) {
+    const Reader bodies = r.at("bodies");
+    for (std::size_t k = 0; k < bodies.size(); k++) {
+      bool given = false;
+      scene.bodies.push_back(read_body(bodies.at(k), assets, given));
+      if (given)
+        families.use(scene.bodies.back().family);
+      else
+        without.push_back(k);
+    }
+  }
+  if (r.has("spheres")) {
+    const Reader spheres = r.at("spheres");
+    for (std::size_t k = 0; k < spheres.size(); k++) scene.loose.append(read_loose(spheres.at(k), folder));
+    for (const std::uint32_t f : scene.loose.family) families.use(f);
+  }
+  for (const std::size_t k : without) scene.bodies[k].family = families.own();
+  return scene;
+}
+
+}  // namespace
+
+Input Scene::input() const {
+  shapes_.clear();
+  for (const Asset& a : assets) shapes_.push_back({a.spheres.data(), a.spheres.size()});
+  Input input;
+  input.spheres = loose.view(), input.shapes = shapes_, input.bodies = bodies;
+  return input;
+}
+
+std::uint64_t Scene::size() const {
+  std::uint64_t n = loose.size();
+  for (const Body& b : bodies) n += assets[b.shape].spheres.size();
+  return n;
+}
+
+Scene scene_from_json(std::string_view text, const std::string& where, const std::filesystem::path& folder) {
+  return scene_of(parse_json<Json>(text, where), where, folder);
+}
+
+Scene read_scene(const std::filesystem::path& path) {
+  return scene_from_json(read_file(path, kMostText), path.string(), path.parent_path());
+}
+
+Scene pile_of(const Cluster& cluster, std::uint64_t n) {
+  Scene scene;
+  scene.unit = cluster.unit;
+  scene.assets.push_back(asset_of(cluster));
+  const std::vector<Sphere>& spheres = scene.assets.front().spheres;
+  double low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY}, bound = 0;
+  for (const Sphere& s : spheres) {
+    const double c[3] = {s.x, s.y, s.z};
+    for (int k = 0; k < 3; k++)
+      low[k] = std::min(low[k], c[k] - s.r), high[k] = std::max(high[k], c[k] + s.r);
+  }
+  if (spheres.empty()) throw Error("the cluster " + cluster.name + " has no spheres to copy");
+  const Sphere center{(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, (low[2] + high[2]) / 2, 0};
+  for (const Sphere& s : spheres)
+    bound = std::max(bound, std::hypot(s.x - center.x, s.y - center.y, s.z - center.z) + s.r);
+  scene.bodies = pile(n, bound);
+  for (Body& b : scene.bodies) {
+    const Sphere moved = placed(b, center);  // the lattice is one of centres, a pose is one of origins
+    const double at[3] = {moved.x, moved.y, moved.z};
+    for (int k = 0; k < 3; k++) b.position[k] -= at[k] - b.position[k];
+    if (cluster.family) b.family = cluster.family;
+    b.mask = cluster.mask;
+  }
+  return scene;
+}
+
+Scene read_scene_or_cluster(const std::filesystem::path& path, std::uint64_t copies) {
+  const std::string text = read_file(path, kMostText);
+  const Json json = parse_json<Json>(text, path.string());
+  if (json.is_object() && json.value("format", Json()) == "padder.cluster")
+    return pile_of(cluster_from_json(text, path.string()), copies ? copies : 1);
+  if (copies)
+    throw Error(path.string() + ": --copies is for a cluster; a scene says itself how many bodies it has");
+  return scene_of(json, path.string(), path.parent_path());
+}
+
+}  // namespace padder::detect

@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: MIT
+#include "padding/asset/excerpt.h"
+
+namespace padder {
+namespace {
+
+// Bytes of the character that begins here; 0 where it is no UTF-8, too long a form of it or a control
+// character.
+std::size_t character(std::string_view text) {
+  const auto byte = [&](std::size_t k) { return static_cast<unsigned char>(text[k]); };
+  if (byte(0) < 0x80) return byte(0) < 0x20 || byte(0) == 0x7f ? 0 : 1;
+  const std::size_t size = byte(0) >= 0xf0 ? 4 : byte(0) >= 0xe0 ? 3 : 2;
+  if (byte(0) < 0xc2 || byte(0) > 0xf4 || text.size() < size) return 0;
+  char32_t code = byte(0) & (0xff >> (size + 1));
+  for (std::size_t k = 1; k < size; k++) {
+    if ((byte(k) & 0xc0) != 0x80) return 0;
+    code = code << 6 | (byte(k) & 0x3f);
+  }
+  if ((size == 3 && code < 0x800) || (size == 4 && (code < 0x10000 || code > 0x10ffff))) return 0;
+  if (code >= 0xd800 && code < 0xe000) return 0;
+  if (code < 0xa0) return 0;                           // a second set of control characters
+  if (code >= 0x2028 && code <= 0x202e) return 0;      // line ends, and what turns the direction of text
+  return code >= 0x2066 && code <= 0x2069 ? 0 : size;  // likewise
+}
+
+}  // namespace
+
+std::string excerpt(std::string_view text, std::size_t most) {
+  std::string out;
+  for (std::size_t shown = 0; !text.empty(); shown++) {
+    if (shown == most) return out + "…";
+    const std::size_t size = character(text);
+    if (size > 0) {
+      out += text.substr(0, size);
+    } else if (text[0] == '\n' || text[0] == '\t') {
+      out += text[0] == '\n' ? "\\n" : "\\t";
+    } else {
+      const auto byte = static_cast<unsigned char>(text[0]);
+      out += std::string("\\x") + "0123456789abcdef"[byte >> 4] + "0123456789abcdef"[byte & 15];
+    }
+    text.remove_prefix(size > 0 ? size : 1);
+  }
+  return out;
+}
+
+}  // namespace padder

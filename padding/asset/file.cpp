@@ -1,0 +1,123 @@
+// SPDX-License-Identifier: MIT
+#include "padding/asset/file.h"
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <fstream>
+#include <system_error>
+#include <utility>
+
+#include "padding/asset/error.h"
+#include "padding/asset/excerpt.h"
+
+namespace padder {
+
+namespace {
+
+// An open file.
+struct Handle {
+  int number;
+  explicit Handle(const std::filesystem::path& path)
+      // A pipe that nobody writes to would keep open() waiting, were it not for O_NONBLOCK.
+      : number(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK)) {}
+  ~Handle() {
+    if (number >= 0) ::close(number);
+  }
+  Handle(const Handle&) = delete;
+  Handle& operator=(const Handle&) = delete;
+
+  // Bytes read; fewer than `size` at the end of the file, -1 for an error.
+  ssize_t read(char* to, std::size_t size) const {
+    std::size_t done = 0;
+    while (done < size) {
+      const ssize_t n = ::read(number, to + done, std::min(size - done, std::size_t(1) << 30));
+      if (n < 0 && errno == EINTR) continue;
+      if (n < 0) return -1;
+      if (n == 0) break;
+      done += static_cast<std::size_t>(n);
+    }
+    return static_cast<ssize_t>(done);
+  }
+};
+
+}  // namespace
+
+std::string read_file(const std::filesystem::path& path, std::uintmax_t most) {
+  const std::string name = excerpt(path.string(), 4096);
+  const Handle file(path);
+  struct stat about {};
+  if (file.number < 0 || ::fstat(file.number, &about) != 0)
+    throw Error("cannot open " + name + ": check the name and that it may be read");
+  if (S_ISDIR(about.st_mode)) throw Error(name + " is a folder: name a file");
+  if (!S_ISREG(about.st_mode)) throw Error(name + " is a device, a pipe or a socket: name a regular file");
+  const auto size = static_cast<std::uintmax_t>(about.st_size);
+  if (size > most)
+    throw Error(name + " has " + std::to_string(size) + " bytes, and at most " + std::to_string(most) +
+                " are read: split it");
+  std::string bytes(size, '\0');
+  const ssize_t got = file.read(bytes.data(), size);
+  if (got < 0) throw Error("cannot read " + name + " to its end: check the disk");
+  bytes.resize(static_cast<std::size_t>(got));  // it may have been cut meanwhile
+  // A file of /proc has no size, and yet bytes or an error.
+  if (char more; size == 0 && file.read(&more, 1) != 0)
+    throw Error(name + " is a file of the system without a size: name a regular file");
+  return bytes;
+}
+
+FileWriter::FileWriter(const std::filesystem::path& path) : path_(path), beside_(path) {
+  // The process id keeps two runs that write the same asset at once out of each other's half-written file.
+  beside_ += ".part" + std::to_string(::getpid());
+  file_ = ::open(beside_.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
+  if (file_ < 0) fail(errno);
+}
+
+FileWriter::~FileWriter() {
+  if (file_ >= 0) ::close(file_), ::unlink(beside_.c_str());
+}
+
+void FileWriter::fail(int error) const {
+  throw Error("cannot write " + path_.string() + " (" + std::generic_category().message(error) +
+              "): check that the folder exists, may be written and has room");
+}
+
+void FileWriter::append(std::string_view bytes) {
+  write_at(end_, bytes);
+  end_ += bytes.size();
+}
+
+void FileWriter::write_at(std::uint64_t offset, std::string_view bytes) {
+  while (!bytes.empty()) {
+    const ssize_t written = ::pwrite(file_, bytes.data(), bytes.size(), static_cast<off_t>(offset));
+    if (written < 0 && errno == EINTR) continue;
+    if (written <= 0) fail(written < 0 ? errno : EIO);
+    offset += static_cast<std::uint64_t>(written);
+    bytes.remove_prefix(static_cast<std::size_t>(written));
+  }
+}
+
+void FileWriter::commit() {
+  // Some file systems say only on closing that there is no room.
+  if (::close(std::exchange(file_, -1)) == 0 && ::rename(beside_.c_str(), path_.c_str()) == 0) return;
+  const int error = errno;
+  ::unlink(beside_.c_str());
+  fail(error);
+}
+
+WriteAt write_into(std::string& out) {
+  return [&out](std::uint64_t offset, std::string_view bytes) {
+    if (out.size() < offset + bytes.size()) out.resize(offset + bytes.size());
+    bytes.copy(out.data() + offset, bytes.size());
+  };
+}
+
+void write_file(const std::filesystem::path& path, std::string_view bytes) {
+  FileWriter out(path);
+  out.append(bytes);
+  out.commit();
+}
+
+}  // namespace padder

@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: MIT
+// Files in and out. Writing is all or nothing: beside the target first, then renamed over it.
+#pragma once
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <string>
+#include <string_view>
+
+namespace padder {
+
+// The most that read_file takes into memory: 8 GiB.
+constexpr std::uintmax_t kMostBytes = std::uintmax_t(8) << 30;
+// The most of a text that becomes many times as large in memory (JSON, YAML, XML): 1 GiB.
+constexpr std::uintmax_t kMostText = std::uintmax_t(1) << 30;
+
+// The bytes of a regular file. Throws Error when it cannot be read, is larger than `most`, or is a folder, a
+// device, a pipe, a socket or one of the system's files without a size: these may have no end, or never
+// answer.
+std::string read_file(const std::filesystem::path& path, std::uintmax_t most = kMostBytes);
+
+// A file in the making, for content that nobody wants to hold as a whole. It grows beside its target, in the
+// same folder, and commit() renames it to the target: a reader sees the old file or the new one, never half
+// of it. The destructor removes what was not committed. Every function throws Error, which names the target
+// and what the system said, when the folder is absent, full or not writable; the writer is then of no further
+// use.
+class FileWriter {
+ public:
+  explicit FileWriter(const std::filesystem::path& path);
+  ~FileWriter();
+  FileWriter(const FileWriter&) = delete;
+  FileWriter& operator=(const FileWriter&) = delete;
+
+  // Each call writes at once, without a buffer: hand over kilobytes, not words. Bytes are counted from the
+  // beginning of the file; append() goes on behind the last byte that was appended.
+  void append(std::string_view bytes);
+  void write_at(std::uint64_t offset, std::string_view bytes);
+  void commit();
+
+ private:
+  [[noreturn]] void fail(int error) const;
+
+  std::filesystem::path path_, beside_;
+  int file_ = -1;
+  std::uint64_t end_ = 0;
+};
+
+// Takes bytes that belong at `offset` of some content: a FileWriter's write_at(), or what write_into() gives.
+using WriteAt = std::function<void(std::uint64_t offset, std::string_view bytes)>;
+
+// Puts bytes at their places in `out`, which grows as needed.
+WriteAt write_into(std::string& out);
+
+// Content that is at hand: one append() and a commit() of a FileWriter.
+void write_file(const std::filesystem::path& path, std::string_view bytes);
+
+}  // namespace padder

@@ -1,0 +1,227 @@
+// SPDX-License-Identifier: MIT
+#include "padding/asset/json.h"
+
+#include <algorithm>
+#include <unordered_set>
+#include <vector>
+
+#include "padding/asset/error.h"
+#include "padding/asset/excerpt.h"
+
+namespace padder {
+namespace {
+
+constexpr std::size_t kDeepest = 64;
+
+// "\"key\"", short enough for a message.
+std::string key_text(std::string_view key) { return '"' + excerpt(key) + '"'; }
+
+// Takes the parser's events and builds the document. nlohmann's own builder keeps the last of two equal keys
+// and says nothing, and looks each key of an ordered object up by going through all before it.
+template <class Json>
+class Builder : public nlohmann::json_sax<Json> {
+ public:
+  Builder(std::string_view text, const std::string& where) : text_(text), where_(where) {}
+
+  Json document;
+
+  bool null() override { return add(nullptr); }
+  bool boolean(bool value) override { return add(value); }
+  bool number_integer(std::int64_t value) override { return add(value); }
+  bool number_unsigned(std::uint64_t value) override { return add(value); }
+  bool number_float(double value, const std::string&) override { return add(value); }
+  bool string(std::string& value) override { return add(std::move(value)); }
+  bool binary(typename Json::binary_t&) override { return false; }  // not in text
+  bool start_object(std::size_t) override { return open(Json::object()); }
+  bool end_object() override { return close(); }
+  bool start_array(std::size_t) override { return open(Json::array()); }
+  bool end_array() override { return close(); }
+  bool key(std::string& name) override {
+    Level& level = open_.back();
+    if (!level.keys.insert(name).second)
+      throw Error(where_ + place() + ": the key " + key_text(name) +
+                  " stands twice in one object: remove one");
+    level.key = std::move(name);
+    return true;
+  }
+  bool parse_error(std::size_t byte, const std::string& token,
+                   const nlohmann::detail::exception& e) override {
+    constexpr int overflow = 406;  // nlohmann's number for it
+    const std::size_t end = std::min(byte, text_.size());
+    const std::string at = " at byte " + std::to_string(byte) + " (line " +
+                           std::to_string(1 + std::count(text_.begin(), text_.begin() + end, '\n')) + ")";
+    if (e.id == overflow)
+      throw Error(where_ + place() + ": the number '" + excerpt(token) + "'" + at +
+                  " is too large for a double: write one below 1.8e308");
+    throw Error(where_ + ": not JSON" + at +
+                (byte > text_.size() ? ", where it ends too early" : ", near '" + excerpt(token) + "'") +
+                ": check that the file is whole");
+  }
+
+ private:
+  struct Level {
+    Json* container;
+    std::string key;
+    std::unordered_set<std::string> keys;
+  };
+
+  template <class T>
+  Json* put(T&& value) {
+    if (open_.empty()) {
+      document = std::forward<T>(value);
+      return &document;
+    }
+    Level& level = open_.back();
+    if (level.container->is_array()) {
+      level.container->push_back(std::forward<T>(value));
+      return &level.container->back();
+    }
+    auto& object = level.container->template get_ref<typename Json::object_t&>();
+    if constexpr (requires { object.back(); }) {  // ordered: a vector
+      object.emplace_back(level.key, std::forward<T>(value));
+      return &object.back().second;
+    } else {
+      return &object.emplace(level.key, std::forward<T>(value)).first->second;
+    }
+  }
+  template <class T>
+  bool add(T&& value) {
+    put(std::forward<T>(value));
+    return true;
+  }
+  bool open(Json container) {
+    if (open_.size() == kDeepest)
+      throw Error(where_ + place() + ": it is nested deeper than " + std::to_string(kDeepest) +
+                  " levels: no document of ours is");
+    Json* at = put(std::move(container));
+    open_.push_back({at, {}, {}});
+    return true;
+  }
+  bool close() {
+    open_.pop_back();
+    return true;
+  }
+  std::string place() const {  // ", bodies 3, position"
+    std::string out;
+    for (std::size_t k = 0; k + 1 < open_.size(); k++)
+      out += open_[k].container->is_array() ? " " + std::to_string(open_[k].container->size() - 1)
+                                            : ", " + excerpt(open_[k].key);
+    return out;
+  }
+
+  std::string_view text_;
+  const std::string& where_;
+  std::vector<Level> open_;
+};
+
+// The way from a value to one inside it. Only messages ask, so that reading need not remember it.
+template <class Json>
+bool find_path(const Json& from, const Json* to, std::string& path) {
+  if (&from == to) return true;
+  const std::size_t length = path.size();
+  std::size_t k = 0;
+  for (auto it = from.begin(); from.is_structured() && it != from.end(); ++it, k++) {
+    path += from.is_array() ? " " + std::to_string(k) : ", " + excerpt(it.key());
+    if (find_path(*it, to, path)) return true;
+    path.resize(length);
+  }
+  return false;
+}
+
+}  // namespace
+
+template <class Json>
+Json parse_json(std::string_view text, const std::string& where) {
+  Builder<Json> builder(text, where);
+  Json::sax_parse(text, &builder);
+  return std::move(builder.document);
+}
+
+template <class Json>
+void JsonPlace<Json>::fail(const std::string& sentence) const {
+  std::string path;
+  find_path(*document_, at_, path);
+  throw Error(*where_ + path + ": " + sentence);
+}
+
+template <class Json>
+JsonPlace<Json> JsonPlace<Json>::at(const std::string& key) const {
+  object();
+  const auto it = at_->find(key);
+  if (it == at_->end()) fail(key_text(key) + " is missing");
+  return {*this, *it};
+}
+
+template <class Json>
+std::size_t JsonPlace<Json>::size() const {
+  if (!at_->is_array()) fail("an array is wanted");
+  return at_->size();
+}
+
+template <class Json>
+void JsonPlace<Json>::object() const {
+  if (!at_->is_object()) fail("an object is wanted");
+}
+
+template <class Json>
+void JsonPlace<Json>::only(std::initializer_list<const char*> keys) const {
+  object();
+  for (auto it = at_->begin(); it != at_->end(); ++it)
+    if (std::find(keys.begin(), keys.end(), it.key()) == keys.end())
+      fail("the key " + key_text(it.key()) + " is unknown: see docs/scenes.md");
+}
+
+template <class Json>
+std::string JsonPlace<Json>::text() const {
+  if (!at_->is_string()) fail("a string is wanted");
+  return at_->template get<std::string>();
+}
+
+template <class Json>
+std::string JsonPlace<Json>::file() const {
+  const std::string name = text();
+  const auto control = [](char c) { return static_cast<unsigned char>(c) < 32 || c == 127; };
+  if (name.empty() || name.size() > 4095 || std::ranges::any_of(name, control))
+    fail("the name of a file is wanted, not '" + excerpt(name) + "'");
+  return name;
+}
+
+template <class Json>
+bool JsonPlace<Json>::truth() const {
+  if (!at_->is_boolean()) fail("true or false is wanted");
+  return at_->template get<bool>();
+}
+
+template <class Json>
+double JsonPlace<Json>::real() const {
+  if (!at_->is_number()) fail("a number is wanted");
+  return at_->template get<double>();
+}
+
+template <class Json>
+std::int64_t JsonPlace<Json>::integer() const {
+  if (!at_->is_number_integer() ||
+      (at_->is_number_unsigned() && at_->template get<std::uint64_t>() > 0x7fffffffffffffffull))
+    fail("a whole number is wanted");
+  return at_->template get<std::int64_t>();
+}
+
+template <class Json>
+std::uint64_t JsonPlace<Json>::whole(std::uint64_t most) const {
+  if (!at_->is_number_unsigned() || at_->template get<std::uint64_t>() > most)
+    fail("a whole number from 0 to " + std::to_string(most) + " is wanted");
+  return at_->template get<std::uint64_t>();
+}
+
+template <class Json>
+void JsonPlace<Json>::reals(double* to, std::size_t count) const {
+  if (!at_->is_array() || at_->size() != count) fail(std::to_string(count) + " numbers are wanted");
+  for (std::size_t k = 0; k < count; k++) to[k] = at(k).real();
+}
+
+template nlohmann::json parse_json(std::string_view, const std::string&);
+template nlohmann::ordered_json parse_json(std::string_view, const std::string&);
+template class JsonPlace<nlohmann::json>;
+template class JsonPlace<nlohmann::ordered_json>;
+
+}  // namespace padder

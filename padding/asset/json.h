@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: MIT
+// JSON documents as our readers take them. Not installed: it names nlohmann's types.
+#pragma once
+#include <cstdint>
+#include <initializer_list>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <string_view>
+
+namespace padder {
+
+// The document. Throws Error, which begins with `where`, for what is no JSON, a number beyond a double's, a
+// key twice in one object (which of both counts is not to be guessed) and more than 64 levels of nesting.
+// Json: nlohmann::json or nlohmann::ordered_json.
+template <class Json>
+Json parse_json(std::string_view text, const std::string& where);
+
+// One place in a document, so that a message can say where it is: "FILE, bodies 3, position: 3 numbers are
+// wanted". Borrows the document and `where`.
+template <class Json>
+class JsonPlace {
+ public:
+  JsonPlace(const Json& document, const std::string& where)
+      : document_(&document), at_(&document), where_(&where) {}
+
+  [[noreturn]] void fail(const std::string& sentence) const;
+
+  bool has(const std::string& key) const { return at_->is_object() && at_->contains(key); }
+  JsonPlace at(const std::string& key) const;
+  JsonPlace at(std::size_t k) const { return {*this, (*at_)[k]}; }
+  std::size_t size() const;                                  // of an array
+  void object() const;                                       // fails unless it is one
+  void only(std::initializer_list<const char*> keys) const;  // likewise, and for another key
+  const Json& json() const { return *at_; }
+
+  std::string text() const;
+  std::string file() const;  // a text that can be the name of a file
+  bool truth() const;
+  double real() const;
+  std::int64_t integer() const;
+  std::uint64_t whole(std::uint64_t most) const;
+  std::uint32_t bits() const { return static_cast<std::uint32_t>(whole(0xffffffffu)); }
+  void reals(double* to, std::size_t count) const;  // an array of so many
+  template <std::size_t N>
+  void reals(double (&to)[N]) const {
+    reals(to, N);
+  }
+
+ private:
+  JsonPlace(const JsonPlace& above, const Json& at)
+      : document_(above.document_), at_(&at), where_(above.where_) {}
+
+  const Json *document_, *at_;
+  const std::string* where_;
+};
+
+extern template nlohmann::json parse_json(std::string_view, const std::string&);
+extern template nlohmann::ordered_json parse_json(std::string_view, const std::string&);
+extern template class JsonPlace<nlohmann::json>;
+extern template class JsonPlace<nlohmann::ordered_json>;
+
+}  // namespace padder

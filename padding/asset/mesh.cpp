@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: MIT
+#include "padding/asset/mesh.h"
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/Geometry>
+
+namespace padder {
+
+Box Mesh::bounds() const {
+  Box box;
+  for (const auto& t : triangles)
+    for (auto v : t) box.add(points[v]);
+  return box;
+}
+
+double Mesh::area() const {
+  double sum = 0;
+  for (std::size_t t = 0; t < triangles.size(); t++) sum += area_normal(t).norm();
+  return sum;
+}
+
+MassProperties mass_properties(const Mesh& mesh) {
+  MassProperties m;
+  // Relative to the box's centre: far from the origin the moments would cancel away.
+  const Point origin = mesh.bounds().center();
+  Vector first = Vector::Zero();
+  Eigen::Matrix3d second = Eigen::Matrix3d::Zero();  // integral of x x^T
+  for (std::size_t t = 0; t < mesh.triangles.size(); t++) {
+    const Vector a = mesh.corner(t, 0) - origin, b = mesh.corner(t, 1) - origin,
+                 c = mesh.corner(t, 2) - origin;
+    const double v = a.dot(b.cross(c)) / 6;  // of the tetrahedron (origin, a, b, c)
+    const Vector sum = a + b + c;
+    m.volume += v;
+    first += v / 4 * sum;
+    second += v / 20 * (sum * sum.transpose() + a * a.transpose() + b * b.transpose() + c * c.transpose());
+  }
+  if (m.volume == 0) {
+    m.center = origin;
+    return m;
+  }
+  const Vector offset = first / m.volume;
+  second -= m.volume * offset * offset.transpose();
+  m.center = origin + offset;
+  m.inertia = second.trace() * Eigen::Matrix3d::Identity() - second;
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(m.inertia);
+  m.moments = solver.eigenvalues();
+  m.axes = solver.eigenvectors();
+  // An eigenvector's sign is arbitrary: its largest component points up, and the third follows from the first
+  // two.
+  for (int k = 0; k < 2; k++) {
+    Eigen::Index largest;
+    m.axes.col(k).cwiseAbs().maxCoeff(&largest);
+    if (m.axes(largest, k) < 0) m.axes.col(k) *= -1;
+  }
+  m.axes.col(2) = m.axes.col(0).cross(m.axes.col(1));
+  return m;
+}
+
+}  // namespace padder

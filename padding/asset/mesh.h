@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: MIT
+// Triangle mesh as flat arrays, its bounding box and the mass properties of the body it bounds.
+#pragma once
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+#include <array>
+#include <cstdint>
+#include <limits>
+#include <vector>
+
+namespace padder {
+
+using Point = Eigen::Vector3d;   // a position, in the mesh's own unit and frame
+using Vector = Eigen::Vector3d;  // a difference of positions, or a direction
+
+// Axis-aligned. A default box is empty: low > high.
+struct Box {
+  Point low = Point::Constant(std::numeric_limits<double>::infinity());
+  Point high = Point::Constant(-std::numeric_limits<double>::infinity());
+
+  void add(const Point& p) { low = low.cwiseMin(p), high = high.cwiseMax(p); }
+  bool empty() const { return !(low.x() <= high.x()); }
+  double diagonal() const { return empty() ? 0 : (high - low).norm(); }
+  Point center() const { return 0.5 * (low + high); }
+};
+
+// Indexed triangles. Counter-clockwise seen from outside once repaired; any soup before that.
+struct Mesh {
+  std::vector<Point> points;
+  std::vector<std::array<std::uint32_t, 3>> triangles;  // indices into points
+
+  Box bounds() const;   // of the points that triangles use
+  double area() const;  // sum over the triangles
+
+  const Point& corner(std::size_t triangle, int k) const { return points[triangles[triangle][k]]; }
+  Vector area_normal(std::size_t t) const {  // along the outward normal, as long as the triangle's area
+    return 0.5 * (corner(t, 1) - corner(t, 0)).cross(corner(t, 2) - corner(t, 0));
+  }
+};
+
+// Of the solid with density 1, in the mesh's frame and unit.
+struct MassProperties {
+  double volume = 0;                                   // length^3
+  Point center = Point::Zero();                        // of mass
+  Eigen::Matrix3d inertia = Eigen::Matrix3d::Zero();   // about the centre, along the mesh's axes; length^5
+  Eigen::Matrix3d axes = Eigen::Matrix3d::Identity();  // columns: principal directions, right-handed
+  Vector moments = Vector::Zero();                     // principal moments, ascending, one for each column
+};
+
+// Exact for the closed, outward-oriented polyhedron up to rounding: sums over the tetrahedra that the
+// triangles span with the box's centre (Mirtich, Fast and accurate computation of polyhedral mass properties,
+// 1996, gives the same integrals). For an open mesh the result depends on the closing cone and means little.
+MassProperties mass_properties(const Mesh& mesh);
+
+}  // namespace padder

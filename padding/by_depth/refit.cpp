@@ -1,0 +1,113 @@
+// SPDX-License-Identifier: MIT
+#include "padding/by_depth/refit.h"
+
+#include <algorithm>
+#include <cmath>
+#include <unordered_map>
+
+#include "padding/geometry/medial.h"
+#include "padding/geometry/triangle.h"
+#include "padding/verify/certify.h"
+
+namespace padder {
+namespace {
+
+// A cap lowered by the margin, but never to nothing.
+double lowered(double cap, double margin) { return std::max(cap - margin, 0.25 * cap); }
+
+Ball ball_under(const Surface& body, const Point& p, const Vector& normal, double largest, double cap) {
+  // The tolerance is a share of the cap: the dilated ball still covers p, by the rest of it.
+  Ball ball = inner_medial_ball(body, p, normal, largest, 0.25 * cap);
+  if (ball.radius > 0) ball.radius += cap;
+  return ball;
+}
+
+void refit_one(const Surface& body, const Mesh& remeshed, double margin, FittedBall& fitted) {
+  const double cap = lowered(fitted.cap, margin), below = fitted.ball.radius - fitted.cap;
+  const double side = body.signed_nearest(fitted.ball.center).distance;
+  if (side <= 0 && -side >= below - 1e-9 * fitted.ball.radius && margin == 0)
+    return;  // the paper's sphere will do
+  if (side <= 0 && fitted.ball.radius + side <= cap) return;
+  const auto& t = remeshed.triangles[fitted.triangle];
+  const Triangle3 tri{remeshed.points[t[0]], remeshed.points[t[1]], remeshed.points[t[2]]};
+  const Nearest touch = body.nearest(tri.enclosing_circle().center);
+  Ball ball = ball_under(body, touch.point, tri.area_normal().normalized(), below, cap);
+  if (ball.radius == 0)
+    ball = ball_under(body, touch.point, body.signed_nearest(touch.point).normal, below, cap);
+  fitted.ball = ball;
+}
+
+// A set of points no two of which are closer than `spacing`.
+class Sparse {
+ public:
+  explicit Sparse(double spacing) : spacing_(spacing) {}
+
+  bool insert_unless_near(const Point& p) {
+    const Eigen::Vector3i cell = (p / spacing_).array().floor().cast<int>();
+    Eigen::Vector3i step;
+    for (step.x() = -1; step.x() <= 1; step.x()++)
+      for (step.y() = -1; step.y() <= 1; step.y()++)
+        for (step.z() = -1; step.z() <= 1; step.z()++) {
+          const auto [begin, end] = points_.equal_range(key(cell + step));
+          for (auto it = begin; it != end; ++it)
+            if ((it->second - p).squaredNorm() < spacing_ * spacing_) return false;
+        }
+    points_.emplace(key(cell), p);
+    return true;
+  }
+
+ private:
+  static std::uint64_t key(const Eigen::Vector3i& c) {
+    constexpr std::uint64_t mask = (1 << 21) - 1;
+    return (std::uint64_t(c.x()) & mask) << 42 | (std::uint64_t(c.y()) & mask) << 21 |
+           (std::uint64_t(c.z()) & mask);
+  }
+
+  double spacing_;
+  std::unordered_multimap<std::uint64_t, Point> points_;
+};
+
+}  // namespace
+
+std::vector<FittedBall> refit(const Surface& body, const Mesh& remeshed, std::vector<FittedBall> balls,
+                              const RefitOptions& options) {
+  double gap = options.gap;
+  if (gap == 0)
+    for (const auto& b : balls) gap = std::max(gap, b.cap);
+  double largest = 0;
+  for (const auto& b : balls) largest = std::max(largest, b.ball.radius);
+
+#pragma omp parallel for schedule(dynamic, 64)
+  for (std::int64_t k = 0; k < static_cast<std::int64_t>(balls.size()); k++)
+    refit_one(body, remeshed, options.margin, balls[k]);
+  std::erase_if(balls, [](const FittedBall& b) { return b.ball.radius == 0; });
+
+  const Surface triangles(remeshed);
+  constexpr int most_rounds = 30;
+  for (int round = 0; round < most_rounds; round++) {
+    std::vector<Ball> plain;
+    for (const auto& b : balls) plain.push_back(b.ball);
+    std::vector<Cell> open = gap_failures(body.mesh(), BallSet(plain), gap, 2 * gap);
+    if (open.empty()) break;
+    std::stable_sort(open.begin(), open.end(),
+                     [](const Cell& a, const Cell& b) { return a.value > b.value; });
+    // Of cells side by side the worst gets a ball; the others wait and see whether it covers them too.
+    std::vector<Cell> chosen;
+    Sparse taken(gap);
+    for (const Cell& cell : open)
+      if (taken.insert_unless_near(cell.centroid())) chosen.push_back(cell);
+    std::vector<FittedBall> found(chosen.size());
+#pragma omp parallel for schedule(dynamic, 16)
+    for (std::int64_t k = 0; k < static_cast<std::int64_t>(chosen.size()); k++) {
+      const Point p = chosen[k].centroid();
+      const Vector normal = body.mesh().area_normal(chosen[k].triangle).normalized();
+      found[k] = {ball_under(body, p, normal, largest, lowered(gap, options.margin)), gap,
+                  triangles.nearest(p).triangle};
+      if (found[k].ball.radius == 0) found[k].ball = {p, lowered(gap, options.margin)};  // on a knife's edge
+    }
+    balls.insert(balls.end(), found.begin(), found.end());
+  }
+  return balls;
+}
+
+}  // namespace padder

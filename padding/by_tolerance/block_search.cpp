@@ -1,0 +1,109 @@
+// SPDX-License-Identifier: MIT
+#include "padding/by_tolerance/block_search.h"
+
+#include <algorithm>
+#include <numeric>
+
+#include "padding/geometry/random.h"
+
+namespace padder {
+namespace {
+
+constexpr std::uint32_t nowhere = 0xffffffffu;
+
+// Cuts the cover across the longest side of its places, near the middle, until the parts are small.
+void cut(std::vector<std::uint32_t>::iterator begin, std::vector<std::uint32_t>::iterator end,
+         const std::vector<Point>& places, std::size_t largest, Random& random,
+         std::vector<std::vector<std::uint32_t>>& blocks) {
+  const auto n = static_cast<std::size_t>(end - begin);
+  if (n <= largest) {
+    blocks.emplace_back(begin, end);
+    return;
+  }
+  Box box;
+  for (auto k = begin; k != end; ++k) box.add(places[*k]);
+  int axis;
+  (box.high - box.low).maxCoeff(&axis);
+  const auto middle =
+      begin + static_cast<std::ptrdiff_t>(static_cast<double>(n) * (0.35 + 0.3 * random.uniform()));
+  std::nth_element(begin, middle, end, [&](auto s, auto t) {
+    const double x = places[s][axis], y = places[t][axis];
+    return x != y ? x < y : s < t;
+  });
+  cut(begin, middle, places, largest, random, blocks);
+  cut(middle, end, places, largest, random, blocks);
+}
+
+struct Transpose {
+  std::vector<std::uint64_t> begin;
+  std::vector<std::uint32_t> sets;
+
+  Transpose(const Sets& of, std::size_t rows) : begin(rows + 1, 0), sets(of.rows.size()) {
+    for (auto r : of.rows) begin[r + 1]++;
+    std::partial_sum(begin.begin(), begin.end(), begin.begin());
+    std::vector<std::uint64_t> at(begin.begin(), begin.end() - 1);
+    for (std::uint32_t s = 0; s < of.size(); s++)
+      for (auto r : of[s]) sets[at[r]++] = s;
+  }
+};
+
+}  // namespace
+
+std::vector<std::uint32_t> improve_in_blocks(const Sets& sets, std::size_t rows,
+                                             const std::vector<Point>& places,
+                                             std::vector<std::uint32_t> cover, const BlockSearch& search) {
+  const Transpose transpose(sets, rows);
+  Random random(search.seed);
+  std::vector<std::vector<std::uint32_t>> blocks;
+  cut(cover.begin(), cover.end(), places, search.block, random, blocks);
+  std::vector<std::uint32_t> owner(rows, nowhere);
+  for (std::uint32_t b = 0; b < blocks.size(); b++)
+    for (auto s : blocks[b])
+      for (auto r : sets[s])
+        if (owner[r] == nowhere) owner[r] = b;
+
+#pragma omp parallel for schedule(dynamic, 1) if (blocks.size() > 1)
+  for (std::uint32_t b = 0; b < blocks.size(); b++) {
+    std::vector<std::uint32_t> own;  // rows
+    for (auto s : blocks[b])
+      for (auto r : sets[s])
+        if (owner[r] == b) own.push_back(r);
+    std::sort(own.begin(), own.end());
+    own.erase(std::unique(own.begin(), own.end()), own.end());
+    // The block's problem: pairs (set, row) in the block's own numbers.
+    std::vector<std::uint64_t> pairs;
+    for (std::uint32_t k = 0; k < own.size(); k++)
+      for (auto at = transpose.begin[own[k]]; at < transpose.begin[own[k] + 1]; at++)
+        pairs.push_back((static_cast<std::uint64_t>(transpose.sets[at]) << 32) | k);
+    std::sort(pairs.begin(), pairs.end());
+    Sets local;
+    std::vector<std::uint32_t> name;  // of each local set
+    for (auto pair : pairs) {
+      const auto s = static_cast<std::uint32_t>(pair >> 32);
+      if (name.empty() || name.back() != s) {
+        if (!name.empty()) local.begin.push_back(local.rows.size());
+        name.push_back(s);
+      }
+      local.rows.push_back(static_cast<std::uint32_t>(pair));
+    }
+    if (!name.empty()) local.begin.push_back(local.rows.size());
+    std::vector<std::uint32_t> start;
+    for (auto s : blocks[b]) {
+      const auto at = std::lower_bound(name.begin(), name.end(), s);
+      if (at != name.end() && *at == s) start.push_back(static_cast<std::uint32_t>(at - name.begin()));
+    }
+    SetCover block(local, own.size());
+    block.greedy(start);
+    block.improve(static_cast<std::uint64_t>(search.steps * static_cast<double>(block.best().size())),
+                  (search.seed << 32) + b);
+    blocks[b].clear();
+    for (auto s : block.best()) blocks[b].push_back(name[s]);
+  }
+  cover.clear();
+  for (const auto& block : blocks) cover.insert(cover.end(), block.begin(), block.end());
+  std::sort(cover.begin(), cover.end());
+  cover.erase(std::unique(cover.begin(), cover.end()), cover.end());
+  return cover;
+}
+
+}  // namespace padder

@@ -1,0 +1,162 @@
+// SPDX-License-Identifier: MIT
+#include "padding/by_tolerance/set_cover.h"
+
+#include <algorithm>
+#include <numeric>
+#include <queue>
+
+#include "padding/geometry/random.h"
+
+namespace padder {
+namespace {
+
+constexpr std::uint32_t nowhere = 0xffffffffu;
+
+}  // namespace
+
+SetCover::SetCover(const Sets& sets, std::size_t rows) : sets_(sets) {
+  row_begin_.assign(rows + 1, 0);
+  for (auto r : sets.rows) row_begin_[r + 1]++;
+  std::partial_sum(row_begin_.begin(), row_begin_.end(), row_begin_.begin());
+  row_sets_.resize(sets.rows.size());
+  std::vector<std::uint64_t> at(row_begin_.begin(), row_begin_.end() - 1);
+  for (std::uint32_t s = 0; s < sets.size(); s++)
+    for (auto r : sets[s]) row_sets_[at[r]++] = s;
+
+  set_.resize(sets.size());
+  for (std::size_t s = 0; s < sets.size(); s++)
+    set_[s] = {static_cast<std::int32_t>(sets[s].size()), 1, 0, nowhere};
+  row_.assign(rows, {1, 0, 0, nowhere});
+  for (std::uint32_t r = 0; r < rows; r++)
+    if (!sets_of(r).empty())
+      row_[r].place = static_cast<std::uint32_t>(uncovered_.size()), uncovered_.push_back(r);
+}
+
+void SetCover::add(std::uint32_t set) {
+  set_[set].score = -set_[set].score;
+  set_[set].place = static_cast<std::uint32_t>(chosen_.size());
+  chosen_.push_back(set);
+  for (auto r : sets_[set]) {
+    Row& row = row_[r];
+    if (row.count == 0) {
+      for (auto other : sets_of(r)) set_[other].score -= row.weight, set_[other].may_add = 1;
+      set_[set].score += row.weight;
+      const auto last = uncovered_.back();
+      uncovered_[row.place] = last, row_[last].place = row.place;
+      uncovered_.pop_back(), row.place = nowhere;
+    } else if (row.count == 1) {
+      set_[row.sum].score += row.weight;  // no longer lost with the one set that covered it
+    }
+    row.count++, row.sum += set;
+  }
+}
+
+void SetCover::remove(std::uint32_t set) {
+  set_[set].score = -set_[set].score;
+  const auto last = chosen_.back();
+  chosen_[set_[set].place] = last, set_[last].place = set_[set].place;
+  chosen_.pop_back(), set_[set].place = nowhere;
+  for (auto r : sets_[set]) {
+    Row& row = row_[r];
+    row.count--, row.sum -= set;
+    if (row.count == 0) {
+      for (auto other : sets_of(r)) set_[other].score += row.weight, set_[other].may_add = 1;
+      set_[set].score -= row.weight;
+      row.place = static_cast<std::uint32_t>(uncovered_.size());
+      uncovered_.push_back(r);
+    } else if (row.count == 1) {
+      set_[row.sum].score -= row.weight;
+    }
+  }
+  set_[set].may_add = 0, set_[set].stamp = step_;
+}
+
+// Lazy greedy: scores only fall while sets are added, so a stale one at the top of the heap is put back with
+// its new score, and the first that is up to date is the best of all.
+void SetCover::greedy(std::span<const std::uint32_t> start) {
+  for (auto s : start)
+    if (set_[s].place == nowhere) add(s);
+  using Entry = std::pair<std::int32_t, std::uint32_t>;
+  const auto worse = [](const Entry& a, const Entry& b) {
+    return a.first != b.first ? a.first < b.first : a.second > b.second;
+  };
+  std::vector<Entry> entries;
+  for (std::uint32_t s = 0; s < sets_.size(); s++)
+    if (set_[s].place == nowhere && set_[s].score > 0) entries.push_back({set_[s].score, s});
+  std::priority_queue<Entry, std::vector<Entry>, decltype(worse)> heap(worse, std::move(entries));
+  while (!uncovered_.empty()) {
+    const auto [score, s] = heap.top();
+    heap.pop();
+    if (set_[s].score < score)
+      heap.push({set_[s].score, s});
+    else
+      add(s);
+  }
+  drop_needless();
+  keep();
+}
+
+// Sets that lose nothing when they go, the smallest first.
+void SetCover::drop_needless() {
+  std::vector<std::uint32_t> order = chosen_;
+  std::sort(order.begin(), order.end(), [&](auto s, auto t) {
+    return sets_[s].size() != sets_[t].size() ? sets_[s].size() < sets_[t].size() : s < t;
+  });
+  for (auto s : order)
+    if (set_[s].score == 0) remove(s);
+}
+
+void SetCover::keep() {
+  best_ = chosen_;
+  std::sort(best_.begin(), best_.end());
+}
+
+// The member that loses the least; of equals the one that has been as it is the longest.
+std::uint32_t SetCover::cheapest(std::uint32_t tabu) const {
+  std::uint32_t best = nowhere;
+  for (auto s : chosen_) {
+    if (s == tabu) continue;
+    if (best == nowhere || set_[s].score > set_[best].score ||
+        (set_[s].score == set_[best].score && set_[s].stamp < set_[best].stamp))
+      best = s;
+  }
+  return best;
+}
+
+void SetCover::improve(std::uint64_t steps, std::uint64_t seed) {
+  Random random(seed);
+  std::uint32_t fresh = nowhere;  // the set added last stays in for one step
+  for (std::uint64_t done = 0; done < steps && chosen_.size() > 1; done++) {
+    step_++;
+    while (uncovered_.empty() && chosen_.size() > 1) {
+      if (chosen_.size() < best_.size()) keep();
+      remove(cheapest(nowhere));
+    }
+    if (chosen_.size() > 1) remove(cheapest(fresh));
+    while (!uncovered_.empty() && chosen_.size() + 1 < best_.size()) {
+      const auto row = uncovered_[random.below(uncovered_.size())];
+      std::uint32_t pick = nowhere;
+      for (auto s : sets_of(row)) {
+        if (!set_[s].may_add) continue;
+        if (pick == nowhere || set_[s].score > set_[pick].score ||
+            (set_[s].score == set_[pick].score && set_[s].stamp < set_[pick].stamp))
+          pick = s;
+      }
+      if (pick == nowhere) pick = sets_of(row)[0];
+      add(pick), set_[pick].stamp = step_, fresh = pick;
+      for (auto r : uncovered_) {
+        row_[r].weight++;
+        for (auto s : sets_of(r)) set_[s].score++;
+      }
+    }
+  }
+  if (uncovered_.empty() && chosen_.size() < best_.size()) keep();
+  // Back to the best cover, so that a further call starts there.
+  const std::vector<std::uint32_t> now = chosen_;
+  for (auto s : now)
+    if (!std::binary_search(best_.begin(), best_.end(), s)) remove(s);
+  for (auto s : best_)
+    if (set_[s].place == nowhere) add(s);
+}
+
+}  // namespace padder

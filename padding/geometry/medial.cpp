@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: MIT
+#include "padding/geometry/medial.h"
+
+#include <cmath>
+
+namespace padder {
+
+Ball inner_medial_ball(const Surface& surface, const Point& p, const Vector& normal, double largest,
+                       double tolerance) {
+  // The exact iteration at least halves the surplus in practice, but on noise it may creep: from here on the
+  // radius also falls by a fixed share, which ends the loop at r <= tolerance at the latest.
+  constexpr int patience = 24;
+  // A first ball of a few tolerances, doubled while it is empty: starting from the largest, the first queries
+  // would be far outside a thin body, where they cost most.
+  double r = std::min(largest, std::max(32 * tolerance, largest / 64));
+  bool growing = r < largest;
+  for (int step = 0; r > tolerance;) {
+    const Point c = p - r * normal;
+    const Nearest hit = surface.nearest(c, r - tolerance);
+    if (!(hit.distance < r - tolerance)) {
+      if (!growing) break;
+      r = std::min(largest, 2 * r), growing = r < largest;
+      continue;
+    }
+    growing = false;
+    // The ball through p and the point hit, with its centre on the ray. The height is positive because the
+    // point lies inside the ball of radius r; rounding alone can spoil that.
+    const Vector d = p - hit.point;
+    const double height = d.dot(normal);
+    const double next = height > 0 ? d.squaredNorm() / (2 * height) : 0;
+    r = std::min(next, step++ < patience ? r : 0.8 * r);
+  }
+  const Point c = p - r * normal;
+  const Nearest at = surface.signed_nearest(c);
+  if (at.distance > 0) return {p, 0};
+  const double radius = -at.distance;
+  if (!(r <= radius + tolerance)) return {p, 0};
+  return {c, radius};
+}
+
+}  // namespace padder

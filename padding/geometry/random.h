@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: MIT
+// Random numbers that are the same on every platform, which the distributions of <random> do not promise.
+#pragma once
+#include <algorithm>
+#include <cstdint>
+#include <numeric>
+#include <vector>
+
+namespace padder {
+
+// splitmix64 (Steele, Lea and Flood, Fast splittable pseudorandom number generators, 2014).
+class Random {
+ public:
+  explicit Random(std::uint64_t seed) : state_(seed) {}
+
+  std::uint64_t next() {
+    std::uint64_t z = (state_ += 0x9e3779b97f4a7c15ull);
+    z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9ull;
+    z = (z ^ (z >> 27)) * 0x94d049bb133111ebull;
+    return z ^ (z >> 31);
+  }
+  std::uint64_t below(std::uint64_t n) { return next() % n; }               // n > 0
+  double uniform() { return static_cast<double>(next() >> 11) * 0x1p-53; }  // [0, 1)
+
+ private:
+  std::uint64_t state_;
+};
+
+inline std::vector<std::uint32_t> random_order(std::size_t n, std::uint64_t seed) {
+  std::vector<std::uint32_t> order(n);
+  std::iota(order.begin(), order.end(), 0u);
+  Random random(seed);
+  for (std::size_t k = n; k > 1; k--) std::swap(order[k - 1], order[random.below(k)]);
+  return order;
+}
+
+}  // namespace padder

@@ -1,0 +1,350 @@
+// SPDX-License-Identifier: MIT
+#include "padding/geometry/surface.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <map>
+#include <numeric>
+#include <unordered_map>
+
+#include "padding/geometry/random.h"
+
+namespace padder {
+namespace {
+
+constexpr std::uint32_t leaf_size = 4;
+constexpr int stack_size = 128;  // depth is bounded by the median fallback in build()
+
+enum Feature : int { face = 0, vertex0 = 1, vertex1 = 2, vertex2 = 3, edge01 = 4, edge12 = 5, edge20 = 6 };
+
+// Closest point of triangle (a, a+ab, a+ac) to p, by Voronoi region of its features (Ericson, Real-Time
+// Collision Detection, 2005, section 5.1.5). A degenerate triangle falls to its edges, which a zero-length
+// edge survives.
+inline double closest(const Point& p, const Point& a, const Vector& ab, const Vector& ac, Point& q,
+                      int& feature) {
+  const Vector ap = p - a;
+  const double d1 = ab.dot(ap), d2 = ac.dot(ap);
+  if (d1 <= 0 && d2 <= 0) return q = a, feature = vertex0, ap.squaredNorm();
+  const Vector bp = ap - ab;
+  const double d3 = ab.dot(bp), d4 = ac.dot(bp);
+  if (d3 >= 0 && d4 <= d3) return q = a + ab, feature = vertex1, bp.squaredNorm();
+  const double vc = d1 * d4 - d3 * d2;
+  if (vc <= 0 && d1 >= 0 && d3 <= 0) {
+    q = a + d1 / (d1 - d3) * ab, feature = edge01;
+    return (p - q).squaredNorm();
+  }
+  const Vector cp = ap - ac;
+  const double d5 = ab.dot(cp), d6 = ac.dot(cp);
+  if (d6 >= 0 && d5 <= d6) return q = a + ac, feature = vertex2, cp.squaredNorm();
+  const double vb = d5 * d2 - d1 * d6;
+  if (vb <= 0 && d2 >= 0 && d6 <= 0) {
+    q = a + d2 / (d2 - d6) * ac, feature = edge20;
+    return (p - q).squaredNorm();
+  }
+  const double va = d3 * d6 - d5 * d4;
+  if (va <= 0 && d4 - d3 >= 0 && d5 - d6 >= 0) {
+    const double w = (d4 - d3) / ((d4 - d3) + (d5 - d6));
+    q = a + ab + w * (ac - ab), feature = edge12;
+    return (p - q).squaredNorm();
+  }
+  const double scale = 1 / (va + vb + vc);
+  q = a + ab * (vb * scale) + ac * (vc * scale), feature = face;
+  return (p - q).squaredNorm();
+}
+
+inline double box_distance(const double* low, const double* high, const Point& p) {
+  double sum = 0;
+  for (int k = 0; k < 3; k++) {
+    const double d = std::max({low[k] - p[k], 0.0, p[k] - high[k]});
+    sum += d * d;
+  }
+  return sum;
+}
+
+double half_area(const Box& b) {
+  if (b.empty()) return 0;
+  const Vector e = b.high - b.low;
+  return e.x() * e.y() + e.y() * e.z() + e.z() * e.x();
+}
+
+}  // namespace
+
+Surface::Surface(const Mesh& mesh, SideBy side) : mesh_(mesh), side_(side) {
+  const std::size_t n = mesh_.triangles.size();
+  bounds_ = mesh_.bounds();
+  std::vector<Box> boxes(n);
+  for (std::size_t t = 0; t < n; t++)
+    for (int k = 0; k < 3; k++) boxes[t].add(mesh_.corner(t, k));
+  std::vector<std::uint32_t> order(n);
+  std::iota(order.begin(), order.end(), 0u);
+  if (n > 0) {
+    nodes_.reserve(n);
+    if (n <= leaf_size) {  // one leaf: a root whose second child is empty
+      Node root{};
+      for (int k = 0; k < 3; k++) {
+        root.low[0][k] = bounds_.low[k], root.high[0][k] = bounds_.high[k];
+        root.low[1][k] = std::numeric_limits<double>::infinity(), root.high[1][k] = -root.low[1][k];
+      }
+      root.count[0] = static_cast<std::uint32_t>(n);
+      nodes_.push_back(root);
+    } else {
+      build(order, boxes, 0, static_cast<std::uint32_t>(n));
+    }
+  }
+  slots_.resize(n);
+  for (std::size_t k = 0; k < n; k++) {
+    const Point& a = mesh_.corner(order[k], 0);
+    slots_[k] = {a, mesh_.corner(order[k], 1) - a, mesh_.corner(order[k], 2) - a, order[k]};
+  }
+
+  face_normals_.resize(n);
+  vertex_normals_.assign(mesh_.points.size(), Vector::Zero());
+  edge_normals_.resize(n);
+  struct Edge {
+    Vector normal = Vector::Zero();
+    int direction = 0;  // triangles that run along it upwards, less those that run downwards
+  };
+  std::unordered_map<std::uint64_t, Edge> edges;
+  edges.reserve(2 * n);
+  const auto key = [](std::uint32_t u, std::uint32_t v) {
+    return (std::uint64_t(std::min(u, v)) << 32) | std::max(u, v);
+  };
+  for (std::size_t t = 0; t < n; t++) {
+    face_normals_[t] = mesh_.area_normal(t).normalized();
+    if (!face_normals_[t].allFinite()) face_normals_[t].setZero();
+    for (int k = 0; k < 3; k++) {
+      const auto v = mesh_.triangles[t][k], w = mesh_.triangles[t][(k + 1) % 3];
+      const Vector e = mesh_.corner(t, (k + 1) % 3) - mesh_.corner(t, k);
+      const Vector f = mesh_.corner(t, (k + 2) % 3) - mesh_.corner(t, k);
+      vertex_normals_[v] += std::atan2(e.cross(f).norm(), e.dot(f)) * face_normals_[t];
+      Edge& edge = edges[key(v, w)];
+      edge.normal += face_normals_[t], edge.direction += (v < w) - (w < v);
+    }
+  }
+  for (auto& normal : vertex_normals_) normal.normalize();  // a zero vector stays zero
+  for (std::size_t t = 0; t < n; t++)
+    for (int k = 0; k < 3; k++)
+      edge_normals_[t][k] =
+          edges[key(mesh_.triangles[t][k], mesh_.triangles[t][(k + 1) % 3])].normal.normalized();
+  for (const auto& [ends, edge] : edges) open_edges_ += edge.direction != 0;
+}
+
+// Binned surface-area heuristic; returns the node's index.
+std::uint32_t Surface::build(std::vector<std::uint32_t>& order, const std::vector<Box>& boxes,
+                             std::uint32_t begin, std::uint32_t end) {
+  constexpr int bins = 16;
+  Box centers;
+  for (auto k = begin; k < end; k++) centers.add(boxes[order[k]].center());
+  int axis;
+  const double width = (centers.high - centers.low).maxCoeff(&axis);
+  std::uint32_t middle = begin;
+  if (width > 0) {
+    std::array<Box, bins> box;
+    std::array<std::uint32_t, bins> count{};
+    const auto bin_of = [&](std::uint32_t t) {
+      const double x = (boxes[t].center()[axis] - centers.low[axis]) / width * bins;
+      return std::clamp(static_cast<int>(x), 0, bins - 1);
+    };
+    for (auto k = begin; k < end; k++) {
+      const int b = bin_of(order[k]);
+      count[b]++, box[b].add(boxes[order[k]].low), box[b].add(boxes[order[k]].high);
+    }
+    std::array<double, bins> right{};  // cost of bins b and above
+    Box sweep;
+    std::uint32_t total = 0;
+    for (int b = bins - 1; b > 0; b--) {
+      if (count[b]) sweep.add(box[b].low), sweep.add(box[b].high);
+      total += count[b], right[b] = half_area(sweep) * total;
+    }
+    sweep = Box(), total = 0;
+    double best = std::numeric_limits<double>::infinity();
+    int split = 0;
+    for (int b = 1; b < bins; b++) {
+      if (count[b - 1]) sweep.add(box[b - 1].low), sweep.add(box[b - 1].high);
+      total += count[b - 1];
+      const double cost = half_area(sweep) * total + right[b];
+      if (cost < best && total > 0 && total < end - begin) best = cost, split = b;
+    }
+    if (split > 0)
+      middle = static_cast<std::uint32_t>(std::partition(order.begin() + begin, order.begin() + end,
+                                                         [&](auto t) { return bin_of(t) < split; }) -
+                                          order.begin());
+  }
+  // A lopsided split could make the tree as deep as there are triangles; below 1/32 the median takes over.
+  const std::uint32_t smaller = std::min(middle - begin, end - middle);
+  if (smaller == 0 || (end - begin > 4 * leaf_size && smaller < (end - begin) / 32)) {
+    middle = begin + (end - begin) / 2;
+    std::nth_element(order.begin() + begin, order.begin() + middle, order.begin() + end, [&](auto s, auto t) {
+      const double x = boxes[s].center()[axis], y = boxes[t].center()[axis];
+      return x != y ? x < y : s < t;
+    });
+  }
+  const auto index = static_cast<std::uint32_t>(nodes_.size());
+  nodes_.emplace_back();
+  const std::uint32_t from[2] = {begin, middle}, to[2] = {middle, end};
+  for (int side = 0; side < 2; side++) {
+    Box box;
+    for (auto k = from[side]; k < to[side]; k++) box.add(boxes[order[k]].low), box.add(boxes[order[k]].high);
+    std::uint32_t child = from[side], count = to[side] - from[side];
+    if (count > leaf_size) child = build(order, boxes, from[side], to[side]), count = 0;
+    Node& node = nodes_[index];
+    for (int k = 0; k < 3; k++) node.low[side][k] = box.low[k], node.high[side][k] = box.high[k];
+    node.child[side] = child, node.count[side] = count;
+  }
+  return index;
+}
+
+// Visits leaves nearest first; `visit(slot)` may shrink `limit2` and returns true to stop.
+template <class Visit>
+static void traverse(const auto& nodes, const Point& p, double& limit2, Visit&& visit) {
+  if (nodes.empty()) return;
+  struct Entry {
+    double distance2;
+    std::uint32_t child, count;
+  };
+  Entry stack[stack_size];
+  int top = 0;
+  stack[top++] = {0, 0, 0};
+  while (top > 0) {
+    const Entry entry = stack[--top];
+    if (entry.distance2 >= limit2) continue;
+    if (entry.count > 0) {
+      for (std::uint32_t k = 0; k < entry.count; k++)
+        if (visit(entry.child + k)) return;
+      continue;
+    }
+    const auto& node = nodes[entry.child];
+    const double d0 = box_distance(node.low[0], node.high[0], p),
+                 d1 = box_distance(node.low[1], node.high[1], p);
+    const int near = d1 < d0;
+    const double near2 = near ? d1 : d0, far2 = near ? d0 : d1;
+    if (far2 < limit2) stack[top++] = {far2, node.child[1 - near], node.count[1 - near]};
+    if (near2 < limit2) stack[top++] = {near2, node.child[near], node.count[near]};
+  }
+}
+
+Nearest Surface::nearest(const Point& p, double limit) const {
+  Nearest best;
+  double limit2 = limit * limit;
+  bool found = false;
+  traverse(nodes_, p, limit2, [&](std::uint32_t k) {
+    Point q;
+    int feature;
+    const Slot& slot = slots_[k];
+    const double d2 = closest(p, slot.a, slot.ab, slot.ac, q, feature);
+    if (d2 < limit2) limit2 = d2, best.point = q, best.triangle = slot.triangle, found = true;
+    return false;
+  });
+  if (found) best.distance = std::sqrt(limit2);
+  return best;
+}
+
+Nearest Surface::signed_nearest(const Point& p) const {
+  Nearest best = nearest(p);
+  if (!(best.distance < std::numeric_limits<double>::infinity())) return best;
+  const auto& t = mesh_.triangles[best.triangle];
+  const Point& a = mesh_.points[t[0]];
+  Point q;
+  int feature;
+  closest(p, a, mesh_.points[t[1]] - a, mesh_.points[t[2]] - a, q, feature);
+  if (feature == face)
+    best.normal = face_normals_[best.triangle];
+  else if (feature <= vertex2)
+    best.normal = vertex_normals_[t[feature - vertex0]];
+  else
+    best.normal = edge_normals_[best.triangle][feature - edge01];
+  bool inside = (p - best.point).dot(best.normal) < 0;
+  if (side_ == SideBy::winding && best.distance > 0)
+    if (const auto winding = winding_number(p)) inside = *winding > 0;
+  if (inside) best.distance = -best.distance;
+  return best;
+}
+
+std::optional<int> Surface::winding_number(const Point& p) const {
+  if (!closed()) return std::nullopt;
+  if ((p.array() < bounds_.low.array()).any() || (p.array() > bounds_.high.array()).any()) return 0;
+  // Directions without a pattern that a mesh could have. A ray is left open when it grazes an edge, which
+  // hardly ever happens to a second one; a point on the surface fails with all.
+  static const std::vector<Vector> directions = [] {
+    std::vector<Vector> all;
+    Random random(7);
+    while (all.size() < 16) {
+      const Vector d(2 * random.uniform() - 1, 2 * random.uniform() - 1, 2 * random.uniform() - 1);
+      if (d.cwiseAbs().minCoeff() > 0.1) all.push_back(d);
+    }
+    return all;
+  }();
+  for (const Vector& d : directions)
+    if (const auto sum = crossings(p, d)) return sum;
+  return std::nullopt;
+}
+
+namespace {
+
+// Of a ray and a triangle, relative to the ray's origin: +1 where the ray leaves through its front, -1 where
+// it enters, 0 where it misses; none when a sign is smaller than its rounding error. Each component of d is
+// at most 1. Errors: the differences a, b, c are off by 2^-53 of themselves, so each of the products below by
+// less than 12 times that, and there are 6.
+std::optional<int> crossing(const Vector& d, const Vector& a, const Vector& b, const Vector& c) {
+  constexpr double error = 72 * 0x1p-53;
+  const double size_a = a.cwiseAbs().maxCoeff(), size_b = b.cwiseAbs().maxCoeff(),
+               size_c = c.cwiseAbs().maxCoeff();
+  const auto sign = [](double value, double bound) { return value > bound ? 1 : value < -bound ? -1 : 0; };
+  const int ab = sign(d.dot(a.cross(b)), error * size_a * size_b),
+            bc = sign(d.dot(b.cross(c)), error * size_b * size_c),
+            ca = sign(d.dot(c.cross(a)), error * size_c * size_a);
+  if (std::min({ab, bc, ca}) < 0 && std::max({ab, bc, ca}) > 0) return 0;  // the line passes beside it
+  if (ab == 0 || bc == 0 || ca == 0) return std::nullopt;
+  const int ahead = sign(a.dot(b.cross(c)), error * size_a * size_b * size_c);
+  if (ahead == 0) return std::nullopt;
+  return ahead == ab ? ab : 0;
+}
+
+// Does the ray meet the box? Never false for one that does: the range is widened by more than rounding.
+bool meets(const double* low, const double* high, const Point& p, const Vector& inverse) {
+  if (low[0] > high[0]) return false;  // the empty half of a root that is a leaf
+  double from = 0, to = std::numeric_limits<double>::infinity();
+  for (int k = 0; k < 3; k++) {
+    const double s = (low[k] - p[k]) * inverse[k], t = (high[k] - p[k]) * inverse[k];
+    from = std::max(from, std::min(s, t)), to = std::min(to, std::max(s, t));
+  }
+  return from * (1 - 1e-14) <= to * (1 + 1e-14);
+}
+
+}  // namespace
+
+std::optional<int> Surface::crossings(const Point& p, const Vector& direction) const {
+  const Vector inverse = direction.cwiseInverse();
+  std::uint32_t stack[stack_size];
+  int top = 0, sum = 0;
+  stack[top++] = 0;
+  while (top > 0) {
+    const Node& node = nodes_[stack[--top]];
+    for (int side = 0; side < 2; side++) {
+      if (!meets(node.low[side], node.high[side], p, inverse)) continue;
+      if (node.count[side] == 0) stack[top++] = node.child[side];
+      for (std::uint32_t k = 0; k < node.count[side]; k++) {
+        const auto& t = mesh_.triangles[slots_[node.child[side] + k].triangle];
+        const auto one =
+            crossing(direction, mesh_.points[t[0]] - p, mesh_.points[t[1]] - p, mesh_.points[t[2]] - p);
+        if (!one) return std::nullopt;
+        sum += *one;
+      }
+    }
+  }
+  return sum;
+}
+
+bool Surface::any_within(const Point& p, double limit) const {
+  double limit2 = limit * limit;
+  bool found = false;
+  traverse(nodes_, p, limit2, [&](std::uint32_t k) {
+    Point q;
+    int feature;
+    const Slot& slot = slots_[k];
+    return found = closest(p, slot.a, slot.ab, slot.ac, q, feature) < limit2;
+  });
+  return found;
+}
+
+}  // namespace padder

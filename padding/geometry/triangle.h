@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: MIT
+// Plane geometry of one triangle.
+#pragma once
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "padding/asset/mesh.h"
+
+namespace padder {
+
+// A triangle by its corners.
+struct Triangle3 {
+  Point a, b, c;
+
+  Vector area_normal() const { return 0.5 * (b - a).cross(c - a); }  // as long as the area
+
+  double angle(int k) const {  // at corner k, radians
+    const Point* p[3] = {&a, &b, &c};
+    const Vector u = *p[(k + 1) % 3] - *p[k], v = *p[(k + 2) % 3] - *p[k];
+    return std::atan2(u.cross(v).norm(), u.dot(v));
+  }
+
+  // Infinite when the corners lie on a line.
+  double circumradius() const {
+    const double twice_area = (b - a).cross(c - a).norm();
+    return (a - b).norm() * (b - c).norm() * (c - a).norm() / (2 * twice_area);
+  }
+
+  // Barycentric coordinates of the circumcentre; negative beyond an edge that faces an obtuse angle. NaN for
+  // a line.
+  std::array<double, 3> circumcenter_weights() const {
+    const double la = (b - c).squaredNorm(), lb = (c - a).squaredNorm(), lc = (a - b).squaredNorm();
+    const double wa = la * (lb + lc - la), wb = lb * (lc + la - lb), wc = lc * (la + lb - lc);
+    const double sum = wa + wb + wc;  // 16 area^2
+    return {wa / sum, wb / sum, wc / sum};
+  }
+  Point circumcenter() const {
+    const auto w = circumcenter_weights();
+    return w[0] * a + w[1] * b + w[2] * c;
+  }
+
+  // The smallest circle that holds the triangle: the circumcircle, or the one over the longest edge when
+  // obtuse.
+  struct Circle {
+    Point center;
+    double radius;
+  };
+  Circle enclosing_circle() const {
+    const double la = (b - c).squaredNorm(), lb = (c - a).squaredNorm(), lc = (a - b).squaredNorm();
+    if (la >= lb + lc) return {0.5 * (b + c), 0.5 * std::sqrt(la)};
+    if (lb >= lc + la) return {0.5 * (c + a), 0.5 * std::sqrt(lb)};
+    if (lc >= la + lb) return {0.5 * (a + b), 0.5 * std::sqrt(lc)};
+    return {circumcenter(), circumradius()};
+  }
+};
+
+}  // namespace padder

@@ -1,0 +1,173 @@
+// SPDX-License-Identifier: MIT
+// Spheres of robots' links: cuRobo and XRDF as YAML, URDF, SRDF and MJCF as XML.
+#include <yaml-cpp/yaml.h>
+
+#include <charconv>
+#include <pugixml.hpp>
+
+#include "padding/asset/excerpt.h"
+#include "padding/import/readers.h"
+#include "padding/import/xml.h"
+
+namespace padder::importing {
+namespace {
+
+// yaml-cpp takes the first of two equal keys and says nothing.
+YAML::Node value_of(const YAML::Node& map, const char* key, const std::string& where) {
+  YAML::Node found(YAML::NodeType::Undefined);
+  bool any = false;
+  if (!map.IsMap()) return found;
+  for (const auto& entry : map) {
+    if (!entry.first.IsScalar() || entry.first.Scalar() != key) continue;
+    if (any)
+      throw Error(where + ", line " + std::to_string(entry.first.Mark().line + 1) + ": the key '" + key +
+                  "' stands twice: remove one");
+    found.reset(entry.second), any = true;
+  }
+  return found;
+}
+
+Part links_spheres(const std::string& link, const YAML::Node& list, const std::string& where) {
+  Part part;
+  part.name = link;
+  const std::string at = where + ", spheres of '" + excerpt(link) + "'";
+  if (!list.IsSequence()) throw Error(at + ": a list is wanted");
+  try {
+    for (const YAML::Node& sphere : list) {
+      const YAML::Node center = value_of(sphere, "center", at), radius = value_of(sphere, "radius", at);
+      if (!center.IsDefined() || !radius.IsDefined() || !center.IsSequence() || center.size() != 3)
+        throw Error(at + ", line " + std::to_string(sphere.Mark().line + 1) +
+                    ": each needs a center of three numbers and a radius");
+      part.centers.emplace_back(center[0].as<double>(), center[1].as<double>(), center[2].as<double>());
+      part.radii.push_back(radius.as<double>());
+    }
+  } catch (const YAML::Exception& e) {
+    throw Error(at + ", line " + std::to_string(e.mark.line + 1) + ": not a number");
+  }
+  return part;
+}
+
+void append(Parts& parts, const YAML::Node& links, const std::string& where) {
+  if (links.IsScalar())
+    throw Error(where + ": collision_spheres names another file, '" + excerpt(links.Scalar()) +
+                "': give that one");
+  if (!links.IsMap()) throw Error(where + ": the spheres must be listed under the names of their links");
+  for (const auto& link : links) {
+    if (!link.first.IsScalar()) throw Error(where + ": a link's name must be a word");
+    for (const Part& p : parts)
+      if (p.name == link.first.Scalar())
+        throw Error(where + ", line " + std::to_string(link.first.Mark().line + 1) + ": the link '" +
+                    excerpt(p.name) + "' is listed twice: remove one");
+    parts.push_back(links_spheres(link.first.Scalar(), link.second, where));
+  }
+}
+
+// "1 2 3"; false for anything but three numbers.
+bool three(const char* text, Point& out) {
+  const char* end = text + std::char_traits<char>::length(text);
+  for (int k = 0; k < 3; k++) {
+    while (text != end && (*text == ' ' || *text == '\t' || *text == '\n' || *text == '\r')) text++;
+    if (text != end && *text == '+') text++;
+    const auto [next, code] = std::from_chars(text, end, out[k]);
+    if (code != std::errc()) return false;
+    text = next;
+  }
+  while (text != end && (*text == ' ' || *text == '\t' || *text == '\n' || *text == '\r')) text++;
+  return text == end;
+}
+
+void append(Part& part, const pugi::xml_node& at, const char* center, const char* radius,
+            const std::string& where) {
+  Point p = Point::Zero();
+  double r = 0;
+  const char* end = radius + std::char_traits<char>::length(radius);
+  const auto [next, code] = std::from_chars(radius, end, r);  // MuJoCo's size may have further numbers
+  const bool blank = next == end || *next == ' ';
+  if ((*center && !three(center, p)) || code != std::errc() || !blank)
+    throw Error(where + ", byte " + std::to_string(at.offset_debug()) + ": a sphere of '" +
+                excerpt(part.name) + "'" + " has no centre of three numbers or no radius");
+  part.centers.push_back(p), part.radii.push_back(r);
+}
+
+void append_mujoco(Parts& parts, const pugi::xml_node& parent, const std::string& where) {
+  for (const pugi::xml_node& body : parent.children("body")) {
+    Part part;
+    part.name = body.attribute("name").as_string("body");
+    for (const pugi::xml_node& geom : body.children("geom"))
+      if (std::string_view(geom.attribute("type").as_string("sphere")) == "sphere" && geom.attribute("size"))
+        append(part, geom, geom.attribute("pos").as_string(), geom.attribute("size").as_string(), where);
+    parts.push_back(std::move(part));
+    append_mujoco(parts, body, where);
+  }
+}
+
+}  // namespace
+
+Parts read_yaml(const std::string& text, const std::string& where) {
+  YAML::Node document;
+  try {
+    document = YAML::Load(text);
+  } catch (const YAML::Exception& e) {
+    throw Error(where + ", line " + std::to_string(e.mark.line + 1) +
+                ": not YAML: check that the file is whole");
+  }
+  if (!document.IsMap())
+    throw Error(where + ": neither collision_spheres (cuRobo) nor geometry (XRDF) is in it");
+  Parts parts;
+  if (const YAML::Node geometry = value_of(document, "geometry", where);
+      geometry.IsDefined() && geometry.IsMap()) {
+    std::size_t groups = 0;
+    for (const auto& group : geometry)
+      if (group.second.IsMap() && group.second["spheres"]) groups++;
+    for (const auto& group : geometry) {
+      if (!group.second.IsMap() || !group.second["spheres"]) continue;
+      Parts links;
+      append(links, group.second["spheres"], where);
+      for (Part& link : links) {
+        if (groups > 1) link.name = group.first.Scalar() + "/" + link.name;
+        parts.push_back(std::move(link));
+      }
+    }
+    return parts;
+  }
+  YAML::Node spheres = value_of(document, "collision_spheres", where);
+  if (!spheres.IsDefined() && document["robot_cfg"].IsDefined() &&
+      document["robot_cfg"].IsMap())  // a whole robot of cuRobo
+    if (const YAML::Node k = document["robot_cfg"]["kinematics"]; k && k.IsMap())
+      spheres.reset(k["collision_spheres"]);
+  if (!spheres.IsDefined())
+    throw Error(where + ": neither collision_spheres (cuRobo) nor geometry (XRDF) is in it");
+  append(parts, spheres, where);
+  return parts;
+}
+
+Parts read_xml(const std::string& text, const std::string& where) {
+  pugi::xml_document document;
+  load_xml(document, text, where);
+  Parts parts;
+  if (const pugi::xml_node mujoco = document.child("mujoco")) {
+    for (const pugi::xml_node& world : mujoco.children("worldbody")) append_mujoco(parts, world, where);
+    return parts;
+  }
+  const pugi::xml_node robot = document.child("robot");
+  if (!robot) throw Error(where + ": neither <robot> nor <mujoco> is its root");
+  for (const pugi::xml_node& link : robot.children("link_sphere_approximation")) {  // SRDF
+    Part part;
+    part.name = link.attribute("link").as_string();
+    for (const pugi::xml_node& s : link.children("sphere"))
+      append(part, s, s.attribute("center").as_string("0 0 0"), s.attribute("radius").as_string(), where);
+    parts.push_back(std::move(part));
+  }
+  for (const pugi::xml_node& link : robot.children("link")) {  // URDF
+    Part part;
+    part.name = link.attribute("name").as_string();
+    for (const pugi::xml_node& c : link.children("collision"))
+      if (const pugi::xml_node s = c.child("geometry").child("sphere"))
+        append(part, s, c.child("origin").attribute("xyz").as_string(), s.attribute("radius").as_string(),
+               where);
+    parts.push_back(std::move(part));
+  }
+  return parts;
+}
+
+}  // namespace padder::importing

@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: MIT
+// Inside padding/export: one function for each format that carries spheres.
+#pragma once
+#include <cmath>
+#include <filesystem>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "padding/asset/cluster.h"
+#include "padding/asset/error.h"
+
+namespace padder::importing {
+
+// The spheres of one link, clump or body.
+struct Part {
+  std::string name;
+  std::vector<Point> centers;
+  std::vector<double> radii;
+  std::vector<std::uint32_t> family, mask;  // empty, or one a sphere
+};
+using Parts = std::vector<Part>;
+
+// `where` begins every message.
+Parts read_csv(std::string_view text, const std::string& where);   // DEM-Engine
+Parts read_list(std::string_view text, const std::string& where);  // LIGGGHTS, YADE
+Parts read_mercury(const std::filesystem::path& folder);           // clump/clump.txt in it
+Parts read_npz(std::string_view bytes, const std::string& where);
+Parts read_vtp(std::string_view bytes, const std::string& where);
+Parts read_yaml(const std::string& text, const std::string& where);  // cuRobo, XRDF
+Parts read_xml(const std::string& text, const std::string& where);   // URDF, SRDF, MJCF
+
+}  // namespace padder::importing

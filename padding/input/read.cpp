@@ -1,0 +1,228 @@
+// SPDX-License-Identifier: MIT
+#include "padding/input/read.h"
+
+#include <openssl/evp.h>
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <span>
+
+#include "padding/asset/excerpt.h"
+#include "padding/asset/file.h"
+#include "padding/input/polygon.h"
+#include "padding/input/read_internal.h"
+
+namespace padder {
+namespace reading {
+
+void check_counts(std::uint64_t points, std::uint64_t triangles, const std::string& where) {
+  constexpr std::uint64_t most = std::numeric_limits<std::uint32_t>::max();
+  if (points > most || triangles > most)
+    fail(where, "it holds " + std::to_string(points) + " points and " + std::to_string(triangles) +
+                    " triangles, more than the 4294967295 that 32-bit indices name: split the mesh");
+}
+
+bool Lines::next(std::string_view& line) {
+  if (at_ >= text_.size()) return false;
+  const std::size_t end = std::min(text_.find_first_of("\r\n", at_), text_.size());
+  line = text_.substr(at_, end - at_);
+  at_ = end + (text_.substr(end, 2) == "\r\n" ? 2 : 1);
+  number_++;
+  return true;
+}
+
+std::string_view next_word(std::string_view& line) {
+  const char* blank = " \t\v\f";
+  line.remove_prefix(std::min(line.find_first_not_of(blank), line.size()));
+  const std::string_view word = line.substr(0, line.find_first_of(blank));
+  line.remove_prefix(word.size());
+  return word;
+}
+
+Number parse_real(std::string_view word, double& value) {
+  if (word.size() > 1 && word[0] == '+' && word[1] != '-') word.remove_prefix(1);
+  const char* end = word.data() + word.size();
+  auto [stop, code] = std::from_chars(word.data(), end, value);
+  if (code == std::errc::result_out_of_range)  // too small for a double is 0, too large is not finite
+    value =
+        word.find_first_of("eE") != word.npos && word.substr(word.find_first_of("eE") + 1).starts_with('-')
+            ? 0
+            : std::numeric_limits<double>::infinity();
+  else if (code != std::errc())
+    return Number::malformed;
+  if (stop != end) {
+    if (std::string_view(stop, end).substr(0, 2) != "#I" && std::string_view(stop, end).substr(0, 2) != "#Q")
+      return Number::malformed;
+    value = std::numeric_limits<double>::quiet_NaN();  // 1.#INF, 1.#IND, 1.#QNAN of an old C library
+  }
+  return std::isfinite(value) ? Number::finite : Number::not_finite;
+}
+
+bool parse_whole(std::string_view word, std::int64_t& value) {
+  if (word.size() > 1 && word[0] == '+' && word[1] != '-') word.remove_prefix(1);
+  const auto [stop, code] = std::from_chars(word.data(), word.data() + word.size(), value);
+  return code == std::errc() && stop == word.data() + word.size();
+}
+
+Point parse_point(std::string_view& line, const std::string& where, std::uint32_t line_number) {
+  Point p;
+  for (int k = 0; k < 3; k++) {
+    const std::string_view word = next_word(line);
+    if (word.empty())
+      fail(where, "line " + std::to_string(line_number) + ": a vertex needs three coordinates, here are " +
+                      std::to_string(k) + ": export the mesh again");
+    if (parse_real(word, p[k]) == Number::malformed)
+      fail(where, "line " + std::to_string(line_number) + ": " + printable(word) + " is not a number" +
+                      (word.find(',') < word.size() ? " (decimals need a point, not a comma)" : "") +
+                      ": export the mesh again");
+  }
+  return p;
+}
+
+std::string printable(std::string_view word) { return "'" + excerpt(word) + "'"; }
+
+}  // namespace reading
+
+namespace {
+
+using reading::fail;
+using reading::Soup;
+
+const std::map<std::string, double> metres = {{"m", 1}, {"cm", 0.01}, {"mm", 0.001}, {"in", 0.0254}};
+
+std::string sha256(const std::string& bytes) {
+  unsigned char digest[EVP_MAX_MD_SIZE];
+  unsigned length = 0;
+  if (!EVP_Digest(bytes.data(), bytes.size(), digest, &length, EVP_sha256(), nullptr))
+    throw Error("SHA-256 is not available in this OpenSSL: enable it");
+  std::string hex;
+  for (unsigned k = 0; k < length; k++)
+    hex += "0123456789abcdef"[digest[k] >> 4], hex += "0123456789abcdef"[digest[k] & 15];
+  return hex;
+}
+
+std::string plural(std::uint64_t n, const std::string& one, const std::string& many) {
+  return std::to_string(n) + " " + (n == 1 ? one : many);
+}
+
+// Polygons to triangles, used and finite points only.
+Mesh to_mesh(Soup& soup, const std::string& where, std::vector<std::string>& notes) {
+  reading::check_counts(soup.points.size(),
+                        soup.corners.size() - std::min(2 * soup.ends.size(), soup.corners.size()), where);
+  std::vector<bool> used(soup.points.size(), false);
+  for (const std::uint32_t v : soup.corners) {
+    if (!used[v] && !soup.points[v].allFinite())
+      fail(where, (soup.lines.empty() ? "" : "line " + std::to_string(soup.lines[v]) + ": ") + "vertex " +
+                      std::to_string(v + 1) +
+                      " (counted from 1), which a face uses, is not finite or too large to read: "
+                      "mend its coordinates or remove its faces");
+    used[v] = true;
+  }
+  Mesh mesh;
+  std::vector<std::uint32_t> place(soup.points.size());
+  for (std::size_t v = 0; v < used.size(); v++) {
+    place[v] = static_cast<std::uint32_t>(mesh.points.size());
+    if (used[v]) mesh.points.push_back(soup.points[v]);
+  }
+  if (const std::size_t unused = soup.points.size() - mesh.points.size())
+    notes.push_back(plural(unused, "point that no face uses", "points that no face uses") + " left out");
+  if (soup.thin)
+    notes.push_back(plural(soup.thin, "face", "faces") + " of fewer than three corners left out");
+
+  std::vector<Point> polygon;
+  std::vector<std::array<std::uint32_t, 3>> pieces;
+  std::uint64_t begin = 0;
+  for (const std::uint64_t end : soup.ends) {
+    const std::span<const std::uint32_t> corners(soup.corners.data() + begin, end - begin);
+    begin = end;
+    pieces.clear(), polygon.clear();
+    if (corners.size() > 3)
+      for (const std::uint32_t v : corners) polygon.push_back(soup.points[v]);
+    if (corners.size() == 3)
+      pieces.push_back({0, 1, 2});
+    else
+      triangulate_polygon(polygon, pieces);
+    for (const auto& t : pieces)
+      mesh.triangles.push_back({place[corners[t[0]]], place[corners[t[1]]], place[corners[t[2]]]});
+  }
+  if (mesh.triangles.empty())
+    fail(where, std::string("it holds no triangle") +
+                    (soup.points.empty() ? "" : ", only " + plural(soup.points.size(), "point", "points")) +
+                    (soup.thin ? " and faces of fewer than three corners" : "") +
+                    ": a mesh with faces is wanted");
+  return mesh;
+}
+
+void apply_units(ReadResult& result, const std::string& own, const ReadOptions& options,
+                 const std::string& where) {
+  double factor = options.scale;
+  result.unit = options.unit.empty() && options.scale == 1 ? own : options.unit;
+  if (!options.unit.empty() && !own.empty() && own != options.unit) {
+    factor *= metres.at(own) / metres.at(options.unit);
+    result.notes.push_back("converted from " + own + " to " + options.unit);
+  }
+  if (factor == 1) return;
+  for (Point& p : result.mesh.points) {
+    p *= factor;
+    if (!p.allFinite())
+      fail(where,
+           "coordinates overflow when scaled by " + std::to_string(factor) + ": choose a smaller scale");
+  }
+}
+
+}  // namespace
+
+const std::vector<std::string>& mesh_endings() {
+  static const std::vector<std::string> endings = {".obj", ".stl", ".ply", ".off", ".gltf",
+                                                   ".glb", ".fbx", ".dae", ".3ds", ".3mf"};
+  return endings;
+}
+
+ReadResult read_mesh(const std::filesystem::path& path, const ReadOptions& options) {
+  const std::string where = path.string();
+  if (!(options.scale > 0 && std::isfinite(options.scale)))
+    throw Error("the scale must be a positive number");
+  if (!options.unit.empty() && !metres.contains(options.unit))
+    throw Error("unit '" + options.unit + "' is not known: use m, cm, mm or in");
+  std::string ending = path.extension().string();
+  for (char& c : ending) c = c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
+  if (std::ranges::find(mesh_endings(), ending) == mesh_endings().end()) {
+    std::string known;
+    for (const std::string& e : mesh_endings()) known += (known.empty() ? "" : ", ") + e;
+    fail(where, (ending.empty() ? "it has no ending" : "no mesh format is known by the ending " + ending) +
+                    ": convert it to one of " + known);
+  }
+
+  std::string bytes = read_file(path);
+  ReadResult result;
+  result.source.file = path.filename().string();
+  result.source.sha256 = sha256(bytes);
+  if (bytes.empty()) fail(where, "the file is empty: export the mesh again");
+  Soup soup;
+  if (ending == ".obj") {
+    soup = reading::read_obj(bytes, where);
+  } else if (ending == ".off") {
+    soup = reading::read_off(bytes, where);
+  } else if (ending == ".ply") {
+    soup = reading::read_ply(bytes, where);
+  } else {
+    if (ending == ".stl") reading::check_stl(bytes, where, result.notes);
+    soup = reading::in_child(
+        [&] {
+          return ending == ".3mf" ? reading::read_3mf(bytes, where)
+                                  : reading::read_scene(bytes, path, ending);
+        },
+        bytes.size(), where);
+  }
+  std::ranges::move(soup.notes, std::back_inserter(result.notes));
+  bytes = {};
+  result.mesh = to_mesh(soup, where, result.notes);
+  result.source.triangles = result.mesh.triangles.size();
+  apply_units(result, soup.unit, options, where);
+  return result;
+}
+
+}  // namespace padder

@@ -1,0 +1,191 @@
+// SPDX-License-Identifier: MIT
+// The formats that assimp reads. Runs in a child process (read_child.cpp): on a damaged file assimp 5.2 may
+// abort.
+#include <assimp/config.h>
+#include <assimp/postprocess.h>
+#include <assimp/scene.h>
+
+#include <assimp/DefaultIOSystem.h>
+#include <Eigen/Core>
+#include <Eigen/LU>
+#include <algorithm>
+#include <assimp/DefaultLogger.hpp>
+#include <assimp/Importer.hpp>
+#include <assimp/LogStream.hpp>
+#include <utility>
+
+#include "padding/asset/excerpt.h"
+#include "padding/asset/json.h"
+#include "padding/input/read_internal.h"
+
+namespace padder::reading {
+namespace {
+
+// What assimp says during an import; nothing of it is printed. Its log is one for the process, which here is
+// the child.
+class Talk : public Assimp::LogStream {
+ public:
+  Talk() {
+    Assimp::DefaultLogger::create("", Assimp::Logger::NORMAL, 0);
+    Assimp::DefaultLogger::get()->attachStream(this, Assimp::Logger::Warn | Assimp::Logger::Err);
+  }
+  ~Talk() override {
+    Assimp::DefaultLogger::get()->detachStream(this, Assimp::Logger::Warn | Assimp::Logger::Err);
+    Assimp::DefaultLogger::kill();
+  }
+  void write(const char* message) override { text_ += message; }
+  const std::string& text() const { return text_; }
+
+ private:
+  std::string text_;
+};
+
+std::string one_line(std::string text) {
+  std::ranges::replace_if(
+      text, [](char c) { return c == '\n' || c == '\r'; }, ' ');
+  while (!text.empty() && (text.back() == ' ' || text.back() == '.')) text.pop_back();
+  return excerpt(text, 200);
+}
+
+// What a glTF needs, and what changes its shape, must be read or refused: assimp passes over both.
+void check_gltf(std::string_view bytes, const std::string& ending, const std::string& where) {
+  if (ending == ".glb") {  // a head of 12 bytes, then the JSON behind its length and kind
+    std::uint32_t length = 0;
+    if (bytes.size() < 20 || !bytes.starts_with("glTF") || bytes.substr(16, 4) != "JSON")
+      fail(where, "it is no binary glTF 2, or cut short: export it again");
+    for (std::size_t k = 4; k-- > 0;) length = length << 8 | static_cast<unsigned char>(bytes[12 + k]);
+    if (length > bytes.size() - 20) fail(where, "it is cut short: export it again");
+    bytes = bytes.substr(20, length);
+  }
+  using Json = nlohmann::json;
+  const Json json = parse_json<Json>(bytes, where);
+  const JsonPlace<Json> document(json, where);
+  const auto names = [&](const char* key) {
+    std::vector<std::string> out;
+    if (document.has(key))
+      for (std::size_t k = 0; k < document.at(key).size(); k++) out.push_back(document.at(key).at(k).text());
+    return out;
+  };
+  const auto harmless = [](std::string_view name) {  // only how it looks
+    return name.starts_with("KHR_materials_") || name.starts_with("KHR_texture_") ||
+           name.starts_with("EXT_texture_") || name.starts_with("KHR_lights_") || name.starts_with("KHR_xmp");
+  };
+  for (const std::string& name : names("extensionsRequired"))
+    if (!harmless(name))
+      fail(where,
+           "it needs the glTF extension '" + excerpt(name) + "', which is not read: export it without");
+  for (const std::string& name : names("extensionsUsed"))
+    if (name == "EXT_mesh_gpu_instancing" || name == "KHR_draco_mesh_compression" ||
+        name == "EXT_meshopt_compression")
+      fail(where, "it uses the glTF extension '" + name + "', which is not read: export it without");
+}
+
+// Files that a scene refers to: a pipe or a device among them would never end.
+class Files : public Assimp::DefaultIOSystem {
+ public:
+  bool Exists(const char* name) const override {  // assimp's own opens it to see
+    std::error_code code;
+    return std::filesystem::is_regular_file(name, code);
+  }
+  Assimp::IOStream* Open(const char* name, const char* mode) override {
+    return Exists(name) ? DefaultIOSystem::Open(name, mode) : nullptr;
+  }
+};
+
+// FBX says how many centimetres its unit has.
+std::string unit_of(const aiScene& scene, const std::string& ending, double& factor) {
+  if (ending == ".gltf" || ending == ".glb" || ending == ".dae") return "m";
+  if (ending != ".fbx" || !scene.mMetaData) return "";
+  double centimetres = 0;
+  float single = 0;
+  if (!scene.mMetaData->Get("UnitScaleFactor", centimetres) &&
+      scene.mMetaData->Get("UnitScaleFactor", single))
+    centimetres = single;
+  if (!(centimetres > 0)) return "";
+  for (const auto& [unit, size] : {std::pair{"m", 100.0}, {"cm", 1.0}, {"mm", 0.1}, {"in", 2.54}})
+    if (std::abs(centimetres - size) < 1e-6 * size) return unit;
+  factor = centimetres;
+  return "cm";
+}
+
+Eigen::Matrix4d matrix(const aiMatrix4x4& m) {
+  Eigen::Matrix4d d;
+  d << m.a1, m.a2, m.a3, m.a4, m.b1, m.b2, m.b3, m.b4, m.c1, m.c2, m.c3, m.c4, m.d1, m.d2, m.d3, m.d4;
+  return d;
+}
+
+void add(const aiMesh& mesh, const Eigen::Matrix4d& place, double factor, const std::string& where,
+         Soup& soup) {
+  check_counts(soup.points.size() + mesh.mNumVertices, soup.ends.size() + mesh.mNumFaces, where);
+  const std::uint32_t first = static_cast<std::uint32_t>(soup.points.size());
+  const bool mirrored = place.topLeftCorner<3, 3>().determinant() < 0;
+  for (unsigned v = 0; v < mesh.mNumVertices; v++) {
+    const aiVector3D& p = mesh.mVertices[v];
+    soup.points.push_back(factor * (place * Eigen::Vector4d(p.x, p.y, p.z, 1)).head<3>());
+  }
+  for (unsigned f = 0; f < mesh.mNumFaces; f++) {
+    const aiFace& face = mesh.mFaces[f];
+    if (face.mNumIndices < 3) {
+      soup.thin++;
+      continue;
+    }
+    for (unsigned k = 0; k < face.mNumIndices; k++) {
+      const unsigned v = face.mIndices[mirrored ? face.mNumIndices - 1 - k : k];
+      if (v >= mesh.mNumVertices)
+        fail(where, "face " + std::to_string(f + 1) + " of mesh '" + one_line(mesh.mName.C_Str()) +
+                        "' names vertex " + std::to_string(v) + " of " + std::to_string(mesh.mNumVertices) +
+                        ": export it again");
+      soup.corners.push_back(first + v);
+    }
+    soup.close_face();
+  }
+}
+
+}  // namespace
+
+Soup read_scene(const std::string& bytes, const std::filesystem::path& path, const std::string& ending) {
+  const std::string where = path.string();
+  if (ending == ".gltf" || ending == ".glb") check_gltf(bytes, ending, where);
+  Talk talk;
+  Assimp::Importer importer;
+  importer.SetIOHandler(new Files);  // which the importer owns
+  importer.SetPropertyInteger(AI_CONFIG_PP_RVC_FLAGS,
+                              aiComponent_NORMALS | aiComponent_TANGENTS_AND_BITANGENTS | aiComponent_COLORS |
+                                  aiComponent_TEXCOORDS | aiComponent_BONEWEIGHTS | aiComponent_ANIMATIONS |
+                                  aiComponent_TEXTURES | aiComponent_LIGHTS | aiComponent_CAMERAS |
+                                  aiComponent_MATERIALS);
+  for (const char* part : {AI_CONFIG_IMPORT_FBX_READ_MATERIALS, AI_CONFIG_IMPORT_FBX_READ_TEXTURES,
+                           AI_CONFIG_IMPORT_FBX_READ_LIGHTS, AI_CONFIG_IMPORT_FBX_READ_CAMERAS,
+                           AI_CONFIG_IMPORT_FBX_READ_ANIMATIONS, AI_CONFIG_IMPORT_FBX_READ_WEIGHTS})
+    importer.SetPropertyBool(part, false);
+  // STL goes over as the checked bytes; a scene may refer to other files, which only its path leads to.
+  const bool alone = ending == ".stl";
+  const aiScene* scene = alone ? importer.ReadFileFromMemory(bytes.data(), bytes.size(),
+                                                             aiProcess_RemoveComponent, ending.c_str() + 1)
+                               : importer.ReadFile(where, aiProcess_RemoveComponent);
+  if (!scene || !scene->mRootNode)
+    fail(where, "assimp cannot read it (" + one_line(importer.GetErrorString()) +
+                    "): check that the file is whole, beside the files it refers to, and has the ending of "
+                    "its format");
+  // Of its own accord assimp drops such faces and only says so.
+  if (talk.text().find("out-of-range") != std::string::npos ||
+      talk.text().find("out of range") != std::string::npos)
+    fail(where, "faces with an index out of range (" + one_line(talk.text()) + "): export the mesh again");
+
+  Soup soup;
+  double factor = 1;
+  soup.unit = unit_of(*scene, ending, factor);
+  std::vector<std::pair<const aiNode*, Eigen::Matrix4d>> open = {
+      {scene->mRootNode, matrix(scene->mRootNode->mTransformation)}};
+  while (!open.empty()) {  // not by recursion: a file may nest nodes deeper than the stack
+    const auto [node, place] = open.back();
+    open.pop_back();
+    for (unsigned k = 0; k < node->mNumMeshes; k++)
+      add(*scene->mMeshes[node->mMeshes[k]], place, factor, where, soup);
+    for (unsigned k = node->mNumChildren; k-- > 0;)  // the first child is taken next
+      open.emplace_back(node->mChildren[k], place * matrix(node->mChildren[k]->mTransformation));
+  }
+  return soup;
+}
+
+}  // namespace padder::reading

@@ -1,0 +1,314 @@
+// SPDX-License-Identifier: MIT
+#include "padding/input/urdf.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <cstdlib>
+#include <cstring>
+#include <map>
+#include <pugixml.hpp>
+#include <set>
+
+#include "padding/asset/error.h"
+#include "padding/asset/excerpt.h"
+#include "padding/asset/file.h"
+#include "padding/export/families.h"
+#include "padding/import/xml.h"
+
+namespace padder {
+namespace {
+
+namespace fs = std::filesystem;
+
+class Reader {
+ public:
+  explicit Reader(const fs::path& path) : path_(path) {}
+
+  Urdf read() {
+    Urdf urdf;
+    urdf.model.urdf = read_file(path_, kMostText);
+    urdf.model.unit = "m";
+    pugi::xml_document document;
+    importing::load_xml(document, urdf.model.urdf, path_.string());
+    const pugi::xml_node robot = document.child("robot");
+    if (!robot) fail("<robot> is not its root: a .xacro must be expanded first");
+    urdf.model.name = robot.attribute("name").as_string("robot");
+    bool visual = true;
+    for (const auto& link : robot.children("link"))
+      if (link.child("collision")) visual = false;
+    for (const auto& link : robot.children("link")) add_link(link, visual ? "visual" : "collision");
+    if (links_.empty()) fail("there is no <link> in it");
+    for (const auto& joint : robot.children("joint")) add_joint(joint);
+    if (visual) urdf.notes.push_back("no link has collision geometry: the visual geometry was padded");
+    order(urdf);
+    return urdf;
+  }
+
+ private:
+  [[noreturn]] void fail(const std::string& what) const { throw Error(path_.string() + ": " + what); }
+
+  // "" gives the default.
+  Vector three(const pugi::xml_attribute& attribute, const Vector& otherwise,
+               const std::string& where) const {
+    const char* text = attribute.as_string();
+    if (!*text) return otherwise;
+    Vector v;
+    const char* end = text + std::strlen(text);
+    const auto blanks = [&] {
+      while (text != end && std::strchr(" \t\n\r", *text)) text++;
+    };
+    for (int k = 0; k < 3; k++) {
+      blanks();
+      if (text != end && *text == '+') text++;
+      const auto [next, code] = std::from_chars(text, end, v[k]);
+      if (code != std::errc() || !std::isfinite(v[k]))
+        fail(where + ": three numbers are wanted, not \"" + excerpt(attribute.as_string()) + "\"");
+      text = next;
+    }
+    blanks();
+    if (text != end)
+      fail(where + ": three numbers are wanted, not \"" + excerpt(attribute.as_string()) + "\"");
+    return v;
+  }
+  double one(const pugi::xml_attribute& attribute, const std::string& where) const {
+    const char* text = attribute.as_string();
+    const char* end = text + std::strlen(text);
+    double v = 0;
+    const auto [next, code] = std::from_chars(text, end, v);
+    if (code != std::errc() || next != end || !std::isfinite(v))
+      fail(where + ": a number is wanted, not \"" + excerpt(text) + "\"");
+    return v;
+  }
+  double positive(const pugi::xml_attribute& attribute, const std::string& where) const {
+    const double v = one(attribute, where);
+    if (!(v > 0)) fail(where + ": a number above 0 is wanted");
+    return v;
+  }
+
+  Eigen::Isometry3d place(const pugi::xml_node& origin, const std::string& where) const {
+    Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
+    const Vector rpy = three(origin.attribute("rpy"), Vector::Zero(), where);
+    pose.translation() = three(origin.attribute("xyz"), Vector::Zero(), where);
+    if (!rpy.isZero(0))
+      pose.linear() =
+          (Eigen::AngleAxisd(rpy.z(), Vector::UnitZ()) * Eigen::AngleAxisd(rpy.y(), Vector::UnitY()) *
+           Eigen::AngleAxisd(rpy.x(), Vector::UnitX()))
+              .toRotationMatrix();
+    return pose;
+  }
+
+  fs::path found(const std::string& reference, const std::string& where) const {
+    const fs::path home = fs::absolute(path_).lexically_normal().parent_path();
+    std::vector<fs::path> tried;
+    if (reference.starts_with("file://")) {
+      tried.emplace_back(reference.substr(7));
+    } else if (reference.starts_with("package://") || reference.starts_with("model://")) {
+      const fs::path inside = reference.substr(reference.find("://") + 3);
+      for (fs::path folder = home;; folder = folder.parent_path()) {
+        tried.push_back(folder / inside);
+        if (folder == folder.parent_path()) break;
+      }
+      if (const char* more = std::getenv("ROS_PACKAGE_PATH")) {
+        const std::string all = more;
+        for (std::size_t k = 0; k < all.size();) {
+          const std::size_t end = std::min(all.find(':', k), all.size());
+          const fs::path folder = all.substr(k, end - k);
+          tried.push_back(folder / inside);
+          if (folder.filename() == *inside.begin()) tried.push_back(folder.parent_path() / inside);
+          k = end + 1;
+        }
+      }
+    } else {
+      tried.push_back(home / reference);
+    }
+    std::error_code code;
+    for (const fs::path& p : tried)
+      if (fs::is_regular_file(p, code)) return p;
+    fail(where + ": the mesh " + excerpt(reference, 200) + " is not there: " +
+         (tried.size() > 1 ? "no folder above the URDF has it, nor one of ROS_PACKAGE_PATH"
+                           : "looked for " + excerpt(tried[0].string(), 500)));
+  }
+
+  void add_link(const pugi::xml_node& node, const char* kind) {
+    UrdfLink link;
+    Body body;
+    link.name = body.name = node.attribute("name").as_string();
+    const std::string where = "link " + excerpt(link.name);
+    if (link.name.empty()) fail("a <link> has no name");
+    if (!index_.emplace(link.name, links_.size()).second) fail("two links are called " + excerpt(link.name));
+    for (const auto& element : node.children(kind)) {
+      const pugi::xml_node geometry = element.child("geometry");
+      UrdfShape shape;
+      shape.pose = place(element.child("origin"), where);
+      if (const auto mesh = geometry.child("mesh")) {
+        shape.file = found(mesh.attribute("filename").as_string(), where);
+        shape.scale = three(mesh.attribute("scale"), Vector::Ones(), where);
+        if ((shape.scale.array() == 0).any()) fail(where + ": a mesh has a scale of 0");
+      } else if (const auto box = geometry.child("box")) {
+        shape.type = UrdfShape::Type::box;
+        shape.size = three(box.attribute("size"), Vector::Zero(), where);
+        if (!(shape.size.minCoeff() > 0)) fail(where + ": a box has no positive size");
+      } else if (const auto cylinder = geometry.child("cylinder")) {
+        shape.type = UrdfShape::Type::cylinder;
+        const double r = positive(cylinder.attribute("radius"), where);
+        shape.size = {r, r, positive(cylinder.attribute("length"), where)};
+      } else if (const auto sphere = geometry.child("sphere")) {
+        shape.type = UrdfShape::Type::sphere;
+        shape.size = Vector::Constant(positive(sphere.attribute("radius"), where));
+      } else {
+        fail(where + ": its geometry is none of mesh, box, cylinder, sphere");
+      }
+      link.shapes.push_back(std::move(shape));
+    }
+    if (const auto inertial = node.child("inertial")) {
+      const auto m = inertial.child("inertia");
+      const Eigen::Isometry3d frame = place(inertial.child("origin"), where);
+      Inertial i;
+      i.mass = one(inertial.child("mass").attribute("value"), where);
+      i.center = frame.translation();
+      const char* names[3][3] = {{"ixx", "ixy", "ixz"}, {"ixy", "iyy", "iyz"}, {"ixz", "iyz", "izz"}};
+      for (int row = 0; row < 3; row++)
+        for (int column = 0; column < 3; column++)
+          i.inertia(row, column) = one(m.attribute(names[row][column]), where);
+      i.inertia = frame.linear() * i.inertia * frame.linear().transpose();
+      body.inertial = i;
+    }
+    links_.push_back(std::move(link)), bodies_.push_back(std::move(body)), parents_.push_back(-1);
+  }
+
+  void add_joint(const pugi::xml_node& node) {
+    static const std::map<std::string_view, Joint::Type> types{
+        {"fixed", Joint::Type::fixed},           {"revolute", Joint::Type::revolute},
+        {"continuous", Joint::Type::continuous}, {"prismatic", Joint::Type::prismatic},
+        {"planar", Joint::Type::planar},         {"floating", Joint::Type::floating}};
+    Joint joint;
+    joint.name = node.attribute("name").as_string();
+    const std::string where = "joint " + excerpt(joint.name);
+    if (!joint_names_.insert(joint.name).second) fail("two joints are called " + excerpt(joint.name));
+    const auto type = types.find(node.attribute("type").as_string());
+    if (type == types.end())
+      fail(where + ": \"" + excerpt(node.attribute("type").as_string()) + "\" is no type of joint");
+    joint.type = type->second;
+    const auto link = [&](const char* which) {
+      const auto it = index_.find(node.child(which).attribute("link").as_string());
+      if (it == index_.end()) fail(where + ": its " + which + " is not a link of this robot");
+      return it->second;
+    };
+    const std::size_t parent = link("parent"), child = link("child");
+    if (parents_[child] >= 0) fail(where + ": " + excerpt(links_[child].name) + " has a parent already");
+    const Vector axis = three(node.child("axis").attribute("xyz"), Vector::UnitX(), where);
+    const bool turns = joint.type != Joint::Type::fixed && joint.type != Joint::Type::floating;
+    if (turns && !(axis.norm() > 0)) fail(where + ": its axis has no length");
+    if (turns) joint.axis = axis.normalized();
+    if (const auto limit = node.child("limit");
+        limit && (joint.type == Joint::Type::revolute || joint.type == Joint::Type::prismatic)) {
+      if (limit.attribute("lower")) joint.lower = one(limit.attribute("lower"), where);
+      if (limit.attribute("upper")) joint.upper = one(limit.attribute("upper"), where);
+    }
+    parents_[child] = static_cast<int>(parent);
+    bodies_[child].joint = std::move(joint);
+    bodies_[child].pose = place(node.child("origin"), where);
+  }
+
+  // Parents first, else as in the file.
+  void order(Urdf& urdf) {
+    std::vector<int> at(links_.size(), -1);
+    for (std::size_t k = 0; k < links_.size(); k++) {
+      std::vector<std::size_t> chain;  // from k up to the first that is placed
+      for (int up = static_cast<int>(k); up >= 0 && at[static_cast<std::size_t>(up)] < 0;
+           up = parents_[static_cast<std::size_t>(up)]) {
+        if (chain.size() > links_.size())
+          fail("its joints go round in a circle at " + excerpt(links_[k].name));
+        chain.push_back(static_cast<std::size_t>(up));
+      }
+      for (auto it = chain.rbegin(); it != chain.rend(); ++it) {
+        at[*it] = static_cast<int>(urdf.links.size());
+        const int parent = parents_[*it];
+        bodies_[*it].parent = parent < 0 ? -1 : at[static_cast<std::size_t>(parent)];
+        urdf.model.bodies.push_back(std::move(bodies_[*it]));
+        urdf.links.push_back(std::move(links_[*it]));
+      }
+    }
+    std::string roots;
+    int count = 0;
+    for (const Body& b : urdf.model.bodies)
+      if (b.parent < 0) roots += (count++ ? ", " : "") + excerpt(b.name);
+    if (count > 1) fail("a robot has one root, and here are " + std::to_string(count) + ": " + roots);
+  }
+
+  fs::path path_;
+  std::vector<UrdfLink> links_;
+  std::vector<Body> bodies_;
+  std::vector<int> parents_;
+  std::map<std::string, std::size_t, std::less<>> index_;
+  std::set<std::string> joint_names_;
+};
+
+// The links of each rigid group, and the group above it that has shapes (-1: none). Numbered parents first.
+struct Groups {
+  std::vector<std::size_t> of;  // of each link
+  std::vector<char> shapes;
+  std::vector<int> above;
+
+  explicit Groups(const Urdf& urdf) {
+    std::vector<int> parent;  // of each group
+    for (std::size_t k = 0; k < urdf.links.size(); k++) {
+      const Body& b = urdf.model.bodies[k];
+      if (b.parent >= 0 && b.joint.type == Joint::Type::fixed) {
+        of.push_back(of[static_cast<std::size_t>(b.parent)]);
+      } else {
+        of.push_back(parent.size());
+        parent.push_back(b.parent < 0 ? -1 : static_cast<int>(of[static_cast<std::size_t>(b.parent)]));
+        shapes.push_back(0);
+      }
+      if (!urdf.links[k].shapes.empty()) shapes[of[k]] = 1;
+    }
+    for (std::size_t g = 0; g < parent.size(); g++) {
+      int up = parent[g];
+      while (up >= 0 && !shapes[static_cast<std::size_t>(up)]) up = parent[static_cast<std::size_t>(up)];
+      above.push_back(up);
+    }
+  }
+};
+
+}  // namespace
+
+Urdf read_urdf(const fs::path& path) { return Reader(path).read(); }
+
+std::vector<std::pair<std::size_t, std::size_t>> neighbours(const Urdf& urdf) {
+  const Groups groups(urdf);
+  std::vector<std::pair<std::size_t, std::size_t>> pairs;
+  for (std::size_t i = 0; i < urdf.links.size(); i++)
+    for (std::size_t j = i + 1; j < urdf.links.size(); j++) {
+      if (urdf.links[i].shapes.empty() || urdf.links[j].shapes.empty()) continue;
+      const std::size_t a = groups.of[i], b = groups.of[j];
+      if (a == b || groups.above[a] == static_cast<int>(b) || groups.above[b] == static_cast<int>(a))
+        pairs.emplace_back(i, j);
+    }
+  return pairs;
+}
+
+void set_families(Urdf& urdf) {
+  const Groups groups(urdf);
+  std::vector<std::size_t> number(groups.above.size());  // of groups with shapes
+  std::size_t count = 0;
+  for (std::size_t g = 0; g < number.size(); g++)
+    if (groups.shapes[g]) number[g] = count++;
+  std::vector<std::pair<std::size_t, std::size_t>> pairs;
+  for (std::size_t g = 0; g < number.size(); g++)
+    if (groups.shapes[g] && groups.above[g] >= 0)
+      pairs.emplace_back(number[static_cast<std::size_t>(groups.above[g])], number[g]);
+  const auto families = families_of(count, pairs);
+  if (!families)
+    throw Error("the robot " + urdf.model.name + " has " + std::to_string(count) +
+                " moving parts, and 32 families cannot keep the neighbours among so many apart: pad it in "
+                "two pieces");
+  for (std::size_t k = 0; k < urdf.links.size(); k++) {
+    if (urdf.links[k].shapes.empty()) continue;
+    const CollisionFilter& f = (*families)[number[groups.of[k]]];
+    urdf.model.bodies[k].cluster.family = f.family, urdf.model.bodies[k].cluster.mask = f.mask;
+  }
+}
+
+}  // namespace padder

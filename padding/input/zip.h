@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: MIT
+// Files of a zip archive, stored or deflated. Not installed.
+#pragma once
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace padder {
+
+// An archive in memory; borrows its bytes.
+class Zip {
+ public:
+  // Throws Error, which begins with `where`: no zip archive, damaged, beyond 4 GiB, encrypted.
+  Zip(std::string_view bytes, const std::string& where);
+
+  bool has(std::string_view name) const { return find(name) != nullptr; }
+  // Its bytes. The case of letters does not count, as in the packages of 3MF. Throws Error when it is not
+  // there, is damaged (its checksum is looked at), larger than `most`, or packed in another way.
+  std::string read(std::string_view name, std::size_t most) const;
+
+ private:
+  struct Entry {
+    std::string name;
+    std::size_t local = 0, packed = 0, size = 0;
+    unsigned method = 0;
+    unsigned long checksum = 0;
+  };
+  const Entry* find(std::string_view name) const;
+  std::uint64_t number(std::size_t at, int bytes) const;  // little-endian
+  [[noreturn]] void fail(const std::string& what) const;
+
+  std::string_view bytes_;
+  std::string where_;
+  std::vector<Entry> entries_;
+};
+
+}  // namespace padder

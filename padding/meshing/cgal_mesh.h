@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Between our flat arrays and CGAL's surface mesh. Only for the sources that use CGAL: compiling it takes
+// seconds.
+#pragma once
+#include <CGAL/Exact_predicates_inexact_constructions_kernel.h>
+#include <CGAL/Surface_mesh.h>
+
+#include <vector>
+
+#include "padding/asset/mesh.h"
+
+namespace padder {
+
+using CgalKernel = CGAL::Exact_predicates_inexact_constructions_kernel;
+using CgalPoint = CgalKernel::Point_3;
+using CgalMesh = CGAL::Surface_mesh<CgalPoint>;
+
+inline CgalPoint to_cgal(const Point& p) { return {p.x(), p.y(), p.z()}; }
+inline Point from_cgal(const CgalPoint& p) { return {p.x(), p.y(), p.z()}; }
+
+// The mesh must be manifold and oriented.
+inline CgalMesh to_cgal(const Mesh& mesh) {
+  CgalMesh out;
+  for (const Point& p : mesh.points) out.add_vertex(to_cgal(p));
+  for (const auto& t : mesh.triangles)
+    out.add_face(CgalMesh::Vertex_index(t[0]), CgalMesh::Vertex_index(t[1]), CgalMesh::Vertex_index(t[2]));
+  return out;
+}
+
+// Triangles only; vertices that no face uses are left out.
+inline Mesh from_cgal(const CgalMesh& mesh) {
+  Mesh out;
+  std::vector<std::uint32_t> index(mesh.num_vertices(), ~0u);
+  for (const auto f : mesh.faces()) {
+    std::array<std::uint32_t, 3> t;
+    int k = 0;
+    for (const auto v : mesh.vertices_around_face(mesh.halfedge(f))) {
+      auto& i = index[v];
+      if (i == ~0u)
+        i = static_cast<std::uint32_t>(out.points.size()), out.points.push_back(from_cgal(mesh.point(v)));
+      t[k++] = i;
+    }
+    out.triangles.push_back(t);
+  }
+  return out;
+}
+
+}  // namespace padder

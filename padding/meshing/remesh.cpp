@@ -1,0 +1,173 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "padding/meshing/remesh.h"
+
+#include <CGAL/Polygon_mesh_processing/detect_features.h>
+#include <CGAL/Polygon_mesh_processing/remesh.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <deque>
+#include <numbers>
+
+#include "padding/asset/error.h"
+#include "padding/geometry/triangle.h"
+#include "padding/meshing/cgal_mesh.h"
+
+namespace padder {
+namespace {
+
+namespace pmp = CGAL::Polygon_mesh_processing;
+using Vertex = CgalMesh::Vertex_index;
+using Halfedge = CgalMesh::Halfedge_index;
+using Edge = CgalMesh::Edge_index;
+using SharpMap = CgalMesh::Property_map<Edge, bool>;
+
+Point at(const CgalMesh& mesh, Vertex v) { return from_cgal(mesh.point(v)); }
+
+Triangle3 corners(const CgalMesh& mesh, Halfedge h) {  // the edge of h first
+  return {at(mesh, mesh.source(h)), at(mesh, mesh.target(h)), at(mesh, mesh.target(mesh.next(h)))};
+}
+
+// The angle that faces h in its face.
+double opposite_angle(const CgalMesh& mesh, Halfedge h) { return corners(mesh, h).angle(2); }
+
+bool flippable(const CgalMesh& mesh, const SharpMap& sharp, Edge e) {
+  if (mesh.is_border(e) || sharp[e]) return false;
+  const Halfedge h = mesh.halfedge(e), g = mesh.opposite(h);
+  const Vertex u = mesh.target(mesh.next(h)), v = mesh.target(mesh.next(g));
+  return u != v && mesh.halfedge(u, v) == CgalMesh::null_halfedge();
+}
+
+// Would flipping h fold the surface? Both new triangles must face as both old ones do.
+bool flip_keeps_shape(const CgalMesh& mesh, Halfedge h) {
+  const Triangle3 old_a = corners(mesh, h), old_b = corners(mesh, mesh.opposite(h));
+  const Triangle3 new_a{old_a.c, old_a.a, old_b.c}, new_b{old_a.c, old_b.c, old_a.b};
+  const Vector before = old_a.area_normal() + old_b.area_normal();
+  constexpr double cos_limit = 0.8;
+  for (const Triangle3& t : {new_a, new_b}) {
+    const Vector n = t.area_normal();
+    if (n.dot(before) < cos_limit * n.norm() * before.norm() || n.norm() == 0) return false;
+  }
+  return true;
+}
+
+// Lawson's flips on the embedded surface. On a plane they end; on a curved one each flip changes the
+// geometry, so their number is bounded, and what is left is reported as a share.
+void make_delaunay(CgalMesh& mesh, const SharpMap& sharp) {
+  std::deque<Edge> work(mesh.edges().begin(), mesh.edges().end());
+  std::size_t budget = 20 * mesh.number_of_edges();
+  while (!work.empty() && budget-- > 0) {
+    const Edge e = work.front();
+    work.pop_front();
+    if (mesh.is_removed(e) || !flippable(mesh, sharp, e)) continue;
+    const Halfedge h = mesh.halfedge(e), g = mesh.opposite(h);
+    if (opposite_angle(mesh, h) + opposite_angle(mesh, g) <= std::numbers::pi + 1e-9) continue;
+    if (!flip_keeps_shape(mesh, h)) continue;
+    for (const Halfedge k : {mesh.next(h), mesh.prev(h), mesh.next(g), mesh.prev(g)})
+      work.push_back(mesh.edge(k));
+    CGAL::Euler::flip_edge(h, mesh);
+  }
+}
+
+// Splits the longest edge of each obtuse triangle with too large a circumradius at the foot of its height.
+std::size_t split_slivers(CgalMesh& mesh, SharpMap& sharp, double limit) {
+  std::size_t splits = 0;
+  const std::vector<CgalMesh::Face_index> faces(mesh.faces().begin(), mesh.faces().end());
+  for (const auto f : faces) {
+    Halfedge longest = mesh.halfedge(f);
+    double length = 0;
+    for (const Halfedge h : mesh.halfedges_around_face(mesh.halfedge(f))) {
+      const double l = (at(mesh, mesh.target(h)) - at(mesh, mesh.source(h))).norm();
+      if (l > length) length = l, longest = h;
+    }
+    const Triangle3 t = corners(mesh, longest);
+    if (t.circumradius() <= limit) continue;
+    const Vector e = t.b - t.a;
+    const double s = std::clamp((t.c - t.a).dot(e) / e.squaredNorm(), 0.1, 0.9);
+    const bool was_sharp = sharp[mesh.edge(longest)];
+    const Halfedge twin = mesh.opposite(longest);
+    const Halfedge half = CGAL::Euler::split_edge(longest, mesh);  // source(longest) -> new vertex
+    mesh.point(mesh.target(half)) = to_cgal(Point(t.a + s * e));
+    sharp[mesh.edge(half)] = sharp[mesh.edge(longest)] = was_sharp;
+    CGAL::Euler::split_face(half, mesh.next(longest), mesh);
+    if (!mesh.is_border(twin)) {
+      const Halfedge back = mesh.opposite(half);  // new vertex -> source; runs in the twin's face
+      CGAL::Euler::split_face(mesh.prev(back), mesh.next(back), mesh);
+    }
+    splits++;
+  }
+  return splits;
+}
+
+}  // namespace
+
+RemeshQuality measure_quality(const Mesh& mesh, double sharp_angle) {
+  RemeshQuality q;
+  if (mesh.triangles.empty()) return q;
+  struct Side {
+    std::uint64_t edge;
+    double angle;  // that faces the edge
+    Vector normal;
+  };
+  std::vector<Side> sides;
+  q.min_angle_deg = 180;
+  std::size_t under = 0;
+  constexpr double degree = std::numbers::pi / 180;
+  for (std::size_t t = 0; t < mesh.triangles.size(); t++) {
+    const Triangle3 tri{mesh.corner(t, 0), mesh.corner(t, 1), mesh.corner(t, 2)};
+    const Vector normal = tri.area_normal().normalized();
+    double least = 180;
+    for (int k = 0; k < 3; k++) {
+      const auto u = mesh.triangles[t][k], v = mesh.triangles[t][(k + 1) % 3];
+      sides.push_back({std::uint64_t(std::min(u, v)) << 32 | std::max(u, v), tri.angle((k + 2) % 3), normal});
+      least = std::min(least, tri.angle(k) / degree);
+    }
+    q.min_angle_deg = std::min(q.min_angle_deg, least);
+    under += least < 20;
+    q.circumradius_max = std::max(q.circumradius_max, tri.circumradius());
+  }
+  q.share_under_20_deg = double(under) / double(mesh.triangles.size());
+  std::sort(sides.begin(), sides.end(), [](const Side& a, const Side& b) { return a.edge < b.edge; });
+  std::size_t interior = 0, failed = 0;
+  for (std::size_t k = 0; k + 1 < sides.size(); k++) {
+    if (sides[k].edge != sides[k + 1].edge) continue;
+    if (sides[k].normal.dot(sides[k + 1].normal) < std::cos(sharp_angle * degree)) {
+      q.sharp_edges++;
+    } else {
+      interior++;
+      failed += sides[k].angle + sides[k + 1].angle > std::numbers::pi + 1e-9;
+    }
+    k++;
+  }
+  q.share_non_delaunay = interior ? double(failed) / double(interior) : 0;
+  return q;
+}
+
+Remeshed remesh(const Mesh& input, const RemeshOptions& options) {
+  const double length = options.edge_length;
+  if (!(length > 0)) throw Error("the edge length must be positive");
+  if (input.area() / (0.43 * length * length) > 2147483648.0)
+    throw Error("an edge length of " + std::to_string(length) +
+                " would make more than 2^31 triangles: use a longer one");
+  CgalMesh mesh = to_cgal(input);
+  SharpMap sharp = mesh.add_property_map<Edge, bool>("e:sharp", false).first;
+  if (options.sharp_angle < 180) pmp::detect_sharp_edges(mesh, options.sharp_angle, sharp);
+  pmp::isotropic_remeshing(mesh.faces(), length, mesh,
+                           CGAL::parameters::number_of_iterations(options.iterations)
+                               .edge_is_constrained_map(sharp)
+                               .protect_constraints(false)
+                               .number_of_relaxation_steps(3));
+  mesh.collect_garbage();
+  make_delaunay(mesh, sharp);
+  for (int round = 0; round < 10; round++) {
+    if (split_slivers(mesh, sharp, length) == 0) break;
+    make_delaunay(mesh, sharp);
+  }
+  Remeshed out;
+  out.mesh = from_cgal(mesh);
+  out.quality = measure_quality(out.mesh, options.sharp_angle);
+  return out;
+}
+
+}  // namespace padder

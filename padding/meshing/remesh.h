@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Isotropic remeshing to a Delaunay surface: the "meshing" step of the paper's section 2.3.
+#pragma once
+#include <cstdint>
+
+#include "padding/asset/mesh.h"
+
+namespace padder {
+
+// The triangles wanted.
+struct RemeshOptions {
+  double edge_length = 0;   // wanted, in the mesh's unit; > 0
+  double sharp_angle = 40;  // degrees: an edge whose faces' normals differ by more is kept; 180 keeps none
+  int iterations = 5;       // of split, collapse, flip, smooth, project
+};
+
+// What remeshing reached. Shares are 0 to 1.
+struct RemeshQuality {
+  double min_angle_deg = 0;
+  double share_under_20_deg = 0;  // triangles with an angle under 20 degrees
+  double share_non_delaunay = 0;  // of the edges neither sharp nor border: opposite angles sum to over 180
+  double circumradius_max = 0;    // the sliver guard holds it under edge_length where the shape allows
+  std::uint64_t sharp_edges = 0;  // kept
+};
+
+// The new surface, and how good its triangles are.
+struct Remeshed {
+  Mesh mesh;
+  RemeshQuality quality;
+};
+
+// CGAL's isotropic remeshing (Botsch and Kobbelt, A remeshing approach to multiresolution modeling, 2004)
+// with sharp edges constrained, then edge flips until the surface is Delaunay and a sliver guard: an obtuse
+// triangle whose circumradius is larger than the edge length has its longest edge split at the foot of its
+// height, so that no triangle yields a runaway sphere. New vertices lie on the input's surface. The mesh must
+// be manifold and oriented; it may have a border, which is kept. Throws Error when edge_length is not
+// positive or would make more than 2^31 triangles. Deterministic. Cost: about 20 s a million triangles in or
+// out.
+Remeshed remesh(const Mesh& mesh, const RemeshOptions& options);
+
+RemeshQuality measure_quality(const Mesh& mesh, double sharp_angle);
+
+}  // namespace padder

@@ -1,0 +1,252 @@
+// SPDX-License-Identifier: MIT
+#include "padding/verify/accuracy.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <numeric>
+#include <optional>
+
+#include "padding/verify/certify.h"
+
+namespace padder {
+namespace {
+
+struct Weighted {
+  double value, weight;
+};
+
+struct Summary {
+  double max = 0, mean = 0, p95 = 0;
+};
+
+Summary summarize(std::vector<Weighted>& samples) {
+  Summary s;
+  if (samples.empty()) return s;
+  std::sort(samples.begin(), samples.end(),
+            [](const Weighted& a, const Weighted& b) { return a.value < b.value; });
+  double weight = 0, sum = 0;
+  for (const auto& w : samples) weight += w.weight, sum += w.weight * w.value;
+  s.max = samples.back().value, s.mean = weight > 0 ? sum / weight : 0;
+  double seen = 0;
+  for (const auto& w : samples)
+    if ((seen += w.weight) >= 0.95 * weight) {
+      s.p95 = w.value;
+      break;
+    }
+  return s;
+}
+
+// Calls visit(k, into) for k in [0, n) on all threads and appends what each block found in the order of the
+// blocks.
+template <class T, class Visit>
+std::vector<T> gather(std::int64_t n, Visit&& visit) {
+  constexpr std::int64_t block = 256;
+  const std::int64_t blocks = (n + block - 1) / block;
+  std::vector<std::vector<T>> found(blocks);
+#pragma omp parallel for schedule(dynamic, 1)
+  for (std::int64_t b = 0; b < blocks; b++)
+    for (std::int64_t k = b * block; k < std::min(n, (b + 1) * block); k++) visit(k, found[b]);
+  std::vector<T> all;
+  for (auto& part : found) all.insert(all.end(), part.begin(), part.end());
+  return all;
+}
+
+// Point j of n on the unit sphere along a spiral: equal areas, no clusters at the poles (Gonzalez,
+// Measurement of areas on a sphere using Fibonacci and latitude-longitude lattices, 2010). The turn keeps
+// neighbouring balls from sampling alike.
+Vector spiral(std::int64_t j, std::int64_t n, double turn) {
+  constexpr double golden = std::numbers::pi * (3 - 2.2360679774997896964);
+  const double z = 1 - (2 * double(j) + 1) / double(n), s = std::sqrt(std::max(0.0, 1 - z * z));
+  const double angle = golden * double(j) + turn;
+  return {s * std::cos(angle), s * std::sin(angle), z};
+}
+
+struct SurfaceSample {
+  double gap, weight;
+  bool inside;
+};
+
+std::vector<SurfaceSample> sample_surface(const Mesh& input, const Repaired& body,
+                                          const Surface& body_surface, const BallSet& balls,
+                                          std::int64_t wanted, double& buried) {
+  const double each = input.area() / double(wanted), reach = 2 * body.offset;
+  const bool wrap = body.kind == BodyKind::wrap;
+  struct Found {
+    SurfaceSample sample;
+    bool buried;
+  };
+  const auto found =
+      gather<Found>(std::int64_t(input.triangles.size()), [&](std::int64_t t, std::vector<Found>& into) {
+        const double area = input.area_normal(t).norm();
+        if (!(area > 0)) return;
+        // n^2 congruent pieces, their centroids as samples, with the corners beside them at no weight.
+        const auto n = std::clamp<std::int64_t>(std::llround(std::sqrt(area / each)), 1, 4096);
+        const Point a = input.corner(t, 0);
+        const Vector u = (input.corner(t, 1) - a) / double(n), v = (input.corner(t, 2) - a) / double(n);
+        const auto add = [&](double i, double j, double weight) {
+          const Point x = a + i * u + j * v;
+          const bool hidden = wrap && !body_surface.any_within(x, reach);
+          const double gap = hidden ? 0 : balls.gap(x).value;
+          into.push_back({{std::max(gap, 0.0), weight, gap <= 0}, hidden});
+        };
+        const double weight = area / double(n * n);
+        for (std::int64_t i = 0; i < n; i++)
+          for (std::int64_t j = 0; i + j < n; j++) {
+            add(double(i) + 1. / 3, double(j) + 1. / 3, weight);
+            if (i + j + 1 < n) add(double(i) + 2. / 3, double(j) + 2. / 3, weight);
+          }
+        for (std::int64_t i = 0; i <= n; i++) {
+          const double s = double(i), m = double(n);
+          add(s, 0, 0), add(0, s, 0), add(m - s, s, 0);
+        }
+      });
+  std::vector<SurfaceSample> samples;
+  double all = 0, hidden = 0;
+  for (const auto& f : found) {
+    all += f.sample.weight;
+    if (f.buried)
+      hidden += f.sample.weight;
+    else
+      samples.push_back(f.sample);
+  }
+  buried = all > 0 ? hidden / all : 0;
+  return samples;
+}
+
+// The largest distance of the mesh to the surface, over its corners and centroids.
+double farthest_from(const Surface& surface, const Mesh& mesh) {
+  double farthest = 0;
+#pragma omp parallel for schedule(dynamic, 256) reduction(max : farthest)
+  for (std::int64_t t = 0; t < static_cast<std::int64_t>(mesh.triangles.size()); t++) {
+    const Point a = mesh.corner(t, 0), b = mesh.corner(t, 1), c = mesh.corner(t, 2);
+    for (const Point& p : {a, Point((a + b + c) / 3)})
+      farthest = std::max(farthest, surface.nearest(p).distance);
+  }
+  return farthest;
+}
+
+SurfaceKind proved_against(const Repaired& body) {
+  if (body.kind == BodyKind::wrap) return SurfaceKind::wrap;
+  return body.filled > 0 ? SurfaceKind::filled : SurfaceKind::input;
+}
+
+struct BallSample {
+  double protrusion;  // to the input; negative: not outside the body
+  double angle;       // between the normals, degrees; negative: not on the outer surface
+  double weight;      // area
+  double volume;      // what the patch adds to the volume (divergence theorem)
+};
+
+class BallSampler {
+ public:
+  BallSampler(const Repaired& body, const Surface& body_surface, const Surface& input, const BallSet& balls,
+              double deepest)
+      : body_(body),
+        surface_(body_surface),
+        input_(input),
+        balls_(balls),
+        deepest_(deepest),
+        origin_(input.bounds().center()) {}
+
+  // The sample, unless another ball covers it.
+  std::optional<BallSample> at(const Ball& ball, const Vector& normal, double weight) const {
+    const Point x = ball.center + ball.radius * normal;
+    // By more than rounding: a ball's own points, and those where equal balls touch, count as uncovered.
+    if (balls_.any_contains(x, 1e-9 * ball.radius)) return std::nullopt;
+    BallSample s{-1, -1, weight, weight * (x - origin_).dot(normal) / 3};
+    const Nearest body = surface_.signed_nearest(x);
+    const bool wrap = body_.kind == BodyKind::wrap;
+    // A wrap lies outside the input by its offset: what is under it by less may still stand outside of the
+    // input.
+    const bool outside = body.distance > (wrap ? -body_.offset : 0);
+    Nearest on_input = body;
+    if (wrap) on_input = input_.nearest(x);
+    if (outside) s.protrusion = std::abs(on_input.distance);
+    if (outside || body.distance > -deepest_) {
+      // The wrap's normals ripple where the input's do not; the side is taken from the wrap, the plane from
+      // the input.
+      Vector n = body.normal;
+      if (wrap) {
+        n = input_.mesh().area_normal(on_input.triangle).normalized();
+        if (n.dot(body.normal) < 0) n = -n;
+      }
+      const double c = std::clamp(n.dot(normal), -1.0, 1.0);
+      if (outside || c > 0) s.angle = std::acos(c) * 180 / std::numbers::pi;
+    }
+    return s;
+  }
+
+ private:
+  const Repaired& body_;
+  const Surface& surface_;
+  const Surface& input_;
+  const BallSet& balls_;
+  double deepest_;  // dents of the outer surface reach this deep; what is deeper is the inner side of a shell
+  Point origin_;
+};
+
+}  // namespace
+
+Measured measure(const Mesh& input, const Repaired& body, const Surface& body_surface,
+                 const std::vector<Ball>& balls, const AccuracyOptions& options) {
+  Measured m;
+  if (balls.empty()) return m;
+  Accuracy& a = m.accuracy;
+  const BallSet set(balls);
+  const bool wrap = body.kind == BodyKind::wrap;
+
+  const auto surface = sample_surface(input, body, body_surface, set, options.surface_samples, m.buried);
+  std::vector<Weighted> gaps;
+  double area = 0, covered = 0;
+  for (const auto& s : surface) {
+    gaps.push_back({s.gap, s.weight});
+    area += s.weight, covered += s.inside ? s.weight : 0;
+  }
+  const Summary gap = summarize(gaps);
+  a.gap_max = gap.max, a.gap_mean = gap.mean, a.gap_p95 = gap.p95;
+  a.coverage = area > 0 ? covered / area : 0;
+  a.gap_bound = gap_bound(body.mesh, set, options.floor).upper;
+  // Triangles without area may lie apart from the others.
+  if (!wrap) a.gap_bound = std::max(a.gap_bound, gap_bound(body.flat, set, options.floor).upper);
+  if (!wrap) a.gap_max = std::max(a.gap_max, a.gap_bound);
+
+  const std::optional<Surface> own = wrap ? std::optional<Surface>(std::in_place, input) : std::nullopt;
+  const Surface& input_surface = own ? *own : body_surface;
+  const BallSampler sampler(body, body_surface, input_surface, set,
+                            a.gap_max + 1e-6 * input_surface.bounds().diagonal());
+  const std::int64_t n = std::max<std::int64_t>(48, options.ball_samples / std::int64_t(balls.size()));
+  const auto found =
+      gather<BallSample>(std::int64_t(balls.size()), [&](std::int64_t k, std::vector<BallSample>& into) {
+        const Ball& ball = balls[k];
+        const double weight = 4 * std::numbers::pi * ball.radius * ball.radius / double(n);
+        for (std::int64_t j = 0; j < n; j++)
+          if (const auto s = sampler.at(ball, spiral(j, n, double(k)), weight)) into.push_back(*s);
+        // Where the ball stands out farthest: past the surface point nearest to its centre.
+        const Nearest near = body_surface.signed_nearest(ball.center);
+        Vector out = near.distance < 0 ? Vector(near.point - ball.center) : Vector(ball.center - near.point);
+        if (out.norm() > 0)
+          if (const auto s = sampler.at(ball, out.normalized(), 0)) into.push_back(*s);
+      });
+  std::vector<Weighted> protrusions, angles;
+  for (const auto& s : found) {
+    if (s.protrusion >= 0) protrusions.push_back({s.protrusion, s.weight});
+    if (s.angle >= 0) angles.push_back({s.angle, s.weight});
+    m.volume_union += s.volume;
+  }
+  const Summary protrusion = summarize(protrusions), angle = summarize(angles);
+  a.protrusion_max = protrusion.max, a.protrusion_mean = protrusion.mean, a.protrusion_p95 = protrusion.p95;
+  const ProtrusionBound bound = protrusion_bound(body_surface, balls);
+  a.protrusion_bound = std::max(0.0, bound.max), m.outside = bound.outside;
+  if (bound.proved) a.proved_against = proved_against(body);
+  if (!wrap) a.protrusion_max = std::max(a.protrusion_max, a.protrusion_bound);
+  if (wrap) a.wrap_distance = farthest_from(input_surface, body.mesh);
+  a.normal_error_mean_deg = angle.mean, a.normal_error_p95_deg = angle.p95;
+  if (body.kind != BodyKind::sheet) {
+    const double volume = mass_properties(body.mesh).volume;
+    a.volume_ratio = volume > 0 ? m.volume_union / volume : 0;
+  }
+  return m;
+}
+
+}  // namespace padder

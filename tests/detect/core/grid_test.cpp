@@ -1,0 +1,246 @@
+// SPDX-License-Identifier: MIT
+// Bins, keys and levels: what the fast path's claim of completeness rests on.
+#include "detect/core/grid.h"
+
+#include <limits>
+#include <random>
+
+#include "tests/detect/oracle.h"
+
+namespace padder::detect {
+namespace {
+
+Summary summary_of(const std::vector<Sphere>& spheres) {
+  Summary s;
+  s.count = spheres.size(), s.octaves_known = true;
+  for (const Sphere& p : spheres) s.need_max = std::max(s.need_max, need_of(p));
+  for (const Sphere& p : spheres) {
+    Summary::Octave& o = s.octave[octave_of(exponent_of(s.need_max), need_of(p))];
+    const double c[3] = {p.x, p.y, p.z};
+    o.count++, o.need_max = std::max(o.need_max, need_of(p)), o.radius_max = std::max(o.radius_max, p.r);
+    s.radius_max = std::max(s.radius_max, p.r), s.radius_min = std::min(s.radius_min, p.r),
+    s.radius_sum += p.r;
+    for (int k = 0; k < 3; k++) {
+      o.low[k] = std::min(o.low[k], c[k]), o.high[k] = std::max(o.high[k], c[k]);
+      s.low[k] = std::min(s.low[k], c[k]), s.high[k] = std::max(s.high[k], c[k]);
+    }
+  }
+  return s;
+}
+
+TEST(Grid, SplitIsExactAtEveryMagnitude) {
+  std::mt19937_64 random(5);
+  std::uniform_real_distribution<double> unit(-1, 1);
+  for (const double size : {2.00390625, 0.5009765625 * 0x1p-30, 1023 * 0x1p40}) {
+    Level l;
+    l.size = size, l.per_size = 1 / size;
+    for (int k = 0; k < 100000; k++) {
+      const double x = size * unit(random) * std::pow(2.0, 42 * std::abs(unit(random)));
+      const Split s = split(l, x);
+      const long double corner = static_cast<long double>(s.bin) * size;
+      ASSERT_GE(s.rest, 0);
+      ASSERT_LE(s.rest, size);
+      ASSERT_LE(std::abs(static_cast<double>(corner + s.rest - x)), size * 0x1p-52) << x;
+    }
+    for (const double bin : {-3., -1., 0., 1., 7., 1e12}) {  // on a face: the bin above it
+      const Split s = split(l, bin * size);
+      EXPECT_EQ(s.bin, static_cast<std::int64_t>(bin));
+      EXPECT_EQ(s.rest, 0);
+    }
+    EXPECT_EQ(split(l, -0.5 * size).bin, -1) << "floor, not a cast";
+  }
+}
+
+// split() against its definition, in arithmetic of 113 bits, where a corner and its comparison are exact:
+// wherever a coordinate lies, of whatever size, beside whichever face.
+TEST(Grid, SplitIsTheFloorAndNeverDecreases) {
+  std::mt19937_64 random(std::random_device{}());
+  const std::uint64_t seed = random();
+  std::printf("seed %llu\n", static_cast<unsigned long long>(seed));
+  random.seed(seed);
+  std::uniform_real_distribution<double> unit(0, 1);
+  const auto any = [&](double low, double high) { return std::exp2(low + (high - low) * unit(random)); };
+  for (int trial = 0; trial < 300; trial++) {
+    Level l;
+    const int exponent = trial % 3 == 0   ? -900
+                         : trial % 3 == 1 ? static_cast<int>(random() % 40) - 20
+                                          : static_cast<int>(random() % 1240) - 900;
+    l.size = trial == 0 ? 0x1p-900 : std::ldexp(static_cast<double>(512 + random() % 513), exponent);
+    l.per_size = 1 / l.size;
+    std::vector<double> at = {0.0, -0.0, 5e-324, -5e-324, 1e-300, -1e-300, 0x1p-1022, -0x1p-1022};
+    for (int k = 0; k < 400; k++) {
+      const double sign = random() % 2 ? 1 : -1;
+      at.push_back(sign * any(-1074, std::log2(l.size) + 42));                    // of any size
+      at.push_back(sign * l.size * any(-60, 42.9));                               // some bins away
+      double face = sign * l.size * std::floor(any(0, random() % 2 ? 3 : 42.9));  // on a face
+      for (std::uint64_t n = random() % 4; n > 0; n--)
+        face = std::nextafter(face, random() % 2 ? INFINITY : -INFINITY);  // and beside it
+      at.push_back(face);
+      at.push_back(sign * 5e-324 * static_cast<double>(random() % 1000));
+      at.push_back(-l.size * any(-1100, -40));  // just below zero
+    }
+    std::sort(at.begin(), at.end());
+    std::int64_t before = std::numeric_limits<std::int64_t>::min();
+    for (const double x : at) {
+      const Split s = split(l, x);
+      const __float128 corner = static_cast<__float128>(s.bin) * l.size, next = corner + l.size;
+      ASSERT_TRUE(corner <= x && x < next) << x << " bins of " << l.size << " bin " << s.bin;
+      ASSERT_GE(s.bin, before) << x << " bins of " << l.size;
+      before = s.bin;
+      ASSERT_TRUE(s.rest >= 0 && s.rest <= l.size) << x << " bins of " << l.size << " rest " << s.rest;
+      const __float128 off = s.rest - (x - corner);
+      ASSERT_TRUE(s.bin == -1 ? (off < 0 ? -off : off) <= l.size * 0x1p-53 : corner + s.rest == x)
+          << x << " bins of " << l.size;
+    }
+  }
+}
+
+TEST(Grid, FixedPointDifferencesDoNotGrowWithTheDomain) {
+  Level l;
+  l.size = 2.00390625, l.per_size = 1 / l.size, l.units = std::ldexp(l.per_size, kUnitBits);
+  std::mt19937_64 random(6);
+  std::uniform_real_distribution<double> unit(-1, 1);
+  for (const double far : {0., 1e5, 1e9, 1e12})
+    for (int k = 0; k < 20000; k++) {
+      const double a = far * unit(random) + unit(random), b = a + 4 * unit(random);
+      const double apart = wrapped_difference(fixed_point_of(l, split(l, a)), fixed_point_of(l, split(l, b)));
+      ASSERT_LE(std::abs(apart - (b - a) * l.units), 1.001) << a << " " << b;
+    }
+}
+
+TEST(Grid, DenseKeysAreInjectiveWithABorder) {
+  std::vector<Sphere> spheres;
+  for (int z = -2; z < 3; z++)
+    for (int y = 0; y < 4; y++)
+      for (int x = 5; x < 12; x++) spheres.push_back({2.1 * x, 2.1 * y, 2.1 * z, 1});
+  const Grid g = choose_grid(summary_of(spheres), 0);
+  ASSERT_EQ(g.levels, 1);
+  const Level& l = g.level[0];
+  ASSERT_FALSE(l.hashed);
+  std::vector<int> seen(g.buckets, 0);
+  for (std::int64_t z = l.first[2] - 1; z <= l.first[2] + l.count[2]; z++)
+    for (std::int64_t y = l.first[1] - 1; y <= l.first[1] + l.count[1]; y++)
+      for (std::int64_t x = l.first[0] - 1; x <= l.first[0] + l.count[0]; x++) {
+        const std::uint32_t key = key_of(l, {x, y, z});
+        ASSERT_LT(key, g.buckets);
+        seen[key]++;
+      }
+  for (const int times : seen) EXPECT_EQ(times, 1);
+}
+
+TEST(Grid, SparseDomainsAreHashedAndSmall) {
+  std::vector<Sphere> spheres;
+  for (int k = 0; k < 1000; k++) spheres.push_back({3.0 * k, 3.0 * k, 3.0 * k, 1});
+  const Grid g = choose_grid(summary_of(spheres), 0);
+  EXPECT_TRUE(g.level[0].hashed);
+  EXPECT_LE(g.buckets, 4096u);
+}
+
+TEST(Grid, EverySphereFitsItsLevel) {
+  for (const double ratio : {1.0, 1.9, 4.0, 100.0, 1e4, 1e9}) {
+    TestScene scene = random_scene(3000, ratio, 2, 77);
+    scene.spheres.push_back({1e25, 0, 0, 1});
+    scene.spheres.push_back({0, 0, 0, 0});
+    for (const Look look : {Look::up, Look::down, Look::either}) {
+      const Grid g = choose_grid(summary_of(scene.spheres), 0, 8, look);
+      ASSERT_LE(g.levels, kMaxLevels);
+      for (const Sphere& s : scene.spheres) {
+        const Level& l = g.level[level_of(g, s)];
+        ASSERT_GT(l.size, 2 * s.r);
+        ASSERT_GE(l.radius_max, s.r);
+        ASSERT_LE(std::abs(s.x) / l.size, 0x1p43);
+        ASSERT_LT(key_of(l, bin_of(l, s)) - l.offset, l.buckets);
+      }
+      for (int k = 1; k < g.levels; k++) EXPECT_GE(g.level[k].size, g.level[k - 1].size);
+    }
+  }
+}
+
+// One ball beyond all others, or points beneath them, does not blur the sizes of the others.
+TEST(Grid, OctavesAreWhereTheSpheresAre) {
+  std::vector<std::uint64_t> of(kExponents, 0);
+  const auto above = [&] { return octaves_above(std::span<const std::uint64_t, kExponents>(of)); };
+  for (int e = 1023; e < 1030; e++) of[e] = 1000;
+  EXPECT_EQ(above(), 0);
+  of[1023 + 63] = 1;
+  EXPECT_EQ(above(), 0) << "64 octaves are told apart";
+  of[1023 + 63] = 0, of[1023 + 84] = 1, of[1023 + 300] = 2;
+  const int top = 1023 + 300 - above();
+  EXPECT_GT(top, 1029);
+  EXPECT_LT(top, 1023 + 64);
+  of[0] = 7000;  // more points than spheres: they are one octave of their own
+  EXPECT_GT(1023 + 300 - above(), 1029);
+  of.assign(kExponents, 0), of[0] = 5;
+  EXPECT_EQ(above(), 0);
+  of.assign(kExponents, 1);
+  EXPECT_GE(above(), 0);
+  EXPECT_LT(above(), kExponents);
+}
+
+TEST(Grid, EqualRadiiAreOneLevelAndWideOnesSeveral) {
+  EXPECT_EQ(choose_grid(summary_of(random_scene(1000, 1, 1, 1).spheres), 0).levels, 1);
+  EXPECT_GT(choose_grid(summary_of(random_scene(20000, 100, 0.5, 1).spheres), 0).levels, 2);
+}
+
+// What looks at any level: a hair above an octave is no level more, and few large spheres look down at many
+// small ones, not the other way round.
+// However large one sphere is, it looks through no more bins than there are: it must not make bins of its own
+// size, in which all others would be tested each against each.
+TEST(Grid, OneGiantDoesNotCoarsenTheOthers) {
+  for (const double giant : {1e3, 1e6, 1e30}) {
+    std::vector<Sphere> spheres;
+    for (int k = 0; k < 64000; k++)
+      spheres.push_back({1.6 * (k % 40), 1.6 * (k / 40 % 40), 1.6 * (k / 1600), 1});
+    spheres[777].r = giant;
+    for (const Look look : {Look::down, Look::either}) {
+      const Grid g = choose_grid(summary_of(spheres), 0, 8, look);
+      EXPECT_GT(g.levels, 1) << giant;
+      EXPECT_LT(g.level[0].size, 4) << giant;
+    }
+  }
+}
+
+TEST(Grid, LevelsThatLookEitherWay) {
+  TestScene near = random_scene(20000, 1, 3.5, 5);
+  for (std::size_t k = 0; k < near.spheres.size(); k++)
+    near.spheres[k].r = k == 7 ? 2.0001 : 1 + static_cast<double>(k % 100) / 100;
+  EXPECT_EQ(choose_grid(summary_of(near.spheres), 0, 8, Look::either).levels, 1);
+  TestScene wide = random_scene(20000, 1, 3.5, 6);
+  for (std::size_t k = 0; k < wide.spheres.size(); k += 200) wide.spheres[k].r = 30;
+  const Grid g = choose_grid(summary_of(wide.spheres), 0, 8, Look::either);
+  ASSERT_EQ(g.levels, 2);
+  const Level &fine = g.level[0], &coarse = g.level[1];
+  EXPECT_LT(look_cost(coarse, fine) * static_cast<double>(coarse.spheres),
+            look_cost(fine, coarse) * static_cast<double>(fine.spheres));
+  EXPECT_GT(look_cost(coarse, fine), 20 * look_cost(fine, coarse)) << "of one sphere";
+}
+
+// Two spheres of one level that touch are at most one bin apart: what reach_of says is never too little.
+TEST(Grid, PartnersAreWithinReach) {
+  std::mt19937_64 random(8);
+  std::uniform_real_distribution<double> unit(0, 1);
+  const TestScene scene = random_scene(2000, 30, 1, 3);
+  const Grid g = choose_grid(summary_of(scene.spheres), 0);
+  for (const Sphere& a : scene.spheres)
+    for (int coarser = level_of(g, a); coarser < g.levels; coarser++) {
+      const Level& l = g.level[coarser];
+      const double r = l.radius_max, d = (a.r + r) * (1 + 1e-15) * (unit(random) < 0.5 ? -1 : 1);
+      const Sphere b{a.x + d, a.y, a.z, r};
+      const Split s = split(l, a.x);
+      const Reach reach = reach_of(l, s, a.r);
+      const std::int64_t off = split(l, b.x).bin - s.bin;
+      ASSERT_GE(off, reach.low);
+      ASSERT_LE(off, reach.high);
+    }
+}
+
+TEST(Grid, BitsForKeys) {
+  EXPECT_EQ(bits_for(1), 0);
+  EXPECT_EQ(bits_for(2), 1);
+  EXPECT_EQ(bits_for(3), 2);
+  EXPECT_EQ(bits_for(1u << 31), 31);
+  EXPECT_EQ(bits_for(0xffffffffu), 32);
+}
+
+}  // namespace
+}  // namespace padder::detect

@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: MIT
+// What a call of the model test gave, and whether it is right.
+#pragma once
+#include <cstring>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "tests/detect/device_memory.h"
+#include "tests/detect/model/oracle.h"
+
+namespace padder::detect {
+
+// What went wrong with a call.
+struct Wrong {
+  std::string what;
+};
+template <class... Parts>
+void require(bool good, const Parts&... parts) {
+  if (good) return;
+  std::ostringstream text;
+  (text << ... << parts);
+  throw Wrong{text.str()};
+}
+
+// What a call gave, on the host.
+struct Lists {
+  std::vector<Pair> pairs;
+  std::vector<std::byte> normals, points;
+  explicit Lists(const Contacts& c) {
+    const std::size_t scalar = c.scalar == Scalar::f32 ? 4 : 8;
+    pairs.resize(c.count);
+    if (c.normals) normals.resize(c.count * 4 * scalar);
+    if (c.points) points.resize(c.count * 6 * scalar);
+    const auto copy = [&](void* to, const void* from, std::size_t bytes) {
+      if (bytes == 0) return;
+      require(from != nullptr, "an array of the contacts is null");
+      c.memory == Memory::device ? copy_from_device(to, from, bytes) : void(std::memcpy(to, from, bytes));
+    };
+    copy(pairs.data(), c.pairs, c.count * sizeof(Pair));
+    copy(normals.data(), c.normals, normals.size()), copy(points.data(), c.points, points.size());
+  }
+  friend bool operator==(const Lists&, const Lists&) = default;
+};
+
+inline bool before(const Pair& a, const Pair& b) { return a.i != b.i ? a.i < b.i : a.j < b.j; }
+inline std::uint64_t hash_of(const std::vector<Pair>& pairs) {
+  std::uint64_t sum = 0;
+  for (const Pair& p : pairs) sum += pair_hash(p.i, p.j);
+  return sum;
+}
+inline std::string text(const Pair& p) {
+  return "(" + std::to_string(p.i) + ", " + std::to_string(p.j) + ")";
+}
+
+// Normals, depths and points of some of the contacts, in long double.
+template <class T>
+void check_records(const Lists& lists, const std::vector<ModelSphere>& spheres) {
+  using Long = long double;
+  const bool single = sizeof(T) == 4;
+  const Long relative = single ? 4e-7 : 1e-14,
+             least = single ? 2e-45 : 1e-323;  // least: half of the last digit
+  const auto* normals = reinterpret_cast<const T*>(lists.normals.data());
+  const auto* points = lists.points.empty() ? nullptr : reinterpret_cast<const T*>(lists.points.data());
+  const std::size_t step = 1 + lists.pairs.size() / 100;
+  for (std::size_t k = 0; k < lists.pairs.size(); k += step) {
+    const Pair p = lists.pairs[k];
+    const Sphere &a = spheres[p.i].at, &b = spheres[p.j].at;
+    const Long x[3] = {Long(b.x) - a.x, Long(b.y) - a.y, Long(b.z) - a.z}, s = Long(a.r) + b.r,
+               d = std::sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2]);
+    const T* n = normals + 4 * k;
+    require(std::abs(Long(n[3]) - (s - d)) <= relative * (s + d) + least, "depth of ", text(p), " is ", n[3],
+            ", not ", double(s - d));
+    const Long per_d = d > 0 ? 1 / d : 0, c[6] = {a.x, a.y, a.z, b.x, b.y, b.z};
+    for (int q = 0; q < 3; q++) {
+      const Long wanted = d > 0 ? x[q] * per_d : q == 0;
+      require(std::abs(n[q] - wanted) <= 3 * relative, "normal of ", text(p), " has ", n[q], ", not ",
+              double(wanted));
+      if (!points) continue;
+      const Long on_i = c[q] + a.r * wanted, on_j = c[3 + q] - b.r * wanted;
+      const T* at = points + 6 * k;
+      require(std::abs(at[q] - on_i) <= 3 * relative * (std::abs(c[q]) + a.r) + least &&
+                  std::abs(at[3 + q] - on_j) <= 3 * relative * (std::abs(c[3 + q]) + b.r) + least,
+              "points of ", text(p), " are ", at[q], " and ", at[3 + q], ", not ", double(on_i), " and ",
+              double(on_j));
+    }
+  }
+}
+
+}  // namespace padder::detect

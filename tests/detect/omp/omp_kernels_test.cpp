@@ -1,0 +1,181 @@
+// SPDX-License-Identifier: MIT
+// The inner loops of the CPU's search: those for this machine give what plain C++ gives, and both what they
+// promise.
+#include "detect/omp/kernels.h"
+
+#include <algorithm>
+#include <random>
+
+#include "tests/detect/oracle.h"
+
+namespace padder::detect::omp {
+namespace {
+
+template <class Slot>
+class KernelsTest : public testing::Test {
+ protected:
+  using Component = typename Slots<Slot>::Component;
+  static constexpr std::uint32_t kCount = 4000;
+
+  KernelsTest() : x_(kCount + kLanes), y_(x_), z_(x_), r_(kCount + kLanes) {
+    const double unit = std::is_same_v<Slot, FixedPointSlot> ? 0x1p24 : 1;
+    std::uniform_real_distribution<double> place(0, 3 * unit), radius(0.1 * unit, 0.5 * unit);
+    for (std::uint32_t k = 0; k < kCount; k++) {
+      x_[k] = static_cast<Component>(place(random_)), y_[k] = static_cast<Component>(place(random_));
+      z_[k] = static_cast<Component>(place(random_)), r_[k] = static_cast<float>(radius(random_));
+    }
+    slots_ = {x_.data(), y_.data(), z_.data(), r_.data()};
+  }
+
+  std::uint32_t below(std::uint32_t n) { return static_cast<std::uint32_t>(random_() % n); }
+
+  std::mt19937_64 random_{3};
+  std::vector<Component> x_, y_, z_;
+  std::vector<float> r_;
+  Slots<Slot> slots_;
+  const Kernels<Slot> plain_ = plain_kernels<Slot>(), here_ = kernels_for_this_machine<Slot>();
+};
+using Both = testing::Types<FloatSlot, FixedPointSlot>;
+TYPED_TEST_SUITE(KernelsTest, Both);
+
+TYPED_TEST(KernelsTest, RunsGiveWhatTheFilterDoesNotCallApart) {
+  std::vector<std::uint32_t> plain(this->kCount + kLanes), here(plain);
+  int doubts = 0;
+  for (int round = 0; round < 2000; round++) {
+    std::vector<Run> runs;
+    std::uint32_t at = this->below(100);
+    for (std::uint32_t k = this->below(12); k > 0 && at < this->kCount; k--) {
+      const std::uint32_t end = std::min(at + (k % 3 ? this->below(12) : this->below(60)), this->kCount);
+      runs.push_back({at, end});  // some are empty
+      at = end + this->below(400);
+    }
+    TypeParam me = this->slots_[this->below(this->kCount)];
+    if (round % 2 && !runs.empty() &&
+        runs[0].begin < runs[0].end) {  // just touches the first, as far as float can tell
+      const TypeParam other = this->slots_[runs[0].begin];
+      me = other, me.x = other.x + static_cast<decltype(me.x)>(me.r + other.r);
+    }
+    std::vector<std::uint32_t> expected;
+    bool doubtful = false;
+    for (const Run& run : runs)
+      for (std::uint32_t k = run.begin; k < run.end; k++) {
+        const Verdict v = verdict<TypeParam>(measured(me, this->slots_[k]));
+        if (v != Verdict::apart) expected.push_back(k);
+        doubtful |= v == Verdict::doubt;
+      }
+    doubts += doubtful;
+    bool doubt_plain, doubt_here;
+    const int count = static_cast<int>(runs.size());
+    plain.resize(this->plain_.test_runs(this->slots_, me, runs.data(), count, plain.data(), doubt_plain));
+    here.resize(this->here_.test_runs(this->slots_, me, runs.data(), count, here.data(), doubt_here));
+    ASSERT_EQ(plain, expected);
+    ASSERT_EQ(here, expected);
+    ASSERT_EQ(doubt_plain, doubtful);
+    ASSERT_TRUE(doubt_here || !doubtful);
+    plain.resize(this->kCount + kLanes), here.resize(this->kCount + kLanes);
+  }
+  EXPECT_GT(doubts, 100);
+}
+
+// 9 * 8 * 7 bins with a border, of which every third is empty. Each bin that has a point nearer than the
+// ball's radius must be in a row's run; no run is empty.
+TYPED_TEST(KernelsTest, RowsCoverTheBall) {
+  constexpr std::uint32_t kRow = 11, kPlane = kRow * 10, kKeys = kPlane * 9;
+  std::vector<std::uint32_t> starts{0};
+  for (std::uint32_t key = 0; key < kKeys; key++) {
+    const std::uint32_t x = key % kRow, y = key / kRow % 10, z = key / kPlane;
+    const bool border = x == 0 || x == 10 || y == 0 || y == 9 || z == 0 || z == 8;
+    starts.push_back(starts.back() + (border || key % 3 == 0 ? 0 : 1 + this->below(3)));
+  }
+  std::uniform_real_distribution<float> unit(0, 1);
+  for (int round = 0; round < 3000; round++) {
+    const int at[3] = {static_cast<int>(this->below(9)), static_cast<int>(this->below(8)),
+                       static_cast<int>(this->below(7))};
+    const int many[3] = {9, 8, 7};
+    Ball b;
+    b.x = unit(this->random_), b.y = unit(this->random_), b.z = unit(this->random_);
+    b.radius = unit(this->random_) * (round % 2 ? 1 : 6);
+    const auto range = [&](float centre, int axis, int& low, int& high) {
+      low = std::max(static_cast<int>(std::floor(centre - b.radius)), -at[axis]);
+      high = std::min(static_cast<int>(std::floor(centre + b.radius)), many[axis] - 1 - at[axis]);
+    };
+    range(b.x, 0, b.x_low, b.x_high), range(b.y, 1, b.y_low, b.y_high), range(b.z, 2, b.z_low, b.z_high);
+    b.row = kRow, b.plane = kPlane;
+    b.key = static_cast<std::uint32_t>((at[2] + 1) * 110 + (at[1] + 1) * 11 + at[0] + 1);
+    std::vector<Run> plain(56 + kLanes), here(56 + kLanes);
+    plain.resize(static_cast<std::size_t>(this->plain_.find_rows(b, starts.data(), plain.data())));
+    here.resize(static_cast<std::size_t>(this->here_.find_rows(b, starts.data(), here.data())));
+    ASSERT_EQ(plain.size(), here.size());
+    for (std::size_t k = 0; k < plain.size(); k++) {
+      ASSERT_EQ(plain[k].begin, here[k].begin);
+      ASSERT_EQ(plain[k].end, here[k].end);
+      ASSERT_LT(here[k].begin, here[k].end);
+      ASSERT_LE(k ? here[k - 1].end : 0, here[k].begin) << "in order, each once";
+    }
+    const auto gap = [](int bin, float p) {
+      return std::max({static_cast<double>(bin) - p, p - (static_cast<double>(bin) + 1), 0.0});
+    };
+    for (int z = b.z_low; z <= b.z_high; z++)
+      for (int y = b.y_low; y <= b.y_high; y++)
+        for (int x = b.x_low; x <= b.x_high; x++) {
+          const double gx = gap(x, b.x), gy = gap(y, b.y), gz = gap(z, b.z);
+          if (gx * gx + gy * gy + gz * gz > b.radius * b.radius * (1 - 1e-5) - 1e-6) continue;
+          const std::uint32_t key = b.key + static_cast<std::uint32_t>(z * 110 + y * 11 + x);
+          for (std::uint32_t slot = starts[key]; slot < starts[key + 1]; slot++)
+            ASSERT_TRUE(std::any_of(here.begin(), here.end(),
+                                    [&](const Run& r) { return r.begin <= slot && slot < r.end; }));
+        }
+  }
+}
+
+TYPED_TEST(KernelsTest, PairsAreOrderedByNumber) {
+  std::vector<std::uint32_t> ids(this->kCount);
+  for (std::uint32_t k = 0; k < this->kCount; k++) ids[k] = k % 2 ? k : 0xfffffff0u - k;  // also beyond 2^31
+  std::shuffle(ids.begin(), ids.end(), this->random_);
+  std::vector<std::uint32_t> hits(50);
+  for (std::uint32_t& h : hits) h = this->below(this->kCount);
+  for (int count = 0; count <= 50; count++)
+    for (const Kernels<TypeParam>& k : {this->plain_, this->here_}) {
+      const std::uint32_t a = this->below(this->kCount);
+      std::vector<Pair> pairs(50 + kLanes);
+      std::vector<std::uint32_t> i(50 + kLanes), j(50 + kLanes);
+      k.order_pairs(a, hits.data(), count, ids.data(), pairs.data(), i.data(), j.data());
+      for (std::size_t q = 0; q < static_cast<std::size_t>(count); q++) {
+        const std::uint32_t b = hits[q];
+        ASSERT_EQ(pairs[q], (Pair{std::min(ids[a], ids[b]), std::max(ids[a], ids[b])}));
+        ASSERT_EQ(i[q], ids[a] <= ids[b] ? a : b);
+        ASSERT_EQ(j[q], ids[a] <= ids[b] ? b : a);
+      }
+    }
+}
+
+// Batches give what geometry() gives, bit for bit, of any size: without a tiny length among them, and with
+// some.
+TEST(Kernels, NormalsAreThoseOfTheRecord) {
+  std::mt19937_64 random(9);
+  std::uniform_real_distribution<double> unit(-1, 1);
+  for (const int exponent : {0, 300, -400, -500, -700, -1060, 1})
+    for (int round = 0; round < 20; round++) {
+      std::vector<Sphere> i(kBatch), j(kBatch);
+      Batch batch;
+      for (std::uint32_t k = 0; k < kBatch; k++) {
+        const double by = std::ldexp(1.0, exponent == 1 && k % 7 == 0 ? -600 : exponent);
+        i[k] = {by * unit(random), by * unit(random), by * unit(random), by * std::abs(unit(random))};
+        j[k] = {by * unit(random), by * unit(random), by * unit(random), by * std::abs(unit(random))};
+        if (round % 2 && k % 5 == 0) j[k] = i[k];
+        batch.x[k] = j[k].x - i[k].x, batch.y[k] = j[k].y - i[k].y, batch.z[k] = j[k].z - i[k].z;
+        batch.s[k] = i[k].r + j[k].r;
+      }
+      to_normals(batch, kBatch);
+      for (std::uint32_t k = 0; k < kBatch; k++) {
+        const Geometry g = geometry(i[k], j[k]);
+        ASSERT_EQ(batch.x[k], g.normal[0]) << exponent;
+        ASSERT_EQ(batch.y[k], g.normal[1]) << exponent;
+        ASSERT_EQ(batch.z[k], g.normal[2]) << exponent;
+        ASSERT_EQ(batch.s[k], g.depth) << exponent;
+      }
+    }
+}
+
+}  // namespace
+}  // namespace padder::detect::omp

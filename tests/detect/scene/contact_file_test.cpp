@@ -1,0 +1,348 @@
+// SPDX-License-Identifier: MIT
+// Contacts as files: sorted, every number back to its last bit from each format, whole or not at all, and on
+// memory that does not grow with them.
+#include "detect/scene/contact_file.h"
+
+#include <malloc.h>
+#include <sys/resource.h>
+
+#include <atomic>
+#include <bit>
+#include <csignal>
+#include <cstdlib>
+#include <cstring>
+#include <filesystem>
+#include <sstream>
+
+#include "padding/asset/error.h"
+#include "padding/asset/file.h"
+#include "padding/asset/npz.h"
+#include "tests/detect/oracle.h"
+
+// Every allocation of this program is counted: the bytes held, and the most since somebody last asked.
+namespace {
+std::atomic<std::int64_t> held{0}, most{0};
+void count(std::int64_t bytes) {
+  const std::int64_t now = held += bytes;
+  for (std::int64_t seen = most; seen < now && !most.compare_exchange_weak(seen, now);) {
+  }
+}
+}  // namespace
+
+void* operator new(std::size_t bytes) {
+  void* const p = std::malloc(bytes);
+  if (!p) throw std::bad_alloc();
+  count(static_cast<std::int64_t>(malloc_usable_size(p)));
+  return p;
+}
+void operator delete(void* p) noexcept {
+  if (p) count(-static_cast<std::int64_t>(malloc_usable_size(p)));
+  std::free(p);
+}
+void operator delete(void* p, std::size_t) noexcept { operator delete(p); }
+
+namespace padder::detect {
+namespace {
+
+namespace fs = std::filesystem;
+
+// Contacts and the arrays that they lie in.
+struct ContactTable {
+  std::vector<Pair> pairs;
+  std::vector<Normal<double>> normals;
+  std::vector<Points<double>> points;
+
+  Contacts contacts() const {
+    Contacts c;
+    c.count = pairs.size(), c.width = Width::points, c.scalar = Scalar::f64;
+    c.pairs = pairs.data(), c.normals = normals.data(), c.points = points.data();
+    return c;
+  }
+};
+
+class ContactFileTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    std::string name = (fs::temp_directory_path() / "padder-contacts-XXXXXX").string();
+    folder_ = ::mkdtemp(name.data());
+  }
+  void TearDown() override { fs::remove_all(folder_); }
+  std::string written(const ContactTable& t, const std::string& name) const {
+    write_contacts(t.contacts(), folder_ / name);
+    return read_file(folder_ / name);
+  }
+  std::size_t entries() const {
+    return static_cast<std::size_t>(std::distance(fs::recursive_directory_iterator(folder_), {}));
+  }
+  fs::path folder_;
+};
+
+ContactTable found_in(const TestScene& s) {
+  const Arranged arranged(s, Scalar::f64);
+  Options o;
+  o.backend = BackendKind::omp, o.width = Width::points, o.scalar = Scalar::f64, o.order = Order::any;
+  Detector d(o);
+  const Contacts& c = d.detect(arranged.input);
+  const auto normals = c.normal_span<double>();
+  const auto points = c.point_span<double>();
+  return {{c.pairs, c.pairs + c.count}, {normals.begin(), normals.end()}, {points.begin(), points.end()}};
+}
+
+// As many contacts as wanted, in no order, whose numbers follow from the pair.
+ContactTable many(std::uint32_t count) {
+  ContactTable t;
+  t.pairs.reserve(count), t.normals.reserve(count), t.points.reserve(count);
+  for (std::uint32_t k = 0; k < count; k++) {
+    const std::uint32_t i = static_cast<std::uint32_t>(k * std::uint64_t(2654435761) % count);
+    const double v = 1. / (i + 3.);
+    t.pairs.push_back({i, i + 1}), t.normals.push_back({v, -v, v * v, 1 + v});
+    t.points.push_back({{v, 2 * v, 3 * v}, {4 * v, 5 * v, 6 * v}});
+  }
+  return t;
+}
+
+// What a record may hold, and what a printer of numbers stumbles over.
+ContactTable odd_numbers() {
+  const double odd[] = {0.1,
+                        1. / 3,
+                        -0.,
+                        5e-324,
+                        2.2250738585072014e-308,
+                        -1.7976931348623157e308,
+                        1e22,
+                        123456789012345680.,
+                        1 + 0x1p-52,
+                        -9007199254740993.};
+  ContactTable t;
+  for (std::uint32_t k = 0; k < 10; k++) {
+    const auto at = [&](std::uint32_t shift) { return odd[(k + shift) % 10]; };
+    t.pairs.push_back({k, k == 9 ? 0xfffffffeu : k + 1});
+    t.normals.push_back({at(0), at(1), at(2), at(3)});
+    t.points.push_back({{at(4), at(5), at(6)}, {at(7), at(8), at(9)}});
+  }
+  return t;
+}
+
+std::vector<double> row_of(const ContactTable& t, std::size_t k) {
+  const Normal<double>& n = t.normals[k];
+  const Points<double>& p = t.points[k];
+  return {n.x, n.y, n.z, n.depth, p.on_i[0], p.on_i[1], p.on_i[2], p.on_j[0], p.on_j[1], p.on_j[2]};
+}
+void expect_same_bits(const std::vector<double>& a, const std::vector<double>& b) {
+  ASSERT_EQ(a.size(), b.size());
+  for (std::size_t k = 0; k < a.size(); k++)
+    ASSERT_EQ(std::bit_cast<std::uint64_t>(a[k]), std::bit_cast<std::uint64_t>(b[k])) << k << ": " << a[k];
+}
+
+TEST_F(ContactFileTest, SmallSceneInEveryFormat) {
+  TestScene s;
+  s.spheres = {{5, 0, 0, 1}, {0, 0, 0, 1}, {1.5, 0, 0, 1}, {6, 0, 0, 1}};
+  const ContactTable t = found_in(s);
+  EXPECT_EQ(written(t, "c.csv"),
+            "i,j,nx,ny,nz,depth,ix,iy,iz,jx,jy,jz\n0,3,1,0,0,1,6,0,0,5,0,0\n1,2,1,0,0,0.5,1,0,0,0.5,0,0\n");
+  const Npz z = npz_from_bytes(written(t, "c.npz"), "c.npz");
+  EXPECT_EQ(z.at("pairs").as<std::uint32_t>(), (std::vector<std::uint32_t>{0, 3, 1, 2}));
+  EXPECT_EQ(z.at("depths").as<double>(), (std::vector<double>{1, 0.5}));
+  EXPECT_EQ(z.at("points_j").as<double>(), (std::vector<double>{5, 0, 0, 0.5, 0, 0}));
+  EXPECT_NE(written(t, "c.vtp").find("NumberOfPoints=\"2\""), std::string::npos);
+}
+
+// A list in any order gives the pairs of brute force in theirs, each with the record that was its own.
+TEST_F(ContactFileTest, SortedWithTheRecordsOfEachPair) {
+  const TestScene s = random_scene(2000, 3, 1, 7);
+  const std::vector<Pair> wanted = brute_force(s);
+  const ContactTable t = found_in(s);
+  ASSERT_GT(wanted.size(), 1000u);
+  EXPECT_NE(t.pairs, wanted) << "was sorted already";
+  const Npz z = npz_from_bytes(written(t, "c.npz"), "c.npz");
+  const auto pairs = z.at("pairs").as<std::uint32_t>();
+  const auto depths = z.at("depths").as<double>(), normals = z.at("normals").as<double>(),
+             on_i = z.at("points_i").as<double>(), on_j = z.at("points_j").as<double>();
+  ASSERT_EQ(depths.size(), wanted.size());
+  for (std::size_t k = 0; k < wanted.size(); k++) {
+    ASSERT_EQ((Pair{pairs[2 * k], pairs[2 * k + 1]}), wanted[k]);
+    const Sphere &a = s.spheres[wanted[k].i], &b = s.spheres[wanted[k].j];
+    const double x = b.x - a.x, y = b.y - a.y, z2 = b.z - a.z, d = std::sqrt(x * x + y * y + z2 * z2);
+    ASSERT_NEAR(depths[k], a.r + b.r - d, 1e-12);
+    ASSERT_NEAR(normals[3 * k + 1], y / d, 1e-12);
+    ASSERT_NEAR(on_i[3 * k], a.x + a.r * x / d, 1e-11);
+    ASSERT_NEAR(on_j[3 * k + 2], b.z - b.r * z2 / d, 1e-11);
+  }
+}
+
+// Many blocks, by one thread and by several: the same bytes, the checksums of the archive among them.
+TEST_F(ContactFileTest, ThreadsWriteTheSameBytes) {
+  const ContactTable t = many(50000);
+  for (const char* name : {"c.csv", "c.npz", "c.vtp"}) {
+    SCOPED_TRACE(name);
+    write_contacts(t.contacts(), folder_ / name, 1);
+    const std::string one = read_file(folder_ / name);
+    write_contacts(t.contacts(), folder_ / name, 5);
+    EXPECT_TRUE(one == read_file(folder_ / name));
+  }
+  const auto pairs = npz_from_bytes(read_file(folder_ / "c.npz"), "c.npz").at("pairs").as<std::uint32_t>();
+  for (std::uint32_t k = 0; k < 50000; k++) ASSERT_EQ(pairs[2 * k], k);
+  const std::string whole =
+      " -c 'import sys, zipfile; sys.exit(zipfile.ZipFile(sys.argv[1]).testzip() != None)' ";
+  EXPECT_EQ(std::system((PADDER_PYTHON + whole + (folder_ / "c.npz").string()).c_str()), 0);
+}
+
+// The records of these contacts alone are 88 MB, a text of them 200 MB.
+TEST_F(ContactFileTest, MemoryDoesNotGrowWithTheContacts) {
+  const ContactTable t = many(1000000);
+  for (const char* name : {"c.csv", "c.npz", "c.vtp"}) {
+    SCOPED_TRACE(name);
+    const std::int64_t before = held;
+    most = before;
+    write_contacts(t.contacts(), folder_ / name, 16);
+    EXPECT_LT(most - before, 64 << 20);
+    fs::remove(folder_ / name);
+  }
+}
+
+// A disk with room for a part of the file only: what the system says of it is said, and nothing is left.
+TEST_F(ContactFileTest, FullDisk) {
+  const ContactTable t = many(50000);
+  const auto handler = std::signal(SIGXFSZ, SIG_IGN);
+  rlimit old;
+  ::getrlimit(RLIMIT_FSIZE, &old);
+  const rlimit small{1 << 20, old.rlim_max};
+  for (const char* name : {"c.csv", "c.npz", "c.vtp"}) {
+    SCOPED_TRACE(name);
+    write_file(folder_ / name, "old");
+    ::setrlimit(RLIMIT_FSIZE, &small);
+    std::string said;
+    try {
+      write_contacts(t.contacts(), folder_ / name);
+    } catch (const Error& e) {
+      said = e.what();
+    }
+    ::setrlimit(RLIMIT_FSIZE, &old);
+    EXPECT_EQ(said, "cannot write " + (folder_ / name).string() +
+                        " (File too large): check that the folder exists, may be written and has room");
+    EXPECT_EQ(read_file(folder_ / name), "old");
+    fs::remove(folder_ / name);
+    EXPECT_EQ(entries(), 0u);
+  }
+  std::signal(SIGXFSZ, handler);
+}
+
+TEST_F(ContactFileTest, CsvGivesEveryBitBack) {
+  const ContactTable t = odd_numbers();
+  std::istringstream in(written(t, "c.csv"));
+  std::string line;
+  std::getline(in, line);
+  EXPECT_EQ(line, "i,j,nx,ny,nz,depth,ix,iy,iz,jx,jy,jz");
+  std::size_t k = 0;
+  for (; std::getline(in, line); k++) {
+    std::vector<std::string> cells;
+    std::istringstream of(line);
+    for (std::string cell; std::getline(of, cell, ',');) cells.push_back(cell);
+    ASSERT_EQ(cells.size(), 12u);
+    EXPECT_EQ(cells[0], std::to_string(t.pairs[k].i));
+    EXPECT_EQ(cells[1], std::to_string(t.pairs[k].j));
+    std::vector<double> row;
+    for (std::size_t c = 2; c < 12; c++) row.push_back(std::strtod(cells[c].c_str(), nullptr));
+    expect_same_bits(row, row_of(t, k));
+  }
+  EXPECT_EQ(k, t.pairs.size());
+}
+
+TEST_F(ContactFileTest, NpzGivesEveryBitBack) {
+  const ContactTable t = odd_numbers();
+  const Npz z = npz_from_bytes(written(t, "c.npz"), "c.npz");
+  ASSERT_EQ(z.size(), 5u);
+  const std::uint64_t n = t.pairs.size();
+  for (const char* name : {"normals", "points_i", "points_j"})
+    EXPECT_EQ(z.at(name).shape, (std::vector<std::uint64_t>{n, 3})) << name;
+  EXPECT_EQ(z.at("pairs").shape, (std::vector<std::uint64_t>{n, 2}));
+  EXPECT_EQ(z.at("depths").shape, (std::vector<std::uint64_t>{n}));
+  EXPECT_EQ(z.at("pairs").kind, 'u');
+  EXPECT_EQ(z.at("pairs").size, 4);
+  const auto normals = z.at("normals").as<double>(), depths = z.at("depths").as<double>(),
+             on_i = z.at("points_i").as<double>(), on_j = z.at("points_j").as<double>();
+  const auto pairs = z.at("pairs").as<std::uint32_t>();
+  for (std::size_t k = 0; k < n; k++) {
+    EXPECT_EQ(pairs[2 * k], t.pairs[k].i);
+    EXPECT_EQ(pairs[2 * k + 1], t.pairs[k].j);
+    expect_same_bits({normals[3 * k], normals[3 * k + 1], normals[3 * k + 2], depths[k], on_i[3 * k],
+                      on_i[3 * k + 1], on_i[3 * k + 2], on_j[3 * k], on_j[3 * k + 1], on_j[3 * k + 2]},
+                     row_of(t, k));
+  }
+}
+
+// By what VTK's own format says of itself: each array at its offset in the appended part, its size before it.
+TEST_F(ContactFileTest, VtpHoldsWhatItsHeaderSays) {
+  TestScene s;
+  s.spheres = {{0, 0, 0, 1}, {1.5, 0, 0, 1}, {0, 1, 0, 0.25}};
+  const ContactTable t = found_in(s);
+  ASSERT_EQ(t.pairs.size(), 2u);
+  const std::string file = written(t, "c.vtp");
+  const std::size_t mark = file.find('_', file.find("<AppendedData"));
+  ASSERT_NE(mark, std::string::npos);
+  ASSERT_NE(file.find("header_type=\"UInt64\""), std::string::npos);
+  const auto array = [&](const std::string& name, auto number) {
+    using T = decltype(number);
+    std::size_t at = file.find("Name=\"" + name + "\"");
+    if (name.empty()) at = file.find("<DataArray", file.find("<Points>"));
+    const std::size_t offset = file.find("offset=\"", at) + 8;
+    const char* from = file.data() + mark + 1 + std::strtoull(file.data() + offset, nullptr, 10);
+    std::uint64_t bytes;
+    std::memcpy(&bytes, from, 8);
+    std::vector<T> values(bytes / sizeof(T));
+    std::memcpy(values.data(), from + 8, bytes);
+    return values;
+  };
+  EXPECT_EQ(array("i", std::uint32_t()), (std::vector<std::uint32_t>{0, 0}));
+  EXPECT_EQ(array("j", std::uint32_t()), (std::vector<std::uint32_t>{1, 2}));
+  EXPECT_EQ(array("normal", 0.), (std::vector<double>{1, 0, 0, 0, 1, 0}));
+  EXPECT_EQ(array("depth", 0.), (std::vector<double>{0.5, 0.25}));
+  // Halfway between the two points of each.
+  EXPECT_EQ(array("", 0.), (std::vector<double>{0.75, 0, 0, 0, 0.875, 0}));
+}
+
+TEST_F(ContactFileTest, NoContacts) {
+  EXPECT_EQ(written({}, "c.csv"), "i,j,nx,ny,nz,depth,ix,iy,iz,jx,jy,jz\n");
+  const Npz z = npz_from_bytes(written({}, "c.npz"), "c.npz");
+  EXPECT_EQ(z.at("pairs").shape, (std::vector<std::uint64_t>{0, 2}));
+  EXPECT_EQ(z.at("points_i").shape, (std::vector<std::uint64_t>{0, 3}));
+  EXPECT_NE(written({}, "c.vtp").find("NumberOfPoints=\"0\""), std::string::npos);
+}
+
+TEST_F(ContactFileTest, OtherRecordsAreRefused) {
+  const ContactTable t = odd_numbers();
+  for (int wrong = 0; wrong < 4; wrong++) {
+    Contacts c = t.contacts();
+    if (wrong == 0) c.memory = Memory::device;
+    if (wrong == 1) c.width = Width::normals;
+    if (wrong == 2) c.width = Width::pairs;
+    if (wrong == 3) c.scalar = Scalar::f32;
+    EXPECT_THROW(write_contacts(c, folder_ / "c.csv"), Error) << wrong;
+  }
+  EXPECT_EQ(entries(), 0u);
+}
+
+TEST_F(ContactFileTest, WhatCannotBeWrittenIsSaidAndLeavesNothing) {
+  const ContactTable t = odd_numbers();
+  write_file(folder_ / "c.txt", "mine");
+  for (const char* name : {"c.txt", "c", ".csv", "c.CSV", "c.csv.gz"}) {
+    SCOPED_TRACE(name);
+    EXPECT_THROW(check_contact_ending(name), Error);
+    try {
+      write_contacts(t.contacts(), folder_ / name);
+      FAIL() << "written";
+    } catch (const Error& e) {
+      EXPECT_EQ(std::string(e.what()), "cannot tell the format of " + (folder_ / name).string() +
+                                           ": contacts are written as .csv, .npz or .vtp");
+    }
+  }
+  EXPECT_EQ(read_file(folder_ / "c.txt"), "mine");
+  EXPECT_NO_THROW(check_contact_ending("a folder/c.vtp"));
+  fs::create_directory(folder_ / "folder.csv");
+  EXPECT_THROW(write_contacts(t.contacts(), folder_ / "absent" / "c.csv"), Error);
+  EXPECT_THROW(write_contacts(t.contacts(), folder_ / "folder.csv"), Error);
+  EXPECT_EQ(entries(), 2u) << "c.txt and folder.csv";
+}
+
+}  // namespace
+}  // namespace padder::detect

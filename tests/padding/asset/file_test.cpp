@@ -1,0 +1,127 @@
+// SPDX-License-Identifier: MIT
+#include "padding/asset/file.h"
+
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cstdlib>
+#include <fstream>
+#include <functional>
+#include <thread>
+#include <vector>
+
+#include "padding/asset/error.h"
+
+namespace padder {
+namespace {
+
+namespace fs = std::filesystem;
+
+class File : public ::testing::Test {
+ protected:
+  File() {
+    std::string name = (fs::temp_directory_path() / "padder-file-XXXXXX").string();
+    folder_ = ::mkdtemp(name.data());
+  }
+  ~File() override {
+    fs::permissions(folder_, fs::perms::owner_all);
+    fs::remove_all(folder_);
+  }
+  std::size_t entries() const {
+    return static_cast<std::size_t>(std::distance(fs::directory_iterator(folder_), {}));
+  }
+  void expect_error(const std::function<void()>& work, const std::string& words) {
+    try {
+      work();
+      ADD_FAILURE() << "no error";
+    } catch (const Error& e) {
+      EXPECT_NE(std::string(e.what()).find(words), std::string::npos) << e.what();
+    }
+  }
+  fs::path folder_;
+};
+
+TEST_F(File, EveryByteComesBack) {
+  std::string bytes;
+  for (int k = 0; k < 100000; k++) bytes += static_cast<char>(k * 7 + k / 256);
+  write_file(folder_ / "a", bytes);
+  EXPECT_EQ(read_file(folder_ / "a"), bytes);
+  write_file(folder_ / "a", "");  // over it
+  EXPECT_EQ(read_file(folder_ / "a"), "");
+  EXPECT_EQ(entries(), 1u);  // nothing beside it
+}
+
+TEST_F(File, ReadingWhatIsNotThere) {
+  expect_error([&] { read_file(folder_ / "absent"); }, (folder_ / "absent").string());
+  expect_error([&] { read_file(folder_); }, "is a folder");
+}
+
+TEST_F(File, OnlyRegularFilesOfSomeSizeAreRead) {
+  for (const char* device : {"/dev/zero", "/dev/null", "/dev/tty"})
+    if (fs::exists(device)) expect_error([&] { read_file(device); }, "name");  // no terminal: cannot open
+  expect_error([&] { read_file("/dev/zero"); }, "is a device, a pipe or a socket: name a regular file");
+  for (const char* system : {"/proc/self/mem", "/proc/self/status"})
+    if (fs::exists(system)) expect_error([&] { read_file(system); }, "without a size");
+  ASSERT_EQ(::mkfifo((folder_ / "pipe").c_str(), 0600), 0);
+  expect_error([&] { read_file(folder_ / "pipe"); }, "is a device, a pipe or a socket");  // at once
+  std::ofstream(folder_ / "large").put('x');
+  fs::resize_file(folder_ / "large", std::uintmax_t(1) << 40);  // a hole
+  expect_error([&] { read_file(folder_ / "large"); }, "1099511627776 bytes, and at most 8589934592 are read");
+  write_file(folder_ / "four", "1234");
+  expect_error([&] { read_file(folder_ / "four", 3); }, "has 4 bytes, and at most 3 are read");
+  EXPECT_EQ(read_file(folder_ / "four", 4), "1234");
+  expect_error([&] { read_file("a\nb\x1b"); }, "a\\nb\\x1b");
+}
+
+TEST_F(File, AFailedWriteLeavesNothingAndHarmsNothing) {
+  expect_error([&] { write_file(folder_ / "no" / "a", "x"); }, (folder_ / "no" / "a").string());
+  EXPECT_EQ(entries(), 0u);
+  fs::create_directory(folder_ / "taken");
+  write_file(folder_ / "taken" / "inside", "old");
+  expect_error([&] { write_file(folder_ / "taken", "x"); }, "taken");  // a folder of that name
+  EXPECT_EQ(read_file(folder_ / "taken" / "inside"), "old");
+  EXPECT_EQ(entries(), 1u);
+}
+
+TEST_F(File, GrowsInPiecesAndAnywhere) {
+  FileWriter out(folder_ / "a");
+  out.append("one "), out.append("two ");
+  out.write_at(12, "four"), out.write_at(8, "for ");
+  EXPECT_FALSE(fs::exists(folder_ / "a"));
+  out.commit();
+  EXPECT_EQ(read_file(folder_ / "a"), "one two for four");
+  EXPECT_EQ(entries(), 1u);
+}
+
+TEST_F(File, WithoutCommitNothingIsLeft) {
+  write_file(folder_ / "a", "old");
+  { FileWriter(folder_ / "a").append("new"); }
+  EXPECT_EQ(read_file(folder_ / "a"), "old");
+  EXPECT_EQ(entries(), 1u);
+}
+
+TEST_F(File, AFullDiskIsNoticed) {
+  if (!fs::exists("/dev/full")) GTEST_SKIP() << "no /dev/full on this system";
+  fs::create_symlink("/dev/full",
+                     folder_ / ("a.part" + std::to_string(::getpid())));  // where the bytes go first
+  expect_error([&] { write_file(folder_ / "a", std::string(100000, 'x')); },
+               "a (No space left on device): check that the folder exists, may be written and has room");
+  EXPECT_EQ(entries(), 0u);
+}
+
+TEST_F(File, AReaderSeesTheOldFileOrTheNewOne) {
+  const std::string old_bytes(1 << 20, 'o'), new_bytes(1 << 20, 'n');
+  write_file(folder_ / "a", old_bytes);
+  std::thread writer([&] {
+    for (int k = 0; k < 20; k++) write_file(folder_ / "a", k % 2 ? old_bytes : new_bytes);
+  });
+  for (int k = 0; k < 20; k++) {
+    const std::string seen = read_file(folder_ / "a");
+    EXPECT_TRUE(seen == old_bytes || seen == new_bytes);
+  }
+  writer.join();
+}
+
+}  // namespace
+}  // namespace padder

@@ -1,0 +1,128 @@
+// SPDX-License-Identifier: MIT
+#include "padding/by_depth/refit.h"
+
+#include <gtest/gtest.h>
+#include <omp.h>
+
+#include "padding/meshing/remesh.h"
+#include "padding/verify/certify.h"
+#include "tests/padding/random.h"
+
+namespace padder {
+namespace {
+
+struct Case {
+  std::string name;
+  Mesh mesh;
+  double edge;
+};
+
+std::vector<Case> bodies() {
+  std::vector<Case> all = {{"cube", shapes::box({0, 0, 0}, {1, 1, 1}), 0.12},
+                           {"plate 40:1", shapes::box({0, 0, 0}, {2, 2, 0.05}), 0.08},
+                           {"plate 1000:1", shapes::box({0, 0, 0}, {1, 1, 0.001}), 0.05},
+                           {"sphere", shapes::sphere(5), 0.15},
+                           {"torus", shapes::torus(1, 0.2, 80, 24), 0.1}};
+  for (std::uint64_t seed = 1; seed <= 3; seed++) {
+    shapes::Random random(seed);
+    all.push_back({"blob, seed " + std::to_string(seed), shapes::blob(random), 0.15});
+  }
+  return all;
+}
+
+double largest_cap(const std::vector<FittedBall>& balls) {
+  double cap = 0;
+  for (const auto& b : balls) cap = std::max(cap, b.cap);
+  return cap;
+}
+
+std::vector<Ball> plain(const std::vector<FittedBall>& fitted) {
+  std::vector<Ball> balls;
+  for (const auto& f : fitted) balls.push_back(f.ball);
+  return balls;
+}
+
+TEST(Refit, NothingStandsOutByMoreThanItsCapAndNothingIsLeftOpen) {
+  for (const auto& [name, mesh, edge] : bodies()) {
+    SCOPED_TRACE(name);
+    const Surface body(mesh);
+    const Mesh remeshed = remesh(mesh, {.edge_length = edge}).mesh;
+    for (const double depth : {0.1, 0.2, 0.6}) {
+      const auto before = fit(remeshed, depth, edge);
+      const auto after = refit(body, remeshed, before, {});
+      const auto out = protrusion_bound(body, plain(after));
+      for (std::size_t k = 0; k < after.size(); k++) {
+        EXPECT_LE(out.each[k], after[k].cap * (1 + 1e-6)) << "ball " << k;
+        EXPECT_LT(after[k].triangle, remeshed.triangles.size());
+      }
+      EXPECT_LE(gap_bound(mesh, BallSet(plain(after))).upper, largest_cap(before) * 1.001);
+    }
+  }
+}
+
+TEST(Refit, WithoutItAThinPlateFails) {  // the figure that refitting is there for
+  const Mesh plate = shapes::box({0, 0, 0}, {2, 2, 0.05});
+  const Mesh remeshed = remesh(plate, {.edge_length = 0.08}).mesh;
+  const auto before = fit(remeshed, 0.2, 0.08);
+  EXPECT_GT(protrusion_bound(Surface(plate), plain(before)).max, 5 * largest_cap(before));
+}
+
+TEST(Refit, WhereTheBodyIsThickThePapersSpheresStay) {
+  const Mesh cube = shapes::box({0, 0, 0}, {1, 1, 1});
+  const Mesh remeshed = remesh(cube, {.edge_length = 0.05}).mesh;
+  const auto before = fit(remeshed, 0.2, 0.05);
+  const auto after = refit(Surface(cube), remeshed, before, {});
+  std::size_t same = 0, far = 0;
+  for (std::size_t k = 0; k < before.size(); k++) {
+    const Point p = remeshed.corner(before[k].triangle, 0);
+    int inner = 0;  // coordinates well away from an edge of the cube
+    for (int axis = 0; axis < 3; axis++) inner += std::min(p[axis], 1 - p[axis]) > 0.25;
+    if (inner < 2) continue;
+    far++;
+    same += after[k].ball.radius == before[k].ball.radius && after[k].ball.center == before[k].ball.center;
+  }
+  EXPECT_GT(far, 100u);
+  EXPECT_EQ(same, far);
+}
+
+TEST(Refit, TheMarginLowersEveryCap) {
+  const Mesh cube = shapes::box({0, 0, 0}, {1, 1, 1});
+  const Mesh remeshed = remesh(cube, {.edge_length = 0.1}).mesh;
+  const auto before = fit(remeshed, 0.2, 0.1);
+  const double margin = 0.2 * largest_cap(before);
+  const auto after = refit(Surface(cube), remeshed, before, {.margin = margin, .gap = 0});
+  EXPECT_LE(protrusion_bound(Surface(cube), plain(after)).max, largest_cap(before) - margin + 1e-9);
+}
+
+TEST(Refit, ASheetIsPaddedBelow) {
+  const Mesh sheet = shapes::square(1, 8);
+  const Mesh remeshed = remesh(sheet, {.edge_length = 0.1}).mesh;
+  const auto after = refit(Surface(sheet), remeshed, fit(remeshed, 0.2, 0.1), {});
+  ASSERT_FALSE(after.empty());
+  for (const auto& b : after) {
+    EXPECT_LT(b.ball.center.z(), 0);
+    EXPECT_LE(b.ball.center.z() + b.ball.radius, b.cap * (1 + 1e-6));
+  }
+}
+
+TEST(Refit, SameForAnyNumberOfThreads) {
+  shapes::Random random(7);
+  const Mesh mesh = shapes::blob(random);
+  const Surface body(mesh);
+  const Mesh remeshed = remesh(mesh, {.edge_length = 0.2}).mesh;
+  const auto balls = fit(remeshed, 0.3, 0.2);
+  const int threads = omp_get_max_threads();
+  omp_set_num_threads(1);
+  const auto one = refit(body, remeshed, balls, {});
+  omp_set_num_threads(5);
+  const auto five = refit(body, remeshed, balls, {});
+  omp_set_num_threads(threads);
+  ASSERT_EQ(one.size(), five.size());
+  for (std::size_t k = 0; k < one.size(); k++) {
+    EXPECT_EQ(one[k].ball.center, five[k].ball.center);
+    EXPECT_EQ(one[k].ball.radius, five[k].ball.radius);
+  }
+}
+
+}  // namespace
+}  // namespace padder

@@ -1,0 +1,225 @@
+// SPDX-License-Identifier: MIT
+#include "padding/by_tolerance/cover.h"
+
+#include <gtest/gtest.h>
+#include <omp.h>
+
+#include "padding/asset/error.h"
+#include "padding/geometry/random.h"
+#include "tests/padding/shapes.h"
+
+namespace padder {
+namespace {
+
+// Independent of the certificate: random surface points against all balls, and random points of the balls'
+// surfaces that no other ball holds against the mesh.
+struct Sampled {
+  double gap = 0, protrusion = 0;
+};
+Sampled sampled_errors(const Surface& surface, const std::vector<Ball>& balls, int count) {
+  const Mesh& mesh = surface.mesh();
+  Sampled errors;
+  Random random(9);
+  for (int k = 0; k < count; k++) {
+    const std::size_t t = random.below(mesh.triangles.size());
+    double a = random.uniform(), b = random.uniform();
+    if (a + b > 1) a = 1 - a, b = 1 - b;
+    const Point x = mesh.corner(t, 0) + a * (mesh.corner(t, 1) - mesh.corner(t, 0)) +
+                    b * (mesh.corner(t, 2) - mesh.corner(t, 0));
+    double gap = std::numeric_limits<double>::infinity();
+    for (const Ball& ball : balls) gap = std::min(gap, (x - ball.center).norm() - ball.radius);
+    errors.gap = std::max(errors.gap, gap);
+    const Ball& ball = balls[random.below(balls.size())];
+    const double z = 2 * random.uniform() - 1, phi = 2 * std::numbers::pi * random.uniform();
+    const double s = std::sqrt(1 - z * z);
+    const Point y = ball.center + ball.radius * Vector(s * std::cos(phi), s * std::sin(phi), z);
+    errors.protrusion = std::max(errors.protrusion, surface.signed_nearest(y).distance);
+  }
+  return errors;
+}
+
+Mesh unit(Mesh mesh) {  // diagonal 1, around the origin
+  const Box box = mesh.bounds();
+  for (Point& p : mesh.points) p = (p - box.center()) / box.diagonal();
+  return mesh;
+}
+
+TEST(Cover, SphereNeedsOneBall) {
+  for (int levels : {3, 4, 6}) {
+    const Surface surface(unit(shapes::sphere(levels)));
+    const Cover cover = cover_surface(surface, {.protrusion = 0.02, .gap = 0.02});
+    EXPECT_TRUE(cover.proved);
+    EXPECT_EQ(cover.balls.size(), 1u);
+  }
+}
+
+// A plate of half thickness h: a ball in the middle plane covers a disc of radius sqrt((h + 2e)^2 - h^2) on
+// both sides, and no cover of the plane by equal discs is thinner than 2 pi / sqrt(27) (Kershner, The number
+// of circles covering a set, 1939).
+TEST(Cover, PlateComesNearTheThinnestCover) {
+  const double e = 0.015, h = 0.008;
+  const Mesh mesh = shapes::box({-0.35, -0.35, -h}, {0.35, 0.35, h}, 12);
+  const Surface surface(mesh);
+  const Cover cover = cover_surface(surface, {.protrusion = e, .gap = e});
+  ASSERT_TRUE(cover.proved);
+  const double disc2 = (h + 2 * e) * (h + 2 * e) - h * h;
+  const double least = 0.7 * 0.7 / (1.5 * std::sqrt(3.0) * disc2);
+  EXPECT_GT(static_cast<double>(cover.balls.size()), least);
+  EXPECT_LT(static_cast<double>(cover.balls.size()), 1.5 * least);
+}
+
+class CoverShapes : public testing::TestWithParam<int> {};
+
+TEST_P(CoverShapes, BoundsAreProvedAndSamplingAgrees) {
+  const Mesh meshes[] = {shapes::box({0, 0, 0}, {1, 0.6, 0.3}), shapes::torus(1, 0.2, 60, 24),
+                         shapes::box({0, 0, 0}, {1, 1, 1e-4}, 3)};
+  const Surface surface(unit(meshes[GetParam()]));
+  for (const auto& [protrusion, gap] : {std::pair(0.02, 0.02), std::pair(0.0, 0.04)}) {
+    const Cover cover = cover_surface(surface, {.protrusion = protrusion, .gap = gap});
+    EXPECT_TRUE(cover.proved);
+    ASSERT_EQ(cover.triangle.size(), cover.balls.size());
+    EXPECT_LE(protrusion_bound(surface, cover.balls).max, protrusion + 1e-15);
+    EXPECT_LE(gap_bound(surface.mesh(), BallSet(cover.balls), gap).upper, gap);
+    const Sampled sampled = sampled_errors(surface, cover.balls, 20000);
+    EXPECT_LE(sampled.gap, gap);
+    EXPECT_LE(sampled.protrusion, protrusion + 1e-12);
+    EXPECT_GT(sampled.gap, 0.5 * gap);  // the tolerance is used
+  }
+}
+INSTANTIATE_TEST_SUITE_P(Shapes, CoverShapes, testing::Range(0, 3));
+
+// The adversary: a minimal cover without one of its balls, or with one pushed aside, is no cover.
+TEST(Cover, CertificateSeesABallRemovedOrMoved) {
+  const Surface surface(unit(shapes::torus(1, 0.2, 60, 24)));
+  const double e = 0.02;
+  const Cover cover = cover_surface(surface, {.protrusion = e, .gap = e});
+  ASSERT_TRUE(gap_failures(surface.mesh(), BallSet(cover.balls), e, 0.1 * e).empty());
+  for (std::size_t k = 0; k < cover.balls.size(); k++) {
+    std::vector<Ball> fewer = cover.balls;
+    fewer.erase(fewer.begin() + static_cast<std::ptrdiff_t>(k));
+    EXPECT_GT(gap_bound(surface.mesh(), BallSet(fewer), e).upper, e) << k;
+    EXPECT_FALSE(gap_failures(surface.mesh(), BallSet(fewer), e, 0.1 * e).empty()) << k;
+    std::vector<Ball> moved = cover.balls;
+    moved[k].center += 3 * e * Vector(0, 0, k % 2 ? 1 : -1);
+    EXPECT_TRUE(protrusion_bound(surface, moved).max > 1.5 * e ||
+                !gap_failures(surface.mesh(), BallSet(moved), e, 0.1 * e).empty())
+        << k;
+  }
+}
+
+TEST(Cover, SearchBeatsGreedy) {
+  const Surface surface(unit(shapes::box({0, 0, 0}, {1, 0.6, 0.3})));
+  const auto count = [&](int effort) {
+    const Cover cover = cover_surface(surface, {.protrusion = 0.015, .gap = 0.015, .effort = effort});
+    EXPECT_TRUE(cover.proved);
+    return static_cast<double>(cover.balls.size());
+  };
+  EXPECT_LT(count(1), 0.9 * count(0));
+}
+
+TEST(Cover, RadiusLimitsAreKept) {
+  const Surface surface(unit(shapes::box({0, 0, 0}, {1, 0.6, 0.3})));
+  const Cover small = cover_surface(surface, {.protrusion = 0.02, .gap = 0.02, .max_radius = 0.05});
+  EXPECT_TRUE(small.proved);
+  for (const Ball& ball : small.balls) EXPECT_LE(ball.radius, 0.05 + 1e-12);
+  const Cover tiny = cover_surface(surface, {.protrusion = 0.03, .gap = 0.03, .max_radius = 0.025});
+  EXPECT_TRUE(tiny.proved);
+  for (const Ball& ball : tiny.balls) EXPECT_LE(ball.radius, 0.025 + 1e-12);
+  // A corner takes no ball of 0.1 within the tolerance: what is left open is not called proved.
+  const Cover large = cover_surface(surface, {.protrusion = 0.02, .gap = 0.02, .min_radius = 0.1});
+  EXPECT_FALSE(large.proved);
+  for (const Ball& ball : large.balls) EXPECT_GE(ball.radius, 0.1);
+}
+
+// Whoever calls: a side that the normals tell is no proof.
+TEST(Cover, ProvesNothingWithoutAnInside) {
+  const CoverOptions options{.protrusion = 0.03, .gap = 0.03, .max_radius = 0.1, .effort = 0};
+  const Cover sheet = cover_surface(Surface(unit(shapes::square(1, 4))), options);
+  EXPECT_TRUE(sheet.covered);
+  EXPECT_FALSE(sheet.proved);
+  Mesh turned = unit(shapes::box({0, 0, 0}, {1, 1, 1}));
+  for (auto& t : turned.triangles) std::swap(t[0], t[1]);
+  const Surface surface(turned);
+  const Cover cover = cover_surface(surface, options);
+  EXPECT_TRUE(cover.covered);
+  EXPECT_EQ(cover.proved, protrusion_bound(surface, cover.balls).max <= 0.03);
+  EXPECT_FALSE(cover.proved);  // the balls lie outside, where the normals say inside is
+}
+
+TEST(Cover, SameResultForAnyNumberOfThreads) {
+  const Surface surface(unit(shapes::torus(1, 0.3, 40, 20)));
+  const int before = omp_get_max_threads();
+  std::vector<Cover> covers;
+  for (int threads : {1, 2, 5}) {
+    omp_set_num_threads(threads);
+    covers.push_back(cover_surface(surface, {.protrusion = 0.01, .gap = 0.01}));
+  }
+  omp_set_num_threads(before);
+  for (const Cover& cover : covers) {
+    ASSERT_EQ(cover.balls.size(), covers[0].balls.size());
+    for (std::size_t k = 0; k < cover.balls.size(); k++) {
+      ASSERT_EQ(cover.balls[k].center, covers[0].balls[k].center);
+      ASSERT_EQ(cover.balls[k].radius, covers[0].balls[k].radius);
+    }
+  }
+}
+
+// Large covers are searched on, also between the certificate's rounds: worth some spheres, proved as well.
+TEST(Cover, LargeCoversAreSearchedOnTheSameForAnyNumberOfThreads) {
+  const double e = 0.01;
+  const Surface surface(unit(shapes::box({0, 0, 0}, {1, 0.6, 0.05})));
+  const auto cover = [&](std::size_t large) {
+    return cover_surface(surface, {.protrusion = e, .gap = e, .large = large});
+  };
+  const int before = omp_get_max_threads();
+  omp_set_num_threads(1);
+  const Cover one = cover(50);
+  omp_set_num_threads(3);
+  const Cover three = cover(50), small = cover(1000);
+  omp_set_num_threads(before);
+  ASSERT_TRUE(one.proved);
+  EXPECT_LE(protrusion_bound(surface, one.balls).max, e + 1e-15);
+  EXPECT_LE(gap_bound(surface.mesh(), BallSet(one.balls), e).upper, e);
+  EXPECT_LT(static_cast<double>(one.balls.size()), 0.97 * static_cast<double>(small.balls.size()));
+  ASSERT_EQ(one.balls.size(), three.balls.size());
+  for (std::size_t k = 0; k < one.balls.size(); k++) {
+    ASSERT_EQ(one.balls[k].center, three.balls[k].center);
+    ASSERT_EQ(one.balls[k].radius, three.balls[k].radius);
+  }
+}
+
+TEST(Cover, RefusesWhatCannotBeCovered) {
+  EXPECT_THROW(cover_surface(Surface(Mesh()), {.protrusion = 0.01, .gap = 0.01}), Error);
+  EXPECT_THROW(cover_surface(Surface(shapes::sphere(1)), {}), Error);
+}
+
+TEST(ThinBalls, KeepsWhatTheBallsCoverWithFewer) {
+  const Surface surface(unit(shapes::torus(1, 0.3, 28, 14)));
+  std::vector<Ball> balls;
+  Random random(4);
+  const Mesh& mesh = surface.mesh();
+  for (std::size_t t = 0; t < mesh.triangles.size(); t++) {
+    if (mesh.corner(t, 0).z() < -0.05) continue;  // the underside stays open
+    const Point p = (mesh.corner(t, 0) + mesh.corner(t, 1) + mesh.corner(t, 2)) / 3;
+    balls.push_back({p, 0.03 + 0.03 * random.uniform()});
+  }
+  const double gap = 0.03;
+  const std::vector<std::uint32_t> kept = thin_balls(surface, balls, gap);
+  EXPECT_LT(kept.size(), balls.size() / 3);
+  std::vector<Ball> thin;
+  for (auto k : kept) thin.push_back(balls[k]);
+  const BallSet all(balls), few(thin);
+  for (int k = 0; k < 50000; k++) {
+    const std::size_t t = random.below(mesh.triangles.size());
+    double a = random.uniform(), b = random.uniform();
+    if (a + b > 1) a = 1 - a, b = 1 - b;
+    const Point x = mesh.corner(t, 0) + a * (mesh.corner(t, 1) - mesh.corner(t, 0)) +
+                    b * (mesh.corner(t, 2) - mesh.corner(t, 0));
+    if (all.gap(x).value < 0.99 * gap) {
+      EXPECT_LE(few.gap(x).value, gap * 1.01);
+    }
+  }
+}
+
+}  // namespace
+}  // namespace padder

@@ -1,0 +1,105 @@
+// SPDX-License-Identifier: MIT
+#include "padding/by_tolerance/cull.h"
+
+#include <gtest/gtest.h>
+
+#include "padding/asset/error.h"
+#include "padding/verify/union_shape.h"
+#include "tests/padding/shapes.h"
+
+namespace padder {
+namespace {
+
+Mesh unit(Mesh mesh) {  // diagonal 1, around the origin
+  const Box box = mesh.bounds();
+  for (Point& p : mesh.points) p = (p - box.center()) / box.diagonal();
+  return mesh;
+}
+
+const Surface& torus() {
+  static const Surface surface(unit(shapes::torus(1, 0.35, 32, 16)));
+  return surface;
+}
+
+// What the result says of itself is what the certificate proves.
+void expect_proved(const Surface& surface, const Culled& culled) {
+  ASSERT_TRUE(culled.proved);
+  EXPECT_EQ(culled.triangle.size(), culled.balls.size());
+  EXPECT_LE(protrusion_bound(surface, culled.balls).max, culled.protrusion + 1e-12);
+  EXPECT_TRUE(
+      gap_failures(surface.mesh(), BallSet(culled.balls), culled.gap + 1e-12, 0.1 * culled.gap).empty());
+}
+
+TEST(Cull, ToleranceIsKept) {
+  const Culled culled = cull(torus(), {.tolerance = 0.03});
+  expect_proved(torus(), culled);
+  EXPECT_LE(culled.protrusion, 0.03);
+  EXPECT_LE(culled.gap, 0.03);
+  EXPECT_TRUE(culled.within);
+}
+
+TEST(Cull, CountIsUsedUpAndMoreSpheresAreBetter) {
+  double last = 1;
+  for (std::uint64_t count : {3, 25}) {
+    const Culled culled = cull(torus(), {.max_spheres = count});
+    expect_proved(torus(), culled);
+    EXPECT_LE(culled.balls.size(), count);
+    EXPECT_GE(static_cast<double>(culled.balls.size()), 0.8 * static_cast<double>(count));
+    EXPECT_LT(culled.gap, last);
+    last = culled.gap;
+  }
+}
+
+TEST(Cull, CountComesBeforeTolerance) {
+  const Culled few = cull(torus(), {.tolerance = 0.004, .max_spheres = 20});
+  expect_proved(torus(), few);
+  EXPECT_LE(few.balls.size(), 20u);
+  EXPECT_FALSE(few.within);
+  EXPECT_GT(few.gap, 0.004);
+  const Culled plenty = cull(torus(), {.tolerance = 0.03, .max_spheres = 100000});
+  EXPECT_TRUE(plenty.within);
+  EXPECT_EQ(plenty.balls.size(), cull(torus(), {.tolerance = 0.03}).balls.size());
+}
+
+TEST(Cull, VolumeIsMatchedWithinTheTolerance) {
+  const Culled culled = cull(torus(), {.tolerance = 0.03, .balance = Balance::volume});
+  expect_proved(torus(), culled);
+  EXPECT_LE(std::max(culled.protrusion, culled.gap), 0.03 * (1 + 1e-9));
+  const double body = mass_properties(torus().mesh()).volume;
+  EXPECT_NEAR(union_shape(torus(), culled.balls, 400000).volume / body, 1, 0.01);
+  EXPECT_NEAR(culled.volume_ratio, 1, 0.01);
+}
+
+TEST(Cull, MeansGetSmallerWithinTheTolerance) {
+  const Culled none = cull(torus(), {.tolerance = 0.03});
+  const Culled mean = cull(torus(), {.tolerance = 0.03, .balance = Balance::mean});
+  expect_proved(torus(), mean);
+  EXPECT_LE(std::max(mean.protrusion, mean.gap), 0.03 * (1 + 1e-9));
+  EXPECT_LE(mean.balls.size(), none.balls.size() * 3 / 2);
+  const UnionShape before = union_shape(torus(), none.balls), after = union_shape(torus(), mean.balls);
+  EXPECT_LT(after.protrusion + after.gap, 0.9 * (before.protrusion + before.gap));
+}
+
+TEST(Cull, SmoothnessIsReached) {
+  const double rough = union_shape(torus(), cull(torus(), {.tolerance = 0.03}).balls).normal_error;
+  const Culled smooth = cull(torus(), {.tolerance = 0.03, .smooth = 0.8 * rough});
+  expect_proved(torus(), smooth);
+  EXPECT_LE(smooth.normal_error, 0.8 * rough);
+  EXPECT_NEAR(smooth.normal_error, union_shape(torus(), smooth.balls, 300000).normal_error, 0.5);
+}
+
+TEST(Cull, SomethingMustBeAsked) { EXPECT_THROW(cull(torus(), {}), Error); }
+
+TEST(Cull, NamesOfBalances) {
+  EXPECT_EQ(balance_of("volume"), Balance::volume);
+  EXPECT_EQ(balance_of("mean"), Balance::mean);
+  EXPECT_EQ(balance_of("none"), Balance::none);
+  EXPECT_FALSE(balance_of("Volume"));
+}
+
+TEST(Cull, GridEntries) {
+  EXPECT_DOUBLE_EQ(grid_entries({{Point::Zero(), 0.5}, {Point::Zero(), 0.25}}, 1), 8 + 3.375);
+}
+
+}  // namespace
+}  // namespace padder

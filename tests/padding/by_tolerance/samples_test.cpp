@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: MIT
+#include "padding/by_tolerance/samples.h"
+
+#include <gtest/gtest.h>
+#include <omp.h>
+
+#include "padding/asset/error.h"
+#include "padding/geometry/point_tree.h"
+#include "padding/geometry/random.h"
+#include "tests/padding/shapes.h"
+
+namespace padder {
+namespace {
+
+TEST(Samples, CoveredDiscIsPythagoras) {
+  EXPECT_NEAR(covered_disc(3, 2), 4, 1e-12);  // 3, 4, 5
+  EXPECT_NEAR(covered_disc(0, 0.1), 0.1, 1e-12);
+}
+
+// Every surface point has a row nearby, relative to the disc that a ball covers there.
+TEST(Samples, RowsAreAsDenseAsTheThicknessAsks) {
+  const Mesh meshes[] = {shapes::box({0, 0, 0}, {0.7, 0.7, 0.01}),
+                         shapes::box({0, 0, 0}, {0.6, 0.6, 0.6}, 40), shapes::torus(0.3, 0.1, 40, 20)};
+  for (const Mesh& mesh : meshes) {
+    const Surface surface(mesh);
+    SampleOptions options;
+    options.reach = 0.02;
+    const Samples samples = sample_surface(surface, options);
+    EXPECT_LE(samples.coarse.size(), samples.fine.size());
+    std::vector<Point> points;
+    for (const Row& row : samples.coarse) points.push_back(row.point);
+    const PointTree tree(points);
+    Random random(1);
+    for (int k = 0; k < 2000; k++) {
+      const std::size_t t = random.below(mesh.triangles.size());
+      double a = random.uniform(), b = random.uniform();
+      if (a + b > 1) a = 1 - a, b = 1 - b;
+      const Point x = mesh.corner(t, 0) + a * (mesh.corner(t, 1) - mesh.corner(t, 0)) +
+                      b * (mesh.corner(t, 2) - mesh.corner(t, 0));
+      std::vector<std::uint32_t> found;
+      tree.find(x, 0.11,
+                found);  // 0.11: larger than the disc of the thickest of these bodies, 0.3, over the density
+      bool near = false;
+      for (auto row : found)
+        near = near || (points[row] - x).norm() <= 2.5 * samples.coarse[row].margin + 0.005;
+      EXPECT_TRUE(near);
+    }
+    for (const Sample& s : samples.grown) {
+      EXPECT_LT(surface.nearest(s.point).distance, 1e-12);
+      EXPECT_NEAR(std::abs(surface.signed_nearest(s.ball.center).distance), s.ball.radius, 1e-12);
+    }
+  }
+}
+
+TEST(Samples, ThinWallKeepsBothSides) {
+  const Surface surface(shapes::box({0, 0, 0}, {0.7, 0.7, 1e-6}, 90));
+  SampleOptions options;
+  options.reach = 0.03;
+  std::size_t above = 0, below = 0;
+  for (const Row& row : sample_surface(surface, options).coarse) (row.point.z() > 5e-7 ? above : below)++;
+  EXPECT_GT(above, 500u);
+  EXPECT_NEAR(static_cast<double>(above) / static_cast<double>(below), 1, 0.1);
+}
+
+TEST(Samples, TooSmallAToleranceIsRefused) {
+  const Surface surface(shapes::box({0, 0, 0}, {0.5, 0.5, 0.5}));
+  SampleOptions options;
+  options.reach = 1e-6, options.largest = 1e-9;
+  EXPECT_THROW(sample_surface(surface, options), Error);
+}
+
+}  // namespace
+}  // namespace padder

@@ -1,0 +1,71 @@
+// SPDX-License-Identifier: MIT
+#include "padding/geometry/medial.h"
+
+#include <gtest/gtest.h>
+
+#include <random>
+
+#include "tests/padding/shapes.h"
+
+namespace padder {
+namespace {
+
+TEST(Medial, PlateGivesHalfItsThickness) {
+  const Surface surface(shapes::box({0, 0, 0}, {2, 2, 0.05}, 20));
+  const Ball ball = inner_medial_ball(surface, {1.01, 0.93, 0.05}, Vector::UnitZ(), 3, 1e-9);
+  EXPECT_NEAR(ball.radius, 0.025, 1e-8);
+  EXPECT_NEAR((ball.center - Point(1.01, 0.93, 0.025)).norm(), 0, 1e-8);
+}
+
+TEST(Medial, BoxFaceIsLimitedByTheNearestSide) {
+  const Surface surface(shapes::box({0, 0, 0}, {1, 1, 1}));
+  for (double x : {0.5, 0.3, 0.1, 0.01}) {
+    const Ball ball = inner_medial_ball(surface, {x, 0.5, 1}, Vector::UnitZ(), 2, 1e-9);
+    EXPECT_NEAR(ball.radius, x, 1e-8);
+  }
+}
+
+TEST(Medial, SphereGivesItsInscribedBall) {
+  const Surface surface(shapes::sphere(4));
+  const Point p = surface.mesh().points[77];
+  const Ball ball = inner_medial_ball(surface, p, p.normalized(), 3, 0.01);
+  EXPECT_NEAR(ball.radius, 1, 0.011);
+}
+
+TEST(Medial, LargestIsKept) {
+  const Surface surface(shapes::box({0, 0, 0}, {1, 1, 1}));
+  EXPECT_NEAR(inner_medial_ball(surface, {0.5, 0.5, 1}, Vector::UnitZ(), 0.2, 1e-9).radius, 0.2, 1e-12);
+}
+
+// The contract, on any shape, at any point, with normals that are off by up to 60 degrees, on edges and
+// corners.
+TEST(Medial, PostconditionHoldsForAnyNormal) {
+  std::mt19937 random(3);
+  std::uniform_real_distribution<double> u(0, 1);
+  std::normal_distribution<double> gauss;
+  for (const Mesh& mesh :
+       {shapes::box({0, 0, 0}, {1, 2, 0.01}, 3), shapes::torus(1, 0.3, 24, 12), shapes::sphere(3)}) {
+    const Surface surface(mesh);
+    for (int k = 0; k < 2000; k++) {
+      const std::size_t t = random() % mesh.triangles.size();
+      double a = u(random), b = u(random);
+      if (a + b > 1) a = 1 - a, b = 1 - b;
+      if (k % 3 == 0) a = 0;      // on an edge
+      if (k % 9 == 0) a = b = 0;  // on a corner
+      const Point p = mesh.corner(t, 0) + a * (mesh.corner(t, 1) - mesh.corner(t, 0)) +
+                      b * (mesh.corner(t, 2) - mesh.corner(t, 0));
+      Vector normal = mesh.area_normal(t).normalized();
+      normal =
+          (normal + 0.5 * (k % 5) * Vector(gauss(random), gauss(random), gauss(random)) / 2).normalized();
+      const double tolerance = 1e-4;
+      const Ball ball = inner_medial_ball(surface, p, normal, 3, tolerance);
+      const Nearest at = surface.signed_nearest(ball.center);
+      ASSERT_TRUE(at.distance <= 0 || ball.radius == 0);
+      ASSERT_NEAR(std::abs(at.distance), ball.radius, 1e-12);
+      ASSERT_LE((p - ball.center).norm(), ball.radius + tolerance + 1e-12);
+    }
+  }
+}
+
+}  // namespace
+}  // namespace padder

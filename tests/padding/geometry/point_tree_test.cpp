@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: MIT
+#include "padding/geometry/point_tree.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "padding/geometry/random.h"
+
+namespace padder {
+namespace {
+
+TEST(PointTree, AgreesWithBruteForce) {
+  Random random(1);
+  const auto coordinate = [&] { return 2 * random.uniform() - 1; };
+  for (std::size_t n : {0, 1, 8, 9, 1000}) {
+    std::vector<Point> points(n);
+    for (Point& p : points) p = {coordinate(), coordinate(), coordinate()};
+    for (std::size_t k = 0; k < n / 4; k++) points[k] = points[n - 1];  // many alike
+    const PointTree tree(points);
+    for (int k = 0; k < 200; k++) {
+      const Point center(coordinate(), coordinate(), coordinate());
+      const double radius = k % 7 == 0 ? 4 : random.uniform();
+      std::vector<std::uint32_t> found, expected;
+      tree.find(center, radius, found);
+      for (std::uint32_t p = 0; p < n; p++)
+        if ((points[p] - center).squaredNorm() <= radius * radius) expected.push_back(p);
+      std::sort(found.begin(), found.end());
+      ASSERT_EQ(found, expected);
+    }
+  }
+}
+
+TEST(PointTree, NegativeRadiusFindsNothing) {
+  const PointTree tree({Point::Zero()});
+  std::vector<std::uint32_t> found;
+  tree.find(Point::Zero(), -1, found);
+  EXPECT_TRUE(found.empty());
+  tree.find(Point::Zero(), 0, found);
+  EXPECT_EQ(found.size(), 1u);
+}
+
+}  // namespace
+}  // namespace padder

@@ -1,0 +1,289 @@
+// SPDX-License-Identifier: MIT
+#include "padding/geometry/surface.h"
+
+#include <gtest/gtest.h>
+
+#include <numbers>
+#include <set>
+#include <thread>
+
+#include "tests/padding/random.h"
+
+namespace padder {
+namespace {
+
+using shapes::Random;
+
+// The twin without a hierarchy. The nearest point of a triangle by another way than the library's: the foot
+// of the perpendicular when it lies inside, else the nearest of the three edges.
+Point on_segment(const Point& p, const Point& a, const Point& b) {
+  const Vector ab = b - a;
+  const double length = ab.squaredNorm();
+  if (length == 0) return a;
+  return a + std::clamp((p - a).dot(ab) / length, 0.0, 1.0) * ab;
+}
+
+Point on_triangle(const Point& p, const Point& a, const Point& b, const Point& c) {
+  const Vector n = (b - a).cross(c - a);
+  if (n.squaredNorm() > 0) {
+    const Point foot = p - n.dot(p - a) / n.squaredNorm() * n;
+    if (n.dot((b - a).cross(foot - a)) >= 0 && n.dot((c - b).cross(foot - b)) >= 0 &&
+        n.dot((a - c).cross(foot - c)) >= 0)
+      return foot;
+  }
+  Point best = on_segment(p, a, b);
+  for (const Point& q : {on_segment(p, b, c), on_segment(p, c, a)})
+    if ((q - p).squaredNorm() < (best - p).squaredNorm()) best = q;
+  return best;
+}
+
+double brute_force(const Mesh& mesh, const Point& p) {
+  double nearest = std::numeric_limits<double>::infinity();
+  for (std::size_t t = 0; t < mesh.triangles.size(); t++)
+    nearest = std::min(nearest,
+                       (on_triangle(p, mesh.corner(t, 0), mesh.corner(t, 1), mesh.corner(t, 2)) - p).norm());
+  return nearest;
+}
+
+// The solid angle that a closed surface spans seen from p, over 4 pi: 1 inside, 0 outside (Van Oosterom and
+// Strackee, The solid angle of a plane triangle, 1983). It knows nothing of normals at edges.
+double winding(const Mesh& mesh, const Point& p) {
+  double sum = 0;
+  for (std::size_t t = 0; t < mesh.triangles.size(); t++) {
+    const Vector a = mesh.corner(t, 0) - p, b = mesh.corner(t, 1) - p, c = mesh.corner(t, 2) - p;
+    const double x = a.norm(), y = b.norm(), z = c.norm();
+    sum += 2 * std::atan2(a.dot(b.cross(c)), x * y * z + a.dot(b) * z + b.dot(c) * x + c.dot(a) * y);
+  }
+  return sum / (4 * std::numbers::pi);
+}
+
+Mesh soup(Random& random, int n, double size) {
+  Mesh mesh;
+  for (int k = 0; k < n; k++) {
+    const Point at = random.point();
+    for (int j = 0; j < 3; j++) mesh.points.push_back(at + random.point(size));
+    const auto v = static_cast<std::uint32_t>(3 * k);
+    mesh.triangles.push_back({v, v + 1, v + 2});
+  }
+  return mesh;
+}
+
+void compare(const Mesh& mesh, Random& random, int questions) {
+  const Surface surface(mesh);
+  const double diagonal = mesh.bounds().diagonal();
+  for (int k = 0; k < questions; k++) {
+    Point p = mesh.bounds().center() + random.point(diagonal);
+    if (k % 4 == 0)
+      p = mesh.points[static_cast<std::size_t>(random.uniform(0, 1) *
+                                               static_cast<double>(mesh.points.size()))];
+    const double distance = brute_force(mesh, p), slack = 1e-12 * (diagonal + p.norm());
+    const Nearest n = surface.nearest(p);
+    ASSERT_NEAR(n.distance, distance, slack);
+    ASSERT_NEAR((n.point - p).norm(), n.distance, slack);
+    ASSERT_LT(n.triangle, mesh.triangles.size());
+    const Point on = on_triangle(n.point, mesh.corner(n.triangle, 0), mesh.corner(n.triangle, 1),
+                                 mesh.corner(n.triangle, 2));
+    ASSERT_NEAR((on - n.point).norm(), 0, slack);  // it is a point of the triangle it names
+    ASSERT_NEAR(std::abs(surface.signed_nearest(p).distance), distance, slack);
+    if (distance <= 10 * slack) continue;
+    ASSERT_FALSE(std::isfinite(surface.nearest(p, 0.99 * distance).distance));
+    ASSERT_NEAR(surface.nearest(p, 1.01 * distance).distance, distance, slack);
+    ASSERT_FALSE(surface.any_within(p, 0.99 * distance));
+    ASSERT_TRUE(surface.any_within(p, 1.01 * distance));
+  }
+}
+
+TEST(Surface, AgreesWithBruteForceOnSoups) {
+  for (std::uint64_t seed = 1; seed <= 12; seed++) {
+    SCOPED_TRACE("seed " + std::to_string(seed));
+    Random random(seed);
+    const int sizes[] = {1, 2, 3, 5, 17, 60, 200, 400};
+    compare(soup(random, sizes[seed % 8], seed % 3 ? 0.3 : 0.01), random, 60);
+  }
+}
+
+TEST(Surface, AgreesWithBruteForceOnBodiesFarFromTheOrigin) {
+  for (std::uint64_t seed = 21; seed <= 23; seed++) {
+    SCOPED_TRACE("seed " + std::to_string(seed));
+    Random random(seed);
+    Mesh mesh = shapes::blob(random, 3);
+    for (Point& p : mesh.points) p = 0.01 * p + Point(1000, -2000, 500);
+    compare(mesh, random, 60);
+  }
+}
+
+TEST(Surface, AllOnePointOrLineOrPlane) {
+  Random random(31);
+  Mesh flat = shapes::square(1, 8);
+  compare(flat, random, 60);
+  Mesh same;
+  same.points = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
+  same.triangles.assign(100, {0, 1, 2});
+  compare(same, random, 60);
+}
+
+TEST(Surface, TrianglesWithoutAreaAreTheirSegmentOrPoint) {
+  Random random(41);
+  Mesh mesh;
+  mesh.points = {{0, 0, 0}, {1, 0, 0}, {3, 0, 0}, {0, 5, 0}};
+  mesh.triangles = {{0, 1, 2}, {3, 3, 3}, {0, 0, 1}, {2, 0, 1}};
+  compare(mesh, random, 200);
+  const Surface surface(mesh);
+  EXPECT_DOUBLE_EQ(surface.nearest({2, 0, 1}).distance, 1);
+  EXPECT_DOUBLE_EQ(surface.nearest({0, 5, 2}).distance, 2);
+  EXPECT_FALSE(std::isnan(surface.signed_nearest({2, 0, 1}).distance));
+}
+
+TEST(Surface, NothingIsNearWhereThereIsNothing) {
+  const Surface surface{Mesh()};
+  EXPECT_FALSE(std::isfinite(surface.nearest({0, 0, 0}).distance));
+  EXPECT_FALSE(std::isfinite(surface.signed_nearest({0, 0, 0}).distance));
+  EXPECT_FALSE(surface.any_within({0, 0, 0}, 1e300));
+  EXPECT_TRUE(surface.bounds().empty());
+}
+
+// Acute edges all over, where the normal of the nearest face alone tells the wrong side.
+Mesh hedgehog(Random& random) {
+  Mesh mesh = shapes::sphere(3);
+  for (Point& p : mesh.points) p *= random.uniform(0, 1) < 0.3 ? 1 : random.uniform(0.25, 0.4);
+  return mesh;
+}
+
+TEST(Surface, TheSignIsThatOfTheWindingNumber) {
+  for (std::uint64_t seed = 51; seed <= 58; seed++) {
+    SCOPED_TRACE("seed " + std::to_string(seed));
+    Random random(seed);
+    Mesh mesh = seed % 4 == 0   ? shapes::box({-0.5, -0.1, -0.9}, {0.5, 0.1, 0.9}, 2)
+                : seed % 4 == 1 ? shapes::torus(0.7, 0.25, 24, 12)
+                : seed % 4 == 2 ? shapes::blob(random, 3)
+                                : hedgehog(random);
+    const Eigen::Matrix3d turn = random.rotation();
+    for (Point& p : mesh.points) p = turn * p;
+    const Surface surface(mesh);
+    int inside = 0;
+    for (int k = 0; k < 400; k++) {
+      Point p = random.point(1.2);
+      if (k % 2) {  // close to a corner or an edge, where the sign is decided by the pseudonormal
+        const auto t =
+            static_cast<std::size_t>(random.uniform(0, 1) * static_cast<double>(mesh.triangles.size()));
+        const double s = k % 4 == 1 ? 0 : random.uniform(0, 1);
+        p = (1 - s) * mesh.corner(t, 0) + s * mesh.corner(t, 1) +
+            random.uniform(1e-6, 0.02) * random.direction();
+      }
+      const double distance = surface.signed_nearest(p).distance;
+      const double turns = winding(mesh, p);
+      ASSERT_NEAR(turns, std::round(turns), 1e-6);
+      ASSERT_EQ(distance<0, turns> 0.5) << p.transpose() << " at " << distance;
+      inside += distance < 0;
+    }
+    EXPECT_GT(inside, 20);
+    EXPECT_LT(inside, 380);
+  }
+}
+
+TEST(Surface, PseudonormalsOfABox) {
+  const Surface surface(shapes::box({0, 0, 0}, {1, 1, 1}));
+  const auto expect = [&](const Point& p, const Vector& normal, double distance) {
+    const Nearest n = surface.signed_nearest(p);
+    EXPECT_NEAR((n.normal - normal.normalized()).norm(), 0, 1e-12) << p.transpose();
+    EXPECT_NEAR(n.distance, distance, 1e-12) << p.transpose();
+  };
+  expect({0.5, 0.3, 2}, {0, 0, 1}, 1);
+  expect({2, 0.3, 2}, {1, 0, 1}, std::sqrt(2.0));
+  expect({-1, -1, -1}, {-1, -1, -1}, std::sqrt(3.0));  // whatever diagonal its faces have
+  expect({2, -1, 2}, {1, -1, 1}, std::sqrt(3.0));
+  expect({0.5, 0.3, 0.9}, {0, 0, 1}, -0.1);
+}
+
+TEST(Surface, BelowASheetIsInside) {
+  const Surface sheet(shapes::square(1, 4));
+  EXPECT_NEAR(sheet.signed_nearest({0.4, 0.3, 0.25}).distance, 0.25, 1e-15);
+  EXPECT_NEAR(sheet.signed_nearest({0.4, 0.3, -0.25}).distance, -0.25, 1e-15);
+}
+
+TEST(Surface, ManyThreadsGetTheSameAnswers) {
+  Random random(61);
+  const Surface surface(shapes::blob(random, 4));
+  std::vector<Point> points;
+  for (int k = 0; k < 2000; k++) points.push_back(random.point(1.5));
+  std::vector<std::vector<double>> answers(4);
+  std::vector<std::thread> threads;
+  for (auto& answer : answers)
+    threads.emplace_back([&] {
+      for (const Point& p : points) answer.push_back(surface.signed_nearest(p).distance);
+    });
+  for (std::thread& thread : threads) thread.join();
+  for (const auto& answer : answers) EXPECT_EQ(answer, answers[0]);
+}
+
+void append(Mesh& mesh, const Mesh& more, bool turned = false) {
+  const auto n = static_cast<std::uint32_t>(mesh.points.size());
+  mesh.points.insert(mesh.points.end(), more.points.begin(), more.points.end());
+  for (auto t : more.triangles) {
+    if (turned) std::swap(t[0], t[1]);
+    mesh.triangles.push_back({t[0] + n, t[1] + n, t[2] + n});
+  }
+}
+
+TEST(Surface, WindingNumberIsThatOfSolidAnglesWhateverIntersects) {
+  Mesh overlapping = shapes::box({0, 0, 0}, {1, 1, 1}, 3), turned, nested = shapes::sphere(3), mixed;
+  append(overlapping, shapes::box({0.5, 0.25, 0.25}, {1.5, 0.75, 0.75}, 2));
+  append(turned, shapes::torus(1, 0.4, 12, 8), true);
+  append(nested, shapes::box({-0.2, -0.2, -0.2}, {0.3, 0.3, 0.3}));  // both outward: 2 within
+  append(mixed, shapes::sphere(2)), append(mixed, shapes::box({0, 0, 0}, {2, 2, 2}), true);
+  for (const Mesh& mesh : {overlapping, turned, nested, mixed}) {
+    const Surface surface(mesh);
+    ASSERT_TRUE(surface.closed());
+    shapes::Random random(3);
+    std::set<int> seen;
+    for (int k = 0; k < 2000; k++) {
+      const Point p = random.point(2);
+      const auto number = surface.winding_number(p);
+      ASSERT_TRUE(number) << k;
+      ASSERT_EQ(*number, std::lround(winding(mesh, p))) << k;
+      seen.insert(*number);
+    }
+    EXPECT_GE(seen.size(), 2u);
+  }
+}
+
+// Rays from points in line with edges and corners graze them; a lattice on the mesh's own coordinates is the
+// worst case.
+TEST(Surface, WindingNumberOfALatticeOnTheMeshsOwnCoordinates) {
+  const Surface surface(shapes::box({0, 0, 0}, {4, 4, 4}, 4));
+  for (int x = -1; x <= 5; x++)
+    for (int y = -1; y <= 5; y++)
+      for (int z = -1; z <= 5; z++) {
+        const auto in = [](int c) { return c > 0 && c < 4; };
+        const auto out = [](int c) { return c < 0 || c > 4; };
+        const auto winding = surface.winding_number({double(x), double(y), double(z)});
+        if (out(x) || out(y) || out(z))
+          EXPECT_EQ(winding, 0) << x << y << z;
+        else if (in(x) && in(y) && in(z))
+          EXPECT_EQ(winding, 1) << x << y << z;
+        else
+          EXPECT_FALSE(winding) << x << y << z;  // on the surface
+      }
+}
+
+TEST(Surface, OnlyAClosedSurfaceHasAWindingNumber) {
+  EXPECT_FALSE(Surface(Mesh()).winding_number({0, 0, 0}));
+  const Surface sheet(shapes::square(1, 2));
+  EXPECT_EQ(sheet.open_edges(), 8u);
+  EXPECT_FALSE(sheet.winding_number({0.5, 0.5, 0.5}));
+  Mesh box = shapes::box({0, 0, 0}, {1, 1, 1});
+  std::swap(box.triangles[0][0], box.triangles[0][1]);  // one faces inward
+  EXPECT_FALSE(Surface(box).closed());
+}
+
+TEST(Surface, SidesByWindingNumberAreRightWhereNormalsMislead) {
+  Mesh mesh = shapes::box({0, 0, 0}, {1, 1, 1});
+  append(mesh, shapes::box({0.4, 0.4, 0.4}, {1.6, 0.6, 0.6}));
+  // Inside the cube, above a face of the other solid that is buried there.
+  const Point p(0.7, 0.5, 0.62);
+  EXPECT_GT(Surface(mesh).signed_nearest(p).distance, 0);
+  EXPECT_LT(Surface(mesh, SideBy::winding).signed_nearest(p).distance, 0);
+}
+
+}  // namespace
+}  // namespace padder

@@ -1,0 +1,221 @@
+// SPDX-License-Identifier: MIT
+// Sphere lists of DEM programs and Chrono's header: padding/export/dem.cpp, chrono.cpp, read_lists.cpp.
+#include "padding/asset/error.h"
+#include "tests/padding/export/samples.h"
+
+namespace padder::samples {
+namespace {
+
+class ListsTest : public ExportTest {};
+
+// In the frame of the sample's own box: centre at the origin, sides along the axes.
+Cluster brick_in_mass_frame() {
+  Cluster c = brick();
+  for (Point& p : c.centers) p = c.mass.axes.transpose() * (p - c.mass.center);
+  return c;
+}
+
+TEST_F(ListsTest, DemEngineCsv) {
+  const std::string csv = text(model_of(brick()), "b.csv");
+  // Its reader's rules: lines that begin with # are left out, then the header, then four numbers a line.
+  std::istringstream in(csv);
+  std::vector<std::string> lines;
+  for (std::string line; std::getline(in, line);)
+    if (line[0] != '#') lines.push_back(line);
+  ASSERT_EQ(lines.size(), 4u);
+  EXPECT_EQ(lines[0], "x,y,z,r");
+  expect_same_spheres(read_spheres(folder_ / "b.csv"), brick_in_mass_frame());
+  // The principal axes of a box are its sides: the sphere made at (-0.2, 0.01, -0.02) is there again, up to
+  // the axes' order.
+  const Cluster back = read_spheres(folder_ / "b.csv");
+  Vector sides = back.centers[0].cwiseAbs();
+  std::sort(sides.data(), sides.data() + 3);
+  EXPECT_LT((sides - Vector(0.01, 0.02, 0.2)).norm(), 1e-12);
+  // Mass 1000 * 0.6 * 0.4 * 0.2, moments m / 12 (b^2 + c^2) ascending.
+  const auto at = csv.find(": mass ");
+  ASSERT_NE(at, std::string::npos);
+  double mass, moments[3];
+  ASSERT_EQ(std::sscanf(csv.c_str() + at, ": mass %lf, moments %lf %lf %lf", &mass, moments, moments + 1,
+                        moments + 2),
+            4);
+  EXPECT_NEAR(mass, 48, 1e-9);
+  EXPECT_NEAR(moments[0], 4 * (0.16 + 0.04), 1e-9);
+  EXPECT_NEAR(moments[2], 4 * (0.36 + 0.16), 1e-9);
+}
+
+TEST_F(ListsTest, DemEngineCsvByHand) {
+  const auto read = [&](const std::string& content) {
+    write_file(folder_ / "h.csv", content);
+    return read_spheres(folder_ / "h.csv");
+  };
+  const Cluster c = read("# head\nx,y,z,r\r\n0.5,0.34,0,0.8\n# between\n-1e-3,+2,3,1\n\n");
+  ASSERT_EQ(c.size(), 2u);
+  EXPECT_EQ(c.centers[1], Point(-1e-3, 2, 3));
+  EXPECT_EQ(c.bounds.low, Point(-1.001, -0.46000000000000002, -0.8));
+  EXPECT_THROW(read("x,y,z,radius\n1,2,3,4\n"), Error);
+  EXPECT_THROW(read("x,y,z,r\n1,2,3\n"), Error);
+  EXPECT_THROW(read("x,y,z,r\n1,2,3,4,5\n"), Error);
+  EXPECT_THROW(read("x,y,z,r\n1,2,three,4\n"), Error);
+  EXPECT_THROW(read("x,y,z,r\n1,2,3,-4\n"), Error);
+  EXPECT_THROW(read("x,y,z,r\n1,2,nan,4\n"), Error);
+  EXPECT_THROW(read("x,y,z,r\n"), Error);
+  EXPECT_THROW(read(""), Error);
+  try {
+    read("x,y,z,r\n1,2,3,4\n1,2,x,4\n");
+    FAIL();
+  } catch (const Error& e) {
+    EXPECT_NE(std::string(e.what()).find("h.csv, line 3: \"x\" is not a number"), std::string::npos)
+        << e.what();
+  }
+}
+
+TEST_F(ListsTest, Liggghts) {
+  expect_same_spheres(read_spheres(write(model_of(brick()), "b.txt", "liggghts")), brick());
+}
+
+// LIGGGHTS measures the union itself, by a million random points.
+TEST_F(ListsTest, LiggghtsFindsTheSameVolume) {
+  if (!have("liggghts")) GTEST_SKIP() << "liggghts is not installed";
+  Cluster two = brick();
+  two.centers = {{0, 0, 0}, {0.4, 0, 0}}, two.radii = {0.5, 0.5}, two.triangle = {0, 1};
+  const double lens =
+      std::numbers::pi * (2 + 0.4) * 0.6 * 0.6 / 12;  // of two spheres of radius 1/2, 0.4 apart
+  const double volume = 2 * std::numbers::pi / 6 - lens;
+  write(model_of(two), "two.txt", "liggghts");
+  write_file(
+      folder_ / "in.liggghts",
+      "atom_style granular\natom_modify map array\nboundary f f f\nnewton off\ncommunicate single vel "
+      "yes\nunits si\n"
+      "region reg block -2 2 -2 2 -2 2 units box\ncreate_box 1 reg\nneighbor 0.1 bin\nneigh_modify delay 0\n"
+      "fix m1 all property/global youngsModulus peratomtype 5.e6\n"
+      "fix m2 all property/global poissonsRatio peratomtype 0.45\n"
+      "fix m3 all property/global coefficientRestitution peratomtypepair 1 0.9\n"
+      "fix m4 all property/global coefficientFriction peratomtypepair 1 0.05\n"
+      "pair_style gran model hertz tangential history\npair_coeff * *\ntimestep 1e-5\n"
+      "fix t all particletemplate/multisphere 15485863 atom_type 1 density constant 1 nspheres 2 ntry "
+      "1000000 "
+      "spheres file two.txt scale 1 type 1\n"
+      "fix d all particledistribution/discrete 32452843 1 t 1.0\n"
+      "fix i all insert/pack seed 67867967 distributiontemplate d maxattempt 200 insert_every once "
+      "overlapcheck yes "
+      "all_in yes vel constant 0. 0. 0. region reg particles_in_region 1\nfix ms all multisphere\nrun 1\n");
+  const Ran r = run("cd '" + folder_.string() + "' && timeout 60 liggghts -in in.liggghts");
+  const auto at = r.output.find("inserted 1 particle templates (mass ");
+  ASSERT_NE(at, std::string::npos) << r.output;
+  EXPECT_NEAR(std::atof(r.output.c_str() + at + 36), volume, 0.005 * volume);
+}
+
+TEST_F(ListsTest, Yade) {
+  const std::string list = text(model_of(brick()), "b.txt", "yade");
+  EXPECT_TRUE(list.starts_with("#format x_y_z_r_clumpId\n"));
+  EXPECT_EQ(list.find("\n\n"), std::string::npos);
+  EXPECT_EQ(list.find('#', 1), std::string::npos);
+  const Cluster back = read_spheres(folder_ / "b.txt");
+  expect_same_spheres(back, brick());
+  EXPECT_EQ(back.name, "b");
+  write_file(folder_ / "two.txt", "#format r_x_y_z_clumpId\n0.5 1 2 3 7\n0.6 4 5 6 8\n");
+  EXPECT_EQ(read_spheres(folder_ / "two.txt", "8").centers[0], Point(4, 5, 6));
+  EXPECT_EQ(read_spheres(folder_ / "two.txt", "8").radii[0], 0.6);
+  EXPECT_THROW(read_spheres(folder_ / "two.txt"), Error);
+  EXPECT_THROW(read_spheres(folder_ / "two.txt", "9"), Error);
+}
+
+TEST_F(ListsTest, Mercury) {
+  write(model_of(brick()), "brick", "mercury");
+  expect_same_spheres(read_spheres(folder_ / "brick"), brick_in_mass_frame());
+  // As its own reader does: the first number of mass.txt, three rows of three by commas.
+  EXPECT_NEAR(std::stof(read_file(folder_ / "brick/inertia/mass.txt")), 48, 1e-5);
+  std::istringstream rows(read_file(folder_ / "brick/inertia/toi.txt"));
+  std::vector<double> toi;
+  for (std::string line; std::getline(rows, line);) {
+    std::istringstream row(line);
+    for (std::string value; std::getline(row, value, ',');) toi.push_back(std::stod(value));
+  }
+  ASSERT_EQ(toi.size(), 9u);
+  EXPECT_NEAR(toi[0], 4 * 0.20, 1e-9);
+  EXPECT_NEAR(toi[4], 4 * 0.40, 1e-9);
+  EXPECT_NEAR(toi[8], 4 * 0.52, 1e-9);
+  EXPECT_EQ(read_file(folder_ / "brick/inertia/pd.txt"), "1,0,0\n0,1,0\n0,0,1\n");
+  EXPECT_THROW(read_spheres(folder_), Error);
+}
+
+TEST_F(ListsTest, ChronoHeaderCompilesAndHoldsTheNumbers) {
+  Cluster c = brick();
+  c.name = "brick no. 1";
+  c.family = 3;
+  write(model_of(c), "brick.h", "chrono");
+  write_file(folder_ / "main.cpp",
+             "#include \"brick.h\"\nnamespace b = brick_no__1;\nstatic_assert(b::family_group == 8 && "
+             "b::family_mask == 0x7ff7);\n"
+             "static_assert(b::mass > 47.999999 && b::mass < 48.000001);\nstatic_assert(sizeof(b::spheres) "
+             "== 3 * 4 * sizeof(double));\n"
+             "static_assert(b::spheres[0][3] == " +
+                 std::to_string(c.radii[0]).substr(0, 4) +
+                 " + 0.04 / 7 || b::spheres[0][3] > 0.155);\nint main() {}\n");
+  const Ran r =
+      run("cd '" + folder_.string() + "' && c++ -std=c++17 -Wall -Wextra -Werror -fsyntax-only main.cpp");
+  EXPECT_EQ(r.status, 0) << r.output;
+}
+
+TEST_F(ListsTest, ChronoTakesFourteenFamilies) {
+  Model m;
+  m.name = "chain";
+  for (std::uint32_t k = 1; k <= 15; k++) {
+    Body b;
+    b.cluster = brick();
+    b.name = "b" + std::to_string(k);
+    b.cluster.family = k, b.cluster.mask = k == 1 ? 0 : 1u << (k - 2);
+    m.bodies.push_back(b);
+  }
+  EXPECT_THROW(write(m, "c.h", "chrono"), Error);
+  EXPECT_FALSE(fs::exists(folder_ / "c.h"));
+  m.bodies.pop_back();
+  const std::string header = text(m, "c.h", "chrono");
+  EXPECT_NE(header.find("family_group = 16384, family_mask = 8191;"), std::string::npos);  // 14 masks 13
+  EXPECT_NE(header.find("family_group = 2, family_mask = 32765;"), std::string::npos);     // 1
+}
+
+// A part alone: none meets everything, family and mask are told from others.
+TEST_F(ListsTest, ChronoKeepsTheFamilyOfAPartAlone) {
+  const auto bits = [&](std::uint32_t family, std::uint32_t mask) {
+    Cluster c = brick();
+    c.family = family, c.mask = mask;
+    const std::string header = text(model_of(c), "one.h", "chrono");
+    const auto at = header.find("family_group =");
+    return header.substr(at, header.find(';', at) - at);
+  };
+  EXPECT_EQ(bits(0, 0), "family_group = 1, family_mask = 32767");
+  EXPECT_EQ(bits(0, 4), "family_group = 1, family_mask = 32759");
+  EXPECT_EQ(bits(1, 0), "family_group = 2, family_mask = 32765");
+  EXPECT_EQ(bits(3, 0), "family_group = 8, family_mask = 32759");
+  EXPECT_THROW(bits(15, 0), Error);
+}
+
+TEST_F(ListsTest, WhatTheyCannotHoldIsRefusedAndNothingWritten) {
+  Cluster family = brick(), masked = brick(), sheet = brick(), none = brick(), flat = brick();
+  family.family = 3, masked.mask = 1;
+  sheet.mass = {};
+  none.centers.clear(), none.radii.clear(), none.triangle.clear();
+  flat.radii[1] = 0;
+  for (const auto& [file, format] :
+       {std::pair("b.csv", ""), {"b.txt", "liggghts"}, {"b.txt", "yade"}, {"b", "mercury"}}) {
+    for (const Cluster& c : {family, masked, none, flat})
+      EXPECT_THROW(write(model_of(c), file, format), Error) << format;
+    EXPECT_THROW(write(arm(), file, format), Error);
+    EXPECT_FALSE(fs::exists(folder_ / file));
+  }
+  // They name pairs of bodies in one file: a part alone would lose its family without a word.
+  for (const char* file : {"b.urdf", "b.srdf", "b.yaml", "b.xrdf", "b.usda"}) {
+    for (const Cluster& c : {family, masked}) EXPECT_THROW(write(model_of(c), file), Error) << file;
+    EXPECT_FALSE(fs::exists(folder_ / file));
+    write(model_of(brick()), file);
+  }
+  EXPECT_THROW(write(model_of(sheet), "b.csv"), Error);
+  EXPECT_THROW(write(model_of(sheet), "b", "mercury"), Error);
+  EXPECT_THROW(write(model_of(brick()), "b.xyz"), Error);
+  EXPECT_THROW(write(model_of(brick()), "b.csv", "povray"), Error);
+  EXPECT_THROW(write(model_of(brick()), "absent/b.csv"), Error);
+}
+
+}  // namespace
+}  // namespace padder::samples

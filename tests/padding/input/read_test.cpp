@@ -1,0 +1,838 @@
+// SPDX-License-Identifier: MIT
+#include "padding/input/read.h"
+
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <Eigen/Geometry>
+#include <atomic>
+#include <cmath>
+#include <csignal>
+#include <cstdlib>
+#include <cstring>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <numbers>
+#include <random>
+#include <thread>
+
+#include "padding/asset/error.h"
+#include "padding/asset/file.h"
+#include "padding/input/read_internal.h"
+#include "tests/padding/input/zip_writer.h"
+
+namespace padder {
+namespace {
+
+namespace fs = std::filesystem;
+
+// A folder that goes when the test ends.
+class Folder {
+ public:
+  Folder() {
+    std::string name = (fs::temp_directory_path() / "padder-read-XXXXXX").string();
+    path_ = ::mkdtemp(name.data());
+  }
+  ~Folder() { fs::remove_all(path_); }
+  fs::path put(const std::string& name, const std::string& bytes) const {
+    std::ofstream(path_ / name, std::ios::binary) << bytes;
+    return path_ / name;
+  }
+  const fs::path& path() const { return path_; }
+
+ private:
+  fs::path path_;
+};
+
+// The sentence of the error, "" when there is none.
+std::string fault(const fs::path& path, const ReadOptions& options = {}) {
+  try {
+    read_mesh(path, options);
+  } catch (const Error& e) {
+    return e.what();
+  }
+  return "";
+}
+
+void expect_fault(const fs::path& path, const std::string& words, const ReadOptions& options = {}) {
+  const std::string sentence = fault(path, options);
+  EXPECT_NE(sentence.find(words), std::string::npos) << path << ": " << sentence;
+  EXPECT_EQ(sentence.find('\n'), std::string::npos) << sentence;
+}
+
+double volume(const Mesh& mesh) { return mass_properties(mesh).volume; }
+
+Vector size(const Mesh& mesh) {
+  const Box box = mesh.bounds();
+  return box.high - box.low;
+}
+
+const std::string cube_vertices = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nv 0 0 1\nv 1 0 1\nv 0 1 1\nv 1 1 1\n";
+const std::string cube_obj =
+    cube_vertices + "f 1 3 4 2\nf 5 6 8 7\nf 1 2 6 5\nf 3 7 8 4\nf 1 5 7 3\nf 2 4 8 6\n";
+
+template <class T>
+void put(std::string& bytes, T value) {
+  char raw[sizeof(T)];
+  std::memcpy(raw, &value, sizeof(T));
+  bytes.append(raw, sizeof(T));
+}
+
+std::string binary_stl(const Mesh& mesh, const std::string& head = "") {
+  std::string bytes = head;
+  bytes.resize(80, ' ');
+  put(bytes, static_cast<std::uint32_t>(mesh.triangles.size()));
+  for (std::size_t t = 0; t < mesh.triangles.size(); t++) {
+    for (int k = 0; k < 3; k++) put(bytes, 0.f);
+    for (int k = 0; k < 3; k++)
+      for (int d = 0; d < 3; d++) put(bytes, static_cast<float>(mesh.corner(t, k)[d]));
+    put(bytes, std::uint16_t(0));
+  }
+  return bytes;
+}
+
+Mesh cube() {
+  Folder folder;
+  return read_mesh(folder.put("cube.obj", cube_obj)).mesh;
+}
+
+TEST(Read, ObjQuadsCommentsContinuationAndSource) {
+  Folder folder;
+  const ReadResult r = read_mesh(
+      folder.put("Cube.OBJ", "# a cube\r\nmtllib none.mtl\r\n" + cube_vertices +
+                                 "vt 0 0\nvn 0 0 1\ng one\nusemtl red\ns off\nf 1/1/1 3//1 4/1 2 # below\n"
+                                 "f 5 6 \\\n 8 7\n  f\t-8 -7 -3 -4\nf 3 7 8 4\nf 1 5 7 3\nf 2 4 8 6"));
+  EXPECT_EQ(r.mesh.triangles.size(), 12u);
+  EXPECT_EQ(r.mesh.points.size(), 8u);
+  EXPECT_DOUBLE_EQ(volume(r.mesh), 1);
+  EXPECT_EQ(r.source.file, "Cube.OBJ");
+  EXPECT_EQ(r.source.triangles, 12u);
+  EXPECT_EQ(r.source.repair, "");
+  EXPECT_EQ(r.unit, "");
+  EXPECT_TRUE(r.notes.empty());
+}
+
+TEST(Read, Sha256OfTheBytes) {  // of "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n" as sha256sum prints it
+  Folder folder;
+  EXPECT_EQ(read_mesh(folder.put("t.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")).source.sha256,
+            "697b00ab13410c52a542d2e9c63711fcc04e9cbf6c0d3439a9b43cc812e6e713");
+}
+
+TEST(Read, ObjKeepsEveryDigitOfADouble) {
+  Folder folder;
+  const Mesh m =
+      read_mesh(
+          folder.put("t.obj",
+                     "v 0.1 123456.78901234567 1e-300\nv +1 4503599627370497.5 2.2250738585072014e-308\n"
+                     "v 3.3333333333333335 0.30000000000000004 1e300\nf 1 2 3\n"))
+          .mesh;
+  EXPECT_EQ(m.points[0], Point(0.1, 123456.78901234567, 1e-300));
+  EXPECT_EQ(m.points[1], Point(1, 4503599627370497.5, 2.2250738585072014e-308));
+  EXPECT_EQ(m.points[2], Point(3.3333333333333335, 0.30000000000000004, 1e300));
+}
+
+TEST(Read, FacesThatAreNoneAndUnusedPointsAreNoted) {
+  Folder folder;
+  const ReadResult r = read_mesh(folder.put(
+      "t.obj", "v 9 9 9\nv nan 0 0\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 3 4 5\nf 1\nf 1 2\nl 1 2\np 1\n"));
+  EXPECT_EQ(r.mesh.triangles.size(), 1u);
+  EXPECT_EQ(r.mesh.points.size(), 3u);
+  EXPECT_EQ(r.notes, (std::vector<std::string>{"2 lines, curves or points left out",
+                                               "2 points that no face uses left out",
+                                               "2 faces of fewer than three corners left out"}));
+}
+
+TEST(Read, ConcavePolygonKeepsItsVolume) {
+  Folder folder;  // a U; a fan from its first corner would leave it
+  std::string text;
+  for (int z = 0; z < 2; z++)
+    for (const char* p : {"0 0", "4 0", "4 3", "3 3", "3 1", "1 1", "1 3", "0 3"})
+      text += std::string("v ") + std::string(p) + std::string(" ") + std::to_string(z) + "\n";
+  text += "f 8 7 6 5 4 3 2 1\nf 9 10 11 12 13 14 15 16\n";
+  for (int k = 0; k < 8; k++) {
+    const int next = (k + 1) % 8;
+    text += std::string("f ") + std::to_string(k + 1) + std::string(" ") + std::to_string(next + 1) +
+            std::string(" ") + std::to_string(next + 9) + std::string(" ") + std::to_string(k + 9) + "\n";
+  }
+  const Mesh m = read_mesh(folder.put("u.obj", text)).mesh;
+  EXPECT_EQ(m.triangles.size(), 28u);
+  EXPECT_NEAR(volume(m), 8, 1e-12);
+  EXPECT_NEAR(m.area(), 34, 1e-12);  // folds would add area
+}
+
+TEST(Read, FacesOfManyCorners) {  // more than 255 in OBJ, more than 9 in OFF
+  Folder folder;
+  std::string obj, off = "OFF 300 1 0\n", face = "300";
+  std::string last = "f";
+  for (int k = 0; k < 300; k++) {
+    const std::string p = std::to_string(std::cos(k * std::numbers::pi / 150)) + " " +
+                          std::to_string(std::sin(k * std::numbers::pi / 150)) + " 0\n";
+    obj += "v " + p, off += p, face += std::string(" ") + std::to_string(k),
+        last += std::string(" ") + std::to_string(k + 1);
+  }
+  for (const auto& path : {folder.put("n.obj", obj + last), folder.put("n.off", off + face)}) {
+    const Mesh m = read_mesh(path).mesh;
+    EXPECT_EQ(m.triangles.size(), 298u);
+    EXPECT_NEAR(m.area(), std::numbers::pi, 1e-3);
+  }
+}
+
+TEST(Read, OffVariants) {
+  Folder folder;
+  const std::string body =
+      "0 0 0 # first\n\n1 0 0\n0 1 0\n0 0 1\n3 0 2 1 255 0 0\n3 0 1 3\n3 0 3 2\n3 1 2 3 0.5 0.5 0.5\n";
+  for (const char* head :
+       {"OFF\n4 4 6\n", "OFF 4 4 6\n", "OFF4 4\n", "# said before\nOFF\n# and after\n4 4 0\n"}) {
+    const Mesh m = read_mesh(folder.put("t.off", head + body)).mesh;
+    EXPECT_EQ(m.triangles.size(), 4u) << head;
+    EXPECT_DOUBLE_EQ(volume(m), 1.0 / 6) << head;
+  }
+  const Mesh coloured =
+      read_mesh(folder.put("c.off", "COFF\n3 1 0\n0 0 0 1 0 0 1\n2 0 0 1 0 0 1\n0 2 0 1 0 0 1\n3 0 1 2\n"))
+          .mesh;
+  EXPECT_DOUBLE_EQ(coloured.area(), 2);
+  expect_fault(folder.put("b.off", "OFF BINARY\n4 4 6\n"), "binary OFF");
+  expect_fault(folder.put("4.off", "4OFF\n4 4 6\n"), "four or n coordinates");
+  expect_fault(folder.put("d.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n4 0 1 2\n"), "too few corners");
+}
+
+TEST(Read, StlInBothForms) {
+  Folder folder;
+  const Mesh m = cube();
+  for (const char* head : {"", "solid but binary"}) {
+    const ReadResult r = read_mesh(folder.put("c.stl", binary_stl(m, head)));
+    EXPECT_EQ(r.mesh.triangles.size(), 12u);
+    EXPECT_EQ(r.mesh.points.size(), 36u);
+    EXPECT_NEAR(volume(r.mesh), 1, 1e-12);
+  }
+  const ReadResult trailing = read_mesh(folder.put("t.stl", binary_stl(m) + "behind"));
+  EXPECT_EQ(trailing.mesh.triangles.size(), 12u);
+  ASSERT_EQ(trailing.notes.size(), 1u);
+  EXPECT_EQ(trailing.notes[0], "6 bytes behind the last facet left out");
+  const std::string facet =
+      "FACET normal 0 0 1\n outer loop\n vertex 0 0 0\n vertex 1 0 0\n vertex 0 1 0\n endloop\n endfacet\n";
+  EXPECT_EQ(read_mesh(folder.put("a.stl", "solid a facet\n" + facet + facet + "endsolid a\nsolid b\n" +
+                                              facet + "endsolid\n"))
+                .mesh.triangles.size(),
+            3u);
+  expect_fault(folder.put("cut.stl", binary_stl(m).substr(0, 500)), "promises 12 facets, but has room for 8");
+  expect_fault(folder.put("few.stl", binary_stl(m).replace(80, 1, 1, '\3')), "promises 3 facets, but has 12");
+  expect_fault(folder.put("word.stl", "solid\nfacet\nvertex 0 0 zero\n"), "line 3: 'zero' is not a number");
+  expect_fault(
+      folder.put("two.stl",
+                 "solid\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nendloop\nendfacet\n"),
+      "line 7: a facet of 2 vertices");
+}
+
+std::string ply(const std::string& format, const std::string& type, const std::string& body) {
+  return "ply\nformat " + format + " 1.0\ncomment none\nelement vertex 3\nproperty " + type +
+         " x\nproperty " + type + " y\nproperty " + type +
+         " z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n" + body;
+}
+
+TEST(Read, PlyInItsForms) {
+  Folder folder;
+  EXPECT_DOUBLE_EQ(
+      read_mesh(folder.put("a.ply", ply("ascii", "float", "0 0 0\n2 0 0\n0 2 0\n3 0 1 2\n"))).mesh.area(), 2);
+  std::string crlf = ply("ascii", "float", "0 0 0\n2 0 0\n0 2 0\n3 0 1 2\n"), body;
+  for (std::size_t at = 0; (at = crlf.find('\n', at)) != crlf.npos; at += 2) crlf.insert(at, "\r");
+  EXPECT_DOUBLE_EQ(read_mesh(folder.put("crlf.ply", crlf)).mesh.area(), 2);
+  // Easting and northing: a float has 0.03 and 0.5 of it left.
+  for (const double x : {448262.1234, 448263.1234, 448262.1234})
+    put(body, x), put(body, 5411945.5 + x), put(body, 0.25);
+  put(body, std::uint8_t(3));
+  for (const int k : {0, 1, 2}) put(body, k);
+  const Mesh m = read_mesh(folder.put("d.ply", ply("binary_little_endian", "double", body))).mesh;
+  EXPECT_EQ(m.points[1], Point(448263.1234, 5411945.5 + 448263.1234, 0.25));
+  EXPECT_EQ(m.triangles.size(), 1u);
+  for (std::size_t length = 1; length < body.size(); length += 7)
+    expect_fault(folder.put("cut.ply", ply("binary_little_endian", "double", body.substr(0, length))),
+                 "cut short");
+  expect_fault(folder.put("list.ply", ply("ascii", "float", "0 0 0\n2 0 0\n0 2 0\n4 0 1 2\n")),
+               "cannot be read");
+  expect_fault(folder.put("out.ply", ply("ascii", "float", "0 0 0\n2 0 0\n0 2 0\n3 0 1 3\n")),
+               "names vertex 3");
+}
+
+// A strip along a ribbon of squares must give what its triangles give: area, and all looking to +z.
+TEST(Read, PlyStripsAreTriangles) {
+  Folder folder;
+  const std::string points = "0 0 0\n0 1 0\n1 0 0\n1 1 0\n2 0 0\n2 1 0\n3 0 0\n3 1 0\n";
+  const auto strips = [&](const std::string& rows, int count, const std::string& name = "vertex_indices") {
+    return "ply\nformat ascii 1.0\nelement vertex 8\nproperty float x\nproperty float y\nproperty float z\n"
+           "element tristrips " +
+           std::to_string(count) + "\nproperty list int int " + name + "\nend_header\n" + points + rows;
+  };
+  const std::pair<std::string, std::size_t> cases[] = {
+      {strips("8 1 0 3 2 5 4 7 6\n", 1), 6},                     // one strip
+      {strips("9 1 0 3 2 -1 5 4 7 6\n", 1), 4},                  // -1 ends one, and turning begins anew
+      {strips("10 1 0 3 -1 3 0 2 -1 5 4\n", 1), 2},              // odd lengths; two corners are no triangle
+      {strips("4 1 0 3 2\n4 3 2 5 4\n", 2, "vertex_index"), 4},  // several
+      {strips("10 1 0 3 2 2 5 5 4 7 6\n", 1), 6 - 2},            // led elsewhere over triangles without area
+      {strips("3 -1 -1 -1\n4 1 0 3 2\n", 2), 2}};
+  for (const auto& [text, triangles] : cases) {
+    const Mesh m = read_mesh(folder.put("s.ply", text)).mesh;
+    EXPECT_EQ(m.triangles.size(), triangles) << text;
+    EXPECT_DOUBLE_EQ(m.area(), 0.5 * double(triangles));
+    for (std::size_t t = 0; t < m.triangles.size(); t++) EXPECT_GT(m.area_normal(t).z(), 0) << text;
+  }
+  expect_fault(folder.put("o.ply", strips("4 1 0 3 8\n", 1)), "strip 1 of 1 (counted from 1) names vertex 8");
+  expect_fault(folder.put("n.ply", strips("4 1 0 3 -2\n", 1)), "names vertex -2");
+  expect_fault(folder.put("none.ply", strips("2 1 0\n", 1)), "it holds no triangle");
+}
+
+TEST(Read, PlyFacesUnderAnyNameAreReadOrRefused) {
+  Folder folder;
+  const auto with = [&](std::string from, const std::string& to) {
+    std::string text = ply("ascii", "float", "0 0 0\n2 0 0\n0 2 0\n3 0 1 2\n");
+    return text.replace(text.find(from), from.size(), to);
+  };
+  EXPECT_EQ(read_mesh(folder.put("i.ply", with("vertex_indices", "vertex_index"))).mesh.triangles.size(), 1u);
+  expect_fault(folder.put("c.ply", with("vertex_indices", "corners")), "no property vertex_indices");
+  expect_fault(folder.put("e.ply", with("element face", "element polygon")), "'face' and 'tristrips' alone");
+  expect_fault(folder.put("f.ply", with("uchar int", "uchar float")), "no whole numbers");
+  expect_fault(folder.put("v.ply", with("element face", "element vertex")), "'vertex' twice");
+  expect_fault(folder.put("y.ply", with("property float y", "property float q")), "no property y");
+  // Faces before vertices, other elements and lists between, quads, faces beside strips.
+  const ReadResult r = read_mesh(folder.put(
+      "m.ply",
+      "ply\nformat ascii 1.0\nelement camera 1\nproperty float x\nelement face 1\nproperty uchar flags\n"
+      "property list uchar uint vertex_indices\nproperty list uchar float texcoord\nelement vertex 5\n"
+      "property double z\nproperty list uchar int tags\nproperty double y\nproperty double x\nelement edge "
+      "1\n"
+      "property int vertex1\nproperty int vertex2\nelement tristrips 1\nproperty list int int "
+      "vertex_indices\n"
+      "end_header\n9\n7 4 0 1 2 3 2 0.5 0.5\n0 0 0 0.1\n0 2 8 9 0 1\n0 0 1 1\n0 0 1 0.1\n5 0 0.5 0.5\n0 1\n3 "
+      "0 1 4\n"));
+  EXPECT_EQ(r.mesh.triangles.size(), 3u);
+  EXPECT_EQ(r.mesh.points[0], Point(0.1, 0, 0));
+  EXPECT_EQ(r.notes, std::vector<std::string>{"1 edges left out"});
+  EXPECT_EQ(read_mesh(folder.put("digits.ply", ply("ascii", "float", "0.1 0 0\n2 0 0\n0 2 0\n3 0 1 2\n")))
+                .mesh.points[0]
+                .x(),
+            double(0.1f));  // it says that it is a float
+}
+
+// 3MF
+
+const std::string relations =
+    R"(<Relationships><Relationship Id="r" Target="/3D/3dmodel.model" Type="http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"/></Relationships>)";
+const std::string tetrahedron =
+    R"(<mesh><vertices><vertex x="0" y="0" z="0"/><vertex x="6" y="0" z="0"/><vertex x="0" y="1" z="0"/><vertex x="0" y="0" z="1"/></vertices>)"
+    R"(<triangles><triangle v1="0" v2="2" v3="1"/><triangle v1="0" v2="1" v3="3"/><triangle v1="0" v2="3" v3="2"/><triangle v1="1" v2="2" v3="3"/></triangles></mesh>)";
+
+std::string model(const std::string& resources, const std::string& items,
+                  const std::string& attributes = "") {
+  return "<?xml version=\"1.0\"?><model " + attributes + "><resources>" + resources + "</resources><build>" +
+         items + "</build></model>";
+}
+std::string package(const std::string& model, bool deflated = true, const std::string& other = "") {
+  return zip_bytes({{"_rels/.rels", relations}, {"3D/3dmodel.model", model}, {"3D/other.model", other}},
+                   deflated);
+}
+
+TEST(Read, ThreeMfHasItsUnit) {
+  Folder folder;
+  const auto read = [&](const std::string& unit, const ReadOptions& options = {}) {
+    const std::string attribute = unit.empty() ? "" : "unit=\"" + unit + "\"";
+    return read_mesh(folder.put("u.3mf", package(model("<object id=\"1\">" + tetrahedron + "</object>",
+                                                       "<item objectid=\"1\"/>", attribute))),
+                     options);
+  };
+  const std::tuple<const char*, const char*, double> units[] = {
+      {"", "mm", 6},     {"millimeter", "mm", 6}, {"micron", "mm", 0.006}, {"centimeter", "cm", 6},
+      {"inch", "in", 6}, {"foot", "in", 72},      {"meter", "m", 6}};
+  for (const auto& [name, unit, length] : units) {
+    const ReadResult r = read(name);
+    EXPECT_EQ(r.unit, unit);
+    EXPECT_DOUBLE_EQ(size(r.mesh).x(), length);
+    EXPECT_EQ(r.mesh.triangles.size(), 4u);
+    EXPECT_GT(volume(r.mesh), 0);
+  }
+  const ReadResult metres = read("inch", {.scale = 1, .unit = "m"});
+  EXPECT_EQ(metres.unit, "m");
+  EXPECT_NEAR(size(metres.mesh).x(), 6 * 0.0254, 1e-15);
+  expect_fault(folder.put("p.3mf", package(model("", "", "unit=\"parsec\""))), "'parsec' is none of 3MF's");
+}
+
+TEST(Read, ThreeMfBuildsComponentsAndTransforms) {
+  Folder folder;
+  const std::string resources =
+      "<object id=\"1\">" + tetrahedron + "</object><object id=\"9\" type=\"support\">" + tetrahedron +
+      "</object><object id=\"5\">" + tetrahedron +
+      "</object>"  // 5 is not built
+      "<object id=\"2\"><components><component objectid=\"1\"/><component objectid=\"1\" "
+      "transform=\"-1 0 0 0 1 0 0 0 1 0 0 4\"/></components></object>";
+  for (const bool deflated : {false, true}) {
+    const ReadResult r =
+        read_mesh(folder.put("c.3mf", package(model(resources,
+                                                    "<item objectid=\"2\" transform=\"2 0 0 0 2 0 0 0 2 10 0 "
+                                                    "0\"/><item objectid=\"1\"/><item objectid=\"9\"/>"),
+                                              deflated)));
+    EXPECT_EQ(r.mesh.triangles.size(), 12u);
+    EXPECT_NEAR(volume(r.mesh), 1 + 8 + 8, 1e-12);  // the mirrored one is turned over
+    EXPECT_EQ(r.mesh.bounds().low, Point(-2, 0, 0));
+    EXPECT_EQ(r.mesh.bounds().high, Point(22, 2, 10));
+    EXPECT_EQ(r.notes, std::vector<std::string>{"1 supports left out"});
+  }
+  // Production: an object in a file of its own.
+  const std::string p =
+      "xmlns:p=\"http://schemas.microsoft.com/3dmanufacturing/production/2015/06\" requiredextensions=\"p\"";
+  EXPECT_NEAR(
+      volume(read_mesh(folder.put("p.3mf",
+                                  package(model("", "<item objectid=\"1\" p:path=\"/3D/other.model\"/>", p),
+                                          true, model("<object id=\"1\">" + tetrahedron + "</object>", ""))))
+                 .mesh),
+      1, 1e-12);
+}
+
+TEST(Read, ThreeMfFaults) {
+  Folder folder;
+  const auto fault_of = [&](const std::string& model, const std::string& words) {
+    expect_fault(folder.put("f.3mf", package(model)), words);
+  };
+  const std::string object = "<object id=\"1\">" + tetrahedron + "</object>", item = "<item objectid=\"1\"/>";
+  fault_of("<model", "not XML at byte");
+  fault_of(model(object, ""), "nothing is to be built");
+  fault_of(model(object, "<item objectid=\"7\"/>"), "no object '7'");
+  fault_of(model(object + object, item), "two objects have the id '1'");
+  fault_of(model("<object id=\"1\"><components><component objectid=\"1\"/></components></object>", item),
+           "contain each other");
+  fault_of(model(object, "<item objectid=\"1\" transform=\"1 0 0\"/>"), "twelve numbers");
+  fault_of(model(object, item,
+                 "xmlns:b=\"http://schemas.microsoft.com/3dmanufacturing/beamlattice/2017/02\" "
+                 "requiredextensions=\"b\""),
+           "beamlattice/2017/02', which is not read");
+  std::string far = object;
+  fault_of(model(far.replace(far.find("v3=\"1\""), 6, "v3=\"4\""), item),
+           "names vertex '4', but there are 4");
+  expect_fault(folder.put("z.3mf", zip_bytes({{"a", "b"}})), "'_rels/.rels' is missing");
+  // 2 to the 60 copies: a sentence at once.
+  std::string bomb = object;
+  for (int k = 2; k < 62; k++) {
+    const std::string below = "<component objectid=\"" + std::to_string(k - 1) + "\"/>";
+    bomb +=
+        "<object id=\"" + std::to_string(k) + "\"><components>" + below + below + "</components></object>";
+  }
+  fault_of(model(bomb, "<item objectid=\"61\"/>"), "triangles, more than the 4294967295");
+}
+
+TEST(Read, ObjSurfacesAreNotPassedOver) {
+  Folder folder;
+  const ReadResult r = read_mesh(folder.put("l.obj", cube_obj + "l 1 2\np 1\nl 1 2 3\n"));
+  EXPECT_EQ(r.notes, std::vector<std::string>{"3 lines, curves or points left out"});
+  EXPECT_EQ(r.mesh.triangles.size(), 12u);
+  for (const char* line : {"surf 0 1 0 1 1 2 3 4", "fo 1 2 3", "call other.obj"})
+    expect_fault(folder.put("s.obj", cube_obj + line + "\n"),
+                 "line 15: '" + std::string(line).substr(0, std::string(line).find(' ')));
+}
+
+// A square of four points, by each of glTF's ways to make triangles of them.
+TEST(Read, GltfModesAndExtensions) {
+  Folder folder;
+  std::string bytes;
+  for (const float x : {0, 0, 0, 1, 0, 0, 0, 1, 0, 1, 1, 0}) put(bytes, x);
+  folder.put("square.bin", bytes);
+  const auto gltf = [](int mode, const std::string& more = "") {
+    return R"({"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0]}],"nodes":[{"mesh":0}],)" + more +
+           R"("meshes":[{"primitives":[{"mode":)" + std::to_string(mode) +
+           R"(,"attributes":{"POSITION":0}}]}],"accessors":[{"bufferView":0,"componentType":5126,"count":4,)"
+           R"("type":"VEC3","min":[0,0,0],"max":[1,1,0]}],"bufferViews":[{"buffer":0,"byteLength":48}],)"
+           R"("buffers":[{"uri":"square.bin","byteLength":48}]})";
+  };
+  const Mesh strip = read_mesh(folder.put("strip.gltf", gltf(5))).mesh;
+  EXPECT_EQ(strip.triangles.size(), 2u);
+  EXPECT_DOUBLE_EQ(strip.area(), 1);
+  for (std::size_t t = 0; t < strip.triangles.size(); t++) EXPECT_GT(strip.area_normal(t).z(), 0);
+  const Mesh fan = read_mesh(folder.put("fan.gltf", gltf(6))).mesh;
+  EXPECT_EQ(fan.triangles.size(), 2u);
+  EXPECT_DOUBLE_EQ(fan.area(), 1);
+  for (const int mode : {0, 1, 2, 3})
+    expect_fault(folder.put("lines.gltf", gltf(mode)), "it holds no triangle");
+  expect_fault(folder.put("d.gltf", gltf(5, R"("extensionsRequired":["KHR_draco_mesh_compression"],)")),
+               "'KHR_draco_mesh_compression'");
+  expect_fault(folder.put("i.gltf", gltf(5, R"("extensionsUsed":["EXT_mesh_gpu_instancing"],)")),
+               "'EXT_mesh_gpu_instancing'");
+  EXPECT_EQ(fault(folder.put("m.gltf", gltf(5, R"("extensionsRequired":["KHR_materials_unlit"],)"))), "");
+  expect_fault(folder.put("t.gltf", gltf(5, R"("scene":0,)")), "the key \"scene\" stands twice");
+}
+
+TEST(Read, ColladaHasItsUnitAndItsStrips) {
+  Folder folder;
+  const auto dae = [](const std::string& unit) {
+    return R"(<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1"><asset>)" + unit +
+           R"(<up_axis>Y_UP</up_axis></asset><library_geometries><geometry id="g"><mesh><source id="p"><float_array id="a" count="12">0 0 0 1 0 0 0 1 0 1 1 0</float_array>)"
+           R"(<technique_common><accessor source="#a" count="4" stride="3"><param name="X" type="float"/><param name="Y" type="float"/><param name="Z" type="float"/></accessor></technique_common></source>)"
+           R"(<vertices id="v"><input semantic="POSITION" source="#p"/></vertices><tristrips count="1"><input semantic="VERTEX" source="#v" offset="0"/><p>0 1 2 3</p></tristrips></mesh></geometry></library_geometries>)"
+           R"(<library_visual_scenes><visual_scene id="s"><node><instance_geometry url="#g"/></node><node><translate>0 0 2</translate><instance_geometry url="#g"/></node></visual_scene></library_visual_scenes>)"
+           R"(<scene><instance_visual_scene url="#s"/></scene></COLLADA>)";
+  };
+  for (const auto& [unit, length] : {std::pair("", 1.0),
+                                     {"<unit name=\"inch\" meter=\"0.0254\"/>", 0.0254},
+                                     {"<unit name=\"foot\" meter=\"0.3048\"/>", 0.3048}}) {
+    const ReadResult r = read_mesh(folder.put("s.dae", dae(unit)));
+    EXPECT_EQ(r.unit, "m");
+    EXPECT_NEAR(size(r.mesh).x(), length, 1e-7 * length);
+    EXPECT_EQ(r.mesh.triangles.size(), 4u) << "two instances";
+    EXPECT_NEAR(r.mesh.area(), 2 * length * length, 1e-6 * length * length);
+  }
+}
+
+// A scene with two instances of one triangle (twice there), the second mirrored in x and moved up: both must
+// look to +z.
+const char* mirrored_gltf = R"({"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0,1]}],
+"nodes":[{"mesh":0},{"mesh":0,"scale":[-2,1,1],"translation":[0,0,3]}],
+"meshes":[{"primitives":[{"attributes":{"POSITION":1},"indices":0}]}],
+"accessors":[{"bufferView":0,"componentType":5123,"count":6,"type":"SCALAR"},
+{"bufferView":1,"componentType":5126,"count":3,"type":"VEC3","min":[0,0,0],"max":[1,1,0]}],
+"bufferViews":[{"buffer":0,"byteOffset":0,"byteLength":12},{"buffer":0,"byteOffset":12,"byteLength":36}],
+"buffers":[{"uri":"data.bin","byteLength":48}]})";
+
+std::string gltf_buffer(std::uint16_t last = 2) {
+  std::string bytes;
+  for (const std::uint16_t k :
+       {std::uint16_t(0), std::uint16_t(1), std::uint16_t(2), std::uint16_t(0), std::uint16_t(1), last})
+    put(bytes, k);
+  for (const float x : {0, 0, 0, 1, 0, 0, 0, 1, 0}) put(bytes, x);
+  return bytes;
+}
+
+TEST(Read, SceneNodesArePlacedAndMirroredOnesTurned) {
+  Folder folder;
+  folder.put("data.bin", gltf_buffer());
+  const ReadResult r = read_mesh(folder.put("s.gltf", mirrored_gltf));
+  ASSERT_EQ(r.mesh.triangles.size(), 4u);
+  EXPECT_EQ(r.unit, "m");
+  for (std::size_t t = 0; t < 4; t++) EXPECT_GT(r.mesh.area_normal(t).z(), 0);
+  EXPECT_DOUBLE_EQ(r.mesh.area(), 3);
+  EXPECT_DOUBLE_EQ(r.mesh.bounds().low.x(), -2);
+  EXPECT_DOUBLE_EQ(r.mesh.bounds().high.z(), 3);
+}
+
+// A buffer that is a pipe would be waited for.
+TEST(Read, AGltfMayOnlyReferToFiles) {
+  Folder folder;
+  ASSERT_EQ(::mkfifo((folder.path() / "data.bin").c_str(), 0600), 0);
+  expect_fault(folder.put("s.gltf", mirrored_gltf), "assimp cannot read it");
+}
+
+TEST(Read, SceneFaults) {
+  Folder folder;
+  expect_fault(folder.put("s.gltf", mirrored_gltf), "data.bin");
+  folder.put("data.bin", gltf_buffer(9));
+  expect_fault(folder.path() / "s.gltf", "out of range");
+  expect_fault(folder.put("x.gltf", "{\"asset\""), "not JSON at byte");
+  expect_fault(folder.put("x.glb", "glTF\2"), "no binary glTF 2");
+  for (const char* name : {"x.fbx", "x.dae", "x.3ds", "x.3mf"})
+    expect_fault(folder.put(name, std::string("noise \0\1\2\3\377", 11)), name);
+}
+
+TEST(Read, UnitsAndScale) {
+  Folder folder;
+  folder.put("data.bin", gltf_buffer());
+  const fs::path gltf = folder.put("s.gltf", mirrored_gltf), obj = folder.put("c.obj", cube_obj);
+  const ReadResult mm = read_mesh(gltf, {.scale = 1, .unit = "mm"});
+  EXPECT_EQ(mm.unit, "mm");
+  EXPECT_NEAR(size(mm.mesh).z(), 3000, 1e-9);
+  ASSERT_EQ(mm.notes.size(), 1u);
+  EXPECT_EQ(mm.notes[0], "converted from m to mm");
+  const ReadResult inch = read_mesh(gltf, {.scale = 2, .unit = "in"});
+  EXPECT_NEAR(size(inch.mesh).z(), 6 / 0.0254, 1e-9);
+  EXPECT_EQ(read_mesh(gltf, {.scale = 2, .unit = ""}).unit, "");
+  const ReadResult label = read_mesh(obj, {.scale = 0.5, .unit = "cm"});
+  EXPECT_EQ(label.unit, "cm");
+  EXPECT_DOUBLE_EQ(volume(label.mesh), 0.125);
+  expect_fault(obj, "unit 'ft' is not known: use m, cm, mm or in", {.scale = 1, .unit = "ft"});
+  for (const double scale : {0.0, -1.0, std::nan(""), HUGE_VAL})
+    expect_fault(obj, "the scale must be a positive number", {.scale = scale, .unit = ""});
+  expect_fault(folder.put("h.obj", "v 0 0 0\nv 1e300 0 0\nv 0 1 0\nf 1 2 3\n"), "overflow when scaled",
+               {.scale = 1e10, .unit = ""});
+}
+
+TEST(Read, FilesThatAreNone) {
+  Folder folder;
+  expect_fault(folder.path() / "absent.obj", "cannot open");
+  expect_fault(folder.put("part.step", "x"), ".obj, .stl, .ply, .off, .gltf, .glb, .fbx, .dae, .3ds, .3mf");
+  expect_fault(folder.put("part", "x"), "it has no ending");
+  for (const std::string& ending : mesh_endings())
+    expect_fault(folder.put("empty" + ending, ""), "the file is empty");
+  fs::create_directory(folder.path() / "folder.obj");
+  expect_fault(folder.path() / "folder.obj", "is a folder");
+}
+
+TEST(Read, ObjFaultsNameTheirLine) {
+  Folder folder;
+  const std::string v = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
+  const std::pair<std::string, std::string> table[] = {
+      {v + "f 1 2 4\n", "line 4: a face names vertex 4, but the file has only 3"},
+      {v + "f 0 1 2\n", "line 4: a face names vertex 0"},
+      {v + "f -1 -2 -4\n", "line 4: a face names vertex -4"},
+      {v + "f 1 2 99999999999\n", "line 4: a face names vertex 99999999999"},
+      {v + "f 1 2 99999999999999999999\n", "line 4: '99999999999999999999' is no vertex index"},
+      {v + "f a b c\n", "line 4: 'a' is no vertex index"},
+      {v + "f\n", "line 4: a face without corners"},
+      {"v 0 0\n" + v, "line 1: a vertex needs three coordinates, here are 2"},
+      {"v 0,5 1 2\n" + v, "a point, not a comma"},
+      {"v nan 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "line 1: vertex 1"},
+      {"v 1.#IND 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "line 1: vertex 1"},
+      {"v 0 0 0\nv 1e400 0 0\nv 0 1 0\nf 1 2 3\n", "line 2: vertex 2"},
+      {std::string("v 0 0 0\nv 1 0 0\0\n", 17), "line 2: a zero byte"},
+      {v, "it holds no triangle, only 3 points"}};
+  for (const auto& [text, words] : table) expect_fault(folder.put("t.obj", text), words);
+  const Mesh forward =
+      read_mesh(folder.put("t.obj", "f 1 2 3\n" + v)).mesh;  // absolute indices may come first
+  EXPECT_DOUBLE_EQ(forward.area(), 0.5);
+  const Mesh tiny = read_mesh(folder.put("t.obj", "v 1e-400 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")).mesh;
+  EXPECT_DOUBLE_EQ(tiny.area(), 0.5);
+}
+
+TEST(Read, NothingGetsThroughWhenBytesAreLostOrChanged) {  // an answer or a sentence, never a crash
+  Folder folder;
+  const std::string files[][2] = {{"t.obj", cube_obj},
+                                  {"t.stl", binary_stl(cube())},
+                                  {"t.ply", ply("ascii", "float", "0 0 0\n2 0 0\n0 2 0\n3 0 1 2\n")},
+                                  {"t.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"}};
+  for (const auto& [name, bytes] : files)
+    for (std::size_t at = 0; at < bytes.size(); at += 9)
+      for (const char replacement : {'-', '9', '\xff'}) {
+        std::string damaged = bytes;
+        damaged[at] = replacement;
+        fault(folder.put(name, damaged));
+        fault(folder.put(name, bytes.substr(0, at)));
+      }
+}
+
+TEST(ReadChild, WhateverHappensThereIsASentenceHere) {
+  using reading::Soup;
+  const auto sentence = [](const std::function<Soup()>& read) -> std::string {
+    try {
+      reading::in_child(read, 0, "t.fbx");
+    } catch (const Error& e) {
+      return e.what();
+    }
+    return "";
+  };
+  EXPECT_EQ(sentence([]() -> Soup { throw Error("t.fbx: a reason"); }), "t.fbx: a reason");
+  EXPECT_EQ(sentence([]() -> Soup { throw std::bad_alloc(); }).find("t.fbx: the reader ran out of memory"),
+            0u);
+  EXPECT_EQ(sentence([]() -> Soup { std::abort(); }).find("t.fbx: the reader crashed"), 0u);
+  EXPECT_EQ(sentence([]() -> Soup {
+              ::raise(SIGXCPU);
+              return {};
+            }).find("t.fbx: the reader came to no end"),
+            0u);
+  EXPECT_EQ(sentence([]() -> Soup {
+              ::alarm(1);
+              ::pause();
+              return {};
+            }).find("t.fbx: the reader came to no end"),
+            0u);
+  Soup soup;
+  soup.points.assign(100000, Point(1, 2, 3));
+  soup.corners = {7, 8, 9}, soup.ends = {3}, soup.thin = 5, soup.unit = "in";
+  const Soup back = reading::in_child([&] { return soup; }, 0, "t.fbx");
+  EXPECT_EQ(back.points, soup.points);
+  EXPECT_EQ(back.corners, soup.corners);
+  EXPECT_EQ(back.ends, soup.ends);
+  EXPECT_EQ(back.thin, 5u);
+  EXPECT_EQ(back.unit, "in");
+}
+
+TEST(ReadChild, ManyThreadsMayRead) {
+  Folder folder;
+  const fs::path path = folder.put("c.stl", binary_stl(cube()));
+  std::atomic<int> right = 0;
+  std::vector<std::thread> threads;
+  for (int k = 0; k < 8; k++)
+    threads.emplace_back([&] {
+      for (int i = 0; i < 5; i++) right += read_mesh(path).mesh.triangles.size() == 12;
+    });
+  for (std::thread& thread : threads) thread.join();
+  EXPECT_EQ(right, 40);
+}
+
+TEST(Read, CountsBeyond32BitsAreRefused) {
+  EXPECT_NO_THROW(reading::check_counts(4294967295, 4294967295, "t.stl"));
+  EXPECT_THROW(reading::check_counts(4294967296, 0, "t.stl"), Error);
+  EXPECT_THROW(reading::check_counts(0, 4294967296, "t.stl"), Error);
+}
+
+// The meshes that lie beside the repository.
+
+const fs::path shared = fs::path(PADDER_SHARED) / "meshes";
+
+TEST(ReadShared,
+     DamagedScenesEndInAnAnswerOrASentence) {  // seed 7; assimp aborts on nearly every damaged 3MF
+  if (!fs::exists(shared)) GTEST_SKIP() << shared << " is not here";
+  Folder folder;
+  std::mt19937 random(7);
+  for (const char* name :
+       {"cubes_mirrored_pivot.fbx", "fels.3ds", "sphere.dae", "box_interleaved.glb", "featuretype.3mf"}) {
+    const std::string bytes = read_file(shared / "formats" / name);
+    for (int k = 0; k < 12; k++) {
+      std::string damaged = bytes;
+      if (k % 2)
+        damaged.resize(random() % bytes.size());
+      else
+        for (int i = 0; i < k; i++)
+          damaged[random() % std::min<std::size_t>(bytes.size(), 3000)] = static_cast<char>(random());
+      fault(folder.put(name, damaged));
+    }
+  }
+}
+
+TEST(ReadShared, Formats) {
+  if (!fs::exists(shared)) GTEST_SKIP() << shared << " is not here";
+  const struct {
+    const char* file;
+    std::size_t triangles;
+    Vector size;
+    double volume;
+    const char* unit;
+  } table[] = {{"cubes_mirrored_pivot.fbx", 420, {0.2093, 0.305, 0.3277}, 0.003476, "m"},
+               {"fels.3ds", 768, {3.505, 4.682, 3.206}, 37.21, ""},
+               {"sphere.dae", 760, {0.02, 0.02, 0.02}, 4.095e-6, "m"},
+               {"featuretype_binary.ply", 3476, {5, 2.5, 1.375}, 11.63, ""},
+               {"box_cr_newlines.ply", 12, {12.69, 12.01, 12.62}, 1923, ""},
+               {"featuretype.3mf", 2208, {5, 2.5, 1.375}, 11.64, "in"},
+               {"two_solids_ascii.stl", 24, {6, 1, 1}, 2, ""},
+               {"negative_indices.obj", 12, {2, 2, 2}, 8, ""},
+               {"off_no_space_after_magic.off", 12, {3.266, 3.266, 2.309}, 12.32, ""},
+               {"spot_control_mesh_quads.obj", 372, {1.172, 1.743, 1.774}, 0.8489, ""},
+               {"box_interleaved.glb", 12, {1, 1, 1}, 1, "m"},
+               {"lantern.gltf", 5394, {15.49, 25.66, 4.631}, 163.3, "m"},
+               {"menger_sponge_3.glb", 21598, {1, 1, 1}, 0.4064, "m"}};  // (20/27)^3
+  for (const auto& row : table) {
+    SCOPED_TRACE(row.file);
+    const ReadResult r = read_mesh(shared / "formats" / row.file);
+    EXPECT_EQ(r.mesh.triangles.size(), row.triangles);
+    EXPECT_LT((size(r.mesh) - row.size).cwiseQuotient(row.size).cwiseAbs().maxCoeff(), 5e-4);
+    EXPECT_NEAR(volume(r.mesh), row.volume, 5e-4 * row.volume);  // positive: mirrored nodes are turned right
+    EXPECT_EQ(r.unit, row.unit);
+  }
+}
+
+// A sentence that holds these words, or this many triangles where the file can be read in truth.
+struct Expected {
+  const char* file;
+  const char* words;
+  std::size_t triangles = 0;
+};
+
+void check_table(const fs::path& folder, const std::vector<Expected>& table) {
+  std::size_t seen = 0;
+  for (const auto& entry : fs::directory_iterator(folder)) seen += entry.path().extension() != ".bin";
+  EXPECT_EQ(seen, table.size()) << "a file of " << folder << " is not in the table";
+  for (const Expected& row : table) {
+    SCOPED_TRACE(row.file);
+    if (*row.words) {
+      expect_fault(folder / row.file, row.words);
+      expect_fault(folder / row.file, (folder / row.file).string());
+    } else {
+      EXPECT_EQ(read_mesh(folder / row.file).mesh.triangles.size(), row.triangles);
+    }
+  }
+}
+
+TEST(ReadShared, Malformed) {
+  if (!fs::exists(shared)) GTEST_SKIP() << shared << " is not here";
+  check_table(shared / "malformed",
+              {{"assimp_empty.obj", "the file is empty"},
+               {"assimp_fuzz_header.ply", "line 7: '"},
+               {"assimp_invalid.off", "line 6: face 1 of 4 begins with '0'"},
+               {"assimp_issue623_truncated.ply", "faces are read from 'face' and 'tristrips' alone"},
+               {"assimp_malformed.obj", "line 28: a face names vertex 0"},
+               {"assimp_malformed2.obj", "line 23: a face without corners"},
+               {"assimp_out_of_memory.off", "line 2: the header says 353535235358 vertices"},
+               {"draco_one_point_triangle.obj", "", 1},  // without area: for repair to judge
+               {"gltf_index_out_of_range.gltf", "faces with an index out of range"},
+               {"gltf_infinities.glb", "vertex 1 (counted from 1)"},
+               {"gltf_missing_bin.gltf", "BoxTextured0.bin"},
+               {"gltf_recursive_nodes.gltf", "recursive reference"},
+               {"tinyobj_face_of_letters.obj", "it holds no triangle"},
+               {"tinyobj_index_zero.obj", "line 16: a face names vertex 0"},
+               {"tinyobj_nan.obj", "line 12: vertex 1"},
+               {"trimesh_not_enough_indices.obj", "", 1},
+               {"trimesh_stl_no_facets.stl", "without a facet"}});
+}
+
+class Analytic : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    const fs::path script = shared / "make_analytic.py";
+    if (!fs::exists(script)) GTEST_SKIP() << script << " is not here";
+    const std::string command =
+        "/usr/bin/env python3 '" + script.string() + "' '" + folder_.path().string() + "' >/dev/null";
+    if (std::system(command.c_str()) != 0) GTEST_SKIP() << "python3 is not here";
+  }
+  Folder folder_;
+};
+
+TEST_F(Analytic, TrianglesAreaAndVolume) {
+  const auto expected = nlohmann::json::parse(read_file(folder_.path() / "EXPECTED.json"));
+  ASSERT_GT(expected.size(), 50u);
+  for (const auto& [file, e] : expected.items()) {
+    SCOPED_TRACE(file);
+    const std::size_t triangles = e["triangles"];
+    if (triangles == 0) {
+      expect_fault(folder_.path() / file, "it holds no triangle");
+      continue;
+    }
+    const Mesh m = read_mesh(folder_.path() / file).mesh;
+    EXPECT_EQ(m.triangles.size(), triangles);
+    // The script cuts polygons as fans, and a PLY or STL of floats has float digits.
+    const double area = e["note"].get<std::string>().starts_with("concave") ? e["area"] : e["mesh_area"];
+    EXPECT_NEAR(m.area(), area, 1e-6 * area);
+    if (!e["mesh_volume"].is_number()) continue;
+    EXPECT_NEAR(volume(m), e["mesh_volume"],
+                1e-5 * std::abs(e["mesh_volume"].get<double>()) + 1e-15 * std::pow(area, 1.5));
+  }
+}
+
+TEST_F(Analytic, Malformed) {
+  check_table(folder_.path() / "malformed",
+              {{"empty.obj", "the file is empty"},
+               {"empty.stl", "the file is empty"},
+               {"empty.off", "the file is empty"},
+               {"empty.ply", "the file is empty"},
+               {"noise.obj", "zero byte"},
+               {"noise.off", "zero byte"},
+               {"noise.ply", "begins with the line ply"},
+               {"noise.stl", "as a binary STL"},
+               {"wrong_extension.obj", "zero byte"},
+               {"obj_comma_decimals.obj", "line 1: '0,0' is not a number"},
+               {"obj_face_before_vertex.obj", "", 1},
+               {"obj_face_of_two.obj", "it holds no triangle"},
+               {"obj_index_too_large.obj", "line 4: a face names vertex 99999999999"},
+               {"obj_index_zero.obj", "line 4: a face names vertex 0"},
+               {"obj_inf.obj", "line 2: vertex 2"},
+               {"obj_nan.obj", "line 2: vertex 2"},
+               {"obj_negative_too_far.obj", "line 4: a face names vertex -9"},
+               {"obj_nul_bytes.obj", "line 2: a zero byte"},
+               {"obj_two_coordinates.obj", "line 1: a vertex needs three coordinates"},
+               {"off_face_degree_2.off", "", 1},
+               {"off_huge_counts.off", "4000000000 vertices"},
+               {"off_index_out_of_range.off", "line 6: face 1 of 1 has a corner at vertex '7'"},
+               {"off_negative_counts.off", "'-3'"},
+               {"off_negative_index.off", "a corner at vertex '-1'"},
+               {"off_short.off", "vertex 3 of 3 should stand"},
+               {"ply_huge_count.ply", "promises 4000000000"},
+               {"ply_list_too_long.ply", "'face', but number 1 cannot be read"},
+               {"ply_negative_index.ply", "names vertex -2"},
+               {"ply_no_end_header.ply", "no end_header"},
+               {"ply_no_xyz.ply", "no property x"},
+               {"ply_truncated.ply", "'face', but number 1 cannot be read"},
+               {"ply_unknown_type.ply", "line 4: 'quux' is no type"},
+               {"stl_ascii_cut.stl", "ends inside a facet"},
+               {"stl_ascii_four_vertices.stl", "line 9: a facet of 4 vertices"},
+               {"stl_count_too_large.stl", "promises 4294967295 facets"},
+               {"stl_count_too_small.stl", "promises 3 facets, but has 12"},
+               {"stl_header_only.stl", "too short"},
+               {"stl_nan.stl", "vertex 1 (counted from 1)"},
+               {"stl_trailing_bytes.stl", "", 12},
+               {"stl_truncated.stl", "promises 12 facets, but has room for 11"}});
+}
+
+}  // namespace
+}  // namespace padder

@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: MIT
+#include "padding/input/zip.h"
+
+#include <gtest/gtest.h>
+
+#include "padding/asset/error.h"
+#include "tests/padding/input/zip_writer.h"
+
+namespace padder {
+namespace {
+
+const std::vector<std::pair<std::string, std::string>> files = {
+    {"a.txt", "short"}, {"3D/Model.model", std::string(100000, 'x')}, {"empty", ""}};
+
+std::string fault(const std::string& bytes, const std::string& name, std::size_t most = 1 << 20) {
+  try {
+    Zip(bytes, "z").read(name, most);
+  } catch (const Error& e) {
+    return e.what();
+  }
+  return "";
+}
+
+TEST(Zip, EveryFileComesBack) {
+  for (const bool deflated : {false, true}) {
+    const std::string bytes = zip_bytes(files, deflated);
+    const Zip zip(bytes, "z");
+    for (const auto& [name, data] : files) EXPECT_EQ(zip.read(name, 1 << 20), data);
+    EXPECT_TRUE(zip.has("3d/3DMODEL.model") == false && zip.has("3d/MODEL.model"));
+    if (deflated) {
+      EXPECT_LT(bytes.size(), 1000u);
+    }
+  }
+}
+
+TEST(Zip, FaultsAreSentences) {
+  const std::string good = zip_bytes(files, true);
+  EXPECT_EQ(fault(good, "b"), "z: its part 'b' is missing: export it again");
+  EXPECT_EQ(fault(good, "3D/Model.model", 99999),
+            "z: its part '3D/Model.model' has 100000 bytes, and at most 99999 are read");
+  EXPECT_NE(fault("PK", "a.txt").find("no zip archive"), std::string::npos);
+  std::string stored = zip_bytes(files);
+  stored[stored.find("short")] ^= 1;
+  EXPECT_NE(fault(stored, "a.txt").find("checksum"), std::string::npos);
+}
+
+// An answer or a sentence, never a crash, and never memory for a size that is not true.
+TEST(Zip, NoByteMayHarm) {
+  for (const bool deflated : {false, true}) {
+    const std::string good = zip_bytes(files, deflated);
+    const std::size_t step = deflated ? 1 : 97;
+    for (std::size_t at = 0; at < good.size(); at += step) {
+      std::string bad = good;
+      for (const int flip : {0x01, 0x55, 0xff}) {
+        bad[at] = static_cast<char>(good[at] ^ flip);
+        for (const auto& [name, data] : files) fault(bad, name, std::size_t(1) << 31);
+      }
+      fault(good.substr(0, at), "a.txt");
+    }
+  }
+}
+
+}  // namespace
+}  // namespace padder

@@ -1,0 +1,95 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "padding/meshing/remesh.h"
+
+#include <gtest/gtest.h>
+
+#include <set>
+
+#include "padding/asset/error.h"
+#include "padding/geometry/surface.h"
+#include "tests/padding/random.h"
+
+namespace padder {
+namespace {
+
+// Every edge has one partner that runs the other way.
+bool closed_and_oriented(const Mesh& mesh) {
+  std::multiset<std::pair<std::uint32_t, std::uint32_t>> edges;
+  for (const auto& t : mesh.triangles)
+    for (int k = 0; k < 3; k++) edges.emplace(t[k], t[(k + 1) % 3]);
+  for (const auto& [u, v] : edges)
+    if (edges.count({u, v}) != 1 || edges.count({v, u}) != 1) return false;
+  return true;
+}
+
+long euler(const Mesh& mesh) { return long(mesh.points.size()) - long(mesh.triangles.size()) / 2; }
+
+TEST(Remesh, CubeKeepsItsEdgesItsVolumeAndIsDelaunay) {
+  const Mesh cube = shapes::box({0, 0, 0}, {1, 1, 1});
+  const Remeshed r = remesh(cube, {.edge_length = 0.1});
+  EXPECT_TRUE(closed_and_oriented(r.mesh));
+  EXPECT_NEAR(mass_properties(r.mesh).volume, 1, 1e-9);  // nothing cut off at edges and corners
+  EXPECT_EQ(r.quality.share_non_delaunay, 0);
+  EXPECT_GT(r.quality.min_angle_deg, 20);
+  EXPECT_GT(r.quality.sharp_edges, 80u);
+  EXPECT_LE(r.quality.circumradius_max, 0.1);
+}
+
+TEST(Remesh, SphereAndTorusKeepTheirTopologyAndShape) {
+  for (const auto& [mesh, genus_euler] :
+       {std::pair{shapes::sphere(5), 2l}, {shapes::torus(1, 0.3, 60, 20), 0l}}) {
+    const Remeshed r = remesh(mesh, {.edge_length = 0.12});
+    EXPECT_TRUE(closed_and_oriented(r.mesh));
+    EXPECT_EQ(euler(r.mesh), genus_euler);
+    EXPECT_NEAR(mass_properties(r.mesh).volume, mass_properties(mesh).volume,
+                0.02 * mass_properties(mesh).volume);
+    EXPECT_LT(r.quality.share_non_delaunay, 1e-3);
+    EXPECT_LT(r.quality.share_under_20_deg, 1e-3);
+    const Surface surface(mesh);
+    for (const Point& p : r.mesh.points) EXPECT_LT(surface.nearest(p).distance, 1e-3);
+  }
+}
+
+TEST(Remesh, APlateOfOneInAThousandYieldsNoRunawayCircle) {
+  const Mesh plate = shapes::box({0, 0, 0}, {1, 1, 0.001});
+  const Remeshed r = remesh(plate, {.edge_length = 0.03});
+  EXPECT_TRUE(closed_and_oriented(r.mesh));
+  EXPECT_LE(r.quality.circumradius_max, 0.03);
+  EXPECT_NEAR(mass_properties(r.mesh).volume, 0.001, 1e-9);
+}
+
+TEST(Remesh, BorderIsKept) {
+  const Remeshed r = remesh(shapes::square(1), {.edge_length = 0.1});
+  EXPECT_NEAR(r.mesh.area(), 1, 1e-9);
+}
+
+TEST(Remesh, RandomBlobsStayClosedAndDelaunay) {
+  for (std::uint64_t seed = 1; seed <= 5; seed++) {
+    SCOPED_TRACE("seed " + std::to_string(seed));
+    shapes::Random random(seed);
+    const Mesh mesh = shapes::blob(random);
+    const Remeshed r = remesh(mesh, {.edge_length = random.uniform(0.05, 0.3)});
+    EXPECT_TRUE(closed_and_oriented(r.mesh));
+    EXPECT_LT(r.quality.share_non_delaunay, 0.005);
+    EXPECT_LT(r.quality.share_under_20_deg, 0.02);
+  }
+}
+
+TEST(Remesh, QualityOfOneKnownMesh) {
+  // Two triangles over a flat rhombus whose short diagonal would be the Delaunay one.
+  Mesh mesh;
+  mesh.points = {{-2, 0, 0}, {2, 0, 0}, {0, 1, 0}, {0, -1, 0}};
+  mesh.triangles = {{0, 1, 2}, {1, 0, 3}};
+  const RemeshQuality q = measure_quality(mesh, 40);
+  EXPECT_EQ(q.share_non_delaunay, 1);
+  EXPECT_NEAR(q.min_angle_deg, std::atan(0.5) * 180 / std::numbers::pi, 1e-9);
+  EXPECT_EQ(q.sharp_edges, 0u);
+}
+
+TEST(Remesh, RefusesAnEdgeLengthThatIsNotPositiveOrTooShort) {
+  EXPECT_THROW(remesh(shapes::sphere(1), {.edge_length = 0}), Error);
+  EXPECT_THROW(remesh(shapes::sphere(1), {.edge_length = 1e-6}), Error);
+}
+
+}  // namespace
+}  // namespace padder

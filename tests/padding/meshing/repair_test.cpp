@@ -1,0 +1,148 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "padding/meshing/repair.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "padding/asset/error.h"
+#include "padding/geometry/surface.h"
+#include "tests/padding/random.h"
+
+namespace padder {
+namespace {
+
+Mesh soup_of(const Mesh& mesh) {  // every triangle with corners of its own
+  Mesh soup;
+  for (std::size_t t = 0; t < mesh.triangles.size(); t++) {
+    const auto n = static_cast<std::uint32_t>(soup.points.size());
+    for (int k = 0; k < 3; k++) soup.points.push_back(mesh.corner(t, k));
+    soup.triangles.push_back({n, n + 1, n + 2});
+  }
+  return soup;
+}
+
+void append(Mesh& mesh, const Mesh& more) {
+  const auto n = static_cast<std::uint32_t>(mesh.points.size());
+  mesh.points.insert(mesh.points.end(), more.points.begin(), more.points.end());
+  for (auto t : more.triangles) mesh.triangles.push_back({t[0] + n, t[1] + n, t[2] + n});
+}
+
+Mesh turned_over(Mesh mesh) {
+  for (auto& t : mesh.triangles) std::swap(t[1], t[2]);
+  return mesh;
+}
+
+double volume(const Repaired& r) { return mass_properties(r.mesh).volume; }
+
+const Mesh cube = shapes::box({0, 0, 0}, {1, 1, 1}, 4);
+
+TEST(Repair, ACleanSolidIsLeftAlone) {
+  const Repaired r = repair(cube, {}, "cube");
+  EXPECT_EQ(r.kind, BodyKind::solid);
+  EXPECT_EQ(r.report, "none needed");
+  EXPECT_EQ(r.mesh.triangles.size(), cube.triangles.size());
+  EXPECT_NEAR(volume(r), 1, 1e-12);
+}
+
+TEST(Repair, SoupShuffledDuplicatedAndInsideOut) {
+  shapes::Random random(3);
+  Mesh soup = soup_of(turned_over(cube));
+  for (auto& t : soup.triangles)
+    if (random.uniform(0, 1) < 0.5) std::swap(t[0], t[1]);
+  soup.triangles.push_back(soup.triangles[5]);  // twice the same
+  soup.points.push_back({0, 0, 0}), soup.points.push_back({1, 1, 1}), soup.points.push_back({0.5, 0.5, 0.5});
+  const auto n = static_cast<std::uint32_t>(soup.points.size());
+  soup.triangles.push_back({n - 3, n - 2, n - 1});  // no area
+  const Repaired r = repair(soup, {}, "soup");
+  EXPECT_EQ(r.kind, BodyKind::solid);
+  EXPECT_NEAR(volume(r), 1, 1e-12);
+  EXPECT_NE(r.report.find("dropped 1 triangle without area"), std::string::npos) << r.report;
+}
+
+TEST(Repair, ASmallHoleIsClosed) {
+  Mesh mesh = shapes::sphere(5);
+  mesh.triangles.erase(mesh.triangles.begin() + 100);
+  const Repaired r = repair(mesh, {}, "sphere");
+  EXPECT_EQ(r.kind, BodyKind::solid);
+  EXPECT_NE(r.report.find("closed 1 small hole"), std::string::npos) << r.report;
+  EXPECT_EQ(r.mesh.triangles.size(), shapes::sphere(5).triangles.size());
+}
+
+TEST(Repair, AnOpenBoxIsWrapped) {
+  Mesh mesh = cube;
+  std::erase_if(mesh.triangles, [&](const auto& t) {
+    return std::all_of(t.begin(), t.end(), [&](auto v) { return mesh.points[v].z() == 1; });
+  });
+  RepairOptions options;
+  options.accuracy = 0.05;
+  const Repaired r = repair(mesh, options, "open box");
+  EXPECT_EQ(r.kind, BodyKind::wrap);
+  // A shell: five unit walls, as thick as twice the offset and some.
+  EXPECT_NEAR(volume(r), 5 * 2 * r.offset, 2 * r.offset);
+  const Surface input(mesh), wrap(r.mesh);
+  for (const Point& p : r.mesh.points)
+    EXPECT_NEAR(input.nearest(p).distance, r.offset, 0.5 * r.offset + 0.2 * r.alpha);
+  for (const auto& t : mesh.triangles)  // the wrap encloses the input
+    for (auto v : t) EXPECT_LE(wrap.signed_nearest(mesh.points[v]).distance, 0);
+}
+
+TEST(Repair, OverlappingBoxesBecomeTheirUnion) {
+  Mesh mesh = cube;
+  append(mesh, shapes::box({0.45, 0.2, 0.2}, {1.5, 0.7, 0.7}, 2));
+  RepairOptions options;
+  options.accuracy = 0.05;
+  const Repaired r = repair(mesh, options, "boxes");
+  EXPECT_EQ(r.kind, BodyKind::wrap);
+  EXPECT_NE(r.report.find("self-intersecting"), std::string::npos) << r.report;
+  EXPECT_NEAR(volume(r), 1.125, 0.03);
+}
+
+TEST(Repair, AnInnerShellIsACavity) {
+  Mesh mesh = cube;
+  append(mesh, shapes::box({0.25, 0.25, 0.25}, {0.75, 0.75, 0.75}, 2));  // both face outward in the file
+  const Repaired r = repair(mesh, {}, "hollow box");
+  EXPECT_EQ(r.kind, BodyKind::solid);
+  EXPECT_NEAR(volume(r), 1 - 0.125, 1e-12);
+}
+
+TEST(Repair, ATerrainStaysASheet) {
+  Mesh mesh = shapes::square(1, 20);
+  for (Point& p : mesh.points) p.z() = 0.05 * std::sin(9 * p.x()) * std::cos(7 * p.y());
+  const Repaired r = repair(mesh, {}, "terrain");
+  EXPECT_EQ(r.kind, BodyKind::sheet);
+  EXPECT_NE(r.report.find("open sheet"), std::string::npos) << r.report;
+  EXPECT_GT(r.mesh.area_normal(0).z(), 0);  // the side of the file's normals
+}
+
+TEST(Repair, NeverTrustsTheFile) {
+  RepairOptions never;
+  never.mode = RepairMode::never;
+  EXPECT_EQ(repair(soup_of(cube), never, "cube").kind, BodyKind::solid);
+  EXPECT_EQ(repair(shapes::square(1), never, "square").kind, BodyKind::sheet);
+  Mesh turned = cube;
+  std::swap(turned.triangles[0][0], turned.triangles[0][1]);
+  EXPECT_THROW(repair(turned, never, "turned"), Error);
+}
+
+TEST(Repair, WrapOnRequest) {
+  RepairOptions wrap;
+  wrap.mode = RepairMode::wrap;
+  wrap.accuracy = 0.05;
+  EXPECT_EQ(repair(cube, wrap, "cube").kind, BodyKind::wrap);
+}
+
+TEST(Repair, NothingWithAnAreaIsRefusedInASentence) {
+  Mesh line;
+  line.points = {{0, 0, 0}, {1, 0, 0}, {2, 0, 0}};
+  line.triangles = {{0, 1, 2}};
+  try {
+    repair(line, {}, "line.obj");
+    FAIL();
+  } catch (const Error& e) {
+    EXPECT_NE(std::string(e.what()).find("line.obj"), std::string::npos);
+  }
+}
+
+}  // namespace
+}  // namespace padder

@@ -1,0 +1,170 @@
+// SPDX-License-Identifier: MIT
+#include "padding/verify/accuracy.h"
+
+#include <gtest/gtest.h>
+#include <omp.h>
+
+#include <numbers>
+
+#include "tests/padding/random.h"
+
+namespace padder {
+namespace {
+
+Measured of(const Mesh& mesh, const std::vector<Ball>& balls) {
+  Repaired body;
+  body.mesh = mesh;
+  return measure(mesh, body, Surface(mesh), balls);
+}
+
+constexpr double pi = std::numbers::pi;
+
+TEST(Accuracy, OneBallOverASphereHasClosedForms) {
+  const Mesh sphere = shapes::sphere(6);  // faces lie up to 0.0006 under the unit sphere
+  const double d = 0.05;
+  const auto over = of(sphere, {{Point::Zero(), 1 + d}}).accuracy;
+  EXPECT_NEAR(over.protrusion_max, d, 1e-3);
+  EXPECT_NEAR(over.protrusion_mean, d, 1e-3);
+  EXPECT_NEAR(over.protrusion_p95, d, 1e-3);
+  EXPECT_EQ(over.gap_max, 0);
+  EXPECT_EQ(over.coverage, 1);
+  EXPECT_NEAR(over.volume_ratio, std::pow(1 + d, 3), 0.005);
+  EXPECT_LT(over.normal_error_p95_deg, 1.5);
+  const auto under = of(sphere, {{Point::Zero(), 1 - d}}).accuracy;
+  EXPECT_LE(under.protrusion_max, 0);
+  EXPECT_NEAR(under.gap_max, d, 1e-3);
+  EXPECT_NEAR(under.gap_mean, d, 1e-3);
+  EXPECT_EQ(under.coverage, 0);
+}
+
+TEST(Accuracy, BallAroundACube) {
+  const Mesh cube = shapes::box({-1, -1, -1}, {1, 1, 1}, 4);
+  const Measured m = of(cube, {{Point::Zero(), std::sqrt(3.0)}});
+  EXPECT_NEAR(m.accuracy.protrusion_max, std::sqrt(3.0) - 1, 1e-9);
+  EXPECT_EQ(m.accuracy.gap_max, 0);
+  EXPECT_NEAR(m.volume_union, 4 / 3. * pi * std::pow(3, 1.5), 1e-3);
+}
+
+TEST(Accuracy, BallInACubeLeavesItsCornersOpen) {
+  const Mesh cube = shapes::box({-1, -1, -1}, {1, 1, 1}, 4);
+  const auto a = of(cube, {{Point::Zero(), 1}}).accuracy;
+  EXPECT_NEAR(a.gap_max, std::sqrt(3.0) - 1, 2e-3);
+  EXPECT_NEAR(a.protrusion_max, 0, 1e-12);
+  // Mean of |x| - 1 over a face: integrate sqrt(1 + u^2 + v^2) over the unit square by the midpoint rule.
+  double sum = 0;
+  for (int i = 0; i < 1000; i++)
+    for (int j = 0; j < 1000; j++)
+      sum += std::sqrt(1 + std::pow((i + .5) / 1000, 2) + std::pow((j + .5) / 1000, 2));
+  EXPECT_NEAR(a.gap_mean, sum / 1e6 - 1, 1e-4);
+}
+
+TEST(Accuracy, VolumeOfTwoOverlappingBalls) {
+  const double r = 1, d = 1.2;  // distance of the centres
+  const double lens = pi * (4 * r + d) * std::pow(2 * r - d, 2) / 12;
+  const Measured m = of(shapes::sphere(4), {{Point(-d / 2, 0, 0), r}, {Point(d / 2, 0, 0), r}});
+  EXPECT_NEAR(m.volume_union, 2 * 4 / 3. * pi - lens, 2e-3);
+}
+
+// The independent oracle: random points, brute force over all balls and triangles, nothing of padding/ but
+// the mesh.
+struct BruteForce {
+  const Mesh& mesh;
+  const std::vector<Ball>& balls;
+
+  double gap(const Point& x) const {
+    double least = 1e300;
+    for (const Ball& b : balls) least = std::min(least, (x - b.center).norm() - b.radius);
+    return least;
+  }
+  double distance(const Point& x) const {  // by dense barycentric search on each triangle: plain, slow, sure
+    double least = 1e300;
+    for (std::size_t t = 0; t < mesh.triangles.size(); t++) {
+      const Point a = mesh.corner(t, 0);
+      const Vector u = mesh.corner(t, 1) - a, v = mesh.corner(t, 2) - a;
+      if ((a - x).norm() - u.norm() - v.norm() > least) continue;
+      for (int i = 0; i <= 12; i++)
+        for (int j = 0; i + j <= 12; j++) least = std::min(least, (a + i / 12. * u + j / 12. * v - x).norm());
+    }
+    return least;
+  }
+  bool inside(const Point& x) const {  // winding number from solid angles
+    double angle = 0;
+    for (std::size_t t = 0; t < mesh.triangles.size(); t++) {
+      const Vector a = mesh.corner(t, 0) - x, b = mesh.corner(t, 1) - x, c = mesh.corner(t, 2) - x;
+      angle += 2 * std::atan2(a.dot(b.cross(c)), a.norm() * b.norm() * c.norm() + a.dot(b) * c.norm() +
+                                                     b.dot(c) * a.norm() + c.dot(a) * b.norm());
+    }
+    return angle > 2 * pi;
+  }
+};
+
+TEST(Accuracy, AgreesWithBruteForceOnRandomClusters) {
+  for (std::uint64_t seed = 1; seed <= 3; seed++) {
+    SCOPED_TRACE("seed " + std::to_string(seed));
+    shapes::Random random(seed);
+    const Mesh mesh = shapes::blob(random, 3);
+    std::vector<Ball> balls;
+    for (int k = 0; k < 40; k++) balls.push_back({0.8 * random.point(), random.uniform(0.1, 0.5)});
+    const Measured m = of(mesh, balls);
+    const BruteForce brute{mesh, balls};
+    double gap_max = 0, protrusion_max = 0;
+    for (int k = 0; k < 20000; k++) {
+      const std::size_t t = std::size_t(random.uniform(0, double(mesh.triangles.size())));
+      double s = random.uniform(0, 1), u = random.uniform(0, 1);
+      if (s + u > 1) s = 1 - s, u = 1 - u;
+      const Point a = mesh.corner(t, 0), x = a + s * (mesh.corner(t, 1) - a) + u * (mesh.corner(t, 2) - a);
+      gap_max = std::max(gap_max, brute.gap(x));
+    }
+    double inside = 0, box = 0;
+    for (int k = 0; k < 200000; k++) box++, inside += brute.gap(2 * random.point()) <= 0;
+    for (int k = 0; k < 3000; k++) {
+      const Ball& b = balls[k % balls.size()];
+      const Point x = b.center + b.radius * random.direction();
+      if (brute.gap(x) < -1e-9 || brute.inside(x)) continue;
+      protrusion_max = std::max(protrusion_max, brute.distance(x));
+    }
+    EXPECT_GE(m.accuracy.gap_max, gap_max);
+    EXPECT_LE(m.accuracy.gap_max, gap_max + 0.05);
+    EXPECT_GE(m.accuracy.protrusion_max,
+              protrusion_max - 0.01);  // the oracle's distance is to a grid: a little too large
+    EXPECT_LE(m.accuracy.protrusion_max,
+              protrusion_max + 0.15);  // ours is a bound; 3,000 points miss the tips
+    EXPECT_NEAR(m.volume_union, 64 * inside / box, 0.15);
+  }
+}
+
+TEST(Accuracy, SurfaceInsideAWrapIsBuriedAndLeftOut) {
+  Mesh mesh = shapes::box({0, 0, 0}, {1, 1, 1}, 2);
+  const Mesh other = shapes::box({0.5, 0.25, 0.25}, {1.5, 0.75, 0.75}, 2);
+  const auto n = static_cast<std::uint32_t>(mesh.points.size());
+  mesh.points.insert(mesh.points.end(), other.points.begin(), other.points.end());
+  for (auto t : other.triangles) mesh.triangles.push_back({t[0] + n, t[1] + n, t[2] + n});
+  RepairOptions options;
+  options.accuracy = 0.05;
+  const Repaired body = repair(mesh, options, "boxes");
+  ASSERT_EQ(body.kind, BodyKind::wrap);
+  const Measured m = measure(mesh, body, Surface(body.mesh), {{Point(0.75, 0.5, 0.5), 3}});
+  // Half of the small box but its end, its other end, and the patch it covers on the large one.
+  EXPECT_NEAR(m.buried, (0.25 + 4 * 0.5 * 0.5 + 0.25) / (6 + 2.5), 0.02);
+  EXPECT_EQ(m.accuracy.coverage, 1);
+}
+
+TEST(Accuracy, SameForAnyNumberOfThreads) {
+  const Mesh mesh = shapes::torus(1, 0.3, 40, 16);
+  std::vector<Ball> balls;
+  for (int k = 0; k < 30; k++) balls.push_back({Point(std::cos(k), std::sin(k), 0), 0.35});
+  const int threads = omp_get_max_threads();
+  omp_set_num_threads(1);
+  const Measured one = of(mesh, balls);
+  omp_set_num_threads(3);
+  const Measured three = of(mesh, balls);
+  omp_set_num_threads(threads);
+  EXPECT_EQ(one.accuracy.protrusion_mean, three.accuracy.protrusion_mean);
+  EXPECT_EQ(one.accuracy.gap_max, three.accuracy.gap_max);
+  EXPECT_EQ(one.volume_union, three.volume_union);
+}
+
+TEST(Accuracy, NoBallsIsNoCoverage) { EXPECT_EQ(of(shapes::sphere(2), {}).accuracy.coverage, 0); }
+
+}  // namespace
+}  // namespace padder

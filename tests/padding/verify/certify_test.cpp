@@ -1,0 +1,186 @@
+// SPDX-License-Identifier: MIT
+#include "padding/verify/certify.h"
+
+#include <gtest/gtest.h>
+#include <omp.h>
+
+#include <random>
+
+#include "padding/geometry/medial.h"
+#include "tests/padding/shapes.h"
+
+namespace padder {
+namespace {
+
+Point random_point(const Mesh& mesh, std::size_t t, std::mt19937& random) {
+  std::uniform_real_distribution<double> u(0, 1);
+  double a = u(random), b = u(random);
+  if (a + b > 1) a = 1 - a, b = 1 - b;
+  return mesh.corner(t, 0) + a * (mesh.corner(t, 1) - mesh.corner(t, 0)) +
+         b * (mesh.corner(t, 2) - mesh.corner(t, 0));
+}
+
+std::vector<Ball> balls_of(const Surface& surface, double dilation) {
+  std::vector<Ball> balls;
+  const Mesh& mesh = surface.mesh();
+  for (std::size_t t = 0; t < mesh.triangles.size(); t++) {
+    const Point p = (mesh.corner(t, 0) + mesh.corner(t, 1) + mesh.corner(t, 2)) / 3;
+    balls.push_back(inner_medial_ball(surface, p, mesh.area_normal(t).normalized(), 2, 1e-6));
+    balls.back().radius += dilation;
+  }
+  return balls;
+}
+
+TEST(Certify, OneBallOverASquareIsExact) {
+  // The farthest point of the square [0,1]^2 from the ball is the corner (1,1,0).
+  const Mesh mesh = shapes::square(1);
+  const BallSet balls({{Point(0.25, 0.25, -0.5), 0.6}});
+  const GapBound bound = gap_bound(mesh, balls, 0, 1e-6);
+  const double exact = std::sqrt(2 * 0.75 * 0.75 + 0.25) - 0.6;
+  EXPECT_GE(bound.upper, exact);
+  EXPECT_LE(bound.lower, exact);
+  EXPECT_NEAR(bound.upper, exact, 2e-6);
+  EXPECT_NEAR((bound.point - Point(1, 1, 0)).norm(), 0, 1e-3);
+}
+
+TEST(Certify, GapBetweenBallsInsideOneTriangle) {
+  // Four balls at the corners of a square: the gap is at its middle, far from any vertex of the mesh.
+  const Mesh mesh = shapes::square(1);
+  const BallSet balls(
+      {{Point(0, 0, 0), 0.5}, {Point(1, 0, 0), 0.5}, {Point(0, 1, 0), 0.5}, {Point(1, 1, 0), 0.5}});
+  const GapBound bound = gap_bound(mesh, balls);
+  const double exact = std::sqrt(0.5) - 0.5;
+  EXPECT_GE(bound.upper, exact - 1e-15);
+  EXPECT_NEAR(bound.upper, exact, 1e-3 * exact + 1e-12);
+  EXPECT_TRUE(gap_failures(mesh, balls, exact + 1e-6, 0.1).empty());
+  const auto failures = gap_failures(mesh, balls, exact - 1e-6, 0.1);
+  ASSERT_FALSE(failures.empty());
+  for (const Cell& cell : failures) EXPECT_LT((cell.centroid() - Point(0.5, 0.5, 0)).norm(), 0.1);
+}
+
+TEST(Certify, CoveredSurfaceHasNoGap) {
+  const Mesh mesh = shapes::sphere(2);
+  EXPECT_EQ(gap_bound(mesh, BallSet({{Point(0.1, 0, 0), 1.2}})).upper, 0);
+  EXPECT_EQ(gap_bound(mesh, BallSet()).upper, std::numeric_limits<double>::infinity());
+  EXPECT_EQ(gap_bound(Mesh(), BallSet()).upper, 0);
+}
+
+// The oracle is a dense random sampling: it must stay below the proved bound, and come near to it.
+TEST(Certify, BoundsHoldAgainstDenseSampling) {
+  for (const Mesh& mesh : {shapes::box({0, 0, 0}, {1, 0.7, 0.1}, 4), shapes::torus(1, 0.3, 24, 12)}) {
+    const Surface surface(mesh);
+    const std::vector<Ball> balls = balls_of(surface, 0.01);
+    const BallSet set(balls);
+    const GapBound gap = gap_bound(mesh, set);
+    const ProtrusionBound protrusion = protrusion_bound(surface, balls);
+    EXPECT_LE(protrusion.max, 0.01 + 1e-9);
+    EXPECT_LE(gap.lower, gap.upper);
+    EXPECT_LE(gap.upper, gap.lower * 1.001 + 1e-9);
+    std::mt19937 random(5);
+    std::normal_distribution<double> gauss;
+    double sampled_gap = 0, sampled_protrusion = 0;
+    for (int k = 0; k < 200000; k++) {
+      const Point x = random_point(mesh, random() % mesh.triangles.size(), random);
+      sampled_gap = std::max(sampled_gap, set.gap(x).value);
+      const Ball& ball = balls[random() % balls.size()];
+      const Point y =
+          ball.center + ball.radius * Vector(gauss(random), gauss(random), gauss(random)).normalized();
+      if (k % 10 == 0) sampled_protrusion = std::max(sampled_protrusion, surface.signed_nearest(y).distance);
+    }
+    EXPECT_LE(sampled_gap, gap.upper + 1e-12);
+    EXPECT_GE(sampled_gap, 0.8 * gap.upper);
+    EXPECT_LE(sampled_protrusion, protrusion.max + 1e-12);
+    EXPECT_GE(sampled_protrusion, 0.8 * protrusion.max);
+    EXPECT_TRUE(gap_failures(mesh, set, gap.upper, 0.02).empty());
+    EXPECT_FALSE(gap_failures(mesh, set, 0.99 * gap.lower, 0.02).empty());
+  }
+}
+
+TEST(Certify, BallOutsideStandsOutByItsWholeReach) {
+  const Surface surface(shapes::sphere(3));
+  const ProtrusionBound bound = protrusion_bound(surface, {{Point(3, 0, 0), 0.25}, {Point(0, 0, 0), 0.5}});
+  EXPECT_NEAR(bound.each[0], 2.25, 1e-12);
+  EXPECT_LT(bound.each[1], -0.48);
+  EXPECT_EQ(bound.ball, 0u);
+}
+
+Mesh turned(Mesh mesh) {
+  for (auto& t : mesh.triangles) std::swap(t[0], t[1]);
+  return mesh;
+}
+
+Mesh joined(Mesh mesh, const Mesh& more) {
+  const auto n = static_cast<std::uint32_t>(mesh.points.size());
+  mesh.points.insert(mesh.points.end(), more.points.begin(), more.points.end());
+  for (const auto& t : more.triangles) mesh.triangles.push_back({t[0] + n, t[1] + n, t[2] + n});
+  return mesh;
+}
+
+// Whoever calls, and whatever the surface says of its sides: the premises are looked at here.
+TEST(Certify, ABodyTurnedInsideOutHasNoInside) {
+  const std::vector<Ball> balls = {{Point(0.5, 0.5, 0.5), 0.4}, {Point(3, 0.5, 0.5), 1.9}};
+  const Mesh cube = shapes::box({0, 0, 0}, {1, 1, 1});
+  const ProtrusionBound right = protrusion_bound(Surface(cube), balls);
+  EXPECT_TRUE(right.proved);
+  EXPECT_EQ(right.outside, 1u);
+  EXPECT_NEAR(right.each[0], -0.1, 1e-12);
+  EXPECT_NEAR(right.each[1], 3.9, 1e-12);
+  const ProtrusionBound wrong = protrusion_bound(Surface(turned(cube)), balls);
+  EXPECT_EQ(wrong.outside, 2u);
+  EXPECT_NEAR(wrong.each[0], 0.9, 1e-12);
+  EXPECT_NEAR(wrong.each[1], 3.9, 1e-12);  // by the normals it would be -0.1
+}
+
+// By its normals a centre above a buried face counts as outside, one below a face that another solid's inside
+// out piece has brought near as inside.
+TEST(Certify, CrossingSolidsAreProvedByTheirWindingNumber) {
+  const Mesh mesh = joined(shapes::box({0, 0, 0}, {1, 1, 1}), shapes::box({0.4, 0.4, 0.4}, {1.6, 0.6, 0.6}));
+  const Surface surface(mesh);
+  std::mt19937 random(1);
+  std::uniform_real_distribution<double> u(-0.3, 1.9);
+  std::vector<Ball> balls;
+  for (int k = 0; k < 2000; k++) balls.push_back({Point(u(random), u(random), u(random)), 0.05});
+  const ProtrusionBound bound = protrusion_bound(surface, balls);
+  EXPECT_TRUE(bound.proved);
+  const auto in_box = [](const Point& p, const Point& low, const Point& high) {
+    return (p.array() > low.array()).all() && (p.array() < high.array()).all();
+  };
+  for (std::size_t k = 0; k < balls.size(); k++) {
+    const Point& c = balls[k].center;
+    const bool inside = in_box(c, {0, 0, 0}, {1, 1, 1}) || in_box(c, {0.4, 0.4, 0.4}, {1.6, 0.6, 0.6});
+    const double distance = surface.nearest(c).distance;
+    EXPECT_NEAR(bound.each[k], 0.05 + (inside ? -distance : distance), 1e-12) << k;
+  }
+}
+
+TEST(Certify, AnOpenSurfaceProvesNothing) {
+  Mesh box = shapes::box({0, 0, 0}, {1, 1, 1}, 2);
+  EXPECT_TRUE(protrusion_bound(Surface(box), {{Point(0.5, 0.5, 0.5), 0.4}}).proved);
+  box.triangles.pop_back();
+  EXPECT_FALSE(protrusion_bound(Surface(box), {{Point(0.5, 0.5, 0.5), 0.4}}).proved);
+}
+
+TEST(Certify, SameResultForAnyNumberOfThreads) {
+  const Mesh mesh = shapes::torus(1, 0.3, 60, 30);
+  const Surface surface(mesh);
+  const std::vector<Ball> balls = balls_of(surface, 0.001);
+  const BallSet set(balls);
+  const int before = omp_get_max_threads();
+  std::vector<GapBound> bounds;
+  std::vector<std::size_t> failures;
+  for (int threads : {1, 2, 5}) {
+    omp_set_num_threads(threads);
+    bounds.push_back(gap_bound(mesh, set));
+    failures.push_back(gap_failures(mesh, set, 0.5 * bounds[0].upper, 0.02).size());
+  }
+  omp_set_num_threads(before);
+  for (std::size_t k = 1; k < bounds.size(); k++) {
+    EXPECT_EQ(bounds[k].upper, bounds[0].upper);
+    EXPECT_EQ(bounds[k].lower, bounds[0].lower);
+    EXPECT_EQ(bounds[k].point, bounds[0].point);
+    EXPECT_EQ(failures[k], failures[0]);
+  }
+}
+
+}  // namespace
+}  // namespace padder

@@ -1,0 +1,120 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// bench: the measurements behind the figures of docs/. Arguments and printing only.
+#include "tools/bench/bench.h"
+#include "tools/cli.h"
+#include "tools/json_failure.h"
+
+#include <cstdio>
+#include <iostream>
+
+#include "padding/asset/error.h"
+
+namespace {
+
+using namespace padder::bench;
+
+struct Entry {
+  const char* name;
+  const char* what;
+  Run run;
+};
+
+const std::vector<Entry>& entries() {
+  static const std::vector<Entry> all{
+      {"table2", "errors against Bullet in double, beside the paper's Table 2", table2},
+      {"speedup", "speedup over a warm Bullet step, the paper's Fig. 25", speedup},
+      {"scaling", "time against contacts for every scene, the paper's Fig. 26", scaling},
+      {"bodies", "the rows of scaling that are made of bodies, and a few that move among many", bodies},
+      {"stages", "milliseconds of each stage, the nine stages and the fast path", stages},
+#ifdef PADDER_BENCH_PADDING
+      {"frontier", "spheres against error of meshes, the paper's fit beside ours", frontier},
+#endif
+      {"draw", "no measurement: the plots of such benches, from the JSON files they wrote", draw_files},
+  };
+  return all;
+}
+
+void print_table(const Json& table) {
+  std::vector<std::size_t> width;
+  for (const Json& row : table)
+    for (std::size_t k = 0; k < row.size(); k++) {
+      if (k >= width.size()) width.push_back(0);
+      width[k] = std::max(width[k], row[k].get<std::string>().size());
+    }
+  for (std::size_t r = 0; r < table.size(); r++) {
+    std::string line = "|";
+    for (std::size_t k = 0; k < width.size(); k++) {
+      std::string cell = k < table[r].size() ? table[r][k].get<std::string>() : "";
+      line += " " + cell + std::string(width[k] - cell.size(), ' ') + " |";
+    }
+    std::puts(line.c_str());
+    if (r) continue;
+    line = "|";
+    for (const std::size_t w : width) line += " " + std::string(std::max<std::size_t>(w, 3), '-') + " |";
+    std::puts(line.c_str());
+  }
+}
+
+int run(const std::string& name, const Settings& settings) {
+  for (const Entry& e : entries()) {
+    if (name != e.name) continue;
+    if (!settings.folder.empty()) std::filesystem::create_directories(settings.folder);
+    Json result = e.run(settings);
+    if (settings.json)
+      std::cout << result.dump(2) << std::endl;
+    else
+      print_table(result["table"]);
+    return 0;
+  }
+  throw padder::cli::UsageError("no bench is called '" + name + "': see bench --list");
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app(
+      "Examples:\n"
+      "  bench --list                                  the benches\n"
+      "  bench table2 --spheres 1000000 -o figures/    one size, its files into a folder\n"
+      "  bench speedup --backend omp --threads 2       on the CPU only\n"
+      "  bench frontier part.obj -o figures/           a table, JSON and a plot\n"
+      "  bench draw figures/frontier.json              the plot again from its JSON, on any machine\n\n"
+      "Measures what the figures of docs/ are made of. Prints a table for Markdown. With -o also NAME.json "
+      "and,\n"
+      "where gnuplot is installed, NAME.svg; draw makes the same NAME.svg from NAME.json, beside it or in "
+      "DIR.\n",
+      "bench");
+  std::string name;
+  Settings s;
+  bool list = false;
+  app.add_option("NAME", name, "which bench");
+  app.add_option("FILE", s.files, "meshes (frontier), JSON files that benches wrote (draw)");
+  app.add_flag("--list", list, "name the benches");
+  app.add_option("--spheres", s.spheres, "sizes, instead of the bench's own")
+      ->delimiter(',')
+      ->type_name("N,N,...");
+  app.add_option("--scene", s.scene, "one generated scene only (scaling)")->type_name("NAME");
+  app.add_option("--backend", s.backend, "auto (each that is there, the default), omp or cuda")
+      ->type_name("WHICH")
+      ->check(CLI::IsMember({"auto", "omp", "cuda"}));
+  app.add_option("--threads", s.threads, "CPU threads, 1 to 1024 (default: all)")
+      ->check(CLI::Range(1, padder::cli::kMostThreads));
+  app.add_option("--repeat", s.repeat, "measured calls; the median counts")
+      ->check(CLI::PositiveNumber)
+      ->capture_default_str();
+  app.add_option("-o", s.folder, "write the bench's files into this folder")->type_name("DIR");
+  app.add_flag("--json", s.json, "print one JSON document on stdout");
+  app.add_flag("-q", s.quiet, "print nothing but results and errors");
+  app.set_version_flag("--version", "bench (padder) " PADDER_VERSION);
+  const auto work = [&] {
+    if (list) {
+      for (const Entry& e : entries()) std::printf("%-10s %s\n", e.name, e.what);
+      return 0;
+    }
+    if (name.empty()) throw padder::cli::UsageError("name a bench: see bench --list");
+    return run(name, s);
+  };
+  return padder::cli::run(app, argc, argv, work, [&](const std::string& error) {
+    if (s.json) padder::cli::print_failure(name, error);
+  });
+}

@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// The benches: each a function, registered by one line in bench.cpp. It prints a table on stdout (or one JSON
+// document with --json) and writes its files into a folder when one is named.
+#pragma once
+#include <chrono>
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "detect/detector.h"
+#include "detect/scene/generate.h"
+
+namespace padder::bench {
+
+using Json = nlohmann::ordered_json;
+
+struct Settings {
+  std::vector<std::uint64_t> spheres;  // sizes asked for; empty: the bench's own
+  std::string scene;                   // scaling: this one only
+  std::vector<std::string> files;      // meshes, for those benches that pad; documents to draw
+  std::string backend = "auto";        // auto: each that is there
+  int threads = 0;                     // 0: all
+  int repeat = 5;                      // measured calls after a warm-up; the median counts
+  bool json = false, quiet = false;
+  std::filesystem::path folder;  // empty: no files
+};
+
+// Gives the bench's result as JSON, "table" in it as printed (rows of text cells, the first the header).
+using Run = std::function<Json(const Settings&)>;
+
+Json table2(const Settings&);      // bench_table2.cpp
+Json speedup(const Settings&);     // bench_speedup.cpp
+Json scaling(const Settings&);     // bench_scaling.cpp
+Json bodies(const Settings&);      // bench_scaling.cpp; its rows of bodies alone
+Json stages(const Settings&);      // bench_stages.cpp
+Json frontier(const Settings&);    // bench_frontier.cpp; only where padder::padding is built
+Json draw_files(const Settings&);  // bench_draw.cpp; no measurement: the plots of documents
+
+// --- What benches share (bench_common.cpp) ---
+
+double seconds_of(const std::function<void()>& work);
+double median_seconds(int repeat, const std::function<void()>& work);  // one call before, not measured
+void say(const Settings&, const std::string& sentence);                // progress, on stderr
+
+// detector.detect(input) and detector.hash(), as benches call them: the process ends with a sentence when
+// there is no answer within a minute. A processor has a second more for each million spheres, since there is
+// nothing in it that could hang.
+const detect::Contacts& detect_watched(detect::Detector& detector, const detect::Input& input);
+std::uint64_t hash_watched(const detect::Detector& detector);
+
+std::vector<detect::BackendKind> backends(const Settings&);               // those asked for that are there
+detect::Input input_of(const std::vector<detect::FloatSphere>& spheres);  // borrows
+
+// The yardstick and oracle: a plain uniform grid, one thread, double arithmetic. Pairs (i < j), unsorted.
+std::vector<detect::Pair> plain_grid(const std::vector<detect::FloatSphere>& spheres);
+std::uint64_t hash_of(const std::vector<detect::Pair>& pairs);
+
+std::string machine();  // processor and threads, in words
+std::string number(double value, const char* format);
+
+// Where a folder is named: the result as NAME.json, and its plots (a sentence on stderr where gnuplot is not
+// installed).
+void write_result(const Settings&, const Json& result);  // bench_draw.cpp
+
+}  // namespace padder::bench

@@ -1,0 +1,96 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Spheres in the memory of a GPU, for benches of what a simulation on the GPU would see. Without CUDA in the
+// build only host memory is offered.
+#pragma once
+#include <algorithm>
+#include <string>
+#include <vector>
+
+#include "tools/bench/bench.h"
+
+#ifdef PADDER_CUDA
+#include <cuda_runtime_api.h>
+#endif
+#include "padding/asset/error.h"
+
+namespace padder::bench {
+
+class DeviceSpheres {
+ public:
+  DeviceSpheres(const std::vector<detect::FloatSphere>& spheres, [[maybe_unused]] bool on_device)
+      : input_(input_of(spheres)) {
+#ifdef PADDER_CUDA
+    if (!on_device || spheres.empty()) return;
+    const std::size_t bytes = spheres.size() * sizeof(detect::FloatSphere);
+    if (cudaMalloc(&memory_, bytes) != cudaSuccess ||
+        cudaMemcpy(memory_, spheres.data(), bytes, cudaMemcpyHostToDevice) != cudaSuccess)
+      throw Error("the spheres do not fit the GPU's memory: choose fewer");
+    input_.spheres.centers = memory_, input_.spheres.radii = static_cast<const float*>(memory_) + 3;
+    input_.spheres.memory = detect::Memory::device;
+#endif
+  }
+  ~DeviceSpheres() {
+#ifdef PADDER_CUDA
+    cudaFree(memory_);
+#endif
+  }
+  DeviceSpheres(const DeviceSpheres&) = delete;
+  DeviceSpheres& operator=(const DeviceSpheres&) = delete;
+  const detect::Input& input() const { return input_; }
+
+ private:
+  detect::Input input_;
+  [[maybe_unused]] void* memory_ = nullptr;
+};
+
+// Bodies whose poses lie in the memory of a GPU; without one, or with some static ones, in the bodies
+// themselves: then the first `moving` are said to have moved in every call. Borrows the scene.
+class DeviceBodies {
+ public:
+  DeviceBodies(const detect::BodyScene& scene, std::uint32_t moving, [[maybe_unused]] bool on_device)
+      : shape_{{scene.shape.data(), scene.shape.size()}} {
+    input_.shapes = shape_, input_.bodies = scene.bodies, input_.revision = 1;
+    if (moving < scene.bodies.size()) {
+      for (std::uint32_t b = 0; b < moving; b++) moved_.push_back(b);
+      input_.moved = moved_;
+      return;
+    }
+#ifdef PADDER_CUDA
+    if (!on_device || scene.bodies.empty()) return;
+    std::vector<detect::Pose> poses(scene.bodies.size());
+    for (std::size_t b = 0; b < poses.size(); b++) {
+      std::copy_n(scene.bodies[b].rotation, 9, poses[b].rotation);
+      std::copy_n(scene.bodies[b].position, 3, poses[b].position);
+    }
+    const std::size_t bytes = poses.size() * sizeof(detect::Pose);
+    if (cudaMalloc(&memory_, bytes) != cudaSuccess ||
+        cudaMemcpy(memory_, poses.data(), bytes, cudaMemcpyHostToDevice) != cudaSuccess)
+      throw Error("the bodies do not fit the GPU's memory: choose fewer");
+    input_.poses = static_cast<const detect::Pose*>(memory_), input_.pose_memory = detect::Memory::device;
+#endif
+  }
+  ~DeviceBodies() {
+#ifdef PADDER_CUDA
+    cudaFree(memory_);
+#endif
+  }
+  DeviceBodies(const DeviceBodies&) = delete;
+  DeviceBodies& operator=(const DeviceBodies&) = delete;
+  const detect::Input& input() const { return input_; }
+
+ private:
+  detect::Shape shape_[1];
+  std::vector<std::uint32_t> moved_;
+  detect::Input input_;
+  [[maybe_unused]] void* memory_ = nullptr;
+};
+
+inline std::string device_name() {
+#ifdef PADDER_CUDA
+  cudaDeviceProp p;
+  if (cudaGetDeviceProperties(&p, 0) == cudaSuccess) return p.name;
+#endif
+  return "none";
+}
+
+}  // namespace padder::bench

@@ -1,0 +1,157 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Spheres against error: the tolerance ladder, the depth ladder, and the paper's fit as it is (section 2.3:
+// one sphere a triangle at a fixed depth ratio, no refit). Seconds are from input to finished cluster,
+// without the repair.
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "padding/asset/error.h"
+#include "padding/by_depth/fit.h"
+#include "padding/pad.h"
+#include "padding/verify/accuracy.h"
+#include "tools/bench/bench.h"
+
+namespace padder::bench {
+namespace {
+
+constexpr double tolerances[] = {2, 1, 0.5, 0.25, 0.1};  // % of the diagonal
+constexpr double edges[] = {4, 2, 1, 0.5};  // %, of the remeshed triangles, at a depth ratio of 0.2
+
+struct Row {
+  std::string mesh, method;
+  double setting = 0;  // % of the diagonal
+  std::uint64_t spheres = 0;
+  double seconds = 0;
+  Accuracy accuracy;  // lengths in % of the diagonal
+
+  double error() const { return std::max(accuracy.protrusion_bound, accuracy.gap_bound); }
+};
+
+Row row_of(const std::string& mesh, const std::string& method, double setting, const Accuracy& accuracy,
+           double diagonal) {
+  Row row{mesh, method, setting, 0, 0, accuracy};
+  Accuracy& a = row.accuracy;
+  for (double* length : {&a.protrusion_max, &a.protrusion_mean, &a.protrusion_p95, &a.gap_max, &a.gap_mean,
+                         &a.gap_p95, &a.protrusion_bound, &a.gap_bound, &a.wrap_distance})
+    *length *= 100 / diagonal;
+  return row;
+}
+
+Row padded(const ReadResult& file, const std::string& method, double setting, const PadOptions& options) {
+  const Padded p = pad(file, options);
+  Row row = row_of(p.cluster.name, method, setting, p.cluster.accuracy, p.report.diagonal);
+  row.spheres = p.cluster.size(), row.seconds = p.report.seconds.total() - p.report.seconds.repair;
+  return row;
+}
+
+// Repaired and remeshed as `pad` does it, then nothing but the fit.
+Row paper(const ReadResult& file, const std::string& name, double edge) {
+  Mesh input = file.mesh;
+  const Box box = input.bounds();
+  for (Point& p : input.points) p = (p - box.center()) / box.diagonal();
+  const double length = 0.01 * edge, depth = 0.2;
+  const Repaired body = repair(input, {.accuracy = depth * length / std::numbers::sqrt3}, name);
+  std::vector<Ball> balls;
+  const double seconds = seconds_of([&] {
+    RemeshOptions options;
+    options.edge_length = length;
+    if (body.kind == BodyKind::wrap) options.sharp_angle = 180;
+    for (const FittedBall& f : fit(remesh(body.mesh, options).mesh, depth, length)) balls.push_back(f.ball);
+  });
+  Row row = row_of(name, "paper", edge, measure(input, body, Surface(body.mesh), balls).accuracy, 1);
+  row.spheres = balls.size(), row.seconds = seconds;
+  return row;
+}
+
+// Least-squares slope of log count over -log error: the p of count ~ 1 / error^p.
+double growth(const std::vector<Row>& rows, const std::string& mesh, const std::string& method) {
+  double n = 0, x = 0, y = 0, xx = 0, xy = 0;
+  for (const Row& r : rows) {
+    if (r.mesh != mesh || r.method != method || !(r.error() > 0) || r.spheres == 0) continue;
+    const double u = -std::log(r.error()), v = std::log(static_cast<double>(r.spheres));
+    n += 1, x += u, y += v, xx += u * u, xy += u * v;
+  }
+  return n < 2 ? 0 : (n * xy - x * y) / (n * xx - x * x);
+}
+
+// The same between the first and the last rung alone.
+double growth_of_ends(const std::vector<Row>& rows, const std::string& mesh, const std::string& method) {
+  const Row *first = nullptr, *last = nullptr;
+  for (const Row& r : rows)
+    if (r.mesh == mesh && r.method == method && r.error() > 0 && r.spheres > 0) (first ? last : first) = &r;
+  if (!last || first->error() == last->error()) return 0;
+  return std::log(static_cast<double>(last->spheres) / static_cast<double>(first->spheres)) /
+         std::log(first->error() / last->error());
+}
+
+Json json_of(const Row& r) {
+  const Accuracy& a = r.accuracy;
+  return {{"mesh", r.mesh},
+          {"method", r.method},
+          {"setting_percent", r.setting},
+          {"spheres", r.spheres},
+          {"seconds", r.seconds},
+          {"protrusion_bound", a.protrusion_bound},
+          {"protrusion_max", a.protrusion_max},
+          {"protrusion_mean", a.protrusion_mean},
+          {"gap_bound", a.gap_bound},
+          {"gap_max", a.gap_max},
+          {"gap_mean", a.gap_mean},
+          {"normal_error_mean_deg", a.normal_error_mean_deg},
+          {"normal_error_p95_deg", a.normal_error_p95_deg},
+          {"volume_ratio", a.volume_ratio},
+          {"wrap_distance", a.wrap_distance},
+          {"certified", a.certified}};
+}
+
+}  // namespace
+
+Json frontier(const Settings& s) {
+  if (s.files.empty()) throw Error("name at least one mesh: bench frontier MESH...");
+  std::vector<Row> rows;
+  Json growths = Json::array();
+  for (const std::string& path : s.files) {
+    const ReadResult file = read_mesh(path);
+    const std::string name = std::filesystem::path(path).stem().string();
+    for (const double t : tolerances) {
+      say(s, name + ": tolerance " + number(t, "%g %%"));
+      PadOptions options;
+      options.tolerance = {0.01 * t, true};
+      rows.push_back(padded(file, "tolerance", t, options));
+    }
+    for (const double e : edges) {
+      say(s, name + ": depth 0.2, edges " + number(e, "%g %%"));
+      PadOptions options;
+      options.depth = 0.2, options.edge_length = {0.01 * e, true};
+      rows.push_back(padded(file, "depth", e, options));
+      rows.push_back(paper(file, name, e));
+    }
+    for (const char* method : {"tolerance", "depth", "paper"})
+      growths.push_back({{"mesh", name},
+                         {"method", method},
+                         {"power", growth(rows, name, method)},
+                         {"power_of_ends", growth_of_ends(rows, name, method)}});
+  }
+  Json table = Json::array({{"mesh", "method", "setting [%]", "spheres", "s", "protrusion <= [%]", "mean",
+                             "gap <= [%]", "mean", "normal error [deg]", "certified"}});
+  Json all = Json::array();
+  for (const Row& r : rows) {
+    const Accuracy& a = r.accuracy;
+    all.push_back(json_of(r));
+    table.push_back(
+        {r.mesh, r.method, number(r.setting, "%g"), std::to_string(r.spheres), number(r.seconds, "%.1f"),
+         number(a.protrusion_bound, "%.3f"), number(a.protrusion_mean, "%.3f"), number(a.gap_bound, "%.3f"),
+         number(a.gap_mean, "%.4f"), number(a.normal_error_mean_deg, "%.1f"), a.certified ? "yes" : "no"});
+  }
+  for (const Json& g : growths)
+    table.push_back({g["mesh"], g["method"], "count ~ error^-" + number(g["power"].get<double>(), "%.2f"),
+                     "ends alone: " + number(g["power_of_ends"].get<double>(), "%.3f"), "", "", "", "", "",
+                     "", ""});
+  Json result = {
+      {"bench", "frontier"}, {"machine", machine()}, {"rows", all}, {"growth", growths}, {"table", table}};
+  write_result(s, result);
+  return result;
+}
+
+}  // namespace padder::bench

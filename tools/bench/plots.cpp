@@ -1,0 +1,309 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// From a bench's document to scripts for gnuplot. Documents come from anywhere: text of theirs goes into a
+// script in quotes only, and nothing but numbers into its data.
+#include <algorithm>
+#include <cmath>
+#include <map>
+
+#include "padding/asset/error.h"
+#include "tools/bench/draw.h"
+
+namespace padder::bench {
+namespace {
+
+// In single quotes gnuplot expands nothing; a quote is doubled.
+std::string in_quotes(const std::string& text) {
+  std::string out = "'";
+  for (const char c : text) {
+    if (c == '\'') out += '\'';
+    out += static_cast<unsigned char>(c) < ' ' ? ' ' : c;
+  }
+  return out + "'";
+}
+
+std::string title(const std::string& text) { return " title " + in_quotes(text) + " noenhanced"; }
+
+std::string cell(double value) { return number(value, "%.9g"); }
+
+// 1,000,000
+std::string grouped(double count) {
+  std::string digits = number(std::min(count, 1e18), "%.0f");
+  for (std::size_t k = digits.size(); k > 3; k -= 3) digits.insert(k - 3, ",");
+  return digits;
+}
+
+// An object of the document and its place there, which an error names.
+class Reader {
+ public:
+  Reader(const Json& object, std::string where) : object_(object), where_(std::move(where)) {
+    if (!object.is_object()) fail("", "an object");
+  }
+  double amount(const std::string& key) const {
+    const Json& v = at(key);
+    if (!v.is_number() || !std::isfinite(v.get<double>()) || v.get<double>() < 0)
+      fail(key, "a number of at least 0");
+    return v.get<double>();
+  }
+  std::string text(const std::string& key) const {
+    if (!at(key).is_string()) fail(key, "a text");
+    return at(key).get<std::string>();
+  }
+  bool flag(const std::string& key) const {
+    if (!at(key).is_boolean()) fail(key, "true or false");
+    return at(key).get<bool>();
+  }
+  Reader inner(const std::string& key) const { return {at(key), where_ + "." + key}; }
+
+ private:
+  const Json& at(const std::string& key) const {
+    static const Json absent;
+    const auto it = object_.find(key);
+    return it == object_.end() ? absent : *it;
+  }
+  [[noreturn]] void fail(const std::string& key, const std::string& expected) const {
+    throw Error(where_ + (key.empty() ? "" : "." + key) + " is not " + expected +
+                ": the file is damaged, or not what this bench writes");
+  }
+
+  const Json& object_;
+  std::string where_;
+};
+
+std::vector<Reader> rows_of(const Json& document, const std::string& where) {
+  const auto it = document.find("rows");
+  if (it == document.end() || !it->is_array() || it->empty())
+    throw Error(where +
+                ": \"rows\" is not a list with rows in it: the file is damaged, or the bench was broken off");
+  std::vector<Reader> rows;
+  for (std::size_t k = 0; k < it->size(); k++)
+    rows.emplace_back((*it)[k], where + ": rows[" + std::to_string(k) + "]");
+  return rows;
+}
+
+std::string processor_of(const std::string& backend) { return backend == "omp" ? "CPU" : "GPU"; }
+
+// Where it was measured, as far as these rows are concerned.
+std::string machine_of(const Json& document, const std::string& where, const std::vector<Reader>& rows) {
+  const Reader all(document, where + ": document");
+  bool cpu = false, gpu = false;
+  for (const Reader& r : rows) (r.text("backend") == "omp" ? cpu : gpu) = true;
+  return (gpu ? all.text("device") : "") + (cpu && gpu ? ", " : "") + (cpu ? all.text("machine") : "");
+}
+
+// --- scaling and bodies: time against contacts, or against the spheres of bodies ---
+
+struct Line {
+  std::string name;
+  bool cpu;
+  std::map<double, std::string> points;  // by x: lines go from left to right, whatever the order of --spheres
+};
+
+Plot times(const Json& document, const std::string& where, const std::vector<Reader>& rows, const char* name,
+           const char* x_key, const std::string& x_label, double unit) {
+  bool both = false;
+  for (const Reader& r : rows) both = both || r.text("backend") != rows[0].text("backend");
+  std::vector<Line> lines;
+  std::vector<std::string> colours;  // of a scene the same on both processors
+  for (const Reader& r : rows) {
+    const bool cpu = r.text("backend") == "omp", body = std::string(x_key) == "spheres";
+    const std::string scene = r.text("scene") + (body || r.flag("random_order") ? "" : ", coherent");
+    const double x = r.amount(x_key) / unit;
+    std::string point = cell(x);
+    for (const char* key : {"seconds_fast", "seconds_exact", "seconds_exact_fixed"})
+      point += " " + cell(r.amount(key) * 1e3);
+    auto line = std::find_if(lines.begin(), lines.end(),
+                             [&](const Line& l) { return l.name == scene && l.cpu == cpu; });
+    if (line == lines.end()) line = lines.insert(line, {scene, cpu, {}});
+    if (std::find(colours.begin(), colours.end(), scene) == colours.end()) colours.push_back(scene);
+    if (x > 0) line->points[x] = point + "\n";  // a logarithmic axis has no 0
+  }
+  std::erase_if(lines, [](const Line& l) { return l.points.empty(); });
+  if (lines.empty()) throw Error(where + ": no row has a contact: there is nothing to draw");
+  std::string data, plots;
+  for (std::size_t k = 0; k < lines.size(); k++) {
+    const std::string block = "$line" + std::to_string(k);
+    data += block + " << EOD\n";
+    for (const auto& [x, point] : lines[k].points) data += point;
+    data += "EOD\n";
+    const auto colour = std::find(colours.begin(), colours.end(), lines[k].name) - colours.begin() + 1;
+    const std::string lc = " lc " + std::to_string(colour);
+    // Fast and exact often lie on each other: rings around the points.
+    plots += block + " using 1:3 with linespoints lw 2 ps 0.6 pt " + (lines[k].cpu ? "5" : "7") + lc +
+             title(lines[k].name + (both ? ", " + processor_of(lines[k].cpu ? "omp" : "cuda") : "")) + ", " +
+             block + " using 1:2 with points pt 6 ps 1" + lc + " notitle, " + block +
+             " using 1:4 with linespoints lw 1 dt 2 pt 2 ps 0.6" + lc + " notitle, ";
+  }
+  const char* key = " lc rgb 'gray30' title ";
+  plots += std::string("NaN with linespoints lw 2 pt 7 ps 0.6") + key + "'exact', NaN with points pt 6 ps 1" +
+           key + "'fast', NaN with linespoints lw 1 dt 2 pt 2 ps 0.6" + key + "'exact, fixed order'";
+  return {name,
+          "set title " + in_quotes(machine_of(document, where, rows)) + " noenhanced\nset xlabel '" +
+              x_label +
+              "'\nset ylabel 'Time of a call [ms]'\nset logscale xy\nset grid\nset key outside right Left "
+              "reverse\nset linetype 5 lc rgb '#c03030'\n" +
+              data + "plot " + plots + "\n",
+          960};
+}
+
+// Loose spheres are the paper's Fig. 26; bodies, of which few touch, have a picture of their own.
+std::vector<Plot> scaling_plots(const Json& document, const std::string& where) {
+  std::vector<Reader> loose, bodies;
+  for (const Reader& r : rows_of(document, where))
+    (r.text("scene").starts_with("cluster") ? bodies : loose).push_back(r);
+  std::vector<Plot> plots;
+  if (!loose.empty())
+    plots.push_back(times(document, where, loose, "", "contacts", "Contacts [millions]", 1e6));
+  if (!bodies.empty())
+    plots.push_back(times(document, where, bodies, loose.empty() ? "" : "_bodies", "spheres",
+                          "Spheres, 64 a body [millions]", 1e6));
+  return plots;
+}
+
+// --- stages: bars of the nine stages beside what remains of them on the fast path ---
+
+constexpr const char* parts[] = {"place",  "stage1", "stage2", "stage3", "stage4", "stage5",
+                                 "stage6", "stage7", "stage8", "stage9", "total"};
+
+std::vector<Plot> stages_plots(const Json& document, const std::string& where) {
+  const std::vector<Reader> rows = rows_of(document, where);
+  struct Panel {
+    std::string title;
+    std::string bars[2];  // nine stages, fast
+  };
+  std::vector<Panel> panels;
+  double least = INFINITY, most = 0;
+  for (const Reader& r : rows) {
+    const std::string head = grouped(r.amount("spheres")) + " spheres, " + grouped(r.amount("contacts")) +
+                             " contacts, " + processor_of(r.text("backend"));
+    auto panel = std::find_if(panels.begin(), panels.end(), [&](const Panel& p) { return p.title == head; });
+    if (panel == panels.end()) panel = panels.insert(panel, {head, {}});
+    const Reader seconds = r.inner("seconds");
+    std::string& bars = panel->bars[r.text("path") == "fast"];
+    for (std::size_t k = 0; k < std::size(parts); k++) {
+      const double ms = seconds.amount(parts[k]) * 1e3;
+      if (!(ms > 0)) continue;  // the fast path has no such stage
+      least = std::min(least, ms), most = std::max(most, ms);
+      bars += std::to_string(k) + " " + cell(ms) + " " + number(ms, ms < 1 ? "%.3f" : "%.2f") + "\n";
+    }
+  }
+  if (!(most > 0)) throw Error(where + ": no stage has a time: there is nothing to draw");
+  std::string script =
+      "set title noenhanced\nset ylabel 'Time [ms]'\nset logscale y\nset grid y\nset boxwidth 0.4\n"
+      "set style fill solid\nset key left top\nset xrange [-0.6:10.6]\nset yrange [" +
+      cell(std::pow(10, std::floor(std::log10(least)))) + ":" + cell(most * 6) + "]\nset xtics (";
+  for (std::size_t k = 0; k < std::size(parts); k++) {
+    std::string name = parts[k];
+    if (name.size() == 6) name.insert(5, " ");
+    script += (k ? ", '" : "'") + name + "' " + std::to_string(k);
+  }
+  script += ")\nset multiplot layout " + std::to_string(panels.size()) + ",1 title " +
+            in_quotes(machine_of(document, where, rows)) + " noenhanced\n";
+  const char* names[] = {"nine stages, as in the paper", "fast path"};
+  const char* colours[] = {"'#9aa5b1'", "'#1f6fb4'"};
+  const char* shifts[] = {"$1-0.2", "$1+0.2"};
+  for (const Panel& p : panels) {
+    std::string plots;
+    for (int k = 0; k < 2; k++) {
+      if (p.bars[k].empty()) continue;
+      const std::string block = "$bars" + std::to_string(k);
+      script += block + " << EOD\n" + p.bars[k] + "EOD\n";
+      plots += (plots.empty() ? "" : ", ") + block + " using (" + shifts[k] + "):2 with boxes lc rgb " +
+               colours[k] + " title '" + names[k] + "', " + block + " using (" + shifts[k] +
+               "):2:3 with labels offset 0,0.6 font ',9' notitle";
+    }
+    script += "set title " + in_quotes(p.title) + "\nplot " + plots + "\n";
+  }
+  return {{"", script + "unset multiplot\n", 960, 60 + 320 * static_cast<int>(panels.size())}};
+}
+
+// --- speedup: over a warm Bullet step, against contacts ---
+
+std::vector<Plot> speedup_plots(const Json& document, const std::string& where) {
+  std::map<std::string, std::map<double, double>> lines;
+  for (const Reader& r : rows_of(document, where))
+    lines[r.text("backend")][r.amount("contacts") / 1e6] = r.amount("speedup");
+  std::string data, plots;
+  std::size_t k = 0;
+  for (const auto& [backend, points] : lines) {
+    const std::string block = "$line" + std::to_string(k++);
+    data += block + " << EOD\n";
+    for (const auto& [x, times_as_fast] : points) data += cell(x) + " " + cell(times_as_fast) + "\n";
+    data += "EOD\n";
+    plots += block + " using 1:2 with linespoints lw 2 title '" +
+             (backend == "omp" ? "CPU" : "GPU, from and to host memory") + "', ";
+  }
+  return {{"",
+           "set xlabel 'Contacts [millions]'\nset ylabel 'Speedup over a warm Bullet step'\nset logscale "
+           "y\nset grid\n"
+           "set key left top\n" +
+               data + "plot " + plots + "180 with lines dt 2 title 'the paper, at most'\n"}};
+}
+
+// --- frontier: spheres against the larger of the two errors, a picture a mesh ---
+
+std::vector<Plot> frontier_plots(const Json& document, const std::string& where) {
+  struct Point {
+    double error, spheres;
+  };
+  struct Mesh {
+    std::string name;
+    std::map<std::string, std::vector<Point>> methods;
+  };
+  constexpr std::pair<const char*, const char*> titles[] = {
+      {"tolerance", "--tolerance"}, {"depth", "--depth 0.2, refitted"}, {"paper", "fixed depth 0.2 (paper)"}};
+  std::vector<Mesh> meshes;
+  for (const Reader& r : rows_of(document, where)) {
+    const std::string name = r.text("mesh");
+    const Point p{std::max(r.amount("protrusion_bound"), r.amount("gap_bound")), r.amount("spheres")};
+    auto mesh = std::find_if(meshes.begin(), meshes.end(), [&](const Mesh& m) { return m.name == name; });
+    if (mesh == meshes.end()) mesh = meshes.insert(mesh, {name, {}});
+    if (p.error > 0 && p.spheres > 0) mesh->methods[r.text("method")].push_back(p);
+  }
+  std::vector<Plot> plots;
+  for (Mesh& mesh : meshes) {
+    std::string script =
+        "set xlabel 'Largest error, protrusion or gap [% of the diagonal]'\nset ylabel 'Spheres'\n"
+        "set logscale xy\nset grid\nset key right top\nset title " +
+        in_quotes(mesh.name) + " noenhanced\n";
+    std::string lines;
+    for (const auto& [method, words] : titles) {
+      const std::vector<Point>& points = mesh.methods[method];
+      if (points.empty()) continue;
+      script += "$" + std::string(method) + " << EOD\n";
+      for (const Point& p : points) script += cell(p.error) + " " + cell(p.spheres) + "\n";
+      script += "EOD\n";
+      lines += (lines.empty() ? "$" : ", $") + std::string(method) +
+               " using 1:2 with linespoints lw 2 title '" + words + "'";
+    }
+    if (lines.empty()) throw Error(where + ": " + mesh.name + " has no row to draw");
+    // What counts would be if they grew with these powers from the coarsest rung of each on.
+    const auto guide = [&](const char* method, const char* power, const char* dash) {
+      const std::vector<Point>& points = mesh.methods[method];
+      if (points.empty()) return;
+      lines += ", " + cell(points[0].spheres) + "*(" + cell(points[0].error) + "/x)**" + power +
+               " with lines lw 1 dt " + dash + " lc rgb 'gray40' title '1/error^{" + power + "}'";
+    };
+    guide("tolerance", "1.5", "2"), guide("depth", "2", "3");
+    std::string file = "_" + mesh.name;
+    std::replace_if(
+        file.begin(), file.end(), [](char c) { return c == '/' || static_cast<unsigned char>(c) < ' '; },
+        '_');
+    plots.push_back({file, script + "plot " + lines + "\n"});
+  }
+  return plots;
+}
+
+}  // namespace
+
+std::vector<Plot> plots_of(const Json& document, const std::string& where) {
+  const Json name = document.is_object() ? document.value("bench", Json()) : Json();
+  if (!name.is_string())
+    throw Error(where + " is not what a bench wrote: bench NAME -o DIR writes DIR/NAME.json");
+  if (name == "scaling" || name == "bodies") return scaling_plots(document, where);
+  if (name == "stages") return stages_plots(document, where);
+  if (name == "speedup") return speedup_plots(document, where);
+  if (name == "frontier") return frontier_plots(document, where);
+  return {};
+}
+
+}  // namespace padder::bench
