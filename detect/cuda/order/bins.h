@@ -2,6 +2,8 @@
 // Keys of spheres on the device: by the grid as every backend has it, or by bins in float where these do,
 // which are cheap enough to be computed again instead of being written and read. Only .cu files include this.
 #pragma once
+#include <algorithm>
+
 #include "detect/cuda/order/codes.h"
 
 namespace padder::detect::cuda {
