@@ -42,7 +42,8 @@ class BucketSort {
  private:
   static constexpr std::size_t kFew = 32, kMany = 4096;
   std::array<KeyedContact, kMany> copy_;
-  std::array<std::uint32_t, kMany> ends_;  // of each place; first how many contacts it has, then its beginning
+  std::array<std::uint32_t, kMany>
+      ends_;  // of each place; first how many contacts it has, then its beginning
 };
 
 }  // namespace
