@@ -24,8 +24,11 @@
 namespace padder::detect {
 namespace {
 
-constexpr std::uint64_t kBlock = 1 << 12;  // contacts that a thread turns into bytes and writes at once
-constexpr int kMostWriters = 16;           // each holds a block: a megabyte of text at most
+// The contacts that a thread turns into bytes and writes at once. Much larger blocks leave the processor's
+// cache before they are written. They also make the system take larger pieces of memory for its own cache,
+// which a virtual machine may have to ask its host for.
+constexpr std::uint64_t kBlock = 1 << 12;
+constexpr int kMostWriters = 16;  // each holds a block: a megabyte of text at most
 
 // The next bytes of one array of the file, or of the file itself.
 struct Column {
