@@ -24,9 +24,9 @@
 namespace padder::detect {
 namespace {
 
-// The contacts that a thread turns into bytes and writes at once: 32 to 98 KiB of each array. Larger writes
-// are not faster, and can be slower: in a virtual machine whose host takes back large pieces of free memory,
-// a copy in writes of 1 MiB took four times as long as one in writes of 64 KiB.
+// The contacts that a thread turns into bytes and writes at once: 16 to 96 KiB of each array. Larger writes
+// can be slower: in a virtual machine whose host takes back large pieces of free memory, a copy in writes of
+// 1 MiB took four times as long as one in writes of 64 KiB.
 constexpr std::uint64_t kBlock = 1 << 12;
 constexpr int kMostWriters = 16;  // each holds a block: a megabyte of text at most
 
