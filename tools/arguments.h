@@ -6,7 +6,9 @@
 #include <charconv>
 #include <cmath>
 #include <cstdint>
+#include <optional>
 #include <string>
+#include <string_view>
 
 #include "padding/pad_options.h"
 
@@ -49,6 +51,25 @@ inline CLI::Validator bits() {
             const bool hex = text.starts_with("0x") && text.size() > 2 &&
                              text.find_first_not_of("0123456789abcdefABCDEF", 2) == std::string::npos;
             return hex || is_whole(text) ? std::string() : not_a(text, "whole number, as 12 or 0xc");
+          },
+          ""};
+}
+
+// 0.03 of "3%" and of "0.03"; nothing where the text is neither, or below 0.
+inline std::optional<double> fraction_of(std::string_view text) {
+  const bool percent = text.ends_with('%');
+  if (percent) text.remove_suffix(1);
+  double value = 0;
+  const char* end = text.data() + text.size();
+  const auto read = std::from_chars(text.data(), end, value);
+  if (read.ec != std::errc() || read.ptr != end || !std::isfinite(value) || value < 0) return std::nullopt;
+  return percent ? value / 100 : value;
+}
+
+inline CLI::Validator fraction() {
+  return {[](const std::string& text) {
+            return fraction_of(text) ? std::string()
+                                     : not_a(text, "fraction: write a number of at least 0, as 3% or 0.03");
           },
           ""};
 }

@@ -9,6 +9,7 @@
 
 #include "padding/asset/error.h"
 #include "padding/asset/file.h"
+#include "tools/bench/document.h"
 
 namespace padder::bench {
 namespace {
@@ -43,15 +44,6 @@ std::string for_shell(const std::string& text) {
 std::string complaint(const std::string& log) {
   const std::size_t at = log.find("line ");
   return at == std::string::npos ? "" : ": " + log.substr(at, log.find('\n', at) - at);
-}
-
-Json parsed(const std::string& file) {
-  try {
-    return Json::parse(read_file(file));
-  } catch (const Json::parse_error& e) {
-    throw Error(file + ": not JSON at byte " + std::to_string(e.byte) +
-                ": bench NAME -o DIR writes what can be drawn as DIR/NAME.json");
-  }
 }
 
 }  // namespace
@@ -102,7 +94,7 @@ Json draw_files(const Settings& s) {
   std::set<fs::path> names;
   for (const std::string& file : s.files) {
     Drawing d{s.folder.empty() ? fs::path(file).parent_path() : s.folder, fs::path(file).stem(),
-              plots_of(parsed(file), file)};
+              plots_of(read_document(file), file)};
     if (d.plots.empty())
       throw Error(file + ": this bench has no plot; scaling, bodies, stages, speedup and frontier have");
     for (const Plot& p : d.plots)

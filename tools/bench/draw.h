@@ -19,7 +19,7 @@ struct Plot {
 
 // What there is to draw of a bench's document; none where that bench has no plot (table2). `where`, the
 // file's name, begins the sentence of the Error thrown where it is no such document, or a damaged one.
-std::vector<Plot> plots_of(const Json& document, const std::string& where);  // bench_plots.cpp
+std::vector<Plot> plots_of(const Json& document, const std::string& where);  // plots.cpp
 
 bool have_gnuplot();
 
