@@ -562,8 +562,54 @@ class PadShared : public Pad {
 #endif
 };
 
+// Files of our own that every checkout has: tests/data.
+class PadData : public PadShared {
+ protected:
+  const fs::path data_ = fs::path(PADDER_ASSETS).parent_path() / "tests" / "data";
+};
+
+TEST_F(PadData, EveryFormatGivesACertifiedCluster) {
+  for (const auto& entry : fs::directory_iterator(data_ / "formats")) {
+    SCOPED_TRACE(entry.path().string());
+    const Outcome run =
+        pad("'" + entry.path().string() + "' --json --tolerance 4% -o out.spheres.json", limits);
+    ASSERT_EQ(run.code, 0) << run.err;
+    const Json report = Json::parse(run.out);
+    EXPECT_EQ(report["triangles_in"], 128);
+    EXPECT_EQ(report["accuracy"]["certified"], true);
+    EXPECT_GT(read_cluster(folder_ / "out.spheres.json").size(), 0u);
+  }
+}
+
+TEST_F(PadData, HardAndMalformedMeshesGiveAClusterOrOneSentence) {
+  for (const char* folder : {"hard", "malformed", "parts"})
+    for (const auto& entry : fs::directory_iterator(data_ / folder))
+      expect_cluster_or_sentence(entry.path(), "--edge-length 10%");
+}
+
+TEST_F(PadData, AMalformedMeshIsNamedInTheSentence) {
+  for (const auto& entry : fs::directory_iterator(data_ / "malformed")) {
+    const Outcome run = pad("'" + entry.path().string() + "'");
+    expect_one_sentence(run, 1);
+    EXPECT_NE(run.err.find(entry.path().string()), std::string::npos) << run.err;
+  }
+}
+
+TEST_F(PadData, ARobotIsPaddedLinkByLink) {
+  const Outcome run =
+      pad("'" + (data_ / "robot/arm_description/arm.urdf").string() + "' --tolerance 5% -o arm.urdf");
+  ASSERT_EQ(run.code, 0) << run.err;
+  const std::string urdf = read_file(folder_ / "arm.urdf");
+  for (const char* link : {"\"base\"", "\"upper\"", "\"fore\"", "\"tool\"", "<sphere radius="})
+    EXPECT_NE(urdf.find(link), std::string::npos) << link;
+}
+
+#define NEEDS_SHARED_MESHES() \
+  if (!fs::exists(shared))    \
+  GTEST_SKIP() << "needs the collection of meshes at " << shared << ", which is not part of the repository"
+
 TEST_F(PadShared, SmallMeshesOfEveryFormat) {
-  if (!fs::exists(shared)) GTEST_SKIP() << shared << " is not here";
+  NEEDS_SHARED_MESHES();
   for (const char* name : {"formats/box_cr_newlines.ply", "formats/box_interleaved.glb", "formats/sphere.dae",
                            "formats/fels.3ds", "formats/two_solids_ascii.stl", "formats/negative_indices.obj",
                            "formats/off_no_space_after_magic.off", "hard/degenerate_faces.obj",
@@ -572,14 +618,14 @@ TEST_F(PadShared, SmallMeshesOfEveryFormat) {
 }
 
 TEST_F(PadShared, MalformedOnes) {
-  if (!fs::exists(shared)) GTEST_SKIP() << shared << " is not here";
+  NEEDS_SHARED_MESHES();
   for (const auto& entry : fs::directory_iterator(shared / "malformed"))
     if (entry.path().extension() != ".bin") expect_cluster_or_sentence(entry.path());
 }
 
 TEST_F(PadShared, AllOfThem) {
   if (!std::getenv("PADDER_LONG_TESTS")) GTEST_SKIP() << "takes minutes: set PADDER_LONG_TESTS=1";
-  if (!fs::exists(shared)) GTEST_SKIP() << shared << " is not here";
+  NEEDS_SHARED_MESHES();
   int seen = 0;
   for (const char* folder : {"parts", "classic", "formats", "hard", "robots"})
     for (const auto& entry : fs::recursive_directory_iterator(shared / folder)) {
