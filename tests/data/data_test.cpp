@@ -21,7 +21,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-const fs::path data = fs::path(PADDER_ASSETS).parent_path() / "tests" / "data";
+const fs::path kData = fs::path(PADDER_ASSETS).parent_path() / "tests" / "data";
 
 PadOptions within(const char* tolerance) {
   PadOptions options;
@@ -47,11 +47,11 @@ TEST(Data, EveryFormatHoldsTheSameNut) {
                {"nut.dae", "m", 1e-3},
                {"nut.3mf", "mm", 1}};
   std::size_t files = 0;
-  for (const auto& entry : fs::directory_iterator(data / "formats")) files += entry.is_regular_file();
+  for (const auto& entry : fs::directory_iterator(kData / "formats")) files += entry.is_regular_file();
   EXPECT_EQ(files, std::size(table)) << "a file of formats/ is not in the table";
   for (const auto& row : table) {
     SCOPED_TRACE(row.file);
-    const ReadResult nut = read_mesh(data / "formats" / row.file);
+    const ReadResult nut = read_mesh(kData / "formats" / row.file);
     EXPECT_EQ(nut.mesh.triangles.size(), 128u);
     EXPECT_EQ(nut.unit, row.unit);
     const double volume = mass_properties(nut.mesh).volume;  // positive: seen from outside, mirrored or not
@@ -62,7 +62,7 @@ TEST(Data, EveryFormatHoldsTheSameNut) {
 }
 
 TEST(Data, MalformedFilesEndInASentenceThatNamesThem) {
-  for (const auto& entry : fs::directory_iterator(data / "malformed")) {
+  for (const auto& entry : fs::directory_iterator(kData / "malformed")) {
     SCOPED_TRACE(entry.path().string());
     try {
       read_mesh(entry.path());
@@ -77,7 +77,7 @@ TEST(Data, WhatIsClosedIsCertified) {
   for (const char* file : {"formats/nut.off", "hard/turned.off", "hard/far_away.obj", "hard/thin_plate.obj",
                            "parts/grain.obj"}) {
     SCOPED_TRACE(file);
-    const Padded padded = pad(read_mesh(data / file), within("5%"));
+    const Padded padded = pad(read_mesh(kData / file), within("5%"));
     EXPECT_TRUE(padded.cluster.accuracy.certified);
     EXPECT_LE(padded.cluster.accuracy.protrusion_bound, 0.05001 * padded.report.diagonal);
     EXPECT_LE(padded.cluster.accuracy.gap_bound, 0.05001 * padded.report.diagonal);
@@ -87,14 +87,14 @@ TEST(Data, WhatIsClosedIsCertified) {
 TEST(Data, WhatIsNotClosedIsRepairedAndSaysSo) {
   for (const char* file : {"hard/cracked_soup.stl", "hard/sheet_with_hole.obj"}) {
     SCOPED_TRACE(file);
-    const Padded padded = pad(read_mesh(data / file), within("5%"));
+    const Padded padded = pad(read_mesh(kData / file), within("5%"));
     EXPECT_GT(padded.cluster.size(), 0u);
     EXPECT_NE(padded.cluster.source.repair, "none needed");
   }
 }
 
 TEST(Data, EveryLinkOfTheArmIsPadded) {
-  const PaddedRobot arm = pad_robot(data / "robot/arm_description/arm.urdf", within("5%"));
+  const PaddedRobot arm = pad_robot(kData / "robot/arm_description/arm.urdf", within("5%"));
   ASSERT_EQ(arm.model.bodies.size(), 4u);
   for (const Body& body : arm.model.bodies) {
     EXPECT_GT(body.cluster.size(), 0u) << body.name;
@@ -117,7 +117,7 @@ TEST(Data, TheGrainIsWhatTheGeneratorMakes) {
   const std::string command =
       "'" PADDER_BIN "/make_assets' -o '" + folder.string() + "' grain --frequency 4 2>/dev/null";
   ASSERT_EQ(std::system(command.c_str()), 0);
-  EXPECT_TRUE(read_file(folder / "grain.obj") == read_file(data / "parts/grain.obj"))
+  EXPECT_TRUE(read_file(folder / "grain.obj") == read_file(kData / "parts/grain.obj"))
       << "make_assets -o tests/data/parts grain --frequency 4 renews it";
   fs::remove_all(folder);
 }

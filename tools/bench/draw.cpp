@@ -16,7 +16,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-const char* const no_gnuplot = "gnuplot is not installed (Debian: gnuplot-nox)";
+const char* const kNoGnuplot = "gnuplot is not installed (Debian: gnuplot-nox)";
 
 // A folder of its own for gnuplot, gone afterwards.
 struct Workshop {
@@ -51,7 +51,7 @@ std::string complaint(const std::string& log) {
 bool have_gnuplot() { return std::system("command -v gnuplot >/dev/null 2>&1") == 0; }
 
 std::vector<fs::path> draw(const std::vector<Plot>& plots, const fs::path& folder, const std::string& stem) {
-  if (!plots.empty() && !have_gnuplot()) throw Error(std::string("no plot: ") + no_gnuplot);
+  if (!plots.empty() && !have_gnuplot()) throw Error(std::string("no plot: ") + kNoGnuplot);
   std::vector<fs::path> files;
   for (const Plot& plot : plots) {
     const fs::path file = folder / (stem + plot.name + ".svg");
@@ -80,7 +80,7 @@ void write_result(const Settings& s, const Json& result) {
     draw(plots, s.folder, name);
   else
     say(s,
-        std::string("no plot: ") + no_gnuplot + "; where it is, bench draw " + file.string() + " draws it");
+        std::string("no plot: ") + kNoGnuplot + "; where it is, bench draw " + file.string() + " draws it");
 }
 
 Json draw_files(const Settings& s) {

@@ -114,7 +114,7 @@ std::vector<Plot> scaling_plots(const Json& document, const std::string& where) 
 
 // --- stages: bars of the nine stages beside what remains of them on the fast path ---
 
-constexpr const char* parts[] = {"place",  "stage1", "stage2", "stage3", "stage4", "stage5",
+constexpr const char* kParts[] = {"place",  "stage1", "stage2", "stage3", "stage4", "stage5",
                                  "stage6", "stage7", "stage8", "stage9", "total"};
 
 std::vector<Plot> stages_plots(const Json& document, const std::string& where) {
@@ -132,8 +132,8 @@ std::vector<Plot> stages_plots(const Json& document, const std::string& where) {
     if (panel == panels.end()) panel = panels.insert(panel, {head, {}});
     const Reader seconds = r.inner("seconds");
     std::string& bars = panel->bars[r.text("path") == "fast"];
-    for (std::size_t k = 0; k < std::size(parts); k++) {
-      const double ms = seconds.amount(parts[k]) * 1e3;
+    for (std::size_t k = 0; k < std::size(kParts); k++) {
+      const double ms = seconds.amount(kParts[k]) * 1e3;
       if (!(ms > 0)) continue;  // the fast path has no such stage
       least = std::min(least, ms), most = std::max(most, ms);
       bars += std::to_string(k) + " " + cell(ms) + " " + number(ms, ms < 1 ? "%.3f" : "%.2f") + "\n";
@@ -144,8 +144,8 @@ std::vector<Plot> stages_plots(const Json& document, const std::string& where) {
       "set title noenhanced\nset ylabel 'Time [ms]'\nset logscale y\nset grid y\nset boxwidth 0.4\n"
       "set style fill solid\nset key left top\nset xrange [-0.6:10.6]\nset yrange [" +
       cell(std::pow(10, std::floor(std::log10(least)))) + ":" + cell(most * 6) + "]\nset xtics (";
-  for (std::size_t k = 0; k < std::size(parts); k++) {
-    std::string name = parts[k];
+  for (std::size_t k = 0; k < std::size(kParts); k++) {
+    std::string name = kParts[k];
     if (name.size() == 6) name.insert(5, " ");
     script += (k ? ", '" : "'") + name + "' " + std::to_string(k);
   }
