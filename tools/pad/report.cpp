@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "tools/pad_report.h"
+#include "tools/pad/report.h"
 
 #include <algorithm>
 #include <cstdio>

@@ -18,8 +18,8 @@
 #include "padding/view/page.h"
 #include "tools/arguments.h"
 #include "tools/cli.h"
-#include "tools/pad_report.h"
-#include "tools/pad_robot.h"
+#include "tools/pad/report.h"
+#include "tools/pad/robot.h"
 
 namespace padder {
 
