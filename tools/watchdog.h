@@ -1,4 +1,4 @@
-// SPDX-License-Identifier: GPL-3.0-or-later
+// SPDX-License-Identifier: MIT
 // Ends the process with a sentence when something takes longer than it may: a call that hangs on a GPU cannot
 // be cancelled, and would otherwise hold the machine without a word.
 #pragma once
