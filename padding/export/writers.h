@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Inside padding/export: one function for each format, and what they share.
+// Private to padding/export: one function for each format, and what these functions share.
 #pragma once
 #include <string>
 #include <utility>
