@@ -48,9 +48,8 @@ double seconds_of(const std::function<void()>& work);
 double median_seconds(int repeat, const std::function<void()>& work);  // one call before, not measured
 void say(const Settings&, const std::string& sentence);                // progress, on stderr
 
-// detector.detect(input) and detector.hash(), as benches call them: the process ends with a sentence when
-// there is no answer within a minute. A processor has a second more for each million spheres, since there is
-// nothing in it that could hang.
+// detector.detect(input) and detector.hash() under a watchdog: the process ends with a sentence when there is
+// no answer within a minute. On the CPU, which cannot hang, each million spheres adds a second.
 const detect::Contacts& detect_watched(detect::Detector& detector, const detect::Input& input);
 std::uint64_t hash_watched(const detect::Detector& detector);
 
@@ -64,8 +63,8 @@ std::uint64_t hash_of(const std::vector<detect::Pair>& pairs);
 std::string machine();  // processor and threads, in words
 std::string number(double value, const char* format);
 
-// Where a folder is named: the result as NAME.json, and its plots (a sentence on stderr where gnuplot is not
-// installed).
+// If a folder is named, writes the result there as NAME.json, and its plots. Says so on stderr when gnuplot
+// is not installed.
 void write_result(const Settings&, const Json& result);  // draw.cpp
 
 }  // namespace padder::bench

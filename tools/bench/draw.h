@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Plots of the benches, from their JSON documents alone: what a bench draws itself and what `bench draw`
-// draws again later, on another machine, are the same.
+// Plots of the benches, made from their JSON documents only. So `bench draw` makes the same plot later, on
+// another machine, as the bench itself.
 #pragma once
 #include <filesystem>
 #include <string>

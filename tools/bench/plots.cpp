@@ -115,7 +115,7 @@ std::vector<Plot> scaling_plots(const Json& document, const std::string& where) 
 // --- stages: bars of the nine stages beside what remains of them on the fast path ---
 
 constexpr const char* kParts[] = {"place",  "stage1", "stage2", "stage3", "stage4", "stage5",
-                                 "stage6", "stage7", "stage8", "stage9", "total"};
+                                  "stage6", "stage7", "stage8", "stage9", "total"};
 
 std::vector<Plot> stages_plots(const Json& document, const std::string& where) {
   const std::vector<Reader> rows = rows_of(document, where);

@@ -23,7 +23,7 @@
 
 namespace padder {
 
-// Found by CLI11 through its argument.
+// CLI11 finds this function by its argument's namespace.
 bool lexical_cast(const std::string& text, Length& out) {
   const auto length = length_of(text);
   if (length) out = *length;
@@ -167,7 +167,7 @@ void declare_output(CLI::App& app, Arguments& a) {
 
 bool is_robot(const std::string& file) { return fs::path(file).extension() == ".urdf"; }
 
-// Where each result goes and as what; null is our own format. Two meshes must not write one file.
+// Where a result goes, and in which format; null is our own. No two meshes may write the same file.
 struct Target {
   fs::path path;
   const padder::Format* format = nullptr;
@@ -242,7 +242,7 @@ std::vector<Target> targets(const Arguments& a) {
   return out;
 }
 
-// One line on a terminal, nothing elsewhere.
+// One line on a terminal. Prints nothing when stderr is not a terminal.
 class ProgressBar {
  public:
   explicit ProgressBar(bool wanted) : on_(wanted && isatty(STDERR_FILENO)) {}
@@ -265,7 +265,7 @@ class ProgressBar {
 };
 
 void make_folder_of(const fs::path& file) {
-  std::error_code code;  // who writes the file says what is wrong with its folder
+  std::error_code code;  // if this fails, writing the file fails and names the reason
   if (file.has_parent_path()) fs::create_directories(file.parent_path(), code);
 }
 
@@ -281,7 +281,7 @@ Json pad_urdf(const Arguments& a, const std::string& file, const Target& goal,
   return padder::run_robot(job, show);
 }
 
-// The written files in the report, and what is to be said beside it.
+// Pads one mesh, writes its files, and returns the report. `done` is called before anything is printed.
 Json pad_mesh(const Arguments& a, const std::string& file, const Target& goal,
               const padder::PadProgress& show, const std::function<void()>& done) {
   const padder::Padded padded = padder::pad_file(file, {a.scale, a.unit}, a.options, show);
