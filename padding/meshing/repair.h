@@ -3,7 +3,7 @@
 #pragma once
 #include <string>
 
-#include "padding/geometry/surface.h"
+#include "padding/geometry/repaired.h"
 
 namespace padder {
 
@@ -15,13 +15,6 @@ enum class RepairMode {
   wrap,   // wrap whatever comes
 };
 
-// What the repaired surface is.
-enum class BodyKind {
-  solid,  // closed, the input's own surface
-  wrap,   // closed, an alpha wrap around the input
-  sheet,  // open: below its normals is inside
-};
-
 // Lengths in the mesh's unit; 0 chooses.
 struct RepairOptions {
   RepairMode mode = RepairMode::automatic;
@@ -29,22 +22,6 @@ struct RepairOptions {
   double alpha = 0;        // ball that a wrap keeps out; 0: 2.75 accuracy, from diagonal/400 to diagonal/150
   double offset = 0;       // of a wrap from the input; 0: a third of the accuracy, at most diagonal/1500
   double hole_size = 0.1;  // holes whose rim is no longer than this share of the diagonal are closed
-};
-
-// The surface that is padded, and what became of the input.
-struct Repaired {
-  Mesh mesh;
-  BodyKind kind = BodyKind::solid;
-  std::string report;  // what was done, for a person: "closed 2 holes; wrapped (open: 327 border edges)"
-  double alpha = 0, offset = 0;  // of the wrap, else 0
-  Mesh flat;                     // the input's triangles without area, which are not in `mesh`
-  std::size_t filled = 0;        // holes that were closed, of a solid
-  double filled_area = 0;        // of their patches, which are no part of the input
-  // Known to be closed, oriented outward and free of self-intersections, by exact predicates: then a
-  // pseudonormal tells the side of a point.
-  bool checked = false;
-
-  SideBy side() const { return checked || kind == BodyKind::sheet ? SideBy::pseudonormal : SideBy::winding; }
 };
 
 // Soup tools of CGAL's polygon mesh processing (merge, orient, stitch, fill), else its 3D alpha wrap

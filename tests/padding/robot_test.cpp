@@ -23,7 +23,7 @@ class RobotTest : public ExportTest {
   }
   static PadOptions coarse() {
     PadOptions o;
-    o.edge_length = {0.08, true};
+    o.edge_length = Length::share(0.08);
     return o;
   }
 };
@@ -210,7 +210,7 @@ class RealRobotTest : public RobotTest {
   }
   static PadOptions one_percent() {
     PadOptions o;
-    o.tolerance = {0.01, true};
+    o.tolerance = Length::share(0.01);
     return o;
   }
 };

@@ -12,7 +12,7 @@
 
 #include "padding/asset/error.h"
 #include "padding/asset/file.h"
-#include "tests/padding/random.h"
+#include "tests/padding/random_input.h"
 
 namespace padder {
 namespace {

@@ -7,7 +7,7 @@
 
 #include "padding/asset/error.h"
 #include "padding/geometry/surface.h"
-#include "tests/padding/random.h"
+#include "tests/padding/random_input.h"
 
 namespace padder {
 namespace {
@@ -66,7 +66,7 @@ TEST(Remesh, BorderIsKept) {
 TEST(Remesh, RandomBlobsStayClosedAndDelaunay) {
   for (std::uint64_t seed = 1; seed <= 5; seed++) {
     SCOPED_TRACE("seed " + std::to_string(seed));
-    shapes::Random random(seed);
+    shapes::RandomInput random(seed);
     const Mesh mesh = shapes::blob(random);
     const Remeshed r = remesh(mesh, {.edge_length = random.uniform(0.05, 0.3)});
     EXPECT_TRUE(closed_and_oriented(r.mesh));

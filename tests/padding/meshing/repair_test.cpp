@@ -7,7 +7,7 @@
 
 #include "padding/asset/error.h"
 #include "padding/geometry/surface.h"
-#include "tests/padding/random.h"
+#include "tests/padding/random_input.h"
 
 namespace padder {
 namespace {
@@ -46,7 +46,7 @@ TEST(Repair, ACleanSolidIsLeftAlone) {
 }
 
 TEST(Repair, SoupShuffledDuplicatedAndInsideOut) {
-  shapes::Random random(3);
+  shapes::RandomInput random(3);
   Mesh soup = soup_of(turned_over(cube));
   for (auto& t : soup.triangles)
     if (random.uniform(0, 1) < 0.5) std::swap(t[0], t[1]);

@@ -1,4 +1,4 @@
-// SPDX-License-Identifier: MIT
+// SPDX-License-Identifier: GPL-3.0-or-later
 #include "padding/verify/accuracy.h"
 
 #include <gtest/gtest.h>
@@ -6,7 +6,8 @@
 
 #include <numbers>
 
-#include "tests/padding/random.h"
+#include "padding/meshing/repair.h"
+#include "tests/padding/random_input.h"
 
 namespace padder {
 namespace {
@@ -101,7 +102,7 @@ struct BruteForce {
 TEST(Accuracy, AgreesWithBruteForceOnRandomClusters) {
   for (std::uint64_t seed = 1; seed <= 3; seed++) {
     SCOPED_TRACE("seed " + std::to_string(seed));
-    shapes::Random random(seed);
+    shapes::RandomInput random(seed);
     const Mesh mesh = shapes::blob(random, 3);
     std::vector<Ball> balls;
     for (int k = 0; k < 40; k++) balls.push_back({0.8 * random.point(), random.uniform(0.1, 0.5)});

@@ -55,7 +55,7 @@ TEST(Certify, GapBetweenBallsInsideOneTriangle) {
   EXPECT_TRUE(gap_failures(mesh, balls, exact + 1e-6, 0.1).empty());
   const auto failures = gap_failures(mesh, balls, exact - 1e-6, 0.1);
   ASSERT_FALSE(failures.empty());
-  for (const Cell& cell : failures) EXPECT_LT((cell.centroid() - Point(0.5, 0.5, 0)).norm(), 0.1);
+  for (const GapPart& part : failures) EXPECT_LT((part.centroid() - Point(0.5, 0.5, 0)).norm(), 0.1);
 }
 
 TEST(Certify, CoveredSurfaceHasNoGap) {
