@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // The padding pipeline in one call: a mesh in, a cluster and a report out. Each step is a file of a room:
 //
-//   by depth ratio   read  repair  remesh  fit  refit  cull  accuracy     (cull: only with a tolerance, too)
-//   by tolerance     read  repair                      cull  accuracy     (cull makes its own samples and
-//   balls)
+//   by depth ratio: read - repair - remesh - fit - refit - cull - accuracy   (cull only with a tolerance)
+//   by tolerance:   read - repair                        - cull - accuracy   (cull makes its own balls)
 #pragma once
 #include <functional>
 #include <string>

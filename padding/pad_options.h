@@ -17,9 +17,9 @@ namespace padder {
 struct PadOptions {
   // Cap height over circumradius, above 0 and at most 1; 0.2 when nothing else is asked for.
   std::optional<double> depth_ratio;
-  Length edge_length;       // of the remeshed triangles; not given: caps are a 400th of the diagonal high
-  double sharp_angle = 40;  // remeshing keeps edges that turn by more; degrees, 1 to 180; ignored on a wrap,
-                            // which has ripples for edges
+  Length edge_length;  // of the remeshed triangles; not given: caps are a 400th of the diagonal high
+  // Degrees, 1 to 180: remeshing keeps edges that turn by more. Ignored on a wrap, whose edges are ripples.
+  double sharp_angle = 40;
 
   Length tolerance;               // of protrusion and gap
   std::uint64_t max_spheres = 0;  // 0: no limit; else the smallest error for so many; at most 2^32 - 1
@@ -29,8 +29,8 @@ struct PadOptions {
   int effort = 1;                   // 0 to 3: a longer search finds fewer spheres
   std::vector<Length> lod;  // tolerances of a ladder: the finest makes the cluster, the others its lods
 
-  Length min_grain_radius;  // of the smallest grain that will touch the part; surface it cannot reach is not
-                            // padded
+  // Of the smallest grain that will touch the part: surface that it cannot reach is not padded.
+  Length min_grain_radius;
   RepairMode repair = RepairMode::automatic;
   bool force = false;        // accept values that check_meant would refuse
   std::uint32_t family = 0;  // of the asset; 0: none

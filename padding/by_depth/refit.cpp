@@ -12,11 +12,11 @@
 namespace padder {
 namespace {
 
-// A cap lowered by the margin, but never to nothing.
+// The cap lowered by the margin, but to a quarter at the most.
 double lowered(double cap, double margin) { return std::max(cap - margin, 0.25 * cap); }
 
 Ball ball_under(const Surface& body, const Point& p, const Vector& normal, double largest, double cap) {
-  // The tolerance is a share of the cap: the dilated ball still covers p, by the rest of it.
+  // The medial ball may miss p by a quarter of the cap, because the dilated ball still covers p.
   Ball ball = inner_medial_ball(body, p, normal, largest, 0.25 * cap);
   if (ball.radius > 0) ball.radius += cap;
   return ball;

@@ -17,15 +17,15 @@ enum class Balance {
   none,    // the fewest spheres
   volume,  // a volume of the union within 1 % of the body's
   mean,    // the smallest sum of mean protrusion and mean gap, with at most max_spheres; without max_spheres,
-         // with at most half as many again as the fewest
+           // with at most half as many again as the fewest
 };
 std::optional<Balance> balance_of(std::string_view name);  // "none", "volume", "mean"
 
 // Lengths are in the surface's unit. The search is made for surfaces of about unit size near the origin.
 struct CullOptions {
   double tolerance = 0;  // of protrusion and gap; 0: not given, max_spheres decides
-  std::uint64_t max_spheres =
-      0;  // 0: no limit; else the smallest error that so many can keep, but at least `tolerance`
+  // 0: no limit; else the smallest error that so many can keep, but at least `tolerance`
+  std::uint64_t max_spheres = 0;
   double min_radius = 0;
   double max_radius = std::numeric_limits<double>::infinity();
   Balance balance = Balance::none;

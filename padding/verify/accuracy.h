@@ -22,8 +22,7 @@ struct AccuracyOptions {
 struct Measured {
   Accuracy accuracy;        // but for `certified`: what was asked for is not known here
   double volume_union = 0;  // of the balls, overlaps counted once
-  double buried =
-      0;  // share of the input's surface that lies inside the body and cannot be touched from outside
+  double buried = 0;        // share of the input's surface that cannot be touched from outside
   std::size_t outside = 0;  // the number of balls whose centre lies outside the body (ProtrusionBound)
 };
 
@@ -32,15 +31,13 @@ struct Measured {
 // of body.side(). The terms are cuRobo's where it has them:
 //
 // * protrusion: distance to the input mesh, over the outer surface of the union where it lies outside the
-// body;
+//   body;
 // * gap: distance to the union, over the surface of the input mesh; 0 where it is covered;
 // * coverage: share of the input's surface inside the union;
 // * normal error: angle between the outward normal of the union and that of the mesh at the nearest point,
-// over the
-//   outer surface of the union;
+//   over the outer surface of the union;
 // * volume ratio: volume of the union over the body's. It is below 1 for a shell of spheres around a thick
-// part, whose
-//   middle stays empty.
+//   part, whose middle stays empty.
 //
 // Means and 95th percentiles are weighted by area. Their points are spread evenly (area-stratified on
 // triangles, spirals of equal area on spheres), without random numbers.
@@ -49,15 +46,14 @@ struct Measured {
 // with filled holes or without. For a wrap they are the largest of the samples, among them each sphere's
 // outermost point. For a sheet only the gap is a bound. `proved_against` says which it was, found from the
 // surface itself and not from `body`. Input surface farther inside a wrap than twice its offset cannot be
-// touched from outside and is not counted
-// (`buried`).
+// touched from outside; it is not counted, and `buried` is its share.
 //
 // Works on any balls, however they were made. The result does not depend on the number of threads.
 Measured measure(const Mesh& input, const Repaired& body, const Surface& body_surface,
                  const std::vector<Ball>& balls, const AccuracyOptions& options = {});
 
-// Are the largest protrusion and the largest gap within `tolerance`? The last digits, which scaling costs,
-// are forgiven.
+// Are the largest protrusion and the largest gap within `tolerance`? An excess of 1e-9 of it is allowed,
+// because scaling to another unit costs the last digits.
 bool within(const Accuracy& accuracy, double tolerance);
 
 }  // namespace padder
