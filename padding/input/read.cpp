@@ -46,7 +46,8 @@ Number parse_real(std::string_view word, double& value) {
   if (word.size() > 1 && word[0] == '+' && word[1] != '-') word.remove_prefix(1);
   const char* end = word.data() + word.size();
   auto [stop, code] = std::from_chars(word.data(), end, value);
-  if (code == std::errc::result_out_of_range)  // too small for a double is 0, too large is not finite
+  if (code ==
+      std::errc::result_out_of_range)  // a number too small for a double is 0, one too large is infinite
     value =
         word.find_first_of("eE") != word.npos && word.substr(word.find_first_of("eE") + 1).starts_with('-')
             ? 0
@@ -56,7 +57,7 @@ Number parse_real(std::string_view word, double& value) {
   if (stop != end) {
     if (std::string_view(stop, end).substr(0, 2) != "#I" && std::string_view(stop, end).substr(0, 2) != "#Q")
       return Number::malformed;
-    value = std::numeric_limits<double>::quiet_NaN();  // 1.#INF, 1.#IND, 1.#QNAN of an old C library
+    value = std::numeric_limits<double>::quiet_NaN();  // 1.#INF, 1.#IND or 1.#QNAN, from an old C library
   }
   return std::isfinite(value) ? Number::finite : Number::not_finite;
 }
@@ -108,7 +109,7 @@ std::string plural(std::uint64_t n, const std::string& one, const std::string& m
   return std::to_string(n) + " " + (n == 1 ? one : many);
 }
 
-// Polygons to triangles, used and finite points only.
+// Splits the polygons into triangles. Keeps only the points that they use, which must be finite.
 Mesh to_mesh(Soup& soup, const std::string& where, std::vector<std::string>& notes) {
   reading::check_counts(soup.points.size(),
                         soup.corners.size() - std::min(2 * soup.ends.size(), soup.corners.size()), where);
@@ -122,9 +123,9 @@ Mesh to_mesh(Soup& soup, const std::string& where, std::vector<std::string>& not
     used[v] = true;
   }
   Mesh mesh;
-  std::vector<std::uint32_t> place(soup.points.size());
+  std::vector<std::uint32_t> new_index(soup.points.size());
   for (std::size_t v = 0; v < used.size(); v++) {
-    place[v] = static_cast<std::uint32_t>(mesh.points.size());
+    new_index[v] = static_cast<std::uint32_t>(mesh.points.size());
     if (used[v]) mesh.points.push_back(soup.points[v]);
   }
   if (const std::size_t unused = soup.points.size() - mesh.points.size())
@@ -146,7 +147,8 @@ Mesh to_mesh(Soup& soup, const std::string& where, std::vector<std::string>& not
     else
       triangulate_polygon(polygon, pieces);
     for (const auto& t : pieces)
-      mesh.triangles.push_back({place[corners[t[0]]], place[corners[t[1]]], place[corners[t[2]]]});
+      mesh.triangles.push_back(
+          {new_index[corners[t[0]]], new_index[corners[t[1]]], new_index[corners[t[2]]]});
   }
   if (mesh.triangles.empty())
     fail(where, std::string("it holds no triangle") +

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// A check of STL before assimp sees it. Without it, assimp 5.2 takes a facet of four vertices for one of
-// three, and refuses a file with some bytes behind it.
+// Checks an STL before assimp reads it. Otherwise assimp 5.2 takes a facet of four vertices for one of three,
+// and refuses a file with some bytes behind the facets.
 #include <algorithm>
 #include <cctype>
 
@@ -19,7 +19,7 @@ std::string lower(std::string_view text) {
 
 void check_ascii_stl(std::string_view text, const std::string& where) {
   Lines lines(text);
-  int vertices = -1;  // of the open facet; -1 outside of one
+  int vertices = -1;  // of the facet that is open; -1 outside
   for (std::string_view line; lines.next(line);) {
     const std::string key = lower(next_word(line));
     const auto here = [&](const std::string& what) {
@@ -46,7 +46,8 @@ void check_ascii_stl(std::string_view text, const std::string& where) {
 }  // namespace
 
 void check_stl(std::string& bytes, const std::string& where, std::vector<std::string>& notes) {
-  // Binary: 80 bytes of anything (it may begin with "solid"), the number of facets, 50 bytes for each.
+  // A binary file has 80 bytes of anything (it may begin with "solid"), the number of facets, and 50 bytes
+  // for each.
   std::uint64_t facets = 0, wanted = 84;
   if (bytes.size() >= 84) {
     for (int k = 3; k >= 0; k--)
@@ -62,7 +63,7 @@ void check_stl(std::string& bytes, const std::string& where, std::vector<std::st
   start.remove_prefix(std::min(start.find_first_not_of(" \t\r\n"), start.size()));
   if (lower(start.substr(0, 5)) == "solid" && head.find('\0') == head.npos) {
     check_ascii_stl(bytes, where);
-    bytes = lower(bytes);  // assimp knows no FACET
+    bytes = lower(bytes);  // assimp does not know upper case
     return;
   }
   if (bytes.size() < 84)

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// What the sources of read.h share. Not installed.
+// What the readers of mesh files share. Not installed.
 #pragma once
 #include <cstdint>
 #include <filesystem>
@@ -13,13 +13,13 @@
 
 namespace padder::reading {
 
-// Polygons as a reader finds them.
+// Polygons as a file has them.
 struct Soup {
   std::vector<Point> points;
-  std::vector<std::uint32_t> corners;  // of all faces, one face after the other
+  std::vector<std::uint32_t> corners;  // indices of the corners of all faces, one face after the other
   std::vector<std::uint64_t> ends;     // the corners of face f end before ends[f]
-  std::vector<std::uint32_t> lines;    // of each point in a text file; may be empty
-  std::uint64_t thin = 0;              // faces of one or two corners, left out
+  std::vector<std::uint32_t> lines;    // for each point its line in a text file; may be empty
+  std::uint64_t thin = 0;              // number of faces with one or two corners, which are left out
   std::string unit;                    // the file's own, or ""
   std::vector<std::string> notes;
 
@@ -39,16 +39,16 @@ Soup read_ply(const std::string& bytes, const std::string& where);
 Soup read_3mf(const std::string& bytes, const std::string& where);
 Soup read_scene(const std::string& bytes, const std::filesystem::path& path, const std::string& ending);
 
-// Calls `read` in a forked process and brings its soup (without lines) or its Error here: a crash,
-// an abort, an endless loop or boundless memory there is one sentence here. The process has 30 s and 4 GiB,
-// more for large files. Only the calling thread lives on in it: `read` may wait for no other, and uses no
+// Calls `read` in a forked process and brings its soup (without lines) or its Error here. A crash, an abort,
+// an endless loop or endless memory there becomes one sentence here. The process has 30 s and 4 GiB, and more
+// for large files. Only the calling thread lives on in it, so `read` must not wait for another thread or use
 // OpenMP.
 Soup in_child(const std::function<Soup()>& read, std::size_t file_size, const std::string& where);
 
-// Faults that assimp answers with a wrong mesh are refused, and what can be mended is, which a note says.
+// Refuses faults for which assimp would give a wrong mesh. Mends the others and adds a note.
 void check_stl(std::string& bytes, const std::string& where, std::vector<std::string>& notes);
 
-// Text: the lines of a file, whatever ends them (\n, \r\n or \r), counted from 1.
+// The lines of a text, counted from 1. They may end with \n, \r\n or \r.
 class Lines {
  public:
   explicit Lines(std::string_view text) : text_(text) {}
@@ -62,18 +62,19 @@ class Lines {
   std::uint32_t number_ = 0;
 };
 
-// Takes the next word off the front of the line; empty at its end.
+// Takes the next word off the front of the line. The word is empty at the end of the line.
 std::string_view next_word(std::string_view& line);
 
 enum class Number { finite, not_finite, malformed };
-Number parse_real(std::string_view word,
-                  double& value);  // decimal point whatever the locale; correctly rounded
-bool parse_whole(std::string_view word, std::int64_t& value);  // the whole word; false also when it overflows
+// The decimal point is a point in every locale. The value is correctly rounded.
+Number parse_real(std::string_view word, double& value);
+bool parse_whole(std::string_view word,
+                 std::int64_t& value);  // false, too, when it overflows or more follows
 
-// Reads x y z off the line. A number that is no number is refused; nan, inf and what overflows is kept as
-// such.
+// Takes x, y and z off the front of the line. Throws Error for a word that is not a number, but accepts nan,
+// inf and numbers that overflow.
 Point parse_point(std::string_view& line, const std::string& where, std::uint32_t line_number);
 
-std::string printable(std::string_view word);  // its excerpt, quoted
+std::string printable(std::string_view word);  // its excerpt in quotes
 
 }  // namespace padder::reading

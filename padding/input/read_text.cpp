@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The two text formats that are read in double precision: OBJ and OFF.
+// Reads the two text formats OBJ and OFF in double precision.
 #include <algorithm>
 #include <array>
 #include <istream>
@@ -8,8 +8,8 @@
 
 #include "padding/input/read_internal.h"
 
-// tinyobjloader's numbers are doubles here, while a program that links padder may use it with floats: under a
-// name of our own the two never meet in the linker.
+// Here tinyobjloader uses doubles. A program that links padder may use it with floats. Under a name of our
+// own the two do not collide in the linker.
 #define tinyobj padder_tinyobj
 #define TINYOBJLOADER_USE_DOUBLE
 #define TINYOBJLOADER_IMPLEMENTATION
@@ -28,12 +28,12 @@ void refuse_binary(std::string_view bytes, const std::string& where, const char*
                   " text (or a damaged one): give the file the ending of its format or export it again");
 }
 
-// A stream that reads the bytes where they lie.
+// A stream over the bytes, without a copy.
 struct Bytes : std::streambuf {
   explicit Bytes(std::string& bytes) { setg(bytes.data(), bytes.data(), bytes.data() + bytes.size()); }
 };
 
-// The vertex number in front of the first slash of a face's word.
+// The number before the first slash of a corner of a face.
 std::int64_t corner_index(std::string_view word, const std::string& where, std::uint32_t line) {
   std::int64_t index = 0;
   const std::string_view head = word.substr(0, word.find('/'));
@@ -44,13 +44,13 @@ std::int64_t corner_index(std::string_view word, const std::string& where, std::
   return index;
 }
 
-// What has a surface, or may have, and is neither read nor to be passed over.
+// Statements that have, or may have, a surface that is not read. A file with one of them is refused.
 constexpr std::array<std::string_view, 9> kOtherSurfaces = {"surf", "fo",  "bzp",  "bsp", "cdc",
                                                             "cdp",  "res", "call", "csh"};
 
-// Reads the vertices, and refuses what tinyobjloader would pass over in silence: it takes text that is no
-// number for 0 and reads no further than a comma, an empty face is skipped, and no index is compared with the
-// number of vertices.
+// Reads the vertices and refuses what tinyobjloader would accept in silence: it takes text that is no number
+// for 0, reads a number only up to a comma, skips an empty face, and compares no index with the number of
+// vertices.
 void check_obj(std::string_view text, const std::string& where, Soup& soup) {
   std::int64_t largest = 0;
   std::uint32_t largest_line = 0;
@@ -93,7 +93,7 @@ void check_obj(std::string_view text, const std::string& where, Soup& soup) {
 
 Soup read_obj(std::string& bytes, const std::string& where) {
   refuse_binary(bytes, where, "OBJ");
-  // A backslash at its end carries a line on; tinyobjloader does not know that.
+  // A backslash at the end of a line continues it on the next. tinyobjloader does not know that.
   for (std::size_t at = bytes.find('\\'); at != bytes.npos; at = bytes.find('\\', at + 1)) {
     const std::string_view tail = std::string_view(bytes).substr(at + 1, 2);
     const std::size_t length = tail == "\r\n" ? 3 : tail.starts_with('\n') || tail.starts_with('\r') ? 2 : 0;
@@ -103,8 +103,8 @@ Soup read_obj(std::string& bytes, const std::string& where) {
   check_obj(bytes, where, soup);
   check_counts(soup.points.size(), 0, where);
 
-  // The vertices stay as the check has read them: tinyobjloader's sums of digits are off in the last places.
-  // An index counted back needs the number of vertices so far, so they are counted along.
+  // The vertices stay as the check has read them, because tinyobjloader's are off in the last digits. They
+  // are still counted: a negative index counts back from the number of vertices so far.
   struct State {
     Soup& soup;
     std::int64_t vertices = 0;
@@ -116,7 +116,7 @@ Soup read_obj(std::string& bytes, const std::string& where) {
   callback.index_cb = [](void* user, padder_tinyobj::index_t* indices, int count) {
     State& s = *static_cast<State*>(user);
     const std::size_t begin = s.soup.corners.size();
-    for (int k = 0; k < count && indices[k].vertex_index != 0; k++) {  // 0: a comment behind the face
+    for (int k = 0; k < count && indices[k].vertex_index != 0; k++) {  // 0 means a comment behind the face
       const std::int64_t index = indices[k].vertex_index;
       s.soup.corners.push_back(static_cast<std::uint32_t>(index > 0 ? index - 1 : s.vertices + index));
     }
@@ -129,8 +129,8 @@ Soup read_obj(std::string& bytes, const std::string& where) {
   std::string warning, error;
   if (!padder_tinyobj::LoadObjWithCallback(stream, callback, &state, nullptr, &warning, &error))
     fail(where, "tinyobjloader cannot read it (" + printable(error) + "): export the mesh again");
-  for (const std::uint32_t corner :
-       soup.corners)  // holds unless the check and tinyobjloader split a line differently
+  // This can only happen if the check and tinyobjloader split a line differently.
+  for (const std::uint32_t corner : soup.corners)
     if (corner >= soup.points.size())
       fail(where, "a face names a vertex that is not there: export the mesh again");
   return soup;
@@ -140,7 +140,7 @@ Soup read_off(const std::string& bytes, const std::string& where) {
   refuse_binary(bytes, where, "OFF");
   Lines lines(bytes);
   std::string_view line;
-  const auto next_line = [&](const std::string& wanted) {  // the next that holds more than a comment
+  const auto next_line = [&](const std::string& wanted) {  // skips lines that hold only a comment
     while (lines.next(line)) {
       line = line.substr(0, line.find('#'));
       if (line.find_first_not_of(" \t\v\f") != line.npos) return;
@@ -164,7 +164,7 @@ Soup read_off(const std::string& bytes, const std::string& where) {
     if (!parse_whole(word, counts[k]) || counts[k] < 0)
       fail(where, line_at(lines.number()) + "the number of " + (k ? "faces" : "vertices") + " is " +
                       printable(word) + ": a whole number from 0 is wanted, export the mesh again");
-    // A vertex takes six bytes at least ("0 0 0" and the line's end), a face of one corner four.
+    // A vertex takes at least six bytes ("0 0 0" and the end of the line), a face of one corner four.
     if (counts[k] > static_cast<std::int64_t>(bytes.size()) / (k ? 4 : 6) + 1)
       fail(where, line_at(lines.number()) + "the header says " + std::to_string(counts[k]) +
                       (k ? " faces" : " vertices") +
