@@ -40,7 +40,7 @@ struct Accuracy {
 };
 
 // Where a cluster came from.
-struct Source {
+struct Provenance {
   std::string file;             // its name, without folders
   std::string sha256;           // of its bytes
   std::uint64_t triangles = 0;  // as read
@@ -62,7 +62,7 @@ struct Cluster {
   std::string name;
   std::string unit;     // "m", "cm", "mm", "in", or "" when the user gave none
   std::string program;  // name and version that made it
-  Source source;
+  Provenance source;
   std::string settings = "{}";  // a JSON object with all that is needed to make the cluster again
   std::uint32_t family = 0;     // 0: none
   std::uint32_t mask = 0;       // bit k: no contact with family k + 1

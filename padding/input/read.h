@@ -21,8 +21,8 @@ struct ReadOptions {
 // point is finite and is used by a triangle. Equal positions are not merged.
 struct ReadResult {
   Mesh mesh;
-  Source source;     // file, sha256 and triangles; repair is left empty
-  std::string unit;  // of the coordinates; "" when neither the file nor the options name it
+  Provenance source;  // file, sha256 and triangles; repair is left empty
+  std::string unit;   // of the coordinates; "" when neither the file nor the options name it
   // What was left out or changed, one clause each; most often empty.
   std::vector<std::string> notes;
 };

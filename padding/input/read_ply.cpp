@@ -11,14 +11,6 @@
 namespace padder::reading {
 namespace {
 
-std::string lower(std::string_view text) {
-  std::string s(text);
-  for (char& c : s) c = c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
-  return s;
-}
-
-std::string line_at(std::uint32_t line) { return "line " + std::to_string(line) + ": "; }
-
 struct Property {
   std::string name;
   int type = -1, count_type = -1;  // index into type_names; a list has a count_type >= 0
@@ -53,13 +45,13 @@ Header read_header(std::string_view bytes, const std::string& where) {
     const std::string_view whole = line;
     const std::string_view key = next_word(line);
     if (first) {
-      if (lower(key) != "ply")
+      if (lower_case(key) != "ply")
         fail(where, "a PLY file begins with the line ply: give the file the ending of its format");
       first = false;
       continue;
     }
     const auto here = [&](const std::string& what) {
-      fail(where, line_at(lines.number()) + what + ": export the mesh again");
+      fail(where, at_line(lines.number()) + what + ": export the mesh again");
     };
     if (key == "end_header") {
       header.body = lines.offset();

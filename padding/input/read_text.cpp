@@ -18,13 +18,11 @@
 namespace padder::reading {
 namespace {
 
-std::string line_at(std::uint32_t line) { return "line " + std::to_string(line) + ": "; }
-
 void refuse_binary(std::string_view bytes, const std::string& where, const char* kind) {
   const std::size_t zero = bytes.find('\0');
   if (zero == bytes.npos) return;
   const auto line = std::count(bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(zero), '\n') + 1;
-  fail(where, line_at(static_cast<std::uint32_t>(line)) + "a zero byte, so this is no " + kind +
+  fail(where, at_line(static_cast<std::uint32_t>(line)) + "a zero byte, so this is no " + kind +
                   " text (or a damaged one): give the file the ending of its format or export it again");
 }
 
@@ -38,9 +36,9 @@ std::int64_t corner_index(std::string_view word, const std::string& where, std::
   std::int64_t index = 0;
   const std::string_view head = word.substr(0, word.find('/'));
   if (!parse_whole(head, index))
-    fail(where, line_at(line) + printable(word) + " is no vertex index: export the mesh again");
+    fail(where, at_line(line) + printable(word) + " is no vertex index: export the mesh again");
   if (index == 0)
-    fail(where, line_at(line) + "a face names vertex 0, but OBJ counts from 1: export the mesh again");
+    fail(where, at_line(line) + "a face names vertex 0, but OBJ counts from 1: export the mesh again");
   return index;
 }
 
@@ -66,7 +64,7 @@ void check_obj(std::string_view text, const std::string& where, Soup& soup) {
     }
     if (std::ranges::find(kOtherSurfaces, key) != kOtherSurfaces.end())
       fail(where,
-           line_at(lines.number()) + "'" + std::string(key) +
+           at_line(lines.number()) + "'" + std::string(key) +
                "' is a free-form surface or another file, which is not read: export the mesh as polygons");
     if (key == "l" || key == "p" || key == "curv" || key == "curv2") others++;
     if (key != "f") continue;
@@ -75,16 +73,16 @@ void check_obj(std::string_view text, const std::string& where, Soup& soup) {
       const std::int64_t index = corner_index(word, where, lines.number());
       const std::int64_t count = static_cast<std::int64_t>(soup.points.size());
       if (index < 0 && index < -count)
-        fail(where, line_at(lines.number()) + "a face names vertex " + std::to_string(index) +
+        fail(where, at_line(lines.number()) + "a face names vertex " + std::to_string(index) +
                         ", counted back from the last of " + std::to_string(count) +
                         ": there is none, export the mesh again");
       if (index > largest) largest = index, largest_line = lines.number();
     }
-    if (corners == 0) fail(where, line_at(lines.number()) + "a face without corners: export the mesh again");
+    if (corners == 0) fail(where, at_line(lines.number()) + "a face without corners: export the mesh again");
   }
   if (others) soup.notes.push_back(std::to_string(others) + " lines, curves or points left out");
   if (largest > static_cast<std::int64_t>(soup.points.size()))
-    fail(where, line_at(largest_line) + "a face names vertex " + std::to_string(largest) +
+    fail(where, at_line(largest_line) + "a face names vertex " + std::to_string(largest) +
                     ", but the file has only " + std::to_string(soup.points.size()) +
                     ": export the mesh again");
 }
@@ -150,7 +148,7 @@ Soup read_off(const std::string& bytes, const std::string& where) {
   next_line("its header");
   const std::size_t magic = line.find("OFF");
   if (magic == line.npos || line.substr(0, magic).find_first_not_of(" \tSTCN4n") != line.npos)
-    fail(where, line_at(lines.number()) + "an OFF file begins with OFF, not with " +
+    fail(where, at_line(lines.number()) + "an OFF file begins with OFF, not with " +
                     printable(next_word(line)) + ": give the file the ending of its format");
   if (line.substr(0, magic).find_first_of("4n") != line.npos)
     fail(where, "its points have four or n coordinates: export it as plain OFF");
@@ -162,11 +160,11 @@ Soup read_off(const std::string& bytes, const std::string& where) {
     if (word.empty() && k == 0) next_line("the numbers of vertices and faces"), word = next_word(line);
     if (word == "BINARY") fail(where, "binary OFF is not read: save it as text, or as PLY");
     if (!parse_whole(word, counts[k]) || counts[k] < 0)
-      fail(where, line_at(lines.number()) + "the number of " + (k ? "faces" : "vertices") + " is " +
+      fail(where, at_line(lines.number()) + "the number of " + (k ? "faces" : "vertices") + " is " +
                       printable(word) + ": a whole number from 0 is wanted, export the mesh again");
     // A vertex takes at least six bytes ("0 0 0" and the end of the line), a face of one corner four.
     if (counts[k] > static_cast<std::int64_t>(bytes.size()) / (k ? 4 : 6) + 1)
-      fail(where, line_at(lines.number()) + "the header says " + std::to_string(counts[k]) +
+      fail(where, at_line(lines.number()) + "the header says " + std::to_string(counts[k]) +
                       (k ? " faces" : " vertices") +
                       ", more than the file has room for: it is cut short or damaged, export it again");
   }
@@ -182,12 +180,12 @@ Soup read_off(const std::string& bytes, const std::string& where) {
     std::int64_t corners = 0, index = 0;
     std::string_view word = next_word(line);
     if (!parse_whole(word, corners) || corners < 1)
-      fail(where, line_at(lines.number()) + name + " begins with " + printable(word) +
+      fail(where, at_line(lines.number()) + name + " begins with " + printable(word) +
                       " where its number of corners should stand: export the mesh again");
     for (std::int64_t k = 0; k < corners; k++) {
       word = next_word(line);
       if (!parse_whole(word, index) || index < 0 || index >= counts[0])
-        fail(where, line_at(lines.number()) + name + " has " +
+        fail(where, at_line(lines.number()) + name + " has " +
                         (word.empty() ? "too few corners" : "a corner at vertex " + printable(word)) +
                         ", but needs " + std::to_string(corners) + " from 0 to " +
                         std::to_string(counts[0] - 1) + ": export the mesh again");

@@ -7,6 +7,7 @@
 #include <numeric>
 #include <optional>
 
+#include "padding/geometry/sphere_points.h"
 #include "padding/verify/certify.h"
 
 namespace padder {
@@ -50,16 +51,6 @@ std::vector<T> gather(std::int64_t n, Visit&& visit) {
   std::vector<T> all;
   for (auto& part : found) all.insert(all.end(), part.begin(), part.end());
   return all;
-}
-
-// Point j of n on a spiral over the unit sphere: equal areas, no clusters at the poles (Gonzalez, Measurement
-// of areas on a sphere using Fibonacci and latitude-longitude lattices, 2010). `turn` differs from ball to
-// ball, so that neighbours are not sampled alike.
-Vector spiral(std::int64_t j, std::int64_t n, double turn) {
-  constexpr double golden = std::numbers::pi * (3 - 2.2360679774997896964);
-  const double z = 1 - (2 * double(j) + 1) / double(n), s = std::sqrt(std::max(0.0, 1 - z * z));
-  const double angle = golden * double(j) + turn;
-  return {s * std::cos(angle), s * std::sin(angle), z};
 }
 
 struct SurfaceSample {
@@ -223,7 +214,7 @@ Measured measure(const Mesh& input, const Repaired& body, const Surface& body_su
         const Ball& ball = balls[k];
         const double weight = 4 * std::numbers::pi * ball.radius * ball.radius / double(n);
         for (std::int64_t j = 0; j < n; j++)
-          if (const auto s = sampler.at(ball, spiral(j, n, double(k)), weight)) into.push_back(*s);
+          if (const auto s = sampler.at(ball, sphere_point(j, n, double(k)), weight)) into.push_back(*s);
         // The point where the ball stands out farthest lies beyond the surface point nearest to its centre.
         const Nearest near = body_surface.signed_nearest(ball.center);
         Vector out = near.distance < 0 ? Vector(near.point - ball.center) : Vector(ball.center - near.point);

@@ -5,17 +5,10 @@
 #include <cmath>
 #include <numbers>
 
+#include "padding/geometry/sphere_points.h"
+
 namespace padder {
 namespace {
-
-// Point k of n on a spiral over the unit sphere, each with the same area (Swinbank and Purser, Fibonacci
-// grids, 2006).
-Vector spiral(std::int64_t k, std::int64_t n) {
-  const double z = 1 - (2.0 * static_cast<double>(k) + 1) / static_cast<double>(n);
-  const double phi = static_cast<double>(k) * std::numbers::pi * (3 - std::sqrt(5.0));
-  const double s = std::sqrt(std::max(0.0, 1 - z * z));
-  return {s * std::cos(phi), s * std::sin(phi), z};
-}
 
 struct Sums {
   double volume = 0, outside = 0, protrusion = 0, facing = 0, angle = 0;
@@ -28,7 +21,7 @@ Sums sums_of(const Surface& surface, const BallSet& set, std::uint32_t index, st
   const double skin = 1e-9 * ball.radius;
   Sums sums;
   for (std::int64_t k = 0; k < n; k++) {
-    const Vector normal = spiral(k, n);
+    const Vector normal = sphere_point(k, n);
     const Point x = ball.center + ball.radius * normal;
     if (set.any_contains(x, skin)) continue;
     sums.volume += weight * x.dot(normal) / 3;
