@@ -92,7 +92,7 @@ class Builder : public nlohmann::json_sax<Json> {
   bool open(Json container) {
     if (open_.size() == kDeepest)
       throw Error(where_ + place() + ": it is nested deeper than " + std::to_string(kDeepest) +
-                  " levels: no document of ours is");
+                  " levels, and no document of padder is: check that it is the right file");
     Json* at = put(std::move(container));
     open_.push_back({at, {}, {}});
     return true;

@@ -22,7 +22,7 @@ class CullSearch {
 
   Culled run() {
     if (!(options_.tolerance > 0) && options_.max_spheres == 0)
-      throw Error("neither a tolerance nor a number of spheres is given: nothing says how many are enough");
+      throw Error("neither a tolerance nor a number of spheres is given: give one of them");
     Culled culled;
     const bool mean = options_.balance == Balance::mean;
     double tolerance_sum = 2 * options_.tolerance;
@@ -105,7 +105,7 @@ class CullSearch {
       guess = tolerance_sum_ * std::pow(n / (0.985 * goal), 1 / power);
       if (!(guess > low && guess < high)) guess = std::sqrt(low * high);
     }
-    if (!(best > 0)) throw Error("no cover with so few spheres was found; allow more");
+    if (!(best > 0)) throw Error("no cover with so few spheres was found: allow more spheres");
     cover_ = best_, tolerance_sum_ = best;
     return best;
   }

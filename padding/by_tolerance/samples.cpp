@@ -84,7 +84,7 @@ class Sampler {
     if (parts > static_cast<double>(most_parts))
       throw Error(
           "the tolerance is too small for this mesh: its surface would have to be cut into more than " +
-          std::to_string(most_parts / 1000000) + " million parts; ask for a larger one");
+          std::to_string(most_parts / 1000000) + " million parts: use a larger tolerance");
   }
 
   // Bisects the triangles until the size of each part is about the spacing of the balls there.

@@ -51,7 +51,7 @@ TEST(Pad, ClosedFormsAreMetWithinTheCaps) {
   }
 }
 
-// 1e-9 relative to the diagonal, sphere by sphere.
+// Compares sphere by sphere, to 1e-9 of the diagonal.
 void expect_same(const Cluster& a, const Cluster& b, double scale,
                  const std::function<Point(const Point&)>& move) {
   ASSERT_EQ(a.size(), b.size());
@@ -237,7 +237,7 @@ Mesh joined(Mesh mesh, const Mesh& more) {
 
 double distance_to(const BallSet& set, const Point& p) { return set.gap(p).value; }
 
-// Points of the union's surface, judged by solid angles and the nearest point: what a certificate says holds.
+// Checks what a certificate says on points of the union's surface, by solid angles and nearest points.
 double largest_protrusion(const Mesh& mesh, const Cluster& c, int points) {
   const Surface surface(mesh);
   std::vector<Ball> balls;
@@ -255,7 +255,7 @@ double largest_protrusion(const Mesh& mesh, const Cluster& c, int points) {
   return worst;
 }
 
-// With --repair never nothing but the certificate looks at the surface.
+// With --repair never, only the certificate checks the surface.
 TEST(Pad, WhatIsCertifiedWithoutRepairIsTrue) {
   Mesh inverted = shapes::box({0, 0, 0}, {1, 1, 1}, 2);
   for (auto& t : inverted.triangles) std::swap(t[0], t[1]);
@@ -324,7 +324,7 @@ TEST(Pad, EachFigureSaysWhatItWasProvedAgainst) {
   }
 }
 
-// Two slabs with a slit between them, which a wrap bridges: what fills it stands out of both.
+// A wrap bridges the slit between two slabs. The spheres that fill the slit stand out of both slabs.
 TEST(Pad, WithinIsAboutTheInputAlsoForAWrap) {
   const Mesh slit =
       joined(joined(shapes::box({0, 0, 0}, {1, 1, 0.4}, 2), shapes::box({0, 0, 0.41}, {1, 1, 0.8}, 2)),
@@ -351,7 +351,7 @@ TEST(Pad, ASpikeWithoutAreaIsSurfaceToo) {
   EXPECT_FALSE(p.report.within);
 }
 
-// spheres.triangle counts the triangles of the mesh that comes along.
+// spheres.triangle counts the triangles of Padded::mesh.
 TEST(Pad, EachSphereTouchesItsTriangleOfTheMesh) {
   const auto move = [](const Point& p) -> Point { return 20 * p + Point(300, -50, 7); };
   const Mesh torus = moved(shapes::torus(1, 0.3, 60, 20), move);

@@ -22,7 +22,7 @@ std::string refusal(const Mesh& mesh, const Length& tolerance, const CoverMeshOp
   return "";
 }
 
-// The oracle is the certificate, asked about the spheres and the mesh as they are outside.
+// The oracle is the certificate, applied to the cluster and the mesh in their own frame.
 void expect_kept(const Cluster& cluster, const Mesh& mesh, double tolerance) {
   std::vector<Ball> balls;
   for (std::size_t k = 0; k < cluster.size(); k++) balls.push_back({cluster.centers[k], cluster.radii[k]});
@@ -77,7 +77,7 @@ TEST(CoverMesh, SameForAnyNumberOfThreads) {
   EXPECT_EQ(texts[0], texts[1]);
 }
 
-// Two boxes that overlap: closed, and with a winding number of 2 where they do.
+// Two boxes that overlap. The winding number is 2 where they do.
 TEST(CoverMesh, AMeshMayIntersectItself) {
   Mesh mesh = shapes::box({0, 0, 0}, {2, 1, 1});
   const Mesh more = shapes::box({1, 0.2, 0.2}, {3, 0.8, 0.8});

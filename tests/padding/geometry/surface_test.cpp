@@ -14,8 +14,8 @@ namespace {
 
 using shapes::RandomInput;
 
-// The twin without a hierarchy. The nearest point of a triangle by another way than the library's: the foot
-// of the perpendicular when it lies inside, else the nearest of the three edges.
+// The oracle has no hierarchy and finds the nearest point of a triangle in another way than the library: the
+// foot of the perpendicular if it lies inside, otherwise the nearest point of the three edges.
 Point on_segment(const Point& p, const Point& a, const Point& b) {
   const Vector ab = b - a;
   const double length = ab.squaredNorm();
@@ -45,8 +45,8 @@ double brute_force(const Mesh& mesh, const Point& p) {
   return nearest;
 }
 
-// The solid angle that a closed surface spans seen from p, over 4 pi: 1 inside, 0 outside (Van Oosterom and
-// Strackee, The solid angle of a plane triangle, 1983). It knows nothing of normals at edges.
+// The solid angle of a closed surface seen from p, over 4 pi: 1 inside, 0 outside (Van Oosterom and Strackee,
+// The solid angle of a plane triangle, 1983). It does not depend on normals at edges.
 double winding(const Mesh& mesh, const Point& p) {
   double sum = 0;
   for (std::size_t t = 0; t < mesh.triangles.size(); t++) {
@@ -142,7 +142,7 @@ TEST(Surface, NothingIsNearWhereThereIsNothing) {
   EXPECT_TRUE(surface.bounds().empty());
 }
 
-// Acute edges all over, where the normal of the nearest face alone tells the wrong side.
+// A body full of acute edges, where the normal of the nearest face alone would give the wrong side.
 Mesh hedgehog(RandomInput& random) {
   Mesh mesh = shapes::sphere(3);
   for (Point& p : mesh.points) p *= random.uniform(0, 1) < 0.3 ? 1 : random.uniform(0.25, 0.4);
@@ -247,8 +247,8 @@ TEST(Surface, WindingNumberIsThatOfSolidAnglesWhateverIntersects) {
   }
 }
 
-// Rays from points in line with edges and corners graze them; a lattice on the mesh's own coordinates is the
-// worst case.
+// Rays from points in line with edges and corners graze them. Points on a lattice of the mesh's own
+// coordinates are the worst case.
 TEST(Surface, WindingNumberOfALatticeOnTheMeshsOwnCoordinates) {
   const Surface surface(shapes::box({0, 0, 0}, {4, 4, 4}, 4));
   for (int x = -1; x <= 5; x++)
@@ -279,7 +279,7 @@ TEST(Surface, OnlyAClosedSurfaceHasAWindingNumber) {
 TEST(Surface, SidesByWindingNumberAreRightWhereNormalsMislead) {
   Mesh mesh = shapes::box({0, 0, 0}, {1, 1, 1});
   append(mesh, shapes::box({0.4, 0.4, 0.4}, {1.6, 0.6, 0.6}));
-  // Inside the cube, above a face of the other solid that is buried there.
+  // Inside the cube, above a face of the other solid that lies inside the cube.
   const Point p(0.7, 0.5, 0.62);
   EXPECT_GT(Surface(mesh).signed_nearest(p).distance, 0);
   EXPECT_LT(Surface(mesh, SideBy::winding).signed_nearest(p).distance, 0);

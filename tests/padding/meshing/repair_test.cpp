@@ -78,7 +78,7 @@ TEST(Repair, AnOpenBoxIsWrapped) {
   options.accuracy = 0.05;
   const Repaired r = repair(mesh, options, "open box");
   EXPECT_EQ(r.kind, BodyKind::wrap);
-  // A shell: five unit walls, as thick as twice the offset and some.
+  // The wrap is a shell of five unit walls, a little thicker than twice the offset.
   EXPECT_NEAR(volume(r), 5 * 2 * r.offset, 2 * r.offset);
   const Surface input(mesh), wrap(r.mesh);
   for (const Point& p : r.mesh.points)

@@ -66,8 +66,7 @@ TEST(Accuracy, VolumeOfTwoOverlappingBalls) {
   EXPECT_NEAR(m.volume_union, 2 * 4 / 3. * pi - lens, 2e-3);
 }
 
-// The independent oracle: random points, brute force over all balls and triangles, nothing of padding/ but
-// the mesh.
+// The oracle: random points against all balls and triangles. It uses nothing of padding/ but the mesh.
 struct BruteForce {
   const Mesh& mesh;
   const std::vector<Ball>& balls;
