@@ -34,9 +34,9 @@ class BallSet {
   explicit BallSet(std::vector<Ball> balls);
 
   // The smallest signed gap among the balls, if it is below `limit`; otherwise the value stays infinite. For
-  // x outside, this is the distance to the union. For x inside, it is minus the depth of x in the one ball
-  // where it is deepest, which is at most its depth in the union. Of equal gaps the ball with the lowest
-  // index counts.
+  // x outside the union, this is the distance to the union. For x inside, it is minus the largest distance of
+  // x to the surface of a ball that contains it, which is at most its distance to the surface of the union.
+  // Of equal gaps the ball with the lowest index counts.
   BallGap gap(const Point& x, double limit = std::numeric_limits<double>::infinity()) const;
 
   // Is |x - center| <= radius - margin for any ball? A negative margin dilates the balls.
