@@ -36,14 +36,14 @@ double edge_length(const PadOptions& options, double diagonal) {
 }
 
 // The spheres of one level of detail, in the unit frame.
-struct Made {
+struct RungSpheres {
   std::vector<Ball> balls;
   std::vector<std::int64_t> triangle;  // for each ball, the triangle that it was made for
   Mesh mesh;                           // the remeshed surface; empty when nothing was remeshed
 };
 
-Made by_depth(const PadOptions& options, double length, const Repaired& body, const Surface& surface,
-              PadReport& report, const std::function<void(const char*, int)>& step, Clock& clock) {
+RungSpheres by_depth(const PadOptions& options, double length, const Repaired& body, const Surface& surface,
+                     PadReport& report, const std::function<void(const char*, int)>& step, Clock& clock) {
   step("remesh", 1);
   RemeshOptions remeshing;
   remeshing.edge_length = length;
@@ -61,15 +61,15 @@ Made by_depth(const PadOptions& options, double length, const Repaired& body, co
 
   step("refit", 3);
   fitted = refit(surface, remeshed.mesh, std::move(fitted), {.margin = body.offset, .gap = 0});
-  Made made;
+  RungSpheres made;
   for (const auto& f : fitted) made.balls.push_back(f.ball), made.triangle.push_back(f.triangle);
   made.mesh = std::move(remeshed.mesh);
   report.seconds.refit = clock.lap();
   return made;
 }
 
-void keep_only(Made& made, const std::vector<std::uint32_t>& kept) {
-  Made fewer;
+void keep_only(RungSpheres& made, const std::vector<std::uint32_t>& kept) {
+  RungSpheres fewer;
   fewer.mesh = std::move(made.mesh);
   for (const auto k : kept) fewer.balls.push_back(made.balls[k]), fewer.triangle.push_back(made.triangle[k]);
   made = std::move(fewer);
@@ -99,10 +99,10 @@ struct Job {
 };
 
 // Makes the spheres of one level of detail. If they cannot keep the tolerance, `why` says what prevents it.
-Made make_spheres(const Job& job, const Length& tolerance, std::string& why) {
+RungSpheres make_spheres(const Job& job, const Length& tolerance, std::string& why) {
   const PadOptions& options = job.options;
   const double asked = tolerance.absolute(job.frame.scale()) / job.frame.scale();
-  Made made;
+  RungSpheres made;
   if (job.length > 0) {
     made = by_depth(options, job.length, job.body, job.surface, job.report, job.step, job.clock);
     job.step("cull", 4);
@@ -179,7 +179,7 @@ Accuracy measure_spheres(const Job& job, const std::vector<Ball>& balls, double 
 }
 
 template <class T>
-void store(const Made& made, const UnitFrame& frame, T& into) {
+void store(const RungSpheres& made, const UnitFrame& frame, T& into) {
   for (std::size_t k = 0; k < made.balls.size(); k++) {
     into.centers.push_back(frame.back(made.balls[k].center));
     into.radii.push_back(made.balls[k].radius * frame.scale());
@@ -260,7 +260,7 @@ Padded pad(const ReadResult& file, const PadOptions& options, const PadProgress&
   for (std::size_t rung = 0; rung < rungs.size(); rung++) {
     const double asked = rungs[rung].absolute(frame.scale()) / frame.scale();
     std::string why;
-    Made made = make_spheres(job, rungs[rung], why);
+    RungSpheres made = make_spheres(job, rungs[rung], why);
     if (rung + 1 < rungs.size()) {
       Lod& lod = c.lods.emplace_back();
       lod.tolerance = asked * frame.scale();

@@ -16,13 +16,14 @@
 namespace padder {
 namespace {
 
-constexpr double rounding =
-    1e-9;                       // share of a tolerance kept back, so that rescaling does not break the proof
-constexpr double margin = 0.5;  // share of a point's own margin that a ball must cover around it
-constexpr double late_margin = 0.3;        // the same once the certificate finds what the points miss
+// The share of a tolerance that is kept back, so that scaling to another unit does not break the proof.
+constexpr double rounding = 1e-9;
+// The share of a point's own margin that a ball must cover around it; late, when the certificate finds what
+// the points miss, a smaller one.
+constexpr double margin = 0.5, late_margin = 0.3;
 constexpr double medial_tolerance = 0.05;  // share of the tolerance sum
-constexpr double step_size =
-    0.25;  // how far from a chosen ball's place new ones are tried, share of the disc it covers
+// How far from the place of a chosen ball new ones are tried: share of the radius of the disc that it covers.
+constexpr double step_size = 0.25;
 
 // A large cover is searched longer: with more rounds and more places, and also while the certificate still
 // finds spots. A small cover would gain as much, but there the seconds matter more: users can ask for a

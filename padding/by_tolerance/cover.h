@@ -10,8 +10,8 @@ namespace padder {
 struct CoverOptions {
   double protrusion = 0;  // no ball may stand out of the body by more
   double gap = 0;  // no surface point may lie farther outside the union; the sum of both must be above 0
-  double min_radius =
-      0;  // surface that only smaller balls could cover stays open, and the result is not proved
+  // Surface that only smaller balls could cover stays open, and the result is not proved.
+  double min_radius = 0;
   double max_radius = std::numeric_limits<double>::infinity();
   int effort = 1;  // 0: greedy only. 1: local search. 2 and 3: finer, each takes about twice as long
   // A cover of more balls than this is searched longer, which saves 8 % of them. Efforts 2 and 3 always do

@@ -20,8 +20,8 @@ void CoverProblem::find_covered(std::size_t first_candidate, std::size_t first_p
   for (std::size_t k = 0; k < candidates_.size(); k++) {
     if (k < first_candidate && new_points.size() == 0) continue;
     const Candidate& c = candidates_[k];
-    const double r = (c.ball.radius + gap_) *
-                     (1 - 1e-12);  // by a little less, so that rounding cannot make the certificate disagree
+    // Less by more than rounding, so that the certificate cannot disagree.
+    const double r = (c.ball.radius + gap_) * (1 - 1e-12);
     // How fast the distance to the centre grows along a flat surface where the surface leaves the ball.
     const double cosine = c.inner_distance / r, slope = std::sqrt(std::max(0.0, 1 - cosine * cosine));
     std::vector<std::uint32_t> found;

@@ -27,8 +27,8 @@ class CoverProblem {
   explicit CoverProblem(double gap) : gap_(gap) {}
 
   void add(const std::vector<CoverPoint>& points, const std::vector<Candidate>& candidates);
-  void keep(
-      const std::vector<std::uint32_t>& candidates);  // drops all other candidates; takes them in this order
+  // Drops all other candidates and takes these in this order.
+  void keep(const std::vector<std::uint32_t>& candidates);
   void replace_points(const std::vector<CoverPoint>& points);
 
   Sets sets() const;  // set k: the points that candidate k covers

@@ -12,8 +12,8 @@ namespace {
 
 constexpr double largest_error = 0.5;    // of the diagonal: any ball inside the body covers everything
 constexpr double smallest_error = 2e-4;  // of the diagonal: a search for a count goes no lower
-constexpr double volume_goal =
-    0.005;  // half of what is promised; the other half is for errors of the estimate
+// Half of what is promised. The other half is for errors of the estimate.
+constexpr double volume_goal = 0.005;
 
 class CullSearch {
  public:

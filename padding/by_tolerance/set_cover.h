@@ -10,8 +10,8 @@ namespace padder {
 
 // The elements of each set, one list after the other (compressed sparse rows).
 struct Sets {
-  std::vector<std::uint64_t> begin = {
-      0};  // where the list of each set begins; the last entry is the end of all
+  // begin[k] is where the list of set k begins in `elements`; the last entry is the end of all lists.
+  std::vector<std::uint64_t> begin = {0};
   std::vector<std::uint32_t> elements;
 
   std::size_t size() const { return begin.size() - 1; }
@@ -45,8 +45,9 @@ class SetCover {
 
  private:
   struct Set {
-    std::int32_t
-        score;  // outside the cover: the weight that adding it gains; inside: minus what removing it loses
+    // Outside the cover: the weight that adding the set gains. Inside: minus the weight that removing it
+    // loses.
+    std::int32_t score;
     std::uint32_t may_add;  // 0: nothing around it has changed since its removal (configuration checking)
     std::uint32_t stamp;    // step at which it was added or removed last
     std::uint32_t place;    // in chosen_, or `nowhere`

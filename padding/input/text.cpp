@@ -31,8 +31,8 @@ Number parse_real(std::string_view word, double& value) {
   if (word.size() > 1 && word[0] == '+' && word[1] != '-') word.remove_prefix(1);
   const char* end = word.data() + word.size();
   auto [stop, code] = std::from_chars(word.data(), end, value);
-  if (code ==
-      std::errc::result_out_of_range)  // a number too small for a double is 0, one too large is infinite
+  // A number too small for a double is 0, one too large is infinite.
+  if (code == std::errc::result_out_of_range)
     value =
         word.find_first_of("eE") != word.npos && word.substr(word.find_first_of("eE") + 1).starts_with('-')
             ? 0

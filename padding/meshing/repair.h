@@ -21,8 +21,8 @@ enum class RepairMode {
 struct RepairOptions {
   RepairMode mode = RepairMode::automatic;
   double accuracy = 0;  // error asked for, which a wrap must not spoil; 0: diagonal/500
-  double alpha =
-      0;  // radius of the ball that a wrap keeps out; 0: 2.75 accuracy, from diagonal/400 to diagonal/150
+  // Radius of the ball that a wrap keeps out; 0: 2.75 times the accuracy, from diagonal/400 to diagonal/150.
+  double alpha = 0;
   double offset = 0;       // of a wrap from the input; 0: a third of the accuracy, at most diagonal/1500
   double hole_size = 0.1;  // holes whose rim is at most this share of the diagonal are closed
 };

@@ -174,8 +174,8 @@ class BallSampler {
   const Surface& surface_;
   const Surface& input_;
   const BallSet& balls_;
-  double
-      deepest_;  // dents of the outer surface are at most this deep; below that is the inner side of a shell
+  // Dents of the outer surface are at most this deep. Deeper inside is the inner side of a shell.
+  double deepest_;
   Point origin_;
 };
 

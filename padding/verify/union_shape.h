@@ -10,11 +10,11 @@ namespace padder {
 // These estimates serve to choose between covers. Reports measure again (padding/verify/accuracy.h).
 struct UnionShape {
   double volume = 0;  // of the union, overlaps counted once
-  double protrusion =
-      0;           // mean distance to the body, over the part of the union's surface that lies outside it
+  // Mean distance to the body, over the part of the union's surface that lies outside it.
+  double protrusion = 0;
   double gap = 0;  // mean distance of the body's surface to the union, 0 where it is covered
-  double normal_error =
-      0;  // mean angle between the normals of the union's surface and those of the body, degrees
+  // Mean angle between the normals of the union's surface and those of the body, degrees.
+  double normal_error = 0;
 };
 
 // Samples about `samples` points spread evenly over the balls (spirals of equal area, at least 24 points on
