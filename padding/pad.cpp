@@ -9,6 +9,7 @@
 
 #include "padding/asset/error.h"
 #include "padding/by_depth/refit.h"
+#include "padding/geometry/unit_frame.h"
 #include "padding/verify/accuracy.h"
 
 namespace padder {
@@ -27,48 +28,22 @@ class Clock {
   std::chrono::steady_clock::time_point last_ = std::chrono::steady_clock::now();
 };
 
-// Own frame: centred, diagonal 1.
-struct Frame {
-  Point center;
-  double scale;  // length of the mesh's diagonal
-
-  Point into(const Point& p) const {
-    constexpr double grid = 68719476736.0;  // 2^36
-    return ((p - center) / scale * grid).array().round().matrix() / grid;
-  }
-  Point back(const Point& p) const { return p * scale + center; }
-};
-
-// In the own frame.
+// Of the remeshed triangles, in the unit frame.
 double edge_length(const PadOptions& options, double diagonal) {
-  if (options.edge_length.given()) return options.edge_length.of(diagonal) / diagonal;
+  if (options.edge_length.given()) return options.edge_length.absolute(diagonal) / diagonal;
   constexpr double cap = 1.0 / 400;  // an equilateral triangle of edge L has the circumradius L / sqrt(3)
-  return std::clamp(std::numbers::sqrt3 * cap / options.depth_used(), 0.002, 0.05);
+  return std::clamp(std::numbers::sqrt3 * cap / options.depth_ratio_used(), 0.002, 0.05);
 }
 
-void scale_back(Accuracy& a, double s) {
-  for (double* length : {&a.protrusion_max, &a.protrusion_mean, &a.protrusion_p95, &a.gap_max, &a.gap_mean,
-                         &a.gap_p95, &a.protrusion_bound, &a.gap_bound, &a.wrap_distance})
-    *length *= s;
-}
-
-MassProperties scale_back(MassProperties m, const Frame& frame) {
-  m.volume *= std::pow(frame.scale, 3);
-  m.center = frame.back(m.center);
-  m.inertia *= std::pow(frame.scale, 5);
-  m.moments *= std::pow(frame.scale, 5);
-  return m;
-}
-
-// Spheres in the own frame, and where they came from.
-struct Made {
+// The spheres of one level of detail, in the unit frame.
+struct RungSpheres {
   std::vector<Ball> balls;
-  std::vector<std::int64_t> triangle;
-  Mesh mesh;  // that has these triangles; left empty where it is the repaired one
+  std::vector<std::int64_t> triangle;  // for each ball, the triangle that it was made for
+  Mesh mesh;                           // the remeshed surface; empty when nothing was remeshed
 };
 
-Made by_depth(const PadOptions& options, double length, const Repaired& body, const Surface& surface,
-              PadReport& report, const std::function<void(const char*, int)>& step, Clock& clock) {
+RungSpheres by_depth(const PadOptions& options, double length, const Repaired& body, const Surface& surface,
+                     PadReport& report, const std::function<void(const char*, int)>& step, Clock& clock) {
   step("remesh", 1);
   RemeshOptions remeshing;
   remeshing.edge_length = length;
@@ -81,20 +56,20 @@ Made by_depth(const PadOptions& options, double length, const Repaired& body, co
   report.seconds.remesh = clock.lap();
 
   step("fit", 2);
-  std::vector<FittedBall> fitted = fit(remeshed.mesh, options.depth_used(), length);
+  std::vector<FittedBall> fitted = fit(remeshed.mesh, options.depth_ratio_used(), length);
   report.seconds.fit = clock.lap();
 
   step("refit", 3);
   fitted = refit(surface, remeshed.mesh, std::move(fitted), {.margin = body.offset, .gap = 0});
-  Made made;
+  RungSpheres made;
   for (const auto& f : fitted) made.balls.push_back(f.ball), made.triangle.push_back(f.triangle);
   made.mesh = std::move(remeshed.mesh);
   report.seconds.refit = clock.lap();
   return made;
 }
 
-void keep(Made& made, const std::vector<std::uint32_t>& kept) {
-  Made fewer;
+void keep_only(RungSpheres& made, const std::vector<std::uint32_t>& kept) {
+  RungSpheres fewer;
   fewer.mesh = std::move(made.mesh);
   for (const auto k : kept) fewer.balls.push_back(made.balls[k]), fewer.triangle.push_back(made.triangle[k]);
   made = std::move(fewer);
@@ -102,42 +77,41 @@ void keep(Made& made, const std::vector<std::uint32_t>& kept) {
 
 CullOptions cull_options(const PadOptions& options, const Length& tolerance, double diagonal) {
   CullOptions c;
-  c.tolerance = tolerance.of(diagonal) / diagonal;
+  c.tolerance = tolerance.absolute(diagonal) / diagonal;
   c.max_spheres = options.max_spheres;
-  c.min_radius = options.min_radius.of(diagonal) / diagonal;
-  if (options.max_radius.given()) c.max_radius = options.max_radius.of(diagonal) / diagonal;
+  c.min_radius = options.min_radius.absolute(diagonal) / diagonal;
+  if (options.max_radius.given()) c.max_radius = options.max_radius.absolute(diagonal) / diagonal;
   c.balance = options.balance, c.smooth = options.smooth, c.effort = options.effort;
   return c;
 }
 
-// What every step works on, in the own frame.
+// What every step works on, in the unit frame.
 struct Job {
   const PadOptions& options;
   const Mesh& input;
   const Repaired& body;
   const Surface& surface;
-  const Frame& frame;
-  double length;  // of edges; 0: nothing is remeshed
+  const UnitFrame& frame;
+  double length;  // of the edges; 0: nothing is remeshed
   PadReport& report;
   const std::function<void(const char*, int)>& step;
   Clock& clock;
 };
 
-// The spheres of one rung, with the surface they are counted on; `why` says what kept them from the
-// tolerance, if anything did.
-Made make(const Job& job, const Length& tolerance, std::string& why) {
+// Makes the spheres of one level of detail. If they cannot keep the tolerance, `why` says what prevents it.
+RungSpheres make_spheres(const Job& job, const Length& tolerance, std::string& why) {
   const PadOptions& options = job.options;
-  const double asked = tolerance.of(job.frame.scale) / job.frame.scale;
-  Made made;
+  const double asked = tolerance.absolute(job.frame.scale()) / job.frame.scale();
+  RungSpheres made;
   if (job.length > 0) {
     made = by_depth(options, job.length, job.body, job.surface, job.report, job.step, job.clock);
     job.step("cull", 4);
-    if (asked > 0) keep(made, thin_balls(job.surface, made.balls, asked, options.effort));
+    if (asked > 0) keep_only(made, thin_balls(job.surface, made.balls, asked, options.effort));
     why = "the spheres of the depth ratio stand out farther, or leave more open";
   } else {
     job.step("cull", 4);
-    CullOptions culling = cull_options(options, tolerance, job.frame.scale);
-    // Nothing lies below a sheet, so nothing else bounds its balls, which sag and reach past its border.
+    CullOptions culling = cull_options(options, tolerance, job.frame.scale());
+    // Below a sheet nothing bounds the balls: large ones would sag and stand out past its border.
     if (job.body.kind == BodyKind::sheet) culling.max_radius = std::min(culling.max_radius, 0.05);
     const Culled culled = cull(job.surface, culling);
     made.balls = culled.balls;
@@ -155,7 +129,7 @@ std::string count_of(std::size_t n, const std::string& one) {
   return std::to_string(n) + " " + one + (n == 1 ? "" : "s");
 }
 
-// Why the proof is none against the input; empty when it is one.
+// Why the figures are no proof against the input; empty when they are.
 std::string unproved(const Job& job, const Measured& m, std::size_t spheres) {
   switch (m.accuracy.proved_against) {
     case SurfaceKind::none:
@@ -176,47 +150,45 @@ std::string unproved(const Job& job, const Measured& m, std::size_t spheres) {
          " have their centres outside of the body, whose triangles face inward there";
 }
 
-// Measures a rung and judges it by what was asked. `why` as make() left it.
-Accuracy judge(const Job& job, const std::vector<Ball>& balls, double asked, std::string why,
-               double& volume_union) {
+// Measures the spheres of one level of detail and compares them with the tolerance asked for. `why` is what
+// make_spheres() left in it.
+Accuracy measure_spheres(const Job& job, const std::vector<Ball>& balls, double asked, std::string why,
+                         double& volume_union) {
   job.step("accuracy", 5);
   Measured m = measure(job.input, job.body, job.surface, balls, {.floor = asked});
   Accuracy& a = m.accuracy;
-  // But for the last digits, which scaling costs.
-  const double most = asked > 0 ? asked * (1 + 1e-9) : std::numeric_limits<double>::infinity();
-  const bool within = a.protrusion_max <= most && a.gap_max <= most;
+  const bool within_tolerance = !(asked > 0) || within(a, asked);
   std::string reason = unproved(job, m, balls.size());
-  a.certified = within && reason.empty();
-  if (!within) {
+  a.certified = within_tolerance && reason.empty();
+  if (!within_tolerance) {
     if (why.empty() && a.proved_against == SurfaceKind::wrap)
       why = "a wrap keeps away from slots and creases of the input";
     if (why.empty() && a.proved_against == SurfaceKind::none)
       why = "spheres reach around the border of the sheet";
     char text[80];
-    std::snprintf(text, sizeof text, "the tolerance of %.4g is not kept", asked * job.frame.scale);
+    std::snprintf(text, sizeof text, "the tolerance of %.4g is not kept", asked * job.frame.scale());
     reason += (reason.empty() ? "" : "; ") + std::string(text) + (why.empty() ? "" : ", because " + why);
   }
   PadReport& report = job.report;
-  report.within = report.within && within;
+  report.within = report.within && within_tolerance;
   if (report.reason.empty()) report.reason = reason;
   report.buried = m.buried;
-  scale_back(a, job.frame.scale);
-  volume_union = m.volume_union * std::pow(job.frame.scale, 3);
+  volume_union = job.frame.back_volume(m.volume_union);
   job.report.seconds.accuracy += job.clock.lap();
-  return a;
+  return job.frame.back(a);
 }
 
 template <class T>
-void store(const Made& made, const Frame& frame, T& into) {
+void store(const RungSpheres& made, const UnitFrame& frame, T& into) {
   for (std::size_t k = 0; k < made.balls.size(); k++) {
     into.centers.push_back(frame.back(made.balls[k].center));
-    into.radii.push_back(made.balls[k].radius * frame.scale);
+    into.radii.push_back(made.balls[k].radius * frame.scale());
     into.triangle.push_back(made.triangle[k]);
   }
 }
 
-// Of the repaired body: a sheet has none, nor has what faces inward on the whole.
-void set_mass(Cluster& c, const Repaired& body, const Frame& frame, PadReport& report) {
+// The mass of the repaired body. A sheet has none, nor has a surface that faces inward on the whole.
+void set_mass(Cluster& c, const Repaired& body, const UnitFrame& frame, PadReport& report) {
   if (body.kind == BodyKind::sheet) return;
   const MassProperties mass = mass_properties(body.mesh);
   if (!(mass.volume > 0)) {
@@ -225,39 +197,29 @@ void set_mass(Cluster& c, const Repaired& body, const Frame& frame, PadReport& r
                               "and no mass: leave out --repair never");
     return;
   }
-  c.mass = scale_back(mass, frame);
+  c.mass = frame.back(mass);
   c.mass_of = body.kind == BodyKind::wrap ? SurfaceKind::wrap
               : body.filled > 0           ? SurfaceKind::filled
                                           : SurfaceKind::input;
 }
 
-Frame frame_of(const Box& box, const std::string& name) {
-  const Frame frame{box.center(), box.diagonal()};
-  if (!(frame.scale > 0)) throw Error(name + ": all its points are one, so there is no surface to pad");
-  // Moments of inertia go with the fifth power of the length: they must not overflow, nor vanish.
-  if (!(frame.scale < 1e60 && frame.scale > 1e-60) || !frame.center.allFinite())
-    throw Error(name +
-                ": its size is beyond what double precision can measure: scale it (--scale) to below 1e60");
-  return frame;
-}
-
-// Coarsest first; the last rung is the cluster itself.
+// The tolerances of all levels of detail, the coarsest first. The last one is that of the cluster itself.
 std::vector<Length> rungs_of(const PadOptions& options, double diagonal) {
   std::vector<Length> rungs = options.lod;
   if (rungs.empty()) rungs.push_back(options.tolerance);
   std::sort(rungs.begin(), rungs.end(),
-            [&](const Length& a, const Length& b) { return a.of(diagonal) > b.of(diagonal); });
+            [&](const Length& a, const Length& b) { return a.absolute(diagonal) > b.absolute(diagonal); });
   return rungs;
 }
 
 RepairOptions repairing(const PadOptions& options, double length, double tolerance, double diagonal) {
   RepairOptions r;
   r.mode = options.repair;
-  // What the wrap is to be finer than: the cap of a triangle with that edge, or the tolerance.
-  r.accuracy = length > 0 ? options.depth_used() * length / std::numbers::sqrt3 : tolerance;
-  if (options.reach.given()) {
+  // The wrap must be finer than the cap over a triangle with that edge, or than the tolerance.
+  r.accuracy = length > 0 ? options.depth_ratio_used() * length / std::numbers::sqrt3 : tolerance;
+  if (options.min_grain_radius.given()) {
     r.mode = RepairMode::wrap;
-    r.alpha = options.reach.of(diagonal) / diagonal;
+    r.alpha = options.min_grain_radius.absolute(diagonal) / diagonal;
   }
   return r;
 }
@@ -274,38 +236,38 @@ Padded pad(const ReadResult& file, const PadOptions& options, const PadProgress&
   };
   Clock clock;
   const Box box = file.mesh.bounds();
-  const Frame frame = frame_of(box, name);
+  const UnitFrame frame(box, name);
   check_meant(options, box, name);
   report.triangles_in = file.mesh.triangles.size();
-  report.diagonal = frame.scale;
+  report.diagonal = frame.scale();
   Mesh input = file.mesh;
   for (Point& p : input.points) p = frame.into(p);
-  const std::vector<Length> rungs = rungs_of(options, frame.scale);
-  const double tolerance = rungs.back().of(frame.scale) / frame.scale;
-  report.tolerance = tolerance * frame.scale;
-  const bool depth_mode = !options.by_tolerance() || options.depth;
-  const double length = depth_mode ? edge_length(options, frame.scale) : 0;
+  const std::vector<Length> rungs = rungs_of(options, frame.scale());
+  const double tolerance = rungs.back().absolute(frame.scale()) / frame.scale();
+  report.tolerance = tolerance * frame.scale();
+  const bool depth_mode = options.by_depth();
+  const double length = depth_mode ? edge_length(options, frame.scale()) : 0;
 
   step("repair", 0);
-  const Repaired body = repair(input, repairing(options, length, tolerance, frame.scale), name);
+  const Repaired body = repair(input, repairing(options, length, tolerance, frame.scale()), name);
   report.kind = body.kind;
-  report.filled = body.filled, report.filled_area = body.filled_area * frame.scale * frame.scale;
+  report.filled = body.filled, report.filled_area = body.filled_area * frame.scale() * frame.scale();
   report.seconds.repair = clock.lap();
 
   const Surface surface(body.mesh, body.side());
   const Job job{options, input, body, surface, frame, length, report, step, clock};
   Cluster& c = out.cluster;
   for (std::size_t rung = 0; rung < rungs.size(); rung++) {
-    const double asked = rungs[rung].of(frame.scale) / frame.scale;
+    const double asked = rungs[rung].absolute(frame.scale()) / frame.scale();
     std::string why;
-    Made made = make(job, rungs[rung], why);
+    RungSpheres made = make_spheres(job, rungs[rung], why);
     if (rung + 1 < rungs.size()) {
       Lod& lod = c.lods.emplace_back();
-      lod.tolerance = asked * frame.scale;
-      lod.accuracy = judge(job, made.balls, asked, why, lod.volume_union);
+      lod.tolerance = asked * frame.scale();
+      lod.accuracy = measure_spheres(job, made.balls, asked, why, lod.volume_union);
       store(made, frame, lod);
     } else {
-      c.accuracy = judge(job, made.balls, asked, why, c.volume_union);
+      c.accuracy = measure_spheres(job, made.balls, asked, why, c.volume_union);
       store(made, frame, c);
       const auto largest = std::max_element(made.balls.begin(), made.balls.end(),
                                             [](const Ball& a, const Ball& b) { return a.radius < b.radius; });

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// The padding pipeline in one call: mesh in, cluster and report out.
-//   read - repair - remesh - fit - refit - accuracy         by depth ratio (cull before accuracy with a
-//   tolerance) read - repair - cull - accuracy                         by tolerance: the cull makes its own
-//   samples and balls
+// The padding pipeline in one call: a mesh in, a cluster and a report out. Each step is a file of a room:
+//
+//   by depth ratio: read - repair - remesh - fit - refit - cull - accuracy   (cull only with a tolerance)
+//   by tolerance:   read - repair                        - cull - accuracy   (cull makes its own balls)
 #pragma once
 #include <functional>
 #include <string>
@@ -25,19 +25,19 @@ struct PadSeconds {
 // What happened on the way.
 struct PadReport {
   std::uint64_t triangles_in = 0, triangles_remeshed = 0;
-  double edge_length = 0;  // used; 0 when nothing was remeshed
-  double tolerance = 0;    // asked for, in the mesh's unit; 0: none
-  // Does each rung's protrusion_max and gap_max, against the input, keep its tolerance? True when none was
-  // asked for. Where these are samples (Accuracy::proved_against) it is no proof: `certified` is.
+  double edge_length = 0;  // that was used; 0 when nothing was remeshed
+  double tolerance = 0;    // that was asked for, in the mesh's unit; 0: none
+  // Do protrusion_max and gap_max of every level of detail keep its tolerance? True when none was asked for.
+  // Where these figures are samples (Accuracy::proved_against) this is no proof; Accuracy::certified is.
   bool within = true;
-  std::vector<std::string> warnings;  // one sentence each: what is likely not as it was meant
+  std::vector<std::string> warnings;  // one sentence each, about what was probably not meant
   std::string reason;                 // why the cluster is not certified, in words; empty when it is
-  double grid_entries = 0;  // of the spheres in the detector's grid, with bins as wide as the largest sphere
+  double grid_entries = 0;  // of the spheres in the detector's grid, with cells as wide as the largest sphere
   double diagonal = 0;      // of the input's bounding box
   double buried = 0;        // share of the input's surface that cannot be touched from outside (wraps only)
   BodyKind kind = BodyKind::solid;
-  std::uint64_t filled = 0;  // holes that repair closed, of a solid
-  double filled_area = 0;    // of their patches, in the mesh's unit squared
+  std::uint64_t filled = 0;  // number of holes that repair closed, of a solid
+  double filled_area = 0;    // of the patches that close them, in the mesh's unit squared
   RemeshQuality quality;
   PadSeconds seconds;
 };
@@ -46,22 +46,22 @@ struct PadReport {
 struct Padded {
   Cluster cluster;
   PadReport report;
-  // The surface that cluster.triangle counts the triangles of, in the input's frame and unit: remeshed by
-  // depth, repaired by tolerance (write_mesh, padding/meshing/write_mesh.h).
+  // The surface whose triangles cluster.triangle counts, in the input's frame and unit: the remeshed one by
+  // depth ratio, the repaired one by tolerance. write_mesh (padding/meshing/write_mesh.h) writes it.
   Mesh mesh;
 };
 
-// Called before each step with its name; steps so far done and all of them, for a progress bar.
+// Called before each step with its name, the number of steps done and the number of all steps: for a progress
+// bar.
 using PadProgress = std::function<void(const char* step, int done, int of)>;
 
-// Works in a frame of its own, centred and scaled to a diagonal of 1, with coordinates rounded to 2^-36 of it
-// (1.5e-11), so that a moved or scaled mesh gives the same cluster moved or scaled. The cluster is in the
-// mesh's own frame and unit, made anew from the same bytes and options it is equal bit for bit, for any
-// number of threads. Throws Error (see padding/input/read.h, repair.h, pad_options.h) with `file` in the
-// sentence.
+// Pads in a unit frame (padding/geometry/unit_frame.h), so a moved or scaled mesh gives the same cluster,
+// moved or scaled. The cluster is in the mesh's own frame and unit. The same bytes and options give it bit
+// for bit again, for any number of threads. Throws Error, with the name of `file` in the sentence, for what
+// read.h, repair.h and pad_options.h refuse.
 Padded pad(const ReadResult& file, const PadOptions& options, const PadProgress& progress = {});
 
-// Reads the file first; report.seconds.read is then filled.
+// The same for a file, which is read first. Fills report.seconds.read, too.
 Padded pad_file(const std::filesystem::path& path, const ReadOptions& reading, const PadOptions& options,
                 const PadProgress& progress = {});
 

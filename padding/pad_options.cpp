@@ -2,7 +2,6 @@
 #include "padding/pad_options.h"
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <cstdio>
 #include <nlohmann/json.hpp>
@@ -39,10 +38,10 @@ const char* name_of(Balance balance) {
 std::string settings_json(const PadOptions& options, double diagonal, double edge_length) {
   nlohmann::ordered_json j;
   const auto length = [&](const char* name, const Length& l) {
-    if (l.given()) j[name] = l.of(diagonal);
+    if (l.given()) j[name] = l.absolute(diagonal);
   };
-  if (!options.by_tolerance() || options.depth) {
-    j["depth"] = options.depth_used();
+  if (options.by_depth()) {
+    j["depth"] = options.depth_ratio_used();
     j["edge_length"] = edge_length;
     j["sharp_angle"] = options.sharp_angle;
   }
@@ -55,54 +54,40 @@ std::string settings_json(const PadOptions& options, double diagonal, double edg
     j["effort"] = options.effort;
   }
   if (options.smooth > 0) j["smooth"] = options.smooth;
-  for (const Length& l : options.lod) j["lod"].push_back(l.of(diagonal));
-  length("reach", options.reach);
+  for (const Length& l : options.lod) j["lod"].push_back(l.absolute(diagonal));
+  length("reach", options.min_grain_radius);  // its name on the command line
   j["repair"] = name_of(options.repair);
   if (options.force) j["force"] = true;
   return j.dump();
 }
 
-std::optional<Length> length_of(std::string_view text) {
-  Length length;
-  if (text.ends_with('%')) {
-    length.share = true;
-    text.remove_suffix(1);
-    while (text.ends_with(' ')) text.remove_suffix(1);
-  }
-  // from_chars takes no blank, no sign of plus and no 0x, but words for what is not finite.
-  const auto [end, code] = std::from_chars(text.data(), text.data() + text.size(), length.value);
-  if (code != std::errc() || end != text.data() + text.size()) return std::nullopt;
-  if (length.share) length.value /= 100;
-  if (!std::isfinite(length.value) || !(length.value > 0)) return std::nullopt;
-  return length;
-}
-
 void check(const PadOptions& options) {
-  const double depth = options.depth_used();
-  if (!(depth > 0 && depth <= 1)) throw Error("the depth ratio must be above 0 and at most 1");
-  for (const Length* l :
-       {&options.edge_length, &options.tolerance, &options.min_radius, &options.max_radius, &options.reach})
-    if (!(l->value >= 0) || !std::isfinite(l->value)) throw Error("a length must be positive and finite");
+  const double depth_ratio = options.depth_ratio_used();
+  if (!(depth_ratio > 0 && depth_ratio <= 1)) throw Error("the depth ratio must be above 0 and at most 1");
+  for (const Length* l : {&options.edge_length, &options.tolerance, &options.min_radius, &options.max_radius,
+                          &options.min_grain_radius})
+    if (!(l->value() >= 0) || !std::isfinite(l->value())) throw Error("a length must be positive and finite");
   for (const Length& l : options.lod)
-    if (!(l.value > 0) || !std::isfinite(l.value))
+    if (!(l.value() > 0) || !std::isfinite(l.value()))
       throw Error("each tolerance of a ladder must be positive and finite");
   if (!(options.smooth >= 0 && options.smooth < 180))
     throw Error("the mean normal error asked for (smooth) must be from 0 to 180 degrees");
   if (!(options.sharp_angle >= 1 && options.sharp_angle <= 180))
     throw Error("the sharp angle must be from 1 to 180 degrees");
-  if (options.max_spheres > 0xffffffffu) throw Error("there can be no more than 4294967295 spheres");
+  if (options.max_spheres > 0xffffffffu) throw Error("the number of spheres can be at most 4294967295");
   if (!(options.effort >= 0 && options.effort <= 3)) throw Error("the effort must be 0, 1, 2 or 3");
-  if (!options.lod.empty() && (options.tolerance.given() || options.max_spheres > 0 || options.depth))
-    throw Error("a ladder of tolerances stands alone: leave out the depth, the tolerance and the count");
-  if (options.depth && options.max_spheres > 0)
+  if (!options.lod.empty() && (options.tolerance.given() || options.max_spheres > 0 || options.depth_ratio))
+    throw Error("a ladder of tolerances excludes a depth ratio, a tolerance and a count: leave these out");
+  if (options.depth_ratio && options.max_spheres > 0)
     throw Error("a depth ratio and a count exclude each other: leave out one of them");
-  if (options.depth && options.by_tolerance() && (options.balance != Balance::none || options.smooth > 0))
-    throw Error("balance and smooth choose their own spheres: leave out the depth ratio");
-  const bool by_depth = options.depth || !options.by_tolerance();
-  if (by_depth && (options.min_radius.given() || options.max_radius.given() ||
-                   options.balance != Balance::none || options.smooth > 0))
+  if (options.depth_ratio && options.by_tolerance() &&
+      (options.balance != Balance::none || options.smooth > 0))
+    throw Error("balance and smooth need spheres that the tolerance chooses: leave out the depth ratio");
+  if (options.by_depth() && (options.min_radius.given() || options.max_radius.given() ||
+                             options.balance != Balance::none || options.smooth > 0))
     throw Error(
-        "radius limits, balance and smooth do nothing to the spheres of a depth ratio: ask for a tolerance "
+        "radius limits, balance and smooth have no effect on the spheres of a depth ratio: ask for a "
+        "tolerance "
         "or a count, without a depth ratio");
 }
 
@@ -111,15 +96,15 @@ void check_meant(const PadOptions& options, const Box& box, const std::string& n
   const double diagonal = box.diagonal(), thinnest = (box.high - box.low).minCoeff();
   const auto refuse = [&](const char* what, const Length& l, const std::string& why) {
     char amount[80];
-    std::snprintf(amount, sizeof amount, "%.6g (%.4g %% of the diagonal)", l.of(diagonal),
-                  100 * l.of(diagonal) / diagonal);
+    std::snprintf(amount, sizeof amount, "%.6g (%.4g %% of the diagonal)", l.absolute(diagonal),
+                  100 * l.absolute(diagonal) / diagonal);
     throw Error(
         name + ": " + what + " of " + amount + " " + why +
-        ": a share of the diagonal is written as 5%, a length in the mesh's own unit; --force takes it "
-        "all the same");
+        ": write a share of the diagonal as 5%, a length in the mesh's own unit without a sign; --force "
+        "accepts it as it is");
   };
   if (options.min_radius.given() && options.max_radius.given() &&
-      options.min_radius.of(diagonal) > options.max_radius.of(diagonal))
+      options.min_radius.absolute(diagonal) > options.max_radius.absolute(diagonal))
     refuse("a smallest radius", options.min_radius, "is above the largest one");
   char extent[40];
   std::snprintf(extent, sizeof extent, "%.4g", thinnest);
@@ -127,16 +112,17 @@ void check_meant(const PadOptions& options, const Box& box, const std::string& n
   std::vector<Length> tolerances = options.lod;
   tolerances.push_back(options.tolerance);
   for (const Length& l : tolerances)
-    if (l.of(diagonal) > widest)
+    if (l.absolute(diagonal) > widest)
       refuse("a tolerance", l, std::string("is beyond half the part's thinnest extent of ") + extent);
   const double half = 0.5 * diagonal;
-  if (options.edge_length.of(diagonal) > half)
+  if (options.edge_length.absolute(diagonal) > half)
     refuse("an edge length", options.edge_length, "is beyond half the diagonal");
-  if (options.min_radius.of(diagonal) > half)
+  if (options.min_radius.absolute(diagonal) > half)
     refuse("a smallest radius", options.min_radius, "is beyond half the diagonal");
-  if (options.reach.of(diagonal) > half) refuse("a reach", options.reach, "is beyond half the diagonal");
-  if (options.reach.given() && options.reach.of(diagonal) < diagonal / 2000)
-    refuse("a reach", options.reach, "is below a 2000th of the diagonal, and would take hours");
+  if (options.min_grain_radius.absolute(diagonal) > half)
+    refuse("a reach", options.min_grain_radius, "is beyond half the diagonal");
+  if (options.min_grain_radius.given() && options.min_grain_radius.absolute(diagonal) < diagonal / 2000)
+    refuse("a reach", options.min_grain_radius, "is below a 2000th of the diagonal, and would take hours");
 }
 
 }  // namespace padder

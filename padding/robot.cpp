@@ -27,7 +27,7 @@ Mesh box(const Vector& size) {
   return mesh;
 }
 
-// Along z. The polygon has the circle's area, so that the mass is right.
+// A cylinder along z. Its polygon has the area of the circle, so that the mass is right.
 Mesh cylinder(double radius, double length, double chord_error) {
   const double half = std::acos(std::clamp(1 - chord_error / radius, 0.0, 1.0));
   const auto n =
@@ -47,7 +47,8 @@ Mesh cylinder(double radius, double length, double chord_error) {
   return mesh;
 }
 
-Mesh sphere(double radius) {  // among other shapes only
+// For a sphere among other shapes; a link of spheres alone is not meshed.
+Mesh sphere(double radius) {
   constexpr std::uint32_t rings = 16, around = 32;
   Mesh mesh;
   mesh.points = {{0, 0, radius}, {0, 0, -radius}};
@@ -99,7 +100,7 @@ bool only_spheres(const UrdfLink& link) {
                      [](const UrdfShape& s) { return s.type == UrdfShape::Type::sphere; });
 }
 
-// As they are. The mass of several, which may overlap, is left unknown.
+// The spheres of the link as they are. The mass of several is left unknown, because they may overlap.
 Cluster spheres_of(const UrdfLink& link, const fs::path& urdf) {
   Cluster c;
   c.unit = "m";

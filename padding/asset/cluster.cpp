@@ -38,7 +38,7 @@ Eigen::Matrix3d matrix_from(const Place& p) {
   return m;
 }
 
-// The accuracy block's numbers under their names, for writing and reading alike.
+// The numbers of the accuracy block with their names in JSON, for writing and for reading.
 constexpr std::pair<const char*, double Accuracy::*> accuracy_numbers[] = {
     {"protrusion_max", &Accuracy::protrusion_max},
     {"protrusion_mean", &Accuracy::protrusion_mean},
@@ -65,7 +65,7 @@ Json accuracy_object(const Accuracy& a) {
   return j;
 }
 
-// What the file leaves out stays as it is.
+// These leave `to` as it is when the key is missing.
 void read_text(const Place& p, const char* key, std::string& to) {
   if (p.has(key)) to = p.at(key).text();
 }
@@ -92,7 +92,7 @@ Accuracy accuracy_from(const Place& p) {
   return a;
 }
 
-// Of a cluster or of one of its rungs.
+// T: Cluster or Lod.
 template <class T>
 void check_spheres(const T& c, const std::string& where) {
   require(c.centers.size() == c.radii.size() && c.triangle.size() == c.radii.size(), where,
@@ -125,7 +125,7 @@ void check(const Cluster& c, const std::string& where) {
     finite("lods", std::isfinite(lod.tolerance) && std::isfinite(lod.volume_union));
 }
 
-// A file's name may hold bytes that are no UTF-8: these become the replacement character.
+// The name of a file may hold bytes that are not UTF-8. They become the replacement character.
 std::string text_of(const Json& j) { return j.dump(-1, ' ', false, Json::error_handler_t::replace); }
 
 template <class T>
@@ -154,7 +154,7 @@ void spheres_from(const Place& p, T& c) {
     p.at("count").fail("it is not the number of spheres: is the file whole?");
 }
 
-// One line for each key, the arrays of spheres on lines of their own: small enough, and a diff can be read.
+// Writes one line for each key, also for each array of spheres: the file stays small, and a diff can be read.
 void append_lines(std::string& text, const Json& object, int indent) {
   const std::string pad(indent, ' ');
   text += "{";

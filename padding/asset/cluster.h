@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// A cluster of spheres: what padding makes of a mesh and what the detector consumes. With its JSON form
+// A cluster of spheres: what padding makes of a mesh and what the detector reads, and its JSON form
 // (assets/cluster.schema.json). Needs neither CGAL nor assimp.
 #pragma once
 #include <cstdint>
@@ -12,43 +12,44 @@
 
 namespace padder {
 
-// Which surface a figure was taken from.
+// The surface that a figure was measured or proved against.
 enum class SurfaceKind {
-  none,    // of no surface: nothing is proved
+  none,    // no surface: nothing is proved
   input,   // the input's own triangles
-  filled,  // these and the patches over holes that repair closed
-  wrap     // a surface around the input, in its place
+  filled,  // these, and the patches over holes that repair closed
+  wrap     // a surface around the input that replaces it
 };
 
-// Errors of a cluster against the input mesh; lengths in the mesh's unit. The words are defined in
-// docs/padding.md.
+// The errors of a cluster against the input mesh. Lengths are in the mesh's unit. docs/padding.md defines the
+// terms.
 struct Accuracy {
-  double protrusion_max = 0, protrusion_mean = 0,
-         protrusion_p95 = 0;                      // union's outer surface outside the mesh
-  double gap_max = 0, gap_mean = 0, gap_p95 = 0;  // mesh surface outside the union
-  double coverage = 0;                            // share of the mesh surface inside the union, 0 to 1
+  // Of the union's outer surface, where it lies outside the mesh.
+  double protrusion_max = 0, protrusion_mean = 0, protrusion_p95 = 0;
+  // Of the mesh's surface, where it lies outside the union.
+  double gap_max = 0, gap_mean = 0, gap_p95 = 0;
+  double coverage = 0;  // share of the mesh surface inside the union, 0 to 1
   double normal_error_mean_deg = 0, normal_error_p95_deg = 0;
   double volume_ratio = 0;  // volume of the union over the volume of the body; 0 for a sheet
-  double protrusion_bound = 0, gap_bound = 0;  // maxima against the surface of `proved_against`
-  double wrap_distance = 0;  // farthest a wrap lies from the input where it was sampled; 0 unless wrapped
-  // The surface that both bounds are proved against. For input and filled, protrusion_max and gap_max are
-  // these bounds. For a wrap they are the largest of the samples, no bounds. For none (an open sheet)
-  // protrusion_max is sampled and protrusion_bound an estimate; gap_max and gap_bound still are proved.
+  double protrusion_bound = 0, gap_bound = 0;  // upper bounds against the surface of `proved_against`
+  double wrap_distance = 0;  // largest sampled distance of a wrap to the input; 0 unless wrapped
+  // The surface that both bounds are proved against. For `input` and `filled`, protrusion_max and gap_max are
+  // these bounds. For `wrap` they are the largest of the samples, and no bounds. For `none` (an open sheet)
+  // gap_max and gap_bound are proved, protrusion_max is sampled and protrusion_bound is an estimate.
   SurfaceKind proved_against = SurfaceKind::none;
-  bool certified = false;  // proved against the input itself, and within what was asked
+  bool certified = false;  // proved against the input itself, and within what was asked for
 };
 
 // Where a cluster came from.
-struct Source {
+struct Provenance {
   std::string file;             // its name, without folders
   std::string sha256;           // of its bytes
   std::uint64_t triangles = 0;  // as read
   std::string repair;           // what repair did, in words
 };
 
-// A coarser rung of a ladder of the same part.
+// A coarser level of detail of the same part.
 struct Lod {
-  double tolerance = 0;     // asked for
+  double tolerance = 0;     // that was asked for
   double volume_union = 0;  // overlaps counted once
   Accuracy accuracy;
   std::vector<Point> centers;
@@ -61,8 +62,8 @@ struct Cluster {
   std::string name;
   std::string unit;     // "m", "cm", "mm", "in", or "" when the user gave none
   std::string program;  // name and version that made it
-  Source source;
-  std::string settings = "{}";  // a JSON object: all that is needed to make the cluster again
+  Provenance source;
+  std::string settings = "{}";  // a JSON object with all that is needed to make the cluster again
   std::uint32_t family = 0;     // 0: none
   std::uint32_t mask = 0;       // bit k: no contact with family k + 1
   Box bounds;                   // of the input mesh; left out of the file when empty
@@ -72,11 +73,11 @@ struct Cluster {
   Accuracy accuracy;
   std::vector<Point> centers;  // N
   std::vector<double> radii;   // N, > 0
-  // N: the triangle that each sphere was made for, of the surface in Padded::mesh (pad --write-mesh); -1:
-  // none.
+  // N: for each sphere the triangle that it was made for, of the surface in Padded::mesh (pad --write-mesh);
+  // -1 for none.
   std::vector<std::int64_t> triangle;
 
-  std::vector<Lod> lods;  // coarser versions of these spheres, coarsest first; empty unless asked for
+  std::vector<Lod> lods;  // the coarsest first; empty unless asked for
 
   std::size_t size() const { return radii.size(); }
 };
@@ -84,21 +85,21 @@ struct Cluster {
 // "input", "filled", "wrap"; "" for none.
 const char* name_of(SurfaceKind kind);
 
-// The JSON document as text, keys in a fixed order, numbers with the digits that give the same double back:
-// equal clusters give equal bytes. Throws Error when arrays differ in length, a number is not finite or a
-// radius not positive.
+// The JSON document as text. Keys have a fixed order, and numbers have the digits that give the same double
+// back, so equal clusters give equal bytes. Throws Error when arrays differ in length, a number is not finite
+// or a radius is not positive.
 std::string to_json(const Cluster& cluster);
 
 std::string to_json(const Accuracy& accuracy);  // its block alone
 
-// Reads what to_json wrote, or a file by hand with at least `format`, `version` and `spheres`. `where` names
-// the file in messages. Throws Error that names the place at fault: no JSON, a key twice in one object, a
-// number beyond a double's, a value of another type than the format's. Other keys than the format's are not
-// looked at.
+// Reads what to_json wrote, or a file written by hand with at least `format`, `version` and `spheres`.
+// `where` names the file in error messages. Ignores keys that the format does not have. Throws Error, which
+// names the place at fault, for text that is not JSON, for a key twice in one object, for a number too large
+// for a double and for a value of the wrong type.
 Cluster cluster_from_json(std::string_view text, const std::string& where);
 
-void write_cluster(const Cluster& cluster,
-                   const std::filesystem::path& path);    // whole or not at all; throws Error
-Cluster read_cluster(const std::filesystem::path& path);  // throws Error
+// Both throw Error. Writing replaces the file as a whole or not at all.
+void write_cluster(const Cluster& cluster, const std::filesystem::path& path);
+Cluster read_cluster(const std::filesystem::path& path);
 
 }  // namespace padder

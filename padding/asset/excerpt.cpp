@@ -4,8 +4,8 @@
 namespace padder {
 namespace {
 
-// Bytes of the character that begins here; 0 where it is no UTF-8, too long a form of it or a control
-// character.
+// The number of bytes of the first character; 0 for a control character and for bytes that are not UTF-8,
+// among them forms that are longer than needed.
 std::size_t character(std::string_view text) {
   const auto byte = [&](std::size_t k) { return static_cast<unsigned char>(text[k]); };
   if (byte(0) < 0x80) return byte(0) < 0x20 || byte(0) == 0x7f ? 0 : 1;
@@ -18,8 +18,8 @@ std::size_t character(std::string_view text) {
   }
   if ((size == 3 && code < 0x800) || (size == 4 && (code < 0x10000 || code > 0x10ffff))) return 0;
   if (code >= 0xd800 && code < 0xe000) return 0;
-  if (code < 0xa0) return 0;                           // a second set of control characters
-  if (code >= 0x2028 && code <= 0x202e) return 0;      // line ends, and what turns the direction of text
+  if (code < 0xa0) return 0;                           // more control characters
+  if (code >= 0x2028 && code <= 0x202e) return 0;      // line ends, and marks that turn the direction of text
   return code >= 0x2066 && code <= 0x2069 ? 0 : size;  // likewise
 }
 

@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: MIT
-// Text of a file or of a user as a message may show it.
+// Text that comes from a file or a user, made safe to show in a message.
 #pragma once
 #include <string>
 #include <string_view>
 
 namespace padder {
 
-// At most `most` characters, then …; control characters, and bytes that are no UTF-8, as escapes of C are
-// written: a message stays one line that a terminal takes for text, whatever the file holds. Cost: that of
-// what is shown.
+// Returns at most `most` characters, then "…". Control characters and bytes that are not UTF-8 become escapes
+// as in C. So a message stays one line of plain text, whatever the file holds. The cost depends on what is
+// shown only.
 std::string excerpt(std::string_view text, std::size_t most = 60);
 
 }  // namespace padder

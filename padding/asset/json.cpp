@@ -16,8 +16,8 @@ constexpr std::size_t kDeepest = 64;
 // "\"key\"", short enough for a message.
 std::string key_text(std::string_view key) { return '"' + excerpt(key) + '"'; }
 
-// Takes the parser's events and builds the document. nlohmann's own builder keeps the last of two equal keys
-// and says nothing, and looks each key of an ordered object up by going through all before it.
+// Builds the document from the parser's events. nlohmann's own builder silently keeps the last of two equal
+// keys, and compares each new key of an ordered object with all keys before it.
 template <class Json>
 class Builder : public nlohmann::json_sax<Json> {
  public:
@@ -92,7 +92,7 @@ class Builder : public nlohmann::json_sax<Json> {
   bool open(Json container) {
     if (open_.size() == kDeepest)
       throw Error(where_ + place() + ": it is nested deeper than " + std::to_string(kDeepest) +
-                  " levels: no document of ours is");
+                  " levels, and no document of padder is: check that it is the right file");
     Json* at = put(std::move(container));
     open_.push_back({at, {}, {}});
     return true;
@@ -114,7 +114,7 @@ class Builder : public nlohmann::json_sax<Json> {
   std::vector<Level> open_;
 };
 
-// The way from a value to one inside it. Only messages ask, so that reading need not remember it.
+// Finds the path from a value to one inside it. Only error messages need it, so reading does not keep track.
 template <class Json>
 bool find_path(const Json& from, const Json* to, std::string& path) {
   if (&from == to) return true;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// JSON documents as our readers take them. Not installed: it names nlohmann's types.
+// Reads JSON documents and says where in them a fault is. Not installed, because it names nlohmann's types.
 #pragma once
 #include <cstdint>
 #include <initializer_list>
@@ -9,14 +9,14 @@
 
 namespace padder {
 
-// The document. Throws Error, which begins with `where`, for what is no JSON, a number beyond a double's, a
-// key twice in one object (which of both counts is not to be guessed) and more than 64 levels of nesting.
-// Json: nlohmann::json or nlohmann::ordered_json.
+// Parses a document. Throws Error, which begins with `where`, for text that is not JSON, for a number too
+// large for a double, for a key twice in one object (it would be a guess which one counts) and for more than
+// 64 levels of nesting. Json is nlohmann::json or nlohmann::ordered_json.
 template <class Json>
 Json parse_json(std::string_view text, const std::string& where);
 
-// One place in a document, so that a message can say where it is: "FILE, bodies 3, position: 3 numbers are
-// wanted". Borrows the document and `where`.
+// One place in a document. It knows its path, so that a message can say where it is: "FILE, bodies 3,
+// position: 3 numbers are wanted". Refers to the document and to `where`, and does not own them.
 template <class Json>
 class JsonPlace {
  public:
@@ -29,18 +29,18 @@ class JsonPlace {
   JsonPlace at(const std::string& key) const;
   JsonPlace at(std::size_t k) const { return {*this, (*at_)[k]}; }
   std::size_t size() const;                                  // of an array
-  void object() const;                                       // fails unless it is one
-  void only(std::initializer_list<const char*> keys) const;  // likewise, and for another key
+  void object() const;                                       // fails if it is not an object
+  void only(std::initializer_list<const char*> keys) const;  // fails for any other key, too
   const Json& json() const { return *at_; }
 
   std::string text() const;
-  std::string file() const;  // a text that can be the name of a file
+  std::string file() const;  // a string that can be the name of a file
   bool truth() const;
   double real() const;
   std::int64_t integer() const;
   std::uint64_t whole(std::uint64_t most) const;
   std::uint32_t bits() const { return static_cast<std::uint32_t>(whole(0xffffffffu)); }
-  void reals(double* to, std::size_t count) const;  // an array of so many
+  void reals(double* to, std::size_t count) const;  // of an array of this length
   template <std::size_t N>
   void reals(double (&to)[N]) const {
     reals(to, N);

@@ -21,7 +21,8 @@ double Mesh::area() const {
 
 MassProperties mass_properties(const Mesh& mesh) {
   MassProperties m;
-  // Relative to the box's centre: far from the origin the moments would cancel away.
+  // Relative to the centre of the box: far from the origin the moments would lose their digits to
+  // cancellation.
   const Point origin = mesh.bounds().center();
   Vector first = Vector::Zero();
   Eigen::Matrix3d second = Eigen::Matrix3d::Zero();  // integral of x x^T
@@ -45,8 +46,8 @@ MassProperties mass_properties(const Mesh& mesh) {
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(m.inertia);
   m.moments = solver.eigenvalues();
   m.axes = solver.eigenvectors();
-  // An eigenvector's sign is arbitrary: its largest component points up, and the third follows from the first
-  // two.
+  // The sign of an eigenvector is arbitrary. Here its largest component is positive, and the third vector
+  // follows from the first two.
   for (int k = 0; k < 2; k++) {
     Eigen::Index largest;
     m.axes.col(k).cwiseAbs().maxCoeff(&largest);

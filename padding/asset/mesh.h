@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Triangle mesh as flat arrays, its bounding box and the mass properties of the body it bounds.
+// A triangle mesh as flat arrays, its bounding box, and the mass properties of the body that it bounds.
 #pragma once
 #include <Eigen/Core>
 #include <Eigen/Geometry>
@@ -13,7 +13,7 @@ namespace padder {
 using Point = Eigen::Vector3d;   // a position, in the mesh's own unit and frame
 using Vector = Eigen::Vector3d;  // a difference of positions, or a direction
 
-// Axis-aligned. A default box is empty: low > high.
+// An axis-aligned box. A default one is empty: low > high.
 struct Box {
   Point low = Point::Constant(std::numeric_limits<double>::infinity());
   Point high = Point::Constant(-std::numeric_limits<double>::infinity());
@@ -24,7 +24,7 @@ struct Box {
   Point center() const { return 0.5 * (low + high); }
 };
 
-// Indexed triangles. Counter-clockwise seen from outside once repaired; any soup before that.
+// Indexed triangles. After repair they are counter-clockwise seen from outside; before, they may be any soup.
 struct Mesh {
   std::vector<Point> points;
   std::vector<std::array<std::uint32_t, 3>> triangles;  // indices into points
@@ -38,7 +38,7 @@ struct Mesh {
   }
 };
 
-// Of the solid with density 1, in the mesh's frame and unit.
+// The mass properties of the solid with density 1, in the mesh's frame and unit.
 struct MassProperties {
   double volume = 0;                                   // length^3
   Point center = Point::Zero();                        // of mass
@@ -47,9 +47,10 @@ struct MassProperties {
   Vector moments = Vector::Zero();                     // principal moments, ascending, one for each column
 };
 
-// Exact for the closed, outward-oriented polyhedron up to rounding: sums over the tetrahedra that the
-// triangles span with the box's centre (Mirtich, Fast and accurate computation of polyhedral mass properties,
-// 1996, gives the same integrals). For an open mesh the result depends on the closing cone and means little.
+// Sums over the tetrahedra that the triangles span with the centre of the bounding box (Mirtich, Fast and
+// accurate computation of polyhedral mass properties, 1996, gives the same integrals). Exact up to rounding
+// for a closed, outward-oriented mesh. For an open mesh the result means little: it depends on how the cone
+// to the centre closes the surface.
 MassProperties mass_properties(const Mesh& mesh);
 
 }  // namespace padder

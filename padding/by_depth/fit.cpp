@@ -6,15 +6,16 @@
 
 namespace padder {
 
-std::vector<FittedBall> fit(const Mesh& mesh, double depth, double sliver_limit) {
-  if (!(depth > 0 && depth <= 1)) throw Error("the depth ratio must be above 0 and at most 1");
+std::vector<FittedBall> fit(const Mesh& mesh, double depth_ratio, double sliver_limit) {
+  if (!(depth_ratio > 0 && depth_ratio <= 1)) throw Error("the depth ratio must be above 0 and at most 1");
   std::vector<FittedBall> out(mesh.triangles.size());
   for (std::size_t t = 0; t < out.size(); t++) {
     const Triangle3 tri{mesh.corner(t, 0), mesh.corner(t, 1), mesh.corner(t, 2)};
     Triangle3::Circle circle{tri.circumcenter(), tri.circumradius()};
     if (!(circle.radius <= sliver_limit)) circle = tri.enclosing_circle();
-    const double cap = depth * circle.radius, radius = circle.radius * (1 + depth * depth) / (2 * depth);
-    const Vector normal = tri.area_normal().normalized();  // zero for a line: then the ball sits on it
+    const double cap = depth_ratio * circle.radius,
+                 radius = circle.radius * (1 + depth_ratio * depth_ratio) / (2 * depth_ratio);
+    const Vector normal = tri.area_normal().normalized();  // zero for a line: then the centre lies on it
     out[t] = {{circle.center - (radius - cap) * normal, radius}, cap, static_cast<std::uint32_t>(t)};
   }
   return out;

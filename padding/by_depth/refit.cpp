@@ -12,11 +12,11 @@
 namespace padder {
 namespace {
 
-// A cap lowered by the margin, but never to nothing.
+// The cap lowered by the margin, but to a quarter at the most.
 double lowered(double cap, double margin) { return std::max(cap - margin, 0.25 * cap); }
 
 Ball ball_under(const Surface& body, const Point& p, const Vector& normal, double largest, double cap) {
-  // The tolerance is a share of the cap: the dilated ball still covers p, by the rest of it.
+  // The medial ball may miss p by a quarter of the cap, because the dilated ball still covers p.
   Ball ball = inner_medial_ball(body, p, normal, largest, 0.25 * cap);
   if (ball.radius > 0) ball.radius += cap;
   return ball;
@@ -38,9 +38,9 @@ void refit_one(const Surface& body, const Mesh& remeshed, double margin, FittedB
 }
 
 // A set of points no two of which are closer than `spacing`.
-class Sparse {
+class SparsePoints {
  public:
-  explicit Sparse(double spacing) : spacing_(spacing) {}
+  explicit SparsePoints(double spacing) : spacing_(spacing) {}
 
   bool insert_unless_near(const Point& p) {
     const Eigen::Vector3i cell = (p / spacing_).array().floor().cast<int>();
@@ -87,15 +87,15 @@ std::vector<FittedBall> refit(const Surface& body, const Mesh& remeshed, std::ve
   for (int round = 0; round < most_rounds; round++) {
     std::vector<Ball> plain;
     for (const auto& b : balls) plain.push_back(b.ball);
-    std::vector<Cell> open = gap_failures(body.mesh(), BallSet(plain), gap, 2 * gap);
+    std::vector<GapPart> open = gap_failures(body.mesh(), BallSet(plain), gap, 2 * gap);
     if (open.empty()) break;
     std::stable_sort(open.begin(), open.end(),
-                     [](const Cell& a, const Cell& b) { return a.value > b.value; });
-    // Of cells side by side the worst gets a ball; the others wait and see whether it covers them too.
-    std::vector<Cell> chosen;
-    Sparse taken(gap);
-    for (const Cell& cell : open)
-      if (taken.insert_unless_near(cell.centroid())) chosen.push_back(cell);
+                     [](const GapPart& a, const GapPart& b) { return a.value > b.value; });
+    // Of neighbouring parts only the worst gets a ball in this round: it may cover the others, too.
+    std::vector<GapPart> chosen;
+    SparsePoints taken(gap);
+    for (const GapPart& part : open)
+      if (taken.insert_unless_near(part.centroid())) chosen.push_back(part);
     std::vector<FittedBall> found(chosen.size());
 #pragma omp parallel for schedule(dynamic, 16)
     for (std::int64_t k = 0; k < static_cast<std::int64_t>(chosen.size()); k++) {

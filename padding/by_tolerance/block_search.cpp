@@ -11,9 +11,10 @@ namespace {
 
 constexpr std::uint32_t nowhere = 0xffffffffu;
 
-// Cuts the cover across the longest side of its places, near the middle, until the parts are small.
+// Cuts the cover into blocks: across the longest side of the box of its centres, near the middle, again and
+// again.
 void cut(std::vector<std::uint32_t>::iterator begin, std::vector<std::uint32_t>::iterator end,
-         const std::vector<Point>& places, std::size_t largest, Random& random,
+         const std::vector<Point>& centers, std::size_t largest, Random& random,
          std::vector<std::vector<std::uint32_t>>& blocks) {
   const auto n = static_cast<std::size_t>(end - begin);
   if (n <= largest) {
@@ -21,25 +22,26 @@ void cut(std::vector<std::uint32_t>::iterator begin, std::vector<std::uint32_t>:
     return;
   }
   Box box;
-  for (auto k = begin; k != end; ++k) box.add(places[*k]);
+  for (auto k = begin; k != end; ++k) box.add(centers[*k]);
   int axis;
   (box.high - box.low).maxCoeff(&axis);
   const auto middle =
       begin + static_cast<std::ptrdiff_t>(static_cast<double>(n) * (0.35 + 0.3 * random.uniform()));
   std::nth_element(begin, middle, end, [&](auto s, auto t) {
-    const double x = places[s][axis], y = places[t][axis];
+    const double x = centers[s][axis], y = centers[t][axis];
     return x != y ? x < y : s < t;
   });
-  cut(begin, middle, places, largest, random, blocks);
-  cut(middle, end, places, largest, random, blocks);
+  cut(begin, middle, centers, largest, random, blocks);
+  cut(middle, end, centers, largest, random, blocks);
 }
 
+// For each element, the sets that contain it.
 struct Transpose {
   std::vector<std::uint64_t> begin;
   std::vector<std::uint32_t> sets;
 
-  Transpose(const Sets& of, std::size_t rows) : begin(rows + 1, 0), sets(of.rows.size()) {
-    for (auto r : of.rows) begin[r + 1]++;
+  Transpose(const Sets& of, std::size_t elements) : begin(elements + 1, 0), sets(of.elements.size()) {
+    for (auto r : of.elements) begin[r + 1]++;
     std::partial_sum(begin.begin(), begin.end(), begin.begin());
     std::vector<std::uint64_t> at(begin.begin(), begin.end() - 1);
     for (std::uint32_t s = 0; s < of.size(); s++)
@@ -49,14 +51,14 @@ struct Transpose {
 
 }  // namespace
 
-std::vector<std::uint32_t> improve_in_blocks(const Sets& sets, std::size_t rows,
-                                             const std::vector<Point>& places,
+std::vector<std::uint32_t> improve_in_blocks(const Sets& sets, std::size_t elements,
+                                             const std::vector<Point>& centers,
                                              std::vector<std::uint32_t> cover, const BlockSearch& search) {
-  const Transpose transpose(sets, rows);
+  const Transpose transpose(sets, elements);
   Random random(search.seed);
   std::vector<std::vector<std::uint32_t>> blocks;
-  cut(cover.begin(), cover.end(), places, search.block, random, blocks);
-  std::vector<std::uint32_t> owner(rows, nowhere);
+  cut(cover.begin(), cover.end(), centers, search.block, random, blocks);
+  std::vector<std::uint32_t> owner(elements, nowhere);
   for (std::uint32_t b = 0; b < blocks.size(); b++)
     for (auto s : blocks[b])
       for (auto r : sets[s])
@@ -64,40 +66,40 @@ std::vector<std::uint32_t> improve_in_blocks(const Sets& sets, std::size_t rows,
 
 #pragma omp parallel for schedule(dynamic, 1) if (blocks.size() > 1)
   for (std::uint32_t b = 0; b < blocks.size(); b++) {
-    std::vector<std::uint32_t> own;  // rows
+    std::vector<std::uint32_t> own;  // elements of this block
     for (auto s : blocks[b])
       for (auto r : sets[s])
         if (owner[r] == b) own.push_back(r);
     std::sort(own.begin(), own.end());
     own.erase(std::unique(own.begin(), own.end()), own.end());
-    // The block's problem: pairs (set, row) in the block's own numbers.
+    // The set cover problem of this block: pairs of a set and an element, numbered within the block.
     std::vector<std::uint64_t> pairs;
     for (std::uint32_t k = 0; k < own.size(); k++)
       for (auto at = transpose.begin[own[k]]; at < transpose.begin[own[k] + 1]; at++)
         pairs.push_back((static_cast<std::uint64_t>(transpose.sets[at]) << 32) | k);
     std::sort(pairs.begin(), pairs.end());
     Sets local;
-    std::vector<std::uint32_t> name;  // of each local set
+    std::vector<std::uint32_t> global;  // for each set of the block, its number outside
     for (auto pair : pairs) {
       const auto s = static_cast<std::uint32_t>(pair >> 32);
-      if (name.empty() || name.back() != s) {
-        if (!name.empty()) local.begin.push_back(local.rows.size());
-        name.push_back(s);
+      if (global.empty() || global.back() != s) {
+        if (!global.empty()) local.begin.push_back(local.elements.size());
+        global.push_back(s);
       }
-      local.rows.push_back(static_cast<std::uint32_t>(pair));
+      local.elements.push_back(static_cast<std::uint32_t>(pair));
     }
-    if (!name.empty()) local.begin.push_back(local.rows.size());
+    if (!global.empty()) local.begin.push_back(local.elements.size());
     std::vector<std::uint32_t> start;
     for (auto s : blocks[b]) {
-      const auto at = std::lower_bound(name.begin(), name.end(), s);
-      if (at != name.end() && *at == s) start.push_back(static_cast<std::uint32_t>(at - name.begin()));
+      const auto at = std::lower_bound(global.begin(), global.end(), s);
+      if (at != global.end() && *at == s) start.push_back(static_cast<std::uint32_t>(at - global.begin()));
     }
     SetCover block(local, own.size());
     block.greedy(start);
     block.improve(static_cast<std::uint64_t>(search.steps * static_cast<double>(block.best().size())),
                   (search.seed << 32) + b);
     blocks[b].clear();
-    for (auto s : block.best()) blocks[b].push_back(name[s]);
+    for (auto s : block.best()) blocks[b].push_back(global[s]);
   }
   cover.clear();
   for (const auto& block : blocks) cover.insert(cover.end(), block.begin(), block.end());

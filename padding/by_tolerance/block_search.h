@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Local search over a large cover in blocks: near one another in memory, and in parallel.
+// Local search over a large cover, block by block: a block fits into the cache, and blocks run in parallel.
 #pragma once
 #include "padding/asset/mesh.h"
 #include "padding/by_tolerance/set_cover.h"
@@ -8,16 +8,17 @@ namespace padder {
 
 // How hard to search.
 struct BlockSearch {
-  std::size_t block = 200;  // sets of the cover in a block, at most
+  std::size_t block = 200;  // at most so many sets of the cover in a block
   double steps = 100;       // exchanges for each set of the cover
-  std::uint64_t seed = 1;   // another seed cuts the blocks elsewhere, so that seams move from call to call
+  std::uint64_t seed = 1;   // change it from call to call: then the borders of the blocks lie elsewhere
 };
 
-// A cover that is no larger, by SetCover::improve on blocks of neighbouring sets. `places` says where each
-// set lies. A row belongs to one block among those whose sets cover it, and that block keeps it covered: the
-// blocks' covers together are a cover of all. Runs on all threads; the same result for any number of them.
-std::vector<std::uint32_t> improve_in_blocks(const Sets& sets, std::size_t rows,
-                                             const std::vector<Point>& places,
+// Runs SetCover::improve on blocks of neighbouring sets and returns a cover that is no larger. `centers` says
+// where each set lies. Each element belongs to one of the blocks whose sets contain it, and this block keeps
+// it covered; so the covers of the blocks together cover everything. Runs on all threads; the result does not
+// depend on their number.
+std::vector<std::uint32_t> improve_in_blocks(const Sets& sets, std::size_t elements,
+                                             const std::vector<Point>& centers,
                                              std::vector<std::uint32_t> cover, const BlockSearch& search);
 
 }  // namespace padder

@@ -1,39 +1,45 @@
 // SPDX-License-Identifier: MIT
-// From a closed surface and a tolerance to the fewest balls, with the proof that they keep it.
-// docs/tolerance.md.
+// From a surface and a tolerance to the fewest balls that cover it, with the proof that they keep the
+// tolerance. docs/tolerance.md explains the method and proves it.
 #pragma once
 #include "padding/verify/certify.h"
 
 namespace padder {
 
-// Lengths in the surface's unit; made for surfaces of about unit size near the origin.
+// Lengths are in the surface's unit. The search is made for surfaces of about unit size near the origin.
 struct CoverOptions {
-  double protrusion = 0;  // no ball stands out of the body by more
-  double gap = 0;         // no surface point lies outside the union by more; the sum of both > 0
-  double min_radius = 0;  // what only smaller balls could cover stays open, and the result is not proved
+  double protrusion = 0;  // no ball may stand out of the body by more
+  double gap = 0;  // no surface point may lie farther outside the union; the sum of both must be above 0
+  // Surface that only smaller balls could cover stays open, and the result is not proved.
+  double min_radius = 0;
   double max_radius = std::numeric_limits<double>::infinity();
-  int effort = 1;            // 0: greedy only, 1: local search, 2 and 3: finer, each about twice as long
-  std::size_t large = 1000;  // above so many balls (at effort 2 and 3 always) the search goes on: 8 % fewer
+  int effort = 1;  // 0: greedy only. 1: local search. 2 and 3: finer, each takes about twice as long
+  // A cover of more balls than this is searched longer, which saves 8 % of them. Efforts 2 and 3 always do
+  // so.
+  std::size_t large = 1000;
 };
 
-// What cover() found.
+// What cover_surface() found.
 struct Cover {
-  std::vector<Ball> balls;              // with the whole protrusion allowed
-  std::vector<std::uint32_t> triangle;  // of the surface, that each ball was grown from
-  bool covered = false;  // the gap holds everywhere; false only where radius limits forbid a cover
-  bool proved = false;   // so does the protrusion: never on an open surface, nor where it faces inward
+  std::vector<Ball> balls;              // each dilated by the whole protrusion that is allowed
+  std::vector<std::uint32_t> triangle;  // for each ball, the triangle of the surface that it was grown from
+  bool covered = false;  // the gap is kept everywhere; false only where radius limits forbid a cover
+  bool proved = false;   // the protrusion is kept, too; never on an open surface, nor where it faces inward
 };
 
-// A ball grown from an inner medial ball of radius m to m + protrusion covers what lies within m + protrusion
-// + gap of its centre: both tolerances widen the disc on the surface that it answers for. Choosing the fewest
-// is a set cover problem over samples of the surface, solved by greedy and local search; balls are tried at
-// finer places around the chosen; the certificate then names the spots that the samples missed, which become
-// samples, until none is left. Throws Error for a surface without triangles and for a tolerance far too small
-// for the mesh. Runs on all threads, the same result for any number of them.
+// Each ball is grown from an inner medial ball of radius m to the radius m + protrusion. It covers the
+// surface within m + protrusion + gap of its centre, so both tolerances widen the disc that it covers.
+// Choosing the fewest balls is a set cover problem over sample points, which a greedy choice and a local
+// search solve. New balls are tried around the chosen ones. At last the certificate
+// (padding/verify/certify.h) finds the spots that the sample points missed. These spots become sample points,
+// until none is left.
+//
+// Throws Error for a surface without triangles and for a tolerance far too small for the mesh. Runs on all
+// threads; the result does not depend on their number.
 Cover cover_surface(const Surface& surface, const CoverOptions& options);
 
-// The fewest of given balls that leave no more of the surface farther out than `gap` than all of them do.
-// Returns indices, ascending.
+// Chooses the fewest of the given balls such that no surface point lies farther than `gap` outside their
+// union, unless it does so with all balls. Returns their indices in ascending order.
 std::vector<std::uint32_t> thin_balls(const Surface& surface, const std::vector<Ball>& balls, double gap,
                                       int effort = 1);
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// The set cover problem behind a cover of a surface: rows to be covered, balls to choose from, and who covers
-// whom.
+// The set cover problem behind a cover of a surface: points to cover, balls to choose from, and which ball
+// covers which point.
 #pragma once
 #include <cstdint>
 #include <vector>
@@ -14,33 +14,34 @@ namespace padder {
 // A ball that may be chosen.
 struct Candidate {
   Ball ball;                    // as it would be in the cluster
-  double depth = 0;             // of its centre below the surface
-  Point point = Point::Zero();  // of the surface, that it was grown from
-  std::uint32_t triangle = 0;   // that the point lies on
+  double inner_distance = 0;    // how far its centre lies below the surface
+  Point point = Point::Zero();  // the point of the surface that it was grown from
+  std::uint32_t triangle = 0;   // that this point lies on
 };
 
-// A ball covers a row if the row's point lies within `gap` of it; near the rim of what it covers by a margin
-// as large as the row's own, measured along the surface, because the points around the row must be covered
-// too.
-class Pool {
+// A ball covers a point that lies within `gap` of it. A point stands for the surface around it, as far as its
+// margin. So near the rim of what the ball covers, the point must lie inside by its margin, measured along
+// the surface.
+class CoverProblem {
  public:
-  explicit Pool(double gap) : gap_(gap) {}
+  explicit CoverProblem(double gap) : gap_(gap) {}
 
-  void add(const std::vector<Row>& rows, const std::vector<Candidate>& candidates);
-  void keep(const std::vector<std::uint32_t>& candidates);  // only these, in this order
-  void replace_rows(const std::vector<Row>& rows);
+  void add(const std::vector<CoverPoint>& points, const std::vector<Candidate>& candidates);
+  // Drops all other candidates and takes these in this order.
+  void keep(const std::vector<std::uint32_t>& candidates);
+  void replace_points(const std::vector<CoverPoint>& points);
 
-  Sets sets() const;
-  const std::vector<Row>& rows() const { return rows_; }
+  Sets sets() const;  // set k: the points that candidate k covers
+  const std::vector<CoverPoint>& points() const { return points_; }
   const std::vector<Candidate>& candidates() const { return candidates_; }
 
  private:
-  void cover(std::size_t first_candidate, std::size_t first_row);
+  void find_covered(std::size_t first_candidate, std::size_t first_point);
 
   double gap_;
-  std::vector<Row> rows_;
+  std::vector<CoverPoint> points_;
   std::vector<Candidate> candidates_;
-  std::vector<std::vector<std::uint32_t>> covered_;  // rows of each candidate
+  std::vector<std::vector<std::uint32_t>> covered_;  // for each candidate, the points that it covers
 };
 
 }  // namespace padder

@@ -10,64 +10,68 @@
 namespace padder {
 namespace {
 
-constexpr double largest_error = 0.5;    // of the diagonal: any ball of the inside covers all
-constexpr double smallest_error = 2e-4;  // of the diagonal: below, a count is no longer met by finer covers
-constexpr double volume_goal = 0.005;    // half of what is promised; the rest is for the estimate
+constexpr double largest_error = 0.5;    // of the diagonal: any ball inside the body covers everything
+constexpr double smallest_error = 2e-4;  // of the diagonal: a search for a count goes no lower
+// Half of what is promised. The other half is for errors of the estimate.
+constexpr double volume_goal = 0.005;
 
-class Culling {
+class CullSearch {
  public:
-  Culling(const Surface& surface, const CullOptions& options)
+  CullSearch(const Surface& surface, const CullOptions& options)
       : surface_(surface), options_(options), diagonal_(surface.bounds().diagonal()) {}
 
   Culled run() {
     if (!(options_.tolerance > 0) && options_.max_spheres == 0)
-      throw Error("neither a tolerance nor a number of spheres is given: nothing says how many are enough");
+      throw Error("neither a tolerance nor a number of spheres is given: give one of them");
     Culled culled;
     const bool mean = options_.balance == Balance::mean;
-    double reach = 2 * options_.tolerance;
+    double tolerance_sum = 2 * options_.tolerance;
     if (options_.max_spheres > 0) {
-      const double least = mean ? 0 : reach;
-      reach = reach_for_count(options_.max_spheres, least, std::max(least, guess_for(options_.max_spheres)));
-      culled.within = !(options_.tolerance > 0) || reach <= 2 * options_.tolerance;
+      const double least = mean ? 0 : tolerance_sum;
+      tolerance_sum = tolerance_sum_for_count(options_.max_spheres, least,
+                                              std::max(least, guess_for(options_.max_spheres)));
+      culled.within = !(options_.tolerance > 0) || tolerance_sum <= 2 * options_.tolerance;
     } else if (mean) {
-      cover(reach);
-      reach = reach_for_count(cover_.balls.size() + cover_.balls.size() / 2, 0, 0.7 * reach);
+      cover(tolerance_sum);
+      tolerance_sum =
+          tolerance_sum_for_count(cover_.balls.size() + cover_.balls.size() / 2, 0, 0.7 * tolerance_sum);
     }
-    cover(reach);
-    // From here on the bound on both errors: the tolerance, or what the count allowed.
-    bound_ = culled.within && options_.tolerance > 0 ? options_.tolerance : 0.5 * reach;
-    if (options_.smooth > 0) reach = smoother(reach, culled);
-    double dilation = 0.5 * reach;
-    if (options_.balance == Balance::volume) dilation = true_volume(reach, culled);
-    if (options_.balance == Balance::mean) dilation = smallest_means(reach);
+    cover(tolerance_sum);
+    // The bound on both errors from here on: the tolerance, or what the count allowed.
+    bound_ = culled.within && options_.tolerance > 0 ? options_.tolerance : 0.5 * tolerance_sum;
+    if (options_.smooth > 0) tolerance_sum = smoother(tolerance_sum, culled);
+    double dilation = 0.5 * tolerance_sum;
+    if (options_.balance == Balance::volume) dilation = true_volume(tolerance_sum, culled);
+    if (options_.balance == Balance::mean) dilation = smallest_means(tolerance_sum);
     culled.balls = dilated(dilation);
     culled.triangle = cover_.triangle;
-    culled.protrusion = dilation, culled.gap = reach_ - dilation;
+    culled.protrusion = dilation, culled.gap = tolerance_sum_ - dilation;
     culled.covered = cover_.covered, culled.proved = cover_.proved;
     culled.within = culled.within || std::max(culled.protrusion, culled.gap) <= options_.tolerance;
     return culled;
   }
 
  private:
-  // Both errors together; as solved last.
-  void cover(double reach) {
-    if (reach == reach_) return;
+  // Makes cover_ the cover for this tolerance sum, unless it is so already.
+  void cover(double tolerance_sum) {
+    if (tolerance_sum == tolerance_sum_) return;
     CoverOptions options;
-    options.protrusion = options.gap = 0.5 * reach;
+    options.protrusion = options.gap = 0.5 * tolerance_sum;
     options.min_radius = options_.min_radius, options.max_radius = options_.max_radius;
     options.effort = options_.effort;
     cover_ = cover_surface(surface_, options);
-    reach_ = reach;
+    tolerance_sum_ = tolerance_sum;
   }
 
   std::vector<Ball> dilated(double dilation) const {
     std::vector<Ball> balls = cover_.balls;
-    for (Ball& ball : balls) ball.radius += dilation - 0.5 * reach_;
+    for (Ball& ball : balls) ball.radius += dilation - 0.5 * tolerance_sum_;
     return balls;
   }
 
-  // Where a count's search starts: as if discs, each of the area that a sphere must answer for, lay on a flat
-  // whose inner medial balls have the mean thickness. Rather too large: small covers are the quick ones.
+  // The tolerance sum at which the search for a count starts. It is right if the covered discs, each of the
+  // area that one sphere must answer for, lay on a flat whose inner medial balls have the mean thickness. It
+  // is rather too large, because small covers are found quickly.
   double guess_for(std::uint64_t count) const {
     const double area = surface_.mesh().area(), r = std::abs(mass_properties(surface_.mesh()).volume) / area;
     const double disc2 = 0.5 * area / static_cast<double>(count);
@@ -76,62 +80,66 @@ class Culling {
 
   bool too_many() const { return options_.max_spheres > 0 && cover_.balls.size() > options_.max_spheres; }
 
-  // The smallest reach from `least` on that at most `count` balls cover, found to a few percent of the count.
-  // Counts fall with a power of the reach between 1 and 2, which the search learns on its way.
-  double reach_for_count(std::uint64_t count, double least, double guess) {
+  // The smallest tolerance sum, but at least `least`, for which at most `count` balls suffice, found to a few
+  // percent of the count. Counts fall with a power of the sum between 1 and 2, which the search learns on its
+  // way.
+  double tolerance_sum_for_count(std::uint64_t count, double least, double guess) {
     double low = std::max(least, 2 * smallest_error * diagonal_), high = 2 * largest_error * diagonal_;
     double power = 1.3, best = 0;
-    double last_reach = 0, last_count = 0;
+    double last_sum = 0, last_count = 0;
     for (int step = 0; step < 10; step++) {
       cover(std::clamp(guess, low, high));
       const double n = static_cast<double>(cover_.balls.size()), goal = static_cast<double>(count);
       if (cover_.balls.size() <= count) {
-        high = reach_, best = reach_, best_ = cover_;
-        if (n >= 0.97 * goal || n + 1 > goal || reach_ <= low * 1.001) break;
+        high = tolerance_sum_, best = tolerance_sum_, best_ = cover_;
+        if (n >= 0.97 * goal || n + 1 > goal || tolerance_sum_ <= low * 1.001) break;
       } else {
-        low = reach_;
-        if (reach_ >= 2 * largest_error * diagonal_) break;
+        low = tolerance_sum_;
+        if (tolerance_sum_ >= 2 * largest_error * diagonal_) break;
       }
       if (high < 1.02 * low) break;
       if (last_count > 0 && last_count != n)
-        power = std::clamp(std::log(n / last_count) / std::log(last_reach / reach_), 0.7, 2.5);
-      last_reach = reach_, last_count = n;
-      // A little below the count: above it, a step is lost.
-      guess = reach_ * std::pow(n / (0.985 * goal), 1 / power);
+        power = std::clamp(std::log(n / last_count) / std::log(last_sum / tolerance_sum_), 0.7, 2.5);
+      last_sum = tolerance_sum_, last_count = n;
+      // Aim a little below the count: a cover of too many balls is a wasted step.
+      guess = tolerance_sum_ * std::pow(n / (0.985 * goal), 1 / power);
       if (!(guess > low && guess < high)) guess = std::sqrt(low * high);
     }
-    if (!(best > 0)) throw Error("no cover with so few spheres was found; allow more");
-    cover_ = best_, reach_ = best;
+    if (!(best > 0)) throw Error("no cover with so few spheres was found: allow more spheres");
+    cover_ = best_, tolerance_sum_ = best;
     return best;
   }
 
-  // Shrinks the reach until the mean normal error is as asked, or the count is used up: dents are as deep as
-  // both errors together.
-  double smoother(double reach, Culled& culled) {
-    const double least = std::max(0.05 * reach, 2 * smallest_error * diagonal_);
+  // Shrinks the tolerance sum until the mean normal error is as asked or the count is used up: dents of the
+  // union are as deep as the tolerance sum.
+  double smoother(double tolerance_sum, Culled& culled) {
+    const double least = std::max(0.05 * tolerance_sum, 2 * smallest_error * diagonal_);
     for (int step = 0; step < 6; step++) {
       const Cover last = cover_;
-      const double last_reach = reach_;
-      cover(reach);
+      const double last_sum = tolerance_sum_;
+      cover(tolerance_sum);
       if (too_many()) {
-        cover_ = last, reach_ = last_reach;
-        return last_reach;
+        cover_ = last, tolerance_sum_ = last_sum;
+        return last_sum;
       }
-      culled.normal_error = union_shape(surface_, dilated(0.5 * reach)).normal_error;
-      if (culled.normal_error <= options_.smooth || reach <= least) break;
-      // On a flat the tilt grows with the root of the reach.
+      culled.normal_error = union_shape(surface_, dilated(0.5 * tolerance_sum)).normal_error;
+      if (culled.normal_error <= options_.smooth || tolerance_sum <= least) break;
+      // On a flat, the normal error grows with the root of the tolerance sum.
       const double ratio = 0.95 * options_.smooth / culled.normal_error;
-      reach = std::max(least, reach * std::clamp(ratio * ratio, 0.1, 0.9));
+      tolerance_sum = std::max(least, tolerance_sum * std::clamp(ratio * ratio, 0.1, 0.9));
     }
-    return reach;
+    return tolerance_sum;
   }
 
-  // The dilations that keep both bounds.
-  std::pair<double, double> allowed(double reach) const { return {reach - bound_, std::min(bound_, reach)}; }
+  // The smallest and the largest dilation that keep both bounds.
+  std::pair<double, double> allowed(double tolerance_sum) const {
+    return {tolerance_sum - bound_, std::min(bound_, tolerance_sum)};
+  }
 
-  // The largest reach whose smallest dilation still has no more than the true volume, then the dilation that
-  // has it. When the count forbids a smaller reach, the volume comes before the tolerance.
-  double true_volume(double& reach, Culled& culled) {
+  // Finds the largest tolerance sum for which the smallest allowed dilation still has at most the true
+  // volume, then the dilation that has it. When the count forbids a smaller sum, the volume comes before the
+  // tolerance.
+  double true_volume(double& tolerance_sum, Culled& culled) {
     const double body = mass_properties(surface_.mesh()).volume;
     if (!(body > 0)) throw Error("the body has no volume to match: use --balance mean or none");
     const auto ratio = [&](double dilation) {
@@ -139,18 +147,18 @@ class Culling {
     };
     for (int step = 0; step < 6; step++) {
       const Cover last = cover_;
-      const double last_reach = reach_;
-      cover(reach);
+      const double last_sum = tolerance_sum_;
+      cover(tolerance_sum);
       if (too_many()) {
-        cover_ = last, reach = reach_ = last_reach;
-        bound_ = reach, culled.within = !(options_.tolerance > 0), step = 5;
+        cover_ = last, tolerance_sum = tolerance_sum_ = last_sum;
+        bound_ = tolerance_sum, culled.within = !(options_.tolerance > 0), step = 5;
       }
-      const auto [least, most] = allowed(reach);
+      const auto [least, most] = allowed(tolerance_sum);
       double low = least, high = most, at_low = ratio(low);
       if (at_low > 1 + volume_goal && step < 5) {
         // Volume grows with the dilation about as fast as with the surface's area.
         const double surplus = (at_low - 1) * body / surface_.mesh().area();
-        reach = std::max(0.4 * reach, reach - 1.1 * surplus);
+        tolerance_sum = std::max(0.4 * tolerance_sum, tolerance_sum - 1.1 * surplus);
         continue;
       }
       culled.volume_ratio = at_low;
@@ -163,13 +171,13 @@ class Culling {
       }
       return 0.5 * (low + high);
     }
-    return 0.5 * reach;
+    return 0.5 * tolerance_sum;
   }
 
-  double smallest_means(double reach) {
-    cover(reach);
-    const auto [least, most] = allowed(reach);
-    double best = 0.5 * reach, smallest = std::numeric_limits<double>::infinity();
+  double smallest_means(double tolerance_sum) {
+    cover(tolerance_sum);
+    const auto [least, most] = allowed(tolerance_sum);
+    double best = 0.5 * tolerance_sum, smallest = std::numeric_limits<double>::infinity();
     constexpr int steps = 16;
     for (int k = 0; k <= steps; k++) {
       const double dilation = least + (most - least) * k / steps;
@@ -184,7 +192,7 @@ class Culling {
   const CullOptions& options_;
   const double diagonal_;
   Cover cover_, best_;
-  double reach_ = 0, bound_ = 0;
+  double tolerance_sum_ = 0, bound_ = 0;
 };
 
 }  // namespace
@@ -196,7 +204,7 @@ std::optional<Balance> balance_of(std::string_view name) {
   return std::nullopt;
 }
 
-Culled cull(const Surface& surface, const CullOptions& options) { return Culling(surface, options).run(); }
+Culled cull(const Surface& surface, const CullOptions& options) { return CullSearch(surface, options).run(); }
 
 double grid_entries(const std::vector<Ball>& balls, double bin) {
   double entries = 0;

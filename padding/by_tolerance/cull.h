@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// The fewest spheres for what a scene asks: a tolerance, a count, limits of size, true volume, small means,
-// smoothness.
+// The fewest spheres for what a user asks of them: a tolerance, a count, limits of the radius, true volume,
+// small mean errors, smoothness.
 #pragma once
 #include <cstdint>
 #include <optional>
@@ -11,49 +11,49 @@
 
 namespace padder {
 
-// What the freedom within the tolerances is spent on. Spheres dilated by the whole tolerance are the fewest,
-// but too large on the whole; a smaller dilation costs more spheres.
+// Spheres that are dilated by the whole tolerance are the fewest, but too large on the whole. A smaller
+// dilation needs more spheres. This says what to aim for.
 enum class Balance {
-  none,    // the fewest
-  volume,  // the union's volume within 1 % of the body's
-  mean,  // the smallest sum of mean protrusion and mean gap, with at most max_spheres (or half as many again
-         // as the fewest)
+  none,    // the fewest spheres
+  volume,  // a volume of the union within 1 % of the body's
+  mean,    // the smallest sum of mean protrusion and mean gap, with at most max_spheres; without max_spheres,
+           // with at most half as many again as the fewest
 };
 std::optional<Balance> balance_of(std::string_view name);  // "none", "volume", "mean"
 
-// Lengths in the surface's unit; made for surfaces of about unit size near the origin.
+// Lengths are in the surface's unit. The search is made for surfaces of about unit size near the origin.
 struct CullOptions {
-  double tolerance = 0;  // of protrusion and gap; 0: none given, the count decides
-  std::uint64_t max_spheres =
-      0;  // 0: no limit; else the smallest error that so many can keep, never below `tolerance`
+  double tolerance = 0;  // of protrusion and gap; 0: not given, max_spheres decides
+  // 0: no limit; else the smallest error that so many can keep, but at least `tolerance`
+  std::uint64_t max_spheres = 0;
   double min_radius = 0;
   double max_radius = std::numeric_limits<double>::infinity();
   Balance balance = Balance::none;
-  double smooth = 0;  // degrees, of the mean normal error asked for; 0: not asked
+  double smooth = 0;  // the mean normal error asked for, degrees; 0: not asked
   int effort = 1;     // as in CoverOptions
 };
 
 // What cull() left.
 struct Culled {
   std::vector<Ball> balls;
-  std::vector<std::uint32_t> triangle;  // of the surface, that each ball was grown from
-  double protrusion = 0,
-         gap = 0;           // the bounds that hold; both at most the tolerance, if the count allowed it
-  bool covered = false;     // the gap holds everywhere: false only where radius limits forbid a cover
-  bool proved = false;      // both bounds hold: never on an open surface, nor where it faces inward
+  std::vector<std::uint32_t> triangle;  // for each ball, the triangle of the surface that it was grown from
+  double protrusion = 0, gap = 0;  // the bounds that hold; at most the tolerance, if max_spheres allowed it
+  bool covered = false;     // the gap is kept everywhere; false only where radius limits forbid a cover
+  bool proved = false;      // both bounds hold; never on an open surface, nor where it faces inward
   bool within = true;       // false when max_spheres was too few for the tolerance
-  double normal_error = 0;  // degrees, estimated; only when `smooth` was asked for
-  double volume_ratio = 0;  // estimated, over the body's; only for Balance::volume
+  double normal_error = 0;  // estimate, degrees; only when `smooth` was asked for
+  double volume_ratio = 0;  // estimate of the union's volume over the body's; only for Balance::volume
 };
 
-// One cover for none; a search over the sum of both errors otherwise, which costs 3 to 8 covers. With the sum
-// fixed, centres and count are too, and the dilation can still move between the two bounds without breaking
-// the proof: balls smaller by s stand out by s less and leave a gap larger by s. Throws Error when neither a
-// tolerance nor a count is given, and what cover_surface throws.
+// Balance::none takes one cover. The others search over the tolerance sum (protrusion plus gap), which takes
+// 3 to 8 covers. While the sum is fixed, the centres and the number of balls are fixed, too; the dilation can
+// still move between the two bounds without breaking the proof, because balls smaller by s stand out by s
+// less and leave a gap larger by s. Throws Error when neither a tolerance nor a count is given, and what
+// cover_surface throws.
 Culled cull(const Surface& surface, const CullOptions& options);
 
-// How many entries such spheres make in a grid of bins of this edge when each is entered in all bins that its
-// box touches, at random positions: the sum of (1 + 2 r / bin)^3.
+// The expected number of entries in a uniform grid with cells of edge `bin`, when a sphere at a random
+// position is entered in every cell that its box touches: the sum of (1 + 2 r / bin)^3.
 double grid_entries(const std::vector<Ball>& balls, double bin);
 
 }  // namespace padder

@@ -9,51 +9,30 @@
 #include "padding/geometry/medial.h"
 #include "padding/geometry/point_tree.h"
 #include "padding/geometry/random.h"
+#include "padding/geometry/triangle_part.h"
 
 namespace padder {
 namespace {
 
-constexpr double medial_tolerance =
-    0.05;  // share of the reach; what a ball misses its point by costs that much cover
+constexpr double medial_tolerance = 0.05;  // share of the tolerance sum: by so much a ball may miss its point
 
-constexpr std::size_t most_pieces = 20'000'000;  // about 2 GB
+constexpr std::size_t most_parts = 20'000'000;  // about 2 GB
 
-// A piece of a triangle. What samples stand apart is compared with its longest edge; pieces of a bisected
-// triangle are about a third smaller than that on the whole.
-struct Piece {
-  std::array<Point, 3> corner;
-  std::uint32_t triangle;
-  double disc = 0;  // covered by the ball grown nearby
-
-  Point centroid() const { return (corner[0] + corner[1] + corner[2]) / 3; }
+// What samples stand apart is compared with the longest edge of a part. The parts of a triangle that is
+// bisected are on the whole about a third smaller than that.
+struct SamplePart : TrianglePart {
+  double disc = 0;  // radius of the disc that the ball grown nearby covers
 };
 
-// The longest edge: squared length, and the corner it starts from.
-std::pair<double, int> longest_edge(const Piece& piece) {
-  std::pair<double, int> longest{-1, 0};
-  for (int k = 0; k < 3; k++) {
-    const double l2 = (piece.corner[(k + 1) % 3] - piece.corner[k]).squaredNorm();
-    if (l2 > longest.first) longest = {l2, k};
-  }
-  return longest;
-}
-
-void bisect(const Piece& piece, std::vector<Piece>& halves) {
-  const int from = longest_edge(piece).second, to = (from + 1) % 3;
-  const Point middle = 0.5 * (piece.corner[from] + piece.corner[to]);
-  halves.push_back(piece), halves.back().corner[to] = middle;
-  halves.push_back(piece), halves.back().corner[from] = middle;
-}
-
-// The pieces' centroids with their normals: finds those around one of them that face the same way, so that a
-// thin wall keeps the samples of both its sides.
+// Finds the parts whose centroids lie near that of a given part and whose normals are similar. Comparing the
+// normals keeps samples on both sides of a thin wall.
 class Neighbours {
  public:
-  Neighbours(const Mesh& mesh, const std::vector<Piece>& pieces) : normals_(pieces.size()) {
-    std::vector<Point> points(pieces.size());
-    for (std::size_t k = 0; k < pieces.size(); k++) {
-      points[k] = pieces[k].centroid();
-      normals_[k] = mesh.area_normal(pieces[k].triangle).normalized();
+  Neighbours(const Mesh& mesh, const std::vector<SamplePart>& parts) : normals_(parts.size()) {
+    std::vector<Point> points(parts.size());
+    for (std::size_t k = 0; k < parts.size(); k++) {
+      points[k] = parts[k].centroid();
+      normals_[k] = mesh.area_normal(parts[k].triangle).normalized();
     }
     tree_ = PointTree(std::move(points));
   }
@@ -72,6 +51,10 @@ class Neighbours {
   std::vector<Vector> normals_;
 };
 
+void split_into(const SamplePart& part, std::vector<SamplePart>& parts) {
+  for (const SamplePart& half : bisect(part)) parts.push_back(half);
+}
+
 class Sampler {
  public:
   Sampler(const Surface& surface, const SampleOptions& options)
@@ -81,56 +64,57 @@ class Sampler {
 
   Samples run() {
     Samples samples;
-    std::vector<Piece> pieces = cut();
-    grow(pieces, samples.grown);
-    cut_rows(pieces);
-    const Neighbours near(surface_.mesh(), pieces);
-    samples.coarse = take_rows(pieces, near, options_.coarse_density);
-    samples.fine = take_rows(pieces, near, options_.fine_density);
+    std::vector<SamplePart> parts = cut();
+    grow(parts, samples.grown);
+    cut_finer(parts);
+    const Neighbours near(surface_.mesh(), parts);
+    samples.coarse = choose_points(parts, near, options_.coarse_density);
+    samples.fine = choose_points(parts, near, options_.fine_density);
     return samples;
   }
 
  private:
-  double piece_size(double disc, double density) const { return 1.43 * disc / density; }
+  double part_size(double disc, double density) const { return 1.43 * disc / density; }
   Ball ball_at(const Point& p, std::uint32_t triangle) const {
     return inner_medial_ball(surface_, p, surface_.mesh().area_normal(triangle).normalized(), largest_,
-                             medial_tolerance * options_.reach);
+                             medial_tolerance * options_.tolerance_sum);
   }
 
-  static void check(double pieces) {
-    if (pieces > static_cast<double>(most_pieces))
-      throw Error("the tolerance is too small for this mesh: its surface would have to be cut in more than " +
-                  std::to_string(most_pieces / 1000000) + " million pieces; ask for a larger one");
+  static void check(double parts) {
+    if (parts > static_cast<double>(most_parts))
+      throw Error(
+          "the tolerance is too small for this mesh: its surface would have to be cut into more than " +
+          std::to_string(most_parts / 1000000) + " million parts: use a larger tolerance");
   }
 
-  // Bisects until each piece is about as small as the balls around it will be dense.
-  std::vector<Piece> cut() const {
+  // Bisects the triangles until the size of each part is about the spacing of the balls there.
+  std::vector<SamplePart> cut() const {
     const Mesh& mesh = surface_.mesh();
     const auto wanted = [&](double r) {
-      return piece_size(covered_disc(r, options_.reach), options_.grown_density);
+      return part_size(covered_disc(r, options_.tolerance_sum), options_.grown_density);
     };
     const double finest = wanted(0), coarsest = wanted(largest_);
     check(mesh.area() / (coarsest * coarsest));
-    std::vector<Piece> level, done, next;
+    std::vector<SamplePart> level, done, next;
     for (std::size_t t = 0; t < mesh.triangles.size(); t++)
       if (mesh.area_normal(t).squaredNorm() > 0)
         level.push_back(
-            {{mesh.corner(t, 0), mesh.corner(t, 1), mesh.corner(t, 2)}, static_cast<std::uint32_t>(t)});
+            {{{mesh.corner(t, 0), mesh.corner(t, 1), mesh.corner(t, 2)}, static_cast<std::uint32_t>(t)}});
     std::vector<char> split;
     for (; !level.empty(); level.swap(next)) {
       split.assign(level.size(), 0);
 #pragma omp parallel for schedule(dynamic, 64) if (level.size() > 256)
       for (std::size_t k = 0; k < level.size(); k++) {
-        const double size = std::sqrt(longest_edge(level[k]).first);
+        const double size = level[k].size();
         if (size <= finest) continue;
-        // Near the finest size a split is cheaper than to ask.
+        // Near the finest size, splitting costs less than finding the ball.
         split[k] = size < 2.5 * finest || size > coarsest ||
                    size > wanted(ball_at(level[k].centroid(), level[k].triangle).radius);
       }
       next.clear();
       for (std::size_t k = 0; k < level.size(); k++) {
         if (split[k])
-          bisect(level[k], next);
+          split_into(level[k], next);
         else
           done.push_back(level[k]);
       }
@@ -139,13 +123,14 @@ class Sampler {
     return done;
   }
 
-  // Takes pieces in a random order, each with its ball; those near a taken one go and learn its disc.
-  void grow(std::vector<Piece>& pieces, std::vector<Sample>& grown) const {
-    const Neighbours near(surface_.mesh(), pieces);
-    const std::vector<std::uint32_t> order = random_order(pieces.size(), 1);
+  // Takes parts in a random order and grows a ball on each. The parts nearby are then dropped from the order,
+  // and remember the disc that this ball covers.
+  void grow(std::vector<SamplePart>& parts, std::vector<Sample>& grown) const {
+    const Neighbours near(surface_.mesh(), parts);
+    const std::vector<std::uint32_t> order = random_order(parts.size(), 1);
     std::vector<std::uint32_t> batch;
     std::vector<Ball> balls;
-    std::vector<char> gone(pieces.size());
+    std::vector<char> gone(parts.size());
     for (std::size_t at = 0; at < order.size();) {
       const std::size_t size = std::max<std::size_t>(8, grown.size() / 4);
       batch.clear();
@@ -154,47 +139,47 @@ class Sampler {
       balls.resize(batch.size());
 #pragma omp parallel for schedule(dynamic, 4) if (batch.size() > 32)
       for (std::size_t k = 0; k < batch.size(); k++)
-        balls[k] = ball_at(near.point(batch[k]), pieces[batch[k]].triangle);
+        balls[k] = ball_at(near.point(batch[k]), parts[batch[k]].triangle);
       for (std::size_t k = 0; k < batch.size(); k++) {
         if (gone[batch[k]]) continue;
-        grown.push_back({near.point(batch[k]), pieces[batch[k]].triangle, balls[k]});
-        const double disc = covered_disc(balls[k].radius, options_.reach);
+        grown.push_back({near.point(batch[k]), parts[batch[k]].triangle, balls[k]});
+        const double disc = covered_disc(balls[k].radius, options_.tolerance_sum);
         near.visit(batch[k], disc / options_.grown_density, [&](auto other) {
-          if (!gone[other]) gone[other] = 1, pieces[other].disc = disc;
+          if (!gone[other]) gone[other] = 1, parts[other].disc = disc;
         });
       }
     }
   }
 
-  void cut_rows(std::vector<Piece>& pieces) const {
-    std::vector<Piece> stack, done;
-    for (const Piece& piece : pieces) {
-      const double size = piece_size(piece.disc, options_.fine_density);
-      stack.push_back(piece);
+  void cut_finer(std::vector<SamplePart>& parts) const {
+    std::vector<SamplePart> stack, done;
+    for (const SamplePart& part : parts) {
+      const double size = part_size(part.disc, options_.fine_density);
+      stack.push_back(part);
       while (!stack.empty()) {
-        const Piece top = stack.back();
+        const SamplePart top = stack.back();
         stack.pop_back();
-        if (longest_edge(top).first > size * size)
-          bisect(top, stack);
+        if (top.longest_edge().first > size * size)
+          split_into(top, stack);
         else
           done.push_back(top);
       }
       check(static_cast<double>(done.size()));
     }
-    pieces.swap(done);
+    parts.swap(done);
   }
 
-  static std::vector<Row> take_rows(const std::vector<Piece>& pieces, const Neighbours& near,
-                                    double density) {
-    std::vector<Row> rows;
-    std::vector<char> gone(pieces.size());
-    for (auto k : random_order(pieces.size(), 2)) {
+  static std::vector<CoverPoint> choose_points(const std::vector<SamplePart>& parts, const Neighbours& near,
+                                               double density) {
+    std::vector<CoverPoint> points;
+    std::vector<char> gone(parts.size());
+    for (auto k : random_order(parts.size(), 2)) {
       if (gone[k]) continue;
-      const double radius = pieces[k].disc / density;
-      rows.push_back({near.point(k), radius});
+      const double radius = parts[k].disc / density;
+      points.push_back({near.point(k), radius});
       near.visit(k, radius, [&](auto other) { gone[other] = 1; });
     }
-    return rows;
+    return points;
   }
 
   const Surface& surface_;
@@ -204,7 +189,9 @@ class Sampler {
 
 }  // namespace
 
-double covered_disc(double r, double reach) { return std::sqrt((2 * r + reach) * reach); }
+double covered_disc(double r, double tolerance_sum) {
+  return std::sqrt((2 * r + tolerance_sum) * tolerance_sum);
+}
 
 Samples sample_surface(const Surface& surface, const SampleOptions& options) {
   return Sampler(surface, options).run();

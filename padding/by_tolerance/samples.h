@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// A surface as points with their inner medial balls: what a cover must reach, and what it may take.
+// Samples a surface: places where balls are grown, and points that a cover must reach.
 #pragma once
 #include <cstdint>
 #include <vector>
@@ -9,42 +9,43 @@
 
 namespace padder {
 
-// A point of the surface.
+// A place on the surface with its ball.
 struct Sample {
-  Point point;  // inside a triangle, where the normal is the triangle's own
-  std::uint32_t triangle = 0;
-  Ball ball;  // inner medial ball there; radius = distance of its centre to the surface
+  Point point;                 // inside a triangle, where the normal is the triangle's own
+  std::uint32_t triangle = 0;  // that the point lies on
+  Ball ball;  // the inner medial ball there: its radius is the distance of its centre to the surface
 };
 
-// A point to cover, and how much of the surface it stands for.
-struct Row {
+// A point that must be covered. It stands for the surface around it.
+struct CoverPoint {
   Point point;
-  double margin = 0;  // distance to the points that have no row of their own, about
+  double margin = 0;  // about the distance to the farthest surface that has no point of its own
 };
 
-// What sample() gives.
+// What sample_surface() gives.
 struct Samples {
   std::vector<Sample> grown;
-  std::vector<Row> coarse, fine;  // rows of two densities; neither contains the other
+  std::vector<CoverPoint> coarse, fine;  // of two densities; neither list contains the other
 };
 
-// How densely to sample.
+// How densely to sample. Densities count samples along the radius of the disc that a sphere covers on a flat.
 struct SampleOptions {
-  double reach = 0;  // how far beyond its medial ball a sphere covers: the tolerances of both sides together
-  double grown_density = 3;   // balls along the radius of the disc that a sphere covers on a flat
-  double coarse_density = 4;  // the same for rows
-  double fine_density = 6;    // the same, at least the coarse one
+  double tolerance_sum = 0;   // protrusion and gap together: so far beyond its medial ball a sphere covers
+  double grown_density = 3;   // of the places with balls
+  double coarse_density = 4;  // of the coarse points
+  double fine_density = 6;    // of the fine points; at least coarse_density
   double largest = std::numeric_limits<double>::infinity();  // radius of medial balls
 };
 
-// The radius of the disc that a medial ball of radius r covers on the flat it touches, when it covers `reach`
-// beyond its own radius: sqrt((r + reach)^2 - r^2).
-double covered_disc(double r, double reach);
+// The radius of the disc that a medial ball of radius r covers on the flat it touches, when it covers
+// `tolerance_sum` beyond its own radius: sqrt((r + tolerance_sum)^2 - r^2).
+double covered_disc(double r, double tolerance_sum);
 
-// As dense as the local thickness asks for: around each ball none other of about its normal within
-// covered_disc / density, and so for rows. Large triangles are cut in pieces for that, small ones are
-// thinned. Deterministic for any number of threads. Costs a few medial balls for each grown, and O(n log n)
-// for n triangles. Throws Error when the tolerance is so small that some 20 million pieces would be needed.
+// The spacing follows the local thickness: around each ball there is no other one with about the same normal
+// within covered_disc / density. The same holds for the points. Large triangles are cut into parts for that;
+// of small triangles only some get a sample. The result does not depend on the number of threads. Costs a few
+// medial balls for each sample, and O(n log n) for n triangles. Throws Error when the tolerance is so small
+// that the surface would have to be cut into more than 20 million parts.
 Samples sample_surface(const Surface& surface, const SampleOptions& options);
 
 }  // namespace padder

@@ -14,22 +14,22 @@ constexpr std::uint32_t nowhere = 0xffffffffu;
 
 }  // namespace
 
-SetCover::SetCover(const Sets& sets, std::size_t rows) : sets_(sets) {
-  row_begin_.assign(rows + 1, 0);
-  for (auto r : sets.rows) row_begin_[r + 1]++;
-  std::partial_sum(row_begin_.begin(), row_begin_.end(), row_begin_.begin());
-  row_sets_.resize(sets.rows.size());
-  std::vector<std::uint64_t> at(row_begin_.begin(), row_begin_.end() - 1);
+SetCover::SetCover(const Sets& sets, std::size_t elements) : sets_(sets) {
+  element_begin_.assign(elements + 1, 0);
+  for (auto r : sets.elements) element_begin_[r + 1]++;
+  std::partial_sum(element_begin_.begin(), element_begin_.end(), element_begin_.begin());
+  element_sets_.resize(sets.elements.size());
+  std::vector<std::uint64_t> at(element_begin_.begin(), element_begin_.end() - 1);
   for (std::uint32_t s = 0; s < sets.size(); s++)
-    for (auto r : sets[s]) row_sets_[at[r]++] = s;
+    for (auto r : sets[s]) element_sets_[at[r]++] = s;
 
   set_.resize(sets.size());
   for (std::size_t s = 0; s < sets.size(); s++)
     set_[s] = {static_cast<std::int32_t>(sets[s].size()), 1, 0, nowhere};
-  row_.assign(rows, {1, 0, 0, nowhere});
-  for (std::uint32_t r = 0; r < rows; r++)
+  element_.assign(elements, {1, 0, 0, nowhere});
+  for (std::uint32_t r = 0; r < elements; r++)
     if (!sets_of(r).empty())
-      row_[r].place = static_cast<std::uint32_t>(uncovered_.size()), uncovered_.push_back(r);
+      element_[r].place = static_cast<std::uint32_t>(uncovered_.size()), uncovered_.push_back(r);
 }
 
 void SetCover::add(std::uint32_t set) {
@@ -37,17 +37,17 @@ void SetCover::add(std::uint32_t set) {
   set_[set].place = static_cast<std::uint32_t>(chosen_.size());
   chosen_.push_back(set);
   for (auto r : sets_[set]) {
-    Row& row = row_[r];
-    if (row.count == 0) {
-      for (auto other : sets_of(r)) set_[other].score -= row.weight, set_[other].may_add = 1;
-      set_[set].score += row.weight;
+    Element& element = element_[r];
+    if (element.count == 0) {
+      for (auto other : sets_of(r)) set_[other].score -= element.weight, set_[other].may_add = 1;
+      set_[set].score += element.weight;
       const auto last = uncovered_.back();
-      uncovered_[row.place] = last, row_[last].place = row.place;
-      uncovered_.pop_back(), row.place = nowhere;
-    } else if (row.count == 1) {
-      set_[row.sum].score += row.weight;  // no longer lost with the one set that covered it
+      uncovered_[element.place] = last, element_[last].place = element.place;
+      uncovered_.pop_back(), element.place = nowhere;
+    } else if (element.count == 1) {
+      set_[element.sum].score += element.weight;  // no longer lost with the one set that covered it
     }
-    row.count++, row.sum += set;
+    element.count++, element.sum += set;
   }
 }
 
@@ -57,22 +57,22 @@ void SetCover::remove(std::uint32_t set) {
   chosen_[set_[set].place] = last, set_[last].place = set_[set].place;
   chosen_.pop_back(), set_[set].place = nowhere;
   for (auto r : sets_[set]) {
-    Row& row = row_[r];
-    row.count--, row.sum -= set;
-    if (row.count == 0) {
-      for (auto other : sets_of(r)) set_[other].score += row.weight, set_[other].may_add = 1;
-      set_[set].score -= row.weight;
-      row.place = static_cast<std::uint32_t>(uncovered_.size());
+    Element& element = element_[r];
+    element.count--, element.sum -= set;
+    if (element.count == 0) {
+      for (auto other : sets_of(r)) set_[other].score += element.weight, set_[other].may_add = 1;
+      set_[set].score -= element.weight;
+      element.place = static_cast<std::uint32_t>(uncovered_.size());
       uncovered_.push_back(r);
-    } else if (row.count == 1) {
-      set_[row.sum].score -= row.weight;
+    } else if (element.count == 1) {
+      set_[element.sum].score -= element.weight;
     }
   }
   set_[set].may_add = 0, set_[set].stamp = step_;
 }
 
-// Lazy greedy: scores only fall while sets are added, so a stale one at the top of the heap is put back with
-// its new score, and the first that is up to date is the best of all.
+// Lazy greedy: scores only fall while sets are added. So an outdated entry at the top of the heap is put back
+// with its new score, and the first entry that is up to date is the best of all.
 void SetCover::greedy(std::span<const std::uint32_t> start) {
   for (auto s : start)
     if (set_[s].place == nowhere) add(s);
@@ -93,10 +93,10 @@ void SetCover::greedy(std::span<const std::uint32_t> start) {
       add(s);
   }
   drop_needless();
-  keep();
+  keep_as_best();
 }
 
-// Sets that lose nothing when they go, the smallest first.
+// Removes sets that lose nothing when they go, the smallest first.
 void SetCover::drop_needless() {
   std::vector<std::uint32_t> order = chosen_;
   std::sort(order.begin(), order.end(), [&](auto s, auto t) {
@@ -106,12 +106,12 @@ void SetCover::drop_needless() {
     if (set_[s].score == 0) remove(s);
 }
 
-void SetCover::keep() {
+void SetCover::keep_as_best() {
   best_ = chosen_;
   std::sort(best_.begin(), best_.end());
 }
 
-// The member that loses the least; of equals the one that has been as it is the longest.
+// The chosen set whose removal loses the least weight; of equal ones the one that was added first.
 std::uint32_t SetCover::cheapest(std::uint32_t tabu) const {
   std::uint32_t best = nowhere;
   for (auto s : chosen_) {
@@ -125,33 +125,33 @@ std::uint32_t SetCover::cheapest(std::uint32_t tabu) const {
 
 void SetCover::improve(std::uint64_t steps, std::uint64_t seed) {
   Random random(seed);
-  std::uint32_t fresh = nowhere;  // the set added last stays in for one step
+  std::uint32_t fresh = nowhere;  // the set added last, which stays for one step
   for (std::uint64_t done = 0; done < steps && chosen_.size() > 1; done++) {
     step_++;
     while (uncovered_.empty() && chosen_.size() > 1) {
-      if (chosen_.size() < best_.size()) keep();
+      if (chosen_.size() < best_.size()) keep_as_best();
       remove(cheapest(nowhere));
     }
     if (chosen_.size() > 1) remove(cheapest(fresh));
     while (!uncovered_.empty() && chosen_.size() + 1 < best_.size()) {
-      const auto row = uncovered_[random.below(uncovered_.size())];
+      const auto element = uncovered_[random.below(uncovered_.size())];
       std::uint32_t pick = nowhere;
-      for (auto s : sets_of(row)) {
+      for (auto s : sets_of(element)) {
         if (!set_[s].may_add) continue;
         if (pick == nowhere || set_[s].score > set_[pick].score ||
             (set_[s].score == set_[pick].score && set_[s].stamp < set_[pick].stamp))
           pick = s;
       }
-      if (pick == nowhere) pick = sets_of(row)[0];
+      if (pick == nowhere) pick = sets_of(element)[0];
       add(pick), set_[pick].stamp = step_, fresh = pick;
       for (auto r : uncovered_) {
-        row_[r].weight++;
+        element_[r].weight++;
         for (auto s : sets_of(r)) set_[s].score++;
       }
     }
   }
-  if (uncovered_.empty() && chosen_.size() < best_.size()) keep();
-  // Back to the best cover, so that a further call starts there.
+  if (uncovered_.empty() && chosen_.size() < best_.size()) keep_as_best();
+  // Return to the best cover, so that the next call starts from it.
   const std::vector<std::uint32_t> now = chosen_;
   for (auto s : now)
     if (!std::binary_search(best_.begin(), best_.end(), s)) remove(s);

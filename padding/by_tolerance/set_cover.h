@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// The fewest sets that cover all rows (the unicost set cover problem): greedy, then local search. Pure
-// combinatorics.
+// The set cover problem with equal costs: find the fewest sets that together contain all elements. A greedy
+// choice comes first, then a local search. Nothing here knows of geometry.
 #pragma once
 #include <cstdint>
 #include <span>
@@ -8,66 +8,72 @@
 
 namespace padder {
 
-// Which rows each set covers: lists behind one another (compressed rows).
+// The elements of each set, one list after the other (compressed sparse rows).
 struct Sets {
-  std::vector<std::uint64_t> begin = {0};  // sets + 1
-  std::vector<std::uint32_t> rows;
+  // begin[k] is where the list of set k begins in `elements`; the last entry is the end of all lists.
+  std::vector<std::uint64_t> begin = {0};
+  std::vector<std::uint32_t> elements;
 
   std::size_t size() const { return begin.size() - 1; }
   std::span<const std::uint32_t> operator[](std::size_t set) const {
-    return {rows.data() + begin[set], rows.data() + begin[set + 1]};
+    return {elements.data() + begin[set], elements.data() + begin[set + 1]};
   }
   void add(std::span<const std::uint32_t> set) {
-    rows.insert(rows.end(), set.begin(), set.end());
-    begin.push_back(rows.size());
+    elements.insert(elements.end(), set.begin(), set.end());
+    begin.push_back(elements.size());
   }
 };
 
-// A local search over covers. Rows that no set covers are left out and do not count. Fewer than 2^32 - 1 sets
-// and rows. Deterministic: depends on the input and the seed only.
+// A search over covers. Elements that no set contains are ignored. There may be at most 2^32 - 2 sets and as
+// many elements. The result depends on the input and the seed only.
 class SetCover {
  public:
-  SetCover(const Sets& sets, std::size_t rows);  // keeps a reference to `sets`
+  SetCover(const Sets& sets, std::size_t elements);  // keeps a reference to `sets`
 
-  // Takes these sets, then the set that covers the most uncovered rows until all are covered (of equals, the
-  // lowest index), then drops what the others make needless.
+  // Takes the sets of `start`. Then takes the set with the most uncovered elements, again and again, until
+  // all are covered; of equal sets the one with the lowest index. At last drops the sets whose elements all
+  // lie in others.
   void greedy(std::span<const std::uint32_t> start = {});
 
-  // Row-weighting local search (Gao, Weise and Li, An efficient local search heuristic with row weighting for
-  // the unicost set covering problem, 2015): take one set out too many, repair, and let rows that are hard to
-  // cover gain weight. Makes `steps` exchanges; keeps the best cover seen. Call greedy() first.
+  // Local search with weights (Gao, Weise and Li, An efficient local search heuristic with row weighting for
+  // the unicost set covering problem, 2015): take out one set too many, repair the cover, and raise the
+  // weight of the elements that are hard to cover. Makes `steps` exchanges and keeps the best cover seen.
+  // Call greedy() first.
   void improve(std::uint64_t steps, std::uint64_t seed);
 
   const std::vector<std::uint32_t>& best() const { return best_; }  // ascending
 
  private:
   struct Set {
-    std::int32_t score;     // weight of the rows gained by adding it; minus the weight lost by removing it
-    std::uint32_t may_add;  // configuration checking: something around it changed since its removal
-    std::uint32_t stamp;    // step of its last change
+    // Outside the cover: the weight that adding the set gains. Inside: minus the weight that removing it
+    // loses.
+    std::int32_t score;
+    std::uint32_t may_add;  // 0: nothing around it has changed since its removal (configuration checking)
+    std::uint32_t stamp;    // step at which it was added or removed last
     std::uint32_t place;    // in chosen_, or `nowhere`
   };
-  struct Row {
+  struct Element {
     std::int32_t weight;
     std::uint32_t count;  // chosen sets that cover it
-    std::uint32_t sum;    // of their indices modulo 2^32: the set itself where count is 1
+    std::uint32_t sum;    // of their indices modulo 2^32; where count is 1, this is the index of the only one
     std::uint32_t place;  // in uncovered_, or `nowhere`
   };
 
-  std::span<const std::uint32_t> sets_of(std::uint32_t row) const {
-    return {row_sets_.data() + row_begin_[row], row_sets_.data() + row_begin_[row + 1]};
+  std::span<const std::uint32_t> sets_of(std::uint32_t element) const {
+    return {element_sets_.data() + element_begin_[element],
+            element_sets_.data() + element_begin_[element + 1]};
   }
   void add(std::uint32_t set);
   void remove(std::uint32_t set);
   void drop_needless();
-  void keep();
+  void keep_as_best();
   std::uint32_t cheapest(std::uint32_t tabu) const;
 
   const Sets& sets_;
-  std::vector<std::uint64_t> row_begin_;  // the transpose
-  std::vector<std::uint32_t> row_sets_;
+  std::vector<std::uint64_t> element_begin_;  // for each element, the sets that contain it
+  std::vector<std::uint32_t> element_sets_;
   std::vector<Set> set_;
-  std::vector<Row> row_;
+  std::vector<Element> element_;
   std::vector<std::uint32_t> chosen_, uncovered_, best_;
   std::uint32_t step_ = 0;
 };

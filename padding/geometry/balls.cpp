@@ -31,7 +31,7 @@ BallSet::BallSet(std::vector<Ball> balls) : balls_(std::move(balls)) {
   build(0, n);
 }
 
-// Splits at the median of the dimension with the widest spread, the radius being the fourth.
+// Splits at the median along the dimension with the widest spread. The radius is the fourth dimension.
 std::uint32_t BallSet::build(std::uint32_t begin, std::uint32_t end) {
   const auto less_along = [](int axis) {
     return [axis](const Slot& s, const Slot& t) {
@@ -70,9 +70,8 @@ std::uint32_t BallSet::build(std::uint32_t begin, std::uint32_t end) {
   return index;
 }
 
-// Visits leaves in the order of their lower bounds, nearest first, as long as the bound is not above `limit`;
-// the visit may lower `limit` and returns true to stop. An empty child (a single ball leaves one) has an
-// infinite bound.
+// Visits leaves as long as their lower bound is not above `limit`, the nearer child first. The visit may
+// lower `limit`, and returns true to stop. A single ball leaves an empty child, whose bound is infinite.
 template <class Visit>
 void BallSet::traverse(const Point& x, double& limit, Visit&& visit) const {
   if (nodes_.empty()) return;
@@ -120,9 +119,9 @@ bool BallSet::any_contains(const Point& x, double margin) const {
   return found;
 }
 
-void BallSet::find(const Point& x, double reach, std::vector<std::uint32_t>& found) const {
-  traverse(x, reach, [&](const Slot& slot) {
-    if (gap_to(slot.ball, x) < reach) found.push_back(slot.index);
+void BallSet::find(const Point& x, double distance, std::vector<std::uint32_t>& found) const {
+  traverse(x, distance, [&](const Slot& slot) {
+    if (gap_to(slot.ball, x) < distance) found.push_back(slot.index);
     return false;
   });
 }

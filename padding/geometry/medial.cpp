@@ -7,11 +7,11 @@ namespace padder {
 
 Ball inner_medial_ball(const Surface& surface, const Point& p, const Vector& normal, double largest,
                        double tolerance) {
-  // The exact iteration at least halves the surplus in practice, but on noise it may creep: from here on the
-  // radius also falls by a fixed share, which ends the loop at r <= tolerance at the latest.
+  // In practice a step at least halves the surplus, but on noisy surfaces the steps may be tiny. After so
+  // many steps the radius also falls by a fixed share, so the loop ends at r <= tolerance at the latest.
   constexpr int patience = 24;
-  // A first ball of a few tolerances, doubled while it is empty: starting from the largest, the first queries
-  // would be far outside a thin body, where they cost most.
+  // Starts with a ball of a few tolerances and doubles it while it is empty. The largest ball would start far
+  // outside a thin body, where queries cost most.
   double r = std::min(largest, std::max(32 * tolerance, largest / 64));
   bool growing = r < largest;
   for (int step = 0; r > tolerance;) {
@@ -23,8 +23,8 @@ Ball inner_medial_ball(const Surface& surface, const Point& p, const Vector& nor
       continue;
     }
     growing = false;
-    // The ball through p and the point hit, with its centre on the ray. The height is positive because the
-    // point lies inside the ball of radius r; rounding alone can spoil that.
+    // The next ball passes through p and the point that was hit, with its centre on the ray. The height is
+    // positive because the point lies inside the ball of radius r; only rounding can spoil that.
     const Vector d = p - hit.point;
     const double height = d.dot(normal);
     const double next = height > 0 ? d.squaredNorm() / (2 * height) : 0;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// A static tree over points that answers: which points lie in this ball?
+// A static tree over points that answers which of them lie in a ball.
 #pragma once
 #include <cstdint>
 #include <vector>
@@ -8,14 +8,15 @@
 
 namespace padder {
 
-// Keeps the points in the tree's own order, in which each subtree is one run: a subtree inside the ball is
-// reported without looking at its points. Immutable after construction, so any number of threads may ask.
+// Keeps the points in the order of the tree, where each subtree is contiguous. So a subtree that lies inside
+// the ball is reported without looking at its points. Does not change after construction, so any number of
+// threads may ask.
 class PointTree {
  public:
   PointTree() = default;
   explicit PointTree(std::vector<Point> points);
 
-  // Appends the index of each point with |x - center| <= radius, in ascending order of the tree.
+  // Appends the index of each point with |x - center| <= radius, in the order of the tree.
   void find(const Point& center, double radius, std::vector<std::uint32_t>& found) const;
 
   const std::vector<Point>& points() const { return points_; }  // as given
@@ -24,7 +25,7 @@ class PointTree {
  private:
   struct Node {
     Point low, high;
-    std::uint32_t begin, end, right;  // the left child follows its parent; right == 0: a leaf
+    std::uint32_t begin, end, right;  // the left child stands behind its parent; right is 0 for a leaf
   };
   std::uint32_t build(std::uint32_t begin, std::uint32_t end);
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Random numbers that are the same on every platform, which the distributions of <random> do not promise.
+// Random numbers that are the same on every platform. The distributions of <random> do not promise that.
 #pragma once
 #include <algorithm>
 #include <cstdint>

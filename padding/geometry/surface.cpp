@@ -18,8 +18,8 @@ constexpr int stack_size = 128;  // depth is bounded by the median fallback in b
 enum Feature : int { face = 0, vertex0 = 1, vertex1 = 2, vertex2 = 3, edge01 = 4, edge12 = 5, edge20 = 6 };
 
 // Closest point of triangle (a, a+ab, a+ac) to p, by Voronoi region of its features (Ericson, Real-Time
-// Collision Detection, 2005, section 5.1.5). A degenerate triangle falls to its edges, which a zero-length
-// edge survives.
+// Collision Detection, 2005, section 5.1.5). A triangle without area falls into the regions of its edges,
+// which also work for an edge of length 0.
 inline double closest(const Point& p, const Point& a, const Vector& ab, const Vector& ac, Point& q,
                       int& feature) {
   const Vector ap = p - a;
@@ -170,7 +170,8 @@ std::uint32_t Surface::build(std::vector<std::uint32_t>& order, const std::vecto
                                                          [&](auto t) { return bin_of(t) < split; }) -
                                           order.begin());
   }
-  // A lopsided split could make the tree as deep as there are triangles; below 1/32 the median takes over.
+  // Very uneven splits could make the tree as deep as there are triangles. Where one side would get less than
+  // 1/32, the median splits instead.
   const std::uint32_t smaller = std::min(middle - begin, end - middle);
   if (smaller == 0 || (end - begin > 4 * leaf_size && smaller < (end - begin) / 32)) {
     middle = begin + (end - begin) / 2;
@@ -263,8 +264,8 @@ Nearest Surface::signed_nearest(const Point& p) const {
 std::optional<int> Surface::winding_number(const Point& p) const {
   if (!closed()) return std::nullopt;
   if ((p.array() < bounds_.low.array()).any() || (p.array() > bounds_.high.array()).any()) return 0;
-  // Directions without a pattern that a mesh could have. A ray is left open when it grazes an edge, which
-  // hardly ever happens to a second one; a point on the surface fails with all.
+  // Directions without a pattern, so that no mesh has faces along them. A ray that grazes an edge gives no
+  // result; this hardly ever happens to the next ray, too. For a point on the surface all of them fail.
   static const std::vector<Vector> directions = [] {
     std::vector<Vector> all;
     Random random(7);
@@ -281,10 +282,10 @@ std::optional<int> Surface::winding_number(const Point& p) const {
 
 namespace {
 
-// Of a ray and a triangle, relative to the ray's origin: +1 where the ray leaves through its front, -1 where
-// it enters, 0 where it misses; none when a sign is smaller than its rounding error. Each component of d is
-// at most 1. Errors: the differences a, b, c are off by 2^-53 of themselves, so each of the products below by
-// less than 12 times that, and there are 6.
+// How a ray crosses a triangle: +1 where it leaves through the front, -1 where it enters, 0 where it misses,
+// and nothing where a sign is smaller than its rounding error. Corners are relative to the ray's origin, and
+// each component of d is at most 1. The error: the differences a, b, c are off by 2^-53 of themselves, so
+// each of the 6 products below is off by less than 12 times that.
 std::optional<int> crossing(const Vector& d, const Vector& a, const Vector& b, const Vector& c) {
   constexpr double error = 72 * 0x1p-53;
   const double size_a = a.cwiseAbs().maxCoeff(), size_b = b.cwiseAbs().maxCoeff(),
@@ -300,9 +301,9 @@ std::optional<int> crossing(const Vector& d, const Vector& a, const Vector& b, c
   return ahead == ab ? ab : 0;
 }
 
-// Does the ray meet the box? Never false for one that does: the range is widened by more than rounding.
+// Does the ray meet the box? The range is widened by more than the rounding error, so a hit is never missed.
 bool meets(const double* low, const double* high, const Point& p, const Vector& inverse) {
-  if (low[0] > high[0]) return false;  // the empty half of a root that is a leaf
+  if (low[0] > high[0]) return false;  // the empty child of a root with a single leaf
   double from = 0, to = std::numeric_limits<double>::infinity();
   for (int k = 0; k < 3; k++) {
     const double s = (low[k] - p[k]) * inverse[k], t = (high[k] - p[k]) * inverse[k];

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Nearest-point and inside queries on a triangle mesh: a bounding-volume hierarchy in double precision.
-// Every later step (refit, cull, accuracy) asks its questions here.
+// Nearest-point and inside queries on a triangle mesh, by a bounding-volume hierarchy in double precision.
+// All later steps (refit, cull, accuracy) ask their questions here.
 #pragma once
 #include <cstdint>
 #include <limits>
@@ -11,66 +11,68 @@
 
 namespace padder {
 
-// Nearest point of a surface.
+// The nearest point of a surface.
 struct Nearest {
   Point point = Point::Zero();
   double distance = std::numeric_limits<double>::infinity();
-  std::uint32_t triangle = 0;      // index in the mesh; undefined when distance is infinite
-  Vector normal = Vector::Zero();  // pseudonormal there, filled by Surface::signed_nearest only; unit length
+  std::uint32_t triangle = 0;      // of the mesh; undefined when distance is infinite
+  Vector normal = Vector::Zero();  // pseudonormal of unit length; only from Surface::signed_nearest
 };
 
-// How signed_nearest finds the side of a point.
+// How signed_nearest finds on which side of the surface a point lies.
 enum class SideBy {
-  pseudonormal,  // of the nearest point: exact for an oriented surface that does not intersect itself
-  winding        // winding number, where the surface is closed: exact whatever intersects, one ray more
+  pseudonormal,  // by that of the nearest point: exact for an oriented surface that does not intersect itself
+  winding        // by the winding number: exact for any closed surface, but costs a ray for each query
 };
 
-// Keeps a copy of what it needs of the mesh; immutable after construction, so any number of threads may ask.
-// Building costs O(n log n), about 1 s a million triangles; a query O(log n) when the point is near the
+// Keeps a copy of the mesh and does not change after construction, so any number of threads may ask. Building
+// takes O(n log n), about 1 s for a million triangles. A query takes O(log n) when the point is near the
 // surface.
 class Surface {
  public:
   explicit Surface(const Mesh& mesh, SideBy side = SideBy::pseudonormal);
 
-  // Nearest point closer than `limit`; distance stays infinite when there is none.
+  // The nearest point, if it is closer than `limit`. Otherwise the distance stays infinite.
   Nearest nearest(const Point& p, double limit = std::numeric_limits<double>::infinity()) const;
 
-  // Nearest point and the side of p: distance is negative inside. The sign is that of the angle-weighted
-  // pseudonormal (Baerentzen and Aanaes, Signed distance computation using the angle weighted pseudonormal,
-  // 2005): exact for a closed, oriented surface without self-intersections; for an open sheet, below its
-  // normals is inside. With SideBy::winding and a closed surface, inside is where the winding number is above
-  // 0.
+  // The nearest point; its distance is negative when p is inside. With SideBy::pseudonormal the sign is that
+  // of the angle-weighted pseudonormal (Baerentzen and Aanaes, Signed distance computation using the angle
+  // weighted pseudonormal, 2005). It is exact for a closed, oriented surface without self-intersections; for
+  // an open sheet, inside is below its normals. With SideBy::winding and a closed surface, inside is where
+  // the winding number is above 0.
   Nearest signed_nearest(const Point& p) const;
 
-  // How often the surface winds around p: 0 outside, 1 inside, 2 where two solids overlap, -1 inside of a
-  // solid that is turned inside out. Exact: signed crossings of a ray with every sign certified against
-  // rounding; another ray is tried where one is not. None for an open surface and for points on the surface,
-  // as near as rounding can tell. O(log n) and as many steps as the ray has crossings.
+  // How often the surface winds around p: 0 outside, 1 inside, 2 where two solids overlap, -1 inside a solid
+  // that is turned inside out. It counts the signed crossings of a ray. The result is exact: each sign is
+  // certified against rounding, and another ray is tried where one is not. There is no result for an open
+  // surface, nor for a point on the surface as far as rounding can tell. Takes O(log n) and a step for each
+  // crossing.
   std::optional<int> winding_number(const Point& p) const;
 
-  // Edges along which the triangles' directions do not cancel: none means that the surface is closed and has
-  // an inside. Faces meet where they share indices, not positions.
+  // The number of edges along which the directions of the triangles do not cancel. With none, the surface is
+  // closed and has an inside. Triangles meet where they share indices, not positions.
   std::size_t open_edges() const { return open_edges_; }
   bool closed() const { return open_edges_ == 0 && !slots_.empty(); }
 
-  // Is any point of the surface closer to p than `limit`? Cheaper than nearest: stops at the first.
+  // Is any point of the surface closer to p than `limit`? Cheaper than nearest(), because it stops at the
+  // first.
   bool any_within(const Point& p, double limit) const;
 
   const Mesh& mesh() const { return mesh_; }
   const Box& bounds() const { return bounds_; }
 
  private:
-  struct Node {  // 2 boxes side by side, so that one visit decides on both children
+  struct Node {  // holds the boxes of both children, so that one visit decides on both
     double low[2][3], high[2][3];
     std::uint32_t child[2];  // node, or first triangle slot when count > 0
     std::uint32_t count[2];
   };
-  struct Slot {  // a triangle as the distance needs it
+  struct Slot {  // a triangle, prepared for distances
     Point a, ab, ac;
     std::uint32_t triangle;
   };
 
-  // The signed crossings of the ray; none where rounding leaves one open.
+  // The sum of the signed crossings of the ray, or nothing when rounding leaves one of them open.
   std::optional<int> crossings(const Point& p, const Vector& direction) const;
   std::uint32_t build(std::vector<std::uint32_t>& order, const std::vector<Box>& boxes, std::uint32_t begin,
                       std::uint32_t end);

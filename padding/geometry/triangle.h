@@ -22,14 +22,14 @@ struct Triangle3 {
     return std::atan2(u.cross(v).norm(), u.dot(v));
   }
 
-  // Infinite when the corners lie on a line.
+  // Infinite for corners on a line.
   double circumradius() const {
     const double twice_area = (b - a).cross(c - a).norm();
     return (a - b).norm() * (b - c).norm() * (c - a).norm() / (2 * twice_area);
   }
 
-  // Barycentric coordinates of the circumcentre; negative beyond an edge that faces an obtuse angle. NaN for
-  // a line.
+  // Barycentric coordinates of the circumcentre. One is negative when the circumcentre lies beyond the edge
+  // that faces an obtuse angle. NaN for corners on a line.
   std::array<double, 3> circumcenter_weights() const {
     const double la = (b - c).squaredNorm(), lb = (c - a).squaredNorm(), lc = (a - b).squaredNorm();
     const double wa = la * (lb + lc - la), wb = lb * (lc + la - lb), wc = lc * (la + lb - lc);
@@ -41,8 +41,8 @@ struct Triangle3 {
     return w[0] * a + w[1] * b + w[2] * c;
   }
 
-  // The smallest circle that holds the triangle: the circumcircle, or the one over the longest edge when
-  // obtuse.
+  // The smallest circle around the triangle: the circle over the longest edge for an obtuse triangle,
+  // otherwise the circumcircle.
   struct Circle {
     Point center;
     double radius;

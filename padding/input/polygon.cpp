@@ -12,8 +12,8 @@ namespace {
 class Clipper {
  public:
   explicit Clipper(std::span<const Point> polygon) : n_(polygon.size()), points_(polygon) {
-    // Newell's normal; its largest component is dropped, so that the flat coordinates are the given ones,
-    // unrounded.
+    // Newell's normal. The coordinate of its largest component is dropped, so the flat coordinates are the
+    // given ones, without rounding.
     Vector normal = Vector::Zero();
     for (std::size_t k = 1; k + 1 < n_; k++)
       normal += (polygon[k] - polygon[0]).cross(polygon[k + 1] - polygon[0]);
@@ -39,11 +39,12 @@ class Clipper {
       any = next_[k];
       left--;
     };
-    // Blocked by what touches first, then only by what lies inside (bridges to a hole touch themselves).
+    // At first a corner that touches the ear blocks it. If no ear is left, only corners inside block it: a
+    // polygon with a bridge to a hole touches itself.
     for (const bool strict : {false, true}) {
       bool found = true;
-      while (left > 3 &&
-             found) {  // an ear may open far from the last cut: look at all again when the list runs dry
+      // An ear may open far from the last cut: when the list is empty, all corners are looked at again.
+      while (left > 3 && found) {
         ears_.clear();
         collect_reflex(any, left);
         for (std::uint32_t k = any, i = 0; i < left; k = next_[k], i++) offer(k, strict);
@@ -58,7 +59,7 @@ class Clipper {
         }
       }
     }
-    while (left >= 3) clip(any);  // the last triangle, or a polygon that has no ear since it crosses itself
+    while (left >= 3) clip(any);  // the last triangle, or a polygon without an ear because it crosses itself
   }
 
  private:
@@ -74,13 +75,13 @@ class Clipper {
       if (!(cross(flat_[previous_[k]], flat_[k], flat_[next_[k]]) > 0)) reflex_.push_back(k);
   }
 
-  // Puts corner k on the list when the triangle with its neighbours is an ear.
+  // Puts corner k on the list if it and its neighbours form an ear.
   void offer(std::uint32_t k, bool strict) {
     const std::uint32_t i = previous_[k], j = next_[k];
     const Flat &a = flat_[i], &b = flat_[k], &c = flat_[j];
     if (!(cross(a, b, c) > 0)) return;
-    // Also corners that are no longer reflex or already cut may stand here: a cut one lies in no remaining
-    // ear.
+    // The list may still have corners that are no longer reflex or already cut. A cut corner lies in no ear
+    // that is left, so it does no harm.
     for (const std::uint32_t r : reflex_) {
       const Flat& p = flat_[r];
       if (r == i || r == k || r == j || p == a || p == b || p == c) continue;
@@ -93,7 +94,7 @@ class Clipper {
     ears_.insert({quality_[k], k});
   }
 
-  // Twice the area over the longest side squared: the sine-like measure of the smallest angle; scale-free.
+  // Twice the area over the square of the longest side: it grows with the smallest angle and has no unit.
   double shape(std::uint32_t i, std::uint32_t j, std::uint32_t k) const {
     const Vector ab = points_[j] - points_[i], ac = points_[k] - points_[i], bc = points_[k] - points_[j];
     const double longest = std::max({ab.squaredNorm(), ac.squaredNorm(), bc.squaredNorm()});

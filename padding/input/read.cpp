@@ -25,65 +25,6 @@ void check_counts(std::uint64_t points, std::uint64_t triangles, const std::stri
                     " triangles, more than the 4294967295 that 32-bit indices name: split the mesh");
 }
 
-bool Lines::next(std::string_view& line) {
-  if (at_ >= text_.size()) return false;
-  const std::size_t end = std::min(text_.find_first_of("\r\n", at_), text_.size());
-  line = text_.substr(at_, end - at_);
-  at_ = end + (text_.substr(end, 2) == "\r\n" ? 2 : 1);
-  number_++;
-  return true;
-}
-
-std::string_view next_word(std::string_view& line) {
-  const char* blank = " \t\v\f";
-  line.remove_prefix(std::min(line.find_first_not_of(blank), line.size()));
-  const std::string_view word = line.substr(0, line.find_first_of(blank));
-  line.remove_prefix(word.size());
-  return word;
-}
-
-Number parse_real(std::string_view word, double& value) {
-  if (word.size() > 1 && word[0] == '+' && word[1] != '-') word.remove_prefix(1);
-  const char* end = word.data() + word.size();
-  auto [stop, code] = std::from_chars(word.data(), end, value);
-  if (code == std::errc::result_out_of_range)  // too small for a double is 0, too large is not finite
-    value =
-        word.find_first_of("eE") != word.npos && word.substr(word.find_first_of("eE") + 1).starts_with('-')
-            ? 0
-            : std::numeric_limits<double>::infinity();
-  else if (code != std::errc())
-    return Number::malformed;
-  if (stop != end) {
-    if (std::string_view(stop, end).substr(0, 2) != "#I" && std::string_view(stop, end).substr(0, 2) != "#Q")
-      return Number::malformed;
-    value = std::numeric_limits<double>::quiet_NaN();  // 1.#INF, 1.#IND, 1.#QNAN of an old C library
-  }
-  return std::isfinite(value) ? Number::finite : Number::not_finite;
-}
-
-bool parse_whole(std::string_view word, std::int64_t& value) {
-  if (word.size() > 1 && word[0] == '+' && word[1] != '-') word.remove_prefix(1);
-  const auto [stop, code] = std::from_chars(word.data(), word.data() + word.size(), value);
-  return code == std::errc() && stop == word.data() + word.size();
-}
-
-Point parse_point(std::string_view& line, const std::string& where, std::uint32_t line_number) {
-  Point p;
-  for (int k = 0; k < 3; k++) {
-    const std::string_view word = next_word(line);
-    if (word.empty())
-      fail(where, "line " + std::to_string(line_number) + ": a vertex needs three coordinates, here are " +
-                      std::to_string(k) + ": export the mesh again");
-    if (parse_real(word, p[k]) == Number::malformed)
-      fail(where, "line " + std::to_string(line_number) + ": " + printable(word) + " is not a number" +
-                      (word.find(',') < word.size() ? " (decimals need a point, not a comma)" : "") +
-                      ": export the mesh again");
-  }
-  return p;
-}
-
-std::string printable(std::string_view word) { return "'" + excerpt(word) + "'"; }
-
 }  // namespace reading
 
 namespace {
@@ -108,7 +49,7 @@ std::string plural(std::uint64_t n, const std::string& one, const std::string& m
   return std::to_string(n) + " " + (n == 1 ? one : many);
 }
 
-// Polygons to triangles, used and finite points only.
+// Splits the polygons into triangles. Keeps only the points that they use, which must be finite.
 Mesh to_mesh(Soup& soup, const std::string& where, std::vector<std::string>& notes) {
   reading::check_counts(soup.points.size(),
                         soup.corners.size() - std::min(2 * soup.ends.size(), soup.corners.size()), where);
@@ -122,9 +63,9 @@ Mesh to_mesh(Soup& soup, const std::string& where, std::vector<std::string>& not
     used[v] = true;
   }
   Mesh mesh;
-  std::vector<std::uint32_t> place(soup.points.size());
+  std::vector<std::uint32_t> new_index(soup.points.size());
   for (std::size_t v = 0; v < used.size(); v++) {
-    place[v] = static_cast<std::uint32_t>(mesh.points.size());
+    new_index[v] = static_cast<std::uint32_t>(mesh.points.size());
     if (used[v]) mesh.points.push_back(soup.points[v]);
   }
   if (const std::size_t unused = soup.points.size() - mesh.points.size())
@@ -146,7 +87,8 @@ Mesh to_mesh(Soup& soup, const std::string& where, std::vector<std::string>& not
     else
       triangulate_polygon(polygon, pieces);
     for (const auto& t : pieces)
-      mesh.triangles.push_back({place[corners[t[0]]], place[corners[t[1]]], place[corners[t[2]]]});
+      mesh.triangles.push_back(
+          {new_index[corners[t[0]]], new_index[corners[t[1]]], new_index[corners[t[2]]]});
   }
   if (mesh.triangles.empty())
     fail(where, std::string("it holds no triangle") +
@@ -187,8 +129,7 @@ ReadResult read_mesh(const std::filesystem::path& path, const ReadOptions& optio
     throw Error("the scale must be a positive number");
   if (!options.unit.empty() && !metres.contains(options.unit))
     throw Error("unit '" + options.unit + "' is not known: use m, cm, mm or in");
-  std::string ending = path.extension().string();
-  for (char& c : ending) c = c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
+  const std::string ending = reading::lower_case(path.extension().string());
   if (std::ranges::find(mesh_endings(), ending) == mesh_endings().end()) {
     std::string known;
     for (const std::string& e : mesh_endings()) known += (known.empty() ? "" : ", ") + e;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// 3MF: a zip archive with XML. Read here because assimp 5.2 does not deliver the unit, and keeps floats. The
-// format: github.com/3MFConsortium/spec_core, and spec_production for objects in further files.
+// Reads 3MF, a zip archive with XML. assimp 5.2 does not deliver the unit and keeps only floats. The format
+// is in github.com/3MFConsortium/spec_core; its spec_production has objects in further files.
 #include <Eigen/Core>
 #include <Eigen/LU>
 #include <algorithm>
@@ -16,11 +16,11 @@
 namespace padder::reading {
 namespace {
 
-// 3MF's matrices act on rows: the transpose of ours.
-using Place = Eigen::Matrix<double, 3, 4>;
+// 3MF writes matrices that act on row vectors: the transpose of these.
+using Transform = Eigen::Matrix<double, 3, 4>;
 
-Place times(const Place& a, const Place& b) {
-  Place out;
+Transform times(const Transform& a, const Transform& b) {
+  Transform out;
   out.leftCols<3>() = a.leftCols<3>() * b.leftCols<3>();
   out.col(3) = a.leftCols<3>() * b.col(3) + a.col(3);
   return out;
@@ -31,7 +31,8 @@ std::string_view without_prefix(const char* name) {
   return text.substr(text.find(':') + 1);
 }
 
-// An attribute of another namespace, such as p:path: prefixes are the writer's choice.
+// An attribute of another namespace, such as p:path. Its prefix may be any, so only the name behind it
+// counts.
 const char* foreign(const pugi::xml_node& node, std::string_view name) {
   for (const pugi::xml_attribute& a : node.attributes())
     if (std::string_view(a.name()).find(':') != std::string_view::npos && without_prefix(a.name()) == name)
@@ -51,23 +52,23 @@ class Reader {
     double faces = 0;
     for (const pugi::xml_node& item : build.children("item")) faces += triangles(object_of(root, item), 0);
     check_counts(0, static_cast<std::uint64_t>(std::min(faces, 1e18)), where_);
-    for (const pugi::xml_node& item : build.children("item")) add(object_of(root, item), place_of(item));
-    if (!build.child("item")) die("nothing is to be built: its <build> has no <item>, export it again");
+    for (const pugi::xml_node& item : build.children("item")) add(object_of(root, item), transform_of(item));
+    if (!build.child("item")) refuse("nothing is to be built: its <build> has no <item>, export it again");
     for (const auto& [what, count] : left_out_)
       soup_.notes.push_back(std::to_string(count) + " " + what + " left out");
     return std::move(soup_);
   }
 
  private:
-  [[noreturn]] void die(const std::string& what) const { fail(where_, what); }
+  [[noreturn]] void refuse(const std::string& what) const { fail(where_, what); }
 
-  // The part that the package calls its model.
+  // The path of the part that the package calls its model.
   std::string root_part() {
     const pugi::xml_document& relations = part("/_rels/.rels");
     for (const pugi::xml_node& r : relations.child("Relationships").children("Relationship"))
       if (std::string_view(r.attribute("Type").value()).ends_with("/3dmodel"))
         return r.attribute("Target").value();
-    die("the package names no model: export it again");
+    refuse("the package names no model: export it again");
   }
 
   const pugi::xml_document& part(std::string name) {
@@ -77,61 +78,62 @@ class Reader {
     const std::string text = zip_.read(name, kMostText);
     const auto result = it->second.load_buffer(text.data(), text.size());
     if (!result)
-      die("its part '" + excerpt(name) + "' is not XML at byte " + std::to_string(result.offset) +
-          ": export it again");
+      refuse("its part '" + excerpt(name) + "' is not XML at byte " + std::to_string(result.offset) +
+             ": export it again");
     if (const pugi::xml_node model = it->second.child("model")) {
       check_extensions(model);
       for (const pugi::xml_node& o : model.child("resources").children("object"))
         if (!objects_.emplace(std::pair(name, std::string(o.attribute("id").value())), o).second)
-          die("two objects have the id '" + excerpt(o.attribute("id").value()) + "': export it again");
+          refuse("two objects have the id '" + excerpt(o.attribute("id").value()) + "': export it again");
     }
     return it->second;
   }
 
-  // What changes the shape and is not read must not pass in silence. Materials do not.
+  // An extension that changes the shape and is not read here must not pass in silence. Materials do not
+  // change it.
   void check_extensions(const pugi::xml_node& model) const {
     std::string_view all = model.attribute("requiredextensions").value();
     for (std::string_view prefix; !(prefix = next_word(all)).empty();) {
       const std::string_view name = model.attribute(("xmlns:" + std::string(prefix)).c_str()).value();
       if (name.find("/production/") == name.npos && name.find("/material/") == name.npos)
-        die("it needs the 3MF extension '" + excerpt(name.empty() ? prefix : name, 200) +
-            "', which is not read: export it as plain triangles");
+        refuse("it needs the 3MF extension '" + excerpt(name.empty() ? prefix : name, 200) +
+               "', which is not read: export it as plain triangles");
     }
   }
 
   void read_unit(const pugi::xml_node& model) {
-    // Of the format's units to ours, and how many of ours it is.
+    // From the units of the format to ours, and how many of ours they are.
     static const std::map<std::string_view, std::pair<const char*, double>> units = {
         {"micron", {"mm", 0.001}}, {"millimeter", {"mm", 1}}, {"centimeter", {"cm", 1}},
         {"inch", {"in", 1}},       {"foot", {"in", 12}},      {"meter", {"m", 1}}};
     const char* name = model.attribute("unit").as_string("millimeter");
     const auto it = units.find(name);
     if (it == units.end())
-      die("its unit '" + excerpt(name) +
-          "' is none of 3MF's: micron, millimeter, centimeter, inch, foot or meter");
+      refuse("its unit '" + excerpt(name) +
+             "' is none of 3MF's: micron, millimeter, centimeter, inch, foot or meter");
     soup_.unit = it->second.first, factor_ = it->second.second;
   }
 
   double real(const pugi::xml_attribute& attribute, const std::string& what) const {
     double value = 0;
     if (parse_real(attribute.value(), value) == Number::malformed)
-      die(what + " has " + printable(attribute.value()) + " where a number should stand: export it again");
+      refuse(what + " has " + printable(attribute.value()) + " where a number should stand: export it again");
     return value;
   }
 
-  Place place_of(const pugi::xml_node& node) const {
-    Place place = Place::Identity();
+  Transform transform_of(const pugi::xml_node& node) const {
+    Transform transform = Transform::Identity();
     std::string_view text = node.attribute("transform").value();
-    if (text.empty()) return place;
+    if (text.empty()) return transform;
     for (int row = 0; row < 4; row++)
       for (int column = 0; column < 3; column++)
-        if (parse_real(next_word(text), place(column, row)) != Number::finite)
-          die("a transform is not of twelve numbers: export it again");
-    return place;
+        if (parse_real(next_word(text), transform(column, row)) != Number::finite)
+          refuse("a transform is not of twelve numbers: export it again");
+    return transform;
   }
 
   struct Object {
-    std::string path;  // of the part it stands in
+    std::string path;  // of the part that holds it
     pugi::xml_node node;
   };
 
@@ -143,13 +145,14 @@ class Reader {
     const std::string id = reference.attribute("objectid").value();
     const auto it = objects_.find({name, id});
     if (it == objects_.end())
-      die("there is no object '" + excerpt(id) + "', which is named in it: export it again");
+      refuse("there is no object '" + excerpt(id) + "', which is named in it: export it again");
     return {name, it->second};
   }
 
-  // Of the object with its components: a small file may build more of them than any memory holds.
+  // The number of triangles of an object with its components. A small file may build more than any memory
+  // holds, so they are counted first.
   double triangles(const Object& object, int depth) {
-    if (depth > 64) die("its components contain each other: export it again");
+    if (depth > 64) refuse("its components contain each other: export it again");
     const auto known = triangles_.find(object.node);
     if (known != triangles_.end()) return known->second;
     double count = 0;
@@ -160,40 +163,40 @@ class Reader {
     return triangles_[object.node] = count;
   }
 
-  void add(const Object& object, const Place& place) {
+  void add(const Object& object, const Transform& transform) {
     const std::string_view type = object.node.attribute("type").as_string("model");
     if (type != "model" && type != "solidsupport" && type != "support" && type != "surface" &&
         type != "other")
-      die("an object is of the type '" + excerpt(type) + "', which 3MF has not: export it again");
+      refuse("an object is of the type '" + excerpt(type) + "', which 3MF has not: export it again");
     if (type == "support" || type == "solidsupport") {
       left_out_["supports"]++;
       return;
     }
     if (const pugi::xml_node mesh = object.node.child("mesh"))
-      add_mesh(mesh, place, "object '" + excerpt(object.node.attribute("id").value()) + "'");
+      add_mesh(mesh, transform, "object '" + excerpt(object.node.attribute("id").value()) + "'");
     for (const pugi::xml_node& c : object.node.child("components").children("component"))
-      add(object_of(object.path, c), times(place, place_of(c)));
+      add(object_of(object.path, c), times(transform, transform_of(c)));
   }
 
-  void add_mesh(const pugi::xml_node& mesh, const Place& place, const std::string& object) {
+  void add_mesh(const pugi::xml_node& mesh, const Transform& transform, const std::string& object) {
     for (const pugi::xml_node& child : mesh.children())
       if (without_prefix(child.name()) == "beamlattice") left_out_["beam lattices"]++;
     const auto first = static_cast<std::uint64_t>(soup_.points.size());
     for (const pugi::xml_node& v : mesh.child("vertices").children("vertex")) {
       const Eigen::Vector3d p(real(v.attribute("x"), object), real(v.attribute("y"), object),
                               real(v.attribute("z"), object));
-      soup_.points.push_back(factor_ * (place.leftCols<3>() * p + place.col(3)));
+      soup_.points.push_back(factor_ * (transform.leftCols<3>() * p + transform.col(3)));
     }
     const std::uint64_t count = soup_.points.size() - first;
-    const bool mirrored = place.leftCols<3>().determinant() < 0;
+    const bool mirrored = transform.leftCols<3>().determinant() < 0;
     for (const pugi::xml_node& t : mesh.child("triangles").children("triangle")) {
       std::int64_t v[3];
       const char* names[] = {"v1", "v2", "v3"};
       for (int k = 0; k < 3; k++) {
         const char* word = t.attribute(names[k]).value();
         if (!parse_whole(word, v[k]) || v[k] < 0 || static_cast<std::uint64_t>(v[k]) >= count)
-          die("a triangle of " + object + " names vertex " + printable(word) + ", but there are " +
-              std::to_string(count) + " from 0 on: export it again");
+          refuse("a triangle of " + object + " names vertex " + printable(word) + ", but there are " +
+                 std::to_string(count) + " from 0 on: export it again");
       }
       if (mirrored) std::swap(v[1], v[2]);
       for (const std::int64_t k : v)

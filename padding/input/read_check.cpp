@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// A check of STL before assimp sees it. Without it, assimp 5.2 takes a facet of four vertices for one of
-// three, and refuses a file with some bytes behind it.
+// Checks an STL before assimp reads it. Otherwise assimp 5.2 takes a facet of four vertices for one of three,
+// and refuses a file with some bytes behind the facets.
 #include <algorithm>
 #include <cctype>
 
@@ -9,21 +9,13 @@
 namespace padder::reading {
 namespace {
 
-std::string line_at(std::uint32_t line) { return "line " + std::to_string(line) + ": "; }
-
-std::string lower(std::string_view text) {
-  std::string s(text);
-  for (char& c : s) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-  return s;
-}
-
 void check_ascii_stl(std::string_view text, const std::string& where) {
   Lines lines(text);
-  int vertices = -1;  // of the open facet; -1 outside of one
+  int vertices = -1;  // of the facet that is open; -1 outside
   for (std::string_view line; lines.next(line);) {
-    const std::string key = lower(next_word(line));
+    const std::string key = lower_case(next_word(line));
     const auto here = [&](const std::string& what) {
-      fail(where, line_at(lines.number()) + what + ": export the mesh again");
+      fail(where, at_line(lines.number()) + what + ": export the mesh again");
     };
     if (key == "facet") {
       if (vertices >= 0) here("a facet begins inside another");
@@ -46,7 +38,8 @@ void check_ascii_stl(std::string_view text, const std::string& where) {
 }  // namespace
 
 void check_stl(std::string& bytes, const std::string& where, std::vector<std::string>& notes) {
-  // Binary: 80 bytes of anything (it may begin with "solid"), the number of facets, 50 bytes for each.
+  // A binary file has 80 bytes of anything (it may begin with "solid"), the number of facets, and 50 bytes
+  // for each.
   std::uint64_t facets = 0, wanted = 84;
   if (bytes.size() >= 84) {
     for (int k = 3; k >= 0; k--)
@@ -60,9 +53,9 @@ void check_stl(std::string& bytes, const std::string& where, std::vector<std::st
   const std::string_view head = std::string_view(bytes).substr(0, 1024);
   std::string_view start = head;
   start.remove_prefix(std::min(start.find_first_not_of(" \t\r\n"), start.size()));
-  if (lower(start.substr(0, 5)) == "solid" && head.find('\0') == head.npos) {
+  if (lower_case(start.substr(0, 5)) == "solid" && head.find('\0') == head.npos) {
     check_ascii_stl(bytes, where);
-    bytes = lower(bytes);  // assimp knows no FACET
+    bytes = lower_case(bytes);  // assimp does not know upper case
     return;
   }
   if (bytes.size() < 84)

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// A reader in a process of its own.
+// Runs a reader in a process of its own, so that a crash on a damaged file does not end this one.
 #include <fcntl.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
@@ -57,19 +57,20 @@ class Pipe {
   int end_;
 };
 
-// The child's whole life. It never returns, runs no destructor of the parent's and leaves no core.
-[[noreturn]] void live(int end, const std::function<Soup()>& read, std::size_t file_size) {
+// All that the child does. It never returns, runs no destructor of the parent and leaves no core file.
+[[noreturn]] void run_child(int end, const std::function<Soup()>& read, std::size_t file_size) {
   const int nowhere = ::open("/dev/null", O_WRONLY);
-  if (nowhere >= 0) ::dup2(nowhere, STDOUT_FILENO), ::dup2(nowhere, STDERR_FILENO);  // assertions talk
+  if (nowhere >= 0)
+    ::dup2(nowhere, STDOUT_FILENO), ::dup2(nowhere, STDERR_FILENO);  // failed assertions print there
   for (const int signal : {SIGABRT, SIGSEGV, SIGFPE, SIGBUS, SIGILL, SIGXCPU, SIGALRM})
     std::signal(signal, SIG_DFL);
   const rlimit no_core = {0, 0};
   ::setrlimit(RLIMIT_CORE, &no_core);
-  const rlimit time = {30 + file_size / 1000000,
-                       30 + file_size / 1000000};  // seconds: 1 MB takes well under one
+  const std::size_t seconds = 30 + file_size / 1000000;  // 1 MB takes well under one second
+  const rlimit time = {seconds, seconds};
   ::setrlimit(RLIMIT_CPU, &time);
-  ::alarm(static_cast<unsigned>(20 * time.rlim_cur));  // for one that waits instead of working
-#if !defined(__SANITIZE_ADDRESS__)                     // which reserves terabytes
+  ::alarm(static_cast<unsigned>(20 * time.rlim_cur));  // ends a reader that waits instead of working
+#if !defined(__SANITIZE_ADDRESS__)                     // AddressSanitizer reserves terabytes
   const rlimit memory = {(rlim_t(4) << 30) + 100 * file_size, (rlim_t(4) << 30) + 100 * file_size};
   ::setrlimit(RLIMIT_DATA, &memory);
 #endif
@@ -83,7 +84,7 @@ class Pipe {
   } catch (const std::exception& e) {
     error = e.what();
   }
-  std::string notes;  // a line each
+  std::string notes;  // one line each
   for (const std::string& note : soup.notes) notes += note + '\n';
   bool sent = pipe.put_array(error);
   if (error.empty())
@@ -99,7 +100,7 @@ Soup in_child(const std::function<Soup()>& read, std::size_t file_size, const st
   if (::pipe2(ends, O_CLOEXEC) != 0)
     fail(where, std::string("no pipe to read it through: ") + std::strerror(errno));
   const pid_t child = ::fork();
-  if (child == 0) ::close(ends[0]), live(ends[1], read, file_size);
+  if (child == 0) ::close(ends[0]), run_child(ends[1], read, file_size);
   const int fork_error = errno;
   ::close(ends[1]);
   Pipe pipe(ends[0]);

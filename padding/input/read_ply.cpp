@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// PLY, of which assimp 5.2 reads triangle strips as one triangle, keeps floats of doubles, and crashes on or
-// makes up faces from a damaged file.
+// Reads PLY. assimp 5.2 reads a triangle strip as one triangle, keeps doubles as floats, and crashes on a
+// damaged file or makes up faces from it.
 #include <algorithm>
 #include <array>
 #include <bit>
@@ -11,17 +11,9 @@
 namespace padder::reading {
 namespace {
 
-std::string lower(std::string_view text) {
-  std::string s(text);
-  for (char& c : s) c = c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
-  return s;
-}
-
-std::string line_at(std::uint32_t line) { return "line " + std::to_string(line) + ": "; }
-
 struct Property {
   std::string name;
-  int type = -1, count_type = -1;  // index into type_sizes; count_type >= 0: a list
+  int type = -1, count_type = -1;  // index into type_names; a list has a count_type >= 0
 };
 struct Element {
   std::string name;
@@ -34,7 +26,6 @@ struct Header {
   std::size_t body = 0;  // byte offset
 };
 
-constexpr int type_sizes[] = {1, 1, 2, 2, 4, 4, 4, 8};
 constexpr const char* type_names[][2] = {{"char", "int8"},     {"uchar", "uint8"},   {"short", "int16"},
                                          {"ushort", "uint16"}, {"int", "int32"},     {"uint", "uint32"},
                                          {"float", "float32"}, {"double", "float64"}};
@@ -54,13 +45,13 @@ Header read_header(std::string_view bytes, const std::string& where) {
     const std::string_view whole = line;
     const std::string_view key = next_word(line);
     if (first) {
-      if (lower(key) != "ply")
+      if (lower_case(key) != "ply")
         fail(where, "a PLY file begins with the line ply: give the file the ending of its format");
       first = false;
       continue;
     }
     const auto here = [&](const std::string& what) {
-      fail(where, line_at(lines.number()) + what + ": export the mesh again");
+      fail(where, at_line(lines.number()) + what + ": export the mesh again");
     };
     if (key == "end_header") {
       header.body = lines.offset();
@@ -103,13 +94,13 @@ Header read_header(std::string_view bytes, const std::string& where) {
   fail(where, "its header has no end_header line: the file is cut short or damaged, export it again");
 }
 
-// Numbers of the body, one by one.
+// Gives the numbers of the body one by one.
 class Body {
  public:
   virtual ~Body() = default;
-  // False at the end of the file, or when there is no number of this type.
+  // Returns false at the end of the file, and where no number of this type stands.
   virtual bool read(int type, double& value) = 0;
-  virtual std::size_t left() const = 0;  // bytes
+  virtual std::size_t left() const = 0;  // bytes that are left
 };
 
 class Binary : public Body {
@@ -176,7 +167,7 @@ class Text : public Body {
   std::size_t size_;
 };
 
-// What a property is to us.
+// What a property is used for.
 enum class Role { none, x, y, z, corners };
 
 Role role_of(const Element& e, const Property& p) {
@@ -188,7 +179,7 @@ Role role_of(const Element& e, const Property& p) {
                                                                                    : Role::none;
 }
 
-// Refuses what would be left out or taken for something else.
+// Refuses a header of which something would be left out or misunderstood.
 void check_elements(const Header& header, const std::string& where) {
   for (std::size_t k = 0; k < header.elements.size(); k++) {
     const Element& e = header.elements[k];
@@ -229,7 +220,7 @@ class Reader {
 
   Soup read() {
     for (const Element& e : header_.elements) {
-      // Each row takes a byte at least: a count beyond the file is known before any loop.
+      // Each row takes at least one byte, so a count beyond the file is noticed before any loop.
       if (!e.properties.empty() && static_cast<std::uint64_t>(e.count) > body_.left())
         cut(e, static_cast<std::int64_t>(body_.left()));
       for (std::int64_t row = 0; row < e.count && !e.properties.empty(); row++) read_row(e, row);
@@ -256,7 +247,7 @@ class Reader {
         if (!body_.read(p.type, value)) cut(e, row);
         if (role == Role::corners) corners_.push_back(corner(e, row, value));
       }
-      // A text may have more digits than the float it declares.
+      // A text may have more digits than the float that it declares.
       if (role == Role::x || role == Role::y || role == Role::z)
         position[static_cast<int>(role) - 1] = p.type == 6 ? static_cast<float>(value) : value;
       if (role == Role::corners) e.name == "face" ? add_face() : add_strips();
@@ -264,7 +255,7 @@ class Reader {
     if (e.name == "vertex") soup_.points.push_back(position);
   }
 
-  // -1: a strip ends.
+  // Returns -1 where a strip ends.
   std::int64_t corner(const Element& e, std::int64_t row, double value) const {
     if (value == -1 && e.name == "tristrips") return -1;
     if (!(value >= 0 && value < static_cast<double>(vertices_)))
@@ -284,8 +275,8 @@ class Reader {
     soup_.close_face();
   }
 
-  // Each corner from a strip's third on makes a triangle with the two before it, every second one the other
-  // way round. Those with a corner twice only lead the strip elsewhere.
+  // From the third on, each corner of a strip makes a triangle with the two corners before it, every second
+  // one the other way round. Triangles with a corner twice only lead the strip elsewhere.
   void add_strips() {
     std::size_t begin = 0;
     for (std::size_t k = 0; k < corners_.size(); k++) {
@@ -307,7 +298,7 @@ class Reader {
   Body& body_;
   const std::string& where_;
   std::int64_t vertices_ = 0;
-  std::vector<std::int64_t> corners_;  // of the row at hand
+  std::vector<std::int64_t> corners_;  // of the current row
   Soup soup_;
 };
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// The formats that assimp reads. Runs in a child process (read_child.cpp): on a damaged file assimp 5.2 may
-// abort.
+// Reads the formats that assimp knows. Runs in a child process (read_child.cpp), because assimp 5.2 may abort
+// on a damaged file.
 #include <assimp/config.h>
 #include <assimp/postprocess.h>
 #include <assimp/scene.h>
@@ -21,15 +21,15 @@
 namespace padder::reading {
 namespace {
 
-// What assimp says during an import; nothing of it is printed. Its log is one for the process, which here is
-// the child.
-class Talk : public Assimp::LogStream {
+// Collects what assimp says during an import; nothing of it is printed. assimp has one log for the whole
+// process, which here is the child.
+class ImportLog : public Assimp::LogStream {
  public:
-  Talk() {
+  ImportLog() {
     Assimp::DefaultLogger::create("", Assimp::Logger::NORMAL, 0);
     Assimp::DefaultLogger::get()->attachStream(this, Assimp::Logger::Warn | Assimp::Logger::Err);
   }
-  ~Talk() override {
+  ~ImportLog() override {
     Assimp::DefaultLogger::get()->detachStream(this, Assimp::Logger::Warn | Assimp::Logger::Err);
     Assimp::DefaultLogger::kill();
   }
@@ -47,9 +47,9 @@ std::string one_line(std::string text) {
   return excerpt(text, 200);
 }
 
-// What a glTF needs, and what changes its shape, must be read or refused: assimp passes over both.
+// Refuses a glTF with parts that change its shape and that assimp would skip in silence.
 void check_gltf(std::string_view bytes, const std::string& ending, const std::string& where) {
-  if (ending == ".glb") {  // a head of 12 bytes, then the JSON behind its length and kind
+  if (ending == ".glb") {  // a header of 12 bytes, then the length and the kind of the JSON, then the JSON
     std::uint32_t length = 0;
     if (bytes.size() < 20 || !bytes.starts_with("glTF") || bytes.substr(16, 4) != "JSON")
       fail(where, "it is no binary glTF 2, or cut short: export it again");
@@ -146,9 +146,9 @@ void add(const aiMesh& mesh, const Eigen::Matrix4d& place, double factor, const 
 Soup read_scene(const std::string& bytes, const std::filesystem::path& path, const std::string& ending) {
   const std::string where = path.string();
   if (ending == ".gltf" || ending == ".glb") check_gltf(bytes, ending, where);
-  Talk talk;
+  ImportLog log;
   Assimp::Importer importer;
-  importer.SetIOHandler(new Files);  // which the importer owns
+  importer.SetIOHandler(new Files);  // the importer owns it
   importer.SetPropertyInteger(AI_CONFIG_PP_RVC_FLAGS,
                               aiComponent_NORMALS | aiComponent_TANGENTS_AND_BITANGENTS | aiComponent_COLORS |
                                   aiComponent_TEXCOORDS | aiComponent_BONEWEIGHTS | aiComponent_ANIMATIONS |
@@ -158,7 +158,8 @@ Soup read_scene(const std::string& bytes, const std::filesystem::path& path, con
                            AI_CONFIG_IMPORT_FBX_READ_LIGHTS, AI_CONFIG_IMPORT_FBX_READ_CAMERAS,
                            AI_CONFIG_IMPORT_FBX_READ_ANIMATIONS, AI_CONFIG_IMPORT_FBX_READ_WEIGHTS})
     importer.SetPropertyBool(part, false);
-  // STL goes over as the checked bytes; a scene may refer to other files, which only its path leads to.
+  // An STL is read from the bytes that were checked. A scene may refer to other files, so it is read by its
+  // path.
   const bool alone = ending == ".stl";
   const aiScene* scene = alone ? importer.ReadFileFromMemory(bytes.data(), bytes.size(),
                                                              aiProcess_RemoveComponent, ending.c_str() + 1)
@@ -167,10 +168,10 @@ Soup read_scene(const std::string& bytes, const std::filesystem::path& path, con
     fail(where, "assimp cannot read it (" + one_line(importer.GetErrorString()) +
                     "): check that the file is whole, beside the files it refers to, and has the ending of "
                     "its format");
-  // Of its own accord assimp drops such faces and only says so.
-  if (talk.text().find("out-of-range") != std::string::npos ||
-      talk.text().find("out of range") != std::string::npos)
-    fail(where, "faces with an index out of range (" + one_line(talk.text()) + "): export the mesh again");
+  // assimp drops such faces and only says so in its log.
+  if (log.text().find("out-of-range") != std::string::npos ||
+      log.text().find("out of range") != std::string::npos)
+    fail(where, "faces with an index out of range (" + one_line(log.text()) + "): export the mesh again");
 
   Soup soup;
   double factor = 1;
@@ -182,7 +183,7 @@ Soup read_scene(const std::string& bytes, const std::filesystem::path& path, con
     open.pop_back();
     for (unsigned k = 0; k < node->mNumMeshes; k++)
       add(*scene->mMeshes[node->mMeshes[k]], place, factor, where, soup);
-    for (unsigned k = node->mNumChildren; k-- > 0;)  // the first child is taken next
+    for (unsigned k = node->mNumChildren; k-- > 0;)  // so that the first child is taken next
       open.emplace_back(node->mChildren[k], place * matrix(node->mChildren[k]->mTransformation));
   }
   return soup;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The two text formats that are read in double precision: OBJ and OFF.
+// Reads the two text formats OBJ and OFF in double precision.
 #include <algorithm>
 #include <array>
 #include <istream>
@@ -8,8 +8,8 @@
 
 #include "padding/input/read_internal.h"
 
-// tinyobjloader's numbers are doubles here, while a program that links padder may use it with floats: under a
-// name of our own the two never meet in the linker.
+// Here tinyobjloader uses doubles. A program that links padder may use it with floats. Under a name of our
+// own the two do not collide in the linker.
 #define tinyobj padder_tinyobj
 #define TINYOBJLOADER_USE_DOUBLE
 #define TINYOBJLOADER_IMPLEMENTATION
@@ -18,39 +18,37 @@
 namespace padder::reading {
 namespace {
 
-std::string line_at(std::uint32_t line) { return "line " + std::to_string(line) + ": "; }
-
 void refuse_binary(std::string_view bytes, const std::string& where, const char* kind) {
   const std::size_t zero = bytes.find('\0');
   if (zero == bytes.npos) return;
   const auto line = std::count(bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(zero), '\n') + 1;
-  fail(where, line_at(static_cast<std::uint32_t>(line)) + "a zero byte, so this is no " + kind +
+  fail(where, at_line(static_cast<std::uint32_t>(line)) + "a zero byte, so this is no " + kind +
                   " text (or a damaged one): give the file the ending of its format or export it again");
 }
 
-// A stream that reads the bytes where they lie.
+// A stream over the bytes, without a copy.
 struct Bytes : std::streambuf {
   explicit Bytes(std::string& bytes) { setg(bytes.data(), bytes.data(), bytes.data() + bytes.size()); }
 };
 
-// The vertex number in front of the first slash of a face's word.
+// The number before the first slash of a corner of a face.
 std::int64_t corner_index(std::string_view word, const std::string& where, std::uint32_t line) {
   std::int64_t index = 0;
   const std::string_view head = word.substr(0, word.find('/'));
   if (!parse_whole(head, index))
-    fail(where, line_at(line) + printable(word) + " is no vertex index: export the mesh again");
+    fail(where, at_line(line) + printable(word) + " is no vertex index: export the mesh again");
   if (index == 0)
-    fail(where, line_at(line) + "a face names vertex 0, but OBJ counts from 1: export the mesh again");
+    fail(where, at_line(line) + "a face names vertex 0, but OBJ counts from 1: export the mesh again");
   return index;
 }
 
-// What has a surface, or may have, and is neither read nor to be passed over.
+// Statements that have, or may have, a surface that is not read. A file with one of them is refused.
 constexpr std::array<std::string_view, 9> kOtherSurfaces = {"surf", "fo",  "bzp",  "bsp", "cdc",
                                                             "cdp",  "res", "call", "csh"};
 
-// Reads the vertices, and refuses what tinyobjloader would pass over in silence: it takes text that is no
-// number for 0 and reads no further than a comma, an empty face is skipped, and no index is compared with the
-// number of vertices.
+// Reads the vertices and refuses what tinyobjloader would accept in silence: it takes text that is no number
+// for 0, reads a number only up to a comma, skips an empty face, and compares no index with the number of
+// vertices.
 void check_obj(std::string_view text, const std::string& where, Soup& soup) {
   std::int64_t largest = 0;
   std::uint32_t largest_line = 0;
@@ -66,7 +64,7 @@ void check_obj(std::string_view text, const std::string& where, Soup& soup) {
     }
     if (std::ranges::find(kOtherSurfaces, key) != kOtherSurfaces.end())
       fail(where,
-           line_at(lines.number()) + "'" + std::string(key) +
+           at_line(lines.number()) + "'" + std::string(key) +
                "' is a free-form surface or another file, which is not read: export the mesh as polygons");
     if (key == "l" || key == "p" || key == "curv" || key == "curv2") others++;
     if (key != "f") continue;
@@ -75,16 +73,16 @@ void check_obj(std::string_view text, const std::string& where, Soup& soup) {
       const std::int64_t index = corner_index(word, where, lines.number());
       const std::int64_t count = static_cast<std::int64_t>(soup.points.size());
       if (index < 0 && index < -count)
-        fail(where, line_at(lines.number()) + "a face names vertex " + std::to_string(index) +
+        fail(where, at_line(lines.number()) + "a face names vertex " + std::to_string(index) +
                         ", counted back from the last of " + std::to_string(count) +
                         ": there is none, export the mesh again");
       if (index > largest) largest = index, largest_line = lines.number();
     }
-    if (corners == 0) fail(where, line_at(lines.number()) + "a face without corners: export the mesh again");
+    if (corners == 0) fail(where, at_line(lines.number()) + "a face without corners: export the mesh again");
   }
   if (others) soup.notes.push_back(std::to_string(others) + " lines, curves or points left out");
   if (largest > static_cast<std::int64_t>(soup.points.size()))
-    fail(where, line_at(largest_line) + "a face names vertex " + std::to_string(largest) +
+    fail(where, at_line(largest_line) + "a face names vertex " + std::to_string(largest) +
                     ", but the file has only " + std::to_string(soup.points.size()) +
                     ": export the mesh again");
 }
@@ -93,7 +91,7 @@ void check_obj(std::string_view text, const std::string& where, Soup& soup) {
 
 Soup read_obj(std::string& bytes, const std::string& where) {
   refuse_binary(bytes, where, "OBJ");
-  // A backslash at its end carries a line on; tinyobjloader does not know that.
+  // A backslash at the end of a line continues it on the next. tinyobjloader does not know that.
   for (std::size_t at = bytes.find('\\'); at != bytes.npos; at = bytes.find('\\', at + 1)) {
     const std::string_view tail = std::string_view(bytes).substr(at + 1, 2);
     const std::size_t length = tail == "\r\n" ? 3 : tail.starts_with('\n') || tail.starts_with('\r') ? 2 : 0;
@@ -103,8 +101,8 @@ Soup read_obj(std::string& bytes, const std::string& where) {
   check_obj(bytes, where, soup);
   check_counts(soup.points.size(), 0, where);
 
-  // The vertices stay as the check has read them: tinyobjloader's sums of digits are off in the last places.
-  // An index counted back needs the number of vertices so far, so they are counted along.
+  // The vertices stay as the check has read them, because tinyobjloader's are off in the last digits. They
+  // are still counted: a negative index counts back from the number of vertices so far.
   struct State {
     Soup& soup;
     std::int64_t vertices = 0;
@@ -116,7 +114,7 @@ Soup read_obj(std::string& bytes, const std::string& where) {
   callback.index_cb = [](void* user, padder_tinyobj::index_t* indices, int count) {
     State& s = *static_cast<State*>(user);
     const std::size_t begin = s.soup.corners.size();
-    for (int k = 0; k < count && indices[k].vertex_index != 0; k++) {  // 0: a comment behind the face
+    for (int k = 0; k < count && indices[k].vertex_index != 0; k++) {  // 0 means a comment behind the face
       const std::int64_t index = indices[k].vertex_index;
       s.soup.corners.push_back(static_cast<std::uint32_t>(index > 0 ? index - 1 : s.vertices + index));
     }
@@ -129,8 +127,8 @@ Soup read_obj(std::string& bytes, const std::string& where) {
   std::string warning, error;
   if (!padder_tinyobj::LoadObjWithCallback(stream, callback, &state, nullptr, &warning, &error))
     fail(where, "tinyobjloader cannot read it (" + printable(error) + "): export the mesh again");
-  for (const std::uint32_t corner :
-       soup.corners)  // holds unless the check and tinyobjloader split a line differently
+  // This can only happen if the check and tinyobjloader split a line differently.
+  for (const std::uint32_t corner : soup.corners)
     if (corner >= soup.points.size())
       fail(where, "a face names a vertex that is not there: export the mesh again");
   return soup;
@@ -140,7 +138,7 @@ Soup read_off(const std::string& bytes, const std::string& where) {
   refuse_binary(bytes, where, "OFF");
   Lines lines(bytes);
   std::string_view line;
-  const auto next_line = [&](const std::string& wanted) {  // the next that holds more than a comment
+  const auto next_line = [&](const std::string& wanted) {  // skips lines that hold only a comment
     while (lines.next(line)) {
       line = line.substr(0, line.find('#'));
       if (line.find_first_not_of(" \t\v\f") != line.npos) return;
@@ -150,7 +148,7 @@ Soup read_off(const std::string& bytes, const std::string& where) {
   next_line("its header");
   const std::size_t magic = line.find("OFF");
   if (magic == line.npos || line.substr(0, magic).find_first_not_of(" \tSTCN4n") != line.npos)
-    fail(where, line_at(lines.number()) + "an OFF file begins with OFF, not with " +
+    fail(where, at_line(lines.number()) + "an OFF file begins with OFF, not with " +
                     printable(next_word(line)) + ": give the file the ending of its format");
   if (line.substr(0, magic).find_first_of("4n") != line.npos)
     fail(where, "its points have four or n coordinates: export it as plain OFF");
@@ -162,11 +160,11 @@ Soup read_off(const std::string& bytes, const std::string& where) {
     if (word.empty() && k == 0) next_line("the numbers of vertices and faces"), word = next_word(line);
     if (word == "BINARY") fail(where, "binary OFF is not read: save it as text, or as PLY");
     if (!parse_whole(word, counts[k]) || counts[k] < 0)
-      fail(where, line_at(lines.number()) + "the number of " + (k ? "faces" : "vertices") + " is " +
+      fail(where, at_line(lines.number()) + "the number of " + (k ? "faces" : "vertices") + " is " +
                       printable(word) + ": a whole number from 0 is wanted, export the mesh again");
-    // A vertex takes six bytes at least ("0 0 0" and the line's end), a face of one corner four.
+    // A vertex takes at least six bytes ("0 0 0" and the end of the line), a face of one corner four.
     if (counts[k] > static_cast<std::int64_t>(bytes.size()) / (k ? 4 : 6) + 1)
-      fail(where, line_at(lines.number()) + "the header says " + std::to_string(counts[k]) +
+      fail(where, at_line(lines.number()) + "the header says " + std::to_string(counts[k]) +
                       (k ? " faces" : " vertices") +
                       ", more than the file has room for: it is cut short or damaged, export it again");
   }
@@ -182,12 +180,12 @@ Soup read_off(const std::string& bytes, const std::string& where) {
     std::int64_t corners = 0, index = 0;
     std::string_view word = next_word(line);
     if (!parse_whole(word, corners) || corners < 1)
-      fail(where, line_at(lines.number()) + name + " begins with " + printable(word) +
+      fail(where, at_line(lines.number()) + name + " begins with " + printable(word) +
                       " where its number of corners should stand: export the mesh again");
     for (std::int64_t k = 0; k < corners; k++) {
       word = next_word(line);
       if (!parse_whole(word, index) || index < 0 || index >= counts[0])
-        fail(where, line_at(lines.number()) + name + " has " +
+        fail(where, at_line(lines.number()) + name + " has " +
                         (word.empty() ? "too few corners" : "a corner at vertex " + printable(word)) +
                         ", but needs " + std::to_string(corners) + " from 0 to " +
                         std::to_string(counts[0] - 1) + ": export the mesh again");

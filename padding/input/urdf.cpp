@@ -48,7 +48,7 @@ class Reader {
  private:
   [[noreturn]] void fail(const std::string& what) const { throw Error(path_.string() + ": " + what); }
 
-  // "" gives the default.
+  // An empty attribute gives `otherwise`.
   Vector three(const pugi::xml_attribute& attribute, const Vector& otherwise,
                const std::string& where) const {
     const char* text = attribute.as_string();
@@ -211,11 +211,11 @@ class Reader {
     bodies_[child].pose = place(node.child("origin"), where);
   }
 
-  // Parents first, else as in the file.
+  // Puts parents before their children, and keeps the order of the file otherwise.
   void order(Urdf& urdf) {
     std::vector<int> at(links_.size(), -1);
     for (std::size_t k = 0; k < links_.size(); k++) {
-      std::vector<std::size_t> chain;  // from k up to the first that is placed
+      std::vector<std::size_t> chain;  // from k up to the first link that is in the list
       for (int up = static_cast<int>(k); up >= 0 && at[static_cast<std::size_t>(up)] < 0;
            up = parents_[static_cast<std::size_t>(up)]) {
         if (chain.size() > links_.size())
@@ -245,14 +245,14 @@ class Reader {
   std::set<std::string> joint_names_;
 };
 
-// The links of each rigid group, and the group above it that has shapes (-1: none). Numbered parents first.
+// The rigid groups, parents first. Links that fixed joints connect are one group.
 struct Groups {
-  std::vector<std::size_t> of;  // of each link
-  std::vector<char> shapes;
-  std::vector<int> above;
+  std::vector<std::size_t> of;  // for each link its group
+  std::vector<char> shapes;     // has the group any?
+  std::vector<int> above;       // for each group the nearest one above it that has shapes; -1: none
 
   explicit Groups(const Urdf& urdf) {
-    std::vector<int> parent;  // of each group
+    std::vector<int> parent;  // for each group the one right above it
     for (std::size_t k = 0; k < urdf.links.size(); k++) {
       const Body& b = urdf.model.bodies[k];
       if (b.parent >= 0 && b.joint.type == Joint::Type::fixed) {
@@ -291,7 +291,7 @@ std::vector<std::pair<std::size_t, std::size_t>> neighbours(const Urdf& urdf) {
 
 void set_families(Urdf& urdf) {
   const Groups groups(urdf);
-  std::vector<std::size_t> number(groups.above.size());  // of groups with shapes
+  std::vector<std::size_t> number(groups.above.size());  // counts the groups with shapes
   std::size_t count = 0;
   for (std::size_t g = 0; g < number.size(); g++)
     if (groups.shapes[g]) number[g] = count++;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// A robot's URDF: links with their collision geometry, joints, the tree they make.
+// Reads the URDF of a robot: its links with their collision geometry, its joints, and the tree that they
+// form.
 #pragma once
 #include <filesystem>
 #include <string>
@@ -10,47 +11,49 @@
 
 namespace padder {
 
-// One geometry of a link.
+// One of the shapes of a link.
 struct UrdfShape {
   // URDF's kinds.
   enum class Type { mesh, box, cylinder, sphere };
   Type type = Type::mesh;
   Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();  // in the link's frame
-  std::filesystem::path file;                              // of a mesh, found on this machine
+  std::filesystem::path file;                              // of a mesh; exists on this machine
   Vector scale = Vector::Ones();                           // of a mesh
-  Vector size = Vector::Zero();  // box: its sides; cylinder: radius, radius, length; sphere: radius thrice
+  // Sides of a box; radius, radius, length of a cylinder; three times the radius of a sphere.
+  Vector size = Vector::Zero();
 };
 
-// A link, its shapes and its mass.
+// A link and its shapes. Its mass is in the model.
 struct UrdfLink {
   std::string name;
   std::vector<UrdfShape> shapes;  // to be padded
 };
 
-// Bodies without spheres, parents first; links[k] belongs to model.bodies[k].
+// The bodies have no spheres yet. Parents come first, and links[k] belongs to model.bodies[k].
 struct Urdf {
   Model model;
   std::vector<UrdfLink> links;
-  std::vector<std::string> notes;  // what was not taken as it stands, one clause each
+  std::vector<std::string> notes;  // what was not taken as it was written, one clause each
 };
 
-// Metres and radians, as URDF has them. Shapes are those of `collision`; when no link has any, those of
-// `visual`, and a note says so. References to meshes:
+// In metres and radians, as in the file. The shapes are those of `collision`. When no link has any, they are
+// those of `visual`, and a note says so. References to meshes:
 //   package://PKG/rest  the folder PKG is looked for in the folders above the URDF, then in ROS_PACKAGE_PATH
 //   file:///rest        as it stands
 //   rest                beside the URDF
-// Only meshes that will be padded must exist. Throws Error that names link or joint: no robot, no link, a
-// name twice, a joint to a link that is not there, no tree, a mesh not found (with the places looked at),
-// numbers that are none.
+// Only meshes that will be padded must exist. Throws Error, which names the link or joint, for a file that is
+// no robot, has no link, has a name twice, has a joint to a missing link or joints that form no tree, for a
+// mesh that was not found (with the places where it was looked for), and for text where a number should be.
 Urdf read_urdf(const std::filesystem::path& path);
 
-// Pairs of links that may not touch, i < j: rigidly connected ones (fixed joints), and neighbours: each rigid
-// group with the nearest one above it in the tree that has shapes.
+// The pairs of links that may not touch, i < j. Links that fixed joints connect form a rigid group; links of
+// one group may not touch. Neither may links of a group and of the nearest group above it in the tree that
+// has shapes.
 std::vector<std::pair<std::size_t, std::size_t>> neighbours(const Urdf& urdf);
 
-// The pairs as families and masks of the bodies: links fixed to each other are of one family, neighbours mask
-// each other; links without shapes get none. Throws Error when 32 families do not suffice (families_of,
-// padding/export/families.h).
+// Turns these pairs into families and masks of the bodies: the links of a rigid group get one family, and
+// neighbouring groups mask each other. Links without shapes get none. Throws Error when 32 families are not
+// enough (families_of, padding/export/families.h).
 void set_families(Urdf& urdf);
 
 }  // namespace padder

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The format: PKWARE's APPNOTE.TXT, sections 4.3 and 4.4.
+// The format is in PKWARE's APPNOTE.TXT, sections 4.3 and 4.4.
 #include "padding/input/zip.h"
 
 #include <zlib.h>
@@ -14,7 +14,7 @@ namespace padder {
 
 void Zip::fail(const std::string& what) const { throw Error(where_ + ": " + what); }
 
-std::uint64_t Zip::number(std::size_t at, int bytes) const {
+std::uint64_t Zip::read_number(std::size_t at, int bytes) const {
   if (at > bytes_.size() || bytes_.size() - at < static_cast<std::size_t>(bytes))
     fail("the zip archive is cut short: export it again");
   std::uint64_t value = 0;
@@ -27,19 +27,20 @@ Zip::Zip(std::string_view bytes, const std::string& where) : bytes_(bytes), wher
   const std::size_t end = bytes.rfind("PK\x05\x06");
   if (end == bytes.npos)
     fail("it is no zip archive, or cut short: check that the file has the ending of its format");
-  const std::uint64_t files = number(end + 10, 2);
-  std::size_t at = number(end + 16, 4);
+  const std::uint64_t files = read_number(end + 10, 2);
+  std::size_t at = read_number(end + 16, 4);
   if (at == 0xffffffffu) fail("zip archives beyond 4 GiB are not read");
   for (std::uint64_t k = 0; k < files; k++) {
-    if (number(at, 4) != 0x02014b50) fail("the directory of the zip archive is damaged: export it again");
+    if (read_number(at, 4) != 0x02014b50)
+      fail("the directory of the zip archive is damaged: export it again");
     Entry e;
-    if (number(at + 8, 2) & 1) fail("it is encrypted: save it without a password");
-    e.method = static_cast<unsigned>(number(at + 10, 2)), e.checksum = number(at + 16, 4);
-    e.packed = number(at + 20, 4), e.size = number(at + 24, 4), e.local = number(at + 42, 4);
-    const std::size_t name = number(at + 28, 2);
-    number(at + 46 + name, 0);  // it is there
+    if (read_number(at + 8, 2) & 1) fail("it is encrypted: save it without a password");
+    e.method = static_cast<unsigned>(read_number(at + 10, 2)), e.checksum = read_number(at + 16, 4);
+    e.packed = read_number(at + 20, 4), e.size = read_number(at + 24, 4), e.local = read_number(at + 42, 4);
+    const std::size_t name = read_number(at + 28, 2);
+    read_number(at + 46 + name, 0);  // fails if the archive ends before
     e.name = bytes.substr(at + 46, name);
-    at += 46 + name + number(at + 30, 2) + number(at + 32, 2);
+    at += 46 + name + read_number(at + 30, 2) + read_number(at + 32, 2);
     entries_.push_back(std::move(e));
   }
 }
@@ -60,10 +61,10 @@ std::string Zip::read(std::string_view name, std::size_t most) const {
   if (e->size > most)
     fail(part + "has " + std::to_string(e->size) + " bytes, and at most " + std::to_string(most) +
          " are read");
-  const std::size_t begin = e->local + 30 + number(e->local + 26, 2) + number(e->local + 28, 2);
-  number(begin + e->packed, 0);
+  const std::size_t begin = e->local + 30 + read_number(e->local + 26, 2) + read_number(e->local + 28, 2);
+  read_number(begin + e->packed, 0);
   const std::string_view packed = bytes_.substr(begin, e->packed);
-  // deflate packs 1032 to 1 at most: a size that is not true costs no memory.
+  // deflate shrinks to 1/1032 at most. So a false size is found here and does not allocate memory.
   if (e->size > 1032 * packed.size() + 1032) fail(part + "is damaged: export it again");
   std::string out(e->size, '\0');
   if (e->method == 8) {

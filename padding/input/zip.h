@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Files of a zip archive, stored or deflated. Not installed.
+// Reads files out of a zip archive, stored or deflated ones. Not installed.
 #pragma once
 #include <cstdint>
 #include <string>
@@ -8,15 +8,17 @@
 
 namespace padder {
 
-// An archive in memory; borrows its bytes.
+// An archive in memory. Refers to the bytes and does not copy them.
 class Zip {
  public:
-  // Throws Error, which begins with `where`: no zip archive, damaged, beyond 4 GiB, encrypted.
+  // Throws Error, which begins with `where`, for bytes that are no zip archive, damaged, beyond 4 GiB or
+  // encrypted.
   Zip(std::string_view bytes, const std::string& where);
 
   bool has(std::string_view name) const { return find(name) != nullptr; }
-  // Its bytes. The case of letters does not count, as in the packages of 3MF. Throws Error when it is not
-  // there, is damaged (its checksum is looked at), larger than `most`, or packed in another way.
+  // Returns the bytes of a file. The case of letters in its name does not count, as in packages of 3MF.
+  // Throws Error when the file is missing, damaged (its checksum is compared), larger than `most`, or packed
+  // in another way.
   std::string read(std::string_view name, std::size_t most) const;
 
  private:
@@ -27,7 +29,7 @@ class Zip {
     unsigned long checksum = 0;
   };
   const Entry* find(std::string_view name) const;
-  std::uint64_t number(std::size_t at, int bytes) const;  // little-endian
+  std::uint64_t read_number(std::size_t at, int bytes) const;  // little-endian
   [[noreturn]] void fail(const std::string& what) const;
 
   std::string_view bytes_;

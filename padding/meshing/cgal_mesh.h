@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Between our flat arrays and CGAL's surface mesh. Only for the sources that use CGAL: compiling it takes
-// seconds.
+// Converts between our flat arrays and CGAL's surface mesh. Only for sources that use CGAL: it takes seconds
+// to compile.
 #pragma once
 #include <CGAL/Exact_predicates_inexact_constructions_kernel.h>
 #include <CGAL/Surface_mesh.h>

@@ -39,7 +39,7 @@ bool flippable(const CgalMesh& mesh, const SharpMap& sharp, Edge e) {
   return u != v && mesh.halfedge(u, v) == CgalMesh::null_halfedge();
 }
 
-// Would flipping h fold the surface? Both new triangles must face as both old ones do.
+// Does flipping h keep the surface from folding? Both new triangles must face the way the old ones do.
 bool flip_keeps_shape(const CgalMesh& mesh, Halfedge h) {
   const Triangle3 old_a = corners(mesh, h), old_b = corners(mesh, mesh.opposite(h));
   const Triangle3 new_a{old_a.c, old_a.a, old_b.c}, new_b{old_a.c, old_b.c, old_a.b};
@@ -52,8 +52,9 @@ bool flip_keeps_shape(const CgalMesh& mesh, Halfedge h) {
   return true;
 }
 
-// Lawson's flips on the embedded surface. On a plane they end; on a curved one each flip changes the
-// geometry, so their number is bounded, and what is left is reported as a share.
+// Lawson's flips, on a surface in space. On a plane they come to an end. On a curved surface each flip
+// changes the geometry, so their number is limited; measure_quality() reports the share of edges that are
+// left.
 void make_delaunay(CgalMesh& mesh, const SharpMap& sharp) {
   std::deque<Edge> work(mesh.edges().begin(), mesh.edges().end());
   std::size_t budget = 20 * mesh.number_of_edges();

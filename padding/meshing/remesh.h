@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Isotropic remeshing to a Delaunay surface: the "meshing" step of the paper's section 2.3.
+// Isotropic remeshing to a Delaunay surface: the "meshing" step of section 2.3 of the paper.
 #pragma once
 #include <cstdint>
 
@@ -9,9 +9,9 @@ namespace padder {
 
 // The triangles wanted.
 struct RemeshOptions {
-  double edge_length = 0;   // wanted, in the mesh's unit; > 0
-  double sharp_angle = 40;  // degrees: an edge whose faces' normals differ by more is kept; 180 keeps none
-  int iterations = 5;       // of split, collapse, flip, smooth, project
+  double edge_length = 0;   // aimed at, in the mesh's unit; above 0
+  double sharp_angle = 40;  // edges whose faces' normals differ by more are kept; degrees; 180 keeps none
+  int iterations = 5;       // each splits, collapses, flips, smooths and projects
 };
 
 // What remeshing reached. Shares are 0 to 1.
@@ -29,13 +29,15 @@ struct Remeshed {
   RemeshQuality quality;
 };
 
-// CGAL's isotropic remeshing (Botsch and Kobbelt, A remeshing approach to multiresolution modeling, 2004)
-// with sharp edges constrained, then edge flips until the surface is Delaunay and a sliver guard: an obtuse
-// triangle whose circumradius is larger than the edge length has its longest edge split at the foot of its
-// height, so that no triangle yields a runaway sphere. New vertices lie on the input's surface. The mesh must
-// be manifold and oriented; it may have a border, which is kept. Throws Error when edge_length is not
-// positive or would make more than 2^31 triangles. Deterministic. Cost: about 20 s a million triangles in or
-// out.
+// Runs CGAL's isotropic remeshing (Botsch and Kobbelt, A remeshing approach to multiresolution modeling,
+// 2004) with sharp edges constrained. Then flips edges until the surface is Delaunay, and splits slivers: an
+// obtuse triangle whose circumradius is larger than the edge length has its longest edge split at the foot of
+// its height. So no triangle gets a sphere far larger than the others. New vertices lie on the input's
+// surface.
+//
+// The mesh must be manifold and oriented. It may have a border, which is kept. Deterministic. Throws Error
+// when edge_length is not positive or would make more than 2^31 triangles. Takes about 20 s for a million
+// triangles in or out.
 Remeshed remesh(const Mesh& mesh, const RemeshOptions& options);
 
 RemeshQuality measure_quality(const Mesh& mesh, double sharp_angle);

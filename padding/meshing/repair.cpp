@@ -43,8 +43,8 @@ class Report {
   std::string text_;
 };
 
-// Triangles of no area carry no surface, whatever they connect: three points on a line would only mislead the
-// normals.
+// Drops triangles without area. They carry no surface, and three points on a line would spoil the normals
+// nearby.
 Soup soup_with_area(const Mesh& mesh, Mesh& flat) {
   Soup soup;
   const double tiny = 1e-14 * std::pow(mesh.bounds().diagonal(), 2);
@@ -82,7 +82,7 @@ Patches close_small_holes(CgalMesh& mesh, double longest_rim) {
       rim += std::sqrt(CGAL::squared_distance(mesh.point(mesh.source(g)), mesh.point(mesh.target(g))));
       edges++;
     }
-    if (rim > longest_rim || edges > 500) continue;  // the filling search is cubic in the number of edges
+    if (rim > longest_rim || edges > 500) continue;  // filling takes time cubic in the number of edges
     std::vector<CgalMesh::Face_index> patch;
     pmp::triangulate_hole(mesh, h, std::back_inserter(patch));
     closed.holes += !patch.empty();
@@ -91,8 +91,7 @@ Patches close_small_holes(CgalMesh& mesh, double longest_rim) {
   return closed;
 }
 
-// A terrain: open, and nearly all of it seen from one side. A shell with a missing lid is not (its normals
-// cancel).
+// Is it a terrain, nearly all of it seen from one side? A box without its lid is not: its normals cancel.
 bool looks_like_sheet(const Mesh& mesh) {
   Vector sum = Vector::Zero();
   for (std::size_t t = 0; t < mesh.triangles.size(); t++) sum += mesh.area_normal(t);
@@ -143,7 +142,7 @@ Repaired as_given(Soup soup, const std::string& name) {
   return out;
 }
 
-// `soup` is what of the input has an area.
+// `soup` holds the triangles of the input that have an area.
 Repaired repaired(Soup soup, const Mesh& input, const RepairOptions& options, const std::string& name) {
   if (soup.triangles.empty()) throw Error(name + ": no triangle has an area, so there is no surface to pad");
   const double diagonal = input.bounds().diagonal();
@@ -169,7 +168,7 @@ Repaired repaired(Soup soup, const Mesh& input, const RepairOptions& options, co
   const Patches patches = close_small_holes(mesh, options.hole_size * diagonal);
   if (patches.holes > 0) report.add("closed " + count_of(patches.holes, "small hole"));
 
-  // CGAL's exact predicates decide on intersections; degenerate faces would make that test throw.
+  // CGAL's exact predicates find self-intersections. They throw for degenerate faces, so these go first.
   bool degenerate = false;
   for (const auto f : mesh.faces()) degenerate |= pmp::is_degenerate_triangle_face(f, mesh);
   if (degenerate) degenerate = !pmp::remove_degenerate_faces(mesh);
@@ -185,14 +184,14 @@ Repaired repaired(Soup soup, const Mesh& input, const RepairOptions& options, co
       out.report = report.text();
       return out;
     }
-    // Loose faces, most edges open: both sides of each are wrapped, which takes a minute with a ball fit for
-    // parts.
+    // With most edges open these are loose faces, and a wrap covers both sides of each. At the usual alpha
+    // that takes a minute, so take a larger one.
     RepairOptions coarser = options;
     if (2 * border > mesh.number_of_edges() && options.alpha == 0) coarser.alpha = diagonal / 100;
     return wrap(clean, coarser, diagonal, report, "open: " + count_of(border, "border edge"));
   }
   if (intersects) return wrap(clean, options, diagonal, report, "self-intersecting");
-  // Nested shells become cavities; pieces apart from each other all face outward.
+  // Nested shells become cavities. Parts that lie apart all face outward.
   if (pmp::volume(mesh) < 0) report.add("turned inside out");
   pmp::orient_to_bound_a_volume(mesh);
   if (!(pmp::volume(mesh) > 1e-12 * std::pow(diagonal, 3)))

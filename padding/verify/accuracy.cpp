@@ -7,6 +7,7 @@
 #include <numeric>
 #include <optional>
 
+#include "padding/geometry/sphere_points.h"
 #include "padding/verify/certify.h"
 
 namespace padder {
@@ -37,8 +38,8 @@ Summary summarize(std::vector<Weighted>& samples) {
   return s;
 }
 
-// Calls visit(k, into) for k in [0, n) on all threads and appends what each block found in the order of the
-// blocks.
+// Calls visit(k, into) for k in [0, n) on all threads. Work is cut into blocks, and their results are
+// appended in the order of the blocks.
 template <class T, class Visit>
 std::vector<T> gather(std::int64_t n, Visit&& visit) {
   constexpr std::int64_t block = 256;
@@ -52,16 +53,6 @@ std::vector<T> gather(std::int64_t n, Visit&& visit) {
   return all;
 }
 
-// Point j of n on the unit sphere along a spiral: equal areas, no clusters at the poles (Gonzalez,
-// Measurement of areas on a sphere using Fibonacci and latitude-longitude lattices, 2010). The turn keeps
-// neighbouring balls from sampling alike.
-Vector spiral(std::int64_t j, std::int64_t n, double turn) {
-  constexpr double golden = std::numbers::pi * (3 - 2.2360679774997896964);
-  const double z = 1 - (2 * double(j) + 1) / double(n), s = std::sqrt(std::max(0.0, 1 - z * z));
-  const double angle = golden * double(j) + turn;
-  return {s * std::cos(angle), s * std::sin(angle), z};
-}
-
 struct SurfaceSample {
   double gap, weight;
   bool inside;
@@ -70,7 +61,7 @@ struct SurfaceSample {
 std::vector<SurfaceSample> sample_surface(const Mesh& input, const Repaired& body,
                                           const Surface& body_surface, const BallSet& balls,
                                           std::int64_t wanted, double& buried) {
-  const double each = input.area() / double(wanted), reach = 2 * body.offset;
+  const double each = input.area() / double(wanted), search_radius = 2 * body.offset;
   const bool wrap = body.kind == BodyKind::wrap;
   struct Found {
     SurfaceSample sample;
@@ -80,13 +71,13 @@ std::vector<SurfaceSample> sample_surface(const Mesh& input, const Repaired& bod
       gather<Found>(std::int64_t(input.triangles.size()), [&](std::int64_t t, std::vector<Found>& into) {
         const double area = input.area_normal(t).norm();
         if (!(area > 0)) return;
-        // n^2 congruent pieces, their centroids as samples, with the corners beside them at no weight.
+        // n^2 congruent parts, sampled at their centroids. Corners are sampled, too, with no weight.
         const auto n = std::clamp<std::int64_t>(std::llround(std::sqrt(area / each)), 1, 4096);
         const Point a = input.corner(t, 0);
         const Vector u = (input.corner(t, 1) - a) / double(n), v = (input.corner(t, 2) - a) / double(n);
         const auto add = [&](double i, double j, double weight) {
           const Point x = a + i * u + j * v;
-          const bool hidden = wrap && !body_surface.any_within(x, reach);
+          const bool hidden = wrap && !body_surface.any_within(x, search_radius);
           const double gap = hidden ? 0 : balls.gap(x).value;
           into.push_back({{std::max(gap, 0.0), weight, gap <= 0}, hidden});
         };
@@ -149,22 +140,23 @@ class BallSampler {
         deepest_(deepest),
         origin_(input.bounds().center()) {}
 
-  // The sample, unless another ball covers it.
+  // The sample on this ball in the direction of `normal`, unless another ball covers it.
   std::optional<BallSample> at(const Ball& ball, const Vector& normal, double weight) const {
     const Point x = ball.center + ball.radius * normal;
-    // By more than rounding: a ball's own points, and those where equal balls touch, count as uncovered.
+    // Covered means by more than rounding: a ball's own points do not count, nor points where equal balls
+    // touch.
     if (balls_.any_contains(x, 1e-9 * ball.radius)) return std::nullopt;
     BallSample s{-1, -1, weight, weight * (x - origin_).dot(normal) / 3};
     const Nearest body = surface_.signed_nearest(x);
     const bool wrap = body_.kind == BodyKind::wrap;
-    // A wrap lies outside the input by its offset: what is under it by less may still stand outside of the
+    // A wrap lies outside the input by its offset. A point less deep below the wrap may still be outside the
     // input.
     const bool outside = body.distance > (wrap ? -body_.offset : 0);
     Nearest on_input = body;
     if (wrap) on_input = input_.nearest(x);
     if (outside) s.protrusion = std::abs(on_input.distance);
     if (outside || body.distance > -deepest_) {
-      // The wrap's normals ripple where the input's do not; the side is taken from the wrap, the plane from
+      // A wrap's normals ripple where the input's do not. So the side comes from the wrap, and the plane from
       // the input.
       Vector n = body.normal;
       if (wrap) {
@@ -182,7 +174,8 @@ class BallSampler {
   const Surface& surface_;
   const Surface& input_;
   const BallSet& balls_;
-  double deepest_;  // dents of the outer surface reach this deep; what is deeper is the inner side of a shell
+  // Dents of the outer surface are at most this deep. Deeper inside is the inner side of a shell.
+  double deepest_;
   Point origin_;
 };
 
@@ -207,7 +200,7 @@ Measured measure(const Mesh& input, const Repaired& body, const Surface& body_su
   a.gap_max = gap.max, a.gap_mean = gap.mean, a.gap_p95 = gap.p95;
   a.coverage = area > 0 ? covered / area : 0;
   a.gap_bound = gap_bound(body.mesh, set, options.floor).upper;
-  // Triangles without area may lie apart from the others.
+  // Triangles without area may lie apart from the others, so they are measured, too.
   if (!wrap) a.gap_bound = std::max(a.gap_bound, gap_bound(body.flat, set, options.floor).upper);
   if (!wrap) a.gap_max = std::max(a.gap_max, a.gap_bound);
 
@@ -221,8 +214,8 @@ Measured measure(const Mesh& input, const Repaired& body, const Surface& body_su
         const Ball& ball = balls[k];
         const double weight = 4 * std::numbers::pi * ball.radius * ball.radius / double(n);
         for (std::int64_t j = 0; j < n; j++)
-          if (const auto s = sampler.at(ball, spiral(j, n, double(k)), weight)) into.push_back(*s);
-        // Where the ball stands out farthest: past the surface point nearest to its centre.
+          if (const auto s = sampler.at(ball, sphere_point(j, n, double(k)), weight)) into.push_back(*s);
+        // The point where the ball stands out farthest lies beyond the surface point nearest to its centre.
         const Nearest near = body_surface.signed_nearest(ball.center);
         Vector out = near.distance < 0 ? Vector(near.point - ball.center) : Vector(ball.center - near.point);
         if (out.norm() > 0)
@@ -247,6 +240,11 @@ Measured measure(const Mesh& input, const Repaired& body, const Surface& body_su
     a.volume_ratio = volume > 0 ? m.volume_union / volume : 0;
   }
   return m;
+}
+
+bool within(const Accuracy& accuracy, double tolerance) {
+  const double most = tolerance * (1 + 1e-9);
+  return accuracy.protrusion_max <= most && accuracy.gap_max <= most;
 }
 
 }  // namespace padder

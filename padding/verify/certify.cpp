@@ -9,61 +9,40 @@ namespace {
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
 
-// Cells smaller than this share of the largest coordinate are not split further: rounding rules below.
-constexpr double smallest_cell = 1e-9;
+// Parts smaller than this share of the largest coordinate are not split further: below it, rounding decides.
+constexpr double smallest_part = 1e-9;
 
-// A centre that is nearer to the surface than this share of its radius lies on it: on a knife's edge no ball
-// has its centre inside.
+// A centre that is nearer to the surface than this share of the radius counts as on it: a ball at a sharp
+// edge cannot have its centre inside.
 constexpr double on_surface = 1e-6;
 
-double bound_by(const Ball& ball, const Cell& cell) {
+double bound_by(const Ball& ball, const GapPart& part) {
   double far2 = 0;
-  for (const Point& p : cell.corner) far2 = std::max(far2, (p - ball.center).squaredNorm());
+  for (const Point& p : part.corner) far2 = std::max(far2, (p - ball.center).squaredNorm());
   return std::sqrt(far2) - ball.radius;
 }
 
-// Tightens cell.bound by a ball's convex gap function.
-void tighten(Cell& cell, const BallSet& balls, std::uint32_t ball) {
-  cell.bound = std::min(cell.bound, bound_by(balls.balls()[ball], cell));
+// Lowers part.bound to what this ball proves.
+void tighten(GapPart& part, const BallSet& balls, std::uint32_t ball) {
+  part.bound = std::min(part.bound, bound_by(balls.balls()[ball], part));
 }
 
-// The two halves across the longest edge. They keep the parent's bound, which holds for its parts.
-std::array<Cell, 2> bisect(const Cell& cell) {
-  int k = 0;
-  double longest = -1;
-  for (int e = 0; e < 3; e++) {
-    const double length = (cell.corner[(e + 1) % 3] - cell.corner[e]).squaredNorm();
-    if (length > longest) longest = length, k = e;
-  }
-  const Point middle = 0.5 * (cell.corner[k] + cell.corner[(k + 1) % 3]);
-  std::array<Cell, 2> halves = {cell, cell};
-  halves[0].corner[(k + 1) % 3] = middle;
-  halves[1].corner[k] = middle;
-  return halves;
-}
-
-Cell cell_of(const Mesh& mesh, std::size_t t) {
-  Cell cell;
-  cell.triangle = static_cast<std::uint32_t>(t);
-  for (int k = 0; k < 3; k++) cell.corner[k] = mesh.corner(t, k);
-  cell.bound = infinity;
-  return cell;
+GapPart part_of(const Mesh& mesh, std::size_t t) {
+  GapPart part;
+  part.triangle = static_cast<std::uint32_t>(t);
+  for (int k = 0; k < 3; k++) part.corner[k] = mesh.corner(t, k);
+  part.bound = infinity;
+  return part;
 }
 
 double smallest_size(const Mesh& mesh) {
   const Box box = mesh.bounds();
   return box.empty()
              ? 0
-             : smallest_cell * std::max(box.low.cwiseAbs().maxCoeff(), box.high.cwiseAbs().maxCoeff());
+             : smallest_part * std::max(box.low.cwiseAbs().maxCoeff(), box.high.cwiseAbs().maxCoeff());
 }
 
 }  // namespace
-
-double Cell::size() const {
-  double longest = 0;
-  for (int k = 0; k < 3; k++) longest = std::max(longest, (corner[(k + 1) % 3] - corner[k]).squaredNorm());
-  return std::sqrt(longest);
-}
 
 ProtrusionBound protrusion_bound(const Surface& surface, const std::vector<Ball>& balls) {
   ProtrusionBound bound;
@@ -75,8 +54,8 @@ ProtrusionBound protrusion_bound(const Surface& surface, const std::vector<Ball>
     const Ball& ball = balls[k];
     const Nearest at = surface.signed_nearest(ball.center);
     double distance = at.distance;
-    // Where no winding number can be told the centre lies on the surface, but for rounding: outside is the
-    // safe side.
+    // No winding number means that the centre lies on the surface, as far as rounding can tell: outside is
+    // the safe assumption.
     if (bound.proved) distance = std::copysign(distance, surface.winding_number(ball.center) > 0 ? -1. : 1.);
     bound.each[k] = ball.radius + distance;
     outside += distance > on_surface * ball.radius;
@@ -87,8 +66,8 @@ ProtrusionBound protrusion_bound(const Surface& surface, const std::vector<Ball>
   return bound;
 }
 
-// Breadth first, one level of bisection at a time: what a level prunes depends only on the levels before, so
-// the result is the same for any number of threads.
+// Goes breadth first, one round of bisection at a time. What a round prunes depends only on the rounds before
+// it, so the result does not depend on the number of threads.
 GapBound gap_bound(const Mesh& mesh, const BallSet& balls, double floor, double relative) {
   GapBound best;
   const std::size_t n = mesh.triangles.size();
@@ -98,37 +77,37 @@ GapBound gap_bound(const Mesh& mesh, const BallSet& balls, double floor, double 
     return best;
   }
   const double smallest = smallest_size(mesh);
-  double pruned = 0;  // largest bound among the cells that were let go
+  double pruned = 0;  // the largest bound among the parts that were not split further
 
-  // Looks at a cell; true when it must be split. `hint` is the ball of the cell before: most often it settles
-  // this one.
-  const auto examine = [&](Cell& cell, std::uint32_t& hint, double enough) {
-    tighten(cell, balls, hint);
-    cell.value = -infinity;
-    if (cell.bound <= enough) return false;
-    cell.point = cell.centroid();
-    const BallGap gap = balls.gap(cell.point);
-    cell.value = gap.value, hint = gap.ball;
-    tighten(cell, balls, hint);
-    return cell.bound > enough;
+  // Bounds a part and returns true when it must be split. `hint` is the ball of the part before, which
+  // settles most parts without a query.
+  const auto examine = [&](GapPart& part, std::uint32_t& hint, double enough) {
+    tighten(part, balls, hint);
+    part.value = -infinity;
+    if (part.bound <= enough) return false;
+    part.point = part.centroid();
+    const BallGap gap = balls.gap(part.point);
+    part.value = gap.value, hint = gap.ball;
+    tighten(part, balls, hint);
+    return part.bound > enough;
   };
-  // Up to the floor no share is added: a gap just below a tolerance is proved to keep it.
+  // Below the floor nothing is added, so that a gap just below a tolerance is proved to keep it.
   const auto settled = [&](double lower) { return lower <= floor ? floor : lower * (1 + relative); };
-  const auto improve = [&](const Cell& cell) {
-    if (cell.value > best.lower)
-      best.lower = cell.value, best.point = cell.point, best.triangle = cell.triangle;
+  const auto improve = [&](const GapPart& part) {
+    if (part.value > best.lower)
+      best.lower = part.value, best.point = part.point, best.triangle = part.triangle;
   };
 
-  std::vector<Cell> level, next;
+  std::vector<GapPart> level, next;
   for (bool first = true; first || !level.empty(); first = false) {
     const double enough = settled(best.lower);
     const std::size_t count = first ? n : level.size();
     constexpr std::size_t block = 256;
     const std::size_t blocks = (count + block - 1) / block;
     struct Result {
-      std::vector<Cell> open;
+      std::vector<GapPart> open;
       double pruned = 0;
-      Cell top;  // of the largest value
+      GapPart top;  // of the largest value
     };
     std::vector<Result> results(blocks);
 #pragma omp parallel for schedule(dynamic, 4) if (blocks > 4)
@@ -136,20 +115,20 @@ GapBound gap_bound(const Mesh& mesh, const BallSet& balls, double floor, double 
       Result& result = results[b];
       result.top.value = -infinity;
       std::uint32_t hint = 0;
-      const auto look = [&](Cell& cell) {
-        const bool open = examine(cell, hint, enough);
-        if (cell.value > result.top.value) result.top = cell;
+      const auto look = [&](GapPart& part) {
+        const bool open = examine(part, hint, enough);
+        if (part.value > result.top.value) result.top = part;
         if (open)
-          result.open.push_back(cell);
+          result.open.push_back(part);
         else
-          result.pruned = std::max(result.pruned, cell.bound);
+          result.pruned = std::max(result.pruned, part.bound);
       };
       for (std::size_t k = b * block; k < std::min(count, (b + 1) * block); k++) {
         if (first) {
-          Cell cell = cell_of(mesh, k);
-          look(cell);
+          GapPart part = part_of(mesh, k);
+          look(part);
         } else {
-          for (Cell& half : bisect(level[k])) look(half);
+          for (GapPart& half : bisect(level[k])) look(half);
         }
       }
     }
@@ -157,11 +136,11 @@ GapBound gap_bound(const Mesh& mesh, const BallSet& balls, double floor, double 
     for (const Result& result : results) improve(result.top), pruned = std::max(pruned, result.pruned);
     const double now = settled(best.lower);
     for (const Result& result : results)
-      for (const Cell& cell : result.open) {
-        if (cell.bound > now && cell.size() > smallest)
-          next.push_back(cell);
+      for (const GapPart& part : result.open) {
+        if (part.bound > now && part.size() > smallest)
+          next.push_back(part);
         else
-          pruned = std::max(pruned, cell.bound);
+          pruned = std::max(pruned, part.bound);
       }
     level.swap(next);
   }
@@ -169,48 +148,49 @@ GapBound gap_bound(const Mesh& mesh, const BallSet& balls, double floor, double 
   return best;
 }
 
-std::vector<Cell> gap_failures(const Mesh& mesh, const BallSet& balls, double bound, double grain) {
+std::vector<GapPart> gap_failures(const Mesh& mesh, const BallSet& balls, double bound, double grain) {
   const std::size_t n = mesh.triangles.size();
   const double smallest = smallest_size(mesh);
   constexpr std::size_t block = 256;
   const std::size_t blocks = (n + block - 1) / block;
-  std::vector<std::vector<Cell>> failed(blocks);
+  std::vector<std::vector<GapPart>> failed(blocks);
 #pragma omp parallel for schedule(dynamic, 4) if (blocks > 4)
   for (std::size_t b = 0; b < blocks; b++) {
-    std::vector<Cell> stack;
+    std::vector<GapPart> stack;
     std::uint32_t hint = 0;
     for (std::size_t t = b * block; t < std::min(n, (b + 1) * block); t++) {
-      stack.push_back(cell_of(mesh, t));
+      stack.push_back(part_of(mesh, t));
       while (!stack.empty()) {
-        Cell cell = stack.back();
+        GapPart part = stack.back();
         stack.pop_back();
         if (!balls.empty()) {
-          tighten(cell, balls, hint);
-          if (cell.bound <= bound) continue;
+          tighten(part, balls, hint);
+          if (part.bound <= bound) continue;
         }
-        cell.point = cell.centroid();
-        const BallGap gap = balls.gap(cell.point);
-        cell.value = gap.value;
-        if (!balls.empty()) tighten(cell, balls, hint = gap.ball);
-        if (cell.bound <= bound) continue;
-        // A cell across the rim of an uncovered spot holds both kinds of points: a corner outside settles it.
-        // Splitting it until its centroid is outside would follow the rim all along.
-        const double size = cell.size();
+        part.point = part.centroid();
+        const BallGap gap = balls.gap(part.point);
+        part.value = gap.value;
+        if (!balls.empty()) tighten(part, balls, hint = gap.ball);
+        if (part.bound <= bound) continue;
+        // A part across the border of an uncovered spot has points of both kinds, and its centroid may be
+        // covered. Then a corner that is not covered is enough. Splitting until a centroid fails would follow
+        // the border all along.
+        const double size = part.size();
         if (size <= grain)
-          for (const Point& p : cell.corner) {
+          for (const Point& p : part.corner) {
             const double value = balls.gap(p).value;
-            if (value > cell.value) cell.value = value, cell.point = p;
+            if (value > part.value) part.value = value, part.point = p;
           }
-        if (size > smallest && (size > grain || cell.value <= bound)) {
-          const auto halves = bisect(cell);
+        if (size > smallest && (size > grain || part.value <= bound)) {
+          const auto halves = bisect(part);
           stack.push_back(halves[1]), stack.push_back(halves[0]);
         } else {
-          failed[b].push_back(cell);
+          failed[b].push_back(part);
         }
       }
     }
   }
-  std::vector<Cell> all;
+  std::vector<GapPart> all;
   for (auto& part : failed) all.insert(all.end(), part.begin(), part.end());
   return all;
 }

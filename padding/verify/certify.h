@@ -1,45 +1,43 @@
 // SPDX-License-Identifier: MIT
-// The certificate: proved upper bounds of both errors of a union of balls against a surface. Not sampled.
-// docs/tolerance.md has the proofs. All bounds hold up to rounding, about 1e-15 of the largest coordinate.
+// The certificate: upper bounds for the protrusion and the gap of a union of balls against a surface. They
+// are proved and not sampled; docs/tolerance.md has the proofs. Rounding may falsify them by about 1e-15 of
+// the largest coordinate.
 #pragma once
 #include <vector>
 
 #include "padding/geometry/balls.h"
 #include "padding/geometry/surface.h"
+#include "padding/geometry/triangle_part.h"
 
 namespace padder {
 
-// How far a ball can stand out of the body: radius - D for a centre inside at the distance D from the
-// surface, radius + D for a centre outside. No point of the ball outside the body lies farther from the
-// surface; negative for a ball that stays below it.
+// How far balls can stand out of the body. With D as the distance of the centre to the surface, a ball stands
+// out by at most radius - D if its centre is inside, and by at most radius + D if it is outside. The bound is
+// negative for a ball that stays below the surface.
 struct ProtrusionBound {
   double max = -std::numeric_limits<double>::infinity();  // over all balls
-  std::uint32_t ball = 0;                                 // where
-  std::vector<double> each;                               // one a ball
-  bool proved = false;      // false for an open surface: it has no inside, and `each` is only an estimate
-  std::size_t outside = 0;  // balls whose centre lies outside the body, none in a sound cluster: the surface
-                            // faces inward there, or the ball was never meant for it
+  std::uint32_t ball = 0;                                 // the ball that has it
+  std::vector<double> each;                               // for each ball
+  bool proved = false;  // false for an open surface: it has no inside, so `each` is only an estimate
+  // The number of balls whose centre lies outside the body. There are none in a sound cluster: either the
+  // surface faces inward there, or the ball was made for another body.
+  std::size_t outside = 0;
 };
 
-// Inside is where the surface's winding number is above 0: the surface must be closed, which is looked at
-// here, and may intersect itself, overlap and be turned inside out; nothing is taken on trust. A
-// nearest-point query and a ray for each ball; runs on all threads. On an open surface, inside is below its
-// normals.
+// Inside is where the winding number of the surface is above 0. This function checks itself whether the
+// surface is closed, and trusts nothing else: it may intersect itself, overlap and be turned inside out. On
+// an open surface, inside is below its normals. Costs a nearest-point query and a ray for each ball; runs on
+// all threads.
 ProtrusionBound protrusion_bound(const Surface& surface, const std::vector<Ball>& balls);
 
-// A piece of a triangle, small enough to be judged by itself.
-struct Cell {
-  std::array<Point, 3> corner;
-  std::uint32_t triangle = 0;   // of the mesh
-  Point point = Point::Zero();  // the point of the cell with the largest signed gap that was looked at
+// A part of a triangle with what is known of the gap on it.
+struct GapPart : TrianglePart {
+  Point point = Point::Zero();  // of those looked at, the point with the largest signed gap
   double value = 0;             // that gap
-  double bound = 0;             // proved: no point of the cell has a larger gap
-
-  Point centroid() const { return (corner[0] + corner[1] + corner[2]) / 3; }
-  double size() const;  // longest edge
+  double bound = 0;             // proved: no point of the part has a larger gap
 };
 
-// The largest distance of a surface point to the union.
+// The largest distance of a surface point to the union, between two bounds.
 struct GapBound {
   double upper = 0;  // proved: no point lies farther out; 0 when all is inside the union
   double lower = 0;  // attained at `point`
@@ -47,16 +45,17 @@ struct GapBound {
   std::uint32_t triangle = 0;  // that the point lies on
 };
 
-// Branch and bound: a ball's gap is a convex function, so its largest value over a cell is at a corner; the
-// best ball at the centroid gives each cell a bound, and cells are bisected until upper <= floor or, where
-// lower is above the floor, upper <= lower * (1 + relative). `floor`: gaps up to here need not be told apart
-// (a tolerance; 0 for the true maximum). upper >= lower always. An empty union has an infinite gap. Runs on
-// all threads; the result does not depend on their number.
+// Branch and bound. The signed gap to one ball is a convex function, so its largest value over a part of a
+// triangle is at a corner. The ball nearest to the centroid thus gives a bound for the part. Parts are
+// bisected until upper <= floor or, where lower is above the floor, upper <= lower * (1 + relative). `floor`
+// says up to which size gaps need not be told apart: a tolerance, or 0 for the true maximum. Always upper >=
+// lower. An empty union has an infinite gap. Runs on all threads; the result does not depend on their number.
 GapBound gap_bound(const Mesh& mesh, const BallSet& balls, double floor = 0, double relative = 1e-3);
 
-// The cells that could not be proved to lie within `bound`: an empty answer is the proof that all do. A cell
-// is bisected as long as it is larger than `grain` or no point of it is known that fails, down to a size
-// below which only rounding is left. In the order of the triangles, whatever the number of threads.
-std::vector<Cell> gap_failures(const Mesh& mesh, const BallSet& balls, double bound, double grain);
+// Returns the parts of the surface for which the proof that they lie within `bound` failed. An empty answer
+// is the proof for the whole surface. A part is bisected as long as it is larger than `grain`, and below that
+// as long as no point of it is known that fails, down to a size where only rounding is left. The order is
+// that of the triangles, for any number of threads.
+std::vector<GapPart> gap_failures(const Mesh& mesh, const BallSet& balls, double bound, double grain);
 
 }  // namespace padder

@@ -5,35 +5,30 @@
 #include <cmath>
 #include <numbers>
 
+#include "padding/geometry/sphere_points.h"
+
 namespace padder {
 namespace {
-
-// Point k of n on the unit sphere, a spiral of equal areas (Swinbank and Purser, Fibonacci grids, 2006).
-Vector spiral(std::int64_t k, std::int64_t n) {
-  const double z = 1 - (2.0 * static_cast<double>(k) + 1) / static_cast<double>(n);
-  const double phi = static_cast<double>(k) * std::numbers::pi * (3 - std::sqrt(5.0));
-  const double s = std::sqrt(std::max(0.0, 1 - z * z));
-  return {s * std::cos(phi), s * std::sin(phi), z};
-}
 
 struct Sums {
   double volume = 0, outside = 0, protrusion = 0, facing = 0, angle = 0;
 };
 
-// One ball's exposed points.
+// Over the points of one ball that no other ball contains.
 Sums sums_of(const Surface& surface, const BallSet& set, std::uint32_t index, std::int64_t n) {
   const Ball& ball = set.balls()[index];
   const double weight = 4 * std::numbers::pi * ball.radius * ball.radius / static_cast<double>(n);
   const double skin = 1e-9 * ball.radius;
   Sums sums;
   for (std::int64_t k = 0; k < n; k++) {
-    const Vector normal = spiral(k, n);
+    const Vector normal = sphere_point(k, n);
     const Point x = ball.center + ball.radius * normal;
     if (set.any_contains(x, skin)) continue;
     sums.volume += weight * x.dot(normal) / 3;
     const Nearest at = surface.signed_nearest(x);
     if (at.distance > 0) sums.outside += weight, sums.protrusion += weight * at.distance;
-    // The walls of a hollow between balls deep inside face no surface: they have no normal to err from.
+    // Balls deep inside the body may leave a hollow between them. Its walls face no surface, so they have no
+    // normal error.
     if (at.distance < -0.5 * ball.radius) continue;
     sums.facing += weight;
     sums.angle += weight * std::acos(std::clamp(normal.dot(at.normal), -1.0, 1.0));
@@ -41,7 +36,7 @@ Sums sums_of(const Surface& surface, const BallSet& set, std::uint32_t index, st
   return sums;
 }
 
-// Mean gap over the surface: each triangle's area is shared by points on a lattice inside of it.
+// Mean gap over the surface. Each triangle is sampled on a lattice, and its samples share its area.
 double mean_gap(const Mesh& mesh, const BallSet& set, std::int64_t samples) {
   const double area = mesh.area();
   const std::int64_t n = static_cast<std::int64_t>(mesh.triangles.size());

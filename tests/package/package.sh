@@ -3,9 +3,11 @@
 # The installed package as others meet it. package.sh STEP SOURCE BUILD WORK CXX, STEP one of:
 #   install   installs BUILD to WORK/prefix
 #   consumer  builds and runs tests/package/consumer against WORK/prefix
+#   cover     the same with tests/package/cover_consumer, whose program must hold nothing of CGAL or assimp
 #   view      the same with tests/package/view_consumer
 #   headers   compiles each installed header by itself
-#   detect    configures SOURCE without padding, where CGAL must not be looked for; builds, installs, and a consumer of that
+#   detect    configures SOURCE with -DPADDER_PADDING=OFF, where CGAL must not be looked for; builds and installs it, and
+#             builds and runs tests/package/detect_consumer and tests/package/cover_consumer against that
 set -euo pipefail
 step=$1 source=$2 build=$3 work=$4 cxx=$5
 export CXX=$cxx
@@ -23,6 +25,16 @@ case $step in
     configure "$source/tests/package/consumer" "$work/consumer" -DCMAKE_PREFIX_PATH="$work/prefix"
     cmake --build "$work/consumer"
     (cd "$work" && consumer/consumer)
+    ;;
+  cover)
+    configure "$source/tests/package/cover_consumer" "$work/cover_consumer" -DCMAKE_PREFIX_PATH="$work/prefix"
+    cmake --build "$work/cover_consumer"
+    program=$work/cover_consumer/cover_consumer
+    "$program"
+    if ldd "$program" | grep -iE 'cgal|gmp|mpfr|assimp' || nm -C "$program" | grep -E 'CGAL::|Assimp::'; then
+      echo "a program with padder::cover holds code of CGAL or assimp" >&2
+      exit 1
+    fi
     ;;
   view)
     configure "$source/tests/package/view_consumer" "$work/view_consumer" -DCMAKE_PREFIX_PATH="$work/prefix"
@@ -57,5 +69,9 @@ case $step in
     configure "$source/tests/package/detect_consumer" "$work/detect_consumer" -DCMAKE_PREFIX_PATH="$work/detect_prefix"
     cmake --build "$work/detect_consumer"
     "$work/detect_consumer/detect_consumer"
+    [ -n "$(find "$work/detect_prefix" -name padder-cover.cmake)" ] || exit 0  # Eigen or nlohmann_json is not here
+    configure "$source/tests/package/cover_consumer" "$work/cover_alone" -DCMAKE_PREFIX_PATH="$work/detect_prefix"
+    cmake --build "$work/cover_alone"
+    "$work/cover_alone/cover_consumer"
     ;;
 esac

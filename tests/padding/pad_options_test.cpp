@@ -15,56 +15,26 @@ namespace {
 constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 constexpr double infinity = std::numeric_limits<double>::infinity();
 
-TEST(PadOptions, ALengthIsANumberOrAShareAndNothingElse) {
-  EXPECT_EQ(length_of("0.25")->value, 0.25);
-  EXPECT_FALSE(length_of("0.25")->share);
-  EXPECT_EQ(length_of("1e-3")->value, 1e-3);
-  for (const char* text : {"5%", "5 %", "5.0%", "0.5e1%"}) {
-    const auto length = length_of(text);
-    ASSERT_TRUE(length) << text;
-    EXPECT_TRUE(length->share);
-    EXPECT_EQ(length->value, 0.05);
-  }
-  for (const char* text : {"",     " ",     "%",      " %",  "5%%", "5 % ",  " 5",    "5 ",  "5\t%", "+5",
-                           "-5",   "-5%",   "0",      "0%",  "-0",  "0x10",  "0x10%", "nan", "NaN%", "inf",
-                           "inf%", "1e999", "1e-999", "5mm", "5,5", "1_000", "five",  "%5",  "5%5"})
-    EXPECT_FALSE(length_of(text)) << '"' << text << '"';
-}
-
 PadOptions with(const std::function<void(PadOptions&)>& set) {
   PadOptions options;
-  options.tolerance = {0.01, true};
+  options.tolerance = Length::share(0.01);
   set(options);
   return options;
 }
 
 TEST(PadOptions, WhatMakesNoSenseIsRefused) {
   EXPECT_NO_THROW(check({}));
-  EXPECT_NO_THROW(check(with([](PadOptions& o) { o.max_radius = {0.1, false}; })));
+  EXPECT_NO_THROW(check(with([](PadOptions& o) { o.max_radius = Length::of(0.1); })));
   const std::function<void(PadOptions&)> wrong[] = {
-      [](PadOptions& o) {
-        o.tolerance = {nan, true};
-      },
-      [](PadOptions& o) {
-        o.tolerance = {infinity, false};
-      },
-      [](PadOptions& o) {
-        o.tolerance = {-1, false};
-      },
-      [](PadOptions& o) {
-        o.edge_length = {nan, false};
-      },
-      [](PadOptions& o) {
-        o.reach = {infinity, true};
-      },
-      [](PadOptions& o) {
-        o.min_radius = {-1, false};
-      },
-      [](PadOptions& o) {
-        o.tolerance = {}, o.lod = {{nan, true}};
-      },
-      [](PadOptions& o) { o.depth = nan; },
-      [](PadOptions& o) { o.depth = -0.1; },
+      [](PadOptions& o) { o.tolerance = Length::share(nan); },
+      [](PadOptions& o) { o.tolerance = Length::of(infinity); },
+      [](PadOptions& o) { o.tolerance = Length::of(-1); },
+      [](PadOptions& o) { o.edge_length = Length::of(nan); },
+      [](PadOptions& o) { o.min_grain_radius = Length::share(infinity); },
+      [](PadOptions& o) { o.min_radius = Length::of(-1); },
+      [](PadOptions& o) { o.tolerance = {}, o.lod = {Length::share(nan)}; },
+      [](PadOptions& o) { o.depth_ratio = nan; },
+      [](PadOptions& o) { o.depth_ratio = -0.1; },
       [](PadOptions& o) { o.smooth = nan; },
       [](PadOptions& o) { o.smooth = 200; },
       [](PadOptions& o) { o.sharp_angle = nan; },
@@ -72,12 +42,8 @@ TEST(PadOptions, WhatMakesNoSenseIsRefused) {
       [](PadOptions& o) { o.effort = -1; },
       [](PadOptions& o) { o.effort = 4; },
       [](PadOptions& o) { o.max_spheres = 1ull << 32; },
-      [](PadOptions& o) {
-        o.tolerance = {}, o.max_radius = {0.1, false};
-      },  // without effect
-      [](PadOptions& o) {
-        o.depth = 0.2, o.min_radius = {0.1, false};
-      },
+      [](PadOptions& o) { o.tolerance = {}, o.max_radius = Length::of(0.1); },  // without effect
+      [](PadOptions& o) { o.depth_ratio = 0.2, o.min_radius = Length::of(0.1); },
       [](PadOptions& o) { o.tolerance = {}, o.smooth = 5; },
   };
   for (std::size_t k = 0; k < std::size(wrong); k++) EXPECT_THROW(check(with(wrong[k])), Error) << k;
@@ -104,7 +70,7 @@ TEST(PadOptions, WhatCannotBeMeantForThePartIsRefusedUnlessForced) {
     return thrown;
   };
   const auto tolerance = [](double value, bool share) {
-    return with([&](PadOptions& o) { o.tolerance = {value, share}; });
+    return with([&](PadOptions& o) { o.tolerance = share ? Length::share(value) : Length::of(value); });
   };
   EXPECT_FALSE(refused(tolerance(0.5, false), cube));
   EXPECT_TRUE(refused(tolerance(0.51, false), cube));
@@ -113,18 +79,16 @@ TEST(PadOptions, WhatCannotBeMeantForThePartIsRefusedUnlessForced) {
   EXPECT_FALSE(refused(tolerance(0.02, true), plate));  // thinner than the tolerance, and meant
   EXPECT_TRUE(refused(tolerance(0.11, true), plate));
   EXPECT_TRUE(refused(with([](PadOptions& o) {
-                        o.tolerance = {}, o.lod = {{0.01, true}, {4, false}};
+                        o.tolerance = {}, o.lod = {Length::share(0.01), Length::of(4)};
                       }),
                       cube));
-  EXPECT_TRUE(refused(with([](PadOptions& o) { o.edge_length = {2, true}; }), cube));
-  EXPECT_TRUE(refused(with([](PadOptions& o) { o.min_radius = {3, false}; }), cube));
-  EXPECT_TRUE(refused(with([](PadOptions& o) {
-                        o.min_radius = {.2, false}, o.max_radius = {.1, false};
-                      }),
-                      cube));
-  EXPECT_TRUE(refused(with([](PadOptions& o) { o.reach = {1e-5, true}; }), cube));
-  EXPECT_TRUE(refused(with([](PadOptions& o) { o.reach = {0.6, true}; }), cube));
-  EXPECT_FALSE(refused(with([](PadOptions& o) { o.reach = {0.05, true}; }), cube));
+  EXPECT_TRUE(refused(with([](PadOptions& o) { o.edge_length = Length::share(2); }), cube));
+  EXPECT_TRUE(refused(with([](PadOptions& o) { o.min_radius = Length::of(3); }), cube));
+  EXPECT_TRUE(refused(
+      with([](PadOptions& o) { o.min_radius = Length::of(.2), o.max_radius = Length::of(.1); }), cube));
+  EXPECT_TRUE(refused(with([](PadOptions& o) { o.min_grain_radius = Length::share(1e-5); }), cube));
+  EXPECT_TRUE(refused(with([](PadOptions& o) { o.min_grain_radius = Length::share(0.6); }), cube));
+  EXPECT_FALSE(refused(with([](PadOptions& o) { o.min_grain_radius = Length::share(0.05); }), cube));
   EXPECT_FALSE(refused({}, cube));
 }
 

@@ -7,7 +7,7 @@
 #include <filesystem>
 
 #include "padding/asset/error.h"
-#include "tests/padding/random.h"
+#include "tests/padding/random_input.h"
 
 namespace padder {
 namespace {
@@ -39,9 +39,9 @@ TEST(Pad, ClosedFormsAreMetWithinTheCaps) {
   for (const auto& [name, mesh, volume] : cases) {
     SCOPED_TRACE(name);
     PadOptions options;
-    options.edge_length = {0.03, true};
+    options.edge_length = Length::share(0.03);
     const Padded p = pad(as_file(mesh), options);
-    const double cap = options.depth_used() * p.report.quality.circumradius_max;
+    const double cap = options.depth_ratio_used() * p.report.quality.circumradius_max;
     EXPECT_LE(p.cluster.accuracy.protrusion_max, cap * 1.001);
     EXPECT_LE(p.cluster.accuracy.gap_max, cap * 1.001);
     EXPECT_GT(p.cluster.accuracy.coverage, 0.9);
@@ -51,7 +51,7 @@ TEST(Pad, ClosedFormsAreMetWithinTheCaps) {
   }
 }
 
-// 1e-9 relative to the diagonal, sphere by sphere.
+// Compares sphere by sphere, to 1e-9 of the diagonal.
 void expect_same(const Cluster& a, const Cluster& b, double scale,
                  const std::function<Point(const Point&)>& move) {
   ASSERT_EQ(a.size(), b.size());
@@ -66,10 +66,10 @@ void expect_same(const Cluster& a, const Cluster& b, double scale,
 TEST(Pad, MovedAndScaledInputGivesTheSameSpheresMovedAndScaled) {
   for (std::uint64_t seed = 1; seed <= 4; seed++) {
     SCOPED_TRACE("seed " + std::to_string(seed));
-    shapes::Random random(seed);
+    shapes::RandomInput random(seed);
     const Mesh mesh = shapes::blob(random);
     PadOptions options;
-    options.edge_length = {0.06, true};
+    options.edge_length = Length::share(0.06);
     const Cluster plain = pad(as_file(mesh), options).cluster;
     const double s = std::exp(random.uniform(-9, 9));
     const Vector shift = s * random.point(2);
@@ -81,10 +81,10 @@ TEST(Pad, MovedAndScaledInputGivesTheSameSpheresMovedAndScaled) {
 TEST(Pad, TurnedInputGivesTheSameSpheresTurned) {
   for (std::uint64_t seed = 1; seed <= 4; seed++) {
     SCOPED_TRACE("seed " + std::to_string(seed));
-    shapes::Random random(seed);
+    shapes::RandomInput random(seed);
     const Mesh mesh = shapes::blob(random);
     PadOptions options;
-    options.edge_length = {0.2, false};  // the box's diagonal changes with the turn
+    options.edge_length = Length::of(0.2);  // the box's diagonal changes with the turn
     const Cluster plain = pad(as_file(mesh), options).cluster;
     const Eigen::Matrix3d turn = random.rotation();
     const Vector shift = random.point(2);
@@ -131,7 +131,7 @@ TEST(Pad, ASheetIsSaidToBeOne) {
 }
 
 Padded by_tolerance(const Mesh& mesh, double share, PadOptions options = {}) {
-  options.tolerance = {share, true};
+  options.tolerance = Length::share(share);
   return pad(as_file(mesh), options);
 }
 
@@ -156,8 +156,8 @@ TEST(Pad, ASphereIsOneSphere) { EXPECT_EQ(by_tolerance(shapes::sphere(4), 0.02).
 TEST(Pad, ATighterToleranceOnDepthThinsLess) {
   const Mesh mesh = shapes::torus(1, 0.3, 60, 20);
   PadOptions options;
-  options.depth = 0.3;
-  options.edge_length = {0.03, true};
+  options.depth_ratio = 0.3;
+  options.edge_length = Length::share(0.03);
   const std::size_t all = pad(as_file(mesh), options).cluster.size();
   options.effort = 0;
   const std::size_t loose = by_tolerance(mesh, 0.02, options).cluster.size();
@@ -182,7 +182,7 @@ TEST(Pad, ACountIsKept) {
 
 TEST(Pad, ALadderHasEachRungProvedAndIsReadBack) {
   PadOptions options;
-  options.lod = {{0.01, true}, {0.04, true}, {0.02, true}};
+  options.lod = {Length::share(0.01), Length::share(0.04), Length::share(0.02)};
   const Padded p = pad(as_file(shapes::torus(1, 0.3, 60, 20)), options);
   ASSERT_EQ(p.cluster.lods.size(), 2u);
   EXPECT_NEAR(p.cluster.lods[0].tolerance, 0.04 * p.report.diagonal, 1e-12);
@@ -212,9 +212,9 @@ TEST(Pad, WhatAGrainCannotReachIsNotPadded) {
     return false;
   };
   PadOptions options;
-  options.reach = {0.02, false};
+  options.min_grain_radius = Length::of(0.02);
   EXPECT_FALSE(in_slot(by_tolerance(mesh, 0.01, options).cluster));
-  options.reach = {0.15, false};
+  options.min_grain_radius = Length::of(0.15);
   const Padded closed = by_tolerance(mesh, 0.01, options);
   EXPECT_TRUE(in_slot(closed.cluster));
   EXPECT_GT(closed.report.buried, 0.2);
@@ -222,7 +222,7 @@ TEST(Pad, WhatAGrainCannotReachIsNotPadded) {
 
 TEST(Pad, RadiusLimitsAreKept) {
   PadOptions options;
-  options.max_radius = {0.1, false};
+  options.max_radius = Length::of(0.1);
   const Cluster c = by_tolerance(shapes::box({0, 0, 0}, {1, 1, 1}), 0.02, options).cluster;
   for (const double r : c.radii) EXPECT_LE(r, 0.1 * (1 + 1e-9));
   EXPECT_TRUE(c.accuracy.certified);
@@ -237,13 +237,13 @@ Mesh joined(Mesh mesh, const Mesh& more) {
 
 double distance_to(const BallSet& set, const Point& p) { return set.gap(p).value; }
 
-// Points of the union's surface, judged by solid angles and the nearest point: what a certificate says holds.
+// Checks what a certificate says on points of the union's surface, by solid angles and nearest points.
 double largest_protrusion(const Mesh& mesh, const Cluster& c, int points) {
   const Surface surface(mesh);
   std::vector<Ball> balls;
   for (std::size_t k = 0; k < c.size(); k++) balls.push_back({c.centers[k], c.radii[k]});
   const BallSet set(balls);
-  shapes::Random random(11);
+  shapes::RandomInput random(11);
   double worst = 0;
   for (int k = 0; k < points; k++) {
     const Ball& ball = balls[static_cast<std::size_t>(k) % balls.size()];
@@ -255,7 +255,7 @@ double largest_protrusion(const Mesh& mesh, const Cluster& c, int points) {
   return worst;
 }
 
-// With --repair never nothing but the certificate looks at the surface.
+// With --repair never, only the certificate checks the surface.
 TEST(Pad, WhatIsCertifiedWithoutRepairIsTrue) {
   Mesh inverted = shapes::box({0, 0, 0}, {1, 1, 1}, 2);
   for (auto& t : inverted.triangles) std::swap(t[0], t[1]);
@@ -269,9 +269,9 @@ TEST(Pad, WhatIsCertifiedWithoutRepairIsTrue) {
       PadOptions options;
       options.repair = RepairMode::never, options.effort = 0;
       if (depth)
-        options.edge_length = {0.06, true};
+        options.edge_length = Length::share(0.06);
       else
-        options.tolerance = {0.03, true};
+        options.tolerance = Length::share(0.03);
       const Padded p = pad(as_file(mesh), options);
       const Accuracy& a = p.cluster.accuracy;
       EXPECT_EQ(a.proved_against, SurfaceKind::input);
@@ -324,7 +324,7 @@ TEST(Pad, EachFigureSaysWhatItWasProvedAgainst) {
   }
 }
 
-// Two slabs with a slit between them, which a wrap bridges: what fills it stands out of both.
+// A wrap bridges the slit between two slabs. The spheres that fill the slit stand out of both slabs.
 TEST(Pad, WithinIsAboutTheInputAlsoForAWrap) {
   const Mesh slit =
       joined(joined(shapes::box({0, 0, 0}, {1, 1, 0.4}, 2), shapes::box({0, 0, 0.41}, {1, 1, 0.8}, 2)),
@@ -351,19 +351,19 @@ TEST(Pad, ASpikeWithoutAreaIsSurfaceToo) {
   EXPECT_FALSE(p.report.within);
 }
 
-// spheres.triangle counts the triangles of the mesh that comes along.
+// spheres.triangle counts the triangles of Padded::mesh.
 TEST(Pad, EachSphereTouchesItsTriangleOfTheMesh) {
   const auto move = [](const Point& p) -> Point { return 20 * p + Point(300, -50, 7); };
   const Mesh torus = moved(shapes::torus(1, 0.3, 60, 20), move);
   PadOptions by_depth;
-  by_depth.edge_length = {0.04, true};
+  by_depth.edge_length = Length::share(0.04);
   PadOptions thinned = by_depth;
-  thinned.depth = 0.2, thinned.tolerance = {0.01, true};
+  thinned.depth_ratio = 0.2, thinned.tolerance = Length::share(0.01);
   PadOptions by_tolerance;
-  by_tolerance.tolerance = {0.02, true};
+  by_tolerance.tolerance = Length::share(0.02);
   for (const PadOptions& options : {by_depth, thinned, by_tolerance}) {
     const Padded p = pad(as_file(torus), options);
-    if (options.depth || !options.by_tolerance())
+    if (options.by_depth())
       EXPECT_EQ(p.mesh.triangles.size(), p.report.triangles_remeshed);
     else
       EXPECT_EQ(p.mesh.triangles.size(), torus.triangles.size());
@@ -381,7 +381,7 @@ TEST(Pad, EachSphereTouchesItsTriangleOfTheMesh) {
 
 TEST(Pad, RefusesWhatCannotBeDone) {
   PadOptions options;
-  options.depth = 2;
+  options.depth_ratio = 2;
   EXPECT_THROW(pad(as_file(shapes::sphere(1)), options), Error);
   Mesh point;
   point.points = {{1, 1, 1}};
@@ -389,14 +389,14 @@ TEST(Pad, RefusesWhatCannotBeDone) {
   EXPECT_THROW(pad(as_file(point), {}), Error);
   EXPECT_THROW(pad_file("no_such_file.obj", {}, {}), Error);
   PadOptions both;
-  both.lod = {{0.01, true}};
-  both.tolerance = {0.01, true};
+  both.lod = {Length::share(0.01)};
+  both.tolerance = Length::share(0.01);
   EXPECT_THROW(pad(as_file(shapes::sphere(2)), both), Error);
   PadOptions negative;
-  negative.tolerance = {-1, false};
+  negative.tolerance = Length::of(-1);
   EXPECT_THROW(pad(as_file(shapes::sphere(2)), negative), Error);
   PadOptions beyond;
-  beyond.tolerance = {2, true};
+  beyond.tolerance = Length::share(2);
   EXPECT_THROW(pad(as_file(shapes::sphere(2)), beyond), Error);
   beyond.force = true;
   EXPECT_EQ(pad(as_file(shapes::sphere(2)), beyond).cluster.size(), 1u);

@@ -23,7 +23,7 @@ class RobotTest : public ExportTest {
   }
   static PadOptions coarse() {
     PadOptions o;
-    o.edge_length = {0.08, true};
+    o.edge_length = Length::share(0.08);
     return o;
   }
 };
@@ -122,7 +122,7 @@ TEST_F(RobotTest, PadsBoxesCylindersSpheresAndMeshesInPlace) {
   EXPECT_NEAR(body("tet").cluster.mass.volume, 1 / 3., 1e-6);
   EXPECT_NEAR(body("tet").cluster.mass.center.z(), 4.5, 1e-6);
   EXPECT_EQ(body("frame").cluster.size(), 0u);
-  // The URDF keeps what it had; only collisions are new, and inertia where there was none.
+  // The URDF keeps what it had. Only collisions are new, and inertia where there was none.
   const std::string out = text(r.model, "out.urdf");
   EXPECT_NE(out.find("package://pkg/meshes/absent.dae"), std::string::npos);
   EXPECT_EQ(out.find("<box"), std::string::npos);
@@ -156,7 +156,7 @@ TEST_F(RobotTest, ColladaOfTheUr5StandsLikeItsStl) {
   EXPECT_LT((a.high - b.high).norm(), 0.002);
 }
 
-// Padded at 1 %, and shown to all that read it.
+// Pads at 1 % and reads the result with every program that is here.
 class RealRobotTest : public RobotTest {
  protected:
   void expect_accepted(const PaddedRobot& r) {
@@ -210,7 +210,7 @@ class RealRobotTest : public RobotTest {
   }
   static PadOptions one_percent() {
     PadOptions o;
-    o.tolerance = {0.01, true};
+    o.tolerance = Length::share(0.01);
     return o;
   }
 };

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Meshes with a closed form, for the tests of this folder.
+// Meshes with a closed form, for tests.
 #pragma once
 #include <cmath>
 #include <map>

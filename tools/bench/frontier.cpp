@@ -117,13 +117,13 @@ Json frontier(const Settings& s) {
     for (const double t : kTolerances) {
       say(s, name + ": tolerance " + number(t, "%g %%"));
       PadOptions options;
-      options.tolerance = {0.01 * t, true};
+      options.tolerance = Length::share(0.01 * t);
       rows.push_back(padded(file, "tolerance", t, options));
     }
     for (const double e : kEdges) {
       say(s, name + ": depth 0.2, edges " + number(e, "%g %%"));
       PadOptions options;
-      options.depth = 0.2, options.edge_length = {0.01 * e, true};
+      options.depth_ratio = 0.2, options.edge_length = Length::share(0.01 * e);
       rows.push_back(padded(file, "depth", e, options));
       rows.push_back(paper(file, name, e));
     }

@@ -78,7 +78,7 @@ void declare_files(CLI::App& app, Arguments& a) {
 
 // How the spheres are chosen: by depth ratio, by tolerance, or by number.
 void declare_spheres(CLI::App& app, Arguments& a) {
-  app.add_option("--depth", a.options.depth,
+  app.add_option("--depth", a.options.depth_ratio,
                  "one sphere a triangle: cap height over circumradius, above 0, at most 1 (default: 0.2)")
       ->check(decimal())
       ->check(CLI::Range(1e-6, 1.));
@@ -115,7 +115,7 @@ void declare_spheres(CLI::App& app, Arguments& a) {
       ->capture_default_str()
       ->check(whole())
       ->check(CLI::Range(0, 3));
-  app.add_option("--reach", a.options.reach,
+  app.add_option("--reach", a.options.min_grain_radius,
                  "radius of the smallest grain: what it cannot touch is not padded")
       ->type_name("LENGTH")
       ->check(length());

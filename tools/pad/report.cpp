@@ -12,7 +12,7 @@ Json report_json(const PadFiles& files, const PadOptions& options, const Padded&
                  const std::vector<std::string>& warnings) {
   const auto& r = p.report;
   const auto& s = r.seconds;
-  const bool depth_mode = options.depth || !options.by_tolerance();
+  const bool depth_mode = options.by_depth();
   Json lods = Json::array();
   for (const auto& lod : p.cluster.lods)
     lods.push_back({{"tolerance", lod.tolerance},
@@ -26,7 +26,7 @@ Json report_json(const PadFiles& files, const PadOptions& options, const Padded&
           {"triangles_remeshed", r.triangles_remeshed},
           {"repair", p.cluster.source.repair},
           {"filled", {{"holes", r.filled}, {"area", r.filled_area}}},
-          {"depth", depth_mode ? Json(options.depth_used()) : Json(nullptr)},
+          {"depth", depth_mode ? Json(options.depth_ratio_used()) : Json(nullptr)},
           {"tolerance", r.tolerance > 0 ? Json(r.tolerance) : Json(nullptr)},
           {"within", r.within},
           {"reason", r.reason.empty() ? Json(nullptr) : Json(r.reason)},

@@ -34,13 +34,13 @@ Length length_of(const py::object& given, const char* name) {
   if (given.is_none()) return {};
   if (py::isinstance<py::str>(given)) {
     const auto length = padder::length_of(py::cast<std::string>(given));
-    if (length && length->share) return *length;
+    if (length && length->is_share()) return *length;
     throw py::value_error(std::string(name) +
                           " must be a positive number, or a share of the diagonal as \"1%\"");
   }
   const double value = number_of(given, name);
   if (!(value > 0)) throw py::value_error(std::string(name) + " must be positive");
-  return {value, false};
+  return Length::of(value);
 }
 
 template <class Index>
@@ -95,7 +95,7 @@ PadOptions options_of(const py::object& depth, const py::object& tolerance, cons
                       std::uint64_t max_spheres, double sharp_angle, const std::string& repair,
                       std::uint32_t family, std::uint32_t mask) {
   PadOptions o;
-  if (!depth.is_none()) o.depth = number_of(depth, "depth");
+  if (!depth.is_none()) o.depth_ratio = number_of(depth, "depth");
   if (!std::isfinite(sharp_angle)) throw py::value_error("sharp_angle must be finite");
   o.tolerance = length_of(tolerance, "tolerance");
   o.edge_length = length_of(edge_length, "edge_length");

@@ -1,4 +1,4 @@
-// SPDX-License-Identifier: MIT
+// SPDX-License-Identifier: GPL-3.0-or-later
 #include <cstdio>
 
 #include "padding/export/export.h"
@@ -11,7 +11,7 @@ int main() {
   file.mesh.triangles = {{0, 2, 1}, {0, 1, 3}, {0, 3, 2}, {1, 2, 3}};
   file.source.file = "tetrahedron";
   padder::PadOptions options;
-  options.tolerance = {0.05, true};
+  options.tolerance = padder::Length::share(0.05);
   const padder::Cluster cluster = padder::pad(file, options).cluster;
   padder::write_model(padder::model_of(cluster), "tetrahedron.npz", padder::find_format("tetrahedron.npz"));
   const std::size_t back = padder::read_spheres("tetrahedron.npz").size();

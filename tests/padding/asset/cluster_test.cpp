@@ -12,14 +12,14 @@
 
 #include "padding/asset/error.h"
 #include "padding/asset/file.h"
-#include "tests/padding/random.h"
+#include "tests/padding/random_input.h"
 
 namespace padder {
 namespace {
 
 namespace fs = std::filesystem;
 
-// Doubles with every digit and exponent: bits drawn at random, not values.
+// Doubles with all kinds of digits and exponents: their bits are random, not their values.
 double any_double(std::mt19937_64& random) {
   for (;;) {
     const std::uint64_t bits = random();
@@ -124,7 +124,7 @@ void expect_same(const Cluster& a, const Cluster& b) {
   }
 }
 
-// A folder that goes when the test ends.
+// A folder that is removed when the test ends.
 struct Folder {
   Folder() {
     std::string name = (fs::temp_directory_path() / "padder-cluster-XXXXXX").string();
@@ -253,7 +253,7 @@ TEST(Cluster, FaultyDocumentsEndInASentenceThatNamesTheKey) {
   }
 }
 
-// What a file holds may not come back whole, nor move the cursor.
+// A message must not repeat all of a file, nor pass on its control characters.
 TEST(Cluster, HostileDocumentsEndInAShortSentence) {
   const std::string head = R"({"format":"padder.cluster","version":1,)", large(10000000, 'k');
   const std::string spheres = R"("spheres":{"centers":[[0,0,0]],"radii":[1]})";
@@ -283,7 +283,7 @@ TEST(Cluster, HostileDocumentsEndInAShortSentence) {
       EXPECT_TRUE(std::ranges::all_of(sentence, [](char c) { return static_cast<unsigned char>(c) >= 32; }));
     }
   }
-  // Many keys that nobody asks for take no longer than their bytes.
+  // Reading many unknown keys takes time in proportion to their bytes.
   std::string many = head;
   for (int k = 0; k < 200000; k++) many += '"' + std::to_string(k) + "\":0,";
   EXPECT_EQ(cluster_from_json(many + spheres + "}", "text").size(), 1u);
@@ -295,7 +295,7 @@ TEST(Cluster, CutAnywhereItIsRefused) {
     EXPECT_THROW(cluster_from_json(text.substr(0, length), "text"), Error) << length;
 }
 
-// jsonschema of Debian's python3-jsonschema; 0 when the document is valid, 1 when not.
+// Runs Python's jsonschema. Returns 0 when the document is valid and 1 when it is not.
 int validate(const fs::path& document) {
   const std::string command = "/usr/bin/python3 -W ignore -m jsonschema -i '" + document.string() + "' '" +
                               PADDER_ASSETS + "/cluster.schema.json' >/dev/null 2>&1";

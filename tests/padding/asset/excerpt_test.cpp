@@ -26,7 +26,7 @@ TEST(Excerpt, WhatWouldBreakTheLineIsEscaped) {
 }
 
 TEST(Excerpt, BytesThatAreNoUtf8AreEscaped) {
-  // Stray, cut off, longer than need be, a surrogate, beyond the last character.
+  // A stray byte, a character cut off, one longer than needed, a surrogate, one beyond the last character.
   for (const char* bytes : {"\x80", "\xff", "\xc3", "\xe2\x82", "\xc0\xaf", "\xe0\x80\xaf", "\xed\xa0\x80",
                             "\xf4\x90\x80\x80", "\xf0\x80\x80\x80"})
     for (const char c : excerpt(bytes)) EXPECT_TRUE(c >= ' ' && c <= '~') << excerpt(bytes);

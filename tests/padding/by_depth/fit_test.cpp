@@ -5,7 +5,7 @@
 
 #include "padding/asset/error.h"
 #include "padding/geometry/triangle.h"
-#include "tests/padding/random.h"
+#include "tests/padding/random_input.h"
 
 namespace padder {
 namespace {
@@ -15,7 +15,7 @@ constexpr double no_guard = 1e300;
 TEST(Fit, EverySphereGoesThroughItsCornersAndStandsOutByItsCap) {
   for (std::uint64_t seed = 1; seed <= 20; seed++) {
     SCOPED_TRACE("seed " + std::to_string(seed));
-    shapes::Random random(seed);
+    shapes::RandomInput random(seed);
     const Mesh mesh = shapes::blob(random, 3);
     const double depth = random.uniform(0.05, 1);
     const auto balls = fit(mesh, depth, no_guard);

@@ -1,4 +1,4 @@
-// SPDX-License-Identifier: MIT
+// SPDX-License-Identifier: GPL-3.0-or-later
 #include "padding/by_depth/refit.h"
 
 #include <gtest/gtest.h>
@@ -6,7 +6,7 @@
 
 #include "padding/meshing/remesh.h"
 #include "padding/verify/certify.h"
-#include "tests/padding/random.h"
+#include "tests/padding/random_input.h"
 
 namespace padder {
 namespace {
@@ -24,7 +24,7 @@ std::vector<Case> bodies() {
                            {"sphere", shapes::sphere(5), 0.15},
                            {"torus", shapes::torus(1, 0.2, 80, 24), 0.1}};
   for (std::uint64_t seed = 1; seed <= 3; seed++) {
-    shapes::Random random(seed);
+    shapes::RandomInput random(seed);
     all.push_back({"blob, seed " + std::to_string(seed), shapes::blob(random), 0.15});
   }
   return all;
@@ -106,7 +106,7 @@ TEST(Refit, ASheetIsPaddedBelow) {
 }
 
 TEST(Refit, SameForAnyNumberOfThreads) {
-  shapes::Random random(7);
+  shapes::RandomInput random(7);
   const Mesh mesh = shapes::blob(random);
   const Surface body(mesh);
   const Mesh remeshed = remesh(mesh, {.edge_length = 0.2}).mesh;

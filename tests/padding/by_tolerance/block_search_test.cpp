@@ -10,26 +10,26 @@
 namespace padder {
 namespace {
 
-// Discs over the unit square: rows on a grid, sets around random points.
+// Discs over the unit square: points on a grid, sets around random points.
 struct Discs {
-  std::vector<Point> rows, places;
+  std::vector<Point> points, centers;
   Sets sets;
 
   Discs(int grid, std::size_t count, double radius) {
     for (int i = 0; i < grid; i++)
-      for (int j = 0; j < grid; j++) rows.push_back({(i + 0.5) / grid, (j + 0.5) / grid, 0});
-    const PointTree tree(rows);
+      for (int j = 0; j < grid; j++) points.push_back({(i + 0.5) / grid, (j + 0.5) / grid, 0});
+    const PointTree tree(points);
     Random random(2);
     std::vector<std::uint32_t> found;
     for (std::size_t k = 0; k < count; k++) {
-      places.push_back({random.uniform(), random.uniform(), 0});
+      centers.push_back({random.uniform(), random.uniform(), 0});
       found.clear();
-      tree.find(places.back(), radius, found);
+      tree.find(centers.back(), radius, found);
       sets.add(found);
     }
   }
   std::size_t open(const std::vector<std::uint32_t>& cover) const {
-    std::vector<char> done(rows.size());
+    std::vector<char> done(points.size());
     for (auto s : cover)
       for (auto r : sets[s]) done[r] = 1;
     return static_cast<std::size_t>(std::count(done.begin(), done.end(), 0));
@@ -38,12 +38,12 @@ struct Discs {
 
 TEST(BlockSearch, StaysACoverAndGetsSmaller) {
   const Discs discs(120, 6000, 0.05);
-  SetCover greedy(discs.sets, discs.rows.size());
+  SetCover greedy(discs.sets, discs.points.size());
   greedy.greedy();
   const std::size_t open = discs.open(greedy.best());
   std::vector<std::uint32_t> cover = greedy.best();
   for (std::uint64_t seed = 1; seed <= 3; seed++) {
-    const auto better = improve_in_blocks(discs.sets, discs.rows.size(), discs.places, cover,
+    const auto better = improve_in_blocks(discs.sets, discs.points.size(), discs.centers, cover,
                                           {.block = 40, .steps = 100, .seed = seed});
     EXPECT_EQ(discs.open(better), open);
     EXPECT_LE(better.size(), cover.size());
@@ -54,14 +54,14 @@ TEST(BlockSearch, StaysACoverAndGetsSmaller) {
 
 TEST(BlockSearch, SameResultForAnyNumberOfThreads) {
   const Discs discs(80, 3000, 0.06);
-  SetCover greedy(discs.sets, discs.rows.size());
+  SetCover greedy(discs.sets, discs.points.size());
   greedy.greedy();
   const int before = omp_get_max_threads();
   std::vector<std::vector<std::uint32_t>> covers;
   for (int threads : {1, 2, 5}) {
     omp_set_num_threads(threads);
     covers.push_back(
-        improve_in_blocks(discs.sets, discs.rows.size(), discs.places, greedy.best(), {.block = 20}));
+        improve_in_blocks(discs.sets, discs.points.size(), discs.centers, greedy.best(), {.block = 20}));
   }
   omp_set_num_threads(before);
   EXPECT_EQ(covers[1], covers[0]);

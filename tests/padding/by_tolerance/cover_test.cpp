@@ -11,8 +11,8 @@
 namespace padder {
 namespace {
 
-// Independent of the certificate: random surface points against all balls, and random points of the balls'
-// surfaces that no other ball holds against the mesh.
+// An oracle without the certificate: random points of the surface against all balls, and random exposed
+// points of the balls against the mesh.
 struct Sampled {
   double gap = 0, protrusion = 0;
 };
@@ -88,7 +88,7 @@ TEST_P(CoverShapes, BoundsAreProvedAndSamplingAgrees) {
 }
 INSTANTIATE_TEST_SUITE_P(Shapes, CoverShapes, testing::Range(0, 3));
 
-// The adversary: a minimal cover without one of its balls, or with one pushed aside, is no cover.
+// A minimal cover without one of its balls, or with one of them moved, must be no cover.
 TEST(Cover, CertificateSeesABallRemovedOrMoved) {
   const Surface surface(unit(shapes::torus(1, 0.2, 60, 24)));
   const double e = 0.02;
@@ -125,13 +125,14 @@ TEST(Cover, RadiusLimitsAreKept) {
   const Cover tiny = cover_surface(surface, {.protrusion = 0.03, .gap = 0.03, .max_radius = 0.025});
   EXPECT_TRUE(tiny.proved);
   for (const Ball& ball : tiny.balls) EXPECT_LE(ball.radius, 0.025 + 1e-12);
-  // A corner takes no ball of 0.1 within the tolerance: what is left open is not called proved.
+  // No ball of radius 0.1 fits into a corner within the tolerance. So the corner stays open, and nothing is
+  // proved.
   const Cover large = cover_surface(surface, {.protrusion = 0.02, .gap = 0.02, .min_radius = 0.1});
   EXPECT_FALSE(large.proved);
   for (const Ball& ball : large.balls) EXPECT_GE(ball.radius, 0.1);
 }
 
-// Whoever calls: a side that the normals tell is no proof.
+// The side that pseudonormals give is no proof, whoever calls.
 TEST(Cover, ProvesNothingWithoutAnInside) {
   const CoverOptions options{.protrusion = 0.03, .gap = 0.03, .max_radius = 0.1, .effort = 0};
   const Cover sheet = cover_surface(Surface(unit(shapes::square(1, 4))), options);
@@ -164,7 +165,7 @@ TEST(Cover, SameResultForAnyNumberOfThreads) {
   }
 }
 
-// Large covers are searched on, also between the certificate's rounds: worth some spheres, proved as well.
+// The longer search of large covers saves spheres, and its result is proved as well.
 TEST(Cover, LargeCoversAreSearchedOnTheSameForAnyNumberOfThreads) {
   const double e = 0.01;
   const Surface surface(unit(shapes::box({0, 0, 0}, {1, 0.6, 0.05})));

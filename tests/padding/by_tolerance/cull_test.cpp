@@ -21,7 +21,7 @@ const Surface& torus() {
   return surface;
 }
 
-// What the result says of itself is what the certificate proves.
+// The certificate proves what the result says of itself.
 void expect_proved(const Surface& surface, const Culled& culled) {
   ASSERT_TRUE(culled.proved);
   EXPECT_EQ(culled.triangle.size(), culled.balls.size());

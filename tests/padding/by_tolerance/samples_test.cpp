@@ -17,18 +17,18 @@ TEST(Samples, CoveredDiscIsPythagoras) {
   EXPECT_NEAR(covered_disc(0, 0.1), 0.1, 1e-12);
 }
 
-// Every surface point has a row nearby, relative to the disc that a ball covers there.
-TEST(Samples, RowsAreAsDenseAsTheThicknessAsks) {
+// Every surface point has a point to cover nearby, relative to the disc that a ball covers there.
+TEST(Samples, PointsAreAsDenseAsTheThicknessAsks) {
   const Mesh meshes[] = {shapes::box({0, 0, 0}, {0.7, 0.7, 0.01}),
                          shapes::box({0, 0, 0}, {0.6, 0.6, 0.6}, 40), shapes::torus(0.3, 0.1, 40, 20)};
   for (const Mesh& mesh : meshes) {
     const Surface surface(mesh);
     SampleOptions options;
-    options.reach = 0.02;
+    options.tolerance_sum = 0.02;
     const Samples samples = sample_surface(surface, options);
     EXPECT_LE(samples.coarse.size(), samples.fine.size());
     std::vector<Point> points;
-    for (const Row& row : samples.coarse) points.push_back(row.point);
+    for (const CoverPoint& c : samples.coarse) points.push_back(c.point);
     const PointTree tree(points);
     Random random(1);
     for (int k = 0; k < 2000; k++) {
@@ -41,8 +41,7 @@ TEST(Samples, RowsAreAsDenseAsTheThicknessAsks) {
       tree.find(x, 0.11,
                 found);  // 0.11: larger than the disc of the thickest of these bodies, 0.3, over the density
       bool near = false;
-      for (auto row : found)
-        near = near || (points[row] - x).norm() <= 2.5 * samples.coarse[row].margin + 0.005;
+      for (auto c : found) near = near || (points[c] - x).norm() <= 2.5 * samples.coarse[c].margin + 0.005;
       EXPECT_TRUE(near);
     }
     for (const Sample& s : samples.grown) {
@@ -55,9 +54,9 @@ TEST(Samples, RowsAreAsDenseAsTheThicknessAsks) {
 TEST(Samples, ThinWallKeepsBothSides) {
   const Surface surface(shapes::box({0, 0, 0}, {0.7, 0.7, 1e-6}, 90));
   SampleOptions options;
-  options.reach = 0.03;
+  options.tolerance_sum = 0.03;
   std::size_t above = 0, below = 0;
-  for (const Row& row : sample_surface(surface, options).coarse) (row.point.z() > 5e-7 ? above : below)++;
+  for (const CoverPoint& c : sample_surface(surface, options).coarse) (c.point.z() > 5e-7 ? above : below)++;
   EXPECT_GT(above, 500u);
   EXPECT_NEAR(static_cast<double>(above) / static_cast<double>(below), 1, 0.1);
 }
@@ -65,7 +64,7 @@ TEST(Samples, ThinWallKeepsBothSides) {
 TEST(Samples, TooSmallAToleranceIsRefused) {
   const Surface surface(shapes::box({0, 0, 0}, {0.5, 0.5, 0.5}));
   SampleOptions options;
-  options.reach = 1e-6, options.largest = 1e-9;
+  options.tolerance_sum = 1e-6, options.largest = 1e-9;
   EXPECT_THROW(sample_surface(surface, options), Error);
 }
 

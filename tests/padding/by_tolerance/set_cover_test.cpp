@@ -11,21 +11,21 @@
 namespace padder {
 namespace {
 
-bool covers(const Sets& sets, std::size_t rows, const std::vector<std::uint32_t>& chosen) {
+bool covers(const Sets& sets, std::size_t elements, const std::vector<std::uint32_t>& chosen) {
   std::set<std::uint32_t> open, all;
   for (std::size_t s = 0; s < sets.size(); s++) all.insert(sets[s].begin(), sets[s].end());
   open = all;
   for (auto s : chosen)
     for (auto r : sets[s]) open.erase(r);
-  return open.empty() && all.size() <= rows;
+  return open.empty() && all.size() <= elements;
 }
 
-Sets random_sets(std::size_t count, std::size_t rows, double share, std::uint64_t seed) {
+Sets random_sets(std::size_t count, std::size_t elements, double share, std::uint64_t seed) {
   Random random(seed);
   Sets sets;
   for (std::size_t s = 0; s < count; s++) {
     std::vector<std::uint32_t> set;
-    for (std::uint32_t r = 0; r < rows; r++)
+    for (std::uint32_t r = 0; r < elements; r++)
       if (random.uniform() < share) set.push_back(r);
     sets.add(set);
   }
@@ -35,8 +35,8 @@ Sets random_sets(std::size_t count, std::size_t rows, double share, std::uint64_
 // The oracle tries all subsets.
 TEST(SetCover, FindsTheSmallestCoverOfSmallProblems) {
   for (std::uint64_t seed = 1; seed <= 40; seed++) {
-    const std::size_t rows = 18;
-    const Sets sets = random_sets(14, rows, 0.25, seed);
+    const std::size_t elements = 18;
+    const Sets sets = random_sets(14, elements, 0.25, seed);
     std::uint32_t all = 0;
     std::vector<std::uint32_t> mask(sets.size(), 0);
     for (std::size_t s = 0; s < sets.size(); s++)
@@ -49,17 +49,18 @@ TEST(SetCover, FindsTheSmallestCoverOfSmallProblems) {
         if (subset >> s & 1) covered |= mask[s];
       if (covered == all) least = std::popcount(subset);
     }
-    SetCover cover(sets, rows);
+    SetCover cover(sets, elements);
     cover.greedy();
-    EXPECT_TRUE(covers(sets, rows, cover.best()));
+    EXPECT_TRUE(covers(sets, elements, cover.best()));
     EXPECT_GE(static_cast<int>(cover.best().size()), least);
     cover.improve(2000, seed);
-    EXPECT_TRUE(covers(sets, rows, cover.best()));
+    EXPECT_TRUE(covers(sets, elements, cover.best()));
     EXPECT_EQ(static_cast<int>(cover.best().size()), least) << "seed " << seed;
   }
 }
 
-// Intervals of 10 rows on a line of 1000: 100 are needed, but only those that start at multiples of 10 fit.
+// Intervals of 10 elements on a line of 1000: 100 are needed, but only those that start at multiples of 10
+// fit.
 TEST(SetCover, SearchBeatsGreedy) {
   Random random(3);
   Sets sets;
@@ -101,7 +102,7 @@ TEST(SetCover, EmptyAndUncoverable) {
   EXPECT_TRUE(none.best().empty());
   Sets sets;
   sets.add(std::vector<std::uint32_t>{1});
-  SetCover one(sets, 3);  // rows 0 and 2 are in no set
+  SetCover one(sets, 3);  // elements 0 and 2 are in no set
   one.greedy();
   one.improve(10, 1);
   EXPECT_EQ(one.best(), (std::vector<std::uint32_t>{0}));

@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "detect/filter.h"
-#include "tests/padding/random.h"
+#include "tests/padding/random_input.h"
 
 namespace padder {
 namespace {
@@ -54,7 +54,7 @@ TEST(Families, BitsOfEveryPairOfTheTruthTable) {
 }
 
 TEST(Families, BitsOfRandomScenes) {
-  shapes::Random random(5);
+  shapes::RandomInput random(5);
   for (int scene = 0; scene < 50; scene++) {
     std::vector<CollisionFilter> bodies;
     for (int k = 0; k < 40; k++)
@@ -158,7 +158,7 @@ TEST(Families, FamiliesOfAChain) {
 }
 
 TEST(Families, FamiliesOfRandomTreesAndOfStars) {
-  shapes::Random random(6);
+  shapes::RandomInput random(6);
   for (int tree = 0; tree < 20; tree++) {
     std::vector<std::pair<std::size_t, std::size_t>> pairs;
     for (std::size_t k = 1; k < 50; k++) pairs.emplace_back(std::size_t(random.uniform(0, double(k))), k);

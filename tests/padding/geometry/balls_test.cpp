@@ -20,7 +20,7 @@ std::vector<Ball> random_balls(std::size_t n, unsigned seed) {
   return balls;
 }
 
-// The brute-force twin.
+// The oracle asks all balls.
 BallGap slow_gap(const std::vector<Ball>& balls, const Point& x) {
   BallGap best;
   for (std::uint32_t k = 0; k < balls.size(); k++)

@@ -37,8 +37,8 @@ TEST(Medial, LargestIsKept) {
   EXPECT_NEAR(inner_medial_ball(surface, {0.5, 0.5, 1}, Vector::UnitZ(), 0.2, 1e-9).radius, 0.2, 1e-12);
 }
 
-// The contract, on any shape, at any point, with normals that are off by up to 60 degrees, on edges and
-// corners.
+// The contract holds on any shape, at any point, on edges and corners, with normals that are off by up to 60
+// degrees.
 TEST(Medial, PostconditionHoldsForAnyNormal) {
   std::mt19937 random(3);
   std::uniform_real_distribution<double> u(0, 1);

@@ -7,15 +7,15 @@
 #include <set>
 #include <thread>
 
-#include "tests/padding/random.h"
+#include "tests/padding/random_input.h"
 
 namespace padder {
 namespace {
 
-using shapes::Random;
+using shapes::RandomInput;
 
-// The twin without a hierarchy. The nearest point of a triangle by another way than the library's: the foot
-// of the perpendicular when it lies inside, else the nearest of the three edges.
+// The oracle has no hierarchy and finds the nearest point of a triangle in another way than the library: the
+// foot of the perpendicular if it lies inside, otherwise the nearest point of the three edges.
 Point on_segment(const Point& p, const Point& a, const Point& b) {
   const Vector ab = b - a;
   const double length = ab.squaredNorm();
@@ -45,8 +45,8 @@ double brute_force(const Mesh& mesh, const Point& p) {
   return nearest;
 }
 
-// The solid angle that a closed surface spans seen from p, over 4 pi: 1 inside, 0 outside (Van Oosterom and
-// Strackee, The solid angle of a plane triangle, 1983). It knows nothing of normals at edges.
+// The solid angle of a closed surface seen from p, over 4 pi: 1 inside, 0 outside (Van Oosterom and Strackee,
+// The solid angle of a plane triangle, 1983). It does not depend on normals at edges.
 double winding(const Mesh& mesh, const Point& p) {
   double sum = 0;
   for (std::size_t t = 0; t < mesh.triangles.size(); t++) {
@@ -57,7 +57,7 @@ double winding(const Mesh& mesh, const Point& p) {
   return sum / (4 * std::numbers::pi);
 }
 
-Mesh soup(Random& random, int n, double size) {
+Mesh soup(RandomInput& random, int n, double size) {
   Mesh mesh;
   for (int k = 0; k < n; k++) {
     const Point at = random.point();
@@ -68,7 +68,7 @@ Mesh soup(Random& random, int n, double size) {
   return mesh;
 }
 
-void compare(const Mesh& mesh, Random& random, int questions) {
+void compare(const Mesh& mesh, RandomInput& random, int questions) {
   const Surface surface(mesh);
   const double diagonal = mesh.bounds().diagonal();
   for (int k = 0; k < questions; k++) {
@@ -96,7 +96,7 @@ void compare(const Mesh& mesh, Random& random, int questions) {
 TEST(Surface, AgreesWithBruteForceOnSoups) {
   for (std::uint64_t seed = 1; seed <= 12; seed++) {
     SCOPED_TRACE("seed " + std::to_string(seed));
-    Random random(seed);
+    RandomInput random(seed);
     const int sizes[] = {1, 2, 3, 5, 17, 60, 200, 400};
     compare(soup(random, sizes[seed % 8], seed % 3 ? 0.3 : 0.01), random, 60);
   }
@@ -105,7 +105,7 @@ TEST(Surface, AgreesWithBruteForceOnSoups) {
 TEST(Surface, AgreesWithBruteForceOnBodiesFarFromTheOrigin) {
   for (std::uint64_t seed = 21; seed <= 23; seed++) {
     SCOPED_TRACE("seed " + std::to_string(seed));
-    Random random(seed);
+    RandomInput random(seed);
     Mesh mesh = shapes::blob(random, 3);
     for (Point& p : mesh.points) p = 0.01 * p + Point(1000, -2000, 500);
     compare(mesh, random, 60);
@@ -113,7 +113,7 @@ TEST(Surface, AgreesWithBruteForceOnBodiesFarFromTheOrigin) {
 }
 
 TEST(Surface, AllOnePointOrLineOrPlane) {
-  Random random(31);
+  RandomInput random(31);
   Mesh flat = shapes::square(1, 8);
   compare(flat, random, 60);
   Mesh same;
@@ -123,7 +123,7 @@ TEST(Surface, AllOnePointOrLineOrPlane) {
 }
 
 TEST(Surface, TrianglesWithoutAreaAreTheirSegmentOrPoint) {
-  Random random(41);
+  RandomInput random(41);
   Mesh mesh;
   mesh.points = {{0, 0, 0}, {1, 0, 0}, {3, 0, 0}, {0, 5, 0}};
   mesh.triangles = {{0, 1, 2}, {3, 3, 3}, {0, 0, 1}, {2, 0, 1}};
@@ -142,8 +142,8 @@ TEST(Surface, NothingIsNearWhereThereIsNothing) {
   EXPECT_TRUE(surface.bounds().empty());
 }
 
-// Acute edges all over, where the normal of the nearest face alone tells the wrong side.
-Mesh hedgehog(Random& random) {
+// A body full of acute edges, where the normal of the nearest face alone would give the wrong side.
+Mesh hedgehog(RandomInput& random) {
   Mesh mesh = shapes::sphere(3);
   for (Point& p : mesh.points) p *= random.uniform(0, 1) < 0.3 ? 1 : random.uniform(0.25, 0.4);
   return mesh;
@@ -152,7 +152,7 @@ Mesh hedgehog(Random& random) {
 TEST(Surface, TheSignIsThatOfTheWindingNumber) {
   for (std::uint64_t seed = 51; seed <= 58; seed++) {
     SCOPED_TRACE("seed " + std::to_string(seed));
-    Random random(seed);
+    RandomInput random(seed);
     Mesh mesh = seed % 4 == 0   ? shapes::box({-0.5, -0.1, -0.9}, {0.5, 0.1, 0.9}, 2)
                 : seed % 4 == 1 ? shapes::torus(0.7, 0.25, 24, 12)
                 : seed % 4 == 2 ? shapes::blob(random, 3)
@@ -202,7 +202,7 @@ TEST(Surface, BelowASheetIsInside) {
 }
 
 TEST(Surface, ManyThreadsGetTheSameAnswers) {
-  Random random(61);
+  RandomInput random(61);
   const Surface surface(shapes::blob(random, 4));
   std::vector<Point> points;
   for (int k = 0; k < 2000; k++) points.push_back(random.point(1.5));
@@ -234,7 +234,7 @@ TEST(Surface, WindingNumberIsThatOfSolidAnglesWhateverIntersects) {
   for (const Mesh& mesh : {overlapping, turned, nested, mixed}) {
     const Surface surface(mesh);
     ASSERT_TRUE(surface.closed());
-    shapes::Random random(3);
+    shapes::RandomInput random(3);
     std::set<int> seen;
     for (int k = 0; k < 2000; k++) {
       const Point p = random.point(2);
@@ -247,8 +247,8 @@ TEST(Surface, WindingNumberIsThatOfSolidAnglesWhateverIntersects) {
   }
 }
 
-// Rays from points in line with edges and corners graze them; a lattice on the mesh's own coordinates is the
-// worst case.
+// Rays from points in line with edges and corners graze them. Points on a lattice of the mesh's own
+// coordinates are the worst case.
 TEST(Surface, WindingNumberOfALatticeOnTheMeshsOwnCoordinates) {
   const Surface surface(shapes::box({0, 0, 0}, {4, 4, 4}, 4));
   for (int x = -1; x <= 5; x++)
@@ -279,7 +279,7 @@ TEST(Surface, OnlyAClosedSurfaceHasAWindingNumber) {
 TEST(Surface, SidesByWindingNumberAreRightWhereNormalsMislead) {
   Mesh mesh = shapes::box({0, 0, 0}, {1, 1, 1});
   append(mesh, shapes::box({0.4, 0.4, 0.4}, {1.6, 0.6, 0.6}));
-  // Inside the cube, above a face of the other solid that is buried there.
+  // Inside the cube, above a face of the other solid that lies inside the cube.
   const Point p(0.7, 0.5, 0.62);
   EXPECT_GT(Surface(mesh).signed_nearest(p).distance, 0);
   EXPECT_LT(Surface(mesh, SideBy::winding).signed_nearest(p).distance, 0);

@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-#include "tests/padding/random.h"
+#include "tests/padding/random_input.h"
 
 namespace padder {
 namespace {
@@ -16,7 +16,7 @@ TEST(Triangle, EquilateralHasClosedForms) {
 }
 
 TEST(Triangle, CircumcenterIsAsFarFromEachCorner) {
-  shapes::Random random(1);
+  shapes::RandomInput random(1);
   for (int k = 0; k < 1000; k++) {
     const Triangle3 t{random.point(), random.point(), random.point()};
     if (t.circumradius() > 100) continue;  // nearly a line: the centre is far away and loses digits
@@ -28,7 +28,7 @@ TEST(Triangle, CircumcenterIsAsFarFromEachCorner) {
 }
 
 TEST(Triangle, EnclosingCircleHoldsTheCornersAndIsNoLargerThanTheCircumcircle) {
-  shapes::Random random(2);
+  shapes::RandomInput random(2);
   for (int k = 0; k < 1000; k++) {
     const Triangle3 t{random.point(), random.point(), random.point()};
     const auto circle = t.enclosing_circle();

@@ -21,8 +21,8 @@ Vector area_vector(const std::vector<Point>& polygon) {
   return sum;
 }
 
-// n - 2 triangles, all turned as the polygon is, whose areas add up to it: for a flat simple polygon that is
-// a filling. Each edge of the polygon is used once in its direction, each diagonal once in both.
+// A flat simple polygon is filled when there are n - 2 triangles, all with its orientation, whose areas add
+// up to its own. Each edge of the polygon is used once in its direction, each diagonal once in both.
 void expect_filling(const std::vector<Point>& polygon) {
   Triangles triangles;
   triangulate_polygon(polygon, triangles);

@@ -27,7 +27,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// A folder that goes when the test ends.
+// A folder that is removed when the test ends.
 class Folder {
  public:
   Folder() {
@@ -45,7 +45,7 @@ class Folder {
   fs::path path_;
 };
 
-// The sentence of the error, "" when there is none.
+// The sentence of the error, or "" when there is none.
 std::string fault(const fs::path& path, const ReadOptions& options = {}) {
   try {
     read_mesh(path, options);
@@ -238,7 +238,7 @@ TEST(Read, PlyInItsForms) {
   std::string crlf = ply("ascii", "float", "0 0 0\n2 0 0\n0 2 0\n3 0 1 2\n"), body;
   for (std::size_t at = 0; (at = crlf.find('\n', at)) != crlf.npos; at += 2) crlf.insert(at, "\r");
   EXPECT_DOUBLE_EQ(read_mesh(folder.put("crlf.ply", crlf)).mesh.area(), 2);
-  // Easting and northing: a float has 0.03 and 0.5 of it left.
+  // Easting and northing: floats would round them to 0.03 and 0.5.
   for (const double x : {448262.1234, 448263.1234, 448262.1234})
     put(body, x), put(body, 5411945.5 + x), put(body, 0.25);
   put(body, std::uint8_t(3));
@@ -255,7 +255,7 @@ TEST(Read, PlyInItsForms) {
                "names vertex 3");
 }
 
-// A strip along a ribbon of squares must give what its triangles give: area, and all looking to +z.
+// A strip along a ribbon of squares must have the area of its triangles, and all must face +z.
 TEST(Read, PlyStripsAreTriangles) {
   Folder folder;
   const std::string points = "0 0 0\n0 1 0\n1 0 0\n1 1 0\n2 0 0\n2 1 0\n3 0 0\n3 1 0\n";
@@ -294,7 +294,7 @@ TEST(Read, PlyFacesUnderAnyNameAreReadOrRefused) {
   expect_fault(folder.put("f.ply", with("uchar int", "uchar float")), "no whole numbers");
   expect_fault(folder.put("v.ply", with("element face", "element vertex")), "'vertex' twice");
   expect_fault(folder.put("y.ply", with("property float y", "property float q")), "no property y");
-  // Faces before vertices, other elements and lists between, quads, faces beside strips.
+  // Faces before vertices, other elements and lists between them, quads, faces and strips in one file.
   const ReadResult r = read_mesh(folder.put(
       "m.ply",
       "ply\nformat ascii 1.0\nelement camera 1\nproperty float x\nelement face 1\nproperty uchar flags\n"
@@ -376,7 +376,7 @@ TEST(Read, ThreeMfBuildsComponentsAndTransforms) {
     EXPECT_EQ(r.mesh.bounds().high, Point(22, 2, 10));
     EXPECT_EQ(r.notes, std::vector<std::string>{"1 supports left out"});
   }
-  // Production: an object in a file of its own.
+  // The production extension: an object in a file of its own.
   const std::string p =
       "xmlns:p=\"http://schemas.microsoft.com/3dmanufacturing/production/2015/06\" requiredextensions=\"p\"";
   EXPECT_NEAR(
@@ -408,7 +408,7 @@ TEST(Read, ThreeMfFaults) {
   fault_of(model(far.replace(far.find("v3=\"1\""), 6, "v3=\"4\""), item),
            "names vertex '4', but there are 4");
   expect_fault(folder.put("z.3mf", zip_bytes({{"a", "b"}})), "'_rels/.rels' is missing");
-  // 2 to the 60 copies: a sentence at once.
+  // 2^60 copies must be refused at once.
   std::string bomb = object;
   for (int k = 2; k < 62; k++) {
     const std::string below = "<component objectid=\"" + std::to_string(k - 1) + "\"/>";
@@ -428,7 +428,7 @@ TEST(Read, ObjSurfacesAreNotPassedOver) {
                  "line 15: '" + std::string(line).substr(0, std::string(line).find(' ')));
 }
 
-// A square of four points, by each of glTF's ways to make triangles of them.
+// A square of four points, in each of the ways that glTF has to make triangles.
 TEST(Read, GltfModesAndExtensions) {
   Folder folder;
   std::string bytes;
@@ -479,8 +479,7 @@ TEST(Read, ColladaHasItsUnitAndItsStrips) {
   }
 }
 
-// A scene with two instances of one triangle (twice there), the second mirrored in x and moved up: both must
-// look to +z.
+// A scene with two instances of one triangle, the second mirrored in x and moved up. Both must face +z.
 const char* mirrored_gltf = R"({"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0,1]}],
 "nodes":[{"mesh":0},{"mesh":0,"scale":[-2,1,1],"translation":[0,0,3]}],
 "meshes":[{"primitives":[{"attributes":{"POSITION":1},"indices":0}]}],
@@ -510,7 +509,7 @@ TEST(Read, SceneNodesArePlacedAndMirroredOnesTurned) {
   EXPECT_DOUBLE_EQ(r.mesh.bounds().high.z(), 3);
 }
 
-// A buffer that is a pipe would be waited for.
+// Reading a buffer that is a pipe would never end.
 TEST(Read, AGltfMayOnlyReferToFiles) {
   Folder folder;
   ASSERT_EQ(::mkfifo((folder.path() / "data.bin").c_str(), 0600), 0);
@@ -658,7 +657,7 @@ TEST(Read, CountsBeyond32BitsAreRefused) {
   EXPECT_THROW(reading::check_counts(0, 4294967296, "t.stl"), Error);
 }
 
-// The meshes that lie beside the repository.
+// The meshes in ../shared, where they are present.
 
 const fs::path shared = fs::path(PADDER_SHARED) / "meshes";
 
@@ -713,7 +712,7 @@ TEST(ReadShared, Formats) {
   }
 }
 
-// A sentence that holds these words, or this many triangles where the file can be read in truth.
+// What a file must give: an error with these words, or this number of triangles where it can be read.
 struct Expected {
   const char* file;
   const char* words;
@@ -781,7 +780,7 @@ TEST_F(Analytic, TrianglesAreaAndVolume) {
     }
     const Mesh m = read_mesh(folder_.path() / file).mesh;
     EXPECT_EQ(m.triangles.size(), triangles);
-    // The script cuts polygons as fans, and a PLY or STL of floats has float digits.
+    // The script cuts polygons into fans, and a PLY or STL of floats has the digits of floats.
     const double area = e["note"].get<std::string>().starts_with("concave") ? e["area"] : e["mesh_area"];
     EXPECT_NEAR(m.area(), area, 1e-6 * area);
     if (!e["mesh_volume"].is_number()) continue;

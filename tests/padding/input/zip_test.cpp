@@ -44,7 +44,7 @@ TEST(Zip, FaultsAreSentences) {
   EXPECT_NE(fault(stored, "a.txt").find("checksum"), std::string::npos);
 }
 
-// An answer or a sentence, never a crash, and never memory for a size that is not true.
+// Damaged archives give an answer or an Error, never a crash, and a false size never allocates memory.
 TEST(Zip, NoByteMayHarm) {
   for (const bool deflated : {false, true}) {
     const std::string good = zip_bytes(files, deflated);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Zip archives to read.
+// Writes zip archives, for tests that read them.
 #pragma once
 #include <zlib.h>
 

@@ -7,12 +7,12 @@
 
 #include "padding/asset/error.h"
 #include "padding/geometry/surface.h"
-#include "tests/padding/random.h"
+#include "tests/padding/random_input.h"
 
 namespace padder {
 namespace {
 
-// Every edge has one partner that runs the other way.
+// Every directed edge has exactly one partner in the other direction.
 bool closed_and_oriented(const Mesh& mesh) {
   std::multiset<std::pair<std::uint32_t, std::uint32_t>> edges;
   for (const auto& t : mesh.triangles)
@@ -66,7 +66,7 @@ TEST(Remesh, BorderIsKept) {
 TEST(Remesh, RandomBlobsStayClosedAndDelaunay) {
   for (std::uint64_t seed = 1; seed <= 5; seed++) {
     SCOPED_TRACE("seed " + std::to_string(seed));
-    shapes::Random random(seed);
+    shapes::RandomInput random(seed);
     const Mesh mesh = shapes::blob(random);
     const Remeshed r = remesh(mesh, {.edge_length = random.uniform(0.05, 0.3)});
     EXPECT_TRUE(closed_and_oriented(r.mesh));
@@ -76,7 +76,7 @@ TEST(Remesh, RandomBlobsStayClosedAndDelaunay) {
 }
 
 TEST(Remesh, QualityOfOneKnownMesh) {
-  // Two triangles over a flat rhombus whose short diagonal would be the Delaunay one.
+  // Two triangles on a flat rhombus, cut along its long diagonal. The Delaunay edge would be the short one.
   Mesh mesh;
   mesh.points = {{-2, 0, 0}, {2, 0, 0}, {0, 1, 0}, {0, -1, 0}};
   mesh.triangles = {{0, 1, 2}, {1, 0, 3}};

@@ -7,7 +7,7 @@
 
 #include "padding/asset/error.h"
 #include "padding/geometry/surface.h"
-#include "tests/padding/random.h"
+#include "tests/padding/random_input.h"
 
 namespace padder {
 namespace {
@@ -46,7 +46,7 @@ TEST(Repair, ACleanSolidIsLeftAlone) {
 }
 
 TEST(Repair, SoupShuffledDuplicatedAndInsideOut) {
-  shapes::Random random(3);
+  shapes::RandomInput random(3);
   Mesh soup = soup_of(turned_over(cube));
   for (auto& t : soup.triangles)
     if (random.uniform(0, 1) < 0.5) std::swap(t[0], t[1]);
@@ -78,7 +78,7 @@ TEST(Repair, AnOpenBoxIsWrapped) {
   options.accuracy = 0.05;
   const Repaired r = repair(mesh, options, "open box");
   EXPECT_EQ(r.kind, BodyKind::wrap);
-  // A shell: five unit walls, as thick as twice the offset and some.
+  // The wrap is a shell of five unit walls, a little thicker than twice the offset.
   EXPECT_NEAR(volume(r), 5 * 2 * r.offset, 2 * r.offset);
   const Surface input(mesh), wrap(r.mesh);
   for (const Point& p : r.mesh.points)

@@ -30,7 +30,7 @@ TEST_F(WriteMesh, IsReadBackFaceByFace) {
     write_mesh(mesh, path);
     const Mesh back = read_mesh(path).mesh;
     ASSERT_EQ(back.triangles.size(), mesh.triangles.size());
-    // Ours reads OBJ and OFF in double; assimp, which reads the others, keeps float32.
+    // OBJ and OFF are read in double precision. The others lose digits to float32.
     const bool whole = path.extension() == ".obj" || path.extension() == ".off";
     for (std::size_t t = 0; t < mesh.triangles.size(); t++)
       for (int k = 0; k < 3; k++) {

@@ -1,4 +1,4 @@
-// SPDX-License-Identifier: MIT
+// SPDX-License-Identifier: GPL-3.0-or-later
 #include "padding/verify/accuracy.h"
 
 #include <gtest/gtest.h>
@@ -6,7 +6,8 @@
 
 #include <numbers>
 
-#include "tests/padding/random.h"
+#include "padding/meshing/repair.h"
+#include "tests/padding/random_input.h"
 
 namespace padder {
 namespace {
@@ -65,8 +66,7 @@ TEST(Accuracy, VolumeOfTwoOverlappingBalls) {
   EXPECT_NEAR(m.volume_union, 2 * 4 / 3. * pi - lens, 2e-3);
 }
 
-// The independent oracle: random points, brute force over all balls and triangles, nothing of padding/ but
-// the mesh.
+// The oracle: random points against all balls and triangles. It uses nothing of padding/ but the mesh.
 struct BruteForce {
   const Mesh& mesh;
   const std::vector<Ball>& balls;
@@ -101,7 +101,7 @@ struct BruteForce {
 TEST(Accuracy, AgreesWithBruteForceOnRandomClusters) {
   for (std::uint64_t seed = 1; seed <= 3; seed++) {
     SCOPED_TRACE("seed " + std::to_string(seed));
-    shapes::Random random(seed);
+    shapes::RandomInput random(seed);
     const Mesh mesh = shapes::blob(random, 3);
     std::vector<Ball> balls;
     for (int k = 0; k < 40; k++) balls.push_back({0.8 * random.point(), random.uniform(0.1, 0.5)});

@@ -55,7 +55,7 @@ TEST(Certify, GapBetweenBallsInsideOneTriangle) {
   EXPECT_TRUE(gap_failures(mesh, balls, exact + 1e-6, 0.1).empty());
   const auto failures = gap_failures(mesh, balls, exact - 1e-6, 0.1);
   ASSERT_FALSE(failures.empty());
-  for (const Cell& cell : failures) EXPECT_LT((cell.centroid() - Point(0.5, 0.5, 0)).norm(), 0.1);
+  for (const GapPart& part : failures) EXPECT_LT((part.centroid() - Point(0.5, 0.5, 0)).norm(), 0.1);
 }
 
 TEST(Certify, CoveredSurfaceHasNoGap) {
@@ -65,7 +65,7 @@ TEST(Certify, CoveredSurfaceHasNoGap) {
   EXPECT_EQ(gap_bound(Mesh(), BallSet()).upper, 0);
 }
 
-// The oracle is a dense random sampling: it must stay below the proved bound, and come near to it.
+// The oracle is a dense random sampling: it must stay below the proved bound and come near to it.
 TEST(Certify, BoundsHoldAgainstDenseSampling) {
   for (const Mesh& mesh : {shapes::box({0, 0, 0}, {1, 0.7, 0.1}, 4), shapes::torus(1, 0.3, 24, 12)}) {
     const Surface surface(mesh);
@@ -116,7 +116,7 @@ Mesh joined(Mesh mesh, const Mesh& more) {
   return mesh;
 }
 
-// Whoever calls, and whatever the surface says of its sides: the premises are looked at here.
+// The bound checks its own premises, whatever SideBy the surface was made with.
 TEST(Certify, ABodyTurnedInsideOutHasNoInside) {
   const std::vector<Ball> balls = {{Point(0.5, 0.5, 0.5), 0.4}, {Point(3, 0.5, 0.5), 1.9}};
   const Mesh cube = shapes::box({0, 0, 0}, {1, 1, 1});
@@ -131,8 +131,8 @@ TEST(Certify, ABodyTurnedInsideOutHasNoInside) {
   EXPECT_NEAR(wrong.each[1], 3.9, 1e-12);  // by the normals it would be -0.1
 }
 
-// By its normals a centre above a buried face counts as outside, one below a face that another solid's inside
-// out piece has brought near as inside.
+// Pseudonormals would give the wrong side here: outside above a face that lies inside the other solid, and
+// inside below a face of a part that is turned inside out.
 TEST(Certify, CrossingSolidsAreProvedByTheirWindingNumber) {
   const Mesh mesh = joined(shapes::box({0, 0, 0}, {1, 1, 1}), shapes::box({0.4, 0.4, 0.4}, {1.6, 0.6, 0.6}));
   const Surface surface(mesh);

@@ -9,9 +9,9 @@
 
 namespace padder::shapes {
 
-class Random {
+class RandomInput {
  public:
-  explicit Random(std::uint64_t seed) : engine_(seed) {}
+  explicit RandomInput(std::uint64_t seed) : engine_(seed) {}
   double uniform(double low, double high) {
     return std::uniform_real_distribution<double>(low, high)(engine_);
   }
@@ -29,7 +29,7 @@ class Random {
 };
 
 // A closed body without symmetry: a sphere whose radius swells and shrinks with a few random waves.
-inline Mesh blob(Random& random, int levels = 4) {
+inline Mesh blob(RandomInput& random, int levels = 4) {
   Mesh mesh = sphere(levels);
   struct Wave {
     Vector k;

@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: MIT
+#include "padding/geometry/unit_frame.h"
+
+#include <cmath>
+
+#include "padding/asset/error.h"
+
+namespace padder {
+
+UnitFrame::UnitFrame(const Box& box, const std::string& name)
+    : center_(box.center()), scale_(box.diagonal()) {
+  if (!(scale_ > 0)) throw Error(name + ": all its points are one, so there is no surface to pad");
+  // Moments of inertia grow with the fifth power of the length.
+  if (!(scale_ < 1e60 && scale_ > 1e-60) || !center_.allFinite())
+    throw Error(name +
+                ": its size is beyond what double precision can measure: scale it (--scale) to below 1e60");
+}
+
+Point UnitFrame::into(const Point& p) const {
+  constexpr double grid = 68719476736.0;  // 2^36
+  return ((p - center_) / scale_ * grid).array().round().matrix() / grid;
+}
+
+Accuracy UnitFrame::back(Accuracy a) const {
+  for (double* length : {&a.protrusion_max, &a.protrusion_mean, &a.protrusion_p95, &a.gap_max, &a.gap_mean,
+                         &a.gap_p95, &a.protrusion_bound, &a.gap_bound, &a.wrap_distance})
+    *length *= scale_;
+  return a;
+}
+
+MassProperties UnitFrame::back(MassProperties m) const {
+  m.volume *= std::pow(scale_, 3);
+  m.center = back(m.center);
+  m.inertia *= std::pow(scale_, 5);
+  m.moments *= std::pow(scale_, 5);
+  return m;
+}
+
+double UnitFrame::back_volume(double volume) const { return volume * std::pow(scale_, 3); }
+
+}  // namespace padder

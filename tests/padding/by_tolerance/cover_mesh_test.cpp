@@ -1,0 +1,126 @@
+// SPDX-License-Identifier: MIT
+#include "padding/by_tolerance/cover_mesh.h"
+
+#include <gtest/gtest.h>
+#include <omp.h>
+
+#include <nlohmann/json.hpp>
+
+#include "padding/asset/error.h"
+#include "padding/verify/certify.h"
+#include "tests/padding/shapes.h"
+
+namespace padder {
+namespace {
+
+std::string refusal(const Mesh& mesh, const Length& tolerance, const CoverMeshOptions& options = {}) {
+  try {
+    cover_mesh(mesh, tolerance, options);
+  } catch (const Error& e) {
+    return e.what();
+  }
+  return "";
+}
+
+// The oracle is the certificate, applied to the cluster and the mesh in their own frame.
+void expect_kept(const Cluster& cluster, const Mesh& mesh, double tolerance) {
+  std::vector<Ball> balls;
+  for (std::size_t k = 0; k < cluster.size(); k++) balls.push_back({cluster.centers[k], cluster.radii[k]});
+  const double most = tolerance * (1 + 1e-6);
+  EXPECT_TRUE(gap_failures(mesh, BallSet(balls), most, 0.1 * tolerance).empty());
+  const ProtrusionBound protrusion = protrusion_bound(Surface(mesh), balls);
+  EXPECT_TRUE(protrusion.proved);
+  EXPECT_LE(protrusion.max, most);
+}
+
+TEST(CoverMesh, IsCertifiedInTheMeshsOwnFrameAndUnit) {
+  Mesh mesh = shapes::torus(30, 10, 48, 24);
+  for (Point& p : mesh.points) p += Vector(1000, -2000, 500);
+  CoverMeshOptions options;
+  options.name = "ring", options.unit = "mm";
+  const Cluster cluster = cover_mesh(mesh, Length::share(0.02), options);
+  const double tolerance = 0.02 * mesh.bounds().diagonal();
+  EXPECT_TRUE(cluster.accuracy.certified);
+  EXPECT_EQ(cluster.accuracy.proved_against, SurfaceKind::input);
+  EXPECT_LE(cluster.accuracy.gap_max, tolerance * (1 + 1e-9));
+  EXPECT_LE(cluster.accuracy.protrusion_max, tolerance * (1 + 1e-9));
+  EXPECT_EQ(cluster.accuracy.coverage > 0.3, true);
+  EXPECT_GT(cluster.size(), 10u);
+  EXPECT_LT(cluster.size(), 300u);
+  expect_kept(cluster, mesh, tolerance);
+  const MassProperties mass = mass_properties(mesh);
+  EXPECT_NEAR(cluster.mass.volume, mass.volume, 1e-6 * mass.volume);
+  EXPECT_LT((cluster.mass.center - mass.center).norm(), 1e-5);
+  EXPECT_EQ(cluster.name, "ring");
+  EXPECT_EQ(cluster.unit, "mm");
+  EXPECT_EQ(cluster.source.triangles, mesh.triangles.size());
+  EXPECT_NEAR(nlohmann::json::parse(cluster.settings)["tolerance"].get<double>(), tolerance, 1e-12);
+  EXPECT_EQ(cluster_from_json(to_json(cluster), "again").radii, cluster.radii);
+}
+
+TEST(CoverMesh, TakesAnAbsoluteTolerance) {
+  const Mesh mesh = shapes::box({0, 0, 0}, {4, 2, 1}, 3);
+  const Cluster cluster = cover_mesh(mesh, Length::of(0.1));
+  EXPECT_TRUE(cluster.accuracy.certified);
+  expect_kept(cluster, mesh, 0.1);
+}
+
+TEST(CoverMesh, SameForAnyNumberOfThreads) {
+  const Mesh mesh = shapes::torus(3, 1, 24, 12);
+  const int before = omp_get_max_threads();
+  std::vector<std::string> texts;
+  for (const int threads : {1, 3}) {
+    omp_set_num_threads(threads);
+    texts.push_back(to_json(cover_mesh(mesh, Length::share(0.02))));
+  }
+  omp_set_num_threads(before);
+  EXPECT_EQ(texts[0], texts[1]);
+}
+
+// Two boxes that overlap. The winding number is 2 where they do.
+TEST(CoverMesh, AMeshMayIntersectItself) {
+  Mesh mesh = shapes::box({0, 0, 0}, {2, 1, 1});
+  const Mesh more = shapes::box({1, 0.2, 0.2}, {3, 0.8, 0.8});
+  const auto first = static_cast<std::uint32_t>(mesh.points.size());
+  mesh.points.insert(mesh.points.end(), more.points.begin(), more.points.end());
+  for (const auto& t : more.triangles) mesh.triangles.push_back({t[0] + first, t[1] + first, t[2] + first});
+  EXPECT_TRUE(cover_mesh(mesh, Length::share(0.03)).accuracy.certified);
+}
+
+TEST(CoverMesh, ARadiusLimitThatLeavesSurfaceOpenIsNotCertified) {
+  CoverMeshOptions options;
+  options.min_radius = Length::share(0.2);
+  const Cluster cluster = cover_mesh(shapes::box({0, 0, 0}, {4, 2, 1}), Length::share(0.01), options);
+  EXPECT_FALSE(cluster.accuracy.certified);
+}
+
+TEST(CoverMesh, RefusesWhatItCannotCover) {
+  const Mesh cube = shapes::box({0, 0, 0}, {1, 1, 1});
+  const Length tolerance = Length::share(0.05);
+  CoverMeshOptions named;
+  named.name = "part 7";
+  EXPECT_EQ(refusal(Mesh(), tolerance, named).rfind("part 7: ", 0), 0u);
+  Mesh open = cube;
+  open.triangles.pop_back();
+  EXPECT_NE(refusal(open, tolerance).find("open"), std::string::npos);
+  Mesh inside_out = cube;
+  for (auto& t : inside_out.triangles) std::swap(t[1], t[2]);
+  EXPECT_NE(refusal(inside_out, tolerance).find("outward"), std::string::npos);
+  Mesh wrong = cube;
+  wrong.triangles[3][1] = 99;
+  EXPECT_NE(refusal(wrong, tolerance).find("triangle 3 names vertex 99"), std::string::npos);
+  Mesh infinite = cube;
+  infinite.points[2].y() = std::numeric_limits<double>::infinity();
+  EXPECT_NE(refusal(infinite, tolerance).find("vertex 2 is not finite"), std::string::npos);
+  for (const Length& bad : {Length(), Length::of(-1), Length::share(std::nan(""))})
+    EXPECT_NE(refusal(cube, bad).find("tolerance"), std::string::npos);
+  CoverMeshOptions effort;
+  effort.effort = 4;
+  EXPECT_NE(refusal(cube, tolerance, effort).find("effort"), std::string::npos);
+  CoverMeshOptions radius;
+  radius.max_radius = Length::of(-1);
+  EXPECT_NE(refusal(cube, tolerance, radius).find("radius"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace padder

@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: MIT
+#include "padding/geometry/unit_frame.h"
+
+#include <gtest/gtest.h>
+
+#include "padding/asset/error.h"
+#include "tests/padding/shapes.h"
+
+namespace padder {
+namespace {
+
+TEST(UnitFrame, CentresAndScalesToADiagonalOfOne) {
+  const Box box{{10, 20, 30}, {13, 24, 42}};  // diagonal 13
+  const UnitFrame frame(box, "box");
+  EXPECT_DOUBLE_EQ(frame.scale(), 13);
+  Box unit;
+  unit.add(frame.into(box.low)), unit.add(frame.into(box.high));
+  EXPECT_NEAR(unit.diagonal(), 1, 1e-10);
+  EXPECT_LT(unit.center().norm(), 1e-10);
+  EXPECT_LT((frame.back(frame.into(box.high)) - box.high).norm(), 1e-9);
+}
+
+TEST(UnitFrame, AMovedPointGetsTheSameCoordinates) {
+  const Box box{{0, 0, 0}, {1, 2, 2}};
+  const Vector move(1000.3, -77.7, 0.1);
+  const UnitFrame here(box, "box"), there({box.low + move, box.high + move}, "box");
+  for (const Point& p : {Point(0.3, 1.7, 0.9), Point(1, 0, 2)})
+    EXPECT_EQ(here.into(p), there.into(p + move)) << p.transpose();
+}
+
+TEST(UnitFrame, MassGoesBackWithItsPowersOfTheLength) {
+  const Mesh mesh = shapes::box({1, 2, 3}, {3, 6, 4});
+  const UnitFrame frame(mesh.bounds(), "box");
+  Mesh unit = mesh;
+  for (Point& p : unit.points) p = frame.into(p);
+  const MassProperties expected = mass_properties(mesh), mass = frame.back(mass_properties(unit));
+  EXPECT_NEAR(mass.volume, expected.volume, 1e-8);
+  EXPECT_LT((mass.center - expected.center).norm(), 1e-8);
+  EXPECT_LT((mass.moments - expected.moments).norm(), 1e-7);
+  EXPECT_NEAR(frame.back_volume(1), std::pow(frame.scale(), 3), 1e-12);
+}
+
+TEST(UnitFrame, RefusesWhatHasNoMeasurableSize) {
+  EXPECT_THROW(UnitFrame({{1, 1, 1}, {1, 1, 1}}, "point"), Error);
+  EXPECT_THROW(UnitFrame({{0, 0, 0}, {1e61, 1, 1}}, "huge"), Error);
+  EXPECT_THROW(UnitFrame({{0, 0, 0}, {1e-61, 0, 0}}, "tiny"), Error);
+  EXPECT_THROW(UnitFrame(Box(), "empty"), Error);
+}
+
+}  // namespace
+}  // namespace padder
