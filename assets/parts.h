@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// The parts that ship with padder, each from a handful of dimensions. Metres; y is the axis of pins and
-// wheels, x the direction of travel, z up. Each is one closed, manifold, outward solid without
-// self-intersections. Deterministic: equal dimensions give equal meshes. Throw Error when dimensions do not
-// fit each other.
+// The parts that ship with padder, each made from a few dimensions in metres. y is the axis of pins and
+// wheels, x the direction of travel, z up. Each part is one closed, manifold, outward solid without
+// self-intersections. Equal dimensions give equal meshes. The functions throw Error when the dimensions
+// contradict each other.
 #pragma once
 #include <cstdint>
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Closed solids from rings of points, and exact unions and differences of them: enough of a modeller to make
-// parts. All lengths in metres.
+// Makes closed solids from rings of points, and exact unions and differences of solids. This is enough to
+// model the parts. All lengths are in metres.
 #pragma once
 #include <memory>
 #include <string>
@@ -28,8 +28,9 @@ Ring inset(const Ring& ring, double distance);
 // The smallest convex ring across y around the points.
 Ring hull(std::vector<Point> points);
 
-// Skin over the rings, which have equally many points; their flat ends are closed. With `closed` the last
-// joins the first instead (a solid with one handle). Turned outward.
+// The surface that joins ring to ring; all have the same number of points. The first and the last ring are
+// closed by flat faces; with `closed` the last ring joins the first instead, which gives a solid with one
+// handle. Faces point outward.
 Mesh loft(const std::vector<Ring>& rings, bool closed = false);
 
 // A convex ring across y from y0 to y1, its end edges cut by `chamfer`.
@@ -41,9 +42,8 @@ Mesh revolve(const Ring& profile, int segments);
 // Along y through (x, z) from y0 to y1: a drill.
 Mesh cylinder(double x, double z, double radius, double y0, double y1, int segments);
 
-// A solid in exact arithmetic (CGAL's corefinement): faces that lie on each other or touch are no special
-// case. The operands must be closed, outward and free of self-intersections; throws Error when an operation
-// does not give such.
+// A solid in exact arithmetic (CGAL's corefinement), so that faces that coincide or touch need no special
+// care. Operands must be closed, outward and free of self-intersections. Throws Error when a result is not.
 class Solid {
  public:
   explicit Solid(const Mesh& mesh);
@@ -60,13 +60,14 @@ class Solid {
   std::unique_ptr<Exact> exact_;
 };
 
-// Every coordinate rounded to that many decimals, so that the last bits of a sine change no byte of a file.
-// Vertices that fall together are merged and faces that lose their area dropped.
+// The mesh with every coordinate rounded to so many decimals, because the last bits of a sine differ between
+// machines and must not change a file. Vertices that coincide are merged; faces that lose their area are
+// dropped.
 Mesh rounded(const Mesh& mesh, int decimals);
 
-// Rounded, and each flat region cut into Delaunay triangles between its borders alone: the traces that the
-// operands of a boolean leave on it go, as do the points where a straight edge was split. Throws Error when
-// the result is not a closed, outward solid without self-intersections.
+// The mesh rounded, with each flat region triangulated anew (Delaunay) between its borders. This removes the
+// cuts that boolean operations leave in a flat region, and points in the middle of a straight edge. Throws
+// Error when the result is not a closed, outward solid without self-intersections.
 Mesh finished(const Mesh& mesh, int decimals);
 
 // As an OBJ file; `comment` has one or more lines.

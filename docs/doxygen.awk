@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 # The headers carry plain comments; this shows them to Doxygen as its own: those above a declaration as ///, those
 # behind one as ///<, the one a file begins with as the file's. In Markdown a quote inside a span of code, which Doxygen
-# takes for the span's end, becomes another character.
+# takes for the span's end, becomes another character, and a drawing loses its folder: Doxygen finds drawings by name.
 FILENAME ~ /\.md$/ {
   pieces = split($0, piece, "`")
   line = piece[1]
@@ -9,6 +9,7 @@ FILENAME ~ /\.md$/ {
     if (k % 2 == 0) gsub(/'/, "\342\200\231", piece[k])
     line = line "`" piece[k]
   }
+  gsub(/\]\(\.\.\/drawings\//, "](", line)
   print line
   next
 }

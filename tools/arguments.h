@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Checks of what is typed, before CLI11 takes a number from it: it would take nan, inf, 0x10 and 010 (for 8)
-// too.
+// Checks what is typed before CLI11 reads a number from it, because CLI11 also takes nan, inf, 0x10, and 010
+// as 8.
 #pragma once
 #include <CLI/CLI.hpp>
 #include <charconv>
 #include <cmath>
 #include <cstdint>
+#include <optional>
 #include <string>
+#include <string_view>
 
 #include "padding/pad_options.h"
 
@@ -29,13 +31,13 @@ inline CLI::Validator decimal() {
 }
 
 inline bool is_whole(const std::string& text) {
-  std::uint64_t value = 0;  // CLI11 would take what is too large for the largest there is
+  std::uint64_t value = 0;  // CLI11 would replace a number that is too large by the largest there is
   const char* end = text.data() + text.size();
   const auto read = std::from_chars(text.data(), end, value);
   return read.ec == std::errc() && read.ptr == end && (text == "0" || text[0] != '0');
 }
 
-// Digits, without a sign and without a zero ahead.
+// Digits without a sign and without a leading zero.
 inline CLI::Validator whole() {
   return {[](const std::string& text) {
             return is_whole(text) ? std::string() : not_a(text, "whole number in decimal digits");
@@ -43,12 +45,31 @@ inline CLI::Validator whole() {
           ""};
 }
 
-// The same, or in hexadecimal digits behind 0x: for fields of bits.
+// The same, or hexadecimal digits after 0x: for masks.
 inline CLI::Validator bits() {
   return {[](const std::string& text) {
             const bool hex = text.starts_with("0x") && text.size() > 2 &&
                              text.find_first_not_of("0123456789abcdefABCDEF", 2) == std::string::npos;
             return hex || is_whole(text) ? std::string() : not_a(text, "whole number, as 12 or 0xc");
+          },
+          ""};
+}
+
+// 0.03 of "3%" and of "0.03"; nothing where the text is neither, or below 0.
+inline std::optional<double> fraction_of(std::string_view text) {
+  const bool percent = text.ends_with('%');
+  if (percent) text.remove_suffix(1);
+  double value = 0;
+  const char* end = text.data() + text.size();
+  const auto read = std::from_chars(text.data(), end, value);
+  if (read.ec != std::errc() || read.ptr != end || !std::isfinite(value) || value < 0) return std::nullopt;
+  return percent ? value / 100 : value;
+}
+
+inline CLI::Validator fraction() {
+  return {[](const std::string& text) {
+            return fraction_of(text) ? std::string()
+                                     : not_a(text, "fraction: write a number of at least 0, as 3% or 0.03");
           },
           ""};
 }

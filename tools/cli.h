@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// What every tool's main does around its work: parse, run, and turn whatever goes wrong into one sentence on
-// stderr and the exit code the command line promises (0 done, 1 the work failed, 2 wrong usage).
+// What every tool's main does around its work: it parses the arguments, runs the work, and turns every
+// failure into one sentence on stderr and an exit code (0 done, 1 the work failed, 2 wrong usage).
 #pragma once
 #include <CLI/CLI.hpp>
 #include <cerrno>
@@ -21,20 +21,22 @@
 
 namespace padder::cli {
 
-// Arguments that parse, but make no sense together.
+// Thrown for arguments that CLI11 accepts but that contradict each other.
 struct UsageError : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-// Of --threads. More than any machine has; a hundred thousand stacks would end the program without a word.
+// The largest --threads. No machine has more; a hundred thousand stacks would end the program without a
+// message.
 inline constexpr int kMostThreads = 1024;
 
-// Help as docs/cli.md shows it: names to the left, sentences to the right, no line beyond 100 columns.
+// Formats --help as docs/cli.md shows it: names on the left, sentences on the right, lines of at most 100
+// columns.
 class Formatter : public CLI::Formatter {
  public:
   std::string make_option(const CLI::Option* option, bool is_positional) const override {
-    // "FLOAT:FLOAT in [1 - 180]": what is taken, then how CLI11 checks it. Of that only a range is of use,
-    // unless the description has told it.
+    // CLI11's type is as "FLOAT:FLOAT in [1 - 180]": what the option takes, then how it is checked. Of the
+    // check only a range is shown, and only if the description does not state it.
     const std::string type = option->get_type_name();
     std::string taken = type.substr(0, type.find(':'));
     if (taken == "INT" || taken == "UINT") taken = "N";
@@ -82,15 +84,15 @@ inline void set_help(CLI::App& app) {
     app.footer("Results go to stdout, talk to stderr. Exit code: 0 done, 1 the work failed, 2 wrong usage.");
 }
 
-// What was printed reached its reader: a full disk must not pass for success.
+// Throws Error when what was printed could not be written: a full disk must not look like success.
 inline void flush_results() {
   std::cout.flush();
   if (std::fflush(stdout) == 0 && std::cout && !std::ferror(stdout)) return;
   throw Error("cannot write to the standard output (" + std::generic_category().message(errno) + ")");
 }
 
-// The app must have its name. `work` gives the exit code. `failed` is told the sentence of a failure once the
-// arguments are known: a tool with --json prints it on stdout, too.
+// `app` must have a name. `work` returns the exit code. `failed` receives the sentence of a failure that
+// happens after parsing: a tool with --json also prints it on stdout.
 inline int run(CLI::App& app, int argc, char** argv, const std::function<int()>& work,
                const std::function<void(const std::string&)>& failed = {}) {
   set_help(app);
@@ -110,7 +112,7 @@ inline int run(CLI::App& app, int argc, char** argv, const std::function<int()>&
     if (failed) failed(sentence);
     return fail(code, sentence);
   };
-  std::signal(SIGXFSZ, SIG_IGN);  // a file beyond the limit is then an error of the write, with a sentence
+  std::signal(SIGXFSZ, SIG_IGN);  // then a write beyond the limit of file sizes fails with an error
   try {
     const int code = work();
     flush_results();

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// What is wrong with a command line, in our words: which option, what was given, what it takes. CLI11's own
-// messages show how it checks ("OR {0,1,2} FAILED"), not what to type.
+// Says what is wrong with a command line: which option, what was given, and what the option takes. CLI11's
+// own messages show how it checks ("OR {0,1,2} FAILED") and not what to type.
 #pragma once
 #include <CLI/CLI.hpp>
 #include <string>
@@ -9,7 +9,7 @@
 
 namespace padder::cli {
 
-// In quotes, and cut where it is too long to read.
+// The text in quotes, cut if it is too long to read.
 inline std::string in_quotes(std::string_view text) {
   constexpr std::size_t most = 100;
   return '"' + std::string(text.substr(0, most)) + (text.size() > most ? "...\"" : "\"");
@@ -23,7 +23,7 @@ inline std::string listed(const std::vector<std::string>& words) {
   return out;
 }
 
-// What an option takes, from its type and from what its checks say of themselves, which CLI11 writes behind:
+// What an option takes, in words. CLI11 appends the descriptions of its checks to the type name, as in
 // "N:UINT in [1 - 9]", "X:POSITIVE", "AXIS:{x,y,z}", "WHAT:value in {a->1,b->2} OR {1,2}".
 inline std::string taken_by(const CLI::Option& option) {
   const std::string type = option.get_type_name(), name = type.substr(0, type.find(':'));
@@ -62,7 +62,7 @@ inline bool takes_numbers_or_words(const CLI::Option& option) {
   return true;
 }
 
-// The option of the app, or of one of its subcommands, that the message is about; null: none.
+// The option that the message is about, of the app or of one of its subcommands; null if there is none.
 inline const CLI::Option* option_of(const CLI::App& app, const std::string& message) {
   for (const CLI::Option* option : app.get_options())
     if (message.starts_with(option->get_name() + ":") ||
@@ -73,7 +73,8 @@ inline const CLI::Option* option_of(const CLI::App& app, const std::string& mess
   return nullptr;
 }
 
-// What was given, where the message is one of CLI11's own checks; empty: it is a sentence of ours.
+// The value that was given, if the message is from one of CLI11's own checks. Empty if the message is a
+// sentence of our own checks.
 inline std::string refused_value(std::string_view message, const CLI::Option& option) {
   constexpr std::string_view convert = "Could not convert: ";
   if (message.starts_with(convert)) return std::string(message.substr(message.find(" = ") + 3));

@@ -1,6 +1,6 @@
-// SPDX-License-Identifier: GPL-3.0-or-later
-// Ends the process with a sentence when something takes longer than it may: a call that hangs on a GPU cannot
-// be cancelled, and would otherwise hold the machine without a word.
+// SPDX-License-Identifier: MIT
+// Ends the process with a sentence when something takes longer than allowed. A call that hangs on a GPU
+// cannot be cancelled; without this it would block the machine silently.
 #pragma once
 #include <unistd.h>
 
@@ -15,16 +15,16 @@
 
 namespace padder {
 
-// While it lives, its scope has `seconds` to end. After that "NAME: no answer after 60 s, ended" is written
-// on stderr and the process ends with the code 124 (as timeout(1) does), without destructors and without
-// flushing: both could wait for what hangs.
+// While an object lives, its scope has `seconds` to end. After that the watchdog writes "NAME: no answer
+// after 60 s, ended" to stderr and ends the process with the code 124, as timeout(1) does. It runs no
+// destructors and flushes nothing, because both could wait for what hangs.
 //
-// The environment variable PADDER_WATCHDOG is a factor on every limit, for machines and instruments that are
-// slow (compute-sanitizer, valgrind); 0 means that nothing is ever ended.
+// The environment variable PADDER_WATCHDOG multiplies every limit, for slow machines and instruments
+// (compute-sanitizer, valgrind). 0 switches the watchdog off.
 //
-// Costs a lock when it is made and when it ends, some 100 ns, so that it can stand around what is timed. One
-// thread of the process watches for all, four times a second. Scopes may lie inside each other and in several
-// threads.
+// Construction and destruction each take a lock, some 100 ns together, so a watchdog may stand around what is
+// timed. One thread of the process checks all scopes four times a second. Scopes may be nested, and may be in
+// several threads.
 class Watchdog {
  public:
   static constexpr int kEnded = 124;
@@ -91,7 +91,7 @@ class Watchdog {
     char seconds[32];
     std::snprintf(seconds, sizeof seconds, "%.6g", s.seconds);
     const std::string sentence = s.name + ": no answer after " + seconds + " s, ended\n";
-    // Not by stdio: whoever hangs may hold its lock.
+    // Not with stdio: the thread that hangs may hold its lock.
     [[maybe_unused]] const auto written = ::write(STDERR_FILENO, sentence.data(), sentence.size());
     ::_exit(kEnded);
   }

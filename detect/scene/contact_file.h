@@ -8,16 +8,21 @@
 
 namespace padder::detect {
 
-// Contacts in host memory with Width::points and Scalar::f64, in any order, into a file:
-// .csv: header i,j,nx,ny,nz,depth,ix,iy,iz,jx,jy,jz (the deepest point of i, of j); numbers with the digits
-// that give the
-//   same double back.
-// .npz: `pairs` (N, 2) uint32, `normals` (N, 3), `depths` (N), `points_i` (N, 3), `points_j` (N, 3).
-// .vtp: a vertex for each contact halfway between its two points, with point data i, j, normal, depth.
-// The file is written in blocks while it is being sorted: whatever the number of contacts, less than 64 MiB
-// are held beside them. `threads` as in Options (at most 16 are used). Written whole or not at all. Throws
-// Error for another ending, before any work when asked through check_contact_ending, for other records, and
-// when the file cannot be written.
+// Writes contacts, in any order, in host memory with Width::points and Scalar::f64. The file's ending says
+// how:
+//
+// .csv: header i,j,nx,ny,nz,depth,ix,iy,iz,jx,jy,jz (the deepest point of i, then of j), as many digits of
+//       each number as give the same double back
+//
+// .npz: `pairs` (N, 2) uint32, `normals` (N, 3), `depths` (N), `points_i` (N, 3), `points_j` (N, 3)
+//
+// .vtp: a vertex for each contact halfway between its two points, with point data i, j, normal, depth
+//
+// The file is written whole or not at all. The threads sort a part of the contacts, write it in blocks, and
+// go on with the next part: whatever the number of contacts, they hold less than 64 MiB beside them.
+// `threads` is as in Options; at most 16 are used. Throws Error for another ending, for other records, and
+// when the file cannot be written. check_contact_ending() throws for another ending alone, before there are
+// any contacts.
 void check_contact_ending(const std::filesystem::path& path);
 void write_contacts(const Contacts& contacts, const std::filesystem::path& path, int threads = 0);
 

@@ -15,9 +15,12 @@ struct KeyedContact {
   std::uint64_t key, at;
 };
 
-// Runs of at most `longest` contacts, each sorted, one behind the other the whole list in order; no pair may
-// be there twice. Each run takes two passes over the pairs, shared by the threads, and 16 bytes a contact of
-// one run are held: for all contacts at once they would be twice the size of the pairs.
+// Cuts the list into runs of at most `longest` contacts. Each run is sorted, and the runs one after the other
+// are the whole list in order. No pair may be in the list twice.
+//
+// All contacts at once would need an index twice the size of the pairs. So only one run is held, at 16 bytes
+// a contact, and is read from the list again: the threads share one pass over the pairs for each run, one
+// more that counts, and one that finds the smallest and the largest pair.
 class SortedRuns {
  public:
   SortedRuns(std::span<const Pair> pairs, int threads, std::uint64_t longest = 1 << 21)
@@ -26,18 +29,27 @@ class SortedRuns {
 
  private:
   static constexpr std::uint64_t kBuckets = 1 << 15;
-  // Keys from low to high, in buckets: (key - low) >> shift is the bucket of one.
+  // Keys from low to high.
   struct Range {
     std::uint64_t low, high;
-    int shift;
   };
-  using Counts = std::vector<std::vector<std::uint64_t>>;  // of each thread, of each bucket
+  // A range in kBuckets parts at most: (key - low) >> shift is the bucket of a key. counts[t][b] is how many
+  // contacts of bucket b lie in thread t's part of the list.
+  struct Buckets {
+    Range range;
+    int shift = 0;
+    std::vector<std::vector<std::uint64_t>> counts;
+    std::uint64_t of(std::uint64_t key) const { return (key - range.low) >> shift; }
+    Range keys(std::uint64_t first, std::uint64_t end) const;  // of the buckets from first to end - 1
+    std::uint64_t total(std::uint64_t bucket) const;
+  };
 
   template <class Use>
   void scan(const Range& range, const Use& use) const;
-  void range(std::uint64_t low, std::uint64_t high,
-             const std::function<void(std::span<const KeyedContact>)>& use);
-  std::span<const KeyedContact> run(const Range& range, Counts& counts);
+  Range all_keys() const;
+  Buckets count(const Range& range) const;
+  void range(const Range& range, const std::function<void(std::span<const KeyedContact>)>& use);
+  std::span<const KeyedContact> run(Buckets& buckets, std::uint64_t first, std::uint64_t end);
 
   std::span<const Pair> pairs_;
   int threads_;

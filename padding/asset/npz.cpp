@@ -2,10 +2,10 @@
 #include "padding/asset/npz.h"
 
 #include <algorithm>
-#include <array>
 #include <bit>
 #include <cstring>
 
+#include "padding/asset/crc32.h"
 #include "padding/asset/error.h"
 #include "padding/asset/excerpt.h"
 
@@ -13,33 +13,6 @@ static_assert(std::endian::native == std::endian::little, "arrays are written as
 
 namespace padder {
 namespace {
-
-// The checksum of zip, continued from that of the bytes before. Eight bytes at a step, through a table for
-// each of them: a contact file of gigabytes must not wait for it.
-std::uint32_t crc32(std::uint32_t before, std::string_view bytes) {
-  static const auto tables = [] {
-    std::array<std::array<std::uint32_t, 256>, 8> t{};
-    for (std::uint32_t k = 0; k < 256; k++) {
-      std::uint32_t c = k;
-      for (int bit = 0; bit < 8; bit++) c = c >> 1 ^ (c & 1 ? 0xEDB88320u : 0);
-      t[0][k] = c;
-    }
-    for (std::size_t d = 1; d < 8; d++)
-      for (std::size_t k = 0; k < 256; k++) t[d][k] = t[d - 1][k] >> 8 ^ t[0][t[d - 1][k] & 255];
-    return t;
-  }();
-  const auto& t = tables;
-  std::uint32_t c = ~before;
-  for (; bytes.size() >= 8; bytes.remove_prefix(8)) {
-    std::uint64_t w;
-    std::memcpy(&w, bytes.data(), 8);
-    w ^= c;
-    c = t[7][w & 255] ^ t[6][w >> 8 & 255] ^ t[5][w >> 16 & 255] ^ t[4][w >> 24 & 255] ^ t[3][w >> 32 & 255] ^
-        t[2][w >> 40 & 255] ^ t[1][w >> 48 & 255] ^ t[0][w >> 56];
-  }
-  for (const char b : bytes) c = t[0][(c ^ static_cast<unsigned char>(b)) & 255] ^ c >> 8;
-  return ~c;
-}
 
 void put(std::string& out, std::uint64_t value, int bytes) {
   for (int k = 0; k < bytes; k++, value >>= 8) out += static_cast<char>(value & 255);
@@ -234,11 +207,16 @@ NpzWriter::NpzWriter(const std::vector<NpyHead>& heads, WriteAt write, std::uint
   for (std::size_t k = 0; k < entries_.size(); k++) append(k, entries_[k].npy);
 }
 
-void NpzWriter::append(std::size_t array, std::string_view bytes) {
+std::uint64_t NpzWriter::place(std::size_t array, std::uint64_t size, std::uint32_t checksum) {
   Entry& e = entries_[array];
-  if (bytes.size() > e.size - e.got) throw Error("more bytes than the array " + e.file + " was said to have");
-  write_(e.data + e.got, bytes);
-  e.crc = crc32(e.crc, bytes), e.got += bytes.size();
+  if (size > e.size - e.got) throw Error("more bytes than the array " + e.file + " was said to have");
+  const std::uint64_t offset = e.data + e.got;
+  e.crc = crc32_joined(e.crc, checksum, size), e.got += size;
+  return offset;
+}
+
+void NpzWriter::append(std::size_t array, std::string_view bytes) {
+  write_(place(array, bytes.size(), crc32(bytes)), bytes);
 }
 
 void NpzWriter::finish() {

@@ -56,7 +56,11 @@ class NpzWriter {
 
   // Sizes and places of `wide` bytes and more are written as ZIP64.
   NpzWriter(const std::vector<NpyHead>& heads, WriteAt write, std::uint64_t wide = kPlain);
-  void append(std::size_t array, std::string_view bytes);  // behind what the array has got
+  // The next bytes of the array.
+  void append(std::size_t array, std::string_view bytes);
+  // The same for who writes the bytes at their place in the archive, which is returned: several threads can
+  // then sum and write at once. `checksum` is that of padding/asset/crc32.h.
+  std::uint64_t place(std::size_t array, std::uint64_t size, std::uint32_t checksum);
   void finish();  // heads and directory; throws Error when an array has not got its bytes
 
  private:

@@ -47,11 +47,16 @@ VtpWriter::VtpWriter(std::uint64_t points, std::vector<VtpHead> heads, WriteAt w
       "</Verts>\n</Piece>\n</PolyData>\n<AppendedData encoding=\"raw\">\n_";
 }
 
-void VtpWriter::append(std::size_t array, std::string_view bytes) {
+std::uint64_t VtpWriter::place(std::size_t array, std::uint64_t size) {
   Array& a = arrays_[array];
-  if (bytes.size() > a.size - a.got) throw Error("more bytes than the array " + a.name + " was said to have");
-  write_(head_.size() + a.at + a.got, bytes);
-  a.got += bytes.size();
+  if (size > a.size - a.got) throw Error("more bytes than the array " + a.name + " was said to have");
+  const std::uint64_t offset = head_.size() + a.at + a.got;
+  a.got += size;
+  return offset;
+}
+
+void VtpWriter::append(std::size_t array, std::string_view bytes) {
+  write_(place(array, bytes.size()), bytes);
 }
 
 // As many whole numbers as there are points, from `first` on.
@@ -65,8 +70,8 @@ void VtpWriter::append_numbers(std::size_t array, std::int64_t first) {
 }
 
 void VtpWriter::finish() {
-  append_numbers(arrays_.size() - 2, 0);  // vertex k consists of point k
-  append_numbers(arrays_.size() - 1, 1);  // and ends before entry k + 1
+  if (arrays_[connectivity()].got == 0) append_numbers(connectivity(), 0);
+  if (arrays_[offsets()].got == 0) append_numbers(offsets(), 1);
   write_(0, head_);
   for (const Array& a : arrays_) {
     if (a.got != a.size) throw Error("fewer bytes than the array " + a.name + " was said to have");

@@ -25,13 +25,24 @@ struct VtpHead {
 class VtpWriter {
  public:
   VtpWriter(std::uint64_t points, std::vector<VtpHead> heads, WriteAt write);
-  // Behind what the array has got. The one behind those of `heads` is the positions, three doubles a point.
+  // The arrays that follow those of `heads`: of each point its position, three doubles; of each vertex its
+  // point, and the end of its list of points, as std::int64_t: point k is vertex k, whose list ends at k + 1.
+  std::size_t positions() const { return arrays_.size() - 3; }
+  std::size_t connectivity() const { return arrays_.size() - 2; }
+  std::size_t offsets() const { return arrays_.size() - 1; }
+
+  // The next bytes of the array.
   void append(std::size_t array, std::string_view bytes);
   template <class T>
   void append(std::size_t array, const std::vector<T>& values) {
     append(array, {reinterpret_cast<const char*>(values.data()), values.size() * sizeof(T)});
   }
-  void finish();  // heads and vertices; throws Error when an array has not got its bytes
+  // The same for who writes the bytes at their place in the file, which is returned: several threads can then
+  // write at once.
+  std::uint64_t place(std::size_t array, std::uint64_t size);
+  // Heads, and the vertices when their arrays have got nothing. Throws Error when another array has not got
+  // its bytes.
+  void finish();
 
  private:
   struct Array {

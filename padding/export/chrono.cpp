@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// A C++ header for Chrono: it has no file format for clumps of spheres, and its own inertia counts overlaps
-// twice.
+// Writes a C++ header for Chrono, which has no file format for clumps of spheres. The header states the
+// inertia, because Chrono's own sum counts overlaps of spheres twice.
 #include <algorithm>
 
 #include "padding/asset/error.h"

@@ -21,7 +21,7 @@ std::string list(const std::vector<Point>& centers, const std::vector<double>& r
 
 }  // namespace
 
-// DEM-Engine takes lines with # anywhere, and a header of exactly these four names.
+// DEM-Engine ignores lines that begin with #, and wants a header of exactly these four names.
 Files write_csv(const Job& job) {
   const Cluster& c = only(job);
   const double density = job.options.density;
@@ -41,13 +41,14 @@ Files write_liggghts(const Job& job) {
                    std::to_string(c.size()) + "\n" + list(c.centers, c.radii, " ")}};
 }
 
-// No other comment and no blank line: YADE would stop at it.
+// YADE stops reading at a second comment and at a blank line, so there is none.
 Files write_yade(const Job& job) {
   const Cluster& c = only(job);
   return {{"", "#format x_y_z_r_clumpId\n" + list(c.centers, c.radii, " ", " 0")}};
 }
 
-// As its MClump tool leaves a clump: about the centre of mass, principal directions along the axes.
+// In the frame of MercuryDPM's own tool MClump: origin at the centre of mass, axes along the principal
+// directions.
 Files write_mercury(const Job& job) {
   const Cluster& c = only(job);
   const Vector moments = job.options.density * c.mass.moments;

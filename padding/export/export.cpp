@@ -71,7 +71,7 @@ void check(const Model& model, const Format& format, const std::string& where) {
     if (format.filter == F::none && (c.family != 0 || c.mask != 0))
       fail(b.name + " has a family or a mask, which the file cannot hold (" + format.program +
            " sets who may touch whom in its own script): pad without --family and --mask");
-    // A robot's families were made to say who may touch whom inside it, and that is written.
+    // A robot's families only say which of its links may touch, and the file says that in its own way.
     if (format.filter == F::pairs && with_spheres == 1 && model.urdf.empty() &&
         (c.family != 0 || c.mask != 0))
       fail(b.name + " has a family or a mask, which the file cannot hold (" + format.program +
@@ -122,7 +122,8 @@ std::vector<std::string> write_model(const Model& model, const fs::path& path, c
       write_file(beside.replace_extension(name.substr(1)), bytes);
     } else {
       std::error_code code;
-      fs::create_directories((path / name).parent_path(), code);  // write_file says what is wrong with it
+      fs::create_directories((path / name).parent_path(),
+                             code);  // if this fails, write_file names the reason
       write_file(path / name, bytes);
     }
   }

@@ -22,7 +22,7 @@ struct Format {
   };
   const char* name;     // "dem-engine", "mujoco" …: for --format
   const char* ending;   // with its dot; "" for a folder
-  bool own_ending;      // the ending alone tells the format
+  bool own_ending;      // no other format has this ending
   const char* program;  // who reads it
   Filter filter;
   int bits;         // for Filter::bits
@@ -37,19 +37,19 @@ std::span<const Format> formats();
 // By name, or by the path's ending when name is "". Throws Error that lists what there is.
 const Format& find_format(const std::filesystem::path& path, const std::string& name = {});
 
-// What a format needs to know and a cluster does not say.
+// What a format needs and a cluster does not hold.
 struct ExportOptions {
-  // Mass over volume, for formats that state a mass and bodies that come without one: kg/m^3 where the format
-  // is in metres, else mass per cubed unit of the model.
+  // For formats that state a mass, and bodies that have none: kg/m^3 where the format is in metres, else mass
+  // per cubic unit of the model.
   double density = 1000;
 };
 
-// Writes the model: one file, or a folder (MercuryDPM), or for URDF with pairs that may not touch also
-// NAME.srdf beside it. Each file whole or not at all, and none when the model cannot be held: Error says what
-// and why in one sentence (families, several bodies, no volume, a sphere of radius 0, nothing in it). Numbers
-// carry the digits that give the same double back, but in .glb, which is float32. Equal models give equal
-// bytes. Returns what the file's reader should be told, one sentence each (padding/export/warnings.h); most
-// often nothing.
+// Writes the model as one file. MercuryDPM gets a folder; a URDF gets NAME.srdf beside it when some pairs may
+// not touch. Each file is written whole or not at all. Throws Error, one sentence, when the format cannot
+// hold the model (families, several bodies, no volume, a sphere of radius 0, no sphere); then nothing is
+// written. Numbers have as many digits as the same double needs to be read back; .glb holds float32. Equal
+// models give equal bytes. Returns warnings for the file's reader, one sentence each
+// (padding/export/warnings.h).
 std::vector<std::string> write_model(const Model& model, const std::filesystem::path& path,
                                      const Format& format, const ExportOptions& options = {});
 

@@ -12,7 +12,7 @@ bool masked(std::uint32_t mask, std::uint32_t family) {
   return family >= 1 && family <= 32 && (mask >> (family - 1) & 1) != 0;
 }
 
-// Filters that are alike for the translation, and which of these classes may touch.
+// Bodies in classes: bodies of one class are translated alike. And which classes may touch.
 struct Classes {
   std::vector<std::size_t> of;           // of each body
   std::vector<std::size_t> members;      // bodies in each class
@@ -20,7 +20,8 @@ struct Classes {
 
   std::size_t size() const { return members.size(); }
 
-  // May a and b become one class? The diagonal of a class with one member is free when `once` says so.
+  // May a and b become one class? With `once`, whether a class touches itself does not matter while it has
+  // one member.
   bool alike(std::size_t a, std::size_t b, bool once) const {
     for (std::size_t k = 0; k < size(); k++)
       if (k != a && k != b && touch[a][k] != touch[b][k]) return false;
@@ -74,7 +75,7 @@ bool may_touch(const CollisionFilter& a, const CollisionFilter& b) {
 
 namespace {
 
-// The mask of ours, moved to where family k is bit k, without families that have no bit.
+// Our mask has family k at bit k - 1. Here family k is bit k, and families that have no bit are left out.
 std::uint32_t masked_bits(std::uint32_t mask, std::uint32_t families) {
   return (mask << 1) & ((std::uint32_t(2) << families) - 2);
 }
@@ -88,9 +89,10 @@ FilterBits mujoco_bits(const CollisionFilter& body) {
     const std::uint32_t own = std::uint32_t(1) << body.family;
     return {own, ~none_but_mask & ~own & ~masked};
   }
-  // Nobody admits this bit but bodies like it: with the others the mask here alone decides.
+  // Only bodies of this kind admit this bit. With all others the mask of this body alone decides.
   if (masked) return {none_but_mask, ~masked};
-  return {~std::uint32_t(0), ~std::uint32_t(0)};  // also a geom that has only one of the two fields is met
+  return {~std::uint32_t(0),
+          ~std::uint32_t(0)};  // so that it also touches a geom that sets only one of the two fields
 }
 
 // ChCollisionModel.cpp of Chrono 8 and 9: a model begins with family_group(1) and family_mask(0x7FFF),

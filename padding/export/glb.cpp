@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// glTF 2.0 binary: one unit sphere, drawn at every sphere of a body through EXT_mesh_gpu_instancing.
+// Writes glTF 2.0 binary: one mesh of a unit sphere, which EXT_mesh_gpu_instancing draws once for each sphere
+// of a body.
 #include <algorithm>
 #include <bit>
 #include <cmath>
@@ -105,7 +106,7 @@ void append_u32(std::string& out, std::size_t value) {
   for (int k = 0; k < 4; k++) out += static_cast<char>(value >> 8 * k & 255);
 }
 
-// Instancing attributes are vertex attributes, which have no 32-bit integers in glTF: a float holds 24 bits.
+// Attributes of instances cannot be 32-bit integers in glTF, so families are floats, which hold 24 bits.
 float as_float(std::uint32_t value, const std::string& body, const char* what) {
   const float f = static_cast<float>(value);
   if (static_cast<double>(f) != value)

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// What one foreign file can hold: bodies made of spheres, the joints between them, who may touch whom.
+// What a file of another program can hold: bodies made of spheres, and the joints between them.
 #pragma once
 #include <optional>
 #include <string>
@@ -9,7 +9,8 @@
 
 namespace padder {
 
-// As a file states it, for a body whose mass is known better than from a density. In the body's frame.
+// Mass and inertia as a robot's file states them, in the body's frame. They replace what follows from a
+// density.
 struct Inertial {
   double mass = 0;
   Point center = Point::Zero();
@@ -33,7 +34,7 @@ struct Body {
   int parent = -1;  // index of a body before this one; -1: the world
   Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();  // in the parent's frame, joint at 0
   Joint joint;                                             // to the parent
-  std::optional<Inertial> inertial;                        // none: of the cluster's true body and a density
+  std::optional<Inertial> inertial;                        // none: from the cluster's volume and a density
 };
 
 // Lengths in one unit for all bodies.
@@ -47,17 +48,17 @@ struct Model {
   std::size_t spheres() const;
 };
 
-// One body that is the cluster; its family and mask go along.
+// A model of one body. It keeps the cluster's family and mask.
 Model model_of(Cluster cluster);
 
 // Metres in a unit; 1 for "". Throws Error for a word that is none of them.
 double metres(const std::string& unit);
 
-// Every length multiplied (mass properties with their powers), unit renamed. A body's `inertial` keeps its
-// mass.
+// The model with every length multiplied by `factor`, and the unit renamed. Volume and moments change with
+// their powers of the factor; the mass of `inertial` stays.
 Model scaled(Model model, double factor, const std::string& unit);
 
-// With mass density * volume; none for a body without volume (a sheet) and without a stated one.
+// The stated one, else with the mass density * volume. None for a body that has neither: an open sheet.
 std::optional<Inertial> inertial_of(const Body& body, double density);
 
 }  // namespace padder

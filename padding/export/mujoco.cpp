@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// MuJoCo's MJCF: bodies nested as the joints say, a sphere geom a sphere.
+// Writes MuJoCo's MJCF: bodies nested by their joints, and one geom for each sphere.
 #include "padding/export/writers.h"
 
 namespace padder::exporting {
@@ -21,7 +21,7 @@ std::string place(const Eigen::Isometry3d& pose) {
 class Writer {
  public:
   explicit Writer(const Job& job) : job_(job), children_(job.model.bodies.size()) {
-    // The families of a robot's links are about each other alone: outside it they meet everything.
+    // The families of a robot's links are about these links only. Bodies outside the robot touch all of them.
     for (const CollisionFilter& f : filters_of(job.model))
       bits_.push_back(mujoco_bits(job.model.urdf.empty() ? f : CollisionFilter{}));
     for (std::size_t b = 0; b < job.model.bodies.size(); b++)
@@ -33,7 +33,8 @@ class Writer {
     std::string bodies;
     for (std::size_t b = 0; b < job_.model.bodies.size(); b++)
       if (job_.model.bodies[b].parent < 0) bodies += body(b, "    ");
-    std::string compiler = "angle=\"radian\" inertiafromgeom=\"false\"";  // overlaps would count twice
+    std::string compiler =
+        "angle=\"radian\" inertiafromgeom=\"false\"";  // summing the spheres would count overlaps twice
     if (weightless_) compiler += " boundmass=\"1e-6\" boundinertia=\"1e-9\"";
     return "<!-- " + comment(origin(job_.model)) + ", metres, density " + number(job_.options.density) +
            " where no mass was stated -->\n" +
@@ -119,7 +120,7 @@ class Writer {
     return out + indent + "</body>\n";
   }
 
-  // Pairs that may not touch and that the bits let through.
+  // Pairs that may not touch although their bits say that they may.
   std::string excluded() const {
     std::string out;
     for (const auto& [i, j] : job_.pairs) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// URDF, one <collision> a sphere, and MoveIt's SRDF.
+// Writes URDF, with one <collision> for each sphere, and MoveIt's SRDF.
 #include <algorithm>
 #include <cmath>
 #include <pugixml.hpp>
@@ -28,7 +28,7 @@ const char* word(Joint::Type type) {
   }
 }
 
-// Fixed axes x, y, z, as URDF has them.
+// Roll, pitch and yaw about fixed axes x, y, z, as URDF defines them.
 Vector roll_pitch_yaw(const Eigen::Matrix3d& m) {
   const double horizontal = std::hypot(m(0, 0), m(1, 0));
   if (horizontal < 1e-12) return {std::atan2(-m(1, 2), m(1, 1)), std::atan2(-m(2, 0), horizontal), 0};
@@ -70,7 +70,8 @@ void append_joint(pugi::xml_node robot, const Body& body, const std::string& par
   if (body.joint.type == Joint::Type::fixed || body.joint.type == Joint::Type::floating) return;
   set(joint.append_child("axis"), "xyz", numbers(body.joint.axis));
   if (body.joint.type != Joint::Type::revolute && body.joint.type != Joint::Type::prismatic) return;
-  pugi::xml_node limit = joint.append_child("limit");  // effort and velocity must be there; 0 says: not known
+  pugi::xml_node limit =
+      joint.append_child("limit");  // URDF demands effort and velocity; 0 stands for unknown
   set(limit, "lower", number(body.joint.lower)), set(limit, "upper", number(body.joint.upper));
   set(limit, "effort", "0"), set(limit, "velocity", "0");
 }
@@ -81,7 +82,7 @@ std::string text_of(const pugi::xml_document& document) {
   return out.str();
 }
 
-// The document a robot came from: only what is in <collision> changes, and a missing <inertial> is added.
+// Writes the document that the robot was read from. Only <collision> changes; a missing <inertial> is added.
 std::string edited(const Job& job) {
   pugi::xml_document document;
   if (!document.load_string(job.model.urdf.c_str(), pugi::parse_full))
@@ -150,7 +151,8 @@ Files write_urdf(const Job& job) {
                      body.parent < 0 ? "world" : bodies[static_cast<std::size_t>(body.parent)].name);
     files.emplace_back("", text_of(document));
   }
-  if (!job.pairs.empty()) files.emplace_back("*.srdf", srdf(job, false));  // URDF has no words for them
+  if (!job.pairs.empty())
+    files.emplace_back("*.srdf", srdf(job, false));  // URDF cannot say which pairs may not touch
   return files;
 }
 

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// USD as text: an Xform a body with a Sphere prim a sphere, each a collider of USD's physics schema.
+// Writes USD as text: one Xform for each body, and in it one Sphere prim for each sphere, which is a collider
+// of USD's physics schema.
 #include "padding/export/writers.h"
 
 namespace padder::exporting {
@@ -7,7 +8,7 @@ namespace {
 
 std::string tuple(const Vector& v) { return "(" + numbers(v, ", ") + ")"; }
 
-// USD's matrices act on rows: the transpose of ours.
+// USD multiplies row vectors by matrices, so its matrices are the transposes of ours.
 std::string matrix(const Eigen::Isometry3d& pose) {
   std::string out = "( ";
   for (int k = 0; k < 4; k++)

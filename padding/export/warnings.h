@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// What a file states that its reader should not take at its word.
+// What a file states that is not exact, and that its reader should know.
 #pragma once
 #include <string>
 #include <vector>
@@ -11,8 +11,8 @@ namespace padder {
 // Does a file of this format carry mass, centre of mass or moments of inertia?
 bool states_mass(const Format& format);
 
-// One sentence for each body whose mass the file would state although it is that of a wrap around the mesh,
-// which can be far from the body's. write_model returns these.
+// One sentence for each body whose mass is that of a wrap around the mesh. Such a mass can be far from the
+// mass of the body itself. write_model returns these sentences.
 std::vector<std::string> mass_warnings(const Model& model, const Format& format);
 
 }  // namespace padder

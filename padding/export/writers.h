@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Inside padding/export: one function for each format, and what they share.
+// Private to padding/export: one function for each format, and what these functions share.
 #pragma once
 #include <string>
 #include <utility>
@@ -54,7 +54,7 @@ std::vector<std::string> identifiers(const Model& model);
 // Where each body is in the world, joints at 0.
 std::vector<Eigen::Isometry3d> world_poses(const Model& model);
 
-// "track_shoe (padder 0.1.0, track_shoe.obj)": for a comment at the head of a file.
+// "track_shoe (padder X.Y.Z, track_shoe.obj)": for a comment at the head of a file.
 std::string origin(const Model& model);
 
 }  // namespace padder::exporting

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: MIT
-// Robots' spheres as YAML: cuRobo and Isaac's XRDF. Both name the links that are never tested against each
-// other.
+// Writes a robot's spheres as YAML, for cuRobo and as Isaac's XRDF. Both formats name the pairs of links that
+// are never tested against each other.
 #include "padding/export/writers.h"
 
 namespace padder::exporting {
 namespace {
 
-// PyYAML, which cuRobo reads with, takes 1e-05 for a word: a number with an exponent needs a point.
+// cuRobo reads with PyYAML, which takes 1e-05 for text. A number with an exponent needs a decimal point.
 std::string yaml_number(double value) {
   std::string text = number(value);
   const auto e = text.find('e');
@@ -28,7 +28,7 @@ std::string spheres(const Model& model, const std::string& indent) {
   return out;
 }
 
-// Each pair once, under the first of the two.
+// Each pair stands once, in the list of its first link.
 std::string ignored(const Job& job, const std::string& indent) {
   std::string out;
   for (std::size_t b = 0; b < job.model.bodies.size(); b++) {

@@ -35,7 +35,7 @@ Part chosen(Parts parts, const std::string& wanted, const std::string& where) {
   throw Error(where + " has no part called \"" + excerpt(wanted) + "\": there are " + names);
 }
 
-// A cluster has one family and one mask.
+// A cluster has one family and one mask, so all its spheres must agree.
 std::uint32_t common(const std::vector<std::uint32_t>& values, const char* what, const std::string& where) {
   if (values.empty()) return 0;
   if (std::set<std::uint32_t>(values.begin(), values.end()).size() > 1)

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Spheres as lines of numbers: DEM-Engine, LIGGGHTS, YADE, MercuryDPM; and as NumPy arrays.
+// Reads spheres from lines of numbers (DEM-Engine, LIGGGHTS, YADE, MercuryDPM) and from NumPy arrays.
 #include <array>
 #include <charconv>
 #include <map>
@@ -30,7 +30,7 @@ std::vector<std::string_view> columns(std::string_view line, bool comma) {
   return out;
 }
 
-// Lines with their numbers, from 1.
+// The lines of the text, each with its number; the first is 1.
 template <class Each>
 void each_line(std::string_view text, Each&& each) {
   if (text.starts_with("\xEF\xBB\xBF")) text.remove_prefix(3);
@@ -129,7 +129,7 @@ Parts read_list(std::string_view text, const std::string& where) {
   });
   Parts out;
   for (auto& [name, part] : parts) out.push_back(std::move(part));
-  if (out.size() == 1) out[0].name.clear();  // one clump: the file's name says more than its number
+  if (out.size() == 1) out[0].name.clear();  // one clump: the file's name is a better name than a number
   return out;
 }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Spheres of robots' links: cuRobo and XRDF as YAML, URDF, SRDF and MJCF as XML.
+// Reads the spheres of a robot's links: cuRobo and XRDF as YAML; URDF, SRDF and MJCF as XML.
 #include <yaml-cpp/yaml.h>
 
 #include <charconv>
@@ -12,7 +12,7 @@
 namespace padder::importing {
 namespace {
 
-// yaml-cpp takes the first of two equal keys and says nothing.
+// Refuses a key that stands twice: yaml-cpp would take the first and ignore the other.
 YAML::Node value_of(const YAML::Node& map, const char* key, const std::string& where) {
   YAML::Node found(YAML::NodeType::Undefined);
   bool any = false;
@@ -81,7 +81,7 @@ void append(Part& part, const pugi::xml_node& at, const char* center, const char
   Point p = Point::Zero();
   double r = 0;
   const char* end = radius + std::char_traits<char>::length(radius);
-  const auto [next, code] = std::from_chars(radius, end, r);  // MuJoCo's size may have further numbers
+  const auto [next, code] = std::from_chars(radius, end, r);  // more numbers may follow in MuJoCo's size
   const bool blank = next == end || *next == ' ';
   if ((*center && !three(center, p)) || code != std::errc() || !blank)
     throw Error(where + ", byte " + std::to_string(at.offset_debug()) + ": a sphere of '" +

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Spheres from VTK's XML: point data `radius` at each point, as ASCII, base64 or raw, plain or compressed by
-// zlib.
+// Reads spheres from VTK's XML: the points, and the point data `radius`. Arrays may be ASCII, base64 or raw,
+// and compressed by zlib.
 #include <zlib.h>
 
 #include <charconv>
@@ -30,7 +30,7 @@ std::string from_base64(std::string_view text, const std::string& where) {
       v = 62;
     else if (c == '/')
       v = 63;
-    else if (c == '=') {  // the head of an array may be padded on its own, and the data follows
+    else if (c == '=') {  // the header of an array may end with padding of its own, before the data
       bits = 0, held = 0;
       continue;
     } else if (c == ' ' || c == '\n' || c == '\r' || c == '\t')
@@ -46,7 +46,7 @@ std::string from_base64(std::string_view text, const std::string& where) {
 class Reader {
  public:
   Reader(std::string_view bytes, const std::string& where) : where_(where) {
-    // Raw data may hold anything: it is cut out before the rest is read as XML.
+    // Raw data may hold any byte, so it is cut out before the rest is read as XML.
     const auto appended = bytes.find("<AppendedData");
     std::string xml(bytes.substr(0, appended));
     if (appended != std::string_view::npos) {
@@ -111,7 +111,7 @@ class Reader {
     return value;
   }
 
-  // Behind its length, or behind the lengths of its compressed blocks.
+  // The data follow their length, or the lengths of their compressed blocks.
   std::string unpacked(std::string_view in) const {
     const auto size = static_cast<std::uint64_t>(header_);
     if (!compressed_) {
@@ -146,7 +146,7 @@ class Reader {
     if (offset > appended_.size()) fail("an array is cut off");
     std::string_view rest = appended_.substr(offset);
     if (raw_) return unpacked(rest);
-    // base64: the next array begins where its own offset says; what follows ours is read in vain.
+    // base64: where the array ends is not stated, so more than it is decoded, and the rest is ignored.
     return unpacked(from_base64(rest, where_));
   }
 

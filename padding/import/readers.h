@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Inside padding/export: one function for each format that carries spheres.
+// Private to padding/import: one function for each format that holds spheres.
 #pragma once
 #include <cmath>
 #include <filesystem>
@@ -21,7 +21,7 @@ struct Part {
 };
 using Parts = std::vector<Part>;
 
-// `where` begins every message.
+// Every message of an Error begins with `where`.
 Parts read_csv(std::string_view text, const std::string& where);   // DEM-Engine
 Parts read_list(std::string_view text, const std::string& where);  // LIGGGHTS, YADE
 Parts read_mercury(const std::filesystem::path& folder);           // clump/clump.txt in it

@@ -9,9 +9,9 @@
 namespace padder::importing {
 namespace {
 
-constexpr int kDeepest = 256;  // what walks a document by recursion stays far from the stack's end
+constexpr int kDeepest = 256;  // levels of elements: the readers recurse, and must not exhaust the stack
 
-// pugixml takes the first of two equal attributes and says nothing; XML has no such documents.
+// Refuses an attribute that stands twice, which XML forbids: pugixml would take the first.
 class Check : public pugi::xml_tree_walker {
  public:
   explicit Check(const std::string& where) : where_(where) {}

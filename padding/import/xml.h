@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// XML documents as our readers take them. Not installed.
+// Reads XML for the readers of this folder. Not installed.
 #pragma once
 #include <pugixml.hpp>
 #include <string>
@@ -7,8 +7,8 @@
 
 namespace padder::importing {
 
-// Throws Error, which begins with `where`: not XML, an attribute twice in one element, nested deeper than
-// 256.
+// Throws Error, which begins with `where`, for text that is not XML, an attribute that stands twice in one
+// element, and elements nested deeper than 256.
 void load_xml(pugi::xml_document& document, std::string_view text, const std::string& where);
 
 }  // namespace padder::importing

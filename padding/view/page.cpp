@@ -19,9 +19,9 @@ using Json = nlohmann::ordered_json;
 namespace fs = std::filesystem;
 static_assert(std::endian::native == std::endian::little, "the page's arrays are little-endian");
 
-constexpr double kSteps = (1 << 21) - 1;  // of a coordinate: 21 bits
+constexpr double kSteps = (1 << 21) - 1;  // a coordinate is stored in 21 bits
 
-// Takes the page piece by piece.
+// Receives the page piece by piece.
 using Write = std::function<void(std::string_view)>;
 
 void append_base64(std::string& out, const void* data, std::size_t size) {
@@ -60,14 +60,14 @@ struct Frame {
   }
 };
 
-// Elements of the page that hold data. Nothing a name or note says may end one, so < is written as its
-// number.
+// Writes the page's elements that hold data. Text of a name or a note must not end an element, so < is
+// escaped.
 class Elements {
  public:
   explicit Elements(Write write) : write_(std::move(write)) {}
 
-  // `count` items, item k the numbers that fill(k, numbers) appends. Made and written in blocks: the arrays
-  // of a large scene are not held a second time, nor as text.
+  // Writes `count` items; fill(k, numbers) appends the numbers of item k. Works in blocks, so that a large
+  // scene is in memory neither twice nor as text.
   template <class T, class Fill>
   void add(const char* id, std::size_t count, const Fill& fill) {
     constexpr std::size_t block = 3 << 14;  // of items: a multiple of 3, so that its base64 needs no padding
@@ -207,7 +207,7 @@ void page(const View& view, const PageOptions& options, const Write& write) {
   if (options.up != 'x' && options.up != 'y' && options.up != 'z')
     throw Error("the axis that points up is x, y or z");
   if (options.rung >= std::max<std::size_t>(1, view.rungs.size()))
-    one_rung(view, options.rung);  // says why not
+    one_rung(view, options.rung);  // throws the Error that says why
   const fs::path script = options.script.empty() ? page_script() : options.script;
   const std::string html = read_file(script);
   const std::string_view marks[] = {"<!--padder:title-->", "<!--padder:data-->"};

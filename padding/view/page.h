@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// A view as one HTML file that needs no network: three.js, the data and all else inside. docs/preview.md says
-// what it can do.
+// Writes a view as one HTML file with everything inside, three.js and the data: it needs no network.
+// docs/preview.md says what the page can do.
 #pragma once
 #include <filesystem>
 #include <string>
@@ -18,9 +18,9 @@ struct PageOptions {
   std::filesystem::path script;  // the template; empty: page_script()
 };
 
-// The page without data, which npm's packages are needed to build (target `page`): share/padder/page.html
-// beside the running program's folder when installed, page/page.html in the build tree. Throws Error that
-// says how to build it.
+// The page without data. It is share/padder/page.html beside the running program's folder when installed, and
+// page/page.html in the build tree. The target `page` builds it with packages of npm. Throws Error, which
+// says how to build it, when it is not there.
 std::filesystem::path page_script();
 
 // The whole page. Positions are kept to 2^-22 of their box, radii, protrusions and contacts in single

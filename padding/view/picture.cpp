@@ -16,8 +16,8 @@ namespace padder {
 namespace {
 
 using Vec = Eigen::Vector3f;
-constexpr float kNear = 1e-4f;  // of a diagonal of 1: where a ray that leaves a surface begins
-constexpr float kDot = 5e-4f;   // radius of the smallest sphere that is drawn: a point is still seen
+constexpr float kNear = 1e-4f;  // how far from a surface a ray that leaves it begins; the diagonal is 1
+constexpr float kDot = 5e-4f;   // the smallest radius that is drawn, so that a point can be seen
 constexpr unsigned kMesh = 0, kSpheres = 1;
 
 float linear_of(std::uint8_t byte) {
@@ -67,14 +67,14 @@ void tangents(const Vec& n, Vec& u, Vec& v) {
 
 struct Device {
   RTCDevice handle;
-  // One thread builds the same tree every time; rendering goes over all threads anyway.
+  // One thread, because it builds the same tree every time. Rendering uses all threads.
   Device() : handle(rtcNewDevice("threads=1")) {
     if (!handle) throw Error("Embree cannot start on this machine: it needs a processor with SSE2");
   }
   ~Device() { rtcReleaseDevice(handle); }
 };
 
-// What one scene can hold. Coordinates are those of Stage: centred, diagonal 1, z up.
+// One scene of Embree. Coordinates are those of Stage: centred, diagonal 1, z up.
 class World {
  public:
   World(const Device& device, bool with_mesh, bool with_spheres, const std::vector<Vec>& points,
@@ -144,7 +144,7 @@ class World {
   RTCScene scene_;
 };
 
-// Camera at a distance from which everything fits, looking at the middle.
+// A camera that looks at the middle from so far away that everything is in the picture.
 struct Camera {
   Vec eye, right, up, forward;
   float tan_x = 0, tan_y = 0;  // of half the angles of view
@@ -209,7 +209,7 @@ class Stage {
             const float ink = wire_at(wires, camera, along, px, py, width, picture.height, seen);
             colour *= 1 - ink;
           }
-          sum += colour.cwiseMin(1);  // a highlight must not fray the edges it touches
+          sum += colour.cwiseMin(1);  // otherwise a highlight would make the edges beside it jagged
         }
         std::uint8_t* out = picture.rgb.data() + 3 * (std::size_t(y) * picture.width + left + x);
         for (int k = 0; k < 3; k++) out[k] = byte_of(sum[k] / float(options_.samples));
@@ -227,9 +227,9 @@ class Stage {
     constexpr float margin = 1.12f, angle = 0.22f;  // tangent of half the angle of view of the shorter side
     const float shorter = float(std::min(width, height));
     c.tan_x = angle * float(width) / shorter, c.tan_y = angle * float(height) / shorter;
-    // The eye that sees every point within the frame: along each of the frame's four sides the point that
-    // lies farthest out decides. The left and right one fix the eye's place to the right and one distance,
-    // the others the rest.
+    // Finds the eye from which every point is inside the frame. For each of the frame's four sides the point
+    // that is farthest out decides. The left and the right side give the eye's horizontal place and one
+    // distance; the upper and the lower side give its vertical place and another distance.
     float most[4] = {-1e30f, -1e30f, -1e30f, -1e30f};
     const float tx = c.tan_x / margin, ty = c.tan_y / margin;
     const auto reach = [&](const Vec& p, float r) {
@@ -287,7 +287,7 @@ class Stage {
     return albedo * light + Vec::Constant(highlight);
   }
 
-  // The share of its light that the ground keeps beside what stands on it: 1 where nothing is in the way.
+  // The fraction of its light that the ground receives: 1 where nothing stands in the way.
   float ground_share(const World& world, const Vec& from, const Sampler& sampler, int s) const {
     const float sky_share =
         world.blocked(from, diffuse(Vec(0, 0, 1), sampler(s, 2), sampler(s, 3))) ? 0.f : 0.55f;
@@ -308,9 +308,9 @@ class Stage {
     return (lamp_ + u * (r * std::cos(turn)) + v * (r * std::sin(turn))).normalized();
   }
 
-  // How much ink the nearest edge of the mesh puts here, 0 to 1. Edges a little behind the sphere in front
-  // are drawn too: the spheres stand out of the mesh. Triangles of a few pixels would turn all to ink, so
-  // theirs fades.
+  // How strongly the nearest edge of the mesh is drawn here, 0 to 1. An edge a little behind the sphere in
+  // front is drawn too, because spheres stand out of the mesh. Edges of triangles that are only a few pixels
+  // large fade, or they would blacken the picture.
   float wire_at(const World& wires, const Camera& camera, const Vec& along, float px, float py, int width,
                 int height, float seen) const {
     const RTCRayHit h = wires.first(camera.eye, along);

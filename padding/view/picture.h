@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// A picture of a view: ray traced without display or GPU, by Embree. Soft light from a bright sky and one
-// broad lamp, on a ground that fades into the background.
+// Makes a picture of a view by ray tracing with Embree: it needs neither a display nor a GPU. A bright sky
+// and one broad lamp light the view, on a ground that fades into the background.
 #pragma once
 #include <cstdint>
 #include <filesystem>
@@ -42,9 +42,9 @@ struct Picture {
   }
 };
 
-// The same pixels every time and for any number of threads, on one kind of processor. About 7 s for each
-// million pixels at 32 samples on 2 cores. Throws Error for options out of range, a view with nothing in it,
-// and colours it has not.
+// Gives the same pixels every time and for any number of threads, on one kind of processor. Takes about 7 s
+// for each million pixels with 32 samples on 2 cores. Throws Error for options out of range, for a view with
+// nothing in it, and for colours that the view lacks.
 Picture render(const View& view, const PictureOptions& options = {});
 
 std::string png_bytes(const Picture& picture);  // by libpng; equal pictures give equal bytes

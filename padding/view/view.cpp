@@ -16,7 +16,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// At t in 0 to 1.
+// The colour of a ramp at t, 0 to 1.
 Colour along_ramp(double t) {
   const auto& ramp = palette().ramp;
   const double x = std::clamp(t, 0.0, 1.0) * double(ramp.size() - 1);
@@ -32,8 +32,8 @@ Colour of_kind(std::uint64_t number) {
   return number == 0 ? p.none : p.kinds[(number - 1) % p.kinds.size()];
 }
 
-// Neighbouring triangles have neighbouring numbers: steps of the golden ratio around the circle of hues set
-// them apart.
+// Neighbouring triangles have neighbouring numbers. Steps of the golden ratio around the circle of hues give
+// them colours that differ.
 Colour of_triangle(std::int64_t triangle) {
   if (triangle < 0) return palette().none;
   const double turns = std::fmod(double(triangle) * 0.6180339887498949, 1.0);
@@ -55,7 +55,7 @@ std::vector<Colour> by_length(const std::vector<T>& lengths, double low) {
   return out;
 }
 
-// Equal up to the rounding of a scale that went another way.
+// Equal, but for rounding: the two were scaled in different orders.
 bool same_box(const Box& a, const Box& b) {
   const double tolerance = 1e-6 * b.diagonal();
   return (a.low - b.low).cwiseAbs().maxCoeff() <= tolerance &&
@@ -68,7 +68,7 @@ ReadResult read_for(const Cluster& cluster, const fs::path& path) {
   return read_mesh(path, options);
 }
 
-// The asset does not record --scale; its bounds do.
+// The asset does not record --scale, so it is found from the bounds.
 Mesh scaled_to(const Cluster& cluster, Mesh mesh, const fs::path& path) {
   const double own = mesh.bounds().diagonal(), wanted = cluster.bounds.diagonal();
   if (cluster.bounds.empty() || same_box(mesh.bounds(), cluster.bounds)) return mesh;
@@ -80,7 +80,7 @@ Mesh scaled_to(const Cluster& cluster, Mesh mesh, const fs::path& path) {
   return mesh;
 }
 
-// "within 0.5 %": of the diagonal, as tolerances are asked for.
+// "within 0.5 %" of the diagonal.
 std::string rung_name(const Cluster& cluster, double tolerance) {
   const double diagonal = cluster.bounds.empty() ? 0 : cluster.bounds.diagonal();
   char text[64];
@@ -92,7 +92,7 @@ std::string rung_name(const Cluster& cluster, double tolerance) {
   return text;
 }
 
-// The tolerance of the cluster's own spheres is the finest of the ladder that was asked for.
+// The cluster's own spheres have the finest tolerance of the ladder.
 std::string finest_name(const Cluster& cluster) {
   const auto settings = nlohmann::json::parse(cluster.settings, nullptr, false);
   double finest = std::numeric_limits<double>::infinity();
@@ -102,7 +102,7 @@ std::string finest_name(const Cluster& cluster) {
   return std::isfinite(finest) ? rung_name(cluster, finest) : "finest";
 }
 
-// A file by hand says nothing of its accuracy.
+// A file that was written by hand has no accuracy.
 std::vector<Accuracy> measured(const Accuracy& a) {
   return a.coverage > 0 || a.gap_max > 0 ? std::vector{a} : std::vector<Accuracy>{};
 }
@@ -155,7 +155,7 @@ View view_of(const Cluster& cluster, const Mesh& mesh) {
     add(*lod, rung_name(cluster, lod->tolerance));
   v.family.assign(v.size(), cluster.family);
   v.mask = cluster.mask;
-  // A cluster written by hand says nothing of triangles.
+  // A cluster that was written by hand has no triangles.
   if (std::all_of(v.triangle.begin(), v.triangle.end(), [](std::int64_t t) { return t < 0; }))
     v.triangle.clear();
   v.accuracy = v.rungs[0].accuracy;
@@ -198,7 +198,7 @@ Mesh mesh_of(const Cluster& cluster, const fs::path& cluster_path, const fs::pat
         if (file.source.sha256 == cluster.source.sha256)
           return scaled_to(cluster, std::move(file.mesh), candidate);
       } catch (const Error&) {
-        // Another file of that name that nobody asked for.
+        // A file of that name, but not the one that the cluster was made from.
       }
     }
   return {};

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// What is to be shown of a cluster or a scene: the spheres placed, what each can be coloured by, and the mesh
-// they cover. The picture (picture.h) and the page (page.h) both draw one of these.
+// What a picture (picture.h) and a page (page.h) draw of a cluster or a scene: the spheres at their places,
+// what they can be coloured by, and the mesh that they cover.
 #pragma once
 #include <array>
 #include <cstdint>
@@ -28,8 +28,8 @@ struct ViewContact {
   double depth = 0;
 };
 
-// Spheres of one level of detail: `count` from `first` on. Rungs share nothing; one of them is shown at a
-// time.
+// The spheres of one level of detail: `count` from `first` on. Rungs share no sphere, and one of them is
+// shown at a time.
 struct ViewRung {
   std::string name;
   std::uint64_t first = 0, count = 0;
@@ -59,29 +59,30 @@ struct View {
   Box bounds() const;  // of mesh and spheres
 };
 
-// A cluster with the mesh it was made from, or without one. Protrusions need the mesh: radius less the
-// distance of the centre to the mesh, no less than 0 and no more than the largest protrusion that the cluster
-// itself reports: no point of a sphere whose centre lies inside stands out farther (certify.h). One
-// nearest-point query a sphere, on all threads. A ladder becomes rungs: the cluster's own spheres, then its
-// lods from fine to coarse, each named by its tolerance as a share of the diagonal.
+// The view of a cluster, with the mesh that it was made from or without one. With a mesh, each sphere gets
+// its protrusion: its radius less the distance from its centre to the mesh. No point of a sphere whose centre
+// lies inside stands out farther (certify.h). The value is at least 0 and at most the largest protrusion that
+// the cluster reports. This takes one nearest-point query for each sphere, on all threads. A ladder becomes
+// rungs: the cluster's own spheres, then its lods from fine to coarse, each named by its tolerance in percent
+// of the diagonal.
 View view_of(const Cluster& cluster, const Mesh& mesh = {});
 
 // The spheres of one rung alone, as a view of one level: 0 is the finest. Throws Error when there is no such
 // rung; a view without rungs has rung 0.
 View one_rung(const View& view, std::size_t rung);
 
-// The mesh that `cluster` was made from, scaled as it was. With `path` empty it is looked for under its own
-// name beside the cluster, in the current folder and in `assets` in either; only a file with the recorded
-// sha256 is taken, and an empty mesh comes back when there is none. Throws Error when `path` cannot be read,
-// or its bounds are not the cluster's.
+// The mesh that `cluster` was made from, with the same scale. An empty `path` means: look for it by its
+// recorded name beside the cluster, in the current folder, and in the folder `assets` of either. Only a file
+// with the recorded sha256 is taken; if there is none, the mesh is empty. Throws Error when `path` cannot be
+// read, or when its bounds are not those of the cluster.
 Mesh mesh_of(const Cluster& cluster, const std::filesystem::path& cluster_path,
              const std::filesystem::path& path = {});
 
-// What the colour of a sphere tells.
+// What the colour of a sphere stands for.
 enum class ColourBy : std::uint8_t { family, radius, protrusion, triangle, body };
 using Colour = std::array<std::uint8_t, 3>;  // red, green, blue, sRGB
 
-// One colour a sphere. Throws Error when the view has not what it is to be coloured by.
+// One colour for each sphere. Throws Error when the view lacks what the colours are to show.
 std::vector<Colour> colours_of(const View& view, ColourBy by);
 
 // The colours themselves, which the page shares. Families and bodies take kinds[(number - 1) % size], `none`

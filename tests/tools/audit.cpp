@@ -103,115 +103,166 @@ double gap(const padder::Cluster& c, const Point& x) {
   return least;
 }
 
-}  // namespace
+// Both in a frame in which the mesh has its centre at the origin and a diagonal of 1.
+struct Scaled {
+  Mesh mesh;
+  padder::Cluster cluster;
+  double diagonal;  // in the mesh's unit
+};
 
-int main(int argc, char** argv) try {
-  if (argc < 3) {
-    std::fprintf(stderr, "usage: audit MESH CLUSTER [POINTS] [SEED]\n");
-    return 2;
-  }
-  const auto file = padder::read_mesh(argv[1]);
-  padder::Cluster cluster = padder::read_cluster(argv[2]);
-  const int points = argc > 3 ? std::atoi(argv[3]) : 2000;
-  const unsigned seed = argc > 4 ? unsigned(std::atoi(argv[4])) : 1;
-  const double diagonal = file.mesh.bounds().diagonal();
-  Mesh mesh = file.mesh;
+Scaled scaled(Mesh mesh, padder::Cluster cluster) {
+  const double diagonal = mesh.bounds().diagonal();
   const Point center = mesh.bounds().center();
   for (Point& p : mesh.points) p = (p - center) / diagonal;
   for (Point& p : cluster.centers) p = (p - center) / diagonal;
   for (double& r : cluster.radii) r /= diagonal;
+  return {std::move(mesh), std::move(cluster), diagonal};
+}
 
+// The triangles that have an area, each once: a doubled triangle would count twice in a parity.
+Triangles triangles_of(const Mesh& mesh) {
   Triangles triangles;
-  std::vector<double> area;
-  std::set<std::array<std::array<double, 3>, 3>> seen;  // a doubled triangle would count twice in a parity
+  std::set<std::array<std::array<double, 3>, 3>> seen;
   for (std::size_t t = 0; t < mesh.triangles.size(); t++) {
-    area.push_back(mesh.area_normal(t).norm());
     std::array<std::array<double, 3>, 3> corners;
     for (int k = 0; k < 3; k++) Eigen::Map<Point>(corners[k].data()) = mesh.corner(t, k);
     std::sort(corners.begin(), corners.end());
-    if (area.back() > 1e-14 && seen.insert(corners).second)
+    if (mesh.area_normal(t).norm() > 1e-14 && seen.insert(corners).second)
       triangles.emplace_back(cgal(mesh.corner(t, 0)), cgal(mesh.corner(t, 1)), cgal(mesh.corner(t, 2)));
   }
-  Tree tree(triangles.begin(), triangles.end());
-  tree.accelerate_distance_queries();
+  return triangles;
+}
 
-  std::mt19937_64 engine(seed);
-  std::uniform_real_distribution<double> unit(0, 1);
-  std::normal_distribution<double> normal;
+// Random points on the surface, and how far each is from the spheres.
+struct GapSamples {
+  double max = 0, sum = 0;
+  long surface = 0, over = 0, hidden = 0;  // points; `over` the reported gap; `hidden` ones judge nothing
+};
+
+GapSamples sample_gaps(const Scaled& s, const Outside& body, int points, std::mt19937_64& engine) {
+  std::vector<double> area;
+  for (std::size_t t = 0; t < s.mesh.triangles.size(); t++) area.push_back(s.mesh.area_normal(t).norm());
   std::discrete_distribution<std::size_t> any_triangle(area.begin(), area.end());
-  std::vector<double> sphere_area;
-  for (const double r : cluster.radii) sphere_area.push_back(r * r);
-  std::discrete_distribution<std::size_t> any_ball(sphere_area.begin(), sphere_area.end());
-
-  const bool certified = cluster.accuracy.certified;
-  const double reported_gap = cluster.accuracy.gap_max / diagonal;
-  double gap_max = 0, gap_sum = 0;
-  long surface = 0, over = 0, hidden = 0;
-  const Outside body(mesh, tree, cluster.source.repair);
+  std::uniform_real_distribution<double> unit(0, 1);
+  const double reported = s.cluster.accuracy.gap_max / s.diagonal;
+  GapSamples found;
   for (int k = 0; k < points; k++) {
     const std::size_t t = any_triangle(engine);
     double u = unit(engine), v = unit(engine);
     if (u + v > 1) u = 1 - u, v = 1 - v;
-    const Point a = mesh.corner(t, 0), x = a + u * (mesh.corner(t, 1) - a) + v * (mesh.corner(t, 2) - a);
-    const Vector n = mesh.area_normal(t).normalized();
-    if (!certified && body.at(x + 1e-6 * n, engine) != Outside::Place::open &&
+    const Point a = s.mesh.corner(t, 0),
+                x = a + u * (s.mesh.corner(t, 1) - a) + v * (s.mesh.corner(t, 2) - a);
+    const Vector n = s.mesh.area_normal(t).normalized();
+    if (!s.cluster.accuracy.certified && body.at(x + 1e-6 * n, engine) != Outside::Place::open &&
         body.at(x - 1e-6 * n, engine) != Outside::Place::open) {
-      hidden++;  // inside of overlapping pieces, or sealed
+      found.hidden++;  // inside of overlapping pieces, or sealed
       continue;
     }
-    const double g = std::max(0.0, gap(cluster, x));
-    surface++, gap_sum += g, over += g > reported_gap + 1e-6;
-    if (g <= reported_gap + 1e-6) gap_max = std::max(gap_max, g);
+    const double g = std::max(0.0, gap(s.cluster, x));
+    found.surface++, found.sum += g, found.over += g > reported + 1e-6;
+    if (g <= reported + 1e-6) found.max = std::max(found.max, g);
   }
+  return found;
+}
 
-  double protrusion_max = 0;
-  long outside = 0, sealed_points = 0;
-  for (long tries = 0; outside < points / 2 && tries < 40L * points; tries++) {
+// Points on the spheres, and how far those in the open are from the surface.
+struct ProtrusionSamples {
+  double max = 0;
+  long outside = 0, sealed = 0;  // points
+};
+
+ProtrusionSamples sample_protrusions(const Scaled& s, const Tree& tree, const Outside& body, int points,
+                                     std::mt19937_64& engine) {
+  const padder::Cluster& cluster = s.cluster;
+  std::normal_distribution<double> normal;
+  std::vector<double> sphere_area;
+  for (const double r : cluster.radii) sphere_area.push_back(r * r);
+  std::discrete_distribution<std::size_t> any_ball(sphere_area.begin(), sphere_area.end());
+  ProtrusionSamples found;
+  const auto stands_out = [&](const Point& x) {
+    found.max = std::max(found.max, std::sqrt(tree.squared_distance(cgal(x))));
+  };
+  for (long tries = 0; found.outside < points / 2 && tries < 40L * points; tries++) {
     const std::size_t b = any_ball(engine);
     const Point x = cluster.centers[b] +
                     cluster.radii[b] * Vector(normal(engine), normal(engine), normal(engine)).normalized();
     if (gap(cluster, x) < -1e-9) continue;
     const auto place = body.at(x, engine);
-    sealed_points += place == Outside::Place::sealed;
+    found.sealed += place == Outside::Place::sealed;
     if (place != Outside::Place::open) continue;
-    outside++;
-    protrusion_max = std::max(protrusion_max, std::sqrt(tree.squared_distance(cgal(x))));
+    found.outside++;
+    stands_out(x);
   }
-  for (std::size_t b = 0; b < cluster.size() && certified; b++) {
+  for (std::size_t b = 0; b < cluster.size() && cluster.accuracy.certified; b++) {
     const Point c = cluster.centers[b];
     const auto near = tree.closest_point(cgal(c));
     const Vector out = Point(near.x(), near.y(), near.z()) - c;
     if (!(out.norm() > 0)) continue;
     for (const double side : {1., -1.}) {
       const Point x = c + side * cluster.radii[b] * out.normalized();
-      if (body.at(x, engine) != Outside::Place::open) continue;
-      protrusion_max = std::max(protrusion_max, std::sqrt(tree.squared_distance(cgal(x))));
+      if (body.at(x, engine) == Outside::Place::open) stands_out(x);
     }
   }
-  const bool wrap = cluster.source.repair.find("wrapped") != std::string::npos;
-  const double share_over = surface ? double(over) / double(surface) : 0;
+  return found;
+}
+
+struct Arguments {
+  int points = 2000;
+  unsigned seed = 1;
+  // Share of the surface that a wrap's report says cannot be touched; the last argument.
+  double left_out = 1;
+};
+
+// Prints what was measured beside what was reported, and gives the exit code.
+int judge(const Scaled& s, const GapSamples& gaps, const ProtrusionSamples& protrusions,
+          const Arguments& arguments) {
+  const padder::Accuracy& reported = s.cluster.accuracy;
+  const bool wrap = s.cluster.source.repair.find("wrapped") != std::string::npos;
   // Of what a wrap's report leaves out, the part that is not hidden anyway: slots that it bridges. Three
   // deviations of so many samples are granted.
-  const double left_out = argc > 5 ? std::atof(argv[5]) : 1,
+  const double left_out = arguments.left_out, points = arguments.points,
                noise = 3 * std::sqrt(left_out * (1 - left_out) / points);
-  const double bridged = wrap ? std::max(0.0, left_out - double(hidden) / points) + noise + 0.01 : 0;
-  const double allowed = certified ? 1 : 1.01;
-  const bool protrusion_true = protrusion_max <= cluster.accuracy.protrusion_max / diagonal * allowed + 1e-6;
-  const bool gap_true = double(over) <= bridged * points;
-  nlohmann::ordered_json j = {{"protrusion_max", protrusion_max * diagonal},
-                              {"protrusion_reported", cluster.accuracy.protrusion_max},
-                              {"gap_max", gap_max * diagonal},
-                              {"gap_mean", surface ? gap_sum / double(surface) * diagonal : 0},
-                              {"gap_reported", cluster.accuracy.gap_max},
-                              {"gap_over_share", share_over},
-                              {"surface_points", surface},
-                              {"hidden_points", hidden},
-                              {"outside_points", outside},
-                              {"sealed_points", sealed_points},
-                              {"certified", certified},
-                              {"true", protrusion_true && gap_true}};
+  const double bridged = wrap ? std::max(0.0, left_out - double(gaps.hidden) / points) + noise + 0.01 : 0;
+  const double allowed = reported.certified ? 1 : 1.01;
+  const bool protrusion_true = protrusions.max <= reported.protrusion_max / s.diagonal * allowed + 1e-6;
+  const bool gap_true = double(gaps.over) <= bridged * points;
+  const double surface = double(gaps.surface);
+  const nlohmann::ordered_json j = {{"protrusion_max", protrusions.max * s.diagonal},
+                                    {"protrusion_reported", reported.protrusion_max},
+                                    {"gap_max", gaps.max * s.diagonal},
+                                    {"gap_mean", gaps.surface ? gaps.sum / surface * s.diagonal : 0},
+                                    {"gap_reported", reported.gap_max},
+                                    {"gap_over_share", gaps.surface ? double(gaps.over) / surface : 0},
+                                    {"surface_points", gaps.surface},
+                                    {"hidden_points", gaps.hidden},
+                                    {"outside_points", protrusions.outside},
+                                    {"sealed_points", protrusions.sealed},
+                                    {"certified", reported.certified},
+                                    {"true", protrusion_true && gap_true}};
   std::printf("%s\n", j.dump(2).c_str());
   return protrusion_true && gap_true ? 0 : 1;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) try {
+  if (argc < 3) {
+    std::fprintf(stderr, "usage: audit MESH CLUSTER [POINTS] [SEED] [LEFT_OUT]\n");
+    return 2;
+  }
+  Arguments arguments;
+  if (argc > 3) arguments.points = std::atoi(argv[3]);
+  if (argc > 4) arguments.seed = unsigned(std::atoi(argv[4]));
+  if (argc > 5) arguments.left_out = std::atof(argv[5]);
+  const Scaled s = scaled(padder::read_mesh(argv[1]).mesh, padder::read_cluster(argv[2]));
+  const Triangles triangles = triangles_of(s.mesh);
+  Tree tree(triangles.begin(), triangles.end());
+  tree.accelerate_distance_queries();
+  const Outside body(s.mesh, tree, s.cluster.source.repair);
+  std::mt19937_64 engine(arguments.seed);
+  const GapSamples gaps = sample_gaps(s, body, arguments.points, engine);
+  const ProtrusionSamples protrusions = sample_protrusions(s, tree, body, arguments.points, engine);
+  return judge(s, gaps, protrusions, arguments);
 } catch (const padder::Error& e) {
   std::fprintf(stderr, "audit: %s\n", e.what());
   return 2;

@@ -2,15 +2,13 @@
 // Plots of the benches, by the program: a bench's own is what `bench draw` makes of its JSON; what no bench
 // wrote, or is damaged, ends with one sentence and no picture.
 #include <gtest/gtest.h>
-#include <sys/wait.h>
-#include <unistd.h>
-
 #include <cstdlib>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <set>
 
 #include "padding/asset/file.h"
+#include "tests/tools/bench_program.h"
 
 namespace padder {
 namespace {
@@ -18,39 +16,7 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
-struct Outcome {
-  int code = -1;
-  std::string out, err;
-};
-
-class BenchDraw : public ::testing::Test {
- protected:
-  void SetUp() override {
-    std::string name = (fs::temp_directory_path() / "padder-draw-XXXXXX").string();
-    folder_ = ::mkdtemp(name.data());
-  }
-  void TearDown() override { fs::remove_all(folder_); }
-
-  Outcome bench(const std::string& arguments, const std::string& before = "") const {
-    const fs::path out = folder_ / ".out", err = folder_ / ".err";
-    const int status =
-        std::system(("cd '" + folder_.string() + "' && " + before + " '" PADDER_BIN "/bench' " + arguments +
-                     " >'" + out.string() + "' 2>'" + err.string() + "' </dev/null")
-                        .c_str());
-    return {WIFEXITED(status) ? WEXITSTATUS(status) : 128, read_file(out), read_file(err)};
-  }
-  std::set<std::string> files() const {
-    std::set<std::string> names;
-    for (const auto& entry : fs::recursive_directory_iterator(folder_))
-      if (entry.is_regular_file() && entry.path().filename().string()[0] != '.')
-        names.insert(fs::relative(entry.path(), folder_).string());
-    return names;
-  }
-  std::string read(const std::string& name) const { return read_file(folder_ / name); }
-  void write(const std::string& name, const std::string& bytes) const { write_file(folder_ / name, bytes); }
-
-  fs::path folder_;
-};
+class BenchDraw : public BenchProgram {};
 
 bool have_gnuplot() { return std::system("command -v gnuplot >/dev/null 2>&1") == 0; }
 

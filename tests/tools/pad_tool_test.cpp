@@ -20,7 +20,7 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::json;
 
-const fs::path assets = PADDER_ASSETS, shared = fs::path(PADDER_SHARED) / "meshes";
+const fs::path kAssets = PADDER_ASSETS, kShared = fs::path(PADDER_SHARED) / "meshes";
 
 struct Outcome {
   int code = -1;  // of the exit; 128 + signal when it was ended by one
@@ -85,11 +85,11 @@ class Pad : public ::testing::Test {
 bool of_schema(const fs::path& document) {
   if (std::system("/usr/bin/python3 -c 'import jsonschema' >/dev/null 2>&1") != 0) return true;
   const std::string command = "/usr/bin/python3 -W ignore -m jsonschema -i '" + document.string() + "' '" +
-                              (assets / "cluster.schema.json").string() + "' >/dev/null 2>&1";
+                              (kAssets / "cluster.schema.json").string() + "' >/dev/null 2>&1";
   return std::system(command.c_str()) == 0;
 }
 
-const std::string coarse = " --edge-length 20% ";  // quick
+const std::string kCoarse = " --edge-length 20% ";  // quick
 
 TEST_F(Pad, WrongUsageReturns2WithOneSentenceAndWritesNothing) {
   const std::string a = cube("a.obj");
@@ -408,7 +408,7 @@ void expect_report(const Json& j) {
 
 TEST_F(Pad, JsonIsOneDocumentAsPromisedAndTrueToTheFile) {
   cube("a.obj");
-  const Outcome run = pad("a.obj --json --depth 0.2" + coarse);
+  const Outcome run = pad("a.obj --json --depth 0.2" + kCoarse);
   ASSERT_EQ(run.code, 0) << run.err;
   EXPECT_EQ(run.err, "");  // no progress bar: this is no terminal
   const Json j = Json::parse(run.out);
@@ -453,7 +453,7 @@ TEST_F(Pad, AToleranceIsKeptAndALadderHoldsItsRungs) {
 
 TEST_F(Pad, ABatchPrintsAnArrayAndFillsAFolder) {
   cube("a.obj"), cube("b.obj");
-  const Outcome run = pad("a.obj b.obj --json -o made/here/" + coarse);
+  const Outcome run = pad("a.obj b.obj --json -o made/here/" + kCoarse);
   ASSERT_EQ(run.code, 0) << run.err;
   const Json j = Json::parse(run.out);
   ASSERT_TRUE(j.is_array());
@@ -466,7 +466,7 @@ TEST_F(Pad, ABatchPrintsAnArrayAndFillsAFolder) {
 
 TEST_F(Pad, AFaultyMeshInABatchHindersNoOther) {
   cube("a.obj"), put("bad.obj", "v 0 0 0\nf 1 2 3\n"), cube("c.obj");
-  const Outcome run = pad("a.obj bad.obj c.obj --json" + coarse);
+  const Outcome run = pad("a.obj bad.obj c.obj --json" + kCoarse);
   EXPECT_EQ(run.code, 1);
   EXPECT_EQ(std::ranges::count(run.err, '\n'), 1) << run.err;
   EXPECT_NE(run.err.find("bad.obj"), std::string::npos) << run.err;
@@ -476,7 +476,7 @@ TEST_F(Pad, AFaultyMeshInABatchHindersNoOther) {
 
 TEST_F(Pad, QuietIsSilentButForErrors) {
   cube("a.obj");
-  const Outcome run = pad("a.obj -q" + coarse);
+  const Outcome run = pad("a.obj -q" + kCoarse);
   EXPECT_EQ(run.code, 0);
   EXPECT_EQ(run.out + run.err, "");
   EXPECT_EQ(files().size(), 1u);
@@ -485,7 +485,7 @@ TEST_F(Pad, QuietIsSilentButForErrors) {
 
 TEST_F(Pad, WithoutJsonItTalksOnlyOfWhatItMade) {
   cube("a.obj");
-  const Outcome run = pad("a.obj -o other.spheres.json" + coarse);
+  const Outcome run = pad("a.obj -o other.spheres.json" + kCoarse);
   EXPECT_EQ(run.code, 0);
   EXPECT_EQ(run.err, "");
   EXPECT_NE(run.out.find("other.spheres.json"), std::string::npos) << run.out;
@@ -503,7 +503,7 @@ TEST_F(Pad, SameInputSameBytesWhateverTheThreads) {
 
 TEST_F(Pad, ScaleUnitFamilyAndMaskArriveInTheAsset) {
   cube("a.obj");
-  ASSERT_EQ(pad("a.obj -q --scale 2 --unit cm --family 7 --mask 5" + coarse).code, 0);
+  ASSERT_EQ(pad("a.obj -q --scale 2 --unit cm --family 7 --mask 5" + kCoarse).code, 0);
   const Cluster c = read_cluster(folder_ / "a.spheres.json");
   EXPECT_EQ(c.unit, "cm");
   EXPECT_EQ(c.family, 7u);
@@ -517,9 +517,9 @@ TEST_F(Pad, NothingHalfWrittenAndTheOldFileKept) {
   write_file(folder_ / "old.spheres.json", "old");
   expect_one_sentence(pad("bad.obj -o old.spheres.json"), 1);
   EXPECT_EQ(read_file(folder_ / "old.spheres.json"), "old");
-  expect_one_sentence(pad("a.obj -o a.obj/a.spheres.json" + coarse), 1);  // below a file
+  expect_one_sentence(pad("a.obj -o a.obj/a.spheres.json" + kCoarse), 1);  // below a file
   fs::create_directory(folder_ / "taken.spheres.json");
-  expect_one_sentence(pad("a.obj -o bad.obj/" + coarse), 1);
+  expect_one_sentence(pad("a.obj -o bad.obj/" + kCoarse), 1);
   EXPECT_EQ(files(), std::set<std::string>{"old.spheres.json"});
   // Room for less than the document: the file system says so, nothing is left.
   const Outcome full = pad("a.obj -o big.spheres.json --edge-length 3%", "ulimit -f 8; trap '' XFSZ;");
@@ -528,7 +528,7 @@ TEST_F(Pad, NothingHalfWrittenAndTheOldFileKept) {
 }
 
 TEST_F(Pad, TheAssetsPadAsTheFirstCommandSays) {
-  const Outcome run = pad("'" + (assets / "track_shoe.obj").string() + "' --depth 0.2 --json");
+  const Outcome run = pad("'" + (kAssets / "track_shoe.obj").string() + "' --depth 0.2 --json");
   ASSERT_EQ(run.code, 0) << run.err;
   expect_report(Json::parse(run.out));
   EXPECT_EQ(Json::parse(run.out)["repair"], read_cluster(folder_ / "track_shoe.spheres.json").source.repair);
@@ -562,27 +562,73 @@ class PadShared : public Pad {
 #endif
 };
 
+// Files of our own that every checkout has: tests/data.
+class PadData : public PadShared {
+ protected:
+  const fs::path data_ = fs::path(PADDER_ASSETS).parent_path() / "tests" / "data";
+};
+
+TEST_F(PadData, EveryFormatGivesACertifiedCluster) {
+  for (const auto& entry : fs::directory_iterator(data_ / "formats")) {
+    SCOPED_TRACE(entry.path().string());
+    const Outcome run =
+        pad("'" + entry.path().string() + "' --json --tolerance 4% -o out.spheres.json", limits);
+    ASSERT_EQ(run.code, 0) << run.err;
+    const Json report = Json::parse(run.out);
+    EXPECT_EQ(report["triangles_in"], 128);
+    EXPECT_EQ(report["accuracy"]["certified"], true);
+    EXPECT_GT(read_cluster(folder_ / "out.spheres.json").size(), 0u);
+  }
+}
+
+TEST_F(PadData, HardAndMalformedMeshesGiveAClusterOrOneSentence) {
+  for (const char* folder : {"hard", "malformed", "parts"})
+    for (const auto& entry : fs::directory_iterator(data_ / folder))
+      expect_cluster_or_sentence(entry.path(), "--edge-length 10%");
+}
+
+TEST_F(PadData, AMalformedMeshIsNamedInTheSentence) {
+  for (const auto& entry : fs::directory_iterator(data_ / "malformed")) {
+    const Outcome run = pad("'" + entry.path().string() + "'");
+    expect_one_sentence(run, 1);
+    EXPECT_NE(run.err.find(entry.path().string()), std::string::npos) << run.err;
+  }
+}
+
+TEST_F(PadData, ARobotIsPaddedLinkByLink) {
+  const Outcome run =
+      pad("'" + (data_ / "robot/arm_description/arm.urdf").string() + "' --tolerance 5% -o arm.urdf");
+  ASSERT_EQ(run.code, 0) << run.err;
+  const std::string urdf = read_file(folder_ / "arm.urdf");
+  for (const char* link : {"\"base\"", "\"upper\"", "\"fore\"", "\"tool\"", "<sphere radius="})
+    EXPECT_NE(urdf.find(link), std::string::npos) << link;
+}
+
+#define NEEDS_SHARED_MESHES() \
+  if (!fs::exists(kShared))    \
+  GTEST_SKIP() << "needs the collection of meshes at " << kShared << ", which is not part of the repository"
+
 TEST_F(PadShared, SmallMeshesOfEveryFormat) {
-  if (!fs::exists(shared)) GTEST_SKIP() << shared << " is not here";
+  NEEDS_SHARED_MESHES();
   for (const char* name : {"formats/box_cr_newlines.ply", "formats/box_interleaved.glb", "formats/sphere.dae",
                            "formats/fels.3ds", "formats/two_solids_ascii.stl", "formats/negative_indices.obj",
                            "formats/off_no_space_after_magic.off", "hard/degenerate_faces.obj",
                            "hard/huge_coordinates_1e38.obj"})
-    expect_cluster_or_sentence(shared / name, "--edge-length 4%");
+    expect_cluster_or_sentence(kShared / name, "--edge-length 4%");
 }
 
 TEST_F(PadShared, MalformedOnes) {
-  if (!fs::exists(shared)) GTEST_SKIP() << shared << " is not here";
-  for (const auto& entry : fs::directory_iterator(shared / "malformed"))
+  NEEDS_SHARED_MESHES();
+  for (const auto& entry : fs::directory_iterator(kShared / "malformed"))
     if (entry.path().extension() != ".bin") expect_cluster_or_sentence(entry.path());
 }
 
 TEST_F(PadShared, AllOfThem) {
   if (!std::getenv("PADDER_LONG_TESTS")) GTEST_SKIP() << "takes minutes: set PADDER_LONG_TESTS=1";
-  if (!fs::exists(shared)) GTEST_SKIP() << shared << " is not here";
+  NEEDS_SHARED_MESHES();
   int seen = 0;
   for (const char* folder : {"parts", "classic", "formats", "hard", "robots"})
-    for (const auto& entry : fs::recursive_directory_iterator(shared / folder)) {
+    for (const auto& entry : fs::recursive_directory_iterator(kShared / folder)) {
       const std::set<std::string> others = {".bin", ".csv", ".urdf", ""};
       if (!entry.is_regular_file() || others.contains(entry.path().extension().string())) continue;
       expect_cluster_or_sentence(entry.path());

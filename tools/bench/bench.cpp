@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // bench: the measurements behind the figures of docs/. Arguments and printing only.
 #include "tools/bench/bench.h"
+
+#include "tools/arguments.h"
 #include "tools/cli.h"
 #include "tools/json_failure.h"
 
@@ -30,6 +32,8 @@ const std::vector<Entry>& entries() {
       {"frontier", "spheres against error of meshes, the paper's fit beside ours", frontier},
 #endif
       {"draw", "no measurement: the plots of such benches, from the JSON files they wrote", draw_files},
+      {"compare", "no measurement: the times of two such JSON files; fails when the second is slower",
+       compare},
   };
   return all;
 }
@@ -64,7 +68,7 @@ int run(const std::string& name, const Settings& settings) {
       std::cout << result.dump(2) << std::endl;
     else
       print_table(result["table"]);
-    return 0;
+    return result.value("passed", true) ? 0 : 1;
   }
   throw padder::cli::UsageError("no bench is called '" + name + "': see bench --list");
 }
@@ -78,7 +82,8 @@ int main(int argc, char** argv) {
       "  bench table2 --spheres 1000000 -o figures/    one size, its files into a folder\n"
       "  bench speedup --backend omp --threads 2       on the CPU only\n"
       "  bench frontier part.obj -o figures/           a table, JSON and a plot\n"
-      "  bench draw figures/frontier.json              the plot again from its JSON, on any machine\n\n"
+      "  bench draw figures/frontier.json              the plot again from its JSON, on any machine\n"
+      "  bench compare old.json new.json --within 3%   fails when a time is more than 3 % slower\n\n"
       "Measures what the figures of docs/ are made of. Prints a table for Markdown. With -o also NAME.json "
       "and,\n"
       "where gnuplot is installed, NAME.svg; draw makes the same NAME.svg from NAME.json, beside it or in "
@@ -88,7 +93,7 @@ int main(int argc, char** argv) {
   Settings s;
   bool list = false;
   app.add_option("NAME", name, "which bench");
-  app.add_option("FILE", s.files, "meshes (frontier), JSON files that benches wrote (draw)");
+  app.add_option("FILE", s.files, "meshes (frontier), JSON files that benches wrote (draw, compare)");
   app.add_flag("--list", list, "name the benches");
   app.add_option("--spheres", s.spheres, "sizes, instead of the bench's own")
       ->delimiter(',')
@@ -102,6 +107,11 @@ int main(int argc, char** argv) {
   app.add_option("--repeat", s.repeat, "measured calls; the median counts")
       ->check(CLI::PositiveNumber)
       ->capture_default_str();
+  std::string within = "3%";
+  app.add_option("--within", within, "how much slower a time may be, as 3% or 0.03 (compare)")
+      ->type_name("FRACTION")
+      ->check(padder::cli::fraction())
+      ->capture_default_str();
   app.add_option("-o", s.folder, "write the bench's files into this folder")->type_name("DIR");
   app.add_flag("--json", s.json, "print one JSON document on stdout");
   app.add_flag("-q", s.quiet, "print nothing but results and errors");
@@ -112,6 +122,7 @@ int main(int argc, char** argv) {
       return 0;
     }
     if (name.empty()) throw padder::cli::UsageError("name a bench: see bench --list");
+    s.within = *padder::cli::fraction_of(within);
     return run(name, s);
   };
   return padder::cli::run(app, argc, argv, work, [&](const std::string& error) {

@@ -25,6 +25,7 @@ struct Settings {
   std::string backend = "auto";        // auto: each that is there
   int threads = 0;                     // 0: all
   int repeat = 5;                      // measured calls after a warm-up; the median counts
+  double within = 0.03;                // compare: how much slower a time may be, as a fraction
   bool json = false, quiet = false;
   std::filesystem::path folder;  // empty: no files
 };
@@ -32,23 +33,23 @@ struct Settings {
 // Gives the bench's result as JSON, "table" in it as printed (rows of text cells, the first the header).
 using Run = std::function<Json(const Settings&)>;
 
-Json table2(const Settings&);      // bench_table2.cpp
-Json speedup(const Settings&);     // bench_speedup.cpp
-Json scaling(const Settings&);     // bench_scaling.cpp
-Json bodies(const Settings&);      // bench_scaling.cpp; its rows of bodies alone
-Json stages(const Settings&);      // bench_stages.cpp
-Json frontier(const Settings&);    // bench_frontier.cpp; only where padder::padding is built
-Json draw_files(const Settings&);  // bench_draw.cpp; no measurement: the plots of documents
+Json table2(const Settings&);      // table2.cpp
+Json speedup(const Settings&);     // speedup.cpp
+Json scaling(const Settings&);     // scaling.cpp
+Json bodies(const Settings&);      // scaling.cpp; its rows of bodies alone
+Json stages(const Settings&);      // stages.cpp
+Json frontier(const Settings&);    // frontier.cpp; only where padder::padding is built
+Json draw_files(const Settings&);  // draw.cpp; no measurement: the plots of documents
+Json compare(const Settings&);     // compare.cpp; no measurement: two documents; "passed" tells the outcome
 
-// --- What benches share (bench_common.cpp) ---
+// --- What benches share (common.cpp) ---
 
 double seconds_of(const std::function<void()>& work);
 double median_seconds(int repeat, const std::function<void()>& work);  // one call before, not measured
 void say(const Settings&, const std::string& sentence);                // progress, on stderr
 
-// detector.detect(input) and detector.hash(), as benches call them: the process ends with a sentence when
-// there is no answer within a minute. A processor has a second more for each million spheres, since there is
-// nothing in it that could hang.
+// detector.detect(input) and detector.hash() under a watchdog: the process ends with a sentence when there is
+// no answer within a minute. On the CPU, which cannot hang, each million spheres adds a second.
 const detect::Contacts& detect_watched(detect::Detector& detector, const detect::Input& input);
 std::uint64_t hash_watched(const detect::Detector& detector);
 
@@ -62,8 +63,8 @@ std::uint64_t hash_of(const std::vector<detect::Pair>& pairs);
 std::string machine();  // processor and threads, in words
 std::string number(double value, const char* format);
 
-// Where a folder is named: the result as NAME.json, and its plots (a sentence on stderr where gnuplot is not
-// installed).
-void write_result(const Settings&, const Json& result);  // bench_draw.cpp
+// If a folder is named, writes the result there as NAME.json, and its plots. Says so on stderr when gnuplot
+// is not installed.
+void write_result(const Settings&, const Json& result);  // draw.cpp
 
 }  // namespace padder::bench

@@ -38,8 +38,8 @@ BulletWorld::BulletWorld(const std::vector<detect::FloatSphere>& spheres)
   }
 }
 
-// Taking objects out one by one costs minutes for a million. Each pair gives back its algorithm and manifold
-// (what did not fit in Bullet's pools would be lost otherwise); then the trees go as a whole.
+// Removing a million objects one by one takes minutes. So each pair first frees its algorithm and manifold
+// (those outside Bullet's pools would leak otherwise), and then the trees are deleted as a whole.
 BulletWorld::~BulletWorld() {
   btOverlappingPairCache* cache = parts_->broadphase.getOverlappingPairCache();
   btBroadphasePairArray& pairs = cache->getOverlappingPairArray();

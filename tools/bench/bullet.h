@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Bullet, in double precision, as outside oracle and yardstick. Absent where the library is not installed.
+// Bullet in double precision, as an independent reference for results and times. Left out of the build where
+// the library is not installed.
 #pragma once
 #include <cstdint>
 #include <memory>

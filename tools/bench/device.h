@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Spheres in the memory of a GPU, for benches of what a simulation on the GPU would see. Without CUDA in the
-// build only host memory is offered.
+// Spheres in the memory of a GPU, so that benches measure what a simulation on the GPU would see. A build
+// without CUDA offers host memory only.
 #pragma once
 #include <algorithm>
 #include <string>
@@ -43,8 +43,8 @@ class DeviceSpheres {
   [[maybe_unused]] void* memory_ = nullptr;
 };
 
-// Bodies whose poses lie in the memory of a GPU; without one, or with some static ones, in the bodies
-// themselves: then the first `moving` are said to have moved in every call. Borrows the scene.
+// Bodies whose poses are in the memory of a GPU. Without a GPU, or when some bodies are static, the poses are
+// in the bodies themselves, and each call says that the first `moving` bodies have moved. Borrows the scene.
 class DeviceBodies {
  public:
   DeviceBodies(const detect::BodyScene& scene, std::uint32_t moving, [[maybe_unused]] bool on_device)

@@ -9,13 +9,14 @@
 
 #include "padding/asset/error.h"
 #include "padding/asset/file.h"
+#include "tools/bench/document.h"
 
 namespace padder::bench {
 namespace {
 
 namespace fs = std::filesystem;
 
-const char* const no_gnuplot = "gnuplot is not installed (Debian: gnuplot-nox)";
+const char* const kNoGnuplot = "gnuplot is not installed (Debian: gnuplot-nox)";
 
 // A folder of its own for gnuplot, gone afterwards.
 struct Workshop {
@@ -45,21 +46,12 @@ std::string complaint(const std::string& log) {
   return at == std::string::npos ? "" : ": " + log.substr(at, log.find('\n', at) - at);
 }
 
-Json parsed(const std::string& file) {
-  try {
-    return Json::parse(read_file(file));
-  } catch (const Json::parse_error& e) {
-    throw Error(file + ": not JSON at byte " + std::to_string(e.byte) +
-                ": bench NAME -o DIR writes what can be drawn as DIR/NAME.json");
-  }
-}
-
 }  // namespace
 
 bool have_gnuplot() { return std::system("command -v gnuplot >/dev/null 2>&1") == 0; }
 
 std::vector<fs::path> draw(const std::vector<Plot>& plots, const fs::path& folder, const std::string& stem) {
-  if (!plots.empty() && !have_gnuplot()) throw Error(std::string("no plot: ") + no_gnuplot);
+  if (!plots.empty() && !have_gnuplot()) throw Error(std::string("no plot: ") + kNoGnuplot);
   std::vector<fs::path> files;
   for (const Plot& plot : plots) {
     const fs::path file = folder / (stem + plot.name + ".svg");
@@ -88,7 +80,7 @@ void write_result(const Settings& s, const Json& result) {
     draw(plots, s.folder, name);
   else
     say(s,
-        std::string("no plot: ") + no_gnuplot + "; where it is, bench draw " + file.string() + " draws it");
+        std::string("no plot: ") + kNoGnuplot + "; where it is, bench draw " + file.string() + " draws it");
 }
 
 Json draw_files(const Settings& s) {
@@ -102,7 +94,7 @@ Json draw_files(const Settings& s) {
   std::set<fs::path> names;
   for (const std::string& file : s.files) {
     Drawing d{s.folder.empty() ? fs::path(file).parent_path() : s.folder, fs::path(file).stem(),
-              plots_of(parsed(file), file)};
+              plots_of(read_document(file), file)};
     if (d.plots.empty())
       throw Error(file + ": this bench has no plot; scaling, bodies, stages, speedup and frontier have");
     for (const Plot& p : d.plots)

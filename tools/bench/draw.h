@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Plots of the benches, from their JSON documents alone: what a bench draws itself and what `bench draw`
-// draws again later, on another machine, are the same.
+// Plots of the benches, made from their JSON documents only. So `bench draw` makes the same plot later, on
+// another machine, as the bench itself.
 #pragma once
 #include <filesystem>
 #include <string>
@@ -19,7 +19,7 @@ struct Plot {
 
 // What there is to draw of a bench's document; none where that bench has no plot (table2). `where`, the
 // file's name, begins the sentence of the Error thrown where it is no such document, or a damaged one.
-std::vector<Plot> plots_of(const Json& document, const std::string& where);  // bench_plots.cpp
+std::vector<Plot> plots_of(const Json& document, const std::string& where);  // plots.cpp
 
 bool have_gnuplot();
 

@@ -15,8 +15,8 @@
 namespace padder::bench {
 namespace {
 
-constexpr double tolerances[] = {2, 1, 0.5, 0.25, 0.1};  // % of the diagonal
-constexpr double edges[] = {4, 2, 1, 0.5};  // %, of the remeshed triangles, at a depth ratio of 0.2
+constexpr double kTolerances[] = {2, 1, 0.5, 0.25, 0.1};  // % of the diagonal
+constexpr double kEdges[] = {4, 2, 1, 0.5};  // %, of the remeshed triangles, at a depth ratio of 0.2
 
 struct Row {
   std::string mesh, method;
@@ -114,13 +114,13 @@ Json frontier(const Settings& s) {
   for (const std::string& path : s.files) {
     const ReadResult file = read_mesh(path);
     const std::string name = std::filesystem::path(path).stem().string();
-    for (const double t : tolerances) {
+    for (const double t : kTolerances) {
       say(s, name + ": tolerance " + number(t, "%g %%"));
       PadOptions options;
       options.tolerance = Length::share(0.01 * t);
       rows.push_back(padded(file, "tolerance", t, options));
     }
-    for (const double e : edges) {
+    for (const double e : kEdges) {
       say(s, name + ": depth 0.2, edges " + number(e, "%g %%"));
       PadOptions options;
       options.depth_ratio = 0.2, options.edge_length = Length::share(0.01 * e);

@@ -6,6 +6,7 @@
 #include <map>
 
 #include "padding/asset/error.h"
+#include "tools/bench/document.h"
 #include "tools/bench/draw.h"
 
 namespace padder::bench {
@@ -30,54 +31,6 @@ std::string grouped(double count) {
   std::string digits = number(std::min(count, 1e18), "%.0f");
   for (std::size_t k = digits.size(); k > 3; k -= 3) digits.insert(k - 3, ",");
   return digits;
-}
-
-// An object of the document and its place there, which an error names.
-class Reader {
- public:
-  Reader(const Json& object, std::string where) : object_(object), where_(std::move(where)) {
-    if (!object.is_object()) fail("", "an object");
-  }
-  double amount(const std::string& key) const {
-    const Json& v = at(key);
-    if (!v.is_number() || !std::isfinite(v.get<double>()) || v.get<double>() < 0)
-      fail(key, "a number of at least 0");
-    return v.get<double>();
-  }
-  std::string text(const std::string& key) const {
-    if (!at(key).is_string()) fail(key, "a text");
-    return at(key).get<std::string>();
-  }
-  bool flag(const std::string& key) const {
-    if (!at(key).is_boolean()) fail(key, "true or false");
-    return at(key).get<bool>();
-  }
-  Reader inner(const std::string& key) const { return {at(key), where_ + "." + key}; }
-
- private:
-  const Json& at(const std::string& key) const {
-    static const Json absent;
-    const auto it = object_.find(key);
-    return it == object_.end() ? absent : *it;
-  }
-  [[noreturn]] void fail(const std::string& key, const std::string& expected) const {
-    throw Error(where_ + (key.empty() ? "" : "." + key) + " is not " + expected +
-                ": the file is damaged, or not what this bench writes");
-  }
-
-  const Json& object_;
-  std::string where_;
-};
-
-std::vector<Reader> rows_of(const Json& document, const std::string& where) {
-  const auto it = document.find("rows");
-  if (it == document.end() || !it->is_array() || it->empty())
-    throw Error(where +
-                ": \"rows\" is not a list with rows in it: the file is damaged, or the bench was broken off");
-  std::vector<Reader> rows;
-  for (std::size_t k = 0; k < it->size(); k++)
-    rows.emplace_back((*it)[k], where + ": rows[" + std::to_string(k) + "]");
-  return rows;
 }
 
 std::string processor_of(const std::string& backend) { return backend == "omp" ? "CPU" : "GPU"; }
@@ -161,8 +114,8 @@ std::vector<Plot> scaling_plots(const Json& document, const std::string& where) 
 
 // --- stages: bars of the nine stages beside what remains of them on the fast path ---
 
-constexpr const char* parts[] = {"place",  "stage1", "stage2", "stage3", "stage4", "stage5",
-                                 "stage6", "stage7", "stage8", "stage9", "total"};
+constexpr const char* kParts[] = {"place",  "stage1", "stage2", "stage3", "stage4", "stage5",
+                                  "stage6", "stage7", "stage8", "stage9", "total"};
 
 std::vector<Plot> stages_plots(const Json& document, const std::string& where) {
   const std::vector<Reader> rows = rows_of(document, where);
@@ -179,8 +132,8 @@ std::vector<Plot> stages_plots(const Json& document, const std::string& where) {
     if (panel == panels.end()) panel = panels.insert(panel, {head, {}});
     const Reader seconds = r.inner("seconds");
     std::string& bars = panel->bars[r.text("path") == "fast"];
-    for (std::size_t k = 0; k < std::size(parts); k++) {
-      const double ms = seconds.amount(parts[k]) * 1e3;
+    for (std::size_t k = 0; k < std::size(kParts); k++) {
+      const double ms = seconds.amount(kParts[k]) * 1e3;
       if (!(ms > 0)) continue;  // the fast path has no such stage
       least = std::min(least, ms), most = std::max(most, ms);
       bars += std::to_string(k) + " " + cell(ms) + " " + number(ms, ms < 1 ? "%.3f" : "%.2f") + "\n";
@@ -191,8 +144,8 @@ std::vector<Plot> stages_plots(const Json& document, const std::string& where) {
       "set title noenhanced\nset ylabel 'Time [ms]'\nset logscale y\nset grid y\nset boxwidth 0.4\n"
       "set style fill solid\nset key left top\nset xrange [-0.6:10.6]\nset yrange [" +
       cell(std::pow(10, std::floor(std::log10(least)))) + ":" + cell(most * 6) + "]\nset xtics (";
-  for (std::size_t k = 0; k < std::size(parts); k++) {
-    std::string name = parts[k];
+  for (std::size_t k = 0; k < std::size(kParts); k++) {
+    std::string name = kParts[k];
     if (name.size() == 6) name.insert(5, " ");
     script += (k ? ", '" : "'") + name + "' " + std::to_string(k);
   }
@@ -296,9 +249,7 @@ std::vector<Plot> frontier_plots(const Json& document, const std::string& where)
 }  // namespace
 
 std::vector<Plot> plots_of(const Json& document, const std::string& where) {
-  const Json name = document.is_object() ? document.value("bench", Json()) : Json();
-  if (!name.is_string())
-    throw Error(where + " is not what a bench wrote: bench NAME -o DIR writes DIR/NAME.json");
+  const std::string name = bench_of(document, where);
   if (name == "scaling" || name == "bodies") return scaling_plots(document, where);
   if (name == "stages") return stages_plots(document, where);
   if (name == "speedup") return speedup_plots(document, where);

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Fig. 26 of the paper: time against the number of contacts. On the GPU spheres and contacts lie in its
-// memory, as in a simulation that runs there; what is timed is the whole call, with the count read back by
-// the host.
+// Fig. 26 of the paper: time against the number of contacts. On the GPU, spheres and contacts are in its
+// memory, as in a simulation that runs there. The time is that of the whole call, including the transfer of
+// the number of contacts to the host.
 #include <algorithm>
 
 #include "padding/asset/error.h"
@@ -23,8 +23,8 @@ struct BodyCase {
   std::uint32_t bodies, moving;
 };
 
-// What a list is compared with: the nine stages, which decide every pair in double; the fast path that
-// expands every body; the fast path of the processor.
+// What a list of contacts is compared with: the nine stages, which decide every pair in double; the grid path
+// with every body expanded to spheres; the grid path of the CPU.
 enum class Against { nine_stages, expanded, processor };
 
 class Table {

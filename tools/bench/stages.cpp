@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Milliseconds of each stage: the nine stages as in the paper, and what remains of them on the fast path. A
-// GPU is waited for after each stage, so that the sum is more than the time of a call.
+// Milliseconds of each stage: of the nine stages as in the paper, and of what the grid path has of them. The
+// host waits for the GPU after each stage, so the sum is more than the time of a call.
 #include <algorithm>
 
 #include "tools/bench/bench.h"

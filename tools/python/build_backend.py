@@ -21,9 +21,14 @@ def _field(name):  # of pyproject.toml: Python 3.9 has no reader for it
     return re.search(rf'^{name} = "(.*)"$', text, re.MULTILINE).group(1)
 
 
+def _version():  # stands once, in project() of CMakeLists.txt
+    text = (ROOT / "CMakeLists.txt").read_text()
+    return re.search(r"^project\(padder VERSION (\d+\.\d+\.\d+)", text, re.MULTILINE).group(1)
+
+
 def _metadata():
     return (
-        f"Metadata-Version: 2.1\nName: padder\nVersion: {_field('version')}\nSummary: {_field('description')}\n"
+        f"Metadata-Version: 2.1\nName: padder\nVersion: {_version()}\nSummary: {_field('description')}\n"
         f"Requires-Python: {_field('requires-python')}\nRequires-Dist: numpy\n"
     )
 
@@ -45,8 +50,8 @@ def _build():
 
 
 def build_wheel(wheel_directory, config_settings=None, metadata_directory=None):
-    info = f"padder-{_field('version')}.dist-info"
-    name = f"padder-{_field('version')}-{_tag()}.whl"
+    info = f"padder-{_version()}.dist-info"
+    name = f"padder-{_version()}-{_tag()}.whl"
     suffix = sysconfig.get_config_var("EXT_SUFFIX")
     files = {}
     for file in sorted(_build().iterdir()):

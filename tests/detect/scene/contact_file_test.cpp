@@ -271,34 +271,55 @@ TEST_F(ContactFileTest, NpzGivesEveryBitBack) {
   }
 }
 
-// By what VTK's own format says of itself: each array at its offset in the appended part, its size before it.
+// The array called `name`, or the positions for "", by what a .vtp says of itself: each array is at its
+// offset in the appended part, its size before it.
+template <class T>
+std::vector<T> vtp_array(const std::string& file, const std::string& name) {
+  const std::size_t mark = file.find('_', file.find("<AppendedData"));
+  const std::size_t at =
+      name.empty() ? file.find("<DataArray", file.find("<Points>")) : file.find("Name=\"" + name + "\"");
+  const std::size_t offset = file.find("offset=\"", at) + 8;
+  const char* from = file.data() + mark + 1 + std::strtoull(file.data() + offset, nullptr, 10);
+  std::uint64_t bytes;
+  std::memcpy(&bytes, from, 8);
+  std::vector<T> values(bytes / sizeof(T));
+  std::memcpy(values.data(), from + 8, bytes);
+  return values;
+}
+
 TEST_F(ContactFileTest, VtpHoldsWhatItsHeaderSays) {
   TestScene s;
   s.spheres = {{0, 0, 0, 1}, {1.5, 0, 0, 1}, {0, 1, 0, 0.25}};
   const ContactTable t = found_in(s);
   ASSERT_EQ(t.pairs.size(), 2u);
   const std::string file = written(t, "c.vtp");
-  const std::size_t mark = file.find('_', file.find("<AppendedData"));
-  ASSERT_NE(mark, std::string::npos);
+  ASSERT_NE(file.find("<AppendedData encoding=\"raw\">\n_"), std::string::npos);
   ASSERT_NE(file.find("header_type=\"UInt64\""), std::string::npos);
-  const auto array = [&](const std::string& name, auto number) {
-    using T = decltype(number);
-    std::size_t at = file.find("Name=\"" + name + "\"");
-    if (name.empty()) at = file.find("<DataArray", file.find("<Points>"));
-    const std::size_t offset = file.find("offset=\"", at) + 8;
-    const char* from = file.data() + mark + 1 + std::strtoull(file.data() + offset, nullptr, 10);
-    std::uint64_t bytes;
-    std::memcpy(&bytes, from, 8);
-    std::vector<T> values(bytes / sizeof(T));
-    std::memcpy(values.data(), from + 8, bytes);
-    return values;
-  };
-  EXPECT_EQ(array("i", std::uint32_t()), (std::vector<std::uint32_t>{0, 0}));
-  EXPECT_EQ(array("j", std::uint32_t()), (std::vector<std::uint32_t>{1, 2}));
-  EXPECT_EQ(array("normal", 0.), (std::vector<double>{1, 0, 0, 0, 1, 0}));
-  EXPECT_EQ(array("depth", 0.), (std::vector<double>{0.5, 0.25}));
+  EXPECT_EQ(vtp_array<std::uint32_t>(file, "i"), (std::vector<std::uint32_t>{0, 0}));
+  EXPECT_EQ(vtp_array<std::uint32_t>(file, "j"), (std::vector<std::uint32_t>{1, 2}));
+  EXPECT_EQ(vtp_array<double>(file, "normal"), (std::vector<double>{1, 0, 0, 0, 1, 0}));
+  EXPECT_EQ(vtp_array<double>(file, "depth"), (std::vector<double>{0.5, 0.25}));
   // Halfway between the two points of each.
-  EXPECT_EQ(array("", 0.), (std::vector<double>{0.75, 0, 0, 0, 0.875, 0}));
+  EXPECT_EQ(vtp_array<double>(file, ""), (std::vector<double>{0.75, 0, 0, 0, 0.875, 0}));
+  EXPECT_EQ(vtp_array<std::int64_t>(file, "connectivity"), (std::vector<std::int64_t>{0, 1}));
+  EXPECT_EQ(vtp_array<std::int64_t>(file, "offsets"), (std::vector<std::int64_t>{1, 2}));
+}
+
+// More contacts than are sorted at a time: the second run goes on where the first one ended.
+TEST_F(ContactFileTest, SeveralRuns) {
+  const std::uint32_t count = (1 << 21) + 5000;
+  const std::string file = written(many(count), "c.vtp");
+  const auto i = vtp_array<std::uint32_t>(file, "i");
+  const auto depths = vtp_array<double>(file, "depth");
+  const auto vertices = vtp_array<std::int64_t>(file, "connectivity"),
+             ends = vtp_array<std::int64_t>(file, "offsets");
+  ASSERT_EQ(i.size(), count);
+  for (std::uint32_t k = 0; k < count; k++) {
+    ASSERT_EQ(i[k], k);
+    ASSERT_EQ(depths[k], 1 + 1. / (k + 3.)) << k;
+    ASSERT_EQ(vertices[k], k);
+    ASSERT_EQ(ends[k], k + 1);
+  }
 }
 
 TEST_F(ContactFileTest, NoContacts) {

@@ -9,6 +9,7 @@
 #include <filesystem>
 #include <functional>
 
+#include "padding/asset/crc32.h"
 #include "padding/asset/error.h"
 
 namespace padder {
@@ -49,6 +50,20 @@ TEST(Npz, InPortionsAsInOnePiece) {
       {{"counts", npy_array(kCounts.data(), {7})}, {"numbers", npy_array(kNumbers.data(), {2, 3})}});
   EXPECT_EQ(written(NpzWriter::kPlain), whole);
   expect_read(whole);
+}
+
+// Whoever writes the bytes at the places given may do so in any order.
+TEST(Npz, PlacesOfPortions) {
+  std::string out;
+  const WriteAt write = write_into(out);
+  NpzWriter w({{"counts", 'u', 4, {7}}, {"numbers", 'f', 8, {2, 3}}}, write);
+  const std::string_view a = bytes_of(kCounts).substr(0, 20), b = bytes_of(kCounts).substr(20);
+  const std::uint64_t at_a = w.place(0, a.size(), crc32(a)), at_b = w.place(0, b.size(), crc32(b));
+  EXPECT_EQ(at_b, at_a + a.size());
+  w.append(1, bytes_of(kNumbers));
+  write(at_b, b), write(at_a, a);
+  w.finish();
+  EXPECT_EQ(out, written(NpzWriter::kPlain));
 }
 
 // Sizes alone, places alone, both: each beyond a limit that is 4 GiB in earnest.

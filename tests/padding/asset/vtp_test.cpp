@@ -50,6 +50,25 @@ TEST(Vtp, ArraysInPortionsByTurns) {
   EXPECT_TRUE(file.ends_with("\n</AppendedData>\n</VTKFile>\n"));
 }
 
+// Whoever writes the bytes at the places given may do so in any order, and may write the vertices, too.
+TEST(Vtp, PlacesOfPortions) {
+  std::string appended, placed;
+  VtpWriter by_append(3, {{"number", 'u', 4, 1}}, write_into(appended));
+  by_append.append(0, kNumbers), by_append.append(by_append.positions(), kPositions);
+  by_append.finish();
+  const WriteAt write = write_into(placed);
+  VtpWriter by_place(3, {{"number", 'u', 4, 1}}, write);
+  const std::string_view positions = bytes_of(kPositions);
+  const std::uint64_t head = by_place.place(by_place.positions(), 16);
+  const std::uint64_t tail = by_place.place(by_place.positions(), positions.size() - 16);
+  write(tail, positions.substr(16)), write(head, positions.substr(0, 16));
+  by_place.append(by_place.connectivity(), std::vector<std::int64_t>{0, 1, 2});
+  by_place.append(by_place.offsets(), std::vector<std::int64_t>{1, 2, 3});
+  by_place.append(0, kNumbers);
+  by_place.finish();
+  EXPECT_EQ(placed, appended);
+}
+
 // More points than a block of vertices.
 TEST(Vtp, ManyVertices) {
   std::string file;

@@ -40,9 +40,9 @@ struct Plane {
   double distance(const Point& p) const { return std::abs(normal.dot(p - on)); }
 };
 
-class Tidy {
+class FlatRegions {
  public:
-  Tidy(const Mesh& mesh, double tolerance) : mesh_(mesh), tolerance_(tolerance) {
+  FlatRegions(const Mesh& mesh, double tolerance) : mesh_(mesh), tolerance_(tolerance) {
     for (std::uint32_t f = 0; f < mesh.triangles.size(); f++)
       for (std::size_t k = 0; k < 3; k++) face_[{mesh.triangles[f][k], mesh.triangles[f][(k + 1) % 3]}] = f;
   }
@@ -248,7 +248,7 @@ Mesh sorted(const Mesh& mesh) {
 
 Mesh finished(const Mesh& mesh, int decimals) {
   const Mesh grid = sorted(rounded(mesh, decimals));
-  const Mesh solid = sorted(rounded(Tidy(grid, 2 * std::pow(10, -decimals)).run(), decimals));
+  const Mesh solid = sorted(rounded(FlatRegions(grid, 2 * std::pow(10, -decimals)).run(), decimals));
   check_solid(solid);
   return solid;
 }

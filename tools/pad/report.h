@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// What pad says of a mesh that it has padded.
+// What pad reports of a mesh.
 #pragma once
 #include <filesystem>
 #include <nlohmann/json.hpp>

@@ -18,12 +18,12 @@
 #include "padding/view/page.h"
 #include "tools/arguments.h"
 #include "tools/cli.h"
-#include "tools/pad_report.h"
-#include "tools/pad_robot.h"
+#include "tools/pad/report.h"
+#include "tools/pad/robot.h"
 
 namespace padder {
 
-// Found by CLI11 through its argument.
+// CLI11 finds this function by its argument's namespace.
 bool lexical_cast(const std::string& text, Length& out) {
   const auto length = length_of(text);
   if (length) out = *length;
@@ -48,31 +48,36 @@ struct Arguments {
 
 using namespace padder::cli;
 
-void declare(CLI::App& app, Arguments& a) {
-  app.add_option(
-         "MESH", a.meshes,
-         "mesh files: " +
-             [] {
-               std::string endings;
-               for (const auto& e : padder::mesh_endings())
-                 endings += (endings.empty() ? "" : " ") + e.substr(1);
-               return endings;
-             }())
-      ->required();
+// "obj stl ply …"
+std::string mesh_endings_text() {
+  std::string endings;
+  for (const auto& e : padder::mesh_endings()) endings += (endings.empty() ? "" : " ") + e.substr(1);
+  return endings;
+}
+
+std::string format_names_text() {
+  std::string names;
+  for (const auto& f : padder::formats()) names += std::string(" ") + f.name;
+  return names;
+}
+
+// What is read and what is written. --help lists options in the order in which they are declared.
+void declare_files(CLI::App& app, Arguments& a) {
+  app.add_option("MESH", a.meshes, "mesh files: " + mesh_endings_text())->required();
   app.add_option("-o", a.output,
                  "file to write, its ending tells the format (docs/formats.md), or folder for several "
                  "(default: NAME.spheres.json here)")
       ->type_name("FILE|DIR");
   app.add_option("--format", a.format,
-                 [] {
-                   std::string names = "another program's format, where the ending does not tell:";
-                   for (const auto& f : padder::formats()) names += std::string(" ") + f.name;
-                   return names;
-                 }())
+                 "another program's format, where the ending does not tell:" + format_names_text())
       ->type_name("NAME");
   app.add_option("--density", a.density, "for formats that state a mass (default: 1000, kg/m^3 in metres)")
       ->check(decimal())
       ->check(CLI::PositiveNumber);
+}
+
+// How the spheres are chosen: by depth ratio, by tolerance, or by number.
+void declare_spheres(CLI::App& app, Arguments& a) {
   app.add_option("--depth", a.options.depth_ratio,
                  "one sphere a triangle: cap height over circumradius, above 0, at most 1 (default: 0.2)")
       ->check(decimal())
@@ -118,6 +123,10 @@ void declare(CLI::App& app, Arguments& a) {
       ->delimiter(',')
       ->type_name("LENGTHS")
       ->check(length());
+}
+
+// What happens to the surface first, and what the asset says of itself.
+void declare_asset(CLI::App& app, Arguments& a) {
   app.add_option("--sharp-angle", a.options.sharp_angle, "keep edges whose faces turn by more degrees")
       ->capture_default_str()
       ->check(decimal())
@@ -133,6 +142,9 @@ void declare(CLI::App& app, Arguments& a) {
   app.add_option("--mask", a.options.mask, "bit k: no contact with family k + 1")->check(bits());
   app.add_flag("--force", a.options.force,
                "take lengths that can hardly be meant, as a tolerance beyond half the thinnest extent");
+}
+
+void declare_output(CLI::App& app, Arguments& a) {
   app.add_option("--write-mesh", a.write_mesh,
                  "write the surface that the spheres were made on, whose faces spheres.triangle counts: .obj "
                  ".off .ply .stl, or a folder for NAME.surface.obj")
@@ -155,7 +167,7 @@ void declare(CLI::App& app, Arguments& a) {
 
 bool is_robot(const std::string& file) { return fs::path(file).extension() == ".urdf"; }
 
-// Where each result goes and as what; null is our own format. Two meshes must not write one file.
+// Where a result goes, and in which format; null is our own. No two meshes may write the same file.
 struct Target {
   fs::path path;
   const padder::Format* format = nullptr;
@@ -230,7 +242,7 @@ std::vector<Target> targets(const Arguments& a) {
   return out;
 }
 
-// One line on a terminal, nothing elsewhere.
+// One line on a terminal. Prints nothing when stderr is not a terminal.
 class ProgressBar {
  public:
   explicit ProgressBar(bool wanted) : on_(wanted && isatty(STDERR_FILENO)) {}
@@ -253,7 +265,7 @@ class ProgressBar {
 };
 
 void make_folder_of(const fs::path& file) {
-  std::error_code code;  // who writes the file says what is wrong with its folder
+  std::error_code code;  // if this fails, writing the file fails and names the reason
   if (file.has_parent_path()) fs::create_directories(file.parent_path(), code);
 }
 
@@ -269,7 +281,7 @@ Json pad_urdf(const Arguments& a, const std::string& file, const Target& goal,
   return padder::run_robot(job, show);
 }
 
-// The written files in the report, and what is to be said beside it.
+// Pads one mesh, writes its files, and returns the report. `done` is called before anything is printed.
 Json pad_mesh(const Arguments& a, const std::string& file, const Target& goal,
               const padder::PadProgress& show, const std::function<void()>& done) {
   const padder::Padded padded = padder::pad_file(file, {a.scale, a.unit}, a.options, show);
@@ -354,6 +366,9 @@ int main(int argc, char** argv) {
       "mesh's own unit, or a share of the diagonal of its bounding box when it ends in %.\n",
       "pad");
   Arguments arguments;
-  declare(app, arguments);
+  declare_files(app, arguments);
+  declare_spheres(app, arguments);
+  declare_asset(app, arguments);
+  declare_output(app, arguments);
   return padder::cli::run(app, argc, argv, [&] { return run(arguments); });
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "tools/pad_robot.h"
+#include "tools/pad/robot.h"
 
 #include <algorithm>
 #include <cstdio>

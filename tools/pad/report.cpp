@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "tools/pad_report.h"
+#include "tools/pad/report.h"
 
 #include <algorithm>
 #include <cstdio>
@@ -61,7 +61,7 @@ std::string errors_text(const Accuracy& a, double diagonal) {
   const auto percent = [&](double length) { return 100 * length / diagonal; };
   const bool against_input =
       a.proved_against == SurfaceKind::input || a.proved_against == SurfaceKind::filled;
-  // No proof of a gap needs an inside: it holds for a sheet, too.
+  // The proof of the gap needs no inside, so it also holds for a sheet.
   const bool gap_proved = a.proved_against != SurfaceKind::wrap;
   char text[400];
   std::snprintf(text, sizeof text, "protrusion %s%.3f %% (mean %.3f %%)%s, gap %s%.3f %% (mean %.4f %%)",

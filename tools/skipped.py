@@ -1,0 +1,36 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: MIT
+"""skipped.py JUNIT.xml: a table of the tests that ctest skipped, and why, from the file that ctest --output-junit wrote.
+
+Tests that were skipped for the same reason stand in one row. Prints nothing when none was skipped.
+"""
+import re
+import sys
+import xml.etree.ElementTree as tree
+
+
+def reason_of(case):
+    """The test's own sentence: what GTEST_SKIP printed below its file and line, else its last line."""
+    lines = [line.strip() for line in (case.findtext("system-out") or "").splitlines() if line.strip()]
+    for k, line in enumerate(lines):
+        if re.search(r"\.(cpp|cu|h):\d+: Skipped$", line) and k + 1 < len(lines):
+            return lines[k + 1]
+    said = [line for line in lines if not re.match(r"(\[ |Note: |Running main|[0-9]+ FAILED)", line)]
+    return said[-1] if said else "it did not say"
+
+
+def main():
+    rows = {}
+    for case in tree.parse(sys.argv[1]).getroot().iter("testcase"):
+        skipped = case.find("skipped")  # a program that is not there has failed, whatever ctest calls it
+        if skipped is not None and skipped.get("message") != "Unable to find executable":
+            rows.setdefault(reason_of(case), []).append(case.get("name"))
+    if not rows:
+        return
+    print(f"\nSkipped: {sum(map(len, rows.values()))} tests\n\n| tests | which | why |\n| ---: | --- | --- |")
+    for reason, names in sorted(rows.items(), key=lambda row: -len(row[1])):
+        shown = ", ".join(names[:2]) + (", …" if len(names) > 2 else "")
+        print(f"| {len(names)} | {shown} | {reason} |".replace("\n", " "))
+
+
+main()
