@@ -4,6 +4,8 @@
 #pragma once
 #include <algorithm>
 
+#include "detect/cuda/counters.h"
+#include "detect/cuda/device_input.h"
 #include "detect/cuda/order/codes.h"
 
 namespace padder::detect::cuda {

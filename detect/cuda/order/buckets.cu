@@ -5,7 +5,7 @@
 // random place. Where the buckets are too many to be divided among at once, groups of buckets come first.
 // Where buckets begin is counted; or, where the call before had the same buckets, each gets a little more
 // room than it needed then, and what was found is counted along.
-#include "detect/cuda/order/order.h"
+#include "detect/cuda/order/order_kernels.h"
 
 namespace padder::detect::cuda {
 namespace {

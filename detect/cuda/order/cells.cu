@@ -5,7 +5,7 @@
 #include <cooperative_groups.h>
 
 #include "detect/cuda/device.h"
-#include "detect/cuda/order/order.h"
+#include "detect/cuda/order/order_kernels.h"
 
 namespace padder::detect::cuda {
 namespace {

@@ -4,7 +4,9 @@
 // two words by one subtraction holds the three differences, and one dot product of bytes squares and adds
 // them. A pair that touches always passes; most others do not. Only .cu files include this.
 #pragma once
-#include "detect/cuda/search/search.h"
+#include <algorithm>
+
+#include "detect/cuda/order/float_bins.h"
 
 namespace padder::detect::cuda {
 

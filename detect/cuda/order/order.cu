@@ -5,7 +5,7 @@
 #include <cub/device/device_radix_sort.cuh>
 #include <cub/device/device_scan.cuh>
 
-#include "detect/cuda/order/order.h"
+#include "detect/cuda/order/order_kernels.h"
 
 namespace padder::detect::cuda {
 namespace {

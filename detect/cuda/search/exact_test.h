@@ -3,6 +3,7 @@
 // enough, and the record. Only search.cu and down.h include this.
 #pragma once
 #include "detect/cuda/order/bins.h"
+#include "detect/cuda/search/search.h"
 #include "detect/cuda/warp.h"
 
 namespace padder::detect::cuda {

@@ -9,6 +9,7 @@
 
 #include "detect/cuda/device.h"
 #include "detect/cuda/order/bins.h"
+#include "detect/cuda/order/order.h"
 
 namespace padder::detect::cuda {
 namespace {

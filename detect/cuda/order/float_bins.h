@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: MIT
+// The bins of a dense level in float: the description that kernels are given, and the formats of a slot.
+// bins.h makes them and computes keys. Internal; only .cu files include this.
+#pragma once
+#include "detect/core/grid.h"
+
+namespace padder::detect::cuda {
+
+// What the search reads of a sphere. Equal: float input of one radius; the slot's fourth word is the sphere's
+// number.
+enum class SlotKind : std::uint8_t { equal, unequal, fixed_point };
+
+// Bins of one dense level in float (bins.h), where they will do: keys are then computed from the slots
+// and stand nowhere.
+inline constexpr std::uint32_t kMostFloatBins = 4096;  // on an axis
+struct FloatBins {
+  float origin[3] = {0, 0, 0}, per_size[3] = {0, 0, 0};
+  std::uint32_t count[3] = {1, 1, 1}, row = 0, plane = 0, buckets = 0;  // keys of a row, a plane and in all
+  std::uint32_t first = 1;                                              // key of bin (0, -1, -1)
+  std::uint32_t fine = 1;  // bins along x that make up one of the level's: a row of candidates is shorter
+  float units = 0;         // of codes.h, a length
+  bool on = false;
+};
+// The same of several dense levels; keys as grid.h numbers them, though a sphere's bin need not be the same.
+struct LevelBins {
+  FloatBins level[kMaxLevels];
+  std::int32_t top = 0;
+  std::uint8_t level_of_octave[kOctaves] = {};
+  bool on = false;
+};
+
+}  // namespace padder::detect::cuda
