@@ -5,7 +5,7 @@
 #include <algorithm>
 
 #include "detect/cuda/counters.h"
-#include "detect/cuda/device_input.h"
+#include "detect/cuda/bounds.h"
 #include "detect/cuda/order/codes.h"
 
 namespace padder::detect::cuda {

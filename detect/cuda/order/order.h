@@ -3,7 +3,7 @@
 // Internal; only .cu files include this.
 #pragma once
 #include "detect/cuda/counters.h"
-#include "detect/cuda/device_input.h"
+#include "detect/cuda/survey.h"
 #include "detect/cuda/order/float_bins.h"
 
 namespace padder::detect::cuda {

@@ -22,8 +22,7 @@ __global__ void __launch_bounds__(kThreads) each_kernel(std::uint64_t n, F f) {
 template <class F>
 void each(std::uint64_t n, cudaStream_t stream, const char* what, F f) {
   if (n == 0) return;
-  const auto blocks =
-      static_cast<unsigned>(std::min<std::uint64_t>((n + kThreads - 1) / kThreads, kProcessors * 64));
+  const auto blocks = static_cast<unsigned>(std::min<std::uint64_t>((n + kThreads - 1) / kThreads, 8448));
   each_kernel<<<blocks, kThreads, 0, stream>>>(n, f);
   cuda_launched(what);
 }

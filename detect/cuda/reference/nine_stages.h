@@ -5,6 +5,7 @@
 
 #include "detect/core/nine_stages.h"
 #include "detect/cuda/device_input.h"
+#include "detect/cuda/memory.h"
 
 namespace padder::detect::cuda {
 

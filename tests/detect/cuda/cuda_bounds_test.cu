@@ -7,7 +7,7 @@
 #include <random>
 #include <vector>
 
-#include "detect/cuda/device_input.h"
+#include "detect/cuda/survey.h"
 
 namespace padder::detect::cuda {
 namespace {

@@ -5,7 +5,7 @@
 #include <span>
 #include <vector>
 
-#include "detect/cuda/device_input.h"
+#include "detect/cuda/survey.h"
 
 namespace padder::detect::cuda {
 namespace {

@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: MIT
+// The first pass over the spheres: the summary from which the grid is chosen. Only .cu files include this.
+#pragma once
+#include "detect/cuda/bounds.h"
+#include "detect/cuda/device_input.h"
+#include "detect/cuda/memory.h"
+#include "detect/cuda/report.h"
+
+namespace padder::detect::cuda {
+
+// First pass over the spheres (survey.cu): the summary that choose_grid asks for.
+class Surveyor {
+ public:
+  explicit Surveyor(MemoryBook& book);
+  Summary survey(const Source& source, cudaStream_t stream);  // waits for the device
+
+  // In steps, without waiting between them: `top` is the exponent of the largest need as it is expected to
+  // be, and `octaves` whether sizes are to be told apart. Where rides_along, begin() is not called: later
+  // kernels clear the head and gather(). read() copies to the host what was found; finish() is called once
+  // the stream has been waited for, and is false when the expectation was wrong: then ask survey().
+  static bool rides_along(const Source& source) { return source.packed && source.placed == 0; }
+  void begin(const Source& source, bool octaves, int top, cudaStream_t stream);
+  static void begin_bounds(unsigned long long* bounds, cudaStream_t stream);  // and clears the head
+  Gather gather(bool octaves, int top) const {
+    unsigned long long* const bounds = values_.data() + kHead;
+    return {bounds, octaves ? bounds + kBounds : nullptr, top};
+  }
+  // The octaves, in a pass of their own.
+  static void gather_octaves(const Source& source, const Gather& gather, cudaStream_t stream);
+  void read(const Source& source, bool octaves, bool along, Report& report);
+  // `above`: Summary::above, by which `top` is lower than the largest need's exponent.
+  bool finish(const Source& source, bool octaves, int top, bool along, Summary& summary, int above = 0) const;
+
+  // Words of the caller in front of the summary, so that one copy brings both to the host.
+  static constexpr int kHead = 8;
+  unsigned long long* head() { return values_.reserve(words()); }
+  const unsigned long long* host_head() { return host_values_.reserve(words()); }
+  void read_head(Report& report);
+
+ private:
+  static std::uint64_t words();
+  int find_above(const Source& source, cudaStream_t stream);
+  Buffer<unsigned long long> values_, host_values_;
+  Buffer<double> sums_, host_sums_;
+  Buffer<unsigned long long> exponents_;
+};
+
+}  // namespace padder::detect::cuda
