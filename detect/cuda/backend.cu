@@ -233,15 +233,12 @@ std::string cuda_absence(int device) {
     return "there is no GPU " + std::to_string(device) + ": this machine has " + std::to_string(devices) +
            ", numbered from 0";
   const cuda::OnDevice on(device);
-  if (cuda::has_kernels()) return "";
   int major = 0, minor = 0;
   cudaDeviceGetAttribute(&major, cudaDevAttrComputeCapabilityMajor, device);
   cudaDeviceGetAttribute(&minor, cudaDevAttrComputeCapabilityMinor, device);
+  const std::string unfit = cuda::unfit_sentence(device, major, minor, cuda::has_kernels());
   cudaGetLastError();
-  const std::string of = std::to_string(major) + std::to_string(minor);
-  return "this build has no code for GPU " + std::to_string(device) + ", whose compute capability is " +
-         std::to_string(major) + "." + std::to_string(minor) +
-         ": build it with -DCMAKE_CUDA_ARCHITECTURES=" + of + " or choose omp";
+  return unfit;
 }
 
 std::unique_ptr<Backend> make_cuda_backend(int device) {
