@@ -91,8 +91,17 @@ void SphereSearch::enqueue(const Plan& plan, Tools& tools, cudaStream_t stream, 
     else if (!plan.with_survey)
       cuda_check(cudaMemsetAsync(counters, 0, sizeof(Counters), stream), "clear the counters");
     const Gather gather = plan.along() ? tools.surveyor.gather(plan.octaves, plan.top) : Gather{};
-    spheres = tools.orderer.order(plan.source, plan.grid, plan.kind, plan.search.stable_order, plan.method,
-                                  gather, plan.lent, counters, plan.processors, stream, plan.with_survey);
+    spheres = tools.orderer.order({.source = plan.source,
+                                   .grid = plan.grid,
+                                   .kind = plan.kind,
+                                   .stable = plan.search.stable_order,
+                                   .method = plan.method,
+                                   .gather = gather,
+                                   .lent = plan.lent,
+                                   .counters = counters,
+                                   .processors = plan.processors,
+                                   .stream = stream,
+                                   .keep = plan.with_survey});
   }
   clock.mark(3);
   const ProfileRange range("padder: search (stages 7 to 9)");

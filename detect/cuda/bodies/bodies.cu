@@ -67,9 +67,16 @@ void BodySearch::broad_phase(const Plan& plan, Tools& tools, cudaStream_t stream
   // Hits and pairs are written after the elements are in order: until then their memory is lent.
   const Lent lent{reinterpret_cast<float4*>(plan.hits), plan.hit_room,
                   reinterpret_cast<std::uint32_t*>(plan.pairs.pairs), plan.pairs.capacity * 2};
-  const Ordered ordered =
-      tools.orderer.order(plan.balls, plan.grid, SlotKind::fixed_point, plan.stable_order, plan.method, {},
-                          lent, &counters->broad, plan.processors, stream);
+  const Ordered ordered = tools.orderer.order({.source = plan.balls,
+                                               .grid = plan.grid,
+                                               .kind = SlotKind::fixed_point,
+                                               .stable = plan.stable_order,
+                                               .method = plan.method,
+                                               .gather = {},
+                                               .lent = lent,
+                                               .counters = &counters->broad,
+                                               .processors = plan.processors,
+                                               .stream = stream});
   clock.mark(3);
   SearchOptions o;
   o.stable_order = plan.stable_order, o.share = plan.share;

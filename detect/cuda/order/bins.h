@@ -4,8 +4,8 @@
 #pragma once
 #include <algorithm>
 
-#include "detect/cuda/counters.h"
 #include "detect/cuda/bounds.h"
+#include "detect/cuda/counters.h"
 #include "detect/cuda/order/codes.h"
 
 namespace padder::detect::cuda {

@@ -235,18 +235,19 @@ void with_kernel(const Ordered& o, const Grid& grid, bool along, bool stable, F 
 
 }  // namespace
 
-bool Orderer::by_cells(const Source& source, const Grid& grid, bool stable, const Gather& gather,
-                       const Lent& lent, Counters* counters, Ordered& o, int processors,
-                       cudaStream_t stream) {
+bool Orderer::by_cells(const OrderRequest& r, Ordered& o) {
+  const bool stable = r.stable;
+  const Lent& lent = r.lent;
   unsigned most = 0;
-  with_kernel(o, grid, gather.bounds, stable, [&](auto* kernel, const auto&) {
-    most = std::min<unsigned>(resident_blocks(reinterpret_cast<const void*>(kernel), kThreads, 0, processors),
-                              static_cast<unsigned>(processors) * kBlocksAProcessor);
+  with_kernel(o, r.grid, r.gather.bounds, stable, [&](auto* kernel, const auto&) {
+    most =
+        std::min<unsigned>(resident_blocks(reinterpret_cast<const void*>(kernel), kThreads, 0, r.processors),
+                           static_cast<unsigned>(r.processors) * kBlocksAProcessor);
   });
   if (o.count > std::uint64_t(most) * kThreads * kItems) return false;
   if (!o.bins.on && !o.float_levels) o.keys = sorted_keys_.reserve(o.count);
   if (o.kind != SlotKind::equal) o.ids = sorted_ids_.reserve(o.count);
-  CellTask task{source, o};
+  CellTask task{r.source, o};
   task.sums = reinterpret_cast<Word*>(scratch_.reserve((most + kMostBeyond + 1) * sizeof(Word)));
   Numbers& numbers = task.numbers;
   numbers.beyond = task.sums + most;
@@ -259,12 +260,12 @@ bool Orderer::by_cells(const Source& source, const Grid& grid, bool stable, cons
     numbers.of_entry = reinterpret_cast<std::uint32_t*>(lent.slot);
   else if (stable && lent.words > 0)
     numbers.of_entry = lent.words >= words ? lent.word : ids_.reserve(words);
-  task.gather = gather, task.counters = counters;
-  with_kernel(o, grid, gather.bounds, stable, [&](auto* kernel, auto bins) {
+  task.gather = r.gather, task.counters = r.counters;
+  with_kernel(o, r.grid, r.gather.bounds, stable, [&](auto* kernel, auto bins) {
     void* arguments[] = {&task, &bins};
     cuda_check(cudaLaunchCooperativeKernel(reinterpret_cast<const void*>(kernel),
                                            std::min(blocks_for(o.count, kThreads), most), kThreads, arguments,
-                                           0, stream),
+                                           0, r.stream),
                "put the spheres in order");
   });
   return true;

@@ -3,8 +3,8 @@
 // Internal; only .cu files include this.
 #pragma once
 #include "detect/cuda/counters.h"
-#include "detect/cuda/survey.h"
 #include "detect/cuda/order/float_bins.h"
+#include "detect/cuda/survey.h"
 
 namespace padder::detect::cuda {
 
@@ -34,22 +34,37 @@ struct Lent {
   friend bool operator==(const Lent&, const Lent&) = default;
 };
 
+// Ways of putting spheres in order: a counting sort over bins, through buckets, a radix sort by key.
+// Automatic: the fastest that serves.
 enum class OrderMethod : std::uint8_t { automatic, cells, buckets, sort };
+
+struct OrderRequest {
+  const Source& source;
+  const Grid& grid;
+  SlotKind kind;
+  bool stable;  // within a bin by sphere number, so that the order is the same in every run
+  OrderMethod method;
+  // What it asks for is gathered along; it and the counters need not have been set to zero then.
+  const Gather& gather;
+  const Lent& lent;
+  Counters* counters;  // kCrowded or kOutside is set in Counters::flags
+  int processors;      // processors_of(stream); the order does not depend on it
+  cudaStream_t stream;
+  // If the previous call had the same buckets, nothing is counted: each has a little more room than it needed
+  // then. kOutside is set where that is not enough, or where one radius is not that of all; the caller then
+  // calls again without.
+  bool keep = false;
+};
+
+struct BucketPlan;  // buckets.h
 
 class Orderer {
  public:
   explicit Orderer(MemoryBook& book);
-  // `stable`: within a bin by sphere number, so that the order is the same in every run. Sets kCrowded in the
-  // counters where a bin or bucket is too full for the method; then only OrderMethod::sort gives an order.
-  // What `gather` asks for is gathered along; it and the counters need not have been set to zero then.
-  // `keep`: if the call before had the same buckets, nothing is counted: each has a little more room than it
-  // needed then. Sets kOutside where that is not enough, or where one radius is not that of all; the caller
-  // then calls again without. Spheres outside the bins are not reported: the caller compares the grid with
-  // the bounds, where coordinates that are no numbers show, too, but not whose. `processors`:
-  // processors_of(stream); the order does not depend on it.
-  Ordered order(const Source& source, const Grid& grid, SlotKind kind, bool stable, OrderMethod method,
-                const Gather& gather, const Lent& lent, Counters* counters, int processors,
-                cudaStream_t stream, bool keep = false);
+  // Where a bin or bucket is too full for the method, kCrowded is set in the counters, and only
+  // OrderMethod::sort gives an order. Spheres outside the bins are not reported in every case: the caller
+  // compares the grid with the bounds, where coordinates that are no numbers show, too, but not whose.
+  Ordered order(const OrderRequest& request);
   // Another number whenever `keep` would stand for something else.
   std::uint64_t kept() const { return kept_; }
   double bucket_spheres = 6500;  // average aimed at
@@ -58,14 +73,14 @@ class Orderer {
   static std::uint64_t room(std::uint64_t spheres) { return spheres + spheres / 8; }
 
  private:
-  bool by_cells(const Source& source, const Grid& grid, bool stable, const Gather& gather, const Lent& lent,
-                Counters* counters, Ordered& o, int processors, cudaStream_t stream);
-  bool by_buckets(const Source& source, const Grid& grid, bool stable, bool keep, const Gather& gather,
-                  const Lent& lent, Counters* counters, Ordered& o, cudaStream_t stream);
-  void by_sort(const Source& source, const Grid& grid, const Gather& gather, Counters* counters, Ordered& o,
-               cudaStream_t stream);
+  // These fill in what remains of `o`; false: the method does not serve.
+  bool by_cells(const OrderRequest& request, Ordered& o);
+  bool by_buckets(const OrderRequest& request, Ordered& o);
+  void by_sort(const OrderRequest& request, Ordered& o);
+  std::uint64_t plan_rooms(const OrderRequest& request, const Ordered& o, BucketPlan& plan);
+  void plan_work_space(const Lent& list, std::uint64_t split_room, Ordered& o, BucketPlan& plan);
 
-  // Of the buckets whose starts the last call left behind; none where spheres is 0.
+  // Of the buckets whose starts the previous call left behind; none where spheres is 0.
   struct Layout {
     std::uint64_t spheres = 0;
     std::uint32_t buckets = 0, entries = 0, magic[kMaxLevels] = {};

@@ -177,18 +177,18 @@ class CudaOrderTest : public testing::TestWithParam<Way> {
                                        : code_of<SlotKind::fixed_point>(l, f);
   }
 
-  // Spheres of each table entry are those whose key says so, by number where tidy, and none is missing; each
-  // has its code.
-  void expect_order(const std::vector<float4>& spheres, SlotKind kind, bool packed, bool tidy, bool along) {
+  // Spheres of each table entry are those whose key says so, by number where stable, and none is missing;
+  // each has its code.
+  void expect_order(const std::vector<float4>& spheres, SlotKind kind, bool packed, bool stable, bool along) {
     Orderer orderer(book_);
-    expect_order(orderer, summary_of(spheres), spheres, kind, packed, tidy, along, false, false);
+    expect_order(orderer, summary_of(spheres), spheres, kind, packed, stable, along, false, false);
   }
   // By an orderer that may keep the buckets of its last call, with the grid of this summary; `refused`: it
   // says that they will not do.
   void expect_order(Orderer& orderer, const Summary& summary, const std::vector<float4>& spheres,
-                    SlotKind kind, bool packed, bool tidy, bool along, bool keep, bool refused) {
+                    SlotKind kind, bool packed, bool stable, bool along, bool keep, bool refused) {
     SCOPED_TRACE(testing::Message() << spheres.size() << " spheres, kind " << int(kind) << ", packed "
-                                    << packed << ", tidy " << tidy << ", bounds " << along << ", kept "
+                                    << packed << ", stable " << stable << ", bounds " << along << ", kept "
                                     << keep);
     const auto count = static_cast<std::uint32_t>(spheres.size());
     Buffer<float> given(book_, "the test");
@@ -212,8 +212,17 @@ class CudaOrderTest : public testing::TestWithParam<Way> {
     const bool octaves = along && needs_octaves(summary) && packed;
     if (along) gather.bounds = head + Surveyor::kHead, gather.top = exponent_of(summary.need_max);
     if (octaves) gather.octaves = gather.bounds + kBounds;
-    const Ordered o = orderer.order(source, grid, kind, tidy, GetParam().method, gather, lent, counters,
-                                    processors_of(nullptr, 0), nullptr, keep);
+    const Ordered o = orderer.order({.source = source,
+                                     .grid = grid,
+                                     .kind = kind,
+                                     .stable = stable,
+                                     .method = GetParam().method,
+                                     .gather = gather,
+                                     .lent = lent,
+                                     .counters = counters,
+                                     .processors = processors_of(nullptr, 0),
+                                     .stream = nullptr,
+                                     .keep = keep});
     cuda_check(cudaDeviceSynchronize(), "put in order");
     const auto found = host(reinterpret_cast<const unsigned long long*>(head), kWords);
     if (refused) {
@@ -278,7 +287,7 @@ class CudaOrderTest : public testing::TestWithParam<Way> {
         ASSERT_TRUE(slots[p].x == s.x && slots[p].y == s.y && slots[p].z == s.z);
       if (kind == SlotKind::unequal) ASSERT_EQ(slots[p].w, s.w);
       if (o.codes) ASSERT_EQ(codes[p], code_on_host(o, grid, kind, key, slots[p]));
-      if (tidy && p > table[entry]) ASSERT_LT(ids[p - 1], ids[p]);
+      if (stable && p > table[entry]) ASSERT_LT(ids[p - 1], ids[p]);
     }
     ASSERT_TRUE(std::is_sorted(table.begin(), table.end()));
     ASSERT_EQ(table[0], 0u);
@@ -298,16 +307,16 @@ TEST_P(CudaOrderTest, EverySphereIsWhereItsKeySays) {
                unequal = cloud(random, count, side, 1, 0.2f, 0.7f);
     auto levels = unequal;
     for (std::size_t k = 0; k < count; k += 50) levels[k].w = 3;
-    for (const bool tidy : {false, true}) {
-      expect_order(equal, SlotKind::equal, true, tidy, true);
-      expect_order(levels, SlotKind::fixed_point, false, tidy, true);
+    for (const bool stable : {false, true}) {
+      expect_order(equal, SlotKind::equal, true, stable, true);
+      expect_order(levels, SlotKind::fixed_point, false, stable, true);
       if (count < 20'000) {
-        expect_order(equal, SlotKind::fixed_point, false, tidy, false);
-        expect_order(few, SlotKind::equal, false, tidy, true);
-        expect_order(full, SlotKind::equal, true, tidy, false);
-        expect_order(unequal, SlotKind::unequal, true, tidy, true);
-        expect_order(levels, SlotKind::unequal, true, tidy, false);
-        expect_order(levels, SlotKind::unequal, true, tidy, true);
+        expect_order(equal, SlotKind::fixed_point, false, stable, false);
+        expect_order(few, SlotKind::equal, false, stable, true);
+        expect_order(full, SlotKind::equal, true, stable, false);
+        expect_order(unequal, SlotKind::unequal, true, stable, true);
+        expect_order(levels, SlotKind::unequal, true, stable, false);
+        expect_order(levels, SlotKind::unequal, true, stable, true);
       }
       if (HasFatalFailure()) return;
     }
@@ -315,7 +324,7 @@ TEST_P(CudaOrderTest, EverySphereIsWhereItsKeySays) {
 }
 
 // Bins with more spheres than have a place of their own to tell their numbers: a few of them, and many.
-TEST_P(CudaOrderTest, FullBinsAreTidyToo) {
+TEST_P(CudaOrderTest, FullBinsAreStableToo) {
   std::mt19937 random(11);
   auto few = cloud(random, 5000, 17, 0, 0.6f, 0.6f);
   std::uniform_real_distribution<float> near(4, 4.2f);

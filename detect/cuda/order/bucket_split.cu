@@ -1,0 +1,270 @@
+// SPDX-License-Identifier: MIT
+// Divides the spheres among buckets, a tile at a time through shared memory, so that what goes to one bucket
+// is written together.
+#include "detect/cuda/order/buckets.h"
+
+namespace padder::detect::cuda {
+namespace {
+
+// The bucket of a slot.
+template <class Bins>
+struct BucketOf {
+  __device__ __forceinline__ BucketOf(const Bins&, const Buckets&) {}
+  __device__ __forceinline__ std::uint32_t operator()(const Bins& bins, const Buckets& buckets,
+                                                      const float4& slot) const {
+    std::uint32_t key;
+    key_of(bins, slot, key);
+    return buckets.of(key);
+  }
+};
+// Lanes of a warp ask for several levels: what tells the bucket lies in shared memory. A barrier must follow
+// before the first is asked for.
+template <>
+struct BucketOf<LevelBins> {
+  struct Line {
+    float origin[3], per_size;
+    std::uint32_t count_xy, count_z, magic, bucket;
+  };
+  struct Memory {
+    alignas(16) Line line[kMaxLevels];
+    std::uint8_t level_of_octave[kOctaves];
+  };
+  const Memory* memory;
+  __device__ __forceinline__ BucketOf(const LevelBins& bins, const Buckets& buckets) {
+    __shared__ Memory shared;
+    memory = &shared;
+    if (threadIdx.x < kOctaves) shared.level_of_octave[threadIdx.x] = bins.level_of_octave[threadIdx.x];
+    if (threadIdx.x < kMaxLevels) {
+      const FloatBins& b = bins.level[threadIdx.x];
+      const Buckets::Part& part = buckets.part[threadIdx.x];
+      shared.line[threadIdx.x] = {{b.origin[0], b.origin[1], b.origin[2]},
+                                  b.per_size[0],
+                                  b.count[0] | b.count[1] << 16,
+                                  b.count[2],
+                                  part.magic,
+                                  part.bucket};
+    }
+  }
+  __device__ __forceinline__ std::uint32_t operator()(const LevelBins& bins, const Buckets&,
+                                                      const float4& slot) const {
+    const int octave = octave_of_exponent(bins.top, need_exponent(slot.x, slot.y, slot.z, slot.w));
+    const auto* const line = reinterpret_cast<const float4*>(memory->line + memory->level_of_octave[octave]);
+    const float4 a = line[0], b = line[1];
+    const std::uint32_t xy = __float_as_uint(b.x), nx = xy & 0xffff, ny = xy >> 16, nz = __float_as_uint(b.y);
+    std::uint32_t i, j, k;
+    float_bin(slot.x, a.x, a.w, nx, i), float_bin(slot.y, a.y, a.w, ny, j),
+        float_bin(slot.z, a.z, a.w, nz, k);
+    const std::uint32_t entry = ((k + 1) * (ny + 2) + j + 1) * (nx + 2) + i + 1;  // as level_bins() has it
+    return __float_as_uint(b.w) + __umulhi(entry, __float_as_uint(b.z));
+  }
+};
+
+// All buckets at once; or groups of buckets first, and then the buckets of each group.
+enum class Pass { whole, among_groups, within_groups };
+
+// By the last block that has divided its spheres: what was found is where buckets begin.
+__device__ __noinline__ void begin_as_found(const Starts& starts, std::uint32_t count, std::uint32_t* shared,
+                                            std::uint32_t* sums, Counters* counters) {
+  if (!is_last(starts)) return;
+  for (std::uint32_t b = threadIdx.x; b < count; b += blockDim.x) {
+    const std::uint32_t begin = starts.room[b], room = starts.room[b + 1] - begin,
+                        found = __ldcg(starts.cursor + b) - begin;
+    if (found > room) atomicOr(&counters->flags, kOutside);
+    shared[b] = min(found, room);
+  }
+  scan_shared(shared, count, sums);
+  for (std::uint32_t b = threadIdx.x; b <= count; b += blockDim.x) starts.bucket[b] = shared[b];
+}
+
+// A run of spheres that a block divides at once.
+struct Tile {
+  std::uint32_t first, count, group;
+};
+template <Pass P>
+__device__ __forceinline__ Tile tile_of(const Starts& starts, const Buckets& buckets, std::uint32_t spheres,
+                                        std::uint32_t tile, std::uint32_t group) {
+  std::uint32_t first = tile * kTileSpheres, end = spheres;
+  if (P == Pass::within_groups) {
+    while (tile >= starts.group_tile[group + 1]) group++;
+    first = starts.bucket[group << kGroupBits] + (tile - starts.group_tile[group]) * kTileSpheres;
+    end = starts.bucket[min((group + 1) << kGroupBits, buckets.count)];
+  }
+  return {first, min(end - first, kTileSpheres), group};
+}
+
+// Shared memory of a block: the tile's slots in the order of buckets, the bucket of each, and of each bucket
+// its count (then its first place in the tile) and how far its spheres are to be shifted from there.
+struct TileMemory {
+  float4* slots;
+  std::uint16_t* bucket_at;
+  std::uint32_t *counts, *shift;
+  __device__ __forceinline__ TileMemory(float4* memory, std::uint32_t buckets)
+      : slots(memory),
+        bucket_at(reinterpret_cast<std::uint16_t*>(memory + kTileSpheres)),
+        counts(reinterpret_cast<std::uint32_t*>(bucket_at + kTileSpheres)),
+        shift(counts + buckets + 1) {}
+};
+
+// Bucket and rank in it of each sphere of the tile. Kept: a sphere of another radius than all have is
+// reported.
+template <SlotKind Kind, class Bins, Pass P, bool Kept>
+__device__ __forceinline__ void rank_spheres(const Tile& tile, const float4 (&slot)[kTileItems],
+                                             std::uint32_t (&place)[kTileItems],
+                                             const BucketOf<Bins>& bucket_of, const Bins& bins,
+                                             const Buckets& buckets, const Places& in, std::uint32_t* counts,
+                                             float radius, Counters* counters) {
+#pragma unroll
+  for (int u = 0; u < kTileItems; u++) {
+    const std::uint32_t k = threadIdx.x + u * kWideBlock;
+    std::uint32_t bucket = ~0u;
+    if (k < tile.count) {
+      if constexpr (!kKeyless<Bins>)
+        bucket = buckets.of(in.keys[tile.first + k]);
+      else
+        bucket = bucket_of(bins, buckets, slot[u]);
+      if (Kept && Kind == SlotKind::equal && slot[u].w != radius) atomicOr(&counters->flags, kOutside);
+      if (P == Pass::among_groups) bucket >>= kGroupBits;
+      if (P == Pass::within_groups) bucket &= (1u << kGroupBits) - 1;
+    }
+    place[u] = ticket(counts, bucket) | bucket << 16;
+  }
+}
+
+// What does not fit the slot goes the same way in a second round, through the memory of the slots.
+template <SlotKind Kind, class Bins, Pass P, class PlaceOf>
+__device__ __forceinline__ void move_ids_and_keys(const Tile& tile, const std::uint32_t (&place)[kTileItems],
+                                                  const TileMemory& memory, const Places& in,
+                                                  const Places& out, PlaceOf place_of) {
+  constexpr bool kIds = Kind != SlotKind::equal, kKeys = !kKeyless<Bins>, kWithin = P == Pass::within_groups;
+  auto *numbers = reinterpret_cast<std::uint32_t*>(memory.slots), *tile_keys = numbers + kTileSpheres;
+#pragma unroll
+  for (int u = 0; u < kTileItems; u++) {
+    const std::uint32_t k = threadIdx.x + u * kWideBlock;
+    if (k >= tile.count) break;
+    if (kIds) numbers[place[u]] = kWithin ? in.ids[tile.first + k] : tile.first + k;
+    if (kKeys) tile_keys[place[u]] = in.keys[tile.first + k];
+  }
+  __syncthreads();
+  for (std::uint32_t s = threadIdx.x; s < tile.count; s += kWideBlock) {
+    const std::uint32_t to = place_of(memory.shift[memory.bucket_at[s]] + s);
+    if (kIds) out.ids[to] = numbers[s];
+    if (kKeys) out.keys[to] = tile_keys[s];
+  }
+  __syncthreads();
+}
+
+// A block takes tiles of spheres, one after the other: it orders a tile by bucket in shared memory, then
+// writes each bucket's spheres to one place. The next tile is read while this one is written. Kept: buckets
+// have room by the previous call; one that has outgrown it is reported.
+template <SlotKind Kind, class Bins, Pass P, bool Packed, bool Kept>
+__global__ void __launch_bounds__(kWideBlock)
+    bucket_split_kernel(const __grid_constant__ Source source, const __grid_constant__ Bins bins,
+                        const __grid_constant__ Buckets buckets, std::uint32_t count,
+                        const __grid_constant__ Starts starts, Places in, Places out, float radius,
+                        Counters* counters) {
+  constexpr int kBucketsAThread = kMostAtOnce / kWideBlock;
+  constexpr bool kKeys = !kKeyless<Bins>, kIds = Kind != SlotKind::equal, kWithin = P == Pass::within_groups;
+  extern __shared__ float4 slots[];
+  const TileMemory memory(slots, count);
+  auto *const counts = memory.counts, *const shift = memory.shift;
+  __shared__ std::uint32_t sums[32];
+  const std::uint32_t groups = (buckets.count + (1u << kGroupBits) - 1) >> kGroupBits;
+  const auto tiles =
+      kWithin ? starts.group_tile[groups]
+              : static_cast<std::uint32_t>((std::uint64_t(source.count) + kTileSpheres - 1) / kTileSpheres);
+  const BucketOf<Bins> bucket_of(bins, buckets);
+  float4 slot[kTileItems];
+  const auto read = [&](const Tile& t) {
+#pragma unroll
+    for (int u = 0; u < kTileItems; u++) {
+      const std::uint32_t k = threadIdx.x + u * kWideBlock;
+      if (k < t.count)
+        slot[u] = kWithin ? static_cast<const float4*>(in.slots)[t.first + k]
+                          : bare_slot<Kind, Packed>(source, grid_of(bins), t.first + k);
+    }
+  };
+  for (std::uint32_t b = threadIdx.x; b < count; b += kWideBlock) counts[b] = 0;
+  // A bucket that has outgrown its room runs into the next one's, the last no further than one place.
+  const auto place_of = [&](std::uint32_t to) { return Kept ? min(to, roomy(source.count, count)) : to; };
+  std::uint32_t number = blockIdx.x;
+  if (number >= tiles) return;
+  std::uint32_t group = 0;
+  read(tile_of<P>(starts, buckets, source.count, number, 0));
+  __syncthreads();
+  for (; number < tiles; number += gridDim.x) {
+    const Tile tile = tile_of<P>(starts, buckets, source.count, number, group);
+    group = tile.group;
+    std::uint32_t* const cursors = P == Pass::whole          ? starts.cursor
+                                   : P == Pass::among_groups ? starts.group_cursor
+                                                             : starts.cursor + (tile.group << kGroupBits);
+    std::uint32_t place[kTileItems];  // bucket and rank in it; then the place in the tile
+    rank_spheres<Kind, Bins, P, Kept>(tile, slot, place, bucket_of, bins, buckets, in, counts, radius,
+                                      counters);
+    scan_shared(counts, count, sums);
+#pragma unroll
+    for (int u = 0; u < kTileItems; u++) {
+      if (threadIdx.x + u * kWideBlock >= tile.count) break;
+      const std::uint32_t bucket = place[u] >> 16;
+      place[u] = counts[bucket] + (place[u] & 0xffff);
+      if (Kind == SlotKind::equal && !kWithin)
+        slot[u].w = __uint_as_float(tile.first + threadIdx.x + u * kWideBlock);
+      slots[place[u]] = slot[u], memory.bucket_at[place[u]] = static_cast<std::uint16_t>(bucket);
+    }
+    // The slots' registers are free now: places are asked for, and the next tile, before either is waited
+    // for.
+    std::uint32_t taken[kBucketsAThread];
+#pragma unroll
+    for (int u = 0; u < kBucketsAThread; u++) {
+      const std::uint32_t b = threadIdx.x + u * kWideBlock, c = b < count ? counts[b + 1] - counts[b] : 0;
+      taken[u] = c ? atomicAdd(cursors + b, c) : 0;
+    }
+    if (number + gridDim.x < tiles)
+      read(tile_of<P>(starts, buckets, source.count, number + gridDim.x, group));
+#pragma unroll
+    for (int u = 0; u < kBucketsAThread; u++) {
+      const std::uint32_t b = threadIdx.x + u * kWideBlock;
+      if (b < count) shift[b] = taken[u] - counts[b];
+    }
+    __syncthreads();
+    for (std::uint32_t b = threadIdx.x; b < count; b += kWideBlock) counts[b] = 0;
+    for (std::uint32_t s = threadIdx.x; s < tile.count; s += kWideBlock)
+      static_cast<float4*>(out.slots)[place_of(shift[memory.bucket_at[s]] + s)] = slots[s];
+    __syncthreads();
+    if (kIds || kKeys) move_ids_and_keys<Kind, Bins, P>(tile, place, memory, in, out, place_of);
+  }
+  if constexpr (Kept) begin_as_found(starts, count, counts, sums, counters);
+}
+
+}  // namespace
+
+void split_into_buckets(const BucketPlan& p, const Source& source, const Ordered& o, const Grid& grid,
+                        cudaStream_t stream) {
+  const std::uint32_t n = o.count, count = p.buckets.count;
+  with_bins(o, grid, [&]<class Kind, class Bins>(Kind kind, const Bins& bins) {
+    const auto launch = [&](auto* kernel, std::uint32_t among, const Places& from, const Places& to) {
+      launch_with_shared(kernel, std::min<unsigned>(blocks_for(n, kTileSpheres), p.processors), kWideBlock,
+                         kTileSpheres * 18 + (2 * among + 1) * 4, p.shared_bytes, stream, source, bins,
+                         p.buckets, among, p.starts, from, to, static_cast<float>(grid.level[0].radius_max),
+                         p.counters);
+    };
+    constexpr bool kMayPack = kind() != SlotKind::fixed_point, kMayKeep = kKeyless<Bins>;
+    constexpr auto kWhole = Pass::whole, kAmong = Pass::among_groups, kWithin = Pass::within_groups;
+    const bool packed = kMayPack && source.packed;
+    if (p.groups > 0) {
+      launch(packed ? bucket_split_kernel<kind(), Bins, kAmong, kMayPack, false>
+                    : bucket_split_kernel<kind(), Bins, kAmong, false, false>,
+             p.groups, p.source, p.out);
+      launch(bucket_split_kernel<kind(), Bins, kWithin, false, false>, 1u << kGroupBits, p.out, p.split);
+    } else if (p.kept) {
+      launch(packed ? bucket_split_kernel<kind(), Bins, kWhole, kMayPack, kMayKeep>
+                    : bucket_split_kernel<kind(), Bins, kWhole, false, kMayKeep>,
+             count, p.source, p.split);
+    } else {
+      launch(packed ? bucket_split_kernel<kind(), Bins, kWhole, kMayPack, false>
+                    : bucket_split_kernel<kind(), Bins, kWhole, false, false>,
+             count, p.source, p.split);
+    }
+  });
+}
+
+}  // namespace padder::detect::cuda

@@ -1,0 +1,104 @@
+// SPDX-License-Identifier: MIT
+// What the passes of the order through buckets share (buckets.cu tells the way). A bucket is a row of
+// consecutive entries of the table of bins. Only bucket*.cu include this.
+#pragma once
+#include "detect/cuda/order/order_kernels.h"
+
+namespace padder::detect::cuda {
+
+constexpr int kWideBlock = 1024;      // threads of a block that fills a processor
+constexpr int kTileItems = 8;         // spheres a thread, of a tile that is divided at once
+constexpr int kMostBucketItems = 10;  // spheres a thread, of a bucket that is put in order at once
+constexpr std::uint32_t kTileSpheres = kWideBlock * kTileItems;
+// Buckets that spheres can be divided among at once; of a group; in all.
+constexpr std::uint32_t kMostAtOnce = 6144, kGroupBits = 10, kMostBuckets = 56000,
+                        kMostGroups = (kMostBuckets >> kGroupBits) + 1;
+
+// Which bucket holds a table entry: entries first_entry(b) to first_entry(b + 1) - 1 are of bucket b. Each
+// level has buckets of its own width, for the levels' bins are not equally full.
+struct Buckets {
+  std::uint32_t count = 0, entries = 1, widest = 1;
+  int merge = 0, levels = 1;
+  // Of a level: its first entry and its first bucket; 2^32 / width.
+  struct Part {
+    std::uint32_t entry = 0, bucket = 0, magic = 1;
+  } part[kMaxLevels];
+  __device__ __forceinline__ std::uint32_t of(std::uint32_t key) const {
+    const std::uint32_t entry = key >> merge;
+    int k = 0;
+    while (k + 1 < levels && entry >= part[k + 1].entry) k++;
+    return part[k].bucket + __umulhi(entry - part[k].entry, part[k].magic);
+  }
+  __device__ __forceinline__ int level_of(std::uint32_t b) const {
+    int k = 0;
+    while (k + 1 < levels && b >= part[k + 1].bucket) k++;
+    return k;
+  }
+  __device__ __forceinline__ std::uint32_t first_entry(std::uint32_t b) const {
+    const int k = level_of(b);
+    const std::uint64_t magic = part[k].magic,
+                        first = ((static_cast<std::uint64_t>(b - part[k].bucket) << 32) + magic - 1) / magic;
+    return static_cast<std::uint32_t>(min(part[k].entry + first, std::uint64_t(entries)));
+  }
+};
+
+// Where each bucket begins, and where its next sphere goes; of the groups too, and their first tiles. In
+// `bucket` the counts stand first. `finished`: blocks of a kernel that are done, by which its last block
+// knows that it is the last. `room`: where each bucket may be put while spheres are divided, if not where it
+// begins.
+struct Starts {
+  std::uint32_t *finished = nullptr, *bucket = nullptr, *cursor = nullptr, *room = nullptr,
+                *group_cursor = nullptr, *group_tile = nullptr;
+};
+// A sixteenth more than what the previous call's bucket ends at, and some for small ones.
+__host__ __device__ constexpr std::uint32_t roomy(std::uint32_t start, std::uint32_t bucket) {
+  return start + start / 16 + 64 * bucket;
+}
+
+// By all threads: whether all other blocks have been here. Then what they wrote before is seen.
+__device__ __forceinline__ bool is_last(const Starts& starts) {
+  __shared__ std::uint32_t number;
+  __threadfence();
+  __syncthreads();
+  if (threadIdx.x == 0) number = atomicAdd(starts.finished, 1);
+  __syncthreads();
+  if (number + 1 < gridDim.x) return false;
+  __threadfence();
+  return true;
+}
+
+// How the spheres are to be divided, and with what: decided by the host once for all passes.
+struct BucketPlan {
+  Buckets buckets;
+  Starts starts;
+  std::uint32_t groups = 0;  // of buckets; 0: spheres are divided among all buckets at once
+  bool kept = false;         // buckets have room by the previous call; nothing is counted
+  bool stable = false;
+  // Of the block that puts a bucket in order: threads, spheres that fit, bytes of the table.
+  int threads = kWideBlock;
+  std::uint32_t capacity = 0, table_bytes = 0;
+  std::uint32_t shared_bytes = 0;  // that a block may have
+  Places source, split, out;       // spheres as given; divided among buckets; in order
+  Gather gather;
+  Counters* counters = nullptr;
+  int processors = 1;
+};
+// Each for all spheres; `o` and `grid` tell the kind of slots and bins.
+void begin_buckets(const BucketPlan& plan, cudaStream_t stream);  // before anything else
+void count_buckets(const BucketPlan& plan, const Source& source, const Ordered& o, const Grid& grid,
+                   cudaStream_t stream);
+void split_into_buckets(const BucketPlan& plan, const Source& source, const Ordered& o, const Grid& grid,
+                        cudaStream_t stream);
+void order_buckets(const BucketPlan& plan, const Ordered& o, const Grid& grid, cudaStream_t stream);
+
+// Launches a kernel with so many bytes of shared memory, of `most` that a block may have.
+template <class... Parameters, class... Arguments>
+void launch_with_shared(void (*kernel)(Parameters...), unsigned blocks, int threads, std::uint32_t bytes,
+                        std::uint32_t most, cudaStream_t stream, const Arguments&... arguments) {
+  cuda_check(
+      cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, static_cast<int>(most)),
+      "take shared memory");
+  kernel<<<blocks, threads, bytes, stream>>>(arguments...);
+}
+
+}  // namespace padder::detect::cuda
