@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
-// A counting sort over bins for small scenes, in one launch: all blocks are resident and wait for each other
-// between the steps, which costs less than the start of a kernel. Spheres stay in registers; counts live in
-// L2.
+// The order by a counting sort over bins, for small scenes, in one launch: all blocks are resident and wait
+// for each other between the steps, which costs less than the start of a kernel. Spheres stay in registers,
+// counts in the L2 cache.
 #include <cooperative_groups.h>
 
 #include "detect/cuda/device.h"
@@ -14,9 +14,10 @@ constexpr int kThreads = 512, kItems = 2, kBlocksAProcessor = 2;
 constexpr std::uint32_t kMostOfABin = 64;
 using Word = unsigned long long;
 
-// For a stable order: the numbers of the spheres of each table entry. The first kOfEntry of an entry to come
-// leave theirs in the entry's own places, before it is known where the entry begins. The others go to a list;
-// if that is full, all numbers are written once more, by place, which takes another wait of all blocks.
+// For a stable order: the numbers of the spheres of each table entry. The first kOfEntry spheres that come to
+// an entry leave their numbers in places of its own, before it is known where the entry begins. The others go
+// to a list. If that is full, all numbers are written once more, by place, for which all blocks must wait
+// once more.
 constexpr std::uint32_t kOfEntry = 8, kMostBeyond = 128;
 struct Numbers {
   std::uint32_t* of_entry = nullptr;  // null: no memory for them
@@ -112,7 +113,71 @@ __device__ __forceinline__ void scan_table(std::uint32_t* v, std::uint32_t n, Wo
   }
 }
 
-template <SlotKind Kind, class Bins, bool Along, bool Tidy>
+// Gives the bounds of each octave to task.gather.octaves. By all threads of the block.
+template <class Task>
+__device__ __forceinline__ void give_octaves(const Task& task, std::uint32_t thread, std::uint32_t threads) {
+  const std::uint32_t count = task.source.count;
+  __shared__ OctaveBounds octaves;
+  OctaveTaker taker;
+  octaves.begin();
+  __syncthreads();
+#pragma unroll
+  for (int u = 0; u < kItems; u++) {
+    const std::uint32_t k = thread + u * threads;
+    const Sphere s = k < count ? task.source.sphere(k) : Sphere{};
+    const auto f = make_float4(static_cast<float>(s.x), static_cast<float>(s.y), static_cast<float>(s.z),
+                               static_cast<float>(s.r));
+    if (u == 0) taker.begin(task.gather.top, f, k < count);
+    if (k < count) taker.take(octaves, task.gather.top, f);
+  }
+  taker.give(octaves);
+  __syncthreads();
+  octaves.give(task.gather.octaves);
+}
+
+// What the steps of the kernel know of their spheres: of number thread + u * threads the slot, the key and
+// the rank among those of its table entry.
+struct OwnSpheres {
+  std::uint32_t thread, threads, count;
+  float4 slot[kItems];
+  std::uint32_t key[kItems], rank[kItems];
+};
+
+// Writes the spheres to their places. `beyond`: numbers in the list beyond the entries' own places; `listed`:
+// all numbers stand by place.
+template <SlotKind Kind, class Bins, bool Stable>
+__device__ __forceinline__ void write_spheres(const CellTask& task, const Bins& bins, const OwnSpheres& own,
+                                              const Numbers::First (&first)[kItems], std::uint32_t beyond,
+                                              bool listed) {
+  const std::uint32_t* const table = task.to.table;
+#pragma unroll
+  for (int u = 0; u < kItems; u++) {
+    const std::uint32_t k = own.thread + u * own.threads;
+    if (k >= own.count) break;
+    const std::uint32_t entry = own.key[u] >> task.to.merge, from = table[entry];
+    std::uint32_t at = from + own.rank[u];
+    if (Stable) {
+      // Within a bin by number: a sphere's rank is how many of its bin have a smaller one. Bins are small; a
+      // crowded one is reported, and the caller sorts instead.
+      const std::uint32_t end = table[entry + 1];
+      at = from;
+      if (end - from > kMostOfABin) {
+        atomicOr(&task.counters->flags, kCrowded);
+        continue;
+      }
+      if (listed)
+        for (std::uint32_t p = from; p < end; p++) at += task.numbers.by_place[p] < k;
+      else
+        at += task.numbers.smaller(first[u], entry, end - from, k, beyond);
+    }
+    static_cast<float4*>(task.to.slots)[at] = own.slot[u];
+    if (task.to.codes) task.to.codes[at] = code_for<Kind>(bins, own.key[u], own.slot[u]);
+    if (!kKeyless<Bins>) task.to.keys[at] = own.key[u];
+    if (Kind != SlotKind::equal) task.to.ids[at] = k;
+  }
+}
+
+template <SlotKind Kind, class Bins, bool Along, bool Stable>
 __global__ void __launch_bounds__(kThreads, kBlocksAProcessor)
     cell_order_kernel(const __grid_constant__ CellTask task, const __grid_constant__ Bins bins) {
   const auto grid = cooperative_groups::this_grid();
@@ -124,101 +189,60 @@ __global__ void __launch_bounds__(kThreads, kBlocksAProcessor)
   if (threadIdx.x == 0) task.sums[blockIdx.x] = 0;
   if (Along) task.gather.begin(thread, threads);
   if (Along && thread == 0) *task.counters = {};
-  if (Tidy && thread == 0) *task.numbers.beyond_count = 0;
-  float4 slot[kItems];
+  if (Stable && thread == 0) *task.numbers.beyond_count = 0;
+  OwnSpheres own;
+  own.thread = thread, own.threads = threads, own.count = count;
 #pragma unroll
   for (int u = 0; u < kItems; u++) {
     const std::uint32_t k = thread + u * threads;
-    if (k < count) slot[u] = slot_of<Kind>(task.source, grid_of(bins), k);
+    if (k < count) own.slot[u] = slot_of<Kind>(task.source, grid_of(bins), k);
   }
   grid.sync();
 
-  std::uint32_t key[kItems], rank[kItems];
   Bounds bounds;
 #pragma unroll
   for (int u = 0; u < kItems; u++) {
     const std::uint32_t k = thread + u * threads;
-    key[u] = ~0u;
+    own.key[u] = ~0u;
     if (k < count) {
       const Sphere s = task.source.sphere(k);
-      key[u] = key_of_sphere(s, bins, task.counters);
+      own.key[u] = key_of_sphere(s, bins, task.counters);
       if (Along) bounds.take(s, k);
     }
-    rank[u] = ticket(table, k < count ? key[u] >> task.to.merge : ~0u);
+    own.rank[u] = ticket(table, k < count ? own.key[u] >> task.to.merge : ~0u);
   }
-  if (Tidy && task.numbers.of_entry) {
+  if (Stable && task.numbers.of_entry) {
 #pragma unroll
     for (int u = 0; u < kItems; u++) {
       const std::uint32_t k = thread + u * threads;
-      if (k < count) task.numbers.leave(key[u] >> task.to.merge, rank[u], k);
+      if (k < count) task.numbers.leave(own.key[u] >> task.to.merge, own.rank[u], k);
     }
   }
   if (Along) bounds.give(task.gather.bounds);
-  if (Along && task.gather.octaves) {
-    __shared__ OctaveBounds octaves;
-    OctaveTaker taker;
-    octaves.begin();
-    __syncthreads();
-#pragma unroll
-    for (int u = 0; u < kItems; u++) {
-      const std::uint32_t k = thread + u * threads;
-      const Sphere s = k < count ? task.source.sphere(k) : Sphere{};
-      const auto f = make_float4(static_cast<float>(s.x), static_cast<float>(s.y), static_cast<float>(s.z),
-                                 static_cast<float>(s.r));
-      if (u == 0) taker.begin(task.gather.top, f, k < count);
-      if (k < count) taker.take(octaves, task.gather.top, f);
-    }
-    taker.give(octaves);
-    __syncthreads();
-    octaves.give(task.gather.octaves);
-  }
+  if (Along && task.gather.octaves) give_octaves(task, thread, threads);
   grid.sync();
 
   std::uint32_t beyond = ~0u;
   Numbers::First first[kItems];
   scan_table(table, entries, task.sums, [&] {
-    if (!Tidy || !task.numbers.of_entry) return;
+    if (!Stable || !task.numbers.of_entry) return;
     beyond = *static_cast<volatile std::uint32_t*>(task.numbers.beyond_count);
 #pragma unroll
     for (int u = 0; u < kItems; u++)
-      if (thread + u * threads < count) first[u] = task.numbers.first(key[u] >> task.to.merge);
+      if (thread + u * threads < count) first[u] = task.numbers.first(own.key[u] >> task.to.merge);
   });
   grid.sync();
 
-  const bool once_more = Tidy && beyond > kMostBeyond;
-  if (once_more) {
+  const bool listed = Stable && beyond > kMostBeyond;
+  if (listed) {
 #pragma unroll
     for (int u = 0; u < kItems; u++) {
       const std::uint32_t k = thread + u * threads;
-      if (k < count) task.numbers.by_place[table[key[u] >> task.to.merge] + rank[u]] = k;
+      if (k < count) task.numbers.by_place[table[own.key[u] >> task.to.merge] + own.rank[u]] = k;
     }
     grid.sync();
   }
-#pragma unroll
-  for (int u = 0; u < kItems; u++) {
-    const std::uint32_t k = thread + u * threads;
-    if (k >= count) break;
-    const std::uint32_t entry = key[u] >> task.to.merge, from = table[entry];
-    std::uint32_t at = from + rank[u];
-    if (Tidy) {
-      // Within a bin by number: a sphere's rank is how many of its bin have a smaller one. Bins are small; a
-      // crowded one is reported, and the caller sorts instead.
-      const std::uint32_t end = table[entry + 1];
-      at = from;
-      if (end - from > kMostOfABin) {
-        atomicOr(&task.counters->flags, kCrowded);
-        continue;
-      }
-      if (once_more)
-        for (std::uint32_t p = from; p < end; p++) at += task.numbers.by_place[p] < k;
-      else
-        at += task.numbers.smaller(first[u], entry, end - from, k, beyond);
-    }
-    static_cast<float4*>(task.to.slots)[at] = slot[u];
-    if (task.to.codes) task.to.codes[at] = code_for<Kind>(bins, key[u], slot[u]);
-    if (!kKeyless<Bins>) task.to.keys[at] = key[u];
-    if (Kind != SlotKind::equal) task.to.ids[at] = k;
-  }
+  write_spheres<Kind, Bins, Stable>(task, bins, own, first, beyond, listed);
 }
 
 // f(kernel, bins) with the one that serves.
