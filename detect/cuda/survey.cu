@@ -6,13 +6,16 @@
 #include <vector>
 
 #include "detect/cuda/survey.h"
+#include "detect/cuda/tuning.h"
 
 namespace padder::detect::cuda {
 namespace {
 
 using Word = unsigned long long;
-constexpr int kThreads = 256, kBlocks = kProcessors * 4, kOctaveWords = OctaveBounds::kWords;
-constexpr int kManyBlocks = 5;  // a processor
+constexpr int kThreads = 256, kOctaveWords = OctaveBounds::kWords;
+// Blocks of the survey. The same number on every device, because each gives one term of the sum of the radii:
+// so the mean, and the bins that follow from it, are the same everywhere.
+constexpr int kBlocks = 528;
 constexpr int kAll = kBounds + kOctaves * kOctaveWords;
 
 __device__ Word warp_min(Word v) {
@@ -124,7 +127,7 @@ __global__ void __launch_bounds__(kThreads) octave_kernel(Source source, int top
 }
 
 // The same of packed float spheres, in float: bounds and radii keep their order as integers.
-__global__ void __launch_bounds__(kThreads, kManyBlocks)
+__global__ void __launch_bounds__(kThreads, tuning::kOctaveBlocks)
     float_octave_kernel(const float4* spheres, std::uint32_t count, int top, Word* out) {
   __shared__ OctaveBounds bounds;
   OctaveTaker taker;
@@ -168,18 +171,19 @@ void Surveyor::begin_bounds(Word* bounds, cudaStream_t stream) {
   begin_kernel<<<1, 32, 0, stream>>>(bounds, 5, kBounds, kBounds, kHead);
 }
 
-void Surveyor::begin(const Source& source, bool octaves, int top, cudaStream_t stream) {
+void Surveyor::begin(const Source& source, bool octaves, int top, int processors, cudaStream_t stream) {
   Word* v = head() + kHead;
   begin_bounds(v, stream);
   survey_kernel<<<blocks_of(source), kThreads, 0, stream>>>(source, v, sums_.reserve(kBlocks));
-  if (octaves) gather_octaves(source, gather(true, top), stream);
+  if (octaves) gather_octaves(source, gather(true, top), processors, stream);
   cuda_launched("survey the spheres");
 }
 
-void Surveyor::gather_octaves(const Source& source, const Gather& gather, cudaStream_t stream) {
+void Surveyor::gather_octaves(const Source& source, const Gather& gather, int processors,
+                              cudaStream_t stream) {
   begin_kernel<<<3, 256, 0, stream>>>(gather.octaves, 3, kOctaves * kOctaveWords, kOctaveWords, 0);
   if (rides_along(source))
-    float_octave_kernel<<<kProcessors * kManyBlocks, kThreads, 0, stream>>>(
+    float_octave_kernel<<<processors * tuning::kOctaveBlocks, kThreads, 0, stream>>>(
         static_cast<const float4*>(source.centers), source.count, gather.top, gather.octaves);
   else
     octave_kernel<<<kBlocks, kThreads, 0, stream>>>(source, gather.top, gather.octaves);
@@ -242,14 +246,14 @@ int Surveyor::find_above(const Source& source, cudaStream_t stream) {
   return octaves_above(std::span<const std::uint64_t, kExponents>(found));
 }
 
-Summary Surveyor::survey(const Source& source, cudaStream_t stream) {
+Summary Surveyor::survey(const Source& source, int processors, cudaStream_t stream) {
   Summary s;
   const auto look = [&](bool octaves, int above) {
     const int top = octaves ? exponent_of(s.need_max) - above : 0;
     Report report;
     read(source, octaves, false, report);
     report.expect();
-    begin(source, octaves, top, stream);
+    begin(source, octaves, top, processors, stream);
     report.send(stream);
     report.arrived(stream, "survey the spheres");
     return finish(source, octaves, top, false, s, above);

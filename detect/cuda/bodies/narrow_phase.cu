@@ -287,15 +287,17 @@ unsigned blocks_for(std::uint64_t units, unsigned each, int processors) {
 }  // namespace
 
 void find_hits(const NarrowPhaseTask& task, int processors, cudaStream_t stream) {
-  find_hits_kernel<<<processors * 8, kThreads, 0, stream>>>(task);
+  find_hits_kernel<<<processors * tuning::kNarrowPhaseBlocks, kThreads, 0, stream>>>(task);
   cuda_launched("test the spheres of bodies whose balls touch");
 }
 void write_hits(const NarrowPhaseTask& task, const Output& output, int processors, cudaStream_t stream) {
   const bool sums = task.stable_order && !task.batch_offsets;
   if (sums)
-    write_hits_kernel<true><<<processors * 2, kWriterThreads<true>, 0, stream>>>(task, output);
+    write_hits_kernel<true>
+        <<<processors * tuning::kSumAndWriteBlocks, kWriterThreads<true>, 0, stream>>>(task, output);
   else
-    write_hits_kernel<false><<<processors * 8, kWriterThreads<false>, 0, stream>>>(task, output);
+    write_hits_kernel<false>
+        <<<processors * tuning::kWriteBlocks, kWriterThreads<false>, 0, stream>>>(task, output);
   cuda_launched("write the contacts");
 }
 void count_static_pairs(const StaticPairTask& task, const Grid& grid, int processors, cudaStream_t stream) {

@@ -7,6 +7,7 @@
 #include "detect/cuda/bounds.h"
 #include "detect/cuda/counters.h"
 #include "detect/cuda/order/codes.h"
+#include "detect/cuda/tuning.h"
 
 namespace padder::detect::cuda {
 
@@ -44,8 +45,9 @@ inline FloatBins float_bins(const Grid& grid, SlotKind kind, std::uint64_t spher
   FloatBins b = bins_of(grid.level[0]);
   if (!b.on) return b;
   // Finer rows pay where bins hold many spheres; elsewhere they only make the table longer.
-  if (static_cast<double>(spheres) > 4.0 * b.count[0] * b.count[1] * b.count[2] && grid.buckets < 0x1p29)
-    b.fine = 4;
+  if (static_cast<double>(spheres) > tuning::kFullBin * b.count[0] * b.count[1] * b.count[2] &&
+      grid.buckets < 0x1p29)
+    b.fine = tuning::kFineBins;
   b.count[0] *= b.fine, b.per_size[0] *= static_cast<float>(b.fine);
   b.first = b.fine, b.row = b.count[0] + b.fine, b.plane = b.row * (b.count[1] + 2);
   b.buckets = b.plane * (b.count[2] + 2) + b.fine;

@@ -107,7 +107,7 @@ bool Orderer::by_buckets(const OrderRequest& r, Ordered& o) {
   plan.stable = r.stable, plan.gather = r.gather, plan.counters = r.counters, plan.processors = r.processors;
   const std::uint64_t split_room = plan_rooms(r, o, plan);
   plan_work_space(r.lent, split_room, o, plan);
-  if (r.gather.octaves && !plan.kept) Surveyor::gather_octaves(r.source, r.gather, r.stream);
+  if (r.gather.octaves && !plan.kept) Surveyor::gather_octaves(r.source, r.gather, r.processors, r.stream);
   begin_buckets(plan, r.stream);
   if (!plan.kept) count_buckets(plan, r.source, o, r.grid, r.stream);
   split_into_buckets(plan, r.source, o, r.grid, r.stream);

@@ -6,9 +6,9 @@
 
 namespace padder::detect::cuda {
 
-constexpr int kWideBlock = 1024;      // threads of a block that fills a processor
-constexpr int kTileItems = 8;         // spheres a thread, of a tile that is divided at once
-constexpr int kMostBucketItems = 10;  // spheres a thread, of a bucket that is put in order at once
+constexpr int kWideBlock = 1024;                // threads of a block that fills a processor
+constexpr int kTileItems = tuning::kTileItems;  // spheres a thread, of a tile that is divided at once
+constexpr int kMostBucketItems = 10;            // spheres a thread, of a bucket that is put in order at once
 constexpr std::uint32_t kTileSpheres = kWideBlock * kTileItems;
 // Buckets that spheres can be divided among at once; of a group; in all.
 constexpr std::uint32_t kMostAtOnce = 6144, kGroupBits = 10, kMostBuckets = 56000,

@@ -18,7 +18,7 @@ using Word = unsigned long long;
 // an entry leave their numbers in places of its own, before it is known where the entry begins. The others go
 // to a list. If that is full, all numbers are written once more, by place, for which all blocks must wait
 // once more.
-constexpr std::uint32_t kOfEntry = 8, kMostBeyond = 128;
+constexpr std::uint32_t kOfEntry = tuning::kNumbersOfEntry, kMostBeyond = 128;
 struct Numbers {
   std::uint32_t* of_entry = nullptr;  // null: no memory for them
   Word* beyond = nullptr;             // entry << 32 | number

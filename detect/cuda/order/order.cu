@@ -68,7 +68,9 @@ Ordered Orderer::order(const OrderRequest& r) {
   for (int k = 0; k < grid.levels; k++) dense = dense && !grid.level[k].hashed;
   OrderMethod method = r.method;
   if (method == OrderMethod::automatic)
-    method = !dense ? OrderMethod::sort : count < kFewSpheres ? OrderMethod::cells : OrderMethod::buckets;
+    method = !dense                        ? OrderMethod::sort
+             : count < tuning::kFewSpheres ? OrderMethod::cells
+                                           : OrderMethod::buckets;
   Ordered o;
   o.kind = r.kind, o.count = count;
   o.bins = float_bins(grid, r.kind, count);
@@ -77,7 +79,9 @@ Ordered Orderer::order(const OrderRequest& r) {
   // Where bins are many and nearly empty, several along x share an entry of the table. Not in rows so short
   // that an entry could hold bins of two rows that both hold partners of one sphere.
   if (single && o.bins.fine == 1 && method != OrderMethod::sort && grid.level[0].count[0] >= 32)
-    while (o.merge < 3 && (static_cast<double>(buckets) / (2 << o.merge)) > 0.75 * count) o.merge++;
+    while (o.merge < tuning::kMostMerge &&
+           (static_cast<double>(buckets) / (2 << o.merge)) > tuning::kEntriesASphere * count)
+      o.merge++;
   o.entries = (buckets >> o.merge) + 2;
   o.table = table_.reserve(o.entries + 4), o.slots = slots_.reserve(std::uint64_t(o.count) + kSlack);
   if (dense) o.codes = codes_.reserve(std::uint64_t(o.count) + kSlack);
@@ -91,7 +95,7 @@ Ordered Orderer::order(const OrderRequest& r) {
 void Orderer::by_sort(const OrderRequest& r, Ordered& o) {
   const cudaStream_t stream = r.stream;
   if (r.gather.bounds) Surveyor::begin_bounds(r.gather.bounds, stream);
-  if (r.gather.octaves) Surveyor::gather_octaves(r.source, r.gather, stream);
+  if (r.gather.octaves) Surveyor::gather_octaves(r.source, r.gather, r.processors, stream);
   std::uint32_t *keys = keys_.reserve(o.count), *ids = ids_.reserve(o.count);
   o.ids = sorted_ids_.reserve(o.count), o.keys = sorted_keys_.reserve(o.count);
   std::size_t sort_bytes = 0, scan_bytes = 0;

@@ -5,6 +5,7 @@
 #include "detect/cuda/counters.h"
 #include "detect/cuda/order/float_bins.h"
 #include "detect/cuda/survey.h"
+#include "detect/cuda/tuning.h"
 
 namespace padder::detect::cuda {
 
@@ -67,8 +68,7 @@ class Orderer {
   Ordered order(const OrderRequest& request);
   // Another number whenever `keep` would stand for something else.
   std::uint64_t kept() const { return kept_; }
-  double bucket_spheres = 6500;  // average aimed at
-  static constexpr std::uint32_t kFewSpheres = 1u << 18;
+  double bucket_spheres = tuning::kBucketSpheres;
   // Slots lent that are enough for any order.
   static std::uint64_t room(std::uint64_t spheres) { return spheres + spheres / 8; }
 
