@@ -45,9 +45,9 @@ __device__ __forceinline__ void find_starts(const Buckets& buckets, const Starts
   std::uint32_t tiles = 0;
   for (std::uint32_t g = 0; g < groups; g++) {
     starts.group_tile[g] = tiles;
-    tiles +=
-        (shared[min((g + 1) << kGroupBits, buckets.count)] - shared[g << kGroupBits] + kTileSpheres - 1) /
-        kTileSpheres;
+    tiles += (shared[min((g + 1) << kGroupBits, buckets.count)] - shared[g << kGroupBits] +
+              buckets.tile_spheres - 1) /
+             buckets.tile_spheres;
   }
   starts.group_tile[groups] = tiles;
 }

@@ -6,11 +6,11 @@
 
 namespace padder::detect::cuda {
 
-constexpr int kWideBlock = 1024;                // threads of a block that fills a processor
-constexpr int kTileItems = tuning::kTileItems;  // spheres a thread, of a tile that is divided at once
-constexpr int kMostBucketItems = 10;            // spheres a thread, of a bucket that is put in order at once
-constexpr std::uint32_t kTileSpheres = kWideBlock * kTileItems;
-// Buckets that spheres can be divided among at once; of a group; in all.
+constexpr int kWideBlock = 1024;  // threads of a block that fills a processor
+constexpr int kTileItems =
+    tuning::kTileItems;               // at most: spheres a thread, of a tile that is divided at once
+constexpr int kMostBucketItems = 10;  // spheres a thread, of a bucket that is put in order at once
+// At most: buckets that spheres can be divided among at once; of a group; in all.
 constexpr std::uint32_t kMostAtOnce = 6144, kGroupBits = 10, kMostBuckets = 56000,
                         kMostGroups = (kMostBuckets >> kGroupBits) + 1;
 
@@ -18,6 +18,7 @@ constexpr std::uint32_t kMostAtOnce = 6144, kGroupBits = 10, kMostBuckets = 5600
 // level has buckets of its own width, for the levels' bins are not equally full.
 struct Buckets {
   std::uint32_t count = 0, entries = 1, widest = 1;
+  std::uint32_t tile_spheres = 0;  // that a block divides among buckets at once
   int merge = 0, levels = 1;
   // Of a level: its first entry and its first bucket; 2^32 / width.
   struct Part {
@@ -90,6 +91,11 @@ void count_buckets(const BucketPlan& plan, const Source& source, const Ordered& 
 void split_into_buckets(const BucketPlan& plan, const Source& source, const Ordered& o, const Grid& grid,
                         cudaStream_t stream);
 void order_buckets(const BucketPlan& plan, const Ordered& o, const Grid& grid, cudaStream_t stream);
+
+// Shared memory of a block that divides so many spheres among so many buckets.
+constexpr std::uint32_t tile_bytes(std::uint32_t spheres, std::uint32_t buckets) {
+  return spheres * 18 + (2 * buckets + 1) * 4;
+}
 
 // Launches a kernel with so many bytes of shared memory, of `most` that a block may have.
 template <class... Parameters, class... Arguments>
