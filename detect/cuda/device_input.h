@@ -20,7 +20,7 @@ struct Source {
   const void* radii = nullptr;
   const std::uint32_t* family = nullptr;
   const std::uint32_t* mask = nullptr;
-  const std::uint32_t* owner = nullptr;     // of each loose sphere, where it is not itself
+  const std::uint32_t* owner = nullptr;     // Filter::owner of each loose sphere; null: 0
   const std::uint8_t* is_static = nullptr;  // of loose spheres
   const Body* bodies = nullptr;
   const std::uint32_t* body_of = nullptr;      // of each placed sphere
