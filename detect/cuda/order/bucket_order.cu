@@ -154,8 +154,6 @@ __global__ void __launch_bounds__(Threads, kWideBlock / Threads)
 }  // namespace
 
 void order_buckets(const BucketPlan& p, const Ordered& o, const Grid& grid, cudaStream_t stream) {
-  const std::uint32_t sphere_bytes =
-      16 + (o.kind == SlotKind::equal ? 0 : 4) + (o.bins.on || o.float_levels ? 0 : 4);
   with_bins(o, grid, [&]<class Kind, class Bins>(Kind kind, const Bins& bins) {
     constexpr bool kMayKeep = kKeyless<Bins>;
     constexpr int kHalf = kWideBlock / 2;
@@ -164,9 +162,9 @@ void order_buckets(const BucketPlan& p, const Ordered& o, const Grid& grid, cuda
                                          : bucket_order_kernel<kind(), Bins, kWideBlock, kMayKeep>
                          : halved ? bucket_order_kernel<kind(), Bins, kHalf, false>
                                 : bucket_order_kernel<kind(), Bins, kWideBlock, false>,
-                       p.buckets.count, p.threads, p.capacity * sphere_bytes + p.table_bytes, p.shared_bytes,
-                       stream, bins, p.buckets, p.capacity, p.starts, p.split, p.out, o.table, p.stable,
-                       p.gather, static_cast<float>(grid.level[0].radius_max), p.counters);
+                       p.buckets.count, p.threads, p.capacity * sphere_bytes(o) + p.table_bytes,
+                       p.shared_bytes, stream, bins, p.buckets, p.capacity, p.starts, p.split, p.out, o.table,
+                       p.stable, p.gather, static_cast<float>(grid.level[0].radius_max), p.counters);
   });
 }
 

@@ -13,11 +13,6 @@ namespace padder::detect::cuda {
 namespace {
 
 constexpr std::uint32_t kStaticShared = 1024;  // bytes that the kernels declare themselves, or less
-constexpr std::uint32_t kHalved = 3'000'000;   // up to so many spheres, buckets and blocks are half as large
-
-bool has_keys(const Ordered& o) { return !o.bins.on && !o.float_levels; }
-bool has_ids(const Ordered& o) { return o.kind != SlotKind::equal; }
-std::uint32_t sphere_bytes(const Ordered& o) { return 16 + (has_ids(o) ? 4 : 0) + (has_keys(o) ? 4 : 0); }
 
 // As many buckets as give each about `aim` spheres on average, of fewer than `widest` entries.
 Buckets choose_buckets(const Grid& grid, const Ordered& o, double aim, double widest) {
@@ -52,7 +47,7 @@ bool choose_plan(const Grid& grid, const Ordered& o, double bucket_spheres, Buck
   if (tile == 0 || tile_bytes(tile, 1u << kGroupBits) > shared) return false;
   const std::uint32_t at_once = std::min(kMostAtOnce, ((shared - tile * 18) / 4 - 1) / 2);
   bucket_spheres *= std::min(1.0, static_cast<double>(shared) / tuning::kBucketShared);
-  const bool halved = o.count <= kHalved;
+  const bool halved = o.count <= tuning::kHalvedBuckets;
   p.threads = halved ? kWideBlock / 2 : kWideBlock;
   const std::uint32_t room = halved ? shared / 2 : shared, bytes = sphere_bytes(o);
   // No more entries than leave room for the spheres, nor than 16 bits can number.

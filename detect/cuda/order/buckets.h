@@ -92,6 +92,13 @@ void split_into_buckets(const BucketPlan& plan, const Source& source, const Orde
                         cudaStream_t stream);
 void order_buckets(const BucketPlan& plan, const Ordered& o, const Grid& grid, cudaStream_t stream);
 
+// What goes with the slot of a sphere: its key, its number. And the bytes of all.
+inline bool has_keys(const Ordered& o) { return !o.bins.on && !o.float_levels; }
+inline bool has_ids(const Ordered& o) { return o.kind != SlotKind::equal; }
+inline std::uint32_t sphere_bytes(const Ordered& o) {
+  return 16 + (has_ids(o) ? 4 : 0) + (has_keys(o) ? 4 : 0);
+}
+
 // Shared memory of a block that divides so many spheres among so many buckets.
 constexpr std::uint32_t tile_bytes(std::uint32_t spheres, std::uint32_t buckets) {
   return spheres * 18 + (2 * buckets + 1) * 4;
