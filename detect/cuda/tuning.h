@@ -22,10 +22,6 @@ inline constexpr std::uint32_t kFewSpheres = 1u << 18;
 inline constexpr double kBucketSpheres = 6500;
 inline constexpr std::uint32_t kBucketShared = 226 * 1024;
 
-// Up to so many spheres, buckets and the blocks that put them in order are half as large, two a processor.
-// Row "half as large, blocks half as wide, two a processor" (1e6, 5e6, 2e7). Fewer processors move it down.
-inline constexpr std::uint32_t kHalvedBuckets = 3'000'000;
-
 // Spheres a thread, of a tile that is divided among buckets at once. Row "tiles of 7 spheres a thread instead
 // of 8". Bounded by shared memory (18 bytes a sphere) and by 64 registers a thread.
 inline constexpr int kTileItems = 8;
