@@ -17,7 +17,7 @@ __global__ void __launch_bounds__(kCountThreads)
   if (k == 0) *counters = {};
 }
 
-// The same where buckets have room by what the previous call found.
+// The same, where the previous call's counts decide what room each bucket gets.
 __global__ void __launch_bounds__(kCountThreads)
     bucket_room_kernel(Starts starts, std::uint32_t count, Gather gather, Counters* counters) {
   const std::uint32_t k = blockIdx.x * kCountThreads + threadIdx.x;

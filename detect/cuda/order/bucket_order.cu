@@ -6,7 +6,7 @@
 namespace padder::detect::cuda {
 namespace {
 
-// One bucket, in the hands of one block. Shared memory holds the slots, then (where the kind needs them) the
+// The bucket that a block puts in order. Shared memory holds the slots, then (where the kind needs them) the
 // keys, the numbers of the spheres, the bins' counts and the bounds of each octave.
 template <SlotKind Kind, class Bins>
 struct Bucket {
@@ -36,7 +36,7 @@ struct Bucket {
     const std::uint32_t b = kKeys ? bin_of_key(keys[s]) : bin_of_slot(bins_here, mine), end = bins[b + 1],
                         own = number(s);
     std::uint32_t to = bins[b];
-    // Four at a time: bins are small, and one after the other each would be waited for.
+    // Four at a time: one after the other, the thread would wait for each.
     for (std::uint32_t q = to; q < end; q += 4) {
 #pragma unroll
       for (std::uint32_t v = 0; v < 4; v++)
@@ -86,7 +86,7 @@ __device__ __forceinline__ void sort_in_shared(const Bucket<Kind, Bins>& b, cons
     b.slots[place[u]] = slot[u];
     if (kKeys) b.keys[place[u]] = in.keys[from + k];
   }
-  // Asked for all at once, in registers that the slots had.
+  // All numbers are asked for at once, in the registers that held the slots.
   if constexpr (kIds) {
     std::uint32_t id[kMostBucketItems];
 #pragma unroll

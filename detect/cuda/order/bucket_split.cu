@@ -17,8 +17,8 @@ struct BucketOf {
     return buckets.of(key);
   }
 };
-// Lanes of a warp ask for several levels: what tells the bucket lies in shared memory. A barrier must follow
-// before the first is asked for.
+// The same for several levels. The lanes of a warp ask for different levels, which constant memory would
+// answer one by one: so the levels' numbers lie in shared memory. A barrier must follow the constructor.
 template <>
 struct BucketOf<LevelBins> {
   struct Line {
@@ -62,7 +62,7 @@ struct BucketOf<LevelBins> {
 // All buckets at once; or groups of buckets first, and then the buckets of each group.
 enum class Pass { whole, among_groups, within_groups };
 
-// By the last block that has divided its spheres: what was found is where buckets begin.
+// By the last block that has divided its spheres: buckets begin where the counts of this call say.
 __device__ __noinline__ void begin_as_found(const Starts& starts, std::uint32_t count, std::uint32_t* shared,
                                             std::uint32_t* sums, Counters* counters) {
   if (!is_last(starts)) return;
@@ -106,8 +106,8 @@ struct TileMemory {
         shift(counts + buckets + 1) {}
 };
 
-// Bucket and rank in it of each sphere of the tile. Kept: a sphere of another radius than all have is
-// reported.
+// Finds the bucket of each sphere of the tile, and its rank in the bucket. Kept: the radius of all spheres is
+// taken from the previous call; a sphere of another radius is reported.
 template <SlotKind Kind, class Bins, Pass P, bool Kept>
 __device__ __forceinline__ void rank_spheres(const Tile& tile, const float4 (&slot)[kTileItems],
                                              std::uint32_t (&place)[kTileItems],
@@ -131,7 +131,8 @@ __device__ __forceinline__ void rank_spheres(const Tile& tile, const float4 (&sl
   }
 }
 
-// What does not fit the slot goes the same way in a second round, through the memory of the slots.
+// Numbers and keys do not fit the slot. They go the same way in a second round, through the memory of the
+// slots.
 template <SlotKind Kind, class Bins, Pass P, class PlaceOf>
 __device__ __forceinline__ void move_ids_and_keys(const Tile& tile, const std::uint32_t (&place)[kTileItems],
                                                   const TileMemory& memory, std::uint32_t most,
@@ -185,7 +186,7 @@ __global__ void __launch_bounds__(kWideBlock)
     }
   };
   for (std::uint32_t b = threadIdx.x; b < count; b += kWideBlock) counts[b] = 0;
-  // A bucket that has outgrown its room runs into the next one's, the last no further than one place.
+  // A bucket that has outgrown its room runs into the next one's. The last bucket stops at the last place.
   const auto place_of = [&](std::uint32_t to) { return Kept ? min(to, roomy(source.count, count)) : to; };
   std::uint32_t number = blockIdx.x;
   if (number >= tiles) return;
@@ -211,8 +212,8 @@ __global__ void __launch_bounds__(kWideBlock)
         slot[u].w = __uint_as_float(tile.first + threadIdx.x + u * kWideBlock);
       slots[place[u]] = slot[u], memory.bucket_at[place[u]] = static_cast<std::uint16_t>(bucket);
     }
-    // The slots' registers are free now: places are asked for, and the next tile, before either is waited
-    // for.
+    // The registers of the slots are free now. The thread asks for places in the buckets and for the next
+    // tile before it waits for either.
     std::uint32_t taken[kBucketsAThread];
 #pragma unroll
     for (int u = 0; u < kBucketsAThread; u++) {

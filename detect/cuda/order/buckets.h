@@ -7,15 +7,14 @@
 namespace padder::detect::cuda {
 
 constexpr int kWideBlock = 1024;  // threads of a block that fills a processor
-constexpr int kTileItems =
-    tuning::kTileItems;               // at most: spheres a thread, of a tile that is divided at once
-constexpr int kMostBucketItems = 10;  // spheres a thread, of a bucket that is put in order at once
+// Spheres a thread, at most: of a tile that is divided at once; of a bucket that is put in order at once.
+constexpr int kTileItems = tuning::kTileItems, kMostBucketItems = 10;
 // At most: buckets that spheres can be divided among at once; of a group; in all.
 constexpr std::uint32_t kMostAtOnce = 6144, kGroupBits = 10, kMostBuckets = 56000,
                         kMostGroups = (kMostBuckets >> kGroupBits) + 1;
 
 // Which bucket holds a table entry: entries first_entry(b) to first_entry(b + 1) - 1 are of bucket b. Each
-// level has buckets of its own width, for the levels' bins are not equally full.
+// level has buckets of its own width, because the levels' bins are not equally full.
 struct Buckets {
   std::uint32_t count = 0, entries = 1, widest = 1;
   std::uint32_t tile_spheres = 0;  // that a block divides among buckets at once
@@ -43,20 +42,22 @@ struct Buckets {
   }
 };
 
-// Where each bucket begins, and where its next sphere goes; of the groups too, and their first tiles. In
-// `bucket` the counts stand first. `finished`: blocks of a kernel that are done, by which its last block
-// knows that it is the last. `room`: where each bucket may be put while spheres are divided, if not where it
-// begins.
+// Where each bucket begins (`bucket`, in which the counts stand first) and where its next sphere goes
+// (`cursor`). Where the next sphere of each group goes, and the first tile of each group. `room`: where each
+// bucket begins while spheres are divided by the previous call's counts. `finished`: blocks of a kernel that
+// are done, so that the last block knows that it is the last.
 struct Starts {
   std::uint32_t *finished = nullptr, *bucket = nullptr, *cursor = nullptr, *room = nullptr,
                 *group_cursor = nullptr, *group_tile = nullptr;
 };
-// A sixteenth more than what the previous call's bucket ends at, and some for small ones.
+// Where a bucket's room begins, if its spheres began at `start` in the previous call: all buckets before it
+// get a sixteenth more room than they needed, and 64 spheres more each.
 __host__ __device__ constexpr std::uint32_t roomy(std::uint32_t start, std::uint32_t bucket) {
   return start + start / 16 + 64 * bucket;
 }
 
-// By all threads: whether all other blocks have been here. Then what they wrote before is seen.
+// Called by all threads of each block. True in the block that comes last: it sees what the others wrote
+// before.
 __device__ __forceinline__ bool is_last(const Starts& starts) {
   __shared__ std::uint32_t number;
   __threadfence();
@@ -103,7 +104,7 @@ constexpr std::uint32_t tile_bytes(std::uint32_t spheres, std::uint32_t buckets)
   return spheres * 18 + (2 * buckets + 1) * 4;
 }
 
-// Launches a kernel with so many bytes of shared memory, of `most` that a block may have.
+// Launches a kernel with `bytes` of shared memory, of `most` that a block may have.
 template <class... Parameters, class... Arguments>
 void launch_with_shared(void (*kernel)(Parameters...), unsigned blocks, int threads, std::uint32_t bytes,
                         std::uint32_t most, cudaStream_t stream, const Arguments&... arguments) {

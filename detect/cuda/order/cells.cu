@@ -33,7 +33,8 @@ struct Numbers {
       if (at < kMostBeyond) beyond[at] = static_cast<Word>(entry) << 32 | k;
     }
   }
-  // Those that an entry's own places hold, once all have come; and how many of its `n` are smaller than k.
+  // What stands in the places of an entry once all spheres have come. smaller(): how many of the entry's n
+  // numbers are smaller than k.
   struct First {
     uint4 a, b;
   };
@@ -61,8 +62,8 @@ struct CellTask {
   Counters* counters = nullptr;
 };
 
-// Exclusive sums of v[0 .. n) by all blocks: each publishes the sum of its part and adds up those before it,
-// and in between calls meanwhile().
+// Turns v[0 .. n) into its exclusive sums, by all blocks together. Each publishes the sum of its part, calls
+// meanwhile(), and adds up the sums of the parts before its own. All blocks must be resident.
 template <class Meanwhile>
 __device__ __forceinline__ void scan_table(std::uint32_t* v, std::uint32_t n, Word* sums,
                                            Meanwhile meanwhile) {
@@ -70,7 +71,7 @@ __device__ __forceinline__ void scan_table(std::uint32_t* v, std::uint32_t n, Wo
   constexpr int kWarps = kThreads / 32;
   __shared__ std::uint32_t warp_sums[2][kWarps], shared_before;
   const std::uint32_t lane = threadIdx.x & 31, warp = threadIdx.x >> 5;
-  // 16 bytes a thread and step.
+  // Each thread takes 16 bytes a step.
   const std::uint32_t quads = (n + 3) / 4, part = (quads + gridDim.x - 1) / gridDim.x,
                       from = min(blockIdx.x * part, quads), to = min(from + part, quads);
   auto* const quad = reinterpret_cast<uint4*>(v);
@@ -135,8 +136,8 @@ __device__ __forceinline__ void give_octaves(const Task& task, std::uint32_t thr
   octaves.give(task.gather.octaves);
 }
 
-// What the steps of the kernel know of their spheres: of number thread + u * threads the slot, the key and
-// the rank among those of its table entry.
+// The spheres of one thread: those of number thread + u * threads. Of each its slot, its key and its rank
+// among the spheres of its table entry.
 struct OwnSpheres {
   std::uint32_t thread, threads, count;
   float4 slot[kItems];
@@ -245,7 +246,7 @@ __global__ void __launch_bounds__(kThreads, kBlocksAProcessor)
   write_spheres<Kind, Bins, Stable>(task, bins, own, first, beyond, listed);
 }
 
-// f(kernel, bins) with the one that serves.
+// Calls f(kernel, bins) with the kernel for this kind of slots and bins.
 template <class F>
 void with_kernel(const Ordered& o, const Grid& grid, bool along, bool stable, F f) {
   with_bins(o, grid, [&]<class Kind, class Bins>(Kind kind, const Bins& bins) {
@@ -277,8 +278,8 @@ bool Orderer::by_cells(const OrderRequest& r, Ordered& o) {
   numbers.beyond = task.sums + most;
   numbers.beyond_count = reinterpret_cast<std::uint32_t*>(numbers.beyond + kMostBeyond);
   if (stable) numbers.by_place = keys_.reserve(o.count);
-  // Work space in the list of contacts, which is written afterwards. In the first call there is none, and it
-  // is not known yet whether it will be long enough: then the other way.
+  // Work space lies in the list of contacts, which is written afterwards. In a first call there is no list
+  // yet, and nobody knows whether it will be long enough: then all numbers are written by place.
   const std::uint64_t words = o.entries * kOfEntry;
   if (stable && lent.slots * 4 >= words)
     numbers.of_entry = reinterpret_cast<std::uint32_t*>(lent.slot);
