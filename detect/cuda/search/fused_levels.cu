@@ -40,7 +40,6 @@ __global__ void __launch_bounds__(kTileSpheres, tuning::kFusedBlocks)
       else
         search.begin_tile(item.unit);
     }
-    const bool finest = !Stable && item.unit < work.tiles - work.first;  // Stable: it would spill registers
     if (!down)
       search.begin_spheres(item.unit * kFusedTile,
                            min(item.unit * kFusedTile + kFusedTile, task.spheres.count));
@@ -49,7 +48,7 @@ __global__ void __launch_bounds__(kTileSpheres, tuning::kFusedBlocks)
       const bool some = !down || search.begin_unit_piece(d, item.unit, piece++);
       // Of a sphere's pieces those behind an empty one are empty.
       last = !Stable || !down || piece >= d.pieces || (!some && d.parts > 1);
-      if (some || (Stable && last && search.waits())) search.take_all(down, finest, Stable && last);
+      if (some || (Stable && last && search.waits())) search.take_all(down, Stable && last);
     }
     if (Stable) search.end_producer();
     // The last to find nothing leaves the counter as it was.

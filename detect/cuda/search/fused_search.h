@@ -39,7 +39,7 @@ struct FusedSearch : FusedQueue<Stable> {
   };
 
   // Offers all candidates of a tile, or (down) of a unit. Dry: goes on until none waits.
-  __device__ __forceinline__ void take_all(bool down, bool finest, bool dry) {
+  __device__ __forceinline__ void take_all(bool down, bool dry) {
     int slow = -1;  // from 0 on: row by row, after this many candidates of each row have been looked at
     LongRow long_row;
     for (bool last = false; !last;) {
@@ -53,10 +53,10 @@ struct FusedSearch : FusedQueue<Stable> {
       } else {
         bool longer = false, done = true;
         if (slow < 0) {
-          const bool fits = take_rows(at, finest, end, longer);
+          const bool fits = take_rows(at, end, longer);
           if (!fits || longer) slow = fits ? 32 : 0, done = false, long_row = {};
           if (!fits) end = upto;
-        } else if (take_long_row(at, finest, slow, long_row, end)) {
+        } else if (take_long_row(at, slow, long_row, end)) {
           done = false;
         } else {
           end = upto;
@@ -71,9 +71,8 @@ struct FusedSearch : FusedQueue<Stable> {
   }
   // The first 32 candidates of each row of 32 spheres at their own level; false where those are too many.
   // `longer`: a row has more.
-  __device__ __forceinline__ bool take_rows(std::uint32_t first, bool finest, std::uint32_t& end,
-                                            bool& longer) {
-    LevelQuery<kKind> query = level_query<kKind>(task, grid, pairs, first, finest);
+  __device__ __forceinline__ bool take_rows(std::uint32_t first, std::uint32_t& end, bool& longer) {
+    LevelQuery<kKind> query = level_query<kKind>(task, grid, pairs, first);
     const std::uint32_t soon = min(first + 32 + lane, task.spheres.count - 1);
     prefetch_l1(task.spheres.codes + soon), prefetch_l1(slots() + soon);
 #pragma unroll
@@ -112,12 +111,12 @@ struct FusedSearch : FusedQueue<Stable> {
   }
   // One row after the other, as much as there is room for; false behind the last row. `skipped`: candidates
   // of each row that take_rows() has taken.
-  __device__ __forceinline__ bool take_long_row(std::uint32_t first, bool finest, std::uint32_t skipped,
-                                                LongRow& s, std::uint32_t& end) {
+  __device__ __forceinline__ bool take_long_row(std::uint32_t first, std::uint32_t skipped, LongRow& s,
+                                                std::uint32_t& end) {
     while (!__any_sync(kFullWarp, s.mask != 0)) {
       if (!s.longer) s.row++, s.done = 0;
       if (s.row == kRows) return false;
-      const LevelQuery<kKind> query = level_query<kKind>(task, grid, pairs, first, finest);
+      const LevelQuery<kKind> query = level_query<kKind>(task, grid, pairs, first);
       std::uint32_t begin = 0, row_end = 0, longest;
 #pragma unroll
       for (std::uint32_t q = 0; q < kRows; q++)

@@ -20,12 +20,10 @@ struct LevelQuery {
   std::uint32_t begin[kRows], end[kRows];
 };
 
-// `pairs`: LevelPairs or NoLevelPairs. `finest`: the caller knows that all 32 spheres are of the finest
-// level.
+// `pairs`: LevelPairs or NoLevelPairs.
 template <SlotKind Kind, class Pairs>
 __device__ __forceinline__ LevelQuery<Kind> level_query(const SearchTask& task, const Grid& grid,
-                                                        const Pairs& pairs, std::uint32_t first,
-                                                        bool finest = false) {
+                                                        const Pairs& pairs, std::uint32_t first) {
   const std::uint32_t at = first + (threadIdx.x & 31), last = task.spheres.count - 1;
   LevelQuery<Kind> query;
   query.index = min(at, last), query.valid = at <= last;
@@ -43,12 +41,8 @@ __device__ __forceinline__ LevelQuery<Kind> level_query(const SearchTask& task, 
   if constexpr (Kind == SlotKind::unequal && Pairs::kSeveralLevels) {
     if (pairs.bins.on) {
       const float4 s = make_float4(query.slot.x, query.slot.y, query.slot.z, query.slot.r);
-      const auto in = [&](const FloatBins& b) { key_of(b, s, key), row = b.row, plane = b.plane; };
-      if (finest)
-        in(pairs.bins.level[0]);
-      else
-        in(pairs.bins.level[level_of(pairs.bins, s)]);
-      stored = false;
+      const FloatBins& b = pairs.bins.level[level_of(pairs.bins, s)];
+      key_of(b, s, key), row = b.row, plane = b.plane, stored = false;
     }
   }
   if (stored) {
