@@ -40,11 +40,7 @@ __global__ void __launch_bounds__(kTileSpheres, Few ? tuning::kFewTilesBlocks : 
   // tiles the flags are looked at later, when there is something else to wait for, too.
   const std::uint32_t flags = task.counters->flags;
   if (Few && flags) return;
-  // From the last tile on, whose spheres were put in order last and are still in L2. Of unequal radii that
-  // gained nothing.
-  constexpr bool kBackwards = !Few && Kind == SlotKind::equal;
-  const std::uint32_t number = kept_in_register(kBackwards ? gridDim.x - 1 - blockIdx.x : blockIdx.x);
-  search_tile<OneLevel<Kind>>(task, grid, pairs, memory, number, ordered, flags);
+  search_tile<OneLevel<Kind>>(task, grid, pairs, memory, kept_in_register(blockIdx.x), ordered, flags);
 }
 
 }  // namespace
