@@ -77,9 +77,6 @@ inline constexpr std::uint32_t kTilesFirstBelow = 3000000;
 // 0.2255, 0.224, 0.2225, 0.2215, 0.2195 ms; 2e6: one round 0.411, four 0.385.
 inline constexpr std::uint32_t kRoundBits = 8, kStableRoundBits = 2;
 inline constexpr std::uint32_t kOneRoundFrom = 600000, kOneRoundTo = 1500000;
-// Stable lists of at least this many spheres: a unit of the fused search has two pieces. poly100 5e6: 0.850
-// to 0.829 ms. Order.
-inline constexpr std::uint64_t kPiecesSpheres = kTilesFirstBelow;
 
 // Up to this many producers without quotas, the compaction adds up the counts of all in each block. dense
 // 1e6: 7.2 instead of 9.9 us; poly100 1e5: 9 instead of 13.4 us.

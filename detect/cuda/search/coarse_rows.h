@@ -198,7 +198,7 @@ __device__ __forceinline__ void search_rows(const SearchTask& task, const Grid& 
   const LevelPair& d = pair_of_warp(pairs, warp);
   const Level& l = grid.level[d.fine];
   const std::uint32_t at = warp - d.first_warp;
-  const auto [first, part] = piece_of(d, at, nth);
+  const auto [first, part] = work_of_unit(d, at, nth);
   // A speculative call may search with the bins of another scene: indices and radii are held within bounds.
   const std::uint32_t members =
       first < task.spheres.count ? min(min(d.group, d.end - first), task.spheres.count - first) : 0;

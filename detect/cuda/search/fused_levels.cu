@@ -43,13 +43,7 @@ __global__ void __launch_bounds__(kTileSpheres, tuning::kFusedBlocks)
     if (!down)
       search.begin_spheres(item.unit * kFusedTile,
                            min(item.unit * kFusedTile + kFusedTile, task.spheres.count));
-    std::uint32_t piece = 0;
-    for (bool last = false; !last;) {
-      const bool some = !down || search.begin_unit_piece(d, item.unit, piece++);
-      // Of a sphere's pieces those behind an empty one are empty.
-      last = !Stable || !down || piece >= d.pieces || (!some && d.parts > 1);
-      if (some || (Stable && last && search.waits())) search.take_all(down, Stable && last);
-    }
+    if (!down || search.begin_rows(d, item.unit)) search.take_all(down, Stable);
     if (Stable) search.end_producer();
     // The last to find nothing leaves the counter as it was.
     if (search.lane == 0 && next + 1 == items) *task.next = 0;

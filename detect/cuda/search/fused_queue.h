@@ -200,7 +200,6 @@ struct FusedQueue {
     from = hits, upto = hits + left;
   }
   __device__ __forceinline__ void finish() { drain(true); }
-  __device__ __forceinline__ bool waits() const { return from < upto || hits > 0; }
 
   // Puts consecutive candidates of each lane, for sphere i, at the end of the row, as many as there is room
   // for. `begin` moves to the first that is left. Returns the new end.

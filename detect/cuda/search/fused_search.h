@@ -184,11 +184,10 @@ struct FusedSearch : FusedQueue<Stable> {
     q.entry = l.offset + 1 + static_cast<std::uint32_t>(z0 + 1) * plane +
               static_cast<std::uint32_t>(y0 + 1) * row_length;
   }
-  // Begins piece number `piece` of a unit; false where it has no rows.
-  __device__ __forceinline__ bool begin_unit_piece(const LevelPair& d, std::uint32_t unit_of_pair,
-                                                   std::uint32_t piece) {
+  // Begins with the rows of a unit; false where it has none.
+  __device__ __forceinline__ bool begin_rows(const LevelPair& d, std::uint32_t unit_of_pair) {
     const Level& l = grid.level[d.fine];
-    const auto [first, part] = piece_of(d, unit_of_pair, piece);
+    const auto [first, part] = work_of_unit(d, unit_of_pair, 0);
     // A speculative call may search with the bins of another scene: indices and radii are held within bounds.
     const std::uint32_t behind_last = min(d.end, task.spheres.count),
                         members = first < behind_last ? min(d.group, behind_last - first) : 0;

@@ -14,9 +14,8 @@ namespace {
 constexpr double kWidest = 100;
 
 // How the spheres of the coarser level are grouped, or their rows divided, so that a unit finds about as many
-// contacts as a warp's queue holds. `reach`: of the largest, in bins of the finer level. Returns the contacts
-// of a usual sphere.
-double divide_rows(LevelPair& d, const Level& coarse, const Level& fine, double reach, bool fused) {
+// contacts as a warp's queue holds. `reach`: of the largest, in bins of the finer level.
+void divide_rows(LevelPair& d, const Level& coarse, const Level& fine, double reach, bool fused) {
   const double most_contacts = fused ? tuning::kFusedUnitContacts : tuning::kUnitContacts,
                part_contacts = fused ? tuning::kFusedPartContacts : tuning::kPartContacts;
   const double rows = (2 * reach + 2) * (2 * reach + 2);   // at most
@@ -36,12 +35,11 @@ double divide_rows(LevelPair& d, const Level& coarse, const Level& fine, double 
     d.parts = static_cast<std::uint32_t>(
         std::clamp(std::ceil(parts * reach * reach * reach), 1.0, std::max(1.0, rows / 2)));
   }
-  return contacts;
 }
 
 }  // namespace
 
-LevelPairs plan_level_pairs(const Grid& grid, SlotKind kind, bool fused, bool stable_order) {
+LevelPairs plan_level_pairs(const Grid& grid, SlotKind kind, bool fused) {
   LevelPairs pairs;
   std::uint64_t first = 0, spheres = 0, units = 0, warps = 0;
   for (int c = 0; c < grid.levels; c++) spheres += grid.level[c].spheres;
@@ -56,17 +54,13 @@ LevelPairs plan_level_pairs(const Grid& grid, SlotKind kind, bool fused, bool st
       if (reach > (kind == SlotKind::fixed_point ? kWidest : 8 * kWidest)) return {};
       LevelPair d{};
       d.coarse = c, d.fine = f;
-      const double contacts = divide_rows(d, coarse, fine, reach, fused);
+      divide_rows(d, coarse, fine, reach, fused);
       d.first = static_cast<std::uint32_t>(first),
       d.end = d.first + static_cast<std::uint32_t>(coarse.spheres);
       d.warp_units = fused || d.parts < 8 || spheres < tuning::kManySpheres ? 1 : tuning::kWarpUnits;
-      d.pieces = 1;
-      if (fused && stable_order && spheres >= tuning::kPiecesSpheres)
-        d.pieces = d.parts > 1 || 2 * d.group * contacts <= tuning::kFusedUnitContacts ? 2 : 1;
-      d.stride = d.parts > 1 ? 1 : d.group * d.pieces;
-      d.step = d.parts == 1 ? 1 : (d.parts + d.warp_units * d.pieces - 1) / (d.warp_units * d.pieces);
+      d.step = d.parts == 1 ? 1 : (d.parts + d.warp_units - 1) / d.warp_units;
       d.first_unit = static_cast<std::uint32_t>(units), d.first_warp = static_cast<std::uint32_t>(warps);
-      const std::uint64_t more = (coarse.spheres + d.stride - 1) / d.stride * d.step;
+      const std::uint64_t more = (coarse.spheres + d.group - 1) / d.group * d.step;
       warps += more, units += more * d.warp_units;
       // No more than some hundred rows for each sphere of the scene.
       if (units > spheres / 2 + 65536 || units > kMostUnits) return {};

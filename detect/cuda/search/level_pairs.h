@@ -11,12 +11,10 @@ namespace padder::detect::cuda {
 // A coarser and a finer level. Its work is cut into units: `group` spheres of the coarser level with all
 // their rows of the finer one; or one sphere with one part of its rows. A sphere has as many parts as its
 // size asks for, `parts` at most. A warp takes `warp_units` units one after the other, of parts that lie far
-// from each other: most spheres have only the first of them. In the fused search a unit may have several
-// `pieces`: groups that follow each other, or parts far from each other.
+// from each other: most spheres have only the first of them.
 struct LevelPair {
   std::uint32_t first_warp, first_unit, first, end;  // spheres `first` to `end` - 1 of the order
-  std::uint32_t group, parts, warp_units, step;      // step: parts / warp_units / pieces, rounded up
-  std::uint32_t pieces, stride;                      // stride: spheres from one unit to the next
+  std::uint32_t group, parts, warp_units, step;      // step: parts / warp_units, rounded up
   float parts_at_one;  // parts of a sphere that reaches one bin far; they grow with the third power of its
                        // reach
   float density;       // spheres of the finer level in a bin
@@ -38,18 +36,18 @@ struct NoLevelPairs {
 // levels are hashed, where sizes differ so much that fixed-point slots of one level say nothing at another,
 // or where there would be too many rows. Fused: larger units, since the fused search divides nothing but its
 // work by them.
-LevelPairs plan_level_pairs(const Grid& grid, SlotKind kind, bool fused = false, bool stable_order = false);
+LevelPairs plan_level_pairs(const Grid& grid, SlotKind kind, bool fused = false);
 
-// What a warp takes at a time: `group` spheres from `first` on, or part number `part` of the rows of one
-// sphere. `warp` counts the warps of the pair.
-struct WorkPiece {
+// The work of a unit: `group` spheres from `first` on, or part number `part` of the rows of sphere `first`.
+struct UnitWork {
   std::uint32_t first, part;
 };
-__host__ __device__ __forceinline__ WorkPiece piece_of(const LevelPair& d, std::uint32_t warp,
-                                                       std::uint32_t piece) {
+// Of unit number `nth` of a warp's; `warp` counts the warps of the pair.
+__host__ __device__ __forceinline__ UnitWork work_of_unit(const LevelPair& d, std::uint32_t warp,
+                                                          std::uint32_t nth) {
   const std::uint32_t number = d.step == 1 ? warp : warp / d.step;
-  if (d.parts == 1) return {d.first + number * d.stride + piece * d.group, 0};
-  return {d.first + number * d.stride, warp - number * d.step + piece * d.step};
+  if (d.parts == 1) return {d.first + number * d.group, 0};
+  return {d.first + number, warp - number * d.step + nth * d.step};
 }
 
 // Lengths in bins of the finer level are floats. This much more covers their rounding twice.

@@ -42,7 +42,7 @@ SearchPlan choose_family(const SearchTask& task, const Grid& grid, int processor
   const Ordered& spheres = task.spheres;
   if (spheres.count >= tuning::kFusedSpheres && spheres.float_levels && !task.test_all &&
       (task.output.scalar == Scalar::f32 || task.output.width == Width::pairs)) {
-    plan.pairs = plan_level_pairs(grid, spheres.kind, true, task.stable_order);
+    plan.pairs = plan_level_pairs(grid, spheres.kind, true);
     if (plan.pairs.count > 0) plan.family = Family::fused_levels;
   }
   if (!plan.fused()) plan.pairs = plan_level_pairs(grid, spheres.kind);

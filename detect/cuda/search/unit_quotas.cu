@@ -36,9 +36,8 @@ struct VolumeMemory {
 
 // The rows of a part, layer by layer. `p`: centre in bins of the finer level, `n`: how many bins there are.
 // `reach`: search radius of the usual finer sphere, `widest`: of the largest.
-__device__ __forceinline__ float volume_of_rows(const LevelPair& d, const float (&p)[3], const float (&n)[3],
-                                                float reach, float widest, std::uint32_t part,
-                                                std::uint32_t parts) {
+__device__ __forceinline__ float volume_of_rows(const float (&p)[3], const float (&n)[3], float reach,
+                                                float widest, std::uint32_t part, std::uint32_t parts) {
   const float y0 = fmaxf(floorf(p[1] - widest), 0.f), y1 = fminf(floorf(p[1] + widest), n[1] - 1),
               z0 = fmaxf(floorf(p[2] - widest), 0.f), z1 = fminf(floorf(p[2] + widest), n[2] - 1);
   if (!(y0 <= y1 && z0 <= z1)) return 0;
@@ -46,21 +45,18 @@ __device__ __forceinline__ float volume_of_rows(const LevelPair& d, const float 
              all = side * (static_cast<std::uint32_t>(z1 - z0) + 1), each = (all + parts - 1) / parts;
   const float y_at = p[1] - y0, z_at = p[2] - z0;
   float sum = 0;
+  const std::uint32_t from = min(part * each, all);
+  std::uint32_t z = from / side, y = from - z * side;
 #pragma unroll 1
-  for (std::uint32_t piece = 0, of = part; piece < d.pieces && of < parts; piece++, of += d.step) {
-    const std::uint32_t from = min(of * each, all);
-    std::uint32_t z = from / side, y = from - z * side;
-#pragma unroll 1
-    for (std::uint32_t left = min(each, all - from); left; z++) {
-      const std::uint32_t upto = min(y + left, side);
-      const float dz = static_cast<float>(z) + 0.5f - z_at, rest = fmaf(reach, reach, -dz * dz) - 1 / 12.f;
-      if (rest > 0) {
-        const float per = rsqrtf(rest);
-        sum += rest *
-               (disc((static_cast<float>(upto) - y_at) * per) - disc((static_cast<float>(y) - y_at) * per));
-      }
-      left -= upto - y, y = 0;
+  for (std::uint32_t left = min(each, all - from); left; z++) {
+    const std::uint32_t upto = min(y + left, side);
+    const float dz = static_cast<float>(z) + 0.5f - z_at, rest = fmaf(reach, reach, -dz * dz) - 1 / 12.f;
+    if (rest > 0) {
+      const float per = rsqrtf(rest);
+      sum +=
+          rest * (disc((static_cast<float>(upto) - y_at) * per) - disc((static_cast<float>(y) - y_at) * per));
     }
+    left -= upto - y, y = 0;
   }
   return sum;
 }
@@ -72,7 +68,7 @@ __device__ __forceinline__ float volume_of_part(const SearchTask& task, const Gr
                                                 std::uint32_t unit_of_pair, float fine) {
   const Level& l = grid.level[d.fine];
   const std::uint32_t warp = d.warp_units == 1 ? unit_of_pair : unit_of_pair / d.warp_units;
-  const auto [first, part] = piece_of(d, warp, unit_of_pair - warp * d.warp_units);
+  const auto [first, part] = work_of_unit(d, warp, unit_of_pair - warp * d.warp_units);
   if (first >= min(d.end, task.spheres.count)) return 0;
   const Sphere s = sphere_at<Kind>(task, first);
   const float widest = search_radius(grid, d, s.r), per_size = static_cast<float>(l.per_size);
@@ -90,7 +86,7 @@ __device__ __forceinline__ float volume_of_part(const SearchTask& task, const Gr
   if (parts == 1)
     return kBall * reach * reach * reach * inside * part_inside(p[1], n[1], per_reach) *
            part_inside(p[2], n[2], per_reach);
-  return inside * volume_of_rows(d, p, n, reach, widest, part, parts);
+  return inside * volume_of_rows(p, n, reach, widest, part, parts);
 }
 
 // The same of groups of spheres, for lanes `from` to `upto` - 1 of the warp; `mine`: the lane is one of them.
@@ -104,8 +100,8 @@ __device__ __forceinline__ float volume_of_groups(const SearchTask& task, const 
   const float unit_of_slot =
                   Kind == SlotKind::fixed_point ? static_cast<float>(1 / grid.level[d.coarse].units) : 1.f,
               per_size = static_cast<float>(grid.level[d.fine].per_size);
-  const std::uint32_t first = d.first + unit_of_pair * d.stride, behind = min(d.end, task.spheres.count),
-                      spheres = first < behind ? min((upto - from) * d.stride, behind - first) : 0;
+  const std::uint32_t first = d.first + unit_of_pair * d.group, behind = min(d.end, task.spheres.count),
+                      spheres = first < behind ? min((upto - from) * d.group, behind - first) : 0;
   const auto* const slots = slots_of<Kind>(task) + first;
   constexpr std::uint32_t kAtOnce = 16;
   for (std::uint32_t k0 = lane; k0 - lane < spheres; k0 += 32 * kAtOnce) {
@@ -121,7 +117,7 @@ __device__ __forceinline__ float volume_of_groups(const SearchTask& task, const 
   __syncwarp();
   float volume = 0;
   if (mine)
-    for (std::uint32_t k = (lane - from) * d.stride, n = min(k + d.stride, spheres); k < n; k++)
+    for (std::uint32_t k = (lane - from) * d.group, n = min(k + d.group, spheres); k < n; k++)
       volume += memory.volume[padded(k)];
   __syncwarp();  // all have read what is written over
   return volume;
@@ -144,11 +140,11 @@ __device__ __forceinline__ float expected_contacts(const SearchTask& task, const
     const Level& l = grid.level[d.fine];
     const std::uint32_t end = which + 1 < pairs.count ? pairs.pair[which + 1].first_unit : task.units,
                         // Of the pair, lanes `from` to `upto` - 1, as many as there is memory for.
-        upto = min(min(end - lowest, 32u), from + kWarpSpheres / d.stride);
+        upto = min(min(end - lowest, 32u), from + kWarpSpheres / d.group);
     const bool mine = lane >= from && lane < upto;
     const float fine = 0.68f * static_cast<float>(l.radius_max);
     float volume = 0;
-    if (d.stride > 1)
+    if (d.group > 1)
       volume =
           volume_of_groups<Kind>(task, grid, d, memory, lowest + from - d.first_unit, from, upto, mine, fine);
     else if (mine)

@@ -55,39 +55,38 @@ TEST(CudaSlotEstimate, EachPartOfTheRowsIsSearchedOnce) {
   std::printf("seed %u\n", seed);
   std::mt19937 random(seed);
   const auto below = [&](std::uint64_t n) { return random() % n; };
-  int in_pieces = 0, parts_in_pieces = 0, in_one = 0;
+  int in_groups = 0, in_parts = 0, one_after_the_other = 0;
   for (int scene = 0; scene < 300; scene++) {
     Grid grid;
     grid.levels = 2 + static_cast<int>(below(4));
     double radius = 1;
     for (int k = 0; k < grid.levels; k++, radius *= 2 + static_cast<double>(below(3))) {
       Level& l = grid.level[k];
-      l.spheres = k == 0 ? (scene % 2 ? tuning::kPiecesSpheres : 200'000) + below(100'000)
-                         : 1 + below(20'000 >> 3 * k);
+      l.spheres =
+          k == 0 ? (scene % 2 ? tuning::kManySpheres : 200'000) + below(100'000) : 1 + below(20'000 >> 3 * k);
       l.radius_max = radius, l.size = 2 * radius, l.per_size = 1 / l.size;
       for (auto& side : l.count)
         side = 2 + static_cast<std::uint32_t>(below(static_cast<std::uint64_t>(400 / radius) + 1));
     }
-    const LevelPairs pairs = plan_level_pairs(grid, SlotKind::unequal, true, true);
+    const LevelPairs pairs = plan_level_pairs(grid, SlotKind::unequal, scene % 3 == 0);
     for (std::uint32_t p = 0; p < pairs.count; p++) {
       const LevelPair& d = pairs.pair[p];
       const std::uint32_t units =
           (p + 1 < pairs.count ? pairs.pair[p + 1].first_unit : pairs.units) - d.first_unit;
       std::vector<std::uint8_t> searched(static_cast<std::size_t>(d.end - d.first) * d.parts);
-      for (std::uint32_t unit = 0; unit < units; unit++)
-        for (std::uint32_t piece = 0; piece < d.pieces; piece++) {
-          const WorkPiece w = piece_of(d, unit, piece);
-          if (w.part >= d.parts) continue;  // more than the largest sphere has
-          for (std::uint32_t k = w.first; k < std::min(w.first + d.group, d.end); k++)
-            searched[static_cast<std::size_t>(k - d.first) * d.parts + w.part]++;
-        }
+      for (std::uint32_t unit = 0; unit < units; unit++) {
+        const UnitWork w = work_of_unit(d, unit / d.warp_units, unit % d.warp_units);
+        if (w.part >= d.parts) continue;  // more than the largest sphere has
+        for (std::uint32_t k = w.first; k < std::min(w.first + d.group, d.end); k++)
+          searched[static_cast<std::size_t>(k - d.first) * d.parts + w.part]++;
+      }
       for (const std::uint8_t n : searched) ASSERT_EQ(n, 1) << "scene " << scene << " pair " << p;
-      (d.pieces == 1 ? in_one : d.parts > 1 ? parts_in_pieces : in_pieces)++;
+      (d.warp_units > 1 ? one_after_the_other : d.parts > 1 ? in_parts : in_groups)++;
     }
   }
-  EXPECT_GT(in_one, 0);
-  EXPECT_GT(in_pieces, 0);
-  EXPECT_GT(parts_in_pieces, 0);
+  EXPECT_GT(in_groups, 0);
+  EXPECT_GT(in_parts, 0);
+  EXPECT_GT(one_after_the_other, 0);
 }
 
 }  // namespace
