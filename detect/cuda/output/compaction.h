@@ -14,7 +14,6 @@ void compact(const OutputTask& task, bool fused, int processors, cudaStream_t st
 // The ways to do it, chosen by compact().
 void compact_by_counts(const OutputTask& task, int processors, cudaStream_t stream);
 void compact_by_octets(const OutputTask& task, int processors, cudaStream_t stream);
-void compact_tiles(const OutputTask& task, int processors, cudaStream_t stream);
 void compact_by_numbers(const OutputTask& task, bool fused, int processors, cudaStream_t stream);
 
 // Whether a block's shared memory holds the sums that the first two ways need.

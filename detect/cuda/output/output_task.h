@@ -50,7 +50,7 @@ struct StableOutput {
   Word* spill =
       nullptr;  // the side list: i (or unit and sphere of the unit) in the upper half, j in the lower
   std::uint64_t spill_capacity = 0;
-  // Where units have quotas: the word of each unit (kQuotaBits). Of each producer the empty slots up to its
+  // Where units have quotas, the word of each unit (kQuotaBits). Of each producer the empty slots up to its
   // end, modulo 2^32, and the index of empty slots.
   std::uint32_t *unit_quotas = nullptr, *empty_upto = nullptr, *empty_index = nullptr;
   // The first output slot of each group of units, and the slot behind all quotas; the number of all empty

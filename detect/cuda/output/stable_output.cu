@@ -43,17 +43,17 @@ void lay_out(OutputTask& task, SearchMemory& memory, bool has_quotas, const Grid
   stable.quota_groups = has_quotas ? over(units, kQuotaUnits) : 0;
   stable.spill = memory.spill.data(),
   stable.spill_capacity = memory.spill.data() ? memory.spill.capacity() : 0;
-  stable.index_capacity = units ? stable.spill_capacity / kIndexStep + 1 : 0;
+  stable.index_capacity = stable.spill_capacity / kIndexStep + 1;
   // Arrays of 64-bit words, then those of 32 bits: counts with eight more, since they are read four or eight
   // at a time.
   const std::uint64_t words = (producers + stable.quota_groups + 3) & ~std::uint64_t(1);
-  Word* const p = memory.sums.reserve(
-      words + (producers + 8 + (units ? producers + 2 * units : 0) + stable.index_capacity + 1) / 2 + 2);
+  Word* const p =
+      memory.sums.reserve(words + (2 * producers + 8 + 2 * units + stable.index_capacity + 1) / 2 + 2);
   stable.spill_start = p, stable.quota_bases = p + producers;
   stable.empty_total = stable.quota_bases + stable.quota_groups + 1;
   stable.counts = reinterpret_cast<std::uint32_t*>(p + words);
   stable.unit_first = stable.counts + producers + 8, stable.empty_upto = stable.unit_first + units;
-  if (units) stable.empty_index = stable.empty_upto + producers;
+  stable.empty_index = stable.empty_upto + producers;
   if (has_quotas) stable.unit_quotas = stable.empty_index + stable.index_capacity;
 
   const std::uint64_t slots = static_cast<std::uint64_t>(task.quota.tile) * tiles_of(task.spheres.count);
