@@ -78,11 +78,10 @@ inline constexpr std::uint32_t kTilesFirstBelow = 3000000;
 inline constexpr std::uint32_t kRoundBits = 8, kStableRoundBits = 2;
 inline constexpr std::uint32_t kOneRoundFrom = 600000, kOneRoundTo = 1500000;
 
-// Up to this many producers without quotas, the compaction adds up the counts of all in each block. dense
-// 1e6: 7.2 instead of 9.9 us; poly100 1e5: 9 instead of 13.4 us.
-inline constexpr std::uint32_t kMostCounted = 14000;
-// Up to this many groups of eight producers, the compaction after a fused search adds up all in each block.
-// poly100 1e6: 11 instead of 14 us; 2e5: the call 0.098 instead of 0.103 ms. Shared memory may allow fewer.
-inline constexpr std::uint32_t kMostOctets = 25000;
+// Up to this many groups of eight producers, the compaction adds up all of them in each block instead of in a
+// kernel before. After a fused search: poly100 1e6 11 instead of 14 us, 2e5: the call 0.098 instead of 0.103
+// ms. After other searches, where units have no quotas: dense 1e6 and poly100 1e5, where a predecessor of
+// this kernel saved 3 and 4 us. Shared memory may allow fewer.
+inline constexpr std::uint32_t kMostFusedOctets = 25000, kMostOctets = 1750;
 
 }  // namespace padder::detect::cuda::tuning

@@ -23,18 +23,6 @@ __device__ __forceinline__ Producers producers_of(const OutputTask& task, std::u
   return {first, min(first + kGroupProducers, tiles ? task.tiles : task.tiles + task.units)};
 }
 
-// What a producer spilled, in the lower half of the word, or left empty, in the upper half.
-template <bool Fused>
-__device__ __forceinline__ Word spilled_or_empty(const OutputTask& task, std::uint32_t producer) {
-  const StableOutput& stable = task.stable;
-  auto net = static_cast<std::int32_t>(stable.counts[producer]);
-  if (!Fused)
-    net -= static_cast<std::int32_t>(producer < task.tiles
-                                         ? slots_of_tile(task, producer).count
-                                         : unit_quota_word(stable, producer - task.tiles) & kMostQuota);
-  return net > 0 ? net : static_cast<Word>(-net) << 32;
-}
-
 // A block takes a group of producers. spill_start of a producer becomes what must be added to a spilled
 // contact to get its number: to its place in the side list or, where the fused search wrote that, to its
 // number among what its producer spilled.
@@ -56,7 +44,9 @@ __global__ void __launch_bounds__(kThreads, 4) number_kernel(const __grid_consta
     mine[u] = lies_at[u] = 0;
     if (producer + u >= all_of.end) continue;
     if (!Fused) lies_at[u] = stable.spill_start[producer + u];
-    mine[u] = spilled_or_empty<Fused>(task, producer + u);
+    const auto net = static_cast<std::int32_t>(stable.net[producer + u]);
+    // Contacts spilled in the lower half of the word, slots left empty in the upper half.
+    mine[u] = net > 0 ? net : static_cast<Word>(-net) << 32;
   }
   // The first group adds up all groups for the counters, the others those before them.
   Word upto[2] = {}, net = 0, own = 0;  // net: contacts less quotas; own: the same of tiles alone

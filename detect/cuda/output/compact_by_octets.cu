@@ -14,10 +14,10 @@ namespace {
 constexpr int kThreads = 1024, kChunks = kThreads / 32;  // a warp adds up a chunk of octets
 
 // Contacts less quota of eight producers: above zero a producer spilled so many, below zero it left so many
-// slots empty.
+// slots empty. What is read behind the last producer is not used.
 __device__ __forceinline__ void load_octet(const OutputTask& task, std::uint32_t octet,
                                            std::int32_t (&net)[8]) {
-  const auto* const p = reinterpret_cast<const int4*>(task.stable.counts) + 2 * octet;
+  const auto* const p = reinterpret_cast<const int4*>(task.stable.net) + 2 * octet;
   const int4 a = __ldcg(p), b = __ldcg(p + 1);
   net[0] = a.x, net[1] = a.y, net[2] = a.z, net[3] = a.w, net[4] = b.x, net[5] = b.y, net[6] = b.z,
   net[7] = b.w;
@@ -107,7 +107,7 @@ __device__ __forceinline__ void count_own(const OutputTask& task, Word own) {
   if (threadIdx.x == 0) {
     own += task.tile_quotas.slot[task.tile_quotas.levels];
     for (std::uint32_t tile = task.tiles & ~7u; tile < task.tiles; tile++)
-      own += static_cast<std::int32_t>(__ldcg(task.stable.counts + tile));
+      own += static_cast<std::int32_t>(__ldcg(task.stable.net + tile));
   }
   if ((threadIdx.x & 31) == 0 && own) atomicAdd(&task.counters->own, own);
 }
@@ -122,7 +122,37 @@ __device__ __forceinline__ void clear_sums(const StableOutput& stable, std::uint
   }
 }
 
+// A spilled contact and which of its producer's spilled contacts it is; one is loaded before the other is
+// moved.
+template <SlotKind Kind, bool Double, bool Fused>
+struct Loaded {
+  using Entry = std::conditional_t<Fused, uint4, Word>;
+  static constexpr int kWords = sizeof(Entry) / sizeof(Word);
+  SpilledContact<Kind, Double> contact;
+  std::int32_t net[8];  // of the producer's octet
+  std::uint32_t rank;
+  __device__ __forceinline__ void take(const OutputTask& task, const Entry& entry, Word at) {
+    if constexpr (Fused)
+      contact = {task, entry.x, entry.y, entry.z}, rank = entry.w;
+    else
+      contact = {task, entry},
+      rank = static_cast<std::uint32_t>(at - __ldcg(task.stable.spill_start + contact.producer));
+    load_octet(task, contact.producer / 8, net);
+  }
+  // Its number among all spilled contacts.
+  __device__ __forceinline__ std::uint32_t number(const OctetSums& sums) const {
+    const std::uint32_t octet = contact.producer / 8;
+    std::uint32_t n = sums.chunk[octet >> sums.bits].x + sums.octet[octet].x + rank;
+#pragma unroll
+    for (std::uint32_t u = 0; u < 7; u++)
+      if (u < contact.producer % 8) n += max(net[u], 0);
+    return n;
+  }
+};
+
+template <SlotKind Kind, bool Double, bool Fused>
 __global__ void __launch_bounds__(kThreads, 1) octet_kernel(const __grid_constant__ OutputTask task) {
+  using Spilled = Loaded<Kind, Double, Fused>;
   extern __shared__ uint2 of_octets[];
   __shared__ uint2 of_chunks[kChunks + 1];
   wait_for_previous_kernel();
@@ -132,26 +162,20 @@ __global__ void __launch_bounds__(kThreads, 1) octet_kernel(const __grid_constan
                       count = octets_of(task), bits = chunk_bits(count);
   const OctetSums sums{of_octets, of_chunks, count, bits};
   // The thread's first contact, and what it needs, are loaded before it is known whether there is one.
-  const auto* const spill = reinterpret_cast<const uint4*>(stable.spill);
-  const Word room = stable.spill_capacity / 2;
-  uint4 entry{};
+  const auto* const spill = reinterpret_cast<const typename Spilled::Entry*>(stable.spill);
+  const Word room = stable.spill_capacity / Spilled::kWords;
+  typename Spilled::Entry entry{};
   if (thread < room) entry = __ldcg(spill + thread);
   const std::uint32_t end = min((warp + 1) << bits, count), k = (warp << bits) + lane * OctetLoad::kEach;
   OctetLoad load;
   load.load(task, k, end);
   const std::uint32_t flags = task.counters->flags;
-  const Word spilled = task.counters->spilled / 2, hits = min(spilled, room),
+  const Word spilled = task.counters->spilled / Spilled::kWords, hits = min(spilled, room),
              quotas = slot_behind_quotas(task);
   const bool totals = blockIdx.x + 1 == gridDim.x;  // sets the counters: this block has the fewest contacts
   if (flags) return;
-  SpilledContact<SlotKind::unequal, false> mine;
-  std::int32_t net[8];
-  std::uint32_t rank = 0;
-  const auto take = [&] {
-    mine = {task, entry.x, entry.y, entry.z}, rank = entry.w;
-    load_octet(task, mine.producer / 8, net);
-  };
-  if (thread < hits) take();
+  Spilled mine;
+  if (thread < hits) mine.take(task, entry, thread);
   if (thread + threads < hits) entry = __ldcg(spill + thread + threads);
 
   Word own = 0;
@@ -172,15 +196,11 @@ __global__ void __launch_bounds__(kThreads, 1) octet_kernel(const __grid_constan
   const Word behind = quotas - empties;
 #pragma unroll 1
   for (Word from = thread; from < hits;) {
-    const std::uint32_t octet = mine.producer / 8;
-    std::uint32_t number = of_chunks[octet >> bits].x + of_octets[octet].x + rank;
-#pragma unroll
-    for (std::uint32_t u = 0; u < 7; u++)
-      if (u < mine.producer % 8) number += max(net[u], 0);
-    const auto numbered = mine;
+    const std::uint32_t number = mine.number(sums);
+    const auto numbered = mine.contact;
     // The next is loaded before this one is moved.
     from += threads;
-    if (from < hits) take();
+    if (from < hits) mine.take(task, entry, from);
     if (from + threads < hits) entry = __ldcg(spill + from + threads);
     numbered.write(task, number < empties ? empty_slot(task, sums, number) : behind + number);
   }
@@ -188,17 +208,28 @@ __global__ void __launch_bounds__(kThreads, 1) octet_kernel(const __grid_constan
 
 }  // namespace
 
-bool fits_octets(const OutputTask& task) {
+bool fits_octets(const OutputTask& task, bool fused) {
   constexpr std::uint64_t kOwnBytes = 512;  // of arrays of a fixed size
-  return octets_of(task) <= tuning::kMostOctets &&
+  return octets_of(task) <= (fused ? tuning::kMostFusedOctets : tuning::kMostOctets) &&
          octets_of(task) * sizeof(uint2) + kOwnBytes <= shared_memory_of_block();
 }
 
-void compact_by_octets(const OutputTask& task, int processors, cudaStream_t stream) {
-  const auto bytes = static_cast<unsigned>(octets_of(task) * sizeof(uint2));
-  cuda_check(cudaFuncSetAttribute(octet_kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, bytes),
-             "take shared memory");
-  launch_overlapped(octet_kernel, {static_cast<unsigned>(processors), kThreads, bytes}, stream, task);
+void compact_by_octets(const OutputTask& task, bool fused, int processors, cudaStream_t stream) {
+  const auto bytes = static_cast<unsigned>(octets_of(task) * sizeof(uint2)),
+             blocks = static_cast<unsigned>(processors);
+  const auto allow = [&](auto kernel) {
+    cuda_check(cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, bytes),
+               "take shared memory");
+    return kernel;
+  };
+  if (fused)
+    launch_overlapped(allow(octet_kernel<SlotKind::unequal, false, true>), {blocks, kThreads, bytes}, stream,
+                      task);
+  else
+    with_record(task, [&](auto kind, auto wide) {
+      allow(octet_kernel<kind(), wide(), false>)<<<blocks, kThreads, bytes, stream>>>(task);
+    });
+  cuda_launched("search for contacts");
 }
 
 }  // namespace padder::detect::cuda

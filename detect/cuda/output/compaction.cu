@@ -5,8 +5,7 @@ namespace padder::detect::cuda {
 
 void compact(const OutputTask& task, bool fused, int processors, cudaStream_t stream) {
   if (task.stable.ordered) return;  // the contacts lie where they stay, and are counted
-  if (!task.stable.group_sums) return compact_by_counts(task, processors, stream);
-  if (task.stable.octets) return compact_by_octets(task, processors, stream);
+  if (task.stable.octets) return compact_by_octets(task, fused, processors, stream);
   compact_by_numbers(task, fused, processors, stream);
 }
 

@@ -12,13 +12,12 @@ namespace padder::detect::cuda {
 void compact(const OutputTask& task, bool fused, int processors, cudaStream_t stream);
 
 // The ways to do it, chosen by compact().
-void compact_by_counts(const OutputTask& task, int processors, cudaStream_t stream);
-void compact_by_octets(const OutputTask& task, int processors, cudaStream_t stream);
+void compact_by_octets(const OutputTask& task, bool fused, int processors, cudaStream_t stream);
 void compact_by_numbers(const OutputTask& task, bool fused, int processors, cudaStream_t stream);
 
-// Whether a block's shared memory holds the sums that the first two ways need.
-bool fits_counts(const OutputTask& task);
-bool fits_octets(const OutputTask& task);
+// Whether the first way serves: it is the faster one where producers are few enough for the shared memory of
+// a block.
+bool fits_octets(const OutputTask& task, bool fused);
 
 // Producers are taken eight at a time, the last eight perhaps fewer.
 __host__ __device__ inline std::uint32_t octets_of(const OutputTask& task) {

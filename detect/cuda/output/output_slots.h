@@ -59,18 +59,11 @@ __device__ __forceinline__ std::uint32_t group_of(const OutputTask& task, std::u
   return producer < task.tiles ? producer / kGroupProducers
                                : task.stable.tile_groups + (producer - task.tiles) / kGroupProducers;
 }
-// Adds what a producer left empty or spilled to the sums of its group.
-__device__ __forceinline__ void note_found(const OutputTask& task, std::uint32_t producer,
-                                           std::uint32_t quota, std::uint32_t found) {
-  if (!task.stable.group_sums || found == quota) return;
-  Word* const group = task.stable.group_sums + group_of(task, producer) * 2;
-  atomicAdd(group + (found > quota), static_cast<Word>(found > quota ? found - quota : quota - found));
-}
-// The same for the fused search, which also keeps `net`, contacts less quota, instead of the count. With
-// `octets` the sums are over eight producers: contacts spilled in the lower half of a word, slots left empty
-// in the upper half.
+// Notes `net`, the contacts of a producer less its quota, and adds what it spilled or left empty to the sums.
+// With `octets` these are over eight producers: contacts spilled in the lower half of a word, slots left
+// empty in the upper half.
 __device__ __forceinline__ void note_net(const OutputTask& task, std::uint32_t producer, std::int32_t net) {
-  task.stable.counts[producer] = static_cast<std::uint32_t>(net);
+  task.stable.net[producer] = static_cast<std::uint32_t>(net);
   if (net == 0) return;
   const auto more = static_cast<Word>(net < 0 ? -net : net);
   if (task.stable.octets)
@@ -87,8 +80,8 @@ __device__ __forceinline__ OutputRange reserve_for_tile(const OutputTask& task, 
   const std::uint32_t quota = task.quota.tile, spilled = found > quota ? found - quota : 0;
   OutputRange range{static_cast<Word>(tile) * quota, 0, quota, 0, 0};
   if (spilled) range.spill = atomicAdd(&task.counters->spilled, static_cast<Word>(spilled));
-  note_found(task, tile, quota, found);
-  task.stable.counts[tile] = found, task.stable.spill_start[tile] = range.spill;
+  note_net(task, tile, static_cast<std::int32_t>(found - quota));
+  task.stable.spill_start[tile] = range.spill;
   return range;
 }
 __device__ __forceinline__ OutputRange reserve_for_unit(const OutputTask& task, std::uint32_t unit,
@@ -102,9 +95,8 @@ __device__ __forceinline__ OutputRange reserve_for_unit(const OutputTask& task, 
   OutputRange range{0, 0, quota, kOfUnit | unit << 5, first};
   if (quota) range.slot = __ldcg(stable.quota_bases + unit / kQuotaUnits) + (word >> kQuotaBits);
   if (spilled) range.spill = atomicAdd(&c->spilled, static_cast<Word>(spilled));
-  note_found(task, producer, quota, found);
-  stable.counts[producer] = found, stable.spill_start[producer] = range.spill,
-  stable.unit_first[unit] = first;
+  note_net(task, producer, static_cast<std::int32_t>(found - quota));
+  stable.spill_start[producer] = range.spill, stable.unit_first[unit] = first;
   return range;
 }
 

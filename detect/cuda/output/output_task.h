@@ -38,15 +38,13 @@ struct StableOutput {
   unsigned int* blocks_done =
       nullptr;  // blocks of a compaction that have read the sums; zero between searches
   // Of each group of producers two words, slots left empty and contacts spilled; with `octets` one word for
-  // each eight producers (note_net). Null where the compaction adds up the counts itself. Zero between
-  // searches.
+  // each eight producers (note_net). Zero between searches.
   Word* group_sums = nullptr;
   bool octets = false;
   std::uint32_t tile_groups = 0, all_groups = 0, quota_groups = 0;
   Word* spill_start = nullptr;  // of each producer, where its spilled contacts begin
-  // Of each producer its contacts, or (fused search) its contacts less its quota; of each unit its first
-  // sphere.
-  std::uint32_t *counts = nullptr, *unit_first = nullptr;
+  // Of each producer its contacts less its quota; of each unit its first sphere.
+  std::uint32_t *net = nullptr, *unit_first = nullptr;
   Word* spill =
       nullptr;  // the side list: i (or unit and sphere of the unit) in the upper half, j in the lower
   std::uint64_t spill_capacity = 0;

@@ -44,15 +44,15 @@ void lay_out(OutputTask& task, SearchMemory& memory, bool has_quotas, const Grid
   stable.spill = memory.spill.data(),
   stable.spill_capacity = memory.spill.data() ? memory.spill.capacity() : 0;
   stable.index_capacity = stable.spill_capacity / kIndexStep + 1;
-  // Arrays of 64-bit words, then those of 32 bits: counts with eight more, since they are read four or eight
+  // Arrays of 64-bit words, then those of 32 bits: `net` with eight more, since they are read four or eight
   // at a time.
   const std::uint64_t words = (producers + stable.quota_groups + 3) & ~std::uint64_t(1);
   Word* const p =
       memory.sums.reserve(words + (2 * producers + 8 + 2 * units + stable.index_capacity + 1) / 2 + 2);
   stable.spill_start = p, stable.quota_bases = p + producers;
   stable.empty_total = stable.quota_bases + stable.quota_groups + 1;
-  stable.counts = reinterpret_cast<std::uint32_t*>(p + words);
-  stable.unit_first = stable.counts + producers + 8, stable.empty_upto = stable.unit_first + units;
+  stable.net = reinterpret_cast<std::uint32_t*>(p + words);
+  stable.unit_first = stable.net + producers + 8, stable.empty_upto = stable.unit_first + units;
   stable.empty_index = stable.empty_upto + producers;
   if (has_quotas) stable.unit_quotas = stable.empty_index + stable.index_capacity;
 
@@ -60,10 +60,8 @@ void lay_out(OutputTask& task, SearchMemory& memory, bool has_quotas, const Grid
   task.tile_quotas.quota[0] = task.quota.tile, task.tile_quotas.slot[1] = slots;
   if (grid) task.tile_quotas = quotas_of_levels(*grid, slots, task.tiles);
   // Each block of a compaction in one kernel holds sums of all producers in 32 bits.
-  stable.octets = grid && fits_octets(task) && stable.spill_capacity >> 33 == 0 && slots >> 31 == 0;
-  if (!has_quotas && fits_counts(task) &&
-      (stable.spill_capacity | task.quota.tile * std::uint64_t(producers)) >> 32 == 0)
-    stable.group_sums = nullptr;
+  stable.octets = (grid || !has_quotas) && fits_octets(task, grid != nullptr) &&
+                  stable.spill_capacity >> (grid ? 33 : 32) == 0 && slots >> 31 == 0;
 }
 
 TileQuotas quotas_of_levels(const Grid& grid, std::uint64_t slots, std::uint32_t tiles) {

@@ -137,7 +137,7 @@ __device__ __forceinline__ void search_units(const SearchTask& task, const Grid&
       const bool more = queries.more;
       // The units after it that are empty: no contact was expected of them.
       if (task.stable_order && !more && lane < queries.left)
-        task.stable.counts[task.tiles + queries.unit + 1 + lane] = 0;
+        task.stable.net[task.tiles + queries.unit + 1 + lane] = 0;
       emit_unit<Kind>(task, grid, pairs, queue, queries, warp, nth, found, slot);
       __syncwarp();
       if (!more) break;

@@ -196,9 +196,6 @@ __global__ void __launch_bounds__(kQuotaUnits, 4)
   allow_next_kernel();
   if (task.counters->flags) return;
   const StableOutput& stable = task.stable;
-  // Behind the last producer, since the compaction reads counts eight at a time.
-  if (stable.octets && blockIdx.x == 0 && threadIdx.x < 8)
-    stable.counts[task.tiles + task.units + threadIdx.x] = 0;
   std::uint32_t expected = 0;
   for (std::uint32_t group = blockIdx.x; group < stable.quota_groups; group += gridDim.x) {
     const std::uint32_t unit = group * kQuotaUnits + threadIdx.x;
