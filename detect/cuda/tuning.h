@@ -57,4 +57,80 @@ inline constexpr double kBallCost = 0.75;
 // each batch, and with sums of their own. Rows "1e5 bodies of 64" of the table of bodies.
 inline constexpr int kNarrowPhaseBlocks = 8, kWriteBlocks = 8, kSumAndWriteBlocks = 2;
 
+// ---- Search and output. All were measured on an H200 (132 processors, compute capability 9.0) and on no
+// other chip. Each names the scenes of docs/results/h200.md whose rows it moves, and what was tried. Where a
+// value decides how work is divided among producers (marked "order"), another value also gives a stable list
+// another order.
+
+// Threads of a processor. Registers are limited so that this many blocks of 128 (the first group) or of 256
+// threads run on a processor at once. GPUs of compute capability 8.6 and 8.9 have 1536 threads a processor,
+// all others 2048.
+#if defined(__CUDA_ARCH__) && (__CUDA_ARCH__ == 860 || __CUDA_ARCH__ == 870 || __CUDA_ARCH__ == 890)
+inline constexpr int kThreadsOfProcessor = 1536;
+#else
+inline constexpr int kThreadsOfProcessor = 2048;
+#endif
+constexpr int at_most_resident(int blocks, int threads) {
+  return blocks * threads <= kThreadsOfProcessor ? blocks : kThreadsOfProcessor / threads;
+}
+
+// dense 2e7: 32, 36, 40 warps a processor took 1.92, 1.98, 1.83 ms: few registers and many warps pay.
+inline constexpr int kOneLevelBlocks = 10;
+// dense 1e5: of few tiles all run at once anyway, and more registers shorten each.
+inline constexpr int kFewTilesBlocks = 8;
+// poly100 5e6: 32, 36, 40 warps took 1.320, 1.294, 1.275 ms.
+inline constexpr int kCoarseToFineBlocks = 10;
+// Hashed levels: no row; more blocks spill registers.
+inline constexpr int kFineToCoarseBlocks = 6;
+// poly100 5e6: 8, 9, 10 blocks took 0.994, 0.991, 1.012 ms: more leave too little of the L1 cache.
+inline constexpr int kFusedBlocks = 9;
+// Moving spilled contacts waits for memory, so that many under way pay. poly100 5e6: 5, 6, 7 blocks
+// took 31.4, 31.8, 30.7 us after a fused search. After other searches registers allow no more than 5.
+inline constexpr int kMoveBlocks = 5, kFusedMoveBlocks = at_most_resident(7, 256);
+
+// Contacts that a warp's queue in shared memory holds. A warp that finds more searches twice. dense (all
+// sizes), poly100 1e5, and scenes with hashed levels.
+inline constexpr std::uint32_t kSameLevelQueue = 256, kCoarseToFineQueue = 320, kFineToCoarseQueue = 192;
+
+// Up to this many tiles a processor, one dense level has a kernel of its own, in which latency is all. dense
+// 1e5: the search took 12 us instead of 18.
+inline constexpr std::uint32_t kFewTilesOfProcessor = 16;
+// Up to this many tiles and units (if all run at once), each waits for the counts of those before it. dense
+// 1e5: 0.049 instead of 0.056 ms; 2,344 tiles: 0.105 instead of 0.090 ms; poly100 1e5 with up to 2,816: 0.077
+// instead of 0.0685. Order.
+inline constexpr std::uint32_t kMostOrderedTiles = 1056;
+
+// From this many spheres on, a warp of the coarse-to-fine search takes units as long as there are any, and
+// units have quotas. poly100 1e6 and 5e6 in double records or with filters; quotas: 5e6 1.65 to 1.39 ms.
+// Order.
+inline constexpr std::uint64_t kManySpheres = 300000;
+// Units that a warp of that search takes one after the other. poly100 5e6: 1, 2, 3, 4
+// took 1.59, 1.49, 1.46, 1.49 ms.
+inline constexpr std::uint32_t kWarpUnits = 3;
+// Contacts that a unit of several spheres, or a part of one sphere's rows, is planned to find. poly100 5e6:
+// parts of 100, 130, 160, 200 took 1.49, 1.47, 1.49, 1.53 ms. The fused search divides nothing but its work
+// by units: larger ones. Order.
+inline constexpr double kUnitContacts = 128, kPartContacts = 160;
+inline constexpr double kFusedUnitContacts = 500, kFusedPartContacts = 1000;
+// Rows of bins that a unit looks at, at most. poly100 (scenes whose fine level is sparse). Order.
+inline constexpr double kUnitRows = 2048;
+
+// From this many spheres on, levels are searched by the fused kernel. poly100 1.5e5: 0.081 instead of 0.094
+// ms, 2e5: 0.084 instead of 0.102; but from 50,000 on 1e5: 0.073 instead of 0.061. Order.
+inline constexpr std::uint64_t kFusedSpheres = 140000;
+// Stable lists of fewer spheres: the fused search takes all tiles first. poly100 1e6 and 2e6 gained, 5e6 lost
+// 1 %.
+inline constexpr std::uint32_t kTilesFirstBelow = 3000000;
+// Rounds of the fused search: 2^bits. poly100 5e6: 256 and 2,048 rounds took the same. Stable lists: 2^2
+// rounds, or one between these numbers of spheres. poly100 1e6: 256, 64, 16, 4, 2, 1 rounds took 0.226,
+// 0.2255, 0.224, 0.2225, 0.2215, 0.2195 ms; 2e6: one round 0.411, four 0.385.
+inline constexpr std::uint32_t kRoundBits = 8, kStableRoundBits = 2;
+inline constexpr std::uint32_t kOneRoundFrom = 600000, kOneRoundTo = 1500000;
+
+// Up to this many groups of eight producers, the compaction adds up all of them in each block instead of in a
+// kernel before. After a fused search: poly100 1e6 11 instead of 14 us, 2e5: the call 0.098 instead of 0.103
+// ms. After other searches, where units have no quotas: dense 1e6 and poly100 1e5, where a predecessor of
+// this kernel saved 3 and 4 us. Shared memory may allow fewer.
+inline constexpr std::uint32_t kMostFusedOctets = 25000, kMostOctets = 1750;
+
 }  // namespace padder::detect::cuda::tuning

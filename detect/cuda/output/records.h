@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: MIT
 // Small passes over input and contacts. Internal; only .cu files include this.
 #pragma once
-#include "detect/cuda/search/search.h"
+#include "detect/core/backend.h"
+#include "detect/cuda/device_input.h"
+#include "detect/cuda/memory.h"
+#include "detect/cuda/output/output.h"
 
 namespace padder::detect::cuda {
 
