@@ -55,7 +55,8 @@ __device__ __forceinline__ void find_starts(const Buckets& buckets, const Starts
 // Each block counts in shared memory of its own. Narrow blocks are four a processor, where their counts leave
 // room for that; else one wide block.
 template <class Bins, bool Along, int Threads>
-__global__ void __launch_bounds__(Threads, Threads == kCountThreads ? 4 : 1)
+__global__ void __launch_bounds__(Threads,
+                                  Threads == kCountThreads ? tuning::at_most_resident(4, Threads) : 1)
     bucket_count_kernel(const __grid_constant__ Source source, const __grid_constant__ Bins bins,
                         const __grid_constant__ Buckets buckets, std::uint32_t* keys, Starts starts,
                         std::uint32_t groups, unsigned long long* found, Counters* counters) {

@@ -3,8 +3,8 @@
 // Internal; only .cu files include this.
 #pragma once
 #include "detect/cuda/counters.h"
+#include "detect/cuda/input/survey.h"
 #include "detect/cuda/order/float_bins.h"
-#include "detect/cuda/survey.h"
 #include "detect/cuda/tuning.h"
 
 namespace padder::detect::cuda {

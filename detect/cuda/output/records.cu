@@ -9,8 +9,9 @@ namespace padder::detect::cuda {
 namespace {
 
 constexpr int kThreads = 256;
+// Blocks of a loop in grid stride: no more than a large GPU needs to be full.
 unsigned blocks_for(std::uint64_t n) {
-  return static_cast<unsigned>(std::clamp<std::uint64_t>((n + kThreads - 1) / kThreads, 1, kProcessors * 32));
+  return static_cast<unsigned>(std::clamp<std::uint64_t>((n + kThreads - 1) / kThreads, 1, 4224));
 }
 
 __global__ void body_of_kernel(std::uint32_t bodies, const std::uint32_t* first, std::uint32_t* body_of) {
@@ -133,7 +134,7 @@ void InputCopy::copy_bodies(const Input& input, Source& s, cudaStream_t stream) 
     }
     pose_kernel<<<blocks_for(n), kThreads, 0, stream>>>(n, poses, bodies, input.revision != 0);
   }
-  body_of_kernel<<<std::min(n, 132u * 64), 64, 0, stream>>>(n, body_first, body_of);
+  body_of_kernel<<<std::min(n, 8448u), 64, 0, stream>>>(n, body_first, body_of);
   cuda_launched("number the bodies' spheres");
   // The vectors above must outlive their copies.
   cuda_check(cudaStreamSynchronize(stream), "copy the bodies");

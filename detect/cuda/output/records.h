@@ -2,7 +2,7 @@
 // Small passes over input and contacts. Internal; only .cu files include this.
 #pragma once
 #include "detect/core/backend.h"
-#include "detect/cuda/device_input.h"
+#include "detect/cuda/input/device_input.h"
 #include "detect/cuda/memory.h"
 #include "detect/cuda/output/output.h"
 

@@ -4,7 +4,7 @@
 #pragma once
 
 #include "detect/core/nine_stages.h"
-#include "detect/cuda/device_input.h"
+#include "detect/cuda/input/device_input.h"
 #include "detect/cuda/memory.h"
 
 namespace padder::detect::cuda {

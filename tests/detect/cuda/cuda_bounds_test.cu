@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "detect/cuda/device.h"
-#include "detect/cuda/survey.h"
+#include "detect/cuda/input/survey.h"
 
 namespace padder::detect::cuda {
 namespace {

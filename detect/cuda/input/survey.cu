@@ -5,7 +5,7 @@
 #include <span>
 #include <vector>
 
-#include "detect/cuda/survey.h"
+#include "detect/cuda/input/survey.h"
 #include "detect/cuda/tuning.h"
 
 namespace padder::detect::cuda {

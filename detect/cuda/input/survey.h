@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
 // The first pass over the spheres: the summary from which the grid is chosen. Only .cu files include this.
 #pragma once
-#include "detect/cuda/bounds.h"
-#include "detect/cuda/device_input.h"
+#include "detect/cuda/input/bounds.h"
+#include "detect/cuda/input/device_input.h"
 #include "detect/cuda/memory.h"
 #include "detect/cuda/report.h"
 
