@@ -122,10 +122,9 @@ inline constexpr std::uint64_t kFusedSpheres = 140000;
 // 1 %.
 inline constexpr std::uint32_t kTilesFirstBelow = 3000000;
 // Rounds of the fused search: 2^bits. poly100 5e6: 256 and 2,048 rounds took the same. Stable lists: 2^2
-// rounds, or one between these numbers of spheres. poly100 1e6: 256, 64, 16, 4, 2, 1 rounds took 0.226,
-// 0.2255, 0.224, 0.2225, 0.2215, 0.2195 ms; 2e6: one round 0.411, four 0.385.
+// rounds. poly100 1e6: 256, 64, 16, 4, 2, 1 rounds took 0.226, 0.2255, 0.224, 0.2225, 0.2215, 0.2195 ms; 2e6:
+// one round 0.411, four 0.385.
 inline constexpr std::uint32_t kRoundBits = 8, kStableRoundBits = 2;
-inline constexpr std::uint32_t kOneRoundFrom = 600000, kOneRoundTo = 1500000;
 
 // Up to this many groups of eight producers, the compaction adds up all of them in each block instead of in a
 // kernel before. After a fused search: poly100 1e6 11 instead of 14 us, 2e5: the call 0.098 instead of 0.103
