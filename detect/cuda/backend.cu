@@ -27,7 +27,7 @@ class Work {
     };
     const bool known = bodies_.knows(input) && bodies_first_wanted();
     check_input(input, true, known);
-    if (!known) automatic_first_ = bodies_first(input, {}, sphere_count(input), 0.75);
+    if (!known) automatic_first_ = bodies_first(input, {}, sphere_count(input), tuning::kBallCost);
     const Call call = begin(input, options);
     Contacts c;
     c.memory = options.output, c.width = options.width, c.scalar = options.scalar;

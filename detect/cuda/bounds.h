@@ -7,7 +7,7 @@
 
 namespace padder::detect::cuda {
 
-// Doubles as unsigned integers of the same order, for atomic minima and maxima.
+// A double as an unsigned integer, so that the order stays: for atomic minima and maxima. And back.
 __host__ __device__ inline unsigned long long ordered(double v) {
   unsigned long long b;
   memcpy(&b, &v, 8);
@@ -20,7 +20,7 @@ __host__ __device__ inline double unordered(unsigned long long b) {
   return v;
 }
 
-// Floats as unsigned integers of the same order, and back.
+// The same for a float. And back.
 __host__ __device__ inline std::uint32_t rank_of(float f) {
   std::uint32_t b;
   memcpy(&b, &f, 4);
@@ -45,8 +45,7 @@ __host__ __device__ inline int need_exponent(float x, float y, float z, float r)
   return near > far ? near : far;
 }
 
-// Bounds of float spheres, gathered along by a kernel that reads them anyway. Each thread takes spheres, then
-// all threads of the block give what they have.
+// Words of the bounds, in this order.
 enum {
   kLow = 0,
   kRadiusMin = 3,
@@ -57,6 +56,8 @@ enum {
   kExtent = 10,
   kBounds = 11
 };
+// Bounds of float spheres, gathered by a kernel that reads the spheres anyway. Each thread takes spheres;
+// then all threads of the block together give what they have.
 struct Bounds {
   float low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY},
         r_min = INFINITY, r_max = 0;
@@ -73,7 +74,8 @@ struct Bounds {
     high[0] = fmaxf(high[0], x), high[1] = fmaxf(high[1], y), high[2] = fmaxf(high[2], z);
     r_min = fminf(r_min, r), r_max = fmaxf(r_max, r);
   }
-  // The number of a faulty sphere is not noted: what is no number is then in `high` or r_max.
+  // Does not note the number of a faulty sphere. A coordinate that is not a number then stands in `high`, a
+  // radius in r_max.
   __device__ __forceinline__ void take_quickly(float x, float y, float z, float r) {
     low[0] = fminf(low[0], x), low[1] = fminf(low[1], y), low[2] = fminf(low[2], z), r_min = fminf(r_min, r);
     const auto larger_or_none = [](float& a, float b) { asm("max.NaN.f32 %0, %0, %1;" : "+f"(a) : "f"(b)); };
@@ -97,8 +99,8 @@ struct Bounds {
     const std::uint32_t f = __reduce_min_sync(~0u, fault);
     if (first && f != ~0u) atomicMin(all + 8, f);
     __syncthreads();
-    // Reading first spares nearly every atomic operation on the few words that all blocks share, but must be
-    // waited for.
+    // All blocks share a few words. Reading a word first spares nearly every atomic operation on it, but the
+    // thread must wait for what it reads.
     const std::uint32_t k = threadIdx.x;
     if (k < 4) {
       const unsigned long long l = value(all[k]);
@@ -114,8 +116,8 @@ struct Bounds {
   }
 };
 
-// The same of each octave of size below the exponent `top`, in shared memory. begin() and give() are called
-// by all threads of the block, with barriers around.
+// Bounds of each octave of size below the exponent `top`, in shared memory. All threads of the block call
+// begin() and give(), with barriers around.
 struct OctaveBounds {
   // What is given of each: low x, y, z as minima; high x, y, z, radius, need as maxima; the count.
   static constexpr int kWords = 9;
@@ -154,9 +156,9 @@ struct OctaveBounds {
     }
   }
 };
-// What a thread has for it. Of two octaves, the finest that its warp has met first and the next one,
-// registers hold the bounds; spheres of others go to shared memory one by one. begin() and give() by all
-// lanes of a warp.
+// One thread's part in OctaveBounds. Registers hold the bounds of two octaves: the finest among the first
+// spheres of the warp, and the next coarser one. Spheres of other octaves go to shared memory one by one. All
+// lanes of a warp call begin() and give().
 class OctaveTaker {
  public:
   // With what it will take first, if that is a sphere.
@@ -203,8 +205,8 @@ class OctaveTaker {
   std::uint32_t count_[2] = {};
 };
 
-// What a kernel that reads all spheres is asked to gather along: Surveyor::bounds(), and with them the
-// octaves below the exponent `top`. Null: not asked for.
+// Where a kernel that reads all spheres is to write their bounds, and those of the octaves below the exponent
+// `top`. Null: not asked for.
 struct Gather {
   unsigned long long *bounds = nullptr, *octaves = nullptr;
   int top = 0;

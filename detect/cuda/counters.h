@@ -7,12 +7,12 @@ namespace padder::detect::cuda {
 
 struct Counters {
   unsigned long long contacts, doubtful, spilled;
-  unsigned long long own;       // contacts within a level, for a fixed order
+  unsigned long long own;       // contacts within a level, for a stable order
   unsigned long long expected;  // 16ths of contacts that units were expected to find (expect.h)
   std::uint32_t flags;          // set by Orderer, cleared by its caller
 };
-// Counters::flags: a bin or bucket too full for the method; a sphere outside the bins, which were chosen for
-// others.
+// Counters::flags. Crowded: a bin or bucket is too full for the method. Outside: a sphere lies outside the
+// bins, which were chosen for other spheres.
 enum : std::uint32_t { kCrowded = 1, kOutside = 2 };
 
 }  // namespace padder::detect::cuda

@@ -67,6 +67,13 @@ struct TestLimits {
   bool programmatic_launch = true;
 };
 inline TestLimits test_limits;
+class ScopedTestLimits {
+ public:
+  explicit ScopedTestLimits(const TestLimits& limits) { test_limits = limits; }
+  ~ScopedTestLimits() { test_limits = {}; }
+  ScopedTestLimits(const ScopedTestLimits&) = delete;
+  ScopedTestLimits& operator=(const ScopedTestLimits&) = delete;
+};
 
 // Why the detector does not run on a GPU of this compute capability; "" if it does. `has_code`: this build
 // has kernels for it.

@@ -8,19 +8,19 @@
 
 namespace padder::detect::cuda {
 
-// A sphere was found outside bins that hold all: in words for the caller.
+// The sentence for a sphere outside bins that were made to hold all spheres.
 inline constexpr const char* kChanged =
     "a sphere lies outside the bounds that were found a moment before: do not change the input while "
     "detect() "
     "runs";
 
-// Device pointers. Sphere k is of a body while k < placed, else number k - placed of the loose ones.
+// Device pointers. Sphere k belongs to a body if k < placed; else it is loose sphere k - placed.
 struct Source {
   const void* centers = nullptr;
   const void* radii = nullptr;
   const std::uint32_t* family = nullptr;
   const std::uint32_t* mask = nullptr;
-  const std::uint32_t* owner = nullptr;     // of loose ones that stand for something else (bodies.cu)
+  const std::uint32_t* owner = nullptr;     // Filter::owner of each loose sphere; null: 0
   const std::uint8_t* is_static = nullptr;  // of loose spheres
   const Body* bodies = nullptr;
   const std::uint32_t* body_of = nullptr;      // of each placed sphere

@@ -24,10 +24,10 @@ inline void cuda_check(cudaError_t e, const char* what) {
 }
 inline void cuda_launched(const char* what) { cuda_check(cudaGetLastError(), what); }
 
-// What one backend holds, and how much it may hold. A change of address makes recorded graphs stale.
+// What one backend holds, and how much it may hold.
 struct MemoryBook {
   std::uint64_t held = 0, limit = 0, peak = 0;
-  std::uint64_t moves = 0;  // allocations so far
+  std::uint64_t moves = 0;  // allocations so far; each makes recorded graphs stale, which hold addresses
 };
 
 // Memory that grows and never shrinks; contents are lost when it grows. Throws Error (memory_sentence).

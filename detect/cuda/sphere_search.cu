@@ -32,7 +32,7 @@ void check(const Source& source, const Summary& s, const Call& call) {
 
 Summary SphereSearch::survey(const Source& source, const Call& call) {
   const ProfileRange range("padder: survey");
-  const Summary s = tools_.surveyor.survey(source, call.stream);
+  const Summary s = tools_.surveyor.survey(source, call.processors, call.stream);
   check(source, s, call);
   return s;
 }
@@ -60,7 +60,7 @@ void SphereSearch::plan_output(const Call& call, bool with_survey) {
 // The list lends its memory to the order as work space. In a first call it has none yet.
 void SphereSearch::lengthen_to_lend(const Call& call) {
   const std::uint32_t count = plan_.source.count;
-  if (call.options.width == Width::pairs || count < Orderer::kFewSpheres ||
+  if (call.options.width == Width::pairs || count < tuning::kFewSpheres ||
       call.list.capacity(call.options) > 0)
     return;
   const bool words = plan_.kind != SlotKind::equal || !float_bins(plan_.grid, plan_.kind, count).on;
@@ -87,7 +87,7 @@ void SphereSearch::enqueue(const Plan& plan, Tools& tools, cudaStream_t stream, 
   {
     const ProfileRange range("padder: order (stages 1 to 6)");
     if (plan.with_survey && !plan.along())
-      tools.surveyor.begin(plan.source, plan.octaves, plan.top, stream);
+      tools.surveyor.begin(plan.source, plan.octaves, plan.top, plan.processors, stream);
     else if (!plan.with_survey)
       cuda_check(cudaMemsetAsync(counters, 0, sizeof(Counters), stream), "clear the counters");
     const Gather gather = plan.along() ? tools.surveyor.gather(plan.octaves, plan.top) : Gather{};

@@ -8,30 +8,32 @@
 
 namespace padder::detect::cuda {
 
-// First pass over the spheres (survey.cu): the summary that choose_grid asks for.
+// Finds the summary that choose_grid() asks for.
 class Surveyor {
  public:
   explicit Surveyor(MemoryBook& book);
-  Summary survey(const Source& source, cudaStream_t stream);  // waits for the device
+  Summary survey(const Source& source, int processors, cudaStream_t stream);  // waits for the device
 
-  // In steps, without waiting between them: `top` is the exponent of the largest need as it is expected to
-  // be, and `octaves` whether sizes are to be told apart. Where rides_along, begin() is not called: later
-  // kernels clear the head and gather(). read() copies to the host what was found; finish() is called once
-  // the stream has been waited for, and is false when the expectation was wrong: then ask survey().
+  // The survey in steps that do not wait for each other. `top` is the exponent that the largest need is
+  // expected to have, and `octaves` says whether sizes are expected to differ so much that octaves are told
+  // apart. begin() starts the survey. Where rides_along(), begin() is not called: the kernels that put the
+  // spheres in order clear the head and gather() the bounds. read() lets the report bring what was found to
+  // the host. finish() is called after the stream has been waited for. It is false if an expectation was
+  // wrong: then call survey().
   static bool rides_along(const Source& source) { return source.packed && source.placed == 0; }
-  void begin(const Source& source, bool octaves, int top, cudaStream_t stream);
+  void begin(const Source& source, bool octaves, int top, int processors, cudaStream_t stream);
   static void begin_bounds(unsigned long long* bounds, cudaStream_t stream);  // and clears the head
   Gather gather(bool octaves, int top) const {
     unsigned long long* const bounds = values_.data() + kHead;
     return {bounds, octaves ? bounds + kBounds : nullptr, top};
   }
-  // The octaves, in a pass of their own.
-  static void gather_octaves(const Source& source, const Gather& gather, cudaStream_t stream);
+  // The bounds of the octaves, in a pass of their own.
+  static void gather_octaves(const Source& source, const Gather& gather, int processors, cudaStream_t stream);
   void read(const Source& source, bool octaves, bool along, Report& report);
   // `above`: Summary::above, by which `top` is lower than the largest need's exponent.
   bool finish(const Source& source, bool octaves, int top, bool along, Summary& summary, int above = 0) const;
 
-  // Words of the caller in front of the summary, so that one copy brings both to the host.
+  // The caller's own words (Counters) in front of the summary, so that one report brings both to the host.
   static constexpr int kHead = 8;
   unsigned long long* head() { return values_.reserve(words()); }
   const unsigned long long* host_head() { return host_values_.reserve(words()); }

@@ -63,7 +63,7 @@ void BodySearch::make_plan(const Call& call, const Output& output) {
 void BodySearch::broad_phase(const Plan& plan, Tools& tools, cudaStream_t stream, StageClock& clock) {
   const ProfileRange range("padder: broad phase of bodies (stages 1 to 7)");
   BodyCounters* const counters = tools.counters.data();
-  if (plan.with_survey) tools.surveyor.begin(plan.balls, plan.octaves, plan.top, stream);
+  if (plan.with_survey) tools.surveyor.begin(plan.balls, plan.octaves, plan.top, plan.processors, stream);
   // Hits and pairs are written after the elements are in order: until then their memory is lent.
   const Lent lent{reinterpret_cast<float4*>(plan.hits), plan.hit_room,
                   reinterpret_cast<std::uint32_t*>(plan.pairs.pairs), plan.pairs.capacity * 2};
@@ -186,7 +186,7 @@ struct BodySearch::Steps {
     s.summary_ = {};
     if (moving > 0) {
       s.make_plan(call, output);
-      s.summary_ = s.tools_.surveyor.survey(s.plan_.balls, call.stream);
+      s.summary_ = s.tools_.surveyor.survey(s.plan_.balls, call.processors, call.stream);
     }
     if (!s.ordinary(call.options)) return false;
     call.clock.mark(0);

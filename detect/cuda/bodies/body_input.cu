@@ -7,7 +7,7 @@ namespace padder::detect::cuda {
 namespace {
 
 constexpr int kThreads = 256;
-// Of loops in grid stride: never more than any GPU runs at once, or little more.
+// Blocks of a loop in grid stride: no more than a large GPU needs to be full.
 unsigned blocks_for(std::uint64_t n) {
   return static_cast<unsigned>(std::clamp<std::uint64_t>((n + kThreads - 1) / kThreads, 1, 4224));
 }
@@ -35,8 +35,8 @@ __global__ void moved_kernel(const MovedBody* moved, std::uint32_t count, Body* 
   for (std::uint32_t k = blockIdx.x * kThreads + threadIdx.x; k < count; k += gridDim.x * kThreads)
     put(bodies[moved[k].body], moved[k].pose);
 }
-// A thread for each number of a pose. `list` null: all; `moving`: but those of static bodies, which are where
-// they were put.
+// A thread for each number of a pose: of the bodies in `list`, or of all if it is null. `moving`: static
+// bodies are left out, since they stay where they were put.
 __global__ void __launch_bounds__(kThreads) pose_kernel(const Pose* poses, const std::uint32_t* list,
                                                         std::uint32_t count, Body* bodies, bool moving) {
   const std::uint64_t all = 12 * std::uint64_t(count);
@@ -51,7 +51,7 @@ __global__ void __launch_bounds__(kThreads) pose_kernel(const Pose* poses, const
       bodies[body].position[c - 9] = poses[body].position[c - 9];
   }
 }
-// Loose spheres to the array of our own; `list` null: all.
+// Copies loose spheres to the array of our own: those in `list`, or all if it is null.
 __global__ void loose_kernel(Source from, const std::uint32_t* list, std::uint32_t count, Sphere* to,
                              std::uint32_t* tags, std::uint32_t all) {
   for (std::uint32_t k = blockIdx.x * kThreads + threadIdx.x; k < count; k += gridDim.x * kThreads) {
@@ -167,7 +167,8 @@ void BodyInput::read_all(const Input& input, cudaStream_t stream) {
   known_bodies_ = n, known_loose_ = s.count;
 }
 
-// The poses of what moves; only these few bytes travel. Poses in host memory are in `bodies` (revision.h).
+// Reads the poses of what moves; only these few bytes go to the device. Poses that the caller keeps in host
+// memory stand in input.bodies by now (revision.h).
 void BodyInput::read_moved(const Input& input, cudaStream_t stream) {
   Body* bodies = bodies_.data();
   const auto count = static_cast<std::uint32_t>(moving_bodies_.size());
@@ -194,8 +195,8 @@ void BodyInput::read_moved(const Input& input, cudaStream_t stream) {
   cuda_launched("place the bodies");
 }
 
-// Without static ones the loose spheres are read as they are given, in every call. With static ones they are
-// kept in an array of our own, in which what moves is renewed.
+// If no loose sphere is static, all are read where the caller has them, in every call. Else they are kept in
+// an array of our own, and each call brings only those that move.
 void BodyInput::read_loose(const Input& input, bool known, cudaStream_t stream) {
   const Spheres& s = input.spheres;
   const auto n = static_cast<std::uint32_t>(s.count);
@@ -244,7 +245,7 @@ void BodyInput::place(std::uint32_t first, std::uint32_t end, cudaStream_t strea
   cuda_launched("place the balls about bodies");
 }
 
-// The table is made by the host, once; it is the one the OpenMP backend uses.
+// The host builds the table of what is static, once for each revision. It is that of the OpenMP backend.
 bool BodyInput::build_table(cudaStream_t stream) {
   const std::uint32_t count = view_.count - view_.moving;
   std::vector<Sphere> balls(count);

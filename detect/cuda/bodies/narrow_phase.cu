@@ -10,7 +10,7 @@ constexpr int kWarps = 4, kThreads = 32 * kWarps;
 constexpr std::uint32_t kStagedHits = 96;  // of a warp in shared memory, before it asks for room in the list
 constexpr std::uint32_t kAll = ~0u;
 
-// The spheres of one side that the other's ball reaches, placed.
+// The spheres of one element that the other element's ball reaches, placed.
 struct Side {
   double x[kPieceSpheres], y[kPieceSpheres], z[kPieceSpheres], r[kPieceSpheres];
   std::uint32_t slot[kPieceSpheres];
@@ -33,7 +33,7 @@ __device__ __forceinline__ std::uint32_t number_of(const BodyView& v, std::uint3
 struct PairTester {
   const NarrowPhaseTask& task;
   WarpMemory& memory;
-  std::uint32_t lane, staged = 0, batch = 0, found = 0;  // found: of the batch
+  std::uint32_t lane, staged = 0, batch = 0, found = 0;  // found: hits of this batch so far
 
   __device__ __forceinline__ bool owned(const Element& a, std::uint32_t slot_a, const Sphere& sa,
                                         const Element& b, std::uint32_t slot_b, const Sphere& sb) const {
@@ -55,7 +55,7 @@ struct PairTester {
     staged = 0;
     __syncwarp();
   }
-  // The hits of all lanes, in the order of lanes.
+  // Stages the hits of all lanes, in the order of lanes.
   __device__ __forceinline__ void push(bool hit, const uint4& h) {
     const std::uint32_t hits = __ballot_sync(kAll, hit), before = __popc(hits & ((1u << lane) - 1));
     if (staged + __popc(hits) > kStagedHits) flush();
@@ -287,15 +287,17 @@ unsigned blocks_for(std::uint64_t units, unsigned each, int processors) {
 }  // namespace
 
 void find_hits(const NarrowPhaseTask& task, int processors, cudaStream_t stream) {
-  find_hits_kernel<<<processors * 8, kThreads, 0, stream>>>(task);
+  find_hits_kernel<<<processors * tuning::kNarrowPhaseBlocks, kThreads, 0, stream>>>(task);
   cuda_launched("test the spheres of bodies whose balls touch");
 }
 void write_hits(const NarrowPhaseTask& task, const Output& output, int processors, cudaStream_t stream) {
   const bool sums = task.stable_order && !task.batch_offsets;
   if (sums)
-    write_hits_kernel<true><<<processors * 2, kWriterThreads<true>, 0, stream>>>(task, output);
+    write_hits_kernel<true>
+        <<<processors * tuning::kSumAndWriteBlocks, kWriterThreads<true>, 0, stream>>>(task, output);
   else
-    write_hits_kernel<false><<<processors * 8, kWriterThreads<false>, 0, stream>>>(task, output);
+    write_hits_kernel<false>
+        <<<processors * tuning::kWriteBlocks, kWriterThreads<false>, 0, stream>>>(task, output);
   cuda_launched("write the contacts");
 }
 void count_static_pairs(const StaticPairTask& task, const Grid& grid, int processors, cudaStream_t stream) {

@@ -17,7 +17,7 @@ __global__ void __launch_bounds__(kCountThreads)
   if (k == 0) *counters = {};
 }
 
-// The same where buckets have room by what the previous call found.
+// The same, where the previous call's counts decide what room each bucket gets.
 __global__ void __launch_bounds__(kCountThreads)
     bucket_room_kernel(Starts starts, std::uint32_t count, Gather gather, Counters* counters) {
   const std::uint32_t k = blockIdx.x * kCountThreads + threadIdx.x;
@@ -45,9 +45,9 @@ __device__ __forceinline__ void find_starts(const Buckets& buckets, const Starts
   std::uint32_t tiles = 0;
   for (std::uint32_t g = 0; g < groups; g++) {
     starts.group_tile[g] = tiles;
-    tiles +=
-        (shared[min((g + 1) << kGroupBits, buckets.count)] - shared[g << kGroupBits] + kTileSpheres - 1) /
-        kTileSpheres;
+    tiles += (shared[min((g + 1) << kGroupBits, buckets.count)] - shared[g << kGroupBits] +
+              buckets.tile_spheres - 1) /
+             buckets.tile_spheres;
   }
   starts.group_tile[groups] = tiles;
 }

@@ -17,8 +17,8 @@ struct BucketOf {
     return buckets.of(key);
   }
 };
-// Lanes of a warp ask for several levels: what tells the bucket lies in shared memory. A barrier must follow
-// before the first is asked for.
+// The same for several levels. The lanes of a warp ask for different levels, which constant memory would
+// answer one by one: so the levels' numbers lie in shared memory. A barrier must follow the constructor.
 template <>
 struct BucketOf<LevelBins> {
   struct Line {
@@ -62,7 +62,7 @@ struct BucketOf<LevelBins> {
 // All buckets at once; or groups of buckets first, and then the buckets of each group.
 enum class Pass { whole, among_groups, within_groups };
 
-// By the last block that has divided its spheres: what was found is where buckets begin.
+// By the last block that has divided its spheres: buckets begin where the counts of this call say.
 __device__ __noinline__ void begin_as_found(const Starts& starts, std::uint32_t count, std::uint32_t* shared,
                                             std::uint32_t* sums, Counters* counters) {
   if (!is_last(starts)) return;
@@ -83,13 +83,14 @@ struct Tile {
 template <Pass P>
 __device__ __forceinline__ Tile tile_of(const Starts& starts, const Buckets& buckets, std::uint32_t spheres,
                                         std::uint32_t tile, std::uint32_t group) {
-  std::uint32_t first = tile * kTileSpheres, end = spheres;
+  const std::uint32_t most = buckets.tile_spheres;
+  std::uint32_t first = tile * most, end = spheres;
   if (P == Pass::within_groups) {
     while (tile >= starts.group_tile[group + 1]) group++;
-    first = starts.bucket[group << kGroupBits] + (tile - starts.group_tile[group]) * kTileSpheres;
+    first = starts.bucket[group << kGroupBits] + (tile - starts.group_tile[group]) * most;
     end = starts.bucket[min((group + 1) << kGroupBits, buckets.count)];
   }
-  return {first, min(end - first, kTileSpheres), group};
+  return {first, min(end - first, most), group};
 }
 
 // Shared memory of a block: the tile's slots in the order of buckets, the bucket of each, and of each bucket
@@ -98,15 +99,15 @@ struct TileMemory {
   float4* slots;
   std::uint16_t* bucket_at;
   std::uint32_t *counts, *shift;
-  __device__ __forceinline__ TileMemory(float4* memory, std::uint32_t buckets)
+  __device__ __forceinline__ TileMemory(float4* memory, std::uint32_t spheres, std::uint32_t buckets)
       : slots(memory),
-        bucket_at(reinterpret_cast<std::uint16_t*>(memory + kTileSpheres)),
-        counts(reinterpret_cast<std::uint32_t*>(bucket_at + kTileSpheres)),
+        bucket_at(reinterpret_cast<std::uint16_t*>(memory + spheres)),
+        counts(reinterpret_cast<std::uint32_t*>(bucket_at + spheres)),
         shift(counts + buckets + 1) {}
 };
 
-// Bucket and rank in it of each sphere of the tile. Kept: a sphere of another radius than all have is
-// reported.
+// Finds the bucket of each sphere of the tile, and its rank in the bucket. Kept: the radius of all spheres is
+// taken from the previous call; a sphere of another radius is reported.
 template <SlotKind Kind, class Bins, Pass P, bool Kept>
 __device__ __forceinline__ void rank_spheres(const Tile& tile, const float4 (&slot)[kTileItems],
                                              std::uint32_t (&place)[kTileItems],
@@ -130,13 +131,14 @@ __device__ __forceinline__ void rank_spheres(const Tile& tile, const float4 (&sl
   }
 }
 
-// What does not fit the slot goes the same way in a second round, through the memory of the slots.
+// Numbers and keys do not fit the slot. They go the same way in a second round, through the memory of the
+// slots.
 template <SlotKind Kind, class Bins, Pass P, class PlaceOf>
 __device__ __forceinline__ void move_ids_and_keys(const Tile& tile, const std::uint32_t (&place)[kTileItems],
-                                                  const TileMemory& memory, const Places& in,
-                                                  const Places& out, PlaceOf place_of) {
+                                                  const TileMemory& memory, std::uint32_t most,
+                                                  const Places& in, const Places& out, PlaceOf place_of) {
   constexpr bool kIds = Kind != SlotKind::equal, kKeys = !kKeyless<Bins>, kWithin = P == Pass::within_groups;
-  auto *numbers = reinterpret_cast<std::uint32_t*>(memory.slots), *tile_keys = numbers + kTileSpheres;
+  auto *numbers = reinterpret_cast<std::uint32_t*>(memory.slots), *tile_keys = numbers + most;
 #pragma unroll
   for (int u = 0; u < kTileItems; u++) {
     const std::uint32_t k = threadIdx.x + u * kWideBlock;
@@ -165,13 +167,13 @@ __global__ void __launch_bounds__(kWideBlock)
   constexpr int kBucketsAThread = kMostAtOnce / kWideBlock;
   constexpr bool kKeys = !kKeyless<Bins>, kIds = Kind != SlotKind::equal, kWithin = P == Pass::within_groups;
   extern __shared__ float4 slots[];
-  const TileMemory memory(slots, count);
+  const TileMemory memory(slots, buckets.tile_spheres, count);
   auto *const counts = memory.counts, *const shift = memory.shift;
   __shared__ std::uint32_t sums[32];
   const std::uint32_t groups = (buckets.count + (1u << kGroupBits) - 1) >> kGroupBits;
-  const auto tiles =
-      kWithin ? starts.group_tile[groups]
-              : static_cast<std::uint32_t>((std::uint64_t(source.count) + kTileSpheres - 1) / kTileSpheres);
+  const auto tiles = kWithin
+                         ? starts.group_tile[groups]
+                         : source.count / buckets.tile_spheres + (source.count % buckets.tile_spheres != 0);
   const BucketOf<Bins> bucket_of(bins, buckets);
   float4 slot[kTileItems];
   const auto read = [&](const Tile& t) {
@@ -184,7 +186,7 @@ __global__ void __launch_bounds__(kWideBlock)
     }
   };
   for (std::uint32_t b = threadIdx.x; b < count; b += kWideBlock) counts[b] = 0;
-  // A bucket that has outgrown its room runs into the next one's, the last no further than one place.
+  // A bucket that has outgrown its room runs into the next one's. The last bucket stops at the last place.
   const auto place_of = [&](std::uint32_t to) { return Kept ? min(to, roomy(source.count, count)) : to; };
   std::uint32_t number = blockIdx.x;
   if (number >= tiles) return;
@@ -210,8 +212,8 @@ __global__ void __launch_bounds__(kWideBlock)
         slot[u].w = __uint_as_float(tile.first + threadIdx.x + u * kWideBlock);
       slots[place[u]] = slot[u], memory.bucket_at[place[u]] = static_cast<std::uint16_t>(bucket);
     }
-    // The slots' registers are free now: places are asked for, and the next tile, before either is waited
-    // for.
+    // The registers of the slots are free now. The thread asks for places in the buckets and for the next
+    // tile before it waits for either.
     std::uint32_t taken[kBucketsAThread];
 #pragma unroll
     for (int u = 0; u < kBucketsAThread; u++) {
@@ -230,7 +232,8 @@ __global__ void __launch_bounds__(kWideBlock)
     for (std::uint32_t s = threadIdx.x; s < tile.count; s += kWideBlock)
       static_cast<float4*>(out.slots)[place_of(shift[memory.bucket_at[s]] + s)] = slots[s];
     __syncthreads();
-    if (kIds || kKeys) move_ids_and_keys<Kind, Bins, P>(tile, place, memory, in, out, place_of);
+    if (kIds || kKeys)
+      move_ids_and_keys<Kind, Bins, P>(tile, place, memory, buckets.tile_spheres, in, out, place_of);
   }
   if constexpr (Kept) begin_as_found(starts, count, counts, sums, counters);
 }
@@ -242,10 +245,10 @@ void split_into_buckets(const BucketPlan& p, const Source& source, const Ordered
   const std::uint32_t n = o.count, count = p.buckets.count;
   with_bins(o, grid, [&]<class Kind, class Bins>(Kind kind, const Bins& bins) {
     const auto launch = [&](auto* kernel, std::uint32_t among, const Places& from, const Places& to) {
-      launch_with_shared(kernel, std::min<unsigned>(blocks_for(n, kTileSpheres), p.processors), kWideBlock,
-                         kTileSpheres * 18 + (2 * among + 1) * 4, p.shared_bytes, stream, source, bins,
-                         p.buckets, among, p.starts, from, to, static_cast<float>(grid.level[0].radius_max),
-                         p.counters);
+      launch_with_shared(
+          kernel, std::min<unsigned>(blocks_for(n, static_cast<int>(p.buckets.tile_spheres)), p.processors),
+          kWideBlock, tile_bytes(p.buckets.tile_spheres, among), p.shared_bytes, stream, source, bins,
+          p.buckets, among, p.starts, from, to, static_cast<float>(grid.level[0].radius_max), p.counters);
     };
     constexpr bool kMayPack = kind() != SlotKind::fixed_point, kMayKeep = kKeyless<Bins>;
     constexpr auto kWhole = Pass::whole, kAmong = Pass::among_groups, kWithin = Pass::within_groups;

@@ -7,15 +7,12 @@
 // buckets, each gets a little more room than it needed then, and what it needs now is counted along.
 #include "detect/cuda/order/buckets.h"
 
+#include "detect/cuda/device.h"
+
 namespace padder::detect::cuda {
 namespace {
 
-constexpr std::uint32_t kSharedBytes = 226 * 1024;
-constexpr std::uint32_t kHalved = 3'000'000;  // up to so many spheres, buckets and blocks are half as large
-
-bool has_keys(const Ordered& o) { return !o.bins.on && !o.float_levels; }
-bool has_ids(const Ordered& o) { return o.kind != SlotKind::equal; }
-std::uint32_t sphere_bytes(const Ordered& o) { return 16 + (has_ids(o) ? 4 : 0) + (has_keys(o) ? 4 : 0); }
+constexpr std::uint32_t kStaticShared = 1024;  // bytes that the kernels declare themselves, or less
 
 // As many buckets as give each about `aim` spheres on average, of fewer than `widest` entries.
 Buckets choose_buckets(const Grid& grid, const Ordered& o, double aim, double widest) {
@@ -34,21 +31,33 @@ Buckets choose_buckets(const Grid& grid, const Ordered& o, double aim, double wi
   return b;
 }
 
-// False: these spheres cannot be put in order through buckets.
+// Spheres that a block divides at once: as many as leave a quarter of its shared memory to the buckets, or
+// kMostAtOnce of these.
+std::uint32_t choose_tile(std::uint32_t shared) {
+  const std::uint32_t most = kWideBlock * kTileItems;
+  if (tile_bytes(most, kMostAtOnce) <= shared) return most;
+  return std::min(most, shared / 4 * 3 / 18 / kWideBlock * kWideBlock);
+}
+
+// False: these spheres cannot be put in order through buckets, here or on no device.
 bool choose_plan(const Grid& grid, const Ordered& o, double bucket_spheres, BucketPlan& p) {
-  const bool halved = o.count <= kHalved;
-  p.shared_bytes = kSharedBytes, p.threads = halved ? kWideBlock / 2 : kWideBlock;
-  const std::uint32_t room = halved ? kSharedBytes / 2 : kSharedBytes, bytes = sphere_bytes(o);
+  const auto offered = static_cast<std::uint32_t>(shared_memory_of_block());
+  const std::uint32_t shared = p.shared_bytes = offered - std::min(offered, kStaticShared);
+  const std::uint32_t tile = choose_tile(shared);
+  if (tile == 0 || tile_bytes(tile, 1u << kGroupBits) > shared) return false;
+  const std::uint32_t at_once = std::min(kMostAtOnce, ((shared - tile * 18) / 4 - 1) / 2);
+  bucket_spheres *= std::min(1.0, static_cast<double>(shared) / tuning::kBucketShared);
+  const std::uint32_t bytes = sphere_bytes(o);
   // No more entries than leave room for the spheres, nor than 16 bits can number.
-  const double aim = halved ? bucket_spheres / 2 : bucket_spheres,
-               widest = std::min((room - aim * 1.12 * bytes) / 4 - 4, 65535.0);
+  const double widest = std::min((shared - bucket_spheres * 1.12 * bytes) / 4 - 4, 65535.0);
   if (widest < 64) return false;
-  p.buckets = choose_buckets(grid, o, aim, widest);
-  if (p.buckets.count > kMostBuckets) return false;
-  const bool grouped = p.buckets.count > kMostAtOnce;
+  p.buckets = choose_buckets(grid, o, bucket_spheres, widest);
+  p.buckets.tile_spheres = tile;
+  if (p.buckets.count > std::min(kMostBuckets, shared / 4 - 1)) return false;
+  const bool grouped = p.buckets.count > at_once;
   p.groups = grouped ? (p.buckets.count + (1u << kGroupBits) - 1) >> kGroupBits : 0;
   p.table_bytes = ((p.buckets.widest + 4) & ~3u) * 4 + (has_ids(o) ? sizeof(OctaveBounds) : 0);
-  p.capacity = std::min<std::uint32_t>((room - p.table_bytes) / bytes, kMostBucketItems * p.threads) & ~3u;
+  p.capacity = std::min<std::uint32_t>((shared - p.table_bytes) / bytes, kMostBucketItems * kWideBlock) & ~3u;
   return true;
 }
 
@@ -107,7 +116,7 @@ bool Orderer::by_buckets(const OrderRequest& r, Ordered& o) {
   plan.stable = r.stable, plan.gather = r.gather, plan.counters = r.counters, plan.processors = r.processors;
   const std::uint64_t split_room = plan_rooms(r, o, plan);
   plan_work_space(r.lent, split_room, o, plan);
-  if (r.gather.octaves && !plan.kept) Surveyor::gather_octaves(r.source, r.gather, r.stream);
+  if (r.gather.octaves && !plan.kept) Surveyor::gather_octaves(r.source, r.gather, r.processors, r.stream);
   begin_buckets(plan, r.stream);
   if (!plan.kept) count_buckets(plan, r.source, o, r.grid, r.stream);
   split_into_buckets(plan, r.source, o, r.grid, r.stream);

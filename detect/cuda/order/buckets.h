@@ -6,18 +6,18 @@
 
 namespace padder::detect::cuda {
 
-constexpr int kWideBlock = 1024;      // threads of a block that fills a processor
-constexpr int kTileItems = 8;         // spheres a thread, of a tile that is divided at once
-constexpr int kMostBucketItems = 10;  // spheres a thread, of a bucket that is put in order at once
-constexpr std::uint32_t kTileSpheres = kWideBlock * kTileItems;
-// Buckets that spheres can be divided among at once; of a group; in all.
+constexpr int kWideBlock = 1024;  // threads of a block that fills a processor
+// Spheres a thread, at most: of a tile that is divided at once; of a bucket that is put in order at once.
+constexpr int kTileItems = tuning::kTileItems, kMostBucketItems = 10;
+// At most: buckets that spheres can be divided among at once; of a group; in all.
 constexpr std::uint32_t kMostAtOnce = 6144, kGroupBits = 10, kMostBuckets = 56000,
                         kMostGroups = (kMostBuckets >> kGroupBits) + 1;
 
 // Which bucket holds a table entry: entries first_entry(b) to first_entry(b + 1) - 1 are of bucket b. Each
-// level has buckets of its own width, for the levels' bins are not equally full.
+// level has buckets of its own width, because the levels' bins are not equally full.
 struct Buckets {
   std::uint32_t count = 0, entries = 1, widest = 1;
+  std::uint32_t tile_spheres = 0;  // that a block divides among buckets at once
   int merge = 0, levels = 1;
   // Of a level: its first entry and its first bucket; 2^32 / width.
   struct Part {
@@ -42,20 +42,22 @@ struct Buckets {
   }
 };
 
-// Where each bucket begins, and where its next sphere goes; of the groups too, and their first tiles. In
-// `bucket` the counts stand first. `finished`: blocks of a kernel that are done, by which its last block
-// knows that it is the last. `room`: where each bucket may be put while spheres are divided, if not where it
-// begins.
+// Where each bucket begins (`bucket`, in which the counts stand first) and where its next sphere goes
+// (`cursor`). Where the next sphere of each group goes, and the first tile of each group. `room`: where each
+// bucket begins while spheres are divided by the previous call's counts. `finished`: blocks of a kernel that
+// are done, so that the last block knows that it is the last.
 struct Starts {
   std::uint32_t *finished = nullptr, *bucket = nullptr, *cursor = nullptr, *room = nullptr,
                 *group_cursor = nullptr, *group_tile = nullptr;
 };
-// A sixteenth more than what the previous call's bucket ends at, and some for small ones.
+// Where a bucket's room begins, if its spheres began at `start` in the previous call: all buckets before it
+// get a sixteenth more room than they needed, and 64 spheres more each.
 __host__ __device__ constexpr std::uint32_t roomy(std::uint32_t start, std::uint32_t bucket) {
   return start + start / 16 + 64 * bucket;
 }
 
-// By all threads: whether all other blocks have been here. Then what they wrote before is seen.
+// Called by all threads of each block. True in the block that comes last: it sees what the others wrote
+// before.
 __device__ __forceinline__ bool is_last(const Starts& starts) {
   __shared__ std::uint32_t number;
   __threadfence();
@@ -74,8 +76,7 @@ struct BucketPlan {
   std::uint32_t groups = 0;  // of buckets; 0: spheres are divided among all buckets at once
   bool kept = false;         // buckets have room by the previous call; nothing is counted
   bool stable = false;
-  // Of the block that puts a bucket in order: threads, spheres that fit, bytes of the table.
-  int threads = kWideBlock;
+  // Of the block that puts a bucket in order: spheres that fit, bytes of the table.
   std::uint32_t capacity = 0, table_bytes = 0;
   std::uint32_t shared_bytes = 0;  // that a block may have
   Places source, split, out;       // spheres as given; divided among buckets; in order
@@ -91,7 +92,19 @@ void split_into_buckets(const BucketPlan& plan, const Source& source, const Orde
                         cudaStream_t stream);
 void order_buckets(const BucketPlan& plan, const Ordered& o, const Grid& grid, cudaStream_t stream);
 
-// Launches a kernel with so many bytes of shared memory, of `most` that a block may have.
+// What goes with the slot of a sphere: its key, its number. And the bytes of all.
+inline bool has_keys(const Ordered& o) { return !o.bins.on && !o.float_levels; }
+inline bool has_ids(const Ordered& o) { return o.kind != SlotKind::equal; }
+inline std::uint32_t sphere_bytes(const Ordered& o) {
+  return 16 + (has_ids(o) ? 4 : 0) + (has_keys(o) ? 4 : 0);
+}
+
+// Shared memory of a block that divides so many spheres among so many buckets.
+constexpr std::uint32_t tile_bytes(std::uint32_t spheres, std::uint32_t buckets) {
+  return spheres * 18 + (2 * buckets + 1) * 4;
+}
+
+// Launches a kernel with `bytes` of shared memory, of `most` that a block may have.
 template <class... Parameters, class... Arguments>
 void launch_with_shared(void (*kernel)(Parameters...), unsigned blocks, int threads, std::uint32_t bytes,
                         std::uint32_t most, cudaStream_t stream, const Arguments&... arguments) {

@@ -6,13 +6,14 @@
 
 namespace padder::detect::cuda {
 
-// What the search reads of a sphere. Equal: float input of one radius; the slot's fourth word is the sphere's
-// number.
+// What a slot holds: the 16 bytes that the search reads of a sphere. Equal: x, y, z in float and the sphere's
+// number, where all radii are one. Unequal: x, y, z, r in float. Fixed point: x, y, z as integers in units of
+// the level (grid.h) and r in float, for input in double and for bodies.
 enum class SlotKind : std::uint8_t { equal, unequal, fixed_point };
 
-// Bins of one dense level in float (bins.h), where they will do: keys are then computed from the slots
-// and stand nowhere.
-inline constexpr std::uint32_t kMostFloatBins = 4096;  // on an axis
+// The bins of one dense level, computed in float (bins.h) where float is exact enough. Keys then follow from
+// the slots and are never stored.
+inline constexpr std::uint32_t kMostFloatBins = 4096;  // on an axis; the proof in bins.h needs it
 struct FloatBins {
   float origin[3] = {0, 0, 0}, per_size[3] = {0, 0, 0};
   std::uint32_t count[3] = {1, 1, 1}, row = 0, plane = 0, buckets = 0;  // keys of a row, a plane and in all
@@ -21,7 +22,8 @@ struct FloatBins {
   float units = 0;         // of codes.h, a length
   bool on = false;
 };
-// The same of several dense levels; keys as grid.h numbers them, though a sphere's bin need not be the same.
+// The same for several dense levels. Keys are numbered as in grid.h, but a sphere's bin need not be that of
+// grid.h.
 struct LevelBins {
   FloatBins level[kMaxLevels];
   std::int32_t top = 0;

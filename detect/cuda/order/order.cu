@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Spheres into the order of their bins, in one of three ways: a counting sort over bins (cells.cu),
-// through buckets (buckets.cu), or here a stable radix sort of keys, for hashed levels, crowded
+// Puts spheres in the order of their bins, in one of three ways: a counting sort over bins (cells.cu),
+// through buckets (buckets.cu), or here by a stable radix sort of keys, which serves hashed levels, crowded
 // bins and everything else.
 #include <cub/device/device_radix_sort.cuh>
 #include <cub/device/device_scan.cuh>
@@ -12,7 +12,7 @@ namespace {
 
 constexpr int kThreads = 256;
 
-// Keys are below this.
+// All keys are below this number.
 std::uint32_t keys_of(const Grid& grid, const FloatBins& bins) {
   return bins.on ? bins.buckets : grid.buckets;
 }
@@ -31,7 +31,7 @@ __global__ void __launch_bounds__(kThreads)
   }
   if (Along) bounds.give(found);
 }
-// Ends of bins go to the table; a running maximum turns them into starts.
+// Writes the end of each bin to the table. A running maximum then turns ends into starts.
 template <SlotKind Kind, class Bins>
 __global__ void __launch_bounds__(kThreads)
     sort_place_kernel(const __grid_constant__ Source source, const __grid_constant__ Bins bins,
@@ -68,16 +68,20 @@ Ordered Orderer::order(const OrderRequest& r) {
   for (int k = 0; k < grid.levels; k++) dense = dense && !grid.level[k].hashed;
   OrderMethod method = r.method;
   if (method == OrderMethod::automatic)
-    method = !dense ? OrderMethod::sort : count < kFewSpheres ? OrderMethod::cells : OrderMethod::buckets;
+    method = !dense                        ? OrderMethod::sort
+             : count < tuning::kFewSpheres ? OrderMethod::cells
+                                           : OrderMethod::buckets;
   Ordered o;
   o.kind = r.kind, o.count = count;
   o.bins = float_bins(grid, r.kind, count);
   o.float_levels = dense && level_bins(grid, r.kind).on;
   const std::uint32_t buckets = keys_of(grid, o.bins);
-  // Where bins are many and nearly empty, several along x share an entry of the table. Not in rows so short
-  // that an entry could hold bins of two rows that both hold partners of one sphere.
+  // Where bins are many and nearly empty, several along x share an entry of the table. But not where rows are
+  // so short that one entry could hold bins of two rows which both hold partners of one sphere.
   if (single && o.bins.fine == 1 && method != OrderMethod::sort && grid.level[0].count[0] >= 32)
-    while (o.merge < 3 && (static_cast<double>(buckets) / (2 << o.merge)) > 0.75 * count) o.merge++;
+    while (o.merge < tuning::kMostMerge &&
+           (static_cast<double>(buckets) / (2 << o.merge)) > tuning::kEntriesASphere * count)
+      o.merge++;
   o.entries = (buckets >> o.merge) + 2;
   o.table = table_.reserve(o.entries + 4), o.slots = slots_.reserve(std::uint64_t(o.count) + kSlack);
   if (dense) o.codes = codes_.reserve(std::uint64_t(o.count) + kSlack);
@@ -91,7 +95,7 @@ Ordered Orderer::order(const OrderRequest& r) {
 void Orderer::by_sort(const OrderRequest& r, Ordered& o) {
   const cudaStream_t stream = r.stream;
   if (r.gather.bounds) Surveyor::begin_bounds(r.gather.bounds, stream);
-  if (r.gather.octaves) Surveyor::gather_octaves(r.source, r.gather, stream);
+  if (r.gather.octaves) Surveyor::gather_octaves(r.source, r.gather, r.processors, stream);
   std::uint32_t *keys = keys_.reserve(o.count), *ids = ids_.reserve(o.count);
   o.ids = sorted_ids_.reserve(o.count), o.keys = sorted_keys_.reserve(o.count);
   std::size_t sort_bytes = 0, scan_bytes = 0;

@@ -5,11 +5,12 @@
 #include "detect/cuda/counters.h"
 #include "detect/cuda/order/float_bins.h"
 #include "detect/cuda/survey.h"
+#include "detect/cuda/tuning.h"
 
 namespace padder::detect::cuda {
 
-// Spheres in the order of their bins, in device memory. table[k] is the first place with a key of at least k
-// << merge; slots and codes may be read up to kSlack places past the end.
+// Spheres in the order of their bins, in device memory. table[k] is the first place with a key of at least
+// k << merge. Slots and codes may be read up to kSlack places past the end: what is there has no meaning.
 inline constexpr std::uint32_t kSlack = 64;
 struct Ordered {
   void* slots = nullptr;           // FloatSlot or FixedPointSlot
@@ -17,7 +18,7 @@ struct Ordered {
   std::uint32_t* codes = nullptr;  // codes.h; null where a level is hashed
   std::uint32_t* keys = nullptr;   // as grid.h numbers them; null where bins are in float
   FloatBins bins;
-  bool float_levels = false;       // by level_bins(grid, kind), if not by `bins`
+  bool float_levels = false;       // keys are those of level_bins(grid, kind), unless bins.on
   std::uint32_t* table = nullptr;  // (buckets >> merge) + 2 entries
   std::uint32_t count = 0;
   SlotKind kind = SlotKind::equal;
@@ -25,7 +26,7 @@ struct Ordered {
   std::uint64_t entries = 0;  // of the table
 };
 
-// Memory that putting in order may use and leave behind changed: that of the list, which is written later.
+// Memory of the contact list that the order may use as work space, since the list is written later.
 struct Lent {
   float4* slot = nullptr;
   std::uint64_t slots = 0;
@@ -67,8 +68,7 @@ class Orderer {
   Ordered order(const OrderRequest& request);
   // Another number whenever `keep` would stand for something else.
   std::uint64_t kept() const { return kept_; }
-  double bucket_spheres = 6500;  // average aimed at
-  static constexpr std::uint32_t kFewSpheres = 1u << 18;
+  double bucket_spheres = tuning::kBucketSpheres;
   // Slots lent that are enough for any order.
   static std::uint64_t room(std::uint64_t spheres) { return spheres + spheres / 8; }
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// What the three ways of putting spheres in order share. Only order.cu, cells.cu and buckets.cu
-// include this.
+// What the kernels of the three ways of putting spheres in order share. Only .cu files of this folder include
+// this.
 #pragma once
 #include "detect/cuda/order/bins.h"
 #include "detect/cuda/order/order.h"
@@ -12,8 +12,8 @@ inline unsigned blocks_for(std::uint64_t n, int threads) {
   return static_cast<unsigned>((n + threads - 1) / threads);
 }
 
-// Where spheres are put; ids is null where the slot holds the number, keys where they are computed again,
-// codes where they are not yet wanted.
+// Arrays that hold spheres while they are put in order. `ids` is null where the slot holds the number, `keys`
+// where keys are computed from slots, `codes` where they are not wanted yet.
 struct Places {
   void* slots = nullptr;
   std::uint32_t* ids = nullptr;
@@ -21,12 +21,12 @@ struct Places {
   std::uint32_t* codes = nullptr;
 };
 
-// With bins in float nothing of a key is written.
+// With bins in float, keys are computed from slots and never stored.
 template <class Bins>
 inline constexpr bool kKeyless = !std::is_same_v<Bins, Grid>;
 
-// All of a slot but the number that takes the place of equal radii. Packed: source.packed, where a kernel is
-// made for that.
+// A slot, except that the fourth word holds the radius even for SlotKind::equal. Packed: the input is known
+// to be packed (source.packed), and one load fetches a sphere.
 template <SlotKind Kind, bool Packed>
 __device__ __forceinline__ float4 bare_slot(const Source& source, const Grid* grid, std::uint32_t id) {
   if constexpr (Packed) return __ldg(static_cast<const float4*>(source.centers) + id);
@@ -40,8 +40,8 @@ __device__ __forceinline__ float4 bare_slot(const Source& source, const Grid* gr
   }
 }
 
-// Adds one to count[b] for each lane with b != ~0 and returns the count before. Neighbouring lanes of one
-// bucket, as in coherent input, share one atomic operation.
+// Adds one to count[b] for each lane with b != ~0. Returns what the count was before, as if lanes came one
+// after the other. Neighbouring lanes with the same b, as in coherent input, share one atomic operation.
 __device__ __forceinline__ std::uint32_t ticket(std::uint32_t* count, std::uint32_t b) {
   const int lane = threadIdx.x & 31;
   const std::uint32_t left = __shfl_up_sync(~0u, b, 1);
@@ -62,7 +62,7 @@ __device__ __forceinline__ float4 slot_of(const Source& source, const Grid* grid
   return s;
 }
 
-// The word of codes.h for a slot with this key.
+// The code (codes.h) of a slot with this key.
 template <SlotKind Kind>
 __device__ __forceinline__ std::uint32_t code_for(const FloatBins& bins, std::uint32_t, const float4& s) {
   return code_of<Kind>(bins, {s.x, s.y, s.z, s.w});
@@ -87,7 +87,7 @@ void with_kind(SlotKind kind, F f) {
   if (kind == SlotKind::unequal) f(std::integral_constant<SlotKind, SlotKind::unequal>{});
   if (kind == SlotKind::fixed_point) f(std::integral_constant<SlotKind, SlotKind::fixed_point>{});
 }
-// f(kind, bins): by the grid, or in float where `o` says so.
+// Calls f(kind, bins) with the bins that `o` goes by: those of the grid, or bins in float.
 template <class F>
 void with_bins(const Ordered& o, const Grid& grid, F f) {
   with_kind(o.kind, [&](auto kind) {
