@@ -57,10 +57,10 @@ inline constexpr double kBallCost = 0.75;
 // each batch, and with sums of their own. Rows "1e5 bodies of 64" of the table of bodies.
 inline constexpr int kNarrowPhaseBlocks = 8, kWriteBlocks = 8, kSumAndWriteBlocks = 2;
 
-// ---- Search and output. All were measured on an H200 (132 processors, compute capability 9.0) and on no
-// other chip. Each names the scenes of docs/results/h200.md whose rows it moves, and what was tried. Where a
-// value decides how work is divided among producers (marked "order"), another value also gives a stable list
-// another order.
+// ---- Search and output ----
+// All were measured on the same H200 and on no other chip. Each names the scenes whose rows it moves, and what
+// was tried. Those marked "Order." decide how work is divided among producers: another value also gives a
+// stable list another order.
 
 // Threads of a processor. Registers are limited so that this many blocks of 128 (the first group) or of 256
 // threads run on a processor at once. GPUs of compute capability 8.6 and 8.9 have 1536 threads a processor,
