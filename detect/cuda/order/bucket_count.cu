@@ -57,7 +57,7 @@ __device__ __forceinline__ void find_starts(const Buckets& buckets, const Starts
 template <class Bins, bool Along, int Threads>
 __global__ void __launch_bounds__(Threads,
                                   Threads == kCountThreads ? tuning::at_most_resident(4, Threads) : 1)
-    bucket_count_kernel(const __grid_constant__ Source source, const __grid_constant__ Bins bins,
+    bucket_count_kernel(const __grid_constant__ DeviceSpheres source, const __grid_constant__ Bins bins,
                         const __grid_constant__ Buckets buckets, std::uint32_t* keys, Starts starts,
                         std::uint32_t groups, unsigned long long* found, Counters* counters) {
   constexpr int kAtOnce = Threads == kCountThreads ? 1 : 3;
@@ -107,7 +107,7 @@ void begin_buckets(const BucketPlan& p, cudaStream_t stream) {
         p.starts, count, p.gather.bounds, p.counters);
 }
 
-void count_buckets(const BucketPlan& p, const Source& source, const Ordered& o, const Grid& grid,
+void count_buckets(const BucketPlan& p, const DeviceSpheres& source, const Ordered& o, const Grid& grid,
                    cudaStream_t stream) {
   with_bins(o, grid, [&]<class Kind, class Bins>(Kind, const Bins& bins) {
     const auto launch = [&](auto* kernel, unsigned blocks, int threads) {

@@ -160,7 +160,7 @@ __device__ __forceinline__ void move_ids_and_keys(const Tile& tile, const std::u
 // have room by the previous call; one that has outgrown it is reported.
 template <SlotKind Kind, class Bins, Pass P, bool Packed, bool Kept>
 __global__ void __launch_bounds__(kWideBlock)
-    bucket_split_kernel(const __grid_constant__ Source source, const __grid_constant__ Bins bins,
+    bucket_split_kernel(const __grid_constant__ DeviceSpheres source, const __grid_constant__ Bins bins,
                         const __grid_constant__ Buckets buckets, std::uint32_t count,
                         const __grid_constant__ Starts starts, Places in, Places out, float radius,
                         Counters* counters) {
@@ -240,7 +240,7 @@ __global__ void __launch_bounds__(kWideBlock)
 
 }  // namespace
 
-void split_into_buckets(const BucketPlan& p, const Source& source, const Ordered& o, const Grid& grid,
+void split_into_buckets(const BucketPlan& p, const DeviceSpheres& source, const Ordered& o, const Grid& grid,
                         cudaStream_t stream) {
   const std::uint32_t n = o.count, count = p.buckets.count;
   with_bins(o, grid, [&]<class Kind, class Bins>(Kind kind, const Bins& bins) {

@@ -86,10 +86,10 @@ struct BucketPlan {
 };
 // Each for all spheres; `o` and `grid` tell the kind of slots and bins.
 void begin_buckets(const BucketPlan& plan, cudaStream_t stream);  // before anything else
-void count_buckets(const BucketPlan& plan, const Source& source, const Ordered& o, const Grid& grid,
+void count_buckets(const BucketPlan& plan, const DeviceSpheres& source, const Ordered& o, const Grid& grid,
                    cudaStream_t stream);
-void split_into_buckets(const BucketPlan& plan, const Source& source, const Ordered& o, const Grid& grid,
-                        cudaStream_t stream);
+void split_into_buckets(const BucketPlan& plan, const DeviceSpheres& source, const Ordered& o,
+                        const Grid& grid, cudaStream_t stream);
 void order_buckets(const BucketPlan& plan, const Ordered& o, const Grid& grid, cudaStream_t stream);
 
 // What goes with the slot of a sphere: its key, its number. And the bytes of all.

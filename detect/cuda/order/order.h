@@ -40,7 +40,7 @@ struct Lent {
 enum class OrderMethod : std::uint8_t { automatic, cells, buckets, sort };
 
 struct OrderRequest {
-  const Source& source;
+  const DeviceSpheres& source;
   const Grid& grid;
   SlotKind kind;
   bool stable;  // within a bin by sphere number, so that the order is the same in every run

@@ -76,7 +76,7 @@ struct SlotQuota {
 };
 
 struct OutputTask {
-  Source source;
+  DeviceSpheres source;
   Ordered spheres;
   Output output;
   Counters* counters = nullptr;

@@ -28,9 +28,10 @@ __global__ void pose_kernel(std::uint32_t bodies, const Pose* poses, Body* out, 
   }
 }
 
-__global__ void sphere_kernel(Source source, std::uint32_t k, Sphere* out) { *out = source.sphere(k); }
+__global__ void sphere_kernel(DeviceSpheres source, std::uint32_t k, Sphere* out) { *out = source.sphere(k); }
 
-__global__ void __launch_bounds__(kThreads) geometry_kernel(Source source, Output out, std::uint64_t count) {
+__global__ void __launch_bounds__(kThreads)
+    geometry_kernel(DeviceSpheres source, Output out, std::uint64_t count) {
   for (std::uint64_t k = blockIdx.x * std::uint64_t(kThreads) + threadIdx.x; k < count;
        k += std::uint64_t(gridDim.x) * kThreads)
     put_geometry(out, k, source.sphere(out.pairs[k].i), source.sphere(out.pairs[k].j));
@@ -61,8 +62,8 @@ InputCopy::InputCopy(MemoryBook& book)
       poses_(book, "the poses"),
       shapes_(book, "the shapes") {}
 
-Source InputCopy::source(const Input& input, cudaStream_t stream) {
-  Source s;
+DeviceSpheres InputCopy::source(const Input& input, cudaStream_t stream) {
+  DeviceSpheres s;
   s.count = static_cast<std::uint32_t>(sphere_count(input));
   s.placed = s.count - static_cast<std::uint32_t>(input.spheres.count);
   if (input.spheres.count) copy_loose(input.spheres, s, stream);
@@ -71,7 +72,7 @@ Source InputCopy::source(const Input& input, cudaStream_t stream) {
   return s;
 }
 
-void InputCopy::copy_loose(const Spheres& spheres, Source& s, cudaStream_t stream) {
+void InputCopy::copy_loose(const Spheres& spheres, DeviceSpheres& s, cudaStream_t stream) {
   const std::uint64_t n = spheres.count, scalar = spheres.scalar == Scalar::f32 ? 4 : 8;
   const std::uint64_t center_bytes = ((n - 1) * spheres.center_stride + 3) * scalar,
                       radius_bytes = ((n - 1) * spheres.radius_stride + 1) * scalar;
@@ -99,7 +100,7 @@ void InputCopy::copy_loose(const Spheres& spheres, Source& s, cudaStream_t strea
   s.packed = woven && !s.wide && reinterpret_cast<std::uintptr_t>(s.centers) % 16 == 0;
 }
 
-void InputCopy::copy_bodies(const Input& input, Source& s, cudaStream_t stream) {
+void InputCopy::copy_bodies(const Input& input, DeviceSpheres& s, cudaStream_t stream) {
   std::vector<std::uint32_t> first, shape_first;
   std::uint64_t spheres = 0, shape_spheres = 0;
   for (const Body& b : input.bodies) {
@@ -142,7 +143,7 @@ void InputCopy::copy_bodies(const Input& input, Source& s, cudaStream_t stream) 
   s.shape_first = shapes_first;
 }
 
-Sphere sphere_at(const Source& source, std::uint32_t k, cudaStream_t stream) {
+Sphere sphere_at(const DeviceSpheres& source, std::uint32_t k, cudaStream_t stream) {
   Sphere* device = nullptr;
   Sphere s;
   cuda_check(cudaMalloc(&device, sizeof s), "allocate memory");
@@ -154,7 +155,8 @@ Sphere sphere_at(const Source& source, std::uint32_t k, cudaStream_t stream) {
   return s;
 }
 
-void write_geometry(const Source& source, const Output& output, std::uint64_t count, cudaStream_t stream) {
+void write_geometry(const DeviceSpheres& source, const Output& output, std::uint64_t count,
+                    cudaStream_t stream) {
   if (count == 0 || output.width == Width::pairs) return;
   geometry_kernel<<<blocks_for(count), kThreads, 0, stream>>>(source, output, count);
   cuda_launched("write the contacts");

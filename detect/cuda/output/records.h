@@ -2,7 +2,7 @@
 // Small passes over input and contacts. Internal; only .cu files include this.
 #pragma once
 #include "detect/core/backend.h"
-#include "detect/cuda/input/device_input.h"
+#include "detect/cuda/input/device_spheres.h"
 #include "detect/cuda/memory.h"
 #include "detect/cuda/output/output.h"
 
@@ -13,11 +13,11 @@ namespace padder::detect::cuda {
 class InputCopy {
  public:
   explicit InputCopy(MemoryBook& book);
-  Source source(const Input& input, cudaStream_t stream);
+  DeviceSpheres source(const Input& input, cudaStream_t stream);
 
  private:
-  void copy_loose(const Spheres& spheres, Source& source, cudaStream_t stream);
-  void copy_bodies(const Input& input, Source& source, cudaStream_t stream);
+  void copy_loose(const Spheres& spheres, DeviceSpheres& source, cudaStream_t stream);
+  void copy_bodies(const Input& input, DeviceSpheres& source, cudaStream_t stream);
 
   Buffer<unsigned char> centers_, radii_, static_;
   Buffer<std::uint32_t> family_, mask_, body_of_, body_first_, shape_first_;
@@ -26,10 +26,11 @@ class InputCopy {
   Buffer<Sphere> shapes_;
 };
 
-Sphere sphere_at(const Source& source, std::uint32_t k, cudaStream_t stream);  // waits
+Sphere sphere_at(const DeviceSpheres& source, std::uint32_t k, cudaStream_t stream);  // waits
 
 // Normals, depths and points of pairs that are written already, in double, rounded once.
-void write_geometry(const Source& source, const Output& output, std::uint64_t count, cudaStream_t stream);
+void write_geometry(const DeviceSpheres& source, const Output& output, std::uint64_t count,
+                    cudaStream_t stream);
 
 bool has_kernels();  // does this build have code for the current device?
 
