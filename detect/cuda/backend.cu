@@ -8,6 +8,7 @@
 #include "detect/cuda/profile_range.h"
 #include "detect/cuda/reference/nine_stages.h"
 #include "detect/cuda/sphere_search.h"
+#include "detect/cuda/tuning.h"
 
 namespace padder::detect {
 namespace cuda {

@@ -7,6 +7,7 @@
 #include "detect/cuda/order/bins.h"
 #include "detect/cuda/output/records.h"
 #include "detect/cuda/profile_range.h"
+#include "detect/cuda/tuning.h"
 
 namespace padder::detect::cuda {
 namespace {

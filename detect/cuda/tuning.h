@@ -22,9 +22,9 @@ inline constexpr std::uint32_t kFewSpheres = 1u << 18;
 inline constexpr double kBucketSpheres = 6500;
 inline constexpr std::uint32_t kBucketShared = 226 * 1024;
 
-// Spheres a thread, of a tile that is divided among buckets at once. Row "tiles of 7 spheres a thread instead
-// of 8". Bounded by shared memory (18 bytes a sphere) and by 64 registers a thread.
-inline constexpr int kTileItems = 8;
+// Spheres a thread, of a portion that is divided among buckets at once. Row "tiles of 7 spheres a thread
+// instead of 8". Bounded by shared memory (18 bytes a sphere) and by 64 registers a thread.
+inline constexpr int kPortionItems = 8;
 
 // Several bins along x share an entry of the table, up to 2^kMostMerge, while there would still be more than
 // kEntriesASphere entries a sphere. Row "several bins along x share a table entry where bins outnumber
@@ -58,9 +58,9 @@ inline constexpr double kBallCost = 0.75;
 inline constexpr int kNarrowPhaseBlocks = 8, kWriteBlocks = 8, kSumAndWriteBlocks = 2;
 
 // ---- Search and output ----
-// All were measured on the same H200 and on no other chip. Each names the scenes whose rows it moves, and what
-// was tried. Those marked "Order." decide how work is divided among producers: another value also gives a
-// stable list another order.
+// All were measured on the same H200 and on no other chip. Each names the scenes whose rows it moves, and
+// what was tried. Those marked "Order." decide how work is divided among producers: another value also gives
+// a stable list another order.
 
 // Threads of a processor. Registers are limited so that this many blocks of 128 (the first group) or of 256
 // threads run on a processor at once. GPUs of compute capability 8.6 and 8.9 have 1536 threads a processor,

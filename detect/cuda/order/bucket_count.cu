@@ -42,14 +42,14 @@ __device__ __forceinline__ void find_starts(const Buckets& buckets, const Starts
   for (std::uint32_t g = threadIdx.x; g < groups; g += Threads)
     starts.group_cursor[g] = shared[g << kGroupBits];
   if (threadIdx.x > 0 || groups == 0) return;
-  std::uint32_t tiles = 0;
+  std::uint32_t portions = 0;
   for (std::uint32_t g = 0; g < groups; g++) {
-    starts.group_tile[g] = tiles;
-    tiles += (shared[min((g + 1) << kGroupBits, buckets.count)] - shared[g << kGroupBits] +
-              buckets.tile_spheres - 1) /
-             buckets.tile_spheres;
+    starts.group_portion[g] = portions;
+    portions += (shared[min((g + 1) << kGroupBits, buckets.count)] - shared[g << kGroupBits] +
+                 buckets.portion_spheres - 1) /
+                buckets.portion_spheres;
   }
-  starts.group_tile[groups] = tiles;
+  starts.group_portion[groups] = portions;
 }
 
 // Each block counts in shared memory of its own. Narrow blocks are four a processor, where their counts leave
