@@ -13,10 +13,6 @@
 
 namespace padder::detect::cuda {
 
-// Of an H200. Grids are made of as many blocks as fill it; on a smaller or larger device that costs speed
-// only.
-inline constexpr int kProcessors = 132;
-
 inline void cuda_check(cudaError_t e, const char* what) {
   if (e == cudaSuccess) return;
   cudaGetLastError();  // a sticky error would be found again by the next innocent call
