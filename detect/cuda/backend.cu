@@ -5,6 +5,8 @@
 
 #include "detect/cuda/bodies/bodies.h"
 #include "detect/cuda/device.h"
+#include "detect/cuda/input/input_copy.h"
+#include "detect/cuda/output/records.h"
 #include "detect/cuda/profile_range.h"
 #include "detect/cuda/reference/nine_stages.h"
 #include "detect/cuda/sphere_search.h"

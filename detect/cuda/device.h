@@ -56,9 +56,8 @@ unsigned resident_blocks(const void* kernel, int threads, std::size_t shared_byt
 // Bytes of shared memory that one block may have on the current device. Throws Error.
 std::size_t shared_memory_of_block();
 
-// Was the code that runs on the current device compiled with the instructions of begin_next() and
-// await_before() (warp.h)? They came with compute capability 9.0; a newer GPU may run older code. Throws
-// Error.
+// Was the code that runs on the current device compiled with the instructions that let kernels overlap
+// (overlapped_launch.h)? They came with compute capability 9.0; a newer GPU may run older code. Throws Error.
 bool has_programmatic_launch();
 
 // By tests alone: what the device is taken to offer at most, so that a large GPU stands for a smaller one.

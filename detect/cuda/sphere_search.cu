@@ -4,8 +4,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "detect/cuda/input/input_copy.h"
 #include "detect/cuda/order/bins.h"
-#include "detect/cuda/output/records.h"
 #include "detect/cuda/profile_range.h"
 #include "detect/cuda/tuning.h"
 
@@ -42,7 +42,7 @@ void SphereSearch::make_plan(const DeviceSpheres& source, const Call& call, cons
   plan_ = {};
   plan_.source = source, plan_.grid = choose_grid(summary, call.options.bin_size, 8, Look::down);
   plan_.search = search_options(call.options, summary);
-  if (plan_.search.stable_order) plan_.search.share = share_;
+  if (plan_.search.stable_order) plan_.search.quota = quota_;
   const bool floats = !source.wide && source.placed == 0 && float_range(summary.extent, summary.radius_max);
   plan_.kind = !floats                                    ? SlotKind::fixed_point
                : summary.radius_min == summary.radius_max ? SlotKind::equal
@@ -169,18 +169,18 @@ struct SphereSearch::Steps {
     if (found.flags & kOutside) throw Error(kChanged);
     SearchOptions& search = s.plan_.search;
     const bool stable = search.stable_order;
-    const Share share = stable ? share_for(found, source.count, s.plan_.grid, s.plan_.kind) : Share{};
+    const SlotQuota quota = stable ? quota_for(found, source.count, s.plan_.grid, s.plan_.kind) : SlotQuota{};
     const bool too_short = contacts.count > call.list.capacity(call.options);
     if (found.flags & kCrowded) {
       s.method_ = OrderMethod::sort;
-    } else if (too_short || share != search.share ||
+    } else if (too_short || quota != search.quota ||
                (stable && found.spilled > s.tools_.search.spill.capacity())) {
       if (too_short) call.list.reserve(call.options, contacts.count + contacts.count / 16);
       if (stable) {
-        // With another share it is not known yet what will spill: usually a twentieth of the list.
-        s.tools_.search.spill.reserve(share == search.share ? found.spilled + found.spilled / 8
+        // With another quota it is not known yet what will spill: usually a twentieth of the list.
+        s.tools_.search.spill.reserve(quota == search.quota ? found.spilled + found.spilled / 8
                                                             : contacts.count / 16 + 4096);
-        search.share = s.share_ = share;
+        search.quota = s.quota_ = quota;
       }
     } else {
       return false;

@@ -65,7 +65,7 @@ class SphereSearch {
   std::uint64_t planned_for_ = 0;  // spheres of summary_; 0: it is not to be relied on
   Counters found_{};               // by the last pass
   OrderMethod method_ = OrderMethod::automatic;
-  Share share_;  // of the previous list, for a stable order
+  SlotQuota quota_;  // of the previous list, for a stable order
 };
 
 }  // namespace padder::detect::cuda

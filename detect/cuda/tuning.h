@@ -58,13 +58,15 @@ inline constexpr double kBallCost = 0.75;
 inline constexpr int kNarrowPhaseBlocks = 8, kWriteBlocks = 8, kSumAndWriteBlocks = 2;
 
 // ---- Search and output ----
-// All were measured on the same H200 and on no other chip. Each names the scenes whose rows it moves, and
-// what was tried. Those marked "Order." decide how work is divided among producers: another value also gives
-// a stable list another order.
+// Rows: "Designs tried" or as named, with the scene. All were measured on the same H200 and on no other chip.
+// Numbers of blocks hold for chips with 64 K registers a processor (8.0 to 9.0); where a processor has less
+// shared memory, or an L1 cache half as large (8.6, 8.9), fewer are better or run. Numbers of spheres and of
+// tiles grow with the number of processors. Values marked "Order." decide how work is divided among
+// producers: another value also gives a stable list another order.
 
-// Threads of a processor. Registers are limited so that this many blocks of 128 (the first group) or of 256
-// threads run on a processor at once. GPUs of compute capability 8.6 and 8.9 have 1536 threads a processor,
-// all others 2048.
+// Threads of a processor: 1536 for compute capability 8.6 and 8.9, else 2048. Registers of a kernel are
+// limited so that as many blocks as named here run on a processor at once; asking for more threads than it
+// has would lift the limit.
 #if defined(__CUDA_ARCH__) && (__CUDA_ARCH__ == 860 || __CUDA_ARCH__ == 870 || __CUDA_ARCH__ == 890)
 inline constexpr int kThreadsOfProcessor = 1536;
 #else
@@ -74,62 +76,67 @@ constexpr int at_most_resident(int blocks, int threads) {
   return blocks * threads <= kThreadsOfProcessor ? blocks : kThreadsOfProcessor / threads;
 }
 
-// dense 2e7: 32, 36, 40 warps a processor took 1.92, 1.98, 1.83 ms: few registers and many warps pay.
+// Blocks of 128 threads. Row "32, 36, 40 warps a processor", part search: dense 2e7 1.92, 1.98, 1.83 ms. Few
+// registers and many warps pay.
 inline constexpr int kOneLevelBlocks = 10;
-// dense 1e5: of few tiles all run at once anyway, and more registers shorten each.
+// The kernel for few tiles has more registers a thread instead of more blocks. Row "few tiles: all rows asked
+// for at once".
 inline constexpr int kFewTilesBlocks = 8;
-// poly100 5e6: 32, 36, 40 warps took 1.320, 1.294, 1.275 ms.
+// Row "float alone judges in the hot loop; 32, 36, 40 warps": poly100 5e6 1.320, 1.294, 1.275 ms.
 inline constexpr int kCoarseToFineBlocks = 10;
-// Hashed levels: no row; more blocks spill registers.
+// No row (hashed levels): with more blocks registers spill.
 inline constexpr int kFineToCoarseBlocks = 6;
-// poly100 5e6: 8, 9, 10 blocks took 0.994, 0.991, 1.012 ms: more leave too little of the L1 cache.
+// Row "the same with 8, 9, 10 blocks a processor": poly100 5e6 0.994, 0.991, 1.012 ms. More leave too little
+// of the L1 cache.
 inline constexpr int kFusedBlocks = 9;
-// Moving spilled contacts waits for memory, so that many under way pay. poly100 5e6: 5, 6, 7 blocks
-// took 31.4, 31.8, 30.7 us after a fused search. After other searches registers allow no more than 5.
+// Blocks of 256 threads that move spilled contacts: they wait for memory, so that many under way pay. Row "5,
+// 6, 7 blocks a processor to move": poly100 5e6 31.4, 31.8, 30.7 us. After searches that are not fused: no
+// row.
 inline constexpr int kMoveBlocks = 5, kFusedMoveBlocks = at_most_resident(7, 256);
 
-// Contacts that a warp's queue in shared memory holds. A warp that finds more searches twice. dense (all
-// sizes), poly100 1e5, and scenes with hashed levels.
+// Contacts that a warp's queue in shared memory holds. A warp that finds more searches twice. No row of their
+// own; the second is the "longer queue" of the row "units of 128 hits of a usual sphere".
 inline constexpr std::uint32_t kSameLevelQueue = 256, kCoarseToFineQueue = 320, kFineToCoarseQueue = 192;
 
-// Up to this many tiles a processor, one dense level has a kernel of its own, in which latency is all. dense
-// 1e5: the search took 12 us instead of 18.
+// Up to this many tiles a processor, one dense level has a kernel of its own, in which latency is all. Row
+// "few tiles: all rows asked for at once": dense 1e5, search 18 to 12 us.
 inline constexpr std::uint32_t kFewTilesOfProcessor = 16;
-// Up to this many tiles and units (if all run at once), each waits for the counts of those before it. dense
-// 1e5: 0.049 instead of 0.056 ms; 2,344 tiles: 0.105 instead of 0.090 ms; poly100 1e5 with up to 2,816: 0.077
-// instead of 0.0685. Order.
+// Up to this many tiles and units (if all run at once), each waits for the counts of those before it. Row
+// "few tiles, numbered as they start": dense 1e5 0.056 to 0.049 ms; but 2,344 tiles 0.090 to 0.105. Row "up
+// to 2,816 tiles wait": poly100 1e5 0.0685 to 0.077. Order.
 inline constexpr std::uint32_t kMostOrderedTiles = 1056;
 
 // From this many spheres on, a warp of the coarse-to-fine search takes units as long as there are any, and
-// units have quotas. poly100 1e6 and 5e6 in double records or with filters; quotas: 5e6 1.65 to 1.39 ms.
+// units have quotas. Row "a unit has a share by the volume it reaches into": poly100 5e6 1.65 to 1.39 ms.
 // Order.
 inline constexpr std::uint64_t kManySpheres = 300000;
-// Units that a warp of that search takes one after the other. poly100 5e6: 1, 2, 3, 4
-// took 1.59, 1.49, 1.46, 1.49 ms.
+// Units that a warp of that search takes one after the other. Row "1, 2, 3, 4 units a warp": poly100
+// 5e6 1.59, 1.49, 1.46, 1.49 ms.
 inline constexpr std::uint32_t kWarpUnits = 3;
-// Contacts that a unit of several spheres, or a part of one sphere's rows, is planned to find. poly100 5e6:
-// parts of 100, 130, 160, 200 took 1.49, 1.47, 1.49, 1.53 ms. The fused search divides nothing but its work
-// by units: larger ones. Order.
+// Contacts that a unit of several spheres, or a part of one sphere's rows, is planned to find. Rows "units of
+// 128 hits of a usual sphere" and "parts of 100, 130, 160, 200 hits": poly100 5e6 1.49, 1.47, 1.49, 1.53 ms.
+// The fused search divides nothing but its work by units, so they are larger; no row. Order.
 inline constexpr double kUnitContacts = 128, kPartContacts = 160;
 inline constexpr double kFusedUnitContacts = 500, kFusedPartContacts = 1000;
-// Rows of bins that a unit looks at, at most. poly100 (scenes whose fine level is sparse). Order.
+// Rows of bins that a unit looks at, at most. No row; it bounds the time of a unit where the finer level is
+// nearly empty. Order.
 inline constexpr double kUnitRows = 2048;
 
-// From this many spheres on, levels are searched by the fused kernel. poly100 1.5e5: 0.081 instead of 0.094
-// ms, 2e5: 0.084 instead of 0.102; but from 50,000 on 1e5: 0.073 instead of 0.061. Order.
+// From this many spheres on, levels are searched by the fused kernel. Row "the flow from 140,000 instead of
+// 300,000 spheres on; from 50,000": poly100 1.5e5 0.094 to 0.081 ms, 2e5 0.102 to 0.084; 1e5 0.061 to 0.073.
+// Order.
 inline constexpr std::uint64_t kFusedSpheres = 140000;
-// Stable lists of fewer spheres: the fused search takes all tiles first. poly100 1e6 and 2e6 gained, 5e6 lost
-// 1 %.
-inline constexpr std::uint32_t kTilesFirstBelow = 3000000;
-// Rounds of the fused search: 2^bits. poly100 5e6: 256 and 2,048 rounds took the same. Stable lists: 2^2
-// rounds. poly100 1e6: 256, 64, 16, 4, 2, 1 rounds took 0.226, 0.2255, 0.224, 0.2225, 0.2215, 0.2195 ms; 2e6:
-// one round 0.411, four 0.385.
-inline constexpr std::uint32_t kRoundBits = 8, kStableRoundBits = 2;
+// The order in which the fused search takes its work (fused_work.h): in 2^bits rounds; stable lists of fewer
+// spheres than the third number all tiles first, then in 2^bits rounds. Rows "items in other order" and "work
+// in 2,048 parts instead of 256". 256, 64, 16, 4, 2, 1 rounds: poly100 1e6 0.226, 0.232, 0.226, 0.224,
+// 0.2225, 0.2195 ms; 2e6 0.385, 0.388, 0.386, 0.385, 0.388, 0.411; 5e6 lost 1 % and more.
+inline constexpr std::uint32_t kRoundBits = 8, kStableRoundBits = 2, kTilesFirstBelow = 3000000;
 
-// Up to this many groups of eight producers, the compaction adds up all of them in each block instead of in a
-// kernel before. After a fused search: poly100 1e6 11 instead of 14 us, 2e5: the call 0.098 instead of 0.103
-// ms. After other searches, where units have no quotas: dense 1e6 and poly100 1e5, where a predecessor of
-// this kernel saved 3 and 4 us. Shared memory may allow fewer.
+// Up to this many groups of eight producers, each block of the compaction adds up all of them; beyond, a
+// kernel before it does. After a fused search: row "one kernel numbers and moves": poly100 1e6 14 to 11 us,
+// 2e5 call 0.103 to 0.098 ms. After other searches, where units have no quotas: row "up to 14,000 tiles", of
+// a kernel that added up single producers: dense 1e6 9.9 to 7.2 us, poly100 1e5 13.4 to 9 us. Shared memory
+// may allow fewer.
 inline constexpr std::uint32_t kMostFusedOctets = 25000, kMostOctets = 1750;
 
 }  // namespace padder::detect::cuda::tuning

@@ -19,22 +19,6 @@ __device__ __forceinline__ T sum_before(T v, T& total) {
   return upto - v;
 }
 
-// Of two kernels the second can be launched so that it begins beside the first (programmatic dependent
-// launch). The first calls begin_next() where the second may begin. The second calls await_before(), which
-// waits for the end of the first; only then does it see what the first wrote. Code for GPUs before compute
-// capability 9.0 has no such instructions: there the host launches in plain stream order
-// (has_programmatic_launch() in device.h).
-__device__ __forceinline__ void begin_next() {
-#if __CUDA_ARCH__ >= 900
-  asm volatile("griddepcontrol.launch_dependents;");
-#endif
-}
-__device__ __forceinline__ void await_before() {
-#if __CUDA_ARCH__ >= 900
-  asm volatile("griddepcontrol.wait;" ::: "memory");
-#endif
-}
-
 // Exclusive sums of v[0 .. n) in shared memory by the whole block; v[n] becomes the total. `sums` has 32
 // entries. Begins and ends with all threads together.
 __device__ __forceinline__ void scan_shared(std::uint32_t* v, std::uint32_t n, std::uint32_t* sums) {

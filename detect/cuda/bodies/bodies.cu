@@ -47,7 +47,7 @@ void BodySearch::make_plan(const Call& call, const Output& output) {
   plan_.static_count = input_.table().count;
   plan_.grid = choose_grid(summary_, 0), plan_.method = method_, plan_.moves = book_.moves;
   plan_.stable_order = call.options.order == Order::stable;
-  if (plan_.stable_order) plan_.share = share_;
+  if (plan_.stable_order) plan_.quota = quota_;
   plan_.octaves = needs_octaves(summary_), plan_.top = exponent_of(summary_.need_max);
   plan_.processors = call.processors;
   plan_.pairs.pairs = pairs_.data(), plan_.pairs.capacity = pairs_.capacity();
@@ -79,7 +79,7 @@ void BodySearch::broad_phase(const Plan& plan, Tools& tools, cudaStream_t stream
                                                .stream = stream});
   clock.mark(3);
   SearchOptions o;
-  o.stable_order = plan.stable_order, o.share = plan.share;
+  o.stable_order = plan.stable_order, o.quota = plan.quota;
   search(plan.balls, plan.grid, ordered, o, plan.pairs, &counters->broad, tools.search, plan.processors,
          stream);
 }
@@ -202,9 +202,9 @@ struct BodySearch::Steps {
     const BodyCounters& found = s.found_;
     const std::uint64_t pairs = found.broad.contacts + found.static_pairs;
     const bool stable = s.plan_.stable_order && moving > 0;
-    const Share share =
-        stable ? share_for(found.broad, moving, s.plan_.grid, SlotKind::fixed_point) : Share{};
-    const bool known = !stable || share == s.plan_.share;
+    const SlotQuota quota =
+        stable ? quota_for(found.broad, moving, s.plan_.grid, SlotKind::fixed_point) : SlotQuota{};
+    const bool known = !stable || quota == s.plan_.quota;
     const std::uint64_t spilled = stable ? found.broad.spilled : 0;
     SearchMemory& memory = s.tools_.search;
     if (found.broad.flags & kOutside) throw Error(kChanged);
@@ -212,7 +212,7 @@ struct BodySearch::Steps {
       s.method_ = OrderMethod::sort;
     } else if (pairs > s.pairs_.capacity() || !known || spilled > memory.spill.capacity()) {
       if (pairs > s.pairs_.capacity()) s.pairs_.reserve(pairs + pairs / 8);
-      if (stable) memory.spill.reserve(known ? spilled + spilled / 8 : pairs / 16 + 4096), s.share_ = share;
+      if (stable) memory.spill.reserve(known ? spilled + spilled / 8 : pairs / 16 + 4096), s.quota_ = quota;
     } else if (found.contacts > std::min(s.hits_.capacity(), output.capacity)) {
       s.hits_.reserve(found.contacts + found.contacts / 8);
       output = room_for(s.hits_.capacity());

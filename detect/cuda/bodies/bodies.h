@@ -39,7 +39,7 @@ class BodySearch {
     std::uint64_t hit_room = 0;
     OrderMethod method = OrderMethod::automatic;
     bool octaves = false, with_survey = false, stable_order = true;
-    Share share;
+    SlotQuota quota;
     int top = 0, processors = 1;
     std::uint64_t moves = 0;
     friend bool operator==(const Plan&, const Plan&) = default;
@@ -80,7 +80,7 @@ class BodySearch {
   Buffer<Pair> pairs_;
   Buffer<uint4> hits_;
   BodyCounters found_{};  // by the last pass
-  Share share_;           // of the pairs found before, for a stable order
+  SlotQuota quota_;       // of the pairs found before, for a stable order
 };
 
 }  // namespace padder::detect::cuda

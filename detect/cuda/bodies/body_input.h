@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "detect/core/assembly.h"
-#include "detect/cuda/output/records.h"
+#include "detect/cuda/input/input_copy.h"
 
 namespace padder::detect::cuda {
 

@@ -16,8 +16,8 @@ using Word = unsigned long long;  // what 64-bit atomic operations take
 
 // A block of threads takes a tile: each of its four warps 32 consecutive spheres of the order, one a lane.
 inline constexpr int kTileWarps = 4, kTileSpheres = 32 * kTileWarps;
-inline constexpr std::uint32_t kFusedTile =
-    2 * kTileSpheres;  // a tile of the fused search, which one warp takes
+// A tile of the fused search, which one warp takes.
+inline constexpr std::uint32_t kFusedTile = 2 * kTileSpheres;
 
 // A producer notes how many slots it left empty and how many contacts it spilled, in sums over groups of this
 // many producers. A group has tiles or units, not both.
@@ -33,29 +33,33 @@ inline constexpr std::uint32_t kIndexStep = 32;
 
 // Bookkeeping of a list of stable order, in device memory (stable_output.cu lays it out).
 struct StableOutput {
-  bool ordered = false;           // so few tiles that each waits for those before it (ordered_tiles.h)
-  Word* ordered_words = nullptr;  // number of the search, then the words of ordered_tiles.h
-  unsigned int* blocks_done =
-      nullptr;  // blocks of a compaction that have read the sums; zero between searches
+  // So few tiles that each waits for those before it (ordered_tiles.h). The first word is the number of the
+  // search.
+  bool ordered = false;
+  Word* ordered_words = nullptr;
+  // Blocks of a compaction that have read the sums. Zero between searches.
+  unsigned int* blocks_done = nullptr;
   // Of each group of producers two words, slots left empty and contacts spilled; with `octets` one word for
   // each eight producers (note_net). Zero between searches.
   Word* group_sums = nullptr;
   bool octets = false;
   std::uint32_t tile_groups = 0, all_groups = 0, quota_groups = 0;
-  Word* spill_start = nullptr;  // of each producer, where its spilled contacts begin
-  // Of each producer its contacts less its quota; of each unit its first sphere.
+  // Of each producer, where its spilled contacts begin, and its contacts less its quota; of each unit its
+  // first sphere.
+  Word* spill_start = nullptr;
   std::uint32_t *net = nullptr, *unit_first = nullptr;
-  Word* spill =
-      nullptr;  // the side list: i (or unit and sphere of the unit) in the upper half, j in the lower
+  // The side list: i (or the unit and a sphere of it) in the upper half of a word, j in the lower half. The
+  // fused search writes two words a contact (fused_queue.h).
+  Word* spill = nullptr;
   std::uint64_t spill_capacity = 0;
   // Where units have quotas, the word of each unit (kQuotaBits). Of each producer the empty slots up to its
   // end, modulo 2^32, and the index of empty slots.
   std::uint32_t *unit_quotas = nullptr, *empty_upto = nullptr, *empty_index = nullptr;
-  // The first output slot of each group of units, and the slot behind all quotas; the number of all empty
-  // slots.
+  // The first output slot of each group of units, and behind them the slot behind all quotas; the number of
+  // all empty slots.
   Word *quota_bases = nullptr, *empty_total = nullptr;
-  Word* quota_sums =
-      nullptr;  // of each group of units a word of the look-back in unit_quotas.cu; zero between searches
+  // Of each group of units a word of the look-back in unit_quotas.cu. Zero between searches.
+  Word* quota_sums = nullptr;
   std::uint64_t index_capacity = 0;
 };
 

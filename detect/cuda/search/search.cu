@@ -21,7 +21,7 @@ SearchTask make_task(const DeviceSpheres& source, const Grid& grid, const Ordere
                      const SearchOptions& options, const Output& output, Counters* counters) {
   SearchTask task;
   task.source = source, task.spheres = spheres, task.output = output, task.counters = counters;
-  task.stable_order = options.stable_order, task.quota = options.share;
+  task.stable_order = options.stable_order, task.quota = options.quota;
   task.radius = options.radius, task.radius_f32 = static_cast<float>(options.radius);
   task.sum_squared = (task.radius_f32 + task.radius_f32) * (task.radius_f32 + task.radius_f32);
   task.own = options.own, task.exact = options.exact, task.owns_all = options.owns_all;

@@ -12,7 +12,7 @@ namespace padder::detect::cuda {
 
 struct SearchOptions {
   bool exact = true, stable_order = true;
-  SlotQuota share;  // quota_for() the list, for a stable order
+  SlotQuota quota;  // quota_for() the list, for a stable order
   Region own;       // contacts whose midpoint lies elsewhere are left out, unless owns_all
   bool owns_all = true;
   double radius = 0;  // of all spheres, for SlotKind::equal
@@ -28,10 +28,5 @@ SlotQuota quota_for(const Counters& found, std::uint32_t spheres, const Grid& gr
 void search(const DeviceSpheres& source, const Grid& grid, const Ordered& spheres,
             const SearchOptions& options, const Output& output, Counters* counters, SearchMemory& memory,
             int processors, cudaStream_t stream);
-
-using Share = SlotQuota;
-inline Share share_for(const Counters& found, std::uint32_t spheres, const Grid& grid, SlotKind kind) {
-  return quota_for(found, spheres, grid, kind);
-}
 
 }  // namespace padder::detect::cuda

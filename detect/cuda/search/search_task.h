@@ -5,14 +5,18 @@
 
 namespace padder::detect::cuda {
 
+// An OutputTask says what is searched and where contacts go; this adds how candidates are tested.
 struct SearchTask : OutputTask {
-  Region own;  // the midpoint of a contact must lie inside, unless owns_all
+  // A contact is reported if its midpoint lies in `own`, unless owns_all.
+  Region own;
   bool exact = true, owns_all = true;
-  bool test_all = false;  // float alone accepts no pair: a filter, an owner or a cell must be asked as well
-  float sum_squared = 0;  // of the radii, for SlotKind::equal
+  // Float alone accepts no pair: the filter, the owner or the bin must be asked as well.
+  bool test_all = false;
+  float sum_squared = 0;        // of the radii, for SlotKind::equal
   std::int32_t code_limit = 0;  // of codes.h
-  unsigned int* next =
-      nullptr;  // warps take units from this counter; zero between searches. Null: one unit a warp
+  // Warps take units, or work of the fused search, from this counter. Zero between searches; null: one unit a
+  // warp.
+  unsigned int* next = nullptr;
 };
 
 }  // namespace padder::detect::cuda
