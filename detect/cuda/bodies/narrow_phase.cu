@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "detect/cuda/bodies/narrow_phase.h"
 
+#include "detect/cuda/tuning.h"
 #include "detect/cuda/warp.h"
 
 namespace padder::detect::cuda {

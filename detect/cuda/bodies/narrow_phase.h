@@ -4,6 +4,7 @@
 #pragma once
 #include "detect/cuda/bodies/body_input.h"
 #include "detect/cuda/counters.h"
+#include "detect/cuda/output/output.h"
 
 namespace padder::detect::cuda {
 
