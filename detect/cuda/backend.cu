@@ -5,11 +5,12 @@
 
 #include "detect/cuda/bodies/bodies.h"
 #include "detect/cuda/device.h"
-#include "detect/cuda/input_copy.h"
+#include "detect/cuda/input/input_copy.h"
 #include "detect/cuda/output/records.h"
 #include "detect/cuda/profile_range.h"
 #include "detect/cuda/reference/nine_stages.h"
 #include "detect/cuda/sphere_search.h"
+#include "detect/cuda/tuning.h"
 
 namespace padder::detect {
 namespace cuda {
@@ -53,7 +54,7 @@ class Work {
     check_input(input, true);
     const Call call = begin(input, options);
     bodies_.forget();
-    const Source source = read(call);
+    const DeviceSpheres source = read(call);
     if (source.count == 0) return {};
     Contacts c;
     nine_stages(source, call, c);
@@ -101,15 +102,15 @@ class Work {
       checked_[k] = given[k].first;
     }
   }
-  Source read(const Call& call) {
+  DeviceSpheres read(const Call& call) {
     const ProfileRange range("padder: read the input");
-    const Source source = input_.source(call.input, call.stream);
+    const DeviceSpheres source = input_.source(call.input, call.stream);
     clock_.mark(StageClock::kPlace);
     return source;
   }
 
   void search_spheres(const Call& call, Contacts& c) {
-    const Source source = read(call);
+    const DeviceSpheres source = read(call);
     c.spheres = source.count;
     if (source.count == 0) return;
     if (call.options.path == Path::grid)
@@ -118,7 +119,7 @@ class Work {
       nine_stages(source, call, c);
   }
 
-  void nine_stages(const Source& source, const Call& call, Contacts& c) {
+  void nine_stages(const DeviceSpheres& source, const Call& call, Contacts& c) {
     const Summary summary = spheres_.survey(source, call);
     if (!stages_) stages_.emplace(book_);
     Stages& s = *stages_;

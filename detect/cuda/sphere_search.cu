@@ -4,9 +4,10 @@
 #include <algorithm>
 #include <utility>
 
-#include "detect/cuda/input_copy.h"
+#include "detect/cuda/input/input_copy.h"
 #include "detect/cuda/order/bins.h"
 #include "detect/cuda/profile_range.h"
+#include "detect/cuda/tuning.h"
 
 namespace padder::detect::cuda {
 namespace {
@@ -20,7 +21,7 @@ SearchOptions search_options(const Options& options, const Summary& summary) {
   return s;
 }
 
-void check(const Source& source, const Summary& s, const Call& call) {
+void check(const DeviceSpheres& source, const Summary& s, const Call& call) {
   if (s.first_fault != ~std::uint64_t(0)) {
     const Sphere faulty = sphere_at(source, static_cast<std::uint32_t>(s.first_fault), call.stream);
     throw Error(fault_sentence(s.first_fault, faulty, call.input));
@@ -30,14 +31,14 @@ void check(const Source& source, const Summary& s, const Call& call) {
 
 }  // namespace
 
-Summary SphereSearch::survey(const Source& source, const Call& call) {
+Summary SphereSearch::survey(const DeviceSpheres& source, const Call& call) {
   const ProfileRange range("padder: survey");
   const Summary s = tools_.surveyor.survey(source, call.processors, call.stream);
   check(source, s, call);
   return s;
 }
 
-void SphereSearch::make_plan(const Source& source, const Call& call, const Summary& summary) {
+void SphereSearch::make_plan(const DeviceSpheres& source, const Call& call, const Summary& summary) {
   plan_ = {};
   plan_.source = source, plan_.grid = choose_grid(summary, call.options.bin_size, 8, Look::down);
   plan_.search = search_options(call.options, summary);
@@ -125,7 +126,7 @@ void SphereSearch::pass(const Call& call, bool recorded) {
 
 struct SphereSearch::Steps {
   SphereSearch& s;
-  const Source& source;
+  const DeviceSpheres& source;
   const Call& call;
   Contacts& contacts;
 
@@ -189,7 +190,7 @@ struct SphereSearch::Steps {
   }
 };
 
-void SphereSearch::run(const Source& source, const Call& call, Contacts& contacts) {
+void SphereSearch::run(const DeviceSpheres& source, const Call& call, Contacts& contacts) {
   const std::uint64_t planned_for = std::exchange(planned_for_, 0);  // until all went well
   Steps steps{*this, source, call, contacts};
   speculative_.run(steps, !call.options.timings && planned_for == source.count);

@@ -12,9 +12,9 @@ class SphereSearch {
 
   // The contacts of `source`, at least one sphere, into call.list; their number and how many were doubtful to
   // `contacts`. Throws Error.
-  void run(const Source& source, const Call& call, Contacts& contacts);
+  void run(const DeviceSpheres& source, const Call& call, Contacts& contacts);
   // The bounds of the spheres. Waits for the device; throws Error at a faulty sphere.
-  Summary survey(const Source& source, const Call& call);
+  Summary survey(const DeviceSpheres& source, const Call& call);
   // The next call does not rely on what this one found.
   void forget() { planned_for_ = 0; }
 
@@ -22,7 +22,7 @@ class SphereSearch {
   // Everything that decides what the device does between its first kernel and its count: whatever a kernel is
   // given by value follows from it.
   struct Plan {
-    Source source;
+    DeviceSpheres source;
     Grid grid;
     SearchOptions search;
     Output output;
@@ -49,7 +49,7 @@ class SphereSearch {
   };
   struct Steps;  // of SpeculativeCall
 
-  void make_plan(const Source& source, const Call& call, const Summary& summary);
+  void make_plan(const DeviceSpheres& source, const Call& call, const Summary& summary);
   void plan_output(const Call& call, bool with_survey);
   void lengthen_to_lend(const Call& call);
   void pass(const Call& call, bool recorded);

@@ -22,9 +22,9 @@ inline constexpr std::uint32_t kFewSpheres = 1u << 18;
 inline constexpr double kBucketSpheres = 6500;
 inline constexpr std::uint32_t kBucketShared = 226 * 1024;
 
-// Spheres a thread, of a tile that is divided among buckets at once. Row "tiles of 7 spheres a thread instead
-// of 8". Bounded by shared memory (18 bytes a sphere) and by 64 registers a thread.
-inline constexpr int kTileItems = 8;
+// Spheres a thread, of a portion that is divided among buckets at once. Row "tiles of 7 spheres a thread
+// instead of 8". Bounded by shared memory (18 bytes a sphere) and by 64 registers a thread.
+inline constexpr int kPortionItems = 8;
 
 // Several bins along x share an entry of the table, up to 2^kMostMerge, while there would still be more than
 // kEntriesASphere entries a sphere. Row "several bins along x share a table entry where bins outnumber
@@ -127,12 +127,10 @@ inline constexpr double kUnitRows = 2048;
 // Order.
 inline constexpr std::uint64_t kFusedSpheres = 140000;
 // The order in which the fused search takes its work (fused_work.h): in 2^bits rounds; stable lists of fewer
-// spheres than the third number all tiles first, then in 2^bits rounds or, between the last two numbers, in
-// one. Rows "items in other order" and "work in 2,048 parts instead of 256". 256, 64, 16, 4, 2, 1 rounds:
-// poly100 1e6 0.226, 0.232, 0.226, 0.224, 0.2225, 0.2195 ms; 2e6 0.385, 0.388, 0.386, 0.385, 0.388, 0.411;
-// 5e6 lost 1 % and more.
+// spheres than the last number all tiles first, then in 2^bits rounds. Rows "items in other order" and "work
+// in 2,048 parts instead of 256". 256, 64, 16, 4, 2, 1 rounds: poly100 1e6 0.226, 0.232, 0.226, 0.224,
+// 0.2225, 0.2195 ms; 2e6 0.385, 0.388, 0.386, 0.385, 0.388, 0.411; 5e6 lost 1 % and more.
 inline constexpr std::uint32_t kRoundBits = 8, kStableRoundBits = 2, kTilesFirstBelow = 3000000;
-inline constexpr std::uint32_t kOneRoundFrom = 600000, kOneRoundTo = 1500000;
 
 // Up to this many groups of eight producers, each block of the compaction adds up all of them; beyond, a
 // kernel before it does. After a fused search: row "one kernel numbers and moves": poly100 1e6 14 to 11 us,

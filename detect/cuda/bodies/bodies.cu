@@ -53,7 +53,7 @@ void BodySearch::make_plan(const Call& call, const Output& output) {
   plan_.pairs.pairs = pairs_.data(), plan_.pairs.capacity = pairs_.capacity();
   plan_.pairs.width = Width::pairs;
   plan_.hits = hits_.data(), plan_.hit_room = hits_.capacity();
-  Source& b = plan_.balls;
+  DeviceSpheres& b = plan_.balls;
   b.centers = &view.balls->x, b.radii = &view.balls->r, b.center_stride = b.radius_stride = 4;
   b.family = view.family, b.mask = view.mask, b.owner = view.owner;
   b.count = view.moving, b.wide = b.filtered = true;

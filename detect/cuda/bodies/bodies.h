@@ -28,7 +28,7 @@ class BodySearch {
   // given by value follows from it.
   struct Plan {
     BodyView view;
-    Source balls, loose;
+    DeviceSpheres balls, loose;
     Grid grid;
     Output output, pairs;  // of contacts, of elements whose balls touch
     Region own;

@@ -13,7 +13,7 @@ unsigned blocks_for(std::uint64_t n) {
 }
 
 __global__ void __launch_bounds__(kThreads)
-    place_kernel(BodyView v, Source loose, std::uint32_t first, std::uint32_t end) {
+    place_kernel(BodyView v, DeviceSpheres loose, std::uint32_t first, std::uint32_t end) {
   for (std::uint32_t k = first + blockIdx.x * kThreads + threadIdx.x; k < end; k += gridDim.x * kThreads) {
     const Element e = v.elements[k];
     if (e.body == kLoose) {
@@ -52,7 +52,7 @@ __global__ void __launch_bounds__(kThreads) pose_kernel(const Pose* poses, const
   }
 }
 // Copies loose spheres to the array of our own: those in `list`, or all if it is null.
-__global__ void loose_kernel(Source from, const std::uint32_t* list, std::uint32_t count, Sphere* to,
+__global__ void loose_kernel(DeviceSpheres from, const std::uint32_t* list, std::uint32_t count, Sphere* to,
                              std::uint32_t* tags, std::uint32_t all) {
   for (std::uint32_t k = blockIdx.x * kThreads + threadIdx.x; k < count; k += gridDim.x * kThreads) {
     const std::uint32_t n = list ? list[k] : k;

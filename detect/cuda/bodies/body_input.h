@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "detect/core/assembly.h"
-#include "detect/cuda/input_copy.h"
+#include "detect/cuda/input/input_copy.h"
 
 namespace padder::detect::cuda {
 
@@ -50,7 +50,7 @@ class BodyInput {
 
   std::uint64_t body_spheres() const { return assembly_.body_first.back(); }
   const BodyView& view() const { return view_; }
-  const Source& loose() const { return loose_; }
+  const DeviceSpheres& loose() const { return loose_; }
   const StaticTable& table() const { return table_; }  // of what is static, on the host
   const StaticView& static_view() const { return static_view_; }
   double static_extent() const { return static_extent_; }
@@ -70,7 +70,7 @@ class BodyInput {
   std::vector<std::uint32_t> moving_bodies_, moving_loose_;
   BodyView view_;
   StaticView static_view_;
-  Source loose_;
+  DeviceSpheres loose_;
 
   Buffer<Body> bodies_;
   Buffer<Pose> poses_;

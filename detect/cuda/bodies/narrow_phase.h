@@ -26,7 +26,7 @@ constexpr std::uint32_t kBatch = 8, kMostSummedBatches = 12000;
 
 struct NarrowPhaseTask {
   BodyView view;
-  Source loose;
+  DeviceSpheres loose;
   Region own;
   bool owns_all = true, stable_order = true;
   const Pair* pairs = nullptr;  // of elements

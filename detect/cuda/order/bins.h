@@ -5,8 +5,8 @@
 #pragma once
 #include <algorithm>
 
-#include "detect/cuda/bounds.h"
 #include "detect/cuda/counters.h"
+#include "detect/cuda/input/bounds.h"
 #include "detect/cuda/order/codes.h"
 #include "detect/cuda/tuning.h"
 

@@ -42,21 +42,22 @@ __device__ __forceinline__ void find_starts(const Buckets& buckets, const Starts
   for (std::uint32_t g = threadIdx.x; g < groups; g += Threads)
     starts.group_cursor[g] = shared[g << kGroupBits];
   if (threadIdx.x > 0 || groups == 0) return;
-  std::uint32_t tiles = 0;
+  std::uint32_t portions = 0;
   for (std::uint32_t g = 0; g < groups; g++) {
-    starts.group_tile[g] = tiles;
-    tiles += (shared[min((g + 1) << kGroupBits, buckets.count)] - shared[g << kGroupBits] +
-              buckets.tile_spheres - 1) /
-             buckets.tile_spheres;
+    starts.group_portion[g] = portions;
+    portions += (shared[min((g + 1) << kGroupBits, buckets.count)] - shared[g << kGroupBits] +
+                 buckets.portion_spheres - 1) /
+                buckets.portion_spheres;
   }
-  starts.group_tile[groups] = tiles;
+  starts.group_portion[groups] = portions;
 }
 
 // Each block counts in shared memory of its own. Narrow blocks are four a processor, where their counts leave
 // room for that; else one wide block.
 template <class Bins, bool Along, int Threads>
-__global__ void __launch_bounds__(Threads, Threads == kCountThreads ? 4 : 1)
-    bucket_count_kernel(const __grid_constant__ Source source, const __grid_constant__ Bins bins,
+__global__ void __launch_bounds__(Threads,
+                                  Threads == kCountThreads ? tuning::at_most_resident(4, Threads) : 1)
+    bucket_count_kernel(const __grid_constant__ DeviceSpheres source, const __grid_constant__ Bins bins,
                         const __grid_constant__ Buckets buckets, std::uint32_t* keys, Starts starts,
                         std::uint32_t groups, unsigned long long* found, Counters* counters) {
   constexpr int kAtOnce = Threads == kCountThreads ? 1 : 3;
@@ -106,7 +107,7 @@ void begin_buckets(const BucketPlan& p, cudaStream_t stream) {
         p.starts, count, p.gather.bounds, p.counters);
 }
 
-void count_buckets(const BucketPlan& p, const Source& source, const Ordered& o, const Grid& grid,
+void count_buckets(const BucketPlan& p, const DeviceSpheres& source, const Ordered& o, const Grid& grid,
                    cudaStream_t stream) {
   with_bins(o, grid, [&]<class Kind, class Bins>(Kind, const Bins& bins) {
     const auto launch = [&](auto* kernel, unsigned blocks, int threads) {

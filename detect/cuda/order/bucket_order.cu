@@ -109,8 +109,8 @@ __global__ void __launch_bounds__(kWideBlock)
   using Here = Bucket<Kind, Bins>;
   constexpr bool kIds = Here::kIds, kKeys = Here::kKeys;
   extern __shared__ float4 slots[];
-  auto* tile_keys = reinterpret_cast<std::uint32_t*>(slots + capacity);
-  auto* numbers = kKeys ? tile_keys + capacity : tile_keys;
+  auto* bucket_keys = reinterpret_cast<std::uint32_t*>(slots + capacity);
+  auto* numbers = kKeys ? bucket_keys + capacity : bucket_keys;
   auto* bins = kIds ? numbers + capacity : numbers;
   __shared__ std::uint32_t sums[32];
   const std::uint32_t begin = where.bucket[blockIdx.x], count = where.bucket[blockIdx.x + 1] - begin,
@@ -123,7 +123,7 @@ __global__ void __launch_bounds__(kWideBlock)
     if (threadIdx.x == 0) atomicOr(&counters->flags, kCrowded);
     return;
   }
-  const Here b{slots, tile_keys, numbers, bins, begin, count, first, buckets.merge};
+  const Here b{slots, bucket_keys, numbers, bins, begin, count, first, buckets.merge};
   auto& octaves = *reinterpret_cast<OctaveBounds*>(bins + ((width + 4) & ~3u));
   const bool by_octave = Kept && kIds && gather.octaves;
   sort_in_shared<Kind, Bins>(b, bins_here, in, from, width, by_octave ? &octaves : nullptr, table, sums);
@@ -138,8 +138,8 @@ __global__ void __launch_bounds__(kWideBlock)
       bounds.take_quickly(mine.x, mine.y, mine.z, Kind == SlotKind::equal ? radius : mine.w);
     if (by_octave) taker.take(octaves, gather.top, mine);
     static_cast<float4*>(out.slots)[begin + to] = mine;
-    if (out.codes) out.codes[begin + to] = code_for<Kind>(bins_here, kKeys ? tile_keys[s] : 0, mine);
-    if (kKeys) out.keys[begin + to] = tile_keys[s];
+    if (out.codes) out.codes[begin + to] = code_for<Kind>(bins_here, kKeys ? bucket_keys[s] : 0, mine);
+    if (kKeys) out.keys[begin + to] = bucket_keys[s];
     if (kIds) out.ids[begin + to] = numbers[s];
   }
   if (Kept && gather.bounds) bounds.give<false>(gather.bounds);

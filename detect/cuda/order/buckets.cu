@@ -33,9 +33,9 @@ Buckets choose_buckets(const Grid& grid, const Ordered& o, double aim, double wi
 
 // Spheres that a block divides at once: as many as leave a quarter of its shared memory to the buckets, or
 // kMostAtOnce of these.
-std::uint32_t choose_tile(std::uint32_t shared) {
-  const std::uint32_t most = kWideBlock * kTileItems;
-  if (tile_bytes(most, kMostAtOnce) <= shared) return most;
+std::uint32_t choose_portion(std::uint32_t shared) {
+  const std::uint32_t most = kWideBlock * kPortionItems;
+  if (portion_bytes(most, kMostAtOnce) <= shared) return most;
   return std::min(most, shared / 4 * 3 / 18 / kWideBlock * kWideBlock);
 }
 
@@ -43,16 +43,16 @@ std::uint32_t choose_tile(std::uint32_t shared) {
 bool choose_plan(const Grid& grid, const Ordered& o, double bucket_spheres, BucketPlan& p) {
   const auto offered = static_cast<std::uint32_t>(shared_memory_of_block());
   const std::uint32_t shared = p.shared_bytes = offered - std::min(offered, kStaticShared);
-  const std::uint32_t tile = choose_tile(shared);
-  if (tile == 0 || tile_bytes(tile, 1u << kGroupBits) > shared) return false;
-  const std::uint32_t at_once = std::min(kMostAtOnce, ((shared - tile * 18) / 4 - 1) / 2);
+  const std::uint32_t portion = choose_portion(shared);
+  if (portion == 0 || portion_bytes(portion, 1u << kGroupBits) > shared) return false;
+  const std::uint32_t at_once = std::min(kMostAtOnce, ((shared - portion * 18) / 4 - 1) / 2);
   bucket_spheres *= std::min(1.0, static_cast<double>(shared) / tuning::kBucketShared);
   const std::uint32_t bytes = sphere_bytes(o);
   // No more entries than leave room for the spheres, nor than 16 bits can number.
   const double widest = std::min((shared - bucket_spheres * 1.12 * bytes) / 4 - 4, 65535.0);
   if (widest < 64) return false;
   p.buckets = choose_buckets(grid, o, bucket_spheres, widest);
-  p.buckets.tile_spheres = tile;
+  p.buckets.portion_spheres = portion;
   if (p.buckets.count > std::min(kMostBuckets, shared / 4 - 1)) return false;
   const bool grouped = p.buckets.count > at_once;
   p.groups = grouped ? (p.buckets.count + (1u << kGroupBits) - 1) >> kGroupBits : 0;
@@ -65,7 +65,7 @@ Starts starts_in(std::uint32_t* memory, std::uint32_t buckets) {
   Starts s;
   s.finished = memory, s.bucket = s.finished + 1, s.cursor = s.bucket + buckets + 1,
   s.room = s.cursor + buckets + 1, s.group_cursor = s.room + buckets + 1;
-  s.group_tile = s.group_cursor + kMostGroups;
+  s.group_portion = s.group_cursor + kMostGroups;
   return s;
 }
 std::uint64_t words_of_starts(std::uint32_t buckets) {

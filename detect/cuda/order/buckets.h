@@ -7,8 +7,8 @@
 namespace padder::detect::cuda {
 
 constexpr int kWideBlock = 1024;  // threads of a block that fills a processor
-// Spheres a thread, at most: of a tile that is divided at once; of a bucket that is put in order at once.
-constexpr int kTileItems = tuning::kTileItems, kMostBucketItems = 10;
+// Spheres a thread, at most: of a portion that is divided at once; of a bucket that is put in order at once.
+constexpr int kPortionItems = tuning::kPortionItems, kMostBucketItems = 10;
 // At most: buckets that spheres can be divided among at once; of a group; in all.
 constexpr std::uint32_t kMostAtOnce = 6144, kGroupBits = 10, kMostBuckets = 56000,
                         kMostGroups = (kMostBuckets >> kGroupBits) + 1;
@@ -17,7 +17,7 @@ constexpr std::uint32_t kMostAtOnce = 6144, kGroupBits = 10, kMostBuckets = 5600
 // level has buckets of its own width, because the levels' bins are not equally full.
 struct Buckets {
   std::uint32_t count = 0, entries = 1, widest = 1;
-  std::uint32_t tile_spheres = 0;  // that a block divides among buckets at once
+  std::uint32_t portion_spheres = 0;  // that a block divides among buckets at once
   int merge = 0, levels = 1;
   // Of a level: its first entry and its first bucket; 2^32 / width.
   struct Part {
@@ -43,12 +43,12 @@ struct Buckets {
 };
 
 // Where each bucket begins (`bucket`, in which the counts stand first) and where its next sphere goes
-// (`cursor`). Where the next sphere of each group goes, and the first tile of each group. `room`: where each
-// bucket begins while spheres are divided by the previous call's counts. `finished`: blocks of a kernel that
-// are done, so that the last block knows that it is the last.
+// (`cursor`). Where the next sphere of each group goes, and the first portion of each group. `room`: where
+// each bucket begins while spheres are divided by the previous call's counts. `finished`: blocks of a kernel
+// that are done, so that the last block knows that it is the last.
 struct Starts {
   std::uint32_t *finished = nullptr, *bucket = nullptr, *cursor = nullptr, *room = nullptr,
-                *group_cursor = nullptr, *group_tile = nullptr;
+                *group_cursor = nullptr, *group_portion = nullptr;
 };
 // Where a bucket's room begins, if its spheres began at `start` in the previous call: all buckets before it
 // get a sixteenth more room than they needed, and 64 spheres more each.
@@ -86,10 +86,10 @@ struct BucketPlan {
 };
 // Each for all spheres; `o` and `grid` tell the kind of slots and bins.
 void begin_buckets(const BucketPlan& plan, cudaStream_t stream);  // before anything else
-void count_buckets(const BucketPlan& plan, const Source& source, const Ordered& o, const Grid& grid,
+void count_buckets(const BucketPlan& plan, const DeviceSpheres& source, const Ordered& o, const Grid& grid,
                    cudaStream_t stream);
-void split_into_buckets(const BucketPlan& plan, const Source& source, const Ordered& o, const Grid& grid,
-                        cudaStream_t stream);
+void split_into_buckets(const BucketPlan& plan, const DeviceSpheres& source, const Ordered& o,
+                        const Grid& grid, cudaStream_t stream);
 void order_buckets(const BucketPlan& plan, const Ordered& o, const Grid& grid, cudaStream_t stream);
 
 // What goes with the slot of a sphere: its key, its number. And the bytes of all.
@@ -100,7 +100,7 @@ inline std::uint32_t sphere_bytes(const Ordered& o) {
 }
 
 // Shared memory of a block that divides so many spheres among so many buckets.
-constexpr std::uint32_t tile_bytes(std::uint32_t spheres, std::uint32_t buckets) {
+constexpr std::uint32_t portion_bytes(std::uint32_t spheres, std::uint32_t buckets) {
   return spheres * 18 + (2 * buckets + 1) * 4;
 }
 

@@ -54,7 +54,7 @@ struct Numbers {
 };
 
 struct CellTask {
-  Source source;
+  DeviceSpheres source;
   Ordered to;
   Numbers numbers;
   Word* sums = nullptr;  // of each block's part of the table

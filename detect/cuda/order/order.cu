@@ -19,7 +19,7 @@ std::uint32_t keys_of(const Grid& grid, const FloatBins& bins) {
 
 template <class Bins, bool Along>
 __global__ void __launch_bounds__(kThreads)
-    sort_key_kernel(const __grid_constant__ Source source, const __grid_constant__ Bins bins,
+    sort_key_kernel(const __grid_constant__ DeviceSpheres source, const __grid_constant__ Bins bins,
                     std::uint32_t* keys, std::uint32_t* ids, unsigned long long* found, Counters* counters) {
   Bounds bounds;
   for (std::uint64_t at = blockIdx.x * kThreads + threadIdx.x; at < source.count;
@@ -34,7 +34,7 @@ __global__ void __launch_bounds__(kThreads)
 // Writes the end of each bin to the table. A running maximum then turns ends into starts.
 template <SlotKind Kind, class Bins>
 __global__ void __launch_bounds__(kThreads)
-    sort_place_kernel(const __grid_constant__ Source source, const __grid_constant__ Bins bins,
+    sort_place_kernel(const __grid_constant__ DeviceSpheres source, const __grid_constant__ Bins bins,
                       const std::uint32_t* keys, const std::uint32_t* ids, int merge, float4* slots,
                       std::uint32_t* codes, std::uint32_t* table) {
   const std::uint32_t p = blockIdx.x * kThreads + threadIdx.x;

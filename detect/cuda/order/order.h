@@ -3,8 +3,8 @@
 // Internal; only .cu files include this.
 #pragma once
 #include "detect/cuda/counters.h"
+#include "detect/cuda/input/survey.h"
 #include "detect/cuda/order/float_bins.h"
-#include "detect/cuda/survey.h"
 #include "detect/cuda/tuning.h"
 
 namespace padder::detect::cuda {
@@ -40,7 +40,7 @@ struct Lent {
 enum class OrderMethod : std::uint8_t { automatic, cells, buckets, sort };
 
 struct OrderRequest {
-  const Source& source;
+  const DeviceSpheres& source;
   const Grid& grid;
   SlotKind kind;
   bool stable;  // within a bin by sphere number, so that the order is the same in every run

@@ -28,7 +28,7 @@ inline constexpr bool kKeyless = !std::is_same_v<Bins, Grid>;
 // A slot, except that the fourth word holds the radius even for SlotKind::equal. Packed: the input is known
 // to be packed (source.packed), and one load fetches a sphere.
 template <SlotKind Kind, bool Packed>
-__device__ __forceinline__ float4 bare_slot(const Source& source, const Grid* grid, std::uint32_t id) {
+__device__ __forceinline__ float4 bare_slot(const DeviceSpheres& source, const Grid* grid, std::uint32_t id) {
   if constexpr (Packed) return __ldg(static_cast<const float4*>(source.centers) + id);
   const Sphere s = source.sphere(id);
   if constexpr (Kind == SlotKind::fixed_point) {
@@ -54,7 +54,7 @@ __device__ __forceinline__ std::uint32_t ticket(std::uint32_t* count, std::uint3
 }
 
 template <SlotKind Kind>
-__device__ __forceinline__ float4 slot_of(const Source& source, const Grid* grid, std::uint32_t id) {
+__device__ __forceinline__ float4 slot_of(const DeviceSpheres& source, const Grid* grid, std::uint32_t id) {
   constexpr bool kMayPack = Kind != SlotKind::fixed_point;
   float4 s = kMayPack && source.packed ? bare_slot<Kind, kMayPack>(source, grid, id)
                                        : bare_slot<Kind, false>(source, grid, id);

@@ -80,7 +80,7 @@ struct SlotQuota {
 };
 
 struct OutputTask {
-  Source source;
+  DeviceSpheres source;
   Ordered spheres;
   Output output;
   Counters* counters = nullptr;

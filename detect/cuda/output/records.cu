@@ -13,7 +13,8 @@ unsigned blocks_for(std::uint64_t n) {
   return static_cast<unsigned>(std::clamp<std::uint64_t>((n + kThreads - 1) / kThreads, 1, kMostBlocks));
 }
 
-__global__ void __launch_bounds__(kThreads) geometry_kernel(Source source, Output out, std::uint64_t count) {
+__global__ void __launch_bounds__(kThreads)
+    geometry_kernel(DeviceSpheres source, Output out, std::uint64_t count) {
   for (std::uint64_t k = blockIdx.x * std::uint64_t(kThreads) + threadIdx.x; k < count;
        k += std::uint64_t(gridDim.x) * kThreads)
     put_geometry(out, k, source.sphere(out.pairs[k].i), source.sphere(out.pairs[k].j));
@@ -31,7 +32,8 @@ __global__ void __launch_bounds__(kThreads)
 
 }  // namespace
 
-void write_geometry(const Source& source, const Output& output, std::uint64_t count, cudaStream_t stream) {
+void write_geometry(const DeviceSpheres& source, const Output& output, std::uint64_t count,
+                    cudaStream_t stream) {
   if (count == 0 || output.width == Width::pairs) return;
   geometry_kernel<<<blocks_for(count), kThreads, 0, stream>>>(source, output, count);
   cuda_launched("write the contacts");

@@ -30,7 +30,7 @@ __global__ void __launch_bounds__(kTileSpheres, tuning::kFusedBlocks)
     // The number of the next item, loaded long before it is needed.
     std::uint32_t next = 0;
     if (search.lane == 0) next = atomicAdd(task.next, 1u);
-    WorkItem item = item_of(work, pairs.count, number, search.lane, round_bits(task, tiles_first));
+    WorkItem item = item_of(work, pairs.count, number, search.lane, round_bits(tiles_first));
     if (tiles_first && item.pair < pairs.count) item.pair = pairs.count - 1 - item.pair;
     const bool down = item.pair < pairs.count;
     const LevelPair& d = pairs.pair[down ? item.pair : 0];

@@ -37,10 +37,8 @@ __device__ __forceinline__ void plan_work(const SearchTask& task, const Grid& gr
                                             : pairs.pair[p + 1].first_warp - pairs.pair[p].first_warp;
   }
 }
-__device__ __forceinline__ std::uint32_t round_bits(const SearchTask& task, bool tiles_first) {
-  const bool one_round =
-      task.spheres.count >= tuning::kOneRoundFrom && task.spheres.count < tuning::kOneRoundTo;
-  return !tiles_first ? tuning::kRoundBits : one_round ? 0 : tuning::kStableRoundBits;
+__device__ __forceinline__ std::uint32_t round_bits(bool tiles_first) {
+  return tiles_first ? tuning::kStableRoundBits : tuning::kRoundBits;
 }
 // Item `number` of the plan, by a warp.
 __device__ __forceinline__ WorkItem item_of(const WorkPlan& work, std::uint32_t pairs, std::uint32_t number,

@@ -17,7 +17,7 @@ std::uint32_t blocks_of_warps(std::uint64_t warps) {
 }
 
 // What the kernels read, and how they test it.
-SearchTask make_task(const Source& source, const Grid& grid, const Ordered& spheres,
+SearchTask make_task(const DeviceSpheres& source, const Grid& grid, const Ordered& spheres,
                      const SearchOptions& options, const Output& output, Counters* counters) {
   SearchTask task;
   task.source = source, task.spheres = spheres, task.output = output, task.counters = counters;
@@ -95,9 +95,9 @@ SlotQuota quota_for(const Counters& found, std::uint32_t spheres, const Grid& gr
   return quota;
 }
 
-void search(const Source& source, const Grid& grid, const Ordered& spheres, const SearchOptions& options,
-            const Output& output, Counters* counters, SearchMemory& memory, int processors,
-            cudaStream_t stream) {
+void search(const DeviceSpheres& source, const Grid& grid, const Ordered& spheres,
+            const SearchOptions& options, const Output& output, Counters* counters, SearchMemory& memory,
+            int processors, cudaStream_t stream) {
   SearchTask task = make_task(source, grid, spheres, options, output, counters);
   const SearchPlan plan = choose_family(task, grid, processors);
   const bool fused = plan.fused(), many = fused || spheres.count >= tuning::kManySpheres;

@@ -25,8 +25,8 @@ SlotQuota quota_for(const Counters& found, std::uint32_t spheres, const Grid& gr
 
 // The caller sets the counters to zero first. Afterwards they hold the number of contacts, whatever the
 // capacity of `output`. `processors`: processors_of(stream); the list does not depend on it. Throws Error.
-void search(const Source& source, const Grid& grid, const Ordered& spheres, const SearchOptions& options,
-            const Output& output, Counters* counters, SearchMemory& memory, int processors,
-            cudaStream_t stream);
+void search(const DeviceSpheres& source, const Grid& grid, const Ordered& spheres,
+            const SearchOptions& options, const Output& output, Counters* counters, SearchMemory& memory,
+            int processors, cudaStream_t stream);
 
 }  // namespace padder::detect::cuda

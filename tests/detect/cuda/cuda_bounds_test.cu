@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "detect/cuda/device.h"
-#include "detect/cuda/survey.h"
+#include "detect/cuda/input/survey.h"
 
 namespace padder::detect::cuda {
 namespace {
@@ -50,7 +50,7 @@ TEST(CudaSurvey, PackedFloatsAsAnyOthers) {
       Buffer<float4> given(book, "the test");
       cuda_check(cudaMemcpy(given.reserve(count), spheres.data(), 16ull * count, cudaMemcpyHostToDevice),
                  "copy");
-      Source source;
+      DeviceSpheres source;
       source.centers = given.data(), source.radii = &given.data()->w;
       source.center_stride = source.radius_stride = 4, source.count = count;
       const int processors = processors_of(nullptr, 0);

@@ -194,7 +194,7 @@ class CudaOrderTest : public testing::TestWithParam<Way> {
     Buffer<float> given(book_, "the test");
     cuda_check(cudaMemcpy(given.reserve(4ull * count), spheres.data(), 16ull * count, cudaMemcpyHostToDevice),
                "copy");
-    Source source;
+    DeviceSpheres source;
     source.centers = given.data(), source.radii = given.data() + 3;
     source.center_stride = source.radius_stride = 4, source.count = count, source.packed = packed;
     const Grid grid = choose_grid(summary, 0, 8, Look::down);

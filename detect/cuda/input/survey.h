@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
 // The first pass over the spheres: the summary from which the grid is chosen. Only .cu files include this.
 #pragma once
-#include "detect/cuda/bounds.h"
-#include "detect/cuda/device_input.h"
+#include "detect/cuda/input/bounds.h"
+#include "detect/cuda/input/device_spheres.h"
 #include "detect/cuda/memory.h"
 #include "detect/cuda/report.h"
 
@@ -12,7 +12,7 @@ namespace padder::detect::cuda {
 class Surveyor {
  public:
   explicit Surveyor(MemoryBook& book);
-  Summary survey(const Source& source, int processors, cudaStream_t stream);  // waits for the device
+  Summary survey(const DeviceSpheres& source, int processors, cudaStream_t stream);  // waits for the device
 
   // The survey in steps that do not wait for each other. `top` is the exponent that the largest need is
   // expected to have, and `octaves` says whether sizes are expected to differ so much that octaves are told
@@ -20,18 +20,20 @@ class Surveyor {
   // spheres in order clear the head and gather() the bounds. read() lets the report bring what was found to
   // the host. finish() is called after the stream has been waited for. It is false if an expectation was
   // wrong: then call survey().
-  static bool rides_along(const Source& source) { return source.packed && source.placed == 0; }
-  void begin(const Source& source, bool octaves, int top, int processors, cudaStream_t stream);
+  static bool rides_along(const DeviceSpheres& source) { return source.packed && source.placed == 0; }
+  void begin(const DeviceSpheres& source, bool octaves, int top, int processors, cudaStream_t stream);
   static void begin_bounds(unsigned long long* bounds, cudaStream_t stream);  // and clears the head
   Gather gather(bool octaves, int top) const {
     unsigned long long* const bounds = values_.data() + kHead;
     return {bounds, octaves ? bounds + kBounds : nullptr, top};
   }
   // The bounds of the octaves, in a pass of their own.
-  static void gather_octaves(const Source& source, const Gather& gather, int processors, cudaStream_t stream);
-  void read(const Source& source, bool octaves, bool along, Report& report);
+  static void gather_octaves(const DeviceSpheres& source, const Gather& gather, int processors,
+                             cudaStream_t stream);
+  void read(const DeviceSpheres& source, bool octaves, bool along, Report& report);
   // `above`: Summary::above, by which `top` is lower than the largest need's exponent.
-  bool finish(const Source& source, bool octaves, int top, bool along, Summary& summary, int above = 0) const;
+  bool finish(const DeviceSpheres& source, bool octaves, int top, bool along, Summary& summary,
+              int above = 0) const;
 
   // The caller's own words (Counters) in front of the summary, so that one report brings both to the host.
   static constexpr int kHead = 8;
@@ -41,7 +43,7 @@ class Surveyor {
 
  private:
   static std::uint64_t words();
-  int find_above(const Source& source, cudaStream_t stream);
+  int find_above(const DeviceSpheres& source, cudaStream_t stream);
   Buffer<unsigned long long> values_, host_values_;
   Buffer<double> sums_, host_sums_;
   Buffer<unsigned long long> exponents_;

@@ -15,7 +15,7 @@ inline constexpr const char* kChanged =
     "runs";
 
 // Device pointers. Sphere k belongs to a body if k < placed; else it is loose sphere k - placed.
-struct Source {
+struct DeviceSpheres {
   const void* centers = nullptr;
   const void* radii = nullptr;
   const std::uint32_t* family = nullptr;
@@ -31,7 +31,7 @@ struct Source {
   bool wide = false;    // double input
   bool packed = false;  // float x, y, z, r, aligned to 16 bytes: one load a sphere
   bool filtered = false;
-  friend bool operator==(const Source&, const Source&) = default;
+  friend bool operator==(const DeviceSpheres&, const DeviceSpheres&) = default;
 
   __device__ __forceinline__ Sphere sphere(std::uint32_t k) const {
     if (k < placed) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "detect/cuda/input_copy.h"
+#include "detect/cuda/input/input_copy.h"
 
 #include <algorithm>
 #include <vector>
@@ -28,7 +28,7 @@ __global__ void pose_kernel(std::uint32_t bodies, const Pose* poses, Body* out, 
   }
 }
 
-__global__ void sphere_kernel(Source source, std::uint32_t k, Sphere* out) { *out = source.sphere(k); }
+__global__ void sphere_kernel(DeviceSpheres source, std::uint32_t k, Sphere* out) { *out = source.sphere(k); }
 
 }  // namespace
 
@@ -45,8 +45,8 @@ InputCopy::InputCopy(MemoryBook& book)
       poses_(book, "the poses"),
       shapes_(book, "the shapes") {}
 
-Source InputCopy::source(const Input& input, cudaStream_t stream) {
-  Source s;
+DeviceSpheres InputCopy::source(const Input& input, cudaStream_t stream) {
+  DeviceSpheres s;
   s.count = static_cast<std::uint32_t>(sphere_count(input));
   s.placed = s.count - static_cast<std::uint32_t>(input.spheres.count);
   if (input.spheres.count) copy_loose(input.spheres, s, stream);
@@ -55,7 +55,7 @@ Source InputCopy::source(const Input& input, cudaStream_t stream) {
   return s;
 }
 
-void InputCopy::copy_loose(const Spheres& spheres, Source& s, cudaStream_t stream) {
+void InputCopy::copy_loose(const Spheres& spheres, DeviceSpheres& s, cudaStream_t stream) {
   const std::uint64_t n = spheres.count, scalar = spheres.scalar == Scalar::f32 ? 4 : 8;
   const std::uint64_t center_bytes = ((n - 1) * spheres.center_stride + 3) * scalar,
                       radius_bytes = ((n - 1) * spheres.radius_stride + 1) * scalar;
@@ -83,7 +83,7 @@ void InputCopy::copy_loose(const Spheres& spheres, Source& s, cudaStream_t strea
   s.packed = woven && !s.wide && reinterpret_cast<std::uintptr_t>(s.centers) % 16 == 0;
 }
 
-void InputCopy::copy_bodies(const Input& input, Source& s, cudaStream_t stream) {
+void InputCopy::copy_bodies(const Input& input, DeviceSpheres& s, cudaStream_t stream) {
   std::vector<std::uint32_t> first, shape_first;
   std::uint64_t spheres = 0, shape_spheres = 0;
   for (const Body& b : input.bodies) {
@@ -126,7 +126,7 @@ void InputCopy::copy_bodies(const Input& input, Source& s, cudaStream_t stream) 
   s.shape_first = shapes_first;
 }
 
-Sphere sphere_at(const Source& source, std::uint32_t k, cudaStream_t stream) {
+Sphere sphere_at(const DeviceSpheres& source, std::uint32_t k, cudaStream_t stream) {
   Sphere* device = nullptr;
   Sphere s;
   cuda_check(cudaMalloc(&device, sizeof s), "allocate memory");

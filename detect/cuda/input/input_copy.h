@@ -2,7 +2,7 @@
 // The caller's input on the device. Internal; only .cu files include this.
 #pragma once
 #include "detect/core/backend.h"
-#include "detect/cuda/device_input.h"
+#include "detect/cuda/input/device_spheres.h"
 #include "detect/cuda/memory.h"
 
 namespace padder::detect::cuda {
@@ -12,11 +12,11 @@ namespace padder::detect::cuda {
 class InputCopy {
  public:
   explicit InputCopy(MemoryBook& book);
-  Source source(const Input& input, cudaStream_t stream);
+  DeviceSpheres source(const Input& input, cudaStream_t stream);
 
  private:
-  void copy_loose(const Spheres& spheres, Source& source, cudaStream_t stream);
-  void copy_bodies(const Input& input, Source& source, cudaStream_t stream);
+  void copy_loose(const Spheres& spheres, DeviceSpheres& source, cudaStream_t stream);
+  void copy_bodies(const Input& input, DeviceSpheres& source, cudaStream_t stream);
 
   Buffer<unsigned char> centers_, radii_, static_;
   Buffer<std::uint32_t> family_, mask_, body_of_, body_first_, shape_first_;
@@ -25,6 +25,6 @@ class InputCopy {
   Buffer<Sphere> shapes_;
 };
 
-Sphere sphere_at(const Source& source, std::uint32_t k, cudaStream_t stream);  // waits
+Sphere sphere_at(const DeviceSpheres& source, std::uint32_t k, cudaStream_t stream);  // waits
 
 }  // namespace padder::detect::cuda

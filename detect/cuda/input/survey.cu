@@ -5,7 +5,7 @@
 #include <span>
 #include <vector>
 
-#include "detect/cuda/survey.h"
+#include "detect/cuda/input/survey.h"
 #include "detect/cuda/tuning.h"
 
 namespace padder::detect::cuda {
@@ -29,7 +29,7 @@ __device__ Word warp_max(Word v) {
 
 // Blocks of the survey. Few spheres get few blocks: each block ends with atomic operations on the same words,
 // and blocks without spheres would only add to the queue.
-unsigned blocks_of(const Source& source) {
+unsigned blocks_of(const DeviceSpheres& source) {
   return static_cast<unsigned>(
       std::clamp<std::uint64_t>((source.count + kThreads - 1ull) / kThreads, 1, kBlocks));
 }
@@ -42,7 +42,7 @@ __global__ void begin_kernel(Word* v, int minima, int count, int period, int hea
 
 // The sum of the radii is made in a fixed order (blocks, then the host), so that the mean is the same in
 // every run.
-__global__ void __launch_bounds__(kThreads) survey_kernel(Source source, Word* out, double* sums) {
+__global__ void __launch_bounds__(kThreads) survey_kernel(DeviceSpheres source, Word* out, double* sums) {
   double low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY};
   double r_min = INFINITY, r_max = 0, need = 0, extent = 0, sum = 0;
   Word fault = ~0ull;
@@ -89,7 +89,7 @@ __global__ void __launch_bounds__(kThreads) survey_kernel(Source source, Word* o
 }
 
 // Finds the words of OctaveBounds::kWords for each octave, of spheres in any format.
-__global__ void __launch_bounds__(kThreads) octave_kernel(Source source, int top, Word* out) {
+__global__ void __launch_bounds__(kThreads) octave_kernel(DeviceSpheres source, int top, Word* out) {
   __shared__ Word v[kOctaves * kOctaveWords];
   __shared__ std::uint32_t counts[kOctaves];
   for (int k = threadIdx.x; k < kOctaves; k += kThreads) counts[k] = 0;
@@ -145,7 +145,7 @@ __global__ void __launch_bounds__(kThreads, tuning::kOctaveBlocks)
 }
 
 // Counts the spheres of each exponent_of(need) + 1023.
-__global__ void __launch_bounds__(kThreads) exponent_kernel(Source source, Word* out) {
+__global__ void __launch_bounds__(kThreads) exponent_kernel(DeviceSpheres source, Word* out) {
   __shared__ std::uint32_t counts[kExponents];
   for (int k = threadIdx.x; k < kExponents; k += kThreads) counts[k] = 0;
   __syncthreads();
@@ -171,7 +171,8 @@ void Surveyor::begin_bounds(Word* bounds, cudaStream_t stream) {
   begin_kernel<<<1, 32, 0, stream>>>(bounds, 5, kBounds, kBounds, kHead);
 }
 
-void Surveyor::begin(const Source& source, bool octaves, int top, int processors, cudaStream_t stream) {
+void Surveyor::begin(const DeviceSpheres& source, bool octaves, int top, int processors,
+                     cudaStream_t stream) {
   Word* v = head() + kHead;
   begin_bounds(v, stream);
   survey_kernel<<<blocks_of(source), kThreads, 0, stream>>>(source, v, sums_.reserve(kBlocks));
@@ -179,7 +180,7 @@ void Surveyor::begin(const Source& source, bool octaves, int top, int processors
   cuda_launched("survey the spheres");
 }
 
-void Surveyor::gather_octaves(const Source& source, const Gather& gather, int processors,
+void Surveyor::gather_octaves(const DeviceSpheres& source, const Gather& gather, int processors,
                               cudaStream_t stream) {
   begin_kernel<<<3, 256, 0, stream>>>(gather.octaves, 3, kOctaves * kOctaveWords, kOctaveWords, 0);
   if (rides_along(source))
@@ -193,13 +194,14 @@ void Surveyor::read_head(Report& report) {
   report.add(head(), host_values_.reserve(words()), kHead * sizeof(Word));
 }
 
-void Surveyor::read(const Source& source, bool octaves, bool along, Report& report) {
+void Surveyor::read(const DeviceSpheres& source, bool octaves, bool along, Report& report) {
   report.add(head(), host_values_.reserve(words()), (kHead + (octaves ? kAll : kBounds)) * sizeof(Word));
   if (!along)
     report.add(sums_.reserve(kBlocks), host_sums_.reserve(kBlocks), blocks_of(source) * sizeof(double));
 }
 
-bool Surveyor::finish(const Source& source, bool octaves, int top, bool along, Summary& s, int above) const {
+bool Surveyor::finish(const DeviceSpheres& source, bool octaves, int top, bool along, Summary& s,
+                      int above) const {
   const Word* host = host_values_.data() + kHead;
   s = Summary{};
   s.count = source.count;
@@ -234,7 +236,7 @@ bool Surveyor::finish(const Source& source, bool octaves, int top, bool along, S
 }
 
 // Finds Summary::above, for sizes that differ by more than kOctaves octaves.
-int Surveyor::find_above(const Source& source, cudaStream_t stream) {
+int Surveyor::find_above(const DeviceSpheres& source, cudaStream_t stream) {
   Word* const device = exponents_.reserve(kExponents);
   std::vector<std::uint64_t> found(kExponents);
   cuda_check(cudaMemsetAsync(device, 0, kExponents * sizeof(Word), stream), "clear the counters");
@@ -246,7 +248,7 @@ int Surveyor::find_above(const Source& source, cudaStream_t stream) {
   return octaves_above(std::span<const std::uint64_t, kExponents>(found));
 }
 
-Summary Surveyor::survey(const Source& source, int processors, cudaStream_t stream) {
+Summary Surveyor::survey(const DeviceSpheres& source, int processors, cudaStream_t stream) {
   Summary s;
   const auto look = [&](bool octaves, int above) {
     const int top = octaves ? exponent_of(s.need_max) - above : 0;
