@@ -127,7 +127,7 @@ inline constexpr double kUnitRows = 2048;
 // Order.
 inline constexpr std::uint64_t kFusedSpheres = 140000;
 // The order in which the fused search takes its work (fused_work.h): in 2^bits rounds; stable lists of fewer
-// spheres than the third number all tiles first, then in 2^bits rounds. Rows "items in other order" and "work
+// spheres than the last number all tiles first, then in 2^bits rounds. Rows "items in other order" and "work
 // in 2,048 parts instead of 256". 256, 64, 16, 4, 2, 1 rounds: poly100 1e6 0.226, 0.232, 0.226, 0.224,
 // 0.2225, 0.2195 ms; 2e6 0.385, 0.388, 0.386, 0.385, 0.388, 0.411; 5e6 lost 1 % and more.
 inline constexpr std::uint32_t kRoundBits = 8, kStableRoundBits = 2, kTilesFirstBelow = 3000000;
