@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <ostream>
 #include <random>
 #include <vector>
 
@@ -142,6 +143,7 @@ struct Way {
   OrderMethod method;
   double bucket_spheres;
   const char* name;
+  friend void PrintTo(const Way& way, std::ostream* out) { *out << way.name; }
 };
 
 class CudaOrderTest : public testing::TestWithParam<Way> {
