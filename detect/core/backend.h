@@ -40,9 +40,11 @@ class Backend {
 };
 
 std::unique_ptr<Backend> make_omp_backend();
-std::unique_ptr<Backend> make_cuda_backend(
-    int device);                       // throws Error in a build without CUDA, or without a GPU
-std::string cuda_absence(int device);  // why make_cuda_backend would throw; "" when it would not
+// Throws Error in a build without CUDA, and where the GPU is missing, too old or not one that the build has
+// code for.
+std::unique_ptr<Backend> make_cuda_backend(int device);
+// The sentence that make_cuda_backend would throw; "" if it would not throw.
+std::string cuda_absence(int device);
 
 // Common to all backends, in detector.cpp.
 std::string number(double v);  // as sentences say it

@@ -4,6 +4,12 @@
 #include <algorithm>
 
 namespace padder::detect::cuda {
+namespace {
+
+__global__ void version_kernel() {}  // has the version of all kernels of this build
+
+}  // namespace
+
 OnDevice::OnDevice(int device) noexcept {
   static const auto current = driver_function<CUresult (*)(CUcontext*)>("cuCtxGetCurrent", 4000);
   if (!current || current(&before_) != CUDA_SUCCESS) before_ = nullptr;
@@ -51,6 +57,32 @@ unsigned resident_blocks(const void* kernel, int threads, std::size_t shared_byt
   cuda_check(cudaOccupancyMaxActiveBlocksPerMultiprocessor(&of_a_processor, kernel, threads, shared_bytes),
              "ask how many blocks run at once");
   return static_cast<unsigned>(std::max(of_a_processor * processors, 1));
+}
+
+std::size_t shared_memory_of_block() {
+  int device = 0, bytes = 0;
+  cuda_check(cudaGetDevice(&device), "ask the device");
+  cuda_check(cudaDeviceGetAttribute(&bytes, cudaDevAttrMaxSharedMemoryPerBlockOptin, device),
+             "ask the device");
+  return std::min(static_cast<std::size_t>(bytes), test_limits.shared_memory);
+}
+
+bool has_programmatic_launch() {
+  cudaFuncAttributes found{};
+  cuda_check(cudaFuncGetAttributes(&found, version_kernel), "ask for the version of a kernel");
+  return found.ptxVersion >= 90 && test_limits.programmatic_launch;
+}
+
+std::string unfit_sentence(int device, int major, int minor, bool has_code) {
+  const std::string gpu = "GPU " + std::to_string(device),
+                    capability = std::to_string(major) + "." + std::to_string(minor);
+  if (major < 8)
+    return "the CUDA backend needs compute capability 8.0 or newer; " + gpu + " has " + capability +
+           ": choose omp";
+  if (has_code) return "";
+  return "this build has no code for " + gpu + ", whose compute capability is " + capability +
+         ": build it with -DCMAKE_CUDA_ARCHITECTURES=" + std::to_string(major) + std::to_string(minor) +
+         " or choose omp";
 }
 
 }  // namespace padder::detect::cuda

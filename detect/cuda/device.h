@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: MIT
 // Where kernels run: the device's context, which is current for the length of a call only; the memory that a
-// caller says is the device's; and how many blocks of a kernel run at once. Internal; only .cu files include
-// this.
+// caller says is the device's; and what the device offers: processors, shared memory, newer instructions.
+// Internal; only .cu files include this.
 #pragma once
 #include <cuda.h>
+
+#include <cstddef>
+#include <string>
 
 #include "detect/cuda/memory.h"
 
@@ -49,5 +52,30 @@ int processors_of(cudaStream_t stream, int device);
 // other must be no more than this: then each runs sooner or later, whatever else the device does. Throws
 // Error.
 unsigned resident_blocks(const void* kernel, int threads, std::size_t shared_bytes, int processors);
+
+// Bytes of shared memory that one block may have on the current device. Throws Error.
+std::size_t shared_memory_of_block();
+
+// Was the code that runs on the current device compiled with the instructions that let kernels overlap
+// (overlapped_launch.h)? They came with compute capability 9.0; a newer GPU may run older code. Throws Error.
+bool has_programmatic_launch();
+
+// By tests alone: what the device is taken to offer at most, so that a large GPU stands for a smaller one.
+struct TestLimits {
+  std::size_t shared_memory = ~std::size_t(0);  // bytes of a block
+  bool programmatic_launch = true;
+};
+inline TestLimits test_limits;
+class ScopedTestLimits {
+ public:
+  explicit ScopedTestLimits(const TestLimits& limits) { test_limits = limits; }
+  ~ScopedTestLimits() { test_limits = {}; }
+  ScopedTestLimits(const ScopedTestLimits&) = delete;
+  ScopedTestLimits& operator=(const ScopedTestLimits&) = delete;
+};
+
+// Why the detector does not run on a GPU of this compute capability; "" if it does. `has_code`: this build
+// has kernels for it.
+std::string unfit_sentence(int device, int major, int minor, bool has_code);
 
 }  // namespace padder::detect::cuda

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: MIT
-// The same work again as a graph: no gaps between its launches, and one call instead of many. Only .cu files
-// include this.
+// Repeats the work of a call as a CUDA graph: no gaps between its kernels, and one launch instead of many.
+// Only .cu files include this.
 #pragma once
 #include "detect/cuda/memory.h"
 
 namespace padder::detect::cuda {
 
-// A stream that no other stream waits for, and that waits for none: work is recorded on it, which other
-// threads may disturb on a stream that waits for the default one. Made when it is first asked for.
+// A stream that waits for no other stream, and for which none waits. Work is recorded on it: on a stream that
+// waits for the default one, other threads could disturb the recording. Made when it is first asked for.
 class SideStream {
  public:
   SideStream() = default;
@@ -25,9 +25,9 @@ class SideStream {
   cudaStream_t stream_ = nullptr;
 };
 
-// Plan: everything that decides what is enqueued, comparable: whatever a kernel is given by value follows
-// from it. What stands behind the addresses may change. plan.moves is MemoryBook::moves, since a graph holds
-// addresses.
+// Plan: everything that decides what is enqueued, and comparable. Whatever a kernel is given by value must
+// follow from the plan; what stands behind addresses may change. plan.moves is MemoryBook::moves, because a
+// graph holds addresses.
 template <class Plan>
 class Recording {
  public:
@@ -36,9 +36,9 @@ class Recording {
   Recording(const Recording&) = delete;
   Recording& operator=(const Recording&) = delete;
 
-  // Enqueues on `stream` what the plan stands for: by calling enqueue(stream) the first time, recorded on
-  // `side` the second time in a row, from the record afterwards. `moves` is read after enqueue(), which may
-  // allocate. Throws Error.
+  // Enqueues on `stream` what the plan stands for. The first time it calls enqueue(stream). The second time
+  // in a row it records enqueue() on `side` and launches the recording; afterwards it launches the recording
+  // alone. `moves` is read after enqueue(), which may allocate. Throws Error.
   template <class Enqueue>
   void run(const Plan& plan, const std::uint64_t& moves, cudaStream_t stream, SideStream& side,
            Enqueue enqueue) {

@@ -13,10 +13,6 @@
 
 namespace padder::detect::cuda {
 
-// Of an H200. Grids are made of as many blocks as fill it; on a smaller or larger device that costs speed
-// only.
-inline constexpr int kProcessors = 132;
-
 inline void cuda_check(cudaError_t e, const char* what) {
   if (e == cudaSuccess) return;
   cudaGetLastError();  // a sticky error would be found again by the next innocent call
@@ -24,10 +20,10 @@ inline void cuda_check(cudaError_t e, const char* what) {
 }
 inline void cuda_launched(const char* what) { cuda_check(cudaGetLastError(), what); }
 
-// What one backend holds, and how much it may hold. A change of address makes recorded graphs stale.
+// What one backend holds, and how much it may hold.
 struct MemoryBook {
   std::uint64_t held = 0, limit = 0, peak = 0;
-  std::uint64_t moves = 0;  // allocations so far
+  std::uint64_t moves = 0;  // allocations so far; each makes recorded graphs stale, which hold addresses
 };
 
 // Memory that grows and never shrinks; contents are lost when it grows. Throws Error (memory_sentence).

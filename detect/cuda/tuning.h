@@ -1,8 +1,142 @@
 // SPDX-License-Identifier: MIT
 // Every threshold of the GPU half that was chosen by measuring: what it decides, the row of
-// docs/results/h200.md that it was measured on, and the chips it holds for. A value here changes the speed and
-// never the contacts. What follows from the hardware or from an algorithm's limits stands beside the code.
+// docs/results/h200.md that it was measured on, and the chips it holds for. A value here changes the speed,
+// and some change the order of the list; none changes which contacts are found. What follows from the
+// hardware or from an algorithm's limits stands beside the code.
 #pragma once
 #include <cstdint>
 
-namespace padder::detect::cuda::tuning {}  // namespace padder::detect::cuda::tuning
+namespace padder::detect::cuda::tuning {
+
+// ---- The order of the spheres ----
+// Rows: "Designs tried", part "order" or as named. All were measured on an H200 (132 processors, 227 KB of
+// shared memory a block, 50 MB of L2). What another chip would move is said with each.
+
+// Below so many spheres a counting sort over bins; from here on through buckets. Row "counting sort over
+// bins, counts in L2" (1e5, 1e6, 5e6). The counts must stay in L2: less L2, or fewer processors, move it
+// down.
+inline constexpr std::uint32_t kFewSpheres = 1u << 18;
+
+// Spheres of a bucket on average, where a block has kBucketShared bytes of shared memory; with less, buckets
+// are as much smaller. Row "buckets of 5,000, 6,500, 7,000, 8,000 spheres". Larger ones overflow.
+inline constexpr double kBucketSpheres = 6500;
+inline constexpr std::uint32_t kBucketShared = 226 * 1024;
+
+// Spheres a thread, of a portion that is divided among buckets at once. Row "tiles of 7 spheres a thread
+// instead of 8". Bounded by shared memory (18 bytes a sphere) and by 64 registers a thread.
+inline constexpr int kPortionItems = 8;
+
+// Several bins along x share an entry of the table, up to 2^kMostMerge, while there would still be more than
+// kEntriesASphere entries a sphere. Row "several bins along x share a table entry where bins outnumber
+// spheres (dilute)". Any chip: the table is memory traffic.
+inline constexpr int kMostMerge = 3;
+inline constexpr double kEntriesASphere = 0.75;
+
+// A bin is divided along x into so many, where bins hold more than kFullBin spheres on average. Row, part
+// "search", "bins along x halved; quartered". Any chip: fewer candidates are tested.
+inline constexpr std::uint32_t kFineBins = 4;
+inline constexpr double kFullBin = 4.0;
+
+// Stable order by cells: sphere numbers for which each table entry has places of its own, before others go to
+// a list. Row, part "fixed order", "numbers of a bin: a chain for each entry; 16 places; 8 places where
+// tickets are taken". Any chip.
+inline constexpr std::uint32_t kNumbersOfEntry = 8;
+
+// ---- Bounds ----
+// Blocks a processor that gather the bounds of each octave. Row, part "levels", "sizes by octave in shared
+// memory; registers for two octaves; …". Bounded by registers (48 a thread).
+inline constexpr int kOctaveBlocks = 5;
+
+// ---- Bodies ----
+// What it costs to search a ball about a piece of a body, in spheres that are expanded and searched: so it is
+// decided whether bodies are searched first. Rows "1e4 bodies of 64", "1e5 bodies of 64" of the table of
+// bodies.
+inline constexpr double kBallCost = 0.75;
+
+// Blocks a processor of the narrow phase, and of the two kernels that write its contacts: with an offset for
+// each batch, and with sums of their own. Rows "1e5 bodies of 64" of the table of bodies.
+inline constexpr int kNarrowPhaseBlocks = 8, kWriteBlocks = 8, kSumAndWriteBlocks = 2;
+
+// ---- Search and output ----
+// Rows: "Designs tried" or as named, with the scene. All were measured on the same H200 and on no other chip.
+// Numbers of blocks hold for chips with 64 K registers a processor (8.0 to 9.0); where a processor has less
+// shared memory, or an L1 cache half as large (8.6, 8.9), fewer are better or run. Numbers of spheres and of
+// tiles grow with the number of processors. Values marked "Order." decide how work is divided among
+// producers: another value also gives a stable list another order.
+
+// Threads of a processor: 1536 for compute capability 8.6 and 8.9, else 2048. Registers of a kernel are
+// limited so that as many blocks as named here run on a processor at once; asking for more threads than it
+// has would lift the limit.
+#if defined(__CUDA_ARCH__) && (__CUDA_ARCH__ == 860 || __CUDA_ARCH__ == 870 || __CUDA_ARCH__ == 890)
+inline constexpr int kThreadsOfProcessor = 1536;
+#else
+inline constexpr int kThreadsOfProcessor = 2048;
+#endif
+constexpr int at_most_resident(int blocks, int threads) {
+  return blocks * threads <= kThreadsOfProcessor ? blocks : kThreadsOfProcessor / threads;
+}
+
+// Blocks of 128 threads. Row "32, 36, 40 warps a processor", part search: dense 2e7 1.92, 1.98, 1.83 ms. Few
+// registers and many warps pay.
+inline constexpr int kOneLevelBlocks = 10;
+// The kernel for few tiles has more registers a thread instead of more blocks. Row "few tiles: all rows asked
+// for at once".
+inline constexpr int kFewTilesBlocks = 8;
+// Row "float alone judges in the hot loop; 32, 36, 40 warps": poly100 5e6 1.320, 1.294, 1.275 ms.
+inline constexpr int kCoarseToFineBlocks = 10;
+// No row (hashed levels): with more blocks registers spill.
+inline constexpr int kFineToCoarseBlocks = 6;
+// Row "the same with 8, 9, 10 blocks a processor": poly100 5e6 0.994, 0.991, 1.012 ms. More leave too little
+// of the L1 cache.
+inline constexpr int kFusedBlocks = 9;
+// Blocks of 256 threads that move spilled contacts: they wait for memory, so that many under way pay. Row "5,
+// 6, 7 blocks a processor to move": poly100 5e6 31.4, 31.8, 30.7 us. After searches that are not fused: no
+// row.
+inline constexpr int kMoveBlocks = 5, kFusedMoveBlocks = at_most_resident(7, 256);
+
+// Contacts that a warp's queue in shared memory holds. A warp that finds more searches twice. No row of their
+// own; the second is the "longer queue" of the row "units of 128 hits of a usual sphere".
+inline constexpr std::uint32_t kSameLevelQueue = 256, kCoarseToFineQueue = 320, kFineToCoarseQueue = 192;
+
+// Up to this many tiles a processor, one dense level has a kernel of its own, in which latency is all. Row
+// "few tiles: all rows asked for at once": dense 1e5, search 18 to 12 us.
+inline constexpr std::uint32_t kFewTilesOfProcessor = 16;
+// Up to this many tiles and units (if all run at once), each waits for the counts of those before it. Row
+// "few tiles, numbered as they start": dense 1e5 0.056 to 0.049 ms; but 2,344 tiles 0.090 to 0.105. Row "up
+// to 2,816 tiles wait": poly100 1e5 0.0685 to 0.077. Order.
+inline constexpr std::uint32_t kMostOrderedTiles = 1056;
+
+// From this many spheres on, a warp of the coarse-to-fine search takes units as long as there are any, and
+// units have quotas. Row "a unit has a share by the volume it reaches into": poly100 5e6 1.65 to 1.39 ms.
+// Order.
+inline constexpr std::uint64_t kManySpheres = 300000;
+// Units that a warp of that search takes one after the other. Row "1, 2, 3, 4 units a warp": poly100
+// 5e6 1.59, 1.49, 1.46, 1.49 ms.
+inline constexpr std::uint32_t kWarpUnits = 3;
+// Contacts that a unit of several spheres, or a part of one sphere's rows, is planned to find. Rows "units of
+// 128 hits of a usual sphere" and "parts of 100, 130, 160, 200 hits": poly100 5e6 1.49, 1.47, 1.49, 1.53 ms.
+// The fused search divides nothing but its work by units, so they are larger; no row. Order.
+inline constexpr double kUnitContacts = 128, kPartContacts = 160;
+inline constexpr double kFusedUnitContacts = 500, kFusedPartContacts = 1000;
+// Rows of bins that a unit looks at, at most. No row; it bounds the time of a unit where the finer level is
+// nearly empty. Order.
+inline constexpr double kUnitRows = 2048;
+
+// From this many spheres on, levels are searched by the fused kernel. Row "the flow from 140,000 instead of
+// 300,000 spheres on; from 50,000": poly100 1.5e5 0.094 to 0.081 ms, 2e5 0.102 to 0.084; 1e5 0.061 to 0.073.
+// Order.
+inline constexpr std::uint64_t kFusedSpheres = 140000;
+// The order in which the fused search takes its work (fused_work.h): in 2^bits rounds; stable lists of fewer
+// spheres than the last number all tiles first, then in 2^bits rounds. Rows "items in other order" and "work
+// in 2,048 parts instead of 256". 256, 64, 16, 4, 2, 1 rounds: poly100 1e6 0.226, 0.232, 0.226, 0.224,
+// 0.2225, 0.2195 ms; 2e6 0.385, 0.388, 0.386, 0.385, 0.388, 0.411; 5e6 lost 1 % and more.
+inline constexpr std::uint32_t kRoundBits = 8, kStableRoundBits = 2, kTilesFirstBelow = 3000000;
+
+// Up to this many groups of eight producers, each block of the compaction adds up all of them; beyond, a
+// kernel before it does. After a fused search: row "one kernel numbers and moves": poly100 1e6 14 to 11 us,
+// 2e5 call 0.103 to 0.098 ms. After other searches, where units have no quotas: row "up to 14,000 tiles", of
+// a kernel that added up single producers: dense 1e6 9.9 to 7.2 us, poly100 1e5 13.4 to 9 us. Shared memory
+// may allow fewer.
+inline constexpr std::uint32_t kMostFusedOctets = 25000, kMostOctets = 1750;
+
+}  // namespace padder::detect::cuda::tuning

@@ -19,11 +19,6 @@ __device__ __forceinline__ T sum_before(T v, T& total) {
   return upto - v;
 }
 
-// Two kernels of which the second is launched to run beside the first: the first says that it may begin, and
-// the second waits for the end of the first, and sees what that wrote.
-__device__ __forceinline__ void begin_next() { asm volatile("griddepcontrol.launch_dependents;"); }
-__device__ __forceinline__ void await_before() { asm volatile("griddepcontrol.wait;" ::: "memory"); }
-
 // Exclusive sums of v[0 .. n) in shared memory by the whole block; v[n] becomes the total. `sums` has 32
 // entries. Begins and ends with all threads together.
 __device__ __forceinline__ void scan_shared(std::uint32_t* v, std::uint32_t n, std::uint32_t* sums) {

@@ -10,8 +10,10 @@ if(NOT PADDER_CUDA STREQUAL "OFF")
       set(CMAKE_CUDA_COMPILER ${padder_nvcc})
     endif()
   endif()
+  # PTX for compute capability 8.0, which the driver compiles for any GPU since then, and machine code for 9.0. The preset
+  # `release` has machine code for the others, too: their first call then starts at once, and building takes longer.
   if(NOT DEFINED CMAKE_CUDA_ARCHITECTURES)
-    set(CMAKE_CUDA_ARCHITECTURES 90)
+    set(CMAKE_CUDA_ARCHITECTURES 80-virtual 90-real)
   endif()
   check_language(CUDA)
   if(CMAKE_CUDA_COMPILER)

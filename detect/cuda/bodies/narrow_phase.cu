@@ -1,16 +1,17 @@
 // SPDX-License-Identifier: MIT
 #include "detect/cuda/bodies/narrow_phase.h"
 
+#include "detect/cuda/tuning.h"
 #include "detect/cuda/warp.h"
 
 namespace padder::detect::cuda {
 namespace {
 
 constexpr int kWarps = 4, kThreads = 32 * kWarps;
-constexpr std::uint32_t kStage = 96;  // contacts a warp keeps before it asks for a place in the list
+constexpr std::uint32_t kStagedHits = 96;  // of a warp in shared memory, before it asks for room in the list
 constexpr std::uint32_t kAll = ~0u;
 
-// The spheres of one side that the other's ball reaches, placed.
+// The spheres of one element that the other element's ball reaches, placed.
 struct Side {
   double x[kPieceSpheres], y[kPieceSpheres], z[kPieceSpheres], r[kPieceSpheres];
   std::uint32_t slot[kPieceSpheres];
@@ -21,8 +22,8 @@ struct Side {
 };
 struct WarpMemory {
   Side side[2];
-  uint4 hits[kStage];
-  uint2 ranks[kStage];
+  uint4 hits[kStagedHits];
+  uint2 ranks[kStagedHits];
 };
 
 __device__ __forceinline__ std::uint32_t number_of(const BodyView& v, std::uint32_t body,
@@ -30,10 +31,10 @@ __device__ __forceinline__ std::uint32_t number_of(const BodyView& v, std::uint3
   return body == kLoose ? v.loose_first + slot : v.body_first[body] + v.numbers[slot];
 }
 
-struct Meeter {
-  const MeetTask& task;
+struct PairTester {
+  const NarrowPhaseTask& task;
   WarpMemory& memory;
-  std::uint32_t lane, staged = 0, batch = 0, found = 0;  // found: of the batch
+  std::uint32_t lane, staged = 0, batch = 0, found = 0;  // found: hits of this batch so far
 
   __device__ __forceinline__ bool owned(const Element& a, std::uint32_t slot_a, const Sphere& sa,
                                         const Element& b, std::uint32_t slot_b, const Sphere& sb) const {
@@ -55,16 +56,16 @@ struct Meeter {
     staged = 0;
     __syncwarp();
   }
-  // The hits of all lanes, in the order of lanes.
+  // Stages the hits of all lanes, in the order of lanes.
   __device__ __forceinline__ void push(bool hit, const uint4& h) {
     const std::uint32_t hits = __ballot_sync(kAll, hit), before = __popc(hits & ((1u << lane) - 1));
-    if (staged + __popc(hits) > kStage) flush();
+    if (staged + __popc(hits) > kStagedHits) flush();
     if (hit)
       memory.hits[staged + before] = h, memory.ranks[staged + before] = make_uint2(batch, found + before);
     staged += __popc(hits), found += __popc(hits);
   }
 
-  // Those spheres of an element that pass the sieve, placed; gives their number.
+  // Those spheres of an element that pass the sieve, placed, to `side`. Returns how many.
   __device__ __forceinline__ std::uint32_t gather(const Element& e, const Sieve& sieve, Side& side) {
     const BodyView& v = task.view;
     if (e.body == kLoose) {
@@ -93,7 +94,7 @@ struct Meeter {
   }
 
   // Contacts of the elements a and b.
-  __device__ __forceinline__ void meet(const Element& a, const Element& b, const Sieve& sieve_a,
+  __device__ __forceinline__ void test(const Element& a, const Element& b, const Sieve& sieve_a,
                                        const Sieve& sieve_b) {
     Side &sa = memory.side[0], &sb = memory.side[1];
     __syncwarp();  // the sides are read no more
@@ -126,25 +127,27 @@ __device__ __forceinline__ Element take(const Element& e, int lane) {
   return {__shfl_sync(kAll, e.body, lane), __shfl_sync(kAll, e.piece, lane)};
 }
 
-// Lanes sift `kBatch` pairs of elements at once: two loose spheres are decided there and then, for the others
-// both sieves are made. Then the whole warp looks at one pair after the other.
-__global__ void __launch_bounds__(kThreads, 4) meet_kernel(const __grid_constant__ MeetTask task) {
+// A warp takes `kBatch` pairs of elements, one a lane. Two loose spheres are decided at once. For the other
+// pairs the lane makes both sieves; then the whole warp tests the spheres of one pair after the other.
+__global__ void __launch_bounds__(kThreads, 4)
+    find_hits_kernel(const __grid_constant__ NarrowPhaseTask task) {
   __shared__ WarpMemory memory[kWarps];
   const std::uint64_t n = task.counters->broad.contacts + task.counters->static_pairs;
-  if (task.counters->broad.flags || n > task.pair_room) return;  // to be done again
+  if (task.counters->broad.flags || n > task.pair_room) return;  // the pass is repeated
   const std::uint32_t lane = threadIdx.x & 31, warp = threadIdx.x >> 5;
-  Meeter m{task, memory[warp], lane};
+  PairTester tester{task, memory[warp], lane};
   const BodyView& v = task.view;
   while (true) {
-    unsigned long long first = 0;  // whoever has done takes the next: pairs differ in cost
+    // Pairs differ in cost: a warp that is done takes the next batch.
+    unsigned long long first = 0;
     if (lane == 0) first = atomicAdd(&task.counters->next, static_cast<unsigned long long>(kBatch));
     first = __shfl_sync(kAll, first, 0);
     if (first >= n) break;
     const std::uint64_t item = first + lane;
     Pair p{~0u, ~0u};
     if (lane < kBatch && item < n) p = task.pairs[item];
-    // A list in the order of another length has holes, and is made again: what stands in them must do no
-    // harm.
+    // A list that was laid out for another length has holes, and the pass is repeated: until then what
+    // stands in the holes must do no harm.
     const bool valid = p.i < v.count && p.j < v.count;
     Element a, b;
     Sieve sieve_a, sieve_b;
@@ -153,7 +156,7 @@ __global__ void __launch_bounds__(kThreads, 4) meet_kernel(const __grid_constant
       a = v.elements[p.i], b = v.elements[p.j];
       if (a.body == kLoose && b.body == kLoose) {
         const Sphere sa = task.loose.sphere(a.piece), sb = task.loose.sphere(b.piece);
-        hit = touching(sa, sb) && m.owned(a, a.piece, sa, b, b.piece, sb);
+        hit = touching(sa, sb) && tester.owned(a, a.piece, sa, b, b.piece, sb);
       } else {
         const Sphere ball_a = v.balls[p.i], ball_b = v.balls[p.j];
         whole = true;
@@ -161,25 +164,25 @@ __global__ void __launch_bounds__(kThreads, 4) meet_kernel(const __grid_constant
         if (b.body != kLoose) sieve_b = sieve_of(v.bodies[b.body], v.pieces[b.piece], ball_b, ball_a);
       }
     }
-    m.batch = static_cast<std::uint32_t>(first / kBatch), m.found = 0;
-    if (__any_sync(kAll, hit)) m.push(hit, make_uint4(kLoose, a.piece, kLoose, b.piece));
+    tester.batch = static_cast<std::uint32_t>(first / kBatch), tester.found = 0;
+    if (__any_sync(kAll, hit)) tester.push(hit, make_uint4(kLoose, a.piece, kLoose, b.piece));
     for (std::uint32_t rest = __ballot_sync(kAll, whole); rest; rest &= rest - 1) {
       const int k = __ffs(rest) - 1;
-      m.meet(take(a, k), take(b, k), take(sieve_a, k), take(sieve_b, k));
+      tester.test(take(a, k), take(b, k), take(sieve_a, k), take(sieve_b, k));
     }
-    if (task.stable_order && lane == 0) task.batch_counts[m.batch] = m.found;
+    if (task.stable_order && lane == 0) task.batch_counts[tester.batch] = tester.found;
   }
-  if (m.staged) m.flush();
+  if (tester.staged) tester.flush();
 }
 
-template <bool Sums>
-constexpr int kWriters = Sums ? 512 : 256;
-// Sums: each block sums up the counts of batches for itself.
-template <bool Sums>
-__global__ void __launch_bounds__(kWriters<Sums>)
-    write_kernel(const __grid_constant__ MeetTask task, const __grid_constant__ Output out) {
-  constexpr int kThreads = kWriters<Sums>;
-  __shared__ std::uint32_t before[Sums ? kMostBatches + 1 : 1], sums[32];
+template <bool SumsUp>
+constexpr int kWriterThreads = SumsUp ? 512 : 256;
+// SumsUp: each block sums up the counts of all batches for itself.
+template <bool SumsUp>
+__global__ void __launch_bounds__(kWriterThreads<SumsUp>)
+    write_hits_kernel(const __grid_constant__ NarrowPhaseTask task, const __grid_constant__ Output out) {
+  constexpr int kThreads = kWriterThreads<SumsUp>;
+  __shared__ std::uint32_t before[SumsUp ? kMostSummedBatches + 1 : 1], sums[32];
   const std::uint64_t n = task.counters->contacts, first = blockIdx.x * std::uint64_t(kThreads) + threadIdx.x,
                       step = gridDim.x * std::uint64_t(kThreads);
   if (n > task.room || n > out.capacity || first - threadIdx.x >= n) return;  // the list is made longer
@@ -194,7 +197,7 @@ __global__ void __launch_bounds__(kWriters<Sums>)
     na = number_of(v, h.x, h.y), nb = number_of(v, h.z, h.w);
   };
   read(first);
-  if constexpr (Sums) {
+  if constexpr (SumsUp) {
     const std::uint64_t pairs = task.counters->broad.contacts + task.counters->static_pairs;
     const auto batches = static_cast<std::uint32_t>(
         (min(pairs, static_cast<std::uint64_t>(task.pair_room)) + kBatch - 1) / kBatch);
@@ -202,7 +205,9 @@ __global__ void __launch_bounds__(kWriters<Sums>)
     scan_shared(before, batches, sums);
   }
   for (std::uint64_t k = first; k < n; k += step, read(k)) {
-    const std::uint64_t at = Sums ? before[r.x] + r.y : task.stable_order ? task.batch_places[r.x] + r.y : k;
+    const std::uint64_t at = SumsUp              ? before[r.x] + r.y
+                             : task.stable_order ? task.batch_offsets[r.x] + r.y
+                                                 : k;
     out.pairs[at] = {min(na, nb), max(na, nb)};
     if (out.width == Width::pairs) continue;
     const Sphere a = h.x == kLoose ? task.loose.sphere(h.y) : placed(v.bodies[h.x], v.spheres[h.y]);
@@ -211,11 +216,11 @@ __global__ void __launch_bounds__(kWriters<Sums>)
   }
 }
 
-// A warp for each moving element. A lane takes one row of bins at a time; with `Write` it goes over its row
-// twice, so that the pairs come in the order of rows.
+// A warp for each moving element; a lane takes one row of bins at a time. With `Write` each lane goes over
+// its row twice, once to count, so that the pairs come in the order of rows.
 template <bool Write>
 __global__ void __launch_bounds__(kThreads)
-    static_kernel(const __grid_constant__ StaticTask task, const __grid_constant__ Grid grid) {
+    static_pairs_kernel(const __grid_constant__ StaticPairTask task, const __grid_constant__ Grid grid) {
   const BodyView& v = task.view;
   const StaticView& t = task.table;
   const std::uint32_t lane = threadIdx.x & 31;
@@ -225,7 +230,7 @@ __global__ void __launch_bounds__(kThreads)
     unsigned long long found = 0, base = 0;
     if (Write) {
       if (task.counts[e] == 0 && e + 1 < v.moving) continue;
-      base = task.counters->broad.contacts + task.places[e];
+      base = task.counters->broad.contacts + task.offsets[e];
     }
     for (int level = 0; level < grid.levels; level++) {
       const Level& l = grid.level[level];
@@ -246,14 +251,14 @@ __global__ void __launch_bounds__(kThreads)
           first = t.starts[key_in_row(l, key, x)];
           end = t.starts[key_in_row(l, key, l.hashed ? x : box.high[0]) + 1];
         }
-        const auto meets = [&](std::uint32_t k) {
+        const auto touches = [&](std::uint32_t k) {
           const Sphere s = t.balls[k];
           if (!touching(ball, s) || (l.hashed && !box.whole && !in_row(l, s, x, x, y, z))) return false;
           const std::uint32_t other = t.elements[k];
           return admitted(mine, {v.family[other], v.mask[other], v.owner[other]});
         };
         std::uint32_t count = 0;
-        for (std::uint32_t k = first; k < end; k++) count += meets(k);
+        for (std::uint32_t k = first; k < end; k++) count += touches(k);
         if (Write && __any_sync(kAll, count != 0)) {
           std::uint32_t upto = count;
 #pragma unroll
@@ -263,7 +268,7 @@ __global__ void __launch_bounds__(kThreads)
           }
           unsigned long long at = base + found + upto - count;
           for (std::uint32_t k = first; count && k < end; k++)
-            if (meets(k)) {
+            if (touches(k)) {
               if (at < task.pair_room) task.pairs[at] = {e, t.elements[k]};
               at++;
             }
@@ -272,34 +277,38 @@ __global__ void __launch_bounds__(kThreads)
       }
     }
     if (lane == 0 && !Write) task.counts[e] = static_cast<std::uint32_t>(found);
-    if (lane == 0 && Write && e + 1 == v.moving) task.counters->static_pairs = task.places[e] + found;
+    if (lane == 0 && Write && e + 1 == v.moving) task.counters->static_pairs = task.offsets[e] + found;
   }
 }
 
-unsigned blocks_for(std::uint64_t units, unsigned each) {
-  return static_cast<unsigned>(std::min<std::uint64_t>((units + each - 1) / each + 1, kProcessors * 16));
+unsigned blocks_for(std::uint64_t units, unsigned each, int processors) {
+  return static_cast<unsigned>(std::min<std::uint64_t>((units + each - 1) / each + 1, processors * 16ull));
 }
 
 }  // namespace
 
-void meet(const MeetTask& task, cudaStream_t stream) {
-  meet_kernel<<<kProcessors * 8, kThreads, 0, stream>>>(task);
-  cuda_launched("look at the spheres of bodies that met");
+void find_hits(const NarrowPhaseTask& task, int processors, cudaStream_t stream) {
+  find_hits_kernel<<<processors * tuning::kNarrowPhaseBlocks, kThreads, 0, stream>>>(task);
+  cuda_launched("test the spheres of bodies whose balls touch");
 }
-void write_hits(const MeetTask& task, const Output& output, cudaStream_t stream) {
-  const bool sums = task.stable_order && !task.batch_places;
+void write_hits(const NarrowPhaseTask& task, const Output& output, int processors, cudaStream_t stream) {
+  const bool sums = task.stable_order && !task.batch_offsets;
   if (sums)
-    write_kernel<true><<<kProcessors * 2, kWriters<true>, 0, stream>>>(task, output);
+    write_hits_kernel<true>
+        <<<processors * tuning::kSumAndWriteBlocks, kWriterThreads<true>, 0, stream>>>(task, output);
   else
-    write_kernel<false><<<kProcessors * 8, kWriters<false>, 0, stream>>>(task, output);
+    write_hits_kernel<false>
+        <<<processors * tuning::kWriteBlocks, kWriterThreads<false>, 0, stream>>>(task, output);
   cuda_launched("write the contacts");
 }
-void count_static(const StaticTask& task, const Grid& grid, cudaStream_t stream) {
-  static_kernel<false><<<blocks_for(task.view.moving, kWarps), kThreads, 0, stream>>>(task, grid);
+void count_static_pairs(const StaticPairTask& task, const Grid& grid, int processors, cudaStream_t stream) {
+  static_pairs_kernel<false>
+      <<<blocks_for(task.view.moving, kWarps, processors), kThreads, 0, stream>>>(task, grid);
   cuda_launched("search among what is static");
 }
-void write_static(const StaticTask& task, const Grid& grid, cudaStream_t stream) {
-  static_kernel<true><<<blocks_for(task.view.moving, kWarps), kThreads, 0, stream>>>(task, grid);
+void write_static_pairs(const StaticPairTask& task, const Grid& grid, int processors, cudaStream_t stream) {
+  static_pairs_kernel<true>
+      <<<blocks_for(task.view.moving, kWarps, processors), kThreads, 0, stream>>>(task, grid);
   cuda_launched("search among what is static");
 }
 

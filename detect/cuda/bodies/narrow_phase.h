@@ -1,48 +1,58 @@
 // SPDX-License-Identifier: MIT
-// What happens to elements that met, and to moving ones among static ones (meet.cu). Internal; only .cu
-// files include this.
+// The narrow phase of bodies: the spheres of elements whose balls touch. And the broad phase between elements
+// that move and static ones, which stand in a table. Only .cu files include this.
 #pragma once
-#include "detect/cuda/bodies/bodies.h"
+#include "detect/cuda/bodies/body_input.h"
+#include "detect/cuda/counters.h"
+#include "detect/cuda/output/output.h"
 
 namespace padder::detect::cuda {
+
+struct BodyCounters {
+  Counters broad;                   // pairs of elements that move
+  unsigned long long static_pairs;  // pairs with a static element; they stand behind those
+  unsigned long long contacts;
+  unsigned long long next;  // the first pair that no warp has taken yet
+};
 
 // A contact that is found and not yet written: the sphere `slot` of Pieces on this body, or a loose one.
 struct Hit {
   std::uint32_t a_body, a_slot, b_body, b_slot;
 };
 
-// Pairs of elements that a warp takes at a time; batches that are so few that they are summed up on the fly.
-constexpr std::uint32_t kBatch = 8, kMostBatches = 12000;
+// Pairs of elements that a warp takes at a time: a batch. The counts of up to kMostSummedBatches batches fit
+// the shared memory of a block: then each block that writes sums them up for itself.
+constexpr std::uint32_t kBatch = 8, kMostSummedBatches = 12000;
 
-struct MeetTask {
+struct NarrowPhaseTask {
   BodyView view;
-  Source loose;
+  DeviceSpheres loose;
   Region own;
   bool owns_all = true, stable_order = true;
   const Pair* pairs = nullptr;  // of elements
   std::uint64_t pair_room = 0, room = 0;
   uint4* hits = nullptr;  // Hit
-  // For a fixed order: of each hit its batch of pairs and number within that; contacts of each batch, and
-  // those before it, unless these are null: then kMostBatches is not exceeded.
+  // For a stable order: of each hit its batch and its number within the batch; the contacts of each batch;
+  // the contacts before each batch, or null where no more than kMostSummedBatches are possible.
   uint2* ranks = nullptr;
   std::uint32_t* batch_counts = nullptr;
-  const unsigned long long* batch_places = nullptr;
+  const unsigned long long* batch_offsets = nullptr;
   BodyCounters* counters = nullptr;
 };
-void meet(const MeetTask& task, cudaStream_t stream);
-void write_hits(const MeetTask& task, const Output& output, cudaStream_t stream);
+void find_hits(const NarrowPhaseTask& task, int processors, cudaStream_t stream);
+void write_hits(const NarrowPhaseTask& task, const Output& output, int processors, cudaStream_t stream);
 
 // Moving elements against the table of static ones: counted, then written behind the pairs that are there.
-struct StaticTask {
+struct StaticPairTask {
   BodyView view;
   StaticView table;
   Pair* pairs = nullptr;
   std::uint64_t pair_room = 0;
   std::uint32_t* counts = nullptr;  // of each moving element
-  const unsigned long long* places = nullptr;
+  const unsigned long long* offsets = nullptr;
   BodyCounters* counters = nullptr;
 };
-void count_static(const StaticTask& task, const Grid& grid, cudaStream_t stream);
-void write_static(const StaticTask& task, const Grid& grid, cudaStream_t stream);
+void count_static_pairs(const StaticPairTask& task, const Grid& grid, int processors, cudaStream_t stream);
+void write_static_pairs(const StaticPairTask& task, const Grid& grid, int processors, cudaStream_t stream);
 
 }  // namespace padder::detect::cuda

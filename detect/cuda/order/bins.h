@@ -1,10 +1,14 @@
 // SPDX-License-Identifier: MIT
-// Keys of spheres on the device: by the grid as every backend has it, or by bins in float where these do,
-// which are cheap enough to be computed again instead of being written and read. Only .cu files include this.
+// Keys of spheres on the device: by the grid, as in every backend, or by bins in float where float is exact
+// enough. Keys of bins in float are so cheap that each kernel computes them again instead of reading them.
+// Only .cu files include this.
 #pragma once
 #include <algorithm>
 
+#include "detect/cuda/counters.h"
+#include "detect/cuda/input/bounds.h"
 #include "detect/cuda/order/codes.h"
+#include "detect/cuda/tuning.h"
 
 namespace padder::detect::cuda {
 
@@ -27,7 +31,7 @@ inline FloatBins bins_of(const Level& l) {
     b.origin[k] = static_cast<float>(low);
     if (b.origin[k] > low) b.origin[k] = std::nextafter(b.origin[k], -INFINITY);
   }
-  // Far from the origin the lattice itself is rounded: then no.
+  // Far from the origin a float cannot tell neighbouring faces of bins apart.
   if (side > kMostFloatBins || extent * 0x1p-23 > l.size * 0x1p-4) return b;
   const double per_size = (1 - side * 0x1p-21) / l.size;
   auto rounded = static_cast<float>(per_size);
@@ -36,22 +40,25 @@ inline FloatBins bins_of(const Level& l) {
   b.on = std::isnormal(rounded) && std::isfinite(extent);
   return b;
 }
-// Of a scene of one level.
+// Bins in float for a scene of one level; FloatBins::on is false where there are none.
 inline FloatBins float_bins(const Grid& grid, SlotKind kind, std::uint64_t spheres) {
   if (kind == SlotKind::fixed_point || grid.levels != 1) return {};
   FloatBins b = bins_of(grid.level[0]);
   if (!b.on) return b;
-  // Finer rows pay where bins hold many spheres; elsewhere they only make the table longer.
-  if (static_cast<double>(spheres) > 4.0 * b.count[0] * b.count[1] * b.count[2] && grid.buckets < 0x1p29)
-    b.fine = 4;
+  // Where bins hold many spheres, finer bins along x leave fewer candidates. Elsewhere they only make the
+  // table longer.
+  if (static_cast<double>(spheres) > tuning::kFullBin * b.count[0] * b.count[1] * b.count[2] &&
+      grid.buckets < 0x1p29)
+    b.fine = tuning::kFineBins;
   b.count[0] *= b.fine, b.per_size[0] *= static_cast<float>(b.fine);
   b.first = b.fine, b.row = b.count[0] + b.fine, b.plane = b.row * (b.count[1] + 2);
   b.buckets = b.plane * (b.count[2] + 2) + b.fine;
   return b;
 }
-// Of several. Spheres of two levels: the place of the coarser one among the finer level's bins is found in
-// double, that of the finer one in float, off by less than side * 2^-23. Their distance is taken in the
-// level's own bins (its per_size), which are shorter by more than that.
+// Bins in float for a scene of several levels. Two spheres of different levels still find each other: among
+// the finer level's bins, the place of the coarser sphere is found in double, that of the finer one in float,
+// where it is off by less than side * 2^-23. The distance at which they touch is counted in the level's own
+// bins (its per_size), which are shorter by more than that.
 inline LevelBins level_bins(const Grid& grid, SlotKind kind) {
   LevelBins g;
   if (kind != SlotKind::unequal || grid.levels == 1) return g;
@@ -74,7 +81,7 @@ PADDER_HD bool float_bin(float x, float origin, float per_size, std::uint32_t co
   if (bin >= count) bin = count - 1;
   return t >= 0 && t < static_cast<float>(count) + 0.5f;
 }
-// False (and a key that does no harm) for a sphere outside the bins.
+// False for a sphere outside the bins; its key is then that of some bin.
 PADDER_HD bool key_of(const FloatBins& b, float x, float y, float z, std::uint32_t& key) {
   std::uint32_t i, j, k;
   const bool in = float_bin(x, b.origin[0], b.per_size[0], b.count[0], i) &
@@ -99,8 +106,7 @@ PADDER_HD int level_of_key(const Grid& g, std::uint32_t key) {
   return level;
 }
 
-// The bins may be those of the call before, kept in the hope that they still fit (backend.cu): a sphere
-// outside them is reported.
+// The bins may be those of the previous call (speculative_call.h): a sphere outside them is reported.
 __device__ __forceinline__ std::uint32_t key_of_sphere(const Sphere& s, const Grid& grid,
                                                        Counters* counters) {
   const Level& l = grid.level[level_of(grid, s)];

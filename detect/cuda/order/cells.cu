@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: MIT
-// A counting sort over bins for small scenes, in one launch: all blocks are resident and wait for each other
-// between the steps, which costs less than the start of a kernel. Spheres stay in registers; counts live in
-// L2.
+// The order by a counting sort over bins, for small scenes, in one launch: all blocks are resident and wait
+// for each other between the steps, which costs less than the start of a kernel. Spheres stay in registers,
+// counts in the L2 cache.
 #include <cooperative_groups.h>
 
 #include "detect/cuda/device.h"
-#include "detect/cuda/order/order.h"
+#include "detect/cuda/order/order_kernels.h"
 
 namespace padder::detect::cuda {
 namespace {
@@ -14,10 +14,11 @@ constexpr int kThreads = 512, kItems = 2, kBlocksAProcessor = 2;
 constexpr std::uint32_t kMostOfABin = 64;
 using Word = unsigned long long;
 
-// For a stable order: the numbers of the spheres of each table entry. The first kOfEntry of an entry to come
-// leave theirs in the entry's own places, before it is known where the entry begins. The others go to a list;
-// if that is full, all numbers are written once more, by place, which takes another wait of all blocks.
-constexpr std::uint32_t kOfEntry = 8, kMostBeyond = 128;
+// For a stable order: the numbers of the spheres of each table entry. The first kOfEntry spheres that come to
+// an entry leave their numbers in places of its own, before it is known where the entry begins. The others go
+// to a list. If that is full, all numbers are written once more, by place, for which all blocks must wait
+// once more.
+constexpr std::uint32_t kOfEntry = tuning::kNumbersOfEntry, kMostBeyond = 128;
 struct Numbers {
   std::uint32_t* of_entry = nullptr;  // null: no memory for them
   Word* beyond = nullptr;             // entry << 32 | number
@@ -32,7 +33,8 @@ struct Numbers {
       if (at < kMostBeyond) beyond[at] = static_cast<Word>(entry) << 32 | k;
     }
   }
-  // Those that an entry's own places hold, once all have come; and how many of its `n` are smaller than k.
+  // What stands in the places of an entry once all spheres have come. smaller(): how many of the entry's n
+  // numbers are smaller than k.
   struct First {
     uint4 a, b;
   };
@@ -52,7 +54,7 @@ struct Numbers {
 };
 
 struct CellTask {
-  Source source;
+  DeviceSpheres source;
   Ordered to;
   Numbers numbers;
   Word* sums = nullptr;  // of each block's part of the table
@@ -60,8 +62,8 @@ struct CellTask {
   Counters* counters = nullptr;
 };
 
-// Exclusive sums of v[0 .. n) by all blocks: each publishes the sum of its part and adds up those before it,
-// and in between calls meanwhile().
+// Turns v[0 .. n) into its exclusive sums, by all blocks together. Each publishes the sum of its part, calls
+// meanwhile(), and adds up the sums of the parts before its own. All blocks must be resident.
 template <class Meanwhile>
 __device__ __forceinline__ void scan_table(std::uint32_t* v, std::uint32_t n, Word* sums,
                                            Meanwhile meanwhile) {
@@ -69,7 +71,7 @@ __device__ __forceinline__ void scan_table(std::uint32_t* v, std::uint32_t n, Wo
   constexpr int kWarps = kThreads / 32;
   __shared__ std::uint32_t warp_sums[2][kWarps], shared_before;
   const std::uint32_t lane = threadIdx.x & 31, warp = threadIdx.x >> 5;
-  // 16 bytes a thread and step.
+  // Each thread takes 16 bytes a step.
   const std::uint32_t quads = (n + 3) / 4, part = (quads + gridDim.x - 1) / gridDim.x,
                       from = min(blockIdx.x * part, quads), to = min(from + part, quads);
   auto* const quad = reinterpret_cast<uint4*>(v);
@@ -112,7 +114,71 @@ __device__ __forceinline__ void scan_table(std::uint32_t* v, std::uint32_t n, Wo
   }
 }
 
-template <SlotKind Kind, class Bins, bool Along, bool Tidy>
+// Gives the bounds of each octave to task.gather.octaves. By all threads of the block.
+template <class Task>
+__device__ __forceinline__ void give_octaves(const Task& task, std::uint32_t thread, std::uint32_t threads) {
+  const std::uint32_t count = task.source.count;
+  __shared__ OctaveBounds octaves;
+  OctaveTaker taker;
+  octaves.begin();
+  __syncthreads();
+#pragma unroll
+  for (int u = 0; u < kItems; u++) {
+    const std::uint32_t k = thread + u * threads;
+    const Sphere s = k < count ? task.source.sphere(k) : Sphere{};
+    const auto f = make_float4(static_cast<float>(s.x), static_cast<float>(s.y), static_cast<float>(s.z),
+                               static_cast<float>(s.r));
+    if (u == 0) taker.begin(task.gather.top, f, k < count);
+    if (k < count) taker.take(octaves, task.gather.top, f);
+  }
+  taker.give(octaves);
+  __syncthreads();
+  octaves.give(task.gather.octaves);
+}
+
+// The spheres of one thread: those of number thread + u * threads. Of each its slot, its key and its rank
+// among the spheres of its table entry.
+struct OwnSpheres {
+  std::uint32_t thread, threads, count;
+  float4 slot[kItems];
+  std::uint32_t key[kItems], rank[kItems];
+};
+
+// Writes the spheres to their places. `beyond`: numbers in the list beyond the entries' own places; `listed`:
+// all numbers stand by place.
+template <SlotKind Kind, class Bins, bool Stable>
+__device__ __forceinline__ void write_spheres(const CellTask& task, const Bins& bins, const OwnSpheres& own,
+                                              const Numbers::First (&first)[kItems], std::uint32_t beyond,
+                                              bool listed) {
+  const std::uint32_t* const table = task.to.table;
+#pragma unroll
+  for (int u = 0; u < kItems; u++) {
+    const std::uint32_t k = own.thread + u * own.threads;
+    if (k >= own.count) break;
+    const std::uint32_t entry = own.key[u] >> task.to.merge, from = table[entry];
+    std::uint32_t at = from + own.rank[u];
+    if (Stable) {
+      // Within a bin by number: a sphere's rank is how many of its bin have a smaller one. Bins are small; a
+      // crowded one is reported, and the caller sorts instead.
+      const std::uint32_t end = table[entry + 1];
+      at = from;
+      if (end - from > kMostOfABin) {
+        atomicOr(&task.counters->flags, kCrowded);
+        continue;
+      }
+      if (listed)
+        for (std::uint32_t p = from; p < end; p++) at += task.numbers.by_place[p] < k;
+      else
+        at += task.numbers.smaller(first[u], entry, end - from, k, beyond);
+    }
+    static_cast<float4*>(task.to.slots)[at] = own.slot[u];
+    if (task.to.codes) task.to.codes[at] = code_for<Kind>(bins, own.key[u], own.slot[u]);
+    if (!kKeyless<Bins>) task.to.keys[at] = own.key[u];
+    if (Kind != SlotKind::equal) task.to.ids[at] = k;
+  }
+}
+
+template <SlotKind Kind, class Bins, bool Along, bool Stable>
 __global__ void __launch_bounds__(kThreads, kBlocksAProcessor)
     cell_order_kernel(const __grid_constant__ CellTask task, const __grid_constant__ Bins bins) {
   const auto grid = cooperative_groups::this_grid();
@@ -124,104 +190,63 @@ __global__ void __launch_bounds__(kThreads, kBlocksAProcessor)
   if (threadIdx.x == 0) task.sums[blockIdx.x] = 0;
   if (Along) task.gather.begin(thread, threads);
   if (Along && thread == 0) *task.counters = {};
-  if (Tidy && thread == 0) *task.numbers.beyond_count = 0;
-  float4 slot[kItems];
+  if (Stable && thread == 0) *task.numbers.beyond_count = 0;
+  OwnSpheres own;
+  own.thread = thread, own.threads = threads, own.count = count;
 #pragma unroll
   for (int u = 0; u < kItems; u++) {
     const std::uint32_t k = thread + u * threads;
-    if (k < count) slot[u] = slot_of<Kind>(task.source, grid_of(bins), k);
+    if (k < count) own.slot[u] = slot_of<Kind>(task.source, grid_of(bins), k);
   }
   grid.sync();
 
-  std::uint32_t key[kItems], rank[kItems];
   Bounds bounds;
 #pragma unroll
   for (int u = 0; u < kItems; u++) {
     const std::uint32_t k = thread + u * threads;
-    key[u] = ~0u;
+    own.key[u] = ~0u;
     if (k < count) {
       const Sphere s = task.source.sphere(k);
-      key[u] = key_of_sphere(s, bins, task.counters);
+      own.key[u] = key_of_sphere(s, bins, task.counters);
       if (Along) bounds.take(s, k);
     }
-    rank[u] = ticket(table, k < count ? key[u] >> task.to.merge : ~0u);
+    own.rank[u] = ticket(table, k < count ? own.key[u] >> task.to.merge : ~0u);
   }
-  if (Tidy && task.numbers.of_entry) {
+  if (Stable && task.numbers.of_entry) {
 #pragma unroll
     for (int u = 0; u < kItems; u++) {
       const std::uint32_t k = thread + u * threads;
-      if (k < count) task.numbers.leave(key[u] >> task.to.merge, rank[u], k);
+      if (k < count) task.numbers.leave(own.key[u] >> task.to.merge, own.rank[u], k);
     }
   }
   if (Along) bounds.give(task.gather.bounds);
-  if (Along && task.gather.octaves) {
-    __shared__ OctaveBounds octaves;
-    OctaveTaker taker;
-    octaves.begin();
-    __syncthreads();
-#pragma unroll
-    for (int u = 0; u < kItems; u++) {
-      const std::uint32_t k = thread + u * threads;
-      const Sphere s = k < count ? task.source.sphere(k) : Sphere{};
-      const auto f = make_float4(static_cast<float>(s.x), static_cast<float>(s.y), static_cast<float>(s.z),
-                                 static_cast<float>(s.r));
-      if (u == 0) taker.begin(task.gather.top, f, k < count);
-      if (k < count) taker.take(octaves, task.gather.top, f);
-    }
-    taker.give(octaves);
-    __syncthreads();
-    octaves.give(task.gather.octaves);
-  }
+  if (Along && task.gather.octaves) give_octaves(task, thread, threads);
   grid.sync();
 
   std::uint32_t beyond = ~0u;
   Numbers::First first[kItems];
   scan_table(table, entries, task.sums, [&] {
-    if (!Tidy || !task.numbers.of_entry) return;
+    if (!Stable || !task.numbers.of_entry) return;
     beyond = *static_cast<volatile std::uint32_t*>(task.numbers.beyond_count);
 #pragma unroll
     for (int u = 0; u < kItems; u++)
-      if (thread + u * threads < count) first[u] = task.numbers.first(key[u] >> task.to.merge);
+      if (thread + u * threads < count) first[u] = task.numbers.first(own.key[u] >> task.to.merge);
   });
   grid.sync();
 
-  const bool once_more = Tidy && beyond > kMostBeyond;
-  if (once_more) {
+  const bool listed = Stable && beyond > kMostBeyond;
+  if (listed) {
 #pragma unroll
     for (int u = 0; u < kItems; u++) {
       const std::uint32_t k = thread + u * threads;
-      if (k < count) task.numbers.by_place[table[key[u] >> task.to.merge] + rank[u]] = k;
+      if (k < count) task.numbers.by_place[table[own.key[u] >> task.to.merge] + own.rank[u]] = k;
     }
     grid.sync();
   }
-#pragma unroll
-  for (int u = 0; u < kItems; u++) {
-    const std::uint32_t k = thread + u * threads;
-    if (k >= count) break;
-    const std::uint32_t entry = key[u] >> task.to.merge, from = table[entry];
-    std::uint32_t at = from + rank[u];
-    if (Tidy) {
-      // Within a bin by number: a sphere's rank is how many of its bin have a smaller one. Bins are small; a
-      // crowded one is reported, and the caller sorts instead.
-      const std::uint32_t end = table[entry + 1];
-      at = from;
-      if (end - from > kMostOfABin) {
-        atomicOr(&task.counters->flags, kCrowded);
-        continue;
-      }
-      if (once_more)
-        for (std::uint32_t p = from; p < end; p++) at += task.numbers.by_place[p] < k;
-      else
-        at += task.numbers.smaller(first[u], entry, end - from, k, beyond);
-    }
-    static_cast<float4*>(task.to.slots)[at] = slot[u];
-    if (task.to.codes) task.to.codes[at] = code_for<Kind>(bins, key[u], slot[u]);
-    if (!kKeyless<Bins>) task.to.keys[at] = key[u];
-    if (Kind != SlotKind::equal) task.to.ids[at] = k;
-  }
+  write_spheres<Kind, Bins, Stable>(task, bins, own, first, beyond, listed);
 }
 
-// f(kernel, bins) with the one that serves.
+// Calls f(kernel, bins) with the kernel for this kind of slots and bins.
 template <class F>
 void with_kernel(const Ordered& o, const Grid& grid, bool along, bool stable, F f) {
   with_bins(o, grid, [&]<class Kind, class Bins>(Kind kind, const Bins& bins) {
@@ -235,36 +260,37 @@ void with_kernel(const Ordered& o, const Grid& grid, bool along, bool stable, F 
 
 }  // namespace
 
-bool Orderer::by_cells(const Source& source, const Grid& grid, bool stable, const Gather& gather,
-                       const Lent& lent, Counters* counters, Ordered& o, int processors,
-                       cudaStream_t stream) {
+bool Orderer::by_cells(const OrderRequest& r, Ordered& o) {
+  const bool stable = r.stable;
+  const Lent& lent = r.lent;
   unsigned most = 0;
-  with_kernel(o, grid, gather.bounds, stable, [&](auto* kernel, const auto&) {
-    most = std::min<unsigned>(resident_blocks(reinterpret_cast<const void*>(kernel), kThreads, 0, processors),
-                              static_cast<unsigned>(processors) * kBlocksAProcessor);
+  with_kernel(o, r.grid, r.gather.bounds, stable, [&](auto* kernel, const auto&) {
+    most =
+        std::min<unsigned>(resident_blocks(reinterpret_cast<const void*>(kernel), kThreads, 0, r.processors),
+                           static_cast<unsigned>(r.processors) * kBlocksAProcessor);
   });
   if (o.count > std::uint64_t(most) * kThreads * kItems) return false;
   if (!o.bins.on && !o.float_levels) o.keys = sorted_keys_.reserve(o.count);
   if (o.kind != SlotKind::equal) o.ids = sorted_ids_.reserve(o.count);
-  CellTask task{source, o};
+  CellTask task{r.source, o};
   task.sums = reinterpret_cast<Word*>(scratch_.reserve((most + kMostBeyond + 1) * sizeof(Word)));
   Numbers& numbers = task.numbers;
   numbers.beyond = task.sums + most;
   numbers.beyond_count = reinterpret_cast<std::uint32_t*>(numbers.beyond + kMostBeyond);
   if (stable) numbers.by_place = keys_.reserve(o.count);
-  // Work space in the list of contacts, which is written afterwards. In the first call there is none, and it
-  // is not known yet whether it will be long enough: then the other way.
+  // Work space lies in the list of contacts, which is written afterwards. In a first call there is no list
+  // yet, and nobody knows whether it will be long enough: then all numbers are written by place.
   const std::uint64_t words = o.entries * kOfEntry;
   if (stable && lent.slots * 4 >= words)
     numbers.of_entry = reinterpret_cast<std::uint32_t*>(lent.slot);
   else if (stable && lent.words > 0)
     numbers.of_entry = lent.words >= words ? lent.word : ids_.reserve(words);
-  task.gather = gather, task.counters = counters;
-  with_kernel(o, grid, gather.bounds, stable, [&](auto* kernel, auto bins) {
+  task.gather = r.gather, task.counters = r.counters;
+  with_kernel(o, r.grid, r.gather.bounds, stable, [&](auto* kernel, auto bins) {
     void* arguments[] = {&task, &bins};
     cuda_check(cudaLaunchCooperativeKernel(reinterpret_cast<const void*>(kernel),
                                            std::min(blocks_for(o.count, kThreads), most), kThreads, arguments,
-                                           0, stream),
+                                           0, r.stream),
                "put the spheres in order");
   });
   return true;

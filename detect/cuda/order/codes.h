@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: MIT
-// Where a sphere lies within its surroundings, in one word: the first filter of a search through one level.
-// Coordinates are counted in units of a 64th to a 92nd of a bin, modulo 256, a byte each; the difference of
-// two words by one subtraction holds the three differences, and one dot product of bytes squares and adds
-// them. A pair that touches always passes; most others do not. Only .cu files include this.
+// Codes: a sphere's coarse position in one 32-bit word, for the first test of a search through one level.
+// Each coordinate is counted in units of a 64th to a 92nd of a bin, modulo 256, and takes a byte. One
+// subtraction of two words gives the three differences; one dot product of bytes squares and adds them. A
+// pair that touches always passes the test; most other pairs do not. Only .cu files include this.
 #pragma once
-#include "detect/cuda/search/search.h"
+#include <algorithm>
+
+#include "detect/cuda/order/float_bins.h"
 
 namespace padder::detect::cuda {
 
@@ -15,22 +17,23 @@ namespace padder::detect::cuda {
 //   sqrt(1.09^2 + 2 * 2.09^2) < 3.2 units
 // between the length of (dx, dy, dz) and that of the bytes. Two spheres of a level that touch are at most a
 // bin apart: the bytes then do not overflow.
-inline constexpr float kCodeUnits = 92;            // of a bin: few of those two bins away come round again
+inline constexpr float kCodeUnits = 92;  // of a bin; modulo 256, few spheres two bins away look near
 inline constexpr int kFixedShift = kUnitBits - 6;  // of fixed point: 64 units
 inline constexpr double kCodeSlack = 3.2;
 
 PADDER_HD std::uint32_t packed(std::uint32_t x, std::uint32_t y, std::uint32_t z, std::uint32_t low) {
   return x << 24 | (y & 255) << 16 | (z & 255) << 8 | low;
 }
-// The lowest byte of the word of a sphere of this radius, in units: 256 less it, rounded up, so that
-// subtracting adds; at least 1, so that it always borrows. Radii of no meaning (bins of another scene) do no
-// harm.
+// The lowest byte of the code of a sphere of this radius, in units: 256 minus the radius, which is rounded
+// up. So subtracting codes adds radii. The radius counts as at least 1, so that the subtraction always
+// borrows from the next byte; and as at most 60, so that radii which do not fit the bins (those of another
+// scene) do no harm.
 PADDER_HD std::uint32_t radius_byte(float units) {
   const float up = ::ceilf(units);
   return 256 - static_cast<std::uint32_t>(up < 1 ? 1.0f : up > 60 ? 60.0f : up);
 }
 
-// Words of float slots in bins of float; of float slots by their level; of fixed-point slots.
+// The code of a float slot in bins of float; of a float slot by its level; of a fixed-point slot.
 template <SlotKind Kind>
 PADDER_HD std::uint32_t code_of(const FloatBins& b, const FloatSlot& s) {
   const auto unit = [&](float x, int k) {
@@ -54,8 +57,8 @@ PADDER_HD std::uint32_t code_of(const Level&, const FixedPointSlot& s) {
   return packed(unit(s.x), unit(s.y), unit(s.z), radius_byte(s.r * (1.0f / (1 << kFixedShift))));
 }
 
-// What a sphere that looks for partners subtracts their words from. Of unequal radii: its own radius and the
-// slack, rounded up, and the borrow that always comes.
+// The word from which a sphere that looks for partners subtracts their codes. With unequal radii it holds the
+// sphere's own radius plus the slack, rounded up, and makes good the borrow that always comes.
 template <SlotKind Kind>
 PADDER_HD std::uint32_t seeker(std::uint32_t code) {
   if constexpr (Kind == SlotKind::equal)
@@ -63,13 +66,14 @@ PADDER_HD std::uint32_t seeker(std::uint32_t code) {
   else
     return (code & ~255u) + 256 + (256 - (code & 255)) + 4;
 }
-// Of equal radii: squared distances in units that this makes negative pass. Unequal: not used.
+// Equal radii: a pair passes if its squared distance in units plus this is negative. Not used with unequal
+// radii.
 inline std::int32_t code_limit(const Grid& grid, const FloatBins& bins, double radius) {
   const double units = bins.on ? bins.units : grid.level[0].per_size * kCodeUnits,
                most = 2 * radius * units * (1 + 0x1p-20) + kCodeSlack;
   return -static_cast<std::int32_t>(std::min(most * most, 0x1p20)) - 1;
 }
-// c and the products of the signed bytes of a and b, four of them.
+// c plus the sum of the four products of the signed bytes of a and b.
 PADDER_HD std::int32_t dot_bytes(std::uint32_t a, std::uint32_t b, std::int32_t c) {
 #if defined(__CUDA_ARCH__)
   return __dp4a(static_cast<int>(a), static_cast<int>(b), c);
@@ -78,8 +82,8 @@ PADDER_HD std::int32_t dot_bytes(std::uint32_t a, std::uint32_t b, std::int32_t 
   return c;
 #endif
 }
-// Negative where the two may touch. Unequal: the lowest byte of the difference is s, the sum of both radii
-// and the slack, and its complement is -s - 1.
+// Negative where the two may touch. With unequal radii the lowest byte of the difference is s, the sum of
+// both radii and the slack; its complement is -s - 1, and the product of the two subtracts s^2 + s.
 template <SlotKind Kind>
 PADDER_HD std::int32_t code_excess(std::uint32_t seeker, std::uint32_t code, std::int32_t limit) {
   const std::uint32_t d = seeker - code;

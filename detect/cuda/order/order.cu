@@ -1,25 +1,25 @@
 // SPDX-License-Identifier: MIT
-// Spheres into the order of their bins, in one of three ways: a counting sort over bins (cells.cu),
-// through buckets (buckets.cu), or here a stable radix sort of keys, for hashed levels, crowded
+// Puts spheres in the order of their bins, in one of three ways: a counting sort over bins (cells.cu),
+// through buckets (buckets.cu), or here by a stable radix sort of keys, which serves hashed levels, crowded
 // bins and everything else.
 #include <cub/device/device_radix_sort.cuh>
 #include <cub/device/device_scan.cuh>
 
-#include "detect/cuda/order/order.h"
+#include "detect/cuda/order/order_kernels.h"
 
 namespace padder::detect::cuda {
 namespace {
 
 constexpr int kThreads = 256;
 
-// Keys are below this.
+// All keys are below this number.
 std::uint32_t keys_of(const Grid& grid, const FloatBins& bins) {
   return bins.on ? bins.buckets : grid.buckets;
 }
 
 template <class Bins, bool Along>
 __global__ void __launch_bounds__(kThreads)
-    sort_key_kernel(const __grid_constant__ Source source, const __grid_constant__ Bins bins,
+    sort_key_kernel(const __grid_constant__ DeviceSpheres source, const __grid_constant__ Bins bins,
                     std::uint32_t* keys, std::uint32_t* ids, unsigned long long* found, Counters* counters) {
   Bounds bounds;
   for (std::uint64_t at = blockIdx.x * kThreads + threadIdx.x; at < source.count;
@@ -31,10 +31,10 @@ __global__ void __launch_bounds__(kThreads)
   }
   if (Along) bounds.give(found);
 }
-// Ends of bins go to the table; a running maximum turns them into starts.
+// Writes the end of each bin to the table. A running maximum then turns ends into starts.
 template <SlotKind Kind, class Bins>
 __global__ void __launch_bounds__(kThreads)
-    sort_place_kernel(const __grid_constant__ Source source, const __grid_constant__ Bins bins,
+    sort_place_kernel(const __grid_constant__ DeviceSpheres source, const __grid_constant__ Bins bins,
                       const std::uint32_t* keys, const std::uint32_t* ids, int merge, float4* slots,
                       std::uint32_t* codes, std::uint32_t* table) {
   const std::uint32_t p = blockIdx.x * kThreads + threadIdx.x;
@@ -60,47 +60,46 @@ Orderer::Orderer(MemoryBook& book)
       split_slots_(book, "the spheres in the order of their bins"),
       scratch_(book, "sorting") {}
 
-Ordered Orderer::order(const Source& source, const Grid& grid, SlotKind kind, bool stable, OrderMethod method,
-                       const Gather& gather, const Lent& lent, Counters* counters, int processors,
-                       cudaStream_t stream, bool keep) {
+Ordered Orderer::order(const OrderRequest& r) {
+  const Grid& grid = r.grid;
+  const std::uint32_t count = r.source.count;
   const bool single = grid.levels == 1 && !grid.level[0].hashed;
   bool dense = true;
   for (int k = 0; k < grid.levels; k++) dense = dense && !grid.level[k].hashed;
+  OrderMethod method = r.method;
   if (method == OrderMethod::automatic)
-    method = !dense                       ? OrderMethod::sort
-             : source.count < kFewSpheres ? OrderMethod::cells
-                                          : OrderMethod::buckets;
+    method = !dense                        ? OrderMethod::sort
+             : count < tuning::kFewSpheres ? OrderMethod::cells
+                                           : OrderMethod::buckets;
   Ordered o;
-  o.kind = kind, o.count = source.count;
-  o.bins = float_bins(grid, kind, source.count);
-  o.float_levels = dense && level_bins(grid, kind).on;
+  o.kind = r.kind, o.count = count;
+  o.bins = float_bins(grid, r.kind, count);
+  o.float_levels = dense && level_bins(grid, r.kind).on;
   const std::uint32_t buckets = keys_of(grid, o.bins);
-  // Where bins are many and nearly empty, several along x share an entry of the table. Not in rows so short
-  // that an entry could hold bins of two rows that both hold partners of one sphere.
+  // Where bins are many and nearly empty, several along x share an entry of the table. But not where rows are
+  // so short that one entry could hold bins of two rows which both hold partners of one sphere.
   if (single && o.bins.fine == 1 && method != OrderMethod::sort && grid.level[0].count[0] >= 32)
-    while (o.merge < 3 && (static_cast<double>(buckets) / (2 << o.merge)) > 0.75 * source.count) o.merge++;
+    while (o.merge < tuning::kMostMerge &&
+           (static_cast<double>(buckets) / (2 << o.merge)) > tuning::kEntriesASphere * count)
+      o.merge++;
   o.entries = (buckets >> o.merge) + 2;
   o.table = table_.reserve(o.entries + 4), o.slots = slots_.reserve(std::uint64_t(o.count) + kSlack);
   if (dense) o.codes = codes_.reserve(std::uint64_t(o.count) + kSlack);
-  if (method == OrderMethod::cells &&
-      !by_cells(source, grid, stable, gather, lent, counters, o, processors, stream))
-    method = OrderMethod::buckets;
-  if (method == OrderMethod::buckets &&
-      !by_buckets(source, grid, stable, keep, gather, lent, counters, o, stream))
-    method = OrderMethod::sort;
-  if (method == OrderMethod::sort) by_sort(source, grid, gather, counters, o, stream);
+  if (method == OrderMethod::cells && !by_cells(r, o)) method = OrderMethod::buckets;
+  if (method == OrderMethod::buckets && !by_buckets(r, o)) method = OrderMethod::sort;
+  if (method == OrderMethod::sort) by_sort(r, o);
   cuda_launched("put the spheres in order");
   return o;
 }
 
-void Orderer::by_sort(const Source& source, const Grid& grid, const Gather& gather, Counters* counters,
-                      Ordered& o, cudaStream_t stream) {
-  if (gather.bounds) Surveyor::begin_bounds(gather.bounds, stream);
-  if (gather.octaves) Surveyor::gather_octaves(source, gather, stream);
+void Orderer::by_sort(const OrderRequest& r, Ordered& o) {
+  const cudaStream_t stream = r.stream;
+  if (r.gather.bounds) Surveyor::begin_bounds(r.gather.bounds, stream);
+  if (r.gather.octaves) Surveyor::gather_octaves(r.source, r.gather, r.processors, stream);
   std::uint32_t *keys = keys_.reserve(o.count), *ids = ids_.reserve(o.count);
   o.ids = sorted_ids_.reserve(o.count), o.keys = sorted_keys_.reserve(o.count);
   std::size_t sort_bytes = 0, scan_bytes = 0;
-  const int end_bit = std::max(bits_for(keys_of(grid, o.bins)), 1);
+  const int end_bit = std::max(bits_for(keys_of(r.grid, o.bins)), 1);
   const std::uint64_t entries = o.entries + 1;
   cuda_check(cub::DeviceRadixSort::SortPairs(nullptr, sort_bytes, keys, o.keys, ids, o.ids, o.count, o.merge,
                                              end_bit, stream),
@@ -109,21 +108,19 @@ void Orderer::by_sort(const Source& source, const Grid& grid, const Gather& gath
                                             entries, stream),
              "plan the scan");
   void* scratch = scratch_.reserve(std::max(sort_bytes, scan_bytes));
-  with_bins(o, grid, [&]<class Kind, class Bins>(Kind, const Bins& bins) {
-    (gather.bounds
-         ? sort_key_kernel<Bins, true>
-         : sort_key_kernel<
-               Bins,
-               false>)<<<std::min(blocks_for(o.count, kThreads), kProcessors * 32u), kThreads, 0, stream>>>(
-        source, bins, keys, ids, gather.bounds, counters);
+  with_bins(o, r.grid, [&]<class Kind, class Bins>(Kind, const Bins& bins) {
+    auto* const kernel = r.gather.bounds ? sort_key_kernel<Bins, true> : sort_key_kernel<Bins, false>;
+    const unsigned most = static_cast<unsigned>(r.processors) * 32;
+    kernel<<<std::min(blocks_for(o.count, kThreads), most), kThreads, 0, stream>>>(
+        r.source, bins, keys, ids, r.gather.bounds, r.counters);
   });
   cuda_check(cub::DeviceRadixSort::SortPairs(scratch, sort_bytes, keys, o.keys, ids, o.ids, o.count, o.merge,
                                              end_bit, stream),
              "sort the spheres by bin");
   cuda_check(cudaMemsetAsync(o.table, 0, entries * 4, stream), "clear the table of bins");
-  with_bins(o, grid, [&]<class Kind, class Bins>(Kind kind, const Bins& bins) {
+  with_bins(o, r.grid, [&]<class Kind, class Bins>(Kind kind, const Bins& bins) {
     sort_place_kernel<kind(), Bins><<<blocks_for(o.count, kThreads), kThreads, 0, stream>>>(
-        source, bins, o.keys, o.ids, o.merge, static_cast<float4*>(o.slots), o.codes, o.table);
+        r.source, bins, o.keys, o.ids, o.merge, static_cast<float4*>(o.slots), o.codes, o.table);
   });
   cuda_check(cub::DeviceScan::InclusiveScan(scratch, scan_bytes, o.table, o.table, ::cuda::maximum<>{},
                                             entries, stream),

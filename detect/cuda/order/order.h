@@ -1,114 +1,101 @@
 // SPDX-License-Identifier: MIT
-// What the three ways of putting spheres in order share. Only order.cu, cells.cu and buckets.cu
-// include this.
+// Puts spheres in the order of their bins, so that the search reads neighbours from neighbouring places.
+// Internal; only .cu files include this.
 #pragma once
-#include "detect/cuda/order/bins.h"
-#include "detect/cuda/warp.h"
+#include "detect/cuda/counters.h"
+#include "detect/cuda/input/survey.h"
+#include "detect/cuda/order/float_bins.h"
+#include "detect/cuda/tuning.h"
 
 namespace padder::detect::cuda {
 
-inline unsigned blocks_for(std::uint64_t n, int threads) {
-  return static_cast<unsigned>((n + threads - 1) / threads);
-}
-
-// Where spheres are put; ids is null where the slot holds the number, keys where they are computed again,
-// codes where they are not yet wanted.
-struct Places {
-  void* slots = nullptr;
-  std::uint32_t* ids = nullptr;
-  std::uint32_t* keys = nullptr;
-  std::uint32_t* codes = nullptr;
+// Spheres in the order of their bins, in device memory. table[k] is the first place with a key of at least
+// k << merge. Slots and codes may be read up to kSlack places past the end: what is there has no meaning.
+inline constexpr std::uint32_t kSlack = 64;
+struct Ordered {
+  void* slots = nullptr;           // FloatSlot or FixedPointSlot
+  std::uint32_t* ids = nullptr;    // null for SlotKind::equal
+  std::uint32_t* codes = nullptr;  // codes.h; null where a level is hashed
+  std::uint32_t* keys = nullptr;   // as grid.h numbers them; null where bins are in float
+  FloatBins bins;
+  bool float_levels = false;       // keys are those of level_bins(grid, kind), unless bins.on
+  std::uint32_t* table = nullptr;  // (buckets >> merge) + 2 entries
+  std::uint32_t count = 0;
+  SlotKind kind = SlotKind::equal;
+  int merge = 0;              // 2^merge bins along x share an entry of the table
+  std::uint64_t entries = 0;  // of the table
 };
 
-// With bins in float nothing of a key is written.
-template <class Bins>
-inline constexpr bool kKeyless = !std::is_same_v<Bins, Grid>;
+// Memory of the contact list that the order may use as work space, since the list is written later.
+struct Lent {
+  float4* slot = nullptr;
+  std::uint64_t slots = 0;
+  std::uint32_t* word = nullptr;
+  std::uint64_t words = 0;
+  friend bool operator==(const Lent&, const Lent&) = default;
+};
 
-// All of a slot but the number that takes the place of equal radii. Packed: source.packed, where a kernel is
-// made for that.
-template <SlotKind Kind, bool Packed>
-__device__ __forceinline__ float4 bare_slot(const Source& source, const Grid* grid, std::uint32_t id) {
-  if constexpr (Packed) return __ldg(static_cast<const float4*>(source.centers) + id);
-  const Sphere s = source.sphere(id);
-  if constexpr (Kind == SlotKind::fixed_point) {
-    const FixedPointSlot f = fixed_point_slot(grid->level[level_of(*grid, s)], s);
-    return make_float4(__int_as_float(f.x), __int_as_float(f.y), __int_as_float(f.z), f.r);
-  } else {
-    const FloatSlot f = float_slot(s);
-    return make_float4(f.x, f.y, f.z, f.r);
+// Ways of putting spheres in order: a counting sort over bins, through buckets, a radix sort by key.
+// Automatic: the fastest that serves.
+enum class OrderMethod : std::uint8_t { automatic, cells, buckets, sort };
+
+struct OrderRequest {
+  const DeviceSpheres& source;
+  const Grid& grid;
+  SlotKind kind;
+  bool stable;  // within a bin by sphere number, so that the order is the same in every run
+  OrderMethod method;
+  // What it asks for is gathered along; it and the counters need not have been set to zero then.
+  const Gather& gather;
+  const Lent& lent;
+  Counters* counters;  // kCrowded or kOutside is set in Counters::flags
+  int processors;      // processors_of(stream); the order does not depend on it
+  cudaStream_t stream;
+  // If the previous call had the same buckets, nothing is counted: each has a little more room than it needed
+  // then. kOutside is set where that is not enough, or where one radius is not that of all; the caller then
+  // calls again without.
+  bool keep = false;
+};
+
+struct BucketPlan;  // buckets.h
+
+class Orderer {
+ public:
+  explicit Orderer(MemoryBook& book);
+  // Where a bin or bucket is too full for the method, kCrowded is set in the counters, and only
+  // OrderMethod::sort gives an order. Spheres outside the bins are not reported in every case: the caller
+  // compares the grid with the bounds, where coordinates that are no numbers show, too, but not whose.
+  Ordered order(const OrderRequest& request);
+  // Another number whenever `keep` would stand for something else.
+  std::uint64_t kept() const { return kept_; }
+  double bucket_spheres = tuning::kBucketSpheres;
+  // Slots lent that are enough for any order.
+  static std::uint64_t room(std::uint64_t spheres) { return spheres + spheres / 8; }
+
+ private:
+  // These fill in what remains of `o`; false: the method does not serve.
+  bool by_cells(const OrderRequest& request, Ordered& o);
+  bool by_buckets(const OrderRequest& request, Ordered& o);
+  void by_sort(const OrderRequest& request, Ordered& o);
+  std::uint64_t plan_rooms(const OrderRequest& request, const Ordered& o, BucketPlan& plan);
+  void plan_work_space(const Lent& list, std::uint64_t split_room, Ordered& o, BucketPlan& plan);
+
+  // Of the buckets whose starts the previous call left behind; none where spheres is 0.
+  struct Layout {
+    std::uint64_t spheres = 0;
+    std::uint32_t buckets = 0, entries = 0, magic[kMaxLevels] = {};
+    friend bool operator==(const Layout&, const Layout&) = default;
+  };
+  void keep_layout(const Layout& layout) {
+    if (layout != layout_) kept_++;
+    layout_ = layout;
   }
-}
 
-// Adds one to count[b] for each lane with b != ~0 and returns the count before. Neighbouring lanes of one
-// bucket, as in coherent input, share one atomic operation.
-__device__ __forceinline__ std::uint32_t ticket(std::uint32_t* count, std::uint32_t b) {
-  const int lane = threadIdx.x & 31;
-  const std::uint32_t left = __shfl_up_sync(~0u, b, 1);
-  const std::uint32_t heads = __ballot_sync(~0u, lane == 0 || left != b);
-  const int head = 31 - __clz(heads & (~0u >> (31 - lane)));
-  const std::uint32_t after = lane == 31 ? 0 : heads & (~1u << lane);
-  std::uint32_t at = 0;
-  if (head == lane && b != ~0u) at = atomicAdd(count + b, (after ? __ffs(after) - 1 : 32) - lane);
-  return __shfl_sync(~0u, at, head) + lane - head;
-}
-
-template <SlotKind Kind>
-__device__ __forceinline__ float4 slot_of(const Source& source, const Grid* grid, std::uint32_t id) {
-  constexpr bool kMayPack = Kind != SlotKind::fixed_point;
-  float4 s = kMayPack && source.packed ? bare_slot<Kind, kMayPack>(source, grid, id)
-                                       : bare_slot<Kind, false>(source, grid, id);
-  if (Kind == SlotKind::equal) s.w = __uint_as_float(id);
-  return s;
-}
-
-// The word of codes.h for a slot with this key.
-template <SlotKind Kind>
-__device__ __forceinline__ std::uint32_t code_for(const FloatBins& bins, std::uint32_t, const float4& s) {
-  return code_of<Kind>(bins, {s.x, s.y, s.z, s.w});
-}
-template <SlotKind Kind>
-__device__ __forceinline__ std::uint32_t code_for(const LevelBins& g, std::uint32_t, const float4& s) {
-  return code_of<Kind>(g.level[level_of(g, s)], {s.x, s.y, s.z, s.w});
-}
-template <SlotKind Kind>
-__device__ __forceinline__ std::uint32_t code_for(const Grid& grid, std::uint32_t key, const float4& s) {
-  const Level& l = grid.level[level_of_key(grid, key)];
-  if constexpr (Kind == SlotKind::fixed_point)
-    return code_of<Kind>(l,
-                         FixedPointSlot{__float_as_int(s.x), __float_as_int(s.y), __float_as_int(s.z), s.w});
-  else
-    return code_of<Kind>(l, FloatSlot{s.x, s.y, s.z, s.w});
-}
-
-template <class F>
-void with_kind(SlotKind kind, F f) {
-  if (kind == SlotKind::equal) f(std::integral_constant<SlotKind, SlotKind::equal>{});
-  if (kind == SlotKind::unequal) f(std::integral_constant<SlotKind, SlotKind::unequal>{});
-  if (kind == SlotKind::fixed_point) f(std::integral_constant<SlotKind, SlotKind::fixed_point>{});
-}
-// f(kind, bins): by the grid, or in float where `o` says so.
-template <class F>
-void with_bins(const Ordered& o, const Grid& grid, F f) {
-  with_kind(o.kind, [&](auto kind) {
-    if constexpr (kind() != SlotKind::fixed_point)
-      if (o.bins.on) return f(kind, o.bins);
-    if constexpr (kind() == SlotKind::unequal)
-      if (o.float_levels) return f(kind, level_bins(grid, kind()));
-    f(kind, grid);
-  });
-}
-__device__ __forceinline__ const Grid* grid_of(const Grid& g) { return &g; }
-template <class Bins>
-__device__ __forceinline__ const Grid* grid_of(const Bins&) {
-  return nullptr;
-}
-// The bins of a bucket, whose spheres are all of one level.
-template <class Bins>
-__device__ __forceinline__ const Bins& bins_of_level(const Bins& bins, int) {
-  return bins;
-}
-__device__ __forceinline__ const FloatBins& bins_of_level(const LevelBins& bins, int level) {
-  return bins.level[level];
-}
+  Layout layout_;
+  std::uint64_t kept_ = 0;
+  Buffer<std::uint32_t> keys_, sorted_keys_, ids_, sorted_ids_, codes_, table_, starts_;
+  Buffer<float4> slots_, split_slots_;
+  Buffer<unsigned char> scratch_;
+};
 
 }  // namespace padder::detect::cuda

@@ -22,8 +22,7 @@ __global__ void __launch_bounds__(kThreads) each_kernel(std::uint64_t n, F f) {
 template <class F>
 void each(std::uint64_t n, cudaStream_t stream, const char* what, F f) {
   if (n == 0) return;
-  const auto blocks =
-      static_cast<unsigned>(std::min<std::uint64_t>((n + kThreads - 1) / kThreads, kProcessors * 64));
+  const auto blocks = static_cast<unsigned>(std::min<std::uint64_t>((n + kThreads - 1) / kThreads, 8448));
   each_kernel<<<blocks, kThreads, 0, stream>>>(n, f);
   cuda_launched(what);
 }
@@ -42,7 +41,7 @@ struct HeadOfBin {  // is entry k the first of its bin?
 
 // Every pair of one active bin: by one thread, as in the paper.
 template <class F>
-__device__ void pairs_of_bin(const Source& source, const StageGrid& grid, const Region& own,
+__device__ void pairs_of_bin(const DeviceSpheres& source, const StageGrid& grid, const Region& own,
                              std::uint64_t start, std::uint64_t end, std::uint64_t bin,
                              const std::uint32_t* object, F f) {
   for (std::uint64_t a = start; a < end; a++) {
@@ -77,7 +76,7 @@ Stages::Stages(MemoryBook& book)
       heads_(book, "array C"),
       scratch_(book, "sorting") {}
 
-std::uint64_t Stages::count_bins(const Source& source, const StageGrid& grid, cudaStream_t stream) {
+std::uint64_t Stages::count_bins(const DeviceSpheres& source, const StageGrid& grid, cudaStream_t stream) {
   source_ = source, grid_ = grid;
   std::uint64_t* T = T_.reserve(source.count);
   each(source.count, stream, "count the bins", [source, grid, T] __device__(std::uint64_t k) {
@@ -98,7 +97,7 @@ std::uint64_t Stages::scan_bins(cudaStream_t stream) {
 void Stages::fill_bins(cudaStream_t stream) {
   std::uint64_t *T = T_.data(), *S = S_.data(), *bin = B_bin_.reserve(entries_);
   std::uint32_t* object = B_object_.reserve(entries_);
-  const Source source = source_;
+  const DeviceSpheres source = source_;
   const StageGrid grid = grid_;
   each(source.count, stream, "fill array B", [=] __device__(std::uint64_t k) {
     const Touched t = touched_bins(grid, source.sphere(static_cast<std::uint32_t>(k)));
@@ -181,7 +180,7 @@ void Stages::count_contacts(const Region& own, cudaStream_t stream) {
   std::uint64_t *D = D_.reserve(active_), *start = C_start_sorted_.data(), *end = C_end_.data(),
                 *number = C_bin_.data();
   const std::uint32_t *order = C_order_sorted_.data(), *object = B_object_sorted_.data();
-  const Source source = source_;
+  const DeviceSpheres source = source_;
   const StageGrid grid = grid_;
   each(active_, stream, "count the contacts", [=] __device__(std::uint64_t c) {
     std::uint64_t n = 0;
@@ -206,7 +205,7 @@ void Stages::write_contacts(Pair* F, cudaStream_t stream) {
   std::uint64_t *D = D_.data(), *E = E_.data(), *start = C_start_sorted_.data(), *end = C_end_.data(),
                 *number = C_bin_.data();
   const std::uint32_t *order = C_order_sorted_.data(), *object = B_object_sorted_.data();
-  const Source source = source_;
+  const DeviceSpheres source = source_;
   const StageGrid grid = grid_;
   const Region own = own_;
   each(active_, stream, "write the contacts", [=] __device__(std::uint64_t c) {

@@ -4,7 +4,8 @@
 #pragma once
 
 #include "detect/core/nine_stages.h"
-#include "detect/cuda/device_input.h"
+#include "detect/cuda/input/device_spheres.h"
+#include "detect/cuda/memory.h"
 
 namespace padder::detect::cuda {
 
@@ -12,7 +13,7 @@ class Stages {
  public:
   explicit Stages(MemoryBook& book);
 
-  std::uint64_t count_bins(const Source& source, const StageGrid& grid, cudaStream_t stream);  // 1: T
+  std::uint64_t count_bins(const DeviceSpheres& source, const StageGrid& grid, cudaStream_t stream);  // 1: T
   std::uint64_t scan_bins(cudaStream_t stream);                 // 2: S; the size of B
   void fill_bins(cudaStream_t stream);                          // 3: B
   void sort_by_bin(cudaStream_t stream);                        // 4
@@ -25,7 +26,7 @@ class Stages {
   Arrays arrays(const Pair* pairs, cudaStream_t stream) const;  // copied to the host
 
  private:
-  Source source_;
+  DeviceSpheres source_;
   StageGrid grid_;
   Region own_;
   std::uint64_t entries_ = 0, bins_ = 0, active_ = 0, contacts_ = 0;

@@ -1,145 +1,50 @@
 // SPDX-License-Identifier: MIT
-// The search of a warp, 32 consecutive spheres of the order, one a lane, through their own level of dense
-// bins. First by codes alone (codes.h): candidates of a row of bins lie side by side, their verdicts are the
-// bits of a mask, and what may touch goes to a queue of the warp. Then full warps settle the queue: float
-// says which do touch (judge.h), and those are moved together. Only search.cu includes this.
+// A warp searches for the partners of 32 consecutive spheres, one a lane, at their own level of dense bins.
+// Codes are tested first (level_rows.h); what may touch goes to a queue of the warp. Then full warps test the
+// queue, and those that touch move together in it. Only .cu files include this.
 #pragma once
+#include "detect/cuda/output/output_slots.h"
 #include "detect/cuda/search/exact_test.h"
+#include "detect/cuda/search/level_rows.h"
+#include "detect/cuda/search/warp_queue.h"
 
 namespace padder::detect::cuda {
-namespace {
 
-// The queue of a warp, in shared memory: a word for each pair.
-struct Queue {
-  static constexpr std::uint32_t kFar = 1u << 27, kLane = 27;
-  std::uint32_t address, first;  // first: of the warp's spheres
-  __device__ __forceinline__ void put(std::uint32_t k, std::uint32_t word) const {
-    store_shared(address + 4 * k, word);
-  }
-  __device__ __forceinline__ std::uint32_t get(std::uint32_t k) const { return load_shared(address + 4 * k); }
-  __device__ __forceinline__ std::uint32_t i(std::uint32_t word) const { return first + (word >> kLane); }
-  __device__ __forceinline__ std::uint32_t j(std::uint32_t word) const { return first + (word & (kFar - 1)); }
-};
-
-// The lane's sphere and where the rows of bins begin and end that hold its partners: what follows it in its
-// own row and the forward half of those around.
-template <SlotKind Kind>
-struct Own {
-  typename SlotOf<Kind>::Type slot;
-  std::uint32_t place, seeker;
-  bool live;  // false: stands for no sphere, behind the last
-  std::uint32_t begin[5], end[5];
-};
-// `downs`: of the way (DownsOf). `finest`: all 32 are known to be of the finest level.
-template <SlotKind Kind, class DownsOfWay>
-__device__ __forceinline__ Own<Kind> own_of(const Task& task, const Grid& grid, const DownsOfWay& downs,
-                                            std::uint32_t first, bool finest = false) {
-  const std::uint32_t at = first + (threadIdx.x & 31), last = task.spheres.count - 1;
-  Own<Kind> own;
-  own.place = min(at, last), own.live = at <= last;
-  own.slot = load_slot(slots_of<Kind>(task) + own.place);
-  own.seeker = seeker<Kind>(__ldg(task.spheres.codes + own.place));
-  std::uint32_t key, row, plane, reach = 1;
-  const FloatBins& bins = task.spheres.bins;
-  bool keyed = true;
-  if constexpr (Kind != SlotKind::fixed_point) {
-    if (bins.on) {
-      key_of(bins, own.slot.x, own.slot.y, own.slot.z, key);
-      row = bins.row, plane = bins.plane, reach = bins.fine, keyed = false;
-    }
-  }
-  if constexpr (Kind == SlotKind::unequal && DownsOfWay::kLevels) {
-    if (downs.bins.on) {
-      const float4 s = make_float4(own.slot.x, own.slot.y, own.slot.z, own.slot.r);
-      const auto in = [&](const FloatBins& b) { key_of(b, s, key), row = b.row, plane = b.plane; };
-      if (finest)
-        in(downs.bins.level[0]);
-      else
-        in(downs.bins.level[level_of(downs.bins, s)]);
-      keyed = false;
-    }
-  }
-  if (keyed) {
-    key = __ldg(task.spheres.keys + own.place);
-    const Level& l = grid.level[level_of_key(grid, key)];
-    row = l.count[0] + 2, plane = row * (l.count[1] + 2);
-  }
-  const int m = task.spheres.merge;
-  const auto start = [&](std::uint32_t entry) { return __ldg(task.spheres.table + entry); };
-  std::uint32_t k = key;
+// Puts candidates in the queue and returns how many there are. Where the result exceeds the capacity none is
+// in it.
+template <SlotKind Kind, std::uint32_t Capacity>
+__device__ __forceinline__ std::uint32_t queue_candidates(const SearchTask& task,
+                                                          const LevelQuery<Kind>& query,
+                                                          const PairQueue& queue) {
+  std::uint32_t mask[kRows], from[kRows];
+  if (task.spheres.count > PairQueue::kFar &&
+      __any_sync(kFullWarp, query.end[4] > queue.first && query.end[4] - queue.first > PairQueue::kFar))
+    return Capacity + 1;
+    // Few of the slots will be needed, but those soon.
 #pragma unroll
-  for (int q = 0; q < 5; q++) {
-    own.begin[q] = q ? start((k - reach) >> m) : own.place + 1, own.end[q] = start(((k + reach) >> m) + 1);
-    k = q == 1 ? key + plane - row : k + row;  // of the next one
-  }
-  return own;
-}
-
-// Candidates `begin` to `end` - 1 of each lane, of which 32 from those a multiple of four before on are
-// looked at: bits of those that may touch, the first the highest.
-template <SlotKind Kind>
-__device__ __forceinline__ std::uint32_t look(const Task& task, std::uint32_t seeker, std::uint32_t begin,
-                                              std::uint32_t end, bool live, std::uint32_t& longest) {
-  const std::uint32_t skipped = begin & 3, upto = live && end > begin ? end - begin + skipped : 0;
-  longest = __reduce_max_sync(kAll, upto);
-  if (longest == 0) return 0;
-  const auto* const four = reinterpret_cast<const uint4*>(task.spheres.codes + (begin - skipped));
-  std::uint32_t mask = 0;
-  const auto next = [&](const uint4& c) {
-    const auto bit = [&](std::uint32_t code) {
-      const auto e = static_cast<std::uint32_t>(code_excess<Kind>(seeker, code, task.code_limit));
-      mask = __funnelshift_l(e, mask, 1);
-    };
-    bit(c.x), bit(c.y), bit(c.z), bit(c.w);
-  };
-  // Rarely more than eight, rarely fewer than five: both are asked for at once.
-  const uint4 c0 = __ldg(four), c1 = __ldg(four + 1);
-  next(c0), next(c1);
-  std::uint32_t span = 8;
-#pragma unroll 1
-  for (const std::uint32_t most = min(longest, 32u); span < most; span += 4) next(__ldg(four + span / 4));
-  return __funnelshift_lc(0, mask, 32 - span) & __funnelshift_rc(0, ~0u, upto) & ~0u >> skipped;
-}
-
-// Candidates to the queue; returns how many. More than it holds: none is in it.
-template <SlotKind Kind, Way W>
-__device__ __forceinline__ std::uint32_t search_level(const Task& task, const Own<Kind>& own,
-                                                      const Queue& queue) {
-  std::uint32_t mask[5], from[5];
-  if (task.spheres.count > Queue::kFar &&
-      __any_sync(kAll, own.end[4] > queue.first && own.end[4] - queue.first > Queue::kFar))
-    return kQueue<W> + 1;
-    // Of slots only few will be asked for, but soon.
-#pragma unroll
-  for (int q = 0; q < 5; q++)
-    asm volatile("prefetch.global.L1 [%0];" ::"l"(slots_of<Kind>(task) + own.begin[q]));
-  // What a hit of the row has for a word, if it is at bit 0.
-  const std::uint32_t lane = threadIdx.x & 31, base = (lane << Queue::kLane) - queue.first + 31;
-  // Counts of five rows side by side, no more than 32 * 32 each in the warp.
-  constexpr int kBits = 12;
-  const auto of_row = [](std::uint64_t counts, int q) {
-    return static_cast<std::uint32_t>(counts >> kBits * q) & ((1u << kBits) - 1);
-  };
+  for (int q = 0; q < kRows; q++) prefetch_l1(slots_of<Kind>(task) + query.begin[q]);
+  // The word of the candidate at bit 0 of a row that begins at index 0.
+  const std::uint32_t lane = threadIdx.x & 31, base = (lane << PairQueue::kLaneShift) - queue.first + 31;
   std::uint64_t counts = 0;
 #pragma unroll
-  for (int q = 0; q < 5; q++) {
+  for (int q = 0; q < kRows; q++) {
     std::uint32_t longest;
-    mask[q] = look<Kind>(task, own.seeker, own.begin[q], own.end[q], own.live, longest);
-    from[q] = base + (own.begin[q] & ~3u);
-    counts |= static_cast<std::uint64_t>(__popc(mask[q])) << kBits * q;
-    if (longest > 32) return kQueue<W> + 1;
+    mask[q] = code_mask<Kind>(task, query.seeker, query.begin[q], query.end[q], query.valid, longest);
+    from[q] = base + (query.begin[q] & ~3u);
+    counts |= RowCounts::put(__popc(mask[q]), q);
+    if (longest > 32) return Capacity + 1;
   }
   std::uint64_t all, before = sum_before(counts, all);
   std::uint32_t total = 0;
 #pragma unroll
-  for (int q = 0; q < 5; q++) total += of_row(all, q);
-  if (total > kQueue<W>) return total;
-  // Row after row, so that neighbours in the queue ask for neighbours in memory.
+  for (int q = 0; q < kRows; q++) total += RowCounts::get(all, q);
+  if (total > Capacity) return total;
+  // Row after row, so that neighbours in the queue read neighbours in memory.
   std::uint32_t row = queue.address;
 #pragma unroll
-  for (int q = 0; q < 5; q++) {
-    std::uint32_t at = row + 4 * of_row(before, q);
-    row += 4 * of_row(all, q);
+  for (int q = 0; q < kRows; q++) {
+    std::uint32_t at = row + 4 * RowCounts::get(before, q);
+    row += 4 * RowCounts::get(all, q);
     while (mask[q]) {
       const int bit = 31 - __clz(mask[q]);
       store_shared(at, from[q] - bit);
@@ -150,11 +55,12 @@ __device__ __forceinline__ std::uint32_t search_level(const Task& task, const Ow
   return total;
 }
 
-// Those of the queue that touch, moved together, in the same order; `check(words, hit)` tells of some at a
-// time, the last word standing for those behind the end.
+// Keeps those of the queue that pass `check`, in the same order. `check(words, hit)` is given AtOnce pairs of
+// a lane and says which of them hit; behind the end it is given the last pair again.
 template <int AtOnce, class Check>
-__device__ __forceinline__ std::uint32_t sieve(const Queue& queue, std::uint32_t count, Check check) {
-  const std::uint32_t lane = kept(threadIdx.x & 31), below = (1u << lane) - 1;
+__device__ __forceinline__ std::uint32_t keep_those(const PairQueue& queue, std::uint32_t count,
+                                                    Check check) {
+  const std::uint32_t lane = kept_in_register(threadIdx.x & 31), below = (1u << lane) - 1;
   std::uint32_t hits = 0;
 #pragma unroll 1
   for (std::uint32_t k = 0; k < count; k += 32 * AtOnce) {
@@ -168,7 +74,7 @@ __device__ __forceinline__ std::uint32_t sieve(const Queue& queue, std::uint32_t
     check(word, hit);
 #pragma unroll
     for (int u = 0; u < AtOnce; u++) {
-      const std::uint32_t has = __ballot_sync(kAll, hit[u]);
+      const std::uint32_t has = __ballot_sync(kFullWarp, hit[u]);
       if (u == 0) __syncwarp();  // all have read what is written over
       if (hit[u]) queue.put(hits + __popc(has & below), word[u]);
       hits += __popc(has);
@@ -177,24 +83,25 @@ __device__ __forceinline__ std::uint32_t sieve(const Queue& queue, std::uint32_t
   __syncwarp();
   return hits;
 }
-// Judges one by one those that float is not sure of, and where all are asked for more than their distance.
-template <SlotKind Kind, Way W>
-__device__ __noinline__ std::uint32_t settle_carefully(const Task& task, const Grid& grid, Queue queue,
-                                                       std::uint32_t count) {
+// Tests the pairs of the queue one by one: float is not sure of some, or something beside the distance
+// counts.
+template <SlotKind Kind>
+static __device__ __noinline__ std::uint32_t test_queue_exactly(const SearchTask& task, const Grid& grid,
+                                                                PairQueue queue, std::uint32_t count) {
   const auto* const slots = slots_of<Kind>(task);
-  return sieve<1>(queue, count, [&](const std::uint32_t(&word)[1], bool(&hit)[1]) {
+  return keep_those<1>(queue, count, [&](const std::uint32_t(&word)[1], bool(&hit)[1]) {
     const std::uint32_t i = queue.i(word[0]), j = queue.j(word[0]);
-    if (hit[0]) hit[0] = meets<Kind, W>(task, grid, i, load_slot(slots + i), j, load_slot(slots + j), true);
+    if (hit[0]) hit[0] = test<Kind>(task, grid, i, load_slot(slots + i), j, load_slot(slots + j), true);
   });
 }
-template <SlotKind Kind, Way W>
-__device__ __forceinline__ std::uint32_t settle(const Task& task, const Grid& grid, const Queue& queue,
-                                                std::uint32_t count) {
+template <SlotKind Kind>
+__device__ __forceinline__ std::uint32_t test_queue(const SearchTask& task, const Grid& grid,
+                                                    const PairQueue& queue, std::uint32_t count) {
   constexpr int kAtOnce = 3;  // pairs that a lane has under way
   const auto* const slots = slots_of<Kind>(task);
-  bool doubt = task.judge_all;
+  bool doubt = task.test_all;
   std::uint32_t hits =
-      sieve<kAtOnce>(queue, count, [&](const std::uint32_t(&word)[kAtOnce], bool(&hit)[kAtOnce]) {
+      keep_those<kAtOnce>(queue, count, [&](const std::uint32_t(&word)[kAtOnce], bool(&hit)[kAtOnce]) {
         typename SlotOf<Kind>::Type a[kAtOnce], b[kAtOnce];
 #pragma unroll
         for (int u = 0; u < kAtOnce; u++)
@@ -202,47 +109,78 @@ __device__ __forceinline__ std::uint32_t settle(const Task& task, const Grid& gr
 #pragma unroll
         for (int u = 0; u < kAtOnce; u++) {
           bool sure;
-          const bool in = within<Kind>(task, a[u], b[u], sure);
+          const bool in = float_test<Kind>(task, a[u], b[u], sure);
           hit[u] = hit[u] && in;
           doubt = doubt || (hit[u] && !sure);
         }
       });
-  if (__any_sync(kAll, doubt)) hits = settle_carefully<Kind, W>(task, grid, queue, hits);
+  if (__any_sync(kFullWarp, doubt)) hits = test_queue_exactly<Kind>(task, grid, queue, hits);
   return hits;
 }
 
-// Without a queue, for warps with more candidates than it holds and for long rows. With a target, writes the
-// hits as those from `base` on of the tile.
-template <SlotKind Kind, Way W, class DownsOfWay>
-__device__ __noinline__ std::uint32_t search_unqueued(const Task& task, const Grid& grid,
-                                                      const DownsOfWay& downs, std::uint32_t first,
-                                                      const Target* target, std::uint32_t base) {
+// Searches without a queue: for warps with more candidates than it holds, and for long rows. With a range,
+// emits the contacts as numbers `base` onwards of the tile; without, only counts them.
+template <SlotKind Kind, class Pairs>
+static __device__ __noinline__ std::uint32_t search_unqueued(const SearchTask& task, const Grid& grid,
+                                                             const Pairs& pairs, std::uint32_t first,
+                                                             const OutputRange* range, std::uint32_t base) {
   const std::uint32_t lane = threadIdx.x & 31, below = (1u << lane) - 1;
-  Own<Kind> own = own_of<Kind>(task, grid, downs, first);
+  LevelQuery<Kind> query = level_query<Kind>(task, grid, pairs, first);
   const auto* const slots = slots_of<Kind>(task);
   std::uint32_t hits = 0;
 #pragma unroll 1
-  for (int q = 0; q < 5; q++) {
-    for (std::uint32_t begin = own.begin[0], longest = 64; longest > 32;) {
-      std::uint32_t mask = look<Kind>(task, own.seeker, begin, own.end[0], own.live, longest);
+  for (int q = 0; q < kRows; q++) {
+    for (std::uint32_t begin = query.begin[0], longest = 64; longest > 32;) {
+      std::uint32_t mask = code_mask<Kind>(task, query.seeker, begin, query.end[0], query.valid, longest);
       begin &= ~3u;
-      while (__any_sync(kAll, mask != 0)) {
+      while (__any_sync(kFullWarp, mask != 0)) {
         const int k = __clz(mask);
         const std::uint32_t j = begin + k;
         const bool hit =
-            mask && meets<Kind, W>(task, grid, own.place, own.slot, j, load_slot(slots + j), !target);
+            mask && test<Kind>(task, grid, query.index, query.slot, j, load_slot(slots + j), !range);
         if (mask) mask ^= 0x80000000u >> k;
-        const std::uint32_t has = __ballot_sync(kAll, hit);
-        if (hit && target) put<Kind>(task, *target, base + hits + __popc(has & below), own.place, j);
+        const std::uint32_t has = __ballot_sync(kFullWarp, hit);
+        if (hit && range) emit<Kind>(task, *range, base + hits + __popc(has & below), query.index, j);
         hits += __popc(has);
       }
-      begin = min(begin + 32, own.end[0]);  // no further than what is there to be read
+      begin = min(begin + 32, query.end[0]);  // no further than what may be read
     }
+    // The next row becomes row 0: a row number that is not constant would put the arrays in local memory.
 #pragma unroll
-    for (int k = 0; k < 4; k++) own.begin[k] = own.begin[k + 1], own.end[k] = own.end[k + 1];
+    for (int k = 0; k + 1 < kRows; k++) query.begin[k] = query.begin[k + 1], query.end[k] = query.end[k + 1];
   }
   return hits;
 }
 
-}  // namespace
+// The contacts of the 32 spheres from `first` on, in the queue unless kQueueOverflow is set. `flags`: of the
+// counters; where any is set the table is not whole, and the caller of the search will order the spheres in
+// another way.
+template <SlotKind Kind, class Words, class Pairs>
+__device__ __forceinline__ bool find_same_level(const SearchTask& task, const Grid& grid, const Pairs& pairs,
+                                                Words& words, std::uint32_t first, std::uint32_t flags,
+                                                std::uint32_t& found) {
+  const PairQueue queue{shared_address(words.index), first};
+  const LevelQuery<Kind> query = level_query<Kind>(task, grid, pairs, first);
+  if (flags) return false;
+  const std::uint32_t queued = queue_candidates<Kind, Words::kCapacity>(task, query, queue);
+  found = queued > Words::kCapacity
+              ? search_unqueued<Kind>(task, grid, pairs, first, nullptr, 0) | kQueueOverflow
+              : test_queue<Kind>(task, grid, queue, queued);
+  return true;
+}
+template <SlotKind Kind, class Words, class Pairs>
+__device__ __forceinline__ void emit_same_level(const SearchTask& task, const Grid& grid, const Pairs& pairs,
+                                                Words& words, std::uint32_t first, std::uint32_t found,
+                                                const OutputRange& range, std::uint32_t before) {
+  if (found & kQueueOverflow) {
+    search_unqueued<Kind>(task, grid, pairs, first, &range, before);
+    return;
+  }
+  const PairQueue queue{shared_address(words.index), first};
+  emit_by_warp<Kind>(task, range, found, before, [&](std::uint32_t k, std::uint32_t& i, std::uint32_t& j) {
+    const std::uint32_t word = queue.get(k);
+    i = queue.i(word), j = queue.j(word);
+  });
+}
+
 }  // namespace padder::detect::cuda

@@ -7,7 +7,8 @@
 #include <random>
 #include <vector>
 
-#include "detect/cuda/device_input.h"
+#include "detect/cuda/device.h"
+#include "detect/cuda/input/survey.h"
 
 namespace padder::detect::cuda {
 namespace {
@@ -36,7 +37,7 @@ TEST(CudaSurvey, ExponentsByBits) {
 TEST(CudaSurvey, PackedFloatsAsAnyOthers) {
   int devices = 0;
   if (cudaGetDeviceCount(&devices) != cudaSuccess || devices == 0)
-    GTEST_SKIP() << "no GPU that this build can use";
+    GTEST_SKIP() << "needs a GPU of compute capability 8.0 or newer, and code for it";
   std::mt19937 random(5);
   std::uniform_real_distribution<float> unit(0, 1);
   for (const std::uint32_t count : {1u, 100u, 40'000u})
@@ -49,13 +50,14 @@ TEST(CudaSurvey, PackedFloatsAsAnyOthers) {
       Buffer<float4> given(book, "the test");
       cuda_check(cudaMemcpy(given.reserve(count), spheres.data(), 16ull * count, cudaMemcpyHostToDevice),
                  "copy");
-      Source source;
+      DeviceSpheres source;
       source.centers = given.data(), source.radii = &given.data()->w;
       source.center_stride = source.radius_stride = 4, source.count = count;
+      const int processors = processors_of(nullptr, 0);
       Surveyor one(book), other(book);
-      const Summary any = one.survey(source, nullptr);
+      const Summary any = one.survey(source, processors, nullptr);
       source.packed = true;
-      const Summary packed = other.survey(source, nullptr);
+      const Summary packed = other.survey(source, processors, nullptr);
       ASSERT_EQ(packed.octaves_known, any.octaves_known);
       ASSERT_EQ(packed.octaves_known, count > 1 && largest > 1);
       ASSERT_EQ(packed.need_max, any.need_max);

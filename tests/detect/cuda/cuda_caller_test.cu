@@ -21,7 +21,7 @@ __global__ void fault_kernel() { *reinterpret_cast<volatile int*>(16) = 1; }
 class CudaCallerTest : public testing::Test {
  protected:
   void SetUp() override {
-    if (!cuda_present()) GTEST_SKIP() << "no GPU that this build can use";
+    if (!cuda_present()) GTEST_SKIP() << "needs a GPU of compute capability 8.0 or newer, and code for it";
     options_.backend = BackendKind::cuda;
     spheres_ = generate("dense", 20'000);
     Options cpu;

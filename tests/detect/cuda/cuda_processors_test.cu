@@ -54,14 +54,14 @@ class GreenStream {
 class CudaProcessorsTest : public testing::TestWithParam<unsigned> {
  protected:
   void SetUp() override {
-    if (!cuda_present()) GTEST_SKIP() << "no GPU that this build can use";
+    if (!cuda_present()) GTEST_SKIP() << "needs a GPU of compute capability 8.0 or newer, and code for it";
   }
   // The same list as on the whole device, call by call: alone, with the bins of the call before, recorded.
   void expect_same(const char* scene, std::uint64_t n, bool wide, Order order) {
     SCOPED_TRACE(testing::Message() << scene << " " << n << (wide ? " in double" : " in float")
-                                    << (order == Order::stable ? ", fixed order" : ", any order"));
+                                    << (order == Order::stable ? ", stable order" : ", any order"));
     GreenStream green(GetParam());
-    if (!green.stream) GTEST_SKIP() << "this driver makes no green contexts";
+    if (!green.stream) GTEST_SKIP() << "needs a driver that makes green contexts (CUDA 12.5 or newer)";
     EXPECT_EQ(cuda::processors_of(green.stream, 0), static_cast<int>(green.count));
     const auto spheres = generate(scene, n);
     std::vector<double> doubles;
@@ -101,7 +101,8 @@ TEST_P(CudaProcessorsTest, TheSameLargeList) {
   expect_same("poly100", 3'000'000, false, Order::stable);
   expect_same("dense", 1'000'000, false, Order::any);
 }
-INSTANTIATE_TEST_SUITE_P(Parts, CudaProcessorsTest, testing::Values(8, 16, 64));
+INSTANTIATE_TEST_SUITE_P(Parts, CudaProcessorsTest, testing::Values(8, 16, 64),
+                         testing::PrintToStringParamName());
 
 }  // namespace
 }  // namespace padder::detect

@@ -1,18 +1,22 @@
 // SPDX-License-Identifier: MIT
-// How the work of several levels and the places of a list of fixed order are dealt out, on the host.
-#include "detect/cuda/output/slot_estimate.h"
+// How the work of several levels is divided, and how many output slots the tiles of each level get: host
+// code.
 
 #include <gtest/gtest.h>
 
 #include <random>
 #include <vector>
 
+#include "detect/cuda/output/stable_output.h"
+#include "detect/cuda/search/level_pairs.h"
+#include "detect/cuda/tuning.h"
+
 namespace padder::detect::cuda {
 namespace {
 
-// Never more places than asked for: what is left spare would exceed what spills, and the list would have
-// holes. No fewer than rounding down costs a tile.
-TEST(CudaExpect, TilesGetNoMorePlacesThanThereAre) {
+// No more slots than there are: else more slots would be left empty than contacts spill, and the list would
+// have holes. No fewer than rounding down costs a tile.
+TEST(CudaSlotEstimate, TilesGetNoMoreSlotsThanThereAre) {
   const unsigned seed = std::random_device{}();
   std::printf("seed %u\n", seed);
   std::mt19937 random(seed);
@@ -29,60 +33,60 @@ TEST(CudaExpect, TilesGetNoMorePlacesThanThereAre) {
       l.radius_max = std::exp2(-static_cast<double>(below(1000)) / 100), l.per_size = 0.5 / l.radius_max;
       spheres += l.spheres;
     }
-    const std::uint64_t share = below(1000), of_half_tiles = (spheres + kThreads - 1) / kThreads,
-                        places = share * of_half_tiles;
-    const auto tiles = static_cast<std::uint32_t>((spheres + kFlowTile - 1) / kFlowTile);
-    const TileShares s = tile_shares(grid, places, tiles);
-    ASSERT_EQ(s.levels, grid.levels);
-    ASSERT_EQ(s.first[0], 0u);
-    for (int k = 0; k < s.levels; k++) {
-      const std::uint32_t end = k + 1 < s.levels ? s.first[k + 1] : tiles;
-      ASSERT_LE(s.first[k], end);
-      ASSERT_EQ(s.place[k + 1] - s.place[k], std::uint64_t(s.share[k]) * (end - s.first[k]));
+    const std::uint64_t slots = below(1000) * tiles_of(spheres);
+    const auto tiles = static_cast<std::uint32_t>((spheres + kFusedTile - 1) / kFusedTile);
+    const TileQuotas q = quotas_of_levels(grid, slots, tiles);
+    ASSERT_EQ(q.levels, grid.levels);
+    ASSERT_EQ(q.first[0], 0u);
+    for (int k = 0; k < q.levels; k++) {
+      const std::uint32_t end = k + 1 < q.levels ? q.first[k + 1] : tiles;
+      ASSERT_LE(q.first[k], end);
+      ASSERT_EQ(q.slot[k + 1] - q.slot[k], std::uint64_t(q.quota[k]) * (end - q.first[k]));
     }
-    ASSERT_LE(s.place[s.levels], places) << "scene " << scene;
-    ASSERT_GE(s.place[s.levels] + tiles, places) << "scene " << scene;
+    ASSERT_LE(q.slot[q.levels], slots) << "scene " << scene;
+    ASSERT_GE(q.slot[q.levels] + tiles, slots) << "scene " << scene;
   }
 }
 
-// Each sphere of a level looks once at each part of its rows of each finer level, whatever units are made of.
-TEST(CudaExpect, PiecesOfUnitsAreEachLookedAtOnce) {
+// Each sphere of a level searches each part of its rows of each finer level once, however the work is
+// divided.
+TEST(CudaSlotEstimate, EachPartOfTheRowsIsSearchedOnce) {
   const unsigned seed = std::random_device{}();
   std::printf("seed %u\n", seed);
   std::mt19937 random(seed);
   const auto below = [&](std::uint64_t n) { return random() % n; };
-  int in_pieces = 0, parts_in_pieces = 0, in_one = 0;
+  int in_groups = 0, in_parts = 0, one_after_the_other = 0;
   for (int scene = 0; scene < 300; scene++) {
     Grid grid;
     grid.levels = 2 + static_cast<int>(below(4));
     double radius = 1;
     for (int k = 0; k < grid.levels; k++, radius *= 2 + static_cast<double>(below(3))) {
       Level& l = grid.level[k];
-      l.spheres = k == 0 ? (scene % 2 ? kManyPieces : 200'000) + below(100'000) : 1 + below(20'000 >> 3 * k);
+      l.spheres =
+          k == 0 ? (scene % 2 ? tuning::kManySpheres : 200'000) + below(100'000) : 1 + below(20'000 >> 3 * k);
       l.radius_max = radius, l.size = 2 * radius, l.per_size = 1 / l.size;
       for (auto& side : l.count)
         side = 2 + static_cast<std::uint32_t>(below(static_cast<std::uint64_t>(400 / radius) + 1));
     }
-    const Downs downs = plan_downs(grid, SlotKind::unequal, true, true);
-    for (std::uint32_t p = 0; p < downs.count; p++) {
-      const Down& d = downs.pair[p];
+    const LevelPairs pairs = plan_level_pairs(grid, SlotKind::unequal, scene % 3 == 0);
+    for (std::uint32_t p = 0; p < pairs.count; p++) {
+      const LevelPair& d = pairs.pair[p];
       const std::uint32_t units =
-          (p + 1 < downs.count ? downs.pair[p + 1].first_unit : downs.units) - d.first_unit;
-      std::vector<std::uint8_t> looks(static_cast<std::size_t>(d.end - d.first) * d.parts);
-      for (std::uint32_t unit = 0; unit < units; unit++)
-        for (std::uint32_t piece = 0; piece < d.pieces; piece++) {
-          const Piece q = piece_of(d, unit, piece);
-          if (q.part >= d.parts) continue;  // more than the largest sphere has
-          for (std::uint32_t k = q.first; k < std::min(q.first + d.group, d.end); k++)
-            looks[static_cast<std::size_t>(k - d.first) * d.parts + q.part]++;
-        }
-      for (const std::uint8_t n : looks) ASSERT_EQ(n, 1) << "scene " << scene << " pair " << p;
-      (d.pieces == 1 ? in_one : d.parts > 1 ? parts_in_pieces : in_pieces)++;
+          (p + 1 < pairs.count ? pairs.pair[p + 1].first_unit : pairs.units) - d.first_unit;
+      std::vector<std::uint8_t> searched(static_cast<std::size_t>(d.end - d.first) * d.parts);
+      for (std::uint32_t unit = 0; unit < units; unit++) {
+        const UnitWork w = work_of_unit(d, unit / d.warp_units, unit % d.warp_units);
+        if (w.part >= d.parts) continue;  // more than the largest sphere has
+        for (std::uint32_t k = w.first; k < std::min(w.first + d.group, d.end); k++)
+          searched[static_cast<std::size_t>(k - d.first) * d.parts + w.part]++;
+      }
+      for (const std::uint8_t n : searched) ASSERT_EQ(n, 1) << "scene " << scene << " pair " << p;
+      (d.warp_units > 1 ? one_after_the_other : d.parts > 1 ? in_parts : in_groups)++;
     }
   }
-  EXPECT_GT(in_one, 0);
-  EXPECT_GT(in_pieces, 0);
-  EXPECT_GT(parts_in_pieces, 0);
+  EXPECT_GT(in_groups, 0);
+  EXPECT_GT(in_parts, 0);
+  EXPECT_GT(one_after_the_other, 0);
 }
 
 }  // namespace

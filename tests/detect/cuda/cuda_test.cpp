@@ -11,7 +11,7 @@ namespace {
 class CudaTest : public testing::Test {
  protected:
   void SetUp() override {
-    if (!cuda_present()) GTEST_SKIP() << "no GPU that this build can use";
+    if (!cuda_present()) GTEST_SKIP() << "needs a GPU of compute capability 8.0 or newer, and code for it";
     cpu_.backend = BackendKind::omp, gpu_.backend = BackendKind::cuda;
     cpu_.width = Width::pairs;
   }

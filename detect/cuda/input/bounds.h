@@ -1,72 +1,13 @@
 // SPDX-License-Identifier: MIT
-// Where the device reads spheres from: the caller's arrays, and bodies placed on the fly. Only .cu files
+// Bounds of spheres, gathered on the device: words whose order as integers is that of the numbers they stand
+// for, and what a thread and a block gather before they touch the words that all blocks share. Only .cu files
 // include this.
 #pragma once
-#include "detect/body.h"
 #include "detect/core/grid.h"
-#include "detect/cuda/memory.h"
-#include "detect/cuda/report.h"
 
 namespace padder::detect::cuda {
 
-// A sphere was found outside bins that hold all: in words for the caller.
-inline constexpr const char* kChanged =
-    "a sphere lies outside the bounds that were found a moment before: do not change the input while "
-    "detect() "
-    "runs";
-
-// Device pointers. Sphere k is of a body while k < placed, else number k - placed of the loose ones.
-struct Source {
-  const void* centers = nullptr;
-  const void* radii = nullptr;
-  const std::uint32_t* family = nullptr;
-  const std::uint32_t* mask = nullptr;
-  const std::uint32_t* owner = nullptr;     // of loose ones that stand for something else (bodies.cu)
-  const std::uint8_t* is_static = nullptr;  // of loose spheres
-  const Body* bodies = nullptr;
-  const std::uint32_t* body_of = nullptr;      // of each placed sphere
-  const std::uint32_t* body_first = nullptr;   // its first sphere's number
-  const Sphere* shape_spheres = nullptr;       // of all shapes, one after another
-  const std::uint32_t* shape_first = nullptr;  // of each shape
-  std::uint32_t count = 0, placed = 0, center_stride = 3, radius_stride = 1;
-  bool wide = false;    // double input
-  bool packed = false;  // float x, y, z, r, aligned to 16 bytes: one load a sphere
-  bool filtered = false;
-  friend bool operator==(const Source&, const Source&) = default;
-
-  __device__ __forceinline__ Sphere sphere(std::uint32_t k) const {
-    if (k < placed) {
-      const std::uint32_t b = body_of[k];
-      const Body& body = bodies[b];
-      return detect::placed(body, shape_spheres[shape_first[body.shape] + (k - body_first[b])]);
-    }
-    k -= placed;
-    if (packed) {
-      const float4 s = static_cast<const float4*>(centers)[k];
-      return {s.x, s.y, s.z, s.w};
-    }
-    const std::uint64_t c = std::uint64_t(k) * center_stride, r = std::uint64_t(k) * radius_stride;
-    if (wide) {
-      const auto* p = static_cast<const double*>(centers) + c;
-      return {p[0], p[1], p[2], static_cast<const double*>(radii)[r]};
-    }
-    const auto* p = static_cast<const float*>(centers) + c;
-    return {p[0], p[1], p[2], static_cast<const float*>(radii)[r]};
-  }
-  __device__ __forceinline__ Filter filter(std::uint32_t k) const {
-    if (k < placed) {
-      const Body& body = bodies[body_of[k]];
-      return {body.family, body.mask, owner_of(body_of[k], body.is_static)};
-    }
-    k -= placed;
-    return {family ? family[k] : 0, mask ? mask[k] : 0,
-            owner                       ? owner[k]
-            : is_static && is_static[k] ? kStatic
-                                        : 0};
-  }
-};
-
-// Doubles as unsigned integers of the same order, for atomic minima and maxima.
+// A double as an unsigned integer, so that the order stays: for atomic minima and maxima. And back.
 __host__ __device__ inline unsigned long long ordered(double v) {
   unsigned long long b;
   memcpy(&b, &v, 8);
@@ -79,7 +20,7 @@ __host__ __device__ inline double unordered(unsigned long long b) {
   return v;
 }
 
-// Floats as unsigned integers of the same order, and back.
+// The same for a float. And back.
 __host__ __device__ inline std::uint32_t rank_of(float f) {
   std::uint32_t b;
   memcpy(&b, &f, 4);
@@ -104,8 +45,7 @@ __host__ __device__ inline int need_exponent(float x, float y, float z, float r)
   return near > far ? near : far;
 }
 
-// Bounds of float spheres, gathered along by a kernel that reads them anyway. Each thread takes spheres, then
-// all threads of the block give what they have.
+// Words of the bounds, in this order.
 enum {
   kLow = 0,
   kRadiusMin = 3,
@@ -116,6 +56,8 @@ enum {
   kExtent = 10,
   kBounds = 11
 };
+// Bounds of float spheres, gathered by a kernel that reads the spheres anyway. Each thread takes spheres;
+// then all threads of the block together give what they have.
 struct Bounds {
   float low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY},
         r_min = INFINITY, r_max = 0;
@@ -132,7 +74,8 @@ struct Bounds {
     high[0] = fmaxf(high[0], x), high[1] = fmaxf(high[1], y), high[2] = fmaxf(high[2], z);
     r_min = fminf(r_min, r), r_max = fmaxf(r_max, r);
   }
-  // The number of a faulty sphere is not noted: what is no number is then in `high` or r_max.
+  // Does not note the number of a faulty sphere. A coordinate that is not a number then stands in `high`, a
+  // radius in r_max.
   __device__ __forceinline__ void take_quickly(float x, float y, float z, float r) {
     low[0] = fminf(low[0], x), low[1] = fminf(low[1], y), low[2] = fminf(low[2], z), r_min = fminf(r_min, r);
     const auto larger_or_none = [](float& a, float b) { asm("max.NaN.f32 %0, %0, %1;" : "+f"(a) : "f"(b)); };
@@ -156,8 +99,8 @@ struct Bounds {
     const std::uint32_t f = __reduce_min_sync(~0u, fault);
     if (first && f != ~0u) atomicMin(all + 8, f);
     __syncthreads();
-    // Reading first spares nearly every atomic operation on the few words that all blocks share, but must be
-    // waited for.
+    // All blocks share a few words. Reading a word first spares nearly every atomic operation on it, but the
+    // thread must wait for what it reads.
     const std::uint32_t k = threadIdx.x;
     if (k < 4) {
       const unsigned long long l = value(all[k]);
@@ -173,8 +116,8 @@ struct Bounds {
   }
 };
 
-// The same of each octave of size below the exponent `top`, in shared memory. begin() and give() are called
-// by all threads of the block, with barriers around.
+// Bounds of each octave of size below the exponent `top`, in shared memory. All threads of the block call
+// begin() and give(), with barriers around.
 struct OctaveBounds {
   // What is given of each: low x, y, z as minima; high x, y, z, radius, need as maxima; the count.
   static constexpr int kWords = 9;
@@ -213,9 +156,9 @@ struct OctaveBounds {
     }
   }
 };
-// What a thread has for it. Of two octaves, the finest that its warp has met first and the next one,
-// registers hold the bounds; spheres of others go to shared memory one by one. begin() and give() by all
-// lanes of a warp.
+// One thread's part in OctaveBounds. Registers hold the bounds of two octaves: the finest among the first
+// spheres of the warp, and the next coarser one. Spheres of other octaves go to shared memory one by one. All
+// lanes of a warp call begin() and give().
 class OctaveTaker {
  public:
   // With what it will take first, if that is a sphere.
@@ -262,8 +205,8 @@ class OctaveTaker {
   std::uint32_t count_[2] = {};
 };
 
-// What a kernel that reads all spheres is asked to gather along: Surveyor::bounds(), and with them the
-// octaves below the exponent `top`. Null: not asked for.
+// Where a kernel that reads all spheres is to write their bounds, and those of the octaves below the exponent
+// `top`. Null: not asked for.
 struct Gather {
   unsigned long long *bounds = nullptr, *octaves = nullptr;
   int top = 0;
@@ -273,43 +216,6 @@ struct Gather {
     for (std::uint32_t k = thread; k < kBounds; k += threads) bounds[k] = Bounds::nothing(k);
     for (std::uint32_t k = thread; octaves && k < kWords; k += threads) octaves[k] = OctaveBounds::nothing(k);
   }
-};
-
-// First pass over the spheres (survey.cu): the summary that choose_grid asks for.
-class Surveyor {
- public:
-  explicit Surveyor(MemoryBook& book);
-  Summary survey(const Source& source, cudaStream_t stream);  // waits for the device
-
-  // In steps, without waiting between them: `top` is the exponent of the largest need as it is expected to
-  // be, and `octaves` whether sizes are to be told apart. Where rides_along, begin() is not called: later
-  // kernels clear the head and gather(). read() copies to the host what was found; finish() is called once
-  // the stream has been waited for, and is false when the expectation was wrong: then ask survey().
-  static bool rides_along(const Source& source) { return source.packed && source.placed == 0; }
-  void begin(const Source& source, bool octaves, int top, cudaStream_t stream);
-  static void begin_bounds(unsigned long long* bounds, cudaStream_t stream);  // and clears the head
-  Gather gather(bool octaves, int top) const {
-    unsigned long long* const bounds = values_.data() + kHead;
-    return {bounds, octaves ? bounds + kBounds : nullptr, top};
-  }
-  // The octaves, in a pass of their own.
-  static void gather_octaves(const Source& source, const Gather& gather, cudaStream_t stream);
-  void read(const Source& source, bool octaves, bool along, Report& report);
-  // `above`: Summary::above, by which `top` is lower than the largest need's exponent.
-  bool finish(const Source& source, bool octaves, int top, bool along, Summary& summary, int above = 0) const;
-
-  // Words of the caller in front of the summary, so that one copy brings both to the host.
-  static constexpr int kHead = 8;
-  unsigned long long* head() { return values_.reserve(words()); }
-  const unsigned long long* host_head() { return host_values_.reserve(words()); }
-  void read_head(Report& report);
-
- private:
-  static std::uint64_t words();
-  int find_above(const Source& source, cudaStream_t stream);
-  Buffer<unsigned long long> values_, host_values_;
-  Buffer<double> sums_, host_sums_;
-  Buffer<unsigned long long> exponents_;
 };
 
 }  // namespace padder::detect::cuda

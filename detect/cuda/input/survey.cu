@@ -5,14 +5,17 @@
 #include <span>
 #include <vector>
 
-#include "detect/cuda/device_input.h"
+#include "detect/cuda/input/survey.h"
+#include "detect/cuda/tuning.h"
 
 namespace padder::detect::cuda {
 namespace {
 
 using Word = unsigned long long;
-constexpr int kThreads = 256, kBlocks = kProcessors * 4, kOctaveWords = OctaveBounds::kWords;
-constexpr int kManyBlocks = 5;  // a processor
+constexpr int kThreads = 256, kOctaveWords = OctaveBounds::kWords;
+// Blocks of the survey. The same number on every device, because each gives one term of the sum of the radii:
+// so the mean, and the bins that follow from it, are the same everywhere.
+constexpr int kBlocks = 528;
 constexpr int kAll = kBounds + kOctaves * kOctaveWords;
 
 __device__ Word warp_min(Word v) {
@@ -24,9 +27,9 @@ __device__ Word warp_max(Word v) {
   return v;
 }
 
-// Blocks that look at the spheres, as many as they ask for: of few, the others would only stand in line to
-// say that they found nothing.
-unsigned blocks_of(const Source& source) {
+// Blocks of the survey. Few spheres get few blocks: each block ends with atomic operations on the same words,
+// and blocks without spheres would only add to the queue.
+unsigned blocks_of(const DeviceSpheres& source) {
   return static_cast<unsigned>(
       std::clamp<std::uint64_t>((source.count + kThreads - 1ull) / kThreads, 1, kBlocks));
 }
@@ -39,7 +42,7 @@ __global__ void begin_kernel(Word* v, int minima, int count, int period, int hea
 
 // The sum of the radii is made in a fixed order (blocks, then the host), so that the mean is the same in
 // every run.
-__global__ void __launch_bounds__(kThreads) survey_kernel(Source source, Word* out, double* sums) {
+__global__ void __launch_bounds__(kThreads) survey_kernel(DeviceSpheres source, Word* out, double* sums) {
   double low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY};
   double r_min = INFINITY, r_max = 0, need = 0, extent = 0, sum = 0;
   Word fault = ~0ull;
@@ -85,8 +88,8 @@ __global__ void __launch_bounds__(kThreads) survey_kernel(Source source, Word* o
   if (threadIdx.x == 0) sums[blockIdx.x] = shared[0];
 }
 
-// Of each octave: low x, y, z as minima; high x, y, z, radius, need as maxima; the count.
-__global__ void __launch_bounds__(kThreads) octave_kernel(Source source, int top, Word* out) {
+// Finds the words of OctaveBounds::kWords for each octave, of spheres in any format.
+__global__ void __launch_bounds__(kThreads) octave_kernel(DeviceSpheres source, int top, Word* out) {
   __shared__ Word v[kOctaves * kOctaveWords];
   __shared__ std::uint32_t counts[kOctaves];
   for (int k = threadIdx.x; k < kOctaves; k += kThreads) counts[k] = 0;
@@ -123,8 +126,8 @@ __global__ void __launch_bounds__(kThreads) octave_kernel(Source source, int top
   }
 }
 
-// The same of packed float spheres, in float: bounds and radii keep their order as integers.
-__global__ void __launch_bounds__(kThreads, kManyBlocks)
+// The same for packed float spheres, in float.
+__global__ void __launch_bounds__(kThreads, tuning::kOctaveBlocks)
     float_octave_kernel(const float4* spheres, std::uint32_t count, int top, Word* out) {
   __shared__ OctaveBounds bounds;
   OctaveTaker taker;
@@ -141,8 +144,8 @@ __global__ void __launch_bounds__(kThreads, kManyBlocks)
   bounds.give(out);
 }
 
-// Spheres by exponent_of(need) + 1023.
-__global__ void __launch_bounds__(kThreads) exponent_kernel(Source source, Word* out) {
+// Counts the spheres of each exponent_of(need) + 1023.
+__global__ void __launch_bounds__(kThreads) exponent_kernel(DeviceSpheres source, Word* out) {
   __shared__ std::uint32_t counts[kExponents];
   for (int k = threadIdx.x; k < kExponents; k += kThreads) counts[k] = 0;
   __syncthreads();
@@ -168,18 +171,20 @@ void Surveyor::begin_bounds(Word* bounds, cudaStream_t stream) {
   begin_kernel<<<1, 32, 0, stream>>>(bounds, 5, kBounds, kBounds, kHead);
 }
 
-void Surveyor::begin(const Source& source, bool octaves, int top, cudaStream_t stream) {
+void Surveyor::begin(const DeviceSpheres& source, bool octaves, int top, int processors,
+                     cudaStream_t stream) {
   Word* v = head() + kHead;
   begin_bounds(v, stream);
   survey_kernel<<<blocks_of(source), kThreads, 0, stream>>>(source, v, sums_.reserve(kBlocks));
-  if (octaves) gather_octaves(source, gather(true, top), stream);
+  if (octaves) gather_octaves(source, gather(true, top), processors, stream);
   cuda_launched("survey the spheres");
 }
 
-void Surveyor::gather_octaves(const Source& source, const Gather& gather, cudaStream_t stream) {
+void Surveyor::gather_octaves(const DeviceSpheres& source, const Gather& gather, int processors,
+                              cudaStream_t stream) {
   begin_kernel<<<3, 256, 0, stream>>>(gather.octaves, 3, kOctaves * kOctaveWords, kOctaveWords, 0);
   if (rides_along(source))
-    float_octave_kernel<<<kProcessors * kManyBlocks, kThreads, 0, stream>>>(
+    float_octave_kernel<<<processors * tuning::kOctaveBlocks, kThreads, 0, stream>>>(
         static_cast<const float4*>(source.centers), source.count, gather.top, gather.octaves);
   else
     octave_kernel<<<kBlocks, kThreads, 0, stream>>>(source, gather.top, gather.octaves);
@@ -189,24 +194,25 @@ void Surveyor::read_head(Report& report) {
   report.add(head(), host_values_.reserve(words()), kHead * sizeof(Word));
 }
 
-void Surveyor::read(const Source& source, bool octaves, bool along, Report& report) {
+void Surveyor::read(const DeviceSpheres& source, bool octaves, bool along, Report& report) {
   report.add(head(), host_values_.reserve(words()), (kHead + (octaves ? kAll : kBounds)) * sizeof(Word));
   if (!along)
     report.add(sums_.reserve(kBlocks), host_sums_.reserve(kBlocks), blocks_of(source) * sizeof(double));
 }
 
-bool Surveyor::finish(const Source& source, bool octaves, int top, bool along, Summary& s, int above) const {
+bool Surveyor::finish(const DeviceSpheres& source, bool octaves, int top, bool along, Summary& s,
+                      int above) const {
   const Word* host = host_values_.data() + kHead;
   s = Summary{};
   s.count = source.count;
   s.first_fault = host[kFault];
   for (int k = 0; k < 3; k++) s.low[k] = unordered(host[kLow + k]), s.high[k] = unordered(host[kHigh + k]);
   s.radius_min = unordered(host[kRadiusMin]), s.radius_max = unordered(host[kRadiusMax]);
-  // What is gathered quickly shows a fault, but not whose.
+  // What was gathered along shows that there is a fault, but not which sphere has it.
   bool finite = s.radius_min >= 0 && std::isfinite(s.radius_max);
   for (int k = 0; k < 3; k++) finite = finite && std::isfinite(s.low[k]) && std::isfinite(s.high[k]);
   if (along && s.first_fault == ~std::uint64_t(0) && !finite) return false;
-  if (along) {  // both are monotone, so that the largest comes of the largest
+  if (along) {  // both grow with the radius and the coordinates, so the largest values follow from the bounds
     for (int k = 0; k < 3; k++)
       s.extent = larger(s.extent, larger(magnitude(s.low[k]), magnitude(s.high[k])));
     s.need_max = need_of({s.extent, 0, 0, s.radius_max});
@@ -229,8 +235,8 @@ bool Surveyor::finish(const Source& source, bool octaves, int top, bool along, S
   return true;
 }
 
-// Summary::above, where sizes differ by more octaves than there are.
-int Surveyor::find_above(const Source& source, cudaStream_t stream) {
+// Finds Summary::above, for sizes that differ by more than kOctaves octaves.
+int Surveyor::find_above(const DeviceSpheres& source, cudaStream_t stream) {
   Word* const device = exponents_.reserve(kExponents);
   std::vector<std::uint64_t> found(kExponents);
   cuda_check(cudaMemsetAsync(device, 0, kExponents * sizeof(Word), stream), "clear the counters");
@@ -242,21 +248,21 @@ int Surveyor::find_above(const Source& source, cudaStream_t stream) {
   return octaves_above(std::span<const std::uint64_t, kExponents>(found));
 }
 
-Summary Surveyor::survey(const Source& source, cudaStream_t stream) {
+Summary Surveyor::survey(const DeviceSpheres& source, int processors, cudaStream_t stream) {
   Summary s;
   const auto look = [&](bool octaves, int above) {
     const int top = octaves ? exponent_of(s.need_max) - above : 0;
     Report report;
     read(source, octaves, false, report);
     report.expect();
-    begin(source, octaves, top, stream);
+    begin(source, octaves, top, processors, stream);
     report.send(stream);
     report.arrived(stream, "survey the spheres");
     return finish(source, octaves, top, false, s, above);
   };
   if (look(false, 0)) return s;
   bool done = look(true, 0);
-  if (done && s.octave[kOctaves - 1].count > 0) {  // perhaps of very different sizes
+  if (done && s.octave[kOctaves - 1].count > 0) {  // the last octave holds all smaller spheres, too
     const int above = find_above(source, stream);
     if (above > 0) done = look(true, above);
   }

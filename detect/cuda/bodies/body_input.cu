@@ -1,0 +1,271 @@
+// SPDX-License-Identifier: MIT
+#include "detect/cuda/bodies/body_input.h"
+
+#include <algorithm>
+
+namespace padder::detect::cuda {
+namespace {
+
+constexpr int kThreads = 256;
+// Blocks of a loop in grid stride: no more than a large GPU needs to be full.
+unsigned blocks_for(std::uint64_t n) {
+  return static_cast<unsigned>(std::clamp<std::uint64_t>((n + kThreads - 1) / kThreads, 1, 4224));
+}
+
+__global__ void __launch_bounds__(kThreads)
+    place_kernel(BodyView v, DeviceSpheres loose, std::uint32_t first, std::uint32_t end) {
+  for (std::uint32_t k = first + blockIdx.x * kThreads + threadIdx.x; k < end; k += gridDim.x * kThreads) {
+    const Element e = v.elements[k];
+    if (e.body == kLoose) {
+      v.balls[k] = ball_of(loose.sphere(e.piece));
+      const Filter f = loose.filter(e.piece);
+      v.family[k] = f.family, v.mask[k] = f.mask, v.owner[k] = f.owner;
+    } else {
+      const Body& body = v.bodies[e.body];
+      v.balls[k] = ball_of(body, v.pieces[e.piece]);
+      v.family[k] = body.family, v.mask[k] = body.mask, v.owner[k] = owner_of(e.body, body.is_static);
+    }
+  }
+}
+__device__ void put(Body& to, const Pose& pose) {
+  for (int k = 0; k < 9; k++) to.rotation[k] = pose.rotation[k];
+  for (int k = 0; k < 3; k++) to.position[k] = pose.position[k];
+}
+__global__ void moved_kernel(const MovedBody* moved, std::uint32_t count, Body* bodies) {
+  for (std::uint32_t k = blockIdx.x * kThreads + threadIdx.x; k < count; k += gridDim.x * kThreads)
+    put(bodies[moved[k].body], moved[k].pose);
+}
+// A thread for each number of a pose: of the bodies in `list`, or of all if it is null. `moving`: static
+// bodies are left out, since they stay where they were put.
+__global__ void __launch_bounds__(kThreads) pose_kernel(const Pose* poses, const std::uint32_t* list,
+                                                        std::uint32_t count, Body* bodies, bool moving) {
+  const std::uint64_t all = 12 * std::uint64_t(count);
+  for (std::uint64_t k = blockIdx.x * kThreads + threadIdx.x; k < all;
+       k += std::uint64_t(gridDim.x) * kThreads) {
+    const auto b = static_cast<std::uint32_t>(k / 12), c = static_cast<std::uint32_t>(k % 12);
+    const std::uint32_t body = list ? list[b] : b;
+    if (moving && bodies[body].is_static) continue;
+    if (c < 9)
+      bodies[body].rotation[c] = poses[body].rotation[c];
+    else
+      bodies[body].position[c - 9] = poses[body].position[c - 9];
+  }
+}
+// Copies loose spheres to the array of our own: those in `list`, or all if it is null.
+__global__ void loose_kernel(DeviceSpheres from, const std::uint32_t* list, std::uint32_t count, Sphere* to,
+                             std::uint32_t* tags, std::uint32_t all) {
+  for (std::uint32_t k = blockIdx.x * kThreads + threadIdx.x; k < count; k += gridDim.x * kThreads) {
+    const std::uint32_t n = list ? list[k] : k;
+    const Filter f = from.filter(n);
+    to[n] = from.sphere(n), tags[n] = f.family, tags[all + n] = f.mask,
+    tags[2 * std::uint64_t(all) + n] = f.owner;
+  }
+}
+__global__ void record_kernel(const LooseRecord* from, std::uint32_t count, Sphere* to, std::uint32_t* tags,
+                              std::uint32_t all) {
+  for (std::uint32_t k = blockIdx.x * kThreads + threadIdx.x; k < count; k += gridDim.x * kThreads) {
+    const LooseRecord r = from[k];
+    to[r.number] = r.sphere, tags[r.number] = r.filter.family, tags[all + r.number] = r.filter.mask;
+    tags[2 * std::uint64_t(all) + r.number] = r.filter.owner;
+  }
+}
+
+template <class T>
+T* copied(Buffer<T>& to, const T* from, std::uint64_t count, cudaStream_t stream) {
+  T* p = to.reserve(count);
+  if (count)
+    cuda_check(cudaMemcpyAsync(p, from, count * sizeof(T), cudaMemcpyHostToDevice, stream),
+               "copy the bodies");
+  return p;
+}
+
+}  // namespace
+
+BodyInput::BodyInput(MemoryBook& book)
+    : copy_(book),
+      bodies_(book, "the bodies"),
+      poses_(book, "the poses"),
+      elements_(book, "the pieces of bodies"),
+      pieces_(book, "the pieces of bodies"),
+      spheres_(book, "the shapes"),
+      balls_(book, "the balls about bodies"),
+      loose_spheres_(book, "the spheres"),
+      static_balls_(book, "what is static"),
+      near_(book, "the shapes"),
+      numbers_(book, "the shapes"),
+      body_first_(book, "the bodies"),
+      tags_(book, "families and masks"),
+      loose_tags_(book, "families and masks"),
+      moving_list_(book, "what moves"),
+      static_starts_(book, "what is static"),
+      static_elements_(book, "what is static"),
+      records_(book, "what moved"),
+      host_records_(book, "what moved", true),
+      moved_(book, "what moved"),
+      host_moved_(book, "what moved", true) {}
+
+bool BodyInput::knows(const Input& input) const {
+  return input.revision != 0 && input.revision == revision_ && input.bodies.size() == known_bodies_ &&
+         input.spheres.count == known_loose_;
+}
+
+bool BodyInput::read(const Input& input, cudaStream_t stream) {
+  const bool known = knows(input);
+  revision_ = 0;
+  known ? read_moved(input, stream) : read_all(input, stream);
+  read_loose(input, known, stream);
+  if (!known && !build_table(stream)) return false;
+  place(0, view_.moving, stream);
+  return true;
+}
+
+void BodyInput::read_all(const Input& input, cudaStream_t stream) {
+  const std::uint64_t n = input.bodies.size();
+  const Spheres& s = input.spheres;
+  std::vector<std::uint8_t> is_static;
+  if (s.is_static && s.memory == Memory::device) {
+    is_static.resize(s.count);
+    cuda_check(cudaMemcpyAsync(is_static.data(), s.is_static, s.count, cudaMemcpyDeviceToHost, stream),
+               "read what is static");
+    cuda_check(cudaStreamSynchronize(stream), "read what is static");
+  }
+  assembly_.update(input, is_static.empty() ? s.is_static : is_static.data());
+  moving_bodies_.clear(), moving_loose_.clear();
+  for (std::uint32_t e = 0; e < assembly_.moving; e++) {
+    const Element el = assembly_.elements[e];
+    if (el.body == kLoose)
+      moving_loose_.push_back(el.piece);
+    else if (moving_bodies_.empty() || moving_bodies_.back() != el.body)
+      moving_bodies_.push_back(el.body);
+  }
+  const Pieces& p = assembly_.pieces;
+  view_ = {};
+  Body* bodies = copied(bodies_, input.bodies.data(), n, stream);
+  view_.bodies = bodies;
+  view_.elements = copied(elements_, assembly_.elements.data(), assembly_.elements.size(), stream);
+  view_.pieces = copied(pieces_, p.pieces.data(), p.pieces.size(), stream);
+  view_.spheres = copied(spheres_, p.spheres.data(), p.spheres.size(), stream);
+  view_.numbers = copied(numbers_, p.numbers.data(), p.numbers.size(), stream);
+  view_.near = copied(near_, reinterpret_cast<const float4*>(p.near.data()), p.near.size(), stream);
+  view_.body_first = copied(body_first_, assembly_.body_first.data(), assembly_.body_first.size(), stream);
+  view_.count = static_cast<std::uint32_t>(assembly_.elements.size()), view_.moving = assembly_.moving;
+  view_.loose_first = assembly_.body_first.back();
+  view_.balls = balls_.reserve(view_.count);
+  view_.family = tags_.reserve(3 * std::uint64_t(view_.count));
+  view_.mask = view_.family + view_.count, view_.owner = view_.mask + view_.count;
+  std::vector<std::uint32_t> lists = moving_bodies_;
+  lists.insert(lists.end(), moving_loose_.begin(), moving_loose_.end());
+  copied(moving_list_, lists.data(), lists.size(), stream);
+  if (input.poses && n) {
+    const Pose* poses =
+        input.pose_memory == Memory::device ? input.poses : copied(poses_, input.poses, n, stream);
+    pose_kernel<<<blocks_for(12 * n), kThreads, 0, stream>>>(poses, nullptr, static_cast<std::uint32_t>(n),
+                                                             bodies, input.revision != 0);
+    cuda_launched("place the bodies");
+  }
+  cuda_check(cudaStreamSynchronize(stream), "copy the bodies");  // the vectors must outlive their copies
+  known_bodies_ = n, known_loose_ = s.count;
+}
+
+// Reads the poses of what moves; only these few bytes go to the device. Poses that the caller keeps in host
+// memory stand in input.bodies by now (revision.h).
+void BodyInput::read_moved(const Input& input, cudaStream_t stream) {
+  Body* bodies = bodies_.data();
+  const auto count = static_cast<std::uint32_t>(moving_bodies_.size());
+  if (input.poses && input.pose_memory == Memory::device) {
+    if (count)
+      pose_kernel<<<blocks_for(12 * std::uint64_t(count)), kThreads, 0, stream>>>(
+          input.poses, moving_list_.data(), count, bodies, false);
+    cuda_launched("place the bodies");
+    return;
+  }
+  if (input.moved.empty()) return;
+  MovedBody* host = host_moved_.reserve(input.moved.size());
+  std::uint32_t n = 0;
+  for (const std::uint32_t b : input.moved) {
+    const Body& body = input.bodies[b];
+    if (body.is_static) continue;
+    std::copy_n(body.rotation, 9, host[n].pose.rotation),
+        std::copy_n(body.position, 3, host[n].pose.position);
+    host[n++].body = b;
+  }
+  if (n == 0) return;
+  MovedBody* device = copied(moved_, host, n, stream);
+  moved_kernel<<<blocks_for(n), kThreads, 0, stream>>>(device, n, bodies);
+  cuda_launched("place the bodies");
+}
+
+// If no loose sphere is static, all are read where the caller has them, in every call. Else they are kept in
+// an array of our own, and each call brings only those that move.
+void BodyInput::read_loose(const Input& input, bool known, cudaStream_t stream) {
+  const Spheres& s = input.spheres;
+  const auto n = static_cast<std::uint32_t>(s.count);
+  loose_ = {};
+  if (n == 0) return;
+  Input only;
+  only.spheres = s;
+  if (!s.is_static) {
+    loose_ = copy_.source(only, stream);
+    return;
+  }
+  Sphere* to = loose_spheres_.reserve(n);
+  std::uint32_t* tags = loose_tags_.reserve(3 * std::uint64_t(n));
+  const auto moving = static_cast<std::uint32_t>(moving_loose_.size());
+  if (!known) {
+    loose_kernel<<<blocks_for(n), kThreads, 0, stream>>>(copy_.source(only, stream), nullptr, n, to, tags, n);
+  } else if (moving > 0 && s.memory == Memory::device) {
+    loose_kernel<<<blocks_for(moving), kThreads, 0, stream>>>(
+        copy_.source(only, stream), moving_list_.data() + moving_bodies_.size(), moving, to, tags, n);
+  } else if (moving > 0) {
+    LooseRecord* host = host_records_.reserve(moving);
+    const auto read = [&](std::uint32_t k, const auto* centers, const auto* radii) {
+      const auto* c = centers + std::uint64_t(k) * s.center_stride;
+      return Sphere{c[0], c[1], c[2], radii[std::uint64_t(k) * s.radius_stride]};
+    };
+    for (std::uint32_t q = 0; q < moving; q++) {
+      const std::uint32_t k = moving_loose_[q];
+      host[q].sphere =
+          s.scalar == Scalar::f32
+              ? read(k, static_cast<const float*>(s.centers), static_cast<const float*>(s.radii))
+              : read(k, static_cast<const double*>(s.centers), static_cast<const double*>(s.radii));
+      host[q].filter = {s.family ? s.family[k] : 0, s.mask ? s.mask[k] : 0, 0}, host[q].number = k;
+    }
+    record_kernel<<<blocks_for(moving), kThreads, 0, stream>>>(copied(records_, host, moving, stream), moving,
+                                                               to, tags, n);
+  }
+  cuda_launched("copy the spheres");
+  loose_.centers = &to->x, loose_.radii = &to->r, loose_.center_stride = loose_.radius_stride = 4;
+  loose_.family = tags, loose_.mask = tags + n, loose_.owner = tags + 2 * std::uint64_t(n);
+  loose_.count = n, loose_.wide = loose_.filtered = true;
+}
+
+void BodyInput::place(std::uint32_t first, std::uint32_t end, cudaStream_t stream) {
+  if (first == end) return;
+  place_kernel<<<blocks_for(end - first), kThreads, 0, stream>>>(view_, loose_, first, end);
+  cuda_launched("place the balls about bodies");
+}
+
+// The host builds the table of what is static, once for each revision. It is that of the OpenMP backend.
+bool BodyInput::build_table(cudaStream_t stream) {
+  const std::uint32_t count = view_.count - view_.moving;
+  std::vector<Sphere> balls(count);
+  place(view_.moving, view_.count, stream);
+  if (count)
+    cuda_check(cudaMemcpyAsync(balls.data(), view_.balls + view_.moving, count * sizeof(Sphere),
+                               cudaMemcpyDeviceToHost, stream),
+               "read what is static");
+  cuda_check(cudaStreamSynchronize(stream), "read what is static");
+  if (!table_.build(balls, view_.moving)) return false;
+  static_extent_ = 0;
+  for (const Sphere& b : balls)
+    static_extent_ =
+        std::max({static_extent_, std::abs(b.x) + b.r, std::abs(b.y) + b.r, std::abs(b.z) + b.r});
+  std::copy_n(table_.bounds, kMaxLevels, static_view_.bounds);
+  static_view_.starts = copied(static_starts_, table_.starts.data(), table_.starts.size(), stream);
+  static_view_.elements = copied(static_elements_, table_.elements.data(), count, stream);
+  static_view_.balls = copied(static_balls_, table_.balls.data(), count, stream);
+  cuda_check(cudaStreamSynchronize(stream), "copy what is static");
+  return true;
+}
+
+}  // namespace padder::detect::cuda

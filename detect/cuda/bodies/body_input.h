@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: MIT
+// The scene of a search over bodies, on the device: bodies, their pieces, loose spheres, and the table of
+// what is static. It is kept from call to call; of a known revision only what moves is read. Only .cu files
+// include this.
+#pragma once
+#include <vector>
+
+#include "detect/core/assembly.h"
+#include "detect/cuda/input/input_copy.h"
+
+namespace padder::detect::cuda {
+
+// A loose sphere on its way to the device, where only those that move are sent.
+struct LooseRecord {
+  Sphere sphere;
+  Filter filter;
+  std::uint32_t number = 0;
+};
+struct MovedBody {
+  Pose pose;
+  std::uint64_t body = 0;
+};
+
+// The scene as the kernels read it. Elements: those that move first, then static ones.
+struct BodyView {
+  const Body* bodies = nullptr;
+  const Element* elements = nullptr;
+  const Piece* pieces = nullptr;
+  const Sphere* spheres = nullptr;
+  const std::uint32_t* numbers = nullptr;  // of each of these within its shape
+  const float4* near = nullptr;            // Pieces::near
+  const std::uint32_t* body_first = nullptr;
+  Sphere* balls = nullptr;  // about each element
+  std::uint32_t *family = nullptr, *mask = nullptr, *owner = nullptr;
+  std::uint32_t moving = 0, count = 0, loose_first = 0;
+  friend bool operator==(const BodyView&, const BodyView&) = default;
+};
+
+class BodyInput {
+ public:
+  explicit BodyInput(MemoryBook& book);
+
+  bool knows(const Input& input) const;  // by its revision
+  // Brings everything to where it is in this input: what moves, if the input is known, else all. The balls
+  // about what moves are placed. The revision is forgotten until keep() is called. False: there are static
+  // elements for which no table can be built.
+  bool read(const Input& input, cudaStream_t stream);
+  void keep(const Input& input) { revision_ = input.revision; }
+  void forget() { revision_ = 0; }
+
+  std::uint64_t body_spheres() const { return assembly_.body_first.back(); }
+  const BodyView& view() const { return view_; }
+  const DeviceSpheres& loose() const { return loose_; }
+  const StaticTable& table() const { return table_; }  // of what is static, on the host
+  const StaticView& static_view() const { return static_view_; }
+  double static_extent() const { return static_extent_; }
+
+ private:
+  void read_all(const Input& input, cudaStream_t stream);
+  void read_moved(const Input& input, cudaStream_t stream);
+  void read_loose(const Input& input, bool known, cudaStream_t stream);
+  bool build_table(cudaStream_t stream);
+  void place(std::uint32_t first, std::uint32_t end, cudaStream_t stream);
+
+  InputCopy copy_;
+  Assembly assembly_;
+  StaticTable table_;
+  double static_extent_ = 0;
+  std::uint64_t revision_ = 0, known_bodies_ = 0, known_loose_ = 0;
+  std::vector<std::uint32_t> moving_bodies_, moving_loose_;
+  BodyView view_;
+  StaticView static_view_;
+  DeviceSpheres loose_;
+
+  Buffer<Body> bodies_;
+  Buffer<Pose> poses_;
+  Buffer<Element> elements_;
+  Buffer<Piece> pieces_;
+  Buffer<Sphere> spheres_, balls_, loose_spheres_, static_balls_;
+  Buffer<float4> near_;
+  Buffer<std::uint32_t> numbers_, body_first_, tags_, loose_tags_, moving_list_, static_starts_,
+      static_elements_;
+  Buffer<LooseRecord> records_, host_records_;
+  Buffer<MovedBody> moved_, host_moved_;
+};
+
+}  // namespace padder::detect::cuda

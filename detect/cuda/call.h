@@ -1,0 +1,20 @@
+// SPDX-License-Identifier: MIT
+// What every part of one call to detect() works with. Only .cu files include this.
+#pragma once
+#include "detect/cuda/contact_list.h"
+#include "detect/cuda/graph.h"
+#include "detect/cuda/stage_clock.h"
+
+namespace padder::detect::cuda {
+
+struct Call {
+  const Input& input;
+  const Options& options;
+  cudaStream_t stream;
+  SideStream& side;  // records what is enqueued
+  int processors;    // processors_of(stream)
+  StageClock& clock;
+  ContactList& list;
+};
+
+}  // namespace padder::detect::cuda

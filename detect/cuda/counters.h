@@ -1,0 +1,18 @@
+// SPDX-License-Identifier: MIT
+// What one pass over the device counts and reports to the host. Internal; only .cu files include this.
+#pragma once
+#include <cstdint>
+
+namespace padder::detect::cuda {
+
+struct Counters {
+  unsigned long long contacts, doubtful, spilled;
+  unsigned long long own;       // contacts within a level, for a stable order
+  unsigned long long expected;  // 16ths of contacts that units were expected to find (unit_quotas.cu)
+  std::uint32_t flags;          // set by Orderer, cleared by its caller
+};
+// Counters::flags. Crowded: a bin or bucket is too full for the method. Outside: a sphere lies outside the
+// bins, which were chosen for other spheres.
+enum : std::uint32_t { kCrowded = 1, kOutside = 2 };
+
+}  // namespace padder::detect::cuda

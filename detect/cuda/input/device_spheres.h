@@ -1,0 +1,68 @@
+// SPDX-License-Identifier: MIT
+// Where the device reads spheres from: the caller's arrays, and bodies placed on the fly. Only .cu files
+// include this.
+#pragma once
+#include "detect/body.h"
+#include "detect/core/grid.h"
+#include "detect/filter.h"
+
+namespace padder::detect::cuda {
+
+// The sentence for a sphere outside bins that were made to hold all spheres.
+inline constexpr const char* kChanged =
+    "a sphere lies outside the bounds that were found a moment before: do not change the input while "
+    "detect() "
+    "runs";
+
+// Device pointers. Sphere k belongs to a body if k < placed; else it is loose sphere k - placed.
+struct DeviceSpheres {
+  const void* centers = nullptr;
+  const void* radii = nullptr;
+  const std::uint32_t* family = nullptr;
+  const std::uint32_t* mask = nullptr;
+  const std::uint32_t* owner = nullptr;     // Filter::owner of each loose sphere; null: 0
+  const std::uint8_t* is_static = nullptr;  // of loose spheres
+  const Body* bodies = nullptr;
+  const std::uint32_t* body_of = nullptr;      // of each placed sphere
+  const std::uint32_t* body_first = nullptr;   // its first sphere's number
+  const Sphere* shape_spheres = nullptr;       // of all shapes, one after another
+  const std::uint32_t* shape_first = nullptr;  // of each shape
+  std::uint32_t count = 0, placed = 0, center_stride = 3, radius_stride = 1;
+  bool wide = false;    // double input
+  bool packed = false;  // float x, y, z, r, aligned to 16 bytes: one load a sphere
+  bool filtered = false;
+  friend bool operator==(const DeviceSpheres&, const DeviceSpheres&) = default;
+
+  __device__ __forceinline__ Sphere sphere(std::uint32_t k) const {
+    if (k < placed) {
+      const std::uint32_t b = body_of[k];
+      const Body& body = bodies[b];
+      return detect::placed(body, shape_spheres[shape_first[body.shape] + (k - body_first[b])]);
+    }
+    k -= placed;
+    if (packed) {
+      const float4 s = static_cast<const float4*>(centers)[k];
+      return {s.x, s.y, s.z, s.w};
+    }
+    const std::uint64_t c = std::uint64_t(k) * center_stride, r = std::uint64_t(k) * radius_stride;
+    if (wide) {
+      const auto* p = static_cast<const double*>(centers) + c;
+      return {p[0], p[1], p[2], static_cast<const double*>(radii)[r]};
+    }
+    const auto* p = static_cast<const float*>(centers) + c;
+    return {p[0], p[1], p[2], static_cast<const float*>(radii)[r]};
+  }
+  __device__ __forceinline__ Filter filter(std::uint32_t k) const {
+    if (k < placed) {
+      const Body& body = bodies[body_of[k]];
+      return {body.family, body.mask, owner_of(body_of[k], body.is_static)};
+    }
+    k -= placed;
+    return {family ? family[k] : 0, mask ? mask[k] : 0,
+            owner                       ? owner[k]
+            : is_static && is_static[k] ? kStatic
+                                        : 0};
+  }
+};
+
+}  // namespace padder::detect::cuda

@@ -1,0 +1,141 @@
+// SPDX-License-Identifier: MIT
+#include "detect/cuda/input/input_copy.h"
+
+#include <algorithm>
+#include <vector>
+
+namespace padder::detect::cuda {
+namespace {
+
+constexpr int kThreads = 256;
+// Beyond so many blocks, which fill any GPU several times, a thread takes several items.
+constexpr unsigned kMostBlocks = 4096;
+unsigned blocks_for(std::uint64_t n) {
+  return static_cast<unsigned>(std::clamp<std::uint64_t>((n + kThreads - 1) / kThreads, 1, kMostBlocks));
+}
+
+__global__ void body_of_kernel(std::uint32_t bodies, const std::uint32_t* first, std::uint32_t* body_of) {
+  for (std::uint32_t b = blockIdx.x; b < bodies; b += gridDim.x)
+    for (std::uint32_t k = first[b] + threadIdx.x; k < first[b + 1]; k += blockDim.x) body_of[k] = b;
+}
+
+// `moving`: only of bodies that may move; the others are where they were put.
+__global__ void pose_kernel(std::uint32_t bodies, const Pose* poses, Body* out, bool moving) {
+  for (std::uint32_t b = blockIdx.x * blockDim.x + threadIdx.x; b < bodies; b += gridDim.x * blockDim.x) {
+    if (moving && out[b].is_static) continue;
+    for (int k = 0; k < 9; k++) out[b].rotation[k] = poses[b].rotation[k];
+    for (int k = 0; k < 3; k++) out[b].position[k] = poses[b].position[k];
+  }
+}
+
+__global__ void sphere_kernel(DeviceSpheres source, std::uint32_t k, Sphere* out) { *out = source.sphere(k); }
+
+}  // namespace
+
+InputCopy::InputCopy(MemoryBook& book)
+    : centers_(book, "the spheres"),
+      radii_(book, "the spheres"),
+      static_(book, "what is static"),
+      family_(book, "families"),
+      mask_(book, "masks"),
+      body_of_(book, "the bodies"),
+      body_first_(book, "the bodies"),
+      shape_first_(book, "the shapes"),
+      bodies_(book, "the bodies"),
+      poses_(book, "the poses"),
+      shapes_(book, "the shapes") {}
+
+DeviceSpheres InputCopy::source(const Input& input, cudaStream_t stream) {
+  DeviceSpheres s;
+  s.count = static_cast<std::uint32_t>(sphere_count(input));
+  s.placed = s.count - static_cast<std::uint32_t>(input.spheres.count);
+  if (input.spheres.count) copy_loose(input.spheres, s, stream);
+  if (s.placed) copy_bodies(input, s, stream);
+  s.filtered = s.family || s.mask || s.is_static || s.placed;
+  return s;
+}
+
+void InputCopy::copy_loose(const Spheres& spheres, DeviceSpheres& s, cudaStream_t stream) {
+  const std::uint64_t n = spheres.count, scalar = spheres.scalar == Scalar::f32 ? 4 : 8;
+  const std::uint64_t center_bytes = ((n - 1) * spheres.center_stride + 3) * scalar,
+                      radius_bytes = ((n - 1) * spheres.radius_stride + 1) * scalar;
+  s.center_stride = spheres.center_stride, s.radius_stride = spheres.radius_stride;
+  s.wide = spheres.scalar == Scalar::f64;
+  s.centers = spheres.centers, s.radii = spheres.radii, s.family = spheres.family, s.mask = spheres.mask;
+  s.is_static = spheres.is_static;
+  // x, y, z, r in one array, strides 4: often, and best read and copied as one.
+  const auto* c = static_cast<const unsigned char*>(spheres.centers);
+  const bool woven =
+      spheres.center_stride == 4 && spheres.radius_stride == 4 && spheres.radii == c + 3 * scalar;
+  if (spheres.memory == Memory::host) {
+    const auto copy = [&](auto& buffer, const void* from, std::uint64_t bytes) {
+      auto* to = buffer.reserve(bytes / sizeof(*buffer.data()) + 1);
+      cuda_check(cudaMemcpyAsync(to, from, bytes, cudaMemcpyHostToDevice, stream), "copy the spheres");
+      return to;
+    };
+    unsigned char* to = copy(centers_, spheres.centers, woven ? n * 4 * scalar : center_bytes);
+    s.centers = to;
+    s.radii = woven ? to + 3 * scalar : copy(radii_, spheres.radii, radius_bytes);
+    if (spheres.family) s.family = copy(family_, spheres.family, n * 4);
+    if (spheres.mask) s.mask = copy(mask_, spheres.mask, n * 4);
+    if (spheres.is_static) s.is_static = copy(static_, spheres.is_static, n);
+  }
+  s.packed = woven && !s.wide && reinterpret_cast<std::uintptr_t>(s.centers) % 16 == 0;
+}
+
+void InputCopy::copy_bodies(const Input& input, DeviceSpheres& s, cudaStream_t stream) {
+  std::vector<std::uint32_t> first, shape_first;
+  std::uint64_t spheres = 0, shape_spheres = 0;
+  for (const Body& b : input.bodies) {
+    first.push_back(static_cast<std::uint32_t>(spheres));
+    spheres += input.shapes[b.shape].count;
+  }
+  first.push_back(static_cast<std::uint32_t>(spheres));
+  for (const Shape& shape : input.shapes) {
+    shape_first.push_back(static_cast<std::uint32_t>(shape_spheres));
+    shape_spheres += shape.count;
+  }
+  Sphere* shapes = shapes_.reserve(shape_spheres);
+  Body* bodies = bodies_.reserve(input.bodies.size());
+  std::uint32_t *body_of = body_of_.reserve(spheres), *body_first = body_first_.reserve(first.size()),
+                *shapes_first = shape_first_.reserve(shape_first.size());
+  const auto copy = [&](void* to, const void* from, std::uint64_t bytes) {
+    if (bytes)
+      cuda_check(cudaMemcpyAsync(to, from, bytes, cudaMemcpyHostToDevice, stream), "copy the bodies");
+  };
+  for (std::size_t k = 0; k < input.shapes.size(); k++)
+    copy(shapes + shape_first[k], input.shapes[k].spheres, input.shapes[k].count * sizeof(Sphere));
+  copy(bodies, input.bodies.data(), input.bodies.size() * sizeof(Body));
+  copy(body_first, first.data(), first.size() * 4),
+      copy(shapes_first, shape_first.data(), shape_first.size() * 4);
+  const auto n = static_cast<std::uint32_t>(input.bodies.size());
+  if (input.poses) {
+    const Pose* poses = input.poses;
+    if (input.pose_memory == Memory::host) {
+      Pose* to = poses_.reserve(n);
+      copy(to, poses, n * sizeof(Pose));
+      poses = to;
+    }
+    pose_kernel<<<blocks_for(n), kThreads, 0, stream>>>(n, poses, bodies, input.revision != 0);
+  }
+  body_of_kernel<<<std::min(n, 2 * kMostBlocks), 64, 0, stream>>>(n, body_first, body_of);
+  cuda_launched("number the bodies' spheres");
+  // The vectors above must outlive their copies.
+  cuda_check(cudaStreamSynchronize(stream), "copy the bodies");
+  s.bodies = bodies, s.body_of = body_of, s.body_first = body_first, s.shape_spheres = shapes,
+  s.shape_first = shapes_first;
+}
+
+Sphere sphere_at(const DeviceSpheres& source, std::uint32_t k, cudaStream_t stream) {
+  Sphere* device = nullptr;
+  Sphere s;
+  cuda_check(cudaMalloc(&device, sizeof s), "allocate memory");
+  sphere_kernel<<<1, 1, 0, stream>>>(source, k, device);
+  const cudaError_t e = cudaMemcpyAsync(&s, device, sizeof s, cudaMemcpyDeviceToHost, stream);
+  cudaStreamSynchronize(stream);
+  cudaFree(device);
+  cuda_check(e, "read a sphere");
+  return s;
+}
+
+}  // namespace padder::detect::cuda

@@ -1,0 +1,30 @@
+// SPDX-License-Identifier: MIT
+// The caller's input on the device. Internal; only .cu files include this.
+#pragma once
+#include "detect/core/backend.h"
+#include "detect/cuda/input/device_spheres.h"
+#include "detect/cuda/memory.h"
+
+namespace padder::detect::cuda {
+
+// Copies what lies in host memory. Of bodies it copies the poses: their spheres are placed where they are
+// read.
+class InputCopy {
+ public:
+  explicit InputCopy(MemoryBook& book);
+  DeviceSpheres source(const Input& input, cudaStream_t stream);
+
+ private:
+  void copy_loose(const Spheres& spheres, DeviceSpheres& source, cudaStream_t stream);
+  void copy_bodies(const Input& input, DeviceSpheres& source, cudaStream_t stream);
+
+  Buffer<unsigned char> centers_, radii_, static_;
+  Buffer<std::uint32_t> family_, mask_, body_of_, body_first_, shape_first_;
+  Buffer<Body> bodies_;
+  Buffer<Pose> poses_;
+  Buffer<Sphere> shapes_;
+};
+
+Sphere sphere_at(const DeviceSpheres& source, std::uint32_t k, cudaStream_t stream);  // waits
+
+}  // namespace padder::detect::cuda

@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: MIT
+// The families of search kernels, each in a .cu of its own, as the host sees them. Internal.
+#pragma once
+#include "detect/cuda/search/level_pairs.h"
+#include "detect/cuda/search/search_task.h"
+
+namespace padder::detect::cuda {
+
+// How spheres look for partners.
+enum class Family {
+  few_tiles,       // one dense level, so few tiles that latency is all
+  one_level,       // one dense level
+  coarse_to_fine,  // several dense levels: the own level, and units that search the finer ones
+  fine_to_coarse,  // some level is hashed: the own level and the coarser ones
+  fused_levels     // as coarse_to_fine, for many float spheres whose distance alone counts
+};
+
+// How many tiles of the family run at once on so many processors. Not for fused_levels.
+unsigned resident_tiles(Family family, SlotKind kind, int processors);
+
+// Search kernels alone; compaction.h finishes a stable list. All throw Error.
+void launch_one_level(const SearchTask& task, const Grid& grid, Family family, cudaStream_t stream);
+void launch_fine_to_coarse(const SearchTask& task, const Grid& grid, cudaStream_t stream);
+void launch_coarse_to_fine(const SearchTask& task, const Grid& grid, const LevelPairs& pairs, int processors,
+                           cudaStream_t stream);
+void launch_fused_levels(const SearchTask& task, const Grid& grid, const LevelPairs& pairs, int processors,
+                         cudaStream_t stream);
+
+// Quotas of units (unit_quotas.cu). The kernel behind it may start early and waits for its end
+// (launch_overlapped). `overlapped`: it does the same behind the kernel before it.
+void launch_unit_quotas(const SearchTask& task, const Grid& grid, const LevelPairs& pairs, bool overlapped,
+                        int processors, cudaStream_t stream);
+
+unsigned resident_one_level(Family family, SlotKind kind, int processors);
+unsigned resident_coarse_to_fine(SlotKind kind, int processors);
+unsigned resident_fine_to_coarse(SlotKind kind, int processors);
+
+// Calls f with the kind as a constant.
+template <class F>
+void with_kind(SlotKind kind, F f) {
+  if (kind == SlotKind::equal) f(std::integral_constant<SlotKind, SlotKind::equal>{});
+  if (kind == SlotKind::unequal) f(std::integral_constant<SlotKind, SlotKind::unequal>{});
+  if (kind == SlotKind::fixed_point) f(std::integral_constant<SlotKind, SlotKind::fixed_point>{});
+}
+
+}  // namespace padder::detect::cuda

@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: MIT
+#include "detect/cuda/search/level_pairs.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "detect/cuda/tuning.h"
+
+namespace padder::detect::cuda {
+namespace {
+
+// A finer level's bins that a sphere may reach at most: in fixed point, modulo 256 bins; in float, by
+// precision.
+constexpr double kWidest = 100;
+
+// How the spheres of the coarser level are grouped, or their rows divided, so that a unit finds about as many
+// contacts as a warp's queue holds. `reach`: of the largest, in bins of the finer level.
+void divide_rows(LevelPair& d, const Level& coarse, const Level& fine, double reach, bool fused) {
+  const double most_contacts = fused ? tuning::kFusedUnitContacts : tuning::kUnitContacts,
+               part_contacts = fused ? tuning::kFusedPartContacts : tuning::kPartContacts;
+  const double rows = (2 * reach + 2) * (2 * reach + 2);   // at most
+  double full = 4.19 * static_cast<double>(fine.spheres);  // contacts of a sphere that reaches one bin far
+  for (const std::uint32_t side : fine.count) full /= side;
+  d.density = static_cast<float>(full / 4.19);
+  // A usual sphere has three quarters of the largest radius: most are smaller.
+  const double usual = (0.75 * coarse.radius_max + fine.radius_max) * fine.per_size,
+               contacts = full * usual * usual * usual + 1e-9;
+  d.group = d.parts = 1;
+  if (contacts < most_contacts)
+    d.group = static_cast<std::uint32_t>(
+        std::clamp(std::min(most_contacts / contacts, tuning::kUnitRows / rows), 1.0, 32.0));
+  if (d.group == 1) {
+    const double parts = std::max(full / part_contacts, rows / tuning::kUnitRows / (reach * reach * reach));
+    d.parts_at_one = static_cast<float>(parts);
+    d.parts = static_cast<std::uint32_t>(
+        std::clamp(std::ceil(parts * reach * reach * reach), 1.0, std::max(1.0, rows / 2)));
+  }
+}
+
+}  // namespace
+
+LevelPairs plan_level_pairs(const Grid& grid, SlotKind kind, bool fused) {
+  LevelPairs pairs;
+  std::uint64_t first = 0, spheres = 0, units = 0, warps = 0;
+  for (int c = 0; c < grid.levels; c++) spheres += grid.level[c].spheres;
+  if (spheres >= kOfUnit) return {};
+  for (int c = 0; c < grid.levels; c++) {
+    const Level& coarse = grid.level[c];
+    if (coarse.hashed) return {};
+    for (int f = 0; f < c; f++) {
+      const Level& fine = grid.level[f];
+      const double reach =
+          (coarse.radius_max + fine.radius_max) * fine.per_size * kReachFactor + kReachMargin;
+      if (reach > (kind == SlotKind::fixed_point ? kWidest : 8 * kWidest)) return {};
+      LevelPair d{};
+      d.coarse = c, d.fine = f;
+      divide_rows(d, coarse, fine, reach, fused);
+      d.first = static_cast<std::uint32_t>(first),
+      d.end = d.first + static_cast<std::uint32_t>(coarse.spheres);
+      d.warp_units = fused || d.parts < 8 || spheres < tuning::kManySpheres ? 1 : tuning::kWarpUnits;
+      d.step = d.parts == 1 ? 1 : (d.parts + d.warp_units - 1) / d.warp_units;
+      d.first_unit = static_cast<std::uint32_t>(units), d.first_warp = static_cast<std::uint32_t>(warps);
+      const std::uint64_t more = (coarse.spheres + d.group - 1) / d.group * d.step;
+      warps += more, units += more * d.warp_units;
+      // No more than some hundred rows for each sphere of the scene.
+      if (units > spheres / 2 + 65536 || units > kMostUnits) return {};
+      pairs.pair[pairs.count++] = d;
+    }
+    first += coarse.spheres;
+  }
+  pairs.units = static_cast<std::uint32_t>(units), pairs.warps = static_cast<std::uint32_t>(warps);
+  return pairs;
+}
+
+}  // namespace padder::detect::cuda

@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: MIT
+// Coarse to fine, the division of work: each sphere of a level searches the rows of the finer levels' bins
+// that come near it. What a coarse sphere meets there are mostly contacts; a fine sphere that searched a
+// coarser level would meet mostly strangers. Internal; only .cu files include this.
+#pragma once
+#include "detect/cuda/order/bins.h"
+#include "detect/cuda/output/output_task.h"
+
+namespace padder::detect::cuda {
+
+// A coarser and a finer level. Its work is cut into units: `group` spheres of the coarser level with all
+// their rows of the finer one; or one sphere with one part of its rows. A sphere has as many parts as its
+// size asks for, `parts` at most. A warp takes `warp_units` units one after the other, of parts that lie far
+// from each other: most spheres have only the first of them.
+struct LevelPair {
+  std::uint32_t first_warp, first_unit, first, end;  // spheres `first` to `end` - 1 of the order
+  std::uint32_t group, parts, warp_units, step;      // step: parts / warp_units, rounded up
+  float parts_at_one;  // parts of a sphere that reaches one bin far; they grow with the third power of its
+                       // reach
+  float density;       // spheres of the finer level in a bin
+  std::int32_t coarse, fine;
+};
+struct LevelPairs {
+  static constexpr int kMost = kMaxLevels * (kMaxLevels - 1) / 2;
+  static constexpr bool kSeveralLevels = true;
+  std::uint32_t count = 0, warps = 0, units = 0;
+  LevelPair pair[kMost];
+  LevelBins bins;  // where the order is by these
+};
+// Stands for LevelPairs in kernels that search no finer level.
+struct NoLevelPairs {
+  static constexpr bool kSeveralLevels = false;
+};
+
+// Decides how the levels are searched from coarse to fine. Returns no pairs where that is impossible: where
+// levels are hashed, where sizes differ so much that fixed-point slots of one level say nothing at another,
+// or where there would be too many rows. Fused: larger units, since the fused search divides nothing but its
+// work by them.
+LevelPairs plan_level_pairs(const Grid& grid, SlotKind kind, bool fused = false);
+
+// The work of a unit: `group` spheres from `first` on, or part number `part` of the rows of sphere `first`.
+struct UnitWork {
+  std::uint32_t first, part;
+};
+// Of unit number `nth` of a warp's; `warp` counts the warps of the pair.
+__host__ __device__ __forceinline__ UnitWork work_of_unit(const LevelPair& d, std::uint32_t warp,
+                                                          std::uint32_t nth) {
+  const std::uint32_t number = d.step == 1 ? warp : warp / d.step;
+  if (d.parts == 1) return {d.first + number * d.group, 0};
+  return {d.first + number, warp - number * d.step + nth * d.step};
+}
+
+// Lengths in bins of the finer level are floats. This much more covers their rounding twice.
+inline constexpr float kReachFactor = 1 + 0x1p-16f, kReachMargin = 0x1p-14f;
+
+// How far a sphere of radius r reaches among those of the finer level, in bins of that level.
+__device__ __forceinline__ float search_radius(const Grid& grid, const LevelPair& d, double r) {
+  const Level& l = grid.level[d.fine];
+  r = smaller(r, grid.level[d.coarse].radius_max) + l.radius_max;
+  return __fmaf_rn(static_cast<float>(r * l.per_size), kReachFactor, kReachMargin);
+}
+// Into how many parts the rows of such a sphere are divided. Work beyond the last part is empty.
+__device__ __forceinline__ std::uint32_t parts_of(const LevelPair& d, float reach) {
+  if (d.parts == 1) return 1;
+  const float parts = __fmul_rn(__fmul_rn(d.parts_at_one, reach), __fmul_rn(reach, reach));
+  return min(d.parts, static_cast<std::uint32_t>(parts) + 1);
+}
+
+}  // namespace padder::detect::cuda

@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: MIT
+// What the search kernels are given beside the grid. Only .cu files include this.
+#pragma once
+#include "detect/cuda/output/output_task.h"
+
+namespace padder::detect::cuda {
+
+// An OutputTask says what is searched and where contacts go; this adds how candidates are tested.
+struct SearchTask : OutputTask {
+  // A contact is reported if its midpoint lies in `own`, unless owns_all.
+  Region own;
+  bool exact = true, owns_all = true;
+  // Float alone accepts no pair: the filter, the owner or the bin must be asked as well.
+  bool test_all = false;
+  float sum_squared = 0;        // of the radii, for SlotKind::equal
+  std::int32_t code_limit = 0;  // of codes.h
+  // Warps take units, or work of the fused search, from this counter. Zero between searches; null: one unit a
+  // warp.
+  unsigned int* next = nullptr;
+};
+
+}  // namespace padder::detect::cuda

@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: MIT
+// What a warp found, in shared memory, until its producer has output slots. Only .cu files include this.
+#pragma once
+#include "detect/cuda/ptx.h"
+
+namespace padder::detect::cuda {
+
+// A bit of the number of contacts that a warp found: they are more than its queue holds, and are searched for
+// again when their slots are known.
+inline constexpr std::uint32_t kQueueOverflow = 1u << 31;
+
+// Of a search of finer or coarser levels: the index of j, and the lane or query of i.
+template <std::uint32_t Capacity>
+struct ContactQueue {
+  static constexpr std::uint32_t kCapacity = Capacity;
+  std::uint32_t index[Capacity];
+  unsigned char who[Capacity];
+};
+
+// Of a search of the spheres' own level: j follows i, and seldom by more than 2^27, so that a pair is one
+// word.
+template <std::uint32_t Capacity>
+struct PairWords {
+  static constexpr std::uint32_t kCapacity = Capacity;
+  std::uint32_t index[Capacity];
+};
+struct PairQueue {
+  static constexpr std::uint32_t kFar = 1u << 27, kLaneShift = 27;
+  std::uint32_t address, first;  // of the words; of the warp's spheres
+  __device__ __forceinline__ void put(std::uint32_t k, std::uint32_t word) const {
+    store_shared(address + 4 * k, word);
+  }
+  __device__ __forceinline__ std::uint32_t get(std::uint32_t k) const { return load_shared(address + 4 * k); }
+  __device__ __forceinline__ std::uint32_t i(std::uint32_t word) const {
+    return first + (word >> kLaneShift);
+  }
+  __device__ __forceinline__ std::uint32_t j(std::uint32_t word) const { return first + (word & (kFar - 1)); }
+};
+
+}  // namespace padder::detect::cuda

@@ -1,0 +1,201 @@
+// SPDX-License-Identifier: MIT
+#include "detect/cuda/sphere_search.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "detect/cuda/input/input_copy.h"
+#include "detect/cuda/order/bins.h"
+#include "detect/cuda/profile_range.h"
+#include "detect/cuda/tuning.h"
+
+namespace padder::detect::cuda {
+namespace {
+
+SearchOptions search_options(const Options& options, const Summary& summary) {
+  SearchOptions s;
+  s.exact = options.precision == Precision::exact, s.stable_order = options.order == Order::stable;
+  s.own = options.own, s.radius = summary.radius_max, s.owns_all = true;
+  for (int k = 0; k < 3; k++)
+    s.owns_all = s.owns_all && options.own.low[k] == -INFINITY && options.own.high[k] == INFINITY;
+  return s;
+}
+
+void check(const DeviceSpheres& source, const Summary& s, const Call& call) {
+  if (s.first_fault != ~std::uint64_t(0)) {
+    const Sphere faulty = sphere_at(source, static_cast<std::uint32_t>(s.first_fault), call.stream);
+    throw Error(fault_sentence(s.first_fault, faulty, call.input));
+  }
+  check_range(s, call.options);
+}
+
+}  // namespace
+
+Summary SphereSearch::survey(const DeviceSpheres& source, const Call& call) {
+  const ProfileRange range("padder: survey");
+  const Summary s = tools_.surveyor.survey(source, call.processors, call.stream);
+  check(source, s, call);
+  return s;
+}
+
+void SphereSearch::make_plan(const DeviceSpheres& source, const Call& call, const Summary& summary) {
+  plan_ = {};
+  plan_.source = source, plan_.grid = choose_grid(summary, call.options.bin_size, 8, Look::down);
+  plan_.search = search_options(call.options, summary);
+  if (plan_.search.stable_order) plan_.search.quota = quota_;
+  const bool floats = !source.wide && source.placed == 0 && float_range(summary.extent, summary.radius_max);
+  plan_.kind = !floats                                    ? SlotKind::fixed_point
+               : summary.radius_min == summary.radius_max ? SlotKind::equal
+                                                          : SlotKind::unequal;
+  plan_.octaves = needs_octaves(summary), plan_.top = exponent_of(summary.need_max);
+  plan_.processors = call.processors;
+}
+
+// The rest of the plan, once the list is as long as it is to be.
+void SphereSearch::plan_output(const Call& call, bool with_survey) {
+  plan_.output = call.list.output(call.options), plan_.with_survey = with_survey, plan_.method = method_;
+  plan_.lent = call.list.lent();
+  plan_.moves = book_.moves, plan_.kept = tools_.orderer.kept();
+}
+
+// The list lends its memory to the order as work space. In a first call it has none yet.
+void SphereSearch::lengthen_to_lend(const Call& call) {
+  const std::uint32_t count = plan_.source.count;
+  if (call.options.width == Width::pairs || count < tuning::kFewSpheres ||
+      call.list.capacity(call.options) > 0)
+    return;
+  const bool words = plan_.kind != SlotKind::equal || !float_bins(plan_.grid, plan_.kind, count).on;
+  if (!words)
+    call.list.reserve_slots(Orderer::room(count));
+  else
+    call.list.reserve(call.options, Orderer::room(count));
+}
+
+void SphereSearch::expect_report(const Plan& plan, Tools& tools) {
+  tools.report.clear();
+  if (plan.with_survey)
+    tools.surveyor.read(plan.source, plan.octaves, plan.along(), tools.report);
+  else
+    tools.surveyor.read_head(tools.report);
+  tools.report.expect();
+}
+
+// One pass over the device: order, search, and the counters (with_survey: the summary too) to the host.
+void SphereSearch::enqueue(const Plan& plan, Tools& tools, cudaStream_t stream, StageClock& clock) {
+  static_assert(sizeof(Counters) <= Surveyor::kHead * 8);
+  auto* const counters = reinterpret_cast<Counters*>(tools.surveyor.head());
+  Ordered spheres;
+  {
+    const ProfileRange range("padder: order (stages 1 to 6)");
+    if (plan.with_survey && !plan.along())
+      tools.surveyor.begin(plan.source, plan.octaves, plan.top, plan.processors, stream);
+    else if (!plan.with_survey)
+      cuda_check(cudaMemsetAsync(counters, 0, sizeof(Counters), stream), "clear the counters");
+    const Gather gather = plan.along() ? tools.surveyor.gather(plan.octaves, plan.top) : Gather{};
+    spheres = tools.orderer.order({.source = plan.source,
+                                   .grid = plan.grid,
+                                   .kind = plan.kind,
+                                   .stable = plan.search.stable_order,
+                                   .method = plan.method,
+                                   .gather = gather,
+                                   .lent = plan.lent,
+                                   .counters = counters,
+                                   .processors = plan.processors,
+                                   .stream = stream,
+                                   .keep = plan.with_survey});
+  }
+  clock.mark(3);
+  const ProfileRange range("padder: search (stages 7 to 9)");
+  search(plan.source, plan.grid, spheres, plan.search, plan.output, counters, tools.search, plan.processors,
+         stream);
+  tools.report.send(stream);
+}
+
+// The pass of plan_, to its end. Recorded: no stage is timed.
+void SphereSearch::pass(const Call& call, bool recorded) {
+  expect_report(plan_, tools_);
+  if (recorded)
+    recording_.run(plan_, book_.moves, call.stream, call.side,
+                   [&](cudaStream_t stream) { enqueue(plan_, tools_, stream, call.clock); });
+  else
+    enqueue(plan_, tools_, call.stream, call.clock);
+  const ProfileRange range("padder: wait");
+  tools_.report.arrived(call.stream, "search for contacts");
+  found_ = *reinterpret_cast<const Counters*>(tools_.surveyor.host_head());
+}
+
+struct SphereSearch::Steps {
+  SphereSearch& s;
+  const DeviceSpheres& source;
+  const Call& call;
+  Contacts& contacts;
+
+  Trial try_previous() {
+    const Summary previous = s.summary_;
+    s.make_plan(source, call, previous);
+    s.plan_output(call, true);
+    s.pass(call, true);
+    const Grid grid = s.plan_.grid;
+    const SlotKind kind = s.plan_.kind;
+    if (!s.tools_.surveyor.finish(source, s.plan_.octaves, s.plan_.top, s.plan_.along(), s.summary_))
+      return Trial::differs;
+    check(source, s.summary_, call);
+    s.make_plan(source, call, s.summary_);
+    // Where the last octave is populated, a survey by itself may tell sizes apart in another way
+    // (Summary::above).
+    const bool fits = grid == s.plan_.grid && kind == s.plan_.kind &&
+                      s.summary_.radius_max == previous.radius_max && !s.found_.flags &&
+                      s.summary_.octave[kOctaves - 1].count == 0;
+    return fits ? Trial::fits : Trial::differs;
+  }
+
+  bool survey() {
+    s.summary_ = s.survey(source, call);
+    call.clock.mark(0);
+    s.make_plan(source, call, s.summary_);
+    s.lengthen_to_lend(call);
+    s.method_ = OrderMethod::automatic;
+    s.plan_output(call, false);
+    return true;
+  }
+
+  void pass() { s.pass(call, false); }
+
+  // A bin too full for the method: sort. A list too short: it was counted to its end, is made longer and
+  // written again. So is a list whose order is that of another length.
+  bool grow() {
+    const Counters& found = s.found_;
+    contacts.count = found.contacts, contacts.doubtful = found.doubtful;
+    if (found.flags & kOutside) throw Error(kChanged);
+    SearchOptions& search = s.plan_.search;
+    const bool stable = search.stable_order;
+    const SlotQuota quota = stable ? quota_for(found, source.count, s.plan_.grid, s.plan_.kind) : SlotQuota{};
+    const bool too_short = contacts.count > call.list.capacity(call.options);
+    if (found.flags & kCrowded) {
+      s.method_ = OrderMethod::sort;
+    } else if (too_short || quota != search.quota ||
+               (stable && found.spilled > s.tools_.search.spill.capacity())) {
+      if (too_short) call.list.reserve(call.options, contacts.count + contacts.count / 16);
+      if (stable) {
+        // With another quota it is not known yet what will spill: usually a twentieth of the list.
+        s.tools_.search.spill.reserve(quota == search.quota ? found.spilled + found.spilled / 8
+                                                            : contacts.count / 16 + 4096);
+        search.quota = s.quota_ = quota;
+      }
+    } else {
+      return false;
+    }
+    s.plan_output(call, false);
+    return true;
+  }
+};
+
+void SphereSearch::run(const DeviceSpheres& source, const Call& call, Contacts& contacts) {
+  const std::uint64_t planned_for = std::exchange(planned_for_, 0);  // until all went well
+  Steps steps{*this, source, call, contacts};
+  speculative_.run(steps, !call.options.timings && planned_for == source.count);
+  planned_for_ = source.count;
+  call.clock.mark(8);
+}
+
+}  // namespace padder::detect::cuda

@@ -1,0 +1,71 @@
+// SPDX-License-Identifier: MIT
+// Path::grid over all spheres, each by itself: bounds, grid, order, search. Only .cu files include this.
+#pragma once
+#include "detect/cuda/call.h"
+#include "detect/cuda/speculative_call.h"
+
+namespace padder::detect::cuda {
+
+class SphereSearch {
+ public:
+  explicit SphereSearch(MemoryBook& book) : book_(book), tools_(book) {}
+
+  // The contacts of `source`, at least one sphere, into call.list; their number and how many were doubtful to
+  // `contacts`. Throws Error.
+  void run(const DeviceSpheres& source, const Call& call, Contacts& contacts);
+  // The bounds of the spheres. Waits for the device; throws Error at a faulty sphere.
+  Summary survey(const DeviceSpheres& source, const Call& call);
+  // The next call does not rely on what this one found.
+  void forget() { planned_for_ = 0; }
+
+ private:
+  // Everything that decides what the device does between its first kernel and its count: whatever a kernel is
+  // given by value follows from it.
+  struct Plan {
+    DeviceSpheres source;
+    Grid grid;
+    SearchOptions search;
+    Output output;
+    Lent lent;
+    SlotKind kind = SlotKind::equal;
+    OrderMethod method = OrderMethod::automatic;
+    bool octaves = false, with_survey = false;
+    int top = 0, processors = 1;
+    std::uint64_t moves = 0;  // allocations so far: addresses are those of the plan
+    std::uint64_t kept = 0;   // Orderer::kept(), where the previous call's buckets are to be tried
+    friend bool operator==(const Plan&, const Plan&) = default;
+
+    // The bounds are gathered by the kernels that put the spheres in order.
+    bool along() const { return with_survey && Surveyor::rides_along(source); }
+  };
+  // What a plan works with. A kernel is given addresses in here and nothing else; they stay while nothing is
+  // allocated.
+  struct Tools {
+    explicit Tools(MemoryBook& book) : surveyor(book), orderer(book), search(book) {}
+    Surveyor surveyor;
+    Report report;
+    Orderer orderer;
+    SearchMemory search;
+  };
+  struct Steps;  // of SpeculativeCall
+
+  void make_plan(const DeviceSpheres& source, const Call& call, const Summary& summary);
+  void plan_output(const Call& call, bool with_survey);
+  void lengthen_to_lend(const Call& call);
+  void pass(const Call& call, bool recorded);
+  static void expect_report(const Plan& plan, Tools& tools);
+  static void enqueue(const Plan& plan, Tools& tools, cudaStream_t stream, StageClock& clock);
+
+  MemoryBook& book_;
+  Tools tools_;
+  Plan plan_;
+  Recording<Plan> recording_;
+  SpeculativeCall speculative_{0};
+  Summary summary_;
+  std::uint64_t planned_for_ = 0;  // spheres of summary_; 0: it is not to be relied on
+  Counters found_{};               // by the last pass
+  OrderMethod method_ = OrderMethod::automatic;
+  SlotQuota quota_;  // of the previous list, for a stable order
+};
+
+}  // namespace padder::detect::cuda

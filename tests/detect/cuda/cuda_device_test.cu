@@ -1,0 +1,92 @@
+// SPDX-License-Identifier: MIT
+// What a GPU must offer and what it is told otherwise; and the same list where it offers less than this one:
+// an H200 stands for smaller GPUs.
+#include "detect/cuda/device.h"
+
+#include <cuda_runtime.h>
+
+#include <cstring>
+
+#include "detect/scene/generate.h"
+#include "tests/detect/oracle.h"
+
+namespace padder::detect {
+namespace {
+
+using cuda::ScopedTestLimits;
+using cuda::TestLimits;
+using cuda::unfit_sentence;
+
+// Needs no device: the capabilities are made up.
+TEST(CudaDevice, AnOldGpuIsToldWhatIsNeeded) {
+  for (const bool has_code : {false, true})
+    EXPECT_EQ(unfit_sentence(0, 7, 5, has_code),
+              "the CUDA backend needs compute capability 8.0 or newer; GPU 0 has 7.5: choose omp");
+  EXPECT_EQ(unfit_sentence(1, 8, 0, true), "");
+  EXPECT_EQ(unfit_sentence(1, 12, 1, true), "");
+  EXPECT_EQ(unfit_sentence(1, 12, 1, false),
+            "this build has no code for GPU 1, whose compute capability is 12.1: build it with "
+            "-DCMAKE_CUDA_ARCHITECTURES=121 or choose omp");
+}
+
+class CudaLimits : public testing::Test {
+ protected:
+  void SetUp() override {
+    if (!cuda_present()) GTEST_SKIP() << "needs a GPU of compute capability 8.0 or newer, and code for it";
+  }
+};
+
+TEST_F(CudaLimits, AreLowered) {
+  const std::size_t shared = cuda::shared_memory_of_block();
+  EXPECT_GE(shared, 48u * 1024);
+  {
+    const ScopedTestLimits limits({.shared_memory = 1000, .programmatic_launch = false});
+    EXPECT_EQ(cuda::shared_memory_of_block(), 1000u);
+    EXPECT_FALSE(cuda::has_programmatic_launch());
+  }
+  EXPECT_EQ(cuda::shared_memory_of_block(), shared);
+}
+
+// Each limit alone, then both. Calls: the first, one with the grid of the previous call, then recorded ones.
+TEST_F(CudaLimits, TheListIsTheSameOnASmallerGpu) {
+  struct Scene {
+    const char* name;
+    std::uint64_t spheres;
+    bool in_double;
+  };
+  // By cells; through buckets, whose number is too large to divide among at once in 99 KB only; several
+  // levels.
+  for (const Scene scene : {Scene{"dense", 100'000, false}, Scene{"dense", 1'000'000, false},
+                            Scene{"dense", 12'000'000, false}, Scene{"poly100", 150'000, false},
+                            Scene{"poly100", 400'000, true}, Scene{"poly100", 3'000'000, false}}) {
+    SCOPED_TRACE(testing::Message() << scene.name << " " << scene.spheres);
+    const auto spheres = generate(scene.name, scene.spheres);
+    std::vector<double> doubles;
+    for (std::size_t k = 0; scene.in_double && k < spheres.size(); k++)
+      doubles.insert(doubles.end(), {spheres[k].x, spheres[k].y, spheres[k].z, spheres[k].r});
+    Input input;
+    input.spheres = scene.in_double ? spheres_of(spheres.size(), &doubles[0], &doubles[3])
+                                    : spheres_of(spheres.size(), &spheres[0].x, &spheres[0].r);
+    input.spheres.center_stride = input.spheres.radius_stride = 4;
+    Options options;
+    options.backend = BackendKind::cuda, options.order = Order::stable;
+    Detector whole(options);
+    const Contacts& expected = whole.detect(input);
+    for (const TestLimits& limit :
+         {TestLimits{.shared_memory = 99 * 1024}, TestLimits{.programmatic_launch = false},
+          TestLimits{.shared_memory = 99 * 1024, .programmatic_launch = false}}) {
+      SCOPED_TRACE(testing::Message() << limit.shared_memory << " bytes of shared memory"
+                                      << (limit.programmatic_launch ? "" : ", no programmatic launch"));
+      const ScopedTestLimits limits(limit);
+      Detector smaller(options);
+      for (int call = 0; call < 4; call++) {
+        const Contacts& found = smaller.detect(input);
+        ASSERT_EQ(found.count, expected.count) << "call " << call;
+        ASSERT_EQ(std::memcmp(found.pairs, expected.pairs, found.count * sizeof(Pair)), 0) << "call " << call;
+      }
+    }
+  }
+}
+
+}  // namespace
+}  // namespace padder::detect
