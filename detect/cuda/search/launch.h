@@ -7,7 +7,7 @@
 namespace padder::detect::cuda {
 
 // How spheres look for partners.
-enum class Family {
+enum class KernelFamily {
   few_tiles,       // one dense level, so few tiles that latency is all
   one_level,       // one dense level
   coarse_to_fine,  // several dense levels: the own level, and units that search the finer ones
@@ -16,10 +16,10 @@ enum class Family {
 };
 
 // How many tiles of the family run at once on so many processors. Not for fused_levels.
-unsigned resident_tiles(Family family, SlotKind kind, int processors);
+unsigned resident_tiles(KernelFamily family, SlotKind kind, int processors);
 
 // Search kernels alone; compaction.h finishes a stable list. All throw Error.
-void launch_one_level(const SearchTask& task, const Grid& grid, Family family, cudaStream_t stream);
+void launch_one_level(const SearchTask& task, const Grid& grid, KernelFamily family, cudaStream_t stream);
 void launch_fine_to_coarse(const SearchTask& task, const Grid& grid, cudaStream_t stream);
 void launch_coarse_to_fine(const SearchTask& task, const Grid& grid, const LevelPairs& pairs, int processors,
                            cudaStream_t stream);
@@ -31,7 +31,7 @@ void launch_fused_levels(const SearchTask& task, const Grid& grid, const LevelPa
 void launch_unit_quotas(const SearchTask& task, const Grid& grid, const LevelPairs& pairs, bool overlapped,
                         int processors, cudaStream_t stream);
 
-unsigned resident_one_level(Family family, SlotKind kind, int processors);
+unsigned resident_one_level(KernelFamily family, SlotKind kind, int processors);
 unsigned resident_coarse_to_fine(SlotKind kind, int processors);
 unsigned resident_fine_to_coarse(SlotKind kind, int processors);
 

@@ -45,10 +45,10 @@ __global__ void __launch_bounds__(kTileSpheres, Few ? tuning::kFewTilesBlocks : 
 
 }  // namespace
 
-unsigned resident_one_level(Family family, SlotKind kind, int processors) {
+unsigned resident_one_level(KernelFamily family, SlotKind kind, int processors) {
   unsigned blocks = 0;
   with_kind(kind, [&](auto k) {
-    const auto* const kernel = family == Family::few_tiles
+    const auto* const kernel = family == KernelFamily::few_tiles
                                    ? reinterpret_cast<const void*>(one_level_kernel<k(), true>)
                                    : reinterpret_cast<const void*>(one_level_kernel<k(), false>);
     blocks = resident_blocks(kernel, kTileSpheres, 0, processors);
@@ -56,9 +56,9 @@ unsigned resident_one_level(Family family, SlotKind kind, int processors) {
   return blocks;
 }
 
-void launch_one_level(const SearchTask& task, const Grid& grid, Family family, cudaStream_t stream) {
+void launch_one_level(const SearchTask& task, const Grid& grid, KernelFamily family, cudaStream_t stream) {
   with_kind(task.spheres.kind, [&](auto kind) {
-    if (family == Family::few_tiles)
+    if (family == KernelFamily::few_tiles)
       one_level_kernel<kind(), true><<<task.tiles, kTileSpheres, 0, stream>>>(task, grid, {});
     else
       one_level_kernel<kind(), false><<<task.tiles, kTileSpheres, 0, stream>>>(task, grid, {});

@@ -33,9 +33,9 @@ SearchTask make_task(const DeviceSpheres& source, const Grid& grid, const Ordere
 
 // How the spheres are searched: the family, and the division of coarse-to-fine work.
 struct SearchPlan {
-  Family family = Family::one_level;
+  KernelFamily family = KernelFamily::one_level;
   LevelPairs pairs;
-  bool fused() const { return family == Family::fused_levels; }
+  bool fused() const { return family == KernelFamily::fused_levels; }
 };
 SearchPlan choose_family(const SearchTask& task, const Grid& grid, int processors) {
   SearchPlan plan;
@@ -43,23 +43,23 @@ SearchPlan choose_family(const SearchTask& task, const Grid& grid, int processor
   if (spheres.count >= tuning::kFusedSpheres && spheres.float_levels && !task.test_all &&
       (task.output.scalar == Scalar::f32 || task.output.width == Width::pairs)) {
     plan.pairs = plan_level_pairs(grid, spheres.kind, true);
-    if (plan.pairs.count > 0) plan.family = Family::fused_levels;
+    if (plan.pairs.count > 0) plan.family = KernelFamily::fused_levels;
   }
   if (!plan.fused()) plan.pairs = plan_level_pairs(grid, spheres.kind);
   if (spheres.float_levels) plan.pairs.bins = level_bins(grid, spheres.kind);
   if (plan.fused()) return plan;
   if (grid.levels == 1 && !grid.level[0].hashed)
     plan.family = tiles_of(spheres.count) <= tuning::kFewTilesOfProcessor * static_cast<unsigned>(processors)
-                      ? Family::few_tiles
-                      : Family::one_level;
+                      ? KernelFamily::few_tiles
+                      : KernelFamily::one_level;
   else
-    plan.family = plan.pairs.count ? Family::coarse_to_fine : Family::fine_to_coarse;
+    plan.family = plan.pairs.count ? KernelFamily::coarse_to_fine : KernelFamily::fine_to_coarse;
   return plan;
 }
 
 // May each tile wait for those before it? Then all must run at once.
 bool are_ordered(const SearchTask& task, const SearchPlan& plan, int processors) {
-  if (plan.fused() || plan.family == Family::one_level) return false;
+  if (plan.fused() || plan.family == KernelFamily::one_level) return false;
   const std::uint32_t tiles = task.tiles + blocks_of_warps(plan.pairs.warps);
   return tiles <= tuning::kMostOrderedTiles &&
          tiles <= resident_tiles(plan.family, task.spheres.kind, processors);
@@ -70,9 +70,9 @@ bool are_ordered(const SearchTask& task, const SearchPlan& plan, int processors)
 // Where tiles wait for each other, a warp must have one unit only.
 static_assert(tuning::kMostOrderedTiles * kTileSpheres < tuning::kManySpheres);
 
-unsigned resident_tiles(Family family, SlotKind kind, int processors) {
-  if (family == Family::coarse_to_fine) return resident_coarse_to_fine(kind, processors);
-  if (family == Family::fine_to_coarse) return resident_fine_to_coarse(kind, processors);
+unsigned resident_tiles(KernelFamily family, SlotKind kind, int processors) {
+  if (family == KernelFamily::coarse_to_fine) return resident_coarse_to_fine(kind, processors);
+  if (family == KernelFamily::fine_to_coarse) return resident_fine_to_coarse(kind, processors);
   return resident_one_level(family, kind, processors);
 }
 
@@ -115,9 +115,9 @@ void search(const DeviceSpheres& source, const Grid& grid, const Ordered& sphere
   }
   if (fused)
     launch_fused_levels(task, grid, plan.pairs, processors, stream);
-  else if (plan.family == Family::coarse_to_fine)
+  else if (plan.family == KernelFamily::coarse_to_fine)
     launch_coarse_to_fine(task, grid, plan.pairs, processors, stream);
-  else if (plan.family == Family::fine_to_coarse)
+  else if (plan.family == KernelFamily::fine_to_coarse)
     launch_fine_to_coarse(task, grid, stream);
   else
     launch_one_level(task, grid, plan.family, stream);

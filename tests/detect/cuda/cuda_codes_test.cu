@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// The words that a search through one level looks at first: no pair that touches is lost, and few that do not
-// are let through. The arithmetic is the device's, run on the host.
+// The first test of candidates, by their codes: every pair that touches passes, and few others do. The
+// arithmetic is the device's, run on the host.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -16,8 +16,8 @@ struct Pair3 {
   FloatSlot a, b;
 };
 
-// Pairs anywhere in a box, of centres `share` of the sum of the radii apart, or as little less as float lets
-// them be: as they are asked for, along an axis, in a plane, or in any direction.
+// Pairs anywhere in a box, along an axis, in a plane or in any direction. Their centres are `share` of the
+// sum of the radii apart; where that is 1, as little less as float needs for them to touch.
 std::vector<Pair3> pairs(std::mt19937& random, const float (&low)[3], const float (&high)[3], float r_min,
                          float r_max, double share, int count) {
   std::uniform_real_distribution<double> unit(0, 1);
