@@ -202,6 +202,7 @@ int octaves_above(std::span<const std::uint64_t, kExponents> of_exponent);
 // Never more than 2^32 buckets.
 enum class Look { up, down, either };
 bool needs_octaves(const Summary& s);
+Summary with_octaves(const Summary& s);
 Grid choose_grid(const Summary& s, double bin_size, double bins_per_sphere = 8, Look look = Look::up);
 // Host. What it costs, on a CPU, that a sphere of `from` looks at level `at`: some nanoseconds, good for
 // comparing.

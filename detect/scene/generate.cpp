@@ -13,7 +13,7 @@ namespace padder::detect {
 namespace {
 
 // Face-centred cubic, nearest distance a little below the diameter, each coordinate jittered.
-std::vector<FloatSphere> dense(std::uint64_t n, Random& random) {
+std::vector<FloatSphere> dense(std::uint64_t n, SplitMix64& random) {
   const double nearest = 2 / 1.013313, cell = nearest * std::sqrt(2.0), jitter = 0.06;
   const double corner[4][3] = {{0, 0, 0}, {0.5, 0.5, 0}, {0.5, 0, 0.5}, {0, 0.5, 0.5}};
   auto side = static_cast<std::uint64_t>(std::ceil(std::cbrt(static_cast<double>(n) / 4) - 1e-9));
@@ -33,7 +33,7 @@ std::vector<FloatSphere> dense(std::uint64_t n, Random& random) {
 // Uniform positions in a cube in which a sphere has `contacts` contacts on average; `radius` maps [0, 1) to a
 // radius.
 std::vector<FloatSphere> poisson(std::uint64_t n, double contacts,
-                                 const std::function<double(double)>& radius, Random& random) {
+                                 const std::function<double(double)>& radius, SplitMix64& random) {
   double mean[3] = {1, 1, 1};  // of the powers 1 to 3 of the radius
   if (radius) {
     constexpr int kSamples = 2000000;
@@ -61,7 +61,7 @@ std::vector<FloatSphere> poisson(std::uint64_t n, double contacts,
 }
 
 // A uniformly random rotation from a random unit quaternion (Shoemake, Uniform random rotations, 1992).
-void random_rotation(Random& random, double (&m)[9]) {
+void random_rotation(SplitMix64& random, double (&m)[9]) {
   const double u = random.unit(), a = 2 * std::numbers::pi * random.unit(),
                b = 2 * std::numbers::pi * random.unit();
   const double x = std::sqrt(1 - u) * std::sin(a), y = std::sqrt(1 - u) * std::cos(a);
@@ -77,7 +77,7 @@ const std::vector<std::string>& generator_names() {
 }
 
 std::vector<FloatSphere> generate(const std::string& name, std::uint64_t n, bool random_order) {
-  Random random(12345 + n);
+  SplitMix64 random(12345 + n);
   const auto one_to_four = [](double u) { return 1 + 3 * u; };
   const auto power_law = [](double u) {
     return std::pow(1 + (std::pow(100.0, -2.5) - 1) * u, -0.4);
@@ -114,7 +114,7 @@ BodyScene generate_bodies(std::uint64_t count) {
 }
 
 std::vector<Body> pile(std::uint64_t n, double bound, double spacing) {
-  Random random(12345 + n);
+  SplitMix64 random(12345 + n);
   std::vector<Body> bodies(n);
   const double cell = spacing * bound;
   std::uint64_t side = 1;

@@ -10,10 +10,10 @@
 
 namespace padder::detect {
 
-// Seeded stream of 64-bit numbers; the state moves by the golden-ratio constant, as `mixed` expects.
-class Random {
+// The generator splitmix64: a stream of 64-bit numbers that depends on the seed alone.
+class SplitMix64 {
  public:
-  explicit Random(std::uint64_t seed) : state_(seed) {}
+  explicit SplitMix64(std::uint64_t seed) : state_(seed) {}
   std::uint64_t bits() {
     const std::uint64_t z = mixed(state_);
     state_ += 0x9E3779B97F4A7C15ull;
@@ -25,6 +25,7 @@ class Random {
  private:
   std::uint64_t state_;
 };
+using Random [[deprecated("use SplitMix64")]] = SplitMix64;
 
 // A sphere of a generated scene.
 struct FloatSphere {

@@ -12,6 +12,7 @@
 #include "detect/detector.h"
 #include "detect/scene/generate.h"
 #include "padding/asset/error.h"
+#include "tests/detect/print.h"
 
 namespace padder::detect {
 

@@ -160,9 +160,7 @@ TEST_F(SceneTest, PileHasContactsBetweenBodiesOnly) {
   const Cluster c = read_cluster(folder_ / "pair.spheres.json");
   const Scene s = pile_of(c, 500);
   EXPECT_EQ(s.size(), 1000u);
-  Options o;
-  o.backend = BackendKind::omp;
-  Detector d(o);
+  Detector d(DeviceChoice{BackendKind::omp});
   const Contacts& found = d.detect(s.input());
   EXPECT_GT(found.count, 50u);
   for (const Pair& p : found.pair_span()) EXPECT_NE(p.i / 2, p.j / 2);
