@@ -67,7 +67,7 @@ auto Detector::call(Work work) {
 const Contacts& Detector::detect(const Input& input) {
   contacts_ = call([&](Backend& backend) {
     const auto read_poses = [&] { return backend.device_poses(input, options_); };
-    return backend.detect(revision_->settle(input, read_poses), options_);
+    return backend.detect(revision_->resolve(input, read_poses), options_);
   });
   return contacts_;
 }

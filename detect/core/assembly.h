@@ -1,27 +1,27 @@
 // SPDX-License-Identifier: MIT
-// A scene as the search over balls sees it: elements, each a piece of a body or a loose sphere, the moving
-// ones apart from the static ones. And the table in which the static ones wait to be met. Host code, used by
-// both backends; internal.
+// A scene as the search over balls sees it: elements, each of them a piece of a body or a loose sphere, with
+// the moving ones before the static ones. Host code that both backends use. Internal.
 #pragma once
-#include "detect/core/backend.h"
 #include "detect/core/pieces.h"
 #include "detect/core/static_table.h"
+#include "detect/detector.h"
 
 namespace padder::detect {
 
 struct Assembly {
   Pieces pieces;
-  std::vector<Element> elements;  // moving ones, then static ones; each in the order of sphere numbers
-  std::uint32_t moving = 0, moving_pieces = 0;  // elements; of them pieces of bodies, which come first
-  std::vector<std::uint32_t>
-      body_first;       // number of the first sphere of each body, and of the first loose one
-  bool single = false;  // some element is a loose sphere
+  std::vector<Element> elements;    // moving ones, then static ones; each part in the order of sphere numbers
+  std::uint32_t moving = 0;         // elements that move
+  std::uint32_t moving_pieces = 0;  // those of them that are pieces of bodies; they come first
+  // The number of the first sphere of each body, and of the first loose sphere.
+  std::vector<std::uint32_t> body_first;
 
-  // `is_static` of the loose spheres, in host memory or null.
+  // `is_static`: which loose spheres are static; in host memory, or null if none is.
   void update(const Input& input, const std::uint8_t* is_static);
 };
 
-// Is it worth it? `ball_cost`: of searching a ball, in spheres expanded and searched; `spheres`: of all.
+// Is searching the balls first faster than searching every sphere? `spheres`: the number of all spheres.
+// `ball_cost`: how many spheres can be expanded and searched in the time of one ball.
 bool bodies_first(const Input& input, const Options& options, std::uint64_t spheres, double ball_cost);
 
 }  // namespace padder::detect

@@ -15,13 +15,13 @@ StageGrid choose_stage_grid(const Summary& given, double bin_size) {
   const double count = static_cast<double>(s.count), mean = s.radius_sum / count;
   double widest = 0;
   for (int k = 0; k < 3; k++) widest = std::max(widest, s.high[k] - s.low[k]);
-  const auto entries = [&](double size) {  // of B, at most
+  const auto entries = [&](double size) {  // an upper bound for the entries of array B
     double sum = 0;
     for (const Summary::Octave& o : s.octave) {
       if (o.count == 0) continue;
       double extent = 0;
       for (int k = 0; k < 3; k++) extent = std::max({extent, std::abs(o.low[k]), std::abs(o.high[k])});
-      const double wide = 2 * (o.radius_max + hair_of(extent, o.radius_max)) / size + 2;
+      const double wide = 2 * (o.radius_max + bin_margin(extent, o.radius_max)) / size + 2;
       sum += static_cast<double>(o.count) * wide * wide * wide;
     }
     return sum;
@@ -36,12 +36,12 @@ StageGrid choose_stage_grid(const Summary& given, double bin_size) {
       g.size = s.radius_max > 3 * mean ? 3 * mean : 2 * s.radius_max * (1 + 0x1p-20);
     else if (widest > 0)
       g.size = widest / std::cbrt(count);
-    g.size =
-        std::max(g.size, 0x1p-900);  // before it grows: a length near 2^-1074 times 1.25 stays what it is
+    // A length near 2^-1074 would not grow by the factor 1.25 below.
+    g.size = std::max(g.size, 0x1p-900);
     while (entries(g.size) > 64 * count + 4096) g.size *= 1.25;
   }
   Sphere low{s.low[0], s.low[1], s.low[2], s.radius_max}, high{s.high[0], s.high[1], s.high[2], s.radius_max};
-  const Touched first = touched_bins(g, low), last = touched_bins(g, high);
+  const TouchedBins first = touched_bins(g, low), last = touched_bins(g, high);
   for (int k = 0; k < 3; k++) {
     g.first[k] = first.low[k];
     g.side[k] = std::min<std::uint64_t>(static_cast<std::uint64_t>(last.high[k] - first.low[k]) + 1,

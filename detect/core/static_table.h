@@ -9,25 +9,25 @@
 
 namespace padder::detect {
 
-// Static elements in the bins of their balls' centres. A ball that moves is held against it level by level,
-// over all bins within reach, however many of its bins it covers.
+// The balls of static elements, each in the bin of its centre. A moving ball searches the table level by
+// level, in all bins that bins_near() names.
 struct StaticTable {
   struct Bounds {
-    double low[3], high[3];  // of the centres of a level
+    double low[3], high[3];  // bounds of the centres of a level
     friend bool operator==(const Bounds&, const Bounds&) = default;
   };
   Grid grid;
   Bounds bounds[kMaxLevels] = {};
   std::uint32_t count = 0;
-  std::vector<std::uint32_t> starts;    // of each bucket, and the end
-  std::vector<std::uint32_t> elements;  // in the order of bins, then of elements
-  std::vector<Sphere> balls;            // the same order
+  std::vector<std::uint32_t> starts;    // where each bucket begins in `elements`, and the end
+  std::vector<std::uint32_t> elements;  // ordered by bin, and inside a bin by their number
+  std::vector<Sphere> balls;            // in the same order
 
-  // balls[k] is that of element first + k. False when one of them is faulty: then there is no table.
+  // all[k] is the ball of element first + k. False if one of them is faulty; then there is no table.
   bool build(std::span<const Sphere> all, std::uint32_t first);
 };
 
-// The table as the search reads it, in the memory of whoever searches.
+// The arrays of the table in the memory of the backend that searches it.
 struct StaticView {
   StaticTable::Bounds bounds[kMaxLevels] = {};
   const std::uint32_t* starts = nullptr;
@@ -36,27 +36,34 @@ struct StaticView {
   friend bool operator==(const StaticView&, const StaticView&) = default;
 };
 
-// The bins of a level that may hold the centre of a ball which `ball` touches; false: none. `whole` when all
-// of the level is to be looked at instead, for it has fewer balls than the box has rows (bins where it is
-// hashed).
+// Bins of a level, as a box. `whole`: all balls of the level are to be tested instead, because they are fewer
+// than the rows of the box (than its bins, if the level is hashed).
 struct BinBox {
   std::int64_t low[3], high[3];
   bool whole = false;
 };
-PADDER_HD bool bins_in_reach(const Level& l, const StaticTable::Bounds& bounds, const Sphere& ball,
-                             std::uint32_t population, BinBox& box) {
-  const double c[3] = {ball.x, ball.y, ball.z}, reach = (ball.r + l.radius_max) * (1 + 0x1p-20);
+// The bins that hold the centres of all balls of the level that `ball` may touch. False if there are none.
+// `population`: the number of balls of the level.
+PADDER_HD bool bins_near(const Level& l, const StaticTable::Bounds& bounds, const Sphere& ball,
+                         std::uint32_t population, BinBox& box) {
+  const double c[3] = {ball.x, ball.y, ball.z}, search_radius = (ball.r + l.radius_max) * (1 + 0x1p-20);
   double bins = 1;
   for (int k = 0; k < 3; k++) {
-    // Cut to where there are centres before a bin is asked for: far outside there are no bin numbers.
-    const double low = larger(c[k] - reach - magnitude(c[k]) * 0x1p-50, bounds.low[k]),
-                 high = smaller(c[k] + reach + magnitude(c[k]) * 0x1p-50, bounds.high[k]);
+    // The box is cut to the bounds of the centres before bins are computed, because far outside there are no
+    // bin numbers.
+    const double low = larger(c[k] - search_radius - magnitude(c[k]) * 0x1p-50, bounds.low[k]),
+                 high = smaller(c[k] + search_radius + magnitude(c[k]) * 0x1p-50, bounds.high[k]);
     if (!(low <= high)) return false;
     box.low[k] = split(l, low).bin, box.high[k] = split(l, high).bin;
     if (k > 0 || l.hashed) bins *= static_cast<double>(box.high[k] - box.low[k] + 1);
   }
   box.whole = bins > population;
   return true;
+}
+// The name that the CUDA sources still use.
+PADDER_HD bool bins_in_reach(const Level& l, const StaticTable::Bounds& bounds, const Sphere& ball,
+                             std::uint32_t population, BinBox& box) {
+  return bins_near(l, bounds, ball, population, box);
 }
 
 }  // namespace padder::detect

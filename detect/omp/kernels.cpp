@@ -306,7 +306,7 @@ void to_normals(Batch& batch, int count) {
     const Line l = line_of(batch.x[k], batch.y[k], batch.z[k]);
     const double per_d = l.length > 0 ? 1 / l.length : 0;
     batch.x[k] = l.length > 0 ? l.x * per_d : 1, batch.y[k] = l.y * per_d, batch.z[k] = l.z * per_d;
-    batch.s[k] -= l.length * l.down;
+    batch.s[k] -= l.length * l.per_scale;
   }
 }
 

@@ -55,7 +55,7 @@ void stage3(const View<T>& spheres, const StageGrid& g, const std::uint64_t* S, 
   in_blocks(spheres.count, threads, [&](std::uint64_t, std::uint64_t begin, std::uint64_t end) {
     for (std::uint64_t i = begin; i < end; i++) {
       std::uint64_t at = i ? S[i - 1] : 0;
-      const Touched t = touched_bins(g, spheres[i]);
+      const TouchedBins t = touched_bins(g, spheres[i]);
       for (std::int64_t z = t.low[2]; z <= t.high[2]; z++)
         for (std::int64_t y = t.low[1]; y <= t.high[1]; y++)
           for (std::int64_t x = t.low[0]; x <= t.high[0]; x++)

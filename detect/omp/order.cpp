@@ -134,7 +134,7 @@ std::uint64_t Fast::sort_and_search(const View<T>& spheres, const Grid& grid, co
 template <class T>
 std::uint64_t Fast::run(const View<T>& spheres, const Summary& summary, const Options& options, int threads,
                         Records& records, Seconds& seconds) {
-  const Grid grid = choose_grid(summary, options.bin_size, 8, Look::either);
+  const Grid grid = choose_grid(summary, options.bin_size, 8, CrossSearch::cheaper);
   if (sizeof(T) == sizeof(float) && float_range(summary.extent, summary.radius_max))
     return sort_and_search<FloatSlot>(spheres, grid, options, threads, records, seconds);
   return sort_and_search<FixedPointSlot>(spheres, grid, options, threads, records, seconds);

@@ -72,7 +72,7 @@ Looks plan_looks(const Grid& g, bool fixed) {
   for (int c = 0; c < g.levels; c++)
     for (int f = 0; f < c; f++) {
       const Level &coarse = g.level[c], &fine = g.level[f];
-      const double up = look_cost(fine, coarse), down = look_cost(coarse, fine);
+      const double up = cross_search_cost(fine, coarse), down = cross_search_cost(coarse, fine);
       const bool wide = (coarse.radius_max + fine.radius_max) * fine.per_size > kWidest[fixed];
       if (wide || up * static_cast<double>(fine.spheres) <= down * static_cast<double>(coarse.spheres))
         looks.add(f, c, up);
@@ -202,7 +202,7 @@ class Searcher {
     Ball ball;
     ball.x = static_cast<float>(x.rest * l.per_size), ball.y = static_cast<float>(y.rest * l.per_size);
     ball.z = static_cast<float>(z.rest * l.per_size);
-    ball.radius = static_cast<float>((s.r + l.radius_max) * l.per_size) * kReachShare + kReachMore;
+    ball.radius = static_cast<float>((s.r + l.radius_max) * l.per_size) * kSearchRadiusFactor + kSearchRadiusMargin;
     ball.x_low = floor_of(ball.x - ball.radius), ball.x_high = floor_of(ball.x + ball.radius);
     ball.y_low = floor_of(ball.y - ball.radius), ball.y_high = floor_of(ball.y + ball.radius);
     ball.z_low = floor_of(ball.z - ball.radius), ball.z_high = floor_of(ball.z + ball.radius);
