@@ -35,11 +35,11 @@ void check_input(const Input& input, bool device_memory_allowed, bool known) {
         "the poses lie in device memory, which the OpenMP backend cannot read: copy them or choose cuda");
   if (input.bodies.size() >= kStatic - 1)
     throw Error(std::to_string(input.bodies.size()) +
-                " bodies are more than one detector numbers (2^31 - 2): divide the scene into boxes");
+                " bodies are more than one detector can number (2^31 - 2): divide the scene into boxes");
   const std::uint64_t n = known ? 0 : sphere_count(input);
   if (n >= 0xffffffffull)
     throw Error((n == ~std::uint64_t(0) ? "2^64 - 1 or more" : std::to_string(n)) +
-                " spheres are more than one detector numbers (2^32 - 2): divide the scene into boxes");
+                " spheres are more than one detector can number (2^32 - 2): divide the scene into boxes");
 }
 
 void check_options(const Options& o) {
@@ -85,7 +85,7 @@ std::string fault_sentence(std::uint64_t index, const Sphere& s, const Input& in
 
 std::string memory_sentence(std::uint64_t bytes, const char* what, const char* where) {
   return std::to_string(bytes) + " bytes of " + where + " memory are needed for " + what +
-         " and are not to be had: divide the scene into boxes or ask for a narrower record";
+         ", but are not available: divide the scene into boxes or ask for a narrower record";
 }
 
 }  // namespace padder::detect

@@ -648,7 +648,7 @@ TEST_P(DetectorTest, MoreSpheresThanNumbersAreRefused) {
     }
   };
   a.input.spheres.count = 0xffffffff;
-  refused("4294967295 spheres are more than one detector numbers");
+  refused("4294967295 spheres are more than one detector can number");
   a.input.spheres.count = ~std::uint64_t(0);
   refused("2^64 - 1 or more spheres");
   a.input.shapes = shapes, a.input.bodies = {bodies, 1};

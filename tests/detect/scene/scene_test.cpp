@@ -121,7 +121,7 @@ TEST_F(SceneTest, FaultsAreNamedWithTheirPlace) {
   refused(clusters_ + R"("bodies": [{"cluster": "p", "position": [0, 0, 0], "quaternion": [1, 1, 0, 0]}])",
           "s.json, bodies 0, quaternion: a quaternion [w, x, y, z] of length 1 is wanted");
   refused(clusters_ + R"("bodies": [{"cluster": "p", "position": [0, 0, 0], "scale": 2}])",
-          "s.json, bodies 0, scale: only 1 is possible: scale when padding (pad --scale)");
+          "s.json, bodies 0, scale: only 1 is possible: scale the mesh when it is padded (pad --scale)");
   refused(clusters_ + R"("bodies": [{"cluster": "p", "position": [0, 0, 0], "family": -1}])",
           "s.json, bodies 0, family: a whole number from 0 to 4294967295 is wanted");
   refused(R"("unit": "m", "clusters": {"a": "mm.spheres.json"})",
