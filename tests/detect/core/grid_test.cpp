@@ -185,8 +185,8 @@ TEST(Grid, EqualRadiiAreOneLevelAndWideOnesSeveral) {
 
 // What looks at any level: a hair above an octave is no level more, and few large spheres look down at many
 // small ones, not the other way round.
-// However large one sphere is, it looks through no more bins than there are: it must not make bins of its own
-// size, in which all others would be tested each against each.
+// However large one sphere is, it searches no more bins than there are. So it must not get a level with bins
+// of its own size that holds the others, too: there each would be tested against each.
 TEST(Grid, OneGiantDoesNotCoarsenTheOthers) {
   for (const double giant : {1e3, 1e6, 1e30}) {
     std::vector<Sphere> spheres;

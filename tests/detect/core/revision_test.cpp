@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// What Input::revision promises, the same on every way to the contacts: where bodies stand that nobody says
-// have moved, and what a call that threw leaves.
+// What Input::revision promises, on every backend and path: where bodies are that are not said to have moved,
+// and what happens after a call that threw.
 #include "detect/core/revision.h"
 
 #include "tests/detect/oracle.h"
@@ -49,7 +49,7 @@ TEST_P(RevisionTest, ARefusedCallForgetsIt) {
     Detector d(device_, options_);
     at(1, 10);
     EXPECT_EQ(contacts(d), Pairs());
-    at(1, 1);  // now it touches body 0: said in the call that is refused, and in no other
+    at(1, 1);  // now it touches body 0; only the call that is refused says so
     if (how == 0) d.options().bin_size = -1;
     if (how == 1) d.options().own.low[0] = NAN;
     if (how == 2) at(2, NAN);
