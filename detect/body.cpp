@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "detect/core/backend.h"
+#include "detect/core/errors.h"
 #include "padding/asset/error.h"
 
 namespace padder::detect {
@@ -14,9 +14,10 @@ void rotation_of(double w, double x, double y, double z, double (&m)[9]) {
   bool finite = true;
   for (const double v : {w, x, y, z}) largest = std::max(largest, std::abs(v)), finite &= std::isfinite(v);
   if (!finite || largest == 0)
-    throw Error("the quaternion (" + number(w) + ", " + number(x) + ", " + number(y) + ", " + number(z) +
-                ") is no rotation: its four numbers must be finite, and not all 0");
-  // To a length of about 1 by a power of two, which rounds nothing: squares stay within range.
+    throw Error("the quaternion (" + formatted(w) + ", " + formatted(x) + ", " + formatted(y) + ", " +
+                formatted(z) + ") is no rotation: its four numbers must be finite, and not all 0");
+  // Scaled by a power of two, which rounds nothing, to a length of about 1, so that the squares below neither
+  // overflow nor underflow.
   int exponent;
   std::frexp(largest, &exponent);
   for (double* v : {&w, &x, &y, &z}) *v = std::ldexp(*v, -exponent);

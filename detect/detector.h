@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// The public class: spheres in, contacts out. Sections 2.1 and 2.2 of the paper; docs/detector.md for the
-// whole story.
+// The public class of the detector: spheres in, contacts out. It follows sections 2.1 and 2.2 of the paper;
+// docs/detector.md describes it.
 #pragma once
 #include <cstdint>
 #include <memory>
@@ -14,191 +14,246 @@
 
 namespace padder::detect {
 
-// Where an array lies.
+// The memory in which an array lies.
 enum class Memory : std::uint8_t { host, device };
-// Of what numbers an array is made.
+// The type of the numbers in an array: float or double.
 enum class Scalar : std::uint8_t { f32, f64 };
+template <class T>
+concept RealNumber = std::is_same_v<T, float> || std::is_same_v<T, double>;
+template <RealNumber T>
+inline constexpr Scalar scalar_of = std::is_same_v<T, float> ? Scalar::f32 : Scalar::f64;
 
-// N spheres in the caller's memory, read only while detect() runs. Strides count scalars, not bytes.
+// N spheres in the caller's memory. The detector reads them only while detect() runs. A stride counts
+// numbers, not bytes.
 struct Spheres {
-  std::uint64_t count = 0;  // below 2^32 - 1 with those of the bodies
+  std::uint64_t count = 0;  // together with the spheres of the bodies below 2^32 - 1
   Scalar scalar = Scalar::f32;
   Memory memory = Memory::host;
-  const void* centers = nullptr;  // x, y, z of sphere k at k * center_stride
-  const void* radii = nullptr;    // of sphere k at k * radius_stride; stride 0: one radius for all
+  const void* centers = nullptr;  // x, y, z of sphere k begin at k * center_stride
+  const void* radii =
+      nullptr;  // the radius of sphere k is at k * radius_stride; stride 0: one radius for all
   std::uint32_t center_stride = 3, radius_stride = 1;
-  const std::uint32_t* family = nullptr;    // null: 0 for all
-  const std::uint32_t* mask = nullptr;      // null: 0 for all
-  const std::uint8_t* is_static = nullptr;  // not 0: stands still; two static ones are no contact. null: none
+  const std::uint32_t* family = nullptr;  // null: family 0 for all
+  const std::uint32_t* mask = nullptr;    // null: mask 0 for all
+  // Not 0: the sphere is static. Two static spheres are never a contact. null: no sphere is static.
+  const std::uint8_t* is_static = nullptr;
 };
-template <class T>
+template <RealNumber T>
 Spheres spheres_of(std::uint64_t count, const T* centers, const T* radii, Memory memory = Memory::host) {
-  static_assert(std::is_same_v<T, float> || std::is_same_v<T, double>,
-                "spheres are given in float or double");
-  return {count, sizeof(T) == 4 ? Scalar::f32 : Scalar::f64, memory, centers, radii};
+  return {count, scalar_of<T>, memory, centers, radii};
 }
 
-// What is to be tested. Spheres are numbered through: those of bodies[0], those of bodies[1], …, then the
-// loose ones. Shapes and bodies lie in host memory; only these few bytes travel to a GPU, and the spheres are
-// placed there, in double. Spheres of one body are no contact, whatever its family.
+// What detect() tests. All spheres are numbered in one sequence: first those of bodies[0], then those of
+// bodies[1], and so on, at last the loose ones. Shapes and bodies lie in host memory; a GPU gets only the
+// shapes and the poses, and places the spheres itself, in double. Two spheres of one body are never a
+// contact, whatever the body's family.
 struct Input {
-  Spheres spheres;
+  Spheres spheres;  // the loose ones
   std::span<const Shape> shapes;
   std::span<const Body> bodies;
 
-  // For scenes that stay from call to call: it names a version of the shapes, the bodies and the static
-  // spheres. With the revision of the call before (0: with none) a body stands where `poses` says, or
-  // `bodies` if `moved` names it; any other body, and every static one, even if named, stands where it did
-  // in that call, whatever `bodies` says of it now. This holds on every path. Whoever changes anything else,
-  // a static pose, shape, family, mask or sphere among them, gives a new revision: static spheres and shapes
-  // are not compared, and a change of theirs may be seen or not. A call that threw counts as none.
+  // Names a version of the shapes, the bodies and the static spheres, for scenes in which most of them stay
+  // from call to call. If it equals the revision of the previous call, the detector assumes that only the
+  // poses of bodies that are not static have changed. With `poses`, each such body takes its pose from there.
+  // Without, the bodies that `moved` lists take their poses from `bodies`, and all others stay where they
+  // were. A static body stays where it was, even if `moved` lists it.
+  //
+  // Nothing else is compared with the previous call, so a change there may or may not be seen. Give a new
+  // revision when anything else changes: a shape, a family, a mask, a static pose or sphere, the number of
+  // bodies. 0 equals no revision. After a call that threw, the next call reads everything. The rule is the
+  // same on every path and backend.
   std::uint64_t revision = 0;
-  std::span<const std::uint32_t> moved;  // read with the revision of the call before; in host memory
+  // The bodies that have moved since the previous call; read only if the revision is that of the previous
+  // call. In host memory.
+  std::span<const std::uint32_t> moved;
 
-  // Poses of all bodies, in the place of those in `bodies`. Of static bodies they are read with a new
-  // revision only. Host memory, or with the CUDA backend its device memory: then in every call of the
-  // revision.
-  const Pose* poses = nullptr;  // null: those in `bodies`
+  // Poses of all bodies, instead of those in `bodies`. A static body takes its pose from here only when the
+  // revision is new. null: the poses in `bodies` count.
+  const Pose* poses = nullptr;
+  // The CUDA backend also takes poses in device memory. Then every call of the same revision must give them
+  // there.
   Memory pose_memory = Memory::host;
 };
 
-// Contacts, i < j always. Pairs, and as many of the other arrays as were asked for, one entry a contact each.
+// The numbers of the two spheres of a contact, i < j.
 struct Pair {
   std::uint32_t i, j;
   friend bool operator==(const Pair&, const Pair&) = default;
 };
-// Normal and depth of a contact.
+// Normal and penetration of a contact.
 template <class T>
 struct alignas(16) Normal {
-  T x, y, z;  // unit, from i to j
-  T depth;    // penetration: ri + rj - distance
+  T x, y, z;  // unit vector from sphere i to sphere j
+  T depth;    // the penetration: ri + rj - distance
 };
-// Both points of a contact.
+// The two deepest points of a contact.
 template <class T>
 struct Points {
-  T on_i[3], on_j[3];  // the deepest point of each sphere in the other
+  T on_i[3], on_j[3];  // the deepest point of each sphere inside the other
 };
 
-// Which backend detects.
+// The backend that detects. `automatic` takes the GPU if there is one that this build can use, else the CPU.
 enum class BackendKind : std::uint8_t { automatic, omp, cuda };
-using Choice [[deprecated("BackendKind")]] = BackendKind;
-// Which algorithm finds the contacts. Both find the same ones.
+using Choice [[deprecated("use BackendKind")]] = BackendKind;
+// The algorithm that finds the contacts. Both find the same ones.
 enum class Path : std::uint8_t {
-  grid,         // one sort by cell and one search of neighbouring cells
+  grid,         // sorts the spheres by cell once and searches neighbouring cells
   nine_stages,  // the nine stages of the paper, as a reference
-  fast [[deprecated("Path::grid")]] = grid
+  fast [[deprecated("use Path::grid")]] = grid
 };
-// Which arithmetic decides whether two spheres touch.
+// The arithmetic that decides whether two spheres touch.
 enum class Precision : std::uint8_t {
-  exact,    // double where float is not sure
+  exact,    // double where float cannot decide
   float32,  // float alone
-  fast [[deprecated("Precision::float32")]] = float32
+  fast [[deprecated("use Precision::float32")]] = float32
 };
 // The order of the list of contacts.
 enum class Order : std::uint8_t {
   stable,  // the same in every run
-  any,     // whatever is quickest
-  fixed [[deprecated("Order::stable")]] = stable
+  any,     // whichever is fastest
+  fixed [[deprecated("use Order::stable")]] = stable
 };
-// What is searched on the grid path: balls about bodies first, or every sphere; `automatic` guesses which is
-// quicker.
+// What the grid path searches for scenes with bodies: first balls around parts of bodies and then the spheres
+// of the parts whose balls touch, or every sphere at once. `automatic` estimates which one is faster.
 enum class Bodies : std::uint8_t { automatic, first, expanded };
-// What is written of a contact.
+// What is written for each contact: the pair; also normal and penetration; also both points.
 enum class Width : std::uint8_t { pairs, normals, points };
 
-inline constexpr int kMostThreads = 1024;  // that can be asked for: each takes a stack and 128 KiB
+// The most threads that CallOptions::threads can ask for. Each thread takes a stack and 128 KiB.
+inline constexpr int kMostThreads = 1024;
 
-// How to detect; the defaults are right for most. What cannot be meant is refused by the next call.
-struct Options {
-  BackendKind backend = BackendKind::automatic;  // the GPU when there is one; fixed when the detector is made
-  int device = 0;                                // which GPU; fixed when the detector is made
-  // A cudaStream_t of the device's primary context to work on; null: the default stream. The call begins when
-  // what the stream was given before is done, and has ended when detect() returns.
-  void* stream = nullptr;
-  // OpenMP. 0: as many as OpenMP would use and the work is worth, one for a while after other programs took
-  // processors away in a call. Else exactly so many, up to kMostThreads.
-  int threads = 0;
-  Path path = Path::grid;
-  Precision precision = Precision::exact;  // float32 may err both ways, see Contacts::doubtful
-  Order order = Order::stable;   // the same list from every run and thread count of one backend and path
-  Width width = Width::normals;  // what is written: pairs only, + normal and depth, + both contact points
-  // Of the record. It is computed in double and rounded once; f32 of float spheres on a GPU's grid path in
-  // float (4e-7 relative).
-  Scalar scalar = Scalar::f32;
-  Memory output = Memory::host;       // where the contacts are to lie
-  double bin_size = 0;                // edge of a (finest) bin; 0: chosen (section 2.2.1)
-  Bodies bodies = Bodies::automatic;  // the same contacts by either way
-  Region own;                         // report only contacts whose midpoint lies inside
-  std::uint64_t memory_limit = 0;     // bytes this detector may hold; 0: what there is
-  bool timings = false;               // fill Contacts::seconds (a GPU is then waited for after each stage)
+// Where a detector works, for its whole life.
+struct DeviceChoice {
+  BackendKind backend = BackendKind::automatic;
+  int device = 0;  // the GPU's number; the OpenMP backend does not read it
 };
 
-// Where the time went.
+// How a call detects. These may change between calls. The defaults suit most callers. A call refuses options
+// that have no meaning.
+struct CallOptions {
+  // The cudaStream_t to work on; it belongs to the primary context of the device. null: the default stream. A
+  // call begins when the work that was given to the stream before is done, and its own work is done when it
+  // returns.
+  void* stream = nullptr;
+  // Threads of the OpenMP backend, up to kMostThreads. 0: as many as OpenMP would use and the scene is large
+  // enough for; after a call in which other programs took processors away, one thread for a while.
+  int threads = 0;
+  Path path = Path::grid;
+  Precision precision = Precision::exact;  // float32 may err in both directions: see Contacts::doubtful
+  Order order = Order::stable;             // stable: for one backend and path, whatever the number of threads
+  Width width = Width::normals;
+  // The type of the numbers in the records. They are computed in double and rounded once. One exception: the
+  // grid path of a GPU computes f32 records of float spheres in float, with a relative error of up to 4e-7.
+  Scalar scalar = Scalar::f32;
+  Memory output = Memory::host;       // where the list of contacts is to lie
+  double bin_size = 0;                // edge of the (finest) cells; 0: chosen by the rule of section 2.2.1
+  Bodies bodies = Bodies::automatic;  // the contacts are the same either way
+  Region own;                         // only contacts whose midpoint lies inside are reported
+  std::uint64_t memory_limit = 0;     // bytes that the detector may hold; 0: all that there are
+  bool timings = false;  // fill Contacts::seconds; the host then waits for the GPU after each stage
+};
+
+#if defined(__GNUC__)
+#pragma GCC diagnostic push  // the constructors that the compiler writes name the deprecated members
+#pragma GCC diagnostic ignored "-Wdeprecated-declarations"
+#endif
+// CallOptions and DeviceChoice in one, as the detector's constructor took them before DeviceChoice existed.
+struct Options : CallOptions {
+  [[deprecated("use DeviceChoice: Detector({backend, device}, options)")]] BackendKind backend =
+      BackendKind::automatic;
+  [[deprecated("use DeviceChoice: Detector({backend, device}, options)")]] int device = 0;
+};
+#if defined(__GNUC__)
+#pragma GCC diagnostic pop
+#endif
+
+// How long each part of a call took, in seconds.
 struct Seconds {
-  double place = 0;      // bodies to spheres, host to device
-  double stage[9] = {};  // stages 1 to 9; the grid path has the same names for what remains of them
+  double place = 0;      // placing the spheres of the bodies, and copying from the host to the device
+  double stage[9] = {};  // stages 1 to 9; on the grid path, what corresponds to them
   double total = 0;
 };
 
-// Lies in the detector's memory and stays valid until its next call or its end.
+// The contacts of a call, none of them twice. The arrays lie in the detector's memory and stay valid until
+// its next call or its end. Each array that was asked for has one entry for each contact.
 struct Contacts {
   std::uint64_t count = 0, spheres = 0;
   Memory memory = Memory::host;
   Width width = Width::pairs;
   Scalar scalar = Scalar::f32;
   const Pair* pairs = nullptr;
-  const void* normals = nullptr;  // Normal<float> or Normal<double>, null for Width::pairs
-  const void* points = nullptr;   // Points<float> or Points<double>, null but for Width::points
-  // Pairs inside the float band. With Precision::float32 each of them may be wrongly in the list or wrongly
-  // missing, and no other: at most so many pairs differ from those of Precision::exact.
+  const void* normals = nullptr;  // Normal<float> or Normal<double> by `scalar`; null for Width::pairs
+  const void* points = nullptr;   // Points<float> or Points<double> by `scalar`; null unless Width::points
+  // Pairs that float arithmetic cannot decide. With Precision::float32, each of these may be missing from the
+  // list or be in it wrongly, and no other pair may: the list differs from that of Precision::exact by at
+  // most this many.
   std::uint64_t doubtful = 0;
   Seconds seconds;
+
   std::span<const Pair> pair_span() const { return {pairs, count}; }
-  template <class T>
+  // The normals; empty for Width::pairs. T must be the type of the records. Throws Error if it is not:
+  // records in float cannot be read as double.
+  template <RealNumber T>
   std::span<const Normal<T>> normal_span() const {
+    if (width == Width::pairs) return {};
+    check_scalar(scalar_of<T>);
     return {static_cast<const Normal<T>*>(normals), normals ? count : 0};
   }
-  template <class T>
+  // The points; empty unless Width::points. T as for normal_span().
+  template <RealNumber T>
   std::span<const Points<T>> point_span() const {
+    if (width != Width::points) return {};
+    check_scalar(scalar_of<T>);
     return {static_cast<const Points<T>*>(points), points ? count : 0};
   }
+
+ private:
+  void check_scalar(Scalar wanted) const {
+    if (wanted != scalar) refuse_scalar(wanted);
+  }
+  [[noreturn]] void refuse_scalar(Scalar wanted) const;
 };
 
 struct Arrays;         // T, S, B, C, D, E, F of a small scene: detect/core/nine_stages.h
 class Backend;         // detect/core/backend.h
 class RevisionKeeper;  // detect/core/revision.h
 
-// Bound to a device and a stream; keeps its memory from call to call. Not for two threads at once; two
-// detectors are. A detector that was moved from holds nothing: memory() is 0, options() may be read, a
-// detector may be assigned to it, and all else throws Error.
+// Finds contacts on one device, and keeps its memory from call to call. One detector must not be used by two
+// threads at once; two detectors may. A detector that was moved from holds no memory: memory() is 0,
+// options() may be used, a detector may be assigned to it, and everything else throws Error.
 class Detector {
  public:
-  // Throws Error when the backend asked for is not to be had.
-  explicit Detector(const Options& options = {});
+  // Throws Error if the backend that is asked for is not available.
+  explicit Detector(const DeviceChoice& device, const CallOptions& options = {});
+  explicit Detector(const CallOptions& options = {});
+  explicit Detector(const Options& options);  // the device is that of the deprecated members
   ~Detector();
   Detector(Detector&&) noexcept;
   Detector& operator=(Detector&&) noexcept;
 
-  // Every contact, none twice, none dropped. Throws Error for a sphere that is not finite, negative or above
-  // 1e100 (its number is named), for options that cannot be meant, and when memory is short (the bytes needed
-  // are named). The detector stays usable: a call that threw leaves no contacts (hash() is 0), and the next
-  // one reads everything anew, whatever its revision.
+  // Finds every contact, and none twice. Throws Error for a sphere that is not finite, has a negative radius
+  // or is beyond 1e100 (the message names it), for options that have no meaning, and if there is not enough
+  // memory (the message says how many bytes are needed). The detector can be used after that: a call that
+  // threw leaves no contacts (hash() is 0), and the next call reads everything, whatever its revision.
   const Contacts& detect(const Input& input);
 
-  // Order-free hash of the last contacts' pairs: equal for both backends, any thread count, any path. 0 when
-  // there are none: before the first call, and after one that threw or stages().
+  // A hash of the pairs of the last call that does not depend on their order. It is the same for both
+  // backends, every path and every number of threads. 0 if there are no contacts: before the first call,
+  // after stages(), and after a call that threw.
   std::uint64_t hash() const;
 
-  // The arrays of the nine stages, whatever the path: for small scenes, to look at. Takes the same options,
-  // throws the same errors, and leaves no contacts.
+  // The arrays of the nine stages, whatever the path, for looking at small scenes. Takes the same options and
+  // throws the same errors as detect(), and leaves no contacts.
   Arrays stages(const Input& input);
 
   const char* backend() const;  // "omp" or "cuda"
-  // Bytes held for spheres, bins, pairs and contacts, those of every thread among them: after a call no more
-  // than Options::memory_limit. What describes shapes, bodies and static spheres on the host is not in it,
-  // nor with the CUDA backend are lists that were brought to the host.
+  // Bytes that the detector holds for spheres, cells, pairs and contacts, in all threads. After a call this
+  // is at most CallOptions::memory_limit. Not counted: what describes shapes, bodies and static spheres on
+  // the host, and, with the CUDA backend, lists that were copied to the host.
   std::uint64_t memory() const;
-  Options& options() { return options_; }  // may be changed between calls, but for backend and device
+  // The options of the next call. Backend and device are not among them: they stay as they are.
+  CallOptions& options() { return options_; }
+  const CallOptions& options() const { return options_; }
 
  private:
   Backend& own_backend() const;

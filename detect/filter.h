@@ -1,28 +1,30 @@
 // SPDX-License-Identifier: MIT
-// Families and masks (section 2.3 of the paper), for host and device. Stages 7 and 9 ask the same function.
+// Families and masks (section 2.3 of the paper): which spheres may touch which. For host and device.
 #pragma once
 #include "detect/host_device.h"
 
 namespace padder::detect {
 
-// Family and mask of a sphere (section 2.3 of the paper).
+// What decides with which others a sphere may be in contact.
 struct Filter {
-  std::uint32_t family = 0;  // 0: none, equals nothing
+  std::uint32_t family = 0;  // 0: the sphere is in no family
   std::uint32_t mask = 0;    // bit k: no contact with family k + 1; families above 32 cannot be masked
-  std::uint32_t owner = 0;   // 1 + the number of its body, 0: a loose sphere; kStatic added: it never moves
+  std::uint32_t owner =
+      0;  // 0 for a loose sphere, else 1 + the number of its body; plus kStatic if it is static
 };
-// Bit of Filter::owner.
+// The bit of Filter::owner that marks static spheres.
 inline constexpr std::uint32_t kStatic = 1u << 31;
-// Filter::owner of the spheres of a body.
+// The value of Filter::owner for the spheres of a body.
 PADDER_HD std::uint32_t owner_of(std::uint32_t body, bool is_static) {
   return (body + 1) | (is_static ? kStatic : 0);
 }
 
+// Does the mask exclude the family?
 PADDER_HD bool masks(std::uint32_t mask, std::uint32_t family) {
   return family - 1u < 32u && (mask >> (family - 1u) & 1u) != 0;
 }
-// Two spheres of one body, of one family, two static ones, or two of which either masks the other's family,
-// are no contact. Symmetric.
+// May two spheres be in contact? Not if both are static, if they belong to the same body or to the same
+// family, or if the mask of one excludes the family of the other. Symmetric.
 PADDER_HD bool admitted(const Filter& a, const Filter& b) {
   if (a.owner & b.owner & kStatic) return false;
   if (a.owner == b.owner && a.owner != 0) return false;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Arithmetic that decides something is written once, for host and device. Nothing of CUDA is included here.
+// Arithmetic for host and device. What decides something is written once, with these functions. No header of
+// CUDA is included here.
 #pragma once
 #include <cmath>
 #include <cstdint>
@@ -13,9 +14,10 @@
 
 namespace padder::detect {
 
-// Double arithmetic, one rounding each. A compiler that fused a product and a sum into one operation (nvcc
-// does by default, gcc where the processor has one) would decide a pair at the threshold otherwise than the
-// other backend. On the host the sources are compiled with -ffp-contract=off.
+// Double arithmetic with one rounding for each operation. A compiler may fuse a product and a sum into one
+// operation (nvcc does by default, gcc where the processor can). Then the two backends could decide a pair at
+// the threshold differently. So the device uses these intrinsics, and the sources for the host are compiled
+// with -ffp-contract=off.
 #if defined(__CUDA_ARCH__)
 PADDER_HD double add(double a, double b) { return __dadd_rn(a, b); }
 PADDER_HD double sub(double a, double b) { return __dsub_rn(a, b); }
@@ -34,19 +36,20 @@ PADDER_HD double larger(double a, double b) { return a > b ? a : b; }
 PADDER_HD double smaller(double a, double b) { return a < b ? a : b; }
 PADDER_HD double magnitude(double a) { return ::fabs(a); }
 
-// floor of |a| < 2^52. On a plain x86-64 std::floor is a call; the cast truncates towards zero, hence the
-// correction.
+// floor(a) for |a| < 2^52. On a plain x86-64, std::floor is a function call, and a cast is not. A cast
+// truncates towards zero, hence the correction.
 PADDER_HD double whole_below(double a) {
 #if defined(__CUDA_ARCH__)
   return ::floor(a);
 #else
   const auto whole = static_cast<std::int64_t>(a);
-  return static_cast<double>(whole -
-                             (static_cast<double>(whole) > a));  // no branch: half of all are negative
+  // Without a branch: it would often be mispredicted, as half of all coordinates are negative.
+  return static_cast<double>(whole - (static_cast<double>(whole) > a));
 #endif
 }
 
-// 64 well mixed bits (Steele, Lea and Flood, Fast splittable pseudorandom number generators, 2014).
+// A hash of 64 bits: the output function of splitmix64 (Steele, Lea and Flood, Fast splittable pseudorandom
+// number generators, 2014).
 PADDER_HD std::uint64_t mixed(std::uint64_t z) {
   z += 0x9E3779B97F4A7C15ull;
   z = (z ^ (z >> 30)) * 0xBF58476D1CE4E5B9ull;

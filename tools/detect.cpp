@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// detect: the contacts of a scene. Arguments and printing only; the work is padder::detect.
+// The program detect: finds the contacts of a scene. Only arguments and printing are here; padder::detect
+// does the work.
 #include <cstdio>
 #include <iostream>
 #include <nlohmann/json.hpp>
@@ -16,11 +17,11 @@ namespace {
 using namespace padder::detect;
 using Json = nlohmann::ordered_json;
 
-constexpr std::uint64_t kShown = 512;  // spheres whose stages are printed at most
+constexpr std::uint64_t kShown = 512;  // --stages prints scenes of at most this many spheres
 
 using padder::cli::UsageError;
 
-// One of some words, each for a value; the first is the default.
+// An option whose value is one of some words. Each word stands for a value; the first one is the default.
 template <class T>
 class Choices {
  public:
@@ -55,7 +56,7 @@ struct Arguments {
       {"auto", BackendKind::automatic}, {"omp", BackendKind::omp}, {"cuda", BackendKind::cuda}};
   Choices<Path> path{{"fast", Path::grid}, {"nine-stages", Path::nine_stages}};
   Choices<Precision> precision{{"exact", Precision::exact}, {"fast", Precision::float32}};
-  Options options;
+  CallOptions options;
 };
 
 void declare(CLI::App& app, Arguments& a) {
@@ -167,13 +168,12 @@ int run(Arguments& a) {
     throw padder::Error(a.scene + " has " + std::to_string(scene.size()) +
                         " spheres: --stages prints scenes of at most " + std::to_string(kShown));
   const Input input = scene.input();
-  a.options.backend = a.backend.value(), a.options.path = a.path.value(),
-  a.options.precision = a.precision.value();
+  a.options.path = a.path.value(), a.options.precision = a.precision.value();
   a.options.timings = true;
   a.options.width = a.output.empty() ? Width::normals : Width::points;
   a.options.scalar = a.output.empty() ? Scalar::f32 : Scalar::f64;
   if (scene.loose.scalar == Scalar::f64 || !scene.bodies.empty()) a.options.scalar = Scalar::f64;
-  Detector detector(a.options);
+  Detector detector({a.backend.value()}, a.options);
   const Contacts& c = detector.detect(input);
   const std::string hash = hex(detector.hash());
   if (!a.output.empty()) write_contacts(c, a.output, a.options.threads);

@@ -37,7 +37,7 @@ std::vector<ViewContact> contacts_from_csv(std::string_view text, const std::str
     const std::string place = where + ", line " + std::to_string(number);
     if (!header) {
       if (line != kHeader)
-        throw Error(place + ": the header of a contact file is wanted: " + std::string(kHeader));
+        throw Error(place + ": this must be the header of a contact file: " + std::string(kHeader));
       header = true;
       continue;
     }
@@ -47,15 +47,16 @@ std::vector<ViewContact> contacts_from_csv(std::string_view text, const std::str
     for (int k = 0; k < 12; k++) {
       const auto [next, error] = std::from_chars(at, stop, v[k]);
       if (error != std::errc() || (k < 11 ? next == stop || *next != ',' : next != stop))
-        throw Error(place + ": twelve numbers with commas between them are wanted");
+        throw Error(place + ": this must be twelve numbers with commas between them");
       at = next + (k < 11);
     }
     if (!(v[0] >= 0 && v[1] >= 0 && v[0] <= 4294967295.0 && v[1] <= 4294967295.0) ||
         v[0] != std::floor(v[0]) || v[1] != std::floor(v[1]))
-      throw Error(place + ": i and j must be whole numbers of spheres");
+      throw Error(place + ": i and j must be numbers of spheres, from 0 to 4294967295");
     out.push_back(contact_of(std::uint64_t(v[0]), std::uint64_t(v[1]), v + 2, v[5], v + 6, v + 9));
   }
-  if (!header) throw Error(where + ": no contact file: it does not begin with " + std::string(kHeader));
+  if (!header)
+    throw Error(where + ": this is not a contact file: it does not begin with " + std::string(kHeader));
   return out;
 }
 
@@ -71,7 +72,7 @@ std::vector<ViewContact> contacts_from_npz(std::string_view bytes, const std::st
   const auto on_i = array("points_i").as<double>(), on_j = array("points_j").as<double>();
   const std::size_t n = depths.size();
   if (pairs.size() != 2 * n || normals.size() != 3 * n || on_i.size() != 3 * n || on_j.size() != 3 * n)
-    throw Error(where + ": its arrays differ in length");
+    throw Error(where + ": its arrays have different lengths");
   std::vector<ViewContact> out;
   for (std::size_t k = 0; k < n; k++)
     out.push_back(

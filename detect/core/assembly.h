@@ -1,76 +1,27 @@
 // SPDX-License-Identifier: MIT
-// A scene as the search over balls sees it: elements, each a piece of a body or a loose sphere, the moving
-// ones apart from the static ones. And the table in which the static ones wait to be met. Host code, used by
-// both backends; internal.
+// A scene as the search over balls sees it: elements, each of them a piece of a body or a loose sphere, with
+// the moving ones before the static ones. Host code that both backends use. Internal.
 #pragma once
-#include "detect/core/backend.h"
 #include "detect/core/pieces.h"
+#include "detect/core/static_table.h"
+#include "detect/detector.h"
 
 namespace padder::detect {
 
 struct Assembly {
   Pieces pieces;
-  std::vector<Element> elements;  // moving ones, then static ones; each in the order of sphere numbers
-  std::uint32_t moving = 0, moving_pieces = 0;  // elements; of them pieces of bodies, which come first
-  std::vector<std::uint32_t>
-      body_first;       // number of the first sphere of each body, and of the first loose one
-  bool single = false;  // some element is a loose sphere
+  std::vector<Element> elements;    // moving ones, then static ones; each part in the order of sphere numbers
+  std::uint32_t moving = 0;         // elements that move
+  std::uint32_t moving_pieces = 0;  // those of them that are pieces of bodies; they come first
+  // The number of the first sphere of each body, and of the first loose sphere.
+  std::vector<std::uint32_t> body_first;
 
-  // `is_static` of the loose spheres, in host memory or null.
+  // `is_static`: which loose spheres are static; in host memory, or null if none is.
   void update(const Input& input, const std::uint8_t* is_static);
 };
 
-// Is it worth it? `ball_cost`: of searching a ball, in spheres expanded and searched; `spheres`: of all.
+// Is searching the balls first faster than searching every sphere? `spheres`: the number of all spheres.
+// `ball_cost`: how many spheres can be expanded and searched in the time of one ball.
 bool bodies_first(const Input& input, const Options& options, std::uint64_t spheres, double ball_cost);
-
-// Static elements in the bins of their balls' centres. A ball that moves is held against it level by level,
-// over all bins within reach, however many of its bins it covers.
-struct StaticTable {
-  struct Bounds {
-    double low[3], high[3];  // of the centres of a level
-    friend bool operator==(const Bounds&, const Bounds&) = default;
-  };
-  Grid grid;
-  Bounds bounds[kMaxLevels] = {};
-  std::uint32_t count = 0;
-  std::vector<std::uint32_t> starts;    // of each bucket, and the end
-  std::vector<std::uint32_t> elements;  // in the order of bins, then of elements
-  std::vector<Sphere> balls;            // the same order
-
-  // balls[k] is that of element first + k. False when one of them is faulty: then there is no table.
-  bool build(std::span<const Sphere> all, std::uint32_t first);
-};
-
-// The table as the search reads it, in the memory of whoever searches.
-struct StaticView {
-  StaticTable::Bounds bounds[kMaxLevels] = {};
-  const std::uint32_t* starts = nullptr;
-  const std::uint32_t* elements = nullptr;
-  const Sphere* balls = nullptr;
-  friend bool operator==(const StaticView&, const StaticView&) = default;
-};
-
-// The bins of a level that may hold the centre of a ball which `ball` touches; false: none. `whole` when all
-// of the level is to be looked at instead, for it has fewer balls than the box has rows (bins where it is
-// hashed).
-struct BinBox {
-  std::int64_t low[3], high[3];
-  bool whole = false;
-};
-PADDER_HD bool bins_in_reach(const Level& l, const StaticTable::Bounds& bounds, const Sphere& ball,
-                             std::uint32_t population, BinBox& box) {
-  const double c[3] = {ball.x, ball.y, ball.z}, reach = (ball.r + l.radius_max) * (1 + 0x1p-20);
-  double bins = 1;
-  for (int k = 0; k < 3; k++) {
-    // Cut to where there are centres before a bin is asked for: far outside there are no bin numbers.
-    const double low = larger(c[k] - reach - magnitude(c[k]) * 0x1p-50, bounds.low[k]),
-                 high = smaller(c[k] + reach + magnitude(c[k]) * 0x1p-50, bounds.high[k]);
-    if (!(low <= high)) return false;
-    box.low[k] = split(l, low).bin, box.high[k] = split(l, high).bin;
-    if (k > 0 || l.hashed) bins *= static_cast<double>(box.high[k] - box.low[k] + 1);
-  }
-  box.whole = bins > population;
-  return true;
-}
 
 }  // namespace padder::detect

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// In the place of cuda/backend.cu where the build has no CUDA.
+// Takes the place of cuda/backend.cu in a build without CUDA.
 #include "detect/core/backend.h"
 #include "padding/asset/error.h"
 

@@ -1,19 +1,15 @@
 // SPDX-License-Identifier: MIT
-// Chooses levels and bins, on the host, from a summary of the spheres that a backend made.
+// Chooses levels and bins on the host, from the summary of the spheres that a backend has made.
 #include "detect/core/grid.h"
 
 #include <algorithm>
 #include <bit>
 #include <vector>
 
-#include "detect/core/backend.h"
-#include "detect/core/nine_stages.h"
-#include "padding/asset/error.h"
-
 namespace padder::detect {
 namespace {
 
-// The least number of 10 significant bits that is no less than x: its products with bin numbers up to 2^43
+// The smallest number with 10 significant bits that is not below x. Its products with bin numbers up to 2^43
 // are exact.
 double rounded_up(double x) {
   int exponent;
@@ -21,7 +17,7 @@ double rounded_up(double x) {
   return std::ldexp(std::ceil(fraction * 1024) / 1024, exponent);
 }
 
-// Octaves that hold spheres, from the finest to the coarsest.
+// The octaves that hold spheres, from the finest to the coarsest.
 std::vector<int> populated(const Summary& s) {
   std::vector<int> octaves;
   for (int o = kOctaves - 1; o >= 0; o--)
@@ -29,17 +25,9 @@ std::vector<int> populated(const Summary& s) {
   return octaves;
 }
 
-Summary with_octaves(const Summary& given) {
-  Summary s = given;
-  if (s.octaves_known) return s;
-  Summary::Octave& o = s.octave[0];
-  o.count = s.count, o.need_max = s.need_max, o.radius_max = s.radius_max;
-  std::copy_n(s.low, 3, o.low), std::copy_n(s.high, 3, o.high);
-  return s;
-}
-
-// Spheres a bin if octaves a to b (indices into `octaves`) are one level of bins of this size, as those of
-// octave `seen_by` meet them: a lone large sphere fills its own bin, but few spheres are near it.
+// The mean number of spheres in a bin if octaves a to b (indices into `octaves`) form one level with bins of
+// this size. The mean is taken over the bins in which the spheres of octave `seen_by` search: a lone large
+// sphere fills its own bin, but few spheres are near it.
 double level_density(const Summary& s, const std::vector<int>& octaves, std::size_t a, std::size_t b,
                      double size, const Summary::Octave& seen_by) {
   double density = 0;
@@ -56,7 +44,7 @@ double level_density(const Summary& s, const std::vector<int>& octaves, std::siz
   return density;
 }
 
-// Octaves a to b together.
+// Octaves a to b as one.
 Summary::Octave merged(const Summary& s, const std::vector<int>& octaves, std::size_t a, std::size_t b) {
   Summary::Octave all;
   for (std::size_t k = a; k <= b; k++) {
@@ -69,8 +57,8 @@ Summary::Octave merged(const Summary& s, const std::vector<int>& octaves, std::s
   return all;
 }
 
-// Below, costs of the CPU's search in nanoseconds, measured on one machine; spheres are taken to be spread
-// evenly over the box of their octave or level.
+// The functions below estimate what the search costs on a CPU, in nanoseconds. The constants were measured on
+// one machine. Spheres are assumed to be spread evenly over the box of their octave or level.
 double bins_along(const Summary::Octave& o, int axis, double size) {
   return (o.high[axis] - o.low[axis]) / size + 1;
 }
@@ -78,36 +66,39 @@ double density_of(const Summary::Octave& o, double size) {
   return static_cast<double>(o.count) / bins_along(o, 0, size) / bins_along(o, 1, size) /
          bins_along(o, 2, size);
 }
-// The share of the spheres of `from` that come within `reach` of the box of `at`.
-double share_near(const Summary::Octave& from, const Summary::Octave& at, double reach) {
-  double share = 1;
+// The fraction of the spheres of `from` whose centres are within `distance` of the box of `at`.
+double fraction_near(const Summary::Octave& from, const Summary::Octave& at, double distance) {
+  double fraction = 1;
   for (int c = 0; c < 3; c++) {
     const double common =
-        std::min(from.high[c], at.high[c] + reach) - std::max(from.low[c], at.low[c] - reach);
-    share *= common < 0 ? 0 : std::min(1.0, (common + reach) / (from.high[c] - from.low[c] + reach));
+        std::min(from.high[c], at.high[c] + distance) - std::max(from.low[c], at.low[c] - distance);
+    fraction *= common < 0 ? 0 : std::min(1.0, (common + distance) / (from.high[c] - from.low[c] + distance));
   }
-  return share;
+  return fraction;
 }
-// Of the candidates of a row: eight are tested at once, and rows begin and end anywhere.
+// The cost of testing the candidates of a row of bins. Eight are tested at once, and a row begins and ends
+// anywhere, so half a vector is wasted on average.
 double row_cost(double candidates) { return 4.5 * std::max(1.0, candidates / 8 + 0.5); }
-// Of a sphere of `from` that looks at a level `at`: of the rows that a ball crosses, of a radius that is
-// usual.
-double look_cost(const Summary::Octave& from, const Summary::Octave& at, double size, bool hashed = false) {
+// The cost of a sphere of `from` that searches level `at`, whose bins have this size. A radius of 0.7 of the
+// largest one is taken for the usual one, and the ball around the sphere crosses 0.8 of the rows in the box
+// around it.
+double cross_search_cost(const Summary::Octave& from, const Summary::Octave& at, double size,
+                         bool hashed = false) {
   if (!(size > 0)) return 0;
-  const double reach = 0.7 * from.radius_max + at.radius_max, wide = 2 * reach / size + 1;
+  const double search_radius = 0.7 * from.radius_max + at.radius_max, wide = 2 * search_radius / size + 1;
   double rows = 0.8;
   for (int c = 1; c < 3; c++) rows *= hashed ? wide : std::min(wide, bins_along(at, c, size));
   const double row = hashed
-                         ? 15 * wide  // bin by bin
+                         ? 15 * wide  // each bin is a lookup of its own
                          : 8 + row_cost(density_of(at, size) * 0.8 * std::min(wide, bins_along(at, 0, size)));
-  return 15 + share_near(from, at, reach) * (25 + rows * row);
+  return 15 + fraction_near(from, at, search_radius) * (25 + rows * row);
 }
-// Of octaves a to b as one level of which any other may look at any: of its own spheres, and of each pair of
-// it and a coarser octave, taken from the side that costs less.
-double either_cost(const Summary& s, const std::vector<int>& octaves, std::size_t a, std::size_t b) {
+// The cost of making octaves a to b one level, for CrossSearch::cheaper: of the search of this level by its
+// own spheres, and, for each coarser octave, of the search between the two in the direction that costs less.
+double cheaper_cost(const Summary& s, const std::vector<int>& octaves, std::size_t a, std::size_t b) {
   const Summary::Octave all = merged(s, octaves, a, b);
-  const double size = all.need_max, own = 10,
-               several = 8;  // several: keys where there is more than one level
+  const double size = all.need_max, own = 10;
+  const double several = 8;  // for finding a sphere's level and key, where there is more than one level
   if (!(size > 0)) return 0;
   double cost = b + 1 - a < octaves.size() ? several * static_cast<double>(all.count) : 0;
   for (std::size_t k = a; k <= b; k++) {
@@ -115,25 +106,27 @@ double either_cost(const Summary& s, const std::vector<int>& octaves, std::size_
     double density = 0;
     for (std::size_t q = a; q <= b; q++) {
       const Summary::Octave& other = s.octave[octaves[q]];
-      density += density_of(other, size) * share_near(o, other, size);
+      density += density_of(other, size) * fraction_near(o, other, size);
     }
     cost += static_cast<double>(o.count) * (own + 5 * row_cost(3 * density));
   }
   for (std::size_t k = b + 1; k < octaves.size(); k++) {
     const Summary::Octave& o = s.octave[octaves[k]];
-    cost += std::min(static_cast<double>(o.count) * look_cost(o, all, size),
-                     static_cast<double>(all.count) * look_cost(all, o, o.need_max));
+    cost += std::min(static_cast<double>(o.count) * cross_search_cost(o, all, size),
+                     static_cast<double>(all.count) * cross_search_cost(all, o, o.need_max));
   }
   return cost;
 }
 
-// Cost, in pair tests, of making octaves a to b one level. Up: its own spheres look at half of the
-// neighbourhood, each finer sphere at 2 to 3 bins an axis; a row of bins costs about as much as some pair
-// tests. Down: each coarser sphere looks at every row of bins that comes near it, 4 tests a row, and there a
-// test costs 4 (cuda/down.h).
+// The cost of making octaves a to b one level, in pair tests on a GPU, for the two fixed directions. In both,
+// the spheres of the level search half of their neighbourhood. fine_to_coarse: each finer sphere also
+// searches 2 to 3 bins of this level along each axis. Finding a row of bins costs as much as some pair tests.
+// coarse_to_fine: each coarser sphere searches every row of bins near it. There a row costs 4 tests, and a
+// test 4 times as much as elsewhere.
 double level_cost(const Summary& s, const std::vector<int>& octaves, std::size_t a, std::size_t b,
-                  Look look) {
-  const double own_rows = look == Look::up ? 12 : 25, coarser_rows = 18, down_row = 4, down_test = 4;
+                  CrossSearch cross_search) {
+  const bool up = cross_search == CrossSearch::fine_to_coarse;
+  const double own_rows = up ? 12 : 25, finer_rows = 18, coarser_row = 4, coarser_test = 4;
   double size = 0;
   for (std::size_t k = a; k <= b; k++) size = std::max(size, s.octave[octaves[k]].need_max);
   const auto density = [&](const Summary::Octave& seen_by) {
@@ -142,48 +135,51 @@ double level_cost(const Summary& s, const std::vector<int>& octaves, std::size_t
   double cost = 0;
   for (std::size_t k = a; k <= b; k++) {
     const Summary::Octave& o = s.octave[octaves[k]];
-    const double wide = 2 + (look == Look::down ? 1
-                             : size > 0         ? o.need_max / size
-                                                : 1),
+    const double wide = 2 + (!up        ? 1
+                             : size > 0 ? o.need_max / size
+                                        : 1),
                  tests = density(o) * wide * wide * wide;
     cost += static_cast<double>(o.count) * (own_rows + tests / 2);
   }
-  for (std::size_t k = 0; k < a && look == Look::up; k++) {
+  for (std::size_t k = 0; k < a && up; k++) {
     const Summary::Octave& o = s.octave[octaves[k]];
     const double wide = 2 + (size > 0 ? o.need_max / size : 1);
-    cost += static_cast<double>(o.count) * (coarser_rows + density(o) * wide * wide * wide);
+    cost += static_cast<double>(o.count) * (finer_rows + density(o) * wide * wide * wide);
   }
   const Summary::Octave all = merged(s, octaves, a, b);
-  for (std::size_t k = b + 1; k < octaves.size() && look == Look::down; k++) {
+  for (std::size_t k = b + 1; k < octaves.size() && !up; k++) {
     const Summary::Octave& o = s.octave[octaves[k]];
-    double wide[3];  // bins within reach, of those that exist
+    double wide[3];  // bins along each axis within the search radius, of those that exist
     for (int c = 0; c < 3; c++)
       wide[c] = size > 0 ? std::min(2 + 0.75 * o.need_max / size, 2 + bins_along(all, c, size)) : 3;
-    cost +=
-        static_cast<double>(o.count) * wide[1] * wide[2] * (down_row + down_test * density(o) * wide[0] / 2);
+    cost += static_cast<double>(o.count) * wide[1] * wide[2] *
+            (coarser_row + coarser_test * density(o) * wide[0] / 2);
   }
   return cost;
 }
 
-// Best partition of the octaves into runs: dynamic programming over (levels used, octaves taken).
-std::vector<std::size_t> choose_levels(const Summary& s, const std::vector<int>& octaves, Look look) {
+// The partition of the octaves into consecutive runs, one for each level, that costs least. Dynamic
+// programming over (levels used, octaves taken). Returns the first octave of each level.
+std::vector<std::size_t> choose_levels(const Summary& s, const std::vector<int>& octaves,
+                                       CrossSearch cross_search) {
+  const bool down = cross_search == CrossSearch::coarse_to_fine;
   const std::size_t n = octaves.size();
   std::vector<std::vector<double>> best(kMaxLevels + 1, std::vector<double>(n + 1, INFINITY));
   std::vector<std::vector<std::size_t>> from(kMaxLevels + 1, std::vector<std::size_t>(n + 1, 0));
   best[0][0] = 0;
   for (std::size_t a = 0; a < n; a++)
     for (std::size_t b = a; b < n; b++) {
-      // A level more is not free, even of a handful of spheres.
-      const double cost = look == Look::either
-                              ? either_cost(s, octaves, a, b)
-                              : level_cost(s, octaves, a, b, look) +
-                                    (look == Look::down ? 0.02 * static_cast<double>(s.count) : 0);
+      // Each level costs something, even if it has only a few spheres.
+      const double cost =
+          cross_search == CrossSearch::cheaper
+              ? cheaper_cost(s, octaves, a, b)
+              : level_cost(s, octaves, a, b, cross_search) + (down ? 0.02 * static_cast<double>(s.count) : 0);
       for (int used = 0; used < kMaxLevels; used++)
         if (best[used][a] + cost < best[used + 1][b + 1])
           best[used + 1][b + 1] = best[used][a] + cost, from[used + 1][b + 1] = a;
     }
-  // One level alone is searched by a leaner kernel: a handful of larger spheres is not worth a second one.
-  if (look == Look::down) best[1][n] -= 4 * static_cast<double>(s.count);
+  // A faster kernel searches a single level, so a few larger spheres are not worth a second level.
+  if (down) best[1][n] -= 4 * static_cast<double>(s.count);
   int used = 1;
   for (int k = 2; k <= kMaxLevels; k++)
     if (best[k][n] < best[used][n]) used = k;
@@ -193,6 +189,7 @@ std::vector<std::size_t> choose_levels(const Summary& s, const std::vector<int>&
   return begins;
 }
 
+// The bounds and buckets of a level. It is hashed if it would have more than `most` bins.
 void lay_out(Level& l, const Summary::Octave& all, double most) {
   double bins = 1;
   for (int k = 0; k < 3; k++) {
@@ -212,10 +209,19 @@ void lay_out(Level& l, const Summary::Octave& all, double most) {
 
 }  // namespace
 
+Summary with_octaves(const Summary& given) {
+  Summary s = given;
+  if (s.octaves_known) return s;
+  Summary::Octave& o = s.octave[0];
+  o.count = s.count, o.need_max = s.need_max, o.radius_max = s.radius_max;
+  std::copy_n(s.low, 3, o.low), std::copy_n(s.high, 3, o.high);
+  return s;
+}
+
 bool needs_octaves(const Summary& s) { return s.count > 0 && s.need_max > 4 * s.radius_min; }
 
 int octaves_above(std::span<const std::uint64_t, kExponents> of_exponent) {
-  // Spheres below each exponent; the smallest and largest exponent there is.
+  // below[e]: spheres of smaller exponents than e. And the smallest and the largest exponent that occur.
   std::vector<std::uint64_t> below(kExponents + 1, 0);
   int smallest = kExponents, largest = -1;
   for (int e = 0; e < kExponents; e++) {
@@ -223,7 +229,7 @@ int octaves_above(std::span<const std::uint64_t, kExponents> of_exponent) {
         below[static_cast<std::size_t>(e)] + of_exponent[static_cast<std::size_t>(e)];
     if (of_exponent[static_cast<std::size_t>(e)]) smallest = std::min(smallest, e), largest = e;
   }
-  // Spheres that share an octave with others of another exponent, if octave 0 begins at `top`.
+  // The number of spheres that share an octave with spheres of another exponent, if octave 0 begins at `top`.
   const auto lumped = [&](int top) {
     const int last = top - (kOctaves - 1);
     return (largest > top ? below[kExponents] - below[static_cast<std::size_t>(top)] : 0) +
@@ -235,12 +241,12 @@ int octaves_above(std::span<const std::uint64_t, kExponents> of_exponent) {
   return largest - best;
 }
 
-Grid choose_grid(const Summary& given, double bin_size, double bins_per_sphere, Look look) {
+Grid choose_grid(const Summary& given, double bin_size, double bins_per_sphere, CrossSearch cross_search) {
   Grid g;
   if (given.count == 0) return g;
   const Summary s = with_octaves(given);
   const std::vector<int> octaves = populated(s);
-  const std::vector<std::size_t> begins = choose_levels(s, octaves, look);
+  const std::vector<std::size_t> begins = choose_levels(s, octaves, cross_search);
   g.levels = static_cast<std::int32_t>(begins.size());
   g.top = exponent_of(s.need_max) - s.above;
   g.buckets = 0;
@@ -255,65 +261,25 @@ Grid choose_grid(const Summary& given, double bin_size, double bins_per_sphere, 
     l.per_size = 1 / l.size, l.units = std::ldexp(l.per_size, kUnitBits), l.radius_max = all.radius_max;
     l.spheres = all.count;
     l.offset = g.buckets;
-    // A level of few spheres may have as many bins as those below it: coarser bins are fewer anyway.
-    const double many = std::max(bins_per_sphere * static_cast<double>(all.count),
-                                 look != Look::up ? 2 * static_cast<double>(s.count) : 0);
+    // A level with few spheres may have as many bins as the finer levels: as its bins are coarser, it has
+    // fewer.
+    const double many =
+        std::max(bins_per_sphere * static_cast<double>(all.count),
+                 cross_search != CrossSearch::fine_to_coarse ? 2 * static_cast<double>(s.count) : 0);
     lay_out(l, all, std::min(many + 4096, begins.size() == 1 ? 0x1p31 : 0x1p28));
     g.buckets += l.buckets;
   }
   return g;
 }
 
-double look_cost(const Level& from, const Level& at) {
+double cross_search_cost(const Level& from, const Level& at) {
   const auto octave = [](const Level& l) {
     Summary::Octave o{l.spheres, l.size, l.radius_max};
     for (int k = 0; k < 3; k++)
       o.low[k] = static_cast<double>(l.first[k]) * l.size, o.high[k] = o.low[k] + (l.count[k] - 1) * l.size;
     return o;
   };
-  return look_cost(octave(from), octave(at), at.size, at.hashed);
-}
-
-StageGrid choose_stage_grid(const Summary& given, double bin_size) {
-  StageGrid g;
-  if (given.count == 0) return g;
-  const Summary s = with_octaves(given);
-  const double count = static_cast<double>(s.count), mean = s.radius_sum / count;
-  double widest = 0;
-  for (int k = 0; k < 3; k++) widest = std::max(widest, s.high[k] - s.low[k]);
-  const auto entries = [&](double size) {  // of B, at most
-    double sum = 0;
-    for (const Summary::Octave& o : s.octave) {
-      if (o.count == 0) continue;
-      double extent = 0;
-      for (int k = 0; k < 3; k++) extent = std::max({extent, std::abs(o.low[k]), std::abs(o.high[k])});
-      const double wide = 2 * (o.radius_max + hair_of(extent, o.radius_max)) / size + 2;
-      sum += static_cast<double>(o.count) * wide * wide * wide;
-    }
-    return sum;
-  };
-  if (bin_size > 0) {
-    g.size = std::max(bin_size, 0x1p-900);
-    if (entries(g.size) > 1e12)
-      throw Error("bins of " + number(bin_size) +
-                  " are too small for these spheres: choose larger bins or the fast path");
-  } else {
-    if (s.radius_max > 0)
-      g.size = s.radius_max > 3 * mean ? 3 * mean : 2 * s.radius_max * (1 + 0x1p-20);
-    else if (widest > 0)
-      g.size = widest / std::cbrt(count);
-    g.size =
-        std::max(g.size, 0x1p-900);  // before it grows: a length near 2^-1074 times 1.25 stays what it is
-    while (entries(g.size) > 64 * count + 4096) g.size *= 1.25;
-  }
-  Sphere low{s.low[0], s.low[1], s.low[2], s.radius_max}, high{s.high[0], s.high[1], s.high[2], s.radius_max};
-  const Touched first = touched_bins(g, low), last = touched_bins(g, high);
-  for (int k = 0; k < 3; k++) {
-    g.first[k] = first.low[k];
-    g.side[k] = std::min<std::uint64_t>(static_cast<std::uint64_t>(last.high[k] - first.low[k]) + 1,
-                                        std::uint64_t(1) << kSideBits);
-  }
-  return g;
+  return cross_search_cost(octave(from), octave(at), at.size, at.hashed);
 }
 
 }  // namespace padder::detect

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: MIT
-// Where a sphere belongs: levels by size, bins of a level, keys of bins. Host and device; only choose_grid is
-// host code. One sphere is in one bin, that of its centre (the owner bin). Every length is exact: a bin's
-// edge has 10 significant bits and a bin number at most 43, so that their product, a bin's corner, is a
-// double without rounding.
+// Where a sphere belongs: its level by its size, its bin (cell) by its centre, and the key of that bin. A
+// sphere is in one bin only, its owner bin. For host and device, except for what is marked as host code.
+//
+// The corners of the bins are exact: a bin's edge has 10 significant bits and a bin number at most 43, so
+// their product is a double without rounding.
 #pragma once
 #include <cstddef>
 #include <span>
@@ -13,50 +14,54 @@ namespace padder::detect {
 
 inline constexpr int kMaxLevels = 12, kOctaves = 64;
 inline constexpr int kUnitBits =
-    24;  // fixed-point units of a bin's edge: places are known modulo 2^(32 - 24) bins
+    24;  // a bin's edge is 2^24 fixed-point units, so a 32-bit place is known modulo 2^8 bins
 
-// A bin by its place in a level.
+// The numbers of a bin along the axes.
 struct Bin {
   std::int64_t x, y, z;
 };
 
-// Bins of one size. Dense: bins first to first + count - 1 on each axis, numbered x fastest, with an empty
-// border of one bin so that a neighbour's number needs no test. Hashed, where that would be too many: a row
-// (y, z) begins at a hashed place of a ring of `ring` buckets and runs on along x. Then a bucket holds
-// spheres of unrelated bins, and a candidate counts only when its own bin is the one that was meant (in_row).
+// Bins of one size.
+//
+// A dense level has a bucket for each bin from `first` to `first + count - 1` on each axis. They are numbered
+// with x fastest. A border of one empty bin surrounds them, so the number of a neighbour needs no test.
+//
+// A hashed level has too many bins for that. Row (y, z) of its bins begins at a hashed place in a ring of
+// `ring` buckets and continues along x. A bucket then holds spheres of unrelated bins, so a candidate counts
+// only if its own bin is the one that is searched (in_row).
 struct Level {
-  double size = 1, per_size = 1, units = 1;  // a bin's edge, about 1 / size, 2^24 / size
-  double radius_max = 0;                     // of its spheres, or more; size >= 2 radius_max
+  double size = 1, per_size = 1, units = 1;  // a bin's edge; about 1 / size; 2^24 / size
+  double radius_max = 0;                     // no sphere of the level is larger; size >= 2 radius_max
   std::uint32_t hashed = 0;
   std::int64_t first[3] = {0, 0, 0};
   std::uint32_t count[3] = {1, 1, 1};
   std::uint32_t ring = 1;                 // a power of two
   std::uint32_t offset = 0, buckets = 1;  // its keys are offset to offset + buckets - 1
-  std::uint64_t spheres = 0;              // as many as the summary has
+  std::uint64_t spheres = 0;              // their number, by the summary
   friend bool operator==(const Level&, const Level&) = default;
 };
 
-// Levels from the finest to the coarsest. A sphere looks for partners at its own level and, as the backend
-// likes, at the coarser ones (up) or at the finer ones (down).
+// All levels, from the finest to the coarsest. Each sphere searches its own level. Of two levels, the spheres
+// of one search the other: the finer ones or the coarser ones, as the backend decides.
 struct Grid {
   std::int32_t levels = 1;
-  std::int32_t top = 0;  // exponent of the largest need
+  std::int32_t top = 0;  // octave 0 holds the needs of this exponent and larger ones
   std::uint8_t level_of_octave[kOctaves] = {};
-  double magnitude_share = 0;  // see need_of
-  std::uint32_t buckets = 1;   // of all levels; keys need bits_for(buckets) bits
+  std::uint32_t buckets = 1;  // of all levels together; a key needs bits_for(buckets) bits
   Level level[kMaxLevels];
   friend bool operator==(const Grid&, const Grid&) = default;
 };
 
-// The bin edge a sphere asks for: its diameter and a little, so that two touching spheres of one level are
-// never more than one bin apart, and no less than keeps its bin numbers below 2^43 (one sphere at 1e30 does
-// not spoil the bins of the others: it moves to a coarser level).
+// The bin edge that a sphere needs. It is a little more than the diameter, so that two touching spheres of
+// one level are never more than one bin apart. For a sphere far from the origin it is larger, so that bin
+// numbers stay below 2^43: a sphere at 1e30 goes to a coarser level and leaves the bins of the others as they
+// are.
 PADDER_HD double need_of(const Sphere& s) {
   const double m = larger(larger(magnitude(s.x), magnitude(s.y)), magnitude(s.z));
   return larger(2 * s.r * (1 + 0x1p-20), m * 0x1p-42);
 }
 
-// floor(log2(need)), -1023 for zero and denormals.
+// floor(log2(need)); -1023 for zero and denormal numbers.
 PADDER_HD int exponent_of(double need) {
   std::uint64_t bits;
   memcpy(&bits, &need, sizeof bits);
@@ -71,16 +76,20 @@ PADDER_HD int level_of(const Grid& g, const Sphere& s) {
   return g.levels == 1 ? 0 : g.level_of_octave[octave_of(g.top, need_of(s))];
 }
 
-// The bin number, floor(x / size) exactly, and what is left, x - bin * size, 0 <= rest <= size. For |x| <=
-// 2^43 size. The floor never decreases with x: what lies between two coordinates lies between their bins.
-//   Corners b * size are exact. The rounded quotient is off by less than 2^-8, or it underflows to 0, so
-//   b is at most one off. A difference has the sign of the exact one even when it is rounded, so rest < 0
-//   says that b is one too high, whatever the size of x. If b is one too low then rest >= size, rounded or
-//   not. If b is right, the difference is exact for b >= 1 and b <= -2 (Sterbenz: x and b * size are within a
-//   factor of two) and for b = 0, and so rest < size; in bin -1 it may be rounded up to size, from -1e-20 for
-//   one. But there b is never one too low: the quotient is negative and so is x. A rest of `size` is off by
-//   at most 2^-53 of it, as any rest in that bin.
-// floor and not a cast: -0.5 is in bin -1.
+// The bin number of a coordinate, exactly floor(x / size), and the remainder x - bin * size, 0 <= rest <=
+// size. Valid for |x| <= 2^43 size. The bin number never decreases when x grows, so what lies between two
+// coordinates lies between their bins. (A cast instead of floor would put -0.5 into bin 0 instead of bin -1.)
+//
+// Proof. Let b be the number computed first. Its corner b * size is exact. The rounded quotient is off by
+// less than 2^-8, or it underflows to 0, so b is off by at most one. A rounded difference has the sign of the
+// exact one, so rest < 0 says that b is one too high, however large x is. If b is one too low, then rest >=
+// size, rounded or not.
+//
+// If b is right and b >= 1 or b <= -2, the difference is exact (Sterbenz: x and b * size differ by at most a
+// factor of two); for b = 0 it is x itself. So rest < size. In bin -1 the difference may be rounded up to
+// `size`, for instance for x = -1e-20. But there b is never one too low, because the quotient and x are both
+// negative, so the second test leaves that bin alone. A rest of `size` is off by at most 2^-53 size, as any
+// rest in that bin.
 struct Split {
   std::int64_t bin;
   double rest;
@@ -98,8 +107,8 @@ PADDER_HD Bin bin_of(const Level& l, const Sphere& s) {
   return {split(l, s.x).bin, split(l, s.y).bin, split(l, s.z).bin};
 }
 
-// Key of bin (0, y, z), such that key_in_row(l, row, x) is the key of (x, y, z). Unsigned arithmetic wraps on
-// purpose.
+// A number for row (y, z) of bins, such that key_in_row(l, row, x) is the key of bin (x, y, z). Unsigned
+// arithmetic wraps on purpose.
 PADDER_HD std::uint32_t row_of(const Level& l, std::int64_t y, std::int64_t z) {
   if (l.hashed)
     return static_cast<std::uint32_t>(
@@ -116,8 +125,9 @@ PADDER_HD std::uint32_t key_of(const Level& l, const Bin& b) {
   return key_in_row(l, row_of(l, b.y, b.z), b.x);
 }
 
-// Cuts the bins x_low to x_high of row (y, z) to those that exist; false when none does. At a sphere's own
-// level the border makes this needless; a finer sphere may stand outside the bounds of a coarser level.
+// Restricts the bins x_low to x_high of row (y, z) to those that exist. False if none of them does. A sphere
+// that searches its own level does not need this, because of the border; a finer sphere may lie outside the
+// bounds of a coarser level.
 PADDER_HD bool cut_row(const Level& l, std::int64_t& x_low, std::int64_t& x_high, std::int64_t y,
                        std::int64_t z) {
   if (l.hashed) return true;
@@ -128,27 +138,31 @@ PADDER_HD bool cut_row(const Level& l, std::int64_t& x_low, std::int64_t& x_high
   return x_low <= x_high;
 }
 
-// Hashed levels only, asked of a candidate that passed the filter: is its bin one of those that were meant?
-// Two rows may share buckets; without this a pair could be found twice, or with a distance that wrapped
-// around.
+// Is the bin of this candidate one of the bins x_low to x_high of row (y, z)? Asked on hashed levels only,
+// where two rows may share buckets. Without the question a pair could be found twice, or by a fixed-point
+// distance that wrapped.
 PADDER_HD bool in_row(const Level& l, const Sphere& s, std::int64_t x_low, std::int64_t x_high,
                       std::int64_t y, std::int64_t z) {
   const Bin b = bin_of(l, s);
   return b.y == y && b.z == z && x_low <= b.x && b.x <= x_high;
 }
 
-// The bins of level l that a sphere of radius r may find partners in, from the remainders of its coordinate:
-// -1 to +1.
-struct Reach {
+// The neighbouring bins of level l, along one axis, in which a sphere of radius r may find partners. Relative
+// to its own bin: low is -1 or 0, high is 0 or 1.
+struct BinOffsets {
   int low, high;
 };
-PADDER_HD Reach reach_of(const Level& l, const Split& s, double r) {
-  const double reach = (r + l.radius_max) * (1 + 0x1p-20);
-  return {s.rest < reach ? -1 : 0, s.rest + reach >= l.size ? 1 : 0};
+PADDER_HD BinOffsets neighbour_offsets(const Level& l, const Split& s, double r) {
+  const double search_radius = (r + l.radius_max) * (1 + 0x1p-20);
+  return {s.rest < search_radius ? -1 : 0, s.rest + search_radius >= l.size ? 1 : 0};
 }
 
-// A sphere as the fixed-point slot of level l: position modulo 256 bins, off by at most half a unit and a
-// hair.
+// A sphere that searches a finer level computes its search radius in bins of that level, in float. This
+// factor and this margin enlarge the radius by twice what can be rounded away, so that no partner is missed.
+inline constexpr float kSearchRadiusFactor = 1 + 0x1p-16f, kSearchRadiusMargin = 0x1p-14f;
+
+// A coordinate and a sphere as fixed-point slots of level l: the position is known modulo 256 bins, and is
+// off by at most half a unit and a rounding of double.
 PADDER_HD std::int32_t fixed_point_of(const Level& l, const Split& s) {
   const auto q = static_cast<std::uint64_t>(s.bin) << kUnitBits;
   return static_cast<std::int32_t>(static_cast<std::uint32_t>(
@@ -168,43 +182,57 @@ PADDER_HD int bits_for(std::uint32_t buckets) {
   return bits;
 }
 
-// What a first pass over the spheres finds; each backend fills it in its own way. Bounds may be wider than
-// the truth.
+// What a first pass over the spheres finds. Each backend fills it in its own way. Bounds may be wider than
+// the spheres are, but not narrower.
 struct Summary {
-  // The spheres whose sizes share a power of two.
+  // The spheres whose needs have the same power of two.
   struct Octave {
     std::uint64_t count = 0;
     double need_max = 0, radius_max = 0;
     double low[3] = {INFINITY, INFINITY, INFINITY},
-           high[3] = {-INFINITY, -INFINITY, -INFINITY};  // of centres
+           high[3] = {-INFINITY, -INFINITY, -INFINITY};  // bounds of the centres
   };
   std::uint64_t count = 0;
-  double need_max = 0, radius_max = 0, radius_min = INFINITY, radius_sum = 0,
-         extent = 0;  // extent: largest |coordinate|
+  double need_max = 0, radius_max = 0, radius_min = INFINITY, radius_sum = 0;
+  double extent = 0;  // the largest |coordinate|
   double low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY};
   std::uint64_t first_fault = ~std::uint64_t(0);  // index of the first sphere with a fault
-  // By octave of need below `above` octaves under exponent_of(need_max): octave 0 holds what is larger, too,
-  // and the last what is smaller. Octave 0 holds everything when need varies by less than one octave: a
-  // backend may then skip the second pass and leave this to choose_grid.
+  // Octave 0 begins `above` octaves below exponent_of(need_max). It also holds everything larger, and the
+  // last octave everything smaller. If the needs vary by less than one octave, octave 0 holds all spheres; a
+  // backend may then skip the second pass, which counts the octaves, and leave this to with_octaves().
   bool octaves_known = false;
   int above = 0;
   Octave octave[kOctaves];
 };
 
-// Host. Where need varies by more than kOctaves octaves: the best Summary::above, given how many spheres
-// there are of each exponent_of(need) + 1023. One ball of 1e25 would else put all others, however they
-// differ, into the last octave, and so into one level, with bins for the largest of them.
+// Host code. The best value of Summary::above if the needs vary by more than kOctaves octaves.
+// `of_exponent[e]` is the number of spheres with exponent_of(need) + 1023 == e. Without this, one ball of
+// radius 1e25 would put all other spheres into the last octave, and so into one level with bins for the
+// largest of them.
 inline constexpr int kExponents = 2047;
 int octaves_above(std::span<const std::uint64_t, kExponents> of_exponent);
 
-// Host. Merges octaves into the levels that cost least and lays out their bins: dense up to about
-// `bins_per_sphere` bins a sphere, hashed beyond. `bin_size` raises the edge of the finest bins; 0 chooses.
-// Never more than 2^32 buckets.
-enum class Look { up, down, either };
+// Host code. Do the sizes vary so much that the octaves must be counted?
 bool needs_octaves(const Summary& s);
-Grid choose_grid(const Summary& s, double bin_size, double bins_per_sphere = 8, Look look = Look::up);
-// Host. What it costs, on a CPU, that a sphere of `from` looks at level `at`: some nanoseconds, good for
-// comparing.
-double look_cost(const Level& from, const Level& at);
+// Host code. The summary with all spheres in octave 0 if its octaves were not counted.
+Summary with_octaves(const Summary& s);
+
+// Which of two levels searches the other. `cheaper`: whichever costs less, pair by pair.
+enum class CrossSearch { fine_to_coarse, coarse_to_fine, cheaper };
+// Host code. Merges octaves into the levels that cost least for that way of searching, and lays out their
+// bins: dense up to about `bins_per_sphere` bins for each sphere, hashed beyond. `bin_size` is a lower bound
+// for the edge of the finest bins; 0: none. There are never more than 2^32 buckets.
+Grid choose_grid(const Summary& s, double bin_size, double bins_per_sphere = 8,
+                 CrossSearch cross_search = CrossSearch::fine_to_coarse);
+// Host code. What it costs on a CPU that a sphere of level `from` searches level `at`: nanoseconds, good
+// enough to compare two ways.
+double cross_search_cost(const Level& from, const Level& at);
+
+// Names that the CUDA sources still use.
+using Reach = BinOffsets;
+PADDER_HD Reach reach_of(const Level& l, const Split& s, double r) { return neighbour_offsets(l, s, r); }
+struct Look {
+  static constexpr CrossSearch up = CrossSearch::fine_to_coarse, down = CrossSearch::coarse_to_fine;
+};
 
 }  // namespace padder::detect

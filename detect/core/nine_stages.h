@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
-// The nine stages of section 2.1, one function each, arrays under the paper's names. The reference that the
-// fast path is checked against. Both backends have these functions; here are what they share, and the OpenMP
-// ones.
+// What the nine stages of section 2.1 of the paper share in both backends: the grid, the arrays under the
+// paper's names, and the decision in which bin a contact is reported. The nine stages are the reference for
+// the grid path. They decide in double, whatever CallOptions::precision says.
 #pragma once
 #include <cstdint>
 #include <vector>
@@ -11,28 +11,30 @@
 
 namespace padder::detect {
 
-inline constexpr std::uint64_t kInactive =
-    ~std::uint64_t(0);                // start of a bin that is touched by fewer than two spheres
-inline constexpr int kSideBits = 21;  // a bin number has 21 bits an axis; more bins wrap around
+// BinStart::start of an inactive bin, which fewer than two spheres touch.
+inline constexpr std::uint64_t kInactive = ~std::uint64_t(0);
+// Bits of a bin number along each axis. Where there are more bins, the numbers wrap.
+inline constexpr int kSideBits = 21;
 
-// The uniform grid of the nine stages. A bin's number is x + y SIDE.x + z SIDE.x SIDE.y. Where an axis has
-// more than 2^21 bins the numbers wrap: two bins that share a number share a list, and the midpoint rule
-// still reports a pair once.
+// The uniform grid of the nine stages. A bin's number is x + y SIDE.x + z SIDE.x SIDE.y. Along an axis with
+// more than 2^21 bins the numbers wrap. Two bins with the same number then share a list, and the midpoint
+// rule still reports each pair once.
 struct StageGrid {
   double size = 1;
   std::int64_t first[3] = {0, 0, 0};
   std::uint64_t side[3] = {1, 1, 1};
 };
 
-// One sphere in one bin.
-struct BinEntry {  // of B
+// An entry of array B: a bin, and an object (sphere) that touches it.
+struct BinEntry {
   std::uint64_t bin;
   std::uint32_t object;
 };
-// Where the spheres of a bin begin.
-struct BinStart {  // of C: one for each bin that is touched at all (the paper: one for each bin of the grid)
-  std::uint64_t start;  // in sorted B; kInactive: fewer than two spheres touch it
-  std::uint64_t end;    // one past its last entry
+// An entry of array C: where the objects of a bin are in sorted B. There is one for each bin that is touched;
+// the paper has one for each bin of the grid.
+struct BinStart {
+  std::uint64_t start;  // kInactive: fewer than two spheres touch the bin
+  std::uint64_t end;    // one past the bin's last entry
   std::uint64_t bin;
 };
 
@@ -51,37 +53,39 @@ struct Arrays {
   std::vector<Pair> F;           // stage 9
 };
 
-// The bins a sphere touches, first and last on each axis. Bounds are widened by a hair, so that spheres which
-// touch by the decision of contact.h always share a bin, whatever was rounded: with c, r the larger of both
-// spheres' and s the sum of their radii, they are apart along an axis by at most s (1 + 2^-50), and each
-// bound is off by at most 2^-51 (c + r), or, below 2^-1022, where only products round, by 2^-1074. The hairs
-// are 2^-48 (c + r) together and 2^-1070 each: more than all that. And stage_bin never decreases with x.
-struct Touched {
+// The first and the last bin that a sphere touches, along each axis. A margin is added to the sphere, so that
+// two spheres that touch by the decision of contact.h always share a bin, whatever was rounded.
+//
+// Proof. Let c and r be the larger coordinate and the larger radius of the two, and s the sum of the radii.
+// Along an axis the centres are at most s (1 + 2^-50) apart. Each bound is off by at most 2^-51 (c + r), or
+// by 2^-1074 below 2^-1022, where only products are rounded. The two margins are 2^-48 (c + r) together and
+// 2^-1070 each, which is more than all of that. And stage_bin never decreases when x grows.
+struct TouchedBins {
   std::int64_t low[3], high[3];
 };
 PADDER_HD std::int64_t stage_bin(double x, double size) {
-  const double q = floor(div(x, size));  // clamped: a cast beyond 2^63 is undefined
+  const double q = floor(div(x, size));  // clamped below: a cast beyond 2^63 is undefined
   return static_cast<std::int64_t>(smaller(larger(q, -0x1p61), 0x1p61));
 }
-PADDER_HD double hair_of(double coordinate, double r) {
+PADDER_HD double bin_margin(double coordinate, double r) {
   return add(add(mul(magnitude(coordinate), 0x1p-48), mul(r, 0x1p-48)), 0x1p-1070);
 }
-PADDER_HD Touched touched_bins(const StageGrid& g, const Sphere& s) {
+PADDER_HD TouchedBins touched_bins(const StageGrid& g, const Sphere& s) {
   const double c[3] = {s.x, s.y, s.z};
-  Touched t;
+  TouchedBins t;
   for (int k = 0; k < 3; k++) {
-    const double hair = hair_of(c[k], s.r);
-    t.low[k] = stage_bin(sub(c[k], add(s.r, hair)), g.size);
-    t.high[k] = stage_bin(add(c[k], add(s.r, hair)), g.size);
+    const double margin = bin_margin(c[k], s.r);
+    t.low[k] = stage_bin(sub(c[k], add(s.r, margin)), g.size);
+    t.high[k] = stage_bin(add(c[k], add(s.r, margin)), g.size);
   }
   return t;
 }
-PADDER_HD std::uint64_t touched_count(const Touched& t) {
+PADDER_HD std::uint64_t touched_count(const TouchedBins& t) {
   std::uint64_t n = 1;
   for (int k = 0; k < 3; k++) {
-    const auto wide = static_cast<std::uint64_t>(t.high[k] - t.low[k] + 1), most = std::uint64_t(1)
-                                                                                   << kSideBits;
-    n *= wide < most ? wide : most;  // more never fits in memory: the sentence about it is all that is wanted
+    const auto wide = static_cast<std::uint64_t>(t.high[k] - t.low[k] + 1);
+    constexpr std::uint64_t most = std::uint64_t(1) << kSideBits;
+    n *= wide < most ? wide : most;  // more would never fit in memory; the product must only not overflow
   }
   return n;
 }
@@ -95,15 +99,16 @@ PADDER_HD std::uint64_t bin_number(const StageGrid& g, std::int64_t x, std::int6
   return n;
 }
 
-// Stages 7 and 9 ask this of every pair of a bin: is it a contact that this bin reports? Touching, admitted,
-// owned, and with the midpoint in this bin. The midpoint's bin is held inside the bins both spheres touch,
-// where it belongs: rounding could put it one outside, and the contact would be lost.
+// Is this pair of a bin a contact that this bin reports? It must touch, the filter must admit it, the region
+// must own it, and its midpoint must lie in this bin. Stages 7 and 9 ask this for every pair of every bin.
+// Rounding may put the midpoint one bin outside those that both spheres touch; it is moved back, or the
+// contact would be lost.
 PADDER_HD bool reports(const StageGrid& g, std::uint64_t bin, const Sphere& i, const Sphere& j,
                        const Filter& fi, const Filter& fj, const Region& own) {
   if (!touching(i, j) || !admitted(fi, fj)) return false;
   const Midpoint m = midpoint(i, j);
   if (!owns(own, m)) return false;
-  const Touched a = touched_bins(g, i), b = touched_bins(g, j);
+  const TouchedBins a = touched_bins(g, i), b = touched_bins(g, j);
   const double p[3] = {m.x, m.y, m.z};
   std::int64_t at[3];
   for (int k = 0; k < 3; k++) {
@@ -115,9 +120,11 @@ PADDER_HD bool reports(const StageGrid& g, std::uint64_t bin, const Sphere& i, c
   return bin_number(g, at[0], at[1], at[2]) == bin;
 }
 
-// Bin size of section 2.2.1: twice the largest radius, or three times the mean when radii differ widely;
-// larger where B would take more than about 64 entries a sphere. The nine stages always decide in double,
-// whatever Options::precision.
+// The grid with the bin size of section 2.2.1: twice the largest radius, or three times the mean radius if
+// radii differ widely. It is larger where array B would have more than about 64 entries for each sphere. A
+// `bin_size` above 0 is taken as it is; throws Error if it is far too small.
 StageGrid choose_stage_grid(const Summary& s, double bin_size);
+
+using Touched = TouchedBins;  // the name that the CUDA sources still use
 
 }  // namespace padder::detect

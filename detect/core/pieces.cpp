@@ -10,7 +10,7 @@ namespace {
 
 double distance(const Sphere& a, const Sphere& b) { return std::hypot(a.x - b.x, a.y - b.y, a.z - b.z); }
 
-// The radius a ball about `center` needs, and the sphere that needs it.
+// The radius that a ball around `center` needs to hold all spheres, and the sphere that needs it.
 double needed(std::span<const Sphere> spheres, const Sphere& center, std::size_t& farthest) {
   double most = 0;
   for (std::size_t k = 0; k < spheres.size(); k++) {
@@ -20,9 +20,9 @@ double needed(std::span<const Sphere> spheres, const Sphere& center, std::size_t
   return most;
 }
 
-// Nearly the smallest ball: from the middle of the box towards whatever stands out farthest (Badoiu and
-// Clarkson, Smaller core-sets for balls, 2003), in steps that shrink by a fixed share; the best of all places
-// is kept.
+// Nearly the smallest ball around the spheres (Badoiu and Clarkson, Smaller core-sets for balls, 2003). The
+// centre starts in the middle of the bounding box and moves towards the sphere that stands out farthest, in
+// steps that shrink by a fixed factor. The best centre of all is kept.
 Sphere enclosing_ball(std::span<const Sphere> spheres) {
   for (const Sphere& s : spheres)
     if (fault_of(s) != Fault::none) return {NAN, NAN, NAN, NAN};
@@ -46,8 +46,8 @@ Sphere enclosing_ball(std::span<const Sphere> spheres) {
     c.r = needed(spheres, c, far);
     if (c.r < best.r) best = c;
   }
-  // hypot and the sums are off by some 2^-52 of the distance and of the coordinates, which placing covers
-  // too.
+  // hypot and the sums are off by some 2^-52 of the distance and of the coordinates. These margins cover
+  // that.
   best.r = best.r * (1 + 0x1p-45) + 0x1p-48 * (std::abs(best.x) + std::abs(best.y) + std::abs(best.z)) +
            kBallLeast;
   return best;
@@ -82,7 +82,7 @@ void Pieces::cut(const Shape& shape) {
   const auto coordinate = [&](std::uint32_t k, int axis) {
     const Sphere& s = shape.spheres[k];
     const double v = axis == 0 ? s.x : axis == 1 ? s.y : s.z;
-    return v == v ? v : 0;  // NaN has no place in an order
+    return v == v ? v : 0;  // NaN cannot be ordered
   };
   struct Part {
     std::uint64_t first, end;
@@ -93,7 +93,7 @@ void Pieces::cut(const Shape& shape) {
     parts.pop_back();
     const std::uint64_t count = p.end - p.first;
     if (count == 0) continue;
-    if (count > kPieceSpheres) {  // full pieces to the left
+    if (count > kPieceSpheres) {  // halved so that all pieces of the first half are full
       const std::uint64_t full = (count + kPieceSpheres - 1) / kPieceSpheres,
                           middle = p.first + full / 2 * kPieceSpheres;
       int axis = 0;

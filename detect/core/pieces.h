@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: MIT
-// Bodies first: what is searched is not a body's spheres but the balls about its pieces, and only the spheres
-// of pieces whose balls meet are looked at. Host and device but for Pieces, which is host code. Every ball is
-// generous: rounding never lets a ball miss a sphere (proof in docs/detector.md, "Bodies first").
+// Searching bodies first: each shape is cut into pieces of neighbouring spheres, with a ball around each
+// piece. The search finds the balls that touch, and only then tests the spheres of those pieces. Balls are a
+// little larger than necessary, so that rounding never makes a ball miss one of its spheres (proof:
+// docs/detector.md, "Bodies first"). For host and device, except for Pieces, which is host code.
 #pragma once
 #include <span>
 #include <vector>
@@ -11,28 +12,30 @@
 
 namespace padder::detect {
 
-inline constexpr std::uint32_t kPieceSpheres = 64;  // of a piece, at most
+inline constexpr std::uint32_t kPieceSpheres = 64;  // at most, in a piece
 
-// Neighbouring spheres of a shape, and a ball about them in the shape's frame. A faulty sphere makes it NaN.
+// Neighbouring spheres of a shape, and a ball around them in the shape's frame. A faulty sphere makes the
+// ball NaN.
 struct Piece {
   Sphere ball;
-  std::uint32_t first = 0, count = 0;  // in the order of Pieces
+  std::uint32_t first = 0, count = 0;  // its spheres in Pieces::spheres
 };
 
-// A sphere relative to its piece's ball, in radii of the ball: for the sieve.
+// A sphere relative to the ball of its piece, in units of the ball's radius. The sieve reads it.
 struct alignas(16) NearSphere {
   float x, y, z, r;
 };
 
-// All shapes cut into pieces by halving along the longest axis. Costs n log n once a shape.
+// All shapes, cut into pieces by halving along the longest axis. A shape of n spheres costs O(n log n), once.
 class Pieces {
  public:
-  // Builds what is not built yet; false when these shapes are those of the call before, byte for byte.
+  // Cuts the shapes into pieces. False if they are the shapes of the previous call, byte for byte: then it
+  // does nothing.
   bool update(std::span<const Shape> shapes);
 
-  std::vector<Sphere> spheres;         // of all shapes, each shape's in the order of its pieces
-  std::vector<std::uint32_t> numbers;  // of each its number in the shape
-  std::vector<NearSphere> near;
+  std::vector<Sphere> spheres;             // of all shapes; those of a shape in the order of its pieces
+  std::vector<std::uint32_t> numbers;      // for each of these spheres, its number in its shape
+  std::vector<NearSphere> near;            // for each of these spheres
   std::vector<Piece> pieces;               // of all shapes
   std::vector<std::uint32_t> shape_first;  // the first piece of each shape, and the end
 
@@ -42,19 +45,21 @@ class Pieces {
   std::vector<std::uint64_t> counts_;
 };
 
-// What the search over balls knows of one: a piece of a body, or a loose sphere by its number.
+// What a ball of the search stands for: a piece of a body, or a loose sphere.
 struct Element {
-  std::uint32_t body = 0, piece = 0;
+  std::uint32_t body = 0, piece = 0;  // for a loose sphere: kLoose, and its number among the loose ones
 };
-inline constexpr std::uint32_t kLoose = ~0u;  // as a body
+inline constexpr std::uint32_t kLoose = ~0u;
 
-// Margins of the proof: of a ball, relative to its radius, its distance from both origins, and absolute: a
-// rounding below 2^-1022 moves a number by up to 2^-1075, and no ball sees a thousand of them.
+// Margins of the proof, by which balls are enlarged. kBallMargin is relative to the ball's radius and its
+// distance from both origins. kBallLeast is absolute: below 2^-1022 a rounding moves a number by up to
+// 2^-1075, and a ball suffers fewer than a thousand of them. Beyond kBallMost there are no balls.
 inline constexpr double kBallMargin = 0x1p-46, kBallLeast = 0x1p-1060, kBallMost = 0x1p330;
 
-// A number no less than the greatest factor by which the matrix stretches; 1 and a hair for a rotation.
+// An upper bound for the factor by which the matrix stretches a vector. For a rotation it is hardly more
+// than 1.
 PADDER_HD double stretch_of(const double (&m)[9]) {
-  double e = 0;  // the entries of M'M - I, summed: at least its norm
+  double e = 0;  // the sum of the magnitudes of the entries of M'M - I; at least its norm
   for (int i = 0; i < 3; i++)
     for (int j = i; j < 3; j++) {
       const double v =
@@ -64,19 +69,20 @@ PADDER_HD double stretch_of(const double (&m)[9]) {
   return 1 + e + 0x1p-45;
 }
 
-// The ball of a piece where the body is. NaN where the body's place is none, or beyond all bounds: then the
-// spheres themselves must be asked what is wrong with them.
+// The ball of a piece where the body is. NaN if the pose is not finite or beyond all bounds; then the spheres
+// themselves must be checked to say what is wrong.
 PADDER_HD Sphere ball_of(const Body& body, const Piece& piece) {
   const Sphere& b = piece.ball;
   Sphere at = placed(body, b);
   const double n = stretch_of(body.rotation);
-  const double reach = n * (magnitude(b.x) + magnitude(b.y) + magnitude(b.z) + b.r) +
-                       magnitude(body.position[0]) + magnitude(body.position[1]) +
-                       magnitude(body.position[2]);
-  at.r = n * b.r + kBallMargin * reach + kBallLeast;
-  if (!(reach < kBallMost)) at.r = NAN;
+  const double extent = n * (magnitude(b.x) + magnitude(b.y) + magnitude(b.z) + b.r) +
+                        magnitude(body.position[0]) + magnitude(body.position[1]) +
+                        magnitude(body.position[2]);
+  at.r = n * b.r + kBallMargin * extent + kBallLeast;
+  if (!(extent < kBallMost)) at.r = NAN;
   return at;
 }
+// The ball of a loose sphere.
 PADDER_HD Sphere ball_of(const Sphere& loose) {
   Sphere at = loose;
   at.r = loose.r + kBallMargin * loose.r + kBallLeast;
@@ -86,17 +92,19 @@ PADDER_HD Sphere ball_of(const Sphere& loose) {
   return at;
 }
 
-// The spheres of a piece that another ball may reach, told apart in float and in the piece's own frame.
+// A quick test that finds the spheres of a piece which another ball may touch. It works in float, in the
+// frame of the piece and in units of its ball's radius, so it needs no placed spheres. It lets too many pass,
+// never too few.
 struct Sieve {
-  float x = 0, y = 0, z = 0, reach = INFINITY;
+  float x = 0, y = 0, z = 0, reach = INFINITY;  // the other ball, enlarged by what rounding may move
 };
-// `mine` and `other` are placed balls.
+// `mine` is the placed ball of the piece, `other` the other placed ball.
 PADDER_HD Sieve sieve_of(const Body& body, const Piece& piece, const Sphere& mine, const Sphere& other) {
   const double r = piece.ball.r, per_r = 1 / r, *m = body.rotation;
   const double x = other.x - mine.x, y = other.y - mine.y, z = other.z - mine.z;
   const double tx = (m[0] * x + m[3] * y + m[6] * z) * per_r, ty = (m[1] * x + m[4] * y + m[7] * z) * per_r,
                tz = (m[2] * x + m[5] * y + m[8] * z) * per_r;
-  const double over = mine.r - r;  // at least r (stretch - 1) and all that rounding moves a sphere by
+  const double over = mine.r - r;  // at least r (stretch - 1), and all that rounding moves a sphere by
   const double n = stretch_of(body.rotation);
   const double reach = (n * (other.r + over) + 3 * (n - 1) * r) * per_r;
   const double margin = 0x1p-18 * (1 + magnitude(tx) + magnitude(ty) + magnitude(tz) + reach);
@@ -105,7 +113,7 @@ PADDER_HD Sieve sieve_of(const Body& body, const Piece& piece, const Sphere& min
 }
 PADDER_HD bool passes(const Sieve& s, const NearSphere& k) {
   const float x = k.x - s.x, y = k.y - s.y, z = k.z - s.z, reach = k.r + s.reach;
-  return !(x * x + y * y + z * z > reach * reach);  // where numbers have no meaning all pass
+  return !(x * x + y * y + z * z > reach * reach);  // written so that NaN passes
 }
 
 }  // namespace padder::detect

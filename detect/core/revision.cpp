@@ -14,10 +14,10 @@ void take_pose(const Pose& from, Body& to) {
 
 }  // namespace
 
-Input RevisionKeeper::settle(const Input& input, const ReadPoses& read_poses) {
+Input RevisionKeeper::resolve(const Input& input, const ReadPoses& read_poses) {
   const bool known =
       input.revision != 0 && input.revision == revision_ && input.bodies.size() == bodies_.size();
-  revision_ = 0;  // set when all is copied
+  revision_ = 0;  // set again at the end, when everything is copied
   for (const std::uint32_t k : input.moved)
     if (k >= input.bodies.size())
       throw Error("body " + std::to_string(k) + " is said to have moved, but there are " +
@@ -45,12 +45,12 @@ Input RevisionKeeper::settle(const Input& input, const ReadPoses& read_poses) {
         std::copy_n(input.bodies[k].position, 3, bodies_[k].position);
       }
   }
-  Input settled = input;
-  settled.bodies = bodies_;
-  if (host_poses) settled.poses = nullptr;
-  if (host_poses && known) settled.moved = moving_;
+  Input resolved = input;
+  resolved.bodies = bodies_;
+  if (host_poses) resolved.poses = nullptr;
+  if (host_poses && known) resolved.moved = moving_;
   revision_ = input.revision;
-  return settled;
+  return resolved;
 }
 
 }  // namespace padder::detect

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// What Input::revision promises, kept in one place for every backend and path. Internal; host code.
+// Carries out what Input::revision promises, in one place for every backend and path. Internal; host code.
 #pragma once
 #include <functional>
 #include <vector>
@@ -8,17 +8,17 @@
 
 namespace padder::detect {
 
-// The bodies of the call before, where they were.
+// Remembers where the bodies of the previous call were.
 class RevisionKeeper {
  public:
-  // The input with every body where it is to be, by the contract of Input::revision. With a revision
-  // `bodies` is a copy in this object, poses in host memory are in it already, and `moved` names whatever may
-  // stand elsewhere than in the call before. Poses in device memory stay what and where they are, for bodies
-  // that move; those of static bodies are asked for with a new revision, by read_poses(), and are in `bodies`
-  // then. Copies what may have moved, all bodies with a new revision. Throws Error for an index in `moved`
-  // that is out of range.
+  // The input with every body at the pose that Input::revision says. Without a revision it is the input as
+  // given. With one, `bodies` refers to a copy in this object, which already contains poses that lie in host
+  // memory, and `moved` lists every body that may have moved since the previous call. Poses in device memory
+  // stay there, and count for the bodies that are not static. Those of static bodies are asked of
+  // read_poses() when the revision is new, and put into `bodies`. Throws Error for an index in `moved` that
+  // is out of range.
   using ReadPoses = std::function<std::vector<Pose>()>;
-  Input settle(const Input& input, const ReadPoses& read_poses);
+  Input resolve(const Input& input, const ReadPoses& read_poses);
   void forget() noexcept { revision_ = 0; }
 
  private:

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The OpenMP backend: places bodies, sums up the spheres, hands them to a path and collects the records.
+// The OpenMP backend: it places the bodies, summarizes the spheres, and lets a path find the contacts.
 #include <omp.h>
 
 #include <array>
@@ -22,7 +22,7 @@ std::uint64_t free_memory() {
       if (std::sscanf(line, "MemAvailable: %lu kB", &kib) == 1) break;
     std::fclose(f);
   }
-  return kib ? kib * 1024 : ~std::uint64_t(0) / 2;  // not Linux: the allocator has the last word
+  return kib ? kib * 1024 : ~std::uint64_t(0) / 2;  // not known (not Linux): the allocator decides
 }
 
 }  // namespace
@@ -32,7 +32,7 @@ bool Budget::take(std::uint64_t bytes) {
   bool ok = true;
   if (limit_) {
     ok = held <= limit_;
-  } else if (bytes >= (1u << 20)) {  // small growth is granted unasked
+  } else if (bytes >= (1u << 20)) {  // a small allocation is not worth asking for
     if (free_ == 0) free_ = free_memory();
     ok = taken <= free_ / 16 * 15;
   }
@@ -44,14 +44,14 @@ void throw_memory(std::uint64_t bytes, const char* what) {
   throw Error(memory_sentence(bytes, what, "host"));
 }
 
-Watch::Watch() : last_(omp_get_wtime()) {}
-double Watch::lap() {
+Stopwatch::Stopwatch() : last_(omp_get_wtime()) {}
+double Stopwatch::lap() {
   const double now = omp_get_wtime(), passed = now - last_;
   last_ = now;
   return passed;
 }
 
-// Spheres by exponent_of(need) + 1023.
+// The number of spheres by exponent_of(need) + 1023.
 template <class T>
 std::array<std::uint64_t, kExponents> exponents_of(const View<T>& spheres, int threads) {
   std::array<std::uint64_t, kExponents> all{};
@@ -95,7 +95,7 @@ void count_octaves(const View<T>& spheres, int threads, Summary& s) {
   }
 }
 
-// Two passes when sizes vary: the octaves are counted from the largest need downwards.
+// One pass, and a second one if the sizes vary, because octaves are counted from the largest need downwards.
 template <class T>
 Summary summarize(const View<T>& spheres, int threads) {
   Summary s;
@@ -127,18 +127,20 @@ Summary summarize(const View<T>& spheres, int threads) {
   }
   if (n == 0 || s.first_fault != ~std::uint64_t(0)) return s;
   for (int a = 0; a < 3; a++) s.extent = std::max({s.extent, std::abs(s.low[a]), std::abs(s.high[a])});
-  // need_of is the larger of two terms that both grow: so its largest value follows from the two extremes.
+  // need_of is the larger of two terms, each of which grows with its argument, so its largest value follows
+  // from the largest coordinate and the largest radius.
   s.need_max = need_of({s.extent, 0, 0, s.radius_max});
   s.radius_sum = s.radius_max * static_cast<double>(n);
   if (!needs_octaves(s)) return s;
 
   s.octaves_known = true, s.radius_sum = 0;
   count_octaves(spheres, threads, s);
-  if (s.octave[kOctaves - 1].count > 0) {  // perhaps of very different sizes
+  if (s.octave[kOctaves - 1].count > 0) {  // it may hold spheres of very different sizes
     s.above = octaves_above(exponents_of(spheres, threads));
     if (s.above > 0) count_octaves(spheres, threads, s);
   }
-  // A sum of radii would depend on the thread count; this one does not, and is as good for choosing bins.
+  // An exact sum of the radii would depend on the number of threads. This estimate does not, and is good
+  // enough for choosing bins.
   for (const Summary::Octave& o : s.octave)
     s.radius_sum += 0.75 * o.radius_max * static_cast<double>(o.count);
   return s;
@@ -170,7 +172,7 @@ class OmpBackend final : public Backend {
   }
 
   std::vector<Pose> device_poses(const Input& input, const Options&) override {
-    check_input(input, false);  // throws: there are none that this backend could read
+    check_input(input, false);  // throws, because this backend cannot read device memory
     return {};
   }
 
@@ -191,8 +193,9 @@ class OmpBackend final : public Backend {
   }
 
  private:
+  // A call by any path. `arrays`: null, or where the arrays of the nine stages go.
   Contacts any(const Input& input, const Options& options, Arrays* arrays) {
-    if (options.memory_limit && budget_.held() > options.memory_limit)  // set lower than it was
+    if (options.memory_limit && budget_.held() > options.memory_limit)  // the limit was lowered
       kept_ = nullptr, kept_ = std::make_unique<Kept>(budget_);
     kept_->records.count = 0;
     const bool known = !arrays && options.path == Path::grid && options.bodies != Bodies::expanded &&
@@ -231,9 +234,9 @@ class OmpBackend final : public Backend {
             s.is_static};
   }
 
-  // Spheres of bodies, then the loose ones, in double.
+  // Places the spheres of the bodies, and appends the loose ones, in double.
   omp::View<double> place(const Input& input) {
-    omp::Watch watch;
+    omp::Stopwatch watch;
     const std::uint64_t n = sphere_count(input);
     Sphere* out = kept_->placed.resize(n, "the spheres of the bodies");
     std::uint32_t* family = kept_->family.resize(n, "families");
@@ -274,18 +277,18 @@ class OmpBackend final : public Backend {
 
   template <class T>
   Contacts run(const omp::View<T>& spheres, const Input& input, const Options& options, Arrays* arrays) {
-    omp::Watch watch;
+    omp::Stopwatch watch;
     Contacts c;
     if (!input.bodies.empty()) c.seconds.place = place_seconds_;
     const Summary summary = omp::summarize(spheres, threads_);
     if (summary.first_fault != ~std::uint64_t(0))
       throw Error(fault_sentence(summary.first_fault, spheres[summary.first_fault], input));
     check_range(summary, options);
-    c.seconds.stage[0] = watch.lap();  // the bounds belong to stage 1
+    c.seconds.stage[0] = watch.lap();  // the summary counts as part of stage 1
     if (options.path == Path::nine_stages)
-      kept_->stages.run(spheres, summary, options, threads_, kept_->records, c.seconds, arrays);
+      kept_->nine_stages.run(spheres, summary, options, threads_, kept_->records, c.seconds, arrays);
     else
-      c.doubtful = kept_->fast.run(spheres, summary, options, threads_, kept_->records, c.seconds);
+      c.doubtful = kept_->grid_path.run(spheres, summary, options, threads_, kept_->records, c.seconds);
     return delivered(c, spheres.count, options);
   }
 
@@ -300,13 +303,13 @@ class OmpBackend final : public Backend {
     return c;
   }
 
-  // Whatever is kept from call to call.
+  // All memory that is kept from call to call.
   struct Kept {
     explicit Kept(omp::Budget& b)
-        : records(b), stages(b), fast(b), bodies(b), placed(b), family(b), mask(b), owner(b) {}
+        : records(b), nine_stages(b), grid_path(b), bodies(b), placed(b), family(b), mask(b), owner(b) {}
     omp::Records records;
-    omp::Stages stages;
-    omp::Fast fast;
+    omp::NineStages nine_stages;
+    omp::GridPath grid_path;
     omp::BodySearch bodies;
     omp::Buffer<Sphere> placed;
     omp::Buffer<std::uint32_t> family, mask, owner;
@@ -315,8 +318,9 @@ class OmpBackend final : public Backend {
   std::unique_ptr<Kept> kept_ = std::make_unique<Kept>(budget_);
   omp::Threads chosen_;
   int threads_ = 1;
-  bool automatic_first_ = false;  // what Bodies::automatic decided for the revision that is known: the list
-                                  // of a fixed order must not depend on how the call before was made
+  // What Bodies::automatic decided when the revision was new. It stays so for that revision, because a list
+  // in stable order must not depend on how the previous call was made.
+  bool automatic_first_ = false;
   double place_seconds_ = 0;
 };
 

@@ -15,11 +15,12 @@ namespace {
 #define PADDER_CLONES
 #endif
 
-// For each of n, in whole vectors: may it be reached, does it touch. The same bits on every processor. No
-// radius is negative, so the sum of two is small only where both are.
+// These loops decide for each of n spheres, in vectors, and give the same bits on every processor.
+// sift(): which spheres of a piece may the other ball touch?
 PADDER_CLONES void sift(const Sieve& s, const NearSphere* near, std::uint32_t n, std::uint8_t* pass) {
   for (std::uint32_t k = 0; k < n; k++) pass[k] = passes(s, near[k]);
 }
+// test(): which spheres touch s? No radius is negative, so a sum of two radii is small only if both are.
 PADDER_CLONES void test_unscaled(const Sphere& s, const double* x, const double* y, const double* z,
                                  const double* r, std::uint32_t n, std::uint8_t* hit) {
   for (std::uint32_t k = 0; k < n; k++) hit[k] = touching_unscaled(s, {x[k], y[k], z[k], r[k]});
@@ -30,7 +31,7 @@ void test(const Sphere& s, const double* x, const double* y, const double* z, co
   for (std::uint32_t k = 0; k < n; k++) hit[k] = touching(s, {x[k], y[k], z[k], r[k]});
 }
 
-// Which of up to 64 bytes are set, as bits.
+// The bytes that are set, as bits; at most 64.
 std::uint64_t bits_of(const std::uint8_t* set, std::uint32_t count) {
   std::uint64_t bits = 0;
   for (std::uint32_t k = 0; k < count; k += 8) {
@@ -41,12 +42,12 @@ std::uint64_t bits_of(const std::uint8_t* set, std::uint32_t count) {
   return count < 64 ? bits & ((std::uint64_t(1) << count) - 1) : bits;
 }
 
-constexpr std::uint64_t kPart =
-    256;  // pairs looked at at a stretch: the unit of work, and of the fixed order
+// The pairs of elements in a part, which is the unit of work and of the stable order.
+constexpr std::uint64_t kPart = 256;
 
 }  // namespace
 
-// The spheres of an element that the other's ball reaches, placed.
+// The spheres of an element that the ball of the other element may touch, placed.
 struct BodySearch::Survivors {
   std::uint32_t body, count, slot[kPieceSpheres];
   double x[kPieceSpheres], y[kPieceSpheres], z[kPieceSpheres], r[kPieceSpheres];
@@ -57,7 +58,7 @@ struct BodySearch::Survivors {
 };
 
 BodySearch::BodySearch(Budget& b)
-    : budget_(&b), fast_(b), broad_(b), balls_(b), family_(b), mask_(b), owner_(b), static_pairs_(b) {}
+    : budget_(&b), grid_path_(b), broad_(b), balls_(b), family_(b), mask_(b), owner_(b), static_pairs_(b) {}
 
 template <class T>
 bool BodySearch::List<T>::add(Budget& budget, const T& value) {
@@ -91,13 +92,13 @@ void BodySearch::read_bodies(const Input& input, bool known) {
     assembly_.update(input, input.spheres.is_static);
     return;
   }
-  for (const std::uint32_t b :
-       input.moved)  // poses in host memory are in the bodies already (RevisionKeeper)
+  // RevisionKeeper has put poses that lie in host memory into the bodies already.
+  for (const std::uint32_t b : input.moved)
     if (!bodies_[b].is_static) bodies_[b] = input.bodies[b];
 }
 
-// Balls, families and masks of all elements, of static ones only when they are not known. False when one of
-// the static balls is faulty.
+// Computes the balls, families and masks of the elements; those of static elements only if the revision is
+// new. False if the ball of a static element is faulty.
 bool BodySearch::place(const Input& input, bool known, int threads) {
   const std::uint64_t all = assembly_.elements.size(), n = known ? assembly_.moving : all;
   Sphere* balls = balls_.resize(all, "the balls about bodies");
@@ -127,7 +128,9 @@ bool BodySearch::place(const Input& input, bool known, int threads) {
   return true;
 }
 
-// f(k, list) for k from 0 to count - 1, in parts; afterwards parts says where each part's entries are.
+// Calls f(first, end, list) for each part of 0 to count - 1, with the list of the thread that does it.
+// Afterwards `parts` says where the entries of each part are. Throws Error if there was not enough memory for
+// the lists.
 template <class T, class F>
 void BodySearch::in_parts(std::vector<List<T>>& lists, std::vector<Part>& parts, std::uint64_t count,
                           int threads, F f) {
@@ -151,49 +154,50 @@ void BodySearch::in_parts(std::vector<List<T>>& lists, std::vector<Part>& parts,
     throw_memory(total * sizeof(T) + budget_->held(), (std::to_string(total) + " contacts").c_str());
 }
 
-// Moving elements against the table of static ones.
-void BodySearch::meet_static(int threads) {
+// The static elements whose balls touch that of moving element e.
+void BodySearch::search_static(std::uint32_t e, List<Pair>& list) {
+  const Sphere& ball = balls_[e];
+  const Filter mine = filter(e);
+  // Tests the balls of table entries `from` to `to` - 1 for which in_bin() is true.
+  const auto test = [&](std::uint32_t from, std::uint32_t to, auto in_bin) {
+    for (std::uint32_t k = from; k < to; k++)
+      if (touching(ball, table_.balls[k]) && in_bin(table_.balls[k]) &&
+          admitted(mine, filter(table_.elements[k])))
+        list.add(*budget_, {e, table_.elements[k]});
+  };
+  const auto any = [](const Sphere&) { return true; };
+  for (int level = 0; level < table_.grid.levels; level++) {
+    const Level& l = table_.grid.level[level];
+    const std::uint32_t begin = table_.starts[l.offset], last = table_.starts[l.offset + l.buckets];
+    BinBox box;
+    if (begin == last || !bins_near(l, table_.bounds[level], ball, last - begin, box)) continue;
+    if (box.whole) {
+      test(begin, last, any);
+      continue;
+    }
+    for (std::int64_t z = box.low[2]; z <= box.high[2]; z++)
+      for (std::int64_t y = box.low[1]; y <= box.high[1]; y++) {
+        const std::uint32_t row = row_of(l, y, z);
+        if (!l.hashed) {
+          test(table_.starts[key_in_row(l, row, box.low[0])],
+               table_.starts[key_in_row(l, row, box.high[0]) + 1], any);
+          continue;
+        }
+        for (std::int64_t x = box.low[0]; x <= box.high[0]; x++) {
+          const std::uint32_t key = key_in_row(l, row, x);
+          test(table_.starts[key], table_.starts[key + 1],
+               [&](const Sphere& s) { return in_row(l, s, x, x, y, z); });
+        }
+      }
+  }
+}
+
+void BodySearch::find_static_pairs(int threads) {
   static_count_ = 0;
   if (table_.count == 0) return;
   in_parts(pair_lists_, parts_, assembly_.moving, threads,
            [&](std::uint64_t first, std::uint64_t end, List<Pair>& list) {
-             for (auto e = static_cast<std::uint32_t>(first); e < end; e++) {
-               const Sphere& ball = balls_[e];
-               const Filter mine = filter(e);
-               const auto look = [&](std::uint32_t from, std::uint32_t to, auto meant) {
-                 for (std::uint32_t k = from; k < to; k++)
-                   if (touching(ball, table_.balls[k]) && meant(table_.balls[k]) &&
-                       admitted(mine, filter(table_.elements[k])))
-                     list.add(*budget_, {e, table_.elements[k]});
-               };
-               const auto any = [](const Sphere&) { return true; };
-               for (int level = 0; level < table_.grid.levels; level++) {
-                 const Level& l = table_.grid.level[level];
-                 const std::uint32_t begin = table_.starts[l.offset],
-                                     last = table_.starts[l.offset + l.buckets];
-                 BinBox box;
-                 if (begin == last || !bins_in_reach(l, table_.bounds[level], ball, last - begin, box))
-                   continue;
-                 if (box.whole) {
-                   look(begin, last, any);
-                   continue;
-                 }
-                 for (std::int64_t z = box.low[2]; z <= box.high[2]; z++)
-                   for (std::int64_t y = box.low[1]; y <= box.high[1]; y++) {
-                     const std::uint32_t row = row_of(l, y, z);
-                     if (!l.hashed) {
-                       look(table_.starts[key_in_row(l, row, box.low[0])],
-                            table_.starts[key_in_row(l, row, box.high[0]) + 1], any);
-                       continue;
-                     }
-                     for (std::int64_t x = box.low[0]; x <= box.high[0]; x++) {
-                       const std::uint32_t key = key_in_row(l, row, x);
-                       look(table_.starts[key], table_.starts[key + 1],
-                            [&](const Sphere& s) { return in_row(l, s, x, x, y, z); });
-                     }
-                   }
-               }
-             }
+             for (auto e = static_cast<std::uint32_t>(first); e < end; e++) search_static(e, list);
            });
   std::uint64_t all = 0;
   for (const Part& p : parts_) all += p.count;
@@ -221,7 +225,9 @@ void BodySearch::gather(std::uint32_t element, const Sphere& other, Survivors& o
   }
 }
 
-void BodySearch::meet(std::uint64_t k, const Options& options, Survivors& a, Survivors& b, List<Hit>& hits) {
+// Tests the spheres of pair k of elements.
+void BodySearch::test_pair(std::uint64_t k, const Options& options, Survivors& a, Survivors& b,
+                           List<Hit>& hits) {
   const Pair p = pair(k);
   gather(p.i, balls_[p.j], a);
   if (a.count == 0) return;
@@ -235,7 +241,7 @@ void BodySearch::meet(std::uint64_t k, const Options& options, Survivors& a, Sur
     for (std::uint64_t left = bits_of(hit, b.count); left; left &= left - 1) {
       const auto j = static_cast<std::uint32_t>(std::countr_zero(left));
       if (bounded) {
-        const bool ordered = number(a.body, a.slot[i]) < number(b.body, b.slot[j]);
+        const bool ordered = sphere_number(a.body, a.slot[i]) < sphere_number(b.body, b.slot[j]);
         if (!owns(options.own, ordered ? midpoint(s, b[j]) : midpoint(b[j], s))) continue;
       }
       hits.add(*budget_, {a.body, a.slot[i], b.body, b.slot[j]});
@@ -256,7 +262,7 @@ void BodySearch::write(const Options& options, int threads, Records& records) {
     for (std::uint64_t q = 0; q < p.count; q++) {
       const Hit& h = hit[q];
       const Sphere a = options.width == Width::pairs ? Sphere{} : sphere(h.a_body, h.a_slot);
-      writer.add(number(h.a_body, h.a_slot), number(h.b_body, h.b_slot), a,
+      writer.add(sphere_number(h.a_body, h.a_slot), sphere_number(h.b_body, h.b_slot), a,
                  [&] { return sphere(h.b_body, h.b_slot); });
     }
   }
@@ -269,9 +275,9 @@ bool BodySearch::knows(const Input& input) const {
 
 bool BodySearch::run(const Input& input, const Options& options, int threads, Records& records,
                      Seconds& seconds) {
-  Watch watch;
+  Stopwatch watch;
   const bool known = knows(input);
-  revision_ = 0;  // known again when all went well
+  revision_ = 0;  // set at the end, if nothing throws
   spheres_ = &input.spheres;
   read_bodies(input, known);
   if (!place(input, known, threads)) return false;
@@ -286,14 +292,14 @@ bool BodySearch::run(const Input& input, const Options& options, int threads, Re
   Options broad;
   broad.width = Width::pairs;
   seconds.stage[0] = watch.lap();
-  fast_.run(balls, summary, broad, threads, broad_, seconds);
+  grid_path_.run(balls, summary, broad, threads, broad_, seconds);
   watch.lap();
-  meet_static(threads);
+  find_static_pairs(threads);
   seconds.stage[6] += watch.lap();
   in_parts(hit_lists_, parts_, broad_.count + static_count_, threads,
            [&](std::uint64_t first, std::uint64_t end, List<Hit>& list) {
              Survivors a, b;
-             for (std::uint64_t k = first; k < end; k++) meet(k, options, a, b, list);
+             for (std::uint64_t k = first; k < end; k++) test_pair(k, options, a, b, list);
            });
   seconds.stage[6] += watch.lap();
   write(options, threads, records);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Bodies first on the CPU (bodies.cpp): the fast path over balls about pieces of bodies and over loose
-// spheres, then the spheres of each two that meet. Internal.
+// Searching bodies first on the CPU. Broad phase: the grid path finds the pairs of balls that touch, around
+// pieces of bodies and loose spheres. Narrow phase: the spheres of each such pair are tested. Internal.
 #pragma once
 #include "detect/core/assembly.h"
 #include "detect/omp/paths.h"
@@ -11,30 +11,33 @@ class BodySearch {
  public:
   explicit BodySearch(Budget& b);
 
-  // All contacts to `records`. False: something is out of the ordinary (a pose that is none, coordinates
-  // beyond what a record holds); then the spheres must be expanded and each be asked.
+  // Writes all contacts to `records`. False if something is wrong with a pose, a sphere or the range of
+  // coordinates; then the spheres must be expanded, so that each can be checked.
   bool run(const Input& input, const Options& options, int threads, Records& records, Seconds& seconds);
-  bool knows(const Input& input) const;  // by its revision
-  // Of a call whose revision is known, in spheres that are searched one by one: a piece that moves meets some
-  // others, and then its spheres are looked at.
+  bool knows(const Input& input) const;  // is its revision that of the previous call?
+  // The work of a call with a known revision, in spheres that are searched one by one. A moving piece counts
+  // for more than one, because its ball touches some others and then its spheres are tested.
   std::uint64_t work() const {
     return assembly_.moving + std::uint64_t(kWorkOfPiece - 1) * assembly_.moving_pieces;
   }
   std::uint64_t body_spheres() const { return assembly_.body_first.back(); }
-  void forget() { revision_ = 0; }  // a call went another way: what moved in it was not seen
+  void forget() { revision_ = 0; }  // after a call that did not come here, so that its `moved` was not read
 
  private:
-  struct Hit {  // sphere `slot` of Pieces, of this body; or of loose spheres
+  // A contact. A slot is an index in Pieces::spheres, or the number of a loose sphere if the body is kLoose.
+  struct Hit {
     std::uint32_t a_body, a_slot, b_body, b_slot;
   };
+  // The list of one thread. It grows as it must; if it cannot, it only counts from then on.
   template <class T>
-  struct List {  // of one thread; grows as it must, and counts when it cannot
+  struct List {
     explicit List(Budget& b) : buffer(b) {}
     Buffer<T> buffer;
     std::uint64_t size = 0, total = 0;
     bool add(Budget& budget, const T& value);
   };
-  struct Part {  // of the list of a thread
+  // A part of the list of one thread.
+  struct Part {
     std::uint64_t first, count;
     int thread;
   };
@@ -42,8 +45,9 @@ class BodySearch {
 
   void read_bodies(const Input& input, bool known);
   bool place(const Input& input, bool known, int threads);
-  void meet_static(int threads);
-  void meet(std::uint64_t pair, const Options& options, Survivors& a, Survivors& b, List<Hit>& hits);
+  void find_static_pairs(int threads);
+  void search_static(std::uint32_t element, List<Pair>& list);
+  void test_pair(std::uint64_t pair, const Options& options, Survivors& a, Survivors& b, List<Hit>& hits);
   void gather(std::uint32_t element, const Sphere& other, Survivors& out) const;
   void write(const Options& options, int threads, Records& records);
   template <class T, class F>
@@ -53,7 +57,8 @@ class BodySearch {
   Sphere sphere(std::uint32_t body, std::uint32_t slot) const {
     return body == kLoose ? loose(slot) : placed(bodies_[body], assembly_.pieces.spheres[slot]);
   }
-  std::uint32_t number(std::uint32_t body, std::uint32_t slot) const {
+  // The number of a sphere in the input.
+  std::uint32_t sphere_number(std::uint32_t body, std::uint32_t slot) const {
     return body == kLoose ? assembly_.body_first.back() + slot
                           : assembly_.body_first[body] + assembly_.pieces.numbers[slot];
   }
@@ -68,13 +73,13 @@ class BodySearch {
   Assembly assembly_;
   StaticTable table_;
   double static_extent_ = 0;
-  std::vector<Body> bodies_;  // where they are
+  std::vector<Body> bodies_;  // at their poses of this call
   const Spheres* spheres_ = nullptr;
-  Fast fast_;
-  Records broad_;  // pairs of elements
+  GridPath grid_path_;
+  Records broad_;  // pairs of moving elements whose balls touch
   Buffer<Sphere> balls_;
   Buffer<std::uint32_t> family_, mask_, owner_;
-  Buffer<Pair> static_pairs_;
+  Buffer<Pair> static_pairs_;  // a moving and a static element whose balls touch
   std::uint64_t static_count_ = 0;
   std::vector<List<Pair>> pair_lists_;
   std::vector<List<Hit>> hit_lists_;

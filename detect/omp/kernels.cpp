@@ -13,8 +13,8 @@
 namespace padder::detect::omp {
 namespace {
 
-// Any machine. No branch on hit or miss: which of the two comes next is nearly random, and a mispredicted
-// branch costs more than the whole test.
+// For any machine. There is no branch on hit or miss, because that would often be mispredicted, and a
+// misprediction costs more than the whole test.
 template <class Slot>
 std::uint32_t test_runs_plain(const Slots<Slot>& slots, const Slot& me, const Run* runs, int count,
                               std::uint32_t* out, bool& doubt) {
@@ -65,7 +65,7 @@ void order_pairs_plain(std::uint32_t a, const std::uint32_t* hits, int count, co
 }
 
 #ifdef PADDER_AVX2
-// For each mask of 8 lanes, the lanes that are set, in order: the permutation that packs a vector.
+// For each mask of 8 lanes, the lanes that are set, in order. This is the permutation that packs a vector.
 constexpr auto kPacking = [] {
   std::array<std::array<std::uint8_t, 8>, 256> table{};
   for (unsigned mask = 0; mask < 256; mask++) {
@@ -76,7 +76,7 @@ constexpr auto kPacking = [] {
   return table;
 }();
 
-// One place in all lanes.
+// One position in all lanes.
 struct FloatPlace {
   __m256 x, y, z;
 };
@@ -89,7 +89,7 @@ __attribute__((target("avx2"))) inline FloatPlace spread(const FloatSlot& s) {
 __attribute__((target("avx2"))) inline FixedPlace spread(const FixedPointSlot& s) {
   return {_mm256_set1_epi32(s.x), _mm256_set1_epi32(s.y), _mm256_set1_epi32(s.z)};
 }
-// Eight components less one: exact integers for fixed point.
+// The differences of eight components and one. For fixed point they are exact integers.
 __attribute__((target("avx2"))) inline __m256 apart(const float* p, __m256 from) {
   return _mm256_sub_ps(_mm256_loadu_ps(p), from);
 }
@@ -110,7 +110,8 @@ __attribute__((target("avx2"))) inline std::uint32_t lanes_at_most(__m256 a, __m
 __attribute__((target("avx2"))) inline __m256i packing(std::uint32_t mask) {
   return _mm256_cvtepu8_epi32(_mm_loadl_epi64(reinterpret_cast<const __m128i*>(kPacking[mask].data())));
 }
-// Packs the lanes of `mask`, which are slots b, b + 1, …; the lanes behind them are written over later.
+// Packs the lanes of `mask`, which stand for slots b, b + 1, and so on. The rest of the vector is garbage,
+// which later writes overwrite.
 __attribute__((target("avx2,popcnt"))) inline std::uint32_t pack(std::uint32_t* out, std::uint32_t b,
                                                                  std::uint32_t mask) {
   const __m256i which = _mm256_add_epi32(packing(mask), _mm256_set1_epi32(static_cast<std::int32_t>(b)));
@@ -119,7 +120,8 @@ __attribute__((target("avx2,popcnt"))) inline std::uint32_t pack(std::uint32_t* 
 }
 inline std::uint32_t inside(std::uint32_t left) { return left >= kLanes ? 255u : (1u << left) - 1; }
 
-// A run's first vector is tested even when the run is empty: a branch on that would often be mispredicted.
+// The first vector of a run is tested even if the run is empty, because a branch on that would often be
+// mispredicted.
 template <class Slot>
 __attribute__((target("avx2,popcnt"))) std::uint32_t test_runs_avx2(const Slots<Slot>& slots, const Slot& me,
                                                                     const Run* runs, int count,
@@ -148,14 +150,14 @@ __attribute__((target("avx2,popcnt"))) std::uint32_t test_runs_avx2(const Slots<
   return static_cast<std::uint32_t>(out - first);
 }
 
-// a0 b0 a1 b1 … to memory.
+// Writes a0 b0 a1 b1 and so on.
 __attribute__((target("avx2"))) inline void store_both(void* to, __m256i a, __m256i b) {
   const __m256i low = _mm256_unpacklo_epi32(a, b), high = _mm256_unpackhi_epi32(a, b);
   auto* out = static_cast<__m256i*>(to);
   _mm256_storeu_si256(out, _mm256_permute2x128_si256(low, high, 0x20));
   _mm256_storeu_si256(out + 1, _mm256_permute2x128_si256(low, high, 0x31));
 }
-// How far a ball's centre is from bins first to first + 1 of its axis, squared.
+// The squared distance from a ball's centre to the bins [first, first + 1] along an axis.
 __attribute__((target("avx2"))) inline __m256 gap_squared(__m256i first, float centre) {
   const __m256 low = _mm256_cvtepi32_ps(first), at = _mm256_set1_ps(centre);
   const __m256 below = _mm256_sub_ps(low, at),
@@ -180,7 +182,7 @@ __attribute__((target("avx2,popcnt"))) int find_rows_avx2(const Ball& ball, cons
   int n = 0;
   for (int k = 0; k < rows; k += static_cast<int>(kLanes)) {
     const __m256i row = _mm256_add_epi32(_mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7), _mm256_set1_epi32(k));
-    // Half a row more keeps the quotient from its rounding.
+    // Half a row is added so that rounding cannot change the integer part of the quotient.
     const __m256i layer =
         _mm256_cvttps_epi32(_mm256_mul_ps(_mm256_add_ps(_mm256_cvtepi32_ps(row), half_row), per_side));
     const __m256i z = _mm256_add_epi32(layer, _mm256_set1_epi32(ball.z_low)),
@@ -218,7 +220,7 @@ __attribute__((target("avx2"))) void order_pairs_avx2(std::uint32_t a, const std
     const __m256i here =
         _mm256_cmpgt_epi32(_mm256_set1_epi32(count - k), _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7));
     const __m256i b = _mm256_maskload_epi32(reinterpret_cast<const int*>(hits + k), here);
-    // 64-bit places: 32-bit ones would be signed.
+    // 64-bit indices, because 32-bit ones would be signed.
     const __m128i first = _mm256_mask_i64gather_epi32(_mm_setzero_si128(), table,
                                                       _mm256_cvtepu32_epi64(_mm256_castsi256_si128(b)),
                                                       _mm256_castsi256_si128(here), 4),
@@ -283,10 +285,10 @@ PADDER_CLONES void differences(const Slots<FixedPointSlot>&, const Sphere* spher
 }
 
 namespace {
-// True when some length is so small that its square lost digits: then nothing was written.
+// True if some length is so small that its square has lost digits. Then nothing is written.
 PADDER_CLONES bool to_normals_unscaled(Batch& batch, int count) {
   double square[kBatch];
-  std::int64_t small = 0;  // as wide as a square, so that the loop is done in vectors
+  std::int64_t small = 0;  // as wide as a square, so that the compiler vectorises the loop
   for (int k = 0; k < count; k++) {
     const double x = batch.x[k], y = batch.y[k], z = batch.z[k];
     square[k] = x * x + y * y + z * z;
@@ -306,7 +308,7 @@ void to_normals(Batch& batch, int count) {
     const Line l = line_of(batch.x[k], batch.y[k], batch.z[k]);
     const double per_d = l.length > 0 ? 1 / l.length : 0;
     batch.x[k] = l.length > 0 ? l.x * per_d : 1, batch.y[k] = l.y * per_d, batch.z[k] = l.z * per_d;
-    batch.s[k] -= l.length * l.down;
+    batch.s[k] -= l.length * l.per_scale;
   }
 }
 

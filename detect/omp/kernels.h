@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// The inner loops of the fast path on the CPU, for the instructions this machine has; internal.
+// The inner loops of the grid path on the CPU, in plain C++ and for the vector instructions that the machine
+// has. Both give the same results. Internal.
 #pragma once
 #include <cstdint>
 #include <type_traits>
@@ -9,10 +10,10 @@
 
 namespace padder::detect::omp {
 
-inline constexpr std::uint32_t kLanes =
-    8;  // spheres tested at once; arrays of slots are this much longer than N
+// Spheres that are tested at once. Arrays of slots are longer than the number of spheres by this much.
+inline constexpr std::uint32_t kLanes = 8;
 
-// Slots as four arrays: a run of candidates is read in whole vectors.
+// Slots as four arrays, so that a run of candidates is read in whole vectors.
 template <class Slot>
 struct Slots {
   using Component = std::conditional_t<std::is_same_v<Slot, FloatSlot>, float, std::int32_t>;
@@ -22,31 +23,34 @@ struct Slots {
   void set(std::uint64_t k, const Slot& s) const { x[k] = s.x, y[k] = s.y, z[k] = s.z, r[k] = s.r; }
 };
 
+// Consecutive slots, from begin to end - 1.
 struct Run {
   std::uint32_t begin, end;
 };
 
-// A ball over the bins of a dense level: centre and radius in bins, counted from the low corner of the bin at
-// `key`, and the bins to look at, counted likewise.
+// A ball over the bins of a dense level. Its centre and radius are in bins, relative to the low corner of the
+// bin of its centre. So are the bins to search, x_low to x_high and so on.
 struct Ball {
   float x, y, z, radius;
   int x_low, x_high, y_low, y_high, z_low, z_high;
-  std::uint32_t key, row, plane;  // keys from the level's first; from one row to the next in y, in z
+  std::uint32_t key;         // of the bin of the centre, relative to the first key of the level
+  std::uint32_t row, plane;  // steps of the key from a row to the next in y, and in z
 };
 
-// What is there for this machine and in plain C++: the same results.
+// The loops of one implementation.
 template <class Slot>
 struct Kernels {
-  // Writes the slots of `runs` that the filter does not call apart from `me` to `out`, in order; room for all
-  // of them and kLanes more. Gives their number; sets `doubt` when any of them is inside the band, or a slot
-  // beside them.
+  // Writes to `out` the slots of `runs` that the float test does not call apart from `me`, in order. There
+  // must be room for all slots and kLanes more. Returns how many they are. Sets `doubt` if a slot is in the
+  // float band; slots right after a run may set it, too.
   std::uint32_t (*test_runs)(const Slots<Slot>& slots, const Slot& me, const Run* runs, int count,
                              std::uint32_t* out, bool& doubt);
-  // Writes the runs of the rows that the ball crosses to `out`, empty ones left out, by z, then y; room for
-  // all rows and kLanes more. Gives their number. Less than 2^31 keys.
+  // Writes to `out` the runs of the rows of bins that the ball crosses, without empty ones, ordered by z and
+  // then y. There must be room for all rows and kLanes more, and fewer than 2^31 keys. Returns how many runs
+  // there are.
   int (*find_rows)(const Ball& ball, const std::uint32_t* starts, Run* out);
-  // Pairs of the sphere of slot a and those of hits[0 to count - 1]: their numbers, the smaller first, and
-  // their slots in that order. Room for count and kLanes more.
+  // Writes the pairs of slot a with slots hits[0] to hits[count - 1]: the numbers of the spheres, the smaller
+  // first, and the slots in the same order. There must be room for count + kLanes.
   void (*order_pairs)(std::uint32_t a, const std::uint32_t* hits, int count, const std::uint32_t* ids,
                       Pair* pairs, std::uint32_t* i, std::uint32_t* j);
 };
@@ -55,13 +59,14 @@ Kernels<Slot> plain_kernels();
 template <class Slot>
 Kernels<Slot> kernels_for_this_machine();
 
-// Differences and sums of radii of up to kBatch pairs, and from these normals and depths: geometry() of
-// contact.h, bit for bit.
+// Up to kBatch pairs: the differences of their centres and the sums of their radii, from which to_normals()
+// makes normals and penetrations. These are those of geometry() in contact.h, bit for bit.
 inline constexpr std::uint32_t kBatch = 256;
 struct Batch {
-  double x[kBatch], y[kBatch], z[kBatch], s[kBatch];  // cj - ci, ri + rj; then normal, depth
+  double x[kBatch], y[kBatch], z[kBatch],
+      s[kBatch];  // cj - ci and ri + rj; then the normal and the penetration
 };
-// Of slots i[k], j[k]; the exact spheres of fixed-point slots lie beside them.
+// For the slots i[k] and j[k]. `spheres` are the exact spheres beside fixed-point slots.
 void differences(const Slots<FloatSlot>& slots, const Sphere*, const std::uint32_t* i, const std::uint32_t* j,
                  int count, Batch& out);
 void differences(const Slots<FixedPointSlot>&, const Sphere* spheres, const std::uint32_t* i,

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// The nine stages of section 2.1 on the CPU: one function each, in the order of the paper. The reference,
-// written to be compared with the text and not to be fast.
+// The nine stages of section 2.1 on the CPU, one function for each, in the order of the paper. They are the
+// reference, written to be compared with the text and not to be fast.
 #include <omp.h>
 
 #include <cstring>
@@ -10,7 +10,7 @@
 namespace padder::detect::omp {
 namespace {
 
-// One contiguous block of 0 to n - 1 for each thread.
+// Calls work(thread, begin, end) with a contiguous block of 0 to n - 1 for each thread.
 template <class Work>
 void in_blocks(std::uint64_t n, int threads, Work work) {
 #pragma omp parallel num_threads(threads)
@@ -21,7 +21,7 @@ void in_blocks(std::uint64_t n, int threads, Work work) {
   }
 }
 
-// a[k] becomes a[0] + … + a[k] in out[k]. Returns the last.
+// The inclusive prefix sum: out[k] = a[0] + ... + a[k]. Returns the total.
 std::uint64_t inclusive_scan(const std::uint64_t* a, std::uint64_t* out, std::uint64_t n, int threads) {
   std::vector<std::uint64_t> sum(static_cast<std::size_t>(threads) + 1, 0);
   in_blocks(n, threads, [&](std::uint64_t t, std::uint64_t begin, std::uint64_t end) {
@@ -44,18 +44,18 @@ void stage1(const View<T>& spheres, const StageGrid& g, std::uint64_t* counts, i
   });
 }
 
-// Stage 2: S, the inclusive scan of T: where the entries of each object end.
+// Stage 2: S, the inclusive scan of T, which says where the entries of each object end.
 std::uint64_t stage2(const std::uint64_t* counts, std::uint64_t* S, std::uint64_t n, int threads) {
   return inclusive_scan(counts, S, n, threads);
 }
 
-// Stage 3: B, a (bin, object) for each bin an object touches.
+// Stage 3: B, an entry (bin, object) for each bin that an object touches.
 template <class T>
 void stage3(const View<T>& spheres, const StageGrid& g, const std::uint64_t* S, BinEntry* B, int threads) {
   in_blocks(spheres.count, threads, [&](std::uint64_t, std::uint64_t begin, std::uint64_t end) {
     for (std::uint64_t i = begin; i < end; i++) {
       std::uint64_t at = i ? S[i - 1] : 0;
-      const Touched t = touched_bins(g, spheres[i]);
+      const TouchedBins t = touched_bins(g, spheres[i]);
       for (std::int64_t z = t.low[2]; z <= t.high[2]; z++)
         for (std::int64_t y = t.low[1]; y <= t.high[1]; y++)
           for (std::int64_t x = t.low[0]; x <= t.high[0]; x++)
@@ -64,8 +64,8 @@ void stage3(const View<T>& spheres, const StageGrid& g, const std::uint64_t* S, 
   });
 }
 
-// Stage 4: B sorted by bin, stable, so that the objects of a bin stay in order. Least significant digit
-// first.
+// Stage 4: B sorted by bin. The sort is stable, so the objects of a bin stay in order. A radix sort, least
+// significant digit first.
 void stage4(Buffer<BinEntry>& B, Buffer<BinEntry>& spare, std::uint64_t n, std::uint64_t bins, int threads) {
   constexpr int kDigit = 11;
   constexpr std::uint64_t kValues = 1u << kDigit;
@@ -92,9 +92,9 @@ void stage4(Buffer<BinEntry>& B, Buffer<BinEntry>& spare, std::uint64_t n, std::
   }
 }
 
-// Stage 5: C, where each bin starts in B. A bin starts where an entry's bin differs from the one before. A
-// bin with one object is inactive. Returns the number of bins touched; the paper's C has an entry for each
-// bin of the grid, ours only for these, since a sparse domain has bins by the billion.
+// Stage 5: C, where each bin starts in B: where the bin of an entry differs from that of the previous entry.
+// A bin with one object is inactive. Returns the number of bins that are touched. Only these have an entry in
+// C. The paper's C has one for each bin of the grid, but a sparse domain has billions of bins.
 std::uint64_t stage5(const BinEntry* B, std::uint64_t n, Buffer<BinStart>& C, Buffer<BinStart>& spare,
                      int threads) {
   std::vector<std::uint64_t> first(static_cast<std::size_t>(threads) + 1, 0);
@@ -122,8 +122,8 @@ std::uint64_t stage5(const BinEntry* B, std::uint64_t n, Buffer<BinStart>& C, Bu
   return bins;
 }
 
-// Stage 6: inactive bins to the end. The starts of the others ascend already, so that the paper's sort by
-// start is a stable partition. Returns the number of active bins.
+// Stage 6: moves inactive bins to the end. The starts of the others ascend already, so the paper's sort by
+// start is a stable partition here. Returns the number of active bins.
 std::uint64_t stage6(Buffer<BinStart>& C, Buffer<BinStart>& spare, std::uint64_t bins, int threads) {
   std::vector<std::uint64_t> first(static_cast<std::size_t>(threads) + 1, 0);
   in_blocks(bins, threads, [&](std::uint64_t t, std::uint64_t begin, std::uint64_t end) {
@@ -141,7 +141,7 @@ std::uint64_t stage6(Buffer<BinStart>& C, Buffer<BinStart>& spare, std::uint64_t
   return active;
 }
 
-// The walk of stages 7 and 9: every pair of a bin, reported when this bin is the one to report it.
+// Stages 7 and 9 both do this: for every pair of a bin that this bin reports, call report().
 template <class T, class Report>
 void pairs_of_bin(const View<T>& spheres, const StageGrid& g, const BinEntry* B, const BinStart& bin,
                   const Region& own, Report report) {
@@ -188,12 +188,12 @@ void stage9(const View<T>& spheres, const StageGrid& g, const BinEntry* B, const
 
 }  // namespace
 
-Stages::Stages(Budget& b) : T_(b), S_(b), D_(b), E_(b), B_(b), B_spare_(b), C_(b), C_spare_(b) {}
+NineStages::NineStages(Budget& b) : T_(b), S_(b), D_(b), E_(b), B_(b), B_spare_(b), C_(b), C_spare_(b) {}
 
 template <class T>
-void Stages::run(const View<T>& spheres, const Summary& summary, const Options& options, int threads,
-                 Records& records, Seconds& seconds, Arrays* arrays) {
-  Watch watch;
+void NineStages::run(const View<T>& spheres, const Summary& summary, const Options& options, int threads,
+                     Records& records, Seconds& seconds, Arrays* arrays) {
+  Stopwatch watch;
   const std::uint64_t n = spheres.count;
   const auto lap = [&](int stage) { seconds.stage[stage - 1] += watch.lap(); };
   const auto copy = [&](auto& to, const auto* from, std::uint64_t count) {
@@ -231,9 +231,9 @@ void Stages::run(const View<T>& spheres, const Summary& summary, const Options& 
   stage9(spheres, g, B_.data(), C_.data(), active, options, E_.data(), records, threads), lap(9);
   copy(show.F, records.pairs.data(), contacts);
 }
-template void Stages::run(const View<float>&, const Summary&, const Options&, int, Records&, Seconds&,
-                          Arrays*);
-template void Stages::run(const View<double>&, const Summary&, const Options&, int, Records&, Seconds&,
-                          Arrays*);
+template void NineStages::run(const View<float>&, const Summary&, const Options&, int, Records&, Seconds&,
+                              Arrays*);
+template void NineStages::run(const View<double>&, const Summary&, const Options&, int, Records&, Seconds&,
+                              Arrays*);
 
 }  // namespace padder::detect::omp

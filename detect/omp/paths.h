@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// What the OpenMP backend's sources share; internal.
+// What the sources of the OpenMP backend share: memory, the view of the input, records, and the two paths.
+// Internal.
 #pragma once
 #include <algorithm>
 #include <atomic>
@@ -13,15 +14,15 @@
 
 namespace padder::detect::omp {
 
-// How much this backend holds and may hold. Linux grants memory it does not have and kills the process later:
-// so what is really free is asked for before every growth.
+// How much memory this backend holds and may hold. Linux grants memory that it does not have, and kills the
+// process when it is used. So the memory that is really free is asked for before each large allocation.
 class Budget {
  public:
-  // Begins a call. What it takes counts against the memory free at its first large growth: taken memory shows
-  // as used only once it is written to.
+  // Begins a call. What the call takes counts against the memory that is free at its first large allocation,
+  // because Linux shows memory as used only when it has been written to.
   void begin(std::uint64_t limit) { limit_ = limit, free_ = taken_ = 0; }
   std::uint64_t held() const { return held_.load(std::memory_order_relaxed); }
-  bool take(std::uint64_t bytes);  // false: not to be had
+  bool take(std::uint64_t bytes);  // false: there is not so much
   void give(std::uint64_t bytes) { held_.fetch_sub(bytes, std::memory_order_relaxed); }
 
  private:
@@ -29,7 +30,7 @@ class Budget {
   std::atomic<std::uint64_t> held_{0}, free_{0}, taken_{0};
 };
 
-// Memory that only grows, not initialised, its contents lost when it grows.
+// An array that only grows. It is not initialised, and its contents are lost when it grows.
 template <class T>
 class Buffer {
  public:
@@ -38,7 +39,7 @@ class Buffer {
   Buffer& operator=(Buffer&&) = delete;
   ~Buffer() { release(); }
 
-  // Room for n; false when it is not to be had (then the buffer is empty).
+  // Makes room for n entries. False if there is not enough memory; then the buffer is empty.
   bool try_resize(std::uint64_t n) {
     if (n <= capacity_) return true;
     release();
@@ -49,7 +50,7 @@ class Buffer {
     capacity_ = bytes / sizeof(T), bytes_ = bytes;
     return true;
   }
-  T* resize(std::uint64_t n, const char* what);  // throws Error
+  T* resize(std::uint64_t n, const char* what);  // as try_resize; throws Error that names `what`
 
   T* data() const { return data_; }
   T& operator[](std::uint64_t k) const { return data_[k]; }
@@ -76,16 +77,17 @@ T* Buffer<T>::resize(std::uint64_t n, const char* what) {
   return data_;
 }
 
-// The spheres where they lie: the caller's arrays, or the placed ones of scenes with bodies.
+// The spheres that a path reads: in the caller's arrays, or, for scenes with bodies, as the backend has
+// placed them.
 template <class T>
 struct View {
   const T* centers;
   const T* radii;
   std::uint64_t center_stride, radius_stride, count;
-  const std::uint32_t* family;  // null: 0
-  const std::uint32_t* mask;
-  const std::uint32_t* owner = nullptr;     // null: those of loose spheres
-  const std::uint8_t* is_static = nullptr;  // of loose spheres
+  const std::uint32_t* family;              // null: 0 for all
+  const std::uint32_t* mask;                // null: 0 for all
+  const std::uint32_t* owner = nullptr;     // Filter::owner; null: all spheres are loose
+  const std::uint8_t* is_static = nullptr;  // read if owner is null; null: none is static
   Sphere operator[](std::uint64_t k) const {
     const T* c = centers + k * center_stride;
     return {c[0], c[1], c[2], radii[k * radius_stride]};
@@ -106,17 +108,17 @@ struct View {
   bool filtered() const { return family || mask || owner || is_static; }
 };
 
-// Of spheres side by side; null when there are none.
+// The view of an array of spheres.
 inline View<double> view_of(const Sphere* spheres, std::uint64_t count, const std::uint32_t* family,
                             const std::uint32_t* mask, const std::uint32_t* owner) {
   if (count == 0) return {nullptr, nullptr, 4, 4, 0, family, mask, owner};
   return {&spheres->x, &spheres->r, 4, 4, count, family, mask, owner};
 }
 
-// Seconds since the last call.
-class Watch {
+// Measures the seconds since it was made, or since the last lap.
+class Stopwatch {
  public:
-  Watch();
+  Stopwatch();
   double lap();
 
  private:
@@ -126,20 +128,22 @@ class Watch {
 template <class T>
 Summary summarize(const View<T>& spheres, int threads);
 
-// Where the contacts end up; kept from call to call.
+// The arrays of contacts. They are kept from call to call.
 struct Records {
   explicit Records(Budget& b) : pairs(b), normals(b), points(b) {}
   Buffer<Pair> pairs;
   Buffer<std::byte> normals, points;
   std::uint64_t count = 0;
 
-  void resize(std::uint64_t n, const Options& options);  // throws Error with the bytes for all of it
-  // Writes record k of a contact between spheres of numbers a and b; puts the smaller first.
+  // Makes room for n records. Throws Error with the bytes that they need.
+  void resize(std::uint64_t n, const Options& options);
+  // Writes record k, of a contact between the spheres with numbers a and b. The smaller number comes first.
   void write(std::uint64_t k, std::uint32_t a, std::uint32_t b, const Sphere& sa, const Sphere& sb,
              const Options& options);
 };
 
-// Writes records one behind the other, from `first` on. What is left is written when it ends.
+// Writes records one after the other, beginning with record `first`. It computes normals in batches; the
+// destructor writes the last one.
 class RecordWriter {
  public:
   RecordWriter(Records& records, const Options& options, std::uint64_t first)
@@ -147,7 +151,8 @@ class RecordWriter {
   ~RecordWriter() { flush(); }
   RecordWriter(const RecordWriter&) = delete;
 
-  // A contact of spheres number a and b; `other` gives the second one when it is needed.
+  // A contact between the spheres with numbers a and b. `other` returns sphere b; it is called only if b is
+  // needed.
   template <class Other>
   void add(std::uint32_t a, std::uint32_t b, const Sphere& sa, Other other) {
     if (options_.width == Width::points) {
@@ -173,10 +178,10 @@ class RecordWriter {
   Batch batch_;
 };
 
-// The nine stages (stages.cpp).
-class Stages {
+// The nine stages (nine_stages.cpp).
+class NineStages {
  public:
-  explicit Stages(Budget& b);
+  explicit NineStages(Budget& b);
   template <class T>
   void run(const View<T>& spheres, const Summary& summary, const Options& options, int threads,
            Records& records, Seconds& seconds, Arrays* arrays);
@@ -187,7 +192,8 @@ class Stages {
   Buffer<BinStart> C_, C_spare_;
 };
 
-// The exact sphere of a slot: float slots hold it, for fixed-point slots it is kept beside them.
+// The exact sphere of a slot. Float slots hold it themselves; for fixed-point slots it is in an array beside
+// them.
 inline Sphere exact_sphere(const Sphere*, const Slots<FloatSlot>& slots, std::uint32_t k) {
   return {slots.x[k], slots.y[k], slots.z[k], slots.r[k]};
 }
@@ -195,19 +201,20 @@ inline Sphere exact_sphere(const Sphere* spheres, const Slots<FixedPointSlot>&, 
   return spheres[k];
 }
 
-// The fast path (fast.cpp, search.cpp, record.cpp).
-class Fast {
+// A sphere to be sorted by its key.
+struct KeyedId {
+  std::uint32_t key, id;
+};
+
+// The grid path (order.cpp, search.cpp, records.cpp).
+class GridPath {
  public:
-  explicit Fast(Budget& b);
+  explicit GridPath(Budget& b);
   template <class T>
   std::uint64_t run(const View<T>& spheres, const Summary& summary, const Options& options, int threads,
-                    Records& records,
-                    Seconds& seconds);  // gives the number of doubtful pairs
+                    Records& records, Seconds& seconds);  // returns the number of doubtful pairs
 
  private:
-  struct Entry {
-    std::uint32_t key, id;
-  };
   template <class Slot, class T>
   std::uint64_t sort_and_search(const View<T>& spheres, const Grid& grid, const Options& options, int threads,
                                 Records& records, Seconds& seconds);
@@ -225,20 +232,26 @@ class Fast {
   template <class Slot>
   void write(const Options& options, int threads, Records& records);
 
-  // Slots searched at a stretch, and where their hits are: in the list of one thread.
+  // Consecutive slots that one thread searches, as a unit of work and of the stable order. Their hits are in
+  // that thread's list.
   struct Chunk {
-    std::uint64_t slot, slots, first, count, record;
+    std::uint64_t slot, slots;   // the first slot, and how many
+    std::uint64_t first, count;  // the hits in the list of the thread
+    std::uint64_t record;        // number of the first record
     int thread;
   };
 
   Budget* budget_;
-  Buffer<std::uint32_t> keys_, starts_, ids_, found_;  // found_: hits of each slot; keys_: sorted at last
-  Buffer<std::uint32_t> counts_, places_;              // of each thread: spheres of each part, of each bin
-  Buffer<Entry> entries_;
+  Buffer<std::uint32_t> keys_;             // by sphere while they are sorted, then by slot
+  Buffer<std::uint32_t> starts_;           // the first slot of each bucket, and the end
+  Buffer<std::uint32_t> ids_;              // the number of the sphere in each slot
+  Buffer<std::uint32_t> found_;            // the number of hits of each slot
+  Buffer<std::uint32_t> counts_, places_;  // of each thread: spheres of each part, and of each bin of a part
+  Buffer<KeyedId> entries_;
   Buffer<float> slots_[4];
   Buffer<Filter> filters_;
-  Buffer<Sphere> spheres_;                   // in the order of slots; for double input
-  std::vector<Buffer<std::uint32_t>> hits_;  // of each thread: slots of the partners
+  Buffer<Sphere> spheres_;                   // in the order of the slots; for fixed-point slots
+  std::vector<Buffer<std::uint32_t>> hits_;  // of each thread: the slots of the partners
   std::vector<Chunk> chunks_;
 };
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Hits to records: pairs with the smaller number first, normals and depths in batches, so that square roots
-// and divisions go several at a time.
+// Turns hits into records, in which the smaller number comes first. Normals and penetrations are computed in
+// batches, so that the compiler uses vector instructions for square roots and divisions.
 #include "detect/omp/paths.h"
 
 namespace padder::detect::omp {
@@ -20,7 +20,7 @@ void write_geometry(const Geometry& g, std::byte* normals, std::byte* points, st
   for (int c = 0; c < 3; c++) p.on_i[c] = static_cast<T>(g.on_i[c]), p.on_j[c] = static_cast<T>(g.on_j[c]);
 }
 
-// A batch's normals and depths, from record `first` on.
+// Writes the normals and penetrations of a batch into the records from `first` on.
 void write_batch(Batch& batch, int count, std::uint64_t first, const Options& options, Records& records) {
   to_normals(batch, count);
   const auto copy = [&]<class T>(Normal<T>* to) {
@@ -34,7 +34,7 @@ void write_batch(Batch& batch, int count, std::uint64_t first, const Options& op
     copy(reinterpret_cast<Normal<double>*>(records.normals.data()) + first);
 }
 
-// Writes the contacts of slots, one behind the other.
+// Writes the contacts of slots, one after the other.
 template <class Slot>
 class SlotWriter {
  public:
@@ -42,7 +42,7 @@ class SlotWriter {
              const Options& options, std::uint64_t first, Records& records)
       : slots_(slots), spheres_(spheres), ids_(ids), options_(options), next_(first), records_(records) {}
 
-  // Those of slot a with hits[0 to count - 1].
+  // The contacts of slot a with slots hits[0] to hits[count - 1].
   void add(std::uint32_t a, const std::uint32_t* hits, std::uint32_t count) {
     while (count > 0) {
       const std::uint32_t n = std::min(count, kBatch - size_);
@@ -107,7 +107,7 @@ void RecordWriter::flush() {
 }
 
 template <class Slot>
-void Fast::write(const Options& options, int threads, Records& records) {
+void GridPath::write(const Options& options, int threads, Records& records) {
   const auto chunks = static_cast<std::int64_t>(chunks_.size());
 #pragma omp parallel for schedule(dynamic, 8) num_threads(threads)
   for (std::int64_t k = 0; k < chunks; k++) {
@@ -119,7 +119,7 @@ void Fast::write(const Options& options, int threads, Records& records) {
     writer.flush();
   }
 }
-template void Fast::write<FloatSlot>(const Options&, int, Records&);
-template void Fast::write<FixedPointSlot>(const Options&, int, Records&);
+template void GridPath::write<FloatSlot>(const Options&, int, Records&);
+template void GridPath::write<FixedPointSlot>(const Options&, int, Records&);
 
 }  // namespace padder::detect::omp

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
-// Stages 7 to 9 of the fast path on the CPU: each sphere against the rest of its bin and the forward half of
-// the bins around, where every pair of one level meets once, and against the levels that its own level looks
-// at.
+// The search of the grid path on the CPU (stages 7 to 9 of the paper). Each sphere is tested against the
+// spheres behind it in its bin and those in the forward half of the neighbouring bins, so every pair of one
+// level is tested once. It is also tested against the levels that its own level searches.
 #include <omp.h>
 
 #include <cstring>
@@ -11,22 +11,24 @@
 namespace padder::detect::omp {
 namespace {
 
-constexpr double kChunkTime = 1e5;       // nanoseconds, about: of the unit of work, and of the fixed order
-constexpr std::uint64_t kChunk = 2048;   // and its spheres, at most
-constexpr std::uint32_t kPiece = 16384;  // candidates tested between two looks at the room left
-constexpr double kOwn = 40;              // nanoseconds, about, at a sphere's own level
+// A chunk is the unit of work and of the stable order. It takes about kChunkTime nanoseconds and has at most
+// kChunkSlots slots. kOwnLevelTime: nanoseconds that a sphere takes at its own level, about.
+constexpr double kChunkTime = 1e5, kOwnLevelTime = 40;
+constexpr std::uint64_t kChunkSlots = 2048;
+// The most candidates that are tested before the room for hits is checked again.
+constexpr std::uint32_t kMostCandidates = 16384;
 
-// Hits of one thread, which grow as they must. When memory is short they are only counted: then the sentence
-// about it can say how much was needed.
+// The hits of one thread. The list grows as it must. If there is not enough memory, hits are only counted
+// from then on, so that the sentence about it can say how much would be needed.
 class Hits {
  public:
-  static constexpr std::uint64_t kLeast = 2 * (kPiece + kLanes);
-  Hits(Buffer<std::uint32_t>& buffer, Budget& budget)
-      : buffer_(buffer), budget_(budget) {}  // buffer: kLeast at least
+  static constexpr std::uint64_t kLeast = 2 * (kMostCandidates + kLanes);
+  // The buffer must have room for kLeast hits.
+  Hits(Buffer<std::uint32_t>& buffer, Budget& budget) : buffer_(buffer), budget_(budget) {}
 
-  // Room for kPiece candidates behind what is kept.
+  // Room for kMostCandidates hits after those that are kept.
   std::uint32_t* room() {
-    if (size_ + kPiece + kLanes > buffer_.capacity()) grow();
+    if (size_ + kMostCandidates + kLanes > buffer_.capacity()) grow();
     return buffer_.data() + size_;
   }
   void keep(std::uint64_t n) {
@@ -53,33 +55,34 @@ class Hits {
   bool counting_ = false;
 };
 
-// Lengths in bins of the other level are floats; this much more covers their rounding, twice.
-constexpr float kReachShare = 1 + 0x1p-16f, kReachMore = 0x1p-14f;
-// How far a sphere may look, in bins of the finer level: fixed-point slots know their place modulo 256 bins,
-// and the share above must stay below a bin.
-constexpr double kWidest[2] = {800, 100};  // float slots, fixed-point slots
-constexpr int kRows = 2048;                // looked up at a time; at least a layer of them
+// The largest search radius of a coarse sphere, in bins of the finer level. Fixed-point slots know their
+// place modulo 256 bins only, and kSearchRadiusFactor must not add more than a bin.
+constexpr double kLargestSearchRadius[2] = {800, 100};  // for float slots, for fixed-point slots
+constexpr int kRows = 2048;  // rows of bins that are looked up together; at least one layer
 
-// Which other levels the spheres of each level look at. Of two levels one looks at the other, whichever costs
-// less: a large sphere that looks down touches most of what it meets, but there are many bins.
-struct Looks {
+// Which other levels the spheres of each level search. Of two levels, one searches the other, in the
+// direction that costs less. A large sphere touches most of the finer spheres that it tests, but it searches
+// many bins.
+struct CrossSearches {
   int count[kMaxLevels] = {}, at[kMaxLevels][kMaxLevels];
-  double cost[kMaxLevels] = {};  // of a sphere, in nanoseconds
+  double cost[kMaxLevels] = {};  // for each sphere of the level, in nanoseconds
   void add(int from, int to, double each) { at[from][count[from]++] = to, cost[from] += each; }
 };
-Looks plan_looks(const Grid& g, bool fixed) {
-  Looks looks;
+CrossSearches plan_cross_searches(const Grid& g, bool fixed_point) {
+  CrossSearches plan;
   for (int c = 0; c < g.levels; c++)
     for (int f = 0; f < c; f++) {
       const Level &coarse = g.level[c], &fine = g.level[f];
-      const double up = look_cost(fine, coarse), down = look_cost(coarse, fine);
-      const bool wide = (coarse.radius_max + fine.radius_max) * fine.per_size > kWidest[fixed];
-      if (wide || up * static_cast<double>(fine.spheres) <= down * static_cast<double>(coarse.spheres))
-        looks.add(f, c, up);
+      const double fine_cost = cross_search_cost(fine, coarse), coarse_cost = cross_search_cost(coarse, fine);
+      const bool wide =
+          (coarse.radius_max + fine.radius_max) * fine.per_size > kLargestSearchRadius[fixed_point];
+      if (wide ||
+          fine_cost * static_cast<double>(fine.spheres) <= coarse_cost * static_cast<double>(coarse.spheres))
+        plan.add(f, c, fine_cost);
       else
-        looks.add(c, f, down);
+        plan.add(c, f, coarse_cost);
     }
-  return looks;
+  return plan;
 }
 
 int floor_of(float v) {
@@ -90,9 +93,10 @@ int floor_of(float v) {
 template <class Slot>
 class Searcher {
  public:
-  Searcher(const Sphere* spheres, const Grid& grid, const Looks& looks, const Options& options,
-           const Slots<Slot>& slots, const std::uint32_t* ids, const std::uint32_t* keys,
-           const std::uint32_t* starts, const Filter* filters, std::uint32_t* found, Hits& hits)
+  Searcher(const Sphere* spheres, const Grid& grid, const CrossSearches& cross_searches,
+           const Options& options, const Slots<Slot>& slots, const std::uint32_t* ids,
+           const std::uint32_t* keys, const std::uint32_t* starts, const Filter* filters,
+           std::uint32_t* found, Hits& hits)
       : spheres_(spheres),
         grid_(grid),
         own_(options.own),
@@ -104,10 +108,10 @@ class Searcher {
         found_(found),
         hits_(hits),
         exact_(options.precision == Precision::exact),
-        looks_(looks) {
-    for (int k = 0; k < 3; k++) settles_ |= own_.low[k] > -INFINITY || own_.high[k] < INFINITY;
-    bounded_ = settles_;
-    settles_ |= filters != nullptr;
+        cross_searches_(cross_searches) {
+    for (int k = 0; k < 3; k++) confirms_ |= own_.low[k] > -INFINITY || own_.high[k] < INFINITY;
+    bounded_ = confirms_;
+    confirms_ |= filters != nullptr;
   }
   std::uint64_t doubtful() const { return doubtful_; }
 
@@ -122,21 +126,23 @@ class Searcher {
         own_level_hashed(l, key, slot);
       else
         forward_runs(l, key), own_level_dense(slot);
-      for (int k = 0; k < looks_.count[level]; k++) look(grid_.level[looks_.at[level][k]], slot);
+      for (int k = 0; k < cross_searches_.count[level]; k++)
+        search_level(grid_.level[cross_searches_.at[level][k]], slot);
       found_[slot] = static_cast<std::uint32_t>(hits_.total() - before);
     }
   }
 
  private:
-  static constexpr bool kFixed = std::is_same_v<Slot, FixedPointSlot>;
-  struct Bins {  // that were meant, for hashed levels
+  static constexpr bool kFixedPoint = std::is_same_v<Slot, FixedPointSlot>;
+  // The bins of a hashed level that are searched. Buckets also hold spheres of other bins.
+  struct Bins {
     const Level* level = nullptr;
     std::int64_t x_low = 0, x_high = 0, y_low = 0, y_high = 0, z_low = 0, z_high = 0;
     double count() const {
       return static_cast<double>(x_high - x_low + 1) * static_cast<double>(y_high - y_low + 1) *
              static_cast<double>(z_high - z_low + 1);
     }
-    bool hold(const Sphere& s) const {
+    bool contain(const Sphere& s) const {
       const Bin b = bin_of(*level, s);
       return x_low <= b.x && b.x <= x_high && y_low <= b.y && b.y <= y_high && z_low <= b.z && b.z <= z_high;
     }
@@ -144,8 +150,8 @@ class Searcher {
 
   Sphere exact_sphere(std::uint32_t k) const { return omp::exact_sphere(spheres_, slots_, k); }
 
-  // The forward half of a bin's neighbours: the rest of its row, the row behind in y, three rows in the layer
-  // above.
+  // The forward half of the bins around a bin: the rest of its row, the next row in y, and three rows of the
+  // next layer in z.
   void forward_runs(const Level& l, std::uint32_t key) {
     const std::uint32_t row = l.count[0] + 2, plane = row * (l.count[1] + 2);
     const std::uint32_t rows[4] = {key + row, key + plane - row, key + plane, key + plane + row};
@@ -159,22 +165,22 @@ class Searcher {
   void own_level_dense(std::uint32_t a) {
     const Slot me = slots_[a];
     runs_[0].begin = a + 1;
-    if (candidates_ <= kPiece) {
-      take(me, a, runs_, 5, {});
+    if (candidates_ <= kMostCandidates) {
+      test(me, a, runs_, 5, {});
       return;
     }
-    for (const Run& r : runs_) run(me, a, r, {});
+    for (const Run& r : runs_) test_in_parts(me, a, r, {});
   }
 
-  // Of a hashed level, bin by bin.
-  void look_into(const Slot& me, std::uint32_t a, const Bins& bins) {
+  // Bins of a hashed level, one by one.
+  void search_hashed(const Slot& me, std::uint32_t a, const Bins& bins) {
     const Level& l = *bins.level;
     for (std::int64_t z = bins.z_low; z <= bins.z_high; z++)
       for (std::int64_t y = bins.y_low; y <= bins.y_high; y++) {
         const std::uint32_t row = row_of(l, y, z);
         for (std::int64_t x = bins.x_low; x <= bins.x_high; x++) {
           const std::uint32_t key = key_in_row(l, row, x);
-          run(me, a, {starts_[key], starts_[key + 1]}, {&l, x, x, y, y, z, z});
+          test_in_parts(me, a, {starts_[key], starts_[key + 1]}, {&l, x, x, y, y, z, z});
         }
       }
   }
@@ -182,27 +188,28 @@ class Searcher {
   void own_level_hashed(const Level& l, std::uint32_t key, std::uint32_t a) {
     const Slot me = slots_[a];
     const Bin b = bin_of(l, exact_sphere(a));
-    run(me, a, {a + 1, starts_[key + 1]}, {&l, b.x, b.x, b.y, b.y, b.z, b.z});
-    look_into(me, a, {&l, b.x + 1, b.x + 1, b.y, b.y, b.z, b.z});
-    look_into(me, a, {&l, b.x - 1, b.x + 1, b.y + 1, b.y + 1, b.z, b.z});
-    look_into(me, a, {&l, b.x - 1, b.x + 1, b.y - 1, b.y + 1, b.z + 1, b.z + 1});
+    test_in_parts(me, a, {a + 1, starts_[key + 1]}, {&l, b.x, b.x, b.y, b.y, b.z, b.z});
+    search_hashed(me, a, {&l, b.x + 1, b.x + 1, b.y, b.y, b.z, b.z});
+    search_hashed(me, a, {&l, b.x - 1, b.x + 1, b.y + 1, b.y + 1, b.z, b.z});
+    search_hashed(me, a, {&l, b.x - 1, b.x + 1, b.y - 1, b.y + 1, b.z + 1, b.z + 1});
   }
 
-  // The spheres of another level that may touch a: in the rows that a ball about it crosses.
-  void look(const Level& l, std::uint32_t a) {
+  // Tests sphere a against the spheres of another level, in the rows of bins that a ball around it crosses.
+  void search_level(const Level& l, std::uint32_t a) {
     const Sphere s = exact_sphere(a);
-    // So far out that it has no bin number: the spheres of this level are not (need_of), nor can they touch
-    // it.
+    // A sphere this far out has no bin number. The spheres of this level are nearer (need_of), and cannot
+    // touch it.
     if (larger(larger(magnitude(s.x), magnitude(s.y)), magnitude(s.z)) > 0x1p43 * l.size) return;
     const Split x = split(l, s.x), y = split(l, s.y), z = split(l, s.z);
     Slot me = slots_[a];
-    if constexpr (kFixed)
+    if constexpr (kFixedPoint)
       me = {fixed_point_of(l, x), fixed_point_of(l, y), fixed_point_of(l, z),
             static_cast<float>(mul(s.r, l.units))};
     Ball ball;
     ball.x = static_cast<float>(x.rest * l.per_size), ball.y = static_cast<float>(y.rest * l.per_size);
     ball.z = static_cast<float>(z.rest * l.per_size);
-    ball.radius = static_cast<float>((s.r + l.radius_max) * l.per_size) * kReachShare + kReachMore;
+    ball.radius =
+        static_cast<float>((s.r + l.radius_max) * l.per_size) * kSearchRadiusFactor + kSearchRadiusMargin;
     ball.x_low = floor_of(ball.x - ball.radius), ball.x_high = floor_of(ball.x + ball.radius);
     ball.y_low = floor_of(ball.y - ball.radius), ball.y_high = floor_of(ball.y + ball.radius);
     ball.z_low = floor_of(ball.z - ball.radius), ball.z_high = floor_of(ball.z + ball.radius);
@@ -214,25 +221,27 @@ class Searcher {
                       y.bin + ball.y_high,
                       z.bin + ball.z_low,
                       z.bin + ball.z_high};
-      // The bins within reach are bounded by nothing but radii: where they are more than there are spheres,
-      // the spheres are gone through instead.
+      // The bins of a hashed level have no bounds. If they are more than the spheres of the level, all of
+      // these are tested instead.
       const Run all{starts_[l.offset], starts_[l.offset + l.buckets]};
-      if (bins.count() > all.end - all.begin) return run(me, a, all, bins);
-      return look_into(me, a, bins);
+      if (bins.count() > all.end - all.begin) return test_in_parts(me, a, all, bins);
+      return search_hashed(me, a, bins);
     }
-    if (!cut(l, 0, x.bin, ball.x_low, ball.x_high) || !cut(l, 1, y.bin, ball.y_low, ball.y_high) ||
-        !cut(l, 2, z.bin, ball.z_low, ball.z_high))
+    if (!restrict_to(l, 0, x.bin, ball.x_low, ball.x_high) ||
+        !restrict_to(l, 1, y.bin, ball.y_low, ball.y_high) ||
+        !restrict_to(l, 2, z.bin, ball.z_low, ball.z_high))
       return;
     ball.row = l.count[0] + 2, ball.plane = ball.row * (l.count[1] + 2);
     ball.key = key_of(l, {x.bin, y.bin, z.bin}) - l.offset;
     const int last = ball.z_high, layers = std::max(1, kRows / (ball.y_high - ball.y_low + 1));
     for (; ball.z_low <= last; ball.z_low += layers) {
       ball.z_high = std::min(last, ball.z_low + layers - 1);
-      several(me, a, kernels_.find_rows(ball, starts_ + l.offset, rows_));
+      test_rows(me, a, kernels_.find_rows(ball, starts_ + l.offset, rows_));
     }
   }
-  // Bins low to high, counted from `bin`, to those that exist; false when none does.
-  static bool cut(const Level& l, int axis, std::int64_t bin, int& low, int& high) {
+  // Restricts bins low to high, relative to `bin`, to those that exist on the level. False if none of them
+  // does.
+  static bool restrict_to(const Level& l, int axis, std::int64_t bin, int& low, int& high) {
     const std::int64_t first = std::max<std::int64_t>(low, l.first[axis] - bin),
                        last = std::min<std::int64_t>(high, l.first[axis] + l.count[axis] - 1 - bin);
     if (first > last) return false;
@@ -240,47 +249,50 @@ class Searcher {
     return true;
   }
 
-  // rows_[0 to count - 1], as many at a time as there is room for.
-  void several(const Slot& me, std::uint32_t a, int count) {
+  // Tests the candidates in rows_[0] to rows_[count - 1], as many at once as there is room for.
+  void test_rows(const Slot& me, std::uint32_t a, int count) {
     int first = 0;
     std::uint32_t candidates = 0;
     for (int k = 0; k < count; k++) {
       const std::uint32_t n = rows_[k].end - rows_[k].begin;
-      if (n <= kPiece - candidates) [[likely]] {
+      if (n <= kMostCandidates - candidates) [[likely]] {
         candidates += n;
         continue;
       }
-      if (k > first) take(me, a, rows_ + first, k - first, {});
+      if (k > first) test(me, a, rows_ + first, k - first, {});
       first = k, candidates = n;
-      if (n > kPiece) run(me, a, rows_[k], {}), first = k + 1, candidates = 0;
+      if (n > kMostCandidates) test_in_parts(me, a, rows_[k], {}), first = k + 1, candidates = 0;
     }
-    if (count > first) take(me, a, rows_ + first, count - first, {});
+    if (count > first) test(me, a, rows_ + first, count - first, {});
   }
 
-  void run(const Slot& me, std::uint32_t a, Run r, const Bins& meant) {
+  // Tests the candidates of a run of any length.
+  void test_in_parts(const Slot& me, std::uint32_t a, Run r, const Bins& bins) {
     while (r.begin < r.end) {
-      const Run piece{r.begin, std::min(r.end, r.begin + kPiece)};
-      take(me, a, &piece, 1, meant);
-      r.begin = piece.end;
+      const Run part{r.begin, std::min(r.end, r.begin + kMostCandidates)};
+      test(me, a, &part, 1, bins);
+      r.begin = part.end;
     }
   }
-  // At most kPiece candidates.
-  void take(const Slot& me, std::uint32_t a, const Run* runs, int count, const Bins& meant) {
+  // Tests at most kMostCandidates candidates. On a hashed level, `bins` are the bins that are searched;
+  // elsewhere it has no level.
+  void test(const Slot& me, std::uint32_t a, const Run* runs, int count, const Bins& bins) {
     std::uint32_t* out = hits_.room();
     bool doubt;
     std::uint32_t n = kernels_.test_runs(slots_, me, runs, count, out, doubt);
-    if (doubt | settles_ | (meant.level != nullptr)) n = settle(me, a, out, n, meant, doubt);
+    if (doubt | confirms_ | (bins.level != nullptr)) n = confirm(me, a, out, n, bins, doubt);
     hits_.keep(n);
   }
 
-  // What the filter could not say, and what is not about distance: the hits that stay.
-  std::uint32_t settle(const Slot& me, std::uint32_t a, std::uint32_t* hits, std::uint32_t n,
-                       const Bins& meant, bool doubt) {
+  // Removes hits that are no contacts: by the exact test where float cannot decide, by the filter, by the
+  // region, and by the bin of a candidate on a hashed level. Returns how many are left.
+  std::uint32_t confirm(const Slot& me, std::uint32_t a, std::uint32_t* hits, std::uint32_t n,
+                        const Bins& bins, bool doubt) {
     std::uint32_t kept = 0;
     for (std::uint32_t k = 0; k < n; k++) {
       const std::uint32_t b = hits[k];
       if (filters_ && !admitted(filters_[a], filters_[b])) continue;
-      if (meant.level && !meant.hold(exact_sphere(b))) continue;
+      if (bins.level && !bins.contain(exact_sphere(b))) continue;
       if (bounded_) {
         const bool ordered = ids_[a] < ids_[b];
         const Sphere i = exact_sphere(ordered ? a : b), j = exact_sphere(ordered ? b : a);
@@ -298,7 +310,7 @@ class Searcher {
     return kept;
   }
 
-  const Sphere* spheres_;  // of fixed-point slots
+  const Sphere* spheres_;  // beside fixed-point slots
   const Grid& grid_;
   const Region own_;
   const Slots<Slot> slots_;
@@ -309,10 +321,10 @@ class Searcher {
   std::uint32_t* found_;
   Hits& hits_;
   const Kernels<Slot> kernels_ = kernels_for_this_machine<Slot>();
-  bool exact_, bounded_ = false, settles_ = false;
+  bool exact_, bounded_ = false, confirms_ = false;
   Run runs_[5] = {};
   Run rows_[kRows + kLanes];
-  const Looks& looks_;
+  const CrossSearches& cross_searches_;
   std::uint64_t candidates_ = 0;
   std::uint64_t doubtful_ = 0;
 };
@@ -320,21 +332,22 @@ class Searcher {
 }  // namespace
 
 template <class Slot>
-std::uint64_t Fast::search(const Grid& grid, const Options& options, bool filtered, int threads,
-                           Seconds& seconds) {
-  Watch watch;
-  const Looks looks = plan_looks(grid, std::is_same_v<Slot, FixedPointSlot>);
+std::uint64_t GridPath::search(const Grid& grid, const Options& options, bool filtered, int threads,
+                               Seconds& seconds) {
+  Stopwatch watch;
+  const CrossSearches cross_searches = plan_cross_searches(grid, std::is_same_v<Slot, FixedPointSlot>);
   chunks_.clear();
   for (int k = 0; k < grid.levels; k++) {
     const Level& l = grid.level[k];
     const std::uint64_t end = starts_[std::uint64_t(l.offset) + l.buckets];
-    const auto size = static_cast<std::uint64_t>(std::max(1.0, kChunkTime / (kOwn + looks.cost[k])));
+    const auto size =
+        static_cast<std::uint64_t>(std::max(1.0, kChunkTime / (kOwnLevelTime + cross_searches.cost[k])));
     for (std::uint64_t slot = starts_[l.offset]; slot < end; slot += chunks_.back().slots)
-      chunks_.push_back({slot, std::min({size, kChunk, end - slot}), 0, 0, 0, 0});
+      chunks_.push_back({slot, std::min({size, kChunkSlots, end - slot}), 0, 0, 0, 0});
   }
   while (hits_.size() < static_cast<std::size_t>(threads)) hits_.emplace_back(*budget_);
   for (auto& buffer : hits_)
-    buffer.resize(Hits::kLeast, "the list of contacts");  // nothing may throw in the threads
+    buffer.resize(Hits::kLeast, "the list of contacts");  // here, because nothing may throw in the threads
   std::uint32_t* found = found_.resize(starts_[grid.buckets], "the list of contacts");
   std::uint64_t doubtful = 0, total = 0;
   bool counted_only = false;
@@ -342,9 +355,9 @@ std::uint64_t Fast::search(const Grid& grid, const Options& options, bool filter
   {
     const int t = omp_get_thread_num();
     Hits hits(hits_[static_cast<std::size_t>(t)], *budget_);
-    Searcher<Slot> searcher(spheres_.data(), grid, looks, options, slots<Slot>(), ids_.data(), keys_.data(),
-                            starts_.data(), filtered ? filters_.data() : nullptr, found, hits);
-    // Backwards: what the few largest spheres cost is known least, so they come first.
+    Searcher<Slot> searcher(spheres_.data(), grid, cross_searches, options, slots<Slot>(), ids_.data(),
+                            keys_.data(), starts_.data(), filtered ? filters_.data() : nullptr, found, hits);
+    // Backwards: the few largest spheres come first, because their cost is known least.
 #pragma omp for schedule(dynamic, 1)
     for (auto k = static_cast<std::int64_t>(chunks_.size()) - 1; k >= 0; k--) {
       Chunk& c = chunks_[static_cast<std::size_t>(k)];
@@ -360,7 +373,7 @@ std::uint64_t Fast::search(const Grid& grid, const Options& options, bool filter
   seconds.stage[6] += watch.lap();
   return doubtful;
 }
-template std::uint64_t Fast::search<FloatSlot>(const Grid&, const Options&, bool, int, Seconds&);
-template std::uint64_t Fast::search<FixedPointSlot>(const Grid&, const Options&, bool, int, Seconds&);
+template std::uint64_t GridPath::search<FloatSlot>(const Grid&, const Options&, bool, int, Seconds&);
+template std::uint64_t GridPath::search<FixedPointSlot>(const Grid&, const Options&, bool, int, Seconds&);
 
 }  // namespace padder::detect::omp

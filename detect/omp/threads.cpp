@@ -14,7 +14,7 @@
 namespace padder::detect::omp {
 namespace {
 
-// How often a thread of this program had to give up its processor to another program.
+// How often threads of this program had to give up their processor to another program, so far.
 long interruptions() {
 #if defined(__unix__)
   rusage usage;
@@ -23,9 +23,11 @@ long interruptions() {
   return 0;
 }
 
-constexpr std::uint64_t kWorth = 2048;  // spheres: a small scene is done before a second thread has woken up
-// A call is disturbed by more than this. On a machine of our own there are a few a second; beside another
-// program one every few milliseconds, for each thread.
+// Spheres that are worth a further thread. A small scene is done before a second thread has woken up.
+constexpr std::uint64_t kWorth = 2048;
+// A call counts as interrupted with at least this many interruptions, and this many a second. On an idle
+// machine there are a few a second; beside another program there is one every few milliseconds for each
+// thread.
 constexpr long kFewest = 2;
 constexpr double kPerSecond = 50;
 constexpr std::chrono::duration<double> kShortest{0.02}, kLongest{5};

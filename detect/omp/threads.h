@@ -1,25 +1,26 @@
 // SPDX-License-Identifier: MIT
-// How many threads a call gets that does not say how many. Internal.
+// Chooses the number of threads for calls that do not ask for one. Internal.
 #pragma once
 #include <chrono>
 #include <cstdint>
 
 namespace padder::detect::omp {
 
-// As many as the work is worth, and one while other programs keep the processors busy. libgomp's threads spin
-// while they wait for each other: where one of them has lost its processor, the others burn theirs until it
-// gets another turn, and a region of a tenth of a millisecond takes many. So a call that was interrupted is
-// followed by calls on one thread: for 20 ms at first, twice as long each time that several were tried in
-// vain.
+// As many threads as the work is worth, or one while other programs keep the processors busy.
+//
+// The reason for one: the threads of libgomp spin while they wait for each other. If one of them has lost its
+// processor, the others burn theirs until it runs again, and a parallel region of 0.1 ms takes many
+// milliseconds. So after a call that was interrupted, calls use one thread for 20 ms, and twice as long after
+// each further attempt that was interrupted.
 class Threads {
  public:
-  // `asked`: Options::threads; `work`: in spheres searched one by one.
+  // `asked`: Options::threads. `work`: the number of spheres that are searched one by one.
   int choose(int asked, std::uint64_t work);
-  void done();  // after the call that this many threads were chosen for
+  void done();  // to be called after the call for which choose() was asked
 
  private:
   using Clock = std::chrono::steady_clock;
-  bool several_ = false;  // chosen for this call
+  bool several_ = false;  // more than one thread was chosen for this call
   long interruptions_ = 0;
   std::chrono::duration<double> pause_{0};
   Clock::time_point begun_, alone_until_;

@@ -12,8 +12,9 @@
 namespace padder::detect {
 namespace {
 
-// Face-centred cubic, nearest distance a little below the diameter, each coordinate jittered.
-std::vector<FloatSphere> dense(std::uint64_t n, Random& random) {
+// A face-centred cubic lattice whose nearest distance is a little below the diameter, with jittered
+// coordinates.
+std::vector<FloatSphere> dense(std::uint64_t n, SplitMix64& random) {
   const double nearest = 2 / 1.013313, cell = nearest * std::sqrt(2.0), jitter = 0.06;
   const double corner[4][3] = {{0, 0, 0}, {0.5, 0.5, 0}, {0.5, 0, 0.5}, {0, 0.5, 0.5}};
   auto side = static_cast<std::uint64_t>(std::ceil(std::cbrt(static_cast<double>(n) / 4) - 1e-9));
@@ -30,11 +31,11 @@ std::vector<FloatSphere> dense(std::uint64_t n, Random& random) {
   return spheres;
 }
 
-// Uniform positions in a cube in which a sphere has `contacts` contacts on average; `radius` maps [0, 1) to a
-// radius.
+// Uniform positions in a cube that is so large that there are `contacts` contacts for each sphere, on
+// average. `radius` maps [0, 1) to a radius; null: 1 for all.
 std::vector<FloatSphere> poisson(std::uint64_t n, double contacts,
-                                 const std::function<double(double)>& radius, Random& random) {
-  double mean[3] = {1, 1, 1};  // of the powers 1 to 3 of the radius
+                                 const std::function<double(double)>& radius, SplitMix64& random) {
+  double mean[3] = {1, 1, 1};  // the mean of the radius, of its square and of its cube
   if (radius) {
     constexpr int kSamples = 2000000;
     for (double& m : mean) m = 0;
@@ -44,8 +45,8 @@ std::vector<FloatSphere> poisson(std::uint64_t n, double contacts,
     }
     for (double& m : mean) m /= kSamples;
   }
-  // A pair touches where the centres are within the sum of radii: the mean volume of that is 4/3 pi (2 m3 + 6
-  // m2 m1).
+  // Two spheres touch if their centres are not farther apart than the sum of the radii. The mean volume of
+  // the ball with that radius is 4/3 pi (2 mean[2] + 6 mean[1] mean[0]).
   const double density =
       contacts / (0.5 * 4.0 / 3.0 * std::numbers::pi * (2 * mean[2] + 6 * mean[1] * mean[0]));
   const double edge = std::cbrt(static_cast<double>(n) / density);
@@ -61,7 +62,7 @@ std::vector<FloatSphere> poisson(std::uint64_t n, double contacts,
 }
 
 // A uniformly random rotation from a random unit quaternion (Shoemake, Uniform random rotations, 1992).
-void random_rotation(Random& random, double (&m)[9]) {
+void random_rotation(SplitMix64& random, double (&m)[9]) {
   const double u = random.unit(), a = 2 * std::numbers::pi * random.unit(),
                b = 2 * std::numbers::pi * random.unit();
   const double x = std::sqrt(1 - u) * std::sin(a), y = std::sqrt(1 - u) * std::cos(a);
@@ -77,7 +78,7 @@ const std::vector<std::string>& generator_names() {
 }
 
 std::vector<FloatSphere> generate(const std::string& name, std::uint64_t n, bool random_order) {
-  Random random(12345 + n);
+  SplitMix64 random(12345 + n);
   const auto one_to_four = [](double u) { return 1 + 3 * u; };
   const auto power_law = [](double u) {
     return std::pow(1 + (std::pow(100.0, -2.5) - 1) * u, -0.4);
@@ -104,7 +105,7 @@ std::vector<FloatSphere> generate(const std::string& name, std::uint64_t n, bool
 BodyScene generate_bodies(std::uint64_t count) {
   BodyScene scene;
   constexpr int kSpheres = 64;
-  for (int k = 0; k < kSpheres; k++) {  // a Fibonacci lattice: nearly even on the shell
+  for (int k = 0; k < kSpheres; k++) {  // a Fibonacci lattice, which is nearly even on the shell
     const double z = 1 - (2 * k + 1.0) / kSpheres, around = std::sqrt(1 - z * z);
     const double angle = k * std::numbers::pi * (3 - std::sqrt(5.0));
     scene.shape.push_back({3 * around * std::cos(angle), 3 * around * std::sin(angle), 3 * z, 1});
@@ -114,7 +115,7 @@ BodyScene generate_bodies(std::uint64_t count) {
 }
 
 std::vector<Body> pile(std::uint64_t n, double bound, double spacing) {
-  Random random(12345 + n);
+  SplitMix64 random(12345 + n);
   std::vector<Body> bodies(n);
   const double cell = spacing * bound;
   std::uint64_t side = 1;

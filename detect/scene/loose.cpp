@@ -117,13 +117,13 @@ LooseSpheres loose_from_csv(std::string_view text, const std::string& where) {
   LooseSpheres l;
   l.scalar = Scalar::f64;
   bool header = false;
-  std::size_t columns = 0, family = 0, mask = 0;  // columns of the tags; 0: none
-  for (std::uint64_t number = 1; !text.empty(); number++) {
+  std::size_t columns = 0, family = 0, mask = 0;  // the columns of family and mask; 0: there is none
+  for (std::uint64_t line_number = 1; !text.empty(); line_number++) {
     const auto end = text.find('\n');
     const std::string_view line = trimmed(text.substr(0, end));
     text.remove_prefix(end == std::string_view::npos ? text.size() : end + 1);
     if (line.empty() || line.front() == '#') continue;
-    const std::string at = where + ":" + std::to_string(number) + ": ";
+    const std::string at = where + ":" + std::to_string(line_number) + ": ";
     const std::vector<std::string_view> f = fields(line);
     if (!header) {
       header = true, columns = f.size();
@@ -136,7 +136,7 @@ LooseSpheres loose_from_csv(std::string_view text, const std::string& where) {
         else
           ok = false;
       }
-      if (!ok) throw Error(at + "the header must be x,y,z,r, perhaps with family and mask behind");
+      if (!ok) throw Error(at + "the header must be x,y,z,r, which may be followed by family and mask");
       continue;
     }
     if (f.size() != columns)
@@ -154,7 +154,7 @@ LooseSpheres loose_from_csv(std::string_view text, const std::string& where) {
       if (column) to->push_back(v);
     }
   }
-  if (!header) throw Error(where + ": empty: a header x,y,z,r is wanted");
+  if (!header) throw Error(where + ": the file is empty: its first line must be the header x,y,z,r");
   return l;
 }
 

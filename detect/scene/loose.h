@@ -11,27 +11,29 @@
 
 namespace padder::detect {
 
-// x, y, z, r of each sphere, in float or in double; the others empty or one for each.
+// N loose spheres, in float or in double.
 struct LooseSpheres {
   Scalar scalar = Scalar::f32;
-  std::vector<float> single;  // 4 N, when scalar is f32
-  std::vector<double> twice;  // 4 N, when scalar is f64
-  std::vector<std::uint32_t> family, mask;
-  std::vector<std::uint8_t> is_static;  // likewise
+  std::vector<float> single;                // x, y, z, r of each sphere if scalar is f32
+  std::vector<double> twice;                // x, y, z, r of each sphere if scalar is f64
+  std::vector<std::uint32_t> family, mask;  // one for each sphere, or empty
+  std::vector<std::uint8_t> is_static;      // one for each sphere, or empty
 
   std::uint64_t size() const { return (scalar == Scalar::f32 ? single.size() : twice.size()) / 4; }
-  // Behind the spheres here; to double when either side is.
+  // Appends the spheres of `more`. The result is in double if either of the two is.
   void append(const LooseSpheres& more);
-  Spheres view() const;  // borrowed
+  // The spheres as the detector takes them. They refer to this object.
+  Spheres view() const;
 };
 
 LooseSpheres loose_from(const std::vector<FloatSphere>& spheres);
 
-// .npz with `centers` (N, 3) and `radii` (N), perhaps `family` and `mask` (N): float32 stays float.
+// Reads .npz: the arrays `centers` (N, 3) and `radii` (N), and, if they are there, `family` and `mask` (N).
+// The spheres are in float if both arrays are float32. Throws Error that names the array.
 LooseSpheres loose_from_npz(std::string_view bytes, const std::string& where);
 
-// .csv: a header x,y,z,r and perhaps family and mask, then a sphere a line, in double; lines that begin with
-// # are skipped. Throws Error that names the line.
+// Reads .csv, in double: a header x,y,z,r, which may go on with family and mask, and then a line for each
+// sphere. Lines that begin with # are skipped. Throws Error that names the line.
 LooseSpheres loose_from_csv(std::string_view text, const std::string& where);
 
 }  // namespace padder::detect

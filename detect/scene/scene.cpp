@@ -24,11 +24,11 @@ Scene::Asset asset_of(const Cluster& c) {
   return a;
 }
 
-// Families that bodies may not be given because something in the scene uses them.
+// Gives bodies families that nothing else in the scene uses.
 class Families {
  public:
   void use(std::uint32_t family) { used_.insert(family); }
-  std::uint32_t own() {
+  std::uint32_t next_unused() {
     while (used_.contains(next_)) next_++;
     return next_++;
   }
@@ -77,7 +77,7 @@ Body read_body(const Reader& r, const Assets& assets, bool& family_given) {
   r.at("position").reals(body.position);
   if (r.has("quaternion")) read_rotation(r.at("quaternion"), body);
   if (r.has("scale") && r.at("scale").real() != 1)
-    r.at("scale").fail("only 1 is possible: scale when padding (pad --scale)");
+    r.at("scale").fail("only 1 is possible: scale the mesh when it is padded (pad --scale)");
   body.family = r.has("family") ? r.at("family").bits() : assets.family[body.shape];
   body.mask = r.has("mask") ? r.at("mask").bits() : assets.mask[body.shape];
   body.is_static = r.has("static") && r.at("static").truth();
@@ -165,7 +165,7 @@ Scene scene_of(const Json& json, const std::string& where, const std::filesystem
     for (std::size_t k = 0; k < spheres.size(); k++) scene.loose.append(read_loose(spheres.at(k), folder));
     for (const std::uint32_t f : scene.loose.family) families.use(f);
   }
-  for (const std::size_t k : without) scene.bodies[k].family = families.own();
+  for (const std::size_t k : without) scene.bodies[k].family = families.next_unused();
   return scene;
 }
 
@@ -210,7 +210,7 @@ Scene pile_of(const Cluster& cluster, std::uint64_t n) {
     bound = std::max(bound, std::hypot(s.x - center.x, s.y - center.y, s.z - center.z) + s.r);
   scene.bodies = pile(n, bound);
   for (Body& b : scene.bodies) {
-    const Sphere moved = placed(b, center);  // the lattice is one of centres, a pose is one of origins
+    const Sphere moved = placed(b, center);  // the lattice places centres, a pose places origins
     const double at[3] = {moved.x, moved.y, moved.z};
     for (int k = 0; k < 3; k++) b.position[k] -= at[k] - b.position[k];
     if (cluster.family) b.family = cluster.family;
@@ -224,8 +224,7 @@ Scene read_scene_or_cluster(const std::filesystem::path& path, std::uint64_t cop
   const Json json = parse_json<Json>(text, path.string());
   if (json.is_object() && json.value("format", Json()) == "padder.cluster")
     return pile_of(cluster_from_json(text, path.string()), copies ? copies : 1);
-  if (copies)
-    throw Error(path.string() + ": --copies is for a cluster; a scene says itself how many bodies it has");
+  if (copies) throw Error(path.string() + ": --copies is for a cluster; a scene lists its bodies itself");
   return scene_of(json, path.string(), path.parent_path());
 }
 

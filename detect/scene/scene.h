@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
-// A scene: clusters, bodies with poses, loose spheres. Its JSON form is described by assets/scene.schema.json
-// and docs/scenes.md. Poses in double; lengths in one unit; nothing is expanded: a body stays a pose until a
-// backend places it.
+// A scene: clusters, bodies with poses, and loose spheres. assets/scene.schema.json and docs/scenes.md
+// describe its JSON form. Poses are in double, and all lengths in one unit. Bodies are not expanded to
+// spheres; a backend does that.
 #pragma once
 #include <cstdint>
 #include <filesystem>
@@ -15,37 +15,39 @@
 
 namespace padder::detect {
 
-// Bodies and loose spheres, and the clusters that the bodies are made of.
+// Bodies, loose spheres, and the clusters that the bodies are made of.
 struct Scene {
-  std::string unit;  // "" when nobody said
-  // A cluster by its name in the scene.
+  std::string unit;  // empty: not known
+  // A cluster under its name in the scene.
   struct Asset {
     std::string name;
-    std::vector<Sphere> spheres;  // of the cluster, in its own frame
+    std::vector<Sphere> spheres;  // in the cluster's own frame
   };
   std::vector<Asset> assets;
-  std::vector<Body> bodies;  // each with its family and mask settled
+  std::vector<Body> bodies;  // with their final families and masks
   LooseSpheres loose;
 
-  // The scene as the detector takes it. Borrows: the scene must stay where it is and unchanged.
+  // The scene as the detector takes it. It refers to the scene, which must not be moved or changed while it
+  // is used.
   Input input() const;
-  std::uint64_t size() const;  // spheres
+  std::uint64_t size() const;  // the number of spheres
 
  private:
   mutable std::vector<Shape> shapes_;
 };
 
-// Reads a scene; files it names are looked up beside it. A body without a family gets its cluster's or, if
-// that is 0, one of its own above 32 that nothing else in the scene uses. Throws Error that names the file
-// and the place in it.
+// Reads a scene. Files that it names are relative to its folder. A body without a family gets its cluster's
+// family. If that is 0, it gets a family above 32 that nothing else in the scene uses. Throws Error that
+// names the file and the place in it.
 Scene read_scene(const std::filesystem::path& path);
 Scene scene_from_json(std::string_view text, const std::string& where, const std::filesystem::path& folder);
 
-// n copies of a cluster as a jittered pile (generate.h): neighbours' bounding spheres overlap.
+// n copies of a cluster on a jittered lattice (pile() in generate.h), on which the bounding spheres of
+// neighbours overlap.
 Scene pile_of(const Cluster& cluster, std::uint64_t n);
 
-// A scene, or a pile of `copies` of the cluster when the file is one. copies is 0 when the user said nothing:
-// then a cluster is one body.
+// Reads a scene, or a cluster, of which it makes a pile of `copies`. 0: the user gave no number; then a
+// cluster is one body.
 Scene read_scene_or_cluster(const std::filesystem::path& path, std::uint64_t copies);
 
 }  // namespace padder::detect

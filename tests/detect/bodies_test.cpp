@@ -99,14 +99,14 @@ class BodiesTest : public testing::TestWithParam<BackendKind> {
  protected:
   void SetUp() override {
     if (GetParam() == BackendKind::cuda && !cuda_present()) GTEST_SKIP() << "no GPU that this build can use";
-    options_.backend = GetParam(), options_.bodies = Bodies::first;
+    device_.backend = GetParam(), options_.bodies = Bodies::first;
   }
   void expect_right(BodiesScene& s, const std::string& what) {
     SCOPED_TRACE(what);
     const std::vector<Pair> wanted = s.wanted();
     std::uint64_t hash = 0;
     for (const Pair& p : wanted) hash += pair_hash(p.i, p.j);
-    if (!detector_) detector_ = std::make_unique<Detector>(options_);
+    if (!detector_) detector_ = std::make_unique<Detector>(device_, options_);
     for (const Order order : {Order::stable, Order::any}) {
       detector_->options().order = order;
       const Contacts& c = detector_->detect(s.input());
@@ -117,18 +117,19 @@ class BodiesTest : public testing::TestWithParam<BackendKind> {
       ASSERT_EQ(found, wanted);
       ASSERT_EQ(detector_->hash(), hash);
     }
-    Options other = options_;
+    CallOptions other = options_;
     other.bodies = Bodies::expanded;
-    if (!expanded_) expanded_ = std::make_unique<Detector>(other);
+    if (!expanded_) expanded_ = std::make_unique<Detector>(device_, other);
     ASSERT_EQ(expanded_->detect(s.input()).count, wanted.size());
     ASSERT_EQ(expanded_->hash(), hash);
     other.path = Path::nine_stages;
-    if (!stages_) stages_ = std::make_unique<Detector>(other);
+    if (!stages_) stages_ = std::make_unique<Detector>(device_, other);
     if (!with_stages_) return;
     ASSERT_EQ(stages_->detect(s.input()).count, wanted.size());
     ASSERT_EQ(stages_->hash(), hash);
   }
-  Options options_;
+  DeviceChoice device_;
+  CallOptions options_;
   bool with_stages_ = true;
   std::unique_ptr<Detector> detector_, expanded_, stages_;
 };
@@ -279,10 +280,10 @@ TEST_P(BodiesTest, RecordsAreThoseOfTheSpheres) {
   BodiesScene s = strewn({blob(100, 1, 0.1, 0.3, 3)}, 20, 50, 1.5, 11);
   for (const Scalar scalar : {Scalar::f32, Scalar::f64})
     for (const Order order : {Order::stable, Order::any}) {
-      Options o = options_, e = options_;
+      CallOptions o = options_, e = options_;
       o.width = e.width = Width::points, o.scalar = scalar, e.scalar = Scalar::f64, o.order = order;
       e.bodies = Bodies::expanded;
-      Detector first(o), expanded(e);
+      Detector first(device_, o), expanded(device_, e);
       const Contacts &a = first.detect(s.input()), &b = expanded.detect(s.input());
       ASSERT_GT(a.count, 100u);
       ASSERT_EQ(a.count, b.count);
@@ -312,7 +313,7 @@ TEST_P(BodiesTest, BoxesOwnEachContactOnce) {
   std::vector<Pair> all;
   for (int box = 0; box < 2; box++) {
     (box ? options_.own.low : options_.own.high)[1] = 0.1;
-    Detector d(options_);
+    Detector d(device_, options_);
     const Contacts& c = d.detect(s.input());
     all.insert(all.end(), c.pairs, c.pairs + c.count);
     options_.own = {};
@@ -325,12 +326,12 @@ TEST_P(BodiesTest, TheListDoesNotDependOnTheCallBefore) {
   BodiesScene s = strewn({blob(3, 1, 0.2, 0.6, 1)}, 60, 100, 3, 14);  // too small for balls to be worth it
   Input input = s.input();
   input.revision = 1;
-  Detector d(options_);
+  Detector d(device_, options_);
   ASSERT_GT(d.detect(input).count, 20u);
   d.options().bodies = Bodies::automatic;
-  Options automatic = options_;
+  CallOptions automatic = options_;
   automatic.bodies = Bodies::automatic;
-  Detector fresh(automatic);
+  Detector fresh(device_, automatic);
   for (int again = 0; again < 2; again++) {
     const Contacts &a = d.detect(input), &b = fresh.detect(input);
     ASSERT_EQ(a.count, b.count);
@@ -341,7 +342,7 @@ TEST_P(BodiesTest, TheListDoesNotDependOnTheCallBefore) {
 // What is wrong is named as the other path names it, and the detector stays usable.
 TEST_P(BodiesTest, FaultsAreNamed) {
   const BodiesScene good = strewn({blob(100, 1, 0.1, 0.3, 3)}, 12, 50, 1.5, 13);
-  Detector d(options_);
+  Detector d(device_, options_);
   const auto expect = [&](BodiesScene s, const std::string& part) {
     try {
       d.detect(s.input());
@@ -382,12 +383,12 @@ TEST_P(BodiesTest, ManyInOnePlace) {
 TEST_P(BodiesTest, MemoryIsKeptAndShortageIsASentence) {
   BodiesScene s = strewn({blob(100, 1, 0.1, 0.3, 3)}, 40, 50, 1.5, 19);
   options_.threads = 1;
-  Detector d(options_);
+  Detector d(device_, options_);
   const std::uint64_t contacts = d.detect(s.input()).count, held = d.memory();
   EXPECT_GT(held, 0u);
   d.detect(s.input());
   EXPECT_EQ(d.memory(), held);
-  Detector narrow(options_);
+  Detector narrow(device_, options_);
   narrow.options().memory_limit = held / 3;
   try {
     narrow.detect(s.input());
@@ -435,7 +436,7 @@ TEST_P(BodiesTest, OnlyWhatMovedIsReadAgain) {
   BodiesScene s = strewn({blob(20, 1, 0.1, 0.5, 3)}, 60, 100, 4, 15);
   for (std::size_t b = 10; b < 60; b++) s.bodies[b].is_static = true;
   for (std::size_t k = 0; k < 100; k++) s.is_static.push_back(k > 20);
-  Detector d(options_);
+  Detector d(device_, options_);
   std::mt19937_64 random(4);
   std::uniform_real_distribution<double> at(-5, 5);
   std::uint64_t revision = 7;
@@ -449,7 +450,7 @@ TEST_P(BodiesTest, OnlyWhatMovedIsReadAgain) {
     in.revision = revision, in.moved = moved;
     const Contacts& c = d.detect(in);
     ASSERT_EQ(sorted(c.pair_span()), s.wanted()) << "step " << step;
-    Detector fresh(options_);
+    Detector fresh(device_, options_);
     const Contacts& f = fresh.detect(s.input());
     ASSERT_EQ(c.count, f.count);
     ASSERT_EQ(std::memcmp(c.pairs, f.pairs, f.count * sizeof(Pair)), 0) << "the order depends on the past";
@@ -474,7 +475,7 @@ TEST_P(BodiesTest, PosesApartFromBodies) {
   for (std::size_t b = 20; b < 30; b++) s.bodies[b].is_static = true;
   for (const Bodies way : {Bodies::first, Bodies::expanded}) {
     options_.bodies = way;
-    Detector d(options_);
+    Detector d(device_, options_);
     std::mt19937_64 random(5);
     for (int step = 0; step < 4; step++) {
       std::vector<Pose> poses(30);

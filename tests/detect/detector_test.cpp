@@ -20,7 +20,11 @@ struct Case {
   Scalar input;
 };
 
-std::string name_of(const testing::TestParamInfo<Case>& info) {
+void PrintTo(const Case& c, std::ostream* out) {
+  *out << name_of(c.backend) << ' ' << name_of(c.path) << ' ' << name_of(c.precision) << ' '
+       << name_of(c.input);
+}
+std::string name_of_case(const testing::TestParamInfo<Case>& info) {
   const Case& c = info.param;
   return std::string(c.backend == BackendKind::omp ? "omp" : "cuda") +
          (c.path == Path::grid ? "_fast" : "_stages") +
@@ -33,8 +37,8 @@ class DetectorTest : public testing::TestWithParam<Case> {
   void SetUp() override {
     if (GetParam().backend == BackendKind::cuda && !cuda_present())
       GTEST_SKIP() << "no GPU that this build can use";
-    options_.backend = GetParam().backend, options_.path = GetParam().path,
-    options_.precision = GetParam().precision;
+    device_.backend = GetParam().backend;
+    options_.path = GetParam().path, options_.precision = GetParam().precision;
   }
 
   // The scene's contacts are those of brute force; in fast precision up to the doubtful ones.
@@ -42,7 +46,7 @@ class DetectorTest : public testing::TestWithParam<Case> {
     SCOPED_TRACE(what);
     const TestScene scene = GetParam().input == Scalar::f32 ? given.rounded() : given;
     const Arranged a(scene, GetParam().input);
-    if (!detector_) detector_ = std::make_unique<Detector>(options_);
+    if (!detector_) detector_ = std::make_unique<Detector>(device_, options_);
     detector_->options().threads = scene.spheres.size() < 1000 ? 1 : 2;
     const Contacts& c = detector_->detect(a.input);
     ASSERT_EQ(c.spheres, scene.spheres.size());
@@ -83,7 +87,7 @@ class DetectorTest : public testing::TestWithParam<Case> {
 
   void expect_error(const TestScene& scene, const std::string& part) {
     const Arranged a(scene, GetParam().input);
-    if (!detector_) detector_ = std::make_unique<Detector>(options_);
+    if (!detector_) detector_ = std::make_unique<Detector>(device_, options_);
     try {
       detector_->detect(a.input);
       FAIL() << "nothing was thrown, wanted: " << part;
@@ -92,7 +96,8 @@ class DetectorTest : public testing::TestWithParam<Case> {
     }
   }
 
-  Options options_;
+  DeviceChoice device_;
+  CallOptions options_;
   std::unique_ptr<Detector> detector_;  // one for all scenes of a test: memory is used again
 };
 
@@ -170,7 +175,7 @@ TEST_P(DetectorTest, PairsByNameInGivenBins) {
           number++;
         }
         s.shift(shift);
-        if (!detector_) detector_ = std::make_unique<Detector>(options_);
+        if (!detector_) detector_ = std::make_unique<Detector>(device_, options_);
         detector_->options().bin_size = bin;
         expect_right(s, "bin " + std::to_string(bin) + " shift " + std::to_string(shift));
       }
@@ -445,7 +450,7 @@ TEST_P(DetectorTest, TheListIsFixed) {
   std::vector<Pair> first;
   for (const int threads : {1, 2, 3, 7}) {
     options_.threads = threads;
-    Detector d(options_);
+    Detector d(device_, options_);
     for (int again = 0; again < 2; again++) {
       const Contacts& c = d.detect(a.input);
       const std::vector<Pair> list(c.pairs, c.pairs + c.count);
@@ -461,7 +466,7 @@ TEST_P(DetectorTest, WidthsAndScalarsOfTheRecord) {
   for (const Width width : {Width::pairs, Width::normals, Width::points})
     for (const Scalar scalar : {Scalar::f32, Scalar::f64}) {
       options_.width = width, options_.scalar = scalar;
-      Detector d(options_);
+      Detector d(device_, options_);
       const Contacts& c = d.detect(a.input);
       ASSERT_GT(c.count, 100u);
       EXPECT_EQ(c.normals != nullptr, width != Width::pairs);
@@ -491,7 +496,7 @@ TEST_P(DetectorTest, BoxesOwnEachContactOnce) {
   for (int box = 0; box < 8; box++) {
     options_.own = {};
     for (int c = 0; c < 3; c++) (box >> c & 1 ? options_.own.low : options_.own.high)[c] = c == 2 ? 8 : 10;
-    Detector d(options_);
+    Detector d(device_, options_);
     const Contacts& c = d.detect(a.input);
     all.insert(all.end(), c.pairs, c.pairs + c.count);
   }
@@ -504,12 +509,12 @@ TEST_P(DetectorTest, MemoryIsKeptAndShortageIsASentence) {
   const TestScene s = random_scene(3000, 2, 0.05, 37);
   const Arranged a(s, GetParam().input);
   options_.threads = 1;  // which thread finds how many is not fixed, and so neither is what each keeps
-  Detector d(options_);
+  Detector d(device_, options_);
   const std::uint64_t contacts = d.detect(a.input).count, held = d.memory();
   EXPECT_GT(held, 0u);
   d.detect(a.input);
   EXPECT_EQ(d.memory(), held);
-  Detector narrow(options_);
+  Detector narrow(device_, options_);
   narrow.options().memory_limit = held / 4;
   try {
     narrow.detect(a.input);
@@ -525,7 +530,7 @@ TEST_P(DetectorTest, MemoryIsKeptAndShortageIsASentence) {
 TEST_P(DetectorTest, MemoryStaysBelowItsLimit) {
   const TestScene s = random_scene(3000, 20, 0.05, 38), small = random_scene(50, 1, 0.5, 39);
   const Arranged a(s, GetParam().input), b(small, GetParam().input);
-  Detector d(options_);
+  Detector d(device_, options_);
   std::uint64_t contacts = 0;
   for (const int threads : {1, 2, 5, 9, 17, 3}) {
     d.options().threads = threads;
@@ -544,7 +549,7 @@ TEST_P(DetectorTest, MemoryStaysBelowItsLimit) {
   d.options().memory_limit = 0;
   EXPECT_EQ(d.detect(a.input).count, contacts);
   if (GetParam().backend == BackendKind::omp) {
-    Detector fresh(options_);
+    Detector fresh(device_, options_);
     fresh.options().threads = 1;
     fresh.detect(a.input);
     EXPECT_LE(d.memory(), 2 * fresh.memory()) << "held before: " << held;
@@ -573,7 +578,7 @@ TEST_P(DetectorTest, BodiesAreTheirSpheres) {
 
   Arranged a(loose, GetParam().input);
   a.input.shapes = shapes, a.input.bodies = scene.bodies;
-  Detector d(options_);
+  Detector d(device_, options_);
   const Contacts& c = d.detect(a.input);
   EXPECT_EQ(c.spheres, all.spheres.size());
   EXPECT_GT(c.count, 100u);
@@ -590,9 +595,9 @@ TEST_P(DetectorTest, BodiesAreTheirSpheres) {
 
 TEST_P(DetectorTest, OptionsThatCannotBeMeantAreRefused) {
   const Arranged a(random_scene(50, 1, 0.1, 1), GetParam().input);
-  const auto refused = [&](Options o, const std::string& part) {
-    o.backend = options_.backend, o.path = options_.path;
-    Detector d(o);
+  const auto refused = [&](CallOptions o, const std::string& part) {
+    o.path = options_.path;
+    Detector d(device_, o);
     for (const bool stages : {false, true}) try {
         stages ? (void)d.stages(a.input) : (void)d.detect(a.input);
         ADD_FAILURE() << "nothing was thrown, wanted: " << part << (stages ? " of stages()" : "");
@@ -600,7 +605,7 @@ TEST_P(DetectorTest, OptionsThatCannotBeMeantAreRefused) {
         EXPECT_NE(std::string(e.what()).find(part), std::string::npos) << e.what();
       }
   };
-  Options o;
+  CallOptions o;
   for (const double size : {-1.0, double(NAN), double(INFINITY), 1e101}) {
     o.bin_size = size;
     refused(o, "the bin size must be 0 (chosen) or a positive length");
@@ -620,7 +625,7 @@ TEST_P(DetectorTest, OptionsThatCannotBeMeantAreRefused) {
 TEST_P(DetectorTest, AsManyThreadsAsMayBeAskedFor) {
   const TestScene s = random_scene(3000, 100, 0.3, 2).rounded();
   const Arranged a(s, GetParam().input);
-  Detector one(options_), all(options_);
+  Detector one(device_, options_), all(device_, options_);
   one.options().threads = 1, all.options().threads = kMostThreads;
   EXPECT_EQ(all.detect(a.input).count, one.detect(a.input).count);
   EXPECT_EQ(all.hash(), one.hash());
@@ -632,7 +637,7 @@ TEST_P(DetectorTest, MoreSpheresThanNumbersAreRefused) {
   Body two;
   two.shape = 1;
   const Body bodies[] = {Body{}, two};
-  Detector d(options_);
+  Detector d(device_, options_);
   Arranged a({{{1, 2, 3, 4}}, {}, {}}, GetParam().input);
   const auto refused = [&](const char* part) {
     try {
@@ -643,7 +648,7 @@ TEST_P(DetectorTest, MoreSpheresThanNumbersAreRefused) {
     }
   };
   a.input.spheres.count = 0xffffffff;
-  refused("4294967295 spheres are more than one detector numbers");
+  refused("4294967295 spheres are more than one detector can number");
   a.input.spheres.count = ~std::uint64_t(0);
   refused("2^64 - 1 or more spheres");
   a.input.shapes = shapes, a.input.bodies = {bodies, 1};
@@ -655,7 +660,7 @@ TEST_P(DetectorTest, MoreSpheresThanNumbersAreRefused) {
 TEST_P(DetectorTest, ACallThatThrewLeavesNoContacts) {
   const TestScene s = random_scene(100, 1, 0.1, 1);
   const Arranged a(s, GetParam().input), bad({{{NAN, 0, 0, 1}}, {}, {}}, GetParam().input);
-  Detector d(options_);
+  Detector d(device_, options_);
   EXPECT_EQ(d.hash(), 0u) << "before the first call";
   for (int how = 0; how < 3; how++) {
     const Contacts& c = d.detect(a.input);
@@ -678,7 +683,7 @@ TEST_P(DetectorTest, ACallThatThrewLeavesNoContacts) {
 TEST_P(DetectorTest, AMovedFromDetectorSaysSo) {
   const TestScene s = random_scene(100, 1, 0.1, 1);
   const Arranged a(s, GetParam().input);
-  Detector d(options_);
+  Detector d(device_, options_);
   d.detect(a.input);
   const std::uint64_t hash = d.hash();
   Detector other(std::move(d));
@@ -694,7 +699,7 @@ TEST_P(DetectorTest, AMovedFromDetectorSaysSo) {
       EXPECT_NE(std::string(e.what()).find("was moved to another"), std::string::npos) << e.what();
     }
   d.options().threads = 1;
-  d = Detector(options_);
+  d = Detector(device_, options_);
   d.detect(a.input);
   EXPECT_EQ(d.hash(), hash);
 }
@@ -713,7 +718,7 @@ INSTANTIATE_TEST_SUITE_P(
                     Case{BackendKind::cuda, Path::grid, Precision::float32, Scalar::f64},
                     Case{BackendKind::cuda, Path::nine_stages, Precision::exact, Scalar::f32},
                     Case{BackendKind::cuda, Path::nine_stages, Precision::exact, Scalar::f64}),
-    name_of);
+    name_of_case);
 
 }  // namespace
 }  // namespace padder::detect

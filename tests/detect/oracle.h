@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The oracle of the detector's tests: every pair, in double, written apart from the code under test.
+// The oracle of the detector's tests: it tests every pair in double, and shares no code with the detector.
 #pragma once
 #include <gtest/gtest.h>
 
@@ -12,6 +12,7 @@
 #include "detect/detector.h"
 #include "detect/scene/generate.h"
 #include "padding/asset/error.h"
+#include "tests/detect/print.h"
 
 namespace padder::detect {
 
@@ -21,9 +22,9 @@ inline std::ostream& operator<<(std::ostream& out, const Pair& p) {
 
 struct TestScene {
   std::vector<Sphere> spheres;
-  std::vector<std::uint32_t> family, mask;  // empty: none
+  std::vector<std::uint32_t> family, mask;  // empty: 0 for all
 
-  // Every coordinate and radius as float input gives it.
+  // The scene with every coordinate and radius rounded to float.
   TestScene rounded() const {
     TestScene s = *this;
     for (Sphere& p : s.spheres)
@@ -56,9 +57,9 @@ inline bool oracle_admits(std::uint32_t fa, std::uint32_t ma, std::uint32_t fb, 
   return true;
 }
 
-// The decision of two spheres, whatever their size: where the longest of its four lengths is no everyday
-// number it is brought to 0.5 to 1 first, by a power of two of its own, so that no square that counts can
-// overflow or underflow.
+// The exact test for spheres of any size. If the longest of its four lengths is very large or very small, all
+// are scaled by a power of two so that it is between 0.5 and 1. Then no square that matters overflows or
+// underflows.
 inline bool oracle_touching(const Sphere& a, const Sphere& b) {
   double v[4] = {b.x - a.x, b.y - a.y, b.z - a.z, a.r + b.r}, longest = 0;
   for (const double c : v) longest = std::max(longest, std::abs(c));
@@ -115,8 +116,8 @@ struct Arranged {
   Arranged(const Arranged&) = delete;
 };
 
-// n spheres at uniform places of a cube with `per_sphere` cubes of the mean diameter for each; radii 1 to
-// `ratio`, small ones far more often.
+// n spheres at uniform places of a cube. The volume of the cube is `per_sphere` times the sum of the cubes of
+// the diameters. Radii are from 1 to `ratio`; small ones are far more frequent.
 inline TestScene random_scene(std::uint32_t n, double ratio, double per_sphere, std::uint32_t seed) {
   std::mt19937_64 random(seed);
   std::uniform_real_distribution<double> unit(0, 1);

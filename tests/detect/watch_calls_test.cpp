@@ -20,9 +20,9 @@ TEST(WatchCallsDeathTest, ACallThatTakesTooLongEndsTheTest) {
     Input input;
     input.spheres = spheres_of(spheres.size(), &spheres[0].x, &spheres[0].r);
     input.spheres.center_stride = input.spheres.radius_stride = 4;
-    Options o;
-    o.backend = BackendKind::omp, o.path = Path::nine_stages, o.threads = 1;
-    Detector(o).detect(input);
+    CallOptions o;
+    o.path = Path::nine_stages, o.threads = 1;
+    Detector({BackendKind::omp}, o).detect(input);
   };
   EXPECT_EXIT(call(), testing::ExitedWithCode(Watchdog::kEnded), "^detect: no answer after .* s, ended\n$");
 }

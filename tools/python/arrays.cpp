@@ -40,7 +40,7 @@ std::vector<py::ssize_t> packed_strides(const std::vector<py::ssize_t>& shape, p
 
 bool empty(const Array& a) { return std::find(a.shape.begin(), a.shape.end(), 0) != a.shape.end(); }
 
-// Can it be read where it lies? Strides are told to the detector in numbers, in 32 bits.
+// Can it be read where it lies? The detector takes strides as 32-bit counts of numbers.
 bool layout_fits(const Array& a, bool rows) {
   const std::vector<py::ssize_t> packed = packed_strides(a.shape, a.size);
   for (std::size_t k = 0; k < a.shape.size(); k++) {
@@ -88,9 +88,9 @@ Array from_cuda(const py::object& object, const char* name) {
   const std::string type = py::cast<std::string>(d["typestr"]);
   if (type.size() < 3 || type.size() > 4 || type.find_first_not_of("0123456789", 2) != type.npos ||
       type[0] == '>')
-    throw py::type_error(named(name, "on a device must be plain little-endian numbers, not " + type));
+    throw py::type_error(named(name, "on a device must be little-endian numbers, not " + type));
   if (d.contains("mask") && !d["mask"].is_none())
-    throw py::value_error(named(name, "on a device has a mask"));
+    throw py::value_error(named(name, "on a device has a mask: masked arrays cannot be read there"));
   Array a;
   a.keep = object, a.memory = detect::Memory::device;
   a.data = reinterpret_cast<const char*>(py::cast<std::uintptr_t>(d["data"].cast<py::tuple>()[0]));
@@ -99,11 +99,11 @@ Array from_cuda(const py::object& object, const char* name) {
   const bool told = d.contains("strides") && !d["strides"].is_none();
   a.strides = told ? d["strides"].cast<std::vector<py::ssize_t>>() : packed_strides(a.shape, a.size);
   if (a.strides.size() != a.shape.size())
-    throw py::value_error(named(name, "has not one stride a dimension"));
+    throw py::value_error(named(name, "must have one stride for each dimension"));
   return a;
 }
 
-// On the host what comes is shown as a NumPy array, and treated as any other.
+// An array in host memory as a NumPy array, so that it is treated like any other.
 py::object host_view(const Array& a) {
   const std::string type = std::string(1, a.kind) + std::to_string(a.size);
   return py::array(py::dtype(type), a.shape, a.strides, a.data, a.keep);
@@ -113,7 +113,7 @@ Array from_dlpack(const py::object& object, const char* name) {
   const py::object capsule = object.attr("__dlpack__")();
   auto* managed = static_cast<DlManaged*>(PyCapsule_GetPointer(capsule.ptr(), "dltensor"));
   if (!managed) throw py::error_already_set();
-  PyCapsule_SetName(capsule.ptr(), "used_dltensor");  // ours to delete from now on
+  PyCapsule_SetName(capsule.ptr(), "used_dltensor");  // it is now ours to delete
   Array a;
   a.keep = py::capsule(managed, [](void* m) {
     if (auto* d = static_cast<DlManaged*>(m); d->deleter) d->deleter(d);
@@ -145,15 +145,15 @@ Array from_numpy(const py::array& array) {
   return a;
 }
 
-// By numpy.asarray, without what NumPy would do in silence: forget a mask.
+// numpy.asarray(), but an error for masked entries, whose mask NumPy would silently drop.
 py::array numpy_array(const py::object& object, const char* name) {
   const py::module_ np = py::module_::import("numpy");
   if (py::isinstance<py::array>(object) && py::cast<bool>(np.attr("ma").attr("is_masked")(object)))
-    throw py::value_error(named(name, "has masked entries: fill them, or leave them out"));
+    throw py::value_error(named(name, "has masked entries: fill them or remove them"));
   try {
     return np.attr("asarray")(object);
   } catch (const py::error_already_set&) {
-    throw py::type_error(named(name, "is no array of numbers"));
+    throw py::type_error(named(name, "is not an array of numbers"));
   }
 }
 
@@ -162,7 +162,7 @@ void check_type(const py::array& a, const Contract& wanted) {
   const bool whole = kind == 'i' || kind == 'u', flag = whole || kind == 'b', real = flag || kind == 'f';
   const bool reals = wanted.kind == Kind::real || wanted.kind == Kind::wide;
   if (a.size() == 0 ? real : reals ? real : wanted.kind == Kind::flags ? flag : whole)
-    return;  // [] is of no type
+    return;  // an empty list has no type of its own
   throw py::type_error(named(wanted.name, std::string("must be ") +
                                               (reals                        ? "real numbers"
                                                : wanted.kind == Kind::flags ? "booleans or whole numbers"
@@ -170,7 +170,8 @@ void check_type(const py::array& a, const Contract& wanted) {
                                               ", not " + py::cast<std::string>(py::str(a.dtype()))));
 }
 
-// Native numbers of the wanted type, aligned and laid out as wanted; itself where it is that already.
+// The array with numbers of the wanted type and layout, aligned and in native byte order. If it is so
+// already, itself.
 py::array converted(const py::array& a, const Contract& wanted) {
   const char kind = a.dtype().kind();
   if (wanted.kind == Kind::bits && a.size() > 0) {
@@ -185,7 +186,7 @@ py::array converted(const py::array& a, const Contract& wanted) {
                                                   : "?";
   const py::dtype target{std::string(type)};
   const bool aligned = py::cast<bool>(a.attr("flags").attr("aligned"));
-  // Any byte is a flag: it is read as 0 or not.
+  // Any type of one byte will do for flags, because they are read as 0 or not 0.
   const bool same =
       wanted.kind == Kind::flags ? type_fits(from_numpy(a), wanted.kind) : a.dtype().equal(target);
   if (same && aligned && layout_fits(from_numpy(a), wanted.rows)) return a;
@@ -241,18 +242,19 @@ void convert_real(Array& array, const char* name, int size) {
 py::dict DeviceArray::interface() const {
   std::vector<std::int64_t> bytes;
   for (const std::int64_t s : strides_) bytes.push_back(s * size_);
-  return py::dict("version"_a = 3, "typestr"_a = std::string("<") + kind_ + std::to_string(size_),
-                  "shape"_a = py::tuple(py::cast(shape_)), "strides"_a = py::tuple(py::cast(bytes)),
-                  // Not marked as read-only, although it is meant so: PyTorch refuses what is.
-                  "data"_a = py::make_tuple(reinterpret_cast<std::uintptr_t>(data_), false));
+  return py::dict(
+      "version"_a = 3, "typestr"_a = std::string("<") + kind_ + std::to_string(size_),
+      "shape"_a = py::tuple(py::cast(shape_)), "strides"_a = py::tuple(py::cast(bytes)),
+      // Not marked as read-only, although it must not be written to: PyTorch refuses read-only arrays.
+      "data"_a = py::make_tuple(reinterpret_cast<std::uintptr_t>(data_), false));
 }
 
 py::capsule DeviceArray::dlpack(const py::object&, const py::object&, const py::object& where,
                                 const py::object& copy) const {
   if (!copy.is_none() && py::cast<bool>(copy))
-    throw py::buffer_error("padder lends its arrays and does not copy them");
+    throw py::buffer_error("padder does not copy its arrays: copy=True is not possible");
   if (!where.is_none() && !device().equal(where))
-    throw py::buffer_error("padder's arrays stay on their device");
+    throw py::buffer_error("padder does not move its arrays to another device");
   struct Context {
     py::object owner;
     std::vector<std::int64_t> shape, strides;
@@ -275,7 +277,7 @@ py::capsule DeviceArray::dlpack(const py::object&, const py::object&, const py::
     delete static_cast<Context*>(m->context);
   };
   return py::reinterpret_steal<py::capsule>(PyCapsule_New(&c->managed, "dltensor", [](PyObject* capsule) {
-    if (!PyCapsule_IsValid(capsule, "dltensor")) return;  // someone took it over
+    if (!PyCapsule_IsValid(capsule, "dltensor")) return;  // a consumer owns it now
     auto* m = static_cast<DlManaged*>(PyCapsule_GetPointer(capsule, "dltensor"));
     m->deleter(m);
   }));

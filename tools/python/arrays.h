@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Arrays on either side of the module: NumPy's buffers, __cuda_array_interface__, DLPack. What comes in is
-// read where it lies; what goes out is a view that keeps its owner alive.
+// Arrays that come from Python and go to Python: NumPy's, and device arrays through __cuda_array_interface__
+// or DLPack. Arrays that come in are read where they lie. Arrays that go out are views that keep their owner
+// alive.
 #pragma once
 #include <pybind11/numpy.h>
 #include <pybind11/pybind11.h>
@@ -16,13 +17,14 @@ namespace padder::python {
 
 namespace py = pybind11;
 
-// An array of the caller's, as the detector reads it: native numbers of one of the types of its Contract.
+// An array of the caller as the detector reads it. Its type is one that the Contract allows, in native byte
+// order.
 struct Array {
-  py::object keep;  // what owns the memory while detect runs
+  py::object keep;  // owns the memory during the call
   const char* data = nullptr;
-  std::vector<py::ssize_t> shape, strides;  // strides in bytes; one each for every dimension
-  char kind = 'f';                          // as NumPy names it
-  int size = 4;                             // bytes a number
+  std::vector<py::ssize_t> shape, strides;  // one for each dimension; strides are in bytes
+  char kind = 'f';                          // NumPy's letter for the type
+  int size = 4;                             // bytes of each number
   detect::Memory memory = detect::Memory::host;
 
   bool single() const { return kind == 'f' && size == 4; }
@@ -33,35 +35,37 @@ struct Array {
   }
 };
 
-// What an argument must be, and so what comes of it.
+// What an argument must be, and what it is converted to.
 struct Contract {
   enum class Kind {
-    real,   // float32 stays so, all other real numbers and booleans become float64
-    wide,   // float64
-    bits,   // whole numbers from 0 to 4294967295: uint32
-    whole,  // whole numbers: int64, or uint64 when they come as unsigned
-    flags   // booleans or whole numbers, true where not 0: a byte each, 0 or not
+    real,   // float32 stays float32; all other real numbers and booleans become float64
+    wide,   // becomes float64
+    bits,   // whole numbers from 0 to 4294967295; becomes uint32
+    whole,  // whole numbers; becomes int64, or uint64 if they are unsigned
+    flags   // booleans or whole numbers; becomes a byte each, true if it is not 0
   };
   const char* name;
   Kind kind;
-  std::vector<py::ssize_t> shape;  // any: any length
-  const char* said;                // the shape in words, for the message
-  bool number = false;             // a single number, of no dimension, will do too
-  bool rows = false;  // may stay where it is with other numbers between its rows; else contiguous
+  std::vector<py::ssize_t> shape;  // `any` stands for any length
+  const char* said;                // the shape in words, for messages
+  bool number = false;             // a single number is allowed, too
+  bool rows = false;               // rows need not be contiguous with each other
 };
 inline constexpr py::ssize_t any = -1;
 
-// The one door for arrays: of NumPy (of any type, byte order, alignment and strides), lists, tuples, whatever
-// numpy.asarray takes, and objects with __cuda_array_interface__ or DLPack. On the host what is not as wanted
-// is converted once; on a device it is refused. `shape` is the caller's, so no dimension is ever added.
-// Throws TypeError (complex numbers, objects, text, a device array of another type or layout) or ValueError
-// (another shape, masked entries, a number out of range), which name the argument.
+// Every array from Python comes in through this function. It takes NumPy arrays of any type, byte order,
+// alignment and strides, everything that numpy.asarray takes, and objects that offer __cuda_array_interface__
+// or DLPack. An array on the host that is not as wanted is converted, once. One on a device is refused. A
+// dimension is never added.
+//
+// Throws TypeError for complex numbers, objects, text, and device arrays of another type or layout. Throws
+// ValueError for another shape, masked entries, and numbers out of range. The message names the argument.
 Array array_of(const py::object& object, const Contract& wanted);
 
-// A real array as float32 (size 4) or float64 (8); the same rules.
+// Converts a real array to float32 (size 4) or float64 (size 8), by the same rules.
 void convert_real(Array& array, const char* name, int size);
 
-// A view of memory that `owner` keeps alive; not to be written to.
+// A read-only view of memory that `owner` keeps alive.
 template <class T>
 py::array view(const T* data, std::vector<py::ssize_t> shape, std::vector<py::ssize_t> strides,
                const py::handle& owner) {
@@ -71,7 +75,7 @@ py::array view(const T* data, std::vector<py::ssize_t> shape, std::vector<py::ss
   return a;
 }
 
-// What stays on a device: for CuPy, PyTorch and others to take over without a copy.
+// An array in device memory, which CuPy, PyTorch and others can use without a copy.
 class DeviceArray {
  public:
   DeviceArray(py::object owner, const void* data, std::vector<std::int64_t> shape,
@@ -88,8 +92,8 @@ class DeviceArray {
   py::tuple shape() const { return py::tuple(py::cast(shape_)); }
   py::tuple device() const { return py::make_tuple(2, device_); }
 
-  // The work was waited for before the array came to be, so no stream needs to wait. Of DLPack's two forms
-  // always the one without a version, which a consumer of the other must take, too.
+  // No stream needs to wait, because the work was finished before this object was made. The capsule is always
+  // of DLPack's form without a version. Consumers of the other form must accept it, too.
   py::capsule dlpack(const py::object& stream, const py::object& max_version, const py::object& where,
                      const py::object& copy) const;
 

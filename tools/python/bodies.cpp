@@ -36,7 +36,7 @@ std::vector<detect::Sphere> spheres_of_arrays(const py::object& shape, std::size
   return spheres;
 }
 
-// One number a body into each; `put` gets the body and its number. T: std::uint32_t or bytes, flags.
+// Reads one number for each body and calls put(body, number). T is std::uint32_t, or std::uint8_t for flags.
 template <class T, class Put>
 void each(const py::object& object, const char* name, std::vector<Body>& bodies, Put put) {
   if (object.is_none()) return;
@@ -51,7 +51,7 @@ std::shared_ptr<Bodies> bodies_of(const py::sequence& shapes, const py::object& 
                                   const py::object& shape, const py::object& family, const py::object& mask,
                                   const py::object& is_static) {
   auto out = std::make_shared<Bodies>();
-  std::vector<std::pair<std::uint32_t, std::uint32_t>> filters;  // of each shape: its family and mask
+  std::vector<std::pair<std::uint32_t, std::uint32_t>> filters;  // family and mask of each shape
   for (std::size_t k = 0; k < py::len(shapes); k++) {
     const py::object s = shapes[k];
     if (py::isinstance<Cluster>(s)) {
@@ -68,7 +68,7 @@ std::shared_ptr<Bodies> bodies_of(const py::sequence& shapes, const py::object& 
   for (const auto& s : out->spheres) out->shapes.push_back({s.data(), s.size()});
   const Array p = array_of(poses, {"poses", Contract::Kind::wide, {any, 12}, "(B, 12)"});
   if (p.memory != detect::Memory::host)
-    throw py::type_error("the poses that bodies are made with must lie on the host");
+    throw py::type_error("the poses that Bodies is made from must lie on the host");
   out->bodies.resize(static_cast<std::size_t>(p.shape[0]));
   for (std::size_t b = 0; b < out->bodies.size(); b++) {
     const double* from = p.as<double>() + 12 * b;
@@ -77,7 +77,7 @@ std::shared_ptr<Bodies> bodies_of(const py::sequence& shapes, const py::object& 
   each<std::uint32_t>(shape, "shape", out->bodies, [](Body& b, std::uint32_t v) { b.shape = v; });
   for (std::size_t b = 0; b < out->bodies.size(); b++) {
     Body& body = out->bodies[b];
-    // Checked here, for good: Python's view of it is read-only.
+    // One check is enough, because Python's view of the shapes is read-only.
     if (body.shape >= out->shapes.size())
       throw py::index_error("body " + std::to_string(b) + " names shape " + std::to_string(body.shape) +
                             ", but there are " + std::to_string(out->shapes.size()));
@@ -90,7 +90,7 @@ std::shared_ptr<Bodies> bodies_of(const py::sequence& shapes, const py::object& 
   return out;
 }
 
-// One member of all bodies as an array, the memory itself.
+// A member of all bodies as an array, which is a view of the bodies' memory.
 template <class T>
 py::array member(const py::object& self, std::size_t offset, py::ssize_t columns, bool writeable) {
   std::vector<Body>& b = py::cast<Bodies&>(self).bodies;
@@ -100,7 +100,7 @@ py::array member(const py::object& self, std::size_t offset, py::ssize_t columns
   const void* at =
       b.empty() ? static_cast<const void*>(&none) : reinterpret_cast<const char*>(b.data()) + offset;
   py::array a(py::dtype::of<T>(), std::move(shape), std::move(strides), at, self);
-  if (!writeable) a.attr("flags").attr("writeable") = false;  // there is no way back
+  if (!writeable) a.attr("flags").attr("writeable") = false;  // Python cannot undo this
   return a;
 }
 
@@ -112,11 +112,12 @@ void add_bodies(py::module_& m) {
   py::class_<Bodies, std::shared_ptr<Bodies>>(m, "Bodies")
       .def(py::init(&bodies_of), "shapes"_a, "poses"_a, "shape"_a = py::none(), py::kw_only(),
            "family"_a = py::none(), "mask"_a = py::none(), "is_static"_a = py::none(),
-           R"(B bodies: shapes put at places.
+           R"(B bodies, each of them a shape at a pose.
 
-shapes: Clusters, or (centers, radii) in the shape's own frame. poses: (B, 12) float64, the rotation row by row, then the
-position. shape: (B,), which shape each takes; None: the first. family, mask: (B,); None: those of the body's Cluster, 0 for
-arrays. is_static: (B,), what stands still: two static ones are no contact.)")
+shapes: Clusters, or pairs (centers, radii) in the shape's own frame. poses: (B, 12) float64, the rotation matrix row by row
+and then the position. shape: (B,), the index of each body's shape; None: the first shape for all. family, mask: (B,); None:
+those of the body's Cluster, or 0 if the shape is given by arrays. is_static: (B,), the bodies that do not move: two static
+bodies are never a contact.)")
       .def("__len__", [](const Bodies& b) { return b.bodies.size(); })
       .def_property_readonly("poses",
                              [](const py::object& self) { return member<double>(self, 0, 12, true); })

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// padder::detect on NumPy and GPU arrays.
+// The Python names Contacts, Detector and detect: the detector for NumPy and GPU arrays.
 #include <algorithm>
 #include <cmath>
 #include <memory>
@@ -15,24 +15,25 @@ using namespace pybind11::literals;
 
 namespace {
 
-// A detector, whose memory is what the arrays of its last call show. All but `detector` under Python's lock.
-struct Keeper {
+// A detector and who uses it. The arrays that its last call returned are views of its memory. Everything but
+// `detector` is protected by Python's global lock.
+struct SharedDetector {
   std::unique_ptr<detect::Detector> detector;
   std::uint64_t calls = 0;
-  std::size_t lent = 0;  // arrays that are still in use
+  std::size_t lent = 0;  // arrays of the last call that Python still uses
   bool busy = false;
 };
 
 class PyContacts {
  public:
-  PyContacts(std::shared_ptr<Keeper> keeper, const detect::Contacts& contacts, int device)
-      : keeper_(std::move(keeper)), call_(keeper_->calls), contacts_(contacts), device_(device) {}
+  PyContacts(std::shared_ptr<SharedDetector> shared, const detect::Contacts& contacts, int device)
+      : shared_(std::move(shared)), call_(shared_->calls), contacts_(contacts), device_(device) {}
 
   std::uint64_t count() const { return contacts_.count; }
-  std::string backend() const { return keeper_->detector->backend(); }
+  std::string backend() const { return shared_->detector->backend(); }
   std::uint64_t hash() const {
     check();
-    return keeper_->detector->hash();
+    return shared_->detector->hash();
   }
   py::object pairs() const {
     check();
@@ -45,16 +46,17 @@ class PyContacts {
 
  private:
   void check() const {
-    if (keeper_->calls != call_)
+    if (shared_->calls != call_)
       throw Error(
-          "these contacts are gone, for their detector was asked again: take their arrays before that");
+          "these contacts are gone, because their detector was called again: take their arrays before that");
   }
-  // Owns an array of the detector's memory: keeps that, and lets the next call know.
+  // The owner of an array of the detector's memory. It keeps the detector alive, and the next call sees that
+  // it exists.
   py::object loan() const {
-    auto* keeper = new std::shared_ptr<Keeper>(keeper_);
-    (*keeper)->lent++;
-    return py::capsule(keeper, [](void* p) {
-      auto* k = static_cast<std::shared_ptr<Keeper>*>(p);
+    auto* shared = new std::shared_ptr<SharedDetector>(shared_);
+    (*shared)->lent++;
+    return py::capsule(shared, [](void* p) {
+      auto* k = static_cast<std::shared_ptr<SharedDetector>*>(p);
       (*k)->lent--;
       delete k;
     });
@@ -82,17 +84,17 @@ class PyContacts {
                                                    : array<double>(data, columns, row, first);
   }
 
-  std::shared_ptr<Keeper> keeper_;
+  std::shared_ptr<SharedDetector> shared_;
   std::uint64_t call_;
   detect::Contacts contacts_;
   int device_;
 };
 
-// What a call is given, as the detector reads it; keeps the arrays.
+// The arguments of a call as the detector reads them. It keeps the arrays alive.
 struct Request {
   detect::Input input;
   detect::Scalar scalar = detect::Scalar::f64;
-  detect::Memory memory = detect::Memory::host;  // where the contacts are to lie
+  detect::Memory memory = detect::Memory::host;  // where the contacts will lie
   std::vector<Array> kept;
 
   const char* keep(const Array& a) {
@@ -105,15 +107,15 @@ void add_spheres(Request& in, const py::object& centers, const py::object& radii
                  const py::object& mask, const py::object& is_static) {
   if (centers.is_none()) {
     if (!radii.is_none() || !family.is_none() || !mask.is_none() || !is_static.is_none())
-      throw py::value_error("radii, family, mask and is_static are those of spheres: centers are missing");
+      throw py::value_error("radii, family, mask and is_static belong to loose spheres: give centers, too");
     return;
   }
-  if (radii.is_none()) throw py::value_error("centers want radii");
+  if (radii.is_none()) throw py::value_error("radii are missing: centers need them");
   using Kind = Contract::Kind;
   Array c = array_of(centers, {"centers", Kind::real, {any, 3}, "(N, 3)", false, true});
   const py::ssize_t n = c.shape[0];
   Array r = array_of(radii, {"radii", Kind::real, {n}, "(N,), or one number for all", true, true});
-  const bool single = c.single() && (r.single() || r.one());  // one number is taken as the centers are
+  const bool single = c.single() && (r.single() || r.one());  // one number takes the type of the centers
   convert_real(c, "centers", single ? 4 : 8), convert_real(r, "radii", single ? 4 : 8);
   in.scalar = single ? detect::Scalar::f32 : detect::Scalar::f64, in.memory = c.memory;
   detect::Spheres& s = in.input.spheres;
@@ -151,7 +153,8 @@ void add_poses(Request& in, const py::object& poses, const py::object& moved) {
   if (in.input.spheres.count == 0) in.memory = p.memory;
 }
 
-// Is it the numbers themselves that are wrong? Asked only when the detector has refused the call.
+// Does the input contain numbers that are not finite or negative radii? Asked only after the detector has
+// refused the call, to choose the type of Python's error.
 bool numbers_at_fault(const Request& in) {
   const auto bad = [](const auto& s) {
     return !std::isfinite(s.x + s.y + s.z) || !std::isfinite(s.r) || s.r < 0;
@@ -185,8 +188,9 @@ class PyDetector {
  public:
   PyDetector(const std::string& width, const std::string& backend, const std::string& precision, int threads,
              int device) {
-    detect::Options o;
-    o.threads = threads, o.device = device;
+    detect::DeviceChoice choice{detect::BackendKind::automatic, device};
+    detect::CallOptions o;
+    o.threads = threads;
     if (width == "pairs")
       o.width = detect::Width::pairs;
     else if (width == "points")
@@ -194,19 +198,20 @@ class PyDetector {
     else if (width != "normals")
       throw py::value_error("width must be \"pairs\", \"normals\" or \"points\"");
     if (backend == "omp")
-      o.backend = detect::BackendKind::omp;
+      choice.backend = detect::BackendKind::omp;
     else if (backend == "cuda")
-      o.backend = detect::BackendKind::cuda;
+      choice.backend = detect::BackendKind::cuda;
     else if (backend != "auto")
       throw py::value_error("backend must be \"auto\", \"omp\" or \"cuda\"");
     if (precision == "fast")
       o.precision = detect::Precision::float32;
     else if (precision != "exact")
       throw py::value_error("precision must be \"exact\" or \"fast\"");
-    keeper_->detector = std::make_unique<detect::Detector>(o);
+    device_ = device;
+    shared_->detector = std::make_unique<detect::Detector>(choice, o);
   }
 
-  std::string backend() const { return keeper_->detector->backend(); }
+  std::string backend() const { return shared_->detector->backend(); }
 
   PyContacts detect(const py::object& centers, const py::object& radii, const py::object& family,
                     const py::object& mask, const py::object& is_static,
@@ -217,42 +222,46 @@ class PyDetector {
     in.input.revision = revision;
     add_spheres(in, centers, radii, family, mask, is_static);
     add_poses(in, poses, moved);
-    if (keeper_->busy) throw Error("this detector is at work in another thread: make one for each");
-    if (keeper_->lent)
+    if (shared_->busy)
+      throw Error("this detector is working in another thread: make one detector for each thread");
+    if (shared_->lent)
       throw Error(
-          "arrays of the last contacts are still in use, and the detector would write over them: copy what "
-          "is to "
-          "stay, and delete the rest, before the next call");
-    keeper_->calls++, keeper_->busy = true;
+          "arrays of the last contacts are still in use, and the detector would overwrite them: copy what "
+          "you want "
+          "to keep and delete the arrays before the next call");
+    shared_->calls++, shared_->busy = true;
     struct Done {
-      Keeper& keeper;
-      ~Done() { keeper.busy = false; }
-    } done{*keeper_};
-    detect::Options& o = keeper_->detector->options();
+      SharedDetector& shared;
+      ~Done() { shared.busy = false; }
+    } done{*shared_};
+    detect::CallOptions& o = shared_->detector->options();
     o.scalar = in.scalar, o.output = in.memory;
     detect::Contacts contacts;
     try {
       const py::gil_scoped_release release;
-      contacts = keeper_->detector->detect(in.input);
+      contacts = shared_->detector->detect(in.input);
     } catch (const Error& e) {
       if (numbers_at_fault(in)) throw py::value_error(e.what());
       throw;
     }
-    return {keeper_, contacts, o.device};
+    return {shared_, contacts, device_};
   }
 
  private:
-  std::shared_ptr<Keeper> keeper_ = std::make_shared<Keeper>();
+  std::shared_ptr<SharedDetector> shared_ = std::make_shared<SharedDetector>();
+  int device_ = 0;
 };
 
-// What both `detect`s say of their arrays.
-const std::string arrays_said = R"(Every contact of N spheres and the spheres of bodies, none twice.
+// How both functions named `detect` describe their arrays.
+const std::string arrays_said =
+    R"(Finds every contact of N loose spheres and of the spheres of bodies, and none twice.
 
-centers: (N, 3), radii: (N,) or one number; float32 when both are, else float64. family, mask: (N,) uint32 or None:
-no contact inside one family other than 0, nor where a mask has bit family - 1 of the other side. is_static: (N,), what stands
-still: two static ones are no contact. bodies: Bodies; numbers count the spheres of bodies[0], bodies[1], ..., then those of
-centers. NumPy arrays, and device arrays through __cuda_array_interface__ or DLPack, are read where they lie; then the contacts
-lie there too. They must not be written to while this runs; other threads of Python run meanwhile.
+centers: (N, 3). radii: (N,), or one number for all. They are read as float32 if both are float32, else as float64.
+family, mask: (N,) uint32 or None. Two spheres of the same family other than 0 are never a contact, nor are two of which one's
+mask has bit family - 1 of the other's family. is_static: (N,), the spheres that do not move; two static ones are never a contact.
+bodies: Bodies. Spheres are numbered in this order: those of bodies[0], of bodies[1], ..., and then those of centers.
+NumPy arrays, and device arrays that offer __cuda_array_interface__ or DLPack, are read where they lie, and the contacts lie in
+the same memory. Do not write to the arrays during the call. Other Python threads can run during the call.
 )";
 
 }  // namespace
@@ -278,10 +287,10 @@ void add_detect(py::module_& m) {
           "family"_a = py::none(), "mask"_a = py::none(), py::kw_only(), "is_static"_a = py::none(),
           "bodies"_a = py::none(), "revision"_a = 0, "moved"_a = py::none(), "poses"_a = py::none(),
           (arrays_said +
-           R"(revision: not 0 where bodies and what is static stay from call to call. A call with the revision of the call before reads of
-bodies only the poses of those in `moved`, (M,) numbers, and nothing of static spheres; whatever else changes wants another.
-poses: (B, 12) float64, of all bodies, on the host or on the device, instead of those in `bodies`.
-The Contacts are there until the next call, which is refused while arrays of theirs are in use. Raises padder.Error.)")
+           R"(revision: a number other than 0 that names a version of the bodies and the static spheres. If it is that of the previous
+call, only the poses of the bodies that `moved` lists, (M,) numbers, are read again. Give a new one if anything else changes.
+poses: (B, 12) float64, the poses of all bodies, instead of those in `bodies`; on the host or on the device.
+The Contacts are valid until the next call. That call is refused while their arrays are in use. Raises padder.Error.)")
               .c_str());
 
   m.def(
@@ -295,7 +304,8 @@ The Contacts are there until the next call, which is refused while arrays of the
       "centers"_a = py::none(), "radii"_a = py::none(), "family"_a = py::none(), "mask"_a = py::none(),
       py::kw_only(), "is_static"_a = py::none(), "bodies"_a = py::none(), "width"_a = "normals",
       "backend"_a = "auto", "precision"_a = "exact", "threads"_a = 0, "device"_a = 0,
-      (arrays_said + "Returns Contacts whose arrays are views that keep it alive. Raises padder.Error.")
+      (arrays_said +
+       "Returns Contacts. Their arrays are views that keep the memory alive. Raises padder.Error.")
           .c_str());
 }
 

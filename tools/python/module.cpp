@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// The Python module padder._core: padder::pad and the detector on NumPy and GPU arrays.
+// The Python module padder._core: padding, and the detector for NumPy and GPU arrays.
 #include "tools/python/module.h"
 
 #include "padding/asset/error.h"

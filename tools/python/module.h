@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// The rooms of the module padder._core; each adds its names. Their words: padder/__init__.pyi.
+// The parts of the module padder._core. Each function adds the names of one source file; padder/__init__.pyi
+// describes them.
 #pragma once
 #include <pybind11/pybind11.h>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// padder::pad, clusters, and files of other programs.
+// The Python names Cluster, load, pad and pad_file.
 #include <pybind11/numpy.h>
 #include <pybind11/stl/filesystem.h>
 
@@ -29,7 +29,7 @@ double number_of(const py::object& given, const char* name) {
   return value;
 }
 
-// A number is in the mesh's unit, "1%" a share of its diagonal.
+// A length from Python: a number in the mesh's unit, or text such as "1%", a fraction of the mesh's diagonal.
 Length length_of(const py::object& given, const char* name) {
   if (given.is_none()) return {};
   if (py::isinstance<py::str>(given)) {
@@ -50,7 +50,9 @@ void append_faces(Mesh& mesh, const Array& faces) {
   for (std::size_t k = 0; k < 3 * count; k++) {
     const Index v = faces.as<Index>()[k];
     if (v < Index(0) || static_cast<std::uint64_t>(v) >= mesh.points.size())
-      throw py::index_error("face " + std::to_string(k / 3) + " names a vertex that is not there");
+      throw py::index_error("face " + std::to_string(k / 3) +
+                            " names a vertex that does not exist: there are " +
+                            std::to_string(mesh.points.size()));
     mesh.triangles[k / 3][k % 3] = static_cast<std::uint32_t>(v);
   }
 }
@@ -74,7 +76,7 @@ Mesh mesh_of(const py::object& given_vertices, const py::object& given_faces) {
   return mesh;
 }
 
-// Python's own error, which says the same as open() does.
+// Throws the error that Python's open() throws for a file that does not exist.
 void need_file(const std::filesystem::path& path) {
   std::error_code code;
   if (path.empty() || std::filesystem::exists(path, code)) return;
@@ -117,11 +119,22 @@ py::array vector_of(const Vector& v) {
   return a;
 }
 
-}  // namespace
+void save_cluster(const Cluster& c, const std::filesystem::path& path, const std::string& format,
+                  double density) {
+  if (!(density > 0) || !std::isfinite(density)) throw py::value_error("density must be positive");
+  if (path.has_parent_path()) need_file(path.parent_path());
+  if (format.empty() && path.extension() == ".json")
+    write_cluster(c, path);
+  else
+    for (const std::string& told : write_model(model_of(c), path, find_format(path, format), {density}))
+      if (PyErr_WarnEx(PyExc_UserWarning, told.c_str(), 1) != 0) throw py::error_already_set();
+}
 
-void add_pad(py::module_& m) {
-  py::class_<Cluster, std::shared_ptr<Cluster>>(m, "Cluster")
-      .def("__len__", &Cluster::size)
+using PyCluster = py::class_<Cluster, std::shared_ptr<Cluster>>;
+
+// The names of a cluster, and the arrays of its spheres, which are views of the cluster's memory.
+void add_spheres_of(PyCluster& cluster) {
+  cluster.def("__len__", &Cluster::size)
       .def("__repr__",
            [](const Cluster& c) {
              return "<padder.Cluster " + c.name + ": " + std::to_string(c.size()) + " spheres>";
@@ -143,12 +156,14 @@ void add_pad(py::module_& m) {
                                const auto& c = py::cast<const Cluster&>(self);
                                return view(c.radii.data(), {py::ssize_t(c.size())}, {8}, self);
                              })
-      .def_property_readonly("triangle",
-                             [](const py::object& self) {
-                               const auto& c = py::cast<const Cluster&>(self);
-                               return view(c.triangle.data(), {py::ssize_t(c.size())}, {8}, self);
-                             })
-      .def_property_readonly("volume", [](const Cluster& c) { return c.mass.volume; })
+      .def_property_readonly("triangle", [](const py::object& self) {
+        const auto& c = py::cast<const Cluster&>(self);
+        return view(c.triangle.data(), {py::ssize_t(c.size())}, {8}, self);
+      });
+}
+
+void add_properties_of(PyCluster& cluster) {
+  cluster.def_property_readonly("volume", [](const Cluster& c) { return c.mass.volume; })
       .def_property_readonly("mass_of", [](const Cluster& c) { return name_of(c.mass_of); })
       .def_property_readonly("center_of_mass", [](const Cluster& c) { return vector_of(c.mass.center); })
       .def_property_readonly("inertia",
@@ -159,22 +174,17 @@ void add_pad(py::module_& m) {
                                return a;
                              })
       .def_property_readonly("accuracy", [](const Cluster& c) { return from_json(to_json(c.accuracy)); })
-      .def_property_readonly("settings", [](const Cluster& c) { return from_json(c.settings); })
-      .def("to_json", [](const Cluster& c) { return to_json(c); })
-      .def(
-          "save",
-          [](const Cluster& c, const std::filesystem::path& path, const std::string& format, double density) {
-            if (!(density > 0) || !std::isfinite(density)) throw py::value_error("density must be positive");
-            if (path.has_parent_path()) need_file(path.parent_path());
-            if (format.empty() && path.extension() == ".json")
-              write_cluster(c, path);
-            else
-              for (const std::string& told :
-                   write_model(model_of(c), path, find_format(path, format), {density}))
-                if (PyErr_WarnEx(PyExc_UserWarning, told.c_str(), 1) != 0) throw py::error_already_set();
-          },
-          "path"_a, "format"_a = "", "density"_a = 1000.0);
+      .def_property_readonly("settings", [](const Cluster& c) { return from_json(c.settings); });
+}
 
+void add_cluster(py::module_& m) {
+  PyCluster cluster(m, "Cluster");
+  add_spheres_of(cluster), add_properties_of(cluster);
+  cluster.def("to_json", [](const Cluster& c) { return to_json(c); })
+      .def("save", &save_cluster, "path"_a, "format"_a = "", "density"_a = 1000.0);
+}
+
+void add_load(py::module_& m) {
   m.def(
       "load",
       [](const std::filesystem::path& path, const std::string& part) {
@@ -182,9 +192,12 @@ void add_pad(py::module_& m) {
         return std::make_shared<Cluster>(read_spheres(path, part));
       },
       "path"_a, "part"_a = "",
-      "Spheres from a .spheres.json or another program's file (docs/formats.md); part: the link or clump "
-      "wanted.");
+      "Reads spheres from a .spheres.json file, or from a file of another program (docs/formats.md). part: "
+      "the name of the "
+      "link or clump to read.");
+}
 
+void add_pad_of_arrays(py::module_& m) {
   m.def(
       "pad",
       [](const py::object& vertices, const py::object& faces, const py::object& depth,
@@ -197,7 +210,8 @@ void add_pad(py::module_& m) {
         ReadResult file;
         file.mesh = mesh_of(vertices, faces);
         file.unit = unit, file.source.file = name, file.source.triangles = file.mesh.triangles.size();
-        if (file.mesh.triangles.empty()) throw py::value_error("there is no face");
+        if (file.mesh.triangles.empty())
+          throw py::value_error("faces is empty: a mesh needs at least one triangle");
         const py::gil_scoped_release release;
         return std::make_shared<Cluster>(padder::pad(file, options).cluster);
       },
@@ -206,12 +220,15 @@ void add_pad(py::module_& m) {
       "family"_a = 0, "mask"_a = 0, "unit"_a = "", "name"_a = "mesh",
       R"(Covers a triangle mesh with spheres.
 
-vertices: (N, 3) numbers in any unit, copied once; faces: (M, 3) whole numbers, counter-clockwise from outside.
-depth: cap height over circumradius, 0 to 1 (0.2 when nothing else is asked for): a sphere a triangle.
-tolerance: the fewest spheres with protrusion and gap proved within it.
-Lengths (tolerance, edge_length) are in the mesh's unit, or a share of its diagonal as "1%".
-Other threads of Python run meanwhile. Raises padder.Error when the mesh cannot be padded.)");
+vertices: (N, 3) numbers in any unit; they are copied once. faces: (M, 3) whole numbers, counter-clockwise seen from outside.
+depth: one sphere for each triangle; the height of its cap over the triangle's circumradius, 0 to 1. 0.2 if neither depth nor
+tolerance is given.
+tolerance: the fewest spheres whose protrusion and gap are proved to be within it.
+A length (tolerance, edge_length) is a number in the mesh's unit, or a fraction of the mesh's diagonal such as "1%".
+Other Python threads can run during the call. Raises padder.Error if the mesh cannot be padded.)");
+}
 
+void add_pad_of_file(py::module_& m) {
   m.def(
       "pad_file",
       [](const std::filesystem::path& path, const py::object& depth, const py::object& tolerance,
@@ -228,8 +245,18 @@ Other threads of Python run meanwhile. Raises padder.Error when the mesh cannot 
       "path"_a, "depth"_a = py::none(), "tolerance"_a = py::none(), "edge_length"_a = py::none(),
       "max_spheres"_a = 0, "sharp_angle"_a = 40.0, "repair"_a = "auto", "family"_a = 0, "mask"_a = 0,
       "unit"_a = "", "scale"_a = 1.0,
-      "Reads a mesh file and pads it: see pad. unit: \"m\", \"cm\", \"mm\" or \"in\"; scale: on every "
+      "Reads a mesh file and pads it; see pad. unit: \"m\", \"cm\", \"mm\" or \"in\". scale: a factor for "
+      "every "
       "coordinate.");
+}
+
+}  // namespace
+
+void add_pad(py::module_& m) {
+  add_cluster(m);
+  add_load(m);
+  add_pad_of_arrays(m);
+  add_pad_of_file(m);
 }
 
 }  // namespace padder::python

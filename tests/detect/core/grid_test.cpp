@@ -141,8 +141,9 @@ TEST(Grid, EverySphereFitsItsLevel) {
     TestScene scene = random_scene(3000, ratio, 2, 77);
     scene.spheres.push_back({1e25, 0, 0, 1});
     scene.spheres.push_back({0, 0, 0, 0});
-    for (const Look look : {Look::up, Look::down, Look::either}) {
-      const Grid g = choose_grid(summary_of(scene.spheres), 0, 8, look);
+    for (const CrossSearch cross_search :
+         {CrossSearch::fine_to_coarse, CrossSearch::coarse_to_fine, CrossSearch::cheaper}) {
+      const Grid g = choose_grid(summary_of(scene.spheres), 0, 8, cross_search);
       ASSERT_LE(g.levels, kMaxLevels);
       for (const Sphere& s : scene.spheres) {
         const Level& l = g.level[level_of(g, s)];
@@ -184,16 +185,16 @@ TEST(Grid, EqualRadiiAreOneLevelAndWideOnesSeveral) {
 
 // What looks at any level: a hair above an octave is no level more, and few large spheres look down at many
 // small ones, not the other way round.
-// However large one sphere is, it looks through no more bins than there are: it must not make bins of its own
-// size, in which all others would be tested each against each.
+// However large one sphere is, it searches no more bins than there are. So it must not get a level with bins
+// of its own size that holds the others, too: there each would be tested against each.
 TEST(Grid, OneGiantDoesNotCoarsenTheOthers) {
   for (const double giant : {1e3, 1e6, 1e30}) {
     std::vector<Sphere> spheres;
     for (int k = 0; k < 64000; k++)
       spheres.push_back({1.6 * (k % 40), 1.6 * (k / 40 % 40), 1.6 * (k / 1600), 1});
     spheres[777].r = giant;
-    for (const Look look : {Look::down, Look::either}) {
-      const Grid g = choose_grid(summary_of(spheres), 0, 8, look);
+    for (const CrossSearch cross_search : {CrossSearch::coarse_to_fine, CrossSearch::cheaper}) {
+      const Grid g = choose_grid(summary_of(spheres), 0, 8, cross_search);
       EXPECT_GT(g.levels, 1) << giant;
       EXPECT_LT(g.level[0].size, 4) << giant;
     }
@@ -204,18 +205,19 @@ TEST(Grid, LevelsThatLookEitherWay) {
   TestScene near = random_scene(20000, 1, 3.5, 5);
   for (std::size_t k = 0; k < near.spheres.size(); k++)
     near.spheres[k].r = k == 7 ? 2.0001 : 1 + static_cast<double>(k % 100) / 100;
-  EXPECT_EQ(choose_grid(summary_of(near.spheres), 0, 8, Look::either).levels, 1);
+  EXPECT_EQ(choose_grid(summary_of(near.spheres), 0, 8, CrossSearch::cheaper).levels, 1);
   TestScene wide = random_scene(20000, 1, 3.5, 6);
   for (std::size_t k = 0; k < wide.spheres.size(); k += 200) wide.spheres[k].r = 30;
-  const Grid g = choose_grid(summary_of(wide.spheres), 0, 8, Look::either);
+  const Grid g = choose_grid(summary_of(wide.spheres), 0, 8, CrossSearch::cheaper);
   ASSERT_EQ(g.levels, 2);
   const Level &fine = g.level[0], &coarse = g.level[1];
-  EXPECT_LT(look_cost(coarse, fine) * static_cast<double>(coarse.spheres),
-            look_cost(fine, coarse) * static_cast<double>(fine.spheres));
-  EXPECT_GT(look_cost(coarse, fine), 20 * look_cost(fine, coarse)) << "of one sphere";
+  EXPECT_LT(cross_search_cost(coarse, fine) * static_cast<double>(coarse.spheres),
+            cross_search_cost(fine, coarse) * static_cast<double>(fine.spheres));
+  EXPECT_GT(cross_search_cost(coarse, fine), 20 * cross_search_cost(fine, coarse)) << "of one sphere";
 }
 
-// Two spheres of one level that touch are at most one bin apart: what reach_of says is never too little.
+// Two spheres of one level that touch are at most one bin apart: what neighbour_offsets says is never too
+// little.
 TEST(Grid, PartnersAreWithinReach) {
   std::mt19937_64 random(8);
   std::uniform_real_distribution<double> unit(0, 1);
@@ -227,10 +229,10 @@ TEST(Grid, PartnersAreWithinReach) {
       const double r = l.radius_max, d = (a.r + r) * (1 + 1e-15) * (unit(random) < 0.5 ? -1 : 1);
       const Sphere b{a.x + d, a.y, a.z, r};
       const Split s = split(l, a.x);
-      const Reach reach = reach_of(l, s, a.r);
+      const BinOffsets offsets = neighbour_offsets(l, s, a.r);
       const std::int64_t off = split(l, b.x).bin - s.bin;
-      ASSERT_GE(off, reach.low);
-      ASSERT_LE(off, reach.high);
+      ASSERT_GE(off, offsets.low);
+      ASSERT_LE(off, offsets.high);
     }
 }
 

@@ -14,9 +14,10 @@ class StagesTest : public testing::TestWithParam<BackendKind> {
  protected:
   void SetUp() override {
     if (GetParam() == BackendKind::cuda && !cuda_present()) GTEST_SKIP() << "no GPU that this build can use";
-    options_.backend = GetParam(), options_.path = Path::nine_stages;
+    device_.backend = GetParam(), options_.path = Path::nine_stages;
   }
-  Options options_;
+  DeviceChoice device_;
+  CallOptions options_;
 };
 
 // The figures of section 2.1, as far as the text gives them: bins A1 to A5 and B1 to B5 of edge 1 (columns 1
@@ -36,7 +37,7 @@ TestScene worked_example() {
 TEST_P(StagesTest, WorkedExampleOfThePaper) {
   const Arranged a(worked_example(), Scalar::f64);
   options_.bin_size = 1;
-  Detector d(options_);
+  Detector d(device_, options_);
   const Arrays s = d.stages(a.input);
   EXPECT_EQ(s.T, (std::vector<std::uint64_t>{1, 2, 4, 4, 1, 1, 18}));
   EXPECT_EQ(s.S, (std::vector<std::uint64_t>{1, 3, 7, 11, 12, 13, 31}));
@@ -81,7 +82,7 @@ TEST_P(StagesTest, ArraysAgreeWithEachOther) {
   for (std::size_t k = 0; k < scene.spheres.size(); k++)
     scene.family.push_back(static_cast<std::uint32_t>(k % 5)), scene.mask.push_back(k % 7 ? 0 : 2);
   const Arranged a(scene, Scalar::f64);
-  Detector d(options_);
+  Detector d(device_, options_);
   const Arrays s = d.stages(a.input);
   std::uint64_t sum = 0;
   for (std::size_t k = 0; k < s.T.size(); k++) EXPECT_EQ(s.S[k], sum += s.T[k]);
@@ -99,7 +100,7 @@ TEST_P(StagesTest, BinsAreTwiceTheLargestRadiusAndASphereTouchesEight) {
   Input input;
   input.spheres = spheres_of<float>(f.size(), &f[0].x, &f[0].r);
   input.spheres.center_stride = input.spheres.radius_stride = 4;
-  Detector d(options_);
+  Detector d(device_, options_);
   const Arrays s = d.stages(input);
   EXPECT_NEAR(s.grid.size, 2, 1e-5);
   for (const std::uint64_t t : s.T) EXPECT_LE(t, 8u);
@@ -109,12 +110,12 @@ TEST_P(StagesTest, WideRatiosTakeTheMean) {
   TestScene scene = random_scene(1000, 1, 2, 1);
   scene.spheres[0].r = 20;
   const Arranged a(scene, Scalar::f64);
-  Detector d(options_);
+  Detector d(device_, options_);
   EXPECT_LT(d.stages(a.input).grid.size, 10);
 }
 
 TEST_P(StagesTest, NoSpheresAndOne) {
-  Detector d(options_);
+  Detector d(device_, options_);
   EXPECT_TRUE(d.stages({}).B.empty());
   const Arranged a({{{1, 2, 3, 4}}, {}, {}}, Scalar::f64);
   const Arrays s = d.stages(a.input);
@@ -128,14 +129,14 @@ TEST_P(StagesTest, SparseBinsWrap) {
   for (int k = 0; k < 50; k++) scene.spheres.push_back({1e9 * k, 1e11 * (k % 5), -1e12, 1});
   for (int k = 0; k < 50; k++) scene.spheres.push_back({1e9 * k + 1, 1e11 * (k % 5), -1e12, 1});
   const Arranged a(scene, Scalar::f64);
-  Detector d(options_);
+  Detector d(device_, options_);
   EXPECT_EQ(sorted(d.stages(a.input).F), brute_force(scene));
 }
 
 TEST_P(StagesTest, BinsTooSmallAreRefused) {
   const Arranged a(random_scene(100, 1, 1, 1), Scalar::f64);
   options_.bin_size = 1e-5;
-  Detector d(options_);
+  Detector d(device_, options_);
   EXPECT_THROW(d.stages(a.input), Error);
 }
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// What Input::revision promises, the same on every way to the contacts: where bodies stand that nobody says
-// have moved, and what a call that threw leaves.
+// What Input::revision promises, on every backend and path: where bodies are that are not said to have moved,
+// and what happens after a call that threw.
 #include "detect/core/revision.h"
 
 #include "tests/detect/oracle.h"
@@ -13,13 +13,16 @@ struct Way {
   Path path;
   Bodies bodies;
 };
+void PrintTo(const Way& w, std::ostream* out) {
+  *out << name_of(w.backend) << ' ' << name_of(w.path) << ' ' << name_of(w.bodies);
+}
 
 class RevisionTest : public testing::TestWithParam<Way> {
  protected:
   void SetUp() override {
-    options_.backend = GetParam().backend, options_.path = GetParam().path,
-    options_.bodies = GetParam().bodies;
-    if (options_.backend == BackendKind::cuda && !cuda_present())
+    device_.backend = GetParam().backend;
+    options_.path = GetParam().path, options_.bodies = GetParam().bodies;
+    if (device_.backend == BackendKind::cuda && !cuda_present())
       GTEST_SKIP() << "no GPU that this build can use";
     for (int k = 0; k < 4; k++) at(k, 10.0 * k);
     input_.shapes = {&shape_, 1}, input_.bodies = bodies_;
@@ -36,16 +39,17 @@ class RevisionTest : public testing::TestWithParam<Way> {
   const Shape shape_{&sphere_, 1};
   Body bodies_[4];
   Input input_;
-  Options options_;
+  DeviceChoice device_;
+  CallOptions options_;
 };
 
 TEST_P(RevisionTest, ARefusedCallForgetsIt) {
   for (int how = 0; how < 5; how++) {
     SCOPED_TRACE(how);
-    Detector d(options_);
+    Detector d(device_, options_);
     at(1, 10);
     EXPECT_EQ(contacts(d), Pairs());
-    at(1, 1);  // now it touches body 0: said in the call that is refused, and in no other
+    at(1, 1);  // now it touches body 0; only the call that is refused says so
     if (how == 0) d.options().bin_size = -1;
     if (how == 1) d.options().own.low[0] = NAN;
     if (how == 2) at(2, NAN);
@@ -59,7 +63,7 @@ TEST_P(RevisionTest, ARefusedCallForgetsIt) {
 }
 
 TEST_P(RevisionTest, OnlyNamedBodiesAreReadAgain) {
-  Detector d(options_);
+  Detector d(device_, options_);
   EXPECT_EQ(contacts(d), Pairs());
   at(1, 1), at(2, 31);
   EXPECT_EQ(contacts(d), Pairs());
@@ -77,7 +81,7 @@ TEST_P(RevisionTest, OnlyNamedBodiesAreReadAgain) {
 
 TEST_P(RevisionTest, AStaticBodyStaysWhateverIsSaid) {
   bodies_[1].is_static = true;
-  Detector d(options_);
+  Detector d(device_, options_);
   EXPECT_EQ(contacts(d), Pairs());
   at(1, 1);
   EXPECT_EQ(contacts(d), Pairs());
@@ -93,7 +97,7 @@ TEST_P(RevisionTest, PosesApartFromBodies) {
   std::vector<Pose> poses(4);
   for (int k = 0; k < 4; k++) poses[k].position[0] = 100.0 * k;
   input_.poses = poses.data();
-  Detector d(options_);
+  Detector d(device_, options_);
   EXPECT_EQ(contacts(d), Pairs());
   poses[0].position[0] = 101, poses[1].position[0] = 302.5, poses[2].position[0] = 301;
   EXPECT_EQ(contacts(d), (Pairs{{0, 1}, {2, 3}})) << "those that move stand there, the static one does not";

@@ -88,9 +88,7 @@ class Sequence {
  public:
   Sequence(BackendKind backend, std::uint64_t seed, void* stream)
       : script_(backend, seed), backend_(backend), stream_(stream) {
-    Options o;
-    o.backend = backend;
-    detector_ = std::make_unique<Detector>(o);
+    detector_ = std::make_unique<Detector>(DeviceChoice{backend});
   }
   std::size_t steps() const { return script_.steps(); }
 
@@ -118,7 +116,7 @@ class Sequence {
  private:
   static std::string tell(const Call& c) {
     std::ostringstream t;
-    const Options& o = c.options;
+    const CallOptions& o = c.options;
     t << (c.stages ? "stages" : "detect") << " revision " << c.number << " [" << c.moved.size() << " moved] ";
     t << (o.path == Path::grid ? "" : "nine_stages ")
       << (o.precision == Precision::float32 ? "fast precision " : "")
@@ -140,7 +138,7 @@ class Sequence {
   void hand_on(Call& call) {
     if (call.handed_on == 0) return;
     const std::uint64_t hash = detector_->hash();
-    auto other = std::make_unique<Detector>(call.options);
+    auto other = std::make_unique<Detector>(DeviceChoice{backend_}, call.options);
     if (call.handed_on == 1) {
       other = std::make_unique<Detector>(std::move(*detector_));
       require(other->hash() == hash, "another hash after a move");
@@ -149,7 +147,7 @@ class Sequence {
       Input input;
       input.spheres = spheres_of<double>(2, ball, ball + 3);
       input.spheres.center_stride = input.spheres.radius_stride = 4, input.revision = 77;
-      other->options() = {}, other->options().backend = backend_;
+      other->options() = {};
       other->detect(input);
       *detector_ = std::move(*other);
       accepted_ = 0;
@@ -176,7 +174,6 @@ class Sequence {
     given.apply(call.fault);
     given.arrange(call.moved, call.number, call.fault);
     accepted_ = 0;
-    call.options.backend = backend_;
     detector_->options() = call.options;
     bool threw = false;
     std::string said;
@@ -227,7 +224,7 @@ class Sequence {
         for (double& p : w.bodies[b].position) p = wild ? NAN : p + w.unit;
   }
 
-  bool out_of_range(const Options& o) const {
+  bool out_of_range(const CallOptions& o) const {
     double extent = 0, radius = 0;
     for (const ModelSphere& s : script_.spheres()) {
       extent = std::max({extent, std::abs(s.at.x), std::abs(s.at.y), std::abs(s.at.z)});
@@ -237,7 +234,7 @@ class Sequence {
   }
 
   void check(const Contacts& c, Call& call) {
-    const Options& o = call.options;
+    const CallOptions& o = call.options;
     require(c.spheres == script_.spheres().size(), "spheres: ", c.spheres, ", not ",
             script_.spheres().size());
     require(c.memory == (backend_ == BackendKind::cuda ? o.output : Memory::host),
@@ -281,10 +278,10 @@ class Sequence {
   void check_fresh(const Lists& lists, Call& call) {
     ModelInput given(script_.world(), call.form, call.dice);
     given.arrange({}, 0, {});
-    Options o = call.options;
-    o.memory_limit = 0, o.backend = backend_;
+    CallOptions o = call.options;
+    o.memory_limit = 0;
     o.threads = call.dice.chance(0.05) ? 2 : 1;
-    Detector fresh(o);
+    Detector fresh(DeviceChoice{backend_}, o);
     const Contacts& c = fresh.detect(given.input);
     const Lists other(c);
     if (o.order == Order::stable) {
@@ -300,9 +297,9 @@ class Sequence {
     ModelInput given(script_.world(), call.form, call.dice);
     given.apply(call.fault);
     given.arrange({}, 0, call.fault);
-    Options o = call.options;
-    o.backend = backend_, o.path = Path::nine_stages, o.bin_size = 0;
-    Detector fresh(o);
+    CallOptions o = call.options;
+    o.path = Path::nine_stages, o.bin_size = 0;
+    Detector fresh(DeviceChoice{backend_}, o);
     try {
       fresh.detect(given.input);
     } catch (const Error& e) {

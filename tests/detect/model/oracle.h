@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "detect/detector.h"
+#include "tests/detect/print.h"
 
 namespace padder::detect {
 

@@ -30,7 +30,7 @@ inline std::size_t large_size(Dice& d) {
 struct Call {
   std::uint64_t number = 0;  // revision
   std::vector<std::uint32_t> moved;
-  Options options;
+  CallOptions options;
   ModelForm form;
   ModelFault fault;
   bool stages = false, again = false, fresh = false, renounce = false;
@@ -42,7 +42,7 @@ struct Call {
 class Script {
  public:
   Script(BackendKind backend, std::uint64_t seed) : dice_(mixed(seed)), cuda_(backend == BackendKind::cuda) {
-    options_.backend = backend, options_.threads = 1;
+    options_.threads = 1;
     const double kind = dice_.between(0, 1);
     with_loose_ = kind<0.85, with_bodies_ = kind> 0.4;
     revisions_ = dice_.chance(with_bodies_ ? 0.8 : 0.5);
@@ -124,7 +124,7 @@ class Script {
   }
 
   void change_options() {
-    Options& o = options_;
+    CallOptions& o = options_;
     if (dice_.chance(0.15)) o.path = dice_.chance(0.25) ? Path::nine_stages : Path::grid;
     if (dice_.chance(0.1)) o.precision = dice_.chance(0.3) ? Precision::float32 : Precision::exact;
     if (dice_.chance(0.1)) o.order = dice_.chance(0.3) ? Order::any : Order::stable;
@@ -265,7 +265,7 @@ class Script {
   std::size_t (*size_)(Dice&);
   std::size_t steps_;
   ModelWorld world_;
-  Options options_;
+  CallOptions options_;
   ModelForm form_;
   std::uint64_t last_ = 0;             // revision of the call before
   bool heavy_ = true, freed_ = false;  // freed_: that call was refused, so that nothing is known

@@ -30,7 +30,7 @@ class Dice {
   }
 
  private:
-  Random random_;
+  SplitMix64 random_;
 };
 
 struct ModelWorld {

@@ -79,9 +79,9 @@ class ContactFileTest : public testing::Test {
 
 ContactTable found_in(const TestScene& s) {
   const Arranged arranged(s, Scalar::f64);
-  Options o;
-  o.backend = BackendKind::omp, o.width = Width::points, o.scalar = Scalar::f64, o.order = Order::any;
-  Detector d(o);
+  CallOptions o;
+  o.width = Width::points, o.scalar = Scalar::f64, o.order = Order::any;
+  Detector d({BackendKind::omp}, o);
   const Contacts& c = d.detect(arranged.input);
   const auto normals = c.normal_span<double>();
   const auto points = c.point_span<double>();

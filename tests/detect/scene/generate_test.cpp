@@ -14,7 +14,8 @@ struct Found {
   std::uint64_t count, hash;
 };
 
-Found found(const std::vector<FloatSphere>& f, const Options& options, bool in_double) {
+Found found(const std::vector<FloatSphere>& f, const DeviceChoice& device, const CallOptions& options,
+            bool in_double) {
   std::vector<double> d;
   Input input;
   input.spheres = spheres_of<float>(f.size(), &f[0].x, &f[0].r);
@@ -23,13 +24,13 @@ Found found(const std::vector<FloatSphere>& f, const Options& options, bool in_d
     input.spheres = spheres_of<double>(f.size(), d.data(), d.data() + 3);
   }
   input.spheres.center_stride = input.spheres.radius_stride = 4;
-  Detector detector(options);
+  Detector detector(device, options);
   const std::uint64_t count = detector.detect(input).count;
   return {count, detector.hash()};
 }
 
 TEST(Generate, TheSameSpheresEverywhere) {
-  Random random(1);
+  SplitMix64 random(1);
   EXPECT_EQ(random.bits(), 0x910a2dec89025cc1ull);  // of splitmix64
   const std::vector<FloatSphere> a = generate("dense", 1000), b = generate("dense", 1000);
   EXPECT_EQ(0, std::memcmp(a.data(), b.data(), a.size() * sizeof a[0]));
@@ -65,9 +66,9 @@ TEST(Generate, PinnedContactsAndHashes) {
       for (const Path path : {Path::grid, Path::nine_stages})
         for (const int threads : {1, 2}) {
           if (path == Path::nine_stages && threads == 1) continue;
-          Options o;
-          o.backend = backend, o.path = path, o.threads = threads, o.width = Width::pairs;
-          const Found f1 = found(f, o, threads == 2);
+          CallOptions o;
+          o.path = path, o.threads = threads, o.width = Width::pairs;
+          const Found f1 = found(f, {backend}, o, threads == 2);
           EXPECT_EQ(f1.count, p.count) << (threads == 2 ? "in double" : "in float");
           EXPECT_EQ(f1.hash, p.hash) << std::hex << f1.hash;
         }
@@ -84,9 +85,9 @@ TEST(Generate, BodiesHaveNoContactsInside) {
   for (const BackendKind backend : {BackendKind::omp, BackendKind::cuda}) {
     if (backend == BackendKind::cuda && !cuda_present()) continue;
     for (const Path path : {Path::grid, Path::nine_stages}) {
-      Options o;
-      o.backend = backend, o.path = path;
-      Detector d(o);
+      CallOptions o;
+      o.path = path;
+      Detector d({backend}, o);
       const Contacts& c = d.detect(input);
       EXPECT_GT(c.count, 200u);
       for (const Pair& p : c.pair_span()) ASSERT_NE(p.i / 64, p.j / 64);

@@ -121,7 +121,7 @@ TEST_F(SceneTest, FaultsAreNamedWithTheirPlace) {
   refused(clusters_ + R"("bodies": [{"cluster": "p", "position": [0, 0, 0], "quaternion": [1, 1, 0, 0]}])",
           "s.json, bodies 0, quaternion: a quaternion [w, x, y, z] of length 1 is wanted");
   refused(clusters_ + R"("bodies": [{"cluster": "p", "position": [0, 0, 0], "scale": 2}])",
-          "s.json, bodies 0, scale: only 1 is possible: scale when padding (pad --scale)");
+          "s.json, bodies 0, scale: only 1 is possible: scale the mesh when it is padded (pad --scale)");
   refused(clusters_ + R"("bodies": [{"cluster": "p", "position": [0, 0, 0], "family": -1}])",
           "s.json, bodies 0, family: a whole number from 0 to 4294967295 is wanted");
   refused(R"("unit": "m", "clusters": {"a": "mm.spheres.json"})",
@@ -160,9 +160,7 @@ TEST_F(SceneTest, PileHasContactsBetweenBodiesOnly) {
   const Cluster c = read_cluster(folder_ / "pair.spheres.json");
   const Scene s = pile_of(c, 500);
   EXPECT_EQ(s.size(), 1000u);
-  Options o;
-  o.backend = BackendKind::omp;
-  Detector d(o);
+  Detector d(DeviceChoice{BackendKind::omp});
   const Contacts& found = d.detect(s.input());
   EXPECT_GT(found.count, 50u);
   for (const Pair& p : found.pair_span()) EXPECT_NE(p.i / 2, p.j / 2);

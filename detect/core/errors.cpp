@@ -1,0 +1,91 @@
+// SPDX-License-Identifier: MIT
+#include "detect/core/errors.h"
+
+#include <cmath>
+#include <cstdio>
+
+#include "detect/core/input.h"
+#include "padding/asset/error.h"
+
+namespace padder::detect {
+
+std::string formatted(double v) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.9g", v);
+  return text;
+}
+
+void check_input(const Input& input, bool device_memory_allowed, bool known) {
+  const Spheres& s = input.spheres;
+  for (std::size_t k = 0; !known && k < input.bodies.size(); k++)
+    if (input.bodies[k].shape >= input.shapes.size())
+      throw Error("body " + std::to_string(k) + " names shape " + std::to_string(input.bodies[k].shape) +
+                  ", but there are " + std::to_string(input.shapes.size()));
+  for (std::size_t k = 0; k < input.shapes.size(); k++)
+    if (input.shapes[k].count && !input.shapes[k].spheres)
+      throw Error("shape " + std::to_string(k) + " has spheres but no pointer to them");
+  if (s.count && (!s.centers || !s.radii))
+    throw Error("the loose spheres need a pointer to centres and one to radii");
+  if (s.center_stride < 3) throw Error("the stride of the centres must be at least 3 numbers");
+  if (s.memory == Memory::device && s.count && !device_memory_allowed)
+    throw Error(
+        "the spheres lie in device memory, which the OpenMP backend cannot read: copy them or choose cuda");
+  if (input.poses && input.pose_memory == Memory::device && !device_memory_allowed)
+    throw Error(
+        "the poses lie in device memory, which the OpenMP backend cannot read: copy them or choose cuda");
+  if (input.bodies.size() >= kStatic - 1)
+    throw Error(std::to_string(input.bodies.size()) +
+                " bodies are more than one detector can number (2^31 - 2): divide the scene into boxes");
+  const std::uint64_t n = known ? 0 : sphere_count(input);
+  if (n >= 0xffffffffull)
+    throw Error((n == ~std::uint64_t(0) ? "2^64 - 1 or more" : std::to_string(n)) +
+                " spheres are more than one detector can number (2^32 - 2): divide the scene into boxes");
+}
+
+void check_options(const Options& o) {
+  if (!(o.bin_size >= 0 && o.bin_size <= kLargest))
+    throw Error("the bin size must be 0 (chosen) or a positive length up to 1e100, not " +
+                formatted(o.bin_size));
+  if (o.threads < 0 || o.threads > kMostThreads)
+    throw Error("the number of threads must be 0 (chosen) or 1 to " + std::to_string(kMostThreads) +
+                ", not " + std::to_string(o.threads));
+  for (int k = 0; k < 3; k++)
+    if (std::isnan(o.own.low[k]) || std::isnan(o.own.high[k]))
+      throw Error("the box to own (Options::own) is not a number along " + std::string(1, "xyz"[k]) +
+                  ": give both its faces, or leave them infinite");
+}
+
+void check_range(const Summary& s, const Options& o) {
+  if (o.width != Width::pairs && o.scalar == Scalar::f32 && s.extent + s.radius_max > 1e38)
+    throw Error("coordinates up to " + formatted(s.extent) +
+                " do not fit a float record: ask for double records or pairs only");
+}
+
+std::string fault_sentence(std::uint64_t index, const Sphere& s, const Input& input) {
+  std::string name = "sphere " + std::to_string(index);
+  std::uint64_t before = 0;
+  for (std::size_t k = 0; k < input.bodies.size(); k++) {
+    const std::uint64_t n = input.shapes[input.bodies[k].shape].count;
+    if (index < before + n) {
+      name += " (number " + std::to_string(index - before) + " of body " + std::to_string(k) + ")";
+      break;
+    }
+    before += n;
+  }
+  const std::string at = " at (" + formatted(s.x) + ", " + formatted(s.y) + ", " + formatted(s.z) + ")";
+  switch (fault_of(s)) {
+    case Fault::negative_radius:
+      return name + at + " has the negative radius " + formatted(s.r) + ": radii must be 0 or more";
+    case Fault::too_large:
+      return name + at + " with radius " + formatted(s.r) + " is beyond 1e100: scale the scene";
+    default:
+      return name + at + " with radius " + formatted(s.r) + " is not finite: correct or remove it";
+  }
+}
+
+std::string memory_sentence(std::uint64_t bytes, const char* what, const char* where) {
+  return std::to_string(bytes) + " bytes of " + where + " memory are needed for " + what +
+         ", but are not available: divide the scene into boxes or ask for a narrower record";
+}
+
+}  // namespace padder::detect

@@ -1,0 +1,28 @@
+// SPDX-License-Identifier: MIT
+// The checks of a call's input and options, and the sentences that say what is wrong with them. The same for
+// every backend. Internal; host code.
+#pragma once
+#include <string>
+
+#include "detect/core/grid.h"
+#include "detect/detector.h"
+
+namespace padder::detect {
+
+// A number as the sentences show it: up to nine significant digits.
+std::string formatted(double v);
+
+// Throws Error for options that no backend can carry out.
+void check_options(const Options& options);
+// Throws Error if pointers, counts or shapes of the input are wrong. `known`: the previous call checked the
+// bodies.
+void check_input(const Input& input, bool device_memory_allowed, bool known = false);
+// Throws Error if lengths of this scene do not fit the records that are asked for.
+void check_range(const Summary& summary, const Options& options);
+
+// What is wrong with sphere number `index`, and where it is in the input.
+std::string fault_sentence(std::uint64_t index, const Sphere& sphere, const Input& input);
+// How much memory is missing, for what, and what the caller can do. `where`: host or device.
+std::string memory_sentence(std::uint64_t bytes_needed, const char* what, const char* where);
+
+}  // namespace padder::detect

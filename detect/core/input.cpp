@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: MIT
+#include "detect/core/input.h"
+
+#include <algorithm>
+
+namespace padder::detect {
+
+std::uint64_t sphere_count(const Input& input) {
+  std::uint64_t n = input.spheres.count;
+  for (const Body& b : input.bodies) {
+    const std::uint64_t more = input.shapes[b.shape].count;
+    n = n > ~std::uint64_t(0) - more ? ~std::uint64_t(0) : n + more;
+  }
+  return n;
+}
+
+Body body_at(const Input& input, std::size_t k) {
+  Body body = input.bodies[k];
+  if (input.poses) {
+    std::copy_n(input.poses[k].rotation, 9, body.rotation);
+    std::copy_n(input.poses[k].position, 3, body.position);
+  }
+  return body;
+}
+
+}  // namespace padder::detect

@@ -1,0 +1,157 @@
+// SPDX-License-Identifier: MIT
+// What the types of the public headers promise: what cannot be said, what is refused, and what older sources
+// may still say.
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+#include <functional>
+#include <regex>
+#include <type_traits>
+
+#include "detect/detector.h"
+#include "detect/scene/generate.h"
+#include "padding/asset/error.h"
+
+namespace padder::detect {
+namespace {
+
+template <class T>
+concept NamesABackend = requires(T& options) {
+  options.backend;
+};
+template <class T>
+concept NamesADevice = requires(T& options) {
+  options.device;
+};
+
+// Backend and device are arguments of the constructor. The options that a detector hands out do not have
+// them.
+using Handed = std::remove_reference_t<decltype(std::declval<Detector&>().options())>;
+static_assert(std::is_same_v<Handed, CallOptions>);
+static_assert(!NamesABackend<Handed> && !NamesADevice<Handed>);
+static_assert(std::is_constructible_v<Detector, DeviceChoice> &&
+              std::is_constructible_v<Detector, DeviceChoice, CallOptions>);
+
+// Spans of whole numbers do not exist.
+template <class T>
+concept HasSpansOf = requires(const Contacts& c) {
+  c.normal_span<T>();
+};
+static_assert(HasSpansOf<float> && HasSpansOf<double> && !HasSpansOf<int> && !HasSpansOf<long double>);
+
+struct TwoSpheres {
+  const float numbers[8] = {0, 0, 0, 1, 1.5f, 0, 0, 1};
+  Input input() const {
+    Input in;
+    in.spheres = spheres_of(2, numbers, numbers + 3);
+    in.spheres.center_stride = in.spheres.radius_stride = 4;
+    return in;
+  }
+};
+
+void expect_refusal(const std::function<void()>& call, const std::string& part) {
+  try {
+    call();
+    ADD_FAILURE() << "nothing was thrown, wanted: " << part;
+  } catch (const Error& e) {
+    EXPECT_NE(std::string(e.what()).find(part), std::string::npos) << e.what();
+  }
+}
+
+TEST(Api, SpansAreOfTheScalarOfTheRecords) {
+  const TwoSpheres scene;
+  Detector d(DeviceChoice{BackendKind::omp});
+  d.options().width = Width::points;
+  const Contacts& c = d.detect(scene.input());
+  ASSERT_EQ(c.count, 1u);
+  EXPECT_EQ(c.normal_span<float>()[0].depth, 0.5f);
+  EXPECT_EQ(c.point_span<float>()[0].on_i[0], 1);
+  expect_refusal([&] { c.normal_span<double>(); }, "of type float and cannot be read as double");
+  expect_refusal([&] { c.point_span<double>(); }, "of type float and cannot be read as double");
+  d.options().scalar = Scalar::f64;
+  d.detect(scene.input());
+  EXPECT_EQ(c.normal_span<double>()[0].depth, 0.5);
+  EXPECT_EQ(c.point_span<double>()[0].on_j[0], 0.5);
+  expect_refusal([&] { c.normal_span<float>(); }, "of type double and cannot be read as float");
+}
+
+TEST(Api, SpansOfRecordsThatWereNotAskedForAreEmpty) {
+  const TwoSpheres scene;
+  Detector d(DeviceChoice{BackendKind::omp});
+  d.options().width = Width::normals;
+  const Contacts& c = d.detect(scene.input());
+  EXPECT_EQ(c.normal_span<float>().size(), 1u);
+  EXPECT_TRUE(c.point_span<double>().empty());
+  d.options().width = Width::pairs;
+  d.detect(scene.input());
+  EXPECT_EQ(c.pair_span().size(), 1u);
+  EXPECT_TRUE(c.normal_span<double>().empty());
+  EXPECT_TRUE(Contacts().normal_span<double>().empty());
+}
+
+// A scene without contacts is refused like one with contacts.
+TEST(Api, SpansAreCheckedWithoutContactsToo) {
+  Detector d(DeviceChoice{BackendKind::omp});
+  const Contacts& c = d.detect({});
+  EXPECT_TRUE(c.normal_span<float>().empty());
+  expect_refusal([&] { c.normal_span<double>(); }, "cannot be read as double");
+}
+
+TEST(Api, TheBackendIsThatOfTheConstructor) {
+  const TwoSpheres scene;
+  Detector d({BackendKind::omp, 0});
+  EXPECT_STREQ(d.backend(), "omp");
+  d.options() = CallOptions();
+  d.detect(scene.input());
+  EXPECT_STREQ(d.backend(), "omp");
+  CallOptions pairs;
+  pairs.width = Width::pairs;
+  EXPECT_EQ(Detector({BackendKind::omp}, pairs).options().width, Width::pairs);
+  EXPECT_EQ(Detector(pairs).options().width, Width::pairs);
+  if (!cuda_present()) {
+    EXPECT_STREQ(Detector().backend(), "omp");
+    EXPECT_THROW(Detector(DeviceChoice{BackendKind::cuda}), Error);
+  }
+}
+
+#pragma GCC diagnostic push
+#pragma GCC diagnostic ignored "-Wdeprecated-declarations"
+static_assert(Path::fast == Path::grid && Precision::fast == Precision::float32 &&
+              Order::fixed == Order::stable);
+static_assert(std::is_same_v<Choice, BackendKind> && std::is_same_v<Random, SplitMix64>);
+
+TEST(Api, OlderSourcesStillChooseByOptions) {
+  const TwoSpheres scene;
+  Options options;
+  options.backend = BackendKind::omp, options.device = 0, options.width = Width::pairs;
+  Detector d(options);
+  EXPECT_STREQ(d.backend(), "omp");
+  d.options().threads = 1;
+  d.options() = options;  // the device stays
+  EXPECT_EQ(d.detect(scene.input()).count, 1u);
+  if (!cuda_present()) {
+    options.backend = BackendKind::cuda;
+    EXPECT_THROW(Detector{options}, Error);
+  }
+}
+#pragma GCC diagnostic pop
+
+// Whoever meets a deprecated name is told what to write instead.
+TEST(Api, DeprecatedNamesSayWhatReplacesThem) {
+  const std::filesystem::path folder = std::filesystem::path(__FILE__).parent_path() / "../../detect";
+  if (!std::filesystem::exists(folder)) GTEST_SKIP() << "the sources are not on this machine: " << folder;
+  const std::regex deprecated("\\[\\[deprecated(\\(\"([^\"]*)\"\\))?");
+  int found = 0;
+  for (const auto& entry : std::filesystem::recursive_directory_iterator(folder)) {
+    if (entry.path().extension() != ".h") continue;
+    std::ifstream file(entry.path());
+    const std::string text((std::istreambuf_iterator<char>(file)), {});
+    for (std::sregex_iterator it(text.begin(), text.end(), deprecated), end; it != end; ++it, found++)
+      EXPECT_TRUE((*it)[2].str().starts_with("use ")) << entry.path() << ": " << it->str();
+  }
+  EXPECT_GE(found, 6);
+}
+
+}  // namespace
+}  // namespace padder::detect
