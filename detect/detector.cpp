@@ -33,7 +33,7 @@ const char* name_of(Scalar scalar) { return scalar == Scalar::f32 ? "float" : "d
 void Contacts::refuse_scalar(Scalar wanted) const {
   throw Error(std::string("the contact records hold numbers of type ") + name_of(scalar) +
               " and cannot be read as " + name_of(wanted) + ": ask for spans of " + name_of(scalar) +
-              ", or set Options::scalar before detect()");
+              ", or set CallOptions::scalar before detect()");
 }
 
 Detector::Detector(const DeviceChoice& device, const CallOptions& options)

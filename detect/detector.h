@@ -259,7 +259,7 @@ class Detector {
   Backend& own_backend() const;
   template <class Work>
   auto call(Work work);
-  Options options_;
+  CallOptions options_;
   std::unique_ptr<Backend> backend_;
   std::unique_ptr<RevisionKeeper> revision_;
   Contacts contacts_;

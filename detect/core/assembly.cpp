@@ -27,7 +27,7 @@ void Assembly::update(const Input& input, const std::uint8_t* is_static) {
   elements.insert(elements.end(), static_elements.begin(), static_elements.end());
 }
 
-bool bodies_first(const Input& input, const Options& options, std::uint64_t spheres, double ball_cost) {
+bool bodies_first(const Input& input, const CallOptions& options, std::uint64_t spheres, double ball_cost) {
   if (options.path != Path::grid || options.bodies == Bodies::expanded) return false;
   if (options.bodies == Bodies::first) return true;
   if (input.spheres.is_static) return true;

@@ -3,7 +3,6 @@
 // the moving ones before the static ones. Host code that both backends use. Internal.
 #pragma once
 #include "detect/core/pieces.h"
-#include "detect/core/static_table.h"
 #include "detect/detector.h"
 
 namespace padder::detect {
@@ -22,6 +21,6 @@ struct Assembly {
 
 // Is searching the balls first faster than searching every sphere? `spheres`: the number of all spheres.
 // `ball_cost`: how many spheres can be expanded and searched in the time of one ball.
-bool bodies_first(const Input& input, const Options& options, std::uint64_t spheres, double ball_cost);
+bool bodies_first(const Input& input, const CallOptions& options, std::uint64_t spheres, double ball_cost);
 
 }  // namespace padder::detect

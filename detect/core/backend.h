@@ -21,13 +21,13 @@ class Backend {
   // Finds the contacts by options.path. The caller has checked the options (check_options); the backend
   // checks the input (check_input). Throws Error with fault_sentence for the first faulty sphere, and with
   // memory_sentence if there is not enough memory. The backend can be used again after that.
-  virtual Contacts detect(const Input& input, const Options& options) = 0;
+  virtual Contacts detect(const Input& input, const CallOptions& options) = 0;
 
   // The arrays of the nine stages, copied to the host.
-  virtual Arrays stages(const Input& input, const Options& options) = 0;
+  virtual Arrays stages(const Input& input, const CallOptions& options) = 0;
 
   // A copy in host memory of input.poses, which lie in device memory. Throws Error.
-  virtual std::vector<Pose> device_poses(const Input& input, const Options& options) = 0;
+  virtual std::vector<Pose> device_poses(const Input& input, const CallOptions& options) = 0;
 
   // Called after detect() or stages() threw, and after the detector refused a call itself. The backend
   // forgets its list of contacts, what it planned from previous calls, and the revision: poses that the
@@ -45,8 +45,8 @@ class Backend {
 std::unique_ptr<Backend> make_omp_backend();
 // Throws Error with the sentence of cuda_absence() if that is not empty.
 std::unique_ptr<Backend> make_cuda_backend(int device);
-// Why there is no CUDA backend on that device (the GPU is missing, too old, or not one that the build has code
-// for), as a sentence; empty if there is one.
+// Why there is no CUDA backend on that device (the GPU is missing, too old, or not one that the build has
+// code for), as a sentence; empty if there is one.
 std::string cuda_absence(int device);
 
 }  // namespace padder::detect

@@ -42,7 +42,7 @@ void check_input(const Input& input, bool device_memory_allowed, bool known) {
                 " spheres are more than one detector can number (2^32 - 2): divide the scene into boxes");
 }
 
-void check_options(const Options& o) {
+void check_options(const CallOptions& o) {
   if (!(o.bin_size >= 0 && o.bin_size <= kLargest))
     throw Error("the bin size must be 0 (chosen) or a positive length up to 1e100, not " +
                 formatted(o.bin_size));
@@ -51,11 +51,11 @@ void check_options(const Options& o) {
                 ", not " + std::to_string(o.threads));
   for (int k = 0; k < 3; k++)
     if (std::isnan(o.own.low[k]) || std::isnan(o.own.high[k]))
-      throw Error("the box to own (Options::own) is not a number along " + std::string(1, "xyz"[k]) +
+      throw Error("the box to own (CallOptions::own) is not a number along " + std::string(1, "xyz"[k]) +
                   ": give both its faces, or leave them infinite");
 }
 
-void check_range(const Summary& s, const Options& o) {
+void check_range(const Summary& s, const CallOptions& o) {
   if (o.width != Width::pairs && o.scalar == Scalar::f32 && s.extent + s.radius_max > 1e38)
     throw Error("coordinates up to " + formatted(s.extent) +
                 " do not fit a float record: ask for double records or pairs only");

@@ -13,12 +13,12 @@ namespace padder::detect {
 std::string formatted(double v);
 
 // Throws Error for options that no backend can carry out.
-void check_options(const Options& options);
+void check_options(const CallOptions& options);
 // Throws Error if pointers, counts or shapes of the input are wrong. `known`: the previous call checked the
 // bodies.
 void check_input(const Input& input, bool device_memory_allowed, bool known = false);
 // Throws Error if lengths of this scene do not fit the records that are asked for.
-void check_range(const Summary& summary, const Options& options);
+void check_range(const Summary& summary, const CallOptions& options);
 
 // What is wrong with sphere number `index`, and where it is in the input.
 std::string fault_sentence(std::uint64_t index, const Sphere& sphere, const Input& input);

@@ -228,11 +228,4 @@ Grid choose_grid(const Summary& s, double bin_size, double bins_per_sphere = 8,
 // enough to compare two ways.
 double cross_search_cost(const Level& from, const Level& at);
 
-// Names that the CUDA sources still use.
-using Reach = BinOffsets;
-PADDER_HD Reach reach_of(const Level& l, const Split& s, double r) { return neighbour_offsets(l, s, r); }
-struct Look {
-  static constexpr CrossSearch up = CrossSearch::fine_to_coarse, down = CrossSearch::coarse_to_fine;
-};
-
 }  // namespace padder::detect

@@ -125,6 +125,4 @@ PADDER_HD bool reports(const StageGrid& g, std::uint64_t bin, const Sphere& i, c
 // `bin_size` above 0 is taken as it is; throws Error if it is far too small.
 StageGrid choose_stage_grid(const Summary& s, double bin_size);
 
-using Touched = TouchedBins;  // the name that the CUDA sources still use
-
 }  // namespace padder::detect

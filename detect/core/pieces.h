@@ -96,7 +96,7 @@ PADDER_HD Sphere ball_of(const Sphere& loose) {
 // frame of the piece and in units of its ball's radius, so it needs no placed spheres. It lets too many pass,
 // never too few.
 struct Sieve {
-  float x = 0, y = 0, z = 0, reach = INFINITY;  // the other ball, enlarged by what rounding may move
+  float x = 0, y = 0, z = 0, radius = INFINITY;  // the other ball, enlarged by what rounding may move
 };
 // `mine` is the placed ball of the piece, `other` the other placed ball.
 PADDER_HD Sieve sieve_of(const Body& body, const Piece& piece, const Sphere& mine, const Sphere& other) {
@@ -106,14 +106,14 @@ PADDER_HD Sieve sieve_of(const Body& body, const Piece& piece, const Sphere& min
                tz = (m[2] * x + m[5] * y + m[8] * z) * per_r;
   const double over = mine.r - r;  // at least r (stretch - 1), and all that rounding moves a sphere by
   const double n = stretch_of(body.rotation);
-  const double reach = (n * (other.r + over) + 3 * (n - 1) * r) * per_r;
-  const double margin = 0x1p-18 * (1 + magnitude(tx) + magnitude(ty) + magnitude(tz) + reach);
+  const double radius = (n * (other.r + over) + 3 * (n - 1) * r) * per_r;
+  const double margin = 0x1p-18 * (1 + magnitude(tx) + magnitude(ty) + magnitude(tz) + radius);
   return {static_cast<float>(tx), static_cast<float>(ty), static_cast<float>(tz),
-          static_cast<float>(reach + margin)};
+          static_cast<float>(radius + margin)};
 }
 PADDER_HD bool passes(const Sieve& s, const NearSphere& k) {
-  const float x = k.x - s.x, y = k.y - s.y, z = k.z - s.z, reach = k.r + s.reach;
-  return !(x * x + y * y + z * z > reach * reach);  // written so that NaN passes
+  const float x = k.x - s.x, y = k.y - s.y, z = k.z - s.z, sum = k.r + s.radius;
+  return !(x * x + y * y + z * z > sum * sum);  // written so that NaN passes
 }
 
 }  // namespace padder::detect

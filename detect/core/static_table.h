@@ -60,10 +60,5 @@ PADDER_HD bool bins_near(const Level& l, const StaticTable::Bounds& bounds, cons
   box.whole = bins > population;
   return true;
 }
-// The name that the CUDA sources still use.
-PADDER_HD bool bins_in_reach(const Level& l, const StaticTable::Bounds& bounds, const Sphere& ball,
-                             std::uint32_t population, BinBox& box) {
-  return bins_near(l, bounds, ball, population, box);
-}
 
 }  // namespace padder::detect

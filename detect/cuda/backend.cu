@@ -22,7 +22,7 @@ class Work {
   explicit Work(int device) : device_(device) {}
   std::uint64_t memory() const { return book_.held; }
 
-  Contacts detect(const Input& input, const Options& options) {
+  Contacts detect(const Input& input, const CallOptions& options) {
     const ProfileRange range("padder: detect");
     const auto bodies_first_wanted = [&] {
       return options.path == Path::grid &&
@@ -50,7 +50,7 @@ class Work {
     return c;
   }
 
-  Arrays stages(const Input& input, const Options& options) {
+  Arrays stages(const Input& input, const CallOptions& options) {
     check_input(input, true);
     const Call call = begin(input, options);
     bodies_.forget();
@@ -77,7 +77,7 @@ class Work {
   }
 
  private:
-  Call begin(const Input& input, const Options& options) {
+  Call begin(const Input& input, const CallOptions& options) {
     stream_ = static_cast<cudaStream_t>(options.stream);
     clock_.begin(stream_, options.timings), running_ = true;
     const int processors = processors_of(stream_, device_);
@@ -175,13 +175,13 @@ class CudaBackend : public Backend {
   }
   const char* name() const override { return "cuda"; }
   std::uint64_t memory() const override { return work_->memory(); }
-  Contacts detect(const Input& input, const Options& options) override {
+  Contacts detect(const Input& input, const CallOptions& options) override {
     const OnDevice on(device_);
     on.require();
     keep_limit(options);
     return work_->detect(input, options);
   }
-  Arrays stages(const Input& input, const Options& options) override {
+  Arrays stages(const Input& input, const CallOptions& options) override {
     const OnDevice on(device_);
     on.require();
     keep_limit(options);
@@ -192,7 +192,7 @@ class CudaBackend : public Backend {
     on.require();
     return work_->hash();
   }
-  std::vector<Pose> device_poses(const Input& input, const Options& options) override {
+  std::vector<Pose> device_poses(const Input& input, const CallOptions& options) override {
     const OnDevice on(device_);
     on.require();
     check_device_memory(input.poses, device_, "the poses");
@@ -211,7 +211,7 @@ class CudaBackend : public Backend {
 
  private:
   // A limit that was lowered: what is held is given back, and the call takes what it needs.
-  void keep_limit(const Options& options) {
+  void keep_limit(const CallOptions& options) {
     if (options.memory_limit && work_->memory() > options.memory_limit)
       work_.reset(), work_ = std::make_unique<Work>(device_);
   }

@@ -9,7 +9,7 @@ namespace padder::detect::cuda {
 
 struct Call {
   const Input& input;
-  const Options& options;
+  const CallOptions& options;
   cudaStream_t stream;
   SideStream& side;  // records what is enqueued
   int processors;    // processors_of(stream)

@@ -6,9 +6,9 @@
 namespace padder::detect::cuda {
 namespace {
 
-std::uint64_t scalar_bytes(const Options& options) { return options.scalar == Scalar::f32 ? 4 : 8; }
-std::uint64_t normal_bytes(const Options& options) { return 4 * scalar_bytes(options); }
-std::uint64_t point_bytes(const Options& options) { return 6 * scalar_bytes(options); }
+std::uint64_t scalar_bytes(const CallOptions& options) { return options.scalar == Scalar::f32 ? 4 : 8; }
+std::uint64_t normal_bytes(const CallOptions& options) { return 4 * scalar_bytes(options); }
+std::uint64_t point_bytes(const CallOptions& options) { return 6 * scalar_bytes(options); }
 
 // Returns the address on the host.
 const void* copied_to_host(Buffer<unsigned char>& host, const void* from, std::uint64_t bytes,
@@ -30,20 +30,20 @@ ContactList::ContactList(MemoryBook& book)
       host_normals_(book, "the contacts", true),
       host_points_(book, "the contacts", true) {}
 
-void ContactList::reserve(const Options& options, std::uint64_t count) {
+void ContactList::reserve(const CallOptions& options, std::uint64_t count) {
   pairs_.reserve(count);
   if (options.width != Width::pairs) normals_.reserve(count * normal_bytes(options));
   if (options.width == Width::points) points_.reserve(count * point_bytes(options));
 }
 
-std::uint64_t ContactList::capacity(const Options& options) const {
+std::uint64_t ContactList::capacity(const CallOptions& options) const {
   std::uint64_t n = pairs_.capacity();
   if (options.width != Width::pairs) n = std::min(n, normals_.capacity() / normal_bytes(options));
   if (options.width == Width::points) n = std::min(n, points_.capacity() / point_bytes(options));
   return n;
 }
 
-Output ContactList::output(const Options& options) const {
+Output ContactList::output(const CallOptions& options) const {
   return {pairs_.data(), normals_.data(), points_.data(), capacity(options), options.width, options.scalar};
 }
 
@@ -52,7 +52,7 @@ Lent ContactList::lent() const {
           reinterpret_cast<std::uint32_t*>(pairs_.data()), pairs_.capacity() * 2};
 }
 
-void ContactList::deliver(const Options& options, Contacts& c, cudaStream_t stream) {
+void ContactList::deliver(const CallOptions& options, Contacts& c, cudaStream_t stream) {
   c.pairs = pairs_.data();
   if (options.width != Width::pairs) c.normals = normals_.data();
   if (options.width == Width::points) c.points = points_.data();

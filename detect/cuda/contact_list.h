@@ -11,18 +11,18 @@ class ContactList {
   explicit ContactList(MemoryBook& book);
 
   // Room for so many contacts of the width and scalar that the options ask for; what was there is lost.
-  void reserve(const Options& options, std::uint64_t count);
+  void reserve(const CallOptions& options, std::uint64_t count);
   // Of the normals alone, as so many times 16 bytes: for those who only borrow memory (lent()).
   void reserve_slots(std::uint64_t count) { normals_.reserve(count * sizeof(float4)); }
-  std::uint64_t capacity(const Options& options) const;
-  Output output(const Options& options) const;
+  std::uint64_t capacity(const CallOptions& options) const;
+  Output output(const CallOptions& options) const;
   // The memory of the list, before it is written.
   Lent lent() const;
   Pair* pairs() const { return pairs_.data(); }
 
   // `contacts.count` of them to where the options want them, and the pointers to `contacts`. Waits for the
   // device where contacts are copied to the host.
-  void deliver(const Options& options, Contacts& contacts, cudaStream_t stream);
+  void deliver(const CallOptions& options, Contacts& contacts, cudaStream_t stream);
 
  private:
   Buffer<Pair> pairs_;

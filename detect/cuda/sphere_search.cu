@@ -12,7 +12,7 @@
 namespace padder::detect::cuda {
 namespace {
 
-SearchOptions search_options(const Options& options, const Summary& summary) {
+SearchOptions search_options(const CallOptions& options, const Summary& summary) {
   SearchOptions s;
   s.exact = options.precision == Precision::exact, s.stable_order = options.order == Order::stable;
   s.own = options.own, s.radius = summary.radius_max, s.owns_all = true;
@@ -40,7 +40,8 @@ Summary SphereSearch::survey(const DeviceSpheres& source, const Call& call) {
 
 void SphereSearch::make_plan(const DeviceSpheres& source, const Call& call, const Summary& summary) {
   plan_ = {};
-  plan_.source = source, plan_.grid = choose_grid(summary, call.options.bin_size, 8, Look::down);
+  plan_.source = source,
+  plan_.grid = choose_grid(summary, call.options.bin_size, 8, CrossSearch::coarse_to_fine);
   plan_.search = search_options(call.options, summary);
   if (plan_.search.stable_order) plan_.search.quota = quota_;
   const bool floats = !source.wide && source.placed == 0 && float_range(summary.extent, summary.radius_max);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// How long the stages of a call take, for Options::timings. Only .cu files include this.
+// How long the stages of a call take, for CallOptions::timings. Only .cu files include this.
 #pragma once
 #include <chrono>
 

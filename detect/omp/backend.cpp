@@ -157,21 +157,21 @@ class OmpBackend final : public Backend {
   const char* name() const override { return "omp"; }
   std::uint64_t memory() const override { return budget_.held(); }
 
-  Contacts detect(const Input& input, const Options& options) override {
+  Contacts detect(const Input& input, const CallOptions& options) override {
     const Contacts c = any(input, options, nullptr);
     chosen_.done();
     return c;
   }
 
-  Arrays stages(const Input& input, const Options& options) override {
+  Arrays stages(const Input& input, const CallOptions& options) override {
     Arrays arrays;
-    Options o = options;
+    CallOptions o = options;
     o.path = Path::nine_stages;
     any(input, o, &arrays);
     return arrays;
   }
 
-  std::vector<Pose> device_poses(const Input& input, const Options&) override {
+  std::vector<Pose> device_poses(const Input& input, const CallOptions&) override {
     check_input(input, false);  // throws, because this backend cannot read device memory
     return {};
   }
@@ -194,7 +194,7 @@ class OmpBackend final : public Backend {
 
  private:
   // A call by any path. `arrays`: null, or where the arrays of the nine stages go.
-  Contacts any(const Input& input, const Options& options, Arrays* arrays) {
+  Contacts any(const Input& input, const CallOptions& options, Arrays* arrays) {
     if (options.memory_limit && budget_.held() > options.memory_limit)  // the limit was lowered
       kept_ = nullptr, kept_ = std::make_unique<Kept>(budget_);
     kept_->records.count = 0;
@@ -207,7 +207,7 @@ class OmpBackend final : public Backend {
     const Spheres& s = input.spheres;
     if (known || (!arrays && bodies_first(input, options, n, 3))) {
       if (!known) {
-        Options automatic = options;
+        CallOptions automatic = options;
         automatic.bodies = Bodies::automatic;
         automatic_first_ = bodies_first(input, automatic, n, 3);
       }
@@ -276,7 +276,7 @@ class OmpBackend final : public Backend {
   }
 
   template <class T>
-  Contacts run(const omp::View<T>& spheres, const Input& input, const Options& options, Arrays* arrays) {
+  Contacts run(const omp::View<T>& spheres, const Input& input, const CallOptions& options, Arrays* arrays) {
     omp::Stopwatch watch;
     Contacts c;
     if (!input.bodies.empty()) c.seconds.place = place_seconds_;
@@ -292,7 +292,7 @@ class OmpBackend final : public Backend {
     return delivered(c, spheres.count, options);
   }
 
-  Contacts delivered(Contacts c, std::uint64_t spheres, const Options& options) {
+  Contacts delivered(Contacts c, std::uint64_t spheres, const CallOptions& options) {
     c.count = kept_->records.count, c.spheres = spheres;
     c.width = options.width, c.scalar = options.scalar;
     c.pairs = kept_->records.pairs.data();

@@ -226,7 +226,7 @@ void BodySearch::gather(std::uint32_t element, const Sphere& other, Survivors& o
 }
 
 // Tests the spheres of pair k of elements.
-void BodySearch::test_pair(std::uint64_t k, const Options& options, Survivors& a, Survivors& b,
+void BodySearch::test_pair(std::uint64_t k, const CallOptions& options, Survivors& a, Survivors& b,
                            List<Hit>& hits) {
   const Pair p = pair(k);
   gather(p.i, balls_[p.j], a);
@@ -249,7 +249,7 @@ void BodySearch::test_pair(std::uint64_t k, const Options& options, Survivors& a
   }
 }
 
-void BodySearch::write(const Options& options, int threads, Records& records) {
+void BodySearch::write(const CallOptions& options, int threads, Records& records) {
   std::vector<std::uint64_t> first(parts_.size());
   std::uint64_t sum = 0;
   for (std::size_t p = 0; p < parts_.size(); p++) first[p] = sum, sum += parts_[p].count;
@@ -273,7 +273,7 @@ bool BodySearch::knows(const Input& input) const {
          input.spheres.count == known_loose_;
 }
 
-bool BodySearch::run(const Input& input, const Options& options, int threads, Records& records,
+bool BodySearch::run(const Input& input, const CallOptions& options, int threads, Records& records,
                      Seconds& seconds) {
   Stopwatch watch;
   const bool known = knows(input);
@@ -289,7 +289,7 @@ bool BodySearch::run(const Input& input, const Options& options, int threads, Re
   if (options.width != Width::pairs && options.scalar == Scalar::f32 &&
       std::max(summary.extent + summary.radius_max, static_extent_) > 1e37)
     return false;
-  Options broad;
+  CallOptions broad;
   broad.width = Width::pairs;
   seconds.stage[0] = watch.lap();
   grid_path_.run(balls, summary, broad, threads, broad_, seconds);

@@ -3,6 +3,7 @@
 // pieces of bodies and loose spheres. Narrow phase: the spheres of each such pair are tested. Internal.
 #pragma once
 #include "detect/core/assembly.h"
+#include "detect/core/static_table.h"
 #include "detect/omp/paths.h"
 
 namespace padder::detect::omp {
@@ -13,7 +14,7 @@ class BodySearch {
 
   // Writes all contacts to `records`. False if something is wrong with a pose, a sphere or the range of
   // coordinates; then the spheres must be expanded, so that each can be checked.
-  bool run(const Input& input, const Options& options, int threads, Records& records, Seconds& seconds);
+  bool run(const Input& input, const CallOptions& options, int threads, Records& records, Seconds& seconds);
   bool knows(const Input& input) const;  // is its revision that of the previous call?
   // The work of a call with a known revision, in spheres that are searched one by one. A moving piece counts
   // for more than one, because its ball touches some others and then its spheres are tested.
@@ -47,9 +48,9 @@ class BodySearch {
   bool place(const Input& input, bool known, int threads);
   void find_static_pairs(int threads);
   void search_static(std::uint32_t element, List<Pair>& list);
-  void test_pair(std::uint64_t pair, const Options& options, Survivors& a, Survivors& b, List<Hit>& hits);
+  void test_pair(std::uint64_t pair, const CallOptions& options, Survivors& a, Survivors& b, List<Hit>& hits);
   void gather(std::uint32_t element, const Sphere& other, Survivors& out) const;
-  void write(const Options& options, int threads, Records& records);
+  void write(const CallOptions& options, int threads, Records& records);
   template <class T, class F>
   void in_parts(std::vector<List<T>>& lists, std::vector<Part>& parts, std::uint64_t count, int threads, F f);
 

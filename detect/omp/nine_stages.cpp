@@ -174,7 +174,8 @@ std::uint64_t stage8(const std::uint64_t* D, std::uint64_t* E, std::uint64_t act
 // Stage 9: F, the contacts themselves.
 template <class T>
 void stage9(const View<T>& spheres, const StageGrid& g, const BinEntry* B, const BinStart* C,
-            std::uint64_t active, const Options& options, const std::uint64_t* E, Records& F, int threads) {
+            std::uint64_t active, const CallOptions& options, const std::uint64_t* E, Records& F,
+            int threads) {
   const auto n = static_cast<std::int64_t>(active);
 #pragma omp parallel for schedule(dynamic, 256) num_threads(threads)
   for (std::int64_t k = 0; k < n; k++) {
@@ -191,7 +192,7 @@ void stage9(const View<T>& spheres, const StageGrid& g, const BinEntry* B, const
 NineStages::NineStages(Budget& b) : T_(b), S_(b), D_(b), E_(b), B_(b), B_spare_(b), C_(b), C_spare_(b) {}
 
 template <class T>
-void NineStages::run(const View<T>& spheres, const Summary& summary, const Options& options, int threads,
+void NineStages::run(const View<T>& spheres, const Summary& summary, const CallOptions& options, int threads,
                      Records& records, Seconds& seconds, Arrays* arrays) {
   Stopwatch watch;
   const std::uint64_t n = spheres.count;
@@ -231,9 +232,9 @@ void NineStages::run(const View<T>& spheres, const Summary& summary, const Optio
   stage9(spheres, g, B_.data(), C_.data(), active, options, E_.data(), records, threads), lap(9);
   copy(show.F, records.pairs.data(), contacts);
 }
-template void NineStages::run(const View<float>&, const Summary&, const Options&, int, Records&, Seconds&,
+template void NineStages::run(const View<float>&, const Summary&, const CallOptions&, int, Records&, Seconds&,
                               Arrays*);
-template void NineStages::run(const View<double>&, const Summary&, const Options&, int, Records&, Seconds&,
-                              Arrays*);
+template void NineStages::run(const View<double>&, const Summary&, const CallOptions&, int, Records&,
+                              Seconds&, Arrays*);
 
 }  // namespace padder::detect::omp

@@ -160,7 +160,7 @@ void GridPath::sort(const View<T>& spheres, const Grid& grid, int threads, Secon
 }
 
 template <class Slot, class T>
-std::uint64_t GridPath::sort_and_search(const View<T>& spheres, const Grid& grid, const Options& options,
+std::uint64_t GridPath::sort_and_search(const View<T>& spheres, const Grid& grid, const CallOptions& options,
                                         int threads, Records& records, Seconds& seconds) {
   sort<Slot>(spheres, grid, threads, seconds);
   const std::uint64_t doubtful = search<Slot>(grid, options, spheres.filtered(), threads, seconds);
@@ -175,16 +175,16 @@ std::uint64_t GridPath::sort_and_search(const View<T>& spheres, const Grid& grid
 }
 
 template <class T>
-std::uint64_t GridPath::run(const View<T>& spheres, const Summary& summary, const Options& options,
+std::uint64_t GridPath::run(const View<T>& spheres, const Summary& summary, const CallOptions& options,
                             int threads, Records& records, Seconds& seconds) {
   const Grid grid = choose_grid(summary, options.bin_size, 8, CrossSearch::cheaper);
   if (sizeof(T) == sizeof(float) && float_range(summary.extent, summary.radius_max))
     return sort_and_search<FloatSlot>(spheres, grid, options, threads, records, seconds);
   return sort_and_search<FixedPointSlot>(spheres, grid, options, threads, records, seconds);
 }
-template std::uint64_t GridPath::run(const View<float>&, const Summary&, const Options&, int, Records&,
+template std::uint64_t GridPath::run(const View<float>&, const Summary&, const CallOptions&, int, Records&,
                                      Seconds&);
-template std::uint64_t GridPath::run(const View<double>&, const Summary&, const Options&, int, Records&,
+template std::uint64_t GridPath::run(const View<double>&, const Summary&, const CallOptions&, int, Records&,
                                      Seconds&);
 
 }  // namespace padder::detect::omp

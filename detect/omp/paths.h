@@ -136,17 +136,17 @@ struct Records {
   std::uint64_t count = 0;
 
   // Makes room for n records. Throws Error with the bytes that they need.
-  void resize(std::uint64_t n, const Options& options);
+  void resize(std::uint64_t n, const CallOptions& options);
   // Writes record k, of a contact between the spheres with numbers a and b. The smaller number comes first.
   void write(std::uint64_t k, std::uint32_t a, std::uint32_t b, const Sphere& sa, const Sphere& sb,
-             const Options& options);
+             const CallOptions& options);
 };
 
 // Writes records one after the other, beginning with record `first`. It computes normals in batches; the
 // destructor writes the last one.
 class RecordWriter {
  public:
-  RecordWriter(Records& records, const Options& options, std::uint64_t first)
+  RecordWriter(Records& records, const CallOptions& options, std::uint64_t first)
       : records_(records), options_(options), next_(first), batch_first_(first) {}
   ~RecordWriter() { flush(); }
   RecordWriter(const RecordWriter&) = delete;
@@ -172,7 +172,7 @@ class RecordWriter {
  private:
   void flush();
   Records& records_;
-  const Options& options_;
+  const CallOptions& options_;
   std::uint64_t next_, batch_first_;
   std::uint32_t size_ = 0;
   Batch batch_;
@@ -183,7 +183,7 @@ class NineStages {
  public:
   explicit NineStages(Budget& b);
   template <class T>
-  void run(const View<T>& spheres, const Summary& summary, const Options& options, int threads,
+  void run(const View<T>& spheres, const Summary& summary, const CallOptions& options, int threads,
            Records& records, Seconds& seconds, Arrays* arrays);
 
  private:
@@ -211,13 +211,13 @@ class GridPath {
  public:
   explicit GridPath(Budget& b);
   template <class T>
-  std::uint64_t run(const View<T>& spheres, const Summary& summary, const Options& options, int threads,
+  std::uint64_t run(const View<T>& spheres, const Summary& summary, const CallOptions& options, int threads,
                     Records& records, Seconds& seconds);  // returns the number of doubtful pairs
 
  private:
   template <class Slot, class T>
-  std::uint64_t sort_and_search(const View<T>& spheres, const Grid& grid, const Options& options, int threads,
-                                Records& records, Seconds& seconds);
+  std::uint64_t sort_and_search(const View<T>& spheres, const Grid& grid, const CallOptions& options,
+                                int threads, Records& records, Seconds& seconds);
   template <class Slot>
   Slots<Slot> slots() const {
     using C = typename Slots<Slot>::Component;
@@ -227,10 +227,10 @@ class GridPath {
   template <class Slot, class T>
   void sort(const View<T>& spheres, const Grid& grid, int threads, Seconds& seconds);
   template <class Slot>
-  std::uint64_t search(const Grid& grid, const Options& options, bool filtered, int threads,
+  std::uint64_t search(const Grid& grid, const CallOptions& options, bool filtered, int threads,
                        Seconds& seconds);
   template <class Slot>
-  void write(const Options& options, int threads, Records& records);
+  void write(const CallOptions& options, int threads, Records& records);
 
   // Consecutive slots that one thread searches, as a unit of work and of the stable order. Their hits are in
   // that thread's list.

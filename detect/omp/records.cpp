@@ -6,7 +6,7 @@
 namespace padder::detect::omp {
 namespace {
 
-std::uint64_t record_bytes(const Options& o, bool points) {
+std::uint64_t record_bytes(const CallOptions& o, bool points) {
   const std::uint64_t scalar = o.scalar == Scalar::f32 ? 4 : 8;
   return points ? (o.width == Width::points ? 6 * scalar : 0) : (o.width == Width::pairs ? 0 : 4 * scalar);
 }
@@ -21,7 +21,7 @@ void write_geometry(const Geometry& g, std::byte* normals, std::byte* points, st
 }
 
 // Writes the normals and penetrations of a batch into the records from `first` on.
-void write_batch(Batch& batch, int count, std::uint64_t first, const Options& options, Records& records) {
+void write_batch(Batch& batch, int count, std::uint64_t first, const CallOptions& options, Records& records) {
   to_normals(batch, count);
   const auto copy = [&]<class T>(Normal<T>* to) {
     for (int k = 0; k < count; k++)
@@ -39,7 +39,7 @@ template <class Slot>
 class SlotWriter {
  public:
   SlotWriter(const Slots<Slot>& slots, const Sphere* spheres, const std::uint32_t* ids,
-             const Options& options, std::uint64_t first, Records& records)
+             const CallOptions& options, std::uint64_t first, Records& records)
       : slots_(slots), spheres_(spheres), ids_(ids), options_(options), next_(first), records_(records) {}
 
   // The contacts of slot a with slots hits[0] to hits[count - 1].
@@ -67,7 +67,7 @@ class SlotWriter {
   const Slots<Slot> slots_;
   const Sphere* spheres_;
   const std::uint32_t* ids_;
-  const Options& options_;
+  const CallOptions& options_;
   const Kernels<Slot> kernels_ = kernels_for_this_machine<Slot>();
   std::uint64_t next_;
   Records& records_;
@@ -79,7 +79,7 @@ class SlotWriter {
 
 }  // namespace
 
-void Records::resize(std::uint64_t n, const Options& o) {
+void Records::resize(std::uint64_t n, const CallOptions& o) {
   const std::uint64_t normal = record_bytes(o, false), point = record_bytes(o, true);
   count = 0;
   if (!pairs.try_resize(n) || !normals.try_resize(n * normal) || !points.try_resize(n * point))
@@ -88,7 +88,7 @@ void Records::resize(std::uint64_t n, const Options& o) {
 }
 
 void Records::write(std::uint64_t k, std::uint32_t a, std::uint32_t b, const Sphere& sa, const Sphere& sb,
-                    const Options& o) {
+                    const CallOptions& o) {
   const bool ordered = a < b;
   pairs[k] = ordered ? Pair{a, b} : Pair{b, a};
   if (o.width == Width::pairs) return;
@@ -107,7 +107,7 @@ void RecordWriter::flush() {
 }
 
 template <class Slot>
-void GridPath::write(const Options& options, int threads, Records& records) {
+void GridPath::write(const CallOptions& options, int threads, Records& records) {
   const auto chunks = static_cast<std::int64_t>(chunks_.size());
 #pragma omp parallel for schedule(dynamic, 8) num_threads(threads)
   for (std::int64_t k = 0; k < chunks; k++) {
@@ -119,7 +119,7 @@ void GridPath::write(const Options& options, int threads, Records& records) {
     writer.flush();
   }
 }
-template void GridPath::write<FloatSlot>(const Options&, int, Records&);
-template void GridPath::write<FixedPointSlot>(const Options&, int, Records&);
+template void GridPath::write<FloatSlot>(const CallOptions&, int, Records&);
+template void GridPath::write<FixedPointSlot>(const CallOptions&, int, Records&);
 
 }  // namespace padder::detect::omp

@@ -94,7 +94,7 @@ template <class Slot>
 class Searcher {
  public:
   Searcher(const Sphere* spheres, const Grid& grid, const CrossSearches& cross_searches,
-           const Options& options, const Slots<Slot>& slots, const std::uint32_t* ids,
+           const CallOptions& options, const Slots<Slot>& slots, const std::uint32_t* ids,
            const std::uint32_t* keys, const std::uint32_t* starts, const Filter* filters,
            std::uint32_t* found, Hits& hits)
       : spheres_(spheres),
@@ -332,7 +332,7 @@ class Searcher {
 }  // namespace
 
 template <class Slot>
-std::uint64_t GridPath::search(const Grid& grid, const Options& options, bool filtered, int threads,
+std::uint64_t GridPath::search(const Grid& grid, const CallOptions& options, bool filtered, int threads,
                                Seconds& seconds) {
   Stopwatch watch;
   const CrossSearches cross_searches = plan_cross_searches(grid, std::is_same_v<Slot, FixedPointSlot>);
@@ -373,7 +373,7 @@ std::uint64_t GridPath::search(const Grid& grid, const Options& options, bool fi
   seconds.stage[6] += watch.lap();
   return doubtful;
 }
-template std::uint64_t GridPath::search<FloatSlot>(const Grid&, const Options&, bool, int, Seconds&);
-template std::uint64_t GridPath::search<FixedPointSlot>(const Grid&, const Options&, bool, int, Seconds&);
+template std::uint64_t GridPath::search<FloatSlot>(const Grid&, const CallOptions&, bool, int, Seconds&);
+template std::uint64_t GridPath::search<FixedPointSlot>(const Grid&, const CallOptions&, bool, int, Seconds&);
 
 }  // namespace padder::detect::omp

@@ -14,7 +14,7 @@ namespace padder::detect::omp {
 // each further attempt that was interrupted.
 class Threads {
  public:
-  // `asked`: Options::threads. `work`: the number of spheres that are searched one by one.
+  // `asked`: CallOptions::threads. `work`: the number of spheres that are searched one by one.
   int choose(int asked, std::uint64_t work);
   void done();  // to be called after the call for which choose() was asked
 

@@ -38,10 +38,10 @@ class Table {
     const Settings& s = settings_;
     const bool cuda = backend == detect::BackendKind::cuda;
     say(s, scene + " " + std::to_string(n) + (cuda ? " cuda" : " omp"));
-    detect::Options o;
-    o.backend = backend, o.threads = s.threads;
+    detect::CallOptions o;
+    o.threads = s.threads;
     if (cuda) o.output = detect::Memory::device;
-    detect::Detector d(o);
+    detect::Detector d({backend}, o);
     const int repeat = std::max(s.repeat, cuda ? 11 : 3);
     const auto timed = [&](Precision p, Order how, Width w) {
       d.options().precision = p, d.options().order = how, d.options().width = w;
@@ -60,8 +60,8 @@ class Table {
       if (against == Against::expanded) o.bodies = detect::Bodies::expanded;
       if (against == Against::nine_stages) o.path = detect::Path::nine_stages;
       const bool processor = against == Against::processor;
-      if (processor) o.backend = detect::BackendKind::omp, o.output = detect::Memory::host;
-      detect::Detector reference(o);
+      if (processor) o.output = detect::Memory::host;
+      detect::Detector reference({processor ? detect::BackendKind::omp : backend}, o);
       if (detect_watched(reference, processor ? host : input).count != contacts ||
           hash_watched(reference) != hash)
         throw Error("the fast path and the reference differ at " + scene + " " + std::to_string(n));

@@ -29,9 +29,9 @@ Json speedup(const Settings& s) {
     std::vector<detect::Pair> oracle;
     const double plain = median_seconds(3, [&] { oracle = plain_grid(spheres); });
     for (const detect::BackendKind backend : backends(s)) {
-      detect::Options o;
-      o.backend = backend, o.threads = s.threads;
-      detect::Detector detector(o);
+      detect::CallOptions o;
+      o.threads = s.threads;
+      detect::Detector detector({backend}, o);
       const detect::Input input = input_of(spheres);
       const double full = median_seconds(s.repeat, [&] { detect_watched(detector, input); });
       if (hash_watched(detector) != hash_of(oracle))

@@ -20,11 +20,11 @@ Json stages(const Settings& s) {
     const std::vector<detect::FloatSphere> spheres = detect::generate("dense", n);
     for (const detect::BackendKind backend : backends(s))
       for (const detect::Path path : {detect::Path::nine_stages, detect::Path::grid}) {
-        detect::Options o;
-        o.backend = backend, o.threads = s.threads, o.path = path, o.timings = true;
+        detect::CallOptions o;
+        o.threads = s.threads, o.path = path, o.timings = true;
         if (backend == detect::BackendKind::cuda) o.output = detect::Memory::device;
         const DeviceSpheres device(spheres, backend == detect::BackendKind::cuda);
-        detect::Detector d(o);
+        detect::Detector d({backend}, o);
         std::vector<detect::Seconds> runs;
         std::uint64_t contacts = 0;
         for (int k = 0; k <= s.repeat; k++) {

@@ -105,9 +105,9 @@ Json table2(const Settings& s) {
     }
     for (const detect::BackendKind backend : backends(s))
       for (const detect::Scalar scalar : {detect::Scalar::f64, detect::Scalar::f32}) {
-        detect::Options o;
-        o.backend = backend, o.width = detect::Width::points, o.scalar = scalar, o.threads = s.threads;
-        detect::Detector detector(o);
+        detect::CallOptions o;
+        o.width = detect::Width::points, o.scalar = scalar, o.threads = s.threads;
+        detect::Detector detector({backend}, o);
         const detect::Contacts& c = detect_watched(detector, input_of(spheres));
         const std::vector<std::uint64_t> order = sorted_order(c);
         const Errors e = scalar == detect::Scalar::f64 ? compare<double>(c, order, bullet)

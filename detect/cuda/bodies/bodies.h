@@ -67,7 +67,7 @@ class BodySearch {
   static void broad_phase(const Plan& plan, Tools& tools, cudaStream_t stream, StageClock& clock);
   static void broad_phase_of_static(const Plan& plan, Tools& tools, cudaStream_t stream);
   static void narrow_phase(const Plan& plan, Tools& tools, NarrowPhaseTask& task, cudaStream_t stream);
-  bool ordinary(const Options& options) const;
+  bool ordinary(const CallOptions& options) const;
 
   MemoryBook& book_;
   BodyInput input_;

@@ -5,6 +5,7 @@
 #pragma once
 #include <vector>
 
+#include "detect/core/static_table.h"
 #include "detect/core/assembly.h"
 #include "detect/cuda/input/input_copy.h"
 

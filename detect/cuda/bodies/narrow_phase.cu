@@ -121,7 +121,7 @@ struct PairTester {
 
 __device__ __forceinline__ float take(float v, int lane) { return __shfl_sync(kAll, v, lane); }
 __device__ __forceinline__ Sieve take(const Sieve& s, int lane) {
-  return {take(s.x, lane), take(s.y, lane), take(s.z, lane), take(s.reach, lane)};
+  return {take(s.x, lane), take(s.y, lane), take(s.z, lane), take(s.radius, lane)};
 }
 __device__ __forceinline__ Element take(const Element& e, int lane) {
   return {__shfl_sync(kAll, e.body, lane), __shfl_sync(kAll, e.piece, lane)};
@@ -236,7 +236,7 @@ __global__ void __launch_bounds__(kThreads)
       const Level& l = grid.level[level];
       const std::uint32_t begin = t.starts[l.offset], population = t.starts[l.offset + l.buckets] - begin;
       BinBox box;
-      if (population == 0 || !bins_in_reach(l, t.bounds[level], ball, population, box)) continue;
+      if (population == 0 || !bins_near(l, t.bounds[level], ball, population, box)) continue;
       const std::uint64_t nx = l.hashed ? box.high[0] - box.low[0] + 1 : 1, ny = box.high[1] - box.low[1] + 1,
                           rows = box.whole ? population : nx * ny * (box.high[2] - box.low[2] + 1);
       for (std::uint64_t from = 0; from < rows; from += 32) {

@@ -100,7 +100,7 @@ void Stages::fill_bins(cudaStream_t stream) {
   const DeviceSpheres source = source_;
   const StageGrid grid = grid_;
   each(source.count, stream, "fill array B", [=] __device__(std::uint64_t k) {
-    const Touched t = touched_bins(grid, source.sphere(static_cast<std::uint32_t>(k)));
+    const TouchedBins t = touched_bins(grid, source.sphere(static_cast<std::uint32_t>(k)));
     std::uint64_t at = S[k] - T[k];
     for (std::int64_t z = t.low[2]; z <= t.high[2]; z++)
       for (std::int64_t y = t.low[1]; y <= t.high[1]; y++)

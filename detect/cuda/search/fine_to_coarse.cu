@@ -68,8 +68,8 @@ struct UpwardSearch {
   __device__ __forceinline__ void search_level(const Sphere& sphere, int level, bool active, bool same) {
     const Level& l = grid.level[level];
     const Split sx = split(l, sphere.x), sy = split(l, sphere.y), sz = split(l, sphere.z);
-    const Reach rx = reach_of(l, sx, sphere.r), ry = reach_of(l, sy, sphere.r),
-                rz = reach_of(l, sz, sphere.r);
+    const BinOffsets rx = neighbour_offsets(l, sx, sphere.r), ry = neighbour_offsets(l, sy, sphere.r),
+                     rz = neighbour_offsets(l, sz, sphere.r);
     Slot here = slot;
     if constexpr (Kind == SlotKind::fixed_point)
       here = {fixed_point_of(l, sx), fixed_point_of(l, sy), fixed_point_of(l, sz),

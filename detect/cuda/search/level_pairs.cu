@@ -50,7 +50,7 @@ LevelPairs plan_level_pairs(const Grid& grid, SlotKind kind, bool fused) {
     for (int f = 0; f < c; f++) {
       const Level& fine = grid.level[f];
       const double reach =
-          (coarse.radius_max + fine.radius_max) * fine.per_size * kReachFactor + kReachMargin;
+          (coarse.radius_max + fine.radius_max) * fine.per_size * kSearchRadiusFactor + kSearchRadiusMargin;
       if (reach > (kind == SlotKind::fixed_point ? kWidest : 8 * kWidest)) return {};
       LevelPair d{};
       d.coarse = c, d.fine = f;

@@ -51,13 +51,12 @@ __host__ __device__ __forceinline__ UnitWork work_of_unit(const LevelPair& d, st
 }
 
 // Lengths in bins of the finer level are floats. This much more covers their rounding twice.
-inline constexpr float kReachFactor = 1 + 0x1p-16f, kReachMargin = 0x1p-14f;
 
 // How far a sphere of radius r reaches among those of the finer level, in bins of that level.
 __device__ __forceinline__ float search_radius(const Grid& grid, const LevelPair& d, double r) {
   const Level& l = grid.level[d.fine];
   r = smaller(r, grid.level[d.coarse].radius_max) + l.radius_max;
-  return __fmaf_rn(static_cast<float>(r * l.per_size), kReachFactor, kReachMargin);
+  return __fmaf_rn(static_cast<float>(r * l.per_size), kSearchRadiusFactor, kSearchRadiusMargin);
 }
 // Into how many parts the rows of such a sphere are divided. Work beyond the last part is empty.
 __device__ __forceinline__ std::uint32_t parts_of(const LevelPair& d, float reach) {

@@ -22,11 +22,8 @@ class CudaCallerTest : public testing::Test {
  protected:
   void SetUp() override {
     if (!cuda_present()) GTEST_SKIP() << "needs a GPU of compute capability 8.0 or newer, and code for it";
-    options_.backend = BackendKind::cuda;
     spheres_ = generate("dense", 20'000);
-    Options cpu;
-    cpu.backend = BackendKind::omp;
-    Detector reference(cpu);
+    Detector reference(DeviceChoice{BackendKind::omp});
     reference.detect(input_of(spheres_));
     hash_ = reference.hash();
   }
@@ -35,13 +32,13 @@ class CudaCallerTest : public testing::Test {
     EXPECT_EQ(d.hash(), hash_);
   }
 
-  Options options_;
+  CallOptions options_;
   std::vector<FloatSphere> spheres_;
   std::uint64_t hash_ = 0;
 };
 
 TEST_F(CudaCallerTest, AnErrorOfTheCallersIsNotTakenForOurs) {
-  Detector d(options_);
+  Detector d({BackendKind::cuda}, options_);
   for (int call = 0; call < 4; call++) {
     void* p = nullptr;
     EXPECT_NE(cudaMalloc(&p, std::size_t(1) << 50), cudaSuccess);
@@ -54,12 +51,12 @@ TEST_F(CudaCallerTest, TheCallersContextStaysCurrent) {
   const auto current = driver_function<CUresult (*)(CUcontext*)>("cuCtxGetCurrent", 4000);
   const auto destroy = driver_function<CUresult (*)(CUcontext)>("cuCtxDestroy", 4000);
   ASSERT_TRUE(create && current && destroy);
-  Detector before(options_);
+  Detector before({BackendKind::cuda}, options_);
   expect_right(before);
   CUcontext mine = nullptr, now = nullptr;
   ASSERT_EQ(create(&mine, 0, 0), CUDA_SUCCESS);
   {
-    Detector d(options_);
+    Detector d({BackendKind::cuda}, options_);
     for (int call = 0; call < 4; call++) {
       expect_right(d), expect_right(before);
       ASSERT_EQ(current(&now), CUDA_SUCCESS);
@@ -77,11 +74,11 @@ TEST_F(CudaCallerTest, AnyStreamWillDo) {
   ASSERT_EQ(cudaStreamCreateWithFlags(&free, cudaStreamNonBlocking), cudaSuccess);
   for (cudaStream_t stream : {cudaStream_t(nullptr), cudaStreamLegacy, cudaStreamPerThread, blocking, free}) {
     options_.stream = stream;
-    Detector d(options_);
+    Detector d({BackendKind::cuda}, options_);
     for (int call = 0; call < 6; call++) expect_right(d);
   }
   // One detector, a graph recorded on one stream and launched on others.
-  Detector d(options_);
+  Detector d({BackendKind::cuda}, options_);
   for (int call = 0; call < 12; call++) {
     d.options().stream = call % 3 == 0 ? blocking : call % 3 == 1 ? free : nullptr;
     expect_right(d);
@@ -93,7 +90,7 @@ TEST_F(CudaCallerTest, TheHashNeedsNoStream) {
   cudaStream_t stream;
   ASSERT_EQ(cudaStreamCreate(&stream), cudaSuccess);
   options_.stream = stream;
-  Detector d(options_);
+  Detector d({BackendKind::cuda}, options_);
   d.detect(input_of(spheres_));
   cudaStreamDestroy(stream);
   EXPECT_EQ(d.hash(), hash_);
@@ -110,7 +107,7 @@ TEST_F(CudaCallerTest, TheDefaultStreamIsWaitedFor) {
   Input input = input_of(spheres_);
   input.spheres.centers = device, input.spheres.radii = static_cast<float*>(device) + 3;
   input.spheres.memory = Memory::device;
-  Detector d(options_);
+  Detector d({BackendKind::cuda}, options_);
   for (int call = 0; call < 5; call++) {
     cudaMemsetAsync(device, 0, bytes);
     cudaMemcpyAsync(device, spheres_.data(), bytes, cudaMemcpyHostToDevice);
@@ -121,7 +118,7 @@ TEST_F(CudaCallerTest, TheDefaultStreamIsWaitedFor) {
 }
 
 TEST_F(CudaCallerTest, HostMemoryIsNotDeviceMemory) {
-  Detector d(options_);
+  Detector d({BackendKind::cuda}, options_);
   Input input = input_of(spheres_);
   input.spheres.memory = Memory::device;
   try {
@@ -147,10 +144,10 @@ TEST_F(CudaCallerTest, HostMemoryIsNotDeviceMemory) {
 }
 
 // The caller's own kernel ends the context; the next call says so, and the detector's end stays quiet.
-void detect_after_a_fault(const Options& options, const std::vector<FloatSphere>& spheres) {
+void detect_after_a_fault(const CallOptions& options, const std::vector<FloatSphere>& spheres) {
   std::set_terminate([] { std::_Exit(3); });
   {
-    Detector d(options);
+    Detector d({BackendKind::cuda}, options);
     d.detect(input_of(spheres));
     fault_kernel<<<1, 1>>>();
     cudaDeviceSynchronize();
@@ -174,7 +171,7 @@ TEST_F(CudaCallerTest, OtherThreadsUseTheDefaultStream) {
   std::vector<std::thread> threads;
   for (int k = 0; k < 3; k++)
     threads.emplace_back([&, k] {
-      Detector d(options_);
+      Detector d({BackendKind::cuda}, options_);
       // Another plan every third call: a graph is recorded as often.
       for (int call = 0; !stop; call++) {
         d.options().width = static_cast<Width>(call / 3 % 3);

@@ -68,9 +68,9 @@ TEST_F(CudaLimits, TheListIsTheSameOnASmallerGpu) {
     input.spheres = scene.in_double ? spheres_of(spheres.size(), &doubles[0], &doubles[3])
                                     : spheres_of(spheres.size(), &spheres[0].x, &spheres[0].r);
     input.spheres.center_stride = input.spheres.radius_stride = 4;
-    Options options;
-    options.backend = BackendKind::cuda, options.order = Order::stable;
-    Detector whole(options);
+    CallOptions options;
+    options.order = Order::stable;
+    Detector whole({BackendKind::cuda}, options);
     const Contacts& expected = whole.detect(input);
     for (const TestLimits& limit :
          {TestLimits{.shared_memory = 99 * 1024}, TestLimits{.programmatic_launch = false},
@@ -78,7 +78,7 @@ TEST_F(CudaLimits, TheListIsTheSameOnASmallerGpu) {
       SCOPED_TRACE(testing::Message() << limit.shared_memory << " bytes of shared memory"
                                       << (limit.programmatic_launch ? "" : ", no programmatic launch"));
       const ScopedTestLimits limits(limit);
-      Detector smaller(options);
+      Detector smaller({BackendKind::cuda}, options);
       for (int call = 0; call < 4; call++) {
         const Contacts& found = smaller.detect(input);
         ASSERT_EQ(found.count, expected.count) << "call " << call;

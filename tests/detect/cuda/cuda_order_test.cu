@@ -109,7 +109,7 @@ TEST(CudaBins, CoarserSpheresReachThoseThatTouch) {
     auto spheres = cloud(random, 400, side, low, 0.7f * r, r);
     for (int k = 0; k < 40; k++) spheres[10 * k].w = r * std::exp2(1 + 6 * share(random));
     const Summary summary = summary_of(spheres);
-    const Grid grid = choose_grid(summary, 0, 1e12, Look::down);
+    const Grid grid = choose_grid(summary, 0, 1e12, CrossSearch::coarse_to_fine);
     const LevelBins bins = level_bins(grid, SlotKind::unequal);
     if (!bins.on) continue;
     on++;
@@ -199,7 +199,7 @@ class CudaOrderTest : public testing::TestWithParam<Way> {
     DeviceSpheres source;
     source.centers = given.data(), source.radii = given.data() + 3;
     source.center_stride = source.radius_stride = 4, source.count = count, source.packed = packed;
-    const Grid grid = choose_grid(summary, 0, 8, Look::down);
+    const Grid grid = choose_grid(summary, 0, 8, CrossSearch::coarse_to_fine);
     orderer.bucket_spheres = GetParam().bucket_spheres;
     // Mostly there is a list whose memory serves as work space.
     Buffer<float4> list(book_, "the test");
@@ -369,7 +369,7 @@ TEST_P(CudaOrderTest, BucketsAreKept) {
       spheres[2 * k] = {-4, -4, -4, r}, spheres[2 * k + 1] = {25, 25, 25, r};
     }
     const Summary summary = summary_of(spheres);
-    ASSERT_EQ(choose_grid(summary, 0, 8, Look::down).levels > 1, several);
+    ASSERT_EQ(choose_grid(summary, 0, 8, CrossSearch::coarse_to_fine).levels > 1, several);
     std::uniform_real_distribution<float> step(-0.05f, 0.05f);
     for (const bool along : {true, false}) {
       Orderer orderer(book_);

@@ -70,11 +70,11 @@ class CudaProcessorsTest : public testing::TestWithParam<unsigned> {
     input.spheres =
         wide ? spheres_of(n, &doubles[0], &doubles[3]) : spheres_of(n, &spheres[0].x, &spheres[0].r);
     input.spheres.center_stride = input.spheres.radius_stride = 4;
-    Options options;
-    options.backend = BackendKind::cuda, options.order = order;
-    Detector whole(options);
+    CallOptions options;
+    options.order = order;
+    Detector whole({BackendKind::cuda}, options);
     options.stream = green.stream;
-    Detector part(options);
+    Detector part({BackendKind::cuda}, options);
     const Contacts& a = whole.detect(input);
     for (int call = 0; call < 4; call++) {
       const Contacts& b = part.detect(input);

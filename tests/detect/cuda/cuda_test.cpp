@@ -12,7 +12,6 @@ class CudaTest : public testing::Test {
  protected:
   void SetUp() override {
     if (!cuda_present()) GTEST_SKIP() << "needs a GPU of compute capability 8.0 or newer, and code for it";
-    cpu_.backend = BackendKind::omp, gpu_.backend = BackendKind::cuda;
     cpu_.width = Width::pairs;
   }
 
@@ -24,9 +23,9 @@ class CudaTest : public testing::Test {
     const auto spheres = generate(name, n);
     std::vector<Pair> first;
     std::vector<Normal<float>> normals;
-    Detector d(gpu_);
+    Detector d({BackendKind::cuda}, gpu_);
     for (int run = 0; run < 20; run++) {
-      Detector fresh(gpu_);
+      Detector fresh({BackendKind::cuda}, gpu_);
       const Contacts& c = (run % 5 == 0 ? fresh : d).detect(input_of(spheres));
       if (first.empty()) {
         first.assign(c.pairs, c.pairs + c.count);
@@ -50,12 +49,12 @@ class CudaTest : public testing::Test {
     for (const bool some_static : {false, true}) {
       for (std::size_t b = 0; b < scene.bodies.size(); b++) scene.bodies[b].is_static = some_static && b % 3;
       gpu_.order = Order::stable;
-      Detector cpu(cpu_), gpu(gpu_);
+      Detector cpu({BackendKind::omp}, cpu_), gpu({BackendKind::cuda}, gpu_);
       const std::uint64_t count = cpu.detect(input).count;
       std::vector<Pair> first;
       for (int run = 0; run < 20; run++) {
         input.revision = run < 15 ? 1 : 0;
-        Detector fresh(gpu_);
+        Detector fresh({BackendKind::cuda}, gpu_);
         const Contacts& c = (run % 7 == 6 ? fresh : gpu).detect(input);
         ASSERT_EQ(c.count, count) << "run " << run;
         if (first.empty()) {
@@ -70,11 +69,11 @@ class CudaTest : public testing::Test {
     }
   }
 
-  Options cpu_, gpu_;
+  CallOptions cpu_, gpu_;
 };
 
 TEST_F(CudaTest, LargeScenesAgree) {
-  Detector cpu(cpu_), gpu(gpu_);
+  Detector cpu({BackendKind::omp}, cpu_), gpu({BackendKind::cuda}, gpu_);
   for (const char* name : {"dense", "dilute", "poly35", "poly100"})
     for (const bool random_order : {true, false}) {
       const auto spheres = generate(name, 1'100'000, random_order);
@@ -104,13 +103,13 @@ TEST_F(CudaTest, TheOrderIsTheSameInTwentyLargeRuns) {
 // A detector that has seen another scene answers as a fresh one does, in the same order.
 TEST_F(CudaTest, WhatWasDetectedBeforeDoesNotMatter) {
   auto spheres = generate("dense", 20'000);
-  Detector d(gpu_);
+  Detector d({BackendKind::cuda}, gpu_);
   for (int step = 0; step < 12; step++) {
     for (std::size_t k = 0; k < spheres.size(); k++) spheres[k].x += step % 3 == 0 ? 3.f : 0.01f;
     if (step == 7) spheres[5].x = 500;
     if (step == 8) spheres[6].r = 2;
     if (step == 9) spheres[6].r = 30;
-    Detector fresh(gpu_);
+    Detector fresh({BackendKind::cuda}, gpu_);
     const Contacts &a = d.detect(input_of(spheres)), &b = fresh.detect(input_of(spheres));
     ASSERT_EQ(a.count, b.count) << "step " << step;
     ASSERT_EQ(std::memcmp(a.pairs, b.pairs, a.count * sizeof(Pair)), 0) << "step " << step;
@@ -123,7 +122,7 @@ void CudaTest::expect_right_between_faults(std::uint64_t n) {
   for (const char* name : {"dense", "poly35", "poly100"}) {
     auto spheres = generate(name, n);
     cpu_.width = gpu_.width;  // what a record can hold is refused alike
-    Detector cpu(cpu_), gpu(gpu_);
+    Detector cpu({BackendKind::omp}, cpu_), gpu({BackendKind::cuda}, gpu_);
     cpu.detect(input_of(spheres));
     const std::uint64_t hash = cpu.hash();
     const auto expect_right = [&](const char* when) {
@@ -159,7 +158,7 @@ TEST_F(CudaTest, LargeScenesAreRightBetweenFaults) {
 // A list that grows from call to call finds its memory most of the time: pinned memory is dear.
 TEST_F(CudaTest, AGrowingListKeepsItsMemory) {
   auto spheres = generate("dense", 20'000);
-  Detector gpu(gpu_);
+  Detector gpu({BackendKind::cuda}, gpu_);
   const Pair* last = nullptr;
   int moves = 0;
   for (int call = 0; call < 30; call++) {
@@ -188,7 +187,7 @@ TEST_F(CudaTest, AGraphDoesNotOutliveItsRevision) {
   input.shapes = shapes, input.bodies = bodies;
   for (const Order order : {Order::stable, Order::any}) {
     gpu_.bodies = Bodies::first, gpu_.order = order;
-    Detector gpu(gpu_), cpu(cpu_);
+    Detector gpu({BackendKind::cuda}, gpu_), cpu({BackendKind::omp}, cpu_);
     for (std::uint64_t revision = 1; revision <= 5; revision++) {
       input.revision = revision, bodies[0].position[0] = static_cast<double>(revision - 1) * 12;
       Input fresh = input;
@@ -221,7 +220,7 @@ TEST_F(CudaTest, StaticOnesInDeviceMemory) {
   device.spheres.centers = memory, device.spheres.radii = static_cast<float*>(memory) + 3;
   device.spheres.memory = Memory::device, device.spheres.is_static = static_cast<std::uint8_t*>(flags);
   device.revision = 3;
-  Detector cpu(cpu_), gpu(gpu_);
+  Detector cpu({BackendKind::omp}, cpu_), gpu({BackendKind::cuda}, gpu_);
   const std::uint64_t count = cpu.detect(host).count;
   for (int again = 0; again < 4; again++) {
     EXPECT_EQ(gpu.detect(device).count, count);
@@ -234,14 +233,14 @@ TEST_F(CudaTest, StaticOnesInDeviceMemory) {
 // spheres, whose level has many empty bins; one sphere that holds all the others.
 void CudaTest::expect_levels_agree(std::uint64_t n) {
   const auto expect_same = [&](const Input& input, const char* what) {
-    Detector cpu(cpu_);
+    Detector cpu({BackendKind::omp}, cpu_);
     const std::uint64_t count = cpu.detect(input).count;
     EXPECT_GT(count, 0u);
     for (const Order order : {Order::stable, Order::any})
       for (const Width width : {Width::normals, Width::points}) {
-        Options options = gpu_;
+        CallOptions options = gpu_;
         options.order = order, options.width = width;
-        Detector gpu(options);
+        Detector gpu({BackendKind::cuda}, options);
         for (int again = 0; again < 3; again++) {
           EXPECT_EQ(gpu.detect(input).count, count) << what;
           EXPECT_EQ(gpu.hash(), cpu.hash()) << what;
@@ -284,11 +283,11 @@ TEST_F(CudaTest, LargeLevelsAgree) { expect_levels_agree(400'000); }
 // shorter, nearly and quite empty ones.
 void CudaTest::expect_one_order(const char* name, std::uint64_t n) {
   const auto given = generate(name, n);
-  Detector d(gpu_);
+  Detector d({BackendKind::cuda}, gpu_);
   for (const float grown : {1.f, 1.01f, 1.3f, 0.9f, 0.05f, 0.f, 2.f, 1.f}) {
     auto spheres = given;
     for (FloatSphere& s : spheres) s.r *= grown;
-    Detector fresh(gpu_), cpu(cpu_);
+    Detector fresh({BackendKind::cuda}, gpu_), cpu({BackendKind::omp}, cpu_);
     const Contacts &a = d.detect(input_of(spheres)), &b = fresh.detect(input_of(spheres));
     ASSERT_EQ(a.count, cpu.detect(input_of(spheres)).count) << name << " " << n << " " << grown;
     ASSERT_EQ(d.hash(), cpu.hash()) << name << " " << n << " " << grown;
@@ -312,11 +311,11 @@ TEST_F(CudaTest, LargeListsOfAllLengthsInOneOrder) {
 TEST_F(CudaTest, LargestListsInOneOrder) {
   for (const std::uint64_t n : {3'200'000, 14'000'000}) {
     const auto spheres = generate("poly100", n);
-    Detector cpu(cpu_), gpu(gpu_);
+    Detector cpu({BackendKind::omp}, cpu_), gpu({BackendKind::cuda}, gpu_);
     const std::uint64_t count = cpu.detect(input_of(spheres)).count;
     std::vector<Pair> first;
     for (int run = 0; run < 5; run++) {
-      Detector fresh(gpu_);
+      Detector fresh({BackendKind::cuda}, gpu_);
       Detector& d = run == 2 ? fresh : gpu;
       const Contacts& c = d.detect(input_of(spheres));
       ASSERT_EQ(c.count, count) << n << " run " << run;
@@ -331,7 +330,7 @@ TEST_F(CudaTest, CrowdedBins) {
   std::vector<FloatSphere> spheres;
   for (int k = 0; k < 1500; k++) spheres.push_back({0.001f * static_cast<float>(k % 11), 0, 0, 0.0001f});
   for (int k = 0; k < 400; k++) spheres.push_back({static_cast<float>(k), 5, 5, 0.5f});
-  Detector cpu(cpu_), gpu(gpu_);
+  Detector cpu({BackendKind::omp}, cpu_), gpu({BackendKind::cuda}, gpu_);
   const std::uint64_t count = cpu.detect(input_of(spheres)).count;
   for (int again = 0; again < 3; again++) EXPECT_EQ(gpu.detect(input_of(spheres)).count, count);
   EXPECT_EQ(gpu.hash(), cpu.hash());
@@ -350,7 +349,7 @@ TEST_F(CudaTest, DeviceMemoryAndAStream) {
   input.spheres.centers = device, input.spheres.radii = static_cast<float*>(device) + 3;
   input.spheres.memory = Memory::device;
   gpu_.stream = stream, gpu_.output = Memory::device;
-  Detector gpu(gpu_), cpu(cpu_);
+  Detector gpu({BackendKind::cuda}, gpu_), cpu({BackendKind::omp}, cpu_);
   std::uint64_t held = 0;
   for (int again = 0; again < 5; again++) {
     const Contacts& c = gpu.detect(input);

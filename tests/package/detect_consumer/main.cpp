@@ -5,9 +5,7 @@
 
 int main() {
   const float centers[] = {0, 0, 0, 1.5f, 0, 0, 5, 0, 0}, radii[] = {1, 1, 1};
-  padder::detect::Options options;
-  options.backend = padder::detect::BackendKind::omp;
-  padder::detect::Detector detector(options);
+  padder::detect::Detector detector(padder::detect::DeviceChoice{padder::detect::BackendKind::omp});
   padder::detect::Input input;
   input.spheres = padder::detect::spheres_of(3, centers, radii);
   const padder::detect::Contacts& contacts = detector.detect(input);
