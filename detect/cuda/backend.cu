@@ -4,12 +4,12 @@
 #include <optional>
 
 #include "detect/cuda/bodies/bodies.h"
-#include "detect/cuda/device.h"
+#include "detect/cuda/call/sphere_search.h"
+#include "detect/cuda/device/device.h"
+#include "detect/cuda/device/profile_range.h"
 #include "detect/cuda/input/input_copy.h"
 #include "detect/cuda/output/records.h"
-#include "detect/cuda/profile_range.h"
 #include "detect/cuda/reference/nine_stages.h"
-#include "detect/cuda/sphere_search.h"
 #include "detect/cuda/tuning.h"
 
 namespace padder::detect {

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cub/device/device_scan.cuh>
 
-#include "detect/cuda/profile_range.h"
+#include "detect/cuda/device/profile_range.h"
 
 namespace padder::detect::cuda {
 namespace {

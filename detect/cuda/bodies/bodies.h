@@ -5,8 +5,8 @@
 #pragma once
 #include "detect/cuda/bodies/body_input.h"
 #include "detect/cuda/bodies/narrow_phase.h"
-#include "detect/cuda/call.h"
-#include "detect/cuda/speculative_call.h"
+#include "detect/cuda/call/call.h"
+#include "detect/cuda/call/speculative_call.h"
 
 namespace padder::detect::cuda {
 

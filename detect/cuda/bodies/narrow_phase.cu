@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
 #include "detect/cuda/bodies/narrow_phase.h"
 
+#include "detect/cuda/device/warp.h"
 #include "detect/cuda/tuning.h"
-#include "detect/cuda/warp.h"
 
 namespace padder::detect::cuda {
 namespace {

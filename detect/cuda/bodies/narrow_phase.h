@@ -3,7 +3,7 @@
 // that move and static ones, which stand in a table. Only .cu files include this.
 #pragma once
 #include "detect/cuda/bodies/body_input.h"
-#include "detect/cuda/counters.h"
+#include "detect/cuda/device/counters.h"
 #include "detect/cuda/output/output.h"
 
 namespace padder::detect::cuda {

@@ -2,8 +2,8 @@
 // The caller's input on the device. Internal; only .cu files include this.
 #pragma once
 #include "detect/core/backend.h"
+#include "detect/cuda/device/memory.h"
 #include "detect/cuda/input/device_spheres.h"
-#include "detect/cuda/memory.h"
 
 namespace padder::detect::cuda {
 

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: MIT
 // The first pass over the spheres: the summary from which the grid is chosen. Only .cu files include this.
 #pragma once
+#include "detect/cuda/device/memory.h"
+#include "detect/cuda/device/report.h"
 #include "detect/cuda/input/bounds.h"
 #include "detect/cuda/input/device_spheres.h"
-#include "detect/cuda/memory.h"
-#include "detect/cuda/report.h"
 
 namespace padder::detect::cuda {
 

@@ -5,7 +5,7 @@
 #pragma once
 #include <algorithm>
 
-#include "detect/cuda/counters.h"
+#include "detect/cuda/device/counters.h"
 #include "detect/cuda/input/bounds.h"
 #include "detect/cuda/order/codes.h"
 #include "detect/cuda/tuning.h"

@@ -7,7 +7,7 @@
 // buckets, each gets a little more room than it needed then, and what it needs now is counted along.
 #include "detect/cuda/order/buckets.h"
 
-#include "detect/cuda/device.h"
+#include "detect/cuda/device/device.h"
 
 namespace padder::detect::cuda {
 namespace {

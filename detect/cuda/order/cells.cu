@@ -4,7 +4,7 @@
 // counts in the L2 cache.
 #include <cooperative_groups.h>
 
-#include "detect/cuda/device.h"
+#include "detect/cuda/device/device.h"
 #include "detect/cuda/order/order_kernels.h"
 
 namespace padder::detect::cuda {

@@ -2,7 +2,7 @@
 // Puts spheres in the order of their bins, so that the search reads neighbours from neighbouring places.
 // Internal; only .cu files include this.
 #pragma once
-#include "detect/cuda/counters.h"
+#include "detect/cuda/device/counters.h"
 #include "detect/cuda/input/survey.h"
 #include "detect/cuda/order/float_bins.h"
 #include "detect/cuda/tuning.h"

@@ -2,9 +2,9 @@
 // What the kernels of the three ways of putting spheres in order share. Only .cu files of this folder include
 // this.
 #pragma once
+#include "detect/cuda/device/warp.h"
 #include "detect/cuda/order/bins.h"
 #include "detect/cuda/order/order.h"
-#include "detect/cuda/warp.h"
 
 namespace padder::detect::cuda {
 

@@ -3,9 +3,9 @@
 // empty slots of all producers, the second moves contact by contact.
 #include <cub/block/block_scan.cuh>
 
+#include "detect/cuda/device/overlapped_launch.h"
 #include "detect/cuda/output/compaction.h"
 #include "detect/cuda/output/spilled_contact.h"
-#include "detect/cuda/overlapped_launch.h"
 #include "detect/cuda/tuning.h"
 
 namespace padder::detect::cuda {

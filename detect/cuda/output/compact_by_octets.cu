@@ -2,11 +2,11 @@
 // Compaction in one kernel: each block adds up all producers for itself, eight by eight, and moves some of
 // the contacts. So it waits for no other kernel and no other block, and finds in shared memory what it looks
 // for. Shared memory limits how many producers there may be; beyond that compact_by_numbers.cu serves.
+#include "detect/cuda/device/overlapped_launch.h"
+#include "detect/cuda/device/warp.h"
 #include "detect/cuda/output/compaction.h"
 #include "detect/cuda/output/spilled_contact.h"
-#include "detect/cuda/overlapped_launch.h"
 #include "detect/cuda/tuning.h"
-#include "detect/cuda/warp.h"
 
 namespace padder::detect::cuda {
 namespace {

@@ -10,8 +10,8 @@
 // complete when as many have added to it as come before. There are two sets of words: a search uses one and
 // clears the other for the next.
 #pragma once
+#include "detect/cuda/device/ptx.h"
 #include "detect/cuda/output/output_task.h"
-#include "detect/cuda/ptx.h"
 #include "detect/cuda/tuning.h"
 
 namespace padder::detect::cuda {

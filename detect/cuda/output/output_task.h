@@ -6,7 +6,7 @@
 // search a finer level). Producers are numbered: first the tiles, behind them the units. The stable order is
 // the order of producers, and within a producer the order in which it finds its contacts.
 #pragma once
-#include "detect/cuda/counters.h"
+#include "detect/cuda/device/counters.h"
 #include "detect/cuda/order/order.h"
 #include "detect/cuda/output/output.h"
 

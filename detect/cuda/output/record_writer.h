@@ -2,8 +2,8 @@
 // Writes the record of a contact to its output slot. Float records of float input are computed in float from
 // the slots; all others in double from the input. Only .cu files include this.
 #pragma once
+#include "detect/cuda/device/ptx.h"
 #include "detect/cuda/output/output_task.h"
-#include "detect/cuda/ptx.h"
 
 namespace padder::detect::cuda {
 

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
 // Small passes over the list of contacts. Internal; only .cu files include this.
 #pragma once
+#include "detect/cuda/device/memory.h"
 #include "detect/cuda/input/device_spheres.h"
-#include "detect/cuda/memory.h"
 #include "detect/cuda/output/output.h"
 
 namespace padder::detect::cuda {

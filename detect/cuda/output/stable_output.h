@@ -2,7 +2,7 @@
 // Memory and layout of the bookkeeping of a list of stable order, on the host. Internal; only .cu files
 // include this.
 #pragma once
-#include "detect/cuda/memory.h"
+#include "detect/cuda/device/memory.h"
 #include "detect/cuda/output/output_task.h"
 
 namespace padder::detect::cuda {

@@ -4,8 +4,8 @@
 #pragma once
 
 #include "detect/core/nine_stages.h"
+#include "detect/cuda/device/memory.h"
 #include "detect/cuda/input/device_spheres.h"
-#include "detect/cuda/memory.h"
 
 namespace padder::detect::cuda {
 

@@ -3,10 +3,10 @@
 // rows of the finer level's bins. Rows are dealt to lanes, then their candidates are, so that lanes stay busy
 // however short the rows are. Only .cu files include this.
 #pragma once
+#include "detect/cuda/device/warp.h"
 #include "detect/cuda/output/output_slots.h"
 #include "detect/cuda/search/level_pairs.h"
 #include "detect/cuda/search/search_task.h"
-#include "detect/cuda/warp.h"
 
 namespace padder::detect::cuda {
 

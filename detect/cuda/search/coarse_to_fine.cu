@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Coarse to fine: blocks of threads take tiles of spheres, which search their own level; behind them are
 // blocks whose warps take units, which search a finer level.
-#include "detect/cuda/overlapped_launch.h"
+#include "detect/cuda/device/overlapped_launch.h"
 #include "detect/cuda/search/coarse_rows.h"
 #include "detect/cuda/search/launch.h"
 #include "detect/cuda/search/same_level.h"

@@ -2,7 +2,7 @@
 // The narrow phase: float decides where it is sure, double where it is not; then filter, owner and cell are
 // asked. Only .cu files include this.
 #pragma once
-#include "detect/cuda/ptx.h"
+#include "detect/cuda/device/ptx.h"
 #include "detect/cuda/search/search_task.h"
 
 namespace padder::detect::cuda {

@@ -5,10 +5,10 @@
 // whatever the candidates come from: with three copies a quarter of the time went into waiting for
 // instructions. Only .cu files include this.
 #pragma once
+#include "detect/cuda/device/overlapped_launch.h"
+#include "detect/cuda/device/warp.h"
 #include "detect/cuda/output/output_slots.h"
-#include "detect/cuda/overlapped_launch.h"
 #include "detect/cuda/search/exact_test.h"
-#include "detect/cuda/warp.h"
 
 namespace padder::detect::cuda {
 

@@ -7,10 +7,10 @@
 // largest spheres to those of the smallest, in few rounds: the units of small spheres are short, and what
 // starts last should not take long. Only .cu files include this.
 #pragma once
+#include "detect/cuda/device/warp.h"
 #include "detect/cuda/search/level_pairs.h"
 #include "detect/cuda/search/search_task.h"
 #include "detect/cuda/tuning.h"
-#include "detect/cuda/warp.h"
 
 namespace padder::detect::cuda {
 

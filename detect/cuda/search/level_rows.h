@@ -2,9 +2,9 @@
 // The rows of bins in which a sphere finds its partners of the same level, and the first test of the
 // candidates there, by their codes (codes.h). Only .cu files include this.
 #pragma once
+#include "detect/cuda/device/warp.h"
 #include "detect/cuda/search/level_pairs.h"
 #include "detect/cuda/search/search_task.h"
-#include "detect/cuda/warp.h"
 
 namespace padder::detect::cuda {
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 // One level of dense bins: a block of threads takes a tile of spheres.
-#include "detect/cuda/device.h"
+#include "detect/cuda/device/device.h"
 #include "detect/cuda/search/launch.h"
 #include "detect/cuda/search/same_level.h"
 #include "detect/cuda/search/tile_search.h"

@@ -5,10 +5,10 @@
 // then written where they stay; the compaction moves the others (compaction.h).
 #include <cub/block/block_scan.cuh>
 
-#include "detect/cuda/overlapped_launch.h"
-#include "detect/cuda/ptx.h"
+#include "detect/cuda/device/overlapped_launch.h"
+#include "detect/cuda/device/ptx.h"
+#include "detect/cuda/device/warp.h"
 #include "detect/cuda/search/launch.h"
-#include "detect/cuda/warp.h"
 
 namespace padder::detect::cuda {
 namespace {

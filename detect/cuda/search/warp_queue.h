@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // What a warp found, in shared memory, until its producer has output slots. Only .cu files include this.
 #pragma once
-#include "detect/cuda/ptx.h"
+#include "detect/cuda/device/ptx.h"
 
 namespace padder::detect::cuda {
 

@@ -7,7 +7,7 @@
 #include <random>
 #include <vector>
 
-#include "detect/cuda/device.h"
+#include "detect/cuda/device/device.h"
 #include "detect/cuda/input/survey.h"
 
 namespace padder::detect::cuda {

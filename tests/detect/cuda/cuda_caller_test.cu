@@ -7,7 +7,7 @@
 #include <atomic>
 #include <thread>
 
-#include "detect/cuda/device.h"
+#include "detect/cuda/device/device.h"
 #include "tests/detect/oracle.h"
 
 namespace padder::detect {

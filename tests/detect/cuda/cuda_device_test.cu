@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // What a GPU must offer and what it is told otherwise; and the same list where it offers less than this one:
 // an H200 stands for smaller GPUs.
-#include "detect/cuda/device.h"
+#include "detect/cuda/device/device.h"
 
 #include <cuda_runtime.h>
 

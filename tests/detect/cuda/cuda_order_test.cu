@@ -8,7 +8,7 @@
 #include <random>
 #include <vector>
 
-#include "detect/cuda/device.h"
+#include "detect/cuda/device/device.h"
 #include "detect/cuda/order/bins.h"
 #include "detect/cuda/order/order.h"
 

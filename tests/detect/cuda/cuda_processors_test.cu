@@ -4,7 +4,7 @@
 #include <cuda.h>
 #include <cuda_runtime.h>
 
-#include "detect/cuda/device.h"
+#include "detect/cuda/device/device.h"
 #include "detect/scene/generate.h"
 #include "tests/detect/oracle.h"
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "detect/cuda/device.h"
+#include "detect/cuda/device/device.h"
 
 #include <algorithm>
 

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT
 // What every part of one call to detect() works with. Only .cu files include this.
 #pragma once
-#include "detect/cuda/contact_list.h"
-#include "detect/cuda/graph.h"
-#include "detect/cuda/stage_clock.h"
+#include "detect/cuda/call/contact_list.h"
+#include "detect/cuda/device/graph.h"
+#include "detect/cuda/device/stage_clock.h"
 
 namespace padder::detect::cuda {
 

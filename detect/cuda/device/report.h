@@ -4,7 +4,7 @@
 // on the machines measured (docs/results/h200.md), which is a quarter of a small pass. Only .cu files include
 // this.
 #pragma once
-#include "detect/cuda/memory.h"
+#include "detect/cuda/device/memory.h"
 
 namespace padder::detect::cuda {
 

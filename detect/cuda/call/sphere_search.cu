@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: MIT
-#include "detect/cuda/sphere_search.h"
+#include "detect/cuda/call/sphere_search.h"
 
 #include <algorithm>
 #include <utility>
 
+#include "detect/cuda/device/profile_range.h"
 #include "detect/cuda/input/input_copy.h"
 #include "detect/cuda/order/bins.h"
-#include "detect/cuda/profile_range.h"
 #include "detect/cuda/tuning.h"
 
 namespace padder::detect::cuda {

@@ -3,7 +3,7 @@
 // depend on it, and then waits for its end (programmatic dependent launch, from compute capability 9.0 on).
 // Elsewhere the second starts when the first has ended. Only .cu files include this.
 #pragma once
-#include "detect/cuda/device.h"
+#include "detect/cuda/device/device.h"
 
 namespace padder::detect::cuda {
 

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
 // Path::grid over all spheres, each by itself: bounds, grid, order, search. Only .cu files include this.
 #pragma once
-#include "detect/cuda/call.h"
-#include "detect/cuda/speculative_call.h"
+#include "detect/cuda/call/call.h"
+#include "detect/cuda/call/speculative_call.h"
 
 namespace padder::detect::cuda {
 

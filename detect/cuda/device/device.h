@@ -8,7 +8,7 @@
 #include <cstddef>
 #include <string>
 
-#include "detect/cuda/memory.h"
+#include "detect/cuda/device/memory.h"
 
 namespace padder::detect::cuda {
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "detect/cuda/contact_list.h"
+#include "detect/cuda/call/contact_list.h"
 
 #include <algorithm>
 

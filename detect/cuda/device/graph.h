@@ -2,7 +2,7 @@
 // Repeats the work of a call as a CUDA graph: no gaps between its kernels, and one launch instead of many.
 // Only .cu files include this.
 #pragma once
-#include "detect/cuda/memory.h"
+#include "detect/cuda/device/memory.h"
 
 namespace padder::detect::cuda {
 

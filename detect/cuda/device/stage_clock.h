@@ -3,7 +3,7 @@
 #pragma once
 #include <chrono>
 
-#include "detect/cuda/memory.h"
+#include "detect/cuda/device/memory.h"
 #include "detect/detector.h"
 
 namespace padder::detect::cuda {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "detect/cuda/report.h"
+#include "detect/cuda/device/report.h"
 
 #include <atomic>
 #include <chrono>
