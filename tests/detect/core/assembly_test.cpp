@@ -2,6 +2,7 @@
 // A scene in elements, and the table of what stands still: every sphere in one element, every ball in its
 // bin, and no ball out of reach of a bin that touches it, by brute force.
 #include "detect/core/assembly.h"
+#include "detect/core/static_table.h"
 
 #include <set>
 
