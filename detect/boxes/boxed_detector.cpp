@@ -20,7 +20,6 @@ namespace {
 
 constexpr double kMostImbalance = 1.1;  // of the heaviest box's work over the mean, before boxes are cut anew
 constexpr std::uint64_t kSamplePerBox = 4096, kLeastSample = 1 << 16, kMostSample = 1 << 22;
-constexpr std::uint32_t kMostBoxes = 1 << 20;
 constexpr int kCutAttempts = 6;
 constexpr std::uint64_t kMostLocal = 0xfffffffe;  // spheres that one detector numbers
 constexpr double kFirstGuess = 160;  // bytes that a detector on the CPU takes for a sphere and its contacts
@@ -87,6 +86,14 @@ class BoxedDetector::Work {
   }
   std::uint64_t copies_limit() const { return share(on_host_ ? 0.25 : 0.75); }
   std::uint64_t table_limit() const { return std::min<std::uint64_t>(share(1. / 16), 256 << 20); }
+  // Points of a sample: cut() holds two copies of them and their weights, when no copies of spheres are held.
+  std::uint64_t sample_limit() const {
+    return std::max<std::uint64_t>(1024, copies_limit() / (3 * sizeof(WeightedPoint)));
+  }
+  // More boxes than this the sample could not tell apart.
+  std::uint32_t boxes_limit() const {
+    return static_cast<std::uint32_t>(std::min(sample_limit(), kMostSample) / 8);
+  }
   std::uint64_t detector_limit() const;
   std::uint64_t spheres_limit() const;
   int threads() const {
@@ -149,7 +156,7 @@ void BoxedDetector::Work::plan(Assignment& assignment) {
   const auto asked =
       std::max(options_.boxes, static_cast<std::uint32_t>(options_.boxes ? 1 : workers_.size()));
   const double fit = static_cast<double>(assignment.spheres()) / static_cast<double>(spheres_limit());
-  const double least = std::min(1.1 * fit, static_cast<double>(kMostBoxes));
+  const double least = std::min(1.2 * fit, static_cast<double>(boxes_limit()));
   std::uint32_t wanted = std::max(asked, static_cast<std::uint32_t>(least));
   bool fresh = density_.empty() || tree_.boxes() < wanted || tree_.boxes() > 2 * std::uint64_t(wanted);
   if (!fresh) {
@@ -164,9 +171,9 @@ void BoxedDetector::Work::plan(Assignment& assignment) {
       assignment.count(tree_, table_limit());
     }
     const double more = excess(assignment);
-    if (more <= 1 || wanted >= kMostBoxes) break;
+    if (more <= 1 || wanted >= boxes_limit()) break;
     fresh = attempt + 1 < kCutAttempts;
-    wanted = std::min(kMostBoxes, static_cast<std::uint32_t>(wanted * std::min(1.2 * more, 4.)) + 1);
+    wanted = std::min(boxes_limit(), static_cast<std::uint32_t>(wanted * std::min(more, 2.)) + 1);
   }
   report_.boxes = tree_.boxes();
   report_.memory_boxes = tree_.boxes() > asked ? tree_.boxes() - asked : 0;
@@ -174,8 +181,8 @@ void BoxedDetector::Work::plan(Assignment& assignment) {
 
 // Each sphere weighs what spheres of its box cost in the call before: itself, and its contacts.
 void BoxedDetector::Work::cut(const Assignment& assignment, std::uint32_t boxes) {
-  std::vector<WeightedPoint> points =
-      assignment.sample(std::clamp(kSamplePerBox * boxes, kLeastSample, kMostSample));
+  std::vector<WeightedPoint> points = assignment.sample(
+      std::min(std::clamp(kSamplePerBox * boxes, kLeastSample, kMostSample), sample_limit()));
   const std::vector<double> before = density_;
   std::vector<double> plain;
   for (WeightedPoint& p : points) {
@@ -280,7 +287,8 @@ void BoxedDetector::Work::run_round(std::uint32_t first, std::uint32_t count, De
 }
 
 void BoxedDetector::Work::note_memory(const Assignment& assignment) {
-  std::uint64_t bytes = assignment.table_bytes();
+  std::uint64_t bytes = assignment.table_bytes() + tree_.bytes() + density_.capacity() * sizeof(double) +
+                        results_.capacity() * sizeof(BoxResult);
   for (const BoxLoad& load : loads_) bytes += load.bytes();
   for (const auto& w : workers_) bytes += w->host_memory() + w->peak_of_splits();
   report_.memory = std::max(report_.memory, bytes);

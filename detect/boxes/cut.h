@@ -28,6 +28,9 @@ struct Bounds {
 class BoxTree {
  public:
   std::uint32_t boxes() const { return static_cast<std::uint32_t>(regions_.size()); }
+  std::uint64_t bytes() const {
+    return nodes_.capacity() * sizeof(Node) + regions_.capacity() * sizeof(Region);
+  }
   const Region& region(std::uint32_t box) const { return regions_[box]; }
 
   // The box that holds a point. Cost: the depth of the tree, which is log2(boxes) rounded up.
@@ -60,10 +63,9 @@ class BoxTree {
 
 // Cuts `whole` into exactly `boxes` boxes (at least 1) of nearly equal weight. Points that lie at one place
 // cannot be separated, and then, or with fewer points than boxes, some boxes stay empty. Points outside of
-// `whole` count where they are nearest to it. The result depends
-// on the points and their order alone, not on `threads`. Weights must be at least 0 and coordinates finite.
-// Cost: a sort of the points for each level of the tree, that is n log(n) log(boxes); hence callers pass a
-// sample of a large scene.
+// `whole` count where they are nearest to it. The result depends on the points and their order alone, not on
+// `threads`. Weights must be at least 0 and coordinates finite. Cost: a sort of the points for each level of
+// the tree, that is n log(n) log(boxes); hence callers pass a sample of a large scene.
 BoxTree cut_space(std::vector<WeightedPoint> points, std::uint32_t boxes, const Region& whole = {},
                   int threads = 1);
 

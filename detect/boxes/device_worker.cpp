@@ -10,7 +10,7 @@
 namespace padder::detect {
 namespace {
 
-constexpr std::uint64_t kBatch = 1 << 16;        // contacts handed over at once
+constexpr std::uint64_t kBatch = 1 << 14;        // contacts handed over at once
 constexpr std::uint64_t kSmallestSplit = 64;     // spheres; a box that cannot hold so few will not hold any
 constexpr std::uint64_t kSplitSample = 1 << 16;  // points that the plane of a split is chosen by
 
@@ -120,9 +120,10 @@ BoxResult DeviceWorker::split(const BoxLoad& load, std::uint64_t copied, const s
 BoxResult DeviceWorker::deliver(const BoxLoad& load, const Contacts& c, Delivery& delivery) {
   BoxResult result;
   result.contacts = c.count, result.doubtful = c.doubtful;
-  if (delivery.consumer) pairs_.resize(std::min(kBatch, c.count));
-  for (std::uint64_t begin = 0; begin < c.count; begin += kBatch) {
-    const auto count = static_cast<std::int64_t>(std::min(kBatch, c.count - begin));
+  const std::uint64_t batch = delivery.consumer ? kBatch : std::max<std::uint64_t>(c.count, 1);
+  if (delivery.consumer) pairs_.resize(std::min(batch, c.count));
+  for (std::uint64_t begin = 0; begin < c.count; begin += batch) {
+    const auto count = static_cast<std::int64_t>(std::min(batch, c.count - begin));
     std::uint64_t hash = 0;
 #pragma omp parallel num_threads(threads_) reduction(+ : hash) if (count > 1024)
     {
