@@ -14,7 +14,11 @@ template <class T>
 class Scratch {
  public:
   T* at_least(std::uint64_t n) {
-    if (n > capacity_) data_ = nullptr, data_ = std::make_unique_for_overwrite<T[]>(n), capacity_ = n;
+    if (n > capacity_ || !data_) {
+      data_ = nullptr;  // before its successor is there
+      capacity_ = std::max<std::uint64_t>(n, 4);
+      data_ = std::make_unique_for_overwrite<T[]>(capacity_);
+    }
     return data_.get();
   }
   T* data() const { return data_.get(); }

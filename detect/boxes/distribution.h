@@ -58,6 +58,7 @@ class Distribution {
   template <class BoundsOf, class Put>
   void deliver(std::uint32_t first, std::uint32_t last, const BoxTree& tree, const BoundsOf& bounds_of,
                const Put& put, int threads) const {
+    const Region around = around_all(first, last, tree);
 #pragma omp parallel num_threads(threads)
     {
       std::vector<std::uint64_t> place(last - first);
@@ -67,7 +68,9 @@ class Distribution {
         if (std::equal(from + first, from + last, from + boxes_ + first)) continue;
         std::copy(from + first, from + last, place.begin());
         each_item(static_cast<std::uint64_t>(block), [&](std::uint64_t k) {
-          tree.each_box(bounds_of(k), [&](std::uint32_t box) {
+          const Bounds bounds = bounds_of(k);
+          if (!meets(bounds, around)) return;
+          tree.each_box(bounds, [&](std::uint32_t box) {
             if (box >= first && box < last) put(k, box, place[box - first]++);
           });
         });
@@ -76,6 +79,23 @@ class Distribution {
   }
 
  private:
+  // The least region around some boxes: a cheap test that most items fail where there are many rounds.
+  static Region around_all(std::uint32_t first, std::uint32_t last, const BoxTree& tree) {
+    Region r = tree.region(first);
+    for (std::uint32_t b = first + 1; b < last; b++)
+      for (int a = 0; a < 3; a++) {
+        r.low[a] = std::min(r.low[a], tree.region(b).low[a]);
+        r.high[a] = std::max(r.high[a], tree.region(b).high[a]);
+      }
+    return r;
+  }
+  // Whether each_box() may reach one of the boxes within `r`; a face at infinity belongs to its box.
+  static bool meets(const Bounds& b, const Region& r) {
+    bool all = true;
+    for (int a = 0; a < 3; a++) all &= b.low[a] <= r.high[a] && b.high[a] >= r.low[a];
+    return all;
+  }
+
   template <class Use>
   void each_item(std::uint64_t block, const Use& use) const {
     const std::uint64_t end = std::min(items_, (block + 1) * per_block_);

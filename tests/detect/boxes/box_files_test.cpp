@@ -158,10 +158,10 @@ TEST(ContactWriter, RecordsAreThoseOfTheList) {
         if (c.normals) {
           ASSERT_EQ(std::memcmp(at + 16, static_cast<const char*>(c.normals) + k * 4 * real, 4 * real), 0);
         }
-        if (c.points)
-          ASSERT_EQ(
-              std::memcmp(at + 16 + 4 * real, static_cast<const char*>(c.points) + k * 6 * real, 6 * real),
-              0);
+        if (c.points) {
+          const char* wanted = static_cast<const char*>(c.points) + k * 6 * real;
+          ASSERT_EQ(std::memcmp(at + 16 + 4 * real, wanted, 6 * real), 0);
+        }
       }
     }
 }
