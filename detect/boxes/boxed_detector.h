@@ -21,6 +21,7 @@ struct BoxDevice {
 // Every GPU of this machine that this build can use; the CPU where there is none. Cost: opens each GPU.
 std::vector<BoxDevice> all_devices();
 
+// How to cut, and where to detect; the defaults make one box on the device of `detector`.
 struct BoxOptions {
   // How each box is detected. `own` limits the contacts of the whole scene, `memory_limit` is for each
   // detector on a GPU, `threads` are those of all detectors on the CPU together, and `stream`, `output` and
