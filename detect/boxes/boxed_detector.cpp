@@ -55,17 +55,11 @@ class FirstFailure {
   std::atomic<bool> stop_ = false;
 };
 
-Options for_the_check() {
-  Options o;
-  o.backend = BackendKind::omp;
-  return o;
-}
-
 }  // namespace
 
 class BoxedDetector::Work {
  public:
-  explicit Work(const BoxOptions& options) : options_(options), check_(for_the_check()) {
+  explicit Work(const BoxOptions& options) : options_(options), check_(detector_on({BackendKind::omp, 0})) {
     std::vector<BoxDevice> devices = options.devices;
     if (devices.empty()) devices.push_back({options.detector.backend, options.detector.device});
     workers_.reserve(devices.size());
@@ -144,7 +138,7 @@ std::uint64_t BoxedDetector::Work::spheres_limit() const {
 
 void BoxedDetector::Work::check(const Input& input) {
   Options options = options_.detector;
-  options.backend = BackendKind::omp, options.memory_limit = 0;
+  options.memory_limit = 0;
   check_.options() = options;
   check_.detect(Input{});
   check_box_input(input);
@@ -378,9 +372,7 @@ std::vector<BoxDevice> all_devices() {
   std::vector<BoxDevice> devices;
   for (int k = 0; cuda_present(); k++) {
     try {
-      Options options;
-      options.backend = BackendKind::cuda, options.device = k;
-      const Detector probe(options);
+      detector_on({BackendKind::cuda, k});
     } catch (const Error&) {
       break;  // there are no more
     }

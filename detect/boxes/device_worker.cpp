@@ -14,12 +14,6 @@ constexpr std::uint64_t kBatch = 1 << 14;        // contacts handed over at once
 constexpr std::uint64_t kSmallestSplit = 64;     // spheres; a box that cannot hold so few will not hold any
 constexpr std::uint64_t kSplitSample = 1 << 16;  // points that the plane of a split is chosen by
 
-Detector detector_on(const BoxDevice& device) {
-  Options options;
-  options.backend = device.backend, options.device = device.device;
-  return Detector(options);
-}
-
 Region common(const Region& a, const Region& b) {
   Region r;
   for (int k = 0; k < 3; k++)
@@ -45,6 +39,12 @@ const void* advanced(const void* array, std::uint64_t bytes) {
 
 }  // namespace
 
+Detector detector_on(const BoxDevice& device) {
+  Options options;
+  options.backend = device.backend, options.device = device.device;
+  return Detector(options);
+}
+
 void BoxResult::add(const BoxResult& more) {
   contacts += more.contacts, hash += more.hash, doubtful += more.doubtful, splits += more.splits;
 }
@@ -65,7 +65,6 @@ void DeviceWorker::fail(const std::string& reason) const {
 BoxResult DeviceWorker::run(const BoxLoad& load, std::uint32_t box, const Options& options, int threads,
                             Delivery& delivery) {
   options_ = options, box_ = box, threads_ = threads;
-  options_.backend = detector_.options().backend, options_.device = detector_.options().device;
   options_.output = Memory::host, options_.stream = nullptr;
   peak_of_splits_ = 0;
   return find(load, 0, delivery);

@@ -14,7 +14,7 @@ void expect_right(const TestScene& scene, const std::string& what,
   const Arranged a(scene, Scalar::f64);
   for (const std::uint32_t n : boxes) {
     SCOPED_TRACE(std::to_string(n) + " boxes");
-    BoxedDetector boxed(on_the_cpu(n, 1 + n % 3));
+    BoxedDetector boxed(on_the_cpu(n, 1 + n % 3, 1 + n % 2));
     const Contacts& c = boxed.detect(a.input);
     ASSERT_EQ(sorted(c.pair_span()), wanted);
     std::uint64_t hash = 0;
@@ -176,7 +176,7 @@ TEST(BoxedDetector, BodiesAcrossBoxes) {
     const Arranged a(s.loose, seed % 2 ? Scalar::f32 : Scalar::f64);
     for (const std::uint32_t n : {1u, 2u, 8u, 40u}) {
       SCOPED_TRACE(std::to_string(n) + " boxes");
-      BoxedDetector boxed(on_the_cpu(n, 1 + n % 2));
+      BoxedDetector boxed(on_the_cpu(n, 1 + n % 2, n == 8 ? 3 : 1));
       for (const Bodies bodies : {Bodies::first, Bodies::expanded}) {
         boxed.options().bodies = bodies;
         expect_as_one_detector(s.input(a), boxed);
@@ -196,7 +196,7 @@ TEST(BoxedDetector, StaticSpheresAndTags) {
   const Arranged a(scene, Scalar::f32);
   Input input = a.input;
   input.spheres.is_static = is_static.data();
-  BoxedDetector boxed(on_the_cpu(13, 2));
+  BoxedDetector boxed(on_the_cpu(13, 2, 4));
   expect_as_one_detector(input, boxed);
 }
 

@@ -10,7 +10,7 @@
 
 namespace padder::detect {
 
-inline BoxOptions on_the_cpu(std::uint32_t boxes, std::size_t devices = 1, int threads = 2) {
+inline BoxOptions on_the_cpu(std::uint32_t boxes, std::size_t devices = 1, int threads = 1) {
   BoxOptions o;
   o.detector.backend = BackendKind::omp, o.detector.threads = threads;
   o.detector.width = Width::points, o.detector.scalar = Scalar::f64;
