@@ -61,7 +61,7 @@ class BoxedDetector::Work {
  public:
   explicit Work(const BoxOptions& options) : options_(options), check_(detector_on({BackendKind::omp, 0})) {
     std::vector<BoxDevice> devices = options.devices;
-    if (devices.empty()) devices.push_back({options.detector.backend, options.detector.device});
+    if (devices.empty()) devices.emplace_back();
     workers_.reserve(devices.size());
     for (const BoxDevice& d : devices) workers_.emplace_back(std::make_unique<DeviceWorker>(d));
     for (const auto& w : workers_) on_host_ += w->on_host();

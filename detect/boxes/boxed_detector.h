@@ -21,14 +21,14 @@ struct BoxDevice {
 // Every GPU of this machine that this build can use; the CPU where there is none. Cost: opens each GPU.
 std::vector<BoxDevice> all_devices();
 
-// How to cut, and where to detect; the defaults make one box on the device of `detector`.
+// How to cut, and where to detect; the defaults make one box on one device.
 struct BoxOptions {
   // How each box is detected. `own` limits the contacts of the whole scene, `memory_limit` is for each
   // detector on a GPU, `threads` are those of all detectors on the CPU together, and `stream`, `output` and
   // the device are not read.
   Options detector;
-  // One detector and one thread each; the same one may be named more than once. Empty: the device that
-  // `detector` names.
+  // One detector and one thread each; the same one may be named more than once. Empty: one device, the first
+  // GPU when there is one.
   std::vector<BoxDevice> devices;
   // How many boxes at least; 0: one for each device. More are made where memory asks for it.
   std::uint32_t boxes = 0;

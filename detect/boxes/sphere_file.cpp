@@ -136,7 +136,7 @@ std::map<std::string, MappedArray> arrays_of(std::string_view in, const std::str
   return arrays;
 }
 
-Scalar scalar_of(const MappedArray& a, const std::string& where) {
+Scalar checked_scalar(const MappedArray& a, const std::string& where) {
   if (a.kind != 'f') throw Error(where + ": spheres must be float32 or float64");
   return a.size == 4 ? Scalar::f32 : Scalar::f64;
 }
@@ -176,7 +176,7 @@ void SphereFile::read_npy() {
   const MappedArray a = array_of({data_, size_}, where_);
   if (a.shape.size() != 2 || a.shape[1] != 4)
     throw Error(where_ + ": the array must be of shape (N, 4): x, y, z, r of each sphere");
-  spheres_.scalar = scalar_of(a, where_), spheres_.count = a.shape[0];
+  spheres_.scalar = checked_scalar(a, where_), spheres_.count = a.shape[0];
   spheres_.centers = a.data, spheres_.radii = a.data + 3 * a.size;
   spheres_.center_stride = spheres_.radius_stride = 4;
 }
@@ -189,8 +189,8 @@ void SphereFile::read_npz() {
   const MappedArray &c = centers->second, &r = radii->second;
   if (c.shape.size() != 2 || c.shape[1] != 3 || r.shape.size() != 1 || r.shape[0] != c.shape[0])
     throw Error(where_ + ": \"centers\" must be of shape (N, 3) and \"radii\" of shape (N)");
-  spheres_.scalar = scalar_of(c, where_), spheres_.count = r.shape[0];
-  if (scalar_of(r, where_) != spheres_.scalar)
+  spheres_.scalar = checked_scalar(c, where_), spheres_.count = r.shape[0];
+  if (checked_scalar(r, where_) != spheres_.scalar)
     throw Error(where_ + ": save \"centers\" and \"radii\" in the same type");
   spheres_.centers = c.data, spheres_.radii = r.data;
   for (const auto& [name, to] : {std::pair("family", &spheres_.family), std::pair("mask", &spheres_.mask)}) {

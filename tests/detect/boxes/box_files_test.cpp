@@ -42,7 +42,7 @@ struct Files {
     TestScene s = scene;
     if (tags) s.family = family, s.mask = mask;
     const Arranged a(s, Scalar::f32);
-    Detector one(on_the_cpu(1).detector);
+    Detector one = one_on_the_cpu(on_the_cpu(1).detector);
     one.detect(a.input);
     return one.hash();
   }
@@ -84,7 +84,7 @@ TEST(SphereFile, ArraysMayBeginAtAnyAddress) {
   TestScene s = f.scene;
   s.family = f.family;
   const Arranged a(s, Scalar::f32);
-  Detector one(on_the_cpu(1).detector);
+  Detector one = one_on_the_cpu(on_the_cpu(1).detector);
   one.detect(a.input);
   BoxedDetector boxed(on_the_cpu(5));
   EXPECT_EQ(boxed.detect(input, {}).hash, one.hash());

@@ -19,7 +19,7 @@ TEST(BoxStepping, AHundredStepsGiveTheHashOfOneBox) {
     spheres.push_back(
         {static_cast<float>(s.x), static_cast<float>(s.y), static_cast<float>(s.z), static_cast<float>(s.r)});
   BoxedDetector boxed(on_the_cpu(6, 3));
-  Detector one(on_the_cpu(1).detector);
+  Detector one = one_on_the_cpu(on_the_cpu(1).detector);
   int cuts = 0, crossed = 0;
   for (int step = 0; step < 100; step++) {
     const Input input = input_of(spheres);
@@ -90,7 +90,7 @@ TEST(BoxStepping, RevisionsMeanWhatTheyMeanToOneDetector) {
   std::uniform_real_distribution<double> unit(0, 1);
   Pile pile(random);
   BoxedDetector boxed(on_the_cpu(6, 2));
-  Detector one(on_the_cpu(1).detector);
+  Detector one = one_on_the_cpu(on_the_cpu(1).detector);
   std::vector<std::uint32_t> moved;
   std::vector<Pose> poses(pile.bodies.size());
   for (int step = 0; step < 60; step++) {

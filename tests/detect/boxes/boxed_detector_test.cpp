@@ -231,7 +231,7 @@ TEST(BoxedDetector, BatchesHoldTheListAndRunOneAtATime) {
   EXPECT_EQ(r.hash, hash);
   EXPECT_EQ(r.contacts, count);
   EXPECT_GT(count, std::uint64_t(3) << 16);  // several batches a box
-  Detector one(o.detector);
+  Detector one = one_on_the_cpu(o.detector);
   const Contacts& c = one.detect(a.input);
   EXPECT_EQ(one.hash(), hash);
   for (std::uint64_t k = 0; k < c.count; k++)
@@ -262,7 +262,7 @@ TEST(BoxedDetector, FaultsAreNamedAsByOneDetector) {
   const auto expect_same = [&](Bodied& given) {
     const Arranged a(given.loose, Scalar::f64);
     BoxedDetector boxed(on_the_cpu(8));
-    Detector one(on_the_cpu(1).detector);
+    Detector one = one_on_the_cpu(on_the_cpu(1).detector);
     std::string wanted;
     try {
       one.detect(given.input(a));
@@ -308,7 +308,7 @@ TEST(BoxedDetector, EveryDeviceThereIsTakesPart) {
   BoxedDetector boxed(o);
   boxed.detect(a.input, {});
   EXPECT_EQ(boxed.report().boxes, o.devices.size());
-  Detector one(o.detector);
+  Detector one = one_on_the_cpu(o.detector);
   one.detect(a.input);
   EXPECT_EQ(boxed.hash(), one.hash());
 }

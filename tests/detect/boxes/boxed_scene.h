@@ -12,11 +12,17 @@ namespace padder::detect {
 
 inline BoxOptions on_the_cpu(std::uint32_t boxes, std::size_t devices = 1, int threads = 1) {
   BoxOptions o;
-  o.detector.backend = BackendKind::omp, o.detector.threads = threads;
+  o.detector.threads = threads;
   o.detector.width = Width::points, o.detector.scalar = Scalar::f64;
   o.devices.assign(devices, {BackendKind::omp, 0});
   o.boxes = boxes;
   return o;
+}
+
+// One detector, to compare with.
+inline Detector one_on_the_cpu(Options options) {
+  options.backend = BackendKind::omp;
+  return Detector(options);
 }
 
 // The records of contacts by their pair, as bytes.
@@ -35,8 +41,8 @@ inline std::map<std::pair<std::uint32_t, std::uint32_t>, std::string> records_of
 // The same pairs, records and hash as one Detector.
 inline void expect_as_one_detector(const Input& input, BoxedDetector& boxed) {
   Options options = boxed.options();
-  options.backend = BackendKind::omp, options.memory_limit = 0;
-  Detector one(options);
+  options.memory_limit = 0;
+  Detector one = one_on_the_cpu(options);
   const Contacts& wanted = one.detect(input);
   const Contacts& found = boxed.detect(input);
   ASSERT_EQ(found.count, wanted.count);
