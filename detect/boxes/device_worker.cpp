@@ -73,7 +73,7 @@ BoxResult DeviceWorker::run(const BoxLoad& load, std::uint32_t box, const Option
 // `copied`: bytes of the loads that were made by splitting and are still held.
 BoxResult DeviceWorker::find(const BoxLoad& load, std::uint64_t copied, Delivery& delivery) {
   peak_of_splits_ = std::max(peak_of_splits_, copied);
-  Options& options = detector_.options();
+  auto& options = detector_.options();
   options = options_;
   options.own = common(options_.own, load.region);
   if (load.spheres() < 2 || is_empty(options.own)) return {};
