@@ -1,0 +1,269 @@
+// SPDX-License-Identifier: MIT
+#include "detect/boxes/assignment.h"
+
+#include <cstdio>
+#include <cstring>
+#include <string>
+#include <utility>
+
+#include "padding/asset/error.h"
+
+namespace padder::detect {
+namespace {
+
+std::string number(double v) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.9g", v);
+  return text;
+}
+
+[[noreturn]] void throw_fault(const std::string& name, const Sphere& s) {
+  const std::string at = name + " at (" + number(s.x) + ", " + number(s.y) + ", " + number(s.z) + ")";
+  switch (fault_of(s)) {
+    case Fault::negative_radius:
+      throw Error(at + " has the negative radius " + number(s.r) + ": radii must be 0 or more");
+    case Fault::too_large:
+      throw Error(at + " with radius " + number(s.r) + " is beyond 1e100: scale the scene");
+    default:
+      throw Error(at + " with radius " + number(s.r) + " is not finite: correct or remove it");
+  }
+}
+
+// The numbers of sphere k as they were given. Copied byte by byte: an array inside a mapped file may begin at
+// any address.
+template <class T>
+struct Given {
+  T x, y, z, r;
+  Sphere sphere() const { return {x, y, z, r}; }
+};
+template <class T>
+Given<T> given(const Spheres& s, std::uint64_t k) {
+  Given<T> g;
+  std::memcpy(&g, static_cast<const char*>(s.centers) + k * s.center_stride * sizeof(T), 3 * sizeof(T));
+  std::memcpy(&g.r, static_cast<const char*>(s.radii) + k * s.radius_stride * sizeof(T), sizeof(T));
+  return g;
+}
+std::uint32_t tag_of(const std::uint32_t* tags, std::uint64_t k) {
+  std::uint32_t tag;
+  std::memcpy(&tag, reinterpret_cast<const char*>(tags) + k * sizeof tag, sizeof tag);
+  return tag;
+}
+
+// One number of each stretch of the numbers: `step` long, at a place in it that follows from its start. A
+// fixed place could meet the same row of a lattice every time.
+std::uint64_t drawn(std::uint64_t start, std::uint64_t step, std::uint64_t end) {
+  return std::min(start + mixed(start) % step, end - 1);
+}
+
+}  // namespace
+
+std::uint64_t BoxLoad::bytes() const {
+  return single.bytes() + twice.bytes() + ids.bytes() + family.bytes() + mask.bytes() + is_static.bytes() +
+         bodies.bytes() + body_ids.bytes() + first_of_body.capacity() * sizeof(std::uint64_t);
+}
+
+Input BoxLoad::input() const {
+  Input in;
+  in.spheres = scalar == Scalar::f32 ? spheres_of<float>(loose, single.data(), single.data() + 3)
+                                     : spheres_of<double>(loose, twice.data(), twice.data() + 3);
+  in.spheres.center_stride = in.spheres.radius_stride = 4;
+  if (has_family) in.spheres.family = family.data();
+  if (has_mask) in.spheres.mask = mask.data();
+  if (has_static) in.spheres.is_static = is_static.data();
+  in.shapes = shapes;
+  in.bodies = {bodies.data(), body_count};
+  return in;
+}
+
+std::uint64_t BoxLoad::body_of(std::uint64_t local) const {
+  const auto next = std::upper_bound(first_of_body.begin(), first_of_body.end(), local);
+  return static_cast<std::uint64_t>(next - first_of_body.begin()) - 1;
+}
+
+Assignment::Assignment(const Input& input, int threads) : input_(input), threads_(threads) {
+  for (const Shape& s : input.shapes) extents_.push_back(extent_of(s));
+  read_bodies();
+  if (input.spheres.scalar == Scalar::f32)
+    read_loose<float>();
+  else
+    read_loose<double>();
+}
+
+void Assignment::read_bodies() {
+  first_of_body_.resize(input_.bodies.size() + 1);
+  for (std::size_t b = 0; b < input_.bodies.size(); b++) {
+    first_of_body_[b] = body_spheres_;
+    body_spheres_ += extents_[input_.bodies[b].shape].count;
+  }
+  first_of_body_.back() = body_spheres_;
+  std::size_t suspect = input_.bodies.size();
+  double largest = 0;
+#pragma omp parallel for schedule(static) num_threads(threads_) reduction(min                      \
+                                                                          : suspect) reduction(max \
+                                                                                               : largest)
+  for (std::int64_t k = 0; k < static_cast<std::int64_t>(input_.bodies.size()); k++) {
+    const auto b = static_cast<std::size_t>(k);
+    const ShapeExtent& e = extents_[input_.bodies[b].shape];
+    if (e.count == 0) continue;
+    const Bounds bounds = halo_of(input_.bodies[b], e, 0);
+    bool small = !e.faulty;
+    for (int a = 0; a < 3; a++) small &= bounds.low[a] >= -kLargest && bounds.high[a] <= kLargest;
+    if (!small) {  // perhaps one of its spheres is faulty: place them all
+      const Shape& shape = input_.shapes[input_.bodies[b].shape];
+      for (std::uint64_t q = 0; q < shape.count; q++)
+        if (fault_of(placed(input_.bodies[b], shape.spheres[q])) != Fault::none)
+          suspect = std::min(suspect, b);
+    }
+    largest = std::max(largest, e.largest_radius);
+  }
+  if (suspect < input_.bodies.size()) throw_fault_of_body(suspect);
+  largest_radius_ = largest;
+}
+
+void Assignment::throw_fault_of_body(std::size_t b) const {
+  const Shape& shape = input_.shapes[input_.bodies[b].shape];
+  std::uint64_t q = 0;
+  while (fault_of(placed(input_.bodies[b], shape.spheres[q])) == Fault::none) q++;
+  throw_fault("sphere " + std::to_string(first_of_body_[b] + q) + " (number " + std::to_string(q) +
+                  " of body " + std::to_string(b) + ")",
+              placed(input_.bodies[b], shape.spheres[q]));
+}
+
+template <class T>
+void Assignment::read_loose() {
+  const Spheres& s = input_.spheres;
+  std::uint64_t faulty = s.count;
+  double largest = largest_radius_;
+#pragma omp parallel for schedule(static) num_threads(threads_) reduction(min                     \
+                                                                          : faulty) reduction(max \
+                                                                                              : largest)
+  for (std::int64_t i = 0; i < static_cast<std::int64_t>(s.count); i++) {
+    const auto k = static_cast<std::uint64_t>(i);
+    const Sphere sphere = given<T>(s, k).sphere();
+    if (fault_of(sphere) != Fault::none) [[unlikely]]
+      faulty = std::min(faulty, k);
+    largest = std::max(largest, sphere.r);
+  }
+  if (faulty < s.count)
+    throw_fault("sphere " + std::to_string(body_spheres_ + faulty), given<T>(s, faulty).sphere());
+  largest_radius_ = largest;
+}
+
+std::vector<WeightedPoint> Assignment::sample(std::uint64_t most) const {
+  std::vector<WeightedPoint> points;
+  const Spheres& s = input_.spheres;
+  const std::uint64_t step = s.count / most + 1;
+  for (std::uint64_t start = 0; start < s.count; start += step) {
+    const std::uint64_t k = drawn(start, step, std::min(start + step, s.count));
+    const Sphere p = s.scalar == Scalar::f32 ? given<float>(s, k).sphere() : given<double>(s, k).sphere();
+    points.push_back({{p.x, p.y, p.z}, static_cast<double>(step)});
+  }
+  const std::uint64_t bodies = input_.bodies.size(), stride = bodies / most + 1;
+  for (std::uint64_t start = 0; start < bodies; start += stride) {
+    const Body& b = input_.bodies[drawn(start, stride, std::min(start + stride, bodies))];
+    const ShapeExtent& e = extents_[b.shape];
+    if (e.count == 0) continue;
+    WeightedPoint p{{0, 0, 0}, static_cast<double>(stride * e.count)};
+    middle_of(b, e, p.at);
+    bool finite = true;
+    for (const double c : p.at) finite &= std::isfinite(c);
+    if (finite) points.push_back(p);
+  }
+  return points;
+}
+
+template <class T>
+void Assignment::count_loose(const BoxTree& tree, std::uint64_t table_bytes) {
+  const auto bounds = [&](std::uint64_t k) {
+    return halo_of(given<T>(input_.spheres, k).sphere(), largest_radius_);
+  };
+  loose_.count(
+      input_.spheres.count, tree, bounds, [](std::uint64_t) { return 1; }, threads_, table_bytes);
+}
+
+void Assignment::count(const BoxTree& tree, std::uint64_t table_bytes) {
+  const auto bounds = [&](std::uint64_t b) {
+    return halo_of(input_.bodies[b], extents_[input_.bodies[b].shape], largest_radius_);
+  };
+  const auto weight = [&](std::uint64_t b) { return extents_[input_.bodies[b].shape].count; };
+  bodies_.count(input_.bodies.size(), tree, bounds, weight, threads_, table_bytes / 2);
+  if (input_.spheres.scalar == Scalar::f32)
+    count_loose<float>(tree, table_bytes / 2);
+  else
+    count_loose<double>(tree, table_bytes / 2);
+}
+
+std::uint64_t Assignment::load_bytes(std::uint32_t box) const {
+  const Spheres& s = input_.spheres;
+  const std::uint64_t each = (s.scalar == Scalar::f32 ? 16u : 32u) + sizeof(std::uint64_t) +
+                             (s.family ? 4u : 0u) + (s.mask ? 4u : 0u) + (s.is_static ? 1u : 0u);
+  return loose_.count_of(box) * each + bodies_.count_of(box) * (sizeof(Body) + 2 * sizeof(std::uint64_t)) +
+         64;
+}
+
+void Assignment::prepare(BoxLoad& load, std::uint32_t box, const BoxTree& tree) const {
+  const Spheres& s = input_.spheres;
+  load.region = tree.region(box), load.scalar = s.scalar, load.shapes = input_.shapes;
+  load.loose = loose_.count_of(box), load.body_count = bodies_.count_of(box);
+  load.body_spheres = bodies_.weight_of(box);
+  load.has_family = s.family, load.has_mask = s.mask, load.has_static = s.is_static;
+  if (s.scalar == Scalar::f32)
+    load.single.at_least(4 * load.loose);
+  else
+    load.twice.at_least(4 * load.loose);
+  load.ids.at_least(load.loose);
+  if (s.family) load.family.at_least(load.loose);
+  if (s.mask) load.mask.at_least(load.loose);
+  if (s.is_static) load.is_static.at_least(load.loose);
+  load.bodies.at_least(load.body_count), load.body_ids.at_least(load.body_count);
+}
+
+template <class T>
+void Assignment::fill_loose(const BoxTree& tree, std::uint32_t first, std::span<BoxLoad> loads) const {
+  const Spheres& s = input_.spheres;
+  const auto bounds = [&](std::uint64_t k) { return halo_of(given<T>(s, k).sphere(), largest_radius_); };
+  const auto put = [&](std::uint64_t k, std::uint32_t box, std::uint64_t place) {
+    BoxLoad& load = loads[box - first];
+    const Given<T> g = given<T>(s, k);
+    T* const to = [&] {
+      if constexpr (sizeof(T) == 4)
+        return load.single.data() + 4 * place;
+      else
+        return load.twice.data() + 4 * place;
+    }();
+    to[0] = g.x, to[1] = g.y, to[2] = g.z, to[3] = g.r;
+    load.ids.data()[place] = body_spheres_ + k;
+    if (s.family) load.family.data()[place] = tag_of(s.family, k);
+    if (s.mask) load.mask.data()[place] = tag_of(s.mask, k);
+    if (s.is_static) load.is_static.data()[place] = s.is_static[k];
+  };
+  loose_.deliver(first, first + static_cast<std::uint32_t>(loads.size()), tree, bounds, put, threads_);
+}
+
+void Assignment::fill_bodies(const BoxTree& tree, std::uint32_t first, std::span<BoxLoad> loads) const {
+  const auto bounds = [&](std::uint64_t b) {
+    return halo_of(input_.bodies[b], extents_[input_.bodies[b].shape], largest_radius_);
+  };
+  const auto put = [&](std::uint64_t b, std::uint32_t box, std::uint64_t place) {
+    BoxLoad& load = loads[box - first];
+    load.bodies.data()[place] = input_.bodies[b], load.body_ids.data()[place] = first_of_body_[b];
+  };
+  bodies_.deliver(first, first + static_cast<std::uint32_t>(loads.size()), tree, bounds, put, threads_);
+  for (BoxLoad& load : loads) {
+    load.first_of_body.assign(load.body_count + 1, 0);
+    for (std::uint64_t b = 0; b < load.body_count; b++)
+      load.first_of_body[b + 1] = load.first_of_body[b] + extents_[load.bodies.data()[b].shape].count;
+  }
+}
+
+void Assignment::fill(const BoxTree& tree, std::uint32_t first, std::span<BoxLoad> loads) const {
+  for (std::size_t k = 0; k < loads.size(); k++)
+    prepare(loads[k], first + static_cast<std::uint32_t>(k), tree);
+  if (input_.spheres.scalar == Scalar::f32)
+    fill_loose<float>(tree, first, loads);
+  else
+    fill_loose<double>(tree, first, loads);
+  fill_bodies(tree, first, loads);
+}
+
+}  // namespace padder::detect

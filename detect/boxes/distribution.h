@@ -1,0 +1,111 @@
+// SPDX-License-Identifier: MIT
+// Deals items out to boxes: each item goes to every box that its bounds meet, and the items of a box keep
+// their order. Two linear passes over the items, shared by the threads: one that counts, one that delivers.
+// The result does not depend on the number of threads. Internal.
+#pragma once
+#include <algorithm>
+#include <cstdint>
+#include <utility>
+#include <vector>
+
+#include "detect/boxes/cut.h"
+
+namespace padder::detect {
+
+class Distribution {
+ public:
+  // Counts n items for the boxes of `tree`. bounds_of(k) gives the Bounds of item k and weight_of(k) a whole
+  // number that is added up for each box. Items are counted in blocks, with one counter for each block and
+  // box; together the counters take about `table_bytes`, or 4096 of them if that is more.
+  template <class BoundsOf, class WeightOf>
+  void count(std::uint64_t n, const BoxTree& tree, const BoundsOf& bounds_of, const WeightOf& weight_of,
+             int threads, std::uint64_t table_bytes) {
+    items_ = n, boxes_ = tree.boxes();
+    const std::uint64_t most =
+        std::max<std::uint64_t>(4096, table_bytes / sizeof(std::uint64_t)) / std::max(boxes_, 1u);
+    const std::uint64_t blocks =
+        std::clamp<std::uint64_t>(n / 1024, 1, std::clamp<std::uint64_t>(most, 1, 65536));
+    per_block_ = (n + blocks - 1) / blocks, blocks_ = per_block_ ? (n + per_block_ - 1) / per_block_ : 0;
+    first_.assign((blocks_ + 1) * boxes_, 0);
+    weights_.assign(boxes_, 0);
+#pragma omp parallel num_threads(threads)
+    {
+      std::vector<std::uint64_t> weights(boxes_, 0);
+#pragma omp for schedule(dynamic) nowait
+      for (std::int64_t block = 0; block < static_cast<std::int64_t>(blocks_); block++) {
+        std::uint64_t* const counts = &first_[static_cast<std::uint64_t>(block) * boxes_];
+        each_item(static_cast<std::uint64_t>(block), [&](std::uint64_t k) {
+          tree.each_box(bounds_of(k),
+                        [&](std::uint32_t box) { counts[box]++, weights[box] += weight_of(k); });
+        });
+      }
+#pragma omp critical(padder_boxes_weights)
+      for (std::uint32_t b = 0; b < boxes_; b++) weights_[b] += weights[b];
+    }
+    // Counts become the place of a block's first item in its box's list; the last row holds the totals.
+    std::vector<std::uint64_t> sum(boxes_, 0);
+    for (std::uint64_t block = 0; block <= blocks_; block++)
+      for (std::uint32_t b = 0; b < boxes_; b++) sum[b] += std::exchange(first_[block * boxes_ + b], sum[b]);
+  }
+
+  std::uint64_t count_of(std::uint32_t box) const { return first_[blocks_ * boxes_ + box]; }
+  std::uint64_t weight_of(std::uint32_t box) const { return weights_[box]; }
+  std::uint64_t bytes() const { return first_.capacity() * sizeof(std::uint64_t); }
+
+  // Calls put(k, box, place) for each item k of the boxes from `first` to before `last`, where `place` is the
+  // item's place in the list of its box. Blocks of items without any for these boxes are not looked at.
+  // `tree` and bounds_of must be those that were counted with; put is called from several threads.
+  template <class BoundsOf, class Put>
+  void deliver(std::uint32_t first, std::uint32_t last, const BoxTree& tree, const BoundsOf& bounds_of,
+               const Put& put, int threads) const {
+    const Region around = around_all(first, last, tree);
+#pragma omp parallel num_threads(threads)
+    {
+      std::vector<std::uint64_t> place(last - first);
+#pragma omp for schedule(dynamic)
+      for (std::int64_t block = 0; block < static_cast<std::int64_t>(blocks_); block++) {
+        const std::uint64_t* const from = &first_[static_cast<std::uint64_t>(block) * boxes_];
+        if (std::equal(from + first, from + last, from + boxes_ + first)) continue;
+        std::copy(from + first, from + last, place.begin());
+        each_item(static_cast<std::uint64_t>(block), [&](std::uint64_t k) {
+          const Bounds bounds = bounds_of(k);
+          if (!meets(bounds, around)) return;
+          tree.each_box(bounds, [&](std::uint32_t box) {
+            if (box >= first && box < last) put(k, box, place[box - first]++);
+          });
+        });
+      }
+    }
+  }
+
+ private:
+  // The least region around some boxes: a cheap test that most items fail where there are many rounds.
+  static Region around_all(std::uint32_t first, std::uint32_t last, const BoxTree& tree) {
+    Region r = tree.region(first);
+    for (std::uint32_t b = first + 1; b < last; b++)
+      for (int a = 0; a < 3; a++) {
+        r.low[a] = std::min(r.low[a], tree.region(b).low[a]);
+        r.high[a] = std::max(r.high[a], tree.region(b).high[a]);
+      }
+    return r;
+  }
+  // Whether each_box() may reach one of the boxes within `r`; a face at infinity belongs to its box.
+  static bool meets(const Bounds& b, const Region& r) {
+    bool all = true;
+    for (int a = 0; a < 3; a++) all &= b.low[a] <= r.high[a] && b.high[a] >= r.low[a];
+    return all;
+  }
+
+  template <class Use>
+  void each_item(std::uint64_t block, const Use& use) const {
+    const std::uint64_t end = std::min(items_, (block + 1) * per_block_);
+    for (std::uint64_t k = block * per_block_; k < end; k++) use(k);
+  }
+
+  std::uint64_t items_ = 0, per_block_ = 0, blocks_ = 0;
+  std::uint32_t boxes_ = 0;
+  std::vector<std::uint64_t> first_;    // of block b and box k at b * boxes_ + k
+  std::vector<std::uint64_t> weights_;  // of each box
+};
+
+}  // namespace padder::detect

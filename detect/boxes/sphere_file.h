@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: MIT
+// Loose spheres in a file that memory need not hold: the file is mapped, and its pages are read when a box
+// asks for them.
+#pragma once
+#include <cstdint>
+#include <filesystem>
+#include <string>
+
+#include "detect/detector.h"
+
+namespace padder::detect {
+
+// A mapped file of spheres, in one of these forms, little-endian and in C order:
+// .npy: one array (N, 4) of float32 or float64: x, y, z, r.
+// .npz: stored without compression (numpy.savez), with `centers` (N, 3) and `radii` (N), both float32 or both
+//   float64, and perhaps `family` and `mask` (N) of uint32.
+// The constructor reads the heads alone; it throws Error, which names the file, for anything else. The file
+// must not be shortened while it is mapped: the system then ends the program.
+class SphereFile {
+ public:
+  explicit SphereFile(const std::filesystem::path& path);
+  ~SphereFile();
+  SphereFile(const SphereFile&) = delete;
+  SphereFile& operator=(const SphereFile&) = delete;
+
+  // Borrows the file. The arrays of an .npz begin at any address: for BoxedDetector, which reads them byte by
+  // byte, and not for Detector.
+  const Spheres& spheres() const { return spheres_; }
+
+ private:
+  void read_npy();
+  void read_npz();
+
+  std::string where_;
+  const char* data_ = nullptr;
+  std::uint64_t size_ = 0;
+  Spheres spheres_;
+};
+
+}  // namespace padder::detect

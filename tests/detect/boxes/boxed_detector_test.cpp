@@ -1,0 +1,325 @@
+// SPDX-License-Identifier: MIT
+// Detection by boxes gives the contacts of one Detector, pair for pair and record for record.
+#include "detect/boxes/boxed_detector.h"
+
+#include "tests/detect/boxes/boxed_scene.h"
+
+namespace padder::detect {
+namespace {
+
+void expect_right(const TestScene& scene, const std::string& what,
+                  std::vector<std::uint32_t> boxes = {1, 2, 3, 8, 27}) {
+  SCOPED_TRACE(what);
+  const std::vector<Pair> wanted = brute_force(scene);
+  const Arranged a(scene, Scalar::f64);
+  for (const std::uint32_t n : boxes) {
+    SCOPED_TRACE(std::to_string(n) + " boxes");
+    BoxedDetector boxed(on_the_cpu(n, 1 + n % 3, 1 + n % 2));
+    const Contacts& c = boxed.detect(a.input);
+    ASSERT_EQ(sorted(c.pair_span()), wanted);
+    std::uint64_t hash = 0;
+    for (const Pair& p : wanted) hash += pair_hash(p.i, p.j);
+    ASSERT_EQ(boxed.hash(), hash);
+    ASSERT_GE(boxed.report().boxes, n);
+    expect_as_one_detector(a.input, boxed);
+  }
+}
+
+TestScene lattice(int side, double spacing, double radius) {
+  TestScene s;
+  for (int x = 0; x < side; x++)
+    for (int y = 0; y < side; y++)
+      for (int z = 0; z < side; z++) s.spheres.push_back({spacing * x, spacing * y, spacing * z, radius});
+  return s;
+}
+
+TEST(BoxedDetector, RandomScenesAreAsWithoutBoxes) {
+  const std::uint32_t seed = 1234;
+  std::printf("seed %u\n", seed);
+  std::mt19937_64 random(seed);
+  for (int trial = 0; trial < 12; trial++) {
+    const double ratio = trial % 3 == 0 ? 1 : trial % 3 == 1 ? 5 : 100;
+    TestScene scene = random_scene(500 + 100 * static_cast<std::uint32_t>(trial), ratio, trial % 2 ? 0.3 : 1,
+                                   seed + static_cast<std::uint32_t>(trial));
+    if (trial % 4 == 1)
+      for (std::size_t k = 0; k < scene.spheres.size(); k++) {
+        scene.family.push_back(static_cast<std::uint32_t>(random() % 4)),
+            scene.mask.push_back(static_cast<std::uint32_t>(random() % 8));
+      }
+    if (trial % 4 == 2) scene.shift(1e6);
+    expect_right(scene, "trial " + std::to_string(trial), {1, 2, 5, 16});
+  }
+}
+
+TEST(BoxedDetector, FloatSpheresAndBothPathsAreAsWithoutBoxes) {
+  const TestScene scene = random_scene(3000, 10, 0.5, 7).rounded();
+  const Arranged a(scene, Scalar::f32);
+  for (const Path path : {Path::grid, Path::nine_stages}) {
+    BoxOptions o = on_the_cpu(11, 2);
+    o.detector.path = path;
+    BoxedDetector boxed(o);
+    expect_as_one_detector(a.input, boxed);
+  }
+}
+
+TEST(BoxedDetector, ContactsOnFacesEdgesAndCornersBelongToOneBox) {
+  // Midpoints on the planes of the cut: spheres of a lattice that touch exactly, and a point at every corner.
+  expect_right(lattice(8, 1, 0.5), "touching lattice", {2, 4, 8, 64});
+  TestScene corners = lattice(6, 1, 0.5);
+  for (int x = 0; x < 6; x++)
+    for (int y = 0; y < 6; y++)
+      for (int z = 0; z < 6; z++) corners.spheres.push_back({x + 0.5, y + 0.5, z + 0.5, x % 2 ? 0 : 0.4});
+  expect_right(corners, "points on corners", {8, 64, 125});
+}
+
+TEST(BoxedDetector, ASphereAcrossEightBoxes) {
+  TestScene scene = lattice(4, 1, 0.3);
+  scene.spheres.push_back({1.5, 1.5, 1.5, 1});
+  expect_right(scene, "eight boxes", {8});
+}
+
+TEST(BoxedDetector, AHugeSphereAcrossAllBoxesBringsNobodyAlong) {
+  TestScene scene = random_scene(2000, 1, 2, 3);
+  const std::uint64_t without = scene.spheres.size();
+  scene.spheres.push_back({10, 10, 10, 1e4});
+  expect_right(scene, "huge", {1, 8, 27});
+  const Arranged a(scene, Scalar::f64);
+  BoxedDetector boxed(on_the_cpu(8));
+  boxed.detect(a.input, {});
+  EXPECT_LT(boxed.report().copies, without * 2 + 8);
+}
+
+TEST(BoxedDetector, AllSpheresInOneBoxAndEmptyBoxes) {
+  TestScene same;
+  for (int k = 0; k < 40; k++) same.spheres.push_back({1, 2, 3, 0.5});
+  expect_right(same, "all at one place", {1, 2, 9});
+  expect_right({}, "no spheres", {1, 3});
+  TestScene one;
+  one.spheres.push_back({0, 0, 0, 1});
+  expect_right(one, "one sphere", {1, 4});
+}
+
+TEST(BoxedDetector, MoreBoxesThanSpheres) { expect_right(random_scene(9, 2, 0.2, 5), "nine", {100, 1000}); }
+
+TEST(BoxedDetector, GrainsThatFlewAway) {
+  TestScene scene = random_scene(1000, 3, 0.5, 17);
+  for (const double far : {1e6, -1e12, 1e30, -1e99}) {
+    scene.spheres.push_back({far, 0, 1, 1}), scene.spheres.push_back({far, 1, 1, 1});
+    scene.spheres.push_back({1, far, far, 1e-3 * std::abs(far)});
+  }
+  expect_right(scene, "escaped", {2, 8, 30});
+}
+
+TEST(BoxedDetector, ScenesOfAnySize) {
+  for (const double by : {1e-150, 1e-30, 1e60}) {
+    TestScene scene = random_scene(600, 4, 0.3, 23);
+    scene.scale(by);
+    expect_right(scene, "scaled by " + std::to_string(std::log10(by)), {8});
+  }
+}
+
+struct Bodied {
+  std::vector<std::vector<Sphere>> spheres;
+  std::vector<Shape> shapes;
+  std::vector<Body> bodies;
+  TestScene loose;
+
+  Input input(const Arranged& a) const {
+    Input in = a.input;
+    in.shapes = shapes, in.bodies = bodies;
+    return in;
+  }
+};
+
+Body body_at(const double (&p)[3], std::uint32_t shape, std::mt19937_64& random) {
+  std::uniform_real_distribution<double> unit(-1, 1);
+  Body b;
+  rotation_of(1 + unit(random), unit(random), unit(random), unit(random), b.rotation);
+  std::copy_n(p, 3, b.position);
+  b.shape = shape;
+  return b;
+}
+
+// Two shapes of some spheres, an empty one, a rod that reaches through many boxes, and loose grains between.
+Bodied bodied(std::uint64_t seed, int count = 200) {
+  std::mt19937_64 random(seed);
+  std::uniform_real_distribution<double> unit(0, 1);
+  Bodied s;
+  s.spheres.resize(4);
+  for (int k = 0; k < 20; k++) s.spheres[0].push_back({unit(random), unit(random), unit(random), 0.2});
+  for (int k = 0; k < 150; k++) s.spheres[1].push_back({2 * unit(random), 0.3 * unit(random), 0, 0.05});
+  for (int k = 0; k < 300; k++) s.spheres[2].push_back({0.1 * k, 0, 0, 0.1});
+  for (const auto& v : s.spheres) s.shapes.push_back({v.data(), v.size()});
+  for (int k = 0; k < count; k++) {
+    const double p[3] = {12 * unit(random), 5 * unit(random), 5 * unit(random)};
+    Body b = body_at(p, static_cast<std::uint32_t>(k % 2), random);
+    if (k % 11 == 0) b.shape = 3;
+    b.family = static_cast<std::uint32_t>(random() % 4), b.mask = static_cast<std::uint32_t>(random() % 4),
+    b.is_static = random() % 3 == 0;
+    s.bodies.push_back(b);
+  }
+  const double origin[3] = {-5, 2.5, 2.5};
+  s.bodies.push_back(body_at(origin, 2, random));
+  s.bodies.back() = Body{}, s.bodies.back().shape = 2, s.bodies.back().position[0] = -5;
+  s.bodies.back().position[1] = s.bodies.back().position[2] = 2.5;
+  s.loose = random_scene(800, 3, 1, static_cast<std::uint32_t>(seed));
+  double edge = 0;
+  for (const Sphere& p : s.loose.spheres) edge = std::max(edge, p.x);
+  s.loose.scale(12 / edge);
+  return s;
+}
+
+TEST(BoxedDetector, BodiesAcrossBoxes) {
+  for (const std::uint64_t seed : {1u, 2u, 3u}) {
+    std::printf("seed %llu\n", static_cast<unsigned long long>(seed));
+    const Bodied s = bodied(seed);
+    const Arranged a(s.loose, seed % 2 ? Scalar::f32 : Scalar::f64);
+    for (const std::uint32_t n : {1u, 2u, 8u, 40u}) {
+      SCOPED_TRACE(std::to_string(n) + " boxes");
+      BoxedDetector boxed(on_the_cpu(n, 1 + n % 2, n == 8 ? 3 : 1));
+      for (const Bodies bodies : {Bodies::first, Bodies::expanded}) {
+        boxed.options().bodies = bodies;
+        expect_as_one_detector(s.input(a), boxed);
+      }
+    }
+  }
+}
+
+TEST(BoxedDetector, StaticSpheresAndTags) {
+  TestScene scene = random_scene(2000, 3, 0.3, 31);
+  std::mt19937_64 random(31);
+  std::vector<std::uint8_t> is_static;
+  for (std::size_t k = 0; k < scene.spheres.size(); k++) {
+    scene.family.push_back(static_cast<std::uint32_t>(random() % 5)),
+        scene.mask.push_back(static_cast<std::uint32_t>(random() % 16)), is_static.push_back(random() % 2);
+  }
+  const Arranged a(scene, Scalar::f32);
+  Input input = a.input;
+  input.spheres.is_static = is_static.data();
+  BoxedDetector boxed(on_the_cpu(13, 2, 4));
+  expect_as_one_detector(input, boxed);
+}
+
+TEST(BoxedDetector, TheOwnRegionLimitsTheWholeScene) {
+  const TestScene scene = random_scene(2000, 3, 0.3, 41);
+  const Arranged a(scene, Scalar::f64);
+  BoxedDetector boxed(on_the_cpu(9));
+  boxed.options().own.low[0] = 5, boxed.options().own.high[2] = 20;
+  expect_as_one_detector(a.input, boxed);
+}
+
+TEST(BoxedDetector, BatchesHoldTheListAndRunOneAtATime) {
+  const TestScene scene = random_scene(20000, 1, 0.05, 43);
+  const Arranged a(scene, Scalar::f32);
+  BoxOptions o = on_the_cpu(3, 3);
+  o.detector.width = Width::normals, o.detector.scalar = Scalar::f32;
+  BoxedDetector boxed(o);
+  std::atomic<int> inside = 0;
+  std::uint64_t hash = 0, count = 0;
+  std::map<std::pair<std::uint64_t, std::uint64_t>, float> depth;
+  const BoxReport& r = boxed.detect(a.input, [&](const ContactBatch& b) {
+    EXPECT_EQ(++inside, 1);
+    EXPECT_LT(b.box, 3u);
+    EXPECT_EQ(b.width, Width::normals);
+    EXPECT_EQ(b.points, nullptr);
+    for (std::size_t k = 0; k < b.pairs.size(); k++) {
+      hash += wide_pair_hash(b.pairs[k].i, b.pairs[k].j), count++;
+      depth[{b.pairs[k].i, b.pairs[k].j}] = static_cast<const Normal<float>*>(b.normals)[k].depth;
+    }
+    inside--;
+  });
+  EXPECT_EQ(r.hash, hash);
+  EXPECT_EQ(r.contacts, count);
+  EXPECT_GT(count, std::uint64_t(3) << 16);  // several batches a box
+  Detector one = one_on_the_cpu(o.detector);
+  const Contacts& c = one.detect(a.input);
+  EXPECT_EQ(one.hash(), hash);
+  for (std::uint64_t k = 0; k < c.count; k++)
+    ASSERT_EQ((depth[{c.pairs[k].i, c.pairs[k].j}]), c.normal_span<float>()[k].depth);
+}
+
+TEST(BoxedDetector, WhatTheConsumerThrowsEndsTheCall) {
+  const Arranged a(random_scene(1000, 1, 0.3, 47), Scalar::f32);
+  BoxedDetector boxed(on_the_cpu(8, 3));
+  EXPECT_THROW(boxed.detect(a.input, [](const ContactBatch&) { throw std::out_of_range("enough"); }),
+               std::out_of_range);
+  EXPECT_EQ(boxed.hash(), 0u);
+  expect_as_one_detector(a.input, boxed);
+}
+
+std::string failure(BoxedDetector& boxed, const Input& input) {
+  try {
+    boxed.detect(input, {});
+  } catch (const Error& e) {
+    return e.what();
+  }
+  return "";
+}
+
+TEST(BoxedDetector, FaultsAreNamedAsByOneDetector) {
+  Bodied s = bodied(5);
+  s.loose.spheres[700].r = -1, s.loose.spheres[701].x = NAN;
+  const auto expect_same = [&](Bodied& given) {
+    const Arranged a(given.loose, Scalar::f64);
+    BoxedDetector boxed(on_the_cpu(8));
+    Detector one = one_on_the_cpu(on_the_cpu(1).detector);
+    std::string wanted;
+    try {
+      one.detect(given.input(a));
+    } catch (const Error& e) {
+      wanted = e.what();
+    }
+    EXPECT_NE(wanted, "");
+    EXPECT_EQ(failure(boxed, given.input(a)), wanted);
+  };
+  expect_same(s);
+  s.bodies[20].position[1] = INFINITY;
+  expect_same(s);
+  s.spheres[1][3].r = -2;
+  expect_same(s);
+  s.bodies[3].shape = 9;
+  expect_same(s);
+}
+
+TEST(BoxedDetector, OptionsAndInputsThatCannotBeMeantAreRefused) {
+  const Arranged a(random_scene(10, 1, 1, 3), Scalar::f32);
+  BoxedDetector boxed(on_the_cpu(4));
+  boxed.options().own.low[1] = NAN;
+  EXPECT_NE(failure(boxed, a.input).find("is not a number along y"), std::string::npos);
+  boxed.options() = on_the_cpu(4).detector;
+  boxed.options().threads = -1;
+  EXPECT_NE(failure(boxed, a.input).find("number of threads"), std::string::npos);
+  boxed.options().threads = 0;
+  Input device = a.input;
+  device.spheres.memory = Memory::device;
+  EXPECT_NE(failure(boxed, device).find("host memory"), std::string::npos);
+  BoxOptions absent = on_the_cpu(1);
+  absent.devices = {{BackendKind::cuda, 1000}};
+  EXPECT_THROW(BoxedDetector{absent}, Error);
+  expect_as_one_detector(a.input, boxed);
+}
+
+TEST(BoxedDetector, EveryDeviceThereIsTakesPart) {
+  const Arranged a(random_scene(30000, 4, 0.5, 59), Scalar::f32);
+  BoxOptions o = on_the_cpu(0);
+  o.devices = all_devices();
+  ASSERT_FALSE(o.devices.empty());
+  o.devices.push_back({BackendKind::omp, 0});
+  BoxedDetector boxed(o);
+  boxed.detect(a.input, {});
+  EXPECT_EQ(boxed.report().boxes, o.devices.size());
+  Detector one = one_on_the_cpu(o.detector);
+  one.detect(a.input);
+  EXPECT_EQ(boxed.hash(), one.hash());
+}
+
+TEST(WidePairHash, IsThatOfADetectorForNumbersThatADetectorHas) {
+  EXPECT_EQ(wide_pair_hash(3, 0xfffffffe), pair_hash(3, 0xfffffffe));
+  EXPECT_EQ(wide_pair_hash(0, 1), pair_hash(0, 1));
+  const std::uint64_t big = std::uint64_t(1) << 32;
+  EXPECT_NE(wide_pair_hash(3, big + 7), wide_pair_hash(3, 7));
+  EXPECT_NE(wide_pair_hash(big, big + 7), wide_pair_hash(0, big + 7));
+}
+
+}  // namespace
+}  // namespace padder::detect

@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: MIT
+// What the tests of the boxes share: comparing a BoxedDetector with one Detector and with brute force.
+#pragma once
+#include <algorithm>
+#include <atomic>
+#include <map>
+
+#include "detect/boxes/boxed_detector.h"
+#include "tests/detect/oracle.h"
+
+namespace padder::detect {
+
+inline BoxOptions on_the_cpu(std::uint32_t boxes, std::size_t devices = 1, int threads = 1) {
+  BoxOptions o;
+  o.detector.threads = threads;
+  o.detector.width = Width::points, o.detector.scalar = Scalar::f64;
+  o.devices.assign(devices, {BackendKind::omp, 0});
+  o.boxes = boxes;
+  return o;
+}
+
+// One detector, to compare with.
+inline Detector one_on_the_cpu(Options options) {
+  options.backend = BackendKind::omp;
+  return Detector(options);
+}
+
+// The records of contacts by their pair, as bytes.
+inline std::map<std::pair<std::uint32_t, std::uint32_t>, std::string> records_of(const Contacts& c) {
+  std::map<std::pair<std::uint32_t, std::uint32_t>, std::string> records;
+  for (std::uint64_t k = 0; k < c.count; k++) {
+    std::string bytes;
+    bytes.append(reinterpret_cast<const char*>(&c.normal_span<double>()[k]), sizeof(Normal<double>));
+    bytes.append(reinterpret_cast<const char*>(&c.point_span<double>()[k]), sizeof(Points<double>));
+    const bool fresh = records.emplace(std::pair(c.pairs[k].i, c.pairs[k].j), bytes).second;
+    EXPECT_TRUE(fresh) << "pair " << c.pairs[k].i << ", " << c.pairs[k].j << " was reported twice";
+  }
+  return records;
+}
+
+// The same pairs, records and hash as one Detector.
+inline void expect_as_one_detector(const Input& input, BoxedDetector& boxed) {
+  Options options = boxed.options();
+  options.memory_limit = 0;
+  Detector one = one_on_the_cpu(options);
+  const Contacts& wanted = one.detect(input);
+  const Contacts& found = boxed.detect(input);
+  ASSERT_EQ(found.count, wanted.count);
+  EXPECT_EQ(found.spheres, wanted.spheres);
+  EXPECT_EQ(boxed.hash(), one.hash());
+  EXPECT_EQ(records_of(found), records_of(wanted));
+}
+
+}  // namespace padder::detect
