@@ -48,7 +48,7 @@ struct Bucket {
 
 // Reads the bucket, counts its bins, writes their starts to the table, and puts the spheres in the order of
 // bins in shared memory. Ends without a barrier.
-template <SlotKind Kind, class Bins, class LevelOfBins>
+template <SlotKind Kind, class Bins, int Threads, class LevelOfBins>
 __device__ __forceinline__ void sort_in_shared(const Bucket<Kind, Bins>& b, const LevelOfBins& bins_here,
                                                const Places& in, std::uint32_t from, std::uint32_t width,
                                                OctaveBounds* octaves, std::uint32_t* table,
@@ -58,7 +58,7 @@ __device__ __forceinline__ void sort_in_shared(const Bucket<Kind, Bins>& b, cons
   std::uint32_t place[kMostBucketItems];  // bin and rank in it; then the place in the bucket
 #pragma unroll
   for (int u = 0; u < kMostBucketItems; u++) {
-    const std::uint32_t k = threadIdx.x + u * kWideBlock;
+    const std::uint32_t k = threadIdx.x + u * Threads;
     if (k < b.count) {
       if (kKeys) place[u] = in.keys[from + k];
       slot[u] = static_cast<const float4*>(in.slots)[from + k];
@@ -69,7 +69,7 @@ __device__ __forceinline__ void sort_in_shared(const Bucket<Kind, Bins>& b, cons
   __syncthreads();
 #pragma unroll
   for (int u = 0; u < kMostBucketItems; u++) {
-    if (threadIdx.x + u * kWideBlock >= b.count) break;
+    if (threadIdx.x + u * Threads >= b.count) break;
     const std::uint32_t bin = kKeys ? b.bin_of_key(place[u]) : b.bin_of_slot(bins_here, slot[u]);
     place[u] = atomicAdd(b.bins + bin, 1u) | bin << 16;
   }
@@ -80,7 +80,7 @@ __device__ __forceinline__ void sort_in_shared(const Bucket<Kind, Bins>& b, cons
     table[b.first_entry + width] = b.begin + b.count;  // the end of all
 #pragma unroll
   for (int u = 0; u < kMostBucketItems; u++) {
-    const std::uint32_t k = threadIdx.x + u * kWideBlock;
+    const std::uint32_t k = threadIdx.x + u * Threads;
     if (k >= b.count) break;
     place[u] = b.bins[place[u] >> 16] + (place[u] & 0xffff);
     b.slots[place[u]] = slot[u];
@@ -91,17 +91,17 @@ __device__ __forceinline__ void sort_in_shared(const Bucket<Kind, Bins>& b, cons
     std::uint32_t id[kMostBucketItems];
 #pragma unroll
     for (int u = 0; u < kMostBucketItems; u++)
-      if (threadIdx.x + u * kWideBlock < b.count) id[u] = in.ids[from + threadIdx.x + u * kWideBlock];
+      if (threadIdx.x + u * Threads < b.count) id[u] = in.ids[from + threadIdx.x + u * Threads];
 #pragma unroll
     for (int u = 0; u < kMostBucketItems; u++)
-      if (threadIdx.x + u * kWideBlock < b.count) b.numbers[place[u]] = id[u];
+      if (threadIdx.x + u * Threads < b.count) b.numbers[place[u]] = id[u];
   }
 }
 
-// One bucket a block. Kept: buckets lie in the rooms that they had in the previous call, and bounds are
-// gathered here.
-template <SlotKind Kind, class Bins, bool Kept>
-__global__ void __launch_bounds__(kWideBlock)
+// One bucket a block. Blocks half as wide are two a processor, so that one reads while the other counts.
+// Kept: buckets lie in the rooms that they had in the previous call, and bounds are gathered here.
+template <SlotKind Kind, class Bins, int Threads, bool Kept>
+__global__ void __launch_bounds__(Threads, kWideBlock / Threads)
     bucket_order_kernel(const __grid_constant__ Bins grid_bins, const __grid_constant__ Buckets buckets,
                         std::uint32_t capacity, const __grid_constant__ Starts where, Places in, Places out,
                         std::uint32_t* table, bool stable, const __grid_constant__ Gather gather,
@@ -126,7 +126,8 @@ __global__ void __launch_bounds__(kWideBlock)
   const Here b{slots, bucket_keys, numbers, bins, begin, count, first, buckets.merge};
   auto& octaves = *reinterpret_cast<OctaveBounds*>(bins + ((width + 4) & ~3u));
   const bool by_octave = Kept && kIds && gather.octaves;
-  sort_in_shared<Kind, Bins>(b, bins_here, in, from, width, by_octave ? &octaves : nullptr, table, sums);
+  sort_in_shared<Kind, Bins, Threads>(b, bins_here, in, from, width, by_octave ? &octaves : nullptr, table,
+                                      sums);
   __syncthreads();
   Bounds bounds;
   OctaveTaker taker;
@@ -155,11 +156,15 @@ __global__ void __launch_bounds__(kWideBlock)
 void order_buckets(const BucketPlan& p, const Ordered& o, const Grid& grid, cudaStream_t stream) {
   with_bins(o, grid, [&]<class Kind, class Bins>(Kind kind, const Bins& bins) {
     constexpr bool kMayKeep = kKeyless<Bins>;
-    launch_with_shared(
-        p.kept ? bucket_order_kernel<kind(), Bins, kMayKeep> : bucket_order_kernel<kind(), Bins, false>,
-        p.buckets.count, kWideBlock, p.capacity * sphere_bytes(o) + p.table_bytes, p.shared_bytes, stream,
-        bins, p.buckets, p.capacity, p.starts, p.split, p.out, o.table, p.stable, p.gather,
-        static_cast<float>(grid.level[0].radius_max), p.counters);
+    constexpr int kHalf = kWideBlock / 2;
+    const bool halved = p.threads < kWideBlock;
+    launch_with_shared(p.kept   ? halved ? bucket_order_kernel<kind(), Bins, kHalf, kMayKeep>
+                                         : bucket_order_kernel<kind(), Bins, kWideBlock, kMayKeep>
+                         : halved ? bucket_order_kernel<kind(), Bins, kHalf, false>
+                                : bucket_order_kernel<kind(), Bins, kWideBlock, false>,
+                       p.buckets.count, p.threads, p.capacity * sphere_bytes(o) + p.table_bytes,
+                       p.shared_bytes, stream, bins, p.buckets, p.capacity, p.starts, p.split, p.out, o.table,
+                       p.stable, p.gather, static_cast<float>(grid.level[0].radius_max), p.counters);
   });
 }
 

@@ -76,7 +76,8 @@ struct BucketPlan {
   std::uint32_t groups = 0;  // of buckets; 0: spheres are divided among all buckets at once
   bool kept = false;         // buckets have room by the previous call; nothing is counted
   bool stable = false;
-  // Of the block that puts a bucket in order: spheres that fit, bytes of the table.
+  // Of the block that puts a bucket in order: threads, spheres that fit, bytes of the table.
+  int threads = kWideBlock;
   std::uint32_t capacity = 0, table_bytes = 0;
   std::uint32_t shared_bytes = 0;  // that a block may have
   Places source, split, out;       // spheres as given; divided among buckets; in order

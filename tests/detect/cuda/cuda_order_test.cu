@@ -384,7 +384,7 @@ TEST_P(CudaOrderTest, BucketsAreKept) {
       for (std::size_t k = 8; k < crowd.size(); k++)
         crowd[k].x = 0.25f * crowd[k].x + 15, crowd[k].y = 0.25f * crowd[k].y + 15,
         crowd[k].z = 0.25f * crowd[k].z + 15;
-      const bool groups = GetParam().bucket_spheres < (several ? 2.5 : 5);  // of so many nothing is kept
+      const bool groups = GetParam().bucket_spheres < (several ? 5 : 10);  // of so many nothing is kept
       expect_order(orderer, summary, crowd, kind, true, true, along, true, !groups);
       EXPECT_EQ(orderer.kept(), kept);
       expect_order(orderer, summary, spheres, kind, true, true, along, false, false);
@@ -398,13 +398,13 @@ TEST_P(CudaOrderTest, BucketsAreKept) {
   }
 }
 
-// 20,000 spheres with 4 or 1 a bucket make more than are divided among in one pass.
+// 20,000 spheres with 8 or 2 a bucket make more than are divided among in one pass.
 INSTANTIATE_TEST_SUITE_P(Ways, CudaOrderTest,
                          testing::Values(Way{OrderMethod::cells, 6500, "cells"},
                                          Way{OrderMethod::buckets, 6500, "buckets"},
-                                         Way{OrderMethod::buckets, 50, "small_buckets"},
-                                         Way{OrderMethod::buckets, 4, "many_buckets"},
-                                         Way{OrderMethod::buckets, 1, "groups_of_buckets"},
+                                         Way{OrderMethod::buckets, 100, "small_buckets"},
+                                         Way{OrderMethod::buckets, 8, "many_buckets"},
+                                         Way{OrderMethod::buckets, 2, "groups_of_buckets"},
                                          Way{OrderMethod::sort, 6500, "sort"}),
                          [](const auto& info) { return std::string(info.param.name); });
 
