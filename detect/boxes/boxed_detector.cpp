@@ -60,14 +60,14 @@ class FirstFailure {
 class BoxedDetector::Work {
  public:
   explicit Work(const BoxOptions& options) : options_(options), check_(detector_on({BackendKind::omp, 0})) {
-    std::vector<BoxDevice> devices = options.devices;
+    std::vector<DeviceChoice> devices = options.devices;
     if (devices.empty()) devices.emplace_back();
     workers_.reserve(devices.size());
-    for (const BoxDevice& d : devices) workers_.emplace_back(std::make_unique<DeviceWorker>(d));
+    for (const DeviceChoice& d : devices) workers_.emplace_back(std::make_unique<DeviceWorker>(d));
     for (const auto& w : workers_) on_host_ += w->on_host();
   }
 
-  Options& options() { return options_.detector; }
+  CallOptions& options() { return options_.detector; }
   const BoxReport& report() const { return report_; }
   const BoxReport& run(const Input& input, const ContactConsumer& consumer);
   const Contacts& list(const Input& input);
@@ -101,7 +101,7 @@ class BoxedDetector::Work {
   double expected_imbalance(const Assignment& assignment) const;
   void rounds(const Assignment& assignment, const ContactConsumer& consumer);
   void run_round(std::uint32_t first, std::uint32_t count, Delivery& delivery);
-  Options options_of(const DeviceWorker& worker) const;
+  CallOptions options_of(const DeviceWorker& worker) const;
   void note_memory(const Assignment& assignment);
   void finish(const Assignment& assignment);
 
@@ -137,7 +137,7 @@ std::uint64_t BoxedDetector::Work::spheres_limit() const {
 }
 
 void BoxedDetector::Work::check(const Input& input) {
-  Options options = options_.detector;
+  CallOptions options = options_.detector;
   options.memory_limit = 0;
   check_.options() = options;
   check_.detect(Input{});
@@ -247,8 +247,8 @@ void BoxedDetector::Work::rounds(const Assignment& assignment, const ContactCons
   }
 }
 
-Options BoxedDetector::Work::options_of(const DeviceWorker& worker) const {
-  Options o = options_.detector;
+CallOptions BoxedDetector::Work::options_of(const DeviceWorker& worker) const {
+  CallOptions o = options_.detector;
   if (worker.on_host()) {
     const std::uint64_t limit = detector_limit();
     o.memory_limit = limit == ~std::uint64_t(0) ? 0 : limit;
@@ -266,7 +266,7 @@ void BoxedDetector::Work::run_round(std::uint32_t first, std::uint32_t count, De
   const int converting = std::max(1, threads() / static_cast<int>(workers_.size()));
   const auto work = [&](std::uint32_t d) {
     try {
-      const Options options = options_of(*workers_[d]);
+      const CallOptions options = options_of(*workers_[d]);
       for (std::uint32_t k = d; k < count && !failure.stop(); k = next++)
         results_[first + k] = workers_[d]->run(loads_[k], first + k, options, converting, delivery);
     } catch (...) {
@@ -368,8 +368,8 @@ const Contacts& BoxedDetector::Work::list(const Input& input) {
   return contacts_;
 }
 
-std::vector<BoxDevice> all_devices() {
-  std::vector<BoxDevice> devices;
+std::vector<DeviceChoice> all_devices() {
+  std::vector<DeviceChoice> devices;
   for (int k = 0; cuda_present(); k++) {
     try {
       detector_on({BackendKind::cuda, k});
@@ -391,6 +391,6 @@ const BoxReport& BoxedDetector::detect(const Input& input, const ContactConsumer
   return work_->run(input, consumer);
 }
 const BoxReport& BoxedDetector::report() const { return work_->report(); }
-Options& BoxedDetector::options() { return work_->options(); }
+CallOptions& BoxedDetector::options() { return work_->options(); }
 
 }  // namespace padder::detect

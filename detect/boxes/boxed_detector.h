@@ -12,24 +12,18 @@
 
 namespace padder::detect {
 
-// A processor that detects: the CPU, or one GPU.
-struct BoxDevice {
-  BackendKind backend = BackendKind::automatic;
-  int device = 0;  // number of the GPU
-};
-
 // Every GPU of this machine that this build can use; the CPU where there is none. Cost: opens each GPU.
-std::vector<BoxDevice> all_devices();
+std::vector<DeviceChoice> all_devices();
 
 // How to cut, and where to detect; the defaults make one box on one device.
 struct BoxOptions {
   // How each box is detected. `own` limits the contacts of the whole scene, `memory_limit` is for each
   // detector on a GPU, `threads` are those of all detectors on the CPU together, and `stream`, `output` and
   // the device are not read.
-  Options detector;
+  CallOptions detector;
   // One detector and one thread each; the same one may be named more than once. Empty: one device, the first
   // GPU when there is one.
-  std::vector<BoxDevice> devices;
+  std::vector<DeviceChoice> devices;
   // How many boxes at least; 0: one for each device. More are made where memory asks for it.
   std::uint32_t boxes = 0;
   // Bytes of host memory that this object may hold: copies of the spheres of the boxes in work, tables, and
@@ -71,20 +65,20 @@ class BoxedDetector {
   BoxedDetector(BoxedDetector&&) noexcept;
   BoxedDetector& operator=(BoxedDetector&&) noexcept;
 
-  // Every contact, none twice, in host memory: box by box, and in Options::order inside a box. For scenes
+  // Every contact, none twice, in host memory: box by box, and in CallOptions::order inside a box. For scenes
   // below 2^32 - 1 spheres. Valid until the next call or the end of this object.
   const Contacts& detect(const Input& input);
 
   // Hands every contact to `consumer`, each once, a batch at a time: for lists that memory does not hold, and
-  // for scenes of any size. Within a box the order is Options::order; boxes come as they are done. An empty
-  // consumer only counts. A call that throws may have delivered a part before.
+  // for scenes of any size. Within a box the order is CallOptions::order; boxes come as they are done. An
+  // empty consumer only counts. A call that throws may have delivered a part before.
   const BoxReport& detect(const Input& input, const ContactConsumer& consumer);
 
   const BoxReport& report() const;  // of the last call
   std::uint64_t hash() const { return report().hash; }
 
   // The same as for a Detector; not `backend` and `device`.
-  Options& options();
+  CallOptions& options();
 
  private:
   class Work;

@@ -39,17 +39,13 @@ const void* advanced(const void* array, std::uint64_t bytes) {
 
 }  // namespace
 
-Detector detector_on(const BoxDevice& device) {
-  Options options;
-  options.backend = device.backend, options.device = device.device;
-  return Detector(options);
-}
+Detector detector_on(const DeviceChoice& device) { return Detector(device); }
 
 void BoxResult::add(const BoxResult& more) {
   contacts += more.contacts, hash += more.hash, doubtful += more.doubtful, splits += more.splits;
 }
 
-DeviceWorker::DeviceWorker(const BoxDevice& device) : device_(device), detector_(detector_on(device)) {
+DeviceWorker::DeviceWorker(const DeviceChoice& device) : device_(device), detector_(detector_on(device)) {
   on_host_ = std::string_view(detector_.backend()) == "omp";
 }
 
@@ -62,7 +58,7 @@ void DeviceWorker::fail(const std::string& reason) const {
               (on_host_ ? "the CPU" : "GPU " + std::to_string(device_.device)) + ": " + reason);
 }
 
-BoxResult DeviceWorker::run(const BoxLoad& load, std::uint32_t box, const Options& options, int threads,
+BoxResult DeviceWorker::run(const BoxLoad& load, std::uint32_t box, const CallOptions& options, int threads,
                             Delivery& delivery) {
   options_ = options, box_ = box, threads_ = threads;
   options_.output = Memory::host, options_.stream = nullptr;

@@ -11,7 +11,7 @@
 namespace padder::detect {
 
 // Throws Error when the device is not to be had.
-Detector detector_on(const BoxDevice& device);
+Detector detector_on(const DeviceChoice& device);
 
 // What a box gave, or several together.
 struct BoxResult {
@@ -29,7 +29,7 @@ struct Delivery {
 class DeviceWorker {
  public:
   // Throws Error when the device is not to be had.
-  explicit DeviceWorker(const BoxDevice& device);
+  explicit DeviceWorker(const DeviceChoice& device);
 
   bool on_host() const { return on_host_; }
   // Bytes of host memory held here: those of the detector on a GPU are not.
@@ -40,7 +40,7 @@ class DeviceWorker {
   // halved, again and again if need be, and its halves are detected one after the other. Throws Error, which
   // names the device and the box, when halving does not help. `threads` are for converting the contacts, and
   // options.threads for detecting.
-  BoxResult run(const BoxLoad& load, std::uint32_t box, const Options& options, int threads,
+  BoxResult run(const BoxLoad& load, std::uint32_t box, const CallOptions& options, int threads,
                 Delivery& delivery);
 
  private:
@@ -49,13 +49,13 @@ class DeviceWorker {
   BoxResult deliver(const BoxLoad& load, const Contacts& contacts, Delivery& delivery);
   [[noreturn]] void fail(const std::string& reason) const;
 
-  BoxDevice device_;
+  DeviceChoice device_;
   Detector detector_;
   bool on_host_;
   std::uint64_t peak_of_splits_ = 0;
   std::vector<WidePair> pairs_;
   // of the run
-  Options options_;
+  CallOptions options_;
   std::uint32_t box_ = 0;
   int threads_ = 1;
 };

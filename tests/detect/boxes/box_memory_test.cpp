@@ -10,7 +10,7 @@ namespace padder::detect {
 namespace {
 
 std::uint64_t hash_of_one(const Input& input) {
-  Options o = on_the_cpu(1, 1, 2).detector;
+  CallOptions o = on_the_cpu(1, 1, 2).detector;
   o.width = Width::pairs;
   Detector one = one_on_the_cpu(o);
   one.detect(input);

@@ -20,9 +20,8 @@ inline BoxOptions on_the_cpu(std::uint32_t boxes, std::size_t devices = 1, int t
 }
 
 // One detector, to compare with.
-inline Detector one_on_the_cpu(Options options) {
-  options.backend = BackendKind::omp;
-  return Detector(options);
+inline Detector one_on_the_cpu(const CallOptions& options) {
+  return Detector(DeviceChoice{BackendKind::omp}, options);
 }
 
 // The records of contacts by their pair, as bytes.
@@ -40,7 +39,7 @@ inline std::map<std::pair<std::uint32_t, std::uint32_t>, std::string> records_of
 
 // The same pairs, records and hash as one Detector.
 inline void expect_as_one_detector(const Input& input, BoxedDetector& boxed) {
-  Options options = boxed.options();
+  CallOptions options = boxed.options();
   options.memory_limit = 0;
   Detector one = one_on_the_cpu(options);
   const Contacts& wanted = one.detect(input);
