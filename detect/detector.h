@@ -21,7 +21,7 @@ enum class Scalar : std::uint8_t { f32, f64 };
 template <class T>
 concept RealNumber = std::is_same_v<T, float> || std::is_same_v<T, double>;
 template <RealNumber T>
-inline constexpr Scalar scalar_of = std::is_same_v<T, float> ? Scalar::f32 : Scalar::f64;
+inline constexpr Scalar kScalarOf = std::is_same_v<T, float> ? Scalar::f32 : Scalar::f64;
 
 // N spheres in the caller's memory. The detector reads them only while detect() runs. A stride counts
 // numbers, not bytes.
@@ -40,7 +40,7 @@ struct Spheres {
 };
 template <RealNumber T>
 Spheres spheres_of(std::uint64_t count, const T* centers, const T* radii, Memory memory = Memory::host) {
-  return {count, scalar_of<T>, memory, centers, radii};
+  return {count, kScalarOf<T>, memory, centers, radii};
 }
 
 // What detect() tests. All spheres are numbered in one sequence: first those of bodies[0], then those of
@@ -196,14 +196,14 @@ struct Contacts {
   template <RealNumber T>
   std::span<const Normal<T>> normal_span() const {
     if (width == Width::pairs) return {};
-    check_scalar(scalar_of<T>);
+    check_scalar(kScalarOf<T>);
     return {static_cast<const Normal<T>*>(normals), normals ? count : 0};
   }
   // The points; empty unless Width::points. T as for normal_span().
   template <RealNumber T>
   std::span<const Points<T>> point_span() const {
     if (width != Width::points) return {};
-    check_scalar(scalar_of<T>);
+    check_scalar(kScalarOf<T>);
     return {static_cast<const Points<T>*>(points), points ? count : 0};
   }
 

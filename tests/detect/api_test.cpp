@@ -139,7 +139,7 @@ TEST(Api, OlderSourcesStillChooseByOptions) {
 
 // Whoever meets a deprecated name is told what to write instead.
 TEST(Api, DeprecatedNamesSayWhatReplacesThem) {
-  const std::filesystem::path folder = std::filesystem::path(__FILE__).parent_path() / "../../detect";
+  const std::filesystem::path folder = std::filesystem::path(PADDER_ASSETS) / "../detect";
   if (!std::filesystem::exists(folder)) GTEST_SKIP() << "the sources are not on this machine: " << folder;
   const std::regex deprecated("\\[\\[deprecated(\\(\"([^\"]*)\"\\))?");
   int found = 0;

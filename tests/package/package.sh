@@ -13,7 +13,7 @@ step=$1 source=$2 build=$3 work=$4 cxx=$5
 export CXX=$cxx
 unset DESTDIR
 # A tree of its own that a changed compiler or prefix cannot have spoilt.
-configure() { cmake -S "$1" -B "$2" -G Ninja -DCMAKE_BUILD_TYPE=Debug "${@:3}"; }
+configure() { cmake --fresh -S "$1" -B "$2" -G Ninja -DCMAKE_BUILD_TYPE=Debug "${@:3}"; }
 
 case $step in
   install)

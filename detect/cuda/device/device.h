@@ -69,9 +69,12 @@ inline TestLimits test_limits;
 class ScopedTestLimits {
  public:
   explicit ScopedTestLimits(const TestLimits& limits) { test_limits = limits; }
-  ~ScopedTestLimits() { test_limits = {}; }
+  ~ScopedTestLimits() { test_limits = before_; }
   ScopedTestLimits(const ScopedTestLimits&) = delete;
   ScopedTestLimits& operator=(const ScopedTestLimits&) = delete;
+
+ private:
+  const TestLimits before_ = test_limits;
 };
 
 // Why the detector does not run on a GPU of this compute capability; "" if it does. `has_code`: this build
