@@ -7,6 +7,9 @@
 // buckets, each gets a little more room than it needed then, and what it needs now is counted along.
 #include "detect/cuda/order/buckets.h"
 
+#include <algorithm>
+#include <cmath>
+
 #include "detect/cuda/device/device.h"
 
 namespace padder::detect::cuda {
@@ -46,22 +49,25 @@ bool choose_plan(const Grid& grid, const Ordered& o, double bucket_spheres, Buck
   const std::uint32_t portion = choose_portion(shared);
   if (portion == 0 || portion_bytes(portion, 1u << kGroupBits) > shared) return false;
   const std::uint32_t at_once = std::min(kMostAtOnce, ((shared - portion * 18) / 4 - 1) / 2);
-  bucket_spheres *= std::min(1.0, static_cast<double>(shared) / tuning::kBucketShared);
   const bool halved = o.count <= tuning::kHalvedBuckets;
   p.threads = halved ? kWideBlock / 2 : kWideBlock;
-  const std::uint32_t room = halved ? shared / 2 : shared, bytes = sphere_bytes(o);
+  const std::uint32_t parts = halved ? 2 : 1, room = shared / parts, bytes = sphere_bytes(o),
+                      octaves = has_ids(o) ? sizeof(OctaveBounds) : 0;
+  if (room <= octaves) return false;
+  // Where a device offers less, buckets are as much smaller as what is left for their spheres.
+  const double aim = bucket_spheres / parts *
+                     std::min(1.0, double(room - octaves) / (tuning::kBucketShared / parts - octaves));
   // No more entries than leave room for the spheres, nor than 16 bits can number. Chance fills a bucket with
   // more than its aim, small ones by a larger share.
-  const double aim = halved ? bucket_spheres / 2 : bucket_spheres,
-               most = aim + std::max(0.12 * aim, 6.8 * std::sqrt(aim)),
-               widest = std::min((room - most * bytes) / 4 - 4, 65535.0);
+  const double most = aim + std::max(0.12 * aim, 6.8 * std::sqrt(aim)),
+               widest = std::min((room - octaves - most * bytes) / 4 - 4, 65535.0);
   if (widest < 64) return false;
   p.buckets = choose_buckets(grid, o, aim, widest);
   p.buckets.portion_spheres = portion;
   if (p.buckets.count > std::min(kMostBuckets, shared / 4 - 1)) return false;
   const bool grouped = p.buckets.count > at_once;
   p.groups = grouped ? (p.buckets.count + (1u << kGroupBits) - 1) >> kGroupBits : 0;
-  p.table_bytes = ((p.buckets.widest + 4) & ~3u) * 4 + (has_ids(o) ? sizeof(OctaveBounds) : 0);
+  p.table_bytes = ((p.buckets.widest + 4) & ~3u) * 4 + octaves;
   p.capacity = std::min<std::uint32_t>((room - p.table_bytes) / bytes, kMostBucketItems * p.threads) & ~3u;
   return true;
 }
