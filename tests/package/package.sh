@@ -12,8 +12,12 @@ set -euo pipefail
 step=$1 source=$2 build=$3 work=$4 cxx=$5
 export CXX=$cxx
 unset DESTDIR
-# A tree of its own that a changed compiler or prefix cannot have spoilt.
-configure() { cmake --fresh -S "$1" -B "$2" -G Ninja -DCMAKE_BUILD_TYPE=Debug "${@:3}"; }
+# A tree of its own that a changed compiler or prefix cannot have spoilt. What an earlier run has found is forgotten, what it
+# has compiled is kept.
+configure() {
+  rm -f "$2/CMakeCache.txt"
+  cmake -S "$1" -B "$2" -G Ninja -DCMAKE_BUILD_TYPE=Debug "${@:3}"
+}
 
 case $step in
   install)
