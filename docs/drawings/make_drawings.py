@@ -15,6 +15,9 @@ BLUE, ORANGE, GREEN, RED = "#2f6fb2", "#d9822b", "#3a8f5a", "#c23b3b"
 PALE_BLUE, PALE_ORANGE, PALE_GREEN, PALE_GREY = "#dbe8f5", "#fbe6cf", "#dcefe2", "#f1f1f1"
 
 
+ROOT = pathlib.Path(__file__).resolve().parent.parent.parent
+
+
 def number(x):
     """Two decimals, no trailing zeros and no minus before a zero: the same text on every machine."""
     text = f"{x:.2f}".rstrip("0").rstrip(".")
@@ -287,7 +290,52 @@ def coarse_to_fine():
     return d
 
 
-DRAWINGS = {"grid": grid, "midpoint": midpoint, "medial_ball": medial_ball, "pipeline": pipeline, "coarse_to_fine": coarse_to_fine}
+def rooms():
+    """The folders of padding/ and detect/ as the house test sees them: an arrow says that headers there include headers here."""
+    sys.dont_write_bytecode = True
+    sys.path.insert(0, str(ROOT / "tests" / "house"))
+    import house_test
+    tree = house_test.Tree(str(ROOT))
+    graph = {a: {b for b in others if b.startswith(("padding", "detect"))} for a, others in house_test.folder_graph(tree).items()
+             if a.startswith(("padding", "detect"))}
+    names = sorted(set(graph) | {b for others in graph.values() for b in others})
+    below = {}
+
+    def reached(a):
+        if a not in below:
+            below[a] = set().union(*({b} | reached(b) for b in graph.get(a, ())))
+        return below[a]
+
+    height = {}
+    for a in sorted(names, key=lambda a: len(reached(a))):  # what a room includes comes before it
+        height[a] = 1 + max((height[b] for b in graph.get(a, ())), default=-1)
+    gpl = {pathlib.PurePosixPath(f).parent.as_posix() for f in tree.text if tree.licence(f).startswith("GPL")}
+    width, step = 150, 74
+    top = max(height.values())
+    d = Drawing(1300, 60 + (top + 1) * step, "The folders of padding and detect, and which includes which")
+    d.text(30, 30, "A folder includes only folders below it", 17, weight="bold")
+    d.box(760, 17, 14, 14, PALE_BLUE, BLUE)
+    d.text(782, 29, "MIT", 14)
+    d.box(830, 17, 14, 14, PALE_ORANGE, ORANGE)
+    d.text(852, 29, "GPL: includes CGAL, or what does", 14)
+    place = {}
+    for level in range(top + 1):
+        for half, left, room in (("detect", 20, 560), ("padding", 600, 680)):
+            row = [a for a in names if height[a] == level and a.startswith(half)]
+            for k, a in enumerate(row):
+                place[a] = (left + (k + 0.5) * (room / len(row)), 50 + (top - level) * step + 20)
+    for a in names:  # without those arrows that follow from others
+        for b in sorted(graph.get(a, ())):
+            if not any(b in reached(c) for c in graph[a] if c != b):
+                d.line(place[a][0], place[a][1] + 16, place[b][0], place[b][1] - 16, QUIET, 1.2, arrow=True)
+    for a in names:
+        x, y = place[a]
+        d.box(x - width / 2, y - 15, width, 30, *((PALE_ORANGE, ORANGE) if a in gpl else (PALE_BLUE, BLUE)), 1.5, 5)
+        d.text(x, y + 5, a, 13, anchor="middle")
+    return d
+
+
+DRAWINGS = {"rooms": rooms, "grid": grid, "midpoint": midpoint, "medial_ball": medial_ball, "pipeline": pipeline, "coarse_to_fine": coarse_to_fine}
 
 
 def main():
