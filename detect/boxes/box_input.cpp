@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <string>
 
+#include "detect/core/errors.h"
 #include "padding/asset/error.h"
 
 namespace padder::detect {
@@ -17,17 +18,8 @@ void take_pose(const From& from, Body& to) {
 }  // namespace
 
 void check_box_input(const Input& input) {
+  check_arrays(input);
   const Spheres& s = input.spheres;
-  for (std::size_t k = 0; k < input.bodies.size(); k++)
-    if (input.bodies[k].shape >= input.shapes.size())
-      throw Error("body " + std::to_string(k) + " names shape " + std::to_string(input.bodies[k].shape) +
-                  ", but there are " + std::to_string(input.shapes.size()));
-  for (std::size_t k = 0; k < input.shapes.size(); k++)
-    if (input.shapes[k].count && !input.shapes[k].spheres)
-      throw Error("shape " + std::to_string(k) + " has spheres but no pointer to them");
-  if (s.count && (!s.centers || !s.radii))
-    throw Error("the loose spheres need a pointer to centres and one to radii");
-  if (s.center_stride < 3) throw Error("the stride of the centres must be at least 3 numbers");
   if ((s.count && s.memory == Memory::device) || (input.poses && input.pose_memory == Memory::device))
     throw Error(
         "detection by boxes reads spheres and poses from host memory: copy them, or use one Detector");

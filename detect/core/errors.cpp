@@ -15,7 +15,7 @@ std::string formatted(double v) {
   return text;
 }
 
-void check_input(const Input& input, bool device_memory_allowed, bool known) {
+void check_arrays(const Input& input, bool known) {
   const Spheres& s = input.spheres;
   for (std::size_t k = 0; !known && k < input.bodies.size(); k++)
     if (input.bodies[k].shape >= input.shapes.size())
@@ -27,6 +27,11 @@ void check_input(const Input& input, bool device_memory_allowed, bool known) {
   if (s.count && (!s.centers || !s.radii))
     throw Error("the loose spheres need a pointer to centres and one to radii");
   if (s.center_stride < 3) throw Error("the stride of the centres must be at least 3 numbers");
+}
+
+void check_input(const Input& input, bool device_memory_allowed, bool known) {
+  const Spheres& s = input.spheres;
+  check_arrays(input, known);
   if (s.memory == Memory::device && s.count && !device_memory_allowed)
     throw Error(
         "the spheres lie in device memory, which the OpenMP backend cannot read: copy them or choose cuda");

@@ -14,8 +14,10 @@ std::string formatted(double v);
 
 // Throws Error for options that no backend can carry out.
 void check_options(const CallOptions& options);
-// Throws Error if pointers, counts or shapes of the input are wrong. `known`: the previous call checked the
-// bodies.
+// Throws Error if a shape that is named, a pointer or a stride is missing. `known`: the previous call checked
+// the bodies.
+void check_arrays(const Input& input, bool known = false);
+// The same, and whether one detector can read the memory and number the spheres and bodies.
 void check_input(const Input& input, bool device_memory_allowed, bool known = false);
 // Throws Error if lengths of this scene do not fit the records that are asked for.
 void check_range(const Summary& summary, const CallOptions& options);
