@@ -113,14 +113,16 @@ void widen(std::string_view in, std::uint64_t at, std::uint64_t extra, std::uint
   throw Error(where + ": the archive's directory is damaged");
 }
 
-NpyArray npy_from_bytes(std::string_view in, const std::string& where) {
+}  // namespace
+
+NpyView npy_view(std::string_view in, const std::string& where) {
   const auto fail = [&](const std::string& what) { throw Error(where + ": " + what); };
   if (in.size() < 12 || in.substr(0, 6) != "\x93NUMPY") fail("no NumPy array");
   const int wide = in[6] == 1 ? 2 : 4;
   const std::uint64_t length = get(in, 8, wide, where), begin = 8 + static_cast<std::uint64_t>(wide) + length;
   if (begin > in.size()) fail("the array is cut off");
   const std::string header(in.substr(8 + static_cast<std::uint64_t>(wide), length));
-  NpyArray a;
+  NpyView a;
   const auto descr = header.find("'descr':");
   const auto quote = descr == std::string::npos ? descr : header.find('\'', descr + 8);
   if (quote == std::string::npos || quote + 3 >= header.size()) fail("structured arrays are not read");
@@ -152,6 +154,8 @@ NpyArray npy_from_bytes(std::string_view in, const std::string& where) {
   a.bytes = in.substr(begin);
   return a;
 }
+
+namespace {
 
 template <class From, class T>
 std::vector<T> converted(const NpyArray& a) {
@@ -244,7 +248,7 @@ std::string npz_bytes(const Npz& arrays) {
   return out;
 }
 
-Npz npz_from_bytes(std::string_view in, const std::string& where) {
+std::map<std::string, std::string_view> npz_entries(std::string_view in, const std::string& where) {
   const auto end = in.rfind("PK\x05\x06");
   if (end == std::string_view::npos) throw Error(where + ": not an .npz archive");
   const std::uint64_t files = get(in, end + 10, 2, where);
@@ -254,7 +258,7 @@ Npz npz_from_bytes(std::string_view in, const std::string& where) {
       throw Error(where + ": the archive's end is damaged");
     at = get(in, get(in, end - 12, 8, where) + 48, 8, where);
   }
-  Npz arrays;
+  std::map<std::string, std::string_view> entries;
   for (std::uint64_t k = 0; k < files; k++) {
     if (get(in, at, 4, where) != 0x02014b50) throw Error(where + ": the archive's directory is damaged");
     const std::uint64_t method = get(in, at + 10, 2, where), name_size = get(in, at + 28, 2, where);
@@ -269,10 +273,18 @@ Npz npz_from_bytes(std::string_view in, const std::string& where) {
     const std::uint64_t data = local + 30 + get(in, local + 26, 2, where) + get(in, local + 28, 2, where);
     if (data > in.size() || in.size() - data < size) throw Error(where + ": the archive is cut off");
     if (name.ends_with(".npy")) name.resize(name.size() - 4);
-    const std::string array = where + ": " + excerpt(name);
-    if (!arrays.emplace(name, npy_from_bytes(in.substr(data, size), array)).second)
-      throw Error(array + " stands twice in the archive: remove one");
+    if (!entries.emplace(name, in.substr(data, size)).second)
+      throw Error(where + ": " + excerpt(name) + " stands twice in the archive: remove one");
     at += 46 + name_size + extra + comment;
+  }
+  return entries;
+}
+
+Npz npz_from_bytes(std::string_view in, const std::string& where) {
+  Npz arrays;
+  for (const auto& [name, entry] : npz_entries(in, where)) {
+    const NpyView v = npy_view(entry, where + ": " + excerpt(name));
+    arrays.emplace(name, NpyArray{v.kind, v.size, v.shape, std::string(v.bytes)});
   }
   return arrays;
 }

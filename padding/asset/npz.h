@@ -26,6 +26,14 @@ struct NpyArray {
 
 using Npz = std::map<std::string, NpyArray>;
 
+// The same inside memory that somebody else holds, a mapped file say.
+struct NpyView {
+  char kind = 'f';
+  int size = 8;
+  std::vector<std::uint64_t> shape;
+  std::string_view bytes;
+};
+
 template <class T>
 NpyArray npy_array(const T* data, std::vector<std::uint64_t> shape) {
   NpyArray a;
@@ -79,7 +87,11 @@ class NpzWriter {
 // The archive as bytes, arrays in alphabetical order.
 std::string npz_bytes(const Npz& arrays);
 
-// Throws Error, which begins with `where`, for anything but an archive of uncompressed little-endian arrays.
+// These throw Error, which begins with `where`, for anything but uncompressed little-endian arrays. The .npy
+// files of an archive, by their names without that ending; one of them, or a .npy file by itself; all arrays
+// of an archive, copied.
+std::map<std::string, std::string_view> npz_entries(std::string_view bytes, const std::string& where);
+NpyView npy_view(std::string_view bytes, const std::string& where);
 Npz npz_from_bytes(std::string_view bytes, const std::string& where);
 
 }  // namespace padder
