@@ -11,37 +11,22 @@
 #include <CGAL/Polygon_mesh_processing/self_intersections.h>
 #include <CGAL/Polygon_mesh_processing/stitch_borders.h>
 #include <CGAL/Polygon_mesh_processing/triangulate_hole.h>
-#include <CGAL/alpha_wrap_3.h>
 
 #include <Eigen/Geometry>
 #include <algorithm>
 
 #include "padding/asset/error.h"
 #include "padding/meshing/cgal_mesh.h"
+#include "padding/meshing/wrap.h"
 
 namespace padder {
 namespace {
 
 namespace pmp = CGAL::Polygon_mesh_processing;
 
-struct Soup {
-  std::vector<CgalPoint> points;
-  std::vector<std::vector<std::size_t>> triangles;
-};
-
 std::string count_of(std::size_t n, const std::string& one) {
   return std::to_string(n) + " " + one + (n == 1 ? "" : "s");
 }
-
-// Collects what was done as "a; b; c".
-class Report {
- public:
-  void add(const std::string& sentence) { text_ += (text_.empty() ? "" : "; ") + sentence; }
-  std::string text() const { return text_.empty() ? "none needed" : text_; }
-
- private:
-  std::string text_;
-};
 
 // Drops triangles without area. They carry no surface, and three points on a line would spoil the normals
 // nearby.
@@ -106,26 +91,6 @@ bool looks_like_sheet(const Mesh& mesh) {
   return facing > 0.999 * area;
 }
 
-Repaired wrap(const Soup& soup, const RepairOptions& options, double diagonal, Report report,
-              const std::string& why) {
-  Repaired out;
-  out.kind = BodyKind::wrap;
-  const double accuracy = options.accuracy > 0 ? options.accuracy : diagonal / 500;
-  out.alpha = options.alpha > 0 ? options.alpha : std::clamp(2.75 * accuracy, diagonal / 400, diagonal / 150);
-  out.offset = options.offset > 0 ? options.offset : std::min(accuracy / 3, diagonal / 1500);
-  std::vector<std::array<std::size_t, 3>> triangles;
-  for (const auto& t : soup.triangles) triangles.push_back({t[0], t[1], t[2]});
-  CgalMesh mesh;
-  CGAL::alpha_wrap_3(soup.points, triangles, out.alpha, out.offset, mesh);
-  out.mesh = from_cgal(mesh), out.checked = true;
-  char settings[100];
-  std::snprintf(settings, sizeof settings, "alpha %.3g %%, offset %.3g %% of the diagonal",
-                100 * out.alpha / diagonal, 100 * out.offset / diagonal);
-  report.add("wrapped (" + why + "; " + settings + ")");
-  out.report = report.text();
-  return out;
-}
-
 Repaired as_given(Soup soup, const std::string& name) {
   pmp::merge_duplicate_points_in_polygon_soup(soup.points, soup.triangles);
   if (!pmp::is_polygon_soup_a_polygon_mesh(soup.triangles))
@@ -148,7 +113,7 @@ Repaired repaired(Soup soup, const Mesh& input, const RepairOptions& options, co
   const double diagonal = input.bounds().diagonal();
   if (options.mode == RepairMode::never) return as_given(std::move(soup), name);
 
-  Report report;
+  RepairReport report;
   if (const std::size_t flat = input.triangles.size() - soup.triangles.size())
     report.add("dropped " + count_of(flat, "triangle") + " without area");
   const std::size_t before = soup.triangles.size();

@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "padding/meshing/wrap.h"
+
+#include <CGAL/alpha_wrap_3.h>
+
+#include <algorithm>
+#include <cstdio>
+
+namespace padder {
+
+Repaired wrap(const Soup& soup, const RepairOptions& options, double diagonal, RepairReport report,
+              const std::string& why) {
+  Repaired out;
+  out.kind = BodyKind::wrap;
+  const double accuracy = options.accuracy > 0 ? options.accuracy : diagonal / 500;
+  out.alpha = options.alpha > 0 ? options.alpha : std::clamp(2.75 * accuracy, diagonal / 400, diagonal / 150);
+  out.offset = options.offset > 0 ? options.offset : std::min(accuracy / 3, diagonal / 1500);
+  std::vector<std::array<std::size_t, 3>> triangles;
+  for (const auto& t : soup.triangles) triangles.push_back({t[0], t[1], t[2]});
+  CgalMesh mesh;
+  CGAL::alpha_wrap_3(soup.points, triangles, out.alpha, out.offset, mesh);
+  out.mesh = from_cgal(mesh), out.checked = true;
+  char settings[100];
+  std::snprintf(settings, sizeof settings, "alpha %.3g %%, offset %.3g %% of the diagonal",
+                100 * out.alpha / diagonal, 100 * out.offset / diagonal);
+  report.add("wrapped (" + why + "; " + settings + ")");
+  out.report = report.text();
+  return out;
+}
+
+}  // namespace padder
