@@ -56,6 +56,8 @@ class Surface {
   // The number of edges along which the directions of the triangles do not cancel. With none, the surface is
   // closed and has an inside. Triangles meet where they share indices, not positions.
   std::size_t open_edges() const { return solid_ ? solid_->open_edges_ : open_edges_; }
+  // Can any point be inside?
+  bool has_inside() const { return !solid_ || !solid_->slots_.empty(); }
   bool closed() const { return open_edges() == 0 && (solid_ || !slots_.empty()); }
 
   // The sum of the signed crossings of a ray from p with the triangles of `mesh`, without those to `skip`:
