@@ -312,7 +312,7 @@ Nearest Surface::signed_nearest(const Point& p) const {
 }
 
 std::optional<int> Surface::winding_number(const Point& p) const {
-  if (solid_) return solid_->slots_.empty() ? std::optional<int>(0) : solid_->winding_number(p);
+  if (solid_) return winding_in_solid(p);
   if (!closed()) return std::nullopt;
   if ((p.array() < bounds_.low.array()).any() || (p.array() > bounds_.high.array()).any()) return 0;
   // Directions without a pattern, so that no mesh has faces along them. A ray that grazes an edge gives no
@@ -355,6 +355,18 @@ bool meets(const double* low, const double* high, const Point& p, const Vector& 
 }
 
 }  // namespace
+
+// A point on a wall inside the body has no winding number. All points nearer to it than `mesh` is lie on the
+// same side of the body's boundary.
+std::optional<int> Surface::winding_in_solid(const Point& p) const {
+  if (solid_->slots_.empty()) return 0;
+  if (const auto winding = solid_->winding_number(p)) return winding;
+  const double apart = nearest(p).distance;
+  if (!(apart > 0) || !std::isfinite(apart)) return std::nullopt;
+  for (const Vector& d : ray_directions())
+    if (const auto winding = solid_->winding_number(p + 0.5 * apart * d)) return winding;
+  return std::nullopt;
+}
 
 const std::vector<Vector>& Surface::ray_directions() {
   static const std::vector<Vector> directions = [] {

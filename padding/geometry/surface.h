@@ -88,6 +88,7 @@ class Surface {
     std::uint32_t triangle;
   };
 
+  std::optional<int> winding_in_solid(const Point& p) const;
   static std::uint32_t build(std::vector<Node>& nodes, std::vector<std::uint32_t>& order,
                              const std::vector<Box>& boxes, std::uint32_t begin, std::uint32_t end);
   void find_normals();

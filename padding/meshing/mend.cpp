@@ -20,9 +20,10 @@ namespace {
 constexpr double crack_width = 1e-4;
 // A hole as narrow as this share of the diagonal is closed however long it is.
 constexpr double narrow_hole = 1e-3;
-// An open piece is a solid with holes if its longest rim is at most so many of its diagonals, and if the mean
-// winding number of what is there, over what the patches would enclose, is at least this.
-constexpr double longest_rim = 1.25, least_winding = 0.8;
+// An open piece is a solid with holes if the mean winding number of what is there, over what the patches
+// would enclose, is at least this: the larger for any rim, the smaller for one of at most so many diagonals
+// of the piece. A cube without its lid has 0.8 and a rim of 2.3 diagonals, half of a ball 0.7 and 2.2.
+constexpr double sure_winding = 0.95, least_winding = 0.8, longest_rim = 1.25;
 // A piece that encloses less than this share of (its area)^1.5 encloses nothing.
 constexpr double least_volume = 1e-7;
 
@@ -151,8 +152,9 @@ class Mender {
       if (!(volume > least_volume * std::pow(area, 1.5))) continue;
       group.winding = 1;
       if (group.rim > 0) group.winding = mean_winding(group, *closed);
-      group.solid = options_.mode == RepairMode::fill ||
-                    (group.rim <= longest_rim * group.diagonal && group.winding >= least_winding);
+      group.solid =
+          options_.mode == RepairMode::fill ||
+          group.winding >= (group.rim <= longest_rim * group.diagonal ? least_winding : sure_winding);
     }
   }
 

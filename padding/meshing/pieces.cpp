@@ -233,23 +233,58 @@ std::vector<DirectedEdge> missing_edges(const Mesh& mesh, const std::vector<std:
   return missing;
 }
 
-Pieces find_pieces(const Mesh& soup) {
-  Pieces out;
-  out.mesh = merged(soup);
-  const std::size_t n = out.mesh.triangles.size();
-  std::vector<std::uint32_t> all(n), parent(n);
-  std::iota(all.begin(), all.end(), 0u), std::iota(parent.begin(), parent.end(), 0u);
-  const std::vector<Side> sides = sides_of(out.mesh, all);
+namespace {
+
+// The triangles that hang together by the edges for which join(number of triangles) holds, in their order.
+template <class Join>
+std::vector<std::vector<std::uint32_t>> connected(const Mesh& mesh,
+                                                  const std::vector<std::uint32_t>& triangles, Join&& join) {
+  std::vector<std::uint32_t> parent(mesh.triangles.size());
+  std::iota(parent.begin(), parent.end(), 0u);
+  const std::vector<Side> sides = sides_of(mesh, triangles);
   for_edges(sides, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t k = begin + 1; k < end; k++) {
+    for (std::size_t k = begin + 1; k < end && join(end - begin); k++) {
       const auto a = root_of(parent, sides[begin].triangle), b = root_of(parent, sides[k].triangle);
       parent[std::max(a, b)] = std::min(a, b);
     }
   });
-  std::vector<std::vector<std::uint32_t>> members(n);
-  for (std::uint32_t t = 0; t < n; t++) members[root_of(parent, t)].push_back(t);
-  for (auto& triangles : members)
-    if (!triangles.empty()) out.pieces.push_back(PieceWork(out.mesh, std::move(triangles), out).run());
+  std::vector<std::vector<std::uint32_t>> members(mesh.triangles.size());
+  for (const auto t : triangles) members[root_of(parent, t)].push_back(t);
+  std::erase_if(members, [](const auto& m) { return m.empty(); });
+  return members;
+}
+
+}  // namespace
+
+Pieces find_pieces(const Mesh& soup) {
+  Pieces out;
+  out.mesh = merged(soup);
+  std::vector<std::uint32_t> all(out.mesh.triangles.size()), rest;
+  std::iota(all.begin(), all.end(), 0u);
+  // A part that closes without the others that share an edge with it is a body of its own.
+  for (auto& part : connected(out.mesh, all, [](std::size_t n) { return n == 2; })) {
+    const auto sides = sides_of(out.mesh, part);
+    bool pairs = true;
+    for_edges(sides, [&](std::size_t begin, std::size_t end) { pairs = pairs && (end - begin) % 2 == 0; });
+    if (!pairs) {
+      rest.insert(rest.end(), part.begin(), part.end());
+      continue;
+    }
+    const std::size_t repeated = out.repeated, turned = out.turned;
+    std::vector<Corners> given;
+    for (const auto t : part) given.push_back(out.mesh.triangles[t]);
+    Piece piece = PieceWork(out.mesh, part, out).run();
+    if (piece.closed && piece.triangles.size() == part.size()) {
+      out.pieces.push_back(std::move(piece));
+      continue;
+    }
+    for (std::size_t k = 0; k < part.size(); k++) out.mesh.triangles[part[k]] = given[k];
+    out.repeated = repeated, out.turned = turned;
+    rest.insert(rest.end(), part.begin(), part.end());
+  }
+  std::sort(rest.begin(), rest.end());
+  for (auto& part : connected(out.mesh, rest, [](std::size_t) { return true; }))
+    out.pieces.push_back(PieceWork(out.mesh, std::move(part), out).run());
   return out;
 }
 
