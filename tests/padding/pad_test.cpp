@@ -330,7 +330,7 @@ TEST(Pad, WithinIsAboutTheInputAlsoForAWrap) {
       joined(joined(shapes::box({0, 0, 0}, {1, 1, 0.4}, 2), shapes::box({0, 0, 0.41}, {1, 1, 0.8}, 2)),
              shapes::box({0.2, 0.2, 0.3}, {0.3, 0.3, 0.5}));
   PadOptions quick;
-  quick.effort = 0;
+  quick.effort = 0, quick.repair = RepairMode::wrap;
   const Padded p = by_tolerance(slit, 0.01, quick);
   ASSERT_EQ(p.report.kind, BodyKind::wrap);
   const double asked = p.report.tolerance;

@@ -140,7 +140,7 @@ TEST(Accuracy, SurfaceInsideAWrapIsBuriedAndLeftOut) {
   mesh.points.insert(mesh.points.end(), other.points.begin(), other.points.end());
   for (auto t : other.triangles) mesh.triangles.push_back({t[0] + n, t[1] + n, t[2] + n});
   RepairOptions options;
-  options.accuracy = 0.05;
+  options.accuracy = 0.05, options.mode = RepairMode::wrap;
   const Repaired body = repair(mesh, options, "boxes");
   ASSERT_EQ(body.kind, BodyKind::wrap);
   const Measured m = measure(mesh, body, Surface(body.mesh), {{Point(0.75, 0.5, 0.5), 3}});
