@@ -20,7 +20,7 @@ using Json = nlohmann::ordered_json;
 
 struct Settings {
   std::vector<std::uint64_t> spheres;  // sizes asked for; empty: the bench's own
-  std::string scene;                   // scaling, scenes: this one only
+  std::string scene;                   // scaling: this one only
   std::vector<std::string> files;      // meshes, for those benches that pad; documents to draw
   std::string backend = "auto";        // auto: each that is there
   int threads = 0;                     // 0: all
@@ -37,7 +37,6 @@ Json table2(const Settings&);      // table2.cpp
 Json speedup(const Settings&);     // speedup.cpp
 Json scaling(const Settings&);     // scaling.cpp
 Json bodies(const Settings&);      // scaling.cpp; its rows of bodies alone
-Json scenes(const Settings&);      // scene_rows.cpp
 Json stages(const Settings&);      // stages.cpp
 Json frontier(const Settings&);    // frontier.cpp; only where padder::padding is built
 Json draw_files(const Settings&);  // draw.cpp; no measurement: the plots of documents
@@ -63,26 +62,6 @@ std::uint64_t hash_of(const std::vector<detect::Pair>& pairs);
 
 std::string machine();  // processor and threads, in words
 std::string number(double value, const char* format);
-
-// --- Scenes of loose spheres that are sparse, uneven or of very different sizes (scenes.cpp) ---
-// Lengths have no unit: most spheres have the radius 1.
-
-// A scene's name, and what lies where.
-struct SceneEntry {
-  const char* name;
-  const char* what;
-  double at_most;  // its time for each sphere and contact may be this many times that of dense
-};
-const std::vector<SceneEntry>& uneven_scenes();
-
-// The n spheres of a scene, in random order. The same on every machine. Throws Error for an unknown name.
-std::vector<detect::FloatSphere> uneven_scene(const std::string& name, std::uint64_t n);
-
-// Moves each sphere along each axis by up to a hundredth of the smallest radius, 1. What a sphere does
-// depends on its number and on `step`.
-void move_a_little(std::vector<detect::FloatSphere>& spheres, std::uint64_t step);
-
-// --- Results ---
 
 // If a folder is named, writes the result there as NAME.json, and its plots. Says so on stderr when gnuplot
 // is not installed.

@@ -24,7 +24,6 @@ const Fields& fields_of(const std::string& bench, const std::string& where) {
   static const Fields all[] = {
       {"scaling", {"scene", "backend"}, {"random_order"}, {"spheres"}, calls},
       {"bodies", {"scene", "backend"}, {"random_order"}, {"spheres"}, calls},
-      {"scenes", {"scene", "backend"}, {}, {"spheres"}, {"seconds_standing", "seconds_moving"}},
       // A single stage takes a few microseconds and varies more than a change is worth: their sum counts.
       {"stages", {"backend", "path"}, {}, {"spheres"}, {"total"}, "seconds"},
       {"speedup", {"backend"}, {}, {"spheres"}, {"seconds", "seconds_pairs"}},
@@ -32,8 +31,7 @@ const Fields& fields_of(const std::string& bench, const std::string& where) {
   };
   for (const Fields& f : all)
     if (bench == f.bench) return f;
-  throw Error(where + ": " + bench +
-              " measures no time; scaling, bodies, scenes, stages, speedup and frontier do");
+  throw Error(where + ": " + bench + " measures no time; scaling, bodies, stages, speedup and frontier do");
 }
 
 struct Row {

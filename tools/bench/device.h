@@ -18,7 +18,7 @@ namespace padder::bench {
 class DeviceSpheres {
  public:
   DeviceSpheres(const std::vector<detect::FloatSphere>& spheres, [[maybe_unused]] bool on_device)
-      : input_(input_of(spheres)), host_(input_) {
+      : input_(input_of(spheres)) {
 #ifdef PADDER_CUDA
     if (!on_device || spheres.empty()) return;
     const std::size_t bytes = spheres.size() * sizeof(detect::FloatSphere);
@@ -37,10 +37,9 @@ class DeviceSpheres {
   DeviceSpheres(const DeviceSpheres&) = delete;
   DeviceSpheres& operator=(const DeviceSpheres&) = delete;
   const detect::Input& input() const { return input_; }
-  const detect::Input& host() const { return host_; }  // the same spheres in host memory
 
  private:
-  detect::Input input_, host_;
+  detect::Input input_;
   [[maybe_unused]] void* memory_ = nullptr;
 };
 
