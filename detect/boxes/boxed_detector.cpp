@@ -69,6 +69,9 @@ class BoxedDetector::Work {
 
   CallOptions& options() { return options_.detector; }
   const BoxReport& report() const { return report_; }
+  const char* backend() const {
+    return on_host_ == workers_.size() ? "omp" : on_host_ == 0 ? "cuda" : "cuda and omp";
+  }
   const BoxReport& run(const Input& input, const ContactConsumer& consumer);
   const Contacts& list(const Input& input);
 
@@ -391,6 +394,7 @@ const BoxReport& BoxedDetector::detect(const Input& input, const ContactConsumer
   return work_->run(input, consumer);
 }
 const BoxReport& BoxedDetector::report() const { return work_->report(); }
+const char* BoxedDetector::backend() const { return work_->backend(); }
 CallOptions& BoxedDetector::options() { return work_->options(); }
 
 }  // namespace padder::detect
