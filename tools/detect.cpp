@@ -134,6 +134,7 @@ Json stages_json(const Arrays& a) {
 }
 
 int run(Arguments& a) {
+  if (const Launch launch = launch_of_environment(); launch.ranks > 0) return run_ranks(a, launch);
   if (wants_boxes(a)) return run_boxes(a);
   if (!a.output.empty()) check_contact_ending(a.output);
   const Scene scene = read_scene_or_cluster(a.scene, a.copies);
@@ -194,6 +195,7 @@ std::string hex(std::uint64_t v) {
 }  // namespace padder::tool
 
 int main(int argc, char** argv) {
+  const bool is_silent = padder::tool::silence_other_ranks();
   CLI::App app(
       "Examples:\n"
       "  detect track_shoe.spheres.json --copies 1000     contacts of a pile of 1,000 bodies\n"
@@ -207,7 +209,7 @@ int main(int argc, char** argv) {
   padder::tool::Arguments arguments;
   std::string memory;
   padder::tool::declare(app, arguments, memory);
-  return padder::cli::run(
+  const int code = padder::cli::run(
       app, argc, argv,
       [&] {
         if (!memory.empty()) arguments.memory = *padder::cli::bytes_of(memory);
@@ -216,4 +218,7 @@ int main(int argc, char** argv) {
       [&](const std::string& error) {
         if (arguments.json) padder::cli::print_failure(arguments.scene, error);
       });
+  // All ranks fail together. mpirun ends the others at the first code that is not 0, so that must be the code
+  // of the rank that has printed the reason.
+  return is_silent ? 0 : code;
 }

@@ -13,6 +13,7 @@
 #include "detect/boxes/assignment.h"
 #include "detect/boxes/box_input.h"
 #include "detect/boxes/device_worker.h"
+#include "detect/core/backend.h"
 #include "padding/asset/error.h"
 
 namespace padder::detect {
@@ -373,14 +374,8 @@ const Contacts& BoxedDetector::Work::list(const Input& input) {
 
 std::vector<DeviceChoice> all_devices() {
   std::vector<DeviceChoice> devices;
-  for (int k = 0; cuda_present(); k++) {
-    try {
-      detector_on({BackendKind::cuda, k});
-    } catch (const Error&) {
-      break;  // there are no more
-    }
-    devices.push_back({BackendKind::cuda, k});
-  }
+  for (int k = 0; k < cuda_device_count(); k++)
+    if (cuda_absence(k).empty()) devices.push_back({BackendKind::cuda, k});
   if (devices.empty()) devices.push_back({BackendKind::omp, 0});
   return devices;
 }

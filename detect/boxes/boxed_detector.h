@@ -12,7 +12,7 @@
 
 namespace padder::detect {
 
-// Every GPU of this machine that this build can use; the CPU where there is none. Cost: opens each GPU.
+// Every GPU of this machine that this build can use; the CPU where there is none.
 std::vector<DeviceChoice> all_devices();
 
 // How to cut, and where to detect; the defaults make one box on one device.

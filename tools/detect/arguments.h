@@ -9,6 +9,7 @@
 
 #include "detect/scene/scene.h"
 #include "tools/cli.h"
+#include "tools/detect/launch.h"
 
 namespace padder::tool {
 
@@ -61,5 +62,11 @@ std::string hex(std::uint64_t hash);
 // --devices, --memory, or a mapped file: contacts are found box by box. Prints the result.
 bool wants_boxes(const Arguments& arguments);
 int run_boxes(const Arguments& arguments);
+
+// The same as one of several ranks, which all call it. Rank 0 prints the result.
+int run_ranks(const Arguments& arguments, const Launch& launch);
+
+// What all ranks say the same, rank 0 alone prints. True on the others, which are silent from now on.
+bool silence_other_ranks();
 
 }  // namespace padder::tool
