@@ -2,7 +2,9 @@
 // The surface that every step after repair works on. Repair itself is in padding/meshing: measuring and
 // proving need its result, but not its code.
 #pragma once
+#include <cstdint>
 #include <string>
+#include <vector>
 
 #include "padding/geometry/surface.h"
 
@@ -15,6 +17,13 @@ enum class BodyKind {
   sheet,  // open: inside is below its normals
 };
 
+// A hole that repair closed: what of the surface is no part of the input.
+struct Patch {
+  double area = 0, rim = 0;              // of the patch; length of the border that it closes
+  Point place = Point::Zero();           // its middle
+  std::vector<std::uint32_t> triangles;  // of the repaired surface
+};
+
 // The surface that is padded, and what became of the input.
 struct Repaired {
   Mesh mesh;
@@ -24,6 +33,9 @@ struct Repaired {
   Mesh flat;                     // the input's triangles without area, which are not in `mesh`
   std::size_t filled = 0;        // number of holes that were closed, of a solid
   double filled_area = 0;        // of the patches that close them; they are no part of the input
+  std::vector<Patch> patches;    // one for each hole that was closed
+  // Of a wrap, for each triangle: no point of it is farther from the input than this.
+  std::vector<double> standoff;
   // Exact predicates have shown that the surface is closed, oriented outward and free of self-intersections.
   // Then the pseudonormal tells the side of a point, which costs less than the winding number.
   bool checked = false;

@@ -4,6 +4,7 @@
 #pragma once
 #include <cstdint>
 #include <limits>
+#include <memory>
 #include <optional>
 #include <vector>
 
@@ -32,6 +33,14 @@ class Surface {
  public:
   explicit Surface(const Mesh& mesh, SideBy side = SideBy::pseudonormal);
 
+  // A closed surface that stands off another one, as a wrap does: no point of triangle k is farther from that
+  // surface than standoff[k]. Only clearance() and certified_distance() look at it.
+  Surface(const Mesh& mesh, SideBy side, std::vector<double> standoff);
+
+  // Any triangles inside a closed surface with standoffs, their hull. mesh() and nearest() are those of the
+  // triangles, which may be open, crossed or turned at random. The hull says what is inside.
+  Surface(Surface triangles, std::shared_ptr<const Surface> hull);
+
   // The nearest point, if it is closer than `limit`. Otherwise the distance stays infinite.
   Nearest nearest(const Point& p, double limit = std::numeric_limits<double>::infinity()) const;
 
@@ -42,6 +51,18 @@ class Surface {
   // the winding number is above 0.
   Nearest signed_nearest(const Point& p) const;
 
+  // The smallest distance to a triangle (of the hull, if there is one) less the triangle's standoff: how
+  // large an inner ball around p may be. `point` is moved towards p by the standoff. Negative where p lies
+  // within the standoff. Without standoffs this is nearest().
+  Nearest clearance(const Point& p, double limit = std::numeric_limits<double>::infinity()) const;
+
+  double distance_to(std::uint32_t triangle, const Point& p) const;  // of one triangle of `mesh`
+
+  // What a proof may say of the place of p: a ball of radius r around p stands out by at most r plus this
+  // (certify.h). Negative inside: minus the clearance. Inside is where the winding number is above 0, and a
+  // point for which there is none counts as outside. With a hull it is never above the distance to `mesh`.
+  double certified_distance(const Point& p) const;
+
   // How often the surface winds around p: 0 outside, 1 inside, 2 where two solids overlap, -1 inside a solid
   // that is turned inside out. It counts the signed crossings of a ray. The result is exact: each sign is
   // certified against rounding, and another ray is tried where one is not. There is no result for an open
@@ -51,14 +72,16 @@ class Surface {
 
   // The number of edges along which the directions of the triangles do not cancel. With none, the surface is
   // closed and has an inside. Triangles meet where they share indices, not positions.
-  std::size_t open_edges() const { return open_edges_; }
-  bool closed() const { return open_edges_ == 0 && !slots_.empty(); }
+  std::size_t open_edges() const { return hull_ ? hull_->open_edges() : open_edges_; }
+  bool closed() const { return hull_ ? hull_->closed() : open_edges_ == 0 && !slots_.empty(); }
 
   // Is any point of the surface closer to p than `limit`? Cheaper than nearest(), because it stops at the
   // first.
   bool any_within(const Point& p, double limit) const;
 
   const Mesh& mesh() const { return mesh_; }
+  const Mesh& boundary() const { return hull_ ? hull_->mesh() : mesh_; }  // what bounds the inside
+  const Surface* hull() const { return hull_.get(); }                     // null: there is none
   const Box& bounds() const { return bounds_; }
 
  private:
@@ -72,6 +95,7 @@ class Surface {
     std::uint32_t triangle;
   };
 
+  Nearest signed_nearest_in_hull(const Point& p) const;
   // The sum of the signed crossings of the ray, or nothing when rounding leaves one of them open.
   std::optional<int> crossings(const Point& p, const Vector& direction) const;
   std::uint32_t build(std::vector<std::uint32_t>& order, const std::vector<Box>& boxes, std::uint32_t begin,
@@ -84,6 +108,9 @@ class Surface {
   std::vector<Node> nodes_;
   std::vector<Slot> slots_;
   std::vector<Vector> face_normals_, vertex_normals_;
+  std::vector<double> slot_standoff_;                 // none, or one for each slot
+  std::vector<std::array<double, 2>> node_standoff_;  // the largest below each child of a node
+  std::shared_ptr<const Surface> hull_;
   std::vector<std::array<Vector, 3>> edge_normals_;  // edge k runs from corner k to corner k + 1
 };
 
