@@ -213,23 +213,14 @@ std::vector<Length> rungs_of(const PadOptions& options, double diagonal) {
 
 // The input with the wrap as its hull: covers and proofs are of the input's own triangles, and the wrap says
 // what is inside. What a grain cannot touch is left out where one was given; otherwise all of it is covered.
-Surface surface_in_wrap(const Mesh& input, Repaired& wrap, bool by_grain, PadReport& report) {
+Surface surface_in_wrap(const Mesh& input, const Repaired& wrap, bool by_grain, PadReport& report) {
   Surface triangles(input);
-  wrap.standoff = standoffs(wrap.mesh, triangles, 0.03 * (wrap.alpha + wrap.offset));
   const auto hull = std::make_shared<const Surface>(wrap.mesh, wrap.side(), wrap.standoff);
   if (by_grain) {
-    const Touchable kept = touchable(input, *hull, 2 * wrap.offset, wrap.offset);
+    const Touchable kept = touchable(input, *hull, 2 * wrap.offset, 0.5 * wrap.alpha);
     triangles = Surface(kept.mesh), report.buried = kept.buried;
   }
   return {std::move(triangles), hull};
-}
-
-void note_slots(const Repaired& wrap, double tolerance, const UnitFrame& frame, PadReport& report) {
-  report.slots = closed_slots(wrap.mesh, wrap.standoff, tolerance);
-  for (ClosedSlot& slot : report.slots) {
-    slot.width *= frame.scale(), slot.area *= frame.scale() * frame.scale();
-    slot.place = frame.back(slot.place);
-  }
 }
 
 RepairOptions repairing(const PadOptions& options, double length, double tolerance, double diagonal) {
@@ -243,6 +234,27 @@ RepairOptions repairing(const PadOptions& options, double length, double toleran
     r.alpha = options.min_grain_radius.absolute(diagonal) / diagonal;
   }
   return r;
+}
+
+// Repairs, and says on what surface the balls are made. CGAL may fill a wrap beyond alpha, to keep it
+// manifold: another alpha mends that.
+Surface repaired_surface(const Mesh& input, RepairOptions options, const UnitFrame& frame,
+                         const std::string& name, Repaired& body, PadReport& report) {
+  const double tolerance = report.tolerance / frame.scale();
+  const bool by_grain = options.alpha > 0;
+  constexpr int tries = 3;
+  for (int k = 0; k < tries; k++, options.tolerance *= 0.9) {
+    body = repair(input, options, name);
+    if (body.kind != BodyKind::wrap) return Surface(body.mesh, body.side());
+    body.standoff = standoffs(body.mesh, Surface(input), 0.03 * (body.alpha + body.offset));
+    if (tolerance > 0) report.slots = closed_slots(body.mesh, body.standoff, tolerance);
+    if (report.slots.empty() || by_grain || body.alpha + body.offset > tolerance) break;
+  }
+  for (ClosedSlot& slot : report.slots) {
+    slot.width *= frame.scale(), slot.area *= frame.scale() * frame.scale();
+    slot.place = frame.back(slot.place);
+  }
+  return surface_in_wrap(input, body, by_grain, report);
 }
 
 }  // namespace
@@ -270,16 +282,14 @@ Padded pad(const ReadResult& file, const PadOptions& options, const PadProgress&
   const double length = depth_mode ? edge_length(options, frame.scale()) : 0;
 
   step("repair", 0);
-  Repaired body = repair(input, repairing(options, length, tolerance, frame.scale()), name);
+  Repaired body;
+  const Surface surface = repaired_surface(input, repairing(options, length, tolerance, frame.scale()), frame,
+                                           name, body, report);
   report.kind = body.kind;
   report.filled = body.filled, report.filled_area = body.filled_area * frame.scale() * frame.scale();
   for (const Patch& patch : body.patches)
     report.patches.push_back({patch.area * frame.scale() * frame.scale(), patch.rim * frame.scale(),
                               frame.back(patch.place), patch.triangles});
-  const bool by_grain = options.min_grain_radius.given();
-  const Surface surface = body.kind == BodyKind::wrap ? surface_in_wrap(input, body, by_grain, report)
-                                                      : Surface(body.mesh, body.side());
-  if (body.kind == BodyKind::wrap && tolerance > 0) note_slots(body, tolerance, frame, report);
   report.seconds.repair = clock.lap();
 
   const Job job{options, input, body, surface, frame, length, report, step, clock};

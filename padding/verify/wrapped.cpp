@@ -46,6 +46,23 @@ double standoff(const TrianglePart& whole, const Surface& input, double slack, d
   return upper;
 }
 
+// Appends what is not deeper than `depth`. Returns true if that is the whole part, which is then appended as
+// one: cuts stay only where something is left out.
+bool keep_touchable(const TrianglePart& part, const Surface& wrap, double depth, double grain,
+                    std::vector<TrianglePart>& kept) {
+  const double radius = radius_of(part), distance = wrap.nearest(part.centroid(), depth + radius).distance;
+  if (!(distance < depth + radius)) return false;
+  const std::size_t before = kept.size();
+  if (distance + radius > depth && part.size() > grain) {
+    bool all = true;
+    for (const TrianglePart& half : bisect(part)) all &= keep_touchable(half, wrap, depth, grain, kept);
+    if (!all) return false;
+    kept.resize(before);
+  }
+  kept.push_back(part);
+  return true;
+}
+
 // Union-find.
 class Pieces {
  public:
@@ -104,20 +121,8 @@ std::vector<ClosedSlot> closed_slots(const Mesh& wrap, const std::vector<double>
 Touchable touchable(const Mesh& input, const Surface& wrap, double depth, double grain) {
   std::vector<std::vector<TrianglePart>> kept(input.triangles.size());
 #pragma omp parallel for schedule(dynamic, 64)
-  for (std::size_t t = 0; t < kept.size(); t++) {
-    std::vector<TrianglePart> stack = {part_of(input, t)};
-    while (!stack.empty()) {
-      const TrianglePart part = stack.back();
-      stack.pop_back();
-      const double radius = radius_of(part),
-                   distance = wrap.nearest(part.centroid(), depth + radius).distance;
-      if (!(distance < depth + radius)) continue;
-      if (distance + radius <= depth || part.size() <= grain)
-        kept[t].push_back(part);
-      else
-        for (const TrianglePart& half : bisect(part)) stack.push_back(half);
-    }
-  }
+  for (std::size_t t = 0; t < kept.size(); t++)
+    keep_touchable(part_of(input, t), wrap, depth, grain, kept[t]);
   Touchable found;
   for (const auto& parts : kept)
     for (const TrianglePart& part : parts) {

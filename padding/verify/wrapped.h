@@ -32,7 +32,7 @@ struct Touchable {
 };
 
 // Leaves out what lies deeper than `depth` below the wrap. Triangles are bisected until they are on one side,
-// or smaller than `grain`; what is then undecided stays.
+// or smaller than `grain`; what is then undecided stays. A triangle that stays whole is not cut.
 Touchable touchable(const Mesh& input, const Surface& wrap, double depth, double grain);
 
 }  // namespace padder
