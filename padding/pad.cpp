@@ -213,12 +213,15 @@ std::vector<Length> rungs_of(const PadOptions& options, double diagonal) {
 
 // The input with the wrap as its hull: covers and proofs are of the input's own triangles, and the wrap says
 // what is inside. What a grain cannot touch is left out where one was given; otherwise all of it is covered.
-Surface surface_in_wrap(const Mesh& input, const Repaired& wrap, bool by_grain, PadReport& report) {
+Surface surface_in_wrap(const Mesh& input, Repaired& wrap, bool by_grain, PadReport& report) {
   Surface triangles(input);
   const auto hull = std::make_shared<const Surface>(wrap.mesh, wrap.side(), wrap.standoff);
   if (by_grain) {
-    const Touchable kept = touchable(input, *hull, 2 * wrap.offset, 0.5 * wrap.alpha);
-    triangles = Surface(kept.mesh), report.buried = kept.buried;
+    Touchable kept = touchable(input, *hull, 2 * wrap.offset, 0.5 * wrap.alpha);
+    const double area = input.area();
+    report.buried = area > 0 ? kept.buried.area() / area : 0;
+    triangles = Surface(kept.mesh);
+    if (!kept.buried.triangles.empty()) wrap.marks.push_back({MarkKind::buried, std::move(kept.buried)});
   }
   return {std::move(triangles), hull};
 }
@@ -236,6 +239,35 @@ RepairOptions repairing(const PadOptions& options, double length, double toleran
   return r;
 }
 
+Mark mark_of(MarkKind kind, const Mesh& mesh, const std::vector<std::uint32_t>& triangles) {
+  Mark mark{kind, {}};
+  for (const std::uint32_t t : triangles) {
+    const auto first = static_cast<std::uint32_t>(mark.mesh.points.size());
+    for (int k = 0; k < 3; k++) mark.mesh.points.push_back(mesh.corner(t, k));
+    mark.mesh.triangles.push_back({first, first + 1, first + 2});
+  }
+  return mark;
+}
+
+// In the input's frame and unit: what repair did to the surface, as a list and to be shown.
+void show_repair(Repaired& body, const UnitFrame& frame, Padded& out) {
+  PadReport& report = out.report;
+  const double scale = frame.scale();
+  report.kind = body.kind;
+  report.filled = body.filled, report.filled_area = body.filled_area * scale * scale;
+  out.marks = std::move(body.marks);
+  for (const Patch& patch : body.patches) {
+    report.patches.push_back({patch.area * scale * scale, patch.rim * scale, frame.back(patch.place), {}});
+    out.marks.push_back(mark_of(MarkKind::patch, body.mesh, patch.triangles));
+  }
+  for (ClosedSlot& slot : report.slots) {
+    slot.width *= scale, slot.area *= scale * scale, slot.place = frame.back(slot.place);
+    out.marks.push_back(mark_of(MarkKind::slot, body.mesh, slot.triangles));
+  }
+  for (Mark& mark : out.marks)
+    for (Point& p : mark.mesh.points) p = frame.back(p);
+}
+
 // Repairs, and says on what surface the balls are made. CGAL may fill a wrap beyond alpha, to keep it
 // manifold: another alpha mends that.
 Surface repaired_surface(const Mesh& input, RepairOptions options, const UnitFrame& frame,
@@ -249,10 +281,6 @@ Surface repaired_surface(const Mesh& input, RepairOptions options, const UnitFra
     body.standoff = standoffs(body.mesh, Surface(input), 0.03 * (body.alpha + body.offset));
     if (tolerance > 0) report.slots = closed_slots(body.mesh, body.standoff, tolerance);
     if (report.slots.empty() || by_grain || body.alpha + body.offset > tolerance) break;
-  }
-  for (ClosedSlot& slot : report.slots) {
-    slot.width *= frame.scale(), slot.area *= frame.scale() * frame.scale();
-    slot.place = frame.back(slot.place);
   }
   return surface_in_wrap(input, body, by_grain, report);
 }
@@ -285,11 +313,7 @@ Padded pad(const ReadResult& file, const PadOptions& options, const PadProgress&
   Repaired body;
   const Surface surface = repaired_surface(input, repairing(options, length, tolerance, frame.scale()), frame,
                                            name, body, report);
-  report.kind = body.kind;
-  report.filled = body.filled, report.filled_area = body.filled_area * frame.scale() * frame.scale();
-  for (const Patch& patch : body.patches)
-    report.patches.push_back({patch.area * frame.scale() * frame.scale(), patch.rim * frame.scale(),
-                              frame.back(patch.place), patch.triangles});
+  show_repair(body, frame, out);
   report.seconds.repair = clock.lap();
 
   const Job job{options, input, body, surface, frame, length, report, step, clock};

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "padding/asset/cluster.h"
+#include "padding/geometry/repaired.h"
 #include "padding/input/read.h"
 #include "padding/meshing/remesh.h"
 #include "padding/meshing/repair.h"
@@ -53,6 +54,7 @@ struct Padded {
   // depth ratio; by tolerance the repaired one, or the input where it had to be wrapped. write_mesh
   // (padding/meshing/write_mesh.h) writes it.
   Mesh mesh;
+  std::vector<Mark> marks;  // what repair did, to be shown; in the input's frame and unit
 };
 
 // Called before each step with its name, the number of steps done and the number of all steps: for a progress

@@ -2,6 +2,7 @@
 #include "padding/verify/wrapped.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <map>
 #include <numeric>
@@ -46,21 +47,30 @@ double standoff(const TrianglePart& whole, const Surface& input, double slack, d
   return upper;
 }
 
-// Appends what is not deeper than `depth`. Returns true if that is the whole part, which is then appended as
-// one: cuts stay only where something is left out.
-bool keep_touchable(const TrianglePart& part, const Surface& wrap, double depth, double grain,
-                    std::vector<TrianglePart>& kept) {
+// Divides a part into what is not deeper than `depth`, sides[0], and what is. A part that is all on one side
+// is appended as one, so that cuts stay only along the limit.
+void divide(const TrianglePart& part, const Surface& wrap, double depth, double grain,
+            std::array<std::vector<TrianglePart>, 2>& sides) {
   const double radius = radius_of(part), distance = wrap.nearest(part.centroid(), depth + radius).distance;
-  if (!(distance < depth + radius)) return false;
-  const std::size_t before = kept.size();
-  if (distance + radius > depth && part.size() > grain) {
-    bool all = true;
-    for (const TrianglePart& half : bisect(part)) all &= keep_touchable(half, wrap, depth, grain, kept);
-    if (!all) return false;
-    kept.resize(before);
+  const bool deep = !(distance < depth + radius);
+  if (!deep && distance + radius > depth && part.size() > grain) {
+    const std::size_t before[2] = {sides[0].size(), sides[1].size()};
+    for (const TrianglePart& half : bisect(part)) divide(half, wrap, depth, grain, sides);
+    if (sides[0].size() > before[0] && sides[1].size() > before[1]) return;
+    const bool all_deep = sides[1].size() > before[1];
+    sides[all_deep].resize(before[all_deep]);
+    sides[all_deep].push_back(part);
+  } else {
+    sides[deep].push_back(part);
   }
-  kept.push_back(part);
-  return true;
+}
+
+void append(const std::vector<TrianglePart>& parts, Mesh& mesh) {
+  for (const TrianglePart& part : parts) {
+    const auto first = static_cast<std::uint32_t>(mesh.points.size());
+    mesh.triangles.push_back({first, first + 1, first + 2});
+    mesh.points.insert(mesh.points.end(), part.corner.begin(), part.corner.end());
+  }
 }
 
 // Union-find.
@@ -119,19 +129,11 @@ std::vector<ClosedSlot> closed_slots(const Mesh& wrap, const std::vector<double>
 }
 
 Touchable touchable(const Mesh& input, const Surface& wrap, double depth, double grain) {
-  std::vector<std::vector<TrianglePart>> kept(input.triangles.size());
+  std::vector<std::array<std::vector<TrianglePart>, 2>> sides(input.triangles.size());
 #pragma omp parallel for schedule(dynamic, 64)
-  for (std::size_t t = 0; t < kept.size(); t++)
-    keep_touchable(part_of(input, t), wrap, depth, grain, kept[t]);
+  for (std::size_t t = 0; t < sides.size(); t++) divide(part_of(input, t), wrap, depth, grain, sides[t]);
   Touchable found;
-  for (const auto& parts : kept)
-    for (const TrianglePart& part : parts) {
-      const auto first = static_cast<std::uint32_t>(found.mesh.points.size());
-      found.mesh.triangles.push_back({first, first + 1, first + 2});
-      found.mesh.points.insert(found.mesh.points.end(), part.corner.begin(), part.corner.end());
-    }
-  const double area = input.area();
-  found.buried = area > 0 ? std::clamp(1 - found.mesh.area() / area, 0., 1.) : 0;
+  for (const auto& [kept, buried] : sides) append(kept, found.mesh), append(buried, found.buried);
   return found;
 }
 

@@ -27,8 +27,7 @@ std::vector<ClosedSlot> closed_slots(const Mesh& wrap, const std::vector<double>
 
 // The part of a surface that can be touched from outside a wrap.
 struct Touchable {
-  Mesh mesh;
-  double buried = 0;  // share of the surface's area that is left out
+  Mesh mesh, buried;  // what is kept, what is left out
 };
 
 // Leaves out what lies deeper than `depth` below the wrap. Triangles are bisected until they are on one side,

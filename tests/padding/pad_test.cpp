@@ -343,7 +343,9 @@ TEST(Pad, AWrapKeepsTheToleranceAgainstTheInput) {
     const Padded closed = by_tolerance(slit, 0.015, options);
     EXPECT_EQ(closed.cluster.accuracy.certified, width < 0.04 || width > 0.1) << closed.report.reason;
     EXPECT_EQ(closed.report.within, closed.cluster.accuracy.certified);
-    if (width < 0.1) EXPECT_GT(closed.report.buried, 0.1);
+    if (width < 0.1) {
+      EXPECT_GT(closed.report.buried, 0.1);
+    }
     if (closed.report.within) continue;
     ASSERT_FALSE(closed.report.slots.empty());
     EXPECT_GE(closed.report.slots[0].width, width);
