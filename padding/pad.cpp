@@ -111,8 +111,8 @@ RungSpheres make_spheres(const Job& job, const Length& tolerance, std::string& w
   } else {
     job.step("cull", 4);
     CullOptions culling = cull_options(options, tolerance, job.frame.scale());
-    // Below a sheet nothing bounds the balls: large ones would sag and stand out past its border.
-    if (job.body.kind == BodyKind::sheet) culling.max_radius = std::min(culling.max_radius, 0.05);
+    // Below a sheet as given nothing bounds the balls: large ones would sag and stand out past its border.
+    if (!job.surface.closed()) culling.max_radius = std::min(culling.max_radius, 0.05);
     const Culled culled = cull(job.surface, culling);
     made.balls = culled.balls;
     made.triangle.assign(culled.triangle.begin(), culled.triangle.end());
@@ -189,7 +189,7 @@ void store(const RungSpheres& made, const UnitFrame& frame, T& into) {
 // The mass of the repaired body. A sheet has none, nor has a surface that faces inward on the whole.
 void set_mass(Cluster& c, const Repaired& body, const UnitFrame& frame, PadReport& report) {
   if (body.kind == BodyKind::sheet) return;
-  const MassProperties mass = mass_properties(body.mesh);
+  const MassProperties mass = mass_properties(body.boundary());
   if (!(mass.volume > 0)) {
     report.warnings.push_back(c.source.file +
                               ": the triangles face inward on the whole, so that there is no inside to fill "
@@ -250,11 +250,12 @@ Mark mark_of(MarkKind kind, const Mesh& mesh, const std::vector<std::uint32_t>& 
 }
 
 // In the input's frame and unit: what repair did to the surface, as a list and to be shown.
-void show_repair(Repaired& body, const UnitFrame& frame, Padded& out) {
+void show_repair(Repaired& body, double area, const UnitFrame& frame, Padded& out) {
   PadReport& report = out.report;
   const double scale = frame.scale();
   report.kind = body.kind;
   report.filled = body.filled, report.filled_area = body.filled_area * scale * scale;
+  if (area > 0) report.buried = std::max(report.buried, body.steps.buried_area / area);
   out.marks = std::move(body.marks);
   for (const Patch& patch : body.patches) {
     report.patches.push_back({patch.area * scale * scale, patch.rim * scale, frame.back(patch.place), {}});
@@ -277,7 +278,7 @@ Surface repaired_surface(const Mesh& input, RepairOptions options, const UnitFra
   constexpr int tries = 3;
   for (int k = 0; k < tries; k++, options.tolerance *= 0.9) {
     body = repair(input, options, name);
-    if (body.kind != BodyKind::wrap) return Surface(body.mesh, body.side());
+    if (body.kind != BodyKind::wrap) return body.surface();
     body.standoff = standoffs(body.mesh, Surface(input), 0.03 * (body.alpha + body.offset));
     if (tolerance > 0) report.slots = closed_slots(body.mesh, body.standoff, tolerance);
     if (report.slots.empty() || by_grain || body.alpha + body.offset > tolerance) break;
@@ -313,7 +314,7 @@ Padded pad(const ReadResult& file, const PadOptions& options, const PadProgress&
   Repaired body;
   const Surface surface = repaired_surface(input, repairing(options, length, tolerance, frame.scale()), frame,
                                            name, body, report);
-  show_repair(body, frame, out);
+  show_repair(body, input.area(), frame, out);
   report.seconds.repair = clock.lap();
 
   const Job job{options, input, body, surface, frame, length, report, step, clock};

@@ -44,6 +44,7 @@ Ball ball_below(const Surface& surface, const Point& p, const Vector& normal, do
 
 Ball inner_medial_ball(const Surface& surface, const Point& p, const Vector& normal, double largest,
                        double tolerance) {
+  if (!surface.has_inside()) return {p, 0};
   const Ball ball = ball_below(surface, p, normal, largest, tolerance);
   if (!surface.hull()) return ball;
   // Triangles in a hull may be turned at random.

@@ -3,6 +3,7 @@
 // All later steps (refit, cull, accuracy) ask their questions here.
 #pragma once
 #include <cstdint>
+#include <functional>
 #include <limits>
 #include <memory>
 #include <optional>
@@ -27,11 +28,13 @@ enum class SideBy {
 };
 
 // Keeps a copy of the mesh and does not change after construction, so any number of threads may ask. Building
-// takes O(n log n), about 1 s for a million triangles. A query takes O(log n) when the point is near the
-// surface.
+// takes O(n log n) on all threads, about 1 s for a million triangles. A query takes O(log n) when the point
+// is near the surface.
 class Surface {
  public:
-  explicit Surface(const Mesh& mesh, SideBy side = SideBy::pseudonormal);
+  // Distances are to `mesh`. The winding number is that of `solid`, if it is given: a closed surface whose
+  // inside has its boundary on `mesh`. It may be empty; then nothing is inside.
+  explicit Surface(const Mesh& mesh, SideBy side = SideBy::pseudonormal, const Mesh* solid = nullptr);
 
   // A closed surface that stands off another one, as a wrap does: no point of triangle k is farther from that
   // surface than standoff[k]. Only clearance() and certified_distance() look at it.
@@ -72,16 +75,29 @@ class Surface {
 
   // The number of edges along which the directions of the triangles do not cancel. With none, the surface is
   // closed and has an inside. Triangles meet where they share indices, not positions.
-  std::size_t open_edges() const { return hull_ ? hull_->open_edges() : open_edges_; }
-  bool closed() const { return hull_ ? hull_->closed() : open_edges_ == 0 && !slots_.empty(); }
+  std::size_t open_edges() const { return solid_ ? solid_->open_edges_ : open_edges_; }
+  // Can any point be inside?
+  bool has_inside() const { return !solid_ || !solid_->slots_.empty(); }
+  bool closed() const { return open_edges() == 0 && (solid_ || !slots_.empty()); }
+
+  // The sum of the signed crossings of a ray from p with the triangles of `mesh`, without those to `skip`:
+  // +1 where the ray leaves through the front. No result where rounding leaves a crossing open. Each
+  // component of the direction is at most 1 and none is 0.
+  std::optional<int> crossings(const Point& p, const Vector& direction,
+                               const std::function<bool(std::uint32_t)>& skip = {}) const;
+  static const std::vector<Vector>& ray_directions();  // without a pattern, for crossings()
+
+  // Calls visit(t) for each triangle near the box, among them all whose own boxes touch it.
+  void visit(const Box& box, const std::function<void(std::uint32_t)>& visit) const;
 
   // Is any point of the surface closer to p than `limit`? Cheaper than nearest(), because it stops at the
   // first.
   bool any_within(const Point& p, double limit) const;
 
   const Mesh& mesh() const { return mesh_; }
-  const Mesh& boundary() const { return hull_ ? hull_->mesh() : mesh_; }  // what bounds the inside
-  const Surface* hull() const { return hull_.get(); }                     // null: there is none
+  const Mesh& boundary() const { return hull() ? hull()->mesh() : mesh_; }  // what bounds the inside
+  // Null: there is none.
+  const Surface* hull() const { return solid_ && !solid_->slot_standoff_.empty() ? solid_.get() : nullptr; }
   const Box& bounds() const { return bounds_; }
 
  private:
@@ -96,13 +112,14 @@ class Surface {
   };
 
   Nearest signed_nearest_in_hull(const Point& p) const;
-  // The sum of the signed crossings of the ray, or nothing when rounding leaves one of them open.
-  std::optional<int> crossings(const Point& p, const Vector& direction) const;
-  std::uint32_t build(std::vector<std::uint32_t>& order, const std::vector<Box>& boxes, std::uint32_t begin,
-                      std::uint32_t end);
+  std::optional<int> winding_in_solid(const Point& p) const;
+  static std::uint32_t build(std::vector<Node>& nodes, std::vector<std::uint32_t>& order,
+                             const std::vector<Box>& boxes, std::uint32_t begin, std::uint32_t end);
+  void find_normals();
 
   Mesh mesh_;
   SideBy side_;
+  std::shared_ptr<const Surface> solid_;
   Box bounds_;
   std::size_t open_edges_ = 0;
   std::vector<Node> nodes_;
@@ -110,8 +127,7 @@ class Surface {
   std::vector<Vector> face_normals_, vertex_normals_;
   std::vector<double> slot_standoff_;                 // none, or one for each slot
   std::vector<std::array<double, 2>> node_standoff_;  // the largest below each child of a node
-  std::shared_ptr<const Surface> hull_;
-  std::vector<std::array<Vector, 3>> edge_normals_;  // edge k runs from corner k to corner k + 1
+  std::vector<std::array<Vector, 3>> edge_normals_;   // edge k runs from corner k to corner k + 1
 };
 
 }  // namespace padder

@@ -137,7 +137,8 @@ Measured measure(const Mesh& input, const Repaired& body, const Surface& body_su
   const BallSet set(balls);
   const bool wrap = body.kind == BodyKind::wrap;
 
-  const auto surface = sample_surface(wrap ? body_surface.mesh() : input, set, options.surface_samples);
+  const auto surface =
+      sample_surface(wrap || body.solid ? body_surface.mesh() : input, set, options.surface_samples);
   std::vector<Weighted> gaps;
   double area = 0, covered = 0;
   for (const auto& s : surface) {
@@ -183,7 +184,7 @@ Measured measure(const Mesh& input, const Repaired& body, const Surface& body_su
   if (bound.proved) a.proved_against = proved_against(body);
   a.normal_error_mean_deg = angle.mean, a.normal_error_p95_deg = angle.p95;
   if (body.kind != BodyKind::sheet) {
-    const double volume = mass_properties(body.mesh).volume;
+    const double volume = mass_properties(body.boundary()).volume;
     a.volume_ratio = volume > 0 ? m.volume_union / volume : 0;
   }
   return m;

@@ -132,7 +132,7 @@ void print_report(const PadFiles& files, const Padded& p) {
     std::printf("  %zu spheres: %s\n", lod.radii.size(), errors_text(lod.accuracy, r.diagonal).c_str());
   std::printf("  %zu spheres: %s\n", c.size(), errors_text(c.accuracy, r.diagonal).c_str());
   print_repair(r, c.accuracy);
-  if (r.kind == BodyKind::sheet)
+  if (c.accuracy.proved_against == SurfaceKind::none)
     std::printf("  an open sheet has no inside: its protrusion is measured, not proved\n");
   if (!r.reason.empty())
     std::printf("  not certified%s: %s\n", r.within ? "" : ", nor within the tolerance", r.reason.c_str());
