@@ -312,7 +312,9 @@ TEST(Pad, EachFigureSaysWhatItWasProvedAgainst) {
   EXPECT_TRUE(wrap.cluster.accuracy.certified);
   EXPECT_EQ(wrap.cluster.mass_of, SurfaceKind::wrap);
 
-  const Padded sheet = by_tolerance(shapes::square(1, 8), 0.01, quick);
+  PadOptions never = quick;
+  never.repair = RepairMode::never;
+  const Padded sheet = by_tolerance(shapes::square(1, 8), 0.01, never);
   EXPECT_EQ(basis(sheet), SurfaceKind::none);
   EXPECT_FALSE(sheet.cluster.accuracy.certified);
   for (const Padded* p : {&whole, &filled, &wrap, &sheet}) {

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// audit MESH CLUSTER [POINTS [SEED]]: measures a cluster against its mesh once more, by other means than
-// padding/verify, and says whether the report in the cluster is true. Random points and no branch and bound,
-// CGAL's AABB tree instead of our hierarchy, solid angles and rays instead of signed crossings, all balls
-// instead of a tree of them. It knows nothing of what repair did.
+// audit MESH CLUSTER [POINTS [SEED [SURFACE]]]: measures a cluster against its mesh once more, by other means
+// than padding/verify, and says whether the report in the cluster is true. Random points and no branch and
+// bound, CGAL's AABB tree instead of our hierarchy, solid angles and rays instead of signed crossings, all
+// balls instead of a tree of them. It knows nothing of what repair did.
 //
 // * The gap is that of points spread over the triangles by their area, and of all corners and points of
 // edges.
@@ -14,6 +14,11 @@
 // Sorkine-Hornung, 2013: it also serves for open meshes) and a ray from it meets no triangle: pieces may be
 // turned inside out, and nothing touches what is sealed. Only points in the open are judged. A point of the
 // surface is judged if either side of it is in the open.
+//
+// SURFACE is for a mesh whose holes were filled: what `pad --write-mesh` wrote. Its triangles off the input
+// are patches. They bound the body, too: distances are to the nearer of input and patch, and winding numbers
+// are those of SURFACE. The area of the patches is printed, so that it can be compared with what the report
+// names.
 #include <CGAL/AABB_traits.h>
 #include <CGAL/AABB_tree.h>
 #include <CGAL/AABB_triangle_primitive.h>
@@ -75,26 +80,38 @@ class Outside {
   const Tree& tree_;
 };
 
+// The triangles of `surface` whose middle is no point of the mesh.
+Mesh patches_of(const Mesh& surface, const Tree& input) {
+  Mesh patches;
+  patches.points = surface.points;
+  for (std::size_t t = 0; t < surface.triangles.size(); t++) {
+    const Point middle = (surface.corner(t, 0) + surface.corner(t, 1) + surface.corner(t, 2)) / 3;
+    if (input.squared_distance(cgal(middle)) > 1e-14) patches.triangles.push_back(surface.triangles[t]);
+  }
+  return patches;
+}
+
 double gap(const padder::Cluster& c, const Point& x) {
   double least = std::numeric_limits<double>::infinity();
   for (std::size_t k = 0; k < c.size(); k++) least = std::min(least, (x - c.centers[k]).norm() - c.radii[k]);
   return least;
 }
 
-// Both in a frame in which the mesh has its centre at the origin and a diagonal of 1.
+// All in a frame in which the mesh has its centre at the origin and a diagonal of 1.
 struct Scaled {
-  Mesh mesh;
+  Mesh mesh, surface;  // `surface`: SURFACE; without it the mesh
   padder::Cluster cluster;
   double diagonal;  // in the mesh's unit
 };
 
-Scaled scaled(Mesh mesh, padder::Cluster cluster) {
+Scaled scaled(Mesh mesh, Mesh surface, padder::Cluster cluster) {
   const double diagonal = mesh.bounds().diagonal();
   const Point center = mesh.bounds().center();
-  for (Point& p : mesh.points) p = (p - center) / diagonal;
+  for (Mesh* m : {&mesh, &surface})
+    for (Point& p : m->points) p = (p - center) / diagonal;
   for (Point& p : cluster.centers) p = (p - center) / diagonal;
   for (double& r : cluster.radii) r /= diagonal;
-  return {std::move(mesh), std::move(cluster), diagonal};
+  return {std::move(mesh), std::move(surface), std::move(cluster), diagonal};
 }
 
 Triangles triangles_of(const Mesh& mesh) {
@@ -163,7 +180,7 @@ Farthest largest_protrusion(const Scaled& s, const Tree& tree, const Outside& bo
 }
 
 // Prints what was measured beside what was reported, and gives the exit code.
-int judge(const Scaled& s, const Farthest& gap, const Farthest& protrusion) {
+int judge(const Scaled& s, const Farthest& gap, const Farthest& protrusion, double patch_area) {
   const padder::Accuracy& reported = s.cluster.accuracy;
   const double rounding = 1e-8 * s.diagonal;  // moving the mesh into the audit's frame costs some digits
   const double out = protrusion.open * s.diagonal, open = gap.open * s.diagonal;
@@ -176,6 +193,7 @@ int judge(const Scaled& s, const Farthest& gap, const Farthest& protrusion) {
                                     {"gap_max", open},
                                     {"gap_anywhere", gap.anywhere * s.diagonal},
                                     {"gap_reported", reported.gap_max},
+                                    {"patch_area", patch_area * s.diagonal * s.diagonal},
                                     {"certified", reported.certified},
                                     {"true", protrusion_true && gap_true}};
   std::printf("%s\n", j.dump(2).c_str());
@@ -186,18 +204,30 @@ int judge(const Scaled& s, const Farthest& gap, const Farthest& protrusion) {
 
 int main(int argc, char** argv) try {
   if (argc < 3) {
-    std::fprintf(stderr, "usage: audit MESH CLUSTER [POINTS [SEED]]\n");
+    std::fprintf(stderr, "usage: audit MESH CLUSTER [POINTS [SEED [SURFACE]]]\n");
     return 2;
   }
   const int points = argc > 3 ? std::atoi(argv[3]) : 20000;
-  const Scaled s = scaled(padder::read_mesh(argv[1]).mesh, padder::read_cluster(argv[2]));
-  const Triangles triangles = triangles_of(s.mesh);
+  const Mesh mesh = padder::read_mesh(argv[1]).mesh;
+  const Scaled s =
+      scaled(mesh, argc > 5 ? padder::read_mesh(argv[5]).mesh : mesh, padder::read_cluster(argv[2]));
+  Triangles triangles = triangles_of(s.mesh);
+  double patch_area = 0;
+  if (argc > 5) {
+    Tree input(triangles.begin(), triangles.end());
+    input.accelerate_distance_queries();
+    const Mesh patches = patches_of(s.surface, input);
+    const Triangles more = triangles_of(patches);
+    patch_area = patches.area();
+    input.clear();
+    triangles.insert(triangles.end(), more.begin(), more.end());
+  }
   Tree tree(triangles.begin(), triangles.end());
   tree.accelerate_distance_queries();
-  const Outside body(s.mesh, tree);
+  const Outside body(s.surface, tree);
   std::mt19937_64 engine(argc > 4 ? unsigned(std::atoi(argv[4])) : 1);
   const Farthest gaps = largest_gap(s, body, points, engine);
-  return judge(s, gaps, largest_protrusion(s, tree, body, points, engine));
+  return judge(s, gaps, largest_protrusion(s, tree, body, points, engine), patch_area);
 } catch (const padder::Error& e) {
   std::fprintf(stderr, "audit: %s\n", e.what());
   return 2;

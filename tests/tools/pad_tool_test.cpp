@@ -348,7 +348,8 @@ TEST_F(Pad, AnOpenSheetIsMeasuredAndSaysThatNothingIsProved) {
       text += "f" + at(0, 0) + at(1, 0) + at(1, 1) + at(0, 1) + "\n";
     }
   put("terrain.obj", text);
-  for (const char* arguments : {"terrain.obj --edge-length 10%", "terrain.obj --tolerance 2%"}) {
+  for (const char* arguments :
+       {"terrain.obj --repair never --edge-length 10%", "terrain.obj --repair never --tolerance 2%"}) {
     SCOPED_TRACE(arguments);
     const Outcome run = pad(arguments);
     EXPECT_EQ(run.code, 0) << run.err;
