@@ -12,6 +12,9 @@
 namespace padder::detect::cuda {
 namespace {
 
+// A level has an array of at most so many bins for each sphere; beyond, it is hashed.
+constexpr double kBinsASphere = 8;
+
 SearchOptions search_options(const CallOptions& options, const Summary& summary) {
   SearchOptions s;
   s.exact = options.precision == Precision::exact, s.stable_order = options.order == Order::stable;
@@ -38,10 +41,28 @@ Summary SphereSearch::survey(const DeviceSpheres& source, const Call& call) {
   return s;
 }
 
+// The grid that the summary asks for. A stable order depends on the grid, so that there it must follow from
+// the spheres alone, whatever was detected before.
+Grid SphereSearch::best_grid(const Call& call, const Summary& summary, GridBounds bounds) const {
+  const bool stable = call.options.order == Order::stable;
+  return choose_grid(summary, call.options.bin_size, spread_ && !stable ? 0 : kBinsASphere,
+                     CrossSearch::coarse_to_fine, stable ? GridBounds::stepped : bounds);
+}
+
+// After a pass with grid_, of which summary_ was found: may the contacts be taken? Chooses the grid of the
+// next call, before spheres leave this one.
+bool SphereSearch::still_good(const Call& call, const Summary& previous) {
+  if (call.options.order == Order::stable) return best_grid(call, summary_, GridBounds::stepped) == grid_;
+  const bool good = covers(grid_, summary_);
+  if (!good || !covers(grid_, expected_next(previous, summary_)) ||
+      best_grid(call, summary_, GridBounds::wide).buckets * std::uint64_t(2) + 4096 < grid_.buckets)
+    grid_ = best_grid(call, summary_, GridBounds::wide);
+  return good;
+}
+
 void SphereSearch::make_plan(const DeviceSpheres& source, const Call& call, const Summary& summary) {
   plan_ = {};
-  plan_.source = source,
-  plan_.grid = choose_grid(summary, call.options.bin_size, 8, CrossSearch::coarse_to_fine);
+  plan_.source = source, plan_.grid = grid_;
   plan_.search = search_options(call.options, summary);
   if (plan_.search.stable_order) plan_.search.quota = quota_;
   const bool floats = !source.wide && source.placed == 0 && float_range(summary.extent, summary.radius_max);
@@ -130,29 +151,35 @@ struct SphereSearch::Steps {
   const DeviceSpheres& source;
   const Call& call;
   Contacts& contacts;
+  bool surveyed = false;  // by a trial that found the spheres to be others, but all it needed to know
 
   Trial try_previous() {
     const Summary previous = s.summary_;
     s.make_plan(source, call, previous);
     s.plan_output(call, true);
     s.pass(call, true);
-    const Grid grid = s.plan_.grid;
     const SlotKind kind = s.plan_.kind;
     if (!s.tools_.surveyor.finish(source, s.plan_.octaves, s.plan_.top, s.plan_.along(), s.summary_))
       return Trial::differs;
     check(source, s.summary_, call);
-    s.make_plan(source, call, s.summary_);
     // Where the last octave is populated, a survey by itself may tell sizes apart in another way
     // (Summary::above).
-    const bool fits = grid == s.plan_.grid && kind == s.plan_.kind &&
-                      s.summary_.radius_max == previous.radius_max && !s.found_.flags &&
-                      s.summary_.octave[kOctaves - 1].count == 0;
-    return fits ? Trial::fits : Trial::differs;
+    if (s.summary_.octave[kOctaves - 1].count > 0) return Trial::differs;
+    const Grid tried = s.grid_;
+    const bool good = s.still_good(call, previous) && !s.found_.flags;
+    // What follows in this call goes by the grid that was tried.
+    s.make_plan(source, call, s.summary_), s.plan_.grid = tried;
+    if (good && kind == s.plan_.kind &&
+        (kind != SlotKind::equal || s.summary_.radius_max == previous.radius_max))
+      return Trial::fits;
+    surveyed = !(s.found_.flags & kCrowded);
+    return Trial::differs;
   }
 
   bool survey() {
-    s.summary_ = s.survey(source, call);
+    if (!surveyed) s.summary_ = s.survey(source, call);
     call.clock.mark(0);
+    s.grid_ = s.best_grid(call, s.summary_, surveyed ? GridBounds::wide : GridBounds::tight);
     s.make_plan(source, call, s.summary_);
     s.lengthen_to_lend(call);
     s.method_ = OrderMethod::automatic;
@@ -173,7 +200,12 @@ struct SphereSearch::Steps {
     const SlotQuota quota = stable ? quota_for(found, source.count, s.plan_.grid, s.plan_.kind) : SlotQuota{};
     const bool too_short = contacts.count > call.list.capacity(call.options);
     if (found.flags & kCrowded) {
-      s.method_ = OrderMethod::sort;
+      if (!stable && !s.spread_) {
+        s.spread_ = true, s.grid_ = s.best_grid(call, s.summary_, GridBounds::tight);
+        s.plan_.grid = s.grid_;
+      } else {
+        s.method_ = OrderMethod::sort;
+      }
     } else if (too_short || quota != search.quota ||
                (stable && found.spilled > s.tools_.search.spill.capacity())) {
       if (too_short) call.list.reserve(call.options, contacts.count + contacts.count / 16);
@@ -193,9 +225,11 @@ struct SphereSearch::Steps {
 
 void SphereSearch::run(const DeviceSpheres& source, const Call& call, Contacts& contacts) {
   const std::uint64_t planned_for = std::exchange(planned_for_, 0);  // until all went well
+  if (planned_for != source.count) spread_ = false;
+  const bool planned = planned_for == source.count && planned_bin_size_ == call.options.bin_size;
   Steps steps{*this, source, call, contacts};
-  speculative_.run(steps, !call.options.timings && planned_for == source.count);
-  planned_for_ = source.count;
+  speculative_.run(steps, !call.options.timings && planned);
+  planned_for_ = source.count, planned_bin_size_ = call.options.bin_size;
   call.clock.mark(8);
 }
 

@@ -49,6 +49,8 @@ class SphereSearch {
   };
   struct Steps;  // of SpeculativeCall
 
+  Grid best_grid(const Call& call, const Summary& summary, GridBounds bounds) const;
+  bool still_good(const Call& call, const Summary& previous);
   void make_plan(const DeviceSpheres& source, const Call& call, const Summary& summary);
   void plan_output(const Call& call, bool with_survey);
   void lengthen_to_lend(const Call& call);
@@ -62,7 +64,10 @@ class SphereSearch {
   Recording<Plan> recording_;
   SpeculativeCall speculative_{0};
   Summary summary_;
+  Grid grid_;            // that the next pass is to use
+  bool spread_ = false;  // levels are hashed, because spheres are too crowded in some part of a dense level
   std::uint64_t planned_for_ = 0;  // spheres of summary_; 0: it is not to be relied on
+  double planned_bin_size_ = 0;    // CallOptions::bin_size of that plan
   Counters found_{};               // by the last pass
   OrderMethod method_ = OrderMethod::automatic;
   SlotQuota quota_;  // of the previous list, for a stable order

@@ -67,9 +67,11 @@ static __device__ bool is_contact(const SearchTask& task, const Grid& grid, std:
   }
   const Verdict v = verdict<typename SlotOf<Kind>::Type>(m);
   if (v == Verdict::apart) return false;
-  if (v == Verdict::doubt) {
-    if (counts) count_doubtful(task);
-    if (task.exact ? !touching(sphere_at<Kind>(task, i), sphere_at<Kind>(task, j)) : !(m.d2 <= m.s2))
+  const bool repeats = Kind == SlotKind::fixed_point && task.places_repeat;
+  if (v == Verdict::doubt || repeats) {
+    if (counts && v == Verdict::doubt) count_doubtful(task);
+    if (task.exact || repeats ? !touching(sphere_at<Kind>(task, i), sphere_at<Kind>(task, j))
+                              : !(m.d2 <= m.s2))
       return false;
   }
   const std::uint32_t id_i = id_at<Kind>(task, i), id_j = id_at<Kind>(task, j);
@@ -82,7 +84,7 @@ static __device__ bool is_contact(const SearchTask& task, const Grid& grid, std:
   return true;
 }
 
-// Float first, then is_contact() where float is not enough. For dense levels, whose bins need not be asked.
+// Float first, then is_contact() where float is not enough. For searches that need not ask for the bin.
 template <SlotKind Kind>
 __device__ __forceinline__ bool test(const SearchTask& task, const Grid& grid, std::uint32_t i,
                                      const typename SlotOf<Kind>::Type& a, std::uint32_t j,

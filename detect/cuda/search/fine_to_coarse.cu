@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Fine to coarse: each sphere searches its own level and the coarser ones. This is the way where levels are
-// hashed or differ too much to be searched from coarse to fine. Candidates of a row of bins lie side by side;
-// float tests them, the results are bits of a mask, and contacts go to a queue of the warp.
+// hashed and differ much, or differ too much to be searched from coarse to fine. Candidates of a row of bins
+// lie side by side; float tests them, the results are bits of a mask, and contacts go to a queue of the warp.
 #include "detect/cuda/device/device.h"
 #include "detect/cuda/search/exact_test.h"
 #include "detect/cuda/search/launch.h"

@@ -20,7 +20,8 @@ struct FusedMemory {
                       // squared
   uint4 rows[32];  // x of its bin, table entry of its first row, that row's number in the unit, 2^32 / side
   uint2 side[32];  // rows along y; index of the sphere
-  uint4 level;     // table entries of a row and of a plane; the last bin along x
+  uint4 level;     // table entries of a row and of a plane; the last bin along x, 0; of a hashed level its
+                   // offset, its ring less one
   // Stable order: the first slot and the quota of the tile. Of a unit: the first slot of its group, and its
   // word.
   Word slot;

@@ -27,7 +27,11 @@ SearchTask make_task(const DeviceSpheres& source, const Grid& grid, const Ordere
   task.own = options.own, task.exact = options.exact, task.owns_all = options.owns_all;
   task.code_limit = code_limit(grid, spheres.bins, options.radius);
   task.test_all = source.filtered || !options.owns_all;
-  for (int k = 0; k < grid.levels; k++) task.test_all = task.test_all || grid.level[k].hashed;
+  for (int k = 0; k < grid.levels && spheres.kind == SlotKind::fixed_point; k++) {
+    const Level& l = grid.level[k];
+    for (int c = 0; c < 3; c++) task.places_repeat = task.places_repeat || (l.hashed && l.count[c] > 128);
+  }
+  task.test_all = task.test_all || task.places_repeat;
   return task;
 }
 
@@ -48,7 +52,7 @@ SearchPlan choose_family(const SearchTask& task, const Grid& grid, int processor
   if (!plan.fused()) plan.pairs = plan_level_pairs(grid, spheres.kind);
   if (spheres.float_levels) plan.pairs.bins = level_bins(grid, spheres.kind);
   if (plan.fused()) return plan;
-  if (grid.levels == 1 && !grid.level[0].hashed)
+  if (grid.levels == 1)
     plan.family = tiles_of(spheres.count) <= tuning::kFewTilesOfProcessor * static_cast<unsigned>(processors)
                       ? KernelFamily::few_tiles
                       : KernelFamily::one_level;
@@ -100,6 +104,8 @@ void search(const DeviceSpheres& source, const Grid& grid, const Ordered& sphere
             int processors, cudaStream_t stream) {
   SearchTask task = make_task(source, grid, spheres, options, output, counters);
   const SearchPlan plan = choose_family(task, grid, processors);
+  // The search from fine to coarse may be wider than the cube of a hashed level.
+  if (plan.family == KernelFamily::fine_to_coarse) task.test_all = task.test_all || spheres.hashed;
   const bool fused = plan.fused(), many = fused || spheres.count >= tuning::kManySpheres;
   task.tiles = fused
                    ? static_cast<std::uint32_t>((std::uint64_t(spheres.count) + kFusedTile - 1) / kFusedTile)
