@@ -337,9 +337,10 @@ Grid choose_grid(const Summary& given, double bin_size, double bins_per_sphere, 
     for (std::size_t k = begins[level]; k < end; k++)
       g.level_of_octave[octaves[k]] = static_cast<std::uint8_t>(level);
     Level& l = g.level[level];
-    l.size = all.need_max > 0 ? rounded_up(std::max(all.need_max, bin_size))
+    l.size = all.need_max > 0 ? rounded_up(std::max(all.need_max * (1 + s.blur), bin_size))
                               : rounded_up(bin_size > 0 ? bin_size : 1);
-    l.per_size = 1 / l.size, l.units = std::ldexp(l.per_size, kUnitBits), l.radius_max = all.radius_max;
+    l.per_size = 1 / l.size, l.units = std::ldexp(l.per_size, kUnitBits),
+    l.radius_max = all.radius_max * (1 + s.blur);
     l.spheres = all.count;
     // A level with few spheres may have as many bins as the finer levels: as its bins are coarser, it has
     // fewer.
@@ -365,7 +366,8 @@ bool covers(const Grid& g, const Summary& given) {
     const int level = g.levels == 1 ? 0 : g.level_of_octave[o];
     const Level& l = g.level[level];
     count[level] += octave.count;
-    if (octave.need_max > l.size || octave.radius_max > l.radius_max) return false;
+    if (octave.need_max * (1 + s.blur) > l.size || octave.radius_max * (1 + s.blur) > l.radius_max)
+      return false;
     for (int k = 0; k < 3; k++)
       if (split(l, octave.low[k]).bin < l.first[k] ||
           split(l, octave.high[k]).bin >= l.first[k] + static_cast<std::int64_t>(l.count[k]))

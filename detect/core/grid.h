@@ -200,6 +200,9 @@ struct Summary {
   std::uint64_t count = 0;
   double need_max = 0, radius_max = 0, radius_min = INFINITY, radius_sum = 0;
   double extent = 0;  // the largest |coordinate|
+  // By which fraction distances may be longer and radii smaller than they look, where coordinates were
+  // rounded: edges of bins and what is searched exceed them by as much.
+  double blur = 0;
   double low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY};
   std::uint64_t first_fault = ~std::uint64_t(0);  // index of the first sphere with a fault
   // Octave 0 begins `above` octaves below exponent_of(need_max). It also holds everything larger, and the

@@ -7,6 +7,7 @@
 #include "detect/cuda/device/profile_range.h"
 #include "detect/cuda/input/input_copy.h"
 #include "detect/cuda/order/bins.h"
+#include "detect/cuda/search/exact_test.h"
 #include "detect/cuda/tuning.h"
 
 namespace padder::detect::cuda {
@@ -22,6 +23,38 @@ SearchOptions search_options(const CallOptions& options, const Summary& summary)
   for (int k = 0; k < 3; k++)
     s.owns_all = s.owns_all && options.own.low[k] == -INFINITY && options.own.high[k] == INFINITY;
   return s;
+}
+
+// Input in double is searched as float where that leaves float sure of most pairs (band_of_rounded).
+bool may_round(const DeviceSpheres& source, const Summary& s) {
+  return source.wide && source.placed == 0 && float_range(s.extent, s.radius_max) && s.radius_min > 0x1p-40 &&
+         s.extent < kMostRounded * s.radius_min;
+}
+// No coordinate of spheres that the grid covers is larger.
+double extent_of(const Grid& g) {
+  double extent = 0;
+  for (int k = 0; k < g.levels; k++)
+    for (int c = 0; c < 3; c++) {
+      const Level& l = g.level[k];
+      const auto low = static_cast<double>(l.first[c]);
+      extent = std::max(extent, std::max(std::abs(low), std::abs(low + l.count[c])) * l.size);
+    }
+  return extent;
+}
+// A faulty sphere becomes one that is no number, so that the bounds show it: a float of a radius that is a
+// little below zero would not.
+__global__ void __launch_bounds__(256)
+    round_kernel(const __grid_constant__ DeviceSpheres source, float4* rounded) {
+  const std::uint32_t k = blockIdx.x * 256 + threadIdx.x;
+  if (k >= source.count) return;
+  const Sphere s = source.sphere(k);
+  rounded[k] = fault_of(s) != Fault::none ? make_float4(NAN, NAN, NAN, NAN)
+                                          : make_float4(static_cast<float>(s.x), static_cast<float>(s.y),
+                                                        static_cast<float>(s.z), static_cast<float>(s.r));
+}
+void round_spheres(const DeviceSpheres& source, float4* rounded, cudaStream_t stream) {
+  round_kernel<<<(source.count + 255) / 256, 256, 0, stream>>>(source, rounded);
+  cuda_launched("read the spheres");
 }
 
 void check(const DeviceSpheres& source, const Summary& s, const Call& call) {
@@ -60,17 +93,39 @@ bool SphereSearch::still_good(const Call& call, const Summary& previous) {
   return good;
 }
 
+// Also finds summary_ of the floats that are searched in the place of doubles.
+void SphereSearch::survey_as_searched(const DeviceSpheres& source, const Call& call) {
+  summary_ = survey(source, call);
+  if (!may_round(source, summary_)) return;
+  const DeviceSpheres floats = rounded(source);
+  round_spheres(source, tools_.rounded.data(), call.stream);
+  const Summary of_floats = tools_.surveyor.survey(floats, call.processors, call.stream);
+  if (may_round(source, of_floats)) summary_ = of_floats, summary_.blur = kBlur;
+}
+
 void SphereSearch::make_plan(const DeviceSpheres& source, const Call& call, const Summary& summary) {
   plan_ = {};
   plan_.source = source, plan_.grid = grid_;
   plan_.search = search_options(call.options, summary);
   if (plan_.search.stable_order) plan_.search.quota = quota_;
-  const bool floats = !source.wide && source.placed == 0 && float_range(summary.extent, summary.radius_max);
+  if (summary.blur > 0 && may_round(source, summary)) {
+    plan_.search.rounded = true, plan_.rounded = rounded(source);
+    plan_.search.radius_min = summary.radius_min, plan_.search.extent = extent_of(grid_);
+  }
+  const bool floats = (plan_.search.rounded || !source.wide) && source.placed == 0 &&
+                      float_range(summary.extent, summary.radius_max);
   plan_.kind = !floats                                    ? SlotKind::fixed_point
                : summary.radius_min == summary.radius_max ? SlotKind::equal
                                                           : SlotKind::unequal;
   plan_.octaves = needs_octaves(summary), plan_.top = exponent_of(summary.need_max);
   plan_.processors = call.processors;
+}
+
+DeviceSpheres SphereSearch::rounded(const DeviceSpheres& source) {
+  DeviceSpheres floats;
+  floats.centers = tools_.rounded.reserve(source.count), floats.count = source.count;
+  floats.packed = true, floats.center_stride = floats.radius_stride = 4;
+  return floats;
 }
 
 // The rest of the plan, once the list is as long as it is to be.
@@ -96,7 +151,7 @@ void SphereSearch::lengthen_to_lend(const Call& call) {
 void SphereSearch::expect_report(const Plan& plan, Tools& tools) {
   tools.report.clear();
   if (plan.with_survey)
-    tools.surveyor.read(plan.source, plan.octaves, plan.along(), tools.report);
+    tools.surveyor.read(plan.searched(), plan.octaves, plan.along(), tools.report);
   else
     tools.surveyor.read_head(tools.report);
   tools.report.expect();
@@ -109,12 +164,13 @@ void SphereSearch::enqueue(const Plan& plan, Tools& tools, cudaStream_t stream, 
   Ordered spheres;
   {
     const ProfileRange range("padder: order (stages 1 to 6)");
+    if (plan.search.rounded) round_spheres(plan.source, tools.rounded.data(), stream);
     if (plan.with_survey && !plan.along())
       tools.surveyor.begin(plan.source, plan.octaves, plan.top, plan.processors, stream);
     else if (!plan.with_survey)
       cuda_check(cudaMemsetAsync(counters, 0, sizeof(Counters), stream), "clear the counters");
     const Gather gather = plan.along() ? tools.surveyor.gather(plan.octaves, plan.top) : Gather{};
-    spheres = tools.orderer.order({.source = plan.source,
+    spheres = tools.orderer.order({.source = plan.searched(),
                                    .grid = plan.grid,
                                    .kind = plan.kind,
                                    .stable = plan.search.stable_order,
@@ -124,7 +180,8 @@ void SphereSearch::enqueue(const Plan& plan, Tools& tools, cudaStream_t stream, 
                                    .counters = counters,
                                    .processors = plan.processors,
                                    .stream = stream,
-                                   .keep = plan.with_survey});
+                                   .keep = plan.with_survey,
+                                   .float_levels = searches_downwards(plan.grid, plan.kind)});
   }
   clock.mark(3);
   const ProfileRange range("padder: search (stages 7 to 9)");
@@ -159,8 +216,11 @@ struct SphereSearch::Steps {
     s.plan_output(call, true);
     s.pass(call, true);
     const SlotKind kind = s.plan_.kind;
-    if (!s.tools_.surveyor.finish(source, s.plan_.octaves, s.plan_.top, s.plan_.along(), s.summary_))
+    const SearchOptions searched = s.plan_.search;
+    if (!s.tools_.surveyor.finish(s.plan_.searched(), s.plan_.octaves, s.plan_.top, s.plan_.along(),
+                                  s.summary_))
       return Trial::differs;
+    if (s.plan_.search.rounded) s.summary_.blur = kBlur;
     check(source, s.summary_, call);
     // Where the last octave is populated, a survey by itself may tell sizes apart in another way
     // (Summary::above).
@@ -168,16 +228,18 @@ struct SphereSearch::Steps {
     const Grid tried = s.grid_;
     const bool good = s.still_good(call, previous) && !s.found_.flags;
     // What follows in this call goes by the grid that was tried.
-    s.make_plan(source, call, s.summary_), s.plan_.grid = tried;
-    if (good && kind == s.plan_.kind &&
+    const Grid next = std::exchange(s.grid_, tried);
+    s.make_plan(source, call, s.summary_);
+    s.grid_ = next;
+    if (good && kind == s.plan_.kind && searched == s.plan_.search &&
         (kind != SlotKind::equal || s.summary_.radius_max == previous.radius_max))
       return Trial::fits;
-    surveyed = !(s.found_.flags & kCrowded);
+    surveyed = !(s.found_.flags & kCrowded) && searched.rounded == s.plan_.search.rounded;
     return Trial::differs;
   }
 
   bool survey() {
-    if (!surveyed) s.summary_ = s.survey(source, call);
+    if (!surveyed) s.survey_as_searched(source, call);
     call.clock.mark(0);
     s.grid_ = s.best_grid(call, s.summary_, surveyed ? GridBounds::wide : GridBounds::tight);
     s.make_plan(source, call, s.summary_);
@@ -226,10 +288,11 @@ struct SphereSearch::Steps {
 void SphereSearch::run(const DeviceSpheres& source, const Call& call, Contacts& contacts) {
   const std::uint64_t planned_for = std::exchange(planned_for_, 0);  // until all went well
   if (planned_for != source.count) spread_ = false;
-  const bool planned = planned_for == source.count && planned_bin_size_ == call.options.bin_size;
+  const bool planned = planned_for == source.count && planned_bin_size_ == call.options.bin_size &&
+                       planned_wide_ == source.wide;
   Steps steps{*this, source, call, contacts};
   speculative_.run(steps, !call.options.timings && planned);
-  planned_for_ = source.count, planned_bin_size_ = call.options.bin_size;
+  planned_for_ = source.count, planned_bin_size_ = call.options.bin_size, planned_wide_ = source.wide;
   call.clock.mark(8);
 }
 

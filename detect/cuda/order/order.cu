@@ -69,7 +69,7 @@ Ordered Orderer::order(const OrderRequest& r) {
   Ordered o;
   o.kind = r.kind, o.count = count;
   o.bins = float_bins(grid, r.kind, count);
-  o.float_levels = level_bins(grid, r.kind).on;
+  o.float_levels = r.float_levels && level_bins(grid, r.kind).on;
   for (int k = 0; k < grid.levels; k++) o.hashed = o.hashed || grid.level[k].hashed;
   const std::uint32_t buckets = keys_of(grid, o.bins);
   // Where bins are many and nearly empty, several along x share an entry of the table. But not where rows are

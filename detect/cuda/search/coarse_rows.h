@@ -62,7 +62,7 @@ __device__ __forceinline__ void find_rows(const SearchTask& task, const Grid& gr
                                           QueryRows<Kind>& q) {
   const Level& l = grid.level[d.fine];
   const std::uint32_t row_length = l.count[0] + 2, plane = row_length * (l.count[1] + 2);
-  const Sphere s = sphere_at<Kind>(task, index);
+  const Sphere s = sphere_of_slot<Kind>(task, index);
   const float reach = search_radius(grid, d, s.r);
   q.parts = parts_of(d, reach);
   if (part >= q.parts) return;

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "detect/cuda/output/compaction.h"
+#include "detect/cuda/search/exact_test.h"
 #include "detect/cuda/search/launch.h"
 #include "detect/cuda/tuning.h"
 
@@ -25,6 +26,12 @@ SearchTask make_task(const DeviceSpheres& source, const Grid& grid, const Ordere
   task.radius = options.radius, task.radius_f32 = static_cast<float>(options.radius);
   task.sum_squared = (task.radius_f32 + task.radius_f32) * (task.radius_f32 + task.radius_f32);
   task.own = options.own, task.exact = options.exact, task.owns_all = options.owns_all;
+  task.rounded = options.rounded;
+  task.wide = kWide, task.near = kNear;
+  if (options.rounded) {
+    const FloatBand band = band_of_rounded(options.extent, options.radius_min);
+    task.wide = band.wide, task.near = band.near;
+  }
   task.code_limit = code_limit(grid, spheres.bins, options.radius);
   task.test_all = source.filtered || !options.owns_all;
   for (int k = 0; k < grid.levels && spheres.kind == SlotKind::fixed_point; k++) {
@@ -79,6 +86,8 @@ unsigned resident_tiles(KernelFamily family, SlotKind kind, int processors) {
   if (family == KernelFamily::fine_to_coarse) return resident_fine_to_coarse(kind, processors);
   return resident_one_level(family, kind, processors);
 }
+
+bool searches_downwards(const Grid& grid, SlotKind kind) { return plan_level_pairs(grid, kind).count > 0; }
 
 SlotQuota quota_for(const Counters& found, std::uint32_t spheres, const Grid& grid, SlotKind kind) {
   // The quota goes in steps, so that it seldom changes from call to call; steps are finer where chance
