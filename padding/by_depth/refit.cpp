@@ -12,9 +12,6 @@
 namespace padder {
 namespace {
 
-// The cap lowered by the margin, but to a quarter at the most.
-double lowered(double cap, double margin) { return std::max(cap - margin, 0.25 * cap); }
-
 Ball ball_under(const Surface& body, const Point& p, const Vector& normal, double largest, double cap) {
   // The medial ball may miss p by a quarter of the cap, because the dilated ball still covers p.
   Ball ball = inner_medial_ball(body, p, normal, largest, 0.25 * cap);
@@ -22,12 +19,10 @@ Ball ball_under(const Surface& body, const Point& p, const Vector& normal, doubl
   return ball;
 }
 
-void refit_one(const Surface& body, const Mesh& remeshed, double margin, FittedBall& fitted) {
-  const double cap = lowered(fitted.cap, margin), below = fitted.ball.radius - fitted.cap;
+void refit_one(const Surface& body, const Mesh& remeshed, FittedBall& fitted) {
+  const double cap = fitted.cap, below = fitted.ball.radius - cap;
   const double side = body.signed_nearest(fitted.ball.center).distance;
-  if (side <= 0 && -side >= below - 1e-9 * fitted.ball.radius && margin == 0)
-    return;  // the paper's sphere will do
-  if (side <= 0 && fitted.ball.radius + side <= cap) return;
+  if (side <= 0 && -side >= below - 1e-9 * fitted.ball.radius) return;  // the paper's sphere will do
   const auto& t = remeshed.triangles[fitted.triangle];
   const Triangle3 tri{remeshed.points[t[0]], remeshed.points[t[1]], remeshed.points[t[2]]};
   const Nearest touch = body.nearest(tri.enclosing_circle().center);
@@ -79,7 +74,7 @@ std::vector<FittedBall> refit(const Surface& body, const Mesh& remeshed, std::ve
 
 #pragma omp parallel for schedule(dynamic, 64)
   for (std::int64_t k = 0; k < static_cast<std::int64_t>(balls.size()); k++)
-    refit_one(body, remeshed, options.margin, balls[k]);
+    refit_one(body, remeshed, balls[k]);
   std::erase_if(balls, [](const FittedBall& b) { return b.ball.radius == 0; });
 
   const Surface triangles(remeshed);
@@ -101,9 +96,8 @@ std::vector<FittedBall> refit(const Surface& body, const Mesh& remeshed, std::ve
     for (std::int64_t k = 0; k < static_cast<std::int64_t>(chosen.size()); k++) {
       const Point p = chosen[k].centroid();
       const Vector normal = body.mesh().area_normal(chosen[k].triangle).normalized();
-      found[k] = {ball_under(body, p, normal, largest, lowered(gap, options.margin)), gap,
-                  triangles.nearest(p).triangle};
-      if (found[k].ball.radius == 0) found[k].ball = {p, lowered(gap, options.margin)};  // on a knife's edge
+      found[k] = {ball_under(body, p, normal, largest, gap), gap, triangles.nearest(p).triangle};
+      if (found[k].ball.radius == 0) found[k].ball = {p, gap};  // on a knife's edge
     }
     balls.insert(balls.end(), found.begin(), found.end());
   }

@@ -5,8 +5,8 @@
 #pragma once
 #include <vector>
 
-#include "detect/core/static_table.h"
 #include "detect/core/assembly.h"
+#include "detect/core/static_table.h"
 #include "detect/cuda/input/input_copy.h"
 
 namespace padder::detect::cuda {
