@@ -284,7 +284,8 @@ class Mender {
     out_.mesh = std::move(cells.mesh);
     out_.sheet = out_.mesh.triangles.size() - cells.boundary;
     out_.kind = cells.boundary > 0 ? BodyKind::solid : BodyKind::sheet;
-    out_.steps.buried_area = cells.buried_area;
+    out_.steps.buried_area = cells.buried.area();
+    if (!cells.buried.triangles.empty()) out_.marks.push_back({MarkKind::buried, std::move(cells.buried)});
     for (std::uint32_t t = 0; t < out_.mesh.triangles.size(); t++) {
       const auto from = cells.source[t];
       const double area = out_.mesh.area_normal(t).norm();

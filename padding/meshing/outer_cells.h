@@ -23,7 +23,7 @@ struct OuterCells {
   Mesh mesh;
   std::size_t boundary = 0;           // the number of triangles of the first kind
   std::vector<std::uint32_t> source;  // for each, the triangle of the soup that it is a part of
-  double buried_area = 0;             // of the pieces with the body on both sides, which are left out
+  Mesh buried;                        // the pieces with the body on both sides, which are left out
 };
 
 // `soup` is indexed: equal points have one index; `contacts` are those of its triangles, whichever way they
