@@ -221,8 +221,7 @@ std::uint32_t Surface::build(std::vector<Node>& nodes, std::vector<std::uint32_t
                                                          [&](auto t) { return bin_of(t) < split; }) -
                                           order.begin());
   }
-  // Very uneven splits could make the tree as deep as there are triangles. Where one side would get less than
-  // 1/32, the median splits instead.
+  // Uneven splits could make the tree as deep as there are triangles: below 1/32 the median splits instead.
   const std::uint32_t smaller = std::min(middle - begin, end - middle);
   if (smaller == 0 || (end - begin > 4 * leaf_size && smaller < (end - begin) / 32)) {
     middle = begin + (end - begin) / 2;

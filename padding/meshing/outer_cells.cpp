@@ -9,7 +9,6 @@
 #include <unordered_map>
 
 #include "padding/geometry/surface.h"
-#include "padding/meshing/cut_triangle.h"
 
 namespace padder {
 namespace {
