@@ -355,7 +355,11 @@ double Surface::distance_to(std::uint32_t triangle, const Point& p) const {
 double Surface::certified_distance(const Point& p) const {
   const auto winding = winding_number(p);
   const bool inside = winding && *winding > 0;
-  if (!hull()) return inside ? -clearance(p).distance : nearest(p).distance;
+  if (!hull() && inside) return -clearance(p).distance;
+  if (!hull()) {
+    const Nearest at = nearest(p);
+    return at.distance - half_thickness(at.triangle);
+  }
   const double apart = nearest(p).distance;
   return inside ? std::min(apart, -clearance(p).distance) : apart;
 }
@@ -390,7 +394,7 @@ Nearest Surface::signed_nearest(const Point& p) const {
   bool inside = (p - best.point).dot(best.normal) < 0;
   if (side_ == SideBy::winding && best.distance > 0)
     if (const auto winding = winding_number(p)) inside = *winding > 0;
-  if (inside) best.distance = -best.distance;
+  best.distance = inside ? -best.distance : best.distance - half_thickness(best.triangle);
   return best;
 }
 

@@ -50,6 +50,7 @@ class Mender {
   }
 
   Repaired run() {
+    out_.thickness = options_.thickness;
     out_.steps.pieces = pieces_.pieces.size();
     out_.steps.repeated = pieces_.repeated, out_.steps.turned = pieces_.turned;
     collect_groups();

@@ -138,6 +138,8 @@ void declare_asset(CLI::App& app, Arguments& a) {
   app.add_option("--repair", a.options.repair, "auto (the default), union, fill, sheet, never or wrap")
       ->transform(CLI::CheckedTransformer(modes))
       ->type_name("MODE");
+  app.add_option("--thickness", a.options.thickness, "of sheets, half on either side (default 0)")
+      ->check(length());
   app.add_option("--family", a.options.family, "of the asset: no contact inside a family; 0 is none")
       ->check(whole());
   app.add_option("--mask", a.options.mask, "bit k: no contact with family k + 1")->check(bits());

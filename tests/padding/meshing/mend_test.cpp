@@ -347,6 +347,30 @@ TEST(Mend, CertifiedCoversHoldWhenSampled) {
   }
 }
 
+TEST(Mend, ASheetOfAThicknessNeedsFewerBalls) {
+  RandomInput random(12);
+  Mesh mesh = shapes::square(1, 12);
+  for (Point& p : mesh.points) p.z() = 0.1 * std::sin(5 * p.x()) * std::cos(4 * p.y());
+  std::size_t last = ~0u;
+  for (const double thickness : {0.0, 0.05, 0.2}) {
+    RepairOptions options;
+    options.thickness = thickness;
+    const Repaired r = mend(mesh, options);
+    EXPECT_EQ(r.kind, BodyKind::sheet);
+    const double e = 0.03;
+    const Culled culled = cull(r.surface(), {.tolerance = e, .effort = 0});
+    EXPECT_TRUE(culled.proved);
+    EXPECT_LT(culled.balls.size(), last);
+    last = culled.balls.size();
+    const Surface input(mesh);
+    for (const Ball& ball : culled.balls)
+      for (int k = 0; k < 20; k++) {
+        const Point x = ball.center + ball.radius * random.direction();
+        EXPECT_LE(input.nearest(x).distance, 0.5 * thickness + e * (1 + 1e-6));
+      }
+  }
+}
+
 TEST(Mend, SameForAnyNumberOfThreads) {
   RandomInput random(9);
   Mesh mesh;
