@@ -229,6 +229,8 @@ Surface surface_in_wrap(const Mesh& input, Repaired& wrap, bool by_grain, PadRep
 RepairOptions repairing(const PadOptions& options, double length, double tolerance, double diagonal) {
   RepairOptions r;
   r.mode = options.repair;
+  // One sphere for each triangle needs room below it.
+  r.below_terrain = length > 0;
   r.thickness = options.thickness.absolute(diagonal) / diagonal;
   // The wrap must be finer than the cap over a triangle with that edge, or than the tolerance.
   r.accuracy = length > 0 ? options.depth_ratio_used() * length / std::numbers::sqrt3 : tolerance;

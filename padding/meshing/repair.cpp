@@ -125,6 +125,21 @@ std::string words(const Repaired& body, double diagonal) {
   return report.text();
 }
 
+// Is it a terrain, nearly all of it seen from one side? A box without its lid is not: its normals cancel.
+bool is_terrain(const Mesh& mesh) {
+  Vector sum = Vector::Zero();
+  for (std::size_t t = 0; t < mesh.triangles.size(); t++) sum += mesh.area_normal(t);
+  const double area = mesh.area();
+  if (sum.norm() < 0.5 * area) return false;
+  const Vector up = sum.normalized();
+  double facing = 0;
+  for (std::size_t t = 0; t < mesh.triangles.size(); t++) {
+    const Vector a = mesh.area_normal(t);
+    if (a.dot(up) > 0) facing += a.norm();
+  }
+  return facing > 0.999 * area;
+}
+
 Repaired repaired(const Mesh& input, const RepairOptions& options, const std::string& name) {
   Mesh flat;
   Soup soup = soup_with_area(input, flat);
@@ -144,6 +159,8 @@ Repaired repaired(const Mesh& input, const RepairOptions& options, const std::st
       return with_flat(std::move(*solid));
   Repaired out = mend(input, options);
   out.report = words(out, diagonal);
+  if (options.below_terrain && out.kind == BodyKind::sheet && is_terrain(out.mesh))
+    out.solid.reset(), out.sheet = 0, out.report += ", padded below its normals";
   return out;
 }
 

@@ -31,7 +31,8 @@ struct RepairOptions {
   double alpha = 0;
   double offset = 0;     // of a wrap from the input; 0: a third of the accuracy, at most diagonal/1500
   double thickness = 0;  // of sheets, half on either side; 0: their spheres stand out by the protrusion alone
-  double hole_size = 0.15;  // holes whose rim is at most this share of the diagonal are always closed
+  bool below_terrain = false;  // a sheet that all faces one way is solid below its normals, as far as known
+  double hole_size = 0.15;     // holes whose rim is at most this share of the diagonal are always closed
 };
 
 // A closed mesh that meets itself nowhere is kept as it is, turned outward (CGAL's Polygon Mesh Processing).
