@@ -259,6 +259,9 @@ void show_repair(Repaired& body, double area, const UnitFrame& frame, Padded& ou
   report.kind = body.kind;
   report.filled = body.filled, report.filled_area = body.filled_area * scale * scale;
   if (area > 0) report.buried = std::max(report.buried, body.steps.buried_area / area);
+  report.steps = body.steps;
+  report.steps.crack_width *= scale;
+  report.steps.buried_area *= scale * scale, report.steps.sheet_area *= scale * scale;
   out.marks = std::move(body.marks);
   for (const Patch& patch : body.patches) {
     report.patches.push_back({patch.area * scale * scale, patch.rim * scale, frame.back(patch.place), {}});

@@ -38,6 +38,7 @@ struct PadReport {
   double diagonal = 0;      // of the input's bounding box
   double buried = 0;  // share of the input's surface that nothing outside can touch, so it stays uncovered
   BodyKind kind = BodyKind::solid;
+  RepairSteps steps;              // what repair did, in numbers, in the mesh's unit
   std::uint64_t filled = 0;       // number of holes that repair closed, of a solid
   double filled_area = 0;         // of the patches that close them, in the mesh's unit squared
   std::vector<Patch> patches;     // one for each of these holes; in the mesh's unit and frame
