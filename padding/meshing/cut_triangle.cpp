@@ -28,21 +28,17 @@ using Triangulation = CGAL::Constrained_Delaunay_triangulation_2<
     CgalKernel, CGAL::Triangulation_data_structure_2<VertexBase, FaceBase>, CGAL::Exact_predicates_tag>;
 using Flat = Triangulation::Point;
 
-// Faces lower than this share of the triangle's longest edge are rounding, not surface.
-constexpr double least_height = 1e-13;
-
 class TriangleCutter {
  public:
-  TriangleCutter(const Mesh& mesh, std::uint32_t t, const std::vector<Point>& points)
+  TriangleCutter(const Mesh& mesh, std::uint32_t t, const std::vector<Point>& points, double near)
       : corners_(mesh.triangles[t]),
         points_(points),
         origin_(mesh.corner(t, 0)),
-        normal_(mesh.area_normal(t)) {
+        normal_(mesh.area_normal(t)),
+        near_(near) {
     normal_.cwiseAbs().maxCoeff(&drop_);
     u_ = (drop_ + 1) % 3, v_ = (drop_ + 2) % 3;
     if (normal_[drop_] < 0) std::swap(u_, v_);
-    for (int k = 0; k < 3; k++)
-      longest_ = std::max(longest_, (mesh.corner(t, (k + 1) % 3) - mesh.corner(t, k)).norm());
   }
 
   TrianglePieces run(const std::array<std::vector<std::uint32_t>, 3>& rim,
@@ -55,12 +51,18 @@ class TriangleCutter {
     std::vector<Triangulation::Vertex_handle> handles;
     for (const auto v : round) handles.push_back(insert(v));
     for (std::size_t k = 0; k < round.size(); k++) constrain(handles[k], handles[(k + 1) % round.size()]);
+    std::vector<std::uint32_t> all = round;
+    for (const TriangleCut& cut : cuts)
+      for (const auto v : cut.point) insert(v), all.push_back(v);
+    std::sort(all.begin(), all.end());
+    all.erase(std::unique(all.begin(), all.end()), all.end());
     std::set<std::array<std::uint32_t, 2>> done;
     for (const TriangleCut& cut : cuts) {
-      const auto a = insert(cut.point[0]), b = insert(cut.point[1]);
-      if (on_one_edge(cut)) continue;
-      if (done.insert({std::min(cut.point[0], cut.point[1]), std::max(cut.point[0], cut.point[1])}).second)
-        constrain(a, b);
+      if (on_one_edge(cut) || cut.point[0] == cut.point[1]) continue;
+      const std::vector<std::uint32_t> way = way_of(cut, all);
+      for (std::size_t k = 0; k + 1 < way.size(); k++)
+        if (done.insert({std::min(way[k], way[k + 1]), std::max(way[k], way[k + 1])}).second)
+          constrain(insert(way[k]), insert(way[k + 1]));
     }
     return collect();
   }
@@ -71,6 +73,24 @@ class TriangleCutter {
     for (int k = 0; k < 3; k++)
       if (on(cut.place[0], k) && on(cut.place[1], k)) return true;
     return false;
+  }
+
+  // The points that the cut runs through, from one end to the other. Cuts on one line, which rounding has
+  // moved a little apart, then have the same parts; where these would cross, the place would mean nothing.
+  std::vector<std::uint32_t> way_of(const TriangleCut& cut, const std::vector<std::uint32_t>& all) const {
+    const Point &a = points_[cut.point[0]], &b = points_[cut.point[1]];
+    const Vector along = b - a;
+    std::vector<std::pair<double, std::uint32_t>> on = {{0, cut.point[0]}, {1, cut.point[1]}};
+    for (const auto v : all) {
+      if (v == cut.point[0] || v == cut.point[1]) continue;
+      const double at = along.dot(points_[v] - a) / along.squaredNorm();
+      if (at > 0 && at < 1 && (points_[v] - a - at * along).squaredNorm() <= near_ * near_)
+        on.push_back({at, v});
+    }
+    std::sort(on.begin(), on.end());
+    std::vector<std::uint32_t> way;
+    for (const auto& [at, v] : on) way.push_back(v);
+    return way;
   }
 
   Triangulation::Vertex_handle insert(std::uint32_t v) {
@@ -99,7 +119,7 @@ class TriangleCutter {
     for (int k = 0; k < 3; k++) corner[k] = lift(f->vertex(k)->point());
     double longest = 0;
     for (int k = 0; k < 3; k++) longest = std::max(longest, (corner[(k + 1) % 3] - corner[k]).norm());
-    return (corner[1] - corner[0]).cross(corner[2] - corner[0]).norm() > least_height * longest_ * longest;
+    return (corner[1] - corner[0]).cross(corner[2] - corner[0]).norm() > near_ * longest;
   }
 
   std::uint32_t name(Triangulation::Vertex_handle v) {
@@ -143,8 +163,8 @@ class TriangleCutter {
   const std::vector<Point>& points_;
   const Point origin_;
   const Vector normal_;
+  const double near_;
   Eigen::Index drop_ = 0, u_ = 0, v_ = 0;
-  double longest_ = 0;
   Triangulation triangulation_;
   TrianglePieces out_;
 };
@@ -153,8 +173,8 @@ class TriangleCutter {
 
 TrianglePieces cut_triangle(const Mesh& mesh, std::uint32_t t, const std::vector<Point>& points,
                             const std::array<std::vector<std::uint32_t>, 3>& rim,
-                            std::span<const TriangleCut> cuts) {
-  return TriangleCutter(mesh, t, points).run(rim, cuts);
+                            std::span<const TriangleCut> cuts, double near) {
+  return TriangleCutter(mesh, t, points, near).run(rim, cuts);
 }
 
 }  // namespace padder

@@ -26,7 +26,12 @@ std::uint32_t root_of(std::vector<std::uint32_t>& parent, std::uint32_t k) {
 class Cutter {
  public:
   Cutter(const Mesh& soup, const std::vector<TriangleRole>& roles, const Contacts& contacts)
-      : soup_(soup), roles_(roles), contacts_(contacts), surface_(soup), points_(soup.points) {}
+      : soup_(soup),
+        roles_(roles),
+        contacts_(contacts),
+        surface_(soup),
+        points_(soup.points),
+        near_(same_point * soup.bounds().diagonal()) {}
 
   OuterCells run() {
     name_points();
@@ -130,7 +135,12 @@ class Cutter {
 
   // --- pieces ---
 
-  bool is_cut(std::uint32_t t) const { return cuts_of_[t] != cuts_of_[t + 1] || overlaps_.count(t) > 0; }
+  // A point on an edge cuts all triangles that have the edge.
+  bool is_cut(std::uint32_t t) const {
+    bool cut = cuts_of_[t] != cuts_of_[t + 1] || overlaps_.count(t) > 0;
+    for (int k = 0; k < 3 && !cut && !on_edge_.empty(); k++) cut = on_edge_.count(edge_of(t, k)) > 0;
+    return cut && !is_flat(soup_, t);
+  }
 
   // The corners of t and the points on its edges, in order round it.
   std::array<std::vector<std::uint32_t>, 3> rim_of(std::uint32_t t) const {
@@ -153,7 +163,7 @@ class Cutter {
     for (std::size_t k = 0; k < cut_.size(); k++) {
       const std::uint32_t t = cut_[k];
       pieces_[k] = cut_triangle(soup_, t, points_, rim_of(t),
-                                std::span(cuts_.data() + cuts_of_[t], cuts_of_[t + 1] - cuts_of_[t]));
+                                std::span(cuts_.data() + cuts_of_[t], cuts_of_[t + 1] - cuts_of_[t]), near_);
     }
     // Where cuts cross inside a triangle there are new points.
     for (TrianglePieces& p : pieces_) {
@@ -316,7 +326,7 @@ class Cutter {
   void join_equal_points(const std::vector<char>& used) {
     same_.resize(points_.size());
     std::iota(same_.begin(), same_.end(), 0u);
-    const double size = 1e-12 * soup_.bounds().diagonal(), near = same_point * soup_.bounds().diagonal();
+    const double size = 1e-12 * soup_.bounds().diagonal();
     std::unordered_multimap<std::uint64_t, std::uint32_t> cells;
     const auto cell = [&](const Point& p, int dx, int dy, int dz) {
       const auto part = [&](double x, int d) {
@@ -333,7 +343,7 @@ class Cutter {
         for (int c = 0; c < 27; c++) {
           const auto [begin, end] = cells.equal_range(cell(points_[v], c % 3 - 1, c / 3 % 3 - 1, c / 9 - 1));
           for (auto it = begin; it != end; ++it)
-            if ((points_[it->second] - points_[v]).norm() < near) best = std::min(best, it->second);
+            if ((points_[it->second] - points_[v]).norm() < near_) best = std::min(best, it->second);
         }
         if (best != none) {
           same_[v] = best;
@@ -349,6 +359,7 @@ class Cutter {
   const Contacts& contacts_;
   const Surface surface_;
   std::vector<Point> points_;  // of the soup, then the new ones
+  const double near_;          // points that are closer are one
   std::vector<TriangleCut> cuts_;
   std::vector<std::uint32_t> cuts_of_;  // of triangle t: cuts_of_[t] up to cuts_of_[t + 1]
   std::unordered_map<std::uint64_t, std::vector<std::uint32_t>> on_edge_;

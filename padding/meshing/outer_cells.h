@@ -53,9 +53,10 @@ struct TrianglePieces {
 };
 
 // Triangulates triangle t of the mesh such that the cuts, and the points on its edges (in order along each,
-// rim[k] behind corner k), are respected. Points have their indices in `points`.
+// rim[k] behind corner k), are respected. Points have their indices in `points`. What is closer together
+// than `near` is so by rounding.
 TrianglePieces cut_triangle(const Mesh& mesh, std::uint32_t t, const std::vector<Point>& points,
                             const std::array<std::vector<std::uint32_t>, 3>& rim,
-                            std::span<const TriangleCut> cuts);
+                            std::span<const TriangleCut> cuts, double near);
 
 }  // namespace padder
