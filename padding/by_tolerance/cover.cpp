@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <numeric>
+#include <set>
 
 #include "padding/asset/error.h"
 #include "padding/by_tolerance/block_search.h"
@@ -18,28 +19,36 @@ namespace {
 
 // The share of a tolerance that is kept back, so that scaling to another unit does not break the proof.
 constexpr double rounding = 1e-9;
-// The share of a point's own margin that a ball must cover around it. The certificate finds what it leaves open.
-double env(const char* n, double d) { const char* e = getenv(n); return e ? atof(e) : d; }
-const double margin = env("MG", 0.3);
 constexpr double medial_tolerance = 0.05;  // share of the tolerance sum
 
+// What one stage of the search does. Each effort above 0 adds a stage, which begins with the cover of the one
+// before, so that a higher effort never gives more balls.
+struct Stage {
+  // Searches that differ in nothing but their random numbers run side by side. All balls that one of them has
+  // chosen are the candidates of another search, which therefore finds less than the best of them.
+  int starts;
+  int moves;      // rounds of each that try new places around the chosen balls
+  double steps;   // exchanges of the local search, for each ball
+  double margin;  // share of a point's own margin that a ball must cover around it; the certificate finds
+                  // what it misses
+};
+constexpr std::array stages = {Stage{3, 2, 50, 0.3}, Stage{4, 3, 100, 0.2}, Stage{6, 4, 200, 0.15}};
+constexpr double greedy_margin = 0.3;
+
+constexpr int places = 16;  // tried around each ball
+// How far from the place of a chosen ball, in turn: share of the radius of the disc that it covers.
+constexpr std::array step_sizes = {0.2, 0.3};
+constexpr int merge_moves = 2;
+
+// While the certificate still finds spots, the first rounds try some places, too, and each searches less than
+// the round before.
+constexpr int certify_moves = 4, certify_places = 8;
+constexpr double certify_share = 0.5, certify_decay = 0.7;
 constexpr int most_rounds = 100;
 
-// What one stage of the search does. Each effort above 0 adds one stage, which begins with the cover of the stage
-// before it. So a higher effort never gives more balls.
-struct Stage {
-  int starts;    // searches that begin alike, differ in their random numbers, and run side by side
-  int moves;     // rounds of each that try new places around the chosen balls
-  int places;    // tried around each ball
-  double steps;  // exchanges of the local search, for each ball
-};
-const Stage stages[] = {
-    {(int)env("S1", 3), (int)env("M1", 2), (int)env("P1", 16), env("T1", 50)},
-    {(int)env("S2", 4), (int)env("M2", 3), (int)env("P2", 16), env("T2", 100)},
-    {(int)env("S3", 6), (int)env("M3", 4), (int)env("P3", 16), env("T3", 200)}};
-// How far from the place of a chosen ball new ones are tried, in turn: share of the radius of the disc that it
-// covers.
-const std::array step_sizes = {env("SA", 0.2), env("SB", 0.3)};
+// Up to so many balls, all searches of a stage run. Of more balls, fewer do: there the many blocks of one
+// search differ enough. So the time grows with the number of balls, and no faster.
+constexpr double balls_for_all_starts = 400;
 
 // A cover that is being looked for: the points to cover, the balls to choose from, and those that are chosen.
 struct Attempt {
@@ -59,13 +68,64 @@ struct Attempt {
   }
 };
 
+// The certificate for one cover after the other. A triangle that was proved stays so until a ball that may
+// have proved it is gone, so most of the surface need not be asked again.
+class OpenTriangles {
+ public:
+  OpenTriangles(const Mesh& mesh, double gap) : mesh_(mesh), gap_(gap), open_(mesh.triangles.size(), 1) {}
+
+  std::vector<GapPart> failures(std::vector<Ball> balls, double grain) {
+    reopen(balls);
+    Mesh part;
+    std::vector<std::uint32_t> triangle;
+    for (std::uint32_t t = 0; t < open_.size(); t++)
+      if (open_[t]) triangle.push_back(t), part.triangles.push_back(mesh_.triangles[t]);
+    part.points = mesh_.points;
+    std::vector<GapPart> failures = gap_failures(part, BallSet(balls), gap_, grain);
+    std::fill(open_.begin(), open_.end(), 0);
+    for (GapPart& failure : failures)
+      failure.triangle = triangle[failure.triangle], open_[failure.triangle] = 1;
+    last_ = std::move(balls);
+    return failures;
+  }
+
+ private:
+  // Opens the triangles that balls of the last cover reach which are not among these.
+  void reopen(const std::vector<Ball>& balls) {
+    const auto key = [](const Ball& b) {
+      return std::array{b.center.x(), b.center.y(), b.center.z(), b.radius};
+    };
+    std::set<std::array<double, 4>> now;
+    for (const Ball& ball : balls) now.insert(key(ball));
+    std::vector<Ball> gone;
+    for (const Ball& ball : last_)
+      if (!now.contains(key(ball))) gone.push_back(ball);
+    if (gone.empty()) return;
+    const BallSet set(gone);
+#pragma omp parallel for schedule(static) if (open_.size() > 4096)
+    for (std::size_t t = 0; t < open_.size(); t++) {
+      if (open_[t]) continue;
+      const Point center = (mesh_.corner(t, 0) + mesh_.corner(t, 1) + mesh_.corner(t, 2)) / 3;
+      double radius2 = 0;
+      for (int k = 0; k < 3; k++) radius2 = std::max(radius2, (mesh_.corner(t, k) - center).squaredNorm());
+      open_[t] = set.any_contains(center, -(std::sqrt(radius2) + gap_ + 1e-9));
+    }
+  }
+
+  const Mesh& mesh_;
+  const double gap_;
+  std::vector<char> open_;
+  std::vector<Ball> last_;
+};
+
 class CoverSearch {
  public:
   CoverSearch(const Surface& surface, const CoverOptions& options)
       : surface_(surface),
         mesh_(surface.mesh()),
         tolerance_sum_((options.protrusion + options.gap) * (1 - 2 * rounding)),
-        protrusion_(std::min(options.protrusion, options.max_radius) - rounding * (options.protrusion + options.gap)),
+        protrusion_(std::min(options.protrusion, options.max_radius) -
+                    rounding * (options.protrusion + options.gap)),
         gap_(options.gap - rounding * (options.protrusion + options.gap)),
         min_radius_(options.min_radius),
         largest_(std::min(options.max_radius - protrusion_, surface.bounds().diagonal())),
@@ -79,17 +139,18 @@ class CoverSearch {
     if (single(best)) return finish(best, true);
     SampleOptions sampling;
     sampling.tolerance_sum = tolerance_sum_, sampling.largest = largest_;
-    sampling.coarse_density=env("CD",4), sampling.fine_density=env("FD",6);
     const Samples samples = sample_surface(surface_, sampling);
     std::vector<Candidate> candidates;
     for (const Sample& s : samples.grown) propose(s.point, s.triangle, s.ball, candidates);
-    best.problem.add(with_margin(samples.coarse, margin), candidates);
+    best.problem.add(with_margin(samples.coarse, greedy_margin), candidates);
     solve(best, 0);
     Attempt common = best;
     bool covered = certify(best, 0, 0, &common.problem);
     for (int k = 0; k < effort_; k++) {
-      Attempt next = merge(samples, search_side_by_side(common, best, k), best, k);
-      const bool next_covered = certify(next, stages[k].steps * env("CS",0.5), (int)env("CM",8), nullptr);
+      const Stage& stage = stages[static_cast<std::size_t>(k)];
+      const std::uint64_t seed = static_cast<std::uint64_t>(k + 1) << 56;
+      Attempt next = merge(samples, search_side_by_side(common, best, stage, seed), best, stage, seed);
+      const bool next_covered = certify(next, certify_share * stage.steps, certify_places, nullptr);
       if (next_covered == covered ? next.chosen.size() < best.chosen.size() : next_covered)
         best = std::move(next), covered = next_covered;
     }
@@ -98,84 +159,83 @@ class CoverSearch {
 
  private:
   // Chooses the fewest candidates, beginning with those that are chosen.
-  void solve(Attempt& attempt, double steps, int tries = 1) const {
+  void solve(Attempt& attempt, double steps) const {
     const Sets sets = attempt.problem.sets();
     const std::size_t n = attempt.problem.points().size();
     SetCover cover(sets, n);
     cover.greedy(attempt.chosen);
     attempt.chosen = cover.best();
     if (!(steps > 0)) return;
-    std::vector<Point> places;
-    for (const Candidate& c : attempt.problem.candidates()) places.push_back(c.ball.center);
+    std::vector<Point> centers;
+    for (const Candidate& c : attempt.problem.candidates()) centers.push_back(c.ball.center);
     BlockSearch search;
     search.steps = steps, search.seed = ++attempt.seed;
     if (attempt.chosen.size() <= search.block) {
-      cover.improve(static_cast<std::uint64_t>(steps * static_cast<double>(attempt.chosen.size())), search.seed);
+      cover.improve(static_cast<std::uint64_t>(steps * static_cast<double>(attempt.chosen.size())),
+                    search.seed);
       attempt.chosen = cover.best();
       return;
     }
-    attempt.chosen = improve_in_blocks(sets, n, places, attempt.chosen, search);
+    attempt.chosen = improve_in_blocks(sets, n, centers, attempt.chosen, search);
   }
 
   // Searches from the same beginning with different random numbers. Returns the balls that each has chosen.
-  std::vector<std::vector<Candidate>> search_side_by_side(const Attempt& common, const Attempt& best, int stage) const {
-    const Stage& plan = stages[stage];
-    std::vector<std::vector<Candidate>> found(static_cast<std::size_t>(plan.starts));
+  std::vector<std::vector<Candidate>> search_side_by_side(const Attempt& common, const Attempt& best,
+                                                          const Stage& stage, std::uint64_t seed) const {
+    const auto n = static_cast<double>(best.chosen.size());
+    const auto starts = static_cast<std::size_t>(
+        1 + std::lround((stage.starts - 1) * std::min(1.0, balls_for_all_starts / n)));
+    std::vector<std::vector<Candidate>> found(starts);
     // Few balls make few blocks, so that whole searches run in parallel; of many balls the blocks do.
-#pragma omp parallel for schedule(dynamic, 1) if (best.chosen.size() < 1000)
-    for (int start = 0; start < plan.starts; start++) {
+#pragma omp parallel for schedule(dynamic, 1) if (n <= 2 * balls_for_all_starts)
+    for (std::size_t start = 0; start < starts; start++) {
       Attempt attempt = common;
-      attempt.seed = static_cast<std::uint64_t>((stage + 1) * 100 + start + 1) << 32;
-      solve(attempt, plan.steps);
-      for (int k = 0; k < plan.moves; k++) {
-        move(attempt, plan.places);
-        solve(attempt, plan.steps);
+      attempt.seed = seed + ((start + 1) << 48);
+      solve(attempt, stage.steps);
+      for (int k = 0; k < stage.moves; k++) {
+        move(attempt, places);
+        solve(attempt, stage.steps);
       }
-      found[static_cast<std::size_t>(start)] = attempt.chosen_candidates();
-      if (getenv("VERB")) fprintf(stderr,"start %zu\n",attempt.chosen.size());
+      found[start] = attempt.chosen_candidates();
     }
     return found;
   }
 
   // Chooses again from what all searches have found.
   Attempt merge(const Samples& samples, const std::vector<std::vector<Candidate>>& found, const Attempt& best,
-                int stage) const {
-    Attempt attempt{CoverProblem(gap_), {}, static_cast<std::uint64_t>(stage + 1) << 48};
-    std::vector<Candidate> pool;
+                const Stage& stage, std::uint64_t seed) const {
+    Attempt attempt{CoverProblem(gap_), {}, seed};
     std::size_t fewest = 0;
     for (std::size_t k = 0; k < found.size(); k++)
       if (found[k].size() < found[fewest].size()) fewest = k;
-    pool = found[fewest];
+    std::vector<Candidate> pool = found[fewest];
     attempt.chosen.resize(pool.size());
     std::iota(attempt.chosen.begin(), attempt.chosen.end(), 0u);
     for (std::size_t k = 0; k < found.size(); k++)
       if (k != fewest) pool.insert(pool.end(), found[k].begin(), found[k].end());
     const std::vector<Candidate> known = best.chosen_candidates();
     pool.insert(pool.end(), known.begin(), known.end());
-    attempt.problem.add(with_margin(samples.fine, margin), pool);
-    solve(attempt, stages[stage].steps);
-      if (getenv("VERB")) fprintf(stderr,"pool %zu -> %zu\n",pool.size(),attempt.chosen.size());
-    for (int k = 0; k < (int)env("MM",2); k++) {
-      move(attempt, stages[stage].places);
-      solve(attempt, stages[stage].steps);
-      if (getenv("VERB")) fprintf(stderr,"moved %zu\n",attempt.chosen.size());
+    attempt.problem.add(with_margin(samples.fine, stage.margin), pool);
+    solve(attempt, stage.steps);
+    for (int k = 0; k < merge_moves; k++) {
+      move(attempt, places);
+      solve(attempt, stage.steps);
     }
     return attempt;
   }
 
-  // Adds the spots that the certificate finds, until none is left. Returns false if the radius limits leave some.
-  // `also` gets the same points and balls.
-  bool certify(Attempt& attempt, double steps, int places, CoverProblem* also) const {
+  // Adds the spots that the certificate finds, until none is left. Returns false if the radius limits leave
+  // some. `also` gets the same points and balls.
+  bool certify(Attempt& attempt, double steps, int tries, CoverProblem* also) const {
+    OpenTriangles open(mesh_, gap_);
     // About ten rounds are enough, except beside surface that a radius limit leaves open: the cap is for
     // that.
-    for (int round = 0;; round++, steps *= env("SD",0.7)) {
-      const std::vector<GapPart> failures =
-          gap_failures(mesh_, BallSet(attempt.balls()), gap_, 0.25 * tolerance_sum_);
+    for (int round = 0;; round++, steps *= certify_decay) {
+      const std::vector<GapPart> failures = open.failures(attempt.balls(), 0.25 * tolerance_sum_);
       if (failures.empty()) return true;
-      if (round < env("CR",4) && places > 0) move(attempt, places);
+      if (round < certify_moves && tries > 0) move(attempt, tries);
       if (round == most_rounds || !refine(attempt.problem, failures, also)) return false;
       solve(attempt, steps);
-      if (getenv("VERB")) fprintf(stderr,"round %d: %zu failures -> %zu\n",round,failures.size(),attempt.chosen.size());
     }
   }
 
@@ -228,8 +288,8 @@ class CoverSearch {
   // to a share of the covered disc's radius from the place of the chosen ball.
   void move(Attempt& attempt, int tries) const {
     const std::size_t n = attempt.chosen.size() * static_cast<std::size_t>(tries);
-    const std::uint64_t seed = ++attempt.seed << 20;
-    std::vector<Sample> places(n);
+    const std::uint64_t seed = Random(++attempt.seed).next();
+    std::vector<Sample> grown(n);
 #pragma omp parallel for schedule(dynamic, 16) if (n > 64)
     for (std::size_t k = 0; k < n; k++) {
       const Candidate& c = attempt.problem.candidates()[attempt.chosen[k / static_cast<std::size_t>(tries)]];
@@ -238,10 +298,11 @@ class CoverSearch {
       Vector step;
       for (int axis = 0; axis < 3; axis++) step[axis] = (2 * random.uniform() - 1) * most;
       const Nearest at = surface_.nearest(c.point + step);
-      places[k] = {at.point, at.triangle, medial(at.point, at.triangle, env("GF",1.5)*c.inner_distance+env("GT",1)*tolerance_sum_)};
+      grown[k] = {at.point, at.triangle,
+                  medial(at.point, at.triangle, 1.1 * c.inner_distance + 0.5 * tolerance_sum_)};
     }
     std::vector<Candidate> fresh;
-    for (const Sample& s : places) propose(s.point, s.triangle, s.ball, fresh);
+    for (const Sample& s : grown) propose(s.point, s.triangle, s.ball, fresh);
     attempt.problem.keep(attempt.chosen);
     std::iota(attempt.chosen.begin(), attempt.chosen.end(), 0u);
     attempt.problem.add({}, fresh);
@@ -310,19 +371,19 @@ Cover cover_surface(const Surface& surface, const CoverOptions& options) {
 std::vector<std::uint32_t> thin_balls(const Surface& surface, const std::vector<Ball>& balls, double gap,
                                       int effort) {
   const double bound = gap * (1 - rounding);
-  const double steps = effort > 0 ? stages[std::min(effort, 3) - 1].steps : 0;
+  const double steps = effort > 0 ? 2 * stages[static_cast<std::size_t>(std::min(effort, 3) - 1)].steps : 0;
   std::vector<Candidate> candidates(balls.size());
 #pragma omp parallel for schedule(dynamic, 64)
   for (std::size_t k = 0; k < balls.size(); k++)
     candidates[k] = {balls[k], std::max(0.0, -surface.signed_nearest(balls[k].center).distance),
                      balls[k].center, 0};
   SampleOptions sampling;
-  sampling.tolerance_sum = gap, sampling.coarse_density = sampling.fine_density = 6;
+  sampling.tolerance_sum = gap, sampling.coarse_density = sampling.fine_density = effort > 0 ? 6 : 4;
   // What these balls cover depends on their sizes and not on the local thickness.
   sampling.largest = 0;
   for (const Candidate& c : candidates) sampling.largest = std::max(sampling.largest, c.inner_distance);
   Samples samples = sample_surface(surface, sampling);
-  for (CoverPoint& point : samples.fine) point.margin *= margin;
+  for (CoverPoint& point : samples.fine) point.margin *= greedy_margin;
   CoverProblem problem(bound);
   problem.add(samples.fine, candidates);
 

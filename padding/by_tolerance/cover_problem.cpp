@@ -33,7 +33,8 @@ void CoverProblem::find_covered(std::size_t first_candidate, std::size_t first_p
       group.tree->find(c.ball.center, r, found);
       for (auto in_group : found) {
         const std::size_t point = group.first + in_group;
-        if (point >= first && (points_[point].point - c.ball.center).norm() <= r - slope * points_[point].margin)
+        if (point >= first &&
+            (points_[point].point - c.ball.center).norm() <= r - slope * points_[point].margin)
           covered_[k].push_back(static_cast<std::uint32_t>(point));
       }
     }

@@ -19,8 +19,8 @@ namespace padder {
 //   by at most h;
 // * |p - center| <= radius + tolerance. Where no such ball was found the answer is {p, 0}.
 //
-// `guess` is where the search for the radius begins, or 0: a radius that is a little larger than the one to be found
-// saves queries. Costs a few nearest-point queries, typically 4 to 8.
+// `guess` is where the search for the radius begins, or 0: a radius that is a little larger than the one to
+// be found saves queries. Costs a few nearest-point queries, typically 4 to 8.
 Ball inner_medial_ball(const Surface& surface, const Point& p, const Vector& normal, double largest,
                        double tolerance, double guess = 0);
 
