@@ -81,9 +81,32 @@ CullOptions cull_options(const PadOptions& options, const Length& tolerance, dou
   c.max_spheres = options.max_spheres;
   c.min_radius = options.min_radius.absolute(diagonal) / diagonal;
   if (options.max_radius.given()) c.max_radius = options.max_radius.absolute(diagonal) / diagonal;
+  if (options.each_error()) {
+    c.only_protrusion = options.protrusion_used().absolute(diagonal) / diagonal;
+    c.only_gap = options.gap_used().absolute(diagonal) / diagonal;
+  }
   c.balance = options.balance, c.smooth = options.smooth, c.effort = options.effort;
   return c;
 }
+
+// The largest errors that are asked for, in the unit frame; both 0: none.
+struct Asked {
+  double protrusion = 0, gap = 0;
+  bool filled = false;  // a gap of 0, with which the inside of the body is covered, too
+
+  Asked(const PadOptions& options, const Length& tolerance, double diagonal) {
+    const auto in_unit_frame = [&](const Length& l) { return l.absolute(diagonal) / diagonal; };
+    protrusion = in_unit_frame(options.protrusion.value_or(tolerance));
+    gap = in_unit_frame(options.gap.value_or(tolerance));
+    filled = options.each_error() && !(gap > 0);
+  }
+  // Scaling to another unit costs the last digits.
+  bool kept_by(const Accuracy& a) const {
+    const double rounding = 1e-9 * (protrusion + gap);
+    return !(protrusion + gap > 0) ||
+           (a.protrusion_max <= protrusion + rounding && a.gap_max <= gap + rounding);
+  }
+};
 
 // What every step works on, in the unit frame.
 struct Job {
@@ -116,6 +139,7 @@ RungSpheres make_spheres(const Job& job, const Length& tolerance, std::string& w
     const Culled culled = cull(job.surface, culling);
     made.balls = culled.balls;
     made.triangle.assign(culled.triangle.begin(), culled.triangle.end());
+    job.report.filled_body = culled.filled;
     if (!culled.within)
       why = "so few spheres cannot keep it";
     else if (!culled.covered)
@@ -152,12 +176,14 @@ std::string unproved(const Job& job, const Measured& m, std::size_t spheres) {
 
 // Measures the spheres of one level of detail and compares them with the tolerance asked for. `why` is what
 // make_spheres() left in it.
-Accuracy measure_spheres(const Job& job, const std::vector<Ball>& balls, double asked, std::string why,
+Accuracy measure_spheres(const Job& job, const std::vector<Ball>& balls, const Asked& asked, std::string why,
                          double& volume_union) {
   job.step("accuracy", 5);
-  Measured m = measure(job.input, job.body, job.surface, balls, {.floor = asked});
+  Measured m = measure(job.input, job.body, job.surface, balls, {.floor = asked.gap});
   Accuracy& a = m.accuracy;
-  const bool within_tolerance = !(asked > 0) || within(a, asked);
+  const bool hollow = asked.filled && !job.report.filled_body;
+  const bool within_tolerance = asked.kept_by(a) && !hollow;
+  if (hollow && why.empty()) why = "the inside of the body could not be proved to be covered";
   std::string reason = unproved(job, m, balls.size());
   a.certified = within_tolerance && reason.empty();
   if (!within_tolerance) {
@@ -165,8 +191,12 @@ Accuracy measure_spheres(const Job& job, const std::vector<Ball>& balls, double 
       why = "a wrap keeps away from slots and creases of the input";
     if (why.empty() && a.proved_against == SurfaceKind::none)
       why = "spheres reach around the border of the sheet";
-    char text[80];
-    std::snprintf(text, sizeof text, "the tolerance of %.4g is not kept", asked * job.frame.scale());
+    char text[120];
+    if (asked.protrusion == asked.gap)
+      std::snprintf(text, sizeof text, "the tolerance of %.4g is not kept", asked.gap * job.frame.scale());
+    else
+      std::snprintf(text, sizeof text, "the protrusion of %.4g or the gap of %.4g is not kept",
+                    asked.protrusion * job.frame.scale(), asked.gap * job.frame.scale());
     reason += (reason.empty() ? "" : "; ") + std::string(text) + (why.empty() ? "" : ", because " + why);
   }
   PadReport& report = job.report;
@@ -243,13 +273,14 @@ Padded pad(const ReadResult& file, const PadOptions& options, const PadProgress&
   Mesh input = file.mesh;
   for (Point& p : input.points) p = frame.into(p);
   const std::vector<Length> rungs = rungs_of(options, frame.scale());
-  const double tolerance = rungs.back().absolute(frame.scale()) / frame.scale();
-  report.tolerance = tolerance * frame.scale();
+  report.tolerance = rungs.back().absolute(frame.scale());
+  const Asked finest(options, rungs.back(), frame.scale());
   const bool depth_mode = options.by_depth();
   const double length = depth_mode ? edge_length(options, frame.scale()) : 0;
 
   step("repair", 0);
-  const Repaired body = repair(input, repairing(options, length, tolerance, frame.scale()), name);
+  const Repaired body =
+      repair(input, repairing(options, length, 0.5 * (finest.protrusion + finest.gap), frame.scale()), name);
   report.kind = body.kind;
   report.filled = body.filled, report.filled_area = body.filled_area * frame.scale() * frame.scale();
   report.seconds.repair = clock.lap();
@@ -258,12 +289,12 @@ Padded pad(const ReadResult& file, const PadOptions& options, const PadProgress&
   const Job job{options, input, body, surface, frame, length, report, step, clock};
   Cluster& c = out.cluster;
   for (std::size_t rung = 0; rung < rungs.size(); rung++) {
-    const double asked = rungs[rung].absolute(frame.scale()) / frame.scale();
+    const Asked asked(options, rungs[rung], frame.scale());
     std::string why;
     RungSpheres made = make_spheres(job, rungs[rung], why);
     if (rung + 1 < rungs.size()) {
       Lod& lod = c.lods.emplace_back();
-      lod.tolerance = asked * frame.scale();
+      lod.tolerance = rungs[rung].absolute(frame.scale());
       lod.accuracy = measure_spheres(job, made.balls, asked, why, lod.volume_union);
       store(made, frame, lod);
     } else {

@@ -9,7 +9,9 @@ namespace padder {
 // Lengths are in the surface's unit. The search is made for surfaces of about unit size near the origin.
 struct CoverOptions {
   double protrusion = 0;  // no ball may stand out of the body by more
-  double gap = 0;  // no surface point may lie farther outside the union; the sum of both must be above 0
+  // No surface point may lie farther outside the union. Below 0, each lies so deep inside a ball. The sum of
+  // both must be above 0.
+  double gap = 0;
   // Surface that only smaller balls could cover stays open, and the result is not proved.
   double min_radius = 0;
   double max_radius = std::numeric_limits<double>::infinity();

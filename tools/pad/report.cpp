@@ -28,6 +28,9 @@ Json report_json(const PadFiles& files, const PadOptions& options, const Padded&
           {"filled", {{"holes", r.filled}, {"area", r.filled_area}}},
           {"depth", depth_mode ? Json(options.depth_ratio_used()) : Json(nullptr)},
           {"tolerance", r.tolerance > 0 ? Json(r.tolerance) : Json(nullptr)},
+          {"protrusion", options.protrusion ? Json(options.protrusion->absolute(r.diagonal)) : Json(nullptr)},
+          {"gap", options.gap ? Json(options.gap->absolute(r.diagonal)) : Json(nullptr)},
+          {"body_covered", r.filled_body},
           {"within", r.within},
           {"reason", r.reason.empty() ? Json(nullptr) : Json(r.reason)},
           {"warnings", warnings},
@@ -100,6 +103,7 @@ void print_report(const PadFiles& files, const Padded& p) {
                 100 * c.accuracy.wrap_distance / r.diagonal);
   if (r.kind == BodyKind::sheet)
     std::printf("  an open sheet has no inside: its protrusion is measured, not proved\n");
+  if (r.filled_body) std::printf("  the whole body is inside the spheres, proved\n");
   if (!r.reason.empty())
     std::printf("  not certified%s: %s\n", r.within ? "" : ", nor within the tolerance", r.reason.c_str());
   std::printf("  of the diagonal %g%s; normals off by %.1f degrees in the mean; %.2f s\n", r.diagonal,
