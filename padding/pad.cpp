@@ -9,6 +9,7 @@
 
 #include "padding/asset/error.h"
 #include "padding/by_depth/refit.h"
+#include "padding/by_tolerance/lower_bound.h"
 #include "padding/geometry/unit_frame.h"
 #include "padding/verify/accuracy.h"
 
@@ -307,6 +308,18 @@ Padded pad(const ReadResult& file, const PadOptions& options, const PadProgress&
     }
   }
   for (Point& p : out.mesh.points) p = frame.back(p);
+  if (options.lower_bound) {
+    LowerBoundOptions bounding;
+    const Accuracy& kept = c.accuracy;
+    const bool asked = finest.protrusion + finest.gap > 0;
+    bounding.protrusion = asked ? finest.protrusion : kept.protrusion_bound / frame.scale();
+    bounding.gap = asked ? finest.gap : kept.gap_bound / frame.scale();
+    if (options.max_radius.given())
+      bounding.max_radius = options.max_radius.absolute(frame.scale()) / frame.scale();
+    clock.lap();
+    report.fewest = fewest_balls(surface, bounding);
+    report.seconds.lower_bound = clock.lap();
+  }
 
   c.name = std::filesystem::path(name).stem().string();
   c.unit = file.unit;

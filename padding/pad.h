@@ -19,6 +19,7 @@ namespace padder {
 // Time spent in each step.
 struct PadSeconds {
   double read = 0, repair = 0, remesh = 0, fit = 0, refit = 0, cull = 0, accuracy = 0;
+  double lower_bound = 0;  // not part of the total
   double total() const { return read + repair + remesh + fit + refit + cull + accuracy; }
 };
 

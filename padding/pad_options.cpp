@@ -103,6 +103,9 @@ void check(const PadOptions& options) {
   if (!(options.effort >= 0 && options.effort <= 3)) throw Error("the effort must be 0, 1, 2 or 3");
   if (!options.lod.empty() && (options.tolerance.given() || options.max_spheres > 0 || options.depth_ratio))
     throw Error("a ladder of tolerances excludes a depth ratio, a tolerance and a count: leave these out");
+  if (options.lower_bound && !options.by_tolerance())
+    throw Error(
+        "a lower bound needs a tolerance or a count: without one, there is a sphere for each triangle");
   if (options.depth_ratio && options.max_spheres > 0)
     throw Error("a depth ratio and a count exclude each other: leave out one of them");
   if (options.depth_ratio && options.by_tolerance() &&

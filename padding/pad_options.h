@@ -31,6 +31,7 @@ struct PadOptions {
   Balance balance = Balance::none;  // what to aim for within the tolerance
   double smooth = 0;                // mean normal error asked for, degrees, below 180; 0: not asked
   int effort = 1;                   // 0 to 3: a longer search finds fewer spheres
+  bool lower_bound = false;         // also prove how few spheres could do (PadReport::fewest)
   std::vector<Length> lod;  // tolerances of a ladder: the finest makes the cluster, the others its lods
 
   // Of the smallest grain that will touch the part: surface that it cannot reach is not padded.

@@ -240,8 +240,19 @@ class CoverSearch {
   }
 
   Ball medial(const Point& p, std::uint32_t triangle, double guess = 0) const {
-    return inner_medial_ball(surface_, p, mesh_.area_normal(triangle).normalized(), largest_,
-                             medial_tolerance * tolerance_sum_, guess);
+    const Vector normal = mesh_.area_normal(triangle).normalized();
+    const Ball ball =
+        inner_medial_ball(surface_, p, normal, largest_, medial_tolerance * tolerance_sum_, guess);
+    if (ball.radius + protrusion_ > 0) return ball;
+    // In a sharp corner no ball inside the body touches p, but one that lies a part of the gap below covers
+    // it.
+    double below = 0.75 * gap_;
+    for (int halving = 0; halving < 12; halving++, below *= 0.5) {
+      const Point c = p - below * normal;
+      const double inner_distance = -surface_.signed_nearest(c).distance;
+      if (inner_distance + protrusion_ > 0) return {c, inner_distance};
+    }
+    return ball;
   }
 
   // Adds the medial ball, dilated by the whole protrusion, unless it is too small.

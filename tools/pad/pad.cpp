@@ -126,6 +126,8 @@ void declare_spheres(CLI::App& app, Arguments& a) {
       ->capture_default_str()
       ->check(whole())
       ->check(CLI::Range(0, 3));
+  app.add_flag("--lower-bound", a.options.lower_bound,
+               "also prove how few spheres could do: some seconds more");
   app.add_option("--reach", a.options.min_grain_radius,
                  "radius of the smallest grain: what it cannot touch is not padded")
       ->type_name("LENGTH")

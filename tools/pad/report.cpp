@@ -38,6 +38,7 @@ Json report_json(const PadFiles& files, const PadOptions& options, const Padded&
           {"lods", lods},
           {"edge_length", r.edge_length},
           {"spheres", p.cluster.size()},
+          {"lower_bound", r.fewest > 0 ? Json(r.fewest) : Json(nullptr)},
           {"diagonal", r.diagonal},
           {"radius_min", *least},
           {"radius_max", *most},
@@ -103,6 +104,10 @@ void print_report(const PadFiles& files, const Padded& p) {
                 100 * c.accuracy.wrap_distance / r.diagonal);
   if (r.kind == BodyKind::sheet)
     std::printf("  an open sheet has no inside: its protrusion is measured, not proved\n");
+  if (r.fewest > 0)
+    std::printf(
+        "  no such cover has fewer than %llu spheres, proved in %.2f s: this one has %.2f times as many\n",
+        (unsigned long long)r.fewest, r.seconds.lower_bound, double(c.size()) / double(r.fewest));
   if (r.filled_body) std::printf("  the whole body is inside the spheres, proved\n");
   if (!r.reason.empty())
     std::printf("  not certified%s: %s\n", r.within ? "" : ", nor within the tolerance", r.reason.c_str());
