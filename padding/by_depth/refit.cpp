@@ -12,6 +12,8 @@
 namespace padder {
 namespace {
 
+constexpr std::size_t many_open = 100'000;  // parts
+
 // The cap lowered by the margin, but to a quarter at the most.
 double lowered(double cap, double margin) { return std::max(cap - margin, 0.25 * cap); }
 
@@ -93,7 +95,10 @@ std::vector<FittedBall> refit(const Surface& body, const Mesh& remeshed, std::ve
                      [](const GapPart& a, const GapPart& b) { return a.value > b.value; });
     // Of neighbouring parts only the worst gets a ball in this round: it may cover the others, too.
     std::vector<GapPart> chosen;
-    SparsePoints taken(gap);
+    // A ball covers a disc that is much wider than the gap. Where nearly all is open, as under flat caps on a coarse
+    // mesh, points that stand apart by the gap alone would be millions: the first rounds take few of them.
+    const double spacing = open.size() > many_open ? std::max(1.0, std::ldexp(32, -round)) * gap : gap;
+    SparsePoints taken(spacing);
     for (const GapPart& part : open)
       if (taken.insert_unless_near(part.centroid())) chosen.push_back(part);
     std::vector<FittedBall> found(chosen.size());

@@ -15,12 +15,14 @@
 namespace padder {
 namespace {
 
+double env(const char* n, double d) { const char* e = getenv(n); return e ? atof(e) : d; }
 constexpr double rounding = 1e-9;          // share of a length or a sum that covers rounding many times
 constexpr std::size_t most_points = 8000;  // with weights
 constexpr std::size_t most_rows = 30000;   // of the linear programme
-constexpr int rounds = 6;                  // of weights and boxes in turn
+const int rounds = env("RO",8);                  // of weights and boxes in turn
+const double smallest_box = env("SB",0.03), largest_row = env("LRW",0.13), row_distance=env("RD",0.15);
 constexpr std::size_t batch = 256;         // boxes that are split together
-constexpr std::size_t new_rows = 1500;     // in a round
+const std::size_t new_rows = env("NR",1500);     // in a round
 
 // For each element, the sets that contain it.
 Sets transposed(const Sets& sets, std::size_t elements) {
@@ -216,12 +218,15 @@ class LowerBound {
     root.center = around.center(), root.half = 0.5 * (around.high - around.low).maxCoeff() + tolerance_sum_;
     root.most = std::accumulate(packing_.weights.begin(), packing_.weights.end(), 0.0);
     boxes_ = {root};
-    const double smallest = 1e-4 * tolerance_sum_;
-    for (std::size_t looked = 1; looked < most_boxes && boxes_[0].half > smallest;) {
+    settled_.clear();
+    for (std::size_t looked = 1; looked < most_boxes && !boxes_.empty();) {
       std::vector<CenterBox> parts;
-      for (std::size_t k = 0; k < batch && !boxes_.empty() && boxes_[0].half > smallest; k++) {
+      for (std::size_t k = 0; k < batch && !boxes_.empty();) {
         std::pop_heap(boxes_.begin(), boxes_.end(), smaller);
-        cut(boxes_.back(), parts);
+        if (boxes_.back().half > smallest_box * tolerance_sum_)
+          cut(boxes_.back(), parts), k++;
+        else
+          settled_.push_back(boxes_.back());
         boxes_.pop_back();
       }
       std::vector<Point> nearest(parts.size());
@@ -246,11 +251,11 @@ class LowerBound {
       looked += parts.size();
       for (const CenterBox& part : parts)
         if (part.most > 0) boxes_.push_back(part), std::push_heap(boxes_.begin(), boxes_.end(), smaller);
-      if (boxes_.empty()) return 0;
     }
-    if (getenv("LBV"))
-      fprintf(stderr, "top half %.4f s  n %zu\n", boxes_[0].half / tolerance_sum_, boxes_.size());
-    return boxes_[0].most;
+    boxes_.insert(boxes_.end(), settled_.begin(), settled_.end());
+    std::sort(boxes_.begin(), boxes_.end(), [&](const CenterBox& a, const CenterBox& b) { return smaller(b, a); });
+    if (getenv("LBV")) fprintf(stderr,"top half %.4f s  n %zu settled %zu 2nd half %.4f\n", boxes_[0].half/tolerance_sum_, boxes_.size(), settled_.size(), boxes_[boxes_.size()/10].half/tolerance_sum_);
+    return boxes_.empty() ? 0 : boxes_[0].most;
   }
 
   static void cut(const CenterBox& box, std::vector<CenterBox>& parts) {
@@ -264,15 +269,22 @@ class LowerBound {
     }
   }
 
-  // The boxes with the largest sums become sets of the linear programme, so that its weights fit the boxes.
+  // The boxes with the largest sums become sets of the linear programme, so that its weights fit the boxes. They lie
+  // apart: many near one place would say the same.
   void add_rows() {
-    const std::size_t n = std::min(new_rows, boxes_.size());
-    std::partial_sort(boxes_.begin(), boxes_.begin() + static_cast<std::ptrdiff_t>(n), boxes_.end(),
-                      [](const CenterBox& a, const CenterBox& b) { return a.most > b.most; });
+    std::vector<Point> centers;
+    for (const CenterBox& box : boxes_) centers.push_back(box.center);
+    const PointTree tree(centers);
+    std::vector<char> gone(boxes_.size());
     std::vector<std::uint32_t> found;
-    for (std::size_t k = 0; k < n; k++) {
+    std::size_t added = 0;
+    for (std::size_t k = 0; k < boxes_.size() && added < new_rows; k++) {
+      if (gone[k] || boxes_[k].half > largest_row * tolerance_sum_) continue;
+      found.clear();
+      tree.find(boxes_[k].center, row_distance * tolerance_sum_, found);
+      for (auto other : found) gone[other] = 1;
       find(boxes_[k], found);
-      rows_.add(found);
+      rows_.add(found), added++;
     }
   }
 
@@ -283,7 +295,7 @@ class LowerBound {
   PointTree tree_;  // of the points with weights
   Sets rows_;       // points that one ball may cover, for many balls
   Packing packing_;
-  std::vector<CenterBox> boxes_;
+  std::vector<CenterBox> boxes_, settled_;
 };
 
 }  // namespace

@@ -122,11 +122,13 @@ def pad(
     vertices: ArrayLike, faces: ArrayLike, depth: float | None = None, tolerance: Length | None = None,
     edge_length: Length | None = None, max_spheres: int = 0, sharp_angle: float = 40.0, repair: Repair = "auto",
     family: int = 0, mask: int = 0, unit: str = "", name: str = "mesh",
+    protrusion: Length | None = None, gap: Length | None = None,
 ) -> Cluster: ...
 def pad_file(
     path: Path, depth: float | None = None, tolerance: Length | None = None,
     edge_length: Length | None = None, max_spheres: int = 0, sharp_angle: float = 40.0, repair: Repair = "auto",
     family: int = 0, mask: int = 0, unit: str = "", scale: float = 1.0,
+    protrusion: Length | None = None, gap: Length | None = None,
 ) -> Cluster: ...
 def detect(
     centers: Any = None, radii: Any = None, family: Any = None, mask: Any = None, *,
