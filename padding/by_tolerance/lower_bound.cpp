@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdio>
+#include <cstdlib>
 #include <numeric>
 
 #include "padding/asset/error.h"
@@ -17,12 +19,10 @@ namespace {
 
 double env(const char* n, double d) { const char* e = getenv(n); return e ? atof(e) : d; }
 constexpr double rounding = 1e-9;          // share of a length or a sum that covers rounding many times
-constexpr std::size_t most_points = 8000;  // with weights
-constexpr std::size_t most_rows = 30000;   // of the linear programme
-const int rounds = env("RO",8);                  // of weights and boxes in turn
+const std::size_t most_points = env("MP",30000);  // with weights
+constexpr int most_rounds = 12;  // of weights and boxes in turn
 const double smallest_box = env("SB",0.03), largest_row = env("LRW",0.13), row_distance=env("RD",0.15);
 constexpr std::size_t batch = 256;         // boxes that are split together
-const std::size_t new_rows = env("NR",1500);     // in a round
 
 // For each element, the sets that contain it.
 Sets transposed(const Sets& sets, std::size_t elements) {
@@ -122,17 +122,18 @@ class LowerBound {
     if (surface_.mesh().triangles.empty()) return 0;
     if (!surface_.closed()) return 1;
     sample();
+    const std::size_t begun = rows_.size();
     double best = 0;
-    for (int round = 1; round <= rounds; round++) {
-      packing_.improve(rows_, tree_.size(), round == 1 ? 1200 : 800);
-      const double most = prove(round == rounds ? options_.boxes : options_.boxes / 4);
+    for (int round = 1; round <= most_rounds; round++) {
+      packing_.improve(rows_, tree_.size(), round == 1 ? (int)env("I1",1200) : (int)env("I2",400));
+      const double most = prove(std::max<std::size_t>(10000, (int)env("BX",24) * begun));
       const double sum = std::accumulate(packing_.weights.begin(), packing_.weights.end(), 0.0);
-      if (most > 0) best = std::max(best, sum / most * (1 - rounding));
-      if (getenv("LBV"))
-        fprintf(stderr, "round %d sum %.2f most %.3f attained %.3f bound %.2f rows %zu points %zu\n", round,
-                sum, most, attained_, sum / most, rows_.size(), tree_.size());
-      if (rows_.size() > most_rows) break;
-      add_rows();
+      if (!(most > 0)) break;
+      const double bound = sum / most * (1 - rounding), before = best;
+      best = std::max(best, bound);
+      if (getenv("LBV")) fprintf(stderr, "round %d sum %.2f most %.3f bound %.2f rows %zu points %zu\n", round, sum, most, sum/most, rows_.size(), tree_.size());
+      if (round > 3 && bound < 1.005 * before) break;
+      add_rows(begun);
     }
     return static_cast<std::uint64_t>(std::max(1.0, std::ceil(best)));
   }
@@ -271,14 +272,14 @@ class LowerBound {
 
   // The boxes with the largest sums become sets of the linear programme, so that its weights fit the boxes. They lie
   // apart: many near one place would say the same.
-  void add_rows() {
+  void add_rows(std::size_t most) {
     std::vector<Point> centers;
     for (const CenterBox& box : boxes_) centers.push_back(box.center);
     const PointTree tree(centers);
     std::vector<char> gone(boxes_.size());
     std::vector<std::uint32_t> found;
     std::size_t added = 0;
-    for (std::size_t k = 0; k < boxes_.size() && added < new_rows; k++) {
+    for (std::size_t k = 0; k < boxes_.size() && added < most; k++) {
       if (gone[k] || boxes_[k].half > largest_row * tolerance_sum_) continue;
       found.clear();
       tree.find(boxes_[k].center, row_distance * tolerance_sum_, found);
@@ -291,7 +292,6 @@ class LowerBound {
   const Surface& surface_;
   const LowerBoundOptions& options_;
   const double tolerance_sum_;
-  double attained_ = 0;
   PointTree tree_;  // of the points with weights
   Sets rows_;       // points that one ball may cover, for many balls
   Packing packing_;
