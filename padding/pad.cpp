@@ -135,8 +135,8 @@ RungSpheres make_spheres(const Job& job, const Length& tolerance, std::string& w
   } else {
     job.step("cull", 4);
     CullOptions culling = cull_options(options, tolerance, job.frame.scale());
-    // Below a sheet nothing bounds the balls: large ones would sag and stand out past its border.
-    if (job.body.kind == BodyKind::sheet) culling.max_radius = std::min(culling.max_radius, 0.05);
+    // Below a sheet as given nothing bounds the balls: large ones would sag and stand out past its border.
+    if (!job.surface.closed()) culling.max_radius = std::min(culling.max_radius, 0.05);
     const Culled culled = cull(job.surface, culling);
     made.balls = culled.balls;
     made.triangle.assign(culled.triangle.begin(), culled.triangle.end());
@@ -221,7 +221,7 @@ void store(const RungSpheres& made, const UnitFrame& frame, T& into) {
 // The mass of the repaired body. A sheet has none, nor has a surface that faces inward on the whole.
 void set_mass(Cluster& c, const Repaired& body, const UnitFrame& frame, PadReport& report) {
   if (body.kind == BodyKind::sheet) return;
-  const MassProperties mass = mass_properties(body.mesh);
+  const MassProperties mass = mass_properties(body.boundary());
   if (!(mass.volume > 0)) {
     report.warnings.push_back(c.source.file +
                               ": the triangles face inward on the whole, so that there is no inside to fill "
@@ -286,7 +286,7 @@ Padded pad(const ReadResult& file, const PadOptions& options, const PadProgress&
   report.filled = body.filled, report.filled_area = body.filled_area * frame.scale() * frame.scale();
   report.seconds.repair = clock.lap();
 
-  const Surface surface(body.mesh, body.side());
+  const Surface surface = body.surface();
   const Job job{options, input, body, surface, frame, length, report, step, clock};
   Cluster& c = out.cluster;
   for (std::size_t rung = 0; rung < rungs.size(); rung++) {

@@ -17,6 +17,12 @@ const char* name_of(RepairMode mode) {
       return "never";
     case RepairMode::wrap:
       return "wrap";
+    case RepairMode::united:
+      return "union";
+    case RepairMode::fill:
+      return "fill";
+    case RepairMode::sheet:
+      return "sheet";
     default:
       return "auto";
   }

@@ -74,6 +74,30 @@ inline CLI::Validator fraction() {
           ""};
 }
 
+// 21474836480 of "20G"; nothing where the text is no number of bytes above 0 that 64 bits hold.
+inline std::optional<std::uint64_t> bytes_of(std::string_view text) {
+  constexpr std::string_view units = "KMGT";
+  std::uint64_t unit = 1;
+  if (!text.empty() && units.find(text.back()) != std::string_view::npos)
+    unit = std::uint64_t(1) << (10 * (units.find(text.back()) + 1)), text.remove_suffix(1);
+  double value = 0;
+  const char* end = text.data() + text.size();
+  const auto read = std::from_chars(text.data(), end, value, std::chars_format::fixed);
+  value *= static_cast<double>(unit);
+  if (read.ec != std::errc() || read.ptr != end || !(value >= 1 && value < 0x1p63)) return std::nullopt;
+  return static_cast<std::uint64_t>(value);
+}
+
+inline CLI::Validator bytes() {
+  return {[](const std::string& text) {
+            return bytes_of(text) ? std::string()
+                                  : not_a(text,
+                                          "number of bytes: write a number above 0, and K, M, G or T for "
+                                          "2^10, 2^20, 2^30 or 2^40 of them, as 20G");
+          },
+          ""};
+}
+
 // What padder::length_of takes.
 inline CLI::Validator length() {
   return {[](const std::string& text) {

@@ -3,75 +3,55 @@
 // does the work.
 #include <cstdio>
 #include <iostream>
-#include <nlohmann/json.hpp>
 
 #include "detect/core/nine_stages.h"
 #include "detect/scene/contact_file.h"
-#include "detect/scene/scene.h"
 #include "padding/asset/error.h"
-#include "tools/cli.h"
+#include "tools/arguments.h"
+#include "tools/detect/arguments.h"
 #include "tools/json_failure.h"
 
+namespace padder::tool {
 namespace {
-
-using namespace padder::detect;
-using Json = nlohmann::ordered_json;
 
 constexpr std::uint64_t kShown = 512;  // --stages prints scenes of at most this many spheres
 
-using padder::cli::UsageError;
+CLI::Validator device_count() {
+  return {[](const std::string& text) {
+            const bool good =
+                text == "all" || (padder::cli::is_whole(text) && text != "0" && text.size() < 5);
+            return good ? std::string()
+                        : padder::cli::not_a(text, "number of devices: write a whole number above 0, or all");
+          },
+          ""};
+}
 
-// An option whose value is one of some words. Each word stands for a value; the first one is the default.
-template <class T>
-class Choices {
- public:
-  Choices(std::initializer_list<std::pair<const char*, T>> words)
-      : words_(words.begin(), words.end()), word(words_[0].first) {}
-  void add(CLI::App& app, const char* name, const char* what) {
-    std::string all;
-    std::vector<std::string> words;
-    for (const auto& [text, unused] : words_)
-      all += (all.empty() ? "" : "|") + std::string(text), words.push_back(text);
-    app.add_option(name, word, what)->type_name(all)->capture_default_str()->check(CLI::IsMember(words));
-  }
-  T value() const {
-    for (const auto& [text, v] : words_)
-      if (word == text) return v;
-    return words_[0].second;
-  }
-
- private:
-  std::vector<std::pair<const char*, T>> words_;
-
- public:
-  std::string word;
-};
-
-struct Arguments {
-  std::string scene, output;
-  std::uint64_t copies = 0;
-  int devices = 1;
-  bool hash = false, stages = false, json = false, quiet = false;
-  Choices<BackendKind> backend{
-      {"auto", BackendKind::automatic}, {"omp", BackendKind::omp}, {"cuda", BackendKind::cuda}};
-  Choices<Path> path{{"fast", Path::grid}, {"nine-stages", Path::nine_stages}};
-  Choices<Precision> precision{{"exact", Precision::exact}, {"fast", Precision::float32}};
-  CallOptions options;
-};
-
-void declare(CLI::App& app, Arguments& a) {
-  app.add_option("SCENE", a.scene, "a scene (.json), or a cluster (.spheres.json)")->required();
+void declare(CLI::App& app, Arguments& a, std::string& memory) {
+  app.add_option("SCENE", a.scene,
+                 "a scene (.json), a cluster (.spheres.json), or a file of spheres (.npy, .npz)")
+      ->required();
   app.add_option("--copies", a.copies, "of a cluster: a jittered pile of N bodies")
       ->check(CLI::Range(1u, 0xfffffffeu))
       ->type_name("N");
   a.backend.add(app, "--backend", "auto takes the GPU when there is one");
-  app.add_option("--devices", a.devices, "GPUs to use")->check(CLI::PositiveNumber)->type_name("N");
+  app.add_option("--devices", a.devices,
+                 "detect in boxes on N GPUs, or on all that there are; with --backend omp N detectors share "
+                 "the CPU")
+      ->check(device_count())
+      ->type_name("N|all");
+  app.add_option("--memory", memory,
+                 "hold at most this much, as 20G (2^30 bytes each), 512M or 8192K: detect in boxes, and map "
+                 "files instead of reading them")
+      ->check(padder::cli::bytes())
+      ->type_name("BYTES");
   a.path.add(app, "--path", "the fast path, or the nine stages as in the paper");
   a.precision.add(app, "--precision", "exact: the contacts of double arithmetic; fast: float only");
   app.add_option("--bin-size", a.options.bin_size, "edge of a bin, in the scene's unit (default: chosen)")
       ->check(CLI::PositiveNumber)
       ->type_name("S");
-  app.add_option("-o", a.output, "write the contacts, sorted: .csv, .npz or .vtp")->type_name("FILE");
+  app.add_option("-o", a.output,
+                 "write the contacts: .csv, .npz or .vtp, sorted; .npy as they come, which takes no memory")
+      ->type_name("FILE");
   app.add_flag("--hash", a.hash, "print the order-free hash of the pairs");
   app.add_flag("--stages", a.stages, "print the arrays T, S, B, C, D, E, F of a small scene");
   static_assert(padder::cli::kMostThreads == kMostThreads);
@@ -153,15 +133,9 @@ Json stages_json(const Arrays& a) {
           {"F", f}};
 }
 
-std::string hex(std::uint64_t v) {
-  char text[17];
-  std::snprintf(text, sizeof text, "%016llx", (unsigned long long)v);
-  return text;
-}
-
 int run(Arguments& a) {
-  if (a.devices > 1)
-    throw UsageError("--devices " + std::to_string(a.devices) + ": this version uses one GPU");
+  if (const Launch launch = launch_of_environment(); launch.ranks > 0) return run_ranks(a, launch);
+  if (wants_boxes(a)) return run_boxes(a);
   if (!a.output.empty()) check_contact_ending(a.output);
   const Scene scene = read_scene_or_cluster(a.scene, a.copies);
   if (a.stages && scene.size() > kShown)
@@ -212,21 +186,39 @@ int run(Arguments& a) {
 
 }  // namespace
 
+std::string hex(std::uint64_t v) {
+  char text[17];
+  std::snprintf(text, sizeof text, "%016llx", (unsigned long long)v);
+  return text;
+}
+
+}  // namespace padder::tool
+
 int main(int argc, char** argv) {
+  const bool is_silent = padder::tool::silence_other_ranks();
   CLI::App app(
       "Examples:\n"
       "  detect track_shoe.spheres.json --copies 1000     contacts of a pile of 1,000 bodies\n"
       "  detect scene.json -o contacts.csv                contacts of a scene, written\n"
-      "  detect scene.json --stages --bin-size 1          the arrays of the nine stages of a small scene\n\n"
+      "  detect scene.json --stages --bin-size 1          the arrays of the nine stages of a small scene\n"
+      "  detect spheres.npy --devices all --memory 20G    more than memory holds, on every GPU\n\n"
       "Finds every pair of spheres that touch, but for those that families and masks exclude. Exact by "
       "default: the\n"
       "contacts are those of double arithmetic, the same from every backend, path and number of threads.\n",
       "detect");
-  Arguments arguments;
-  declare(app, arguments);
-  return padder::cli::run(
-      app, argc, argv, [&] { return run(arguments); },
+  padder::tool::Arguments arguments;
+  std::string memory;
+  padder::tool::declare(app, arguments, memory);
+  const int code = padder::cli::run(
+      app, argc, argv,
+      [&] {
+        if (!memory.empty()) arguments.memory = *padder::cli::bytes_of(memory);
+        return padder::tool::run(arguments);
+      },
       [&](const std::string& error) {
         if (arguments.json) padder::cli::print_failure(arguments.scene, error);
       });
+  // All ranks fail together. mpirun ends the others at the first code that is not 0, so that must be the code
+  // of the rank that has printed the reason.
+  return is_silent ? 0 : code;
 }

@@ -81,9 +81,19 @@ std::uint64_t BoxLoad::body_of(std::uint64_t local) const {
 }
 
 Assignment::Assignment(const Input& input, int threads) : input_(input), threads_(threads) {
-  for (const Shape& s : input.shapes) extents_.push_back(extent_of(s));
+  for (const Body& b : input.bodies) numbering_.loose += input.shapes[b.shape].count;
+  read();
+}
+
+Assignment::Assignment(const Input& input, int threads, const Numbering& numbering)
+    : input_(input), threads_(threads), numbering_(numbering) {
+  read();
+}
+
+void Assignment::read() {
+  for (const Shape& s : input_.shapes) extents_.push_back(extent_of(s));
   read_bodies();
-  if (input.spheres.scalar == Scalar::f32)
+  if (input_.spheres.scalar == Scalar::f32)
     read_loose<float>();
   else
     read_loose<double>();
@@ -124,8 +134,8 @@ void Assignment::throw_fault_of_body(std::size_t b) const {
   const Shape& shape = input_.shapes[input_.bodies[b].shape];
   std::uint64_t q = 0;
   while (fault_of(placed(input_.bodies[b], shape.spheres[q])) == Fault::none) q++;
-  throw_fault("sphere " + std::to_string(first_of_body_[b] + q) + " (number " + std::to_string(q) +
-                  " of body " + std::to_string(b) + ")",
+  throw_fault("sphere " + std::to_string(numbering_.body_sphere + first_of_body_[b] + q) + " (number " +
+                  std::to_string(q) + " of body " + std::to_string(numbering_.body + b) + ")",
               placed(input_.bodies[b], shape.spheres[q]));
 }
 
@@ -145,7 +155,7 @@ void Assignment::read_loose() {
     largest = std::max(largest, sphere.r);
   }
   if (faulty < s.count)
-    throw_fault("sphere " + std::to_string(body_spheres_ + faulty), given<T>(s, faulty).sphere());
+    throw_fault("sphere " + std::to_string(numbering_.loose + faulty), given<T>(s, faulty).sphere());
   largest_radius_ = largest;
 }
 
@@ -232,7 +242,7 @@ void Assignment::fill_loose(const BoxTree& tree, std::uint32_t first, std::span<
         return load.twice.data() + 4 * place;
     }();
     to[0] = g.x, to[1] = g.y, to[2] = g.z, to[3] = g.r;
-    load.ids.data()[place] = body_spheres_ + k;
+    load.ids.data()[place] = numbering_.loose + k;
     if (s.family) load.family.data()[place] = tag_of(s.family, k);
     if (s.mask) load.mask.data()[place] = tag_of(s.mask, k);
     if (s.is_static) load.is_static.data()[place] = s.is_static[k];
@@ -246,7 +256,8 @@ void Assignment::fill_bodies(const BoxTree& tree, std::uint32_t first, std::span
   };
   const auto put = [&](std::uint64_t b, std::uint32_t box, std::uint64_t place) {
     BoxLoad& load = loads[box - first];
-    load.bodies.data()[place] = input_.bodies[b], load.body_ids.data()[place] = first_of_body_[b];
+    load.bodies.data()[place] = input_.bodies[b],
+    load.body_ids.data()[place] = numbering_.body_sphere + first_of_body_[b];
   };
   bodies_.deliver(first, first + static_cast<std::uint32_t>(loads.size()), tree, bounds, put, threads_);
   for (BoxLoad& load : loads) {

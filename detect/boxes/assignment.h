@@ -64,12 +64,23 @@ struct BoxLoad {
   std::uint64_t body_of(std::uint64_t local) const;
 };
 
+// Where the numbers of a part of a scene begin: those of its bodies, of their spheres, and of its loose ones.
+struct Numbering {
+  std::uint64_t body = 0, body_sphere = 0, loose = 0;
+};
+
 // Of the spheres of one scene. Keeps a view of the input, which must outlive it. The poses of the input must
 // stand in its bodies (Input::poses null), and everything must lie in host memory.
 class Assignment {
  public:
   // Reads all spheres once. Throws Error for the first that is faulty; its sentence is the Detector's.
   Assignment(const Input& input, int threads);
+  // Of a part of a scene, which has these numbers there.
+  Assignment(const Input& input, int threads, const Numbering& numbering);
+
+  // The halos depend on the largest radius of the scene, of which these spheres may be a part.
+  double largest_radius() const { return largest_radius_; }
+  void raise_largest_radius(double radius) { largest_radius_ = std::max(largest_radius_, radius); }
 
   std::uint64_t spheres() const { return body_spheres_ + input_.spheres.count; }
 
@@ -86,6 +97,7 @@ class Assignment {
   void fill(const BoxTree& tree, std::uint32_t first, std::span<BoxLoad> loads) const;
 
  private:
+  void read();
   void read_bodies();
   [[noreturn]] void throw_fault_of_body(std::size_t body) const;
   template <class T>
@@ -102,6 +114,7 @@ class Assignment {
   std::vector<ShapeExtent> extents_;          // of each shape
   std::vector<std::uint64_t> first_of_body_;  // numbers in the scene
   std::uint64_t body_spheres_ = 0;
+  Numbering numbering_;
   double largest_radius_ = 0;
   Distribution loose_, bodies_;
 };

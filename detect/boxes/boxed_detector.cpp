@@ -13,6 +13,7 @@
 #include "detect/boxes/assignment.h"
 #include "detect/boxes/box_input.h"
 #include "detect/boxes/device_worker.h"
+#include "detect/core/backend.h"
 #include "padding/asset/error.h"
 
 namespace padder::detect {
@@ -69,6 +70,9 @@ class BoxedDetector::Work {
 
   CallOptions& options() { return options_.detector; }
   const BoxReport& report() const { return report_; }
+  const char* backend() const {
+    return on_host_ == workers_.size() ? "omp" : on_host_ == 0 ? "cuda" : "cuda and omp";
+  }
   const BoxReport& run(const Input& input, const ContactConsumer& consumer);
   const Contacts& list(const Input& input);
 
@@ -370,14 +374,8 @@ const Contacts& BoxedDetector::Work::list(const Input& input) {
 
 std::vector<DeviceChoice> all_devices() {
   std::vector<DeviceChoice> devices;
-  for (int k = 0; cuda_present(); k++) {
-    try {
-      detector_on({BackendKind::cuda, k});
-    } catch (const Error&) {
-      break;  // there are no more
-    }
-    devices.push_back({BackendKind::cuda, k});
-  }
+  for (int k = 0; k < cuda_device_count(); k++)
+    if (cuda_absence(k).empty()) devices.push_back({BackendKind::cuda, k});
   if (devices.empty()) devices.push_back({BackendKind::omp, 0});
   return devices;
 }
@@ -391,6 +389,7 @@ const BoxReport& BoxedDetector::detect(const Input& input, const ContactConsumer
   return work_->run(input, consumer);
 }
 const BoxReport& BoxedDetector::report() const { return work_->report(); }
+const char* BoxedDetector::backend() const { return work_->backend(); }
 CallOptions& BoxedDetector::options() { return work_->options(); }
 
 }  // namespace padder::detect

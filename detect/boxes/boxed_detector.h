@@ -12,7 +12,7 @@
 
 namespace padder::detect {
 
-// Every GPU of this machine that this build can use; the CPU where there is none. Cost: opens each GPU.
+// Every GPU of this machine that this build can use; the CPU where there is none.
 std::vector<DeviceChoice> all_devices();
 
 // How to cut, and where to detect; the defaults make one box on one device.
@@ -50,9 +50,9 @@ struct BoxReport {
 // Keeps its cut, its detectors and their memory from call to call: spheres may move in between. Boxes are cut
 // anew when the work of the heaviest exceeds the mean by a tenth. Not for two threads at once.
 //
-// Spheres, shapes, bodies and poses must lie in host memory; a mapped file is host memory (sphere_file.h).
-// The arrays of the loose spheres may begin at any address. There may be more than 2^32 - 2 spheres.
-// Input::revision, `moved` and `poses` mean what they mean to a Detector.
+// Spheres, shapes, bodies and poses must lie in host memory; a mapped file is host memory
+// (scene/sphere_file.h). The arrays of the loose spheres may begin at any address. There may be more than
+// 2^32 - 2 spheres. Input::revision, `moved` and `poses` mean what they mean to a Detector.
 //
 // Every function throws Error with the sentence of a Detector where the input is at fault, and with one that
 // names the device where a detector fails. The object stays usable. One that was moved from may only be
@@ -76,6 +76,9 @@ class BoxedDetector {
 
   const BoxReport& report() const;  // of the last call
   std::uint64_t hash() const { return report().hash; }
+
+  // "omp" or "cuda"; "cuda and omp" where the devices are of both kinds.
+  const char* backend() const;
 
   // The same as for a Detector; not `backend` and `device`.
   CallOptions& options();

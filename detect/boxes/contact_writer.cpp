@@ -6,11 +6,8 @@
 namespace padder::detect {
 namespace {
 
-constexpr std::size_t kHead = 256;  // bytes of NumPy's head: room for any count, and a multiple of 64
-
 const std::filesystem::path& checked(const std::filesystem::path& path) {
-  if (path.extension() != ".npy")
-    throw Error(path.string() + ": contacts are streamed to .npy, one record for each contact");
+  check_streamed_ending(path);
   return path;
 }
 
@@ -20,17 +17,17 @@ void add(std::string& to, const void* array, std::size_t k, std::size_t bytes) {
 
 }  // namespace
 
-ContactWriter::ContactWriter(const std::filesystem::path& path, Width width, Scalar scalar)
-    : file_(checked(path)), width_(width), scalar_(scalar) {
-  file_.append(head());
+void check_streamed_ending(const std::filesystem::path& path) {
+  if (path.extension() != ".npy")
+    throw Error(path.string() + ": contacts are streamed to .npy, one record for each contact");
 }
 
-std::string ContactWriter::head() const {
+std::string ContactRecords::head(std::uint64_t count) const {
   const std::string real = scalar_ == Scalar::f32 ? "'<f4'" : "'<f8'";
   std::string text = "{'descr': [('i', '<u8'), ('j', '<u8')";
   if (width_ != Width::pairs) text += ", ('normal', " + real + ", (3,)), ('depth', " + real + ")";
   if (width_ == Width::points) text += ", ('on_i', " + real + ", (3,)), ('on_j', " + real + ", (3,))";
-  text += "], 'fortran_order': False, 'shape': (" + std::to_string(count_) + ",), }";
+  text += "], 'fortran_order': False, 'shape': (" + std::to_string(count) + ",), }";
   text.resize(kHead - 10 - 1, ' ');
   text += '\n';
   std::string out("\x93NUMPY\x01\x00", 8);
@@ -38,22 +35,36 @@ std::string ContactWriter::head() const {
   return out + text;
 }
 
-void ContactWriter::append(const ContactBatch& batch) {
+std::size_t ContactRecords::bytes_of_one() const {
+  const std::size_t real = scalar_ == Scalar::f32 ? 4 : 8;
+  return sizeof(WidePair) + real * (width_ == Width::pairs ? 0 : width_ == Width::normals ? 4 : 10);
+}
+
+void ContactRecords::append(const ContactBatch& batch, std::string& to) const {
   if (batch.width != width_ || batch.scalar != scalar_)
     throw Error("a ContactWriter was given records of another width or scalar than it was made for");
   const std::size_t real = scalar_ == Scalar::f32 ? 4 : 8;
-  block_.clear();
   for (std::size_t k = 0; k < batch.pairs.size(); k++) {
-    add(block_, batch.pairs.data(), k, sizeof(WidePair));
-    if (width_ != Width::pairs) add(block_, batch.normals, k, 4 * real);
-    if (width_ == Width::points) add(block_, batch.points, k, 6 * real);
+    add(to, batch.pairs.data(), k, sizeof(WidePair));
+    if (width_ != Width::pairs) add(to, batch.normals, k, 4 * real);
+    if (width_ == Width::points) add(to, batch.points, k, 6 * real);
   }
+}
+
+ContactWriter::ContactWriter(const std::filesystem::path& path, Width width, Scalar scalar)
+    : records_(width, scalar), file_(checked(path)) {
+  file_.append(records_.head(0));
+}
+
+void ContactWriter::append(const ContactBatch& batch) {
+  block_.clear();
+  records_.append(batch, block_);
   file_.append(block_);
   count_ += batch.pairs.size();
 }
 
 void ContactWriter::finish() {
-  file_.write_at(0, head());
+  file_.write_at(0, records_.head(count_));
   file_.commit();
 }
 

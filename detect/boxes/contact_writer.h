@@ -10,6 +10,25 @@
 
 namespace padder::detect {
 
+// The records of a streamed file: what stands before them, and the bytes of a batch.
+class ContactRecords {
+ public:
+  static constexpr std::size_t kHead = 256;  // bytes: room for any count, and a multiple of 64
+
+  ContactRecords(Width width, Scalar scalar) : width_(width), scalar_(scalar) {}
+  std::string head(std::uint64_t count) const;  // of kHead bytes, as NumPy reads it
+  std::size_t bytes_of_one() const;
+  // Appends the batch to `to`. Throws Error for batches of another width or scalar.
+  void append(const ContactBatch& batch, std::string& to) const;
+
+ private:
+  Width width_;
+  Scalar scalar_;
+};
+
+// Throws Error for another ending than .npy.
+void check_streamed_ending(const std::filesystem::path& path);
+
 // One NumPy array of records, one for each contact, in the order of delivery. numpy.load reads it, also with
 // mmap_mode. The fields are i and j (uint64), with Width::normals also normal (3) and depth, with
 // Width::points also on_i (3) and on_j (3); these are float32 or float64 by `scalar`.
@@ -34,11 +53,9 @@ class ContactWriter {
 
  private:
   void append(const ContactBatch& batch);
-  std::string head() const;
 
+  ContactRecords records_;
   FileWriter file_;
-  Width width_;
-  Scalar scalar_;
   std::uint64_t count_ = 0;
   std::string block_;
 };

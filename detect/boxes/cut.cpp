@@ -5,6 +5,8 @@
 #include <cmath>
 #include <numeric>
 
+#include "padding/asset/error.h"
+
 namespace padder::detect {
 namespace {
 
@@ -104,6 +106,55 @@ BoxTree cut_space(std::vector<WeightedPoint> points, std::uint32_t boxes, const 
 #pragma omp parallel num_threads(threads)
 #pragma omp single
   tree.divide(points, 0, 0, boxes, whole);
+  return tree;
+}
+
+// Appends the nodes of a subtree in preorder.
+void BoxTree::join(std::span<std::uint32_t> boxes, std::span<const Region> from, const Region& region) {
+  if (boxes.size() == 1) {
+    nodes_.push_back({0, boxes[0], kLeaf}), regions_[boxes[0]] = region;
+    return;
+  }
+  // Along each axis the planes that cut no box; the one that halves the boxes best counts.
+  std::size_t best = 0;
+  int best_axis = 0;
+  const auto sort_along = [&](int axis) {
+    std::sort(boxes.begin(), boxes.end(), [&, axis](std::uint32_t a, std::uint32_t b) {
+      const Region &p = from[a], &q = from[b];
+      return p.low[axis] != q.low[axis] ? p.low[axis] < q.low[axis] : p.high[axis] < q.high[axis];
+    });
+  };
+  const auto from_middle = [&](std::size_t k) {
+    return k > boxes.size() - k ? 2 * k - boxes.size() : boxes.size() - 2 * k;
+  };
+  for (int axis = 0; axis < 3; axis++) {
+    sort_along(axis);
+    double reach = -INFINITY;
+    for (std::size_t k = 1; k < boxes.size(); k++) {
+      reach = std::max(reach, from[boxes[k - 1]].high[axis]);
+      if (reach <= from[boxes[k]].low[axis] && std::isfinite(from[boxes[k]].low[axis]) &&
+          (best == 0 || from_middle(k) < from_middle(best)))
+        best = k, best_axis = axis;
+    }
+  }
+  if (best == 0) throw Error("the boxes were not made by bisection: no plane separates them");
+  sort_along(best_axis);
+  const double cut = from[boxes[best]].low[best_axis];
+  Region below = region, above = region;
+  below.high[best_axis] = above.low[best_axis] = cut;
+  const std::size_t node = nodes_.size();
+  nodes_.push_back({cut, 0, static_cast<std::uint32_t>(best_axis)});
+  join(boxes.first(best), from, below);
+  nodes_[node].upper = static_cast<std::uint32_t>(nodes_.size());
+  join(boxes.subspan(best), from, above);
+}
+
+BoxTree tree_of(std::span<const Region> boxes) {
+  BoxTree tree;
+  std::vector<std::uint32_t> all(boxes.size());
+  std::iota(all.begin(), all.end(), 0);
+  tree.nodes_.clear(), tree.regions_.assign(boxes.size(), {});
+  tree.join(all, boxes, {});
   return tree;
 }
 

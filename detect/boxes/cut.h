@@ -42,6 +42,7 @@ class BoxTree {
 
  private:
   friend BoxTree cut_space(std::vector<WeightedPoint>, std::uint32_t, const Region&, int);
+  friend BoxTree tree_of(std::span<const Region>);
   static constexpr int kLeaf = 3;
   // Points below `cut` on `axis` are in the subtree of the next node, the others in that of node `upper`.
   struct Node {
@@ -54,6 +55,7 @@ class BoxTree {
     double cut;
   };
   static Plane plane_of(std::span<WeightedPoint> points, double share, const Region& region);
+  void join(std::span<std::uint32_t> boxes, std::span<const Region> from, const Region& region);
   void divide(std::span<WeightedPoint> points, std::uint32_t node, std::uint32_t first, std::uint32_t boxes,
               const Region& region);
 
@@ -68,6 +70,11 @@ class BoxTree {
 // the tree, that is n log(n) log(boxes); hence callers pass a sample of a large scene.
 BoxTree cut_space(std::vector<WeightedPoint> points, std::uint32_t boxes, const Region& whole = {},
                   int threads = 1);
+
+// The tree of boxes that another program cut by bisection: the planes are found from the faces. The boxes of
+// the tree have no gaps and no overlaps even if those that are given do; where they fit together, they are
+// the same. Throws Error if no plane separates them.
+BoxTree tree_of(std::span<const Region> boxes);
 
 template <class Use>
 void BoxTree::each_box(const Bounds& bounds, Use use) const {

@@ -48,5 +48,7 @@ std::unique_ptr<Backend> make_cuda_backend(int device);
 // Why there is no CUDA backend on that device (the GPU is missing, too old, or not one that the build has
 // code for), as a sentence; empty if there is one.
 std::string cuda_absence(int device);
+// GPUs that CUDA shows this process; 0 in a build without CUDA. Does not open them.
+int cuda_device_count();
 
 }  // namespace padder::detect

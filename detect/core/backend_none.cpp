@@ -9,6 +9,8 @@ std::string cuda_absence(int) {
   return "this build has no CUDA backend: build with the CUDA toolkit on the PATH, or choose omp";
 }
 
+int cuda_device_count() { return 0; }
+
 std::unique_ptr<Backend> make_cuda_backend(int device) { throw Error(cuda_absence(device)); }
 
 }  // namespace padder::detect

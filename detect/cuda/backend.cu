@@ -244,6 +244,13 @@ std::string cuda_absence(int device) {
   return unfit;
 }
 
+int cuda_device_count() {
+  int count = 0;
+  if (cudaGetDeviceCount(&count) == cudaSuccess) return count;
+  cudaGetLastError();
+  return 0;
+}
+
 std::unique_ptr<Backend> make_cuda_backend(int device) {
   const std::string absence = cuda_absence(device);
   if (!absence.empty()) throw Error(absence);

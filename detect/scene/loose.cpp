@@ -2,6 +2,8 @@
 #include "detect/scene/loose.h"
 
 #include <charconv>
+#include <cstring>
+#include <type_traits>
 
 #include "padding/asset/error.h"
 #include "padding/asset/excerpt.h"
@@ -76,6 +78,33 @@ LooseSpheres loose_from(const std::vector<FloatSphere>& spheres) {
   LooseSpheres l;
   l.single.reserve(4 * spheres.size());
   for (const FloatSphere& s : spheres) l.single.insert(l.single.end(), {s.x, s.y, s.z, s.r});
+  return l;
+}
+
+LooseSpheres loose_from(const Spheres& spheres) {
+  LooseSpheres l;
+  l.scalar = spheres.scalar;
+  const auto copy = [&](auto& to) {
+    using T = typename std::decay_t<decltype(to)>::value_type;
+    to.resize(4 * spheres.count);
+    for (std::uint64_t k = 0; k < spheres.count; k++) {
+      std::memcpy(&to[4 * k],
+                  static_cast<const char*>(spheres.centers) + k * spheres.center_stride * sizeof(T),
+                  3 * sizeof(T));
+      std::memcpy(&to[4 * k + 3],
+                  static_cast<const char*>(spheres.radii) + k * spheres.radius_stride * sizeof(T), sizeof(T));
+    }
+  };
+  if (l.scalar == Scalar::f32)
+    copy(l.single);
+  else
+    copy(l.twice);
+  const auto tags = [&](const auto* from, auto& to) {
+    if (!from) return;
+    to.resize(spheres.count);
+    std::memcpy(to.data(), from, spheres.count * sizeof *from);
+  };
+  tags(spheres.family, l.family), tags(spheres.mask, l.mask), tags(spheres.is_static, l.is_static);
   return l;
 }
 

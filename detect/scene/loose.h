@@ -27,6 +27,8 @@ struct LooseSpheres {
 };
 
 LooseSpheres loose_from(const std::vector<FloatSphere>& spheres);
+// A copy of spheres in host memory. Their arrays may begin at any address.
+LooseSpheres loose_from(const Spheres& spheres);
 
 // Reads .npz: the arrays `centers` (N, 3) and `radii` (N), and, if they are there, `family` and `mask` (N).
 // The spheres are in float if both arrays are float32. Throws Error that names the array.

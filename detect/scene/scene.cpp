@@ -2,6 +2,7 @@
 #include "detect/scene/scene.h"
 
 #include <cmath>
+#include <cstring>
 #include <map>
 #include <set>
 
@@ -107,13 +108,14 @@ LooseSpheres read_loose(const Reader& r, const std::filesystem::path& folder) {
   LooseSpheres l;
   if (r.has("file")) {
     const std::filesystem::path path = folder / r.at("file").file();
-    const std::string bytes = read_file(path);
     if (path.extension() == ".npz")
-      l = loose_from_npz(bytes, path.string());
+      l = loose_from_npz(read_file(path), path.string());
+    else if (path.extension() == ".npy")
+      l = loose_from(SphereFile(path).spheres());
     else if (path.extension() == ".csv")
-      l = loose_from_csv(bytes, path.string());
+      l = loose_from_csv(read_file(path), path.string());
     else
-      r.at("file").fail("spheres are read from .npz and .csv");
+      r.at("file").fail("spheres are read from .npz, .npy and .csv");
   } else if (r.has("generate")) {
     const std::string order = r.has("order") ? r.at("order").text() : "random";
     if (order != "random" && order != "coherent") r.at("order").fail("\"random\" or \"coherent\" is wanted");
@@ -137,7 +139,25 @@ LooseSpheres read_loose(const Reader& r, const std::filesystem::path& folder) {
   return l;
 }
 
-Scene scene_of(const Json& json, const std::string& where, const std::filesystem::path& folder) {
+// The file, if the scene's loose spheres are one file that can be mapped, and nothing else. Else null.
+std::shared_ptr<const SphereFile> mapped_file(const Reader& spheres, const std::filesystem::path& folder) {
+  if (spheres.size() != 1 || spheres.at(0).json().size() != 1 || !spheres.at(0).has("file")) return nullptr;
+  const std::filesystem::path path = folder / spheres.at(0).at("file").file();
+  const bool can_be = path.extension() == ".npy" || path.extension() == ".npz";
+  return can_be ? std::make_shared<const SphereFile>(path) : nullptr;
+}
+
+void use_all(const Spheres& spheres, Families& families) {
+  const char* const at = reinterpret_cast<const char*>(spheres.family);  // perhaps not aligned in its file
+  for (std::uint64_t k = 0; at && k < spheres.count; k++) {
+    std::uint32_t family;
+    std::memcpy(&family, at + k * sizeof family, sizeof family);
+    families.use(family);
+  }
+}
+
+Scene scene_of(const Json& json, const std::string& where, const std::filesystem::path& folder,
+               LooseAs loose) {
   const Reader r(json, where);
   r.only({"format", "version", "name", "unit", "clusters", "bodies", "spheres"});
   if (!r.has("format") || json["format"] != "padder.scene")
@@ -162,8 +182,10 @@ Scene scene_of(const Json& json, const std::string& where, const std::filesystem
   }
   if (r.has("spheres")) {
     const Reader spheres = r.at("spheres");
-    for (std::size_t k = 0; k < spheres.size(); k++) scene.loose.append(read_loose(spheres.at(k), folder));
-    for (const std::uint32_t f : scene.loose.family) families.use(f);
+    if (loose == LooseAs::mapped) scene.mapped = mapped_file(spheres, folder);
+    for (std::size_t k = 0; !scene.mapped && k < spheres.size(); k++)
+      scene.loose.append(read_loose(spheres.at(k), folder));
+    if (!without.empty()) use_all(scene.spheres(), families);
   }
   for (const std::size_t k : without) scene.bodies[k].family = families.next_unused();
   return scene;
@@ -175,18 +197,18 @@ Input Scene::input() const {
   shapes_.clear();
   for (const Asset& a : assets) shapes_.push_back({a.spheres.data(), a.spheres.size()});
   Input input;
-  input.spheres = loose.view(), input.shapes = shapes_, input.bodies = bodies;
+  input.spheres = spheres(), input.shapes = shapes_, input.bodies = bodies;
   return input;
 }
 
 std::uint64_t Scene::size() const {
-  std::uint64_t n = loose.size();
+  std::uint64_t n = spheres().count;
   for (const Body& b : bodies) n += assets[b.shape].spheres.size();
   return n;
 }
 
 Scene scene_from_json(std::string_view text, const std::string& where, const std::filesystem::path& folder) {
-  return scene_of(parse_json<Json>(text, where), where, folder);
+  return scene_of(parse_json<Json>(text, where), where, folder, LooseAs::memory);
 }
 
 Scene read_scene(const std::filesystem::path& path) {
@@ -219,13 +241,22 @@ Scene pile_of(const Cluster& cluster, std::uint64_t n) {
   return scene;
 }
 
-Scene read_scene_or_cluster(const std::filesystem::path& path, std::uint64_t copies) {
+Scene read_scene_or_cluster(const std::filesystem::path& path, std::uint64_t copies, LooseAs loose) {
+  const auto no_copies = [&](const char* why) {
+    if (copies) throw Error(path.string() + ": --copies is for a cluster; " + why);
+  };
+  if (path.extension() == ".npy" || path.extension() == ".npz") {
+    no_copies("a file of spheres has no bodies");
+    Scene scene;
+    scene.mapped = std::make_shared<const SphereFile>(path);
+    return scene;
+  }
   const std::string text = read_file(path, kMostText);
   const Json json = parse_json<Json>(text, path.string());
   if (json.is_object() && json.value("format", Json()) == "padder.cluster")
     return pile_of(cluster_from_json(text, path.string()), copies ? copies : 1);
-  if (copies) throw Error(path.string() + ": --copies is for a cluster; a scene lists its bodies itself");
-  return scene_of(json, path.string(), path.parent_path());
+  no_copies("a scene lists its bodies itself");
+  return scene_of(json, path.string(), path.parent_path(), loose);
 }
 
 }  // namespace padder::detect

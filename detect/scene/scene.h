@@ -5,12 +5,14 @@
 #pragma once
 #include <cstdint>
 #include <filesystem>
+#include <memory>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "detect/detector.h"
 #include "detect/scene/loose.h"
+#include "detect/scene/sphere_file.h"
 #include "padding/asset/cluster.h"
 
 namespace padder::detect {
@@ -26,11 +28,13 @@ struct Scene {
   std::vector<Asset> assets;
   std::vector<Body> bodies;  // with their final families and masks
   LooseSpheres loose;
+  std::shared_ptr<const SphereFile> mapped;  // instead of `loose`, if the caller asked for it
 
   // The scene as the detector takes it. It refers to the scene, which must not be moved or changed while it
   // is used.
   Input input() const;
   std::uint64_t size() const;  // the number of spheres
+  Spheres spheres() const { return mapped ? mapped->spheres() : loose.view(); }
 
  private:
   mutable std::vector<Shape> shapes_;
@@ -46,8 +50,13 @@ Scene scene_from_json(std::string_view text, const std::string& where, const std
 // neighbours overlap.
 Scene pile_of(const Cluster& cluster, std::uint64_t n);
 
+// Where the loose spheres of a scene go: into memory, or nowhere, as their file is mapped. A scene is mapped
+// only if its loose spheres are one file, .npy or .npz, without other tags; BoxedDetector takes it.
+enum class LooseAs : std::uint8_t { memory, mapped };
+
 // Reads a scene, or a cluster, of which it makes a pile of `copies`. 0: the user gave no number; then a
-// cluster is one body.
-Scene read_scene_or_cluster(const std::filesystem::path& path, std::uint64_t copies);
+// cluster is one body. A file of spheres (.npy, .npz) is a scene, too, and is always mapped.
+Scene read_scene_or_cluster(const std::filesystem::path& path, std::uint64_t copies,
+                            LooseAs loose = LooseAs::memory);
 
 }  // namespace padder::detect

@@ -7,6 +7,7 @@ namespace padder {
 
 Ball inner_medial_ball(const Surface& surface, const Point& p, const Vector& normal, double largest,
                        double tolerance, double guess) {
+  if (!surface.has_inside()) return {p, 0};
   // In practice a step at least halves the surplus, but on noisy surfaces the steps may be tiny. After so
   // many steps the radius also falls by a fixed share, so the loop ends at r <= tolerance at the latest.
   constexpr int patience = 24;

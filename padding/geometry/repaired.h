@@ -2,7 +2,10 @@
 // The surface that every step after repair works on. Repair itself is in padding/meshing: measuring and
 // proving need its result, but not its code.
 #pragma once
+#include <cstdint>
+#include <optional>
 #include <string>
+#include <vector>
 
 #include "padding/geometry/surface.h"
 
@@ -10,9 +13,33 @@ namespace padder {
 
 // What the repaired surface is.
 enum class BodyKind {
-  solid,  // closed: the input's own surface
+  solid,  // it bounds a body; parts of it may be sheets
   wrap,   // closed: an alpha wrap around the input
-  sheet,  // open: inside is below its normals
+  sheet,  // it bounds nothing: the body is all that lies within half the thickness
+};
+
+// A hole that repair closed: what of the surface is no part of the input.
+struct Patch {
+  double area = 0, rim = 0;              // of the patch; length of the border that it closes
+  Point place = Point::Zero();           // its middle
+  std::vector<std::uint32_t> triangles;  // of the repaired surface
+};
+
+// What repair did, as numbers. Lengths and areas are in the mesh's unit.
+struct RepairSteps {
+  std::size_t pieces = 0;          // triangles that hang together by edges
+  std::size_t crossing_pairs = 0;  // of triangles that cross, touch or overlap without sharing an edge
+  std::size_t repeated = 0;        // triangles that were there more than once
+  std::size_t turned = 0;          // triangles that faced the other way than their neighbours
+  std::size_t cavities = 0;        // closed pieces inside another one, which bound a hollow
+  double buried_area = 0;          // of the input's surface that has the body on both sides, and is left out
+  std::size_t cracks = 0;          // triangles that close cracks; they are in no patch
+  double crack_width = 0;          // the widest of them
+  double sheet_area = 0;           // of the surface that bounds nothing
+  std::size_t sheet_pieces = 0;    // open pieces that are no solid with a hole
+  // Why: the mean winding number inside of the sheet that comes nearest to a solid (1: closed), and the
+  // longest rim of it over its diagonal.
+  double sheet_winding = 0, sheet_rim = 0;
 };
 
 // The surface that is padded, and what became of the input.
@@ -24,11 +51,24 @@ struct Repaired {
   Mesh flat;                     // the input's triangles without area, which are not in `mesh`
   std::size_t filled = 0;        // number of holes that were closed, of a solid
   double filled_area = 0;        // of the patches that close them; they are no part of the input
+  std::vector<Patch> patches;    // one for each hole that was closed
+  RepairSteps steps;
+  // The closed surface whose winding number says what is inside, where it is not `mesh`: then `mesh` has only
+  // the parts of it that bound the body, cut where they cross, and behind them `sheet` triangles.
+  std::optional<Mesh> solid;
+  std::size_t sheet = 0;
   // Exact predicates have shown that the surface is closed, oriented outward and free of self-intersections.
   // Then the pseudonormal tells the side of a point, which costs less than the winding number.
   bool checked = false;
 
-  SideBy side() const { return checked || kind == BodyKind::sheet ? SideBy::pseudonormal : SideBy::winding; }
+  SideBy side() const { return checked ? SideBy::pseudonormal : SideBy::winding; }
+  Surface surface() const { return Surface(mesh, side(), solid ? &*solid : nullptr); }
+  // The part of `mesh` that bounds the body.
+  Mesh boundary() const {
+    Mesh out = mesh;
+    out.triangles.resize(mesh.triangles.size() - sheet);
+    return out;
+  }
 };
 
 }  // namespace padder

@@ -3,9 +3,7 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
-#include <map>
 #include <numeric>
-#include <unordered_map>
 
 #include "padding/geometry/random.h"
 
@@ -13,7 +11,8 @@ namespace padder {
 namespace {
 
 constexpr std::uint32_t leaf_size = 4;
-constexpr int stack_size = 128;  // depth is bounded by the median fallback in build()
+constexpr std::uint32_t parallel_size = 4096;  // fewer triangles than these are not worth another thread
+constexpr int stack_size = 128;                // depth is bounded by the median fallback in build()
 
 enum Feature : int { face = 0, vertex0 = 1, vertex1 = 2, vertex2 = 3, edge01 = 4, edge12 = 5, edge20 = 6 };
 
@@ -69,16 +68,17 @@ double half_area(const Box& b) {
 
 }  // namespace
 
-Surface::Surface(const Mesh& mesh, SideBy side) : mesh_(mesh), side_(side) {
+Surface::Surface(const Mesh& mesh, SideBy side, const Mesh* solid) : mesh_(mesh), side_(side) {
+  if (solid) solid_ = std::make_shared<const Surface>(*solid);
   const std::size_t n = mesh_.triangles.size();
   bounds_ = mesh_.bounds();
   std::vector<Box> boxes(n);
-  for (std::size_t t = 0; t < n; t++)
-    for (int k = 0; k < 3; k++) boxes[t].add(mesh_.corner(t, k));
   std::vector<std::uint32_t> order(n);
   std::iota(order.begin(), order.end(), 0u);
+#pragma omp parallel for if (n > parallel_size)
+  for (std::size_t t = 0; t < n; t++)
+    for (int k = 0; k < 3; k++) boxes[t].add(mesh_.corner(t, k));
   if (n > 0) {
-    nodes_.reserve(n);
     if (n <= leaf_size) {  // one leaf: a root whose second child is empty
       Node root{};
       for (int k = 0; k < 3; k++) {
@@ -88,50 +88,83 @@ Surface::Surface(const Mesh& mesh, SideBy side) : mesh_(mesh), side_(side) {
       root.count[0] = static_cast<std::uint32_t>(n);
       nodes_.push_back(root);
     } else {
-      build(order, boxes, 0, static_cast<std::uint32_t>(n));
+#pragma omp parallel if (n > parallel_size)
+#pragma omp single
+      build(nodes_, order, boxes, 0, static_cast<std::uint32_t>(n));
     }
   }
   slots_.resize(n);
+#pragma omp parallel for if (n > parallel_size)
   for (std::size_t k = 0; k < n; k++) {
     const Point& a = mesh_.corner(order[k], 0);
     slots_[k] = {a, mesh_.corner(order[k], 1) - a, mesh_.corner(order[k], 2) - a, order[k]};
   }
+  find_normals();
+}
 
+// The sums run over the triangles in their order, whatever the number of threads.
+void Surface::find_normals() {
+  const std::size_t n = mesh_.triangles.size(), points = mesh_.points.size();
   face_normals_.resize(n);
-  vertex_normals_.assign(mesh_.points.size(), Vector::Zero());
+  vertex_normals_.assign(points, Vector::Zero());
   edge_normals_.resize(n);
-  struct Edge {
-    Vector normal = Vector::Zero();
-    int direction = 0;  // triangles that run along it upwards, less those that run downwards
-  };
-  std::unordered_map<std::uint64_t, Edge> edges;
-  edges.reserve(2 * n);
-  const auto key = [](std::uint32_t u, std::uint32_t v) {
-    return (std::uint64_t(std::min(u, v)) << 32) | std::max(u, v);
-  };
+#pragma omp parallel for if (n > parallel_size)
   for (std::size_t t = 0; t < n; t++) {
     face_normals_[t] = mesh_.area_normal(t).normalized();
     if (!face_normals_[t].allFinite()) face_normals_[t].setZero();
-    for (int k = 0; k < 3; k++) {
-      const auto v = mesh_.triangles[t][k], w = mesh_.triangles[t][(k + 1) % 3];
-      const Vector e = mesh_.corner(t, (k + 1) % 3) - mesh_.corner(t, k);
-      const Vector f = mesh_.corner(t, (k + 2) % 3) - mesh_.corner(t, k);
-      vertex_normals_[v] += std::atan2(e.cross(f).norm(), e.dot(f)) * face_normals_[t];
-      Edge& edge = edges[key(v, w)];
-      edge.normal += face_normals_[t], edge.direction += (v < w) - (w < v);
+  }
+  // The corners of each vertex, and the edges that start at the smaller of their two vertices, as lists.
+  std::vector<std::uint32_t> corner_begin(points + 1), edge_begin(points + 1), corners(3 * n), edges(3 * n);
+  for (std::uint32_t c = 0; c < 3 * n; c++) {
+    const auto v = mesh_.triangles[c / 3][c % 3], w = mesh_.triangles[c / 3][(c % 3 + 1) % 3];
+    corner_begin[v + 1]++, edge_begin[std::min(v, w) + 1]++;
+  }
+  std::partial_sum(corner_begin.begin(), corner_begin.end(), corner_begin.begin());
+  std::partial_sum(edge_begin.begin(), edge_begin.end(), edge_begin.begin());
+  {
+    std::vector<std::uint32_t> corner_at(corner_begin), edge_at(edge_begin);
+    for (std::uint32_t c = 0; c < 3 * n; c++) {
+      const auto v = mesh_.triangles[c / 3][c % 3], w = mesh_.triangles[c / 3][(c % 3 + 1) % 3];
+      corners[corner_at[v]++] = c, edges[edge_at[std::min(v, w)]++] = c;
     }
   }
-  for (auto& normal : vertex_normals_) normal.normalize();  // a zero vector stays zero
-  for (std::size_t t = 0; t < n; t++)
-    for (int k = 0; k < 3; k++)
-      edge_normals_[t][k] =
-          edges[key(mesh_.triangles[t][k], mesh_.triangles[t][(k + 1) % 3])].normal.normalized();
-  for (const auto& [ends, edge] : edges) open_edges_ += edge.direction != 0;
+  std::size_t open = 0;
+#pragma omp parallel for schedule(dynamic, 1024) reduction(+ : open) if (n > parallel_size)
+  for (std::size_t v = 0; v < points; v++) {
+    for (auto k = corner_begin[v]; k < corner_begin[v + 1]; k++) {
+      const std::uint32_t t = corners[k] / 3;
+      const int i = static_cast<int>(corners[k] % 3);
+      const Vector e = mesh_.corner(t, (i + 1) % 3) - mesh_.corner(t, i);
+      const Vector f = mesh_.corner(t, (i + 2) % 3) - mesh_.corner(t, i);
+      vertex_normals_[v] += std::atan2(e.cross(f).norm(), e.dot(f)) * face_normals_[t];
+    }
+    vertex_normals_[v].normalize();  // a zero vector stays zero
+    const auto other = [&](std::uint32_t c) {
+      return std::max(mesh_.triangles[c / 3][c % 3], mesh_.triangles[c / 3][(c % 3 + 1) % 3]);
+    };
+    const auto begin = edges.begin() + edge_begin[v], end = edges.begin() + edge_begin[v + 1];
+    std::sort(begin, end, [&](auto c, auto d) { return other(c) != other(d) ? other(c) < other(d) : c < d; });
+    for (auto first = begin; first != end;) {
+      auto last = first;
+      Vector normal = Vector::Zero();
+      int direction = 0;  // triangles that run along the edge upwards, less those that run downwards
+      for (; last != end && other(*last) == other(*first); ++last) {
+        normal += face_normals_[*last / 3];
+        const auto from = mesh_.triangles[*last / 3][*last % 3];
+        direction += other(*last) == from ? -1 : 1;
+      }
+      if (other(*first) == v) direction = 0;  // an edge of no length
+      normal.normalize();
+      for (; first != last; ++first) edge_normals_[*first / 3][*first % 3] = normal;
+      open += direction != 0;
+    }
+  }
+  open_edges_ = open;
 }
 
 // Binned surface-area heuristic; returns the node's index.
-std::uint32_t Surface::build(std::vector<std::uint32_t>& order, const std::vector<Box>& boxes,
-                             std::uint32_t begin, std::uint32_t end) {
+std::uint32_t Surface::build(std::vector<Node>& nodes, std::vector<std::uint32_t>& order,
+                             const std::vector<Box>& boxes, std::uint32_t begin, std::uint32_t end) {
   constexpr int bins = 16;
   Box centers;
   for (auto k = begin; k < end; k++) centers.add(boxes[order[k]].center());
@@ -180,17 +213,34 @@ std::uint32_t Surface::build(std::vector<std::uint32_t>& order, const std::vecto
       return x != y ? x < y : s < t;
     });
   }
-  const auto index = static_cast<std::uint32_t>(nodes_.size());
-  nodes_.emplace_back();
+  const auto index = static_cast<std::uint32_t>(nodes.size());
+  nodes.emplace_back();
   const std::uint32_t from[2] = {begin, middle}, to[2] = {middle, end};
-  for (int side = 0; side < 2; side++) {
+  // The halves of a large node are built side by side, each into nodes of its own that are then appended.
+  const bool apart = end - begin > parallel_size;
+  std::vector<Node> own[2];
+  const auto build_side = [&](int side) {
     Box box;
     for (auto k = from[side]; k < to[side]; k++) box.add(boxes[order[k]].low), box.add(boxes[order[k]].high);
     std::uint32_t child = from[side], count = to[side] - from[side];
-    if (count > leaf_size) child = build(order, boxes, from[side], to[side]), count = 0;
-    Node& node = nodes_[index];
+    if (count > leaf_size)
+      child = build(apart ? own[side] : nodes, order, boxes, from[side], to[side]), count = 0;
+    Node& node = nodes[index];
     for (int k = 0; k < 3; k++) node.low[side][k] = box.low[k], node.high[side][k] = box.high[k];
     node.child[side] = child, node.count[side] = count;
+  };
+  if (!apart) return build_side(0), build_side(1), index;
+#pragma omp task shared(build_side)
+  build_side(0);
+  build_side(1);
+#pragma omp taskwait
+  for (int side = 0; side < 2; side++) {
+    const auto offset = static_cast<std::uint32_t>(nodes.size());
+    for (Node& node : own[side]) {
+      for (int k = 0; k < 2; k++) node.child[k] += node.count[k] == 0 ? offset : 0;
+      nodes.push_back(node);
+    }
+    if (nodes[index].count[side] == 0) nodes[index].child[side] += offset;
   }
   return index;
 }
@@ -262,20 +312,12 @@ Nearest Surface::signed_nearest(const Point& p) const {
 }
 
 std::optional<int> Surface::winding_number(const Point& p) const {
+  if (solid_) return winding_in_solid(p);
   if (!closed()) return std::nullopt;
   if ((p.array() < bounds_.low.array()).any() || (p.array() > bounds_.high.array()).any()) return 0;
   // Directions without a pattern, so that no mesh has faces along them. A ray that grazes an edge gives no
   // result; this hardly ever happens to the next ray, too. For a point on the surface all of them fail.
-  static const std::vector<Vector> directions = [] {
-    std::vector<Vector> all;
-    Random random(7);
-    while (all.size() < 16) {
-      const Vector d(2 * random.uniform() - 1, 2 * random.uniform() - 1, 2 * random.uniform() - 1);
-      if (d.cwiseAbs().minCoeff() > 0.1) all.push_back(d);
-    }
-    return all;
-  }();
-  for (const Vector& d : directions)
+  for (const Vector& d : ray_directions())
     if (const auto sum = crossings(p, d)) return sum;
   return std::nullopt;
 }
@@ -314,7 +356,34 @@ bool meets(const double* low, const double* high, const Point& p, const Vector& 
 
 }  // namespace
 
-std::optional<int> Surface::crossings(const Point& p, const Vector& direction) const {
+// A point on a wall inside the body has no winding number. All points nearer to it than `mesh` is lie on the
+// same side of the body's boundary.
+std::optional<int> Surface::winding_in_solid(const Point& p) const {
+  if (solid_->slots_.empty()) return 0;
+  if (const auto winding = solid_->winding_number(p)) return winding;
+  const double apart = nearest(p).distance;
+  if (!(apart > 0) || !std::isfinite(apart)) return std::nullopt;
+  for (const Vector& d : ray_directions())
+    if (const auto winding = solid_->winding_number(p + 0.5 * apart * d)) return winding;
+  return std::nullopt;
+}
+
+const std::vector<Vector>& Surface::ray_directions() {
+  static const std::vector<Vector> directions = [] {
+    std::vector<Vector> all;
+    Random random(7);
+    while (all.size() < 16) {
+      const Vector d(2 * random.uniform() - 1, 2 * random.uniform() - 1, 2 * random.uniform() - 1);
+      if (d.cwiseAbs().minCoeff() > 0.1) all.push_back(d);
+    }
+    return all;
+  }();
+  return directions;
+}
+
+std::optional<int> Surface::crossings(const Point& p, const Vector& direction,
+                                      const std::function<bool(std::uint32_t)>& skip) const {
+  if (nodes_.empty()) return 0;
   const Vector inverse = direction.cwiseInverse();
   std::uint32_t stack[stack_size];
   int top = 0, sum = 0;
@@ -325,7 +394,9 @@ std::optional<int> Surface::crossings(const Point& p, const Vector& direction) c
       if (!meets(node.low[side], node.high[side], p, inverse)) continue;
       if (node.count[side] == 0) stack[top++] = node.child[side];
       for (std::uint32_t k = 0; k < node.count[side]; k++) {
-        const auto& t = mesh_.triangles[slots_[node.child[side] + k].triangle];
+        const std::uint32_t triangle = slots_[node.child[side] + k].triangle;
+        if (skip && skip(triangle)) continue;
+        const auto& t = mesh_.triangles[triangle];
         const auto one =
             crossing(direction, mesh_.points[t[0]] - p, mesh_.points[t[1]] - p, mesh_.points[t[2]] - p);
         if (!one) return std::nullopt;
@@ -334,6 +405,23 @@ std::optional<int> Surface::crossings(const Point& p, const Vector& direction) c
     }
   }
   return sum;
+}
+
+void Surface::visit(const Box& box, const std::function<void(std::uint32_t)>& visit) const {
+  if (nodes_.empty()) return;
+  std::uint32_t stack[stack_size];
+  int top = 0;
+  stack[top++] = 0;
+  while (top > 0) {
+    const Node& node = nodes_[stack[--top]];
+    for (int side = 0; side < 2; side++) {
+      bool apart = node.low[side][0] > node.high[side][0];  // the empty child of a root with a single leaf
+      for (int k = 0; k < 3; k++) apart |= node.low[side][k] > box.high[k] || node.high[side][k] < box.low[k];
+      if (apart) continue;
+      if (node.count[side] == 0) stack[top++] = node.child[side];
+      for (std::uint32_t k = 0; k < node.count[side]; k++) visit(slots_[node.child[side] + k].triangle);
+    }
+  }
 }
 
 bool Surface::any_within(const Point& p, double limit) const {

@@ -3,7 +3,9 @@
 // All later steps (refit, cull, accuracy) ask their questions here.
 #pragma once
 #include <cstdint>
+#include <functional>
 #include <limits>
+#include <memory>
 #include <optional>
 #include <vector>
 
@@ -26,11 +28,13 @@ enum class SideBy {
 };
 
 // Keeps a copy of the mesh and does not change after construction, so any number of threads may ask. Building
-// takes O(n log n), about 1 s for a million triangles. A query takes O(log n) when the point is near the
-// surface.
+// takes O(n log n) on all threads, about 1 s for a million triangles. A query takes O(log n) when the point
+// is near the surface.
 class Surface {
  public:
-  explicit Surface(const Mesh& mesh, SideBy side = SideBy::pseudonormal);
+  // Distances are to `mesh`. The winding number is that of `solid`, if it is given: a closed surface whose
+  // inside has its boundary on `mesh`. It may be empty; then nothing is inside.
+  explicit Surface(const Mesh& mesh, SideBy side = SideBy::pseudonormal, const Mesh* solid = nullptr);
 
   // The nearest point, if it is closer than `limit`. Otherwise the distance stays infinite.
   Nearest nearest(const Point& p, double limit = std::numeric_limits<double>::infinity()) const;
@@ -51,8 +55,20 @@ class Surface {
 
   // The number of edges along which the directions of the triangles do not cancel. With none, the surface is
   // closed and has an inside. Triangles meet where they share indices, not positions.
-  std::size_t open_edges() const { return open_edges_; }
-  bool closed() const { return open_edges_ == 0 && !slots_.empty(); }
+  std::size_t open_edges() const { return solid_ ? solid_->open_edges_ : open_edges_; }
+  // Can any point be inside?
+  bool has_inside() const { return !solid_ || !solid_->slots_.empty(); }
+  bool closed() const { return open_edges() == 0 && (solid_ || !slots_.empty()); }
+
+  // The sum of the signed crossings of a ray from p with the triangles of `mesh`, without those to `skip`:
+  // +1 where the ray leaves through the front. No result where rounding leaves a crossing open. Each
+  // component of the direction is at most 1 and none is 0.
+  std::optional<int> crossings(const Point& p, const Vector& direction,
+                               const std::function<bool(std::uint32_t)>& skip = {}) const;
+  static const std::vector<Vector>& ray_directions();  // without a pattern, for crossings()
+
+  // Calls visit(t) for each triangle near the box, among them all whose own boxes touch it.
+  void visit(const Box& box, const std::function<void(std::uint32_t)>& visit) const;
 
   // Is any point of the surface closer to p than `limit`? Cheaper than nearest(), because it stops at the
   // first.
@@ -72,13 +88,14 @@ class Surface {
     std::uint32_t triangle;
   };
 
-  // The sum of the signed crossings of the ray, or nothing when rounding leaves one of them open.
-  std::optional<int> crossings(const Point& p, const Vector& direction) const;
-  std::uint32_t build(std::vector<std::uint32_t>& order, const std::vector<Box>& boxes, std::uint32_t begin,
-                      std::uint32_t end);
+  std::optional<int> winding_in_solid(const Point& p) const;
+  static std::uint32_t build(std::vector<Node>& nodes, std::vector<std::uint32_t>& order,
+                             const std::vector<Box>& boxes, std::uint32_t begin, std::uint32_t end);
+  void find_normals();
 
   Mesh mesh_;
   SideBy side_;
+  std::shared_ptr<const Surface> solid_;
   Box bounds_;
   std::size_t open_edges_ = 0;
   std::vector<Node> nodes_;

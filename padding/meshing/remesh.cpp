@@ -2,7 +2,11 @@
 #include "padding/meshing/remesh.h"
 
 #include <CGAL/Polygon_mesh_processing/detect_features.h>
+#include <CGAL/Polygon_mesh_processing/orient_polygon_soup.h>
+#include <CGAL/Polygon_mesh_processing/polygon_soup_to_polygon_mesh.h>
 #include <CGAL/Polygon_mesh_processing/remesh.h>
+#include <CGAL/Polygon_mesh_processing/repair_degeneracies.h>
+#include <CGAL/Polygon_mesh_processing/stitch_borders.h>
 
 #include <Eigen/Geometry>
 #include <algorithm>
@@ -22,6 +26,21 @@ using Vertex = CgalMesh::Vertex_index;
 using Halfedge = CgalMesh::Halfedge_index;
 using Edge = CgalMesh::Edge_index;
 using SharpMap = CgalMesh::Property_map<Edge, bool>;
+
+// Bodies that touch along edges or in points are taken apart there, and slivers of cut triangles removed.
+CgalMesh manifold(const Mesh& input) {
+  std::vector<std::vector<std::size_t>> triangles;
+  for (const auto& t : input.triangles) triangles.push_back({t[0], t[1], t[2]});
+  if (pmp::is_polygon_soup_a_polygon_mesh(triangles)) return to_cgal(input);
+  std::vector<CgalPoint> points;
+  for (const Point& p : input.points) points.push_back(to_cgal(p));
+  pmp::orient_polygon_soup(points, triangles);
+  CgalMesh mesh;
+  pmp::polygon_soup_to_polygon_mesh(points, triangles, mesh);
+  pmp::stitch_borders(mesh);
+  pmp::remove_degenerate_faces(mesh);
+  return mesh;
+}
 
 Point at(const CgalMesh& mesh, Vertex v) { return from_cgal(mesh.point(v)); }
 
@@ -151,7 +170,7 @@ Remeshed remesh(const Mesh& input, const RemeshOptions& options) {
   if (input.area() / (0.43 * length * length) > 2147483648.0)
     throw Error("an edge length of " + std::to_string(length) +
                 " would make more than 2^31 triangles: use a longer one");
-  CgalMesh mesh = to_cgal(input);
+  CgalMesh mesh = manifold(input);
   SharpMap sharp = mesh.add_property_map<Edge, bool>("e:sharp", false).first;
   if (options.sharp_angle < 180) pmp::detect_sharp_edges(mesh, options.sharp_angle, sharp);
   pmp::isotropic_remeshing(mesh.faces(), length, mesh,

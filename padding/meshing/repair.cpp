@@ -1,22 +1,22 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "padding/meshing/repair.h"
 
-#include <CGAL/Polygon_mesh_processing/border.h>
 #include <CGAL/Polygon_mesh_processing/measure.h>
 #include <CGAL/Polygon_mesh_processing/orient_polygon_soup.h>
 #include <CGAL/Polygon_mesh_processing/orientation.h>
 #include <CGAL/Polygon_mesh_processing/polygon_soup_to_polygon_mesh.h>
-#include <CGAL/Polygon_mesh_processing/repair_degeneracies.h>
 #include <CGAL/Polygon_mesh_processing/repair_polygon_soup.h>
-#include <CGAL/Polygon_mesh_processing/self_intersections.h>
 #include <CGAL/Polygon_mesh_processing/stitch_borders.h>
-#include <CGAL/Polygon_mesh_processing/triangulate_hole.h>
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <cstdio>
+#include <optional>
 
 #include "padding/asset/error.h"
 #include "padding/meshing/cgal_mesh.h"
+#include "padding/meshing/contacts.h"
+#include "padding/meshing/mend.h"
 #include "padding/meshing/wrap.h"
 
 namespace padder {
@@ -45,52 +45,6 @@ Soup soup_with_area(const Mesh& mesh, Mesh& flat) {
   return soup;
 }
 
-std::size_t border_edges(const CgalMesh& mesh) {
-  std::size_t n = 0;
-  for (const auto e : mesh.edges()) n += mesh.is_border(e);
-  return n;
-}
-
-struct Patches {
-  std::size_t holes = 0;
-  double area = 0;
-};
-
-Patches close_small_holes(CgalMesh& mesh, double longest_rim) {
-  std::vector<CgalMesh::Halfedge_index> cycles;
-  pmp::extract_boundary_cycles(mesh, std::back_inserter(cycles));
-  Patches closed;
-  for (const auto h : cycles) {
-    double rim = 0;
-    std::size_t edges = 0;
-    for (const auto g : CGAL::halfedges_around_face(h, mesh)) {
-      rim += std::sqrt(CGAL::squared_distance(mesh.point(mesh.source(g)), mesh.point(mesh.target(g))));
-      edges++;
-    }
-    if (rim > longest_rim || edges > 500) continue;  // filling takes time cubic in the number of edges
-    std::vector<CgalMesh::Face_index> patch;
-    pmp::triangulate_hole(mesh, h, std::back_inserter(patch));
-    closed.holes += !patch.empty();
-    closed.area += pmp::area(patch, mesh);
-  }
-  return closed;
-}
-
-// Is it a terrain, nearly all of it seen from one side? A box without its lid is not: its normals cancel.
-bool looks_like_sheet(const Mesh& mesh) {
-  Vector sum = Vector::Zero();
-  for (std::size_t t = 0; t < mesh.triangles.size(); t++) sum += mesh.area_normal(t);
-  const double area = mesh.area();
-  if (sum.norm() < 0.5 * area) return false;
-  const Vector up = sum.normalized();
-  double facing = 0;
-  for (std::size_t t = 0; t < mesh.triangles.size(); t++) {
-    const Vector a = mesh.area_normal(t);
-    if (a.dot(up) > 0) facing += a.norm();
-  }
-  return facing > 0.999 * area;
-}
-
 Repaired as_given(Soup soup, const std::string& name) {
   pmp::merge_duplicate_points_in_polygon_soup(soup.points, soup.triangles);
   if (!pmp::is_polygon_soup_a_polygon_mesh(soup.triangles))
@@ -107,74 +61,96 @@ Repaired as_given(Soup soup, const std::string& name) {
   return out;
 }
 
-// `soup` holds the triangles of the input that have an area.
-Repaired repaired(Soup soup, const Mesh& input, const RepairOptions& options, const std::string& name) {
-  if (soup.triangles.empty()) throw Error(name + ": no triangle has an area, so there is no surface to pad");
-  const double diagonal = input.bounds().diagonal();
-  if (options.mode == RepairMode::never) return as_given(std::move(soup), name);
-
+// The mesh, if it is closed and meets itself nowhere.
+std::optional<Repaired> closed_solid(Soup soup, std::size_t flat, double diagonal) {
   RepairReport report;
-  if (const std::size_t flat = input.triangles.size() - soup.triangles.size())
-    report.add("dropped " + count_of(flat, "triangle") + " without area");
+  if (flat > 0) report.add("dropped " + count_of(flat, "triangle") + " without area");
   const std::size_t before = soup.triangles.size();
   pmp::repair_polygon_soup(soup.points, soup.triangles);
   if (soup.triangles.size() < before)
     report.add("dropped " + count_of(before - soup.triangles.size(), "duplicate triangle"));
-  if (soup.triangles.empty()) throw Error(name + ": no triangle has an area, so there is no surface to pad");
-  const Soup clean = soup;
-  if (options.mode == RepairMode::wrap) return wrap(clean, options, diagonal, report, "as asked");
-
   if (!pmp::is_polygon_soup_a_polygon_mesh(soup.triangles))
     report.add(pmp::orient_polygon_soup(soup.points, soup.triangles) ? "oriented the triangles alike"
                                                                      : "split non-manifold edges");
   CgalMesh mesh;
   pmp::polygon_soup_to_polygon_mesh(soup.points, soup.triangles, mesh);
   pmp::stitch_borders(mesh);
-  const Patches patches = close_small_holes(mesh, options.hole_size * diagonal);
-  if (patches.holes > 0) report.add("closed " + count_of(patches.holes, "small hole"));
-
-  // CGAL's exact predicates find self-intersections. They throw for degenerate faces, so these go first.
-  bool degenerate = false;
-  for (const auto f : mesh.faces()) degenerate |= pmp::is_degenerate_triangle_face(f, mesh);
-  if (degenerate) degenerate = !pmp::remove_degenerate_faces(mesh);
-  const std::size_t border = border_edges(mesh);
-  const bool intersects = degenerate || pmp::does_self_intersect(mesh);
-
-  if (border > 0) {
-    const Mesh open = from_cgal(mesh);
-    if (!intersects && looks_like_sheet(open)) {
-      Repaired out;
-      out.kind = BodyKind::sheet, out.mesh = open;
-      report.add("an open sheet (" + count_of(border, "border edge") + "), padded below its normals");
-      out.report = report.text();
-      return out;
-    }
-    // With most edges open these are loose faces, and a wrap covers both sides of each. At the usual alpha
-    // that takes a minute, so take a larger one.
-    RepairOptions coarser = options;
-    if (2 * border > mesh.number_of_edges() && options.alpha == 0) coarser.alpha = diagonal / 100;
-    return wrap(clean, coarser, diagonal, report, "open: " + count_of(border, "border edge"));
-  }
-  if (intersects) return wrap(clean, options, diagonal, report, "self-intersecting");
+  if (!CGAL::is_closed(mesh) || any_contact(Surface(from_cgal(mesh)))) return std::nullopt;
   // Nested shells become cavities. Parts that lie apart all face outward.
   if (pmp::volume(mesh) < 0) report.add("turned inside out");
   pmp::orient_to_bound_a_volume(mesh);
-  if (!(pmp::volume(mesh) > 1e-12 * std::pow(diagonal, 3)))
-    return wrap(clean, options, diagonal, report, "without volume");
+  if (!(pmp::volume(mesh) > 1e-12 * std::pow(diagonal, 3))) return std::nullopt;
   Repaired out;
   out.mesh = from_cgal(mesh), out.report = report.text(), out.checked = true;
-  out.filled = patches.holes, out.filled_area = patches.area;
+  return out;
+}
+
+std::string percent(double share) {
+  char text[40];
+  std::snprintf(text, sizeof text, "%.3g %%", 100 * share);
+  return text;
+}
+
+// What mend() did, in words.
+std::string words(const Repaired& body, double diagonal) {
+  RepairReport report;
+  const RepairSteps& s = body.steps;
+  const double area = body.mesh.area();
+  if (s.repeated > 0) report.add("dropped " + count_of(s.repeated, "duplicate triangle"));
+  if (s.turned > 0) report.add("turned " + count_of(s.turned, "triangle"));
+  if (s.cracks > 0) report.add("closed cracks up to " + percent(s.crack_width / diagonal) + " wide");
+  if (!body.patches.empty()) {
+    double longest = 0;
+    for (const Patch& p : body.patches) longest = std::max(longest, p.rim);
+    report.add("closed " + count_of(body.patches.size(), "hole") + " (" + percent(body.filled_area / area) +
+               " of the surface, longest rim " + percent(longest / diagonal) + ")");
+  }
+  if (s.crossing_pairs > 0 && body.kind == BodyKind::solid)
+    report.add("made one body of " + count_of(s.pieces, "piece") + " that cross or touch (" +
+               count_of(s.crossing_pairs, "pair") + " of triangles)");
+  if (s.cavities > 0) report.add("kept " + count_of(s.cavities, "inner shell") + " as cavities");
+  if (s.sheet_area > 0) {
+    std::string why;
+    if (s.sheet_pieces > 0) {
+      char text[160];
+      std::snprintf(text, sizeof text,
+                    " (its longest rim is %.3g of its diagonal; mean winding number inside it %.2f)",
+                    s.sheet_rim, s.sheet_winding);
+      why = text;
+    }
+    report.add(body.kind == BodyKind::sheet
+                   ? "an open sheet" + why
+                   : percent(s.sheet_area / area) + " of the surface bounds nothing and is a sheet" + why);
+  }
+  return report.text();
+}
+
+Repaired repaired(const Mesh& input, const RepairOptions& options, const std::string& name) {
+  Mesh flat;
+  Soup soup = soup_with_area(input, flat);
+  if (soup.triangles.empty()) throw Error(name + ": no triangle has an area, so there is no surface to pad");
+  const double diagonal = input.bounds().diagonal();
+  const auto with_flat = [&](Repaired out) {
+    out.flat = std::move(flat);
+    return out;
+  };
+  if (options.mode == RepairMode::never) return with_flat(as_given(std::move(soup), name));
+  if (options.mode == RepairMode::wrap) {
+    pmp::repair_polygon_soup(soup.points, soup.triangles);
+    return with_flat(wrap(soup, options, diagonal, {}, "as asked"));
+  }
+  if (options.mode != RepairMode::united)
+    if (auto solid = closed_solid(std::move(soup), flat.triangles.size(), diagonal))
+      return with_flat(std::move(*solid));
+  Repaired out = mend(input, options);
+  out.report = words(out, diagonal);
   return out;
 }
 
 }  // namespace
 
 Repaired repair(const Mesh& input, const RepairOptions& options, const std::string& name) {
-  Mesh flat;
-  Soup soup = soup_with_area(input, flat);
-  Repaired out = repaired(std::move(soup), input, options, name);
-  out.flat = std::move(flat);
-  return out;
+  return repaired(input, options, name);
 }
 
 }  // namespace padder

@@ -10,11 +10,14 @@ namespace padder {
 
 // How far repair may go.
 enum class RepairMode {
-  automatic,  // clean and close; an open terrain stays a sheet; wrap what still is no solid
+  automatic,  // keep the surface: unite what crosses, close holes of solids, keep sheets as sheets
+  united,     // the same, but a shell inside another one is a part of the body and no cavity
+  fill,       // close every hole that encloses a volume
+  sheet,      // close no hole: what is open is a sheet
   // Trust the file: merge equal points and do nothing else. A closed mesh is a body whose inside is where the
   // winding number is above 0; an open mesh is a sheet.
   never,
-  wrap,  // wrap every input
+  wrap,  // wrap every input: an alpha wrap around the triangles replaces them
 };
 
 // Lengths are in the mesh's unit; 0 means that repair chooses.
@@ -27,14 +30,16 @@ struct RepairOptions {
   double hole_size = 0.1;  // holes whose rim is at most this share of the diagonal are closed
 };
 
-// Cleans with the soup tools of CGAL's Polygon Mesh Processing (merge, orient, stitch, fill). What is no
-// solid then is wrapped with CGAL's 3D Alpha Wrapping (Portaneri, Rouxel-Labbé, Hemmer, Cohen-Steiner,
-// Alliez: Alpha wrapping with an offset, 2022). A wrap encloses the input. Its surface lies outside it by at
-// most the offset, except in slots and creases narrower than 2 alpha.
+// A closed mesh that meets itself nowhere is kept as it is, turned outward (CGAL's Polygon Mesh Processing).
+// Everything else is mended (mend.h): its triangles stay where they are, and the body is where their winding
+// number is above 0. Only `wrap` replaces the surface, with CGAL's 3D Alpha Wrapping (Portaneri,
+// Rouxel-Labbé, Hemmer, Cohen-Steiner, Alliez: Alpha wrapping with an offset, 2022). A wrap encloses the
+// input. Its surface lies outside it by at most the offset, except in slots and creases narrower than 2
+// alpha.
 //
 // Deterministic. Throws Error, with `name` in the sentence, when no triangle has an area, and in mode `never`
-// when the mesh is not manifold and oriented. Cost: about n log n for solids. A wrap grows with (diagonal /
-// alpha)^2: 5 s at 150.
+// when the mesh is not manifold and oriented. Cost: about n log n, and some microseconds for each pair of
+// triangles that cross. A wrap grows with (diagonal / alpha)^2: 5 s at 150.
 Repaired repair(const Mesh& soup, const RepairOptions& options, const std::string& name);
 
 }  // namespace padder

@@ -189,7 +189,7 @@ Measured measure(const Mesh& input, const Repaired& body, const Surface& body_su
   const BallSet set(balls);
   const bool wrap = body.kind == BodyKind::wrap;
 
-  const auto surface = sample_surface(input, body, body_surface, set, options.surface_samples, m.buried);
+  const auto surface = sample_surface(body.solid ? body.mesh : input, body, body_surface, set, options.surface_samples, m.buried);
   std::vector<Weighted> gaps;
   double area = 0, covered = 0;
   for (const auto& s : surface) {
@@ -236,7 +236,7 @@ Measured measure(const Mesh& input, const Repaired& body, const Surface& body_su
   if (wrap) a.wrap_distance = farthest_from(input_surface, body.mesh);
   a.normal_error_mean_deg = angle.mean, a.normal_error_p95_deg = angle.p95;
   if (body.kind != BodyKind::sheet) {
-    const double volume = mass_properties(body.mesh).volume;
+    const double volume = mass_properties(body.boundary()).volume;
     a.volume_ratio = volume > 0 ? m.volume_union / volume : 0;
   }
   return m;

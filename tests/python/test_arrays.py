@@ -11,6 +11,9 @@ import pytest
 
 from test_padder import CUBE, FACES, brute, heap, pairs, scene
 
+CORNER = np.concatenate([np.zeros((1, 3)), np.eye(3)])  # a tetrahedron: padded in half the time of a cube
+CORNER_FACES = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+
 REAL = ["i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8", "?", "f2", "f4", "f8", "g", ">f2", ">f4", ">f8", ">i4", ">u2"]
 WHOLE = ["i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8", ">i2", ">u4", ">i8"]
 NONE = ["c8", "c16", ">c8", "O", "S4", "U4", "M8[s]", "m8[s]", "V8"]
@@ -111,7 +114,7 @@ def bodies(**changed):
     return found(padder.detect(bodies=padder.Bodies(**{**given, **changed}), backend="omp"))
 
 
-def padded(vertices=CUBE, faces=FACES):
+def padded(vertices=CORNER, faces=CORNER_FACES):
     return padder.pad(vertices, faces, edge_length="40%").centers.tolist()
 
 
@@ -130,8 +133,8 @@ ARGUMENTS = [
     Argument("family of bodies", "bits", FAMILY[:20], lambda a: bodies(family=a)),
     Argument("mask of bodies", "bits", MASK[:20], lambda a: bodies(mask=a)),
     Argument("is_static of bodies", "flags", IS_STATIC, lambda a: bodies(is_static=a)),
-    Argument("vertices", "wide", CUBE, lambda a: padded(vertices=a)),
-    Argument("faces", "whole", FACES, lambda a: padded(faces=a)),
+    Argument("vertices", "wide", CORNER, lambda a: padded(vertices=a)),
+    Argument("faces", "whole", CORNER_FACES, lambda a: padded(faces=a)),
 ]
 every = pytest.mark.parametrize("argument", ARGUMENTS, ids=repr)
 

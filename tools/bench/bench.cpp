@@ -27,6 +27,7 @@ const std::vector<Entry>& entries() {
       {"speedup", "speedup over a warm Bullet step, the paper's Fig. 25", speedup},
       {"scaling", "time against contacts for every scene, the paper's Fig. 26", scaling},
       {"bodies", "the rows of scaling that are made of bodies, and a few that move among many", bodies},
+      {"scenes", "sparse and uneven scenes beside dense, standing and (--moving) moving", scenes},
       {"stages", "milliseconds of each stage, the nine stages and the fast path", stages},
 #ifdef PADDER_BENCH_PADDING
       {"frontier", "spheres against error of meshes, the paper's fit beside ours", frontier},
@@ -98,7 +99,10 @@ int main(int argc, char** argv) {
   app.add_option("--spheres", s.spheres, "sizes, instead of the bench's own")
       ->delimiter(',')
       ->type_name("N,N,...");
-  app.add_option("--scene", s.scene, "one generated scene only (scaling)")->type_name("NAME");
+  app.add_option("--scene", s.scene, "one generated scene only (scaling); this one and dense (scenes)")
+      ->type_name("NAME");
+  app.add_flag("--moving", s.moving, "measure a scene in motion as well (scenes)");
+  app.add_flag("--stable", s.stable, "a list of stable order (scenes)");
   app.add_option("--backend", s.backend, "auto (each that is there, the default), omp or cuda")
       ->type_name("WHICH")
       ->check(CLI::IsMember({"auto", "omp", "cuda"}));

@@ -19,13 +19,14 @@ namespace padder::bench {
 using Json = nlohmann::ordered_json;
 
 struct Settings {
-  std::vector<std::uint64_t> spheres;  // sizes asked for; empty: the bench's own
-  std::string scene;                   // scaling: this one only
-  std::vector<std::string> files;      // meshes, for those benches that pad; documents to draw
-  std::string backend = "auto";        // auto: each that is there
-  int threads = 0;                     // 0: all
-  int repeat = 5;                      // measured calls after a warm-up; the median counts
-  double within = 0.03;                // compare: how much slower a time may be, as a fraction
+  std::vector<std::uint64_t> spheres;   // sizes asked for; empty: the bench's own
+  std::string scene;                    // scaling, scenes: this one only
+  std::vector<std::string> files;       // meshes, for those benches that pad; documents to draw
+  std::string backend = "auto";         // auto: each that is there
+  int threads = 0;                      // 0: all
+  int repeat = 5;                       // measured calls after a warm-up; the median counts
+  double within = 0.03;                 // compare: how much slower a time may be, as a fraction
+  bool moving = false, stable = false;  // scenes: spheres move between calls as well; a stable order
   bool json = false, quiet = false;
   std::filesystem::path folder;  // empty: no files
 };
@@ -38,6 +39,7 @@ Json speedup(const Settings&);     // speedup.cpp
 Json scaling(const Settings&);     // scaling.cpp
 Json bodies(const Settings&);      // scaling.cpp; its rows of bodies alone
 Json stages(const Settings&);      // stages.cpp
+Json scenes(const Settings&);      // scenes.cpp
 Json frontier(const Settings&);    // frontier.cpp; only where padder::padding is built
 Json draw_files(const Settings&);  // draw.cpp; no measurement: the plots of documents
 Json compare(const Settings&);     // compare.cpp; no measurement: two documents; "passed" tells the outcome

@@ -61,7 +61,7 @@ Row paper(const ReadResult& file, const std::string& name, double edge) {
     if (body.kind == BodyKind::wrap) options.sharp_angle = 180;
     for (const FittedBall& f : fit(remesh(body.mesh, options).mesh, depth, length)) balls.push_back(f.ball);
   });
-  Row row = row_of(name, "paper", edge, measure(input, body, Surface(body.mesh), balls).accuracy, 1);
+  Row row = row_of(name, "paper", edge, measure(input, body, body.surface(), balls).accuracy, 1);
   row.spheres = balls.size(), row.seconds = seconds;
   return row;
 }

@@ -144,10 +144,13 @@ void declare_asset(CLI::App& app, Arguments& a) {
       ->capture_default_str()
       ->check(decimal())
       ->check(CLI::Range(1., 180.));
-  const std::map<std::string, padder::RepairMode> modes{{"auto", padder::RepairMode::automatic},
-                                                        {"never", padder::RepairMode::never},
-                                                        {"wrap", padder::RepairMode::wrap}};
-  app.add_option("--repair", a.options.repair, "auto (the default), never or wrap")
+  const std::map<std::string, padder::RepairMode> modes{
+      {"auto", padder::RepairMode::automatic}, {"union", padder::RepairMode::united},
+      {"fill", padder::RepairMode::fill},      {"sheet", padder::RepairMode::sheet},
+      {"never", padder::RepairMode::never},    {"wrap", padder::RepairMode::wrap}};
+  app.add_option(
+         "--repair", a.options.repair,
+         "auto (the default), union (no cavities), fill (close all holes), sheet (close none), never or wrap")
       ->transform(CLI::CheckedTransformer(modes))
       ->type_name("MODE");
   app.add_option("--family", a.options.family, "of the asset: no contact inside a family; 0 is none")

@@ -6,7 +6,7 @@
 
 #include "detect/boxes/boxed_detector.h"
 #include "detect/boxes/contact_writer.h"
-#include "detect/boxes/sphere_file.h"
+#include "detect/scene/sphere_file.h"
 #include "padding/asset/npz.h"
 #include "tests/detect/boxes/boxed_scene.h"
 

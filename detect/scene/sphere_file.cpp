@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "detect/boxes/sphere_file.h"
+#include "detect/scene/sphere_file.h"
 
 #include <fcntl.h>
 #include <sys/mman.h>

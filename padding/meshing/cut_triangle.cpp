@@ -1,0 +1,160 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "padding/meshing/cut_triangle.h"
+
+#include <CGAL/Constrained_Delaunay_triangulation_2.h>
+#include <CGAL/Triangulation_face_base_with_info_2.h>
+#include <CGAL/Triangulation_vertex_base_with_info_2.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <set>
+
+#include "padding/meshing/cgal_mesh.h"
+
+namespace padder {
+namespace {
+
+struct VertexInfo {
+  std::uint32_t index = ~0u;
+};
+struct FaceInfo {
+  int region = -1;
+};
+using VertexBase = CGAL::Triangulation_vertex_base_with_info_2<VertexInfo, CgalKernel>;
+using FaceBase =
+    CGAL::Triangulation_face_base_with_info_2<FaceInfo, CgalKernel,
+                                              CGAL::Constrained_triangulation_face_base_2<CgalKernel>>;
+using Triangulation = CGAL::Constrained_Delaunay_triangulation_2<
+    CgalKernel, CGAL::Triangulation_data_structure_2<VertexBase, FaceBase>, CGAL::Exact_predicates_tag>;
+using Flat = Triangulation::Point;
+
+// Faces lower than this share of the triangle's longest edge are rounding, not surface.
+constexpr double least_height = 1e-13;
+
+class TriangleCutter {
+ public:
+  TriangleCutter(const Mesh& mesh, std::uint32_t t, const std::vector<Point>& points)
+      : corners_(mesh.triangles[t]),
+        points_(points),
+        origin_(mesh.corner(t, 0)),
+        normal_(mesh.area_normal(t)) {
+    normal_.cwiseAbs().maxCoeff(&drop_);
+    u_ = (drop_ + 1) % 3, v_ = (drop_ + 2) % 3;
+    if (normal_[drop_] < 0) std::swap(u_, v_);
+    for (int k = 0; k < 3; k++)
+      longest_ = std::max(longest_, (mesh.corner(t, (k + 1) % 3) - mesh.corner(t, k)).norm());
+  }
+
+  TrianglePieces run(const std::array<std::vector<std::uint32_t>, 3>& rim,
+                     std::span<const TriangleCut> cuts) {
+    std::vector<std::uint32_t> round;
+    for (int k = 0; k < 3; k++) {
+      round.push_back(corners_[k]);
+      round.insert(round.end(), rim[k].begin(), rim[k].end());
+    }
+    std::vector<Triangulation::Vertex_handle> handles;
+    for (const auto v : round) handles.push_back(insert(v));
+    for (std::size_t k = 0; k < round.size(); k++) constrain(handles[k], handles[(k + 1) % round.size()]);
+    std::set<std::array<std::uint32_t, 2>> done;
+    for (const TriangleCut& cut : cuts) {
+      const auto a = insert(cut.point[0]), b = insert(cut.point[1]);
+      if (on_one_edge(cut)) continue;
+      if (done.insert({std::min(cut.point[0], cut.point[1]), std::max(cut.point[0], cut.point[1])}).second)
+        constrain(a, b);
+    }
+    return collect();
+  }
+
+ private:
+  static bool on_one_edge(const TriangleCut& cut) {
+    const auto on = [](int place, int k) { return place == k || place == (k + 1) % 3 || place == 3 + k; };
+    for (int k = 0; k < 3; k++)
+      if (on(cut.place[0], k) && on(cut.place[1], k)) return true;
+    return false;
+  }
+
+  Triangulation::Vertex_handle insert(std::uint32_t v) {
+    const auto handle = triangulation_.insert(Flat(points_[v][u_], points_[v][v_]));
+    // Of points that round to the same place the first gives its name.
+    if (handle->info().index == ~0u) handle->info().index = v;
+    return handle;
+  }
+
+  void constrain(Triangulation::Vertex_handle a, Triangulation::Vertex_handle b) {
+    if (a != b) triangulation_.insert_constraint(a, b);
+  }
+
+  Point lift(const Flat& p) const {
+    Point out;
+    out[u_] = p.x(), out[v_] = p.y();
+    out[drop_] = origin_[drop_] -
+                 (normal_[u_] * (p.x() - origin_[u_]) + normal_[v_] * (p.y() - origin_[v_])) / normal_[drop_];
+    return out;
+  }
+
+  // Is it a part of the surface, and no sliver between an edge and a rounded point on it?
+  bool real(Triangulation::Face_handle f) const {
+    if (triangulation_.is_infinite(f)) return false;
+    Point corner[3];
+    for (int k = 0; k < 3; k++) corner[k] = lift(f->vertex(k)->point());
+    double longest = 0;
+    for (int k = 0; k < 3; k++) longest = std::max(longest, (corner[(k + 1) % 3] - corner[k]).norm());
+    return (corner[1] - corner[0]).cross(corner[2] - corner[0]).norm() > least_height * longest_ * longest;
+  }
+
+  std::uint32_t name(Triangulation::Vertex_handle v) {
+    if (v->info().index == ~0u) {
+      v->info().index = TrianglePieces::kFresh | static_cast<std::uint32_t>(out_.fresh.size());
+      out_.fresh.push_back(lift(v->point()));
+    }
+    return v->info().index;
+  }
+
+  TrianglePieces collect() {
+    std::vector<Triangulation::Face_handle> stack;
+    for (auto f = triangulation_.finite_faces_begin(); f != triangulation_.finite_faces_end(); ++f) {
+      if (f->info().region >= 0 || !real(f)) continue;
+      const int region = static_cast<int>(out_.places.size());
+      Point place = Point::Zero();
+      double best = -1;
+      stack.push_back(f), f->info().region = region;
+      while (!stack.empty()) {
+        const auto g = stack.back();
+        stack.pop_back();
+        out_.faces.push_back({name(g->vertex(0)), name(g->vertex(1)), name(g->vertex(2))});
+        out_.region.push_back(static_cast<std::uint32_t>(region));
+        const Point a = lift(g->vertex(0)->point()), b = lift(g->vertex(1)->point()),
+                    c = lift(g->vertex(2)->point());
+        // The point should be far from the rim of the region: the face with the largest inscribed circle.
+        const double inner = (b - a).cross(c - a).norm() / ((b - a).norm() + (c - b).norm() + (a - c).norm());
+        if (inner > best) best = inner, place = (a + b + c) / 3;
+        for (int k = 0; k < 3; k++) {
+          const auto next = g->neighbor(k);
+          if (g->is_constrained(k) || next->info().region >= 0 || !real(next)) continue;
+          next->info().region = region, stack.push_back(next);
+        }
+      }
+      out_.places.push_back(place);
+    }
+    return std::move(out_);
+  }
+
+  const std::array<std::uint32_t, 3>& corners_;
+  const std::vector<Point>& points_;
+  const Point origin_;
+  const Vector normal_;
+  Eigen::Index drop_ = 0, u_ = 0, v_ = 0;
+  double longest_ = 0;
+  Triangulation triangulation_;
+  TrianglePieces out_;
+};
+
+}  // namespace
+
+TrianglePieces cut_triangle(const Mesh& mesh, std::uint32_t t, const std::vector<Point>& points,
+                            const std::array<std::vector<std::uint32_t>, 3>& rim,
+                            std::span<const TriangleCut> cuts) {
+  return TriangleCutter(mesh, t, points).run(rim, cuts);
+}
+
+}  // namespace padder

@@ -1,0 +1,193 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "padding/meshing/holes.h"
+
+#include <CGAL/Polygon_mesh_processing/triangulate_hole.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <numbers>
+#include <unordered_map>
+
+#include "padding/geometry/point_tree.h"
+#include "padding/input/polygon.h"
+#include "padding/meshing/cgal_mesh.h"
+
+namespace padder {
+namespace {
+
+constexpr std::size_t long_rim = 300;  // CGAL's time grows with the square of the rim, or its cube
+constexpr double flat_rim = 0.02;      // distance from the plane across it, as a share of its length
+
+// How often each directed edge is missing. An edge and its opposite cancel.
+class Needs {
+ public:
+  void add(std::uint32_t from, std::uint32_t to) {
+    const auto opposite = count_.find({to, from});
+    if (opposite == count_.end())
+      count_[{from, to}]++;
+    else if (--opposite->second == 0)
+      count_.erase(opposite);
+  }
+  bool has(std::uint32_t from, std::uint32_t to) const { return count_.count({from, to}) > 0; }
+  std::vector<DirectedEdge> list() const {
+    std::vector<DirectedEdge> all;
+    for (const auto& [edge, n] : count_)
+      for (int k = 0; k < n; k++) all.push_back({edge.first, edge.second});
+    return all;
+  }
+
+ private:
+  std::map<std::pair<std::uint32_t, std::uint32_t>, int> count_;
+};
+
+}  // namespace
+
+Triangles close_cracks(const Mesh& mesh, std::vector<DirectedEdge>& missing, double width, double& widest) {
+  Needs needs;
+  std::vector<std::uint32_t> border;
+  for (const DirectedEdge& e : missing) needs.add(e.from, e.to), border.push_back(e.from);
+  std::sort(border.begin(), border.end());
+  border.erase(std::unique(border.begin(), border.end()), border.end());
+  std::vector<Point> places;
+  for (const auto v : border) places.push_back(mesh.points[v]);
+  const PointTree tree(places);
+  Triangles patch;
+  std::vector<std::uint32_t> near;
+  for (const DirectedEdge& e : missing) {
+    if (!needs.has(e.from, e.to)) continue;
+    const Point &a = mesh.points[e.from], &b = mesh.points[e.to];
+    const Vector along = b - a;
+    near.clear();
+    tree.find(0.5 * (a + b), 0.5 * along.norm() + width, near);
+    std::vector<std::pair<double, std::uint32_t>> on;
+    double most = 0;
+    for (const auto k : near) {
+      const auto v = border[k];
+      if (v == e.from || v == e.to) continue;
+      const double at = std::clamp(along.dot(places[k] - a) / along.squaredNorm(), 0.0, 1.0);
+      const double away = (places[k] - a - at * along).norm();
+      if (away <= width) on.push_back({at, v}), most = std::max(most, away);
+    }
+    if (on.empty()) continue;
+    std::sort(on.begin(), on.end());
+    // Worth it only if the way over these points runs along another border.
+    std::vector<std::uint32_t> way = {e.from};
+    for (const auto& [at, v] : on) way.push_back(v);
+    way.push_back(e.to);
+    bool meets = false;
+    for (std::size_t k = 0; k + 1 < way.size(); k++) meets |= needs.has(way[k + 1], way[k]);
+    if (!meets) continue;
+    widest = std::max(widest, most);
+    for (std::size_t k = way.size() - 1; k >= 2; k--) {
+      const std::uint32_t u = way[0], v = way[k], w = way[k - 1];
+      patch.push_back({u, v, w});
+      needs.add(v, u), needs.add(w, v), needs.add(u, w);  // what the triangle has is no longer missing
+    }
+  }
+  missing = needs.list();
+  return patch;
+}
+
+std::vector<std::vector<std::uint32_t>> trace_rims(const Mesh& mesh,
+                                                   const std::vector<std::uint32_t>& triangles,
+                                                   const std::vector<DirectedEdge>& missing) {
+  std::unordered_map<std::uint32_t, std::vector<std::uint32_t>> ways;  // from a vertex
+  std::unordered_map<std::uint32_t, Vector> normals;
+  for (const DirectedEdge& e : missing) ways[e.from].push_back(e.to), normals[e.from] = Vector::Zero();
+  for (const auto t : triangles)
+    for (const auto v : mesh.triangles[t])
+      if (const auto n = normals.find(v); n != normals.end()) n->second += mesh.area_normal(t);
+
+  // Takes the way on from `at` that is first when turning from the way back, with the hole on the left.
+  const auto take = [&](std::uint32_t from, std::uint32_t at) {
+    auto& on = ways[at];
+    std::size_t best = 0;
+    double least = 10;
+    const Vector n = normals[at].normalized(), back = mesh.points[from] - mesh.points[at];
+    for (std::size_t k = 0; on.size() > 1 && k < on.size(); k++) {
+      const Vector d = mesh.points[on[k]] - mesh.points[at];
+      double angle = -std::atan2(n.dot(back.cross(d)), back.dot(d) - n.dot(back) * n.dot(d));
+      if (angle <= 1e-9) angle += 2 * std::numbers::pi;
+      if (angle < least) least = angle, best = k;
+    }
+    const std::uint32_t to = on[best];
+    on.erase(on.begin() + static_cast<std::ptrdiff_t>(best));
+    return to;
+  };
+
+  std::vector<std::vector<std::uint32_t>> rims;
+  for (const DirectedEdge& first : missing) {
+    auto& start = ways[first.from];
+    if (start.empty()) continue;
+    std::vector<std::uint32_t> path = {first.from};
+    std::unordered_map<std::uint32_t, std::size_t> place = {{first.from, 0}};
+    std::uint32_t from = first.from, at = start.back();
+    start.pop_back();
+    while (true) {
+      const auto seen = place.find(at);
+      if (seen != place.end()) {  // the path closes a loop
+        const auto begin = path.begin() + static_cast<std::ptrdiff_t>(seen->second);
+        if (path.end() - begin >= 3) rims.emplace_back(begin, path.end());
+        for (auto it = begin + 1; it != path.end(); ++it) place.erase(*it);
+        path.erase(begin + 1, path.end());
+        if (path.size() == 1 && ways[at].empty()) break;
+        from = path.size() > 1 ? path[path.size() - 2] : from;
+      } else {
+        place[at] = path.size(), path.push_back(at);
+        from = path[path.size() - 2];
+      }
+      if (ways[at].empty()) break;  // only if the edges do not balance
+      at = take(from, at);
+    }
+  }
+  return rims;
+}
+
+double rim_length(const Mesh& mesh, const std::vector<std::uint32_t>& rim) {
+  double length = 0;
+  for (std::size_t k = 0; k < rim.size(); k++)
+    length += (mesh.points[rim[(k + 1) % rim.size()]] - mesh.points[rim[k]]).norm();
+  return length;
+}
+
+Triangles fill_rim(const Mesh& mesh, const std::vector<std::uint32_t>& rim) {
+  std::vector<Point> polygon;
+  for (const auto v : rim) polygon.push_back(mesh.points[v]);
+  Vector normal = Vector::Zero();
+  for (std::size_t k = 1; k + 1 < polygon.size(); k++)
+    normal += (polygon[k] - polygon[0]).cross(polygon[k + 1] - polygon[0]);
+  double low = 0, high = 0;
+  for (const Point& p : polygon) {
+    const double d = normal.normalized().dot(p - polygon[0]);
+    low = std::min(low, d), high = std::max(high, d);
+  }
+  Triangles out;
+  if (rim.size() > 3 && rim.size() <= long_rim && !(high - low <= flat_rim * rim_length(mesh, rim))) {
+    std::vector<CgalPoint> points;
+    for (const Point& p : polygon) points.push_back(to_cgal(p));
+    std::vector<CGAL::Triple<int, int, int>> found;
+    CGAL::Polygon_mesh_processing::triangulate_hole_polyline(
+        points, std::back_inserter(found), CGAL::parameters::use_delaunay_triangulation(true));
+    for (const auto& t : found)
+      out.push_back({rim[static_cast<std::size_t>(t.first)], rim[static_cast<std::size_t>(t.second)],
+                     rim[static_cast<std::size_t>(t.third)]});
+  }
+  if (out.size() != rim.size() - 2) {
+    out.clear();
+    triangulate_polygon(polygon, out);
+    for (auto& t : out)
+      for (auto& v : t) v = rim[v];
+  }
+  return out;
+}
+
+double solid_angle(const Mesh& mesh, const std::array<std::uint32_t, 3>& t, const Point& p) {
+  const Vector a = mesh.points[t[0]] - p, b = mesh.points[t[1]] - p, c = mesh.points[t[2]] - p;
+  const double x = a.norm(), y = b.norm(), z = c.norm();
+  const double below = x * y * z + a.dot(b) * z + b.dot(c) * x + c.dot(a) * y;
+  return std::atan2(a.dot(b.cross(c)), below) / (2 * std::numbers::pi);
+}
+
+}  // namespace padder

@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Closes what is open: cracks, and holes by patches.
+#pragma once
+#include <cstdint>
+#include <vector>
+
+#include "padding/meshing/pieces.h"
+
+namespace padder {
+
+using Triangles = std::vector<std::array<std::uint32_t, 3>>;
+
+// A crack is a place where edges run beside each other, at most a given width apart, without sharing their
+// vertices; a T-junction is one of width 0. Returns the triangles that close the cracks, and takes what they
+// supply from `missing`. `widest` grows to the largest width that was closed.
+Triangles close_cracks(const Mesh& mesh, std::vector<DirectedEdge>& missing, double width, double& widest);
+
+// The closed paths without a point twice that the missing edges form. At a vertex with several ways on, the
+// path takes the one next to it, as seen from the front of the triangles listed.
+std::vector<std::vector<std::uint32_t>> trace_rims(const Mesh& mesh,
+                                                   const std::vector<std::uint32_t>& triangles,
+                                                   const std::vector<DirectedEdge>& missing);
+
+// Triangles that fill a rim of 3 or more points: ears in the plane across it if it is about flat or long,
+// otherwise the patch of least area (CGAL's triangulate_hole_polyline).
+Triangles fill_rim(const Mesh& mesh, const std::vector<std::uint32_t>& rim);
+
+double rim_length(const Mesh& mesh, const std::vector<std::uint32_t>& rim);
+
+// The solid angle of triangle t seen from p, as a share of the whole sphere; above 0 if p sees its back.
+double solid_angle(const Mesh& mesh, const std::array<std::uint32_t, 3>& triangle, const Point& p);
+
+}  // namespace padder

@@ -1,0 +1,333 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "padding/meshing/mend.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <numeric>
+
+#include "padding/geometry/medial.h"
+#include "padding/meshing/contacts.h"
+#include "padding/meshing/holes.h"
+#include "padding/meshing/outer_cells.h"
+#include "padding/meshing/pieces.h"
+
+namespace padder {
+namespace {
+
+// Border edges that lie closer than this share of the diagonal are one edge.
+constexpr double crack_width = 1e-4;
+// A hole as narrow as this share of the diagonal is closed however long it is.
+constexpr double narrow_hole = 1e-3;
+// An open piece is a solid with holes if the mean winding number of what is there, over what the patches
+// would enclose, is at least this: the larger for any rim, the smaller for one of at most so many diagonals
+// of the piece. A cube without its lid has 0.8 and a rim of 2.3 diagonals, half of a ball 0.7 and 2.2.
+constexpr double sure_winding = 0.95, least_winding = 0.8, longest_rim = 1.25;
+// A piece that encloses less than this share of (its area)^1.5 encloses nothing.
+constexpr double least_volume = 1e-7;
+
+// Pieces that hang together by points, one of them open.
+struct OpenGroup {
+  std::vector<std::uint32_t> triangles;  // of the input, then those that close it
+  std::size_t own = 0;                   // of the input
+  std::vector<std::vector<std::uint32_t>> rims;
+  std::vector<Triangles> patches;  // of each rim
+  Triangles cracks;
+  double crack_width = 0;
+  double rim = 0, diagonal = 0;  // the longest rim that is not closed anyway
+  double winding = 0;            // mean, without the patches of such rims
+  bool solid = false;
+};
+
+class Mender {
+ public:
+  Mender(const Mesh& input, const RepairOptions& options)
+      : options_(options), pieces_(find_pieces(input)), mesh_(pieces_.mesh), input_(input) {
+    diagonal_ = input.bounds().diagonal();
+  }
+
+  Repaired run() {
+    out_.steps.pieces = pieces_.pieces.size();
+    out_.steps.repeated = pieces_.repeated, out_.steps.turned = pieces_.turned;
+    collect_groups();
+    for (OpenGroup& group : groups_) close(group);
+    judge();
+    assemble();
+    return finish();
+  }
+
+ private:
+  // --- open pieces ---
+
+  void collect_groups() {
+    std::vector<std::uint32_t> parent(mesh_.points.size());
+    std::iota(parent.begin(), parent.end(), 0u);
+    const auto root = [&](std::uint32_t v) {
+      while (parent[v] != v) v = parent[v] = parent[parent[v]];
+      return v;
+    };
+    for (const Piece& piece : pieces_.pieces) {
+      if (piece.closed) {
+        units_.push_back(piece.triangles);
+        continue;
+      }
+      for (const auto t : piece.triangles)
+        for (const auto v : mesh_.triangles[t]) {
+          const auto a = root(v), b = root(mesh_.triangles[piece.triangles[0]][0]);
+          parent[std::max(a, b)] = std::min(a, b);
+        }
+    }
+    std::vector<std::uint32_t> group_of(mesh_.points.size(), ~0u);
+    for (const Piece& piece : pieces_.pieces) {
+      if (piece.closed) continue;
+      auto& g = group_of[root(mesh_.triangles[piece.triangles[0]][0])];
+      if (g == ~0u) g = static_cast<std::uint32_t>(groups_.size()), groups_.emplace_back();
+      auto& triangles = groups_[g].triangles;
+      triangles.insert(triangles.end(), piece.triangles.begin(), piece.triangles.end());
+    }
+  }
+
+  double diagonal_of(const std::vector<std::uint32_t>& triangles) const {
+    Box box;
+    for (const auto t : triangles)
+      for (const auto v : mesh_.triangles[t]) box.add(mesh_.points[v]);
+    return box.diagonal();
+  }
+
+  static double area_of(const Mesh& mesh, const Triangles& patch) {
+    double area = 0;
+    for (const auto& [a, b, c] : patch)
+      area += 0.5 * (mesh.points[b] - mesh.points[a]).cross(mesh.points[c] - mesh.points[a]).norm();
+    return area;
+  }
+
+  void close(OpenGroup& group) {
+    group.own = group.triangles.size(), group.diagonal = diagonal_of(group.triangles);
+    if (options_.mode == RepairMode::sheet) return;
+    std::vector<DirectedEdge> missing = missing_edges(mesh_, group.triangles);
+    group.cracks = close_cracks(mesh_, missing, crack_width * diagonal_, group.crack_width);
+    group.rims = trace_rims(mesh_, group.triangles, missing);
+    for (const auto& rim : group.rims) {
+      group.patches.push_back(fill_rim(mesh_, rim));
+      const double length = rim_length(mesh_, rim);
+      if (length > options_.hole_size * diagonal_ &&
+          4 * area_of(mesh_, group.patches.back()) > narrow_hole * diagonal_ * length)
+        group.rim = std::max(group.rim, length);
+    }
+    const auto add = [&](const Triangles& more) {
+      for (const auto& t : more)
+        group.triangles.push_back(static_cast<std::uint32_t>(mesh_.triangles.size())),
+            mesh_.triangles.push_back(t);
+    };
+    add(group.cracks);
+    for (const Triangles& patch : group.patches) add(patch);
+    if (signed_volume(mesh_, group.triangles) < 0)
+      for (const auto t : group.triangles) std::swap(mesh_.triangles[t][1], mesh_.triangles[t][2]);
+  }
+
+  Mesh part(const std::vector<std::uint32_t>& triangles) const {
+    Mesh out;
+    out.points = mesh_.points;
+    for (const auto t : triangles) out.triangles.push_back(mesh_.triangles[t]);
+    return out;
+  }
+
+  // Which open groups are solids but for their holes?
+  void judge() {
+    std::vector<std::uint32_t> all;
+    for (const auto& unit : units_) all.insert(all.end(), unit.begin(), unit.end());
+    bool asked = false;
+    for (const OpenGroup& group : groups_) {
+      all.insert(all.end(), group.triangles.begin(), group.triangles.end());
+      asked |= group.rim > 0;
+    }
+    if (options_.mode == RepairMode::sheet) return;
+    const std::optional<Surface> closed =
+        asked ? std::optional<Surface>(std::in_place, part(all), SideBy::winding) : std::nullopt;
+    for (OpenGroup& group : groups_) {
+      double area = 0;
+      for (const auto t : group.triangles) area += mesh_.area_normal(t).norm();
+      const double volume = signed_volume(mesh_, group.triangles);
+      if (!(volume > least_volume * std::pow(area, 1.5))) continue;
+      group.winding = 1;
+      if (group.rim > 0) group.winding = mean_winding(group, *closed);
+      group.solid =
+          options_.mode == RepairMode::fill ||
+          group.winding >= (group.rim <= longest_rim * group.diagonal ? least_winding : sure_winding);
+    }
+  }
+
+  // The mean over inner medial balls of the group once it is closed, of the winding number without the
+  // patches.
+  double mean_winding(const OpenGroup& group, const Surface& closed) const {
+    const Surface own(part(group.triangles), SideBy::winding);
+    constexpr std::size_t wanted = 256;
+    double area = 0;
+    for (std::size_t k = 0; k < group.own; k++) area += mesh_.area_normal(group.triangles[k]).norm();
+    std::vector<std::uint32_t> chosen;  // at even steps of the area
+    double sum = 0;
+    for (std::size_t k = 0; k < group.own; k++) {
+      sum += mesh_.area_normal(group.triangles[k]).norm();
+      while (double(chosen.size()) + 0.5 < sum / area * wanted && chosen.size() < wanted)
+        chosen.push_back(group.triangles[k]);
+    }
+    std::vector<double> windings(chosen.size());
+#pragma omp parallel for schedule(dynamic, 8)
+    for (std::size_t k = 0; k < chosen.size(); k++) {
+      const auto t = chosen[k];
+      const Point p = (mesh_.corner(t, 0) + mesh_.corner(t, 1) + mesh_.corner(t, 2)) / 3;
+      const Ball ball =
+          inner_medial_ball(own, p, mesh_.area_normal(t).normalized(), group.diagonal, 1e-3 * group.diagonal);
+      if (ball.radius == 0) continue;
+      double winding = closed.winding_number(ball.center).value_or(0);
+      for (const OpenGroup& other : groups_)
+        if (other.rim > 0)
+          for (const Triangles& patch : other.patches)
+            for (const auto& triangle : patch) winding -= solid_angle(mesh_, triangle, ball.center);
+      windings[k] = std::clamp(winding, 0.0, 1.0);
+    }
+    return std::accumulate(windings.begin(), windings.end(), 0.0) / double(std::max<std::size_t>(1, wanted));
+  }
+
+  // --- the closed soup ---
+
+  void add(std::uint32_t t, TriangleRole role, std::uint32_t unit, std::uint32_t patch) {
+    soup_.triangles.push_back(mesh_.triangles[t]);
+    roles_.push_back(role), unit_.push_back(unit), patch_.push_back(patch);
+  }
+
+  void assemble() {
+    soup_.points = mesh_.points;
+    std::uint32_t unit = 0;
+    for (auto& triangles : units_) {
+      if (signed_volume(mesh_, triangles) < 0)
+        for (const auto t : triangles) std::swap(mesh_.triangles[t][1], mesh_.triangles[t][2]);
+      for (const auto t : triangles) add(t, TriangleRole::bounds, unit, none);
+      unit++;
+    }
+    for (const OpenGroup& group : groups_) {
+      std::size_t k = 0;
+      for (; k < group.own; k++)
+        add(group.triangles[k], group.solid ? TriangleRole::bounds : TriangleRole::sheet, unit, none);
+      unit++;
+      if (!group.solid) {
+        out_.steps.sheet_pieces++;
+        if (group.winding >= out_.steps.sheet_winding)
+          out_.steps.sheet_winding = group.winding, out_.steps.sheet_rim = group.rim / group.diagonal;
+        continue;
+      }
+      for (std::size_t c = 0; c < group.cracks.size(); c++)
+        add(group.triangles[k++], TriangleRole::patch, unit - 1, none);
+      out_.steps.cracks += group.cracks.size();
+      out_.steps.crack_width = std::max(out_.steps.crack_width, group.crack_width);
+      for (std::size_t r = 0; r < group.rims.size(); r++) {
+        for (std::size_t c = 0; c < group.patches[r].size(); c++)
+          add(group.triangles[k++], TriangleRole::patch, unit - 1,
+              static_cast<std::uint32_t>(out_.patches.size()));
+        Patch& patch = out_.patches.emplace_back();
+        patch.rim = rim_length(mesh_, group.rims[r]);
+        for (const auto v : group.rims[r]) patch.place += mesh_.points[v] / double(group.rims[r].size());
+      }
+    }
+    count_ = unit;
+  }
+
+  // A closed unit that meets no other one and lies inside others an odd number of times is a cavity.
+  void find_cavities(const Contacts& contacts, const Surface& surface) {
+    if (count_ < 2 || options_.mode == RepairMode::united) return;
+    std::vector<char> meets(count_, 0), cavity(count_, 0);
+    for (const auto& [s, t] : contacts.pairs)
+      if (unit_[s] != unit_[t]) meets[unit_[s]] = meets[unit_[t]] = 1;
+    std::vector<std::uint32_t> first(count_, none);
+    for (std::uint32_t t = static_cast<std::uint32_t>(unit_.size()); t-- > 0;) first[unit_[t]] = t;
+#pragma omp parallel for schedule(dynamic, 1)
+    for (std::size_t u = 0; u < count_; u++) {
+      if (meets[u] || first[u] == none || roles_[first[u]] == TriangleRole::sheet) continue;
+      const Point p = soup_.corner(first[u], 0);
+      for (const Vector& d : Surface::ray_directions()) {
+        const auto around = surface.crossings(
+            p, d, [&](std::uint32_t t) { return unit_[t] == u || roles_[t] == TriangleRole::sheet; });
+        if (!around) continue;
+        cavity[u] = *around % 2 != 0;
+        break;
+      }
+    }
+    for (std::size_t t = 0; t < unit_.size(); t++)
+      if (cavity[unit_[t]]) std::swap(soup_.triangles[t][1], soup_.triangles[t][2]);
+    for (const char c : cavity) out_.steps.cavities += c;
+  }
+
+  Repaired finish() {
+    Contacts contacts;
+    {
+      const Surface surface(soup_);
+      contacts = find_contacts(surface);
+      find_cavities(contacts, surface);
+    }
+    out_.steps.crossing_pairs = contacts.pairs.size();
+    OuterCells cells = outer_cells(soup_, roles_, contacts);
+    out_.mesh = std::move(cells.mesh);
+    out_.sheet = out_.mesh.triangles.size() - cells.boundary;
+    out_.kind = cells.boundary > 0 ? BodyKind::solid : BodyKind::sheet;
+    out_.steps.buried_area = cells.buried_area;
+    for (std::uint32_t t = 0; t < out_.mesh.triangles.size(); t++) {
+      const auto from = cells.source[t];
+      const double area = out_.mesh.area_normal(t).norm();
+      if (t >= cells.boundary) out_.steps.sheet_area += area;
+      if (patch_[from] == none) continue;
+      Patch& patch = out_.patches[patch_[from]];
+      patch.area += area, patch.triangles.push_back(t);
+    }
+    // A patch without area closes a crack, and one that is buried closes nothing outside.
+    std::erase_if(out_.patches, [&](const Patch& p) { return !(p.area > 0); });
+    out_.filled = out_.patches.size();
+    for (const Patch& patch : out_.patches) out_.filled_area += patch.area;
+    out_.solid.emplace();
+    out_.solid->points = soup_.points;
+    for (std::size_t t = 0; t < roles_.size(); t++)
+      if (roles_[t] != TriangleRole::sheet) out_.solid->triangles.push_back(soup_.triangles[t]);
+    keep_flat();
+    return std::move(out_);
+  }
+
+  // Triangles without area that lie neither in the surface nor inside the body.
+  void keep_flat() {
+    std::vector<std::array<std::uint32_t, 3>> flat;
+    for (std::uint32_t t = 0; t < input_.triangles.size(); t++)
+      if (is_flat(input_, t)) flat.push_back(input_.triangles[t]);
+    if (flat.empty()) return;
+    const Surface surface = out_.surface();
+    const auto covered = [&](const Point& p) {
+      return surface.any_within(p, 1e-9 * diagonal_) || surface.winding_number(p).value_or(0) > 0;
+    };
+    for (const auto& [a, b, c] : flat) {
+      const Point &p = input_.points[a], &q = input_.points[b], &r = input_.points[c];
+      bool all = true;
+      for (const Point& x : {p, q, r, Point(0.5 * (p + q)), Point(0.5 * (q + r)), Point(0.5 * (r + p))})
+        all = all && covered(x);
+      if (!all) out_.flat.triangles.push_back({a, b, c});
+    }
+    if (!out_.flat.triangles.empty()) out_.flat.points = input_.points;
+  }
+
+  static constexpr std::uint32_t none = ~0u;
+  const RepairOptions& options_;
+  Pieces pieces_;
+  Mesh& mesh_;  // of pieces_; gets the patches, too
+  const Mesh& input_;
+  double diagonal_ = 0;
+  std::vector<std::vector<std::uint32_t>> units_;  // closed pieces
+  std::vector<OpenGroup> groups_;
+  Mesh soup_;
+  std::vector<TriangleRole> roles_;
+  std::vector<std::uint32_t> unit_, patch_;  // of each triangle of soup_
+  std::size_t count_ = 0;                    // of units
+  Repaired out_;
+};
+
+}  // namespace
+
+Repaired mend(const Mesh& input, const RepairOptions& options) { return Mender(input, options).run(); }
+
+}  // namespace padder

@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Makes a body of triangles that cross, overlap, nest, repeat or leave holes, and keeps them as they are.
+#pragma once
+#include "padding/geometry/repaired.h"
+#include "padding/meshing/repair.h"
+
+namespace padder {
+
+// A soup bounds a body as soon as it closes: the directions of its triangles cancel along each edge. So no
+// piece is moved, and no manifold is made:
+//
+// 1. Pieces that hang together are turned alike (pieces.h). Cracks and holes get triangles that close them
+//    (holes.h), if the hole is small or the piece is a solid but for the hole; other open pieces are sheets.
+// 2. A closed piece faces outward, unless it meets nothing and lies within another one: then it is a cavity.
+// 3. The body is where the winding number of all closed pieces is above 0. Of the triangles, cut where they
+//    cross, those with the body on one side bound it; those with none on both sides are sheets
+//    (outer_cells.h).
+//
+// `input` holds triangles with and without area. Deterministic for any number of threads.
+Repaired mend(const Mesh& input, const RepairOptions& options);
+
+}  // namespace padder

@@ -1,0 +1,357 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "padding/meshing/outer_cells.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <map>
+#include <numeric>
+#include <optional>
+#include <unordered_map>
+
+#include "padding/geometry/surface.h"
+#include "padding/meshing/cut_triangle.h"
+
+namespace padder {
+namespace {
+
+constexpr std::uint32_t none = ~0u;
+
+// Points that differ by rounding alone are one.
+constexpr double same_point = 1e-13;  // of the diagonal
+
+std::uint32_t root_of(std::vector<std::uint32_t>& parent, std::uint32_t k) {
+  while (parent[k] != k) k = parent[k] = parent[parent[k]];
+  return k;
+}
+
+class Cutter {
+ public:
+  Cutter(const Mesh& soup, const std::vector<TriangleRole>& roles, const Contacts& contacts)
+      : soup_(soup), roles_(roles), contacts_(contacts), surface_(soup), points_(soup.points) {}
+
+  OuterCells run() {
+    name_points();
+    mark_overlaps();
+    cut();
+    join();
+    decide();
+    return collect();
+  }
+
+ private:
+  struct Region {
+    std::uint32_t triangle = 0;
+    Point place;                     // in the region
+    std::optional<int> front, back;  // winding numbers on the two sides of the triangle
+    bool twice = false;              // another triangle has the same region
+  };
+
+  // --- points ---
+
+  Point at(const MeetingPoint& m) const {
+    const auto end = [&](std::uint64_t e, int k) { return soup_.points[k ? e & 0xffffffffu : e >> 32]; };
+    const Point p = end(m.what, 0), q = end(m.what, 1);
+    double x, y;  // distances of p and q to what is met
+    if (m.with & MeetingPoint::kTriangle) {
+      const std::size_t t = m.with & ~MeetingPoint::kTriangle;
+      const Vector n = soup_.area_normal(t);
+      x = std::abs(n.dot(p - soup_.corner(t, 0))), y = std::abs(n.dot(q - soup_.corner(t, 0)));
+    } else {
+      const Vector u = end(m.with, 0), along = end(m.with, 1) - u;
+      x = along.cross(p - u).norm(), y = along.cross(q - u).norm();
+    }
+    return x + y > 0 ? Point(p + (q - p) * (x / (x + y))) : Point(0.5 * (p + q));
+  }
+
+  // Gives each meeting point its index, and each edge the points on it.
+  void name_points() {
+    std::vector<MeetingPoint> all;
+    for (const Cut& cut : contacts_.cuts)
+      for (const MeetingPoint& m : cut.ends)
+        if (!m.is_vertex()) all.push_back(m);
+    const auto less = [](const MeetingPoint& a, const MeetingPoint& b) {
+      return a.what != b.what ? a.what < b.what : a.with < b.with;
+    };
+    std::sort(all.begin(), all.end(), less);
+    all.erase(std::unique(all.begin(), all.end(), [](const auto& a, const auto& b) { return a.same(b); }),
+              all.end());
+    const std::size_t first = points_.size();
+    points_.resize(first + all.size());
+#pragma omp parallel for if (all.size() > 1024)
+    for (std::size_t k = 0; k < all.size(); k++) points_[first + k] = at(all[k]);
+
+    cuts_of_.assign(soup_.triangles.size() + 1, 0);
+    for (const Cut& cut : contacts_.cuts) cuts_of_[cut.triangle + 1]++;
+    std::partial_sum(cuts_of_.begin(), cuts_of_.end(), cuts_of_.begin());
+    cuts_.resize(contacts_.cuts.size());
+    std::vector<std::uint32_t> next(cuts_of_);
+    for (const Cut& cut : contacts_.cuts) {
+      TriangleCut& c = cuts_[next[cut.triangle]++];
+      for (int k = 0; k < 2; k++) {
+        const MeetingPoint& m = cut.ends[k];
+        c.point[k] = m.is_vertex()
+                         ? static_cast<std::uint32_t>(m.what)
+                         : static_cast<std::uint32_t>(
+                               first + (std::lower_bound(all.begin(), all.end(), m, less) - all.begin()));
+        c.place[k] = m.place;
+        if (m.place >= 3 && m.place < 6) on_edge_[edge_of(cut.triangle, m.place - 3)].push_back(c.point[k]);
+      }
+    }
+    for (auto& [edge, on] : on_edge_) {
+      const Point from = soup_.points[edge >> 32];
+      const Vector along = soup_.points[edge & 0xffffffffu] - from;
+      std::sort(on.begin(), on.end(), [&](auto a, auto b) {
+        const double x = along.dot(points_[a] - from), y = along.dot(points_[b] - from);
+        return x != y ? x < y : a < b;
+      });
+      on.erase(std::unique(on.begin(), on.end()), on.end());
+    }
+  }
+
+  std::uint64_t edge_of(std::uint32_t t, int k) const {
+    const auto u = soup_.triangles[t][k], v = soup_.triangles[t][(k + 1) % 3];
+    return std::uint64_t(std::min(u, v)) << 32 | std::max(u, v);
+  }
+
+  void mark_overlaps() {
+    for (const auto& [s, t] : contacts_.overlaps) overlaps_[s].push_back(t), overlaps_[t].push_back(s);
+    for (auto& [t, others] : overlaps_) std::sort(others.begin(), others.end());
+  }
+
+  // --- pieces ---
+
+  bool is_cut(std::uint32_t t) const { return cuts_of_[t] != cuts_of_[t + 1] || overlaps_.count(t) > 0; }
+
+  // The corners of t and the points on its edges, in order round it.
+  std::array<std::vector<std::uint32_t>, 3> rim_of(std::uint32_t t) const {
+    std::array<std::vector<std::uint32_t>, 3> rim;
+    for (int k = 0; k < 3; k++) {
+      const auto found = on_edge_.find(edge_of(t, k));
+      if (found == on_edge_.end()) continue;
+      rim[k] = found->second;
+      if (soup_.triangles[t][k] > soup_.triangles[t][(k + 1) % 3]) std::reverse(rim[k].begin(), rim[k].end());
+    }
+    return rim;
+  }
+
+  void cut() {
+    piece_of_.assign(soup_.triangles.size(), none);
+    for (std::uint32_t t = 0; t < soup_.triangles.size(); t++)
+      if (is_cut(t)) piece_of_[t] = static_cast<std::uint32_t>(cut_.size()), cut_.push_back(t);
+    pieces_.resize(cut_.size());
+#pragma omp parallel for schedule(dynamic, 1)
+    for (std::size_t k = 0; k < cut_.size(); k++) {
+      const std::uint32_t t = cut_[k];
+      pieces_[k] = cut_triangle(soup_, t, points_, rim_of(t),
+                                std::span(cuts_.data() + cuts_of_[t], cuts_of_[t + 1] - cuts_of_[t]));
+    }
+    // Where cuts cross inside a triangle there are new points.
+    for (TrianglePieces& p : pieces_) {
+      const auto first = static_cast<std::uint32_t>(points_.size());
+      points_.insert(points_.end(), p.fresh.begin(), p.fresh.end());
+      for (auto& face : p.faces)
+        for (auto& v : face)
+          if (v & TrianglePieces::kFresh) v = first + (v & ~TrianglePieces::kFresh);
+    }
+  }
+
+  // Regions: triangles that nothing meets and that hang together, and the regions of each cut triangle.
+  void join() {
+    const auto n = static_cast<std::uint32_t>(soup_.triangles.size());
+    std::vector<std::pair<std::uint64_t, std::uint32_t>> sides;
+    std::vector<std::uint32_t> parent(n);
+    std::iota(parent.begin(), parent.end(), 0u);
+    sides.reserve(3 * std::size_t(n));
+    for (std::uint32_t t = 0; t < n; t++)
+      for (int k = 0; k < 3; k++) sides.push_back({edge_of(t, k), t});
+    std::sort(sides.begin(), sides.end());
+    for (std::size_t k = 0, end; k < sides.size(); k = end) {
+      for (end = k; end < sides.size() && sides[end].first == sides[k].first;) end++;
+      if (end - k != 2) continue;
+      const auto s = sides[k].second, t = sides[k + 1].second;
+      // The two must also run alike, or the front of one is the back of the other.
+      if (piece_of_[s] != none || piece_of_[t] != none || !runs_alike(s, t) || roles_[s] != roles_[t])
+        continue;
+      parent[root_of(parent, s)] = root_of(parent, t);
+    }
+    region_of_.assign(n, none);
+    std::vector<double> largest;
+    for (std::uint32_t t = 0; t < n; t++) {
+      if (piece_of_[t] != none || is_flat(soup_, t)) continue;
+      auto& region = region_of_[root_of(parent, t)];
+      if (region == none) region = new_region(t, Point::Zero()), largest.push_back(-1);
+      const double area = soup_.area_normal(t).norm();
+      if (area > largest[region]) {
+        largest[region] = area, regions_[region].triangle = t;
+        regions_[region].place = (soup_.corner(t, 0) + soup_.corner(t, 1) + soup_.corner(t, 2)) / 3;
+      }
+    }
+    for (std::uint32_t t = 0; t < n; t++)
+      if (piece_of_[t] == none) region_of_[t] = region_of_[root_of(parent, t)];
+    for (std::size_t k = 0; k < cut_.size(); k++) {
+      region_of_[cut_[k]] = static_cast<std::uint32_t>(regions_.size());
+      for (const Point& place : pieces_[k].places) new_region(cut_[k], place);
+    }
+  }
+
+  std::uint32_t new_region(std::uint32_t triangle, const Point& place) {
+    regions_.push_back({triangle, place, {}, {}, false});
+    return static_cast<std::uint32_t>(regions_.size() - 1);
+  }
+
+  bool runs_alike(std::uint32_t s, std::uint32_t t) const {
+    for (int k = 0; k < 3; k++)
+      for (int i = 0; i < 3; i++)
+        if (soup_.triangles[s][k] == soup_.triangles[t][(i + 1) % 3] &&
+            soup_.triangles[s][(k + 1) % 3] == soup_.triangles[t][i])
+          return true;
+    return false;
+  }
+
+  // --- inside and outside ---
+
+  bool solid(std::uint32_t t) const { return roles_[t] != TriangleRole::sheet; }
+
+  // Is p, a point of the plane of t, in t?
+  bool holds(std::uint32_t t, const Point& p) const {
+    const Vector n = soup_.area_normal(t);
+    for (int k = 0; k < 3; k++) {
+      const Point& a = soup_.corner(t, k);
+      if (n.dot((soup_.corner(t, (k + 1) % 3) - a).cross(p - a)) < 0) return false;
+    }
+    return true;
+  }
+
+  void decide() {
+#pragma omp parallel for schedule(dynamic, 16)
+    for (std::size_t k = 0; k < regions_.size(); k++) {
+      Region& r = regions_[k];
+      const Vector n = soup_.area_normal(r.triangle);
+      const auto found = overlaps_.find(r.triangle);
+      static const std::vector<std::uint32_t> nothing;
+      const auto& others = found == overlaps_.end() ? nothing : found->second;
+      int jump = solid(r.triangle);
+      for (const auto t : others) {
+        if (!holds(t, r.place)) continue;
+        r.twice |= t < r.triangle;
+        if (solid(t)) jump += soup_.area_normal(t).dot(n) > 0 ? 1 : -1;
+      }
+      const auto skip = [&](std::uint32_t t) {
+        return t == r.triangle || !solid(t) || std::binary_search(others.begin(), others.end(), t);
+      };
+      for (const Vector& d : Surface::ray_directions()) {
+        if (std::abs(d.dot(n)) < 0.05 * n.norm()) continue;
+        r.front = surface_.crossings(r.place, d.dot(n) > 0 ? d : Vector(-d), skip);
+        if (r.front) break;
+      }
+      if (r.front) r.back = *r.front + jump;
+    }
+  }
+
+  // --- the result ---
+
+  enum class Fate { boundary, turned, sheet, buried, dropped };
+
+  Fate fate(const Region& r) const {
+    if (r.twice) return Fate::dropped;
+    if (!r.front) return Fate::sheet;
+    if (*r.front > 0 && *r.back > 0) return Fate::buried;
+    if (*r.front <= 0 && *r.back <= 0)
+      return roles_[r.triangle] == TriangleRole::patch ? Fate::dropped : Fate::sheet;
+    return *r.front > 0 ? Fate::turned : Fate::boundary;
+  }
+
+  OuterCells collect() {
+    join_equal_points();
+    OuterCells out;
+    std::vector<std::uint32_t> index(points_.size(), none);
+    const auto point = [&](std::uint32_t v) {
+      if (index[v] == none)
+        index[v] = static_cast<std::uint32_t>(out.mesh.points.size()), out.mesh.points.push_back(points_[v]);
+      return index[v];
+    };
+    for (const bool bounds : {true, false}) {
+      const auto keep = [&](std::uint32_t t, std::array<std::uint32_t, 3> c, Fate f) {
+        if (bounds && f == Fate::buried)
+          out.buried_area +=
+              0.5 * (points_[c[1]] - points_[c[0]]).cross(points_[c[2]] - points_[c[0]]).norm();
+        for (auto& v : c) v = same_[v];
+        if (c[0] == c[1] || c[1] == c[2] || c[2] == c[0]) return;
+        if (bounds != (f == Fate::boundary || f == Fate::turned) || f == Fate::buried || f == Fate::dropped)
+          return;
+        if (f == Fate::turned) std::swap(c[1], c[2]);
+        out.mesh.triangles.push_back({point(c[0]), point(c[1]), point(c[2])}), out.source.push_back(t);
+      };
+      for (std::uint32_t t = 0; t < soup_.triangles.size(); t++) {
+        if (piece_of_[t] == none) {
+          if (region_of_[t] != none) keep(t, soup_.triangles[t], fate(regions_[region_of_[t]]));
+          continue;
+        }
+        const TrianglePieces& p = pieces_[piece_of_[t]];
+        for (std::size_t f = 0; f < p.faces.size(); f++)
+          keep(t, p.faces[f], fate(regions_[region_of_[t] + p.region[f]]));
+      }
+      if (bounds) out.boundary = out.mesh.triangles.size();
+    }
+    return out;
+  }
+
+  // Points that were computed in two ways differ by rounding.
+  void join_equal_points() {
+    same_.resize(points_.size());
+    std::iota(same_.begin(), same_.end(), 0u);
+    const double size = 1e-12 * soup_.bounds().diagonal(), near = same_point * soup_.bounds().diagonal();
+    std::unordered_multimap<std::uint64_t, std::uint32_t> cells;
+    const auto cell = [&](const Point& p, int dx, int dy, int dz) {
+      const auto part = [&](double x, int d) {
+        return static_cast<std::uint64_t>(static_cast<std::int64_t>(std::floor(x / size)) + d);
+      };
+      std::uint64_t h = part(p.x(), dx) * 0x9e3779b97f4a7c15ull;
+      h = (h ^ (h >> 29) ^ part(p.y(), dy)) * 0xbf58476d1ce4e5b9ull;
+      return (h ^ (h >> 31) ^ part(p.z(), dz)) * 0x94d049bb133111ebull;
+    };
+    std::vector<char> used(points_.size(), 0);
+    for (const TrianglePieces& p : pieces_)
+      for (const auto& face : p.faces)
+        for (const auto v : face) used[v] = 1;
+    for (std::uint32_t v = 0; v < points_.size(); v++) {
+      if (!used[v]) continue;
+      if (v >= soup_.points.size()) {
+        std::uint32_t best = none;
+        for (int c = 0; c < 27; c++) {
+          const auto [begin, end] = cells.equal_range(cell(points_[v], c % 3 - 1, c / 3 % 3 - 1, c / 9 - 1));
+          for (auto it = begin; it != end; ++it)
+            if ((points_[it->second] - points_[v]).norm() < near) best = std::min(best, it->second);
+        }
+        if (best != none) {
+          same_[v] = best;
+          continue;
+        }
+      }
+      cells.emplace(cell(points_[v], 0, 0, 0), v);
+    }
+  }
+
+  const Mesh& soup_;
+  const std::vector<TriangleRole>& roles_;
+  const Contacts& contacts_;
+  const Surface surface_;
+  std::vector<Point> points_;  // of the soup, then the new ones
+  std::vector<TriangleCut> cuts_;
+  std::vector<std::uint32_t> cuts_of_;  // of triangle t: cuts_of_[t] up to cuts_of_[t + 1]
+  std::unordered_map<std::uint64_t, std::vector<std::uint32_t>> on_edge_;
+  std::unordered_map<std::uint32_t, std::vector<std::uint32_t>> overlaps_;
+  std::vector<std::uint32_t> cut_, piece_of_;  // the cut triangles; of each triangle its place among them
+  std::vector<TrianglePieces> pieces_;
+  std::vector<Region> regions_;
+  std::vector<std::uint32_t> region_of_;  // of a cut triangle, the first
+  std::vector<std::uint32_t> same_;
+};
+
+}  // namespace
+
+OuterCells outer_cells(const Mesh& soup, const std::vector<TriangleRole>& roles, const Contacts& contacts) {
+  return Cutter(soup, roles, contacts).run();
+}
+
+}  // namespace padder

@@ -1,0 +1,291 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "padding/meshing/pieces.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <numeric>
+#include <utility>
+
+namespace padder {
+namespace {
+
+using Corners = std::array<std::uint32_t, 3>;
+
+// A side of a triangle. Sorted, the sides of one edge stand together.
+struct Side {
+  std::uint64_t edge;
+  std::uint32_t triangle;
+  int direction;  // 1 from the smaller vertex to the larger, otherwise -1
+  bool operator<(const Side& other) const {
+    return edge != other.edge ? edge < other.edge : triangle < other.triangle;
+  }
+};
+
+std::vector<Side> sides_of(const Mesh& mesh, const std::vector<std::uint32_t>& triangles) {
+  std::vector<Side> sides;
+  sides.reserve(3 * triangles.size());
+  for (const auto t : triangles)
+    for (int k = 0; k < 3; k++) {
+      const auto u = mesh.triangles[t][k], v = mesh.triangles[t][(k + 1) % 3];
+      sides.push_back({std::uint64_t(std::min(u, v)) << 32 | std::max(u, v), t, u < v ? 1 : -1});
+    }
+  std::sort(sides.begin(), sides.end());
+  return sides;
+}
+
+template <class Visit>
+void for_edges(const std::vector<Side>& sides, Visit&& visit) {
+  for (std::size_t k = 0, end; k < sides.size(); k = end) {
+    for (end = k; end < sides.size() && sides[end].edge == sides[k].edge;) end++;
+    visit(k, end);
+  }
+}
+
+bool closes(const Mesh& mesh, const std::vector<std::uint32_t>& triangles) {
+  return missing_edges(mesh, triangles).empty();
+}
+
+std::uint32_t root_of(std::vector<std::uint32_t>& parent, std::uint32_t k) {
+  while (parent[k] != k) k = parent[k] = parent[parent[k]];
+  return k;
+}
+
+Mesh merged(const Mesh& soup) {
+  std::vector<std::uint32_t> order(soup.points.size()), index(soup.points.size());
+  std::iota(order.begin(), order.end(), 0u);
+  const auto key = [&](std::uint32_t v) {
+    const Point& p = soup.points[v];
+    return std::array{p.x(), p.y(), p.z()};
+  };
+  std::sort(order.begin(), order.end(), [&](auto a, auto b) {
+    const auto x = key(a), y = key(b);
+    return x != y ? x < y : a < b;
+  });
+  for (std::size_t k = 0, first = 0; k < order.size(); k++) {
+    if (key(order[k]) != key(order[first])) first = k;
+    index[order[k]] = order[first];
+  }
+  Mesh out;
+  out.points = soup.points;
+  for (const auto& t : soup.triangles) {
+    const Corners c = {index[t[0]], index[t[1]], index[t[2]]};
+    if (c[0] != c[1] && c[1] != c[2] && c[2] != c[0]) out.triangles.push_back(c);
+  }
+  return out;
+}
+
+// Settles one piece: which triangles count, and which way they face.
+class PieceWork {
+ public:
+  PieceWork(Mesh& mesh, std::vector<std::uint32_t> triangles, Pieces& all)
+      : mesh_(mesh), triangles_(std::move(triangles)), all_(all) {}
+
+  Piece run() {
+    const std::vector<std::uint32_t> once = without_repeats(false), walls = without_repeats(true);
+    if (closes(mesh_, once)) return keep(once, true);
+    std::vector<Corners> given;
+    for (const auto t : once) given.push_back(mesh_.triangles[t]);
+    orient(once);
+    bool closed = closes(mesh_, once);
+    if (!closed && walls.size() > once.size()) {
+      std::vector<Corners> turned;
+      for (std::size_t k = 0; k < once.size(); k++)
+        turned.push_back(std::exchange(mesh_.triangles[once[k]], given[k]));
+      double area = 0;
+      for (const auto t : walls) area += mesh_.area_normal(t).norm();
+      if (closes(mesh_, walls) && std::abs(signed_volume(mesh_, walls)) > 1e-6 * std::pow(area, 1.5))
+        return keep(walls, true);
+      for (std::size_t k = 0; k < once.size(); k++) mesh_.triangles[once[k]] = turned[k];
+    }
+    for (std::size_t k = 0; k < once.size(); k++) all_.turned += given[k] != mesh_.triangles[once[k]];
+    return keep(once, closed);
+  }
+
+ private:
+  Piece keep(const std::vector<std::uint32_t>& triangles, bool closed) {
+    all_.repeated += triangles_.size() - triangles.size();
+    return {triangles, closed};
+  }
+
+  // Without triangles that have the same corners as one before; with `both_ways`, the same direction, too.
+  std::vector<std::uint32_t> without_repeats(bool both_ways) const {
+    std::vector<std::pair<Corners, std::uint32_t>> named;
+    for (const auto t : triangles_) {
+      Corners c = mesh_.triangles[t];
+      if (both_ways)
+        std::rotate(c.begin(), std::min_element(c.begin(), c.end()), c.end());
+      else
+        std::sort(c.begin(), c.end());
+      named.push_back({c, t});
+    }
+    std::sort(named.begin(), named.end());
+    std::vector<std::uint32_t> kept;
+    for (std::size_t k = 0; k < named.size(); k++)
+      if (k == 0 || named[k].first != named[k - 1].first) kept.push_back(named[k].second);
+    std::sort(kept.begin(), kept.end());
+    return kept;
+  }
+
+  void turn(std::uint32_t t) { std::swap(mesh_.triangles[t][1], mesh_.triangles[t][2]); }
+
+  // Turns neighbours alike over the edges of two triangles. The parts between other edges then face as most
+  // of their triangles did, or so that more edges close.
+  void orient(const std::vector<std::uint32_t>& triangles) {
+    const std::vector<Side> sides = sides_of(mesh_, triangles);
+    std::map<std::uint32_t, std::uint32_t> local;
+    for (const auto t : triangles) local.emplace(t, static_cast<std::uint32_t>(local.size()));
+    struct Link {
+      std::uint32_t to;
+      bool alike;
+    };
+    std::vector<std::vector<Link>> links(triangles.size());
+    for_edges(sides, [&](std::size_t begin, std::size_t end) {
+      if (end - begin != 2) return;
+      const Side &a = sides[begin], &b = sides[begin + 1];
+      const bool alike = a.direction != b.direction;
+      const auto s = local[a.triangle], t = local[b.triangle];
+      links[s].push_back({t, alike}), links[t].push_back({s, alike});
+    });
+    std::vector<int> part(triangles.size(), -1), way(triangles.size(), 1);
+    int parts = 0;
+    std::vector<std::uint32_t> stack;
+    std::vector<long> votes;
+    for (std::uint32_t k = 0; k < triangles.size(); k++) {
+      if (part[k] >= 0) continue;
+      votes.push_back(0), part[k] = parts, stack.push_back(k);
+      while (!stack.empty()) {
+        const auto s = stack.back();
+        stack.pop_back();
+        votes.back() += way[s];
+        for (const Link& link : links[s])
+          if (part[link.to] < 0)
+            part[link.to] = parts, way[link.to] = link.alike ? way[s] : -way[s], stack.push_back(link.to);
+      }
+      parts++;
+    }
+    std::vector<int> sign(parts);
+    for (int p = 0; p < parts; p++) sign[p] = votes[p] < 0 ? -1 : 1;
+    if (parts > 1) close_more(sides, local, part, way, sign);
+    for (std::size_t k = 0; k < triangles.size(); k++)
+      if (way[k] * sign[part[k]] < 0) turn(triangles[k]);
+  }
+
+  // Turns whole parts as long as that closes more edges.
+  static void close_more(const std::vector<Side>& sides, const std::map<std::uint32_t, std::uint32_t>& local,
+                         const std::vector<int>& part, const std::vector<int>& way, std::vector<int>& sign) {
+    // For each edge the sum of directions of each part that has it.
+    std::vector<std::vector<std::pair<int, int>>> edges;
+    std::vector<std::vector<std::size_t>> edges_of(sign.size());
+    for_edges(sides, [&](std::size_t begin, std::size_t end) {
+      std::map<int, int> sums;
+      for (std::size_t k = begin; k < end; k++) {
+        const auto t = local.at(sides[k].triangle);
+        sums[part[t]] += sides[k].direction * way[t];
+      }
+      if (sums.size() < 2) return;
+      for (const auto& [p, sum] : sums) edges_of[p].push_back(edges.size());
+      edges.emplace_back(sums.begin(), sums.end());
+    });
+    for (int round = 0, better = 1; better && round < 20; round++) {
+      better = 0;
+      for (std::size_t p = 0; p < sign.size(); p++) {
+        long gain = 0;
+        for (const auto e : edges_of[p]) {
+          long sum = 0, own = 0;
+          for (const auto& [q, s] : edges[e])
+            sum += sign[q] * s, own += q == static_cast<int>(p) ? sign[q] * s : 0;
+          gain += std::abs(sum) - std::abs(sum - 2 * own);
+        }
+        if (gain > 0) sign[p] = -sign[p], better = 1;
+      }
+    }
+  }
+
+  Mesh& mesh_;
+  const std::vector<std::uint32_t> triangles_;
+  Pieces& all_;
+};
+
+}  // namespace
+
+double signed_volume(const Mesh& mesh, const std::vector<std::uint32_t>& triangles) {
+  if (triangles.empty()) return 0;
+  const Point origin = mesh.corner(triangles[0], 0);
+  double sum = 0;
+  for (const auto t : triangles)
+    sum += (mesh.corner(t, 0) - origin).dot((mesh.corner(t, 1) - origin).cross(mesh.corner(t, 2) - origin));
+  return sum / 6;
+}
+
+std::vector<DirectedEdge> missing_edges(const Mesh& mesh, const std::vector<std::uint32_t>& triangles) {
+  std::vector<DirectedEdge> missing;
+  const std::vector<Side> sides = sides_of(mesh, triangles);
+  for_edges(sides, [&](std::size_t begin, std::size_t end) {
+    int sum = 0;
+    for (std::size_t k = begin; k < end; k++) sum += sides[k].direction;
+    const auto low = static_cast<std::uint32_t>(sides[begin].edge >> 32),
+               high = static_cast<std::uint32_t>(sides[begin].edge);
+    for (; sum > 0; sum--) missing.push_back({high, low});
+    for (; sum < 0; sum++) missing.push_back({low, high});
+  });
+  return missing;
+}
+
+namespace {
+
+// The triangles that hang together by the edges for which join(number of triangles) holds, in their order.
+template <class Join>
+std::vector<std::vector<std::uint32_t>> connected(const Mesh& mesh,
+                                                  const std::vector<std::uint32_t>& triangles, Join&& join) {
+  std::vector<std::uint32_t> parent(mesh.triangles.size());
+  std::iota(parent.begin(), parent.end(), 0u);
+  const std::vector<Side> sides = sides_of(mesh, triangles);
+  for_edges(sides, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t k = begin + 1; k < end && join(end - begin); k++) {
+      const auto a = root_of(parent, sides[begin].triangle), b = root_of(parent, sides[k].triangle);
+      parent[std::max(a, b)] = std::min(a, b);
+    }
+  });
+  std::vector<std::vector<std::uint32_t>> members(mesh.triangles.size());
+  for (const auto t : triangles) members[root_of(parent, t)].push_back(t);
+  std::erase_if(members, [](const auto& m) { return m.empty(); });
+  return members;
+}
+
+}  // namespace
+
+Pieces find_pieces(const Mesh& soup) {
+  Pieces out;
+  out.mesh = merged(soup);
+  std::vector<std::uint32_t> all(out.mesh.triangles.size()), rest;
+  std::iota(all.begin(), all.end(), 0u);
+  // A part that closes without the others that share an edge with it is a body of its own.
+  for (auto& part : connected(out.mesh, all, [](std::size_t n) { return n == 2; })) {
+    const auto sides = sides_of(out.mesh, part);
+    bool pairs = true;
+    for_edges(sides, [&](std::size_t begin, std::size_t end) { pairs = pairs && (end - begin) % 2 == 0; });
+    if (!pairs) {
+      rest.insert(rest.end(), part.begin(), part.end());
+      continue;
+    }
+    const std::size_t repeated = out.repeated, turned = out.turned;
+    std::vector<Corners> given;
+    for (const auto t : part) given.push_back(out.mesh.triangles[t]);
+    Piece piece = PieceWork(out.mesh, part, out).run();
+    if (piece.closed && piece.triangles.size() == part.size()) {
+      out.pieces.push_back(std::move(piece));
+      continue;
+    }
+    for (std::size_t k = 0; k < part.size(); k++) out.mesh.triangles[part[k]] = given[k];
+    out.repeated = repeated, out.turned = turned;
+    rest.insert(rest.end(), part.begin(), part.end());
+  }
+  std::sort(rest.begin(), rest.end());
+  for (auto& part : connected(out.mesh, rest, [](std::size_t) { return true; }))
+    out.pieces.push_back(PieceWork(out.mesh, std::move(part), out).run());
+  return out;
+}
+
+}  // namespace padder

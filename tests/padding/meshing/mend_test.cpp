@@ -1,0 +1,369 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Bodies out of soups, compared with closed forms and with winding numbers summed up by brute force.
+#include "padding/meshing/mend.h"
+
+#include <gtest/gtest.h>
+#include <omp.h>
+
+#include <algorithm>
+#include <functional>
+
+#include "padding/by_tolerance/cull.h"
+#include "padding/meshing/holes.h"
+#include "padding/verify/certify.h"
+#include "tests/padding/random_input.h"
+
+namespace padder {
+namespace {
+
+using shapes::RandomInput;
+
+Mesh joined(Mesh mesh, const Mesh& more) {
+  const auto n = static_cast<std::uint32_t>(mesh.points.size());
+  mesh.points.insert(mesh.points.end(), more.points.begin(), more.points.end());
+  for (auto t : more.triangles) mesh.triangles.push_back({t[0] + n, t[1] + n, t[2] + n});
+  return mesh;
+}
+
+Mesh turned_over(Mesh mesh) {
+  for (auto& t : mesh.triangles) std::swap(t[1], t[2]);
+  return mesh;
+}
+
+Mesh moved(Mesh mesh, const Eigen::Matrix3d& by, const Vector& to) {
+  for (Point& p : mesh.points) p = by * p + to;
+  return mesh;
+}
+
+// Without the triangles for which all corners satisfy `gone`.
+Mesh without(Mesh mesh, const std::function<bool(const Point&)>& gone) {
+  std::erase_if(mesh.triangles, [&](const auto& t) {
+    return std::all_of(t.begin(), t.end(), [&](auto v) { return gone(mesh.points[v]); });
+  });
+  return mesh;
+}
+
+const Mesh cube = shapes::box({0, 0, 0}, {1, 1, 1}, 2);
+
+Repaired mended(const Mesh& mesh, RepairMode mode = RepairMode::automatic) {
+  RepairOptions options;
+  options.mode = mode;
+  return mend(mesh, options);
+}
+
+double volume(const Repaired& r) { return mass_properties(r.boundary()).volume; }
+
+using Inside = std::function<bool(const Point&)>;
+
+// The body is where `inside` says, and the surface has all of its boundary: no ball around a point that
+// reaches to the surface holds points of the other side.
+void expect_body(const Repaired& r, const Inside& inside, std::uint64_t seed, int points = 300) {
+  SCOPED_TRACE("seed " + std::to_string(seed));
+  RandomInput random(seed);
+  const Surface surface = r.surface();
+  ASSERT_TRUE(surface.closed());
+  Vector flux = Vector::Zero();
+  const Mesh boundary = r.boundary();
+  for (std::size_t t = 0; t < boundary.triangles.size(); t++) flux += boundary.area_normal(t);
+  EXPECT_LT(flux.norm(), 1e-9);
+  const Box box = surface.bounds();
+  for (int k = 0; k < points; k++) {
+    Point p;
+    for (int axis = 0; axis < 3; axis++) p[axis] = random.uniform(box.low[axis], box.high[axis]);
+    const Nearest at = surface.signed_nearest(p);
+    EXPECT_EQ(at.distance < 0, inside(p));
+    for (int j = 0; j < 20; j++) {
+      const Point q = p + random.direction() * std::abs(at.distance) * random.uniform(0, 0.999999);
+      EXPECT_EQ(inside(q), inside(p)) << p.transpose() << " and " << q.transpose();
+    }
+  }
+}
+
+double sampled_volume(const Box& box, const Inside& inside, std::uint64_t seed, int points) {
+  RandomInput random(seed);
+  int hits = 0;
+  for (int k = 0; k < points; k++) {
+    Point p;
+    for (int axis = 0; axis < 3; axis++) p[axis] = random.uniform(box.low[axis], box.high[axis]);
+    hits += inside(p);
+  }
+  return (box.high - box.low).prod() * hits / points;
+}
+
+bool in_box(const Point& p, const Point& low, const Point& high) {
+  return (p.array() > low.array()).all() && (p.array() < high.array()).all();
+}
+
+// The winding number by solid angles over all triangles.
+double winding(const Mesh& mesh, const Point& p) {
+  double sum = 0;
+  for (const auto& t : mesh.triangles) sum += solid_angle(mesh, t, p);
+  return sum;
+}
+
+TEST(Mend, CubesThatShareAFaceAnEdgeOrACornerAreOneBody) {
+  RandomInput random(11);
+  for (const Vector& step : {Vector(1, 0, 0), Vector(1, 1, 0), Vector(1, 1, 1), Vector(1, 0.25, 0.3)}) {
+    const Eigen::Matrix3d turn = random.rotation();
+    const Mesh both = moved(joined(cube, moved(cube, Eigen::Matrix3d::Identity(), step)), turn, {3, 1, 2});
+    const Repaired r = mended(both);
+    EXPECT_EQ(r.kind, BodyKind::solid);
+    EXPECT_EQ(r.sheet, 0u);
+    EXPECT_NEAR(volume(r), 2, 1e-9);
+    const Inside inside = [&](const Point& p) {
+      const Point q = turn.transpose() * (p - Point(3, 1, 2));
+      return in_box(q, {0, 0, 0}, {1, 1, 1}) || in_box(q, step, step + Vector(1, 1, 1));
+    };
+    if (step == Vector(1, 1, 1) || step == Vector(1, 1, 0)) {
+      expect_body(r, inside, 1);
+      EXPECT_NEAR(r.steps.buried_area, 0, 1e-9);
+    } else {
+      // A wall that both cubes have is buried, as far as they share it.
+      EXPECT_NEAR(r.steps.buried_area + r.mesh.area(), 12, 1e-6) << "or counted once";
+    }
+  }
+}
+
+TEST(Mend, ACubeInACubeIsACavityWhicheverWayItFaces) {
+  const Mesh inner = shapes::box({0.25, 0.25, 0.25}, {0.75, 0.75, 0.75}, 2);
+  for (const Mesh& shell : {inner, turned_over(inner)})
+    for (const Mesh& outer : {cube, turned_over(cube)}) {
+      EXPECT_NEAR(volume(mended(joined(outer, shell))), 1 - 0.125, 1e-12);
+      EXPECT_NEAR(volume(mended(joined(outer, shell), RepairMode::united)), 1, 1e-12);
+    }
+}
+
+TEST(Mend, ACubeInACavityIsSolidAndRepeatedPiecesCountOnce) {
+  Mesh mesh = joined(cube, shapes::box({0.1, 0.1, 0.1}, {0.9, 0.9, 0.9}));
+  mesh = joined(mesh, shapes::box({0.3, 0.3, 0.3}, {0.7, 0.7, 0.7}));
+  EXPECT_NEAR(volume(mended(mesh)), 1 - 0.512 + 0.064, 1e-12);
+  EXPECT_NEAR(volume(mended(joined(mesh, turned_over(mesh)))), 1 - 0.512 + 0.064, 1e-12);
+  // The same place with another triangulation.
+  EXPECT_NEAR(volume(mended(joined(cube, shapes::box({0, 0, 0}, {1, 1, 1}, 3)))), 1, 1e-12);
+  EXPECT_NEAR(volume(mended(joined(cube, turned_over(shapes::box({0, 0, 0}, {1, 1, 1}, 3))))), 1, 1e-12);
+}
+
+TEST(Mend, RandomBoxesBecomeTheirUnion) {
+  for (const std::uint64_t seed : {1u, 2u, 3u}) {
+    RandomInput random(seed);
+    struct Placed {
+      Eigen::Matrix3d turn;
+      Vector half, at;
+    };
+    std::vector<Placed> boxes;
+    Mesh mesh;
+    const int count = seed == 1 ? 1000 : 30;
+    for (int k = 0; k < count; k++) {
+      // Every second one is not turned, so that there are faces in one plane.
+      const double size = std::cbrt(2.0 / count);
+      Placed b{k % 2 ? random.rotation() : Eigen::Matrix3d::Identity(), Vector(size, size, size) * 0.5,
+               random.point(0.5)};
+      if (k % 2 == 0) b.at = (b.at / size * 4).array().round().matrix() * size / 4;
+      mesh = joined(mesh, moved(shapes::box(-b.half, b.half), b.turn, b.at));
+      boxes.push_back(b);
+    }
+    const Inside inside = [&](const Point& p) {
+      return std::any_of(boxes.begin(), boxes.end(), [&](const Placed& b) {
+        return ((b.turn.transpose() * (p - b.at)).cwiseAbs().array() < b.half.array()).all();
+      });
+    };
+    const Repaired r = mended(mesh, RepairMode::united);
+    expect_body(r, inside, seed);
+    EXPECT_NEAR(volume(r) / sampled_volume(mesh.bounds(), inside, seed, 200000), 1, 0.01) << "seed " << seed;
+    // The boundary alone closes, up to rounding: it winds round the same points.
+    for (int k = 0; k < 30; k++) {
+      const Point p = random.point(0.6);
+      EXPECT_NEAR(winding(r.boundary(), p), inside(p), 1e-3) << "seed " << seed;
+    }
+  }
+}
+
+TEST(Mend, LinkedAndCrossingRings) {
+  const Mesh ring = shapes::torus(1, 0.3, 60, 20);
+  const double one = mass_properties(ring).volume;
+  Eigen::Matrix3d upright;
+  upright << 1, 0, 0, 0, 0, -1, 0, 1, 0;
+  EXPECT_NEAR(volume(mended(joined(ring, moved(ring, upright, {1, 0, 0})))), 2 * one, 1e-9);
+  const Mesh crossing = joined(ring, moved(ring, upright, {0.1, 0, 0}));
+  const Inside inside = [&](const Point& p) { return winding(crossing, p) > 0.5; };
+  const Repaired r = mended(crossing);
+  expect_body(r, inside, 4, 60);
+  EXPECT_NEAR(volume(r) / sampled_volume(crossing.bounds(), inside, 4, 20000), 1, 0.05);
+}
+
+TEST(Mend, TrianglesTurnedAtRandomAreTurnedBack) {
+  RandomInput random(5);
+  for (const bool also_box : {false, true}) {
+    Mesh mesh = shapes::blob(random);
+    if (also_box) mesh = joined(mesh, shapes::box({0, 0, 0}, {1, 1, 1}));
+    const double expected = volume(mended(mesh));
+    EXPECT_GT(expected, 1);
+    for (auto& t : mesh.triangles)
+      if (random.uniform(0, 1) < 0.5) std::swap(t[1], t[2]);
+    const Repaired r = mended(mesh);
+    EXPECT_EQ(r.sheet, 0u);
+    EXPECT_NEAR(volume(r), expected, 1e-12);
+    EXPECT_GT(r.steps.turned, 0u);
+  }
+}
+
+TEST(Mend, EverySecondTriangleMissing) {
+  const Mesh whole = shapes::sphere(4);
+  Mesh mesh = whole;
+  mesh.triangles.clear();
+  // The middle one of each four is missing: its neighbours only touch in points.
+  for (std::size_t t = 0; t < whole.triangles.size(); t++)
+    if (t % 4 != 3) mesh.triangles.push_back(whole.triangles[t]);
+  const Repaired r = mended(mesh);
+  EXPECT_EQ(r.kind, BodyKind::solid);
+  EXPECT_EQ(r.patches.size(), whole.triangles.size() / 4);
+  EXPECT_NEAR(volume(r), mass_properties(whole).volume, 1e-9);
+}
+
+Mesh lathe(const std::vector<std::array<double, 2>>& profile, int n) {  // radius and height, from the axis up
+  Mesh mesh;
+  for (const auto& [radius, height] : profile)
+    for (int k = 0; k < n; k++) {
+      const double u = 2 * std::numbers::pi * k / n;
+      mesh.points.push_back({radius * std::cos(u), radius * std::sin(u), height});
+    }
+  for (std::uint32_t row = 0; row + 1 < profile.size(); row++)
+    for (int k = 0; k < n; k++) {
+      const auto at = [&](int r, int c) {
+        return (row + std::uint32_t(r)) * std::uint32_t(n) + std::uint32_t(c % n);
+      };
+      mesh.triangles.push_back({at(0, k), at(0, k + 1), at(1, k + 1)});
+      mesh.triangles.push_back({at(0, k), at(1, k + 1), at(1, k)});
+    }
+  return mesh;
+}
+
+TEST(Mend, ABottleIsASolidWithAHoleAndABowlIsASheet) {
+  const Repaired bottle = mended(lathe({{0, 0}, {1, 0}, {1, 3}, {0.3, 3.6}, {0.3, 4.4}}, 40));
+  EXPECT_EQ(bottle.kind, BodyKind::solid);
+  ASSERT_EQ(bottle.patches.size(), 1u);
+  EXPECT_NEAR(bottle.patches[0].area, std::numbers::pi * 0.09, 0.01);
+  EXPECT_NEAR(bottle.patches[0].rim, 2 * std::numbers::pi * 0.3, 0.01);
+  EXPECT_LT((bottle.patches[0].place - Point(0, 0, 4.4)).norm(), 1e-9);
+  EXPECT_GT(volume(bottle), 3 * std::numbers::pi * 0.98);
+
+  std::vector<std::array<double, 2>> half;
+  for (int k = 0; k <= 12; k++)
+    half.push_back({std::sin(k * std::numbers::pi / 24), -std::cos(k * std::numbers::pi / 24)});
+  const Mesh cup = lathe(half, 40);
+  const Repaired bowl = mended(cup);
+  EXPECT_EQ(bowl.kind, BodyKind::sheet);
+  EXPECT_EQ(bowl.patches.size(), 0u);
+  EXPECT_LT(bowl.steps.sheet_winding, 0.8);
+  EXPECT_NEAR(bowl.mesh.area(), cup.area(), 1e-9);
+  // As asked, it is filled, and a bottle is none.
+  EXPECT_NEAR(volume(mended(cup, RepairMode::fill)), 2.0 / 3 * std::numbers::pi, 0.05);
+  EXPECT_EQ(mended(lathe({{0, 0}, {1, 0}, {1, 3}, {0.3, 3.6}, {0.3, 4.4}}, 40), RepairMode::sheet).kind,
+            BodyKind::sheet);
+}
+
+TEST(Mend, ACarBodyIsASheet) {
+  Mesh body = without(shapes::box({0, 0, 0}, {4, 1.8, 1.4}, 4), [](const Point& p) { return p.z() == 0; });
+  body = joined(body, shapes::square(1));  // a seat
+  const Repaired r = mended(body);
+  EXPECT_EQ(r.kind, BodyKind::sheet);
+  EXPECT_NEAR(r.mesh.area(), body.area(), 1e-9);
+}
+
+TEST(Mend, ASheetThatRunsIntoASolidKeepsTheRestOutside) {
+  Mesh fin = shapes::square(1);
+  for (Point& p : fin.points) p += Point(0.5, 0.2, 0.4);  // half of its length lies in the cube
+  for (Point& p : fin.points) p.y() *= 0.5;
+  const Repaired r = mended(joined(cube, fin));
+  EXPECT_EQ(r.kind, BodyKind::solid);
+  EXPECT_NEAR(volume(r), 1, 1e-9);
+  EXPECT_NEAR(r.steps.sheet_area, 0.25, 1e-9);
+  EXPECT_NEAR(r.steps.buried_area, 0.25, 1e-9);
+}
+
+TEST(Mend, FacesWithTwoSidesCountOnce) {
+  const Mesh open = without(cube, [](const Point& p) { return p.z() == 1; });
+  const Repaired r = mended(joined(open, turned_over(open)));
+  EXPECT_EQ(r.kind, BodyKind::sheet);
+  EXPECT_NEAR(r.mesh.area(), 5, 1e-9);
+  EXPECT_NEAR(volume(mended(joined(cube, turned_over(cube)))), 1, 1e-12);
+}
+
+TEST(Mend, CracksAndTJunctionsAreClosed) {
+  for (const double crack : {0.0, 5e-5}) {
+    Mesh mesh = without(cube, [](const Point& p) { return p.z() == 1; });
+    Mesh lid = shapes::square(1, 7);  // seven parts where the rim has two
+    for (Point& p : lid.points) p.z() = 1 + crack;
+    const Repaired r = mended(joined(mesh, lid));
+    EXPECT_EQ(r.kind, BodyKind::solid);
+    EXPECT_EQ(r.patches.size(), 0u);
+    EXPECT_GT(r.steps.cracks, 0u);
+    EXPECT_NEAR(r.steps.crack_width, crack, 1e-12);
+    EXPECT_NEAR(volume(r), 1, 1e-4);
+  }
+}
+
+TEST(Mend, TrianglesWithoutAreaHoldTheSurfaceTogether) {
+  // A point on the edge of a face, and a triangle without area that joins it to the face on the other side.
+  Mesh mesh = shapes::box({0, 0, 0}, {1, 1, 1});
+  const auto [a, b, c] = mesh.triangles.back();
+  mesh.triangles.pop_back();
+  const auto n = static_cast<std::uint32_t>(mesh.points.size());
+  mesh.points.push_back(0.5 * (mesh.points[a] + mesh.points[b]));
+  mesh.triangles.insert(mesh.triangles.end(), {{a, n, c}, {n, b, c}, {a, b, n}});
+  const Repaired r = mended(mesh);
+  EXPECT_EQ(r.kind, BodyKind::solid);
+  EXPECT_EQ(r.steps.cracks + r.patches.size() + r.flat.triangles.size(), 0u);
+  EXPECT_NEAR(volume(r), 1, 1e-12);
+}
+
+TEST(Mend, CertifiedCoversHoldWhenSampled) {
+  for (const std::uint64_t seed : {7u, 8u}) {
+    SCOPED_TRACE("seed " + std::to_string(seed));
+    RandomInput random(seed);
+    Mesh mesh =
+        joined(shapes::blob(random, 3), moved(shapes::blob(random, 3), random.rotation(), {0.8, 0.2, 0}));
+    mesh = joined(mesh, moved(shapes::square(1, 3), random.rotation(), {1.2, 0.6, 0.2}));  // a sheet
+    const Repaired r = mended(mesh);
+    EXPECT_GT(r.steps.sheet_area, 0);
+    const double e = 0.03 * mesh.bounds().diagonal();
+    const Surface surface = r.surface(), input(mesh);
+    const Culled culled = cull(surface, {.tolerance = e, .effort = 0});
+    ASSERT_TRUE(culled.proved);
+    const Mesh solid = *r.solid;
+    for (const Ball& ball : culled.balls)
+      for (int k = 0; k < 10; k++) {
+        const Point x = ball.center + ball.radius * random.direction();
+        if (winding(solid, x) < 0.5) {
+          EXPECT_LE(input.nearest(x).distance, e * (1 + 1e-6));
+        }
+      }
+    const BallSet balls(culled.balls);
+    for (std::size_t t = 0; t < mesh.triangles.size(); t++) {
+      const Point x = (mesh.corner(t, 0) + mesh.corner(t, 1) + mesh.corner(t, 2)) / 3;
+      if (winding(solid, x + 1e-6 * random.direction()) < 0.5) {
+        EXPECT_LE(balls.gap(x).value, e * (1 + 1e-3));
+      }
+    }
+  }
+}
+
+TEST(Mend, SameForAnyNumberOfThreads) {
+  RandomInput random(9);
+  Mesh mesh;
+  for (int k = 0; k < 20; k++)
+    mesh = joined(mesh, moved(shapes::box({0, 0, 0}, {1, 1, 1}, 2), random.rotation(), random.point()));
+  mesh.triangles.resize(mesh.triangles.size() - 3);
+  const int threads = omp_get_max_threads();
+  omp_set_num_threads(1);
+  const Repaired one = mended(mesh);
+  omp_set_num_threads(3);
+  const Repaired three = mended(mesh);
+  omp_set_num_threads(threads);
+  EXPECT_EQ(one.mesh.points, three.mesh.points);
+  EXPECT_EQ(one.mesh.triangles, three.mesh.triangles);
+  EXPECT_EQ(one.solid->triangles, three.solid->triangles);
+}
+
+}  // namespace
+}  // namespace padder

@@ -1,0 +1,206 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Sparse and uneven scenes, standing and moving, beside dense: time over (spheres + contacts). Spheres and
+// contacts are in the memory of the device. Moving: each sphere moves by a fiftieth of its radius between
+// calls, back and forth through some frames; copying a frame to where the detector reads is not timed.
+#include <algorithm>
+#include <cmath>
+
+#include "padding/asset/error.h"
+#include "tools/bench/bench.h"
+#include "tools/bench/device.h"
+#include "tools/bench/uneven_scenes.h"
+
+namespace padder::bench {
+namespace {
+
+using detect::FloatSphere;
+
+// The frames of a scene, in the memory of the device if there is one, and the place that detect() reads.
+class Frames {
+ public:
+  Frames(const std::vector<FloatSphere>& spheres, int frames, bool wide, [[maybe_unused]] bool on_device)
+      : wide_(wide), count_(spheres.size()), frames_(frames) {
+    const std::size_t number = wide ? 8 : 4;
+    bytes_ = count_ * 4 * number;
+    host_.resize(static_cast<std::size_t>(frames) * bytes_);
+    for (int f = 0; f < frames; f++)
+      for (std::size_t k = 0; k < count_; k++) fill(static_cast<std::size_t>(f), k, spheres[k]);
+    here_.assign(host_.begin(), host_.begin() + static_cast<std::ptrdiff_t>(bytes_));
+    void* at = here_.data();
+    auto memory = detect::Memory::host;
+#ifdef PADDER_CUDA
+    if (on_device) {
+      if (cudaMalloc(reinterpret_cast<void**>(&device_), bytes_ * static_cast<std::size_t>(frames + 1)) !=
+              cudaSuccess ||
+          cudaMemcpy(device_ + bytes_, host_.data(), host_.size(), cudaMemcpyHostToDevice) != cudaSuccess)
+        throw Error("the spheres do not fit the GPU's memory: choose fewer");
+      at = device_, memory = detect::Memory::device;
+    }
+#endif
+    input_.spheres =
+        wide ? detect::spheres_of<double>(count_, static_cast<double*>(at), static_cast<double*>(at) + 3)
+             : detect::spheres_of<float>(count_, static_cast<float*>(at), static_cast<float*>(at) + 3);
+    input_.spheres.center_stride = input_.spheres.radius_stride = 4;
+    input_.spheres.memory = memory;
+    show(0);
+  }
+  ~Frames() {
+#ifdef PADDER_CUDA
+    cudaFree(device_);
+#endif
+  }
+  Frames(const Frames&) = delete;
+  Frames& operator=(const Frames&) = delete;
+  const detect::Input& input() const { return input_; }
+  // Back and forth.
+  void show(int call) {
+    const int last = std::max(frames_ - 1, 1), at = call % (2 * last),
+              frame = frames_ == 1 ? 0 : std::min(at, 2 * last - at);
+    const std::size_t from = static_cast<std::size_t>(frame) * bytes_;
+#ifdef PADDER_CUDA
+    if (device_) {
+      cudaMemcpy(device_, device_ + bytes_ + from, bytes_, cudaMemcpyDeviceToDevice);
+      cudaDeviceSynchronize();
+      return;
+    }
+#endif
+    std::copy_n(host_.begin() + static_cast<std::ptrdiff_t>(from), bytes_, here_.begin());
+  }
+
+ private:
+  void fill(std::size_t frame, std::size_t k, const FloatSphere& s) {
+    detect::SplitMix64 random(k);
+    const double step = 0.02 * static_cast<double>(frame) * s.r;
+    double v[4] = {s.x, s.y, s.z, s.r};
+    for (int a = 0; a < 3; a++) v[a] += step * random.signed_unit();
+    for (std::size_t a = 0; a < 4; a++) {
+      const auto f = static_cast<float>(v[a]);
+      const double d = v[a];
+      std::byte* const to = host_.data() + frame * bytes_ + (4 * k + a) * (wide_ ? 8 : 4);
+      if (wide_)
+        std::copy_n(reinterpret_cast<const std::byte*>(&d), 8, to);
+      else
+        std::copy_n(reinterpret_cast<const std::byte*>(&f), 4, to);
+    }
+  }
+
+  bool wide_;
+  std::size_t count_, bytes_ = 0;
+  int frames_;
+  std::vector<std::byte> host_, here_;
+  std::byte* device_ = nullptr;
+  detect::Input input_;
+};
+
+struct Times {
+  double median = 0, worst = 0;
+};
+Times timed(detect::Detector& d, Frames& frames, int calls, bool moving) {
+  for (int k = 0; k < 8; k++) {
+    if (moving) frames.show(k);
+    detect_watched(d, frames.input());
+  }
+  std::vector<double> times;
+  for (int k = 0; k < calls; k++) {
+    if (moving) frames.show(8 + k);
+    times.push_back(seconds_of([&] { detect_watched(d, frames.input()); }));
+  }
+  std::sort(times.begin(), times.end());
+  return {times[times.size() / 2], times.back()};
+}
+
+struct Row {
+  const UnevenScene* scene;
+  bool wide;
+};
+
+class Table {
+ public:
+  explicit Table(const Settings& s) : settings_(s) {}
+
+  void row(const Row& r, std::uint64_t n, detect::BackendKind backend) {
+    const Settings& s = settings_;
+    const bool cuda = backend == detect::BackendKind::cuda;
+    const std::string name = std::string(r.scene->name) + (r.wide ? ", double" : "");
+    say(s, name + " " + std::to_string(n) + (cuda ? " cuda" : " omp"));
+    const std::vector<FloatSphere> spheres = uneven_scene(*r.scene, n);
+    Frames frames(spheres, s.moving ? (n > 2000000 ? 5 : 9) : 1, r.wide, cuda);
+    detect::CallOptions o;
+    o.threads = s.threads;
+    o.order = s.stable ? detect::Order::stable : detect::Order::any;
+    if (cuda) o.output = detect::Memory::device;
+    detect::Detector d({backend}, o);
+    const int calls = std::max(s.repeat, cuda ? 21 : 3);
+    const Times standing = timed(d, frames, calls, false);
+    const std::uint64_t contacts = detect_watched(d, frames.input()).count, hash = hash_watched(d);
+    verify(frames, name + " " + std::to_string(n), contacts, hash, cuda);
+    Times moving;
+    if (s.moving) moving = timed(d, frames, std::max(calls, 100), true);
+    const double each = standing.median / (static_cast<double>(n) + static_cast<double>(contacts));
+    if (r.scene == &uneven_scenes()[0] && !r.wide) dense_ = each;
+    const auto ms = [](double t) { return t > 0 ? number(t * 1e3, "%.3f") : std::string("-"); };
+    const auto ratio = [](double a, double b) { return b > 0 && a > 0 ? number(a / b, "%.2f") : "-"; };
+    rows.push_back({{"scene", name},
+                    {"spheres", n},
+                    {"contacts", contacts},
+                    {"hash", std::to_string(hash)},
+                    {"backend", d.backend()},
+                    {"seconds", standing.median},
+                    {"seconds_worst", standing.worst},
+                    {"seconds_moving", moving.median},
+                    {"seconds_moving_worst", moving.worst},
+                    {"over_dense", dense_ > 0 ? each / dense_ : 0}});
+    table.push_back({name, std::to_string(n), std::to_string(contacts), d.backend(), ms(standing.median),
+                     ms(standing.worst), ratio(each, dense_), number(r.scene->most, "%.1f"),
+                     ms(moving.median), ms(moving.worst), ratio(moving.median, standing.median),
+                     ratio(moving.worst, moving.median)});
+  }
+
+  Json rows = Json::array();
+  Json table =
+      Json::array({{"scene", "spheres", "contacts", "backend", "standing [ms]", "worst [ms]", "over dense",
+                    "aim", "moving [ms]", "worst of 100 [ms]", "moving / standing", "worst / median"}});
+
+ private:
+  // The nine stages decide every pair in double, on a way of their own; the processor's grid where they are
+  // too slow.
+  static void verify(Frames& frames, const std::string& name, std::uint64_t contacts, std::uint64_t hash,
+                     bool cuda) {
+    detect::CallOptions o;
+    o.width = detect::Width::pairs, o.path = detect::Path::nine_stages;
+    if (cuda) o.output = detect::Memory::device;
+    detect::Detector reference({cuda ? detect::BackendKind::cuda : detect::BackendKind::omp}, o);
+    if (detect_watched(reference, frames.input()).count != contacts || hash_watched(reference) != hash)
+      throw Error("the fast path and the nine stages differ at " + name);
+  }
+
+  const Settings& settings_;
+  double dense_ = 0;
+};
+
+}  // namespace
+
+Json scenes(const Settings& s) {
+  Table t(s);
+  std::vector<Row> rows;
+  for (const UnevenScene& scene : uneven_scenes()) {
+    rows.push_back({&scene, false});
+    const std::string name = scene.name;
+    if (name == "dense" || name == "poly100" || name == "escaped") rows.push_back({&scene, true});
+  }
+  const std::vector<std::uint64_t> sizes =
+      s.spheres.empty() ? std::vector<std::uint64_t>{100000, 1000000, 5000000} : s.spheres;
+  for (const detect::BackendKind backend : backends(s))
+    for (const std::uint64_t n : sizes)
+      for (const Row& r : rows)
+        if (s.scene.empty() || r.scene == &uneven_scenes()[0] || s.scene == r.scene->name)
+          t.row(r, n, backend);
+  Json result = {{"bench", "scenes"},    {"record", "i, j, normal, depth in float"},
+                 {"machine", machine()}, {"device", device_name()},
+                 {"threads", s.threads}, {"rows", t.rows},
+                 {"table", t.table}};
+  write_result(s, result);
+  return result;
+}
+
+}  // namespace padder::bench

@@ -1,0 +1,215 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "tools/bench/uneven_scenes.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <utility>
+
+namespace padder::bench {
+namespace {
+
+using detect::FloatSphere, detect::SplitMix64;
+using Spheres = std::vector<FloatSphere>;
+
+double normal(SplitMix64& random) {
+  const double u = 1 - random.unit(), v = random.unit();
+  return std::sqrt(-2 * std::log(u)) * std::cos(2 * std::numbers::pi * v);
+}
+FloatSphere at(double x, double y, double z, double r = 1) {
+  return {static_cast<float>(x), static_cast<float>(y), static_cast<float>(z), static_cast<float>(r)};
+}
+double count_of(std::uint64_t n) { return static_cast<double>(n); }
+
+// Uniform in a box with this volume for each sphere.
+Spheres uniform(std::uint64_t n, double volume, double flat, SplitMix64& random, double (*radius)(double)) {
+  const double edge = std::cbrt(count_of(n) * volume / flat);
+  Spheres s;
+  s.reserve(n);
+  for (std::uint64_t k = 0; k < n; k++) {
+    const double x = random.unit() * edge, y = random.unit() * edge, z = random.unit() * edge * flat;
+    s.push_back(at(x, y, z, radius ? radius(random.unit()) : 1));
+  }
+  return s;
+}
+
+Spheres dense(std::uint64_t n, SplitMix64&) { return detect::generate("dense", n, false); }
+Spheres dilute(std::uint64_t n, SplitMix64&) { return detect::generate("dilute", n, false); }
+Spheres poly35(std::uint64_t n, SplitMix64&) { return detect::generate("poly35", n, false); }
+Spheres poly100(std::uint64_t n, SplitMix64&) { return detect::generate("poly100", n, false); }
+
+// One sphere in `one_in` thrown up to `edges` edges of the scene away.
+void throw_some(Spheres& s, std::uint64_t one_in, double edges, SplitMix64& random) {
+  float high = 0;
+  for (const FloatSphere& f : s) high = std::max({high, f.x, f.y, f.z});
+  const auto far = [&] { return static_cast<float>(random.signed_unit() * edges) * high; };
+  for (std::size_t k = 0; k < s.size(); k += one_in) s[k].x = far(), s[k].y = far(), s[k].z = far();
+}
+Spheres escaped(std::uint64_t n, SplitMix64& random) {
+  Spheres s = dense(n, random);
+  throw_some(s, 1000, 100, random);
+  return s;
+}
+Spheres escaped_bed(std::uint64_t n, SplitMix64& random);
+Spheres one_far(std::uint64_t n, SplitMix64& random) {
+  Spheres s = dense(n, random);
+  s[0] = at(1e6, -2e6, 3e6);
+  return s;
+}
+Spheres escaped_poly100(std::uint64_t n, SplitMix64& random) {
+  Spheres s = poly100(n, random);
+  throw_some(s, 1000, 100, random);
+  return s;
+}
+
+// Half in a Gaussian clump, half spread 12 times as far.
+Spheres clump(std::uint64_t n, SplitMix64& random) {
+  const double sigma = std::cbrt(0.0525 * count_of(n));
+  Spheres s;
+  for (std::uint64_t k = 0; k < n; k++) {
+    const double d = k % 2 ? sigma : 12 * sigma;
+    const double x = d * normal(random), y = d * normal(random), z = d * normal(random);
+    s.push_back(at(x, y, z));
+  }
+  return s;
+}
+// Dense below, exponentially thinner above.
+Spheres atmosphere(std::uint64_t n, SplitMix64& random) {
+  const double edge = std::cbrt(20 * count_of(n));
+  Spheres s;
+  for (std::uint64_t k = 0; k < n; k++) {
+    const double x = random.unit() * edge, y = random.unit() * edge,
+                 z = -0.3 * edge * std::log(1 - random.unit());
+    s.push_back(at(x, y, z));
+  }
+  return s;
+}
+// Layers of touching spheres.
+Spheres layers(std::uint64_t n, std::uint64_t deep, SplitMix64& random) {
+  const auto side = static_cast<std::uint64_t>(std::ceil(std::sqrt(count_of(n) / count_of(deep))));
+  Spheres s;
+  for (std::uint64_t k = 0; k < n; k++) {
+    const std::uint64_t c = k / deep;
+    const auto jittered = [&](std::uint64_t v) { return 1.97 * count_of(v) + 0.1 * random.signed_unit(); };
+    const double x = jittered(c % side), y = jittered(c / side), z = jittered(k % deep);
+    s.push_back(at(x, y, z));
+  }
+  return s;
+}
+Spheres bed(std::uint64_t n, SplitMix64& random) { return layers(n, 16, random); }
+Spheres escaped_bed(std::uint64_t n, SplitMix64& random) {
+  Spheres s = layers(n, 1, random);
+  throw_some(s, 1000, 10, random);
+  return s;
+}
+// Spheres that touch on the surface of a ball.
+Spheres shell(std::uint64_t n, SplitMix64&) {
+  const double radius = std::sqrt(count_of(n) * 3.4 / (4 * std::numbers::pi));
+  Spheres s;
+  for (std::uint64_t k = 0; k < n; k++) {
+    const double z = 1 - (2 * count_of(k) + 1) / count_of(n), around = std::sqrt(1 - z * z),
+                 angle = count_of(k) * std::numbers::pi * (3 - std::sqrt(5.0));
+    s.push_back(at(radius * around * std::cos(angle), radius * around * std::sin(angle), radius * z));
+  }
+  return s;
+}
+// A hundred straight chains from the origin, in all directions.
+Spheres lines(std::uint64_t n, SplitMix64& random) {
+  Spheres s;
+  double d[3] = {1, 0, 0};
+  const std::uint64_t each = std::max<std::uint64_t>(n / 100, 1);
+  for (std::uint64_t k = 0; k < n; k++) {
+    if (k % each == 0) {
+      for (double& v : d) v = normal(random);
+      if (k / each < 4)
+        for (int a = 0; a < 3; a++) d[a] = a == static_cast<int>(k / each) || k / each == 3;
+      const double length = std::hypot(d[0], d[1], d[2]);
+      for (double& v : d) v /= length;
+    }
+    const double t = 1.95 * count_of(k % each + 20);
+    s.push_back(at(d[0] * t, d[1] * t, d[2] * t));
+  }
+  return s;
+}
+// A fractal heap: each group of eight lies about a point of a group of the next size, three times as wide.
+Spheres fractal(std::uint64_t n, SplitMix64& random) {
+  Spheres s;
+  double centre[24][3] = {};
+  for (std::uint64_t k = 0; k < n; k++) {
+    double x[3] = {}, width = 1.2;
+    int depth = 0;
+    for (std::uint64_t q = n; q > 0; q /= 8) depth++;
+    for (int g = 0; g < depth; g++, width *= 3) {
+      if (k % (std::uint64_t(1) << 3 * g) == 0)
+        for (double& c : centre[g]) c = width * normal(random);
+      for (int a = 0; a < 3; a++) x[a] += centre[g][a];
+    }
+    s.push_back(at(x[0], x[1], x[2]));
+  }
+  return s;
+}
+// Two dense heaps, far from each other.
+Spheres two_heaps(std::uint64_t n, SplitMix64& random) {
+  Spheres s = dense(n / 2, random), other = dense(n - n / 2, random);
+  for (const FloatSphere& f : other) s.push_back({f.x + 20000, f.y - 30000, f.z + 7000, f.r});
+  return s;
+}
+
+Spheres lognormal(std::uint64_t n, SplitMix64& random) {
+  Spheres s = uniform(n, 77, 1, random, nullptr);
+  for (FloatSphere& f : s) f.r = static_cast<float>(std::exp(0.5 * normal(random)));
+  return s;
+}
+Spheres one_in_2000(std::uint64_t n, SplitMix64& random) {
+  Spheres s = uniform(n, 46, 1, random, nullptr);
+  for (std::size_t k = 0; k < s.size(); k += 2000) s[k].r = 30;
+  return s;
+}
+Spheres ten_of(std::uint64_t n, float r, SplitMix64& random) {
+  Spheres s = uniform(n, 11.5, 1, random, nullptr);
+  for (std::size_t k = 0; k < std::min<std::size_t>(10, s.size()); k++) s[k * (s.size() / 10)].r = r;
+  return s;
+}
+Spheres ten_giants(std::uint64_t n, SplitMix64& random) { return ten_of(n, 40, random); }
+Spheres ten_huge(std::uint64_t n, SplitMix64& random) {
+  Spheres s = uniform(n, 11.5, 1, random, nullptr);
+  for (std::size_t k = 0; k < std::min<std::size_t>(10, s.size()); k++)
+    s[k] = at(-990 + 4 * count_of(k), 100 * count_of(k), 50, 1000);
+  return s;
+}
+
+}  // namespace
+
+const std::vector<UnevenScene>& uneven_scenes() {
+  static const std::vector<UnevenScene> all{
+      {"dense", "the reference", 1, dense},
+      {"dilute", "uniform, 0.45 contacts a sphere", 1.7, dilute},
+      {"escaped", "dense, one in 1,000 thrown up to 100 edges away", 1.7, escaped},
+      {"one_far", "dense, a single sphere at 3e6", 1.7, one_far},
+      {"clump", "half in a Gaussian clump, half spread 12 times as far", 1.7, clump},
+      {"atmosphere", "dense below, exponentially thinner above", 1.7, atmosphere},
+      {"bed", "16 layers", 1.7, bed},
+      {"escaped_bed", "one layer, one in 1,000 thrown up to 10 edges away", 1.7, escaped_bed},
+      {"shell", "on the surface of a ball", 1.7, shell},
+      {"lines", "a hundred chains in all directions", 1.7, lines},
+      {"fractal", "groups of eight, each three times as wide as the one inside", 1.7, fractal},
+      {"two_heaps", "two dense heaps 37,000 apart", 1.7, two_heaps},
+      {"poly35", "radii 1 to 4", 2.2, poly35},
+      {"poly100", "radii 1 to 100", 2.2, poly100},
+      {"escaped_poly", "poly100, one in 1,000 thrown up to 100 edges away", 2.2, escaped_poly100},
+      {"lognormal", "log-normal radii, sigma 0.5", 2.2, lognormal},
+      {"one_in_2000", "one in 2,000 is 30 times as large", 2.2, one_in_2000},
+      {"ten_giants", "ten of radius 40 among radius 1", 3, ten_giants},
+      {"ten_huge", "ten of radius 1,000 beside radius 1", 3, ten_huge},
+  };
+  return all;
+}
+
+Spheres uneven_scene(const UnevenScene& scene, std::uint64_t n) {
+  SplitMix64 random(12345 + n);
+  Spheres s = scene.make(n, random);
+  for (std::uint64_t k = s.size(); k-- > 1;) std::swap(s[k], s[random.bits() % (k + 1)]);
+  return s;
+}
+
+}  // namespace padder::bench

@@ -1,0 +1,25 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Scenes in which spheres lie unevenly or differ in size, for `bench scenes`: what simulations look like once
+// grains escape, heaps settle and sizes vary.
+#pragma once
+#include <string>
+#include <vector>
+
+#include "detect/scene/generate.h"
+
+namespace padder::bench {
+
+struct UnevenScene {
+  const char* name;
+  const char* what;
+  double most;  // aim: time over (spheres + contacts), relative to dense
+  std::vector<detect::FloatSphere> (*make)(std::uint64_t n, detect::SplitMix64& random);
+};
+
+// The first is dense, which the others are compared with.
+const std::vector<UnevenScene>& uneven_scenes();
+
+// The scene with n spheres in random order; seed 12345 + n.
+std::vector<detect::FloatSphere> uneven_scene(const UnevenScene& scene, std::uint64_t n);
+
+}  // namespace padder::bench

@@ -1,0 +1,132 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// detect with --devices or --memory: contacts are found box by box.
+#include <cstdio>
+#include <filesystem>
+#include <iostream>
+#include <optional>
+#include <string_view>
+
+#include "detect/boxes/boxed_detector.h"
+#include "detect/boxes/contact_writer.h"
+#include "detect/scene/contact_file.h"
+#include "padding/asset/error.h"
+#include "tools/detect/arguments.h"
+
+namespace padder::tool {
+namespace {
+
+bool ends_in(const std::string& file, const char* ending) {
+  return std::filesystem::path(file).extension() == ending;
+}
+
+std::vector<DeviceChoice> devices_of(const Arguments& a) {
+  const BackendKind backend = a.backend.value();
+  if (a.devices == "all" && backend == BackendKind::omp) return {{BackendKind::omp, 0}};
+  if (a.devices == "all") {
+    const std::vector<DeviceChoice> all = all_devices();
+    if (backend == BackendKind::cuda && all[0].backend != BackendKind::cuda)
+      throw Error("--devices all: there is no GPU that CUDA can use: choose omp");
+    return all;
+  }
+  const int count = a.devices.empty() ? 1 : std::stoi(a.devices);
+  if (count == 1) return {{backend, 0}};
+  std::vector<DeviceChoice> devices;
+  for (int k = 0; k < count; k++)
+    devices.push_back(
+        {backend == BackendKind::omp ? backend : BackendKind::cuda, backend == BackendKind::omp ? 0 : k});
+  return devices;
+}
+
+BoxOptions options_of(const Arguments& a, const Scene& scene) {
+  BoxOptions o;
+  o.detector = a.options;
+  o.detector.path = a.path.value(), o.detector.precision = a.precision.value();
+  o.detector.width = a.output.empty() ? Width::pairs : Width::points;
+  o.detector.scalar = Scalar::f64;
+  if (a.output.empty() && scene.spheres().scalar == Scalar::f32 && scene.bodies.empty())
+    o.detector.scalar = Scalar::f32;
+  o.detector.memory_limit = a.memory, o.memory_limit = a.memory;
+  o.devices = devices_of(a);
+  return o;
+}
+
+void check(const Arguments& a) {
+  if (a.stages) throw UsageError("--stages is for small scenes: leave out --devices and --memory");
+  if (a.output.empty() || ends_in(a.output, ".npy")) return;
+  check_contact_ending(a.output);
+  if (a.memory)
+    throw UsageError("-o " + a.output +
+                     ": a sorted file needs the whole list in memory: with --memory, write a .npy");
+}
+
+Json report_of(const Arguments& a, const Scene& scene, const BoxOptions& options, const BoxReport& r,
+               const char* backend) {
+  return {{"spheres", r.spheres},
+          {"bodies", scene.bodies.size()},
+          {"contacts", r.contacts},
+          {"hash", hex(r.hash)},
+          {"backend", backend},
+          {"path", a.path.word},
+          {"precision", a.precision.word},
+          {"doubtful", r.doubtful},
+          {"devices", options.devices.size()},
+          {"boxes", r.boxes},
+          {"memory_boxes", r.memory_boxes},
+          {"splits", r.splits},
+          {"rounds", r.rounds},
+          {"copies", r.copies},
+          {"memory", r.memory},
+          {"seconds",
+           {{"cut", r.cut_seconds},
+            {"copy", r.copy_seconds},
+            {"detect", r.detect_seconds},
+            {"total", r.cut_seconds + r.copy_seconds + r.detect_seconds}}}};
+}
+
+}  // namespace
+
+bool wants_boxes(const Arguments& a) {
+  return !a.devices.empty() || a.memory || ends_in(a.scene, ".npy") || ends_in(a.scene, ".npz") ||
+         ends_in(a.output, ".npy");
+}
+
+int run_boxes(const Arguments& a) {
+  check(a);
+  const Scene scene = read_scene_or_cluster(a.scene, a.copies, LooseAs::mapped);
+  const Input input = scene.input();
+  const BoxOptions options = options_of(a, scene);
+  BoxedDetector boxed(options);
+  if (ends_in(a.output, ".npy")) {
+    ContactWriter writer(a.output, options.detector.width, options.detector.scalar);
+    boxed.detect(input, writer.consumer());
+    writer.finish();
+  } else if (!a.output.empty()) {
+    write_contacts(boxed.detect(input), a.output, a.options.threads);
+  } else {
+    boxed.detect(input, {});
+  }
+  const BoxReport& r = boxed.report();
+  const Json report = report_of(a, scene, options, r, boxed.backend());
+  if (a.json) {
+    std::cout << report.dump(2) << std::endl;
+    return 0;
+  }
+  if (!a.quiet) {
+    std::printf(
+        "%llu spheres in %zu bodies and loose: %llu contacts (%s, %s, %u box%s on %zu device%s) in %.4f s\n",
+        (unsigned long long)r.spheres, scene.bodies.size(), (unsigned long long)r.contacts, boxed.backend(),
+        a.precision.word.c_str(), r.boxes, r.boxes > 1 ? "es" : "", options.devices.size(),
+        options.devices.size() > 1 ? "s" : "", report["seconds"]["total"].get<double>());
+    if (r.memory_boxes)
+      std::printf("%u of the boxes were made because memory is limited, and %u split\n", r.memory_boxes,
+                  r.splits);
+    if (a.precision.value() == Precision::float32)
+      std::printf("float only: off from double arithmetic by at most %llu pairs\n",
+                  (unsigned long long)r.doubtful);
+    if (!a.output.empty()) std::printf("wrote %s\n", a.output.c_str());
+  }
+  if (a.hash) std::printf("%s\n", hex(r.hash).c_str());
+  return 0;
+}
+
+}  // namespace padder::tool

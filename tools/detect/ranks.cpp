@@ -1,0 +1,167 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// detect as it is started by mpirun or srun: the ranks share the scene, and rank 0 prints the result.
+#include <unistd.h>
+
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <iostream>
+#include <optional>
+
+#include "padding/asset/error.h"
+#include "tools/detect/arguments.h"
+
+#ifdef PADDER_MPI
+#include <mpi.h>
+
+#include "detect/mpi/rank_contact_file.h"
+#include "detect/mpi/rank_detector.h"
+#include "detect/mpi/together.h"
+#endif
+
+namespace padder::tool {
+namespace {
+
+int loud = 2;  // what stays of the standard error stream on a rank that is silent
+
+}  // namespace
+
+bool silence_other_ranks() {
+  if (launch_of_environment().rank == 0) return false;
+  loud = ::dup(2);
+  if (!std::freopen("/dev/null", "w", stdout) || !std::freopen("/dev/null", "w", stderr)) std::exit(1);
+  return true;
+}
+
+#ifndef PADDER_MPI
+
+int run_ranks(const Arguments&, const Launch& launch) {
+  throw Error("this program was built without MPI and cannot be one of " + std::to_string(launch.ranks) +
+              " ranks: install MPI and Zoltan, and configure with PADDER_MPI=ON");
+}
+
+#else
+namespace {
+
+// MPI from here to the end of this object.
+class Session {
+ public:
+  explicit Session(const Launch& launch) {
+    int given = 0, size = 0;
+    MPI_Init_thread(nullptr, nullptr, MPI_THREAD_FUNNELED, &given);
+    MPI_Comm_size(MPI_COMM_WORLD, &size);
+    if (size == launch.ranks) return;
+    MPI_Finalize();
+    throw Error("the launcher has started " + std::to_string(launch.ranks) + " processes, but MPI knows of " +
+                std::to_string(size) +
+                ": start them with the mpirun of the MPI that this program was built "
+                "with, or with srun --mpi=pmix");
+  }
+  ~Session() { MPI_Finalize(); }
+  Session(const Session&) = delete;
+  Session& operator=(const Session&) = delete;
+};
+
+void check(const Arguments& a) {
+  if (a.stages) throw UsageError("--stages is for small scenes: start one process");
+  if (!a.devices.empty()) throw UsageError("--devices: each rank takes one GPU; start one rank for each");
+  if (a.memory) throw UsageError("--memory is for one process: start more ranks instead");
+  if (!a.output.empty() && std::filesystem::path(a.output).extension() != ".npy")
+    throw UsageError("-o " + a.output + ": several ranks write a .npy, one record for each contact");
+}
+
+RankOptions options_of(const Arguments& a, const Scene& scene) {
+  RankOptions o;
+  o.detector = a.options;
+  o.detector.path = a.path.value(), o.detector.precision = a.precision.value();
+  o.detector.width = a.output.empty() ? Width::pairs : Width::points;
+  const bool single = a.output.empty() && scene.spheres().scalar == Scalar::f32 && scene.bodies.empty();
+  o.detector.scalar = single ? Scalar::f32 : Scalar::f64;
+  if (a.backend.value() == BackendKind::omp) o.device = {BackendKind::omp, 0};
+  return o;
+}
+
+struct Times {
+  double cut, exchange, detect;
+};
+
+// Of the slowest rank.
+Times longest(const RankReport& r) {
+  double t[3] = {r.cut_seconds, r.exchange_seconds, r.detect_seconds};
+  MPI_Allreduce(MPI_IN_PLACE, t, 3, MPI_DOUBLE, MPI_MAX, MPI_COMM_WORLD);
+  return {t[0], t[1], t[2]};
+}
+
+void print(const Arguments& a, const RankReport& r, int ranks, const Times& t, const char* backend) {
+  const double total = t.cut + t.exchange + t.detect;
+  const Json report = {
+      {"spheres", r.spheres},
+      {"bodies", r.bodies},
+      {"contacts", r.contacts},
+      {"hash", hex(r.hash)},
+      {"backend", backend},
+      {"path", a.path.word},
+      {"precision", a.precision.word},
+      {"doubtful", r.doubtful},
+      {"ranks", ranks},
+      {"splits", r.splits},
+      {"copies", r.copies},
+      {"imbalance", r.imbalance},
+      {"seconds", {{"cut", t.cut}, {"exchange", t.exchange}, {"detect", t.detect}, {"total", total}}}};
+  if (a.json) {
+    std::cout << report.dump(2) << std::endl;
+    return;
+  }
+  if (!a.quiet) {
+    std::printf("%llu spheres in %llu bodies and loose: %llu contacts (%s, %s, %d ranks) in %.4f s\n",
+                (unsigned long long)r.spheres, (unsigned long long)r.bodies, (unsigned long long)r.contacts,
+                backend, a.precision.word.c_str(), ranks, total);
+    if (a.precision.value() == Precision::float32)
+      std::printf("float only: off from double arithmetic by at most %llu pairs\n",
+                  (unsigned long long)r.doubtful);
+    if (!a.output.empty()) std::printf("wrote %s\n", a.output.c_str());
+  }
+  if (a.hash) std::printf("%s\n", hex(r.hash).c_str());
+}
+
+int run_among(const Arguments& a, const Launch& launch) {
+  check(a);
+  Scene scene;
+  together(MPI_COMM_WORLD, [&] { scene = read_scene_or_cluster(a.scene, a.copies, LooseAs::mapped); });
+  const Input share = share_of(scene.input(), launch.rank, launch.ranks);
+  const RankOptions options = options_of(a, scene);
+  RankDetector detector(MPI_COMM_WORLD, options);
+  if (a.output.empty()) {
+    detector.detect(share, {});
+  } else {
+    RankContactFile file(MPI_COMM_WORLD, a.output, options.detector.width, options.detector.scalar);
+    detector.detect(share, file.consumer());
+    file.finish();
+  }
+  const Times times = longest(detector.report());
+  if (launch.rank == 0) print(a, detector.report(), launch.ranks, times, detector.backend());
+  return 0;
+}
+
+}  // namespace
+
+// What fails on all ranks is thrown on all of them. Anything else ends them all at once, since the others
+// would wait for this one.
+int run_ranks(const Arguments& a, const Launch& launch) {
+  const Session session(launch);
+  try {
+    return run_among(a, launch);
+  } catch (const Error&) {
+    throw;
+  } catch (const UsageError&) {
+    throw;
+  } catch (const std::exception& e) {
+    ::dprintf(loud, "detect: rank %d: %s\n", launch.rank, e.what());
+    MPI_Abort(MPI_COMM_WORLD, 1);
+    throw;
+  }
+}
+
+#endif
+
+}  // namespace padder::tool
