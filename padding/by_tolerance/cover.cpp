@@ -244,13 +244,15 @@ class CoverSearch {
     const Ball ball =
         inner_medial_ball(surface_, p, normal, largest_, medial_tolerance * tolerance_sum_, guess);
     if (ball.radius + protrusion_ > 0) return ball;
-    // In a sharp corner no ball inside the body touches p, but one that lies a part of the gap below covers
-    // it.
-    double below = 0.75 * gap_;
-    for (int halving = 0; halving < 12; halving++, below *= 0.5) {
-      const Point c = p - below * normal;
-      const double inner_distance = -surface_.signed_nearest(c).distance;
-      if (inner_distance + protrusion_ > 0) return {c, inner_distance};
+    // In a sharp corner no ball inside the body touches p. But one covers it whose centre is pushed off the
+    // walls there, of which there may be three, by a part of the gap each.
+    for (double push = 0.25 * gap_; push > 1e-4 * gap_; push *= 0.5) {
+      Point c = p - push * normal;
+      for (int wall = 0; wall < 3; wall++) {
+        const Nearest at = surface_.signed_nearest(c);
+        if (-at.distance >= 0.1 * push) return {c, -at.distance};
+        c -= push * at.normal;
+      }
     }
     return ball;
   }
