@@ -4,8 +4,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdio>
-#include <cstdlib>
 #include <numeric>
 
 #include "padding/asset/error.h"
@@ -17,12 +15,17 @@
 namespace padder {
 namespace {
 
-double env(const char* n, double d) { const char* e = getenv(n); return e ? atof(e) : d; }
-constexpr double rounding = 1e-9;          // share of a length or a sum that covers rounding many times
-const std::size_t most_points = env("MP",30000);  // with weights
-constexpr int most_rounds = 12;  // of weights and boxes in turn
-const double smallest_box = env("SB",0.03), largest_row = env("LRW",0.13), row_distance=env("RD",0.15);
-constexpr std::size_t batch = 256;         // boxes that are split together
+constexpr double rounding = 1e-9;           // share of a length or a sum that covers rounding many times
+constexpr std::size_t most_points = 30000;  // with weights
+constexpr int first_steps = 1200, later_steps = 400;  // of the linear programme
+constexpr int most_rounds = 12;                       // of weights and boxes in turn
+constexpr double least_gain = 0.005;                  // of a round, else it is the last
+constexpr std::size_t batch = 256;                    // boxes that are split together
+// Boxes have the size of the neighbourhoods in which balls cover about the same, which the tolerance sum
+// tells. Half edges in shares of it: of boxes that are not split further, and of the largest that become
+// sets.
+constexpr double smallest_box = 0.03, largest_row = 0.13;
+constexpr double row_distance = 0.15;  // of the boxes that become sets, in shares of the tolerance sum
 
 // For each element, the sets that contain it.
 Sets transposed(const Sets& sets, std::size_t elements) {
@@ -125,14 +128,13 @@ class LowerBound {
     const std::size_t begun = rows_.size();
     double best = 0;
     for (int round = 1; round <= most_rounds; round++) {
-      packing_.improve(rows_, tree_.size(), round == 1 ? (int)env("I1",1200) : (int)env("I2",400));
-      const double most = prove(std::max<std::size_t>(10000, (int)env("BX",24) * begun));
+      packing_.improve(rows_, tree_.size(), round == 1 ? first_steps : later_steps);
+      const double most = prove(std::max<std::size_t>(10000, options_.boxes * begun));
       const double sum = std::accumulate(packing_.weights.begin(), packing_.weights.end(), 0.0);
       if (!(most > 0)) break;
       const double bound = sum / most * (1 - rounding), before = best;
       best = std::max(best, bound);
-      if (getenv("LBV")) fprintf(stderr, "round %d sum %.2f most %.3f bound %.2f rows %zu points %zu\n", round, sum, most, sum/most, rows_.size(), tree_.size());
-      if (round > 3 && bound < 1.005 * before) break;
+      if (round > 3 && bound < (1 + least_gain) * before) break;
       add_rows(begun);
     }
     return static_cast<std::uint64_t>(std::max(1.0, std::ceil(best)));
@@ -254,8 +256,8 @@ class LowerBound {
         if (part.most > 0) boxes_.push_back(part), std::push_heap(boxes_.begin(), boxes_.end(), smaller);
     }
     boxes_.insert(boxes_.end(), settled_.begin(), settled_.end());
-    std::sort(boxes_.begin(), boxes_.end(), [&](const CenterBox& a, const CenterBox& b) { return smaller(b, a); });
-    if (getenv("LBV")) fprintf(stderr,"top half %.4f s  n %zu settled %zu 2nd half %.4f\n", boxes_[0].half/tolerance_sum_, boxes_.size(), settled_.size(), boxes_[boxes_.size()/10].half/tolerance_sum_);
+    std::sort(boxes_.begin(), boxes_.end(),
+              [&](const CenterBox& a, const CenterBox& b) { return smaller(b, a); });
     return boxes_.empty() ? 0 : boxes_[0].most;
   }
 
@@ -270,8 +272,8 @@ class LowerBound {
     }
   }
 
-  // The boxes with the largest sums become sets of the linear programme, so that its weights fit the boxes. They lie
-  // apart: many near one place would say the same.
+  // The boxes with the largest sums become sets of the linear programme, so that its weights fit the boxes.
+  // They lie apart: many near one place would say the same.
   void add_rows(std::size_t most) {
     std::vector<Point> centers;
     for (const CenterBox& box : boxes_) centers.push_back(box.center);

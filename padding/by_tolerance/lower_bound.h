@@ -13,7 +13,8 @@ struct LowerBoundOptions {
   double protrusion = 0;  // no ball may stand out of the body by more, as the certificate bounds it
   double gap = 0;  // no surface point may lie farther outside the union; the sum of both must be above 0
   double max_radius = std::numeric_limits<double>::infinity();
-  std::size_t boxes = 200000;  // that the proof may look at: more of them give a higher bound
+  std::size_t boxes =
+      24;  // that the proof may look at for each medial ball: more of them give a higher bound
 };
 
 // A cover is meant as the certificate proves it (padding/verify/certify.h): with the signed distance d(c) of
