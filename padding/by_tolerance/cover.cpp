@@ -34,6 +34,7 @@ struct Stage {
 };
 constexpr std::array stages = {Stage{3, 2, 50, 0.3}, Stage{4, 3, 100, 0.2}, Stage{6, 4, 200, 0.15}};
 constexpr double greedy_margin = 0.3;
+constexpr double thinning_margin = 0.5;  // there no new balls can mend what the points miss
 
 constexpr int places = 16;  // tried around each ball
 // How far from the place of a chosen ball, in turn: share of the radius of the disc that it covers.
@@ -396,7 +397,7 @@ std::vector<std::uint32_t> thin_balls(const Surface& surface, const std::vector<
   sampling.largest = 0;
   for (const Candidate& c : candidates) sampling.largest = std::max(sampling.largest, c.inner_distance);
   Samples samples = sample_surface(surface, sampling);
-  for (CoverPoint& point : samples.fine) point.margin *= greedy_margin;
+  for (CoverPoint& point : samples.fine) point.margin *= thinning_margin;
   CoverProblem problem(bound);
   problem.add(samples.fine, candidates);
 

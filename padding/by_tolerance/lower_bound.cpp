@@ -18,6 +18,7 @@ namespace {
 constexpr double rounding = 1e-9;           // share of a length or a sum that covers rounding many times
 constexpr std::size_t most_points = 30000;  // with weights
 constexpr int first_steps = 1200, later_steps = 400;  // of the linear programme
+constexpr double most_additions = 2e8;                // of a round, over all steps
 constexpr int most_rounds = 12;                       // of weights and boxes in turn
 constexpr double least_gain = 0.005;                  // of a round, else it is the last
 constexpr std::size_t batch = 256;                    // boxes that are split together
@@ -81,7 +82,7 @@ class Packing {
       }
       count += 1;
       for (std::size_t k = 0; k < elements; k++) mean[k] += (weights[k] - mean[k]) / count;
-      if (step % 50 != 0) continue;
+      if (step % 25 != 0) continue;
       for (const std::vector<double>* w : {&weights, &mean})
         if (const double v = value(sets, *w); v > best_value) best_value = v, best = *w;
       if (step % 400 == 0) count = 0;
@@ -128,7 +129,10 @@ class LowerBound {
     const std::size_t begun = rows_.size();
     double best = 0;
     for (int round = 1; round <= most_rounds; round++) {
-      packing_.improve(rows_, tree_.size(), round == 1 ? first_steps : later_steps);
+      // Where a few balls do, each set has many points: then few steps are enough.
+      const int affordable =
+          std::max(50, static_cast<int>(most_additions / static_cast<double>(rows_.elements.size() + 1)));
+      packing_.improve(rows_, tree_.size(), std::min(affordable, round == 1 ? first_steps : later_steps));
       const double most = prove(std::max<std::size_t>(10000, options_.boxes * begun));
       const double sum = std::accumulate(packing_.weights.begin(), packing_.weights.end(), 0.0);
       if (!(most > 0)) break;

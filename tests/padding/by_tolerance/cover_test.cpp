@@ -167,7 +167,7 @@ TEST(Cover, SameResultForAnyNumberOfThreads) {
 
 // Many balls: the blocks of one search run in parallel, and not the searches.
 TEST(Cover, LargeCoversAreTheSameForAnyNumberOfThreads) {
-  const double e = 0.006;
+  const double e = 0.0033;
   const Surface surface(unit(shapes::box({0, 0, 0}, {1, 0.6, 0.05})));
   const auto cover = [&](int threads) {
     omp_set_num_threads(threads);

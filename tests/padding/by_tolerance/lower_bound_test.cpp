@@ -69,7 +69,7 @@ TEST(LowerBound, NoCoverHasFewerBalls) {
     const double protrusion = 0.04 * random.uniform(), gap = 0.02 + 0.03 * random.uniform();
     // The last one intersects itself.
     const Surface surface(mesh, SideBy::winding);
-    const Cover cover = cover_surface(surface, {.protrusion = protrusion, .gap = gap, .effort = 2});
+    const Cover cover = cover_surface(surface, {.protrusion = protrusion, .gap = gap});
     ASSERT_TRUE(cover.covered);
     const std::uint64_t bound = fewest_balls(surface, {.protrusion = protrusion, .gap = gap});
     EXPECT_GE(bound, 1u);
@@ -86,7 +86,7 @@ TEST(LowerBound, ComesNear) {
 // Smaller balls can only do worse.
 TEST(LowerBound, ARadiusLimitRaisesIt) {
   const Surface surface(unit(shapes::box({0, 0, 0}, {1, 1, 1})));
-  LowerBoundOptions options{.protrusion = 0.02, .gap = 0.02};
+  LowerBoundOptions options{.protrusion = 0.02, .gap = 0.02, .boxes = 10};
   const std::uint64_t free = fewest_balls(surface, options);
   options.max_radius = 0.1;
   EXPECT_GT(fewest_balls(surface, options), free);
