@@ -18,7 +18,7 @@ namespace {
 constexpr double rounding = 1e-9;           // share of a length or a sum that covers rounding many times
 constexpr std::size_t most_points = 30000;  // with weights
 constexpr int first_steps = 1200, later_steps = 400;  // of the linear programme
-constexpr double most_additions = 2e8;                // of a round, over all steps
+constexpr double most_additions = 5e8;                // of a round, over all steps
 constexpr int most_rounds = 12;                       // of weights and boxes in turn
 constexpr double least_gain = 0.005;                  // of a round, else it is the last
 constexpr std::size_t batch = 256;                    // boxes that are split together
