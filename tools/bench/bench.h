@@ -37,6 +37,7 @@ Json table2(const Settings&);      // table2.cpp
 Json speedup(const Settings&);     // speedup.cpp
 Json scaling(const Settings&);     // scaling.cpp
 Json bodies(const Settings&);      // scaling.cpp; its rows of bodies alone
+Json piles(const Settings&);       // piles.cpp
 Json stages(const Settings&);      // stages.cpp
 Json frontier(const Settings&);    // frontier.cpp; only where padder::padding is built
 Json draw_files(const Settings&);  // draw.cpp; no measurement: the plots of documents

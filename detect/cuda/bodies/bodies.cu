@@ -52,7 +52,10 @@ void BodySearch::make_plan(const Call& call, const Output& output) {
   plan_.processors = call.processors;
   plan_.pairs.pairs = pairs_.data(), plan_.pairs.capacity = pairs_.capacity();
   plan_.pairs.width = Width::pairs;
-  plan_.hits = hits_.data(), plan_.hit_room = hits_.capacity();
+  plan_.lent = call.list.lent();
+  // Only a stable order has a list of hits, from which the list of contacts is written.
+  plan_.room = output.capacity;
+  if (plan_.stable_order) plan_.hits = hits_.data(), plan_.room = std::min(plan_.room, hits_.capacity());
   DeviceSpheres& b = plan_.balls;
   b.centers = &view.balls->x, b.radii = &view.balls->r, b.center_stride = b.radius_stride = 4;
   b.family = view.family, b.mask = view.mask, b.owner = view.owner;
@@ -64,16 +67,13 @@ void BodySearch::broad_phase(const Plan& plan, Tools& tools, cudaStream_t stream
   const ProfileRange range("padder: broad phase of bodies (stages 1 to 7)");
   BodyCounters* const counters = tools.counters.data();
   if (plan.with_survey) tools.surveyor.begin(plan.balls, plan.octaves, plan.top, plan.processors, stream);
-  // Hits and pairs are written after the elements are in order: until then their memory is lent.
-  const Lent lent{reinterpret_cast<float4*>(plan.hits), plan.hit_room,
-                  reinterpret_cast<std::uint32_t*>(plan.pairs.pairs), plan.pairs.capacity * 2};
   const Ordered ordered = tools.orderer.order({.source = plan.balls,
                                                .grid = plan.grid,
                                                .kind = SlotKind::fixed_point,
                                                .stable = plan.stable_order,
                                                .method = plan.method,
                                                .gather = {},
-                                               .lent = lent,
+                                               .lent = plan.lent,
                                                .counters = &counters->broad,
                                                .processors = plan.processors,
                                                .stream = stream});
@@ -97,15 +97,19 @@ void BodySearch::broad_phase_of_static(const Plan& plan, Tools& tools, cudaStrea
   write_static_pairs(t, plan.static_grid, plan.processors, stream);
 }
 
-void BodySearch::narrow_phase(const Plan& plan, Tools& tools, NarrowPhaseTask& t, cudaStream_t stream) {
-  if (!plan.stable_order) return find_hits(t, plan.processors, stream);
-  const std::uint64_t batches = (plan.pairs.capacity + kBatch - 1) / kBatch;
-  t.ranks = tools.ranks.reserve(plan.hit_room), t.batch_counts = tools.batch_counts.reserve(batches);
-  find_hits(t, plan.processors, stream);
-  if (batches <= kMostSummedBatches) return;
-  unsigned long long* offsets = tools.batch_offsets.reserve(batches);
-  t.batch_offsets = offsets;
-  exclusive_sum(t.batch_counts, offsets, batches, tools.scratch, stream);
+void BodySearch::narrow_phase(const Plan& plan, Tools& tools, NarrowPhaseTask& t, cudaStream_t stream,
+                              StageClock& clock) {
+  if (!plan.stable_order) return find_contacts(t, plan.output, stream);
+  const std::uint64_t batches = most_batches(plan.pairs.capacity, t.finder_warps);
+  t.ranks = tools.ranks.reserve(plan.room), t.batch_counts = tools.batch_counts.reserve(batches);
+  find_contacts(t, plan.output, stream);
+  if (batches > kMostSummedBatches) {
+    unsigned long long* offsets = tools.batch_offsets.reserve(batches);
+    t.batch_offsets = offsets;
+    exclusive_sum(t.batch_counts, offsets, batches, tools.scratch, stream);
+  }
+  clock.mark(7);
+  write_hits(t, plan.output, plan.processors, stream);
 }
 
 void BodySearch::expect_report(const Plan& plan, Tools& tools) {
@@ -127,11 +131,9 @@ void BodySearch::enqueue(const Plan& plan, Tools& tools, cudaStream_t stream, St
     const ProfileRange range("padder: narrow phase of bodies (stages 8 and 9)");
     NarrowPhaseTask t{plan.view, plan.loose, plan.own};
     t.owns_all = plan.own == Region{}, t.stable_order = plan.stable_order;
-    t.pairs = plan.pairs.pairs, t.pair_room = plan.pairs.capacity, t.room = plan.hit_room;
-    t.hits = plan.hits, t.counters = counters;
-    narrow_phase(plan, tools, t, stream);
-    clock.mark(7);
-    write_hits(t, plan.output, plan.processors, stream);
+    t.pairs = plan.pairs.pairs, t.pair_room = plan.pairs.capacity, t.room = plan.room;
+    t.hits = plan.hits, t.counters = counters, t.finder_warps = finder_warps(plan.processors);
+    narrow_phase(plan, tools, t, stream, clock);
   }
   tools.report.send(stream);
 }
@@ -160,10 +162,12 @@ struct BodySearch::Steps {
   const Call& call;
   Contacts& contacts;
   std::uint32_t moving = s.input_.view().moving;
-  Output output = room_for(s.hits_.capacity());
+  Output output = room_for(1024);
 
+  // Lists of so many contacts.
   Output room_for(std::uint64_t count) const {
     call.list.reserve(call.options, count);
+    if (call.options.order == Order::stable) s.hits_.reserve(count);
     return call.list.output(call.options);
   }
 
@@ -213,9 +217,8 @@ struct BodySearch::Steps {
     } else if (pairs > s.pairs_.capacity() || !known || spilled > memory.spill.capacity()) {
       if (pairs > s.pairs_.capacity()) s.pairs_.reserve(pairs + pairs / 8);
       if (stable) memory.spill.reserve(known ? spilled + spilled / 8 : pairs / 16 + 4096), s.quota_ = quota;
-    } else if (found.contacts > std::min(s.hits_.capacity(), output.capacity)) {
-      s.hits_.reserve(found.contacts + found.contacts / 8);
-      output = room_for(s.hits_.capacity());
+    } else if (found.contacts > s.plan_.room) {
+      output = room_for(found.contacts + found.contacts / 8);
     } else {
       contacts.count = found.contacts;
       return false;
@@ -234,7 +237,6 @@ bool BodySearch::run(const Call& call, Contacts& contacts) {
   call.clock.mark(StageClock::kPlace);
   const std::uint32_t moving = input_.view().moving;
   pairs_.reserve(4 * std::uint64_t(moving) + 1024);
-  hits_.reserve(1024);
   Steps steps{*this, call, contacts};
   if (!speculative_.run(steps, known && moving > 0)) return false;
   call.clock.mark(8);

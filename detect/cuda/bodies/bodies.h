@@ -35,8 +35,9 @@ class BodySearch {
     StaticView statics;
     Grid static_grid;
     std::uint32_t static_count = 0;
-    uint4* hits = nullptr;
-    std::uint64_t hit_room = 0;
+    Lent lent;
+    uint4* hits = nullptr;   // for a stable order
+    std::uint64_t room = 0;  // for contacts
     OrderMethod method = OrderMethod::automatic;
     bool octaves = false, with_survey = false, stable_order = true;
     SlotQuota quota;
@@ -66,7 +67,8 @@ class BodySearch {
   static void enqueue(const Plan& plan, Tools& tools, cudaStream_t stream, StageClock& clock);
   static void broad_phase(const Plan& plan, Tools& tools, cudaStream_t stream, StageClock& clock);
   static void broad_phase_of_static(const Plan& plan, Tools& tools, cudaStream_t stream);
-  static void narrow_phase(const Plan& plan, Tools& tools, NarrowPhaseTask& task, cudaStream_t stream);
+  static void narrow_phase(const Plan& plan, Tools& tools, NarrowPhaseTask& task, cudaStream_t stream,
+                           StageClock& clock);
   bool ordinary(const CallOptions& options) const;
 
   MemoryBook& book_;

@@ -5,8 +5,8 @@
 #pragma once
 #include <vector>
 
-#include "detect/core/static_table.h"
 #include "detect/core/assembly.h"
+#include "detect/core/static_table.h"
 #include "detect/cuda/input/input_copy.h"
 
 namespace padder::detect::cuda {
@@ -28,12 +28,15 @@ struct BodyView {
   const Element* elements = nullptr;
   const Piece* pieces = nullptr;
   const Sphere* spheres = nullptr;
-  const std::uint32_t* numbers = nullptr;  // of each of these within its shape
-  const float4* near = nullptr;            // Pieces::near
+  const std::uint32_t* numbers = nullptr;               // of each of these within its shape
+  const NearSphere *near = nullptr, *groups = nullptr;  // of Pieces, as the boxes
+  const NearBox* boxes = nullptr;
   const std::uint32_t* body_first = nullptr;
-  Sphere* balls = nullptr;  // about each element
+  Sphere* balls = nullptr;    // about each element
+  Stance* stances = nullptr;  // of each element
   std::uint32_t *family = nullptr, *mask = nullptr, *owner = nullptr;
   std::uint32_t moving = 0, count = 0, loose_first = 0;
+  std::uint32_t unit_piece = 0, unit_near = 0;  // what stands for a loose sphere in `near`, `groups`, `boxes`
   friend bool operator==(const BodyView&, const BodyView&) = default;
 };
 
@@ -78,7 +81,9 @@ class BodyInput {
   Buffer<Element> elements_;
   Buffer<Piece> pieces_;
   Buffer<Sphere> spheres_, balls_, loose_spheres_, static_balls_;
-  Buffer<float4> near_;
+  Buffer<Stance> stances_;
+  Buffer<NearSphere> near_, groups_;
+  Buffer<NearBox> boxes_;
   Buffer<std::uint32_t> numbers_, body_first_, tags_, loose_tags_, moving_list_, static_starts_,
       static_elements_;
   Buffer<LooseRecord> records_, host_records_;

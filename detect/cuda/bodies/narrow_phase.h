@@ -20,9 +20,18 @@ struct Hit {
   std::uint32_t a_body, a_slot, b_body, b_slot;
 };
 
-// Pairs of elements that a warp takes at a time: a batch. The counts of up to kMostSummedBatches batches fit
-// the shared memory of a block: then each block that writes sums them up for itself.
-constexpr std::uint32_t kBatch = 8, kMostSummedBatches = 12000;
+// Pairs of elements that a warp takes at a time: a batch. Where pairs are few, batches are smaller, so that
+// every warp has work. The counts of up to kMostSummedBatches batches fit the shared memory of a block: then
+// each block that writes sums them up for itself.
+constexpr std::uint32_t kBatch = 32, kMostSummedBatches = 12000;
+PADDER_HD std::uint32_t batch_size(std::uint64_t pairs, std::uint32_t warps) {
+  const std::uint64_t each = pairs / warps;
+  return each >= kBatch ? kBatch : each > 1 ? static_cast<std::uint32_t>(each) : 1;
+}
+// No fewer than there are batches of up to so many pairs.
+inline std::uint64_t most_batches(std::uint64_t pairs, std::uint32_t warps) {
+  return pairs / kBatch + 2 * std::uint64_t(warps) + 1;
+}
 
 struct NarrowPhaseTask {
   BodyView view;
@@ -31,16 +40,19 @@ struct NarrowPhaseTask {
   bool owns_all = true, stable_order = true;
   const Pair* pairs = nullptr;  // of elements
   std::uint64_t pair_room = 0, room = 0;
+  std::uint32_t finder_warps = 0;  // that find contacts; their blocks are full
+  // For a stable order: the contacts; of each its batch and its number within the batch; the contacts of each
+  // batch; the contacts before each batch, or null where no more than kMostSummedBatches are possible.
   uint4* hits = nullptr;  // Hit
-  // For a stable order: of each hit its batch and its number within the batch; the contacts of each batch;
-  // the contacts before each batch, or null where no more than kMostSummedBatches are possible.
   uint2* ranks = nullptr;
   std::uint32_t* batch_counts = nullptr;
   const unsigned long long* batch_offsets = nullptr;
   BodyCounters* counters = nullptr;
 };
-void find_hits(const NarrowPhaseTask& task, int processors, cudaStream_t stream);
+// Counts the contacts. In any order it writes them, too; for a stable order it writes hits and ranks.
+void find_contacts(const NarrowPhaseTask& task, const Output& output, cudaStream_t stream);
 void write_hits(const NarrowPhaseTask& task, const Output& output, int processors, cudaStream_t stream);
+std::uint32_t finder_warps(int processors);
 
 // Moving elements against the table of static ones: counted, then written behind the pairs that are there.
 struct StaticPairTask {
