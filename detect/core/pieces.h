@@ -84,6 +84,16 @@ PADDER_HD double stretch_of(const double (&m)[9]) {
   return 1 + e + 0x1p-45;
 }
 
+// A radius that is a little larger, by up to 2^-23 of itself. It has so few digits that it stays the same
+// while a body moves, and so do the bins that follow from it.
+PADDER_HD double rounded_radius(double r) {
+  std::uint64_t bits;
+  memcpy(&bits, &r, sizeof bits);
+  bits = (bits + 0x1fffffff) & ~std::uint64_t(0x1fffffff);
+  memcpy(&r, &bits, sizeof r);
+  return r;
+}
+
 // The ball of a piece where the body is. NaN if the pose is not finite or beyond all bounds; then the spheres
 // themselves must be checked to say what is wrong.
 PADDER_HD Sphere ball_of(const Body& body, const Piece& piece) {
@@ -93,7 +103,7 @@ PADDER_HD Sphere ball_of(const Body& body, const Piece& piece) {
   const double extent = n * (magnitude(b.x) + magnitude(b.y) + magnitude(b.z) + b.r) +
                         magnitude(body.position[0]) + magnitude(body.position[1]) +
                         magnitude(body.position[2]);
-  at.r = n * b.r + kBallMargin * extent + kBallLeast;
+  at.r = rounded_radius(n * b.r + kBallMargin * extent + kBallLeast);
   if (!(extent < kBallMost)) at.r = NAN;
   return at;
 }

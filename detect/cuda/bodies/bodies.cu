@@ -5,6 +5,7 @@
 #include <cub/device/device_scan.cuh>
 
 #include "detect/cuda/device/profile_range.h"
+#include "detect/cuda/tuning.h"
 
 namespace padder::detect::cuda {
 namespace {
@@ -15,6 +16,26 @@ void exclusive_sum(const std::uint32_t* counts, unsigned long long* sums, Count 
   std::size_t bytes = 0;
   cub::DeviceScan::ExclusiveSum(nullptr, bytes, counts, sums, n, stream);
   cuda_check(cub::DeviceScan::ExclusiveSum(scratch.reserve(bytes), bytes, counts, sums, n, stream), "scan");
+}
+
+// Do the same numbers of elements have the same sizes? Then the levels and bins of the one serve the other.
+bool same_sizes(const Summary& a, const Summary& b) {
+  bool same = a.count == b.count && a.need_max == b.need_max && a.above == b.above &&
+              a.octaves_known == b.octaves_known && a.radius_max == b.radius_max &&
+              needs_octaves(a) == needs_octaves(b);
+  for (int k = 0; k < kOctaves; k++)
+    same = same && a.octave[k].count == b.octave[k].count && a.octave[k].need_max == b.octave[k].need_max &&
+           a.octave[k].radius_max == b.octave[k].radius_max;
+  return same;
+}
+// Room for a bin around the bounds, so that elements may move before another grid is needed.
+void widen(Summary& s) {
+  const auto wider = [](double(&low)[3], double(&high)[3], double by) {
+    for (int k = 0; k < 3; k++) low[k] -= by, high[k] += by;
+  };
+  wider(s.low, s.high, s.need_max);
+  for (Summary::Octave& o : s.octave)
+    if (o.count) wider(o.low, o.high, o.need_max);
 }
 
 }  // namespace
@@ -45,9 +66,13 @@ void BodySearch::make_plan(const Call& call, const Output& output) {
   plan_.view = view, plan_.loose = input_.loose(), plan_.output = output, plan_.own = call.options.own;
   plan_.statics = input_.static_view(), plan_.static_grid = input_.table().grid;
   plan_.static_count = input_.table().count;
-  plan_.grid = choose_grid(summary_, 0), plan_.method = method_, plan_.moves = book_.moves;
+  plan_.method = method_, plan_.moves = book_.moves;
   plan_.stable_order = call.options.order == Order::stable;
-  if (plan_.stable_order) plan_.quota = quota_;
+  plan_.all_pairs = view.moving <= tuning::kAllPairsElements;
+  if (!plan_.all_pairs) {
+    plan_.grid = choose_grid(summary_, 0);
+    if (plan_.stable_order) plan_.quota = quota_;
+  }
   plan_.octaves = needs_octaves(summary_), plan_.top = exponent_of(summary_.need_max);
   plan_.processors = call.processors;
   plan_.pairs.pairs = pairs_.data(), plan_.pairs.capacity = pairs_.capacity();
@@ -62,11 +87,28 @@ void BodySearch::make_plan(const Call& call, const Output& output) {
   b.count = view.moving, b.wide = b.filtered = true;
 }
 
+// Pairs of elements, counted and then written.
+template <class Launch>
+void BodySearch::element_pairs(const Plan& plan, Tools& tools, cudaStream_t stream, Launch launch) {
+  const std::uint32_t moving = plan.view.moving;
+  ElementPairTask t{plan.view, plan.statics, plan.pairs.pairs, plan.pairs.capacity,
+                    tools.query_counts.reserve(moving)};
+  unsigned long long* offsets = tools.query_offsets.reserve(moving);
+  t.offsets = offsets, t.counters = tools.counters.data();
+  launch(t, false);
+  exclusive_sum(t.counts, offsets, moving, tools.scratch, stream);
+  launch(t, true);
+}
+
 // Pairs of elements that move.
 void BodySearch::broad_phase(const Plan& plan, Tools& tools, cudaStream_t stream, StageClock& clock) {
   const ProfileRange range("padder: broad phase of bodies (stages 1 to 7)");
   BodyCounters* const counters = tools.counters.data();
   if (plan.with_survey) tools.surveyor.begin(plan.balls, plan.octaves, plan.top, plan.processors, stream);
+  if (plan.all_pairs)
+    return element_pairs(plan, tools, stream, [&](const ElementPairTask& t, bool write) {
+      write ? write_all_pairs(t, stream) : count_all_pairs(t, stream);
+    });
   const Ordered ordered = tools.orderer.order({.source = plan.balls,
                                                .grid = plan.grid,
                                                .kind = SlotKind::fixed_point,
@@ -86,15 +128,11 @@ void BodySearch::broad_phase(const Plan& plan, Tools& tools, cudaStream_t stream
 
 // Pairs of an element that moves and a static one.
 void BodySearch::broad_phase_of_static(const Plan& plan, Tools& tools, cudaStream_t stream) {
-  const std::uint32_t moving = plan.view.moving;
-  if (plan.static_count == 0 || moving == 0) return;
-  StaticPairTask t{plan.view, plan.statics, plan.pairs.pairs, plan.pairs.capacity,
-                   tools.query_counts.reserve(moving)};
-  unsigned long long* offsets = tools.query_offsets.reserve(moving);
-  t.offsets = offsets, t.counters = tools.counters.data();
-  count_static_pairs(t, plan.static_grid, plan.processors, stream);
-  exclusive_sum(t.counts, offsets, moving, tools.scratch, stream);
-  write_static_pairs(t, plan.static_grid, plan.processors, stream);
+  if (plan.static_count == 0) return;
+  element_pairs(plan, tools, stream, [&](const ElementPairTask& t, bool write) {
+    write ? write_static_pairs(t, plan.static_grid, plan.processors, stream)
+          : count_static_pairs(t, plan.static_grid, plan.processors, stream);
+  });
 }
 
 void BodySearch::narrow_phase(const Plan& plan, Tools& tools, NarrowPhaseTask& t, cudaStream_t stream,
@@ -171,17 +209,23 @@ struct BodySearch::Steps {
     return call.list.output(call.options);
   }
 
+  // A plan stands as long as its grid serves the elements of this call. In a stable order it must be the grid
+  // that a survey by itself leads to, since the order follows from it.
   Trial try_previous() {
+    const Summary planned = s.summary_;
     s.make_plan(call, output);
     s.plan_.with_survey = true;
     s.pass(call, !call.options.timings);
-    const Grid grid = s.plan_.grid;
-    if (!s.tools_.surveyor.finish(s.plan_.balls, s.plan_.octaves, s.plan_.top, false, s.summary_))
+    const Plan& plan = s.plan_;
+    if (!s.tools_.surveyor.finish(plan.balls, plan.octaves, plan.top, false, s.summary_))
       return Trial::differs;
     if (!s.ordinary(call.options)) return Trial::refused;
-    const bool fits = grid == choose_grid(s.summary_, 0) && !(s.found_.broad.flags & kOutside) &&
-                      s.summary_.octave[kOctaves - 1].count == 0;
-    return fits ? Trial::fits : Trial::differs;
+    if (plan.all_pairs) return Trial::fits;
+    if ((s.found_.broad.flags & kOutside) || s.summary_.octave[kOctaves - 1].count) return Trial::differs;
+    if (plan.stable_order) return plan.grid == choose_grid(s.summary_, 0) ? Trial::fits : Trial::differs;
+    if (!same_sizes(planned, s.summary_)) return Trial::differs;
+    s.summary_ = planned;
+    return Trial::fits;
   }
 
   bool survey() {
@@ -194,6 +238,7 @@ struct BodySearch::Steps {
     }
     if (!s.ordinary(call.options)) return false;
     call.clock.mark(0);
+    if (call.options.order == Order::any) widen(s.summary_);
     s.make_plan(call, output);
     return true;
   }
@@ -205,7 +250,7 @@ struct BodySearch::Steps {
   bool grow() {
     const BodyCounters& found = s.found_;
     const std::uint64_t pairs = found.broad.contacts + found.static_pairs;
-    const bool stable = s.plan_.stable_order && moving > 0;
+    const bool stable = s.plan_.stable_order && !s.plan_.all_pairs && moving > 0;
     const SlotQuota quota =
         stable ? quota_for(found.broad, moving, s.plan_.grid, SlotKind::fixed_point) : SlotQuota{};
     const bool known = !stable || quota == s.plan_.quota;

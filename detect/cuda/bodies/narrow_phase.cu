@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 #include "detect/cuda/bodies/narrow_phase.h"
 
+#include <algorithm>
+
 #include "detect/cuda/device/warp.h"
 #include "detect/cuda/tuning.h"
 
@@ -170,7 +172,7 @@ __device__ __forceinline__ bool prepare(const BodyView& v, const Pair& p, Elemen
 // A warp takes a batch of pairs of elements, and each lane prepares one. Then the whole warp tests the
 // spheres of one pair after the other.
 template <bool Stable>
-__global__ void __launch_bounds__(kThreads, 6)
+__global__ void __launch_bounds__(kThreads, tuning::kNarrowPhaseBlocks)
     find_contacts_kernel(const __grid_constant__ NarrowPhaseTask task, const __grid_constant__ Output out) {
   __shared__ WarpMemory memory[kWarps];
   const std::uint64_t n = task.counters->broad.contacts + task.counters->static_pairs;
@@ -235,75 +237,6 @@ __global__ void __launch_bounds__(kWriterThreads<SumsUp>)
   }
 }
 
-// A warp for each moving element; a lane takes one row of bins at a time. With `Write` each lane goes over
-// its row twice, once to count, so that the pairs come in the order of rows.
-template <bool Write>
-__global__ void __launch_bounds__(kThreads)
-    static_pairs_kernel(const __grid_constant__ StaticPairTask task, const __grid_constant__ Grid grid) {
-  const BodyView& v = task.view;
-  const StaticView& t = task.table;
-  const std::uint32_t lane = threadIdx.x & 31;
-  for (std::uint32_t e = blockIdx.x * kWarps + (threadIdx.x >> 5); e < v.moving; e += gridDim.x * kWarps) {
-    const Sphere ball = v.balls[e];
-    const Filter mine{v.family[e], v.mask[e], v.owner[e]};
-    unsigned long long found = 0, base = 0;
-    if (Write) {
-      if (task.counts[e] == 0 && e + 1 < v.moving) continue;
-      base = task.counters->broad.contacts + task.offsets[e];
-    }
-    for (int level = 0; level < grid.levels; level++) {
-      const Level& l = grid.level[level];
-      const std::uint32_t begin = t.starts[l.offset], population = t.starts[l.offset + l.buckets] - begin;
-      BinBox box;
-      if (population == 0 || !bins_near(l, t.bounds[level], ball, population, box)) continue;
-      const std::uint64_t nx = l.hashed ? box.high[0] - box.low[0] + 1 : 1, ny = box.high[1] - box.low[1] + 1,
-                          rows = box.whole ? population : nx * ny * (box.high[2] - box.low[2] + 1);
-      for (std::uint64_t from = 0; from < rows; from += 32) {
-        const std::uint64_t row = from + lane;
-        std::uint32_t first = 0, end = 0;
-        std::int64_t x = 0, y = 0, z = 0;
-        if (row < rows && box.whole) {
-          first = begin + static_cast<std::uint32_t>(row), end = first + 1;
-        } else if (row < rows) {
-          x = box.low[0] + row % nx, y = box.low[1] + row / nx % ny, z = box.low[2] + row / nx / ny;
-          const std::uint32_t key = row_of(l, y, z);
-          first = t.starts[key_in_row(l, key, x)];
-          end = t.starts[key_in_row(l, key, l.hashed ? x : box.high[0]) + 1];
-        }
-        const auto touches = [&](std::uint32_t k) {
-          const Sphere s = t.balls[k];
-          if (!touching(ball, s) || (l.hashed && !box.whole && !in_row(l, s, x, x, y, z))) return false;
-          const std::uint32_t other = t.elements[k];
-          return admitted(mine, {v.family[other], v.mask[other], v.owner[other]});
-        };
-        std::uint32_t count = 0;
-        for (std::uint32_t k = first; k < end; k++) count += touches(k);
-        if (Write && __any_sync(kAll, count != 0)) {
-          std::uint32_t upto = count;
-#pragma unroll
-          for (int d = 1; d < 32; d <<= 1) {
-            const std::uint32_t u = __shfl_up_sync(kAll, upto, d);
-            if (static_cast<int>(lane) >= d) upto += u;
-          }
-          unsigned long long at = base + found + upto - count;
-          for (std::uint32_t k = first; count && k < end; k++)
-            if (touches(k)) {
-              if (at < task.pair_room) task.pairs[at] = {e, t.elements[k]};
-              at++;
-            }
-        }
-        found += __reduce_add_sync(kAll, count);
-      }
-    }
-    if (lane == 0 && !Write) task.counts[e] = static_cast<std::uint32_t>(found);
-    if (lane == 0 && Write && e + 1 == v.moving) task.counters->static_pairs = task.offsets[e] + found;
-  }
-}
-
-unsigned blocks_for(std::uint64_t units, unsigned each, int processors) {
-  return static_cast<unsigned>(std::min<std::uint64_t>((units + each - 1) / each + 1, processors * 16ull));
-}
-
 }  // namespace
 
 std::uint32_t finder_warps(int processors) {
@@ -325,16 +258,6 @@ void write_hits(const NarrowPhaseTask& task, const Output& output, int processor
     write_hits_kernel<false>
         <<<processors * tuning::kWriteBlocks, kWriterThreads<false>, 0, stream>>>(task, output);
   cuda_launched("write the contacts");
-}
-void count_static_pairs(const StaticPairTask& task, const Grid& grid, int processors, cudaStream_t stream) {
-  static_pairs_kernel<false>
-      <<<blocks_for(task.view.moving, kWarps, processors), kThreads, 0, stream>>>(task, grid);
-  cuda_launched("search among what is static");
-}
-void write_static_pairs(const StaticPairTask& task, const Grid& grid, int processors, cudaStream_t stream) {
-  static_pairs_kernel<true>
-      <<<blocks_for(task.view.moving, kWarps, processors), kThreads, 0, stream>>>(task, grid);
-  cuda_launched("search among what is static");
 }
 
 }  // namespace padder::detect::cuda

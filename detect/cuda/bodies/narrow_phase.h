@@ -1,19 +1,10 @@
 // SPDX-License-Identifier: MIT
-// The narrow phase of bodies: the spheres of elements whose balls touch. And the broad phase between elements
-// that move and static ones, which stand in a table. Only .cu files include this.
+// The narrow phase of bodies: the spheres of elements whose balls touch. Only .cu files include this.
 #pragma once
-#include "detect/cuda/bodies/body_input.h"
-#include "detect/cuda/device/counters.h"
+#include "detect/cuda/bodies/element_pairs.h"
 #include "detect/cuda/output/output.h"
 
 namespace padder::detect::cuda {
-
-struct BodyCounters {
-  Counters broad;                   // pairs of elements that move
-  unsigned long long static_pairs;  // pairs with a static element; they stand behind those
-  unsigned long long contacts;
-  unsigned long long next;  // the first pair that no warp has taken yet
-};
 
 // A contact that is found and not yet written: the sphere `slot` of Pieces on this body, or a loose one.
 struct Hit {
@@ -53,18 +44,5 @@ struct NarrowPhaseTask {
 void find_contacts(const NarrowPhaseTask& task, const Output& output, cudaStream_t stream);
 void write_hits(const NarrowPhaseTask& task, const Output& output, int processors, cudaStream_t stream);
 std::uint32_t finder_warps(int processors);
-
-// Moving elements against the table of static ones: counted, then written behind the pairs that are there.
-struct StaticPairTask {
-  BodyView view;
-  StaticView table;
-  Pair* pairs = nullptr;
-  std::uint64_t pair_room = 0;
-  std::uint32_t* counts = nullptr;  // of each moving element
-  const unsigned long long* offsets = nullptr;
-  BodyCounters* counters = nullptr;
-};
-void count_static_pairs(const StaticPairTask& task, const Grid& grid, int processors, cudaStream_t stream);
-void write_static_pairs(const StaticPairTask& task, const Grid& grid, int processors, cudaStream_t stream);
 
 }  // namespace padder::detect::cuda
