@@ -164,4 +164,12 @@ void Pieces::add_near(std::span<const Sphere> of_piece, const Sphere& ball) {
   }
 }
 
+std::vector<NearSphere> Pieces::padded() const {
+  std::vector<NearSphere> all(boxes.size() * kPieceSpheres, {1e18f, 1e18f, 1e18f, 0});
+  for (std::size_t k = 0; k < pieces.size(); k++)
+    std::copy_n(&near[pieces[k].first], pieces[k].count, &all[k * kPieceSpheres]);
+  all[pieces.size() * kPieceSpheres] = near.back();
+  return all;
+}
+
 }  // namespace padder::detect

@@ -51,6 +51,9 @@ class Pieces {
   // sphere. Groups: kPieceGroups balls for each piece.
   std::vector<NearSphere> near, groups;
   std::vector<NearBox> boxes;
+  // `near` with kPieceSpheres for each piece. Where a piece has fewer, there are spheres so far away that
+  // overlap() is false, unless numbers overflow.
+  std::vector<NearSphere> padded() const;
   std::vector<std::uint32_t> shape_first;  // the first piece of each shape, and the end
 
  private:
@@ -137,7 +140,7 @@ PADDER_HD Stance stance_of(const Element& e, const Sphere& loose, const Sphere& 
 // Element b as seen from a: it turns near spheres of b into those of a. With `margin` added to a sum of
 // radii, float tests let too many pairs pass, never too few (proof: docs/detector/exactness.md). Where a
 // number overflows or is not a number, all pass.
-struct Relative {
+struct alignas(16) Relative {
   float m[9], t[3];
   float scale, margin;  // the radius of b in units of a's
 

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cub/device/device_scan.cuh>
 
+#include "detect/cuda/device/device.h"
 #include "detect/cuda/device/profile_range.h"
 #include "detect/cuda/tuning.h"
 
@@ -68,7 +69,7 @@ void BodySearch::make_plan(const Call& call, const Output& output) {
   plan_.static_count = input_.table().count;
   plan_.method = method_, plan_.moves = book_.moves;
   plan_.stable_order = call.options.order == Order::stable;
-  plan_.all_pairs = view.moving <= tuning::kAllPairsElements;
+  plan_.all_pairs = view.moving <= std::min(tuning::kAllPairsElements, test_limits.all_pairs_elements);
   if (!plan_.all_pairs) {
     plan_.grid = choose_grid(summary_, 0);
     if (plan_.stable_order) plan_.quota = quota_;

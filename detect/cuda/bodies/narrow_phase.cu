@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "detect/cuda/device/ptx.h"
 #include "detect/cuda/device/warp.h"
 #include "detect/cuda/tuning.h"
 
@@ -11,22 +12,20 @@ namespace {
 
 constexpr int kWarps = 4, kThreads = 32 * kWarps;
 constexpr std::uint32_t kAll = ~0u;
-// Candidates of a warp that wait for the exact test. Fewer than 32 are left when a step adds up to 64.
-constexpr std::uint32_t kQueue = 128;
+// Candidates of a warp that wait for the exact test. A step adds up to 64, and is taken while no more wait.
+constexpr std::uint32_t kQueue = 128, kStep = 64;
 
 // A pair of elements, as the whole warp needs it.
-struct ElementPair {
-  Relative to_a;                     // from b's near spheres to those of a
-  std::uint32_t near_a, near_b;      // the first near spheres
-  std::uint32_t groups_a, groups_b;  // the first groups
-  std::uint32_t count_a, count_b;    // spheres
-  std::uint32_t body_a, body_b;      // as in Element
-  std::uint32_t slot_a, slot_b;      // of the first spheres, as in Hit
+struct alignas(16) ElementPair {
+  Relative to_a;                   // from b's near spheres to those of a
+  std::uint32_t piece_a, piece_b;  // in `near`, `groups` and `boxes`
+  std::uint32_t count_a, count_b;  // spheres
+  std::uint32_t body_a, body_b;    // as in Element
+  std::uint32_t slot_a, slot_b;    // of the first spheres, as in Hit
 };
-static_assert(sizeof(ElementPair) % 16 == 0);
 struct WarpMemory {
   ElementPair pairs[kBatch];
-  std::uint32_t queue[kQueue];  // a pair of the batch, and a sphere of either side
+  std::uint32_t queue[kQueue];  // the number of a pair, and of a sphere of either side: 6 bits each
 };
 
 __device__ __forceinline__ std::uint32_t number_of(const BodyView& v, std::uint32_t body,
@@ -76,10 +75,14 @@ struct PairTester {
     if (lane < n) {
       const std::uint32_t code = memory.queue[(head + lane) % kQueue];
       const ElementPair& p = memory.pairs[code >> 12];
-      h = {p.body_a, p.slot_a + (code >> 6 & 63), p.body_b, p.slot_b + (code & 63)};
-      a = sphere_of(task.view, task.loose, h.a_body, h.a_slot);
-      b = sphere_of(task.view, task.loose, h.b_body, h.b_slot);
-      hit = accepted(h, a, b);
+      const std::uint32_t i = code >> 6 & 63, j = code & 63;
+      // Where a piece has no sphere, the float test says no, unless numbers overflow.
+      if (i < p.count_a && j < p.count_b) {
+        h = {p.body_a, p.slot_a + i, p.body_b, p.slot_b + j};
+        a = sphere_of(task.view, task.loose, h.a_body, h.a_slot);
+        b = sphere_of(task.view, task.loose, h.b_body, h.b_slot);
+        hit = accepted(h, a, b);
+      }
     }
     head += n;
     const std::uint32_t hits = __ballot_sync(kAll, hit);
@@ -100,48 +103,66 @@ struct PairTester {
     found += __popc(hits);
   }
 
-  __device__ __forceinline__ void push(bool candidate, std::uint32_t code) {
-    const std::uint32_t some = __ballot_sync(kAll, candidate);
-    if (candidate) memory.queue[(tail + __popc(some & ((1u << lane) - 1))) % kQueue] = code;
-    tail += __popc(some);
+  __device__ __forceinline__ void push(std::uint32_t candidates, std::uint32_t code) {
+    const std::uint32_t bit = 1u << lane;
+    if (candidates & bit) memory.queue[(tail + __popc(candidates & (bit - 1))) % kQueue] = code;
+    tail += __popc(candidates);
   }
 
-  // The spheres of group `gb` of b against those of the groups `with` of a, a bit each.
-  __device__ __forceinline__ void test_groups(const ElementPair& p, std::uint32_t pair, std::uint32_t gb,
-                                              std::uint32_t with) {
-    const BodyView& v = task.view;
-    // Each lane has one sphere of a, and two of b.
-    const std::uint32_t j0 = gb * kGroupSpheres + lane / 8, j1 = j0 + 4, last_b = p.count_b - 1;
-    const NearSphere b0 = p.to_a(load_near(v.near + p.near_b + min(j0, last_b))),
-                     b1 = p.to_a(load_near(v.near + p.near_b + min(j1, last_b)));
-    for (; with; with &= with - 1) {
-      const std::uint32_t i = (__ffs(with) - 1) * kGroupSpheres + lane % 8;
-      const bool valid = i < p.count_a;
-      const NearSphere a = load_near(v.near + p.near_a + (valid ? i : 0));
-      const std::uint32_t code = pair << 12 | i << 6;
-      const bool first = valid && j0 < p.count_b && overlap(a, b0),
-                 second = valid && j1 < p.count_b && overlap(a, b1);
-      if (!__any_sync(kAll, first || second)) continue;
-      push(first, code | j0), push(second, code | j1);
-      while (tail - head >= 32) decide();
-    }
-  }
-
-  __device__ __forceinline__ void test(std::uint32_t pair) {
+  // Which groups overlap: a byte for each group of b, in it a bit for each group of a.
+  __device__ __forceinline__ std::uint64_t overlapping_groups(std::uint32_t pair) const {
     const ElementPair& p = memory.pairs[pair];
-    const BodyView& v = task.view;
+    const NearSphere* const groups = task.view.groups;
     // Each lane has one group of a, and two of b.
-    const std::uint32_t ga = lane % 8, gb = lane / 8, last_b = groups_of(p.count_b) - 1;
-    const NearSphere a = load_near(v.groups + p.groups_a + ga);
-    const NearSphere b0 = p.to_a(load_near(v.groups + p.groups_b + gb)),
-                     b1 = p.to_a(load_near(v.groups + p.groups_b + gb + 4));
-    const bool valid = ga < groups_of(p.count_a);
-    const std::uint32_t low = __ballot_sync(kAll, valid && gb <= last_b && overlap(a, b0)),
-                        high = __ballot_sync(kAll, valid && gb + 4 <= last_b && overlap(a, b1));
-    for (std::uint64_t rest = std::uint64_t(high) << 32 | low; rest;) {
-      const std::uint32_t shift = (__ffsll(static_cast<long long>(rest)) - 1) & ~7;
-      test_groups(p, pair, shift / 8, static_cast<std::uint32_t>(rest >> shift) & 255);
-      rest &= ~(std::uint64_t(255) << shift);
+    const std::uint32_t ga = lane % kPieceGroups, gb = lane / kPieceGroups;
+    const NearSphere a = load_near(groups + p.piece_a * kPieceGroups + ga);
+    const NearSphere b0 = p.to_a(load_near(groups + p.piece_b * kPieceGroups + gb)),
+                     b1 = p.to_a(load_near(groups + p.piece_b * kPieceGroups + gb + 4));
+    const std::uint32_t groups_b = ga < groups_of(p.count_a) ? groups_of(p.count_b) : 0;
+    const std::uint32_t low = __ballot_sync(kAll, gb < groups_b && overlap(a, b0)),
+                        high = __ballot_sync(kAll, gb + 4 < groups_b && overlap(a, b1));
+    return std::uint64_t(high) << 32 | low;
+  }
+
+  // Queues candidates of one group of b and those of a that it overlaps, until the queue is rather full.
+  // Returns what is left of `groups`, which are not 0.
+  __device__ __forceinline__ std::uint64_t take_group(std::uint32_t pair, std::uint64_t groups) {
+    const ElementPair& p = memory.pairs[pair];
+    const std::uint32_t shift = (63 - __clzll(static_cast<long long>(groups))) & ~7u,
+                        j = shift / 8 * kGroupSpheres + lane / 8;
+    std::uint32_t with = static_cast<std::uint32_t>(groups >> shift) & 255;
+    groups ^= std::uint64_t(with) << shift;
+    // Each lane has one sphere of a, and two of b.
+    const NearSphere* const of_a = task.view.padded + p.piece_a * kPieceSpheres + lane % 8;
+    const NearSphere* const of_b = task.view.padded + p.piece_b * kPieceSpheres + j;
+    const NearSphere b0 = p.to_a(load_near(of_b)), b1 = p.to_a(load_near(of_b + 4));
+    const std::uint32_t code = kept_in_register(pair << 12 | (lane % 8) << 6 | j);
+    while (with && tail - head <= kQueue - kStep) {
+      const std::uint32_t ga = 31 - __clz(static_cast<int>(with));
+      with ^= 1u << ga;
+      const NearSphere a = load_near(of_a + ga * kGroupSpheres);
+      const std::uint32_t first = __ballot_sync(kAll, overlap(a, b0)),
+                          second = __ballot_sync(kAll, overlap(a, b1));
+      if ((first | second) == 0) continue;
+      const std::uint32_t code_a = code | ga * kGroupSpheres << 6;
+      push(first, code_a), push(second, code_a + 4);
+    }
+    return groups | std::uint64_t(with) << shift;
+  }
+
+  // The spheres of those pairs of the batch that `pairs` has a bit for.
+  __device__ __forceinline__ void test(std::uint32_t pairs) {
+    std::uint32_t pair = 0;
+    std::uint64_t groups = 0;
+    for (bool more = true; more;) {
+      while (groups == 0 && pairs) {
+        pair = kept_in_register(31 - __clz(static_cast<int>(pairs & (0 - pairs))));
+        pairs &= pairs - 1;
+        groups = overlapping_groups(pair);
+      }
+      more = groups != 0;
+      if (more) groups = take_group(pair, groups);
+      while (tail - head >= (more ? 32 : 1)) decide();
     }
   }
 };
@@ -153,19 +174,15 @@ __device__ __forceinline__ bool prepare(const BodyView& v, const Pair& p, Elemen
                       piece_b = b.body == kLoose ? v.unit_piece : b.piece;
   const Relative to = relative(a, v.balls[p.i], b, v.balls[p.j]);
   if (boxes_apart(v.boxes[piece_a], v.boxes[piece_b], to)) return false;
-  const std::uint32_t near_a = a.body == kLoose ? v.unit_near : v.pieces[piece_a].first,
-                      near_b = b.body == kLoose ? v.unit_near : v.pieces[piece_b].first;
   out = {to,
-         near_a,
-         near_b,
-         piece_a * kPieceGroups,
-         piece_b * kPieceGroups,
+         piece_a,
+         piece_b,
          a.count,
          b.count,
          a.body,
          b.body,
-         a.body == kLoose ? a.piece : near_a,
-         b.body == kLoose ? b.piece : near_b};
+         a.body == kLoose ? a.piece : v.pieces[piece_a].first,
+         b.body == kLoose ? b.piece : v.pieces[piece_b].first};
   return true;
 }
 
@@ -195,8 +212,7 @@ __global__ void __launch_bounds__(kThreads, tuning::kNarrowPhaseBlocks)
     const bool near = valid && prepare(task.view, p, memory[warp].pairs[lane]);
     tester.batch = static_cast<std::uint32_t>(first / size), tester.found = 0;
     __syncwarp();
-    for (std::uint32_t rest = __ballot_sync(kAll, near); rest; rest &= rest - 1) tester.test(__ffs(rest) - 1);
-    while (tester.tail != tester.head) tester.decide();
+    tester.test(__ballot_sync(kAll, near));
     if (Stable && lane == 0) task.batch_counts[tester.batch] = tester.found;
   }
 }
