@@ -38,6 +38,7 @@ Json table2(const Settings&);      // table2.cpp
 Json speedup(const Settings&);     // speedup.cpp
 Json scaling(const Settings&);     // scaling.cpp
 Json bodies(const Settings&);      // scaling.cpp; its rows of bodies alone
+Json piles(const Settings&);       // piles.cpp
 Json stages(const Settings&);      // stages.cpp
 Json scenes(const Settings&);      // scenes.cpp
 Json frontier(const Settings&);    // frontier.cpp; only where padder::padding is built
