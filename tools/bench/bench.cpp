@@ -28,6 +28,7 @@ const std::vector<Entry>& entries() {
       {"scaling", "time against contacts for every scene, the paper's Fig. 26", scaling},
       {"bodies", "the rows of scaling that are made of bodies, and a few that move among many", bodies},
       {"stages", "milliseconds of each stage, the nine stages and the fast path", stages},
+      {"boxes", "time against contacts on one and several GPUs, the paper's Fig. 27", boxes},
 #ifdef PADDER_BENCH_PADDING
       {"frontier", "spheres against error of meshes, the paper's fit beside ours", frontier},
 #endif
@@ -98,7 +99,7 @@ int main(int argc, char** argv) {
   app.add_option("--spheres", s.spheres, "sizes, instead of the bench's own")
       ->delimiter(',')
       ->type_name("N,N,...");
-  app.add_option("--scene", s.scene, "one generated scene only (scaling)")->type_name("NAME");
+  app.add_option("--scene", s.scene, "one generated scene only (scaling, boxes)")->type_name("NAME");
   app.add_option("--backend", s.backend, "auto (each that is there, the default), omp or cuda")
       ->type_name("WHICH")
       ->check(CLI::IsMember({"auto", "omp", "cuda"}));
