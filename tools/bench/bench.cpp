@@ -30,6 +30,7 @@ const std::vector<Entry>& entries() {
       {"scenes", "sparse and uneven scenes beside dense, standing and (--moving) moving", scenes},
       {"piles", "piles of padded bodies, from those that barely touch to packed ones", piles},
       {"stages", "milliseconds of each stage, the nine stages and the fast path", stages},
+      {"boxes", "time against contacts on one and several GPUs, the paper's Fig. 27", boxes},
 #ifdef PADDER_BENCH_PADDING
       {"frontier", "spheres against error of meshes, the paper's fit beside ours", frontier},
 #endif
@@ -101,7 +102,7 @@ int main(int argc, char** argv) {
   app.add_option("--spheres", s.spheres, "sizes, instead of the bench's own")
       ->delimiter(',')
       ->type_name("N,N,...");
-  app.add_option("--scene", s.scene, "one generated scene only (scaling); this one and dense (scenes)")
+  app.add_option("--scene", s.scene, "one generated scene only (scaling, boxes); this one and dense (scenes)")
       ->type_name("NAME");
   app.add_flag("--moving", s.moving, "measure a scene in motion as well (scenes)");
   app.add_flag("--stable", s.stable, "a list of stable order (scenes)");
