@@ -61,7 +61,7 @@ RungSpheres by_depth(const PadOptions& options, double length, const Repaired& b
   report.seconds.fit = clock.lap();
 
   step("refit", 3);
-  fitted = refit(surface, remeshed.mesh, std::move(fitted), {.margin = body.offset, .gap = 0});
+  fitted = refit(surface, remeshed.mesh, std::move(fitted), {});
   RungSpheres made;
   for (const auto& f : fitted) made.balls.push_back(f.ball), made.triangle.push_back(f.triangle);
   made.mesh = std::move(remeshed.mesh);
@@ -154,22 +154,23 @@ std::string count_of(std::size_t n, const std::string& one) {
   return std::to_string(n) + " " + one + (n == 1 ? "" : "s");
 }
 
+// "12 slots that are wider than twice the tolerance are closed by the wrap, the widest 3.1 at (1, 2, 3)"
+std::string slots_text(const Job& job) {
+  const std::vector<ClosedSlot>& slots = job.report.slots;
+  const ClosedSlot& widest = slots.front();
+  char text[200];
+  std::snprintf(text, sizeof text,
+                " that are wider than twice the tolerance, the widest %.3g at (%.4g, %.4g, %.4g)",
+                widest.width, widest.place.x(), widest.place.y(), widest.place.z());
+  return "the wrap closes " + count_of(slots.size(), "slot") + text +
+         (job.options.min_grain_radius.given() ? ": a smaller --reach opens them"
+                                               : ": --repair auto or a larger tolerance may help");
+}
+
 // Why the figures are no proof against the input; empty when they are.
-std::string unproved(const Job& job, const Measured& m, std::size_t spheres) {
-  switch (m.accuracy.proved_against) {
-    case SurfaceKind::none:
-      return "the surface is open and has no inside, so that the protrusion is sampled";
-    case SurfaceKind::wrap:
-      return "the input bounds no body, so that the proof is against the wrap around it";
-    case SurfaceKind::filled: {
-      char area[40];
-      std::snprintf(area, sizeof area, "%.3g", job.report.filled_area);
-      return count_of(job.body.filled, "hole") + " of the input " + (job.body.filled == 1 ? "was" : "were") +
-             " filled (area " + area + "), so that the proof is against the input with the patches";
-    }
-    default:
-      break;
-  }
+std::string unproved(const Measured& m, std::size_t spheres) {
+  if (m.accuracy.proved_against == SurfaceKind::none)
+    return "the surface is open and has no inside, so that the protrusion is sampled";
   if (m.outside == 0) return "";
   return std::to_string(m.outside) + " of " + count_of(spheres, "sphere") +
          " have their centres outside of the body, whose triangles face inward there";
@@ -182,14 +183,14 @@ Accuracy measure_spheres(const Job& job, const std::vector<Ball>& balls, const A
   job.step("accuracy", 5);
   Measured m = measure(job.input, job.body, job.surface, balls, {.floor = asked.gap});
   Accuracy& a = m.accuracy;
-  const bool hollow = asked.filled && !job.report.filled_body;
+  PadReport& report = job.report;
+  const bool hollow = asked.filled && !report.filled_body;
   const bool within_tolerance = asked.kept_by(a) && !hollow;
   if (hollow && why.empty()) why = "the inside of the body could not be proved to be covered";
-  std::string reason = unproved(job, m, balls.size());
+  std::string reason = unproved(m, balls.size());
   a.certified = within_tolerance && reason.empty();
   if (!within_tolerance) {
-    if (why.empty() && a.proved_against == SurfaceKind::wrap)
-      why = "a wrap keeps away from slots and creases of the input";
+    if (!report.slots.empty()) why = slots_text(job);
     if (why.empty() && a.proved_against == SurfaceKind::none)
       why = "spheres reach around the border of the sheet";
     char text[120];
@@ -200,10 +201,8 @@ Accuracy measure_spheres(const Job& job, const std::vector<Ball>& balls, const A
                     asked.protrusion * job.frame.scale(), asked.gap * job.frame.scale());
     reason += (reason.empty() ? "" : "; ") + std::string(text) + (why.empty() ? "" : ", because " + why);
   }
-  PadReport& report = job.report;
   report.within = report.within && within_tolerance;
   if (report.reason.empty()) report.reason = reason;
-  report.buried = m.buried;
   volume_union = job.frame.back_volume(m.volume_union);
   job.report.seconds.accuracy += job.clock.lap();
   return job.frame.back(a);
@@ -243,16 +242,78 @@ std::vector<Length> rungs_of(const PadOptions& options, double diagonal) {
   return rungs;
 }
 
+// The input with the wrap as its hull: covers and proofs are of the input's own triangles, and the wrap says
+// what is inside. What a grain cannot touch is left out where one was given; otherwise all of it is covered.
+Surface surface_in_wrap(const Mesh& input, Repaired& wrap, bool by_grain, PadReport& report) {
+  Surface triangles(input);
+  const auto hull = std::make_shared<const Surface>(wrap.mesh, wrap.side(), wrap.standoff);
+  if (by_grain) {
+    Touchable kept = touchable(input, *hull, 2 * wrap.offset, 0.5 * wrap.alpha);
+    const double area = input.area();
+    report.buried = area > 0 ? kept.buried.area() / area : 0;
+    triangles = Surface(kept.mesh);
+    if (!kept.buried.triangles.empty()) wrap.marks.push_back({MarkKind::buried, std::move(kept.buried)});
+  }
+  return {std::move(triangles), hull};
+}
+
 RepairOptions repairing(const PadOptions& options, double length, double tolerance, double diagonal) {
   RepairOptions r;
   r.mode = options.repair;
   // The wrap must be finer than the cap over a triangle with that edge, or than the tolerance.
   r.accuracy = length > 0 ? options.depth_ratio_used() * length / std::numbers::sqrt3 : tolerance;
+  r.tolerance = tolerance;
   if (options.min_grain_radius.given()) {
-    r.mode = RepairMode::wrap;
+    r.mode = RepairMode::wrap, r.tolerance = 0;
     r.alpha = options.min_grain_radius.absolute(diagonal) / diagonal;
   }
   return r;
+}
+
+Mark mark_of(MarkKind kind, const Mesh& mesh, const std::vector<std::uint32_t>& triangles) {
+  Mark mark{kind, {}};
+  for (const std::uint32_t t : triangles) {
+    const auto first = static_cast<std::uint32_t>(mark.mesh.points.size());
+    for (int k = 0; k < 3; k++) mark.mesh.points.push_back(mesh.corner(t, k));
+    mark.mesh.triangles.push_back({first, first + 1, first + 2});
+  }
+  return mark;
+}
+
+// In the input's frame and unit: what repair did to the surface, as a list and to be shown.
+void show_repair(Repaired& body, double area, const UnitFrame& frame, Padded& out) {
+  PadReport& report = out.report;
+  const double scale = frame.scale();
+  report.kind = body.kind;
+  report.filled = body.filled, report.filled_area = body.filled_area * scale * scale;
+  if (area > 0) report.buried = std::max(report.buried, body.steps.buried_area / area);
+  out.marks = std::move(body.marks);
+  for (const Patch& patch : body.patches) {
+    report.patches.push_back({patch.area * scale * scale, patch.rim * scale, frame.back(patch.place), {}});
+    out.marks.push_back(mark_of(MarkKind::patch, body.mesh, patch.triangles));
+  }
+  for (ClosedSlot& slot : report.slots) {
+    slot.width *= scale, slot.area *= scale * scale, slot.place = frame.back(slot.place);
+    out.marks.push_back(mark_of(MarkKind::slot, body.mesh, slot.triangles));
+  }
+  for (Mark& mark : out.marks)
+    for (Point& p : mark.mesh.points) p = frame.back(p);
+}
+
+// Repairs, and says on what surface the balls are made. CGAL may fill a wrap beyond alpha, to keep it
+// manifold: another alpha mends that.
+Surface repaired_surface(const Mesh& input, RepairOptions options, const std::string& name, double tolerance,
+                         Repaired& body, PadReport& report) {
+  const bool by_grain = options.alpha > 0;
+  constexpr int tries = 3;
+  for (int k = 0; k < tries; k++, options.tolerance *= 0.9) {
+    body = repair(input, options, name);
+    if (body.kind != BodyKind::wrap) return body.surface();
+    body.standoff = standoffs(body.mesh, Surface(input), 0.03 * (body.alpha + body.offset));
+    if (tolerance > 0) report.slots = closed_slots(body.mesh, body.standoff, tolerance);
+    if (report.slots.empty() || by_grain || body.alpha + body.offset > tolerance) break;
+  }
+  return surface_in_wrap(input, body, by_grain, report);
 }
 
 }  // namespace
@@ -276,17 +337,18 @@ Padded pad(const ReadResult& file, const PadOptions& options, const PadProgress&
   const std::vector<Length> rungs = rungs_of(options, frame.scale());
   report.tolerance = rungs.back().absolute(frame.scale());
   const Asked finest(options, rungs.back(), frame.scale());
+  // A wrap may stand off the input by no more than the spheres.
+  const double tolerance = finest.protrusion > 0 ? finest.protrusion : finest.gap;
   const bool depth_mode = options.by_depth();
   const double length = depth_mode ? edge_length(options, frame.scale()) : 0;
 
   step("repair", 0);
-  const Repaired body =
-      repair(input, repairing(options, length, 0.5 * (finest.protrusion + finest.gap), frame.scale()), name);
-  report.kind = body.kind;
-  report.filled = body.filled, report.filled_area = body.filled_area * frame.scale() * frame.scale();
+  Repaired body;
+  const Surface surface = repaired_surface(input, repairing(options, length, tolerance, frame.scale()), name,
+                                           tolerance, body, report);
+  show_repair(body, input.area(), frame, out);
   report.seconds.repair = clock.lap();
 
-  const Surface surface = body.surface();
   const Job job{options, input, body, surface, frame, length, report, step, clock};
   Cluster& c = out.cluster;
   for (std::size_t rung = 0; rung < rungs.size(); rung++) {
@@ -304,7 +366,7 @@ Padded pad(const ReadResult& file, const PadOptions& options, const PadProgress&
       const auto largest = std::max_element(made.balls.begin(), made.balls.end(),
                                             [](const Ball& a, const Ball& b) { return a.radius < b.radius; });
       if (largest != made.balls.end()) report.grid_entries = grid_entries(made.balls, 2 * largest->radius);
-      out.mesh = depth_mode ? std::move(made.mesh) : body.mesh;
+      out.mesh = depth_mode ? std::move(made.mesh) : surface.mesh();
     }
   }
   for (Point& p : out.mesh.points) p = frame.back(p);

@@ -9,10 +9,12 @@
 #include <vector>
 
 #include "padding/asset/cluster.h"
+#include "padding/geometry/repaired.h"
 #include "padding/input/read.h"
 #include "padding/meshing/remesh.h"
 #include "padding/meshing/repair.h"
 #include "padding/pad_options.h"
+#include "padding/verify/wrapped.h"
 
 namespace padder {
 
@@ -34,16 +36,18 @@ struct PadReport {
   // Proved: no point of the body lies outside the spheres. Only a gap of 0 asks for it.
   bool filled_body = false;
   // Do protrusion_max and gap_max of every level of detail keep its tolerance? True when none was asked for.
-  // Where these figures are samples (Accuracy::proved_against) this is no proof; Accuracy::certified is.
+  // Of an open sheet the protrusion is sampled, so this is no proof; Accuracy::certified is.
   bool within = true;
   std::vector<std::string> warnings;  // one sentence each, about what was probably not meant
   std::string reason;                 // why the cluster is not certified, in words; empty when it is
   double grid_entries = 0;  // of the spheres in the detector's grid, with cells as wide as the largest sphere
   double diagonal = 0;      // of the input's bounding box
-  double buried = 0;        // share of the input's surface that cannot be touched from outside (wraps only)
+  double buried = 0;  // share of the input's surface that nothing outside can touch, so it stays uncovered
   BodyKind kind = BodyKind::solid;
-  std::uint64_t filled = 0;  // number of holes that repair closed, of a solid
-  double filled_area = 0;    // of the patches that close them, in the mesh's unit squared
+  std::uint64_t filled = 0;       // number of holes that repair closed, of a solid
+  double filled_area = 0;         // of the patches that close them, in the mesh's unit squared
+  std::vector<Patch> patches;     // one for each of these holes; in the mesh's unit and frame
+  std::vector<ClosedSlot> slots;  // that the wrap closes and the tolerance does not allow, the widest first
   RemeshQuality quality;
   PadSeconds seconds;
 };
@@ -53,8 +57,10 @@ struct Padded {
   Cluster cluster;
   PadReport report;
   // The surface whose triangles cluster.triangle counts, in the input's frame and unit: the remeshed one by
-  // depth ratio, the repaired one by tolerance. write_mesh (padding/meshing/write_mesh.h) writes it.
+  // depth ratio; by tolerance the repaired one, or the input where it had to be wrapped. write_mesh
+  // (padding/meshing/write_mesh.h) writes it.
   Mesh mesh;
+  std::vector<Mark> marks;  // what repair did, to be shown; in the input's frame and unit
 };
 
 // Called before each step with its name, the number of steps done and the number of all steps: for a progress

@@ -14,10 +14,10 @@ namespace padder {
 
 // The surface that a figure was measured or proved against.
 enum class SurfaceKind {
-  none,    // no surface: nothing is proved
+  none,    // no surface: the protrusion is not proved
   input,   // the input's own triangles
   filled,  // these, and the patches over holes that repair closed
-  wrap     // a surface around the input that replaces it
+  wrap     // the input's triangles; what a wrap around them encloses counts as body
 };
 
 // The errors of a cluster against the input mesh. Lengths are in the mesh's unit. docs/padding.md defines the
@@ -30,13 +30,13 @@ struct Accuracy {
   double coverage = 0;  // share of the mesh surface inside the union, 0 to 1
   double normal_error_mean_deg = 0, normal_error_p95_deg = 0;
   double volume_ratio = 0;  // volume of the union over the volume of the body; 0 for a sheet
-  double protrusion_bound = 0, gap_bound = 0;  // upper bounds against the surface of `proved_against`
-  double wrap_distance = 0;  // largest sampled distance of a wrap to the input; 0 unless wrapped
-  // The surface that both bounds are proved against. For `input` and `filled`, protrusion_max and gap_max are
-  // these bounds. For `wrap` they are the largest of the samples, and no bounds. For `none` (an open sheet)
+  double protrusion_bound = 0, gap_bound = 0;  // upper bounds against the input, whatever repair did to it
+  double wrap_distance = 0;  // no point of the wrap is farther from the input; 0 unless wrapped
+  // What counts as body in the proof: what the input encloses; with the patches over its holes; or with all
+  // that a wrap around it encloses. protrusion_max and gap_max are the bounds. For `none` (an open sheet)
   // gap_max and gap_bound are proved, protrusion_max is sampled and protrusion_bound is an estimate.
   SurfaceKind proved_against = SurfaceKind::none;
-  bool certified = false;  // proved against the input itself, and within what was asked for
+  bool certified = false;  // both bounds are proved, and within what was asked for
 };
 
 // Where a cluster came from.

@@ -14,9 +14,6 @@ namespace {
 
 constexpr std::size_t many_open = 100'000;  // parts
 
-// The cap lowered by the margin, but to a quarter at the most.
-double lowered(double cap, double margin) { return std::max(cap - margin, 0.25 * cap); }
-
 Ball ball_under(const Surface& body, const Point& p, const Vector& normal, double largest, double cap) {
   // The medial ball may miss p by a quarter of the cap, because the dilated ball still covers p.
   Ball ball = inner_medial_ball(body, p, normal, largest, 0.25 * cap);
@@ -24,12 +21,10 @@ Ball ball_under(const Surface& body, const Point& p, const Vector& normal, doubl
   return ball;
 }
 
-void refit_one(const Surface& body, const Mesh& remeshed, double margin, FittedBall& fitted) {
-  const double cap = lowered(fitted.cap, margin), below = fitted.ball.radius - fitted.cap;
+void refit_one(const Surface& body, const Mesh& remeshed, FittedBall& fitted) {
+  const double cap = fitted.cap, below = fitted.ball.radius - cap;
   const double side = body.signed_nearest(fitted.ball.center).distance;
-  if (side <= 0 && -side >= below - 1e-9 * fitted.ball.radius && margin == 0)
-    return;  // the paper's sphere will do
-  if (side <= 0 && fitted.ball.radius + side <= cap) return;
+  if (side <= 0 && -side >= below - 1e-9 * fitted.ball.radius) return;  // the paper's sphere will do
   const auto& t = remeshed.triangles[fitted.triangle];
   const Triangle3 tri{remeshed.points[t[0]], remeshed.points[t[1]], remeshed.points[t[2]]};
   const Nearest touch = body.nearest(tri.enclosing_circle().center);
@@ -81,7 +76,7 @@ std::vector<FittedBall> refit(const Surface& body, const Mesh& remeshed, std::ve
 
 #pragma omp parallel for schedule(dynamic, 64)
   for (std::int64_t k = 0; k < static_cast<std::int64_t>(balls.size()); k++)
-    refit_one(body, remeshed, options.margin, balls[k]);
+    refit_one(body, remeshed, balls[k]);
   std::erase_if(balls, [](const FittedBall& b) { return b.ball.radius == 0; });
 
   const Surface triangles(remeshed);
@@ -95,8 +90,9 @@ std::vector<FittedBall> refit(const Surface& body, const Mesh& remeshed, std::ve
                      [](const GapPart& a, const GapPart& b) { return a.value > b.value; });
     // Of neighbouring parts only the worst gets a ball in this round: it may cover the others, too.
     std::vector<GapPart> chosen;
-    // A ball covers a disc that is much wider than the gap. Where nearly all is open, as under flat caps on a coarse
-    // mesh, points that stand apart by the gap alone would be millions: the first rounds take few of them.
+    // A ball covers a disc that is much wider than the gap. Where nearly all is open, as under flat caps on a
+    // coarse mesh, points that stand apart by the gap alone would be millions: the first rounds take few of
+    // them.
     const double spacing = open.size() > many_open ? std::max(1.0, std::ldexp(32, -round)) * gap : gap;
     SparsePoints taken(spacing);
     for (const GapPart& part : open)
@@ -106,9 +102,8 @@ std::vector<FittedBall> refit(const Surface& body, const Mesh& remeshed, std::ve
     for (std::int64_t k = 0; k < static_cast<std::int64_t>(chosen.size()); k++) {
       const Point p = chosen[k].centroid();
       const Vector normal = body.mesh().area_normal(chosen[k].triangle).normalized();
-      found[k] = {ball_under(body, p, normal, largest, lowered(gap, options.margin)), gap,
-                  triangles.nearest(p).triangle};
-      if (found[k].ball.radius == 0) found[k].ball = {p, lowered(gap, options.margin)};  // on a knife's edge
+      found[k] = {ball_under(body, p, normal, largest, gap), gap, triangles.nearest(p).triangle};
+      if (found[k].ball.radius == 0) found[k].ball = {p, gap};  // on a knife's edge
     }
     balls.insert(balls.end(), found.begin(), found.end());
   }

@@ -10,8 +10,7 @@ namespace padder {
 
 // How far spheres may stand out.
 struct RefitOptions {
-  double margin = 0;  // caps are lowered by it: so far the body lies outside the part (the offset of a wrap)
-  double gap = 0;     // the largest gap that may be left; 0: the largest cap among the balls
+  double gap = 0;  // the largest gap that may be left; 0: the largest cap among the balls
 };
 
 // The paper refits the spheres along edges that an edge finder gives it. This function tests every sphere

@@ -100,7 +100,8 @@ class CullSearch {
   // area that one sphere must answer for, lay on a flat whose inner medial balls have the mean thickness. It
   // is rather too large, because small covers are found quickly.
   double guess_for(std::uint64_t count) const {
-    const double area = surface_.mesh().area(), r = std::abs(mass_properties(surface_.mesh()).volume) / area;
+    const double area = surface_.mesh().area(),
+                 r = std::abs(mass_properties(surface_.boundary()).volume) / area;
     const double disc2 = 0.5 * area / static_cast<double>(count);
     return std::sqrt(r * r + disc2) - r;
   }
@@ -167,7 +168,7 @@ class CullSearch {
   // volume, then the dilation that has it. When the count forbids a smaller sum, the volume comes before the
   // tolerance.
   double true_volume(double& tolerance_sum, Culled& culled) {
-    const double body = mass_properties(surface_.mesh()).volume;
+    const double body = mass_properties(surface_.boundary()).volume;
     if (!(body > 0)) throw Error("the body has no volume to match: use --balance mean or none");
     const auto ratio = [&](double dilation) {
       return union_shape(surface_, dilated(dilation)).volume / body;

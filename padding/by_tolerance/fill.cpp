@@ -31,7 +31,8 @@ class Fill {
 
   Filled run() {
     Filled filled;
-    if (!surface_.closed() || !(options_.depth > 0) || !(options_.protrusion > 0)) return filled;
+    if (!surface_.closed() || surface_.hull() || !(options_.depth > 0) || !(options_.protrusion > 0))
+      return filled;
     const Box box = surface_.bounds();
     std::vector<Cell> level = {{box.center(), 0.5 * (box.high - box.low).maxCoeff()}}, next, hollow;
     std::vector<Ball> fills;

@@ -29,7 +29,8 @@ struct Filled {
 // hollow, or close to one: it gets the ball around its centre that stands out of the body by the whole
 // protrusion. Of these balls, a greedy choice takes few. docs/tolerance.md has the proof.
 //
-// Inside is where the winding number is above 0, so an open surface is never covered. Runs on all threads;
+// Inside is where the winding number is above 0, so an open surface is never covered, nor is what a hull
+// encloses (Surface::hull), whose own surface the balls need not reach. Runs on all threads;
 // the result does not depend on their number.
 Filled fill_body(const Surface& surface, const BallSet& balls, const FillOptions& options);
 

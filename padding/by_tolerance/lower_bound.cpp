@@ -166,13 +166,9 @@ class LowerBound {
 
   // Finds how far a ball with its centre in the middle covers the surface. Returns the nearest point.
   Point look(CenterBox& box) const {
-    const Nearest at = surface_.nearest(box.center);
-    // Without a winding number the centre lies on the surface, as far as rounding can tell: there both are
-    // equal.
-    const bool inside = surface_.winding_number(box.center).value_or(1) > 0;
-    box.reach =
-        std::min(tolerance_sum_ + (inside ? at.distance : -at.distance), options_.max_radius + options_.gap);
-    return at.point;
+    box.reach = std::min(tolerance_sum_ - surface_.certified_distance(box.center),
+                         options_.max_radius + options_.gap);
+    return surface_.nearest(box.center).point;
   }
 
   // May a ball with its centre c in the box cover x? Its reach is at most the tolerance sum and the distance
@@ -220,8 +216,11 @@ class LowerBound {
   // Proves that no ball gathers more than the value returned. The boxes with the largest sums are split
   // first; those that are left when all may be looked at stay in boxes_.
   double prove(std::size_t most_boxes) {
-    const Box around = surface_.bounds();
+    Box around = surface_.bounds();
+    for (const Point& p : surface_.boundary().points) around.add(p);
     const auto smaller = [](const CenterBox& a, const CenterBox& b) { return a.most < b.most; };
+    // In a hull, the reach is not bounded by the distance to points of the surface.
+    const bool witnessed = !surface_.hull();
     CenterBox root;
     root.center = around.center(), root.half = 0.5 * (around.high - around.low).maxCoeff() + tolerance_sum_;
     root.most = std::accumulate(packing_.weights.begin(), packing_.weights.end(), 0.0);
@@ -249,6 +248,10 @@ class LowerBound {
           // neighbours.
           const CenterBox old = parts[k];
           parts[k].witnesses = 0;
+          if (!witnessed) {
+            measure(parts[k], found);
+            continue;
+          }
           parts[k].add(nearest[k], 0);
           const double apart = 0.1 * tolerance_sum_;
           for (std::size_t j = k / 8 * 8; j < k / 8 * 8 + 8; j++) parts[k].add(nearest[j], apart);

@@ -5,9 +5,10 @@
 
 namespace padder {
 
-Ball inner_medial_ball(const Surface& surface, const Point& p, const Vector& normal, double largest,
-                       double tolerance, double guess) {
-  if (!surface.has_inside()) return {p, 0};
+namespace {
+
+Ball ball_below(const Surface& surface, const Point& p, const Vector& normal, double largest,
+                double tolerance, double guess) {
   // In practice a step at least halves the surplus, but on noisy surfaces the steps may be tiny. After so
   // many steps the radius also falls by a fixed share, so the loop ends at r <= tolerance at the latest.
   constexpr int patience = 24;
@@ -17,7 +18,7 @@ Ball inner_medial_ball(const Surface& surface, const Point& p, const Vector& nor
   bool growing = r < largest;
   for (int step = 0; r > tolerance;) {
     const Point c = p - r * normal;
-    const Nearest hit = surface.nearest(c, r - tolerance);
+    const Nearest hit = surface.clearance(c, r - tolerance);
     if (!(hit.distance < r - tolerance)) {
       if (!growing) break;
       r = std::min(largest, 2 * r), growing = r < largest;
@@ -37,6 +38,18 @@ Ball inner_medial_ball(const Surface& surface, const Point& p, const Vector& nor
   const double radius = -at.distance;
   if (!(r <= radius + tolerance)) return {p, 0};
   return {c, radius};
+}
+
+}  // namespace
+
+Ball inner_medial_ball(const Surface& surface, const Point& p, const Vector& normal, double largest,
+                       double tolerance, double guess) {
+  if (!surface.has_inside()) return {p, 0};
+  const Ball ball = ball_below(surface, p, normal, largest, tolerance, guess);
+  if (!surface.hull()) return ball;
+  // Triangles in a hull may be turned at random.
+  const Ball other = ball_below(surface, p, -normal, largest, tolerance, guess);
+  return other.radius > ball.radius ? other : ball;
 }
 
 }  // namespace padder

@@ -162,6 +162,24 @@ void Surface::find_normals() {
   open_edges_ = open;
 }
 
+Surface::Surface(const Mesh& mesh, SideBy side, std::vector<double> standoff) : Surface(mesh, side) {
+  slot_standoff_.resize(slots_.size());
+  for (std::size_t k = 0; k < slots_.size(); k++) slot_standoff_[k] = standoff[slots_[k].triangle];
+  node_standoff_.assign(nodes_.size(), {0, 0});
+  // Children stand behind their parents.
+  for (std::size_t n = nodes_.size(); n-- > 0;)
+    for (int side_of = 0; side_of < 2; side_of++) {
+      double& largest = node_standoff_[n][side_of];
+      const std::uint32_t child = nodes_[n].child[side_of], count = nodes_[n].count[side_of];
+      for (std::uint32_t k = 0; k < count; k++) largest = std::max(largest, slot_standoff_[child + k]);
+      if (count == 0 && child > n) largest = std::max(node_standoff_[child][0], node_standoff_[child][1]);
+    }
+}
+
+Surface::Surface(Surface triangles, std::shared_ptr<const Surface> hull) : Surface(std::move(triangles)) {
+  solid_ = std::move(hull);
+}
+
 // Binned surface-area heuristic; returns the node's index.
 std::uint32_t Surface::build(std::vector<Node>& nodes, std::vector<std::uint32_t>& order,
                              const std::vector<Box>& boxes, std::uint32_t begin, std::uint32_t end) {
@@ -290,7 +308,73 @@ Nearest Surface::nearest(const Point& p, double limit) const {
   return best;
 }
 
+Nearest Surface::clearance(const Point& p, double limit) const {
+  if (hull()) return solid_->clearance(p, limit);
+  if (slot_standoff_.empty() || nodes_.empty()) return nearest(p, limit);
+  Nearest best;
+  struct Entry {
+    double least;  // no triangle below has less clearance
+    std::uint32_t child, count;
+  };
+  Entry stack[stack_size];
+  int top = 0;
+  stack[top++] = {-std::numeric_limits<double>::infinity(), 0, 0};
+  while (top > 0) {
+    const Entry entry = stack[--top];
+    if (entry.least >= limit) continue;
+    for (std::uint32_t k = entry.child; k < entry.child + entry.count; k++) {
+      const Slot& slot = slots_[k];
+      Point q;
+      int feature;
+      const double distance = std::sqrt(closest(p, slot.a, slot.ab, slot.ac, q, feature));
+      if (distance - slot_standoff_[k] >= limit) continue;
+      limit = best.distance = distance - slot_standoff_[k], best.triangle = slot.triangle;
+      best.point = limit > 0 ? Point(q + slot_standoff_[k] / distance * (p - q)) : p;
+    }
+    if (entry.count > 0) continue;
+    const Node& node = nodes_[entry.child];
+    double least[2];
+    for (int side = 0; side < 2; side++)
+      least[side] =
+          std::sqrt(box_distance(node.low[side], node.high[side], p)) - node_standoff_[entry.child][side];
+    const int near = least[1] < least[0];
+    for (const int side : {1 - near, near})
+      if (least[side] < limit && node.low[side][0] <= node.high[side][0])
+        stack[top++] = {least[side], node.child[side], node.count[side]};
+  }
+  return best;
+}
+
+double Surface::distance_to(std::uint32_t triangle, const Point& p) const {
+  const auto& t = mesh_.triangles[triangle];
+  const Point& a = mesh_.points[t[0]];
+  Point q;
+  int feature;
+  return std::sqrt(closest(p, a, mesh_.points[t[1]] - a, mesh_.points[t[2]] - a, q, feature));
+}
+
+double Surface::certified_distance(const Point& p) const {
+  const auto winding = winding_number(p);
+  const bool inside = winding && *winding > 0;
+  if (!hull()) return inside ? -clearance(p).distance : nearest(p).distance;
+  const double apart = nearest(p).distance;
+  return inside ? std::min(apart, -clearance(p).distance) : apart;
+}
+
+// With a hull, the direction outwards is the hull's: the triangles inside may be turned at random.
+Nearest Surface::signed_nearest_in_hull(const Point& p) const {
+  const Nearest outer = solid_->signed_nearest(p);
+  Nearest best = nearest(p);
+  best.normal = face_normals_[best.triangle];
+  if (best.normal.dot(outer.normal) < 0) best.normal = -best.normal;
+  if (!(outer.distance < 0)) return best;
+  const Nearest clear = clearance(p);
+  if (-clear.distance < best.distance) best.distance = -clear.distance, best.point = clear.point;
+  return best;
+}
+
 Nearest Surface::signed_nearest(const Point& p) const {
+  if (hull()) return signed_nearest_in_hull(p);
   Nearest best = nearest(p);
   if (!(best.distance < std::numeric_limits<double>::infinity())) return best;
   const auto& t = mesh_.triangles[best.triangle];
@@ -312,6 +396,7 @@ Nearest Surface::signed_nearest(const Point& p) const {
 }
 
 std::optional<int> Surface::winding_number(const Point& p) const {
+  if (hull()) return solid_->winding_number(p);
   if (solid_) return winding_in_solid(p);
   if (!closed()) return std::nullopt;
   if ((p.array() < bounds_.low.array()).any() || (p.array() > bounds_.high.array()).any()) return 0;

@@ -36,6 +36,14 @@ class Surface {
   // inside has its boundary on `mesh`. It may be empty; then nothing is inside.
   explicit Surface(const Mesh& mesh, SideBy side = SideBy::pseudonormal, const Mesh* solid = nullptr);
 
+  // A closed surface that stands off another one, as a wrap does: no point of triangle k is farther from that
+  // surface than standoff[k]. Only clearance() and certified_distance() look at it.
+  Surface(const Mesh& mesh, SideBy side, std::vector<double> standoff);
+
+  // Any triangles inside a closed surface with standoffs, their hull. mesh() and nearest() are those of the
+  // triangles, which may be open, crossed or turned at random. The hull says what is inside.
+  Surface(Surface triangles, std::shared_ptr<const Surface> hull);
+
   // The nearest point, if it is closer than `limit`. Otherwise the distance stays infinite.
   Nearest nearest(const Point& p, double limit = std::numeric_limits<double>::infinity()) const;
 
@@ -45,6 +53,18 @@ class Surface {
   // an open sheet, inside is below its normals. With SideBy::winding and a closed surface, inside is where
   // the winding number is above 0.
   Nearest signed_nearest(const Point& p) const;
+
+  // The smallest distance to a triangle (of the hull, if there is one) less the triangle's standoff: how
+  // large an inner ball around p may be. `point` is moved towards p by the standoff. Negative where p lies
+  // within the standoff. Without standoffs this is nearest().
+  Nearest clearance(const Point& p, double limit = std::numeric_limits<double>::infinity()) const;
+
+  double distance_to(std::uint32_t triangle, const Point& p) const;  // of one triangle of `mesh`
+
+  // What a proof may say of the place of p: a ball of radius r around p stands out by at most r plus this
+  // (certify.h). Negative inside: minus the clearance. Inside is where the winding number is above 0, and a
+  // point for which there is none counts as outside. With a hull it is never above the distance to `mesh`.
+  double certified_distance(const Point& p) const;
 
   // How often the surface winds around p: 0 outside, 1 inside, 2 where two solids overlap, -1 inside a solid
   // that is turned inside out. It counts the signed crossings of a ray. The result is exact: each sign is
@@ -75,6 +95,9 @@ class Surface {
   bool any_within(const Point& p, double limit) const;
 
   const Mesh& mesh() const { return mesh_; }
+  const Mesh& boundary() const { return hull() ? hull()->mesh() : mesh_; }  // what bounds the inside
+  // Null: there is none.
+  const Surface* hull() const { return solid_ && !solid_->slot_standoff_.empty() ? solid_.get() : nullptr; }
   const Box& bounds() const { return bounds_; }
 
  private:
@@ -88,6 +111,7 @@ class Surface {
     std::uint32_t triangle;
   };
 
+  Nearest signed_nearest_in_hull(const Point& p) const;
   std::optional<int> winding_in_solid(const Point& p) const;
   static std::uint32_t build(std::vector<Node>& nodes, std::vector<std::uint32_t>& order,
                              const std::vector<Box>& boxes, std::uint32_t begin, std::uint32_t end);
@@ -101,7 +125,9 @@ class Surface {
   std::vector<Node> nodes_;
   std::vector<Slot> slots_;
   std::vector<Vector> face_normals_, vertex_normals_;
-  std::vector<std::array<Vector, 3>> edge_normals_;  // edge k runs from corner k to corner k + 1
+  std::vector<double> slot_standoff_;                 // none, or one for each slot
+  std::vector<std::array<double, 2>> node_standoff_;  // the largest below each child of a node
+  std::vector<std::array<Vector, 3>> edge_normals_;   // edge k runs from corner k to corner k + 1
 };
 
 }  // namespace padder

@@ -23,6 +23,9 @@ enum class RepairMode {
 // Lengths are in the mesh's unit; 0 means that repair chooses.
 struct RepairOptions {
   RepairMode mode = RepairMode::automatic;
+  // The protrusion that a wrap must leave room for: it stands off the input by less, unless that needs an
+  // alpha below diagonal/600. Comes before `accuracy` and `alpha`. 0: none is promised.
+  double tolerance = 0;
   double accuracy = 0;  // error asked for, which a wrap must not spoil; 0: diagonal/500
   // Radius of the ball that a wrap keeps out; 0: 2.75 times the accuracy, from diagonal/400 to diagonal/150.
   double alpha = 0;

@@ -58,28 +58,19 @@ struct SurfaceSample {
   bool inside;
 };
 
-std::vector<SurfaceSample> sample_surface(const Mesh& input, const Repaired& body,
-                                          const Surface& body_surface, const BallSet& balls,
-                                          std::int64_t wanted, double& buried) {
-  const double each = input.area() / double(wanted), search_radius = 2 * body.offset;
-  const bool wrap = body.kind == BodyKind::wrap;
-  struct Found {
-    SurfaceSample sample;
-    bool buried;
-  };
-  const auto found =
-      gather<Found>(std::int64_t(input.triangles.size()), [&](std::int64_t t, std::vector<Found>& into) {
-        const double area = input.area_normal(t).norm();
+std::vector<SurfaceSample> sample_surface(const Mesh& mesh, const BallSet& balls, std::int64_t wanted) {
+  const double each = mesh.area() / double(wanted);
+  return gather<SurfaceSample>(
+      std::int64_t(mesh.triangles.size()), [&](std::int64_t t, std::vector<SurfaceSample>& into) {
+        const double area = mesh.area_normal(t).norm();
         if (!(area > 0)) return;
         // n^2 congruent parts, sampled at their centroids. Corners are sampled, too, with no weight.
         const auto n = std::clamp<std::int64_t>(std::llround(std::sqrt(area / each)), 1, 4096);
-        const Point a = input.corner(t, 0);
-        const Vector u = (input.corner(t, 1) - a) / double(n), v = (input.corner(t, 2) - a) / double(n);
+        const Point a = mesh.corner(t, 0);
+        const Vector u = (mesh.corner(t, 1) - a) / double(n), v = (mesh.corner(t, 2) - a) / double(n);
         const auto add = [&](double i, double j, double weight) {
-          const Point x = a + i * u + j * v;
-          const bool hidden = wrap && !body_surface.any_within(x, search_radius);
-          const double gap = hidden ? 0 : balls.gap(x).value;
-          into.push_back({{std::max(gap, 0.0), weight, gap <= 0}, hidden});
+          const double gap = balls.gap(a + i * u + j * v).value;
+          into.push_back({std::max(gap, 0.0), weight, gap <= 0});
         };
         const double weight = area / double(n * n);
         for (std::int64_t i = 0; i < n; i++)
@@ -92,29 +83,6 @@ std::vector<SurfaceSample> sample_surface(const Mesh& input, const Repaired& bod
           add(s, 0, 0), add(0, s, 0), add(m - s, s, 0);
         }
       });
-  std::vector<SurfaceSample> samples;
-  double all = 0, hidden = 0;
-  for (const auto& f : found) {
-    all += f.sample.weight;
-    if (f.buried)
-      hidden += f.sample.weight;
-    else
-      samples.push_back(f.sample);
-  }
-  buried = all > 0 ? hidden / all : 0;
-  return samples;
-}
-
-// The largest distance of the mesh to the surface, over its corners and centroids.
-double farthest_from(const Surface& surface, const Mesh& mesh) {
-  double farthest = 0;
-#pragma omp parallel for schedule(dynamic, 256) reduction(max : farthest)
-  for (std::int64_t t = 0; t < static_cast<std::int64_t>(mesh.triangles.size()); t++) {
-    const Point a = mesh.corner(t, 0), b = mesh.corner(t, 1), c = mesh.corner(t, 2);
-    for (const Point& p : {a, Point((a + b + c) / 3)})
-      farthest = std::max(farthest, surface.nearest(p).distance);
-  }
-  return farthest;
 }
 
 SurfaceKind proved_against(const Repaired& body) {
@@ -131,14 +99,8 @@ struct BallSample {
 
 class BallSampler {
  public:
-  BallSampler(const Repaired& body, const Surface& body_surface, const Surface& input, const BallSet& balls,
-              double deepest)
-      : body_(body),
-        surface_(body_surface),
-        input_(input),
-        balls_(balls),
-        deepest_(deepest),
-        origin_(input.bounds().center()) {}
+  BallSampler(const Surface& surface, const BallSet& balls, double deepest)
+      : surface_(surface), balls_(balls), deepest_(deepest), origin_(surface.bounds().center()) {}
 
   // The sample on this ball in the direction of `normal`, unless another ball covers it.
   std::optional<BallSample> at(const Ball& ball, const Vector& normal, double weight) const {
@@ -148,31 +110,17 @@ class BallSampler {
     if (balls_.any_contains(x, 1e-9 * ball.radius)) return std::nullopt;
     BallSample s{-1, -1, weight, weight * (x - origin_).dot(normal) / 3};
     const Nearest body = surface_.signed_nearest(x);
-    const bool wrap = body_.kind == BodyKind::wrap;
-    // A wrap lies outside the input by its offset. A point less deep below the wrap may still be outside the
-    // input.
-    const bool outside = body.distance > (wrap ? -body_.offset : 0);
-    Nearest on_input = body;
-    if (wrap) on_input = input_.nearest(x);
-    if (outside) s.protrusion = std::abs(on_input.distance);
+    const bool outside = body.distance > 0;
+    if (outside) s.protrusion = body.distance;
     if (outside || body.distance > -deepest_) {
-      // A wrap's normals ripple where the input's do not. So the side comes from the wrap, and the plane from
-      // the input.
-      Vector n = body.normal;
-      if (wrap) {
-        n = input_.mesh().area_normal(on_input.triangle).normalized();
-        if (n.dot(body.normal) < 0) n = -n;
-      }
-      const double c = std::clamp(n.dot(normal), -1.0, 1.0);
+      const double c = std::clamp(body.normal.dot(normal), -1.0, 1.0);
       if (outside || c > 0) s.angle = std::acos(c) * 180 / std::numbers::pi;
     }
     return s;
   }
 
  private:
-  const Repaired& body_;
   const Surface& surface_;
-  const Surface& input_;
   const BallSet& balls_;
   // Dents of the outer surface are at most this deep. Deeper inside is the inner side of a shell.
   double deepest_;
@@ -189,7 +137,8 @@ Measured measure(const Mesh& input, const Repaired& body, const Surface& body_su
   const BallSet set(balls);
   const bool wrap = body.kind == BodyKind::wrap;
 
-  const auto surface = sample_surface(body.solid ? body.mesh : input, body, body_surface, set, options.surface_samples, m.buried);
+  const auto surface =
+      sample_surface(wrap || body.solid ? body_surface.mesh() : input, set, options.surface_samples);
   std::vector<Weighted> gaps;
   double area = 0, covered = 0;
   for (const auto& s : surface) {
@@ -197,17 +146,14 @@ Measured measure(const Mesh& input, const Repaired& body, const Surface& body_su
     area += s.weight, covered += s.inside ? s.weight : 0;
   }
   const Summary gap = summarize(gaps);
-  a.gap_max = gap.max, a.gap_mean = gap.mean, a.gap_p95 = gap.p95;
+  a.gap_mean = gap.mean, a.gap_p95 = gap.p95;
   a.coverage = area > 0 ? covered / area : 0;
-  a.gap_bound = gap_bound(body.mesh, set, options.floor).upper;
+  a.gap_bound = gap_bound(body_surface.mesh(), set, options.floor).upper;
   // Triangles without area may lie apart from the others, so they are measured, too.
   if (!wrap) a.gap_bound = std::max(a.gap_bound, gap_bound(body.flat, set, options.floor).upper);
-  if (!wrap) a.gap_max = std::max(a.gap_max, a.gap_bound);
+  a.gap_max = std::max(gap.max, a.gap_bound);
 
-  const std::optional<Surface> own = wrap ? std::optional<Surface>(std::in_place, input) : std::nullopt;
-  const Surface& input_surface = own ? *own : body_surface;
-  const BallSampler sampler(body, body_surface, input_surface, set,
-                            a.gap_max + 1e-6 * input_surface.bounds().diagonal());
+  const BallSampler sampler(body_surface, set, a.gap_max + 1e-6 * body_surface.bounds().diagonal());
   const std::int64_t n = std::max<std::int64_t>(48, options.ball_samples / std::int64_t(balls.size()));
   const auto found =
       gather<BallSample>(std::int64_t(balls.size()), [&](std::int64_t k, std::vector<BallSample>& into) {
@@ -230,10 +176,12 @@ Measured measure(const Mesh& input, const Repaired& body, const Surface& body_su
   const Summary protrusion = summarize(protrusions), angle = summarize(angles);
   a.protrusion_max = protrusion.max, a.protrusion_mean = protrusion.mean, a.protrusion_p95 = protrusion.p95;
   const ProtrusionBound bound = protrusion_bound(body_surface, balls);
-  a.protrusion_bound = std::max(0.0, bound.max), m.outside = bound.outside;
+  // What a wrap bridges counts as body, so it is no part of the bounds of the balls. It may lie as far from
+  // the input as the wrap does.
+  for (const double standoff : body.standoff) a.wrap_distance = std::max(a.wrap_distance, standoff);
+  a.protrusion_bound = std::max({0.0, bound.max, a.wrap_distance}), m.outside = bound.outside;
+  a.protrusion_max = std::max(a.protrusion_max, a.protrusion_bound);
   if (bound.proved) a.proved_against = proved_against(body);
-  if (!wrap) a.protrusion_max = std::max(a.protrusion_max, a.protrusion_bound);
-  if (wrap) a.wrap_distance = farthest_from(input_surface, body.mesh);
   a.normal_error_mean_deg = angle.mean, a.normal_error_p95_deg = angle.p95;
   if (body.kind != BodyKind::sheet) {
     const double volume = mass_properties(body.boundary()).volume;

@@ -22,13 +22,13 @@ struct AccuracyOptions {
 struct Measured {
   Accuracy accuracy;        // but for `certified`: what was asked for is not known here
   double volume_union = 0;  // of the balls, overlaps counted once
-  double buried = 0;        // share of the input's surface that cannot be touched from outside
   std::size_t outside = 0;  // the number of balls whose centre lies outside the body (ProtrusionBound)
 };
 
 // All lengths are in the mesh's unit and measured against `input`, the mesh as it was read. `body` is what
-// repair made of it and says which side is inside. `body_surface` is the Surface of body.mesh with the sides
-// of body.side(). The terms are cuRobo's where it has them:
+// repair made of it and says which side is inside. `body_surface` is the Surface that the balls were made on:
+// of body.mesh with the sides of body.side(), and for a wrap the input with the wrap as its hull. The terms
+// are cuRobo's where it has them:
 //
 // * protrusion: distance to the input mesh, over the outer surface of the union where it lies outside the
 //   body;
@@ -42,11 +42,9 @@ struct Measured {
 // Means and 95th percentiles are weighted by area. Their points are spread evenly (area-stratified on
 // triangles, spirals of equal area on spheres), without random numbers.
 //
-// The maxima are proved upper bounds (padding/verify/certify.h) where the body is the input's own surface,
-// with filled holes or without. For a wrap they are the largest of the samples, among them each sphere's
-// outermost point. For a sheet only the gap is a bound. `proved_against` says which it was, found from the
-// surface itself and not from `body`. Input surface farther inside a wrap than twice its offset cannot be
-// touched from outside; it is not counted, and `buried` is its share.
+// The maxima are proved upper bounds (padding/verify/certify.h) for every closed body. For a wrap, what it
+// encloses counts as body, and the protrusion is at least what the wrap itself stands off. For a sheet only
+// the gap is a bound. `proved_against` says which it was, found from the surface itself and not from `body`.
 //
 // Works on any balls, however they were made. The result does not depend on the number of threads.
 Measured measure(const Mesh& input, const Repaired& body, const Surface& body_surface,

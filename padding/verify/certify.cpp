@@ -52,13 +52,12 @@ ProtrusionBound protrusion_bound(const Surface& surface, const std::vector<Ball>
 #pragma omp parallel for schedule(dynamic, 16) if (balls.size() > 64) reduction(+ : outside)
   for (std::size_t k = 0; k < balls.size(); k++) {
     const Ball& ball = balls[k];
-    const Nearest at = surface.signed_nearest(ball.center);
-    double distance = at.distance;
-    // No winding number means that the centre lies on the surface, as far as rounding can tell: outside is
-    // the safe assumption.
-    if (bound.proved) distance = std::copysign(distance, surface.winding_number(ball.center) > 0 ? -1. : 1.);
+    const double distance =
+        bound.proved ? surface.certified_distance(ball.center) : surface.signed_nearest(ball.center).distance;
     bound.each[k] = ball.radius + distance;
-    outside += distance > on_surface * ball.radius;
+    // In a hull, a centre within the standoff is still inside.
+    outside += distance > on_surface * ball.radius &&
+               !(surface.hull() && surface.winding_number(ball.center).value_or(0) > 0);
   }
   bound.outside = outside;
   for (std::size_t k = 0; k < balls.size(); k++)

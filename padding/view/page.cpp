@@ -146,6 +146,13 @@ Json head_json(const View& view, const PageOptions& o, const Frame& frame) {
   const Palette& p = palette();
   j["palette"] = {
       {"none", p.none}, {"mesh", p.mesh}, {"background", p.background}, {"kinds", p.kinds}, {"ramp", p.ramp}};
+  if (view.has_mesh() && !view.marks.empty()) {
+    Json& marks = j["marks"] = Json::array();
+    for (const Mark& mark : view.marks)
+      marks.push_back({{"name", name_of(mark.kind)},
+                       {"colour", p.marks[std::size_t(mark.kind)]},
+                       {"area", mark.mesh.area()}});
+  }
   return j;
 }
 
@@ -172,6 +179,14 @@ void write_data(const View& view, const PageOptions& options, const Write& write
       for (const double x : frame.into(view.mesh.points[k])) to.push_back(float(x));
     });
     out.add("triangles", view.mesh.triangles);
+    for (std::size_t m = 0; m < view.marks.size(); m++) {
+      const Mesh& mesh = view.marks[m].mesh;
+      out.add<float>(("mark" + std::to_string(m)).c_str(), mesh.triangles.size(),
+                     [&](std::size_t t, std::vector<float>& to) {
+                       for (int k = 0; k < 3; k++)
+                         for (const double x : frame.into(mesh.corner(t, k))) to.push_back(float(x));
+                     });
+    }
   }
   if (!view.contacts.empty()) {
     out.add<std::uint32_t>("pairs", view.contacts.size(), [&](std::size_t k, std::vector<std::uint32_t>& to) {

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <memory>
 #include <numbers>
 
@@ -172,6 +173,9 @@ class Stage {
       return q;
     };
     for (const Point& p : view.mesh.points) points_.push_back(place(p));
+    triangles_ = view.mesh.triangles;
+    if (view.has_mesh())
+      for (const Mark& mark : view.marks) add(mark, place);
     for (const Point& p : view.centers) centers_.push_back(place(p));
     for (const double r : view.radii) radii_.push_back(std::max(kDot, float(r / scale)));
     for (const Colour& c : colours_of(view, o.colour)) colours_.push_back(linear_of(c));
@@ -188,12 +192,23 @@ class Stage {
                 .normalized();
   }
 
+  // Behind the mesh's own triangles. A mark that lies on the mesh is moved towards the camera, to be seen.
+  void add(const Mark& mark, const std::function<Vec(const Point&)>& place) {
+    const auto first = static_cast<std::uint32_t>(points_.size());
+    const Vec nearer = -3e-4f * fitted(2, 2).forward;
+    for (const Point& p : mark.mesh.points) points_.push_back(place(p) + nearer);
+    for (const auto& t : mark.mesh.triangles) {
+      triangles_.push_back({t[0] + first, t[1] + first, t[2] + first});
+      mark_colours_.push_back(linear_of(palette().marks[std::size_t(mark.kind)]));
+    }
+  }
+
   // One panel of the picture, `left` pixels from its left side.
   void draw(Show show, int left, int width, Picture& picture) const {
     const Device device;
     const bool mesh = show == Show::mesh || show == Show::both, spheres = show != Show::mesh;
-    const World world(device, mesh, spheres, points_, view_.mesh.triangles, centers_, radii_);
-    const World wires(device, show != Show::spheres, false, points_, view_.mesh.triangles, centers_, radii_);
+    const World world(device, mesh, spheres, points_, triangles_, centers_, radii_);
+    const World wires(device, show != Show::spheres, false, points_, triangles_, centers_, radii_);
     const Camera camera = fitted(width, picture.height);
 #pragma omp parallel for schedule(dynamic, 4)
     for (int y = 0; y < picture.height; y++)
@@ -269,7 +284,8 @@ class Stage {
       gloss = 0.10f;
     } else {
       n = Vec(h.hit.Ng_x, h.hit.Ng_y, h.hit.Ng_z);
-      albedo = mesh_colour_;
+      const std::size_t own = view_.mesh.triangles.size();
+      albedo = h.hit.primID < own ? mesh_colour_ : mark_colours_[h.hit.primID - own];
       gloss = 0.04f;
     }
     if (!(n.squaredNorm() > 0)) n = -along;  // a triangle without area
@@ -315,7 +331,7 @@ class Stage {
                 int height, float seen) const {
     const RTCRayHit h = wires.first(camera.eye, along);
     if (h.hit.geomID == RTC_INVALID_GEOMETRY_ID || h.ray.tfar > seen + 0.02f) return 0;
-    const auto& t = view_.mesh.triangles[h.hit.primID];
+    const auto& t = triangles_[h.hit.primID];
     Eigen::Vector2f p[3];
     for (int k = 0; k < 3; k++) p[k] = camera.project(points_[t[k]], float(width), float(height));
     const auto cross = [](const Eigen::Vector2f& a, const Eigen::Vector2f& b) {
@@ -335,7 +351,8 @@ class Stage {
 
   const View& view_;
   const PictureOptions& options_;
-  std::vector<Vec> points_, centers_, colours_;
+  std::vector<Vec> points_, centers_, colours_, mark_colours_;
+  std::vector<std::array<std::uint32_t, 3>> triangles_;  // of the mesh, and behind them those of the marks
   std::vector<float> radii_;
   float ground_ = 0;
   Vec mesh_colour_, background_, lamp_;

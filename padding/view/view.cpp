@@ -232,11 +232,18 @@ std::vector<Colour> colours_of(const View& view, ColourBy by) {
   }
 }
 
+const char* name_of(MarkKind kind) {
+  constexpr const char* names[] = {"patch over a hole", "buried, nothing touches it",
+                                   "slot closed by the wrap", "dropped by repair"};
+  return names[std::size_t(kind)];
+}
+
 const Palette& palette() {
   static const Palette p{
       .none = {232, 128, 58},
       .mesh = {158, 170, 184},
       .background = {244, 246, 248},
+      .marks = {{{0, 158, 115}, {86, 180, 233}, {213, 94, 0}, {204, 121, 167}}},  // told apart by all eyes
       .kinds = {{208, 64, 56},
                 {48, 112, 192},
                 {64, 152, 80},

@@ -10,6 +10,7 @@
 
 #include "padding/asset/cluster.h"
 #include "padding/asset/mesh.h"
+#include "padding/geometry/repaired.h"
 
 namespace padder {
 
@@ -39,9 +40,10 @@ struct ViewRung {
 // All lengths in one unit and one frame. N spheres; an array that may be empty has N entries otherwise.
 struct View {
   std::string title;
-  std::string unit;  // "" when nobody said
-  std::string note;  // where it came from, one line
-  Mesh mesh;         // without triangles when there is none
+  std::string unit;         // "" when nobody said
+  std::string note;         // where it came from, one line
+  Mesh mesh;                // without triangles when there is none
+  std::vector<Mark> marks;  // shown with the mesh, each kind in its colour: what repair did (Padded::marks)
   std::vector<Point> centers;
   std::vector<double> radii;
   std::vector<std::uint32_t> family;   // N; 0: none
@@ -89,8 +91,12 @@ std::vector<Colour> colours_of(const View& view, ColourBy by);
 // is number 0; lengths run through the stops of the ramp from 0 or the smallest to the largest.
 struct Palette {
   Colour none, mesh, background;
+  std::array<Colour, 4> marks;  // by MarkKind
   std::vector<Colour> kinds, ramp;
 };
 const Palette& palette();
+
+// What a legend says of a mark: "patch over a hole".
+const char* name_of(MarkKind kind);
 
 }  // namespace padder

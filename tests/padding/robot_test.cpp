@@ -164,9 +164,8 @@ class RealRobotTest : public RobotTest {
     for (const Body& b : r.model.bodies) filters.push_back({b.cluster.family, b.cluster.mask});
     for (const Body& b : r.model.bodies) {
       if (b.cluster.size() == 0) continue;
-      // Proved against the repaired surface; the input lies within the wrap's distance of it.
       const Accuracy& a = b.cluster.accuracy;
-      const double allowed = 0.0101 * b.cluster.bounds.diagonal() + a.wrap_distance;
+      const double allowed = 0.0101 * b.cluster.bounds.diagonal();
       EXPECT_LE(a.protrusion_max, allowed) << b.name;
       EXPECT_LE(a.gap_max, allowed) << b.name;
     }

@@ -312,9 +312,11 @@ Json pad_mesh(const Arguments& a, const std::string& file, const Target& goal,
     make_folder_of(goal.mesh);
     padder::write_mesh(padded.mesh, goal.mesh);
   }
-  if (!a.preview.empty())
-    padder::write_preview(padder::view_of(padded.cluster, padder::mesh_of(padded.cluster, goal.path, file)),
-                          a.preview);
+  if (!a.preview.empty()) {
+    padder::View view = padder::view_of(padded.cluster, padder::mesh_of(padded.cluster, goal.path, file));
+    view.marks = padded.marks;
+    padder::write_preview(view, a.preview);
+  }
   done();
   const padder::PadFiles files{file, goal.path, goal.mesh};
   if (!a.json && !a.quiet) padder::print_report(files, padded);

@@ -8,6 +8,56 @@ namespace padder {
 
 using Json = nlohmann::ordered_json;
 
+namespace {
+
+Json json_of(const Point& p) { return Json::array({p.x(), p.y(), p.z()}); }
+
+Json patches_json(const std::vector<Patch>& patches) {
+  Json j = Json::array();
+  for (const Patch& p : patches) j.push_back({{"area", p.area}, {"rim", p.rim}, {"place", json_of(p.place)}});
+  return j;
+}
+
+Json slots_json(const std::vector<ClosedSlot>& slots) {
+  Json j = Json::array();
+  for (const ClosedSlot& s : slots)
+    j.push_back({{"width", s.width}, {"area", s.area}, {"place", json_of(s.place)}});
+  return j;
+}
+
+std::string text_of(const Point& p) {
+  char text[100];
+  std::snprintf(text, sizeof text, "(%.4g, %.4g, %.4g)", p.x(), p.y(), p.z());
+  return text;
+}
+
+// What repair did to the surface, beside what its own report says: one line for each.
+void print_repair(const PadReport& r, const Accuracy& a) {
+  const auto plural = [](std::size_t n) { return n == 1 ? "" : "s"; };
+  if (r.filled > 0) {
+    std::printf("  %llu hole%s of the input filled: area %.3g", (unsigned long long)r.filled,
+                plural(r.filled), r.filled_area);
+    const auto longest = std::max_element(r.patches.begin(), r.patches.end(),
+                                          [](const Patch& p, const Patch& q) { return p.rim < q.rim; });
+    if (longest != r.patches.end())
+      std::printf(", longest rim %.3g around %s", longest->rim, text_of(longest->place).c_str());
+    std::printf("\n");
+  }
+  if (r.buried > 0)
+    std::printf("  %.3g %% of the input's surface is not covered: nothing outside can touch it\n",
+                100 * r.buried);
+  if (r.kind == BodyKind::wrap)
+    std::printf("  body is all that a wrap around the input encloses; it stands off by at most %.3f %%\n",
+                100 * a.wrap_distance / r.diagonal);
+  for (std::size_t k = 0; k < std::min<std::size_t>(r.slots.size(), 5); k++)
+    std::printf("  closed slot: at most %.3g wide, area %.3g, at %s\n", r.slots[k].width, r.slots[k].area,
+                text_of(r.slots[k].place).c_str());
+  if (r.slots.size() > 5)
+    std::printf("  and %zu closed slots more (--json lists them)\n", r.slots.size() - 5);
+}
+
+}  // namespace
+
 Json report_json(const PadFiles& files, const PadOptions& options, const Padded& p,
                  const std::vector<std::string>& warnings) {
   const auto& r = p.report;
@@ -44,6 +94,8 @@ Json report_json(const PadFiles& files, const PadOptions& options, const Padded&
           {"radius_max", *most},
           {"accuracy", Json::parse(to_json(p.cluster.accuracy))},
           {"buried", r.buried},
+          {"patches", patches_json(r.patches)},
+          {"slots", slots_json(r.slots)},
           {"quality",
            {{"min_angle_deg", r.quality.min_angle_deg},
             {"share_under_20_deg", r.quality.share_under_20_deg},
@@ -63,31 +115,15 @@ Json report_json(const PadFiles& files, const PadOptions& options, const Padded&
 
 std::string errors_text(const Accuracy& a, double diagonal) {
   const auto percent = [&](double length) { return 100 * length / diagonal; };
-  const bool against_input =
-      a.proved_against == SurfaceKind::input || a.proved_against == SurfaceKind::filled;
-  // The proof of the gap needs no inside, so it also holds for a sheet.
-  const bool gap_proved = a.proved_against != SurfaceKind::wrap;
+  // The proof of the gap needs no inside, so it also holds for an open sheet.
+  const bool proved = a.proved_against != SurfaceKind::none;
   char text[400];
-  std::snprintf(text, sizeof text, "protrusion %s%.3f %% (mean %.3f %%)%s, gap %s%.3f %% (mean %.4f %%)",
-                against_input ? "at most " : "", percent(a.protrusion_max), percent(a.protrusion_mean),
-                against_input || !gap_proved ? "" : " in the samples", gap_proved ? "at most " : "",
-                percent(a.gap_max), percent(a.gap_mean));
-  std::string out = text;
-  switch (a.proved_against) {
-    case SurfaceKind::input:
-      return out + ", both proved against the input";
-    case SurfaceKind::filled:
-      return out + ", both proved against the input with its holes filled";
-    case SurfaceKind::none:
-      return out + ", only the gap proved";
-    case SurfaceKind::wrap:
-      std::snprintf(
-          text, sizeof text,
-          " in the samples; proved against the wrap: protrusion at most %.3f %%, gap at most %.3f %%",
-          percent(a.protrusion_bound), percent(a.gap_bound));
-      return out + text;
-  }
-  return out;
+  std::snprintf(text, sizeof text,
+                "protrusion %s%.3f %% (mean %.3f %%)%s, gap at most %.3f %% (mean %.4f %%), %s",
+                proved ? "at most " : "", percent(a.protrusion_max), percent(a.protrusion_mean),
+                proved ? "" : " in the samples", percent(a.gap_max), percent(a.gap_mean),
+                proved ? "both proved against the input" : "only the gap proved");
+  return text;
 }
 
 void print_report(const PadFiles& files, const Padded& p) {
@@ -99,10 +135,8 @@ void print_report(const PadFiles& files, const Padded& p) {
   for (const auto& lod : c.lods)
     std::printf("  %zu spheres: %s\n", lod.radii.size(), errors_text(lod.accuracy, r.diagonal).c_str());
   std::printf("  %zu spheres: %s\n", c.size(), errors_text(c.accuracy, r.diagonal).c_str());
-  if (r.kind == BodyKind::wrap)
-    std::printf("  the wrap lies up to %.3f %% from the input in the samples\n",
-                100 * c.accuracy.wrap_distance / r.diagonal);
-  if (r.kind == BodyKind::sheet)
+  print_repair(r, c.accuracy);
+  if (c.accuracy.proved_against == SurfaceKind::none)
     std::printf("  an open sheet has no inside: its protrusion is measured, not proved\n");
   if (r.fewest > 0)
     std::printf(

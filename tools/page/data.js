@@ -42,6 +42,7 @@ export function readData() {
     body: array('body', Uint32Array),
     points: array('points', Float32Array),
     triangles: array('triangles', Uint32Array),
+    marks: (head.marks ?? []).map((mark, k) => ({...mark, points: array(`mark${k}`, Float32Array) ?? new Float32Array(0)})),  // corners, three a triangle
     pairs: array('pairs', Uint32Array),     // i, j of each contact
     contacts: array('contacts', Float32Array),  // at x y z, normal x y z, depth (user's unit) of each
   };

@@ -7,7 +7,7 @@ import {colourings, painter} from './colours.js';
 import {Contacts} from './contacts.js';
 import {readData} from './data.js';
 import {Surface} from './mesh.js';
-import {showAccuracy, showLegend, showPicked, showScene} from './panels.js';
+import {showAccuracy, showLegend, showMarks, showPicked, showScene} from './panels.js';
 import {Spheres} from './spheres.js';
 
 const element = (id) => document.getElementById(id);
@@ -66,6 +66,7 @@ class Page {
     head.rungs.forEach((r, k) => element('rung').add(new Option(`${r.name} (${r.count.toLocaleString('en')})`, k)));
     element('rung').value = String(head.rung);
     showAccuracy(this.data, head.rung);
+    showMarks(this.data);
     showScene(this.data, this.contacts);
   }
 

@@ -49,17 +49,24 @@ export class Surface {
     const geometry = (this.geometry = new three.BufferGeometry());
     geometry.setAttribute('position', new three.BufferAttribute(data.points, 3));
     geometry.setIndex(new three.BufferAttribute(data.triangles, 1));
-    const material = (opacity) => new three.RawShaderMaterial({
+    const material = (opacity, colour = data.head.palette.mesh, nearer = 0) => new three.RawShaderMaterial({
       glslVersion: three.GLSL3, vertexShader: vertex, fragmentShader: fragment + light, side: three.DoubleSide,
       uniforms: {...lightUniforms, opacity: {value: opacity},
-                 albedo: {value: new three.Vector3(...data.head.palette.mesh).divideScalar(255)}},
+                 albedo: {value: new three.Vector3(...colour).divideScalar(255)}},
       transparent: opacity < 1, depthWrite: opacity === 1,
       // Edges lie on the faces: these step back a little.
-      polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 1,
+      polygonOffset: true, polygonOffsetFactor: 1 - nearer, polygonOffsetUnits: 1 - nearer,
     });
     this.solid = new three.Mesh(geometry, material(1));
     this.glass = new three.Mesh(geometry, material(0.35));
-    for (const object of [this.solid, this.glass]) object.frustumCulled = false;
+    // What repair did lies on the mesh or beside it, in colours of its own.
+    this.marks = data.marks.map((mark) => {
+      const corners = new three.BufferGeometry();
+      corners.setAttribute('position', new three.BufferAttribute(mark.points, 3));
+      return new three.Mesh(corners, material(1, mark.colour, 1.5));
+    });
+    if (this.marks.length) this.solid.add(...this.marks), this.glass.add(...this.marks.map((mark) => mark.clone()));
+    for (const object of [this.solid, this.glass, ...this.solid.children, ...this.glass.children]) object.frustumCulled = false;
   }
 
   get wire() {  // made when first asked for

@@ -53,10 +53,28 @@ export function showPicked(data, contacts, k) {
   fill(element('picked'), rows);
 }
 
-// What stands behind the largest protrusion and gap, by the surface that they were proved against.
+// What stands behind the largest protrusion and gap, by what counts as body in their proof.
 const LARGEST = {
-  input: 'proved', filled: 'proved, with holes of the input filled', wrap: 'measured; proved against a wrap only',
+  input: 'proved against the input', filled: 'proved; the patches count as surface', wrap: 'proved; what the wrap encloses counts as body',
 };
+
+// What repair did to the surface: a colour and the area of each kind.
+export function showMarks({head, marks}) {
+  element('marks-panel').hidden = !marks.length;
+  const kinds = new Map();
+  for (const {name, colour, area} of marks) {
+    const kind = kinds.get(name) ?? {colour, area: 0, count: 0};
+    kinds.set(name, kind);
+    kind.area += area, kind.count++;
+  }
+  element('marks').replaceChildren(...[...kinds].map(([name, {colour, area, count}]) => {
+    const row = document.createElement('div'), swatch = row.appendChild(document.createElement('span'));
+    swatch.className = 'swatch';
+    swatch.style.background = css(colour);
+    row.appendChild(document.createTextNode(`${name}: ${count.toLocaleString('en')}, area ${number(Number(area.toPrecision(3)))}${head.unit ? ` ${head.unit}²` : ''}`));
+    return row;
+  }));
+}
 
 // Of the level of detail that is shown: `count` spheres from `first` on.
 export function showLegend(data, by, {first, count}) {

@@ -17,6 +17,7 @@ __device__ __forceinline__ std::uint32_t queue_candidates(const SearchTask& task
                                                           const LevelQuery<Kind>& query,
                                                           const PairQueue& queue) {
   std::uint32_t mask[kRows], from[kRows];
+  if (query.split || (task.spheres.hashed && queue.count > PairQueue::kFar / 2)) return Capacity + 1;
   if (task.spheres.count > PairQueue::kFar &&
       __any_sync(kFullWarp, query.end[4] > queue.first && query.end[4] - queue.first > PairQueue::kFar))
     return Capacity + 1;
@@ -31,6 +32,7 @@ __device__ __forceinline__ std::uint32_t queue_candidates(const SearchTask& task
     std::uint32_t longest;
     mask[q] = code_mask<Kind>(task, query.seeker, query.begin[q], query.end[q], query.valid, longest);
     from[q] = base + (query.begin[q] & ~3u);
+    if (task.spheres.hashed && query.begin[q] < queue.first) from[q] += queue.count;
     counts |= RowCounts::put(__popc(mask[q]), q);
     if (longest > 32) return Capacity + 1;
   }
@@ -125,29 +127,35 @@ static __device__ __noinline__ std::uint32_t search_unqueued(const SearchTask& t
                                                              const Pairs& pairs, std::uint32_t first,
                                                              const OutputRange* range, std::uint32_t base) {
   const std::uint32_t lane = threadIdx.x & 31, below = (1u << lane) - 1;
-  LevelQuery<Kind> query = level_query<Kind>(task, grid, pairs, first);
   const auto* const slots = slots_of<Kind>(task);
   std::uint32_t hits = 0;
+  bool split = false;
 #pragma unroll 1
-  for (int q = 0; q < kRows; q++) {
-    for (std::uint32_t begin = query.begin[0], longest = 64; longest > 32;) {
-      std::uint32_t mask = code_mask<Kind>(task, query.seeker, begin, query.end[0], query.valid, longest);
-      begin &= ~3u;
-      while (__any_sync(kFullWarp, mask != 0)) {
-        const int k = __clz(mask);
-        const std::uint32_t j = begin + k;
-        const bool hit =
-            mask && test<Kind>(task, grid, query.index, query.slot, j, load_slot(slots + j), !range);
-        if (mask) mask ^= 0x80000000u >> k;
-        const std::uint32_t has = __ballot_sync(kFullWarp, hit);
-        if (hit && range) emit<Kind>(task, *range, base + hits + __popc(has & below), query.index, j);
-        hits += __popc(has);
+  for (int part = 0; part < (split ? 2 : 1); part++) {
+    LevelQuery<Kind> query = level_query<Kind>(task, grid, pairs, first, part > 0);
+    split = query.split;
+#pragma unroll 1
+    for (int q = 0; q < kRows; q++) {
+      for (std::uint32_t begin = query.begin[0], longest = 64; longest > 32;) {
+        std::uint32_t mask = code_mask<Kind>(task, query.seeker, begin, query.end[0], query.valid, longest);
+        begin &= ~3u;
+        while (__any_sync(kFullWarp, mask != 0)) {
+          const int k = __clz(mask);
+          const std::uint32_t j = begin + k;
+          const bool hit =
+              mask && test<Kind>(task, grid, query.index, query.slot, j, load_slot(slots + j), !range);
+          if (mask) mask ^= 0x80000000u >> k;
+          const std::uint32_t has = __ballot_sync(kFullWarp, hit);
+          if (hit && range) emit<Kind>(task, *range, base + hits + __popc(has & below), query.index, j);
+          hits += __popc(has);
+        }
+        begin = min(begin + 32, query.end[0]);  // no further than what may be read
       }
-      begin = min(begin + 32, query.end[0]);  // no further than what may be read
-    }
-    // The next row becomes row 0: a row number that is not constant would put the arrays in local memory.
+      // The next row becomes row 0: a row number that is not constant would put the arrays in local memory.
 #pragma unroll
-    for (int k = 0; k + 1 < kRows; k++) query.begin[k] = query.begin[k + 1], query.end[k] = query.end[k + 1];
+      for (int k = 0; k + 1 < kRows; k++)
+        query.begin[k] = query.begin[k + 1], query.end[k] = query.end[k + 1];
+    }
   }
   return hits;
 }
@@ -159,7 +167,7 @@ template <SlotKind Kind, class Words, class Pairs>
 __device__ __forceinline__ bool find_same_level(const SearchTask& task, const Grid& grid, const Pairs& pairs,
                                                 Words& words, std::uint32_t first, std::uint32_t flags,
                                                 std::uint32_t& found) {
-  const PairQueue queue{shared_address(words.index), first};
+  const PairQueue queue{shared_address(words.index), first, task.spheres.count};
   const LevelQuery<Kind> query = level_query<Kind>(task, grid, pairs, first);
   if (flags) return false;
   const std::uint32_t queued = queue_candidates<Kind, Words::kCapacity>(task, query, queue);
@@ -176,7 +184,7 @@ __device__ __forceinline__ void emit_same_level(const SearchTask& task, const Gr
     search_unqueued<Kind>(task, grid, pairs, first, &range, before);
     return;
   }
-  const PairQueue queue{shared_address(words.index), first};
+  const PairQueue queue{shared_address(words.index), first, task.spheres.count};
   emit_by_warp<Kind>(task, range, found, before, [&](std::uint32_t k, std::uint32_t& i, std::uint32_t& j) {
     const std::uint32_t word = queue.get(k);
     i = queue.i(word), j = queue.j(word);

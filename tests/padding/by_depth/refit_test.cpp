@@ -85,15 +85,6 @@ TEST(Refit, WhereTheBodyIsThickThePapersSpheresStay) {
   EXPECT_EQ(same, far);
 }
 
-TEST(Refit, TheMarginLowersEveryCap) {
-  const Mesh cube = shapes::box({0, 0, 0}, {1, 1, 1});
-  const Mesh remeshed = remesh(cube, {.edge_length = 0.1}).mesh;
-  const auto before = fit(remeshed, 0.2, 0.1);
-  const double margin = 0.2 * largest_cap(before);
-  const auto after = refit(Surface(cube), remeshed, before, {.margin = margin, .gap = 0});
-  EXPECT_LE(protrusion_bound(Surface(cube), plain(after)).max, largest_cap(before) - margin + 1e-9);
-}
-
 TEST(Refit, ASheetIsPaddedBelow) {
   const Mesh sheet = shapes::square(1, 8);
   const Mesh remeshed = remesh(sheet, {.edge_length = 0.1}).mesh;

@@ -68,6 +68,58 @@ Mesh soup(RandomInput& random, int n, double size) {
   return mesh;
 }
 
+TEST(Surface, ClearanceIsThatOfBruteForceWithEachTrianglesStandoff) {
+  for (std::uint64_t seed = 1; seed <= 20; seed++) {
+    SCOPED_TRACE("seed " + std::to_string(seed));
+    RandomInput random(seed);
+    const int n = seed < 4 ? static_cast<int>(seed) : 300;
+    const Mesh mesh = soup(random, n, seed % 2 ? 0.1 : 0.5);
+    std::vector<double> standoff;
+    for (int k = 0; k < n; k++) standoff.push_back(std::pow(random.uniform(0, 0.7), 1 + double(seed % 4)));
+    const Surface surface(mesh, SideBy::winding, standoff);
+    for (int k = 0; k < 300; k++) {
+      const Point p = random.point(1.5);
+      double least = std::numeric_limits<double>::infinity();
+      for (std::size_t t = 0; t < mesh.triangles.size(); t++)
+        least = std::min(
+            least, (on_triangle(p, mesh.corner(t, 0), mesh.corner(t, 1), mesh.corner(t, 2)) - p).norm() -
+                       standoff[t]);
+      const Nearest clear = surface.clearance(p);
+      EXPECT_NEAR(clear.distance, least, 1e-12);
+      EXPECT_NEAR((clear.point - p).norm(), std::max(0.0, least), 1e-12);
+      const double distance = surface.distance_to(clear.triangle, p);
+      EXPECT_NEAR(distance - standoff[clear.triangle], least, 1e-12);
+      EXPECT_EQ(surface.clearance(p, least - 1e-9).distance, std::numeric_limits<double>::infinity());
+      EXPECT_EQ(surface.clearance(p, least + 1e-9).distance, clear.distance);
+    }
+  }
+}
+
+TEST(Surface, AHullSaysWhatIsInsideAndItsStandoffComesOff) {
+  const Mesh ball = shapes::sphere(4);
+  Mesh around = ball;
+  for (Point& p : around.points) p *= 1.1;
+  const auto hull = std::make_shared<const Surface>(around, SideBy::pseudonormal,
+                                                    std::vector<double>(around.triangles.size(), 0.1));
+  Mesh turned = ball;  // every second triangle
+  for (std::size_t t = 0; t < turned.triangles.size(); t += 2)
+    std::swap(turned.triangles[t][0], turned.triangles[t][1]);
+  const Surface surface(Surface(turned), hull);
+  EXPECT_TRUE(surface.closed());
+  EXPECT_EQ(&surface.boundary(), &hull->mesh());
+  RandomInput random(1);
+  for (int k = 0; k < 500; k++) {
+    const Point p = random.point(1.3);
+    const double truth = p.norm() - 1, slack = 0.006;  // of the faces below the spheres
+    EXPECT_NEAR(surface.certified_distance(p), truth, slack);
+    const Nearest at = surface.signed_nearest(p);
+    EXPECT_NEAR(at.distance, truth, slack);
+    EXPECT_GT(at.normal.dot(p), 0);
+    if (std::abs(p.norm() - 1.1) < 0.01) continue;
+    EXPECT_EQ(surface.winding_number(p), std::optional<int>(p.norm() < 1.1));
+  }
+}
+
 void compare(const Mesh& mesh, RandomInput& random, int questions) {
   const Surface surface(mesh);
   const double diagonal = mesh.bounds().diagonal();

@@ -133,22 +133,6 @@ TEST(Accuracy, AgreesWithBruteForceOnRandomClusters) {
   }
 }
 
-TEST(Accuracy, SurfaceInsideAWrapIsBuriedAndLeftOut) {
-  Mesh mesh = shapes::box({0, 0, 0}, {1, 1, 1}, 2);
-  const Mesh other = shapes::box({0.5, 0.25, 0.25}, {1.5, 0.75, 0.75}, 2);
-  const auto n = static_cast<std::uint32_t>(mesh.points.size());
-  mesh.points.insert(mesh.points.end(), other.points.begin(), other.points.end());
-  for (auto t : other.triangles) mesh.triangles.push_back({t[0] + n, t[1] + n, t[2] + n});
-  RepairOptions options;
-  options.accuracy = 0.05;
-  const Repaired body = repair(mesh, options, "boxes");
-  ASSERT_EQ(body.kind, BodyKind::wrap);
-  const Measured m = measure(mesh, body, Surface(body.mesh), {{Point(0.75, 0.5, 0.5), 3}});
-  // Half of the small box but its end, its other end, and the patch it covers on the large one.
-  EXPECT_NEAR(m.buried, (0.25 + 4 * 0.5 * 0.5 + 0.25) / (6 + 2.5), 0.02);
-  EXPECT_EQ(m.accuracy.coverage, 1);
-}
-
 TEST(Accuracy, SameForAnyNumberOfThreads) {
   const Mesh mesh = shapes::torus(1, 0.3, 40, 16);
   std::vector<Ball> balls;

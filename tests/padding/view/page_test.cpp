@@ -98,6 +98,7 @@ TEST_F(Page, EverythingAViewHasIsThere) {
   view.bodies = {{"a", 0, 1, 4, 9}, {"b", 1, 1, 0, 0}, {"a", 2, 1, 7, 0}};
   view.body = {0, 1, 2};
   view.mesh = shapes::box({10, -4, 0}, {11, -3, 1});
+  view.marks = {{MarkKind::slot, shapes::square(2)}};
   view.contacts = {{0, 2, {10.5, -3, 0.5}, {0, 0, 1}, 0.125}};
   view.rungs = {{"fine", 0, 2, {}}, {"coarse", 2, 1, std::vector<Accuracy>(1)}};
   view.rungs[1].accuracy[0].gap_max = 0.875;
@@ -123,6 +124,13 @@ TEST_F(Page, EverythingAViewHasIsThere) {
   EXPECT_NEAR(points[0] * head["scale"].get<double>() + head["center"][0].get<double>(),
               view.mesh.points[0].x(), 1e-6);
   EXPECT_EQ(array<std::uint32_t>(html, "triangles").size(), 3 * view.mesh.triangles.size());
+  ASSERT_EQ(head["marks"].size(), 1u);
+  EXPECT_EQ(head["marks"][0]["name"], name_of(MarkKind::slot));
+  EXPECT_EQ(head["marks"][0]["area"], 4);
+  EXPECT_EQ(head["marks"][0]["colour"], Json(palette().marks[std::size_t(MarkKind::slot)]));
+  const auto corners = array<float>(html, "mark0");
+  ASSERT_EQ(corners.size(), 18u);  // three corners of each of two triangles
+  EXPECT_NEAR(corners[3] * head["scale"].get<double>() + head["center"][0].get<double>(), 2, 1e-5);
   EXPECT_EQ(array<std::uint32_t>(html, "pairs"), (std::vector<std::uint32_t>{0, 2}));
   const auto contacts = array<float>(html, "contacts");
   ASSERT_EQ(contacts.size(), 7u);

@@ -81,6 +81,16 @@ TEST(Picture, WhatLiesBehindTheMeshIsHidden) {
   EXPECT_LT(caps, count(render(v, small(Show::spheres)), is_red) / 2);
 }
 
+TEST(Picture, MarksHaveTheirColoursAlsoOnTheMesh) {
+  View v = spheres({{0, 0, 0}}, {0.1});
+  v.mesh = shapes::box({-0.5, -0.5, -0.5}, {0.5, 0.5, 0.5});
+  const auto is_green = [](const Colour& c) { return c[1] > c[0] + 30 && c[1] > c[2] + 10; };
+  EXPECT_EQ(count(render(v, small(Show::mesh)), is_green), 0);
+  v.marks.push_back({MarkKind::patch, v.mesh});  // where the mesh is, too
+  EXPECT_GT(count(render(v, small(Show::mesh)), is_green), 800);
+  EXPECT_EQ(count(render(v, small(Show::spheres)), is_green), 0);
+}
+
 TEST(Picture, SideBySideShowsMeshLeftAndSpheresRight) {
   View v = spheres({{0, 0, 0}}, {0.5});
   v.mesh = shapes::box({-0.5, -0.5, -0.5}, {0.5, 0.5, 0.5});
