@@ -134,7 +134,7 @@ Json stages_json(const Arrays& a) {
 }
 
 int run(Arguments& a) {
-  if (const Launch launch = launch_of_environment(); launch.ranks > 0) return run_ranks(a, launch);
+  if (const Launch launch = launch_of_environment(); launch.ranks > 1) return run_ranks(a, launch);
   if (wants_boxes(a)) return run_boxes(a);
   if (!a.output.empty()) check_contact_ending(a.output);
   const Scene scene = read_scene_or_cluster(a.scene, a.copies);

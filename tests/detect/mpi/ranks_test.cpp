@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 // Contacts among the ranks of MPI: mpirun starts this program with several numbers of ranks. Every rank makes
-// the whole scene, passes its share, and compares with one detector.
+// the whole scene, passes its part, and compares with one detector.
 #include <gtest/gtest.h>
 #include <unistd.h>
 
@@ -24,12 +24,12 @@ RankOptions on_cpu() {
 }
 
 // The records of this rank are those of one detector, and together there are as many.
-void expect_as_one(const Input& input, const Input& share, RankDetector& detector) {
+void expect_as_one(const Input& input, const Input& part, RankDetector& detector) {
   Detector one = one_on_the_cpu(detector.options());
   const Contacts& wanted = one.detect(input);
   const auto records = records_of(wanted);
   std::set<std::pair<std::uint64_t, std::uint64_t>> seen;
-  const RankReport& r = detector.detect(share, [&](const ContactBatch& b) {
+  const RankReport& r = detector.detect(part, [&](const ContactBatch& b) {
     for (std::size_t k = 0; k < b.pairs.size(); k++) {
       const WidePair p = b.pairs[k];
       EXPECT_TRUE(seen.emplace(p.i, p.j).second) << p.i << ", " << p.j << " was reported twice";
@@ -48,9 +48,9 @@ void expect_as_one(const Input& input, const Input& share, RankDetector& detecto
 }
 
 // All but a few of the spheres on the last rank, none on the first, if there are several.
-Input uneven_share(const Input& input) {
+Input uneven_part(const Input& input) {
   if (ranks == 1) return input;
-  Input part = share_of(input, std::max(my_rank - 1, 0), ranks - 1);
+  Input part = part_of(input, std::max(my_rank - 1, 0), ranks - 1);
   if (my_rank == 0) part.spheres.count = 0, part.bodies = {};
   return part;
 }
@@ -65,8 +65,8 @@ TEST(Ranks, LooseSpheresGiveWhatOneDetectorGives) {
         scene.family.push_back(static_cast<std::uint32_t>(k % 5)),
             scene.mask.push_back(static_cast<std::uint32_t>(k % 3));
     const Arranged a(scene, seed % 2 ? Scalar::f32 : Scalar::f64);
-    expect_as_one(a.input, share_of(a.input, my_rank, ranks), detector);
-    expect_as_one(a.input, uneven_share(a.input), detector);
+    expect_as_one(a.input, part_of(a.input, my_rank, ranks), detector);
+    expect_as_one(a.input, uneven_part(a.input), detector);
   }
 }
 
@@ -86,32 +86,32 @@ TEST(Ranks, OddScenes) {
   for (std::size_t k = 0; k < scenes.size(); k++) {
     SCOPED_TRACE("scene " + std::to_string(k));
     const Arranged a(scenes[k], Scalar::f64);
-    expect_as_one(a.input, share_of(a.input, my_rank, ranks), kept);
+    expect_as_one(a.input, part_of(a.input, my_rank, ranks), kept);
     RankDetector fresh(MPI_COMM_WORLD, on_cpu());
-    expect_as_one(a.input, share_of(a.input, my_rank, ranks), fresh);
+    expect_as_one(a.input, part_of(a.input, my_rank, ranks), fresh);
   }
 }
 
 // Some ranks have floats, some doubles, families or static spheres: what one lacks is 0.
-TEST(Ranks, SharesMayDiffer) {
+TEST(Ranks, PartsMayDiffer) {
   TestScene scene = random_scene(2000, 2, 0.3, 7).rounded();
   std::vector<std::uint8_t> is_static(scene.spheres.size(), 0);
   scene.family.assign(scene.spheres.size(), 0);
   const Arranged narrow(scene, Scalar::f32), wide(scene, Scalar::f64);
-  const Share mine = share_of(scene.spheres.size(), my_rank, ranks);
+  const Part mine = part_of(scene.spheres.size(), my_rank, ranks);
   for (int r = 0; r < ranks; r++) {
-    const Share s = share_of(scene.spheres.size(), r, ranks);
+    const Part s = part_of(scene.spheres.size(), r, ranks);
     for (std::uint64_t k = s.first; k < s.end; k++)
       scene.family[k] = r % 3 == 0 ? static_cast<std::uint32_t>(k % 4) : 0,
       is_static[k] = r % 2 == 1 && k % 3 == 0;
   }
   Input all = wide.input;
   all.spheres.family = scene.family.data(), all.spheres.is_static = is_static.data();
-  Input share = share_of(my_rank % 2 ? narrow.input : wide.input, my_rank, ranks);
-  share.spheres.family = my_rank % 3 == 0 ? scene.family.data() + mine.first : nullptr;
-  share.spheres.is_static = my_rank % 2 ? is_static.data() + mine.first : nullptr;
+  Input part = part_of(my_rank % 2 ? narrow.input : wide.input, my_rank, ranks);
+  part.spheres.family = my_rank % 3 == 0 ? scene.family.data() + mine.first : nullptr;
+  part.spheres.is_static = my_rank % 2 ? is_static.data() + mine.first : nullptr;
   RankDetector detector(MPI_COMM_WORLD, on_cpu());
-  expect_as_one(all, share, detector);
+  expect_as_one(all, part, detector);
 }
 
 struct Pile {
@@ -140,7 +140,7 @@ TEST(Ranks, BodiesAndRevisionsMeanWhatTheyMeanToOneDetector) {
   const Arranged loose(random_scene(500, 1, 1, 3), Scalar::f32);
   RankDetector detector(MPI_COMM_WORLD, on_cpu());
   Detector one = one_on_the_cpu(on_cpu().detector);
-  const Share mine = share_of(pile.bodies.size(), my_rank, ranks);
+  const Part mine = part_of(pile.bodies.size(), my_rank, ranks);
   std::vector<std::uint32_t> moved, my_moved;
   std::vector<Pose> poses(pile.bodies.size());
   for (int step = 0; step < 30; step++) {
@@ -157,10 +157,10 @@ TEST(Ranks, BodiesAndRevisionsMeanWhatTheyMeanToOneDetector) {
     input.shapes = pile.shapes, input.bodies = pile.bodies;
     input.revision = random() % 5 == 0 ? 0 : 1 + static_cast<std::uint64_t>(step) / 10;
     if (random() % 3 == 0) input.poses = poses.data();
-    Input share = share_of(input, my_rank, ranks);
-    input.moved = moved, share.moved = my_moved;
+    Input part = part_of(input, my_rank, ranks);
+    input.moved = moved, part.moved = my_moved;
     const std::uint64_t contacts = one.detect(input).count;
-    EXPECT_EQ(detector.detect(share, {}).contacts, contacts) << "step " << step;
+    EXPECT_EQ(detector.detect(part, {}).contacts, contacts) << "step " << step;
     EXPECT_EQ(detector.report().hash, one.hash()) << "step " << step;
   }
 }
@@ -175,7 +175,7 @@ TEST(Ranks, AHundredStepsGiveTheHashOfOneBox) {
   for (int step = 0; step < 100; step++) {
     const Arranged a(scene, Scalar::f32);
     one.detect(a.input);
-    const RankReport& r = detector.detect(share_of(a.input, my_rank, ranks), {});
+    const RankReport& r = detector.detect(part_of(a.input, my_rank, ranks), {});
     EXPECT_EQ(r.hash, one.hash()) << "step " << step;
     cuts += r.cut;
     for (Sphere& s : scene.spheres)
@@ -192,7 +192,7 @@ TEST(Ranks, WorkIsShared) {
   for (std::size_t k = 0; k < 15000; k++) scene.spheres[k].x *= 0.1;
   const Arranged a(scene, Scalar::f32);
   RankDetector detector(MPI_COMM_WORLD, on_cpu());
-  for (int k = 0; k < 4; k++) detector.detect(share_of(a.input, my_rank, ranks), {});
+  for (int k = 0; k < 4; k++) detector.detect(part_of(a.input, my_rank, ranks), {});
   EXPECT_LT(detector.report().imbalance, 1.2);
   EXPECT_FALSE(detector.report().cut);
 }
@@ -214,23 +214,23 @@ TEST(Ranks, WhatFailsOnOneRankFailsOnAllWithOneSentence) {
   const Arranged bad(scene, Scalar::f64);
   RankDetector detector(MPI_COMM_WORLD, on_cpu());
   const std::string rank = ranks == 1 ? "" : "rank " + std::to_string(ranks - 1) + ": ";
-  std::string said = failure([&] { detector.detect(share_of(bad.input, my_rank, ranks), {}); });
+  std::string said = failure([&] { detector.detect(part_of(bad.input, my_rank, ranks), {}); });
   EXPECT_TRUE(said.starts_with(rank + "sphere 990 at (")) << said;
   EXPECT_EQ(detector.report().contacts, 0u);
   said = failure([&] {
-    detector.detect(share_of(good.input, my_rank, ranks), [](const ContactBatch&) {
+    detector.detect(part_of(good.input, my_rank, ranks), [](const ContactBatch&) {
       if (my_rank == ranks - 1) throw std::runtime_error("the disk is full");
     });
   });
   EXPECT_EQ(said, rank + "the disk is full");
   detector.options().own.low[0] = NAN;
-  said = failure([&] { detector.detect(share_of(good.input, my_rank, ranks), {}); });
+  said = failure([&] { detector.detect(part_of(good.input, my_rank, ranks), {}); });
   EXPECT_NE(said.find("is not a number along x"), std::string::npos) << said;
   EXPECT_FALSE(said.starts_with("rank")) << said;  // the same on all
   detector.options().own = {};
   const Sphere ball{0, 0, 0, 1.0 + my_rank};
   const Shape shape{&ball, 1};
-  Input different = share_of(good.input, my_rank, ranks);
+  Input different = part_of(good.input, my_rank, ranks);
   different.shapes = {&shape, 1};
   said = failure([&] { detector.detect(different, {}); });
   EXPECT_EQ(said.find("different shapes") != std::string::npos, ranks > 1) << said;
@@ -238,7 +238,7 @@ TEST(Ranks, WhatFailsOnOneRankFailsOnAllWithOneSentence) {
   if (my_rank == ranks - 1) absent.device = {BackendKind::cuda, 1000};
   said = failure([&] { RankDetector(MPI_COMM_WORLD, absent); });
   EXPECT_TRUE(said.starts_with(rank) && said != "") << said;
-  expect_as_one(good.input, share_of(good.input, my_rank, ranks), detector);
+  expect_as_one(good.input, part_of(good.input, my_rank, ranks), detector);
 }
 
 TEST(Ranks, OneFileHoldsTheContactsOfAll) {
@@ -249,7 +249,7 @@ TEST(Ranks, OneFileHoldsTheContactsOfAll) {
   const std::string path = testing::TempDir() + "/padder_ranks_" + std::to_string(ranks) + ".npy";
   {
     RankContactFile file(MPI_COMM_WORLD, path, o.detector.width, o.detector.scalar);
-    detector.detect(share_of(a.input, my_rank, ranks), file.consumer());
+    detector.detect(part_of(a.input, my_rank, ranks), file.consumer());
     EXPECT_FALSE(std::filesystem::exists(path));
     MPI_Barrier(MPI_COMM_WORLD);
     file.finish();
@@ -270,7 +270,7 @@ TEST(Ranks, OneFileHoldsTheContactsOfAll) {
   if (my_rank == 0) std::filesystem::remove(path);
   {
     RankContactFile file(MPI_COMM_WORLD, path, o.detector.width, o.detector.scalar);
-    detector.detect(share_of(a.input, my_rank, ranks), file.consumer());
+    detector.detect(part_of(a.input, my_rank, ranks), file.consumer());
   }  // never finished
   MPI_Barrier(MPI_COMM_WORLD);
   EXPECT_FALSE(std::filesystem::exists(path) || std::filesystem::exists(path + ".part"));
