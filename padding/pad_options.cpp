@@ -65,6 +65,7 @@ std::string settings_json(const PadOptions& options, double diagonal, double edg
   for (const Length& l : options.lod) j["lod"].push_back(l.absolute(diagonal));
   length("reach", options.min_grain_radius);  // its name on the command line
   j["repair"] = name_of(options.repair);
+  length("thickness", options.thickness);
   if (options.force) j["force"] = true;
   return j.dump();
 }
@@ -96,7 +97,7 @@ void check(const PadOptions& options) {
   const double depth_ratio = options.depth_ratio_used();
   if (!(depth_ratio > 0 && depth_ratio <= 1)) throw Error("the depth ratio must be above 0 and at most 1");
   for (const Length* l : {&options.edge_length, &options.tolerance, &options.min_radius, &options.max_radius,
-                          &options.min_grain_radius})
+                          &options.min_grain_radius, &options.thickness})
     if (!(l->value() >= 0) || !std::isfinite(l->value())) throw Error("a length must be positive and finite");
   for (const Length& l : options.lod)
     if (!(l.value() > 0) || !std::isfinite(l.value()))

@@ -37,6 +37,7 @@ struct PadOptions {
   // Of the smallest grain that will touch the part: surface that it cannot reach is not padded.
   Length min_grain_radius;
   RepairMode repair = RepairMode::automatic;
+  Length thickness;          // of sheets: surface that bounds nothing; not given: none
   bool force = false;        // accept values that check_meant would refuse
   std::uint32_t family = 0;  // of the asset; 0: none
   std::uint32_t mask = 0;    // bit k: no contact with family k + 1

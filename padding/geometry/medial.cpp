@@ -34,7 +34,8 @@ Ball ball_below(const Surface& surface, const Point& p, const Vector& normal, do
   }
   const Point c = p - r * normal;
   const Nearest at = surface.signed_nearest(c);
-  if (at.distance > 0) return {p, 0};
+  // Beside a sheet there is no room inside; the ball sits on it.
+  if (at.distance > 0) return {p, surface.half_thickness(surface.nearest(p).triangle)};
   const double radius = -at.distance;
   if (!(r <= radius + tolerance)) return {p, 0};
   return {c, radius};
@@ -44,7 +45,7 @@ Ball ball_below(const Surface& surface, const Point& p, const Vector& normal, do
 
 Ball inner_medial_ball(const Surface& surface, const Point& p, const Vector& normal, double largest,
                        double tolerance, double guess) {
-  if (!surface.has_inside()) return {p, 0};
+  if (!surface.has_inside()) return {p, surface.half_thickness(0)};
   const Ball ball = ball_below(surface, p, normal, largest, tolerance, guess);
   if (!surface.hull()) return ball;
   // Triangles in a hull may be turned at random.

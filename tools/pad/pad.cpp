@@ -148,11 +148,11 @@ void declare_asset(CLI::App& app, Arguments& a) {
       {"auto", padder::RepairMode::automatic}, {"union", padder::RepairMode::united},
       {"fill", padder::RepairMode::fill},      {"sheet", padder::RepairMode::sheet},
       {"never", padder::RepairMode::never},    {"wrap", padder::RepairMode::wrap}};
-  app.add_option(
-         "--repair", a.options.repair,
-         "auto (the default), union (no cavities), fill (close all holes), sheet (close none), never or wrap")
+  app.add_option("--repair", a.options.repair, "auto (the default), union, fill, sheet, never or wrap")
       ->transform(CLI::CheckedTransformer(modes))
       ->type_name("MODE");
+  app.add_option("--thickness", a.options.thickness, "of sheets, half on either side (default 0)")
+      ->check(length());
   app.add_option("--family", a.options.family, "of the asset: no contact inside a family; 0 is none")
       ->check(whole());
   app.add_option("--mask", a.options.mask, "bit k: no contact with family k + 1")->check(bits());

@@ -116,8 +116,14 @@ PadOptions options_of(const py::object& depth, const py::object& tolerance, cons
     o.repair = RepairMode::never;
   else if (repair == "wrap")
     o.repair = RepairMode::wrap;
+  else if (repair == "union")
+    o.repair = RepairMode::united;
+  else if (repair == "fill")
+    o.repair = RepairMode::fill;
+  else if (repair == "sheet")
+    o.repair = RepairMode::sheet;
   else if (repair != "auto")
-    throw py::value_error("repair must be \"auto\", \"never\" or \"wrap\"");
+    throw py::value_error("repair must be \"auto\", \"union\", \"fill\", \"sheet\", \"never\" or \"wrap\"");
   return o;
 }
 

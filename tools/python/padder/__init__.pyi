@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 __version__: str
 Path = str | PathLike[str]
 Length = float | str  # in the mesh's unit, or a share of the bounding box's diagonal as "1%"
-Repair = Literal["auto", "never", "wrap"]
+Repair = Literal["auto", "union", "fill", "sheet", "never", "wrap"]
 Width = Literal["pairs", "normals", "points"]
 Backend = Literal["auto", "omp", "cuda"]
 Precision = Literal["exact", "fast"]
