@@ -54,6 +54,8 @@ void check_options(const CallOptions& o) {
   if (o.threads < 0 || o.threads > kMostThreads)
     throw Error("the number of threads must be 0 (chosen) or 1 to " + std::to_string(kMostThreads) +
                 ", not " + std::to_string(o.threads));
+  if (!(o.margin >= 0 && o.margin <= kLargest))
+    throw Error("the margin must be a length from 0 to 1e100, not " + formatted(o.margin));
   for (int k = 0; k < 3; k++)
     if (std::isnan(o.own.low[k]) || std::isnan(o.own.high[k]))
       throw Error("the box to own (CallOptions::own) is not a number along " + std::string(1, "xyz"[k]) +

@@ -23,4 +23,10 @@ Body body_at(const Input& input, std::size_t k) {
   return body;
 }
 
+bool has_worlds(const Input& input) {
+  const Spheres& s = input.spheres;
+  if (s.count && (s.world || s.world_of_all != 0)) return true;
+  return std::any_of(input.bodies.begin(), input.bodies.end(), [](const Body& b) { return b.world != 0; });
+}
+
 }  // namespace padder::detect

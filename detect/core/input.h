@@ -10,4 +10,7 @@ std::uint64_t sphere_count(const Input& input);
 // Body k at its pose, which must lie in host memory.
 Body body_at(const Input& input, std::size_t k);
 
+// Are there worlds other than world 0?
+bool has_worlds(const Input& input);
+
 }  // namespace padder::detect

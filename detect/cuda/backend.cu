@@ -124,7 +124,7 @@ class Work {
     if (!stages_) stages_.emplace(book_);
     Stages& s = *stages_;
     const cudaStream_t stream = call.stream;
-    const StageGrid grid = choose_stage_grid(summary, call.options.bin_size);
+    const StageGrid grid = choose_stage_grid(summary, call.options.bin_size, call.options.margin);
     clock_.mark(0);
     const auto stage = [&](int number, const char* name, auto work) {
       const ProfileRange range(name);
