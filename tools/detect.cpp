@@ -71,6 +71,9 @@ void declare(CLI::App& app, Arguments& a) {
   app.add_option("--bin-size", a.options.bin_size, "edge of a bin, in the scene's unit (default: chosen)")
       ->check(CLI::PositiveNumber)
       ->type_name("S");
+  app.add_option("--margin", a.options.margin, "contacts are all pairs whose gap is at most M")
+      ->check(CLI::NonNegativeNumber)
+      ->type_name("M");
   app.add_option("-o", a.output, "write the contacts, sorted: .csv, .npz or .vtp")->type_name("FILE");
   app.add_flag("--hash", a.hash, "print the order-free hash of the pairs");
   app.add_flag("--stages", a.stages, "print the arrays T, S, B, C, D, E, F of a small scene");

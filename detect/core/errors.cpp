@@ -90,6 +90,12 @@ std::string fault_sentence(std::uint64_t index, const Sphere& s, const Input& in
   }
 }
 
+std::string world_sentence(bool loose, std::uint64_t index, std::uint32_t world, std::uint32_t worlds) {
+  return (loose ? "loose sphere " : "body ") + std::to_string(index) + " is in world " +
+         std::to_string(world) + ", but answers are asked for " +
+         (worlds == 0 ? "no world" : "worlds 0 to " + std::to_string(worlds - 1)) + ": ask for more worlds";
+}
+
 std::string memory_sentence(std::uint64_t bytes, const char* what, const char* where) {
   return std::to_string(bytes) + " bytes of " + where + " memory are needed for " + what +
          ", but are not available: divide the scene into boxes or ask for a narrower record";

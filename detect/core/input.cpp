@@ -23,9 +23,7 @@ Body body_at(const Input& input, std::size_t k) {
   return body;
 }
 
-bool has_worlds(const Input& input) {
-  const Spheres& s = input.spheres;
-  if (s.count && (s.world || s.world_of_all != 0)) return true;
+bool bodies_have_worlds(const Input& input) {
   return std::any_of(input.bodies.begin(), input.bodies.end(), [](const Body& b) { return b.world != 0; });
 }
 

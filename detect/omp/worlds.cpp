@@ -342,15 +342,12 @@ void WorldSearch::run(const Input& input, const CallOptions& options, int thread
 }
 
 void WorldSearch::check_worlds(const Input& input, std::uint32_t worlds) const {
-  const auto check = [&](const char* what, std::uint64_t k, std::uint32_t world) {
-    if (world >= worlds && world != kEveryWorld)
-      throw Error(std::string(what) + " " + std::to_string(k) + " is in world " + std::to_string(world) +
-                  ", but the answers are for worlds 0 to " + std::to_string(std::int64_t(worlds) - 1) +
-                  ": ask for more worlds");
+  const auto check = [&](bool loose, std::uint64_t k, std::uint32_t world) {
+    if (world >= worlds && world != kEveryWorld) throw Error(world_sentence(loose, k, world, worlds));
   };
-  for (std::size_t b = 0; b < input.bodies.size(); b++) check("body", b, input.bodies[b].world);
+  for (std::size_t b = 0; b < input.bodies.size(); b++) check(false, b, input.bodies[b].world);
   const Spheres& s = input.spheres;
-  for (std::uint64_t k = 0; k < s.count; k++) check("loose sphere", k, s.world ? s.world[k] : s.world_of_all);
+  for (std::uint64_t k = 0; k < s.count; k++) check(true, k, s.world ? s.world[k] : s.world_of_all);
 }
 
 WorldAnswers WorldSearch::answer(const Input& input, const CallOptions& options, int threads,

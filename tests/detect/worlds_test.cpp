@@ -351,7 +351,7 @@ TEST(Worlds, WhatMakesNoSenseIsRefusedInASentence) {
     World bad = w;
     bad.bodies[1].world = 8;
     EXPECT_EQ(sentence_of([&] { detector.detect_worlds(bad.input(), 8, Answer::any); }),
-              "body 1 is in world 8, but the answers are for worlds 0 to 7: ask for more worlds");
+              "body 1 is in world 8, but answers are asked for worlds 0 to 7: ask for more worlds");
     bad = w, bad.loose[3].r = -1;
     EXPECT_NE(sentence_of([&] { detector.detect(bad.input()); }).find("negative radius"), std::string::npos);
     bad = w, bad.bodies[2].position[1] = NAN;

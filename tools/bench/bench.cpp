@@ -27,6 +27,7 @@ const std::vector<Entry>& entries() {
       {"speedup", "speedup over a warm Bullet step, the paper's Fig. 25", speedup},
       {"scaling", "time against contacts for every scene, the paper's Fig. 26", scaling},
       {"bodies", "the rows of scaling that are made of bodies, and a few that move among many", bodies},
+      {"worlds", "many worlds in one call, and answers for each: beside Bullet on the CPU", worlds},
       {"stages", "milliseconds of each stage, the nine stages and the fast path", stages},
 #ifdef PADDER_BENCH_PADDING
       {"frontier", "spheres against error of meshes, the paper's fit beside ours", frontier},
@@ -93,7 +94,9 @@ int main(int argc, char** argv) {
   Settings s;
   bool list = false;
   app.add_option("NAME", name, "which bench");
-  app.add_option("FILE", s.files, "meshes (frontier), JSON files that benches wrote (draw, compare)");
+  app.add_option("FILE", s.files,
+                 "meshes (frontier), clusters of an arm's links (worlds), JSON files that benches wrote "
+                 "(draw, compare)");
   app.add_flag("--list", list, "name the benches");
   app.add_option("--spheres", s.spheres, "sizes, instead of the bench's own")
       ->delimiter(',')

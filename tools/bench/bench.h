@@ -38,6 +38,7 @@ Json speedup(const Settings&);     // speedup.cpp
 Json scaling(const Settings&);     // scaling.cpp
 Json bodies(const Settings&);      // scaling.cpp; its rows of bodies alone
 Json stages(const Settings&);      // stages.cpp
+Json worlds(const Settings&);      // worlds.cpp
 Json frontier(const Settings&);    // frontier.cpp; only where padder::padding is built
 Json draw_files(const Settings&);  // draw.cpp; no measurement: the plots of documents
 Json compare(const Settings&);     // compare.cpp; no measurement: two documents; "passed" tells the outcome
