@@ -105,8 +105,8 @@ struct BulletBodies::Parts {
   void place(int which, const detect::Body& b) {
     const double *r = b.rotation, *p = b.position;
     body[which].setCollisionShape(shapes[b.shape].get());
-    body[which].setWorldTransform(
-        {btMatrix3x3(r[0], r[1], r[2], r[3], r[4], r[5], r[6], r[7], r[8]), btVector3(p[0], p[1], p[2])});
+    const btMatrix3x3 rotation(r[0], r[1], r[2], r[3], r[4], r[5], r[6], r[7], r[8]);
+    body[which].setWorldTransform(btTransform(rotation, btVector3(p[0], p[1], p[2])));
   }
 };
 

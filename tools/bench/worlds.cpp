@@ -45,7 +45,7 @@ WorldScene pairs_of_bodies(std::uint32_t worlds) {
 }
 
 // The arm has the lengths of Franka Emika's Panda, by the parameters of its joints in the form of Craig (a,
-// d, alpha): seven joints, and the hand at the flange.
+// d, alpha): seven joints, the hand at the flange, and two fingers in it.
 struct Joint {
   double a, d, alpha, low, high;
 };
@@ -58,7 +58,7 @@ constexpr Joint kJoints[] = {{0, 0.333, 0, -2.8973, 2.8973},
                              {0, 0, kQuarter, -0.0175, 3.7525},
                              {0.088, 0, kQuarter, -2.8973, 2.8973},
                              {0, 0.107, 0, -std::numbers::pi / 4, -std::numbers::pi / 4}};
-constexpr std::uint32_t kLinks = 9;
+constexpr std::uint32_t kHand = 8, kLinks = 11;  // link 0 is the base
 
 // `body` in the frame that turns by `angle` about the joint which stands in it.
 Body after(const Body& body, const Joint& j, double angle) {
@@ -77,25 +77,33 @@ Body after(const Body& body, const Joint& j, double angle) {
   return out;
 }
 
-// Where the bench was given no clusters: 89 spheres on a capsule about each link, 801 together.
-std::vector<Sphere> capsule(double length, bool along_y) {
+// Where the bench was given no clusters: 73 spheres on a capsule about each link, 803 together.
+std::vector<Sphere> capsule(double length) {
   std::vector<Sphere> spheres;
-  for (int k = 0; k < 89; k++) {
-    const double t = (k + 0.5) / 89, around = k * std::numbers::pi * (3 - std::sqrt(5.0));
-    const double x = 0.04 * std::cos(around), y = 0.04 * std::sin(around), z = -length * t;
-    spheres.push_back(along_y ? Sphere{x, -z, y, 0.03} : Sphere{x, y, z, 0.03});
+  for (int k = 0; k < 73; k++) {
+    const double around = k * std::numbers::pi * (3 - std::sqrt(5.0));
+    spheres.push_back({0.04 * std::cos(around), 0.04 * std::sin(around), length * (k + 0.5) / 73, 0.03});
   }
   return spheres;
+}
+
+// Finger 0 or 1 of a hand that is open by `width`.
+Body finger(const Body& hand, int which, double width) {
+  const Sphere at = placed(hand, {0, which == 0 ? width : -width, 0.0584, 0});
+  Body out = hand;
+  out.position[0] = at.x, out.position[1] = at.y, out.position[2] = at.z;
+  return out;
 }
 
 WorldScene arm(const Settings& s, std::uint32_t worlds) {
   WorldScene scene{"Panda", {}, {}, {}, worlds, kLinks};
   if (s.files.empty()) {
-    for (const double length : {-0.2, 0.2, 0.3, 0.2, 0.12, 0.38, 0.1, -0.1, -0.1})
-      scene.spheres.push_back(capsule(length, false));
+    for (const double length : {0.2, -0.2, 0.2, -0.12, 0.12, -0.38, 0.1, 0.1, 0.06, 0.05, 0.05})
+      scene.spheres.push_back(capsule(length));
     scene.name = "arm of capsules";
   } else if (s.files.size() != kLinks) {
-    throw Error("the clusters of the arm's nine links are wanted, from the base to the hand");
+    throw Error(
+        "the clusters of the Panda's links are wanted: link 0 to 7, hand, left finger and right finger");
   }
   for (const std::string& file : s.files) {
     const Cluster c = read_cluster(file);
@@ -105,12 +113,15 @@ WorldScene arm(const Settings& s, std::uint32_t worlds) {
   }
   detect::SplitMix64 random(12345 + worlds);
   for (std::uint32_t w = 0; w < worlds; w++) {
-    Body link;
+    Body link, hand;
     for (std::uint32_t k = 0; k < kLinks; k++) {
-      if (k > 0) {
+      if (k > kHand) {
+        link = finger(hand, static_cast<int>(k - kHand - 1), 0.04 * random.unit());
+      } else if (k > 0) {
         const Joint& j = kJoints[k - 1];
         link = after(link, j, j.low + (j.high - j.low) * random.unit());
       }
+      if (k == kHand) hand = link;
       link.shape = k, link.family = 1,
       link.world = w;  // one family: the links are not tested with each other
       scene.bodies.push_back(link);
