@@ -83,14 +83,15 @@ PADDER_HD TreeBox box_of_node(const WorldTree& tree, std::uint32_t level, std::u
   return box;
 }
 
-// A walk over the elements from `at` to `end` - 1 that skips what a box does not meet. It enters the largest
-// node that begins where it stands and ends in the range, and needs no stack.
+// A walk over the elements from `at` to `end` - 1 that skips nodes which meets(box, first, end) refuses. It
+// enters the largest node that begins where it stands and ends in the range, and needs no stack.
 struct TreeWalk {
   std::uint32_t at = 0, end = 0, level = 0;
   bool fresh = true;  // nothing that begins at `at` was looked at yet
 
   // The next element that is not skipped, or kNoElement.
-  PADDER_HD std::uint32_t next(const WorldTree& tree, const TreeBox& box) {
+  template <class Meets>
+  PADDER_HD std::uint32_t next(const WorldTree& tree, Meets meets) {
     while (at < end) {
       if (fresh)
         for (level = 0, fresh = false; level < tree.levels; level++) {
@@ -101,10 +102,11 @@ struct TreeWalk {
         fresh = true;
         return at++;
       }
-      if (overlap(box, tree.nodes[tree.first[level] + (at >> (kTreeShift * level))]))
+      const std::uint32_t size = 1u << (kTreeShift * level);
+      if (meets(tree.nodes[tree.first[level] + (at >> (kTreeShift * level))], at, at + size))
         level--;
       else
-        at += 1u << (kTreeShift * level), fresh = true;
+        at += size, fresh = true;
     }
     return kNoElement;
   }

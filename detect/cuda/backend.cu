@@ -59,10 +59,11 @@ class Work {
                              Answer answer) {
     const ProfileRange range("padder: detect worlds");
     check_input(input, true, worlds_.knows(input));
-    begin(input, options);
+    const Call call = begin(input, options);
     bodies_.forget();
     last_count_ = 0;
-    const WorldAnswers answers = worlds_.answer(input, options, worlds, answer, stream_);
+    const WorldAnswers answers =
+        worlds_.answer(input, options, worlds, answer, call.processors, call.stream);
     running_ = false;
     return answers;
   }

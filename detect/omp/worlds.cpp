@@ -284,7 +284,8 @@ bool WorldSearch::search(std::uint32_t e, const CallOptions& options, const doub
   for (TreeWalk& walk : walks)
     for (;;) {
       if (reach < reach_of_box) box = box_of(balls_[e], reach_of_box = reach);
-      const std::uint32_t k = walk.next(tree_, box);
+      const std::uint32_t k = walk.next(
+          tree_, [&](const TreeBox& node, std::uint32_t, std::uint32_t) { return overlap(box, node); });
       if (k == kNoElement) break;
       if (!near_each_other(balls_[e], balls_[k], reach) || !admitted(filters_[e], filters_[k])) continue;
       if (!test_pair(e, k, options, reach, of_a, of_b, found)) return false;

@@ -394,8 +394,11 @@ TEST(WorldTree, AWalkVisitsEverythingThatABoxMeetsOnceAndInOrder) {
                  end = begin + static_cast<std::uint32_t>(random() % (n - begin + 1));
       const TreeBox box = box_of({n * 0.1 * unit(random), unit(random), unit(random), 0.5}, 0.1);
       TreeWalk walk{begin, end};
+      const auto meets = [&](const TreeBox& node, std::uint32_t, std::uint32_t) {
+        return overlap(box, node);
+      };
       std::uint32_t expected = begin;
-      for (std::uint32_t k; (k = walk.next(tree, box)) != kNoElement;) {
+      for (std::uint32_t k; (k = walk.next(tree, meets)) != kNoElement;) {
         for (; expected < k; expected++) EXPECT_FALSE(overlap(box, box_of(balls[expected], 0)));
         EXPECT_EQ(k, expected++);
       }

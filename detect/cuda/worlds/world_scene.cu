@@ -77,22 +77,19 @@ __device__ std::uint32_t first_of(const std::uint32_t* worlds, std::uint32_t n, 
   return low;
 }
 
-// Fills element k of the tree and its ball, and reports faults.
+// Places the ball of element k of the tree, and reports faults.
 __device__ void place(const WorldScene& scene, std::uint32_t k, std::uint32_t worlds, double& extent) {
-  const std::uint32_t from = scene.order[k];
-  const Element e = scene.given(from);
-  WorldElement& out = scene.elements[k];
+  const WorldElement e = scene.elements[k];
   Sphere ball;
   if (e.body == kLoose) {
     ball = scene.loose.sphere(e.piece);
-    out.filter = scene.loose.filter(e.piece);
+    scene.elements[k].filter = scene.loose.filter(e.piece);  // the caller may have changed it
     if (fault_of(ball) != Fault::none)
       atomicMin(&scene.report->fault, static_cast<unsigned long long>(scene.loose_first) + e.piece);
   } else {
-    const Body& body = scene.bodies[e.body];
+    const Body body = scene.body_at(e.body, (e.filter.owner & kStatic) != 0);
     const Piece& piece = scene.pieces[e.piece];
     ball = ball_of(body, piece);
-    out.filter = {body.family, body.mask, owner_of(e.body, body.is_static)};
     if (!(ball.r < INFINITY)) {  // a fault, or so far out that there are no balls
       for (std::uint32_t q = piece.first; q < piece.first + piece.count; q++)
         if (fault_of(placed(body, scene.spheres[q])) != Fault::none)
@@ -101,10 +98,9 @@ __device__ void place(const WorldScene& scene, std::uint32_t k, std::uint32_t wo
       ball = {0, 0, 0, INFINITY};
     }
   }
-  out.body = e.body, out.piece = e.piece;
   scene.balls[k] = ball;
-  if (out.world >= worlds && out.world != kEveryWorld)
-    atomicMin(&scene.report->world_fault, static_cast<unsigned long long>(from));
+  if (e.world >= worlds && e.world != kEveryWorld)
+    atomicMin(&scene.report->world_fault, static_cast<unsigned long long>(scene.order[k]));
   extent = larger(larger(magnitude(ball.x), magnitude(ball.y)), magnitude(ball.z)) + ball.r;
 }
 __global__ void __launch_bounds__(kThreads) place_kernel(WorldScene scene, std::uint32_t worlds) {
@@ -122,11 +118,6 @@ __global__ void __launch_bounds__(kThreads) place_kernel(WorldScene scene, std::
 }
 
 // A device lambda may not stand in a private member function, so these are functions of their own.
-void put_poses(std::uint32_t n, const Pose* poses, Body* bodies, bool moving, cudaStream_t stream) {
-  each(n, stream, "place the bodies", [=] __device__(std::uint32_t k) {
-    if (!moving || !bodies[k].is_static) put(bodies[k], poses[k]);
-  });
-}
 void put_moved(std::uint32_t n, const Pose* poses, const std::uint32_t* which, Body* bodies,
                cudaStream_t stream) {
   each(n, stream, "place the bodies", [=] __device__(std::uint32_t k) { put(bodies[which[k]], poses[k]); });
@@ -146,13 +137,29 @@ void read_worlds(const WorldScene& scene, const std::uint32_t* order, std::uint3
   each(scene.count, stream, "read the worlds",
        [=] __device__(std::uint32_t k) { worlds[k] = scene.world_given(order[k]); });
 }
-void find_ends(const WorldScene& scene, cudaStream_t stream) {
+// What of the elements does not change from call to call of a revision.
+void fill_elements(const WorldScene& scene, cudaStream_t stream) {
   const std::uint32_t n = scene.count;
-  each(n, stream, "find the ends of worlds", [=] __device__(std::uint32_t k) {
+  each(n, stream, "read the elements", [=] __device__(std::uint32_t k) {
+    WorldElement& out = scene.elements[k];
+    const Element e = scene.given(scene.order[k]);
     const std::uint32_t world = scene.worlds[k], end = first_of(scene.worlds, n, world + std::uint64_t(1));
-    scene.elements[k].world = world, scene.elements[k].world_end = end;
+    out.body = e.body, out.piece = e.piece, out.world = world, out.world_end = end, out.filter = {};
+    if (e.body != kLoose) {
+      const Body& body = scene.bodies[e.body];
+      out.filter = {body.family, body.mask, owner_of(e.body, body.is_static)};
+    }
     if (k == 0 || scene.worlds[k - 1] != world) atomicMax(&scene.report->largest_world, end - k);
     if (k == 0) scene.report->every_first = first_of(scene.worlds, n, kEveryWorld);
+  });
+  // The filter of a loose sphere may change, so that it counts as a partner. 64 are looked at at most.
+  each(n, stream, "find the partners", [=] __device__(std::uint32_t k) {
+    WorldElement& e = scene.elements[k];
+    const std::uint32_t last = min(e.world_end, k + 1 + kSmallWorld);
+    e.partners = k + 1;
+    while (e.body != kLoose && e.partners < last && scene.elements[e.partners].body != kLoose &&
+           !admitted(e.filter, scene.elements[e.partners].filter))
+      e.partners++;
   });
 }
 void build_tree(const WorldTree& tree, TreeBox* nodes, cudaStream_t stream) {
@@ -211,18 +218,18 @@ void WorldInput::read_bodies(const Input& input, cudaStream_t stream) {
   cuda_check(cudaStreamSynchronize(stream), "copy the bodies");  // the vectors must outlive their copies
 }
 
-// Poses in device memory, or of the bodies that moved; those that the caller keeps in host memory stand in
-// input.bodies if the revision is not 0 (revision.h).
+// Poses in device memory are read where they are. Those of bodies that moved are copied; those that the
+// caller keeps in host memory stand in input.bodies if the revision is not 0 (revision.h).
 void WorldInput::read_poses(const Input& input, cudaStream_t stream) {
-  const auto n = static_cast<std::uint32_t>(input.bodies.size());
-  Body* bodies = bodies_.data();
-  if (input.poses && n) {
-    const Pose* poses =
-        input.pose_memory == Memory::device ? input.poses : copied(poses_, input.poses, n, stream);
-    put_poses(n, poses, bodies, input.revision != 0, stream);
+  scene_.poses = nullptr, scene_.static_stay = input.revision != 0;
+  if (input.poses) {
+    scene_.poses = input.pose_memory == Memory::device
+                       ? input.poses
+                       : copied(poses_, input.poses, input.bodies.size(), stream);
     return;
   }
   if (revision_ == 0 || input.moved.empty()) return;
+  Body* bodies = bodies_.data();
   std::vector<Pose> poses;
   std::vector<std::uint32_t> numbers;
   for (const std::uint32_t b : input.moved) {
@@ -269,7 +276,7 @@ void WorldInput::order(bool along_curve, cudaStream_t stream) {
   sort(along_curve, stream);
   scene_.order = order_.data(), scene_.worlds = worlds_.data();
   scene_.elements = tree_elements_.reserve(n);
-  find_ends(scene_, stream);
+  fill_elements(scene_, stream);
   WorldReport* host = host_report_.reserve(1);
   cuda_check(cudaMemcpyAsync(host, scene_.report, sizeof *host, cudaMemcpyDeviceToHost, stream),
              "find the worlds");
@@ -320,8 +327,11 @@ void WorldInput::check(const WorldReport& report, const Input& input, const Call
       while (before + input.shapes[input.bodies[b].shape].count <= report.fault)
         before += input.shapes[input.bodies[b++].shape].count;
       Body body;
-      cuda_check(cudaMemcpyAsync(&body, scene_.bodies + b, sizeof body, cudaMemcpyDeviceToHost, stream),
-                 "read a body");
+      // A pose stands at the begin of a body.
+      static_assert(offsetof(Body, position) == offsetof(Pose, position) && offsetof(Body, rotation) == 0);
+      const bool there = !scene_.poses || (scene_.static_stay && input.bodies[b].is_static);
+      const void* pose = there ? static_cast<const void*>(scene_.bodies + b) : scene_.poses + b;
+      cuda_check(cudaMemcpyAsync(&body, pose, sizeof(Pose), cudaMemcpyDeviceToHost, stream), "read a body");
       cuda_check(cudaStreamSynchronize(stream), "read a body");
       faulty = placed(body, input.shapes[input.bodies[b].shape].spheres[report.fault - before]);
     }

@@ -12,7 +12,9 @@ struct alignas(16) WorldElement {
   std::uint32_t body, piece;  // as in Element
   std::uint32_t world, world_end;
   Filter filter;
-  std::uint32_t unused = 0;
+  // The first element behind this one in its world that may touch it. What lies between are other pieces of
+  // its body, or of bodies that the filter excludes.
+  std::uint32_t partners;
 };
 
 // What the kernels found out about a scene.
@@ -28,6 +30,9 @@ struct WorldReport {
 // says which of them stands where in the tree.
 struct WorldScene {
   const Body* bodies = nullptr;
+  const Pose* poses =
+      nullptr;  // of all bodies, but for static ones if `static_stay`; null: those in `bodies`
+  bool static_stay = false;
   const Element* pieces_given = nullptr;  // of bodies
   const Piece* pieces = nullptr;
   const Sphere* spheres = nullptr;         // of all shapes
@@ -47,10 +52,21 @@ struct WorldScene {
   __device__ __forceinline__ std::uint32_t world_given(std::uint32_t k) const {
     return k < of_bodies ? bodies[pieces_given[k].body].world : loose.world_of(k - of_bodies);
   }
+  // A body where it is.
+  __device__ __forceinline__ Body body_at(std::uint32_t k, bool is_static) const {
+    Body body;
+    const bool there = !poses || (static_stay && is_static);
+    const double *rotation = there ? bodies[k].rotation : poses[k].rotation,
+                 *position = there ? bodies[k].position : poses[k].position;
+    for (int q = 0; q < 9; q++) body.rotation[q] = rotation[q];
+    for (int q = 0; q < 3; q++) body.position[q] = position[q];
+    return body;
+  }
   // Of a loose sphere it is the sphere itself.
   __device__ __forceinline__ Sphere ball_given(std::uint32_t k) const {
     const Element e = given(k);
-    return e.body == kLoose ? loose.sphere(e.piece) : ball_of(bodies[e.body], pieces[e.piece]);
+    return e.body == kLoose ? loose.sphere(e.piece)
+                            : ball_of(body_at(e.body, bodies[e.body].is_static), pieces[e.piece]);
   }
   __device__ __forceinline__ std::uint32_t number(const WorldElement& e, std::uint32_t slot) const {
     return e.body == kLoose ? loose_first + slot : body_first[e.body] + numbers[slot];

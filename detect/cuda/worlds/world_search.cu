@@ -38,15 +38,14 @@ struct Room {
   std::uint32_t slot_a[kPieceSpheres], slot_b[kPieceSpheres];
 };
 
-// A lane's walk.
+// The element of a lane. The walk over the tree is the warp's: neighbours in the order need the same nodes.
 struct Lane {
   std::uint32_t element;
   WorldElement me;
   Sphere ball;
   TreeBox box;
-  TreeWalk walk;
-  bool in_every;  // the second range: kEveryWorld
-  double reach;   // the largest gap of interest
+  bool active;
+  double reach;  // the largest gap of interest
   unsigned long long found;
 };
 
@@ -79,7 +78,7 @@ __device__ __forceinline__ void keep(const WorldTask& task, Lane& lane, std::uin
                                      double distance) {
   lane.found += count;
   if constexpr (kPass == Pass::any)
-    if (count) task.any[lane.me.world] = 1;
+    if (count) task.any[lane.me.world] = 1, lane.active = false;
   if constexpr (kPass == Pass::distance)
     if (count && (distance < lane.reach || distance >= task.margin)) {
       atomicMin(&task.distances[lane.me.world], key_of(distance));
@@ -93,34 +92,24 @@ __device__ __forceinline__ bool ended(const WorldTask& task, const Lane& lane) {
   return kPass == Pass::any && *static_cast<const volatile std::uint8_t*>(task.any + lane.me.world) != 0;
 }
 
-// The next element whose spheres must be tested, or kNoElement. Two loose spheres are tested at once.
+// May the spheres of element k touch those of the lane's element? Two loose spheres are tested at once; then
+// there is nothing left to do.
 template <Pass kPass>
-__device__ __forceinline__ std::uint32_t next_candidate(const WorldTask& task, Lane& lane) {
+__device__ __forceinline__ bool candidate(const WorldTask& task, Lane& lane, std::uint32_t k) {
   const WorldScene& scene = task.scene;
-  for (;;) {
-    const std::uint32_t k = lane.walk.next(scene.tree, lane.box);
-    if (k == kNoElement) {
-      if (lane.in_every) return kNoElement;
-      lane.in_every = true;
-      lane.walk = {scene.tree.every_first, lane.me.world == kEveryWorld ? 0 : scene.tree.count};
-      continue;
-    }
-    const Sphere other = scene.balls[k];
-    if (!near_each_other(lane.ball, other, lane.reach)) continue;
-    const WorldElement& element = scene.elements[k];
-    if (!admitted(lane.me.filter, element.filter)) continue;
-    if (ended<kPass>(task, lane)) {
-      lane.in_every = true, lane.walk = {};
-      return kNoElement;
-    }
-    if (lane.me.body != kLoose || element.body != kLoose) return k;
-    if (!touching(lane.ball, other, task.margin)) continue;
-    const std::uint32_t mine = scene.loose_first + lane.me.piece, its = scene.loose_first + element.piece;
-    if (task.bounded && !owned(task, lane.ball, other, mine, its)) continue;
-    double distance = INFINITY;
-    take<kPass>(task, lane.ball, other, mine, its, lane.found, lane.me.world, lane.reach, distance);
-    keep<kPass>(task, lane, 1, distance);
-  }
+  const Sphere other = scene.balls[k];
+  if (!lane.active || !near_each_other(lane.ball, other, lane.reach)) return false;
+  const WorldElement& element = scene.elements[k];
+  if (!admitted(lane.me.filter, element.filter)) return false;
+  if (ended<kPass>(task, lane)) return lane.active = false;
+  if (lane.me.body != kLoose || element.body != kLoose) return true;
+  if (!touching(lane.ball, other, task.margin)) return false;
+  const std::uint32_t mine = scene.loose_first + lane.me.piece, its = scene.loose_first + element.piece;
+  if (task.bounded && !owned(task, lane.ball, other, mine, its)) return false;
+  double distance = INFINITY;
+  take<kPass>(task, lane.ball, other, mine, its, lane.found, lane.me.world, lane.reach, distance);
+  keep<kPass>(task, lane, 1, distance);
+  return false;
 }
 
 // The warp places those spheres of an element whose gap to a ball is at most `reach`. Returns how many.
@@ -131,7 +120,7 @@ __device__ std::uint32_t gather(const WorldScene& scene, const WorldElement& ele
     if (lane == 0) out[0] = {mine.x, mine.y, mine.z, mine.r}, slots[0] = element.piece;
     return 1;
   }
-  const Body& body = scene.bodies[element.body];
+  const Body body = scene.body_at(element.body, (element.filter.owner & kStatic) != 0);
   const std::uint32_t first = scene.pieces[element.piece].first, n = scene.pieces[element.piece].count;
   std::uint32_t count = 0;
   for (std::uint32_t k = 0; k < n; k += 32) {
@@ -196,10 +185,10 @@ __device__ std::uint32_t test_pair(const WorldTask& task, Room& room, std::uint3
 }
 
 template <Pass kPass>
-__device__ void begin(const WorldTask& task, std::uint32_t element, Lane& lane) {
+__device__ void begin(const WorldTask& task, std::uint32_t element, bool used, Lane& lane) {
   const WorldScene& scene = task.scene;
-  lane.element = element, lane.in_every = true, lane.walk = {}, lane.found = 0, lane.reach = task.margin;
-  if (element >= task.end) return;
+  lane.element = element, lane.active = false, lane.found = 0, lane.reach = task.margin;
+  if (!used) return;
   lane.me = scene.elements[element], lane.ball = scene.balls[element];
   if (ended<kPass>(task, lane)) return;
   if constexpr (kPass == Pass::write) {
@@ -214,44 +203,56 @@ __device__ void begin(const WorldTask& task, std::uint32_t element, Lane& lane) 
     lane.reach = number_of(task.distances[lane.me.world]);
     if (lane.reach == INFINITY) return;  // the world has no contacts
   }
-  lane.box = box_of(lane.ball, lane.reach);
-  lane.walk = {element + 1, lane.me.world_end}, lane.in_every = false;
+  lane.box = box_of(lane.ball, lane.reach), lane.active = true;
+}
+
+// The warp walks over the elements that its lanes' own ranges [from, until) contain together.
+template <Pass kPass>
+__device__ void walk(const WorldTask& task, Room& room, Lane& lane, std::uint32_t from, std::uint32_t until) {
+  if (!lane.active) from = ~0u, until = 0;
+  TreeWalk walk{__reduce_min_sync(~0u, from), __reduce_max_sync(~0u, until)};
+  const auto meets = [&](const TreeBox& node, std::uint32_t first, std::uint32_t end) {
+    return __any_sync(~0u, lane.active && first < until && from < end && overlap(lane.box, node)) != 0;
+  };
+  for (std::uint32_t k; (k = walk.next(task.scene.tree, meets)) != kNoElement;) {
+    const bool mine = from <= k && k < until && candidate<kPass>(task, lane, k);
+    for (std::uint32_t left = __ballot_sync(~0u, mine); left; left &= left - 1) {
+      const int whose = __ffs(left) - 1;
+      const std::uint32_t a = __shfl_sync(~0u, lane.element, whose);
+      const double reach = __shfl_sync(~0u, lane.reach, whose);
+      const unsigned long long found = __shfl_sync(~0u, lane.found, whose);
+      double distance = INFINITY;
+      const std::uint32_t count = test_pair<kPass>(task, room, a, k, reach, found, distance);
+      if ((threadIdx.x & 31) == static_cast<unsigned>(whose)) keep<kPass>(task, lane, count, distance);
+    }
+    if (kPass == Pass::any && !__any_sync(~0u, lane.active)) return;
+  }
 }
 
 template <Pass kPass>
 __global__ void __launch_bounds__(kThreads) search_kernel(const __grid_constant__ WorldTask task) {
   __shared__ Room rooms[kWarps];
   Room& room = rooms[threadIdx.x >> 5];
-  for (std::uint64_t first = blockIdx.x * std::uint64_t(kThreads) + (threadIdx.x & ~31u); first < task.end;
-       first += std::uint64_t(gridDim.x) * kThreads) {
-    Lane lane;
-    begin<kPass>(task, static_cast<std::uint32_t>(first) + (threadIdx.x & 31), lane);
-    for (;;) {
-      const std::uint32_t candidate = next_candidate<kPass>(task, lane);
-      std::uint32_t left = __ballot_sync(~0u, candidate != kNoElement);
-      if (left == 0) break;
-      for (; left; left &= left - 1) {
-        const int whose = __ffs(left) - 1;
-        const std::uint32_t a = __shfl_sync(~0u, lane.element, whose), b = __shfl_sync(~0u, candidate, whose);
-        const double reach = __shfl_sync(~0u, lane.reach, whose);
-        const unsigned long long found = __shfl_sync(~0u, lane.found, whose);
-        double distance = INFINITY;
-        const std::uint32_t count = test_pair<kPass>(task, room, a, b, reach, found, distance);
-        if ((threadIdx.x & 31) == static_cast<unsigned>(whose)) keep<kPass>(task, lane, count, distance);
-      }
-    }
-    if (lane.element >= task.end) continue;
-    if constexpr (kPass == Pass::count) task.counts[lane.element] = lane.found;
-    if constexpr (kPass == Pass::total)
-      if (lane.found) atomicAdd(&task.totals[lane.me.world], lane.found);
-  }
+  const std::uint64_t warp = blockIdx.x * std::uint64_t(kWarps) + (threadIdx.x >> 5);
+  const std::uint64_t element = warp * task.lanes + (threadIdx.x & 31);
+  const bool used = (threadIdx.x & 31) < task.lanes && element < task.end;
+  Lane lane;
+  begin<kPass>(task, static_cast<std::uint32_t>(element), used, lane);
+  const bool every = lane.active && lane.me.world == kEveryWorld;
+  walk<kPass>(task, room, lane, lane.active ? lane.me.partners : 0, lane.active ? lane.me.world_end : 0);
+  walk<kPass>(task, room, lane, task.scene.tree.every_first, every ? 0 : task.scene.count);
+  if (!used) return;
+  if constexpr (kPass == Pass::count) task.counts[element] = lane.found;
+  if constexpr (kPass == Pass::total)
+    if (lane.found) atomicAdd(&task.totals[lane.me.world], lane.found);
 }
 
 template <Pass kPass>
 void search(const WorldTask& task, cudaStream_t stream, const char* what) {
   if (task.end == 0) return;
-  const auto blocks = std::min<std::uint64_t>((std::uint64_t(task.end) + kThreads - 1) / kThreads, 1u << 24);
-  search_kernel<kPass><<<static_cast<unsigned>(blocks), kThreads, 0, stream>>>(task);
+  const std::uint64_t elements = std::uint64_t(kWarps) * task.lanes;
+  search_kernel<kPass>
+      <<<static_cast<unsigned>((task.end + elements - 1) / elements), kThreads, 0, stream>>>(task);
   cuda_launched(what);
 }
 
@@ -288,8 +289,12 @@ WorldSearch::WorldSearch(MemoryBook& book)
       scratch_(book, "counts of contacts"),
       host_report_(book, "the report", true) {}
 
-WorldTask WorldSearch::task_of(const CallOptions& options) const {
+WorldTask WorldSearch::task_of(const CallOptions& options, int processors) const {
+  // A warp takes fewer elements where there are not enough of them for all processors.
+  constexpr std::uint32_t kWarpsOfProcessor = 32;
   WorldTask task;
+  task.lanes = std::clamp(input_.scene().count / (static_cast<std::uint32_t>(processors) * kWarpsOfProcessor),
+                          1u, 32u);
   task.scene = input_.scene(), task.own = options.own, task.margin = options.margin;
   task.bounded = !(options.own == Region{});
   return task;
@@ -312,7 +317,7 @@ void WorldSearch::run(const Call& call, Contacts& contacts) {
   const cudaStream_t stream = call.stream;
   input_.read(call.input, ~0u, stream);
   call.clock.mark(StageClock::kPlace);
-  WorldTask task = task_of(call.options);
+  WorldTask task = task_of(call.options, call.processors);
   const std::uint32_t n = task.end = task.scene.count;
   contacts.spheres = task.scene.loose_first + call.input.spheres.count;
   if (n == 0) return;
@@ -357,12 +362,12 @@ const T* WorldSearch::delivered(const Buffer<T>& from, Buffer<T>& host, std::uin
 }
 
 WorldAnswers WorldSearch::answer(const Input& input, const CallOptions& options, std::uint32_t worlds,
-                                 Answer answer, cudaStream_t stream) {
+                                 Answer answer, int processors, cudaStream_t stream) {
   const auto begun = std::chrono::steady_clock::now();
   CallOptions o = options;
   o.width = Width::pairs;  // there are no records whose range could be too small
   input_.read(input, worlds, stream);
-  WorldTask task = task_of(o);
+  WorldTask task = task_of(o, processors);
   task.end = task.scene.count ? task.scene.tree.every_first : 0;
   WorldAnswers answers;
   answers.worlds = worlds, answers.memory = options.output;

@@ -13,8 +13,9 @@ struct WorldTask {
   WorldScene scene;
   Region own;
   double margin = 0;
-  bool bounded = false;   // by `own`
-  std::uint32_t end = 0;  // the elements that search: the first of the tree
+  bool bounded = false;      // by `own`
+  std::uint32_t end = 0;     // the elements that search: the first of the tree
+  std::uint32_t lanes = 32;  // elements of a warp
   // Of each element, the number of its contacts, and then the place of its first one in the list.
   unsigned long long *counts = nullptr, *offsets = nullptr;
   Output output;
@@ -30,13 +31,13 @@ class WorldSearch {
   // All contacts into call.list, their number and that of the spheres to `contacts`. Throws Error.
   void run(const Call& call, Contacts& contacts);
   WorldAnswers answer(const Input& input, const CallOptions& options, std::uint32_t worlds, Answer answer,
-                      cudaStream_t stream);
+                      int processors, cudaStream_t stream);
   bool knows(const Input& input) const { return input_.knows(input); }
   bool bodies_have_worlds() const { return input_.bodies_have_worlds(); }
   void forget() { input_.forget(); }
 
  private:
-  WorldTask task_of(const CallOptions& options) const;
+  WorldTask task_of(const CallOptions& options, int processors) const;
   void write(WorldTask task, const Call& call);
   WorldReport report(cudaStream_t stream);  // waits for the device
   template <class T>
