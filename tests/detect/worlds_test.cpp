@@ -3,6 +3,7 @@
 #include <functional>
 
 #include "detect/core/world_tree.h"
+#include "tests/detect/device_memory.h"
 #include "tests/detect/oracle.h"
 
 namespace padder::detect {
@@ -262,6 +263,72 @@ TEST(Worlds, ARevisionMovesBodiesAndWorldsStayApart) {
       in = w.input(), in.revision = 1, in.moved = moved;
       EXPECT_EQ(sorted(detector.detect(in).pair_span()), oracle(w.input(), o)) << step;
       expect_answers(detector, w.input(), 5);
+    }
+  }
+}
+
+// Each path keeps what it knows of a revision. A body that moved in a call of another path must not be
+// missed.
+TEST(Worlds, CallsWithAndWithoutAMarginTakeTurnsInOneRevision) {
+  for (const BackendKind backend : backends()) {
+    World w = random_worlds(31, 1, 30, 0);
+    for (Body& b : w.bodies) b.world = 0, b.is_static = false;
+    Detector detector({backend, 0}, CallOptions{});
+    for (std::uint32_t step = 0; step < 12; step++) {
+      const std::vector<std::uint32_t> moved{step, step + 5};
+      for (const std::uint32_t k : moved) w.bodies[k].position[1] += 0.4;
+      Input in = w.input();
+      in.revision = 1, in.moved = moved;
+      detector.options().margin = step % 3 == 1 ? 0.1 : 0;
+      detector.options().bodies = step % 2 ? Bodies::first : Bodies::expanded;
+      EXPECT_EQ(sorted(detector.detect(in).pair_span()), oracle(w.input(), detector.options())) << step;
+    }
+  }
+}
+
+TEST(Worlds, PosesSpheresAndAnswersMayLieOnTheDevice) {
+  if (!cuda_present()) GTEST_SKIP() << "there is no GPU";
+  for (const std::uint64_t revision : {0, 4}) {
+    World w = random_worlds(41, 9, 40, 200);
+    CallOptions o;
+    o.margin = 0.05, o.output = Memory::device;
+    Detector detector({BackendKind::cuda, 0}, o);
+    const Input host = w.input();
+    const std::size_t n = w.loose.size();
+    const DeviceCopy spheres(w.loose.data(), n * sizeof(Sphere)), family(w.family.data(), 4 * n),
+        mask(w.mask.data(), 4 * n), world(w.world.data(), 4 * n), is_static(w.is_static.data(), n);
+    Input in = host;
+    in.spheres.centers = spheres.data(), in.spheres.radii = static_cast<const double*>(spheres.data()) + 3;
+    in.spheres.family = static_cast<const std::uint32_t*>(family.data());
+    in.spheres.mask = static_cast<const std::uint32_t*>(mask.data());
+    in.spheres.world = static_cast<const std::uint32_t*>(world.data());
+    in.spheres.is_static = static_cast<const std::uint8_t*>(is_static.data());
+    in.spheres.memory = Memory::device, in.revision = revision, in.pose_memory = Memory::device;
+    std::mt19937_64 random(6);
+    for (int step = 0; step < 3; step++) {
+      std::vector<Pose> poses(w.bodies.size());
+      for (std::size_t b = 0; b < poses.size(); b++) {
+        if (step > 0 && !w.bodies[b].is_static) turn(random, w.bodies[b]);
+        std::copy_n(w.bodies[b].rotation, 9, poses[b].rotation);
+        std::copy_n(w.bodies[b].position, 3, poses[b].position);
+      }
+      const DeviceCopy there(poses.data(), poses.size() * sizeof(Pose));
+      in.poses = static_cast<const Pose*>(there.data());
+      const std::vector<Pair> expected = oracle(w.input(), o);
+      const Contacts& c = detector.detect(in);
+      std::vector<Pair> pairs(c.count);
+      copy_from_device(pairs.data(), c.pairs, c.count * sizeof(Pair));
+      EXPECT_EQ(sorted(pairs), expected);
+      const WorldAnswers a = detector.detect_worlds(in, 9, Answer::count);
+      EXPECT_EQ(a.memory, Memory::device);
+      std::vector<std::uint64_t> count(9), of_list(9, 0);
+      copy_from_device(count.data(), a.count, 9 * sizeof(std::uint64_t));
+      const std::vector<Seen> all = seen(w.input());
+      for (const Pair& p : expected) {
+        const std::uint32_t of = std::min(all[p.i].world, all[p.j].world);
+        if (of != kEveryWorld) of_list[of]++;
+      }
+      EXPECT_EQ(count, of_list);
     }
   }
 }
