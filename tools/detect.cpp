@@ -52,6 +52,9 @@ void declare(CLI::App& app, Arguments& a, std::string& memory) {
   app.add_option("-o", a.output,
                  "write the contacts: .csv, .npz or .vtp, sorted; .npy as they come, which takes no memory")
       ->type_name("FILE");
+  app.add_option("--margin", a.options.margin, "contacts are all pairs whose gap is at most M")
+      ->check(CLI::NonNegativeNumber)
+      ->type_name("M");
   app.add_flag("--hash", a.hash, "print the order-free hash of the pairs");
   app.add_flag("--stages", a.stages, "print the arrays T, S, B, C, D, E, F of a small scene");
   static_assert(padder::cli::kMostThreads == kMostThreads);
