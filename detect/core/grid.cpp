@@ -159,13 +159,18 @@ double level_cost(const Summary& s, const std::vector<int>& octaves, std::size_t
 }
 
 // The summary by which levels are chosen. Bounds say little about a sparse scene: a few spheres that are far
-// away would make all others look as if nothing were near them, and one level enough. So spheres are taken to
-// fill at least a twentieth of the box that they lie in.
+// away would make all others look as if nothing were near them, and one level enough. So where bins for the
+// most frequent size would have to be hashed, spheres are taken to fill half of the box that they lie in.
 Summary gathered(Summary s) {
-  double volume = 0;
-  for (const Summary::Octave& o : s.octave)
+  double volume = 0, bins = 1;
+  const Summary::Octave* usual = &s.octave[0];
+  for (const Summary::Octave& o : s.octave) {
     if (o.count) volume += static_cast<double>(o.count) * std::pow(0.7 * o.need_max, 3) * 0.52;
-  const double edge = std::cbrt(volume / 0.05);
+    if (o.count > usual->count) usual = &o;
+  }
+  for (int c = 0; c < 3; c++) bins *= bins_along(*usual, c, usual->need_max);
+  if (!(bins > 8 * static_cast<double>(s.count))) return s;
+  const double edge = std::cbrt(volume / 0.5);
   for (Summary::Octave& o : s.octave) {
     double wide = 1;
     for (int c = 0; c < 3 && o.count; c++) wide *= (o.high[c] - o.low[c] + o.need_max) / (edge + o.need_max);

@@ -37,7 +37,7 @@ struct FusedSearch : FusedQueue<Stable> {
   // Of the row of bins that is searched, where 32 spheres have too many candidates to be looked at together.
   struct LongRow {
     std::uint32_t mask = 0, base = 0, row = 0, done = 0;  // done: candidates of the row
-    std::uint32_t rows = kRows;                           // twice as many where some have second parts
+    std::uint32_t rows = kRows;                           // one more where some run over the end of a ring
     bool longer = true;
   };
 
@@ -121,13 +121,13 @@ struct FusedSearch : FusedQueue<Stable> {
     while (!__any_sync(kFullWarp, s.mask != 0)) {
       if (!s.longer) s.row++, s.done = 0;
       if (s.row == s.rows) return false;
-      const bool second_part = s.row >= kRows;
-      const LevelQuery<kKind> query = level_query<kKind>(task, grid, pairs, first, second_part);
-      if (query.split) s.rows = 2 * kRows;
+      const LevelQuery<kKind> query = level_query<kKind>(task, grid, pairs, first);
+      if (query.split) s.rows = kRows + 1;
       std::uint32_t begin = 0, row_end = 0, longest;
 #pragma unroll
       for (std::uint32_t q = 0; q < kRows; q++)
-        if (q + (second_part ? kRows : 0) == s.row) begin = query.begin[q], row_end = query.end[q];
+        if (q == s.row) begin = query.begin[q], row_end = query.end[q];
+      if (s.row == kRows) begin = query.rest_begin, row_end = query.rest_end;
       if (skipped + s.done) begin = min((begin & ~3u) + skipped + s.done, row_end);
       s.mask = code_mask<kKind>(task, query.seeker, begin, row_end, query.valid, longest);
       s.base = (begin & ~3u) + 31, s.done += 32, s.longer = longest > 32;

@@ -28,10 +28,13 @@ bool searchable(const Level& fine, double reach, SlotKind kind) {
 void divide_rows(LevelPair& d, const Level& coarse, const Level& fine, double reach, bool fused) {
   const double most_contacts = fused ? tuning::kFusedUnitContacts : tuning::kUnitContacts,
                part_contacts = fused ? tuning::kFusedPartContacts : tuning::kPartContacts;
-  const double rows = (2 * reach + 2) * (2 * reach + 2);   // at most
+  double rows = 1;  // at most
+  for (int c = 1; c < 3; c++)
+    rows *= fine.hashed ? 2 * reach + 2 : std::min<double>(2 * reach + 2, fine.count[c]);
   double full = 4.19 * static_cast<double>(fine.spheres);  // contacts of a sphere that reaches one bin far
+  // Where a hashed level has spheres, it has about one in a bin, however many bins are empty.
   if (fine.hashed)
-    full /= fine.ring;
+    full = 4.19;
   else
     for (const std::uint32_t side : fine.count) full /= side;
   d.density = static_cast<float>(full / 4.19);
@@ -45,8 +48,11 @@ void divide_rows(LevelPair& d, const Level& coarse, const Level& fine, double re
   if (d.group == 1) {
     const double parts = std::max(full / part_contacts, rows / tuning::kUnitRows / (reach * reach * reach));
     d.parts_at_one = static_cast<float>(parts);
+    // No more than for all spheres of the finer level, wherever the others' rows may be.
+    const double enough =
+        2 * static_cast<double>(fine.spheres) / part_contacts + 2 * rows / tuning::kUnitRows;
     d.parts = static_cast<std::uint32_t>(
-        std::clamp(std::ceil(parts * reach * reach * reach), 1.0, std::max(1.0, rows / 2)));
+        std::clamp(std::ceil(std::min(parts * reach * reach * reach, enough)), 1.0, std::max(1.0, rows / 2)));
   }
 }
 
@@ -83,5 +89,4 @@ LevelPairs plan_level_pairs(const Grid& grid, SlotKind kind, bool fused) {
   pairs.units = static_cast<std::uint32_t>(units), pairs.warps = static_cast<std::uint32_t>(warps);
   return pairs;
 }
-
 }  // namespace padder::detect::cuda

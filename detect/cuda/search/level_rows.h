@@ -17,8 +17,11 @@ struct LevelQuery {
   typename SlotOf<Kind>::Type slot;
   std::uint32_t index, seeker;
   bool valid;  // false: behind the last sphere
-  bool split;  // a row of some lane runs over the end of its ring: the rest of it is its second part
   std::uint32_t begin[kRows], end[kRows];
+  // A row of some lane runs over the end of its ring. The rest of it is one row more: rows are so far from
+  // each other that no lane has two of these.
+  bool split;
+  std::uint32_t rest_begin, rest_end;  // only where split
 };
 
 // How the keys of a sphere's neighbours follow from its own. In a dense level no row ends at the end of the
@@ -56,11 +59,10 @@ __device__ __forceinline__ RowSteps row_steps(const SearchTask& task, const Grid
   return r;
 }
 
-// `pairs`: LevelPairs or NoLevelPairs. `second`: the second parts of the rows.
+// `pairs`: LevelPairs or NoLevelPairs.
 template <SlotKind Kind, class Pairs>
 __device__ __forceinline__ LevelQuery<Kind> level_query(const SearchTask& task, const Grid& grid,
-                                                        const Pairs& pairs, std::uint32_t first,
-                                                        bool second = false) {
+                                                        const Pairs& pairs, std::uint32_t first) {
   const std::uint32_t at = first + (threadIdx.x & 31), last = task.spheres.count - 1;
   LevelQuery<Kind> query;
   query.index = min(at, last), query.valid = at <= last;
@@ -69,23 +71,20 @@ __device__ __forceinline__ LevelQuery<Kind> level_query(const SearchTask& task, 
   const RowSteps r = row_steps<Kind>(task, grid, pairs, query);
   const int m = task.spheres.merge;
   const auto start = [&](std::uint32_t entry) { return __ldg(task.spheres.table + entry); };
-  std::uint32_t k = r.key - r.base;
-  bool split = false;
+  std::uint32_t k = r.key - r.base, over = 0;  // over: bins of a row that lie behind the end of the ring
 #pragma unroll
   for (int q = 0; q < kRows; q++) {
     const std::uint32_t from = (q ? k - r.reach : k) & r.mask, upto = from + (q ? 2 * r.reach : r.reach);
-    const bool over = upto > r.mask;
-    split = split || over;
-    if (!second) {
-      query.begin[q] = q ? start((r.base + from) >> m) : query.index + 1,
-      query.end[q] = start(((r.base + min(upto, r.mask)) >> m) + 1);
-    } else {
-      query.begin[q] = start(r.base >> m);
-      query.end[q] = over ? start(((r.base + upto - r.mask - 1) >> m) + 1) : query.begin[q];
-    }
+    if (upto > r.mask) over = upto - r.mask;
+    query.begin[q] = q ? start((r.base + from) >> m) : query.index + 1,
+    query.end[q] = start(((r.base + min(upto, r.mask)) >> m) + 1);
     k = q == 1 ? r.key - r.base + r.plane - r.row : k + r.row;  // of the next row
   }
-  query.split = task.spheres.hashed && __any_sync(kFullWarp, split);
+  query.split = task.spheres.hashed && __any_sync(kFullWarp, over != 0);
+  if (query.split) {
+    query.rest_begin = start(r.base >> m);
+    query.rest_end = over ? start(((r.base + over - 1) >> m) + 1) : query.rest_begin;
+  }
   return query;
 }
 

@@ -117,6 +117,7 @@ TEST(CudaBins, CoarserSpheresReachThoseThatTouch) {
       for (int f = 0; f < level_of(bins, coarse); f++) {
         const FloatBins& b = bins.level[f];
         const Level& l = grid.level[f];
+        if (l.hashed) continue;
         const double far = static_cast<double>(coarse.w) + l.radius_max;
         for (int k = 0; k < 3; k++)
           for (int step = -4; step <= 4; step++) {

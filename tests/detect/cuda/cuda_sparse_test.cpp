@@ -25,10 +25,11 @@ class SparseTest : public testing::Test {
     const double far = std::pow(10, 1.5 + 2.5 * std::abs(unit()));
     while (s.spheres.size() < n) {
       const double at[3] = {far * unit(), far * unit(), far * unit()};
-      const double d[3] = {unit(), unit(), unit()}, wide = std::pow(10, 1.5 * std::abs(unit()));
       const std::uint32_t kind = below(3), count = 1 + below(n / 2);
+      const double d[3] = {unit(), unit(), unit()},
+                   wide = std::max(1.5 * std::cbrt(count), std::pow(10, 1.5 * std::abs(unit())));
       for (std::uint32_t k = 0; k < count && s.spheres.size() < n; k++) {
-        Sphere p{at[0], at[1], at[2], std::pow(ratio, std::pow(std::abs(unit()), 4))};
+        Sphere p{at[0], at[1], at[2], std::pow(ratio, std::pow(std::abs(unit()), 8))};
         if (kind == 0) p.x += wide * unit(), p.y += wide * unit(), p.z += wide * unit();
         if (kind == 1) p.x += 1.9 * k * d[0], p.y += 1.9 * k * d[1], p.z += 1.9 * k * d[2];
         if (kind == 2) p.x = far * unit(), p.y = far * unit(), p.z = far * unit();
@@ -81,10 +82,10 @@ TEST_F(SparseTest, UnequalRadiiAsByBruteForce) {
   for (int k = 0; k < 12; k++) expect_brute_force(k % 2 ? 3 : 100, k % 3 ? Scalar::f32 : Scalar::f64);
 }
 TEST_F(SparseTest, LargeScenesAsByTheProcessor) {
-  for (const double ratio : {1.0, 3.0, 60.0})
+  for (const double ratio : {1.0, 3.0, 10.0})
     for (const Scalar scalar : {Scalar::f32, Scalar::f64}) {
       expect_processor(100'000, ratio, scalar);
-      expect_processor(400'000, ratio, scalar);
+      expect_processor(300'000, ratio, scalar);
     }
 }
 
