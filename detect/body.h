@@ -17,7 +17,8 @@ struct Body {
   double position[3] = {0, 0, 0};
   std::uint32_t shape = 0;  // index in Input::shapes
   std::uint32_t family = 0, mask = 0;
-  bool is_static = false;  // it does not move; two static bodies are never a contact
+  bool is_static = false;   // it does not move; two static bodies are never a contact
+  std::uint32_t world = 0;  // it meets bodies and spheres of this world, and of kEveryWorld; that meets all
 };
 
 // Where a body is; the same members as in Body.

@@ -56,6 +56,14 @@ PADDER_HD bool touching_unscaled(const Sphere& a, const Sphere& b) {
   return length_squared(sub(b.x, a.x), sub(b.y, a.y), sub(b.z, a.z)) <= mul(s, s);
 }
 
+// The same test with a margin of 0 or more: is the gap at most `margin`? The sum of the radii and the margin
+// takes the place of the sum of the radii, and is rounded once more. A margin of 0 gives touching(a, b).
+PADDER_HD bool touching(const Sphere& a, const Sphere& b, double margin) {
+  double x = sub(b.x, a.x), y = sub(b.y, a.y), z = sub(b.z, a.z), s = add(add(a.r, b.r), margin);
+  if (s < kSmallSum) x = mul(x, kScaleUp), y = mul(y, kScaleUp), z = mul(z, kScaleUp), s = mul(s, kScaleUp);
+  return length_squared(x, y, z) <= mul(s, s);
+}
+
 // What the search reads of a sphere: 16 bytes. Float input is kept as it is.
 struct alignas(16) FloatSlot {
   float x, y, z, r;
@@ -116,7 +124,8 @@ PADDER_HD bool float_range(double extent, double radius) {
 // What a contact record holds, in double. i is the sphere with the smaller number.
 struct Geometry {
   double normal[3];         // unit vector from i to j; (1, 0, 0) for equal centres
-  double depth;             // the penetration ri + rj - distance; 0 or more, up to rounding
+  double depth;  // the penetration ri + rj - distance; up to rounding 0 or more without a margin, and at
+                 // least -margin with one
   double on_i[3], on_j[3];  // the deepest point of each sphere inside the other: ci + ri n, cj - rj n
 };
 // The vector from one centre to another and its length, all multiplied by `scale`. That is 1, or a power of

@@ -72,6 +72,13 @@ const Contacts& Detector::detect(const Input& input) {
   return contacts_;
 }
 
+WorldAnswers Detector::detect_worlds(const Input& input, std::uint32_t worlds, Answer answer) {
+  return call([&](Backend& backend) {
+    const auto read_poses = [&] { return backend.device_poses(input, options_); };
+    return backend.detect_worlds(revision_->resolve(input, read_poses), options_, worlds, answer);
+  });
+}
+
 Arrays Detector::stages(const Input& input) {
   if (revision_) revision_->forget();
   Input all = input;

@@ -37,10 +37,15 @@ struct Spheres {
   const std::uint32_t* mask = nullptr;    // null: mask 0 for all
   // Not 0: the sphere is static. Two static spheres are never a contact. null: no sphere is static.
   const std::uint8_t* is_static = nullptr;
+  // The world of each sphere. null: all are in the world `world_of_all`. See Body::world.
+  const std::uint32_t* world = nullptr;
+  std::uint32_t world_of_all = 0;
 };
 template <RealNumber T>
 Spheres spheres_of(std::uint64_t count, const T* centers, const T* radii, Memory memory = Memory::host) {
-  return {count, kScalarOf<T>, memory, centers, radii};
+  Spheres s;
+  s.count = count, s.scalar = kScalarOf<T>, s.memory = memory, s.centers = centers, s.radii = radii;
+  return s;
 }
 
 // What detect() tests. All spheres are numbered in one sequence: first those of bodies[0], then those of
@@ -149,8 +154,11 @@ struct CallOptions {
   double bin_size = 0;                // edge of the (finest) cells; 0: chosen by the rule of section 2.2.1
   Bodies bodies = Bodies::automatic;  // the contacts are the same either way
   Region own;                         // only contacts whose midpoint lies inside are reported
-  std::uint64_t memory_limit = 0;     // bytes that the detector may hold; 0: all that there are
-  bool timings = false;  // fill Contacts::seconds; the host then waits for the GPU after each stage
+  // All pairs whose gap is at most this are contacts, not only those that touch; the depth of a pair that
+  // does not touch is negative. A length from 0 to 1e100.
+  double margin = 0;
+  std::uint64_t memory_limit = 0;  // bytes that the detector may hold; 0: all that there are
+  bool timings = false;            // fill Contacts::seconds; the host then waits for the GPU after each stage
 };
 
 #if defined(__GNUC__)
@@ -214,6 +222,25 @@ struct Contacts {
   [[noreturn]] void refuse_scalar(Scalar wanted) const;
 };
 
+// What detect_worlds() answers for each world. It speaks of the contacts that detect() would list for the
+// same input and options. Those between two spheres of kEveryWorld belong to no world.
+enum class Answer : std::uint8_t {
+  any,      // is there a contact? The search of a world ends at the first one
+  count,    // how many are there?
+  distance  // the smallest signed distance of two spheres of a contact, -depth in double, and the pair
+};
+// The answers of a call, one for each world. The arrays lie in the detector's memory (CallOptions::output),
+// and stay valid until its next call or its end. Arrays that were not asked for are null.
+struct WorldAnswers {
+  std::uint32_t worlds = 0;
+  Memory memory = Memory::host;
+  const std::uint8_t* any = nullptr;     // 1: there is a contact; 0: there is none
+  const std::uint64_t* count = nullptr;  // of contacts
+  const double* distance = nullptr;      // infinity if there is no contact
+  const Pair* pair = nullptr;  // with that distance; of several the first; ~0u, ~0u if there is none
+  double seconds = 0;          // of the call
+};
+
 struct Arrays;         // T, S, B, C, D, E, F of a small scene: detect/core/nine_stages.h
 class Backend;         // detect/core/backend.h
 class RevisionKeeper;  // detect/core/revision.h
@@ -236,6 +263,11 @@ class Detector {
   // memory (the message says how many bytes are needed). The detector can be used after that: a call that
   // threw leaves no contacts (hash() is 0), and the next call reads everything, whatever its revision.
   const Contacts& detect(const Input& input);
+
+  // For each of the worlds 0 to `worlds` - 1, an answer that needs no list. Throws Error as detect() does,
+  // and for a body or sphere whose world is neither below `worlds` nor kEveryWorld. It leaves no contacts. Of
+  // the options it reads own, margin, threads, stream, output and memory_limit.
+  WorldAnswers detect_worlds(const Input& input, std::uint32_t worlds, Answer answer);
 
   // A hash of the pairs of the last call that does not depend on their order. It is the same for both
   // backends, every path and every number of threads. 0 if there are no contacts: before the first call,

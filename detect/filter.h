@@ -19,6 +19,13 @@ PADDER_HD std::uint32_t owner_of(std::uint32_t body, bool is_static) {
   return (body + 1) | (is_static ? kStatic : 0);
 }
 
+// The world whose spheres meet those of all worlds, and each other (Body::world, Spheres::world).
+inline constexpr std::uint32_t kEveryWorld = 0xffffffffu;
+// May spheres of these worlds be in contact? Symmetric.
+PADDER_HD bool worlds_meet(std::uint32_t a, std::uint32_t b) {
+  return a == b || a == kEveryWorld || b == kEveryWorld;
+}
+
 // Does the mask exclude the family?
 PADDER_HD bool masks(std::uint32_t mask, std::uint32_t family) {
   return family - 1u < 32u && (mask >> (family - 1u) & 1u) != 0;

@@ -9,6 +9,7 @@
 
 #include "padding/asset/error.h"
 #include "padding/by_depth/refit.h"
+#include "padding/by_tolerance/lower_bound.h"
 #include "padding/geometry/unit_frame.h"
 #include "padding/verify/accuracy.h"
 
@@ -81,9 +82,32 @@ CullOptions cull_options(const PadOptions& options, const Length& tolerance, dou
   c.max_spheres = options.max_spheres;
   c.min_radius = options.min_radius.absolute(diagonal) / diagonal;
   if (options.max_radius.given()) c.max_radius = options.max_radius.absolute(diagonal) / diagonal;
+  if (options.each_error()) {
+    c.only_protrusion = options.protrusion_used().absolute(diagonal) / diagonal;
+    c.only_gap = options.gap_used().absolute(diagonal) / diagonal;
+  }
   c.balance = options.balance, c.smooth = options.smooth, c.effort = options.effort;
   return c;
 }
+
+// The largest errors that are asked for, in the unit frame; both 0: none.
+struct Asked {
+  double protrusion = 0, gap = 0;
+  bool filled = false;  // a gap of 0, with which the inside of the body is covered, too
+
+  Asked(const PadOptions& options, const Length& tolerance, double diagonal) {
+    const auto in_unit_frame = [&](const Length& l) { return l.absolute(diagonal) / diagonal; };
+    protrusion = in_unit_frame(options.protrusion.value_or(tolerance));
+    gap = in_unit_frame(options.gap.value_or(tolerance));
+    filled = options.each_error() && !(gap > 0);
+  }
+  // Scaling to another unit costs the last digits.
+  bool kept_by(const Accuracy& a) const {
+    const double rounding = 1e-9 * (protrusion + gap);
+    return !(protrusion + gap > 0) ||
+           (a.protrusion_max <= protrusion + rounding && a.gap_max <= gap + rounding);
+  }
+};
 
 // What every step works on, in the unit frame.
 struct Job {
@@ -116,6 +140,7 @@ RungSpheres make_spheres(const Job& job, const Length& tolerance, std::string& w
     const Culled culled = cull(job.surface, culling);
     made.balls = culled.balls;
     made.triangle.assign(culled.triangle.begin(), culled.triangle.end());
+    job.report.filled_body = culled.filled;
     if (!culled.within)
       why = "so few spheres cannot keep it";
     else if (!culled.covered)
@@ -153,21 +178,27 @@ std::string unproved(const Measured& m, std::size_t spheres) {
 
 // Measures the spheres of one level of detail and compares them with the tolerance asked for. `why` is what
 // make_spheres() left in it.
-Accuracy measure_spheres(const Job& job, const std::vector<Ball>& balls, double asked, std::string why,
+Accuracy measure_spheres(const Job& job, const std::vector<Ball>& balls, const Asked& asked, std::string why,
                          double& volume_union) {
   job.step("accuracy", 5);
-  Measured m = measure(job.input, job.body, job.surface, balls, {.floor = asked});
+  Measured m = measure(job.input, job.body, job.surface, balls, {.floor = asked.gap});
   Accuracy& a = m.accuracy;
   PadReport& report = job.report;
-  const bool within_tolerance = !(asked > 0) || within(a, asked);
+  const bool hollow = asked.filled && !report.filled_body;
+  const bool within_tolerance = asked.kept_by(a) && !hollow;
+  if (hollow && why.empty()) why = "the inside of the body could not be proved to be covered";
   std::string reason = unproved(m, balls.size());
   a.certified = within_tolerance && reason.empty();
   if (!within_tolerance) {
     if (!report.slots.empty()) why = slots_text(job);
     if (why.empty() && a.proved_against == SurfaceKind::none)
       why = "spheres reach around the border of the sheet";
-    char text[80];
-    std::snprintf(text, sizeof text, "the tolerance of %.4g is not kept", asked * job.frame.scale());
+    char text[120];
+    if (asked.protrusion == asked.gap)
+      std::snprintf(text, sizeof text, "the tolerance of %.4g is not kept", asked.gap * job.frame.scale());
+    else
+      std::snprintf(text, sizeof text, "the protrusion of %.4g or the gap of %.4g is not kept",
+                    asked.protrusion * job.frame.scale(), asked.gap * job.frame.scale());
     reason += (reason.empty() ? "" : "; ") + std::string(text) + (why.empty() ? "" : ", because " + why);
   }
   report.within = report.within && within_tolerance;
@@ -229,6 +260,7 @@ Surface surface_in_wrap(const Mesh& input, Repaired& wrap, bool by_grain, PadRep
 RepairOptions repairing(const PadOptions& options, double length, double tolerance, double diagonal) {
   RepairOptions r;
   r.mode = options.repair;
+  r.thickness = options.thickness.absolute(diagonal) / diagonal;
   // The wrap must be finer than the cap over a triangle with that edge, or than the tolerance.
   r.accuracy = length > 0 ? options.depth_ratio_used() * length / std::numbers::sqrt3 : tolerance;
   r.tolerance = tolerance;
@@ -271,9 +303,8 @@ void show_repair(Repaired& body, double area, const UnitFrame& frame, Padded& ou
 
 // Repairs, and says on what surface the balls are made. CGAL may fill a wrap beyond alpha, to keep it
 // manifold: another alpha mends that.
-Surface repaired_surface(const Mesh& input, RepairOptions options, const UnitFrame& frame,
-                         const std::string& name, Repaired& body, PadReport& report) {
-  const double tolerance = report.tolerance / frame.scale();
+Surface repaired_surface(const Mesh& input, RepairOptions options, const std::string& name, double tolerance,
+                         Repaired& body, PadReport& report) {
   const bool by_grain = options.alpha > 0;
   constexpr int tries = 3;
   for (int k = 0; k < tries; k++, options.tolerance *= 0.9) {
@@ -305,27 +336,29 @@ Padded pad(const ReadResult& file, const PadOptions& options, const PadProgress&
   Mesh input = file.mesh;
   for (Point& p : input.points) p = frame.into(p);
   const std::vector<Length> rungs = rungs_of(options, frame.scale());
-  const double tolerance = rungs.back().absolute(frame.scale()) / frame.scale();
-  report.tolerance = tolerance * frame.scale();
+  report.tolerance = rungs.back().absolute(frame.scale());
+  const Asked finest(options, rungs.back(), frame.scale());
+  // A wrap may stand off the input by no more than the spheres.
+  const double tolerance = finest.protrusion > 0 ? finest.protrusion : finest.gap;
   const bool depth_mode = options.by_depth();
   const double length = depth_mode ? edge_length(options, frame.scale()) : 0;
 
   step("repair", 0);
   Repaired body;
-  const Surface surface = repaired_surface(input, repairing(options, length, tolerance, frame.scale()), frame,
-                                           name, body, report);
+  const Surface surface = repaired_surface(input, repairing(options, length, tolerance, frame.scale()), name,
+                                           tolerance, body, report);
   show_repair(body, input.area(), frame, out);
   report.seconds.repair = clock.lap();
 
   const Job job{options, input, body, surface, frame, length, report, step, clock};
   Cluster& c = out.cluster;
   for (std::size_t rung = 0; rung < rungs.size(); rung++) {
-    const double asked = rungs[rung].absolute(frame.scale()) / frame.scale();
+    const Asked asked(options, rungs[rung], frame.scale());
     std::string why;
     RungSpheres made = make_spheres(job, rungs[rung], why);
     if (rung + 1 < rungs.size()) {
       Lod& lod = c.lods.emplace_back();
-      lod.tolerance = asked * frame.scale();
+      lod.tolerance = rungs[rung].absolute(frame.scale());
       lod.accuracy = measure_spheres(job, made.balls, asked, why, lod.volume_union);
       store(made, frame, lod);
     } else {
@@ -338,6 +371,18 @@ Padded pad(const ReadResult& file, const PadOptions& options, const PadProgress&
     }
   }
   for (Point& p : out.mesh.points) p = frame.back(p);
+  if (options.lower_bound) {
+    LowerBoundOptions bounding;
+    const Accuracy& kept = c.accuracy;
+    const bool asked = finest.protrusion + finest.gap > 0;
+    bounding.protrusion = asked ? finest.protrusion : kept.protrusion_bound / frame.scale();
+    bounding.gap = asked ? finest.gap : kept.gap_bound / frame.scale();
+    if (options.max_radius.given())
+      bounding.max_radius = options.max_radius.absolute(frame.scale()) / frame.scale();
+    clock.lap();
+    report.fewest = fewest_balls(surface, bounding);
+    report.seconds.lower_bound = clock.lap();
+  }
 
   c.name = std::filesystem::path(name).stem().string();
   c.unit = file.unit;

@@ -21,6 +21,7 @@ namespace padder {
 // Time spent in each step.
 struct PadSeconds {
   double read = 0, repair = 0, remesh = 0, fit = 0, refit = 0, cull = 0, accuracy = 0;
+  double lower_bound = 0;  // not part of the total
   double total() const { return read + repair + remesh + fit + refit + cull + accuracy; }
 };
 
@@ -29,6 +30,11 @@ struct PadReport {
   std::uint64_t triangles_in = 0, triangles_remeshed = 0;
   double edge_length = 0;  // that was used; 0 when nothing was remeshed
   double tolerance = 0;    // that was asked for, in the mesh's unit; 0: none
+  // Proved: no cover has fewer spheres whose errors the certificate bounds by the ones that were asked for,
+  // or with a count alone by the ones that were found (padding/by_tolerance/lower_bound.h); 0: not asked for.
+  std::uint64_t fewest = 0;
+  // Proved: no point of the body lies outside the spheres. Only a gap of 0 asks for it.
+  bool filled_body = false;
   // Do protrusion_max and gap_max of every level of detail keep its tolerance? True when none was asked for.
   // Of an open sheet the protrusion is sampled, so this is no proof; Accuracy::certified is.
   bool within = true;

@@ -52,6 +52,8 @@ std::string settings_json(const PadOptions& options, double diagonal, double edg
     j["sharp_angle"] = options.sharp_angle;
   }
   length("tolerance", options.tolerance);
+  if (options.protrusion) j["protrusion"] = options.protrusion->absolute(diagonal);
+  if (options.gap) j["gap"] = options.gap->absolute(diagonal);
   if (options.max_spheres > 0) j["max_spheres"] = options.max_spheres;
   length("min_radius", options.min_radius);
   length("max_radius", options.max_radius);
@@ -63,15 +65,39 @@ std::string settings_json(const PadOptions& options, double diagonal, double edg
   for (const Length& l : options.lod) j["lod"].push_back(l.absolute(diagonal));
   length("reach", options.min_grain_radius);  // its name on the command line
   j["repair"] = name_of(options.repair);
+  length("thickness", options.thickness);
   if (options.force) j["force"] = true;
   return j.dump();
 }
 
+namespace {
+
+void check_each_error(const PadOptions& options) {
+  for (const auto& l : {options.protrusion, options.gap})
+    if (l && (!(l->value() >= 0) || !std::isfinite(l->value())))
+      throw Error("a protrusion and a gap must be 0 or positive, and finite");
+  if (!options.tolerance.given() && !(options.protrusion && options.gap))
+    throw Error(std::string("a ") + (options.gap ? "gap" : "protrusion") + " needs a " +
+                (options.gap ? "protrusion" : "gap") + ", too: give it, or a tolerance in its place");
+  if (!options.protrusion_used().given() && !options.gap_used().given())
+    throw Error(
+        "spheres that neither stand out of the body nor leave a gap do not exist: allow one of both errors");
+  if (options.depth_ratio || options.max_spheres > 0 || !options.lod.empty() || options.smooth > 0 ||
+      options.balance != Balance::none)
+    throw Error(
+        "a protrusion and a gap by themselves exclude a depth ratio, a count, a ladder, a balance and "
+        "smoothness: leave "
+        "these out");
+}
+
+}  // namespace
+
 void check(const PadOptions& options) {
+  if (options.each_error()) check_each_error(options);
   const double depth_ratio = options.depth_ratio_used();
   if (!(depth_ratio > 0 && depth_ratio <= 1)) throw Error("the depth ratio must be above 0 and at most 1");
   for (const Length* l : {&options.edge_length, &options.tolerance, &options.min_radius, &options.max_radius,
-                          &options.min_grain_radius})
+                          &options.min_grain_radius, &options.thickness})
     if (!(l->value() >= 0) || !std::isfinite(l->value())) throw Error("a length must be positive and finite");
   for (const Length& l : options.lod)
     if (!(l.value() > 0) || !std::isfinite(l.value()))
@@ -84,6 +110,9 @@ void check(const PadOptions& options) {
   if (!(options.effort >= 0 && options.effort <= 3)) throw Error("the effort must be 0, 1, 2 or 3");
   if (!options.lod.empty() && (options.tolerance.given() || options.max_spheres > 0 || options.depth_ratio))
     throw Error("a ladder of tolerances excludes a depth ratio, a tolerance and a count: leave these out");
+  if (options.lower_bound && !options.by_tolerance())
+    throw Error(
+        "a lower bound needs a tolerance or a count: without one, there is a sphere for each triangle");
   if (options.depth_ratio && options.max_spheres > 0)
     throw Error("a depth ratio and a count exclude each other: leave out one of them");
   if (options.depth_ratio && options.by_tolerance() &&
@@ -116,7 +145,8 @@ void check_meant(const PadOptions& options, const Box& box, const std::string& n
   std::snprintf(extent, sizeof extent, "%.4g", thinnest);
   const double widest = std::max(0.5 * thinnest, 0.1 * diagonal);
   std::vector<Length> tolerances = options.lod;
-  tolerances.push_back(options.tolerance);
+  tolerances.push_back(options.protrusion_used());
+  tolerances.push_back(options.gap_used());
   for (const Length& l : tolerances)
     if (l.absolute(diagonal) > widest)
       refuse("a tolerance", l, std::string("is beyond half the part's thinnest extent of ") + extent);

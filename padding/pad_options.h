@@ -21,22 +21,31 @@ struct PadOptions {
   // Degrees, 1 to 180: remeshing keeps edges that turn by more. Ignored on a wrap, whose edges are ripples.
   double sharp_angle = 40;
 
-  Length tolerance;               // of protrusion and gap
+  Length tolerance;  // of protrusion and gap
+  // Each error by itself, instead of the tolerance or beside it, where each replaces one side of it.
+  // Length::of(0) is a gap of 0, with which no point of the body lies outside the spheres, or a protrusion of
+  // 0, with which no point of a sphere lies outside the body. Not both may be 0.
+  std::optional<Length> protrusion, gap;
   std::uint64_t max_spheres = 0;  // 0: no limit; else the smallest error for so many; at most 2^32 - 1
   Length min_radius, max_radius;
   Balance balance = Balance::none;  // what to aim for within the tolerance
   double smooth = 0;                // mean normal error asked for, degrees, below 180; 0: not asked
   int effort = 1;                   // 0 to 3: a longer search finds fewer spheres
+  bool lower_bound = false;         // also prove how few spheres could do (PadReport::fewest)
   std::vector<Length> lod;  // tolerances of a ladder: the finest makes the cluster, the others its lods
 
   // Of the smallest grain that will touch the part: surface that it cannot reach is not padded.
   Length min_grain_radius;
   RepairMode repair = RepairMode::automatic;
+  Length thickness;          // of sheets: surface that bounds nothing; not given: none
   bool force = false;        // accept values that check_meant would refuse
   std::uint32_t family = 0;  // of the asset; 0: none
   std::uint32_t mask = 0;    // bit k: no contact with family k + 1
 
-  bool by_tolerance() const { return tolerance.given() || max_spheres > 0 || !lod.empty(); }
+  bool each_error() const { return protrusion || gap; }
+  Length protrusion_used() const { return protrusion.value_or(tolerance); }
+  Length gap_used() const { return gap.value_or(tolerance); }
+  bool by_tolerance() const { return tolerance.given() || each_error() || max_spheres > 0 || !lod.empty(); }
   bool by_depth() const { return depth_ratio || !by_tolerance(); }
   double depth_ratio_used() const { return depth_ratio.value_or(0.2); }
 };

@@ -109,4 +109,16 @@ inline CLI::Validator length() {
           ""};
 }
 
+// The same, or 0.
+inline CLI::Validator length_or_zero() {
+  return {[](const std::string& text) {
+            return text == "0" || length_of(text)
+                       ? std::string()
+                       : not_a(text,
+                               "length: write 0, a number above 0 for the mesh's own unit, "
+                               "as 0.01, or a share of its diagonal, as 1%");
+          },
+          ""};
+}
+
 }  // namespace padder::cli

@@ -52,6 +52,9 @@ void declare(CLI::App& app, Arguments& a, std::string& memory) {
   app.add_option("-o", a.output,
                  "write the contacts: .csv, .npz or .vtp, sorted; .npy as they come, which takes no memory")
       ->type_name("FILE");
+  app.add_option("--margin", a.options.margin, "contacts are all pairs whose gap is at most M")
+      ->check(CLI::NonNegativeNumber)
+      ->type_name("M");
   app.add_flag("--hash", a.hash, "print the order-free hash of the pairs");
   app.add_flag("--stages", a.stages, "print the arrays T, S, B, C, D, E, F of a small scene");
   static_assert(padder::cli::kMostThreads == kMostThreads);
@@ -134,7 +137,7 @@ Json stages_json(const Arrays& a) {
 }
 
 int run(Arguments& a) {
-  if (const Launch launch = launch_of_environment(); launch.ranks > 0) return run_ranks(a, launch);
+  if (const Launch launch = launch_of_environment(); launch.ranks > 1) return run_ranks(a, launch);
   if (wants_boxes(a)) return run_boxes(a);
   if (!a.output.empty()) check_contact_ending(a.output);
   const Scene scene = read_scene_or_cluster(a.scene, a.copies);

@@ -18,7 +18,7 @@ struct WidePair {
 // The order-free hash of a contact set is the sum of this over its pairs, modulo 2^64. For numbers below 2^32
 // it equals pair_hash (contact.h), so the hash is that of a Detector wherever one Detector can hold the
 // scene.
-inline std::uint64_t wide_pair_hash(std::uint64_t i, std::uint64_t j) {
+PADDER_HD std::uint64_t wide_pair_hash(std::uint64_t i, std::uint64_t j) {
   const std::uint64_t low = i << 32 | (j & 0xffffffffu), high = (i >> 32) << 32 | j >> 32;
   return mixed(high ? low ^ mixed(high) : low);
 }

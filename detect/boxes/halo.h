@@ -38,7 +38,7 @@ namespace padder::detect {
 inline constexpr double kHaloRounding = 0x1p-46, kHaloUnderflow = 0x1p-1060;
 
 // Where the midpoints of a sphere's contacts can lie. The sphere must be one that fault_of() accepts.
-inline Bounds halo_of(const Sphere& s, double largest_radius) {
+PADDER_HD Bounds halo_of(const Sphere& s, double largest_radius) {
   const double extent = larger(larger(magnitude(s.x), magnitude(s.y)), magnitude(s.z));
   const double reach = s.r + (kHaloRounding * (extent + s.r + largest_radius) + kHaloUnderflow);
   return {{s.x - reach, s.y - reach, s.z - reach}, {s.x + reach, s.y + reach, s.z + reach}};

@@ -23,6 +23,10 @@ class Backend {
   // memory_sentence if there is not enough memory. The backend can be used again after that.
   virtual Contacts detect(const Input& input, const CallOptions& options) = 0;
 
+  // Detector::detect_worlds(), after the checks that detect() asks of the caller.
+  virtual WorldAnswers detect_worlds(const Input& input, const CallOptions& options, std::uint32_t worlds,
+                                     Answer answer) = 0;
+
   // The arrays of the nine stages, copied to the host.
   virtual Arrays stages(const Input& input, const CallOptions& options) = 0;
 

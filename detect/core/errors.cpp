@@ -54,6 +54,8 @@ void check_options(const CallOptions& o) {
   if (o.threads < 0 || o.threads > kMostThreads)
     throw Error("the number of threads must be 0 (chosen) or 1 to " + std::to_string(kMostThreads) +
                 ", not " + std::to_string(o.threads));
+  if (!(o.margin >= 0 && o.margin <= kLargest))
+    throw Error("the margin must be a length from 0 to 1e100, not " + formatted(o.margin));
   for (int k = 0; k < 3; k++)
     if (std::isnan(o.own.low[k]) || std::isnan(o.own.high[k]))
       throw Error("the box to own (CallOptions::own) is not a number along " + std::string(1, "xyz"[k]) +
@@ -86,6 +88,12 @@ std::string fault_sentence(std::uint64_t index, const Sphere& s, const Input& in
     default:
       return name + at + " with radius " + formatted(s.r) + " is not finite: correct or remove it";
   }
+}
+
+std::string world_sentence(bool loose, std::uint64_t index, std::uint32_t world, std::uint32_t worlds) {
+  return (loose ? "loose sphere " : "body ") + std::to_string(index) + " is in world " +
+         std::to_string(world) + ", but answers are asked for " +
+         (worlds == 0 ? "no world" : "worlds 0 to " + std::to_string(worlds - 1)) + ": ask for more worlds";
 }
 
 std::string memory_sentence(std::uint64_t bytes, const char* what, const char* where) {

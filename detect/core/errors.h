@@ -24,6 +24,8 @@ void check_range(const Summary& summary, const CallOptions& options);
 
 // What is wrong with sphere number `index`, and where it is in the input.
 std::string fault_sentence(std::uint64_t index, const Sphere& sphere, const Input& input);
+// A body (or a loose sphere) is in a world that detect_worlds() was not asked for.
+std::string world_sentence(bool loose, std::uint64_t index, std::uint32_t world, std::uint32_t worlds);
 // How much memory is missing, for what, and what the caller can do. `where`: host or device.
 std::string memory_sentence(std::uint64_t bytes_needed, const char* what, const char* where);
 

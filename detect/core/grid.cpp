@@ -158,6 +158,31 @@ double level_cost(const Summary& s, const std::vector<int>& octaves, std::size_t
   return cost;
 }
 
+// The summary by which levels are chosen. Bounds say little about a sparse scene: a few spheres that are far
+// away would make all others look as if nothing were near them, and one level enough. So where bins for the
+// most frequent size would have to be hashed, spheres are taken to fill half of the box that they lie in.
+Summary gathered(Summary s) {
+  double volume = 0, bins = 1;
+  const Summary::Octave* usual = &s.octave[0];
+  for (const Summary::Octave& o : s.octave) {
+    if (o.count) volume += static_cast<double>(o.count) * std::pow(0.7 * o.need_max, 3) * 0.52;
+    if (o.count > usual->count) usual = &o;
+  }
+  for (int c = 0; c < 3; c++) bins *= bins_along(*usual, c, usual->need_max);
+  if (!(bins > 8 * static_cast<double>(s.count))) return s;
+  const double edge = std::cbrt(volume / 0.5);
+  for (Summary::Octave& o : s.octave) {
+    double wide = 1;
+    for (int c = 0; c < 3 && o.count; c++) wide *= (o.high[c] - o.low[c] + o.need_max) / (edge + o.need_max);
+    if (!(wide > 1)) continue;
+    for (int c = 0; c < 3; c++) {
+      const double shorter = (o.high[c] - o.low[c]) * (1 - 1 / std::cbrt(wide)) / 2;
+      o.low[c] += shorter, o.high[c] -= shorter;
+    }
+  }
+  return s;
+}
+
 // The partition of the octaves into consecutive runs, one for each level, that costs least. Dynamic
 // programming over (levels used, octaves taken). Returns the first octave of each level.
 std::vector<std::size_t> choose_levels(const Summary& s, const std::vector<int>& octaves,
@@ -189,25 +214,85 @@ std::vector<std::size_t> choose_levels(const Summary& s, const std::vector<int>&
   return begins;
 }
 
+void set_ring(Level& l, int bits) {
+  bits = std::clamp(bits, kLeastRingBits, kMostRingBits);
+  const Hash hash = hash_of_ring(bits);
+  l.ring = l.buckets = 1u << bits, l.row = hash.row, l.plane = hash.plane, l.side = hash.side;
+}
+// The rings of hashed levels grow until coarser spheres can search them by the cube, where that is possible
+// within some bounds.
+void widen_rings(Grid& g, std::uint64_t spheres) {
+  const int most = std::min(static_cast<int>(std::bit_width(8 * spheres)) + 1, kMostRingBits);
+  for (int fine = 0; fine < g.levels; fine++) {
+    Level& l = g.level[fine];
+    if (!l.hashed) continue;
+    const double reach = (g.level[g.levels - 1].radius_max + l.radius_max) * l.per_size;
+    int bits = static_cast<int>(std::bit_width(l.ring)) - 1;
+    while (bits <= most && 2 * reach + 4 > hash_of_ring(bits).side) bits++;
+    if (bits <= most) set_ring(l, bits);
+  }
+}
+
 // The bounds and buckets of a level. It is hashed if it would have more than `most` bins.
-void lay_out(Level& l, const Summary::Octave& all, double most) {
-  double bins = 1;
+void lay_out(Level& l, const Summary::Octave& all, double most, GridBounds bounds) {
+  double bins = 1, within = 1;
   for (int k = 0; k < 3; k++) {
-    const std::int64_t low = split(l, all.low[k]).bin, high = split(l, all.high[k]).bin;
+    std::int64_t low = split(l, all.low[k]).bin, high = split(l, all.high[k]).bin;
+    const std::int64_t wide = high - low + 1;
+    within *= static_cast<double>(wide + 2);
+    if (bounds == GridBounds::stepped) {
+      const auto step = static_cast<std::int64_t>(std::bit_floor(static_cast<std::uint64_t>(wide / 32 + 1)));
+      low = low & -step, high = high | (step - 1);
+    } else if (bounds == GridBounds::wide) {
+      low -= 2 + wide / 32, high += 2 + wide / 32;
+    }
     l.first[k] = low;
     l.count[k] = static_cast<std::uint32_t>(std::min<std::int64_t>(high - low + 1, 0x7fffffff));
     bins *= static_cast<double>(high - low + 3);
   }
-  if (bins <= most) {
+  l.filled = within / bins;
+  if (within <= most && bins <= 0x1p31) {
     l.buckets = static_cast<std::uint32_t>(bins);
     return;
   }
+  l.filled = 1;
   l.hashed = 1;
-  l.ring = static_cast<std::uint32_t>(std::bit_ceil(std::clamp<std::uint64_t>(2 * all.count, 64, 1u << 28)));
-  l.buckets = l.ring;
+  set_ring(l, static_cast<int>(std::bit_width(2 * all.count - 1)));
+  // The bounds matter little. They are wide, so that they stay the same while spheres move.
+  std::int64_t far = 1;
+  for (int k = 0; k < 3; k++)
+    far = std::max({far, std::abs(split(l, all.low[k]).bin), std::abs(split(l, all.high[k]).bin)});
+  const auto wide = static_cast<std::int64_t>(std::bit_ceil(static_cast<std::uint64_t>(far) + 1));
+  for (int k = 0; k < 3; k++)
+    l.first[k] = -wide, l.count[k] = static_cast<std::uint32_t>(std::min<std::int64_t>(2 * wide, 0x7fffffff));
 }
 
 }  // namespace
+
+// Found by trying random factors: the cubes whose bins have buckets of their own are nearly as large as can
+// be (at most the cube root of the ring), and planes and lines along the axes are spread as well.
+Hash hash_of_ring(int bits) {
+  static constexpr Hash kHash[] = {{563, 829, 9},
+                                   {1435, 221, 12},
+                                   {2323, 3085, 15},
+                                   {4979, 1277, 19},
+                                   {14339, 493, 24},
+                                   {9899, 11957, 31},
+                                   {4267, 52421, 39},
+                                   {24659, 58373, 49},
+                                   {104411, 36405, 62},
+                                   {188051, 312157, 78},
+                                   {702643, 395781, 98},
+                                   {1175459, 1420037, 121},
+                                   {3541331, 2678693, 154},
+                                   {6710931, 8103221, 193},
+                                   {9604123, 6292365, 245},
+                                   {24889731, 7677677, 302},
+                                   {44006259, 26585341, 386},
+                                   {43865507, 35746173, 497},
+                                   {146367651, 57416541, 607}};
+  return kHash[bits - kLeastRingBits];
+}
 
 Summary with_octaves(const Summary& given) {
   Summary s = given;
@@ -241,12 +326,13 @@ int octaves_above(std::span<const std::uint64_t, kExponents> of_exponent) {
   return largest - best;
 }
 
-Grid choose_grid(const Summary& given, double bin_size, double bins_per_sphere, CrossSearch cross_search) {
+Grid choose_grid(const Summary& given, double bin_size, double bins_per_sphere, CrossSearch cross_search,
+                 GridBounds bounds) {
   Grid g;
   if (given.count == 0) return g;
   const Summary s = with_octaves(given);
   const std::vector<int> octaves = populated(s);
-  const std::vector<std::size_t> begins = choose_levels(s, octaves, cross_search);
+  const std::vector<std::size_t> begins = choose_levels(gathered(s), octaves, cross_search);
   g.levels = static_cast<std::int32_t>(begins.size());
   g.top = exponent_of(s.need_max) - s.above;
   g.buckets = 0;
@@ -256,20 +342,59 @@ Grid choose_grid(const Summary& given, double bin_size, double bins_per_sphere, 
     for (std::size_t k = begins[level]; k < end; k++)
       g.level_of_octave[octaves[k]] = static_cast<std::uint8_t>(level);
     Level& l = g.level[level];
-    l.size = all.need_max > 0 ? rounded_up(std::max(all.need_max, bin_size))
+    l.size = all.need_max > 0 ? rounded_up(std::max(all.need_max * (1 + s.blur), bin_size))
                               : rounded_up(bin_size > 0 ? bin_size : 1);
-    l.per_size = 1 / l.size, l.units = std::ldexp(l.per_size, kUnitBits), l.radius_max = all.radius_max;
+    l.per_size = 1 / l.size, l.units = std::ldexp(l.per_size, kUnitBits),
+    l.radius_max = all.radius_max * (1 + s.blur);
     l.spheres = all.count;
-    l.offset = g.buckets;
     // A level with few spheres may have as many bins as the finer levels: as its bins are coarser, it has
     // fewer.
     const double many =
         std::max(bins_per_sphere * static_cast<double>(all.count),
                  cross_search != CrossSearch::fine_to_coarse ? 2 * static_cast<double>(s.count) : 0);
-    lay_out(l, all, std::min(many + 4096, begins.size() == 1 ? 0x1p31 : 0x1p28));
-    g.buckets += l.buckets;
+    const double most = begins.size() == 1 ? 0x1p31 : 0x1p28;
+    lay_out(l, all, bins_per_sphere > 0 ? std::min(many + 4096, most) : 0, bounds);
   }
+  if (cross_search == CrossSearch::coarse_to_fine) widen_rings(g, s.count);
+  for (int k = 0; k < g.levels; k++) g.level[k].offset = g.buckets, g.buckets += g.level[k].buckets;
   return g;
+}
+
+bool covers(const Grid& g, const Summary& given) {
+  if (given.count == 0) return true;
+  const Summary s = with_octaves(given);
+  if (g.top != exponent_of(s.need_max) - s.above) return false;
+  std::uint64_t count[kMaxLevels] = {};
+  for (int o = 0; o < kOctaves; o++) {
+    const Summary::Octave& octave = s.octave[o];
+    if (octave.count == 0) continue;
+    const int level = g.levels == 1 ? 0 : g.level_of_octave[o];
+    const Level& l = g.level[level];
+    count[level] += octave.count;
+    if (octave.need_max * (1 + s.blur) > l.size || octave.radius_max * (1 + s.blur) > l.radius_max)
+      return false;
+    for (int k = 0; k < 3; k++)
+      if (split(l, octave.low[k]).bin < l.first[k] ||
+          split(l, octave.high[k]).bin >= l.first[k] + static_cast<std::int64_t>(l.count[k]))
+        return false;
+  }
+  for (int k = 0; k < g.levels; k++)
+    if (count[k] != g.level[k].spheres) return false;
+  return true;
+}
+
+Summary expected_next(const Summary& before, const Summary& now) {
+  Summary s = with_octaves(now);
+  const Summary old = with_octaves(before);
+  s.octaves_known = true;
+  for (int o = 0; o < kOctaves; o++) {
+    if (s.octave[o].count == 0 || old.octave[o].count == 0) continue;
+    for (int k = 0; k < 3; k++) {
+      s.octave[o].low[k] += 2 * std::min(s.octave[o].low[k] - old.octave[o].low[k], 0.0);
+      s.octave[o].high[k] += 2 * std::max(s.octave[o].high[k] - old.octave[o].high[k], 0.0);
+    }
+  }
+  return s;
 }
 
 double cross_search_cost(const Level& from, const Level& at) {

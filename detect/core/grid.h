@@ -26,18 +26,25 @@ struct Bin {
 // A dense level has a bucket for each bin from `first` to `first + count - 1` on each axis. They are numbered
 // with x fastest. A border of one empty bin surrounds them, so the number of a neighbour needs no test.
 //
-// A hashed level has too many bins for that. Row (y, z) of its bins begins at a hashed place in a ring of
-// `ring` buckets and continues along x. A bucket then holds spheres of unrelated bins, so a candidate counts
-// only if its own bin is the one that is searched (in_row).
+// A hashed level has too many bins for that. Its hash is linear: bin (x, y, z) has bucket
+// x + y * row + z * plane of a ring of `ring` buckets. So a row of bins lies side by side in the ring, as in
+// a dense level, and a neighbouring row lies at the same distance for every bin. A bucket then holds spheres
+// of unrelated bins, too.
+//
+// The bins of a cube of `side` bins have buckets of their own. So a search through no more than that meets
+// each candidate once, and need not ask for its bin. A wider search counts a candidate only if its own bin is
+// the one that is searched (in_row).
 struct Level {
   double size = 1, per_size = 1, units = 1;  // a bin's edge; about 1 / size; 2^24 / size
   double radius_max = 0;                     // no sphere of the level is larger; size >= 2 radius_max
   std::uint32_t hashed = 0;
   std::int64_t first[3] = {0, 0, 0};
   std::uint32_t count[3] = {1, 1, 1};
-  std::uint32_t ring = 1;                 // a power of two
-  std::uint32_t offset = 0, buckets = 1;  // its keys are offset to offset + buckets - 1
-  std::uint64_t spheres = 0;              // their number, by the summary
+  std::uint32_t ring = 1;                      // a power of two
+  std::uint32_t row = 0, plane = 0, side = 0;  // of the hash; 0 where the level is dense
+  std::uint32_t offset = 0, buckets = 1;       // its keys are offset to offset + buckets - 1
+  std::uint64_t spheres = 0;                   // their number, by the summary
+  double filled = 1;                           // the part of the bins that lies within the spheres' bounds
   friend bool operator==(const Level&, const Level&) = default;
 };
 
@@ -110,9 +117,7 @@ PADDER_HD Bin bin_of(const Level& l, const Sphere& s) {
 // A number for row (y, z) of bins, such that key_in_row(l, row, x) is the key of bin (x, y, z). Unsigned
 // arithmetic wraps on purpose.
 PADDER_HD std::uint32_t row_of(const Level& l, std::int64_t y, std::int64_t z) {
-  if (l.hashed)
-    return static_cast<std::uint32_t>(
-        mixed(mixed(static_cast<std::uint64_t>(y)) + static_cast<std::uint64_t>(z)));
+  if (l.hashed) return static_cast<std::uint32_t>(y) * l.row + static_cast<std::uint32_t>(z) * l.plane;
   const auto row = static_cast<std::uint32_t>(z - l.first[2] + 1) * (l.count[1] + 2) +
                    static_cast<std::uint32_t>(y - l.first[1] + 1);
   return l.offset + row * (l.count[0] + 2) + 1 - static_cast<std::uint32_t>(l.first[0]);
@@ -139,8 +144,8 @@ PADDER_HD bool cut_row(const Level& l, std::int64_t& x_low, std::int64_t& x_high
 }
 
 // Is the bin of this candidate one of the bins x_low to x_high of row (y, z)? Asked on hashed levels only,
-// where two rows may share buckets. Without the question a pair could be found twice, or by a fixed-point
-// distance that wrapped.
+// where two rows of a wide search may share buckets. Without the question a pair could be found twice, or by
+// a fixed-point distance that wrapped.
 PADDER_HD bool in_row(const Level& l, const Sphere& s, std::int64_t x_low, std::int64_t x_high,
                       std::int64_t y, std::int64_t z) {
   const Bin b = bin_of(l, s);
@@ -195,6 +200,9 @@ struct Summary {
   std::uint64_t count = 0;
   double need_max = 0, radius_max = 0, radius_min = INFINITY, radius_sum = 0;
   double extent = 0;  // the largest |coordinate|
+  // By which fraction distances may be longer and radii smaller than they look, where coordinates were
+  // rounded: edges of bins and what is searched exceed them by as much.
+  double blur = 0;
   double low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY};
   std::uint64_t first_fault = ~std::uint64_t(0);  // index of the first sphere with a fault
   // Octave 0 begins `above` octaves below exponent_of(need_max). It also holds everything larger, and the
@@ -219,11 +227,30 @@ Summary with_octaves(const Summary& s);
 
 // Which of two levels searches the other. `cheaper`: whichever costs less, pair by pair.
 enum class CrossSearch { fine_to_coarse, coarse_to_fine, cheaper };
+// Host code. The hash of a ring of 2^bits buckets. It spreads boxes, planes and lines of bins evenly.
+struct Hash {
+  std::uint32_t row, plane, side;
+};
+inline constexpr int kLeastRingBits = 10, kMostRingBits = 28;
+Hash hash_of_ring(int bits);
+
+// How far a dense level's bins go beyond the bounds of its spheres. Tight: not at all. Stepped: to multiples
+// of some bins, so that bounds which move a little seldom change the grid. Wide: by some bins on each side,
+// so that the grid serves spheres that move (covers()).
+enum class GridBounds { tight, stepped, wide };
+
 // Host code. Merges octaves into the levels that cost least for that way of searching, and lays out their
-// bins: dense up to about `bins_per_sphere` bins for each sphere, hashed beyond. `bin_size` is a lower bound
-// for the edge of the finest bins; 0: none. There are never more than 2^32 buckets.
+// bins: dense up to about `bins_per_sphere` bins for each sphere (0: none), hashed beyond. `bin_size` is a
+// lower bound for the edge of the finest bins; 0: none. There are never more than 2^32 buckets.
 Grid choose_grid(const Summary& s, double bin_size, double bins_per_sphere = 8,
-                 CrossSearch cross_search = CrossSearch::fine_to_coarse);
+                 CrossSearch cross_search = CrossSearch::fine_to_coarse,
+                 GridBounds bounds = GridBounds::tight);
+// Host code. Does the grid serve these spheres? Each has a level whose bins are wide enough for it, and lies
+// within the level's bounds. The grid need not be the one that choose_grid() would choose.
+bool covers(const Grid& grid, const Summary& s);
+// Host code. What the summary of the next call may be, if the spheres go on moving as they did from `before`
+// to `now`, at up to twice the speed.
+Summary expected_next(const Summary& before, const Summary& now);
 // Host code. What it costs on a CPU that a sphere of level `from` searches level `at`: nanoseconds, good
 // enough to compare two ways.
 double cross_search_cost(const Level& from, const Level& at);

@@ -23,4 +23,8 @@ Body body_at(const Input& input, std::size_t k) {
   return body;
 }
 
+bool bodies_have_worlds(const Input& input) {
+  return std::any_of(input.bodies.begin(), input.bodies.end(), [](const Body& b) { return b.world != 0; });
+}
+
 }  // namespace padder::detect

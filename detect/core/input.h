@@ -10,4 +10,11 @@ std::uint64_t sphere_count(const Input& input);
 // Body k at its pose, which must lie in host memory.
 Body body_at(const Input& input, std::size_t k);
 
+// Are there worlds other than world 0?
+bool bodies_have_worlds(const Input& input);
+inline bool loose_have_worlds(const Input& input) {
+  return input.spheres.count > 0 && (input.spheres.world || input.spheres.world_of_all != 0);
+}
+inline bool has_worlds(const Input& input) { return loose_have_worlds(input) || bodies_have_worlds(input); }
+
 }  // namespace padder::detect

@@ -8,10 +8,15 @@
 
 namespace padder::detect {
 
-StageGrid choose_stage_grid(const Summary& given, double bin_size) {
+StageGrid choose_stage_grid(const Summary& given, double bin_size, double margin) {
   StageGrid g;
+  g.margin = margin;
   if (given.count == 0) return g;
-  const Summary s = with_octaves(given);
+  Summary s = with_octaves(given);
+  if (margin > 0) {
+    s.radius_max += margin / 2, s.radius_sum += margin / 2 * static_cast<double>(s.count);
+    for (Summary::Octave& o : s.octave) o.radius_max += margin / 2;
+  }
   const double count = static_cast<double>(s.count), mean = s.radius_sum / count;
   double widest = 0;
   for (int k = 0; k < 3; k++) widest = std::max(widest, s.high[k] - s.low[k]);
@@ -40,7 +45,8 @@ StageGrid choose_stage_grid(const Summary& given, double bin_size) {
     g.size = std::max(g.size, 0x1p-900);
     while (entries(g.size) > 64 * count + 4096) g.size *= 1.25;
   }
-  Sphere low{s.low[0], s.low[1], s.low[2], s.radius_max}, high{s.high[0], s.high[1], s.high[2], s.radius_max};
+  Sphere low{s.low[0], s.low[1], s.low[2], given.radius_max},
+      high{s.high[0], s.high[1], s.high[2], given.radius_max};
   const TouchedBins first = touched_bins(g, low), last = touched_bins(g, high);
   for (int k = 0; k < 3; k++) {
     g.first[k] = first.low[k];

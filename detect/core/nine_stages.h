@@ -21,6 +21,7 @@ inline constexpr int kSideBits = 21;
 // rule still reports each pair once.
 struct StageGrid {
   double size = 1;
+  double margin = 0;  // CallOptions::margin
   std::int64_t first[3] = {0, 0, 0};
   std::uint64_t side[3] = {1, 1, 1};
 };
@@ -70,13 +71,17 @@ PADDER_HD std::int64_t stage_bin(double x, double size) {
 PADDER_HD double bin_margin(double coordinate, double r) {
   return add(add(mul(magnitude(coordinate), 0x1p-48), mul(r, 0x1p-48)), 0x1p-1070);
 }
+//
+// With a margin m, each radius counts as r + m / 2: those of a pair are m larger together, and the midpoint
+// of a pair that is m apart lies on both of these larger spheres.
+PADDER_HD double reach_of(const Sphere& s, double margin) { return add(s.r, mul(margin, 0.5)); }
 PADDER_HD TouchedBins touched_bins(const StageGrid& g, const Sphere& s) {
-  const double c[3] = {s.x, s.y, s.z};
+  const double c[3] = {s.x, s.y, s.z}, r = reach_of(s, g.margin);
   TouchedBins t;
   for (int k = 0; k < 3; k++) {
-    const double margin = bin_margin(c[k], s.r);
-    t.low[k] = stage_bin(sub(c[k], add(s.r, margin)), g.size);
-    t.high[k] = stage_bin(add(c[k], add(s.r, margin)), g.size);
+    const double margin = bin_margin(c[k], r);
+    t.low[k] = stage_bin(sub(c[k], add(r, margin)), g.size);
+    t.high[k] = stage_bin(add(c[k], add(r, margin)), g.size);
   }
   return t;
 }
@@ -99,13 +104,14 @@ PADDER_HD std::uint64_t bin_number(const StageGrid& g, std::int64_t x, std::int6
   return n;
 }
 
-// Is this pair of a bin a contact that this bin reports? It must touch, the filter must admit it, the region
-// must own it, and its midpoint must lie in this bin. Stages 7 and 9 ask this for every pair of every bin.
-// Rounding may put the midpoint one bin outside those that both spheres touch; it is moved back, or the
-// contact would be lost.
+// Is this pair of a bin a contact that this bin reports? It must touch (with a margin: be near enough), the
+// filter must admit it, their worlds must meet, the region must own it, and its midpoint must lie in this
+// bin. Stages 7 and 9 ask this for every pair of every bin. Rounding may put the midpoint one bin outside
+// those that both spheres touch; it is moved back, or the contact would be lost.
 PADDER_HD bool reports(const StageGrid& g, std::uint64_t bin, const Sphere& i, const Sphere& j,
-                       const Filter& fi, const Filter& fj, const Region& own) {
-  if (!touching(i, j) || !admitted(fi, fj)) return false;
+                       const Filter& fi, const Filter& fj, std::uint32_t world_i, std::uint32_t world_j,
+                       const Region& own) {
+  if (!touching(i, j, g.margin) || !admitted(fi, fj) || !worlds_meet(world_i, world_j)) return false;
   const Midpoint m = midpoint(i, j);
   if (!owns(own, m)) return false;
   const TouchedBins a = touched_bins(g, i), b = touched_bins(g, j);
@@ -123,6 +129,6 @@ PADDER_HD bool reports(const StageGrid& g, std::uint64_t bin, const Sphere& i, c
 // The grid with the bin size of section 2.2.1: twice the largest radius, or three times the mean radius if
 // radii differ widely. It is larger where array B would have more than about 64 entries for each sphere. A
 // `bin_size` above 0 is taken as it is; throws Error if it is far too small.
-StageGrid choose_stage_grid(const Summary& s, double bin_size);
+StageGrid choose_stage_grid(const Summary& s, double bin_size, double margin = 0);
 
 }  // namespace padder::detect

@@ -22,8 +22,8 @@ double needed(std::span<const Sphere> spheres, const Sphere& center, std::size_t
 
 // Nearly the smallest ball around the spheres (Badoiu and Clarkson, Smaller core-sets for balls, 2003). The
 // centre starts in the middle of the bounding box and moves towards the sphere that stands out farthest, in
-// steps that shrink by a fixed factor. The best centre of all is kept.
-Sphere enclosing_ball(std::span<const Sphere> spheres) {
+// `steps` that shrink by a fixed factor. The best centre of all is kept.
+Sphere enclosing_ball(std::span<const Sphere> spheres, int steps) {
   for (const Sphere& s : spheres)
     if (fault_of(s) != Fault::none) return {NAN, NAN, NAN, NAN};
   double low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY};
@@ -38,7 +38,8 @@ Sphere enclosing_ball(std::span<const Sphere> spheres) {
   std::size_t far = 0;
   best.r = c.r = needed(spheres, c, far);
   double step = c.r / 8;
-  for (int k = 0; k < 150; k++, step *= 0.95) {
+  const double shrink = std::pow(0.95, 150.0 / steps);
+  for (int k = 0; k < steps; k++, step *= shrink) {
     const double d = distance(spheres[far], c), t = d > 0 ? step / d : 0;
     if (t == 0) break;
     const Sphere& s = spheres[far];
@@ -53,6 +54,51 @@ Sphere enclosing_ball(std::span<const Sphere> spheres) {
   return best;
 }
 
+NearSphere near_of(const Sphere& s, const Sphere& ball) {
+  if (!(ball.r > 0)) return {0, 0, 0, 0};
+  return {static_cast<float>((s.x - ball.x) / ball.r), static_cast<float>((s.y - ball.y) / ball.r),
+          static_cast<float>((s.z - ball.z) / ball.r), static_cast<float>(s.r / ball.r)};
+}
+// By how much balls and boxes around near spheres are enlarged: coordinates and radii are at most 1, and a
+// rounding moves them by 2^-24.
+constexpr float kNearMargin = 0x1p-20f;
+
+// Halves the spheres along the longest axis of their centres, until no part has more than `most`. All parts
+// but the last are full. Calls f(part) for each part, in order.
+template <class F>
+void for_parts(const Shape& shape, std::span<std::uint32_t> all, std::uint32_t most, F f) {
+  const auto coordinate = [&](std::uint32_t k, int axis) {
+    const Sphere& s = shape.spheres[k];
+    const double v = axis == 0 ? s.x : axis == 1 ? s.y : s.z;
+    return v == v ? v : 0;  // NaN cannot be ordered
+  };
+  std::vector<std::span<std::uint32_t>> parts{all};
+  while (!parts.empty()) {
+    const std::span<std::uint32_t> part = parts.back();
+    parts.pop_back();
+    if (part.empty()) continue;
+    if (part.size() <= most) {
+      f(part);
+      continue;
+    }
+    int axis = 0;
+    double widest = -1;
+    for (int a = 0; a < 3; a++) {
+      double low = INFINITY, high = -INFINITY;
+      for (const std::uint32_t k : part)
+        low = std::min(low, coordinate(k, a)), high = std::max(high, coordinate(k, a));
+      if (high - low > widest) widest = high - low, axis = a;
+    }
+    const std::size_t middle = (part.size() + most - 1) / most / 2 * most;
+    std::nth_element(part.begin(), part.begin() + static_cast<std::ptrdiff_t>(middle), part.end(),
+                     [&](std::uint32_t a, std::uint32_t b) {
+                       const double x = coordinate(a, axis), y = coordinate(b, axis);
+                       return x != y ? x < y : a < b;
+                     });
+    parts.push_back(part.subspan(middle)), parts.push_back(part.first(middle));
+  }
+}
+
 }  // namespace
 
 bool Pieces::update(std::span<const Shape> shapes) {
@@ -63,7 +109,8 @@ bool Pieces::update(std::span<const Shape> shapes) {
            (shapes[k].count == 0 ||
             std::memcmp(&given_[at], shapes[k].spheres, shapes[k].count * sizeof(Sphere)) == 0);
   if (same && !shape_first.empty()) return false;
-  spheres.clear(), numbers.clear(), near.clear(), pieces.clear(), shape_first.clear();
+  spheres.clear(), numbers.clear(), near.clear(), pieces.clear(), boxes.clear(), groups.clear();
+  shape_first.clear();
   given_.clear(), counts_.clear();
   for (const Shape& shape : shapes) {
     shape_first.push_back(static_cast<std::uint32_t>(pieces.size()));
@@ -72,66 +119,57 @@ bool Pieces::update(std::span<const Shape> shapes) {
     given_.insert(given_.end(), shape.spheres, shape.spheres + shape.count);
   }
   shape_first.push_back(static_cast<std::uint32_t>(pieces.size()));
+  const Sphere loose{0, 0, 0, 1};
+  add_near({&loose, 1}, loose);
   return true;
 }
 
 void Pieces::cut(const Shape& shape) {
-  const auto base = static_cast<std::uint32_t>(spheres.size());
   std::vector<std::uint32_t> order(shape.count);
   std::iota(order.begin(), order.end(), 0u);
-  const auto coordinate = [&](std::uint32_t k, int axis) {
-    const Sphere& s = shape.spheres[k];
-    const double v = axis == 0 ? s.x : axis == 1 ? s.y : s.z;
-    return v == v ? v : 0;  // NaN cannot be ordered
-  };
-  struct Part {
-    std::uint64_t first, end;
-  };
-  std::vector<Part> parts{{0, shape.count}};
-  while (!parts.empty()) {
-    const Part p = parts.back();
-    parts.pop_back();
-    const std::uint64_t count = p.end - p.first;
-    if (count == 0) continue;
-    if (count > kPieceSpheres) {  // halved so that all pieces of the first half are full
-      const std::uint64_t full = (count + kPieceSpheres - 1) / kPieceSpheres,
-                          middle = p.first + full / 2 * kPieceSpheres;
-      int axis = 0;
-      double widest = -1;
-      for (int a = 0; a < 3; a++) {
-        double low = INFINITY, high = -INFINITY;
-        for (std::uint64_t k = p.first; k < p.end; k++)
-          low = std::min(low, coordinate(order[k], a)), high = std::max(high, coordinate(order[k], a));
-        if (high - low > widest) widest = high - low, axis = a;
-      }
-      const auto from = order.begin();
-      std::nth_element(from + static_cast<std::ptrdiff_t>(p.first),
-                       from + static_cast<std::ptrdiff_t>(middle), from + static_cast<std::ptrdiff_t>(p.end),
-                       [&](std::uint32_t a, std::uint32_t b) {
-                         const double x = coordinate(a, axis), y = coordinate(b, axis);
-                         return x != y ? x < y : a < b;
-                       });
-      parts.push_back({middle, p.end}), parts.push_back({p.first, middle});
-      continue;
-    }
-    std::sort(order.begin() + static_cast<std::ptrdiff_t>(p.first),
-              order.begin() + static_cast<std::ptrdiff_t>(p.end));
-    Piece piece;
-    piece.first = base + static_cast<std::uint32_t>(p.first), piece.count = static_cast<std::uint32_t>(count);
-    for (std::uint64_t k = p.first; k < p.end; k++)
-      spheres.push_back(shape.spheres[order[k]]), numbers.push_back(order[k]);
-    piece.ball = enclosing_ball(std::span(spheres).subspan(piece.first, piece.count));
-    const Sphere& b = piece.ball;
-    for (std::uint32_t k = piece.first; k < piece.first + piece.count; k++) {
-      const Sphere& s = spheres[k];
-      const bool point = !(b.r > 0);
-      near.push_back({point ? 0 : static_cast<float>((s.x - b.x) / b.r),
-                      point ? 0 : static_cast<float>((s.y - b.y) / b.r),
-                      point ? 0 : static_cast<float>((s.z - b.z) / b.r),
-                      point ? 0 : static_cast<float>(s.r / b.r)});
-    }
-    pieces.push_back(piece);
+  for_parts(shape, order, kPieceSpheres, [&](std::span<std::uint32_t> piece) {
+    for_parts(shape, piece, kGroupSpheres,
+              [](std::span<std::uint32_t> group) { std::sort(group.begin(), group.end()); });
+    const auto first = static_cast<std::uint32_t>(spheres.size());
+    for (const std::uint32_t k : piece) spheres.push_back(shape.spheres[k]), numbers.push_back(k);
+    const auto of_piece = std::span<const Sphere>(spheres).subspan(first);
+    const Sphere ball = enclosing_ball(of_piece, 150);
+    pieces.push_back({ball, first, static_cast<std::uint32_t>(piece.size())});
+    add_near(of_piece, ball);
+  });
+}
+
+// Near spheres, the box and the groups of a piece.
+void Pieces::add_near(std::span<const Sphere> of_piece, const Sphere& ball) {
+  float low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY};
+  for (const Sphere& s : of_piece) {
+    const NearSphere n = near_of(s, ball);
+    const float c[3] = {n.x, n.y, n.z};
+    for (int k = 0; k < 3; k++)
+      low[k] = std::min(low[k], c[k] - n.r), high[k] = std::max(high[k], c[k] + n.r);
+    near.push_back(n);
   }
+  NearBox box;
+  for (int k = 0; k < 3; k++)
+    box.center[k] = (low[k] + high[k]) / 2, box.half[k] = (high[k] - low[k]) / 2 + kNearMargin;
+  boxes.push_back(box);
+  for (std::size_t from = 0; from < kPieceSpheres; from += kGroupSpheres) {
+    NearSphere group{0, 0, 0, 0};  // of no sphere
+    if (from < of_piece.size()) {
+      const std::size_t count = std::min<std::size_t>(kGroupSpheres, of_piece.size() - from);
+      group = near_of(enclosing_ball(of_piece.subspan(from, count), 40), ball);
+      group.r += kNearMargin;
+    }
+    groups.push_back(group);
+  }
+}
+
+std::vector<NearSphere> Pieces::padded() const {
+  std::vector<NearSphere> all(boxes.size() * kPieceSpheres, {1e18f, 1e18f, 1e18f, 0});
+  for (std::size_t k = 0; k < pieces.size(); k++)
+    std::copy_n(&near[pieces[k].first], pieces[k].count, &all[k * kPieceSpheres]);
+  all[pieces.size() * kPieceSpheres] = near.back();
+  return all;
 }
 
 }  // namespace padder::detect

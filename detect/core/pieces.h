@@ -13,6 +13,11 @@
 namespace padder::detect {
 
 inline constexpr std::uint32_t kPieceSpheres = 64;  // at most, in a piece
+inline constexpr std::uint32_t kGroupSpheres = 8;   // at most, in a group
+inline constexpr std::uint32_t kPieceGroups = kPieceSpheres / kGroupSpheres;
+PADDER_HD std::uint32_t groups_of(std::uint32_t spheres) {
+  return (spheres + kGroupSpheres - 1) / kGroupSpheres;
+}
 
 // Neighbouring spheres of a shape, and a ball around them in the shape's frame. A faulty sphere makes the
 // ball NaN.
@@ -21,26 +26,39 @@ struct Piece {
   std::uint32_t first = 0, count = 0;  // its spheres in Pieces::spheres
 };
 
-// A sphere relative to the ball of its piece, in units of the ball's radius. The sieve reads it.
+// A sphere relative to the ball of its piece, in units of the ball's radius. Float tests read it.
 struct alignas(16) NearSphere {
   float x, y, z, r;
 };
+// A box around the spheres of a piece, in the same frame and units.
+struct alignas(16) NearBox {
+  float center[3], half[3];
+};
 
-// All shapes, cut into pieces by halving along the longest axis. A shape of n spheres costs O(n log n), once.
+// All shapes, cut into pieces by halving along the longest axis, and each piece into groups in the same way.
+// Every kGroupSpheres consecutive spheres of a piece are a group. A shape of n spheres costs O(n log n),
+// once.
 class Pieces {
  public:
   // Cuts the shapes into pieces. False if they are the shapes of the previous call, byte for byte: then it
   // does nothing.
   bool update(std::span<const Shape> shapes);
 
-  std::vector<Sphere> spheres;             // of all shapes; those of a shape in the order of its pieces
-  std::vector<std::uint32_t> numbers;      // for each of these spheres, its number in its shape
-  std::vector<NearSphere> near;            // for each of these spheres
-  std::vector<Piece> pieces;               // of all shapes
+  std::vector<Sphere> spheres;         // of all shapes; those of a shape in the order of its pieces
+  std::vector<std::uint32_t> numbers;  // for each of these spheres, its number in its shape
+  std::vector<Piece> pieces;           // of all shapes
+  // For each of these spheres and pieces, and at last for a piece of one sphere, which stands for every loose
+  // sphere. Groups: kPieceGroups balls for each piece.
+  std::vector<NearSphere> near, groups;
+  std::vector<NearBox> boxes;
+  // `near` with kPieceSpheres for each piece. Where a piece has fewer, there are spheres so far away that
+  // overlap() is false, unless numbers overflow.
+  std::vector<NearSphere> padded() const;
   std::vector<std::uint32_t> shape_first;  // the first piece of each shape, and the end
 
  private:
   void cut(const Shape& shape);
+  void add_near(std::span<const Sphere> spheres, const Sphere& ball);
   std::vector<Sphere> given_;
   std::vector<std::uint64_t> counts_;
 };
@@ -69,6 +87,16 @@ PADDER_HD double stretch_of(const double (&m)[9]) {
   return 1 + e + 0x1p-45;
 }
 
+// A radius that is a little larger, by up to 2^-23 of itself. It has so few digits that it stays the same
+// while a body moves, and so do the bins that follow from it.
+PADDER_HD double rounded_radius(double r) {
+  std::uint64_t bits;
+  memcpy(&bits, &r, sizeof bits);
+  bits = (bits + 0x1fffffff) & ~std::uint64_t(0x1fffffff);
+  memcpy(&r, &bits, sizeof r);
+  return r;
+}
+
 // The ball of a piece where the body is. NaN if the pose is not finite or beyond all bounds; then the spheres
 // themselves must be checked to say what is wrong.
 PADDER_HD Sphere ball_of(const Body& body, const Piece& piece) {
@@ -78,7 +106,7 @@ PADDER_HD Sphere ball_of(const Body& body, const Piece& piece) {
   const double extent = n * (magnitude(b.x) + magnitude(b.y) + magnitude(b.z) + b.r) +
                         magnitude(body.position[0]) + magnitude(body.position[1]) +
                         magnitude(body.position[2]);
-  at.r = n * b.r + kBallMargin * extent + kBallLeast;
+  at.r = rounded_radius(n * b.r + kBallMargin * extent + kBallLeast);
   if (!(extent < kBallMost)) at.r = NAN;
   return at;
 }
@@ -90,6 +118,76 @@ PADDER_HD Sphere ball_of(const Sphere& loose) {
         loose.r >= 0 && loose.r < kBallMost))
     at.r = NAN;
   return at;
+}
+
+// How an element stands, for those who look at it from another element. A loose sphere stands like a piece of
+// one sphere, without rotation.
+struct alignas(16) Stance {
+  float rotation[9];
+  std::uint32_t body, piece;  // as in Element
+  std::uint32_t count;        // spheres
+  double radius, over;        // of the ball in its own frame; by how much the placed ball is larger
+};
+PADDER_HD Stance stance_of(const Body& body, const Element& e, const Piece& piece, const Sphere& ball) {
+  Stance s{{}, e.body, e.piece, piece.count, piece.ball.r, ball.r - piece.ball.r};
+  for (int k = 0; k < 9; k++) s.rotation[k] = static_cast<float>(body.rotation[k]);
+  return s;
+}
+PADDER_HD Stance stance_of(const Element& e, const Sphere& loose, const Sphere& ball) {
+  return {{1, 0, 0, 0, 1, 0, 0, 0, 1}, e.body, e.piece, 1, loose.r, ball.r - loose.r};
+}
+
+// Element b as seen from a: it turns near spheres of b into those of a. With `margin` added to a sum of
+// radii, float tests let too many pairs pass, never too few (proof: docs/detector/exactness.md). Where a
+// number overflows or is not a number, all pass.
+struct alignas(16) Relative {
+  float m[9], t[3];
+  float scale, margin;  // the radius of b in units of a's
+
+  PADDER_HD NearSphere operator()(const NearSphere& s) const {
+    return {t[0] + m[0] * s.x + m[1] * s.y + m[2] * s.z, t[1] + m[3] * s.x + m[4] * s.y + m[5] * s.z,
+            t[2] + m[6] * s.x + m[7] * s.y + m[8] * s.z, s.r * scale + margin};
+  }
+};
+PADDER_HD Relative relative(const Stance& a, const Sphere& ball_a, const Stance& b, const Sphere& ball_b) {
+  const double unit = 1 / a.radius;
+  const float d[3] = {static_cast<float>((ball_b.x - ball_a.x) * unit),
+                      static_cast<float>((ball_b.y - ball_a.y) * unit),
+                      static_cast<float>((ball_b.z - ball_a.z) * unit)};
+  Relative to;
+  to.scale = static_cast<float>(b.radius * unit);
+  for (int i = 0; i < 3; i++) {
+    const float x = a.rotation[i], y = a.rotation[3 + i], z = a.rotation[6 + i];
+    to.t[i] = x * d[0] + y * d[1] + z * d[2];
+    for (int j = 0; j < 3; j++)
+      to.m[3 * i + j] = (x * b.rotation[j] + y * b.rotation[3 + j] + z * b.rotation[6 + j]) * to.scale;
+  }
+  const auto over_a = static_cast<float>(a.over * unit), over_b = static_cast<float>(b.over * unit);
+  const float all = 1 + to.scale + ::fabsf(d[0]) + ::fabsf(d[1]) + ::fabsf(d[2]);
+  to.margin =
+      (1 + over_a) * (1 + over_b / to.scale) * (4 * (over_a * (1 + to.scale) + over_b) + 0x1p-17f * all);
+  return to;
+}
+// Two near spheres of one frame, one of which has the margin of Relative.
+PADDER_HD bool overlap(const NearSphere& a, const NearSphere& b) {
+  const float x = b.x - a.x, y = b.y - a.y, z = b.z - a.z, sum = a.r + b.r;
+  return !(x * x + y * y + z * z > sum * sum);  // written so that NaN passes
+}
+// Are the boxes apart along an edge of one of them?
+PADDER_HD bool boxes_apart(const NearBox& a, const NearBox& b, const Relative& to) {
+  const NearSphere c = to({b.center[0], b.center[1], b.center[2], 0});
+  const float d[3] = {c.x - a.center[0], c.y - a.center[1], c.z - a.center[2]};
+  bool apart = false;
+  for (int i = 0; i < 3; i++) {
+    const float reach_b = ::fabsf(to.m[3 * i]) * b.half[0] + ::fabsf(to.m[3 * i + 1]) * b.half[1] +
+                          ::fabsf(to.m[3 * i + 2]) * b.half[2],
+                reach_a = ::fabsf(to.m[i]) * a.half[0] + ::fabsf(to.m[3 + i]) * a.half[1] +
+                          ::fabsf(to.m[6 + i]) * a.half[2];
+    const float along_b = to.m[i] * d[0] + to.m[3 + i] * d[1] + to.m[6 + i] * d[2];
+    apart = apart || ::fabsf(d[i]) > a.half[i] + reach_b + 2 * to.margin ||
+            ::fabsf(along_b) > reach_a + to.scale * (to.scale * b.half[i] + 4 * to.margin);
+  }
+  return apart;
 }
 
 // A quick test that finds the spheres of a piece which another ball may touch. It works in float, in the

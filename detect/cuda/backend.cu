@@ -11,6 +11,7 @@
 #include "detect/cuda/output/records.h"
 #include "detect/cuda/reference/nine_stages.h"
 #include "detect/cuda/tuning.h"
+#include "detect/cuda/worlds/world_search.h"
 
 namespace padder::detect {
 namespace cuda {
@@ -28,14 +29,18 @@ class Work {
       return options.path == Path::grid &&
              (options.bodies == Bodies::first || (options.bodies == Bodies::automatic && automatic_first_));
     };
-    const bool known = bodies_.knows(input) && bodies_first_wanted();
-    check_input(input, true, known);
-    if (!known) automatic_first_ = bodies_first(input, {}, sphere_count(input), tuning::kBallCost);
+    const bool known = options.margin == 0 && bodies_.knows(input) && bodies_first_wanted();
+    check_input(input, true, known || worlds_.knows(input));
+    const bool worlds = !known && wants_worlds(input, options);
+    if (!worlds) worlds_.forget();
+    if (!known && !worlds) automatic_first_ = bodies_first(input, {}, sphere_count(input), tuning::kBallCost);
     const Call call = begin(input, options);
     Contacts c;
     c.memory = options.output, c.width = options.width, c.scalar = options.scalar;
-    bool done = false;
-    if (bodies_first_wanted())
+    bool done = worlds;
+    if (worlds)
+      bodies_.forget(), worlds_.run(call, c);
+    else if (bodies_first_wanted())
       done = bodies_.run(call, c);
     else
       bodies_.forget();
@@ -50,10 +55,23 @@ class Work {
     return c;
   }
 
+  WorldAnswers detect_worlds(const Input& input, const CallOptions& options, std::uint32_t worlds,
+                             Answer answer) {
+    const ProfileRange range("padder: detect worlds");
+    check_input(input, true, worlds_.knows(input));
+    const Call call = begin(input, options);
+    bodies_.forget();
+    last_count_ = 0;
+    const WorldAnswers answers =
+        worlds_.answer(input, options, worlds, answer, call.processors, call.stream);
+    running_ = false;
+    return answers;
+  }
+
   Arrays stages(const Input& input, const CallOptions& options) {
     check_input(input, true);
     const Call call = begin(input, options);
-    bodies_.forget();
+    bodies_.forget(), worlds_.forget();
     const DeviceSpheres source = read(call);
     if (source.count == 0) return {};
     Contacts c;
@@ -73,10 +91,16 @@ class Work {
     cudaGetLastError();
     running_ = false;
     bodies_.forget(), spheres_.forget();
+    worlds_.forget();
     last_count_ = 0;
   }
 
  private:
+  bool wants_worlds(const Input& input, const CallOptions& options) const {
+    if (options.path != Path::grid) return false;
+    return options.margin > 0 || loose_have_worlds(input) ||
+           (worlds_.knows(input) ? worlds_.bodies_have_worlds() : bodies_have_worlds(input));
+  }
   Call begin(const Input& input, const CallOptions& options) {
     stream_ = static_cast<cudaStream_t>(options.stream);
     clock_.begin(stream_, options.timings), running_ = true;
@@ -94,6 +118,7 @@ class Work {
         {spheres ? s.radii : nullptr, "the radii of the loose spheres"},
         {spheres ? s.family : nullptr, "the families of the loose spheres"},
         {spheres ? s.mask : nullptr, "the masks of the loose spheres"},
+        {spheres ? s.world : nullptr, "the worlds of the loose spheres"},
         {spheres ? s.is_static : nullptr, "the marks of static loose spheres"},
         {poses ? input.poses : nullptr, "the poses"}};
     for (int k = 0; k < kGiven; k++) {
@@ -124,7 +149,7 @@ class Work {
     if (!stages_) stages_.emplace(book_);
     Stages& s = *stages_;
     const cudaStream_t stream = call.stream;
-    const StageGrid grid = choose_stage_grid(summary, call.options.bin_size);
+    const StageGrid grid = choose_stage_grid(summary, call.options.bin_size, call.options.margin);
     clock_.mark(0);
     const auto stage = [&](int number, const char* name, auto work) {
       const ProfileRange range(name);
@@ -145,7 +170,7 @@ class Work {
     });
   }
 
-  static constexpr int kGiven = 6;
+  static constexpr int kGiven = 7;
 
   int device_;
   cudaStream_t stream_ = nullptr;  // of the last call
@@ -155,6 +180,7 @@ class Work {
   const void* checked_[kGiven] = {};  // known to be device memory
   SphereSearch spheres_{book_};
   BodySearch bodies_{book_};
+  WorldSearch worlds_{book_};
   bool automatic_first_ = false;  // what Bodies::automatic means for the last input that was not known
   std::optional<Stages> stages_;
   ContactList list_{book_};
@@ -191,6 +217,13 @@ class CudaBackend : public Backend {
     const OnDevice on(device_);
     on.require();
     return work_->hash();
+  }
+  WorldAnswers detect_worlds(const Input& input, const CallOptions& options, std::uint32_t worlds,
+                             Answer answer) override {
+    const OnDevice on(device_);
+    on.require();
+    keep_limit(options);
+    return work_->detect_worlds(input, options, worlds, answer);
   }
   std::vector<Pose> device_poses(const Input& input, const CallOptions& options) override {
     const OnDevice on(device_);

@@ -22,6 +22,10 @@ inline constexpr std::uint32_t kFewSpheres = 1u << 18;
 inline constexpr double kBucketSpheres = 6500;
 inline constexpr std::uint32_t kBucketShared = 226 * 1024;
 
+// The same of hashed levels, in parts of that. Rows of bench scenes: two_heaps, clump, lines 1e6 0.235,
+// 0.233, 0.179 ms where buckets overflow.
+inline constexpr double kHashedBucket = 0.6;
+
 // Up to so many spheres, buckets and the blocks that put them in order are half as large, two a processor.
 // Without it dense and dilute 1e6 take 6 % more, poly100 3e5 5 %. Fewer processors move it down.
 inline constexpr std::uint32_t kHalvedBuckets = 3'000'000;
@@ -57,9 +61,13 @@ inline constexpr int kOctaveBlocks = 5;
 // bodies.
 inline constexpr double kBallCost = 0.75;
 
-// Blocks a processor of the narrow phase, and of the two kernels that write its contacts: with an offset for
-// each batch, and with sums of their own. Rows "1e5 bodies of 64" of the table of bodies.
-inline constexpr int kNarrowPhaseBlocks = 8, kWriteBlocks = 8, kSumAndWriteBlocks = 2;
+// Up to so many elements, the balls are tested each with each, without a grid. Rows "1000 at 0.6" of
+// `bench piles`: a grid leaves most of the GPU without work there. Fewer processors move it down.
+inline constexpr std::uint32_t kAllPairsElements = 6144;
+
+// Blocks a processor of the narrow phase; and of the two kernels that write the contacts of a stable order:
+// with an offset for each batch, and with sums of their own. Rows "1e5 bodies of 64" of the table of bodies.
+inline constexpr int kNarrowPhaseBlocks = 6, kWriteBlocks = 8, kSumAndWriteBlocks = 2;
 
 // ---- Search and output ----
 // Rows: "Designs tried" or as named, with the scene. All were measured on the same H200 and on no other chip.

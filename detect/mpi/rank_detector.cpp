@@ -101,7 +101,7 @@ class RankDetector::Work {
       check_ = std::make_unique<Detector>(detector_on({BackendKind::omp, 0}));
     });
   }
-  const RankReport& run(const Input& share, const ContactConsumer& consumer);
+  const RankReport& run(const Input& part, const ContactConsumer& consumer);
   const RankReport& report() const { return report_; }
   Region region() const { return tree_.region(box()); }
   const char* backend() const { return worker_->on_host() ? "omp" : "cuda"; }
@@ -113,9 +113,9 @@ class RankDetector::Work {
                                                                    : 0;
   }
   int threads() const { return threads_for(ranks_, options_.threads); }
-  Input read(const Input& share);
-  Numbering number(const Input& share);
-  LoadForm agree(const Input& share, Assignment& assignment);
+  Input read(const Input& part);
+  Numbering number(const Input& part);
+  LoadForm agree(const Input& part, Assignment& assignment);
   void plan(Assignment& assignment);
   void cut(const Assignment& assignment);
   double imbalance(double work) const;
@@ -136,20 +136,20 @@ class RankDetector::Work {
   RankReport report_;
 };
 
-// The share with all poses in its bodies, checked.
-Input RankDetector::Work::read(const Input& share) {
+// The part with all poses in its bodies, checked.
+Input RankDetector::Work::read(const Input& part) {
   CallOptions options = options_;
   options.memory_limit = 0, options.output = Memory::host, options.stream = nullptr;
   check_->options() = options;
   check_->detect(Input{});
-  check_box_input(share);
-  return bodies_.settle(share);
+  check_box_input(part);
+  return bodies_.settle(part);
 }
 
-// Where the numbers of this share begin in the scene.
-Numbering RankDetector::Work::number(const Input& share) {
-  Count mine[3] = {share.bodies.size(), 0, share.spheres.count}, before[3] = {};
-  for (const Body& b : share.bodies) mine[1] += share.shapes[b.shape].count;
+// Where the numbers of this part begin in the scene.
+Numbering RankDetector::Work::number(const Input& part) {
+  Count mine[3] = {part.bodies.size(), 0, part.spheres.count}, before[3] = {};
+  for (const Body& b : part.bodies) mine[1] += part.shapes[b.shape].count;
   MPI_Exscan(mine, before, 3, MPI_UNSIGNED_LONG_LONG, MPI_SUM, ranks_);
   if (ranks_.rank == 0) std::fill_n(before, 3, 0);
   add_up(ranks_, mine);
@@ -158,9 +158,9 @@ Numbering RankDetector::Work::number(const Input& share) {
 }
 
 // What has to be the same on all ranks.
-LoadForm RankDetector::Work::agree(const Input& share, Assignment& assignment) {
-  const Spheres& s = share.spheres;
-  const std::uint64_t sum = checksum_of(share.shapes);
+LoadForm RankDetector::Work::agree(const Input& part, Assignment& assignment) {
+  const Spheres& s = part.spheres;
+  const std::uint64_t sum = checksum_of(part.shapes);
   Count flags[6] = {s.count && s.scalar == Scalar::f64,
                     s.count && s.family,
                     s.count && s.mask,
@@ -240,12 +240,12 @@ void RankDetector::Work::finish(const BoxResult& found) {
   if (report_.cut) settled_imbalance_ = informed_ ? report_.imbalance : 1;
 }
 
-const RankReport& RankDetector::Work::run(const Input& share, const ContactConsumer& consumer) {
+const RankReport& RankDetector::Work::run(const Input& part, const ContactConsumer& consumer) {
   report_ = {};
   try {
     const double start = MPI_Wtime();
     Input settled;
-    together(ranks_, [&] { settled = read(share); });
+    together(ranks_, [&] { settled = read(part); });
     const Numbering numbering = number(settled);
     std::optional<Assignment> assignment;
     together(ranks_, [&] { assignment.emplace(settled, threads(), numbering); });
@@ -287,24 +287,24 @@ RankDetector::RankDetector(MPI_Comm ranks, const RankOptions& options)
 RankDetector::~RankDetector() = default;
 RankDetector::RankDetector(RankDetector&&) noexcept = default;
 RankDetector& RankDetector::operator=(RankDetector&&) noexcept = default;
-const RankReport& RankDetector::detect(const Input& share, const ContactConsumer& consumer) {
-  return work_->run(share, consumer);
+const RankReport& RankDetector::detect(const Input& part, const ContactConsumer& consumer) {
+  return work_->run(part, consumer);
 }
 const RankReport& RankDetector::report() const { return work_->report(); }
 Region RankDetector::region() const { return work_->region(); }
 const char* RankDetector::backend() const { return work_->backend(); }
 CallOptions& RankDetector::options() { return work_->options(); }
 
-Share share_of(std::uint64_t n, int rank, int ranks) {
+Part part_of(std::uint64_t n, int rank, int ranks) {
   const auto k = static_cast<std::uint64_t>(rank), all = static_cast<std::uint64_t>(ranks);
   const auto before = [&](std::uint64_t r) { return n / all * r + std::min(r, n % all); };
   return {before(k), before(k + 1)};
 }
 
-Input share_of(const Input& input, int rank, int ranks) {
+Input part_of(const Input& input, int rank, int ranks) {
   Input part = input;
-  const Share bodies = share_of(input.bodies.size(), rank, ranks);
-  const Share loose = share_of(input.spheres.count, rank, ranks);
+  const Part bodies = part_of(input.bodies.size(), rank, ranks);
+  const Part loose = part_of(input.spheres.count, rank, ranks);
   part.bodies = input.bodies.subspan(bodies.first, bodies.count());
   if (input.poses) part.poses += bodies.first;
   Spheres& s = part.spheres;

@@ -52,13 +52,13 @@ class RankDetector {
   RankDetector(RankDetector&&) noexcept;
   RankDetector& operator=(RankDetector&&) noexcept;
 
-  // Each rank passes its share of the scene, whichever spheres and bodies these are: the scene has the bodies
+  // Each rank passes its part of the scene, whichever spheres and bodies these are: the scene has the bodies
   // of rank 0, those of rank 1 and so on, and then the loose spheres in the same way. All ranks pass the same
   // shapes. What lies in a rank's own box already needs no message, so a simulation does well to keep it
   // there; region() tells the box. `consumer` gets the contacts that this rank found, with the numbers of the
   // scene; an empty one only counts. Everything must lie in host memory. Input::revision, `moved` and `poses`
-  // mean for the share what they mean to a Detector.
-  const RankReport& detect(const Input& share, const ContactConsumer& consumer);
+  // mean for the part what they mean to a Detector.
+  const RankReport& detect(const Input& part, const ContactConsumer& consumer);
 
   const RankReport& report() const;  // of the last call
   Region region() const;             // of this rank's box, in the last call
@@ -70,14 +70,14 @@ class RankDetector {
   std::unique_ptr<Work> work_;
 };
 
-// The numbers from first to end - 1 that are `rank`'s share of n things.
-struct Share {
+// The numbers from first to end - 1 that are `rank`'s part of n things.
+struct Part {
   std::uint64_t first, end;
   std::uint64_t count() const { return end - first; }
 };
-Share share_of(std::uint64_t n, int rank, int ranks);
+Part part_of(std::uint64_t n, int rank, int ranks);
 
 // The same part of an input: of its bodies, and of its loose spheres. Borrows the input.
-Input share_of(const Input& input, int rank, int ranks);
+Input part_of(const Input& input, int rank, int ranks);
 
 }  // namespace padder::detect

@@ -8,6 +8,7 @@
 
 #include "detect/omp/bodies.h"
 #include "detect/omp/threads.h"
+#include "detect/omp/worlds.h"
 #include "padding/asset/error.h"
 
 namespace padder::detect {
@@ -171,6 +172,17 @@ class OmpBackend final : public Backend {
     return arrays;
   }
 
+  WorldAnswers detect_worlds(const Input& input, const CallOptions& options, std::uint32_t worlds,
+                             Answer answer) override {
+    begin(options);
+    kept_->bodies.forget();
+    check_input(input, false);
+    choose_threads(options, sphere_count(input));
+    const WorldAnswers answers = kept_->worlds.answer(input, options, threads_, worlds, answer);
+    chosen_.done();
+    return answers;
+  }
+
   std::vector<Pose> device_poses(const Input& input, const CallOptions&) override {
     check_input(input, false);  // throws, because this backend cannot read device memory
     return {};
@@ -193,17 +205,31 @@ class OmpBackend final : public Backend {
   }
 
  private:
-  // A call by any path. `arrays`: null, or where the arrays of the nine stages go.
-  Contacts any(const Input& input, const CallOptions& options, Arrays* arrays) {
+  void begin(const CallOptions& options) {
     if (options.memory_limit && budget_.held() > options.memory_limit)  // the limit was lowered
       kept_ = nullptr, kept_ = std::make_unique<Kept>(budget_);
     kept_->records.count = 0;
-    const bool known = !arrays && options.path == Path::grid && options.bodies != Bodies::expanded &&
-                       kept_->bodies.knows(input) && (options.bodies == Bodies::first || automatic_first_);
+  }
+  void choose_threads(const CallOptions& options, std::uint64_t work) {
+    budget_.begin(options.memory_limit);
+    threads_ = chosen_.choose(options.threads, work);
+  }
+
+  // A call by any path. `arrays`: null, or where the arrays of the nine stages go.
+  Contacts any(const Input& input, const CallOptions& options, Arrays* arrays) {
+    begin(options);
+    const bool known = !arrays && options.margin == 0 && options.path == Path::grid &&
+                       options.bodies != Bodies::expanded && kept_->bodies.knows(input) &&
+                       (options.bodies == Bodies::first || automatic_first_);
     check_input(input, false, known);
     const std::uint64_t n = known ? kept_->bodies.body_spheres() + input.spheres.count : sphere_count(input);
-    budget_.begin(options.memory_limit);
-    threads_ = chosen_.choose(options.threads, known ? kept_->bodies.work() : n);
+    choose_threads(options, known ? kept_->bodies.work() : n);
+    if (!known && options.path == Path::grid && (options.margin > 0 || has_worlds(input))) {
+      kept_->bodies.forget();
+      Contacts c;
+      kept_->worlds.run(input, options, threads_, kept_->records, c.seconds);
+      return delivered(c, n, options);
+    }
     const Spheres& s = input.spheres;
     if (known || (!arrays && bodies_first(input, options, n, 3))) {
       if (!known) {
@@ -231,7 +257,9 @@ class OmpBackend final : public Backend {
             s.family,
             s.mask,
             nullptr,
-            s.is_static};
+            s.is_static,
+            s.world,
+            s.world_of_all};
   }
 
   // Places the spheres of the bodies, and appends the loose ones, in double.
@@ -242,6 +270,7 @@ class OmpBackend final : public Backend {
     std::uint32_t* family = kept_->family.resize(n, "families");
     std::uint32_t* mask = kept_->mask.resize(n, "masks");
     std::uint32_t* owner = kept_->owner.resize(n, "the bodies of spheres");
+    std::uint32_t* world = has_worlds(input) ? kept_->world.resize(n, "worlds") : nullptr;
     std::vector<std::uint64_t> first(input.bodies.size() + 1, 0);
     for (std::size_t b = 0; b < input.bodies.size(); b++)
       first[b + 1] = first[b] + input.shapes[input.bodies[b].shape].count;
@@ -254,6 +283,7 @@ class OmpBackend final : public Backend {
       for (std::uint64_t q = 0, at = first[static_cast<std::size_t>(k)]; q < shape.count; q++, at++) {
         out[at] = placed(body, shape.spheres[q]);
         family[at] = body.family, mask[at] = body.mask, owner[at] = mine;
+        if (world) world[at] = body.world;
       }
     }
     const auto loose = static_cast<std::int64_t>(input.spheres.count);
@@ -265,6 +295,7 @@ class OmpBackend final : public Backend {
         const Filter f = v.filter(q);
         out[base + q] = v[q];
         family[base + q] = f.family, mask[base + q] = f.mask, owner[base + q] = f.owner;
+        if (world) world[base + q] = v.world_of(q);
       }
     };
     if (input.spheres.scalar == Scalar::f32)
@@ -272,7 +303,9 @@ class OmpBackend final : public Backend {
     else
       copy(view<double>(input.spheres));
     place_seconds_ = watch.lap();
-    return omp::view_of(out, n, family, mask, owner);
+    omp::View<double> view = omp::view_of(out, n, family, mask, owner);
+    view.world = world;
+    return view;
   }
 
   template <class T>
@@ -306,13 +339,23 @@ class OmpBackend final : public Backend {
   // All memory that is kept from call to call.
   struct Kept {
     explicit Kept(omp::Budget& b)
-        : records(b), nine_stages(b), grid_path(b), bodies(b), placed(b), family(b), mask(b), owner(b) {}
+        : records(b),
+          nine_stages(b),
+          grid_path(b),
+          bodies(b),
+          worlds(b),
+          placed(b),
+          family(b),
+          mask(b),
+          owner(b),
+          world(b) {}
     omp::Records records;
     omp::NineStages nine_stages;
     omp::GridPath grid_path;
     omp::BodySearch bodies;
+    omp::WorldSearch worlds;
     omp::Buffer<Sphere> placed;
-    omp::Buffer<std::uint32_t> family, mask, owner;
+    omp::Buffer<std::uint32_t> family, mask, owner, world;
   };
   omp::Budget budget_;
   std::unique_ptr<Kept> kept_ = std::make_unique<Kept>(budget_);

@@ -149,7 +149,9 @@ void pairs_of_bin(const View<T>& spheres, const StageGrid& g, const BinEntry* B,
     for (std::uint64_t q = p + 1; q < bin.end; q++) {
       const std::uint32_t i = B[p].object, j = B[q].object;  // i < j: the sort is stable
       const Sphere si = spheres[i], sj = spheres[j];
-      if (reports(g, bin.bin, si, sj, spheres.filter(i), spheres.filter(j), own)) report(i, j, si, sj);
+      if (reports(g, bin.bin, si, sj, spheres.filter(i), spheres.filter(j), spheres.world_of(i),
+                  spheres.world_of(j), own))
+        report(i, j, si, sj);
     }
 }
 
@@ -203,7 +205,7 @@ void NineStages::run(const View<T>& spheres, const Summary& summary, const CallO
   Arrays none;
   Arrays& show = arrays ? *arrays : none;
 
-  const StageGrid g = choose_stage_grid(summary, options.bin_size);
+  const StageGrid g = choose_stage_grid(summary, options.bin_size, options.margin);
   show.grid = g;
   stage1(spheres, g, T_.resize(n, "array T"), threads), lap(1);
   copy(show.T, T_.data(), n);

@@ -5,6 +5,7 @@
 // stage 6. Stages 7 to 9 are in search.cpp and records.cpp.
 #include <omp.h>
 
+#include "detect/omp/level_keys.h"
 #include "detect/omp/paths.h"
 
 namespace padder::detect::omp {
@@ -27,8 +28,10 @@ struct CountingSort {
   Sphere* exact_spheres = nullptr;  // null for float slots, which hold them
   Filter* filters = nullptr;        // null if no sphere has one
   std::vector<std::uint32_t> part_first{};
+  LevelKeys level_keys[kMaxLevels];
 
   CountingSort(const View<T>& spheres_, const Grid& grid_) : spheres(spheres_), grid(grid_) {
+    for (int k = 0; k < grid.levels; k++) level_keys[k] = keys_of(grid.level[k]);
     while ((grid.buckets - 1) >> shift >= 2048) shift++;
     parts = ((grid.buckets - 1) >> shift) + 1;
     part_first.assign(parts + 1, 0);
@@ -40,8 +43,8 @@ struct CountingSort {
     const int by = shift;
     for (std::uint64_t i = begin; i < end; i++) {
       const Sphere s = spheres[i];
-      const Level& l = grid.level[level_of(grid, s)];
-      const std::uint32_t key = key_of(l, bin_of(l, s));
+      const int level = level_of(grid, s);
+      const std::uint32_t key = level_keys[level].key(bin_of(grid.level[level], s));
       keys[i] = key;
       count[key >> by]++;
     }
@@ -177,7 +180,7 @@ std::uint64_t GridPath::sort_and_search(const View<T>& spheres, const Grid& grid
 template <class T>
 std::uint64_t GridPath::run(const View<T>& spheres, const Summary& summary, const CallOptions& options,
                             int threads, Records& records, Seconds& seconds) {
-  const Grid grid = choose_grid(summary, options.bin_size, 8, CrossSearch::cheaper);
+  const Grid grid = with_rings(choose_grid(summary, options.bin_size, 8, CrossSearch::cheaper));
   if (sizeof(T) == sizeof(float) && float_range(summary.extent, summary.radius_max))
     return sort_and_search<FloatSlot>(spheres, grid, options, threads, records, seconds);
   return sort_and_search<FixedPointSlot>(spheres, grid, options, threads, records, seconds);

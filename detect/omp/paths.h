@@ -88,6 +88,8 @@ struct View {
   const std::uint32_t* mask;                // null: 0 for all
   const std::uint32_t* owner = nullptr;     // Filter::owner; null: all spheres are loose
   const std::uint8_t* is_static = nullptr;  // read if owner is null; null: none is static
+  const std::uint32_t* world = nullptr;     // read by the nine stages; null: all are in `world_of_all`
+  std::uint32_t world_of_all = 0;
   Sphere operator[](std::uint64_t k) const {
     const T* c = centers + k * center_stride;
     return {c[0], c[1], c[2], radii[k * radius_stride]};
@@ -98,6 +100,7 @@ struct View {
             : is_static && is_static[k] ? kStatic
                                         : 0};
   }
+  std::uint32_t world_of(std::uint64_t k) const { return world ? world[k] : world_of_all; }
   void prefetch(std::uint64_t k) const {
 #ifdef __GNUC__
     __builtin_prefetch(centers + k * center_stride);
@@ -111,8 +114,8 @@ struct View {
 // The view of an array of spheres.
 inline View<double> view_of(const Sphere* spheres, std::uint64_t count, const std::uint32_t* family,
                             const std::uint32_t* mask, const std::uint32_t* owner) {
-  if (count == 0) return {nullptr, nullptr, 4, 4, 0, family, mask, owner};
-  return {&spheres->x, &spheres->r, 4, 4, count, family, mask, owner};
+  if (count == 0) return {nullptr, nullptr, 4, 4, 0, family, mask, owner, nullptr, nullptr, 0};
+  return {&spheres->x, &spheres->r, 4, 4, count, family, mask, owner, nullptr, nullptr, 0};
 }
 
 // Measures the seconds since it was made, or since the last lap.

@@ -6,6 +6,7 @@
 
 #include <cstring>
 
+#include "detect/omp/level_keys.h"
 #include "detect/omp/paths.h"
 
 namespace padder::detect::omp {
@@ -69,13 +70,16 @@ struct CrossSearches {
   void add(int from, int to, double each) { at[from][count[from]++] = to, cost[from] += each; }
 };
 CrossSearches plan_cross_searches(const Grid& g, bool fixed_point) {
+  // Periodic levels are searched as dense ones are.
+  const auto dense = [](Level l) { return l.hashed = 0, l; };
   CrossSearches plan;
   for (int c = 0; c < g.levels; c++)
     for (int f = 0; f < c; f++) {
-      const Level &coarse = g.level[c], &fine = g.level[f];
+      const Level coarse = dense(g.level[c]), fine = dense(g.level[f]);
       const double fine_cost = cross_search_cost(fine, coarse), coarse_cost = cross_search_cost(coarse, fine);
-      const bool wide =
-          (coarse.radius_max + fine.radius_max) * fine.per_size > kLargestSearchRadius[fixed_point];
+      const double search_radius = (coarse.radius_max + fine.radius_max) * fine.per_size;
+      const bool wide = search_radius > kLargestSearchRadius[fixed_point] ||
+                        2.01 * search_radius + 3 > keys_of(g.level[f]).side();
       if (wide ||
           fine_cost * static_cast<double>(fine.spheres) <= coarse_cost * static_cast<double>(coarse.spheres))
         plan.add(f, c, fine_cost);
@@ -112,6 +116,7 @@ class Searcher {
     for (int k = 0; k < 3; k++) confirms_ |= own_.low[k] > -INFINITY || own_.high[k] < INFINITY;
     bounded_ = confirms_;
     confirms_ |= filters != nullptr;
+    for (int k = 0; k < grid.levels; k++) level_keys_[k] = keys_of(grid.level[k]);
   }
   std::uint64_t doubtful() const { return doubtful_; }
 
@@ -120,82 +125,64 @@ class Searcher {
     for (std::uint32_t slot = first; slot < last; slot++) {
       const std::uint32_t key = keys_[slot];
       while (key >= grid_.level[level].offset + grid_.level[level].buckets) level++;
-      const Level& l = grid_.level[level];
       const std::uint64_t before = hits_.total();
-      if (l.hashed)
-        own_level_hashed(l, key, slot);
+      if (level_keys_[level].periodic())
+        forward_runs_around(level_keys_[level], key);
       else
-        forward_runs(l, key), own_level_dense(slot);
-      for (int k = 0; k < cross_searches_.count[level]; k++)
-        search_level(grid_.level[cross_searches_.at[level][k]], slot);
+        forward_runs(level_keys_[level], key);
+      own_level(level, slot);
+      for (int k = 0; k < cross_searches_.count[level]; k++) search_level(cross_searches_.at[level][k], slot);
       found_[slot] = static_cast<std::uint32_t>(hits_.total() - before);
     }
   }
 
  private:
   static constexpr bool kFixedPoint = std::is_same_v<Slot, FixedPointSlot>;
-  // The bins of a hashed level that are searched. Buckets also hold spheres of other bins.
-  struct Bins {
-    const Level* level = nullptr;
-    std::int64_t x_low = 0, x_high = 0, y_low = 0, y_high = 0, z_low = 0, z_high = 0;
-    double count() const {
-      return static_cast<double>(x_high - x_low + 1) * static_cast<double>(y_high - y_low + 1) *
-             static_cast<double>(z_high - z_low + 1);
-    }
-    bool contain(const Sphere& s) const {
-      const Bin b = bin_of(*level, s);
-      return x_low <= b.x && b.x <= x_high && y_low <= b.y && b.y <= y_high && z_low <= b.z && b.z <= z_high;
-    }
-  };
-
   Sphere exact_sphere(std::uint32_t k) const { return omp::exact_sphere(spheres_, slots_, k); }
 
   // The forward half of the bins around a bin: the rest of its row, the next row in y, and three rows of the
   // next layer in z.
-  void forward_runs(const Level& l, std::uint32_t key) {
-    const std::uint32_t row = l.count[0] + 2, plane = row * (l.count[1] + 2);
-    const std::uint32_t rows[4] = {key + row, key + plane - row, key + plane, key + plane + row};
+  void forward_runs(const LevelKeys& l, std::uint32_t key) {
+    const std::uint32_t rows[4] = {key + l.row, key + l.plane - l.row, key + l.plane, key + l.plane + l.row};
     runs_[0].end = starts_[key + 2];
     candidates_ = runs_[0].end - starts_[key];
     for (int k = 0; k < 4; k++) {
       runs_[k + 1] = {starts_[rows[k] - 1], starts_[rows[k] + 2]};
       candidates_ += runs_[k + 1].end - runs_[k + 1].begin;
     }
+    run_count_ = 5;
   }
-  void own_level_dense(std::uint32_t a) {
+  // The same on a periodic level, where a row may go on at the other end of the ring.
+  void forward_runs_around(const LevelKeys& l, std::uint32_t key) {
+    const std::uint32_t here = key - l.offset;
+    if (const std::uint32_t far = here + l.plane + l.row + 2; far <= l.mask) return forward_runs(l, key);
+    runs_[0].end = starts_[key + 1], run_count_ = 1;
+    runs_around(l, here + 1, 1, runs_, run_count_);
+    for (const std::uint32_t row : {l.row, l.plane - l.row, l.plane, l.plane + l.row})
+      runs_around(l, here + row - 1, 3, runs_, run_count_);
+    candidates_ = runs_[0].end - starts_[key];
+    for (int k = 1; k < run_count_; k++) candidates_ += runs_[k].end - runs_[k].begin;
+  }
+  // Appends the spheres of the buckets from `first` on, at most as many as the ring has: one run or two.
+  void runs_around(const LevelKeys& l, std::uint32_t first, std::uint32_t buckets, Run* runs,
+                   int& count) const {
+    first &= l.mask;
+    const std::uint32_t* const starts = starts_ + l.offset;
+    const std::uint32_t inside = std::min(buckets, l.mask + 1 - first);
+    runs[count++] = {starts[first], starts[first + inside]};
+    if (inside < buckets) runs[count++] = {starts[0], starts[buckets - inside]};
+  }
+  void own_level(int level, std::uint32_t a) {
     const Slot me = slots_[a];
     runs_[0].begin = a + 1;
-    if (candidates_ <= kMostCandidates) {
-      test(me, a, runs_, 5, {});
-      return;
-    }
-    for (const Run& r : runs_) test_in_parts(me, a, r, {});
-  }
-
-  // Bins of a hashed level, one by one.
-  void search_hashed(const Slot& me, std::uint32_t a, const Bins& bins) {
-    const Level& l = *bins.level;
-    for (std::int64_t z = bins.z_low; z <= bins.z_high; z++)
-      for (std::int64_t y = bins.y_low; y <= bins.y_high; y++) {
-        const std::uint32_t row = row_of(l, y, z);
-        for (std::int64_t x = bins.x_low; x <= bins.x_high; x++) {
-          const std::uint32_t key = key_in_row(l, row, x);
-          test_in_parts(me, a, {starts_[key], starts_[key + 1]}, {&l, x, x, y, y, z, z});
-        }
-      }
-  }
-
-  void own_level_hashed(const Level& l, std::uint32_t key, std::uint32_t a) {
-    const Slot me = slots_[a];
-    const Bin b = bin_of(l, exact_sphere(a));
-    test_in_parts(me, a, {a + 1, starts_[key + 1]}, {&l, b.x, b.x, b.y, b.y, b.z, b.z});
-    search_hashed(me, a, {&l, b.x + 1, b.x + 1, b.y, b.y, b.z, b.z});
-    search_hashed(me, a, {&l, b.x - 1, b.x + 1, b.y + 1, b.y + 1, b.z, b.z});
-    search_hashed(me, a, {&l, b.x - 1, b.x + 1, b.y - 1, b.y + 1, b.z + 1, b.z + 1});
+    if (candidates_ <= kMostCandidates) return test(me, a, runs_, run_count_, level);
+    for (int k = 0; k < run_count_; k++) test_in_parts(me, a, runs_[k], level);
   }
 
   // Tests sphere a against the spheres of another level, in the rows of bins that a ball around it crosses.
-  void search_level(const Level& l, std::uint32_t a) {
+  void search_level(int level, std::uint32_t a) {
+    const Level& l = grid_.level[level];
+    const LevelKeys& keys = level_keys_[level];
     const Sphere s = exact_sphere(a);
     // A sphere this far out has no bin number. The spheres of this level are nearer (need_of), and cannot
     // touch it.
@@ -213,35 +200,47 @@ class Searcher {
     ball.x_low = floor_of(ball.x - ball.radius), ball.x_high = floor_of(ball.x + ball.radius);
     ball.y_low = floor_of(ball.y - ball.radius), ball.y_high = floor_of(ball.y + ball.radius);
     ball.z_low = floor_of(ball.z - ball.radius), ball.z_high = floor_of(ball.z + ball.radius);
-    if (l.hashed) {
-      const Bins bins{&l,
-                      x.bin + ball.x_low,
-                      x.bin + ball.x_high,
-                      y.bin + ball.y_low,
-                      y.bin + ball.y_high,
-                      z.bin + ball.z_low,
-                      z.bin + ball.z_high};
-      // The bins of a hashed level have no bounds. If they are more than the spheres of the level, all of
-      // these are tested instead.
-      const Run all{starts_[l.offset], starts_[l.offset + l.buckets]};
-      if (bins.count() > all.end - all.begin) return test_in_parts(me, a, all, bins);
-      return search_hashed(me, a, bins);
-    }
     if (!restrict_to(l, 0, x.bin, ball.x_low, ball.x_high) ||
         !restrict_to(l, 1, y.bin, ball.y_low, ball.y_high) ||
         !restrict_to(l, 2, z.bin, ball.z_low, ball.z_high))
       return;
-    ball.row = l.count[0] + 2, ball.plane = ball.row * (l.count[1] + 2);
-    ball.key = key_of(l, {x.bin, y.bin, z.bin}) - l.offset;
+    ball.row = keys.row, ball.plane = keys.plane;
+    ball.key = keys.key({x.bin, y.bin, z.bin}) - l.offset;
+    if (keys.periodic()) {
+      const auto steps = [&](int bx, int by, int bz) {
+        return static_cast<std::uint32_t>(bx) + static_cast<std::uint32_t>(by) * ball.row +
+               static_cast<std::uint32_t>(bz) * ball.plane;
+      };
+      // The box may lie across the end of the ring; it is never wider than the ring.
+      const std::uint32_t to_corner = steps(ball.x_low, ball.y_low, ball.z_low),
+                          corner = (ball.key + to_corner) & keys.mask;
+      ball.key = corner - to_corner;
+      if (corner + (steps(ball.x_high, ball.y_high, ball.z_high) - to_corner) > keys.mask)
+        return search_around(keys, ball, me, a, level);
+    }
     const int last = ball.z_high, layers = std::max(1, kRows / (ball.y_high - ball.y_low + 1));
     for (; ball.z_low <= last; ball.z_low += layers) {
       ball.z_high = std::min(last, ball.z_low + layers - 1);
-      test_rows(me, a, kernels_.find_rows(ball, starts_ + l.offset, rows_));
+      test_rows(me, a, kernels_.find_rows(ball, starts_ + l.offset, rows_), level);
     }
   }
+  // All rows of the box around the ball, on a periodic level.
+  void search_around(const LevelKeys& keys, const Ball& ball, const Slot& me, std::uint32_t a, int level) {
+    const auto width = static_cast<std::uint32_t>(ball.x_high - ball.x_low + 1);
+    for (int z = ball.z_low; z <= ball.z_high; z++)
+      for (int y = ball.y_low; y <= ball.y_high; y++) {
+        int count = 0;
+        runs_around(keys,
+                    ball.key + static_cast<std::uint32_t>(ball.x_low) +
+                        static_cast<std::uint32_t>(y) * ball.row + static_cast<std::uint32_t>(z) * ball.plane,
+                    width, rows_, count);
+        test_rows(me, a, count, level);
+      }
+  }
   // Restricts bins low to high, relative to `bin`, to those that exist on the level. False if none of them
-  // does.
+  // does. On a periodic level any bin exists.
   static bool restrict_to(const Level& l, int axis, std::int64_t bin, int& low, int& high) {
+    if (l.hashed) return true;
     const std::int64_t first = std::max<std::int64_t>(low, l.first[axis] - bin),
                        last = std::min<std::int64_t>(high, l.first[axis] + l.count[axis] - 1 - bin);
     if (first > last) return false;
@@ -250,7 +249,7 @@ class Searcher {
   }
 
   // Tests the candidates in rows_[0] to rows_[count - 1], as many at once as there is room for.
-  void test_rows(const Slot& me, std::uint32_t a, int count) {
+  void test_rows(const Slot& me, std::uint32_t a, int count, int level) {
     int first = 0;
     std::uint32_t candidates = 0;
     for (int k = 0; k < count; k++) {
@@ -259,40 +258,46 @@ class Searcher {
         candidates += n;
         continue;
       }
-      if (k > first) test(me, a, rows_ + first, k - first, {});
+      if (k > first) test(me, a, rows_ + first, k - first, level);
       first = k, candidates = n;
-      if (n > kMostCandidates) test_in_parts(me, a, rows_[k], {}), first = k + 1, candidates = 0;
+      if (n > kMostCandidates) test_in_parts(me, a, rows_[k], level), first = k + 1, candidates = 0;
     }
-    if (count > first) test(me, a, rows_ + first, count - first, {});
+    if (count > first) test(me, a, rows_ + first, count - first, level);
   }
 
   // Tests the candidates of a run of any length.
-  void test_in_parts(const Slot& me, std::uint32_t a, Run r, const Bins& bins) {
+  void test_in_parts(const Slot& me, std::uint32_t a, Run r, int level) {
     while (r.begin < r.end) {
       const Run part{r.begin, std::min(r.end, r.begin + kMostCandidates)};
-      test(me, a, &part, 1, bins);
+      test(me, a, &part, 1, level);
       r.begin = part.end;
     }
   }
-  // Tests at most kMostCandidates candidates. On a hashed level, `bins` are the bins that are searched;
-  // elsewhere it has no level.
-  void test(const Slot& me, std::uint32_t a, const Run* runs, int count, const Bins& bins) {
+  // Tests at most kMostCandidates candidates of this level.
+  void test(const Slot& me, std::uint32_t a, const Run* runs, int count, int level) {
     std::uint32_t* out = hits_.room();
     bool doubt;
     std::uint32_t n = kernels_.test_runs(slots_, me, runs, count, out, doubt);
-    if (doubt | confirms_ | (bins.level != nullptr)) n = confirm(me, a, out, n, bins, doubt);
+    // The places of fixed-point slots repeat after 256 bins.
+    const bool repeats = kFixedPoint && level_keys_[level].periodic();
+    if (doubt | confirms_ | repeats)
+      n = confirm(me, a, out, n, repeats ? 0x1p7 * grid_.level[level].size : INFINITY, doubt);
     hits_.keep(n);
   }
 
   // Removes hits that are no contacts: by the exact test where float cannot decide, by the filter, by the
-  // region, and by the bin of a candidate on a hashed level. Returns how many are left.
-  std::uint32_t confirm(const Slot& me, std::uint32_t a, std::uint32_t* hits, std::uint32_t n,
-                        const Bins& bins, bool doubt) {
+  // region, and where two centres are farther apart than `near` along an axis. Returns how many are left.
+  std::uint32_t confirm(const Slot& me, std::uint32_t a, std::uint32_t* hits, std::uint32_t n, double near,
+                        bool doubt) {
     std::uint32_t kept = 0;
     for (std::uint32_t k = 0; k < n; k++) {
       const std::uint32_t b = hits[k];
       if (filters_ && !admitted(filters_[a], filters_[b])) continue;
-      if (bins.level && !bins.contain(exact_sphere(b))) continue;
+      if (near < INFINITY) {
+        const Sphere p = exact_sphere(a), q = exact_sphere(b);
+        if (magnitude(p.x - q.x) > near || magnitude(p.y - q.y) > near || magnitude(p.z - q.z) > near)
+          continue;
+      }
       if (bounded_) {
         const bool ordered = ids_[a] < ids_[b];
         const Sphere i = exact_sphere(ordered ? a : b), j = exact_sphere(ordered ? b : a);
@@ -322,9 +327,11 @@ class Searcher {
   Hits& hits_;
   const Kernels<Slot> kernels_ = kernels_for_this_machine<Slot>();
   bool exact_, bounded_ = false, confirms_ = false;
-  Run runs_[5] = {};
+  Run runs_[10] = {};  // a run of each of five rows, or two at the end of a ring
+  int run_count_ = 0;
   Run rows_[kRows + kLanes];
   const CrossSearches& cross_searches_;
+  LevelKeys level_keys_[kMaxLevels];
   std::uint64_t candidates_ = 0;
   std::uint64_t doubtful_ = 0;
 };

@@ -49,6 +49,7 @@ void append_tags(std::vector<T>& to, std::uint64_t before, const std::vector<T>&
 void LooseSpheres::append(const LooseSpheres& more) {
   const std::uint64_t before = size(), count = more.size();
   append_tags(family, before, more.family, count), append_tags(mask, before, more.mask, count);
+  append_tags(world, before, more.world, count);
   append_tags(is_static, before, more.is_static, count);
   if (before == 0) scalar = more.scalar;
   if (scalar == Scalar::f32 && more.scalar == Scalar::f64) {
@@ -70,6 +71,7 @@ Spheres LooseSpheres::view() const {
   s.center_stride = s.radius_stride = 4;
   if (!family.empty()) s.family = family.data();
   if (!mask.empty()) s.mask = mask.data();
+  if (!world.empty()) s.world = world.data();
   if (!is_static.empty()) s.is_static = is_static.data();
   return s;
 }
@@ -138,7 +140,7 @@ LooseSpheres loose_from_npz(std::string_view bytes, const std::string& where) {
       throw Error(where + ": \"" + name + "\" must have one number for each sphere");
     to = it->second.as<std::uint32_t>();
   };
-  tags("family", l.family), tags("mask", l.mask);
+  tags("family", l.family), tags("mask", l.mask), tags("world", l.world);
   return l;
 }
 

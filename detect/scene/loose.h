@@ -16,7 +16,7 @@ struct LooseSpheres {
   Scalar scalar = Scalar::f32;
   std::vector<float> single;                // x, y, z, r of each sphere if scalar is f32
   std::vector<double> twice;                // x, y, z, r of each sphere if scalar is f64
-  std::vector<std::uint32_t> family, mask;  // one for each sphere, or empty
+  std::vector<std::uint32_t> family, mask, world;  // one for each sphere, or empty
   std::vector<std::uint8_t> is_static;      // one for each sphere, or empty
 
   std::uint64_t size() const { return (scalar == Scalar::f32 ? single.size() : twice.size()) / 4; }
@@ -30,7 +30,8 @@ LooseSpheres loose_from(const std::vector<FloatSphere>& spheres);
 // A copy of spheres in host memory. Their arrays may begin at any address.
 LooseSpheres loose_from(const Spheres& spheres);
 
-// Reads .npz: the arrays `centers` (N, 3) and `radii` (N), and, if they are there, `family` and `mask` (N).
+// Reads .npz: the arrays `centers` (N, 3) and `radii` (N), and, if they are there, `family`, `mask` and
+// `world` (N).
 // The spheres are in float if both arrays are float32. Throws Error that names the array.
 LooseSpheres loose_from_npz(std::string_view bytes, const std::string& where);
 

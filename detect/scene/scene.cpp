@@ -69,8 +69,15 @@ void read_rotation(const Reader& r, Body& body) {
   rotation_of(q[0], q[1], q[2], q[3], body.rotation);
 }
 
+// A number, or "every".
+std::uint32_t world_of(const Reader& r) {
+  if (!r.json().is_string()) return r.bits();
+  if (r.text() != "every") r.fail("a number or \"every\" is wanted");
+  return kEveryWorld;
+}
+
 Body read_body(const Reader& r, const Assets& assets, bool& family_given) {
-  r.only({"cluster", "position", "quaternion", "family", "mask", "scale", "static"});
+  r.only({"cluster", "position", "quaternion", "family", "mask", "scale", "static", "world"});
   Body body;
   const auto found = assets.index.find(r.at("cluster").text());
   if (found == assets.index.end()) r.at("cluster").fail("no cluster of that name is in \"clusters\"");
@@ -82,6 +89,7 @@ Body read_body(const Reader& r, const Assets& assets, bool& family_given) {
   body.family = r.has("family") ? r.at("family").bits() : assets.family[body.shape];
   body.mask = r.has("mask") ? r.at("mask").bits() : assets.mask[body.shape];
   body.is_static = r.has("static") && r.at("static").truth();
+  if (r.has("world")) body.world = world_of(r.at("world"));
   family_given = r.has("family") || body.family != 0;
   return body;
 }
@@ -102,7 +110,7 @@ LooseSpheres read_inline(const Reader& r) {
 }
 
 LooseSpheres read_loose(const Reader& r, const std::filesystem::path& folder) {
-  r.only({"file", "generate", "count", "order", "centers", "radii", "family", "mask", "static"});
+  r.only({"file", "generate", "count", "order", "centers", "radii", "family", "mask", "static", "world"});
   if (r.has("file") + r.has("generate") + r.has("centers") != 1)
     r.fail("one of \"file\", \"generate\" and \"centers\" is wanted");
   LooseSpheres l;
@@ -123,18 +131,19 @@ LooseSpheres read_loose(const Reader& r, const std::filesystem::path& folder) {
   } else {
     l = read_inline(r);
   }
-  const auto tags = [&](const char* key, std::vector<std::uint32_t>& to) {
+  const auto tags = [&](const char* key, std::vector<std::uint32_t>& to, auto read) {
     if (!r.has(key)) return;
     const Reader t = r.at(key);
     if (!t.json().is_array()) {
-      to.assign(l.size(), t.bits());
+      to.assign(l.size(), read(t));
       return;
     }
     if (t.size() != l.size()) t.fail("one number for each sphere is wanted, or one for all");
     to.clear();
-    for (std::size_t k = 0; k < t.size(); k++) to.push_back(t.at(k).bits());
+    for (std::size_t k = 0; k < t.size(); k++) to.push_back(read(t.at(k)));
   };
-  tags("family", l.family), tags("mask", l.mask);
+  const auto bits = [](const Reader& t) { return t.bits(); };
+  tags("family", l.family, bits), tags("mask", l.mask, bits), tags("world", l.world, world_of);
   if (r.has("static") && r.at("static").truth()) l.is_static.assign(l.size(), 1);
   return l;
 }

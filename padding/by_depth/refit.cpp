@@ -12,6 +12,8 @@
 namespace padder {
 namespace {
 
+constexpr std::size_t many_open = 100'000;  // parts
+
 Ball ball_under(const Surface& body, const Point& p, const Vector& normal, double largest, double cap) {
   // The medial ball may miss p by a quarter of the cap, because the dilated ball still covers p.
   Ball ball = inner_medial_ball(body, p, normal, largest, 0.25 * cap);
@@ -88,7 +90,11 @@ std::vector<FittedBall> refit(const Surface& body, const Mesh& remeshed, std::ve
                      [](const GapPart& a, const GapPart& b) { return a.value > b.value; });
     // Of neighbouring parts only the worst gets a ball in this round: it may cover the others, too.
     std::vector<GapPart> chosen;
-    SparsePoints taken(gap);
+    // A ball covers a disc that is much wider than the gap. Where nearly all is open, as under flat caps on a
+    // coarse mesh, points that stand apart by the gap alone would be millions: the first rounds take few of
+    // them.
+    const double spacing = open.size() > many_open ? std::max(1.0, std::ldexp(32, -round)) * gap : gap;
+    SparsePoints taken(spacing);
     for (const GapPart& part : open)
       if (taken.insert_unless_near(part.centroid())) chosen.push_back(part);
     std::vector<FittedBall> found(chosen.size());

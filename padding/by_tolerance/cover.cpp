@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <numeric>
+#include <set>
 
 #include "padding/asset/error.h"
 #include "padding/by_tolerance/block_search.h"
@@ -18,109 +19,251 @@ namespace {
 
 // The share of a tolerance that is kept back, so that scaling to another unit does not break the proof.
 constexpr double rounding = 1e-9;
-// The share of a point's own margin that a ball must cover around it; late, when the certificate finds what
-// the points miss, a smaller one.
-constexpr double margin = 0.5, late_margin = 0.3;
 constexpr double medial_tolerance = 0.05;  // share of the tolerance sum
-// How far from the place of a chosen ball new ones are tried: share of the radius of the disc that it covers.
-constexpr double step_size = 0.25;
 
-// A large cover is searched longer: with more rounds and more places, and also while the certificate still
-// finds spots. A small cover would gain as much, but there the seconds matter more: users can ask for a
-// higher effort.
-constexpr int late_moves = 4, late_places = 12, late_refinements = 8;
-constexpr double late_share = 0.6;  // of the exchanges
-constexpr std::array late_step_sizes = {0.5 * step_size, 1.6 * step_size};
+// What one stage of the search does. Each effort above 0 adds a stage, which begins with the cover of the one
+// before, so that a higher effort never gives more balls.
+struct Stage {
+  // Searches that differ in nothing but their random numbers run side by side. All balls that one of them has
+  // chosen are the candidates of another search, which therefore finds less than the best of them.
+  int starts;
+  int moves;      // rounds of each that try new places around the chosen balls
+  double steps;   // exchanges of the local search, for each ball
+  double margin;  // share of a point's own margin that a ball must cover around it; the certificate finds
+                  // what it misses
+};
+constexpr std::array stages = {Stage{3, 2, 50, 0.3}, Stage{4, 3, 100, 0.2}, Stage{6, 4, 200, 0.15}};
+constexpr double greedy_margin = 0.3;
+constexpr double thinning_margin = 0.5;  // there no new balls can mend what the points miss
 
+constexpr int places = 16;  // tried around each ball
+// How far from the place of a chosen ball, in turn: share of the radius of the disc that it covers.
+constexpr std::array step_sizes = {0.2, 0.3};
+constexpr int merge_moves = 2;
+
+// While the certificate still finds spots, the first rounds try some places, too, and each searches less than
+// the round before.
+constexpr int certify_moves = 4, certify_places = 8;
+constexpr double certify_share = 0.5, certify_decay = 0.7;
 constexpr int most_rounds = 100;
 
-// What an effort buys.
-struct EffortPlan {
-  double fine_density;
-  int moves;     // rounds that try new places around the chosen balls
-  int places;    // tried around each ball
-  double steps;  // exchanges of the local search, for each ball
+// Up to so many balls, all searches of a stage run. Of more balls, fewer do: there the many blocks of one
+// search differ enough. So the time grows with the number of balls, and no faster.
+constexpr double balls_for_all_starts = 400;
+
+// A cover that is being looked for: the points to cover, the balls to choose from, and those that are chosen.
+struct Attempt {
+  CoverProblem problem;
+  std::vector<std::uint32_t> chosen;  // indices of candidates
+  std::uint64_t seed;                 // of all random numbers from here on
+
+  std::vector<Candidate> chosen_candidates() const {
+    std::vector<Candidate> candidates;
+    for (auto k : chosen) candidates.push_back(problem.candidates()[k]);
+    return candidates;
+  }
+  std::vector<Ball> balls() const {
+    std::vector<Ball> balls;
+    for (auto k : chosen) balls.push_back(problem.candidates()[k].ball);
+    return balls;
+  }
 };
-EffortPlan plan_for(int effort) {
-  constexpr EffortPlan plans[] = {{4, 0, 0, 0}, {6, 2, 8, 100}, {8, 3, 16, 150}, {10, 4, 16, 400}};
-  return plans[std::clamp(effort, 0, 3)];
-}
+
+// The certificate for one cover after the other. A triangle that was proved stays so until a ball that may
+// have proved it is gone, so most of the surface need not be asked again.
+class OpenTriangles {
+ public:
+  OpenTriangles(const Mesh& mesh, double gap) : mesh_(mesh), gap_(gap), open_(mesh.triangles.size(), 1) {}
+
+  std::vector<GapPart> failures(std::vector<Ball> balls, double grain) {
+    reopen(balls);
+    Mesh part;
+    std::vector<std::uint32_t> triangle;
+    for (std::uint32_t t = 0; t < open_.size(); t++)
+      if (open_[t]) triangle.push_back(t), part.triangles.push_back(mesh_.triangles[t]);
+    part.points = mesh_.points;
+    std::vector<GapPart> failures = gap_failures(part, BallSet(balls), gap_, grain);
+    std::fill(open_.begin(), open_.end(), 0);
+    for (GapPart& failure : failures)
+      failure.triangle = triangle[failure.triangle], open_[failure.triangle] = 1;
+    last_ = std::move(balls);
+    return failures;
+  }
+
+ private:
+  // Opens the triangles that balls of the last cover reach which are not among these.
+  void reopen(const std::vector<Ball>& balls) {
+    const auto key = [](const Ball& b) {
+      return std::array{b.center.x(), b.center.y(), b.center.z(), b.radius};
+    };
+    std::set<std::array<double, 4>> now;
+    for (const Ball& ball : balls) now.insert(key(ball));
+    std::vector<Ball> gone;
+    for (const Ball& ball : last_)
+      if (!now.contains(key(ball))) gone.push_back(ball);
+    if (gone.empty()) return;
+    const BallSet set(gone);
+#pragma omp parallel for schedule(static) if (open_.size() > 4096)
+    for (std::size_t t = 0; t < open_.size(); t++) {
+      if (open_[t]) continue;
+      const Point center = (mesh_.corner(t, 0) + mesh_.corner(t, 1) + mesh_.corner(t, 2)) / 3;
+      double radius2 = 0;
+      for (int k = 0; k < 3; k++) radius2 = std::max(radius2, (mesh_.corner(t, k) - center).squaredNorm());
+      open_[t] = set.any_contains(center, -(std::sqrt(radius2) + gap_ + 1e-9));
+    }
+  }
+
+  const Mesh& mesh_;
+  const double gap_;
+  std::vector<char> open_;
+  std::vector<Ball> last_;
+};
 
 class CoverSearch {
  public:
   CoverSearch(const Surface& surface, const CoverOptions& options)
       : surface_(surface),
         mesh_(surface.mesh()),
-        protrusion_(std::min(options.protrusion, options.max_radius) * (1 - rounding)),
-        gap_(options.gap * (1 - rounding)),
-        tolerance_sum_(protrusion_ + gap_),
+        tolerance_sum_((options.protrusion + options.gap) * (1 - 2 * rounding)),
+        protrusion_(std::min(options.protrusion, options.max_radius) -
+                    rounding * (options.protrusion + options.gap)),
+        gap_(options.gap - rounding * (options.protrusion + options.gap)),
         min_radius_(options.min_radius),
         largest_(std::min(options.max_radius - protrusion_, surface.bounds().diagonal())),
-        large_(options.effort > 1 ? 0 : options.large),
-        plan_(plan_for(options.effort)),
-        problem_(gap_) {
+        effort_(std::clamp(options.effort, 0, 3)) {
     if (mesh_.triangles.empty()) throw Error("there is no surface to cover: the mesh has no triangles");
     if (!(tolerance_sum_ > 0)) throw Error("a cover needs a tolerance above 0");
   }
 
   Cover run() {
-    if (single()) return finish(true);
+    Attempt best{CoverProblem(gap_), {}, 0};
+    if (single(best)) return finish(best, true);
     SampleOptions sampling;
-    sampling.tolerance_sum = tolerance_sum_, sampling.largest = largest_,
-    sampling.fine_density = plan_.fine_density;
-    Samples samples = sample_surface(surface_, sampling);
+    sampling.tolerance_sum = tolerance_sum_, sampling.largest = largest_;
+    const Samples samples = sample_surface(surface_, sampling);
     std::vector<Candidate> candidates;
     for (const Sample& s : samples.grown) propose(s.point, s.triangle, s.ball, candidates);
-    problem_.add(with_margin(samples.coarse, margin), candidates);
-    solve(1);
-    for (int k = 0; k < plan_.moves; k++) {
-      move(plan_.places, {step_size, step_size});
-      if (k == 0) problem_.replace_points(with_margin(samples.fine, margin));
-      solve(1);
+    best.problem.add(with_margin(samples.coarse, greedy_margin), candidates);
+    solve(best, 0);
+    Attempt common = best;
+    bool covered = certify(best, 0, 0, &common.problem);
+    for (int k = 0; k < effort_; k++) {
+      const Stage& stage = stages[static_cast<std::size_t>(k)];
+      const std::uint64_t seed = static_cast<std::uint64_t>(k + 1) << 56;
+      Attempt next = merge(samples, search_side_by_side(common, best, stage, seed), best, stage, seed);
+      const bool next_covered = certify(next, certify_share * stage.steps, certify_places, nullptr);
+      if (next_covered == covered ? next.chosen.size() < best.chosen.size() : next_covered)
+        best = std::move(next), covered = next_covered;
     }
-    const bool large = plan_.moves > 0 && chosen_.size() > large_;
-    if (large) problem_.replace_points(with_margin(samples.fine, late_margin));
-    for (int k = 0; large && k < late_moves; k++) {
-      move(late_places, late_step_sizes);
-      solve(late_share);
-    }
-    // About ten rounds are enough, except beside surface that a radius limit leaves open: the cap is for
-    // that.
-    double share = 0.4;
-    for (int round = 0;; round++, share *= 0.7) {
-      const std::vector<GapPart> failures =
-          gap_failures(mesh_, BallSet(balls()), gap_, 0.25 * tolerance_sum_);
-      if (failures.empty()) return finish(true);
-      if (large && round < late_refinements) move(late_places, late_step_sizes);
-      if (round == most_rounds || !refine(failures)) return finish(false);
-      solve(share);
-    }
+    return finish(best, covered);
   }
 
  private:
-  void solve(double share) {
-    const Sets sets = problem_.sets();
-    SetCover cover(sets, problem_.points().size());
-    cover.greedy(chosen_);
-    chosen_ = cover.best();
-    if (!(plan_.steps > 0)) return;
-    std::vector<Point> places;
-    for (const Candidate& c : problem_.candidates()) places.push_back(c.ball.center);
+  // Chooses the fewest candidates, beginning with those that are chosen.
+  void solve(Attempt& attempt, double steps) const {
+    const Sets sets = attempt.problem.sets();
+    const std::size_t n = attempt.problem.points().size();
+    SetCover cover(sets, n);
+    cover.greedy(attempt.chosen);
+    attempt.chosen = cover.best();
+    if (!(steps > 0)) return;
+    std::vector<Point> centers;
+    for (const Candidate& c : attempt.problem.candidates()) centers.push_back(c.ball.center);
     BlockSearch search;
-    search.steps = share * plan_.steps, search.seed = ++seed_;
-    chosen_ = improve_in_blocks(sets, problem_.points().size(), places, chosen_, search);
+    search.steps = steps, search.seed = ++attempt.seed;
+    if (attempt.chosen.size() <= search.block) {
+      cover.improve(static_cast<std::uint64_t>(steps * static_cast<double>(attempt.chosen.size())),
+                    search.seed);
+      attempt.chosen = cover.best();
+      return;
+    }
+    attempt.chosen = improve_in_blocks(sets, n, centers, attempt.chosen, search);
   }
 
-  Ball medial(const Point& p, std::uint32_t triangle) const {
-    return inner_medial_ball(surface_, p, mesh_.area_normal(triangle).normalized(), largest_,
-                             medial_tolerance * tolerance_sum_);
+  // Searches from the same beginning with different random numbers. Returns the balls that each has chosen.
+  std::vector<std::vector<Candidate>> search_side_by_side(const Attempt& common, const Attempt& best,
+                                                          const Stage& stage, std::uint64_t seed) const {
+    const auto n = static_cast<double>(best.chosen.size());
+    const auto starts = static_cast<std::size_t>(
+        1 + std::lround((stage.starts - 1) * std::min(1.0, balls_for_all_starts / n)));
+    std::vector<std::vector<Candidate>> found(starts);
+    // Few balls make few blocks, so that whole searches run in parallel; of many balls the blocks do.
+#pragma omp parallel for schedule(dynamic, 1) if (n <= 2 * balls_for_all_starts)
+    for (std::size_t start = 0; start < starts; start++) {
+      Attempt attempt = common;
+      attempt.seed = seed + ((start + 1) << 48);
+      solve(attempt, stage.steps);
+      for (int k = 0; k < stage.moves; k++) {
+        move(attempt, places);
+        solve(attempt, stage.steps);
+      }
+      found[start] = attempt.chosen_candidates();
+    }
+    return found;
+  }
+
+  // Chooses again from what all searches have found.
+  Attempt merge(const Samples& samples, const std::vector<std::vector<Candidate>>& found, const Attempt& best,
+                const Stage& stage, std::uint64_t seed) const {
+    Attempt attempt{CoverProblem(gap_), {}, seed};
+    std::size_t fewest = 0;
+    for (std::size_t k = 0; k < found.size(); k++)
+      if (found[k].size() < found[fewest].size()) fewest = k;
+    std::vector<Candidate> pool = found[fewest];
+    attempt.chosen.resize(pool.size());
+    std::iota(attempt.chosen.begin(), attempt.chosen.end(), 0u);
+    for (std::size_t k = 0; k < found.size(); k++)
+      if (k != fewest) pool.insert(pool.end(), found[k].begin(), found[k].end());
+    const std::vector<Candidate> known = best.chosen_candidates();
+    pool.insert(pool.end(), known.begin(), known.end());
+    attempt.problem.add(with_margin(samples.fine, stage.margin), pool);
+    solve(attempt, stage.steps);
+    for (int k = 0; k < merge_moves; k++) {
+      move(attempt, places);
+      solve(attempt, stage.steps);
+    }
+    return attempt;
+  }
+
+  // Adds the spots that the certificate finds, until none is left. Returns false if the radius limits leave
+  // some. `also` gets the same points and balls.
+  bool certify(Attempt& attempt, double steps, int tries, CoverProblem* also) const {
+    OpenTriangles open(mesh_, gap_);
+    // About ten rounds are enough, except beside surface that a radius limit leaves open: the cap is for
+    // that.
+    for (int round = 0;; round++, steps *= certify_decay) {
+      const std::vector<GapPart> failures = open.failures(attempt.balls(), 0.25 * tolerance_sum_);
+      if (failures.empty()) return true;
+      if (round < certify_moves && tries > 0) move(attempt, tries);
+      if (round == most_rounds || !refine(attempt.problem, failures, also)) return false;
+      solve(attempt, steps);
+    }
+  }
+
+  Ball medial(const Point& p, std::uint32_t triangle, double guess = 0) const {
+    const Vector normal = mesh_.area_normal(triangle).normalized();
+    const Ball ball =
+        inner_medial_ball(surface_, p, normal, largest_, medial_tolerance * tolerance_sum_, guess);
+    if (ball.radius + protrusion_ > 0) return ball;
+    // In a sharp corner no ball inside the body touches p. But one covers it whose centre is pushed off the
+    // walls there, of which there may be three, by a part of the gap each.
+    for (double push = 0.25 * gap_; push > 1e-4 * gap_; push *= 0.5) {
+      Point c = p - push * normal;
+      for (int wall = 0; wall < 3; wall++) {
+        const Nearest at = surface_.signed_nearest(c);
+        if (-at.distance >= 0.1 * push) return {c, -at.distance};
+        c -= push * at.normal;
+      }
+    }
+    return ball;
   }
 
   // Adds the medial ball, dilated by the whole protrusion, unless it is too small.
   void propose(const Point& p, std::uint32_t triangle, const Ball& medial,
                std::vector<Candidate>& candidates) const {
     const double radius = medial.radius + protrusion_;
-    if (radius >= min_radius_) candidates.push_back({{medial.center, radius}, medial.radius, p, triangle});
+    if (radius > 0 && radius >= min_radius_)
+      candidates.push_back({{medial.center, radius}, medial.radius, p, triangle});
   }
 
   static std::vector<CoverPoint> with_margin(std::vector<CoverPoint> points, double share) {
@@ -128,16 +271,10 @@ class CoverSearch {
     return points;
   }
 
-  std::vector<Ball> balls() const {
-    std::vector<Ball> balls;
-    for (auto k : chosen_) balls.push_back(problem_.candidates()[k].ball);
-    return balls;
-  }
-
   // Tries one ball for everything. No cover is smaller, and this must come before any step whose cost grows
   // with the area: on a fine sphere every triangle is equally near to the centre, which makes each query
   // slow.
-  bool single() {
+  bool single(Attempt& attempt) const {
     Random random(1);
     for (int k = 0; k < 4; k++) {
       const auto t = static_cast<std::uint32_t>(random.below(mesh_.triangles.size()));
@@ -154,39 +291,40 @@ class CoverSearch {
         if (!all) break;
       }
       if (!all) continue;
-      problem_.add({}, candidates);
-      chosen_ = {0};
+      attempt.problem.add({}, candidates);
+      attempt.chosen = {0};
       return true;
     }
     return false;
   }
 
   // Makes the next problem: the chosen balls, and new medial balls at places around theirs. The places lie up
-  // to away[0] and away[1], in turn, of the covered disc's radius from the place of the chosen ball.
-  void move(int tries, std::array<double, 2> away) {
-    const std::size_t n = chosen_.size() * static_cast<std::size_t>(tries);
-    const std::uint64_t seed = ++moves_ << 40;
-    std::vector<Sample> places(n);
+  // to a share of the covered disc's radius from the place of the chosen ball.
+  void move(Attempt& attempt, int tries) const {
+    const std::size_t n = attempt.chosen.size() * static_cast<std::size_t>(tries);
+    const std::uint64_t seed = Random(++attempt.seed).next();
+    std::vector<Sample> grown(n);
 #pragma omp parallel for schedule(dynamic, 16) if (n > 64)
     for (std::size_t k = 0; k < n; k++) {
-      const Candidate& c = problem_.candidates()[chosen_[k / static_cast<std::size_t>(tries)]];
+      const Candidate& c = attempt.problem.candidates()[attempt.chosen[k / static_cast<std::size_t>(tries)]];
       Random random(seed + k);
-      const double most = away[k % 2] * covered_disc(c.inner_distance, tolerance_sum_);
+      const double most = step_sizes[k % 2] * covered_disc(c.inner_distance, tolerance_sum_);
       Vector step;
       for (int axis = 0; axis < 3; axis++) step[axis] = (2 * random.uniform() - 1) * most;
       const Nearest at = surface_.nearest(c.point + step);
-      places[k] = {at.point, at.triangle, medial(at.point, at.triangle)};
+      grown[k] = {at.point, at.triangle,
+                  medial(at.point, at.triangle, 1.1 * c.inner_distance + 0.5 * tolerance_sum_)};
     }
     std::vector<Candidate> fresh;
-    for (const Sample& s : places) propose(s.point, s.triangle, s.ball, fresh);
-    problem_.keep(chosen_);
-    std::iota(chosen_.begin(), chosen_.end(), 0u);
-    problem_.add({}, fresh);
+    for (const Sample& s : grown) propose(s.point, s.triangle, s.ball, fresh);
+    attempt.problem.keep(attempt.chosen);
+    std::iota(attempt.chosen.begin(), attempt.chosen.end(), 0u);
+    attempt.problem.add({}, fresh);
   }
 
   // Adds the worst failures as points to cover, each with a ball of its own that covers it. Returns false if
   // the radius limits allow no such ball.
-  bool refine(const std::vector<GapPart>& failures) {
+  bool refine(CoverProblem& problem, const std::vector<GapPart>& failures, CoverProblem* also) const {
     std::vector<std::uint32_t> order(failures.size());
     std::iota(order.begin(), order.end(), 0u);
     std::stable_sort(order.begin(), order.end(),
@@ -216,29 +354,26 @@ class CoverSearch {
       const double spare = failures[taken[k]].value > gap_ ? 0 : 0.01 * tolerance_sum_;
       if (candidates.size() > before) fresh.push_back({points[taken[k]], spare});
     }
-    problem_.add(fresh, candidates);
+    problem.add(fresh, candidates);
+    if (also) also->add(fresh, candidates);
     return !fresh.empty();
   }
 
-  Cover finish(bool covered) const {
+  Cover finish(const Attempt& attempt, bool covered) const {
     Cover cover;
-    cover.balls = balls(), cover.covered = covered;
+    cover.balls = attempt.balls(), cover.covered = covered;
     if (covered) {
       const ProtrusionBound bound = protrusion_bound(surface_, cover.balls);
       cover.proved = bound.proved && bound.max <= protrusion_ + rounding * tolerance_sum_;
     }
-    for (auto k : chosen_) cover.triangle.push_back(problem_.candidates()[k].triangle);
+    for (const Candidate& c : attempt.chosen_candidates()) cover.triangle.push_back(c.triangle);
     return cover;
   }
 
   const Surface& surface_;
   const Mesh& mesh_;
-  const double protrusion_, gap_, tolerance_sum_, min_radius_, largest_;
-  const std::size_t large_;
-  const EffortPlan plan_;
-  CoverProblem problem_;
-  std::vector<std::uint32_t> chosen_;
-  std::uint64_t seed_ = 0, moves_ = 0;  // used so far
+  const double tolerance_sum_, protrusion_, gap_, min_radius_, largest_;
+  const int effort_;
 };
 
 }  // namespace
@@ -250,19 +385,19 @@ Cover cover_surface(const Surface& surface, const CoverOptions& options) {
 std::vector<std::uint32_t> thin_balls(const Surface& surface, const std::vector<Ball>& balls, double gap,
                                       int effort) {
   const double bound = gap * (1 - rounding);
-  const EffortPlan plan = plan_for(effort);
+  const double steps = effort > 0 ? 2 * stages[static_cast<std::size_t>(std::min(effort, 3) - 1)].steps : 0;
   std::vector<Candidate> candidates(balls.size());
 #pragma omp parallel for schedule(dynamic, 64)
   for (std::size_t k = 0; k < balls.size(); k++)
     candidates[k] = {balls[k], std::max(0.0, -surface.signed_nearest(balls[k].center).distance),
                      balls[k].center, 0};
   SampleOptions sampling;
-  sampling.tolerance_sum = gap, sampling.coarse_density = sampling.fine_density = plan.fine_density;
+  sampling.tolerance_sum = gap, sampling.coarse_density = sampling.fine_density = effort > 0 ? 6 : 4;
   // What these balls cover depends on their sizes and not on the local thickness.
   sampling.largest = 0;
   for (const Candidate& c : candidates) sampling.largest = std::max(sampling.largest, c.inner_distance);
   Samples samples = sample_surface(surface, sampling);
-  for (CoverPoint& point : samples.fine) point.margin *= margin;
+  for (CoverPoint& point : samples.fine) point.margin *= thinning_margin;
   CoverProblem problem(bound);
   problem.add(samples.fine, candidates);
 
@@ -275,9 +410,9 @@ std::vector<std::uint32_t> thin_balls(const Surface& surface, const std::vector<
     SetCover cover(sets, problem.points().size());
     cover.greedy(chosen);
     chosen = cover.best();
-    if (plan.steps > 0)
+    if (steps > 0)
       chosen = improve_in_blocks(sets, problem.points().size(), places, chosen,
-                                 {.steps = plan.steps * std::pow(0.7, round - 1), .seed = round});
+                                 {.steps = steps * std::pow(0.7, round - 1), .seed = round});
     std::vector<Ball> kept;
     for (auto k : chosen) kept.push_back(balls[k]);
     // Where the chosen balls leave a gap that others would close, those spots become points to cover. Beside

@@ -9,14 +9,15 @@ namespace padder {
 // Lengths are in the surface's unit. The search is made for surfaces of about unit size near the origin.
 struct CoverOptions {
   double protrusion = 0;  // no ball may stand out of the body by more
-  double gap = 0;  // no surface point may lie farther outside the union; the sum of both must be above 0
+  // No surface point may lie farther outside the union. Below 0, each lies so deep inside a ball. The sum of
+  // both must be above 0.
+  double gap = 0;
   // Surface that only smaller balls could cover stays open, and the result is not proved.
   double min_radius = 0;
   double max_radius = std::numeric_limits<double>::infinity();
-  int effort = 1;  // 0: greedy only. 1: local search. 2 and 3: finer, each takes about twice as long
-  // A cover of more balls than this is searched longer, which saves 8 % of them. Efforts 2 and 3 always do
-  // so.
-  std::size_t large = 1000;
+  // 0: greedy only. 1: local search. 2 and 3 go on from what the effort before has found, so they never give
+  // more balls; each takes about three times as long.
+  int effort = 1;
 };
 
 // What cover_surface() found.

@@ -17,8 +17,15 @@ namespace {
 }
 
 void check_options(const Length& tolerance, const CoverMeshOptions& options) {
-  if (!(tolerance.value() > 0) || !std::isfinite(tolerance.value()))
+  const bool needed = !(options.protrusion && options.gap);
+  if (!(tolerance.value() > 0 || (!needed && tolerance.value() == 0)) || !std::isfinite(tolerance.value()))
     fail(options, "the tolerance must be positive and finite");
+  for (const auto& l : {options.protrusion, options.gap})
+    if (l && (!(l->value() >= 0) || !std::isfinite(l->value())))
+      fail(options, "a protrusion and a gap must be 0 or positive, and finite");
+  if (!options.protrusion.value_or(tolerance).given() && !options.gap.value_or(tolerance).given())
+    fail(options,
+         "spheres that neither stand out of the body nor leave a gap do not exist: allow one of both errors");
   for (const Length* radius : {&options.min_radius, &options.max_radius})
     if (!(radius->value() >= 0) || !std::isfinite(radius->value()))
       fail(options, "a limit of the radius must be positive and finite");
@@ -38,7 +45,9 @@ void check_indices(const Mesh& mesh, const CoverMeshOptions& options) {
 
 std::string settings_json(const Length& tolerance, const CoverMeshOptions& options, double diagonal) {
   nlohmann::ordered_json j;
-  j["tolerance"] = tolerance.absolute(diagonal);
+  if (tolerance.given()) j["tolerance"] = tolerance.absolute(diagonal);
+  if (options.protrusion) j["protrusion"] = options.protrusion->absolute(diagonal);
+  if (options.gap) j["gap"] = options.gap->absolute(diagonal);
   if (options.min_radius.given()) j["min_radius"] = options.min_radius.absolute(diagonal);
   if (options.max_radius.given()) j["max_radius"] = options.max_radius.absolute(diagonal);
   j["effort"] = options.effort;
@@ -67,20 +76,27 @@ Cluster cover_mesh(const Mesh& mesh, const Length& tolerance, const CoverMeshOpt
   const auto in_unit_frame = [&](const Length& l) { return l.absolute(frame.scale()) / frame.scale(); };
   CullOptions culling;
   culling.tolerance = in_unit_frame(tolerance);
+  const double protrusion = in_unit_frame(options.protrusion.value_or(tolerance));
+  const double gap = in_unit_frame(options.gap.value_or(tolerance));
+  const bool each_error = options.protrusion || options.gap;
+  if (each_error) culling.only_protrusion = protrusion, culling.only_gap = gap;
   culling.min_radius = in_unit_frame(options.min_radius);
   if (options.max_radius.given()) culling.max_radius = in_unit_frame(options.max_radius);
   culling.effort = options.effort;
   const Culled culled = cull(surface, culling);
-  const Measured measured = measure(body.mesh, body, surface, culled.balls, {.floor = culling.tolerance});
+  const Measured measured = measure(body.mesh, body, surface, culled.balls, {.floor = gap});
 
   for (const Ball& ball : culled.balls) {
     cluster.centers.push_back(frame.back(ball.center));
     cluster.radii.push_back(ball.radius * frame.scale());
   }
   cluster.triangle.assign(culled.triangle.begin(), culled.triangle.end());
+  const double rounding = 1e-9 * (protrusion + gap);  // scaling to another unit costs the last digits
+  const bool kept = measured.accuracy.protrusion_max <= protrusion + rounding &&
+                    measured.accuracy.gap_max <= gap + rounding && (!each_error || gap > 0 || culled.filled);
   cluster.accuracy = frame.back(measured.accuracy);
-  cluster.accuracy.certified = measured.accuracy.proved_against == SurfaceKind::input &&
-                               measured.outside == 0 && within(measured.accuracy, culling.tolerance);
+  cluster.accuracy.certified =
+      measured.accuracy.proved_against == SurfaceKind::input && measured.outside == 0 && kept;
   cluster.volume_union = frame.back_volume(measured.volume_union);
   cluster.mass = frame.back(mass);
   cluster.name = options.name;

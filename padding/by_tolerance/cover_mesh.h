@@ -3,6 +3,7 @@
 // the tolerance out, with a proof that they do. It needs Eigen and nothing of CGAL or assimp. For mesh files
 // that need repair, for open surfaces, counts and levels of detail see pad() in padding/pad.h.
 #pragma once
+#include <optional>
 #include <string>
 
 #include "padding/asset/cluster.h"
@@ -15,7 +16,11 @@ struct CoverMeshOptions {
   std::string name = "mesh";      // the part's name, in the cluster and in error messages
   std::string unit;               // "m", "cm", "mm", "in", or "": unknown; only stored in the cluster
   Length min_radius, max_radius;  // not given: no limit
-  int effort = 1;                 // 0 to 3: a longer search finds fewer spheres, up to about 10 % each step
+  // Each error by itself; what is not given is the tolerance, which may be left out (Length()) where both
+  // are. A gap of Length::of(0) covers the body and not only its surface; a protrusion of 0 leaves all
+  // spheres inside it.
+  std::optional<Length> protrusion, gap;
+  int effort = 1;  // 0 to 3: a longer search finds fewer spheres, up to about 10 % each step
 };
 
 // What the mesh must be:
@@ -29,8 +34,8 @@ struct CoverMeshOptions {
 // * the mass properties of the body at density 1;
 // * the accuracy. accuracy.certified says that this is proved: no sphere stands out of the body by more than
 //   the tolerance (protrusion_max), and no point of the surface lies outside the union of the spheres by more
-//   (gap_max). It is false only when a radius limit left some of the surface open, or when a part of the mesh
-//   faces inward. docs/tolerance.md has the proofs.
+//   (gap_max); with a gap of 0, no point of the body does. It is false only when a radius limit left some of
+//   the surface open, or when a part of the mesh faces inward. docs/tolerance.md has the proofs.
 //
 // The same mesh and options give the same cluster bit for bit, for any number of threads.
 //

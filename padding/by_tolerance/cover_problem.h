@@ -3,11 +3,13 @@
 // covers which point.
 #pragma once
 #include <cstdint>
+#include <memory>
 #include <vector>
 
 #include "padding/by_tolerance/samples.h"
 #include "padding/by_tolerance/set_cover.h"
 #include "padding/geometry/balls.h"
+#include "padding/geometry/point_tree.h"
 
 namespace padder {
 
@@ -36,10 +38,17 @@ class CoverProblem {
   const std::vector<Candidate>& candidates() const { return candidates_; }
 
  private:
+  // Points that were added together. Copies of a problem share the trees.
+  struct Group {
+    std::size_t first;  // index of its first point
+    std::shared_ptr<const PointTree> tree;
+  };
+  void add_group(std::size_t first);
   void find_covered(std::size_t first_candidate, std::size_t first_point);
 
   double gap_;
   std::vector<CoverPoint> points_;
+  std::vector<Group> groups_;
   std::vector<Candidate> candidates_;
   std::vector<std::vector<std::uint32_t>> covered_;  // for each candidate, the points that it covers
 };

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "padding/asset/error.h"
+#include "padding/by_tolerance/fill.h"
 #include "padding/verify/union_shape.h"
 
 namespace padder {
@@ -12,6 +13,7 @@ namespace {
 
 constexpr double largest_error = 0.5;    // of the diagonal: any ball inside the body covers everything
 constexpr double smallest_error = 2e-4;  // of the diagonal: a search for a count goes no lower
+constexpr double cover_depth = 0.01;     // share of the protrusion, where no gap is allowed
 // Half of what is promised. The other half is for errors of the estimate.
 constexpr double volume_goal = 0.005;
 
@@ -21,6 +23,7 @@ class CullSearch {
       : surface_(surface), options_(options), diagonal_(surface.bounds().diagonal()) {}
 
   Culled run() {
+    if (options_.only_protrusion && options_.only_gap) return each_by_itself();
     if (!(options_.tolerance > 0) && options_.max_spheres == 0)
       throw Error("neither a tolerance nor a number of spheres is given: give one of them");
     Culled culled;
@@ -52,14 +55,38 @@ class CullSearch {
   }
 
  private:
+  CoverOptions cover_options(double protrusion, double gap) const {
+    CoverOptions options;
+    options.protrusion = protrusion, options.gap = gap;
+    options.min_radius = options_.min_radius, options.max_radius = options_.max_radius;
+    options.effort = options_.effort;
+    return options;
+  }
+
+  Culled each_by_itself() {
+    const double protrusion = *options_.only_protrusion, gap = *options_.only_gap;
+    // Without a gap, the surface is covered a little deeper than it must be: the proof that the inside is
+    // covered, too, would else have to look at the surface without end.
+    const double depth = gap > 0 ? 0 : cover_depth * protrusion;
+    cover_ = cover_surface(surface_, cover_options(protrusion, gap - depth));
+    Culled culled;
+    culled.balls = cover_.balls, culled.triangle = cover_.triangle;
+    culled.protrusion = protrusion, culled.gap = gap;
+    culled.covered = cover_.covered, culled.proved = cover_.proved;
+    if (!(depth > 0) || !cover_.covered) return culled;
+    FillOptions filling{.depth = depth * (1 - 1e-6), .protrusion = protrusion * (1 - 1e-9)};
+    filling.min_radius = options_.min_radius, filling.max_radius = options_.max_radius;
+    const Filled filled = fill_body(surface_, BallSet(cover_.balls), filling);
+    culled.balls.insert(culled.balls.end(), filled.balls.begin(), filled.balls.end());
+    culled.triangle.insert(culled.triangle.end(), filled.triangle.begin(), filled.triangle.end());
+    culled.filled = filled.covered;
+    return culled;
+  }
+
   // Makes cover_ the cover for this tolerance sum, unless it is so already.
   void cover(double tolerance_sum) {
     if (tolerance_sum == tolerance_sum_) return;
-    CoverOptions options;
-    options.protrusion = options.gap = 0.5 * tolerance_sum;
-    options.min_radius = options_.min_radius, options.max_radius = options_.max_radius;
-    options.effort = options_.effort;
-    cover_ = cover_surface(surface_, options);
+    cover_ = cover_surface(surface_, cover_options(0.5 * tolerance_sum, 0.5 * tolerance_sum));
     tolerance_sum_ = tolerance_sum;
   }
 

@@ -24,6 +24,10 @@ std::optional<Balance> balance_of(std::string_view name);  // "none", "volume", 
 // Lengths are in the surface's unit. The search is made for surfaces of about unit size near the origin.
 struct CullOptions {
   double tolerance = 0;  // of protrusion and gap; 0: not given, max_spheres decides
+  // Each error by itself. Where both are given, they replace the tolerance, and nothing else may be asked for
+  // but radius limits and effort. A gap of 0 also covers the inside of the body, with balls that fill its
+  // hollows; a protrusion of 0 leaves all balls inside the body. At least one of them is above 0.
+  std::optional<double> only_protrusion, only_gap;
   // 0: no limit; else the smallest error that so many can keep, but at least `tolerance`
   std::uint64_t max_spheres = 0;
   double min_radius = 0;
@@ -41,6 +45,7 @@ struct Culled {
   bool covered = false;     // the gap is kept everywhere; false only where radius limits forbid a cover
   bool proved = false;      // both bounds hold; never on an open surface, nor where it faces inward
   bool within = true;       // false when max_spheres was too few for the tolerance
+  bool filled = false;      // proved: no point of the body lies outside the balls; only for a gap of 0
   double normal_error = 0;  // estimate, degrees; only when `smooth` was asked for
   double volume_ratio = 0;  // estimate of the union's volume over the body's; only for Balance::volume
 };

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <string>
+#include <unordered_set>
 
 #include "padding/asset/error.h"
 #include "padding/geometry/medial.h"
@@ -18,10 +19,16 @@ constexpr double medial_tolerance = 0.05;  // share of the tolerance sum: by so 
 
 constexpr std::size_t most_parts = 20'000'000;  // about 2 GB
 
+std::string too_small() {
+  return "the tolerance is too small for this mesh: its surface would have to be cut into more than " +
+         std::to_string(most_parts / 1000000) + " million parts: use a larger tolerance";
+}
+
 // What samples stand apart is compared with the longest edge of a part. The parts of a triangle that is
 // bisected are on the whole about a third smaller than that.
 struct SamplePart : TrianglePart {
-  double disc = 0;  // radius of the disc that the ball grown nearby covers
+  double disc = 0;    // radius of the disc that the ball grown nearby covers
+  double radius = 0;  // of a medial ball nearby, or 0: not known
 };
 
 // Finds the parts whose centroids lie near that of a given part and whose normals are similar. Comparing the
@@ -55,6 +62,56 @@ void split_into(const SamplePart& part, std::vector<SamplePart>& parts) {
   for (const SamplePart& half : bisect(part)) parts.push_back(half);
 }
 
+// Cuts slivers, which are thinner than the spacing of the samples, across their length. A mesh may have
+// thousands of them side by side, each as long as the part. So of the pieces that lie in one cell of a grid
+// and face alike only the first is kept: their number then follows the area of the surface, and not the
+// length of the slivers.
+class SliverParts {
+ public:
+  explicit SliverParts(double cell) : cell_(cell) {}
+
+  void add(const SamplePart& sliver, const Vector& normal, std::vector<SamplePart>& parts) {
+    const auto [length2, from] = sliver.longest_edge();
+    const Point &a = sliver.corner[from], &b = sliver.corner[(from + 1) % 3],
+                &c = sliver.corner[(from + 2) % 3];
+    const double top = (c - a).dot(b - a) / length2;  // where on the longest edge the third corner stands
+    const auto pieces = static_cast<std::int64_t>(std::ceil(std::sqrt(length2) / cell_));
+    steps_ += static_cast<double>(pieces);
+    if (steps_ > most_steps) throw Error(too_small());
+    int axis;
+    normal.cwiseAbs().maxCoeff(&axis);
+    const int side = 2 * axis + (normal[axis] < 0);
+    const auto across = [&](double at) {  // on the two shorter edges
+      return at < top ? Point(a + at / top * (c - a))
+                      : Point(b + (1 - at) / std::max(1 - top, 1e-12) * (c - b));
+    };
+    for (std::int64_t k = 0; k < pieces; k++) {
+      const double begin = static_cast<double>(k) / static_cast<double>(pieces);
+      const double end = static_cast<double>(k + 1) / static_cast<double>(pieces);
+      SamplePart piece = sliver;
+      piece.corner = {Point(a + begin * (b - a)), Point(a + end * (b - a)), across(0.5 * (begin + end))};
+      const Point at = piece.centroid() / cell_;
+      const std::array<std::int64_t, 4> key = {std::llround(at.x()), std::llround(at.y()),
+                                               std::llround(at.z()), side};
+      if (taken_.insert(key).second) parts.push_back(piece);
+    }
+  }
+
+ private:
+  static constexpr double most_steps = 1e8;  // some 10 s
+
+  struct Hash {
+    std::size_t operator()(const std::array<std::int64_t, 4>& key) const {
+      std::uint64_t h = 0;
+      for (auto k : key) h = Random(h ^ static_cast<std::uint64_t>(k)).next();
+      return h;
+    }
+  };
+  const double cell_;
+  double steps_ = 0;
+  std::unordered_set<std::array<std::int64_t, 4>, Hash> taken_;
+};
+
 class Sampler {
  public:
   Sampler(const Surface& surface, const SampleOptions& options)
@@ -75,16 +132,15 @@ class Sampler {
 
  private:
   double part_size(double disc, double density) const { return 1.43 * disc / density; }
-  Ball ball_at(const Point& p, std::uint32_t triangle) const {
-    return inner_medial_ball(surface_, p, surface_.mesh().area_normal(triangle).normalized(), largest_,
-                             medial_tolerance * options_.tolerance_sum);
+  Ball ball_at(const SamplePart& part) const {
+    const double guess = part.radius > 0 ? 1.2 * part.radius + options_.tolerance_sum : 0;
+    return inner_medial_ball(surface_, part.centroid(),
+                             surface_.mesh().area_normal(part.triangle).normalized(), largest_,
+                             medial_tolerance * options_.tolerance_sum, guess);
   }
 
   static void check(double parts) {
-    if (parts > static_cast<double>(most_parts))
-      throw Error(
-          "the tolerance is too small for this mesh: its surface would have to be cut into more than " +
-          std::to_string(most_parts / 1000000) + " million parts: use a larger tolerance");
+    if (parts > static_cast<double>(most_parts)) throw Error(too_small());
   }
 
   // Bisects the triangles until the size of each part is about the spacing of the balls there.
@@ -96,10 +152,19 @@ class Sampler {
     const double finest = wanted(0), coarsest = wanted(largest_);
     check(mesh.area() / (coarsest * coarsest));
     std::vector<SamplePart> level, done, next;
-    for (std::size_t t = 0; t < mesh.triangles.size(); t++)
-      if (mesh.area_normal(t).squaredNorm() > 0)
-        level.push_back(
-            {{{mesh.corner(t, 0), mesh.corner(t, 1), mesh.corner(t, 2)}, static_cast<std::uint32_t>(t)}});
+    SliverParts slivers(0.5 * finest);
+    for (std::size_t t = 0; t < mesh.triangles.size(); t++) {
+      const Vector normal = mesh.area_normal(t);  // as long as twice the area
+      if (!(normal.squaredNorm() > 0)) continue;
+      const SamplePart part{
+          {{mesh.corner(t, 0), mesh.corner(t, 1), mesh.corner(t, 2)}, static_cast<std::uint32_t>(t)}};
+      const double size = part.size();
+      if (size > finest && normal.norm() < 0.25 * finest * size)
+        slivers.add(part, normal, done);
+      else
+        level.push_back(part);
+    }
+    check(static_cast<double>(done.size()));
     std::vector<char> split;
     for (; !level.empty(); level.swap(next)) {
       split.assign(level.size(), 0);
@@ -108,8 +173,8 @@ class Sampler {
         const double size = level[k].size();
         if (size <= finest) continue;
         // Near the finest size, splitting costs less than finding the ball.
-        split[k] = size < 2.5 * finest || size > coarsest ||
-                   size > wanted(ball_at(level[k].centroid(), level[k].triangle).radius);
+        split[k] = size < 2.5 * finest || size > coarsest;
+        if (!split[k]) level[k].radius = ball_at(level[k]).radius, split[k] = size > wanted(level[k].radius);
       }
       next.clear();
       for (std::size_t k = 0; k < level.size(); k++) {
@@ -138,8 +203,7 @@ class Sampler {
         if (!gone[order[at]]) batch.push_back(order[at]);
       balls.resize(batch.size());
 #pragma omp parallel for schedule(dynamic, 4) if (batch.size() > 32)
-      for (std::size_t k = 0; k < batch.size(); k++)
-        balls[k] = ball_at(near.point(batch[k]), parts[batch[k]].triangle);
+      for (std::size_t k = 0; k < batch.size(); k++) balls[k] = ball_at(parts[batch[k]]);
       for (std::size_t k = 0; k < batch.size(); k++) {
         if (gone[batch[k]]) continue;
         grown.push_back({near.point(batch[k]), parts[batch[k]].triangle, balls[k]});

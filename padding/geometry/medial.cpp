@@ -8,13 +8,13 @@ namespace padder {
 namespace {
 
 Ball ball_below(const Surface& surface, const Point& p, const Vector& normal, double largest,
-                double tolerance) {
+                double tolerance, double guess) {
   // In practice a step at least halves the surplus, but on noisy surfaces the steps may be tiny. After so
   // many steps the radius also falls by a fixed share, so the loop ends at r <= tolerance at the latest.
   constexpr int patience = 24;
   // Starts with a ball of a few tolerances and doubles it while it is empty. The largest ball would start far
   // outside a thin body, where queries cost most.
-  double r = std::min(largest, std::max(32 * tolerance, largest / 64));
+  double r = std::min(largest, guess > 0 ? guess : std::max(32 * tolerance, largest / 64));
   bool growing = r < largest;
   for (int step = 0; r > tolerance;) {
     const Point c = p - r * normal;
@@ -34,7 +34,8 @@ Ball ball_below(const Surface& surface, const Point& p, const Vector& normal, do
   }
   const Point c = p - r * normal;
   const Nearest at = surface.signed_nearest(c);
-  if (at.distance > 0) return {p, 0};
+  // Beside a sheet there is no room inside; the ball sits on it.
+  if (at.distance > 0) return {p, surface.half_thickness(surface.nearest(p).triangle)};
   const double radius = -at.distance;
   if (!(r <= radius + tolerance)) return {p, 0};
   return {c, radius};
@@ -43,12 +44,12 @@ Ball ball_below(const Surface& surface, const Point& p, const Vector& normal, do
 }  // namespace
 
 Ball inner_medial_ball(const Surface& surface, const Point& p, const Vector& normal, double largest,
-                       double tolerance) {
-  if (!surface.has_inside()) return {p, 0};
-  const Ball ball = ball_below(surface, p, normal, largest, tolerance);
+                       double tolerance, double guess) {
+  if (!surface.has_inside()) return {p, surface.half_thickness(0)};
+  const Ball ball = ball_below(surface, p, normal, largest, tolerance, guess);
   if (!surface.hull()) return ball;
   // Triangles in a hull may be turned at random.
-  const Ball other = ball_below(surface, p, -normal, largest, tolerance);
+  const Ball other = ball_below(surface, p, -normal, largest, tolerance, guess);
   return other.radius > ball.radius ? other : ball;
 }
 

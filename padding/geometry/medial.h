@@ -22,8 +22,9 @@ namespace padder {
 // In a surface with a hull (Surface::hull) the ball is the larger of those on both sides of p, its radius is
 // what Surface::signed_nearest gives, and without such a ball the answer is also {p, 0}.
 //
-// Costs a few nearest-point queries, typically 4 to 8.
+// `guess` is where the search for the radius begins, or 0: a radius that is a little larger than the one to
+// be found saves queries. Costs a few nearest-point queries, typically 4 to 8.
 Ball inner_medial_ball(const Surface& surface, const Point& p, const Vector& normal, double largest,
-                       double tolerance);
+                       double tolerance, double guess = 0);
 
 }  // namespace padder

@@ -72,12 +72,17 @@ struct Repaired {
   // the parts of it that bound the body, cut where they cross, and behind them `sheet` triangles.
   std::optional<Mesh> solid;
   std::size_t sheet = 0;
+  double thickness = 0;  // of the sheet
   // Exact predicates have shown that the surface is closed, oriented outward and free of self-intersections.
   // Then the pseudonormal tells the side of a point, which costs less than the winding number.
   bool checked = false;
 
   SideBy side() const { return checked ? SideBy::pseudonormal : SideBy::winding; }
-  Surface surface() const { return Surface(mesh, side(), solid ? &*solid : nullptr); }
+  Surface surface() const {
+    Surface out(mesh, side(), solid ? &*solid : nullptr);
+    if (sheet > 0) out.set_sheet(mesh.triangles.size() - sheet, thickness);
+    return out;
+  }
   // The part of `mesh` that bounds the body.
   Mesh boundary() const {
     Mesh out = mesh;

@@ -221,8 +221,7 @@ std::uint32_t Surface::build(std::vector<Node>& nodes, std::vector<std::uint32_t
                                                          [&](auto t) { return bin_of(t) < split; }) -
                                           order.begin());
   }
-  // Very uneven splits could make the tree as deep as there are triangles. Where one side would get less than
-  // 1/32, the median splits instead.
+  // Uneven splits could make the tree as deep as there are triangles: below 1/32 the median splits instead.
   const std::uint32_t smaller = std::min(middle - begin, end - middle);
   if (smaller == 0 || (end - begin > 4 * leaf_size && smaller < (end - begin) / 32)) {
     middle = begin + (end - begin) / 2;
@@ -356,7 +355,11 @@ double Surface::distance_to(std::uint32_t triangle, const Point& p) const {
 double Surface::certified_distance(const Point& p) const {
   const auto winding = winding_number(p);
   const bool inside = winding && *winding > 0;
-  if (!hull()) return inside ? -clearance(p).distance : nearest(p).distance;
+  if (!hull() && inside) return -clearance(p).distance;
+  if (!hull()) {
+    const Nearest at = nearest(p);
+    return at.distance - half_thickness(at.triangle);
+  }
   const double apart = nearest(p).distance;
   return inside ? std::min(apart, -clearance(p).distance) : apart;
 }
@@ -391,7 +394,7 @@ Nearest Surface::signed_nearest(const Point& p) const {
   bool inside = (p - best.point).dot(best.normal) < 0;
   if (side_ == SideBy::winding && best.distance > 0)
     if (const auto winding = winding_number(p)) inside = *winding > 0;
-  if (inside) best.distance = -best.distance;
+  best.distance = inside ? -best.distance : best.distance - half_thickness(best.triangle);
   return best;
 }
 

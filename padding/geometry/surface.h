@@ -44,6 +44,15 @@ class Surface {
   // triangles, which may be open, crossed or turned at random. The hull says what is inside.
   Surface(Surface triangles, std::shared_ptr<const Surface> hull);
 
+  // From triangle `first` on, `mesh` is a sheet: the body has half of the thickness on either side of it, and
+  // signed_nearest() and certified_distance() are less by that where nothing else is inside.
+  void set_sheet(std::size_t first, double thickness) {
+    first_sheet_ = first, half_thickness_ = 0.5 * thickness;
+  }
+  double half_thickness(std::uint32_t triangle) const {
+    return triangle >= first_sheet_ ? half_thickness_ : 0;
+  }
+
   // The nearest point, if it is closer than `limit`. Otherwise the distance stays infinite.
   Nearest nearest(const Point& p, double limit = std::numeric_limits<double>::infinity()) const;
 
@@ -118,6 +127,8 @@ class Surface {
   void find_normals();
 
   Mesh mesh_;
+  std::size_t first_sheet_ = std::numeric_limits<std::size_t>::max();
+  double half_thickness_ = 0;
   SideBy side_;
   std::shared_ptr<const Surface> solid_;
   Box bounds_;

@@ -44,7 +44,7 @@ class Needs {
 
 }  // namespace
 
-Triangles close_cracks(const Mesh& mesh, std::vector<DirectedEdge>& missing, double width, double& widest) {
+std::vector<CrackTriangle> close_cracks(const Mesh& mesh, std::vector<DirectedEdge>& missing, double width) {
   Needs needs;
   std::vector<std::uint32_t> border;
   for (const DirectedEdge& e : missing) needs.add(e.from, e.to), border.push_back(e.from);
@@ -53,7 +53,7 @@ Triangles close_cracks(const Mesh& mesh, std::vector<DirectedEdge>& missing, dou
   std::vector<Point> places;
   for (const auto v : border) places.push_back(mesh.points[v]);
   const PointTree tree(places);
-  Triangles patch;
+  std::vector<CrackTriangle> patch;
   std::vector<std::uint32_t> near;
   for (const DirectedEdge& e : missing) {
     if (!needs.has(e.from, e.to)) continue;
@@ -79,10 +79,9 @@ Triangles close_cracks(const Mesh& mesh, std::vector<DirectedEdge>& missing, dou
     bool meets = false;
     for (std::size_t k = 0; k + 1 < way.size(); k++) meets |= needs.has(way[k + 1], way[k]);
     if (!meets) continue;
-    widest = std::max(widest, most);
     for (std::size_t k = way.size() - 1; k >= 2; k--) {
       const std::uint32_t u = way[0], v = way[k], w = way[k - 1];
-      patch.push_back({u, v, w});
+      patch.push_back({{u, v, w}, most});
       needs.add(v, u), needs.add(w, v), needs.add(u, w);  // what the triangle has is no longer missing
     }
   }
@@ -132,8 +131,8 @@ std::vector<std::vector<std::uint32_t>> trace_rims(const Mesh& mesh,
         if (path.end() - begin >= 3) rims.emplace_back(begin, path.end());
         for (auto it = begin + 1; it != path.end(); ++it) place.erase(*it);
         path.erase(begin + 1, path.end());
-        if (path.size() == 1 && ways[at].empty()) break;
-        from = path.size() > 1 ? path[path.size() - 2] : from;
+        if (path.size() == 1) break;
+        from = path[path.size() - 2];
       } else {
         place[at] = path.size(), path.push_back(at);
         from = path[path.size() - 2];

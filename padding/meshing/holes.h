@@ -12,8 +12,12 @@ using Triangles = std::vector<std::array<std::uint32_t, 3>>;
 
 // A crack is a place where edges run beside each other, at most a given width apart, without sharing their
 // vertices; a T-junction is one of width 0. Returns the triangles that close the cracks, and takes what they
-// supply from `missing`. `widest` grows to the largest width that was closed.
-Triangles close_cracks(const Mesh& mesh, std::vector<DirectedEdge>& missing, double width, double& widest);
+// supply from `missing`.
+struct CrackTriangle {
+  std::array<std::uint32_t, 3> triangle;
+  double width = 0;  // of the crack
+};
+std::vector<CrackTriangle> close_cracks(const Mesh& mesh, std::vector<DirectedEdge>& missing, double width);
 
 // The closed paths without a point twice that the missing edges form. At a vertex with several ways on, the
 // path takes the one next to it, as seen from the front of the triangles listed.

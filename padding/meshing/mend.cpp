@@ -23,7 +23,7 @@ constexpr double narrow_hole = 1e-3;
 // An open piece is a solid with holes if the mean winding number of what is there, over what the patches
 // would enclose, is at least this: the larger for any rim, the smaller for one of at most so many diagonals
 // of the piece. A cube without its lid has 0.8 and a rim of 2.3 diagonals, half of a ball 0.7 and 2.2.
-constexpr double sure_winding = 0.95, least_winding = 0.8, longest_rim = 1.25;
+constexpr double sure_winding = 0.95, least_winding = 0.8, longest_rim = 1.5;
 // A piece that encloses less than this share of (its area)^1.5 encloses nothing.
 constexpr double least_volume = 1e-7;
 
@@ -31,8 +31,10 @@ constexpr double least_volume = 1e-7;
 struct OpenGroup {
   std::vector<std::uint32_t> triangles;  // of the input, then those that close it
   std::size_t own = 0;                   // of the input
+  std::vector<DirectedEdge> missing;     // once the cracks are closed
   std::vector<std::vector<std::uint32_t>> rims;
   std::vector<Triangles> patches;  // of each rim
+  std::vector<char> is_long;       // of each rim: it is not closed without asking
   Triangles cracks;
   double crack_width = 0;
   double rim = 0, diagonal = 0;  // the longest rim that is not closed anyway
@@ -48,6 +50,7 @@ class Mender {
   }
 
   Repaired run() {
+    out_.thickness = options_.thickness;
     out_.steps.pieces = pieces_.pieces.size();
     out_.steps.repeated = pieces_.repeated, out_.steps.turned = pieces_.turned;
     collect_groups();
@@ -60,32 +63,44 @@ class Mender {
  private:
   // --- open pieces ---
 
+  // Open pieces belong together where they share points or a crack between them is closed.
   void collect_groups() {
-    std::vector<std::uint32_t> parent(mesh_.points.size());
+    std::vector<std::uint32_t> parent(mesh_.points.size()), open;
     std::iota(parent.begin(), parent.end(), 0u);
     const auto root = [&](std::uint32_t v) {
       while (parent[v] != v) v = parent[v] = parent[parent[v]];
       return v;
     };
-    for (const Piece& piece : pieces_.pieces) {
-      if (piece.closed) {
-        units_.push_back(piece.triangles);
-        continue;
+    const auto join = [&](const std::array<std::uint32_t, 3>& t) {
+      for (int k = 1; k < 3; k++) {
+        const auto a = root(t[0]), b = root(t[k]);
+        parent[std::max(a, b)] = std::min(a, b);
       }
-      for (const auto t : piece.triangles)
-        for (const auto v : mesh_.triangles[t]) {
-          const auto a = root(v), b = root(mesh_.triangles[piece.triangles[0]][0]);
-          parent[std::max(a, b)] = std::min(a, b);
-        }
-    }
-    std::vector<std::uint32_t> group_of(mesh_.points.size(), ~0u);
+    };
     for (const Piece& piece : pieces_.pieces) {
-      if (piece.closed) continue;
-      auto& g = group_of[root(mesh_.triangles[piece.triangles[0]][0])];
-      if (g == ~0u) g = static_cast<std::uint32_t>(groups_.size()), groups_.emplace_back();
-      auto& triangles = groups_[g].triangles;
-      triangles.insert(triangles.end(), piece.triangles.begin(), piece.triangles.end());
+      if (piece.closed)
+        units_.push_back(piece.triangles);
+      else
+        open.insert(open.end(), piece.triangles.begin(), piece.triangles.end());
     }
+    for (const auto t : open) join(mesh_.triangles[t]);
+    std::vector<DirectedEdge> missing = missing_edges(mesh_, open);
+    std::vector<CrackTriangle> cracks;
+    if (options_.mode != RepairMode::sheet) cracks = close_cracks(mesh_, missing, crack_width * diagonal_);
+    for (const CrackTriangle& crack : cracks) join(crack.triangle);
+
+    std::vector<std::uint32_t> group_of(mesh_.points.size(), none);
+    for (const auto t : open) {
+      auto& g = group_of[root(mesh_.triangles[t][0])];
+      if (g == none) g = static_cast<std::uint32_t>(groups_.size()), groups_.emplace_back();
+      groups_[g].triangles.push_back(t);
+    }
+    for (const CrackTriangle& crack : cracks) {
+      OpenGroup& group = groups_[group_of[root(crack.triangle[0])]];
+      group.cracks.push_back(crack.triangle);
+      group.crack_width = std::max(group.crack_width, crack.width);
+    }
+    for (const DirectedEdge& e : missing) groups_[group_of[root(e.from)]].missing.push_back(e);
   }
 
   double diagonal_of(const std::vector<std::uint32_t>& triangles) const {
@@ -105,15 +120,14 @@ class Mender {
   void close(OpenGroup& group) {
     group.own = group.triangles.size(), group.diagonal = diagonal_of(group.triangles);
     if (options_.mode == RepairMode::sheet) return;
-    std::vector<DirectedEdge> missing = missing_edges(mesh_, group.triangles);
-    group.cracks = close_cracks(mesh_, missing, crack_width * diagonal_, group.crack_width);
-    group.rims = trace_rims(mesh_, group.triangles, missing);
+    group.rims = trace_rims(mesh_, group.triangles, group.missing);
     for (const auto& rim : group.rims) {
       group.patches.push_back(fill_rim(mesh_, rim));
       const double length = rim_length(mesh_, rim);
-      if (length > options_.hole_size * diagonal_ &&
-          4 * area_of(mesh_, group.patches.back()) > narrow_hole * diagonal_ * length)
-        group.rim = std::max(group.rim, length);
+      const bool is_long = length > options_.hole_size * diagonal_ &&
+                           4 * area_of(mesh_, group.patches.back()) > narrow_hole * diagonal_ * length;
+      group.is_long.push_back(is_long);
+      if (is_long) group.rim = std::max(group.rim, length);
     }
     const auto add = [&](const Triangles& more) {
       for (const auto& t : more)
@@ -182,9 +196,10 @@ class Mender {
       if (ball.radius == 0) continue;
       double winding = closed.winding_number(ball.center).value_or(0);
       for (const OpenGroup& other : groups_)
-        if (other.rim > 0)
-          for (const Triangles& patch : other.patches)
-            for (const auto& triangle : patch) winding -= solid_angle(mesh_, triangle, ball.center);
+        for (std::size_t r = 0; r < other.rims.size(); r++)
+          if (other.is_long[r])
+            for (const auto& triangle : other.patches[r])
+              winding -= solid_angle(mesh_, triangle, ball.center);
       windings[k] = std::clamp(winding, 0.0, 1.0);
     }
     return std::accumulate(windings.begin(), windings.end(), 0.0) / double(std::max<std::size_t>(1, wanted));
@@ -270,7 +285,8 @@ class Mender {
     out_.mesh = std::move(cells.mesh);
     out_.sheet = out_.mesh.triangles.size() - cells.boundary;
     out_.kind = cells.boundary > 0 ? BodyKind::solid : BodyKind::sheet;
-    out_.steps.buried_area = cells.buried_area;
+    out_.steps.buried_area = cells.buried.area();
+    if (!cells.buried.triangles.empty()) out_.marks.push_back({MarkKind::buried, std::move(cells.buried)});
     for (std::uint32_t t = 0; t < out_.mesh.triangles.size(); t++) {
       const auto from = cells.source[t];
       const double area = out_.mesh.area_normal(t).norm();

@@ -9,7 +9,6 @@
 #include <unordered_map>
 
 #include "padding/geometry/surface.h"
-#include "padding/meshing/cut_triangle.h"
 
 namespace padder {
 namespace {
@@ -80,6 +79,14 @@ class Cutter {
 #pragma omp parallel for if (all.size() > 1024)
     for (std::size_t k = 0; k < all.size(); k++) points_[first + k] = at(all[k]);
 
+    // An edge meets triangles in one plane at one point. Taken as several, it would make cuts that all but
+    // coincide.
+    std::vector<char> used(points_.size(), 0);
+    for (const Cut& cut : contacts_.cuts)
+      for (const auto v : soup_.triangles[cut.triangle]) used[v] = 1;
+    std::fill(used.begin() + static_cast<std::ptrdiff_t>(first), used.end(), 1);
+    join_equal_points(used);
+
     cuts_of_.assign(soup_.triangles.size() + 1, 0);
     for (const Cut& cut : contacts_.cuts) cuts_of_[cut.triangle + 1]++;
     std::partial_sum(cuts_of_.begin(), cuts_of_.end(), cuts_of_.begin());
@@ -93,8 +100,11 @@ class Cutter {
                          ? static_cast<std::uint32_t>(m.what)
                          : static_cast<std::uint32_t>(
                                first + (std::lower_bound(all.begin(), all.end(), m, less) - all.begin()));
-        c.place[k] = m.place;
-        if (m.place >= 3 && m.place < 6) on_edge_[edge_of(cut.triangle, m.place - 3)].push_back(c.point[k]);
+        c.point[k] = same_[c.point[k]], c.place[k] = m.place;
+        if (m.place < 3 || m.place >= 6) continue;
+        const std::uint64_t edge = edge_of(cut.triangle, m.place - 3);
+        if (c.point[k] != edge >> 32 && c.point[k] != (edge & 0xffffffffu))
+          on_edge_[edge].push_back(c.point[k]);
       }
     }
     for (auto& [edge, on] : on_edge_) {
@@ -262,7 +272,11 @@ class Cutter {
   }
 
   OuterCells collect() {
-    join_equal_points();
+    std::vector<char> used(points_.size(), 0);
+    for (const TrianglePieces& p : pieces_)
+      for (const auto& face : p.faces)
+        for (const auto v : face) used[v] = 1;
+    join_equal_points(used);
     OuterCells out;
     std::vector<std::uint32_t> index(points_.size(), none);
     const auto point = [&](std::uint32_t v) {
@@ -272,9 +286,11 @@ class Cutter {
     };
     for (const bool bounds : {true, false}) {
       const auto keep = [&](std::uint32_t t, std::array<std::uint32_t, 3> c, Fate f) {
-        if (bounds && f == Fate::buried)
-          out.buried_area +=
-              0.5 * (points_[c[1]] - points_[c[0]]).cross(points_[c[2]] - points_[c[0]]).norm();
+        if (bounds && f == Fate::buried && roles_[t] != TriangleRole::patch) {
+          const auto first = static_cast<std::uint32_t>(out.buried.points.size());
+          for (const auto v : c) out.buried.points.push_back(points_[v]);
+          out.buried.triangles.push_back({first, first + 1, first + 2});
+        }
         for (auto& v : c) v = same_[v];
         if (c[0] == c[1] || c[1] == c[2] || c[2] == c[0]) return;
         if (bounds != (f == Fate::boundary || f == Fate::turned) || f == Fate::buried || f == Fate::dropped)
@@ -297,7 +313,7 @@ class Cutter {
   }
 
   // Points that were computed in two ways differ by rounding.
-  void join_equal_points() {
+  void join_equal_points(const std::vector<char>& used) {
     same_.resize(points_.size());
     std::iota(same_.begin(), same_.end(), 0u);
     const double size = 1e-12 * soup_.bounds().diagonal(), near = same_point * soup_.bounds().diagonal();
@@ -310,10 +326,6 @@ class Cutter {
       h = (h ^ (h >> 29) ^ part(p.y(), dy)) * 0xbf58476d1ce4e5b9ull;
       return (h ^ (h >> 31) ^ part(p.z(), dz)) * 0x94d049bb133111ebull;
     };
-    std::vector<char> used(points_.size(), 0);
-    for (const TrianglePieces& p : pieces_)
-      for (const auto& face : p.faces)
-        for (const auto v : face) used[v] = 1;
     for (std::uint32_t v = 0; v < points_.size(); v++) {
       if (!used[v]) continue;
       if (v >= soup_.points.size()) {

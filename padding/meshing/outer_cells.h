@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Cuts triangles where they cross, and keeps of the pieces those that bound the body.
 #pragma once
+#include <array>
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "padding/meshing/contacts.h"
@@ -23,7 +25,7 @@ struct OuterCells {
   Mesh mesh;
   std::size_t boundary = 0;           // the number of triangles of the first kind
   std::vector<std::uint32_t> source;  // for each, the triangle of the soup that it is a part of
-  double buried_area = 0;             // of the pieces with the body on both sides, which are left out
+  Mesh buried;                        // the pieces with the body on both sides, which are left out
 };
 
 // `soup` is indexed: equal points have one index; `contacts` are those of its triangles, whichever way they
@@ -32,5 +34,28 @@ struct OuterCells {
 // is kept, which is the safe side for a cover. Triangles too thin to have a normal are left out. Runs on all
 // threads; the result does not depend on their number.
 OuterCells outer_cells(const Mesh& soup, const std::vector<TriangleRole>& roles, const Contacts& contacts);
+
+// --- The step that cuts one triangle along segments (cut_triangle.cpp) ---
+
+// Another triangle meets this one between two points, given by index; `place` as in MeetingPoint.
+struct TriangleCut {
+  std::array<std::uint32_t, 2> point;
+  std::array<int, 2> place;
+};
+
+// The pieces of a triangle, facing as it does.
+struct TrianglePieces {
+  static constexpr std::uint32_t kFresh = 1u << 31;  // marks the index of a fresh point
+  std::vector<std::array<std::uint32_t, 3>> faces;
+  std::vector<std::uint32_t> region;  // of each face: regions are separated by cuts
+  std::vector<Point> places;          // of each region a point well inside
+  std::vector<Point> fresh;           // points where cuts cross each other
+};
+
+// Triangulates triangle t of the mesh such that the cuts, and the points on its edges (in order along each,
+// rim[k] behind corner k), are respected. Points have their indices in `points`.
+TrianglePieces cut_triangle(const Mesh& mesh, std::uint32_t t, const std::vector<Point>& points,
+                            const std::array<std::vector<std::uint32_t>, 3>& rim,
+                            std::span<const TriangleCut> cuts);
 
 }  // namespace padder

@@ -29,8 +29,9 @@ struct RepairOptions {
   double accuracy = 0;  // error asked for, which a wrap must not spoil; 0: diagonal/500
   // Radius of the ball that a wrap keeps out; 0: 2.75 times the accuracy, from diagonal/400 to diagonal/150.
   double alpha = 0;
-  double offset = 0;       // of a wrap from the input; 0: a third of the accuracy, at most diagonal/1500
-  double hole_size = 0.1;  // holes whose rim is at most this share of the diagonal are closed
+  double offset = 0;     // of a wrap from the input; 0: a third of the accuracy, at most diagonal/1500
+  double thickness = 0;  // of sheets, half on either side; 0: their spheres stand out by the protrusion alone
+  double hole_size = 0.15;  // holes whose rim is at most this share of the diagonal are always closed
 };
 
 // A closed mesh that meets itself nowhere is kept as it is, turned outward (CGAL's Polygon Mesh Processing).

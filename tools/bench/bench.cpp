@@ -28,7 +28,10 @@ const std::vector<Entry>& entries() {
       {"scaling", "time against contacts for every scene, the paper's Fig. 26", scaling},
       {"bodies", "the rows of scaling that are made of bodies, and a few that move among many", bodies},
       {"scenes", "sparse and uneven scenes beside dense, standing and (--moving) moving", scenes},
+      {"piles", "piles of padded bodies, from those that barely touch to packed ones", piles},
+      {"worlds", "many worlds in one call, and answers for each: beside Bullet on the CPU", worlds},
       {"stages", "milliseconds of each stage, the nine stages and the fast path", stages},
+      {"boxes", "time against contacts on one and several GPUs, the paper's Fig. 27", boxes},
 #ifdef PADDER_BENCH_PADDING
       {"frontier", "spheres against error of meshes, the paper's fit beside ours", frontier},
 #endif
@@ -94,12 +97,15 @@ int main(int argc, char** argv) {
   Settings s;
   bool list = false;
   app.add_option("NAME", name, "which bench");
-  app.add_option("FILE", s.files, "meshes (frontier), JSON files that benches wrote (draw, compare)");
+  app.add_option(
+      "FILE", s.files,
+      "meshes (frontier), clusters (piles; of an arm's links: worlds), JSON files that benches wrote "
+      "(draw, compare)");
   app.add_flag("--list", list, "name the benches");
   app.add_option("--spheres", s.spheres, "sizes, instead of the bench's own")
       ->delimiter(',')
       ->type_name("N,N,...");
-  app.add_option("--scene", s.scene, "one generated scene only (scaling); this one and dense (scenes)")
+  app.add_option("--scene", s.scene, "one generated scene only (scaling, boxes); this one and dense (scenes)")
       ->type_name("NAME");
   app.add_flag("--moving", s.moving, "measure a scene in motion as well (scenes)");
   app.add_flag("--stable", s.stable, "a list of stable order (scenes)");

@@ -20,7 +20,7 @@ using Json = nlohmann::ordered_json;
 
 struct Settings {
   std::vector<std::uint64_t> spheres;   // sizes asked for; empty: the bench's own
-  std::string scene;                    // scaling, scenes: this one only
+  std::string scene;                    // scaling, scenes, boxes: this one only
   std::vector<std::string> files;       // meshes, for those benches that pad; documents to draw
   std::string backend = "auto";         // auto: each that is there
   int threads = 0;                      // 0: all
@@ -38,8 +38,11 @@ Json table2(const Settings&);      // table2.cpp
 Json speedup(const Settings&);     // speedup.cpp
 Json scaling(const Settings&);     // scaling.cpp
 Json bodies(const Settings&);      // scaling.cpp; its rows of bodies alone
+Json piles(const Settings&);       // piles.cpp
 Json stages(const Settings&);      // stages.cpp
 Json scenes(const Settings&);      // scenes.cpp
+Json boxes(const Settings&);       // boxes.cpp
+Json worlds(const Settings&);      // worlds.cpp
 Json frontier(const Settings&);    // frontier.cpp; only where padder::padding is built
 Json draw_files(const Settings&);  // draw.cpp; no measurement: the plots of documents
 Json compare(const Settings&);     // compare.cpp; no measurement: two documents; "passed" tells the outcome

@@ -169,6 +169,37 @@ std::vector<Plot> stages_plots(const Json& document, const std::string& where) {
   return {{"", script + "unset multiplot\n", 960, 60 + 320 * static_cast<int>(panels.size())}};
 }
 
+// --- boxes: time against contacts on one and several GPUs, with straight lines ---
+
+std::vector<Plot> boxes_plots(const Json& document, const std::string& where) {
+  std::map<std::string, std::map<double, double>> lines;
+  for (const Reader& r : rows_of(document, where)) {
+    if (r.text("scene") != "dense") continue;
+    const double devices = r.amount("devices");
+    const std::string name = r.text("backend") == "cuda"
+                                 ? number(devices, "%.0f") + (devices > 1 ? " GPUs" : " GPU")
+                                 : r.text("backend");
+    lines[name][r.amount("contacts") / 1e6] = r.amount("seconds") * 1e3;
+    if (r.amount("seconds_pinned") > 0)
+      lines[name + ", from pinned memory"][r.amount("contacts") / 1e6] = r.amount("seconds_pinned") * 1e3;
+  }
+  if (lines.empty()) throw Error(where + ": no row is of the dense scene: there is nothing to draw");
+  std::string data, plots;
+  std::size_t k = 0;
+  for (const auto& [name, points] : lines) {
+    const std::string block = "$line" + std::to_string(k++);
+    data += block + " << EOD\n";
+    for (const auto& [x, ms] : points) data += cell(x) + " " + cell(ms) + "\n";
+    data += "EOD\n";
+    plots +=
+        (plots.empty() ? "" : ", ") + block + " using 1:2 with linespoints lw 2 pt 7 ps 0.6" + title(name);
+  }
+  return {{"",
+           "set xlabel 'Contacts [millions]'\nset ylabel 'Time of a call [ms]'\nset grid\nset key left top\n"
+           "set xrange [0:*]\nset yrange [0:*]\n" +
+               data + "plot " + plots + "\n"}};
+}
+
 // --- speedup: over a warm Bullet step, against contacts ---
 
 std::vector<Plot> speedup_plots(const Json& document, const std::string& where) {
@@ -251,6 +282,7 @@ std::vector<Plot> frontier_plots(const Json& document, const std::string& where)
 std::vector<Plot> plots_of(const Json& document, const std::string& where) {
   const std::string name = bench_of(document, where);
   if (name == "scaling" || name == "bodies") return scaling_plots(document, where);
+  if (name == "boxes") return boxes_plots(document, where);
   if (name == "stages") return stages_plots(document, where);
   if (name == "speedup") return speedup_plots(document, where);
   if (name == "frontier") return frontier_plots(document, where);

@@ -127,15 +127,19 @@ void print(const Arguments& a, const RankReport& r, int ranks, const Times& t, c
 int run_among(const Arguments& a, const Launch& launch) {
   check(a);
   Scene scene;
-  together(MPI_COMM_WORLD, [&] { scene = read_scene_or_cluster(a.scene, a.copies, LooseAs::mapped); });
-  const Input share = share_of(scene.input(), launch.rank, launch.ranks);
+  together(MPI_COMM_WORLD, [&] {
+    if (a.backend.value() == BackendKind::cuda && !cuda_present())
+      throw Error("there is no GPU that CUDA can use: choose omp");
+    scene = read_scene_or_cluster(a.scene, a.copies, LooseAs::mapped);
+  });
+  const Input part = part_of(scene.input(), launch.rank, launch.ranks);
   const RankOptions options = options_of(a, scene);
   RankDetector detector(MPI_COMM_WORLD, options);
   if (a.output.empty()) {
-    detector.detect(share, {});
+    detector.detect(part, {});
   } else {
     RankContactFile file(MPI_COMM_WORLD, a.output, options.detector.width, options.detector.scalar);
-    detector.detect(share, file.consumer());
+    detector.detect(part, file.consumer());
     file.finish();
   }
   const Times times = longest(detector.report());

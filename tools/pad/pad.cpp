@@ -25,7 +25,8 @@ namespace padder {
 
 // CLI11 finds this function by its argument's namespace.
 bool lexical_cast(const std::string& text, Length& out) {
-  const auto length = length_of(text);
+  const auto length =
+      text == "0" ? Length::of(0) : length_of(text);  // where 0 is no length, a check refuses it
   if (length) out = *length;
   return length.has_value();
 }
@@ -91,6 +92,16 @@ void declare_spheres(CLI::App& app, Arguments& a) {
          "the fewest spheres with protrusion and gap proved to be within it; with --depth: thin those")
       ->type_name("LENGTH")
       ->check(length());
+  app.add_option("--protrusion", a.options.protrusion,
+                 "no sphere stands out of the body by more; 0: none does at all. With --gap or --tolerance")
+      ->type_name("LENGTH")
+      ->check(length_or_zero());
+  app.add_option(
+         "--gap", a.options.gap,
+         "no surface lies farther outside the spheres; 0: all of the body is inside them. With --protrusion "
+         "or --tolerance")
+      ->type_name("LENGTH")
+      ->check(length_or_zero());
   app.add_option("--max-spheres", a.options.max_spheres, "the smallest error that so many spheres can keep")
       ->check(whole())
       ->check(CLI::PositiveNumber);
@@ -115,6 +126,8 @@ void declare_spheres(CLI::App& app, Arguments& a) {
       ->capture_default_str()
       ->check(whole())
       ->check(CLI::Range(0, 3));
+  app.add_flag("--lower-bound", a.options.lower_bound,
+               "also prove how few spheres could do: some seconds more");
   app.add_option("--reach", a.options.min_grain_radius,
                  "radius of the smallest grain: what it cannot touch is not padded")
       ->type_name("LENGTH")
@@ -135,11 +148,11 @@ void declare_asset(CLI::App& app, Arguments& a) {
       {"auto", padder::RepairMode::automatic}, {"union", padder::RepairMode::united},
       {"fill", padder::RepairMode::fill},      {"sheet", padder::RepairMode::sheet},
       {"never", padder::RepairMode::never},    {"wrap", padder::RepairMode::wrap}};
-  app.add_option(
-         "--repair", a.options.repair,
-         "auto (the default), union (no cavities), fill (close all holes), sheet (close none), never or wrap")
+  app.add_option("--repair", a.options.repair, "auto (the default), union, fill, sheet, never or wrap")
       ->transform(CLI::CheckedTransformer(modes))
       ->type_name("MODE");
+  app.add_option("--thickness", a.options.thickness, "of sheets, half on either side (default 0)")
+      ->check(length());
   app.add_option("--family", a.options.family, "of the asset: no contact inside a family; 0 is none")
       ->check(whole());
   app.add_option("--mask", a.options.mask, "bit k: no contact with family k + 1")->check(bits());

@@ -78,6 +78,9 @@ Json report_json(const PadFiles& files, const PadOptions& options, const Padded&
           {"filled", {{"holes", r.filled}, {"area", r.filled_area}}},
           {"depth", depth_mode ? Json(options.depth_ratio_used()) : Json(nullptr)},
           {"tolerance", r.tolerance > 0 ? Json(r.tolerance) : Json(nullptr)},
+          {"protrusion", options.protrusion ? Json(options.protrusion->absolute(r.diagonal)) : Json(nullptr)},
+          {"gap", options.gap ? Json(options.gap->absolute(r.diagonal)) : Json(nullptr)},
+          {"body_covered", r.filled_body},
           {"within", r.within},
           {"reason", r.reason.empty() ? Json(nullptr) : Json(r.reason)},
           {"warnings", warnings},
@@ -85,6 +88,7 @@ Json report_json(const PadFiles& files, const PadOptions& options, const Padded&
           {"lods", lods},
           {"edge_length", r.edge_length},
           {"spheres", p.cluster.size()},
+          {"lower_bound", r.fewest > 0 ? Json(r.fewest) : Json(nullptr)},
           {"diagonal", r.diagonal},
           {"radius_min", *least},
           {"radius_max", *most},
@@ -134,6 +138,11 @@ void print_report(const PadFiles& files, const Padded& p) {
   print_repair(r, c.accuracy);
   if (c.accuracy.proved_against == SurfaceKind::none)
     std::printf("  an open sheet has no inside: its protrusion is measured, not proved\n");
+  if (r.fewest > 0)
+    std::printf(
+        "  no such cover has fewer than %llu spheres, proved in %.2f s: this one has %.2f times as many\n",
+        (unsigned long long)r.fewest, r.seconds.lower_bound, double(c.size()) / double(r.fewest));
+  if (r.filled_body) std::printf("  the whole body is inside the spheres, proved\n");
   if (!r.reason.empty())
     std::printf("  not certified%s: %s\n", r.within ? "" : ", nor within the tolerance", r.reason.c_str());
   std::printf("  of the diagonal %g%s; normals off by %.1f degrees in the mean; %.2f s\n", r.diagonal,

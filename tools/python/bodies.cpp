@@ -49,7 +49,7 @@ void each(const py::object& object, const char* name, std::vector<Body>& bodies,
 
 std::shared_ptr<Bodies> bodies_of(const py::sequence& shapes, const py::object& poses,
                                   const py::object& shape, const py::object& family, const py::object& mask,
-                                  const py::object& is_static) {
+                                  const py::object& is_static, const py::object& world) {
   auto out = std::make_shared<Bodies>();
   std::vector<std::pair<std::uint32_t, std::uint32_t>> filters;  // family and mask of each shape
   for (std::size_t k = 0; k < py::len(shapes); k++) {
@@ -87,6 +87,7 @@ std::shared_ptr<Bodies> bodies_of(const py::sequence& shapes, const py::object& 
   each<std::uint32_t>(mask, "mask", out->bodies, [](Body& b, std::uint32_t v) { b.mask = v; });
   each<std::uint8_t>(is_static, "is_static", out->bodies,
                      [](Body& b, std::uint8_t v) { b.is_static = v != 0; });
+  each<std::uint32_t>(world, "world", out->bodies, [](Body& b, std::uint32_t v) { b.world = v; });
   return out;
 }
 
@@ -111,13 +112,13 @@ void add_bodies(py::module_& m) {
                 offsetof(Body, position) == 9 * sizeof(double));
   py::class_<Bodies, std::shared_ptr<Bodies>>(m, "Bodies")
       .def(py::init(&bodies_of), "shapes"_a, "poses"_a, "shape"_a = py::none(), py::kw_only(),
-           "family"_a = py::none(), "mask"_a = py::none(), "is_static"_a = py::none(),
+           "family"_a = py::none(), "mask"_a = py::none(), "is_static"_a = py::none(), "world"_a = py::none(),
            R"(B bodies, each of them a shape at a pose.
 
 shapes: Clusters, or pairs (centers, radii) in the shape's own frame. poses: (B, 12) float64, the rotation matrix row by row
 and then the position. shape: (B,), the index of each body's shape; None: the first shape for all. family, mask: (B,); None:
 those of the body's Cluster, or 0 if the shape is given by arrays. is_static: (B,), the bodies that do not move: two static
-bodies are never a contact.)")
+bodies are never a contact. world: (B,); None: 0 for all. Only bodies of one world meet, and those of EVERY_WORLD meet all.)")
       .def("__len__", [](const Bodies& b) { return b.bodies.size(); })
       .def_property_readonly("poses",
                              [](const py::object& self) { return member<double>(self, 0, 12, true); })
@@ -130,6 +131,9 @@ bodies are never a contact.)")
       .def_property_readonly(
           "mask",
           [](const py::object& self) { return member<std::uint32_t>(self, offsetof(Body, mask), 1, true); })
+      .def_property_readonly(
+          "world",
+          [](const py::object& self) { return member<std::uint32_t>(self, offsetof(Body, world), 1, true); })
       .def_property_readonly("is_static", [](const py::object& self) {
         return member<bool>(self, offsetof(Body, is_static), 1, true);
       });

@@ -24,32 +24,42 @@ struct SharedDetector {
   bool busy = false;
 };
 
-class PyContacts {
+// What a call returned, as arrays that are views of its detector's memory.
+class Views {
  public:
-  PyContacts(std::shared_ptr<SharedDetector> shared, const detect::Contacts& contacts, int device)
-      : shared_(std::move(shared)), call_(shared_->calls), contacts_(contacts), device_(device) {}
-
-  std::uint64_t count() const { return contacts_.count; }
+  Views(std::shared_ptr<SharedDetector> shared, detect::Memory memory, int device)
+      : shared_(std::move(shared)), call_(shared_->calls), memory_(memory), device_(device) {}
   std::string backend() const { return shared_->detector->backend(); }
-  std::uint64_t hash() const {
-    check();
-    return shared_->detector->hash();
-  }
-  py::object pairs() const {
-    check();
-    return array<std::uint32_t>(contacts_.pairs, 2, 2, 0);
-  }
-  py::object normals() const { return reals(contacts_.normals, "normals", 3, 4, 0); }
-  py::object depth() const { return reals(contacts_.normals, "depths", 1, 4, 3); }
-  py::object points_i() const { return reals(contacts_.points, "points", 3, 6, 0); }
-  py::object points_j() const { return reals(contacts_.points, "points", 3, 6, 3); }
 
- private:
+ protected:
   void check() const {
     if (shared_->calls != call_)
       throw Error(
           "these contacts are gone, because their detector was called again: take their arrays before that");
   }
+  // Throws AttributeError if there are no such data although there could be some.
+  static void require(const void* data, std::uint64_t count, const char* what, const char* where) {
+    if (!data && count)
+      throw py::attribute_error(std::string(what) + " were not asked for: see `" + where + "`");
+  }
+  template <class T>
+  py::object array(const void* data, std::uint64_t rows, std::int64_t columns, std::int64_t row,
+                   std::int64_t first) const {
+    const auto n = static_cast<std::int64_t>(rows);
+    const T* at = data ? static_cast<const T*>(data) + first : nullptr;
+    if (memory_ == detect::Memory::device) {
+      std::vector<std::int64_t> shape{n}, strides{row};
+      if (columns > 1) shape.push_back(columns), strides.push_back(1);
+      const char kind = std::is_same_v<T, bool> ? 'b' : std::is_floating_point_v<T> ? 'f' : 'u';
+      return py::cast(DeviceArray(loan(), at, shape, strides, kind, sizeof(T), device_));
+    }
+    std::vector<py::ssize_t> shape{n}, strides{static_cast<py::ssize_t>(row * sizeof(T))};
+    if (columns > 1) shape.push_back(columns), strides.push_back(sizeof(T));
+    return view(at, shape, strides, loan());
+  }
+  std::shared_ptr<SharedDetector> shared_;
+
+ private:
   // The owner of an array of the detector's memory. It keeps the detector alive, and the next call sees that
   // it exists.
   py::object loan() const {
@@ -61,33 +71,59 @@ class PyContacts {
       delete k;
     });
   }
-  template <class T>
-  py::object array(const void* data, std::int64_t columns, std::int64_t row, std::int64_t first) const {
-    const auto n = static_cast<std::int64_t>(contacts_.count);
-    const T* at = data ? static_cast<const T*>(data) + first : nullptr;
-    if (contacts_.memory == detect::Memory::device) {
-      std::vector<std::int64_t> shape{n}, strides{row};
-      if (columns > 1) shape.push_back(columns), strides.push_back(1);
-      return py::cast(DeviceArray(loan(), at, shape, strides, std::is_floating_point_v<T> ? 'f' : 'u',
-                                  sizeof(T), device_));
-    }
-    std::vector<py::ssize_t> shape{n}, strides{static_cast<py::ssize_t>(row * sizeof(T))};
-    if (columns > 1) shape.push_back(columns), strides.push_back(sizeof(T));
-    return view(at, shape, strides, loan());
+  std::uint64_t call_;
+  detect::Memory memory_;
+  int device_;
+};
+
+class PyContacts : public Views {
+ public:
+  PyContacts(std::shared_ptr<SharedDetector> shared, const detect::Contacts& contacts, int device)
+      : Views(std::move(shared), contacts.memory, device), contacts_(contacts) {}
+
+  std::uint64_t count() const { return contacts_.count; }
+  std::uint64_t hash() const {
+    check();
+    return shared_->detector->hash();
   }
+  py::object pairs() const {
+    check();
+    return array<std::uint32_t>(contacts_.pairs, contacts_.count, 2, 2, 0);
+  }
+  py::object normals() const { return reals(contacts_.normals, "normals", 3, 4, 0); }
+  py::object depth() const { return reals(contacts_.normals, "depths", 1, 4, 3); }
+  py::object points_i() const { return reals(contacts_.points, "points", 3, 6, 0); }
+  py::object points_j() const { return reals(contacts_.points, "points", 3, 6, 3); }
+
+ private:
   py::object reals(const void* data, const char* what, std::int64_t columns, std::int64_t row,
                    std::int64_t first) const {
-    check();
-    if (!data && contacts_.count)
-      throw py::attribute_error(std::string(what) + " were not asked for: see `width`");
-    return contacts_.scalar == detect::Scalar::f32 ? array<float>(data, columns, row, first)
-                                                   : array<double>(data, columns, row, first);
+    check(), require(data, contacts_.count, what, "width");
+    return contacts_.scalar == detect::Scalar::f32
+               ? array<float>(data, contacts_.count, columns, row, first)
+               : array<double>(data, contacts_.count, columns, row, first);
   }
-
-  std::shared_ptr<SharedDetector> shared_;
-  std::uint64_t call_;
   detect::Contacts contacts_;
-  int device_;
+};
+
+class PyWorldAnswers : public Views {
+ public:
+  PyWorldAnswers(std::shared_ptr<SharedDetector> shared, const detect::WorldAnswers& answers, int device)
+      : Views(std::move(shared), answers.memory, device), answers_(answers) {}
+
+  std::uint64_t worlds() const { return answers_.worlds; }
+  py::object any() const { return one_each<bool>(answers_.any, "any", 1); }
+  py::object count() const { return one_each<std::uint64_t>(answers_.count, "counts", 1); }
+  py::object distance() const { return one_each<double>(answers_.distance, "distances", 1); }
+  py::object pair() const { return one_each<std::uint32_t>(answers_.pair, "pairs", 2); }
+
+ private:
+  template <class T>
+  py::object one_each(const void* data, const char* what, std::int64_t columns) const {
+    check(), require(data, answers_.worlds, what, "answer");
+    return array<T>(data, answers_.worlds, columns, columns, 0);
+  }
+  detect::WorldAnswers answers_;
 };
 
 // The arguments of a call as the detector reads them. It keeps the arrays alive.
@@ -103,11 +139,20 @@ struct Request {
   }
 };
 
-void add_spheres(Request& in, const py::object& centers, const py::object& radii, const py::object& family,
-                 const py::object& mask, const py::object& is_static) {
+// The arguments that say what is to be tested, as Python gives them.
+struct Scene {
+  py::object centers, radii, family, mask, is_static, world;
+  std::shared_ptr<Bodies> bodies;
+  std::uint64_t revision = 0;
+  py::object moved = py::none(), poses = py::none();
+};
+
+void add_spheres(Request& in, const Scene& scene) {
+  const auto& [centers, radii, family, mask, is_static, world, bodies, revision, moved, poses] = scene;
   if (centers.is_none()) {
-    if (!radii.is_none() || !family.is_none() || !mask.is_none() || !is_static.is_none())
-      throw py::value_error("radii, family, mask and is_static belong to loose spheres: give centers, too");
+    if (!radii.is_none() || !family.is_none() || !mask.is_none() || !is_static.is_none() || !world.is_none())
+      throw py::value_error(
+          "radii, family, mask, is_static and world belong to loose spheres: give centers, too");
     return;
   }
   if (radii.is_none()) throw py::value_error("radii are missing: centers need them");
@@ -129,6 +174,13 @@ void add_spheres(Request& in, const py::object& centers, const py::object& radii
   s.family = reinterpret_cast<const std::uint32_t*>(one_each(family, "family", Kind::bits));
   s.mask = reinterpret_cast<const std::uint32_t*>(one_each(mask, "mask", Kind::bits));
   s.is_static = reinterpret_cast<const std::uint8_t*>(one_each(is_static, "is_static", Kind::flags));
+  if (!world.is_none()) {
+    const Array w = array_of(world, {"world", Kind::bits, {n}, "(N,), or one number for all", true});
+    if (w.one())
+      s.world_of_all = *w.as<std::uint32_t>();
+    else
+      s.world = reinterpret_cast<const std::uint32_t*>(in.keep(w));
+  }
   for (const Array& a : in.kept)
     if (a.memory != c.memory)
       throw py::value_error("all arrays of spheres must lie in one place: on the host or on the device");
@@ -213,15 +265,33 @@ class PyDetector {
 
   std::string backend() const { return shared_->detector->backend(); }
 
-  PyContacts detect(const py::object& centers, const py::object& radii, const py::object& family,
-                    const py::object& mask, const py::object& is_static,
-                    const std::shared_ptr<Bodies>& bodies, std::uint64_t revision, const py::object& moved,
-                    const py::object& poses) {
+  PyContacts detect(const Scene& scene, double margin) {
+    detect::Contacts contacts;
+    call(scene, margin, [&](detect::Detector& d, const Request& in) { contacts = d.detect(in.input); });
+    return {shared_, contacts, device_};
+  }
+  PyWorldAnswers worlds(std::uint32_t count, const std::string& answer, const Scene& scene, double margin) {
+    detect::Answer what = detect::Answer::any;
+    if (answer == "count")
+      what = detect::Answer::count;
+    else if (answer == "distance")
+      what = detect::Answer::distance;
+    else if (answer != "any")
+      throw py::value_error("answer must be \"any\", \"count\" or \"distance\"");
+    detect::WorldAnswers answers;
+    call(scene, margin,
+         [&](detect::Detector& d, const Request& in) { answers = d.detect_worlds(in.input, count, what); });
+    return {shared_, answers, device_};
+  }
+
+ private:
+  template <class Work>
+  void call(const Scene& scene, double margin, Work work) {
     Request in;
-    if (bodies) in.input.shapes = bodies->shapes, in.input.bodies = bodies->bodies;
-    in.input.revision = revision;
-    add_spheres(in, centers, radii, family, mask, is_static);
-    add_poses(in, poses, moved);
+    if (scene.bodies) in.input.shapes = scene.bodies->shapes, in.input.bodies = scene.bodies->bodies;
+    in.input.revision = scene.revision;
+    add_spheres(in, scene);
+    add_poses(in, scene.poses, scene.moved);
     if (shared_->busy)
       throw Error("this detector is working in another thread: make one detector for each thread");
     if (shared_->lent)
@@ -235,30 +305,29 @@ class PyDetector {
       ~Done() { shared.busy = false; }
     } done{*shared_};
     detect::CallOptions& o = shared_->detector->options();
-    o.scalar = in.scalar, o.output = in.memory;
-    detect::Contacts contacts;
+    o.scalar = in.scalar, o.output = in.memory, o.margin = margin;
     try {
       const py::gil_scoped_release release;
-      contacts = shared_->detector->detect(in.input);
+      work(*shared_->detector, in);
     } catch (const Error& e) {
       if (numbers_at_fault(in)) throw py::value_error(e.what());
       throw;
     }
-    return {shared_, contacts, device_};
   }
 
- private:
   std::shared_ptr<SharedDetector> shared_ = std::make_shared<SharedDetector>();
   int device_ = 0;
 };
 
-// How both functions named `detect` describe their arrays.
+// How the functions named `detect` and `worlds` describe their arrays.
 const std::string arrays_said =
     R"(Finds every contact of N loose spheres and of the spheres of bodies, and none twice.
 
 centers: (N, 3). radii: (N,), or one number for all. They are read as float32 if both are float32, else as float64.
 family, mask: (N,) uint32 or None. Two spheres of the same family other than 0 are never a contact, nor are two of which one's
 mask has bit family - 1 of the other's family. is_static: (N,), the spheres that do not move; two static ones are never a contact.
+world: (N,) uint32, or one number for all, or None for 0. Only spheres of one world meet, and those of EVERY_WORLD meet all.
+margin: all pairs whose gap is at most this are contacts; the depth of those that do not touch is negative.
 bodies: Bodies. Spheres are numbered in this order: those of bodies[0], of bodies[1], ..., and then those of centers.
 NumPy arrays, and device arrays that offer __cuda_array_interface__ or DLPack, are read where they lie, and the contacts lie in
 the same memory. Do not write to the arrays during the call. Other Python threads can run during the call.
@@ -266,7 +335,21 @@ the same memory. Do not write to the arrays during the call. Other Python thread
 
 }  // namespace
 
-void add_detect(py::module_& m) {
+namespace {
+
+constexpr const char* kRevisionSaid =
+    R"(revision: a number other than 0 that names a version of the bodies and the static spheres. If it is that of the previous
+call, only the poses of the bodies that `moved` lists, (M,) numbers, are read again. Give a new one if anything else changes.
+poses: (B, 12) float64, the poses of all bodies, instead of those in `bodies`; on the host or on the device.
+)";
+const std::string worlds_said =
+    R"(For each of the worlds 0 to `count` - 1, an answer about the contacts that detect() would list, without a list.
+
+answer: "any" (is there one?), "count" (how many?) or "distance" (the smallest signed distance, and the pair). Contacts of two
+spheres of EVERY_WORLD belong to no world. The other arguments are those of detect(). Returns WorldAnswers. Raises padder.Error.
+)";
+
+void add_results(py::module_& m) {
   py::class_<PyContacts>(m, "Contacts")
       .def("__len__", &PyContacts::count)
       .def_property_readonly("pairs", &PyContacts::pairs)
@@ -276,37 +359,82 @@ void add_detect(py::module_& m) {
       .def_property_readonly("points_j", &PyContacts::points_j)
       .def_property_readonly("backend", &PyContacts::backend)
       .def_property_readonly("hash", &PyContacts::hash);
+  py::class_<PyWorldAnswers>(m, "WorldAnswers")
+      .def("__len__", &PyWorldAnswers::worlds)
+      .def_property_readonly("any", &PyWorldAnswers::any)
+      .def_property_readonly("count", &PyWorldAnswers::count)
+      .def_property_readonly("distance", &PyWorldAnswers::distance)
+      .def_property_readonly("pair", &PyWorldAnswers::pair)
+      .def_property_readonly("backend", &PyWorldAnswers::backend);
+}
 
+using Objects = const py::object&;
+using MaybeBodies = const std::shared_ptr<Bodies>&;
+
+}  // namespace
+
+void add_detect(py::module_& m) {
+  m.attr("EVERY_WORLD") = detect::kEveryWorld;
+  add_results(m);
+  const auto none = py::none();
   py::class_<PyDetector>(m, "Detector")
       .def(py::init<const std::string&, const std::string&, const std::string&, int, int>(), py::kw_only(),
            "width"_a = "normals", "backend"_a = "auto", "precision"_a = "exact", "threads"_a = 0,
            "device"_a = 0)
       .def_property_readonly("backend", &PyDetector::backend)
       .def(
-          "detect", &PyDetector::detect, "centers"_a = py::none(), "radii"_a = py::none(),
-          "family"_a = py::none(), "mask"_a = py::none(), py::kw_only(), "is_static"_a = py::none(),
-          "bodies"_a = py::none(), "revision"_a = 0, "moved"_a = py::none(), "poses"_a = py::none(),
-          (arrays_said +
-           R"(revision: a number other than 0 that names a version of the bodies and the static spheres. If it is that of the previous
-call, only the poses of the bodies that `moved` lists, (M,) numbers, are read again. Give a new one if anything else changes.
-poses: (B, 12) float64, the poses of all bodies, instead of those in `bodies`; on the host or on the device.
-The Contacts are valid until the next call. That call is refused while their arrays are in use. Raises padder.Error.)")
-              .c_str());
+          "detect",
+          [](PyDetector& d, Objects centers, Objects radii, Objects family, Objects mask, Objects is_static,
+             Objects world, MaybeBodies bodies, std::uint64_t revision, Objects moved, Objects poses,
+             double margin) {
+            return d.detect({centers, radii, family, mask, is_static, world, bodies, revision, moved, poses},
+                            margin);
+          },
+          "centers"_a = none, "radii"_a = none, "family"_a = none, "mask"_a = none, py::kw_only(),
+          "is_static"_a = none, "world"_a = none, "bodies"_a = none, "revision"_a = 0, "moved"_a = none,
+          "poses"_a = none, "margin"_a = 0.0,
+          (arrays_said + kRevisionSaid +
+           "The Contacts are valid until the next call. That call is refused while their arrays are in use. "
+           "Raises padder.Error.")
+              .c_str())
+      .def(
+          "worlds",
+          [](PyDetector& d, std::uint32_t count, const std::string& answer, Objects centers, Objects radii,
+             Objects family, Objects mask, Objects is_static, Objects world, MaybeBodies bodies,
+             std::uint64_t revision, Objects moved, Objects poses, double margin) {
+            return d.worlds(count, answer,
+                            {centers, radii, family, mask, is_static, world, bodies, revision, moved, poses},
+                            margin);
+          },
+          "count"_a, "answer"_a = "any", "centers"_a = none, "radii"_a = none, "family"_a = none,
+          "mask"_a = none, py::kw_only(), "is_static"_a = none, "world"_a = none, "bodies"_a = none,
+          "revision"_a = 0, "moved"_a = none, "poses"_a = none, "margin"_a = 0.0, worlds_said.c_str());
 
   m.def(
       "detect",
-      [](const py::object& centers, const py::object& radii, const py::object& family, const py::object& mask,
-         const py::object& is_static, const std::shared_ptr<Bodies>& bodies, const std::string& width,
-         const std::string& backend, const std::string& precision, int threads, int device) {
+      [](Objects centers, Objects radii, Objects family, Objects mask, Objects is_static, Objects world,
+         MaybeBodies bodies, double margin, const std::string& width, const std::string& backend,
+         const std::string& precision, int threads, int device) {
         return PyDetector(width, backend, precision, threads, device)
-            .detect(centers, radii, family, mask, is_static, bodies, 0, py::none(), py::none());
+            .detect({centers, radii, family, mask, is_static, world, bodies}, margin);
       },
-      "centers"_a = py::none(), "radii"_a = py::none(), "family"_a = py::none(), "mask"_a = py::none(),
-      py::kw_only(), "is_static"_a = py::none(), "bodies"_a = py::none(), "width"_a = "normals",
+      "centers"_a = none, "radii"_a = none, "family"_a = none, "mask"_a = none, py::kw_only(),
+      "is_static"_a = none, "world"_a = none, "bodies"_a = none, "margin"_a = 0.0, "width"_a = "normals",
       "backend"_a = "auto", "precision"_a = "exact", "threads"_a = 0, "device"_a = 0,
       (arrays_said +
        "Returns Contacts. Their arrays are views that keep the memory alive. Raises padder.Error.")
           .c_str());
+  m.def(
+      "worlds",
+      [](std::uint32_t count, const std::string& answer, Objects centers, Objects radii, Objects family,
+         Objects mask, Objects is_static, Objects world, MaybeBodies bodies, double margin,
+         const std::string& backend, int threads, int device) {
+        return PyDetector("pairs", backend, "exact", threads, device)
+            .worlds(count, answer, {centers, radii, family, mask, is_static, world, bodies}, margin);
+      },
+      "count"_a, "answer"_a = "any", "centers"_a = none, "radii"_a = none, "family"_a = none, "mask"_a = none,
+      py::kw_only(), "is_static"_a = none, "world"_a = none, "bodies"_a = none, "margin"_a = 0.0,
+      "backend"_a = "auto", "threads"_a = 0, "device"_a = 0, worlds_said.c_str());
 }
 
 }  // namespace padder::python

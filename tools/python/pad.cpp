@@ -5,6 +5,7 @@
 
 #include <cerrno>
 #include <cmath>
+#include <optional>
 
 #include "padding/asset/error.h"
 #include "padding/export/export.h"
@@ -41,6 +42,13 @@ Length length_of(const py::object& given, const char* name) {
   const double value = number_of(given, name);
   if (!(value > 0)) throw py::value_error(std::string(name) + " must be positive");
   return Length::of(value);
+}
+
+// A length that may be 0, such as an error that is not allowed at all.
+std::optional<Length> error_of(const py::object& given, const char* name) {
+  if (given.is_none()) return std::nullopt;
+  if (!py::isinstance<py::str>(given) && number_of(given, name) == 0) return Length::of(0);
+  return length_of(given, name);
 }
 
 template <class Index>
@@ -95,8 +103,10 @@ void need_unit(const std::string& unit) {
 
 PadOptions options_of(const py::object& depth, const py::object& tolerance, const py::object& edge_length,
                       std::uint64_t max_spheres, double sharp_angle, const std::string& repair,
-                      std::uint32_t family, std::uint32_t mask) {
+                      std::uint32_t family, std::uint32_t mask, const py::object& protrusion,
+                      const py::object& gap) {
   PadOptions o;
+  o.protrusion = error_of(protrusion, "protrusion"), o.gap = error_of(gap, "gap");
   if (!depth.is_none()) o.depth_ratio = number_of(depth, "depth");
   if (!std::isfinite(sharp_angle)) throw py::value_error("sharp_angle must be finite");
   o.tolerance = length_of(tolerance, "tolerance");
@@ -106,8 +116,14 @@ PadOptions options_of(const py::object& depth, const py::object& tolerance, cons
     o.repair = RepairMode::never;
   else if (repair == "wrap")
     o.repair = RepairMode::wrap;
+  else if (repair == "union")
+    o.repair = RepairMode::united;
+  else if (repair == "fill")
+    o.repair = RepairMode::fill;
+  else if (repair == "sheet")
+    o.repair = RepairMode::sheet;
   else if (repair != "auto")
-    throw py::value_error("repair must be \"auto\", \"never\" or \"wrap\"");
+    throw py::value_error("repair must be \"auto\", \"union\", \"fill\", \"sheet\", \"never\" or \"wrap\"");
   return o;
 }
 
@@ -203,9 +219,10 @@ void add_pad_of_arrays(py::module_& m) {
       [](const py::object& vertices, const py::object& faces, const py::object& depth,
          const py::object& tolerance, const py::object& edge_length, std::uint64_t max_spheres,
          double sharp_angle, const std::string& repair, std::uint32_t family, std::uint32_t mask,
-         const std::string& unit, const std::string& name) {
-        const PadOptions options =
-            options_of(depth, tolerance, edge_length, max_spheres, sharp_angle, repair, family, mask);
+         const std::string& unit, const std::string& name, const py::object& protrusion,
+         const py::object& gap) {
+        const PadOptions options = options_of(depth, tolerance, edge_length, max_spheres, sharp_angle, repair,
+                                              family, mask, protrusion, gap);
         need_unit(unit);
         ReadResult file;
         file.mesh = mesh_of(vertices, faces);
@@ -217,14 +234,17 @@ void add_pad_of_arrays(py::module_& m) {
       },
       "vertices"_a, "faces"_a, "depth"_a = py::none(), "tolerance"_a = py::none(),
       "edge_length"_a = py::none(), "max_spheres"_a = 0, "sharp_angle"_a = 40.0, "repair"_a = "auto",
-      "family"_a = 0, "mask"_a = 0, "unit"_a = "", "name"_a = "mesh",
+      "family"_a = 0, "mask"_a = 0, "unit"_a = "", "name"_a = "mesh", "protrusion"_a = py::none(),
+      "gap"_a = py::none(),
       R"(Covers a triangle mesh with spheres.
 
 vertices: (N, 3) numbers in any unit; they are copied once. faces: (M, 3) whole numbers, counter-clockwise seen from outside.
 depth: one sphere for each triangle; the height of its cap over the triangle's circumradius, 0 to 1. 0.2 if neither depth nor
 tolerance is given.
 tolerance: the fewest spheres whose protrusion and gap are proved to be within it.
-A length (tolerance, edge_length) is a number in the mesh's unit, or a fraction of the mesh's diagonal such as "1%".
+protrusion, gap: each error by itself; one that is not given is the tolerance. 0 is allowed: with a gap of 0 the whole body is
+inside the spheres, with a protrusion of 0 all spheres are inside the body.
+A length (tolerance, edge_length, protrusion, gap) is a number in the mesh's unit, or a fraction of the mesh's diagonal such as "1%".
 Other Python threads can run during the call. Raises padder.Error if the mesh cannot be padded.)");
 }
 
@@ -234,9 +254,9 @@ void add_pad_of_file(py::module_& m) {
       [](const std::filesystem::path& path, const py::object& depth, const py::object& tolerance,
          const py::object& edge_length, std::uint64_t max_spheres, double sharp_angle,
          const std::string& repair, std::uint32_t family, std::uint32_t mask, const std::string& unit,
-         double scale) {
-        const PadOptions options =
-            options_of(depth, tolerance, edge_length, max_spheres, sharp_angle, repair, family, mask);
+         double scale, const py::object& protrusion, const py::object& gap) {
+        const PadOptions options = options_of(depth, tolerance, edge_length, max_spheres, sharp_angle, repair,
+                                              family, mask, protrusion, gap);
         need_unit(unit), need_file(path);
         if (!(scale > 0) || !std::isfinite(scale)) throw py::value_error("scale must be positive");
         const py::gil_scoped_release release;
@@ -244,7 +264,7 @@ void add_pad_of_file(py::module_& m) {
       },
       "path"_a, "depth"_a = py::none(), "tolerance"_a = py::none(), "edge_length"_a = py::none(),
       "max_spheres"_a = 0, "sharp_angle"_a = 40.0, "repair"_a = "auto", "family"_a = 0, "mask"_a = 0,
-      "unit"_a = "", "scale"_a = 1.0,
+      "unit"_a = "", "scale"_a = 1.0, "protrusion"_a = py::none(), "gap"_a = py::none(),
       "Reads a mesh file and pads it; see pad. unit: \"m\", \"cm\", \"mm\" or \"in\". scale: a factor for "
       "every "
       "coordinate.");

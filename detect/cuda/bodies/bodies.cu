@@ -4,7 +4,9 @@
 #include <algorithm>
 #include <cub/device/device_scan.cuh>
 
+#include "detect/cuda/device/device.h"
 #include "detect/cuda/device/profile_range.h"
+#include "detect/cuda/tuning.h"
 
 namespace padder::detect::cuda {
 namespace {
@@ -15,6 +17,26 @@ void exclusive_sum(const std::uint32_t* counts, unsigned long long* sums, Count 
   std::size_t bytes = 0;
   cub::DeviceScan::ExclusiveSum(nullptr, bytes, counts, sums, n, stream);
   cuda_check(cub::DeviceScan::ExclusiveSum(scratch.reserve(bytes), bytes, counts, sums, n, stream), "scan");
+}
+
+// Do the same numbers of elements have the same sizes? Then the levels and bins of the one serve the other.
+bool same_sizes(const Summary& a, const Summary& b) {
+  bool same = a.count == b.count && a.need_max == b.need_max && a.above == b.above &&
+              a.octaves_known == b.octaves_known && a.radius_max == b.radius_max &&
+              needs_octaves(a) == needs_octaves(b);
+  for (int k = 0; k < kOctaves; k++)
+    same = same && a.octave[k].count == b.octave[k].count && a.octave[k].need_max == b.octave[k].need_max &&
+           a.octave[k].radius_max == b.octave[k].radius_max;
+  return same;
+}
+// Room for a bin around the bounds, so that elements may move before another grid is needed.
+void widen(Summary& s) {
+  const auto wider = [](double(&low)[3], double(&high)[3], double by) {
+    for (int k = 0; k < 3; k++) low[k] -= by, high[k] += by;
+  };
+  wider(s.low, s.high, s.need_max);
+  for (Summary::Octave& o : s.octave)
+    if (o.count) wider(o.low, o.high, o.need_max);
 }
 
 }  // namespace
@@ -45,18 +67,38 @@ void BodySearch::make_plan(const Call& call, const Output& output) {
   plan_.view = view, plan_.loose = input_.loose(), plan_.output = output, plan_.own = call.options.own;
   plan_.statics = input_.static_view(), plan_.static_grid = input_.table().grid;
   plan_.static_count = input_.table().count;
-  plan_.grid = choose_grid(summary_, 0), plan_.method = method_, plan_.moves = book_.moves;
+  plan_.method = method_, plan_.moves = book_.moves;
   plan_.stable_order = call.options.order == Order::stable;
-  if (plan_.stable_order) plan_.quota = quota_;
+  plan_.all_pairs = view.moving <= std::min(tuning::kAllPairsElements, test_limits.all_pairs_elements);
+  if (!plan_.all_pairs) {
+    plan_.grid = choose_grid(summary_, 0);
+    if (plan_.stable_order) plan_.quota = quota_;
+  }
   plan_.octaves = needs_octaves(summary_), plan_.top = exponent_of(summary_.need_max);
   plan_.processors = call.processors;
   plan_.pairs.pairs = pairs_.data(), plan_.pairs.capacity = pairs_.capacity();
   plan_.pairs.width = Width::pairs;
-  plan_.hits = hits_.data(), plan_.hit_room = hits_.capacity();
+  plan_.lent = call.list.lent();
+  // Only a stable order has a list of hits, from which the list of contacts is written.
+  plan_.room = output.capacity;
+  if (plan_.stable_order) plan_.hits = hits_.data(), plan_.room = std::min(plan_.room, hits_.capacity());
   DeviceSpheres& b = plan_.balls;
   b.centers = &view.balls->x, b.radii = &view.balls->r, b.center_stride = b.radius_stride = 4;
   b.family = view.family, b.mask = view.mask, b.owner = view.owner;
   b.count = view.moving, b.wide = b.filtered = true;
+}
+
+// Pairs of elements, counted and then written.
+template <class Launch>
+void BodySearch::element_pairs(const Plan& plan, Tools& tools, cudaStream_t stream, Launch launch) {
+  const std::uint32_t moving = plan.view.moving;
+  ElementPairTask t{plan.view, plan.statics, plan.pairs.pairs, plan.pairs.capacity,
+                    tools.query_counts.reserve(moving)};
+  unsigned long long* offsets = tools.query_offsets.reserve(moving);
+  t.offsets = offsets, t.counters = tools.counters.data();
+  launch(t, false);
+  exclusive_sum(t.counts, offsets, moving, tools.scratch, stream);
+  launch(t, true);
 }
 
 // Pairs of elements that move.
@@ -64,16 +106,17 @@ void BodySearch::broad_phase(const Plan& plan, Tools& tools, cudaStream_t stream
   const ProfileRange range("padder: broad phase of bodies (stages 1 to 7)");
   BodyCounters* const counters = tools.counters.data();
   if (plan.with_survey) tools.surveyor.begin(plan.balls, plan.octaves, plan.top, plan.processors, stream);
-  // Hits and pairs are written after the elements are in order: until then their memory is lent.
-  const Lent lent{reinterpret_cast<float4*>(plan.hits), plan.hit_room,
-                  reinterpret_cast<std::uint32_t*>(plan.pairs.pairs), plan.pairs.capacity * 2};
+  if (plan.all_pairs)
+    return element_pairs(plan, tools, stream, [&](const ElementPairTask& t, bool write) {
+      write ? write_all_pairs(t, stream) : count_all_pairs(t, stream);
+    });
   const Ordered ordered = tools.orderer.order({.source = plan.balls,
                                                .grid = plan.grid,
                                                .kind = SlotKind::fixed_point,
                                                .stable = plan.stable_order,
                                                .method = plan.method,
                                                .gather = {},
-                                               .lent = lent,
+                                               .lent = plan.lent,
                                                .counters = &counters->broad,
                                                .processors = plan.processors,
                                                .stream = stream});
@@ -86,26 +129,26 @@ void BodySearch::broad_phase(const Plan& plan, Tools& tools, cudaStream_t stream
 
 // Pairs of an element that moves and a static one.
 void BodySearch::broad_phase_of_static(const Plan& plan, Tools& tools, cudaStream_t stream) {
-  const std::uint32_t moving = plan.view.moving;
-  if (plan.static_count == 0 || moving == 0) return;
-  StaticPairTask t{plan.view, plan.statics, plan.pairs.pairs, plan.pairs.capacity,
-                   tools.query_counts.reserve(moving)};
-  unsigned long long* offsets = tools.query_offsets.reserve(moving);
-  t.offsets = offsets, t.counters = tools.counters.data();
-  count_static_pairs(t, plan.static_grid, plan.processors, stream);
-  exclusive_sum(t.counts, offsets, moving, tools.scratch, stream);
-  write_static_pairs(t, plan.static_grid, plan.processors, stream);
+  if (plan.static_count == 0) return;
+  element_pairs(plan, tools, stream, [&](const ElementPairTask& t, bool write) {
+    write ? write_static_pairs(t, plan.static_grid, plan.processors, stream)
+          : count_static_pairs(t, plan.static_grid, plan.processors, stream);
+  });
 }
 
-void BodySearch::narrow_phase(const Plan& plan, Tools& tools, NarrowPhaseTask& t, cudaStream_t stream) {
-  if (!plan.stable_order) return find_hits(t, plan.processors, stream);
-  const std::uint64_t batches = (plan.pairs.capacity + kBatch - 1) / kBatch;
-  t.ranks = tools.ranks.reserve(plan.hit_room), t.batch_counts = tools.batch_counts.reserve(batches);
-  find_hits(t, plan.processors, stream);
-  if (batches <= kMostSummedBatches) return;
-  unsigned long long* offsets = tools.batch_offsets.reserve(batches);
-  t.batch_offsets = offsets;
-  exclusive_sum(t.batch_counts, offsets, batches, tools.scratch, stream);
+void BodySearch::narrow_phase(const Plan& plan, Tools& tools, NarrowPhaseTask& t, cudaStream_t stream,
+                              StageClock& clock) {
+  if (!plan.stable_order) return find_contacts(t, plan.output, stream);
+  const std::uint64_t batches = most_batches(plan.pairs.capacity, t.finder_warps);
+  t.ranks = tools.ranks.reserve(plan.room), t.batch_counts = tools.batch_counts.reserve(batches);
+  find_contacts(t, plan.output, stream);
+  if (batches > kMostSummedBatches) {
+    unsigned long long* offsets = tools.batch_offsets.reserve(batches);
+    t.batch_offsets = offsets;
+    exclusive_sum(t.batch_counts, offsets, batches, tools.scratch, stream);
+  }
+  clock.mark(7);
+  write_hits(t, plan.output, plan.processors, stream);
 }
 
 void BodySearch::expect_report(const Plan& plan, Tools& tools) {
@@ -127,11 +170,9 @@ void BodySearch::enqueue(const Plan& plan, Tools& tools, cudaStream_t stream, St
     const ProfileRange range("padder: narrow phase of bodies (stages 8 and 9)");
     NarrowPhaseTask t{plan.view, plan.loose, plan.own};
     t.owns_all = plan.own == Region{}, t.stable_order = plan.stable_order;
-    t.pairs = plan.pairs.pairs, t.pair_room = plan.pairs.capacity, t.room = plan.hit_room;
-    t.hits = plan.hits, t.counters = counters;
-    narrow_phase(plan, tools, t, stream);
-    clock.mark(7);
-    write_hits(t, plan.output, plan.processors, stream);
+    t.pairs = plan.pairs.pairs, t.pair_room = plan.pairs.capacity, t.room = plan.room;
+    t.hits = plan.hits, t.counters = counters, t.finder_warps = finder_warps(plan.processors);
+    narrow_phase(plan, tools, t, stream, clock);
   }
   tools.report.send(stream);
 }
@@ -160,24 +201,32 @@ struct BodySearch::Steps {
   const Call& call;
   Contacts& contacts;
   std::uint32_t moving = s.input_.view().moving;
-  Output output = room_for(s.hits_.capacity());
+  Output output = room_for(1024);
 
+  // Lists of so many contacts.
   Output room_for(std::uint64_t count) const {
     call.list.reserve(call.options, count);
+    if (call.options.order == Order::stable) s.hits_.reserve(count);
     return call.list.output(call.options);
   }
 
+  // A plan stands as long as its grid serves the elements of this call. In a stable order it must be the grid
+  // that a survey by itself leads to, since the order follows from it.
   Trial try_previous() {
+    const Summary planned = s.summary_;
     s.make_plan(call, output);
     s.plan_.with_survey = true;
     s.pass(call, !call.options.timings);
-    const Grid grid = s.plan_.grid;
-    if (!s.tools_.surveyor.finish(s.plan_.balls, s.plan_.octaves, s.plan_.top, false, s.summary_))
+    const Plan& plan = s.plan_;
+    if (!s.tools_.surveyor.finish(plan.balls, plan.octaves, plan.top, false, s.summary_))
       return Trial::differs;
     if (!s.ordinary(call.options)) return Trial::refused;
-    const bool fits = grid == choose_grid(s.summary_, 0) && !(s.found_.broad.flags & kOutside) &&
-                      s.summary_.octave[kOctaves - 1].count == 0;
-    return fits ? Trial::fits : Trial::differs;
+    if (plan.all_pairs) return Trial::fits;
+    if ((s.found_.broad.flags & kOutside) || s.summary_.octave[kOctaves - 1].count) return Trial::differs;
+    if (plan.stable_order) return plan.grid == choose_grid(s.summary_, 0) ? Trial::fits : Trial::differs;
+    if (!same_sizes(planned, s.summary_)) return Trial::differs;
+    s.summary_ = planned;
+    return Trial::fits;
   }
 
   bool survey() {
@@ -190,6 +239,7 @@ struct BodySearch::Steps {
     }
     if (!s.ordinary(call.options)) return false;
     call.clock.mark(0);
+    if (call.options.order == Order::any) widen(s.summary_);
     s.make_plan(call, output);
     return true;
   }
@@ -201,7 +251,7 @@ struct BodySearch::Steps {
   bool grow() {
     const BodyCounters& found = s.found_;
     const std::uint64_t pairs = found.broad.contacts + found.static_pairs;
-    const bool stable = s.plan_.stable_order && moving > 0;
+    const bool stable = s.plan_.stable_order && !s.plan_.all_pairs && moving > 0;
     const SlotQuota quota =
         stable ? quota_for(found.broad, moving, s.plan_.grid, SlotKind::fixed_point) : SlotQuota{};
     const bool known = !stable || quota == s.plan_.quota;
@@ -213,9 +263,8 @@ struct BodySearch::Steps {
     } else if (pairs > s.pairs_.capacity() || !known || spilled > memory.spill.capacity()) {
       if (pairs > s.pairs_.capacity()) s.pairs_.reserve(pairs + pairs / 8);
       if (stable) memory.spill.reserve(known ? spilled + spilled / 8 : pairs / 16 + 4096), s.quota_ = quota;
-    } else if (found.contacts > std::min(s.hits_.capacity(), output.capacity)) {
-      s.hits_.reserve(found.contacts + found.contacts / 8);
-      output = room_for(s.hits_.capacity());
+    } else if (found.contacts > s.plan_.room) {
+      output = room_for(found.contacts + found.contacts / 8);
     } else {
       contacts.count = found.contacts;
       return false;
@@ -234,7 +283,6 @@ bool BodySearch::run(const Call& call, Contacts& contacts) {
   call.clock.mark(StageClock::kPlace);
   const std::uint32_t moving = input_.view().moving;
   pairs_.reserve(4 * std::uint64_t(moving) + 1024);
-  hits_.reserve(1024);
   Steps steps{*this, call, contacts};
   if (!speculative_.run(steps, known && moving > 0)) return false;
   call.clock.mark(8);

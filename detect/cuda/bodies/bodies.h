@@ -35,10 +35,12 @@ class BodySearch {
     StaticView statics;
     Grid static_grid;
     std::uint32_t static_count = 0;
-    uint4* hits = nullptr;
-    std::uint64_t hit_room = 0;
+    Lent lent;
+    uint4* hits = nullptr;   // for a stable order
+    std::uint64_t room = 0;  // for contacts
     OrderMethod method = OrderMethod::automatic;
     bool octaves = false, with_survey = false, stable_order = true;
+    bool all_pairs = false;  // so few elements that no grid is needed
     SlotQuota quota;
     int top = 0, processors = 1;
     std::uint64_t moves = 0;
@@ -65,8 +67,11 @@ class BodySearch {
   static void expect_report(const Plan& plan, Tools& tools);
   static void enqueue(const Plan& plan, Tools& tools, cudaStream_t stream, StageClock& clock);
   static void broad_phase(const Plan& plan, Tools& tools, cudaStream_t stream, StageClock& clock);
+  template <class Launch>
+  static void element_pairs(const Plan& plan, Tools& tools, cudaStream_t stream, Launch launch);
   static void broad_phase_of_static(const Plan& plan, Tools& tools, cudaStream_t stream);
-  static void narrow_phase(const Plan& plan, Tools& tools, NarrowPhaseTask& task, cudaStream_t stream);
+  static void narrow_phase(const Plan& plan, Tools& tools, NarrowPhaseTask& task, cudaStream_t stream,
+                           StageClock& clock);
   bool ordinary(const CallOptions& options) const;
 
   MemoryBook& book_;

@@ -17,12 +17,14 @@ __global__ void __launch_bounds__(kThreads)
   for (std::uint32_t k = first + blockIdx.x * kThreads + threadIdx.x; k < end; k += gridDim.x * kThreads) {
     const Element e = v.elements[k];
     if (e.body == kLoose) {
-      v.balls[k] = ball_of(loose.sphere(e.piece));
+      const Sphere sphere = loose.sphere(e.piece);
+      v.balls[k] = ball_of(sphere), v.stances[k] = stance_of(e, sphere, v.balls[k]);
       const Filter f = loose.filter(e.piece);
       v.family[k] = f.family, v.mask[k] = f.mask, v.owner[k] = f.owner;
     } else {
       const Body& body = v.bodies[e.body];
       v.balls[k] = ball_of(body, v.pieces[e.piece]);
+      v.stances[k] = stance_of(body, e, v.pieces[e.piece], v.balls[k]);
       v.family[k] = body.family, v.mask[k] = body.mask, v.owner[k] = owner_of(e.body, body.is_static);
     }
   }
@@ -91,7 +93,10 @@ BodyInput::BodyInput(MemoryBook& book)
       balls_(book, "the balls about bodies"),
       loose_spheres_(book, "the spheres"),
       static_balls_(book, "what is static"),
-      near_(book, "the shapes"),
+      stances_(book, "the balls about bodies"),
+      padded_(book, "the shapes"),
+      groups_(book, "the shapes"),
+      boxes_(book, "the shapes"),
       numbers_(book, "the shapes"),
       body_first_(book, "the bodies"),
       tags_(book, "families and masks"),
@@ -146,11 +151,15 @@ void BodyInput::read_all(const Input& input, cudaStream_t stream) {
   view_.pieces = copied(pieces_, p.pieces.data(), p.pieces.size(), stream);
   view_.spheres = copied(spheres_, p.spheres.data(), p.spheres.size(), stream);
   view_.numbers = copied(numbers_, p.numbers.data(), p.numbers.size(), stream);
-  view_.near = copied(near_, reinterpret_cast<const float4*>(p.near.data()), p.near.size(), stream);
+  const std::vector<NearSphere> padded = p.padded();
+  view_.padded = copied(padded_, padded.data(), padded.size(), stream);
+  view_.groups = copied(groups_, p.groups.data(), p.groups.size(), stream);
+  view_.boxes = copied(boxes_, p.boxes.data(), p.boxes.size(), stream);
+  view_.unit_piece = static_cast<std::uint32_t>(p.pieces.size());
   view_.body_first = copied(body_first_, assembly_.body_first.data(), assembly_.body_first.size(), stream);
   view_.count = static_cast<std::uint32_t>(assembly_.elements.size()), view_.moving = assembly_.moving;
   view_.loose_first = assembly_.body_first.back();
-  view_.balls = balls_.reserve(view_.count);
+  view_.balls = balls_.reserve(view_.count), view_.stances = stances_.reserve(view_.count);
   view_.family = tags_.reserve(3 * std::uint64_t(view_.count));
   view_.mask = view_.family + view_.count, view_.owner = view_.mask + view_.count;
   std::vector<std::uint32_t> lists = moving_bodies_;

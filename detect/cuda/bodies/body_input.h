@@ -5,8 +5,8 @@
 #pragma once
 #include <vector>
 
-#include "detect/core/static_table.h"
 #include "detect/core/assembly.h"
+#include "detect/core/static_table.h"
 #include "detect/cuda/input/input_copy.h"
 
 namespace padder::detect::cuda {
@@ -29,11 +29,16 @@ struct BodyView {
   const Piece* pieces = nullptr;
   const Sphere* spheres = nullptr;
   const std::uint32_t* numbers = nullptr;  // of each of these within its shape
-  const float4* near = nullptr;            // Pieces::near
+  // kPieceSpheres for each piece, those that it does not have so far away that nothing overlaps them; balls
+  // around its groups, kPieceGroups for each; its box. At last a piece that stands for every loose sphere.
+  const NearSphere *padded = nullptr, *groups = nullptr;
+  const NearBox* boxes = nullptr;
   const std::uint32_t* body_first = nullptr;
-  Sphere* balls = nullptr;  // about each element
+  Sphere* balls = nullptr;    // about each element
+  Stance* stances = nullptr;  // of each element
   std::uint32_t *family = nullptr, *mask = nullptr, *owner = nullptr;
   std::uint32_t moving = 0, count = 0, loose_first = 0;
+  std::uint32_t unit_piece = 0;  // stands for a loose sphere in `padded`, `groups` and `boxes`
   friend bool operator==(const BodyView&, const BodyView&) = default;
 };
 
@@ -78,7 +83,9 @@ class BodyInput {
   Buffer<Element> elements_;
   Buffer<Piece> pieces_;
   Buffer<Sphere> spheres_, balls_, loose_spheres_, static_balls_;
-  Buffer<float4> near_;
+  Buffer<Stance> stances_;
+  Buffer<NearSphere> padded_, groups_;
+  Buffer<NearBox> boxes_;
   Buffer<std::uint32_t> numbers_, body_first_, tags_, loose_tags_, moving_list_, static_starts_,
       static_elements_;
   Buffer<LooseRecord> records_, host_records_;

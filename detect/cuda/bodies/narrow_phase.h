@@ -1,28 +1,28 @@
 // SPDX-License-Identifier: MIT
-// The narrow phase of bodies: the spheres of elements whose balls touch. And the broad phase between elements
-// that move and static ones, which stand in a table. Only .cu files include this.
+// The narrow phase of bodies: the spheres of elements whose balls touch. Only .cu files include this.
 #pragma once
-#include "detect/cuda/bodies/body_input.h"
-#include "detect/cuda/device/counters.h"
+#include "detect/cuda/bodies/element_pairs.h"
 #include "detect/cuda/output/output.h"
 
 namespace padder::detect::cuda {
-
-struct BodyCounters {
-  Counters broad;                   // pairs of elements that move
-  unsigned long long static_pairs;  // pairs with a static element; they stand behind those
-  unsigned long long contacts;
-  unsigned long long next;  // the first pair that no warp has taken yet
-};
 
 // A contact that is found and not yet written: the sphere `slot` of Pieces on this body, or a loose one.
 struct Hit {
   std::uint32_t a_body, a_slot, b_body, b_slot;
 };
 
-// Pairs of elements that a warp takes at a time: a batch. The counts of up to kMostSummedBatches batches fit
-// the shared memory of a block: then each block that writes sums them up for itself.
-constexpr std::uint32_t kBatch = 8, kMostSummedBatches = 12000;
+// Pairs of elements that a warp takes at a time: a batch. Where pairs are few, batches are smaller, so that
+// every warp has work. The counts of up to kMostSummedBatches batches fit the shared memory of a block: then
+// each block that writes sums them up for itself.
+constexpr std::uint32_t kBatch = 32, kMostSummedBatches = 12000;
+PADDER_HD std::uint32_t batch_size(std::uint64_t pairs, std::uint32_t warps) {
+  const std::uint64_t each = pairs / warps;
+  return each >= kBatch ? kBatch : each > 1 ? static_cast<std::uint32_t>(each) : 1;
+}
+// No fewer than there are batches of up to so many pairs.
+inline std::uint64_t most_batches(std::uint64_t pairs, std::uint32_t warps) {
+  return pairs / kBatch + 2 * std::uint64_t(warps) + 1;
+}
 
 struct NarrowPhaseTask {
   BodyView view;
@@ -31,28 +31,18 @@ struct NarrowPhaseTask {
   bool owns_all = true, stable_order = true;
   const Pair* pairs = nullptr;  // of elements
   std::uint64_t pair_room = 0, room = 0;
+  std::uint32_t finder_warps = 0;  // that find contacts; their blocks are full
+  // For a stable order: the contacts; of each its batch and its number within the batch; the contacts of each
+  // batch; the contacts before each batch, or null where no more than kMostSummedBatches are possible.
   uint4* hits = nullptr;  // Hit
-  // For a stable order: of each hit its batch and its number within the batch; the contacts of each batch;
-  // the contacts before each batch, or null where no more than kMostSummedBatches are possible.
   uint2* ranks = nullptr;
   std::uint32_t* batch_counts = nullptr;
   const unsigned long long* batch_offsets = nullptr;
   BodyCounters* counters = nullptr;
 };
-void find_hits(const NarrowPhaseTask& task, int processors, cudaStream_t stream);
+// Counts the contacts. In any order it writes them, too; for a stable order it writes hits and ranks.
+void find_contacts(const NarrowPhaseTask& task, const Output& output, cudaStream_t stream);
 void write_hits(const NarrowPhaseTask& task, const Output& output, int processors, cudaStream_t stream);
-
-// Moving elements against the table of static ones: counted, then written behind the pairs that are there.
-struct StaticPairTask {
-  BodyView view;
-  StaticView table;
-  Pair* pairs = nullptr;
-  std::uint64_t pair_room = 0;
-  std::uint32_t* counts = nullptr;  // of each moving element
-  const unsigned long long* offsets = nullptr;
-  BodyCounters* counters = nullptr;
-};
-void count_static_pairs(const StaticPairTask& task, const Grid& grid, int processors, cudaStream_t stream);
-void write_static_pairs(const StaticPairTask& task, const Grid& grid, int processors, cudaStream_t stream);
+std::uint32_t finder_warps(int processors);
 
 }  // namespace padder::detect::cuda

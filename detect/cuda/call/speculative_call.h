@@ -32,8 +32,12 @@ class SpeculativeCall {
     if (may_try && retry_cooldown_ == 0) {
       trial = steps.try_previous();
       if (trial == Trial::refused) return false;
-      if (trial == Trial::differs) retry_cooldown_ = kAfterFailure;
+      if (trial == Trial::differs) {
+        retry_cooldown_ = since_failure_ < kSeldom ? kAfterFailure : 0;
+        since_failure_ = 0;
+      }
     }
+    if (since_failure_ < kSeldom) since_failure_++;
     if (trial == Trial::differs) {
       if (retry_cooldown_ > 0) retry_cooldown_--;
       if (!steps.survey()) return false;
@@ -44,9 +48,11 @@ class SpeculativeCall {
   }
 
  private:
-  // A trial in vain costs a whole search. The call in which it failed counts as the first of these.
-  static constexpr int kAfterFailure = 5;
-  int retry_cooldown_;  // calls to wait before the previous grid is tried again
+  // A trial in vain costs a whole search. After two within kSeldom calls the detector waits; the call in
+  // which the second failed counts as the first of these.
+  static constexpr int kAfterFailure = 5, kSeldom = 20;
+  int since_failure_ = kSeldom;  // calls, up to kSeldom
+  int retry_cooldown_;           // calls to wait before the previous grid is tried again
 };
 
 }  // namespace padder::detect::cuda

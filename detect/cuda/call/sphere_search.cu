@@ -7,10 +7,14 @@
 #include "detect/cuda/device/profile_range.h"
 #include "detect/cuda/input/input_copy.h"
 #include "detect/cuda/order/bins.h"
+#include "detect/cuda/search/exact_test.h"
 #include "detect/cuda/tuning.h"
 
 namespace padder::detect::cuda {
 namespace {
+
+// A level has an array of at most so many bins for each sphere; beyond, it is hashed.
+constexpr double kBinsASphere = 8;
 
 SearchOptions search_options(const CallOptions& options, const Summary& summary) {
   SearchOptions s;
@@ -19,6 +23,38 @@ SearchOptions search_options(const CallOptions& options, const Summary& summary)
   for (int k = 0; k < 3; k++)
     s.owns_all = s.owns_all && options.own.low[k] == -INFINITY && options.own.high[k] == INFINITY;
   return s;
+}
+
+// Input in double is searched as float where that leaves float sure of most pairs (band_of_rounded).
+bool may_round(const DeviceSpheres& source, const Summary& s) {
+  return source.wide && source.placed == 0 && float_range(s.extent, s.radius_max) && s.radius_min > 0x1p-40 &&
+         s.extent < kMostRounded * s.radius_min;
+}
+// No coordinate of spheres that the grid covers is larger.
+double extent_of(const Grid& g) {
+  double extent = 0;
+  for (int k = 0; k < g.levels; k++)
+    for (int c = 0; c < 3; c++) {
+      const Level& l = g.level[k];
+      const auto low = static_cast<double>(l.first[c]);
+      extent = std::max(extent, std::max(std::abs(low), std::abs(low + l.count[c])) * l.size);
+    }
+  return extent;
+}
+// A faulty sphere becomes one that is no number, so that the bounds show it: a float of a radius that is a
+// little below zero would not.
+__global__ void __launch_bounds__(256)
+    round_kernel(const __grid_constant__ DeviceSpheres source, float4* rounded) {
+  const std::uint32_t k = blockIdx.x * 256 + threadIdx.x;
+  if (k >= source.count) return;
+  const Sphere s = source.sphere(k);
+  rounded[k] = fault_of(s) != Fault::none ? make_float4(NAN, NAN, NAN, NAN)
+                                          : make_float4(static_cast<float>(s.x), static_cast<float>(s.y),
+                                                        static_cast<float>(s.z), static_cast<float>(s.r));
+}
+void round_spheres(const DeviceSpheres& source, float4* rounded, cudaStream_t stream) {
+  round_kernel<<<(source.count + 255) / 256, 256, 0, stream>>>(source, rounded);
+  cuda_launched("read the spheres");
 }
 
 void check(const DeviceSpheres& source, const Summary& s, const Call& call) {
@@ -38,18 +74,58 @@ Summary SphereSearch::survey(const DeviceSpheres& source, const Call& call) {
   return s;
 }
 
+// The grid that the summary asks for. A stable order depends on the grid, so that there it must follow from
+// the spheres alone, whatever was detected before.
+Grid SphereSearch::best_grid(const Call& call, const Summary& summary, GridBounds bounds) const {
+  const bool stable = call.options.order == Order::stable;
+  return choose_grid(summary, call.options.bin_size, spread_ && !stable ? 0 : kBinsASphere,
+                     CrossSearch::coarse_to_fine, stable ? GridBounds::stepped : bounds);
+}
+
+// After a pass with grid_, of which summary_ was found: may the contacts be taken? Chooses the grid of the
+// next call, before spheres leave this one.
+bool SphereSearch::still_good(const Call& call, const Summary& previous) {
+  if (call.options.order == Order::stable) return best_grid(call, summary_, GridBounds::stepped) == grid_;
+  const bool good = covers(grid_, summary_);
+  if (!good || !covers(grid_, expected_next(previous, summary_)) ||
+      best_grid(call, summary_, GridBounds::wide).buckets * std::uint64_t(2) + 4096 < grid_.buckets)
+    grid_ = best_grid(call, summary_, GridBounds::wide);
+  return good;
+}
+
+// Also finds summary_ of the floats that are searched in the place of doubles.
+void SphereSearch::survey_as_searched(const DeviceSpheres& source, const Call& call) {
+  summary_ = survey(source, call);
+  if (!may_round(source, summary_)) return;
+  const DeviceSpheres floats = rounded(source);
+  round_spheres(source, tools_.rounded.data(), call.stream);
+  const Summary of_floats = tools_.surveyor.survey(floats, call.processors, call.stream);
+  if (may_round(source, of_floats)) summary_ = of_floats, summary_.blur = kBlur;
+}
+
 void SphereSearch::make_plan(const DeviceSpheres& source, const Call& call, const Summary& summary) {
   plan_ = {};
-  plan_.source = source,
-  plan_.grid = choose_grid(summary, call.options.bin_size, 8, CrossSearch::coarse_to_fine);
+  plan_.source = source, plan_.grid = grid_;
   plan_.search = search_options(call.options, summary);
   if (plan_.search.stable_order) plan_.search.quota = quota_;
-  const bool floats = !source.wide && source.placed == 0 && float_range(summary.extent, summary.radius_max);
+  if (summary.blur > 0 && may_round(source, summary)) {
+    plan_.search.rounded = true, plan_.rounded = rounded(source);
+    plan_.search.radius_min = summary.radius_min, plan_.search.extent = extent_of(grid_);
+  }
+  const bool floats = (plan_.search.rounded || !source.wide) && source.placed == 0 &&
+                      float_range(summary.extent, summary.radius_max);
   plan_.kind = !floats                                    ? SlotKind::fixed_point
                : summary.radius_min == summary.radius_max ? SlotKind::equal
                                                           : SlotKind::unequal;
   plan_.octaves = needs_octaves(summary), plan_.top = exponent_of(summary.need_max);
   plan_.processors = call.processors;
+}
+
+DeviceSpheres SphereSearch::rounded(const DeviceSpheres& source) {
+  DeviceSpheres floats;
+  floats.centers = tools_.rounded.reserve(source.count), floats.count = source.count;
+  floats.packed = true, floats.center_stride = floats.radius_stride = 4;
+  return floats;
 }
 
 // The rest of the plan, once the list is as long as it is to be.
@@ -75,7 +151,7 @@ void SphereSearch::lengthen_to_lend(const Call& call) {
 void SphereSearch::expect_report(const Plan& plan, Tools& tools) {
   tools.report.clear();
   if (plan.with_survey)
-    tools.surveyor.read(plan.source, plan.octaves, plan.along(), tools.report);
+    tools.surveyor.read(plan.searched(), plan.octaves, plan.along(), tools.report);
   else
     tools.surveyor.read_head(tools.report);
   tools.report.expect();
@@ -88,12 +164,13 @@ void SphereSearch::enqueue(const Plan& plan, Tools& tools, cudaStream_t stream, 
   Ordered spheres;
   {
     const ProfileRange range("padder: order (stages 1 to 6)");
+    if (plan.search.rounded) round_spheres(plan.source, tools.rounded.data(), stream);
     if (plan.with_survey && !plan.along())
       tools.surveyor.begin(plan.source, plan.octaves, plan.top, plan.processors, stream);
     else if (!plan.with_survey)
       cuda_check(cudaMemsetAsync(counters, 0, sizeof(Counters), stream), "clear the counters");
     const Gather gather = plan.along() ? tools.surveyor.gather(plan.octaves, plan.top) : Gather{};
-    spheres = tools.orderer.order({.source = plan.source,
+    spheres = tools.orderer.order({.source = plan.searched(),
                                    .grid = plan.grid,
                                    .kind = plan.kind,
                                    .stable = plan.search.stable_order,
@@ -103,7 +180,8 @@ void SphereSearch::enqueue(const Plan& plan, Tools& tools, cudaStream_t stream, 
                                    .counters = counters,
                                    .processors = plan.processors,
                                    .stream = stream,
-                                   .keep = plan.with_survey});
+                                   .keep = plan.with_survey,
+                                   .float_levels = searches_downwards(plan.grid, plan.kind)});
   }
   clock.mark(3);
   const ProfileRange range("padder: search (stages 7 to 9)");
@@ -130,29 +208,40 @@ struct SphereSearch::Steps {
   const DeviceSpheres& source;
   const Call& call;
   Contacts& contacts;
+  bool surveyed = false;  // by a trial that found the spheres to be others, but all it needed to know
 
   Trial try_previous() {
     const Summary previous = s.summary_;
     s.make_plan(source, call, previous);
     s.plan_output(call, true);
     s.pass(call, true);
-    const Grid grid = s.plan_.grid;
     const SlotKind kind = s.plan_.kind;
-    if (!s.tools_.surveyor.finish(source, s.plan_.octaves, s.plan_.top, s.plan_.along(), s.summary_))
+    const SearchOptions searched = s.plan_.search;
+    if (!s.tools_.surveyor.finish(s.plan_.searched(), s.plan_.octaves, s.plan_.top, s.plan_.along(),
+                                  s.summary_))
       return Trial::differs;
+    if (s.plan_.search.rounded) s.summary_.blur = kBlur;
     check(source, s.summary_, call);
-    s.make_plan(source, call, s.summary_);
     // Where the last octave is populated, a survey by itself may tell sizes apart in another way
     // (Summary::above).
-    const bool fits = grid == s.plan_.grid && kind == s.plan_.kind &&
-                      s.summary_.radius_max == previous.radius_max && !s.found_.flags &&
-                      s.summary_.octave[kOctaves - 1].count == 0;
-    return fits ? Trial::fits : Trial::differs;
+    if (s.summary_.octave[kOctaves - 1].count > 0) return Trial::differs;
+    const Grid tried = s.grid_;
+    const bool good = s.still_good(call, previous) && !s.found_.flags;
+    // What follows in this call goes by the grid that was tried.
+    const Grid next = std::exchange(s.grid_, tried);
+    s.make_plan(source, call, s.summary_);
+    s.grid_ = next;
+    if (good && kind == s.plan_.kind && searched == s.plan_.search &&
+        (kind != SlotKind::equal || s.summary_.radius_max == previous.radius_max))
+      return Trial::fits;
+    surveyed = !(s.found_.flags & kCrowded) && searched.rounded == s.plan_.search.rounded;
+    return Trial::differs;
   }
 
   bool survey() {
-    s.summary_ = s.survey(source, call);
+    if (!surveyed) s.survey_as_searched(source, call);
     call.clock.mark(0);
+    s.grid_ = s.best_grid(call, s.summary_, surveyed ? GridBounds::wide : GridBounds::tight);
     s.make_plan(source, call, s.summary_);
     s.lengthen_to_lend(call);
     s.method_ = OrderMethod::automatic;
@@ -173,7 +262,12 @@ struct SphereSearch::Steps {
     const SlotQuota quota = stable ? quota_for(found, source.count, s.plan_.grid, s.plan_.kind) : SlotQuota{};
     const bool too_short = contacts.count > call.list.capacity(call.options);
     if (found.flags & kCrowded) {
-      s.method_ = OrderMethod::sort;
+      if (!stable && !s.spread_) {
+        s.spread_ = true, s.grid_ = s.best_grid(call, s.summary_, GridBounds::tight);
+        s.plan_.grid = s.grid_;
+      } else {
+        s.method_ = OrderMethod::sort;
+      }
     } else if (too_short || quota != search.quota ||
                (stable && found.spilled > s.tools_.search.spill.capacity())) {
       if (too_short) call.list.reserve(call.options, contacts.count + contacts.count / 16);
@@ -193,9 +287,12 @@ struct SphereSearch::Steps {
 
 void SphereSearch::run(const DeviceSpheres& source, const Call& call, Contacts& contacts) {
   const std::uint64_t planned_for = std::exchange(planned_for_, 0);  // until all went well
+  if (planned_for != source.count) spread_ = false;
+  const bool planned = planned_for == source.count && planned_bin_size_ == call.options.bin_size &&
+                       planned_wide_ == source.wide;
   Steps steps{*this, source, call, contacts};
-  speculative_.run(steps, !call.options.timings && planned_for == source.count);
-  planned_for_ = source.count;
+  speculative_.run(steps, !call.options.timings && planned);
+  planned_for_ = source.count, planned_bin_size_ = call.options.bin_size, planned_wide_ = source.wide;
   call.clock.mark(8);
 }
 

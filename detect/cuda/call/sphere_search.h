@@ -28,6 +28,7 @@ class SphereSearch {
     Output output;
     Lent lent;
     SlotKind kind = SlotKind::equal;
+    DeviceSpheres rounded;  // search.rounded: the doubles of `source` as packed floats
     OrderMethod method = OrderMethod::automatic;
     bool octaves = false, with_survey = false;
     int top = 0, processors = 1;
@@ -36,20 +37,28 @@ class SphereSearch {
     friend bool operator==(const Plan&, const Plan&) = default;
 
     // The bounds are gathered by the kernels that put the spheres in order.
-    bool along() const { return with_survey && Surveyor::rides_along(source); }
+    bool along() const { return with_survey && Surveyor::rides_along(searched()); }
+    // What is put in order and searched; decisions and records go by `source`.
+    const DeviceSpheres& searched() const { return search.rounded ? rounded : source; }
   };
   // What a plan works with. A kernel is given addresses in here and nothing else; they stay while nothing is
   // allocated.
   struct Tools {
-    explicit Tools(MemoryBook& book) : surveyor(book), orderer(book), search(book) {}
+    explicit Tools(MemoryBook& book)
+        : surveyor(book), orderer(book), search(book), rounded(book, "the spheres in float") {}
     Surveyor surveyor;
     Report report;
     Orderer orderer;
     SearchMemory search;
+    Buffer<float4> rounded;
   };
   struct Steps;  // of SpeculativeCall
 
+  Grid best_grid(const Call& call, const Summary& summary, GridBounds bounds) const;
+  bool still_good(const Call& call, const Summary& previous);
+  void survey_as_searched(const DeviceSpheres& source, const Call& call);
   void make_plan(const DeviceSpheres& source, const Call& call, const Summary& summary);
+  DeviceSpheres rounded(const DeviceSpheres& source);
   void plan_output(const Call& call, bool with_survey);
   void lengthen_to_lend(const Call& call);
   void pass(const Call& call, bool recorded);
@@ -62,8 +71,12 @@ class SphereSearch {
   Recording<Plan> recording_;
   SpeculativeCall speculative_{0};
   Summary summary_;
+  Grid grid_;            // that the next pass is to use
+  bool spread_ = false;  // levels are hashed, because spheres are too crowded in some part of a dense level
   std::uint64_t planned_for_ = 0;  // spheres of summary_; 0: it is not to be relied on
-  Counters found_{};               // by the last pass
+  bool planned_wide_ = false;
+  double planned_bin_size_ = 0;  // CallOptions::bin_size of that plan
+  Counters found_{};             // by the last pass
   OrderMethod method_ = OrderMethod::automatic;
   SlotQuota quota_;  // of the previous list, for a stable order
 };

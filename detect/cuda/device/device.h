@@ -64,6 +64,7 @@ bool has_programmatic_launch();
 struct TestLimits {
   std::size_t shared_memory = ~std::size_t(0);  // bytes of a block
   bool programmatic_launch = true;
+  std::uint32_t all_pairs_elements = ~0u;  // of bodies, that are searched without a grid
 };
 inline TestLimits test_limits;
 class ScopedTestLimits {

@@ -27,6 +27,8 @@ struct DeviceSpheres {
   const std::uint32_t* body_first = nullptr;   // its first sphere's number
   const Sphere* shape_spheres = nullptr;       // of all shapes, one after another
   const std::uint32_t* shape_first = nullptr;  // of each shape
+  const std::uint32_t* world = nullptr;  // of loose spheres; null: `world_of_all`
+  std::uint32_t world_of_all = 0;
   std::uint32_t count = 0, placed = 0, center_stride = 3, radius_stride = 1;
   bool wide = false;    // double input
   bool packed = false;  // float x, y, z, r, aligned to 16 bytes: one load a sphere
@@ -51,6 +53,10 @@ struct DeviceSpheres {
     }
     const auto* p = static_cast<const float*>(centers) + c;
     return {p[0], p[1], p[2], static_cast<const float*>(radii)[r]};
+  }
+  __device__ __forceinline__ std::uint32_t world_of(std::uint32_t k) const {
+    if (k < placed) return bodies[body_of[k]].world;
+    return world ? world[k - placed] : world_of_all;
   }
   __device__ __forceinline__ Filter filter(std::uint32_t k) const {
     if (k < placed) {

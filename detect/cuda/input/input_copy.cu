@@ -38,6 +38,7 @@ InputCopy::InputCopy(MemoryBook& book)
       static_(book, "what is static"),
       family_(book, "families"),
       mask_(book, "masks"),
+      world_(book, "worlds"),
       body_of_(book, "the bodies"),
       body_first_(book, "the bodies"),
       shape_first_(book, "the shapes"),
@@ -62,7 +63,7 @@ void InputCopy::copy_loose(const Spheres& spheres, DeviceSpheres& s, cudaStream_
   s.center_stride = spheres.center_stride, s.radius_stride = spheres.radius_stride;
   s.wide = spheres.scalar == Scalar::f64;
   s.centers = spheres.centers, s.radii = spheres.radii, s.family = spheres.family, s.mask = spheres.mask;
-  s.is_static = spheres.is_static;
+  s.is_static = spheres.is_static, s.world = spheres.world, s.world_of_all = spheres.world_of_all;
   // x, y, z, r in one array, strides 4: often, and best read and copied as one.
   const auto* c = static_cast<const unsigned char*>(spheres.centers);
   const bool woven =
@@ -78,6 +79,7 @@ void InputCopy::copy_loose(const Spheres& spheres, DeviceSpheres& s, cudaStream_
     s.radii = woven ? to + 3 * scalar : copy(radii_, spheres.radii, radius_bytes);
     if (spheres.family) s.family = copy(family_, spheres.family, n * 4);
     if (spheres.mask) s.mask = copy(mask_, spheres.mask, n * 4);
+    if (spheres.world) s.world = copy(world_, spheres.world, n * 4);
     if (spheres.is_static) s.is_static = copy(static_, spheres.is_static, n);
   }
   s.packed = woven && !s.wide && reinterpret_cast<std::uintptr_t>(s.centers) % 16 == 0;

@@ -19,7 +19,7 @@ class InputCopy {
   void copy_bodies(const Input& input, DeviceSpheres& source, cudaStream_t stream);
 
   Buffer<unsigned char> centers_, radii_, static_;
-  Buffer<std::uint32_t> family_, mask_, body_of_, body_first_, shape_first_;
+  Buffer<std::uint32_t> family_, mask_, world_, body_of_, body_first_, shape_first_;
   Buffer<Body> bodies_;
   Buffer<Pose> poses_;
   Buffer<Sphere> shapes_;

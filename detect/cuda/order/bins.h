@@ -19,9 +19,25 @@ namespace padder::detect::cuda {
 //   1 - side * 2^-21 + 2 * (side + 1/4) * 2^-23 < 1 in t, hence by at most one bin,
 // and along x, where all is `fine` times as much, by at most `fine` bins. A bin here need not be the bin of
 // grid.h. Keys are numbered x fastest, with `fine` empty bins between two rows and a border of rows.
+//
+// The bins of a hashed level are those of grid.h, as far as 2^22 bins from the origin: the product x *
+// per_size is off by less than half a bin there, and the rest x - bin * size, which is rounded once, corrects
+// the bin. Only a coordinate that is closer to a face than 2^-24 of an edge may count as on its other side.
+// Edges exceed the largest diameter by 2^-20, so that touching spheres are still at most one bin apart.
+inline FloatBins hashed_bins_of(const Level& l) {
+  FloatBins b;
+  const auto size = static_cast<float>(l.size);
+  for (const std::uint32_t count : l.count)
+    if (count > 2 * kMostHashedFloatBins) return b;
+  if (static_cast<double>(size) != l.size || !std::isnormal(size) || !std::isnormal(1 / size)) return b;
+  for (float& per_size : b.per_size) per_size = 1 / size;
+  b.size = size, b.units = kCodeUnits / size, b.row = l.row, b.plane = l.plane, b.mask = l.ring - 1;
+  b.first = l.offset, b.buckets = l.ring, b.on = true;
+  return b;
+}
 inline FloatBins bins_of(const Level& l) {
   FloatBins b;
-  if (l.hashed) return b;
+  if (l.hashed) return hashed_bins_of(l);
   std::uint32_t side = 0;
   double extent = 0;
   for (int k = 0; k < 3; k++) {
@@ -44,7 +60,7 @@ inline FloatBins bins_of(const Level& l) {
 inline FloatBins float_bins(const Grid& grid, SlotKind kind, std::uint64_t spheres) {
   if (kind == SlotKind::fixed_point || grid.levels != 1) return {};
   FloatBins b = bins_of(grid.level[0]);
-  if (!b.on) return b;
+  if (!b.on || grid.level[0].hashed) return b;
   // Where bins hold many spheres, finer bins along x leave fewer candidates. Elsewhere they only make the
   // table longer.
   if (static_cast<double>(spheres) > tuning::kFullBin * b.count[0] * b.count[1] * b.count[2] &&
@@ -66,6 +82,7 @@ inline LevelBins level_bins(const Grid& grid, SlotKind kind) {
     const Level& l = grid.level[k];
     FloatBins& b = g.level[k] = bins_of(l);
     if (!b.on) return {};
+    if (l.hashed) continue;
     b.row = l.count[0] + 2, b.plane = b.row * (l.count[1] + 2);
     b.first = l.offset + 1, b.buckets = l.buckets;
   }
@@ -81,8 +98,18 @@ PADDER_HD bool float_bin(float x, float origin, float per_size, std::uint32_t co
   if (bin >= count) bin = count - 1;
   return t >= 0 && t < static_cast<float>(count) + 0.5f;
 }
+PADDER_HD std::uint32_t hashed_key(const FloatBins& b, float x, float y, float z) {
+  const auto bin = [&](float v) {
+    return static_cast<std::uint32_t>(float_split(v, b.size, b.per_size[0]).bin);
+  };
+  return b.first + ((bin(x) + bin(y) * b.row + bin(z) * b.plane) & b.mask);
+}
 // False for a sphere outside the bins; its key is then that of some bin.
 PADDER_HD bool key_of(const FloatBins& b, float x, float y, float z, std::uint32_t& key) {
+  if (b.size > 0) {
+    key = hashed_key(b, x, y, z);
+    return true;
+  }
   std::uint32_t i, j, k;
   const bool in = float_bin(x, b.origin[0], b.per_size[0], b.count[0], i) &
                   float_bin(y, b.origin[1], b.per_size[1], b.count[1], j) &

@@ -25,6 +25,9 @@ struct BucketOf<LevelBins> {
     float origin[3], per_size;
     std::uint32_t count_xy, count_z, magic, bucket;
   };
+  // Of a hashed level, in the place of the origin: row, plane and edge; of count_xy: the mask; of count_z:
+  // this.
+  static constexpr std::uint32_t kHashed = ~0u;
   struct Memory {
     alignas(16) Line line[kMaxLevels];
     std::uint8_t level_of_octave[kOctaves];
@@ -43,6 +46,13 @@ struct BucketOf<LevelBins> {
                                   b.count[2],
                                   part.magic,
                                   part.bucket};
+      if (b.size > 0)
+        shared.line[threadIdx.x] = {{__uint_as_float(b.row), __uint_as_float(b.plane), b.size},
+                                    b.per_size[0],
+                                    b.mask,
+                                    kHashed,
+                                    part.magic,
+                                    part.bucket};
     }
   }
   __device__ __forceinline__ std::uint32_t operator()(const LevelBins& bins, const Buckets&,
@@ -50,6 +60,13 @@ struct BucketOf<LevelBins> {
     const int octave = octave_of_exponent(bins.top, need_exponent(slot.x, slot.y, slot.z, slot.w));
     const auto* const line = reinterpret_cast<const float4*>(memory->line + memory->level_of_octave[octave]);
     const float4 a = line[0], b = line[1];
+    if (__float_as_uint(b.y) == kHashed) {
+      const auto bin = [&](float v) { return static_cast<std::uint32_t>(float_split(v, a.z, a.w).bin); };
+      const std::uint32_t key =
+          (bin(slot.x) + bin(slot.y) * __float_as_uint(a.x) + bin(slot.z) * __float_as_uint(a.y)) &
+          __float_as_uint(b.x);
+      return __float_as_uint(b.w) + __umulhi(key, __float_as_uint(b.z));
+    }
     const std::uint32_t xy = __float_as_uint(b.x), nx = xy & 0xffff, ny = xy >> 16, nz = __float_as_uint(b.y);
     std::uint32_t i, j, k;
     float_bin(slot.x, a.x, a.w, nx, i), float_bin(slot.y, a.y, a.w, ny, j),

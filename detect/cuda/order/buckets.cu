@@ -26,7 +26,9 @@ Buckets choose_buckets(const Grid& grid, const Ordered& o, double aim, double wi
     part.entry = k ? grid.level[k].offset : 0, part.bucket = b.count;
     const std::uint32_t entries = (k + 1 < grid.levels ? grid.level[k + 1].offset : b.entries) - part.entry;
     const double spheres = static_cast<double>(std::max<std::uint64_t>(grid.level[k].spheres, 1)),
-                 width = std::floor(std::clamp(aim * entries / spheres, 2.0, widest - 1));
+                 // Hashed levels fill buckets less evenly: lines and planes of spheres come in runs.
+        filled = grid.level[k].filled * entries * (grid.level[k].hashed ? tuning::kHashedBucket : 1),
+                 width = std::floor(std::clamp(aim * filled / spheres, 2.0, widest - 1));
     part.magic = static_cast<std::uint32_t>(std::ceil(4294967296.0 / width));
     b.widest = std::max(b.widest, static_cast<std::uint32_t>(width) + 2);
     b.count += static_cast<std::uint32_t>((std::uint64_t(entries - 1) * part.magic) >> 32) + 1;

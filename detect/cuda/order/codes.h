@@ -33,10 +33,29 @@ PADDER_HD std::uint32_t radius_byte(float units) {
   return 256 - static_cast<std::uint32_t>(up < 1 ? 1.0f : up > 60 ? 60.0f : up);
 }
 
+// The bin of a coordinate in the float bins of a hashed level, and how far it is from the bin's face.
+struct FloatSplit {
+  std::int32_t bin;
+  float rest;
+};
+PADDER_HD FloatSplit float_split(float x, float size, float per_size) {
+  float b = ::floorf(x * per_size), rest = ::fmaf(-b, size, x);
+  if (rest < 0)
+    b -= 1, rest = ::fmaf(-b, size, x);
+  else if (rest >= size)
+    b += 1, rest = ::fmaf(-b, size, x);
+  return {static_cast<std::int32_t>(b), rest};
+}
+
 // The code of a float slot in bins of float; of a float slot by its level; of a fixed-point slot.
 template <SlotKind Kind>
 PADDER_HD std::uint32_t code_of(const FloatBins& b, const FloatSlot& s) {
   const auto unit = [&](float x, int k) {
+    if (b.size > 0) {
+      const FloatSplit s = float_split(x, b.size, b.per_size[0]);
+      return static_cast<std::uint32_t>(s.bin * static_cast<std::int32_t>(kCodeUnits) +
+                                        static_cast<std::int32_t>(::floorf(s.rest * b.units)));
+    }
     return static_cast<std::uint32_t>(static_cast<std::int32_t>((x - b.origin[k]) * b.units));
   };
   return packed(unit(s.x, 0), unit(s.y, 1), unit(s.z, 2),

@@ -11,18 +11,21 @@ namespace padder::detect::cuda {
 // the level (grid.h) and r in float, for input in double and for bodies.
 enum class SlotKind : std::uint8_t { equal, unequal, fixed_point };
 
-// The bins of one dense level, computed in float (bins.h) where float is exact enough. Keys then follow from
-// the slots and are never stored.
-inline constexpr std::uint32_t kMostFloatBins = 4096;  // on an axis; the proof in bins.h needs it
+// The bins of one level, computed in float (bins.h) where float is exact enough. Keys then follow from the
+// slots and are never stored.
+inline constexpr std::uint32_t kMostFloatBins = 4096;            // on an axis; the proof in bins.h needs it
+inline constexpr std::uint32_t kMostHashedFloatBins = 1u << 22;  // from the origin, of a hashed level
 struct FloatBins {
   float origin[3] = {0, 0, 0}, per_size[3] = {0, 0, 0};
   std::uint32_t count[3] = {1, 1, 1}, row = 0, plane = 0, buckets = 0;  // keys of a row, a plane and in all
   std::uint32_t first = 1;                                              // key of bin (0, -1, -1)
-  std::uint32_t fine = 1;  // bins along x that make up one of the level's: a row of candidates is shorter
-  float units = 0;         // of codes.h, a length
+  std::uint32_t fine = 1;    // bins along x that make up one of the level's: a row of candidates is shorter
+  float units = 0;           // of codes.h, a length
+  float size = 0;            // a bin's edge, of a hashed level; 0: the level is dense
+  std::uint32_t mask = ~0u;  // buckets of the ring less one, of a hashed level
   bool on = false;
 };
-// The same for several dense levels. Keys are numbered as in grid.h, but a sphere's bin need not be that of
+// The same for several levels. Keys are numbered as in grid.h, but a sphere's bin need not be that of
 // grid.h.
 struct LevelBins {
   FloatBins level[kMaxLevels];

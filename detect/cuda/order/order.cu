@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Puts spheres in the order of their bins, in one of three ways: a counting sort over bins (cells.cu),
-// through buckets (buckets.cu), or here by a stable radix sort of keys, which serves hashed levels, crowded
-// bins and everything else.
+// through buckets (buckets.cu), or here by a stable radix sort of keys, which serves crowded bins and
+// everything else.
 #include <cub/device/device_radix_sort.cuh>
 #include <cub/device/device_scan.cuh>
 
@@ -63,28 +63,26 @@ Orderer::Orderer(MemoryBook& book)
 Ordered Orderer::order(const OrderRequest& r) {
   const Grid& grid = r.grid;
   const std::uint32_t count = r.source.count;
-  const bool single = grid.levels == 1 && !grid.level[0].hashed;
-  bool dense = true;
-  for (int k = 0; k < grid.levels; k++) dense = dense && !grid.level[k].hashed;
   OrderMethod method = r.method;
   if (method == OrderMethod::automatic)
-    method = !dense                        ? OrderMethod::sort
-             : count < tuning::kFewSpheres ? OrderMethod::cells
-                                           : OrderMethod::buckets;
+    method = count < tuning::kFewSpheres ? OrderMethod::cells : OrderMethod::buckets;
   Ordered o;
   o.kind = r.kind, o.count = count;
   o.bins = float_bins(grid, r.kind, count);
-  o.float_levels = dense && level_bins(grid, r.kind).on;
+  o.float_levels = r.float_levels && level_bins(grid, r.kind).on;
+  for (int k = 0; k < grid.levels; k++) o.hashed = o.hashed || grid.level[k].hashed;
   const std::uint32_t buckets = keys_of(grid, o.bins);
   // Where bins are many and nearly empty, several along x share an entry of the table. But not where rows are
-  // so short that one entry could hold bins of two rows which both hold partners of one sphere.
-  if (single && o.bins.fine == 1 && method != OrderMethod::sort && grid.level[0].count[0] >= 32)
+  // so short that one entry could hold bins of two rows which both hold partners of one sphere. The rows of a
+  // hashed level are farther apart (hash_of_ring).
+  if (grid.levels == 1 && o.bins.fine == 1 && method != OrderMethod::sort &&
+      (o.hashed || grid.level[0].count[0] >= 32))
     while (o.merge < tuning::kMostMerge &&
            (static_cast<double>(buckets) / (2 << o.merge)) > tuning::kEntriesASphere * count)
       o.merge++;
   o.entries = (buckets >> o.merge) + 2;
   o.table = table_.reserve(o.entries + 4), o.slots = slots_.reserve(std::uint64_t(o.count) + kSlack);
-  if (dense) o.codes = codes_.reserve(std::uint64_t(o.count) + kSlack);
+  o.codes = codes_.reserve(std::uint64_t(o.count) + kSlack);
   if (method == OrderMethod::cells && !by_cells(r, o)) method = OrderMethod::buckets;
   if (method == OrderMethod::buckets && !by_buckets(r, o)) method = OrderMethod::sort;
   if (method == OrderMethod::sort) by_sort(r, o);

@@ -15,13 +15,14 @@ inline constexpr std::uint32_t kSlack = 64;
 struct Ordered {
   void* slots = nullptr;           // FloatSlot or FixedPointSlot
   std::uint32_t* ids = nullptr;    // null for SlotKind::equal
-  std::uint32_t* codes = nullptr;  // codes.h; null where a level is hashed
+  std::uint32_t* codes = nullptr;  // codes.h
   std::uint32_t* keys = nullptr;   // as grid.h numbers them; null where bins are in float
   FloatBins bins;
   bool float_levels = false;       // keys are those of level_bins(grid, kind), unless bins.on
   std::uint32_t* table = nullptr;  // (buckets >> merge) + 2 entries
   std::uint32_t count = 0;
   SlotKind kind = SlotKind::equal;
+  bool hashed = false;        // one of the levels is
   int merge = 0;              // 2^merge bins along x share an entry of the table
   std::uint64_t entries = 0;  // of the table
 };
@@ -55,6 +56,8 @@ struct OrderRequest {
   // then. kOutside is set where that is not enough, or where one radius is not that of all; the caller then
   // calls again without.
   bool keep = false;
+  bool float_levels =
+      true;  // several levels may have bins in float; a search from fine to coarse needs those of grid.h
 };
 
 struct BucketPlan;  // buckets.h

@@ -10,7 +10,7 @@ namespace padder::detect::cuda {
 template <SlotKind Kind>
 __device__ __forceinline__ bool needs_double(const OutputTask& task) {
   return Kind == SlotKind::fixed_point ||
-         (task.output.scalar == Scalar::f64 && task.output.width != Width::pairs);
+         ((task.output.scalar == Scalar::f64 || task.source.wide) && task.output.width != Width::pairs);
 }
 
 // Out of line: it is rare, and inlined it would take registers from the common way.

@@ -46,7 +46,8 @@ struct SpilledContact {
 // Calls f(kind, whether records need double arithmetic), both as constants.
 template <class F>
 void with_record(const OutputTask& task, F f) {
-  const bool wide = task.output.scalar == Scalar::f64 && task.output.width != Width::pairs;
+  const bool wide =
+      (task.output.scalar == Scalar::f64 || task.source.wide) && task.output.width != Width::pairs;
   const auto of_kind = [&](auto kind) {
     if (wide)
       f(kind, std::true_type{});

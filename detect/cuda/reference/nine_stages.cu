@@ -48,9 +48,11 @@ __device__ void pairs_of_bin(const DeviceSpheres& source, const StageGrid& grid,
     const std::uint32_t i = object[a];
     const Sphere si = source.sphere(i);
     const Filter fi = source.filter(i);
+    const std::uint32_t world = source.world_of(i);
     for (std::uint64_t b = a + 1; b < end; b++) {
       const std::uint32_t j = object[b];
-      if (j != i && reports(grid, bin, si, source.sphere(j), fi, source.filter(j), own))
+      if (j != i &&
+          reports(grid, bin, si, source.sphere(j), fi, source.filter(j), world, source.world_of(j), own))
         f(min(i, j), max(i, j));
     }
   }

@@ -27,7 +27,8 @@ struct CoarseQueries {
 };
 
 // A coordinate among the finer level's bins: in which bin, counted from the first, and how far in it, in
-// bins. `bins`: in float, where the order is by these.
+// bins. `bins`: in float, where the order is by these. Of a hashed level the bin is that of grid.h, modulo
+// 2^32.
 struct BinPosition {
   int bin;
   float rest;
@@ -42,6 +43,7 @@ __device__ __forceinline__ BinPosition bin_position(const Level& l, const FloatB
     return {static_cast<int>(bin), static_cast<float>(t - bin)};
   }
   const Split s = split(l, x);
+  if (l.hashed) return {static_cast<int>(s.bin), static_cast<float>(s.rest * l.per_size)};
   return {static_cast<int>(min(max(s.bin - l.first[axis], -kFar), kFar)),
           static_cast<float>(s.rest * l.per_size)};
 }
@@ -60,7 +62,7 @@ __device__ __forceinline__ void find_rows(const SearchTask& task, const Grid& gr
                                           QueryRows<Kind>& q) {
   const Level& l = grid.level[d.fine];
   const std::uint32_t row_length = l.count[0] + 2, plane = row_length * (l.count[1] + 2);
-  const Sphere s = sphere_at<Kind>(task, index);
+  const Sphere s = sphere_of_slot<Kind>(task, index);
   const float reach = search_radius(grid, d, s.r);
   q.parts = parts_of(d, reach);
   if (part >= q.parts) return;
@@ -72,11 +74,13 @@ __device__ __forceinline__ void find_rows(const SearchTask& task, const Grid& gr
   const FloatBins* const bins = pairs.bins.on ? pairs.bins.level + d.fine : nullptr;
   const BinPosition x = bin_position(l, bins, 0, s.x), y = bin_position(l, bins, 1, s.y),
                     z = bin_position(l, bins, 2, s.z);
-  const int y0 = max(y.bin + __float2int_rd(y.rest - reach), 0),
-            y1 = min(y.bin + __float2int_rd(y.rest + reach), static_cast<int>(l.count[1]) - 1),
-            z0 = max(z.bin + __float2int_rd(z.rest - reach), 0),
-            z1 = min(z.bin + __float2int_rd(z.rest + reach), static_cast<int>(l.count[2]) - 1);
-  if (y0 > y1 || z0 > z1) return;
+  int y0 = y.bin + __float2int_rd(y.rest - reach), y1 = y.bin + __float2int_rd(y.rest + reach),
+      z0 = z.bin + __float2int_rd(z.rest - reach), z1 = z.bin + __float2int_rd(z.rest + reach);
+  if (!l.hashed) {
+    y0 = max(y0, 0), y1 = min(y1, static_cast<int>(l.count[1]) - 1);
+    z0 = max(z0, 0), z1 = min(z1, static_cast<int>(l.count[2]) - 1);
+    if (y0 > y1 || z0 > z1) return;
+  }
   q.side = static_cast<std::uint32_t>(y1 - y0 + 1);
   q.rows = q.side * static_cast<std::uint32_t>(z1 - z0 + 1);
   if (q.parts > 1) {
@@ -86,7 +90,9 @@ __device__ __forceinline__ void find_rows(const SearchTask& task, const Grid& gr
   q.within = make_float4(x.rest, y.rest - static_cast<float>(y0 - y.bin),
                          z.rest - static_cast<float>(z0 - z.bin), reach);
   q.x_bin = x.bin;
-  q.key = static_cast<std::uint32_t>(z0 + 1) * plane + static_cast<std::uint32_t>(y0 + 1) * row_length;
+  q.key = l.hashed
+              ? static_cast<std::uint32_t>(z0) * l.plane + static_cast<std::uint32_t>(y0) * l.row
+              : static_cast<std::uint32_t>(z0 + 1) * plane + static_cast<std::uint32_t>(y0 + 1) * row_length;
 }
 
 // Of something that begins at number `begin`: its bit in the window of 32 numbers from `window` on.
@@ -99,6 +105,7 @@ __device__ __forceinline__ std::uint32_t bit_in_window(std::uint32_t count, std:
 // the first. `queries`: the lanes that have some. `begun`: queries whose rows have begun.
 struct RowWindow {
   std::uint32_t lane, upto_me, rows, start, queries, items, begun;
+  bool second, split;  // rows over the end of a ring: it is their second parts' turn; there are some
 };
 
 // Row number window.lane + `first` of the unit: its candidates, and whose query it is.
@@ -126,8 +133,21 @@ __device__ __forceinline__ void find_span(const SearchTask& task, const Level& l
               rest = fmaf(p.w, p.w, fmaf(-gap_y, gap_y, -gap_z * gap_z));
   if (!(rest >= 0)) return;
   const float half = sqrtf(rest);
-  const int low = max(q.x + __float2int_rd(p.x - half), 0),
-            high = min(q.x + __float2int_rd(p.x + half), static_cast<int>(l.count[0]) - 1);
+  int low = q.x + __float2int_rd(p.x - half), high = q.x + __float2int_rd(p.x + half);
+  if (l.hashed) {
+    const std::uint32_t mask = l.ring - 1,
+                        from = (static_cast<std::uint32_t>(q.y) + iz * l.plane + iy * l.row +
+                                static_cast<std::uint32_t>(low)) &
+                               mask,
+                        upto = from + static_cast<std::uint32_t>(high - low);
+    const std::uint32_t* const ring = task.spheres.table + l.offset;
+    window.split = window.split || upto > mask;
+    if (window.second && upto <= mask) return;
+    begin = __ldg(ring + (window.second ? 0 : from));
+    count = __ldg(ring + (window.second ? upto - mask : min(upto, mask) + 1));
+    return;
+  }
+  low = max(low, 0), high = min(high, static_cast<int>(l.count[0]) - 1);
   if (low > high) return;
   const std::uint32_t* const t =
       task.spheres.table + l.offset + 1 +
@@ -194,7 +214,7 @@ __device__ __forceinline__ void search_rows(const SearchTask& task, const Grid& 
                                             CoarseQueries<Kind>& queries, std::uint32_t warp,
                                             std::uint32_t nth, Take take) {
   const std::uint32_t lane = threadIdx.x & 31;
-  RowWindow window{lane, ~0u >> (31 - lane), 0, 0, 0, 0, 0};
+  RowWindow window{lane, ~0u >> (31 - lane), 0, 0, 0, 0, 0, false, false};
   const LevelPair& d = pair_of_warp(pairs, warp);
   const Level& l = grid.level[d.fine];
   const std::uint32_t at = warp - d.first_warp;
@@ -244,6 +264,8 @@ __device__ __forceinline__ void search_rows(const SearchTask& task, const Grid& 
     }
     count[0] -= begin[0], count[1] -= begin[1];
     deal_candidates<Kind>(task, queries, window, begin, count, who, take);
+    if (w + 64 >= window.items && !window.second && __any_sync(kFullWarp, window.split))
+      window.second = true, window.begun = 0, w = 0u - 64;
   }
 }
 

@@ -14,6 +14,23 @@ namespace padder::detect::cuda {
 // Pairs less than 32 u away go to is_contact().
 inline constexpr float kWide = 1 + 0x1p-20f, kNear = 0x1p-19f;
 
+// The same where slots are doubles rounded to float. A coordinate is then off by e = 2^-24 of the largest
+// one, so a distance by less than 3.47 e, which is 1.74 e / r of the sum of two radii of at least r, and its
+// square by less than twice as much: 4 e / r with the terms of second order, since e / r < 2^-13. Radii are
+// off by 2^-24 of themselves, which the 6.8 u left above do not hold on both sides; so the bands grow by 4 u
+// more.
+struct FloatBand {
+  float wide, near;
+};
+inline FloatBand band_of_rounded(double extent, double radius_min) {
+  const double blur = 4 * 0x1p-24 * extent / radius_min;
+  return {static_cast<float>(1 + 0x1p-20 + 0x1p-22 + blur) * (1 + 0x1p-23f),
+          static_cast<float>(0x1p-19 + 0x1p-20 + 2.5 * blur)};
+}
+// May doubles be rounded so? `extent`: the largest |coordinate|.
+inline constexpr double kMostRounded = 0x1p11;  // of the smallest radius
+inline constexpr double kBlur = 0x1p-10;        // of the distance of two that touch: Summary::blur
+
 // What float says of a candidate: false, the spheres are apart; `sure`, they touch.
 template <SlotKind Kind>
 __device__ __forceinline__ bool float_test(const SearchTask& task, const typename SlotOf<Kind>::Type& a,
@@ -22,9 +39,18 @@ __device__ __forceinline__ bool float_test(const SearchTask& task, const typenam
   const float3 d = difference(a, b);
   float s2 = task.sum_squared;
   if constexpr (Kind != SlotKind::equal) s2 = (a.r + b.r) * (a.r + b.r);
-  const float e = fmaf(d.z, d.z, fmaf(d.y, d.y, fmaf(d.x, d.x, fmaf(-kWide, s2, -2 * kAbsoluteBand<Slot>))));
-  sure = e < -fmaf(s2, kNear, 4 * kAbsoluteBand<Slot>);
+  const float e =
+      fmaf(d.z, d.z, fmaf(d.y, d.y, fmaf(d.x, d.x, fmaf(-task.wide, s2, -2 * kAbsoluteBand<Slot>))));
+  sure = e < -fmaf(s2, task.near, 4 * kAbsoluteBand<Slot>);
   return e < 0;
+}
+
+// verdict() of contact.h, with the band of rounded doubles where slots are these.
+template <SlotKind Kind>
+__device__ __forceinline__ Verdict verdict_of(const SearchTask& task, const Measured& m) {
+  if (Kind == SlotKind::fixed_point || !task.rounded) return verdict<typename SlotOf<Kind>::Type>(m);
+  const float beyond = m.d2 - m.s2, band = m.s2 * task.near;
+  return beyond > band ? Verdict::apart : beyond < -band ? Verdict::touch : Verdict::doubt;
 }
 
 // Counts one doubtful pair for each lane that is here. Lanes that are here together share one atomic
@@ -52,8 +78,8 @@ static __device__ bool is_contact(const SearchTask& task, const Grid& grid, std:
   if constexpr (AsksBin) {
     const Level& l = grid.level[searched.level];
     if (l.hashed) {
-      const Bin b = bin_of(l, sphere_at<Kind>(task, i));
-      if (!in_row(l, sphere_at<Kind>(task, j), b.x + searched.dx, b.x + searched.dx, b.y + searched.dy,
+      const Bin b = bin_of(l, sphere_of_slot<Kind>(task, i));
+      if (!in_row(l, sphere_of_slot<Kind>(task, j), b.x + searched.dx, b.x + searched.dx, b.y + searched.dy,
                   b.z + searched.dz))
         return false;
     }
@@ -65,11 +91,13 @@ static __device__ bool is_contact(const SearchTask& task, const Grid& grid, std:
   } else {
     m = measured(slot, other);
   }
-  const Verdict v = verdict<typename SlotOf<Kind>::Type>(m);
+  const Verdict v = verdict_of<Kind>(task, m);
   if (v == Verdict::apart) return false;
-  if (v == Verdict::doubt) {
-    if (counts) count_doubtful(task);
-    if (task.exact ? !touching(sphere_at<Kind>(task, i), sphere_at<Kind>(task, j)) : !(m.d2 <= m.s2))
+  const bool repeats = Kind == SlotKind::fixed_point && task.places_repeat;
+  if (v == Verdict::doubt || repeats) {
+    if (counts && v == Verdict::doubt) count_doubtful(task);
+    if (task.exact || repeats ? !touching(sphere_at<Kind>(task, i), sphere_at<Kind>(task, j))
+                              : !(m.d2 <= m.s2))
       return false;
   }
   const std::uint32_t id_i = id_at<Kind>(task, i), id_j = id_at<Kind>(task, j);
@@ -82,7 +110,7 @@ static __device__ bool is_contact(const SearchTask& task, const Grid& grid, std:
   return true;
 }
 
-// Float first, then is_contact() where float is not enough. For dense levels, whose bins need not be asked.
+// Float first, then is_contact() where float is not enough. For searches that need not ask for the bin.
 template <SlotKind Kind>
 __device__ __forceinline__ bool test(const SearchTask& task, const Grid& grid, std::uint32_t i,
                                      const typename SlotOf<Kind>::Type& a, std::uint32_t j,

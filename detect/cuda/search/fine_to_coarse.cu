@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Fine to coarse: each sphere searches its own level and the coarser ones. This is the way where levels are
-// hashed or differ too much to be searched from coarse to fine. Candidates of a row of bins lie side by side;
-// float tests them, the results are bits of a mask, and contacts go to a queue of the warp.
+// hashed and differ much, or differ too much to be searched from coarse to fine. Candidates of a row of bins
+// lie side by side; float tests them, the results are bits of a mask, and contacts go to a queue of the warp.
 #include "detect/cuda/device/device.h"
 #include "detect/cuda/search/exact_test.h"
 #include "detect/cuda/search/launch.h"
@@ -42,12 +42,12 @@ struct UpwardSearch {
     if (!valid) index = task.spheres.count - 1;
     slot = load_slot(slots_of<Kind>(task) + index);
     if constexpr (Kind == SlotKind::equal)
-      wide = task.sum_squared * kWide + 2 * kAbsoluteBand<Slot>,
-      near = task.sum_squared * kNear + 4 * kAbsoluteBand<Slot>;
+      wide = task.sum_squared * task.wide + 2 * kAbsoluteBand<Slot>,
+      near = task.sum_squared * task.near + 4 * kAbsoluteBand<Slot>;
   }
 
   __device__ __forceinline__ void search() {
-    const Sphere sphere = sphere_at<Kind>(task, index);
+    const Sphere sphere = sphere_of_slot<Kind>(task, index);
     const int own = valid ? level_of(grid, sphere) : kMaxLevels;
     for (int level = __reduce_min_sync(kFullWarp, own); level < grid.levels; level++)
       search_level(sphere, level, own <= level, own == level);
@@ -60,7 +60,7 @@ struct UpwardSearch {
   __device__ __forceinline__ float near_of(const Level& l, float r) const {
     const float most =
         r + static_cast<float>(Kind == SlotKind::fixed_point ? l.radius_max * l.units : l.radius_max);
-    return most * most * kNear * 1.001f + 4 * kAbsoluteBand<Slot>;
+    return most * most * task.near * 1.001f + 4 * kAbsoluteBand<Slot>;
   }
 
   // `active`: the lane's sphere searches this level; `same`: it is the sphere's own, of which it searches the
@@ -111,7 +111,8 @@ struct UpwardSearch {
       return fmaf(d.z, d.z, fmaf(d.y, d.y, fmaf(d.x, d.x, -wide)));
     } else {
       const float s = a.r + b.r;
-      return fmaf(d.z, d.z, fmaf(d.y, d.y, fmaf(d.x, d.x, fmaf(-kWide * s, s, -2 * kAbsoluteBand<Slot>))));
+      return fmaf(d.z, d.z,
+                  fmaf(d.y, d.y, fmaf(d.x, d.x, fmaf(-task.wide * s, s, -2 * kAbsoluteBand<Slot>))));
     }
   }
 

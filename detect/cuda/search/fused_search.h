@@ -31,10 +31,13 @@ struct FusedSearch : FusedQueue<Stable> {
   std::uint32_t start = 0,
                 begun = 0;  // the number of the lane's query's first row; queries whose rows have begun
   bool alone = false;       // the unit has one query
+  // Rows over the end of a ring: it is their second parts' turn; there are some.
+  bool second = false, split = false;
 
   // Of the row of bins that is searched, where 32 spheres have too many candidates to be looked at together.
   struct LongRow {
     std::uint32_t mask = 0, base = 0, row = 0, done = 0;  // done: candidates of the row
+    std::uint32_t rows = kRows;                           // one more where some run over the end of a ring
     bool longer = true;
   };
 
@@ -47,6 +50,8 @@ struct FusedSearch : FusedQueue<Stable> {
       if (down) {
         end = put_runs(row.i, row.begin, row.end);
         if (!__any_sync(kFullWarp, row.begin != row.end)) {
+          if (task.spheres.hashed && at >= behind && !second && __any_sync(kFullWarp, split))
+            second = true, begun = 0, at = 0;
           last = at >= behind;
           if (!last) row = find_row(at), at += 32;  // loaded while what waits is tested
         }
@@ -91,7 +96,7 @@ struct FusedSearch : FusedQueue<Stable> {
     std::uint32_t total = 0;
 #pragma unroll
     for (int q = 0; q < kRows; q++) total += RowCounts::get(all, q);
-    if (total > kRoom) return false;
+    if (total > kRoom || query.split) return false;
     longer = most > 32;
     if (upto + total > FusedMemory::kPairs) make_room();
     // Row after row, so that neighbours in the queue read neighbours in memory.
@@ -115,12 +120,14 @@ struct FusedSearch : FusedQueue<Stable> {
                                                 std::uint32_t& end) {
     while (!__any_sync(kFullWarp, s.mask != 0)) {
       if (!s.longer) s.row++, s.done = 0;
-      if (s.row == kRows) return false;
+      if (s.row == s.rows) return false;
       const LevelQuery<kKind> query = level_query<kKind>(task, grid, pairs, first);
+      if (query.split) s.rows = kRows + 1;
       std::uint32_t begin = 0, row_end = 0, longest;
 #pragma unroll
       for (std::uint32_t q = 0; q < kRows; q++)
         if (q == s.row) begin = query.begin[q], row_end = query.end[q];
+      if (s.row == kRows) begin = query.rest_begin, row_end = query.rest_end;
       if (skipped + s.done) begin = min((begin & ~3u) + skipped + s.done, row_end);
       s.mask = code_mask<kKind>(task, query.seeker, begin, row_end, query.valid, longest);
       s.base = (begin & ~3u) + 31, s.done += 32, s.longer = longest > 32;
@@ -159,19 +166,24 @@ struct FusedSearch : FusedQueue<Stable> {
     float p[3];
 #pragma unroll
     for (int k = 0; k < 3; k++) {
-      const double t = (static_cast<double>(k == 0   ? s.x
-                                            : k == 1 ? s.y
-                                                     : s.z) -
-                        static_cast<double>(bins.origin[k])) *
+      const float x = k == 0 ? s.x : k == 1 ? s.y : s.z;
+      if (bins.size > 0) {
+        const FloatSplit f = float_split(x, bins.size, bins.per_size[0]);
+        bin[k] = f.bin, p[k] = __saturatef(f.rest * bins.per_size[0]);
+        continue;
+      }
+      const double t = (static_cast<double>(x) - static_cast<double>(bins.origin[k])) *
                        static_cast<double>(bins.per_size[k]);
       bin[k] = min(max(__double2int_rd(t), -(1 << 30)), 1 << 30);
       p[k] = __saturatef(static_cast<float>(t - bin[k]));
     }
-    const int y0 = max(bin[1] + __float2int_rd(p[1] - reach), 0),
-              y1 = min(bin[1] + __float2int_rd(p[1] + reach), static_cast<int>(l.count[1]) - 1),
-              z0 = max(bin[2] + __float2int_rd(p[2] - reach), 0),
-              z1 = min(bin[2] + __float2int_rd(p[2] + reach), static_cast<int>(l.count[2]) - 1);
-    if (y0 > y1 || z0 > z1) return;
+    int y0 = bin[1] + __float2int_rd(p[1] - reach), y1 = bin[1] + __float2int_rd(p[1] + reach),
+        z0 = bin[2] + __float2int_rd(p[2] - reach), z1 = bin[2] + __float2int_rd(p[2] + reach);
+    if (bins.size == 0) {
+      y0 = max(y0, 0), y1 = min(y1, static_cast<int>(l.count[1]) - 1);
+      z0 = max(z0, 0), z1 = min(z1, static_cast<int>(l.count[2]) - 1);
+      if (y0 > y1 || z0 > z1) return;
+    }
     q.side = static_cast<std::uint32_t>(y1 - y0 + 1);
     q.rows = q.side * static_cast<std::uint32_t>(z1 - z0 + 1);
     if (parts > 1) {
@@ -181,8 +193,10 @@ struct FusedSearch : FusedQueue<Stable> {
     q.within = make_float4(p[0], p[1] + static_cast<float>(bin[1] - y0) - 0.5f,
                            p[2] + static_cast<float>(bin[2] - z0) - 0.5f, reach * reach);
     q.x_bin = bin[0];
-    q.entry = l.offset + 1 + static_cast<std::uint32_t>(z0 + 1) * plane +
-              static_cast<std::uint32_t>(y0 + 1) * row_length;
+    q.entry = bins.size > 0
+                  ? static_cast<std::uint32_t>(z0) * l.plane + static_cast<std::uint32_t>(y0) * l.row
+                  : l.offset + 1 + static_cast<std::uint32_t>(z0 + 1) * plane +
+                        static_cast<std::uint32_t>(y0 + 1) * row_length;
   }
   // Begins with the rows of a unit; false where it has none.
   __device__ __forceinline__ bool begin_rows(const LevelPair& d, std::uint32_t unit_of_pair) {
@@ -213,10 +227,12 @@ struct FusedSearch : FusedQueue<Stable> {
     }
     if (lane == 0) {
       const std::uint32_t row_length = l.count[0] + 2, plane = row_length * (l.count[1] + 2);
-      memory.level = make_uint4(row_length, plane, l.count[0] - 1, 0);
+      memory.level = l.hashed ? make_uint4(l.row, l.plane, l.offset, l.ring - 1)
+                              : make_uint4(row_length, plane, l.count[0] - 1, 0);
     }
     __syncwarp();
     alone = some == 1, begun = 0, at = 0, behind = items, row = {0, 0, 0};
+    second = split = false;
     return true;
   }
   // The lane's row of the 32 from number `window` of the unit on: whose it is, and its candidates.
@@ -239,8 +255,22 @@ struct FusedSearch : FusedQueue<Stable> {
                 gap_z = fmaxf(fabsf(static_cast<float>(static_cast<int>(iz)) - p.z) - 0.5f, 0.f),
                 rest = fmaf(-gap_y, gap_y, fmaf(-gap_z, gap_z, p.w));
     const float half = approximate_sqrt(rest);  // not a number where the row is too far away
-    const int x = static_cast<int>(q.x), low = max(x + __float2int_rd(p.x - half), 0),
-              high = min(x + __float2int_rd(p.x + half), static_cast<int>(of_level.z));
+    const int x = static_cast<int>(q.x);
+    int low = x + __float2int_rd(p.x - half), high = x + __float2int_rd(p.x + half);
+    if (of_level.w) {
+      const std::uint32_t mask = of_level.w,
+                          from = (q.y + iz * of_level.y + iy * of_level.x + static_cast<std::uint32_t>(low)) &
+                                 mask,
+                          upto = from + static_cast<std::uint32_t>(high - low);
+      const std::uint32_t* const ring = task.spheres.table + of_level.z;
+      if (!(item < behind && rest >= 0)) return r;
+      split = split || upto > mask;
+      if (second && upto <= mask) return r;
+      r.begin = __ldg(ring + (second ? 0 : from));
+      r.end = __ldg(ring + (second ? upto - mask : min(upto, mask) + 1));
+      return r;
+    }
+    low = max(low, 0), high = min(high, static_cast<int>(of_level.z));
     const std::uint32_t* const t =
         task.spheres.table + (q.y + iz * of_level.y + iy * of_level.x + static_cast<std::uint32_t>(low));
     if (item < behind && rest >= 0 && low <= high) r.begin = __ldg(t), r.end = __ldg(t + (high - low + 1));

@@ -9,18 +9,34 @@
 namespace padder::detect::cuda {
 namespace {
 
-// A finer level's bins that a sphere may reach at most: in fixed point, modulo 256 bins; in float, by
-// precision.
+// A finer level's bins that a sphere may reach at most in fixed point, modulo 256 bins.
 constexpr double kWidest = 100;
+
+// May spheres that reach so many of the finer level's bins search it by rows? The rows within reach are
+// numbered, and a row's number is divided by their number along y (find_rows): the product of both must fit
+// 32 bits. In a hashed level each bin must have a bucket of its own.
+bool searchable(const Level& fine, double reach, SlotKind kind) {
+  if (kind == SlotKind::fixed_point && reach > kWidest) return false;
+  const double wide = 2 * reach + 3;
+  if (fine.hashed) return wide < fine.side;
+  const double y = std::min<double>(wide, fine.count[1]), z = std::min<double>(wide, fine.count[2]);
+  return y < 0x1p16 && y * y * z < 0x1p32;
+}
 
 // How the spheres of the coarser level are grouped, or their rows divided, so that a unit finds about as many
 // contacts as a warp's queue holds. `reach`: of the largest, in bins of the finer level.
 void divide_rows(LevelPair& d, const Level& coarse, const Level& fine, double reach, bool fused) {
   const double most_contacts = fused ? tuning::kFusedUnitContacts : tuning::kUnitContacts,
                part_contacts = fused ? tuning::kFusedPartContacts : tuning::kPartContacts;
-  const double rows = (2 * reach + 2) * (2 * reach + 2);   // at most
+  double rows = 1;  // at most
+  for (int c = 1; c < 3; c++)
+    rows *= fine.hashed ? 2 * reach + 2 : std::min<double>(2 * reach + 2, fine.count[c]);
   double full = 4.19 * static_cast<double>(fine.spheres);  // contacts of a sphere that reaches one bin far
-  for (const std::uint32_t side : fine.count) full /= side;
+  // Where a hashed level has spheres, it has about one in a bin, however many bins are empty.
+  if (fine.hashed)
+    full = 4.19;
+  else
+    for (const std::uint32_t side : fine.count) full /= side;
   d.density = static_cast<float>(full / 4.19);
   // A usual sphere has three quarters of the largest radius: most are smaller.
   const double usual = (0.75 * coarse.radius_max + fine.radius_max) * fine.per_size,
@@ -32,8 +48,11 @@ void divide_rows(LevelPair& d, const Level& coarse, const Level& fine, double re
   if (d.group == 1) {
     const double parts = std::max(full / part_contacts, rows / tuning::kUnitRows / (reach * reach * reach));
     d.parts_at_one = static_cast<float>(parts);
+    // No more than for all spheres of the finer level, wherever the others' rows may be.
+    const double enough =
+        2 * static_cast<double>(fine.spheres) / part_contacts + 2 * rows / tuning::kUnitRows;
     d.parts = static_cast<std::uint32_t>(
-        std::clamp(std::ceil(parts * reach * reach * reach), 1.0, std::max(1.0, rows / 2)));
+        std::clamp(std::ceil(std::min(parts * reach * reach * reach, enough)), 1.0, std::max(1.0, rows / 2)));
   }
 }
 
@@ -46,12 +65,11 @@ LevelPairs plan_level_pairs(const Grid& grid, SlotKind kind, bool fused) {
   if (spheres >= kOfUnit) return {};
   for (int c = 0; c < grid.levels; c++) {
     const Level& coarse = grid.level[c];
-    if (coarse.hashed) return {};
     for (int f = 0; f < c; f++) {
       const Level& fine = grid.level[f];
       const double reach =
           (coarse.radius_max + fine.radius_max) * fine.per_size * kSearchRadiusFactor + kSearchRadiusMargin;
-      if (reach > (kind == SlotKind::fixed_point ? kWidest : 8 * kWidest)) return {};
+      if (!searchable(fine, reach, kind)) return {};
       LevelPair d{};
       d.coarse = c, d.fine = f;
       divide_rows(d, coarse, fine, reach, fused);
@@ -71,5 +89,4 @@ LevelPairs plan_level_pairs(const Grid& grid, SlotKind kind, bool fused) {
   pairs.units = static_cast<std::uint32_t>(units), pairs.warps = static_cast<std::uint32_t>(warps);
   return pairs;
 }
-
 }  // namespace padder::detect::cuda

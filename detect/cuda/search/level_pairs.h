@@ -33,9 +33,9 @@ struct NoLevelPairs {
 };
 
 // Decides how the levels are searched from coarse to fine. Returns no pairs where that is impossible: where
-// levels are hashed, where sizes differ so much that fixed-point slots of one level say nothing at another,
-// or where there would be too many rows. Fused: larger units, since the fused search divides nothing but its
-// work by them.
+// sizes differ so much that fixed-point slots of one level say nothing at another, or that buckets of a
+// hashed level would be met twice, or where there would be too many rows. Fused: larger units, since the
+// fused search divides nothing but its work by them.
 LevelPairs plan_level_pairs(const Grid& grid, SlotKind kind, bool fused = false);
 
 // The work of a unit: `group` spheres from `first` on, or part number `part` of the rows of sphere `first`.

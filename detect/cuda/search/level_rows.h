@@ -18,7 +18,46 @@ struct LevelQuery {
   std::uint32_t index, seeker;
   bool valid;  // false: behind the last sphere
   std::uint32_t begin[kRows], end[kRows];
+  // A row of some lane runs over the end of its ring. The rest of it is one row more: rows are so far from
+  // each other that no lane has two of these.
+  bool split;
+  std::uint32_t rest_begin, rest_end;  // only where split
 };
+
+// How the keys of a sphere's neighbours follow from its own. In a dense level no row ends at the end of the
+// keys, and `mask` changes nothing.
+struct RowSteps {
+  std::uint32_t key, row, plane, reach = 1, mask = ~0u, base = 0;  // base: of the level's keys
+};
+template <SlotKind Kind, class Pairs>
+__device__ __forceinline__ RowSteps row_steps(const SearchTask& task, const Grid& grid, const Pairs& pairs,
+                                              const LevelQuery<Kind>& query) {
+  RowSteps r;
+  const FloatBins& bins = task.spheres.bins;
+  if constexpr (Kind != SlotKind::fixed_point) {
+    if (bins.on) {
+      key_of(bins, query.slot.x, query.slot.y, query.slot.z, r.key);
+      r.row = bins.row, r.plane = bins.plane, r.reach = bins.fine, r.mask = bins.mask;
+      return r;
+    }
+  }
+  if constexpr (Kind == SlotKind::unequal && Pairs::kSeveralLevels) {
+    if (pairs.bins.on) {
+      const float4 s = make_float4(query.slot.x, query.slot.y, query.slot.z, query.slot.r);
+      const FloatBins& b = pairs.bins.level[level_of(pairs.bins, s)];
+      key_of(b, s, r.key), r.row = b.row, r.plane = b.plane;
+      if (task.spheres.hashed && b.size > 0) r.mask = b.mask, r.base = b.first;
+      return r;
+    }
+  }
+  r.key = __ldg(task.spheres.keys + query.index);
+  const Level& l = grid.level[level_of_key(grid, r.key)];
+  if (l.hashed)
+    r.row = l.row, r.plane = l.plane, r.mask = l.ring - 1, r.base = l.offset;
+  else
+    r.row = l.count[0] + 2, r.plane = r.row * (l.count[1] + 2);
+  return r;
+}
 
 // `pairs`: LevelPairs or NoLevelPairs.
 template <SlotKind Kind, class Pairs>
@@ -29,35 +68,22 @@ __device__ __forceinline__ LevelQuery<Kind> level_query(const SearchTask& task, 
   query.index = min(at, last), query.valid = at <= last;
   query.slot = load_slot(slots_of<Kind>(task) + query.index);
   query.seeker = seeker<Kind>(__ldg(task.spheres.codes + query.index));
-  std::uint32_t key, row, plane, reach = 1;
-  const FloatBins& bins = task.spheres.bins;
-  bool stored = true;  // the key must be read: no bins in float give it
-  if constexpr (Kind != SlotKind::fixed_point) {
-    if (bins.on) {
-      key_of(bins, query.slot.x, query.slot.y, query.slot.z, key);
-      row = bins.row, plane = bins.plane, reach = bins.fine, stored = false;
-    }
-  }
-  if constexpr (Kind == SlotKind::unequal && Pairs::kSeveralLevels) {
-    if (pairs.bins.on) {
-      const float4 s = make_float4(query.slot.x, query.slot.y, query.slot.z, query.slot.r);
-      const FloatBins& b = pairs.bins.level[level_of(pairs.bins, s)];
-      key_of(b, s, key), row = b.row, plane = b.plane, stored = false;
-    }
-  }
-  if (stored) {
-    key = __ldg(task.spheres.keys + query.index);
-    const Level& l = grid.level[level_of_key(grid, key)];
-    row = l.count[0] + 2, plane = row * (l.count[1] + 2);
-  }
+  const RowSteps r = row_steps<Kind>(task, grid, pairs, query);
   const int m = task.spheres.merge;
   const auto start = [&](std::uint32_t entry) { return __ldg(task.spheres.table + entry); };
-  std::uint32_t k = key;
+  std::uint32_t k = r.key - r.base, over = 0;  // over: bins of a row that lie behind the end of the ring
 #pragma unroll
   for (int q = 0; q < kRows; q++) {
-    query.begin[q] = q ? start((k - reach) >> m) : query.index + 1,
-    query.end[q] = start(((k + reach) >> m) + 1);
-    k = q == 1 ? key + plane - row : k + row;  // of the next row
+    const std::uint32_t from = (q ? k - r.reach : k) & r.mask, upto = from + (q ? 2 * r.reach : r.reach);
+    if (upto > r.mask) over = upto - r.mask;
+    query.begin[q] = q ? start((r.base + from) >> m) : query.index + 1,
+    query.end[q] = start(((r.base + min(upto, r.mask)) >> m) + 1);
+    k = q == 1 ? r.key - r.base + r.plane - r.row : k + r.row;  // of the next row
+  }
+  query.split = task.spheres.hashed && __any_sync(kFullWarp, over != 0);
+  if (query.split) {
+    query.rest_begin = start(r.base >> m);
+    query.rest_end = over ? start(((r.base + over - 1) >> m) + 1) : query.rest_begin;
   }
   return query;
 }

@@ -10,6 +10,27 @@
 
 namespace padder::detect::cuda {
 
+// Puts the candidates of the rows' rest behind `total` others; `base` as in queue_candidates().
+template <SlotKind Kind, std::uint32_t Capacity>
+static __device__ __noinline__ std::uint32_t queue_rest(const SearchTask& task, const LevelQuery<Kind>& query,
+                                                        PairQueue queue, std::uint32_t base,
+                                                        std::uint32_t total) {
+  std::uint32_t longest, all;
+  std::uint32_t mask =
+      code_mask<Kind>(task, query.seeker, query.rest_begin, query.rest_end, query.valid, longest);
+  const std::uint32_t before = sum_before(static_cast<std::uint32_t>(__popc(mask)), all);
+  if (longest > 32 || total + all > Capacity) return Capacity + 1;
+  // The rest lies at the begin of the level, before the sphere itself.
+  const std::uint32_t from =
+      base + (query.rest_begin & ~3u) + (query.rest_begin < queue.first ? queue.count : 0);
+  for (std::uint32_t at = queue.address + 4 * (total + before); mask; at += 4) {
+    const int bit = 31 - __clz(mask);
+    store_shared(at, from - bit);
+    mask ^= 1u << bit;
+  }
+  return total + all;
+}
+
 // Puts candidates in the queue and returns how many there are. Where the result exceeds the capacity none is
 // in it.
 template <SlotKind Kind, std::uint32_t Capacity>
@@ -17,6 +38,7 @@ __device__ __forceinline__ std::uint32_t queue_candidates(const SearchTask& task
                                                           const LevelQuery<Kind>& query,
                                                           const PairQueue& queue) {
   std::uint32_t mask[kRows], from[kRows];
+  if (task.spheres.hashed && queue.count > PairQueue::kFar / 2) return Capacity + 1;
   if (task.spheres.count > PairQueue::kFar &&
       __any_sync(kFullWarp, query.end[4] > queue.first && query.end[4] - queue.first > PairQueue::kFar))
     return Capacity + 1;
@@ -31,6 +53,7 @@ __device__ __forceinline__ std::uint32_t queue_candidates(const SearchTask& task
     std::uint32_t longest;
     mask[q] = code_mask<Kind>(task, query.seeker, query.begin[q], query.end[q], query.valid, longest);
     from[q] = base + (query.begin[q] & ~3u);
+    if (task.spheres.hashed && query.begin[q] < queue.first) from[q] += queue.count;
     counts |= RowCounts::put(__popc(mask[q]), q);
     if (longest > 32) return Capacity + 1;
   }
@@ -51,6 +74,7 @@ __device__ __forceinline__ std::uint32_t queue_candidates(const SearchTask& task
       mask[q] ^= 1u << bit, at += 4;
     }
   }
+  if (query.split) total = queue_rest<Kind, Capacity>(task, query, queue, base, total);
   __syncwarp();
   return total;
 }
@@ -125,11 +149,12 @@ static __device__ __noinline__ std::uint32_t search_unqueued(const SearchTask& t
                                                              const Pairs& pairs, std::uint32_t first,
                                                              const OutputRange* range, std::uint32_t base) {
   const std::uint32_t lane = threadIdx.x & 31, below = (1u << lane) - 1;
-  LevelQuery<Kind> query = level_query<Kind>(task, grid, pairs, first);
   const auto* const slots = slots_of<Kind>(task);
   std::uint32_t hits = 0;
+  LevelQuery<Kind> query = level_query<Kind>(task, grid, pairs, first);
+  const int rows = query.split ? kRows + 1 : kRows;
 #pragma unroll 1
-  for (int q = 0; q < kRows; q++) {
+  for (int q = 0; q < rows; q++) {
     for (std::uint32_t begin = query.begin[0], longest = 64; longest > 32;) {
       std::uint32_t mask = code_mask<Kind>(task, query.seeker, begin, query.end[0], query.valid, longest);
       begin &= ~3u;
@@ -148,6 +173,7 @@ static __device__ __noinline__ std::uint32_t search_unqueued(const SearchTask& t
     // The next row becomes row 0: a row number that is not constant would put the arrays in local memory.
 #pragma unroll
     for (int k = 0; k + 1 < kRows; k++) query.begin[k] = query.begin[k + 1], query.end[k] = query.end[k + 1];
+    if (query.split) query.begin[kRows - 1] = query.rest_begin, query.end[kRows - 1] = query.rest_end;
   }
   return hits;
 }
@@ -159,7 +185,7 @@ template <SlotKind Kind, class Words, class Pairs>
 __device__ __forceinline__ bool find_same_level(const SearchTask& task, const Grid& grid, const Pairs& pairs,
                                                 Words& words, std::uint32_t first, std::uint32_t flags,
                                                 std::uint32_t& found) {
-  const PairQueue queue{shared_address(words.index), first};
+  const PairQueue queue{shared_address(words.index), first, task.spheres.count};
   const LevelQuery<Kind> query = level_query<Kind>(task, grid, pairs, first);
   if (flags) return false;
   const std::uint32_t queued = queue_candidates<Kind, Words::kCapacity>(task, query, queue);
@@ -176,7 +202,7 @@ __device__ __forceinline__ void emit_same_level(const SearchTask& task, const Gr
     search_unqueued<Kind>(task, grid, pairs, first, &range, before);
     return;
   }
-  const PairQueue queue{shared_address(words.index), first};
+  const PairQueue queue{shared_address(words.index), first, task.spheres.count};
   emit_by_warp<Kind>(task, range, found, before, [&](std::uint32_t k, std::uint32_t& i, std::uint32_t& j) {
     const std::uint32_t word = queue.get(k);
     i = queue.i(word), j = queue.j(word);

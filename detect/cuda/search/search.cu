@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "detect/cuda/output/compaction.h"
+#include "detect/cuda/search/exact_test.h"
 #include "detect/cuda/search/launch.h"
 #include "detect/cuda/tuning.h"
 
@@ -25,9 +26,19 @@ SearchTask make_task(const DeviceSpheres& source, const Grid& grid, const Ordere
   task.radius = options.radius, task.radius_f32 = static_cast<float>(options.radius);
   task.sum_squared = (task.radius_f32 + task.radius_f32) * (task.radius_f32 + task.radius_f32);
   task.own = options.own, task.exact = options.exact, task.owns_all = options.owns_all;
+  task.rounded = options.rounded;
+  task.wide = kWide, task.near = kNear;
+  if (options.rounded) {
+    const FloatBand band = band_of_rounded(options.extent, options.radius_min);
+    task.wide = band.wide, task.near = band.near;
+  }
   task.code_limit = code_limit(grid, spheres.bins, options.radius);
   task.test_all = source.filtered || !options.owns_all;
-  for (int k = 0; k < grid.levels; k++) task.test_all = task.test_all || grid.level[k].hashed;
+  for (int k = 0; k < grid.levels && spheres.kind == SlotKind::fixed_point; k++) {
+    const Level& l = grid.level[k];
+    for (int c = 0; c < 3; c++) task.places_repeat = task.places_repeat || (l.hashed && l.count[c] > 128);
+  }
+  task.test_all = task.test_all || task.places_repeat;
   return task;
 }
 
@@ -48,7 +59,7 @@ SearchPlan choose_family(const SearchTask& task, const Grid& grid, int processor
   if (!plan.fused()) plan.pairs = plan_level_pairs(grid, spheres.kind);
   if (spheres.float_levels) plan.pairs.bins = level_bins(grid, spheres.kind);
   if (plan.fused()) return plan;
-  if (grid.levels == 1 && !grid.level[0].hashed)
+  if (grid.levels == 1)
     plan.family = tiles_of(spheres.count) <= tuning::kFewTilesOfProcessor * static_cast<unsigned>(processors)
                       ? KernelFamily::few_tiles
                       : KernelFamily::one_level;
@@ -76,6 +87,8 @@ unsigned resident_tiles(KernelFamily family, SlotKind kind, int processors) {
   return resident_one_level(family, kind, processors);
 }
 
+bool searches_downwards(const Grid& grid, SlotKind kind) { return plan_level_pairs(grid, kind).count > 0; }
+
 SlotQuota quota_for(const Counters& found, std::uint32_t spheres, const Grid& grid, SlotKind kind) {
   // The quota goes in steps, so that it seldom changes from call to call; steps are finer where chance
   // changes the number of contacts less. A factor of 1, which is expected, lies in the middle of a step.
@@ -100,6 +113,8 @@ void search(const DeviceSpheres& source, const Grid& grid, const Ordered& sphere
             int processors, cudaStream_t stream) {
   SearchTask task = make_task(source, grid, spheres, options, output, counters);
   const SearchPlan plan = choose_family(task, grid, processors);
+  // The search from fine to coarse may be wider than the cube of a hashed level.
+  if (plan.family == KernelFamily::fine_to_coarse) task.test_all = task.test_all || spheres.hashed;
   const bool fused = plan.fused(), many = fused || spheres.count >= tuning::kManySpheres;
   task.tiles = fused
                    ? static_cast<std::uint32_t>((std::uint64_t(spheres.count) + kFusedTile - 1) / kFusedTile)

@@ -16,12 +16,18 @@ struct SearchOptions {
   Region own;       // contacts whose midpoint lies elsewhere are left out, unless owns_all
   bool owns_all = true;
   double radius = 0;  // of all spheres, for SlotKind::equal
+  // Slots are doubles rounded to float; the largest |coordinate| and the smallest radius then.
+  bool rounded = false;
+  double extent = 0, radius_min = 0;
   friend bool operator==(const SearchOptions&, const SearchOptions&) = default;
 };
 
 // The quota for a list of which `found` was counted. It decides the order of the list and follows from the
 // contacts alone: a list that was found with another quota is not the one to hand out.
 SlotQuota quota_for(const Counters& found, std::uint32_t spheres, const Grid& grid, SlotKind kind);
+
+// May a sphere search the levels below its own? Else the order must be by the bins of grid.h.
+bool searches_downwards(const Grid& grid, SlotKind kind);
 
 // The caller sets the counters to zero first. Afterwards they hold the number of contacts, whatever the
 // capacity of `output`. `processors`: processors_of(stream); the list does not depend on it. Throws Error.

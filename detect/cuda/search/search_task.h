@@ -12,6 +12,13 @@ struct SearchTask : OutputTask {
   bool exact = true, owns_all = true;
   // Float alone accepts no pair: the filter, the owner or the bin must be asked as well.
   bool test_all = false;
+  // Fixed-point places repeat each 256 bins, and a bucket of a hashed level holds spheres that are as far
+  // from each other: what touches by them must be asked in double.
+  bool places_repeat = false;
+  // Slots are doubles rounded to float: what float is not sure of, and every record, goes by the doubles.
+  bool rounded = false;
+  // What float_test() adds to squares, and how far from that it is not sure, both relative (exact_test.h).
+  float wide = 0, near = 0;
   float sum_squared = 0;        // of the radii, for SlotKind::equal
   std::int32_t code_limit = 0;  // of codes.h
   // Warps take units, or work of the fused search, from this counter. Zero between searches; null: one unit a

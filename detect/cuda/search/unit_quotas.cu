@@ -70,7 +70,7 @@ __device__ __forceinline__ float volume_of_part(const SearchTask& task, const Gr
   const std::uint32_t warp = d.warp_units == 1 ? unit_of_pair : unit_of_pair / d.warp_units;
   const auto [first, part] = work_of_unit(d, warp, unit_of_pair - warp * d.warp_units);
   if (first >= min(d.end, task.spheres.count)) return 0;
-  const Sphere s = sphere_at<Kind>(task, first);
+  const Sphere s = sphere_of_slot<Kind>(task, first);
   const float widest = search_radius(grid, d, s.r), per_size = static_cast<float>(l.per_size);
   const std::uint32_t parts = parts_of(d, widest);
   if (part >= parts) return 0;

@@ -18,7 +18,7 @@ struct ContactQueue {
 };
 
 // Of a search of the spheres' own level: j follows i, and seldom by more than 2^27, so that a pair is one
-// word.
+// word. In a hashed level it may follow beyond the last sphere, which the first one follows.
 template <std::uint32_t Capacity>
 struct PairWords {
   static constexpr std::uint32_t kCapacity = Capacity;
@@ -26,7 +26,7 @@ struct PairWords {
 };
 struct PairQueue {
   static constexpr std::uint32_t kFar = 1u << 27, kLaneShift = 27;
-  std::uint32_t address, first;  // of the words; of the warp's spheres
+  std::uint32_t address, first, count;  // of the words; of the warp's spheres; spheres in all
   __device__ __forceinline__ void put(std::uint32_t k, std::uint32_t word) const {
     store_shared(address + 4 * k, word);
   }
@@ -34,7 +34,10 @@ struct PairQueue {
   __device__ __forceinline__ std::uint32_t i(std::uint32_t word) const {
     return first + (word >> kLaneShift);
   }
-  __device__ __forceinline__ std::uint32_t j(std::uint32_t word) const { return first + (word & (kFar - 1)); }
+  __device__ __forceinline__ std::uint32_t j(std::uint32_t word) const {
+    const std::uint32_t at = first + (word & (kFar - 1));
+    return min(at, at - count);
+  }
 };
 
 }  // namespace padder::detect::cuda

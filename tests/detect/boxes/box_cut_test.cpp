@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // The cut: boxes cover space without overlap, and share the weight evenly.
 #include "detect/boxes/cut.h"
+#include "padding/asset/error.h"
 
 #include <gtest/gtest.h>
 
@@ -132,6 +133,37 @@ TEST(BoxCut, OnlyTheGivenRegionIsCut) {
     EXPECT_GE(tree.region(b).low[0], 1);
     EXPECT_LE(tree.region(b).high[1], 0.5);
   }
+}
+
+// A tree made of nothing but the boxes of another one has the same boxes, and sends points to the same ones.
+TEST(BoxCut, ATreeIsFoundFromItsBoxes) {
+  for (const std::uint32_t boxes : {1u, 2u, 3u, 7u, 64u, 1000u}) {
+    const std::vector<WeightedPoint> points = cloud(20000, boxes);
+    const BoxTree tree = cut_space(points, boxes);
+    std::vector<Region> regions;
+    for (std::uint32_t b = 0; b < boxes; b++) regions.push_back(tree.region(b));
+    const BoxTree found = tree_of(regions);
+    ASSERT_EQ(found.boxes(), boxes);
+    for (std::uint32_t b = 0; b < boxes; b++)
+      EXPECT_EQ(found.region(b), tree.region(b)) << b << " of " << boxes;
+    for (const WeightedPoint& p : points) ASSERT_EQ(found.box_of(p.at), tree.box_of(p.at));
+  }
+}
+
+// Whatever boxes are given, those of the tree leave no gap: empty ones, and ones that overlap a little.
+TEST(BoxCut, ATreeOfBoxesThatDoNotFitCoversSpaceAllTheSame) {
+  std::vector<Region> regions(3);
+  regions[0].high[0] = regions[1].low[0] = regions[1].high[0] = regions[2].low[0] = 1;
+  const BoxTree empty = tree_of(regions);
+  std::uint32_t owners = 0;
+  for (std::uint32_t b = 0; b < 3; b++) owners += holds(empty.region(b), {1, 0, 0});
+  EXPECT_EQ(owners, 1u);
+  regions = std::vector<Region>(2);
+  regions[0].high[0] = 1, regions[1].low[0] = 1.5;
+  const BoxTree gap = tree_of(regions);
+  EXPECT_EQ(gap.region(0).high[0], gap.region(1).low[0]);
+  regions[1].low[0] = 0.5;
+  EXPECT_THROW(tree_of(regions), Error);
 }
 
 }  // namespace

@@ -2,6 +2,8 @@
 // Bins, keys and levels: what the fast path's claim of completeness rests on.
 #include "detect/core/grid.h"
 
+#include <algorithm>
+#include <bit>
 #include <limits>
 #include <random>
 
@@ -134,6 +136,86 @@ TEST(Grid, SparseDomainsAreHashedAndSmall) {
   const Grid g = choose_grid(summary_of(spheres), 0);
   EXPECT_TRUE(g.level[0].hashed);
   EXPECT_LE(g.buckets, 4096u);
+}
+
+// What the searches of hashed levels rest on: no two bins of a cube of `side` bins share a bucket, so that a
+// search by rows meets each bin once.
+TEST(Grid, TheBinsOfACubeHaveBucketsOfTheirOwnInARing) {
+  for (int bits = kLeastRingBits; bits <= kMostRingBits; bits++) {
+    const Hash hash = hash_of_ring(bits);
+    const std::uint32_t mask = (1u << bits) - 1, side = hash.side;
+    // Two bins share a bucket if their difference has bucket 0.
+    const auto distance = [&](std::uint32_t key) { return std::min(key & mask, (0u - key) & mask); };
+    for (std::uint32_t z = 0; z < side; z++)
+      for (std::uint32_t y = z ? 0u - (side - 1) : 1; y != side; y++)
+        ASSERT_GE(distance(y * hash.row + z * hash.plane), side) << bits;
+    // Rows around a bin stay apart, even where eight bins share an entry of the table.
+    const std::uint32_t rows[] = {0, hash.row, hash.plane, hash.plane - hash.row, hash.plane + hash.row};
+    for (const std::uint32_t a : rows)
+      for (const std::uint32_t b : rows) {
+        if (a != b) EXPECT_GE(distance(a - b), 40u) << bits;
+        if (a + b) EXPECT_GE(distance(a + b), 40u) << bits;
+      }
+  }
+}
+
+// However the spheres of a hashed level lie, buckets are about as full as the bins are, and twice at most.
+TEST(Grid, HashedLevelsSpreadBoxesPlanesAndLines) {
+  const auto fullest = [](std::int64_t x, std::int64_t y, std::int64_t z) {
+    Level l;
+    const int bits = std::bit_width(static_cast<std::uint64_t>(2 * x * y * z - 1));
+    const Hash hash = hash_of_ring(bits);
+    l.hashed = 1, l.ring = l.buckets = 1u << bits, l.row = hash.row, l.plane = hash.plane;
+    std::vector<int> found(l.ring, 0);
+    for (std::int64_t a = 0; a < x; a++)
+      for (std::int64_t b = 0; b < y; b++)
+        for (std::int64_t c = 0; c < z; c++) found[key_of(l, {a, b, c})]++;
+    return *std::max_element(found.begin(), found.end());
+  };
+  for (const std::int64_t n : {20, 40, 64}) {
+    EXPECT_LE(fullest(n, n, n), 2) << n;
+    EXPECT_LE(fullest(n * n, n, 1), 4) << n;
+    EXPECT_LE(fullest(1, n * n, n), 4) << n;
+    EXPECT_LE(fullest(n, 1, n * n), 4) << n;
+    EXPECT_EQ(fullest(n * n, 1, 1), 1) << n;
+    EXPECT_EQ(fullest(1, n * n, 1), 1) << n;
+    EXPECT_EQ(fullest(1, 1, n * n), 1) << n;
+  }
+}
+
+// A grid that covers spheres gives each a bin that exists, and a level whose bins are wide enough.
+TEST(Grid, CoversIsTrueOnlyWhereEverySphereHasAPlace) {
+  std::mt19937_64 random(std::random_device{}());
+  const std::uint64_t seed = random();
+  std::printf("seed %llu\n", static_cast<unsigned long long>(seed));
+  random.seed(seed);
+  std::uniform_real_distribution<double> unit(-1, 1);
+  int covered = 0, left = 0;
+  for (int round = 0; round < 60; round++) {
+    std::vector<Sphere> spheres = random_scene(300, round % 3 ? 50 : 1, 1, seed + round).spheres;
+    const Summary before = summary_of(spheres);
+    const Grid g = choose_grid(before, 0, 8, CrossSearch::coarse_to_fine,
+                               round % 2 ? GridBounds::wide : GridBounds::tight);
+    EXPECT_TRUE(covers(g, before));
+    const double step = std::pow(10, 2 * unit(random));
+    for (Sphere& s : spheres) s.x += step * unit(random), s.y += step * unit(random);
+    const Summary now = summary_of(spheres);
+    (covers(g, now) ? covered : left)++;
+    if (!covers(g, now)) continue;
+    for (const Sphere& s : spheres) {
+      const Level& l = g.level[level_of(g, s)];
+      const Bin b = bin_of(l, s);
+      ASSERT_GE(l.size, need_of(s));
+      ASSERT_GE(l.radius_max, s.r);
+      const std::int64_t at[3] = {b.x, b.y, b.z};
+      for (int k = 0; k < 3 && !l.hashed; k++) {
+        ASSERT_GE(at[k], l.first[k]);
+        ASSERT_LT(at[k], l.first[k] + l.count[k]);
+      }
+    }
+  }
+  EXPECT_GT(covered, 5);
+  EXPECT_GT(left, 5);
 }
 
 TEST(Grid, EverySphereFitsItsLevel) {

@@ -165,28 +165,41 @@ TEST(Cover, SameResultForAnyNumberOfThreads) {
   }
 }
 
-// The longer search of large covers saves spheres, and its result is proved as well.
-TEST(Cover, LargeCoversAreSearchedOnTheSameForAnyNumberOfThreads) {
-  const double e = 0.01;
+// Many balls: the blocks of one search run in parallel, and not the searches.
+TEST(Cover, LargeCoversAreTheSameForAnyNumberOfThreads) {
+  const double e = 0.0033;
   const Surface surface(unit(shapes::box({0, 0, 0}, {1, 0.6, 0.05})));
-  const auto cover = [&](std::size_t large) {
-    return cover_surface(surface, {.protrusion = e, .gap = e, .large = large});
+  const auto cover = [&](int threads) {
+    omp_set_num_threads(threads);
+    return cover_surface(surface, {.protrusion = e, .gap = e});
   };
   const int before = omp_get_max_threads();
-  omp_set_num_threads(1);
-  const Cover one = cover(50);
-  omp_set_num_threads(3);
-  const Cover three = cover(50), small = cover(1000);
+  const Cover one = cover(1), three = cover(3);
   omp_set_num_threads(before);
+  ASSERT_GT(one.balls.size(), 800u);
   ASSERT_TRUE(one.proved);
   EXPECT_LE(protrusion_bound(surface, one.balls).max, e + 1e-15);
   EXPECT_LE(gap_bound(surface.mesh(), BallSet(one.balls), e).upper, e);
-  EXPECT_LT(static_cast<double>(one.balls.size()), 0.97 * static_cast<double>(small.balls.size()));
   ASSERT_EQ(one.balls.size(), three.balls.size());
   for (std::size_t k = 0; k < one.balls.size(); k++) {
     ASSERT_EQ(one.balls[k].center, three.balls[k].center);
     ASSERT_EQ(one.balls[k].radius, three.balls[k].radius);
   }
+}
+
+TEST(Cover, AHigherEffortNeverGivesMoreBalls) {
+  const Mesh meshes[] = {unit(shapes::box({0, 0, 0}, {1, 0.6, 0.2})), unit(shapes::torus(0.3, 0.1, 40, 20)),
+                         unit(shapes::box({0, 0, 0}, {1, 0.1, 0.1}))};
+  for (const Mesh& mesh : meshes)
+    for (const double e : {0.02, 0.05}) {
+      std::size_t fewest = mesh.triangles.size() * 1000;
+      for (int effort = 0; effort <= 3; effort++) {
+        const Cover cover = cover_surface(Surface(mesh), {.protrusion = e, .gap = e, .effort = effort});
+        EXPECT_TRUE(cover.proved);
+        EXPECT_LE(cover.balls.size(), fewest) << "effort " << effort << ", tolerance " << e;
+        fewest = cover.balls.size();
+      }
+    }
 }
 
 TEST(Cover, RefusesWhatCannotBeCovered) {

@@ -2,7 +2,9 @@
 #include "padding/by_tolerance/samples.h"
 
 #include <gtest/gtest.h>
+
 #include <omp.h>
+#include <numbers>
 
 #include "padding/asset/error.h"
 #include "padding/geometry/point_tree.h"
@@ -59,6 +61,35 @@ TEST(Samples, ThinWallKeepsBothSides) {
   for (const CoverPoint& c : sample_surface(surface, options).coarse) (c.point.z() > 5e-7 ? above : below)++;
   EXPECT_GT(above, 500u);
   EXPECT_NEAR(static_cast<double>(above) / static_cast<double>(below), 1, 0.1);
+}
+
+// A bar with as many facets has slivers along its whole length. Their samples follow the area.
+TEST(Samples, SliversSideBySideShareTheirSamples) {
+  const auto count = [](int facets) {
+    Mesh bar;
+    for (int end = 0; end < 2; end++)
+      for (int k = 0; k < facets; k++) {
+        const double angle = 2 * std::numbers::pi * k / facets;
+        bar.points.push_back({0.1 * std::cos(angle), 0.1 * std::sin(angle), 0.9 * end});
+      }
+    const auto n = static_cast<std::uint32_t>(facets);
+    for (std::uint32_t k = 0; k < n; k++) {
+      const std::uint32_t next = (k + 1) % n;
+      bar.triangles.push_back({k, next, n + next});
+      bar.triangles.push_back({k, n + next, n + k});
+      if (k > 0 && k + 1 < n) {
+        bar.triangles.push_back({0, k + 1, k});
+        bar.triangles.push_back({n, n + k, n + k + 1});
+      }
+    }
+    SampleOptions options;
+    options.tolerance_sum = 0.02;
+    const Samples samples = sample_surface(Surface(bar), options);
+    return static_cast<double>(samples.grown.size() + samples.fine.size());
+  };
+  const double few = count(100), many = count(4000);
+  EXPECT_LT(many, 1.5 * few);
+  EXPECT_GT(many, 0.5 * few);
 }
 
 TEST(Samples, TooSmallAToleranceIsRefused) {

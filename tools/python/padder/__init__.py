@@ -7,6 +7,12 @@
 
 Every function's shapes and units are in the stubs (__init__.pyi) and in docs/python.md.
 """
-from ._core import Bodies, Cluster, Contacts, Detector, DeviceArray, Error, __version__, detect, load, pad, pad_file
+from ._core import (
+    EVERY_WORLD, Bodies, Cluster, Contacts, Detector, DeviceArray, Error, WorldAnswers, __version__, detect, load, pad,
+    pad_file, worlds,
+)
 
-__all__ = ["Bodies", "Cluster", "Contacts", "Detector", "DeviceArray", "Error", "detect", "load", "pad", "pad_file"]
+__all__ = [
+    "EVERY_WORLD", "Bodies", "Cluster", "Contacts", "Detector", "DeviceArray", "Error", "WorldAnswers", "detect", "load",
+    "pad", "pad_file", "worlds",
+]

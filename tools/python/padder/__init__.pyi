@@ -9,10 +9,12 @@ from numpy.typing import ArrayLike, NDArray
 __version__: str
 Path = str | PathLike[str]
 Length = float | str  # in the mesh's unit, or a share of the bounding box's diagonal as "1%"
-Repair = Literal["auto", "never", "wrap"]
+Repair = Literal["auto", "union", "fill", "sheet", "never", "wrap"]
 Width = Literal["pairs", "normals", "points"]
 Backend = Literal["auto", "omp", "cuda"]
 Precision = Literal["exact", "fast"]
+Answer = Literal["any", "count", "distance"]
+EVERY_WORLD: int  # the world whose spheres meet those of all worlds
 Doubles = NDArray[np.float64]
 Integers = NDArray[np.uint32]
 Reals = NDArray[np.floating[Any]] | DeviceArray  # float32 where centres and radii are, else float64
@@ -70,6 +72,7 @@ class Bodies:
         family: ArrayLike | None = None,  # (B,); None: those of the body's Cluster, 0 for arrays
         mask: ArrayLike | None = None,
         is_static: ArrayLike | None = None,  # (B,), what stands still: two static ones are no contact
+        world: ArrayLike | None = None,  # (B,); only bodies of one world meet, and those of EVERY_WORLD meet all
     ) -> None: ...
     @property
     def poses(self) -> Doubles: ...  # (B, 12)
@@ -81,6 +84,8 @@ class Bodies:
     def mask(self) -> Integers: ...
     @property
     def is_static(self) -> NDArray[np.bool_]: ...
+    @property
+    def world(self) -> Integers: ...
     def __len__(self) -> int: ...
 
 # Arrays are views; those of a Detector's contacts are in its way until they are deleted.
@@ -90,7 +95,7 @@ class Contacts:
     @property
     def normals(self) -> Reals: ...  # (M, 3), unit, from i to j
     @property
-    def depth(self) -> Reals: ...  # (M,), r_i + r_j - distance
+    def depth(self) -> Reals: ...  # (M,), r_i + r_j - distance; negative for pairs within the margin that do not touch
     @property
     def points_i(self) -> Reals: ...  # (M, 3), deepest point of i in j
     @property
@@ -99,6 +104,20 @@ class Contacts:
     def backend(self) -> str: ...
     @property
     def hash(self) -> int: ...
+    def __len__(self) -> int: ...
+
+# An answer for each world. Arrays are views, as those of Contacts; one that was not asked for raises AttributeError.
+class WorldAnswers:
+    @property
+    def any(self) -> NDArray[np.bool_] | DeviceArray: ...  # (W,), is there a contact?
+    @property
+    def count(self) -> NDArray[np.uint64] | DeviceArray: ...  # (W,), how many are there?
+    @property
+    def distance(self) -> Doubles | DeviceArray: ...  # (W,), the smallest signed distance; inf if there is no contact
+    @property
+    def pair(self) -> Integers | DeviceArray: ...  # (W, 2), the spheres with that distance; 4294967295 if there is no contact
+    @property
+    def backend(self) -> str: ...
     def __len__(self) -> int: ...
 
 # Keeps its memory, and what stands still, from call to call.
@@ -111,25 +130,40 @@ class Detector:
     def backend(self) -> str: ...
     def detect(
         self, centers: Any = None, radii: Any = None, family: Any = None, mask: Any = None, *,
-        is_static: Any = None, bodies: Bodies | None = None,
+        is_static: Any = None, world: Any = None, bodies: Bodies | None = None,
         revision: int = 0,  # as in the call before: of `bodies` only poses of `moved` are read, of static spheres nothing
         moved: ArrayLike | None = None,  # (M,), which bodies have another pose than in the call before
         poses: Any = None,  # (B, 12) float64 of all bodies, on host or device, instead of those in `bodies`
+        margin: float = 0.0,  # pairs whose gap is at most this are contacts
     ) -> Contacts: ...
+    def worlds(
+        self, count: int, answer: Answer = "any",  # for the worlds 0 to count - 1
+        centers: Any = None, radii: Any = None, family: Any = None, mask: Any = None, *,
+        is_static: Any = None, world: Any = None, bodies: Bodies | None = None, revision: int = 0,
+        moved: ArrayLike | None = None, poses: Any = None, margin: float = 0.0,
+    ) -> WorldAnswers: ...
 
 def load(path: Path, part: str = "") -> Cluster: ...
 def pad(
     vertices: ArrayLike, faces: ArrayLike, depth: float | None = None, tolerance: Length | None = None,
     edge_length: Length | None = None, max_spheres: int = 0, sharp_angle: float = 40.0, repair: Repair = "auto",
     family: int = 0, mask: int = 0, unit: str = "", name: str = "mesh",
+    protrusion: Length | None = None, gap: Length | None = None,
 ) -> Cluster: ...
 def pad_file(
     path: Path, depth: float | None = None, tolerance: Length | None = None,
     edge_length: Length | None = None, max_spheres: int = 0, sharp_angle: float = 40.0, repair: Repair = "auto",
     family: int = 0, mask: int = 0, unit: str = "", scale: float = 1.0,
+    protrusion: Length | None = None, gap: Length | None = None,
 ) -> Cluster: ...
 def detect(
     centers: Any = None, radii: Any = None, family: Any = None, mask: Any = None, *,
-    is_static: Any = None, bodies: Bodies | None = None, width: Width = "normals", backend: Backend = "auto",
-    precision: Precision = "exact", threads: int = 0, device: int = 0,
+    is_static: Any = None, world: Any = None, bodies: Bodies | None = None, margin: float = 0.0,
+    width: Width = "normals", backend: Backend = "auto", precision: Precision = "exact", threads: int = 0,
+    device: int = 0,
 ) -> Contacts: ...
+def worlds(
+    count: int, answer: Answer = "any", centers: Any = None, radii: Any = None, family: Any = None,
+    mask: Any = None, *, is_static: Any = None, world: Any = None, bodies: Bodies | None = None,
+    margin: float = 0.0, backend: Backend = "auto", threads: int = 0, device: int = 0,
+) -> WorldAnswers: ...

@@ -1,0 +1,80 @@
+// SPDX-License-Identifier: MIT
+// Contacts of loose spheres that lie on several GPUs of one machine, as in a simulation that runs there. The
+// spheres stay where they are, only those near a face travel, from GPU to GPU, and the contacts stay on the
+// GPU that found them. They are those of one Detector, pair for pair. docs/scale.md tells how it works.
+#pragma once
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "detect/detector.h"
+
+namespace padder::detect {
+
+// The most GPUs that one ResidentDetector uses.
+inline constexpr int kMostResidentDevices = 16;
+
+struct ResidentOptions {
+  // How each GPU detects. `own` limits the contacts of the whole scene, `memory_limit` is for each GPU's
+  // detector; `stream`, `output` and `threads` are not read.
+  CallOptions detector;
+  // The numbers of the GPUs. The same one may be named more than once. Empty: all there are.
+  std::vector<int> devices;
+};
+
+// What a call did.
+struct ResidentReport {
+  std::uint64_t contacts = 0, spheres = 0;
+  std::uint64_t copies = 0;       // spheres in the loads; those above `spheres` are halo
+  std::uint64_t moved_bytes = 0;  // from GPU to GPU
+  std::uint64_t doubtful = 0;     // sum of Contacts::doubtful
+  bool cut = false;               // space was cut anew in this call
+  double imbalance = 0;           // work of the GPU with the most over the mean; work: spheres plus contacts
+  double upload_seconds = 0, deal_seconds = 0, detect_seconds = 0;  // wall time of the parts
+};
+
+// What one GPU found: all arrays lie in its memory, until the next call or the end of the detector. The pairs
+// number the spheres of `load`, and ids[k] is the number of sphere k of the load in the scene. null: the two
+// numbers are the same.
+struct ResidentContacts {
+  int device = 0;
+  Contacts contacts;
+  Spheres load;
+  const std::uint64_t* ids = nullptr;
+};
+
+// Keeps its cut, its detectors and their memory from call to call. Space is cut anew when the work of the
+// heaviest GPU exceeds the mean by a tenth. Not for two threads at once. Every function throws Error, with
+// the sentence of a Detector where a sphere is at fault, and with one that names the GPU where that fails;
+// the object stays usable.
+class ResidentDetector {
+ public:
+  // Throws Error when a GPU is not to be had, and in a build without CUDA.
+  explicit ResidentDetector(const ResidentOptions& options = {});
+  ~ResidentDetector();
+  ResidentDetector(ResidentDetector&&) noexcept;
+  ResidentDetector& operator=(ResidentDetector&&) noexcept;
+
+  // One part of the scene for each GPU, in the order of the GPUs: parts[k] lies in the memory of GPU k, or in
+  // host memory, from where it is copied there (at full speed if it is pinned). The scene has the spheres of
+  // part 0, then those of part 1, and so on. Each part has below 2^32 - 1 spheres; all are in float or all in
+  // double. Which spheres a part holds is the caller's choice, but those outside of region(k) travel.
+  // Work given to the default streams of the GPUs before the call is waited for.
+  const ResidentReport& detect(std::span<const Spheres> parts);
+
+  // Of the last call, one for each GPU.
+  std::span<const ResidentContacts> found() const;
+  const ResidentReport& report() const;
+  std::uint64_t hash() const;  // order-free, as Detector::hash(). Cost: a pass over the contacts.
+  Region region(std::size_t device) const;  // of GPU number `device` of the list
+
+  std::size_t devices() const;
+  CallOptions& options();
+
+ private:
+  class Work;
+  std::unique_ptr<Work> work_;
+};
+
+}  // namespace padder::detect

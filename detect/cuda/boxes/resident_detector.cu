@@ -1,0 +1,502 @@
+// SPDX-License-Identifier: MIT
+#include "detect/boxes/resident_detector.h"
+
+#include <algorithm>
+#include <chrono>
+#include <exception>
+#include <functional>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <thread>
+#include <utility>
+
+#include "detect/core/backend.h"
+#include "detect/core/errors.h"
+#include "detect/cuda/boxes/deal.h"
+#include "detect/cuda/device/device.h"
+#include "padding/asset/error.h"
+
+namespace padder::detect {
+namespace cuda {
+namespace {
+
+constexpr double kMostImbalance = 1.1;  // of the heaviest GPU's work over the mean, before space is cut anew
+constexpr std::uint64_t kSampleOfDevice = 1 << 15;
+
+double now() {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
+// Which arrays the spheres of a scene have. A part without families, say, has 0 for all.
+struct Form {
+  Scalar scalar = Scalar::f32;
+  bool family = false, mask = false, is_static = false;
+  std::uint64_t bytes_of_one() const {
+    return (scalar == Scalar::f32 ? 16u : 32u) + 8u + (family ? 4u : 0u) + (mask ? 4u : 0u) +
+           (is_static ? 1u : 0u);
+  }
+};
+
+// Spheres in the memory of one GPU, as arrays that grow together.
+class SphereArrays {
+ public:
+  explicit SphereArrays(MemoryBook& book)
+      : spheres_(book, "the spheres of a box"),
+        ids_(book, "the numbers of the spheres"),
+        family_(book, "the families"),
+        mask_(book, "the masks"),
+        is_static_(book, "the marks of static spheres") {}
+
+  // Room for so many, and for an eighth more when it has to grow, as halos vary from call to call.
+  void reserve(std::uint64_t count, const Form& form) {
+    const auto room = [&](auto& array, std::uint64_t each) {
+      if (each * count > array.capacity() || !array.data()) array.reserve(each * (count + count / 8 + 64));
+    };
+    room(spheres_, form.scalar == Scalar::f32 ? 16 : 32), room(ids_, 1);
+    if (form.family) room(family_, 1);
+    if (form.mask) room(mask_, 1);
+    if (form.is_static) room(is_static_, 1);
+  }
+  DealTarget from(std::uint64_t first, const Form& form) const {
+    return {spheres_.data() + first * (form.scalar == Scalar::f32 ? 16 : 32), ids_.data() + first,
+            form.family ? family_.data() + first : nullptr, form.mask ? mask_.data() + first : nullptr,
+            form.is_static ? is_static_.data() + first : nullptr};
+  }
+  Spheres view(std::uint64_t count, const Form& form) const {
+    Spheres s;
+    s.count = count, s.scalar = form.scalar, s.memory = Memory::device;
+    s.centers = spheres_.data(), s.radii = spheres_.data() + (form.scalar == Scalar::f32 ? 12 : 24);
+    s.center_stride = s.radius_stride = 4;
+    if (form.family) s.family = family_.data();
+    if (form.mask) s.mask = mask_.data();
+    if (form.is_static) s.is_static = is_static_.data();
+    return s;
+  }
+  const std::uint64_t* ids() const { return ids_.data(); }
+
+ private:
+  Buffer<char> spheres_;
+  Buffer<std::uint64_t> ids_;
+  Buffer<std::uint32_t> family_, mask_;
+  Buffer<std::uint8_t> is_static_;
+};
+
+// Copies `count` spheres from one GPU to another.
+void copy_to_peer(const DealTarget& to, int to_device, const DealTarget& from, int from_device,
+                  std::uint64_t count, Scalar scalar, cudaStream_t stream) {
+  const auto copy = [&](void* there, const void* here, std::uint64_t each) {
+    if (there && count)
+      cuda_check(cudaMemcpyPeerAsync(there, to_device, here, from_device, count * each, stream),
+                 "copy spheres to another GPU");
+  };
+  copy(to.spheres, from.spheres, scalar == Scalar::f32 ? 16 : 32), copy(to.ids, from.ids, 8);
+  copy(to.family, from.family, 4), copy(to.mask, from.mask, 4), copy(to.is_static, from.is_static, 1);
+}
+
+// Spheres that came in host memory, on the GPU with the caller's strides.
+class Upload {
+ public:
+  explicit Upload(MemoryBook& book) : bytes_(book, "spheres from host memory") {}
+  Spheres run(const Spheres& s, cudaStream_t stream) {
+    if (s.memory == Memory::device || s.count == 0) return s;
+    const std::uint64_t real = s.scalar == Scalar::f32 ? 4 : 8;
+    const std::uint64_t centers = ((s.count - 1) * s.center_stride + 3) * real,
+                        radii = ((s.count - 1) * s.radius_stride + 1) * real;
+    const char *const c = static_cast<const char*>(s.centers), *const r = static_cast<const char*>(s.radii);
+    const bool together = s.center_stride == 4 && s.radius_stride == 4 && r == c + 3 * real;
+    std::uint64_t size = 0;
+    const auto place = [&](std::uint64_t bytes) {
+      return std::exchange(size, size + (bytes + 255) / 256 * 256);
+    };
+    const std::uint64_t at_centers = place(together ? centers + real : centers),
+                        at_radii = together ? at_centers + 3 * real : place(radii),
+                        at_family = place(s.family ? 4 * s.count : 0),
+                        at_mask = place(s.mask ? 4 * s.count : 0),
+                        at_static = place(s.is_static ? s.count : 0);
+    char* const to = bytes_.reserve(size);
+    const auto copy = [&](std::uint64_t at, const void* from, std::uint64_t bytes) {
+      if (from)
+        cuda_check(cudaMemcpyAsync(to + at, from, bytes, cudaMemcpyHostToDevice, stream),
+                   "copy spheres to the GPU");
+    };
+    copy(at_centers, c, together ? centers + real : centers);
+    if (!together) copy(at_radii, r, radii);
+    copy(at_family, s.family, 4 * s.count), copy(at_mask, s.mask, 4 * s.count),
+        copy(at_static, s.is_static, s.count);
+    Spheres there = s;
+    there.memory = Memory::device, there.centers = to + at_centers, there.radii = to + at_radii;
+    if (s.family) there.family = reinterpret_cast<const std::uint32_t*>(to + at_family);
+    if (s.mask) there.mask = reinterpret_cast<const std::uint32_t*>(to + at_mask);
+    if (s.is_static) there.is_static = reinterpret_cast<const std::uint8_t*>(to + at_static);
+    return there;
+  }
+
+ private:
+  Buffer<char> bytes_;
+};
+
+// One GPU: its spheres, what it deals out, and what it was dealt.
+struct Place {
+  explicit Place(int number) : device(number), detector(DeviceChoice{BackendKind::cuda, number}) {
+    const OnDevice on(device);
+    on.require();
+    cuda_check(cudaStreamCreateWithFlags(&stream, cudaStreamNonBlocking), "make a stream");
+  }
+  ~Place() {
+    const OnDevice on(device);
+    load.reset(), halo.reset(), upload.reset(), dealer.reset(), sum.release();
+    cudaStreamDestroy(stream);
+  }
+  Place(const Place&) = delete;
+  Place& operator=(const Place&) = delete;
+
+  int device;
+  Detector detector;
+  cudaStream_t stream = nullptr;
+  MemoryBook book;
+  std::optional<Dealer> dealer{book};
+  std::optional<Upload> upload{book};
+  std::optional<SphereArrays> load{book}, halo{book};  // what it detects; what it sends, box by box
+  Buffer<unsigned long long> sum{book, "the hash"};
+  Spheres part;             // of the call, in this GPU's memory
+  std::uint64_t first = 0;  // number of its first sphere in the scene
+  DealCounts counts;
+  std::uint64_t loaded = 0;  // spheres in the load
+  double density = 1;        // work for each of them, in the call before
+};
+
+void let_access(int device, int other) {
+  int can = 0;
+  if (device == other || cudaDeviceCanAccessPeer(&can, device, other) != cudaSuccess || !can) return;
+  cudaDeviceEnablePeerAccess(other, 0);
+  cudaGetLastError();  // already enabled, perhaps by the caller
+}
+
+double imbalance_of(const std::vector<double>& work) {
+  double sum = 0, most = 0;
+  for (const double w : work) sum += w, most = std::max(most, w);
+  return sum > 0 ? most * static_cast<double>(work.size()) / sum : 1;
+}
+
+Region common(const Region& a, const Region& b) {
+  Region r;
+  for (int k = 0; k < 3; k++)
+    r.low[k] = std::max(a.low[k], b.low[k]), r.high[k] = std::min(a.high[k], b.high[k]);
+  return r;
+}
+
+bool is_empty(const Region& r) {
+  return !(r.low[0] < r.high[0] && r.low[1] < r.high[1] && r.low[2] < r.high[2]);
+}
+
+}  // namespace
+}  // namespace cuda
+
+using cuda::DealTarget;
+using cuda::Place;
+
+class ResidentDetector::Work {
+ public:
+  explicit Work(const ResidentOptions& options);
+  const ResidentReport& run(std::span<const Spheres> parts);
+  std::span<const ResidentContacts> found() const { return found_; }
+  const ResidentReport& report() const { return report_; }
+  std::uint64_t hash();
+  Region region(std::size_t k) const { return regions_.of[k]; }
+  std::size_t devices() const { return places_.size(); }
+  CallOptions& options() { return options_; }
+
+ private:
+  void each_place(const std::function<void(Place&, std::size_t)>& work);
+  cuda::Form check(std::span<const Spheres> parts) const;
+  void bring(std::span<const Spheres> parts);
+  void count();
+  void plan();
+  void cut();
+  double expected_imbalance() const;
+  void deal();
+  void detect();
+  void finish();
+
+  CallOptions options_;
+  std::vector<std::unique_ptr<Place>> places_;
+  cuda::Form form_;
+  cuda::DealRegions regions_;
+  BoxTree tree_;
+  bool has_tree_ = false, known_density_ = false, informed_ = false;
+  double settled_imbalance_ = 1;  // what the last cut could reach
+  double halo_radius_ = 0;        // at least the largest radius of the scene
+  std::vector<ResidentContacts> found_;
+  ResidentReport report_;
+};
+
+ResidentDetector::Work::Work(const ResidentOptions& options) : options_(options.detector) {
+  std::vector<int> devices = options.devices;
+  if (devices.empty())
+    for (int k = 0; k < cuda_device_count(); k++)
+      if (cuda_absence(k).empty()) devices.push_back(k);
+  if (devices.empty()) throw Error(cuda_absence(0));
+  if (devices.size() > kMostResidentDevices)
+    throw Error(std::to_string(devices.size()) + " GPUs are more than " +
+                std::to_string(kMostResidentDevices) +
+                ", the most that one detector uses: start a rank of MPI for each");
+  for (const int d : devices) places_.push_back(std::make_unique<Place>(d));
+  for (const auto& place : places_) {
+    const cuda::OnDevice on(place->device);
+    for (const int other : devices) cuda::let_access(place->device, other);
+  }
+  regions_.count = static_cast<int>(devices.size());
+}
+
+// A thread for each GPU, with its context. Throws what the first of them throws.
+void ResidentDetector::Work::each_place(const std::function<void(Place&, std::size_t)>& work) {
+  std::vector<std::exception_ptr> failures(places_.size());
+  const auto one = [&](std::size_t k) {
+    try {
+      const cuda::OnDevice on(places_[k]->device);
+      on.require();
+      work(*places_[k], k);
+    } catch (const Error& e) {
+      failures[k] =
+          std::make_exception_ptr(Error("GPU " + std::to_string(places_[k]->device) + ": " + e.what()));
+    } catch (...) {
+      failures[k] = std::current_exception();
+    }
+  };
+  {
+    std::vector<std::jthread> others;
+    for (std::size_t k = 1; k < places_.size(); k++) others.emplace_back(one, k);
+    one(0);
+  }
+  for (const std::exception_ptr& f : failures)
+    if (f) std::rethrow_exception(f);
+}
+
+cuda::Form ResidentDetector::Work::check(std::span<const Spheres> parts) const {
+  check_options(options_);
+  if (parts.size() != places_.size())
+    throw Error(std::to_string(parts.size()) + " parts of the scene were given for " +
+                std::to_string(places_.size()) + " GPUs: give one for each");
+  cuda::Form form;
+  bool first = true;
+  for (const Spheres& s : parts) {
+    Input input;
+    input.spheres = s;
+    check_input(input, true);
+    if (s.count == 0) continue;
+    if (!first && s.scalar != form.scalar)
+      throw Error("the parts of a scene must be all in float or all in double");
+    form.scalar = s.scalar, first = false;
+    form.family |= s.family != nullptr, form.mask |= s.mask != nullptr,
+        form.is_static |= s.is_static != nullptr;
+  }
+  return form;
+}
+
+// Waits for what the caller does on the default streams, and copies what lies in host memory.
+void ResidentDetector::Work::bring(std::span<const Spheres> parts) {
+  std::uint64_t first = 0;
+  for (std::size_t k = 0; k < parts.size(); k++)
+    places_[k]->first = std::exchange(first, first + parts[k].count);
+  report_.spheres = first;
+  each_place([&](Place& p, std::size_t k) {
+    cuda::cuda_check(cudaStreamSynchronize(nullptr), "finish the work given before");
+    if (parts[k].memory == Memory::device && parts[k].count)
+      cuda::check_device_memory(parts[k].centers, p.device, "the centres of the loose spheres");
+    p.part = p.upload->run(parts[k], p.stream);
+    cuda::cuda_check(cudaStreamSynchronize(p.stream), "copy spheres to the GPU");
+  });
+}
+
+// Counts again where the halos were made for a smaller radius than the scene has.
+void ResidentDetector::Work::count() {
+  for (;;) {
+    each_place(
+        [&](Place& p, std::size_t) { p.counts = p.dealer->count(p.part, regions_, halo_radius_, p.stream); });
+    double radius = 0;
+    for (const auto& p : places_) {
+      if (p->counts.faulty != ~std::uint64_t(0)) {
+        const std::uint64_t k = p->counts.faulty;
+        const cuda::OnDevice on(p->device);
+        Spheres one = p->part;
+        const std::uint64_t real = one.scalar == Scalar::f32 ? 4 : 8;
+        double v[4];
+        const auto read = [&](double& to, const void* array, std::uint64_t at) {
+          float narrow = 0;
+          void* const there = real == 4 ? static_cast<void*>(&narrow) : &to;
+          cuda::cuda_check(
+              cudaMemcpy(there, static_cast<const char*>(array) + at * real, real, cudaMemcpyDeviceToHost),
+              "read a sphere");
+          if (real == 4) to = narrow;
+        };
+        for (std::uint64_t a = 0; a < 3; a++) read(v[a], one.centers, k * one.center_stride + a);
+        read(v[3], one.radii, k * one.radius_stride);
+        throw Error(fault_sentence(p->first + k, {v[0], v[1], v[2], v[3]}, Input{}));
+      }
+      radius = std::max(radius, p->counts.largest_radius);
+    }
+    if (radius <= halo_radius_) return;
+    halo_radius_ = 2 * radius;
+  }
+}
+
+double ResidentDetector::Work::expected_imbalance() const {
+  std::vector<double> work(places_.size(), 0);
+  for (std::size_t to = 0; to < places_.size(); to++)
+    for (const auto& from : places_)
+      work[to] += places_[to]->density * static_cast<double>(from->counts.to[to]);
+  return cuda::imbalance_of(work);
+}
+
+void ResidentDetector::Work::plan() {
+  if (has_tree_) {
+    count();
+    if (expected_imbalance() <= std::max(cuda::kMostImbalance, 1.05 * settled_imbalance_)) return;
+  }
+  cut();
+  count();
+}
+
+// Each sphere weighs what spheres of its box cost in the call before: itself, and its contacts.
+void ResidentDetector::Work::cut() {
+  std::vector<std::vector<WeightedPoint>> drawn(places_.size());
+  each_place(
+      [&](Place& p, std::size_t k) { drawn[k] = p.dealer->sample(p.part, cuda::kSampleOfDevice, p.stream); });
+  std::vector<WeightedPoint> points;
+  std::vector<double> plain;
+  for (const auto& some : drawn)
+    for (WeightedPoint p : some) {
+      plain.push_back(p.weight);
+      if (has_tree_) p.weight *= places_[tree_.box_of(p.at)]->density;
+      points.push_back(p);
+    }
+  tree_ = cut_space(points, static_cast<std::uint32_t>(places_.size()));
+  std::vector<double> work(places_.size(), 0), weight(places_.size(), 0);
+  for (std::size_t k = 0; k < points.size(); k++) {
+    const std::uint32_t box = tree_.box_of(points[k].at);
+    work[box] += points[k].weight, weight[box] += plain[k];
+  }
+  for (std::uint32_t b = 0; b < tree_.boxes(); b++) {
+    regions_.of[b] = tree_.region(b);
+    places_[b]->density = weight[b] > 0 ? work[b] / weight[b] : 1;
+  }
+  has_tree_ = true, informed_ = known_density_, report_.cut = true;
+}
+
+// Each GPU writes the spheres of its own box into its load and those of the others beside it, and sends
+// these. A load has the spheres in the order of the scene.
+void ResidentDetector::Work::deal() {
+  const std::size_t n = places_.size();
+  std::vector<std::vector<std::uint64_t>> at(n,
+                                             std::vector<std::uint64_t>(n));  // of what `to` gets from `from`
+  for (std::size_t to = 0; to < n; to++) {
+    places_[to]->loaded = 0;
+    for (std::size_t from = 0; from < n; from++)
+      at[to][from] = std::exchange(places_[to]->loaded, places_[to]->loaded + places_[from]->counts.to[to]);
+    if (places_[to]->loaded >= 0xffffffff)
+      throw Error("the box of GPU " + std::to_string(places_[to]->device) + " holds " +
+                  std::to_string(places_[to]->loaded) +
+                  " spheres, more than a detector numbers: use more GPUs");
+  }
+  each_place([&](Place& p, std::size_t k) {
+    std::uint64_t sent = 0;
+    for (std::size_t to = 0; to < n; to++) sent += to == k ? 0 : p.counts.to[to];
+    p.load->reserve(p.loaded, form_), p.halo->reserve(sent, form_);
+  });
+  each_place([&](Place& p, std::size_t k) {
+    DealTarget targets[kMostResidentDevices];
+    std::uint64_t place = 0;
+    for (std::size_t to = 0; to < n; to++)
+      targets[to] = to == k ? p.load->from(at[k][k], form_)
+                            : p.halo->from(std::exchange(place, place + p.counts.to[to]), form_);
+    p.dealer->write(p.part, regions_, halo_radius_, p.first, targets, p.stream);
+    for (std::size_t to = 0; to < n; to++)
+      if (to != k)
+        cuda::copy_to_peer(places_[to]->load->from(at[to][k], form_), places_[to]->device, targets[to],
+                           p.device, p.counts.to[to], form_.scalar, p.stream);
+    cuda::cuda_check(cudaStreamSynchronize(p.stream), "deal the spheres out");
+  });
+  for (std::size_t to = 0; to < n; to++)
+    for (std::size_t from = 0; from < n; from++)
+      if (to != from) report_.moved_bytes += places_[from]->counts.to[to] * form_.bytes_of_one();
+}
+
+void ResidentDetector::Work::detect() {
+  const bool alone = places_.size() == 1;
+  found_.assign(places_.size(), {});
+  each_place([&](Place& p, std::size_t k) {
+    Input input;
+    input.spheres = alone ? p.part : p.load->view(p.loaded, form_);
+    CallOptions options = options_;
+    options.stream = nullptr, options.output = Memory::device;
+    options.own = cuda::common(options.own, alone ? Region{} : regions_.of[k]);
+    if (alone) p.loaded = p.part.count;
+    ResidentContacts& f = found_[k];
+    f.device = p.device, f.load = input.spheres, f.ids = alone ? nullptr : p.load->ids();
+    f.contacts.memory = Memory::device, f.contacts.width = options.width, f.contacts.scalar = options.scalar;
+    if (cuda::is_empty(options.own)) return;
+    p.detector.options() = options;
+    f.contacts = p.detector.detect(input);
+  });
+}
+
+void ResidentDetector::Work::finish() {
+  std::vector<double> work;
+  for (std::size_t k = 0; k < places_.size(); k++) {
+    const double spheres = static_cast<double>(places_[k]->loaded);
+    const Contacts& c = found_[k].contacts;
+    work.push_back(spheres + static_cast<double>(c.count));
+    places_[k]->density = spheres > 0 ? work.back() / spheres : 1;
+    report_.contacts += c.count, report_.doubtful += c.doubtful, report_.copies += places_[k]->loaded;
+  }
+  known_density_ = true;
+  report_.imbalance = cuda::imbalance_of(work);
+  if (report_.cut) settled_imbalance_ = informed_ ? report_.imbalance : 1;
+}
+
+const ResidentReport& ResidentDetector::Work::run(std::span<const Spheres> parts) {
+  report_ = {}, found_.clear();
+  try {
+    const double start = cuda::now();
+    form_ = check(parts);
+    bring(parts);
+    const double brought = cuda::now();
+    if (places_.size() > 1) plan(), deal();
+    const double dealt = cuda::now();
+    detect();
+    finish();
+    report_.upload_seconds = brought - start, report_.deal_seconds = dealt - brought;
+    report_.detect_seconds = cuda::now() - dealt;
+  } catch (...) {
+    report_ = {}, found_.clear();
+    throw;
+  }
+  return report_;
+}
+
+std::uint64_t ResidentDetector::Work::hash() {
+  std::vector<std::uint64_t> sums(places_.size(), 0);
+  if (found_.empty()) return 0;
+  each_place([&](Place& p, std::size_t k) {
+    const ResidentContacts& f = found_[k];
+    sums[k] = cuda::hash_of_numbered_pairs(f.contacts.pairs, f.contacts.count, f.ids, p.sum, p.stream);
+  });
+  std::uint64_t sum = 0;
+  for (const std::uint64_t s : sums) sum += s;
+  return sum;
+}
+
+ResidentDetector::ResidentDetector(const ResidentOptions& options) : work_(std::make_unique<Work>(options)) {}
+ResidentDetector::~ResidentDetector() = default;
+ResidentDetector::ResidentDetector(ResidentDetector&&) noexcept = default;
+ResidentDetector& ResidentDetector::operator=(ResidentDetector&&) noexcept = default;
+const ResidentReport& ResidentDetector::detect(std::span<const Spheres> parts) { return work_->run(parts); }
+std::span<const ResidentContacts> ResidentDetector::found() const { return work_->found(); }
+const ResidentReport& ResidentDetector::report() const { return work_->report(); }
+std::uint64_t ResidentDetector::hash() const { return work_->hash(); }
+Region ResidentDetector::region(std::size_t device) const { return work_->region(device); }
+std::size_t ResidentDetector::devices() const { return work_->devices(); }
+CallOptions& ResidentDetector::options() { return work_->options(); }
+
+}  // namespace padder::detect

@@ -1,0 +1,356 @@
+// SPDX-License-Identifier: MIT
+#include "detect/cuda/worlds/world_scene.h"
+
+#include <algorithm>
+#include <cub/block/block_radix_sort.cuh>
+#include <cub/device/device_radix_sort.cuh>
+
+#include "detect/core/input.h"
+
+namespace padder::detect::cuda {
+namespace {
+
+constexpr int kThreads = 256;
+// A world of more elements is sorted along the curve in every call; a smaller one when its revision is new.
+constexpr std::uint32_t kLargeWorld = 4096;
+
+unsigned blocks_for(std::uint64_t n) {
+  return static_cast<unsigned>(std::clamp<std::uint64_t>((n + kThreads - 1) / kThreads, 1, 16896));
+}
+template <class F>
+__global__ void __launch_bounds__(kThreads) each_kernel(std::uint32_t n, F f) {
+  for (std::uint64_t k = blockIdx.x * std::uint64_t(kThreads) + threadIdx.x; k < n;
+       k += std::uint64_t(gridDim.x) * kThreads)
+    f(static_cast<std::uint32_t>(k));
+}
+template <class F>
+void each(std::uint32_t n, cudaStream_t stream, const char* what, F f) {
+  if (n == 0) return;
+  each_kernel<<<blocks_for(n), kThreads, 0, stream>>>(n, f);
+  cuda_launched(what);
+}
+template <class T>
+T* copied(Buffer<T>& to, const T* from, std::uint64_t count, cudaStream_t stream) {
+  T* p = to.reserve(count);
+  if (count)
+    cuda_check(cudaMemcpyAsync(p, from, count * sizeof(T), cudaMemcpyHostToDevice, stream),
+               "copy the bodies");
+  return p;
+}
+__device__ void put(Body& to, const Pose& pose) {
+  for (int k = 0; k < 9; k++) to.rotation[k] = pose.rotation[k];
+  for (int k = 0; k < 3; k++) to.position[k] = pose.position[k];
+}
+
+// The part of space that the curve resolves, from two quantiles of some of the centres.
+constexpr int kSample = 1024;
+__global__ void __launch_bounds__(kSample) curve_box_kernel(WorldScene scene, CurveBox* out) {
+  using Sort = cub::BlockRadixSort<double, kSample, 1>;
+  __shared__ typename Sort::TempStorage room;
+  __shared__ double low, high;
+  const std::uint32_t n = min(scene.count, static_cast<std::uint32_t>(kSample)), t = threadIdx.x;
+  Sphere s{};
+  if (t < n) s = scene.ball_given(static_cast<std::uint32_t>(std::uint64_t(t) * scene.count / n));
+  CurveBox box;
+  for (int axis = 0; axis < 3; axis++) {
+    double key[1] = {t < n ? axis == 0 ? s.x : axis == 1 ? s.y : s.z : INFINITY};
+    __syncthreads();
+    Sort(room).Sort(key);
+    if (t == n / 64) low = key[0];
+    if (t == n - 1 - n / 64) high = key[0];
+    __syncthreads();
+    set_axis(box, axis, low, high);
+  }
+  if (t == 0) *out = box;
+}
+
+// The index of the first of worlds[0 .. n) that is `world` or more.
+__device__ std::uint32_t first_of(const std::uint32_t* worlds, std::uint32_t n, std::uint64_t world) {
+  std::uint32_t low = 0, high = n;
+  while (low < high) {
+    const std::uint32_t middle = low + (high - low) / 2;
+    if (worlds[middle] < world)
+      low = middle + 1;
+    else
+      high = middle;
+  }
+  return low;
+}
+
+// Places the ball of element k of the tree, and reports faults.
+__device__ void place(const WorldScene& scene, std::uint32_t k, std::uint32_t worlds, double& extent) {
+  const WorldElement e = scene.elements[k];
+  Sphere ball;
+  if (e.body == kLoose) {
+    ball = scene.loose.sphere(e.piece);
+    scene.elements[k].filter = scene.loose.filter(e.piece);  // the caller may have changed it
+    if (fault_of(ball) != Fault::none)
+      atomicMin(&scene.report->fault, static_cast<unsigned long long>(scene.loose_first) + e.piece);
+  } else {
+    const Body body = scene.body_at(e.body, (e.filter.owner & kStatic) != 0);
+    const Piece& piece = scene.pieces[e.piece];
+    ball = ball_of(body, piece);
+    if (!(ball.r < INFINITY)) {  // a fault, or so far out that there are no balls
+      for (std::uint32_t q = piece.first; q < piece.first + piece.count; q++)
+        if (fault_of(placed(body, scene.spheres[q])) != Fault::none)
+          atomicMin(&scene.report->fault,
+                    static_cast<unsigned long long>(scene.body_first[e.body]) + scene.numbers[q]);
+      ball = {0, 0, 0, INFINITY};
+    }
+  }
+  scene.balls[k] = ball;
+  if (e.world >= worlds && e.world != kEveryWorld)
+    atomicMin(&scene.report->world_fault, static_cast<unsigned long long>(scene.order[k]));
+  extent = larger(larger(magnitude(ball.x), magnitude(ball.y)), magnitude(ball.z)) + ball.r;
+}
+__global__ void __launch_bounds__(kThreads) place_kernel(WorldScene scene, std::uint32_t worlds) {
+  double most = 0;
+  for (std::uint64_t k = blockIdx.x * std::uint64_t(kThreads) + threadIdx.x; k < scene.count;
+       k += std::uint64_t(gridDim.x) * kThreads) {
+    double extent;
+    place(scene, static_cast<std::uint32_t>(k), worlds, extent);
+    most = larger(most, extent);
+  }
+  auto bits = static_cast<unsigned long long>(__double_as_longlong(most));  // ordered as the numbers are
+  for (int d = 16; d; d >>= 1) bits = max(bits, __shfl_xor_sync(~0u, bits, d));
+  if ((threadIdx.x & 31) == 0 && bits > *static_cast<volatile unsigned long long*>(&scene.report->extent))
+    atomicMax(&scene.report->extent, bits);
+}
+
+// A device lambda may not stand in a private member function, so these are functions of their own.
+void put_moved(std::uint32_t n, const Pose* poses, const std::uint32_t* which, Body* bodies,
+               cudaStream_t stream) {
+  each(n, stream, "place the bodies", [=] __device__(std::uint32_t k) { put(bodies[which[k]], poses[k]); });
+}
+// `from` null: the elements as they are given.
+void copy_order(std::uint32_t n, const std::uint32_t* from, std::uint32_t* to, cudaStream_t stream) {
+  each(n, stream, "number the elements", [=] __device__(std::uint32_t k) { to[k] = from ? from[k] : k; });
+}
+void put_on_curve(const WorldScene& scene, CurveBox* box, std::uint64_t* curve, cudaStream_t stream) {
+  curve_box_kernel<<<1, kSample, 0, stream>>>(scene, box);
+  cuda_launched("look where the elements are");
+  each(scene.count, stream, "place the elements on the curve",
+       [=] __device__(std::uint32_t k) { curve[k] = place_on_curve(*box, scene.ball_given(k)); });
+}
+void read_worlds(const WorldScene& scene, const std::uint32_t* order, std::uint32_t* worlds,
+                 cudaStream_t stream) {
+  each(scene.count, stream, "read the worlds",
+       [=] __device__(std::uint32_t k) { worlds[k] = scene.world_given(order[k]); });
+}
+// What of the elements does not change from call to call of a revision.
+void fill_elements(const WorldScene& scene, cudaStream_t stream) {
+  const std::uint32_t n = scene.count;
+  each(n, stream, "read the elements", [=] __device__(std::uint32_t k) {
+    WorldElement& out = scene.elements[k];
+    const Element e = scene.given(scene.order[k]);
+    const std::uint32_t world = scene.worlds[k], end = first_of(scene.worlds, n, world + std::uint64_t(1));
+    out.body = e.body, out.piece = e.piece, out.world = world, out.world_end = end, out.filter = {};
+    if (e.body != kLoose) {
+      const Body& body = scene.bodies[e.body];
+      out.filter = {body.family, body.mask, owner_of(e.body, body.is_static)};
+    }
+    if (k == 0 || scene.worlds[k - 1] != world) atomicMax(&scene.report->largest_world, end - k);
+    if (k == 0) scene.report->every_first = first_of(scene.worlds, n, kEveryWorld);
+  });
+  // The filter of a loose sphere may change, so that it counts as a partner. 64 are looked at at most.
+  each(n, stream, "find the partners", [=] __device__(std::uint32_t k) {
+    WorldElement& e = scene.elements[k];
+    const std::uint32_t last = min(e.world_end, k + 1 + kSmallWorld);
+    e.partners = k + 1;
+    while (e.body != kLoose && e.partners < last && scene.elements[e.partners].body != kLoose &&
+           !admitted(e.filter, scene.elements[e.partners].filter))
+      e.partners++;
+  });
+}
+void build_tree(const WorldTree& tree, TreeBox* nodes, cudaStream_t stream) {
+  for (std::uint32_t level = 1; level <= tree.levels; level++)
+    each(tree.first[level + 1] - tree.first[level], stream, "build the tree of worlds",
+         [=] __device__(std::uint32_t k) { nodes[tree.first[level] + k] = box_of_node(tree, level, k); });
+}
+
+}  // namespace
+
+WorldInput::WorldInput(MemoryBook& book)
+    : copy_(book),
+      bodies_(book, "the bodies"),
+      poses_(book, "the poses"),
+      elements_(book, "the pieces of bodies"),
+      pieces_(book, "the pieces of bodies"),
+      spheres_(book, "the shapes"),
+      balls_(book, "the balls about bodies"),
+      numbers_(book, "the shapes"),
+      body_first_(book, "the bodies"),
+      order_(book, "the order of worlds"),
+      spare_order_(book, "the order of worlds"),
+      worlds_(book, "worlds"),
+      spare_worlds_(book, "worlds"),
+      moved_numbers_(book, "what moved"),
+      curve_(book, "the order of worlds"),
+      spare_curve_(book, "the order of worlds"),
+      curve_box_(book, "the order of worlds"),
+      tree_elements_(book, "the tree of worlds"),
+      nodes_(book, "the tree of worlds"),
+      scratch_(book, "sorting"),
+      report_(book, "the report"),
+      host_report_(book, "the report", true) {}
+
+void WorldInput::read_bodies(const Input& input, cudaStream_t stream) {
+  host_pieces_.update(input.shapes);
+  host_elements_.clear();
+  std::vector<std::uint32_t> first(1, 0);
+  for (std::size_t b = 0; b < input.bodies.size(); b++) {
+    const std::uint32_t shape = input.bodies[b].shape;
+    first.push_back(first.back() + static_cast<std::uint32_t>(input.shapes[shape].count));
+    for (std::uint32_t p = host_pieces_.shape_first[shape]; p < host_pieces_.shape_first[shape + 1]; p++)
+      host_elements_.push_back({static_cast<std::uint32_t>(b), p});
+  }
+  bodies_have_worlds_ = detect::bodies_have_worlds(input);
+  const Pieces& p = host_pieces_;
+  scene_ = {};
+  scene_.bodies = copied(bodies_, input.bodies.data(), input.bodies.size(), stream);
+  scene_.pieces_given = copied(elements_, host_elements_.data(), host_elements_.size(), stream);
+  scene_.pieces = copied(pieces_, p.pieces.data(), p.pieces.size(), stream);
+  scene_.spheres = copied(spheres_, p.spheres.data(), p.spheres.size(), stream);
+  scene_.numbers = copied(numbers_, p.numbers.data(), p.numbers.size(), stream);
+  scene_.body_first = copied(body_first_, first.data(), first.size(), stream);
+  scene_.loose_first = first.back();
+  scene_.of_bodies = static_cast<std::uint32_t>(host_elements_.size());
+  cuda_check(cudaStreamSynchronize(stream), "copy the bodies");  // the vectors must outlive their copies
+}
+
+// Poses in device memory are read where they are. Those of bodies that moved are copied; those that the
+// caller keeps in host memory stand in input.bodies if the revision is not 0 (revision.h).
+void WorldInput::read_poses(const Input& input, cudaStream_t stream) {
+  scene_.poses = nullptr, scene_.static_stay = input.revision != 0;
+  if (input.poses) {
+    scene_.poses = input.pose_memory == Memory::device
+                       ? input.poses
+                       : copied(poses_, input.poses, input.bodies.size(), stream);
+    return;
+  }
+  if (revision_ == 0 || input.moved.empty()) return;
+  Body* bodies = bodies_.data();
+  std::vector<Pose> poses;
+  std::vector<std::uint32_t> numbers;
+  for (const std::uint32_t b : input.moved) {
+    const Body& body = input.bodies[b];
+    if (body.is_static) continue;
+    Pose& pose = poses.emplace_back();
+    std::copy_n(body.rotation, 9, pose.rotation), std::copy_n(body.position, 3, pose.position);
+    numbers.push_back(b);
+  }
+  const Pose* from = copied(poses_, poses.data(), poses.size(), stream);
+  const std::uint32_t* which = copied(moved_numbers_, numbers.data(), numbers.size(), stream);
+  put_moved(static_cast<std::uint32_t>(numbers.size()), from, which, bodies, stream);
+  cuda_check(cudaStreamSynchronize(stream), "copy the poses");  // the vectors must outlive their copies
+}
+
+// Sorts the elements by world, and inside a world along the curve or as they were given.
+void WorldInput::sort(bool along_curve, cudaStream_t stream) {
+  const std::uint32_t n = scene_.count;
+  std::uint32_t *order = order_.reserve(n), *spare = spare_order_.reserve(n), *worlds = worlds_.reserve(n),
+                *spare_worlds = spare_worlds_.reserve(n);
+  copy_order(n, nullptr, spare, stream);
+  std::size_t bytes = 0;
+  if (along_curve) {
+    std::uint64_t *curve = curve_.reserve(n), *sorted = spare_curve_.reserve(n);
+    put_on_curve(scene_, curve_box_.reserve(1), curve, stream);
+    const auto by_curve = [&](void* room) {
+      cuda_check(cub::DeviceRadixSort::SortPairs(room, bytes, curve, sorted, spare, order, n, 0, 63, stream),
+                 "sort the elements");
+    };
+    by_curve(nullptr), by_curve(scratch_.reserve(bytes));
+    copy_order(n, order, spare, stream);
+  }
+  read_worlds(scene_, spare, spare_worlds, stream);
+  const auto by_world = [&](void* room) {
+    cuda_check(
+        cub::DeviceRadixSort::SortPairs(room, bytes, spare_worlds, worlds, spare, order, n, 0, 32, stream),
+        "sort the elements");
+  };
+  by_world(nullptr), by_world(scratch_.reserve(bytes));
+}
+
+void WorldInput::order(bool along_curve, cudaStream_t stream) {
+  const std::uint32_t n = scene_.count;
+  sort(along_curve, stream);
+  scene_.order = order_.data(), scene_.worlds = worlds_.data();
+  scene_.elements = tree_elements_.reserve(n);
+  fill_elements(scene_, stream);
+  WorldReport* host = host_report_.reserve(1);
+  cuda_check(cudaMemcpyAsync(host, scene_.report, sizeof *host, cudaMemcpyDeviceToHost, stream),
+             "find the worlds");
+  cuda_check(cudaStreamSynchronize(stream), "find the worlds");
+  scene_.tree.every_first = host->every_first, largest_world_ = host->largest_world;
+}
+
+void WorldInput::read(const Input& input, std::uint32_t worlds, cudaStream_t stream) {
+  const Spheres& s = input.spheres;
+  const bool known = knows(input);
+  const bool same_order =
+      known && s.count == known_loose_ && !s.world && s.world_of_all == known_world_of_loose_;
+  if (!known) revision_ = 0, read_bodies(input, stream);
+  read_poses(input, stream);
+  revision_ = 0;  // until keep()
+  known_bodies_ = input.bodies.size(), known_loose_ = s.count;
+  known_world_of_loose_ = s.world ? ~0u - 1 : s.world_of_all;
+  Input only;
+  only.spheres = s;
+  scene_.loose = copy_.source(only, stream);
+  scene_.count = scene_.of_bodies + static_cast<std::uint32_t>(s.count);
+  const std::uint32_t n = scene_.count;
+  scene_.report = report_.reserve(1);
+  cuda_check(cudaMemsetAsync(scene_.report, 0xff, offsetof(WorldReport, extent), stream), "begin");
+  cuda_check(
+      cudaMemsetAsync(&scene_.report->extent, 0, sizeof(WorldReport) - offsetof(WorldReport, extent), stream),
+      "begin");
+  if (n == 0) return;
+  if (!same_order) order(false, stream);
+  if (largest_world_ > (same_order ? kLargeWorld : kSmallWorld)) order(true, stream);
+  scene_.balls = balls_.reserve(n);
+  TreeBox* nodes = nodes_.reserve(lay_out(scene_.tree, n));
+  scene_.tree.balls = scene_.balls, scene_.tree.nodes = nodes;
+  place_kernel<<<blocks_for(n), kThreads, 0, stream>>>(scene_, worlds);
+  cuda_launched("place the balls about bodies");
+  build_tree(scene_.tree, nodes, stream);
+}
+
+void WorldInput::check(const WorldReport& report, const Input& input, const CallOptions& options,
+                       std::uint32_t worlds, cudaStream_t stream) const {
+  if (report.fault != ~0ull) {
+    Sphere faulty;
+    if (report.fault >= scene_.loose_first) {
+      faulty = sphere_at(scene_.loose, static_cast<std::uint32_t>(report.fault - scene_.loose_first), stream);
+    } else {
+      std::uint64_t before = 0;
+      std::size_t b = 0;
+      while (before + input.shapes[input.bodies[b].shape].count <= report.fault)
+        before += input.shapes[input.bodies[b++].shape].count;
+      Body body;
+      // A pose stands at the begin of a body.
+      static_assert(offsetof(Body, position) == offsetof(Pose, position) && offsetof(Body, rotation) == 0);
+      const bool there = !scene_.poses || (scene_.static_stay && input.bodies[b].is_static);
+      const void* pose = there ? static_cast<const void*>(scene_.bodies + b) : scene_.poses + b;
+      cuda_check(cudaMemcpyAsync(&body, pose, sizeof(Pose), cudaMemcpyDeviceToHost, stream), "read a body");
+      cuda_check(cudaStreamSynchronize(stream), "read a body");
+      faulty = placed(body, input.shapes[input.bodies[b].shape].spheres[report.fault - before]);
+    }
+    throw Error(fault_sentence(report.fault, faulty, input));
+  }
+  if (report.world_fault != ~0ull) {
+    const bool loose = report.world_fault >= scene_.of_bodies;
+    std::uint32_t world = input.spheres.world_of_all;
+    const std::uint64_t k =
+        loose ? report.world_fault - scene_.of_bodies : host_elements_[report.world_fault].body;
+    if (loose && scene_.loose.world)
+      cuda_check(cudaMemcpy(&world, scene_.loose.world + k, sizeof world, cudaMemcpyDeviceToHost),
+                 "read a world");
+    throw Error(world_sentence(loose, k, loose ? world : input.bodies[k].world, worlds));
+  }
+  Summary summary;
+  const auto bits = static_cast<std::uint64_t>(report.extent);
+  std::memcpy(&summary.extent, &bits, sizeof bits);
+  check_range(summary, options);
+}
+
+}  // namespace padder::detect::cuda

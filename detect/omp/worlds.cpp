@@ -1,0 +1,403 @@
+// SPDX-License-Identifier: MIT
+#include "detect/omp/worlds.h"
+
+#include <omp.h>
+
+#include <atomic>
+#include <numeric>
+
+#include "padding/asset/error.h"
+
+namespace padder::detect::omp {
+namespace {
+
+constexpr std::uint32_t kPartElements = 64;
+
+bool bounded(const Region& own) {
+  bool is = false;
+  for (int c = 0; c < 3; c++) is |= own.low[c] > -INFINITY || own.high[c] < INFINITY;
+  return is;
+}
+
+// Along which part of space the curve runs: from quantiles of some of the centres.
+CurveBox curve_box(const Sphere* balls, std::uint32_t count) {
+  constexpr std::uint32_t kSample = 1024;
+  const std::uint32_t n = std::min(count, kSample);
+  std::vector<double> at[3];
+  for (std::uint32_t k = 0; k < n; k++) {
+    const Sphere& s = balls[std::uint64_t(k) * count / n];
+    at[0].push_back(s.x), at[1].push_back(s.y), at[2].push_back(s.z);
+  }
+  CurveBox box;
+  for (int c = 0; c < 3; c++) {
+    std::sort(at[c].begin(), at[c].end());
+    set_axis(box, c, at[c][n / 64], at[c][n - 1 - n / 64]);
+  }
+  return box;
+}
+
+}  // namespace
+
+// The spheres of an element that may be near another one, placed.
+struct WorldSearch::Spheres64 {
+  std::uint32_t count = 0, slot[kPieceSpheres];
+  Sphere sphere[kPieceSpheres];
+};
+
+WorldSearch::WorldSearch(Budget& b)
+    : budget_(&b),
+      elements_(b),
+      elements_given_(b),
+      balls_(b),
+      balls_given_(b),
+      filters_(b),
+      worlds_(b),
+      worlds_given_(b),
+      world_end_(b),
+      order_(b),
+      curve_(b),
+      nodes_(b) {}
+
+void WorldSearch::Nearest::take(double d, Pair p) {
+  if (d < distance || (d == distance && (p.i < pair.i || (p.i == pair.i && p.j < pair.j))))
+    distance = d, pair = p;
+}
+
+void WorldSearch::Hits::add(Budget& budget, const Hit& hit) {
+  total++;
+  if (size == buffer.capacity()) {
+    Buffer<Hit> wider(budget);
+    if (!wider.try_resize(std::max<std::uint64_t>(2 * size, 1024))) return;
+    std::copy_n(buffer.data(), size, wider.data());
+    buffer.swap(wider);
+  }
+  buffer[size++] = hit;
+}
+
+Sphere WorldSearch::loose(std::uint32_t k) const {
+  const Spheres& s = *spheres_;
+  const std::uint64_t c = std::uint64_t(k) * s.center_stride, r = std::uint64_t(k) * s.radius_stride;
+  const auto read = [&]<class T>(const T* centers, const T* radii) -> Sphere {
+    return {centers[c], centers[c + 1], centers[c + 2], radii[r]};
+  };
+  if (s.scalar == Scalar::f32)
+    return read(static_cast<const float*>(s.centers), static_cast<const float*>(s.radii));
+  return read(static_cast<const double*>(s.centers), static_cast<const double*>(s.radii));
+}
+
+void WorldSearch::read_elements(const Input& input, int threads) {
+  spheres_ = &input.spheres;
+  pieces_.update(input.shapes);
+  bodies_.assign(input.bodies.begin(), input.bodies.end());
+  body_first_.assign(1, 0);
+  std::vector<std::uint32_t> first_element(1, 0);
+  for (std::size_t b = 0; b < bodies_.size(); b++) {
+    if (input.poses) bodies_[b] = body_at(input, b);
+    const std::uint32_t shape = bodies_[b].shape;
+    body_first_.push_back(body_first_.back() + static_cast<std::uint32_t>(input.shapes[shape].count));
+    first_element.push_back(first_element.back() + pieces_.shape_first[shape + 1] -
+                            pieces_.shape_first[shape]);
+  }
+  const std::uint32_t of_bodies = first_element.back(),
+                      all = of_bodies + static_cast<std::uint32_t>(input.spheres.count);
+  Element* elements = elements_given_.resize(all, "pieces of bodies");
+  Sphere* balls = balls_given_.resize(all, "the balls about bodies");
+  std::uint32_t* worlds = worlds_given_.resize(all, "worlds");
+  tree_.count = all;
+#pragma omp parallel for schedule(static) num_threads(threads)
+  for (std::int64_t k = 0; k < static_cast<std::int64_t>(bodies_.size()); k++) {
+    const Body& body = bodies_[static_cast<std::size_t>(k)];
+    std::uint32_t at = first_element[static_cast<std::size_t>(k)];
+    for (std::uint32_t p = pieces_.shape_first[body.shape]; p < pieces_.shape_first[body.shape + 1];
+         p++, at++)
+      elements[at] = {static_cast<std::uint32_t>(k), p}, worlds[at] = body.world,
+      balls[at] = ball_of(body, pieces_.pieces[p]);
+  }
+  const Spheres& s = input.spheres;
+#pragma omp parallel for schedule(static) num_threads(threads)
+  for (std::int64_t k = 0; k < static_cast<std::int64_t>(s.count); k++) {
+    const std::uint32_t at = of_bodies + static_cast<std::uint32_t>(k);
+    elements[at] = {kLoose, static_cast<std::uint32_t>(k)};
+    worlds[at] = s.world ? s.world[k] : s.world_of_all;
+    balls[at] = loose(static_cast<std::uint32_t>(k));
+  }
+}
+
+// Throws Error for the first sphere with a fault. The ball of a piece is no number where one of its spheres
+// has a fault, or lies so far out that there are no balls; then it becomes a ball that contains everything.
+void WorldSearch::check_elements(const Input& input, const CallOptions& options) const {
+  double extent = 0;
+  std::uint64_t fault = ~std::uint64_t(0);
+  Sphere faulty;
+  const auto check = [&](std::uint64_t k, const Sphere& s) {
+    if (fault_of(s) != Fault::none && k < fault) fault = k, faulty = s;
+  };
+  for (std::uint32_t k = 0; k < tree_.count; k++) {
+    const Element& e = elements_given_[k];
+    Sphere& ball = balls_given_[k];
+    if (e.body == kLoose) {
+      check(std::uint64_t(body_first_.back()) + e.piece, ball);
+    } else if (!(ball.r < INFINITY)) {
+      const Piece& piece = pieces_.pieces[e.piece];
+      for (std::uint32_t q = piece.first; q < piece.first + piece.count; q++)
+        check(body_first_[e.body] + pieces_.numbers[q], placed(bodies_[e.body], pieces_.spheres[q]));
+      ball = {0, 0, 0, INFINITY};
+    }
+    extent =
+        std::max({extent, std::abs(ball.x) + ball.r, std::abs(ball.y) + ball.r, std::abs(ball.z) + ball.r});
+  }
+  if (fault != ~std::uint64_t(0)) throw Error(fault_sentence(fault, faulty, input));
+  Summary summary;
+  summary.extent = extent;
+  check_range(summary, options);
+}
+
+void WorldSearch::order_along_curve(int threads) {
+  const std::uint32_t n = tree_.count;
+  std::uint64_t* curve = curve_.resize(n, "sorting");
+  const CurveBox box = curve_box(balls_given_.data(), n);
+#pragma omp parallel for schedule(static) num_threads(threads)
+  for (std::int64_t k = 0; k < static_cast<std::int64_t>(n); k++)
+    curve[k] = place_on_curve(box, balls_given_[static_cast<std::uint64_t>(k)]);
+  const std::uint32_t* world = worlds_given_.data();
+  std::sort(order_.data(), order_.data() + n, [=](std::uint32_t a, std::uint32_t b) {
+    if (world[a] != world[b]) return world[a] < world[b];
+    return curve[a] != curve[b] ? curve[a] < curve[b] : a < b;
+  });
+}
+
+// Orders the elements by world, and those of large worlds along a curve.
+void WorldSearch::order(int threads) {
+  const std::uint32_t n = tree_.count;
+  std::uint32_t *order = order_.resize(n, "sorting"), *worlds = worlds_.resize(n, "worlds"),
+                *end = world_end_.resize(n, "worlds");
+  const std::uint32_t* given = worlds_given_.data();
+  std::iota(order, order + n, 0u);
+  if (!std::is_sorted(given, given + n))
+    std::stable_sort(order, order + n, [=](std::uint32_t a, std::uint32_t b) { return given[a] < given[b]; });
+  std::uint32_t largest = 0;
+  for (std::uint32_t first = 0, k = 0; first < n; first = k) {
+    while (k < n && given[order[k]] == given[order[first]]) k++;
+    largest = std::max(largest, k - first);
+  }
+  if (largest > kSmallWorld) order_along_curve(threads);
+  for (std::uint32_t k = n; k-- > 0;) {
+    worlds[k] = given[order[k]];
+    end[k] = k + 1 < n && worlds[k + 1] == worlds[k] ? end[k + 1] : k + 1;
+  }
+  tree_.every_first = static_cast<std::uint32_t>(std::lower_bound(worlds, worlds + n, kEveryWorld) - worlds);
+}
+
+void WorldSearch::build_tree(int threads) {
+  const std::uint32_t n = tree_.count;
+  Element* elements = elements_.resize(n, "pieces of bodies");
+  Sphere* balls = balls_.resize(n, "the balls about bodies");
+  Filter* filters = filters_.resize(n, "families and masks");
+  const Spheres& s = *spheres_;
+#pragma omp parallel for schedule(static) num_threads(threads)
+  for (std::int64_t k = 0; k < static_cast<std::int64_t>(n); k++) {
+    const std::uint32_t from = order_[static_cast<std::uint64_t>(k)];
+    const Element e = elements[k] = elements_given_[from];
+    balls[k] = balls_given_[from];
+    if (e.body == kLoose) {
+      filters[k] = {s.family ? s.family[e.piece] : 0, s.mask ? s.mask[e.piece] : 0,
+                    s.is_static && s.is_static[e.piece] ? kStatic : 0};
+    } else {
+      const Body& body = bodies_[e.body];
+      filters[k] = {body.family, body.mask, owner_of(e.body, body.is_static)};
+    }
+  }
+  const std::uint32_t all = lay_out(tree_, n);
+  TreeBox* nodes = nodes_.resize(all, "the tree of worlds");
+  tree_.balls = balls, tree_.nodes = nodes;
+  for (std::uint32_t level = 1; level <= tree_.levels; level++) {
+    const std::uint32_t first = tree_.first[level], count = tree_.first[level + 1] - first;
+#pragma omp parallel for schedule(static) num_threads(threads)
+    for (std::int64_t k = 0; k < static_cast<std::int64_t>(count); k++)
+      nodes[first + static_cast<std::uint32_t>(k)] = box_of_node(tree_, level, static_cast<std::uint32_t>(k));
+  }
+}
+
+void WorldSearch::read(const Input& input, const CallOptions& options, int threads) {
+  read_elements(input, threads);
+  check_elements(input, options);
+  order(threads);
+  build_tree(threads);
+}
+
+// Parts of the elements before `end`, none of them of two worlds.
+void WorldSearch::make_parts(std::uint32_t end) {
+  parts_.clear();
+  for (std::uint32_t first = 0; first < end;) {
+    const std::uint32_t next = std::min(first + kPartElements, world_end_[first]);
+    parts_.push_back({.first = first, .end = next, .nearest = {}});
+    first = next;
+  }
+}
+
+// The spheres of element e whose gap to the ball `other` is at most `reach`.
+void WorldSearch::gather(std::uint32_t e, const Sphere& other, double reach, Spheres64& out) const {
+  const Element& element = elements_[e];
+  out.count = 0;
+  if (element.body == kLoose) {
+    out.slot[0] = element.piece, out.sphere[0] = balls_[e], out.count = 1;
+    return;
+  }
+  const Piece& piece = pieces_.pieces[element.piece];
+  for (std::uint32_t k = piece.first; k < piece.first + piece.count; k++) {
+    const Sphere s = placed(bodies_[element.body], pieces_.spheres[k]);
+    out.slot[out.count] = k, out.sphere[out.count] = s;
+    out.count += near_each_other(s, other, reach);
+  }
+}
+
+// Calls found(slot of a, slot of b, spheres) for each contact of two elements; false ends the search. `reach`
+// is the largest gap of interest, which found() may lessen.
+template <class Found>
+bool WorldSearch::test_pair(std::uint32_t a, std::uint32_t b, const CallOptions& options, const double& reach,
+                            Spheres64& of_a, Spheres64& of_b, Found found) const {
+  gather(a, balls_[b], reach, of_a);
+  if (of_a.count == 0) return true;
+  gather(b, balls_[a], reach, of_b);
+  const bool own = bounded(options.own);
+  for (std::uint32_t i = 0; i < of_a.count; i++)
+    for (std::uint32_t j = 0; j < of_b.count; j++) {
+      const Sphere &sa = of_a.sphere[i], &sb = of_b.sphere[j];
+      if (!touching(sa, sb, options.margin)) continue;
+      if (own && !owns(options.own, number(a, of_a.slot[i]) < number(b, of_b.slot[j]) ? midpoint(sa, sb)
+                                                                                      : midpoint(sb, sa)))
+        continue;
+      if (!found(b, of_a.slot[i], of_b.slot[j], sa, sb)) return false;
+    }
+  return true;
+}
+
+// The contacts of element e with those behind it in its world, and with kEveryWorld. False: found() ended it.
+template <class Found>
+bool WorldSearch::search(std::uint32_t e, const CallOptions& options, const double& reach,
+                         Found found) const {
+  Spheres64 of_a, of_b;
+  TreeWalk walks[2] = {{e + 1, world_end_[e]},
+                       {tree_.every_first, worlds_[e] == kEveryWorld ? 0 : tree_.count}};
+  TreeBox box = box_of(balls_[e], reach);
+  double reach_of_box = reach;
+  for (TreeWalk& walk : walks)
+    for (;;) {
+      if (reach < reach_of_box) box = box_of(balls_[e], reach_of_box = reach);
+      const std::uint32_t k = walk.next(
+          tree_, [&](const TreeBox& node, std::uint32_t, std::uint32_t) { return overlap(box, node); });
+      if (k == kNoElement) break;
+      if (!near_each_other(balls_[e], balls_[k], reach) || !admitted(filters_[e], filters_[k])) continue;
+      if (!test_pair(e, k, options, reach, of_a, of_b, found)) return false;
+    }
+  return true;
+}
+
+void WorldSearch::write(const CallOptions& options, int threads, Records& records) {
+  std::vector<std::uint64_t> first(parts_.size());
+  std::uint64_t sum = 0;
+  for (std::size_t p = 0; p < parts_.size(); p++) first[p] = sum, sum += parts_[p].hits;
+  records.resize(sum, options);
+#pragma omp parallel for schedule(dynamic, 8) num_threads(threads)
+  for (std::int64_t k = 0; k < static_cast<std::int64_t>(parts_.size()); k++) {
+    const Part& p = parts_[static_cast<std::size_t>(k)];
+    const Hit* hit = hits_[static_cast<std::size_t>(p.thread)].buffer.data() + p.hits_first;
+    RecordWriter writer(records, options, first[static_cast<std::size_t>(k)]);
+    for (std::uint64_t q = 0; q < p.hits; q++) {
+      const Hit& h = hit[q];
+      writer.add(number(h.a_element, h.a_slot), number(h.b_element, h.b_slot), sphere(h.a_element, h.a_slot),
+                 [&] { return sphere(h.b_element, h.b_slot); });
+    }
+  }
+}
+
+void WorldSearch::run(const Input& input, const CallOptions& options, int threads, Records& records,
+                      Seconds& seconds) {
+  Stopwatch watch;
+  read(input, options, threads);
+  make_parts(tree_.count);
+  seconds.place = watch.lap();
+  while (hits_.size() < static_cast<std::size_t>(threads)) hits_.emplace_back(*budget_);
+  for (Hits& h : hits_) h.size = h.total = 0;
+#pragma omp parallel for schedule(dynamic, 1) num_threads(threads)
+  for (std::int64_t k = 0; k < static_cast<std::int64_t>(parts_.size()); k++) {
+    Part& p = parts_[static_cast<std::size_t>(k)];
+    p.thread = omp_get_thread_num();
+    Hits& mine = hits_[static_cast<std::size_t>(p.thread)];
+    p.hits_first = mine.size;
+    for (std::uint32_t e = p.first; e < p.end; e++)
+      search(e, options, options.margin,
+             [&](std::uint32_t b, std::uint32_t a_slot, std::uint32_t b_slot, const Sphere&, const Sphere&) {
+               mine.add(*budget_, {e, a_slot, b, b_slot});
+               return true;
+             });
+    p.hits = mine.size - p.hits_first;
+  }
+  std::uint64_t total = 0, kept = 0;
+  for (const Hits& h : hits_) total += h.total, kept += h.size;
+  if (kept < total)
+    throw_memory(total * sizeof(Hit) + budget_->held(), (std::to_string(total) + " contacts").c_str());
+  seconds.stage[6] = watch.lap();
+  write(options, threads, records);
+  seconds.stage[8] = watch.lap();
+}
+
+void WorldSearch::check_worlds(const Input& input, std::uint32_t worlds) const {
+  const auto check = [&](bool loose, std::uint64_t k, std::uint32_t world) {
+    if (world >= worlds && world != kEveryWorld) throw Error(world_sentence(loose, k, world, worlds));
+  };
+  for (std::size_t b = 0; b < input.bodies.size(); b++) check(false, b, input.bodies[b].world);
+  const Spheres& s = input.spheres;
+  for (std::uint64_t k = 0; k < s.count; k++) check(true, k, s.world ? s.world[k] : s.world_of_all);
+}
+
+WorldAnswers WorldSearch::answer(const Input& input, const CallOptions& options, int threads,
+                                 std::uint32_t worlds, Answer answer) {
+  Stopwatch watch;
+  check_worlds(input, worlds);
+  CallOptions o = options;
+  o.width = Width::pairs;  // there are no records whose range could be too small
+  read(input, o, threads);
+  make_parts(tree_.every_first);
+  any_.assign(answer == Answer::any ? worlds : 0, 0), count_.assign(answer == Answer::count ? worlds : 0, 0);
+  distance_.assign(answer == Answer::distance ? worlds : 0, INFINITY);
+  pair_.assign(answer == Answer::distance ? worlds : 0, {~0u, ~0u});
+#pragma omp parallel for schedule(dynamic, 1) num_threads(threads)
+  for (std::int64_t k = 0; k < static_cast<std::int64_t>(parts_.size()); k++) {
+    Part& p = parts_[static_cast<std::size_t>(k)];
+    const std::uint32_t world = worlds_[p.first];
+    double reach = o.margin;
+    for (std::uint32_t e = p.first; e < p.end; e++) {
+      if (answer == Answer::any && std::atomic_ref(any_[world]).load(std::memory_order_relaxed)) break;
+      search(e, o, reach,
+             [&](std::uint32_t b, std::uint32_t a_slot, std::uint32_t b_slot, const Sphere& sa,
+                 const Sphere& sb) {
+               p.hits++;
+               if (answer == Answer::any) std::atomic_ref(any_[world]).store(1, std::memory_order_relaxed);
+               if (answer == Answer::distance) {
+                 const std::uint32_t i = number(e, a_slot), j = number(b, b_slot);
+                 p.nearest.take(signed_distance(sa, sb), {std::min(i, j), std::max(i, j)});
+                 reach = std::min(reach, p.nearest.distance);
+               }
+               return answer != Answer::any;
+             });
+    }
+  }
+  for (const Part& p : parts_) {
+    const std::uint32_t world = worlds_[p.first];
+    if (answer == Answer::count) count_[world] += p.hits;
+    if (answer != Answer::distance) continue;
+    Nearest best{distance_[world], pair_[world]};
+    best.take(p.nearest.distance, p.nearest.pair);
+    distance_[world] = best.distance, pair_[world] = best.pair;
+  }
+  WorldAnswers answers;
+  answers.worlds = worlds;
+  if (answer == Answer::any) answers.any = any_.data();
+  if (answer == Answer::count) answers.count = count_.data();
+  if (answer == Answer::distance) answers.distance = distance_.data(), answers.pair = pair_.data();
+  answers.seconds = watch.lap();
+  return answers;
+}
+
+}  // namespace padder::detect::omp

@@ -1,0 +1,99 @@
+// SPDX-License-Identifier: MIT
+// Scenes of many worlds, and calls with a margin, on the CPU. Elements (pieces of bodies and loose spheres)
+// are ordered by world, a tree finds those that are near each other (world_tree.h), and then their spheres
+// are tested. Internal.
+#pragma once
+#include "detect/core/pieces.h"
+#include "detect/core/world_tree.h"
+#include "detect/omp/paths.h"
+
+namespace padder::detect::omp {
+
+class WorldSearch {
+ public:
+  explicit WorldSearch(Budget& b);
+
+  // Writes all contacts to `records`. Throws Error as Detector::detect() does.
+  void run(const Input& input, const CallOptions& options, int threads, Records& records, Seconds& seconds);
+  WorldAnswers answer(const Input& input, const CallOptions& options, int threads, std::uint32_t worlds,
+                      Answer answer);
+
+ private:
+  // A contact. A slot is an index in Pieces::spheres, or the number of a loose sphere.
+  struct Hit {
+    std::uint32_t a_element, a_slot, b_element, b_slot;
+  };
+  // The hits of one thread. If there is not enough memory, hits are only counted from then on.
+  struct Hits {
+    explicit Hits(Budget& b) : buffer(b) {}
+    void add(Budget& budget, const Hit& hit);
+    Buffer<Hit> buffer;
+    std::uint64_t size = 0, total = 0;
+  };
+  // The best pair so far.
+  struct Nearest {
+    double distance = INFINITY;
+    Pair pair{~0u, ~0u};
+    void take(double other_distance, Pair other);
+  };
+  // Consecutive elements of one world: the unit of work, and of the stable order. For a list, where its hits
+  // are; for an answer, what was found.
+  struct Part {
+    std::uint32_t first, end;
+    std::uint64_t hits_first = 0, hits = 0;
+    int thread = 0;
+    Nearest nearest;
+  };
+  struct Spheres64;
+
+  void read(const Input& input, const CallOptions& options, int threads);
+  void read_elements(const Input& input, int threads);
+  void order(int threads);
+  void order_along_curve(int threads);
+  void build_tree(int threads);
+  void make_parts(std::uint32_t end);
+  void check_worlds(const Input& input, std::uint32_t worlds) const;
+  void check_elements(const Input& input, const CallOptions& options) const;
+  void write(const CallOptions& options, int threads, Records& records);
+
+  Sphere loose(std::uint32_t k) const;
+  Sphere sphere(std::uint32_t e, std::uint32_t slot) const {
+    const Element& element = elements_[e];
+    return element.body == kLoose ? balls_[e] : placed(bodies_[element.body], pieces_.spheres[slot]);
+  }
+  std::uint32_t number(std::uint32_t e, std::uint32_t slot) const {
+    const Element& element = elements_[e];
+    return element.body == kLoose ? body_first_.back() + slot
+                                  : body_first_[element.body] + pieces_.numbers[slot];
+  }
+  void gather(std::uint32_t e, const Sphere& other, double reach, Spheres64& out) const;
+  template <class Found>
+  bool test_pair(std::uint32_t a, std::uint32_t b, const CallOptions& options, const double& reach,
+                 Spheres64& of_a, Spheres64& of_b, Found found) const;
+  template <class Found>
+  bool search(std::uint32_t e, const CallOptions& options, const double& reach, Found found) const;
+
+  Budget* budget_;
+  Pieces pieces_;
+  std::vector<Body> bodies_;  // at their poses of this call
+  std::vector<std::uint32_t> body_first_;
+  const Spheres* spheres_ = nullptr;
+  // Of each element, in the order of the tree. Of a loose sphere the ball is the sphere itself.
+  Buffer<Element> elements_, elements_given_;
+  Buffer<Sphere> balls_, balls_given_;
+  Buffer<Filter> filters_;
+  Buffer<std::uint32_t> worlds_, worlds_given_;
+  Buffer<std::uint32_t> world_end_;  // the end of the element's world
+  Buffer<std::uint32_t> order_;      // what is given, in the order of the tree
+  Buffer<std::uint64_t> curve_;
+  Buffer<TreeBox> nodes_;
+  WorldTree tree_;
+  std::vector<Part> parts_;
+  std::vector<Hits> hits_;  // of each thread
+  std::vector<std::uint8_t> any_;
+  std::vector<std::uint64_t> count_;
+  std::vector<double> distance_;
+  std::vector<Pair> pair_;
+};
+
+}  // namespace padder::detect::omp

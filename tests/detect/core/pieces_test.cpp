@@ -1,0 +1,187 @@
+// SPDX-License-Identifier: MIT
+// What the float tests of the narrow phase may not do: refuse two spheres that touch by the exact test. The
+// spheres are placed in double, as the detector places them; poses, sizes and places are drawn at random.
+#include "detect/core/pieces.h"
+
+#include <cstdio>
+
+#include "tests/detect/oracle.h"
+
+namespace padder::detect {
+namespace {
+
+using Random = std::mt19937_64;
+double in(Random& random, double low, double high) {
+  return std::uniform_real_distribution<double>(low, high)(random);
+}
+
+std::vector<Sphere> blob(std::size_t n, double size, double r_low, double r_high, Random& random) {
+  std::vector<Sphere> s(n);
+  for (Sphere& p : s)
+    p = {in(random, -size, size), in(random, -size, size), in(random, -size, size) / 3,
+         in(random, r_low, r_high)};
+  return s;
+}
+Body turned(Random& random) {
+  std::normal_distribution<double> normal;
+  Body b;
+  rotation_of(normal(random), normal(random), normal(random), normal(random), b.rotation);
+  return b;
+}
+
+// A piece of a body as another piece sees it; with no body, a loose sphere.
+struct Side {
+  Stance stance;
+  Sphere ball;
+  NearBox box;
+  std::vector<Sphere> spheres;  // placed
+  std::vector<NearSphere> near, groups;
+};
+Side piece_side(const Pieces& all, std::size_t k, const Body& body) {
+  const Piece& piece = all.pieces[k];
+  Side s;
+  s.ball = ball_of(body, piece);
+  s.stance = stance_of(body, {0, static_cast<std::uint32_t>(k)}, piece, s.ball);
+  s.box = all.boxes[k];
+  for (std::uint32_t q = piece.first; q < piece.first + piece.count; q++)
+    s.spheres.push_back(placed(body, all.spheres[q])), s.near.push_back(all.near[q]);
+  for (std::uint32_t g = 0; g < kPieceGroups; g++) s.groups.push_back(all.groups[k * kPieceGroups + g]);
+  return s;
+}
+Side loose_side(const Pieces& all, const Sphere& sphere) {
+  Side s;
+  s.ball = ball_of(sphere), s.stance = stance_of({kLoose, 0}, sphere, s.ball);
+  s.box = all.boxes.back(), s.near = {all.near.back()}, s.spheres = {sphere};
+  s.groups.assign(all.groups.end() - kPieceGroups, all.groups.end());
+  return s;
+}
+
+struct Counts {
+  std::uint64_t pairs = 0, touching = 0, candidates = 0;
+};
+// Each pair of spheres: what touches passes all float tests.
+void check(const Side& a, const Side& b, Counts& counts) {
+  const Relative to_a = relative(a.stance, a.ball, b.stance, b.ball);
+  const bool apart = boxes_apart(a.box, b.box, to_a);
+  for (std::size_t i = 0; i < a.spheres.size(); i++)
+    for (std::size_t j = 0; j < b.spheres.size(); j++) {
+      const bool groups = overlap(a.groups[i / kGroupSpheres], to_a(b.groups[j / kGroupSpheres])),
+                 spheres = overlap(a.near[i], to_a(b.near[j]));
+      counts.pairs++, counts.candidates += groups && spheres && !apart;
+      if (!touching(a.spheres[i], b.spheres[j])) continue;
+      counts.touching++;
+      ASSERT_FALSE(apart) << i << ", " << j;
+      ASSERT_TRUE(groups) << i << ", " << j;
+      ASSERT_TRUE(spheres) << i << ", " << j;
+    }
+}
+
+// Two shapes, at a distance at which some of their spheres touch. `stretch`: how far from a rotation the
+// matrices are. `offset`: how far from the origin both are, in sizes. Some spheres are moved so that they
+// touch in one point, as far as doubles can say.
+void check_random(Random& random, double scale, double ratio, double stretch, double offset, Counts& counts) {
+  const std::size_t n = 1 + random() % 130, m = 1 + random() % 130;
+  auto one = blob(n, scale, 0.02 * scale, 0.3 * scale, random),
+       two = blob(m, scale * ratio, 0.02 * scale * ratio, 0.3 * scale * ratio, random);
+  Body a = turned(random), b = turned(random);
+  for (Body* body : {&a, &b})
+    for (double& v : body->rotation) v *= 1 + stretch * in(random, -1, 1);
+  for (int k = 0; k < 3; k++) {
+    a.position[k] = offset * scale * in(random, -1, 1);
+    b.position[k] = a.position[k] + (1 + ratio) * scale * in(random, -0.8, 0.8);
+  }
+  for (std::size_t k = 0; k < 8; k++) {  // the distance of two placed centres becomes the sum of the radii
+    Sphere& s = one[random() % n];
+    const Sphere p = placed(a, s), q = placed(b, two[random() % m]);
+    const double gap = std::hypot(p.x - q.x, p.y - q.y, p.z - q.z) - q.r;
+    if (gap > 0 && gap < 2 * scale) s.r = gap * (1 + 0x1p-52 * static_cast<double>(random() % 5));
+  }
+  const Shape shapes[] = {{one.data(), n}, {two.data(), m}};
+  Pieces pieces;
+  pieces.update(shapes);
+  for (std::uint32_t p = 0; p < pieces.shape_first[1]; p++) {
+    const Side side = piece_side(pieces, p, a);
+    for (std::uint32_t q = pieces.shape_first[1]; q < pieces.shape_first[2]; q++) {
+      const Side other = piece_side(pieces, q, b);
+      check(side, other, counts), check(other, side, counts);
+    }
+    for (int k = 0; k < 4; k++) {
+      const Sphere near = placed(b, two[random() % m]);
+      const Side other = loose_side(pieces, near);
+      check(side, other, counts), check(other, side, counts);
+    }
+  }
+}
+
+TEST(Pieces, FloatTestsLetEveryTouchingPairPass) {
+  const std::uint64_t seed = std::random_device()();
+  std::printf("seed %llu\n", static_cast<unsigned long long>(seed));
+  Random random(seed);
+  for (const double scale : {1.0, 1e-150, 1e60, 3e-12})
+    for (const double ratio : {1.0, 1e-3, 1e4})
+      for (const double stretch : {0.0, 1e-12, 1e-3, 0.3})
+        for (const double offset : {0.0, 100.0, 1e7, 1e12}) {
+          SCOPED_TRACE("scale " + std::to_string(scale) + " ratio " + std::to_string(ratio) + " stretch " +
+                       std::to_string(stretch) + " offset " + std::to_string(offset));
+          Counts counts;
+          for (int k = 0; k < 3; k++) check_random(random, scale, ratio, stretch, offset, counts);
+          if (testing::Test::HasFatalFailure()) return;
+        }
+}
+
+// They would be useless if they let everything pass.
+TEST(Pieces, FloatTestsLetFewOthersPass) {
+  Random random(7);
+  Counts counts;
+  for (int k = 0; k < 100; k++) check_random(random, 1, 1, 0, 100, counts);
+  EXPECT_GT(counts.touching, 10000u);
+  EXPECT_LT(static_cast<double>(counts.candidates), 1.005 * static_cast<double>(counts.touching));
+}
+
+TEST(Pieces, AGroupHoldsItsSpheres) {
+  Random random(3);
+  const auto spheres = blob(1000, 1, 0.01, 0.2, random);
+  const Shape shape[] = {{spheres.data(), spheres.size()}};
+  Pieces p;
+  p.update(shape);
+  const std::vector<NearSphere> padded = p.padded();
+  ASSERT_EQ(padded.size(), (p.pieces.size() + 1) * kPieceSpheres);
+  double mean = 0;
+  for (std::size_t k = 0; k < p.pieces.size(); k++)
+    for (std::uint32_t q = 0; q < kPieceSpheres; q++) {
+      const NearSphere s = padded[k * kPieceSpheres + q];
+      if (q >= p.pieces[k].count) {
+        EXPECT_FALSE(overlap(s, {0, 0, 0, 1e6f}));
+        continue;
+      }
+      EXPECT_EQ(s.x, p.near[p.pieces[k].first + q].x);
+      const NearSphere g = p.groups[k * kPieceGroups + q / kGroupSpheres];
+      EXPECT_LE(std::hypot(double(s.x) - g.x, double(s.y) - g.y, double(s.z) - g.z) + s.r, g.r);
+      mean += g.r / 1000;
+    }
+  EXPECT_LT(mean, 0.6);  // of the ball around the piece
+}
+
+TEST(Pieces, ARadiusStaysTheSameWhileABodyMoves) {
+  for (double r = 1e-300; r < 1e300; r *= 7.3) {
+    const double up = rounded_radius(r);
+    EXPECT_GE(up, r);
+    EXPECT_LE(up, r * (1 + 0x1p-23));
+    EXPECT_EQ(rounded_radius(up), up);
+  }
+  Random random(5);
+  const auto spheres = blob(64, 1, 0.01, 0.2, random);
+  const Shape shape[] = {{spheres.data(), spheres.size()}};
+  Pieces p;
+  p.update(shape);
+  Body body = turned(random);
+  const double before = ball_of(body, p.pieces[0]).r;
+  for (int k = 0; k < 100; k++) {
+    body = turned(random);
+    for (double& v : body.position) v = in(random, -50, 50);
+    EXPECT_EQ(ball_of(body, p.pieces[0]).r, before);
+  }
+}
+
+}  // namespace
+}  // namespace padder::detect

@@ -1,0 +1,253 @@
+// SPDX-License-Identifier: MIT
+// Spheres that lie on several GPUs: pairs, records and hash are those of one detector on the CPU. One GPU
+// stands for several where there is only one.
+#include <cuda_runtime_api.h>
+
+#include "detect/boxes/resident_detector.h"
+#include "tests/detect/boxes/boxed_scene.h"
+
+namespace padder::detect {
+namespace {
+
+int gpus() {
+  int count = 0;
+  return cudaGetDeviceCount(&count) == cudaSuccess ? count : 0;
+}
+
+std::vector<int> several(std::size_t n) {
+  std::vector<int> devices;
+  for (std::size_t k = 0; k < n; k++) devices.push_back(static_cast<int>(k) % gpus());
+  return devices;
+}
+
+// An array on a GPU, freed at the end.
+class OnGpu {
+ public:
+  OnGpu(int device, const void* from, std::size_t bytes) : device_(device) {
+    EXPECT_EQ(cudaSetDevice(device), cudaSuccess);
+    EXPECT_EQ(cudaMalloc(&data_, bytes + 1), cudaSuccess);
+    EXPECT_EQ(cudaMemcpy(data_, from, bytes, cudaMemcpyHostToDevice), cudaSuccess);
+    EXPECT_EQ(cudaDeviceSynchronize(), cudaSuccess);
+  }
+  OnGpu(const OnGpu&) = delete;
+  ~OnGpu() { cudaSetDevice(device_), cudaFree(data_); }
+  const void* data() const { return data_; }
+
+ private:
+  int device_;
+  void* data_ = nullptr;
+};
+
+template <class T>
+std::vector<T> from_gpu(const void* array, std::uint64_t count) {
+  std::vector<T> there(count);
+  const std::size_t bytes = count * sizeof(T);
+  EXPECT_EQ(bytes ? cudaMemcpy(there.data(), array, bytes, cudaMemcpyDeviceToHost) : cudaSuccess,
+            cudaSuccess);
+  return there;
+}
+
+// The input in parts of uneven size, every other one on its GPU and the others in host memory.
+class Parts {
+ public:
+  Parts(const Input& input, const std::vector<int>& devices, std::uint64_t seed = 1) {
+    const std::uint64_t n = input.spheres.count, parts = devices.size();
+    for (std::size_t k = 0; k < parts; k++) {
+      const auto cut = [&](std::uint64_t p) { return p == parts ? n : n * p * p / (parts * parts); };
+      Spheres s = input.spheres;
+      const std::uint64_t first = cut(k), real = s.scalar == Scalar::f32 ? 4 : 8;
+      s.count = cut(k + 1) - first;
+      s.centers = static_cast<const char*>(s.centers) + first * s.center_stride * real;
+      s.radii = static_cast<const char*>(s.radii) + first * s.radius_stride * real;
+      if (s.family) s.family += first;
+      if (s.mask) s.mask += first;
+      if (s.is_static) s.is_static += first;
+      if ((k + seed) % 2 && s.count) {
+        const char* const all = static_cast<const char*>(keep(devices[k], s.centers, s.count * 4 * real));
+        s.centers = all, s.radii = all + 3 * real, s.memory = Memory::device;
+        if (s.family) s.family = static_cast<const std::uint32_t*>(keep(devices[k], s.family, 4 * s.count));
+        if (s.mask) s.mask = static_cast<const std::uint32_t*>(keep(devices[k], s.mask, 4 * s.count));
+        if (s.is_static)
+          s.is_static = static_cast<const std::uint8_t*>(keep(devices[k], s.is_static, s.count));
+      }
+      spheres.push_back(s);
+    }
+  }
+  std::vector<Spheres> spheres;
+
+ private:
+  const void* keep(int device, const void* from, std::size_t bytes) {
+    kept_.push_back(std::make_unique<OnGpu>(device, from, bytes));
+    return kept_.back()->data();
+  }
+  std::vector<std::unique_ptr<OnGpu>> kept_;
+};
+
+ResidentOptions on(const std::vector<int>& devices) {
+  ResidentOptions o;
+  o.detector.width = Width::points, o.detector.scalar = Scalar::f64;
+  o.devices = devices;
+  return o;
+}
+
+using Records = std::map<std::pair<std::uint64_t, std::uint64_t>, std::string>;
+
+Records records_of(const ResidentDetector& detector) {
+  Records records;
+  for (const ResidentContacts& f : detector.found()) {
+    const auto pairs = from_gpu<Pair>(f.contacts.pairs, f.contacts.count);
+    const auto normals = from_gpu<Normal<double>>(f.contacts.normals, f.contacts.count);
+    const auto points = from_gpu<Points<double>>(f.contacts.points, f.contacts.count);
+    const auto ids = f.ids ? from_gpu<std::uint64_t>(f.ids, f.load.count) : std::vector<std::uint64_t>();
+    for (std::size_t k = 0; k < pairs.size(); k++) {
+      std::string bytes(reinterpret_cast<const char*>(&normals[k]), sizeof normals[k]);
+      bytes.append(reinterpret_cast<const char*>(&points[k]), sizeof points[k]);
+      const std::uint64_t i = f.ids ? ids[pairs[k].i] : pairs[k].i, j = f.ids ? ids[pairs[k].j] : pairs[k].j;
+      EXPECT_LT(i, j);
+      EXPECT_TRUE(records.emplace(std::pair(i, j), bytes).second) << i << ", " << j << " was reported twice";
+    }
+  }
+  return records;
+}
+
+void expect_as_one(const Input& input, ResidentDetector& resident, const std::vector<int>& devices,
+                   std::uint64_t seed = 1) {
+  const Parts parts(input, devices, seed);
+  Detector one = one_on_the_cpu(on({}).detector);
+  const Contacts& wanted = one.detect(input);
+  const ResidentReport& r = resident.detect(parts.spheres);
+  EXPECT_EQ(r.contacts, wanted.count);
+  EXPECT_EQ(r.spheres, wanted.spheres);
+  EXPECT_EQ(resident.hash(), one.hash());
+  Records expected;
+  for (const auto& [pair, bytes] : records_of(wanted)) expected[{pair.first, pair.second}] = bytes;
+  EXPECT_EQ(records_of(resident), expected);
+}
+
+class CudaResident : public testing::Test {
+ protected:
+  void SetUp() override {
+    if (gpus() == 0) GTEST_SKIP() << "there is no GPU";
+  }
+};
+
+TEST_F(CudaResident, AnyNumberOfGpusFindsWhatOneDetectorFinds) {
+  for (const std::size_t n : {1, 2, 3, 7, 16})
+    for (const std::uint32_t seed : {1u, 2u}) {
+      SCOPED_TRACE(std::to_string(n) + " GPUs, seed " + std::to_string(seed));
+      const std::vector<int> devices = several(n);
+      ResidentDetector resident(on(devices));
+      for (const double ratio : {1., 30.}) {
+        const Arranged a(random_scene(5000, ratio, 0.4, seed), seed % 2 ? Scalar::f32 : Scalar::f64);
+        expect_as_one(a.input, resident, devices, seed);
+      }
+    }
+}
+
+TEST_F(CudaResident, OddScenes) {
+  std::vector<TestScene> scenes(6);
+  for (int k = 0; k < 40; k++) scenes[0].spheres.push_back({1, 2, 3, 0.5});  // all at one place
+  scenes[1].spheres.push_back({0, 0, 0, 1});                                 // one; scenes[2] has none
+  for (int x = 0; x < 12; x++)  // contacts on faces, edges and corners
+    for (int y = 0; y < 12; y++)
+      for (int z = 0; z < 12; z++) scenes[3].spheres.push_back({double(x), double(y), double(z), 0.5});
+  scenes[4] = random_scene(2000, 3, 0.5, 9);  // grains far away, and a sphere that covers all
+  for (const double far : {1e6, -1e12, 1e30, -1e99}) {
+    scenes[4].spheres.push_back({far, 0, 1, 1}), scenes[4].spheres.push_back({far, 1, 1, 1});
+  }
+  scenes[5] = random_scene(2000, 3, 0.5, 11);
+  scenes[5].spheres.push_back({5, 5, 5, 100});
+  for (const std::size_t n : {1, 2, 5, 8}) {
+    const std::vector<int> devices = several(n);
+    ResidentDetector resident(on(devices));
+    for (std::size_t k = 0; k < scenes.size(); k++) {
+      SCOPED_TRACE(std::to_string(n) + " GPUs, scene " + std::to_string(k));
+      const Arranged a(scenes[k], Scalar::f64);
+      expect_as_one(a.input, resident, devices, k);
+    }
+  }
+}
+
+TEST_F(CudaResident, TagsAndStaticSpheresTravelToo) {
+  TestScene scene = random_scene(4000, 3, 0.3, 31);
+  std::mt19937_64 random(31);
+  std::vector<std::uint8_t> is_static;
+  for (std::size_t k = 0; k < scene.spheres.size(); k++) {
+    scene.family.push_back(static_cast<std::uint32_t>(random() % 5));
+    scene.mask.push_back(static_cast<std::uint32_t>(random() % 16)), is_static.push_back(random() % 2);
+  }
+  const Arranged a(scene, Scalar::f32);
+  Input input = a.input;
+  input.spheres.is_static = is_static.data();
+  const std::vector<int> devices = several(4);
+  ResidentDetector resident(on(devices));
+  expect_as_one(input, resident, devices);
+  resident.options().own.low[0] = 5;
+  CallOptions limited = on({}).detector;
+  limited.own.low[0] = 5;
+  Detector one = one_on_the_cpu(limited);
+  one.detect(input);
+  const Parts parts(input, devices);
+  resident.detect(parts.spheres);
+  EXPECT_EQ(resident.hash(), one.hash());
+}
+
+TEST_F(CudaResident, SixtyStepsGiveTheHashOfOneDetector) {
+  const std::uint32_t seed = 101;
+  std::printf("seed %u\n", seed);
+  std::mt19937_64 random(seed);
+  std::normal_distribution<float> jump(0, 1);
+  TestScene scene = random_scene(20000, 4, 0.6, seed).rounded();
+  const std::vector<int> devices = several(4);
+  ResidentDetector resident(on(devices));
+  Detector one = one_on_the_cpu(on({}).detector);
+  int cuts = 0;
+  for (int step = 0; step < 60; step++) {
+    const Arranged a(scene, Scalar::f32);
+    const Parts parts(a.input, devices, static_cast<std::uint64_t>(step));
+    one.detect(a.input);
+    cuts += resident.detect(parts.spheres).cut;
+    ASSERT_EQ(resident.hash(), one.hash()) << "step " << step;
+    for (Sphere& s : scene.spheres) {
+      s.x = 0.97 * s.x + 0.2 * jump(random), s.y += 0.2 * jump(random), s.z += 0.2 * jump(random);
+      s.r *= 1 + 0.02 * jump(random) * (step % 7 == 0);
+    }
+    scene = scene.rounded();
+    for (Sphere& s : scene.spheres) s.r = std::abs(s.r);
+  }
+  EXPECT_GT(cuts, 1);
+  EXPECT_LT(cuts, 50);
+}
+
+std::string failure(ResidentDetector& resident, std::span<const Spheres> parts) {
+  try {
+    resident.detect(parts);
+  } catch (const Error& e) {
+    return e.what();
+  }
+  return "";
+}
+
+TEST_F(CudaResident, FailuresAreASentenceAndTheDetectorStaysUsable) {
+  const std::vector<int> devices = several(3);
+  ResidentDetector resident(on(devices));
+  TestScene scene = random_scene(3000, 1, 0.5, 3);
+  const Arranged good(scene, Scalar::f32);
+  scene.spheres[2500].r = -1;
+  const Arranged bad(scene, Scalar::f32);
+  const Parts parts(bad.input, devices);
+  EXPECT_NE(failure(resident, parts.spheres).find("sphere 2500 at ("), std::string::npos)
+      << failure(resident, parts.spheres);
+  EXPECT_EQ(resident.hash(), 0u);
+  EXPECT_NE(failure(resident, std::span(parts.spheres).first(2)).find("2 parts"), std::string::npos);
+  resident.options().memory_limit = 1000;
+  const Parts fine(good.input, devices);
+  EXPECT_NE(failure(resident, fine.spheres).find("GPU "), std::string::npos);
+  resident.options().memory_limit = 0;
+  expect_as_one(good.input, resident, devices);
+  EXPECT_THROW(ResidentDetector(on({gpus()})), Error);
+  EXPECT_THROW(ResidentDetector(on(std::vector<int>(17, 0))), Error);
+}
+
+}  // namespace
+}  // namespace padder::detect

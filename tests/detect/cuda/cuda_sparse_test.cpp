@@ -1,0 +1,113 @@
+// SPDX-License-Identifier: MIT
+// Sparse and uneven scenes on the GPU, standing and in motion: levels are hashed, bins alias, rows run over
+// the end of a ring, and grids are kept while spheres move. Small scenes are compared with brute force, large
+// ones with the processor.
+#include "tests/detect/oracle.h"
+
+namespace padder::detect {
+namespace {
+
+class SparseTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    if (!cuda_present()) GTEST_SKIP() << "no GPU";
+    std::random_device device;
+    seed_ = device();
+    std::printf("seed %u\n", seed_);
+    random_.seed(seed_);
+  }
+  double unit() { return std::uniform_real_distribution<double>(-1, 1)(random_); }
+  std::uint32_t below(std::uint32_t n) { return static_cast<std::uint32_t>(random_() % n); }
+
+  // Heaps, chains and dust, far from each other or not, of radii 1 to `ratio`.
+  TestScene scene(std::uint32_t n, double ratio) {
+    TestScene s;
+    const double far = std::pow(10, 1.5 + 2.5 * std::abs(unit()));
+    while (s.spheres.size() < n) {
+      const double at[3] = {far * unit(), far * unit(), far * unit()};
+      const std::uint32_t kind = below(3), count = 1 + below(n / 2);
+      const double d[3] = {unit(), unit(), unit()},
+                   wide = std::max(1.5 * std::cbrt(count), std::pow(10, 1.5 * std::abs(unit())));
+      for (std::uint32_t k = 0; k < count && s.spheres.size() < n; k++) {
+        Sphere p{at[0], at[1], at[2], std::pow(ratio, std::pow(std::abs(unit()), 8))};
+        if (kind == 0) p.x += wide * unit(), p.y += wide * unit(), p.z += wide * unit();
+        if (kind == 1) p.x += 1.9 * k * d[0], p.y += 1.9 * k * d[1], p.z += 1.9 * k * d[2];
+        if (kind == 2) p.x = far * unit(), p.y = far * unit(), p.z = far * unit();
+        s.spheres.push_back(p);
+      }
+    }
+    std::shuffle(s.spheres.begin(), s.spheres.end(), random_);
+    return s;
+  }
+  void move(TestScene& s, double step) {
+    for (Sphere& p : s.spheres) p.x += step * unit(), p.y += step * unit(), p.z += step * unit();
+  }
+
+  void expect_brute_force(double ratio, Scalar scalar) {
+    CallOptions o;
+    o.order = below(2) ? Order::stable : Order::any;
+    Detector d({BackendKind::cuda}, o);
+    TestScene s = scene(200 + below(3000), ratio);
+    if (below(3) == 0)
+      for (std::size_t k = 0; k < s.spheres.size(); k++) s.family.push_back(below(4));
+    for (int call = 0; call < 6; call++) {
+      const TestScene given = scalar == Scalar::f32 ? s.rounded() : s;
+      const Arranged input(given, scalar);
+      const Contacts& c = d.detect(input.input);
+      ASSERT_EQ(sorted({c.pairs, c.count}), brute_force(given)) << "call " << call << " seed " << seed_;
+      move(s, std::pow(10, unit() - 1));
+    }
+  }
+  void expect_processor(std::uint32_t n, double ratio, Scalar scalar) {
+    Detector cpu({BackendKind::omp}, {}), gpu({BackendKind::cuda}, {});
+    TestScene s = scene(n, ratio);
+    for (int call = 0; call < 5; call++) {
+      gpu.options().order = below(2) ? Order::stable : Order::any;
+      const TestScene given = scalar == Scalar::f32 ? s.rounded() : s;
+      const Arranged input(given, scalar);
+      ASSERT_EQ(gpu.detect(input.input).count, cpu.detect(input.input).count) << call << " seed " << seed_;
+      ASSERT_EQ(gpu.hash(), cpu.hash()) << "call " << call << " seed " << seed_;
+      move(s, 0.1);
+    }
+  }
+
+  std::mt19937_64 random_;
+  std::uint32_t seed_ = 0;
+};
+
+TEST_F(SparseTest, EqualRadiiAsByBruteForce) {
+  for (int k = 0; k < 12; k++) expect_brute_force(1, k % 3 ? Scalar::f32 : Scalar::f64);
+}
+TEST_F(SparseTest, UnequalRadiiAsByBruteForce) {
+  for (int k = 0; k < 12; k++) expect_brute_force(k % 2 ? 3 : 100, k % 3 ? Scalar::f32 : Scalar::f64);
+}
+TEST_F(SparseTest, LargeScenesAsByTheProcessor) {
+  for (const double ratio : {1.0, 3.0, 10.0})
+    for (const Scalar scalar : {Scalar::f32, Scalar::f64}) {
+      expect_processor(100'000, ratio, scalar);
+      expect_processor(300'000, ratio, scalar);
+    }
+}
+
+// Everything in a few bins that share buckets with others far away: places repeat each 256 bins in fixed
+// point.
+TEST_F(SparseTest, PlacesThatRepeatAreToldApart) {
+  for (const Scalar scalar : {Scalar::f32, Scalar::f64}) {
+    TestScene s;
+    for (int k = 0; k < 3000; k++)
+      s.spheres.push_back({513.0 * below(300), 513.0 * below(300), 513.0 * below(300), 1});
+    for (int k = 0; k < 200; k++) s.spheres.push_back({0.7 * k, 0.2 * k, 0.1 * k, 1});
+    const TestScene given = s.rounded();
+    const Arranged input(given, scalar);
+    for (const Order order : {Order::any, Order::stable}) {
+      CallOptions o;
+      o.order = order;
+      Detector d({BackendKind::cuda}, o);
+      const Contacts& c = d.detect(input.input);
+      ASSERT_EQ(sorted({c.pairs, c.count}), brute_force(given)) << "seed " << seed_;
+    }
+  }
+}
+
+}  // namespace
+}  // namespace padder::detect

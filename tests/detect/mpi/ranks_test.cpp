@@ -1,0 +1,297 @@
+// SPDX-License-Identifier: MIT
+// Contacts among the ranks of MPI: mpirun starts this program with several numbers of ranks. Every rank makes
+// the whole scene, passes its part, and compares with one detector.
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <fstream>
+#include <set>
+
+#include "detect/mpi/rank_contact_file.h"
+#include "detect/mpi/rank_detector.h"
+#include "tests/detect/boxes/boxed_scene.h"
+
+namespace padder::detect {
+namespace {
+
+int my_rank = 0, ranks = 1;
+
+RankOptions on_cpu() {
+  RankOptions o;
+  o.detector.threads = 1, o.detector.width = Width::points, o.detector.scalar = Scalar::f64;
+  o.device = {BackendKind::omp, 0};
+  return o;
+}
+
+// The records of this rank are those of one detector, and together there are as many.
+void expect_as_one(const Input& input, const Input& part, RankDetector& detector) {
+  Detector one = one_on_the_cpu(detector.options());
+  const Contacts& wanted = one.detect(input);
+  const auto records = records_of(wanted);
+  std::set<std::pair<std::uint64_t, std::uint64_t>> seen;
+  const RankReport& r = detector.detect(part, [&](const ContactBatch& b) {
+    for (std::size_t k = 0; k < b.pairs.size(); k++) {
+      const WidePair p = b.pairs[k];
+      EXPECT_TRUE(seen.emplace(p.i, p.j).second) << p.i << ", " << p.j << " was reported twice";
+      std::string bytes(reinterpret_cast<const char*>(static_cast<const Normal<double>*>(b.normals) + k),
+                        sizeof(Normal<double>));
+      bytes.append(reinterpret_cast<const char*>(static_cast<const Points<double>*>(b.points) + k),
+                   sizeof(Points<double>));
+      const auto found = records.find({static_cast<std::uint32_t>(p.i), static_cast<std::uint32_t>(p.j)});
+      EXPECT_TRUE(found != records.end() && found->second == bytes) << p.i << ", " << p.j;
+    }
+  });
+  EXPECT_EQ(r.contacts, wanted.count);
+  EXPECT_EQ(r.spheres, wanted.spheres);
+  EXPECT_EQ(r.hash, one.hash());
+  EXPECT_EQ(r.own_contacts, seen.size());
+}
+
+// All but a few of the spheres on the last rank, none on the first, if there are several.
+Input uneven_part(const Input& input) {
+  if (ranks == 1) return input;
+  Input part = part_of(input, std::max(my_rank - 1, 0), ranks - 1);
+  if (my_rank == 0) part.spheres.count = 0, part.bodies = {};
+  return part;
+}
+
+TEST(Ranks, LooseSpheresGiveWhatOneDetectorGives) {
+  RankDetector detector(MPI_COMM_WORLD, on_cpu());
+  for (const std::uint32_t seed : {1u, 2u, 3u}) {
+    SCOPED_TRACE("seed " + std::to_string(seed));
+    TestScene scene = random_scene(3000, seed == 3 ? 50 : seed, 0.4, seed);
+    if (seed == 2)
+      for (std::size_t k = 0; k < scene.spheres.size(); k++)
+        scene.family.push_back(static_cast<std::uint32_t>(k % 5)),
+            scene.mask.push_back(static_cast<std::uint32_t>(k % 3));
+    const Arranged a(scene, seed % 2 ? Scalar::f32 : Scalar::f64);
+    expect_as_one(a.input, part_of(a.input, my_rank, ranks), detector);
+    expect_as_one(a.input, uneven_part(a.input), detector);
+  }
+}
+
+TEST(Ranks, OddScenes) {
+  std::vector<TestScene> scenes(6);
+  for (int k = 0; k < 40; k++) scenes[0].spheres.push_back({1, 2, 3, 0.5});  // all at one place
+  scenes[1].spheres.push_back({0, 0, 0, 1});                                 // one; scenes[2] has none
+  for (int x = 0; x < 10; x++)  // contacts on faces, edges and corners
+    for (int y = 0; y < 10; y++)
+      for (int z = 0; z < 10; z++) scenes[3].spheres.push_back({double(x), double(y), double(z), 0.5});
+  scenes[4] = random_scene(1000, 3, 0.5, 9);  // grains far away
+  for (const double far : {1e6, -1e12, 1e30, -1e99})
+    scenes[4].spheres.push_back({far, 0, 1, 1}), scenes[4].spheres.push_back({far, 1, 1, 1});
+  scenes[5] = random_scene(1000, 3, 0.5, 11);
+  scenes[5].spheres.push_back({5, 5, 5, 100});  // one across all boxes
+  RankDetector kept(MPI_COMM_WORLD, on_cpu());
+  for (std::size_t k = 0; k < scenes.size(); k++) {
+    SCOPED_TRACE("scene " + std::to_string(k));
+    const Arranged a(scenes[k], Scalar::f64);
+    expect_as_one(a.input, part_of(a.input, my_rank, ranks), kept);
+    RankDetector fresh(MPI_COMM_WORLD, on_cpu());
+    expect_as_one(a.input, part_of(a.input, my_rank, ranks), fresh);
+  }
+}
+
+// Some ranks have floats, some doubles, families or static spheres: what one lacks is 0.
+TEST(Ranks, PartsMayDiffer) {
+  TestScene scene = random_scene(2000, 2, 0.3, 7).rounded();
+  std::vector<std::uint8_t> is_static(scene.spheres.size(), 0);
+  scene.family.assign(scene.spheres.size(), 0);
+  const Arranged narrow(scene, Scalar::f32), wide(scene, Scalar::f64);
+  const Part mine = part_of(scene.spheres.size(), my_rank, ranks);
+  for (int r = 0; r < ranks; r++) {
+    const Part s = part_of(scene.spheres.size(), r, ranks);
+    for (std::uint64_t k = s.first; k < s.end; k++)
+      scene.family[k] = r % 3 == 0 ? static_cast<std::uint32_t>(k % 4) : 0,
+      is_static[k] = r % 2 == 1 && k % 3 == 0;
+  }
+  Input all = wide.input;
+  all.spheres.family = scene.family.data(), all.spheres.is_static = is_static.data();
+  Input part = part_of(my_rank % 2 ? narrow.input : wide.input, my_rank, ranks);
+  part.spheres.family = my_rank % 3 == 0 ? scene.family.data() + mine.first : nullptr;
+  part.spheres.is_static = my_rank % 2 ? is_static.data() + mine.first : nullptr;
+  RankDetector detector(MPI_COMM_WORLD, on_cpu());
+  expect_as_one(all, part, detector);
+}
+
+struct Pile {
+  std::vector<Sphere> spheres, rod;
+  std::vector<Shape> shapes;
+  std::vector<Body> bodies;
+  explicit Pile(std::mt19937_64& random) {
+    std::uniform_real_distribution<double> unit(0, 1);
+    for (int k = 0; k < 30; k++) spheres.push_back({unit(random), unit(random), unit(random), 0.1});
+    for (int k = 0; k < 200; k++) rod.push_back({0.1 * k, 0, 0, 0.1});  // across all boxes
+    shapes = {{spheres.data(), spheres.size()}, {rod.data(), rod.size()}, {}};
+    for (int k = 0; k < 150; k++) {
+      Body b;
+      for (double& p : b.position) p = 6 * unit(random);
+      b.is_static = k % 4 == 0, b.shape = k % 40 == 7 ? 1 : k % 40 == 8 ? 2 : 0;
+      b.family = static_cast<std::uint32_t>(k % 7);
+      bodies.push_back(b);
+    }
+  }
+};
+
+TEST(Ranks, BodiesAndRevisionsMeanWhatTheyMeanToOneDetector) {
+  std::mt19937_64 random(7);
+  std::uniform_real_distribution<double> unit(0, 1);
+  Pile pile(random);
+  const Arranged loose(random_scene(500, 1, 1, 3), Scalar::f32);
+  RankDetector detector(MPI_COMM_WORLD, on_cpu());
+  Detector one = one_on_the_cpu(on_cpu().detector);
+  const Part mine = part_of(pile.bodies.size(), my_rank, ranks);
+  std::vector<std::uint32_t> moved, my_moved;
+  std::vector<Pose> poses(pile.bodies.size());
+  for (int step = 0; step < 30; step++) {
+    moved.clear(), my_moved.clear();
+    for (std::uint32_t k = 0; k < pile.bodies.size(); k++) {
+      if (random() % 3 == 0)
+        for (double& p : pile.bodies[k].position) p = 6 * unit(random);  // perhaps without saying so
+      if (random() % 3 == 0) moved.push_back(k);
+      for (double& p : poses[k].position) p = 6 * unit(random);
+    }
+    for (const std::uint32_t k : moved)
+      if (k >= mine.first && k < mine.end) my_moved.push_back(k - static_cast<std::uint32_t>(mine.first));
+    Input input = loose.input;
+    input.shapes = pile.shapes, input.bodies = pile.bodies;
+    input.revision = random() % 5 == 0 ? 0 : 1 + static_cast<std::uint64_t>(step) / 10;
+    if (random() % 3 == 0) input.poses = poses.data();
+    Input part = part_of(input, my_rank, ranks);
+    input.moved = moved, part.moved = my_moved;
+    const std::uint64_t contacts = one.detect(input).count;
+    EXPECT_EQ(detector.detect(part, {}).contacts, contacts) << "step " << step;
+    EXPECT_EQ(detector.report().hash, one.hash()) << "step " << step;
+  }
+}
+
+TEST(Ranks, AHundredStepsGiveTheHashOfOneBox) {
+  std::mt19937_64 random(101);
+  std::normal_distribution<float> jump(0, 1);
+  TestScene scene = random_scene(3000, 4, 0.6, 101).rounded();
+  RankDetector detector(MPI_COMM_WORLD, on_cpu());
+  Detector one = one_on_the_cpu(on_cpu().detector);
+  int cuts = 0;
+  for (int step = 0; step < 100; step++) {
+    const Arranged a(scene, Scalar::f32);
+    one.detect(a.input);
+    const RankReport& r = detector.detect(part_of(a.input, my_rank, ranks), {});
+    EXPECT_EQ(r.hash, one.hash()) << "step " << step;
+    cuts += r.cut;
+    for (Sphere& s : scene.spheres)
+      s.x = 0.985 * s.x + 0.2 * jump(random), s.y += 0.2 * jump(random), s.z += 0.2 * jump(random);
+    scene = scene.rounded();
+  }
+  EXPECT_LT(cuts, 60);
+  EXPECT_GT(cuts, ranks > 2 ? 1 : 0);
+}
+
+// Four fifths of the spheres in a tenth of the space: the second cut knows the contacts.
+TEST(Ranks, WorkIsShared) {
+  TestScene scene = random_scene(20000, 1, 1, 5);
+  for (std::size_t k = 0; k < 15000; k++) scene.spheres[k].x *= 0.1;
+  const Arranged a(scene, Scalar::f32);
+  RankDetector detector(MPI_COMM_WORLD, on_cpu());
+  for (int k = 0; k < 4; k++) detector.detect(part_of(a.input, my_rank, ranks), {});
+  EXPECT_LT(detector.report().imbalance, 1.2);
+  EXPECT_FALSE(detector.report().cut);
+}
+
+template <class Work>
+std::string failure(const Work& work) {
+  try {
+    work();
+  } catch (const Error& e) {
+    return e.what();
+  }
+  return "";
+}
+
+TEST(Ranks, WhatFailsOnOneRankFailsOnAllWithOneSentence) {
+  TestScene scene = random_scene(1000, 1, 0.4, 9);
+  const Arranged good(scene, Scalar::f64);
+  scene.spheres[990].r = -1;  // the last rank's
+  const Arranged bad(scene, Scalar::f64);
+  RankDetector detector(MPI_COMM_WORLD, on_cpu());
+  const std::string rank = ranks == 1 ? "" : "rank " + std::to_string(ranks - 1) + ": ";
+  std::string said = failure([&] { detector.detect(part_of(bad.input, my_rank, ranks), {}); });
+  EXPECT_TRUE(said.starts_with(rank + "sphere 990 at (")) << said;
+  EXPECT_EQ(detector.report().contacts, 0u);
+  said = failure([&] {
+    detector.detect(part_of(good.input, my_rank, ranks), [](const ContactBatch&) {
+      if (my_rank == ranks - 1) throw std::runtime_error("the disk is full");
+    });
+  });
+  EXPECT_EQ(said, rank + "the disk is full");
+  detector.options().own.low[0] = NAN;
+  said = failure([&] { detector.detect(part_of(good.input, my_rank, ranks), {}); });
+  EXPECT_NE(said.find("is not a number along x"), std::string::npos) << said;
+  EXPECT_FALSE(said.starts_with("rank")) << said;  // the same on all
+  detector.options().own = {};
+  const Sphere ball{0, 0, 0, 1.0 + my_rank};
+  const Shape shape{&ball, 1};
+  Input different = part_of(good.input, my_rank, ranks);
+  different.shapes = {&shape, 1};
+  said = failure([&] { detector.detect(different, {}); });
+  EXPECT_EQ(said.find("different shapes") != std::string::npos, ranks > 1) << said;
+  RankOptions absent = on_cpu();
+  if (my_rank == ranks - 1) absent.device = {BackendKind::cuda, 1000};
+  said = failure([&] { RankDetector(MPI_COMM_WORLD, absent); });
+  EXPECT_TRUE(said.starts_with(rank) && said != "") << said;
+  expect_as_one(good.input, part_of(good.input, my_rank, ranks), detector);
+}
+
+TEST(Ranks, OneFileHoldsTheContactsOfAll) {
+  const Arranged a(random_scene(5000, 1, 0.2, 13), Scalar::f32);
+  RankOptions o = on_cpu();
+  o.detector.width = Width::pairs;
+  RankDetector detector(MPI_COMM_WORLD, o);
+  const std::string path = testing::TempDir() + "/padder_ranks_" + std::to_string(ranks) + ".npy";
+  {
+    RankContactFile file(MPI_COMM_WORLD, path, o.detector.width, o.detector.scalar);
+    detector.detect(part_of(a.input, my_rank, ranks), file.consumer());
+    EXPECT_FALSE(std::filesystem::exists(path));
+    MPI_Barrier(MPI_COMM_WORLD);
+    file.finish();
+  }
+  MPI_Barrier(MPI_COMM_WORLD);
+  std::ifstream in(path, std::ios::binary);
+  std::string bytes((std::istreambuf_iterator<char>(in)), {});
+  EXPECT_EQ(bytes.size(), 256 + detector.report().contacts * sizeof(WidePair));
+  EXPECT_NE(bytes.find("'shape': (" + std::to_string(detector.report().contacts) + ",)"), std::string::npos);
+  std::uint64_t hash = 0;
+  for (std::size_t k = 256; k + sizeof(WidePair) <= bytes.size(); k += sizeof(WidePair)) {
+    WidePair p;
+    std::memcpy(&p, &bytes[k], sizeof p);
+    hash += wide_pair_hash(p.i, p.j);
+  }
+  EXPECT_EQ(hash, detector.report().hash);
+  MPI_Barrier(MPI_COMM_WORLD);
+  if (my_rank == 0) std::filesystem::remove(path);
+  {
+    RankContactFile file(MPI_COMM_WORLD, path, o.detector.width, o.detector.scalar);
+    detector.detect(part_of(a.input, my_rank, ranks), file.consumer());
+  }  // never finished
+  MPI_Barrier(MPI_COMM_WORLD);
+  EXPECT_FALSE(std::filesystem::exists(path) || std::filesystem::exists(path + ".part"));
+  const auto make = [](const std::string& name) {
+    return failure([&] { RankContactFile(MPI_COMM_WORLD, name, Width::pairs, Scalar::f32); });
+  };
+  EXPECT_NE(make("/no/such/folder/c.npy").find("/no/such/folder/c.npy"), std::string::npos);
+  EXPECT_NE(make("c.csv").find(".npy"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace padder::detect
+
+int main(int argc, char** argv) {
+  int given = 0;
+  MPI_Init_thread(&argc, &argv, MPI_THREAD_FUNNELED, &given);
+  MPI_Comm_rank(MPI_COMM_WORLD, &padder::detect::my_rank),
+      MPI_Comm_size(MPI_COMM_WORLD, &padder::detect::ranks);
+  testing::InitGoogleTest(&argc, argv);
+  int failed = RUN_ALL_TESTS(), any = 0;
+  MPI_Allreduce(&failed, &any, 1, MPI_INT, MPI_MAX, MPI_COMM_WORLD);
+  MPI_Finalize();
+  return any;
+}

@@ -1,0 +1,478 @@
+// SPDX-License-Identifier: MIT
+// Worlds and margins, on every backend and path, beside an oracle that tests every pair.
+#include <functional>
+
+#include "detect/core/world_tree.h"
+#include "tests/detect/device_memory.h"
+#include "tests/detect/oracle.h"
+
+namespace padder::detect {
+namespace {
+
+struct World {
+  std::vector<std::vector<Sphere>> shape_spheres;
+  std::vector<Shape> shapes;
+  std::vector<Body> bodies;
+  std::vector<Sphere> loose;
+  std::vector<std::uint32_t> family, mask, world;
+  std::vector<std::uint8_t> is_static;
+  Input input() const {
+    Input in;
+    in.shapes = shapes, in.bodies = bodies;
+    if (!loose.empty()) in.spheres = spheres_of<double>(loose.size(), &loose[0].x, &loose[0].r);
+    in.spheres.center_stride = in.spheres.radius_stride = 4;
+    in.spheres.family = family.data(), in.spheres.mask = mask.data(), in.spheres.world = world.data();
+    in.spheres.is_static = is_static.data();
+    return in;
+  }
+};
+
+// A sphere of the input as the oracle sees it.
+struct Seen {
+  Sphere sphere;
+  std::uint32_t family, mask, world, body;
+  bool is_static;
+};
+std::vector<Seen> seen(const Input& in) {
+  std::vector<Seen> all;
+  for (std::size_t b = 0; b < in.bodies.size(); b++) {
+    const Body& body = in.bodies[b];
+    for (std::uint64_t k = 0; k < in.shapes[body.shape].count; k++)
+      all.push_back({placed(body, in.shapes[body.shape].spheres[k]), body.family, body.mask, body.world,
+                     static_cast<std::uint32_t>(b + 1), body.is_static});
+  }
+  const Spheres& s = in.spheres;
+  for (std::uint64_t k = 0; k < s.count; k++) {
+    Sphere p;
+    if (s.scalar == Scalar::f64) {
+      const auto* c = static_cast<const double*>(s.centers) + k * s.center_stride;
+      p = {c[0], c[1], c[2], static_cast<const double*>(s.radii)[k * s.radius_stride]};
+    } else {
+      const auto* c = static_cast<const float*>(s.centers) + k * s.center_stride;
+      p = {c[0], c[1], c[2], static_cast<const float*>(s.radii)[k * s.radius_stride]};
+    }
+    all.push_back({p, s.family ? s.family[k] : 0, s.mask ? s.mask[k] : 0,
+                   s.world ? s.world[k] : s.world_of_all, 0, s.is_static && s.is_static[k]});
+  }
+  return all;
+}
+bool oracle_near(const Sphere& a, const Sphere& b, double margin) {
+  const volatile double x = b.x - a.x, y = b.y - a.y, z = b.z - a.z, r = a.r + b.r, s = r + margin;
+  const volatile double xx = x * x, yy = y * y, zz = z * z, xy = xx + yy, d2 = xy + zz, s2 = s * s;
+  return d2 <= s2;
+}
+bool oracle_meets(const Seen& a, const Seen& b) {
+  if (a.is_static && b.is_static) return false;
+  if (a.body != 0 && a.body == b.body) return false;
+  if (a.world != b.world && a.world != kEveryWorld && b.world != kEveryWorld) return false;
+  return oracle_admits(a.family, a.mask, b.family, b.mask);
+}
+std::vector<Pair> oracle(const Input& in, const CallOptions& o) {
+  const std::vector<Seen> all = seen(in);
+  std::vector<Pair> pairs;
+  for (std::uint32_t i = 0; i < all.size(); i++)
+    for (std::uint32_t j = i + 1; j < all.size(); j++)
+      if (oracle_meets(all[i], all[j]) && oracle_near(all[i].sphere, all[j].sphere, o.margin) &&
+          owns(o.own, midpoint(all[i].sphere, all[j].sphere)))
+        pairs.push_back({i, j});
+  return pairs;
+}
+
+std::vector<BackendKind> backends() {
+  std::vector<BackendKind> all{BackendKind::omp};
+  if (cuda_present()) all.push_back(BackendKind::cuda);
+  return all;
+}
+
+void turn(std::mt19937_64& random, Body& body) {
+  std::normal_distribution<double> normal;
+  rotation_of(normal(random), normal(random), normal(random), normal(random), body.rotation);
+}
+
+// Worlds that stand at the same place: bodies of a few shapes, loose spheres, and some of all worlds.
+World random_worlds(std::uint64_t seed, std::uint32_t worlds, std::uint32_t bodies, std::uint32_t loose) {
+  std::mt19937_64 random(seed);
+  std::uniform_real_distribution<double> unit(0, 1);
+  const auto below = [&](std::uint32_t n) { return static_cast<std::uint32_t>(random() % n); };
+  const auto world = [&]() -> std::uint32_t {
+    const std::uint32_t w = below(worlds + 1);
+    return w == worlds ? kEveryWorld : w;
+  };
+  World w;
+  w.shape_spheres.resize(3);
+  for (std::size_t k = 0; k < 3; k++)
+    for (std::uint32_t q = 0; q < (k == 2 ? 150 : 20 * k + 1); q++)
+      w.shape_spheres[k].push_back({unit(random), unit(random), unit(random), 0.02 + 0.2 * unit(random)});
+  for (const auto& s : w.shape_spheres) w.shapes.push_back({s.data(), s.size()});
+  const double edge = 4;
+  for (std::uint32_t k = 0; k < bodies; k++) {
+    Body b;
+    turn(random, b);
+    for (double& c : b.position) c = edge * unit(random);
+    b.shape = below(3), b.family = below(4) ? 0 : 1 + below(4), b.mask = below(4) ? 0 : below(16);
+    b.is_static = below(5) == 0, b.world = world();
+    w.bodies.push_back(b);
+  }
+  for (std::uint32_t k = 0; k < loose; k++) {
+    w.loose.push_back({edge * unit(random), edge * unit(random), edge * unit(random), 0.3 * unit(random)});
+    w.family.push_back(below(4) ? 0 : 1 + below(4)), w.mask.push_back(below(4) ? 0 : below(16));
+    w.is_static.push_back(below(5) == 0), w.world.push_back(world());
+  }
+  return w;
+}
+
+// What detect_worlds() has to say, from the list.
+void expect_answers(Detector& detector, const Input& in, std::uint32_t worlds) {
+  const std::vector<Seen> all = seen(in);
+  std::vector<std::uint64_t> count(worlds, 0);
+  std::vector<double> distance(worlds, INFINITY);
+  std::vector<Pair> pair(worlds, {~0u, ~0u});
+  for (const Pair& p : oracle(in, detector.options())) {
+    const std::uint32_t w = std::min(all[p.i].world, all[p.j].world);
+    if (w == kEveryWorld) continue;
+    count[w]++;
+    const double d = -geometry(all[p.i].sphere, all[p.j].sphere).depth;
+    if (d < distance[w]) distance[w] = d, pair[w] = p;  // pairs ascend, so the first stays
+  }
+  const WorldAnswers a = detector.detect_worlds(in, worlds, Answer::any);
+  ASSERT_EQ(a.worlds, worlds);
+  EXPECT_TRUE(a.any && !a.count && !a.distance && !a.pair);
+  for (std::uint32_t w = 0; w < worlds; w++) EXPECT_EQ(a.any[w] != 0, count[w] > 0) << "world " << w;
+  const WorldAnswers c = detector.detect_worlds(in, worlds, Answer::count);
+  for (std::uint32_t w = 0; w < worlds; w++) EXPECT_EQ(c.count[w], count[w]) << "world " << w;
+  const WorldAnswers d = detector.detect_worlds(in, worlds, Answer::distance);
+  for (std::uint32_t w = 0; w < worlds; w++) {
+    EXPECT_EQ(d.distance[w], distance[w]) << "world " << w;
+    EXPECT_EQ(d.pair[w], pair[w]) << "world " << w;
+  }
+}
+
+TEST(Worlds, ContactsAreThoseOfTheOracleOnEveryPath) {
+  for (const BackendKind backend : backends())
+    for (std::uint64_t seed = 1; seed <= 30; seed++) {
+      SCOPED_TRACE("seed " + std::to_string(seed));
+      const auto worlds = static_cast<std::uint32_t>(1 + seed % 7);
+      const World w = random_worlds(seed, worlds, static_cast<std::uint32_t>(2 + seed % 5 * 5),
+                                    static_cast<std::uint32_t>(seed % 4 * 60));
+      CallOptions o;
+      o.margin = seed % 3 == 0 ? 0 : 0.01 * static_cast<double>(seed);
+      if (seed % 5 == 0) o.own.low[0] = 1, o.own.high[1] = 3;
+      const std::vector<Pair> expected = oracle(w.input(), o);
+      EXPECT_EQ(expected.empty(), seed == 20);  // two bodies, and a box that owns none of their contacts
+      for (const Path path : {Path::grid, Path::nine_stages}) {
+        o.path = path;
+        Detector detector({backend, 0}, o);
+        EXPECT_EQ(sorted(detector.detect(w.input()).pair_span()), expected);
+        if (path == Path::grid) expect_answers(detector, w.input(), worlds);
+      }
+    }
+}
+
+TEST(Worlds, LooseSpheresInManyWorldsAndInOneAreFound) {
+  for (const BackendKind backend : backends())
+    for (const std::uint32_t worlds : {1u, 3u, 500u})
+      for (const Scalar scalar : {Scalar::f32, Scalar::f64}) {
+        TestScene scene = random_scene(3000, 20, 1.5, 7 + worlds).rounded();
+        scene.spheres[17].x = 1e7;  // one that escaped
+        Arranged arranged(scene, scalar);
+        std::vector<std::uint32_t> world;
+        std::mt19937 random(worlds);
+        for (std::size_t k = 0; k < scene.spheres.size(); k++)
+          world.push_back(random() % 50 ? static_cast<std::uint32_t>(random() % worlds) : kEveryWorld);
+        arranged.input.spheres.world = world.data();
+        CallOptions o;
+        o.margin = 0.1;
+        Detector detector({backend, 0}, o);
+        EXPECT_EQ(sorted(detector.detect(arranged.input).pair_span()), oracle(arranged.input, o));
+        expect_answers(detector, arranged.input, worlds);
+      }
+}
+
+TEST(Worlds, AMarginAloneNeedsNoWorld) {
+  for (const BackendKind backend : backends())
+    for (const double margin : {0.0, 1e-9, 0.25, 3.0}) {
+      const TestScene scene = random_scene(1500, 8, 3, 5);
+      for (const Scalar scalar : {Scalar::f32, Scalar::f64}) {
+        Arranged arranged(scene, scalar);
+        CallOptions o;
+        o.margin = margin;
+        Detector detector({backend, 0}, o);
+        EXPECT_EQ(sorted(detector.detect(arranged.input).pair_span()), oracle(arranged.input, o));
+      }
+    }
+}
+
+TEST(Worlds, IdsMayBeAny32BitNumbersAndAnArrayOrOneForAll) {
+  const double centers[] = {0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0}, radius = 1;
+  const std::uint32_t world[] = {4000000000u, 5, 4000000000u, kEveryWorld};
+  for (const BackendKind backend : backends())
+    for (const Path path : {Path::grid, Path::nine_stages}) {
+      CallOptions o;
+      o.path = path;
+      Detector detector({backend, 0}, o);
+      Input in;
+      in.spheres = spheres_of<double>(4, centers, &radius);
+      in.spheres.radius_stride = 0, in.spheres.world = world;
+      EXPECT_EQ(sorted(detector.detect(in).pair_span()), (std::vector<Pair>{{0, 2}, {0, 3}, {1, 3}, {2, 3}}));
+      in.spheres.world = nullptr;
+      for (const std::uint32_t all : {0u, 9u, kEveryWorld}) {
+        in.spheres.world_of_all = all;
+        EXPECT_EQ(detector.detect(in).count, 6u);
+      }
+    }
+}
+
+TEST(Worlds, TheListIsTheSameForAnyNumberOfThreadsAndAgain) {
+  const World w = random_worlds(3, 6, 40, 300);
+  for (const BackendKind backend : backends()) {
+    std::vector<Pair> first;
+    std::vector<float> depth;
+    for (const int threads : {1, 2, 5, 1}) {
+      CallOptions o;
+      o.threads = threads, o.margin = 0.1;
+      Detector detector({backend, 0}, o);
+      for (int again = 0; again < 2; again++) {
+        const Contacts& c = detector.detect(w.input());
+        std::vector<float> d;
+        for (const auto& n : c.normal_span<float>()) d.push_back(n.depth);
+        if (first.empty()) first.assign(c.pair_span().begin(), c.pair_span().end()), depth = d;
+        EXPECT_TRUE(std::equal(first.begin(), first.end(), c.pair_span().begin(), c.pair_span().end()));
+        EXPECT_EQ(d, depth);
+      }
+    }
+  }
+}
+
+TEST(Worlds, ARevisionMovesBodiesAndWorldsStayApart) {
+  for (const BackendKind backend : backends()) {
+    World w = random_worlds(11, 5, 30, 100);
+    CallOptions o;
+    o.margin = 0.05;
+    Detector detector({backend, 0}, o);
+    Input in = w.input();
+    in.revision = 1;
+    EXPECT_EQ(sorted(detector.detect(in).pair_span()), oracle(w.input(), o));
+    std::mt19937_64 random(5);
+    for (int step = 0; step < 5; step++) {
+      std::vector<std::uint32_t> moved;
+      for (std::uint32_t k = 0; k < 30; k += 1 + static_cast<std::uint32_t>(random() % 4)) {
+        if (w.bodies[k].is_static) continue;
+        moved.push_back(k), turn(random, w.bodies[k]);
+        w.bodies[k].position[0] += 0.3;
+      }
+      in = w.input(), in.revision = 1, in.moved = moved;
+      EXPECT_EQ(sorted(detector.detect(in).pair_span()), oracle(w.input(), o)) << step;
+      expect_answers(detector, w.input(), 5);
+    }
+  }
+}
+
+// Each path keeps what it knows of a revision. A body that moved in a call of another path must not be
+// missed.
+TEST(Worlds, CallsWithAndWithoutAMarginTakeTurnsInOneRevision) {
+  for (const BackendKind backend : backends()) {
+    World w = random_worlds(31, 1, 30, 0);
+    for (Body& b : w.bodies) b.world = 0, b.is_static = false;
+    Detector detector({backend, 0}, CallOptions{});
+    for (std::uint32_t step = 0; step < 12; step++) {
+      const std::vector<std::uint32_t> moved{step, step + 5};
+      for (const std::uint32_t k : moved) w.bodies[k].position[1] += 0.4;
+      Input in = w.input();
+      in.revision = 1, in.moved = moved;
+      detector.options().margin = step % 3 == 1 ? 0.1 : 0;
+      detector.options().bodies = step % 2 ? Bodies::first : Bodies::expanded;
+      EXPECT_EQ(sorted(detector.detect(in).pair_span()), oracle(w.input(), detector.options())) << step;
+    }
+  }
+}
+
+TEST(Worlds, PosesSpheresAndAnswersMayLieOnTheDevice) {
+  if (!cuda_present()) GTEST_SKIP() << "there is no GPU";
+  for (const std::uint64_t revision : {0, 4}) {
+    World w = random_worlds(41, 9, 40, 200);
+    CallOptions o;
+    o.margin = 0.05, o.output = Memory::device;
+    Detector detector({BackendKind::cuda, 0}, o);
+    const Input host = w.input();
+    const std::size_t n = w.loose.size();
+    const DeviceCopy spheres(w.loose.data(), n * sizeof(Sphere)), family(w.family.data(), 4 * n),
+        mask(w.mask.data(), 4 * n), world(w.world.data(), 4 * n), is_static(w.is_static.data(), n);
+    Input in = host;
+    in.spheres.centers = spheres.data(), in.spheres.radii = static_cast<const double*>(spheres.data()) + 3;
+    in.spheres.family = static_cast<const std::uint32_t*>(family.data());
+    in.spheres.mask = static_cast<const std::uint32_t*>(mask.data());
+    in.spheres.world = static_cast<const std::uint32_t*>(world.data());
+    in.spheres.is_static = static_cast<const std::uint8_t*>(is_static.data());
+    in.spheres.memory = Memory::device, in.revision = revision, in.pose_memory = Memory::device;
+    std::mt19937_64 random(6);
+    for (int step = 0; step < 3; step++) {
+      std::vector<Pose> poses(w.bodies.size());
+      for (std::size_t b = 0; b < poses.size(); b++) {
+        if (step > 0 && !w.bodies[b].is_static) turn(random, w.bodies[b]);
+        std::copy_n(w.bodies[b].rotation, 9, poses[b].rotation);
+        std::copy_n(w.bodies[b].position, 3, poses[b].position);
+      }
+      const DeviceCopy there(poses.data(), poses.size() * sizeof(Pose));
+      in.poses = static_cast<const Pose*>(there.data());
+      const std::vector<Pair> expected = oracle(w.input(), o);
+      const Contacts& c = detector.detect(in);
+      std::vector<Pair> pairs(c.count);
+      copy_from_device(pairs.data(), c.pairs, c.count * sizeof(Pair));
+      EXPECT_EQ(sorted(pairs), expected);
+      const WorldAnswers a = detector.detect_worlds(in, 9, Answer::count);
+      EXPECT_EQ(a.memory, Memory::device);
+      std::vector<std::uint64_t> count(9), of_list(9, 0);
+      copy_from_device(count.data(), a.count, 9 * sizeof(std::uint64_t));
+      const std::vector<Seen> all = seen(w.input());
+      for (const Pair& p : expected) {
+        const std::uint32_t of = std::min(all[p.i].world, all[p.j].world);
+        if (of != kEveryWorld) of_list[of]++;
+      }
+      EXPECT_EQ(count, of_list);
+    }
+  }
+}
+
+TEST(Margin, APairWhoseGapEqualsItIsInTheListAndOneUlpMoreIsNot) {
+  for (const BackendKind backend : backends())
+    for (const Path path : {Path::grid, Path::nine_stages})
+      for (const double unit : {1.0, 0x1p-600, 0x1p200}) {
+        CallOptions o;
+        o.path = path, o.margin = 0.3 * unit, o.width = Width::points, o.scalar = Scalar::f64;
+        Detector detector({backend, 0}, o);
+        const double at = (0.1 * unit + 0.2 * unit) + 0.3 * unit;
+        for (const bool beyond : {false, true}) {
+          const Sphere s[2] = {{0, 0, 0, 0.1 * unit},
+                               {beyond ? std::nextafter(at, INFINITY) : at, 0, 0, 0.2 * unit}};
+          Input in;
+          in.spheres = spheres_of<double>(2, &s[0].x, &s[0].r);
+          in.spheres.center_stride = in.spheres.radius_stride = 4;
+          const Contacts& c = detector.detect(in);
+          // The square of the next number may round to the same: the decision is that of the oracle.
+          EXPECT_EQ(c.count, oracle_near({0, 0, 0, 0.1}, {s[1].x / unit, 0, 0, 0.2}, 0.3) ? 1u : 0u);
+          if (!c.count) continue;
+          const Normal<double> n = c.normal_span<double>()[0];
+          EXPECT_EQ(n.x, 1);
+          EXPECT_NEAR(n.depth / unit, -0.3, 1e-15);
+          const Points<double> p = c.point_span<double>()[0];
+          EXPECT_NEAR(p.on_i[0] / unit, 0.1, 1e-15);
+          EXPECT_NEAR(p.on_j[0] / unit, 0.4, 1e-15);
+        }
+      }
+}
+
+// The depth of a pair is r_i + r_j - |c_j - c_i|. Its gradient is the normal for c_i, and minus the normal
+// for c_j; the points are where the gap, or the overlap, is measured.
+TEST(Margin, NormalsAreTheGradientOfTheDepthAndPointsSpanIt) {
+  for (const BackendKind backend : backends()) {
+    const World w = random_worlds(21, 3, 12, 80);
+    CallOptions o;
+    o.margin = 0.4, o.width = Width::points, o.scalar = Scalar::f64;
+    Detector detector({backend, 0}, o);
+    const Contacts& c = detector.detect(w.input());
+    const std::vector<Seen> all = seen(w.input());
+    std::size_t apart = 0;
+    for (std::uint64_t k = 0; k < c.count; k++) {
+      const Sphere i = all[c.pairs[k].i].sphere, j = all[c.pairs[k].j].sphere;
+      const Normal<double> n = c.normal_span<double>()[k];
+      const Points<double> p = c.point_span<double>()[k];
+      const auto depth = [](const Sphere& a, const Sphere& b) {
+        const long double x = b.x - a.x, y = b.y - a.y, z = b.z - a.z;
+        return a.r + b.r - std::sqrt(x * x + y * y + z * z);
+      };
+      EXPECT_NEAR(n.depth, static_cast<double>(depth(i, j)), 1e-14);
+      EXPECT_GE(n.depth, -o.margin - 1e-14);
+      apart += n.depth < 0;
+      const double h = 1e-6, normal[3] = {n.x, n.y, n.z};
+      for (int a = 0; a < 3; a++) {
+        Sphere up = j, down = j;
+        (a == 0 ? up.x : a == 1 ? up.y : up.z) += h, (a == 0 ? down.x : a == 1 ? down.y : down.z) -= h;
+        const double slope = static_cast<double>((depth(i, up) - depth(i, down)) / (2 * h));
+        EXPECT_NEAR(slope, -normal[a], 1e-5);
+        // From the point on i to that on j it is -depth along the normal.
+        EXPECT_NEAR(p.on_j[a] - p.on_i[a], -n.depth * normal[a], 1e-14);
+      }
+    }
+    EXPECT_GT(apart, 10u);
+  }
+}
+
+std::string sentence_of(const std::function<void()>& work) {
+  try {
+    work();
+  } catch (const Error& e) {
+    return e.what();
+  }
+  return "no error";
+}
+
+TEST(Worlds, WhatMakesNoSenseIsRefusedInASentence) {
+  for (const BackendKind backend : backends()) {
+    const World w = random_worlds(2, 3, 5, 5);
+    Detector detector({backend, 0}, CallOptions{});
+    for (const double margin : {-1.0, static_cast<double>(NAN), static_cast<double>(INFINITY)}) {
+      detector.options().margin = margin;
+      EXPECT_NE(sentence_of([&] { detector.detect(w.input()); }).find("margin"), std::string::npos);
+    }
+    detector.options().margin = 0.1;
+    World bad = w;
+    bad.bodies[1].world = 8;
+    EXPECT_EQ(sentence_of([&] { detector.detect_worlds(bad.input(), 8, Answer::any); }),
+              "body 1 is in world 8, but answers are asked for worlds 0 to 7: ask for more worlds");
+    bad = w, bad.loose[3].r = -1;
+    EXPECT_NE(sentence_of([&] { detector.detect(bad.input()); }).find("negative radius"), std::string::npos);
+    bad = w, bad.bodies[2].position[1] = NAN;
+    EXPECT_NE(sentence_of([&] { detector.detect(bad.input()); }).find("of body 2) at"), std::string::npos);
+    EXPECT_EQ(detector.hash(), 0u);
+    EXPECT_EQ(sorted(detector.detect(w.input()).pair_span()), oracle(w.input(), detector.options()));
+  }
+}
+
+TEST(Worlds, EmptyScenesHaveEmptyAnswers) {
+  for (const BackendKind backend : backends()) {
+    CallOptions o;
+    o.margin = 1;
+    Detector detector({backend, 0}, o);
+    EXPECT_EQ(detector.detect({}).count, 0u);
+    EXPECT_EQ(detector.detect_worlds({}, 0, Answer::any).worlds, 0u);
+    const WorldAnswers a = detector.detect_worlds({}, 3, Answer::distance);
+    for (int w = 0; w < 3; w++) {
+      EXPECT_EQ(a.distance[w], INFINITY);
+      EXPECT_EQ(a.pair[w], (Pair{~0u, ~0u}));
+    }
+  }
+}
+
+TEST(WorldTree, AWalkVisitsEverythingThatABoxMeetsOnceAndInOrder) {
+  std::mt19937_64 random(9);
+  std::uniform_real_distribution<double> unit(0, 1);
+  for (const std::uint32_t n : {0u, 1u, 7u, 8u, 9u, 64u, 700u}) {
+    std::vector<Sphere> balls;
+    for (std::uint32_t k = 0; k < n; k++)
+      balls.push_back({k * 0.1 + unit(random), unit(random), unit(random), 0.2 * unit(random)});
+    WorldTree tree;
+    std::vector<TreeBox> nodes(lay_out(tree, n));
+    tree.balls = balls.data(), tree.nodes = nodes.data();
+    for (std::uint32_t level = 1; level <= tree.levels; level++)
+      for (std::uint32_t k = tree.first[level]; k < tree.first[level + 1]; k++)
+        nodes[k] = box_of_node(tree, level, k - tree.first[level]);
+    for (int again = 0; again < 100; again++) {
+      const auto begin = static_cast<std::uint32_t>(random() % (n + 1)),
+                 end = begin + static_cast<std::uint32_t>(random() % (n - begin + 1));
+      const TreeBox box = box_of({n * 0.1 * unit(random), unit(random), unit(random), 0.5}, 0.1);
+      TreeWalk walk{begin, end};
+      const auto meets = [&](const TreeBox& node, std::uint32_t, std::uint32_t) {
+        return overlap(box, node);
+      };
+      std::uint32_t expected = begin;
+      for (std::uint32_t k; (k = walk.next(tree, meets)) != kNoElement;) {
+        for (; expected < k; expected++) EXPECT_FALSE(overlap(box, box_of(balls[expected], 0)));
+        EXPECT_EQ(k, expected++);
+      }
+      for (; expected < end; expected++) EXPECT_FALSE(overlap(box, box_of(balls[expected], 0)));
+    }
+  }
+}
+
+}  // namespace
+}  // namespace padder::detect

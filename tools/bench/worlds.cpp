@@ -1,0 +1,286 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Many worlds in one call, as reinforcement learning and motion planning have them: pairs of bodies in 8,192
+// worlds, and 100,000 configurations of a robot arm against obstacles that are given once. Beside them, one
+// configuration after another: Bullet on the CPU.
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "padding/asset/cluster.h"
+#include "padding/asset/error.h"
+#include "tools/bench/bench.h"
+#include "tools/bench/bullet.h"
+#include "tools/bench/device.h"
+
+namespace padder::bench {
+namespace {
+
+using detect::Body;
+using detect::Sphere;
+
+// A scene of worlds. The bodies of world w are bodies[w * each] to bodies[(w + 1) * each - 1].
+struct WorldScene {
+  std::string name;
+  std::vector<std::vector<Sphere>> spheres;  // of each shape
+  std::vector<Body> bodies;
+  std::vector<double> obstacles;  // x, y, z, r of loose spheres of every world
+  std::uint32_t worlds = 0, each = 0;
+};
+
+// Two bodies of 64 spheres in each world, which stand at the same place.
+WorldScene pairs_of_bodies(std::uint32_t worlds) {
+  WorldScene s{"two bodies", {detect::generate_bodies(1).shape}, {}, {}, worlds, 2};
+  detect::SplitMix64 random(12345 + worlds);
+  for (std::uint32_t w = 0; w < worlds; w++)
+    for (int k = 0; k < 2; k++) {
+      Body b;
+      double q[4];
+      for (double& c : q) c = random.signed_unit();
+      detect::rotation_of(q[0], q[1], q[2], q[3], b.rotation);
+      for (double& c : b.position) c = 4 * random.signed_unit();
+      b.world = w;
+      s.bodies.push_back(b);
+    }
+  return s;
+}
+
+// The arm has the lengths of Franka Emika's Panda, by the parameters of its joints in the form of Craig (a,
+// d, alpha): seven joints, the hand at the flange, and two fingers in it.
+struct Joint {
+  double a, d, alpha, low, high;
+};
+constexpr double kQuarter = std::numbers::pi / 2;
+constexpr Joint kJoints[] = {{0, 0.333, 0, -2.8973, 2.8973},
+                             {0, 0, -kQuarter, -1.7628, 1.7628},
+                             {0, 0.316, kQuarter, -2.8973, 2.8973},
+                             {0.0825, 0, kQuarter, -3.0718, -0.0698},
+                             {-0.0825, 0.384, -kQuarter, -2.8973, 2.8973},
+                             {0, 0, kQuarter, -0.0175, 3.7525},
+                             {0.088, 0, kQuarter, -2.8973, 2.8973},
+                             {0, 0.107, 0, -std::numbers::pi / 4, -std::numbers::pi / 4}};
+constexpr std::uint32_t kHand = 8, kLinks = 11;  // link 0 is the base
+
+// `body` in the frame that turns by `angle` about the joint which stands in it.
+Body after(const Body& body, const Joint& j, double angle) {
+  const double ca = std::cos(j.alpha), sa = std::sin(j.alpha), ct = std::cos(angle), st = std::sin(angle);
+  const double r[9] = {ct, -st, 0, st * ca, ct * ca, -sa, st * sa, ct * sa, ca},
+               p[3] = {j.a, -sa * j.d, ca * j.d};
+  Body out;
+  for (int row = 0; row < 3; row++) {
+    out.position[row] = body.position[row];
+    for (int k = 0; k < 3; k++) {
+      out.position[row] += body.rotation[3 * row + k] * p[k];
+      out.rotation[3 * row + k] = 0;
+      for (int q = 0; q < 3; q++) out.rotation[3 * row + k] += body.rotation[3 * row + q] * r[3 * q + k];
+    }
+  }
+  return out;
+}
+
+// Where the bench was given no clusters: 73 spheres on a capsule about each link, 803 together.
+std::vector<Sphere> capsule(double length) {
+  std::vector<Sphere> spheres;
+  for (int k = 0; k < 73; k++) {
+    const double around = k * std::numbers::pi * (3 - std::sqrt(5.0));
+    spheres.push_back({0.04 * std::cos(around), 0.04 * std::sin(around), length * (k + 0.5) / 73, 0.03});
+  }
+  return spheres;
+}
+
+// Finger 0 or 1 of a hand that is open by `width`.
+Body finger(const Body& hand, int which, double width) {
+  const Sphere at = placed(hand, {0, which == 0 ? width : -width, 0.0584, 0});
+  Body out = hand;
+  out.position[0] = at.x, out.position[1] = at.y, out.position[2] = at.z;
+  return out;
+}
+
+WorldScene arm(const Settings& s, std::uint32_t worlds) {
+  WorldScene scene{"Panda", {}, {}, {}, worlds, kLinks};
+  if (s.files.empty()) {
+    for (const double length : {0.2, -0.2, 0.2, -0.12, 0.12, -0.38, 0.1, 0.1, 0.06, 0.05, 0.05})
+      scene.spheres.push_back(capsule(length));
+    scene.name = "arm of capsules";
+  } else if (s.files.size() != kLinks) {
+    throw Error(
+        "the clusters of the Panda's links are wanted: link 0 to 7, hand, left finger and right finger");
+  }
+  for (const std::string& file : s.files) {
+    const Cluster c = read_cluster(file);
+    std::vector<Sphere>& to = scene.spheres.emplace_back();
+    for (std::size_t k = 0; k < c.size(); k++)
+      to.push_back({c.centers[k].x(), c.centers[k].y(), c.centers[k].z(), c.radii[k]});
+  }
+  detect::SplitMix64 random(12345 + worlds);
+  for (std::uint32_t w = 0; w < worlds; w++) {
+    Body link, hand;
+    for (std::uint32_t k = 0; k < kLinks; k++) {
+      if (k > kHand) {
+        link = finger(hand, static_cast<int>(k - kHand - 1), 0.04 * random.unit());
+      } else if (k > 0) {
+        const Joint& j = kJoints[k - 1];
+        link = after(link, j, j.low + (j.high - j.low) * random.unit());
+      }
+      if (k == kHand) hand = link;
+      link.shape = k, link.family = 1,
+      link.world = w;  // one family: the links are not tested with each other
+      scene.bodies.push_back(link);
+    }
+  }
+  while (scene.obstacles.size() < 800) {
+    const double x = random.signed_unit(), y = random.signed_unit(), z = 0.3 + random.signed_unit();
+    if (std::hypot(x, y) < 0.3) continue;  // no obstacle stands in the base
+    scene.obstacles.insert(scene.obstacles.end(), {x, y, z, 0.02 + 0.03 * random.unit()});
+  }
+  return scene;
+}
+
+// The scene as the detector takes it: poses, and obstacles, on the device if there is one.
+class WorldInput {
+ public:
+  WorldInput(const WorldScene& scene, [[maybe_unused]] bool on_device) {
+    for (const auto& s : scene.spheres) shapes_.push_back({s.data(), s.size()});
+    input_.shapes = shapes_, input_.bodies = scene.bodies, input_.revision = 1;
+    if (!scene.obstacles.empty())
+      input_.spheres = detect::spheres_of<double>(scene.obstacles.size() / 4, scene.obstacles.data(),
+                                                  scene.obstacles.data() + 3);
+    input_.spheres.center_stride = input_.spheres.radius_stride = 4;
+    input_.spheres.world_of_all = detect::kEveryWorld;
+#ifdef PADDER_CUDA
+    if (!on_device) return;
+    std::vector<detect::Pose> poses(scene.bodies.size());
+    for (std::size_t b = 0; b < poses.size(); b++) {
+      std::copy_n(scene.bodies[b].rotation, 9, poses[b].rotation);
+      std::copy_n(scene.bodies[b].position, 3, poses[b].position);
+    }
+    const auto copy = [&](void*& to, const void* from, std::size_t bytes) {
+      if (cudaMalloc(&to, bytes + 1) != cudaSuccess ||
+          cudaMemcpy(to, from, bytes, cudaMemcpyHostToDevice) != cudaSuccess)
+        throw Error("the worlds do not fit the GPU's memory: choose fewer");
+    };
+    copy(poses_, poses.data(), poses.size() * sizeof(detect::Pose));
+    copy(obstacles_, scene.obstacles.data(), scene.obstacles.size() * sizeof(double));
+    input_.poses = static_cast<const detect::Pose*>(poses_), input_.pose_memory = detect::Memory::device;
+    input_.spheres.centers = obstacles_, input_.spheres.radii = static_cast<const double*>(obstacles_) + 3;
+    input_.spheres.memory = detect::Memory::device;
+#endif
+  }
+  ~WorldInput() {
+#ifdef PADDER_CUDA
+    cudaFree(poses_), cudaFree(obstacles_);
+#endif
+  }
+  WorldInput(const WorldInput&) = delete;
+  const detect::Input& input() const { return input_; }
+
+ private:
+  std::vector<detect::Shape> shapes_;
+  detect::Input input_;
+  void *poses_ = nullptr, *obstacles_ = nullptr;
+};
+
+class Table {
+ public:
+  explicit Table(const Settings& s) : settings_(s) {}
+
+  void rows_of(const WorldScene& scene, bool list) {
+    // One configuration after another takes the CPU long enough: its time for one is that of some of them.
+    WorldScene some = scene;
+    some.worlds = std::min(scene.worlds, 2000u);
+    some.bodies.resize(std::size_t(some.worlds) * some.each);
+    const std::uint64_t bullet = have_bullet() ? bullet_row(some, list) : ~std::uint64_t(0);
+    for (const detect::BackendKind backend : backends(settings_)) {
+      const bool cuda = backend == detect::BackendKind::cuda;
+      const std::uint64_t found = row(cuda ? scene : some, backend, list);
+      if (!cuda && bullet != ~std::uint64_t(0) && bullet != found)
+        say(settings_, "Bullet found " + std::to_string(bullet) + ", the detector " + std::to_string(found));
+    }
+  }
+
+  Json rows = Json::array();
+  Json table = Json::array(
+      {{"scene", "answer", "worlds", "spheres in each", "found", "by", "call [ms]", "us a world"}});
+
+ private:
+  // Returns the contacts, or the worlds that have some.
+  std::uint64_t row(const WorldScene& scene, detect::BackendKind backend, bool list) {
+    const bool cuda = backend == detect::BackendKind::cuda;
+    const WorldInput input(scene, cuda);
+    detect::CallOptions o;
+    o.threads = settings_.threads, o.output = cuda ? detect::Memory::device : detect::Memory::host;
+    detect::Detector d({backend}, o);
+    const int repeat = std::max(settings_.repeat, cuda ? 21 : 3);
+    const char* by = cuda ? "cuda" : "omp";
+    if (list) {
+      for (int k = 0; k < 3; k++) detect_watched(d, input.input());
+      const double t = median_seconds(repeat, [&] { detect_watched(d, input.input()); });
+      const std::uint64_t found = detect_watched(d, input.input()).count;
+      add(scene, "list", found, by, t);
+      return found;
+    }
+    std::uint64_t with_contacts = 0;
+    for (const auto& [answer, name] : {std::pair(detect::Answer::any, "any"),
+                                       {detect::Answer::count, "count"},
+                                       {detect::Answer::distance, "distance"}}) {
+      d.options().margin = answer == detect::Answer::distance ? 0.05 : 0;
+      const auto ask = [&] { d.detect_worlds(input.input(), scene.worlds, answer); };
+      ask(), ask();
+      const double t = median_seconds(repeat, ask);
+      if (answer == detect::Answer::any) {
+        d.options().output = detect::Memory::host;
+        const detect::WorldAnswers a = d.detect_worlds(input.input(), scene.worlds, answer);
+        with_contacts = static_cast<std::uint64_t>(std::count(a.any, a.any + scene.worlds, 1));
+        d.options().output = o.output;
+      }
+      add(scene, name, with_contacts, by, t);
+    }
+    return with_contacts;
+  }
+
+  std::uint64_t bullet_row(const WorldScene& scene, bool list) {
+    BulletBodies bullet(scene.spheres, scene.obstacles);
+    std::uint64_t found = 0;
+    const auto all = [&] {
+      found = 0;
+      for (std::uint32_t w = 0; w < scene.worlds; w++)
+        found += bullet.contacts({&scene.bodies[std::size_t(w) * scene.each], scene.each}, !list);
+    };
+    const double t = median_seconds(3, all);
+    add(scene, list ? "list" : "any", found, "Bullet", t);
+    return found;
+  }
+
+  void add(const WorldScene& scene, const char* answer, std::uint64_t found, const char* by, double seconds) {
+    std::size_t spheres = 0;
+    for (std::uint32_t k = 0; k < scene.each; k++) spheres += scene.spheres[scene.bodies[k].shape].size();
+    const double each = seconds / scene.worlds;
+    rows.push_back({{"scene", scene.name},
+                    {"answer", answer},
+                    {"worlds", scene.worlds},
+                    {"spheres", spheres},
+                    {"found", found},
+                    {"by", by},
+                    {"seconds", seconds},
+                    {"seconds_each", each}});
+    table.push_back({scene.name, answer, std::to_string(scene.worlds), std::to_string(spheres),
+                     std::to_string(found), by, number(seconds * 1e3, "%.3f"), number(each * 1e6, "%.4f")});
+  }
+  const Settings& settings_;
+};
+
+}  // namespace
+
+Json worlds(const Settings& s) {
+  Table t(s);
+  const auto count = [&](std::uint32_t own) {
+    return s.spheres.empty() ? own : static_cast<std::uint32_t>(s.spheres.front());
+  };
+  t.rows_of(pairs_of_bodies(count(8192)), true);
+  t.rows_of(arm(s, count(100000)), false);
+  Json result = {{"bench", "worlds"},    {"machine", machine()}, {"device", device_name()},
+                 {"threads", s.threads}, {"rows", t.rows},       {"table", t.table}};
+  write_result(s, result);
+  return result;
+}
+
+}  // namespace padder::bench
