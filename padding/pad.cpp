@@ -154,17 +154,17 @@ std::string count_of(std::size_t n, const std::string& one) {
   return std::to_string(n) + " " + one + (n == 1 ? "" : "s");
 }
 
-// "12 slots that are wider than twice the tolerance are closed by the wrap, the widest 3.1 at (1, 2, 3)"
+// "the wrap closes 12 slots wider than twice the tolerance, the widest 3.1 at (1, 2, 3): a smaller …"
 std::string slots_text(const Job& job) {
   const std::vector<ClosedSlot>& slots = job.report.slots;
   const ClosedSlot& widest = slots.front();
   char text[200];
   std::snprintf(text, sizeof text,
-                " that are wider than twice the tolerance, the widest %.3g at (%.4g, %.4g, %.4g)",
-                widest.width, widest.place.x(), widest.place.y(), widest.place.z());
+                " wider than twice the tolerance, the widest %.3g at (%.4g, %.4g, %.4g): ", widest.width,
+                widest.place.x(), widest.place.y(), widest.place.z());
   return "the wrap closes " + count_of(slots.size(), "slot") + text +
-         (job.options.min_grain_radius.given() ? ": a smaller --reach opens them"
-                                               : ": --repair auto or a larger tolerance may help");
+         (job.options.min_grain_radius.given() ? "a smaller --reach opens them"
+                                               : "--repair auto, or a larger tolerance, may help");
 }
 
 // Why the figures are no proof against the input; empty when they are.
