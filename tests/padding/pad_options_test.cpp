@@ -45,8 +45,31 @@ TEST(PadOptions, WhatMakesNoSenseIsRefused) {
       [](PadOptions& o) { o.tolerance = {}, o.max_radius = Length::of(0.1); },  // without effect
       [](PadOptions& o) { o.depth_ratio = 0.2, o.min_radius = Length::of(0.1); },
       [](PadOptions& o) { o.tolerance = {}, o.smooth = 5; },
+      [](PadOptions& o) { o.gap = Length::of(-1); },
+      [](PadOptions& o) { o.protrusion = Length::share(nan); },
+      [](PadOptions& o) { o.tolerance = {}, o.gap = Length::of(0); },         // no protrusion
+      [](PadOptions& o) { o.tolerance = {}, o.protrusion = Length::of(1); },  // no gap
+      [](PadOptions& o) { o.gap = o.protrusion = Length::of(0); },
+      [](PadOptions& o) { o.gap = Length::of(0), o.max_spheres = 9; },
+      [](PadOptions& o) { o.gap = Length::of(0), o.balance = Balance::mean; },
+      [](PadOptions& o) { o.tolerance = {}, o.lower_bound = true; },  // of a sphere for each triangle
   };
   for (std::size_t k = 0; k < std::size(wrong); k++) EXPECT_THROW(check(with(wrong[k])), Error) << k;
+}
+
+TEST(PadOptions, EachErrorReplacesItsSideOfTheTolerance) {
+  const PadOptions conservative = with([](PadOptions& o) { o.gap = Length::of(0); });
+  EXPECT_NO_THROW(check(conservative));
+  EXPECT_EQ(conservative.gap_used().absolute(1), 0);
+  EXPECT_EQ(conservative.protrusion_used().absolute(1), 0.01);
+  const PadOptions both = with(
+      [](PadOptions& o) { o.tolerance = {}, o.gap = Length::share(0.02), o.protrusion = Length::of(0); });
+  EXPECT_NO_THROW(check(both));
+  EXPECT_TRUE(both.by_tolerance() && !both.by_depth());
+  const auto settings = nlohmann::json::parse(settings_json(both, 10, 0));
+  EXPECT_EQ(settings["protrusion"], 0);
+  EXPECT_NEAR(settings["gap"].get<double>(), 0.2, 1e-15);
+  EXPECT_FALSE(settings.contains("tolerance"));
 }
 
 Box box(double x, double y, double z) {

@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "padding/asset/error.h"
+#include "padding/geometry/random.h"
 #include "padding/verify/certify.h"
 #include "tests/padding/shapes.h"
 
@@ -92,6 +93,34 @@ TEST(CoverMesh, ARadiusLimitThatLeavesSurfaceOpenIsNotCertified) {
   options.min_radius = Length::share(0.2);
   const Cluster cluster = cover_mesh(shapes::box({0, 0, 0}, {4, 2, 1}), Length::share(0.01), options);
   EXPECT_FALSE(cluster.accuracy.certified);
+}
+
+// Far from the origin and large: the promise holds in the mesh's own frame.
+TEST(CoverMesh, EachErrorByItself) {
+  Mesh mesh = shapes::box({0, 0, 0}, {40, 20, 10});
+  for (Point& p : mesh.points) p += Vector(300, -200, 50);
+  CoverMeshOptions options;
+  options.gap = Length::of(0), options.protrusion = Length::share(0.02);
+  const Cluster outer = cover_mesh(mesh, {}, options);
+  EXPECT_TRUE(outer.accuracy.certified);
+  std::vector<Ball> balls;
+  for (std::size_t k = 0; k < outer.size(); k++) balls.push_back({outer.centers[k], outer.radii[k]});
+  const BallSet set(balls);
+  Random random(5);
+  for (int k = 0; k < 20000; k++) {
+    const Point x(300 + 40 * random.uniform(), -200 + 20 * random.uniform(), 50 + 10 * random.uniform());
+    ASSERT_TRUE(set.any_contains(x)) << "seed 5, point " << k;
+  }
+  EXPECT_EQ(gap_bound(mesh, set).upper, 0);
+
+  options.gap.reset(), options.protrusion = Length::of(0);
+  const Cluster inner = cover_mesh(mesh, Length::share(0.02), options);
+  EXPECT_TRUE(inner.accuracy.certified);
+  balls.clear();
+  for (std::size_t k = 0; k < inner.size(); k++) balls.push_back({inner.centers[k], inner.radii[k]});
+  EXPECT_LE(protrusion_bound(Surface(mesh), balls).max, 0);
+  options.gap = Length::of(0);
+  EXPECT_NE(refusal(mesh, Length::share(0.02), options).find("allow one"), std::string::npos);
 }
 
 TEST(CoverMesh, RefusesWhatItCannotCover) {
