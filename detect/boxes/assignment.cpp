@@ -58,8 +58,9 @@ std::uint64_t drawn(std::uint64_t start, std::uint64_t step, std::uint64_t end) 
 }  // namespace
 
 std::uint64_t BoxLoad::bytes() const {
-  return single.bytes() + twice.bytes() + ids.bytes() + family.bytes() + mask.bytes() + is_static.bytes() +
-         bodies.bytes() + body_ids.bytes() + first_of_body.capacity() * sizeof(std::uint64_t);
+  return single.bytes() + twice.bytes() + ids.bytes() + family.bytes() + mask.bytes() + world.bytes() +
+         is_static.bytes() + bodies.bytes() + body_ids.bytes() +
+         first_of_body.capacity() * sizeof(std::uint64_t);
 }
 
 Input BoxLoad::input() const {
@@ -69,6 +70,8 @@ Input BoxLoad::input() const {
   in.spheres.center_stride = in.spheres.radius_stride = 4;
   if (has_family) in.spheres.family = family.data();
   if (has_mask) in.spheres.mask = mask.data();
+  if (has_world) in.spheres.world = world.data();
+  in.spheres.world_of_all = world_of_all;
   if (has_static) in.spheres.is_static = is_static.data();
   in.shapes = shapes;
   in.bodies = {bodies.data(), body_count};
@@ -185,7 +188,7 @@ std::vector<WeightedPoint> Assignment::sample(std::uint64_t most) const {
 template <class T>
 void Assignment::count_loose(const BoxTree& tree, std::uint64_t table_bytes) {
   const auto bounds = [&](std::uint64_t k) {
-    return halo_of(given<T>(input_.spheres, k).sphere(), largest_radius_);
+    return halo_of(given<T>(input_.spheres, k).sphere(), largest_radius_, margin_);
   };
   loose_.count(
       input_.spheres.count, tree, bounds, [](std::uint64_t) { return 1; }, threads_, table_bytes);
@@ -193,7 +196,7 @@ void Assignment::count_loose(const BoxTree& tree, std::uint64_t table_bytes) {
 
 void Assignment::count(const BoxTree& tree, std::uint64_t table_bytes) {
   const auto bounds = [&](std::uint64_t b) {
-    return halo_of(input_.bodies[b], extents_[input_.bodies[b].shape], largest_radius_);
+    return halo_of(input_.bodies[b], extents_[input_.bodies[b].shape], largest_radius_, margin_);
   };
   const auto weight = [&](std::uint64_t b) { return extents_[input_.bodies[b].shape].count; };
   bodies_.count(input_.bodies.size(), tree, bounds, weight, threads_, table_bytes / 2);
@@ -206,7 +209,8 @@ void Assignment::count(const BoxTree& tree, std::uint64_t table_bytes) {
 std::uint64_t Assignment::load_bytes(std::uint32_t box) const {
   const Spheres& s = input_.spheres;
   const std::uint64_t each = (s.scalar == Scalar::f32 ? 16u : 32u) + sizeof(std::uint64_t) +
-                             (s.family ? 4u : 0u) + (s.mask ? 4u : 0u) + (s.is_static ? 1u : 0u);
+                             (s.family ? 4u : 0u) + (s.mask ? 4u : 0u) + (s.world ? 4u : 0u) +
+                             (s.is_static ? 1u : 0u);
   return loose_.count_of(box) * each + bodies_.count_of(box) * (sizeof(Body) + 2 * sizeof(std::uint64_t)) +
          64;
 }
@@ -216,6 +220,7 @@ void Assignment::prepare(BoxLoad& load, std::uint32_t box, const BoxTree& tree) 
   load.region = tree.region(box), load.scalar = s.scalar, load.shapes = input_.shapes;
   load.loose = loose_.count_of(box), load.body_count = bodies_.count_of(box);
   load.body_spheres = bodies_.weight_of(box);
+  load.has_world = s.world, load.world_of_all = s.world_of_all;
   load.has_family = s.family, load.has_mask = s.mask, load.has_static = s.is_static;
   if (s.scalar == Scalar::f32)
     load.single.at_least(4 * load.loose);
@@ -224,6 +229,7 @@ void Assignment::prepare(BoxLoad& load, std::uint32_t box, const BoxTree& tree) 
   load.ids.at_least(load.loose);
   if (s.family) load.family.at_least(load.loose);
   if (s.mask) load.mask.at_least(load.loose);
+  if (s.world) load.world.at_least(load.loose);
   if (s.is_static) load.is_static.at_least(load.loose);
   load.bodies.at_least(load.body_count), load.body_ids.at_least(load.body_count);
 }
@@ -231,7 +237,9 @@ void Assignment::prepare(BoxLoad& load, std::uint32_t box, const BoxTree& tree) 
 template <class T>
 void Assignment::fill_loose(const BoxTree& tree, std::uint32_t first, std::span<BoxLoad> loads) const {
   const Spheres& s = input_.spheres;
-  const auto bounds = [&](std::uint64_t k) { return halo_of(given<T>(s, k).sphere(), largest_radius_); };
+  const auto bounds = [&](std::uint64_t k) {
+    return halo_of(given<T>(s, k).sphere(), largest_radius_, margin_);
+  };
   const auto put = [&](std::uint64_t k, std::uint32_t box, std::uint64_t place) {
     BoxLoad& load = loads[box - first];
     const Given<T> g = given<T>(s, k);
@@ -245,6 +253,7 @@ void Assignment::fill_loose(const BoxTree& tree, std::uint32_t first, std::span<
     load.ids.data()[place] = numbering_.loose + k;
     if (s.family) load.family.data()[place] = tag_of(s.family, k);
     if (s.mask) load.mask.data()[place] = tag_of(s.mask, k);
+    if (s.world) load.world.data()[place] = tag_of(s.world, k);
     if (s.is_static) load.is_static.data()[place] = s.is_static[k];
   };
   loose_.deliver(first, first + static_cast<std::uint32_t>(loads.size()), tree, bounds, put, threads_);
@@ -252,7 +261,7 @@ void Assignment::fill_loose(const BoxTree& tree, std::uint32_t first, std::span<
 
 void Assignment::fill_bodies(const BoxTree& tree, std::uint32_t first, std::span<BoxLoad> loads) const {
   const auto bounds = [&](std::uint64_t b) {
-    return halo_of(input_.bodies[b], extents_[input_.bodies[b].shape], largest_radius_);
+    return halo_of(input_.bodies[b], extents_[input_.bodies[b].shape], largest_radius_, margin_);
   };
   const auto put = [&](std::uint64_t b, std::uint32_t box, std::uint64_t place) {
     BoxLoad& load = loads[box - first];

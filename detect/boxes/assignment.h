@@ -34,12 +34,13 @@ class Scratch {
 struct BoxLoad {
   Region region;
   Scalar scalar = Scalar::f32;
-  bool has_family = false, has_mask = false, has_static = false;
+  bool has_family = false, has_mask = false, has_static = false, has_world = false;
+  std::uint32_t world_of_all = 0;
   std::uint64_t loose = 0, body_count = 0, body_spheres = 0;
   Scratch<float> single;       // x, y, z, r of each loose sphere, when `scalar` is f32
   Scratch<double> twice;       // the same when it is f64
   Scratch<std::uint64_t> ids;  // numbers of the loose spheres in the scene
-  Scratch<std::uint32_t> family, mask;
+  Scratch<std::uint32_t> family, mask, world;
   Scratch<std::uint8_t> is_static;
   Scratch<Body> bodies;
   Scratch<std::uint64_t> body_ids;           // number of each body's first sphere in the scene
@@ -80,6 +81,8 @@ class Assignment {
 
   // The halos depend on the largest radius of the scene, of which these spheres may be a part.
   double largest_radius() const { return largest_radius_; }
+  // Pairs whose gap is at most this are contacts, too (CallOptions::margin). To be set before count().
+  void set_margin(double margin) { margin_ = margin; }
   void raise_largest_radius(double radius) { largest_radius_ = std::max(largest_radius_, radius); }
 
   std::uint64_t spheres() const { return body_spheres_ + input_.spheres.count; }
@@ -115,7 +118,7 @@ class Assignment {
   std::vector<std::uint64_t> first_of_body_;  // numbers in the scene
   std::uint64_t body_spheres_ = 0;
   Numbering numbering_;
-  double largest_radius_ = 0;
+  double largest_radius_ = 0, margin_ = 0;
   Distribution loose_, bodies_;
 };
 

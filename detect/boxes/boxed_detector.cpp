@@ -317,6 +317,7 @@ const BoxReport& BoxedDetector::Work::run(const Input& input, const ContactConsu
     check(input);
     const Input settled = bodies_.settle(input);
     Assignment assignment(settled, threads());
+    assignment.set_margin(options_.detector.margin);
     plan(assignment);
     report_.cut_seconds = now() - start;
     rounds(assignment, consumer);

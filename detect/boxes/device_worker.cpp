@@ -92,6 +92,7 @@ BoxResult DeviceWorker::split(const BoxLoad& load, std::uint64_t copied, const s
   detector_ = detector_on(device_);  // gives its memory back
   const Input input = load.input();
   Assignment assignment(input, threads_);
+  assignment.set_margin(options_.margin);
   const BoxTree halves = cut_space(assignment.sample(kSplitSample), 2, load.region, threads_);
   assignment.count(halves, kSplitSample);
   const std::uint64_t larger_half = std::max(assignment.spheres_of(0), assignment.spheres_of(1));

@@ -27,7 +27,7 @@ void middle_of(const Body& body, const ShapeExtent& shape, double (&at)[3]) {
 
 // Interval arithmetic. Every product and sum, here and in placed(), is off by at most u of `size`, the sum of
 // the magnitudes: 6 u there, 6 u here, and the 30 u of the theorem. kHaloRounding is 128 u.
-Bounds halo_of(const Body& body, const ShapeExtent& shape, double largest_radius) {
+Bounds halo_of(const Body& body, const ShapeExtent& shape, double largest_radius, double margin) {
   Bounds b{{INFINITY, INFINITY, INFINITY}, {-INFINITY, -INFINITY, -INFINITY}};
   if (shape.count == 0) return b;
   double low[3], high[3], size[3];
@@ -40,7 +40,8 @@ Bounds halo_of(const Body& body, const ShapeExtent& shape, double largest_radius
     }
   }
   const double extent = std::max({size[0], size[1], size[2]}), r = shape.largest_radius;
-  const double reach = r + (kHaloRounding * (extent + r + largest_radius) + kHaloUnderflow);
+  const double reach =
+      r + margin / 2 + (kHaloRounding * (extent + r + largest_radius + margin) + kHaloUnderflow);
   for (int a = 0; a < 3; a++) {
     b.low[a] = low[a] - reach, b.high[a] = high[a] + reach;
     if (!(b.low[a] <= b.high[a])) b.low[a] = -INFINITY, b.high[a] = INFINITY;  // not a number

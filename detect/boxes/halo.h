@@ -25,6 +25,9 @@
 //  its radius, plus 2^-1070 for products that underflow. The halo below adds 128 u and 2^-1060, which also
 //  covers the rounding of its own faces.
 //
+// With a margin m, pairs count whose gap is at most m (contact.h). In the proof ri + rj + m takes the place
+// of ri + rj: then t D <= ri + m / 2 + 20 u (ri + rj + m), so the halos are wider by m / 2.
+//
 // The term with R is 2^-46 of the largest radius. It matters only for spheres 1e13 times as large as a box.
 #pragma once
 #include <span>
@@ -38,9 +41,10 @@ namespace padder::detect {
 inline constexpr double kHaloRounding = 0x1p-46, kHaloUnderflow = 0x1p-1060;
 
 // Where the midpoints of a sphere's contacts can lie. The sphere must be one that fault_of() accepts.
-PADDER_HD Bounds halo_of(const Sphere& s, double largest_radius) {
+PADDER_HD Bounds halo_of(const Sphere& s, double largest_radius, double margin = 0) {
   const double extent = larger(larger(magnitude(s.x), magnitude(s.y)), magnitude(s.z));
-  const double reach = s.r + (kHaloRounding * (extent + s.r + largest_radius) + kHaloUnderflow);
+  const double reach =
+      s.r + margin / 2 + (kHaloRounding * (extent + s.r + largest_radius + margin) + kHaloUnderflow);
   return {{s.x - reach, s.y - reach, s.z - reach}, {s.x + reach, s.y + reach, s.z + reach}};
 }
 
@@ -60,6 +64,6 @@ void middle_of(const Body& body, const ShapeExtent& shape, double (&at)[3]);
 // Where the midpoints of the contacts of a body's spheres can lie: bounds of all of their halos, for a
 // rotation that may be any matrix. A body is never divided: each box that these bounds meet gets all of it.
 // Faces that cannot be computed are infinite. Cost: the same for a shape of any size.
-Bounds halo_of(const Body& body, const ShapeExtent& shape, double largest_radius);
+Bounds halo_of(const Body& body, const ShapeExtent& shape, double largest_radius, double margin = 0);
 
 }  // namespace padder::detect

@@ -143,6 +143,9 @@ Input RankDetector::Work::read(const Input& part) {
   check_->options() = options;
   check_->detect(Input{});
   check_box_input(part);
+  if (part.spheres.count && (part.spheres.world || part.spheres.world_of_all != 0))
+    throw Error(
+        "several ranks do not send the worlds of loose spheres: give them as bodies, or use one rank");
   return bodies_.settle(part);
 }
 
@@ -249,6 +252,7 @@ const RankReport& RankDetector::Work::run(const Input& part, const ContactConsum
     const Numbering numbering = number(settled);
     std::optional<Assignment> assignment;
     together(ranks_, [&] { assignment.emplace(settled, threads(), numbering); });
+    assignment->set_margin(options_.margin);
     const LoadForm form = agree(settled, *assignment);
     plan(*assignment);
     const double planned = MPI_Wtime();

@@ -284,6 +284,8 @@ cuda::Form ResidentDetector::Work::check(std::span<const Spheres> parts) const {
     Input input;
     input.spheres = s;
     check_input(input, true);
+    if (options_.margin > 0 || loose_have_worlds(input))
+      throw Error("spheres that stay on several GPUs have neither a margin nor worlds: use one Detector");
     if (s.count == 0) continue;
     if (!first && s.scalar != form.scalar)
       throw Error("the parts of a scene must be all in float or all in double");

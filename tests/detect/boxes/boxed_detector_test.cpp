@@ -51,6 +51,28 @@ TEST(BoxedDetector, RandomScenesAreAsWithoutBoxes) {
   }
 }
 
+// The halos are wider by half the margin: pairs that do not touch may belong to a box that neither meets.
+TEST(BoxedDetector, AMarginAndWorldsAreAsWithoutBoxes) {
+  const TestScene scene = random_scene(2000, 10, 4, 99);
+  Arranged a(scene, Scalar::f64);
+  std::vector<std::uint32_t> world;
+  for (std::uint32_t k = 0; k < 2000; k++) world.push_back(k % 50 == 0 ? kEveryWorld : k % 3);
+  for (const bool worlds : {false, true})
+    for (const double margin : {0.0, 0.5, 4.0}) {
+      a.input.spheres.world = worlds ? world.data() : nullptr;
+      CallOptions one;
+      one.margin = margin;
+      Detector detector({BackendKind::omp}, one);
+      const std::vector<Pair> wanted = sorted(detector.detect(a.input).pair_span());
+      for (const std::uint32_t n : {2u, 5u, 27u}) {
+        BoxOptions o = on_the_cpu(n, 2);
+        o.detector.margin = margin;
+        BoxedDetector boxed(o);
+        EXPECT_EQ(sorted(boxed.detect(a.input).pair_span()), wanted);
+      }
+    }
+}
+
 TEST(BoxedDetector, FloatSpheresAndBothPathsAreAsWithoutBoxes) {
   const TestScene scene = random_scene(3000, 10, 0.5, 7).rounded();
   const Arranged a(scene, Scalar::f32);
