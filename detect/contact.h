@@ -123,9 +123,9 @@ PADDER_HD bool float_range(double extent, double radius) {
 
 // What a contact record holds, in double. i is the sphere with the smaller number.
 struct Geometry {
-  double normal[3];         // unit vector from i to j; (1, 0, 0) for equal centres
-  double depth;  // the penetration ri + rj - distance; up to rounding 0 or more without a margin, and at
-                 // least -margin with one
+  double normal[3];  // unit vector from i to j; (1, 0, 0) for equal centres
+  double depth;      // the penetration ri + rj - distance; up to rounding 0 or more without a margin, and at
+                     // least -margin with one
   double on_i[3], on_j[3];  // the deepest point of each sphere inside the other: ci + ri n, cj - rj n
 };
 // The vector from one centre to another and its length, all multiplied by `scale`. That is 1, or a power of

@@ -62,8 +62,7 @@ class Work {
     const Call call = begin(input, options);
     bodies_.forget();
     last_count_ = 0;
-    const WorldAnswers answers =
-        worlds_.answer(input, options, worlds, answer, call.processors, call.stream);
+    const WorldAnswers answers = worlds_.answer(input, options, worlds, answer, call.processors, call.stream);
     running_ = false;
     return answers;
   }

@@ -14,10 +14,10 @@ namespace padder::detect {
 // N loose spheres, in float or in double.
 struct LooseSpheres {
   Scalar scalar = Scalar::f32;
-  std::vector<float> single;                // x, y, z, r of each sphere if scalar is f32
-  std::vector<double> twice;                // x, y, z, r of each sphere if scalar is f64
+  std::vector<float> single;                       // x, y, z, r of each sphere if scalar is f32
+  std::vector<double> twice;                       // x, y, z, r of each sphere if scalar is f64
   std::vector<std::uint32_t> family, mask, world;  // one for each sphere, or empty
-  std::vector<std::uint8_t> is_static;      // one for each sphere, or empty
+  std::vector<std::uint8_t> is_static;             // one for each sphere, or empty
 
   std::uint64_t size() const { return (scalar == Scalar::f32 ? single.size() : twice.size()) / 4; }
   // Appends the spheres of `more`. The result is in double if either of the two is.

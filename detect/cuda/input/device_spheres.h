@@ -27,7 +27,7 @@ struct DeviceSpheres {
   const std::uint32_t* body_first = nullptr;   // its first sphere's number
   const Sphere* shape_spheres = nullptr;       // of all shapes, one after another
   const std::uint32_t* shape_first = nullptr;  // of each shape
-  const std::uint32_t* world = nullptr;  // of loose spheres; null: `world_of_all`
+  const std::uint32_t* world = nullptr;        // of loose spheres; null: `world_of_all`
   std::uint32_t world_of_all = 0;
   std::uint32_t count = 0, placed = 0, center_stride = 3, radius_stride = 1;
   bool wide = false;    // double input

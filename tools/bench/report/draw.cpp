@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Runs gnuplot, and the files of the benches: each its document, and its plots where gnuplot is installed.
-#include "tools/bench/draw.h"
+#include "tools/bench/report/draw.h"
 
 #include <unistd.h>
 
@@ -9,7 +9,7 @@
 
 #include "padding/asset/error.h"
 #include "padding/asset/file.h"
-#include "tools/bench/document.h"
+#include "tools/bench/report/document.h"
 
 namespace padder::bench {
 namespace {

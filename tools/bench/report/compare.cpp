@@ -5,7 +5,7 @@
 
 #include "padding/asset/error.h"
 #include "tools/bench/bench.h"
-#include "tools/bench/document.h"
+#include "tools/bench/report/document.h"
 
 namespace padder::bench {
 namespace {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "tools/bench/document.h"
+#include "tools/bench/report/document.h"
 
 #include <cmath>
 

@@ -6,8 +6,8 @@
 #include <map>
 
 #include "padding/asset/error.h"
-#include "tools/bench/document.h"
-#include "tools/bench/draw.h"
+#include "tools/bench/report/document.h"
+#include "tools/bench/report/draw.h"
 
 namespace padder::bench {
 namespace {
