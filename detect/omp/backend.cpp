@@ -105,17 +105,28 @@ Summary summarize(const View<T>& spheres, int threads) {
 #pragma omp parallel num_threads(threads)
   {
     Summary mine;
+    double v[4][kBatch];
 #pragma omp for schedule(static) nowait
-    for (std::int64_t k = 0; k < n; k++) {
-      const Sphere p = spheres[static_cast<std::uint64_t>(k)];
-      if (fault_of(p) != Fault::none) [[unlikely]] {
-        mine.first_fault = std::min(mine.first_fault, static_cast<std::uint64_t>(k));
-        continue;
+    for (std::int64_t first = 0; first < n; first += kBatch) {
+      const auto begin = static_cast<std::uint64_t>(first),
+                 end = std::min(begin + kBatch, static_cast<std::uint64_t>(n));
+      // The last batch is filled up with its last sphere.
+      for (std::uint64_t k = 0; k < kBatch; k++) {
+        const Sphere p = spheres[std::min(begin + k, end - 1)];
+        v[0][k] = p.x, v[1][k] = p.y, v[2][k] = p.z, v[3][k] = p.r;
       }
-      const double c[3] = {p.x, p.y, p.z};
+      double low[4], high[4];
+      bool good = true;
+      for (int a = 0; a < 4; a++) {
+        low[a] = INFINITY, high[a] = -INFINITY;
+        good &= widen(v[a], kBatch, low[a], high[a]);
+      }
+      for (std::uint64_t k = begin; k < end && (!good || low[3] < 0); k++)
+        if (fault_of(spheres[k]) != Fault::none) mine.first_fault = std::min(mine.first_fault, k);
       for (int a = 0; a < 3; a++)
-        mine.low[a] = std::min(mine.low[a], c[a]), mine.high[a] = std::max(mine.high[a], c[a]);
-      mine.radius_max = std::max(mine.radius_max, p.r), mine.radius_min = std::min(mine.radius_min, p.r);
+        mine.low[a] = std::min(mine.low[a], low[a]), mine.high[a] = std::max(mine.high[a], high[a]);
+      mine.radius_max = std::max(mine.radius_max, high[3]),
+      mine.radius_min = std::min(mine.radius_min, low[3]);
     }
 #pragma omp critical
     {

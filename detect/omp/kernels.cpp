@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
 
 #if defined(__x86_64__) && defined(__GNUC__)
@@ -310,6 +311,37 @@ void to_normals(Batch& batch, int count) {
     batch.x[k] = l.length > 0 ? l.x * per_d : 1, batch.y[k] = l.y * per_d, batch.z[k] = l.z * per_d;
     batch.s[k] -= l.length * l.per_scale;
   }
+}
+
+// As split(), without a cast to an integer: AVX2 has none for 64 bits. Adding 1.5 * 2^52 and subtracting it
+// again rounds a number below 2^51 to a whole one, and the low bits of the sum are those of the whole number.
+PADDER_CLONES void bin_numbers(const double* x, int count, double size, double per_size,
+                               std::uint32_t* bins) {
+  constexpr double kWhole = 0x1.8p52;
+  for (int k = 0; k < count; k++) {
+    const double quotient = x[k] * per_size, near = (quotient + kWhole) - kWhole;
+    const double below = near > quotient ? near - 1 : near;
+    const double rest = x[k] - below * size;
+    const double bin = rest < 0 ? below - 1 : (rest >= size) & (below != -1) ? below + 1 : below;
+    bins[k] = static_cast<std::uint32_t>(std::bit_cast<std::uint64_t>(bin + kWhole));
+  }
+}
+
+PADDER_CLONES bool widen(const double* x, int count, double& low, double& high) {
+  constexpr int kSide = 8;  // lanes of their own, because a compiler may not reorder minima of doubles
+  double lows[kSide], highs[kSide];
+  std::int64_t bad[kSide] = {};
+  for (int j = 0; j < kSide; j++) lows[j] = low, highs[j] = high;
+  for (int k = 0; k < count; k += kSide)
+    for (int j = 0; j < kSide; j++) {
+      const double v = x[k + j];
+      lows[j] = v < lows[j] ? v : lows[j], highs[j] = v > highs[j] ? v : highs[j];
+      bad[j] |= std::abs(v) <= kLargest ? 0 : 1;
+    }
+  std::int64_t any = 0;
+  for (int j = 0; j < kSide; j++)
+    low = std::min(low, lows[j]), high = std::max(high, highs[j]), any |= bad[j];
+  return any == 0;
 }
 
 }  // namespace padder::detect::omp

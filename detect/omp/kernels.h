@@ -73,4 +73,10 @@ void differences(const Slots<FixedPointSlot>&, const Sphere* spheres, const std:
                  const std::uint32_t* j, int count, Batch& out);
 void to_normals(Batch& batch, int count);
 
+// For up to kBatch coordinates along an axis: the bin numbers of split() in grid.h, modulo 2^32.
+void bin_numbers(const double* x, int count, double size, double per_size, std::uint32_t* bins);
+// Widens `low` and `high` by `count` numbers, a multiple of 8. False if one of them is not a number, or
+// larger than kLargest in magnitude; then low and high mean nothing.
+bool widen(const double* x, int count, double& low, double& high);
+
 }  // namespace padder::detect::omp

@@ -5,7 +5,7 @@
 // stage 6. Stages 7 to 9 are in search.cpp and records.cpp.
 #include <omp.h>
 
-#include "detect/omp/level_keys.h"
+#include "detect/omp/choose_levels.h"
 #include "detect/omp/paths.h"
 
 namespace padder::detect::omp {
@@ -41,12 +41,33 @@ struct CountingSort {
   void find_keys(std::uint64_t begin, std::uint64_t end, std::uint32_t* count) const {
     std::fill_n(count, parts, 0u);
     const int by = shift;
+    if (grid.levels == 1) return find_keys_of_one_level(begin, end, count);
     for (std::uint64_t i = begin; i < end; i++) {
       const Sphere s = spheres[i];
       const int level = level_of(grid, s);
       const std::uint32_t key = level_keys[level].key(bin_of(grid.level[level], s));
       keys[i] = key;
       count[key >> by]++;
+    }
+  }
+  void find_keys_of_one_level(std::uint64_t begin, std::uint64_t end, std::uint32_t* count) const {
+    const int by = shift;
+    const Level& l = grid.level[0];
+    double place[3][kBatch];
+    std::uint32_t bins[3][kBatch];
+    for (std::uint64_t first = begin; first < end; first += kBatch) {
+      const auto n = static_cast<std::uint32_t>(std::min<std::uint64_t>(kBatch, end - first));
+      for (std::uint32_t k = 0; k < n; k++) {
+        const Sphere s = spheres[first + k];
+        place[0][k] = s.x, place[1][k] = s.y, place[2][k] = s.z;
+      }
+      for (int axis = 0; axis < 3; axis++)
+        bin_numbers(place[axis], static_cast<int>(n), l.size, l.per_size, bins[axis]);
+      for (std::uint32_t k = 0; k < n; k++) {
+        const std::uint32_t key = level_keys[0].key(bins[0][k], bins[1][k], bins[2][k]);
+        keys[first + k] = key;
+        count[key >> by]++;
+      }
     }
   }
 
@@ -162,11 +183,24 @@ void GridPath::sort(const View<T>& spheres, const Grid& grid, int threads, Secon
   seconds.stage[3] += watch.lap();
 }
 
-template <class Slot, class T>
-std::uint64_t GridPath::sort_and_search(const View<T>& spheres, const Grid& grid, const CallOptions& options,
-                                        int threads, Records& records, Seconds& seconds) {
-  sort<Slot>(spheres, grid, threads, seconds);
-  const std::uint64_t doubtful = search<Slot>(grid, options, spheres.filtered(), threads, seconds);
+const double* GridPath::crowding(const Grid& grid, double* seen) const {
+  for (int k = 0; k < grid.levels; k++) {
+    const Level& l = grid.level[k];
+    const std::uint32_t begin = starts_[l.offset], end = starts_[std::uint64_t(l.offset) + l.buckets];
+    double sum = 0;
+    for (std::uint32_t slot = begin; slot < end;) {
+      const std::uint32_t next = starts_[std::uint64_t(keys_[slot]) + 1];
+      sum += static_cast<double>(next - slot) * (next - slot), slot = next;
+    }
+    seen[k] = end > begin ? sum / (end - begin) : 0;
+  }
+  return seen;
+}
+
+template <class Slot>
+std::uint64_t GridPath::search_and_write(const Grid& grid, const CallOptions& options, bool filtered,
+                                         int threads, Records& records, Seconds& seconds) {
+  const std::uint64_t doubtful = search<Slot>(grid, options, filtered, threads, seconds);
   Stopwatch watch;
   std::uint64_t sum = 0;
   for (Chunk& c : chunks_) c.record = sum, sum += c.count;
@@ -180,10 +214,29 @@ std::uint64_t GridPath::sort_and_search(const View<T>& spheres, const Grid& grid
 template <class T>
 std::uint64_t GridPath::run(const View<T>& spheres, const Summary& summary, const CallOptions& options,
                             int threads, Records& records, Seconds& seconds) {
-  const Grid grid = with_rings(choose_grid(summary, options.bin_size, 8, CrossSearch::cheaper));
-  if (sizeof(T) == sizeof(float) && float_range(summary.extent, summary.radius_max))
-    return sort_and_search<FloatSlot>(spheres, grid, options, threads, records, seconds);
-  return sort_and_search<FixedPointSlot>(spheres, grid, options, threads, records, seconds);
+  const bool floats = sizeof(T) == sizeof(float) && float_range(summary.extent, summary.radius_max);
+  double shrink[kOctaves];
+  std::fill_n(shrink, kOctaves, 1.0);
+  Grid grid = choose_levels(summary, options.bin_size, shrink);
+  const auto order = [&] {
+    floats ? sort<FloatSlot>(spheres, grid, threads, seconds)
+           : sort<FixedPointSlot>(spheres, grid, threads, seconds);
+  };
+  order();
+  // What was expected of the levels is now known. Where the spheres lie otherwise, others are tried.
+  for (int attempt = 0; attempt < 3; attempt++) {
+    double seen[kMaxLevels];
+    if (!summary.octaves_known || !shrink_crowded(summary, grid, crowding(grid, seen), shrink)) break;
+    const Grid other = choose_levels(summary, options.bin_size, shrink);
+    const bool same =
+        std::equal(std::begin(other.level_of_octave), std::end(other.level_of_octave), grid.level_of_octave);
+    if (same) break;
+    grid = other;
+    order();
+  }
+  return floats
+             ? search_and_write<FloatSlot>(grid, options, spheres.filtered(), threads, records, seconds)
+             : search_and_write<FixedPointSlot>(grid, options, spheres.filtered(), threads, records, seconds);
 }
 template std::uint64_t GridPath::run(const View<float>&, const Summary&, const CallOptions&, int, Records&,
                                      Seconds&);

@@ -218,9 +218,11 @@ class GridPath {
                     Records& records, Seconds& seconds);  // returns the number of doubtful pairs
 
  private:
-  template <class Slot, class T>
-  std::uint64_t sort_and_search(const View<T>& spheres, const Grid& grid, const CallOptions& options,
-                                int threads, Records& records, Seconds& seconds);
+  // For each level the mean number of spheres in the bucket of a sphere, into `seen`, which it returns.
+  const double* crowding(const Grid& grid, double* seen) const;
+  template <class Slot>
+  std::uint64_t search_and_write(const Grid& grid, const CallOptions& options, bool filtered, int threads,
+                                 Records& records, Seconds& seconds);
   template <class Slot>
   Slots<Slot> slots() const {
     using C = typename Slots<Slot>::Component;

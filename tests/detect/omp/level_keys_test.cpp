@@ -153,5 +153,31 @@ TEST(PeriodicLevels, AnyPlaceOnTheRingGivesTheContactsOfBruteForce) {
   }
 }
 
+// Heaps of many small spheres and a few large ones, far from each other: two levels, both periodic.
+TEST(PeriodicLevels, OneLevelSearchesAnotherAcrossTheEndOfTheRing) {
+  const std::uint32_t seed = std::random_device{}();
+  std::printf("seed %u\n", seed);
+  std::mt19937_64 random(seed);
+  std::uniform_real_distribution<double> unit(0, 1);
+  for (int round = 0; round < 24; round++) {
+    TestScene s;
+    for (int heap = 0; heap < 12; heap++) {
+      const double at[3] = {1e5 * unit(random), -1e5 * unit(random), 1e5 * unit(random)};
+      const auto add = [&](double r) {
+        s.spheres.push_back(
+            {at[0] + 60 * unit(random), at[1] + 60 * unit(random), at[2] + 60 * unit(random), r});
+      };
+      for (int n = 0; n < 150; n++) add(1);
+      for (int n = 0; n < 3; n++) add(round % 4 < 2 ? 30 : 8);
+    }
+    const Scalar scalar = round % 2 ? Scalar::f32 : Scalar::f64;
+    if (scalar == Scalar::f32) s = s.rounded();
+    const Arranged a(s, scalar);
+    Detector d({BackendKind::omp}, {});
+    d.options().threads = 1;
+    ASSERT_EQ(sorted(d.detect(a.input).pair_span()), brute_force(s)) << "round " << round;
+  }
+}
+
 }  // namespace
 }  // namespace padder::detect::omp

@@ -4,8 +4,10 @@
 #include "detect/omp/kernels.h"
 
 #include <algorithm>
+#include <cmath>
 #include <random>
 
+#include "detect/core/grid.h"
 #include "tests/detect/oracle.h"
 
 namespace padder::detect::omp {
@@ -174,6 +176,52 @@ TEST(Kernels, NormalsAreThoseOfTheRecord) {
         ASSERT_EQ(batch.z[k], g.normal[2]) << exponent;
         ASSERT_EQ(batch.s[k], g.depth) << exponent;
       }
+    }
+}
+
+TEST(BinNumbers, AreThoseOfSplit) {
+  std::mt19937_64 random(11);
+  std::uniform_real_distribution<double> unit(-1, 1);
+  for (const double size : {2.00390625, 1023.0 / 1024, 513 * 0x1p-60, 0x1p100}) {
+    Level l;
+    l.size = size, l.per_size = 1 / size;
+    std::vector<double> x;
+    for (const double far : {1.0, 1e3, 1e6, 1e12, 0x1p43})
+      for (int k = 0; k < 2000; k++) {
+        const double v = std::round(unit(random) * far) * size;  // an edge of a bin
+        for (const double near :
+             {v, std::nextafter(v, INFINITY), std::nextafter(v, -INFINITY), unit(random) * far * size})
+          if (std::abs(near) <= 0x1p43 * size) x.push_back(near);
+      }
+    for (const double v : {0.0, -0.0, -1e-20, -5e-324, 5e-324}) x.push_back(v);
+    for (std::size_t first = 0; first < x.size(); first += kBatch) {
+      const int n = static_cast<int>(std::min<std::size_t>(kBatch, x.size() - first));
+      std::uint32_t bins[kBatch];
+      bin_numbers(x.data() + first, n, l.size, l.per_size, bins);
+      for (int k = 0; k < n; k++) {
+        const double v = x[first + static_cast<std::size_t>(k)];
+        ASSERT_EQ(bins[k], static_cast<std::uint32_t>(split(l, v).bin)) << v << " in bins of " << size;
+      }
+    }
+  }
+}
+
+TEST(Widen, GivesTheBoundsAndNoticesWhatIsNoLength) {
+  std::vector<double> x(256);
+  std::mt19937_64 random(12);
+  std::uniform_real_distribution<double> unit(-1, 1);
+  for (double& v : x) v = unit(random);
+  for (const double v :
+       std::initializer_list<double>{0.5, kLargest, -kLargest, 2 * kLargest, -INFINITY, INFINITY, NAN})
+    for (std::size_t at = 0; at < x.size(); at += 17) {
+      std::vector<double> y = x;
+      y[at] = v;
+      double low = 0.1, high = 0.1;
+      const bool good = widen(y.data(), 256, low, high);
+      ASSERT_EQ(good, std::abs(v) <= kLargest);
+      if (!good) continue;
+      EXPECT_EQ(low, *std::min_element(y.begin(), y.end()));
+      EXPECT_EQ(high, *std::max_element(y.begin(), y.end()));
     }
 }
 
