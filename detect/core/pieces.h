@@ -13,11 +13,6 @@
 namespace padder::detect {
 
 inline constexpr std::uint32_t kPieceSpheres = 64;  // at most, in a piece
-inline constexpr std::uint32_t kGroupSpheres = 8;   // at most, in a group
-inline constexpr std::uint32_t kPieceGroups = kPieceSpheres / kGroupSpheres;
-PADDER_HD std::uint32_t groups_of(std::uint32_t spheres) {
-  return (spheres + kGroupSpheres - 1) / kGroupSpheres;
-}
 
 // Neighbouring spheres of a shape, and a ball around them in the shape's frame. A faulty sphere makes the
 // ball NaN.
@@ -35,9 +30,7 @@ struct alignas(16) NearBox {
   float center[3], half[3];
 };
 
-// All shapes, cut into pieces by halving along the longest axis, and each piece into groups in the same way.
-// Every kGroupSpheres consecutive spheres of a piece are a group. A shape of n spheres costs O(n log n),
-// once.
+// All shapes, cut into pieces by halving along the longest axis. A shape of n spheres costs O(n log n), once.
 class Pieces {
  public:
   // Cuts the shapes into pieces. False if they are the shapes of the previous call, byte for byte: then it
@@ -48,12 +41,9 @@ class Pieces {
   std::vector<std::uint32_t> numbers;  // for each of these spheres, its number in its shape
   std::vector<Piece> pieces;           // of all shapes
   // For each of these spheres and pieces, and at last for a piece of one sphere, which stands for every loose
-  // sphere. Groups: kPieceGroups balls for each piece.
-  std::vector<NearSphere> near, groups;
+  // sphere.
+  std::vector<NearSphere> near;
   std::vector<NearBox> boxes;
-  // `near` with kPieceSpheres for each piece. Where a piece has fewer, there are spheres so far away that
-  // overlap() is false, unless numbers overflow.
-  std::vector<NearSphere> padded() const;
   std::vector<std::uint32_t> shape_first;  // the first piece of each shape, and the end
 
  private:
@@ -164,8 +154,9 @@ PADDER_HD Relative relative(const Stance& a, const Sphere& ball_a, const Stance&
   }
   const auto over_a = static_cast<float>(a.over * unit), over_b = static_cast<float>(b.over * unit);
   const float all = 1 + to.scale + ::fabsf(d[0]) + ::fabsf(d[1]) + ::fabsf(d[2]);
-  to.margin =
-      (1 + over_a) * (1 + over_b / to.scale) * (4 * (over_a * (1 + to.scale) + over_b) + 0x1p-17f * all);
+  // A ball of radius 0 has all its spheres in its centre, and nothing is stretched.
+  const float stretch_b = b.radius > 0 ? over_b / to.scale : 0;
+  to.margin = (1 + over_a) * (1 + stretch_b) * (4 * (over_a * (1 + to.scale) + over_b) + 0x1p-17f * all);
   return to;
 }
 // Two near spheres of one frame, one of which has the margin of Relative.

@@ -94,8 +94,7 @@ BodyInput::BodyInput(MemoryBook& book)
       loose_spheres_(book, "the spheres"),
       static_balls_(book, "what is static"),
       stances_(book, "the balls about bodies"),
-      padded_(book, "the shapes"),
-      groups_(book, "the shapes"),
+      near_(book, "the shapes"),
       boxes_(book, "the shapes"),
       numbers_(book, "the shapes"),
       body_first_(book, "the bodies"),
@@ -151,11 +150,10 @@ void BodyInput::read_all(const Input& input, cudaStream_t stream) {
   view_.pieces = copied(pieces_, p.pieces.data(), p.pieces.size(), stream);
   view_.spheres = copied(spheres_, p.spheres.data(), p.spheres.size(), stream);
   view_.numbers = copied(numbers_, p.numbers.data(), p.numbers.size(), stream);
-  const std::vector<NearSphere> padded = p.padded();
-  view_.padded = copied(padded_, padded.data(), padded.size(), stream);
-  view_.groups = copied(groups_, p.groups.data(), p.groups.size(), stream);
+  view_.near = copied(near_, p.near.data(), p.near.size(), stream);
   view_.boxes = copied(boxes_, p.boxes.data(), p.boxes.size(), stream);
   view_.unit_piece = static_cast<std::uint32_t>(p.pieces.size());
+  view_.unit_near = static_cast<std::uint32_t>(p.spheres.size());
   view_.body_first = copied(body_first_, assembly_.body_first.data(), assembly_.body_first.size(), stream);
   view_.count = static_cast<std::uint32_t>(assembly_.elements.size()), view_.moving = assembly_.moving;
   view_.loose_first = assembly_.body_first.back();

@@ -29,16 +29,14 @@ struct BodyView {
   const Piece* pieces = nullptr;
   const Sphere* spheres = nullptr;
   const std::uint32_t* numbers = nullptr;  // of each of these within its shape
-  // kPieceSpheres for each piece, those that it does not have so far away that nothing overlaps them; balls
-  // around its groups, kPieceGroups for each; its box. At last a piece that stands for every loose sphere.
-  const NearSphere *padded = nullptr, *groups = nullptr;
+  const NearSphere* near = nullptr;        // of Pieces, as the boxes
   const NearBox* boxes = nullptr;
   const std::uint32_t* body_first = nullptr;
   Sphere* balls = nullptr;    // about each element
   Stance* stances = nullptr;  // of each element
   std::uint32_t *family = nullptr, *mask = nullptr, *owner = nullptr;
   std::uint32_t moving = 0, count = 0, loose_first = 0;
-  std::uint32_t unit_piece = 0;  // stands for a loose sphere in `padded`, `groups` and `boxes`
+  std::uint32_t unit_piece = 0, unit_near = 0;  // what stands for a loose sphere in `boxes` and `near`
   friend bool operator==(const BodyView&, const BodyView&) = default;
 };
 
@@ -84,7 +82,7 @@ class BodyInput {
   Buffer<Piece> pieces_;
   Buffer<Sphere> spheres_, balls_, loose_spheres_, static_balls_;
   Buffer<Stance> stances_;
-  Buffer<NearSphere> padded_, groups_;
+  Buffer<NearSphere> near_;
   Buffer<NearBox> boxes_;
   Buffer<std::uint32_t> numbers_, body_first_, tags_, loose_tags_, moving_list_, static_starts_,
       static_elements_;

@@ -18,13 +18,19 @@ constexpr std::uint32_t kQueue = 128, kStep = 64;
 // A pair of elements, as the whole warp needs it.
 struct alignas(16) ElementPair {
   Relative to_a;                   // from b's near spheres to those of a
-  std::uint32_t piece_a, piece_b;  // in `near`, `groups` and `boxes`
+  std::uint32_t near_a, near_b;    // the first near spheres
   std::uint32_t count_a, count_b;  // spheres
   std::uint32_t body_a, body_b;    // as in Element
   std::uint32_t slot_a, slot_b;    // of the first spheres, as in Hit
 };
+// Spheres of one element that the other element's ball reaches, as near spheres of a.
+struct Survivors {
+  float4 spheres[kPieceSpheres];
+  std::uint8_t numbers[kPieceSpheres];  // in the piece
+};
 struct WarpMemory {
   ElementPair pairs[kBatch];
+  Survivors of_a, of_b;
   std::uint32_t queue[kQueue];  // the number of a pair, and of a sphere of either side: 6 bits each
 };
 
@@ -47,7 +53,8 @@ __device__ __forceinline__ void write_contact(const Output& out, std::uint64_t a
 }
 
 // What a warp does with its batch of pairs. Float tests, which let too many pass, find candidates: first
-// groups of spheres, then spheres. Candidates wait in a queue until a full warp can decide them exactly.
+// spheres against the other element's ball, then spheres against spheres. Candidates wait in a queue until a
+// full warp can decide them exactly.
 template <bool Stable>
 struct PairTester {
   const NarrowPhaseTask& task;
@@ -75,14 +82,10 @@ struct PairTester {
     if (lane < n) {
       const std::uint32_t code = memory.queue[(head + lane) % kQueue];
       const ElementPair& p = memory.pairs[code >> 12];
-      const std::uint32_t i = code >> 6 & 63, j = code & 63;
-      // Where a piece has no sphere, the float test says no, unless numbers overflow.
-      if (i < p.count_a && j < p.count_b) {
-        h = {p.body_a, p.slot_a + i, p.body_b, p.slot_b + j};
-        a = sphere_of(task.view, task.loose, h.a_body, h.a_slot);
-        b = sphere_of(task.view, task.loose, h.b_body, h.b_slot);
-        hit = accepted(h, a, b);
-      }
+      h = {p.body_a, p.slot_a + (code >> 6 & 63), p.body_b, p.slot_b + (code & 63)};
+      a = sphere_of(task.view, task.loose, h.a_body, h.a_slot);
+      b = sphere_of(task.view, task.loose, h.b_body, h.b_slot);
+      hit = accepted(h, a, b);
     }
     head += n;
     const std::uint32_t hits = __ballot_sync(kAll, hit);
@@ -109,80 +112,87 @@ struct PairTester {
     tail += __popc(candidates);
   }
 
-  // Which groups overlap: a byte for each group of b, in it a bit for each group of a.
-  __device__ __forceinline__ std::uint64_t overlapping_groups(std::uint32_t pair) const {
-    const ElementPair& p = memory.pairs[pair];
-    const NearSphere* const groups = task.view.groups;
-    // Each lane has one group of a, and two of b.
-    const std::uint32_t ga = lane % kPieceGroups, gb = lane / kPieceGroups;
-    const NearSphere a = load_near(groups + p.piece_a * kPieceGroups + ga);
-    const NearSphere b0 = p.to_a(load_near(groups + p.piece_b * kPieceGroups + gb)),
-                     b1 = p.to_a(load_near(groups + p.piece_b * kPieceGroups + gb + 4));
-    const std::uint32_t groups_b = ga < groups_of(p.count_a) ? groups_of(p.count_b) : 0;
-    const std::uint32_t low = __ballot_sync(kAll, gb < groups_b && overlap(a, b0)),
-                        high = __ballot_sync(kAll, gb + 4 < groups_b && overlap(a, b1));
-    return std::uint64_t(high) << 32 | low;
-  }
-
-  // Queues candidates of one group of b and those of a that it overlaps, until the queue is rather full.
-  // Returns what is left of `groups`, which are not 0.
-  __device__ __forceinline__ std::uint64_t take_group(std::uint32_t pair, std::uint64_t groups) {
-    const ElementPair& p = memory.pairs[pair];
-    const std::uint32_t shift = (63 - __clzll(static_cast<long long>(groups))) & ~7u,
-                        j = shift / 8 * kGroupSpheres + lane / 8;
-    std::uint32_t with = static_cast<std::uint32_t>(groups >> shift) & 255;
-    groups ^= std::uint64_t(with) << shift;
-    // Each lane has one sphere of a, and two of b.
-    const NearSphere* const of_a = task.view.padded + p.piece_a * kPieceSpheres + lane % 8;
-    const NearSphere* const of_b = task.view.padded + p.piece_b * kPieceSpheres + j;
-    const NearSphere b0 = p.to_a(load_near(of_b)), b1 = p.to_a(load_near(of_b + 4));
-    const std::uint32_t code = kept_in_register(pair << 12 | (lane % 8) << 6 | j);
-    while (with && tail - head <= kQueue - kStep) {
-      const std::uint32_t ga = 31 - __clz(static_cast<int>(with));
-      with ^= 1u << ga;
-      const NearSphere a = load_near(of_a + ga * kGroupSpheres);
-      const std::uint32_t first = __ballot_sync(kAll, overlap(a, b0)),
-                          second = __ballot_sync(kAll, overlap(a, b1));
-      if ((first | second) == 0) continue;
-      const std::uint32_t code_a = code | ga * kGroupSpheres << 6;
-      push(first, code_a), push(second, code_a + 4);
+  // Those of `count` spheres that overlap the ball. `to_a` makes near spheres of a of them.
+  template <class ToA>
+  __device__ __forceinline__ std::uint32_t sieve(std::uint32_t near, std::uint32_t count,
+                                                 const NearSphere& ball, Survivors& out, ToA to_a) const {
+    std::uint32_t n = 0;
+    for (std::uint32_t from = 0; from < count; from += 32) {
+      const std::uint32_t k = from + lane;
+      const NearSphere s = to_a(load_near(task.view.near + near + min(k, count - 1)));
+      const bool pass = k < count && overlap(s, ball);
+      const std::uint32_t all = __ballot_sync(kAll, pass), at = n + __popc(all & ((1u << lane) - 1));
+      if (pass)
+        out.spheres[at] = make_float4(s.x, s.y, s.z, s.r), out.numbers[at] = static_cast<std::uint8_t>(k);
+      n += __popc(all);
     }
-    return groups | std::uint64_t(with) << shift;
+    return n;
   }
 
-  // The spheres of those pairs of the batch that `pairs` has a bit for.
-  __device__ __forceinline__ void test(std::uint32_t pairs) {
-    std::uint32_t pair = 0;
-    std::uint64_t groups = 0;
-    for (bool more = true; more;) {
-      while (groups == 0 && pairs) {
-        pair = kept_in_register(31 - __clz(static_cast<int>(pairs & (0 - pairs))));
-        pairs &= pairs - 1;
-        groups = overlapping_groups(pair);
+  // Each of `many` against each of `few`; the lanes divide the many. `many_by`, `few_by`: where their numbers
+  // stand in the code of a candidate.
+  __device__ __forceinline__ void test_all(std::uint32_t pair, const Survivors& many, std::uint32_t n_many,
+                                           std::uint32_t many_by, const Survivors& few, std::uint32_t n_few,
+                                           std::uint32_t few_by) {
+    for (std::uint32_t from = 0; from < n_many; from += 32) {
+      const std::uint32_t k = min(from + lane, n_many - 1);
+      const float4 m = many.spheres[k];
+      const std::uint32_t code = pair << 12 | std::uint32_t(many.numbers[k]) << many_by,
+                          valid = __ballot_sync(kAll, from + lane < n_many);
+      for (std::uint32_t q = 0; q < n_few; q += 2) {
+        const bool two = q + 1 < n_few;
+        const float4 f = few.spheres[q], g = few.spheres[two ? q + 1 : q];
+        const std::uint32_t first = __ballot_sync(kAll, overlap({m.x, m.y, m.z, m.w}, {f.x, f.y, f.z, f.w})) &
+                                    valid,
+                            second = two ? __ballot_sync(
+                                               kAll, overlap({m.x, m.y, m.z, m.w}, {g.x, g.y, g.z, g.w})) &
+                                               valid
+                                         : 0;
+        if ((first | second) == 0) continue;
+        push(first, code | std::uint32_t(few.numbers[q]) << few_by);
+        if (two) push(second, code | std::uint32_t(few.numbers[q + 1]) << few_by);
+        while (tail - head > kQueue - kStep) decide();
       }
-      more = groups != 0;
-      if (more) groups = take_group(pair, groups);
-      while (tail - head >= (more ? 32 : 1)) decide();
     }
+  }
+
+  // The spheres of a pair of the batch.
+  __device__ __forceinline__ void test(std::uint32_t pair) {
+    const ElementPair& p = memory.pairs[pair];
+    const Relative& to_a = p.to_a;
+    __syncwarp();  // the survivors of the previous pair are read no more
+    const std::uint32_t na =
+        sieve(p.near_a, p.count_a, {to_a.t[0], to_a.t[1], to_a.t[2], to_a.scale + to_a.margin}, memory.of_a,
+              [](const NearSphere& s) { return s; });
+    if (na == 0) return;
+    const std::uint32_t nb = sieve(p.near_b, p.count_b, {0, 0, 0, 1}, memory.of_b, to_a);
+    __syncwarp();
+    const bool more_a = na >= nb;
+    test_all(pair, more_a ? memory.of_a : memory.of_b, max(na, nb), more_a ? 6 : 0,
+             more_a ? memory.of_b : memory.of_a, min(na, nb), more_a ? 0 : 6);
   }
 };
 
 // Makes the pair ready for the warp. False if the boxes of the elements are apart, so that nothing touches.
-__device__ __forceinline__ bool prepare(const BodyView& v, const Pair& p, ElementPair& out) {
+__device__ __forceinline__ bool prepare(const BodyView& v, Pair p, ElementPair& out) {
+  // In the frame of the larger one, so that a point beside a piece is no exception.
+  if (v.stances[p.i].radius < v.stances[p.j].radius) p = {p.j, p.i};
   const Stance a = v.stances[p.i], b = v.stances[p.j];
-  const std::uint32_t piece_a = a.body == kLoose ? v.unit_piece : a.piece,
-                      piece_b = b.body == kLoose ? v.unit_piece : b.piece;
+  const bool loose_a = a.body == kLoose, loose_b = b.body == kLoose;
   const Relative to = relative(a, v.balls[p.i], b, v.balls[p.j]);
-  if (boxes_apart(v.boxes[piece_a], v.boxes[piece_b], to)) return false;
+  if (boxes_apart(v.boxes[loose_a ? v.unit_piece : a.piece], v.boxes[loose_b ? v.unit_piece : b.piece], to))
+    return false;
+  const std::uint32_t near_a = loose_a ? v.unit_near : v.pieces[a.piece].first,
+                      near_b = loose_b ? v.unit_near : v.pieces[b.piece].first;
   out = {to,
-         piece_a,
-         piece_b,
+         near_a,
+         near_b,
          a.count,
          b.count,
          a.body,
          b.body,
-         a.body == kLoose ? a.piece : v.pieces[piece_a].first,
-         b.body == kLoose ? b.piece : v.pieces[piece_b].first};
+         loose_a ? a.piece : near_a,
+         loose_b ? b.piece : near_b};
   return true;
 }
 
@@ -212,7 +222,8 @@ __global__ void __launch_bounds__(kThreads, tuning::kNarrowPhaseBlocks)
     const bool near = valid && prepare(task.view, p, memory[warp].pairs[lane]);
     tester.batch = static_cast<std::uint32_t>(first / size), tester.found = 0;
     __syncwarp();
-    tester.test(__ballot_sync(kAll, near));
+    for (std::uint32_t rest = __ballot_sync(kAll, near); rest; rest &= rest - 1) tester.test(__ffs(rest) - 1);
+    while (tester.tail != tester.head) tester.decide();
     if (Stable && lane == 0) task.batch_counts[tester.batch] = tester.found;
   }
 }
