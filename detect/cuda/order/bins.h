@@ -105,17 +105,18 @@ PADDER_HD std::uint32_t hashed_key(const FloatBins& b, float x, float y, float z
   return b.first + ((bin(x) + bin(y) * b.row + bin(z) * b.plane) & b.mask);
 }
 // False for a sphere outside the bins; its key is then that of some bin.
-PADDER_HD bool key_of(const FloatBins& b, float x, float y, float z, std::uint32_t& key) {
-  if (b.size > 0) {
-    key = hashed_key(b, x, y, z);
-    return true;
-  }
+PADDER_HD bool dense_key_of(const FloatBins& b, float x, float y, float z, std::uint32_t& key) {
   std::uint32_t i, j, k;
   const bool in = float_bin(x, b.origin[0], b.per_size[0], b.count[0], i) &
                   float_bin(y, b.origin[1], b.per_size[1], b.count[1], j) &
                   float_bin(z, b.origin[2], b.per_size[2], b.count[2], k);
   key = (k + 1) * b.plane + (j + 1) * b.row + i + b.first;
   return in;
+}
+PADDER_HD bool key_of(const FloatBins& b, float x, float y, float z, std::uint32_t& key) {
+  if (b.size == 0) return dense_key_of(b, x, y, z, key);
+  key = hashed_key(b, x, y, z);
+  return true;
 }
 PADDER_HD bool key_of(const FloatBins& b, const float4& s, std::uint32_t& key) {
   return key_of(b, s.x, s.y, s.z, key);

@@ -28,16 +28,6 @@ struct FusedMemory {
   std::uint32_t quota;
 };
 
-// The first `count` of the row of pairs, whose records go by the spheres as they were given.
-static __device__ __noinline__ void write_double_records(const OutputTask& task, std::uint32_t address,
-                                                         Word slot, std::uint32_t count) {
-  if (slot + count > task.output.capacity) return;
-  for (std::uint32_t k = threadIdx.x & 31; k < count; k += 32) {
-    const uint2 pair = load_shared_pair(address + 8 * k);
-    write_double_record<SlotKind::unequal>(task, pair.x, pair.y, slot + k);
-  }
-}
-
 // The members must stay in registers: where a function is called out of line, all that lives across the call
 // lies in local memory. Stable: the list has a stable order; then the row runs dry after each producer.
 template <bool Stable>
@@ -82,7 +72,7 @@ struct FusedQueue {
     }
     if (__any_sync(kFullWarp, doubt)) {
 #pragma unroll
-      for (int u = 0; u < kAtOnce; u++) hit[u] = hit[u] && exact_test(pair[u], a[u], b[u]);
+      for (int u = 0; u < kAtOnce; u++) hit[u] = hit[u] && exact_test(a[u], b[u]);
     }
 #pragma unroll
     for (int u = 0; u < kAtOnce; u++) {
@@ -96,14 +86,11 @@ struct FusedQueue {
   }
 
   // What float is not sure of. Nothing but the distance counts in this search.
-  __device__ __forceinline__ bool exact_test(const uint2& pair, const FloatSlot& a,
-                                             const FloatSlot& b) const {
+  __device__ __forceinline__ bool exact_test(const FloatSlot& a, const FloatSlot& b) const {
     const Measured m = measured(a, b);
-    const Verdict v = verdict_of<kKind>(task, m);
+    const Verdict v = verdict<FloatSlot>(m);
     if (v != Verdict::doubt) return v != Verdict::apart;
     count_doubtful(task);
-    if (task.exact && task.rounded)
-      return touching(sphere_at<kKind>(task, pair.x), sphere_at<kKind>(task, pair.y));
     return task.exact ? touching({a.x, a.y, a.z, a.r}, {b.x, b.y, b.z, b.r}) : m.d2 <= m.s2;
   }
 
@@ -142,10 +129,6 @@ struct FusedQueue {
   // One body for all widths of a record: the instructions must fit their cache.
   __device__ __forceinline__ void write_records(Word slot, std::uint32_t count) {
     constexpr int kRecords = 2;
-    if (task.rounded && task.output.width != Width::pairs) {
-      if (!Stable) slot = __shfl_sync(kFullWarp, slot, 0);
-      return write_double_records(task, address, slot, count);
-    }
 #pragma unroll 1
     for (std::uint32_t k = 0; k < count; k += 32 * kRecords) {
       RecordInput input[kRecords];

@@ -9,7 +9,7 @@
 namespace padder::detect::cuda {
 
 // As FusedQueue, the members must stay in registers.
-template <bool Stable>
+template <bool Stable, bool Hashed>
 struct FusedSearch : FusedQueue<Stable> {
   using Queue = FusedQueue<Stable>;
   using Queue::address, Queue::below, Queue::kKind, Queue::kRoom, Queue::lane, Queue::make_room,
@@ -50,7 +50,7 @@ struct FusedSearch : FusedQueue<Stable> {
       if (down) {
         end = put_runs(row.i, row.begin, row.end);
         if (!__any_sync(kFullWarp, row.begin != row.end)) {
-          if (task.spheres.hashed && at >= behind && !second && __any_sync(kFullWarp, split))
+          if (Hashed && at >= behind && !second && __any_sync(kFullWarp, split))
             second = true, begun = 0, at = 0;
           last = at >= behind;
           if (!last) row = find_row(at), at += 32;  // loaded while what waits is tested
@@ -77,7 +77,7 @@ struct FusedSearch : FusedQueue<Stable> {
   // The first 32 candidates of each row of 32 spheres at their own level; false where those are too many.
   // `longer`: a row has more.
   __device__ __forceinline__ bool take_rows(std::uint32_t first, std::uint32_t& end, bool& longer) {
-    LevelQuery<kKind> query = level_query<kKind>(task, grid, pairs, first);
+    LevelQuery<kKind> query = level_query<kKind, Hashed>(task, grid, pairs, first);
     const std::uint32_t soon = min(first + 32 + lane, task.spheres.count - 1);
     prefetch_l1(task.spheres.codes + soon), prefetch_l1(slots() + soon);
 #pragma unroll
@@ -121,7 +121,7 @@ struct FusedSearch : FusedQueue<Stable> {
     while (!__any_sync(kFullWarp, s.mask != 0)) {
       if (!s.longer) s.row++, s.done = 0;
       if (s.row == s.rows) return false;
-      const LevelQuery<kKind> query = level_query<kKind>(task, grid, pairs, first);
+      const LevelQuery<kKind> query = level_query<kKind, Hashed>(task, grid, pairs, first);
       if (query.split) s.rows = kRows + 1;
       std::uint32_t begin = 0, row_end = 0, longest;
 #pragma unroll
@@ -167,7 +167,7 @@ struct FusedSearch : FusedQueue<Stable> {
 #pragma unroll
     for (int k = 0; k < 3; k++) {
       const float x = k == 0 ? s.x : k == 1 ? s.y : s.z;
-      if (bins.size > 0) {
+      if (Hashed && bins.size > 0) {
         const FloatSplit f = float_split(x, bins.size, bins.per_size[0]);
         bin[k] = f.bin, p[k] = __saturatef(f.rest * bins.per_size[0]);
         continue;
@@ -179,7 +179,7 @@ struct FusedSearch : FusedQueue<Stable> {
     }
     int y0 = bin[1] + __float2int_rd(p[1] - reach), y1 = bin[1] + __float2int_rd(p[1] + reach),
         z0 = bin[2] + __float2int_rd(p[2] - reach), z1 = bin[2] + __float2int_rd(p[2] + reach);
-    if (bins.size == 0) {
+    if (!Hashed || bins.size == 0) {
       y0 = max(y0, 0), y1 = min(y1, static_cast<int>(l.count[1]) - 1);
       z0 = max(z0, 0), z1 = min(z1, static_cast<int>(l.count[2]) - 1);
       if (y0 > y1 || z0 > z1) return;
@@ -193,7 +193,7 @@ struct FusedSearch : FusedQueue<Stable> {
     q.within = make_float4(p[0], p[1] + static_cast<float>(bin[1] - y0) - 0.5f,
                            p[2] + static_cast<float>(bin[2] - z0) - 0.5f, reach * reach);
     q.x_bin = bin[0];
-    q.entry = bins.size > 0
+    q.entry = Hashed && bins.size > 0
                   ? static_cast<std::uint32_t>(z0) * l.plane + static_cast<std::uint32_t>(y0) * l.row
                   : l.offset + 1 + static_cast<std::uint32_t>(z0 + 1) * plane +
                         static_cast<std::uint32_t>(y0 + 1) * row_length;
@@ -227,8 +227,8 @@ struct FusedSearch : FusedQueue<Stable> {
     }
     if (lane == 0) {
       const std::uint32_t row_length = l.count[0] + 2, plane = row_length * (l.count[1] + 2);
-      memory.level = l.hashed ? make_uint4(l.row, l.plane, l.offset, l.ring - 1)
-                              : make_uint4(row_length, plane, l.count[0] - 1, 0);
+      memory.level = Hashed && l.hashed ? make_uint4(l.row, l.plane, l.offset, l.ring - 1)
+                                        : make_uint4(row_length, plane, l.count[0] - 1, 0);
     }
     __syncwarp();
     alone = some == 1, begun = 0, at = 0, behind = items, row = {0, 0, 0};
@@ -257,7 +257,7 @@ struct FusedSearch : FusedQueue<Stable> {
     const float half = approximate_sqrt(rest);  // not a number where the row is too far away
     const int x = static_cast<int>(q.x);
     int low = x + __float2int_rd(p.x - half), high = x + __float2int_rd(p.x + half);
-    if (of_level.w) {
+    if (Hashed && of_level.w) {
       const std::uint32_t mask = of_level.w,
                           from = (q.y + iz * of_level.y + iy * of_level.x + static_cast<std::uint32_t>(low)) &
                                  mask,

@@ -62,7 +62,7 @@ __device__ __forceinline__ float search_radius(const Grid& grid, const LevelPair
 __device__ __forceinline__ std::uint32_t parts_of(const LevelPair& d, float reach) {
   if (d.parts == 1) return 1;
   const float parts = __fmul_rn(__fmul_rn(d.parts_at_one, reach), __fmul_rn(reach, reach));
-  return min(d.parts, static_cast<std::uint32_t>(parts) + 1);
+  return min(d.parts, static_cast<std::uint32_t>(fminf(parts, 0x1p30f)) + 1);
 }
 
 }  // namespace padder::detect::cuda

@@ -29,7 +29,7 @@ struct LevelQuery {
 struct RowSteps {
   std::uint32_t key, row, plane, reach = 1, mask = ~0u, base = 0;  // base: of the level's keys
 };
-template <SlotKind Kind, class Pairs>
+template <SlotKind Kind, bool Hashed, class Pairs>
 __device__ __forceinline__ RowSteps row_steps(const SearchTask& task, const Grid& grid, const Pairs& pairs,
                                               const LevelQuery<Kind>& query) {
   RowSteps r;
@@ -45,8 +45,11 @@ __device__ __forceinline__ RowSteps row_steps(const SearchTask& task, const Grid
     if (pairs.bins.on) {
       const float4 s = make_float4(query.slot.x, query.slot.y, query.slot.z, query.slot.r);
       const FloatBins& b = pairs.bins.level[level_of(pairs.bins, s)];
-      key_of(b, s, r.key), r.row = b.row, r.plane = b.plane;
-      if (task.spheres.hashed && b.size > 0) r.mask = b.mask, r.base = b.first;
+      r.row = b.row, r.plane = b.plane;
+      if (Hashed && b.size > 0)
+        r.key = hashed_key(b, s.x, s.y, s.z), r.mask = b.mask, r.base = b.first;
+      else
+        dense_key_of(b, s.x, s.y, s.z, r.key);
       return r;
     }
   }
@@ -59,8 +62,8 @@ __device__ __forceinline__ RowSteps row_steps(const SearchTask& task, const Grid
   return r;
 }
 
-// `pairs`: LevelPairs or NoLevelPairs.
-template <SlotKind Kind, class Pairs>
+// `pairs`: LevelPairs or NoLevelPairs. Hashed: some level may be.
+template <SlotKind Kind, bool Hashed = true, class Pairs>
 __device__ __forceinline__ LevelQuery<Kind> level_query(const SearchTask& task, const Grid& grid,
                                                         const Pairs& pairs, std::uint32_t first) {
   const std::uint32_t at = first + (threadIdx.x & 31), last = task.spheres.count - 1;
@@ -68,7 +71,7 @@ __device__ __forceinline__ LevelQuery<Kind> level_query(const SearchTask& task, 
   query.index = min(at, last), query.valid = at <= last;
   query.slot = load_slot(slots_of<Kind>(task) + query.index);
   query.seeker = seeker<Kind>(__ldg(task.spheres.codes + query.index));
-  const RowSteps r = row_steps<Kind>(task, grid, pairs, query);
+  const RowSteps r = row_steps<Kind, Hashed>(task, grid, pairs, query);
   const int m = task.spheres.merge;
   const auto start = [&](std::uint32_t entry) { return __ldg(task.spheres.table + entry); };
   std::uint32_t k = r.key - r.base, over = 0;  // over: bins of a row that lie behind the end of the ring
@@ -80,7 +83,7 @@ __device__ __forceinline__ LevelQuery<Kind> level_query(const SearchTask& task, 
     query.end[q] = start(((r.base + min(upto, r.mask)) >> m) + 1);
     k = q == 1 ? r.key - r.base + r.plane - r.row : k + r.row;  // of the next row
   }
-  query.split = task.spheres.hashed && __any_sync(kFullWarp, over != 0);
+  query.split = Hashed && task.spheres.hashed && __any_sync(kFullWarp, over != 0);
   if (query.split) {
     query.rest_begin = start(r.base >> m);
     query.rest_end = over ? start(((r.base + over - 1) >> m) + 1) : query.rest_begin;

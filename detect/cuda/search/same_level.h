@@ -12,17 +12,16 @@ namespace padder::detect::cuda {
 
 // Puts the candidates of the rows' rest behind `total` others; `base` as in queue_candidates().
 template <SlotKind Kind, std::uint32_t Capacity>
-static __device__ __noinline__ std::uint32_t queue_rest(const SearchTask& task, const LevelQuery<Kind>& query,
+static __device__ __noinline__ std::uint32_t queue_rest(const SearchTask& task, std::uint32_t seeker,
+                                                        bool valid, std::uint32_t begin, std::uint32_t end,
                                                         PairQueue queue, std::uint32_t base,
                                                         std::uint32_t total) {
   std::uint32_t longest, all;
-  std::uint32_t mask =
-      code_mask<Kind>(task, query.seeker, query.rest_begin, query.rest_end, query.valid, longest);
+  std::uint32_t mask = code_mask<Kind>(task, seeker, begin, end, valid, longest);
   const std::uint32_t before = sum_before(static_cast<std::uint32_t>(__popc(mask)), all);
   if (longest > 32 || total + all > Capacity) return Capacity + 1;
   // The rest lies at the begin of the level, before the sphere itself.
-  const std::uint32_t from =
-      base + (query.rest_begin & ~3u) + (query.rest_begin < queue.first ? queue.count : 0);
+  const std::uint32_t from = base + (begin & ~3u) + (begin < queue.first ? queue.count : 0);
   for (std::uint32_t at = queue.address + 4 * (total + before); mask; at += 4) {
     const int bit = 31 - __clz(mask);
     store_shared(at, from - bit);
@@ -74,7 +73,9 @@ __device__ __forceinline__ std::uint32_t queue_candidates(const SearchTask& task
       mask[q] ^= 1u << bit, at += 4;
     }
   }
-  if (query.split) total = queue_rest<Kind, Capacity>(task, query, queue, base, total);
+  if (query.split)
+    total = queue_rest<Kind, Capacity>(task, query.seeker, query.valid, query.rest_begin, query.rest_end,
+                                       queue, base, total);
   __syncwarp();
   return total;
 }

@@ -121,6 +121,7 @@ TEST(CudaBins, CoarserSpheresReachThoseThatTouch) {
         const double far = static_cast<double>(coarse.w) + l.radius_max;
         for (int k = 0; k < 3; k++)
           for (int step = -4; step <= 4; step++) {
+            if (b.count[k] < 2) continue;
             // At a face, and the coarser sphere as far away as it can touch.
             const auto face = static_cast<float>(1 + std::floor(share(random) * (b.count[k] - 1)));
             float y = b.origin[k] + face / b.per_size[k];
