@@ -15,6 +15,7 @@ namespace padder::detect {
 // The most GPUs that one ResidentDetector uses.
 inline constexpr int kMostResidentDevices = 16;
 
+// How the GPUs detect.
 struct ResidentOptions {
   // How each GPU detects. `own` limits the contacts of the whole scene, `memory_limit` is for each GPU's
   // detector; `stream`, `output` and `threads` are not read.

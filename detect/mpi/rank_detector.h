@@ -13,6 +13,7 @@
 
 namespace padder::detect {
 
+// How the ranks detect.
 struct RankOptions {
   // How each rank detects, as in BoxOptions. The same on all ranks. `threads` are those of one rank.
   CallOptions detector;

@@ -30,7 +30,7 @@ struct CountingSort {
   std::vector<std::uint32_t> part_first{};
   LevelKeys level_keys[kMaxLevels];
 
-  CountingSort(const View<T>& spheres_, const Grid& grid_) : spheres(spheres_), grid(grid_) {
+  CountingSort(const View<T>& view, const Grid& chosen) : spheres(view), grid(chosen) {
     for (int k = 0; k < grid.levels; k++) level_keys[k] = keys_of(grid.level[k]);
     while ((grid.buckets - 1) >> shift >= 2048) shift++;
     parts = ((grid.buckets - 1) >> shift) + 1;

@@ -49,6 +49,7 @@ enum class MarkKind : std::uint8_t {
   slot,    // of a wrap, where it bridges the input farther than the tolerance allows
   dropped  // of the input, but no part of the body
 };
+// Some of that surface.
 struct Mark {
   MarkKind kind = MarkKind::patch;
   Mesh mesh;

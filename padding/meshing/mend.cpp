@@ -89,10 +89,10 @@ class Mender {
     if (options_.mode != RepairMode::sheet) cracks = close_cracks(mesh_, missing, crack_width * diagonal_);
     for (const CrackTriangle& crack : cracks) join(crack.triangle);
 
-    std::vector<std::uint32_t> group_of(mesh_.points.size(), none);
+    std::vector<std::uint32_t> group_of(mesh_.points.size(), kNone);
     for (const auto t : open) {
       auto& g = group_of[root(mesh_.triangles[t][0])];
-      if (g == none) g = static_cast<std::uint32_t>(groups_.size()), groups_.emplace_back();
+      if (g == kNone) g = static_cast<std::uint32_t>(groups_.size()), groups_.emplace_back();
       groups_[g].triangles.push_back(t);
     }
     for (const CrackTriangle& crack : cracks) {
@@ -218,13 +218,13 @@ class Mender {
     for (auto& triangles : units_) {
       if (signed_volume(mesh_, triangles) < 0)
         for (const auto t : triangles) std::swap(mesh_.triangles[t][1], mesh_.triangles[t][2]);
-      for (const auto t : triangles) add(t, TriangleRole::bounds, unit, none);
+      for (const auto t : triangles) add(t, TriangleRole::bounds, unit, kNone);
       unit++;
     }
     for (const OpenGroup& group : groups_) {
       std::size_t k = 0;
       for (; k < group.own; k++)
-        add(group.triangles[k], group.solid ? TriangleRole::bounds : TriangleRole::sheet, unit, none);
+        add(group.triangles[k], group.solid ? TriangleRole::bounds : TriangleRole::sheet, unit, kNone);
       unit++;
       if (!group.solid) {
         out_.steps.sheet_pieces++;
@@ -233,7 +233,7 @@ class Mender {
         continue;
       }
       for (std::size_t c = 0; c < group.cracks.size(); c++)
-        add(group.triangles[k++], TriangleRole::patch, unit - 1, none);
+        add(group.triangles[k++], TriangleRole::patch, unit - 1, kNone);
       out_.steps.cracks += group.cracks.size();
       out_.steps.crack_width = std::max(out_.steps.crack_width, group.crack_width);
       for (std::size_t r = 0; r < group.rims.size(); r++) {
@@ -254,11 +254,11 @@ class Mender {
     std::vector<char> meets(count_, 0), cavity(count_, 0);
     for (const auto& [s, t] : contacts.pairs)
       if (unit_[s] != unit_[t]) meets[unit_[s]] = meets[unit_[t]] = 1;
-    std::vector<std::uint32_t> first(count_, none);
+    std::vector<std::uint32_t> first(count_, kNone);
     for (std::uint32_t t = static_cast<std::uint32_t>(unit_.size()); t-- > 0;) first[unit_[t]] = t;
 #pragma omp parallel for schedule(dynamic, 1)
     for (std::size_t u = 0; u < count_; u++) {
-      if (meets[u] || first[u] == none || roles_[first[u]] == TriangleRole::sheet) continue;
+      if (meets[u] || first[u] == kNone || roles_[first[u]] == TriangleRole::sheet) continue;
       const Point p = soup_.corner(first[u], 0);
       for (const Vector& d : Surface::ray_directions()) {
         const auto around = surface.crossings(
@@ -291,7 +291,7 @@ class Mender {
       const auto from = cells.source[t];
       const double area = out_.mesh.area_normal(t).norm();
       if (t >= cells.boundary) out_.steps.sheet_area += area;
-      if (patch_[from] == none) continue;
+      if (patch_[from] == kNone) continue;
       Patch& patch = out_.patches[patch_[from]];
       patch.area += area, patch.triangles.push_back(t);
     }
@@ -327,7 +327,7 @@ class Mender {
     if (!out_.flat.triangles.empty()) out_.flat.points = input_.points;
   }
 
-  static constexpr std::uint32_t none = ~0u;
+  static constexpr std::uint32_t kNone = ~0u;
   const RepairOptions& options_;
   Pieces pieces_;
   Mesh& mesh_;  // of pieces_; gets the patches, too

@@ -56,7 +56,7 @@ case $step in
     # A compile each, a second apiece: not again while no header and no compiler has changed.
     sum=$({ xargs cat <"$work/headers.txt"; "$CXX" --version; cat "$work/headers.txt"; } | sha256sum)
     [ "$sum" = "$(cat "$work/headers.sum" 2>/dev/null)" ] && exit 0
-    mpi=$(mpicxx --showme:compile 2>/dev/null || true)  # for the headers of detect/mpi
+    mpi="$(mpicxx --showme:compile 2>/dev/null || true) -DOMPI_SKIP_MPICXX -DMPICH_SKIP_MPICXX"  # for the headers of detect/mpi
     export mpi
     xargs -P 2 -n 1 sh -c 'echo "#include \"$0\"" | "$CXX" -std=c++20 -fopenmp -Wall -Wextra -Werror -fsyntax-only \
       -I . -isystem /usr/include/eigen3 $mpi -x c++ - || { echo "$0 does not compile by itself" >&2; exit 1; }' <"$work/headers.txt"
