@@ -106,7 +106,9 @@ std::string words(const Repaired& body, double diagonal) {
                " of the surface, longest rim " + percent(longest / diagonal) + ")");
   }
   if (s.crossing_pairs > 0 && body.kind == BodyKind::solid)
-    report.add("made one body of " + count_of(s.pieces, "piece") + " that cross or touch (" +
+    report.add((s.pieces == 1
+                    ? std::string("made one body of a piece that crosses itself (")
+                    : "made one body of " + count_of(s.pieces, "piece") + " that cross or touch (") +
                count_of(s.crossing_pairs, "pair") + " of triangles)");
   if (s.cavities > 0) report.add("kept " + count_of(s.cavities, "inner shell") + " as cavities");
   if (s.sheet_area > 0) {
