@@ -153,8 +153,12 @@ TEST(Grid, TheBinsOfACubeHaveBucketsOfTheirOwnInARing) {
     const std::uint32_t rows[] = {0, hash.row, hash.plane, hash.plane - hash.row, hash.plane + hash.row};
     for (const std::uint32_t a : rows)
       for (const std::uint32_t b : rows) {
-        if (a != b) EXPECT_GE(distance(a - b), 40u) << bits;
-        if (a + b) EXPECT_GE(distance(a + b), 40u) << bits;
+        if (a != b) {
+          EXPECT_GE(distance(a - b), 40u) << bits;
+        }
+        if (a + b) {
+          EXPECT_GE(distance(a + b), 40u) << bits;
+        }
       }
   }
 }
