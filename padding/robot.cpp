@@ -162,7 +162,7 @@ PaddedRobot pad_robot(const fs::path& path, const PadOptions& options, const Rob
   Urdf urdf = read_urdf(path);
   if (std::all_of(urdf.links.begin(), urdf.links.end(), [](const UrdfLink& l) { return l.shapes.empty(); }))
     throw Error(path.string() + ": no link has any geometry");
-  set_families(urdf);
+  keep_neighbours_apart(urdf);
   PaddedRobot out;
   out.notes = std::move(urdf.notes);
   out.reports.resize(urdf.links.size());

@@ -10,7 +10,7 @@ namespace padder {
 
 // A robot whose links are clusters.
 struct PaddedRobot {
-  Model model;  // in metres; each cluster in its link's frame, with the families of set_families
+  Model model;  // in metres; each cluster in its link's frame, with the families of keep_neighbours_apart
   std::vector<PadReport> reports;  // one for each body; left empty for links without shapes
   std::vector<std::string> notes;
 };

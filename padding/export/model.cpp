@@ -63,7 +63,8 @@ Model scaled(Model model, double factor, const std::string& unit) {
   for (Body& b : model.bodies) {
     b.cluster.unit = unit;
     b.pose.translation() *= factor;
-    if (b.joint.type == Joint::Type::prismatic) b.joint.lower *= factor, b.joint.upper *= factor;
+    if (b.joint.type == Joint::Type::prismatic)
+      b.joint.lower *= factor, b.joint.upper *= factor, b.joint.offset *= factor;
     if (b.inertial) b.inertial->center *= factor, b.inertial->inertia *= factor * factor;
     if (factor != 1) scale(b.cluster, factor);
   }

@@ -25,6 +25,10 @@ struct Joint {
   Type type = Type::fixed;
   Vector axis = Vector::UnitX();  // unit, in the body's frame
   double lower = 0, upper = 0;    // of revolute (radians) and prismatic (length)
+  double effort = 0;              // the most a motor may give, N m or N; 0: not stated
+  double damping = 0, friction = 0;
+  std::string mimic;  // the joint that this one follows: its place is multiplier * theirs + offset
+  double multiplier = 1, offset = 0;
 };
 
 // A body or link, with its spheres.
@@ -37,13 +41,20 @@ struct Body {
   std::optional<Inertial> inertial;                        // none: from the cluster's volume and a density
 };
 
+// Two bodies that may not touch, by their indices, and why: a word of MoveIt's for SRDF, as "Adjacent".
+struct Apart {
+  std::size_t a = 0, b = 0;
+  std::string reason = "Adjacent";
+};
+
 // Lengths in one unit for all bodies.
 struct Model {
   std::string name;
   std::string unit;  // "m", "cm", "mm", "in", or "" when nobody said
   std::vector<Body> bodies;
-  std::string
-      urdf;  // the document a robot was read from, "" otherwise: written back as URDF with new collisions
+  std::vector<Apart> apart;  // besides the pairs that families and masks keep apart
+  // The document a robot was read from, "" otherwise: written back as URDF with new collisions.
+  std::string urdf;
 
   std::size_t spheres() const;
 };

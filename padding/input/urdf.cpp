@@ -40,6 +40,7 @@ class Reader {
     for (const auto& link : robot.children("link")) add_link(link, visual ? "visual" : "collision");
     if (links_.empty()) fail("there is no <link> in it");
     for (const auto& joint : robot.children("joint")) add_joint(joint);
+    check_mimics();
     if (visual) urdf.notes.push_back("no link has collision geometry: the visual geometry was padded");
     order(urdf);
     return urdf;
@@ -206,9 +207,27 @@ class Reader {
       if (limit.attribute("lower")) joint.lower = one(limit.attribute("lower"), where);
       if (limit.attribute("upper")) joint.upper = one(limit.attribute("upper"), where);
     }
+    const auto or_default = [&](const pugi::xml_attribute& attribute, double otherwise) {
+      return attribute ? one(attribute, where) : otherwise;
+    };
+    joint.effort = or_default(node.child("limit").attribute("effort"), 0);
+    joint.damping = or_default(node.child("dynamics").attribute("damping"), 0);
+    joint.friction = or_default(node.child("dynamics").attribute("friction"), 0);
+    if (const auto mimic = node.child("mimic")) {
+      joint.mimic = mimic.attribute("joint").as_string();
+      joint.multiplier = or_default(mimic.attribute("multiplier"), 1);
+      joint.offset = or_default(mimic.attribute("offset"), 0);
+    }
     parents_[child] = static_cast<int>(parent);
     bodies_[child].joint = std::move(joint);
     bodies_[child].pose = place(node.child("origin"), where);
+  }
+
+  void check_mimics() const {
+    for (const Body& b : bodies_)
+      if (!b.joint.mimic.empty() && (b.joint.mimic == b.joint.name || !joint_names_.contains(b.joint.mimic)))
+        fail("joint " + excerpt(b.joint.name) + ": it mimics " + excerpt(b.joint.mimic) +
+             ", which is no other joint of this robot");
   }
 
   // Puts parents before their children, and keeps the order of the file otherwise.
@@ -289,7 +308,8 @@ std::vector<std::pair<std::size_t, std::size_t>> neighbours(const Urdf& urdf) {
   return pairs;
 }
 
-void set_families(Urdf& urdf) {
+void keep_neighbours_apart(Urdf& urdf) {
+  for (const auto& [i, j] : neighbours(urdf)) urdf.model.apart.push_back({i, j});
   const Groups groups(urdf);
   std::vector<std::size_t> number(groups.above.size());  // counts the groups with shapes
   std::size_t count = 0;
@@ -300,10 +320,7 @@ void set_families(Urdf& urdf) {
     if (groups.shapes[g] && groups.above[g] >= 0)
       pairs.emplace_back(number[static_cast<std::size_t>(groups.above[g])], number[g]);
   const auto families = families_of(count, pairs);
-  if (!families)
-    throw Error("the robot " + urdf.model.name + " has " + std::to_string(count) +
-                " moving parts, and 32 families cannot keep the neighbours among so many apart: pad it in "
-                "two pieces");
+  if (!families) return;
   for (std::size_t k = 0; k < urdf.links.size(); k++) {
     if (urdf.links[k].shapes.empty()) continue;
     const CollisionFilter& f = (*families)[number[groups.of[k]]];

@@ -21,6 +21,11 @@ class RobotTest : public ExportTest {
     write_file(folder_ / file, "<?xml version='1.0'?>\n<robot name='r'>" + inside + "</robot>");
     return folder_ / file;
   }
+  Model read_and_keep_apart(const std::string& inside) {
+    Urdf u = read_urdf(urdf(inside));
+    keep_neighbours_apart(u);
+    return u.model;
+  }
   static PadOptions coarse() {
     PadOptions o;
     o.edge_length = Length::share(0.08);
@@ -80,10 +85,44 @@ TEST_F(RobotTest, NeighboursAreRigidGroupsAndTheNextAboveWithShapes) {
   for (const auto& [i, j] : neighbours(u)) names.insert(u.links[i].name + " " + u.links[j].name);
   EXPECT_EQ(names, (std::set<std::string>{"base arm", "base tool", "base leg", "arm tool", "arm finger1",
                                           "arm finger2", "tool finger1", "tool finger2"}));
-  set_families(u);
+  keep_neighbours_apart(u);
   std::vector<CollisionFilter> filters;
   for (const Body& b : u.model.bodies) filters.push_back({b.cluster.family, b.cluster.mask});
   EXPECT_EQ(filtered_pairs(filters), neighbours(u));
+}
+
+// 40 pairs of parts around a body, each with a part of its own: no 32 families keep all neighbours apart.
+TEST_F(RobotTest, MoreMovingPartsThanFamiliesAreListedAsPairs) {
+  const std::string ball = "<collision><geometry><sphere radius='0.1'/></geometry></collision>";
+  std::string inside = link("base", ball);
+  for (int k = 0; k < 40; k++) {
+    const std::string a = "a" + std::to_string(k), b = "b" + std::to_string(k);
+    inside += link(a, ball) + link(b, ball) + joint("base", a) + joint(a, b);
+  }
+  const PaddedRobot r = pad_robot(urdf(inside), coarse());
+  EXPECT_EQ(r.model.apart.size(), 80u);
+  for (const Body& b : r.model.bodies) EXPECT_EQ(b.cluster.family, 0u);
+  for (const char* file : {"r.xml", "r.srdf"}) {
+    const std::string out = text(r.model, file);
+    EXPECT_NE(out.find("\"a39\""), std::string::npos) << file;
+  }
+  EXPECT_THROW(check_filters(read_and_keep_apart(inside), find_format({}, "chrono")), Error);
+}
+
+TEST_F(RobotTest, MimicEffortDampingAndFriction) {
+  const std::string ab = link("a") + link("b") + link("c") + joint("a", "b");
+  const Urdf u =
+      read_urdf(urdf(ab + joint("a", "c", "prismatic",
+                                "<limit lower='-1' upper='2' effort='20' velocity='1'/><dynamics damping='3' "
+                                "friction='0.5'/><mimic joint='a_b' multiplier='-1' offset='0.1'/>")));
+  const Joint& j = u.model.bodies[2].joint;
+  EXPECT_EQ(j.effort, 20);
+  EXPECT_EQ(j.damping, 3);
+  EXPECT_EQ(j.friction, 0.5);
+  EXPECT_EQ(j.mimic, "a_b");
+  EXPECT_EQ(j.multiplier, -1);
+  EXPECT_EQ(j.offset, 0.1);
+  EXPECT_THROW(read_urdf(urdf(ab + joint("a", "c", "prismatic", "<mimic joint='x'/>"))), Error);
 }
 
 TEST_F(RobotTest, PadsBoxesCylindersSpheresAndMeshesInPlace) {

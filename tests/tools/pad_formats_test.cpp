@@ -33,7 +33,7 @@ TEST_F(PadFormatsTest, EndingsAndFormats) {
     ASSERT_EQ(pad(std::string("cube.obj --edge-length 10% -q -o out/") + file).output, "") << file;
     expect_same_spheres(read_spheres(folder_ / "out" / file), cube);
   }
-  for (const char* file : {"c.csv", "c.glb", "c.usda"}) {
+  for (const char* file : {"c.csv", "c.glb", "c.usda", "c.stl", "c.ply", "c.obj"}) {
     EXPECT_EQ(pad(std::string("cube.obj --edge-length 10% -q -o ") + file).output, "");
     EXPECT_TRUE(fs::exists(folder_ / file));
   }
@@ -53,6 +53,7 @@ TEST_F(PadFormatsTest, WhatAFormatCannotHoldIsASentenceAndNoFile) {
   EXPECT_EQ(std::count(r.output.begin(), r.output.end(), '\n'), 1);
   EXPECT_FALSE(fs::exists(folder_ / "c.csv"));
   EXPECT_EQ(pad("cube.obj -o c.xyz").status, 2);
+  EXPECT_EQ(pad("cube.obj -o cube.obj").status, 2);  // which would be the end of the mesh
   EXPECT_EQ(pad("cube.obj --format povray").status, 2);
   EXPECT_EQ(pad("r.urdf -o r.spheres.json").status, 2);
   EXPECT_EQ(pad("cube.obj --density 0 -o c.csv").status, 2);

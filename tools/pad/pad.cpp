@@ -244,6 +244,8 @@ std::vector<Target> targets(const Arguments& a) {
       t.path = fs::path(a.output) / t.path;
     else if (!a.output.empty())
       t.path = a.output;
+    if (std::error_code code; fs::equivalent(t.path, mesh, code))
+      throw UsageError(t.path.string() + " is the input itself: name another file with -o");
     const auto [it, fresh] = owner.emplace(t.path, mesh);
     if (!fresh)
       throw UsageError(mesh + " and " + it->second + " would both write " + t.path.string() +
