@@ -241,17 +241,6 @@ std::vector<std::string> identifiers(const Model& model) {
   return out;
 }
 
-std::vector<Eigen::Isometry3d> world_poses(const Model& model) {
-  std::vector<Eigen::Isometry3d> out;
-  for (const Body& b : model.bodies) {
-    if (b.parent < 0)
-      out.push_back(b.pose);
-    else
-      out.push_back(out[static_cast<std::size_t>(b.parent)] * b.pose);
-  }
-  return out;
-}
-
 std::string origin(const Model& model) {
   std::string inside;
   if (!model.bodies.empty()) {

@@ -53,6 +53,7 @@ struct Model {
   std::string unit;  // "m", "cm", "mm", "in", or "" when nobody said
   std::vector<Body> bodies;
   std::vector<Apart> apart;  // besides the pairs that families and masks keep apart
+  std::string file;          // that a robot was read from, without folders; "" otherwise
   // The document a robot was read from, "" otherwise: written back as URDF with new collisions.
   std::string urdf;
 
@@ -61,6 +62,11 @@ struct Model {
 
 // A model of one body. It keeps the cluster's family and mask.
 Model model_of(Cluster cluster);
+
+// Where each body is in the world, when each joint is at its value: a radian or a length. `values` has one
+// for each body, of the joint to its parent; those of joints that mimic others and of joints with more than
+// one way to move are not looked at. Empty: all at 0.
+std::vector<Eigen::Isometry3d> poses_at(const Model& model, const std::vector<double>& values = {});
 
 // Metres in a unit; 1 for "". Throws Error for a word that is none of them.
 double metres(const std::string& unit);

@@ -93,7 +93,7 @@ void append(std::string& out, const Vector& v) {
 // Each body's shell, and what it is.
 template <class Each>
 void each_shell(const Model& model, Each&& each) {
-  const auto poses = world_poses(model);
+  const auto poses = poses_at(model);
   for (std::size_t b = 0; b < model.bodies.size(); b++)
     if (model.bodies[b].cluster.size() > 0)
       each(model.bodies[b], shell_of(model.bodies[b].cluster, poses[b]));

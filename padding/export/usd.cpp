@@ -41,7 +41,7 @@ class Writer {
       out += "def Xform \"" + root_.substr(1) + "\"" +
              (robot ? " (\n    prepend apiSchemas = [\"PhysicsArticulationRootAPI\"]\n)" : "") + "\n{\n";
     }
-    const auto poses = world_poses(model);
+    const auto poses = poses_at(model);
     for (std::size_t b = 0; b < model.bodies.size(); b++)
       out += body(b, several ? names_[b] : root_.substr(1), poses[b]);
     return out + (several ? "}\n" : "");

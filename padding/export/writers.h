@@ -55,9 +55,6 @@ std::vector<CollisionFilter> filters_of(const Model& model);  // a body each
 // An identifier for each body, no two alike.
 std::vector<std::string> identifiers(const Model& model);
 
-// Where each body is in the world, joints at 0.
-std::vector<Eigen::Isometry3d> world_poses(const Model& model);
-
 // "track_shoe (padder X.Y.Z, track_shoe.obj)": for a comment at the head of a file.
 std::string origin(const Model& model);
 
