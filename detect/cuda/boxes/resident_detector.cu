@@ -263,7 +263,7 @@ void ResidentDetector::Work::each_place(const std::function<void(Place&, std::si
 }
 
 cuda::Form ResidentDetector::Work::check(std::span<const Spheres> parts) const {
-  check_options(options_);
+  check_options(options_), check_boxed_options(options_);
   if (parts.size() != places_.size())
     throw Error(std::to_string(parts.size()) + " parts of the scene were given for " +
                 std::to_string(places_.size()) + " GPUs: give one for each");
