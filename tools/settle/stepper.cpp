@@ -23,9 +23,6 @@ std::string number(double v) {
   return text;
 }
 
-// Spheres that are worth a further thread.
-constexpr std::uint64_t kWorth = 1024;
-
 }  // namespace
 
 Stepper::Stepper(System system, const StepperOptions& options) : s_(std::move(system)), detector_(host()) {
@@ -41,14 +38,10 @@ Stepper::Stepper(System system, const StepperOptions& options) : s_(std::move(sy
     const double r = s_.radius_of(k);
     centers_[k].r = r, smallest_ = std::min(smallest_, r), mean_ += r / static_cast<double>(s_.spheres());
   }
-  const int most = options.threads > 0 ? options.threads : omp_get_max_threads();
-  threads_ = options.threads > 0 ? most
-                                 : static_cast<int>(std::min<std::uint64_t>(static_cast<std::uint64_t>(most),
-                                                                            1 + s_.spheres() / kWorth));
+  asked_threads_ = options.threads;
   fixed_skin_ = options.skin >= 0;
   skin_ = fixed_skin_ ? options.skin : 0.1 * mean_;
   detector_.options().width = detect::Width::pairs;
-  detector_.options().threads = threads_;
   starts_.assign(s_.spheres() + 1, 0), wall_starts_.assign(s_.spheres() + 1, 0);
   bushing_pushes_.resize(s_.bodies.size());
   place();
@@ -338,6 +331,8 @@ void Stepper::explode(const std::string& what) const {
 
 void Stepper::step() {
   const double begun = omp_get_wtime();
+  threads_ = chosen_.choose(asked_threads_, s_.spheres());
+  detector_.options().threads = threads_;
   const double moved = place_and_measure();
   // A hair less than half the skin, for the rounding of positions.
   if (!found_ || skin_ == 0 || !(moved < 0.499999 * skin_)) {
@@ -351,6 +346,7 @@ void Stepper::step() {
     explode("two spheres, or a sphere and a wall, overlap by " + number(deepest_) + ", more than a radius");
   push_bushings();
   integrate();
+  chosen_.done();
   steps_++;
   effort_.seconds += omp_get_wtime() - begun;
 }

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "detect/detector.h"
+#include "detect/omp/threads.h"
 #include "tools/settle/system.h"
 
 namespace padder::settle {
@@ -103,7 +104,8 @@ class Stepper {
   std::uint32_t body_spheres_ = 0, grain_shift_ = 0;
   std::vector<std::uint32_t> owner_;  // of the spheres of bodies
   double smallest_ = 0, mean_ = 0;    // radius
-  int threads_ = 1;
+  int asked_threads_ = 0, threads_ = 1;
+  detect::omp::Threads chosen_;
   detect::Detector detector_;
 
   std::vector<detect::Sphere> centers_;
