@@ -39,7 +39,7 @@ double volume(const Repaired& r) { return mass_properties(r.mesh).volume; }
 const Mesh kCube = shapes::box({0, 0, 0}, {1, 1, 1}, 4);
 
 TEST(Repair, ACleanSolidIsLeftAlone) {
-  const Repaired r = repair(kCube, {}, "kCube");
+  const Repaired r = repair(kCube, {}, "cube");
   EXPECT_EQ(r.kind, BodyKind::solid);
   EXPECT_EQ(r.report, "none needed");
   EXPECT_EQ(r.mesh.triangles.size(), kCube.triangles.size());
@@ -118,7 +118,7 @@ TEST(Repair, ATerrainStaysASheet) {
 TEST(Repair, NeverTrustsTheFile) {
   RepairOptions never;
   never.mode = RepairMode::never;
-  EXPECT_EQ(repair(soup_of(kCube), never, "kCube").kind, BodyKind::solid);
+  EXPECT_EQ(repair(soup_of(kCube), never, "cube").kind, BodyKind::solid);
   EXPECT_EQ(repair(shapes::square(1), never, "square").kind, BodyKind::sheet);
   Mesh turned = kCube;
   std::swap(turned.triangles[0][0], turned.triangles[0][1]);
@@ -129,7 +129,7 @@ TEST(Repair, WrapOnRequest) {
   RepairOptions wrap;
   wrap.mode = RepairMode::wrap;
   wrap.accuracy = 0.05;
-  EXPECT_EQ(repair(kCube, wrap, "kCube").kind, BodyKind::wrap);
+  EXPECT_EQ(repair(kCube, wrap, "cube").kind, BodyKind::wrap);
 }
 
 TEST(Repair, NothingWithAnAreaIsRefusedInASentence) {
