@@ -76,7 +76,7 @@ Json ball(const MakeOptions& o, const std::filesystem::path& folder) {
   const double edge = 1.02 * part.box.diagonal(),
                n = static_cast<double>(std::max<std::uint64_t>(o.count, 1));
   // A bed about half as deep as wide.
-  const double radius = std::max(edge * std::cbrt(2 * n / kPi), 2 * edge), ball = 0.3 * radius;
+  const double radius = std::max(0.75 * edge * std::cbrt(2 * n / kPi), 2 * edge), ball = 0.3 * radius;
   detect::SplitMix64 random(o.seed);
   Json bodies = Json::array();
   double top = 0;
