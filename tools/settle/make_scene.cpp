@@ -30,6 +30,9 @@ Json floor_at(double z) { return {{{"point", {0, 0, z}}, {"normal", {0, 0, 1}}}}
 
 // Grains stand on a lattice that is looser than they will be: the cylinder is higher than they fill it.
 Json silo(const MakeOptions& o) {
+  if (o.count < 300)
+    throw Error("the silo needs at least 300 grains, not " + std::to_string(o.count) +
+                ": in a narrower column of its height they do not fit side by side");
   Json scene = start("silo");
   const double radius = silo_radius(o.count), top = 2 * kSiloHeight + 1;
   scene["settle"] = {{"material", {{"density", 2500}, {"friction", 0.3}, {"restitution", 0.3}}},

@@ -76,8 +76,9 @@ with tempfile.TemporaryDirectory() as folder:
     assert page.startswith("<!doctype html>") and "@HEAD@" not in page and "http" not in page.replace("https", "http").split("<script>")[0]
 
     # Scenes made by the program.
-    run("settle", "--make", "silo", "--count", 50, "-o", "silo.json")
-    assert report("silo.json", "--steps", 200)["grains"] == 50
+    run("settle", "--make", "silo", "--count", 400, "-o", "silo.json")
+    assert report("silo.json", "--steps", 200)["grains"] == 400
+    refused("at least 300 grains", "--make", "silo", "--count", 50, "-o", "silo.json")
     refused("name it with --cluster", "--make", "ball", "-o", "ball.json")
     refused("has no mass", "--make", "track", "--cluster", "pill.spheres.json", "-o", "track.json")
 
