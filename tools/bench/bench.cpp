@@ -110,6 +110,7 @@ int main(int argc, char** argv) {
       ->type_name("NAME");
   app.add_flag("--moving", s.moving, "measure a scene in motion as well (scenes)");
   app.add_flag("--stable", s.stable, "a list of stable order (scenes)");
+  app.add_flag("--history", s.history, "measure a list with a history as well (scenes)");
   app.add_option("--backend", s.backend, "auto (each that is there, the default), omp or cuda")
       ->type_name("WHICH")
       ->check(CLI::IsMember({"auto", "omp", "cuda"}));
