@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstdio>
 #include <numbers>
+#include <numeric>
 
 #include "padding/asset/error.h"
 #include "padding/by_depth/refit.h"
@@ -304,6 +305,12 @@ void show_repair(Repaired& body, double area, const UnitFrame& frame, Padded& ou
   for (ClosedSlot& slot : report.slots) {
     slot.width *= scale, slot.area *= scale * scale, slot.place = frame.back(slot.place);
     out.marks.push_back(mark_of(MarkKind::slot, body.mesh, slot.triangles));
+  }
+  if (body.kind == BodyKind::solid && body.sheet > 0) {
+    std::vector<std::uint32_t> sheet(body.sheet);
+    std::iota(sheet.begin(), sheet.end(),
+              static_cast<std::uint32_t>(body.mesh.triangles.size() - body.sheet));
+    out.marks.push_back(mark_of(MarkKind::sheet, body.mesh, sheet));
   }
   for (Mark& mark : out.marks)
     for (Point& p : mark.mesh.points) p = frame.back(p);
