@@ -6,18 +6,22 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <charconv>
+#include <cmath>
 #include <cstdio>
 #include <iostream>
 #include <map>
 #include <nlohmann/json.hpp>
-#include <optional>
 
 #include "padding/asset/error.h"
 #include "padding/export/export.h"
+#include "padding/import/import.h"
 #include "padding/meshing/write_mesh.h"
 #include "padding/view/page.h"
 #include "tools/arguments.h"
 #include "tools/cli.h"
+#include "tools/json_failure.h"
+#include "tools/pad/convert.h"
 #include "tools/pad/report.h"
 #include "tools/pad/robot.h"
 
@@ -40,11 +44,16 @@ namespace fs = std::filesystem;
 
 struct Arguments {
   std::vector<std::string> meshes;
-  std::string output, unit, format, preview, write_mesh;
+  std::vector<std::string> outputs;
+  std::string unit, format, preview, write_mesh;
   double scale = 1, density = padder::ExportOptions().density;
   padder::PadOptions options;
+  padder::RobotOptions robot;
+  std::vector<std::string> package_folders, joints;
   int threads = 0;
   bool json = false, quiet = false;
+
+  std::string output() const { return outputs.empty() ? "" : outputs[0]; }
 };
 
 using namespace padder::cli;
@@ -64,10 +73,14 @@ std::string format_names_text() {
 
 // What is read and what is written. --help lists options in the order in which they are declared.
 void declare_files(CLI::App& app, Arguments& a) {
-  app.add_option("MESH", a.meshes, "mesh files: " + mesh_endings_text())->required();
-  app.add_option("-o", a.output,
+  app.add_option("MESH", a.meshes,
+                 "mesh files (" + mesh_endings_text() +
+                     "), robots (urdf xacro), or files of spheres, which are converted")
+      ->required();
+  app.add_option("-o", a.outputs,
                  "file to write, its ending tells the format (docs/formats.md), or folder for several "
-                 "(default: NAME.spheres.json here)")
+                 "(default: NAME.spheres.json here). Again for each further format")
+      ->allow_extra_args(false)
       ->type_name("FILE|DIR");
   app.add_option("--format", a.format,
                  "another program's format, where the ending does not tell:" + format_names_text())
@@ -160,6 +173,29 @@ void declare_asset(CLI::App& app, Arguments& a) {
                "take lengths that can hardly be meant, as a tolerance beyond half the thinnest extent");
 }
 
+// Of robots alone.
+void declare_robot(CLI::App& app, Arguments& a) {
+  app.add_option(
+         "--robot-spheres", a.robot.max_spheres,
+         "of a robot: the smallest tolerance, the same for all links, that so many spheres in all can keep")
+      ->check(whole())
+      ->check(CLI::PositiveNumber);
+  app.add_flag("--visual", a.robot.reading.visual,
+               "of a robot: pad the visual geometry, not the collision geometry");
+  app.add_option("--package-path", a.package_folders,
+                 "of a robot: a folder where package:// is looked for first; may be given again")
+      ->allow_extra_args(false)
+      ->type_name("DIR");
+  app.add_option("--self-collision", a.robot.poses,
+                 "of a robot: random poses that are tried for links that never or always touch; 0: none")
+      ->capture_default_str()
+      ->check(whole())
+      ->check(CLI::Range(0, 100000000));
+  app.add_option("--joint", a.joints, "of a robot in --preview: where a joint stands, in radians or metres")
+      ->allow_extra_args(false)
+      ->type_name("NAME=VALUE");
+}
+
 void declare_output(CLI::App& app, Arguments& a) {
   app.add_option("--write-mesh", a.write_mesh,
                  "write the surface that the spheres were made on, whose faces spheres.triangle counts: .obj "
@@ -181,14 +217,24 @@ void declare_output(CLI::App& app, Arguments& a) {
   app.set_version_flag("--version", "pad (padder) " PADDER_VERSION);
 }
 
-bool is_robot(const std::string& file) { return fs::path(file).extension() == ".urdf"; }
+bool is_robot(const std::string& file) {
+  const std::string ending = fs::path(file).extension().string();
+  return ending == ".urdf" || ending == ".xacro";
+}
 
 // Where a result goes, and in which format; null is our own. No two meshes may write the same file.
 struct Target {
   fs::path path;
   const padder::Format* format = nullptr;
-  bool in_folder = false;  // -o names a folder, not the file
-  fs::path mesh;           // where --write-mesh puts the surface; empty without it
+  std::vector<padder::OutputFile> more;  // of further -o
+  bool in_folder = false;                // -o names a folder, not the file
+  fs::path mesh;                         // where --write-mesh puts the surface; empty without it
+
+  std::vector<padder::OutputFile> outputs() const {
+    std::vector<padder::OutputFile> all{{path, format}};
+    all.insert(all.end(), more.begin(), more.end());
+    return all;
+  }
 };
 
 bool is_folder(const std::string& path) {
@@ -213,9 +259,43 @@ fs::path surface_file(const Arguments& a, const std::string& mesh) {
   return a.write_mesh;
 }
 
+// The files of -o after the first: of one input, and each tells its format by its ending.
+std::vector<padder::OutputFile> further_outputs(const Arguments& a) {
+  std::vector<padder::OutputFile> out;
+  for (std::size_t k = 1; k < a.outputs.size(); k++) {
+    const std::string& path = a.outputs[k];
+    if (a.meshes.size() > 1 || is_folder(a.outputs[0]) || is_folder(path))
+      throw UsageError("several -o are files, and for one input: end each with the ending of its format");
+    if (std::count(a.outputs.begin(), a.outputs.end(), path) > 1)
+      throw UsageError("-o " + path + " is given twice: give it once");
+    const bool own = path.ends_with(".json");
+    if (own && is_robot(a.meshes[0]))
+      throw UsageError("a robot has several links and a .spheres.json is one body: -o a folder for these");
+    try {
+      out.push_back({path, own ? nullptr : &padder::find_format(path)});
+    } catch (const padder::Error& e) {
+      throw UsageError(e.what());
+    }
+    if (std::error_code code; fs::equivalent(path, a.meshes[0], code))
+      throw UsageError(path + " is the input itself: name another file with -o");
+  }
+  return out;
+}
+
+// A file of spheres is converted, so it must be said to what, and nothing about padding.
+void check_conversion(const Arguments& a, const std::string& file) {
+  if (a.outputs.empty() && a.format.empty())
+    throw UsageError(file + " holds spheres already: name with -o what to convert it to");
+  if (a.options.by_tolerance() || a.options.depth_ratio || !a.preview.empty() || !a.write_mesh.empty())
+    throw UsageError(file +
+                     " holds spheres already, which are converted and not padded again: leave out the "
+                     "tolerance, the depth ratio, the count, --preview and --write-mesh");
+}
+
 std::vector<Target> targets(const Arguments& a) {
-  const bool folder = is_folder(a.output) && a.format != "mercury";
-  if (a.meshes.size() > 1 && !a.output.empty() && !folder)
+  const std::string output = a.output();
+  const bool folder = is_folder(output) && a.format != "mercury";
+  if (a.meshes.size() > 1 && !output.empty() && !folder)
     throw UsageError("-o must name a folder when there are several meshes: make it, or end it with /");
   std::vector<Target> out;
   std::map<fs::path, std::string> owner;
@@ -224,36 +304,38 @@ std::vector<Target> targets(const Arguments& a) {
       throw UsageError("a % stands alone: write a share of the diagonal as one word, as in --tolerance 5%");
     Target t;
     t.in_folder = folder;
+    if (padder::is_sphere_file(mesh)) check_conversion(a, mesh);
     t.mesh = surface_file(a, mesh);
+    t.more = further_outputs(a);
     try {
       if (!a.format.empty())
         t.format = &padder::find_format({}, a.format);
-      else if (!a.output.empty() && !folder && !a.output.ends_with(".json"))
-        t.format = &padder::find_format(a.output);
+      else if (!output.empty() && !folder && !output.ends_with(".json"))
+        t.format = &padder::find_format(output);
       else if (is_robot(mesh))
         t.format = &padder::find_format({}, "urdf");
     } catch (const padder::Error& e) {
       throw UsageError(e.what());
     }
-    if (is_robot(mesh) && a.output.ends_with(".json"))
+    if (is_robot(mesh) && output.ends_with(".json"))
       throw UsageError(
           "a robot has several links and a .spheres.json is one body: -o a folder gets one for each link");
     t.path = fs::path(mesh).stem().string() +
              (!t.format ? ".spheres.json" : std::string(is_robot(mesh) ? ".spheres" : "") + t.format->ending);
     if (folder)
-      t.path = fs::path(a.output) / t.path;
-    else if (!a.output.empty())
-      t.path = a.output;
+      t.path = fs::path(output) / t.path;
+    else if (!output.empty())
+      t.path = output;
+    if (std::error_code code; fs::equivalent(t.path, mesh, code))
+      throw UsageError(t.path.string() + " is the input itself: name another file with -o");
     const auto [it, fresh] = owner.emplace(t.path, mesh);
     if (!fresh)
       throw UsageError(mesh + " and " + it->second + " would both write " + t.path.string() +
                        ": pad them one by one with -o");
     out.push_back(t);
   }
-  if (!a.preview.empty() && std::any_of(a.meshes.begin(), a.meshes.end(), is_robot))
-    throw UsageError("--preview shows a mesh, not a robot: give it one of the robot's meshes");
   if (!a.preview.empty() && (a.meshes.size() > 1 || !padder::is_preview(a.preview)))
-    throw UsageError("--preview shows one mesh in one file that ends in .html or .png");
+    throw UsageError("--preview shows one mesh or robot in one file that ends in .html or .png");
   if (a.preview.ends_with(".html")) padder::page_script();  // before the work, not after it
   return out;
 }
@@ -293,8 +375,23 @@ Json pad_urdf(const Arguments& a, const std::string& file, const Target& goal,
               const padder::RobotProgress& show) {
   if (a.scale != 1 || (!a.unit.empty() && a.unit != "m"))
     throw padder::Error(file + ": a URDF is in metres: leave out --scale and --unit");
-  padder::RobotJob job{file, goal.path, goal.format, a.options, {a.density}, goal.in_folder};
+  padder::RobotJob job{file, goal.outputs(), a.options, a.robot, {a.density}, goal.in_folder, a.preview, {}};
+  job.whole.reading.package_folders.assign(a.package_folders.begin(), a.package_folders.end());
+  for (const std::string& joint : a.joints) {
+    const std::size_t at = joint.rfind('=');
+    double value = 0;
+    const char* end = joint.data() + joint.size();
+    const auto read = std::from_chars(joint.data() + std::min(at + 1, joint.size()), end, value);
+    if (at == std::string::npos || read.ec != std::errc() || read.ptr != end || !std::isfinite(value))
+      throw UsageError("--joint takes NAME=VALUE, as elbow=1.57, not \"" + joint + '"');
+    job.joints[joint.substr(0, at)] = value;
+  }
   return padder::run_robot(job, show);
+}
+
+Json convert(const Arguments& a, const std::string& file, const Target& goal) {
+  return padder::run_convert(
+      {file, goal.outputs(), a.scale, a.unit, a.options.family, a.options.mask, {a.density}});
 }
 
 // Pads one mesh, writes its files, and returns the report. `done` is called before anything is printed.
@@ -302,12 +399,16 @@ Json pad_mesh(const Arguments& a, const std::string& file, const Target& goal,
               const padder::PadProgress& show, const std::function<void()>& done) {
   const padder::Padded padded = padder::pad_file(file, {a.scale, a.unit}, a.options, show);
   std::vector<std::string> warnings = padded.report.warnings;
-  if (goal.format)
+  for (const padder::OutputFile& out : goal.outputs()) {
+    make_folder_of(out.path);
+    if (!out.format) {
+      padder::write_cluster(padded.cluster, out.path);
+      continue;
+    }
     for (auto& sentence :
-         padder::write_model(padder::model_of(padded.cluster), goal.path, *goal.format, {a.density}))
+         padder::write_model(padder::model_of(padded.cluster), out.path, *out.format, {a.density}))
       warnings.push_back(std::move(sentence));
-  else
-    padder::write_cluster(padded.cluster, goal.path);
+  }
   if (!goal.mesh.empty()) {
     make_folder_of(goal.mesh);
     padder::write_mesh(padded.mesh, goal.mesh);
@@ -340,19 +441,22 @@ int run(Arguments& a) {
     try {
       make_folder_of(goals[k].path);
       const bool robot = is_robot(mesh);
+      const bool spheres = padder::is_sphere_file(mesh);
       const Json report =
-          robot ? pad_urdf(a, mesh, goals[k],
-                           [&](const std::string& link, std::size_t done, std::size_t of) {
-                             bar.show(mesh + ", " + link, k, a.meshes.size(), "", int(done), int(of));
-                           })
-                : pad_mesh(
-                      a, mesh, goals[k],
-                      [&](const char* step, int done, int of) {
-                        bar.show(mesh, k, a.meshes.size(), step, done, of);
-                      },
-                      [&] { bar.clear(); });
+          spheres ? convert(a, mesh, goals[k])
+          : robot ? pad_urdf(a, mesh, goals[k],
+                             [&](const std::string& link, std::size_t done, std::size_t of) {
+                               bar.show(mesh + ", " + link, k, a.meshes.size(), "", int(done), int(of));
+                             })
+                  : pad_mesh(
+                        a, mesh, goals[k],
+                        [&](const char* step, int done, int of) {
+                          bar.show(mesh, k, a.meshes.size(), step, done, of);
+                        },
+                        [&] { bar.clear(); });
       bar.clear();
       if (robot && !a.json && !a.quiet) padder::print_robot(report);
+      if (spheres && !a.json && !a.quiet) padder::print_convert(report);
       for (const auto& sentence : report["warnings"]) warn(a, sentence.get<std::string>());
       all.push_back(report);
     } catch (const padder::Error& e) {
@@ -376,6 +480,7 @@ int main(int argc, char** argv) {
       "  pad link*.stl -o clusters/ --unit m          a batch into a folder\n"
       "  pad part.obj -o part.vtp                     for ParaView; docs/formats.md lists the others\n"
       "  pad robot.urdf --tolerance 1%                every link; writes robot.spheres.urdf\n"
+      "  pad part.spheres.json -o part.xml -o part.glb  in other formats, without padding again\n"
       "  pad part.obj --edge-length 1% --json         finer, with the report as JSON\n\n"
       "Covers a triangle mesh with spheres: repairs it, remeshes it isotropically, fits one sphere a "
       "triangle at the\n"
@@ -387,6 +492,12 @@ int main(int argc, char** argv) {
   declare_files(app, arguments);
   declare_spheres(app, arguments);
   declare_asset(app, arguments);
+  declare_robot(app, arguments);
   declare_output(app, arguments);
-  return padder::cli::run(app, argc, argv, [&] { return run(arguments); });
+  return padder::cli::run(
+      app, argc, argv, [&] { return run(arguments); },
+      [&](const std::string& error) {
+        if (arguments.json)
+          padder::cli::print_failure(arguments.meshes.size() == 1 ? arguments.meshes[0] : "", error);
+      });
 }

@@ -14,6 +14,7 @@ Width = Literal["pairs", "normals", "points"]
 Backend = Literal["auto", "omp", "cuda"]
 Precision = Literal["exact", "fast"]
 Answer = Literal["any", "count", "distance"]
+NO_CONTACT: int  # in Contacts.history: the list of the call before does not have the pair
 EVERY_WORLD: int  # the world whose spheres meet those of all worlds
 Doubles = NDArray[np.float64]
 Integers = NDArray[np.uint32]
@@ -48,6 +49,19 @@ class Cluster:
     def settings(self) -> dict[str, Any]: ...
     def __len__(self) -> int: ...
     def to_json(self) -> str: ...
+    def save(self, path: Path, format: str = "", density: float = 1000.0) -> None: ...
+    def _repr_html_(self) -> str: ...
+
+class Robot:
+    @property
+    def name(self) -> str: ...
+    @property
+    def links(self) -> dict[str, Cluster]: ...  # those with spheres
+    @property
+    def apart(self) -> list[tuple[str, str, str]]: ...  # links that need no test, and why: a word of MoveIt's
+    @property
+    def notes(self) -> list[str]: ...
+    def __len__(self) -> int: ...  # spheres in all
     def save(self, path: Path, format: str = "", density: float = 1000.0) -> None: ...
 
 class DeviceArray:
@@ -101,6 +115,8 @@ class Contacts:
     @property
     def points_j(self) -> Reals: ...
     @property
+    def history(self) -> Integers | DeviceArray: ...  # (M,), index of the pair in the list of the call before, or NO_CONTACT
+    @property
     def backend(self) -> str: ...
     @property
     def hash(self) -> int: ...
@@ -125,6 +141,7 @@ class Detector:
     def __init__(
         self, *, width: Width = "normals", backend: Backend = "auto", precision: Precision = "exact",
         threads: int = 0, device: int = 0,
+        history: bool = False,  # contacts have a history
     ) -> None: ...
     @property
     def backend(self) -> str: ...
@@ -145,17 +162,29 @@ class Detector:
 
 def load(path: Path, part: str = "") -> Cluster: ...
 def pad(
-    vertices: ArrayLike, faces: ArrayLike, depth: float | None = None, tolerance: Length | None = None,
+    vertices: Any, faces: ArrayLike | None = None,  # two arrays, or one object that has .vertices and .faces
+    depth: float | None = None, tolerance: Length | None = None,
     edge_length: Length | None = None, max_spheres: int = 0, sharp_angle: float = 40.0, repair: Repair = "auto",
     family: int = 0, mask: int = 0, unit: str = "", name: str = "mesh",
     protrusion: Length | None = None, gap: Length | None = None,
+    # by name only: balance: Literal["none", "volume", "mean"], effort: int, smooth: float, lod: Sequence[Length],
+    # min_radius, max_radius, reach, thickness: Length, force: bool
+    **more: Any,
 ) -> Cluster: ...
 def pad_file(
     path: Path, depth: float | None = None, tolerance: Length | None = None,
     edge_length: Length | None = None, max_spheres: int = 0, sharp_angle: float = 40.0, repair: Repair = "auto",
     family: int = 0, mask: int = 0, unit: str = "", scale: float = 1.0,
     protrusion: Length | None = None, gap: Length | None = None,
+    # by name only: balance: Literal["none", "volume", "mean"], effort: int, smooth: float, lod: Sequence[Length],
+    # min_radius, max_radius, reach, thickness: Length, force: bool
+    **more: Any,
 ) -> Cluster: ...
+def pad_urdf(
+    path: Path, depth: float | None = None, tolerance: Length | None = None, edge_length: Length | None = None,
+    max_spheres: int = 0, robot_spheres: int = 0, visual: bool = False, package_path: Sequence[Path] = (),
+    poses: int = 10000, repair: Repair = "auto", **more: Any,  # those of pad that are given by their names
+) -> Robot: ...
 def detect(
     centers: Any = None, radii: Any = None, family: Any = None, mask: Any = None, *,
     is_static: Any = None, world: Any = None, bodies: Bodies | None = None, margin: float = 0.0,
