@@ -7,196 +7,29 @@
 
 #include <algorithm>
 #include <cstdio>
-#include <iostream>
 #include <map>
 #include <nlohmann/json.hpp>
-#include <optional>
 
 #include "padding/asset/error.h"
-#include "padding/export/export.h"
 #include "padding/meshing/write_mesh.h"
 #include "padding/view/page.h"
-#include "tools/arguments.h"
 #include "tools/cli.h"
-#include "tools/pad/report.h"
-#include "tools/pad/robot.h"
+#include "tools/json_output.h"
+#include "tools/pad/arguments.h"
+#include "tools/pad/manifest/part_list.h"
+#include "tools/pad/manifest/run_parts.h"
+#include "tools/pad/one_part.h"
+#include "tools/pad/progress_bar.h"
 
 namespace padder {
-
-// CLI11 finds this function by its argument's namespace.
-bool lexical_cast(const std::string& text, Length& out) {
-  const auto length =
-      text == "0" ? Length::of(0) : length_of(text);  // where 0 is no length, a check refuses it
-  if (length) out = *length;
-  return length.has_value();
-}
-
-}  // namespace padder
-
 namespace {
 
 using Json = nlohmann::ordered_json;
+using cli::UsageError;
 namespace fs = std::filesystem;
 
-struct Arguments {
-  std::vector<std::string> meshes;
-  std::string output, unit, format, preview, write_mesh;
-  double scale = 1, density = padder::ExportOptions().density;
-  padder::PadOptions options;
-  int threads = 0;
-  bool json = false, quiet = false;
-};
-
-using namespace padder::cli;
-
-// "obj stl ply …"
-std::string mesh_endings_text() {
-  std::string endings;
-  for (const auto& e : padder::mesh_endings()) endings += (endings.empty() ? "" : " ") + e.substr(1);
-  return endings;
-}
-
-std::string format_names_text() {
-  std::string names;
-  for (const auto& f : padder::formats()) names += std::string(" ") + f.name;
-  return names;
-}
-
-// What is read and what is written. --help lists options in the order in which they are declared.
-void declare_files(CLI::App& app, Arguments& a) {
-  app.add_option("MESH", a.meshes, "mesh files: " + mesh_endings_text())->required();
-  app.add_option("-o", a.output,
-                 "file to write, its ending tells the format (docs/formats.md), or folder for several "
-                 "(default: NAME.spheres.json here)")
-      ->type_name("FILE|DIR");
-  app.add_option("--format", a.format,
-                 "another program's format, where the ending does not tell:" + format_names_text())
-      ->type_name("NAME");
-  app.add_option("--density", a.density, "for formats that state a mass (default: 1000, kg/m^3 in metres)")
-      ->check(decimal())
-      ->check(CLI::PositiveNumber);
-}
-
-// How the spheres are chosen: by depth ratio, by tolerance, or by number.
-void declare_spheres(CLI::App& app, Arguments& a) {
-  app.add_option("--depth", a.options.depth_ratio,
-                 "one sphere a triangle: cap height over circumradius, above 0, at most 1 (default: 0.2)")
-      ->check(decimal())
-      ->check(CLI::Range(1e-6, 1.));
-  app.add_option("--edge-length", a.options.edge_length,
-                 "of the remeshed triangles: in the mesh's unit, or a share of its diagonal as 2%")
-      ->type_name("LENGTH")
-      ->check(length());
-  app.add_option(
-         "--tolerance", a.options.tolerance,
-         "the fewest spheres with protrusion and gap proved to be within it; with --depth: thin those")
-      ->type_name("LENGTH")
-      ->check(length());
-  app.add_option("--protrusion", a.options.protrusion,
-                 "no sphere stands out of the body by more; 0: none does at all. With --gap or --tolerance")
-      ->type_name("LENGTH")
-      ->check(length_or_zero());
-  app.add_option(
-         "--gap", a.options.gap,
-         "no surface lies farther outside the spheres; 0: all of the body is inside them. With --protrusion "
-         "or --tolerance")
-      ->type_name("LENGTH")
-      ->check(length_or_zero());
-  app.add_option("--max-spheres", a.options.max_spheres, "the smallest error that so many spheres can keep")
-      ->check(whole())
-      ->check(CLI::PositiveNumber);
-  app.add_option("--max-radius", a.options.max_radius, "no larger sphere")
-      ->type_name("LENGTH")
-      ->check(length());
-  app.add_option("--min-radius", a.options.min_radius,
-                 "no smaller sphere, even where the tolerance asks for it")
-      ->type_name("LENGTH")
-      ->check(length());
-  const std::map<std::string, padder::Balance> balances{
-      {"none", padder::Balance::none}, {"volume", padder::Balance::volume}, {"mean", padder::Balance::mean}};
-  app.add_option("--balance", a.options.balance,
-                 "within the tolerance: none (fewest, the default), volume (of the union as the mesh's), "
-                 "mean (smallest means)")
-      ->transform(CLI::CheckedTransformer(balances))
-      ->type_name("WHAT");
-  app.add_option("--smooth", a.options.smooth, "mean normal error asked for, degrees")
-      ->check(decimal())
-      ->check(CLI::PositiveNumber);
-  app.add_option("--effort", a.options.effort, "0 to 3: search longer for fewer spheres")
-      ->capture_default_str()
-      ->check(whole())
-      ->check(CLI::Range(0, 3));
-  app.add_flag("--lower-bound", a.options.lower_bound,
-               "also prove how few spheres could do: some seconds more");
-  app.add_option("--reach", a.options.min_grain_radius,
-                 "radius of the smallest grain: what it cannot touch is not padded")
-      ->type_name("LENGTH")
-      ->check(length());
-  app.add_option("--lod", a.options.lod, "a ladder of tolerances in one asset, as 2%,1%,0.5%")
-      ->delimiter(',')
-      ->type_name("LENGTHS")
-      ->check(length());
-}
-
-// What happens to the surface first, and what the asset says of itself.
-void declare_asset(CLI::App& app, Arguments& a) {
-  app.add_option("--sharp-angle", a.options.sharp_angle, "keep edges whose faces turn by more degrees")
-      ->capture_default_str()
-      ->check(decimal())
-      ->check(CLI::Range(1., 180.));
-  const std::map<std::string, padder::RepairMode> modes{
-      {"auto", padder::RepairMode::automatic}, {"union", padder::RepairMode::united},
-      {"fill", padder::RepairMode::fill},      {"sheet", padder::RepairMode::sheet},
-      {"never", padder::RepairMode::never},    {"wrap", padder::RepairMode::wrap}};
-  app.add_option("--repair", a.options.repair, "auto (the default), union, fill, sheet, never or wrap")
-      ->transform(CLI::CheckedTransformer(modes))
-      ->type_name("MODE");
-  app.add_option("--thickness", a.options.thickness, "of sheets, half on either side (default 0)")
-      ->check(length());
-  app.add_option("--family", a.options.family, "of the asset: no contact inside a family; 0 is none")
-      ->check(whole());
-  app.add_option("--mask", a.options.mask, "bit k: no contact with family k + 1")->check(bits());
-  app.add_flag("--force", a.options.force,
-               "take lengths that can hardly be meant, as a tolerance beyond half the thinnest extent");
-}
-
-void declare_output(CLI::App& app, Arguments& a) {
-  app.add_option("--write-mesh", a.write_mesh,
-                 "write the surface that the spheres were made on, whose faces spheres.triangle counts: .obj "
-                 ".off .ply .stl, or a folder for NAME.surface.obj")
-      ->type_name("FILE|DIR");
-  app.add_option("--preview", a.preview, "show mesh and spheres: a page (.html) or a picture (.png)")
-      ->type_name("FILE");
-  app.add_option("--scale", a.scale, "factor on every coordinate")
-      ->check(decimal())
-      ->check(CLI::PositiveNumber);
-  app.add_option("--unit", a.unit, "m, cm, mm or in: the unit of the asset")
-      ->type_name("UNIT")
-      ->check(CLI::IsMember({"m", "cm", "mm", "in"}));
-  app.add_option("--threads", a.threads, "threads to use, 1 to 1024 (default: all)")
-      ->check(whole())
-      ->check(CLI::Range(1, padder::cli::kMostThreads));
-  app.add_flag("--json", a.json, "print one JSON document on stdout");
-  app.add_flag("-q", a.quiet, "print nothing but errors");
-  app.set_version_flag("--version", "pad (padder) " PADDER_VERSION);
-}
-
-bool is_robot(const std::string& file) { return fs::path(file).extension() == ".urdf"; }
-
-// Where a result goes, and in which format; null is our own. No two meshes may write the same file.
-struct Target {
-  fs::path path;
-  const padder::Format* format = nullptr;
-  bool in_folder = false;  // -o names a folder, not the file
-  fs::path mesh;           // where --write-mesh puts the surface; empty without it
-};
-
-bool is_folder(const std::string& path) {
-  return !path.empty() && (fs::is_directory(path) || path.back() == '/');
-}
-
 // For --write-mesh.
-fs::path surface_file(const Arguments& a, const std::string& mesh) {
+fs::path surface_file(const PadArguments& a, const std::string& mesh) {
   if (a.write_mesh.empty()) return {};
   if (is_robot(mesh))
     throw UsageError("--write-mesh writes the surface of a mesh, not of a robot: give it one of its meshes");
@@ -205,7 +38,7 @@ fs::path surface_file(const Arguments& a, const std::string& mesh) {
   if (a.meshes.size() > 1)
     throw UsageError(
         "--write-mesh must name a folder when there are several meshes: make it, or end it with /");
-  if (!padder::can_write_mesh(a.write_mesh))
+  if (!can_write_mesh(a.write_mesh))
     throw UsageError("--write-mesh must name a file that ends in .obj, .off, .ply or .stl, or a folder");
   std::error_code code;
   if (fs::equivalent(a.write_mesh, mesh, code))
@@ -213,33 +46,21 @@ fs::path surface_file(const Arguments& a, const std::string& mesh) {
   return a.write_mesh;
 }
 
-std::vector<Target> targets(const Arguments& a) {
+// No two meshes may write the same file.
+std::vector<PadTarget> targets(const PadArguments& a) {
   const bool folder = is_folder(a.output) && a.format != "mercury";
   if (a.meshes.size() > 1 && !a.output.empty() && !folder)
     throw UsageError("-o must name a folder when there are several meshes: make it, or end it with /");
-  std::vector<Target> out;
+  std::vector<PadTarget> out;
   std::map<fs::path, std::string> owner;
   for (const auto& mesh : a.meshes) {
     if (mesh == "%")
       throw UsageError("a % stands alone: write a share of the diagonal as one word, as in --tolerance 5%");
-    Target t;
+    PadTarget t;
     t.in_folder = folder;
     t.mesh = surface_file(a, mesh);
-    try {
-      if (!a.format.empty())
-        t.format = &padder::find_format({}, a.format);
-      else if (!a.output.empty() && !folder && !a.output.ends_with(".json"))
-        t.format = &padder::find_format(a.output);
-      else if (is_robot(mesh))
-        t.format = &padder::find_format({}, "urdf");
-    } catch (const padder::Error& e) {
-      throw UsageError(e.what());
-    }
-    if (is_robot(mesh) && a.output.ends_with(".json"))
-      throw UsageError(
-          "a robot has several links and a .spheres.json is one body: -o a folder gets one for each link");
-    t.path = fs::path(mesh).stem().string() +
-             (!t.format ? ".spheres.json" : std::string(is_robot(mesh) ? ".spheres" : "") + t.format->ending);
+    t.format = format_of(a, mesh);
+    t.path = output_name(mesh, t.format);
     if (folder)
       t.path = fs::path(a.output) / t.path;
     else if (!a.output.empty())
@@ -252,80 +73,15 @@ std::vector<Target> targets(const Arguments& a) {
   }
   if (!a.preview.empty() && std::any_of(a.meshes.begin(), a.meshes.end(), is_robot))
     throw UsageError("--preview shows a mesh, not a robot: give it one of the robot's meshes");
-  if (!a.preview.empty() && (a.meshes.size() > 1 || !padder::is_preview(a.preview)))
+  if (!a.preview.empty() && (a.meshes.size() > 1 || !is_preview(a.preview)))
     throw UsageError("--preview shows one mesh in one file that ends in .html or .png");
-  if (a.preview.ends_with(".html")) padder::page_script();  // before the work, not after it
+  if (a.preview.ends_with(".html")) page_script();  // before the work, not after it
   return out;
 }
 
-// One line on a terminal. Prints nothing when stderr is not a terminal.
-class ProgressBar {
- public:
-  explicit ProgressBar(bool wanted) : on_(wanted && isatty(STDERR_FILENO)) {}
-  ~ProgressBar() { clear(); }
-
-  void show(const std::string& mesh, std::size_t index, std::size_t of, const char* step, int done,
-            int steps) {
-    if (!on_) return;
-    const int width = 30, filled = int(width * (double(index) + double(done) / steps) / double(of));
-    std::fprintf(stderr, "\r[%s%s] %s: %s\033[K", std::string(filled, '=').c_str(),
-                 std::string(width - filled, ' ').c_str(), mesh.c_str(), step);
-    std::fflush(stderr);
-  }
-  void clear() {
-    if (on_) std::fprintf(stderr, "\r\033[K");
-  }
-
- private:
-  bool on_;
-};
-
-void make_folder_of(const fs::path& file) {
-  std::error_code code;  // if this fails, writing the file fails and names the reason
-  if (file.has_parent_path()) fs::create_directories(file.parent_path(), code);
-}
-
-void warn(const Arguments& a, const std::string& sentence) {
-  if (!a.quiet) std::fprintf(stderr, "pad: warning: %s\n", sentence.c_str());
-}
-
-Json pad_urdf(const Arguments& a, const std::string& file, const Target& goal,
-              const padder::RobotProgress& show) {
-  if (a.scale != 1 || (!a.unit.empty() && a.unit != "m"))
-    throw padder::Error(file + ": a URDF is in metres: leave out --scale and --unit");
-  padder::RobotJob job{file, goal.path, goal.format, a.options, {a.density}, goal.in_folder};
-  return padder::run_robot(job, show);
-}
-
-// Pads one mesh, writes its files, and returns the report. `done` is called before anything is printed.
-Json pad_mesh(const Arguments& a, const std::string& file, const Target& goal,
-              const padder::PadProgress& show, const std::function<void()>& done) {
-  const padder::Padded padded = padder::pad_file(file, {a.scale, a.unit}, a.options, show);
-  std::vector<std::string> warnings = padded.report.warnings;
-  if (goal.format)
-    for (auto& sentence :
-         padder::write_model(padder::model_of(padded.cluster), goal.path, *goal.format, {a.density}))
-      warnings.push_back(std::move(sentence));
-  else
-    padder::write_cluster(padded.cluster, goal.path);
-  if (!goal.mesh.empty()) {
-    make_folder_of(goal.mesh);
-    padder::write_mesh(padded.mesh, goal.mesh);
-  }
-  if (!a.preview.empty()) {
-    padder::View view = padder::view_of(padded.cluster, padder::mesh_of(padded.cluster, goal.path, file));
-    view.marks = padded.marks;
-    padder::write_preview(view, a.preview);
-  }
-  done();
-  const padder::PadFiles files{file, goal.path, goal.mesh};
-  if (!a.json && !a.quiet) padder::print_report(files, padded);
-  return padder::report_json(files, a.options, padded, warnings);
-}
-
-int run(Arguments& a) {
-  if (a.threads > 0) omp_set_num_threads(a.threads);
-  const std::vector<Target> goals = targets(a);
+// One mesh after the other, in this process.
+int pad_meshes(const PadArguments& a) {
+  const std::vector<PadTarget> goals = targets(a);
   Json all = Json::array();
   bool failed = false;
   ProgressBar bar(!a.quiet);
@@ -337,35 +93,39 @@ int run(Arguments& a) {
   };
   for (std::size_t k = 0; k < a.meshes.size(); k++) {
     const std::string& mesh = a.meshes[k];
+    const auto show = [&](const char* step, int done, int of) {
+      bar.show((double(k) + double(done) / of) / double(a.meshes.size()), mesh + ": " + step);
+    };
     try {
-      make_folder_of(goals[k].path);
-      const bool robot = is_robot(mesh);
-      const Json report =
-          robot ? pad_urdf(a, mesh, goals[k],
-                           [&](const std::string& link, std::size_t done, std::size_t of) {
-                             bar.show(mesh + ", " + link, k, a.meshes.size(), "", int(done), int(of));
-                           })
-                : pad_mesh(
-                      a, mesh, goals[k],
-                      [&](const char* step, int done, int of) {
-                        bar.show(mesh, k, a.meshes.size(), step, done, of);
-                      },
-                      [&] { bar.clear(); });
-      bar.clear();
-      if (robot && !a.json && !a.quiet) padder::print_robot(report);
-      for (const auto& sentence : report["warnings"]) warn(a, sentence.get<std::string>());
+      const Json report = pad_one(a, mesh, goals[k], show, [&] { bar.clear(); });
+      if (!a.quiet)
+        for (const auto& sentence : report["warnings"])
+          std::fprintf(stderr, "pad: warning: %s\n", sentence.get<std::string>().c_str());
       all.push_back(report);
-    } catch (const padder::Error& e) {
+    } catch (const Error& e) {
       fail(mesh, e.what());
     } catch (const std::bad_alloc&) {
       fail(mesh, mesh + ": not enough memory: use a longer --edge-length");
     }
   }
-  if (a.json) std::cout << (a.meshes.size() == 1 ? all[0] : all).dump(2) << std::endl;
+  if (a.json) cli::print_json(a.meshes.size() == 1 ? all[0] : all);
   return failed ? 1 : 0;
 }
 
+int run(PadArguments& a, const CLI::App& app) {
+  if (lists_parts(a)) return run_parts(a, settings_of(app));
+  if (a.meshes.empty())
+    throw UsageError("name a mesh, a folder of meshes, or --manifest FILE (see pad --help)");
+  for (const char* option : {"--shard", "--workers", "--page", "--seconds", "--memory"})
+    if (app.count(option) > 0)
+      throw UsageError(std::string(option) +
+                       " is for a folder of meshes or a --manifest, and there is neither");
+  if (a.threads > 0) omp_set_num_threads(a.threads);
+  return pad_meshes(a);
+}
+
 }  // namespace
+}  // namespace padder
 
 int main(int argc, char** argv) {
   CLI::App app(
@@ -374,6 +134,8 @@ int main(int argc, char** argv) {
       "  pad track_shoe.obj --tolerance 0.5%          the fewest spheres within 0.5 % of the diagonal, "
       "proved\n"
       "  pad link*.stl -o clusters/ --unit m          a batch into a folder\n"
+      "  pad --manifest parts.txt -o out/             every part it lists; again: what is missing or "
+      "changed\n"
       "  pad part.obj -o part.vtp                     for ParaView; docs/formats.md lists the others\n"
       "  pad robot.urdf --tolerance 1%                every link; writes robot.spheres.urdf\n"
       "  pad part.obj --edge-length 1% --json         finer, with the report as JSON\n\n"
@@ -383,10 +145,7 @@ int main(int argc, char** argv) {
       "in the\n"
       "mesh's own unit, or a share of the diagonal of its bounding box when it ends in %.\n",
       "pad");
-  Arguments arguments;
-  declare_files(app, arguments);
-  declare_spheres(app, arguments);
-  declare_asset(app, arguments);
-  declare_output(app, arguments);
-  return padder::cli::run(app, argc, argv, [&] { return run(arguments); });
+  padder::PadArguments arguments;
+  padder::declare_all(app, arguments);
+  return padder::cli::run(app, argc, argv, [&] { return padder::run(arguments, app); });
 }
