@@ -66,6 +66,10 @@ auto Detector::call(Work work) {
 
 const Contacts& Detector::detect(const Input& input) {
   contacts_ = call([&](Backend& backend) {
+    if (options_.history && !backend.has_history())
+      throw Error(std::string("the backend ") + backend.name() +
+                  " gives no history of contacts (CallOptions::history): choose omp, or match the lists "
+                  "yourself");
     const auto read_poses = [&] { return backend.device_poses(input, options_); };
     return backend.detect(revision_->resolve(input, read_poses), options_);
   });

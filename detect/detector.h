@@ -157,6 +157,8 @@ struct CallOptions {
   // All pairs whose gap is at most this are contacts, not only those that touch; the depth of a pair that
   // does not touch is negative. A length from 0 to 1e100.
   double margin = 0;
+  // Fill Contacts::history. It costs memory for the pairs of two lists and for a table of one of them.
+  bool history = false;
   std::uint64_t memory_limit = 0;  // bytes that the detector may hold; 0: all that there are
   bool timings = false;            // fill Contacts::seconds; the host then waits for the GPU after each stage
 };
@@ -180,7 +182,11 @@ struct Seconds {
   double place = 0;      // placing the spheres of the bodies, and copying from the host to the device
   double stage[9] = {};  // stages 1 to 9; on the grid path, what corresponds to them
   double total = 0;
+  double history = 0;  // finding the pairs of this call in the list of the call before; part of the total
 };
+
+// In Contacts::history: the list of the call before does not have the pair.
+inline constexpr std::uint32_t kNoContact = 0xffffffffu;
 
 // The contacts of a call, none of them twice. The arrays lie in the detector's memory and stay valid until
 // its next call or its end. Each array that was asked for has one entry for each contact.
@@ -192,6 +198,12 @@ struct Contacts {
   const Pair* pairs = nullptr;
   const void* normals = nullptr;  // Normal<float> or Normal<double> by `scalar`; null for Width::pairs
   const void* points = nullptr;   // Points<float> or Points<double> by `scalar`; null unless Width::points
+  // For each contact the index of the same pair of numbers in the list of the call before, or kNoContact.
+  // That list is empty for the first call, and after a call that left no contacts: one that threw, stages()
+  // and detect_worlds(). So the caller's data of a contact, as friction's memory, can follow it from list to
+  // list, whatever their orders. The pair counts and nothing else: a caller who gives a sphere another number
+  // has other pairs. The call before need not have asked for a history. Null unless CallOptions::history.
+  const std::uint32_t* history = nullptr;
   // Pairs that float arithmetic cannot decide. With Precision::float32, each of these may be missing from the
   // list or be in it wrongly, and no other pair may: the list differs from that of Precision::exact by at
   // most this many.
@@ -199,6 +211,7 @@ struct Contacts {
   Seconds seconds;
 
   std::span<const Pair> pair_span() const { return {pairs, count}; }
+  std::span<const std::uint32_t> history_span() const { return {history, history ? count : 0}; }
   // The normals; empty for Width::pairs. T must be the type of the records. Throws Error if it is not:
   // records in float cannot be read as double.
   template <RealNumber T>

@@ -49,6 +49,7 @@ RungSpheres by_depth(const PadOptions& options, double length, const Repaired& b
   RemeshOptions remeshing;
   remeshing.edge_length = length;
   remeshing.sharp_angle = body.kind == BodyKind::wrap ? 180 : options.sharp_angle;
+  if (body.solid) remeshing.slivers = 0.02;  // a cap of depth ratio 0.2 is six times as high
   Remeshed remeshed = remesh(body.mesh, remeshing);
   report.quality = remeshed.quality;
   report.quality.circumradius_max *= report.diagonal;

@@ -1,11 +1,14 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "padding/robot.h"
 
+#include <omp.h>
+
 #include <algorithm>
 #include <cmath>
 #include <numbers>
 
 #include "padding/asset/error.h"
+#include "padding/self_collision.h"
 
 namespace padder {
 namespace {
@@ -43,6 +46,38 @@ Mesh cylinder(double radius, double length, double chord_error) {
     const std::uint32_t a = 2 * k, b = 2 * ((k + 1) % n);  // below; above are a + 1, b + 1
     mesh.triangles.insert(mesh.triangles.end(),
                           {{a, b, a + 1}, {b, b + 1, a + 1}, {2 * n, b, a}, {2 * n + 1, a + 1, b + 1}});
+  }
+  return mesh;
+}
+
+// A capsule along z: a cylinder whose ends are half spheres. Its lathe profile runs from the lower pole to
+// the upper one.
+Mesh capsule(double radius, double length, double chord_error) {
+  const double half = std::acos(std::clamp(1 - chord_error / radius, 0.0, 1.0));
+  const auto quarter = static_cast<std::uint32_t>(
+      std::clamp(std::ceil(std::numbers::pi / 4 / std::max(half, 1e-3)), 4.0, 128.0));
+  const std::uint32_t around = 4 * quarter, rings = 2 * quarter;  // rings between the poles
+  const double corner = 2 * std::numbers::pi / around;
+  const double wide = radius * std::sqrt(corner / std::sin(corner));  // a polygon of the circle's area
+  Mesh mesh;
+  for (std::uint32_t i = 0; i < rings; i++) {
+    const bool upper = i >= quarter;  // the equator stands twice: at either end of the cylinder
+    const double steps = upper ? i - quarter : i + 1.0 - quarter, up = std::numbers::pi / 2 * steps / quarter;
+    const double r = wide * std::cos(up), z = radius * std::sin(up);
+    for (std::uint32_t j = 0; j < around; j++) {
+      const double f = 2 * std::numbers::pi * j / around;
+      mesh.points.emplace_back(r * std::cos(f), r * std::sin(f), z + (upper ? length / 2 : -length / 2));
+    }
+  }
+  const auto low = static_cast<std::uint32_t>(mesh.points.size()), high = low + 1;
+  mesh.points.emplace_back(0, 0, -length / 2 - radius), mesh.points.emplace_back(0, 0, length / 2 + radius);
+  const auto at = [&](std::uint32_t i, std::uint32_t j) { return i * around + j % around; };
+  for (std::uint32_t j = 0; j < around; j++) {
+    mesh.triangles.push_back({low, at(0, j + 1), at(0, j)});
+    mesh.triangles.push_back({high, at(rings - 1, j), at(rings - 1, j + 1)});
+    for (std::uint32_t i = 0; i + 1 < rings; i++)
+      mesh.triangles.insert(mesh.triangles.end(), {{at(i, j), at(i, j + 1), at(i + 1, j + 1)},
+                                                   {at(i, j), at(i + 1, j + 1), at(i + 1, j)}});
   }
   return mesh;
 }
@@ -146,7 +181,9 @@ ReadResult read_link(const UrdfLink& link, const fs::path& urdf) {
     } else {
       const Mesh mesh = s.type == UrdfShape::Type::box        ? box(s.size)
                         : s.type == UrdfShape::Type::cylinder ? cylinder(s.size.x(), s.size.z(), chord_error)
-                                                              : sphere(s.size.x());
+                        : s.type == UrdfShape::Type::capsule
+                            ? capsule(s.size.x(), s.size.z(), chord_error / 4)
+                            : sphere(s.size.x());
       append(all.mesh, placed(mesh, s));
       all.source.triangles += mesh.triangles.size();
     }
@@ -158,36 +195,158 @@ ReadResult read_link(const UrdfLink& link, const fs::path& urdf) {
   return all;
 }
 
-PaddedRobot pad_robot(const fs::path& path, const PadOptions& options, const RobotProgress& progress) {
-  Urdf urdf = read_urdf(path);
-  if (std::all_of(urdf.links.begin(), urdf.links.end(), [](const UrdfLink& l) { return l.shapes.empty(); }))
-    throw Error(path.string() + ": no link has any geometry");
-  set_families(urdf);
-  PaddedRobot out;
-  out.notes = std::move(urdf.notes);
-  out.reports.resize(urdf.links.size());
-  for (std::size_t k = 0; k < urdf.links.size(); k++) {
-    const UrdfLink& link = urdf.links[k];
-    if (progress) progress(link.name, k, urdf.links.size());
-    Cluster& cluster = urdf.model.bodies[k].cluster;
-    if (!link.shapes.empty()) {
-      const std::uint32_t family = cluster.family, mask = cluster.mask;
-      if (only_spheres(link)) {
-        cluster = spheres_of(link, path);
-      } else {
+namespace {
+
+// A link that is to be padded: its number, and its shapes as one mesh.
+struct Task {
+  std::size_t link;
+  ReadResult file;
+};
+
+// Pads the links side by side, the largest first. Each takes its portion of the threads.
+class Links {
+ public:
+  Links(const fs::path& path, const Urdf& urdf, std::vector<Task> tasks, const RobotProgress& progress)
+      : path_(path), urdf_(urdf), tasks_(std::move(tasks)), progress_(progress) {
+    std::stable_sort(tasks_.begin(), tasks_.end(), [](const Task& a, const Task& b) {
+      return a.file.mesh.triangles.size() > b.file.mesh.triangles.size();
+    });
+  }
+
+  const std::vector<Task>& tasks() const { return tasks_; }
+
+  std::vector<Padded> pad(const PadOptions& options) const {
+    std::vector<Padded> out(tasks_.size());
+    std::vector<std::string> errors(tasks_.size());
+    const int threads = omp_get_max_threads(), levels = omp_get_max_active_levels();
+    const int side_by_side = std::clamp(static_cast<int>(tasks_.size()), 1, threads);
+    omp_set_max_active_levels(2);
+    std::size_t done = 0;
+#pragma omp parallel num_threads(side_by_side)
+    {
+      omp_set_num_threads(std::max(1, threads / side_by_side));
+#pragma omp for schedule(dynamic, 1)
+      for (std::size_t k = 0; k < tasks_.size(); k++) {
+        const std::string& name = urdf_.links[tasks_[k].link].name;
+#pragma omp critical
+        if (progress_) progress_(name, done++, tasks_.size());
         try {
-          const ReadResult file = read_link(link, path);
-          out.notes.insert(out.notes.end(), file.notes.begin(), file.notes.end());
-          Padded padded = pad(file, options);
-          cluster = std::move(padded.cluster), out.reports[k] = padded.report;
-        } catch (const Error& e) {
-          throw Error(path.string() + ", link " + link.name + ": " + e.what());
+          out[k] = padder::pad(tasks_[k].file, options);
+        } catch (const std::bad_alloc&) {
+          errors[k] = "not enough memory: ask for fewer spheres, or fewer --threads";
+        } catch (const std::exception& e) {
+          errors[k] = e.what();
         }
       }
-      cluster.family = family, cluster.mask = mask;
     }
-    cluster.name = link.name;
+    omp_set_max_active_levels(levels);
+    std::size_t first = tasks_.size();
+    for (std::size_t k = 0; k < tasks_.size(); k++)
+      if (!errors[k].empty() && (first == tasks_.size() || tasks_[k].link < tasks_[first].link)) first = k;
+    if (first < tasks_.size())
+      throw Error(path_.string() + ", link " + urdf_.links[tasks_[first].link].name + ": " + errors[first]);
+    return out;
   }
+
+  // The smallest tolerance, to a few percent, for which all links together have at most `most` spheres.
+  double tolerance_for(std::uint64_t most, PadOptions options) const {
+    if (most < tasks_.size())
+      throw Error(path_.string() + ": " + std::to_string(most) + " spheres cannot cover its " +
+                  std::to_string(tasks_.size()) + " links that need some: each takes at least one");
+    double size = 0;
+    for (const Task& t : tasks_) size = std::max(size, t.file.mesh.bounds().diagonal());
+    options.force = true;  // a length that suits the whole robot may be beyond the half of a small link
+    const auto count = [&](double tolerance) {
+      options.tolerance = Length::of(tolerance);
+      std::uint64_t n = 0;
+      for (const Padded& p : pad(options)) n += p.cluster.size();
+      return n;
+    };
+    // Counts fall with a power of the tolerance between 1 and 2. Coarse covers, which are found quickly, come
+    // first.
+    const auto goal = static_cast<double>(most);
+    double low = 1e-4 * size, high = 2 * size, best = 0, next = 0.08 * size, power = 1.3;
+    double last = 0, last_n = 0;
+    for (int step = 0; step < 10 && high > 1.03 * low; step++) {
+      const double n = static_cast<double>(count(next));
+      (n <= goal ? high : low) = next;
+      if (n <= goal) best = next;
+      if (n <= goal && (n >= 0.95 * goal || n + 1 > goal)) break;
+      if (last_n > 0 && last_n != n)
+        power = std::clamp(std::log(n / last_n) / std::log(last / next), 0.7, 2.5);
+      last = next, last_n = n;
+      next = std::clamp(next * std::pow(n / (0.98 * goal), 1 / power), next / 4, 4 * next);
+      if (!(next > low && next < high)) next = std::sqrt(low * high);
+    }
+    if (!(best > 0))
+      throw Error(path_.string() + ": no cover with " + std::to_string(most) + " spheres was found");
+    return best;
+  }
+
+ private:
+  const fs::path& path_;
+  const Urdf& urdf_;
+  std::vector<Task> tasks_;
+  const RobotProgress& progress_;
+};
+
+}  // namespace
+
+PaddedRobot pad_robot(const fs::path& path, const PadOptions& asked, const RobotOptions& whole,
+                      const RobotProgress& progress) {
+  PadOptions options = asked;
+  if (whole.max_spheres > 0 && (options.by_tolerance() || options.depth_ratio))
+    throw Error(
+        "a number of spheres for the whole robot excludes a tolerance, a count and a depth ratio for "
+        "each link: leave these out");
+  Urdf urdf = read_urdf(path, whole.reading);
+  if (std::all_of(urdf.links.begin(), urdf.links.end(), [](const UrdfLink& l) { return l.shapes.empty(); }))
+    throw Error(path.string() + ": no link has any geometry");
+  keep_neighbours_apart(urdf);
+  PaddedRobot out;
+  out.notes = std::move(urdf.notes);
+  out.reports.resize(urdf.links.size()), out.kept.resize(urdf.links.size());
+  out.meshes.resize(urdf.links.size());
+  std::vector<Task> tasks;
+  std::uint64_t kept = 0;
+  const auto store = [&](std::size_t k, Cluster cluster) {
+    Cluster& at = urdf.model.bodies[k].cluster;
+    cluster.family = at.family, cluster.mask = at.mask;
+    at = std::move(cluster);
+  };
+  for (std::size_t k = 0; k < urdf.links.size(); k++) {
+    const UrdfLink& link = urdf.links[k];
+    if (link.shapes.empty()) continue;
+    if (only_spheres(link)) {
+      store(k, spheres_of(link, path));
+      out.kept[k] = 1, kept += urdf.model.bodies[k].cluster.size();
+      continue;
+    }
+    try {
+      tasks.push_back({k, read_link(link, path)});
+    } catch (const Error& e) {
+      throw Error(path.string() + ", link " + link.name + ": " + e.what());
+    }
+    const auto& notes = tasks.back().file.notes;
+    out.notes.insert(out.notes.end(), notes.begin(), notes.end());
+    out.meshes[k] = tasks.back().file.mesh;
+  }
+  if (tasks.empty())
+    out.notes.push_back(
+        "all shapes are spheres already, which are kept as they are and not measured: to pad the "
+        "visual meshes, ask for these (--visual)");
+  const Links links(path, urdf, std::move(tasks), progress);
+  if (whole.max_spheres > 0 && !links.tasks().empty()) {
+    out.tolerance = links.tolerance_for(whole.max_spheres - std::min(whole.max_spheres, kept), options);
+    options.tolerance = Length::of(out.tolerance), options.force = true;
+  }
+  std::vector<Padded> padded = links.pad(options);
+  for (std::size_t t = 0; t < padded.size(); t++) {
+    store(links.tasks()[t].link, std::move(padded[t].cluster));
+    out.reports[links.tasks()[t].link] = std::move(padded[t].report);
+  }
+  for (std::size_t k = 0; k < urdf.links.size(); k++) urdf.model.bodies[k].cluster.name = urdf.links[k].name;
+  for (Apart& pair : self_collisions(urdf.model, {.poses = whole.poses})) urdf.model.apart.push_back(pair);
   out.model = std::move(urdf.model);
   return out;
 }

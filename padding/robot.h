@@ -10,9 +10,22 @@ namespace padder {
 
 // A robot whose links are clusters.
 struct PaddedRobot {
-  Model model;  // in metres; each cluster in its link's frame, with the families of set_families
-  std::vector<PadReport> reports;  // one for each body; left empty for links without shapes
+  Model model;  // in metres; each cluster in its link's frame, with the families of keep_neighbours_apart
+  std::vector<PadReport> reports;  // one for each body; left empty for links that were not padded
+  std::vector<char> kept;          // for each body: its shapes are spheres, which are as they were
+  std::vector<Mesh> meshes;        // for each body what was padded, in the link's frame
+  double tolerance = 0;            // that RobotOptions::max_spheres led to; 0: not asked for
   std::vector<std::string> notes;
+};
+
+// What a user asks of a robot as a whole.
+struct RobotOptions {
+  UrdfOptions reading;
+  // Of all links together: the smallest tolerance, the same length for all, that so many spheres can keep. 0:
+  // no limit. Only without a tolerance, a count or a depth ratio for each link.
+  std::uint64_t max_spheres = 0;
+  int poses =
+      10000;  // that are tried for pairs that never or always touch (padding/self_collision.h); 0: none
 };
 
 // Called before each link with its name, the number of links done and the number of all links.
@@ -25,10 +38,12 @@ using RobotProgress = std::function<void(const std::string& link, std::size_t do
 ReadResult read_link(const UrdfLink& link, const std::filesystem::path& urdf);
 
 // The shapes of a link are one body: repair unites meshes, boxes and cylinders that overlap. A link that has
-// only spheres keeps them as they are, and several spheres get no mass properties. `options` holds for each
-// link by itself, so a share is one of the link's own diagonal; family and mask in it are not used. Throws
-// Error with link and file in the sentence.
+// only spheres keeps them as they are, unmeasured, and several spheres get no mass properties. `options`
+// holds for each link by itself, so a share is one of the link's own diagonal; family and mask in it are not
+// used. Links are padded side by side on all threads, with the same result for any number of them.
+// model.apart lists neighbours, and what self_collisions() finds. Throws Error with link and file in the
+// sentence.
 PaddedRobot pad_robot(const std::filesystem::path& urdf, const PadOptions& options,
-                      const RobotProgress& progress = {});
+                      const RobotOptions& whole = {}, const RobotProgress& progress = {});
 
 }  // namespace padder

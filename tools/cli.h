@@ -20,6 +20,7 @@
 
 #include "padding/asset/error.h"
 #include "padding/asset/file.h"
+#include "tools/json_output.h"
 #include "tools/usage.h"
 
 namespace padder::cli {
@@ -120,7 +121,10 @@ inline int run(CLI::App& app, int argc, char** argv, const std::function<int()>&
   } catch (const CLI::Success& e) {  // --help, --version
     return app.exit(e);
   } catch (const CLI::ParseError& e) {  // CLI11's own exit codes are above 100
-    return fail(2, usage_sentence(app, e) + " (see " + app.get_name() + " --help)");
+    const std::string sentence = usage_sentence(app, e);
+    for (int k = 1; k < argc; k++)
+      if (failed && argv[k] == std::string_view("--json")) print_failure("", sentence);
+    return fail(2, sentence + " (see " + app.get_name() + " --help)");
   }
   const auto fail_told = [&](int code, const std::string& sentence) {
     if (failed) failed(sentence);

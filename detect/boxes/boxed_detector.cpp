@@ -143,6 +143,7 @@ std::uint64_t BoxedDetector::Work::spheres_limit() const {
 void BoxedDetector::Work::check(const Input& input) {
   CallOptions options = options_.detector;
   options.memory_limit = 0;
+  check_boxed_options(options);
   check_.options() = options;
   check_.detect(Input{});
   check_box_input(input);

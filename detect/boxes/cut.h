@@ -11,6 +11,18 @@
 
 namespace padder::detect {
 
+// The part that both regions share; it may be empty.
+inline Region common(const Region& a, const Region& b) {
+  Region r;
+  for (int k = 0; k < 3; k++)
+    r.low[k] = a.low[k] > b.low[k] ? a.low[k] : b.low[k],
+    r.high[k] = a.high[k] < b.high[k] ? a.high[k] : b.high[k];
+  return r;
+}
+inline bool is_empty(const Region& r) {
+  return !(r.low[0] < r.high[0] && r.low[1] < r.high[1] && r.low[2] < r.high[2]);
+}
+
 // A point that has to be shared out: usually one sphere of a sample, which stands for `weight` units of work.
 struct WeightedPoint {
   double at[3];

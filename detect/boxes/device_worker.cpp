@@ -14,17 +14,6 @@ constexpr std::uint64_t kBatch = 1 << 14;        // contacts handed over at once
 constexpr std::uint64_t kSmallestSplit = 64;     // spheres; a box that cannot hold so few will not hold any
 constexpr std::uint64_t kSplitSample = 1 << 16;  // points that the plane of a split is chosen by
 
-Region common(const Region& a, const Region& b) {
-  Region r;
-  for (int k = 0; k < 3; k++)
-    r.low[k] = std::max(a.low[k], b.low[k]), r.high[k] = std::min(a.high[k], b.high[k]);
-  return r;
-}
-
-bool is_empty(const Region& r) {
-  return !(r.low[0] < r.high[0] && r.low[1] < r.high[1] && r.low[2] < r.high[2]);
-}
-
 // Bytes of a normal, or of both points, of one contact.
 std::size_t normal_bytes(Scalar s) {
   return s == Scalar::f32 ? sizeof(Normal<float>) : sizeof(Normal<double>);

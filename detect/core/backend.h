@@ -18,6 +18,9 @@ class Backend {
   virtual ~Backend() = default;
   virtual const char* name() const = 0;
 
+  // Can detect() fill Contacts::history? Detector refuses such a call of a backend that cannot.
+  virtual bool has_history() const { return false; }
+
   // Finds the contacts by options.path. The caller has checked the options (check_options); the backend
   // checks the input (check_input). Throws Error with fault_sentence for the first faulty sphere, and with
   // memory_sentence if there is not enough memory. The backend can be used again after that.

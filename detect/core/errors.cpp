@@ -62,6 +62,13 @@ void check_options(const CallOptions& o) {
                   ": give both its faces, or leave them infinite");
 }
 
+void check_boxed_options(const CallOptions& o) {
+  if (o.history)
+    throw Error(
+        "the contacts of several boxes have no history (CallOptions::history): match the lists yourself, or "
+        "use one Detector");
+}
+
 void check_range(const Summary& s, const CallOptions& o) {
   if (o.width != Width::pairs && o.scalar == Scalar::f32 && s.extent + s.radius_max > 1e38)
     throw Error("coordinates up to " + formatted(s.extent) +

@@ -14,6 +14,8 @@ std::string formatted(double v);
 
 // Throws Error for options that no backend can carry out.
 void check_options(const CallOptions& options);
+// Throws Error for options that only one detector can carry out, and not one for each box of space.
+void check_boxed_options(const CallOptions& options);
 // Throws Error if a shape that is named, a pointer or a stride is missing. `known`: the previous call checked
 // the bodies.
 void check_arrays(const Input& input, bool known = false);

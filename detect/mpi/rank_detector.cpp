@@ -140,6 +140,7 @@ class RankDetector::Work {
 Input RankDetector::Work::read(const Input& part) {
   CallOptions options = options_;
   options.memory_limit = 0, options.output = Memory::host, options.stream = nullptr;
+  check_boxed_options(options);
   check_->options() = options;
   check_->detect(Input{});
   check_box_input(part);

@@ -7,6 +7,7 @@
 #include <cstdio>
 
 #include "detect/omp/bodies.h"
+#include "detect/omp/history.h"
 #include "detect/omp/threads.h"
 #include "detect/omp/worlds.h"
 #include "padding/asset/error.h"
@@ -167,10 +168,17 @@ namespace {
 class OmpBackend final : public Backend {
  public:
   const char* name() const override { return "omp"; }
+  bool has_history() const override { return true; }
   std::uint64_t memory() const override { return budget_.held(); }
 
   Contacts detect(const Input& input, const CallOptions& options) override {
-    const Contacts c = any(input, options, nullptr);
+    if (options.history) history_->keep(kept_->records);
+    Contacts c = any(input, options, nullptr);
+    if (options.history) {
+      omp::Stopwatch watch;
+      c.history = history_->match(kept_->records, threads_);
+      c.seconds.history = watch.lap(), c.seconds.total += c.seconds.history;
+    }
     chosen_.done();
     return c;
   }
@@ -180,6 +188,7 @@ class OmpBackend final : public Backend {
     CallOptions o = options;
     o.path = Path::nine_stages;
     any(input, o, &arrays);
+    kept_->records.count = 0;
     return arrays;
   }
 
@@ -218,7 +227,10 @@ class OmpBackend final : public Backend {
  private:
   void begin(const CallOptions& options) {
     if (options.memory_limit && budget_.held() > options.memory_limit)  // the limit was lowered
+    {
       kept_ = nullptr, kept_ = std::make_unique<Kept>(budget_);
+      if (!options.history) history_ = nullptr, history_ = std::make_unique<omp::History>(budget_);
+    }
     kept_->records.count = 0;
   }
   void choose_threads(const CallOptions& options, std::uint64_t work) {
@@ -370,6 +382,8 @@ class OmpBackend final : public Backend {
   };
   omp::Budget budget_;
   std::unique_ptr<Kept> kept_ = std::make_unique<Kept>(budget_);
+  // Beside what is kept: a limit that makes the backend give its memory back does not lose the list before.
+  std::unique_ptr<omp::History> history_ = std::make_unique<omp::History>(budget_);
   omp::Threads chosen_;
   int threads_ = 1;
   // What Bodies::automatic decided when the revision was new. It stays so for that revision, because a list

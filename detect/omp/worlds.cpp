@@ -74,16 +74,7 @@ void WorldSearch::Hits::add(Budget& budget, const Hit& hit) {
   buffer[size++] = hit;
 }
 
-Sphere WorldSearch::loose(std::uint32_t k) const {
-  const Spheres& s = *spheres_;
-  const std::uint64_t c = std::uint64_t(k) * s.center_stride, r = std::uint64_t(k) * s.radius_stride;
-  const auto read = [&]<class T>(const T* centers, const T* radii) -> Sphere {
-    return {centers[c], centers[c + 1], centers[c + 2], radii[r]};
-  };
-  if (s.scalar == Scalar::f32)
-    return read(static_cast<const float*>(s.centers), static_cast<const float*>(s.radii));
-  return read(static_cast<const double*>(s.centers), static_cast<const double*>(s.radii));
-}
+Sphere WorldSearch::loose(std::uint32_t k) const { return loose_at(*spheres_, k); }
 
 void WorldSearch::read_elements(const Input& input, int threads) {
   spheres_ = &input.spheres;

@@ -18,7 +18,7 @@ using Json = nlohmann::json;
 using Reader = JsonPlace<Json>;
 
 Scene::Asset asset_of(const Cluster& c) {
-  Scene::Asset a{c.name, {}};
+  Scene::Asset a{c.name, {}, c.mass};
   a.spheres.reserve(c.size());
   for (std::size_t k = 0; k < c.size(); k++)
     a.spheres.push_back({c.centers[k].x(), c.centers[k].y(), c.centers[k].z(), c.radii[k]});
@@ -168,7 +168,7 @@ void use_all(const Spheres& spheres, Families& families) {
 Scene scene_of(const Json& json, const std::string& where, const std::filesystem::path& folder,
                LooseAs loose) {
   const Reader r(json, where);
-  r.only({"format", "version", "name", "unit", "clusters", "bodies", "spheres"});
+  r.only({"format", "version", "name", "unit", "clusters", "bodies", "spheres", "settle"});
   if (!r.has("format") || json["format"] != "padder.scene")
     r.fail("not a scene: \"format\" must be \"padder.scene\"");
   if (!r.has("version") || json["version"] != 1) r.fail("this program reads version 1 of the scene format");

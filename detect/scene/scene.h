@@ -24,6 +24,7 @@ struct Scene {
   struct Asset {
     std::string name;
     std::vector<Sphere> spheres;  // in the cluster's own frame
+    MassProperties mass;          // of the part, density 1, in the same frame; no volume: unknown
   };
   std::vector<Asset> assets;
   std::vector<Body> bodies;  // with their final families and masks

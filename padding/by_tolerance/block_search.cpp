@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <numeric>
+#include <span>
 
 #include "padding/geometry/random.h"
 
@@ -47,7 +48,37 @@ struct Transpose {
     for (std::uint32_t s = 0; s < of.size(); s++)
       for (auto r : of[s]) sets[at[r]++] = s;
   }
+
+  std::span<const std::uint32_t> operator[](std::uint32_t element) const {
+    return {sets.data() + begin[element], sets.data() + begin[element + 1]};
+  }
 };
+
+// A set cover problem with its own numbers.
+struct LocalProblem {
+  Sets sets;
+  std::vector<std::uint32_t> global;  // for each set, its number outside; ascending
+};
+
+// The problem of the elements `own`, which are numbered as they come, and of the sets that have any of them.
+// `count` is scratch: zero for each set, before and after. Counting takes a pass more than sorting the pairs
+// of a set and an element would, and less time.
+LocalProblem problem_of(const std::vector<std::uint32_t>& own, const Transpose& transpose,
+                        std::vector<std::uint32_t>& count) {
+  LocalProblem local;
+  for (const auto r : own)
+    for (const auto s : transpose[r])
+      if (count[s]++ == 0) local.global.push_back(s);
+  std::sort(local.global.begin(), local.global.end());
+  for (const auto s : local.global) local.sets.begin.push_back(local.sets.begin.back() + count[s]);
+  for (std::uint32_t k = 0; k < local.global.size(); k++) count[local.global[k]] = k;
+  std::vector<std::uint64_t> next(local.sets.begin);
+  local.sets.elements.resize(local.sets.begin.back());
+  for (std::uint32_t k = 0; k < own.size(); k++)
+    for (const auto s : transpose[own[k]]) local.sets.elements[next[count[s]]++] = k;
+  for (const auto s : local.global) count[s] = 0;
+  return local;
+}
 
 }  // namespace
 
@@ -64,7 +95,8 @@ std::vector<std::uint32_t> improve_in_blocks(const Sets& sets, std::size_t eleme
       for (auto r : sets[s])
         if (owner[r] == nowhere) owner[r] = b;
 
-#pragma omp parallel for schedule(dynamic, 1) if (blocks.size() > 1)
+  std::vector<std::uint32_t> count(sets.size(), 0);
+#pragma omp parallel for schedule(dynamic, 1) if (blocks.size() > 1) firstprivate(count)
   for (std::uint32_t b = 0; b < blocks.size(); b++) {
     std::vector<std::uint32_t> own;  // elements of this block
     for (auto s : blocks[b])
@@ -72,23 +104,7 @@ std::vector<std::uint32_t> improve_in_blocks(const Sets& sets, std::size_t eleme
         if (owner[r] == b) own.push_back(r);
     std::sort(own.begin(), own.end());
     own.erase(std::unique(own.begin(), own.end()), own.end());
-    // The set cover problem of this block: pairs of a set and an element, numbered within the block.
-    std::vector<std::uint64_t> pairs;
-    for (std::uint32_t k = 0; k < own.size(); k++)
-      for (auto at = transpose.begin[own[k]]; at < transpose.begin[own[k] + 1]; at++)
-        pairs.push_back((static_cast<std::uint64_t>(transpose.sets[at]) << 32) | k);
-    std::sort(pairs.begin(), pairs.end());
-    Sets local;
-    std::vector<std::uint32_t> global;  // for each set of the block, its number outside
-    for (auto pair : pairs) {
-      const auto s = static_cast<std::uint32_t>(pair >> 32);
-      if (global.empty() || global.back() != s) {
-        if (!global.empty()) local.begin.push_back(local.elements.size());
-        global.push_back(s);
-      }
-      local.elements.push_back(static_cast<std::uint32_t>(pair));
-    }
-    if (!global.empty()) local.begin.push_back(local.elements.size());
+    const auto [local, global] = problem_of(own, transpose, count);
     std::vector<std::uint32_t> start;
     for (auto s : blocks[b]) {
       const auto at = std::lower_bound(global.begin(), global.end(), s);

@@ -12,7 +12,7 @@ struct Arrays {
   std::vector<std::uint32_t> family, mask, body;
 
   explicit Arrays(const Model& model) {
-    const auto poses = world_poses(model);
+    const auto poses = poses_at(model);
     for (std::size_t b = 0; b < model.bodies.size(); b++) {
       const Cluster& c = model.bodies[b].cluster;
       for (std::size_t k = 0; k < c.size(); k++) {

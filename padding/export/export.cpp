@@ -24,7 +24,7 @@ struct Entry {
 };
 
 using F = Format::Filter;
-constexpr std::array<Entry, 14> kEntries{{
+constexpr std::array<Entry, 18> kEntries{{
     {{"dem-engine", ".csv", true, "DEM-Engine", F::none, 0, false, false, true}, exporting::write_csv},
     {{"liggghts", ".txt", false, "LIGGGHTS", F::none, 0, false, false, false}, exporting::write_liggghts},
     {{"yade", ".txt", false, "YADE", F::none, 0, false, false, false}, exporting::write_yade},
@@ -33,8 +33,13 @@ constexpr std::array<Entry, 14> kEntries{{
     {{"npz", ".npz", true, "NumPy", F::numbers, 0, true, false, false}, exporting::write_npz},
     {{"vtp", ".vtp", true, "VTK and ParaView", F::numbers, 0, true, false, false}, exporting::write_vtp},
     {{"glb", ".glb", true, "glTF viewers", F::numbers, 0, true, true, false}, exporting::write_glb},
+    {{"glb-instanced", ".glb", false, "glTF viewers that draw instances", F::numbers, 0, true, true, false},
+     exporting::write_glb_instanced},
+    {{"stl", ".stl", true, "mesh programs", F::ignored, 0, true, false, false}, exporting::write_stl},
+    {{"ply", ".ply", true, "mesh programs", F::ignored, 0, true, false, false}, exporting::write_ply},
+    {{"obj", ".obj", true, "mesh programs", F::ignored, 0, true, false, false}, exporting::write_obj},
     {{"urdf", ".urdf", true, "ROS", F::pairs, 0, true, true, false}, exporting::write_urdf},
-    {{"mujoco", ".xml", true, "MuJoCo", F::bits, kMujocoFamilies, true, true, false},
+    {{"mujoco", ".xml", true, "MuJoCo", F::both, kMujocoFamilies, true, true, false},
      exporting::write_mujoco},
     {{"curobo", ".yaml", true, "cuRobo", F::pairs, 0, true, true, false}, exporting::write_curobo},
     {{"xrdf", ".xrdf", true, "Isaac cuMotion", F::pairs, 0, true, true, false}, exporting::write_xrdf},
@@ -51,9 +56,27 @@ const std::vector<Format>& table() {
   return all;
 }
 
+// Every pair that may not touch: of families and masks, and those that the model lists.
+std::vector<std::pair<std::size_t, std::size_t>> pairs_apart(const Model& model) {
+  auto pairs = filtered_pairs(exporting::filters_of(model));
+  for (const Apart& p : model.apart) pairs.push_back(std::minmax(p.a, p.b));
+  std::sort(pairs.begin(), pairs.end());
+  pairs.erase(std::unique(pairs.begin(), pairs.end()), pairs.end());
+  return pairs;
+}
+
+// Pairs of neighbours that the families and masks do not keep apart.
+std::size_t neighbours_beyond_families(const Model& model) {
+  const std::vector<CollisionFilter> filters = exporting::filters_of(model);
+  return static_cast<std::size_t>(std::ranges::count_if(model.apart, [&](const Apart& p) {
+    return p.reason == Apart().reason && may_touch(filters[p.a], filters[p.b]);
+  }));
+}
+
 void check(const Model& model, const Format& format, const std::string& where) {
   const auto fail = [&](const std::string& what) { throw Error("cannot write " + where + ": " + what); };
   if (model.spheres() == 0) fail("there is no sphere in it");
+  check_filters(model, format);
   if (!format.several && model.bodies.size() > 1)
     fail(std::string(format.program) + " takes one body a file and there are " +
          std::to_string(model.bodies.size()) + ": write them one by one");
@@ -77,7 +100,7 @@ void check(const Model& model, const Format& format, const std::string& where) {
       fail(b.name + " has a family or a mask, which the file cannot hold (" + format.program +
            " names pairs of bodies in one file, and there is one): pad without --family and --mask, or write "
            ".spheres.json, .npz, .vtp, .xml or Chrono's header");
-    if (format.filter == F::bits && with_spheres == 1 && model.urdf.empty() &&
+    if ((format.filter == F::bits || format.filter == F::both) && with_spheres == 1 && model.urdf.empty() &&
         c.family > static_cast<std::uint32_t>(format.bits))
       fail(b.name + " is of family " + std::to_string(c.family) + ", and " + format.program +
            " has bits for families 1 to " + std::to_string(format.bits) + ": pad with one of those");
@@ -101,6 +124,18 @@ const Format& find_format(const fs::path& path, const std::string& name) {
   throw Error("no format is called \"" + name + "\": there are " + known);
 }
 
+void check_filters(const Model& model, const Format& format) {
+  if (format.filter != F::bits) return;
+  const std::string where = "cannot write " + model.name + " for " + format.program + ": ";
+  if (const std::size_t n = neighbours_beyond_families(model); n > 0)
+    throw Error(where + "its families cannot keep " + std::to_string(n) +
+                " pairs of neighbours apart; write "
+                "a format that lists pairs, as .xml for MuJoCo or .urdf");
+  if (!chrono_bits(exporting::filters_of(model)))
+    throw Error(where + "its bodies are told apart by more than the " + std::to_string(format.bits) +
+                " families that " + format.program + " has for them");
+}
+
 std::vector<std::string> write_model(const Model& model, const fs::path& path, const Format& format,
                                      const ExportOptions& options) {
   check(model, format, path.string());
@@ -108,8 +143,7 @@ std::vector<std::string> write_model(const Model& model, const fs::path& path, c
   const Model converted =
       scaled(model, format.in_metres ? metres(model.unit) : 1, format.in_metres ? "m" : model.unit);
   Job job{converted, options, {}};
-  if (format.filter == F::pairs || format.filter == F::bits)
-    job.pairs = filtered_pairs(exporting::filters_of(model));
+  if (format.filter == F::pairs || format.filter == F::both) job.pairs = pairs_apart(model);
   const auto entry = std::find_if(kEntries.begin(), kEntries.end(), [&](const Entry& e) {
     return std::string_view(e.format.name) == format.name;
   });
@@ -127,7 +161,11 @@ std::vector<std::string> write_model(const Model& model, const fs::path& path, c
       write_file(path / name, bytes);
     }
   }
-  return mass_warnings(model, format);
+  std::vector<std::string> warnings = mass_warnings(model, format);
+  if (const std::size_t n = neighbours_beyond_families(model); n > 0 && format.filter == F::numbers)
+    warnings.push_back(model.name + " has more moving parts than 32 families can tell apart: in " +
+                       path.string() + " " + std::to_string(n) + " pairs of neighbours may touch");
+  return warnings;
 }
 
 namespace exporting {
@@ -199,17 +237,6 @@ std::vector<std::string> identifiers(const Model& model) {
     for (int k = 2; std::find(out.begin(), out.end(), name) != out.end(); k++)
       name = base + "_" + std::to_string(k);
     out.push_back(name);
-  }
-  return out;
-}
-
-std::vector<Eigen::Isometry3d> world_poses(const Model& model) {
-  std::vector<Eigen::Isometry3d> out;
-  for (const Body& b : model.bodies) {
-    if (b.parent < 0)
-      out.push_back(b.pose);
-    else
-      out.push_back(out[static_cast<std::size_t>(b.parent)] * b.pose);
   }
   return out;
 }

@@ -18,14 +18,16 @@ struct Format {
     numbers,  // kept as they are
     bits,     // translated to bit fields (padding/export/families.h): so many families keep their own
     pairs,    // translated to a list of the pairs of bodies that may not touch; of a part alone not held
-    none      // cannot be held: a model that has any is refused
+    both,     // bit fields, and a list of the pairs that these cannot keep apart
+    none,     // cannot be held: a model that has any is refused
+    ignored   // not held, and nobody asks for them: a file to look at or to print
   };
   const char* name;     // "dem-engine", "mujoco" …: for --format
   const char* ending;   // with its dot; "" for a folder
   bool own_ending;      // no other format has this ending
   const char* program;  // who reads it
   Filter filter;
-  int bits;         // for Filter::bits
+  int bits;         // for Filter::bits and Filter::both
   bool several;     // more than one body a file
   bool in_metres;   // the format's unit is the metre: lengths are converted
   bool mass_frame;  // written about the centre of mass along the principal axes: a body with volume is wanted
@@ -43,6 +45,10 @@ struct ExportOptions {
   // per cubic unit of the model.
   double density = 1000;
 };
+
+// Throws what write_model would throw about families, masks and pairs. It needs no spheres, so a robot can be
+// refused before its links are padded.
+void check_filters(const Model& model, const Format& format);
 
 // Writes the model as one file. MercuryDPM gets a folder; a URDF gets NAME.srdf beside it when some pairs may
 // not touch. Each file is written whole or not at all. Throws Error, one sentence, when the format cannot

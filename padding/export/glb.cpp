@@ -1,13 +1,16 @@
 // SPDX-License-Identifier: MIT
-// Writes glTF 2.0 binary: one mesh of a unit sphere, which EXT_mesh_gpu_instancing draws once for each sphere
-// of a body.
+// Writes glTF 2.0 binary. Every sphere is a node that shows a shared mesh of a unit sphere, which every
+// viewer draws. The instanced form has one node for each body, which EXT_mesh_gpu_instancing draws once for
+// each sphere: smaller and faster, but few viewers know it.
 #include <algorithm>
 #include <bit>
 #include <cmath>
 #include <map>
 #include <nlohmann/json.hpp>
 
+#include "padding/asset/colours.h"
 #include "padding/asset/error.h"
+#include "padding/export/icosphere.h"
 #include "padding/export/writers.h"
 
 namespace padder::exporting {
@@ -15,50 +18,6 @@ namespace {
 
 static_assert(std::endian::native == std::endian::little, "arrays are written as they lie in memory");
 using Json = nlohmann::ordered_json;
-
-struct Sphere {
-  std::vector<Vector> points;  // on the unit sphere: also the normals
-  std::vector<std::uint16_t> corners;
-};
-
-// An icosahedron, each triangle split in four `levels` times.
-Sphere unit_sphere(int levels) {
-  Sphere s;
-  const double g = (1 + std::sqrt(5.0)) / 2;
-  for (const auto& [a, b] : {std::pair(1.0, g), {1.0, -g}, {-1.0, g}, {-1.0, -g}})
-    for (int k = 0; k < 3; k++) {
-      Vector v = Vector::Zero();
-      v[k] = a, v[(k + 1) % 3] = b;
-      s.points.push_back(v.normalized());
-    }
-  // Its faces: the triples at the edge's length, turned outwards.
-  const double edge = 2 / std::sqrt(1 + g * g) + 1e-9;
-  for (std::uint16_t i = 0; i < 12; i++)
-    for (std::uint16_t j = i + 1; j < 12; j++)
-      for (std::uint16_t k = j + 1; k < 12; k++) {
-        const Vector &a = s.points[i], &b = s.points[j], &c = s.points[k];
-        if ((a - b).norm() > edge || (b - c).norm() > edge || (c - a).norm() > edge) continue;
-        const bool outwards = (b - a).cross(c - a).dot(a) > 0;
-        s.corners.insert(s.corners.end(), {i, outwards ? j : k, outwards ? k : j});
-      }
-  for (int level = 0; level < levels; level++) {
-    std::map<std::pair<std::uint16_t, std::uint16_t>, std::uint16_t> middles;
-    const auto middle = [&](std::uint16_t a, std::uint16_t b) {
-      const auto [it, fresh] =
-          middles.emplace(std::minmax({a, b}), static_cast<std::uint16_t>(s.points.size()));
-      if (fresh) s.points.push_back((s.points[a] + s.points[b]).normalized());
-      return it->second;
-    };
-    std::vector<std::uint16_t> finer;
-    for (std::size_t t = 0; t < s.corners.size(); t += 3) {
-      const std::uint16_t a = s.corners[t], b = s.corners[t + 1], c = s.corners[t + 2];
-      const std::uint16_t ab = middle(a, b), bc = middle(b, c), ca = middle(c, a);
-      finer.insert(finer.end(), {a, ab, ca, ab, b, bc, ca, bc, c, ab, bc, ca});
-    }
-    s.corners = std::move(finer);
-  }
-  return s;
-}
 
 // The document's arrays: one buffer, a view and an accessor each.
 class Buffer {
@@ -123,76 +82,135 @@ float as_length(double value, const std::string& body) {
   return f;
 }
 
-}  // namespace
+// A material for each colour of a family, and a mesh of the unit sphere in it. All meshes share one geometry.
+class Meshes {
+ public:
+  explicit Meshes(Buffer& buffer) {
+    const Icosphere sphere = icosphere(2);
+    std::vector<float> points;
+    for (const Vector& v : sphere.points)
+      for (int k = 0; k < 3; k++) points.push_back(static_cast<float>(v[k]));
+    constexpr int vertices = 34962;
+    attributes_ = {{"POSITION", buffer.add(points, 3, vertices, true)},
+                   {"NORMAL", buffer.add(points, 3, vertices, false)}};
+    corners_ = buffer.add_indices(sphere.corners);
+  }
+  std::size_t of_family(std::uint32_t family) {
+    const Colour colour = colour_of_kind(family);
+    const auto [it, fresh] = known_.emplace(colour, meshes.size());
+    if (fresh) {
+      Json factor = Json::array();
+      for (const std::uint8_t c : colour) factor.push_back(std::pow(c / 255.0, 2.2));  // glTF's is linear
+      factor.push_back(1);
+      materials.push_back({{"pbrMetallicRoughness",
+                            {{"baseColorFactor", factor}, {"metallicFactor", 0}, {"roughnessFactor", 0.7}}}});
+      meshes.push_back({{"name", "sphere"},
+                        {"primitives", Json::array({{{"attributes", attributes_},
+                                                     {"indices", corners_},
+                                                     {"material", materials.size() - 1}}})}});
+    }
+    return it->second;
+  }
+  Json meshes = Json::array(), materials = Json::array();
 
-Files write_glb(const Job& job) {
-  Buffer buffer;
-  const Sphere sphere = unit_sphere(2);
-  std::vector<float> points;
-  for (const Vector& v : sphere.points)
-    for (int k = 0; k < 3; k++) points.push_back(static_cast<float>(v[k]));
-  constexpr int vertices = 34962;
-  const int positions = buffer.add(points, 3, vertices, true),
-            normals = buffer.add(points, 3, vertices, false);
-  const int corners = buffer.add_indices(sphere.corners);
+ private:
+  Json attributes_;
+  int corners_ = 0;
+  std::map<Colour, std::size_t> known_;
+};
 
-  const auto poses = world_poses(job.model);
-  Json nodes = Json::array(), roots = Json::array();
-  for (std::size_t b = 0; b < job.model.bodies.size(); b++) {
-    const Body& body = job.model.bodies[b];
+// The nodes: a root that turns Z up to glTF's Y up, below it the bodies as their joints hang together, and
+// below each body its spheres.
+class Nodes {
+ public:
+  Nodes(const Model& model, bool instanced) : model_(model), instanced_(instanced), meshes_(buffer_) {
+    nodes_.push_back({{"name", model.name}, {"rotation", {-std::sqrt(0.5), 0, 0, std::sqrt(0.5)}}});
+    std::vector<std::size_t> at;
+    for (const Body& b : model.bodies) {
+      at.push_back(nodes_.size());
+      const std::size_t parent = b.parent < 0 ? 0 : at[static_cast<std::size_t>(b.parent)];
+      nodes_.push_back({{"name", b.name}});
+      nodes_[parent]["children"].push_back(at.back());
+      const Eigen::Matrix4d m = b.pose.matrix();
+      if (!m.isIdentity(0)) {
+        Json columns = Json::array();
+        for (int k = 0; k < 16; k++) columns.push_back(m(k % 4, k / 4));
+        nodes_[at.back()]["matrix"] = columns;
+      }
+      if (b.cluster.size() > 0) add_spheres(b, at.back());
+    }
+  }
+
+  std::string document() {
+    Json j;
+    j["asset"] = {{"version", "2.0"}, {"generator", origin(model_)}};
+    if (instanced_) j["extensionsUsed"] = j["extensionsRequired"] = Json::array({"EXT_mesh_gpu_instancing"});
+    j["scene"] = 0;
+    j["scenes"] = {{{"nodes", {0}}}};
+    j["nodes"] = nodes_, j["meshes"] = meshes_.meshes, j["materials"] = meshes_.materials;
+    j["accessors"] = buffer_.accessors, j["bufferViews"] = buffer_.views;
+    buffer_.bytes.resize((buffer_.bytes.size() + 3) / 4 * 4);
+    j["buffers"] = {{{"byteLength", buffer_.bytes.size()}}};
+    std::string text = j.dump(-1, ' ', false, Json::error_handler_t::replace);
+    text.resize((text.size() + 3) / 4 * 4, ' ');
+    const std::size_t size = 12 + 8 + text.size() + 8 + buffer_.bytes.size();
+    if (size > 0xffffffffull) throw Error("the spheres are beyond the 4 GiB of a .glb: write .npz");
+    std::string out = "glTF";
+    append_u32(out, 2), append_u32(out, size);
+    append_u32(out, text.size());
+    out += "JSON" + text;
+    append_u32(out, buffer_.bytes.size());
+    return out + std::string("BIN\0", 4) + buffer_.bytes;
+  }
+
+ private:
+  void add_spheres(const Body& body, std::size_t node) {
     const Cluster& c = body.cluster;
-    if (c.size() == 0) continue;
+    const std::size_t mesh = meshes_.of_family(c.family);
+    if (instanced_) {
+      add_instances(body, nodes_[node], mesh);
+      return;
+    }
+    nodes_[node]["extras"] = {{"family", c.family}, {"mask", c.mask}};
+    for (std::size_t k = 0; k < c.size(); k++) {
+      Json place = Json::array(), scale = Json::array();
+      for (int x = 0; x < 3; x++) {
+        place.push_back(as_length(c.centers[k][x], body.name));
+        scale.push_back(as_length(c.radii[k], body.name));
+      }
+      nodes_[node]["children"].push_back(nodes_.size());
+      nodes_.push_back({{"mesh", mesh}, {"translation", place}, {"scale", scale}});
+    }
+  }
+
+  void add_instances(const Body& body, Json& node, std::size_t mesh) {
+    const Cluster& c = body.cluster;
     std::vector<float> translation, scale;
     for (std::size_t k = 0; k < c.size(); k++) {
       for (int x = 0; x < 3; x++) translation.push_back(as_length(c.centers[k][x], body.name));
       scale.insert(scale.end(), 3, as_length(c.radii[k], body.name));
     }
-    Json attributes{{"TRANSLATION", buffer.add(translation, 3, 0, false)},
-                    {"SCALE", buffer.add(scale, 3, 0, false)}};
-    attributes["_FAMILY"] =
-        buffer.add(std::vector<float>(c.size(), as_float(c.family, body.name, "family")), 1, 0, false);
-    attributes["_MASK"] =
-        buffer.add(std::vector<float>(c.size(), as_float(c.mask, body.name, "mask")), 1, 0, false);
-    Json node{{"name", body.name}, {"mesh", 0}};
-    const Eigen::Matrix4d m = poses[b].matrix();
-    if (!m.isIdentity(0)) {
-      Json columns = Json::array();
-      for (int k = 0; k < 16; k++) columns.push_back(m(k % 4, k / 4));
-      node["matrix"] = columns;
-    }
+    const auto same = [&](std::uint32_t value, const char* what) {
+      return buffer_.add(std::vector<float>(c.size(), as_float(value, body.name, what)), 1, 0, false);
+    };
+    Json attributes{{"TRANSLATION", buffer_.add(translation, 3, 0, false)},
+                    {"SCALE", buffer_.add(scale, 3, 0, false)}};
+    attributes["_FAMILY"] = same(c.family, "family"), attributes["_MASK"] = same(c.mask, "mask");
+    node["mesh"] = mesh;
     node["extensions"] = {{"EXT_mesh_gpu_instancing", {{"attributes", attributes}}}};
-    roots.push_back(nodes.size());
-    nodes.push_back(node);
   }
 
-  Json j;
-  j["asset"] = {{"version", "2.0"}, {"generator", origin(job.model)}};
-  j["extensionsUsed"] = j["extensionsRequired"] = Json::array({"EXT_mesh_gpu_instancing"});
-  j["scene"] = 0;
-  j["scenes"] = {{{"nodes", roots}}};
-  j["nodes"] = nodes;
-  j["meshes"] = {{{"name", "sphere"},
-                  {"primitives",
-                   {{{"attributes", {{"POSITION", positions}, {"NORMAL", normals}}},
-                     {"indices", corners},
-                     {"material", 0}}}}}};
-  j["materials"] = {
-      {{"pbrMetallicRoughness",
-        {{"baseColorFactor", {0.8, 0.8, 0.8, 1}}, {"metallicFactor", 0}, {"roughnessFactor", 0.7}}}}};
-  j["accessors"] = buffer.accessors, j["bufferViews"] = buffer.views;
-  buffer.bytes.resize((buffer.bytes.size() + 3) / 4 * 4);
-  j["buffers"] = {{{"byteLength", buffer.bytes.size()}}};
-  std::string text = j.dump(-1, ' ', false, Json::error_handler_t::replace);
-  text.resize((text.size() + 3) / 4 * 4, ' ');
-  const std::size_t size = 12 + 8 + text.size() + 8 + buffer.bytes.size();
-  if (size > 0xffffffffull) throw Error("the spheres are beyond the 4 GiB of a .glb: write .npz");
-  std::string out = "glTF";
-  append_u32(out, 2), append_u32(out, size);
-  append_u32(out, text.size());
-  out += "JSON" + text;
-  append_u32(out, buffer.bytes.size());
-  out += std::string("BIN\0", 4) + buffer.bytes;
-  return {{"", out}};
-}
+  const Model& model_;
+  bool instanced_;
+  Buffer buffer_;
+  Meshes meshes_;
+  Json nodes_ = Json::array();
+};
+
+}  // namespace
+
+Files write_glb(const Job& job) { return {{"", Nodes(job.model, false).document()}}; }
+
+Files write_glb_instanced(const Job& job) { return {{"", Nodes(job.model, true).document()}}; }
 
 }  // namespace padder::exporting

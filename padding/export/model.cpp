@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "padding/export/model.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "padding/asset/error.h"
@@ -50,6 +51,32 @@ Model model_of(Cluster cluster) {
   return model;
 }
 
+std::vector<Eigen::Isometry3d> poses_at(const Model& model, const std::vector<double>& values) {
+  const auto value_of = [&](std::size_t body) {
+    const Joint* joint = &model.bodies[body].joint;
+    double scale = 1, offset = 0;
+    for (std::size_t turns = 0; !joint->mimic.empty() && turns < model.bodies.size(); turns++) {
+      const auto leader = std::find_if(model.bodies.begin(), model.bodies.end(),
+                                       [&](const Body& b) { return b.joint.name == joint->mimic; });
+      if (leader == model.bodies.end()) break;
+      offset += scale * joint->offset, scale *= joint->multiplier;
+      joint = &leader->joint, body = static_cast<std::size_t>(leader - model.bodies.begin());
+    }
+    return offset + (values.empty() ? 0 : scale * values[body]);
+  };
+  std::vector<Eigen::Isometry3d> out;
+  for (std::size_t b = 0; b < model.bodies.size(); b++) {
+    const Body& body = model.bodies[b];
+    Eigen::Isometry3d pose = body.pose;
+    if (body.joint.type == Joint::Type::revolute || body.joint.type == Joint::Type::continuous)
+      pose = pose * Eigen::AngleAxisd(value_of(b), body.joint.axis);
+    else if (body.joint.type == Joint::Type::prismatic)
+      pose = pose * Eigen::Translation3d(value_of(b) * body.joint.axis);
+    out.push_back(body.parent < 0 ? pose : out[static_cast<std::size_t>(body.parent)] * pose);
+  }
+  return out;
+}
+
 double metres(const std::string& unit) {
   if (unit.empty() || unit == "m") return 1;
   if (unit == "cm") return 0.01;
@@ -63,7 +90,8 @@ Model scaled(Model model, double factor, const std::string& unit) {
   for (Body& b : model.bodies) {
     b.cluster.unit = unit;
     b.pose.translation() *= factor;
-    if (b.joint.type == Joint::Type::prismatic) b.joint.lower *= factor, b.joint.upper *= factor;
+    if (b.joint.type == Joint::Type::prismatic)
+      b.joint.lower *= factor, b.joint.upper *= factor, b.joint.offset *= factor;
     if (b.inertial) b.inertial->center *= factor, b.inertial->inertia *= factor * factor;
     if (factor != 1) scale(b.cluster, factor);
   }

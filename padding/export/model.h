@@ -25,6 +25,10 @@ struct Joint {
   Type type = Type::fixed;
   Vector axis = Vector::UnitX();  // unit, in the body's frame
   double lower = 0, upper = 0;    // of revolute (radians) and prismatic (length)
+  double effort = 0;              // the most a motor may give, N m or N; 0: not stated
+  double damping = 0, friction = 0;
+  std::string mimic;  // the joint that this one follows: its place is multiplier * theirs + offset
+  double multiplier = 1, offset = 0;
 };
 
 // A body or link, with its spheres.
@@ -37,19 +41,32 @@ struct Body {
   std::optional<Inertial> inertial;                        // none: from the cluster's volume and a density
 };
 
+// Two bodies that may not touch, by their indices, and why: a word of MoveIt's for SRDF, as "Adjacent".
+struct Apart {
+  std::size_t a = 0, b = 0;
+  std::string reason = "Adjacent";
+};
+
 // Lengths in one unit for all bodies.
 struct Model {
   std::string name;
   std::string unit;  // "m", "cm", "mm", "in", or "" when nobody said
   std::vector<Body> bodies;
-  std::string
-      urdf;  // the document a robot was read from, "" otherwise: written back as URDF with new collisions
+  std::vector<Apart> apart;  // besides the pairs that families and masks keep apart
+  std::string file;          // that a robot was read from, without folders; "" otherwise
+  // The document a robot was read from, "" otherwise: written back as URDF with new collisions.
+  std::string urdf;
 
   std::size_t spheres() const;
 };
 
 // A model of one body. It keeps the cluster's family and mask.
 Model model_of(Cluster cluster);
+
+// Where each body is in the world, when each joint is at its value: a radian or a length. `values` has one
+// for each body, of the joint to its parent; those of joints that mimic others and of joints with more than
+// one way to move are not looked at. Empty: all at 0.
+std::vector<Eigen::Isometry3d> poses_at(const Model& model, const std::vector<double>& values = {});
 
 // Metres in a unit; 1 for "". Throws Error for a word that is none of them.
 double metres(const std::string& unit);

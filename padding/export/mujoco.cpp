@@ -43,7 +43,7 @@ class Writer {
                         : "") +
            "<mujoco model=\"" + xml_text(one_line(job_.model.name)) + "\">\n  <compiler " + compiler +
            "/>\n  <default>\n    <geom type=\"sphere\"/>\n  </default>\n  <worldbody>\n" + bodies +
-           "  </worldbody>\n" + excluded() + "</mujoco>\n";
+           "  </worldbody>\n" + excluded() + followers() + motors() + "</mujoco>\n";
   }
 
  private:
@@ -60,7 +60,8 @@ class Writer {
              (limited
                   ? " limited=\"true\" range=\"" + number(b.joint.lower) + " " + number(b.joint.upper) + "\""
                   : "") +
-             "/>\n";
+             (b.joint.damping > 0 ? " damping=\"" + number(b.joint.damping) + "\"" : "") +
+             (b.joint.friction > 0 ? " frictionloss=\"" + number(b.joint.friction) + "\"" : "") + "/>\n";
     };
     const Vector x = b.joint.axis.unitOrthogonal(), y = b.joint.axis.cross(x);
     switch (b.joint.type) {
@@ -130,6 +131,32 @@ class Writer {
         out += "    <exclude body1=\"" + xml_text(a.name) + "\" body2=\"" + xml_text(b.name) + "\"/>\n";
     }
     return out.empty() ? "" : "  <contact>\n" + out + "  </contact>\n";
+  }
+
+  static bool moves_one_way(const Joint& joint) {
+    return joint.type == Joint::Type::revolute || joint.type == Joint::Type::continuous ||
+           joint.type == Joint::Type::prismatic;
+  }
+
+  // Joints that follow another one: URDF's <mimic> is a polynomial of degree 1.
+  std::string followers() const {
+    std::string out;
+    for (const Body& b : job_.model.bodies)
+      if (!b.joint.mimic.empty() && moves_one_way(b.joint))
+        out += "    <joint joint1=\"" + xml_text(b.joint.name) + "\" joint2=\"" + xml_text(b.joint.mimic) +
+               "\" polycoef=\"" + number(b.joint.offset) + " " + number(b.joint.multiplier) + " 0 0 0\"/>\n";
+    return out.empty() ? "" : "  <equality>\n" + out + "  </equality>\n";
+  }
+
+  // One for each joint that states its effort. A motor without a control does nothing.
+  std::string motors() const {
+    std::string out;
+    for (const Body& b : job_.model.bodies)
+      if (b.joint.effort > 0 && b.joint.mimic.empty() && moves_one_way(b.joint))
+        out += "    <motor name=\"" + xml_text(b.joint.name) + "\" joint=\"" + xml_text(b.joint.name) +
+               "\" ctrllimited=\"true\" ctrlrange=\"" + number(-b.joint.effort) + " " +
+               number(b.joint.effort) + "\"/>\n";
+    return out.empty() ? "" : "  <actuator>\n" + out + "  </actuator>\n";
   }
 
   const Job& job_;

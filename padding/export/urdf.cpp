@@ -67,13 +67,23 @@ void append_joint(pugi::xml_node robot, const Body& body, const std::string& par
   pugi::xml_node place = joint.append_child("origin");
   set(place, "xyz", numbers(body.pose.translation()));
   set(place, "rpy", numbers(roll_pitch_yaw(body.pose.linear())));
+  if (!body.joint.mimic.empty()) {
+    pugi::xml_node mimic = joint.append_child("mimic");
+    set(mimic, "joint", body.joint.mimic), set(mimic, "multiplier", number(body.joint.multiplier)),
+        set(mimic, "offset", number(body.joint.offset));
+  }
   if (body.joint.type == Joint::Type::fixed || body.joint.type == Joint::Type::floating) return;
   set(joint.append_child("axis"), "xyz", numbers(body.joint.axis));
+  if (body.joint.damping > 0 || body.joint.friction > 0) {
+    pugi::xml_node dynamics = joint.append_child("dynamics");
+    set(dynamics, "damping", number(body.joint.damping)),
+        set(dynamics, "friction", number(body.joint.friction));
+  }
   if (body.joint.type != Joint::Type::revolute && body.joint.type != Joint::Type::prismatic) return;
   pugi::xml_node limit =
       joint.append_child("limit");  // URDF demands effort and velocity; 0 stands for unknown
   set(limit, "lower", number(body.joint.lower)), set(limit, "upper", number(body.joint.upper));
-  set(limit, "effort", "0"), set(limit, "velocity", "0");
+  set(limit, "effort", number(body.joint.effort)), set(limit, "velocity", "0");
 }
 
 std::string text_of(const pugi::xml_document& document) {
@@ -99,6 +109,12 @@ std::string edited(const Job& job) {
   return text_of(document);
 }
 
+std::string reason_of(const Model& model, std::size_t i, std::size_t j) {
+  for (const Apart& p : model.apart)
+    if (std::min(p.a, p.b) == i && std::max(p.a, p.b) == j) return p.reason;
+  return Apart().reason;  // of families and masks
+}
+
 std::string srdf(const Job& job, bool spheres) {
   pugi::xml_document document;
   document.append_child(pugi::node_comment).set_value((" " + origin(job.model) + " ").c_str());
@@ -118,7 +134,7 @@ std::string srdf(const Job& job, bool spheres) {
     if (job.model.bodies[i].cluster.size() == 0 || job.model.bodies[j].cluster.size() == 0) continue;
     pugi::xml_node pair = robot.append_child("disable_collisions");
     set(pair, "link1", job.model.bodies[i].name), set(pair, "link2", job.model.bodies[j].name);
-    set(pair, "reason", "Adjacent");
+    set(pair, "reason", reason_of(job.model, i, j));
   }
   return text_of(document);
 }

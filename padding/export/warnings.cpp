@@ -7,7 +7,7 @@
 namespace padder {
 
 bool states_mass(const Format& format) {
-  const std::string_view stating[] = {"dem-engine", "mercury", "chrono", "urdf", "mujoco"};
+  const std::string_view stating[] = {"dem-engine", "yade", "mercury", "chrono", "urdf", "mujoco", "usd"};
   return std::find(std::begin(stating), std::end(stating), format.name) != std::end(stating);
 }
 

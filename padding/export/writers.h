@@ -14,7 +14,7 @@ namespace padder::exporting {
 struct Job {
   const Model& model;
   const ExportOptions& options;
-  std::vector<std::pair<std::size_t, std::size_t>> pairs;  // of bodies that may not touch
+  std::vector<std::pair<std::size_t, std::size_t>> pairs;  // of bodies that may not touch, i < j, ascending
 };
 
 // Path below the target ("" the target itself, "*.srdf" beside it with another ending) and bytes.
@@ -28,6 +28,10 @@ Files write_chrono(const Job& job);
 Files write_npz(const Job& job);
 Files write_vtp(const Job& job);
 Files write_glb(const Job& job);
+Files write_glb_instanced(const Job& job);
+Files write_stl(const Job& job);
+Files write_ply(const Job& job);
+Files write_obj(const Job& job);
 Files write_usda(const Job& job);
 Files write_urdf(const Job& job);
 Files write_srdf(const Job& job);
@@ -50,9 +54,6 @@ std::vector<CollisionFilter> filters_of(const Model& model);  // a body each
 
 // An identifier for each body, no two alike.
 std::vector<std::string> identifiers(const Model& model);
-
-// Where each body is in the world, joints at 0.
-std::vector<Eigen::Isometry3d> world_poses(const Model& model);
 
 // "track_shoe (padder X.Y.Z, track_shoe.obj)": for a comment at the head of a file.
 std::string origin(const Model& model);

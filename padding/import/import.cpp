@@ -44,38 +44,37 @@ std::uint32_t common(const std::vector<std::uint32_t>& values, const char* what,
   return values[0];
 }
 
-}  // namespace
-
-Cluster read_spheres(const fs::path& path, const std::string& part) {
-  const std::string where = path.string();
-  std::error_code code;
-  Parts parts;
+std::string ending_of(const fs::path& path) {
   std::string ending = path.extension().string();
   std::transform(ending.begin(), ending.end(), ending.begin(),
                  [](unsigned char c) { return std::tolower(c); });
-  if (fs::is_directory(path, code)) {
-    parts = importing::read_mercury(path);
-  } else {
-    const bool text = ending != ".csv" && ending != ".npz" && ending != ".vtp";
-    const std::string bytes = read_file(path, text ? kMostText : kMostBytes);
-    if (ending == ".json") return cluster_from_json(bytes, where);
-    if (ending == ".csv")
-      parts = importing::read_csv(bytes, where);
-    else if (ending == ".npz")
-      parts = importing::read_npz(bytes, where);
-    else if (ending == ".vtp")
-      parts = importing::read_vtp(bytes, where);
-    else if (ending == ".yaml" || ending == ".yml" || ending == ".xrdf")
-      parts = importing::read_yaml(bytes, where);
-    else if (ending == ".urdf" || ending == ".srdf" || ending == ".xml")
-      parts = importing::read_xml(bytes, where);
-    else if (ending == ".glb" || ending == ".usda" || ending == ".h" || ending == ".hpp")
-      throw Error(where + ": spheres are written to " + ending +
-                  " but not read from it: use .spheres.json or .npz");
-    else
-      parts = importing::read_list(bytes, where);
-  }
-  Part p = chosen(std::move(parts), part, where);
+  return ending;
+}
+
+bool is_any_of(const std::string& ending, std::initializer_list<const char*> endings) {
+  return std::ranges::any_of(endings, [&](const char* e) { return ending == e; });
+}
+
+// Of every format but our own.
+Parts parts_of(const fs::path& path) {
+  const std::string where = path.string(), ending = ending_of(path);
+  std::error_code code;
+  if (fs::is_directory(path, code)) return importing::read_mercury(path);
+  if (is_any_of(ending, {".glb", ".usda", ".h", ".hpp"}))
+    throw Error(where + ": spheres are written to " + ending +
+                " but not read from it: use .spheres.json or .npz");
+  const bool text = !is_any_of(ending, {".csv", ".npz", ".vtp"});
+  const std::string bytes = read_file(path, text ? kMostText : kMostBytes);
+  if (ending == ".csv") return importing::read_csv(bytes, where);
+  if (ending == ".npz") return importing::read_npz(bytes, where);
+  if (ending == ".vtp") return importing::read_vtp(bytes, where);
+  if (is_any_of(ending, {".yaml", ".yml", ".xrdf"})) return importing::read_yaml(bytes, where);
+  if (is_any_of(ending, {".urdf", ".srdf", ".xml"})) return importing::read_xml(bytes, where);
+  return importing::read_list(bytes, where);
+}
+
+Cluster cluster_of(Part p, const fs::path& path) {
+  const std::string where = path.string();
   Cluster c;
   c.name = p.name.empty() ? path.stem().string() : p.name;
   c.source.file = path.filename().string();
@@ -90,6 +89,44 @@ Cluster read_spheres(const fs::path& path, const std::string& part) {
         c.bounds.add(c.centers[k] + Vector::Constant(c.radii[k]));
   }
   return c;
+}
+
+bool is_own(const fs::path& path) {
+  std::error_code code;
+  return ending_of(path) == ".json" && !fs::is_directory(path, code);
+}
+
+}  // namespace
+
+Cluster read_spheres(const fs::path& path, const std::string& part) {
+  if (is_own(path)) return cluster_from_json(read_file(path, kMostText), path.string());
+  return cluster_of(chosen(parts_of(path), part, path.string()), path);
+}
+
+bool is_sphere_file(const fs::path& path) {
+  return is_any_of(ending_of(path), {".json", ".csv", ".npz", ".vtp", ".yaml", ".yml", ".xrdf", ".srdf",
+                                     ".xml", ".txt", ".dat", ".multisphere"});
+}
+
+SphereModel read_sphere_model(const fs::path& path) {
+  if (is_own(path)) return {model_of(read_spheres(path)), false};
+  Parts parts = parts_of(path);
+  std::erase_if(parts, [](const Part& p) { return p.radii.empty(); });
+  if (parts.empty()) throw Error(path.string() + ": there is no sphere in it");
+  SphereModel out;
+  out.model.name = path.stem().string();
+  const std::string ending = ending_of(path);
+  const bool in_metres = is_any_of(ending, {".yaml", ".yml", ".xrdf", ".srdf", ".xml"});
+  if (in_metres) out.model.unit = "m";
+  out.links = in_metres && parts.size() > 1;
+  for (Part& p : parts) {
+    Body body;
+    body.cluster = cluster_of(std::move(p), path);
+    body.cluster.unit = out.model.unit;
+    body.name = body.cluster.name;
+    out.model.bodies.push_back(std::move(body));
+  }
+  return out;
 }
 
 }  // namespace padder

@@ -5,6 +5,7 @@
 #include <string>
 
 #include "padding/asset/cluster.h"
+#include "padding/export/model.h"
 
 namespace padder {
 
@@ -16,5 +17,19 @@ namespace padder {
 // cannot be read, has no sphere, a number that is none or not finite, a radius that is not positive, several
 // families in one body, or several parts when none is named (the message lists them).
 Cluster read_spheres(const std::filesystem::path& path, const std::string& part = {});
+
+// Is this a file of spheres by its ending: one that read_spheres reads and that no mesh has?
+bool is_sphere_file(const std::filesystem::path& path);
+
+// What a file of spheres holds.
+struct SphereModel {
+  Model model;  // a body for each part; its unit is "" where the format has none
+  // The parts are links, each in its own frame, and the file does not say where they are. Then only formats
+  // that do not say it either can be written from it.
+  bool links = false;
+};
+
+// All parts of such a file, for write_model. Throws Error as read_spheres.
+SphereModel read_sphere_model(const std::filesystem::path& path);
 
 }  // namespace padder

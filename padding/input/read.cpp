@@ -12,7 +12,6 @@
 #include "padding/asset/file.h"
 #include "padding/input/polygon.h"
 #include "padding/input/read_internal.h"
-#include "padding/input/sha256.h"
 
 namespace padder {
 namespace reading {

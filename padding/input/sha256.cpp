@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: MIT
-#include "padding/input/sha256.h"
 
 #include <openssl/evp.h>
 
@@ -8,6 +7,7 @@
 #include <vector>
 
 #include "padding/asset/error.h"
+#include "padding/input/read_internal.h"
 
 namespace padder {
 namespace {

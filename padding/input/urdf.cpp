@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
-#include <cstdlib>
+#include <cstdio>
 #include <cstring>
 #include <map>
 #include <pugixml.hpp>
@@ -15,6 +15,7 @@
 #include "padding/asset/file.h"
 #include "padding/export/families.h"
 #include "padding/import/xml.h"
+#include "padding/input/packages.h"
 
 namespace padder {
 namespace {
@@ -23,29 +24,51 @@ namespace fs = std::filesystem;
 
 class Reader {
  public:
-  explicit Reader(const fs::path& path) : path_(path) {}
+  Reader(const fs::path& path, const UrdfOptions& options) : path_(path), options_(options) {}
 
   Urdf read() {
     Urdf urdf;
-    urdf.model.urdf = read_file(path_, kMostText);
+    urdf.model.urdf = path_.extension() == ".xacro" ? expanded() : read_file(path_, kMostText);
+    urdf.model.file = path_.filename().string();
     urdf.model.unit = "m";
     pugi::xml_document document;
     importing::load_xml(document, urdf.model.urdf, path_.string());
     const pugi::xml_node robot = document.child("robot");
-    if (!robot) fail("<robot> is not its root: a .xacro must be expanded first");
+    if (!robot) fail("<robot> is not its root");
     urdf.model.name = robot.attribute("name").as_string("robot");
-    bool visual = true;
+    bool collision = false;
     for (const auto& link : robot.children("link"))
-      if (link.child("collision")) visual = false;
+      if (link.child("collision")) collision = true;
+    const bool visual = options_.visual || !collision;
     for (const auto& link : robot.children("link")) add_link(link, visual ? "visual" : "collision");
     if (links_.empty()) fail("there is no <link> in it");
     for (const auto& joint : robot.children("joint")) add_joint(joint);
-    if (visual) urdf.notes.push_back("no link has collision geometry: the visual geometry was padded");
+    check_mimics();
+    if (!collision) urdf.notes.push_back("no link has collision geometry: the visual geometry was padded");
     order(urdf);
     return urdf;
   }
 
  private:
+  // What the program xacro of ROS makes of the file.
+  std::string expanded() const {
+    std::string quoted = "'";
+    for (const char c : path_.string()) quoted += c == '\'' ? std::string("'\\''") : std::string(1, c);
+    FILE* pipe = popen(("xacro " + quoted + "'").c_str(), "r");
+    std::string out;
+    char part[4096];
+    for (std::size_t n; pipe && (n = std::fread(part, 1, sizeof part, pipe)) > 0;) out.append(part, n);
+    const int status = pipe ? pclose(pipe) : -1;
+    constexpr int not_found = 127 << 8;  // as the shell says it
+    if (status == not_found)
+      fail(
+          "the program xacro, which expands it, is not installed: install it (ROS's package xacro), or "
+          "expand "
+          "the file elsewhere and give the .urdf");
+    if (status != 0) fail("xacro cannot expand it, for the reason that it gave above");
+    return out;
+  }
+
   [[noreturn]] void fail(const std::string& what) const { throw Error(path_.string() + ": " + what); }
 
   // An empty attribute gives `otherwise`.
@@ -101,24 +124,14 @@ class Reader {
   fs::path found(const std::string& reference, const std::string& where) const {
     const fs::path home = fs::absolute(path_).lexically_normal().parent_path();
     std::vector<fs::path> tried;
+    const bool in_package = reference.starts_with("package://") || reference.starts_with("model://");
     if (reference.starts_with("file://")) {
       tried.emplace_back(reference.substr(7));
-    } else if (reference.starts_with("package://") || reference.starts_with("model://")) {
-      const fs::path inside = reference.substr(reference.find("://") + 3);
-      for (fs::path folder = home;; folder = folder.parent_path()) {
-        tried.push_back(folder / inside);
-        if (folder == folder.parent_path()) break;
-      }
-      if (const char* more = std::getenv("ROS_PACKAGE_PATH")) {
-        const std::string all = more;
-        for (std::size_t k = 0; k < all.size();) {
-          const std::size_t end = std::min(all.find(':', k), all.size());
-          const fs::path folder = all.substr(k, end - k);
-          tried.push_back(folder / inside);
-          if (folder.filename() == *inside.begin()) tried.push_back(folder.parent_path() / inside);
-          k = end + 1;
-        }
-      }
+    } else if (in_package) {
+      const std::string inside = reference.substr(reference.find("://") + 3);
+      const std::size_t slash = std::min(inside.find('/'), inside.size() - 1);
+      tried = places_in_package(inside.substr(0, slash), inside.substr(slash + 1), home,
+                                options_.package_folders);
     } else {
       tried.push_back(home / reference);
     }
@@ -126,8 +139,9 @@ class Reader {
     for (const fs::path& p : tried)
       if (fs::is_regular_file(p, code)) return p;
     fail(where + ": the mesh " + excerpt(reference, 200) + " is not there: " +
-         (tried.size() > 1 ? "no folder above the URDF has it, nor one of ROS_PACKAGE_PATH"
-                           : "looked for " + excerpt(tried[0].string(), 500)));
+         (in_package ? "neither a folder above the URDF has it, nor one of ROS_PACKAGE_PATH or "
+                       "AMENT_PREFIX_PATH; name the folder of its package with --package-path"
+                     : "looked for " + excerpt(tried[0].string(), 500)));
   }
 
   void add_link(const pugi::xml_node& node, const char* kind) {
@@ -153,11 +167,15 @@ class Reader {
         shape.type = UrdfShape::Type::cylinder;
         const double r = positive(cylinder.attribute("radius"), where);
         shape.size = {r, r, positive(cylinder.attribute("length"), where)};
+      } else if (const auto capsule = geometry.child("capsule")) {
+        shape.type = UrdfShape::Type::capsule;
+        const double r = positive(capsule.attribute("radius"), where);
+        shape.size = {r, r, positive(capsule.attribute("length"), where)};
       } else if (const auto sphere = geometry.child("sphere")) {
         shape.type = UrdfShape::Type::sphere;
         shape.size = Vector::Constant(positive(sphere.attribute("radius"), where));
       } else {
-        fail(where + ": its geometry is none of mesh, box, cylinder, sphere");
+        fail(where + ": its geometry is none of mesh, box, cylinder, capsule, sphere");
       }
       link.shapes.push_back(std::move(shape));
     }
@@ -206,9 +224,27 @@ class Reader {
       if (limit.attribute("lower")) joint.lower = one(limit.attribute("lower"), where);
       if (limit.attribute("upper")) joint.upper = one(limit.attribute("upper"), where);
     }
+    const auto or_default = [&](const pugi::xml_attribute& attribute, double otherwise) {
+      return attribute ? one(attribute, where) : otherwise;
+    };
+    joint.effort = or_default(node.child("limit").attribute("effort"), 0);
+    joint.damping = or_default(node.child("dynamics").attribute("damping"), 0);
+    joint.friction = or_default(node.child("dynamics").attribute("friction"), 0);
+    if (const auto mimic = node.child("mimic")) {
+      joint.mimic = mimic.attribute("joint").as_string();
+      joint.multiplier = or_default(mimic.attribute("multiplier"), 1);
+      joint.offset = or_default(mimic.attribute("offset"), 0);
+    }
     parents_[child] = static_cast<int>(parent);
     bodies_[child].joint = std::move(joint);
     bodies_[child].pose = place(node.child("origin"), where);
+  }
+
+  void check_mimics() const {
+    for (const Body& b : bodies_)
+      if (!b.joint.mimic.empty() && (b.joint.mimic == b.joint.name || !joint_names_.contains(b.joint.mimic)))
+        fail("joint " + excerpt(b.joint.name) + ": it mimics " + excerpt(b.joint.mimic) +
+             ", which is no other joint of this robot");
   }
 
   // Puts parents before their children, and keeps the order of the file otherwise.
@@ -238,6 +274,7 @@ class Reader {
   }
 
   fs::path path_;
+  const UrdfOptions& options_;
   std::vector<UrdfLink> links_;
   std::vector<Body> bodies_;
   std::vector<int> parents_;
@@ -274,7 +311,7 @@ struct Groups {
 
 }  // namespace
 
-Urdf read_urdf(const fs::path& path) { return Reader(path).read(); }
+Urdf read_urdf(const fs::path& path, const UrdfOptions& options) { return Reader(path, options).read(); }
 
 std::vector<std::pair<std::size_t, std::size_t>> neighbours(const Urdf& urdf) {
   const Groups groups(urdf);
@@ -289,7 +326,8 @@ std::vector<std::pair<std::size_t, std::size_t>> neighbours(const Urdf& urdf) {
   return pairs;
 }
 
-void set_families(Urdf& urdf) {
+void keep_neighbours_apart(Urdf& urdf) {
+  for (const auto& [i, j] : neighbours(urdf)) urdf.model.apart.push_back({i, j});
   const Groups groups(urdf);
   std::vector<std::size_t> number(groups.above.size());  // counts the groups with shapes
   std::size_t count = 0;
@@ -300,10 +338,7 @@ void set_families(Urdf& urdf) {
     if (groups.shapes[g] && groups.above[g] >= 0)
       pairs.emplace_back(number[static_cast<std::size_t>(groups.above[g])], number[g]);
   const auto families = families_of(count, pairs);
-  if (!families)
-    throw Error("the robot " + urdf.model.name + " has " + std::to_string(count) +
-                " moving parts, and 32 families cannot keep the neighbours among so many apart: pad it in "
-                "two pieces");
+  if (!families) return;
   for (std::size_t k = 0; k < urdf.links.size(); k++) {
     if (urdf.links[k].shapes.empty()) continue;
     const CollisionFilter& f = (*families)[number[groups.of[k]]];

@@ -14,12 +14,13 @@ namespace padder {
 // One of the shapes of a link.
 struct UrdfShape {
   // URDF's kinds.
-  enum class Type { mesh, box, cylinder, sphere };
+  enum class Type { mesh, box, cylinder, capsule, sphere };
   Type type = Type::mesh;
   Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();  // in the link's frame
   std::filesystem::path file;                              // of a mesh; exists on this machine
   Vector scale = Vector::Ones();                           // of a mesh
-  // Sides of a box; radius, radius, length of a cylinder; three times the radius of a sphere.
+  // Sides of a box; radius, radius, length of a cylinder; the same of a capsule, whose length is that between
+  // the centres of its round ends; three times the radius of a sphere.
   Vector size = Vector::Zero();
 };
 
@@ -36,24 +37,31 @@ struct Urdf {
   std::vector<std::string> notes;  // what was not taken as it was written, one clause each
 };
 
+struct UrdfOptions {
+  std::vector<std::filesystem::path> package_folders;  // are searched for packages first
+  bool visual = false;  // take the shapes of `visual` even where there are some of `collision`
+};
+
 // In metres and radians, as in the file. The shapes are those of `collision`. When no link has any, they are
-// those of `visual`, and a note says so. References to meshes:
-//   package://PKG/rest  the folder PKG is looked for in the folders above the URDF, then in ROS_PACKAGE_PATH
+// those of `visual`, and a note says so. A file that ends in .xacro is expanded by the program xacro first.
+// References to meshes:
+//   package://PKG/rest  as places_in_package (padding/input/packages.h) says
 //   file:///rest        as it stands
 //   rest                beside the URDF
 // Only meshes that will be padded must exist. Throws Error, which names the link or joint, for a file that is
 // no robot, has no link, has a name twice, has a joint to a missing link or joints that form no tree, for a
 // mesh that was not found (with the places where it was looked for), and for text where a number should be.
-Urdf read_urdf(const std::filesystem::path& path);
+Urdf read_urdf(const std::filesystem::path& path, const UrdfOptions& options = {});
 
 // The pairs of links that may not touch, i < j. Links that fixed joints connect form a rigid group; links of
 // one group may not touch. Neither may links of a group and of the nearest group above it in the tree that
 // has shapes.
 std::vector<std::pair<std::size_t, std::size_t>> neighbours(const Urdf& urdf);
 
-// Turns these pairs into families and masks of the bodies: the links of a rigid group get one family, and
-// neighbouring groups mask each other. Links without shapes get none. Throws Error when 32 families are not
-// enough (families_of, padding/export/families.h).
-void set_families(Urdf& urdf);
+// Lists these pairs in model.apart, and turns them into families and masks of the bodies: the links of a
+// rigid group get one family, and neighbouring groups mask each other. Links without shapes get none. When 32
+// families are not enough (families_of, padding/export/families.h), no link gets one, and only the list says
+// what may not touch.
+void keep_neighbours_apart(Urdf& urdf);
 
 }  // namespace padder

@@ -274,14 +274,13 @@ class Mender {
   }
 
   Repaired finish() {
-    Contacts contacts;
-    {
-      const Surface surface(soup_);
-      contacts = find_contacts(surface);
-      find_cavities(contacts, surface);
-    }
+    std::optional<Surface> surface(soup_);
+    const Contacts contacts = find_contacts(*surface);
+    find_cavities(contacts, *surface);
+    if (out_.steps.cavities > 0) surface.emplace(soup_);
     out_.steps.crossing_pairs = contacts.pairs.size();
-    OuterCells cells = outer_cells(soup_, roles_, contacts);
+    OuterCells cells = outer_cells(*surface, roles_, contacts);
+    surface.reset();
     out_.mesh = std::move(cells.mesh);
     out_.sheet = out_.mesh.triangles.size() - cells.boundary;
     out_.kind = cells.boundary > 0 ? BodyKind::solid : BodyKind::sheet;

@@ -25,13 +25,13 @@ std::uint32_t root_of(std::vector<std::uint32_t>& parent, std::uint32_t k) {
 
 class Cutter {
  public:
-  Cutter(const Mesh& soup, const std::vector<TriangleRole>& roles, const Contacts& contacts)
-      : soup_(soup),
+  Cutter(const Surface& soup, const std::vector<TriangleRole>& roles, const Contacts& contacts)
+      : soup_(soup.mesh()),
         roles_(roles),
         contacts_(contacts),
         surface_(soup),
-        points_(soup.points),
-        near_(same_point * soup.bounds().diagonal()) {}
+        points_(soup_.points),
+        near_(same_point * soup_.bounds().diagonal()) {}
 
   OuterCells run() {
     name_points();
@@ -357,7 +357,7 @@ class Cutter {
   const Mesh& soup_;
   const std::vector<TriangleRole>& roles_;
   const Contacts& contacts_;
-  const Surface surface_;
+  const Surface& surface_;
   std::vector<Point> points_;  // of the soup, then the new ones
   const double near_;          // points that are closer are one
   std::vector<TriangleCut> cuts_;
@@ -373,7 +373,8 @@ class Cutter {
 
 }  // namespace
 
-OuterCells outer_cells(const Mesh& soup, const std::vector<TriangleRole>& roles, const Contacts& contacts) {
+OuterCells outer_cells(const Surface& soup, const std::vector<TriangleRole>& roles,
+                       const Contacts& contacts) {
   return Cutter(soup, roles, contacts).run();
 }
 

@@ -33,7 +33,7 @@ struct OuterCells {
 // other triangle crosses has one winding number on either side, so one ray decides on it; an undecided piece
 // is kept, which is the safe side for a cover. Triangles too thin to have a normal are left out. Runs on all
 // threads; the result does not depend on their number.
-OuterCells outer_cells(const Mesh& soup, const std::vector<TriangleRole>& roles, const Contacts& contacts);
+OuterCells outer_cells(const Surface& soup, const std::vector<TriangleRole>& roles, const Contacts& contacts);
 
 // --- The step that cuts one triangle along segments (cut_triangle.cpp) ---
 

@@ -210,6 +210,50 @@ class PieceWork {
 
 }  // namespace
 
+std::optional<Mesh> one_closed_piece(const Mesh& soup) {
+  Mesh mesh = merged(soup);
+  if (mesh.triangles.empty() || mesh.triangles.size() < soup.triangles.size()) return std::nullopt;
+  std::vector<std::uint32_t> all(mesh.triangles.size());
+  std::iota(all.begin(), all.end(), 0u);
+  const std::vector<Side> sides = sides_of(mesh, all);
+  // Triangles that meet in an edge have one root, and so have their corners at each end of it.
+  std::vector<std::uint32_t> piece(all), round(3 * all.size());
+  std::iota(round.begin(), round.end(), 0u);
+  std::size_t pieces = piece.size(), rounds = round.size();
+  const auto join = [](std::vector<std::uint32_t>& parent, std::uint32_t a, std::uint32_t b) {
+    a = root_of(parent, a), b = root_of(parent, b);
+    parent[std::max(a, b)] = std::min(a, b);
+    return a != b;
+  };
+  const auto corner = [&](std::uint32_t t, std::uint32_t v) {
+    const Corners& c = mesh.triangles[t];
+    return 3 * t + (c[0] == v ? 0 : c[1] == v ? 1 : 2);
+  };
+  for (std::size_t k = 0; k < sides.size(); k += 2) {
+    if (k + 1 == sides.size() || sides[k].edge != sides[k + 1].edge ||
+        sides[k].direction == sides[k + 1].direction ||
+        (k + 2 < sides.size() && sides[k + 2].edge == sides[k].edge))
+      return std::nullopt;
+    const auto s = sides[k].triangle, t = sides[k + 1].triangle;
+    pieces -= join(piece, s, t);
+    for (const auto v :
+         {static_cast<std::uint32_t>(sides[k].edge >> 32), static_cast<std::uint32_t>(sides[k].edge)})
+      rounds -= join(round, corner(s, v), corner(t, v));
+  }
+  // Points in the order in which triangles use them.
+  std::vector<std::uint32_t> index(mesh.points.size(), ~0u);
+  Mesh out;
+  out.triangles = std::move(mesh.triangles);
+  for (auto& t : out.triangles)
+    for (auto& v : t) {
+      if (index[v] == ~0u)
+        index[v] = static_cast<std::uint32_t>(out.points.size()), out.points.push_back(mesh.points[v]);
+      v = index[v];
+    }
+  if (pieces > 1 || rounds > out.points.size()) return std::nullopt;
+  return out;
+}
+
 double signed_volume(const Mesh& mesh, const std::vector<std::uint32_t>& triangles) {
   if (triangles.empty()) return 0;
   const Point origin = mesh.corner(triangles[0], 0);

@@ -2,6 +2,7 @@
 // Sorts a soup into pieces and turns the triangles of each alike.
 #pragma once
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "padding/asset/mesh.h"
@@ -26,6 +27,11 @@ struct Pieces {
 // triangles that turn either way the more common direction in the file counts. Equal triangles count once,
 // except where the piece only closes with both sides of a wall between two bodies.
 Pieces find_pieces(const Mesh& soup);
+
+// The soup with equal points merged, if it is one piece that closes, with its triangles turned alike, and
+// each edge and each point has one round of triangles. Otherwise nothing: as when triangles repeat or name a
+// point twice.
+std::optional<Mesh> one_closed_piece(const Mesh& soup);
 
 // The signed volume that triangles enclose: those of `mesh` that are listed.
 double signed_volume(const Mesh& mesh, const std::vector<std::uint32_t>& triangles);

@@ -7,6 +7,7 @@
 #include <CGAL/Polygon_mesh_processing/remesh.h>
 #include <CGAL/Polygon_mesh_processing/repair_degeneracies.h>
 #include <CGAL/Polygon_mesh_processing/stitch_borders.h>
+#include <CGAL/boost/graph/Euler_operations.h>
 
 #include <Eigen/Geometry>
 #include <algorithm>
@@ -15,6 +16,7 @@
 #include <numbers>
 
 #include "padding/asset/error.h"
+#include "padding/geometry/slivers.h"
 #include "padding/geometry/triangle.h"
 #include "padding/meshing/cgal_mesh.h"
 
@@ -27,19 +29,29 @@ using Halfedge = CgalMesh::Halfedge_index;
 using Edge = CgalMesh::Edge_index;
 using SharpMap = CgalMesh::Property_map<Edge, bool>;
 
-// Bodies that touch along edges or in points are taken apart there, and slivers of cut triangles removed.
+bool is_manifold(const Mesh& mesh) { return pmp::is_polygon_soup_a_polygon_mesh(mesh.triangles); }
+
+// Bodies that touch along edges or in points are taken apart there.
 CgalMesh manifold(const Mesh& input) {
+  if (is_manifold(input)) return to_cgal(input);
+  const Mesh apart = taken_apart(input);
+  if (is_manifold(apart)) return to_cgal(apart);
   std::vector<std::vector<std::size_t>> triangles;
-  for (const auto& t : input.triangles) triangles.push_back({t[0], t[1], t[2]});
-  if (pmp::is_polygon_soup_a_polygon_mesh(triangles)) return to_cgal(input);
+  for (const auto& t : apart.triangles) triangles.push_back({t[0], t[1], t[2]});
   std::vector<CgalPoint> points;
-  for (const Point& p : input.points) points.push_back(to_cgal(p));
+  for (const Point& p : apart.points) points.push_back(to_cgal(p));
   pmp::orient_polygon_soup(points, triangles);
   CgalMesh mesh;
   pmp::polygon_soup_to_polygon_mesh(points, triangles, mesh);
   pmp::stitch_borders(mesh);
   pmp::remove_degenerate_faces(mesh);
   return mesh;
+}
+
+SharpMap find_sharp_edges(CgalMesh& mesh, double angle) {
+  SharpMap sharp = mesh.add_property_map<Edge, bool>("e:sharp", false).first;
+  if (angle < 180) pmp::detect_sharp_edges(mesh, angle, sharp);
+  return sharp;
 }
 
 Point at(const CgalMesh& mesh, Vertex v) { return from_cgal(mesh.point(v)); }
@@ -90,6 +102,99 @@ void make_delaunay(CgalMesh& mesh, const SharpMap& sharp) {
   }
 }
 
+constexpr double small_angle = 20 * std::numbers::pi / 180;
+
+double least_angle(const Triangle3& t) { return std::min({t.angle(0), t.angle(1), t.angle(2)}); }
+
+// Takes the start of a halfedge to its end where that makes thin triangles better, and neither moves a sharp
+// line by more than a tenth of the length nor turns a face by more than 37 degrees.
+class ThinCollapse {
+ public:
+  ThinCollapse(CgalMesh& mesh, SharpMap& sharp, double length)
+      : mesh_(mesh), sharp_(sharp), length_(length) {}
+
+  // The number of edges collapsed.
+  std::size_t run() {
+    std::size_t done = 0;
+    const std::vector<CgalMesh::Face_index> faces(mesh_.faces().begin(), mesh_.faces().end());
+    for (const auto f : faces) {
+      if (mesh_.is_removed(f)) continue;
+      Halfedge shortest = mesh_.halfedge(f);
+      if (least_angle(corners(mesh_, shortest)) >= small_angle) continue;
+      for (const Halfedge h : mesh_.halfedges_around_face(shortest))
+        if (length(h) < length(shortest)) shortest = h;
+      for (const Halfedge h : {shortest, mesh_.opposite(shortest)})
+        if (allowed(h)) {
+          collapse(h), done++;
+          break;
+        }
+    }
+    if (done > 0) mesh_.collect_garbage();
+    return done;
+  }
+
+ private:
+  double length(Halfedge h) const { return (at(mesh_, mesh_.target(h)) - at(mesh_, mesh_.source(h))).norm(); }
+  bool is_kept(Edge e) const { return sharp_[e] || mesh_.is_border(e); }
+
+  bool allowed(Halfedge h) const {
+    const Vertex from = mesh_.source(h), to = mesh_.target(h);
+    if (!CGAL::Euler::does_satisfy_link_condition(mesh_.edge(h), mesh_)) return false;
+    std::size_t kept = 0;
+    Point before = at(mesh_, to);  // the vertex before `from` on a sharp line
+    for (const Halfedge g : mesh_.halfedges_around_target(mesh_.opposite(h))) {
+      if (!is_kept(mesh_.edge(g))) continue;
+      kept++;
+      if (mesh_.source(g) != to) before = at(mesh_, mesh_.source(g));
+    }
+    if (kept > 0) {
+      if (kept != 2 || !is_kept(mesh_.edge(h))) return false;
+      const Vector along = (at(mesh_, to) - before).normalized(), away = at(mesh_, from) - before;
+      if (!((away - away.dot(along) * along).norm() < 0.1 * length_)) return false;
+    }
+    return improves(h);
+  }
+
+  bool improves(Halfedge h) const {
+    const Vertex to = mesh_.target(h);
+    double old_least = std::numbers::pi, new_least = std::numbers::pi;
+    for (const Halfedge g : mesh_.halfedges_around_target(mesh_.opposite(h))) {
+      if (mesh_.is_border(g)) continue;
+      const Triangle3 old = corners(mesh_, g);  // from the source of g to the vertex that goes
+      old_least = std::min(old_least, least_angle(old));
+      if (mesh_.source(g) == to || mesh_.target(mesh_.next(g)) == to) continue;
+      const Triangle3 now{old.a, at(mesh_, to), old.c};
+      const Vector n = now.area_normal(), m = old.area_normal();
+      constexpr double cos_limit = 0.8;
+      if (!(n.dot(m) > cos_limit * n.norm() * m.norm()) || now.circumradius() > length_) return false;
+      new_least = std::min(new_least, least_angle(now));
+    }
+    return new_least > old_least;
+  }
+
+  void collapse(Halfedge h) {
+    const Vertex to = mesh_.target(h);
+    std::vector<Vertex> sharp_to;  // of the edges that become one, one may be sharp
+    for (const Halfedge side : {h, mesh_.opposite(h)}) {
+      if (mesh_.is_border(side)) continue;
+      if (sharp_[mesh_.edge(mesh_.next(side))] || sharp_[mesh_.edge(mesh_.prev(side))])
+        sharp_to.push_back(mesh_.target(mesh_.next(side)));
+    }
+    const Point place = at(mesh_, to);
+    const Vertex left = CGAL::Euler::collapse_edge(mesh_.edge(h), mesh_);
+    mesh_.point(left) = to_cgal(place);
+    for (const Vertex v : sharp_to) sharp_[mesh_.edge(mesh_.halfedge(left, v))] = true;
+  }
+
+  CgalMesh& mesh_;
+  SharpMap& sharp_;
+  const double length_;
+};
+
+// A triangle whose height is less than this share of the edge length stays: its parts would be as flat, and
+// so on for ever.
+constexpr double flat_share = 1e-3;
+
 // Splits the longest edge of each obtuse triangle with too large a circumradius at the foot of its height.
 std::size_t split_slivers(CgalMesh& mesh, SharpMap& sharp, double limit) {
   std::size_t splits = 0;
@@ -102,8 +207,8 @@ std::size_t split_slivers(CgalMesh& mesh, SharpMap& sharp, double limit) {
       if (l > length) length = l, longest = h;
     }
     const Triangle3 t = corners(mesh, longest);
-    if (t.circumradius() <= limit) continue;
     const Vector e = t.b - t.a;
+    if (t.circumradius() <= limit || !(2 * t.area_normal().norm() > flat_share * limit * e.norm())) continue;
     const double s = std::clamp((t.c - t.a).dot(e) / e.squaredNorm(), 0.1, 0.9);
     const bool was_sharp = sharp[mesh.edge(longest)];
     const Halfedge twin = mesh.opposite(longest);
@@ -170,22 +275,32 @@ Remeshed remesh(const Mesh& input, const RemeshOptions& options) {
   if (input.area() / (0.43 * length * length) > 2147483648.0)
     throw Error("an edge length of " + std::to_string(length) +
                 " would make more than 2^31 triangles: use a longer one");
-  CgalMesh mesh = manifold(input);
-  SharpMap sharp = mesh.add_property_map<Edge, bool>("e:sharp", false).first;
-  if (options.sharp_angle < 180) pmp::detect_sharp_edges(mesh, options.sharp_angle, sharp);
+  const double near = options.slivers * length;
+  CgalMesh mesh = manifold(near > 0 ? without_slivers(input, near) : input);
+  SharpMap sharp = find_sharp_edges(mesh, options.sharp_angle);
   pmp::isotropic_remeshing(mesh.faces(), length, mesh,
                            CGAL::parameters::number_of_iterations(options.iterations)
                                .edge_is_constrained_map(sharp)
                                .protect_constraints(false)
                                .number_of_relaxation_steps(3));
   mesh.collect_garbage();
+  if (near > 0) {
+    mesh = manifold(without_slivers(from_cgal(mesh), near));
+    sharp = find_sharp_edges(mesh, options.sharp_angle);
+  }
   make_delaunay(mesh, sharp);
-  for (int round = 0; round < 10; round++) {
+  constexpr int thin_rounds = 5, split_rounds = 10;
+  for (int round = 0; round < thin_rounds; round++) {
+    if (ThinCollapse(mesh, sharp, length).run() == 0) break;
+    make_delaunay(mesh, sharp);
+  }
+  for (int round = 0; round < split_rounds; round++) {
     if (split_slivers(mesh, sharp, length) == 0) break;
     make_delaunay(mesh, sharp);
   }
   Remeshed out;
   out.mesh = from_cgal(mesh);
+  if (near > 0) out.mesh = without_slivers(out.mesh, near);
   out.quality = measure_quality(out.mesh, options.sharp_angle);
   return out;
 }

@@ -11,7 +11,10 @@ namespace padder {
 struct RemeshOptions {
   double edge_length = 0;   // aimed at, in the mesh's unit; above 0
   double sharp_angle = 40;  // edges whose faces' normals differ by more are kept; degrees; 180 keeps none
-  int iterations = 5;       // each splits, collapses, flips, smooths and projects
+  // Edges and triangles' heights under this share of the edge length are taken out (geometry/slivers.h)
+  // before and after. For surfaces that were cut where they cross; 0: none.
+  double slivers = 0;
+  int iterations = 5;  // each splits, collapses, flips, smooths and projects
 };
 
 // What remeshing reached. Shares are 0 to 1.
@@ -30,14 +33,15 @@ struct Remeshed {
 };
 
 // Runs CGAL's isotropic remeshing (Botsch and Kobbelt, A remeshing approach to multiresolution modeling,
-// 2004) with sharp edges constrained. Then flips edges until the surface is Delaunay, and splits slivers: an
-// obtuse triangle whose circumradius is larger than the edge length has its longest edge split at the foot of
-// its height. So no triangle gets a sphere far larger than the others. New vertices lie on the input's
-// surface.
+// 2004) with sharp edges constrained. Then flips edges until the surface is Delaunay, collapses short edges
+// of triangles with an angle under 20 degrees where no sharp line moves by more than a tenth of the edge
+// length, and splits slivers: an obtuse triangle whose circumradius is larger than the edge length has its
+// longest edge split at the foot of its height. So no triangle gets a sphere far larger than the others. New
+// vertices lie on the input's surface.
 //
-// The mesh must be manifold and oriented. It may have a border, which is kept. Deterministic. Throws Error
-// when edge_length is not positive or would make more than 2^31 triangles. Takes about 20 s for a million
-// triangles in or out.
+// The mesh must be oriented. It may have a border, which is kept; where bodies touch in an edge or a point
+// they are taken apart. Deterministic. Throws Error when edge_length is not positive or would make more than
+// 2^31 triangles. Takes about 20 s for a million triangles in or out.
 Remeshed remesh(const Mesh& mesh, const RemeshOptions& options);
 
 RemeshQuality measure_quality(const Mesh& mesh, double sharp_angle);

@@ -10,6 +10,7 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <optional>
 
@@ -17,6 +18,7 @@
 #include "padding/meshing/cgal_mesh.h"
 #include "padding/meshing/contacts.h"
 #include "padding/meshing/mend.h"
+#include "padding/meshing/pieces.h"
 #include "padding/meshing/wrap.h"
 
 namespace padder {
@@ -28,18 +30,29 @@ std::string count_of(std::size_t n, const std::string& one) {
   return std::to_string(n) + " " + one + (n == 1 ? "" : "s");
 }
 
+// Has triangle t no area?
+bool has_no_area(const Mesh& mesh, std::size_t t, double diagonal) {
+  return !(mesh.area_normal(t).norm() > 1e-14 * diagonal * diagonal);
+}
+
+bool any_flat(const Mesh& mesh, double diagonal) {
+  for (std::size_t t = 0; t < mesh.triangles.size(); t++)
+    if (has_no_area(mesh, t, diagonal)) return true;
+  return false;
+}
+
 // Drops triangles without area. They carry no surface, and three points on a line would spoil the normals
 // nearby.
 Soup soup_with_area(const Mesh& mesh, Mesh& flat) {
   Soup soup;
-  const double tiny = 1e-14 * std::pow(mesh.bounds().diagonal(), 2);
+  const double diagonal = mesh.bounds().diagonal();
   for (const Point& p : mesh.points) soup.points.push_back(to_cgal(p));
   for (std::size_t t = 0; t < mesh.triangles.size(); t++) {
     const auto& c = mesh.triangles[t];
-    if (mesh.area_normal(t).norm() > tiny)
-      soup.triangles.push_back({c[0], c[1], c[2]});
-    else
+    if (has_no_area(mesh, t, diagonal))
       flat.triangles.push_back(c);
+    else
+      soup.triangles.push_back({c[0], c[1], c[2]});
   }
   if (!flat.triangles.empty()) flat.points = mesh.points;
   return soup;
@@ -58,6 +71,20 @@ Repaired as_given(Soup soup, const std::string& name) {
   out.report = out.kind == BodyKind::solid ? "none (as given)"
                                            : "none (as given: an open sheet, padded below its normals)";
   out.mesh = from_cgal(mesh);
+  return out;
+}
+
+// A closed piece, if it meets itself nowhere.
+std::optional<Repaired> solid_of(Mesh piece, double diagonal) {
+  const double volume = mass_properties(piece).volume;
+  if (!(std::abs(volume) > 1e-12 * std::pow(diagonal, 3)) || any_contact(Surface(piece))) return std::nullopt;
+  RepairReport report;
+  if (volume < 0) {
+    report.add("turned inside out");
+    for (auto& t : piece.triangles) std::swap(t[1], t[2]);
+  }
+  Repaired out;
+  out.mesh = std::move(piece), out.report = report.text(), out.checked = true;
   return out;
 }
 
@@ -142,11 +169,29 @@ bool is_terrain(const Mesh& mesh) {
   return facing > 0.999 * area;
 }
 
+Repaired mended(const Mesh& input, const RepairOptions& options, double diagonal) {
+  Repaired out = mend(input, options);
+  out.report = words(out, diagonal);
+  if (options.below_terrain && out.kind == BodyKind::sheet && is_terrain(out.mesh))
+    out.solid.reset(), out.sheet = 0, out.report += ", padded below its normals";
+  return out;
+}
+
 Repaired repaired(const Mesh& input, const RepairOptions& options, const std::string& name) {
+  const double diagonal = input.bounds().diagonal();
+  const bool keep_solids = options.mode == RepairMode::automatic || options.mode == RepairMode::fill ||
+                           options.mode == RepairMode::sheet;
+  // Most meshes are one closed piece. Then nothing is to be dropped, turned or split, which saves CGAL's work
+  // on one core.
+  std::optional<Mesh> piece;
+  if (keep_solids && !any_flat(input, diagonal)) piece = one_closed_piece(input);
+  if (piece) {
+    if (auto solid = solid_of(std::move(*piece), diagonal)) return std::move(*solid);
+    return mended(input, options, diagonal);
+  }
   Mesh flat;
   Soup soup = soup_with_area(input, flat);
   if (soup.triangles.empty()) throw Error(name + ": no triangle has an area, so there is no surface to pad");
-  const double diagonal = input.bounds().diagonal();
   const auto with_flat = [&](Repaired out) {
     out.flat = std::move(flat);
     return out;
@@ -156,14 +201,10 @@ Repaired repaired(const Mesh& input, const RepairOptions& options, const std::st
     pmp::repair_polygon_soup(soup.points, soup.triangles);
     return with_flat(wrap(soup, options, diagonal, {}, "as asked"));
   }
-  if (options.mode != RepairMode::united)
+  if (keep_solids)
     if (auto solid = closed_solid(std::move(soup), flat.triangles.size(), diagonal))
       return with_flat(std::move(*solid));
-  Repaired out = mend(input, options);
-  out.report = words(out, diagonal);
-  if (options.below_terrain && out.kind == BodyKind::sheet && is_terrain(out.mesh))
-    out.solid.reset(), out.sheet = 0, out.report += ", padded below its normals";
-  return out;
+  return mended(input, options, diagonal);
 }
 
 }  // namespace

@@ -27,11 +27,6 @@ Colour along_ramp(double t) {
   return c;
 }
 
-Colour of_kind(std::uint64_t number) {
-  const Palette& p = palette();
-  return number == 0 ? p.none : p.kinds[(number - 1) % p.kinds.size()];
-}
-
 // Neighbouring triangles have neighbouring numbers. Steps of the golden ratio around the circle of hues give
 // them colours that differ.
 Colour of_triangle(std::int64_t triangle) {
@@ -224,10 +219,11 @@ std::vector<Colour> colours_of(const View& view, ColourBy by) {
       return out;
     case ColourBy::body:
       need(view.body.size() == view.size(), "body");
-      for (const std::uint32_t b : view.body) out.push_back(of_kind(b < view.bodies.size() ? b + 1 : 0));
+      for (const std::uint32_t b : view.body)
+        out.push_back(colour_of_kind(b < view.bodies.size() ? b + 1 : 0));
       return out;
     default:
-      for (const std::uint32_t f : view.family) out.push_back(of_kind(f));
+      for (const std::uint32_t f : view.family) out.push_back(colour_of_kind(f));
       return out;
   }
 }
@@ -240,22 +236,11 @@ const char* name_of(MarkKind kind) {
 
 const Palette& palette() {
   static const Palette p{
-      .none = {232, 128, 58},
+      .none = kNoKind,
       .mesh = {158, 170, 184},
       .background = {244, 246, 248},
       .marks = {{{0, 158, 115}, {86, 180, 233}, {213, 94, 0}, {204, 121, 167}}},  // told apart by all eyes
-      .kinds = {{208, 64, 56},
-                {48, 112, 192},
-                {64, 152, 80},
-                {226, 160, 40},
-                {132, 88, 172},
-                {40, 160, 168},
-                {196, 92, 148},
-                {128, 136, 52},
-                {140, 92, 60},
-                {92, 104, 208},
-                {104, 184, 140},
-                {120, 124, 132}},
+      .kinds = {kKinds.begin(), kKinds.end()},
       .ramp = {{38, 48, 120}, {36, 104, 160}, {44, 160, 150}, {146, 200, 90}, {250, 220, 70}}};
   return p;
 }

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "padding/asset/cluster.h"
+#include "padding/asset/colours.h"
 #include "padding/asset/mesh.h"
 #include "padding/geometry/repaired.h"
 
@@ -82,7 +83,6 @@ Mesh mesh_of(const Cluster& cluster, const std::filesystem::path& cluster_path,
 
 // What the colour of a sphere stands for.
 enum class ColourBy : std::uint8_t { family, radius, protrusion, triangle, body };
-using Colour = std::array<std::uint8_t, 3>;  // red, green, blue, sRGB
 
 // One colour for each sphere. Throws Error when the view lacks what the colours are to show.
 std::vector<Colour> colours_of(const View& view, ColourBy by);

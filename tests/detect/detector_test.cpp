@@ -505,6 +505,42 @@ TEST_P(DetectorTest, BoxesOwnEachContactOnce) {
   }
 }
 
+// Faces lie where a sphere begins or ends, or where its centre is, and a step of double to either side:
+// whether all contacts of the sphere are the box's is then as hard to say as it can be.
+TEST_P(DetectorTest, ABoxBetweenSpheresOwnsWhatTheirMidpointsSay) {
+  if (options_.precision != Precision::exact) GTEST_SKIP() << "float decides doubtful pairs otherwise";
+  const std::uint32_t seed = std::random_device{}();
+  std::printf("seed %u\n", seed);
+  std::mt19937_64 random(seed);
+  for (const double ratio : {1.0, 1.0, 5.0, 60.0}) {
+    TestScene s = random_scene(1200, ratio, 0.3, static_cast<unsigned>(random()));
+    const bool far = random() % 2;
+    if (far) s.shift(3000);
+    s = s.rounded();
+    const Arranged a(s, GetParam().input);
+    const std::vector<Pair> all = brute_force(s);
+    Detector d(device_, options_);
+    for (int box = 0; box < 6; box++) {
+      Region own;
+      for (int c = 0; c < 3; c++) {
+        const auto face = [&] {
+          const Sphere& at = s.spheres[random() % s.spheres.size()];
+          const double places[3] = {at.x, at.y, at.z};
+          const double v = places[c] + at.r * (static_cast<double>(random() % 3) - 1);
+          return random() % 2 ? v : std::nextafter(v, random() % 2 ? INFINITY : -INFINITY);
+        };
+        if (random() % 4) own.low[c] = face();
+        if (random() % 4) own.high[c] = face();
+      }
+      std::vector<Pair> wanted;
+      for (const Pair& p : all)
+        if (owns(own, midpoint(s.spheres[p.i], s.spheres[p.j]))) wanted.push_back(p);
+      d.options().own = own;
+      ASSERT_EQ(sorted(d.detect(a.input).pair_span()), wanted) << "ratio " << ratio << (far ? ", far" : "");
+    }
+  }
+}
+
 TEST_P(DetectorTest, MemoryIsKeptAndShortageIsASentence) {
   const TestScene s = random_scene(3000, 2, 0.05, 37);
   const Arranged a(s, GetParam().input);

@@ -65,8 +65,8 @@ void call(Detector& detector, Bytes& bytes) {
   try {
     found = sorted(detector.detect(arranged.input).pair_span());
   } catch (const Error& e) {
-    // The nine stages refuse scenes whose largest sphere would lie in too many bins, and records in float refuse
-    // what float does not hold.
+    // The nine stages refuse scenes whose largest sphere would lie in too many bins, and records in float
+    // refuse what float does not hold.
     const std::string said = e.what();
     if (!must_throw && o.path == Path::grid && said.find("do not fit a float record") == said.npos)
       wrong("refused: " + said);

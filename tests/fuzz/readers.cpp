@@ -107,7 +107,7 @@ void read_urdf_file(std::string_view bytes) {
   expect_answer([&] {
     Urdf urdf = read_urdf(put(bytes, "a.urdf"));
     if (urdf.links.size() != urdf.model.bodies.size()) wrong("links and bodies differ in number");
-    set_families(urdf);
+    keep_neighbours_apart(urdf);
   });
 }
 

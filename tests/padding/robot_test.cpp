@@ -5,6 +5,11 @@
 #include <mujoco/mujoco.h>
 #endif
 
+#include <omp.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <map>
 #include <set>
 
 #include "padding/asset/error.h"
@@ -20,6 +25,11 @@ class RobotTest : public ExportTest {
     fs::create_directories((folder_ / file).parent_path());
     write_file(folder_ / file, "<?xml version='1.0'?>\n<robot name='r'>" + inside + "</robot>");
     return folder_ / file;
+  }
+  Model read_and_keep_apart(const std::string& inside) {
+    Urdf u = read_urdf(urdf(inside));
+    keep_neighbours_apart(u);
+    return u.model;
   }
   static PadOptions coarse() {
     PadOptions o;
@@ -80,10 +90,190 @@ TEST_F(RobotTest, NeighboursAreRigidGroupsAndTheNextAboveWithShapes) {
   for (const auto& [i, j] : neighbours(u)) names.insert(u.links[i].name + " " + u.links[j].name);
   EXPECT_EQ(names, (std::set<std::string>{"base arm", "base tool", "base leg", "arm tool", "arm finger1",
                                           "arm finger2", "tool finger1", "tool finger2"}));
-  set_families(u);
+  keep_neighbours_apart(u);
   std::vector<CollisionFilter> filters;
   for (const Body& b : u.model.bodies) filters.push_back({b.cluster.family, b.cluster.mask});
   EXPECT_EQ(filtered_pairs(filters), neighbours(u));
+}
+
+// 40 pairs of parts around a body, each with a part of its own: no 32 families keep all neighbours apart.
+TEST_F(RobotTest, MoreMovingPartsThanFamiliesAreListedAsPairs) {
+  const std::string ball = "<collision><geometry><sphere radius='0.1'/></geometry></collision>";
+  std::string inside = link("base", ball);
+  for (int k = 0; k < 40; k++) {
+    const std::string a = "a" + std::to_string(k), b = "b" + std::to_string(k);
+    inside += link(a, ball) + link(b, ball) + joint("base", a) + joint(a, b);
+  }
+  const PaddedRobot r = pad_robot(urdf(inside), coarse());
+  EXPECT_EQ(std::ranges::count_if(r.model.apart, [](const Apart& p) { return p.reason == "Adjacent"; }), 80);
+  for (const Body& b : r.model.bodies) EXPECT_EQ(b.cluster.family, 0u);
+  for (const char* file : {"r.xml", "r.srdf"}) {
+    const std::string out = text(r.model, file);
+    EXPECT_NE(out.find("\"a39\""), std::string::npos) << file;
+  }
+  EXPECT_THROW(check_filters(read_and_keep_apart(inside), find_format({}, "chrono")), Error);
+}
+
+// The oracle tests every sphere of one link against every sphere of another, in poses of its own.
+TEST_F(RobotTest, LinksThatNeverOrAlwaysTouchAreFound) {
+  const auto ball = [](const std::string& radius, const std::string& z) {
+    return "<collision><origin xyz='0 0 " + z + "'/><geometry><sphere radius='" + radius +
+           "'/></geometry></collision>";
+  };
+  const std::string turn =
+      "<origin xyz='0 0 1'/><axis xyz='0 1 0'/><limit lower='-3' upper='3' effort='1' velocity='1'/>";
+  const fs::path file = urdf(
+      link("base", ball("0.2", "0")) + link("upper", ball("0.2", "0.5")) + link("fore", ball("0.2", "0.9")) +
+      link("mount", "") + link("ring", ball("1.3", "0")) + link("far", ball("0.1", "0")) +
+      joint("base", "upper", "revolute", turn) + joint("upper", "fore", "revolute", turn) +
+      joint("base", "mount", "revolute", turn) + joint("mount", "ring", "revolute", turn) +
+      joint("base", "far", "prismatic", "<origin xyz='9 0 0'/><limit lower='0' upper='1'/>"));
+  const PaddedRobot r = pad_robot(file, coarse());
+  std::map<std::string, std::string> found;
+  for (const Apart& p : r.model.apart)
+    found[r.model.bodies[p.a].name + " " + r.model.bodies[p.b].name] = p.reason;
+  EXPECT_EQ(found["base upper"], "Adjacent");
+  EXPECT_EQ(found["base ring"], "Adjacent");  // mount has no shapes
+  EXPECT_EQ(found["base far"], "Adjacent");
+  for (const char* pair : {"upper far", "fore far", "ring far"}) EXPECT_EQ(found[pair], "Never") << pair;
+  EXPECT_EQ(found["upper ring"], "Default");  // the ring is around all of the upper arm
+  EXPECT_FALSE(found.contains("base fore"));  // the fore arm reaches back to the base in some poses
+  const auto base = 0u, fore = 2u;
+  bool seen = false;
+  for (double a = -3; a < 3 && !seen; a += 0.05)
+    for (double b = -3; b < 3; b += 0.05) {
+      const auto poses = poses_at(r.model, {0, a, b, 0, 0, 0});
+      seen |= (poses[base] * r.model.bodies[base].cluster.centers[0] -
+               poses[fore] * r.model.bodies[fore].cluster.centers[0])
+                  .norm() < 0.4;
+    }
+  EXPECT_TRUE(seen);
+  const PaddedRobot none = pad_robot(file, coarse(), {.reading = {}, .max_spheres = 0, .poses = 0});
+  for (const Apart& p : none.model.apart) EXPECT_TRUE(p.reason == "Adjacent" || p.reason == "Default");
+}
+
+TEST_F(RobotTest, PosesFollowJointsAndMimics) {
+  Model m = arm();
+  m.bodies[4].joint.mimic = "upper_joint", m.bodies[4].joint.multiplier = 0.5, m.bodies[4].joint.offset = 0.1;
+  const auto poses = poses_at(m, {0, 0.7, 0, 0, 99});
+  const Eigen::Isometry3d upper = m.bodies[1].pose * Eigen::AngleAxisd(0.7, Vector::UnitY());
+  EXPECT_TRUE(poses[1].isApprox(upper));
+  const Eigen::Isometry3d hand = upper * m.bodies[2].pose * m.bodies[3].pose;
+  EXPECT_TRUE(poses[4].isApprox(hand * m.bodies[4].pose * Eigen::Translation3d(0, 0.45, 0)));
+}
+
+TEST_F(RobotTest, ACapsuleIsACylinderWithRoundEnds) {
+  const PaddedRobot r = pad_robot(
+      urdf(link("a", "<collision><geometry><capsule radius='0.1' length='0.5'/></geometry></collision>")),
+      coarse());
+  const Cluster& c = r.model.bodies[0].cluster;
+  EXPECT_NEAR(c.mass.volume, std::numbers::pi * (0.005 + 4 / 3. * 0.001), 2e-4);
+  EXPECT_NEAR(c.bounds.high.z(), 0.35, 1e-9);
+  EXPECT_NEAR(c.bounds.high.x(), 0.1, 1e-3);
+  EXPECT_GT(c.accuracy.volume_ratio, 0.9);
+}
+
+TEST_F(RobotTest, PackagesAreFoundByTheirNames) {
+  const auto mesh = [&](const std::string& folder) {
+    fs::create_directories(folder_ / folder / "meshes");
+    write_file(folder_ / folder / "meshes/tet.obj",
+               "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n");
+  };
+  const auto package = [&](const std::string& folder, const std::string& name) {
+    mesh(folder);
+    write_file(folder_ / folder / "package.xml", "<package format='3'><name>" + name + "</name></package>");
+  };
+  const auto found = [&](const std::string& name, UrdfOptions options = {}) {
+    const std::string shape = "<collision><geometry><mesh filename='package://" + name +
+                              "/meshes/tet.obj'/></geometry></collision>";
+    return fs::relative(
+        read_urdf(urdf(link("a", shape), "ws/robot/urdf/r.urdf"), options).links[0].shapes[0].file, folder_);
+  };
+  package("ws/robot", "robot_description");  // its own package, whose folder has another name
+  package("ws/arm-1.2", "arm_description");  // one beside it
+  mesh("install/share/tool_description");    // of ROS 2
+  package("else/gripper-main", "gripper");
+  EXPECT_EQ(found("robot_description"), "ws/robot/meshes/tet.obj");
+  EXPECT_EQ(found("arm_description"), "ws/arm-1.2/meshes/tet.obj");
+  EXPECT_THROW(found("tool_description"), Error);
+  setenv("AMENT_PREFIX_PATH", ("/nowhere:" + (folder_ / "install").string()).c_str(), 1);
+  EXPECT_EQ(found("tool_description"), "install/share/tool_description/meshes/tet.obj");
+  unsetenv("AMENT_PREFIX_PATH");
+  EXPECT_THROW(found("gripper"), Error);
+  EXPECT_EQ(found("gripper", {.package_folders = {folder_ / "else"}, .visual = false}),
+            "else/gripper-main/meshes/tet.obj");
+}
+
+// One tolerance for all links, found for a number of spheres; and the same spheres for any number of threads.
+TEST_F(RobotTest, ANumberOfSpheresForTheWholeRobot) {
+  const fs::path file =
+      urdf(link("a") + link("b", "<collision><geometry><box size='0.1 0.1 0.1'/></geometry></collision>") +
+           link("c") + joint("a", "b") + joint("b", "c"));
+  const PaddedRobot r = pad_robot(file, {}, {.reading = {}, .max_spheres = 60, .poses = 0});
+  EXPECT_LE(r.model.spheres(), 60u);
+  EXPECT_GE(r.model.spheres(), 40u);
+  for (const Body& b : r.model.bodies) {
+    EXPECT_LE(b.cluster.accuracy.gap_max, r.tolerance * (1 + 1e-9));
+    EXPECT_LE(b.cluster.accuracy.protrusion_max, r.tolerance * (1 + 1e-9));
+  }
+  EXPECT_LT(r.model.bodies[1].cluster.size(), r.model.bodies[0].cluster.size());
+  const int threads = omp_get_max_threads();
+  omp_set_num_threads(5);
+  const PaddedRobot again = pad_robot(file, {}, {.reading = {}, .max_spheres = 60, .poses = 0});
+  omp_set_num_threads(threads);
+  for (std::size_t k = 0; k < 3; k++)
+    EXPECT_EQ(to_json(again.model.bodies[k].cluster), to_json(r.model.bodies[k].cluster));
+  EXPECT_THROW(pad_robot(file, {}, {.reading = {}, .max_spheres = 2, .poses = 0}), Error);
+}
+
+TEST_F(RobotTest, SpheresStayAndAreNotMeasured) {
+  const std::string ball = "<collision><geometry><sphere radius='0.1'/></geometry></collision>";
+  const std::string seen = "<visual><geometry><box size='1 1 1'/></geometry></visual>";
+  const PaddedRobot r = pad_robot(urdf(link("a", ball + seen)), coarse());
+  EXPECT_EQ(r.kept[0], 1);
+  EXPECT_EQ(r.model.spheres(), 1u);
+  ASSERT_EQ(r.notes.size(), 1u);
+  EXPECT_NE(r.notes[0].find("not measured"), std::string::npos);
+  const PaddedRobot again =
+      pad_robot(urdf(link("a", ball + seen)), coarse(), {.reading = {.package_folders = {}, .visual = true}});
+  EXPECT_EQ(again.kept[0], 0);
+  EXPECT_NEAR(again.model.bodies[0].cluster.mass.volume, 1, 1e-6);
+}
+
+TEST_F(RobotTest, AXacroFileIsExpandedOrTheProgramIsNamed) {
+  const fs::path file = urdf(link("a"), "r.urdf");
+  fs::rename(file, folder_ / "r.xacro");
+  fs::create_directories(folder_ / "bin");
+  const std::string path = std::getenv("PATH");
+  setenv("PATH", ((folder_ / "bin").string() + ":/usr/bin:/bin").c_str(), 1);
+  if (!have("xacro")) {
+    try {
+      read_urdf(folder_ / "r.xacro");
+      ADD_FAILURE();
+    } catch (const Error& e) {
+      EXPECT_NE(std::string(e.what()).find("the program xacro"), std::string::npos) << e.what();
+    }
+  }
+  write_file(folder_ / "bin/xacro", "#!/bin/sh\ncat \"$1\"\n");  // what is left to expand is nothing
+  fs::permissions(folder_ / "bin/xacro", fs::perms::owner_all);
+  EXPECT_EQ(read_urdf(folder_ / "r.xacro").links.size(), 1u);
+  setenv("PATH", path.c_str(), 1);
+}
+
+TEST_F(RobotTest, MimicEffortDampingAndFriction) {
+  const std::string ab = link("a") + link("b") + link("c") + joint("a", "b");
+  const Urdf u =
+      read_urdf(urdf(ab + joint("a", "c", "prismatic",
+                                "<limit lower='-1' upper='2' effort='20' velocity='1'/><dynamics damping='3' "
+                                "friction='0.5'/><mimic joint='a_b' multiplier='-1' offset='0.1'/>")));
+  const Joint& j = u.model.bodies[2].joint;
+  EXPECT_EQ(j.effort, 20);
+  EXPECT_EQ(j.damping, 3);
+  EXPECT_EQ(j.friction, 0.5);
+  EXPECT_EQ(j.mimic, "a_b");
+  EXPECT_EQ(j.multiplier, -1);
+  EXPECT_EQ(j.offset, 0.1);
+  EXPECT_THROW(read_urdf(urdf(ab + joint("a", "c", "prismatic", "<mimic joint='x'/>"))), Error);
 }
 
 TEST_F(RobotTest, PadsBoxesCylindersSpheresAndMeshesInPlace) {
@@ -182,7 +372,8 @@ class RealRobotTest : public RobotTest {
       const Ran ran = run("cd '" + folder_.string() +
                           "' && '" PADDER_PYTHON
                           "' -c 'import yaml\n"
-                          "c = yaml.safe_load(open(\"r.yaml\"))\nx = yaml.safe_load(open(\"r.xrdf\"))\n"
+                          "c = yaml.safe_load(open(\"r.yaml\"))[\"robot_cfg\"][\"kinematics\"]\nx = "
+                          "yaml.safe_load(open(\"r.xrdf\"))\n"
                           "g, = x[\"geometry\"].values()\nassert g[\"spheres\"] == c[\"collision_spheres\"]\n"
                           "print(sum(len(s) for s in g[\"spheres\"].values()))'");
       EXPECT_EQ(ran.output, std::to_string(r.model.spheres()) + "\n");

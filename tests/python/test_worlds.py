@@ -71,3 +71,20 @@ def test_what_was_not_asked_for_and_what_makes_no_sense_is_said():
         padder.worlds(1, "any", centers[:1], radii[:1], world=[1])
     with pytest.raises(ValueError, match="world belong to loose spheres"):
         padder.detect(world=world)
+
+
+def test_a_history_names_the_place_of_each_pair_in_the_list_before():
+    random = np.random.default_rng(3)
+    centers, radii = random.random((2000, 3)) * 8, 0.3
+    detector = padder.Detector(backend="omp", history=True)
+    before = {}
+    for step in range(5):
+        contacts = detector.detect(centers, radii)
+        pairs, history = contacts.pairs.copy(), contacts.history.copy()
+        assert history.dtype == np.uint32 and len(history) == len(contacts) > 0
+        assert [before.get(tuple(p), padder.NO_CONTACT) for p in pairs.tolist()] == history.tolist()
+        before = {tuple(p): k for k, p in enumerate(pairs.tolist())}
+        centers = centers[: len(centers) - 10] + random.normal(0, 0.02, (len(centers) - 10, 3))
+        del contacts
+    with pytest.raises(AttributeError, match="history"):
+        padder.detect(centers, radii).history

@@ -19,12 +19,15 @@
 // are patches. They bound the body, too: distances are to the nearer of input and patch, and winding numbers
 // are those of SURFACE. The area of those farther off than 1e-4 of the diagonal
 // (nearer ones close cracks) is printed, so that it can be compared with what the report names.
+//
+// The volume of the raw triangles' inside is printed beside the one in the cluster.
 #include <CGAL/AABB_traits.h>
 #include <CGAL/AABB_tree.h>
 #include <CGAL/AABB_triangle_primitive.h>
 #include <CGAL/Simple_cartesian.h>
 
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <cstdio>
 #include <nlohmann/json.hpp>
 #include <numbers>
@@ -179,8 +182,74 @@ Farthest largest_protrusion(const Scaled& s, const Tree& tree, const Outside& bo
   return found;
 }
 
+// The volume of the body, by 4,096 lines along the shortest side of its box, each at a random place of a cell
+// of its own. A stretch of a line between two triangles is inside if the winding number of the raw triangles
+// is above 1/2 there, whichever way they face; it is counted from either end of the line by crossings, and
+// where the two counts differ, by solid angles.
+double volume_by_lines(const Mesh& mesh, std::mt19937_64& engine) {
+  constexpr int cells = 64;
+  const padder::Box box = mesh.bounds();
+  int along;
+  (box.high - box.low).minCoeff(&along);
+  const int u = (along + 1) % 3, v = (along + 2) % 3;
+  const double du = (box.high - box.low)[u] / cells, dv = (box.high - box.low)[v] / cells;
+  if (!(du > 0 && dv > 0)) return 0;
+  struct Crossing {
+    double at;
+    int sign;
+  };
+  struct Line {
+    Point place;
+    std::vector<Crossing> crossings;
+  };
+  std::uniform_real_distribution<double> unit(0, 1);
+  std::vector<Line> lines(cells * cells);
+  for (int k = 0; k < cells * cells; k++) {
+    lines[k].place[u] = box.low[u] + (k % cells + unit(engine)) * du;
+    lines[k].place[v] = box.low[v] + (k / cells + unit(engine)) * dv;
+  }
+  for (std::size_t t = 0; t < mesh.triangles.size(); t++) {
+    const Point &a = mesh.corner(t, 0), &b = mesh.corner(t, 1), &c = mesh.corner(t, 2);
+    const auto side = [&](const Point& p, const Point& q, const Point& x) {
+      return (q[u] - p[u]) * (x[v] - p[v]) - (q[v] - p[v]) * (x[u] - p[u]);
+    };
+    const double whole = side(a, b, c);
+    if (whole == 0) continue;
+    const auto cell = [&](double x, int axis, double size) {
+      return std::clamp(static_cast<int>((x - box.low[axis]) / size), 0, cells - 1);
+    };
+    const auto [lu, hu] = std::minmax({a[u], b[u], c[u]});
+    const auto [lv, hv] = std::minmax({a[v], b[v], c[v]});
+    for (int j = cell(lv, v, dv); j <= cell(hv, v, dv); j++)
+      for (int i = cell(lu, u, du); i <= cell(hu, u, du); i++) {
+        Line& line = lines[j * cells + i];
+        const double wa = side(b, c, line.place) / whole, wb = side(c, a, line.place) / whole,
+                     wc = 1 - wa - wb;
+        if (wa < 0 || wb < 0 || wc < 0) continue;
+        line.crossings.push_back({wa * a[along] + wb * b[along] + wc * c[along], whole > 0 ? 1 : -1});
+      }
+  }
+  double volume = 0;
+  for (Line& line : lines) {
+    std::vector<Crossing>& all = line.crossings;
+    std::sort(all.begin(), all.end(), [](const Crossing& x, const Crossing& y) { return x.at < y.at; });
+    int above = 0, below = 0;
+    for (const Crossing& c : all) above += c.sign;
+    const bool closes = above == 0;
+    for (std::size_t k = 0; k + 1 < all.size(); k++) {
+      below -= all[k].sign;
+      const double length = all[k + 1].at - all[k].at;
+      if (!(length > 1e-9)) continue;
+      line.place[along] = 0.5 * (all[k].at + all[k + 1].at);
+      if (closes ? below != 0 : std::abs(winding(mesh, line.place)) > 0.5) volume += length * du * dv;
+    }
+  }
+  return volume;
+}
+
 // Prints what was measured beside what was reported, and gives the exit code.
-int judge(const Scaled& s, const Farthest& gap, const Farthest& protrusion, double patch_area) {
+int judge(const Scaled& s, const Farthest& gap, const Farthest& protrusion, double patch_area,
+          double volume) {
   const padder::Accuracy& reported = s.cluster.accuracy;
   const double rounding = 1e-8 * s.diagonal;  // moving the mesh into the audit's frame costs some digits
   const double out = protrusion.open * s.diagonal, open = gap.open * s.diagonal;
@@ -194,6 +263,8 @@ int judge(const Scaled& s, const Farthest& gap, const Farthest& protrusion, doub
                                     {"gap_anywhere", gap.anywhere * s.diagonal},
                                     {"gap_reported", reported.gap_max},
                                     {"patch_area", patch_area * s.diagonal * s.diagonal},
+                                    {"volume", volume * std::pow(s.diagonal, 3)},
+                                    {"volume_reported", s.cluster.mass.volume},
                                     {"certified", reported.certified},
                                     {"true", protrusion_true && gap_true}};
   std::printf("%s\n", j.dump(2).c_str());
@@ -230,7 +301,8 @@ int main(int argc, char** argv) try {
   const Outside body(s.surface, tree);
   std::mt19937_64 engine(argc > 4 ? unsigned(std::atoi(argv[4])) : 1);
   const Farthest gaps = largest_gap(s, body, points, engine);
-  return judge(s, gaps, largest_protrusion(s, tree, body, points, engine), patch_area);
+  const Farthest protrusions = largest_protrusion(s, tree, body, points, engine);
+  return judge(s, gaps, protrusions, patch_area, volume_by_lines(s.mesh, engine));
 } catch (const padder::Error& e) {
   std::fprintf(stderr, "audit: %s\n", e.what());
   return 2;

@@ -33,7 +33,7 @@ TEST_F(PadFormatsTest, EndingsAndFormats) {
     ASSERT_EQ(pad(std::string("cube.obj --edge-length 10% -q -o out/") + file).output, "") << file;
     expect_same_spheres(read_spheres(folder_ / "out" / file), cube);
   }
-  for (const char* file : {"c.csv", "c.glb", "c.usda"}) {
+  for (const char* file : {"c.csv", "c.glb", "c.usda", "c.stl", "c.ply", "c.obj"}) {
     EXPECT_EQ(pad(std::string("cube.obj --edge-length 10% -q -o ") + file).output, "");
     EXPECT_TRUE(fs::exists(folder_ / file));
   }
@@ -53,9 +53,44 @@ TEST_F(PadFormatsTest, WhatAFormatCannotHoldIsASentenceAndNoFile) {
   EXPECT_EQ(std::count(r.output.begin(), r.output.end(), '\n'), 1);
   EXPECT_FALSE(fs::exists(folder_ / "c.csv"));
   EXPECT_EQ(pad("cube.obj -o c.xyz").status, 2);
+  EXPECT_EQ(pad("cube.obj -o cube.obj").status, 2);  // which would be the end of the mesh
   EXPECT_EQ(pad("cube.obj --format povray").status, 2);
   EXPECT_EQ(pad("r.urdf -o r.spheres.json").status, 2);
   EXPECT_EQ(pad("cube.obj --density 0 -o c.csv").status, 2);
+}
+
+TEST_F(PadFormatsTest, SpheresAreConvertedWithoutPadding) {
+  ASSERT_EQ(pad("cube.obj --edge-length 10% -q -o c.spheres.json -o c.xml -o c.npz").output, "");
+  ASSERT_EQ(pad("c.spheres.json -q -o d.xml -o d.npz -o d.yaml -o d.spheres.json").output, "");
+  for (const char* file : {"xml", "npz", "spheres.json"})
+    EXPECT_EQ(read_file(folder_ / (std::string("c.") + file)),
+              read_file(folder_ / (std::string("d.") + file)))
+        << file;
+  ASSERT_EQ(pad("d.yaml -q -o e.xml --family 3").output, "");
+  expect_same_spheres(read_spheres(folder_ / "e.xml"), read_spheres(folder_ / "c.xml"));
+  ASSERT_EQ(pad("r.urdf --edge-length 10% -q -o r.yaml -o r.xrdf -o r.xml").output, "");
+  ASSERT_EQ(pad("r.yaml -q -o s.xrdf -o s.srdf").output, "");
+  expect_same_spheres(read_spheres(folder_ / "s.srdf", "a"), read_spheres(folder_ / "r.xml", "a"));
+  const Ran unplaced = pad("r.yaml -q -o s.xml");
+  EXPECT_EQ(unplaced.status, 1);
+  EXPECT_NE(unplaced.output.find("not where the links are"), std::string::npos) << unplaced.output;
+  EXPECT_FALSE(fs::exists(folder_ / "s.xml"));
+  for (const char* wrong :
+       {"c.spheres.json", "c.spheres.json -o x.xml --tolerance 1%", "c.spheres.json -o c.spheres.json",
+        "cube.obj -o x.xml -o x.xml", "cube.obj -o x.xml -o y.foo", "r.urdf -o x.xml -o x.json"})
+    EXPECT_EQ(pad(wrong).status, 2) << wrong;
+  EXPECT_FALSE(fs::exists(folder_ / "x.xml"));
+}
+
+// A failure with --json is JSON on stdout, whatever is wrong.
+TEST_F(PadFormatsTest, FailuresAreJson) {
+  for (const char* wrong : {"absent.obj --json", "cube.obj -o c.xyz --json", "cube.obj --effort 7 --json"}) {
+    const Ran r = pad(std::string(wrong) + " 2>/dev/null");
+    EXPECT_NE(r.status, 0);
+    const auto report = nlohmann::json::parse(r.output, nullptr, false);
+    ASSERT_FALSE(report.is_discarded()) << wrong << r.output;
+    EXPECT_TRUE(report.contains("input") && report["error"].is_string()) << wrong;
+  }
 }
 
 TEST_F(PadFormatsTest, Robots) {
@@ -64,6 +99,13 @@ TEST_F(PadFormatsTest, Robots) {
   const auto report = nlohmann::json::parse(r.output);
   EXPECT_EQ(report["links"].size(), 2u);
   EXPECT_EQ(report["links"][1]["spheres"], 1);
+  EXPECT_TRUE(report["links"][1]["accuracy"].is_null());  // it was a sphere: there is nothing to measure
+  EXPECT_TRUE(report["links"][0]["accuracy"].is_object());
+  EXPECT_EQ(report["pairs_apart"]["Adjacent"], 1);
+  EXPECT_EQ(pad("r.urdf --robot-spheres 9 -q -o few.urdf --preview r.png --joint j=1.5").output, "");
+  EXPECT_GT(fs::file_size(folder_ / "r.png"), 1000u);
+  EXPECT_EQ(pad("r.urdf -o few.urdf --preview r.png --joint elbow=1.5").status, 1);
+  EXPECT_EQ(pad("r.urdf -o few.urdf --preview r.png --joint j").status, 2);
   EXPECT_TRUE(fs::exists(folder_ / "r.spheres.urdf"));
   EXPECT_TRUE(fs::exists(folder_ / "r.spheres.srdf"));
   EXPECT_EQ(pad("r.urdf --edge-length 10% -q -o all/").output, "");

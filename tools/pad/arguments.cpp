@@ -36,12 +36,15 @@ std::string format_names_text() {
 
 // What is read and what is written. --help lists options in the order in which they are declared.
 void declare_files(CLI::App& app, PadArguments& a) {
-  app.add_option("MESH", a.meshes,
-                 "mesh files: " + mesh_endings_text() +
-                     "; or folders of them, and patterns in quotes: then as with --manifest");
-  app.add_option("-o", a.output,
+  app.add_option(
+      "MESH", a.meshes,
+      "mesh files (" + mesh_endings_text() +
+          "), robots (urdf xacro), or files of spheres, which are converted. Or folders of meshes, and "
+          "patterns in quotes: then as with --manifest");
+  app.add_option("-o", a.outputs,
                  "file to write, its ending tells the format (docs/formats.md), or folder for several "
-                 "(default: NAME.spheres.json here)")
+                 "(default: NAME.spheres.json here). Again for each further format")
+      ->allow_extra_args(false)
       ->type_name("FILE|DIR");
   app.add_option("--format", a.format,
                  "another program's format, where the ending does not tell:" + format_names_text())
@@ -133,6 +136,29 @@ void declare_asset(CLI::App& app, PadArguments& a) {
                "take lengths that can hardly be meant, as a tolerance beyond half the thinnest extent");
 }
 
+// Of robots alone.
+void declare_robot(CLI::App& app, PadArguments& a) {
+  app.add_option(
+         "--robot-spheres", a.robot.max_spheres,
+         "of a robot: the smallest tolerance, the same for all links, that so many spheres in all can keep")
+      ->check(whole())
+      ->check(CLI::PositiveNumber);
+  app.add_flag("--visual", a.robot.reading.visual,
+               "of a robot: pad the visual geometry, not the collision geometry");
+  app.add_option("--package-path", a.package_folders,
+                 "of a robot: a folder where package:// is looked for first; may be given again")
+      ->allow_extra_args(false)
+      ->type_name("DIR");
+  app.add_option("--self-collision", a.robot.poses,
+                 "of a robot: random poses that are tried for links that never or always touch; 0: none")
+      ->capture_default_str()
+      ->check(whole())
+      ->check(CLI::Range(0, 100000000));
+  app.add_option("--joint", a.joints, "of a robot in --preview: where a joint stands, in radians or metres")
+      ->allow_extra_args(false)
+      ->type_name("NAME=VALUE");
+}
+
 // The unit of the asset, and what a part of a manifest may take.
 void declare_limits(CLI::App& app, PadArguments& a) {
   app.add_option("--scale", a.scale, "factor on every coordinate")
@@ -190,6 +216,7 @@ void declare_part(CLI::App& app, PadArguments& a) {
   declare_files(app, a);
   declare_spheres(app, a);
   declare_asset(app, a);
+  declare_robot(app, a);
   declare_limits(app, a);
 }
 
@@ -201,9 +228,9 @@ void declare_all(CLI::App& app, PadArguments& a) {
 
 std::map<std::string, std::string> settings_of(const CLI::App& app) {
   // An option that is not named here counts: an asset made again for nothing is better than an old one kept.
-  static const std::set<std::string> others = {"MESH",    "-o",     "--seconds", "--memory",     "--manifest",
-                                               "--shard", "--page", "--workers", "--write-mesh", "--preview",
-                                               "--json",  "-q",     "--threads", "--help",       "--version"};
+  static const std::set<std::string> others = {
+      "MESH",         "-o",        "--seconds", "--memory", "--manifest", "--shard",   "--page", "--workers",
+      "--write-mesh", "--preview", "--joint",   "--json",   "-q",         "--threads", "--help", "--version"};
   std::map<std::string, std::string> settings;
   for (const CLI::Option* option : app.get_options()) {
     if (option->count() == 0 || others.contains(option->get_name())) continue;

@@ -8,15 +8,19 @@
 
 #include "padding/export/export.h"
 #include "padding/pad_options.h"
+#include "padding/robot.h"
 
 namespace padder {
 
 // The arguments as they were given. Those of a part: what a line of a manifest may set for one part.
 struct PadArguments {
   std::vector<std::string> meshes;
-  std::string output, unit, format;
+  std::vector<std::string> outputs;  // of -o
+  std::string unit, format;
   double scale = 1, density = ExportOptions().density;
   PadOptions options;
+  RobotOptions robot;
+  std::vector<std::string> package_folders, joints;
   double seconds = 3600;  // that one part of a manifest may take; 0: any time
   std::string memory;     // that one part of a manifest may hold, as 2G; empty: the worker's portion
 
@@ -24,6 +28,8 @@ struct PadArguments {
   std::string manifest, shard, preview, write_mesh;
   int threads = 0, workers = 0;  // 0: chosen
   bool page = false, json = false, quiet = false;
+
+  std::string output() const { return outputs.empty() ? "" : outputs[0]; }  // the first
 };
 
 // Declares the options of a part, with MESH and -o.

@@ -11,6 +11,7 @@
 #include <nlohmann/json.hpp>
 
 #include "padding/asset/error.h"
+#include "padding/import/import.h"
 #include "padding/meshing/write_mesh.h"
 #include "padding/view/page.h"
 #include "tools/cli.h"
@@ -46,10 +47,34 @@ fs::path surface_file(const PadArguments& a, const std::string& mesh) {
   return a.write_mesh;
 }
 
+// The files of -o after the first: of one input, and each tells its format by its ending.
+std::vector<OutputFile> further_outputs(const PadArguments& a) {
+  std::vector<OutputFile> out;
+  for (std::size_t k = 1; k < a.outputs.size(); k++) {
+    const std::string& path = a.outputs[k];
+    if (a.meshes.size() > 1 || is_folder(a.outputs[0]) || is_folder(path))
+      throw UsageError("several -o are files, and for one input: end each with the ending of its format");
+    if (std::count(a.outputs.begin(), a.outputs.end(), path) > 1)
+      throw UsageError("-o " + path + " is given twice: give it once");
+    const bool own = path.ends_with(".json");
+    if (own && is_robot(a.meshes[0]))
+      throw UsageError("a robot has several links and a .spheres.json is one body: -o a folder for these");
+    try {
+      out.push_back({path, own ? nullptr : &find_format(path)});
+    } catch (const Error& e) {
+      throw UsageError(e.what());
+    }
+    if (std::error_code code; fs::equivalent(path, a.meshes[0], code))
+      throw UsageError(path + " is the input itself: name another file with -o");
+  }
+  return out;
+}
+
 // No two meshes may write the same file.
 std::vector<PadTarget> targets(const PadArguments& a) {
-  const bool folder = is_folder(a.output) && a.format != "mercury";
-  if (a.meshes.size() > 1 && !a.output.empty() && !folder)
+  const std::string output = a.output();
+  const bool folder = is_folder(output) && a.format != "mercury";
+  if (a.meshes.size() > 1 && !output.empty() && !folder)
     throw UsageError("-o must name a folder when there are several meshes: make it, or end it with /");
   std::vector<PadTarget> out;
   std::map<fs::path, std::string> owner;
@@ -58,23 +83,26 @@ std::vector<PadTarget> targets(const PadArguments& a) {
       throw UsageError("a % stands alone: write a share of the diagonal as one word, as in --tolerance 5%");
     PadTarget t;
     t.in_folder = folder;
+    if (is_sphere_file(mesh)) check_conversion(a, mesh);
     t.mesh = surface_file(a, mesh);
-    t.format = format_of(a, mesh);
-    t.path = output_name(mesh, t.format);
+    t.more = further_outputs(a);
+    const Format* format = format_of(a, mesh);
+    fs::path path = output_name(mesh, format);
     if (folder)
-      t.path = fs::path(a.output) / t.path;
-    else if (!a.output.empty())
-      t.path = a.output;
-    const auto [it, fresh] = owner.emplace(t.path, mesh);
+      path = fs::path(output) / path;
+    else if (!output.empty())
+      path = output;
+    t.first = {path, format};
+    if (std::error_code code; fs::equivalent(path, mesh, code))
+      throw UsageError(path.string() + " is the input itself: name another file with -o");
+    const auto [it, fresh] = owner.emplace(path, mesh);
     if (!fresh)
-      throw UsageError(mesh + " and " + it->second + " would both write " + t.path.string() +
+      throw UsageError(mesh + " and " + it->second + " would both write " + path.string() +
                        ": pad them one by one with -o");
     out.push_back(t);
   }
-  if (!a.preview.empty() && std::any_of(a.meshes.begin(), a.meshes.end(), is_robot))
-    throw UsageError("--preview shows a mesh, not a robot: give it one of the robot's meshes");
   if (!a.preview.empty() && (a.meshes.size() > 1 || !is_preview(a.preview)))
-    throw UsageError("--preview shows one mesh in one file that ends in .html or .png");
+    throw UsageError("--preview shows one mesh or robot in one file that ends in .html or .png");
   if (a.preview.ends_with(".html")) page_script();  // before the work, not after it
   return out;
 }
@@ -138,6 +166,7 @@ int main(int argc, char** argv) {
       "changed\n"
       "  pad part.obj -o part.vtp                     for ParaView; docs/formats.md lists the others\n"
       "  pad robot.urdf --tolerance 1%                every link; writes robot.spheres.urdf\n"
+      "  pad part.spheres.json -o part.xml -o part.glb  in other formats, without padding again\n"
       "  pad part.obj --edge-length 1% --json         finer, with the report as JSON\n\n"
       "Covers a triangle mesh with spheres: repairs it, remeshes it isotropically, fits one sphere a "
       "triangle at the\n"
@@ -147,5 +176,10 @@ int main(int argc, char** argv) {
       "pad");
   padder::PadArguments arguments;
   padder::declare_all(app, arguments);
-  return padder::cli::run(app, argc, argv, [&] { return padder::run(arguments, app); });
+  return padder::cli::run(
+      app, argc, argv, [&] { return padder::run(arguments, app); },
+      [&](const std::string& error) {
+        if (arguments.json)
+          padder::cli::print_failure(arguments.meshes.size() == 1 ? arguments.meshes[0] : "", error);
+      });
 }

@@ -3,18 +3,78 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <map>
 
 #include "padding/asset/cluster.h"
+#include "padding/asset/error.h"
+#include "padding/view/page.h"
 
 namespace padder {
 
 using Json = nlohmann::ordered_json;
 
+namespace {
+
+// Which pairs are kept apart, counted by the reason.
+Json pairs_json(const Model& model) {
+  std::map<std::string, std::size_t> counts{{"Adjacent", 0}, {"Default", 0}, {"Always", 0}, {"Never", 0}};
+  for (const Apart& p : model.apart) counts[p.reason]++;
+  return counts;
+}
+
+// What could not be done once the links are padded is refused before.
+void check_job(const RobotJob& job) {
+  Urdf urdf = read_urdf(job.urdf, job.whole.reading);
+  keep_neighbours_apart(urdf);
+  for (const OutputFile& file : job.outputs) check_filters(urdf.model, *file.format);
+  for (const auto& [name, value] : job.joints)
+    if (std::ranges::none_of(urdf.model.bodies,
+                             [&, &joint = name](const Body& b) { return b.joint.name == joint; }))
+      throw Error(job.urdf.string() + ": --joint: it has no joint " + name);
+}
+
+// The robot's spheres and meshes as one body, where its joints stand.
+void preview_robot(const RobotJob& job, const PaddedRobot& robot) {
+  std::vector<double> values;
+  for (const Body& b : robot.model.bodies) {
+    const auto it = job.joints.find(b.joint.name);
+    values.push_back(it == job.joints.end() ? 0 : it->second);
+  }
+  const auto poses = poses_at(robot.model, values);
+  Cluster all;
+  Mesh mesh;
+  std::vector<std::uint32_t> family;
+  all.name = robot.model.name, all.unit = robot.model.unit;
+  for (std::size_t k = 0; k < poses.size(); k++) {
+    const Cluster& c = robot.model.bodies[k].cluster;
+    for (std::size_t s = 0; s < c.size(); s++) {
+      all.centers.push_back(poses[k] * c.centers[s]), all.radii.push_back(c.radii[s]);
+      all.triangle.push_back(-1), family.push_back(c.family);
+      all.bounds.add(all.centers.back() - Vector::Constant(c.radii[s]));
+      all.bounds.add(all.centers.back() + Vector::Constant(c.radii[s]));
+    }
+    const auto first = static_cast<std::uint32_t>(mesh.points.size());
+    for (const Point& p : robot.meshes[k].points) mesh.points.push_back(poses[k] * p);
+    for (const auto& t : robot.meshes[k].triangles)
+      mesh.triangles.push_back({t[0] + first, t[1] + first, t[2] + first});
+  }
+  View view = view_of(all, mesh);
+  view.family = std::move(family);
+  write_preview(view, job.preview);
+}
+
+}  // namespace
+
 Json run_robot(const RobotJob& job, const RobotProgress& progress) {
-  const PaddedRobot robot = pad_robot(job.urdf, job.options, progress);
-  auto warnings = write_model(robot.model, job.output, *job.format, job.exporting);
+  check_job(job);
+  const PaddedRobot robot = pad_robot(job.urdf, job.options, job.whole, progress);
+  std::vector<std::string> warnings;
+  for (const OutputFile& file : job.outputs)
+    for (auto& sentence : write_model(robot.model, file.path, *file.format, job.exporting))
+      warnings.push_back(std::move(sentence));
   for (const PadReport& report : robot.reports)
     warnings.insert(warnings.end(), report.warnings.begin(), report.warnings.end());
+  if (!job.preview.empty()) preview_robot(job, robot);
   Json links = Json::array();
   for (std::size_t k = 0; k < robot.model.bodies.size(); k++) {
     const Cluster& c = robot.model.bodies[k].cluster;
@@ -22,24 +82,31 @@ Json run_robot(const RobotJob& job, const RobotProgress& progress) {
     if (job.clusters) {
       std::string file = c.name;
       std::replace(file.begin(), file.end(), '/', '_');
-      write_cluster(c, job.output.parent_path() / (file + ".spheres.json"));
+      write_cluster(c, job.outputs[0].path.parent_path() / (file + ".spheres.json"));
     }
+    const bool kept = robot.kept[k] != 0;  // nothing was padded, so that there is nothing to measure against
     links.push_back(
         {{"link", c.name},
          {"spheres", c.size()},
          {"family", c.family},
          {"mask", c.mask},
          {"diagonal", c.bounds.diagonal()},
+         {"kept", kept},
          {"repair", c.source.repair},
-         {"within", robot.reports[k].within},
+         {"within", kept ? Json(nullptr) : Json(robot.reports[k].within)},
          {"reason", robot.reports[k].reason.empty() ? Json(nullptr) : Json(robot.reports[k].reason)},
-         {"accuracy", Json::parse(to_json(c.accuracy))},
+         {"accuracy", kept ? Json(nullptr) : Json::parse(to_json(c.accuracy))},
          {"seconds", robot.reports[k].seconds.total()}});
   }
+  Json outputs = Json::array();
+  for (const OutputFile& file : job.outputs) outputs.push_back(file.path.string());
   return {{"input", job.urdf.string()},
-          {"output", job.output.string()},
+          {"output", job.outputs[0].path.string()},
+          {"outputs", outputs},
           {"robot", robot.model.name},
           {"spheres", robot.model.spheres()},
+          {"tolerance", robot.tolerance > 0 ? Json(robot.tolerance) : Json(nullptr)},
+          {"pairs_apart", pairs_json(robot.model)},
           {"links", links},
           {"notes", robot.notes},
           {"warnings", warnings}};
@@ -49,6 +116,12 @@ void print_robot(const Json& report) {
   std::printf("%s: robot %s, %zu links padded\n", report["input"].get<std::string>().c_str(),
               report["robot"].get<std::string>().c_str(), report["links"].size());
   for (const Json& link : report["links"]) {
+    if (link["kept"]) {
+      std::printf("  %-24s %6zu spheres, as they were in the file: not measured; family %u\n",
+                  link["link"].get<std::string>().c_str(), link["spheres"].get<std::size_t>(),
+                  link["family"].get<unsigned>());
+      continue;
+    }
     const double diagonal = link["diagonal"];
     const Json& accuracy = link["accuracy"];
     const Json& against = accuracy["proved_against"];
@@ -63,8 +136,15 @@ void print_robot(const Json& report) {
                 link["family"].get<unsigned>(), link["within"] ? "" : "; beyond the tolerance");
   }
   for (const Json& note : report["notes"]) std::printf("  note: %s\n", note.get<std::string>().c_str());
-  std::printf("  %zu spheres in all; wrote %s\n", report["spheres"].get<std::size_t>(),
-              report["output"].get<std::string>().c_str());
+  const Json& apart = report["pairs_apart"];
+  std::printf(
+      "  pairs of links that are not tested: %zu adjacent, %zu touch at zero, %zu always, %zu never\n",
+      apart["Adjacent"].get<std::size_t>(), apart["Default"].get<std::size_t>(),
+      apart["Always"].get<std::size_t>(), apart["Never"].get<std::size_t>());
+  if (!report["tolerance"].is_null())
+    std::printf("  tolerance of all links: %g m\n", report["tolerance"].get<double>());
+  std::printf("  %zu spheres in all\n", report["spheres"].get<std::size_t>());
+  for (const Json& output : report["outputs"]) std::printf("  wrote %s\n", output.get<std::string>().c_str());
 }
 
 }  // namespace padder

@@ -1,19 +1,32 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // pad for a robot: the links of a URDF, and what is printed of them.
 #pragma once
+#include <map>
 #include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
 
 #include "padding/export/export.h"
 #include "padding/robot.h"
+#include "padding/view/view.h"
 
 namespace padder {
 
+// A file to write, and its format; null is our own.
+struct OutputFile {
+  std::filesystem::path path;
+  const Format* format = nullptr;
+};
+
 struct RobotJob {
-  std::filesystem::path urdf, output;
-  const Format* format;
+  std::filesystem::path urdf;
+  std::vector<OutputFile> outputs;
   const PadOptions& options;
+  RobotOptions whole;
   ExportOptions exporting;
-  bool clusters;  // also LINK.spheres.json for each link, beside the output
+  bool clusters;                         // also LINK.spheres.json for each link, beside the first output
+  std::string preview;                   // a picture or a page; empty: none
+  std::map<std::string, double> joints;  // where they stand in it, in radians or metres; 0 where not named
 };
 
 // Pads, writes, and reports: input, output, spheres, and for each link its spheres, family, mask, errors and

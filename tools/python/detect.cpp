@@ -90,6 +90,10 @@ class PyContacts : public Views {
     check();
     return array<std::uint32_t>(contacts_.pairs, contacts_.count, 2, 2, 0);
   }
+  py::object history() const {
+    check(), require(contacts_.history, contacts_.count, "histories", "history");
+    return array<std::uint32_t>(contacts_.history, contacts_.count, 1, 1, 0);
+  }
   py::object normals() const { return reals(contacts_.normals, "normals", 3, 4, 0); }
   py::object depth() const { return reals(contacts_.normals, "depths", 1, 4, 3); }
   py::object points_i() const { return reals(contacts_.points, "points", 3, 6, 0); }
@@ -239,10 +243,10 @@ bool numbers_at_fault(const Request& in) {
 class PyDetector {
  public:
   PyDetector(const std::string& width, const std::string& backend, const std::string& precision, int threads,
-             int device) {
+             int device, bool history = false) {
     detect::DeviceChoice choice{detect::BackendKind::automatic, device};
     detect::CallOptions o;
-    o.threads = threads;
+    o.threads = threads, o.history = history;
     if (width == "pairs")
       o.width = detect::Width::pairs;
     else if (width == "points")
@@ -355,6 +359,7 @@ void add_results(py::module_& m) {
       .def_property_readonly("pairs", &PyContacts::pairs)
       .def_property_readonly("normals", &PyContacts::normals)
       .def_property_readonly("depth", &PyContacts::depth)
+      .def_property_readonly("history", &PyContacts::history)
       .def_property_readonly("points_i", &PyContacts::points_i)
       .def_property_readonly("points_j", &PyContacts::points_j)
       .def_property_readonly("backend", &PyContacts::backend)
@@ -375,12 +380,13 @@ using MaybeBodies = const std::shared_ptr<Bodies>&;
 
 void add_detect(py::module_& m) {
   m.attr("EVERY_WORLD") = detect::kEveryWorld;
+  m.attr("NO_CONTACT") = detect::kNoContact;
   add_results(m);
   const auto none = py::none();
   py::class_<PyDetector>(m, "Detector")
-      .def(py::init<const std::string&, const std::string&, const std::string&, int, int>(), py::kw_only(),
-           "width"_a = "normals", "backend"_a = "auto", "precision"_a = "exact", "threads"_a = 0,
-           "device"_a = 0)
+      .def(py::init<const std::string&, const std::string&, const std::string&, int, int, bool>(),
+           py::kw_only(), "width"_a = "normals", "backend"_a = "auto", "precision"_a = "exact",
+           "threads"_a = 0, "device"_a = 0, "history"_a = false)
       .def_property_readonly("backend", &PyDetector::backend)
       .def(
           "detect",

@@ -72,15 +72,6 @@ __global__ void record_kernel(const LooseRecord* from, std::uint32_t count, Sphe
   }
 }
 
-template <class T>
-T* copied(Buffer<T>& to, const T* from, std::uint64_t count, cudaStream_t stream) {
-  T* p = to.reserve(count);
-  if (count)
-    cuda_check(cudaMemcpyAsync(p, from, count * sizeof(T), cudaMemcpyHostToDevice, stream),
-               "copy the bodies");
-  return p;
-}
-
 }  // namespace
 
 BodyInput::BodyInput(MemoryBook& book)

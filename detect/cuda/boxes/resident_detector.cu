@@ -179,17 +179,6 @@ double imbalance_of(const std::vector<double>& work) {
   return sum > 0 ? most * static_cast<double>(work.size()) / sum : 1;
 }
 
-Region common(const Region& a, const Region& b) {
-  Region r;
-  for (int k = 0; k < 3; k++)
-    r.low[k] = std::max(a.low[k], b.low[k]), r.high[k] = std::min(a.high[k], b.high[k]);
-  return r;
-}
-
-bool is_empty(const Region& r) {
-  return !(r.low[0] < r.high[0] && r.low[1] < r.high[1] && r.low[2] < r.high[2]);
-}
-
 }  // namespace
 }  // namespace cuda
 
@@ -274,7 +263,7 @@ void ResidentDetector::Work::each_place(const std::function<void(Place&, std::si
 }
 
 cuda::Form ResidentDetector::Work::check(std::span<const Spheres> parts) const {
-  check_options(options_);
+  check_options(options_), check_boxed_options(options_);
   if (parts.size() != places_.size())
     throw Error(std::to_string(parts.size()) + " parts of the scene were given for " +
                 std::to_string(places_.size()) + " GPUs: give one for each");
@@ -432,12 +421,12 @@ void ResidentDetector::Work::detect() {
     input.spheres = alone ? p.part : p.load->view(p.loaded, form_);
     CallOptions options = options_;
     options.stream = nullptr, options.output = Memory::device;
-    options.own = cuda::common(options.own, alone ? Region{} : regions_.of[k]);
+    options.own = common(options.own, alone ? Region{} : regions_.of[k]);
     if (alone) p.loaded = p.part.count;
     ResidentContacts& f = found_[k];
     f.device = p.device, f.load = input.spheres, f.ids = alone ? nullptr : p.load->ids();
     f.contacts.memory = Memory::device, f.contacts.width = options.width, f.contacts.scalar = options.scalar;
-    if (cuda::is_empty(options.own)) return;
+    if (is_empty(options.own)) return;
     p.detector.options() = options;
     f.contacts = p.detector.detect(input);
   });

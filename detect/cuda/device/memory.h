@@ -71,4 +71,14 @@ class Buffer {
   std::uint64_t capacity_ = 0;
 };
 
+// Copies host memory to a buffer, which grows if it must. Returns its begin.
+template <class T>
+T* copied(Buffer<T>& to, const T* from, std::uint64_t count, cudaStream_t stream) {
+  T* p = to.reserve(count);
+  if (count)
+    cuda_check(cudaMemcpyAsync(p, from, count * sizeof(T), cudaMemcpyHostToDevice, stream),
+               "copy the bodies");
+  return p;
+}
+
 }  // namespace padder::detect::cuda

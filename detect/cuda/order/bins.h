@@ -71,6 +71,24 @@ inline FloatBins float_bins(const Grid& grid, SlotKind kind, std::uint64_t spher
   b.buckets = b.plane * (b.count[2] + 2) + b.fine;
   return b;
 }
+// All keys are below this number.
+inline std::uint32_t keys_of(const Grid& grid, const FloatBins& bins) {
+  return bins.on ? bins.buckets : grid.buckets;
+}
+// Ordered::merge: where bins are many and nearly empty, several along x share an entry of the table. But not
+// where rows are so short that one entry could hold bins of two rows which both hold partners of one sphere.
+// And not in a hashed level: its ring is nearly empty, but the bins that hold spheres may be full. A search
+// would then meet spheres three bins away, which look near by their codes, and a warp's queue would overflow.
+inline int merge_of(const Grid& grid, const FloatBins& bins, std::uint64_t spheres) {
+  const Level& l = grid.level[0];
+  int merge = 0;
+  if (grid.levels > 1 || l.hashed || bins.fine > 1 || l.count[0] < 32) return merge;
+  while (merge<tuning::kMostMerge&& static_cast<double>(keys_of(grid, bins)) / (2 << merge)>
+             tuning::kEntriesASphere *
+         static_cast<double>(spheres))
+    merge++;
+  return merge;
+}
 // Bins in float for a scene of several levels. Two spheres of different levels still find each other: among
 // the finer level's bins, the place of the coarser sphere is found in double, that of the finer one in float,
 // where it is off by less than side * 2^-23. The distance at which they touch is counted in the level's own

@@ -12,11 +12,6 @@ namespace {
 
 constexpr int kThreads = 256;
 
-// All keys are below this number.
-std::uint32_t keys_of(const Grid& grid, const FloatBins& bins) {
-  return bins.on ? bins.buckets : grid.buckets;
-}
-
 template <class Bins, bool Along>
 __global__ void __launch_bounds__(kThreads)
     sort_key_kernel(const __grid_constant__ DeviceSpheres source, const __grid_constant__ Bins bins,
@@ -71,16 +66,8 @@ Ordered Orderer::order(const OrderRequest& r) {
   o.bins = float_bins(grid, r.kind, count);
   o.float_levels = r.float_levels && level_bins(grid, r.kind).on;
   for (int k = 0; k < grid.levels; k++) o.hashed = o.hashed || grid.level[k].hashed;
-  const std::uint32_t buckets = keys_of(grid, o.bins);
-  // Where bins are many and nearly empty, several along x share an entry of the table. But not where rows are
-  // so short that one entry could hold bins of two rows which both hold partners of one sphere. The rows of a
-  // hashed level are farther apart (hash_of_ring).
-  if (grid.levels == 1 && o.bins.fine == 1 && method != OrderMethod::sort &&
-      (o.hashed || grid.level[0].count[0] >= 32))
-    while (o.merge < tuning::kMostMerge &&
-           (static_cast<double>(buckets) / (2 << o.merge)) > tuning::kEntriesASphere * count)
-      o.merge++;
-  o.entries = (buckets >> o.merge) + 2;
+  o.merge = method == OrderMethod::sort ? 0 : merge_of(grid, o.bins, count);
+  o.entries = (keys_of(grid, o.bins) >> o.merge) + 2;
   o.table = table_.reserve(o.entries + 4), o.slots = slots_.reserve(std::uint64_t(o.count) + kSlack);
   o.codes = codes_.reserve(std::uint64_t(o.count) + kSlack);
   if (method == OrderMethod::cells && !by_cells(r, o)) method = OrderMethod::buckets;

@@ -110,6 +110,26 @@ static __device__ bool is_contact(const SearchTask& task, const Grid& grid, std:
   return true;
 }
 
+// Does this search report all contacts of the sphere, wherever its partners lie? The midpoint of a contact
+// lies in the halo of both spheres (detect/boxes/halo.h). So it lies in the region if one halo does, and
+// nobody has to compute it. The halo is 2^-20 wider here, because a slot may be a double rounded to float.
+template <SlotKind Kind>
+__device__ __forceinline__ bool owns_contacts_of(const SearchTask& task,
+                                                 const typename SlotOf<Kind>::Type& s) {
+  if constexpr (Kind == SlotKind::fixed_point) {
+    return task.owns_all;  // the slot does not say where the sphere is
+  } else {
+    const double at[3] = {s.x, s.y, s.z}, r = Kind == SlotKind::equal ? task.radius_f32 : s.r;
+    bool inside = true;
+#pragma unroll
+    for (int k = 0; k < 3; k++) {
+      const double reach = r + 0x1p-20 * (fabs(at[k]) + r + task.radius);
+      inside = inside && at[k] - reach >= task.own.low[k] && at[k] + reach < task.own.high[k];
+    }
+    return inside;
+  }
+}
+
 // Float first, then is_contact() where float is not enough. For searches that need not ask for the bin.
 template <SlotKind Kind>
 __device__ __forceinline__ bool test(const SearchTask& task, const Grid& grid, std::uint32_t i,

@@ -119,12 +119,12 @@ static __device__ __noinline__ std::uint32_t test_queue_exactly(const SearchTask
     if (hit[0]) hit[0] = test<Kind>(task, grid, i, load_slot(slots + i), j, load_slot(slots + j), true);
   });
 }
+// `doubt`: float is not enough for the lane's own sphere.
 template <SlotKind Kind>
 __device__ __forceinline__ std::uint32_t test_queue(const SearchTask& task, const Grid& grid,
-                                                    const PairQueue& queue, std::uint32_t count) {
+                                                    const PairQueue& queue, std::uint32_t count, bool doubt) {
   constexpr int kAtOnce = 3;  // pairs that a lane has under way
   const auto* const slots = slots_of<Kind>(task);
-  bool doubt = task.test_all;
   std::uint32_t hits =
       keep_those<kAtOnce>(queue, count, [&](const std::uint32_t(&word)[kAtOnce], bool(&hit)[kAtOnce]) {
         typename SlotOf<Kind>::Type a[kAtOnce], b[kAtOnce];
@@ -189,10 +189,13 @@ __device__ __forceinline__ bool find_same_level(const SearchTask& task, const Gr
   const PairQueue queue{shared_address(words.index), first, task.spheres.count};
   const LevelQuery<Kind> query = level_query<Kind>(task, grid, pairs, first);
   if (flags) return false;
+  bool doubt = task.test_all;
+  if constexpr (!Pairs::kSeveralLevels)  // there the slot's registers would cost more than this gains
+    doubt = doubt && !(task.only_owner && owns_contacts_of<Kind>(task, query.slot));
   const std::uint32_t queued = queue_candidates<Kind, Words::kCapacity>(task, query, queue);
   found = queued > Words::kCapacity
               ? search_unqueued<Kind>(task, grid, pairs, first, nullptr, 0) | kQueueOverflow
-              : test_queue<Kind>(task, grid, queue, queued);
+              : test_queue<Kind>(task, grid, queue, queued, doubt);
   return true;
 }
 template <SlotKind Kind, class Words, class Pairs>

@@ -39,6 +39,7 @@ SearchTask make_task(const DeviceSpheres& source, const Grid& grid, const Ordere
     for (int c = 0; c < 3; c++) task.places_repeat = task.places_repeat || (l.hashed && l.count[c] > 128);
   }
   task.test_all = task.test_all || task.places_repeat;
+  task.only_owner = !options.owns_all && !source.filtered && !task.places_repeat;
   return task;
 }
 

@@ -12,6 +12,7 @@ struct SearchTask : OutputTask {
   bool exact = true, owns_all = true;
   // Float alone accepts no pair: the filter, the owner or the bin must be asked as well.
   bool test_all = false;
+  bool only_owner = false;  // it is the owner alone that must be asked
   // Fixed-point places repeat each 256 bins, and a bucket of a hashed level holds spheres that are as far
   // from each other: what touches by them must be asked in double.
   bool places_repeat = false;

@@ -29,14 +29,6 @@ void each(std::uint32_t n, cudaStream_t stream, const char* what, F f) {
   each_kernel<<<blocks_for(n), kThreads, 0, stream>>>(n, f);
   cuda_launched(what);
 }
-template <class T>
-T* copied(Buffer<T>& to, const T* from, std::uint64_t count, cudaStream_t stream) {
-  T* p = to.reserve(count);
-  if (count)
-    cuda_check(cudaMemcpyAsync(p, from, count * sizeof(T), cudaMemcpyHostToDevice, stream),
-               "copy the bodies");
-  return p;
-}
 __device__ void put(Body& to, const Pose& pose) {
   for (int k = 0; k < 9; k++) to.rotation[k] = pose.rotation[k];
   for (int k = 0; k < 3; k++) to.position[k] = pose.position[k];

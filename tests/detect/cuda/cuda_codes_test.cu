@@ -3,7 +3,9 @@
 // arithmetic is the device's, run on the host.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <random>
 #include <vector>
 
@@ -140,6 +142,59 @@ TEST_F(CudaCodes, OthersDoNot) {
                                   << ' ' << p.b.y << ' ' << p.b.z;
            });
   });
+}
+
+// The candidates that each 32 consecutive spheres of the order have in all, as queue_candidates() of
+// same_level.h finds them: by the codes in the own bin behind the sphere and in the forward half of the bins
+// around, by entries of the table.
+std::vector<std::uint32_t> candidates_of_warps(const std::vector<FloatSlot>& spheres, const Grid& grid,
+                                               const FloatBins& b) {
+  const auto n = static_cast<std::uint32_t>(spheres.size());
+  const int merge = merge_of(grid, b, n);
+  const std::int32_t limit = code_limit(grid, b, spheres[0].r);
+  std::vector<std::uint32_t> table((keys_of(grid, b) >> merge) + 3, 0), keys(n), codes(n);
+  const auto key_of_slot = [&](const FloatSlot& s) {
+    std::uint32_t key;
+    EXPECT_TRUE(key_of(b, s.x, s.y, s.z, key));
+    return key;
+  };
+  for (const FloatSlot& s : spheres) table[(key_of_slot(s) >> merge) + 1]++;
+  std::partial_sum(table.begin(), table.end(), table.begin());
+  std::vector<std::uint32_t> next = table;
+  for (const FloatSlot& s : spheres) {
+    const std::uint32_t key = key_of_slot(s), at = next[key >> merge]++;
+    keys[at] = key, codes[at] = code_of<SlotKind::equal>(b, s);
+  }
+  std::vector<std::uint32_t> found((n + 31) / 32, 0);
+  for (std::uint32_t i = 0; i < n; i++)
+    for (std::uint32_t q = 0, k = keys[i]; q < 5; q++) {
+      const std::uint32_t from = (q ? k - 1 : k) & b.mask, upto = std::min(from + (q ? 2 : 1), b.mask);
+      for (std::uint32_t j = q ? table[from >> merge] : i + 1; j < table[(upto >> merge) + 1]; j++)
+        found[i / 32] += code_excess<SlotKind::equal>(seeker<SlotKind::equal>(codes[i]), codes[j], limit) < 0;
+      k = q == 1 ? keys[i] + b.plane - b.row : k + b.row;
+    }
+  return found;
+}
+
+// A heap whose bins are full, and one sphere so far away that the level is hashed: its ring has four buckets
+// for each sphere. A warp with more candidates than its queue holds searches twice, at six times the cost.
+TEST_F(CudaCodes, TheCandidatesOfAHeapInAHashedLevelFitTheQueueOfAWarp) {
+  constexpr std::uint32_t kSpheres = 140'000;
+  std::mt19937 random(20261123);
+  std::uniform_real_distribution<float> place(0, std::cbrt(4.9f * kSpheres));
+  std::vector<FloatSlot> spheres(kSpheres);
+  for (FloatSlot& s : spheres) s = {place(random), place(random), place(random), 1};
+  const float low[3] = {0, 0, 0}, high[3] = {3e6f, 3e6f, 3e6f};
+  Summary summary = summary_of_box(low, high, 1, 1);
+  summary.count = kSpheres;
+  const Grid grid = choose_grid(summary, 0, 8, CrossSearch::coarse_to_fine);
+  const FloatBins bins = float_bins(grid, SlotKind::equal, kSpheres);
+  ASSERT_TRUE(bins.on);
+  ASSERT_TRUE(grid.level[0].hashed);
+  const std::vector<std::uint32_t> found = candidates_of_warps(spheres, grid, bins);
+  const auto over =
+      std::count_if(found.begin(), found.end(), [](std::uint32_t c) { return c > tuning::kSameLevelQueue; });
+  EXPECT_LT(static_cast<double>(over), 0.01 * static_cast<double>(found.size()));
 }
 
 }  // namespace

@@ -192,6 +192,54 @@ TEST_F(MujocoTest, ARobotsJoints) {
   EXPECT_EQ(touching_bodies().count({0, 1}), 0u);
 }
 
+// A gripper whose second finger follows the first, in MuJoCo's own steps: a motor moves both.
+TEST_F(MujocoTest, MimicDampingFrictionAndMotors) {
+  Model m = arm();
+  m.urdf = "<robot name='arm'/>";
+  Body other = m.bodies[4];
+  other.name = "other", other.joint.name = "other_joint";
+  other.joint.mimic = "finger_joint", other.joint.multiplier = -0.5, other.joint.offset = 0.03;
+  other.joint.lower = -1, other.joint.upper = 1;
+  m.bodies.push_back(other);
+  m.bodies[4].joint.effort = 2000, m.bodies[4].joint.damping = 700, m.bodies[4].joint.friction = 3;
+  m.bodies[1].joint.effort = 87;
+  for (std::size_t a = 0; a < m.bodies.size(); a++)  // nothing but the joints moves anything
+    for (std::size_t b = a + 1; b < m.bodies.size(); b++) m.apart.push_back({a, b});
+  load(m);
+  ASSERT_EQ(m_->neq, 1);
+  ASSERT_EQ(m_->nu, 2);  // not of the follower
+  const int finger = mj_name2id(m_, mjOBJ_JOINT, "finger_joint"),
+            follower = mj_name2id(m_, mjOBJ_JOINT, "other_joint"),
+            motor = mj_name2id(m_, mjOBJ_ACTUATOR, "finger_joint");
+  ASSERT_GE(motor, 0);
+  EXPECT_EQ(m_->dof_damping[m_->jnt_dofadr[finger]], 700);
+  EXPECT_EQ(m_->dof_frictionloss[m_->jnt_dofadr[finger]], 3);
+  EXPECT_EQ(m_->actuator_ctrlrange[2 * motor + 1], 2000);
+  m_->opt.gravity[2] = 0;
+  d_->ctrl[motor] = 20;
+  for (int step = 0; step < 1000; step++) mj_step(m_, d_);
+  const double x = d_->qpos[m_->jnt_qposadr[finger]], y = d_->qpos[m_->jnt_qposadr[follower]];
+  EXPECT_GT(x, 0.01);
+  EXPECT_NEAR(y, 0.03 - 0.5 * x, 0.005);
+}
+
+// The list of pairs has no limit of 32: a robot of 80 parts around one, of which no two may touch.
+TEST_F(MujocoTest, PairsBeyondEveryFamilyAreExcluded) {
+  Model m = heap(std::vector<CollisionFilter>(80));
+  m.urdf = "<robot name='heap'/>";
+  for (Body& b : m.bodies)
+    b.joint.type = Joint::Type::continuous, b.joint.name = b.name;  // MuJoCo skips what stands
+  for (std::size_t a = 0; a < 80; a++)
+    for (std::size_t b = a + 1; b < 80; b++)
+      if (a % 3 != 1 || b % 3 != 1) m.apart.push_back({b, a, "Never"});
+  load(m);
+  for (const auto& [a, b] : touching_bodies()) EXPECT_TRUE(a % 3 == 1 && b % 3 == 1) << a << " " << b;
+  EXPECT_GT(touching_bodies().size(), 0u);
+  EXPECT_NE(text(m, "h.srdf").find("reason=\"Never\""), std::string::npos);
+  m.apart = {{0, 1}};
+  EXPECT_THROW(write(m, "h.h", "chrono"), Error);  // before a link is padded: check_filters
+}
+
 TEST_F(MujocoTest, EveryTypeOfJointAndNoMassAtAll) {
   for (const auto type : {Joint::Type::continuous, Joint::Type::planar, Joint::Type::floating}) {
     Model m = arm();

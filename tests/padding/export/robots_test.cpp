@@ -107,10 +107,11 @@ TEST_F(RobotsTest, PyYamlReadsNumbersAndPairs) {
   m.bodies[0].cluster.centers[0] = {1e-5, -2e-9, 1e22};
   m.bodies[0].cluster.radii[0] = 5e-7;
   m.bodies[1].name = "yes: \"quoted\" # link";
+  m.bodies[4].joint.lower = 0.1, m.bodies[4].joint.upper = 0.15;
   write(m, "a.yaml"), write(m, "a.xrdf");
   write_file(folder_ / "check.py", R"(
 import yaml
-c = yaml.safe_load(open("a.yaml"))
+c = yaml.safe_load(open("a.yaml"))["robot_cfg"]["kinematics"]
 x = yaml.safe_load(open("a.xrdf"))
 s = c["collision_spheres"]
 assert s == x["geometry"]["arm_spheres"]["spheres"]
@@ -121,6 +122,16 @@ assert c["self_collision_ignore"] == ignore == x["self_collision"]["ignore"], c[
 assert c["collision_link_names"] == list(s)
 assert x["format"] == "xrdf" and x["format_version"] == 1.0
 assert x["collision"]["geometry"] == x["self_collision"]["geometry"] == "arm_spheres"
+# What cuRobo's reader of XRDF asks for: joints, their limits and defaults of one length each, a frame of the tool.
+joints = ["upper_joint", "finger_joint"]
+assert x["cspace"]["joint_names"] == joints == c["cspace"]["joint_names"] == list(x["default_joint_positions"])
+for key in ("acceleration_limits", "jerk_limits"):
+    assert len(x["cspace"][key]) == 2 and all(isinstance(v, float) for v in x["cspace"][key])
+assert x["tool_frames"] == ["finger"] == [c["ee_link"]]
+assert x["modifiers"] == [{"set_base_frame": "base"}] and c["base_link"] == "base"
+for key in ("retract_config", "null_space_weight", "cspace_distance_weight"):
+    assert len(c["cspace"][key]) == 2
+assert c["cspace"]["retract_config"] == [0, 0.125]  # 0 is beyond the finger's limits: the middle
 print("well")
 )");
   const Ran r = run("cd '" + folder_.string() + "' && '" PADDER_PYTHON "' check.py");

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: MIT
 // Formats to look at: padding/export/glb.cpp, usd.cpp.
 #include <cstring>
+#include <map>
 #include <nlohmann/json.hpp>
+#include <set>
 
 #include "padding/asset/error.h"
 #include "tests/padding/export/samples.h"
@@ -53,12 +55,73 @@ struct Glb {
   }
 };
 
-TEST_F(ScenesTest, GlbHasOneSphereAndAnInstanceEach) {
+// Where each sphere of a .glb ends up in the world, and how large: what a viewer makes of its nodes.
+struct Seen {
+  Point center;
+  double radius;
+  std::size_t mesh;
+};
+void see(const Json& nodes, std::size_t at, Eigen::Affine3d place, std::vector<Seen>& out) {
+  const Json& n = nodes[at];
+  if (n.contains("matrix")) {
+    Eigen::Matrix4d m;
+    for (int k = 0; k < 16; k++) m(k % 4, k / 4) = n["matrix"][std::size_t(k)];
+    place = place * Eigen::Affine3d(m);
+  }
+  const auto number = [&](const char* key, std::size_t k) { return n[key][k].get<double>(); };
+  if (n.contains("translation"))
+    place = place * Eigen::Translation3d(number("translation", 0), number("translation", 1),
+                                         number("translation", 2));
+  if (n.contains("rotation"))
+    place = place * Eigen::Quaterniond(number("rotation", 3), number("rotation", 0), number("rotation", 1),
+                                       number("rotation", 2));
+  if (n.contains("mesh") && n.contains("scale"))
+    out.push_back({place.translation(), number("scale", 0), n["mesh"]});
+  if (n.contains("children"))
+    for (const Json& child : n["children"]) see(nodes, child, place, out);
+}
+
+// glTF is Y up and we are Z up: a viewer must see the robot stand, with each sphere in its place.
+TEST_F(ScenesTest, GlbStandsUprightAndShowsEverySphereByANode) {
+  const Model m = arm();
+  const Glb g(text(m, "arm.glb"));
+  EXPECT_FALSE(g.j.contains("extensionsRequired"));
+  std::vector<Seen> seen;
+  for (const Json& root : g.j["scenes"][0]["nodes"])
+    see(g.j["nodes"], root, Eigen::Affine3d::Identity(), seen);
+  ASSERT_EQ(seen.size(), m.spheres());
+  std::size_t s = 0;
+  Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
+  std::map<std::uint32_t, std::set<std::size_t>> meshes;
+  for (const Body& b : m.bodies) {
+    pose = pose * b.pose;  // the arm is a chain
+    for (std::size_t k = 0; k < b.cluster.size(); k++, s++) {
+      const Point p = pose * b.cluster.centers[k];
+      EXPECT_LT((seen[s].center - Point(p.x(), p.z(), -p.y())).norm(), 1e-6) << b.name;
+      EXPECT_EQ(seen[s].radius, float(b.cluster.radii[k]));
+      meshes[b.cluster.family].insert(seen[s].mesh);
+    }
+  }
+  EXPECT_EQ(g.j["meshes"].size(), 3u);  // one for each family, in its colour
+  std::set<Json> colours;
+  for (const auto& [family, used] : meshes) {
+    ASSERT_EQ(used.size(), 1u) << family;
+    const Json& mesh = g.j["meshes"][*used.begin()];
+    EXPECT_EQ(mesh["primitives"][0]["indices"], g.j["meshes"][0]["primitives"][0]["indices"]);  // shared
+    const std::size_t material = mesh["primitives"][0]["material"];
+    colours.insert(g.j["materials"][material]["pbrMetallicRoughness"]["baseColorFactor"]);
+  }
+  EXPECT_EQ(colours.size(), 3u);
+}
+
+TEST_F(ScenesTest, GlbInstancedHasOneNodeABody) {
   Cluster c = brick();
   c.family = 7, c.mask = 0x00f00000;
-  const Glb g(text(model_of(c), "b.glb"));
+  const Glb g(text(model_of(c), "b.glb", "glb-instanced"));
   EXPECT_EQ(g.j["extensionsRequired"], Json::array({"EXT_mesh_gpu_instancing"}));
-  const Json& node = g.j["nodes"][0];
+  ASSERT_EQ(g.j["nodes"].size(), 2u);  // the first turns it upright
+  EXPECT_TRUE(g.j["nodes"][0].contains("rotation"));
+  const Json& node = g.j["nodes"][1];
   EXPECT_EQ(node["name"], "brick");
   const Json& attributes = node["extensions"]["EXT_mesh_gpu_instancing"]["attributes"];
   const auto translation = g.values<float>(attributes["TRANSLATION"]),
@@ -92,16 +155,11 @@ TEST_F(ScenesTest, GlbsMeshIsAUnitSphereTurnedOutwards) {
   EXPECT_TRUE(bounds.contains("min") && bounds.contains("max"));
 }
 
-TEST_F(ScenesTest, GlbPlacesBodiesAndSaysWhatFloatCannotHold) {
-  const Model m = arm();
-  const Glb g(text(m, "arm.glb"));
-  EXPECT_EQ(g.j["nodes"].size(), 4u);
-  EXPECT_FALSE(g.j["nodes"][0].contains("matrix"));
-  const auto matrix = g.j["nodes"][1]["matrix"].get<std::vector<double>>();
-  EXPECT_EQ(matrix[14], 0.5);  // columns: the last holds the translation
+TEST_F(ScenesTest, GlbSaysWhatFloatCannotHold) {
   Cluster c = brick();
   c.family = 0x01000001;
-  EXPECT_THROW(write(model_of(c), "f.glb"), Error);
+  EXPECT_NO_THROW(write(model_of(c), "whole.glb"));  // families stand in the text, which holds them
+  EXPECT_THROW(write(model_of(c), "f.glb", "glb-instanced"), Error);
   c = brick();
   c.radii[0] = 1e-60;
   EXPECT_THROW(write(model_of(c), "f.glb"), Error);
@@ -110,20 +168,88 @@ TEST_F(ScenesTest, GlbPlacesBodiesAndSaysWhatFloatCannotHold) {
   EXPECT_FALSE(fs::exists(folder_ / "f.glb"));
 }
 
+// What stands in a mesh file: every triangle's corners lie on a sphere, no triangle is inside another one,
+// and from outside no hole is seen: a ray from far away meets the union no earlier than the mesh.
+TEST_F(ScenesTest, MeshFilesShowTheUnionFromOutside) {
+  Cluster c = brick();
+  c.family = 5;
+  const std::string stl = text(model_of(c), "b.stl"), ply = text(model_of(c), "b.ply"),
+                    obj = text(model_of(c), "b.obj");
+  std::uint32_t count;
+  std::memcpy(&count, stl.data() + 80, 4);
+  ASSERT_EQ(stl.size(), 84u + 50u * count);
+  EXPECT_LT(count, 3 * 320u);  // the spheres overlap
+  EXPECT_GT(count, 2 * 320u / 2);
+  std::vector<std::array<Point, 3>> triangles(count);
+  for (std::uint32_t t = 0; t < count; t++)
+    for (std::size_t v = 0; v < 3; v++) {
+      float x[3];
+      std::memcpy(x, stl.data() + 84 + 50 * t + 12 + 12 * v, 12);
+      triangles[t][v] = Point(x[0], x[1], x[2]);
+    }
+  for (const auto& t : triangles) {
+    std::size_t around = 0;
+    bool on_one = false;
+    for (std::size_t k = 0; k < c.size(); k++) {
+      std::size_t on = 0, inside = 0;
+      for (const Point& p : t) {
+        const double gap = (p - c.centers[k]).norm() - c.radii[k];
+        on += std::abs(gap) < 1e-6, inside += gap < -1e-6;
+      }
+      on_one |= on == 3, around += inside == 3;
+    }
+    EXPECT_TRUE(on_one);
+    EXPECT_EQ(around, 0u);
+  }
+  const auto ray = [&](const Point& from, const Vector& along) {  // to the nearest triangle
+    double nearest = std::numeric_limits<double>::infinity();
+    for (const auto& t : triangles) {
+      const Vector e = t[1] - t[0], f = t[2] - t[0], p = along.cross(f);
+      const double det = e.dot(p);
+      if (std::abs(det) < 1e-14) continue;
+      const Vector s = from - t[0], q = s.cross(e);
+      const double u = s.dot(p) / det, v = along.dot(q) / det;
+      if (u >= 0 && v >= 0 && u + v <= 1) nearest = std::min(nearest, f.dot(q) / det);
+    }
+    return nearest;
+  };
+  for (std::size_t k = 0; k < c.size(); k++)
+    for (const Vector& way :
+         {Vector(1, 0.1, 0.2), Vector(-0.3, 1, 0.1), Vector(0.2, -0.1, 1), Vector(-1, -0.4, 0.3)}) {
+      const Vector along = way.normalized();
+      const Point from = c.centers[k] - 10 * along;
+      double first = std::numeric_limits<double>::infinity();
+      for (std::size_t o = 0; o < c.size(); o++) {
+        const Vector to = c.centers[o] - from;
+        const double middle = to.dot(along), off = (to - middle * along).norm();
+        if (off < c.radii[o])
+          first = std::min(first, middle - std::sqrt(c.radii[o] * c.radii[o] - off * off));
+      }
+      EXPECT_NEAR(ray(from, along), first, 0.05 * c.radii[k]);
+    }
+  EXPECT_NE(ply.find("element face " + std::to_string(count) + "\n"), std::string::npos);
+  EXPECT_EQ(std::count(obj.begin(), obj.end(), 'f') - 0,
+            long(count) + long(obj.find("from brick.obj") != std::string::npos));
+}
+
 TEST_F(ScenesTest, UsdIsTheTextExpected) {
   Cluster c = brick();
   c.name = "2nd brick";
   c.unit = "mm";
   c.centers = {{1, -2, 0.5}}, c.radii = {0.25}, c.triangle = {0};
+  c.mass = {};
   EXPECT_EQ(text(model_of(c), "b.usda"), R"usd(#usda 1.0
 (
     defaultPrim = "_2nd_brick"
     doc = "2nd brick (padder test, from brick.obj)"
+    kilogramsPerUnit = 1
     metersPerUnit = 0.001
     upAxis = "Z"
 )
 
-def Xform "_2nd_brick"
+def Xform "_2nd_brick" (
+    prepend apiSchemas = ["PhysicsRigidBodyAPI"]
+)
 {
     def Sphere "sphere_0" (
         prepend apiSchemas = ["PhysicsCollisionAPI"]

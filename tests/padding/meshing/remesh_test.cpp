@@ -7,6 +7,7 @@
 
 #include "padding/asset/error.h"
 #include "padding/geometry/surface.h"
+#include "padding/meshing/repair.h"
 #include "tests/padding/random_input.h"
 
 namespace padder {
@@ -73,6 +74,52 @@ TEST(Remesh, RandomBlobsStayClosedAndDelaunay) {
     EXPECT_LT(r.quality.share_non_delaunay, 0.005);
     EXPECT_LT(r.quality.share_under_20_deg, 0.02);
   }
+}
+
+void append(Mesh& mesh, const Mesh& more) {
+  const auto first = static_cast<std::uint32_t>(mesh.points.size());
+  mesh.points.insert(mesh.points.end(), more.points.begin(), more.points.end());
+  for (const auto& [a, b, c] : more.triangles) mesh.triangles.push_back({first + a, first + b, first + c});
+}
+
+TEST(Remesh, CrossingBoxesThatWereCutBesideTheirEdgesHaveNoSlivers) {
+  for (std::uint64_t seed = 1; seed <= 5; seed++) {
+    SCOPED_TRACE("seed " + std::to_string(seed));
+    shapes::RandomInput random(seed);
+    Mesh soup = shapes::box({0, 0, 0}, {1, 1, 1});
+    const auto noise = [&] { return random.uniform(-1e-4, 1e-4); };
+    for (int n = 1; n <= 3; n++) {  // walls that all but coincide
+      const Point low(noise(), 0.15 * n + noise(), noise());
+      append(soup, shapes::box(low, low + Vector(1 + 0.15 * n, 0.7, 1 + noise())));
+    }
+    const Repaired body = repair(soup, {}, "boxes");
+    ASSERT_TRUE(body.solid);
+    const Remeshed r = remesh(body.mesh, {.edge_length = 0.1, .slivers = 0.02});
+    EXPECT_LT(r.quality.share_under_20_deg, 0.02);
+    EXPECT_LT(r.quality.circumradius_max, 0.2);
+    EXPECT_LT(r.mesh.triangles.size(), 2400u);
+    EXPECT_NEAR(mass_properties(r.mesh).volume, mass_properties(body.mesh).volume, 0.01);
+  }
+}
+
+TEST(Remesh, ShortEdgesOfAFeatureDoNotMakeThinTriangles) {
+  // A plate whose rim has far more points than the edge length asks for.
+  Mesh plate;
+  constexpr std::uint32_t n = 48;
+  for (std::uint32_t k = 0; k < 2 * n; k++) {
+    const double angle = 2 * std::numbers::pi * k / n;
+    plate.points.push_back({std::cos(angle), std::sin(angle), k < n ? 0.0 : 0.3});
+  }
+  plate.points.push_back({0, 0, 0}), plate.points.push_back({0, 0, 0.3});
+  for (std::uint32_t k = 0; k < n; k++) {
+    const std::uint32_t l = (k + 1) % n;
+    plate.triangles.insert(plate.triangles.end(),
+                           {{k, l, l + n}, {k, l + n, k + n}, {l, k, 2 * n}, {k + n, l + n, 2 * n + 1}});
+  }
+  const Remeshed r = remesh(plate, {.edge_length = 0.3});
+  EXPECT_TRUE(closed_and_oriented(r.mesh));
+  EXPECT_LT(r.quality.share_under_20_deg, 0.02);
+  EXPECT_NEAR(mass_properties(r.mesh).volume, mass_properties(plate).volume, 0.03);
 }
 
 TEST(Remesh, QualityOfOneKnownMesh) {

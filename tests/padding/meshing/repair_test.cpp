@@ -7,6 +7,7 @@
 
 #include "padding/asset/error.h"
 #include "padding/geometry/surface.h"
+#include "padding/meshing/pieces.h"
 #include "tests/padding/random_input.h"
 
 namespace padder {
@@ -35,19 +36,19 @@ Mesh turned_over(Mesh mesh) {
 
 double volume(const Repaired& r) { return mass_properties(r.mesh).volume; }
 
-const Mesh cube = shapes::box({0, 0, 0}, {1, 1, 1}, 4);
+const Mesh kCube = shapes::box({0, 0, 0}, {1, 1, 1}, 4);
 
 TEST(Repair, ACleanSolidIsLeftAlone) {
-  const Repaired r = repair(cube, {}, "cube");
+  const Repaired r = repair(kCube, {}, "cube");
   EXPECT_EQ(r.kind, BodyKind::solid);
   EXPECT_EQ(r.report, "none needed");
-  EXPECT_EQ(r.mesh.triangles.size(), cube.triangles.size());
+  EXPECT_EQ(r.mesh.triangles.size(), kCube.triangles.size());
   EXPECT_NEAR(volume(r), 1, 1e-12);
 }
 
 TEST(Repair, SoupShuffledDuplicatedAndInsideOut) {
   shapes::RandomInput random(3);
-  Mesh soup = soup_of(turned_over(cube));
+  Mesh soup = soup_of(turned_over(kCube));
   for (auto& t : soup.triangles)
     if (random.uniform(0, 1) < 0.5) std::swap(t[0], t[1]);
   soup.triangles.push_back(soup.triangles[5]);  // twice the same
@@ -70,7 +71,7 @@ TEST(Repair, ASmallHoleIsClosed) {
 }
 
 TEST(Repair, AWrapOfAnOpenBoxIsAShell) {
-  Mesh mesh = cube;
+  Mesh mesh = kCube;
   std::erase_if(mesh.triangles, [&](const auto& t) {
     return std::all_of(t.begin(), t.end(), [&](auto v) { return mesh.points[v].z() == 1; });
   });
@@ -89,7 +90,7 @@ TEST(Repair, AWrapOfAnOpenBoxIsAShell) {
 }
 
 TEST(Repair, OverlappingBoxesBecomeTheirUnion) {
-  Mesh mesh = cube;
+  Mesh mesh = kCube;
   append(mesh, shapes::box({0.45, 0.2, 0.2}, {1.5, 0.7, 0.7}, 2));
   const Repaired r = repair(mesh, {}, "boxes");
   EXPECT_EQ(r.kind, BodyKind::solid);
@@ -98,7 +99,7 @@ TEST(Repair, OverlappingBoxesBecomeTheirUnion) {
 }
 
 TEST(Repair, AnInnerShellIsACavity) {
-  Mesh mesh = cube;
+  Mesh mesh = kCube;
   append(mesh, shapes::box({0.25, 0.25, 0.25}, {0.75, 0.75, 0.75}, 2));  // both face outward in the file
   const Repaired r = repair(mesh, {}, "hollow box");
   EXPECT_EQ(r.kind, BodyKind::solid);
@@ -117,9 +118,9 @@ TEST(Repair, ATerrainStaysASheet) {
 TEST(Repair, NeverTrustsTheFile) {
   RepairOptions never;
   never.mode = RepairMode::never;
-  EXPECT_EQ(repair(soup_of(cube), never, "cube").kind, BodyKind::solid);
+  EXPECT_EQ(repair(soup_of(kCube), never, "cube").kind, BodyKind::solid);
   EXPECT_EQ(repair(shapes::square(1), never, "square").kind, BodyKind::sheet);
-  Mesh turned = cube;
+  Mesh turned = kCube;
   std::swap(turned.triangles[0][0], turned.triangles[0][1]);
   EXPECT_THROW(repair(turned, never, "turned"), Error);
 }
@@ -128,7 +129,7 @@ TEST(Repair, WrapOnRequest) {
   RepairOptions wrap;
   wrap.mode = RepairMode::wrap;
   wrap.accuracy = 0.05;
-  EXPECT_EQ(repair(cube, wrap, "cube").kind, BodyKind::wrap);
+  EXPECT_EQ(repair(kCube, wrap, "cube").kind, BodyKind::wrap);
 }
 
 TEST(Repair, NothingWithAnAreaIsRefusedInASentence) {
@@ -141,6 +142,38 @@ TEST(Repair, NothingWithAnAreaIsRefusedInASentence) {
   } catch (const Error& e) {
     EXPECT_NE(std::string(e.what()).find("line.obj"), std::string::npos);
   }
+}
+
+TEST(Repair, AClosedSoupIsOnePieceWithTheSameTriangles) {
+  for (const Mesh& mesh :
+       {shapes::box({0, 0, 0}, {1, 2, 3}), shapes::sphere(3), shapes::torus(1, 0.3, 20, 10)}) {
+    const auto piece = one_closed_piece(soup_of(mesh));
+    ASSERT_TRUE(piece);
+    EXPECT_EQ(piece->points.size(), mesh.points.size());
+    ASSERT_EQ(piece->triangles.size(), mesh.triangles.size());
+    for (std::size_t t = 0; t < mesh.triangles.size(); t++)
+      for (int k = 0; k < 3; k++) EXPECT_EQ(piece->corner(t, k), mesh.corner(t, k));
+  }
+}
+
+TEST(Repair, WhatIsOpenTurnedRepeatedOrPinchedIsNoClosedPiece) {
+  const Mesh whole = shapes::sphere(2);
+  Mesh open = whole, turned = whole, repeated = whole, flat = whole;
+  open.triangles.pop_back();
+  std::swap(turned.triangles[7][0], turned.triangles[7][1]);
+  repeated.triangles.push_back(repeated.triangles[3]);
+  flat.triangles.push_back({1, 1, 2});
+  const Mesh one = shapes::box({0, 0, 0}, {1, 1, 1});  // and another: apart, at a corner, at an edge
+  for (const Mesh& mesh : {open, turned, repeated, flat}) EXPECT_FALSE(one_closed_piece(mesh));
+  for (const Point& low : {Point(2, 2, 2), Point(1, 1, 1), Point(1, 1, 0)}) {
+    Mesh both = soup_of(one);
+    append(both, soup_of(shapes::box(low, low + Vector(1, 1, 1))));
+    EXPECT_FALSE(one_closed_piece(both));
+  }
+  // One surface that meets itself in a point.
+  Mesh pinched = shapes::torus(1, 0.3, 20, 10);
+  pinched.points[105] = pinched.points[100];
+  EXPECT_FALSE(one_closed_piece(pinched));
 }
 
 }  // namespace

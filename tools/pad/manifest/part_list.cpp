@@ -12,6 +12,7 @@
 #include "padding/asset/crc32.h"
 #include "padding/asset/excerpt.h"
 #include "padding/asset/file.h"
+#include "padding/import/import.h"
 #include "padding/input/read.h"
 #include "tools/cli.h"
 #include "tools/pad/one_part.h"
@@ -67,7 +68,7 @@ class List {
   void add_folder(const fs::path& folder) {
     std::vector<fs::path> files;
     std::error_code code;
-    const fs::path written = fs::weakly_canonical(a_.output, code);
+    const fs::path written = fs::weakly_canonical(a_.output(), code);
     for (auto it = fs::recursive_directory_iterator(folder); it != fs::recursive_directory_iterator(); ++it) {
       const bool hidden = it->path().filename().string().starts_with('.');
       if (it->is_directory() && (hidden || fs::weakly_canonical(it->path(), code) == written))
@@ -105,7 +106,7 @@ class List {
       return add((folder / line).string(), line, common_, where);
     auto settings = std::make_shared<PartSettings>(*common_);
     PadArguments& a = settings->arguments;
-    a.meshes.clear(), a.output.clear();
+    a.meshes.clear(), a.outputs.clear();
     CLI::App app("", where);
     app.set_help_flag();
     declare_part(app, a);
@@ -120,7 +121,7 @@ class List {
     for (const auto& [name, value] : settings_of(app)) settings->given[name] = value;
     const std::string mesh = a.meshes[0];
     // Equal options are stored once: a manifest may have very many lines.
-    std::string text = std::to_string(a.seconds) + '\n' + a.memory + '\n' + a.output + '\n';
+    std::string text = std::to_string(a.seconds) + '\n' + a.memory + '\n' + a.output() + '\n';
     for (const auto& [name, value] : settings->given) text += name + '=' + value + '\n';
     add((folder / mesh).string(), mesh, known_.emplace(text, settings).first->second, where);
   }
@@ -128,11 +129,13 @@ class List {
   void add(const std::string& mesh, const fs::path& place, std::shared_ptr<const PartSettings> settings,
            const std::string& where) {
     // The command line's -o is the folder of all; a line's names this part's file below it.
-    const bool own = settings != common_ && !settings->arguments.output.empty();
+    const bool own = settings != common_ && !settings->arguments.outputs.empty();
     PadArguments a = settings->arguments;
-    if (!own) a.output.clear();
+    if (!own) a.outputs.clear();
     const Format* format = nullptr;
     try {
+      if (a.outputs.size() > 1) throw UsageError("a part of a list is one file: give one -o");
+      if (is_sphere_file(mesh)) check_conversion(a, mesh);
       format = format_of(a, mesh);
     } catch (const UsageError& e) {
       throw UsageError(where + ": " + e.what());
@@ -141,7 +144,7 @@ class List {
       throw UsageError(where + ": " + format->name +
                        " is a folder, and a part of a list is one file: pad it by itself");
     const fs::path output =
-        (own ? fs::path(a.output) : place.parent_path() / output_name(mesh, format)).lexically_normal();
+        (own ? fs::path(a.output()) : place.parent_path() / output_name(mesh, format)).lexically_normal();
     if (output.is_absolute() || *output.begin() == ".." || !output.has_filename())
       throw UsageError(where + ": its output " + output.string() +
                        " is no file below the output folder: give the line -o with a name below it");

@@ -12,7 +12,7 @@
 
 #include "padding/asset/file.h"
 #include "padding/asset/json.h"
-#include "padding/input/sha256.h"
+#include "padding/input/read_internal.h"
 #include "padding/input/urdf.h"
 #include "tools/pad/one_part.h"
 
@@ -92,13 +92,16 @@ std::string key_of(const Part& part, const std::string& sha256_of_mesh) {
   return sha256(made_of.dump(-1, ' ', false, kReplace));
 }
 
-std::vector<fs::path> further_inputs(const std::string& mesh) {
-  if (mesh.ends_with(".gltf")) return buffers_of_gltf(mesh);
+std::vector<fs::path> further_inputs(const Part& part) {
+  if (part.mesh.ends_with(".gltf")) return buffers_of_gltf(part.mesh);
   std::vector<fs::path> files;
-  if (is_robot(mesh))
-    for (const UrdfLink& link : read_urdf(mesh).links)
-      for (const UrdfShape& shape : link.shapes)
-        if (shape.type == UrdfShape::Type::mesh) files.push_back(shape.file);
+  if (!is_robot(part.mesh)) return files;
+  const PadArguments& a = part.settings->arguments;
+  UrdfOptions reading = a.robot.reading;
+  reading.package_folders.assign(a.package_folders.begin(), a.package_folders.end());
+  for (const UrdfLink& link : read_urdf(part.mesh, reading).links)
+    for (const UrdfShape& shape : link.shapes)
+      if (shape.type == UrdfShape::Type::mesh) files.push_back(shape.file);
   return files;
 }
 

@@ -13,7 +13,7 @@
 
 #include "padding/asset/excerpt.h"
 #include "padding/asset/file.h"
-#include "padding/input/sha256.h"
+#include "padding/input/read_internal.h"
 #include "tools/arguments.h"
 #include "tools/cli.h"
 #include "tools/json_output.h"
@@ -43,16 +43,16 @@ std::string pad_part(const Part& part, const fs::path& folder, int threads) {
     const std::string content = sha256_of_file(part.mesh);
     r.key = key_of(part, content);
     r.inputs.push_back({part.mesh, content});
-    for (const fs::path& file : further_inputs(part.mesh))
+    for (const fs::path& file : further_inputs(part))
       r.inputs.push_back({file.string(), sha256_of_file(file)});
     const PadArguments& a = part.settings->arguments;
     PadTarget target;
-    target.path = folder / part.output;
+    target.first.path = folder / part.output;
     PadArguments named = a;
-    named.output = target.path.string();
-    target.format = format_of(named, part.mesh);
+    named.outputs = {target.first.path.string()};
+    target.first.format = format_of(named, part.mesh);
     const Json report = pad_one(named, part.mesh, target, {}, [] {});
-    r.sha256 = sha256_of_file(target.path);
+    r.sha256 = sha256_of_file(target.first.path);
     report.at("spheres").get_to(r.spheres), report.at("warnings").get_to(r.warnings);
     if (report.contains("diagonal")) {  // a mesh, not a robot
       const double diagonal = report["diagonal"];
@@ -75,7 +75,7 @@ std::string pad_part(const Part& part, const fs::path& folder, int threads) {
 class Run {
  public:
   Run(const PadArguments& a, const std::map<std::string, std::string>& given)
-      : a_(a), shard_(shard_of(a.shard)), folder_(a.output), bar_(!a.quiet) {
+      : a_(a), shard_(shard_of(a.shard)), folder_(a.output()), bar_(!a.quiet) {
     check();
     for (Part& part : list_parts(a, given))
       if (shard_.holds(part)) parts_.push_back(std::move(part));
@@ -108,7 +108,7 @@ class Run {
   };
 
   void check() const {
-    if (a_.output.empty() || (fs::exists(a_.output) && !fs::is_directory(a_.output)))
+    if (a_.outputs.size() != 1 || (fs::exists(folder_) && !fs::is_directory(folder_)))
       throw UsageError("several parts need a folder: give -o FOLDER");
     if (!a_.preview.empty() || !a_.write_mesh.empty())
       throw UsageError("--preview and --write-mesh are for one mesh; a list of parts has --page");

@@ -8,11 +8,11 @@
 Every function's shapes and units are in the stubs (__init__.pyi) and in docs/python.md.
 """
 from ._core import (
-    EVERY_WORLD, Bodies, Cluster, Contacts, Detector, DeviceArray, Error, WorldAnswers, __version__, detect, load, pad,
+    EVERY_WORLD, NO_CONTACT, Bodies, Cluster, Contacts, Detector, DeviceArray, Error, WorldAnswers, __version__, detect, load, pad,
     pad_file, worlds,
 )
 
 __all__ = [
-    "EVERY_WORLD", "Bodies", "Cluster", "Contacts", "Detector", "DeviceArray", "Error", "WorldAnswers", "detect", "load",
+    "EVERY_WORLD", "NO_CONTACT", "Bodies", "Cluster", "Contacts", "Detector", "DeviceArray", "Error", "WorldAnswers", "detect", "load",
     "pad", "pad_file", "worlds",
 ]

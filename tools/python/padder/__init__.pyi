@@ -14,6 +14,7 @@ Width = Literal["pairs", "normals", "points"]
 Backend = Literal["auto", "omp", "cuda"]
 Precision = Literal["exact", "fast"]
 Answer = Literal["any", "count", "distance"]
+NO_CONTACT: int  # in Contacts.history: the list of the call before does not have the pair
 EVERY_WORLD: int  # the world whose spheres meet those of all worlds
 Doubles = NDArray[np.float64]
 Integers = NDArray[np.uint32]
@@ -101,6 +102,8 @@ class Contacts:
     @property
     def points_j(self) -> Reals: ...
     @property
+    def history(self) -> Integers | DeviceArray: ...  # (M,), index of the pair in the list of the call before, or NO_CONTACT
+    @property
     def backend(self) -> str: ...
     @property
     def hash(self) -> int: ...
@@ -125,6 +128,7 @@ class Detector:
     def __init__(
         self, *, width: Width = "normals", backend: Backend = "auto", precision: Precision = "exact",
         threads: int = 0, device: int = 0,
+        history: bool = False,  # contacts have a history
     ) -> None: ...
     @property
     def backend(self) -> str: ...

@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: MIT
+// Finds each pair of a list in the list of the call before: Contacts::history. Internal.
+#pragma once
+#include "detect/omp/paths.h"
+
+namespace padder::detect::omp {
+
+class History {
+ public:
+  explicit History(Budget& b) : before_(b), table_(b), found_(b) {}
+
+  // Takes the pairs of the last call out of `records`, before a call overwrites them.
+  void keep(Records& records);
+
+  // For each pair of `records` its index in the list that was kept, or kNoContact. The array stays valid
+  // until the next call. Takes time and memory in proportion to both lists. Throws Error if there is not
+  // enough memory, or if the list before is longer than indices of 32 bits can tell.
+  const std::uint32_t* match(const Records& records, int threads);
+
+ private:
+  Buffer<Pair> before_;
+  std::uint64_t count_ = 0;      // of the pairs in before_
+  Buffer<std::uint32_t> table_;  // a hash table with open addressing: indices in before_, or kNoContact
+  Buffer<std::uint32_t> found_;
+};
+
+}  // namespace padder::detect::omp

@@ -1,0 +1,78 @@
+// SPDX-License-Identifier: MIT
+#include "padding/input/packages.h"
+
+#include <cstdlib>
+#include <pugixml.hpp>
+
+#include "padding/asset/error.h"
+#include "padding/asset/file.h"
+
+namespace padder {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::vector<fs::path> listed_in(const char* variable) {
+  std::vector<fs::path> out;
+  const char* value = std::getenv(variable);
+  const std::string all = value ? value : "";
+  for (std::size_t k = 0; k < all.size();) {
+    const std::size_t end = std::min(all.find(':', k), all.size());
+    if (end > k) out.emplace_back(all.substr(k, end - k));
+    k = end + 1;
+  }
+  return out;
+}
+
+// What the folder's package.xml says; "" where there is none that can be read.
+std::string package_name(const fs::path& folder) {
+  std::error_code code;
+  const fs::path file = folder / "package.xml";
+  if (!fs::is_regular_file(file, code)) return "";
+  pugi::xml_document document;
+  try {
+    constexpr std::uintmax_t most = 1 << 20;
+    if (!document.load_string(read_file(file, most).c_str())) return "";
+  } catch (const Error&) {  // a package that cannot be read is not the one that is looked for
+    return "";
+  }
+  return document.child("package").child("name").text().as_string();
+}
+
+void look_in(const fs::path& folder, const std::string& name, std::vector<fs::path>& roots) {
+  roots.push_back(folder / name);
+  if (package_name(folder) == name) roots.push_back(folder);
+}
+
+void look_below(const fs::path& folder, const std::string& name, std::vector<fs::path>& roots) {
+  std::error_code code;
+  for (const auto& entry : fs::directory_iterator(folder, code))
+    if (entry.is_directory(code) && package_name(entry.path()) == name) roots.push_back(entry.path());
+}
+
+}  // namespace
+
+std::vector<fs::path> places_in_package(const std::string& name, const fs::path& rest, const fs::path& home,
+                                        const std::vector<fs::path>& folders) {
+  std::vector<fs::path> roots;
+  const auto look = [&](const fs::path& folder) {
+    look_in(folder, name, roots);
+    look_below(folder, name, roots);
+  };
+  for (const fs::path& folder : folders) look(folder);
+  for (fs::path folder = home;; folder = folder.parent_path()) {
+    look_in(folder, name, roots);
+    if (folder == folder.parent_path()) break;
+  }
+  if (home.has_parent_path() && home.parent_path().has_parent_path())
+    look_below(home.parent_path().parent_path(), name, roots);  // a package beside that of the URDF
+  for (const fs::path& folder : listed_in("ROS_PACKAGE_PATH")) {
+    look(folder);
+    if (folder.filename() == name) roots.push_back(folder);
+  }
+  for (const fs::path& prefix : listed_in("AMENT_PREFIX_PATH")) roots.push_back(prefix / "share" / name);
+  for (fs::path& root : roots) root /= rest;
+  return roots;
+}
+
+}  // namespace padder

@@ -1,0 +1,179 @@
+// SPDX-License-Identifier: MIT
+// Contacts::history beside a map from the pairs of the list before to their indices, on every backend.
+#include <map>
+#include <numbers>
+
+#include "detect/core/nine_stages.h"
+#include "tests/detect/oracle.h"
+
+namespace padder::detect {
+namespace {
+
+using Index = std::map<std::pair<std::uint32_t, std::uint32_t>, std::uint32_t>;
+
+class HistoryTest : public testing::TestWithParam<BackendKind> {
+ protected:
+  void SetUp() override {
+    if (GetParam() == BackendKind::cuda) {
+      if (!cuda_present()) GTEST_SKIP() << "no GPU that this build can use";
+      Detector probe({GetParam()});
+      probe.options().history = true;
+      try {
+        probe.detect(Input{});
+      } catch (const Error& e) {
+        GTEST_SKIP() << "this backend refuses, in a sentence: " << e.what();
+      }
+    }
+    detector_ = std::make_unique<Detector>(DeviceChoice{GetParam()});
+    detector_->options().history = true;
+    std::random_device device;
+    seed_ = device();
+    std::printf("seed %u\n", seed_);
+    random_.seed(seed_);
+  }
+
+  double unit() { return std::uniform_real_distribution<double>(0, 1)(random_); }
+  std::uint32_t below(std::uint32_t n) { return static_cast<std::uint32_t>(random_() % n); }
+
+  // Detects, and compares the history with what the list of the call before says.
+  void expect_right(const Input& input) {
+    const Contacts& c = detector_->detect(input);
+    if (detector_->options().history) {
+      ASSERT_EQ(c.history_span().size(), c.count);
+      known_ = 0;
+      for (std::uint64_t k = 0; k < c.count; k++) {
+        const auto found = before_.find({c.pairs[k].i, c.pairs[k].j});
+        ASSERT_EQ(c.history[k], found == before_.end() ? kNoContact : found->second) << c.pairs[k];
+        known_ += found != before_.end();
+      }
+    } else {
+      ASSERT_EQ(c.history, nullptr);
+    }
+    before_.clear();
+    for (std::uint64_t k = 0; k < c.count; k++)
+      before_[{c.pairs[k].i, c.pairs[k].j}] = static_cast<std::uint32_t>(k);
+  }
+
+  // Other options of the kinds that change the list's order, length or records.
+  void draw_options() {
+    CallOptions& o = detector_->options();
+    o.order = below(2) ? Order::stable : Order::any;
+    o.path = below(4) ? Path::grid : Path::nine_stages;
+    o.width = std::array{Width::pairs, Width::normals, Width::points}[below(3)];
+    o.threads = static_cast<int>(1 + below(3));
+    o.margin = below(4) ? 0 : 0.2 * unit();
+    o.bodies = std::array{Bodies::automatic, Bodies::first, Bodies::expanded}[below(3)];
+    o.history = below(8) != 0;
+  }
+
+  std::uint32_t seed_ = 0;
+  std::mt19937_64 random_;
+  std::unique_ptr<Detector> detector_;
+  Index before_;
+  std::uint64_t known_ = 0;  // contacts of the last call that the list before has
+};
+
+TEST_P(HistoryTest, FollowsLooseSpheresThatMoveComeAndGo) {
+  TestScene scene = random_scene(3000, 3, 0.6, seed_);
+  std::uint64_t known = 0, all = 0;
+  for (int step = 0; step < 60; step++) {
+    for (Sphere& s : scene.spheres)
+      s.x += 0.1 * (unit() - 0.5), s.y += 0.1 * (unit() - 0.5), s.z += 0.1 * (unit() - 0.5);
+    if (below(5) == 0) scene.spheres.resize(scene.spheres.size() - below(500));
+    if (below(5) == 0)
+      for (const Sphere& s : random_scene(500, 3, 3.6, seed_ + static_cast<std::uint32_t>(step)).spheres)
+        scene.spheres.push_back(s);
+    if (below(10) == 0) std::shuffle(scene.spheres.begin(), scene.spheres.end(), random_);  // other numbers
+    draw_options();
+    const Arranged a(scene, below(2) ? Scalar::f32 : Scalar::f64);
+    SCOPED_TRACE("step " + std::to_string(step));
+    expect_right(a.input);
+    if (HasFatalFailure()) return;
+    known += known_, all += before_.size();
+  }
+  EXPECT_GT(known, all / 2);  // the test has met both kinds of contact
+  EXPECT_LT(known, all);
+}
+
+TEST_P(HistoryTest, FollowsBodiesAndLooseSpheresTogether) {
+  BodyScene scene = generate_bodies(60);
+  const Shape shape{scene.shape.data(), scene.shape.size()};
+  const TestScene grains = random_scene(2000, 2, 1.5, seed_);
+  for (int step = 0; step < 30; step++) {
+    for (Body& b : scene.bodies) {
+      const double turn = 0.1 * (unit() - 0.5);
+      rotation_of(1, turn, -turn, 2 * turn, b.rotation);
+      for (double& x : b.position) x += 0.2 * (unit() - 0.5);
+    }
+    if (step % 10 == 9) scene.bodies.resize(scene.bodies.size() - 5);
+    draw_options();
+    const Arranged a(grains, Scalar::f64);
+    Input input = a.input;
+    input.shapes = {&shape, 1}, input.bodies = scene.bodies;
+    if (step > 15) input.revision = scene.bodies.size();
+    std::vector<std::uint32_t> moved(scene.bodies.size());
+    for (std::uint32_t k = 0; k < moved.size(); k++) moved[k] = k;
+    input.moved = moved;
+    SCOPED_TRACE("step " + std::to_string(step));
+    expect_right(input);
+    if (HasFatalFailure()) return;
+  }
+}
+
+TEST_P(HistoryTest, IsAllThereForTheSameSceneAndEmptyAfterACallWithoutContacts) {
+  const TestScene scene = random_scene(1000, 1, 0.6, seed_);
+  const Arranged a(scene, Scalar::f32);
+  expect_right(a.input), expect_right(a.input);
+  EXPECT_GT(known_, 0u);
+  EXPECT_EQ(known_, before_.size());
+
+  detector_->stages(a.input);
+  before_.clear(), expect_right(a.input);
+  detector_->detect_worlds(a.input, 1, Answer::count);
+  before_.clear(), expect_right(a.input);
+  detector_->options().threads = -1;
+  EXPECT_THROW(detector_->detect(a.input), Error);
+  detector_->options().threads = 1;
+  before_.clear(), expect_right(a.input);
+  TestScene broken = scene;
+  broken.spheres[7].r = -1;
+  const Arranged b(broken, Scalar::f32);
+  EXPECT_THROW(detector_->detect(b.input), Error);
+  before_.clear(), expect_right(a.input);
+  expect_right(a.input);
+  EXPECT_EQ(known_, before_.size());
+}
+
+// A sphere that touches all others has as many contacts as there are spheres.
+TEST_P(HistoryTest, FollowsOneSphereThatTouchesAllOthers) {
+  TestScene scene;
+  scene.spheres.push_back({0, 0, 0, 100});
+  for (int k = 0; k < 20000; k++) {
+    const double z = 2 * unit() - 1, t = 2 * std::numbers::pi * unit(), c = 100 * std::sqrt(1 - z * z);
+    scene.spheres.push_back({c * std::cos(t), c * std::sin(t), 100 * z, 0.1});
+  }
+  const Arranged a(scene, Scalar::f64);
+  expect_right(a.input);
+  scene.spheres[0].r = 99.95;
+  const Arranged b(scene, Scalar::f64);
+  expect_right(b.input);
+  EXPECT_GE(known_, 20000u);
+}
+
+TEST_P(HistoryTest, SurvivesALimitThatMakesTheDetectorGiveMemoryBack) {
+  const TestScene scene = random_scene(1000, 1, 0.6, seed_);
+  const Arranged small(scene, Scalar::f32), large(random_scene(200000, 1, 3, seed_), Scalar::f32);
+  expect_right(large.input);
+  const std::uint64_t held = detector_->memory();
+  expect_right(small.input);
+  detector_->options().memory_limit = held - 1;
+  expect_right(small.input);
+  EXPECT_EQ(known_, before_.size());
+  EXPECT_LT(detector_->memory(), held);
+}
+
+INSTANTIATE_TEST_SUITE_P(Backends, HistoryTest, testing::Values(BackendKind::omp, BackendKind::cuda),
+                         [](const auto& given) { return std::string(name_of(given.param)); });
+
+}  // namespace
+}  // namespace padder::detect

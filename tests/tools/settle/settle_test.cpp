@@ -1,0 +1,327 @@
+// SPDX-License-Identifier: MIT
+// The stepper beside closed forms, and beside itself: kept candidates, threads and snapshots change no bit.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+#include <random>
+
+#include "detect/scene/generate.h"
+#include "padding/asset/error.h"
+#include "tools/settle/stepper.h"
+
+namespace padder::settle {
+namespace {
+
+constexpr double kPi = std::numbers::pi;
+
+System empty_system(double friction = 0.5, double restitution = 0.6) {
+  System s;
+  s.gravity = {0, 0, -9.81};
+  s.law.stiffness = 1e5, s.law.tangential_stiffness = 2e5 / 7, s.law.friction = friction;
+  s.law.damping_ratio = damping_ratio_of(restitution);
+  return s;
+}
+Wall floor_with(double friction) { return {Wall::Kind::plane, {0, 0, 0}, {0, 0, 1}, 0, friction}; }
+
+// Grains on a jittered lattice of nx ny nz places, from the floor up.
+System heap(int nx, int ny, int nz, std::uint64_t seed, double friction = 0.5) {
+  System s = empty_system(friction);
+  s.walls.push_back(floor_with(friction));
+  s.walls.push_back({Wall::Kind::cylinder, {0, 0, 0}, {0, 0, 1}, 0.0165 * (nx + 1), friction});
+  detect::SplitMix64 random(seed);
+  for (int z = 0; z < nz; z++)
+    for (int y = 0; y < ny; y++)
+      for (int x = 0; x < nx; x++) {
+        const double r = 0.008 + 0.002 * random.unit();
+        const Vec3 at{0.021 * (x - 0.5 * nx) + 1e-4 * random.unit(),
+                      0.021 * (y - 0.5 * ny) + 1e-4 * random.unit(), 0.012 + 0.021 * z};
+        add_grain(s, at, r, 2500, {0, 0, -1});
+      }
+  s.step = step_limits(s).chosen;
+  return s;
+}
+
+void expect_same_bits(const Stepper& a, const Stepper& b) {
+  const Snapshot x = a.snapshot(), y = b.snapshot();
+  ASSERT_EQ(x.steps, y.steps);
+  ASSERT_TRUE(x.position == y.position) << "positions differ";
+  ASSERT_TRUE(x.velocity == y.velocity) << "velocities differ";
+  ASSERT_TRUE(x.momentum == y.momentum) << "angular momenta differ";
+  ASSERT_TRUE(x.orientation == y.orientation) << "orientations differ";
+  ASSERT_EQ(x.contacts.size(), y.contacts.size());
+  for (std::size_t k = 0; k < x.contacts.size(); k++) ASSERT_EQ(x.contacts[k].spring, y.contacts[k].spring);
+}
+
+// A shape of `n` spheres in a row along x, and its mass.
+Mass rod(System& s, int n, double radius, double spacing, double density) {
+  std::vector<detect::Sphere> spheres;
+  Mass mass;
+  const double one = density * 4 / 3 * kPi * radius * radius * radius;
+  for (int k = 0; k < n; k++) {
+    const double x = spacing * (k - 0.5 * (n - 1));
+    spheres.push_back({x, 0, 0, radius});
+    mass.mass += one;
+    const double own = 0.4 * one * radius * radius;
+    mass.moments.x += own, mass.moments.y += own + one * x * x, mass.moments.z += own + one * x * x;
+  }
+  s.shapes.push_back(spheres);
+  return mass;
+}
+
+// A ball meets the floor with speed v. It leaves with e v, without damping after pi / omega_0, and its
+// deepest point is v / omega_0 exp(-b atan(sqrt(1 - b^2) / b) / sqrt(1 - b^2)).
+TEST(SettleTest, ABallBouncesAsTheClosedFormSays) {
+  for (const double restitution : {1.0, 0.8, 0.3}) {
+    System s = empty_system(0.5, restitution);
+    s.gravity = {};
+    s.walls.push_back(floor_with(0.5));
+    const double speed = 0.7;
+    add_grain(s, {0, 0, 0.0101}, 0.01, 2500, {0, 0, -speed});
+    s.step = step_limits(s).chosen / 40;
+    const double omega = std::sqrt(s.law.stiffness * s.inverse_mass[0]), b = s.law.damping_ratio;
+    const double damped = std::sqrt(1 - b * b);
+    const double deepest = speed / omega * (b > 0 ? std::exp(-b * std::atan2(damped, b) / damped) : 1);
+    Stepper stepper(s);
+    double most = 0;
+    std::uint64_t touching = 0;
+    while (stepper.system().velocity[0].z <= 0 || stepper.contacts() > 0) {
+      stepper.step();
+      touching += stepper.contacts();
+      most = std::max(most, stepper.watch().deepest);
+      ASSERT_LT(stepper.steps(), 1000000u);
+    }
+    EXPECT_NEAR(most, deepest, 0.003 * deepest) << restitution;
+    EXPECT_NEAR(stepper.system().velocity[0].z, restitution * speed, 0.01 * speed) << restitution;
+    if (restitution == 1) {
+      EXPECT_NEAR(static_cast<double>(touching) * s.step, kPi / omega, 0.02 * kPi / omega);
+    }
+  }
+}
+
+TEST(SettleTest, ABallFallsAsGalileiSays) {
+  System s = empty_system();
+  add_grain(s, {0, 0, 10}, 0.01, 2500, {1, 0, 2});
+  s.step = 1e-4;
+  Stepper stepper(s);
+  for (int k = 0; k < 10000; k++) stepper.step();
+  EXPECT_NEAR(stepper.system().position[0].x, 1, 1e-9);
+  EXPECT_NEAR(stepper.system().position[0].z, 10 + 2 - 9.81 / 2,
+              9.81 * s.step);  // leapfrog: half a step of speed
+}
+
+// A flat body of four spheres on an incline: it holds below the angle of friction and slips above, where it
+// gains the speed g (sin a - mu cos a) t.
+TEST(SettleTest, ABlockOnASlopeSlipsAtItsAngleOfFriction) {
+  const double mu = 0.5, slip = std::atan(mu);
+  for (const double angle : {slip - 0.02, slip + 0.02, slip + 0.2}) {
+    System s = empty_system(mu, 0.3);
+    s.gravity = {9.81 * std::sin(angle), 0, -9.81 * std::cos(angle)};
+    s.walls.push_back(floor_with(mu));
+    std::vector<detect::Sphere> block;
+    for (const double x : {-0.05, 0.05})
+      for (const double y : {-0.05, 0.05}) block.push_back({x, y, 0, 0.01});
+    s.shapes.push_back(block);
+    add_body(s, 0, {0.5, {2e-3, 2e-3, 3e-3}}, {0, 0, 0.01}, {});
+    s.step = step_limits(s).chosen;
+    Stepper stepper(s);
+    while (stepper.time() < 0.5) stepper.step();
+    const double gained = std::max(0.0, 9.81 * (std::sin(angle) - mu * std::cos(angle)) * stepper.time());
+    EXPECT_NEAR(stepper.system().velocity[0].x, gained, 0.01 * gained + 5e-3) << angle;
+  }
+}
+
+TEST(SettleTest, AFreePairKeepsItsMomentumToRounding) {
+  System s = empty_system();
+  s.gravity = {};
+  const Mass mass = rod(s, 3, 0.01, 0.015, 2500);
+  add_body(s, 0, mass, {0, 0.004, 0.05}, turned({}, {0.3, 0.2, 0.5}));
+  add_grain(s, {0.005, 0, 0}, 0.012, 2500, {0.1, 0.2, 2});
+  s.step = step_limits(s).chosen;
+  Stepper stepper(s);
+  const auto total = [&] {
+    const System& t = stepper.system();
+    Vec3 p, l;
+    for (std::size_t m = 0; m < t.movers(); m++) {
+      const Vec3 q = (1 / t.inverse_mass[m]) * t.velocity[m];
+      p = p + q, l = l + t.momentum[m] + cross(t.position[m], q);
+    }
+    return std::pair{p, l};
+  };
+  const auto [p0, l0] = total();
+  std::uint64_t contacts = 0;
+  while (stepper.time() < 0.1) stepper.step(), contacts += stepper.contacts();
+  ASSERT_GT(contacts, 0u);
+  const auto [p, l] = total();
+  EXPECT_LT(length(p - p0), 1e-14 * length(p0));
+  EXPECT_LT(length(l - l0), 1e-11 * length(l0) + 1e-15);
+  EXPECT_GT(length(stepper.system().momentum[0]), 0);
+}
+
+// Euler's equations of a free symmetric rod: the spin precesses about the axis of the rod, in the rod's
+// frame, at (1 - I_x / I_y) times its axial part; the angular momentum is constant by construction, the
+// energy is what the scheme must keep. Beside them an integration of the equations by Runge and Kutta.
+TEST(SettleTest, AFreeRodOfSpheresTurnsAsEulersEquationsSay) {
+  System s = empty_system();
+  s.gravity = {};
+  Mass mass = rod(s, 4, 0.01, 0.018, 2500);
+  mass.moments.z *= 1.3;  // no symmetry
+  add_body(s, 0, mass, {}, {});
+  const Vec3 spin{20, 3, 10};
+  s.spin[0] = spin;
+  s.momentum[0] = {mass.moments.x * spin.x, mass.moments.y * spin.y, mass.moments.z * spin.z};
+  s.step = step_limits(s).chosen;
+  Stepper stepper(s);
+  Vec3 w = spin;  // in the rod's frame
+  const Vec3 i = mass.moments;
+  const auto rate = [&](const Vec3& v) {
+    return Vec3{(i.y - i.z) / i.x * v.y * v.z, (i.z - i.x) / i.y * v.z * v.x, (i.x - i.y) / i.z * v.x * v.y};
+  };
+  const double energy = stepper.watch().kinetic;
+  while (stepper.time() < 1) {
+    stepper.step();
+    const double h = s.step;
+    const Vec3 a = rate(w), b = rate(w + 0.5 * h * a), c = rate(w + 0.5 * h * b), d = rate(w + h * c);
+    w = w + (h / 6) * (a + 2 * b + 2 * c + d);
+  }
+  double m[9];
+  matrix_of(stepper.system().orientation[0], m);
+  const Vec3 ours = transposed_times(m, stepper.system().spin[0]);
+  EXPECT_LT(length(ours - w), 1e-4 * length(w));
+  EXPECT_NEAR(stepper.watch().kinetic, energy, 1e-6 * energy);
+}
+
+TEST(SettleTest, APileComesToRestAndItsEnergyOnlyFalls) {
+  System s = heap(6, 6, 6, 5);
+  s.law.stiffness = 2e4, s.law.tangential_stiffness = 4e4 / 7, s.step = step_limits(s).chosen;
+  Stepper stepper(s);
+  double before = stepper.watch().total(), moving = 0;
+  const double first = before, fall = 216 * 2500 * 4 / 3 * kPi * 1e-6 * 9.81 * 0.1;
+  while (stepper.time() < 2) {
+    for (int k = 0; k < 500; k++) stepper.step();
+    const Watch w = stepper.watch();
+    EXPECT_LT(w.total(), before + 1e-4 * fall);
+    before = w.total(), moving = w.kinetic;
+  }
+  EXPECT_LT(before, first);
+  EXPECT_LT(moving, 1e-6 * fall);
+  EXPECT_LT(stepper.watch().deepest_ratio, 0.02);
+  EXPECT_GT(stepper.contacts(), 216u);
+}
+
+// Grains are poured on a disc of grains that are held, and what is too much falls over its edge. What stays
+// lies at the angle of repose. Spheres with friction 0.5 and little or no rolling resistance have 15 to 28
+// degrees (Zhou, Xu, Yu and Zulli, An experimental and numerical study of the angle of repose of coarse
+// spheres, Powder Technology 125, 2002).
+TEST(SettleTest, AHeapHasAnAngleOfReposeInThePublishedRange) {
+  System s = empty_system(0.5, 0.3);
+  s.law.stiffness = 1e4, s.law.tangential_stiffness = 2e4 / 7;
+  const double d = 0.02, disc = 6.5 * d;
+  s.walls.push_back({Wall::Kind::plane, {0, 0, -3 * d}, {0, 0, 1}, 0, 0.5});
+  detect::SplitMix64 random(11);
+  std::size_t held = 0;
+  for (int ring = 0; ring * d <= disc; ring++)
+    for (int k = 0; k < std::max(1, 6 * ring); k++, held++) {
+      const double t = 2 * kPi * k / std::max(1, 6 * ring);
+      add_grain(s, {ring * d * std::cos(t), ring * d * std::sin(t), 0}, 0.5 * d, 2500);
+    }
+  for (std::size_t m = 0; m < held; m++) s.inverse_mass[m] = 0;
+  for (int z = 0; z < 7; z++)
+    for (int y = -5; y <= 5; y++)
+      for (int x = -5; x <= 5; x++)
+        if (x * x + y * y <= 26)
+          add_grain(s,
+                    {1.05 * d * x + 0.02 * d * random.unit(), 1.05 * d * y + 0.02 * d * random.unit(),
+                     d * (1.1 + 1.05 * z)},
+                    d * (0.46 + 0.06 * random.unit()), 2500);
+  s.grain_static.assign(s.grain_radius.size(), 0);
+  std::fill_n(s.grain_static.begin(), held, 1);
+  s.step = step_limits(s).chosen;
+  Stepper stepper(s);
+  while (stepper.time() < 1) stepper.step();
+
+  // The highest grain of each ring, and the line through these points.
+  std::vector<double> top(6, 0);
+  const System& e = stepper.system();
+  for (std::size_t m = held; m < e.movers(); m++) {
+    const auto ring = static_cast<std::size_t>(std::hypot(e.position[m].x, e.position[m].y) / d);
+    if (ring < top.size()) top[ring] = std::max(top[ring], e.position[m].z);
+  }
+  double n = 0, sx = 0, sy = 0, sxx = 0, sxy = 0;
+  for (std::size_t ring = 1; ring < top.size(); ring++) {
+    const double x = (static_cast<double>(ring) + 0.5) * d, y = top[ring];
+    n++, sx += x, sy += y, sxx += x * x, sxy += x * y;
+  }
+  const double angle = std::atan(-(n * sxy - sx * sy) / (n * sxx - sx * sx)) * 180 / kPi;
+  std::printf("angle of repose: %.1f degrees\n", angle);
+  EXPECT_GT(angle, 15);
+  EXPECT_LT(angle, 28);
+  EXPECT_GT(top[1], 2 * d);
+}
+
+TEST(SettleTest, KeptCandidatesThreadsAndTheSkinChangeNoBit) {
+  const System s = heap(10, 10, 10, 7);
+  Stepper every(s, {1, 0}), kept(s, {1, -1}), wide(s, {2, 0.01});
+  for (int k = 0; k < 1000; k++) {
+    every.step(), kept.step(), wide.step();
+    if (k % 10 == 0) {
+      ASSERT_EQ(every.touching_pairs(), kept.touching_pairs()) << k;
+      ASSERT_EQ(every.touching_pairs(), wide.touching_pairs()) << k;
+    }
+    ASSERT_EQ(every.contacts(), kept.contacts()) << k;
+  }
+  expect_same_bits(every, kept), expect_same_bits(every, wide);
+  EXPECT_EQ(every.effort().detections, 1000u);
+  EXPECT_LT(kept.effort().detections, 300u);
+  EXPECT_GT(kept.contacts(), 300u);
+}
+
+TEST(SettleTest, ARunThatIsResumedHasTheBitsOfOneThatIsNot) {
+  System s = empty_system();
+  s.walls.push_back(floor_with(0.5));
+  s.law.stiffness = 1e4, s.law.tangential_stiffness = 2e4 / 7;
+  const Mass mass = rod(s, 3, 0.01, 0.012, 2500);
+  for (int k = 0; k < 30; k++)
+    add_body(s, 0, mass, {0.05 * (k % 3), 0.03 * (k / 3 % 3), 0.02 + 0.025 * (k / 9)},
+             turned({}, {0.1 * k, 0.3, -0.2 * k}));
+  for (int k = 0; k < 50; k++)
+    add_grain(s, {0.02 * (k % 5), 0.02 * (k / 5 % 5), 0.16 + 0.021 * (k / 25)}, 0.009, 2500);
+  for (Vec3& v : s.velocity) v = {0, 0, -1};
+  for (std::uint32_t k = 0; k < 30; k++) s.bodies[k].family = 33 + k;
+  s.step = step_limits(s).chosen;
+  Stepper whole(s), first(s, {1, 0});
+  for (int k = 0; k < 3000; k++) whole.step();
+  for (int k = 0; k < 1700; k++) first.step();
+  Stepper second(s, {2, -1});
+  second.resume(first.snapshot());
+  for (int k = 0; k < 1300; k++) second.step();
+  expect_same_bits(whole, second);
+  EXPECT_GT(whole.contacts(), 10u);
+  EXPECT_GT(whole.snapshot().contacts.size(), 2u);
+}
+
+TEST(SettleTest, WhatCannotBeSteppedIsRefusedInASentence) {
+  const auto refused = [](const System& s, const std::string& part) {
+    try {
+      Stepper stepper(s);
+      for (int k = 0; k < 100; k++) stepper.step();
+      ADD_FAILURE() << "nothing was thrown, wanted: " << part;
+    } catch (const Error& e) {
+      EXPECT_NE(std::string(e.what()).find(part), std::string::npos) << e.what();
+    }
+  };
+  System s = heap(2, 2, 2, 1);
+  s.step = 2 * step_limits(s).longest;
+  refused(s, "is unstable for this stiffness");
+  refused(System{}, "no spheres");
+  System overlap = heap(2, 2, 2, 1);
+  add_grain(overlap, {overlap.position[0].x + 1e-4, overlap.position[0].y, overlap.position[0].z}, 0.01,
+            2500);
+  refused(overlap, "exploded in step 0");
+  System fast = heap(2, 2, 2, 1);
+  fast.velocity[3] = {1e5, 0, 0};
+  refused(fast, "grain 3 has a speed of");
+}
+
+}  // namespace
+}  // namespace padder::settle

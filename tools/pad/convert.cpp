@@ -1,0 +1,68 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "tools/pad/convert.h"
+
+#include <algorithm>
+#include <cstdio>
+
+#include "padding/asset/error.h"
+#include "padding/import/import.h"
+
+namespace padder {
+
+using Json = nlohmann::ordered_json;
+
+namespace {
+
+// Formats that list the spheres of each link in the link's own frame, and place no link.
+bool places_no_link(const Format& format) {
+  const std::string name = format.name;
+  return name == "curobo" || name == "xrdf" || name == "srdf";
+}
+
+void write(const SphereModel& spheres, const OutputFile& file, const ConvertJob& job,
+           std::vector<std::string>& warnings) {
+  const Model& model = spheres.model;
+  const std::string input = job.input.string();
+  if (!file.format) {
+    if (model.bodies.size() > 1)
+      throw Error(input + " holds " + std::to_string(model.bodies.size()) +
+                  " parts, and a .spheres.json is one: write .npz, .vtp or .yaml");
+    write_cluster(model.bodies[0].cluster, file.path);
+    return;
+  }
+  if (spheres.links && !places_no_link(*file.format))
+    throw Error(input + " says which spheres each of its " + std::to_string(model.bodies.size()) +
+                " links has, but not where the links are, as " + file.path.string() +
+                " must: convert the robot's URDF with the spheres, or write .yaml, .xrdf or .srdf");
+  for (auto& sentence : write_model(model, file.path, *file.format, job.exporting))
+    warnings.push_back(std::move(sentence));
+}
+
+}  // namespace
+
+Json run_convert(const ConvertJob& job) {
+  SphereModel spheres = read_sphere_model(job.input);
+  Model& model = spheres.model;
+  if (job.scale != 1 || !job.unit.empty())
+    model = scaled(std::move(model), job.scale, job.unit.empty() ? model.unit : job.unit);
+  for (Body& body : model.bodies) {
+    if (job.family != 0) body.cluster.family = job.family;
+    if (job.mask != 0) body.cluster.mask = job.mask;
+  }
+  std::vector<std::string> warnings;
+  Json outputs = Json::array();
+  for (const OutputFile& file : job.outputs) {
+    write(spheres, file, job, warnings);
+    outputs.push_back(file.path.string());
+  }
+  return {{"input", job.input.string()},  {"output", outputs[0]},       {"outputs", outputs},
+          {"parts", model.bodies.size()}, {"spheres", model.spheres()}, {"warnings", warnings}};
+}
+
+void print_convert(const Json& report) {
+  std::printf("%s: %zu spheres, as they are\n", report["input"].get<std::string>().c_str(),
+              report["spheres"].get<std::size_t>());
+  for (const Json& output : report["outputs"]) std::printf("  wrote %s\n", output.get<std::string>().c_str());
+}
+
+}  // namespace padder

@@ -1,0 +1,288 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// settle: the detector inside a stepper. Arguments and printing only; the work is in tools/settle/.
+#include <unistd.h>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <iostream>
+#include <nlohmann/json.hpp>
+#include <optional>
+
+#include "padding/asset/error.h"
+#include "padding/asset/file.h"
+#include "tools/arguments.h"
+#include "tools/cli.h"
+#include "tools/json_output.h"
+#include "tools/settle/files.h"
+#include "tools/settle/make_scene.h"
+#include "tools/settle/page.h"
+#include "tools/settle/read_scene.h"
+
+namespace {
+
+using Json = nlohmann::ordered_json;
+namespace fs = std::filesystem;
+
+using padder::cli::UsageError;
+using padder::settle::Stepper;
+using padder::settle::Watch;
+
+struct Arguments {
+  std::string scene, output, checkpoint, resume, make, cluster;
+  std::uint64_t steps = 0, frames = 0, count = 2000, seed = 1;
+  double skin = -1;
+  int threads = 0;
+  bool until_rest = false, json = false, quiet = false;
+};
+
+void declare(CLI::App& app, Arguments& a) {
+  using padder::cli::whole;
+  app.add_option("SCENE", a.scene, "a scene (.json) with an object \"settle\": docs/settle.md");
+  app.add_option("-o", a.output,
+                 "frames: .html for a page that plays, .npz or .vtp for NAME_0000 and so on; with --make the "
+                 "scene")
+      ->type_name("FILE");
+  app.add_option("--frames", a.frames, "how many frames (default: 100 for a page, else the last state alone)")
+      ->check(whole())
+      ->type_name("N");
+  app.add_option("--steps", a.steps, "steps to take (default: the scene's duration)")
+      ->check(whole())
+      ->type_name("N");
+  app.add_flag("--until-rest", a.until_rest,
+               "end as soon as everything is at rest; the duration is the most that it may take");
+  app.add_option("--checkpoint", a.checkpoint, "write the state with each frame and at the end (.npz)")
+      ->type_name("FILE");
+  app.add_option("--resume", a.resume, "begin with the state of such a file; the bits are those of one run")
+      ->type_name("FILE");
+  app.add_option("--threads", a.threads, "threads (default: all, if the scene is large enough)")
+      ->check(whole())
+      ->check(CLI::Range(0, padder::cli::kMostThreads))
+      ->type_name("N");
+  app.add_option("--skin", a.skin,
+                 "keep candidates while nothing has moved half of this length; 0: detect in every step "
+                 "(default: chosen; the motion is the same)")
+      ->check(padder::cli::decimal())
+      ->check(CLI::NonNegativeNumber)
+      ->type_name("X");
+  app.add_option("--make", a.make, "write a scene instead of settling one: silo, ball or track")
+      ->check(CLI::IsMember(padder::settle::scene_makers()))
+      ->type_name("NAME");
+  app.add_option("--count", a.count, "--make: grains of the silo and the track, bodies of the ball")
+      ->check(whole())
+      ->check(CLI::Range(std::uint64_t(1), std::uint64_t(100000000)))
+      ->capture_default_str()
+      ->type_name("N");
+  app.add_option("--cluster", a.cluster, "--make: the padded part of the ball's bodies or the track's shoes")
+      ->type_name("FILE");
+  app.add_option("--seed", a.seed, "--make: of the random numbers")
+      ->check(whole())
+      ->capture_default_str()
+      ->type_name("N");
+  app.add_flag("--json", a.json, "print one JSON document on stdout");
+  app.add_flag("-q", a.quiet, "print nothing but errors");
+  app.set_version_flag("--version", "settle (padder) " PADDER_VERSION);
+}
+
+void check(const Arguments& a) {
+  const std::string ending = fs::path(a.output).extension().string();
+  if (!a.make.empty()) {
+    if (!a.scene.empty())
+      throw UsageError("--make writes a scene and settles none: leave " + a.scene + " out");
+    if (ending != ".json") throw UsageError("--make writes a scene: name it with -o FILE.json");
+    return;
+  }
+  if (a.scene.empty()) throw UsageError("a scene is wanted");
+  if (!a.output.empty() && ending != ".html" && ending != ".npz" && ending != ".vtp")
+    throw UsageError("cannot tell what to write to " + a.output + ": end it with .html, .npz or .vtp");
+  if (!a.checkpoint.empty() && fs::path(a.checkpoint).extension() != ".npz")
+    throw UsageError("a checkpoint ends with .npz, and " + a.checkpoint + " does not");
+}
+
+// Watches a run from outside: the energy must not grow, unless somebody drives a body.
+class EnergyGuard {
+ public:
+  explicit EnergyGuard(Stepper& stepper) : stepper_(stepper), last_(stepper.watch()) {
+    for (const auto d : stepper.system().driven) driven_ |= d != 0;
+  }
+  Watch check() {
+    const Watch now = stepper_.watch();
+    motion_ = std::max({motion_, now.kinetic + now.elastic, last_.kinetic + last_.elastic});
+    const double gain = now.total() - last_.total();
+    if (!driven_ && !(gain <= 0.1 * motion_))
+      throw padder::Error("the energy grew by " + std::to_string(gain) + " until step " +
+                          std::to_string(stepper_.steps()) +
+                          ", which no such scene can do: use a shorter time step");
+    if (now.total() < last_.total() || driven_) last_ = now;
+    return now;
+  }
+  bool driven() const { return driven_; }
+
+ private:
+  Stepper& stepper_;
+  Watch last_;
+  double motion_ = 0;
+  bool driven_ = false;
+};
+
+// At rest: nothing is faster than what falls a thousandth of the mean radius.
+bool at_rest(const Stepper& stepper, const Watch& w) {
+  const auto& s = stepper.system();
+  double mean = 0;
+  for (std::uint64_t k = 0; k < s.spheres(); k++) mean += s.radius_of(k) / static_cast<double>(s.spheres());
+  return stepper.contacts() > 0 && w.fastest * w.fastest < 2e-3 * length(s.gravity) * mean;
+}
+
+Json report_of(const Stepper& stepper, const Watch& w, double first_energy, bool rest) {
+  const auto& s = stepper.system();
+  const auto& e = stepper.effort();
+  char hash[17];
+  std::snprintf(hash, sizeof hash, "%016llx", (unsigned long long)padder::settle::state_hash(stepper));
+  return {
+      {"spheres", s.spheres()},
+      {"bodies", s.bodies.size()},
+      {"grains", s.grain_radius.size()},
+      {"steps", stepper.steps()},
+      {"time", stepper.time()},
+      {"time_step", s.step},
+      {"stiffness", s.law.stiffness},
+      {"contacts", stepper.contacts()},
+      {"at_rest", rest},
+      {"energy",
+       {{"first", first_energy}, {"kinetic", w.kinetic}, {"potential", w.potential}, {"elastic", w.elastic}}},
+      {"momentum", {w.momentum.x, w.momentum.y, w.momentum.z}},
+      {"fastest", w.fastest},
+      {"penetration", w.deepest},
+      {"penetration_ratio", w.deepest_ratio},
+      {"state", hash},
+      {"detections", e.detections},
+      {"candidates", e.candidates},
+      {"skin", e.skin},
+      {"seconds", {{"total", e.seconds}, {"detection", e.detection_seconds}}}};
+}
+
+void print(const Json& r) {
+  const double seconds = r["seconds"]["total"], detection = r["seconds"]["detection"];
+  const double steps = r["steps"];
+  std::printf("%llu spheres (%llu bodies, %llu grains), %.0f steps of %.3g: time %.4g\n",
+              r["spheres"].get<unsigned long long>(), r["bodies"].get<unsigned long long>(),
+              r["grains"].get<unsigned long long>(), steps, r["time_step"].get<double>(),
+              r["time"].get<double>());
+  std::printf("%llu contacts; fastest %.3g; deepest penetration %.2g of a radius; kinetic energy %.3g%s\n",
+              r["contacts"].get<unsigned long long>(), r["fastest"].get<double>(),
+              r["penetration_ratio"].get<double>(), r["energy"]["kinetic"].get<double>(),
+              r["at_rest"].get<bool>() ? "; at rest" : "");
+  std::printf("%.2f s, of which %.2f s in %llu detections; state %s\n", seconds, detection,
+              r["detections"].get<unsigned long long>(), r["state"].get<std::string>().c_str());
+}
+
+// Where the frames of a run go.
+class Frames {
+ public:
+  Frames(const Arguments& a, const padder::settle::SettleScene& scene) : a_(a), title_(scene.name) {}
+  void take(Stepper& stepper) {
+    if (!a_.checkpoint.empty()) padder::settle::write_checkpoint(stepper, a_.checkpoint);
+    if (a_.output.empty()) return;
+    stepper.place();
+    if (page())
+      movie_.add(stepper);
+    else
+      padder::settle::write_frame(stepper, padder::settle::frame_path(a_.output, number_));
+    number_++;
+  }
+  void finish(const Stepper& stepper) const {
+    if (page()) movie_.write(title_, stepper.system(), a_.output);
+  }
+  bool page() const { return a_.output.ends_with(".html"); }
+  std::uint64_t number() const { return number_; }
+
+ private:
+  const Arguments& a_;
+  std::string title_;
+  padder::settle::Movie movie_;
+  std::uint64_t number_ = 0;
+};
+
+void show_progress(const Stepper& stepper, std::uint64_t last, bool end) {
+  static double shown = 0;
+  const double now = stepper.effort().seconds;
+  if (!isatty(2) || (!end && now < shown + 0.5)) return;
+  shown = now;
+  std::fprintf(stderr, "\rsettle: step %llu of %llu, time %.4g, %llu contacts %s",
+               (unsigned long long)stepper.steps(), (unsigned long long)last, stepper.time(),
+               (unsigned long long)stepper.contacts(), end ? "\n" : "");
+}
+
+int settle(const Arguments& a) {
+  padder::settle::SettleScene scene = padder::settle::read_settle_scene(a.scene);
+  Stepper stepper(scene.system, {a.threads, a.skin});
+  if (!a.resume.empty()) padder::settle::read_checkpoint(stepper, a.resume);
+  const double whole = std::ceil(scene.duration / scene.system.step - 1e-9);
+  if (!(whole < 1e15)) throw padder::Error("the duration is more than 10^15 steps long: give --steps");
+  const std::uint64_t last = a.steps ? stepper.steps() + a.steps : static_cast<std::uint64_t>(whole);
+  Frames frames(a, scene);
+  const std::uint64_t wanted = a.frames ? a.frames : frames.page() ? 100 : 1;
+  const std::uint64_t todo = last > stepper.steps() ? last - stepper.steps() : 0;
+  // A look at the energies at least every hundredth of the run.
+  const std::uint64_t between =
+      std::max<std::uint64_t>(1, todo / std::max<std::uint64_t>(wanted > 1 ? wanted - 1 : 1, 100));
+  const double per_frame = static_cast<double>(todo) / static_cast<double>(wanted > 1 ? wanted - 1 : 1);
+  EnergyGuard guard(stepper);
+  Watch w = guard.check();
+  const double first_energy = w.total();
+  bool rest = false;
+  const std::uint64_t begun = stepper.steps();
+  if (wanted > 1) frames.take(stepper);
+  std::uint64_t taken = 1;
+  while (stepper.steps() < last && !(rest && a.until_rest)) {
+    stepper.step();
+    const std::uint64_t done = stepper.steps() - begun;
+    if (done % between == 0)
+      w = guard.check(), rest = at_rest(stepper, w), show_progress(stepper, last, false);
+    if (wanted > 1 && static_cast<double>(done) >= per_frame * static_cast<double>(taken) - 1e-9 &&
+        stepper.steps() < last)
+      frames.take(stepper), taken++;
+  }
+  w = guard.check(), rest = at_rest(stepper, w);
+  frames.take(stepper), frames.finish(stepper);
+  if (!a.quiet) show_progress(stepper, last, true);
+  Json report = report_of(stepper, w, first_energy, rest);
+  if (!a.output.empty()) report["frames"] = frames.number(), report["output"] = a.output;
+  if (a.json)
+    std::cout << report.dump(2) << std::endl;
+  else if (!a.quiet)
+    print(report);
+  return 0;
+}
+
+int run(const Arguments& a) {
+  check(a);
+  if (a.make.empty()) return settle(a);
+  const fs::path folder = fs::path(a.output).parent_path();
+  padder::write_file(a.output, padder::settle::make_scene(a.make, {a.count, a.cluster, a.seed}, folder));
+  if (a.json)
+    std::cout << Json{{"scene", a.make}, {"output", a.output}, {"count", a.count}, {"seed", a.seed}}.dump(2)
+              << std::endl;
+  else if (!a.quiet)
+    std::printf("wrote %s\n", a.output.c_str());
+  return 0;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app(
+      "Examples:\n"
+      "  settle --make silo --count 2000 -o silo.json            a scene: grains in a cylinder\n"
+      "  settle silo.json -o silo.html                           settled, as a page that plays\n"
+      "  settle silo.json --until-rest --checkpoint rest.npz     its state at rest, to go on from\n"
+      "  settle silo.json --resume rest.npz --steps 1000 --json  goes on\n\n"
+      "Moves grains and padded bodies by springs, dashpots and friction where the detector finds contacts.\n",
+      "settle");
+  Arguments arguments;
+  declare(app, arguments);
+  return padder::cli::run(
+      app, argc, argv, [&] { return run(arguments); },
+      [&](const std::string& error) {
+        if (arguments.json) padder::cli::print_failure(arguments.scene, error);
+      });
+}

@@ -1,0 +1,218 @@
+// SPDX-License-Identifier: MIT
+#include "tools/settle/files.h"
+
+#include <cstring>
+#include <span>
+
+#include "padding/asset/error.h"
+#include "padding/asset/file.h"
+#include "padding/asset/npz.h"
+#include "padding/asset/vtp.h"
+
+namespace padder::settle {
+namespace {
+
+// Hashes numbers by their bits, in order.
+class Hash {
+ public:
+  template <class T>
+  void add(std::span<const T> values) {
+    static_assert(std::is_trivially_copyable_v<T> && sizeof(T) % 8 == 0);
+    for (const T& v : values) {
+      std::uint64_t words[sizeof(T) / 8];
+      std::memcpy(words, &v, sizeof v);
+      for (const std::uint64_t w : words) state_ = detect::mixed(state_ ^ w);
+    }
+  }
+  template <class T>
+  void add(const std::vector<T>& values) {
+    add(std::span<const T>(values));
+  }
+  void add(double value) { add(std::span<const double>(&value, 1)); }
+  std::uint64_t value() const { return state_; }
+
+ private:
+  std::uint64_t state_ = 0;
+};
+
+std::uint32_t mover_of(const System& s, std::uint64_t sphere) { return s.mover_of(sphere); }
+
+// Of each sphere its own velocity: that of its mover, and what its spin adds.
+std::vector<Vec3> sphere_velocities(const Stepper& stepper) {
+  const System& s = stepper.system();
+  std::vector<Vec3> out;
+  for (std::uint64_t k = 0; k < s.spheres(); k++) {
+    const std::uint32_t m = mover_of(s, k);
+    const detect::Sphere& p = stepper.placed()[k];
+    out.push_back(s.velocity[m] + cross(s.spin[m], Vec3{p.x, p.y, p.z} - s.position[m]));
+  }
+  return out;
+}
+
+void write_npz(const Stepper& stepper, const std::filesystem::path& path) {
+  const System& s = stepper.system();
+  const std::uint64_t n = s.spheres();
+  std::vector<double> centers, radii;
+  std::vector<std::uint32_t> family, mover;
+  for (std::uint64_t k = 0; k < n; k++) {
+    const detect::Sphere& p = stepper.placed()[k];
+    centers.insert(centers.end(), {p.x, p.y, p.z}), radii.push_back(p.r);
+    mover.push_back(mover_of(s, k));
+    // 33 and more: no mask names them.
+    family.push_back(mover.back() < s.bodies.size() ? 33 + mover.back() : 0);
+  }
+  const std::vector<Vec3> velocities = sphere_velocities(stepper);
+  const double time = stepper.time();
+  Npz arrays;
+  arrays["centers"] = npy_array(centers.data(), {n, 3});
+  arrays["radii"] = npy_array(radii.data(), {n});
+  arrays["family"] = npy_array(family.data(), {n});
+  arrays["mover"] = npy_array(mover.data(), {n});
+  arrays["velocities"] = npy_array(&velocities.data()->x, {n, 3});
+  arrays["time"] = npy_array(&time, {1});
+  write_file(path, npz_bytes(arrays));
+}
+
+void write_vtp(const Stepper& stepper, const std::filesystem::path& path) {
+  const System& s = stepper.system();
+  const std::uint64_t n = s.spheres();
+  std::vector<double> centers, radii;
+  std::vector<std::uint32_t> mover;
+  for (std::uint64_t k = 0; k < n; k++) {
+    const detect::Sphere& p = stepper.placed()[k];
+    centers.insert(centers.end(), {p.x, p.y, p.z}), radii.push_back(p.r), mover.push_back(mover_of(s, k));
+  }
+  FileWriter file(path);
+  VtpWriter writer(n, {{"radius", 'f', 8, 1}, {"mover", 'u', 4, 1}, {"velocity", 'f', 8, 3}},
+                   [&](std::uint64_t at, std::string_view bytes) { file.write_at(at, bytes); });
+  writer.append(0, radii), writer.append(1, mover), writer.append(2, sphere_velocities(stepper));
+  writer.append(writer.positions(), centers);
+  writer.finish(), file.commit();
+}
+
+NpyArray of(const std::vector<Vec3>& v) {
+  return npy_array(v.empty() ? nullptr : &v.data()->x, {v.size(), 3});
+}
+
+// Springs as rows i, j, x, y, z: in double, which holds every number of 32 bits.
+NpyArray of(const std::vector<SpringMemory>& springs) {
+  std::vector<double> rows;
+  for (const SpringMemory& m : springs)
+    rows.insert(rows.end(), {double(m.i), double(m.j), m.spring.x, m.spring.y, m.spring.z});
+  return npy_array(rows.data(), {springs.size(), 5});
+}
+
+const NpyArray& array_in(const Npz& arrays, const char* name, std::uint64_t columns,
+                         const std::string& where) {
+  const auto found = arrays.find(name);
+  if (found == arrays.end() || found->second.kind != 'f' || found->second.size != 8 ||
+      found->second.shape.size() != 2 || found->second.shape[1] != columns)
+    throw Error(where + ": the array \"" + name +
+                "\" is missing or has another form: this is no checkpoint of settle");
+  return found->second;
+}
+
+template <class T>
+std::vector<T> rows_of(const NpyArray& a) {
+  std::vector<T> out(a.shape[0]);
+  if (!out.empty()) std::memcpy(out.data(), a.bytes.data(), out.size() * sizeof(T));
+  return out;
+}
+
+std::vector<SpringMemory> springs_of(const NpyArray& a) {
+  const std::vector<double> rows = a.as<double>();
+  std::vector<SpringMemory> out;
+  const auto number = [](double v) {
+    return v >= 0 && v < 4294967295.0 ? static_cast<std::uint32_t>(v) : 0xffffffffu;
+  };
+  for (std::size_t k = 0; k + 5 <= rows.size(); k += 5)
+    out.push_back({number(rows[k]), number(rows[k + 1]), {rows[k + 2], rows[k + 3], rows[k + 4]}});
+  return out;
+}
+
+// 64 bits as two numbers of 32, which a double holds.
+std::vector<double> halves(std::uint64_t v) { return {double(v >> 32), double(v & 0xffffffffu)}; }
+
+}  // namespace
+
+std::filesystem::path frame_path(const std::filesystem::path& path, std::uint64_t number) {
+  char digits[24];
+  std::snprintf(digits, sizeof digits, "_%04llu", (unsigned long long)number);
+  return path.parent_path() / (path.stem().string() + digits + path.extension().string());
+}
+
+void write_frame(const Stepper& stepper, const std::filesystem::path& path) {
+  if (path.extension() == ".npz")
+    write_npz(stepper, path);
+  else if (path.extension() == ".vtp")
+    write_vtp(stepper, path);
+  else
+    throw Error("cannot tell what to write to " + path.string() + ": frames end with .npz or .vtp");
+}
+
+std::uint64_t fingerprint(const System& s) {
+  Hash h;
+  for (const auto& shape : s.shapes) h.add(shape);
+  for (const detect::Body& b : s.bodies)
+    h.add(double(b.shape)), h.add(double(b.family)), h.add(double(b.mask));
+  h.add(s.inverse_mass), h.add(s.inverse_inertia), h.add(s.grain_radius), h.add(s.gravity.x),
+      h.add(s.gravity.y);
+  h.add(s.gravity.z), h.add(s.step), h.add(s.law.stiffness), h.add(s.law.tangential_stiffness);
+  h.add(s.law.damping_ratio), h.add(s.law.friction);
+  for (const Wall& w : s.walls) {
+    h.add(std::span<const Vec3>(&w.point, 1)), h.add(std::span<const Vec3>(&w.direction, 1));
+    h.add(w.radius), h.add(w.friction), h.add(double(w.kind));
+  }
+  for (const Bushing& u : s.bushings) {
+    h.add(double(u.a)), h.add(double(u.b)), h.add(u.stiffness), h.add(u.damping);
+    h.add(std::span<const Vec3>(&u.on_a, 1)), h.add(std::span<const Vec3>(&u.on_b, 1));
+  }
+  return h.value();
+}
+
+std::uint64_t state_hash(const Stepper& stepper) {
+  const Snapshot s = stepper.snapshot();
+  Hash h;
+  h.add(double(s.steps)), h.add(s.position), h.add(s.velocity), h.add(s.momentum), h.add(s.spin),
+      h.add(s.orientation);
+  for (const auto* list : {&s.contacts, &s.walls})
+    for (const SpringMemory& m : *list) {
+      h.add(double(m.i)), h.add(double(m.j)), h.add(std::span<const Vec3>(&m.spring, 1));
+    }
+  return h.value();
+}
+
+void write_checkpoint(const Stepper& stepper, const std::filesystem::path& path) {
+  const Snapshot s = stepper.snapshot();
+  const std::vector<double> scene = halves(fingerprint(stepper.system())), steps = halves(s.steps);
+  Npz arrays;
+  arrays["scene"] = npy_array(scene.data(), {1, 2}), arrays["steps"] = npy_array(steps.data(), {1, 2});
+  arrays["position"] = of(s.position), arrays["velocity"] = of(s.velocity);
+  arrays["momentum"] = of(s.momentum), arrays["spin"] = of(s.spin);
+  arrays["orientation"] =
+      npy_array(s.orientation.empty() ? nullptr : &s.orientation.data()->w, {s.orientation.size(), 4});
+  arrays["contacts"] = of(s.contacts), arrays["walls"] = of(s.walls);
+  write_file(path, npz_bytes(arrays));
+}
+
+void read_checkpoint(Stepper& stepper, const std::filesystem::path& path) {
+  const std::string where = path.string();
+  const Npz arrays = npz_from_bytes(read_file(path), where);
+  const auto pair_of = [&](const char* name) { return array_in(arrays, name, 2, where).as<double>(); };
+  if (pair_of("scene") != halves(fingerprint(stepper.system())))
+    throw Error(
+        where +
+        ": the checkpoint is of another scene: resume it with the scene and the time step that wrote it");
+  Snapshot s;
+  const std::vector<double> steps = pair_of("steps");
+  s.steps = static_cast<std::uint64_t>(steps.at(0)) << 32 | static_cast<std::uint64_t>(steps.at(1));
+  const auto vectors = [&](const char* name) { return rows_of<Vec3>(array_in(arrays, name, 3, where)); };
+  s.position = vectors("position"), s.velocity = vectors("velocity");
+  s.momentum = vectors("momentum"), s.spin = vectors("spin");
+  s.orientation = rows_of<Quaternion>(array_in(arrays, "orientation", 4, where));
+  s.contacts = springs_of(array_in(arrays, "contacts", 5, where));
+  s.walls = springs_of(array_in(arrays, "walls", 5, where));
+  stepper.resume(s);
+}
+
+}  // namespace padder::settle

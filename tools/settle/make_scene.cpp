@@ -1,0 +1,190 @@
+// SPDX-License-Identifier: MIT
+#include "tools/settle/make_scene.h"
+
+#include <algorithm>
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <numbers>
+
+#include "detect/scene/generate.h"
+#include "padding/asset/cluster.h"
+#include "padding/asset/error.h"
+
+namespace padder::settle {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+constexpr double kPi = std::numbers::pi;
+
+Json start(const std::string& name) {
+  return {{"format", "padder.scene"}, {"version", 1}, {"name", name}, {"unit", "m"}};
+}
+
+// The number without the digits that nobody needs, so that a scene can be read.
+double rounded(double v) { return std::round(v * 1e9) / 1e9; }
+
+Json place(double x, double y, double z) { return {rounded(x), rounded(y), rounded(z)}; }
+
+Json floor_at(double z) { return {{{"point", {0, 0, z}}, {"normal", {0, 0, 1}}}}; }
+
+// Grains stand on a lattice that is looser than they will be: the cylinder is higher than they fill it.
+Json silo(const MakeOptions& o) {
+  Json scene = start("silo");
+  const double radius = silo_radius(o.count), top = 2 * kSiloHeight + 1;
+  scene["settle"] = {{"material", {{"density", 2500}, {"friction", 0.3}, {"restitution", 0.3}}},
+                     {"seed", o.seed},
+                     {"duration", 1.5},
+                     {"planes", floor_at(0)},
+                     {"cylinder", {{"point", {0, 0, 0}}, {"axis", {0, 0, 1}}, {"radius", rounded(radius)}}},
+                     {"grains",
+                      {{{"count", o.count},
+                        {"radius", kSiloGrain},
+                        {"low", place(-radius, -radius, 0)},
+                        {"high", place(radius, radius, top)}}}}};
+  return scene;
+}
+
+struct Part {
+  Cluster cluster;
+  Box box;
+  double volume = 0;
+};
+Part part_of(const MakeOptions& o, const char* hint) {
+  if (o.cluster.empty())
+    throw Error(std::string("this scene is made of a padded part: name it with --cluster (") + hint + ")");
+  Part p{read_cluster(o.cluster), {}, 0};
+  if (p.cluster.unit != "m" && !p.cluster.unit.empty())
+    throw Error(o.cluster.string() + ": the scene is in metres, and the cluster in " + p.cluster.unit +
+                ": pad it with --unit m");
+  if (!(p.cluster.mass.volume > 0))
+    throw Error(o.cluster.string() + ": the cluster has no mass: pad it from a closed mesh");
+  for (std::size_t k = 0; k < p.cluster.size(); k++) {
+    const Vector r = Vector::Constant(p.cluster.radii[k]);
+    p.box.add(p.cluster.centers[k] - r), p.box.add(p.cluster.centers[k] + r);
+  }
+  p.volume = p.cluster.mass.volume;
+  return p;
+}
+
+// A heavy ball above a bed of padded bodies in a cylinder.
+Json ball(const MakeOptions& o, const std::filesystem::path& folder) {
+  const Part part = part_of(o, "pad assets/grain.obj --unit m");
+  Json scene = start("ball");
+  scene["clusters"] = {
+      {"grain", std::filesystem::relative(o.cluster, folder.empty() ? "." : folder).string()}};
+  const double edge = 1.02 * part.box.diagonal(),
+               n = static_cast<double>(std::max<std::uint64_t>(o.count, 1));
+  // A bed about half as deep as wide.
+  const double radius = std::max(edge * std::cbrt(2 * n / kPi), 2 * edge), ball = 0.3 * radius;
+  detect::SplitMix64 random(o.seed);
+  Json bodies = Json::array();
+  double top = 0;
+  const auto side = static_cast<int>(radius / edge) + 1;
+  for (int z = 0; bodies.size() < o.count; z++)
+    for (int y = -side; y <= side && bodies.size() < o.count; y++)
+      for (int x = -side; x <= side && bodies.size() < o.count; x++) {
+        if (std::hypot(x * edge, y * edge) > radius - edge) continue;
+        double q[4], length = 0;
+        for (double& v : q) v = random.signed_unit(), length += v * v;
+        Json turn = Json::array();
+        for (const double v : q) turn.push_back(rounded(v / std::sqrt(length)));
+        top = (z + 1) * edge;
+        bodies.push_back({{"cluster", "grain"},
+                          {"position", place(x * edge, y * edge, (z + 0.6) * edge)},
+                          {"quaternion", turn}});
+      }
+  scene["bodies"] = std::move(bodies);
+  scene["spheres"] = {{{"centers", {place(0, 0, top + ball + edge)}}, {"radii", rounded(ball)}}};
+  scene["settle"] = {{"material", {{"density", 2500}, {"friction", 0.5}, {"restitution", 0.3}}},
+                     {"seed", o.seed},
+                     {"duration", 1},
+                     {"planes", floor_at(0)},
+                     {"cylinder", {{"point", {0, 0, 0}}, {"axis", {0, 0, 1}}, {"radius", rounded(radius)}}}};
+  return scene;
+}
+
+// Shoes in a row along x, their pins along y between them, dropped on a bed of gravel. Two bushings at the
+// ends of a pin hold its neighbours as a hinge does.
+Json track(const MakeOptions& o, const std::filesystem::path& folder) {
+  const Part part = part_of(o, "pad assets/track_shoe.obj --unit m");
+  Json scene = start("track");
+  scene["clusters"] = {
+      {"shoe", std::filesystem::relative(o.cluster, folder.empty() ? "." : folder).string()}};
+  const Vector size = part.box.high - part.box.low;
+  const Point middle = part.box.center();
+  // The pin runs along the shoe's long side, and the next shoe begins where this one ends.
+  const int along = size.x() < size.y() ? 0 : 1, across = 1 - along, shoes = 5;
+  const double pitch = 1.03 * size[along], grain = 0.03 * size.maxCoeff();
+  const double half = 0.5 * shoes * pitch + 6 * grain, wide = 0.5 * size[across] + 6 * grain;
+  const double area = 4 * half * wide;
+  const double depth = static_cast<double>(o.count) * 8 * grain * grain * grain * 1.06 / area + 2.1 * grain;
+  const double bottom = depth + 1.2 * grain;
+  const double shoe_mass = 7800 * part.volume, sag = 0.01 * pitch;
+  const double stiffness = shoe_mass * 9.81 / sag * 10, damping = 0.2 * std::sqrt(stiffness * shoe_mass);
+  Json bodies = Json::array(), settings = Json::array(), bushings = Json::array();
+  for (int k = 0; k < shoes; k++) {
+    double at[3] = {0, 0, 0};
+    at[along] = (k - 0.5 * (shoes - 1)) * pitch;
+    bodies.push_back(
+        {{"cluster", "shoe"},
+         {"position", place(at[0] - middle.x() * 1, at[1] - middle.y(), bottom - part.box.low.z())}});
+    settings.push_back({{"body", k}, {"density", 7800}});
+    for (const double end : {-0.4, 0.4}) {
+      if (k + 1 == shoes) continue;
+      double pin[3] = {0, 0, bottom + 0.5 * size.z()};
+      pin[along] = at[along] + 0.5 * pitch, pin[across] = end * size[across];
+      bushings.push_back({{"bodies", {k, k + 1}},
+                          {"at", place(pin[0], pin[1], pin[2])},
+                          {"stiffness", stiffness},
+                          {"damping", damping}});
+    }
+  }
+  scene["bodies"] = std::move(bodies);
+  const double x = along == 0 ? half : wide, y = along == 0 ? wide : half;
+  Json planes = {{{"point", {0, 0, 0}}, {"normal", {0, 0, 1}}}};
+  for (const double sign : {-1.0, 1.0}) {
+    planes.push_back({{"point", place(sign * x, 0, 0)}, {"normal", {-sign, 0, 0}}});
+    planes.push_back({{"point", place(0, sign * y, 0)}, {"normal", {0, -sign, 0}}});
+  }
+  scene["settle"] = {{"material", {{"density", 2500}, {"friction", 0.6}, {"restitution", 0.2}}},
+                     {"seed", o.seed},
+                     {"duration", 0.6},
+                     {"planes", planes},
+                     {"grains",
+                      {{{"count", o.count},
+                        {"radius", {rounded(0.7 * grain), rounded(grain)}},
+                        {"low", place(-x, -y, 0)},
+                        {"high", place(x, y, bottom)}}}},
+                     {"bodies", settings},
+                     {"bushings", bushings}};
+  return scene;
+}
+
+}  // namespace
+
+double silo_radius(std::uint64_t grains) {
+  const double volume = static_cast<double>(grains) * 4 / 3 * kPi * kSiloGrain * kSiloGrain * kSiloGrain;
+  return std::sqrt(volume / (kPi * kSiloHeight * kSiloPacking));
+}
+
+const std::vector<std::string>& scene_makers() {
+  static const std::vector<std::string> names = {"silo", "ball", "track"};
+  return names;
+}
+
+std::string make_scene(const std::string& name, const MakeOptions& options,
+                       const std::filesystem::path& folder) {
+  Json scene;
+  if (name == "silo")
+    scene = silo(options);
+  else if (name == "ball")
+    scene = ball(options, folder);
+  else if (name == "track")
+    scene = track(options, folder);
+  else
+    throw Error("there is no scene \"" + name + "\": silo, ball and track are there");
+  return scene.dump(1) + "\n";
+}
+
+}  // namespace padder::settle

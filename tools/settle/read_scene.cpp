@@ -1,0 +1,314 @@
+// SPDX-License-Identifier: MIT
+#include "tools/settle/read_scene.h"
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <optional>
+
+#include "detect/scene/scene.h"
+#include "padding/asset/error.h"
+#include "padding/asset/file.h"
+#include "padding/asset/json.h"
+
+namespace padder::settle {
+namespace {
+
+using Json = nlohmann::json;
+using Place = JsonPlace<Json>;
+
+Vec3 vector_at(const Place& r) {
+  double v[3];
+  r.reals(v);
+  return {v[0], v[1], v[2]};
+}
+
+Vec3 unit_at(const Place& r) {
+  const Vec3 v = vector_at(r);
+  if (!(length(v) > 0)) r.fail("a vector that is not 0 is wanted");
+  return (1 / length(v)) * v;
+}
+
+double real_at(const Place& r, const char* key, double otherwise, double least = 0, bool above = false) {
+  if (!r.has(key)) return otherwise;
+  const double v = r.at(key).real();
+  if (above ? !(v > least) : !(v >= least))
+    r.at(key).fail(above ? "a number above 0 is wanted" : "a number of at least 0 is wanted");
+  return v;
+}
+
+// Of the material of density 1 in the frame of the cluster. A cluster without mass properties counts as if
+// its spheres did not overlap.
+MassProperties mass_of(const detect::Scene::Asset& asset) {
+  if (asset.mass.volume > 0) return asset.mass;
+  MassProperties m;
+  for (const detect::Sphere& s : asset.spheres) {
+    const double v = 4.0 / 3 * std::numbers::pi * s.r * s.r * s.r;
+    m.volume += v, m.center += v * Point(s.x, s.y, s.z);
+  }
+  m.center /= m.volume;
+  for (const detect::Sphere& s : asset.spheres) {
+    const double v = 4.0 / 3 * std::numbers::pi * s.r * s.r * s.r;
+    const Vector d = Point(s.x, s.y, s.z) - m.center;
+    m.inertia += v * ((0.4 * s.r * s.r + d.squaredNorm()) * Eigen::Matrix3d::Identity() - d * d.transpose());
+  }
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(m.inertia);
+  m.axes = solver.eigenvectors(), m.moments = solver.eigenvalues();
+  if (m.axes.determinant() < 0) m.axes.col(2) *= -1;
+  return m;
+}
+
+Quaternion quaternion_of(const Eigen::Matrix3d& m) {
+  const Eigen::Quaterniond q(m);
+  return {q.w(), q.x(), q.y(), q.z()};
+}
+
+struct BodySettings {
+  Vec3 velocity, spin;
+  std::optional<double> density;
+  bool driven = false;
+};
+
+class Reader {
+ public:
+  Reader(const detect::Scene& scene, const Place& r) : scene_(scene), r_(r) {}
+
+  SettleScene read() {
+    r_.only({"gravity", "material", "seed", "time_step", "duration", "grains", "planes", "cylinder", "bodies",
+             "bushings"});
+    System& s = out_.system;
+    s.unit = scene_.unit;
+    s.gravity = r_.has("gravity") ? vector_at(r_.at("gravity")) : Vec3{0, 0, -9.81};
+    read_material();
+    read_walls();
+    read_body_settings();
+    for (std::size_t b = 0; b < scene_.bodies.size(); b++) add(b);
+    add_loose();
+    if (r_.has("grains"))
+      for (std::size_t k = 0; k < r_.at("grains").size(); k++) add_grains(r_.at("grains").at(k));
+    if (r_.has("bushings"))
+      for (std::size_t k = 0; k < r_.at("bushings").size(); k++) add_bushing(r_.at("bushings").at(k));
+    if (s.spheres() == 0) r_.fail("the scene has no spheres: give it bodies, spheres or grains");
+    if (s.law.stiffness == 0) s.law.stiffness = chosen_stiffness(s);
+    s.law.tangential_stiffness = 2.0 / 7 * s.law.stiffness;  // as in Silbert et al., 2001
+    s.step = real_at(r_, "time_step", 0, 0, true);
+    if (s.step == 0) s.step = step_limits(s).chosen;
+    out_.duration = real_at(r_, "duration", 1);
+    return std::move(out_);
+  }
+
+ private:
+  void read_material() {
+    Law& law = out_.system.law;
+    const Json empty = Json::object();
+    const std::string where = "material";
+    const Place m = r_.has("material") ? r_.at("material") : Place(empty, where);
+    m.only({"density", "friction", "restitution", "stiffness"});
+    density_ = real_at(m, "density", 2500, 0, true);
+    law.friction = real_at(m, "friction", 0.5);
+    const double e = real_at(m, "restitution", 0.4);
+    if (!(e >= kLeastRestitution && e <= 1)) m.at("restitution").fail("a number from 0.01 to 1 is wanted");
+    law.damping_ratio = damping_ratio_of(e);
+    law.stiffness = real_at(m, "stiffness", 0, 0, true);
+  }
+
+  void read_walls() {
+    System& s = out_.system;
+    if (r_.has("planes"))
+      for (std::size_t k = 0; k < r_.at("planes").size(); k++) {
+        const Place p = r_.at("planes").at(k);
+        p.only({"point", "normal", "friction"});
+        s.walls.push_back({Wall::Kind::plane, vector_at(p.at("point")), unit_at(p.at("normal")), 0,
+                           real_at(p, "friction", s.law.friction)});
+      }
+    if (!r_.has("cylinder")) return;
+    const Place c = r_.at("cylinder");
+    c.only({"point", "axis", "radius", "friction"});
+    s.walls.push_back({Wall::Kind::cylinder, vector_at(c.at("point")), unit_at(c.at("axis")),
+                       real_at(c, "radius", 0, 0, true), real_at(c, "friction", s.law.friction)});
+  }
+
+  void read_body_settings() {
+    settings_.resize(scene_.bodies.size());
+    if (!r_.has("bodies")) return;
+    for (std::size_t k = 0; k < r_.at("bodies").size(); k++) {
+      const Place b = r_.at("bodies").at(k);
+      b.only({"body", "velocity", "spin", "density", "driven"});
+      BodySettings& to = settings_[body_number(b.at("body"))];
+      if (b.has("velocity")) to.velocity = vector_at(b.at("velocity"));
+      if (b.has("spin")) to.spin = vector_at(b.at("spin"));
+      if (b.has("density")) to.density = real_at(b, "density", 0, 0, true);
+      to.driven = b.has("driven") && b.at("driven").truth();
+    }
+  }
+
+  std::uint32_t body_number(const Place& r) const {
+    const std::uint32_t b = r.bits();
+    if (b >= scene_.bodies.size())
+      r.fail("there is no body " + std::to_string(b) + ": the scene has " +
+             std::to_string(scene_.bodies.size()));
+    return b;
+  }
+
+  void add(std::size_t b) {
+    System& s = out_.system;
+    if (s.shapes.empty())
+      for (const auto& asset : scene_.assets) add_shape(asset);
+    const detect::Body& body = scene_.bodies[b];
+    const BodySettings& with = settings_[b];
+    const MassProperties& m = masses_[body.shape];
+    const double density = with.density.value_or(density_);
+    const Eigen::Matrix3d turn =
+        Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(body.rotation);
+    const Point center = turn * m.center + Eigen::Map<const Point>(body.position);
+    const bool held = body.is_static || with.driven;
+    const Mass mass{held ? 0 : density * m.volume,
+                    held ? Vec3{} : density * Vec3{m.moments.x(), m.moments.y(), m.moments.z()}};
+    const std::uint32_t k =
+        add_body(s, body.shape, mass, {center.x(), center.y(), center.z()}, quaternion_of(turn * m.axes));
+    s.bodies[k].family = body.family, s.bodies[k].mask = body.mask, s.bodies[k].is_static = body.is_static;
+    s.bodies[k].world = body.world;
+    s.driven[k] = with.driven, s.velocity[k] = with.velocity, s.spin[k] = with.spin;
+    if (held) return;
+    double rows[9];
+    matrix_of(s.orientation[k], rows);
+    const Vec3 w = transposed_times(rows, with.spin);
+    s.momentum[k] = times(rows, {mass.moments.x * w.x, mass.moments.y * w.y, mass.moments.z * w.z});
+  }
+
+  void add_shape(const detect::Scene::Asset& asset) {
+    masses_.push_back(mass_of(asset));
+    const MassProperties& m = masses_.back();
+    std::vector<detect::Sphere> spheres;
+    for (const detect::Sphere& p : asset.spheres) {
+      const Vector local = m.axes.transpose() * (Point(p.x, p.y, p.z) - m.center);
+      spheres.push_back({local.x(), local.y(), local.z(), p.r});
+    }
+    out_.system.shapes.push_back(std::move(spheres));
+  }
+
+  void add_loose() {
+    System& s = out_.system;
+    const detect::LooseSpheres& l = scene_.loose;
+    const auto value = [&](std::size_t k) {
+      return l.scalar == detect::Scalar::f32 ? l.single[k] : l.twice[k];
+    };
+    for (std::size_t k = 0; k < l.size(); k++) {
+      if (!(value(4 * k + 3) > 0))
+        throw Error("loose sphere " + std::to_string(k) + " has no radius above 0, and so no mass");
+      const std::uint32_t m =
+          add_grain(s, {value(4 * k), value(4 * k + 1), value(4 * k + 2)}, value(4 * k + 3), density_);
+      if (!l.is_static.empty() && l.is_static[k]) s.inverse_mass[m] = 0;
+    }
+    s.grain_family = l.family, s.grain_mask = l.mask, s.grain_static = l.is_static;
+  }
+
+  // On a jittered lattice, layer by layer from `low` upwards; places outside of the cylinder stay empty.
+  void add_grains(const Place& g) {
+    g.only({"count", "radius", "low", "high", "velocity"});
+    System& s = out_.system;
+    const std::uint64_t count = g.at("count").whole(0xfffffffeu);
+    double range[2];
+    if (g.at("radius").json().is_number())
+      range[0] = range[1] = g.at("radius").real();
+    else
+      g.at("radius").reals(range);
+    if (!(range[0] > 0 && range[0] <= range[1]))
+      g.at("radius").fail("a radius above 0, or [smallest, largest], is wanted");
+    const Vec3 low = vector_at(g.at("low")), high = vector_at(g.at("high"));
+    const Vec3 velocity = g.has("velocity") ? vector_at(g.at("velocity")) : Vec3{};
+    const double edge = 2.04 * range[1], jitter = 0.01 * range[1];
+    const auto places = [&](double from, double to) {
+      return static_cast<std::int64_t>(std::floor((to - from) / edge));
+    };
+    const std::int64_t nx = places(low.x, high.x), ny = places(low.y, high.y), nz = places(low.z, high.z);
+    if (!random_) random_.emplace(r_.has("seed") ? r_.at("seed").whole(~std::uint64_t(0) >> 1) : 1);
+    std::uint64_t made = 0;
+    for (std::int64_t z = 0; z < nz && made < count; z++)
+      for (std::int64_t y = 0; y < ny && made < count; y++)
+        for (std::int64_t x = 0; x < nx && made < count; x++) {
+          Vec3 at{low.x + edge * (static_cast<double>(x) + 0.5),
+                  low.y + edge * (static_cast<double>(y) + 0.5),
+                  low.z + edge * (static_cast<double>(z) + 0.5)};
+          if (blocked(at, 1.02 * range[1])) continue;
+          const double radius = range[0] + (range[1] - range[0]) * random_->unit();
+          at = at + Vec3{jitter * random_->signed_unit(), jitter * random_->signed_unit(),
+                         jitter * random_->signed_unit()};
+          add_grain(s, at, radius, density_, velocity), made++;
+        }
+    if (made < count)
+      g.at("count").fail("only " + std::to_string(made) + " of " + std::to_string(count) +
+                         " grains find room between low and high: make the box larger or the grains fewer");
+    if (!s.grain_family.empty()) s.grain_family.resize(s.grain_radius.size(), 0);
+    if (!s.grain_mask.empty()) s.grain_mask.resize(s.grain_radius.size(), 0);
+    if (!s.grain_static.empty()) s.grain_static.resize(s.grain_radius.size(), 0);
+  }
+  bool blocked(const Vec3& at, double radius) const {
+    const auto inside = [&](const Wall& w) { return contact_with(w, at, radius).depth > 0; };
+    return std::any_of(out_.system.walls.begin(), out_.system.walls.end(), inside);
+  }
+
+  void add_bushing(const Place& b) {
+    b.only({"bodies", "at", "stiffness", "damping"});
+    System& s = out_.system;
+    Bushing u;
+    if (b.at("bodies").size() != 2) b.at("bodies").fail("two bodies are wanted");
+    u.a = body_number(b.at("bodies").at(std::size_t(0))), u.b = body_number(b.at("bodies").at(1));
+    const Vec3 at = vector_at(b.at("at"));
+    u.on_a = transposed_times(s.bodies[u.a].rotation, at - s.position[u.a]);
+    u.on_b = transposed_times(s.bodies[u.b].rotation, at - s.position[u.b]);
+    u.stiffness = real_at(b, "stiffness", 0, 0, true), u.damping = real_at(b, "damping", 0);
+    s.bushings.push_back(u);
+  }
+
+  const detect::Scene& scene_;
+  Place r_;
+  SettleScene out_;
+  double density_ = 2500;
+  std::vector<BodySettings> settings_;
+  std::vector<MassProperties> masses_;
+  std::optional<detect::SplitMix64> random_;
+};
+
+}  // namespace
+
+double chosen_stiffness(const System& s) {
+  const double g = length(s.gravity);
+  if (g == 0) throw Error("without gravity no stiffness can be chosen: give material.stiffness");
+  const Vec3 up = (-1 / g) * s.gravity;
+  double weight = 0, heaviest = 0, smallest = INFINITY, mean = 0;
+  Vec3 low{INFINITY, INFINITY, INFINITY}, high{-INFINITY, -INFINITY, -INFINITY};
+  for (std::size_t m = 0; m < s.movers(); m++) {
+    if (s.inverse_mass[m] == 0) continue;
+    weight += g / s.inverse_mass[m], heaviest = std::max(heaviest, g / s.inverse_mass[m]);
+    const Vec3 flat = s.position[m] - dot(s.position[m], up) * up;
+    low = {std::min(low.x, flat.x), std::min(low.y, flat.y), std::min(low.z, flat.z)};
+    high = {std::max(high.x, flat.x), std::max(high.y, flat.y), std::max(high.z, flat.z)};
+  }
+  for (std::uint64_t k = 0; k < s.spheres(); k++) {
+    const double r = s.radius_of(k);
+    smallest = std::min(smallest, r), mean += r / static_cast<double>(s.spheres());
+  }
+  // The ground that the movers stand on: their bounds, at least a square of the mean diameter.
+  const double x = high.x - low.x + 2 * mean, y = high.y - low.y + 2 * mean, z = high.z - low.z + 2 * mean;
+  const double area = std::abs(up.x) * y * z + std::abs(up.y) * z * x + std::abs(up.z) * x * y;
+  const double column = weight * 4 * mean * mean / area;
+  return std::max({column, heaviest, 1e-300}) / (0.01 * smallest);
+}
+
+SettleScene read_settle_scene(const std::filesystem::path& path) {
+  const detect::Scene scene = detect::read_scene(path);
+  const std::string where = path.string(), text = read_file(path, kMostText);
+  const Json json = parse_json<Json>(text, where);
+  const Place document(json, where);
+  if (!document.has("settle"))
+    document.fail(
+        "this scene has no object \"settle\": docs/settle.md says what is in it; {} takes all as it is by "
+        "default");
+  SettleScene out = Reader(scene, document.at("settle")).read();
+  out.name = document.has("name") ? document.at("name").text() : path.stem().stem().string();
+  return out;
+}
+
+}  // namespace padder::settle

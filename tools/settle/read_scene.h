@@ -1,0 +1,25 @@
+// SPDX-License-Identifier: MIT
+// Makes a System of a scene: the clusters, bodies and loose spheres that detect reads, and the object
+// `settle` beside them with forces, grains, walls and time. docs/settle.md and assets/scene.schema.json
+// describe it.
+#pragma once
+#include <filesystem>
+
+#include "tools/settle/system.h"
+
+namespace padder::settle {
+
+struct SettleScene {
+  System system;
+  double duration = 1;
+  std::string name;
+};
+
+// Throws Error that names the file and the place in it. The time step is checked by Stepper.
+SettleScene read_settle_scene(const std::filesystem::path& path);
+
+// The stiffness at which the heaviest column of the scene, or its heaviest mover, presses its lowest contact
+// in by a hundredth of the smallest radius. Throws Error without gravity.
+double chosen_stiffness(const System& system);
+
+}  // namespace padder::settle

@@ -1,0 +1,354 @@
+// SPDX-License-Identifier: MIT
+#include "tools/settle/stepper.h"
+
+#include <omp.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "padding/asset/error.h"
+
+namespace padder::settle {
+namespace {
+
+Vec3 center_of(const detect::Sphere& s) { return {s.x, s.y, s.z}; }
+
+detect::DeviceChoice host() { return {detect::BackendKind::omp, 0}; }
+
+bool finite(const Vec3& v) { return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z); }
+
+std::string number(double v) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.4g", v);
+  return text;
+}
+
+}  // namespace
+
+Stepper::Stepper(System system, const StepperOptions& options) : s_(std::move(system)), detector_(host()) {
+  if (s_.first_sphere.empty()) s_.first_sphere.push_back(0);
+  check();
+  body_spheres_ = static_cast<std::uint32_t>(s_.body_spheres());
+  grain_shift_ = body_spheres_ - static_cast<std::uint32_t>(s_.bodies.size());
+  for (std::size_t b = 0; b < s_.bodies.size(); b++)
+    owner_.insert(owner_.end(), s_.first_sphere[b + 1] - s_.first_sphere[b], static_cast<std::uint32_t>(b));
+  centers_.resize(s_.spheres()), reference_.resize(s_.spheres());
+  smallest_ = INFINITY;
+  for (std::uint64_t k = 0; k < s_.spheres(); k++) {
+    const double r = s_.radius_of(k);
+    centers_[k].r = r, smallest_ = std::min(smallest_, r), mean_ += r / static_cast<double>(s_.spheres());
+  }
+  asked_threads_ = options.threads;
+  fixed_skin_ = options.skin >= 0;
+  skin_ = fixed_skin_ ? options.skin : 0.1 * mean_;
+  detector_.options().width = detect::Width::pairs;
+  starts_.assign(s_.spheres() + 1, 0), wall_starts_.assign(s_.spheres() + 1, 0);
+  bushing_pushes_.resize(s_.bodies.size());
+  place();
+}
+
+void Stepper::check() const {
+  if (s_.spheres() == 0) throw Error("the scene has no spheres: give it bodies or grains");
+  if (s_.spheres() >= 0xffffffffu)
+    throw Error("the scene has more spheres than one detector can number (2^32 - 2)");
+  const StepLimits limits = step_limits(s_);
+  if (!(s_.law.stiffness > 0) || !std::isfinite(s_.law.stiffness))
+    throw Error("the stiffness of contacts must be a positive number, not " + number(s_.law.stiffness));
+  if (!(s_.step > 0) || !(s_.step <= limits.longest))
+    throw Error("a time step of " + number(s_.step) +
+                " is unstable for this stiffness and these masses: use at most " + number(limits.longest) +
+                ", or leave it out, which gives " + number(limits.chosen));
+  for (std::size_t m = 0; m < s_.movers(); m++)
+    if (!finite(s_.position[m]) || !finite(s_.velocity[m]) || !finite(s_.spin[m]))
+      throw Error("the position or velocity of mover " + std::to_string(m) + " is not finite");
+}
+
+void Stepper::place() { place_and_measure(); }
+
+// Places all spheres. Returns how far one is at most from where it was when candidates were found.
+double Stepper::place_and_measure() {
+  const auto bodies = static_cast<std::int64_t>(s_.bodies.size()),
+             grains = static_cast<std::int64_t>(s_.grain_radius.size());
+  double moved = 0;
+#pragma omp parallel num_threads(threads_) reduction(max : moved)
+  {
+    const auto measure = [&](std::size_t k) {
+      const Vec3 d = center_of(centers_[k]) - reference_[k];
+      moved = std::max(moved, dot(d, d));
+    };
+#pragma omp for schedule(dynamic, 16)
+    for (std::int64_t b = 0; b < bodies; b++) {
+      const auto body = static_cast<std::size_t>(b);
+      if (s_.inverse_mass[body] != 0 || s_.driven[body] || !found_) place_body(s_, body);
+      const auto& shape = s_.shapes[s_.bodies[body].shape];
+      for (std::size_t q = 0, k = s_.first_sphere[body]; q < shape.size(); q++, k++)
+        centers_[k] = detect::placed(s_.bodies[body], shape[q]), measure(k);
+    }
+#pragma omp for schedule(static)
+    for (std::int64_t g = 0; g < grains; g++) {
+      const auto k = static_cast<std::size_t>(g) + body_spheres_;
+      const Vec3& p = s_.position[static_cast<std::size_t>(g) + s_.bodies.size()];
+      centers_[k].x = p.x, centers_[k].y = p.y, centers_[k].z = p.z, measure(k);
+    }
+  }
+  return std::sqrt(moved);
+}
+
+// Keeping candidates pays if they last for many steps, and there are not many more of them than contacts. It
+// follows the steps that the last ones lasted, which depend on the motion alone: so a run can be repeated.
+void Stepper::choose_skin() {
+  if (fixed_skin_) return;
+  const double most = 0.5 * mean_;
+  if (pause_ > 0) {
+    if (--pause_ == 0) skin_ = most;
+    return;
+  }
+  const std::uint64_t lasted = steps_ - steps_of_find_;
+  if (lasted < 2 && skin_ >= most && found_)
+    skin_ = 0, pause_ = 64;
+  else if (lasted < 12)
+    skin_ = std::min(1.3 * skin_, most);
+  else if (lasted > 50)
+    skin_ = std::max(0.8 * skin_, 0.02 * mean_);
+}
+
+// Candidates: all pairs whose gap is at most the skin. The detector gets every sphere half a skin larger.
+void Stepper::detect_pairs() {
+  const double wider = 0.5 * skin_;
+  wide_shapes_ = s_.shapes;
+  for (auto& shape : wide_shapes_)
+    for (detect::Sphere& s : shape) s.r += wider;
+  wide_grains_.assign(centers_.begin() + body_spheres_, centers_.end());
+  for (detect::Sphere& s : wide_grains_) s.r += wider;
+  std::vector<detect::Shape> shapes;
+  for (const auto& shape : wide_shapes_) shapes.push_back({shape.data(), shape.size()});
+  detect::Input input;
+  input.shapes = shapes, input.bodies = s_.bodies;
+  if (!wide_grains_.empty()) {
+    input.spheres = detect::spheres_of<double>(wide_grains_.size(), &wide_grains_[0].x, &wide_grains_[0].r);
+    input.spheres.center_stride = input.spheres.radius_stride = 4;
+    if (!s_.grain_family.empty()) input.spheres.family = s_.grain_family.data();
+    if (!s_.grain_mask.empty()) input.spheres.mask = s_.grain_mask.data();
+    if (!s_.grain_static.empty()) input.spheres.is_static = s_.grain_static.data();
+  }
+  take_sorted(detector_.detect(input).pair_span());
+}
+
+// The new candidates, sorted by i and then j, with the springs of those that were candidates before. The sum
+// over a mover's contacts then has the same order whatever the detector's order and the skin are: a candidate
+// that does not touch adds 0.
+void Stepper::take_sorted(std::span<const detect::Pair> found) {
+  const auto spheres = static_cast<std::int64_t>(centers_.size());
+  std::vector<std::uint64_t> starts(centers_.size() + 1, 0);
+  const auto moves = [&](const detect::Pair& p) {
+    return s_.inverse_mass[mover(p.i)] != 0 || s_.inverse_mass[mover(p.j)] != 0;
+  };
+  for (const detect::Pair& p : found) starts[p.i + 1] += moves(p);
+  for (std::size_t k = 1; k < starts.size(); k++) starts[k] += starts[k - 1];
+  std::vector<detect::Pair> pairs(starts.back());
+  std::vector<Vec3> springs(starts.back());
+  std::vector<std::uint64_t> next(starts.begin(), starts.end() - 1);
+  for (const detect::Pair& p : found)
+    if (moves(p)) pairs[next[p.i]++] = p;
+#pragma omp parallel for schedule(dynamic, 1024) num_threads(threads_)
+  for (std::int64_t i = 0; i < spheres; i++) {
+    const auto k = static_cast<std::size_t>(i);
+    const auto less = [](const detect::Pair& a, const detect::Pair& b) { return a.j < b.j; };
+    std::sort(pairs.begin() + static_cast<std::ptrdiff_t>(starts[k]),
+              pairs.begin() + static_cast<std::ptrdiff_t>(starts[k + 1]), less);
+    std::uint64_t old = starts_[k];
+    for (std::uint64_t c = starts[k]; c < starts[k + 1]; c++) {
+      while (old < starts_[k + 1] && pairs_[old].j < pairs[c].j) old++;
+      if (old < starts_[k + 1] && pairs_[old].j == pairs[c].j) springs[c] = springs_[old];
+    }
+  }
+  pairs_.swap(pairs), springs_.swap(springs), starts_.swap(starts);
+  pushes_.resize(pairs_.size());
+  if (pairs_.size() >= 0xffffffffu)
+    throw Error(std::to_string(pairs_.size()) +
+                " candidate pairs are more than a step can number (2^32 - 2)");
+  second_starts_.assign(centers_.size() + 1, 0);
+  for (const detect::Pair& p : pairs_) second_starts_[p.j + 1]++;
+  for (std::size_t k = 1; k < second_starts_.size(); k++) second_starts_[k] += second_starts_[k - 1];
+  by_second_.resize(pairs_.size());
+  next.assign(second_starts_.begin(), second_starts_.end() - 1);
+  for (std::size_t c = 0; c < pairs_.size(); c++)
+    by_second_[next[pairs_[c].j]++] = static_cast<std::uint32_t>(c);
+}
+
+void Stepper::find_wall_pairs() {
+  std::vector<WallPair> pairs;
+  std::vector<Vec3> springs;
+  std::vector<std::uint64_t> starts(centers_.size() + 1, 0);
+  for (std::uint32_t k = 0; k < centers_.size(); k++) {
+    if (s_.inverse_mass[mover(k)] != 0)
+      for (std::uint32_t w = 0; w < s_.walls.size(); w++) {
+        if (contact_with(s_.walls[w], center_of(centers_[k]), centers_[k].r).depth < -0.5 * skin_) continue;
+        pairs.push_back({k, w}), springs.push_back({});
+        for (std::uint64_t old = wall_starts_[k]; old < wall_starts_[k + 1]; old++)
+          if (wall_pairs_[old].wall == w) springs.back() = wall_springs_[old];
+      }
+    starts[k + 1] = pairs.size();
+  }
+  wall_pairs_.swap(pairs), wall_springs_.swap(springs), wall_starts_.swap(starts);
+  wall_pushes_.resize(wall_pairs_.size());
+}
+
+void Stepper::find_candidates() {
+  choose_skin();
+  detect_pairs();
+  find_wall_pairs();
+  for (std::size_t k = 0; k < centers_.size(); k++) reference_[k] = center_of(centers_[k]);
+  found_ = true, steps_of_find_ = steps_;
+  effort_.detections++, effort_.candidates = pairs_.size(), effort_.skin = skin_;
+}
+
+void Stepper::push_pairs() {
+  const auto n = static_cast<std::int64_t>(pairs_.size());
+  std::uint64_t contacts = 0;
+  double deepest = 0, ratio = 0;
+#pragma omp parallel for schedule(static) num_threads(threads_) reduction(+ : contacts) reduction(max : deepest, ratio)
+  for (std::int64_t c = 0; c < n; c++) {
+    const auto k = static_cast<std::size_t>(c);
+    const detect::Sphere &a = centers_[pairs_[k].i], &b = centers_[pairs_[k].j];
+    if (!detect::touching(a, b)) {
+      springs_[k] = {}, pushes_[k] = {};
+      continue;
+    }
+    const detect::Geometry g = detect::geometry(a, b);
+    const Vec3 normal{g.normal[0], g.normal[1], g.normal[2]};
+    const double depth = std::max(g.depth, 0.0);
+    const Vec3 point = center_of(a) + (a.r - 0.5 * depth) * normal;
+    const std::uint32_t i = mover(pairs_[k].i), j = mover(pairs_[k].j);
+    const Vec3 velocity = s_.velocity[i] + cross(s_.spin[i], point - s_.position[i]) - s_.velocity[j] -
+                          cross(s_.spin[j], point - s_.position[j]);
+    const double reduced = 1 / (s_.inverse_mass[i] + s_.inverse_mass[j]);
+    pushes_[k] = {
+        contact_force(s_.law, s_.law.friction, normal, depth, velocity, reduced, s_.step, springs_[k]),
+        point};
+    contacts++, deepest = std::max(deepest, depth), ratio = std::max(ratio, depth / std::min(a.r, b.r));
+  }
+  contacts_ = contacts, deepest_ = deepest, deepest_ratio_ = ratio;
+}
+
+void Stepper::push_walls() {
+  const auto n = static_cast<std::int64_t>(wall_pairs_.size());
+  std::uint64_t contacts = 0;
+  double deepest = deepest_, ratio = deepest_ratio_;
+#pragma omp parallel for schedule(static) num_threads(threads_) reduction(+ : contacts) reduction(max : deepest, ratio)
+  for (std::int64_t c = 0; c < n; c++) {
+    const auto k = static_cast<std::size_t>(c);
+    const detect::Sphere& a = centers_[wall_pairs_[k].sphere];
+    const Wall& wall = s_.walls[wall_pairs_[k].wall];
+    const WallContact w = contact_with(wall, center_of(a), a.r);
+    if (w.depth < 0) {
+      wall_springs_[k] = {}, wall_pushes_[k] = {};
+      continue;
+    }
+    const std::uint32_t i = mover(wall_pairs_[k].sphere);
+    const Vec3 point = center_of(a) + (a.r - w.depth) * w.normal;  // on the wall, which does not yield
+    const Vec3 velocity = s_.velocity[i] + cross(s_.spin[i], point - s_.position[i]);
+    wall_pushes_[k] = {contact_force(s_.law, wall.friction, w.normal, w.depth, velocity,
+                                     1 / s_.inverse_mass[i], s_.step, wall_springs_[k]),
+                       point};
+    contacts++, deepest = std::max(deepest, w.depth), ratio = std::max(ratio, w.depth / a.r);
+  }
+  contacts_ += contacts, deepest_ = deepest, deepest_ratio_ = ratio;
+}
+
+void Stepper::push_bushings() {
+  if (s_.bushings.empty()) return;
+  std::fill(bushing_pushes_.begin(), bushing_pushes_.end(), Push{});
+  for (const Bushing& u : s_.bushings) {
+    const Vec3 arm_a = times(s_.bodies[u.a].rotation, u.on_a), arm_b = times(s_.bodies[u.b].rotation, u.on_b);
+    const Vec3 apart = s_.position[u.a] + arm_a - s_.position[u.b] - arm_b;
+    const Vec3 speed =
+        s_.velocity[u.a] + cross(s_.spin[u.a], arm_a) - s_.velocity[u.b] - cross(s_.spin[u.b], arm_b);
+    const Vec3 force = -u.stiffness * apart - u.damping * speed;
+    Push &a = bushing_pushes_[u.a], &b = bushing_pushes_[u.b];
+    a.force = a.force + force, a.point = a.point + cross(arm_a, force);
+    b.force = b.force - force, b.point = b.point - cross(arm_b, force);
+  }
+}
+
+// Force and torque on a mover, its contacts in a fixed order.
+Stepper::Push Stepper::sum_of(std::size_t m) const {
+  const bool body = m < s_.bodies.size();
+  const std::size_t first = body ? s_.first_sphere[m] : m + grain_shift_,
+                    last = body ? s_.first_sphere[m + 1] : first + 1;
+  Push sum = body && !s_.bushings.empty() ? bushing_pushes_[m] : Push{};
+  const auto add = [&](const Push& p, double sign) {
+    if (p.force == Vec3{}) return;
+    const Vec3 force = sign * p.force;
+    sum.force = sum.force + force, sum.point = sum.point + cross(p.point - s_.position[m], force);
+  };
+  for (std::uint64_t c = starts_[first]; c < starts_[last]; c++) add(pushes_[c], 1);
+  for (std::uint64_t c = second_starts_[first]; c < second_starts_[last]; c++)
+    add(pushes_[by_second_[c]], -1);
+  for (std::uint64_t c = wall_starts_[first]; c < wall_starts_[last]; c++) add(wall_pushes_[c], 1);
+  return sum;
+}
+
+void Stepper::integrate() {
+  const auto n = static_cast<std::int64_t>(s_.movers());
+  const double longest = 0.5 * smallest_ / s_.step;
+  std::int64_t wild = n;  // the first mover that is too fast
+#pragma omp parallel for schedule(static) num_threads(threads_) reduction(min : wild)
+  for (std::int64_t k = 0; k < n; k++) {
+    const auto m = static_cast<std::size_t>(k);
+    const bool body = m < s_.bodies.size();
+    if (s_.inverse_mass[m] == 0) {
+      if (!body || !s_.driven[m]) continue;
+      s_.position[m] = s_.position[m] + s_.step * s_.velocity[m];
+      s_.orientation[m] = turned(s_.orientation[m], s_.step * s_.spin[m]);
+      continue;
+    }
+    const Push sum = sum_of(m);
+    advance(s_.position[m], s_.velocity[m], sum.force, s_.gravity, s_.inverse_mass[m], s_.step);
+    s_.momentum[m] = s_.momentum[m] + s_.step * sum.point;
+    if (body) {
+      rotate(s_.orientation[m], s_.inverse_inertia[m], s_.momentum[m], s_.step);
+      s_.spin[m] = spin_of(s_.orientation[m], s_.inverse_inertia[m], s_.momentum[m]);
+    } else {
+      s_.spin[m] = s_.inverse_inertia[m].x * s_.momentum[m];
+    }
+    if (!(length(s_.velocity[m]) <= longest)) wild = std::min(wild, k);
+  }
+  if (wild < n) {
+    const auto m = static_cast<std::size_t>(wild);
+    explode((m < s_.bodies.size() ? "body " + std::to_string(m)
+                                  : "grain " + std::to_string(m - s_.bodies.size())) +
+            " has a speed of " + number(length(s_.velocity[m])) +
+            ", which is more than half the smallest radius in a step");
+  }
+}
+
+void Stepper::explode(const std::string& what) const {
+  throw Error(
+      "the run exploded in step " + std::to_string(steps_) + " (time " + number(time()) + "): " + what +
+      ": look for spheres that overlap at the start, or use a shorter time step or a larger stiffness");
+}
+
+void Stepper::step() {
+  const double begun = omp_get_wtime();
+  threads_ = chosen_.choose(asked_threads_, s_.spheres());
+  detector_.options().threads = threads_;
+  const double moved = place_and_measure();
+  // A hair less than half the skin, for the rounding of positions.
+  if (!found_ || skin_ == 0 || !(moved < 0.499999 * skin_)) {
+    const double before = omp_get_wtime();
+    find_candidates();
+    effort_.detection_seconds += omp_get_wtime() - before;
+  }
+  push_pairs();
+  push_walls();
+  if (deepest_ratio_ > 1)
+    explode("two spheres, or a sphere and a wall, overlap by " + number(deepest_) + ", more than a radius");
+  push_bushings();
+  integrate();
+  chosen_.done();
+  steps_++;
+  effort_.seconds += omp_get_wtime() - begun;
+}
+
+}  // namespace padder::settle

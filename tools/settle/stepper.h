@@ -1,0 +1,141 @@
+// SPDX-License-Identifier: MIT
+// The stepper: it advances a System step by step with contacts from the detector. Same input, same bits, for
+// any number of threads and whether candidates are kept or not.
+#pragma once
+#include <cstdint>
+#include <vector>
+
+#include "detect/detector.h"
+#include "detect/omp/threads.h"
+#include "tools/settle/system.h"
+
+namespace padder::settle {
+
+struct StepperOptions {
+  int threads = 0;   // 0: as many as OpenMP would use and the scene is large enough for
+  double skin = -1;  // a length; below 0: chosen and adapted by the stepper; 0: detection in every step
+};
+
+// Energies and what else tells whether a run is sound. Energy is only lost to dashpots and friction, so the
+// total of a scene without driven bodies must not grow.
+struct Watch {
+  double kinetic = 0, potential = 0, elastic = 0;
+  double total() const { return kinetic + potential + elastic; }
+  Vec3 momentum;             // linear, of all that moves
+  double fastest = 0;        // the largest speed of a mover
+  double deepest = 0;        // the largest penetration of the last step
+  double deepest_ratio = 0;  // the same as a ratio to the smaller radius of its two spheres
+};
+
+// A contact's memory: the spring of friction between two spheres, or between a sphere and a wall.
+struct SpringMemory {
+  std::uint32_t i, j;  // spheres, or a sphere and a wall
+  Vec3 spring;
+};
+
+// All that the next step depends on besides the System as it was given. A stepper that takes a snapshot goes
+// on with the same bits as the one that gave it.
+struct Snapshot {
+  std::uint64_t steps = 0;
+  std::vector<Vec3> position, velocity, momentum, spin;
+  std::vector<Quaternion> orientation;
+  std::vector<SpringMemory> contacts, walls;  // those that touch, by i, then j
+};
+
+class Stepper {
+ public:
+  // Throws Error if the step of time is too long for the stiffness (the sentence says which would do), and
+  // for a system whose numbers make no sense.
+  explicit Stepper(System system, const StepperOptions& options = {});
+
+  // One step. Throws Error, in a sentence that says which mover and when, if a mover travels more than half
+  // the smallest radius in it, or if two spheres overlap by more than the smaller radius: an explosion.
+  void step();
+
+  const System& system() const { return s_; }
+  std::uint64_t steps() const { return steps_; }
+  double time() const { return static_cast<double>(steps_) * s_.step; }
+  std::uint64_t contacts() const { return contacts_; }  // of the last step, those with walls among them
+  // The pairs of spheres that touched in the last step, by i, then j.
+  std::vector<detect::Pair> touching_pairs() const;
+  // The spheres where the last step saw them, in the detector's numbering; before the first step as given.
+  const std::vector<detect::Sphere>& placed() const { return centers_; }
+  void place();   // puts placed() where the movers are now
+  Watch watch();  // places, then a pass over everything by one thread in a fixed order
+
+  Snapshot snapshot() const;
+  void resume(const Snapshot& snapshot);  // throws Error if it is of another system
+
+  // What keeping candidates did: how often the detector was asked, and the seconds in it and in all steps.
+  struct Effort {
+    std::uint64_t detections = 0;
+    std::uint64_t candidates = 0;  // at present
+    double skin = 0;               // at present
+    double detection_seconds = 0, seconds = 0;
+  };
+  const Effort& effort() const { return effort_; }
+
+ private:
+  // A force and where it acts.
+  struct Push {
+    Vec3 force, point;
+  };
+  struct WallPair {
+    std::uint32_t sphere, wall;
+  };
+  std::uint32_t mover(std::uint32_t sphere) const {
+    return sphere < body_spheres_ ? owner_[sphere] : sphere - grain_shift_;
+  }
+  void check() const;
+  double place_and_measure();
+  void find_candidates();
+  void choose_skin();
+  void detect_pairs();
+  void take_sorted(std::span<const detect::Pair> found);
+  void find_wall_pairs();
+  void push_pairs();
+  void push_walls();
+  void push_bushings();
+  void integrate();
+  Push sum_of(std::size_t mover) const;
+  [[noreturn]] void explode(const std::string& what) const;
+
+  System s_;
+  std::uint32_t body_spheres_ = 0, grain_shift_ = 0;
+  std::vector<std::uint32_t> owner_;  // of the spheres of bodies
+  double smallest_ = 0, mean_ = 0;    // radius
+  int asked_threads_ = 0, threads_ = 1;
+  detect::omp::Threads chosen_;
+  detect::Detector detector_;
+
+  std::vector<detect::Sphere> centers_;
+  std::vector<Vec3> reference_;  // the centres when candidates were found
+  std::vector<std::vector<detect::Sphere>> wide_shapes_;
+  std::vector<detect::Sphere> wide_grains_;
+  bool found_ = false;
+  double skin_ = 0;
+  bool fixed_skin_ = false;
+  std::uint64_t steps_ = 0, steps_of_find_ = 0;
+  int pause_ = 0;  // finds for which no candidates are kept, because keeping them did not pay
+
+  // Candidates, by i, then j; of each its memory and its push on i. `starts_`: the first one of each sphere
+  // i.
+  std::vector<detect::Pair> pairs_;
+  std::vector<Vec3> springs_;
+  std::vector<Push> pushes_;
+  std::vector<std::uint64_t> starts_;
+  // The same candidates by j, then i, as indices.
+  std::vector<std::uint32_t> by_second_;
+  std::vector<std::uint64_t> second_starts_;
+  std::vector<WallPair> wall_pairs_;
+  std::vector<Vec3> wall_springs_;
+  std::vector<Push> wall_pushes_;
+  std::vector<std::uint64_t> wall_starts_;  // the first one of each sphere
+  std::vector<Push> bushing_pushes_;        // force and torque on each body
+
+  std::uint64_t contacts_ = 0;
+  double deepest_ = 0, deepest_ratio_ = 0;
+  Effort effort_;
+};
+
+}  // namespace padder::settle
