@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstdio>
 #include <numbers>
+#include <numeric>
 
 #include "padding/asset/error.h"
 #include "padding/by_depth/refit.h"
@@ -120,6 +121,7 @@ struct Job {
   double length;  // of the edges; 0: nothing is remeshed
   PadReport& report;
   const std::function<void(const char*, int)>& step;
+  const TellShare& within_cull;
   Clock& clock;
 };
 
@@ -136,6 +138,7 @@ RungSpheres make_spheres(const Job& job, const Length& tolerance, std::string& w
   } else {
     job.step("cull", 4);
     CullOptions culling = cull_options(options, tolerance, job.frame.scale());
+    culling.tell = job.within_cull;
     // Below a sheet as given nothing bounds the balls: large ones would sag and stand out past its border.
     if (!job.surface.closed()) culling.max_radius = std::min(culling.max_radius, 0.05);
     const Culled culled = cull(job.surface, culling);
@@ -303,6 +306,12 @@ void show_repair(Repaired& body, double area, const UnitFrame& frame, Padded& ou
     slot.width *= scale, slot.area *= scale * scale, slot.place = frame.back(slot.place);
     out.marks.push_back(mark_of(MarkKind::slot, body.mesh, slot.triangles));
   }
+  if (body.kind == BodyKind::solid && body.sheet > 0) {
+    std::vector<std::uint32_t> sheet(body.sheet);
+    std::iota(sheet.begin(), sheet.end(),
+              static_cast<std::uint32_t>(body.mesh.triangles.size() - body.sheet));
+    out.marks.push_back(mark_of(MarkKind::sheet, body.mesh, sheet));
+  }
   for (Mark& mark : out.marks)
     for (Point& p : mark.mesh.points) p = frame.back(p);
 }
@@ -331,7 +340,7 @@ Padded pad(const ReadResult& file, const PadOptions& options, const PadProgress&
   PadReport& report = out.report;
   const std::string& name = file.source.file;
   const std::function<void(const char*, int)> step = [&](const char* what, int done) {
-    if (progress) progress(what, done, 6);
+    if (progress) progress(what, 100 * done, 600);
   };
   Clock clock;
   const Box box = file.mesh.bounds();
@@ -356,7 +365,9 @@ Padded pad(const ReadResult& file, const PadOptions& options, const PadProgress&
   show_repair(body, input.area(), frame, out);
   report.seconds.repair = clock.lap();
 
-  const Job job{options, input, body, surface, frame, length, report, step, clock};
+  TellShare within_cull;
+  if (progress) within_cull = [&](double share) { progress("cull", 400 + int(100 * share), 600); };
+  const Job job{options, input, body, surface, frame, length, report, step, within_cull, clock};
   Cluster& c = out.cluster;
   for (std::size_t rung = 0; rung < rungs.size(); rung++) {
     const Asked asked(options, rungs[rung], frame.scale());

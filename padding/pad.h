@@ -64,8 +64,9 @@ struct Padded {
   std::vector<Mark> marks;  // what repair did, to be shown; in the input's frame and unit
 };
 
-// Called before each step with its name, the number of steps done and the number of all steps: for a progress
-// bar.
+// Called before each step, and several times within a long one, with the step's name and how far the work is:
+// `done` of `of`. For a progress bar. It may throw, which ends the work with what it threw. Never called from
+// two threads at once.
 using PadProgress = std::function<void(const char* step, int done, int of)>;
 
 // Pads in a unit frame (padding/geometry/unit_frame.h), so a moved or scaled mesh gives the same cluster,

@@ -5,6 +5,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <exception>
+#include <mutex>
 #include <numbers>
 
 #include "padding/asset/error.h"
@@ -221,25 +223,39 @@ class Links {
     const int threads = omp_get_max_threads(), levels = omp_get_max_active_levels();
     const int side_by_side = std::clamp(static_cast<int>(tasks_.size()), 1, threads);
     omp_set_max_active_levels(2);
+    std::mutex mutex;
     std::size_t done = 0;
+    std::exception_ptr stopped;  // what progress_ threw: no exception may leave the parallel region
+    const auto tell = [&](const std::string& name) {
+      const std::lock_guard lock(mutex);
+      try {
+        if (!stopped && progress_) progress_(name, done, tasks_.size());
+      } catch (...) {
+        stopped = std::current_exception();
+      }
+      if (stopped) std::rethrow_exception(stopped);
+    };
 #pragma omp parallel num_threads(side_by_side)
     {
       omp_set_num_threads(std::max(1, threads / side_by_side));
 #pragma omp for schedule(dynamic, 1)
       for (std::size_t k = 0; k < tasks_.size(); k++) {
         const std::string& name = urdf_.links[tasks_[k].link].name;
-#pragma omp critical
-        if (progress_) progress_(name, done++, tasks_.size());
         try {
-          out[k] = padder::pad(tasks_[k].file, options);
+          tell(name);
+          out[k] = padder::pad(tasks_[k].file, options, [&](const char*, int, int) { tell(name); });
         } catch (const std::bad_alloc&) {
           errors[k] = "not enough memory: ask for fewer spheres, or fewer --threads";
         } catch (const std::exception& e) {
           errors[k] = e.what();
+        } catch (...) {  // it is in `stopped`
         }
+        const std::lock_guard lock(mutex);
+        done++;
       }
     }
     omp_set_max_active_levels(levels);
+    if (stopped) std::rethrow_exception(stopped);
     std::size_t first = tasks_.size();
     for (std::size_t k = 0; k < tasks_.size(); k++)
       if (!errors[k].empty() && (first == tasks_.size() || tasks_[k].link < tasks_[first].link)) first = k;

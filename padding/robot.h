@@ -28,7 +28,8 @@ struct RobotOptions {
       10000;  // that are tried for pairs that never or always touch (padding/self_collision.h); 0: none
 };
 
-// Called before each link with its name, the number of links done and the number of all links.
+// Called before each link and while it is padded, with its name, the number of links done and the number of
+// all links. It may throw, which ends the work with what it threw. Never called from two threads at once.
 using RobotProgress = std::function<void(const std::string& link, std::size_t done, std::size_t of)>;
 
 // Returns the shapes of a link as if they had been one mesh file, in the link's frame and in metres. Meshes

@@ -4,6 +4,7 @@
 #include <optional>
 
 #include "detect/cuda/bodies/bodies.h"
+#include "detect/cuda/call/history.h"
 #include "detect/cuda/call/sphere_search.h"
 #include "detect/cuda/device/device.h"
 #include "detect/cuda/device/profile_range.h"
@@ -23,7 +24,8 @@ class Work {
   explicit Work(int device) : device_(device) {}
   std::uint64_t memory() const { return book_.held; }
 
-  Contacts detect(const Input& input, const CallOptions& options) {
+  Contacts detect(const Input& input, const CallOptions& given) {
+    CallOptions options = given;
     const ProfileRange range("padder: detect");
     const auto bodies_first_wanted = [&] {
       return options.path == Path::grid &&
@@ -34,7 +36,10 @@ class Work {
     const bool worlds = !known && wants_worlds(input, options);
     if (!worlds) worlds_.forget();
     if (!known && !worlds) automatic_first_ = bodies_first(input, {}, sphere_count(input), tuning::kBallCost);
+    // Most pairs then stay near their place. The search of spheres sees to that itself.
+    if (options.history && (worlds || bodies_first_wanted())) options.order = Order::stable;
     const Call call = begin(input, options);
+    const PairList before = options.history ? PairList{list_.keep_pairs(), last_count_} : PairList{};
     Contacts c;
     c.memory = options.output, c.width = options.width, c.scalar = options.scalar;
     bool done = worlds;
@@ -45,9 +50,10 @@ class Work {
     else
       bodies_.forget();
     if (!done) search_spheres(call, c);
+    const std::uint32_t* const history = options.history ? match(before, call, c) : nullptr;
     {
       const ProfileRange delivery("padder: deliver the contacts");
-      list_.deliver(options, c, call.stream);
+      list_.deliver(options, c, history, call.stream);
     }
     pairs_on_device_ = list_.pairs(), last_count_ = c.count;
     c.seconds = clock_.seconds();
@@ -94,7 +100,32 @@ class Work {
     last_count_ = 0;
   }
 
+  // The pairs of the last list, for another Work that is to find them in its first list.
+  std::vector<Pair> last_pairs() const {
+    std::vector<Pair> pairs(last_count_);
+    if (last_count_)
+      cuda_check(
+          cudaMemcpy(pairs.data(), pairs_on_device_, last_count_ * sizeof(Pair), cudaMemcpyDeviceToHost),
+          "read the contacts");
+    return pairs;
+  }
+  void take_last_pairs(const std::vector<Pair>& pairs) {
+    CallOptions options;
+    options.width = Width::pairs;
+    list_.reserve(options, pairs.size());
+    if (!pairs.empty())
+      cuda_check(cudaMemcpy(list_.pairs(), pairs.data(), pairs.size() * sizeof(Pair), cudaMemcpyHostToDevice),
+                 "copy the contacts");
+    pairs_on_device_ = list_.pairs(), last_count_ = pairs.size();
+  }
+
  private:
+  const std::uint32_t* match(const PairList& before, const Call& call, const Contacts& c) {
+    const ProfileRange range("padder: history");
+    const std::uint32_t* const found = history_.match({list_.pairs(), c.count}, before, call.stream);
+    clock_.mark(StageClock::kHistory);
+    return found;
+  }
   bool wants_worlds(const Input& input, const CallOptions& options) const {
     if (options.path != Path::grid) return false;
     return options.margin > 0 || loose_have_worlds(input) ||
@@ -183,6 +214,7 @@ class Work {
   bool automatic_first_ = false;  // what Bodies::automatic means for the last input that was not known
   std::optional<Stages> stages_;
   ContactList list_{book_};
+  History history_{book_};
   Buffer<unsigned long long> hash_{book_, "the hash"};
   const Pair* pairs_on_device_ = nullptr;
   std::uint64_t last_count_ = 0;
@@ -199,6 +231,7 @@ class CudaBackend : public Backend {
     work_.reset();
   }
   const char* name() const override { return "cuda"; }
+  bool has_history() const override { return true; }
   std::uint64_t memory() const override { return work_->memory(); }
   Contacts detect(const Input& input, const CallOptions& options) override {
     const OnDevice on(device_);
@@ -244,8 +277,10 @@ class CudaBackend : public Backend {
  private:
   // A limit that was lowered: what is held is given back, and the call takes what it needs.
   void keep_limit(const CallOptions& options) {
-    if (options.memory_limit && work_->memory() > options.memory_limit)
-      work_.reset(), work_ = std::make_unique<Work>(device_);
+    if (!options.memory_limit || work_->memory() <= options.memory_limit) return;
+    const std::vector<Pair> last = options.history ? work_->last_pairs() : std::vector<Pair>();
+    work_.reset(), work_ = std::make_unique<Work>(device_);
+    work_->take_last_pairs(last);
   }
 
   int device_;

@@ -130,17 +130,19 @@ class CoverSearch {
         gap_(options.gap - rounding * (options.protrusion + options.gap)),
         min_radius_(options.min_radius),
         largest_(std::min(options.max_radius - protrusion_, surface.bounds().diagonal())),
-        effort_(std::clamp(options.effort, 0, 3)) {
+        effort_(std::clamp(options.effort, 0, 3)),
+        watch_(options.tell, steps_of(effort_)) {
     if (mesh_.triangles.empty()) throw Error("there is no surface to cover: the mesh has no triangles");
     if (!(tolerance_sum_ > 0)) throw Error("a cover needs a tolerance above 0");
   }
 
-  Cover run() {
+  Cover run() const {
     Attempt best{CoverProblem(gap_), {}, 0};
     if (single(best)) return finish(best, true);
     SampleOptions sampling;
     sampling.tolerance_sum = tolerance_sum_, sampling.largest = largest_;
     const Samples samples = sample_surface(surface_, sampling);
+    step();
     std::vector<Candidate> candidates;
     for (const Sample& s : samples.grown) propose(s.point, s.triangle, s.ball, candidates);
     best.problem.add(with_margin(samples.coarse, greedy_margin), candidates);
@@ -159,6 +161,21 @@ class CoverSearch {
   }
 
  private:
+  // Of a search with all starts; a search with fewer is done at a smaller share.
+  static double steps_of(int effort) {
+    double steps = 2;  // samples, and the first cover
+    for (int k = 0; k < effort; k++) {
+      const Stage& stage = stages[static_cast<std::size_t>(k)];
+      steps += stage.starts * (stage.moves + 1) + merge_moves + 1 + certify_moves;
+    }
+    return steps + certify_moves;
+  }
+
+  void step() const {
+    watch_.tick();
+    watch_.check();
+  }
+
   // Chooses the fewest candidates, beginning with those that are chosen.
   void solve(Attempt& attempt, double steps) const {
     const Sets sets = attempt.problem.sets();
@@ -192,13 +209,14 @@ class CoverSearch {
     for (std::size_t start = 0; start < starts; start++) {
       Attempt attempt = common;
       attempt.seed = seed + ((start + 1) << 48);
-      solve(attempt, stage.steps);
-      for (int k = 0; k < stage.moves; k++) {
-        move(attempt, places);
+      for (int k = 0; k <= stage.moves && !watch_.stopped(); k++) {
+        if (k > 0) move(attempt, places);
         solve(attempt, stage.steps);
+        watch_.tick();
       }
       found[start] = attempt.chosen_candidates();
     }
+    watch_.check();
     return found;
   }
 
@@ -217,10 +235,10 @@ class CoverSearch {
     const std::vector<Candidate> known = best.chosen_candidates();
     pool.insert(pool.end(), known.begin(), known.end());
     attempt.problem.add(with_margin(samples.fine, stage.margin), pool);
-    solve(attempt, stage.steps);
-    for (int k = 0; k < merge_moves; k++) {
-      move(attempt, places);
+    for (int k = 0; k <= merge_moves; k++) {
+      if (k > 0) move(attempt, places);
       solve(attempt, stage.steps);
+      step();
     }
     return attempt;
   }
@@ -234,6 +252,10 @@ class CoverSearch {
     for (int round = 0;; round++, steps *= certify_decay) {
       const std::vector<GapPart> failures = open.failures(attempt.balls(), 0.25 * tolerance_sum_);
       if (failures.empty()) return true;
+      if (round < certify_moves)
+        step();
+      else
+        watch_.check();
       if (round < certify_moves && tries > 0) move(attempt, tries);
       if (round == most_rounds || !refine(attempt.problem, failures, also)) return false;
       solve(attempt, steps);
@@ -374,6 +396,7 @@ class CoverSearch {
   const Mesh& mesh_;
   const double tolerance_sum_, protrusion_, gap_, min_radius_, largest_;
   const int effort_;
+  mutable Watch watch_;
 };
 
 }  // namespace

@@ -2,6 +2,7 @@
 // From a surface and a tolerance to the fewest balls that cover it, with the proof that they keep the
 // tolerance. docs/tolerance.md explains the method and proves it.
 #pragma once
+#include "padding/by_tolerance/watch.h"
 #include "padding/verify/certify.h"
 
 namespace padder {
@@ -18,6 +19,7 @@ struct CoverOptions {
   // 0: greedy only. 1: local search. 2 and 3 go on from what the effort before has found, so they never give
   // more balls; each takes about three times as long.
   int effort = 1;
+  TellShare tell;  // may be empty; called some ten times, from any thread, never from two at once
 };
 
 // What cover_surface() found.

@@ -55,11 +55,20 @@ class CullSearch {
   }
 
  private:
-  CoverOptions cover_options(double protrusion, double gap) const {
+  CoverOptions cover_options(double protrusion, double gap) {
     CoverOptions options;
     options.protrusion = protrusion, options.gap = gap;
     options.min_radius = options_.min_radius, options.max_radius = options_.max_radius;
     options.effort = options_.effort;
+    if (!options_.tell) return options;
+    // Of one cover that is all; of a search, nobody knows how many covers it takes: each takes a part of what
+    // is left.
+    const bool one = options_.max_spheres == 0 && options_.smooth <= 0 && options_.balance == Balance::none;
+    const double left = one ? 1 : std::pow(0.75, covers_);
+    options.tell = [this, left, part = one ? 1 : 0.25](double share) {
+      options_.tell(1 - left + left * part * share);
+    };
+    covers_++;
     return options;
   }
 
@@ -221,6 +230,7 @@ class CullSearch {
   const double diagonal_;
   Cover cover_, best_;
   double tolerance_sum_ = 0, bound_ = 0;
+  int covers_ = 0;  // that were made
 };
 
 }  // namespace

@@ -35,6 +35,8 @@ struct CullOptions {
   Balance balance = Balance::none;
   double smooth = 0;  // the mean normal error asked for, degrees; 0: not asked
   int effort = 1;     // as in CoverOptions
+  // May be empty; as in CoverOptions. The share of a search over several covers is an estimate.
+  TellShare tell;
 };
 
 // What cull() left.

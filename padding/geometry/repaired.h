@@ -42,12 +42,12 @@ struct RepairSteps {
   double sheet_winding = 0, sheet_rim = 0;
 };
 
-// Surface that repair left out or put in, to be shown in a colour of its own.
+// Surface that repair left out, put in or takes for a sheet, to be shown in a colour of its own.
 enum class MarkKind : std::uint8_t {
   patch,   // over a hole; no part of the input
   buried,  // of the input, but nothing outside can touch it
   slot,    // of a wrap, where it bridges the input farther than the tolerance allows
-  dropped  // of the input, but no part of the body
+  sheet    // of the input, of a body with an inside: it bounds nothing by itself, and is padded on both sides
 };
 // Some of that surface.
 struct Mark {
@@ -65,7 +65,7 @@ struct Repaired {
   std::size_t filled = 0;        // number of holes that were closed, of a solid
   double filled_area = 0;        // of the patches that close them; they are no part of the input
   std::vector<Patch> patches;    // one for each hole that was closed
-  std::vector<Mark> marks;       // what is buried and what was dropped
+  std::vector<Mark> marks;       // what is buried
   // Of a wrap, for each triangle: no point of it is farther from the input than this.
   std::vector<double> standoff;
   RepairSteps steps;

@@ -230,7 +230,7 @@ std::vector<Colour> colours_of(const View& view, ColourBy by) {
 
 const char* name_of(MarkKind kind) {
   constexpr const char* names[] = {"patch over a hole", "buried, nothing touches it",
-                                   "slot closed by the wrap", "dropped by repair"};
+                                   "slot closed by the wrap", "sheet, padded on both sides"};
   return names[std::size_t(kind)];
 }
 

@@ -135,7 +135,9 @@ TEST_F(DetectTool, JsonTellsEveryFailureOfTheWork) {
     EXPECT_EQ(j["input"], std::string(arguments).substr(0, std::string(arguments).find(' ')));
     EXPECT_EQ("detect: " + j["error"].get<std::string>() + "\n", r.err);
   }
-  EXPECT_EQ(run("dense.json --json --zzz").out, "");  // wrong usage is no result
+  const Ran usage = run("dense.json --json --zzz");
+  EXPECT_EQ(usage.code, 2);
+  EXPECT_EQ(Json::parse(usage.out), (Json{{"input", ""}, {"error", "there is no option \"--zzz\""}}));
 }
 
 // What option, what was given, what is allowed; none of CLI11's own words.

@@ -285,6 +285,40 @@ TEST(Pad, WhatIsCertifiedWithoutRepairIsTrue) {
     }
 }
 
+// A cube with a fin of one square on its top, which bounds nothing: in colours of its own, a sheet.
+TEST(Pad, ASheetOfABodyIsMarked) {
+  Mesh mesh = shapes::box({0, 0, 0}, {1, 1, 1});
+  const auto n = static_cast<std::uint32_t>(mesh.points.size());
+  mesh.points.insert(mesh.points.end(), {{0.2, 0.5, 1}, {0.8, 0.5, 1}, {0.8, 0.5, 1.4}, {0.2, 0.5, 1.4}});
+  mesh.triangles.insert(mesh.triangles.end(), {{n, n + 1, n + 2}, {n, n + 2, n + 3}});
+  PadOptions quick;
+  quick.effort = 0;
+  const Padded p = by_tolerance(mesh, 0.05, quick);
+  EXPECT_EQ(p.report.kind, BodyKind::solid);
+  EXPECT_TRUE(p.cluster.accuracy.certified);
+  ASSERT_EQ(p.marks.size(), 1u);
+  EXPECT_EQ(p.marks[0].kind, MarkKind::sheet);
+  EXPECT_NEAR(p.marks[0].mesh.area(), 0.6 * 0.4, 1e-9);
+  for (const Point& x : p.marks[0].mesh.points) EXPECT_GE(x.z(), 1 - 1e-9);
+}
+
+// By depth ratio, a body of pieces that cross is remeshed as evenly as one that was whole.
+TEST(Pad, CrossingPiecesMakeNoMoreSpheresByDepthThanTheirAreaAsksFor) {
+  Mesh mesh = shapes::box({0, 0, 0}, {1, 1, 1});
+  const Mesh beside = shapes::box({1e-6, 1e-5, 0.3}, {1.5, 0.7, 0.8});
+  const auto n = static_cast<std::uint32_t>(mesh.points.size());
+  mesh.points.insert(mesh.points.end(), beside.points.begin(), beside.points.end());
+  for (const auto& [a, b, c] : beside.triangles) mesh.triangles.push_back({n + a, n + b, n + c});
+  PadOptions options;
+  options.depth_ratio = 0.2;
+  options.edge_length = Length::of(0.05);
+  const Padded p = pad(as_file(mesh), options);
+  EXPECT_TRUE(p.cluster.accuracy.certified);
+  EXPECT_LT(p.report.quality.share_under_20_deg, 0.02);
+  const double area = 6 + 2 * (0.5 * 0.7 + 0.5 * 0.5);  // and a triangle of edge L has 0.43 L^2
+  EXPECT_LT(double(p.cluster.size()), 1.5 * area / (0.43 * 0.05 * 0.05));
+}
+
 TEST(Pad, EachFigureSaysWhatItWasProvedAgainst) {
   const auto basis = [](const Padded& p) { return p.cluster.accuracy.proved_against; };
   const Mesh box = shapes::box({0, 0, 0}, {1, 1, 1}, 24);

@@ -2,11 +2,11 @@
 import ast
 import os
 import pathlib
+import pickle
 import subprocess
 import sys
 import threading
 import time
-
 import numpy as np
 import padder
 import pytest
@@ -92,6 +92,77 @@ def test_bad_meshes(arguments, error):
 def test_bad_options(options):
     with pytest.raises((ValueError, padder.Error)):
         padder.pad(CUBE, FACES, **options)
+
+
+@pytest.mark.parametrize("options, error", [
+    ({"balance": "much"}, ValueError), ({"effort": 7}, ValueError), ({"max_radius": 0}, ValueError), ({"depth": 2}, ValueError),
+    ({"balence": "mean"}, TypeError), ({"balance": "mean"}, ValueError), ({"smooth": float("nan")}, ValueError)])
+def test_bad_options_are_errors_of_the_argument(options, error):
+    with pytest.raises(error):
+        padder.pad(CUBE, FACES, **options)
+
+
+def test_every_option_of_the_command_line():
+    plain = padder.pad(CUBE, FACES, tolerance="3%")
+    balanced = padder.pad(CUBE, FACES, tolerance="3%", balance="volume", effort=0)
+    assert abs(balanced.accuracy["volume_ratio"] - 1) < abs(plain.accuracy["volume_ratio"] - 1)
+    assert padder.pad(CUBE, FACES, tolerance="3%", max_radius=0.3).radii.max() <= 0.3 < plain.radii.max()
+    assert padder.pad(CUBE, FACES, lod=["6%", "3%"]).settings["lod"] == pytest.approx([0.06 * 3**0.5, 0.03 * 3**0.5])
+
+
+def test_a_mesh_object_is_taken_as_it_is(cube):
+    class Trimesh:
+        vertices, faces = CUBE, FACES
+    mesh = padder.pad(Trimesh(), edge_length="10%")
+    assert (mesh.centers == cube.centers).all()
+    with pytest.raises(TypeError):
+        padder.pad(CUBE)
+
+
+def test_pickle_and_html(cube):
+    back = pickle.loads(pickle.dumps(cube))
+    assert back.to_json() == cube.to_json() and back.mask == 5
+    assert str(len(cube)) in cube._repr_html_() and "cube" in cube._repr_html_()
+    named = pickle.loads(pickle.dumps(cube))
+    named.name = "<script>"
+    assert "<script>" not in named._repr_html_()
+
+
+def test_a_robot(tmp_path):
+    box = "<collision><geometry><box size='0.2 0.2 0.4'/></geometry></collision>"
+    (tmp_path / "r.urdf").write_text(
+        f"<robot name='r'><link name='a'>{box}</link><link name='b'>{box}</link><joint name='j' type='continuous'><parent link='a'/>"
+        "<child link='b'/><origin xyz='0 0 0.4'/><axis xyz='1 0 0'/></joint></robot>")
+    robot = padder.pad_urdf(tmp_path / "r.urdf", tolerance="5%", effort=0)
+    assert set(robot.links) == {"a", "b"} and robot.apart == [("a", "b", "Adjacent")]
+    assert len(robot) == len(robot.links["a"]) + len(robot.links["b"])
+    robot.save(tmp_path / "r.xml")
+    assert (padder.load(tmp_path / "r.xml", "b").radii == robot.links["b"].radii).all()
+    with pytest.raises(FileNotFoundError):
+        padder.pad_urdf(tmp_path / "absent.urdf")
+
+
+# Ctrl-C while the spheres are chosen, which would go on for minutes.
+def test_ctrl_c_ends_padding():
+    script = """
+import os, signal, threading, numpy as np, padder
+n = 60
+u, v = np.meshgrid(np.linspace(0, 2 * np.pi, n, endpoint=False), np.linspace(0, 2 * np.pi, n, endpoint=False), indexing="ij")
+r = 1 + 0.3 * np.cos(v)
+points = np.stack([r * np.cos(u), r * np.sin(u), 0.3 * np.sin(v)], -1).reshape(-1, 3)
+i, j = np.meshgrid(range(n), range(n), indexing="ij")
+at = lambda a, b: (a % n) * n + b % n
+faces = np.concatenate([np.stack([at(i, j), at(i + 1, j), at(i + 1, j + 1)], -1).reshape(-1, 3),
+                        np.stack([at(i, j), at(i + 1, j + 1), at(i, j + 1)], -1).reshape(-1, 3)])
+threading.Timer(2, os.kill, (os.getpid(), signal.SIGINT)).start()
+try:
+    padder.pad(points, faces, tolerance="0.3%", effort=3)
+    print("padded to the end")
+except KeyboardInterrupt:
+    print("interrupted")
+"""
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=300)
+    assert (done.stdout, done.stderr, done.returncode) == ("interrupted\n", "", 0)
 
 
 def test_files(cube, tmp_path):

@@ -27,7 +27,7 @@ def main():
     project = (ROOT / "pyproject.toml").read_text()
     if version in project or 'dynamic = ["version"]' not in project:
         failures.append("pyproject.toml names a version of its own: leave it to CMakeLists.txt")
-    for name in ("pad", "detect", "preview", "bench", "make_assets"):
+    for name in ("pad", "detect", "settle", "preview", "bench", "make_assets"):
         if (folder / name).exists():
             said = subprocess.run([folder / name, "--version"], check=True, capture_output=True, text=True).stdout.strip()
             expect(f"{name} --version", said, f"{name} (padder) {version}")

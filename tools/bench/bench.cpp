@@ -32,6 +32,7 @@ const std::vector<Entry>& entries() {
       {"worlds", "many worlds in one call, and answers for each: beside Bullet on the CPU", worlds},
       {"stages", "milliseconds of each stage, the nine stages and the fast path", stages},
       {"boxes", "time against contacts on one and several GPUs, the paper's Fig. 27", boxes},
+      {"table3", "a step of a settled silo beside the paper's Table 3, its Figs. 29 and 30", table3},
 #ifdef PADDER_BENCH_PADDING
       {"frontier", "spheres against error of meshes, the paper's fit beside ours", frontier},
 #endif
@@ -109,6 +110,7 @@ int main(int argc, char** argv) {
       ->type_name("NAME");
   app.add_flag("--moving", s.moving, "measure a scene in motion as well (scenes)");
   app.add_flag("--stable", s.stable, "a list of stable order (scenes)");
+  app.add_flag("--history", s.history, "measure a list with a history as well (scenes)");
   app.add_option("--backend", s.backend, "auto (each that is there, the default), omp or cuda")
       ->type_name("WHICH")
       ->check(CLI::IsMember({"auto", "omp", "cuda"}));

@@ -136,6 +136,13 @@ class Table {
     verify(frames, name + " " + std::to_string(n), contacts, hash, cuda);
     Times moving;
     if (s.moving) moving = timed(d, frames, std::max(calls, 100), true);
+    Times followed, followed_moving;
+    if (s.history) {
+      o.history = true;
+      detect::Detector with_history({backend}, o);
+      followed = timed(with_history, frames, calls, false);
+      if (s.moving) followed_moving = timed(with_history, frames, std::max(calls, 100), true);
+    }
     const double each = standing.median / (static_cast<double>(n) + static_cast<double>(contacts));
     if (r.scene == &uneven_scenes()[0] && !r.wide) dense_ = each;
     const auto ms = [](double t) { return t > 0 ? number(t * 1e3, "%.3f") : std::string("-"); };
@@ -149,17 +156,22 @@ class Table {
                     {"seconds_worst", standing.worst},
                     {"seconds_moving", moving.median},
                     {"seconds_moving_worst", moving.worst},
+                    {"seconds_history", followed.median},
+                    {"seconds_history_moving", followed_moving.median},
                     {"over_dense", dense_ > 0 ? each / dense_ : 0}});
     table.push_back({name, std::to_string(n), std::to_string(contacts), d.backend(), ms(standing.median),
                      ms(standing.worst), ratio(each, dense_), number(r.scene->most, "%.1f"),
                      ms(moving.median), ms(moving.worst), ratio(moving.median, standing.median),
-                     ratio(moving.worst, moving.median)});
+                     ratio(moving.worst, moving.median), ms(followed.median),
+                     ratio(followed.median, standing.median), ms(followed_moving.median),
+                     ratio(followed_moving.median, moving.median)});
   }
 
   Json rows = Json::array();
   Json table =
       Json::array({{"scene", "spheres", "contacts", "backend", "standing [ms]", "worst [ms]", "over dense",
-                    "aim", "moving [ms]", "worst of 100 [ms]", "moving / standing", "worst / median"}});
+                    "aim", "moving [ms]", "worst of 100 [ms]", "moving / standing", "worst / median",
+                    "with history [ms]", "over standing", "moving with history [ms]", "over moving"}});
 
  private:
   // The nine stages decide every pair in double, on a way of their own; the processor's grid where they are

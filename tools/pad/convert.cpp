@@ -43,8 +43,8 @@ void write(const SphereModel& spheres, const OutputFile& file, const ConvertJob&
 Json run_convert(const ConvertJob& job) {
   SphereModel spheres = read_sphere_model(job.input);
   Model& model = spheres.model;
-  if (job.scale != 1 || !job.unit.empty())
-    model = scaled(std::move(model), job.scale, job.unit.empty() ? model.unit : job.unit);
+  const std::string unit = job.unit.empty() ? model.unit : job.unit;
+  if (job.scale != 1 || unit != model.unit) model = scaled(std::move(model), job.scale, unit);
   for (Body& body : model.bodies) {
     if (job.family != 0) body.cluster.family = job.family;
     if (job.mask != 0) body.cluster.mask = job.mask;

@@ -5,13 +5,17 @@
 
 #include <cerrno>
 #include <cmath>
+#include <cstdio>
+#include <map>
 #include <optional>
 
 #include "padding/asset/error.h"
 #include "padding/export/export.h"
 #include "padding/import/import.h"
 #include "padding/pad.h"
+#include "padding/robot.h"
 #include "tools/python/arrays.h"
+#include "tools/python/interruptible.h"
 #include "tools/python/module.h"
 
 namespace padder::python {
@@ -101,11 +105,44 @@ void need_unit(const std::string& unit) {
   }
 }
 
+// The options that are given by their names only.
+void take_more(PadOptions& o, const py::kwargs& more) {
+  for (const auto& [key, given] : more) {
+    const auto name = py::cast<std::string>(key);
+    const auto value = py::reinterpret_borrow<py::object>(given);
+    if (name == "balance") {
+      const auto balance = balance_of(py::cast<std::string>(value));
+      if (!balance) throw py::value_error("balance must be \"none\", \"volume\" or \"mean\"");
+      o.balance = *balance;
+    } else if (name == "effort") {
+      o.effort = py::cast<int>(value);
+    } else if (name == "smooth") {
+      o.smooth = number_of(value, "smooth");
+    } else if (name == "lod") {
+      for (const auto& rung : value)
+        o.lod.push_back(length_of(py::reinterpret_borrow<py::object>(rung), "lod"));
+    } else if (name == "min_radius") {
+      o.min_radius = length_of(value, "min_radius");
+    } else if (name == "max_radius") {
+      o.max_radius = length_of(value, "max_radius");
+    } else if (name == "reach") {
+      o.min_grain_radius = length_of(value, "reach");
+    } else if (name == "thickness") {
+      o.thickness = length_of(value, "thickness");
+    } else if (name == "force") {
+      o.force = py::cast<bool>(value);
+    } else {
+      throw py::type_error("padding has no option \"" + name + '"');
+    }
+  }
+}
+
 PadOptions options_of(const py::object& depth, const py::object& tolerance, const py::object& edge_length,
                       std::uint64_t max_spheres, double sharp_angle, const std::string& repair,
                       std::uint32_t family, std::uint32_t mask, const py::object& protrusion,
-                      const py::object& gap) {
+                      const py::object& gap, const py::kwargs& more) {
   PadOptions o;
+  take_more(o, more);
   o.protrusion = error_of(protrusion, "protrusion"), o.gap = error_of(gap, "gap");
   if (!depth.is_none()) o.depth_ratio = number_of(depth, "depth");
   if (!std::isfinite(sharp_angle)) throw py::value_error("sharp_angle must be finite");
@@ -124,6 +161,11 @@ PadOptions options_of(const py::object& depth, const py::object& tolerance, cons
     o.repair = RepairMode::sheet;
   else if (repair != "auto")
     throw py::value_error("repair must be \"auto\", \"union\", \"fill\", \"sheet\", \"never\" or \"wrap\"");
+  try {
+    check(o);
+  } catch (const Error& e) {  // an argument is at fault, before any mesh is looked at
+    throw py::value_error(e.what());
+  }
   return o;
 }
 
@@ -193,10 +235,40 @@ void add_properties_of(PyCluster& cluster) {
       .def_property_readonly("settings", [](const Cluster& c) { return from_json(c.settings); });
 }
 
+// A table of what the cluster is, for a notebook.
+std::string html_of(const Cluster& c) {
+  const auto row = [](const std::string& name, const std::string& value) {
+    return "<tr><th style='text-align:left'>" + name + "</th><td style='text-align:left'>" + value +
+           "</td></tr>";
+  };
+  const auto escaped = [](const std::string& text) {
+    return py::cast<std::string>(py::module_::import("html").attr("escape")(text));
+  };
+  const auto length = [&](double value) {
+    char number[40], share[40] = "";
+    std::snprintf(number, sizeof number, "%.4g ", value);
+    if (const double diagonal = c.bounds.empty() ? 0 : c.bounds.diagonal(); diagonal > 0)
+      std::snprintf(share, sizeof share, " (%.3g %%)", 100 * value / diagonal);
+    return number + escaped(c.unit) + share;
+  };
+  std::string out = "<table>" + row("cluster", escaped(c.name)) + row("spheres", std::to_string(c.size()));
+  if (c.accuracy.proved_against != SurfaceKind::none)
+    out += row("protrusion at most", length(c.accuracy.protrusion_max)) +
+           row("gap at most", length(c.accuracy.gap_max)) +
+           row("certified", c.accuracy.certified ? "yes" : "no");
+  if (c.family != 0) out += row("family", std::to_string(c.family));
+  return out + "</table>";
+}
+
 void add_cluster(py::module_& m) {
   PyCluster cluster(m, "Cluster");
   add_spheres_of(cluster), add_properties_of(cluster);
-  cluster.def("to_json", [](const Cluster& c) { return to_json(c); })
+  cluster.def("_repr_html_", &html_of)
+      .def(py::pickle([](const Cluster& c) { return to_json(c); },
+                      [](const std::string& text) {
+                        return std::make_shared<Cluster>(cluster_from_json(text, "a pickled cluster"));
+                      }))
+      .def("to_json", [](const Cluster& c) { return to_json(c); })
       .def("save", &save_cluster, "path"_a, "format"_a = "", "density"_a = 1000.0);
 }
 
@@ -220,19 +292,25 @@ void add_pad_of_arrays(py::module_& m) {
          const py::object& tolerance, const py::object& edge_length, std::uint64_t max_spheres,
          double sharp_angle, const std::string& repair, std::uint32_t family, std::uint32_t mask,
          const std::string& unit, const std::string& name, const py::object& protrusion,
-         const py::object& gap) {
+         const py::object& gap, const py::kwargs& more) {
         const PadOptions options = options_of(depth, tolerance, edge_length, max_spheres, sharp_angle, repair,
-                                              family, mask, protrusion, gap);
+                                              family, mask, protrusion, gap, more);
         need_unit(unit);
         ReadResult file;
-        file.mesh = mesh_of(vertices, faces);
+        const bool is_mesh =
+            faces.is_none() && py::hasattr(vertices, "vertices") && py::hasattr(vertices, "faces");
+        if (faces.is_none() && !is_mesh)
+          throw py::type_error("faces must be given, or a mesh with .vertices and .faces in place of both");
+        file.mesh =
+            is_mesh ? mesh_of(vertices.attr("vertices"), vertices.attr("faces")) : mesh_of(vertices, faces);
         file.unit = unit, file.source.file = name, file.source.triangles = file.mesh.triangles.size();
         if (file.mesh.triangles.empty())
           throw py::value_error("faces is empty: a mesh needs at least one triangle");
-        const py::gil_scoped_release release;
-        return std::make_shared<Cluster>(padder::pad(file, options).cluster);
+        return interruptible([file = std::move(file), options](const PadProgress& progress) {
+          return std::make_shared<Cluster>(padder::pad(file, options, progress).cluster);
+        });
       },
-      "vertices"_a, "faces"_a, "depth"_a = py::none(), "tolerance"_a = py::none(),
+      "vertices"_a, "faces"_a = py::none(), "depth"_a = py::none(), "tolerance"_a = py::none(),
       "edge_length"_a = py::none(), "max_spheres"_a = 0, "sharp_angle"_a = 40.0, "repair"_a = "auto",
       "family"_a = 0, "mask"_a = 0, "unit"_a = "", "name"_a = "mesh", "protrusion"_a = py::none(),
       "gap"_a = py::none(),
@@ -244,6 +322,8 @@ tolerance is given.
 tolerance: the fewest spheres whose protrusion and gap are proved to be within it.
 protrusion, gap: each error by itself; one that is not given is the tolerance. 0 is allowed: with a gap of 0 the whole body is
 inside the spheres, with a protrusion of 0 all spheres are inside the body.
+balance, effort, smooth, lod, min_radius, max_radius, reach, thickness, force: by their names, as on the command line.
+In place of both arrays, a mesh with .vertices and .faces may be given, such as one of trimesh.
 A length (tolerance, edge_length, protrusion, gap) is a number in the mesh's unit, or a fraction of the mesh's diagonal such as "1%".
 Other Python threads can run during the call. Raises padder.Error if the mesh cannot be padded.)");
 }
@@ -254,13 +334,14 @@ void add_pad_of_file(py::module_& m) {
       [](const std::filesystem::path& path, const py::object& depth, const py::object& tolerance,
          const py::object& edge_length, std::uint64_t max_spheres, double sharp_angle,
          const std::string& repair, std::uint32_t family, std::uint32_t mask, const std::string& unit,
-         double scale, const py::object& protrusion, const py::object& gap) {
+         double scale, const py::object& protrusion, const py::object& gap, const py::kwargs& more) {
         const PadOptions options = options_of(depth, tolerance, edge_length, max_spheres, sharp_angle, repair,
-                                              family, mask, protrusion, gap);
+                                              family, mask, protrusion, gap, more);
         need_unit(unit), need_file(path);
         if (!(scale > 0) || !std::isfinite(scale)) throw py::value_error("scale must be positive");
-        const py::gil_scoped_release release;
-        return std::make_shared<Cluster>(padder::pad_file(path, {scale, unit}, options).cluster);
+        return interruptible([=](const PadProgress& progress) {
+          return std::make_shared<Cluster>(padder::pad_file(path, {scale, unit}, options, progress).cluster);
+        });
       },
       "path"_a, "depth"_a = py::none(), "tolerance"_a = py::none(), "edge_length"_a = py::none(),
       "max_spheres"_a = 0, "sharp_angle"_a = 40.0, "repair"_a = "auto", "family"_a = 0, "mask"_a = 0,
@@ -270,10 +351,80 @@ void add_pad_of_file(py::module_& m) {
       "coordinate.");
 }
 
+// A robot whose links are clusters.
+void add_robot(py::module_& m) {
+  py::class_<PaddedRobot, std::shared_ptr<PaddedRobot>>(m, "Robot")
+      .def_property_readonly("name", [](const PaddedRobot& r) { return r.model.name; })
+      .def_property_readonly("links",
+                             [](const PaddedRobot& r) {
+                               std::map<std::string, std::shared_ptr<Cluster>> links;
+                               for (const Body& b : r.model.bodies)
+                                 if (b.cluster.size() > 0)
+                                   links[b.name] = std::make_shared<Cluster>(b.cluster);
+                               return links;
+                             })
+      .def_property_readonly(
+          "apart",
+          [](const PaddedRobot& r) {
+            py::list pairs;
+            for (const Apart& p : r.model.apart)
+              pairs.append(py::make_tuple(r.model.bodies[p.a].name, r.model.bodies[p.b].name, p.reason));
+            return pairs;
+          })
+      .def_property_readonly("notes", [](const PaddedRobot& r) { return r.notes; })
+      .def("__len__", [](const PaddedRobot& r) { return r.model.spheres(); })
+      .def("__repr__",
+           [](const PaddedRobot& r) {
+             return "<padder.Robot " + r.model.name + ": " + std::to_string(r.model.spheres()) + " spheres>";
+           })
+      .def(
+          "save",
+          [](const PaddedRobot& r, const std::filesystem::path& path, const std::string& format,
+             double density) {
+            if (!(density > 0) || !std::isfinite(density)) throw py::value_error("density must be positive");
+            if (path.has_parent_path()) need_file(path.parent_path());
+            for (const std::string& told : write_model(r.model, path, find_format(path, format), {density}))
+              if (PyErr_WarnEx(PyExc_UserWarning, told.c_str(), 1) != 0) throw py::error_already_set();
+          },
+          "path"_a, "format"_a = "", "density"_a = 1000.0);
+  m.def(
+      "pad_urdf",
+      [](const std::filesystem::path& path, const py::object& depth, const py::object& tolerance,
+         const py::object& edge_length, std::uint64_t max_spheres, std::uint64_t robot_spheres, bool visual,
+         const std::vector<std::filesystem::path>& package_path, int poses, const std::string& repair,
+         const py::kwargs& more) {
+        const PadOptions options =
+            options_of(depth, tolerance, edge_length, max_spheres, PadOptions().sharp_angle, repair, 0, 0,
+                       py::none(), py::none(), more);
+        need_file(path);
+        const RobotOptions whole{{package_path, visual}, robot_spheres, poses};
+        return interruptible([=](const PadProgress& progress) {
+          return std::make_shared<PaddedRobot>(
+              pad_robot(path, options, whole, [&](const std::string& link, std::size_t done, std::size_t of) {
+                progress(link.c_str(), int(done), int(of));
+              }));
+        });
+      },
+      "path"_a, "depth"_a = py::none(), "tolerance"_a = py::none(), "edge_length"_a = py::none(),
+      "max_spheres"_a = 0, "robot_spheres"_a = 0, "visual"_a = false,
+      "package_path"_a = std::vector<std::filesystem::path>(), "poses"_a = RobotOptions().poses,
+      "repair"_a = "auto",
+      "Pads every link of a URDF; options of padding as in pad, for each link by itself. robot_spheres: the "
+      "smallest "
+      "tolerance for so many spheres in all. save writes any format for robots (docs/formats.md).");
+}
+
 }  // namespace
 
 void add_pad(py::module_& m) {
+  m.def("_finish", [] {
+    const py::gil_scoped_release release;
+    constexpr int most = 300;  // tenths of a second: meshing is not interrupted
+    for (int k = 0; k < most && at_work() > 0; k++)
+      std::this_thread::sleep_for(std::chrono::milliseconds(100));
+  });
   add_cluster(m);
+  add_robot(m);
   add_load(m);
   add_pad_of_arrays(m);
   add_pad_of_file(m);

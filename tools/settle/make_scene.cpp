@@ -30,6 +30,9 @@ Json floor_at(double z) { return {{{"point", {0, 0, z}}, {"normal", {0, 0, 1}}}}
 
 // Grains stand on a lattice that is looser than they will be: the cylinder is higher than they fill it.
 Json silo(const MakeOptions& o) {
+  if (o.count < 300)
+    throw Error("the silo needs at least 300 grains, not " + std::to_string(o.count) +
+                ": in a narrower column of its height they do not fit side by side");
   Json scene = start("silo");
   const double radius = silo_radius(o.count), top = 2 * kSiloHeight + 1;
   scene["settle"] = {{"material", {{"density", 2500}, {"friction", 0.3}, {"restitution", 0.3}}},
@@ -76,7 +79,7 @@ Json ball(const MakeOptions& o, const std::filesystem::path& folder) {
   const double edge = 1.02 * part.box.diagonal(),
                n = static_cast<double>(std::max<std::uint64_t>(o.count, 1));
   // A bed about half as deep as wide.
-  const double radius = std::max(edge * std::cbrt(2 * n / kPi), 2 * edge), ball = 0.3 * radius;
+  const double radius = std::max(0.75 * edge * std::cbrt(2 * n / kPi), 2 * edge), ball = 0.3 * radius;
   detect::SplitMix64 random(o.seed);
   Json bodies = Json::array();
   double top = 0;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // The physics of the soft-sphere stepper as small functions for host and device: vectors, rotations, the
 // contact law and the integration of one mover. Any consistent units; the default material is in SI.
-// docs/settle.md states the equations and their sources.
+// docs/detector/settle.md states the equations and their sources.
 #pragma once
 #include "detect/host_device.h"
 

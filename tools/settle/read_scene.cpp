@@ -297,17 +297,24 @@ double chosen_stiffness(const System& s) {
   return std::max({column, heaviest, 1e-300}) / (0.01 * smallest);
 }
 
-SettleScene read_settle_scene(const std::filesystem::path& path) {
-  const detect::Scene scene = detect::read_scene(path);
-  const std::string where = path.string(), text = read_file(path, kMostText);
+SettleScene settle_scene_from_json(const std::string& text, const std::string& where,
+                                   const std::filesystem::path& folder) {
+  const detect::Scene scene = detect::scene_from_json(text, where, folder);
   const Json json = parse_json<Json>(text, where);
   const Place document(json, where);
   if (!document.has("settle"))
     document.fail(
-        "this scene has no object \"settle\": docs/settle.md says what is in it; {} takes all as it is by "
+        "this scene has no object \"settle\": docs/detector/settle.md says what is in it; {} takes all as it "
+        "is by "
         "default");
   SettleScene out = Reader(scene, document.at("settle")).read();
-  out.name = document.has("name") ? document.at("name").text() : path.stem().stem().string();
+  if (document.has("name")) out.name = document.at("name").text();
+  return out;
+}
+
+SettleScene read_settle_scene(const std::filesystem::path& path) {
+  SettleScene out = settle_scene_from_json(read_file(path, kMostText), path.string(), path.parent_path());
+  if (out.name.empty()) out.name = path.stem().stem().string();
   return out;
 }
 

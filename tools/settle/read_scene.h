@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: MIT
 // Makes a System of a scene: the clusters, bodies and loose spheres that detect reads, and the object
-// `settle` beside them with forces, grains, walls and time. docs/settle.md and assets/scene.schema.json
-// describe it.
+// `settle` beside them with forces, grains, walls and time. docs/detector/settle.md and
+// assets/scene.schema.json describe it.
 #pragma once
 #include <filesystem>
+#include <string>
 
 #include "tools/settle/system.h"
 
@@ -17,6 +18,10 @@ struct SettleScene {
 
 // Throws Error that names the file and the place in it. The time step is checked by Stepper.
 SettleScene read_settle_scene(const std::filesystem::path& path);
+// The same of text; files that it names are relative to `folder`, and `where` begins the sentence of an
+// Error.
+SettleScene settle_scene_from_json(const std::string& text, const std::string& where,
+                                   const std::filesystem::path& folder);
 
 // The stiffness at which the heaviest column of the scene, or its heaviest mover, presses its lowest contact
 // in by a hundredth of the smallest radius. Throws Error without gravity.

@@ -23,37 +23,46 @@ const void* copied_to_host(Buffer<unsigned char>& host, const void* from, std::u
 }  // namespace
 
 ContactList::ContactList(MemoryBook& book)
-    : pairs_(book, "the contacts"),
+    : pairs_{{book, "the contacts"}, {book, "the contacts"}},
       normals_(book, "the contacts"),
       points_(book, "the contacts"),
       host_pairs_(book, "the contacts", true),
       host_normals_(book, "the contacts", true),
-      host_points_(book, "the contacts", true) {}
+      host_points_(book, "the contacts", true),
+      host_history_(book, "the history of contacts", true) {}
+
+const Pair* ContactList::keep_pairs() {
+  const Buffer<Pair>& kept = pairs_[now_];
+  now_ = 1 - now_;
+  if (kept.capacity()) pairs_[now_].reserve(kept.capacity());
+  return kept.data();
+}
 
 void ContactList::reserve(const CallOptions& options, std::uint64_t count) {
-  pairs_.reserve(count);
+  pairs_[now_].reserve(count);
   if (options.width != Width::pairs) normals_.reserve(count * normal_bytes(options));
   if (options.width == Width::points) points_.reserve(count * point_bytes(options));
 }
 
 std::uint64_t ContactList::capacity(const CallOptions& options) const {
-  std::uint64_t n = pairs_.capacity();
+  std::uint64_t n = pairs_[now_].capacity();
   if (options.width != Width::pairs) n = std::min(n, normals_.capacity() / normal_bytes(options));
   if (options.width == Width::points) n = std::min(n, points_.capacity() / point_bytes(options));
   return n;
 }
 
 Output ContactList::output(const CallOptions& options) const {
-  return {pairs_.data(), normals_.data(), points_.data(), capacity(options), options.width, options.scalar};
+  return {pairs(), normals_.data(), points_.data(), capacity(options), options.width, options.scalar};
 }
 
 Lent ContactList::lent() const {
   return {reinterpret_cast<float4*>(normals_.data()), normals_.capacity() / sizeof(float4),
-          reinterpret_cast<std::uint32_t*>(pairs_.data()), pairs_.capacity() * 2};
+          reinterpret_cast<std::uint32_t*>(pairs()), pairs_[now_].capacity() * 2};
 }
 
-void ContactList::deliver(const CallOptions& options, Contacts& c, cudaStream_t stream) {
-  c.pairs = pairs_.data();
+void ContactList::deliver(const CallOptions& options, Contacts& c, const std::uint32_t* history,
+                          cudaStream_t stream) {
+  c.pairs = pairs(), c.history = history;
   if (options.width != Width::pairs) c.normals = normals_.data();
   if (options.width == Width::points) c.points = points_.data();
   if (options.output == Memory::device) {
@@ -65,6 +74,9 @@ void ContactList::deliver(const CallOptions& options, Contacts& c, cudaStream_t 
   if (c.normals)
     c.normals = copied_to_host(host_normals_, c.normals, c.count * normal_bytes(options), stream);
   if (c.points) c.points = copied_to_host(host_points_, c.points, c.count * point_bytes(options), stream);
+  if (history)
+    c.history = static_cast<const std::uint32_t*>(
+        copied_to_host(host_history_, history, c.count * sizeof *history, stream));
   cuda_check(cudaStreamSynchronize(stream), "copy the contacts");
 }
 

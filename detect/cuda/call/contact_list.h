@@ -18,15 +18,20 @@ class ContactList {
   Output output(const CallOptions& options) const;
   // The memory of the list, before it is written.
   Lent lent() const;
-  Pair* pairs() const { return pairs_.data(); }
+  Pair* pairs() const { return pairs_[now_].data(); }
+  // The pairs of the list stay where they are until this is called again; the next list gets other memory.
+  // Returns the address of those that stay.
+  const Pair* keep_pairs();
 
-  // `contacts.count` of them to where the options want them, and the pointers to `contacts`. Waits for the
-  // device where contacts are copied to the host.
-  void deliver(const CallOptions& options, Contacts& contacts, cudaStream_t stream);
+  // `contacts.count` of them to where the options want them, and the pointers to `contacts`. `history` is
+  // null or in device memory. Waits for the device where contacts are copied to the host.
+  void deliver(const CallOptions& options, Contacts& contacts, const std::uint32_t* history,
+               cudaStream_t stream);
 
  private:
-  Buffer<Pair> pairs_;
-  Buffer<unsigned char> normals_, points_, host_pairs_, host_normals_, host_points_;
+  Buffer<Pair> pairs_[2];
+  int now_ = 0;  // which of the two has the list
+  Buffer<unsigned char> normals_, points_, host_pairs_, host_normals_, host_points_, host_history_;
 };
 
 }  // namespace padder::detect::cuda

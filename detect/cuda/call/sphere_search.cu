@@ -18,7 +18,9 @@ constexpr double kBinsASphere = 8;
 
 SearchOptions search_options(const CallOptions& options, const Summary& summary) {
   SearchOptions s;
-  s.exact = options.precision == Precision::exact, s.stable_order = options.order == Order::stable;
+  s.exact = options.precision == Precision::exact;
+  // With a history, contacts have slots of their own even in any order: then they stay near their place.
+  s.stable_order = options.order == Order::stable || options.history;
   s.own = options.own, s.radius = summary.radius_max, s.owns_all = true;
   for (int k = 0; k < 3; k++)
     s.owns_all = s.owns_all && options.own.low[k] == -INFINITY && options.own.high[k] == INFINITY;
@@ -55,6 +57,12 @@ __global__ void __launch_bounds__(256)
 void round_spheres(const DeviceSpheres& source, float4* rounded, cudaStream_t stream) {
   round_kernel<<<(source.count + 255) / 256, 256, 0, stream>>>(source, rounded);
   cuda_launched("read the spheres");
+}
+
+// In any order a quota of the call before may stay, as long as not many more contacts spill.
+bool serves(const SlotQuota& quota, const SlotQuota& best) {
+  const auto near = [](double a, double b) { return std::abs(a - b) <= 0.1 * b; };
+  return near(quota.tile, best.tile) && near(quota.unit, best.unit);
 }
 
 void check(const DeviceSpheres& source, const Summary& s, const Call& call) {
@@ -258,11 +266,12 @@ struct SphereSearch::Steps {
     contacts.count = found.contacts, contacts.doubtful = found.doubtful;
     if (found.flags & kOutside) throw Error(kChanged);
     SearchOptions& search = s.plan_.search;
-    const bool stable = search.stable_order;
-    const SlotQuota quota = stable ? quota_for(found, source.count, s.plan_.grid, s.plan_.kind) : SlotQuota{};
+    const bool stable = search.stable_order, reproducible = call.options.order == Order::stable;
+    SlotQuota quota = stable ? quota_for(found, source.count, s.plan_.grid, s.plan_.kind) : SlotQuota{};
+    if (!reproducible && serves(search.quota, quota)) quota = search.quota;
     const bool too_short = contacts.count > call.list.capacity(call.options);
     if (found.flags & kCrowded) {
-      if (!stable && !s.spread_) {
+      if (!reproducible && !s.spread_) {
         s.spread_ = true, s.grid_ = s.best_grid(call, s.summary_, GridBounds::tight);
         s.plan_.grid = s.grid_;
       } else {

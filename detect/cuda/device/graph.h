@@ -27,40 +27,54 @@ class SideStream {
 
 // Plan: everything that decides what is enqueued, and comparable. Whatever a kernel is given by value must
 // follow from the plan; what stands behind addresses may change. plan.moves is MemoryBook::moves, because a
-// graph holds addresses.
+// graph holds addresses. Two plans are kept: calls with a history have two memories for their lists in turn.
 template <class Plan>
 class Recording {
  public:
   Recording() = default;
-  ~Recording() { drop(); }
+  ~Recording() {
+    for (Recorded& r : recorded_) r.drop();
+  }
   Recording(const Recording&) = delete;
   Recording& operator=(const Recording&) = delete;
 
-  // Enqueues on `stream` what the plan stands for. The first time it calls enqueue(stream). The second time
-  // in a row it records enqueue() on `side` and launches the recording; afterwards it launches the recording
-  // alone. `moves` is read after enqueue(), which may allocate. Throws Error.
+  // Enqueues on `stream` what the plan stands for. The first time it calls enqueue(stream). The second time,
+  // unless two other plans came between, it records enqueue() on `side` and launches the recording;
+  // afterwards it launches the recording alone. `moves` is read after enqueue(), which may allocate. Throws
+  // Error.
   template <class Enqueue>
   void run(const Plan& plan, const std::uint64_t& moves, cudaStream_t stream, SideStream& side,
            Enqueue enqueue) {
-    if (!(plan == plan_)) {
-      drop();
-      plan_ = plan;
+    if (!(plan == recorded_[last_].plan)) last_ = 1 - last_;
+    Recorded& r = recorded_[last_];
+    if (!(plan == r.plan)) {
+      r.drop();
+      r.plan = plan;
       enqueue(stream);
-      plan_.moves = moves;
+      r.plan.moves = moves;
       return;
     }
-    if (!graph_) record(side.get(), enqueue);
-    if (plan_.moves != moves) {  // memory was taken while it was recorded: some addresses are old
-      drop();
-      plan_.moves = moves;
+    if (!r.graph) r.graph = record(side.get(), enqueue);
+    if (r.plan.moves != moves) {  // memory was taken while it was recorded: some addresses are old
+      r.drop();
+      r.plan.moves = moves;
       return enqueue(stream);
     }
-    cuda_check(cudaGraphLaunch(graph_, stream), "launch a graph");
+    cuda_check(cudaGraphLaunch(r.graph, stream), "launch a graph");
   }
 
  private:
+  struct Recorded {
+    Plan plan;
+    cudaGraphExec_t graph = nullptr;
+    void drop() {
+      if (graph) cudaGraphExecDestroy(graph);
+      graph = nullptr;
+    }
+  };
+
   template <class Enqueue>
-  void record(cudaStream_t side, Enqueue enqueue) {
+  cudaGraphExec_t record(cudaStream_t side, Enqueue enqueue) {
     cudaGraph_t recorded = nullptr;
     cuda_check(cudaStreamBeginCapture(side, cudaStreamCaptureModeRelaxed), "record a graph");
     try {
@@ -75,15 +89,11 @@ class Recording {
     const cudaError_t e = cudaGraphInstantiate(&made, recorded, 0);
     cudaGraphDestroy(recorded);
     cuda_check(e, "record a graph");
-    graph_ = made;
-  }
-  void drop() {
-    if (graph_) cudaGraphExecDestroy(graph_);
-    graph_ = nullptr;
+    return made;
   }
 
-  Plan plan_;
-  cudaGraphExec_t graph_ = nullptr;
+  Recorded recorded_[2];
+  int last_ = 0;
 };
 
 }  // namespace padder::detect::cuda

@@ -15,14 +15,16 @@ class StageClock {
     stream_ = stream, timings_ = timings, seconds_ = {};
     begun_ = last_mark_ = Clock::now();
   }
-  // What was enqueued since the last mark belongs to this stage: 0 to 8 as in Seconds::stage, or kPlace.
-  static constexpr int kPlace = -1;
+  // What was enqueued since the last mark belongs to this stage: 0 to 8 as in Seconds::stage, kPlace or
+  // kHistory.
+  static constexpr int kPlace = -1, kHistory = -2;
   void mark(int stage) {
     if (!timings_) return;
     cuda_check(cudaStreamSynchronize(stream_), "finish a stage");
     const auto now = Clock::now();
-    (stage == kPlace ? seconds_.place : seconds_.stage[stage]) +=
-        std::chrono::duration<double>(now - last_mark_).count();
+    (stage == kPlace     ? seconds_.place
+     : stage == kHistory ? seconds_.history
+                         : seconds_.stage[stage]) += std::chrono::duration<double>(now - last_mark_).count();
     last_mark_ = now;
   }
   Seconds seconds() const {

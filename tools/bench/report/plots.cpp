@@ -277,12 +277,41 @@ std::vector<Plot> frontier_plots(const Json& document, const std::string& where)
   return plots;
 }
 
+// --- table3: a step of the silo against contacts (Fig. 29) and objects (Fig. 30) ---
+
+Plot silo_plot(const std::vector<Reader>& rows, const char* x_key, const char* name, const std::string& label,
+               double unit) {
+  std::map<double, std::string> points;
+  for (const Reader& r : rows)
+    points[r.amount(x_key) / unit] = cell(r.amount("seconds") * 1e3) + " " +
+                                     cell(r.amount("seconds_detection") * 1e3) + " " +
+                                     cell(r.amount("seconds_every_step") * 1e3) + "\n";
+  std::string data = "$silo << EOD\n";
+  for (const auto& [x, times] : points) data += cell(x) + " " + times;
+  return {
+      name,
+      "set xlabel '" + label +
+          "'\nset ylabel 'Time of a step [ms]'\nset grid\nset key left top\nset xrange [0:*]\nset yrange "
+          "[0:*]\n" +
+          data +
+          "EOD\nplot $silo using 1:2 with linespoints lw 2 pt 7 title 'step', $silo using 1:3 with "
+          "linespoints lw 2 pt 5 title 'of it detection, candidates kept', $silo using 1:4 with linespoints "
+          "lw 2 pt 9 title 'detection in every step'\n"};
+}
+
+std::vector<Plot> table3_plots(const Json& document, const std::string& where) {
+  const std::vector<Reader> rows = rows_of(document, where);
+  return {silo_plot(rows, "contacts", "", "Contacts [millions]", 1e6),
+          silo_plot(rows, "spheres", "_objects", "Objects [thousands]", 1e3)};
+}
+
 }  // namespace
 
 std::vector<Plot> plots_of(const Json& document, const std::string& where) {
   const std::string name = bench_of(document, where);
   if (name == "scaling" || name == "bodies") return scaling_plots(document, where);
   if (name == "boxes") return boxes_plots(document, where);
+  if (name == "table3") return table3_plots(document, where);
   if (name == "stages") return stages_plots(document, where);
   if (name == "speedup") return speedup_plots(document, where);
   if (name == "frontier") return frontier_plots(document, where);

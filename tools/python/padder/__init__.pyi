@@ -50,6 +50,19 @@ class Cluster:
     def __len__(self) -> int: ...
     def to_json(self) -> str: ...
     def save(self, path: Path, format: str = "", density: float = 1000.0) -> None: ...
+    def _repr_html_(self) -> str: ...
+
+class Robot:
+    @property
+    def name(self) -> str: ...
+    @property
+    def links(self) -> dict[str, Cluster]: ...  # those with spheres
+    @property
+    def apart(self) -> list[tuple[str, str, str]]: ...  # links that need no test, and why: a word of MoveIt's
+    @property
+    def notes(self) -> list[str]: ...
+    def __len__(self) -> int: ...  # spheres in all
+    def save(self, path: Path, format: str = "", density: float = 1000.0) -> None: ...
 
 class DeviceArray:
     @property
@@ -149,17 +162,29 @@ class Detector:
 
 def load(path: Path, part: str = "") -> Cluster: ...
 def pad(
-    vertices: ArrayLike, faces: ArrayLike, depth: float | None = None, tolerance: Length | None = None,
+    vertices: Any, faces: ArrayLike | None = None,  # two arrays, or one object that has .vertices and .faces
+    depth: float | None = None, tolerance: Length | None = None,
     edge_length: Length | None = None, max_spheres: int = 0, sharp_angle: float = 40.0, repair: Repair = "auto",
     family: int = 0, mask: int = 0, unit: str = "", name: str = "mesh",
     protrusion: Length | None = None, gap: Length | None = None,
+    # by name only: balance: Literal["none", "volume", "mean"], effort: int, smooth: float, lod: Sequence[Length],
+    # min_radius, max_radius, reach, thickness: Length, force: bool
+    **more: Any,
 ) -> Cluster: ...
 def pad_file(
     path: Path, depth: float | None = None, tolerance: Length | None = None,
     edge_length: Length | None = None, max_spheres: int = 0, sharp_angle: float = 40.0, repair: Repair = "auto",
     family: int = 0, mask: int = 0, unit: str = "", scale: float = 1.0,
     protrusion: Length | None = None, gap: Length | None = None,
+    # by name only: balance: Literal["none", "volume", "mean"], effort: int, smooth: float, lod: Sequence[Length],
+    # min_radius, max_radius, reach, thickness: Length, force: bool
+    **more: Any,
 ) -> Cluster: ...
+def pad_urdf(
+    path: Path, depth: float | None = None, tolerance: Length | None = None, edge_length: Length | None = None,
+    max_spheres: int = 0, robot_spheres: int = 0, visual: bool = False, package_path: Sequence[Path] = (),
+    poses: int = 10000, repair: Repair = "auto", **more: Any,  # those of pad that are given by their names
+) -> Robot: ...
 def detect(
     centers: Any = None, radii: Any = None, family: Any = None, mask: Any = None, *,
     is_static: Any = None, world: Any = None, bodies: Bodies | None = None, margin: float = 0.0,

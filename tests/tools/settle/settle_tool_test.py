@@ -1,0 +1,104 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: MIT
+"""settle_tool_test.py BIN    runs the program settle as a user does: scenes made, settled, resumed, shown, refused."""
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import zipfile
+
+BIN = sys.argv[1]
+
+
+def run(*arguments, code=0):
+    done = subprocess.run([os.path.join(BIN, arguments[0]), *map(str, arguments[1:])], capture_output=True, text=True)
+    assert done.returncode == code, (arguments, done.returncode, done.stdout, done.stderr)
+    return done
+
+
+def report(*arguments):
+    return json.loads(run("settle", *arguments, "--json").stdout)
+
+
+def refused(part, *arguments, code=1):
+    said = run("settle", *arguments, code=code).stderr
+    assert part in said and said.count("\n") == 1, said
+
+
+# Two spheres as one part, written by hand: a cluster without mass properties counts as if its spheres did not overlap.
+CLUSTER = {"format": "padder.cluster", "version": 1, "name": "pill", "unit": "m",
+           "spheres": {"centers": [[-0.01, 0, 0], [0.01, 0, 0]], "radii": [0.01, 0.01]}}
+
+
+def scene_of(**settle):
+    bodies = [{"cluster": "pill", "position": [0.03 * (k % 3), 0.03 * (k // 3), 0.03],
+               "quaternion": [0.6, 0, 0.8, 0]} for k in range(6)]
+    return {"format": "padder.scene", "version": 1, "unit": "m", "clusters": {"pill": "pill.spheres.json"}, "bodies": bodies,
+            "spheres": [{"centers": [[0.015, 0.015, 0.09], [0.045, 0.015, 0.09]], "radii": 0.009}],
+            "settle": {"duration": 0.2, "material": {"stiffness": 1e4},
+                       "planes": [{"point": [0, 0, 0], "normal": [0, 0, 1]}], **settle}}
+
+
+def write(name, document):
+    with open(name, "w") as f:
+        json.dump(document, f)
+
+
+with tempfile.TemporaryDirectory() as folder:
+    os.chdir(folder)
+    write("pill.spheres.json", CLUSTER)
+    write("pills.json", scene_of())
+    scene = json.load(open("pills.json"))
+
+    whole = report("pills.json", "-o", "out.npz", "--frames", 3)
+    assert (whole["bodies"], whole["grains"], whole["spheres"], whole["frames"]) == (6, 2, 14, 3), whole
+    assert whole["contacts"] >= 3 and whole["penetration_ratio"] < 0.2, whole
+    assert whole["energy"]["potential"] < whole["energy"]["first"], whole
+    assert sorted(f for f in os.listdir() if f.startswith("out")) == ["out_0000.npz", "out_0001.npz", "out_0002.npz"]
+    assert {"centers.npy", "radii.npy", "family.npy", "velocities.npy"} <= set(zipfile.ZipFile("out_0002.npz").namelist())
+    # What settle writes, detect reads; what settle reads, detect reads.
+    assert json.loads(run("detect", "out_0002.npz", "--json").stdout)["spheres"] == 14
+    assert json.loads(run("detect", "pills.json", "--json").stdout)["bodies"] == 6
+
+    # The same bits: twice, with other threads and skins, and over a checkpoint.
+    half = whole["steps"] // 2
+    assert report("pills.json")["state"] == whole["state"]
+    assert report("pills.json", "--threads", 2, "--skin", 0)["state"] == whole["state"]
+    report("pills.json", "--steps", half, "--checkpoint", "half.npz")
+    rest = report("pills.json", "--resume", "half.npz")
+    assert rest["steps"] == whole["steps"] and rest["state"] == whole["state"], (rest, whole)
+
+    run("settle", "pills.json", "--steps", 20, "-o", "out.vtp")
+    assert open("out_0000.vtp", "rb").read(20).startswith(b"<?xml")
+    assert report("pills.json", "-o", "pills.html", "--frames", 5)["frames"] == 5
+    page = open("pills.html").read()
+    assert page.startswith("<!doctype html>") and "@HEAD@" not in page and "http" not in page.replace("https", "http").split("<script>")[0]
+
+    # Scenes made by the program.
+    run("settle", "--make", "silo", "--count", 400, "-o", "silo.json")
+    assert report("silo.json", "--steps", 200)["grains"] == 400
+    refused("at least 300 grains", "--make", "silo", "--count", 50, "-o", "silo.json")
+    refused("name it with --cluster", "--make", "ball", "-o", "ball.json")
+    refused("has no mass", "--make", "track", "--cluster", "pill.spheres.json", "-o", "track.json")
+
+    # What is wrong is said in one sentence.
+    write("slow.json", scene_of(time_step=1))
+    refused("is unstable for this stiffness", "slow.json")
+    write("full.json", scene_of(grains=[{"count": 100, "radius": 0.01, "low": [0, 0, 0.1], "high": [0.05, 0.05, 0.13]}]))
+    refused("grains find room", "full.json")
+    write("typing.json", scene_of(gravitiy=[0, 0, -1]))
+    refused("gravitiy", "typing.json")
+    write("other.json", scene_of(gravity=[0, 0, -1]))
+    refused("is of another scene", "other.json", "--resume", "half.npz")
+    deep = scene_of()
+    deep["spheres"][0]["centers"] = [[0, 0, 0.05], [0, 0, 0.0501]]
+    write("deep.json", deep)
+    refused("exploded in step 0", "deep.json")
+    bare = scene_of()
+    del bare["settle"]
+    write("bare.json", bare)
+    refused("has no object \"settle\"", "bare.json")
+    refused("end it with", "pills.json", "-o", "out.csv", code=2)
+    refused("checkpoint", "pills.json", "--resume", "out_0000.npz")
+print("settle: scenes made, settled, resumed, shown and refused as promised")

@@ -1,0 +1,138 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Table 3 of the paper: a step of a silo of constant height at rest, as the number of spheres grows. The
+// stepper and the scene are those of the program settle.
+#include <algorithm>
+#include <cmath>
+#include <map>
+
+#include "tools/bench/bench.h"
+#include "tools/settle/files.h"
+#include "tools/settle/make_scene.h"
+#include "tools/settle/read_scene.h"
+#include "tools/settle/stepper.h"
+
+namespace padder::bench {
+namespace {
+
+// Seconds a step, and contacts, on one Tesla C1060: the paper's rows by objects.
+struct PaperRow {
+  double total, detection, solver;
+  std::uint64_t contacts;
+};
+const std::map<std::uint64_t, PaperRow>& paper() {
+  static const std::map<std::uint64_t, PaperRow> rows = {
+      {100000, {6.1972, 0.5436, 5.4243, 361440}},    {200000, {12.1190, 1.0758, 10.5881, 718377}},
+      {300000, {18.2708, 1.6183, 15.9482, 1080069}}, {400000, {23.2806, 1.9746, 20.4606, 1403784}},
+      {500000, {29.2565, 2.4568, 25.7773, 1765772}}, {600000, {35.0433, 2.9785, 30.7971, 2124639}},
+      {700000, {40.5938, 3.4695, 35.6405, 2439241}}, {800000, {46.9516, 4.0234, 41.2297, 2838832}},
+      {900000, {52.6227, 4.5272, 46.1909, 3178228}}, {1000000, {58.1518, 4.9473, 51.1686, 3548594}}};
+  return rows;
+}
+
+// Until the number of contacts stays within half a percent for a twentieth of a second, as the paper runs
+// "until the number of collisions reached steady state"; not before the column has had the time to fall.
+void run_until_steady(settle::Stepper& stepper, const Settings& s, double least_time, double most_time) {
+  const double window = 0.05;
+  std::uint64_t low = 0, high = 0;
+  double until = least_time;
+  for (bool steady = false; !steady && stepper.time() < most_time;) {
+    low = ~std::uint64_t(0), high = 0;
+    while (stepper.time() < until) {
+      stepper.step();
+      if (stepper.time() >= until - window)
+        low = std::min(low, stepper.contacts()), high = std::max(high, stepper.contacts());
+    }
+    steady = high > 0 && static_cast<double>(high - low) <= 0.005 * static_cast<double>(high);
+    until = stepper.time() + window;
+    say(s, std::to_string(stepper.system().spheres()) + " spheres: time " + number(stepper.time(), "%.2f") +
+               ", " + std::to_string(high) + " contacts");
+  }
+}
+
+// The share of the spread of y that a straight line over x explains.
+double r_squared(const std::vector<std::pair<double, double>>& points) {
+  const double n = static_cast<double>(points.size());
+  double x = 0, y = 0, xx = 0, xy = 0, yy = 0;
+  for (const auto& [a, b] : points) x += a / n, y += b / n;
+  for (const auto& [a, b] : points) xx += (a - x) * (a - x), xy += (a - x) * (b - y), yy += (b - y) * (b - y);
+  return xx > 0 && yy > 0 ? xy * xy / (xx * yy) : 1;
+}
+
+Json measure(const Settings& s, std::uint64_t spheres) {
+  const settle::SettleScene scene =
+      settle::settle_scene_from_json(settle::make_scene("silo", {spheres, {}, 1}, "."), "silo", ".");
+  settle::Stepper stepper(scene.system, {s.threads, -1});
+  run_until_steady(stepper, s, 0.4, scene.duration);
+  settle::Stepper every(scene.system, {s.threads, 0});
+  every.resume(stepper.snapshot());
+  const settle::Stepper::Effort& effort = stepper.effort();
+  const double total = effort.seconds, detection = effort.detection_seconds;
+  const std::uint64_t first = stepper.steps(), detections = effort.detections;
+  while (stepper.steps() < first + 400) stepper.step();
+  const auto steps = static_cast<double>(stepper.steps() - first);
+  const double total_step = (effort.seconds - total) / steps,
+               detection_step = (effort.detection_seconds - detection) / steps;
+  const std::uint64_t asked = effort.detections - detections;
+  for (int k = 0; k < 20; k++) every.step();
+  const double each = every.effort().detection_seconds / 20;
+  return {{"scene", "silo"},
+          {"backend", "omp"},
+          {"spheres", spheres},
+          {"contacts", stepper.contacts()},
+          {"radius", settle::silo_radius(spheres)},
+          {"time_step", scene.system.step},
+          {"steps_to_steady", first},
+          {"seconds", total_step},
+          {"seconds_detection", detection_step},
+          {"seconds_solver", total_step - detection_step},
+          {"seconds_every_step", each},
+          {"detections", asked},
+          {"seconds_moving", total / static_cast<double>(first)},
+          {"seconds_detection_moving", detection / static_cast<double>(first)},
+          {"penetration_ratio", stepper.watch().deepest_ratio}};
+}
+
+}  // namespace
+
+Json table3(const Settings& s) {
+  Json rows = Json::array(),
+       table =
+           Json::array({{"objects", "contacts", "step [ms]", "detection [ms]", "solver [ms]",
+                         "detection in every step [ms]", "while settling: step [ms]", "detection [ms]",
+                         "steps a second", "paper: contacts", "total [s]", "detection [s]", "solver [s]"}});
+  std::vector<std::pair<double, double>> by_contacts;
+  const auto ms = [](const Json& v) { return number(v.get<double>() * 1e3, "%.2f"); };
+  for (const std::uint64_t n :
+       s.spheres.empty() ? std::vector<std::uint64_t>{25000, 50000, 100000} : s.spheres) {
+    const Json r = measure(s, n);
+    by_contacts.emplace_back(r["contacts"].get<double>(), r["seconds_every_step"].get<double>());
+    Json cells = {std::to_string(n),
+                  std::to_string(r["contacts"].get<std::uint64_t>()),
+                  ms(r["seconds"]),
+                  ms(r["seconds_detection"]),
+                  ms(r["seconds_solver"]),
+                  ms(r["seconds_every_step"]),
+                  ms(r["seconds_moving"]),
+                  ms(r["seconds_detection_moving"]),
+                  number(1 / r["seconds"].get<double>(), "%.1f")};
+    const auto row = paper().find(n);
+    if (row == paper().end()) {
+      for (int k = 0; k < 4; k++) cells.push_back("-");
+    } else {
+      cells.push_back(std::to_string(row->second.contacts)),
+          cells.push_back(number(row->second.total, "%.4f"));
+      cells.push_back(number(row->second.detection, "%.4f")),
+          cells.push_back(number(row->second.solver, "%.4f"));
+    }
+    table.push_back(std::move(cells)), rows.push_back(r);
+  }
+  const Json result = {{"bench", "table3"},
+                       {"machine", machine()},
+                       {"r_squared", r_squared(by_contacts)},
+                       {"rows", rows},
+                       {"table", table}};
+  write_result(s, result);
+  return result;
+}
+
+}  // namespace padder::bench
