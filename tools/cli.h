@@ -2,6 +2,8 @@
 // What every tool's main does around its work: it parses the arguments, runs the work, and turns every
 // failure into one sentence on stderr and an exit code (0 done, 1 the work failed, 2 wrong usage).
 #pragma once
+#include <unistd.h>
+
 #include <CLI/CLI.hpp>
 #include <cerrno>
 #include <csignal>
@@ -17,7 +19,8 @@
 #include <system_error>
 
 #include "padding/asset/error.h"
-#include "tools/json_failure.h"
+#include "padding/asset/file.h"
+#include "tools/json_output.h"
 #include "tools/usage.h"
 
 namespace padder::cli {
@@ -92,6 +95,17 @@ inline void flush_results() {
   throw Error("cannot write to the standard output (" + std::generic_category().message(errno) + ")");
 }
 
+// Ends the program as a shell expects of Ctrl-C: exit code 130, and 143 or 129 for the other two. A file that
+// is being written is removed; one that stood under its name before is untouched.
+inline void end_cleanly_on_signals() {
+  for (const int number : {SIGINT, SIGTERM, SIGHUP})
+    if (std::signal(number, [](int signal) {
+          remove_unfinished_files();
+          ::_exit(128 + signal);
+        }) == SIG_IGN)
+      std::signal(number, SIG_IGN);  // as nohup and a shell's background jobs want it
+}
+
 // `app` must have a name. `work` returns the exit code. `failed` receives the sentence of a failure that
 // happens after parsing: a tool with --json also prints it on stdout.
 inline int run(CLI::App& app, int argc, char** argv, const std::function<int()>& work,
@@ -116,6 +130,7 @@ inline int run(CLI::App& app, int argc, char** argv, const std::function<int()>&
     if (failed) failed(sentence);
     return fail(code, sentence);
   };
+  end_cleanly_on_signals();
   std::signal(SIGXFSZ, SIG_IGN);  // then a write beyond the limit of file sizes fails with an error
   try {
     const int code = work();

@@ -2,14 +2,13 @@
 // The program detect: finds the contacts of a scene. Only arguments and printing are here; padder::detect
 // does the work.
 #include <cstdio>
-#include <iostream>
 
 #include "detect/core/nine_stages.h"
 #include "detect/scene/contact_file.h"
 #include "padding/asset/error.h"
 #include "tools/arguments.h"
 #include "tools/detect/arguments.h"
-#include "tools/json_failure.h"
+#include "tools/json_output.h"
 
 namespace padder::tool {
 namespace {
@@ -183,7 +182,7 @@ int run(Arguments& a) {
     else
       print_stages(arrays);
   }
-  if (a.json) std::cout << report.dump(2) << std::endl;
+  if (a.json) padder::cli::print_json(report);
   return 0;
 }
 

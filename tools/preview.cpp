@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
-#include <iostream>
 #include <map>
 #include <nlohmann/json.hpp>
 
@@ -12,7 +11,7 @@
 #include "padding/view/page.h"
 #include "padding/view/picture.h"
 #include "tools/cli.h"
-#include "tools/json_failure.h"
+#include "tools/json_output.h"
 #include "tools/scene_view.h"
 
 namespace {
@@ -141,18 +140,16 @@ int run(Arguments& a) {
   const auto bytes = fs::file_size(a.output);
   const std::uint64_t shown = view.rungs.empty() ? view.size() : view.rungs[a.rung].count;
   if (a.json)
-    std::cout << Json{{"input", a.input},
-                      {"output", a.output},
-                      {"kind", page ? "page" : "picture"},
-                      {"spheres", shown},
-                      {"levels", std::max<std::size_t>(1, view.rungs.size())},
-                      {"triangles", view.mesh.triangles.size()},
-                      {"bodies", view.bodies.size()},
-                      {"contacts", view.contacts.size()},
-                      {"bytes", bytes},
-                      {"seconds", seconds}}
-                     .dump(2)
-              << std::endl;
+    padder::cli::print_json({{"input", a.input},
+                             {"output", a.output},
+                             {"kind", page ? "page" : "picture"},
+                             {"spheres", shown},
+                             {"levels", std::max<std::size_t>(1, view.rungs.size())},
+                             {"triangles", view.mesh.triangles.size()},
+                             {"bodies", view.bodies.size()},
+                             {"contacts", view.contacts.size()},
+                             {"bytes", bytes},
+                             {"seconds", seconds}});
   else if (!a.quiet)
     std::printf("%s: %zu spheres, %zu triangles, %zu contacts; %.1f MB, %.2f s\n", a.output.c_str(),
                 std::size_t(shown), view.mesh.triangles.size(), view.contacts.size(), double(bytes) / 1e6,

@@ -12,7 +12,7 @@
 #include "padding/asset/file.h"
 #include "tools/arguments.h"
 #include "tools/cli.h"
-#include "tools/json_failure.h"
+#include "tools/json_output.h"
 #include "tools/settle/files.h"
 #include "tools/settle/make_scene.h"
 #include "tools/settle/page.h"

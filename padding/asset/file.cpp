@@ -6,12 +6,12 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cerrno>
 #include <fstream>
 #include <system_error>
 #include <utility>
 
-#include "padding/asset/error.h"
 #include "padding/asset/excerpt.h"
 
 namespace padder {
@@ -44,7 +44,35 @@ struct Handle {
   }
 };
 
+// Files in the making. Fixed places, because a signal handler may neither take locks nor touch memory that
+// another thread may be freeing.
+struct Unfinished {
+  std::atomic<int> state{0};  // 0: free, 1: being filled, 2: holds the name of a file
+  char name[4001];
+};
+Unfinished unfinished[64];
+
+int remember(const std::string& name) {
+  if (name.size() < sizeof unfinished->name)
+    for (int k = 0; k < 64; k++)
+      if (int free = 0; unfinished[k].state.compare_exchange_strong(free, 1)) {
+        unfinished[k].name[name.copy(unfinished[k].name, name.size())] = 0;
+        unfinished[k].state = 2;
+        return k;
+      }
+  return -1;
+}
+
+void forget(int place) {
+  if (place >= 0) unfinished[place].state = 0;
+}
+
 }  // namespace
+
+void remove_unfinished_files() noexcept {
+  for (const Unfinished& u : unfinished)
+    if (u.state == 2) ::unlink(u.name);
+}
 
 std::string read_file(const std::filesystem::path& path, std::uintmax_t most) {
   const std::string name = excerpt(path.string(), 4096);
@@ -73,15 +101,20 @@ FileWriter::FileWriter(const std::filesystem::path& path) : path_(path), beside_
   beside_ += ".part" + std::to_string(::getpid());
   file_ = ::open(beside_.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
   if (file_ < 0) fail(errno);
+  place_ = remember(beside_.string());
 }
 
 FileWriter::~FileWriter() {
   if (file_ >= 0) ::close(file_), ::unlink(beside_.c_str());
+  forget(place_);
 }
 
 void FileWriter::fail(int error) const {
-  throw Error("cannot write " + path_.string() + " (" + std::generic_category().message(error) +
-              "): check that the folder exists, may be written and has room");
+  const std::string sentence = "cannot write " + path_.string() + " (" +
+                               std::generic_category().message(error) +
+                               "): check that the folder exists, may be written and has room";
+  if (error == ENOSPC || error == EDQUOT || error == EROFS || error == EIO) throw DiskError(sentence);
+  throw Error(sentence);
 }
 
 void FileWriter::append(std::string_view bytes) {

@@ -7,12 +7,21 @@
 #include <string>
 #include <string_view>
 
+#include "padding/asset/error.h"
+
 namespace padder {
 
 // The most that read_file takes into memory: 8 GiB.
 constexpr std::uintmax_t kMostBytes = std::uintmax_t(8) << 30;
 // The most of a text that becomes many times as large in memory (JSON, YAML, XML): 1 GiB.
 constexpr std::uintmax_t kMostText = std::uintmax_t(1) << 30;
+
+// Thrown by a FileWriter when the disk is at fault and not the name: it is full, beyond its quota, read-only
+// or broken. Whatever else is written there will fail, too.
+class DiskError : public Error {
+ public:
+  using Error::Error;
+};
 
 // The bytes of a regular file. Throws Error when it cannot be read, is larger than `most`, or is a folder, a
 // device, a pipe, a socket or one of the system's files without a size: these may have no end, or never
@@ -21,9 +30,9 @@ std::string read_file(const std::filesystem::path& path, std::uintmax_t most = k
 
 // A file in the making, for content that nobody wants to hold as a whole. It grows beside its target, in the
 // same folder, and commit() renames it to the target: a reader sees the old file or the new one, never half
-// of it. The destructor removes what was not committed. Every function throws Error, which names the target
-// and what the system said, when the folder is absent, full or not writable; the writer is then of no further
-// use.
+// of it. The destructor removes what was not committed, and so does remove_unfinished_files(). Every function
+// throws Error, which names the target and what the system said, when the folder is absent, full or not
+// writable; the writer is then of no further use.
 class FileWriter {
  public:
   explicit FileWriter(const std::filesystem::path& path);
@@ -41,7 +50,7 @@ class FileWriter {
   [[noreturn]] void fail(int error) const;
 
   std::filesystem::path path_, beside_;
-  int file_ = -1;
+  int file_ = -1, place_ = -1;
   std::uint64_t end_ = 0;
 };
 
@@ -50,6 +59,10 @@ using WriteAt = std::function<void(std::uint64_t offset, std::string_view bytes)
 
 // Puts bytes at their places in `out`, which grows as needed.
 WriteAt write_into(std::string& out);
+
+// Removes what the process has in the making, as a handler of SIGINT does before it ends the process. It
+// calls only what a signal handler may call. Knows of 64 files at a time, with names of up to 4000 bytes.
+void remove_unfinished_files() noexcept;
 
 // Content that is at hand: one append() and a commit() of a FileWriter.
 void write_file(const std::filesystem::path& path, std::string_view bytes);

@@ -2,6 +2,7 @@
 #include "padding/import/xml.h"
 
 #include <algorithm>
+#include <vector>
 
 #include "padding/asset/error.h"
 #include "padding/asset/excerpt.h"
@@ -21,15 +22,17 @@ class Check : public pugi::xml_tree_walker {
                   excerpt(node.name()) + "> " + what);
     };
     if (depth() > kDeepest) fail("is nested deeper than " + std::to_string(kDeepest) + " levels");
-    for (pugi::xml_attribute a = node.first_attribute(); a; a = a.next_attribute())
-      for (pugi::xml_attribute b = node.first_attribute(); b != a; b = b.next_attribute())
-        if (std::string_view(a.name()) == b.name())
-          fail("has the attribute '" + excerpt(a.name()) + "' twice: remove one");
+    names_.clear();
+    for (const pugi::xml_attribute& a : node.attributes()) names_.emplace_back(a.name());
+    std::sort(names_.begin(), names_.end());  // an element may have a million
+    const auto twice = std::adjacent_find(names_.begin(), names_.end());
+    if (twice != names_.end()) fail("has the attribute '" + excerpt(*twice) + "' twice: remove one");
     return true;
   }
 
  private:
   const std::string& where_;
+  std::vector<std::string_view> names_;  // of the element's attributes
 };
 
 }  // namespace

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: MIT
 #include "padding/input/read.h"
 
-#include <openssl/evp.h>
-
 #include <algorithm>
 #include <charconv>
 #include <cmath>
@@ -33,17 +31,6 @@ using reading::fail;
 using reading::Soup;
 
 const std::map<std::string, double> metres = {{"m", 1}, {"cm", 0.01}, {"mm", 0.001}, {"in", 0.0254}};
-
-std::string sha256(const std::string& bytes) {
-  unsigned char digest[EVP_MAX_MD_SIZE];
-  unsigned length = 0;
-  if (!EVP_Digest(bytes.data(), bytes.size(), digest, &length, EVP_sha256(), nullptr))
-    throw Error("SHA-256 is not available in this OpenSSL: enable it");
-  std::string hex;
-  for (unsigned k = 0; k < length; k++)
-    hex += "0123456789abcdef"[digest[k] >> 4], hex += "0123456789abcdef"[digest[k] & 15];
-  return hex;
-}
 
 std::string plural(std::uint64_t n, const std::string& one, const std::string& many) {
   return std::to_string(n) + " " + (n == 1 ? one : many);

@@ -5,6 +5,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <csignal>
 #include <cstring>
@@ -62,7 +63,8 @@ class Pipe {
   const int nowhere = ::open("/dev/null", O_WRONLY);
   if (nowhere >= 0)
     ::dup2(nowhere, STDOUT_FILENO), ::dup2(nowhere, STDERR_FILENO);  // failed assertions print there
-  for (const int signal : {SIGABRT, SIGSEGV, SIGFPE, SIGBUS, SIGILL, SIGXCPU, SIGALRM})
+  for (const int signal :
+       {SIGABRT, SIGSEGV, SIGFPE, SIGBUS, SIGILL, SIGXCPU, SIGALRM, SIGINT, SIGTERM, SIGHUP})
     std::signal(signal, SIG_DFL);
   const rlimit no_core = {0, 0};
   ::setrlimit(RLIMIT_CORE, &no_core);
@@ -71,7 +73,9 @@ class Pipe {
   ::setrlimit(RLIMIT_CPU, &time);
   ::alarm(static_cast<unsigned>(20 * time.rlim_cur));  // ends a reader that waits instead of working
 #if !defined(__SANITIZE_ADDRESS__)                     // AddressSanitizer reserves terabytes
-  const rlimit memory = {(rlim_t(4) << 30) + 100 * file_size, (rlim_t(4) << 30) + 100 * file_size};
+  rlimit memory = {};
+  ::getrlimit(RLIMIT_DATA, &memory);  // the caller's limit holds where it is lower
+  memory.rlim_cur = std::min<rlim_t>(memory.rlim_cur, (rlim_t(4) << 30) + 100 * file_size);
   ::setrlimit(RLIMIT_DATA, &memory);
 #endif
   Pipe pipe(end);

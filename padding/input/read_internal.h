@@ -11,6 +11,15 @@
 #include "padding/asset/mesh.h"
 #include "padding/input/text.h"
 
+namespace padder {
+
+// SHA-256 by OpenSSL, 64 hexadecimal digits. That of a regular file is read piece by piece, so that its size
+// does not matter; throws Error when it cannot be read, or is a folder, a device or a pipe.
+std::string sha256(std::string_view bytes);
+std::string sha256_of_file(const std::filesystem::path& path);
+
+}  // namespace padder
+
 namespace padder::reading {
 
 // Polygons as a file has them.

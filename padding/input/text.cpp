@@ -14,7 +14,7 @@ bool Lines::next(std::string_view& line) {
   if (at_ >= text_.size()) return false;
   const std::size_t end = std::min(text_.find_first_of("\r\n", at_), text_.size());
   line = text_.substr(at_, end - at_);
-  at_ = end + (text_.substr(end, 2) == "\r\n" ? 2 : 1);
+  at_ = std::min(end + (text_.substr(end, 2) == "\r\n" ? 2 : 1), text_.size());  // the last may have no end
   number_++;
   return true;
 }

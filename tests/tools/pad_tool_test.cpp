@@ -530,6 +530,15 @@ TEST_F(Pad, NothingHalfWrittenAndTheOldFileKept) {
   EXPECT_EQ(files(), std::set<std::string>{"old.spheres.json"});
 }
 
+TEST_F(Pad, ASignalEndsItCleanly) {
+  const std::string slow = "'" + (kAssets / "track_shoe.obj").string() + "' --depth 0.1 --edge-length 0.1%";
+  for (const auto& [signal, code] : {std::pair{"INT", 130}, {"TERM", 143}, {"HUP", 129}}) {
+    const Outcome run = pad(slow, std::string("timeout --preserve-status -s ") + signal + " 0.3");
+    EXPECT_EQ(run.code, code);
+    EXPECT_TRUE(files().empty());
+  }
+}
+
 TEST_F(Pad, TheAssetsPadAsTheFirstCommandSays) {
   const Outcome run = pad("'" + (kAssets / "track_shoe.obj").string() + "' --depth 0.2 --json");
   ASSERT_EQ(run.code, 0) << run.err;

@@ -4,7 +4,7 @@
 
 #include "tools/arguments.h"
 #include "tools/cli.h"
-#include "tools/json_failure.h"
+#include "tools/json_output.h"
 
 #include <cstdio>
 #include <iostream>

@@ -2,7 +2,6 @@
 // detect with --devices or --memory: contacts are found box by box.
 #include <cstdio>
 #include <filesystem>
-#include <iostream>
 #include <optional>
 #include <string_view>
 
@@ -11,6 +10,7 @@
 #include "detect/scene/contact_file.h"
 #include "padding/asset/error.h"
 #include "tools/detect/arguments.h"
+#include "tools/json_output.h"
 
 namespace padder::tool {
 namespace {
@@ -108,7 +108,7 @@ int run_boxes(const Arguments& a) {
   const BoxReport& r = boxed.report();
   const Json report = report_of(a, scene, options, r, boxed.backend());
   if (a.json) {
-    std::cout << report.dump(2) << std::endl;
+    padder::cli::print_json(report);
     return 0;
   }
   if (!a.quiet) {

@@ -5,11 +5,11 @@
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
-#include <iostream>
 #include <optional>
 
 #include "padding/asset/error.h"
 #include "tools/detect/arguments.h"
+#include "tools/json_output.h"
 
 #ifdef PADDER_MPI
 #include <mpi.h>
@@ -109,7 +109,7 @@ void print(const Arguments& a, const RankReport& r, int ranks, const Times& t, c
       {"imbalance", r.imbalance},
       {"seconds", {{"cut", t.cut}, {"exchange", t.exchange}, {"detect", t.detect}, {"total", total}}}};
   if (a.json) {
-    std::cout << report.dump(2) << std::endl;
+    padder::cli::print_json(report);
     return;
   }
   if (!a.quiet) {

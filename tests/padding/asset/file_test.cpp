@@ -8,6 +8,7 @@
 #include <cstdlib>
 #include <fstream>
 #include <functional>
+#include <memory>
 #include <thread>
 #include <vector>
 
@@ -108,6 +109,35 @@ TEST_F(File, AFullDiskIsNoticed) {
   expect_error([&] { write_file(folder_ / "a", std::string(100000, 'x')); },
                "a (No space left on device): check that the folder exists, may be written and has room");
   EXPECT_EQ(entries(), 0u);
+}
+
+TEST_F(File, WhoIsToBlameIsTold) {
+  if (!fs::exists("/dev/full")) GTEST_SKIP() << "no /dev/full on this system";
+  const std::string part = ".part" + std::to_string(::getpid());
+  fs::create_symlink("/dev/full", folder_ / ("a" + part));
+  EXPECT_THROW(write_file(folder_ / "a", "x"), DiskError);
+  try {
+    write_file(folder_ / "absent" / "a", "x");
+    ADD_FAILURE();
+  } catch (const DiskError&) {
+    ADD_FAILURE() << "a folder that is absent is no fault of the disk";
+  } catch (const Error&) {
+  }
+}
+
+TEST_F(File, WhatIsUnfinishedCanBeRemovedAtOnce) {
+  write_file(folder_ / "a", "old"), write_file(folder_ / "c", "done");
+  std::vector<std::unique_ptr<FileWriter>> writers;
+  for (int k = 0; k < 70; k++) {  // more than it has places for
+    writers.push_back(std::make_unique<FileWriter>(folder_ / ("b" + std::to_string(k))));
+    if (k < 60) writers.pop_back();  // places are given back
+  }
+  FileWriter out(folder_ / "a"), other(folder_ / std::string(200, 'n'));
+  out.append("new"), other.append("x");
+  EXPECT_EQ(entries(), 2u + 10u + 2u);
+  remove_unfinished_files();
+  EXPECT_EQ(entries(), 2u);
+  EXPECT_EQ(read_file(folder_ / "a"), "old");
 }
 
 TEST_F(File, AReaderSeesTheOldFileOrTheNewOne) {

@@ -256,6 +256,14 @@ TEST(Read, PlyInItsForms) {
 }
 
 // A strip along a ribbon of squares must have the area of its triangles, and all must face +z.
+TEST(Read, PlyWithoutABodyOrAnEndOfLine) {  // found by fuzzing
+  Folder folder;
+  std::string text = ply("ascii", "float", "");
+  ASSERT_EQ(text.back(), '\n');
+  text.pop_back();
+  expect_fault(folder.put("a.ply", text), "cut short");
+}
+
 TEST(Read, PlyStripsAreTriangles) {
   Folder folder;
   const std::string points = "0 0 0\n0 1 0\n1 0 0\n1 1 0\n2 0 0\n2 1 0\n3 0 0\n3 1 0\n";

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: MIT
-# doxygen.sh DOXYFILE: makes the pages of the API. Fails on any warning of Doxygen's but one: a field, a function or a
+# run.sh DOXYFILE: makes the pages of the API. Fails on any warning of Doxygen's but one: a field, a function or a
 # constant whose name says it all may go without a comment; a compound or an enumeration may not.
 set -euo pipefail
 log=$(mktemp)

@@ -1,0 +1,252 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Files and circumstances that want to break the programs: bombs, depth, links, names, permissions, full disks, closed pipes.
+
+Each ends in a result or in one sentence, within 60 s and 4 GiB, and leaves no half-written file. Takes the programs' folder.
+"""
+import json
+import os
+import pathlib
+import pwd
+import resource
+import shutil
+import signal
+import struct
+import subprocess
+import sys
+import tempfile
+import time
+import unittest
+import zipfile
+
+BIN = pathlib.Path(sys.argv.pop(1)).resolve()
+CUBE = ("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nv 0 0 1\nv 1 0 1\nv 0 1 1\nv 1 1 1\n"
+        "f 1 3 4 2\nf 5 6 8 7\nf 1 2 6 5\nf 3 7 8 4\nf 1 5 7 3\nf 2 4 8 6\n")
+QUICK = ["--tolerance", "10%", "--effort", "0"]
+GIB = 1 << 30
+SANITIZED = b"__asan_init" in (BIN / "pad").read_bytes()  # AddressSanitizer reserves terabytes
+
+
+def robot(inside, before=""):
+    return f'<?xml version="1.0"?>{before}<robot name="r"><link name="a">{inside}</link></robot>'
+
+
+class HostileTest(unittest.TestCase):
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory(prefix="padder hostile ß ")
+        self.addCleanup(folder.cleanup)
+        self.folder = pathlib.Path(folder.name)
+
+    def put(self, name, content):
+        data = content if isinstance(content, bytes) else content.encode()
+        (self.folder / name).write_bytes(data)
+        return name
+
+    def files(self):
+        return {str(f.relative_to(self.folder)) for f in self.folder.rglob("*") if f.is_file()}
+
+    def tool(self, name, *words, **more):
+        def limit():
+            if not SANITIZED:
+                resource.setrlimit(resource.RLIMIT_AS, (4 * GIB,) * 2)
+            more.pop("limit", lambda: None)()
+        return subprocess.run([BIN / name, *map(str, words)], cwd=self.folder, capture_output=True, timeout=600 if SANITIZED else 60,
+                              stdin=subprocess.DEVNULL, preexec_fn=limit)
+
+    def sentence(self, name, *words, says="", code=1, **more):
+        done = self.tool(name, *words, **more)
+        err = done.stderr.decode()
+        self.assertEqual((done.returncode, done.stdout, err.count("\n")), (code, b"", 1), (words, err[:500]))
+        self.assertTrue(err.startswith(name + ": "), err)
+        self.assertNotIn("unexpected", err)
+        self.assertLess(len(err), 1200)
+        self.assertIn(says, err)
+        return err
+
+    def works(self, name, *words, **more):
+        done = self.tool(name, *words, **more)
+        self.assertEqual(done.returncode, 0, (words, done.stderr[:500]))
+        return done
+
+    def refused(self, cases, program="pad", *words):
+        before = None
+        for name, content in cases.items():
+            with self.subTest(name):
+                self.put(name, content)
+                before = self.files()
+                self.sentence(program, name, *words)
+                self.assertEqual(self.files(), before)
+
+    def test_deep_and_long_xml(self):
+        deep = 200000
+        entities = '<!DOCTYPE r [<!ENTITY a "aaaaaaaaaa">' + "".join(
+            f'<!ENTITY {chr(98 + k)} "{10 * f"&{chr(97 + k)};"}">' for k in range(12)) + "]>"
+        self.refused({
+            "deep.urdf": robot("<x>" * deep + "</x>" * deep),
+            "open.urdf": robot("<x>" * deep),
+            "attributes.urdf": robot("<x " + " ".join(f'a{k}=""' for k in range(200000)) + "/>"),
+            "entities.urdf": robot('<collision><geometry><box size="&m;"/></geometry></collision>', entities),
+            "outside.urdf": robot('<collision><geometry><box size="&x;"/></geometry></collision>', '<!DOCTYPE r [<!ENTITY x SYSTEM "/etc/passwd">]>'),
+            "deep.dae": '<?xml version="1.0"?><COLLADA version="1.4.1">' + "<a>" * deep + "</a>" * deep + "</COLLADA>",
+            "entities.dae": '<?xml version="1.0"?>' + entities + '<COLLADA version="1.4.1">&m;</COLLADA>',
+        }, "pad", *QUICK)
+
+    def test_deep_and_long_json(self):
+        deep = 10**6
+        cluster = '{"format": "padder.cluster", "version": 1, "spheres": {"centers": %s, "radii": [1]}}'
+        self.refused({"deep.spheres.json": cluster % ("[" * deep + "]" * deep), "open.spheres.json": cluster % ("[" * deep),
+                      "keys.spheres.json": "{" + ",".join(f'"{k}": 0' for k in range(300000)) + "}",
+                      "number.spheres.json": cluster % ("[[" + "1" * 10**6 + ", 0, 0]]"),
+                      "deep.json": '{"format": "padder.scene", "version": 1, "bodies": ' + "[" * deep + "]" * deep + "}"}, "detect")
+        self.refused({"deep.gltf": '{"asset": {"version": "2.0"}, "x": ' + '{"a":' * deep + "1" + "}" * deep + "}",
+                      "deep2.gltf": "[" * deep + "]" * deep}, "pad")
+
+    def test_counts_that_the_file_does_not_hold(self):
+        header = "ply\nformat {} 1.0\nelement vertex {}\nproperty float x\nproperty float y\nproperty float z\nelement face {}\n" \
+                 "property list uchar int vertex_indices\nend_header\n"
+        stl = b"\0" * 80 + struct.pack("<I", 0xffffffff) + b"\0" * 50
+        self.refused({"many.ply": header.format("binary_little_endian", 2**62, 1), "faces.ply": header.format("ascii", 3, 2**63) + "0 0 0\n" * 3,
+                      "negative.ply": header.format("ascii", -1, 1), "many.off": "OFF\n4000000000 1 0\n0 0 0\n", "many2.off": f"OFF\n{2**64} 1 0\n",
+                      "many.stl": stl, "index.obj": CUBE + "f 1 2 99999999999999999999\n", "index2.obj": CUBE + "f 1 2 -4294967297\n",
+                      "nan.obj": CUBE.replace("v 1 1 1", "v nan inf 1e999"), "nul.obj": b"\0" * 10**6, "text.stl": b"solid" + b" " * 10**6,
+                      "line.obj": "f" + " 1" * 10**6 + "\n"}, "pad", *QUICK)
+
+    def test_archives_that_unpack_to_gigabytes(self):
+        def archive(name, part, size):
+            with zipfile.ZipFile(self.folder / name, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as z:
+                with z.open(part, "w", force_zip64=True) as f:
+                    for _ in range(size >> 24):
+                        f.write(bytes(1 << 24))
+        archive("bomb.3mf", "3D/3dmodel.model", 3 * GIB >> 1)
+        self.sentence("pad", "bomb.3mf")
+        archive("bomb.npz", "centers.npy", GIB >> 2)
+        self.sentence("detect", "bomb.npz")
+
+    def test_sparse_files(self):
+        for name in ("a.obj", "a.stl", "a.3mf", "a.spheres.json", "a.npz"):
+            with self.subTest(name):
+                os.truncate(self.put(name, "") and self.folder / name, 20 * GIB)
+                self.sentence("detect" if "s.json" in name or ".npz" in name else "pad", name)
+                os.unlink(self.folder / name)
+
+    def test_links_and_pipes_and_devices(self):
+        self.put("cube.obj", CUBE)
+        os.symlink("loop.obj", self.folder / "loop.obj")
+        os.symlink("absent.obj", self.folder / "dangling.obj")
+        os.symlink("/dev/zero", self.folder / "zero.obj")
+        os.mkfifo(self.folder / "pipe.obj")
+        os.mkdir(self.folder / "folder.obj")
+        for name in ("loop.obj", "dangling.obj", "zero.obj", "pipe.obj"):
+            self.sentence("pad", name, says=name)
+        os.symlink("cube.obj", self.folder / "link.obj")
+        self.works("pad", "link.obj", "-q", *QUICK)
+        # A link under the asset's name is replaced, and what it points to is untouched.
+        self.put("precious", "precious")
+        os.symlink("precious", self.folder / "cube.spheres.json")
+        self.works("pad", "cube.obj", "-q", *QUICK)
+        self.assertEqual((self.folder / "precious").read_text(), "precious")
+        self.assertFalse((self.folder / "cube.spheres.json").is_symlink())
+        # A list of parts passes over them; folders behind links are not entered, so no circle has an end.
+        os.mkdir(self.folder / "parts")
+        os.symlink("..", self.folder / "parts/up")
+        shutil.copy(self.folder / "cube.obj", self.folder / "parts")
+        os.mkfifo(self.folder / "parts/pipe.obj")
+        self.assertIn(b"1 parts: 1 made", self.works("pad", "parts", "-o", "out", *QUICK).stdout)
+
+    def test_scenes_and_gltf_name_files_that_are_none(self):
+        os.mkfifo(self.folder / "pipe")
+        for name in ("pipe", "/dev/zero", "/proc/self/mem", "absent", "."):
+            buffers = [{"uri": name, "byteLength": 36}]
+            self.put("a.gltf", json.dumps({"asset": {"version": "2.0"}, "buffers": buffers, "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+                                           "bufferViews": [{"buffer": 0, "byteLength": 36}], "nodes": [{"mesh": 0}], "scenes": [{"nodes": [0]}], "scene": 0,
+                                           "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"}]}))
+            self.sentence("pad", "a.gltf")
+            self.put("a.json", json.dumps({"format": "padder.scene", "version": 1, "clusters": {"a": name}, "bodies": [{"cluster": "a", "position": [0, 0, 0]}]}))
+            self.sentence("detect", "a.json")
+            self.put("a.urdf", robot(f'<collision><geometry><mesh filename="{name}"/></geometry></collision>'))
+            self.sentence("pad", "a.urdf")
+
+    def test_names_of_every_kind(self):
+        for name in ("with blank.obj", "ünïcödé 部品.obj", "-dash.obj", "new\nline.obj", "quote'\".obj", "%s%n.obj", "a" * 200 + ".obj", ".hidden.obj"):
+            with self.subTest(name):
+                self.put(name, CUBE)
+                self.works("pad", "./" + name, "-q", *QUICK)
+                self.assertIn(name[:-4] + ".spheres.json", self.files())
+                self.works("pad", "./" + name, "--json", *QUICK)
+                self.sentence("pad", "./absent " + name)
+        raw = os.fsencode(self.folder) + b"/\xff\xfe.obj"  # no UTF-8
+        with open(raw, "w") as f:
+            f.write(CUBE)
+        done = subprocess.run([BIN / "pad", raw, "--json", *QUICK, "-o", self.folder / "raw.spheres.json"], capture_output=True)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        json.loads(done.stdout)
+        self.sentence("pad", "a" * 300 + ".obj")
+
+    def as_nobody(self):
+        """Root may write everywhere."""
+        if os.geteuid() != 0:
+            return lambda: None
+        os.chmod(self.folder, 0o777)
+        return lambda: (os.setgroups([]), os.setuid(pwd.getpwnam("nobody").pw_uid))
+
+    def test_what_may_not_be_read_or_written(self):
+        drop = self.as_nobody()
+        self.put("cube.obj", CUBE), self.put("secret.obj", CUBE)
+        os.chmod(self.folder / "secret.obj", 0)
+        os.mkdir(self.folder / "closed", 0o555), os.mkdir(self.folder / "hidden", 0o000)
+        os.chmod(self.folder / "closed", 0o555), os.chmod(self.folder / "hidden", 0o000)
+        try:
+            self.sentence("pad", "secret.obj", says="secret.obj", limit=drop)
+            self.sentence("pad", "cube.obj", "-o", "closed/a.spheres.json", *QUICK, says="closed/a.spheres.json", limit=drop)
+            self.sentence("pad", "cube.obj", "-o", "closed/a/", *QUICK, says="closed", limit=drop)
+            self.sentence("pad", "hidden", "-o", "out", *QUICK, says="hidden", limit=drop)
+            os.mkdir(self.folder / "parts"), shutil.copy(self.folder / "cube.obj", self.folder / "parts")
+            self.sentence("pad", "parts", "-o", "closed", *QUICK, says="closed", limit=drop)
+        finally:
+            os.chmod(self.folder / "hidden", 0o755)
+        self.assertEqual(self.files(), {"cube.obj", "secret.obj", "parts/cube.obj"})
+
+    def test_a_limit_of_file_sizes_leaves_nothing(self):
+        self.put("cube.obj", CUBE)
+        for ending in (".spheres.json", ".npz", ".vtp", ".glb", ".yaml"):
+            self.sentence("pad", "cube.obj", "-o", "a" + ending, *QUICK, limit=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (100, 100)))
+            self.assertEqual(self.files(), {"cube.obj"})
+
+    def test_pipes_that_close_early(self):
+        self.put("cube.obj", CUBE)
+        for words in (["cube.obj", "--json"], ["--help"]):
+            read, write = os.pipe()
+            os.close(read)
+            done = subprocess.run([BIN / "pad", *words, *(QUICK if words[0] != "--help" else [])], cwd=self.folder, stdout=write, stderr=subprocess.PIPE)
+            os.close(write)
+            # Ended by the signal, as a shell's pipes expect, or with a sentence: Python ignores SIGPIPE for its children unless told otherwise.
+            self.assertIn(done.returncode, (-signal.SIGPIPE, 1), done.stderr)
+            self.assertLessEqual(done.stderr.count(b"\n"), 1)
+        self.assertEqual(self.files(), {"cube.obj", "cube.spheres.json"})
+        with open("/dev/full", "w") as full:
+            done = subprocess.run([BIN / "pad", "cube.obj", "--json", *QUICK], cwd=self.folder, stdout=full, stderr=subprocess.PIPE)
+        self.assertEqual((done.returncode, done.stderr.count(b"\n")), (1, 1))
+
+    def test_a_kill_while_writing_leaves_no_half_asset(self):
+        """SIGKILL at many moments: under the final name there is the old file, or the new one as a whole."""
+        self.put("cube.obj", CUBE)
+        words = [BIN / "pad", "cube.obj", "-q", "--depth", "0.5", "--edge-length", "4%", "--repair", "never"]
+        begin = time.monotonic()
+        subprocess.run(words, cwd=self.folder, check=True)
+        whole, took = (self.folder / "cube.spheres.json").read_bytes(), time.monotonic() - begin
+        (self.folder / "cube.spheres.json").write_text("old")
+        for k in range(20):
+            run = subprocess.Popen(words, cwd=self.folder)
+            time.sleep(took * (0.8 + 0.25 * k / 20))
+            run.send_signal(signal.SIGKILL if k % 2 else signal.SIGINT)
+            run.wait()
+            self.assertIn((self.folder / "cube.spheres.json").read_bytes(), (b"old", whole))
+            if k % 2 == 0:
+                self.assertFalse(list(self.folder.glob("*.part*")))
+            for half in self.folder.glob("*.part*"):
+                half.unlink()
+
+
+if __name__ == "__main__":
+    os.environ.setdefault("OMP_WAIT_POLICY", "passive")
+    unittest.main()

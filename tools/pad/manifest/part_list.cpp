@@ -1,0 +1,210 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "tools/pad/manifest/part_list.h"
+
+#include <glob.h>
+
+#include <algorithm>
+#include <charconv>
+#include <iostream>
+#include <iterator>
+#include <unordered_map>
+
+#include "padding/asset/crc32.h"
+#include "padding/asset/excerpt.h"
+#include "padding/asset/file.h"
+#include "padding/import/import.h"
+#include "padding/input/read.h"
+#include "tools/cli.h"
+#include "tools/pad/one_part.h"
+
+namespace padder {
+
+namespace fs = std::filesystem;
+using cli::UsageError;
+
+namespace {
+
+bool is_pattern(const std::string& text) {
+  std::error_code code;
+  return text.find_first_of("*?[") != std::string::npos && !fs::exists(text, code);
+}
+
+bool is_mesh(const fs::path& file) {
+  std::string ending = file.extension().string();
+  std::ranges::transform(ending, ending.begin(), [](unsigned char c) { return std::tolower(c); });
+  return std::ranges::find(mesh_endings(), ending) != mesh_endings().end();
+}
+
+// One list of parts in the making.
+class List {
+ public:
+  List(const PadArguments& a, const std::map<std::string, std::string>& given) : a_(a) {
+    auto common = std::make_shared<PartSettings>();
+    common->arguments = a;
+    common->arguments.json = true;  // a worker prints nothing
+    common->arguments.preview.clear(), common->arguments.meshes.clear();
+    common->given = given;
+    common_ = common;
+  }
+
+  void add_manifest() {
+    const bool piped = a_.manifest == "-";
+    const std::string text =
+        piped ? std::string(std::istreambuf_iterator<char>(std::cin), {}) : read_file(a_.manifest, kMostText);
+    const fs::path folder = piped ? fs::path() : fs::path(a_.manifest).parent_path();
+    const std::string name = piped ? "the manifest on stdin" : a_.manifest;
+    std::size_t number = 0;
+    for (std::size_t at = 0; at < text.size();) {
+      const std::size_t end = std::min(text.find('\n', at), text.size());
+      std::string line = text.substr(at, end - at);
+      at = end + 1, number++;
+      if (!line.empty() && line.back() == '\r') line.pop_back();
+      if (line.empty() || line[0] == '#') continue;
+      add_line(line, folder, name + ", line " + std::to_string(number));
+    }
+  }
+
+  // Every mesh below a folder, without hidden files and what was written before.
+  void add_folder(const fs::path& folder) {
+    std::vector<fs::path> files;
+    std::error_code code;
+    const fs::path written = fs::weakly_canonical(a_.output(), code);
+    for (auto it = fs::recursive_directory_iterator(folder); it != fs::recursive_directory_iterator(); ++it) {
+      const bool hidden = it->path().filename().string().starts_with('.');
+      if (it->is_directory() && (hidden || fs::weakly_canonical(it->path(), code) == written))
+        it.disable_recursion_pending();
+      else if (!hidden && is_mesh(it->path()) && it->is_regular_file(code))
+        files.push_back(it->path());
+    }
+    std::sort(files.begin(), files.end());
+    for (const fs::path& file : files)
+      add(file.string(), file.lexically_relative(folder).string(), common_, file.string());
+  }
+
+  void add_pattern(const std::string& pattern) {
+    glob_t found{};
+    const int failed = ::glob(pattern.c_str(), 0, nullptr, &found);
+    std::vector<std::string> files;
+    if (!failed) files.assign(found.gl_pathv, found.gl_pathv + found.gl_pathc);
+    ::globfree(&found);
+    if (files.empty()) throw Error("no file fits the pattern " + excerpt(pattern) + ": check it");
+    // The tree begins where the pattern does.
+    const fs::path base = fs::path(pattern.substr(0, pattern.find_first_of("*?["))).parent_path();
+    for (const std::string& file : files)
+      if (is_mesh(file))
+        add(file, base.empty() ? file : fs::path(file).lexically_relative(base).string(), common_, file);
+  }
+
+  void add_file(const std::string& mesh) { add(mesh, fs::path(mesh).filename().string(), common_, mesh); }
+
+  std::vector<Part> take() { return std::move(parts_); }
+
+ private:
+  void add_line(const std::string& line, const fs::path& folder, const std::string& where) {
+    std::error_code code;
+    if (line.find(' ') == std::string::npos || fs::is_regular_file(folder / line, code))
+      return add((folder / line).string(), line, common_, where);
+    auto settings = std::make_shared<PartSettings>(*common_);
+    PadArguments& a = settings->arguments;
+    a.meshes.clear(), a.outputs.clear();
+    CLI::App app("", where);
+    app.set_help_flag();
+    declare_part(app, a);
+    try {
+      app.parse(line);
+    } catch (const CLI::ParseError& e) {
+      throw UsageError(where + ": " + cli::usage_sentence(app, e));
+    }
+    if (a.meshes.size() != 1)
+      throw UsageError(where +
+                       ": a line names one mesh, and its options behind it; quote a name with blanks");
+    for (const auto& [name, value] : settings_of(app)) settings->given[name] = value;
+    const std::string mesh = a.meshes[0];
+    // Equal options are stored once: a manifest may have very many lines.
+    std::string text = std::to_string(a.seconds) + '\n' + a.memory + '\n' + a.output() + '\n';
+    for (const auto& [name, value] : settings->given) text += name + '=' + value + '\n';
+    add((folder / mesh).string(), mesh, known_.emplace(text, settings).first->second, where);
+  }
+
+  void add(const std::string& mesh, const fs::path& place, std::shared_ptr<const PartSettings> settings,
+           const std::string& where) {
+    // The command line's -o is the folder of all; a line's names this part's file below it.
+    const bool own = settings != common_ && !settings->arguments.outputs.empty();
+    PadArguments a = settings->arguments;
+    if (!own) a.outputs.clear();
+    const Format* format = nullptr;
+    try {
+      if (a.outputs.size() > 1) throw UsageError("a part of a list is one file: give one -o");
+      if (is_sphere_file(mesh)) check_conversion(a, mesh);
+      format = format_of(a, mesh);
+    } catch (const UsageError& e) {
+      throw UsageError(where + ": " + e.what());
+    }
+    if (format && !*format->ending)
+      throw UsageError(where + ": " + format->name +
+                       " is a folder, and a part of a list is one file: pad it by itself");
+    const fs::path output =
+        (own ? fs::path(a.output()) : place.parent_path() / output_name(mesh, format)).lexically_normal();
+    if (output.is_absolute() || *output.begin() == ".." || !output.has_filename())
+      throw UsageError(where + ": its output " + output.string() +
+                       " is no file below the output folder: give the line -o with a name below it");
+    const auto [it, fresh] = owner_.emplace(output.string(), where);
+    if (!fresh)
+      throw UsageError(where + " and " + it->second + " would both write " + output.string() +
+                       ": list them in a manifest, and give one of them -o");
+    parts_.push_back({mesh, output.generic_string(), std::move(settings)});
+  }
+
+  const PadArguments& a_;
+  std::shared_ptr<const PartSettings> common_;
+  std::unordered_map<std::string, std::shared_ptr<const PartSettings>> known_;
+  std::unordered_map<std::string, std::string> owner_;  // output to where it is listed
+  std::vector<Part> parts_;
+};
+
+}  // namespace
+
+bool lists_parts(const PadArguments& a) {
+  std::error_code code;
+  return !a.manifest.empty() || std::ranges::any_of(a.meshes, [&](const std::string& mesh) {
+    return fs::is_directory(mesh, code) || is_pattern(mesh);
+  });
+}
+
+std::vector<Part> list_parts(const PadArguments& a, const std::map<std::string, std::string>& given) {
+  List list(a, given);
+  if (!a.manifest.empty()) list.add_manifest();
+  std::error_code code;
+  for (const std::string& mesh : a.meshes) try {
+      if (fs::is_directory(mesh, code))
+        list.add_folder(mesh);
+      else if (is_pattern(mesh))
+        list.add_pattern(mesh);
+      else
+        list.add_file(mesh);
+    } catch (const fs::filesystem_error& e) {
+      throw Error("cannot read the folder " + mesh + " (" + e.code().message() +
+                  "): check that it may be read");
+    }
+  std::vector<Part> parts = list.take();
+  if (parts.empty())
+    throw Error((a.manifest.empty() ? a.meshes[0] : a.manifest) + " lists no mesh: check it");
+  return parts;
+}
+
+bool Shard::holds(const Part& part) const { return crc32(part.output) % of == index - 1; }
+
+Shard shard_of(const std::string& text) {
+  Shard s;
+  if (text.empty()) return s;
+  const char* end = text.data() + text.size();
+  const auto first = std::from_chars(text.data(), end, s.index);
+  const bool slash = first.ec == std::errc() && first.ptr != end && *first.ptr == '/';
+  const auto second = slash ? std::from_chars(first.ptr + 1, end, s.of) : first;
+  if (!slash || second.ec != std::errc() || second.ptr != end || s.index < 1 || s.index > s.of)
+    throw UsageError("--shard takes the number of a portion and how many there are, as 1/8 to 8/8, not \"" +
+                     excerpt(text) + '"');
+  return s;
+}
+
+}  // namespace padder

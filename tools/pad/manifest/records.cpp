@@ -1,0 +1,178 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "tools/pad/manifest/records.h"
+
+#include <fcntl.h>
+#include <sys/file.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <fstream>
+
+#include "padding/asset/file.h"
+#include "padding/asset/json.h"
+#include "padding/input/read_internal.h"
+#include "padding/input/urdf.h"
+#include "tools/pad/one_part.h"
+
+namespace padder {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+
+namespace {
+
+constexpr auto kReplace = Json::error_handler_t::replace;  // the name of a file need not be UTF-8
+
+// The files of "uri": "rest", without those that hold their data themselves.
+std::vector<fs::path> buffers_of_gltf(const std::string& mesh) {
+  const Json json = parse_json<Json>(read_file(mesh, kMostText), mesh);
+  const JsonPlace<Json> document(json, mesh);
+  std::vector<fs::path> files;
+  if (!document.has("buffers")) return files;
+  const auto buffers = document.at("buffers");
+  for (std::size_t k = 0; k < buffers.size(); k++) {
+    if (!buffers.at(k).has("uri")) continue;
+    const std::string uri = buffers.at(k).at("uri").text();
+    if (uri.starts_with("data:")) continue;
+    std::string name;
+    for (std::size_t at = 0; at < uri.size(); at++)
+      if (unsigned code; uri[at] == '%' && std::sscanf(uri.c_str() + at + 1, "%2x", &code) == 1)
+        name += char(code), at += 2;
+      else
+        name += uri[at];
+    files.push_back(fs::path(mesh).parent_path() / name);
+  }
+  return files;
+}
+
+}  // namespace
+
+Record record_of(const Json& j) {
+  Record r;
+  j.at("output").get_to(r.output), j.at("mesh").get_to(r.mesh), j.at("key").get_to(r.key);
+  for (const Json& input : j.at("inputs")) r.inputs.push_back({input.at("file"), input.at("sha256")});
+  j.at("sha256").get_to(r.sha256), j.at("error").get_to(r.error);
+  j.at("triangles").get_to(r.triangles), j.at("spheres").get_to(r.spheres);
+  j.at("protrusion").get_to(r.protrusion), j.at("gap").get_to(r.gap);
+  j.at("certified").get_to(r.certified), j.at("within").get_to(r.within);
+  j.at("warnings").get_to(r.warnings);
+  j.at("seconds").get_to(r.seconds), j.at("cpu_seconds").get_to(r.cpu_seconds);
+  j.at("memory").get_to(r.memory);
+  return r;
+}
+
+Json to_json(const Record& r) {
+  Json inputs = Json::array();
+  for (const auto& input : r.inputs) inputs.push_back({{"file", input.file}, {"sha256", input.sha256}});
+  return {{"output", r.output},
+          {"mesh", r.mesh},
+          {"key", r.key},
+          {"inputs", inputs},
+          {"sha256", r.sha256},
+          {"error", r.error},
+          {"triangles", r.triangles},
+          {"spheres", r.spheres},
+          {"protrusion", r.protrusion},
+          {"gap", r.gap},
+          {"certified", r.certified},
+          {"within", r.within},
+          {"warnings", r.warnings},
+          {"seconds", r.seconds},
+          {"cpu_seconds", r.cpu_seconds},
+          {"memory", r.memory}};
+}
+
+std::string key_of(const Part& part, const std::string& sha256_of_mesh) {
+  const Json made_of = {{"version", PADDER_VERSION},
+                        {"mesh", fs::path(part.mesh).filename().string()},
+                        {"sha256", sha256_of_mesh},
+                        {"settings", part.settings->given}};
+  return sha256(made_of.dump(-1, ' ', false, kReplace));
+}
+
+std::vector<fs::path> further_inputs(const Part& part) {
+  if (part.mesh.ends_with(".gltf")) return buffers_of_gltf(part.mesh);
+  std::vector<fs::path> files;
+  if (!is_robot(part.mesh)) return files;
+  const PadArguments& a = part.settings->arguments;
+  UrdfOptions reading = a.robot.reading;
+  reading.package_folders.assign(a.package_folders.begin(), a.package_folders.end());
+  for (const UrdfLink& link : read_urdf(part.mesh, reading).links)
+    for (const UrdfShape& shape : link.shapes)
+      if (shape.type == UrdfShape::Type::mesh) files.push_back(shape.file);
+  return files;
+}
+
+bool is_current(const Record& record, const Part& part, const fs::path& folder) try {
+  if (!record.done() || record.inputs.empty()) return false;
+  for (const Record::Input& input : record.inputs) {
+    const bool first = &input == record.inputs.data();
+    const std::string now = sha256_of_file(first ? part.mesh : input.file);
+    if (now != input.sha256 || (first && record.key != key_of(part, now))) return false;
+  }
+  return sha256_of_file(folder / part.output) == record.sha256;
+} catch (const Error&) {  // something is missing
+  return false;
+}
+
+Records::Records(const fs::path& folder, const Shard& shard) {
+  const fs::path place = folder / ".pad";
+  path_ = place / (shard.name() + ".jsonl");
+  std::error_code code;
+  fs::create_directories(place, code);  // if this fails, opening fails and names the reason
+  file_ = ::open(path_.c_str(), O_RDWR | O_CREAT | O_APPEND | O_CLOEXEC, 0666);
+  if (file_ < 0)
+    throw Error("cannot write " + path_.string() + " (" + std::strerror(errno) +
+                "): -o must name a folder that may be written");
+  if (::flock(file_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK)
+    throw Error("another pad is at work on this portion of " + folder.string() +
+                ": wait for it, or end it and start again");
+  try {
+    for (const auto& entry : fs::directory_iterator(place))
+      if (entry.path().extension() == ".jsonl") read(entry.path());
+  } catch (const fs::filesystem_error& e) {
+    throw Error("cannot read the folder " + place.string() + " (" + e.code().message() + ")");
+  }
+  // What a crash cut short gets its end, so that the next line stands by itself.
+  char last = '\n';
+  const off_t end = ::lseek(file_, 0, SEEK_END);
+  if (end > 0 && ::pread(file_, &last, 1, end - 1) == 1 && last != '\n' && ::write(file_, "\n", 1) != 1)
+    throw DiskError("cannot write " + path_.string() + " (" + std::strerror(errno) + "): make room");
+}
+
+Records::~Records() {
+  if (file_ >= 0) ::close(file_);
+}
+
+void Records::read(const fs::path& file) {
+  std::ifstream in(file, std::ios::binary);
+  for (std::string line; std::getline(in, line);) try {
+      Record record = record_of(Json::parse(line));
+      known_[record.output].push_back(std::move(record));
+    } catch (const Json::exception&) {
+    }
+}
+
+const std::vector<Record>& Records::of(const std::string& output) const {
+  static const std::vector<Record> none;
+  const auto it = known_.find(output);
+  return it == known_.end() ? none : it->second;
+}
+
+void Records::add(const Record& record) {
+  const std::string line = to_json(record).dump(-1, ' ', false, kReplace) + "\n";
+  const ssize_t written = ::write(file_, line.data(), line.size());
+  if (written != static_cast<ssize_t>(line.size()))
+    throw DiskError("cannot write " + path_.string() + " (" +
+                    (written < 0 ? std::strerror(errno) : "no room") + "): make room and start again");
+  known_[record.output].push_back(record);
+}
+
+void Records::close_in_child() {
+  if (file_ >= 0) ::close(file_);
+  file_ = -1;
+}
+
+}  // namespace padder

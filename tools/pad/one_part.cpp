@@ -1,0 +1,130 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "tools/pad/one_part.h"
+
+#include <charconv>
+#include <cmath>
+
+#include "padding/import/import.h"
+#include "padding/meshing/write_mesh.h"
+#include "padding/view/page.h"
+#include "tools/cli.h"
+#include "tools/pad/convert.h"
+#include "tools/pad/report.h"
+#include "tools/pad/robot.h"
+
+namespace padder {
+
+using Json = nlohmann::ordered_json;
+namespace fs = std::filesystem;
+
+bool is_robot(const std::string& file) {
+  const std::string ending = fs::path(file).extension().string();
+  return ending == ".urdf" || ending == ".xacro";
+}
+
+bool is_folder(const std::string& path) {
+  return !path.empty() && (fs::is_directory(path) || path.back() == '/');
+}
+
+const Format* format_of(const PadArguments& a, const std::string& mesh) {
+  const std::string output = a.output();
+  const bool named = !output.empty() && (!is_folder(output) || a.format == "mercury");
+  if (is_robot(mesh) && output.ends_with(".json"))
+    throw cli::UsageError(
+        "a robot has several links and a .spheres.json is one body: -o a folder gets one for each link");
+  try {
+    if (!a.format.empty()) return &find_format({}, a.format);
+    if (named && !output.ends_with(".json")) return &find_format(output);
+    return is_robot(mesh) ? &find_format({}, "urdf") : nullptr;
+  } catch (const Error& e) {
+    throw cli::UsageError(e.what());
+  }
+}
+
+std::string output_name(const std::string& mesh, const Format* format) {
+  return fs::path(mesh).stem().string() +
+         (!format ? ".spheres.json" : std::string(is_robot(mesh) ? ".spheres" : "") + format->ending);
+}
+
+void check_conversion(const PadArguments& a, const std::string& file) {
+  if (a.outputs.empty() && a.format.empty())
+    throw cli::UsageError(file + " holds spheres already: name with -o what to convert it to");
+  if (a.options.by_tolerance() || a.options.depth_ratio || !a.preview.empty() || !a.write_mesh.empty())
+    throw cli::UsageError(file +
+                          " holds spheres already, which are converted and not padded again: leave out the "
+                          "tolerance, the depth ratio, the count, --preview and --write-mesh");
+}
+
+namespace {
+
+void make_folder_of(const fs::path& file) {
+  std::error_code code;  // if this fails, writing the file fails and names the reason
+  if (file.has_parent_path()) fs::create_directories(file.parent_path(), code);
+}
+
+Json pad_urdf(const PadArguments& a, const std::string& file, const PadTarget& goal,
+              const PadProgress& progress, const std::function<void()>& done) {
+  if (a.scale != 1 || (!a.unit.empty() && a.unit != "m"))
+    throw Error(file + ": a URDF is in metres: leave out --scale and --unit");
+  RobotJob job{file, goal.outputs(), a.options, a.robot, {a.density}, goal.in_folder, a.preview, {}};
+  job.whole.reading.package_folders.assign(a.package_folders.begin(), a.package_folders.end());
+  for (const std::string& joint : a.joints) {
+    const std::size_t at = joint.rfind('=');
+    double value = 0;
+    const char* end = joint.data() + joint.size();
+    const auto read = std::from_chars(joint.data() + std::min(at + 1, joint.size()), end, value);
+    if (at == std::string::npos || read.ec != std::errc() || read.ptr != end || !std::isfinite(value))
+      throw cli::UsageError("--joint takes NAME=VALUE, as elbow=1.57, not \"" + joint + '"');
+    job.joints[joint.substr(0, at)] = value;
+  }
+  Json report = run_robot(job, [&](const std::string& link, std::size_t at, std::size_t of) {
+    if (progress) progress(link.c_str(), int(at), int(of));
+  });
+  done();
+  if (!a.json && !a.quiet) print_robot(report);
+  return report;
+}
+
+Json convert(const PadArguments& a, const std::string& file, const PadTarget& goal,
+             const std::function<void()>& done) {
+  Json report =
+      run_convert({file, goal.outputs(), a.scale, a.unit, a.options.family, a.options.mask, {a.density}});
+  done();
+  if (!a.json && !a.quiet) print_convert(report);
+  return report;
+}
+
+}  // namespace
+
+Json pad_one(const PadArguments& a, const std::string& file, const PadTarget& target,
+             const PadProgress& progress, const std::function<void()>& done) {
+  make_folder_of(target.first.path);
+  if (is_sphere_file(file)) return convert(a, file, target, done);
+  if (is_robot(file)) return pad_urdf(a, file, target, progress, done);
+  const Padded padded = pad_file(file, {a.scale, a.unit}, a.options, progress);
+  std::vector<std::string> warnings = padded.report.warnings;
+  for (const OutputFile& out : target.outputs()) {
+    make_folder_of(out.path);
+    if (!out.format) {
+      write_cluster(padded.cluster, out.path);
+      continue;
+    }
+    for (auto& sentence : write_model(model_of(padded.cluster), out.path, *out.format, {a.density}))
+      warnings.push_back(std::move(sentence));
+  }
+  if (!target.mesh.empty()) {
+    make_folder_of(target.mesh);
+    write_mesh(padded.mesh, target.mesh);
+  }
+  if (!a.preview.empty()) {
+    View view = view_of(padded.cluster, mesh_of(padded.cluster, target.first.path, file));
+    view.marks = padded.marks;
+    write_preview(view, a.preview);
+  }
+  done();
+  const PadFiles files{file, target.first.path, target.mesh};
+  if (!a.json && !a.quiet) print_report(files, padded);
+  return report_json(files, a.options, padded, warnings);
+}
+
+}  // namespace padder

@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// One mesh or robot: where its result goes, and the padding itself.
+#pragma once
+#include <filesystem>
+#include <functional>
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "padding/pad.h"
+#include "tools/pad/arguments.h"
+#include "tools/pad/robot.h"
+
+namespace padder {
+
+bool is_robot(const std::string& file);   // by its ending
+bool is_folder(const std::string& path);  // it is one, or ends with /
+
+// Where a result goes.
+struct PadTarget {
+  OutputFile first;
+  std::vector<OutputFile> more;  // of further -o
+  bool in_folder = false;        // -o names a folder, not the file
+  std::filesystem::path mesh;    // where --write-mesh puts the surface; empty without it
+
+  std::vector<OutputFile> outputs() const {
+    std::vector<OutputFile> all{first};
+    all.insert(all.end(), more.begin(), more.end());
+    return all;
+  }
+};
+
+// A file of spheres is converted, so it must be said to what, and nothing about padding. Throws
+// cli::UsageError.
+void check_conversion(const PadArguments& a, const std::string& file);
+
+// The format of what is made of `mesh`: that of --format or, where -o names a file, that of its ending.
+// Throws cli::UsageError when there is none.
+const Format* format_of(const PadArguments& a, const std::string& mesh);
+
+// NAME.spheres.json, or with the ending of the format.
+std::string output_name(const std::string& mesh, const Format* format);
+
+// Pads or converts `file`, writes its files, and returns the report. `done` is called before anything is
+// printed, and nothing is printed with a.json or a.quiet. Makes the folder of the output where it is absent.
+// Throws Error.
+nlohmann::ordered_json pad_one(const PadArguments& a, const std::string& file, const PadTarget& target,
+                               const PadProgress& progress, const std::function<void()>& done);
+
+}  // namespace padder
