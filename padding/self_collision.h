@@ -8,6 +8,7 @@
 
 namespace padder {
 
+// How the poses are drawn.
 struct SelfCollisionOptions {
   int poses = 10000;       // random ones, uniform between the limits of the joints
   std::uint64_t seed = 1;  // equal seeds give equal results, for any number of threads

@@ -10,7 +10,7 @@ namespace padder {
 // The places where package://NAME/rest may be, best first, for a URDF in the folder `home`. They need not
 // exist. A package NAME is looked for in `folders`, in `home` and the folders above it, in those that
 // ROS_PACKAGE_PATH lists, and as PREFIX/share/NAME in those that AMENT_PREFIX_PATH lists. It is the folder of
-// that name, or a folder whose package.xml says <name>NAME</name>: the folder looked in, or one right in it.
+// that name, or a folder whose package.xml names the package NAME: the folder looked in, or one right in it.
 std::vector<std::filesystem::path> places_in_package(const std::string& name,
                                                      const std::filesystem::path& rest,
                                                      const std::filesystem::path& home,

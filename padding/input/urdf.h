@@ -37,6 +37,7 @@ struct Urdf {
   std::vector<std::string> notes;  // what was not taken as it was written, one clause each
 };
 
+// Where a URDF's meshes are, and which of its shapes count.
 struct UrdfOptions {
   std::vector<std::filesystem::path> package_folders;  // are searched for packages first
   bool visual = false;  // take the shapes of `visual` even where there are some of `collision`

@@ -315,6 +315,7 @@ TEST(Pad, CrossingPiecesMakeNoMoreSpheresByDepthThanTheirAreaAsksFor) {
   const Padded p = pad(as_file(mesh), options);
   EXPECT_TRUE(p.cluster.accuracy.certified);
   EXPECT_LT(p.report.quality.share_under_20_deg, 0.02);
+  EXPECT_GT(p.report.quality.min_angle_deg, 10);
   const double area = 6 + 2 * (0.5 * 0.7 + 0.5 * 0.5);  // and a triangle of edge L has 0.43 L^2
   EXPECT_LT(double(p.cluster.size()), 1.5 * area / (0.43 * 0.05 * 0.05));
 }

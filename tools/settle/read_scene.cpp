@@ -204,7 +204,8 @@ class Reader {
     s.grain_family = l.family, s.grain_mask = l.mask, s.grain_static = l.is_static;
   }
 
-  // On a jittered lattice, layer by layer from `low` upwards; places outside of the cylinder stay empty.
+  // On a jittered lattice in the middle of the box, layer by layer from `low` upwards; places outside of the
+  // cylinder stay empty.
   void add_grains(const Place& g) {
     g.only({"count", "radius", "low", "high", "velocity"});
     System& s = out_.system;
@@ -228,9 +229,10 @@ class Reader {
     for (std::int64_t z = 0; z < nz && made < count; z++)
       for (std::int64_t y = 0; y < ny && made < count; y++)
         for (std::int64_t x = 0; x < nx && made < count; x++) {
-          Vec3 at{low.x + edge * (static_cast<double>(x) + 0.5),
-                  low.y + edge * (static_cast<double>(y) + 0.5),
-                  low.z + edge * (static_cast<double>(z) + 0.5)};
+          Vec3 at{
+              0.5 * (low.x + high.x) + edge * (static_cast<double>(x) - 0.5 * static_cast<double>(nx - 1)),
+              0.5 * (low.y + high.y) + edge * (static_cast<double>(y) - 0.5 * static_cast<double>(ny - 1)),
+              low.z + edge * (static_cast<double>(z) + 0.5)};
           if (blocked(at, 1.02 * range[1])) continue;
           const double radius = range[0] + (range[1] - range[0]) * random_->unit();
           at = at + Vec3{jitter * random_->signed_unit(), jitter * random_->signed_unit(),
