@@ -39,14 +39,21 @@ void expect_answer(const Work& work) {
 }
 
 // A folder of this process, for readers that take a path.
-const fs::path& folder() {
-  static const fs::path made = [] {
+struct Folder {
+  Folder() {
     std::string name = (fs::temp_directory_path() / "padder-fuzz-XXXXXX").string();
     if (!::mkdtemp(name.data())) wrong("no folder for files");
-    std::atexit([] { fs::remove_all(folder()); });
-    return fs::path(name);
-  }();
-  return made;
+    path = name;
+  }
+  ~Folder() {
+    std::error_code code;
+    fs::remove_all(path, code);
+  }
+  fs::path path;
+};
+const fs::path& folder() {
+  static const Folder made;
+  return made.path;
 }
 
 fs::path put(std::string_view bytes, const char* name) {
