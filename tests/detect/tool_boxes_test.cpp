@@ -1,17 +1,11 @@
 // SPDX-License-Identifier: MIT
 // The program detect with --devices and --memory, run as a user runs it: the hash is that of one box.
-#include <gtest/gtest.h>
-#include <sys/wait.h>
-#include <unistd.h>
-
 #include <algorithm>
-#include <cstdlib>
-#include <filesystem>
 #include <nlohmann/json.hpp>
 
 #include "detect/scene/generate.h"
-#include "padding/asset/file.h"
 #include "padding/asset/npz.h"
+#include "tests/program_test.h"
 
 namespace padder::detect {
 namespace {
@@ -19,19 +13,8 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::json;
 
-struct Ran {
-  int code;
-  std::string out, err;
-};
-
-class DetectBoxes : public testing::Test {
+class DetectBoxes : public ProgramTest {
  protected:
-  void SetUp() override {
-    folder_ = fs::temp_directory_path() / ("padder_boxes_" + std::to_string(::getpid()));
-    fs::create_directories(folder_);
-  }
-  void TearDown() override { fs::remove_all(folder_); }
-
   // spheres.npy, spheres.npz, and a scene of each.
   void write_spheres(std::uint64_t n) const {
     const std::vector<FloatSphere> spheres = generate("dense", n);
@@ -52,20 +35,14 @@ class DetectBoxes : public testing::Test {
           R"({"format": "padder.scene", "version": 1, "spheres": [{"file": "spheres.)" + ending + "\"}]}");
   }
 
-  Ran run(const std::string& arguments, const std::string& before = "") const {
-    const std::string out = folder_ / "out", err = folder_ / "err";
-    const int status = std::system(("cd " + folder_.string() + " && " + before + " " PADDER_BIN "/detect " +
-                                    arguments + " >" + out + " 2>" + err)
-                                       .c_str());
-    return {WEXITSTATUS(status), read_file(out), read_file(err)};
+  Outcome run(const std::string& arguments, const std::string& before = "") const {
+    return ProgramTest::run("detect", arguments, before);
   }
   std::string hash(const std::string& arguments) const {
-    const Ran r = run(arguments + " -q --hash");
+    const Outcome r = run(arguments + " -q --hash");
     EXPECT_EQ(r.code, 0) << arguments << ": " << r.err;
     return r.out;
   }
-
-  fs::path folder_;
 };
 
 TEST_F(DetectBoxes, EveryWayOfReadingAndSharingHasTheHashOfOneBox) {
@@ -88,8 +65,8 @@ TEST_F(DetectBoxes, AFileTenTimesTheMemoryHasTheSameHash) {
   write_spheres(3000000);
   const std::uint64_t size = fs::file_size(folder_ / "spheres.npy"), limit = size / 10;
   EXPECT_GT(size, 48000000u);
-  const Ran small = run("spheres.npy --backend omp --threads 1 --json --memory " + std::to_string(limit),
-                        "ulimit -d 16000 && OMP_STACKSIZE=1M");
+  const Outcome small = run("spheres.npy --backend omp --threads 1 --json --memory " + std::to_string(limit),
+                            "ulimit -d 16000 && OMP_STACKSIZE=1M");
   ASSERT_EQ(small.code, 0) << small.err;
   const Json found = Json::parse(small.out);
   const Json wanted = Json::parse(run("npy.json --backend omp --json").out);
@@ -106,7 +83,7 @@ TEST_F(DetectBoxes, FilesOfContacts) {
   ASSERT_EQ(run("npz.json --backend omp -o one.csv").code, 0);
   ASSERT_EQ(run("npz.json --backend omp --devices 3 -o boxes.csv").code, 0);
   EXPECT_EQ(read_file(folder_ / "one.csv"), read_file(folder_ / "boxes.csv"));
-  const Ran streamed = run("npz.json --backend omp --devices 2 --memory 2M -o contacts.npy --json");
+  const Outcome streamed = run("npz.json --backend omp --devices 2 --memory 2M -o contacts.npy --json");
   ASSERT_EQ(streamed.code, 0) << streamed.err;
   const std::uint64_t contacts = Json::parse(streamed.out)["contacts"];
   // i, j, normal, depth, and both points in double
@@ -118,7 +95,7 @@ TEST_F(DetectBoxes, FilesOfContacts) {
 TEST_F(DetectBoxes, WrongUsageIsASentence) {
   write_spheres(100);
   const auto expect_said = [&](const std::string& arguments, int code, const std::string& words) {
-    const Ran r = run(arguments);
+    const Outcome r = run(arguments);
     EXPECT_EQ(r.code, code) << arguments;
     EXPECT_NE(r.err.find(words), std::string::npos) << r.err;
     EXPECT_EQ(std::count(r.err.begin(), r.err.end(), '\n'), 1) << r.err;

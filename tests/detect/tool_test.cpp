@@ -1,15 +1,9 @@
 // SPDX-License-Identifier: MIT
 // The tool detect, run as a user runs it: exit codes, one JSON document, one sentence for an error.
-#include <gtest/gtest.h>
-#include <sys/wait.h>
-#include <unistd.h>
-
-#include <cstdlib>
-#include <filesystem>
 #include <nlohmann/json.hpp>
 
 #include "padding/asset/cluster.h"
-#include "padding/asset/file.h"
+#include "tests/program_test.h"
 
 namespace padder {
 namespace {
@@ -17,37 +11,23 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::json;
 
-struct Ran {
-  int code;
-  std::string out, err;
-};
-
-class DetectTool : public testing::Test {
+class DetectTool : public ProgramTest {
  protected:
   void SetUp() override {
-    folder_ = fs::temp_directory_path() / ("padder_tool_" + std::to_string(::getpid()));
-    fs::create_directories(folder_);
     write_file(
         folder_ / "dense.json",
         R"({"format": "padder.scene", "version": 1, "spheres": [{"generate": "dense", "count": 3000}]})");
     write_file(folder_ / "small.json", R"({"format": "padder.scene", "version": 1,
         "spheres": [{"centers": [[0, 0, 0], [1.5, 0, 0], [0, 5, 0]], "radii": 1}]})");
   }
-  void TearDown() override { fs::remove_all(folder_); }
 
-  Ran run(const std::string& arguments) const {
-    const std::string out = folder_ / "out", err = folder_ / "err";
-    const int status = std::system(
-        ("cd " + folder_.string() + " && " PADDER_BIN "/detect " + arguments + " >" + out + " 2>" + err)
-            .c_str());
-    return {WEXITSTATUS(status), read_file(out), read_file(err)};
+  Outcome run(const std::string& arguments, const std::string& before = "") const {
+    return ProgramTest::run("detect", arguments, before);
   }
-
-  fs::path folder_;
 };
 
 TEST_F(DetectTool, JsonAsPromised) {
-  const Ran r = run("dense.json --backend omp --json");
+  const Outcome r = run("dense.json --backend omp --json");
   ASSERT_EQ(r.code, 0) << r.err;
   const Json j = Json::parse(r.out);
   EXPECT_EQ(j["spheres"], 3000);
@@ -64,14 +44,14 @@ TEST_F(DetectTool, JsonAsPromised) {
 }
 
 TEST_F(DetectTool, HashIsOneLine) {
-  const Ran r = run("dense.json -q --hash");
+  const Outcome r = run("dense.json -q --hash");
   EXPECT_EQ(r.code, 0);
   EXPECT_EQ(r.out.size(), 17u) << r.out;
   EXPECT_EQ(run("dense.json -q").out, "");
 }
 
 TEST_F(DetectTool, StagesShowTheArrays) {
-  const Ran r = run("small.json --stages");
+  const Outcome r = run("small.json --stages");
   EXPECT_EQ(r.code, 0);
   for (const char* part : {"\n  T ", "\n  S ", "\n  B ", "\n  C ", "\n  D ", "\n  E ", "\n  F (0,1)"})
     EXPECT_NE(r.out.find(part), std::string::npos) << part;
@@ -104,21 +84,21 @@ TEST_F(DetectTool, ErrorsAreOneSentenceAndACode) {
   EXPECT_EQ(run("dense.json --backend omp --bin-size -1").code, 2);
   EXPECT_EQ(run("dense.json --devices 1000").code, 1);
   for (const char* threads : {"0", "-1", "1025", "100000", "2000000000", "3000000000"}) {
-    const Ran r = run(std::string("dense.json --backend omp --threads ") + threads);
+    const Outcome r = run(std::string("dense.json --backend omp --threads ") + threads);
     EXPECT_EQ(r.code, 2) << threads;
     EXPECT_NE(r.err.find("--threads"), std::string::npos) << r.err;
   }
   EXPECT_EQ(run("dense.json --backend omp --threads 1024").code, 0);
   EXPECT_EQ(run("--help").code, 0);
   EXPECT_EQ(run("--version").out, "detect (padder) " PADDER_VERSION "\n");
-  const Ran absent = run("absent.json");
+  const Outcome absent = run("absent.json");
   EXPECT_EQ(absent.code, 1);
   EXPECT_EQ(absent.err, "detect: cannot open absent.json: check the name and that it may be read\n");
   EXPECT_EQ(run("dense.json -o contacts.txt").code, 1);
   write_file(
       folder_ / "bad.json",
       R"({"format": "padder.scene", "version": 1, "spheres": [{"centers": [[0, 0, 0]], "radii": [-1]}]})");
-  const Ran bad = run("bad.json --backend omp --json");
+  const Outcome bad = run("bad.json --backend omp --json");
   EXPECT_EQ(bad.code, 1);
   EXPECT_EQ(Json::parse(bad.out),
             (Json{{"input", "bad.json"}, {"error", bad.err.substr(8, bad.err.size() - 9)}}));  // "detect: "
@@ -128,14 +108,14 @@ TEST_F(DetectTool, ErrorsAreOneSentenceAndACode) {
 TEST_F(DetectTool, JsonTellsEveryFailureOfTheWork) {
   for (const char* arguments : {"absent.json", "dense.json --devices 1000", "dense.json --stages",
                                 "dense.json -o absent/c.npz", "dense.json -o c.txt"}) {
-    const Ran r = run(std::string(arguments) + " --json");
+    const Outcome r = run(std::string(arguments) + " --json");
     EXPECT_NE(r.code, 0);
     const Json j = Json::parse(r.out);
     EXPECT_EQ(j.size(), 2u);
     EXPECT_EQ(j["input"], std::string(arguments).substr(0, std::string(arguments).find(' ')));
     EXPECT_EQ("detect: " + j["error"].get<std::string>() + "\n", r.err);
   }
-  const Ran usage = run("dense.json --json --zzz");
+  const Outcome usage = run("dense.json --json --zzz");
   EXPECT_EQ(usage.code, 2);
   EXPECT_EQ(Json::parse(usage.out), (Json{{"input", ""}, {"error", "there is no option \"--zzz\""}}));
 }
@@ -143,7 +123,7 @@ TEST_F(DetectTool, JsonTellsEveryFailureOfTheWork) {
 // What option, what was given, what is allowed; none of CLI11's own words.
 TEST_F(DetectTool, WrongUsageIsASentence) {
   const auto said = [&](const std::string& arguments) {
-    const Ran r = run("dense.json " + arguments);
+    const Outcome r = run("dense.json " + arguments);
     EXPECT_EQ(r.code, 2) << arguments;
     EXPECT_TRUE(r.err.ends_with(" (see detect --help)\n")) << r.err;
     return r.err.substr(8, r.err.find(" (see") - 8);
@@ -168,19 +148,14 @@ TEST_F(DetectTool, WrongUsageIsASentence) {
 }
 
 TEST_F(DetectTool, AFullDiskIsASentence) {
-  const Ran r = run("dense.json -o c.npz --json");
+  const Outcome r = run("dense.json -o c.npz --json");
   ASSERT_EQ(r.code, 0);
   fs::remove(folder_ / "c.npz");
   for (const char* name : {"c.csv", "c.npz", "c.vtp"}) {
-    const std::string out = folder_ / "out", err = folder_ / "err";
-    const int status =
-        std::system(("cd " + folder_.string() + " && ulimit -f 100 && " PADDER_BIN "/detect dense.json -o " +
-                     name + " >" + out + " 2>" + err)
-                        .c_str());
-    EXPECT_EQ(WEXITSTATUS(status), 1);
-    EXPECT_EQ(read_file(err),
-              "detect: cannot write " + std::string(name) +
-                  " (File too large): check that the folder exists, may be written and has room\n");
+    const Outcome full = run(std::string("dense.json -o ") + name, "ulimit -f 100 &&");
+    EXPECT_EQ(full.code, 1);
+    EXPECT_EQ(full.err, "detect: cannot write " + std::string(name) +
+                            " (File too large): check that the folder exists, may be written and has room\n");
     for (const auto& entry : fs::directory_iterator(folder_))
       EXPECT_FALSE(entry.path().filename().string().starts_with("c.")) << entry.path();
   }

@@ -1,18 +1,12 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // The tool pad from outside, as a user meets it: what it prints, writes and returns.
-#include <gtest/gtest.h>
-#include <sys/wait.h>
-#include <unistd.h>
-
 #include <algorithm>
-#include <cstdlib>
-#include <filesystem>
 #include <nlohmann/json.hpp>
 #include <set>
 #include <sstream>
 
 #include "padding/asset/cluster.h"
-#include "padding/asset/file.h"
+#include "tests/program_test.h"
 
 namespace padder {
 namespace {
@@ -22,31 +16,14 @@ using Json = nlohmann::json;
 
 const fs::path kAssets = PADDER_ASSETS, kShared = fs::path(PADDER_SHARED) / "meshes";
 
-struct Outcome {
-  int code = -1;  // of the exit; 128 + signal when it was ended by one
-  std::string out, err;
-};
-
-class Pad : public ::testing::Test {
+class Pad : public ProgramTest {
  protected:
   void SetUp() override {
-    std::string name = (fs::temp_directory_path() / "padder-pad-XXXXXX").string();
-    folder_ = ::mkdtemp(name.data());
     if (!fs::exists(fs::path(PADDER_BIN) / "pad")) GTEST_SKIP() << "the tool pad is not built here";
   }
-  void TearDown() override { fs::remove_all(folder_); }
 
-  // Runs pad in the test's folder. `before` comes ahead of it on the command line.
-  Outcome pad(const std::string& arguments, const std::string& before = "") {
-    const fs::path out = folder_ / ".out", err = folder_ / ".err";
-    const std::string command = "cd '" + folder_.string() + "' && " + before + " '" + PADDER_BIN + "/pad' " +
-                                arguments + " >'" + out.string() + "' 2>'" + err.string() + "' </dev/null";
-    const int status = std::system(command.c_str());
-    Outcome run;
-    run.code = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
-    run.out = read_file(out), run.err = read_file(err);
-    fs::remove(out), fs::remove(err);
-    return run;
+  Outcome pad(const std::string& arguments, const std::string& before = "") const {
+    return run("pad", arguments, before);
   }
 
   // Names of what lies in the test's folder, without the meshes put there.
@@ -77,7 +54,6 @@ class Pad : public ::testing::Test {
     EXPECT_GT(run.err.size(), 15u) << run.err;
   }
 
-  fs::path folder_;
   std::set<std::string> put_;
 };
 

@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: MIT
+// A test that runs one of the project's programs as a user does, in a folder of the test's own.
+#pragma once
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <string>
+
+#include "padding/asset/file.h"
+
+namespace padder {
+
+struct Outcome {
+  int code = -1;  // of the exit; 128 + signal when one ended the program
+  std::string out, err;
+};
+
+class ProgramTest : public ::testing::Test {
+ protected:
+  ProgramTest() {
+    std::string name = (std::filesystem::temp_directory_path() / "padder-test-XXXXXX").string();
+    folder_ = ::mkdtemp(name.data());
+  }
+  ~ProgramTest() override { std::filesystem::remove_all(folder_); }
+
+  // `before` stands before the program in the shell's command.
+  Outcome run(const std::string& program, const std::string& arguments,
+              const std::string& before = "") const {
+    const std::filesystem::path out = folder_ / ".out", err = folder_ / ".err";
+    const int status =
+        std::system(("cd '" + folder_.string() + "' && " + before + " '" PADDER_BIN "/" + program + "' " +
+                     arguments + " >'" + out.string() + "' 2>'" + err.string() + "' </dev/null")
+                        .c_str());
+    const Outcome outcome{WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status), read_file(out),
+                          read_file(err)};
+    std::filesystem::remove(out), std::filesystem::remove(err);
+    return outcome;
+  }
+
+  std::filesystem::path folder_;
+};
+
+}  // namespace padder
