@@ -221,11 +221,10 @@ int settle(const Arguments& a) {
   const std::uint64_t last = a.steps ? stepper.steps() + a.steps : static_cast<std::uint64_t>(whole);
   Frames frames(a, scene);
   const std::uint64_t wanted = a.frames ? a.frames : frames.page() ? 100 : 1;
-  const std::uint64_t todo = last > stepper.steps() ? last - stepper.steps() : 0;
+  const std::uint64_t left = last > stepper.steps() ? last - stepper.steps() : 0;
+  const std::uint64_t intervals = wanted > 1 ? wanted - 1 : 1;  // between frames
   // A look at the energies at least every hundredth of the run.
-  const std::uint64_t between =
-      std::max<std::uint64_t>(1, todo / std::max<std::uint64_t>(wanted > 1 ? wanted - 1 : 1, 100));
-  const double per_frame = static_cast<double>(todo) / static_cast<double>(wanted > 1 ? wanted - 1 : 1);
+  const std::uint64_t between = std::max<std::uint64_t>(1, left / std::max<std::uint64_t>(intervals, 100));
   EnergyGuard guard(stepper);
   Watch w = guard.check();
   const double first_energy = w.total();
@@ -238,8 +237,7 @@ int settle(const Arguments& a) {
     const std::uint64_t done = stepper.steps() - begun;
     if (done % between == 0)
       w = guard.check(), rest = at_rest(stepper, w), show_progress(stepper, last, false);
-    if (wanted > 1 && static_cast<double>(done) >= per_frame * static_cast<double>(taken) - 1e-9 &&
-        stepper.steps() < last)
+    if (wanted > 1 && done * intervals >= taken * left && stepper.steps() < last)
       frames.take(stepper), taken++;
   }
   w = guard.check(), rest = at_rest(stepper, w);
