@@ -66,6 +66,11 @@ inline constexpr double kBallCost = 0.75;
 // `bench piles`: a grid leaves most of the GPU without work there. Fewer processors move it down.
 inline constexpr std::uint32_t kAllPairsElements = 6144;
 
+// The narrow phase goes by groups of spheres where their balls are smaller than this, in radii of the pieces'
+// balls. Rows of docs/experiments/bodies.md: shells of 64 spheres (0.72) lose a fourth by groups, padded
+// shoes (0.39) gain a fifth.
+inline constexpr double kSmallGroups = 0.55;
+
 // Blocks a processor of the narrow phase; and of the two kernels that write the contacts of a stable order:
 // with an offset for each batch, and with sums of their own. Rows "1e5 bodies of 64" of the table of bodies.
 inline constexpr int kNarrowPhaseBlocks = 6, kWriteBlocks = 8, kSumAndWriteBlocks = 2;
