@@ -31,11 +31,14 @@ class Work {
       return options.path == Path::grid &&
              (options.bodies == Bodies::first || (options.bodies == Bodies::automatic && automatic_first_));
     };
-    const bool known = bodies_.knows(input, options) && bodies_first_wanted();
+    // A margin grows the balls of bodies first, which may be loose spheres alone.
+    const bool balls_only = options.margin > 0 && options.path == Path::grid && BodyInput::all_loose(input);
+    const bool known = bodies_.knows(input, options) && (balls_only || bodies_first_wanted());
     check_input(input, true, known || worlds_.knows(input));
-    const bool worlds = !known && options.path == Path::grid && have_worlds(input);
+    const bool worlds =
+        options.path == Path::grid && (loose_have_worlds(input) || (!known && have_worlds(input)));
     if (!known && !worlds) automatic_first_ = bodies_first(input, {}, sphere_count(input), tuning::kBallCost);
-    const bool first = !worlds && bodies_first_wanted(),
+    const bool first = !worlds && (balls_only || bodies_first_wanted()),
                by_tree = worlds || (options.margin > 0 && options.path == Path::grid && !first);
     // Most pairs then stay near their place. The search of spheres sees to that itself.
     if (options.history && (by_tree || first)) options.order = Order::stable;

@@ -202,6 +202,29 @@ TEST(Worlds, AMarginAloneNeedsNoWorld) {
     }
 }
 
+// What a call keeps of loose spheres does not outlive them: they move, become more or fewer, get families, or
+// some stand still.
+TEST(Worlds, LooseSpheresWithAMarginFromCallToCall) {
+  for (const BackendKind backend : backends()) {
+    std::mt19937_64 random(8);
+    CallOptions o;
+    Detector detector({backend, 0}, o);
+    for (std::uint32_t step = 0; step < 24; step++) {
+      SCOPED_TRACE("step " + std::to_string(step));
+      World w = random_worlds(50 + step / 8, 1, 0, step % 8 < 5 ? 500 : 50 * step);
+      for (Sphere& s : w.loose) s.x += 0.1 * step;
+      w.world.clear();
+      Input in = w.input();
+      in.spheres.world = nullptr;
+      if (step % 4 != 3) in.spheres.is_static = nullptr;
+      if (step % 3 == 0) in.spheres.family = nullptr, in.spheres.mask = nullptr;
+      detector.options().margin = step % 5 == 4 ? 0 : 0.02 * (step / 3);
+      detector.options().order = step % 2 ? Order::any : Order::stable;
+      EXPECT_EQ(sorted(detector.detect(in).pair_span()), oracle(in, detector.options()));
+    }
+  }
+}
+
 // Bodies of one world: searched first, expanded, in a revision in which the margin changes, and moved.
 TEST(Worlds, AMarginHoldsHoweverBodiesAreSearched) {
   for (const BackendKind backend : backends())

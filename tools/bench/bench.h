@@ -27,6 +27,7 @@ struct Settings {
   int repeat = 5;                       // measured calls after a warm-up; the median counts
   double within = 0.03;                 // compare: how much slower a time may be, as a fraction
   bool moving = false, stable = false;  // scenes: spheres move between calls as well; a stable order
+  double margin = 0;                    // scenes: measured as well, in mean radii
   bool history = false;                 // scenes: the same with a history as well
   bool json = false, quiet = false;
   std::filesystem::path folder;  // empty: no files

@@ -143,6 +143,7 @@ class Table {
       followed = timed(with_history, frames, calls, false);
       if (s.moving) followed_moving = timed(with_history, frames, std::max(calls, 100), true);
     }
+    const Near near = s.margin > 0 ? with_margin(frames, spheres, backend, o, calls) : Near{};
     const double each = standing.median / (static_cast<double>(n) + static_cast<double>(contacts));
     if (r.scene == &uneven_scenes()[0] && !r.wide) dense_ = each;
     const auto ms = [](double t) { return t > 0 ? number(t * 1e3, "%.3f") : std::string("-"); };
@@ -158,20 +159,24 @@ class Table {
                     {"seconds_moving_worst", moving.worst},
                     {"seconds_history", followed.median},
                     {"seconds_history_moving", followed_moving.median},
+                    {"seconds_margin", near.seconds},
+                    {"contacts_margin", near.contacts},
                     {"over_dense", dense_ > 0 ? each / dense_ : 0}});
     table.push_back({name, std::to_string(n), std::to_string(contacts), d.backend(), ms(standing.median),
                      ms(standing.worst), ratio(each, dense_), number(r.scene->most, "%.1f"),
                      ms(moving.median), ms(moving.worst), ratio(moving.median, standing.median),
                      ratio(moving.worst, moving.median), ms(followed.median),
                      ratio(followed.median, standing.median), ms(followed_moving.median),
-                     ratio(followed_moving.median, moving.median)});
+                     ratio(followed_moving.median, moving.median), std::to_string(near.contacts),
+                     ms(near.seconds), ratio(near.seconds, standing.median)});
   }
 
   Json rows = Json::array();
   Json table =
       Json::array({{"scene", "spheres", "contacts", "backend", "standing [ms]", "worst [ms]", "over dense",
                     "aim", "moving [ms]", "worst of 100 [ms]", "moving / standing", "worst / median",
-                    "with history [ms]", "over standing", "moving with history [ms]", "over moving"}});
+                    "with history [ms]", "over standing", "moving with history [ms]", "over moving",
+                    "contacts with margin", "with margin [ms]", "over standing"}});
 
  private:
   // The nine stages decide every pair in double, on a way of their own; the processor's grid where they are
@@ -184,6 +189,21 @@ class Table {
     detect::Detector reference({cuda ? detect::BackendKind::cuda : detect::BackendKind::omp}, o);
     if (detect_watched(reference, frames.input()).count != contacts || hash_watched(reference) != hash)
       throw Error("the fast path and the nine stages differ at " + name);
+  }
+
+  // Standing, with a margin.
+  struct Near {
+    double seconds = 0;
+    std::uint64_t contacts = 0;
+  };
+  Near with_margin(Frames& frames, const std::vector<FloatSphere>& spheres, detect::BackendKind backend,
+                   detect::CallOptions o, int calls) const {
+    double sum = 0;
+    for (const FloatSphere& s : spheres) sum += s.r;
+    o.history = false, o.margin = settings_.margin * sum / static_cast<double>(spheres.size());
+    detect::Detector d({backend}, o);
+    const double median = timed(d, frames, calls, false).median;
+    return {median, detect_watched(d, frames.input()).count};
   }
 
   const Settings& settings_;

@@ -228,7 +228,7 @@ class Table {
                                        {detect::Answer::count, "count"},
                                        {detect::Answer::distance, "distance"}}) {
       d.options().margin = answer == detect::Answer::distance ? 0.05 : 0;
-      const auto ask = [&] { d.detect_worlds(input.input(), scene.worlds, answer); };
+      const auto ask = [&, which = answer] { d.detect_worlds(input.input(), scene.worlds, which); };
       ask(), ask();
       const double t = median_seconds(repeat, ask);
       if (answer == detect::Answer::any) {

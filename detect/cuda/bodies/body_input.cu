@@ -68,13 +68,14 @@ BodyInput::BodyInput(MemoryBook& book)
       host_records_(book, "what moved", true) {}
 
 bool BodyInput::knows(const Input& input, double margin) const {
+  if (loose_only_ && all_loose(input)) return input.spheres.count == known_loose_;
   return input.revision != 0 && input.revision == revision_ && input.bodies.size() == known_bodies_ &&
          input.spheres.count == known_loose_ && margin == margin_;
 }
 
 bool BodyInput::read(const Input& input, double margin, cudaStream_t stream) {
   const bool known = knows(input, margin);
-  revision_ = 0, margin_ = margin;
+  forget(), margin_ = margin;
   if (known)
     arrays_.move(input, moving_list_.data(), static_cast<std::uint32_t>(moving_bodies_.size()), stream);
   else

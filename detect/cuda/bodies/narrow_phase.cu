@@ -225,6 +225,11 @@ struct PairTester {
 
 // Makes the pair ready for the warp. False if the boxes of the elements are apart, so that nothing touches.
 __device__ __forceinline__ bool prepare(const BodyView& v, double margin, Pair p, ElementPair& out) {
+  if (v.stances[p.i].body == kLoose && v.stances[p.j].body == kLoose) {  // there is nothing to sieve
+    out.count_a = out.count_b = 1, out.body_a = out.body_b = kLoose;
+    out.slot_a = v.stances[p.i].piece, out.slot_b = v.stances[p.j].piece;
+    return true;
+  }
   // In the frame of the larger one, so that a point beside a piece is no exception.
   if (v.stances[p.i].radius < v.stances[p.j].radius) p = {p.j, p.i};
   const Stance a = v.stances[p.i], b = v.stances[p.j];
