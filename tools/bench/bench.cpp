@@ -35,6 +35,7 @@ const std::vector<Entry>& entries() {
       {"table3", "a step of a settled silo beside the paper's Table 3, its Figs. 29 and 30", table3},
 #ifdef PADDER_BENCH_PADDING
       {"frontier", "spheres against error of meshes, the paper's fit beside ours", frontier},
+      {"shoe", "speed against error: a part padded at six tolerances, dropped on gravel", shoe},
 #endif
       {"draw", "no measurement: the plots of such benches, from the JSON files they wrote", draw_files},
       {"compare", "no measurement: the times of two such JSON files; fails when the second is slower",
@@ -98,10 +99,10 @@ int main(int argc, char** argv) {
   Settings s;
   bool list = false;
   app.add_option("NAME", name, "which bench");
-  app.add_option(
-      "FILE", s.files,
-      "meshes (frontier), clusters (piles; of an arm's links: worlds), JSON files that benches wrote "
-      "(draw, compare)");
+  app.add_option("FILE", s.files,
+                 "meshes (frontier; shoe: one), clusters (piles; of an arm's links: worlds), JSON files that "
+                 "benches wrote "
+                 "(draw, compare)");
   app.add_flag("--list", list, "name the benches");
   app.add_option("--spheres", s.spheres, "sizes, instead of the bench's own")
       ->delimiter(',')
