@@ -107,7 +107,9 @@ int main(int argc, char** argv) {
   app.add_option("--spheres", s.spheres, "sizes, instead of the bench's own")
       ->delimiter(',')
       ->type_name("N,N,...");
-  app.add_option("--scene", s.scene, "one generated scene only (scaling, boxes); this one and dense (scenes)")
+  app.add_option("--scene", s.scene,
+                 "one generated scene only (scaling, boxes); this one and dense (scenes); clumps of three "
+                 "spheres instead of grains (table3)")
       ->type_name("NAME");
   app.add_flag("--moving", s.moving, "measure a scene in motion as well (scenes)");
   app.add_flag("--stable", s.stable, "a list of stable order (scenes)");

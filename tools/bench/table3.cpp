@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <numbers>
 
 #include "tools/bench/bench.h"
 #include "tools/bench/device.h"
@@ -88,9 +89,52 @@ double detection_with_history(settle::Stepper& stepper, detect::BackendKind back
   });
 }
 
-Json measure(const Settings& s, std::uint64_t spheres, detect::BackendKind backend) {
-  const settle::SettleScene scene =
-      settle::settle_scene_from_json(settle::make_scene("silo", {spheres, {}, 1}, "."), "silo", ".");
+settle::SettleScene silo(std::uint64_t spheres) {
+  return settle::settle_scene_from_json(settle::make_scene("silo", {spheres, {}, 1}, "."), "silo", ".");
+}
+
+// The silo filled with bodies of three spheres to half its height. They stand upright on a lattice, each
+// turned by another angle, and fall.
+settle::SettleScene clump_silo(std::uint64_t clumps) {
+  const double r = settle::kSiloGrain, arm = 0.6 * r, density = 2500, edge = 2.04 * (r + arm);
+  const double one = density * 4 / 3 * std::numbers::pi * r * r * r, own = 0.4 * one * r * r;
+  const double radius = std::sqrt(static_cast<double>(clumps) * 3 * one / density /
+                                  (std::numbers::pi * 0.5 * settle::kSiloHeight * settle::kSiloPacking));
+  settle::SettleScene scene;
+  settle::System& system = scene.system;
+  std::vector<detect::Sphere> shape;
+  for (int k = 0; k < 3; k++) {
+    const double angle = 2 * std::numbers::pi * k / 3;
+    shape.push_back({arm * std::cos(angle), arm * std::sin(angle), 0, r});
+  }
+  system.shapes.push_back(shape);
+  // As if the spheres did not overlap.
+  const double across = 3 * own + 1.5 * one * arm * arm;
+  const settle::Mass mass{3 * one, {across, across, 3 * own + 3 * one * arm * arm}};
+  system.gravity = {0, 0, -9.81};
+  system.law.friction = 0.3, system.law.damping_ratio = settle::damping_ratio_of(0.3);
+  system.walls.push_back({settle::Wall::Kind::plane, {0, 0, 0}, {0, 0, 1}, 0, 0.3});
+  system.walls.push_back({settle::Wall::Kind::cylinder, {0, 0, 0}, {0, 0, 1}, radius, 0.3});
+  detect::SplitMix64 random(1);
+  const auto side = static_cast<std::int64_t>(radius / edge) + 1;
+  for (double z = 0.6 * edge; system.bodies.size() < clumps; z += edge)
+    for (std::int64_t y = -side; y <= side && system.bodies.size() < clumps; y++)
+      for (std::int64_t x = -side; x <= side && system.bodies.size() < clumps; x++) {
+        const settle::Vec3 at{edge * static_cast<double>(x), edge * static_cast<double>(y), z};
+        if (std::hypot(at.x, at.y) > radius - 0.5 * edge) continue;
+        const settle::Vec3 turn{random.signed_unit(), random.signed_unit(), random.signed_unit()};
+        add_body(system, 0, mass, at, settle::turned({}, 3 * turn));
+      }
+  system.law.stiffness = settle::chosen_stiffness(system);
+  system.law.tangential_stiffness = 2.0 / 7 * system.law.stiffness;
+  system.step = step_limits(system).chosen;
+  scene.duration = 0.8;
+  return scene;
+}
+
+Json measure(const Settings& s, std::uint64_t objects, detect::BackendKind backend) {
+  const bool clumps = s.scene == "clumps";
+  const settle::SettleScene scene = clumps ? clump_silo(objects) : silo(objects);
   settle::Stepper stepper(scene.system, {s.threads, -1, backend});
   run_until_steady(stepper, s, 0.4, scene.duration);
   settle::Stepper every(scene.system, {s.threads, 0, backend});
@@ -104,11 +148,13 @@ Json measure(const Settings& s, std::uint64_t spheres, detect::BackendKind backe
   const std::uint64_t asked = effort.detections - detections, contacts = stepper.contacts();
   every.step(20);
   const double each = every.effort().detection_seconds / 20, each_step = every.effort().seconds / 20;
-  return {{"scene", "silo"},
+  const double history = clumps ? 0 : detection_with_history(stepper, backend, s.threads);
+  return {{"scene", clumps ? "clumps" : "silo"},
           {"backend", stepper.backend()},
-          {"spheres", spheres},
+          {"objects", objects},
+          {"spheres", scene.system.spheres()},
           {"contacts", contacts},
-          {"radius", settle::silo_radius(spheres)},
+          {"radius", scene.system.walls[1].radius},
           {"time_step", scene.system.step},
           {"steps_to_steady", first},
           {"seconds", total_step},
@@ -116,7 +162,7 @@ Json measure(const Settings& s, std::uint64_t spheres, detect::BackendKind backe
           {"seconds_solver", total_step - detection_step},
           {"seconds_every_step", each},
           {"seconds_step_with_detection", each_step},
-          {"seconds_history", detection_with_history(stepper, backend, s.threads)},
+          {"seconds_history", history},
           {"detections", asked},
           {"seconds_moving", total / static_cast<double>(first)},
           {"seconds_detection_moving", detection / static_cast<double>(first)},
@@ -133,7 +179,7 @@ std::vector<std::uint64_t> sizes_for(const Settings& s, detect::BackendKind back
 
 Json cells_of(const Json& r) {
   const auto ms = [&](const char* key) { return number(r[key].get<double>() * 1e3, "%.3f"); };
-  const auto n = r["spheres"].get<std::uint64_t>();
+  const auto n = r["objects"].get<std::uint64_t>();
   Json cells = {r["backend"],
                 std::to_string(n),
                 std::to_string(r["contacts"].get<std::uint64_t>()),
@@ -145,7 +191,7 @@ Json cells_of(const Json& r) {
                 ms("seconds_moving"),
                 ms("seconds_detection_moving"),
                 number(1 / r["seconds"].get<double>(), "%.1f")};
-  const auto row = paper().find(n);
+  const auto row = r["scene"] == "silo" ? paper().find(n) : paper().end();
   if (row == paper().end()) {
     for (int k = 0; k < 4; k++) cells.push_back("-");
   } else {
@@ -164,18 +210,21 @@ Json table3(const Settings& s) {
                              "detection in every step [ms]", "one call with a history [ms]",
                              "while settling: step [ms]", "detection [ms]", "steps a second",
                              "paper: contacts", "total [s]", "detection [s]", "solver [s]"}});
+  if (!s.scene.empty() && s.scene != "silo" && s.scene != "clumps")
+    throw Error("table3 has the scenes silo and clumps, and not " + s.scene);
+  Json result;
   for (const detect::BackendKind backend : backends(s)) {
     std::vector<std::pair<double, double>> points;
     for (const std::uint64_t n : sizes_for(s, backend)) {
       const Json r = measure(s, n, backend);
       points.emplace_back(r["contacts"].get<double>(), r["seconds_history"].get<double>());
       table.push_back(cells_of(r)), rows.push_back(r);
+      squares[backend == detect::BackendKind::omp ? "omp" : "cuda"] = r_squared(points);
+      result = {{"bench", "table3"},    {"machine", machine()}, {"gpu", device_name()},
+                {"r_squared", squares}, {"rows", rows},         {"table", table}};
+      write_result(s, result);  // after each row: the next one takes longer
     }
-    squares[backend == detect::BackendKind::omp ? "omp" : "cuda"] = r_squared(points);
   }
-  const Json result = {{"bench", "table3"},    {"machine", machine()}, {"gpu", device_name()},
-                       {"r_squared", squares}, {"rows", rows},         {"table", table}};
-  write_result(s, result);
   return result;
 }
 

@@ -34,13 +34,15 @@ struct Contact {
   Push push;
   double depth = 0;
 };
-// Of two spheres that touch; a has the smaller number, and i and j move a and b.
+// Of two spheres that touch, moved by i and j. The force acts in the middle of the overlap. Everything is
+// symmetric: with a and b exchanged, and the spring turned over, the force has the same bits and the other
+// sign.
 PADDER_HD Contact push_spheres(const Law& law, double step, const detect::Sphere& a, const detect::Sphere& b,
                                const MoverState& i, const MoverState& j, Vec3& spring) {
   const detect::Geometry g = detect::geometry(a, b);
   const Vec3 normal{g.normal[0], g.normal[1], g.normal[2]};
   const double depth = detect::larger(g.depth, 0);
-  const Vec3 point = center_of(a) + (a.r - 0.5 * depth) * normal;
+  const Vec3 point = 0.5 * (Vec3{g.on_i[0], g.on_i[1], g.on_i[2]} + Vec3{g.on_j[0], g.on_j[1], g.on_j[2]});
   const Vec3 velocity = velocity_at(i, point) - velocity_at(j, point);
   const double reduced = 1 / (i.inverse_mass + j.inverse_mass);
   return {{contact_force(law, law.friction, normal, depth, velocity, reduced, step, spring), point}, depth};

@@ -128,7 +128,7 @@ void Candidates::put(std::span<const SpringMemory> pairs, std::span<const Spring
     partners[next[row]] = partner, springs[next[row]++] = spring;
   };
   // By i, then j: so the partners of a row ascend, those below it first.
-  for (const SpringMemory& m : pairs) add(m.j, m.i, m.spring);
+  for (const SpringMemory& m : pairs) add(m.j, m.i, -1.0 * m.spring);
   for (const SpringMemory& m : pairs) add(m.i, m.j, m.spring);
   for (const SpringMemory& m : walls) add(m.i, spheres + m.j, m.spring);
   count_ = partners.size(), now_ = 0;

@@ -74,13 +74,11 @@ __device__ __forceinline__ bool contact_of(const View& v, std::uint32_t self, co
   const detect::Sphere other = v.centers[partner];
   if (!detect::touching(at, other)) return v.rows.springs[q] = {}, false;
   const MoverState theirs = state_of(v, partner, other);
-  const bool first = self < partner;
   Vec3 spring = v.rows.springs[q];
-  const Contact c = push_spheres(v.law, v.step, first ? at : other, first ? other : at, first ? mine : theirs,
-                                 first ? theirs : mine, spring);
+  const Contact c = push_spheres(v.law, v.step, at, other, mine, theirs, spring);
   v.rows.springs[q] = spring;
-  force = first ? c.push.force : -1.0 * c.push.force, point = c.push.point;
-  tally.contacts += first, tally.add(c.depth, detect::smaller(at.r, other.r));
+  force = c.push.force, point = c.push.point;
+  tally.contacts += self < partner, tally.add(c.depth, detect::smaller(at.r, other.r));
   return true;
 }
 

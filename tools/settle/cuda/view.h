@@ -26,9 +26,9 @@ struct Record {
 };
 
 // The candidates of all spheres: those of sphere k are partners[starts[k]] and so on, in ascending order. A
-// partner is another sphere, or `spheres` + w for wall w. Each pair is in the rows of both its spheres, with
-// a spring in each: both rows compute the same force from the same numbers, bit by bit, and nothing needs to
-// be exchanged.
+// partner is another sphere, or `spheres` + w for wall w. Each pair is in the rows of both its spheres, each
+// with the spring as its sphere feels it: both compute the same force from the same numbers, bit by bit and
+// with opposite signs, and nothing needs to be exchanged.
 struct Rows {
   const std::uint32_t* starts = nullptr;
   const std::uint32_t* partners = nullptr;
