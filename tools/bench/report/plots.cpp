@@ -338,7 +338,7 @@ std::vector<Plot> shoe_plots(const Json& document, const std::string& where) {
         {backend == "omp" ? "" : "_" + backend,
          "set xlabel 'Time of a step [ms]" + std::string(backend == "omp" ? ", of processors" : "") +
              "'\nset ylabel 'Mean error of a normal [degrees]'\nset y2label 'Error [% of the diagonal]'\nset "
-             "y2tics\nset logscale y\nset logscale y2\nset ytics nomirror\nset grid\nset key right "
+             "y2tics\nset xrange [0:*]\nset logscale y\nset logscale y2\nset ytics nomirror\nset grid\nset key right "
              "top\n$shoe << "
              "EOD\n" +
              rows +

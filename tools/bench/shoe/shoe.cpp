@@ -326,9 +326,9 @@ Json shoe(const Settings& s) {
   for (const Padding& p : paddings) errors.push_back(errors_of(part, p, single_contacts(part, p, ways)));
   Json rows = Json::array(),
        table = Json::array(
-           {{"backend", "tolerance [%]", "spheres", "step [ms]", "detection [ms]", "normal error [deg]",
-             "95 %", "depth error [%]", "missed [%]", "at rest: normal error [deg]", "deepest [%]",
-             "height off by [%]", "turned by [deg]"}});
+           {{"backend", "tolerance [%]", "spheres", "step [ms]", "processor [ms]", "detection [ms]",
+             "normal error [deg]", "95 %", "depth error [%]", "missed [%]", "at rest: normal error [deg]",
+             "deepest [%]", "height off by [%]", "turned by [deg]"}});
   for (const detect::BackendKind backend : backends(s)) {
     const char* const where = backend == detect::BackendKind::omp ? "omp" : "cuda";
     std::vector<settle::System> beds;
