@@ -35,6 +35,7 @@ const std::vector<Entry>& entries() {
       {"table3", "a step of a settled silo beside the paper's Table 3, its Figs. 29 and 30", table3},
 #ifdef PADDER_BENCH_PADDING
       {"frontier", "spheres against error of meshes, the paper's fit beside ours", frontier},
+      {"shoe", "speed against error: a part padded at six tolerances, dropped on gravel", shoe},
 #endif
       {"draw", "no measurement: the plots of such benches, from the JSON files they wrote", draw_files},
       {"compare", "no measurement: the times of two such JSON files; fails when the second is slower",
@@ -98,15 +99,17 @@ int main(int argc, char** argv) {
   Settings s;
   bool list = false;
   app.add_option("NAME", name, "which bench");
-  app.add_option(
-      "FILE", s.files,
-      "meshes (frontier), clusters (piles; of an arm's links: worlds), JSON files that benches wrote "
-      "(draw, compare)");
+  app.add_option("FILE", s.files,
+                 "meshes (frontier; shoe: one), clusters (piles; of an arm's links: worlds), JSON files that "
+                 "benches wrote "
+                 "(draw, compare)");
   app.add_flag("--list", list, "name the benches");
   app.add_option("--spheres", s.spheres, "sizes, instead of the bench's own")
       ->delimiter(',')
       ->type_name("N,N,...");
-  app.add_option("--scene", s.scene, "one generated scene only (scaling, boxes); this one and dense (scenes)")
+  app.add_option("--scene", s.scene,
+                 "one generated scene only (scaling, boxes); this one and dense (scenes); clumps of three "
+                 "spheres instead of grains (table3)")
       ->type_name("NAME");
   app.add_flag("--moving", s.moving, "measure a scene in motion as well (scenes)");
   app.add_flag("--stable", s.stable, "a list of stable order (scenes)");

@@ -47,6 +47,7 @@ Json boxes(const Settings&);       // boxes.cpp
 Json worlds(const Settings&);      // worlds.cpp
 Json table3(const Settings&);      // table3.cpp
 Json frontier(const Settings&);    // frontier.cpp; only where padder::padding is built
+Json shoe(const Settings&);        // shoe/shoe.cpp; the same
 Json draw_files(const Settings&);  // draw.cpp; no measurement: the plots of documents
 Json compare(const Settings&);     // compare.cpp; no measurement: two documents; "passed" tells the outcome
 
