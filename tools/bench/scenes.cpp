@@ -197,7 +197,8 @@ class Table {
 
  private:
   // The nine stages decide every pair in double, on a way of their own. They have bins of one size, so that
-  // the processor's grid checks the scenes in which many small spheres lie in the bins of large ones.
+  // the processor's grid checks the scenes in which many small spheres lie in the bins of large ones. The
+  // processor's own rows of these scenes are checked by nothing else.
   static void verify(Frames& frames, const UnevenScene& scene, const std::string& name,
                      std::uint64_t contacts, std::uint64_t hash, bool cuda) {
     detect::CallOptions o;
