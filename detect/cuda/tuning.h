@@ -27,6 +27,10 @@ inline constexpr std::uint32_t kBucketShared = 226 * 1024;
 // two_heaps 0.235, 0.262.
 inline constexpr double kHashedBucket = 0.6;
 
+// How often buckets are halved on average before another way is tried, since some overflow. No row of its
+// own: beyond, blocks have so few spheres that a sort is no slower.
+inline constexpr int kMostCrowding = 2;
+
 // Up to so many spheres, buckets and the blocks that put them in order are half as large, two a processor.
 // Without it dense and dilute 1e6 take 6 % more, poly100 3e5 5 %. Fewer processors move it down.
 inline constexpr std::uint32_t kHalvedBuckets = 3'000'000;

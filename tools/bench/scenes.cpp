@@ -52,6 +52,18 @@ class Frames {
   Frames(const Frames&) = delete;
   Frames& operator=(const Frames&) = delete;
   const detect::Input& input() const { return input_; }
+  // The first frame, in the memory of the host.
+  detect::Input host_input() {
+    detect::Input input = input_;
+    if (wide_)
+      input.spheres = detect::spheres_of<double>(count_, reinterpret_cast<double*>(host_.data()),
+                                                 reinterpret_cast<double*>(host_.data()) + 3);
+    else
+      input.spheres = detect::spheres_of<float>(count_, reinterpret_cast<float*>(host_.data()),
+                                                reinterpret_cast<float*>(host_.data()) + 3);
+    input.spheres.center_stride = input.spheres.radius_stride = 4;
+    return input;
+  }
   // Back and forth.
   void show(int call) {
     const int last = std::max(frames_ - 1, 1), at = call % (2 * last),
@@ -133,7 +145,12 @@ class Table {
     const int calls = std::max(s.repeat, cuda ? 21 : 3);
     const Times standing = timed(d, frames, calls, false);
     const std::uint64_t contacts = detect_watched(d, frames.input()).count, hash = hash_watched(d);
-    verify(frames, name + " " + std::to_string(n), contacts, hash, cuda);
+    verify(frames, *r.scene, name + " " + std::to_string(n), contacts, hash, cuda);
+    o.timings = true;
+    detect::Detector by_stages({backend}, o);
+    detect::Seconds stages;
+    for (int k = 0; k < 5; k++) stages = detect_watched(by_stages, frames.input()).seconds;
+    o.timings = false;
     Times moving;
     if (s.moving) moving = timed(d, frames, std::max(calls, 100), true);
     Times followed, followed_moving;
@@ -148,6 +165,8 @@ class Table {
     if (r.scene == &uneven_scenes()[0] && !r.wide) dense_ = each;
     const auto ms = [](double t) { return t > 0 ? number(t * 1e3, "%.3f") : std::string("-"); };
     const auto ratio = [](double a, double b) { return b > 0 && a > 0 ? number(a / b, "%.2f") : "-"; };
+    say(s, "  " + ms(standing.median) + " ms, over dense " + ratio(each, dense_) + ", moving " +
+               ms(moving.median) + ", worst " + ms(moving.worst));
     rows.push_back({{"scene", name},
                     {"spheres", n},
                     {"contacts", contacts},
@@ -155,6 +174,9 @@ class Table {
                     {"backend", d.backend()},
                     {"seconds", standing.median},
                     {"seconds_worst", standing.worst},
+                    {"seconds_survey", stages.stage[0]},
+                    {"seconds_order", stages.stage[3]},
+                    {"seconds_search", stages.stage[8]},
                     {"seconds_moving", moving.median},
                     {"seconds_moving_worst", moving.worst},
                     {"seconds_history", followed.median},
@@ -179,16 +201,20 @@ class Table {
                     "contacts with margin", "with margin [ms]", "over standing"}});
 
  private:
-  // The nine stages decide every pair in double, on a way of their own; the processor's grid where they are
-  // too slow.
-  static void verify(Frames& frames, const std::string& name, std::uint64_t contacts, std::uint64_t hash,
-                     bool cuda) {
+  // The nine stages decide every pair in double, on a way of their own. They have bins of one size, so that
+  // the processor's grid checks the scenes in which many small spheres lie in the bins of large ones. The
+  // processor's own rows of these scenes are checked by nothing else.
+  static void verify(Frames& frames, const UnevenScene& scene, const std::string& name,
+                     std::uint64_t contacts, std::uint64_t hash, bool cuda) {
     detect::CallOptions o;
-    o.width = detect::Width::pairs, o.path = detect::Path::nine_stages;
+    o.width = detect::Width::pairs;
+    o.path = scene.crowds_nine_stages ? detect::Path::grid : detect::Path::nine_stages;
+    cuda = cuda && !scene.crowds_nine_stages;
     if (cuda) o.output = detect::Memory::device;
     detect::Detector reference({cuda ? detect::BackendKind::cuda : detect::BackendKind::omp}, o);
-    if (detect_watched(reference, frames.input()).count != contacts || hash_watched(reference) != hash)
-      throw Error("the fast path and the nine stages differ at " + name);
+    if (detect_watched(reference, cuda ? frames.input() : frames.host_input()).count != contacts ||
+        hash_watched(reference) != hash)
+      throw Error("the fast path and the reference differ at " + name);
   }
 
   // Standing, with a margin.
