@@ -49,7 +49,7 @@ class Mender {
     diagonal_ = input.bounds().diagonal();
   }
 
-  Repaired run() {
+  std::optional<Repaired> run() {
     out_.thickness = options_.thickness;
     out_.steps.pieces = pieces_.pieces.size();
     out_.steps.repeated = pieces_.repeated, out_.steps.turned = pieces_.turned;
@@ -273,9 +273,10 @@ class Mender {
     for (const char c : cavity) out_.steps.cavities += c;
   }
 
-  Repaired finish() {
+  std::optional<Repaired> finish() {
     std::optional<Surface> surface(soup_);
-    const Contacts contacts = find_contacts(*surface);
+    const Contacts contacts = find_contacts(*surface, options_.most_pairs);
+    if (contacts.too_many) return std::nullopt;
     find_cavities(contacts, *surface);
     if (out_.steps.cavities > 0) surface.emplace(soup_);
     out_.steps.crossing_pairs = contacts.pairs.size();
@@ -343,6 +344,8 @@ class Mender {
 
 }  // namespace
 
-Repaired mend(const Mesh& input, const RepairOptions& options) { return Mender(input, options).run(); }
+std::optional<Repaired> mend(const Mesh& input, const RepairOptions& options) {
+  return Mender(input, options).run();
+}
 
 }  // namespace padder

@@ -48,7 +48,7 @@ const Mesh cube = shapes::box({0, 0, 0}, {1, 1, 1}, 2);
 Repaired mended(const Mesh& mesh, RepairMode mode = RepairMode::automatic) {
   RepairOptions options;
   options.mode = mode;
-  return mend(mesh, options);
+  return mend(mesh, options).value();
 }
 
 double volume(const Repaired& r) { return mass_properties(r.boundary()).volume; }
@@ -355,7 +355,7 @@ TEST(Mend, ASheetOfAThicknessNeedsFewerBalls) {
   for (const double thickness : {0.0, 0.05, 0.2}) {
     RepairOptions options;
     options.thickness = thickness;
-    const Repaired r = mend(mesh, options);
+    const Repaired r = mend(mesh, options).value();
     EXPECT_EQ(r.kind, BodyKind::sheet);
     const double e = 0.03;
     const Culled culled = cull(r.surface(), {.tolerance = e, .effort = 0});
