@@ -145,7 +145,7 @@ std::string words(const Repaired& body, double diagonal) {
     if (s.sheet_pieces > 0) {
       char text[160];
       std::snprintf(text, sizeof text,
-                    " (its longest rim is %.3g of its diagonal; mean winding number inside it %.2f)",
+                    " (its widest hole is %.3g diagonals around; mean winding number inside it %.2f)",
                     s.sheet_rim, s.sheet_winding);
       why = text;
     }
