@@ -87,11 +87,17 @@ class PairTest {
  private:
   using Points = std::vector<std::array<MeetingPoint, 2>>;
 
-  // On which side of triangle a lie the corners of b? False if all lie strictly on one side.
+  // On which side of triangle a lie the corners of b? False if all that a does not share lie strictly on one
+  // side: then b has no more than these in the plane of a.
   bool straddles(const Corners& a, const Corners& b, std::array<int, 3>& side) const {
-    for (int k = 0; k < 3; k++)
-      side[k] = std::count(a.begin(), a.end(), b[k]) > 0 ? 0 : signs_.side(a[0], a[1], a[2], b[k]);
-    return !(side[0] * side[1] > 0 && side[1] * side[2] > 0);
+    int low = 2, high = -2;
+    for (int k = 0; k < 3; k++) {
+      side[k] = 0;
+      if (std::count(a.begin(), a.end(), b[k]) > 0) continue;
+      side[k] = signs_.side(a[0], a[1], a[2], b[k]);
+      low = std::min(low, side[k]), high = std::max(high, side[k]);
+    }
+    return low > 1 || (low <= 0 && high >= 0);
   }
 
   static void add(Points& points, MeetingPoint point, int place_own, int place_other, bool swapped) {
