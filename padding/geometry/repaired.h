@@ -38,7 +38,7 @@ struct RepairSteps {
   double sheet_area = 0;           // of the surface that bounds nothing
   std::size_t sheet_pieces = 0;    // open pieces that are no solid with a hole
   // Why: the mean winding number inside of the sheet that comes nearest to a solid (1: closed), and the
-  // longest rim of it over its diagonal.
+  // circumference of a circle with the area of its widest hole, over its diagonal.
   double sheet_winding = 0, sheet_rim = 0;
 };
 

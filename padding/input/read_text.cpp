@@ -138,11 +138,15 @@ Soup read_off(const std::string& bytes, const std::string& where) {
   refuse_binary(bytes, where, "OFF");
   Lines lines(bytes);
   std::string_view line;
-  const auto next_line = [&](const std::string& wanted) {  // skips lines that hold only a comment
+  const auto try_line = [&] {  // skips lines that hold only a comment
     while (lines.next(line)) {
       line = line.substr(0, line.find('#'));
-      if (line.find_first_not_of(" \t\v\f") != line.npos) return;
+      if (line.find_first_not_of(" \t\v\f") != line.npos) return true;
     }
+    return false;
+  };
+  const auto next_line = [&](const std::string& wanted) {
+    if (try_line()) return;
     fail(where, "it ends where " + wanted + " should stand: the file is cut short, export it again");
   };
   next_line("its header");
@@ -178,12 +182,14 @@ Soup read_off(const std::string& bytes, const std::string& where) {
     const std::string name = "face " + std::to_string(f + 1) + " of " + std::to_string(counts[1]);
     next_line(name);
     std::int64_t corners = 0, index = 0;
+    bool broken = false;  // into several lines, as some programs write it
     std::string_view word = next_word(line);
     if (!parse_whole(word, corners) || corners < 1)
       fail(where, at_line(lines.number()) + name + " begins with " + printable(word) +
                       " where its number of corners should stand: export the mesh again");
     for (std::int64_t k = 0; k < corners; k++) {
       word = next_word(line);
+      if (word.empty() && try_line()) word = next_word(line), broken = true;
       if (!parse_whole(word, index) || index < 0 || index >= counts[0])
         fail(where, at_line(lines.number()) + name + " has " +
                         (word.empty() ? "too few corners" : "a corner at vertex " + printable(word)) +
@@ -191,6 +197,10 @@ Soup read_off(const std::string& bytes, const std::string& where) {
                         std::to_string(counts[0] - 1) + ": export the mesh again");
       soup.corners.push_back(static_cast<std::uint32_t>(index));
     }
+    // Otherwise the line is the next face, and this one had too few corners.
+    if (broken && !next_word(line).empty())
+      fail(where, at_line(lines.number()) + name + " has too few corners, but needs " +
+                      std::to_string(corners) + ": export the mesh again");
     if (corners >= 3)
       soup.close_face();
     else

@@ -87,11 +87,17 @@ class PairTest {
  private:
   using Points = std::vector<std::array<MeetingPoint, 2>>;
 
-  // On which side of triangle a lie the corners of b? False if all lie strictly on one side.
+  // On which side of triangle a lie the corners of b? False if all that a does not share lie strictly on one
+  // side: then b has no more than these in the plane of a.
   bool straddles(const Corners& a, const Corners& b, std::array<int, 3>& side) const {
-    for (int k = 0; k < 3; k++)
-      side[k] = std::count(a.begin(), a.end(), b[k]) > 0 ? 0 : signs_.side(a[0], a[1], a[2], b[k]);
-    return !(side[0] * side[1] > 0 && side[1] * side[2] > 0);
+    int low = 2, high = -2;
+    for (int k = 0; k < 3; k++) {
+      side[k] = 0;
+      if (std::count(a.begin(), a.end(), b[k]) > 0) continue;
+      side[k] = signs_.side(a[0], a[1], a[2], b[k]);
+      low = std::min(low, side[k]), high = std::max(high, side[k]);
+    }
+    return low > 1 || (low <= 0 && high >= 0);
   }
 
   static void add(Points& points, MeetingPoint point, int place_own, int place_other, bool swapped) {
@@ -230,24 +236,31 @@ bool is_flat(const Mesh& mesh, std::uint32_t t) {
   return !(2 * mesh.area_normal(t).norm() > 1e-14 * longest2);
 }
 
-Contacts find_contacts(const Surface& surface) {
+Contacts find_contacts(const Surface& surface, std::size_t limit) {
   const std::vector<char> flat = flat_ones(surface.mesh());
   constexpr std::size_t block = 256;
   const std::size_t n = flat.size(), blocks = (n + block - 1) / block;
   std::vector<Contacts> parts(blocks);
+  std::atomic<std::size_t> found = 0;
 #pragma omp parallel for schedule(dynamic, 1)
   for (std::size_t b = 0; b < blocks; b++) {
     PairTest test(surface.mesh());
-    for (std::size_t s = b * block; s < std::min(n, (b + 1) * block); s++) {
+    for (std::size_t s = b * block; s < std::min(n, (b + 1) * block) && found <= limit; s++) {
       // The tree gives the triangles in its own order.
       std::vector<std::uint32_t> near;
       for_pairs(surface, static_cast<std::uint32_t>(s), flat, [&](std::uint32_t t) { near.push_back(t); });
-      for (const auto t : near)
+      const std::size_t before = parts[b].pairs.size();
+      for (const auto t : near) {
+        if (parts[b].pairs.size() - before > limit) break;
         if (test.meet(static_cast<std::uint32_t>(s), t, parts[b]))
           parts[b].pairs.push_back({static_cast<std::uint32_t>(s), t});
+      }
+      found += parts[b].pairs.size() - before;
     }
   }
   Contacts all;
+  all.too_many = found > limit;
+  if (all.too_many) return all;
   for (Contacts& part : parts) {
     all.cuts.insert(all.cuts.end(), part.cuts.begin(), part.cuts.end());
     all.overlaps.insert(all.overlaps.end(), part.overlaps.begin(), part.overlaps.end());

@@ -3,6 +3,7 @@
 #pragma once
 #include <array>
 #include <cstdint>
+#include <limits>
 #include <vector>
 
 #include "padding/geometry/surface.h"
@@ -34,14 +35,16 @@ struct Contacts {
   std::vector<Cut> cuts;
   std::vector<std::array<std::uint32_t, 2>> overlaps;  // pairs in one plane that have an area in common
   std::vector<std::array<std::uint32_t, 2>> pairs;     // all that meet, these among them
+  bool too_many = false;                               // more pairs than the limit: the lists are empty
 };
 
 // A triangle so thin that its normal means nothing; it meets nothing.
 bool is_flat(const Mesh& mesh, std::uint32_t triangle);
 
-// All contacts of the triangles of `surface`, whose equal points have one index. The order does not depend on
-// the number of threads. Takes about 2 us for each triangle and contact.
-Contacts find_contacts(const Surface& surface);
+// All contacts of the triangles of `surface`, whose equal points have one index, unless more than `limit`
+// pairs meet. The order does not depend on the number of threads. Takes about 2 us for each triangle and
+// contact.
+Contacts find_contacts(const Surface& surface, std::size_t limit = std::numeric_limits<std::size_t>::max());
 
 // Do any two triangles meet? Stops at the first.
 bool any_contact(const Surface& surface);

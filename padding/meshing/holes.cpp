@@ -1,23 +1,21 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "padding/meshing/holes.h"
 
-#include <CGAL/Polygon_mesh_processing/triangulate_hole.h>
-
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <numbers>
 #include <unordered_map>
 
 #include "padding/geometry/point_tree.h"
 #include "padding/input/polygon.h"
-#include "padding/meshing/cgal_mesh.h"
 
 namespace padder {
 namespace {
 
-constexpr std::size_t long_rim = 300;  // CGAL's time grows with the square of the rim, or its cube
+constexpr std::size_t long_rim = 300;  // the time for the least area grows with the cube of the rim
 constexpr double flat_rim = 0.02;      // distance from the plane across it, as a share of its length
 
 // How often each directed edge is missing. An edge and its opposite cancel.
@@ -41,6 +39,35 @@ class Needs {
  private:
   std::map<std::pair<std::uint32_t, std::uint32_t>, int> count_;
 };
+
+// The patch of least area over a polygon, by dynamic programming (Barequet and Sharir, Filling gaps in the
+// boundary of a polyhedron, 1995): the best over points i to j is a triangle (i, k, j) with the best on
+// either side of it. CGAL's triangulate_hole_polyline looks for small angles between triangles first, and
+// closed an open seam by a patch through the middle of the body.
+void least_area(const std::vector<Point>& polygon, Triangles& out) {
+  const std::size_t n = polygon.size();
+  std::vector<double> best(n * n, 0);
+  std::vector<std::uint32_t> middle(n * n, 0);
+  for (std::size_t length = 2; length < n; length++)
+    for (std::size_t i = 0, j = length; j < n; i++, j++) {
+      double least = std::numeric_limits<double>::infinity();
+      for (std::size_t k = i + 1; k < j; k++) {
+        const double area = best[i * n + k] + best[k * n + j] +
+                            (polygon[k] - polygon[i]).cross(polygon[j] - polygon[i]).norm();
+        if (area < least) least = area, middle[i * n + j] = static_cast<std::uint32_t>(k);
+      }
+      best[i * n + j] = least;
+    }
+  std::vector<std::array<std::size_t, 2>> open = {{0, n - 1}};
+  while (!open.empty()) {
+    const auto [i, j] = open.back();
+    open.pop_back();
+    if (j - i < 2) continue;
+    const std::uint32_t k = middle[i * n + j];
+    out.push_back({static_cast<std::uint32_t>(i), k, static_cast<std::uint32_t>(j)});
+    open.push_back({i, k}), open.push_back({k, j});
+  }
+}
 
 }  // namespace
 
@@ -163,22 +190,12 @@ Triangles fill_rim(const Mesh& mesh, const std::vector<std::uint32_t>& rim) {
     low = std::min(low, d), high = std::max(high, d);
   }
   Triangles out;
-  if (rim.size() > 3 && rim.size() <= long_rim && !(high - low <= flat_rim * rim_length(mesh, rim))) {
-    std::vector<CgalPoint> points;
-    for (const Point& p : polygon) points.push_back(to_cgal(p));
-    std::vector<CGAL::Triple<int, int, int>> found;
-    CGAL::Polygon_mesh_processing::triangulate_hole_polyline(
-        points, std::back_inserter(found), CGAL::parameters::use_delaunay_triangulation(true));
-    for (const auto& t : found)
-      out.push_back({rim[static_cast<std::size_t>(t.first)], rim[static_cast<std::size_t>(t.second)],
-                     rim[static_cast<std::size_t>(t.third)]});
-  }
-  if (out.size() != rim.size() - 2) {
-    out.clear();
+  if (rim.size() > 3 && rim.size() <= long_rim && !(high - low <= flat_rim * rim_length(mesh, rim)))
+    least_area(polygon, out);
+  else
     triangulate_polygon(polygon, out);
-    for (auto& t : out)
-      for (auto& v : t) v = rim[v];
-  }
+  for (auto& t : out)
+    for (auto& v : t) v = rim[v];
   return out;
 }
 

@@ -26,7 +26,7 @@ std::vector<std::vector<std::uint32_t>> trace_rims(const Mesh& mesh,
                                                    const std::vector<DirectedEdge>& missing);
 
 // Triangles that fill a rim of 3 or more points: ears in the plane across it if it is about flat or long,
-// otherwise the patch of least area (CGAL's triangulate_hole_polyline).
+// otherwise the patch of least area.
 Triangles fill_rim(const Mesh& mesh, const std::vector<std::uint32_t>& rim);
 
 double rim_length(const Mesh& mesh, const std::vector<std::uint32_t>& rim);

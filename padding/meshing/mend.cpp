@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <numbers>
 #include <numeric>
 
 #include "padding/geometry/medial.h"
@@ -21,9 +22,10 @@ constexpr double crack_width = 1e-4;
 // A hole as narrow as this share of the diagonal is closed however long it is.
 constexpr double narrow_hole = 1e-3;
 // An open piece is a solid with holes if the mean winding number of what is there, over what the patches
-// would enclose, is at least this: the larger for any rim, the smaller for one of at most so many diagonals
-// of the piece. A cube without its lid has 0.8 and a rim of 2.3 diagonals, half of a ball 0.7 and 2.2.
-constexpr double sure_winding = 0.95, least_winding = 0.8, longest_rim = 1.5;
+// would enclose, is at least this: the larger for any opening, the smaller for one of at most so many
+// diagonals of the piece around. A cube without its lid has 0.8 and 2.0 diagonals, half of a ball 0.7
+// and 2.2.
+constexpr double sure_winding = 0.95, least_winding = 0.8, widest_opening = 1.5;
 // A piece that encloses less than this share of (its area)^1.5 encloses nothing.
 constexpr double least_volume = 1e-7;
 
@@ -37,8 +39,10 @@ struct OpenGroup {
   std::vector<char> is_long;       // of each rim: it is not closed without asking
   Triangles cracks;
   double crack_width = 0;
-  double rim = 0, diagonal = 0;  // the longest rim that is not closed anyway
-  double winding = 0;            // mean, without the patches of such rims
+  // The widest hole that is not closed anyway: the circumference of a circle of its area. The length of its
+  // rim would say little, because a seam that is open is long.
+  double opening = 0, diagonal = 0;
+  double winding = 0;  // mean, without the patches of such rims
   bool solid = false;
 };
 
@@ -49,7 +53,7 @@ class Mender {
     diagonal_ = input.bounds().diagonal();
   }
 
-  Repaired run() {
+  std::optional<Repaired> run() {
     out_.thickness = options_.thickness;
     out_.steps.pieces = pieces_.pieces.size();
     out_.steps.repeated = pieces_.repeated, out_.steps.turned = pieces_.turned;
@@ -123,11 +127,11 @@ class Mender {
     group.rims = trace_rims(mesh_, group.triangles, group.missing);
     for (const auto& rim : group.rims) {
       group.patches.push_back(fill_rim(mesh_, rim));
-      const double length = rim_length(mesh_, rim);
-      const bool is_long = length > options_.hole_size * diagonal_ &&
-                           4 * area_of(mesh_, group.patches.back()) > narrow_hole * diagonal_ * length;
+      const double length = rim_length(mesh_, rim), area = area_of(mesh_, group.patches.back());
+      const bool is_long =
+          length > options_.hole_size * diagonal_ && 4 * area > narrow_hole * diagonal_ * length;
       group.is_long.push_back(is_long);
-      if (is_long) group.rim = std::max(group.rim, length);
+      if (is_long) group.opening = std::max(group.opening, 2 * std::sqrt(std::numbers::pi * area));
     }
     const auto add = [&](const Triangles& more) {
       for (const auto& t : more)
@@ -154,7 +158,7 @@ class Mender {
     bool asked = false;
     for (const OpenGroup& group : groups_) {
       all.insert(all.end(), group.triangles.begin(), group.triangles.end());
-      asked |= group.rim > 0;
+      asked |= group.opening > 0;
     }
     if (options_.mode == RepairMode::sheet) return;
     const std::optional<Surface> closed =
@@ -165,10 +169,10 @@ class Mender {
       const double volume = signed_volume(mesh_, group.triangles);
       if (!(volume > least_volume * std::pow(area, 1.5))) continue;
       group.winding = 1;
-      if (group.rim > 0) group.winding = mean_winding(group, *closed);
+      if (group.opening > 0) group.winding = mean_winding(group, *closed);
       group.solid =
           options_.mode == RepairMode::fill ||
-          group.winding >= (group.rim <= longest_rim * group.diagonal ? least_winding : sure_winding);
+          group.winding >= (group.opening <= widest_opening * group.diagonal ? least_winding : sure_winding);
     }
   }
 
@@ -229,7 +233,7 @@ class Mender {
       if (!group.solid) {
         out_.steps.sheet_pieces++;
         if (group.winding >= out_.steps.sheet_winding)
-          out_.steps.sheet_winding = group.winding, out_.steps.sheet_rim = group.rim / group.diagonal;
+          out_.steps.sheet_winding = group.winding, out_.steps.sheet_rim = group.opening / group.diagonal;
         continue;
       }
       for (std::size_t c = 0; c < group.cracks.size(); c++)
@@ -273,9 +277,10 @@ class Mender {
     for (const char c : cavity) out_.steps.cavities += c;
   }
 
-  Repaired finish() {
+  std::optional<Repaired> finish() {
     std::optional<Surface> surface(soup_);
-    const Contacts contacts = find_contacts(*surface);
+    const Contacts contacts = find_contacts(*surface, options_.most_pairs);
+    if (contacts.too_many) return std::nullopt;
     find_cavities(contacts, *surface);
     if (out_.steps.cavities > 0) surface.emplace(soup_);
     out_.steps.crossing_pairs = contacts.pairs.size();
@@ -343,6 +348,8 @@ class Mender {
 
 }  // namespace
 
-Repaired mend(const Mesh& input, const RepairOptions& options) { return Mender(input, options).run(); }
+std::optional<Repaired> mend(const Mesh& input, const RepairOptions& options) {
+  return Mender(input, options).run();
+}
 
 }  // namespace padder

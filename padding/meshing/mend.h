@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Makes a body of triangles that cross, overlap, nest, repeat or leave holes, and keeps them as they are.
 #pragma once
+#include <optional>
+
 #include "padding/geometry/repaired.h"
 #include "padding/meshing/repair.h"
 
@@ -16,7 +18,9 @@ namespace padder {
 //    cross, those with the body on one side bound it; those with none on both sides are sheets
 //    (outer_cells.h).
 //
+// Where more than options.most_pairs of triangles meet there is no result.
+//
 // `input` holds triangles with and without area. Deterministic for any number of threads.
-Repaired mend(const Mesh& input, const RepairOptions& options);
+std::optional<Repaired> mend(const Mesh& input, const RepairOptions& options);
 
 }  // namespace padder

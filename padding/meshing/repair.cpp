@@ -26,6 +26,8 @@ namespace {
 
 namespace pmp = CGAL::Polygon_mesh_processing;
 
+constexpr const char* no_surface = ": no triangle has an area, so there is no surface to pad";
+
 std::string count_of(std::size_t n, const std::string& one) {
   return std::to_string(n) + " " + one + (n == 1 ? "" : "s");
 }
@@ -143,7 +145,7 @@ std::string words(const Repaired& body, double diagonal) {
     if (s.sheet_pieces > 0) {
       char text[160];
       std::snprintf(text, sizeof text,
-                    " (its longest rim is %.3g of its diagonal; mean winding number inside it %.2f)",
+                    " (its widest hole is %.3g diagonals around; mean winding number inside it %.2f)",
                     s.sheet_rim, s.sheet_winding);
       why = text;
     }
@@ -169,12 +171,30 @@ bool is_terrain(const Mesh& mesh) {
   return facing > 0.999 * area;
 }
 
-Repaired mended(const Mesh& input, const RepairOptions& options, double diagonal) {
-  Repaired out = mend(input, options);
+Repaired wrapped(const Mesh& input, const RepairOptions& options, double diagonal, const std::string& name,
+                 const std::string& why) {
+  Mesh flat;
+  Soup soup = soup_with_area(input, flat);
+  if (soup.triangles.empty()) throw Error(name + no_surface);
+  pmp::repair_polygon_soup(soup.points, soup.triangles);
+  Repaired out = wrap(soup, options, diagonal, {}, why);
+  out.flat = std::move(flat);
+  return out;
+}
+
+Repaired mended(const Mesh& input, const RepairOptions& options, double diagonal, const std::string& name) {
+  std::optional<Repaired> body = mend(input, options);
+  if (!body) {
+    const std::string why =
+        "more than " + std::to_string(options.most_pairs) + " pairs of its triangles cross";
+    if (options.mode == RepairMode::automatic) return wrapped(input, options, diagonal, name, why);
+    throw Error(name + ": " + why + ", too many to be cut apart: smooth the mesh, or give --repair wrap");
+  }
+  Repaired& out = *body;
   out.report = words(out, diagonal);
   if (options.below_terrain && out.kind == BodyKind::sheet && is_terrain(out.mesh))
     out.solid.reset(), out.sheet = 0, out.report += ", padded below its normals";
-  return out;
+  return std::move(out);
 }
 
 Repaired repaired(const Mesh& input, const RepairOptions& options, const std::string& name) {
@@ -187,24 +207,21 @@ Repaired repaired(const Mesh& input, const RepairOptions& options, const std::st
   if (keep_solids && !any_flat(input, diagonal)) piece = one_closed_piece(input);
   if (piece) {
     if (auto solid = solid_of(std::move(*piece), diagonal)) return std::move(*solid);
-    return mended(input, options, diagonal);
+    return mended(input, options, diagonal, name);
   }
+  if (options.mode == RepairMode::wrap) return wrapped(input, options, diagonal, name, "as asked");
   Mesh flat;
   Soup soup = soup_with_area(input, flat);
-  if (soup.triangles.empty()) throw Error(name + ": no triangle has an area, so there is no surface to pad");
+  if (soup.triangles.empty()) throw Error(name + no_surface);
   const auto with_flat = [&](Repaired out) {
     out.flat = std::move(flat);
     return out;
   };
   if (options.mode == RepairMode::never) return with_flat(as_given(std::move(soup), name));
-  if (options.mode == RepairMode::wrap) {
-    pmp::repair_polygon_soup(soup.points, soup.triangles);
-    return with_flat(wrap(soup, options, diagonal, {}, "as asked"));
-  }
   if (keep_solids)
     if (auto solid = closed_solid(std::move(soup), flat.triangles.size(), diagonal))
       return with_flat(std::move(*solid));
-  return mended(input, options, diagonal);
+  return mended(input, options, diagonal, name);
 }
 
 }  // namespace

@@ -33,18 +33,21 @@ struct RepairOptions {
   double thickness = 0;  // of sheets, half on either side; 0: their spheres stand out by the protrusion alone
   bool below_terrain = false;  // a sheet that all faces one way is solid below its normals, as far as known
   double hole_size = 0.15;     // holes whose rim is at most this share of the diagonal are always closed
+  // Where more pairs of triangles cross, they are not cut apart: `automatic` wraps the mesh, and the other
+  // modes throw Error. A million pairs take 40 s on one core, and 3 GB.
+  std::size_t most_pairs = 1'000'000;
 };
 
 // A closed mesh that meets itself nowhere is kept as it is, turned outward (CGAL's Polygon Mesh Processing).
 // Everything else is mended (mend.h): its triangles stay where they are, and the body is where their winding
-// number is above 0. Only `wrap` replaces the surface, with CGAL's 3D Alpha Wrapping (Portaneri,
+// number is above 0. Only a wrap replaces the surface, with CGAL's 3D Alpha Wrapping (Portaneri,
 // Rouxel-Labbé, Hemmer, Cohen-Steiner, Alliez: Alpha wrapping with an offset, 2022). A wrap encloses the
 // input. Its surface lies outside it by at most the offset, except in slots and creases narrower than 2
 // alpha.
 //
 // Deterministic. Throws Error, with `name` in the sentence, when no triangle has an area, and in mode `never`
-// when the mesh is not manifold and oriented. Cost: about n log n, and some microseconds for each pair of
-// triangles that cross. A wrap grows with (diagonal / alpha)^2: 5 s at 150.
+// when the mesh is not manifold and oriented, or when too many triangles cross. Cost: about n log n, and some
+// microseconds for each pair of triangles that cross. A wrap grows with (diagonal / alpha)^2: 5 s at 150.
 Repaired repair(const Mesh& soup, const RepairOptions& options, const std::string& name);
 
 }  // namespace padder

@@ -20,7 +20,8 @@
 // are those of SURFACE. The area of those farther off than 1e-4 of the diagonal
 // (nearer ones close cracks) is printed, so that it can be compared with what the report names.
 //
-// The volume of the raw triangles' inside is printed beside the one in the cluster.
+// The volume of the raw triangles' inside is printed beside the one in the cluster, and how far the inertia
+// in the cluster is from that of this inside.
 #include <CGAL/AABB_traits.h>
 #include <CGAL/AABB_tree.h>
 #include <CGAL/AABB_triangle_primitive.h>
@@ -182,28 +183,44 @@ Farthest largest_protrusion(const Scaled& s, const Tree& tree, const Outside& bo
   return found;
 }
 
-// The volume of the body, by 4,096 lines along the shortest side of its box, each at a random place of a cell
-// of its own. A stretch of a line between two triangles is inside if the winding number of the raw triangles
-// is above 1/2 there, whichever way they face; it is counted from either end of the line by crossings, and
-// where the two counts differ, by solid angles.
-double volume_by_lines(const Mesh& mesh, std::mt19937_64& engine) {
-  constexpr int cells = 64;
+// Of the points inside: 1, x and x x^T summed up.
+struct Sums {
+  double volume = 0;
+  Vector first = Vector::Zero();
+  Eigen::Matrix3d second = Eigen::Matrix3d::Zero();
+
+  // A bar of the given cross-section from `from` to `to`.
+  void add(const Point& from, const Point& to, double cross_section) {
+    const double v = (to - from).norm() * cross_section;
+    const Point middle = 0.5 * (from + to);
+    const Vector half = 0.5 * (to - from);
+    volume += v, first += v * middle;
+    second += v * (middle * middle.transpose() + half * half.transpose() / 3);
+  }
+  Point center() const { return first / volume; }
+  Eigen::Matrix3d inertia() const {  // about the centre
+    const Eigen::Matrix3d about = second - volume * center() * center().transpose();
+    return about.trace() * Eigen::Matrix3d::Identity() - about;
+  }
+};
+
+struct Crossing {
+  double at;
+  int sign;
+};
+struct Line {
+  Point place;
+  std::vector<Crossing> crossings;
+};
+
+// cells x cells lines along the shortest side of the box, each at a random place of a cell of its own, and
+// where they cross the triangles.
+std::vector<Line> lines_through(const Mesh& mesh, int along, int cells, std::mt19937_64& engine) {
   const padder::Box box = mesh.bounds();
-  int along;
-  (box.high - box.low).minCoeff(&along);
   const int u = (along + 1) % 3, v = (along + 2) % 3;
   const double du = (box.high - box.low)[u] / cells, dv = (box.high - box.low)[v] / cells;
-  if (!(du > 0 && dv > 0)) return 0;
-  struct Crossing {
-    double at;
-    int sign;
-  };
-  struct Line {
-    Point place;
-    std::vector<Crossing> crossings;
-  };
   std::uniform_real_distribution<double> unit(0, 1);
-  std::vector<Line> lines(cells * cells);
+  std::vector<Line> lines(std::size_t(cells) * std::size_t(cells));
   for (int k = 0; k < cells * cells; k++) {
     lines[k].place[u] = box.low[u] + (k % cells + unit(engine)) * du;
     lines[k].place[v] = box.low[v] + (k / cells + unit(engine)) * dv;
@@ -229,27 +246,52 @@ double volume_by_lines(const Mesh& mesh, std::mt19937_64& engine) {
         line.crossings.push_back({wa * a[along] + wb * b[along] + wc * c[along], whole > 0 ? 1 : -1});
       }
   }
-  double volume = 0;
+  for (Line& line : lines)
+    std::sort(line.crossings.begin(), line.crossings.end(),
+              [](const Crossing& x, const Crossing& y) { return x.at < y.at; });
+  return lines;
+}
+
+bool closes(const Line& line) {
+  int sum = 0;
+  for (const Crossing& c : line.crossings) sum += c.sign;
+  return sum == 0;
+}
+
+// The body's volume and inertia, by 65,536 lines; by 4,096 where the mesh is open. A stretch of a line
+// between two triangles is inside if the winding number of the raw triangles is above 1/2 there, whichever
+// way they face: by the crossings of the line, or by solid angles where these do not cancel.
+Sums mass_by_lines(const Mesh& mesh, std::mt19937_64& engine) {
+  const padder::Box box = mesh.bounds();
+  int along, cells = 64;
+  (box.high - box.low).minCoeff(&along);
+  Sums sums;
+  if (!((box.high - box.low)[(along + 1) % 3] > 0 && (box.high - box.low)[(along + 2) % 3] > 0)) return sums;
+  std::vector<Line> lines = lines_through(mesh, along, cells, engine);
+  if (std::all_of(lines.begin(), lines.end(), closes))
+    cells = 256, lines = lines_through(mesh, along, cells, engine);
+  const double cross_section =
+      (box.high - box.low)[(along + 1) % 3] / cells * (box.high - box.low)[(along + 2) % 3] / cells;
   for (Line& line : lines) {
-    std::vector<Crossing>& all = line.crossings;
-    std::sort(all.begin(), all.end(), [](const Crossing& x, const Crossing& y) { return x.at < y.at; });
-    int above = 0, below = 0;
-    for (const Crossing& c : all) above += c.sign;
-    const bool closes = above == 0;
+    const std::vector<Crossing>& all = line.crossings;
+    const bool closed = closes(line);
+    int below = 0;
     for (std::size_t k = 0; k + 1 < all.size(); k++) {
       below -= all[k].sign;
-      const double length = all[k + 1].at - all[k].at;
-      if (!(length > 1e-9)) continue;
+      if (!(all[k + 1].at - all[k].at > 1e-9)) continue;
       line.place[along] = 0.5 * (all[k].at + all[k + 1].at);
-      if (closes ? below != 0 : std::abs(winding(mesh, line.place)) > 0.5) volume += length * du * dv;
+      if (!(closed ? below != 0 : std::abs(winding(mesh, line.place)) > 0.5)) continue;
+      Point from = line.place, to = line.place;
+      from[along] = all[k].at, to[along] = all[k + 1].at;
+      sums.add(from, to, cross_section);
     }
   }
-  return volume;
+  return sums;
 }
 
 // Prints what was measured beside what was reported, and gives the exit code.
 int judge(const Scaled& s, const Farthest& gap, const Farthest& protrusion, double patch_area,
-          double volume) {
+          const Sums& sums) {
   const padder::Accuracy& reported = s.cluster.accuracy;
   const double rounding = 1e-8 * s.diagonal;  // moving the mesh into the audit's frame costs some digits
   const double out = protrusion.open * s.diagonal, open = gap.open * s.diagonal;
@@ -257,14 +299,21 @@ int judge(const Scaled& s, const Farthest& gap, const Farthest& protrusion, doub
   const bool protrusion_true = reported.proved_against == padder::SurfaceKind::none ||
                                out <= reported.protrusion_max * (1 + 1e-9) + rounding;
   const bool gap_true = open <= reported.gap_max * (1 + 1e-9) + rounding;
+  // The largest difference of two entries, over the largest entry.
+  double inertia_off = 0;
+  if (sums.volume > 0) {
+    const Eigen::Matrix3d inertia = sums.inertia() * std::pow(s.diagonal, 5);
+    inertia_off = (s.cluster.mass.inertia - inertia).cwiseAbs().maxCoeff() / inertia.cwiseAbs().maxCoeff();
+  }
   const nlohmann::ordered_json j = {{"protrusion_max", out},
                                     {"protrusion_reported", reported.protrusion_max},
                                     {"gap_max", open},
                                     {"gap_anywhere", gap.anywhere * s.diagonal},
                                     {"gap_reported", reported.gap_max},
                                     {"patch_area", patch_area * s.diagonal * s.diagonal},
-                                    {"volume", volume * std::pow(s.diagonal, 3)},
+                                    {"volume", sums.volume * std::pow(s.diagonal, 3)},
                                     {"volume_reported", s.cluster.mass.volume},
+                                    {"inertia_off", inertia_off},
                                     {"certified", reported.certified},
                                     {"true", protrusion_true && gap_true}};
   std::printf("%s\n", j.dump(2).c_str());
@@ -302,7 +351,7 @@ int main(int argc, char** argv) try {
   std::mt19937_64 engine(argc > 4 ? unsigned(std::atoi(argv[4])) : 1);
   const Farthest gaps = largest_gap(s, body, points, engine);
   const Farthest protrusions = largest_protrusion(s, tree, body, points, engine);
-  return judge(s, gaps, protrusions, patch_area, volume_by_lines(s.mesh, engine));
+  return judge(s, gaps, protrusions, patch_area, mass_by_lines(s.mesh, engine));
 } catch (const padder::Error& e) {
   std::fprintf(stderr, "audit: %s\n", e.what());
   return 2;

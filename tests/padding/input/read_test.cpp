@@ -195,6 +195,9 @@ TEST(Read, OffVariants) {
   expect_fault(folder.put("b.off", "OFF BINARY\n4 4 6\n"), "binary OFF");
   expect_fault(folder.put("4.off", "4OFF\n4 4 6\n"), "four or n coordinates");
   expect_fault(folder.put("d.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n4 0 1 2\n"), "too few corners");
+  const std::string points = "OFF\n4 2 0\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n";
+  EXPECT_EQ(read_mesh(folder.put("e.off", points + "3 0\n1 \n2\n3 0 1 3\n")).mesh.triangles.size(), 2u);
+  expect_fault(folder.put("f.off", points + "3 0 1\n3 0 1 3\n"), "too few corners");
 }
 
 TEST(Read, StlInBothForms) {

@@ -60,6 +60,8 @@ TEST(Contacts, OfTrianglesWithoutCommonVerticesAreThoseOfCgal) {
       }
     EXPECT_GT(expected, 0u);
     EXPECT_EQ(any_contact(Surface(mesh)), !contacts.pairs.empty());
+    EXPECT_FALSE(find_contacts(Surface(mesh), contacts.pairs.size()).too_many);
+    EXPECT_TRUE(find_contacts(Surface(mesh), contacts.pairs.size() - 1).too_many);
   }
 }
 

@@ -48,7 +48,7 @@ const Mesh cube = shapes::box({0, 0, 0}, {1, 1, 1}, 2);
 Repaired mended(const Mesh& mesh, RepairMode mode = RepairMode::automatic) {
   RepairOptions options;
   options.mode = mode;
-  return mend(mesh, options);
+  return mend(mesh, options).value();
 }
 
 double volume(const Repaired& r) { return mass_properties(r.boundary()).volume; }
@@ -261,6 +261,17 @@ TEST(Mend, ABottleIsASolidWithAHoleAndABowlIsASheet) {
             BodyKind::sheet);
 }
 
+TEST(Mend, ASolidWithAnOpenSeamIsStillASolid) {
+  Mesh bottle = lathe({{0, 0}, {1, 0}, {1, 3}, {0.3, 3.6}, {0.3, 4.4}}, 24);
+  for (std::size_t t = bottle.triangles.size(); t-- > 0;)
+    if (t % 48 < 2) bottle.triangles.erase(bottle.triangles.begin() + std::ptrdiff_t(t));
+  const Repaired r = mended(bottle);
+  EXPECT_EQ(r.kind, BodyKind::solid) << r.steps.sheet_winding << " " << r.steps.sheet_rim;
+  ASSERT_EQ(r.patches.size(), 1u);
+  EXPECT_GT(r.patches[0].rim, 1.5 * bottle.bounds().diagonal());
+  EXPECT_GT(volume(r), 8);
+}
+
 TEST(Mend, ACarBodyIsASheet) {
   Mesh body = without(shapes::box({0, 0, 0}, {4, 1.8, 1.4}, 4), [](const Point& p) { return p.z() == 0; });
   body = joined(body, shapes::square(1));  // a seat
@@ -355,7 +366,7 @@ TEST(Mend, ASheetOfAThicknessNeedsFewerBalls) {
   for (const double thickness : {0.0, 0.05, 0.2}) {
     RepairOptions options;
     options.thickness = thickness;
-    const Repaired r = mend(mesh, options);
+    const Repaired r = mend(mesh, options).value();
     EXPECT_EQ(r.kind, BodyKind::sheet);
     const double e = 0.03;
     const Culled culled = cull(r.surface(), {.tolerance = e, .effort = 0});

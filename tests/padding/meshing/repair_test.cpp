@@ -132,6 +132,39 @@ TEST(Repair, WrapOnRequest) {
   EXPECT_EQ(repair(kCube, wrap, "cube").kind, BodyKind::wrap);
 }
 
+// 21 triangles across 21 others: each crosses each of the others.
+TEST(Repair, WhatCrossesAllOverIsWrappedOrRefusedInASentence) {
+  Mesh mesh;
+  constexpr int strips = 21;
+  for (int way = 0; way < 2; way++)
+    for (int k = 0; k < strips; k++) {
+      const double at = (k + 0.3) / strips;
+      const auto point = [&](double along, double z) {
+        mesh.points.push_back(way == 0 ? Point(along, at, z) : Point(at, along, z));
+        return static_cast<std::uint32_t>(mesh.points.size() - 1);
+      };
+      const auto a = point(-0.5, 0), b = point(1.5, 0), c = point(0.5, 0.2);
+      mesh.triangles.push_back({a, b, c});
+    }
+  RepairOptions options;
+  options.tolerance = 0.05, options.most_pairs = 441;
+  EXPECT_EQ(repair(mesh, options, "grille").kind, BodyKind::sheet);
+  options.most_pairs = 440;
+  const Repaired r = repair(mesh, options, "grille");
+  EXPECT_EQ(r.kind, BodyKind::wrap);
+  EXPECT_NE(r.report.find("pairs of its triangles cross"), std::string::npos) << r.report;
+  options.mode = RepairMode::united;
+  try {
+    repair(mesh, options, "grille");
+    FAIL() << "too many pairs were cut";
+  } catch (const Error& error) {
+    EXPECT_EQ(
+        std::string(error.what()),
+        "grille: more than 440 pairs of its triangles cross, too many to be cut apart: smooth the mesh, or "
+        "give --repair wrap");
+  }
+}
+
 TEST(Repair, NothingWithAnAreaIsRefusedInASentence) {
   Mesh line;
   line.points = {{0, 0, 0}, {1, 0, 0}, {2, 0, 0}};
