@@ -235,7 +235,7 @@ std::vector<HardMesh> shapes() {
          return box({1, 1, 1e-15});
        }},
       {"spike", "a tetrahedron with a tip of 1e-6 rad", ok, [] { return spike(1, 1e-6); }},
-      {"slivers", "20,000 triangles that meet in two points", ok, [] { return cone(10000); }},
+      {"slivers", "4,000 triangles that meet in two points", ok, [] { return cone(2000); }},
       {"comb", "1,000 teeth", ok, [] { return comb(1000); }},
       {"hairy ball", "100 spikes of 1e-4 : 1 in a ball", ok, hairy_ball},
       {"million", "1,000,000 triangles in 6 planes", ok,
