@@ -57,6 +57,7 @@ RungSpheres by_depth(const PadOptions& options, double length, const Repaired& b
   report.triangles_remeshed = remeshed.mesh.triangles.size();
   report.edge_length = length * report.diagonal;
   report.seconds.remesh = clock.lap();
+  if (remeshed.mesh.triangles.empty()) return {};  // all of it is thinner than a sliver
 
   step("fit", 2);
   std::vector<FittedBall> fitted = fit(remeshed.mesh, options.depth_ratio_used(), length);
@@ -210,6 +211,19 @@ Accuracy measure_spheres(const Job& job, const std::vector<Ball>& balls, const A
   volume_union = job.frame.back_volume(m.volume_union);
   job.report.seconds.accuracy += job.clock.lap();
   return job.frame.back(a);
+}
+
+// A cluster without spheres is no answer.
+[[noreturn]] void refuse_nothing(const PadOptions& options, const std::string& name) {
+  if (options.by_depth())
+    throw Error(name +
+                ": it is so thin that no triangle is as high as a fiftieth of the edge length: use a "
+                "shorter --edge-length, or --tolerance");
+  if (options.each_error() && !options.protrusion_used().given())
+    throw Error(
+        name +
+        ": no sphere lies inside of it: use a --protrusion above 0, or --repair fill where holes are open");
+  throw Error(name + ": no sphere is as large and as small as --min-radius and --max-radius ask for");
 }
 
 template <class T>
@@ -373,6 +387,7 @@ Padded pad(const ReadResult& file, const PadOptions& options, const PadProgress&
     const Asked asked(options, rungs[rung], frame.scale());
     std::string why;
     RungSpheres made = make_spheres(job, rungs[rung], why);
+    if (made.balls.empty()) refuse_nothing(options, name);
     if (rung + 1 < rungs.size()) {
       Lod& lod = c.lods.emplace_back();
       lod.tolerance = rungs[rung].absolute(frame.scale());

@@ -256,7 +256,8 @@ template Kernels<FixedPointSlot> plain_kernels();
 template Kernels<FloatSlot> kernels_for_this_machine();
 template Kernels<FixedPointSlot> kernels_for_this_machine();
 
-#ifdef PADDER_AVX2
+#if defined(PADDER_AVX2) && \
+    !defined(PADDER_NO_CLONES)  // see the preset thread: clones are chosen before its runtime is there
 #define PADDER_CLONES __attribute__((target_clones("avx2", "default")))
 #else
 #define PADDER_CLONES

@@ -66,6 +66,7 @@ void LooseSpheres::append(const LooseSpheres& more) {
 }
 
 Spheres LooseSpheres::view() const {
+  if (size() == 0) return {};  // no array, so no place of the first radius
   Spheres s = scalar == Scalar::f32 ? spheres_of<float>(size(), single.data(), single.data() + 3)
                                     : spheres_of<double>(size(), twice.data(), twice.data() + 3);
   s.center_stride = s.radius_stride = 4;

@@ -12,10 +12,12 @@ std::vector<FittedBall> fit(const Mesh& mesh, double depth_ratio, double sliver_
   for (std::size_t t = 0; t < out.size(); t++) {
     const Triangle3 tri{mesh.corner(t, 0), mesh.corner(t, 1), mesh.corner(t, 2)};
     Triangle3::Circle circle{tri.circumcenter(), tri.circumradius()};
-    if (!(circle.radius <= sliver_limit)) circle = tri.enclosing_circle();
+    const bool sliver = !(circle.radius <= sliver_limit);
+    if (sliver) circle = tri.enclosing_circle();
     const double cap = depth_ratio * circle.radius,
                  radius = circle.radius * (1 + depth_ratio * depth_ratio) / (2 * depth_ratio);
-    const Vector normal = tri.area_normal().normalized();  // zero for a line: then the centre lies on it
+    // Zero for a line: then the centre lies on it.
+    const Vector normal = (sliver ? tri.normal_of_sliver() : tri.area_normal()).normalized();
     out[t] = {{circle.center - (radius - cap) * normal, radius}, cap, static_cast<std::uint32_t>(t)};
   }
   return out;

@@ -6,6 +6,7 @@
 #include <numeric>
 
 #include "padding/geometry/random.h"
+#include "padding/geometry/triangle.h"
 
 namespace padder {
 namespace {
@@ -16,24 +17,55 @@ constexpr int stack_size = 128;                // depth is bounded by the median
 
 enum Feature : int { face = 0, vertex0 = 1, vertex1 = 2, vertex2 = 3, edge01 = 4, edge12 = 5, edge20 = 6 };
 
+// A triangle is thin where the sine squared of its angle at a is below this. There, the products of four
+// lengths that Ericson's test subtracts cancel: points would be off by some 1e-16 of the triangle's length
+// over the sine squared, which is 1e-4 in a needle of 1e6 : 1.
+constexpr double kThin = 1e-4;
+
+// The same as closest() for a thin triangle: the point below p if that is inside, or the nearest of the
+// edges. Triple products with an accurate normal keep the distance right to some 1e-16 of the length.
+[[gnu::noinline]] double closest_of_thin(const Point& p, const Point& a, const Vector& ab, const Vector& ac,
+                                         Point& q, int& feature) {
+  const Vector bc = ac - ab, ap = p - a, bp = ap - ab, cp = ap - ac;
+  const Vector n = Triangle3{Point::Zero(), ab, ac}.normal_of_sliver();
+  const double nn = n.squaredNorm();
+  if (nn > 0 && n.dot(ap.cross(bp)) >= 0 && n.dot(bp.cross(cp)) >= 0 && n.dot(cp.cross(ap)) >= 0) {
+    const Vector down = n.dot(ap) / nn * n;
+    q = p - down, feature = face;
+    return down.squaredNorm();
+  }
+  const Point corners[] = {a, a + ab, a + ac};
+  const Vector edges[] = {ab, bc, -ac}, from[] = {ap, bp, cp};
+  double best = std::numeric_limits<double>::infinity();
+  for (int k = 0; k < 3; k++) {
+    const double along = edges[k].dot(from[k]), whole = edges[k].squaredNorm();
+    const bool low = !(along > 0), high = !low && along >= whole;
+    const Point at = low    ? corners[k]
+                     : high ? corners[(k + 1) % 3]
+                            : Point(corners[k] + along / whole * edges[k]);
+    const double d2 = (p - at).squaredNorm();
+    if (d2 < best) best = d2, q = at, feature = low ? vertex0 + k : high ? vertex0 + (k + 1) % 3 : edge01 + k;
+  }
+  return best;
+}
+
 // Closest point of triangle (a, a+ab, a+ac) to p, by Voronoi region of its features (Ericson, Real-Time
-// Collision Detection, 2005, section 5.1.5). A triangle without area falls into the regions of its edges,
-// which also work for an edge of length 0.
+// Collision Detection, 2005, section 5.1.5).
 inline double closest(const Point& p, const Point& a, const Vector& ab, const Vector& ac, Point& q,
                       int& feature) {
   const Vector ap = p - a;
   const double d1 = ab.dot(ap), d2 = ac.dot(ap);
   if (d1 <= 0 && d2 <= 0) return q = a, feature = vertex0, ap.squaredNorm();
-  const Vector bp = ap - ab;
-  const double d3 = ab.dot(bp), d4 = ac.dot(bp);
+  const Vector bp = ap - ab, cp = ap - ac;
+  const double d3 = ab.dot(bp), d4 = ac.dot(bp), d5 = ab.dot(cp), d6 = ac.dot(cp);
+  const double squares = (d1 - d3) * (d2 - d6), product = d1 - d5;  // of the lengths of ab and ac; ab . ac
+  if (!(squares - product * product > kThin * squares)) return closest_of_thin(p, a, ab, ac, q, feature);
   if (d3 >= 0 && d4 <= d3) return q = a + ab, feature = vertex1, bp.squaredNorm();
   const double vc = d1 * d4 - d3 * d2;
   if (vc <= 0 && d1 >= 0 && d3 <= 0) {
     q = a + d1 / (d1 - d3) * ab, feature = edge01;
     return (p - q).squaredNorm();
   }
-  const Vector cp = ap - ac;
-  const double d5 = ab.dot(cp), d6 = ac.dot(cp);
   if (d6 >= 0 && d5 <= d6) return q = a + ac, feature = vertex2, cp.squaredNorm();
   const double vb = d5 * d2 - d1 * d6;
   if (vb <= 0 && d2 >= 0 && d6 <= 0) {

@@ -16,6 +16,17 @@ struct Triangle3 {
 
   Vector area_normal() const { return 0.5 * (b - a).cross(c - a); }  // as long as the area
 
+  // The same direction and length, and orthogonal to the longest edge to rounding however thin the triangle
+  // is.
+  Vector normal_of_sliver() const {
+    const Vector edges[] = {b - a, c - b, a - c};
+    const auto shorter = [](const Vector& u, const Vector& v) { return u.squaredNorm() < v.squaredNorm(); };
+    const auto k = std::max_element(edges, edges + 3, shorter) - edges;
+    const Vector normal = 0.5 * edges[(k + 1) % 3].cross(edges[(k + 2) % 3]), &longest = edges[k];
+    if (!(longest.squaredNorm() > 0)) return Vector::Zero();
+    return normal - normal.dot(longest) / longest.squaredNorm() * longest;
+  }
+
   double angle(int k) const {  // at corner k, radians
     const Point* p[3] = {&a, &b, &c};
     const Vector u = *p[(k + 1) % 3] - *p[k], v = *p[(k + 2) % 3] - *p[k];

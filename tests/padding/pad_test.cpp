@@ -51,6 +51,27 @@ TEST(Pad, ClosedFormsAreMetWithinTheCaps) {
   }
 }
 
+// Where no sphere can be right, there is a sentence and no empty cluster.
+TEST(Pad, NoSphereIsRefused) {
+  const auto refused = [](const Mesh& mesh, const PadOptions& options, const std::string& says) {
+    try {
+      const Padded p = pad(as_file(mesh), options);
+      ADD_FAILURE() << p.cluster.size() << " spheres instead of: " << says;
+    } catch (const Error& e) {
+      EXPECT_NE(std::string(e.what()).find(says), std::string::npos) << e.what();
+    }
+  };
+  PadOptions inner;
+  inner.tolerance = Length::share(0.05), inner.protrusion = Length::of(0);
+  refused(shapes::square(1), inner, "part.obj: no sphere lies inside of it");
+  Mesh bar = shapes::box({0, 0, 0}, {1, 1e-4, 1e-4}), crossing = bar;
+  for (Point p : bar.points) crossing.points.push_back(Point(p.y() + 0.5, p.x() - 0.5, p.z()));
+  for (auto t : bar.triangles) crossing.triangles.push_back({t[1] + 8, t[0] + 8, t[2] + 8});
+  PadOptions coarse;
+  coarse.depth_ratio = 0.3, coarse.edge_length = Length::share(0.1), coarse.force = true;
+  refused(crossing, coarse, "use a shorter --edge-length");
+}
+
 // Compares sphere by sphere, to 1e-9 of the diagonal.
 void expect_same(const Cluster& a, const Cluster& b, double scale,
                  const std::function<Point(const Point&)>& move) {

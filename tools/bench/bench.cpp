@@ -33,9 +33,11 @@ const std::vector<Entry>& entries() {
       {"stages", "milliseconds of each stage, the nine stages and the fast path", stages},
       {"boxes", "time against contacts on one and several GPUs, the paper's Fig. 27", boxes},
       {"table3", "a step of a settled silo beside the paper's Table 3, its Figs. 29 and 30", table3},
+      {"precision", "error against time of float, exact and double on hard scenes", precision},
 #ifdef PADDER_BENCH_PADDING
       {"frontier", "spheres against error of meshes, the paper's fit beside ours", frontier},
       {"shoe", "speed against error: a part padded at six tolerances, dropped on gravel", shoe},
+      {"hard", "padding on hard meshes: what comes out, and whether that is right", hard},
 #endif
       {"draw", "no measurement: the plots of such benches, from the JSON files they wrote", draw_files},
       {"compare", "no measurement: the times of two such JSON files; fails when the second is slower",
@@ -108,8 +110,8 @@ int main(int argc, char** argv) {
       ->delimiter(',')
       ->type_name("N,N,...");
   app.add_option("--scene", s.scene,
-                 "one generated scene only (scaling, boxes); this one and dense (scenes); clumps of three "
-                 "spheres instead of grains (table3)")
+                 "one scene or mesh only (scaling, boxes, precision, hard); this one and dense (scenes); clumps "
+                 "of three spheres instead of grains (table3)")
       ->type_name("NAME");
   app.add_flag("--moving", s.moving, "measure a scene in motion as well (scenes)");
   app.add_flag("--stable", s.stable, "a list of stable order (scenes)");

@@ -46,8 +46,10 @@ Json scenes(const Settings&);      // scenes.cpp
 Json boxes(const Settings&);       // boxes.cpp
 Json worlds(const Settings&);      // worlds.cpp
 Json table3(const Settings&);      // table3.cpp
+Json precision(const Settings&);   // stability/precision.cpp
 Json frontier(const Settings&);    // frontier.cpp; only where padder::padding is built
 Json shoe(const Settings&);        // shoe/shoe.cpp; the same
+Json hard(const Settings&);        // stability/hard.cpp; only where padder::padding is built
 Json draw_files(const Settings&);  // draw.cpp; no measurement: the plots of documents
 Json compare(const Settings&);     // compare.cpp; no measurement: two documents; "passed" tells the outcome
 

@@ -77,5 +77,13 @@ TEST(Loose, ViewIsBorrowed) {
   EXPECT_EQ(f.family, nullptr);
 }
 
+// Found by fuzzing: the radii began behind the beginning of no array.
+TEST(Loose, NoSpheresAreNoArrays) {
+  const Spheres none = loose_from(std::vector<FloatSphere>{}).view();
+  EXPECT_EQ(none.count, 0u);
+  EXPECT_EQ(none.centers, nullptr);
+  EXPECT_EQ(none.radii, nullptr);
+}
+
 }  // namespace
 }  // namespace padder::detect

@@ -61,6 +61,15 @@ TEST(Fit, ASliverYieldsNoRunawaySphere) {
     EXPECT_LE((p - balls[0].ball.center).norm(), balls[0].ball.radius + 1e-9);
 }
 
+// The area of corners on a line is rounding, and so is the direction of its normal. Found by fuzzing.
+TEST(Fit, CornersOnALineLieInTheSphereOfTheirSegment) {
+  Mesh mesh;
+  mesh.points = {Point(52, 118, 49) / 3, Point(50, 83, 48) / 3, Point(48, 48, 47) / 3};
+  mesh.triangles = {{2, 1, 0}};
+  const Ball ball = fit(mesh, 0.2, 0.125)[0].ball;
+  for (const Point& p : mesh.points) EXPECT_LE((p - ball.center).norm(), ball.radius * (1 + 1e-12));
+}
+
 TEST(Fit, RefusesADepthOutsideItsRange) {
   for (const double depth : {0.0, -0.1, 1.5, std::nan("")})
     EXPECT_THROW(fit(shapes::sphere(1), depth, 1), Error) << depth;

@@ -186,6 +186,46 @@ TEST(Surface, TrianglesWithoutAreaAreTheirSegmentOrPoint) {
   EXPECT_FALSE(std::isnan(surface.signed_nearest({2, 0, 1}).distance));
 }
 
+// In extended precision: there the products that cancel in a needle keep enough digits.
+long double distance_in_long_double(const Point& p, const Mesh& mesh) {
+  using Wide = Eigen::Matrix<long double, 3, 1>;
+  const Wide x = p.cast<long double>();
+  Wide corner[3];
+  for (int k = 0; k < 3; k++) corner[k] = mesh.corner(0, k).cast<long double>();
+  const Wide n = (corner[1] - corner[0]).cross(corner[2] - corner[0]);
+  bool inside = n.squaredNorm() > 0;
+  long double nearest = std::numeric_limits<long double>::infinity();
+  for (int k = 0; k < 3; k++) {
+    const Wide from = x - corner[k], edge = corner[(k + 1) % 3] - corner[k];
+    inside = inside && n.dot(edge.cross(from)) >= 0;
+    const long double along = std::clamp(edge.dot(from) / edge.squaredNorm(), 0.0L, 1.0L);
+    nearest = std::min(nearest, (from - along * edge).norm());
+  }
+  return inside ? std::abs(n.dot(x - corner[0])) / n.norm() : nearest;
+}
+
+TEST(Surface, DistancesToNeedlesAreRight) {
+  for (std::uint64_t seed = 1; seed <= 2000; seed++) {
+    SCOPED_TRACE("seed " + std::to_string(seed));
+    RandomInput random(seed);
+    const double width = std::pow(10, -random.uniform(1, 8));
+    const Vector along = random.direction(), across = along.unitOrthogonal(), up = along.cross(across);
+    Mesh mesh;
+    mesh.points = {random.point(0.5), {}, {}};
+    mesh.points[1] = mesh.points[0] + along, mesh.points[2] = mesh.points[0] + random.uniform(0, 1) * along;
+    mesh.points[1 + seed % 2] += width * across;
+    std::swap(mesh.points[0], mesh.points[seed % 3]);  // the sharp angle at each corner in turn
+    mesh.triangles = {{0, 1, 2}};
+    const Surface surface(mesh);
+    for (int k = 0; k < 20; k++) {
+      const Point p = mesh.points[0] + random.uniform(-1.2, 1.2) * along +
+                      width * (random.uniform(-2, 2) * across + random.uniform(-2, 2) * up);
+      ASSERT_NEAR(surface.nearest(p).distance, static_cast<double>(distance_in_long_double(p, mesh)), 1e-11);
+      ASSERT_NEAR((surface.nearest(p).point - p).norm(), surface.nearest(p).distance, 1e-11);
+    }
+  }
+}
+
 TEST(Surface, NothingIsNearWhereThereIsNothing) {
   const Surface surface{Mesh()};
   EXPECT_FALSE(std::isfinite(surface.nearest({0, 0, 0}).distance));

@@ -350,6 +350,79 @@ std::vector<Plot> shoe_plots(const Json& document, const std::string& where) {
   return plots;
 }
 
+// --- precision: error against time of float, exact and double, each scene's times over that of double ---
+
+std::vector<Plot> precision_plots(const Json& document, const std::string& where) {
+  const std::vector<Reader> rows = rows_of(document, where);
+  std::map<std::string, double> double_seconds, double_contacts;
+  const auto scene = [](const Reader& r) { return r.text("scene") + "\n" + r.text("backend"); };
+  for (const Reader& r : rows)
+    if (r.text("mode") == "double")
+      double_seconds[scene(r)] = r.amount("seconds"), double_contacts[scene(r)] = r.amount("contacts");
+  std::map<std::string, std::string> points;
+  for (const Reader& r : rows) {
+    const double seconds = double_seconds[scene(r)], contacts = std::max(double_contacts[scene(r)], 1.0);
+    if (!(seconds > 0) || !(r.amount("seconds") > 0)) continue;  // refused
+    const double pairs = (r.amount("wrong") + r.amount("by_rounding")) / contacts;
+    points[r.text("mode")] += cell(r.amount("seconds") / seconds) + " " +
+                              cell(std::max(r.amount("normal_error"), 1e-17)) + " " +
+                              cell(std::max(pairs, 1e-7)) + "\n";
+  }
+  if (points.empty()) throw Error(where + ": no scene was measured: there is nothing to draw");
+  std::string data, panels;
+  for (const auto& [mode, lines] : points) data += "$" + mode + " << EOD\n" + lines + "EOD\n";
+  const char* labels[] = {"Largest error of a normal (1e-17: none)",
+                          "Pairs wrong, over the contacts of the doubles (1e-7: none)"};
+  for (int k = 0; k < 2; k++) {
+    std::string plots;
+    for (const auto& [mode, lines] : points)
+      plots += (plots.empty() ? "$" : ", $") + mode + " using 1:" + std::to_string(2 + k) +
+               " with points pt 7 ps 0.8 title '" + mode + "'";
+    panels += std::string("set ylabel '") + labels[k] + "'\nplot " + plots + "\n";
+  }
+  return {
+      {"",
+       "set logscale xy\nset grid\nset format y '%.0e'\nset xlabel 'Time of a call over that of double'\n" +
+           data + "set multiplot layout 1,2\n" + panels + "unset multiplot\n",
+       1100}};
+}
+
+// --- hard: the error that is proved for each mesh, over the tolerance that was asked for ---
+
+std::vector<Plot> hard_plots(const Json& document, const std::string& where) {
+  std::string proved, refused, wrong, names;
+  std::size_t n = 0;
+  for (const Reader& r : rows_of(document, where)) {
+    const double at = static_cast<double>(n++);
+    std::string quoted = in_quotes(r.text("mesh"));
+    names += (names.empty() ? "" : ", ") + quoted + " " + cell(at);
+    if (!r.flag("right"))
+      wrong += cell(at) + " 1.2\n";
+    else if (!r.has("protrusion"))
+      refused += cell(at) + " 0\n";
+    else
+      proved += cell(at) + " " + cell(r.amount("protrusion") / r.amount("tolerance")) + " " +
+                cell(r.amount("gap") / r.amount("tolerance")) + "\n";
+  }
+  std::string data, plots;
+  const auto add = [&](const char* block, const std::string& lines, const std::string& plot) {
+    if (lines.empty()) return;
+    data += std::string(block) + " << EOD\n" + lines + "EOD\n", plots += (plots.empty() ? "" : ", ") + plot;
+  };
+  add("$proved", proved,
+      "$proved using 1:2 with points pt 7 title 'protrusion, proved', $proved using 1:3 with points pt 6 "
+      "title "
+      "'gap, proved'");
+  add("$refused", refused, "$refused using 1:2 with points pt 2 title 'refused, as is right'");
+  add("$wrong", wrong, "$wrong using 1:2 with points pt 9 lc rgb 'red' title 'wrong'");
+  return {{"",
+           "set ylabel 'Error over the tolerance'\nset grid\nset key outside top horizontal\nset yrange "
+           "[-0.1:1.3]\nset xrange [-1:" +
+               std::to_string(n) + "]\nset xtics noenhanced rotate by -60 (" + names + ")\n" + data +
+               "plot " + plots + "\n",
+           1100}};
+}
+
 }  // namespace
 
 std::vector<Plot> plots_of(const Json& document, const std::string& where) {
@@ -361,6 +434,8 @@ std::vector<Plot> plots_of(const Json& document, const std::string& where) {
   if (name == "stages") return stages_plots(document, where);
   if (name == "speedup") return speedup_plots(document, where);
   if (name == "frontier") return frontier_plots(document, where);
+  if (name == "precision") return precision_plots(document, where);
+  if (name == "hard") return hard_plots(document, where);
   return {};
 }
 

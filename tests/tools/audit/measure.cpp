@@ -1,27 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// audit MESH CLUSTER [POINTS [SEED [SURFACE]]]: measures a cluster against its mesh once more, by other means
-// than padding/verify, and says whether the report in the cluster is true. Random points and no branch and
-// bound, CGAL's AABB tree instead of our hierarchy, solid angles and rays instead of signed crossings, all
-// balls instead of a tree of them. It knows nothing of what repair did.
-//
-// * The gap is that of points spread over the triangles by their area, and of all corners and points of
-// edges.
-// * The protrusion is that of points on the spheres that no other sphere covers, and of each sphere's points
-// on
-//   both sides of its centre along the way to the nearest triangle.
-//
-// A point is in the open if the winding number of the raw triangles is below 1/2 there (Jacobson, Kavan,
-// Sorkine-Hornung, 2013: it also serves for open meshes) and a ray from it meets no triangle: pieces may be
-// turned inside out, and nothing touches what is sealed. Only points in the open are judged. A point of the
-// surface is judged if either side of it is in the open.
-//
-// SURFACE is for a mesh whose holes were filled: what `pad --write-mesh` wrote. Its triangles off the input
-// are patches. They bound the body, too: distances are to the nearer of input and patch, and winding numbers
-// are those of SURFACE. The area of those farther off than 1e-4 of the diagonal
-// (nearer ones close cracks) is printed, so that it can be compared with what the report names.
-//
-// The volume of the raw triangles' inside is printed beside the one in the cluster, and how far the inertia
-// in the cluster is from that of this inside.
+#include "tests/tools/audit/measure.h"
+
 #include <CGAL/AABB_traits.h>
 #include <CGAL/AABB_tree.h>
 #include <CGAL/AABB_triangle_primitive.h>
@@ -29,20 +8,12 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
-#include <cstdio>
-#include <nlohmann/json.hpp>
 #include <numbers>
 #include <random>
 
-#include "padding/asset/cluster.h"
-#include "padding/asset/error.h"
-#include "padding/input/read.h"
-
+namespace padder::audit {
 namespace {
 
-using padder::Mesh;
-using padder::Point;
-using padder::Vector;
 using Kernel = CGAL::Simple_cartesian<double>;
 using Triangles = std::vector<Kernel::Triangle_3>;
 using Primitive = CGAL::AABB_triangle_primitive<Kernel, Triangles::const_iterator>;
@@ -95,7 +66,7 @@ Mesh patches_of(const Mesh& surface, const Tree& input) {
   return patches;
 }
 
-double gap(const padder::Cluster& c, const Point& x) {
+double gap(const Cluster& c, const Point& x) {
   double least = std::numeric_limits<double>::infinity();
   for (std::size_t k = 0; k < c.size(); k++) least = std::min(least, (x - c.centers[k]).norm() - c.radii[k]);
   return least;
@@ -104,11 +75,11 @@ double gap(const padder::Cluster& c, const Point& x) {
 // All in a frame in which the mesh has its centre at the origin and a diagonal of 1.
 struct Scaled {
   Mesh mesh, surface;  // `surface`: SURFACE; without it the mesh
-  padder::Cluster cluster;
+  Cluster cluster;
   double diagonal;  // in the mesh's unit
 };
 
-Scaled scaled(Mesh mesh, Mesh surface, padder::Cluster cluster) {
+Scaled scaled(Mesh mesh, Mesh surface, Cluster cluster) {
   const double diagonal = mesh.bounds().diagonal();
   const Point center = mesh.bounds().center();
   for (Mesh* m : {&mesh, &surface})
@@ -160,7 +131,7 @@ Farthest largest_gap(const Scaled& s, const Outside& body, int points, std::mt19
 
 Farthest largest_protrusion(const Scaled& s, const Tree& tree, const Outside& body, int points,
                             std::mt19937_64& engine) {
-  const padder::Cluster& cluster = s.cluster;
+  const Cluster& cluster = s.cluster;
   std::normal_distribution<double> normal;
   double area = 0;
   for (const double r : cluster.radii) area += r * r;
@@ -216,7 +187,7 @@ struct Line {
 // cells x cells lines along the shortest side of the box, each at a random place of a cell of its own, and
 // where they cross the triangles.
 std::vector<Line> lines_through(const Mesh& mesh, int along, int cells, std::mt19937_64& engine) {
-  const padder::Box box = mesh.bounds();
+  const Box box = mesh.bounds();
   const int u = (along + 1) % 3, v = (along + 2) % 3;
   const double du = (box.high - box.low)[u] / cells, dv = (box.high - box.low)[v] / cells;
   std::uniform_real_distribution<double> unit(0, 1);
@@ -262,7 +233,7 @@ bool closes(const Line& line) {
 // between two triangles is inside if the winding number of the raw triangles is above 1/2 there, whichever
 // way they face: by the crossings of the line, or by solid angles where these do not cancel.
 Sums mass_by_lines(const Mesh& mesh, std::mt19937_64& engine) {
-  const padder::Box box = mesh.bounds();
+  const Box box = mesh.bounds();
   int along, cells = 64;
   (box.high - box.low).minCoeff(&along);
   Sums sums;
@@ -289,51 +260,13 @@ Sums mass_by_lines(const Mesh& mesh, std::mt19937_64& engine) {
   return sums;
 }
 
-// Prints what was measured beside what was reported, and gives the exit code.
-int judge(const Scaled& s, const Farthest& gap, const Farthest& protrusion, double patch_area,
-          const Sums& sums) {
-  const padder::Accuracy& reported = s.cluster.accuracy;
-  const double rounding = 1e-8 * s.diagonal;  // moving the mesh into the audit's frame costs some digits
-  const double out = protrusion.open * s.diagonal, open = gap.open * s.diagonal;
-  // Of an open sheet the reported protrusion is a sample, and one sample does not prove another wrong.
-  const bool protrusion_true = reported.proved_against == padder::SurfaceKind::none ||
-                               out <= reported.protrusion_max * (1 + 1e-9) + rounding;
-  const bool gap_true = open <= reported.gap_max * (1 + 1e-9) + rounding;
-  // The largest difference of two entries, over the largest entry.
-  double inertia_off = 0;
-  if (sums.volume > 0) {
-    const Eigen::Matrix3d inertia = sums.inertia() * std::pow(s.diagonal, 5);
-    inertia_off = (s.cluster.mass.inertia - inertia).cwiseAbs().maxCoeff() / inertia.cwiseAbs().maxCoeff();
-  }
-  const nlohmann::ordered_json j = {{"protrusion_max", out},
-                                    {"protrusion_reported", reported.protrusion_max},
-                                    {"gap_max", open},
-                                    {"gap_anywhere", gap.anywhere * s.diagonal},
-                                    {"gap_reported", reported.gap_max},
-                                    {"patch_area", patch_area * s.diagonal * s.diagonal},
-                                    {"volume", sums.volume * std::pow(s.diagonal, 3)},
-                                    {"volume_reported", s.cluster.mass.volume},
-                                    {"inertia_off", inertia_off},
-                                    {"certified", reported.certified},
-                                    {"true", protrusion_true && gap_true}};
-  std::printf("%s\n", j.dump(2).c_str());
-  return protrusion_true && gap_true ? 0 : 1;
-}
-
 }  // namespace
 
-int main(int argc, char** argv) try {
-  if (argc < 3) {
-    std::fprintf(stderr, "usage: audit MESH CLUSTER [POINTS [SEED [SURFACE]]]\n");
-    return 2;
-  }
-  const int points = argc > 3 ? std::atoi(argv[3]) : 20000;
-  const Mesh mesh = padder::read_mesh(argv[1]).mesh;
-  const Scaled s =
-      scaled(mesh, argc > 5 ? padder::read_mesh(argv[5]).mesh : mesh, padder::read_cluster(argv[2]));
+Measured measure(const Mesh& mesh, const Mesh* surface, const Cluster& cluster, int points, unsigned seed) {
+  const Scaled s = scaled(mesh, surface ? *surface : mesh, cluster);
   Triangles triangles = triangles_of(s.mesh);
   double patch_area = 0;
-  if (argc > 5) {
+  if (surface) {
     Tree input(triangles.begin(), triangles.end());
     input.accelerate_distance_queries();
     const Mesh patches = patches_of(s.surface, input);
@@ -348,11 +281,32 @@ int main(int argc, char** argv) try {
   Tree tree(triangles.begin(), triangles.end());
   tree.accelerate_distance_queries();
   const Outside body(s.surface, tree);
-  std::mt19937_64 engine(argc > 4 ? unsigned(std::atoi(argv[4])) : 1);
-  const Farthest gaps = largest_gap(s, body, points, engine);
-  const Farthest protrusions = largest_protrusion(s, tree, body, points, engine);
-  return judge(s, gaps, protrusions, patch_area, mass_by_lines(s.mesh, engine));
-} catch (const padder::Error& e) {
-  std::fprintf(stderr, "audit: %s\n", e.what());
-  return 2;
+  std::mt19937_64 engine(seed);
+  const Farthest gap = largest_gap(s, body, points, engine);
+  const Farthest protrusion = largest_protrusion(s, tree, body, points, engine);
+  Measured m;
+  m.protrusion = protrusion.open * s.diagonal, m.gap = gap.open * s.diagonal;
+  m.gap_anywhere = gap.anywhere * s.diagonal, m.patch_area = patch_area * s.diagonal * s.diagonal;
+  // Moving the mesh into the audit's frame costs some digits. Patches nearer to the input than 1e-7 are left
+  // out.
+  const double rounding = 1e-8 * s.diagonal, left_out = surface ? 1e-7 * s.diagonal : 0;
+  const Accuracy& reported = cluster.accuracy;
+  // Of an open sheet the reported protrusion is a sample, and one sample does not prove another wrong.
+  m.protrusion_holds = reported.proved_against == SurfaceKind::none ||
+                       m.protrusion <= reported.protrusion_max * (1 + 1e-9) + rounding + left_out;
+  m.gap_holds = m.gap <= reported.gap_max * (1 + 1e-9) + rounding;
+  return m;
 }
+
+MassInside mass_inside(const Mesh& mesh, unsigned seed) {
+  std::mt19937_64 engine(seed);
+  const Scaled s = scaled(mesh, mesh, {});
+  const Sums sums = mass_by_lines(s.mesh, engine);
+  MassInside inside;
+  if (!(sums.volume > 0)) return inside;
+  inside.volume = sums.volume * std::pow(s.diagonal, 3);
+  inside.inertia = sums.inertia() * std::pow(s.diagonal, 5);
+  return inside;
+}
+
+}  // namespace padder::audit
