@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "tools/scene_view.h"
+#include "tools/preview/scene_view.h"
 
 #include <charconv>
 #include <cmath>
