@@ -82,7 +82,9 @@ def _write_wheel(wheel_directory, files):
     files[f"{info}/RECORD"] = (record + f"{info}/RECORD,,\n").encode()
     with zipfile.ZipFile(pathlib.Path(wheel_directory) / name, "w", zipfile.ZIP_DEFLATED) as wheel:
         for path, data in files.items():
-            wheel.writestr(path, data)
+            entry = zipfile.ZipInfo(path, (1980, 1, 1, 0, 0, 0))
+            entry.external_attr = (0o100755 if "/scripts/" in path else 0o100644) << 16  # pip keeps what is executable so
+            wheel.writestr(entry, data, zipfile.ZIP_DEFLATED)
     return name
 
 
