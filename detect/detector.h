@@ -148,7 +148,8 @@ struct CallOptions {
   Order order = Order::stable;             // stable: for one backend and path, whatever the number of threads
   Width width = Width::normals;
   // The type of the numbers in the records. They are computed in double and rounded once. One exception: the
-  // grid path of a GPU computes f32 records of float spheres in float, with a relative error of up to 4e-7.
+  // grid path of a GPU computes f32 records in float, with a relative error of up to 4e-7: from float
+  // spheres, or from differences of other spheres that are taken in double.
   Scalar scalar = Scalar::f32;
   Memory output = Memory::host;       // where the list of contacts is to lie
   double bin_size = 0;                // edge of the (finest) cells; 0: chosen by the rule of section 2.2.1

@@ -23,12 +23,13 @@ namespace {
 using Json = nlohmann::ordered_json;
 namespace fs = std::filesystem;
 
+namespace detect = padder::detect;
 using padder::cli::UsageError;
 using padder::settle::Stepper;
 using padder::settle::Watch;
 
 struct Arguments {
-  std::string scene, output, checkpoint, resume, make, cluster;
+  std::string scene, output, checkpoint, resume, make, cluster, backend = "auto";
   std::uint64_t steps = 0, frames = 0, count = 2000, seed = 1;
   double skin = -1;
   int threads = 0;
@@ -58,6 +59,10 @@ void declare(CLI::App& app, Arguments& a) {
       ->check(whole())
       ->check(CLI::Range(0, padder::cli::kMostThreads))
       ->type_name("N");
+  app.add_option("--backend", a.backend,
+                 "auto (a GPU if there is one and the scene is large enough for it), omp or cuda")
+      ->check(CLI::IsMember({"auto", "omp", "cuda"}))
+      ->capture_default_str();
   app.add_option("--skin", a.skin,
                  "keep candidates while nothing has moved half of this length; 0: detect in every step "
                  "(default: chosen; the motion is the same)")
@@ -138,6 +143,7 @@ Json report_of(const Stepper& stepper, const Watch& w, double first_energy, bool
   char hash[17];
   std::snprintf(hash, sizeof hash, "%016llx", (unsigned long long)padder::settle::state_hash(stepper));
   return {
+      {"backend", stepper.backend()},
       {"spheres", s.spheres()},
       {"bodies", s.bodies.size()},
       {"grains", s.grain_radius.size()},
@@ -171,8 +177,9 @@ void print(const Json& r) {
               r["contacts"].get<unsigned long long>(), r["fastest"].get<double>(),
               r["penetration_ratio"].get<double>(), r["energy"]["kinetic"].get<double>(),
               r["at_rest"].get<bool>() ? "; at rest" : "");
-  std::printf("%.2f s, of which %.2f s in %llu detections; state %s\n", seconds, detection,
-              r["detections"].get<unsigned long long>(), r["state"].get<std::string>().c_str());
+  std::printf("%.2f s (%s), of which %.2f s in %llu detections; state %s\n", seconds,
+              r["backend"].get<std::string>().c_str(), detection, r["detections"].get<unsigned long long>(),
+              r["state"].get<std::string>().c_str());
 }
 
 // Where the frames of a run go.
@@ -214,7 +221,11 @@ void show_progress(const Stepper& stepper, std::uint64_t last, bool end) {
 
 int settle(const Arguments& a) {
   padder::settle::SettleScene scene = padder::settle::read_settle_scene(a.scene);
-  Stepper stepper(scene.system, {a.threads, a.skin});
+  using detect::BackendKind;
+  const BackendKind backend = a.backend == "omp"    ? BackendKind::omp
+                              : a.backend == "cuda" ? BackendKind::cuda
+                                                    : BackendKind::automatic;
+  Stepper stepper(scene.system, {a.threads, a.skin, backend});
   if (!a.resume.empty()) padder::settle::read_checkpoint(stepper, a.resume);
   const double whole = std::ceil(scene.duration / scene.system.step - 1e-9);
   if (!(whole < 1e15)) throw padder::Error("the duration is more than 10^15 steps long: give --steps");
@@ -233,8 +244,11 @@ int settle(const Arguments& a) {
   if (wanted > 1) frames.take(stepper);
   std::uint64_t taken = 1;
   while (stepper.steps() < last && !(rest && a.until_rest)) {
-    stepper.step();
-    const std::uint64_t done = stepper.steps() - begun;
+    // To the next look, or the next frame if that is earlier; or to the end.
+    std::uint64_t done = stepper.steps() - begun, until = (done / between + 1) * between;
+    if (wanted > 1) until = std::min(until, (taken * left + intervals - 1) / intervals);
+    stepper.step(std::max(std::min(until, left), done + 1) - done);
+    done = stepper.steps() - begun;
     if (done % between == 0)
       w = guard.check(), rest = at_rest(stepper, w), show_progress(stepper, last, false);
     if (wanted > 1 && done * intervals >= taken * left && stepper.steps() < last)

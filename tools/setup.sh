@@ -13,6 +13,7 @@ packages_mpi=(libopenmpi-dev openmpi-bin libtrilinos-zoltan-dev)  # detect as on
 packages_test=(libgtest-dev dpkg-dev python3-nbclient python3-ipykernel python3 python3-jsonschema python3-dev python3-numpy python3-pytest python3-pip python3-yaml pybind11-dev
                libmujoco-dev liburdfdom-tools zsh fish groff-base clang libclang-rt-dev libomp-dev clang-tidy doxygen universal-ctags chromium chromium-driver "${packages_bench[@]}" "${packages_consumers[@]}" "${packages_mpi[@]}")
 packages_page=(nodejs npm)
+packages_bench+=(libfcl-dev) packages_test+=(libfcl-dev)  # FCL: a peer of bench worlds
 
 say() { printf 'padder: %s\n' "$*" >&2; }
 fail() { say "$*"; exit 1; }

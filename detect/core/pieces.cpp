@@ -22,8 +22,8 @@ double needed(std::span<const Sphere> spheres, const Sphere& center, std::size_t
 
 // Nearly the smallest ball around the spheres (Badoiu and Clarkson, Smaller core-sets for balls, 2003). The
 // centre starts in the middle of the bounding box and moves towards the sphere that stands out farthest, in
-// steps that shrink by a fixed factor. The best centre of all is kept.
-Sphere enclosing_ball(std::span<const Sphere> spheres) {
+// `steps` that shrink by a fixed factor. The best centre of all is kept.
+Sphere enclosing_ball(std::span<const Sphere> spheres, int steps) {
   for (const Sphere& s : spheres)
     if (fault_of(s) != Fault::none) return {NAN, NAN, NAN, NAN};
   double low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY};
@@ -38,7 +38,8 @@ Sphere enclosing_ball(std::span<const Sphere> spheres) {
   std::size_t far = 0;
   best.r = c.r = needed(spheres, c, far);
   double step = c.r / 8;
-  for (int k = 0; k < 150; k++, step *= 0.95) {
+  const double shrink = std::pow(0.95, 150.0 / steps);
+  for (int k = 0; k < steps; k++, step *= shrink) {
     const double d = distance(spheres[far], c), t = d > 0 ? step / d : 0;
     if (t == 0) break;
     const Sphere& s = spheres[far];
@@ -58,7 +59,7 @@ NearSphere near_of(const Sphere& s, const Sphere& ball) {
   return {static_cast<float>((s.x - ball.x) / ball.r), static_cast<float>((s.y - ball.y) / ball.r),
           static_cast<float>((s.z - ball.z) / ball.r), static_cast<float>(s.r / ball.r)};
 }
-// By how much boxes around near spheres are enlarged: coordinates and radii are at most 1, and a
+// By how much balls and boxes around near spheres are enlarged: coordinates and radii are at most 1, and a
 // rounding moves them by 2^-24.
 constexpr float kNearMargin = 0x1p-20f;
 
@@ -108,7 +109,7 @@ bool Pieces::update(std::span<const Shape> shapes) {
            (shapes[k].count == 0 ||
             std::memcmp(&given_[at], shapes[k].spheres, shapes[k].count * sizeof(Sphere)) == 0);
   if (same && !shape_first.empty()) return false;
-  spheres.clear(), numbers.clear(), near.clear(), pieces.clear(), boxes.clear();
+  spheres.clear(), numbers.clear(), near.clear(), pieces.clear(), boxes.clear(), groups.clear();
   shape_first.clear();
   given_.clear(), counts_.clear();
   for (const Shape& shape : shapes) {
@@ -127,17 +128,18 @@ void Pieces::cut(const Shape& shape) {
   std::vector<std::uint32_t> order(shape.count);
   std::iota(order.begin(), order.end(), 0u);
   for_parts(shape, order, kPieceSpheres, [&](std::span<std::uint32_t> piece) {
-    std::sort(piece.begin(), piece.end());
+    for_parts(shape, piece, kGroupSpheres,
+              [](std::span<std::uint32_t> group) { std::sort(group.begin(), group.end()); });
     const auto first = static_cast<std::uint32_t>(spheres.size());
     for (const std::uint32_t k : piece) spheres.push_back(shape.spheres[k]), numbers.push_back(k);
     const auto of_piece = std::span<const Sphere>(spheres).subspan(first);
-    const Sphere ball = enclosing_ball(of_piece);
+    const Sphere ball = enclosing_ball(of_piece, 150);
     pieces.push_back({ball, first, static_cast<std::uint32_t>(piece.size())});
     add_near(of_piece, ball);
   });
 }
 
-// Near spheres and the box of a piece.
+// Near spheres, the box and the groups of a piece.
 void Pieces::add_near(std::span<const Sphere> of_piece, const Sphere& ball) {
   float low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY};
   for (const Sphere& s : of_piece) {
@@ -151,6 +153,24 @@ void Pieces::add_near(std::span<const Sphere> of_piece, const Sphere& ball) {
   for (int k = 0; k < 3; k++)
     box.center[k] = (low[k] + high[k]) / 2, box.half[k] = (high[k] - low[k]) / 2 + kNearMargin;
   boxes.push_back(box);
+  for (std::size_t from = 0; from < kPieceSpheres; from += kGroupSpheres) {
+    NearSphere group{0, 0, 0, 0};  // of no sphere
+    if (from < of_piece.size()) {
+      const std::size_t count = std::min<std::size_t>(kGroupSpheres, of_piece.size() - from);
+      group = near_of(enclosing_ball(of_piece.subspan(from, count), 40), ball);
+      group.r += kNearMargin;
+    }
+    groups.push_back(group);
+  }
+}
+
+double Pieces::group_size(std::uint32_t shape) const {
+  double sum = 0;
+  std::uint64_t count = 0;
+  for (std::uint32_t p = shape_first[shape]; p < shape_first[shape + 1]; p++)
+    for (std::uint32_t g = 0; g < groups_of(pieces[p].count); g++, count++)
+      sum += groups[std::uint64_t(p) * kPieceGroups + g].r;
+  return count ? sum / static_cast<double>(count) : 1;
 }
 
 }  // namespace padder::detect

@@ -13,6 +13,11 @@
 namespace padder::detect {
 
 inline constexpr std::uint32_t kPieceSpheres = 64;  // at most, in a piece
+inline constexpr std::uint32_t kGroupSpheres = 8;   // at most, in a group
+inline constexpr std::uint32_t kPieceGroups = kPieceSpheres / kGroupSpheres;
+PADDER_HD std::uint32_t groups_of(std::uint32_t spheres) {
+  return (spheres + kGroupSpheres - 1) / kGroupSpheres;
+}
 
 // Neighbouring spheres of a shape, and a ball around them in the shape's frame. A faulty sphere makes the
 // ball NaN.
@@ -30,7 +35,9 @@ struct alignas(16) NearBox {
   float center[3], half[3];
 };
 
-// All shapes, cut into pieces by halving along the longest axis. A shape of n spheres costs O(n log n), once.
+// All shapes, cut into pieces by halving along the longest axis, and each piece into groups in the same way:
+// every kGroupSpheres consecutive spheres of a piece are a group. A shape of n spheres costs O(n log n),
+// once.
 class Pieces {
  public:
   // Cuts the shapes into pieces. False if they are the shapes of the previous call, byte for byte: then it
@@ -41,10 +48,12 @@ class Pieces {
   std::vector<std::uint32_t> numbers;  // for each of these spheres, its number in its shape
   std::vector<Piece> pieces;           // of all shapes
   // For each of these spheres and pieces, and at last for a piece of one sphere, which stands for every loose
-  // sphere.
-  std::vector<NearSphere> near;
+  // sphere. Groups: kPieceGroups balls for each piece.
+  std::vector<NearSphere> near, groups;
   std::vector<NearBox> boxes;
   std::vector<std::uint32_t> shape_first;  // the first piece of each shape, and the end
+  // The mean radius of the groups of a shape's pieces, in units of their balls.
+  double group_size(std::uint32_t shape) const;
 
  private:
   void cut(const Shape& shape);
@@ -139,7 +148,9 @@ struct alignas(16) Relative {
             t[2] + m[6] * s.x + m[7] * s.y + m[8] * s.z, s.r * scale + margin};
   }
 };
-PADDER_HD Relative relative(const Stance& a, const Sphere& ball_a, const Stance& b, const Sphere& ball_b) {
+// `reach`: pairs whose gap is at most this shall pass.
+PADDER_HD Relative relative(const Stance& a, const Sphere& ball_a, const Stance& b, const Sphere& ball_b,
+                            double reach = 0) {
   const double unit = 1 / a.radius;
   const float d[3] = {static_cast<float>((ball_b.x - ball_a.x) * unit),
                       static_cast<float>((ball_b.y - ball_a.y) * unit),
@@ -156,7 +167,8 @@ PADDER_HD Relative relative(const Stance& a, const Sphere& ball_a, const Stance&
   const float all = 1 + to.scale + ::fabsf(d[0]) + ::fabsf(d[1]) + ::fabsf(d[2]);
   // A ball of radius 0 has all its spheres in its centre, and nothing is stretched.
   const float stretch_b = b.radius > 0 ? over_b / to.scale : 0;
-  to.margin = (1 + over_a) * (1 + stretch_b) * (4 * (over_a * (1 + to.scale) + over_b) + 0x1p-17f * all);
+  to.margin = (1 + over_a) * (1 + stretch_b) * (4 * (over_a * (1 + to.scale) + over_b) + 0x1p-17f * all) +
+              static_cast<float>(reach * unit * (1 + 0x1p-18));
   return to;
 }
 // Two near spheres of one frame, one of which has the margin of Relative.

@@ -10,15 +10,27 @@
 
 namespace padder::detect {
 
-inline constexpr int kTreeShift = 3;    // log2 of the children of a node
-inline constexpr int kTreeLevels = 11;  // 8^11 > 2^32; level 0 are the elements
-inline constexpr std::uint32_t kNoElement = 0xffffffffu;
-// A world of more elements has them sorted along a space-filling curve, so that nodes are small.
+inline constexpr int kTreeShift = 3;  // log2 of the children of a node
+inline constexpr int kTreeLevels =
+    10;  // level 0 are the elements; 8^10 = 2^30, so that four are on top at most
+// A world of more elements has them sorted along a space-filling curve, so that nodes are small. Smaller ones
+// have no nodes.
 inline constexpr std::uint32_t kSmallWorld = 64;
+
+// The largest float that is not above v, and the smallest that is not below it.
+PADDER_HD float float_below(double v) {
+#ifdef __CUDA_ARCH__
+  return __double2float_rd(v);
+#else
+  const auto f = static_cast<float>(v);
+  return f > v ? std::nextafterf(f, -INFINITY) : f;
+#endif
+}
+PADDER_HD float float_above(double v) { return -float_below(-v); }
 
 // A box that contains all points of a ball, whatever was rounded.
 struct TreeBox {
-  double low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY};
+  float low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY};
 };
 PADDER_HD TreeBox box_of(const Sphere& ball, double reach) {
   TreeBox box;
@@ -26,7 +38,7 @@ PADDER_HD TreeBox box_of(const Sphere& ball, double reach) {
   for (int k = 0; k < 3; k++) {
     // Far more than the roundings of these lines and of the decision in contact.h.
     const double margin = (magnitude(c[k]) + size) * 0x1p-46 + 0x1p-1060;
-    box.low[k] = c[k] - r - margin, box.high[k] = c[k] + r + margin;
+    box.low[k] = float_below(c[k] - r - margin), box.high[k] = float_above(c[k] + r + margin);
   }
   return box;
 }
@@ -36,8 +48,8 @@ PADDER_HD bool overlap(const TreeBox& a, const TreeBox& b) {
 }
 PADDER_HD void include(TreeBox& box, const TreeBox& other) {
   for (int k = 0; k < 3; k++) {
-    box.low[k] = smaller(box.low[k], other.low[k]);
-    box.high[k] = larger(box.high[k], other.high[k]);
+    box.low[k] = box.low[k] < other.low[k] ? box.low[k] : other.low[k];
+    box.high[k] = box.high[k] > other.high[k] ? box.high[k] : other.high[k];
   }
 }
 
@@ -54,23 +66,28 @@ PADDER_HD double signed_distance(const Sphere& a, const Sphere& b) {
   return sub(mul(l.length, l.per_scale), add(a.r, b.r));
 }
 
-// The elements of a scene in their order, and the nodes above them.
+// The elements of a scene in their order, and the nodes above those from `base` on.
 struct WorldTree {
   const Sphere* balls = nullptr;
   const TreeBox* nodes = nullptr;             // level by level from level 1 on; level 0 are the elements
-  std::uint32_t first[kTreeLevels + 1] = {};  // the first node of each level
+  std::uint32_t first[kTreeLevels + 2] = {};  // the first node of each level, and the end
   std::uint32_t levels = 0;                   // the highest level
   std::uint32_t count = 0, every_first = 0;   // elements; the first of kEveryWorld
+  std::uint32_t base = 0;
+  friend bool operator==(const WorldTree&, const WorldTree&) = default;
 };
-// Lays out the nodes above `count` elements. Returns how many there are. A node that would not be full is
-// left out: no walk would visit it.
-inline std::uint32_t lay_out(WorldTree& tree, std::uint32_t count) {
+// Where nodes begin to pay. `largest`: the elements of the largest world but kEveryWorld.
+inline std::uint32_t base_of(std::uint32_t largest, std::uint32_t every_first) {
+  return largest > kSmallWorld ? 0 : every_first;
+}
+// Lays out the nodes above the elements from `base` to `count`. Returns how many there are.
+inline std::uint32_t lay_out(WorldTree& tree, std::uint32_t count, std::uint32_t base) {
   std::uint32_t nodes = 0;
-  tree.count = count, tree.levels = 0;
-  while (count >> kTreeShift) {
-    count >>= kTreeShift;
+  tree.count = count, tree.base = base, tree.levels = 0;
+  for (std::uint64_t below = count - base; below > 1 && tree.levels < kTreeLevels;) {
+    below = (below + (1u << kTreeShift) - 1) >> kTreeShift;
     tree.first[++tree.levels] = nodes;
-    nodes += count;
+    nodes += static_cast<std::uint32_t>(below);
   }
   tree.first[tree.levels + 1] = nodes;
   return nodes;
@@ -78,8 +95,10 @@ inline std::uint32_t lay_out(WorldTree& tree, std::uint32_t count) {
 // The box of node k of a level from 1 on, from its children.
 PADDER_HD TreeBox box_of_node(const WorldTree& tree, std::uint32_t level, std::uint32_t k) {
   TreeBox box;
-  for (std::uint32_t c = k << kTreeShift; c < (k + 1) << kTreeShift; c++)
-    include(box, level == 1 ? box_of(tree.balls[c], 0) : tree.nodes[tree.first[level - 1] + c]);
+  const std::uint32_t children =
+      level == 1 ? tree.count - tree.base : tree.first[level] - tree.first[level - 1];
+  for (std::uint32_t c = k << kTreeShift; c < children && c < (k + 1) << kTreeShift; c++)
+    include(box, level == 1 ? box_of(tree.balls[tree.base + c], 0) : tree.nodes[tree.first[level - 1] + c]);
   return box;
 }
 
@@ -89,26 +108,35 @@ struct TreeWalk {
   std::uint32_t at = 0, end = 0, level = 0;
   bool fresh = true;  // nothing that begins at `at` was looked at yet
 
-  // The next element that is not skipped, or kNoElement.
+  // At most eight consecutive elements that are not skipped.
+  struct Run {
+    std::uint32_t first, end;
+    bool in_node;  // of which meets() was asked last
+  };
+  // The next run. One without elements ends the walk.
   template <class Meets>
-  PADDER_HD std::uint32_t next(const WorldTree& tree, Meets meets) {
+  PADDER_HD Run next(const WorldTree& tree, Meets meets) {
     while (at < end) {
+      const bool below = at < tree.base;  // there are no nodes
+      const std::uint32_t place = at - tree.base;
       if (fresh)
-        for (level = 0, fresh = false; level < tree.levels; level++) {
+        for (level = 0, fresh = false; !below && level < tree.levels; level++) {
           const std::uint32_t size = 1u << (kTreeShift * (level + 1));
-          if ((at & (size - 1)) != 0 || end - at < size) break;
+          if ((place & (size - 1)) != 0 || (end - at < size && end != tree.count)) break;
         }
-      if (level == 0) {
-        fresh = true;
-        return at++;
-      }
-      const std::uint32_t size = 1u << (kTreeShift * level);
-      if (meets(tree.nodes[tree.first[level] + (at >> (kTreeShift * level))], at, at + size))
+      const std::uint32_t first = at, shift = kTreeShift * (level ? level : 1), size = 1u << shift,
+                          to = below ? at + size : at + size - (place & (size - 1)),
+                          next = to < at || to > end ? end : to;
+      const bool meet = level == 0 || meets(tree.nodes[tree.first[level] + (place >> shift)], at, next);
+      if (meet && level > 1) {
         level--;
-      else
-        at += size, fresh = true;
+        continue;
+      }
+      const bool in_node = level == 1;
+      at = next, fresh = true;
+      if (meet) return {first, next, in_node};
     }
-    return kNoElement;
+    return {end, end, false};
   }
 };
 

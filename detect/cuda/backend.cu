@@ -31,25 +31,28 @@ class Work {
       return options.path == Path::grid &&
              (options.bodies == Bodies::first || (options.bodies == Bodies::automatic && automatic_first_));
     };
-    const bool known = options.margin == 0 && bodies_.knows(input) && bodies_first_wanted();
+    // A margin grows the balls of bodies first, which may be loose spheres alone.
+    const bool balls_only = options.margin > 0 && options.path == Path::grid && BodyInput::all_loose(input);
+    const bool known = bodies_.knows(input, options) && (balls_only || bodies_first_wanted());
     check_input(input, true, known || worlds_.knows(input));
-    const bool worlds = !known && wants_worlds(input, options);
-    if (!worlds) worlds_.forget();
+    const bool worlds =
+        options.path == Path::grid && (loose_have_worlds(input) || (!known && have_worlds(input)));
     if (!known && !worlds) automatic_first_ = bodies_first(input, {}, sphere_count(input), tuning::kBallCost);
+    const bool first = !worlds && (balls_only || bodies_first_wanted()),
+               by_tree = worlds || (options.margin > 0 && options.path == Path::grid && !first);
     // Most pairs then stay near their place. The search of spheres sees to that itself.
-    if (options.history && (worlds || bodies_first_wanted())) options.order = Order::stable;
+    if (options.history && (by_tree || first)) options.order = Order::stable;
     const Call call = begin(input, options);
     const PairList before = options.history ? PairList{list_.keep_pairs(), last_count_} : PairList{};
     Contacts c;
     c.memory = options.output, c.width = options.width, c.scalar = options.scalar;
-    bool done = worlds;
-    if (worlds)
-      bodies_.forget(), worlds_.run(call, c);
-    else if (bodies_first_wanted())
-      done = bodies_.run(call, c);
-    else
-      bodies_.forget();
-    if (!done) search_spheres(call, c);
+    if (!by_tree) worlds_.forget();
+    const bool done = first && bodies_.run(call, c);
+    if (!first) bodies_.forget();
+    if (by_tree || (!done && options.margin > 0 && options.path == Path::grid))
+      worlds_.run(call, c);
+    else if (!done)
+      search_spheres(call, c);
     const std::uint32_t* const history = options.history ? match(before, call, c) : nullptr;
     {
       const ProfileRange delivery("padder: deliver the contacts");
@@ -126,9 +129,8 @@ class Work {
     clock_.mark(StageClock::kHistory);
     return found;
   }
-  bool wants_worlds(const Input& input, const CallOptions& options) const {
-    if (options.path != Path::grid) return false;
-    return options.margin > 0 || loose_have_worlds(input) ||
+  bool have_worlds(const Input& input) const {
+    return loose_have_worlds(input) ||
            (worlds_.knows(input) ? worlds_.bodies_have_worlds() : bodies_have_worlds(input));
   }
   Call begin(const Input& input, const CallOptions& options) {

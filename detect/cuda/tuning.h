@@ -27,6 +27,10 @@ inline constexpr std::uint32_t kBucketShared = 226 * 1024;
 // two_heaps 0.235, 0.262.
 inline constexpr double kHashedBucket = 0.6;
 
+// How often buckets are halved on average before another way is tried, since some overflow. No row of its
+// own: beyond, blocks have so few spheres that a sort is no slower.
+inline constexpr int kMostCrowding = 2;
+
 // Up to so many spheres, buckets and the blocks that put them in order are half as large, two a processor.
 // Without it dense and dilute 1e6 take 6 % more, poly100 3e5 5 %. Fewer processors move it down.
 inline constexpr std::uint32_t kHalvedBuckets = 3'000'000;
@@ -65,6 +69,11 @@ inline constexpr double kBallCost = 0.75;
 // Up to so many elements, the balls are tested each with each, without a grid. Rows "1000 at 0.6" of
 // `bench piles`: a grid leaves most of the GPU without work there. Fewer processors move it down.
 inline constexpr std::uint32_t kAllPairsElements = 6144;
+
+// The narrow phase goes by groups of spheres where their balls are smaller than this, in radii of the pieces'
+// balls. Rows of docs/experiments/bodies.md: shells of 64 spheres (0.72) lose a fourth by groups, padded
+// shoes (0.39) gain a fifth.
+inline constexpr double kSmallGroups = 0.55;
 
 // Blocks a processor of the narrow phase; and of the two kernels that write the contacts of a stable order:
 // with an offset for each batch, and with sums of their own. Rows "1e5 bodies of 64" of the table of bodies.

@@ -62,7 +62,8 @@ std::array<std::uint64_t, kExponents> exponents_of(const View<T>& spheres, int t
     std::array<std::uint64_t, kExponents> mine{};
 #pragma omp for schedule(static) nowait
     for (std::int64_t k = 0; k < static_cast<std::int64_t>(spheres.count); k++)
-      mine[static_cast<std::size_t>(exponent_of(need_of(spheres[static_cast<std::uint64_t>(k)])) + 1023)]++;
+      mine[static_cast<std::size_t>(exponent_of(need_of(spheres.searched(static_cast<std::uint64_t>(k)))) +
+                                    1023)]++;
 #pragma omp critical
     for (int e = 0; e < kExponents; e++)
       all[static_cast<std::size_t>(e)] += mine[static_cast<std::size_t>(e)];
@@ -79,7 +80,7 @@ void count_octaves(const View<T>& spheres, int threads, Summary& s) {
     Summary mine;
 #pragma omp for schedule(static) nowait
     for (std::int64_t k = 0; k < static_cast<std::int64_t>(spheres.count); k++) {
-      const Sphere p = spheres[static_cast<std::uint64_t>(k)];
+      const Sphere p = spheres.searched(static_cast<std::uint64_t>(k));
       const double need = need_of(p), c[3] = {p.x, p.y, p.z};
       Summary::Octave& o = mine.octave[octave_of(top, need)];
       o.count++, o.need_max = std::max(o.need_max, need), o.radius_max = std::max(o.radius_max, p.r);
@@ -139,6 +140,7 @@ Summary summarize(const View<T>& spheres, int threads) {
     }
   }
   if (n == 0 || s.first_fault != ~std::uint64_t(0)) return s;
+  s.radius_max += spheres.grown_by, s.radius_min += spheres.grown_by;
   for (int a = 0; a < 3; a++) s.extent = std::max({s.extent, std::abs(s.low[a]), std::abs(s.high[a])});
   // need_of is the larger of two terms, each of which grows with its argument, so its largest value follows
   // from the largest coordinate and the largest radius.
@@ -241,13 +243,13 @@ class OmpBackend final : public Backend {
   // A call by any path. `arrays`: null, or where the arrays of the nine stages go.
   Contacts any(const Input& input, const CallOptions& options, Arrays* arrays) {
     begin(options);
-    const bool known = !arrays && options.margin == 0 && options.path == Path::grid &&
-                       options.bodies != Bodies::expanded && kept_->bodies.knows(input) &&
+    const bool known = !arrays && options.path == Path::grid && options.bodies != Bodies::expanded &&
+                       kept_->bodies.knows(input, options.margin) &&
                        (options.bodies == Bodies::first || automatic_first_);
     check_input(input, false, known);
     const std::uint64_t n = known ? kept_->bodies.body_spheres() + input.spheres.count : sphere_count(input);
     choose_threads(options, known ? kept_->bodies.work() : n);
-    if (!known && options.path == Path::grid && (options.margin > 0 || has_worlds(input))) {
+    if (!known && options.path == Path::grid && has_worlds(input)) {
       kept_->bodies.forget();
       Contacts c;
       kept_->worlds.run(input, options, threads_, kept_->records, c.seconds);
@@ -332,8 +334,9 @@ class OmpBackend final : public Backend {
   }
 
   template <class T>
-  Contacts run(const omp::View<T>& spheres, const Input& input, const CallOptions& options, Arrays* arrays) {
+  Contacts run(omp::View<T> spheres, const Input& input, const CallOptions& options, Arrays* arrays) {
     omp::Stopwatch watch;
+    if (options.path == Path::grid) spheres.grown_by = options.margin / 2;
     Contacts c;
     if (!input.bodies.empty()) c.seconds.place = place_seconds_;
     const Summary summary = omp::summarize(spheres, threads_);

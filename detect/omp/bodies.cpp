@@ -30,6 +30,11 @@ void test(const Sphere& s, const double* x, const double* y, const double* z, co
   if (s.r >= kSmallSum) return test_unscaled(s, x, y, z, r, n, hit);
   for (std::uint32_t k = 0; k < n; k++) hit[k] = touching(s, {x[k], y[k], z[k], r[k]});
 }
+// Which have a gap of at most `margin` to s?
+PADDER_CLONES void test_margin(const Sphere& s, double margin, const double* x, const double* y,
+                               const double* z, const double* r, std::uint32_t n, std::uint8_t* hit) {
+  for (std::uint32_t k = 0; k < n; k++) hit[k] = touching(s, {x[k], y[k], z[k], r[k]}, margin);
+}
 
 // The bytes that are set, as bits; at most 64.
 std::uint64_t bits_of(const std::uint8_t* set, std::uint32_t count) {
@@ -89,7 +94,8 @@ void BodySearch::read_bodies(const Input& input, bool known) {
 }
 
 // Computes the balls, families and masks of the elements; those of static elements only if the revision is
-// new. False if the ball of a static element is faulty.
+// new. False if the ball of a static element is faulty. Balls are larger by half of the margin: so they touch
+// where spheres in them may have a gap of no more than it, and the sieve lets those pass.
 bool BodySearch::place(const Input& input, bool known, int threads) {
   const std::uint64_t all = assembly_.elements.size(), n = known ? assembly_.moving : all;
   Sphere* balls = balls_.resize(all, "the balls about bodies");
@@ -97,6 +103,8 @@ bool BodySearch::place(const Input& input, bool known, int threads) {
   std::uint32_t* mask = mask_.resize(all, "masks");
   std::uint32_t* owner = owner_.resize(all, "the bodies of spheres");
   const Spheres& s = input.spheres;
+  // More than half, by far more than the decisions about it round.
+  const double grown_by = 0.5 * margin_ * (1 + 0x1p-40);
 #pragma omp parallel for schedule(static) num_threads(threads)
   for (std::int64_t k = 0; k < static_cast<std::int64_t>(n); k++) {
     const Element e = assembly_.elements[static_cast<std::size_t>(k)];
@@ -109,6 +117,7 @@ bool BodySearch::place(const Input& input, bool known, int threads) {
       balls[k] = ball_of(body, assembly_.pieces.pieces[e.piece]);
       family[k] = body.family, mask[k] = body.mask, owner[k] = owner_of(e.body, body.is_static);
     }
+    balls[k].r += grown_by;
   }
   if (known) return true;
   if (!table_.build({balls + assembly_.moving, all - assembly_.moving}, assembly_.moving)) return false;
@@ -228,7 +237,10 @@ void BodySearch::test_pair(std::uint64_t k, const CallOptions& options, Survivor
   for (std::uint32_t i = 0; i < a.count; i++) {
     const Sphere s = a[i];
     std::uint8_t hit[kPieceSpheres] = {};
-    test(s, b.x, b.y, b.z, b.r, b.count, hit);
+    if (options.margin > 0)
+      test_margin(s, options.margin, b.x, b.y, b.z, b.r, b.count, hit);
+    else
+      test(s, b.x, b.y, b.z, b.r, b.count, hit);
     for (std::uint64_t left = bits_of(hit, b.count); left; left &= left - 1) {
       const auto j = static_cast<std::uint32_t>(std::countr_zero(left));
       if (bounded) {
@@ -259,16 +271,17 @@ void BodySearch::write(const CallOptions& options, int threads, Records& records
   }
 }
 
-bool BodySearch::knows(const Input& input) const {
+bool BodySearch::knows(const Input& input, double margin) const {
   return input.revision != 0 && input.revision == revision_ && input.bodies.size() == bodies_.size() &&
-         input.spheres.count == known_loose_;
+         input.spheres.count == known_loose_ && margin == margin_;
 }
 
 bool BodySearch::run(const Input& input, const CallOptions& options, int threads, Records& records,
                      Seconds& seconds) {
   Stopwatch watch;
-  const bool known = knows(input);
+  const bool known = knows(input, options.margin);
   revision_ = 0;  // set at the end, if nothing throws
+  margin_ = options.margin;
   spheres_ = &input.spheres;
   read_bodies(input, known);
   if (!place(input, known, threads)) return false;

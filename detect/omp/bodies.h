@@ -15,7 +15,8 @@ class BodySearch {
   // Writes all contacts to `records`. False if something is wrong with a pose, a sphere or the range of
   // coordinates; then the spheres must be expanded, so that each can be checked.
   bool run(const Input& input, const CallOptions& options, int threads, Records& records, Seconds& seconds);
-  bool knows(const Input& input) const;  // is its revision that of the previous call?
+  // Is its revision that of the previous call, which had this margin?
+  bool knows(const Input& input, double margin) const;
   // The work of a call with a known revision, in spheres that are searched one by one. A moving piece counts
   // for more than one, because its ball touches some others and then its spheres are tested.
   std::uint64_t work() const {
@@ -73,7 +74,7 @@ class BodySearch {
   std::uint64_t revision_ = 0, known_loose_ = 0;
   Assembly assembly_;
   StaticTable table_;
-  double static_extent_ = 0;
+  double static_extent_ = 0, margin_ = 0;
   std::vector<Body> bodies_;  // at their poses of this call
   const Spheres* spheres_ = nullptr;
   GridPath grid_path_;

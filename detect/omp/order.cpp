@@ -43,7 +43,7 @@ struct CountingSort {
     const int by = shift;
     if (grid.levels == 1) return find_keys_of_one_level(begin, end, count);
     for (std::uint64_t i = begin; i < end; i++) {
-      const Sphere s = spheres[i];
+      const Sphere s = spheres.searched(i);
       const int level = level_of(grid, s);
       const std::uint32_t key = level_keys[level].key(bin_of(grid.level[level], s));
       keys[i] = key;
@@ -111,10 +111,12 @@ struct CountingSort {
       const std::uint32_t id = entries[k].id, at = place[entries[k].key - low]++;
       const Sphere s = spheres[id];
       if (exact_spheres) exact_spheres[at] = s;
-      if constexpr (std::is_same_v<Slot, FloatSlot>)
+      if constexpr (std::is_same_v<Slot, FloatSlot>) {
         slots.set(at, float_slot(s));
-      else
-        slots.set(at, fixed_point_slot(grid.level[level_of(grid, s)], s));
+      } else {
+        const Sphere searched = spheres.searched(id);
+        slots.set(at, fixed_point_slot(grid.level[level_of(grid, searched)], searched));
+      }
       ids[at] = id, keys[at] = entries[k].key;
       if (filters) filters[at] = spheres.filter(id);
     }
@@ -214,7 +216,9 @@ std::uint64_t GridPath::search_and_write(const Grid& grid, const CallOptions& op
 template <class T>
 std::uint64_t GridPath::run(const View<T>& spheres, const Summary& summary, const CallOptions& options,
                             int threads, Records& records, Seconds& seconds) {
-  const bool floats = sizeof(T) == sizeof(float) && float_range(summary.extent, summary.radius_max);
+  // Fixed-point slots have the spheres as they were given beside them, which a margin needs.
+  const bool floats =
+      sizeof(T) == sizeof(float) && spheres.grown_by == 0 && float_range(summary.extent, summary.radius_max);
   double shrink[kOctaves];
   std::fill_n(shrink, kOctaves, 1.0);
   Grid grid = choose_levels(summary, options.bin_size, shrink);

@@ -111,7 +111,8 @@ class Searcher {
         filters_(filters),
         found_(found),
         hits_(hits),
-        exact_(options.precision == Precision::exact),
+        exact_(options.precision == Precision::exact || options.margin > 0),
+        margin_(options.margin),
         cross_searches_(cross_searches) {
     for (int k = 0; k < 3; k++) confirms_ |= own_.low[k] > -INFINITY || own_.high[k] < INFINITY;
     bounded_ = confirms_;
@@ -183,7 +184,8 @@ class Searcher {
   void search_level(int level, std::uint32_t a) {
     const Level& l = grid_.level[level];
     const LevelKeys& keys = level_keys_[level];
-    const Sphere s = exact_sphere(a);
+    Sphere s = exact_sphere(a);
+    s.r += margin_ / 2;
     // A sphere this far out has no bin number. The spheres of this level are nearer (need_of), and cannot
     // touch it.
     if (larger(larger(magnitude(s.x), magnitude(s.y)), magnitude(s.z)) > 0x1p43 * l.size) return;
@@ -307,7 +309,7 @@ class Searcher {
         const Measured m = measured(me, slots_[b]);
         if (verdict<Slot>(m) == Verdict::doubt) {
           doubtful_++;
-          if (exact_ ? !touching(exact_sphere(a), exact_sphere(b)) : m.d2 > m.s2) continue;
+          if (exact_ ? !touching(exact_sphere(a), exact_sphere(b), margin_) : m.d2 > m.s2) continue;
         }
       }
       hits[kept++] = b;
@@ -327,6 +329,7 @@ class Searcher {
   Hits& hits_;
   const Kernels<Slot> kernels_ = kernels_for_this_machine<Slot>();
   bool exact_, bounded_ = false, confirms_ = false;
+  double margin_;
   Run runs_[10] = {};  // a run of each of five rows, or two at the end of a ring
   int run_count_ = 0;
   Run rows_[kRows + kLanes];

@@ -143,18 +143,14 @@ void WorldSearch::check_elements(const Input& input, const CallOptions& options)
   check_range(summary, options);
 }
 
-void WorldSearch::order_along_curve(int threads) {
+// The place of each element that is given, on a curve through all of them.
+void WorldSearch::place_on_curve_all(int threads) {
   const std::uint32_t n = tree_.count;
   std::uint64_t* curve = curve_.resize(n, "sorting");
   const CurveBox box = curve_box(balls_given_.data(), n);
 #pragma omp parallel for schedule(static) num_threads(threads)
   for (std::int64_t k = 0; k < static_cast<std::int64_t>(n); k++)
     curve[k] = place_on_curve(box, balls_given_[static_cast<std::uint64_t>(k)]);
-  const std::uint32_t* world = worlds_given_.data();
-  std::sort(order_.data(), order_.data() + n, [=](std::uint32_t a, std::uint32_t b) {
-    if (world[a] != world[b]) return world[a] < world[b];
-    return curve[a] != curve[b] ? curve[a] < curve[b] : a < b;
-  });
 }
 
 // Orders the elements by world, and those of large worlds along a curve.
@@ -166,17 +162,23 @@ void WorldSearch::order(int threads) {
   std::iota(order, order + n, 0u);
   if (!std::is_sorted(given, given + n))
     std::stable_sort(order, order + n, [=](std::uint32_t a, std::uint32_t b) { return given[a] < given[b]; });
-  std::uint32_t largest = 0;
-  for (std::uint32_t first = 0, k = 0; first < n; first = k) {
-    while (k < n && given[order[k]] == given[order[first]]) k++;
-    largest = std::max(largest, k - first);
-  }
-  if (largest > kSmallWorld) order_along_curve(threads);
   for (std::uint32_t k = n; k-- > 0;) {
     worlds[k] = given[order[k]];
     end[k] = k + 1 < n && worlds[k + 1] == worlds[k] ? end[k + 1] : k + 1;
   }
+  std::uint32_t largest = 0;  // but for kEveryWorld
+  bool placed = false;
+  for (std::uint32_t first = 0; first < n; first = end[first]) {
+    if (worlds[first] != kEveryWorld) largest = std::max(largest, end[first] - first);
+    if (end[first] - first <= kSmallWorld) continue;
+    if (!placed) place_on_curve_all(threads), placed = true;
+    const std::uint64_t* curve = curve_.data();
+    std::sort(order + first, order + end[first], [=](std::uint32_t a, std::uint32_t b) {
+      return curve[a] != curve[b] ? curve[a] < curve[b] : a < b;
+    });
+  }
   tree_.every_first = static_cast<std::uint32_t>(std::lower_bound(worlds, worlds + n, kEveryWorld) - worlds);
+  tree_.base = base_of(largest, tree_.every_first);
 }
 
 void WorldSearch::build_tree(int threads) {
@@ -198,7 +200,7 @@ void WorldSearch::build_tree(int threads) {
       filters[k] = {body.family, body.mask, owner_of(e.body, body.is_static)};
     }
   }
-  const std::uint32_t all = lay_out(tree_, n);
+  const std::uint32_t all = lay_out(tree_, n, tree_.base);
   TreeBox* nodes = nodes_.resize(all, "the tree of worlds");
   tree_.balls = balls, tree_.nodes = nodes;
   for (std::uint32_t level = 1; level <= tree_.levels; level++) {
@@ -275,11 +277,13 @@ bool WorldSearch::search(std::uint32_t e, const CallOptions& options, const doub
   for (TreeWalk& walk : walks)
     for (;;) {
       if (reach < reach_of_box) box = box_of(balls_[e], reach_of_box = reach);
-      const std::uint32_t k = walk.next(
+      const TreeWalk::Run run = walk.next(
           tree_, [&](const TreeBox& node, std::uint32_t, std::uint32_t) { return overlap(box, node); });
-      if (k == kNoElement) break;
-      if (!near_each_other(balls_[e], balls_[k], reach) || !admitted(filters_[e], filters_[k])) continue;
-      if (!test_pair(e, k, options, reach, of_a, of_b, found)) return false;
+      if (run.first == run.end) break;
+      for (std::uint32_t k = run.first; k < run.end; k++) {
+        if (!near_each_other(balls_[e], balls_[k], reach) || !admitted(filters_[e], filters_[k])) continue;
+        if (!test_pair(e, k, options, reach, of_a, of_b, found)) return false;
+      }
     }
   return true;
 }

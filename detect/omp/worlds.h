@@ -49,7 +49,7 @@ class WorldSearch {
   void read(const Input& input, const CallOptions& options, int threads);
   void read_elements(const Input& input, int threads);
   void order(int threads);
-  void order_along_curve(int threads);
+  void place_on_curve_all(int threads);
   void build_tree(int threads);
   void make_parts(std::uint32_t end);
   void check_worlds(const Input& input, std::uint32_t worlds) const;

@@ -202,6 +202,63 @@ TEST(Worlds, AMarginAloneNeedsNoWorld) {
     }
 }
 
+// What a call keeps of loose spheres does not outlive them: they move, become more or fewer, get families, or
+// some stand still.
+TEST(Worlds, LooseSpheresWithAMarginFromCallToCall) {
+  for (const BackendKind backend : backends()) {
+    std::mt19937_64 random(8);
+    CallOptions o;
+    Detector detector({backend, 0}, o);
+    for (std::uint32_t step = 0; step < 24; step++) {
+      SCOPED_TRACE("step " + std::to_string(step));
+      World w = random_worlds(50 + step / 8, 1, 0, step % 8 < 5 ? 500 : 50 * step);
+      for (Sphere& s : w.loose) s.x += 0.1 * step;
+      w.world.clear();
+      Input in = w.input();
+      in.spheres.world = nullptr;
+      if (step % 4 != 3) in.spheres.is_static = nullptr;
+      if (step % 3 == 0) in.spheres.family = nullptr, in.spheres.mask = nullptr;
+      detector.options().margin = step % 5 == 4 ? 0 : 0.02 * (step / 3);
+      detector.options().order = step % 2 ? Order::any : Order::stable;
+      EXPECT_EQ(sorted(detector.detect(in).pair_span()), oracle(in, detector.options()));
+    }
+  }
+}
+
+// Bodies of one world: searched first, expanded, in a revision in which the margin changes, and moved.
+TEST(Worlds, AMarginHoldsHoweverBodiesAreSearched) {
+  for (const BackendKind backend : backends())
+    for (const Bodies bodies : {Bodies::first, Bodies::expanded, Bodies::automatic})
+      for (const double scale : {1.0, 1e-150, 1e60}) {
+        World w = random_worlds(17, 1, 25, 120);
+        w.world.clear();
+        for (Body& b : w.bodies) b.world = 0;
+        for (auto& spheres : w.shape_spheres)
+          for (Sphere& s : spheres) s = {s.x * scale, s.y * scale, s.z * scale, s.r * scale};
+        for (Sphere& s : w.loose) s = {s.x * scale, s.y * scale, s.z * scale, s.r * scale};
+        for (Body& b : w.bodies)
+          for (double& c : b.position) c *= scale;
+        std::mt19937_64 random(3);
+        CallOptions o;
+        o.width = Width::pairs, o.bodies = bodies;
+        Detector detector({backend, 0}, o);
+        std::uint32_t step = 0;
+        for (const double margin : {0.0, 0.2, 0.2, 1e-9, 0.0, 6.0, 0.2, 0.2}) {
+          SCOPED_TRACE("step " + std::to_string(step) + ", scale " + std::to_string(scale));
+          CallOptions& now = detector.options();
+          now.margin = margin * scale, now.order = step % 2 ? Order::any : Order::stable, now.own = {};
+          if (step % 3 == 1) now.own.low[0] = scale, now.own.high[1] = 3 * scale;
+          const std::vector<std::uint32_t> moved{step, step + 7};
+          for (const std::uint32_t b : moved)
+            if (!w.bodies[b].is_static) turn(random, w.bodies[b]), w.bodies[b].position[1] += 0.1 * scale;
+          Input in = w.input();
+          in.spheres.world = nullptr, in.revision = step < 5 ? 1 : 0, in.moved = moved;
+          EXPECT_EQ(sorted(detector.detect(in).pair_span()), oracle(in, now));
+          step++;
+        }
+      }
+}
+
 TEST(Worlds, IdsMayBeAny32BitNumbersAndAnArrayOrOneForAll) {
   const double centers[] = {0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0}, radius = 1;
   const std::uint32_t world[] = {4000000000u, 5, 4000000000u, kEveryWorld};
@@ -446,28 +503,30 @@ TEST(Worlds, EmptyScenesHaveEmptyAnswers) {
 TEST(WorldTree, AWalkVisitsEverythingThatABoxMeetsOnceAndInOrder) {
   std::mt19937_64 random(9);
   std::uniform_real_distribution<double> unit(0, 1);
-  for (const std::uint32_t n : {0u, 1u, 7u, 8u, 9u, 64u, 700u}) {
+  for (const std::uint32_t n : {0u, 1u, 7u, 8u, 9u, 64u, 65u, 700u, 4097u}) {
     std::vector<Sphere> balls;
     for (std::uint32_t k = 0; k < n; k++)
       balls.push_back({k * 0.1 + unit(random), unit(random), unit(random), 0.2 * unit(random)});
     WorldTree tree;
-    std::vector<TreeBox> nodes(lay_out(tree, n));
+    std::vector<TreeBox> nodes(lay_out(tree, n, static_cast<std::uint32_t>(random() % (n + 1))));
     tree.balls = balls.data(), tree.nodes = nodes.data();
     for (std::uint32_t level = 1; level <= tree.levels; level++)
       for (std::uint32_t k = tree.first[level]; k < tree.first[level + 1]; k++)
         nodes[k] = box_of_node(tree, level, k - tree.first[level]);
     for (int again = 0; again < 100; again++) {
       const auto begin = static_cast<std::uint32_t>(random() % (n + 1)),
-                 end = begin + static_cast<std::uint32_t>(random() % (n - begin + 1));
+                 end = again % 2 ? n : begin + static_cast<std::uint32_t>(random() % (n - begin + 1));
       const TreeBox box = box_of({n * 0.1 * unit(random), unit(random), unit(random), 0.5}, 0.1);
       TreeWalk walk{begin, end};
       const auto meets = [&](const TreeBox& node, std::uint32_t, std::uint32_t) {
         return overlap(box, node);
       };
       std::uint32_t expected = begin;
-      for (std::uint32_t k; (k = walk.next(tree, meets)) != kNoElement;) {
-        for (; expected < k; expected++) EXPECT_FALSE(overlap(box, box_of(balls[expected], 0)));
-        EXPECT_EQ(k, expected++);
+      for (TreeWalk::Run run; (run = walk.next(tree, meets)).first < run.end;) {
+        for (; expected < run.first; expected++) EXPECT_FALSE(overlap(box, box_of(balls[expected], 0)));
+        EXPECT_EQ(run.first, expected);
+        EXPECT_LE(run.end, std::min(end, run.first + 8));
+        expected = run.end;
       }
       for (; expected < end; expected++) EXPECT_FALSE(overlap(box, box_of(balls[expected], 0)));
     }

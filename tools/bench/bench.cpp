@@ -29,12 +29,13 @@ const std::vector<Entry>& entries() {
       {"bodies", "the rows of scaling that are made of bodies, and a few that move among many", bodies},
       {"scenes", "sparse and uneven scenes beside dense, standing and (--moving) moving", scenes},
       {"piles", "piles of padded bodies, from those that barely touch to packed ones", piles},
-      {"worlds", "many worlds in one call, and answers for each: beside Bullet on the CPU", worlds},
+      {"worlds", "many worlds in one call, and answers for each: beside Bullet and FCL on the CPU", worlds},
       {"stages", "milliseconds of each stage, the nine stages and the fast path", stages},
       {"boxes", "time against contacts on one and several GPUs, the paper's Fig. 27", boxes},
       {"table3", "a step of a settled silo beside the paper's Table 3, its Figs. 29 and 30", table3},
 #ifdef PADDER_BENCH_PADDING
       {"frontier", "spheres against error of meshes, the paper's fit beside ours", frontier},
+      {"shoe", "speed against error: a part padded at six tolerances, dropped on gravel", shoe},
 #endif
       {"draw", "no measurement: the plots of such benches, from the JSON files they wrote", draw_files},
       {"compare", "no measurement: the times of two such JSON files; fails when the second is slower",
@@ -98,19 +99,24 @@ int main(int argc, char** argv) {
   Settings s;
   bool list = false;
   app.add_option("NAME", name, "which bench");
-  app.add_option(
-      "FILE", s.files,
-      "meshes (frontier), clusters (piles; of an arm's links: worlds), JSON files that benches wrote "
-      "(draw, compare)");
+  app.add_option("FILE", s.files,
+                 "meshes (frontier; shoe: one), clusters (piles; of an arm's links: worlds), JSON files that "
+                 "benches wrote "
+                 "(draw, compare)");
   app.add_flag("--list", list, "name the benches");
   app.add_option("--spheres", s.spheres, "sizes, instead of the bench's own")
       ->delimiter(',')
       ->type_name("N,N,...");
-  app.add_option("--scene", s.scene, "one generated scene only (scaling, boxes); this one and dense (scenes)")
+  app.add_option("--scene", s.scene,
+                 "one generated scene only (scaling, boxes); this one and dense (scenes); clumps of three "
+                 "spheres instead of grains (table3)")
       ->type_name("NAME");
   app.add_flag("--moving", s.moving, "measure a scene in motion as well (scenes)");
   app.add_flag("--stable", s.stable, "a list of stable order (scenes)");
   app.add_flag("--history", s.history, "measure a list with a history as well (scenes)");
+  app.add_option("--margin", s.margin, "measure with a margin of so many mean radii as well (scenes)")
+      ->type_name("X")
+      ->check(CLI::Range(0, 1000));
   app.add_option("--backend", s.backend, "auto (each that is there, the default), omp or cuda")
       ->type_name("WHICH")
       ->check(CLI::IsMember({"auto", "omp", "cuda"}));

@@ -27,6 +27,7 @@ struct Settings {
   int repeat = 5;                       // measured calls after a warm-up; the median counts
   double within = 0.03;                 // compare: how much slower a time may be, as a fraction
   bool moving = false, stable = false;  // scenes: spheres move between calls as well; a stable order
+  double margin = 0;                    // scenes: measured as well, in mean radii
   bool history = false;                 // scenes: the same with a history as well
   bool json = false, quiet = false;
   std::filesystem::path folder;  // empty: no files
@@ -46,6 +47,7 @@ Json boxes(const Settings&);       // boxes.cpp
 Json worlds(const Settings&);      // worlds.cpp
 Json table3(const Settings&);      // table3.cpp
 Json frontier(const Settings&);    // frontier.cpp; only where padder::padding is built
+Json shoe(const Settings&);        // shoe/shoe.cpp; the same
 Json draw_files(const Settings&);  // draw.cpp; no measurement: the plots of documents
 Json compare(const Settings&);     // compare.cpp; no measurement: two documents; "passed" tells the outcome
 

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <map>
 #include <memory>
+#include <span>
 
 #include "detect/boxes/resident_detector.h"
 #include "padding/asset/error.h"
@@ -87,51 +88,41 @@ void must(cudaError_t e, const char* what) {
   if (e != cudaSuccess) throw Error(std::string("CUDA failed to ") + what + ": " + cudaGetErrorString(e));
 }
 
-// Parts of a scene, one for each GPU, that lie one after the other in host memory, and copies on the GPUs.
+// Parts of a scene, one for each GPU, that lie one after the other in host memory.
 class Parts {
  public:
-  // Each part has the spheres of its GPU's box; before there are boxes, equal numbers of spheres.
-  Parts(const Scene& scene, const detect::ResidentDetector& detector, bool boxes) : all_(scene.size()) {
-    const std::size_t n = detector.devices();
-    std::vector<std::uint64_t> first(n + 1, 0);
-    if (!boxes) {
-      all_ = scene;
-      for (std::size_t k = 0; k <= n; k++) first[k] = scene.size() * k / n;
-    } else {
-      std::vector<std::uint8_t> box(scene.size());
-      for (std::size_t k = 0; k < scene.size(); k++) {
-        const FloatSphere& s = scene[k];
-        for (std::size_t b = 0; b < n; b++)
-          if (owns(detector.region(b), {s.x, s.y, s.z})) box[k] = static_cast<std::uint8_t>(b);
-        first[box[k] + 1u]++;
-      }
-      for (std::size_t b = 0; b < n; b++) first[b + 1] += first[b];
-      std::vector<std::uint64_t> next(first.begin(), first.end() - 1);
-      for (std::size_t k = 0; k < scene.size(); k++) all_[next[box[k]]++] = scene[k];
-    }
-    for (std::size_t k = 0; k < n; k++) host.push_back(view(all_.data() + first[k], first[k + 1] - first[k]));
-  }
   ~Parts() {
-    for (std::size_t k = 0; k < copies_.size(); k++) cudaSetDevice(static_cast<int>(k)), cudaFree(copies_[k]);
     if (pinned_) cudaHostUnregister(all_.data());
-    cudaSetDevice(0);
   }
+  Parts() = default;
   Parts(const Parts&) = delete;
   Parts& operator=(const Parts&) = delete;
 
-  void copy_to_gpus() {
-    for (std::size_t k = 0; k < host.size(); k++) {
-      const std::size_t bytes = host[k].count * sizeof(FloatSphere);
-      must(cudaSetDevice(static_cast<int>(k)), "choose a GPU");
-      must(cudaMalloc(&copies_.emplace_back(nullptr), bytes + 16), "allocate the spheres");
-      must(cudaMemcpy(copies_[k], host[k].centers, bytes, cudaMemcpyHostToDevice), "copy the spheres");
-      must(cudaDeviceSynchronize(), "copy the spheres");
-      Spheres s = host[k];
-      s.memory = detect::Memory::device;
-      s.centers = copies_[k], s.radii = static_cast<const float*>(copies_[k]) + 3;
-      device.push_back(s);
+  // Each part gets equal numbers of spheres.
+  void share(const Scene& scene, const detect::ResidentDetector& detector) {
+    all_ = scene;
+    std::vector<std::uint64_t> first;
+    for (std::size_t k = 0; k <= detector.devices(); k++)
+      first.push_back(scene.size() * k / detector.devices());
+    make_views(first);
+  }
+  // Each part gets the spheres of its GPU's box.
+  void share_by_box(const Scene& scene, const detect::ResidentDetector& detector) {
+    const std::size_t n = detector.devices();
+    std::vector<std::uint8_t> box(scene.size());
+#pragma omp parallel for schedule(static)
+    for (std::size_t k = 0; k < scene.size(); k++) {
+      const FloatSphere& s = scene[k];
+      for (std::size_t b = 0; b < n; b++)
+        if (owns(detector.region(b), {s.x, s.y, s.z})) box[k] = static_cast<std::uint8_t>(b);
     }
-    cudaSetDevice(0);
+    std::vector<std::uint64_t> first(n + 1, 0);
+    for (const std::uint8_t b : box) first[b + 1u]++;
+    for (std::size_t b = 0; b < n; b++) first[b + 1] += first[b];
+    all_.resize(scene.size());
+    std::vector<std::uint64_t> next(first.begin(), first.end() - 1);
+    for (std::size_t k = 0; k < scene.size(); k++) all_[next[box[k]]++] = scene[k];
+    make_views(first);
   }
   void pin() {
     must(cudaHostRegister(all_.data(), all_.size() * sizeof(FloatSphere), cudaHostRegisterPortable),
@@ -139,13 +130,48 @@ class Parts {
     pinned_ = true;
   }
   const Scene& all() const { return all_; }
-
-  std::vector<Spheres> host, device;
+  const std::vector<Spheres>& views() const { return views_; }
 
  private:
+  void make_views(const std::vector<std::uint64_t>& first) {
+    views_.clear();
+    for (std::size_t k = 0; k + 1 < first.size(); k++)
+      views_.push_back(view(all_.data() + first[k], first[k + 1] - first[k]));
+  }
+
   Scene all_;
-  std::vector<void*> copies_;
+  std::vector<Spheres> views_;
   bool pinned_ = false;
+};
+
+// Copies of the parts, one on each GPU.
+class OnGpus {
+ public:
+  explicit OnGpus(std::span<const Spheres> parts) {
+    for (std::size_t k = 0; k < parts.size(); k++) {
+      const std::size_t bytes = parts[k].count * sizeof(FloatSphere);
+      must(cudaSetDevice(static_cast<int>(k)), "choose a GPU");
+      must(cudaMalloc(&copies_.emplace_back(nullptr), bytes + 16), "allocate the spheres");
+      must(cudaMemcpy(copies_[k], parts[k].centers, bytes, cudaMemcpyHostToDevice), "copy the spheres");
+      must(cudaDeviceSynchronize(), "copy the spheres");
+      Spheres s = parts[k];
+      s.memory = detect::Memory::device;
+      s.centers = copies_[k], s.radii = static_cast<const float*>(copies_[k]) + 3;
+      parts_.push_back(s);
+    }
+    cudaSetDevice(0);
+  }
+  ~OnGpus() {
+    for (std::size_t k = 0; k < copies_.size(); k++) cudaSetDevice(static_cast<int>(k)), cudaFree(copies_[k]);
+    cudaSetDevice(0);
+  }
+  OnGpus(const OnGpus&) = delete;
+  OnGpus& operator=(const OnGpus&) = delete;
+  const std::vector<Spheres>& parts() const { return parts_; }
+
+ private:
+  std::vector<void*> copies_;
+  std::vector<Spheres> parts_;
 };
 
 detect::ResidentOptions options_for(int devices) {
@@ -188,45 +214,50 @@ std::string compare(const Scene& scene, std::uint64_t hash, std::size_t devices)
 void dense_row(const Settings& s, Table& t, const Scene& scene, int devices) {
   say(s, "dense " + std::to_string(scene.size()) + " on " + std::to_string(devices));
   detect::ResidentDetector detector(options_for(devices));
-  std::unique_ptr<Parts> parts = std::make_unique<Parts>(scene, detector, false);
+  Parts parts;
+  parts.share(scene, detector);
   const int repeat = std::max(s.repeat, 5);
   if (devices > 1) {
-    parts->copy_to_gpus();
-    for (int k = 0; k < 2; k++) detector.detect(parts->device);
-    parts = nullptr;
-    parts =
-        std::make_unique<Parts>(scene, detector, true);  // the simulation has moved each sphere to its box
+    const OnGpus there(parts.views());
+    for (int k = 0; k < 2; k++) detector.detect(there.parts());
+    parts.share_by_box(scene, detector);  // the simulation has moved each sphere to its box
   }
-  parts->copy_to_gpus();
+  auto there = std::make_unique<OnGpus>(parts.views());
   double deal = 0;
-  for (int k = 0; k < 2; k++) detector.detect(parts->device);
+  for (int k = 0; k < 2; k++) detector.detect(there->parts());
   const double resident = median_seconds(repeat, [&] {
-    detector.detect(parts->device);
+    detector.detect(there->parts());
     deal = detector.report().deal_seconds;
   });
   const detect::ResidentReport r = detector.report();
   const std::uint64_t hash = detector.hash();
-  parts->pin();
-  const double pinned = median_seconds(3, [&] { detector.detect(parts->host); });
-  const Scene order = parts->all();
-  parts = nullptr;
+  parts.pin();
+  const double pinned = median_seconds(3, [&] { detector.detect(parts.views()); });
+  there.reset();
   detector = detect::ResidentDetector(options_for(devices));  // gives its memory back
   const double halo = static_cast<double>(r.copies) / static_cast<double>(r.spheres) - 1;
   t.add("dense", "cuda", static_cast<std::size_t>(devices), r.spheres, r.contacts,
-        compare(order, hash, static_cast<std::size_t>(devices)), resident, pinned, deal,
+        compare(parts.all(), hash, static_cast<std::size_t>(devices)), resident, pinned, deal,
         devices > 1 ? halo : 0, 0);
 }
 
 // Half of the cube ten times as dense as the rest: at rest, or a front that crosses the cube in `steps`.
-Scene front(const Scene& full, double middle, double width) {
+void make_front(const Scene& full, double middle, double width, Scene& some) {
   float edge = 0;
-  for (const FloatSphere& s : full) edge = std::max(edge, s.x);
-  Scene some;
-  for (std::size_t k = 0; k < full.size(); k++) {
-    const double from = std::abs(full[k].x / edge - middle);
-    if (std::min(from, 1 - from) < width / 2 || detect::mixed(k) % 10 == 0) some.push_back(full[k]);
+  std::vector<std::uint8_t> in(full.size());
+#pragma omp parallel
+  {
+#pragma omp for schedule(static) reduction(max : edge)
+    for (std::size_t k = 0; k < full.size(); k++) edge = std::max(edge, full[k].x);
+#pragma omp for schedule(static)
+    for (std::size_t k = 0; k < full.size(); k++) {
+      const double from = std::abs(full[k].x / edge - middle);
+      in[k] = std::min(from, 1 - from) < width / 2 || detect::mixed(k) % 10 == 0;
+    }
   }
-  return some;
+  some.clear();
+  for (std::size_t k = 0; k < full.size(); k++)
+    if (in[k]) some.push_back(full[k]);
 }
 
 void front_rows(const Settings& s, Table& t, const Scene& full, int devices, bool moves) {
@@ -236,20 +267,29 @@ void front_rows(const Settings& s, Table& t, const Scene& full, int devices, boo
   detect::ResidentDetector one(options_for(1)), several(options_for(devices));
   double alone = 0, together = 0, deal = 0;
   std::uint64_t contacts = 0, spheres = 0, copies = 0;
+  Scene scene;
+  Parts parts;
+  std::unique_ptr<OnGpus> whole, divided;
   for (int step = -3; step < kSteps; step++) {
-    const Scene scene = front(full, moves ? 0.5 + 0.5 / kSteps * std::max(step, 0) : 0.25, 0.5);
-    Parts parts(scene, several, step > -3);
-    parts.copy_to_gpus();
-    Parts whole(parts.all(), one, false);
-    whole.copy_to_gpus();
-    const double first = seconds_of([&] { one.detect(whole.device); });
-    const double second = seconds_of([&] { several.detect(parts.device); });
+    if (moves || step < 0) {
+      make_front(full, moves ? 0.5 + 0.5 / kSteps * std::max(step, 0) : 0.25, 0.5, scene);
+      step > -3 ? parts.share_by_box(scene, several) : parts.share(scene, several);
+      whole.reset(), divided.reset();
+      divided = std::make_unique<OnGpus>(parts.views());
+      const Spheres all[1] = {view(parts.all().data(), parts.all().size())};
+      whole = std::make_unique<OnGpus>(all);
+    }
+    const double first = seconds_of([&] { one.detect(whole->parts()); });
+    const double second = seconds_of([&] { several.detect(divided->parts()); });
     if (one.hash() != several.hash())
       throw Error(std::string("the contacts of the ") + name + " differ from those of one GPU");
     if (step < 0) continue;
     const detect::ResidentReport& r = several.report();
     alone += first, together += second, deal += r.deal_seconds;
     contacts += r.contacts, spheres += r.spheres, copies += r.copies;
+    say(s, number(first * 1e3, "%.2f") + " and " + number(second * 1e3, "%.2f") + " ms, of it dealing " +
+               number(r.deal_seconds * 1e3, "%.2f") + ", detecting " +
+               number(r.detect_seconds * 1e3, "%.2f") + (r.cut ? ", cut anew" : ""));
   }
   t.add(name, "cuda", static_cast<std::size_t>(devices), spheres / kSteps, contacts / kSteps, "one GPU",
         together / kSteps, 0, deal / kSteps, static_cast<double>(copies) / static_cast<double>(spheres) - 1,

@@ -52,6 +52,18 @@ class Frames {
   Frames(const Frames&) = delete;
   Frames& operator=(const Frames&) = delete;
   const detect::Input& input() const { return input_; }
+  // The first frame, in the memory of the host.
+  detect::Input host_input() {
+    detect::Input input = input_;
+    if (wide_)
+      input.spheres = detect::spheres_of<double>(count_, reinterpret_cast<double*>(host_.data()),
+                                                 reinterpret_cast<double*>(host_.data()) + 3);
+    else
+      input.spheres = detect::spheres_of<float>(count_, reinterpret_cast<float*>(host_.data()),
+                                                reinterpret_cast<float*>(host_.data()) + 3);
+    input.spheres.center_stride = input.spheres.radius_stride = 4;
+    return input;
+  }
   // Back and forth.
   void show(int call) {
     const int last = std::max(frames_ - 1, 1), at = call % (2 * last),
@@ -133,7 +145,12 @@ class Table {
     const int calls = std::max(s.repeat, cuda ? 21 : 3);
     const Times standing = timed(d, frames, calls, false);
     const std::uint64_t contacts = detect_watched(d, frames.input()).count, hash = hash_watched(d);
-    verify(frames, name + " " + std::to_string(n), contacts, hash, cuda);
+    verify(frames, *r.scene, name + " " + std::to_string(n), contacts, hash, cuda);
+    o.timings = true;
+    detect::Detector by_stages({backend}, o);
+    detect::Seconds stages;
+    for (int k = 0; k < 5; k++) stages = detect_watched(by_stages, frames.input()).seconds;
+    o.timings = false;
     Times moving;
     if (s.moving) moving = timed(d, frames, std::max(calls, 100), true);
     Times followed, followed_moving;
@@ -143,10 +160,13 @@ class Table {
       followed = timed(with_history, frames, calls, false);
       if (s.moving) followed_moving = timed(with_history, frames, std::max(calls, 100), true);
     }
+    const Near near = s.margin > 0 ? with_margin(frames, spheres, backend, o, calls) : Near{};
     const double each = standing.median / (static_cast<double>(n) + static_cast<double>(contacts));
     if (r.scene == &uneven_scenes()[0] && !r.wide) dense_ = each;
     const auto ms = [](double t) { return t > 0 ? number(t * 1e3, "%.3f") : std::string("-"); };
     const auto ratio = [](double a, double b) { return b > 0 && a > 0 ? number(a / b, "%.2f") : "-"; };
+    say(s, "  " + ms(standing.median) + " ms, over dense " + ratio(each, dense_) + ", moving " +
+               ms(moving.median) + ", worst " + ms(moving.worst));
     rows.push_back({{"scene", name},
                     {"spheres", n},
                     {"contacts", contacts},
@@ -154,36 +174,62 @@ class Table {
                     {"backend", d.backend()},
                     {"seconds", standing.median},
                     {"seconds_worst", standing.worst},
+                    {"seconds_survey", stages.stage[0]},
+                    {"seconds_order", stages.stage[3]},
+                    {"seconds_search", stages.stage[8]},
                     {"seconds_moving", moving.median},
                     {"seconds_moving_worst", moving.worst},
                     {"seconds_history", followed.median},
                     {"seconds_history_moving", followed_moving.median},
+                    {"seconds_margin", near.seconds},
+                    {"contacts_margin", near.contacts},
                     {"over_dense", dense_ > 0 ? each / dense_ : 0}});
     table.push_back({name, std::to_string(n), std::to_string(contacts), d.backend(), ms(standing.median),
                      ms(standing.worst), ratio(each, dense_), number(r.scene->most, "%.1f"),
                      ms(moving.median), ms(moving.worst), ratio(moving.median, standing.median),
                      ratio(moving.worst, moving.median), ms(followed.median),
                      ratio(followed.median, standing.median), ms(followed_moving.median),
-                     ratio(followed_moving.median, moving.median)});
+                     ratio(followed_moving.median, moving.median), std::to_string(near.contacts),
+                     ms(near.seconds), ratio(near.seconds, standing.median)});
   }
 
   Json rows = Json::array();
   Json table =
       Json::array({{"scene", "spheres", "contacts", "backend", "standing [ms]", "worst [ms]", "over dense",
                     "aim", "moving [ms]", "worst of 100 [ms]", "moving / standing", "worst / median",
-                    "with history [ms]", "over standing", "moving with history [ms]", "over moving"}});
+                    "with history [ms]", "over standing", "moving with history [ms]", "over moving",
+                    "contacts with margin", "with margin [ms]", "over standing"}});
 
  private:
-  // The nine stages decide every pair in double, on a way of their own; the processor's grid where they are
-  // too slow.
-  static void verify(Frames& frames, const std::string& name, std::uint64_t contacts, std::uint64_t hash,
-                     bool cuda) {
+  // The nine stages decide every pair in double, on a way of their own. They have bins of one size, so that
+  // the processor's grid checks the scenes in which many small spheres lie in the bins of large ones. The
+  // processor's own rows of these scenes are checked by nothing else.
+  static void verify(Frames& frames, const UnevenScene& scene, const std::string& name,
+                     std::uint64_t contacts, std::uint64_t hash, bool cuda) {
     detect::CallOptions o;
-    o.width = detect::Width::pairs, o.path = detect::Path::nine_stages;
+    o.width = detect::Width::pairs;
+    o.path = scene.crowds_nine_stages ? detect::Path::grid : detect::Path::nine_stages;
+    cuda = cuda && !scene.crowds_nine_stages;
     if (cuda) o.output = detect::Memory::device;
     detect::Detector reference({cuda ? detect::BackendKind::cuda : detect::BackendKind::omp}, o);
-    if (detect_watched(reference, frames.input()).count != contacts || hash_watched(reference) != hash)
-      throw Error("the fast path and the nine stages differ at " + name);
+    if (detect_watched(reference, cuda ? frames.input() : frames.host_input()).count != contacts ||
+        hash_watched(reference) != hash)
+      throw Error("the fast path and the reference differ at " + name);
+  }
+
+  // Standing, with a margin.
+  struct Near {
+    double seconds = 0;
+    std::uint64_t contacts = 0;
+  };
+  Near with_margin(Frames& frames, const std::vector<FloatSphere>& spheres, detect::BackendKind backend,
+                   detect::CallOptions o, int calls) const {
+    double sum = 0;
+    for (const FloatSphere& s : spheres) sum += s.r;
+    o.history = false, o.margin = settings_.margin * sum / static_cast<double>(spheres.size());
+    detect::Detector d({backend}, o);
+    const double median = timed(d, frames, calls, false).median;
+    return {median, detect_watched(d, frames.input()).count};
   }
 
   const Settings& settings_;

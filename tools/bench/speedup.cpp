@@ -4,7 +4,7 @@
 // it).
 #include "padding/asset/error.h"
 #include "tools/bench/bench.h"
-#include "tools/bench/bullet.h"
+#include "tools/bench/peers/bullet.h"
 
 namespace padder::bench {
 

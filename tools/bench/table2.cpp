@@ -8,7 +8,7 @@
 #include "padding/asset/error.h"
 #include "padding/asset/file.h"
 #include "tools/bench/bench.h"
-#include "tools/bench/bullet.h"
+#include "tools/bench/peers/bullet.h"
 
 namespace padder::bench {
 namespace {

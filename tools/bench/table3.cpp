@@ -4,8 +4,10 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <numbers>
 
 #include "tools/bench/bench.h"
+#include "tools/bench/device.h"
 #include "tools/settle/files.h"
 #include "tools/settle/make_scene.h"
 #include "tools/settle/read_scene.h"
@@ -38,7 +40,7 @@ void run_until_steady(settle::Stepper& stepper, const Settings& s, double least_
   for (bool steady = false; !steady && stepper.time() < most_time;) {
     low = ~std::uint64_t(0), high = 0;
     while (stepper.time() < until) {
-      stepper.step();
+      stepper.step(20);
       if (stepper.time() >= until - window)
         low = std::min(low, stepper.contacts()), high = std::max(high, stepper.contacts());
     }
@@ -58,80 +60,171 @@ double r_squared(const std::vector<std::pair<double, double>>& points) {
   return xx > 0 && yy > 0 ? xy * xy / (xx * yy) : 1;
 }
 
-Json measure(const Settings& s, std::uint64_t spheres) {
-  const settle::SettleScene scene =
-      settle::settle_scene_from_json(settle::make_scene("silo", {spheres, {}, 1}, "."), "silo", ".");
-  settle::Stepper stepper(scene.system, {s.threads, -1});
+std::vector<detect::FloatSphere> grains_of(const settle::System& s) {
+  std::vector<detect::FloatSphere> spheres;
+  for (std::size_t k = 0; k < s.movers(); k++) {
+    const settle::Vec3& p = s.position[k];
+    spheres.push_back({static_cast<float>(p.x), static_cast<float>(p.y), static_cast<float>(p.z),
+                       static_cast<float>(s.grain_radius[k])});
+  }
+  return spheres;
+}
+
+// A call of the detector with a history and normals, between two states of the silo 50 steps apart: what a
+// program pays that keeps the detector's list.
+double detection_with_history(settle::Stepper& stepper, detect::BackendKind backend, int threads) {
+  const bool cuda = backend == detect::BackendKind::cuda;
+  const DeviceSpheres before(grains_of(stepper.system()), cuda);
+  stepper.step(50);
+  const std::vector<detect::FloatSphere> later = grains_of(stepper.system());
+  const DeviceSpheres after(later, cuda);
+  detect::CallOptions options;
+  options.history = true, options.threads = threads;
+  options.output = cuda ? detect::Memory::device : detect::Memory::host;
+  detect::Detector detector({backend}, options);
+  bool odd = false;
+  return median_seconds(20, [&] {
+    odd = !odd;
+    detect_watched(detector, odd ? before.input() : after.input());
+  });
+}
+
+settle::SettleScene silo(std::uint64_t spheres) {
+  return settle::settle_scene_from_json(settle::make_scene("silo", {spheres, {}, 1}, "."), "silo", ".");
+}
+
+// The silo filled with bodies of three spheres to half its height. They stand upright on a lattice, each
+// turned by another angle, and fall.
+settle::SettleScene clump_silo(std::uint64_t clumps) {
+  const double r = settle::kSiloGrain, arm = 0.6 * r, density = 2500, edge = 2.04 * (r + arm);
+  const double one = density * 4 / 3 * std::numbers::pi * r * r * r, own = 0.4 * one * r * r;
+  const double radius = std::sqrt(static_cast<double>(clumps) * 3 * one / density /
+                                  (std::numbers::pi * 0.5 * settle::kSiloHeight * settle::kSiloPacking));
+  settle::SettleScene scene;
+  settle::System& system = scene.system;
+  std::vector<detect::Sphere> shape;
+  for (int k = 0; k < 3; k++) {
+    const double angle = 2 * std::numbers::pi * k / 3;
+    shape.push_back({arm * std::cos(angle), arm * std::sin(angle), 0, r});
+  }
+  system.shapes.push_back(shape);
+  // As if the spheres did not overlap.
+  const double across = 3 * own + 1.5 * one * arm * arm;
+  const settle::Mass mass{3 * one, {across, across, 3 * own + 3 * one * arm * arm}};
+  system.gravity = {0, 0, -9.81};
+  system.law.friction = 0.3, system.law.damping_ratio = settle::damping_ratio_of(0.3);
+  system.walls.push_back({settle::Wall::Kind::plane, {0, 0, 0}, {0, 0, 1}, 0, 0.3});
+  system.walls.push_back({settle::Wall::Kind::cylinder, {0, 0, 0}, {0, 0, 1}, radius, 0.3});
+  detect::SplitMix64 random(1);
+  const auto side = static_cast<std::int64_t>(radius / edge) + 1;
+  for (double z = 0.6 * edge; system.bodies.size() < clumps; z += edge)
+    for (std::int64_t y = -side; y <= side && system.bodies.size() < clumps; y++)
+      for (std::int64_t x = -side; x <= side && system.bodies.size() < clumps; x++) {
+        const settle::Vec3 at{edge * static_cast<double>(x), edge * static_cast<double>(y), z};
+        if (std::hypot(at.x, at.y) > radius - 0.5 * edge) continue;
+        const settle::Vec3 turn{random.signed_unit(), random.signed_unit(), random.signed_unit()};
+        add_body(system, 0, mass, at, settle::turned({}, 3 * turn));
+      }
+  system.law.stiffness = settle::chosen_stiffness(system);
+  system.law.tangential_stiffness = 2.0 / 7 * system.law.stiffness;
+  system.step = step_limits(system).chosen;
+  scene.duration = 0.8;
+  return scene;
+}
+
+Json measure(const Settings& s, std::uint64_t objects, detect::BackendKind backend) {
+  const bool clumps = s.scene == "clumps";
+  const settle::SettleScene scene = clumps ? clump_silo(objects) : silo(objects);
+  settle::Stepper stepper(scene.system, {s.threads, -1, backend});
   run_until_steady(stepper, s, 0.4, scene.duration);
-  settle::Stepper every(scene.system, {s.threads, 0});
+  settle::Stepper every(scene.system, {s.threads, 0, backend});
   every.resume(stepper.snapshot());
   const settle::Stepper::Effort& effort = stepper.effort();
   const double total = effort.seconds, detection = effort.detection_seconds;
   const std::uint64_t first = stepper.steps(), detections = effort.detections;
-  while (stepper.steps() < first + 400) stepper.step();
-  const auto steps = static_cast<double>(stepper.steps() - first);
-  const double total_step = (effort.seconds - total) / steps,
-               detection_step = (effort.detection_seconds - detection) / steps;
-  const std::uint64_t asked = effort.detections - detections;
-  for (int k = 0; k < 20; k++) every.step();
-  const double each = every.effort().detection_seconds / 20;
-  return {{"scene", "silo"},
-          {"backend", "omp"},
-          {"spheres", spheres},
-          {"contacts", stepper.contacts()},
-          {"radius", settle::silo_radius(spheres)},
+  stepper.step(400);
+  const double total_step = (effort.seconds - total) / 400,
+               detection_step = (effort.detection_seconds - detection) / 400;
+  const std::uint64_t asked = effort.detections - detections, contacts = stepper.contacts();
+  every.step(20);
+  const double each = every.effort().detection_seconds / 20, each_step = every.effort().seconds / 20;
+  const double history = clumps ? 0 : detection_with_history(stepper, backend, s.threads);
+  return {{"scene", clumps ? "clumps" : "silo"},
+          {"backend", stepper.backend()},
+          {"objects", objects},
+          {"spheres", scene.system.spheres()},
+          {"contacts", contacts},
+          {"radius", scene.system.walls[1].radius},
           {"time_step", scene.system.step},
           {"steps_to_steady", first},
           {"seconds", total_step},
           {"seconds_detection", detection_step},
           {"seconds_solver", total_step - detection_step},
           {"seconds_every_step", each},
+          {"seconds_step_with_detection", each_step},
+          {"seconds_history", history},
           {"detections", asked},
           {"seconds_moving", total / static_cast<double>(first)},
           {"seconds_detection_moving", detection / static_cast<double>(first)},
           {"penetration_ratio", stepper.watch().deepest_ratio}};
 }
 
+std::vector<std::uint64_t> sizes_for(const Settings& s, detect::BackendKind backend) {
+  if (!s.spheres.empty()) return s.spheres;
+  if (backend == detect::BackendKind::omp) return {25000, 50000, 100000};
+  std::vector<std::uint64_t> sizes;
+  for (const auto& row : paper()) sizes.push_back(row.first);
+  return sizes;
+}
+
+Json cells_of(const Json& r) {
+  const auto ms = [&](const char* key) { return number(r[key].get<double>() * 1e3, "%.3f"); };
+  const auto n = r["objects"].get<std::uint64_t>();
+  Json cells = {r["backend"],
+                std::to_string(n),
+                std::to_string(r["contacts"].get<std::uint64_t>()),
+                ms("seconds"),
+                ms("seconds_detection"),
+                ms("seconds_solver"),
+                ms("seconds_every_step"),
+                ms("seconds_history"),
+                ms("seconds_moving"),
+                ms("seconds_detection_moving"),
+                number(1 / r["seconds"].get<double>(), "%.1f")};
+  const auto row = r["scene"] == "silo" ? paper().find(n) : paper().end();
+  if (row == paper().end()) {
+    for (int k = 0; k < 4; k++) cells.push_back("-");
+  } else {
+    cells.push_back(std::to_string(row->second.contacts));
+    for (const double v : {row->second.total, row->second.detection, row->second.solver})
+      cells.push_back(number(v, "%.4f"));
+  }
+  return cells;
+}
+
 }  // namespace
 
 Json table3(const Settings& s) {
-  Json rows = Json::array(),
-       table =
-           Json::array({{"objects", "contacts", "step [ms]", "detection [ms]", "solver [ms]",
-                         "detection in every step [ms]", "while settling: step [ms]", "detection [ms]",
-                         "steps a second", "paper: contacts", "total [s]", "detection [s]", "solver [s]"}});
-  std::vector<std::pair<double, double>> by_contacts;
-  const auto ms = [](const Json& v) { return number(v.get<double>() * 1e3, "%.2f"); };
-  for (const std::uint64_t n :
-       s.spheres.empty() ? std::vector<std::uint64_t>{25000, 50000, 100000} : s.spheres) {
-    const Json r = measure(s, n);
-    by_contacts.emplace_back(r["contacts"].get<double>(), r["seconds_every_step"].get<double>());
-    Json cells = {std::to_string(n),
-                  std::to_string(r["contacts"].get<std::uint64_t>()),
-                  ms(r["seconds"]),
-                  ms(r["seconds_detection"]),
-                  ms(r["seconds_solver"]),
-                  ms(r["seconds_every_step"]),
-                  ms(r["seconds_moving"]),
-                  ms(r["seconds_detection_moving"]),
-                  number(1 / r["seconds"].get<double>(), "%.1f")};
-    const auto row = paper().find(n);
-    if (row == paper().end()) {
-      for (int k = 0; k < 4; k++) cells.push_back("-");
-    } else {
-      cells.push_back(std::to_string(row->second.contacts)),
-          cells.push_back(number(row->second.total, "%.4f"));
-      cells.push_back(number(row->second.detection, "%.4f")),
-          cells.push_back(number(row->second.solver, "%.4f"));
+  Json rows = Json::array(), squares = Json::object(),
+       table = Json::array({{"backend", "objects", "contacts", "step [ms]", "detection [ms]", "solver [ms]",
+                             "detection in every step [ms]", "one call with a history [ms]",
+                             "while settling: step [ms]", "detection [ms]", "steps a second",
+                             "paper: contacts", "total [s]", "detection [s]", "solver [s]"}});
+  if (!s.scene.empty() && s.scene != "silo" && s.scene != "clumps")
+    throw Error("table3 has the scenes silo and clumps, and not " + s.scene);
+  Json result;
+  for (const detect::BackendKind backend : backends(s)) {
+    std::vector<std::pair<double, double>> points;
+    for (const std::uint64_t n : sizes_for(s, backend)) {
+      const Json r = measure(s, n, backend);
+      points.emplace_back(r["contacts"].get<double>(), r["seconds_history"].get<double>());
+      table.push_back(cells_of(r)), rows.push_back(r);
+      squares[backend == detect::BackendKind::omp ? "omp" : "cuda"] = r_squared(points);
+      result = {{"bench", "table3"},    {"machine", machine()}, {"gpu", device_name()},
+                {"r_squared", squares}, {"rows", rows},         {"table", table}};
+      write_result(s, result);  // after each row: the next one takes longer
     }
-    table.push_back(std::move(cells)), rows.push_back(r);
   }
-  const Json result = {{"bench", "table3"},
-                       {"machine", machine()},
-                       {"r_squared", r_squared(by_contacts)},
-                       {"rows", rows},
-                       {"table", table}};
-  write_result(s, result);
   return result;
 }
 

@@ -56,6 +56,12 @@ Spheres one_far(std::uint64_t n, SplitMix64& random) {
   s[0] = at(1e6, -2e6, 3e6);
   return s;
 }
+// Too far for bins in float.
+Spheres one_lost(std::uint64_t n, SplitMix64& random) {
+  Spheres s = dense(n, random);
+  s[0] = at(1e12, -2e12, 3e12);
+  return s;
+}
 Spheres escaped_poly100(std::uint64_t n, SplitMix64& random) {
   Spheres s = poly100(n, random);
   throw_some(s, 1000, 100, random);
@@ -155,6 +161,83 @@ Spheres two_heaps(std::uint64_t n, SplitMix64& random) {
   return s;
 }
 
+// A chain wound round a cone, so that no two turns touch.
+Spheres spiral(std::uint64_t n, SplitMix64&) {
+  Spheres s;
+  for (std::uint64_t k = 0; k < n; k++) {
+    const double turns = std::sqrt(1.95 * count_of(k) / (3 * std::numbers::pi)),
+                 angle = 2 * std::numbers::pi * turns;
+    s.push_back(at(3 * turns * std::cos(angle), 3 * turns * std::sin(angle), 2 * turns));
+  }
+  return s;
+}
+// A Menger sponge whose holes are empty, of spheres that touch.
+Spheres menger(std::uint64_t n, SplitMix64& random) {
+  std::uint64_t depth = 1, cells = 20;
+  while (cells < n) depth++, cells *= 20;
+  Spheres s;
+  for (std::uint64_t k = 0; k < n; k++) {
+    std::uint64_t cell = k, place[3] = {}, width = 1;
+    for (std::uint64_t g = 0; g < depth; g++, cell /= 20, width *= 3) {
+      std::uint64_t number = cell % 20;  // of the twenty of 27 parts that are no hole
+      for (std::uint64_t part = 0; part < 27; part++) {
+        const std::uint64_t p[3] = {part % 3, part / 3 % 3, part / 9};
+        if ((p[0] == 1) + (p[1] == 1) + (p[2] == 1) > 1 || number-- > 0) continue;
+        for (int a = 0; a < 3; a++) place[a] += p[a] * width;
+        break;
+      }
+    }
+    const auto jittered = [&](std::uint64_t v) { return 1.97 * count_of(v) + 0.1 * random.signed_unit(); };
+    const double x = jittered(place[0]), y = jittered(place[1]), z = jittered(place[2]);
+    s.push_back(at(x, y, z));
+  }
+  return s;
+}
+// One layer of spheres that touch, in a plane along no axis.
+Spheres sheet(std::uint64_t n, SplitMix64& random) {
+  const double a[3] = {0.36, 0.48, -0.8}, b[3] = {-0.8, 0.6, 0};
+  Spheres s = layers(n, 1, random);
+  for (FloatSphere& f : s) {
+    const double u = f.x, v = f.y;
+    f = at(u * a[0] + v * b[0], u * a[1] + v * b[1], u * a[2] + v * b[2]);
+  }
+  return s;
+}
+// A chain whose next step goes anywhere.
+Spheres walk(std::uint64_t n, SplitMix64& random) {
+  Spheres s;
+  double x[3] = {};
+  for (std::uint64_t k = 0; k < n; k++) {
+    double step[3];
+    for (double& v : step) v = normal(random);
+    const double length = std::hypot(step[0], step[1], step[2]);
+    for (int a = 0; a < 3; a++) x[a] += 1.95 * step[a] / length;
+    s.push_back(at(x[0], x[1], x[2]));
+  }
+  return s;
+}
+// One straight chain along the diagonal.
+Spheres column(std::uint64_t n, SplitMix64&) {
+  Spheres s;
+  for (std::uint64_t k = 0; k < n; k++) {
+    const double t = 1.1 * count_of(k);
+    s.push_back(at(t, t, t));
+  }
+  return s;
+}
+// Two dense heaps of radius 1 and of radius 37, far from each other.
+Spheres two_sizes(std::uint64_t n, SplitMix64& random) {
+  Spheres s = dense(n / 2, random), other = dense(n - n / 2, random);
+  for (const FloatSphere& f : other) s.push_back({f.x * 37 + 50000, f.y * 37, f.z * 37 - 90000, f.r * 37});
+  return s;
+}
+// Radii by a power law without an upper end.
+Spheres power_law(std::uint64_t n, SplitMix64& random) {
+  Spheres s = uniform(n, 60, 1, random, nullptr);
+  for (FloatSphere& f : s) f.r = static_cast<float>(std::pow(1 - random.unit(), -1 / 3.2));
+  return s;
+}
+
 Spheres lognormal(std::uint64_t n, SplitMix64& random) {
   Spheres s = uniform(n, 77, 1, random, nullptr);
   for (FloatSphere& f : s) f.r = static_cast<float>(std::exp(0.5 * normal(random)));
@@ -186,6 +269,7 @@ const std::vector<UnevenScene>& uneven_scenes() {
       {"dilute", "uniform, 0.45 contacts a sphere", 1.7, dilute},
       {"escaped", "dense, one in 1,000 thrown up to 100 edges away", 1.7, escaped},
       {"one_far", "dense, a single sphere at 3e6", 1.7, one_far},
+      {"one_lost", "dense, a single sphere at 4e12", 1.7, one_lost},
       {"clump", "half in a Gaussian clump, half spread 12 times as far", 1.7, clump},
       {"atmosphere", "dense below, exponentially thinner above", 1.7, atmosphere},
       {"bed", "16 layers", 1.7, bed},
@@ -194,11 +278,18 @@ const std::vector<UnevenScene>& uneven_scenes() {
       {"lines", "a hundred chains in all directions", 1.7, lines},
       {"fractal", "groups of eight, each three times as wide as the one inside", 1.7, fractal},
       {"two_heaps", "two dense heaps 37,000 apart", 1.7, two_heaps},
+      {"spiral", "a chain wound round a cone", 1.7, spiral},
+      {"menger", "a Menger sponge", 1.7, menger},
+      {"sheet", "a tilted layer", 1.7, sheet},
+      {"walk", "a random walk", 1.7, walk},
+      {"column", "a chain along the diagonal", 1.7, column},
       {"poly35", "radii 1 to 4", 2.2, poly35},
       {"poly100", "radii 1 to 100", 2.2, poly100},
       {"escaped_poly", "poly100, one in 1,000 thrown up to 100 edges away", 2.2, escaped_poly100},
       {"lognormal", "log-normal radii, sigma 0.5", 2.2, lognormal},
       {"one_in_2000", "one in 2,000 is 30 times as large", 2.2, one_in_2000},
+      {"two_sizes", "two heaps of radius 1 and 37, far from each other", 2.2, two_sizes, true},
+      {"power_law", "radii by a power law, exponent 4.2", 2.2, power_law},
       {"ten_giants", "ten of radius 40 among radius 1", 3, ten_giants},
       {"ten_huge", "ten of radius 1,000 beside radius 1", 3, ten_huge},
   };

@@ -14,6 +14,7 @@ struct UnevenScene {
   const char* what;
   double most;  // aim: time over (spheres + contacts), relative to dense
   std::vector<detect::FloatSphere> (*make)(std::uint64_t n, detect::SplitMix64& random);
+  bool crowds_nine_stages = false;  // bins of one size hold thousands of spheres
 };
 
 // The first is dense, which the others are compared with.

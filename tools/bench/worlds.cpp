@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Many worlds in one call, as reinforcement learning and motion planning have them: pairs of bodies in 8,192
 // worlds, and 100,000 configurations of a robot arm against obstacles that are given once. Beside them, one
-// configuration after another: Bullet on the CPU.
+// configuration after another: Bullet and FCL on the CPU.
 #include <algorithm>
 #include <cmath>
 #include <numbers>
@@ -9,8 +9,8 @@
 #include "padding/asset/cluster.h"
 #include "padding/asset/error.h"
 #include "tools/bench/bench.h"
-#include "tools/bench/bullet.h"
 #include "tools/bench/device.h"
+#include "tools/bench/peers/bodies.h"
 
 namespace padder::bench {
 namespace {
@@ -188,12 +188,17 @@ class Table {
     WorldScene some = scene;
     some.worlds = std::min(scene.worlds, 2000u);
     some.bodies.resize(std::size_t(some.worlds) * some.each);
-    const std::uint64_t bullet = have_bullet() ? bullet_row(some, list) : ~std::uint64_t(0);
+    std::vector<std::pair<std::string, std::uint64_t>> by_peers;
+    for (const auto make : {make_bullet_bodies, make_fcl_bodies})
+      if (const auto peer = make(some.spheres, some.obstacles))
+        by_peers.emplace_back(peer->name(), peer_row(some, *peer, list));
     for (const detect::BackendKind backend : backends(settings_)) {
       const bool cuda = backend == detect::BackendKind::cuda;
       const std::uint64_t found = row(cuda ? scene : some, backend, list);
-      if (!cuda && bullet != ~std::uint64_t(0) && bullet != found)
-        say(settings_, "Bullet found " + std::to_string(bullet) + ", the detector " + std::to_string(found));
+      for (const auto& [name, by_peer] : by_peers)
+        if (!cuda && by_peer != found)
+          say(settings_,
+              name + " found " + std::to_string(by_peer) + ", the detector " + std::to_string(found));
     }
   }
 
@@ -223,7 +228,7 @@ class Table {
                                        {detect::Answer::count, "count"},
                                        {detect::Answer::distance, "distance"}}) {
       d.options().margin = answer == detect::Answer::distance ? 0.05 : 0;
-      const auto ask = [&] { d.detect_worlds(input.input(), scene.worlds, answer); };
+      const auto ask = [&, which = answer] { d.detect_worlds(input.input(), scene.worlds, which); };
       ask(), ask();
       const double t = median_seconds(repeat, ask);
       if (answer == detect::Answer::any) {
@@ -237,16 +242,15 @@ class Table {
     return with_contacts;
   }
 
-  std::uint64_t bullet_row(const WorldScene& scene, bool list) {
-    BulletBodies bullet(scene.spheres, scene.obstacles);
+  std::uint64_t peer_row(const WorldScene& scene, BodyPeer& peer, bool list) {
     std::uint64_t found = 0;
     const auto all = [&] {
       found = 0;
       for (std::uint32_t w = 0; w < scene.worlds; w++)
-        found += bullet.contacts({&scene.bodies[std::size_t(w) * scene.each], scene.each}, !list);
+        found += peer.contacts({&scene.bodies[std::size_t(w) * scene.each], scene.each}, !list);
     };
     const double t = median_seconds(3, all);
-    add(scene, list ? "list" : "any", found, "Bullet", t);
+    add(scene, list ? "list" : "any", found, peer.name(), t);
     return found;
   }
 

@@ -11,8 +11,6 @@
 namespace padder::settle {
 namespace {
 
-Vec3 center_of(const detect::Sphere& s) { return {s.x, s.y, s.z}; }
-
 detect::DeviceChoice host() { return {detect::BackendKind::omp, 0}; }
 
 bool finite(const Vec3& v) { return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z); }
@@ -21,6 +19,14 @@ std::string number(double v) {
   char text[32];
   std::snprintf(text, sizeof text, "%.4g", v);
   return text;
+}
+
+// Below so many spheres a step on a GPU is mostly the start of its kernels, and two cores are as fast.
+constexpr std::uint64_t kGpuPays = 10000;
+
+bool wants_device(const StepperOptions& o, std::uint64_t spheres) {
+  if (o.backend != detect::BackendKind::automatic) return o.backend == detect::BackendKind::cuda;
+  return spheres >= kGpuPays && detect::cuda_present();
 }
 
 }  // namespace
@@ -43,8 +49,9 @@ Stepper::Stepper(System system, const StepperOptions& options) : s_(std::move(sy
   skin_ = fixed_skin_ ? options.skin : 0.1 * mean_;
   detector_.options().width = detect::Width::pairs;
   starts_.assign(s_.spheres() + 1, 0), wall_starts_.assign(s_.spheres() + 1, 0);
-  bushing_pushes_.resize(s_.bodies.size());
+  bushing_loads_.resize(s_.bodies.size());
   place();
+  if (wants_device(options, s_.spheres())) device_ = make_device_stepper(s_);
 }
 
 void Stepper::check() const {
@@ -63,7 +70,10 @@ void Stepper::check() const {
       throw Error("the position or velocity of mover " + std::to_string(m) + " is not finite");
 }
 
-void Stepper::place() { place_and_measure(); }
+void Stepper::place() {
+  fetch();
+  place_and_measure();
+}
 
 // Places all spheres. Returns how far one is at most from where it was when candidates were found.
 double Stepper::place_and_measure() {
@@ -195,12 +205,19 @@ void Stepper::find_wall_pairs() {
 }
 
 void Stepper::find_candidates() {
+  const double before = omp_get_wtime();
   choose_skin();
-  detect_pairs();
-  find_wall_pairs();
-  for (std::size_t k = 0; k < centers_.size(); k++) reference_[k] = center_of(centers_[k]);
+  if (device_) {
+    effort_.candidates = device_->find(skin_);
+  } else {
+    detect_pairs();
+    find_wall_pairs();
+    for (std::size_t k = 0; k < centers_.size(); k++) reference_[k] = center_of(centers_[k]);
+    effort_.candidates = pairs_.size();
+  }
   found_ = true, steps_of_find_ = steps_;
-  effort_.detections++, effort_.candidates = pairs_.size(), effort_.skin = skin_;
+  effort_.detections++, effort_.skin = skin_;
+  effort_.detection_seconds += omp_get_wtime() - before;
 }
 
 void Stepper::push_pairs() {
@@ -208,25 +225,17 @@ void Stepper::push_pairs() {
   std::uint64_t contacts = 0;
   double deepest = 0, ratio = 0;
 #pragma omp parallel for schedule(static) num_threads(threads_) reduction(+ : contacts) reduction(max : deepest, ratio)
-  for (std::int64_t c = 0; c < n; c++) {
-    const auto k = static_cast<std::size_t>(c);
+  for (std::int64_t at = 0; at < n; at++) {
+    const auto k = static_cast<std::size_t>(at);
     const detect::Sphere &a = centers_[pairs_[k].i], &b = centers_[pairs_[k].j];
     if (!detect::touching(a, b)) {
       springs_[k] = {}, pushes_[k] = {};
       continue;
     }
-    const detect::Geometry g = detect::geometry(a, b);
-    const Vec3 normal{g.normal[0], g.normal[1], g.normal[2]};
-    const double depth = std::max(g.depth, 0.0);
-    const Vec3 point = center_of(a) + (a.r - 0.5 * depth) * normal;
-    const std::uint32_t i = mover(pairs_[k].i), j = mover(pairs_[k].j);
-    const Vec3 velocity = s_.velocity[i] + cross(s_.spin[i], point - s_.position[i]) - s_.velocity[j] -
-                          cross(s_.spin[j], point - s_.position[j]);
-    const double reduced = 1 / (s_.inverse_mass[i] + s_.inverse_mass[j]);
-    pushes_[k] = {
-        contact_force(s_.law, s_.law.friction, normal, depth, velocity, reduced, s_.step, springs_[k]),
-        point};
-    contacts++, deepest = std::max(deepest, depth), ratio = std::max(ratio, depth / std::min(a.r, b.r));
+    const Contact c = push_spheres(s_.law, s_.step, a, b, state_of(mover(pairs_[k].i)),
+                                   state_of(mover(pairs_[k].j)), springs_[k]);
+    pushes_[k] = c.push;
+    contacts++, deepest = std::max(deepest, c.depth), ratio = std::max(ratio, c.depth / std::min(a.r, b.r));
   }
   contacts_ = contacts, deepest_ = deepest, deepest_ratio_ = ratio;
 }
@@ -236,8 +245,8 @@ void Stepper::push_walls() {
   std::uint64_t contacts = 0;
   double deepest = deepest_, ratio = deepest_ratio_;
 #pragma omp parallel for schedule(static) num_threads(threads_) reduction(+ : contacts) reduction(max : deepest, ratio)
-  for (std::int64_t c = 0; c < n; c++) {
-    const auto k = static_cast<std::size_t>(c);
+  for (std::int64_t at = 0; at < n; at++) {
+    const auto k = static_cast<std::size_t>(at);
     const detect::Sphere& a = centers_[wall_pairs_[k].sphere];
     const Wall& wall = s_.walls[wall_pairs_[k].wall];
     const WallContact w = contact_with(wall, center_of(a), a.r);
@@ -245,12 +254,8 @@ void Stepper::push_walls() {
       wall_springs_[k] = {}, wall_pushes_[k] = {};
       continue;
     }
-    const std::uint32_t i = mover(wall_pairs_[k].sphere);
-    const Vec3 point = center_of(a) + (a.r - w.depth) * w.normal;  // on the wall, which does not yield
-    const Vec3 velocity = s_.velocity[i] + cross(s_.spin[i], point - s_.position[i]);
-    wall_pushes_[k] = {contact_force(s_.law, wall.friction, w.normal, w.depth, velocity,
-                                     1 / s_.inverse_mass[i], s_.step, wall_springs_[k]),
-                       point};
+    wall_pushes_[k] =
+        push_wall(s_.law, s_.step, a, wall, w, state_of(mover(wall_pairs_[k].sphere)), wall_springs_[k]).push;
     contacts++, deepest = std::max(deepest, w.depth), ratio = std::max(ratio, w.depth / a.r);
   }
   contacts_ += contacts, deepest_ = deepest, deepest_ratio_ = ratio;
@@ -258,35 +263,26 @@ void Stepper::push_walls() {
 
 void Stepper::push_bushings() {
   if (s_.bushings.empty()) return;
-  std::fill(bushing_pushes_.begin(), bushing_pushes_.end(), Push{});
-  for (const Bushing& u : s_.bushings) {
-    const Vec3 arm_a = times(s_.bodies[u.a].rotation, u.on_a), arm_b = times(s_.bodies[u.b].rotation, u.on_b);
-    const Vec3 apart = s_.position[u.a] + arm_a - s_.position[u.b] - arm_b;
-    const Vec3 speed =
-        s_.velocity[u.a] + cross(s_.spin[u.a], arm_a) - s_.velocity[u.b] - cross(s_.spin[u.b], arm_b);
-    const Vec3 force = -u.stiffness * apart - u.damping * speed;
-    Push &a = bushing_pushes_[u.a], &b = bushing_pushes_[u.b];
-    a.force = a.force + force, a.point = a.point + cross(arm_a, force);
-    b.force = b.force - force, b.point = b.point - cross(arm_b, force);
-  }
+  std::fill(bushing_loads_.begin(), bushing_loads_.end(), Load{});
+  for (const Bushing& u : s_.bushings)
+    add_bushing(u, state_of(u.a), state_of(u.b), s_.bodies[u.a].rotation, s_.bodies[u.b].rotation,
+                &bushing_loads_[u.a], &bushing_loads_[u.b]);
 }
 
-// Force and torque on a mover, its contacts in a fixed order.
-Stepper::Push Stepper::sum_of(std::size_t m) const {
+// Force and torque on a mover, its contacts by the partner's number, walls last.
+Load Stepper::load_of(std::size_t m) const {
   const bool body = m < s_.bodies.size();
   const std::size_t first = body ? s_.first_sphere[m] : m + grain_shift_,
                     last = body ? s_.first_sphere[m + 1] : first + 1;
-  Push sum = body && !s_.bushings.empty() ? bushing_pushes_[m] : Push{};
+  Load load = body && !s_.bushings.empty() ? bushing_loads_[m] : Load{};
   const auto add = [&](const Push& p, double sign) {
-    if (p.force == Vec3{}) return;
-    const Vec3 force = sign * p.force;
-    sum.force = sum.force + force, sum.point = sum.point + cross(p.point - s_.position[m], force);
+    if (p.force != Vec3{}) add_push(load, sign * p.force, p.point, s_.position[m]);
   };
-  for (std::uint64_t c = starts_[first]; c < starts_[last]; c++) add(pushes_[c], 1);
   for (std::uint64_t c = second_starts_[first]; c < second_starts_[last]; c++)
     add(pushes_[by_second_[c]], -1);
+  for (std::uint64_t c = starts_[first]; c < starts_[last]; c++) add(pushes_[c], 1);
   for (std::uint64_t c = wall_starts_[first]; c < wall_starts_[last]; c++) add(wall_pushes_[c], 1);
-  return sum;
+  return load;
 }
 
 void Stepper::integrate() {
@@ -297,30 +293,31 @@ void Stepper::integrate() {
   for (std::int64_t k = 0; k < n; k++) {
     const auto m = static_cast<std::size_t>(k);
     const bool body = m < s_.bodies.size();
-    if (s_.inverse_mass[m] == 0) {
-      if (!body || !s_.driven[m]) continue;
-      s_.position[m] = s_.position[m] + s_.step * s_.velocity[m];
-      s_.orientation[m] = turned(s_.orientation[m], s_.step * s_.spin[m]);
-      continue;
-    }
-    const Push sum = sum_of(m);
-    advance(s_.position[m], s_.velocity[m], sum.force, s_.gravity, s_.inverse_mass[m], s_.step);
-    s_.momentum[m] = s_.momentum[m] + s_.step * sum.point;
-    if (body) {
-      rotate(s_.orientation[m], s_.inverse_inertia[m], s_.momentum[m], s_.step);
-      s_.spin[m] = spin_of(s_.orientation[m], s_.inverse_inertia[m], s_.momentum[m]);
-    } else {
-      s_.spin[m] = s_.inverse_inertia[m].x * s_.momentum[m];
-    }
+    if (s_.inverse_mass[m] == 0 && (!body || !s_.driven[m])) continue;
+    MoverState state = state_of(static_cast<std::uint32_t>(m));
+    const Load load = state.inverse_mass == 0 ? Load{} : load_of(m);
+    if (body)
+      advance_body(state, s_.momentum[m], s_.orientation[m], load, s_.inverse_inertia[m], s_.gravity,
+                   s_.step);
+    else
+      advance_grain(state, s_.momentum[m], load, s_.inverse_inertia[m].x, s_.gravity, s_.step);
+    s_.position[m] = state.position, s_.velocity[m] = state.velocity, s_.spin[m] = state.spin;
+    if (state.inverse_mass == 0) continue;
     if (!(length(s_.velocity[m]) <= longest)) wild = std::min(wild, k);
   }
-  if (wild < n) {
-    const auto m = static_cast<std::size_t>(wild);
-    explode((m < s_.bodies.size() ? "body " + std::to_string(m)
-                                  : "grain " + std::to_string(m - s_.bodies.size())) +
-            " has a speed of " + number(length(s_.velocity[m])) +
-            ", which is more than half the smallest radius in a step");
-  }
+  if (wild < n) explode_wild(static_cast<std::size_t>(wild));
+}
+
+void Stepper::explode_wild(std::size_t m) const {
+  fetch();
+  explode(
+      (m < s_.bodies.size() ? "body " + std::to_string(m) : "grain " + std::to_string(m - s_.bodies.size())) +
+      " has a speed of " + number(length(s_.velocity[m])) +
+      ", which is more than half the smallest radius in a step");
+}
+
+void Stepper::explode_deep() const {
+  explode("two spheres, or a sphere and a wall, overlap by " + number(deepest_) + ", more than a radius");
 }
 
 void Stepper::explode(const std::string& what) const {
@@ -329,25 +326,46 @@ void Stepper::explode(const std::string& what) const {
       ": look for spheres that overlap at the start, or use a shorter time step or a larger stiffness");
 }
 
-void Stepper::step() {
-  const double begun = omp_get_wtime();
+void Stepper::step_on_host() {
   threads_ = chosen_.choose(asked_threads_, s_.spheres());
   detector_.options().threads = threads_;
   const double moved = place_and_measure();
   // A hair less than half the skin, for the rounding of positions.
-  if (!found_ || skin_ == 0 || !(moved < 0.499999 * skin_)) {
-    const double before = omp_get_wtime();
-    find_candidates();
-    effort_.detection_seconds += omp_get_wtime() - before;
-  }
+  if (!found_ || skin_ == 0 || !(moved < 0.499999 * skin_)) find_candidates();
   push_pairs();
   push_walls();
-  if (deepest_ratio_ > 1)
-    explode("two spheres, or a sphere and a wall, overlap by " + number(deepest_) + ", more than a radius");
+  if (deepest_ratio_ > 1) explode_deep();
   push_bushings();
   integrate();
   chosen_.done();
   steps_++;
+}
+
+void Stepper::step_on_device(std::uint64_t count) {
+  for (std::uint64_t left = count; left > 0;) {
+    const StepsTaken taken = device_->step(left);
+    newer_there_ = true;
+    left -= taken.steps, steps_ += taken.steps;
+    if (taken.steps > 0) contacts_ = taken.contacts;
+    deepest_ = taken.deepest, deepest_ratio_ = taken.ratio;
+    if (taken.ratio > 1) explode_deep();
+    if (taken.wild != ~0u) explode_wild(taken.wild);
+    if (taken.detect && left > 0) find_candidates();
+  }
+}
+
+void Stepper::fetch() const {
+  if (!newer_there_) return;
+  device_->get(s_);
+  newer_there_ = false;
+}
+
+void Stepper::step(std::uint64_t count) {
+  const double begun = omp_get_wtime();
+  if (device_)
+    step_on_device(count);
+  else
+    for (std::uint64_t k = 0; k < count; k++) step_on_host();
   effort_.seconds += omp_get_wtime() - begun;
 }
 

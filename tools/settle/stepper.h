@@ -1,67 +1,48 @@
 // SPDX-License-Identifier: MIT
-// The stepper: it advances a System step by step with contacts from the detector. Same input, same bits, for
-// any number of threads and whether candidates are kept or not.
+// The stepper: it advances a System step by step with contacts from the detector, on the CPU or on a GPU.
+// Same input, same bits on one backend, for any number of threads and whether candidates are kept or not.
 #pragma once
 #include <cstdint>
+#include <memory>
 #include <vector>
 
 #include "detect/detector.h"
 #include "detect/omp/threads.h"
-#include "tools/settle/system.h"
+#include "tools/settle/device_stepper.h"
+#include "tools/settle/push.h"
+#include "tools/settle/state.h"
 
 namespace padder::settle {
 
 struct StepperOptions {
   int threads = 0;   // 0: as many as OpenMP would use and the scene is large enough for
   double skin = -1;  // a length; below 0: chosen and adapted by the stepper; 0: detection in every step
-};
-
-// Energies and what else tells whether a run is sound. Energy is only lost to dashpots and friction, so the
-// total of a scene without driven bodies must not grow.
-struct Watch {
-  double kinetic = 0, potential = 0, elastic = 0;
-  double total() const { return kinetic + potential + elastic; }
-  Vec3 momentum;             // linear, of all that moves
-  double fastest = 0;        // the largest speed of a mover
-  double deepest = 0;        // the largest penetration of the last step
-  double deepest_ratio = 0;  // the same as a ratio to the smaller radius of its two spheres
-};
-
-// A contact's memory: the spring of friction between two spheres, or between a sphere and a wall.
-struct SpringMemory {
-  std::uint32_t i, j;  // spheres, or a sphere and a wall
-  Vec3 spring;
-};
-
-// All that the next step depends on besides the System as it was given. A stepper that takes a snapshot goes
-// on with the same bits as the one that gave it.
-struct Snapshot {
-  std::uint64_t steps = 0;
-  std::vector<Vec3> position, velocity, momentum, spin;
-  std::vector<Quaternion> orientation;
-  std::vector<SpringMemory> contacts, walls;  // those that touch, by i, then j
+  detect::BackendKind backend = detect::BackendKind::omp;  // automatic: a GPU if there is one and it pays
 };
 
 class Stepper {
  public:
-  // Throws Error if the step of time is too long for the stiffness (the sentence says which would do), and
-  // for a system whose numbers make no sense.
+  // Throws Error if the step of time is too long for the stiffness (the sentence says which would do), for a
+  // system whose numbers make no sense, and if the backend that is asked for is not available.
   explicit Stepper(System system, const StepperOptions& options = {});
 
-  // One step. Throws Error, in a sentence that says which mover and when, if a mover travels more than half
-  // the smallest radius in it, or if two spheres overlap by more than the smaller radius: an explosion.
-  void step();
+  // So many steps. Throws Error, in a sentence that says which mover and when, if a mover travels more than
+  // half the smallest radius in one, or if two spheres overlap by more than the smaller radius: an explosion.
+  // A GPU takes many steps in one call faster than one in each of many calls.
+  void step(std::uint64_t count = 1);
 
-  const System& system() const { return s_; }
+  const char* backend() const { return device_ ? "cuda" : "omp"; }
+  const System& system() const { return fetch(), s_; }  // after a step on a GPU this copies the state
   std::uint64_t steps() const { return steps_; }
   double time() const { return static_cast<double>(steps_) * s_.step; }
   std::uint64_t contacts() const { return contacts_; }  // of the last step, those with walls among them
-  // The pairs of spheres that touched in the last step, by i, then j.
+  // The pairs of spheres that touched in the last step, by i, then j. On a GPU: candidates that touch at
+  // placed(), wherever that is.
   std::vector<detect::Pair> touching_pairs() const;
   // The spheres where the last step saw them, in the detector's numbering; before the first step as given.
   const std::vector<detect::Sphere>& placed() const { return centers_; }
   void place();   // puts placed() where the movers are now
-  Watch watch();  // places, then a pass over everything by one thread in a fixed order
+  Watch watch();  // a pass over everything in a fixed order; on the CPU it places
 
   Snapshot snapshot() const;
   void resume(const Snapshot& snapshot);  // throws Error if it is of another system
@@ -76,10 +57,6 @@ class Stepper {
   const Effort& effort() const { return effort_; }
 
  private:
-  // A force and where it acts.
-  struct Push {
-    Vec3 force, point;
-  };
   struct WallPair {
     std::uint32_t sphere, wall;
   };
@@ -97,10 +74,21 @@ class Stepper {
   void push_walls();
   void push_bushings();
   void integrate();
-  Push sum_of(std::size_t mover) const;
+  Load load_of(std::size_t mover) const;
+  MoverState state_of(std::uint32_t mover) const {
+    return {s_.position[mover], s_.velocity[mover], s_.spin[mover], s_.inverse_mass[mover]};
+  }
+  void step_on_host();
+  void step_on_device(std::uint64_t count);
+  std::pair<std::vector<SpringMemory>, std::vector<SpringMemory>> candidates() const;
+  void fetch() const;  // the state from the GPU, if it is newer there
+  [[noreturn]] void explode_deep() const;
+  [[noreturn]] void explode_wild(std::size_t mover) const;
   [[noreturn]] void explode(const std::string& what) const;
 
-  System s_;
+  mutable System s_;
+  std::unique_ptr<DeviceStepper> device_;  // null on the CPU
+  mutable bool newer_there_ = false;       // the state on the GPU is newer than s_
   std::uint32_t body_spheres_ = 0, grain_shift_ = 0;
   std::vector<std::uint32_t> owner_;  // of the spheres of bodies
   double smallest_ = 0, mean_ = 0;    // radius
@@ -131,7 +119,7 @@ class Stepper {
   std::vector<Vec3> wall_springs_;
   std::vector<Push> wall_pushes_;
   std::vector<std::uint64_t> wall_starts_;  // the first one of each sphere
-  std::vector<Push> bushing_pushes_;        // force and torque on each body
+  std::vector<Load> bushing_loads_;         // of each body
 
   std::uint64_t contacts_ = 0;
   double deepest_ = 0, deepest_ratio_ = 0;

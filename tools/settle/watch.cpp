@@ -9,32 +9,29 @@
 namespace padder::settle {
 
 Watch Stepper::watch() {
+  if (device_) {
+    Watch w = device_->watch();
+    w.deepest = deepest_, w.deepest_ratio = deepest_ratio_;
+    return w;
+  }
   place();
   Watch w;
-  for (std::size_t m = 0; m < s_.movers(); m++) {
-    w.fastest = std::max(w.fastest, length(s_.velocity[m]));
-    if (s_.inverse_mass[m] == 0) continue;
-    const double mass = 1 / s_.inverse_mass[m];
-    w.kinetic += 0.5 * mass * dot(s_.velocity[m], s_.velocity[m]) + 0.5 * dot(s_.spin[m], s_.momentum[m]);
-    w.potential -= mass * dot(s_.gravity, s_.position[m]);
-    w.momentum = w.momentum + mass * s_.velocity[m];
-  }
-  const auto stored = [&](double depth, const Vec3& spring) {
-    if (depth >= 0)
-      w.elastic +=
-          0.5 * s_.law.stiffness * depth * depth + 0.5 * s_.law.tangential_stiffness * dot(spring, spring);
-  };
+  for (std::size_t m = 0; m < s_.movers(); m++)
+    watch_mover(w, s_.gravity, s_.inverse_mass[m], s_.position[m], s_.velocity[m], s_.spin[m],
+                s_.momentum[m]);
   for (std::size_t c = 0; c < pairs_.size(); c++) {
     const detect::Sphere &a = centers_[pairs_[c].i], &b = centers_[pairs_[c].j];
-    if (detect::touching(a, b)) stored(detect::geometry(a, b).depth, springs_[c]);
+    if (detect::touching(a, b)) w.elastic += stored_energy(s_.law, detect::geometry(a, b).depth, springs_[c]);
   }
   for (std::size_t c = 0; c < wall_pairs_.size(); c++) {
     const detect::Sphere& a = centers_[wall_pairs_[c].sphere];
-    stored(contact_with(s_.walls[wall_pairs_[c].wall], {a.x, a.y, a.z}, a.r).depth, wall_springs_[c]);
+    const double depth = contact_with(s_.walls[wall_pairs_[c].wall], center_of(a), a.r).depth;
+    w.elastic += stored_energy(s_.law, depth, wall_springs_[c]);
   }
   for (const Bushing& u : s_.bushings) {
-    const Vec3 apart = s_.position[u.a] + times(s_.bodies[u.a].rotation, u.on_a) - s_.position[u.b] -
-                       times(s_.bodies[u.b].rotation, u.on_b);
+    Vec3 arm_a, arm_b;
+    const Vec3 apart = stretch_of(u, s_.position[u.a], s_.position[u.b], s_.bodies[u.a].rotation,
+                                  s_.bodies[u.b].rotation, arm_a, arm_b);
     w.elastic += 0.5 * u.stiffness * dot(apart, apart);
   }
   w.deepest = deepest_, w.deepest_ratio = deepest_ratio_;
@@ -43,19 +40,31 @@ Watch Stepper::watch() {
 
 std::vector<detect::Pair> Stepper::touching_pairs() const {
   std::vector<detect::Pair> found;
-  for (const detect::Pair& p : pairs_)
-    if (detect::touching(centers_[p.i], centers_[p.j])) found.push_back(p);
+  for (const SpringMemory& m : candidates().first)
+    if (detect::touching(centers_[m.i], centers_[m.j])) found.push_back({m.i, m.j});
+  return found;
+}
+
+// Candidates and their springs: pairs of spheres, and spheres with walls.
+std::pair<std::vector<SpringMemory>, std::vector<SpringMemory>> Stepper::candidates() const {
+  std::pair<std::vector<SpringMemory>, std::vector<SpringMemory>> found;
+  if (device_) {
+    device_->get(found.first, found.second);
+    return found;
+  }
+  for (std::size_t c = 0; c < pairs_.size(); c++)
+    found.first.push_back({pairs_[c].i, pairs_[c].j, springs_[c]});
+  for (std::size_t c = 0; c < wall_pairs_.size(); c++)
+    found.second.push_back({wall_pairs_[c].sphere, wall_pairs_[c].wall, wall_springs_[c]});
   return found;
 }
 
 Snapshot Stepper::snapshot() const {
-  Snapshot s{steps_, s_.position, s_.velocity, s_.momentum, s_.spin, s_.orientation, {}, {}};
-  for (std::size_t c = 0; c < pairs_.size(); c++)
-    if (springs_[c] != Vec3{}) s.contacts.push_back({pairs_[c].i, pairs_[c].j, springs_[c]});
-  for (std::size_t c = 0; c < wall_pairs_.size(); c++)
-    if (wall_springs_[c] != Vec3{})
-      s.walls.push_back({wall_pairs_[c].sphere, wall_pairs_[c].wall, wall_springs_[c]});
-  return s;
+  fetch();
+  auto [contacts, walls] = candidates();
+  std::erase_if(contacts, [](const SpringMemory& m) { return m.spring == Vec3{}; });
+  std::erase_if(walls, [](const SpringMemory& m) { return m.spring == Vec3{}; });
+  return {steps_, s_.position, s_.velocity, s_.momentum, s_.spin, s_.orientation, contacts, walls};
 }
 
 void Stepper::resume(const Snapshot& s) {
@@ -70,7 +79,8 @@ void Stepper::resume(const Snapshot& s) {
   if (!fits) throw Error("the checkpoint is of another scene: it has other bodies, grains or walls");
   s_.position = s.position, s_.velocity = s.velocity, s_.momentum = s.momentum, s_.spin = s.spin;
   s_.orientation = s.orientation;
-  steps_ = s.steps;
+  steps_ = s.steps, newer_there_ = false;
+  if (device_) device_->put(s);
   pairs_.clear(), springs_.clear(), wall_pairs_.clear(), wall_springs_.clear();
   starts_.assign(centers_.size() + 1, 0), wall_starts_.assign(centers_.size() + 1, 0);
   for (const SpringMemory& m : s.contacts)

@@ -2,22 +2,14 @@
 #include "detect/cuda/bodies/bodies.h"
 
 #include <algorithm>
-#include <cub/device/device_scan.cuh>
 
 #include "detect/cuda/device/device.h"
+#include "detect/cuda/device/exclusive_sum.h"
 #include "detect/cuda/device/profile_range.h"
 #include "detect/cuda/tuning.h"
 
 namespace padder::detect::cuda {
 namespace {
-
-template <class Count>
-void exclusive_sum(const std::uint32_t* counts, unsigned long long* sums, Count n,
-                   Buffer<unsigned char>& scratch, cudaStream_t stream) {
-  std::size_t bytes = 0;
-  cub::DeviceScan::ExclusiveSum(nullptr, bytes, counts, sums, n, stream);
-  cuda_check(cub::DeviceScan::ExclusiveSum(scratch.reserve(bytes), bytes, counts, sums, n, stream), "scan");
-}
 
 // Do the same numbers of elements have the same sizes? Then the levels and bins of the one serve the other.
 bool same_sizes(const Summary& a, const Summary& b) {
@@ -52,10 +44,8 @@ BodySearch::Tools::Tools(MemoryBook& book)
     : surveyor(book),
       orderer(book),
       search(book),
-      ranks(book, "the order of the list"),
-      batch_counts(book, "the order of the list"),
+      narrow(book),
       query_counts(book, "what is static"),
-      batch_offsets(book, "the order of the list"),
       query_offsets(book, "what is static"),
       scratch(book, "sums"),
       counters(book, "counters"),
@@ -65,6 +55,7 @@ void BodySearch::make_plan(const Call& call, const Output& output) {
   const BodyView& view = input_.view();
   plan_ = {};
   plan_.view = view, plan_.loose = input_.loose(), plan_.output = output, plan_.own = call.options.own;
+  plan_.margin = call.options.margin;
   plan_.statics = input_.static_view(), plan_.static_grid = input_.table().grid;
   plan_.static_count = input_.table().count;
   plan_.method = method_, plan_.moves = book_.moves;
@@ -136,21 +127,6 @@ void BodySearch::broad_phase_of_static(const Plan& plan, Tools& tools, cudaStrea
   });
 }
 
-void BodySearch::narrow_phase(const Plan& plan, Tools& tools, NarrowPhaseTask& t, cudaStream_t stream,
-                              StageClock& clock) {
-  if (!plan.stable_order) return find_contacts(t, plan.output, stream);
-  const std::uint64_t batches = most_batches(plan.pairs.capacity, t.finder_warps);
-  t.ranks = tools.ranks.reserve(plan.room), t.batch_counts = tools.batch_counts.reserve(batches);
-  find_contacts(t, plan.output, stream);
-  if (batches > kMostSummedBatches) {
-    unsigned long long* offsets = tools.batch_offsets.reserve(batches);
-    t.batch_offsets = offsets;
-    exclusive_sum(t.batch_counts, offsets, batches, tools.scratch, stream);
-  }
-  clock.mark(7);
-  write_hits(t, plan.output, plan.processors, stream);
-}
-
 void BodySearch::expect_report(const Plan& plan, Tools& tools) {
   tools.report.clear();
   if (plan.view.moving > 0 && plan.with_survey)
@@ -169,10 +145,10 @@ void BodySearch::enqueue(const Plan& plan, Tools& tools, cudaStream_t stream, St
     clock.mark(6);
     const ProfileRange range("padder: narrow phase of bodies (stages 8 and 9)");
     NarrowPhaseTask t{plan.view, plan.loose, plan.own};
-    t.owns_all = plan.own == Region{}, t.stable_order = plan.stable_order;
+    t.margin = plan.margin, t.owns_all = plan.own == Region{}, t.stable_order = plan.stable_order;
     t.pairs = plan.pairs.pairs, t.pair_room = plan.pairs.capacity, t.room = plan.room;
-    t.hits = plan.hits, t.counters = counters, t.finder_warps = finder_warps(plan.processors);
-    narrow_phase(plan, tools, t, stream, clock);
+    t.hits = plan.hits, t.counters = counters;
+    narrow_phase(t, plan.output, tools.narrow, plan.processors, stream, clock);
   }
   tools.report.send(stream);
 }
@@ -275,10 +251,10 @@ struct BodySearch::Steps {
 };
 
 bool BodySearch::run(const Call& call, Contacts& contacts) {
-  const bool known = knows(call.input);
+  const bool known = knows(call.input, call.options);
   {
     const ProfileRange range("padder: read the bodies");
-    if (!input_.read(call.input, call.stream)) return false;
+    if (!input_.read(call.input, call.options.margin, call.stream)) return false;
   }
   call.clock.mark(StageClock::kPlace);
   const std::uint32_t moving = input_.view().moving;

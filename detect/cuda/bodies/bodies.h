@@ -14,7 +14,9 @@ class BodySearch {
  public:
   explicit BodySearch(MemoryBook& book);
 
-  bool knows(const Input& input) const { return input_.knows(input); }  // by its revision
+  bool knows(const Input& input, const CallOptions& options) const {  // by its revision
+    return input_.knows(input, options.margin);
+  }
   // A call went another way: what moved in it was not seen.
   void forget() { input_.forget(); }
 
@@ -32,6 +34,7 @@ class BodySearch {
     Grid grid;
     Output output, pairs;  // of contacts, of elements whose balls touch
     Region own;
+    double margin = 0;
     StaticView statics;
     Grid static_grid;
     std::uint32_t static_count = 0;
@@ -54,9 +57,9 @@ class BodySearch {
     Orderer orderer;
     SearchMemory search;
     Report report;
-    Buffer<uint2> ranks;
-    Buffer<std::uint32_t> batch_counts, query_counts;
-    Buffer<unsigned long long> batch_offsets, query_offsets;
+    NarrowPhaseMemory narrow;
+    Buffer<std::uint32_t> query_counts;
+    Buffer<unsigned long long> query_offsets;
     Buffer<unsigned char> scratch;
     Buffer<BodyCounters> counters, host_counters;
   };
@@ -70,8 +73,6 @@ class BodySearch {
   template <class Launch>
   static void element_pairs(const Plan& plan, Tools& tools, cudaStream_t stream, Launch launch);
   static void broad_phase_of_static(const Plan& plan, Tools& tools, cudaStream_t stream);
-  static void narrow_phase(const Plan& plan, Tools& tools, NarrowPhaseTask& task, cudaStream_t stream,
-                           StageClock& clock);
   bool ordinary(const CallOptions& options) const;
 
   MemoryBook& book_;

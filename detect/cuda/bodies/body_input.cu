@@ -13,7 +13,7 @@ unsigned blocks_for(std::uint64_t n) {
 }
 
 __global__ void __launch_bounds__(kThreads)
-    place_kernel(BodyView v, DeviceSpheres loose, std::uint32_t first, std::uint32_t end) {
+    place_kernel(BodyView v, DeviceSpheres loose, double grown_by, std::uint32_t first, std::uint32_t end) {
   for (std::uint32_t k = first + blockIdx.x * kThreads + threadIdx.x; k < end; k += gridDim.x * kThreads) {
     const Element e = v.elements[k];
     if (e.body == kLoose) {
@@ -27,30 +27,7 @@ __global__ void __launch_bounds__(kThreads)
       v.stances[k] = stance_of(body, e, v.pieces[e.piece], v.balls[k]);
       v.family[k] = body.family, v.mask[k] = body.mask, v.owner[k] = owner_of(e.body, body.is_static);
     }
-  }
-}
-__device__ void put(Body& to, const Pose& pose) {
-  for (int k = 0; k < 9; k++) to.rotation[k] = pose.rotation[k];
-  for (int k = 0; k < 3; k++) to.position[k] = pose.position[k];
-}
-__global__ void moved_kernel(const MovedBody* moved, std::uint32_t count, Body* bodies) {
-  for (std::uint32_t k = blockIdx.x * kThreads + threadIdx.x; k < count; k += gridDim.x * kThreads)
-    put(bodies[moved[k].body], moved[k].pose);
-}
-// A thread for each number of a pose: of the bodies in `list`, or of all if it is null. `moving`: static
-// bodies are left out, since they stay where they were put.
-__global__ void __launch_bounds__(kThreads) pose_kernel(const Pose* poses, const std::uint32_t* list,
-                                                        std::uint32_t count, Body* bodies, bool moving) {
-  const std::uint64_t all = 12 * std::uint64_t(count);
-  for (std::uint64_t k = blockIdx.x * kThreads + threadIdx.x; k < all;
-       k += std::uint64_t(gridDim.x) * kThreads) {
-    const auto b = static_cast<std::uint32_t>(k / 12), c = static_cast<std::uint32_t>(k % 12);
-    const std::uint32_t body = list ? list[b] : b;
-    if (moving && bodies[body].is_static) continue;
-    if (c < 9)
-      bodies[body].rotation[c] = poses[body].rotation[c];
-    else
-      bodies[body].position[c - 9] = poses[body].position[c - 9];
+    if (grown_by > 0) v.balls[k].r += grown_by;  // stances are those of the balls themselves
   }
 }
 // Copies loose spheres to the array of our own: those in `list`, or all if it is null.
@@ -76,38 +53,33 @@ __global__ void record_kernel(const LooseRecord* from, std::uint32_t count, Sphe
 
 BodyInput::BodyInput(MemoryBook& book)
     : copy_(book),
-      bodies_(book, "the bodies"),
-      poses_(book, "the poses"),
+      arrays_(book),
       elements_(book, "the pieces of bodies"),
-      pieces_(book, "the pieces of bodies"),
-      spheres_(book, "the shapes"),
       balls_(book, "the balls about bodies"),
       loose_spheres_(book, "the spheres"),
       static_balls_(book, "what is static"),
       stances_(book, "the balls about bodies"),
-      near_(book, "the shapes"),
-      boxes_(book, "the shapes"),
-      numbers_(book, "the shapes"),
-      body_first_(book, "the bodies"),
       tags_(book, "families and masks"),
       loose_tags_(book, "families and masks"),
       moving_list_(book, "what moves"),
       static_starts_(book, "what is static"),
       static_elements_(book, "what is static"),
       records_(book, "what moved"),
-      host_records_(book, "what moved", true),
-      moved_(book, "what moved"),
-      host_moved_(book, "what moved", true) {}
+      host_records_(book, "what moved", true) {}
 
-bool BodyInput::knows(const Input& input) const {
+bool BodyInput::knows(const Input& input, double margin) const {
+  if (loose_only_ && all_loose(input)) return input.spheres.count == known_loose_;
   return input.revision != 0 && input.revision == revision_ && input.bodies.size() == known_bodies_ &&
-         input.spheres.count == known_loose_;
+         input.spheres.count == known_loose_ && margin == margin_;
 }
 
-bool BodyInput::read(const Input& input, cudaStream_t stream) {
-  const bool known = knows(input);
-  revision_ = 0;
-  known ? read_moved(input, stream) : read_all(input, stream);
+bool BodyInput::read(const Input& input, double margin, cudaStream_t stream) {
+  const bool known = knows(input, margin);
+  forget(), margin_ = margin;
+  if (known)
+    arrays_.move(input, moving_list_.data(), static_cast<std::uint32_t>(moving_bodies_.size()), stream);
+  else
+    read_all(input, stream);
   read_loose(input, known, stream);
   if (!known && !build_table(stream)) return false;
   place(0, view_.moving, stream);
@@ -115,7 +87,6 @@ bool BodyInput::read(const Input& input, cudaStream_t stream) {
 }
 
 void BodyInput::read_all(const Input& input, cudaStream_t stream) {
-  const std::uint64_t n = input.bodies.size();
   const Spheres& s = input.spheres;
   std::vector<std::uint8_t> is_static;
   if (s.is_static && s.memory == Memory::device) {
@@ -133,64 +104,17 @@ void BodyInput::read_all(const Input& input, cudaStream_t stream) {
     else if (moving_bodies_.empty() || moving_bodies_.back() != el.body)
       moving_bodies_.push_back(el.body);
   }
-  const Pieces& p = assembly_.pieces;
-  view_ = {};
-  Body* bodies = copied(bodies_, input.bodies.data(), n, stream);
-  view_.bodies = bodies;
+  view_ = arrays_.read(input, assembly_.pieces, assembly_.body_first, stream);
   view_.elements = copied(elements_, assembly_.elements.data(), assembly_.elements.size(), stream);
-  view_.pieces = copied(pieces_, p.pieces.data(), p.pieces.size(), stream);
-  view_.spheres = copied(spheres_, p.spheres.data(), p.spheres.size(), stream);
-  view_.numbers = copied(numbers_, p.numbers.data(), p.numbers.size(), stream);
-  view_.near = copied(near_, p.near.data(), p.near.size(), stream);
-  view_.boxes = copied(boxes_, p.boxes.data(), p.boxes.size(), stream);
-  view_.unit_piece = static_cast<std::uint32_t>(p.pieces.size());
-  view_.unit_near = static_cast<std::uint32_t>(p.spheres.size());
-  view_.body_first = copied(body_first_, assembly_.body_first.data(), assembly_.body_first.size(), stream);
   view_.count = static_cast<std::uint32_t>(assembly_.elements.size()), view_.moving = assembly_.moving;
-  view_.loose_first = assembly_.body_first.back();
   view_.balls = balls_.reserve(view_.count), view_.stances = stances_.reserve(view_.count);
   view_.family = tags_.reserve(3 * std::uint64_t(view_.count));
   view_.mask = view_.family + view_.count, view_.owner = view_.mask + view_.count;
   std::vector<std::uint32_t> lists = moving_bodies_;
   lists.insert(lists.end(), moving_loose_.begin(), moving_loose_.end());
   copied(moving_list_, lists.data(), lists.size(), stream);
-  if (input.poses && n) {
-    const Pose* poses =
-        input.pose_memory == Memory::device ? input.poses : copied(poses_, input.poses, n, stream);
-    pose_kernel<<<blocks_for(12 * n), kThreads, 0, stream>>>(poses, nullptr, static_cast<std::uint32_t>(n),
-                                                             bodies, input.revision != 0);
-    cuda_launched("place the bodies");
-  }
   cuda_check(cudaStreamSynchronize(stream), "copy the bodies");  // the vectors must outlive their copies
-  known_bodies_ = n, known_loose_ = s.count;
-}
-
-// Reads the poses of what moves; only these few bytes go to the device. Poses that the caller keeps in host
-// memory stand in input.bodies by now (revision.h).
-void BodyInput::read_moved(const Input& input, cudaStream_t stream) {
-  Body* bodies = bodies_.data();
-  const auto count = static_cast<std::uint32_t>(moving_bodies_.size());
-  if (input.poses && input.pose_memory == Memory::device) {
-    if (count)
-      pose_kernel<<<blocks_for(12 * std::uint64_t(count)), kThreads, 0, stream>>>(
-          input.poses, moving_list_.data(), count, bodies, false);
-    cuda_launched("place the bodies");
-    return;
-  }
-  if (input.moved.empty()) return;
-  MovedBody* host = host_moved_.reserve(input.moved.size());
-  std::uint32_t n = 0;
-  for (const std::uint32_t b : input.moved) {
-    const Body& body = input.bodies[b];
-    if (body.is_static) continue;
-    std::copy_n(body.rotation, 9, host[n].pose.rotation),
-        std::copy_n(body.position, 3, host[n].pose.position);
-    host[n++].body = b;
-  }
-  if (n == 0) return;
-  MovedBody* device = copied(moved_, host, n, stream);
-  moved_kernel<<<blocks_for(n), kThreads, 0, stream>>>(device, n, bodies);
-  cuda_launched("place the bodies");
+  known_bodies_ = input.bodies.size(), known_loose_ = s.count;
 }
 
 // If no loose sphere is static, all are read where the caller has them, in every call. Else they are kept in
@@ -239,7 +163,9 @@ void BodyInput::read_loose(const Input& input, bool known, cudaStream_t stream) 
 
 void BodyInput::place(std::uint32_t first, std::uint32_t end, cudaStream_t stream) {
   if (first == end) return;
-  place_kernel<<<blocks_for(end - first), kThreads, 0, stream>>>(view_, loose_, first, end);
+  // More than half of the margin, by far more than the decisions about it round.
+  const double grown_by = 0.5 * margin_ * (1 + 0x1p-40);
+  place_kernel<<<blocks_for(end - first), kThreads, 0, stream>>>(view_, loose_, grown_by, first, end);
   cuda_launched("place the balls about bodies");
 }
 

@@ -7,6 +7,7 @@
 
 #include "detect/core/assembly.h"
 #include "detect/core/static_table.h"
+#include "detect/cuda/bodies/body_arrays.h"
 #include "detect/cuda/input/input_copy.h"
 
 namespace padder::detect::cuda {
@@ -17,40 +18,22 @@ struct LooseRecord {
   Filter filter;
   std::uint32_t number = 0;
 };
-struct MovedBody {
-  Pose pose;
-  std::uint64_t body = 0;
-};
-
-// The scene as the kernels read it. Elements: those that move first, then static ones.
-struct BodyView {
-  const Body* bodies = nullptr;
-  const Element* elements = nullptr;
-  const Piece* pieces = nullptr;
-  const Sphere* spheres = nullptr;
-  const std::uint32_t* numbers = nullptr;  // of each of these within its shape
-  const NearSphere* near = nullptr;        // of Pieces, as the boxes
-  const NearBox* boxes = nullptr;
-  const std::uint32_t* body_first = nullptr;
-  Sphere* balls = nullptr;    // about each element
-  Stance* stances = nullptr;  // of each element
-  std::uint32_t *family = nullptr, *mask = nullptr, *owner = nullptr;
-  std::uint32_t moving = 0, count = 0, loose_first = 0;
-  std::uint32_t unit_piece = 0, unit_near = 0;  // what stands for a loose sphere in `boxes` and `near`
-  friend bool operator==(const BodyView&, const BodyView&) = default;
-};
 
 class BodyInput {
  public:
   explicit BodyInput(MemoryBook& book);
 
-  bool knows(const Input& input) const;  // by its revision
+  // By its revision; or there are only loose spheres, all of which move, as many as in the previous call.
+  bool knows(const Input& input, double margin) const;
   // Brings everything to where it is in this input: what moves, if the input is known, else all. The balls
-  // about what moves are placed. The revision is forgotten until keep() is called. False: there are static
-  // elements for which no table can be built.
-  bool read(const Input& input, cudaStream_t stream);
-  void keep(const Input& input) { revision_ = input.revision; }
-  void forget() { revision_ = 0; }
+  // about what moves are placed, and are larger by half of the margin: so they touch where spheres in them
+  // may have a gap of no more than it. The revision is forgotten until keep() is called. False: there are
+  // static elements for which no table can be built.
+  bool read(const Input& input, double margin, cudaStream_t stream);
+  void keep(const Input& input) { revision_ = input.revision, loose_only_ = all_loose(input); }
+  void forget() { revision_ = 0, loose_only_ = false; }
+  // No bodies, and nothing static.
+  static bool all_loose(const Input& input) { return input.bodies.empty() && !input.spheres.is_static; }
 
   std::uint64_t body_spheres() const { return assembly_.body_first.back(); }
   const BodyView& view() const { return view_; }
@@ -61,7 +44,6 @@ class BodyInput {
 
  private:
   void read_all(const Input& input, cudaStream_t stream);
-  void read_moved(const Input& input, cudaStream_t stream);
   void read_loose(const Input& input, bool known, cudaStream_t stream);
   bool build_table(cudaStream_t stream);
   void place(std::uint32_t first, std::uint32_t end, cudaStream_t stream);
@@ -69,25 +51,20 @@ class BodyInput {
   InputCopy copy_;
   Assembly assembly_;
   StaticTable table_;
-  double static_extent_ = 0;
+  bool loose_only_ = false;
+  double static_extent_ = 0, margin_ = 0;
   std::uint64_t revision_ = 0, known_bodies_ = 0, known_loose_ = 0;
   std::vector<std::uint32_t> moving_bodies_, moving_loose_;
   BodyView view_;
   StaticView static_view_;
   DeviceSpheres loose_;
 
-  Buffer<Body> bodies_;
-  Buffer<Pose> poses_;
+  BodyArrays arrays_;
   Buffer<Element> elements_;
-  Buffer<Piece> pieces_;
-  Buffer<Sphere> spheres_, balls_, loose_spheres_, static_balls_;
+  Buffer<Sphere> balls_, loose_spheres_, static_balls_;
   Buffer<Stance> stances_;
-  Buffer<NearSphere> near_;
-  Buffer<NearBox> boxes_;
-  Buffer<std::uint32_t> numbers_, body_first_, tags_, loose_tags_, moving_list_, static_starts_,
-      static_elements_;
+  Buffer<std::uint32_t> tags_, loose_tags_, moving_list_, static_starts_, static_elements_;
   Buffer<LooseRecord> records_, host_records_;
-  Buffer<MovedBody> moved_, host_moved_;
 };
 
 }  // namespace padder::detect::cuda

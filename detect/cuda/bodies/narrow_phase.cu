@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "detect/cuda/device/exclusive_sum.h"
 #include "detect/cuda/device/ptx.h"
 #include "detect/cuda/device/warp.h"
 #include "detect/cuda/tuning.h"
@@ -19,6 +20,7 @@ constexpr std::uint32_t kQueue = 128, kStep = 64;
 struct alignas(16) ElementPair {
   Relative to_a;                   // from b's near spheres to those of a
   std::uint32_t near_a, near_b;    // the first near spheres
+  std::uint32_t group_a, group_b;  // the first groups
   std::uint32_t count_a, count_b;  // spheres
   std::uint32_t body_a, body_b;    // as in Element
   std::uint32_t slot_a, slot_b;    // of the first spheres, as in Hit
@@ -40,7 +42,7 @@ __device__ __forceinline__ std::uint32_t number_of(const BodyView& v, std::uint3
 }
 __device__ __forceinline__ Sphere sphere_of(const BodyView& v, const DeviceSpheres& loose, std::uint32_t body,
                                             std::uint32_t slot) {
-  return body == kLoose ? loose.sphere(slot) : placed(v.bodies[body], v.spheres[slot]);
+  return body == kLoose ? loose.sphere(slot) : placed(v.placed_body(body), v.spheres[slot]);
 }
 __device__ __forceinline__ NearSphere load_near(const NearSphere* from) {
   const float4 s = __ldg(reinterpret_cast<const float4*>(from));
@@ -53,9 +55,9 @@ __device__ __forceinline__ void write_contact(const Output& out, std::uint64_t a
 }
 
 // What a warp does with its batch of pairs. Float tests, which let too many pass, find candidates: first
-// spheres against the other element's ball, then spheres against spheres. Candidates wait in a queue until a
-// full warp can decide them exactly.
-template <bool Stable>
+// groups against groups, or spheres against the other element's ball; then spheres against spheres.
+// Candidates wait in a queue until a full warp can decide them exactly.
+template <bool Stable, bool Grouped>
 struct PairTester {
   const NarrowPhaseTask& task;
   const Output& out;
@@ -66,7 +68,7 @@ struct PairTester {
 
   // Two spheres in double: a contact that is asked for?
   __device__ __forceinline__ bool accepted(const Hit& h, const Sphere& a, const Sphere& b) const {
-    if (!touching(a, b)) return false;
+    if (!touching(a, b, task.margin)) return false;
     if (task.owns_all) return true;
     const bool ordered = number_of(task.view, h.a_body, h.a_slot) < number_of(task.view, h.b_body, h.b_slot);
     return owns(task.own, ordered ? midpoint(a, b) : midpoint(b, a));
@@ -110,6 +112,12 @@ struct PairTester {
     const std::uint32_t bit = 1u << lane;
     if (candidates & bit) memory.queue[(tail + __popc(candidates & (bit - 1))) % kQueue] = code;
     tail += __popc(candidates);
+  }
+
+  // Pairs of single spheres are candidates as they are: each lane has one.
+  __device__ __forceinline__ void push_run(std::uint32_t pairs) {
+    push(pairs, lane << 12);
+    while (tail - head > kQueue - kStep) decide();
   }
 
   // Those of `count` spheres that overlap the ball. `to_a` makes near spheres of a of them.
@@ -156,8 +164,50 @@ struct PairTester {
     }
   }
 
+  // Which groups overlap: a byte for each group of b, in it a bit for each group of a.
+  __device__ __forceinline__ std::uint64_t overlapping_groups(const ElementPair& p) const {
+    const NearSphere* const groups = task.view.groups;
+    // Each lane has one group of a, and two of b.
+    const std::uint32_t ga = lane % kPieceGroups, gb = lane / kPieceGroups;
+    const NearSphere a = load_near(groups + p.group_a + ga);
+    const NearSphere b0 = p.to_a(load_near(groups + p.group_b + gb)),
+                     b1 = p.to_a(load_near(groups + p.group_b + gb + 4));
+    const std::uint32_t groups_b = ga < groups_of(p.count_a) ? groups_of(p.count_b) : 0;
+    const std::uint32_t low = __ballot_sync(kAll, gb < groups_b && overlap(a, b0)),
+                        high = __ballot_sync(kAll, gb + 4 < groups_b && overlap(a, b1));
+    return std::uint64_t(high) << 32 | low;
+  }
+  // The spheres of each group of b against those of the groups of a that it overlaps. Each lane has one
+  // sphere of a, and two of b.
+  __device__ __forceinline__ void test_groups(std::uint32_t pair) {
+    const ElementPair& p = memory.pairs[pair];
+    for (std::uint64_t groups = overlapping_groups(p); groups;) {
+      const std::uint32_t shift = (63 - __clzll(static_cast<long long>(groups))) & ~7u,
+                          i = lane % kGroupSpheres, j = shift / 8 * kGroupSpheres + lane / 8;
+      std::uint32_t with = static_cast<std::uint32_t>(groups >> shift) & 255;
+      groups ^= std::uint64_t(with) << shift;
+      const NearSphere* const near = task.view.near;
+      const NearSphere b0 = p.to_a(load_near(near + p.near_b + min(j, p.count_b - 1))),
+                       b1 = p.to_a(load_near(near + p.near_b + min(j + 4, p.count_b - 1)));
+      const std::uint32_t valid0 = __ballot_sync(kAll, j < p.count_b),
+                          valid1 = __ballot_sync(kAll, j + 4 < p.count_b),
+                          code = kept_in_register(pair << 12 | i << 6 | j);
+      for (; with; with &= with - 1) {
+        const std::uint32_t of_a = (__ffs(static_cast<int>(with)) - 1) * kGroupSpheres;
+        const NearSphere a = load_near(near + p.near_a + min(of_a + i, p.count_a - 1));
+        const bool there = of_a + i < p.count_a;
+        const std::uint32_t first = __ballot_sync(kAll, there && overlap(a, b0)) & valid0,
+                            second = __ballot_sync(kAll, there && overlap(a, b1)) & valid1;
+        if ((first | second) == 0) continue;
+        push(first, code + (of_a << 6)), push(second, code + (of_a << 6) + 4);
+        while (tail - head > kQueue - kStep) decide();
+      }
+    }
+  }
+
   // The spheres of a pair of the batch.
   __device__ __forceinline__ void test(std::uint32_t pair) {
+    if constexpr (Grouped) return test_groups(pair);
     const ElementPair& p = memory.pairs[pair];
     const Relative& to_a = p.to_a;
     __syncwarp();  // the survivors of the previous pair are read no more
@@ -174,38 +224,36 @@ struct PairTester {
 };
 
 // Makes the pair ready for the warp. False if the boxes of the elements are apart, so that nothing touches.
-__device__ __forceinline__ bool prepare(const BodyView& v, Pair p, ElementPair& out) {
+__device__ __forceinline__ bool prepare(const BodyView& v, double margin, Pair p, ElementPair& out) {
+  if (v.stances[p.i].body == kLoose && v.stances[p.j].body == kLoose) {  // there is nothing to sieve
+    out.count_a = out.count_b = 1, out.body_a = out.body_b = kLoose;
+    out.slot_a = v.stances[p.i].piece, out.slot_b = v.stances[p.j].piece;
+    return true;
+  }
   // In the frame of the larger one, so that a point beside a piece is no exception.
   if (v.stances[p.i].radius < v.stances[p.j].radius) p = {p.j, p.i};
   const Stance a = v.stances[p.i], b = v.stances[p.j];
   const bool loose_a = a.body == kLoose, loose_b = b.body == kLoose;
-  const Relative to = relative(a, v.balls[p.i], b, v.balls[p.j]);
-  if (boxes_apart(v.boxes[loose_a ? v.unit_piece : a.piece], v.boxes[loose_b ? v.unit_piece : b.piece], to))
-    return false;
+  const Relative to = relative(a, v.balls[p.i], b, v.balls[p.j], margin);
+  const std::uint32_t piece_a = loose_a ? v.unit_piece : a.piece, piece_b = loose_b ? v.unit_piece : b.piece;
+  if (boxes_apart(v.boxes[piece_a], v.boxes[piece_b], to)) return false;
   const std::uint32_t near_a = loose_a ? v.unit_near : v.pieces[a.piece].first,
                       near_b = loose_b ? v.unit_near : v.pieces[b.piece].first;
-  out = {to,
-         near_a,
-         near_b,
-         a.count,
-         b.count,
-         a.body,
-         b.body,
-         loose_a ? a.piece : near_a,
-         loose_b ? b.piece : near_b};
+  out = {to,      near_a, near_b, piece_a * kPieceGroups,     piece_b * kPieceGroups,    a.count,
+         b.count, a.body, b.body, loose_a ? a.piece : near_a, loose_b ? b.piece : near_b};
   return true;
 }
 
 // A warp takes a batch of pairs of elements, and each lane prepares one. Then the whole warp tests the
 // spheres of one pair after the other.
-template <bool Stable>
+template <bool Stable, bool Grouped>
 __global__ void __launch_bounds__(kThreads, tuning::kNarrowPhaseBlocks)
     find_contacts_kernel(const __grid_constant__ NarrowPhaseTask task, const __grid_constant__ Output out) {
   __shared__ WarpMemory memory[kWarps];
   const std::uint64_t n = task.counters->broad.contacts + task.counters->static_pairs;
   if (task.counters->broad.flags || n > task.pair_room) return;  // the pass is repeated
   const std::uint32_t lane = threadIdx.x & 31, warp = threadIdx.x >> 5;
-  PairTester<Stable> tester{task, out, memory[warp], lane};
+  PairTester<Stable, Grouped> tester{task, out, memory[warp], lane};
   const std::uint32_t size = batch_size(n, gridDim.x * kWarps);
   while (true) {
     // Pairs differ in cost: a warp that is done takes the next batch.
@@ -219,10 +267,22 @@ __global__ void __launch_bounds__(kThreads, tuning::kNarrowPhaseBlocks)
     // A list that was laid out for another length has holes, and the pass is repeated: until then what
     // stands in the holes must do no harm.
     const bool valid = p.i < task.view.count && p.j < task.view.count;
-    const bool near = valid && prepare(task.view, p, memory[warp].pairs[lane]);
+    const bool near = valid && prepare(task.view, task.margin, p, memory[warp].pairs[lane]);
     tester.batch = static_cast<std::uint32_t>(first / size), tester.found = 0;
     __syncwarp();
-    for (std::uint32_t rest = __ballot_sync(kAll, near); rest; rest &= rest - 1) tester.test(__ffs(rest) - 1);
+    const ElementPair& own = memory[warp].pairs[lane];
+    const std::uint32_t singles = __ballot_sync(kAll, near && own.count_a == 1 && own.count_b == 1);
+    for (std::uint32_t rest = __ballot_sync(kAll, near); rest;) {
+      const std::uint32_t first = rest & (0 - rest), others = rest & ~singles;
+      if (first & singles) {
+        const std::uint32_t run = rest & ((others & (0 - others)) - 1);
+        tester.push_run(run);
+        rest ^= run;
+      } else {
+        tester.test(__ffs(first) - 1);
+        rest ^= first;
+      }
+    }
     while (tester.tail != tester.head) tester.decide();
     if (Stable && lane == 0) task.batch_counts[tester.batch] = tester.found;
   }
@@ -264,17 +324,14 @@ __global__ void __launch_bounds__(kWriterThreads<SumsUp>)
   }
 }
 
-}  // namespace
-
-std::uint32_t finder_warps(int processors) {
-  return static_cast<std::uint32_t>(processors * tuning::kNarrowPhaseBlocks * kWarps);
-}
+// In any order it writes the contacts, too; for a stable order it writes hits and ranks.
 void find_contacts(const NarrowPhaseTask& task, const Output& output, cudaStream_t stream) {
-  const unsigned blocks = task.finder_warps / kWarps;
-  if (task.stable_order)
-    find_contacts_kernel<true><<<blocks, kThreads, 0, stream>>>(task, output);
-  else
-    find_contacts_kernel<false><<<blocks, kThreads, 0, stream>>>(task, output);
+  const bool grouped = task.view.grouped;
+  const auto kernel = task.stable_order
+                          ? grouped ? find_contacts_kernel<true, true> : find_contacts_kernel<true, false>
+                      : grouped ? find_contacts_kernel<false, true>
+                                : find_contacts_kernel<false, false>;
+  kernel<<<task.finder_warps / kWarps, kThreads, 0, stream>>>(task, output);
   cuda_launched("test the spheres of bodies whose balls touch");
 }
 void write_hits(const NarrowPhaseTask& task, const Output& output, int processors, cudaStream_t stream) {
@@ -285,6 +342,34 @@ void write_hits(const NarrowPhaseTask& task, const Output& output, int processor
     write_hits_kernel<false>
         <<<processors * tuning::kWriteBlocks, kWriterThreads<false>, 0, stream>>>(task, output);
   cuda_launched("write the contacts");
+}
+
+}  // namespace
+
+NarrowPhaseMemory::NarrowPhaseMemory(MemoryBook& book)
+    : ranks(book, "the order of the list"),
+      batch_counts(book, "the order of the list"),
+      batch_offsets(book, "the order of the list"),
+      scratch(book, "sums") {}
+
+std::uint32_t finder_warps(int processors) {
+  return static_cast<std::uint32_t>(processors * tuning::kNarrowPhaseBlocks * kWarps);
+}
+
+void narrow_phase(NarrowPhaseTask task, const Output& output, NarrowPhaseMemory& memory, int processors,
+                  cudaStream_t stream, StageClock& clock) {
+  task.finder_warps = finder_warps(processors);
+  if (!task.stable_order) return find_contacts(task, output, stream);
+  const std::uint64_t batches = most_batches(task.pair_room, task.finder_warps);
+  task.ranks = memory.ranks.reserve(task.room), task.batch_counts = memory.batch_counts.reserve(batches);
+  find_contacts(task, output, stream);
+  if (batches > kMostSummedBatches) {
+    unsigned long long* offsets = memory.batch_offsets.reserve(batches);
+    task.batch_offsets = offsets;
+    exclusive_sum(task.batch_counts, offsets, batches, memory.scratch, stream);
+  }
+  clock.mark(7);
+  write_hits(task, output, processors, stream);
 }
 
 }  // namespace padder::detect::cuda

@@ -2,6 +2,7 @@
 // The narrow phase of bodies: the spheres of elements whose balls touch. Only .cu files include this.
 #pragma once
 #include "detect/cuda/bodies/element_pairs.h"
+#include "detect/cuda/device/stage_clock.h"
 #include "detect/cuda/output/output.h"
 
 namespace padder::detect::cuda {
@@ -28,6 +29,7 @@ struct NarrowPhaseTask {
   BodyView view;
   DeviceSpheres loose;
   Region own;
+  double margin = 0;
   bool owns_all = true, stable_order = true;
   const Pair* pairs = nullptr;  // of elements
   std::uint64_t pair_room = 0, room = 0;
@@ -40,9 +42,19 @@ struct NarrowPhaseTask {
   const unsigned long long* batch_offsets = nullptr;
   BodyCounters* counters = nullptr;
 };
-// Counts the contacts. In any order it writes them, too; for a stable order it writes hits and ranks.
-void find_contacts(const NarrowPhaseTask& task, const Output& output, cudaStream_t stream);
-void write_hits(const NarrowPhaseTask& task, const Output& output, int processors, cudaStream_t stream);
+
+// What the narrow phase needs beside its task.
+struct NarrowPhaseMemory {
+  explicit NarrowPhaseMemory(MemoryBook& book);
+  Buffer<uint2> ranks;
+  Buffer<std::uint32_t> batch_counts;
+  Buffer<unsigned long long> batch_offsets;
+  Buffer<unsigned char> scratch;
+};
+// Counts the contacts and writes as many as there is room for. The task says everything but what lies in the
+// memory.
+void narrow_phase(NarrowPhaseTask task, const Output& output, NarrowPhaseMemory& memory, int processors,
+                  cudaStream_t stream, StageClock& clock);
 std::uint32_t finder_warps(int processors);
 
 }  // namespace padder::detect::cuda

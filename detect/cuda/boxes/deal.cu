@@ -2,6 +2,7 @@
 #include "detect/cuda/boxes/deal.h"
 
 #include <cstring>
+#include <cub/device/device_radix_sort.cuh>
 
 #include "detect/boxes/contact_batch.h"
 #include "detect/boxes/halo.h"
@@ -10,14 +11,13 @@ namespace padder::detect::cuda {
 namespace {
 
 constexpr unsigned kThreads = 256, kWarps = kThreads / 32, kMostBlocks = 132 * 8;
-constexpr std::uint64_t kTile = 1024;  // spheres that a warp counts together: one counter for each box
-constexpr unsigned kScanThreads = 1024;
+constexpr unsigned kRows = 8;  // spheres of a thread: its registers hold them
+constexpr std::uint64_t kTile = std::uint64_t(kThreads) * kRows;  // spheres of a block
+// What is known of a tile: nothing, how many spheres of the own box it has, or how many there are up to its
+// end.
+constexpr unsigned long long kHere = 1ull << 62, kUpTo = 2ull << 62, kCount = kHere - 1;
 
-std::uint64_t tiles_of(std::uint64_t n) { return (n + kTile - 1) / kTile; }
-unsigned blocks_of(std::uint64_t warps) {
-  const std::uint64_t blocks = (warps + kWarps - 1) / kWarps;
-  return static_cast<unsigned>(blocks < kMostBlocks ? (blocks ? blocks : 1) : kMostBlocks);
-}
+unsigned blocks_for(std::uint64_t count) { return static_cast<unsigned>((count + kThreads - 1) / kThreads); }
 
 // Read and written at once.
 template <class T>
@@ -55,12 +55,26 @@ struct Source {
       v[3] = radii[k * radius_stride];
     }
   }
+  // Sphere k is number `place` of `to`.
+  __device__ void copy(std::uint64_t k, const T (&v)[4], std::uint64_t id, const DealTarget& to,
+                       std::uint64_t place) const {
+    static_cast<Quad<T>*>(to.spheres)[place] = {v[0], v[1], v[2], v[3]};
+    to.ids[place] = id;
+    if (to.family) to.family[place] = family ? family[k] : 0;
+    if (to.mask) to.mask[place] = mask ? mask[k] : 0;
+    if (to.is_static) to.is_static[place] = is_static ? is_static[k] : 0;
+  }
 };
 
-// A bit for each box that needs the sphere; 0 for a faulty one.
-__device__ unsigned boxes_of(const Sphere& s, double largest_radius, const DealRegions& regions) {
+// A bit for each box that needs the sphere; 0 for a faulty one. A halo that lies within the own box meets no
+// other.
+__device__ unsigned boxes_of(const Sphere& s, double largest_radius, const DealRegions& regions, int own) {
   if (fault_of(s) != Fault::none) return 0;
   const Bounds b = halo_of(s, largest_radius);
+  bool within = true;
+  for (int a = 0; a < 3; a++)
+    within &= b.low[a] >= regions.of[own].low[a] && b.high[a] < regions.of[own].high[a];
+  if (within) return 1u << own;
   unsigned found = 0;
   for (int p = 0; p < regions.count; p++) {
     bool meets = true;
@@ -71,103 +85,124 @@ __device__ unsigned boxes_of(const Sphere& s, double largest_radius, const DealR
   return found;
 }
 
-// Lane p of a warp counts for box p.
-template <class T>
-__global__ void count_kernel(Source<T> source, DealRegions regions, double largest_radius,
-                             std::uint32_t* counts, std::uint64_t tiles, unsigned long long* radius_bits,
-                             unsigned long long* faulty) {
+// By a whole warp: how many spheres of the own box the tiles before this one have. It makes its own count
+// known first, and adds up those before it, 32 at a time, until one says how many there are up to its end
+// (Merrill and Garland 2016, decoupled look-back). Tiles are handed out in order, so those before it run or
+// have run.
+__device__ std::uint64_t spheres_before(unsigned long long* tiles, std::uint64_t tile, std::uint64_t here) {
   const unsigned lane = threadIdx.x % 32;
-  const std::uint64_t warps = std::uint64_t(gridDim.x) * kWarps;
+  volatile unsigned long long* const known = tiles;
+  if (lane == 0) known[tile] = (tile ? kHere : kUpTo) | here;
+  std::uint64_t before = 0;
+  for (std::int64_t last = static_cast<std::int64_t>(tile) - 1; last >= 0; last -= 32) {
+    const std::int64_t other = last - lane;
+    unsigned long long word = 0;
+    do word = other >= 0 ? known[other] : 0 + kUpTo;
+    while (__any_sync(~0u, word == 0));
+    const unsigned ends = __ballot_sync(~0u, word >= kUpTo);
+    std::uint64_t sum = ends == 0 || lane < static_cast<unsigned>(__ffs(ends)) ? word & kCount : 0;
+    for (unsigned by = 16; by; by /= 2) sum += __shfl_xor_sync(~0u, sum, by);
+    before += sum;
+    if (ends) break;
+  }
+  if (lane == 0 && tile) known[tile] = kUpTo | (before + here);
+  return before;
+}
+
+struct DealTask {
+  DealRegions regions;
+  int own;
+  double largest_radius;
+  std::uint64_t first_id, own_room, away_room;
+  DealTarget to;
+  unsigned long long *tiles, *away, *totals, *away_count, *radius_bits, *faulty;
+  unsigned* next_tile;
+};
+
+// Notes where the spheres of a warp go beside the own box: `others` has a bit for each box of the lane's
+// sphere k.
+__device__ void note_away(const DealTask& task, unsigned others, std::uint64_t k) {
+  const unsigned lane = threadIdx.x % 32;
+  for (int p = 0; p < task.regions.count; p++) {
+    const unsigned there = __ballot_sync(~0u, others >> p & 1), count = static_cast<unsigned>(__popc(there));
+    if (there == 0) continue;
+    unsigned long long place = 0;
+    if (lane == 0) place = atomicAdd(task.away_count, count), atomicAdd(task.totals + p, count);
+    place = __shfl_sync(~0u, place, 0) + static_cast<unsigned>(__popc(there & ((1u << lane) - 1)));
+    if ((others >> p & 1) && place < task.away_room)
+      task.away[place] = static_cast<unsigned long long>(p) << 32 | k;
+  }
+}
+
+// A block for each tile. Its spheres stay in registers: to read them a second time takes a tenth longer.
+template <class T>
+__global__ void __launch_bounds__(kThreads) deal_kernel(Source<T> source, DealTask task) {
+  __shared__ unsigned tile_of_block;
+  __shared__ std::uint32_t of_warps[kWarps];
+  __shared__ std::uint64_t before_tile;
+  const unsigned lane = threadIdx.x % 32, warp = threadIdx.x / 32;
+  if (threadIdx.x == 0) tile_of_block = atomicAdd(task.next_tile, 1u);
+  __syncthreads();
+  const std::uint64_t tile = tile_of_block, first = tile * kTile + warp * (32 * kRows) + lane;
+  T v[kRows][4];
+  unsigned kept[kRows];  // the lanes whose sphere stays
+  std::uint32_t of_warp = 0;
   double largest = 0;
-  for (std::uint64_t tile = std::uint64_t(blockIdx.x) * kWarps + threadIdx.x / 32; tile < tiles;
-       tile += warps) {
-    std::uint32_t mine = 0;
-    for (std::uint64_t k = tile * kTile + lane; k < (tile + 1) * kTile; k += 32) {
-      unsigned to = 0;
-      if (k < source.count) {
-        T v[4];
-        source.read(k, v);
-        const Sphere s{double(v[0]), double(v[1]), double(v[2]), double(v[3])};
-        to = boxes_of(s, largest_radius, regions);
-        if (fault_of(s) != Fault::none)
-          atomicMin(faulty, static_cast<unsigned long long>(k));
-        else
-          largest = larger(largest, s.r);
-      }
-      for (int p = 0; p < regions.count; p++) {
-        const unsigned there = __popc(__ballot_sync(~0u, to >> p & 1));
-        mine += lane == static_cast<unsigned>(p) ? there : 0;
-      }
+#pragma unroll
+  for (unsigned r = 0; r < kRows; r++) {
+    const std::uint64_t k = first + 32 * r;
+    unsigned to = 0;
+    if (k < source.count) {
+      source.read(k, v[r]);
+      const Sphere s{double(v[r][0]), double(v[r][1]), double(v[r][2]), double(v[r][3])};
+      to = boxes_of(s, task.largest_radius, task.regions, task.own);
+      if (fault_of(s) != Fault::none)
+        atomicMin(task.faulty, static_cast<unsigned long long>(k));
+      else
+        largest = larger(largest, s.r);
     }
-    if (lane < static_cast<unsigned>(regions.count)) counts[lane * tiles + tile] = mine;
+    kept[r] = __ballot_sync(~0u, to >> task.own & 1);
+    of_warp += static_cast<unsigned>(__popc(kept[r]));
+    const unsigned others = to & ~(1u << task.own);
+    if (__any_sync(~0u, others != 0)) note_away(task, others, k);
   }
   for (unsigned by = 16; by; by /= 2) largest = larger(largest, __shfl_xor_sync(~0u, largest, by));
   // Doubles that are not negative have the order of their bits.
-  if (lane == 0 && largest > 0)
-    atomicMax(radius_bits, static_cast<unsigned long long>(__double_as_longlong(largest)));
-}
-
-// A block for each box: its counts become first places. Each thread takes some tiles that follow one another.
-__global__ void scan_kernel(std::uint32_t* counts, std::uint64_t tiles, unsigned long long* totals) {
-  __shared__ std::uint32_t sums[kScanThreads];
-  std::uint32_t* const mine = counts + blockIdx.x * tiles;
-  const std::uint64_t each = (tiles + kScanThreads - 1) / kScanThreads;
-  const std::uint64_t first = threadIdx.x * each, end = first + each < tiles ? first + each : tiles;
-  std::uint32_t sum = 0;
-  for (std::uint64_t t = first; t < end; t++) sum += mine[t];
-  sums[threadIdx.x] = sum;
+  const auto bits = static_cast<unsigned long long>(__double_as_longlong(largest));
+  if (lane == 0 && largest > 0 && bits > *static_cast<volatile unsigned long long*>(task.radius_bits))
+    atomicMax(task.radius_bits, bits);
+  if (lane == 0) of_warps[warp] = of_warp;
   __syncthreads();
-  for (unsigned by = 1; by < kScanThreads; by *= 2) {
-    const std::uint32_t before = threadIdx.x >= by ? sums[threadIdx.x - by] : 0;
-    __syncthreads();
-    sums[threadIdx.x] += before;
-    __syncthreads();
+  if (warp == 0) {
+    std::uint32_t here = 0;
+    for (unsigned w = 0; w < kWarps; w++) here += of_warps[w];
+    const std::uint64_t before = spheres_before(task.tiles, tile, here);
+    if (lane == 0) before_tile = before;
+    if (lane == 0 && tile + 1 == gridDim.x) task.totals[task.own] = before + here;
   }
-  std::uint32_t place = sums[threadIdx.x] - sum;
-  for (std::uint64_t t = first; t < end; t++) {
-    const std::uint32_t here = mine[t];
-    mine[t] = place, place += here;
+  __syncthreads();
+  std::uint64_t place = before_tile;
+  for (unsigned w = 0; w < warp; w++) place += of_warps[w];
+#pragma unroll
+  for (unsigned r = 0; r < kRows; r++) {
+    const std::uint64_t k = first + 32 * r,
+                        there = place + static_cast<unsigned>(__popc(kept[r] & ((1u << lane) - 1)));
+    if ((kept[r] >> lane & 1) && there < task.own_room)
+      source.copy(k, v[r], task.first_id + k, task.to, there);
+    place += static_cast<unsigned>(__popc(kept[r]));
   }
-  if (threadIdx.x == kScanThreads - 1) totals[blockIdx.x] = sums[threadIdx.x];
 }
-
-struct DealTargets {
-  DealTarget of[kMostResidentDevices];
-};
 
 template <class T>
-__global__ void write_kernel(Source<T> source, DealRegions regions, double largest_radius,
-                             const std::uint32_t* places, std::uint64_t tiles, std::uint64_t first_id,
-                             DealTargets targets) {
-  const unsigned lane = threadIdx.x % 32;
-  const std::uint64_t warps = std::uint64_t(gridDim.x) * kWarps;
-  for (std::uint64_t tile = std::uint64_t(blockIdx.x) * kWarps + threadIdx.x / 32; tile < tiles;
-       tile += warps) {
-    std::uint32_t next = lane < static_cast<unsigned>(regions.count) ? places[lane * tiles + tile] : 0;
-    for (std::uint64_t k = tile * kTile + lane; k < (tile + 1) * kTile; k += 32) {
-      unsigned to = 0;
-      T v[4] = {};
-      if (k < source.count) {
-        source.read(k, v);
-        to = boxes_of({double(v[0]), double(v[1]), double(v[2]), double(v[3])}, largest_radius, regions);
-      }
-      for (int p = 0; p < regions.count; p++) {
-        const unsigned there = __ballot_sync(~0u, to >> p & 1);
-        if (there == 0) continue;
-        const std::uint64_t place =
-            __shfl_sync(~0u, next, p) + static_cast<unsigned>(__popc(there & ((1u << lane) - 1)));
-        if (to >> p & 1) {
-          const DealTarget& target = targets.of[p];
-          static_cast<Quad<T>*>(target.spheres)[place] = {v[0], v[1], v[2], v[3]};
-          target.ids[place] = first_id + k;
-          if (target.family) target.family[place] = source.family ? source.family[k] : 0;
-          if (target.mask) target.mask[place] = source.mask ? source.mask[k] : 0;
-          if (target.is_static) target.is_static[place] = source.is_static ? source.is_static[k] : 0;
-        }
-        next += lane == static_cast<unsigned>(p) ? static_cast<unsigned>(__popc(there)) : 0;
-      }
-    }
-  }
+__global__ void __launch_bounds__(kThreads)
+    gather_kernel(Source<T> source, const unsigned long long* away, std::uint64_t count,
+                  std::uint64_t first_id, DealTarget to) {
+  const std::uint64_t place = std::uint64_t(blockIdx.x) * kThreads + threadIdx.x;
+  if (place >= count) return;
+  const std::uint64_t k = static_cast<std::uint32_t>(away[place]);
+  T v[4];
+  source.read(k, v);
+  source.copy(k, v, first_id + k, to, place);
 }
 
 template <class T>
@@ -203,43 +238,53 @@ void as_source(const Spheres& spheres, const Use& use) {
 
 }  // namespace
 
-DealCounts Dealer::count(const Spheres& spheres, const DealRegions& regions, double largest_radius,
-                         cudaStream_t stream) {
+DealCounts Dealer::deal(const Spheres& spheres, const DealRegions& regions, int own, double largest_radius,
+                        std::uint64_t first_id, const DealTarget& to, std::uint64_t own_room,
+                        std::uint64_t away_room, cudaStream_t stream) {
   DealCounts found;
   if (spheres.count == 0) return found;
-  const std::uint64_t tiles = tiles_of(spheres.count);
-  std::uint32_t* const counts = counts_.reserve(tiles * static_cast<std::uint64_t>(regions.count));
+  const std::uint64_t tiles = (spheres.count + kTile - 1) / kTile;
   Summary* const summary = summary_.reserve(1);
   Summary host{};
   host.faulty = ~0ull;
-  cuda_check(cudaMemcpyAsync(summary, &host, sizeof host, cudaMemcpyHostToDevice, stream), "count spheres");
+  DealTask task{regions, own, largest_radius, first_id, own_room, away_room, to};
+  task.tiles = tiles_.reserve(tiles), task.away = away_.reserve(away_room);
+  task.totals = summary->totals, task.away_count = &summary->away, task.radius_bits = &summary->radius_bits;
+  task.faulty = &summary->faulty, task.next_tile = &summary->next_tile;
+  cuda_check(cudaMemcpyAsync(summary, &host, sizeof host, cudaMemcpyHostToDevice, stream),
+             "deal the spheres out");
+  cuda_check(cudaMemsetAsync(task.tiles, 0, tiles * sizeof *task.tiles, stream), "deal the spheres out");
   as_source(spheres, [&](const auto& source) {
-    count_kernel<<<blocks_of(tiles), kThreads, 0, stream>>>(source, regions, largest_radius, counts, tiles,
-                                                            &summary->radius_bits, &summary->faulty);
+    deal_kernel<<<static_cast<unsigned>(tiles), kThreads, 0, stream>>>(source, task);
   });
-  scan_kernel<<<static_cast<unsigned>(regions.count), kScanThreads, 0, stream>>>(counts, tiles,
-                                                                                 summary->totals);
-  cuda_launched("count the spheres of the boxes");
-  cuda_check(cudaMemcpyAsync(&host, summary, sizeof host, cudaMemcpyDeviceToHost, stream), "count spheres");
-  cuda_check(cudaStreamSynchronize(stream), "count the spheres of the boxes");
+  cuda_launched("deal the spheres out");
+  cuda_check(cudaMemcpyAsync(&host, summary, sizeof host, cudaMemcpyDeviceToHost, stream),
+             "deal the spheres out");
+  cuda_check(cudaStreamSynchronize(stream), "deal the spheres out");
   for (int p = 0; p < regions.count; p++) found.to[p] = host.totals[p];
+  found.away = host.away;
   std::memcpy(&found.largest_radius, &host.radius_bits, sizeof found.largest_radius);
   found.faulty = host.faulty;
   return found;
 }
 
-void Dealer::write(const Spheres& spheres, const DealRegions& regions, double largest_radius,
-                   std::uint64_t first_id, const DealTarget (&to)[kMostResidentDevices],
-                   cudaStream_t stream) {
-  if (spheres.count == 0) return;
-  const std::uint64_t tiles = tiles_of(spheres.count);
-  DealTargets targets;
-  for (int p = 0; p < regions.count; p++) targets.of[p] = to[p];
+void Dealer::gather_away(const Spheres& spheres, std::uint64_t away, std::uint64_t first_id,
+                         const DealTarget& to, cudaStream_t stream) {
+  if (away == 0) return;
+  constexpr int kBits = 32 + 4;  // a sphere's and a box's
+  static_assert(kMostResidentDevices <= 1 << (kBits - 32));
+  cub::DoubleBuffer<unsigned long long> keys(away_.data(), sorted_.reserve(away_.capacity()));
+  const auto sort = [&](void* space, std::size_t& bytes) {
+    cuda_check(cub::DeviceRadixSort::SortKeys(space, bytes, keys, away, 0, kBits, stream),
+               "order the spheres");
+  };
+  std::size_t bytes = 0;
+  sort(nullptr, bytes);
+  sort(sort_space_.reserve(bytes), bytes);
   as_source(spheres, [&](const auto& source) {
-    write_kernel<<<blocks_of(tiles), kThreads, 0, stream>>>(source, regions, largest_radius, counts_.data(),
-                                                            tiles, first_id, targets);
+    gather_kernel<<<blocks_for(away), kThreads, 0, stream>>>(source, keys.Current(), away, first_id, to);
   });
-  cuda_launched("copy the spheres of the boxes");
+  cuda_launched("copy the spheres for other boxes");
 }
 
 std::vector<WeightedPoint> Dealer::sample(const Spheres& spheres, std::uint64_t most, cudaStream_t stream) {
@@ -249,8 +294,7 @@ std::vector<WeightedPoint> Dealer::sample(const Spheres& spheres, std::uint64_t 
   Buffer<Sphere> device(book, "a sample");
   device.reserve(count);
   as_source(spheres, [&](const auto& source) {
-    sample_kernel<<<static_cast<unsigned>((count + kThreads - 1) / kThreads), kThreads, 0, stream>>>(
-        source, step, device.data(), count);
+    sample_kernel<<<blocks_for(count), kThreads, 0, stream>>>(source, step, device.data(), count);
   });
   cuda_launched("draw a sample");
   std::vector<Sphere> drawn(count);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
-// Deals the spheres on one GPU out to the boxes of all: counts them, and copies them box by box in their
-// order. Internal; only .cu files include this.
+// Deals the spheres on one GPU out to the boxes of all. Nearly all of them belong to this GPU's own box, and
+// those are read once and written once, in their order; of the few others it is noted where they go, and they
+// are copied afterwards. Internal; only .cu files include this.
 #pragma once
 #include <vector>
 
@@ -16,9 +17,10 @@ struct DealRegions {
   Region of[kMostResidentDevices];
 };
 
-// What a count found.
+// What dealing found.
 struct DealCounts {
   std::uint64_t to[kMostResidentDevices] = {};  // spheres for each box
+  std::uint64_t away = 0;                       // for all boxes but the GPU's own, together
   double largest_radius = 0;                    // of the spheres here
   std::uint64_t faulty = ~std::uint64_t(0);     // the first sphere that fault_of() refuses, if any
 };
@@ -34,22 +36,32 @@ struct DealTarget {
 class Dealer {
  public:
   explicit Dealer(MemoryBook& book)
-      : counts_(book, "the counts of the boxes"), summary_(book, "the counts") {}
+      : tiles_(book, "the counts of the tiles"),
+        away_(book, "the spheres for other boxes"),
+        sorted_(book, "the spheres for other boxes"),
+        sort_space_(book, "the order of the spheres for other boxes"),
+        summary_(book, "the counts") {}
 
-  // `largest_radius`: at least that of the scene, or the counts are those of halos that are too small.
-  DealCounts count(const Spheres& spheres, const DealRegions& regions, double largest_radius,
+  // Writes the spheres of box `own`, which has room for own_room, and notes up to away_room spheres for the
+  // other boxes. What finds no room is only counted. Sphere k here has number first_id + k. `largest_radius`:
+  // at least that of the scene, or the counts are those of halos that are too small. Waits for the stream.
+  DealCounts deal(const Spheres& spheres, const DealRegions& regions, int own, double largest_radius,
+                  std::uint64_t first_id, const DealTarget& to, std::uint64_t own_room,
+                  std::uint64_t away_room, cudaStream_t stream);
+  // Copies the spheres that deal() noted, box by box and in their order. Does not wait.
+  void gather_away(const Spheres& spheres, std::uint64_t away, std::uint64_t first_id, const DealTarget& to,
                    cudaStream_t stream);
-  // Copies what count() counted before with the same arguments. Sphere k here has number first_id + k.
-  void write(const Spheres& spheres, const DealRegions& regions, double largest_radius,
-             std::uint64_t first_id, const DealTarget (&to)[kMostResidentDevices], cudaStream_t stream);
   // At most about `most` of the spheres as points, each with the number of spheres that it stands for.
   std::vector<WeightedPoint> sample(const Spheres& spheres, std::uint64_t most, cudaStream_t stream);
 
  private:
   struct Summary {
-    unsigned long long totals[kMostResidentDevices], radius_bits, faulty;
+    unsigned long long totals[kMostResidentDevices], away, radius_bits, faulty;
+    unsigned next_tile;
   };
-  Buffer<std::uint32_t> counts_;  // of tile t and box b at b * tiles + t; after the scan its first place
+  Buffer<unsigned long long> tiles_;          // how many spheres of the own box come before the tile's end
+  Buffer<unsigned long long> away_, sorted_;  // box << 32 | sphere
+  Buffer<char> sort_space_;
   Buffer<Summary> summary_;
 };
 

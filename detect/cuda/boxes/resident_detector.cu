@@ -3,10 +3,12 @@
 
 #include <algorithm>
 #include <chrono>
+#include <condition_variable>
 #include <exception>
 #include <functional>
 #include <mutex>
 #include <optional>
+#include <stop_token>
 #include <string>
 #include <thread>
 #include <utility>
@@ -48,32 +50,26 @@ class SphereArrays {
         mask_(book, "the masks"),
         is_static_(book, "the marks of static spheres") {}
 
-  // Room for so many, and for an eighth more when it has to grow, as halos vary from call to call.
   void reserve(std::uint64_t count, const Form& form) {
-    const auto room = [&](auto& array, std::uint64_t each) {
-      if (each * count > array.capacity() || !array.data()) array.reserve(each * (count + count / 8 + 64));
-    };
-    room(spheres_, form.scalar == Scalar::f32 ? 16 : 32), room(ids_, 1);
-    if (form.family) room(family_, 1);
-    if (form.mask) room(mask_, 1);
-    if (form.is_static) room(is_static_, 1);
+    spheres_.reserve((form.scalar == Scalar::f32 ? 16 : 32) * count), ids_.reserve(count);
+    if (form.family) family_.reserve(count);
+    if (form.mask) mask_.reserve(count);
+    if (form.is_static) is_static_.reserve(count);
   }
   DealTarget from(std::uint64_t first, const Form& form) const {
     return {spheres_.data() + first * (form.scalar == Scalar::f32 ? 16 : 32), ids_.data() + first,
             form.family ? family_.data() + first : nullptr, form.mask ? mask_.data() + first : nullptr,
             form.is_static ? is_static_.data() + first : nullptr};
   }
-  Spheres view(std::uint64_t count, const Form& form) const {
+  Spheres view(std::uint64_t first, std::uint64_t count, const Form& form) const {
+    const DealTarget at = from(first, form);
     Spheres s;
     s.count = count, s.scalar = form.scalar, s.memory = Memory::device;
-    s.centers = spheres_.data(), s.radii = spheres_.data() + (form.scalar == Scalar::f32 ? 12 : 24);
+    s.centers = at.spheres, s.radii = static_cast<char*>(at.spheres) + (form.scalar == Scalar::f32 ? 12 : 24);
     s.center_stride = s.radius_stride = 4;
-    if (form.family) s.family = family_.data();
-    if (form.mask) s.mask = mask_.data();
-    if (form.is_static) s.is_static = is_static_.data();
+    s.family = at.family, s.mask = at.mask, s.is_static = at.is_static;
     return s;
   }
-  const std::uint64_t* ids() const { return ids_.data(); }
 
  private:
   Buffer<char> spheres_;
@@ -136,6 +132,61 @@ class Upload {
   Buffer<char> bytes_;
 };
 
+// Threads that live as long as the detector, one for each GPU but the first: the caller's works for that.
+class Crew {
+ public:
+  explicit Crew(std::size_t size) {
+    for (std::size_t k = 1; k < size; k++)
+      threads_.emplace_back([this, k](const std::stop_token& stop) { serve(k, stop); });
+  }
+  // Calls work(k) for each k and waits for all. `work` must not throw.
+  void run(const std::function<void(std::size_t)>& work) {
+    {
+      const std::lock_guard lock(mutex_);
+      work_ = &work, busy_ = threads_.size(), round_++;
+    }
+    changed_.notify_all();
+    work(0);
+    std::unique_lock lock(mutex_);
+    changed_.wait(lock, [&] { return busy_ == 0; });
+  }
+
+ private:
+  void serve(std::size_t k, const std::stop_token& stop) {
+    std::unique_lock lock(mutex_);
+    for (std::uint64_t served = 0; changed_.wait(lock, stop, [&] { return round_ != served; });) {
+      served = round_;
+      lock.unlock();
+      (*work_)(k);
+      lock.lock();
+      if (--busy_ == 0) changed_.notify_all();
+    }
+  }
+
+  std::mutex mutex_;
+  std::condition_variable_any changed_;
+  const std::function<void(std::size_t)>* work_ = nullptr;
+  std::size_t busy_ = 0;
+  std::uint64_t round_ = 0;
+  std::vector<std::jthread> threads_;  // the last member: they end first
+};
+
+// For how many spheres a GPU has room: in its load those of the GPUs before it, then its own, then those of
+// the GPUs after it; and beside the load those that it sends. Dealing finds out how many there are; what is
+// too small grows, by an eighth more than what is missing, and the spheres are dealt again.
+struct Rooms {
+  std::uint64_t before = 0, own = 0, after = 0, away = 0;
+  bool hold(const Rooms& needed) {
+    bool all = true;
+    const auto hold_one = [&](std::uint64_t& room, std::uint64_t need) {
+      if (need > room) room = need + need / 8 + 64, all = false;
+    };
+    hold_one(before, needed.before), hold_one(own, needed.own), hold_one(after, needed.after),
+        hold_one(away, needed.away);
+    return all;
+  }
+};
+
 // One GPU: its spheres, what it deals out, and what it was dealt.
 struct Place {
   explicit Place(int number) : device(number), detector(DeviceChoice{BackendKind::cuda, number}) {
@@ -145,7 +196,7 @@ struct Place {
   }
   ~Place() {
     const OnDevice on(device);
-    load.reset(), halo.reset(), upload.reset(), dealer.reset(), sum.release();
+    load.reset(), away.reset(), upload.reset(), dealer.reset(), sum.release();
     cudaStreamDestroy(stream);
   }
   Place(const Place&) = delete;
@@ -157,11 +208,12 @@ struct Place {
   MemoryBook book;
   std::optional<Dealer> dealer{book};
   std::optional<Upload> upload{book};
-  std::optional<SphereArrays> load{book}, halo{book};  // what it detects; what it sends, box by box
+  std::optional<SphereArrays> load{book}, away{book};  // what it detects; what it sends, box by box
   Buffer<unsigned long long> sum{book, "the hash"};
   Spheres part;             // of the call, in this GPU's memory
   std::uint64_t first = 0;  // number of its first sphere in the scene
   DealCounts counts;
+  Rooms rooms, needed;
   std::uint64_t loaded = 0;  // spheres in the load
   double density = 1;        // work for each of them, in the call before
 };
@@ -200,12 +252,13 @@ class ResidentDetector::Work {
   void each_place(const std::function<void(Place&, std::size_t)>& work);
   cuda::Form check(std::span<const Spheres> parts) const;
   void bring(std::span<const Spheres> parts);
-  void count();
-  void plan();
+  void deal();
+  void check_faults();
+  bool has_room();
   void cut();
   double expected_imbalance() const;
-  void deal();
-  void detect();
+  void exchange(Place& p, std::size_t k);
+  void send_and_detect();
   void finish();
 
   CallOptions options_;
@@ -218,6 +271,7 @@ class ResidentDetector::Work {
   double halo_radius_ = 0;        // at least the largest radius of the scene
   std::vector<ResidentContacts> found_;
   ResidentReport report_;
+  std::unique_ptr<cuda::Crew> crew_;
 };
 
 ResidentDetector::Work::Work(const ResidentOptions& options) : options_(options.detector) {
@@ -236,12 +290,13 @@ ResidentDetector::Work::Work(const ResidentOptions& options) : options_(options.
     for (const int other : devices) cuda::let_access(place->device, other);
   }
   regions_.count = static_cast<int>(devices.size());
+  crew_ = std::make_unique<cuda::Crew>(devices.size());
 }
 
 // A thread for each GPU, with its context. Throws what the first of them throws.
 void ResidentDetector::Work::each_place(const std::function<void(Place&, std::size_t)>& work) {
   std::vector<std::exception_ptr> failures(places_.size());
-  const auto one = [&](std::size_t k) {
+  crew_->run([&](std::size_t k) {
     try {
       const cuda::OnDevice on(places_[k]->device);
       on.require();
@@ -252,12 +307,7 @@ void ResidentDetector::Work::each_place(const std::function<void(Place&, std::si
     } catch (...) {
       failures[k] = std::current_exception();
     }
-  };
-  {
-    std::vector<std::jthread> others;
-    for (std::size_t k = 1; k < places_.size(); k++) others.emplace_back(one, k);
-    one(0);
-  }
+  });
   for (const std::exception_ptr& f : failures)
     if (f) std::rethrow_exception(f);
 }
@@ -300,35 +350,25 @@ void ResidentDetector::Work::bring(std::span<const Spheres> parts) {
   });
 }
 
-// Counts again where the halos were made for a smaller radius than the scene has.
-void ResidentDetector::Work::count() {
-  for (;;) {
-    each_place(
-        [&](Place& p, std::size_t) { p.counts = p.dealer->count(p.part, regions_, halo_radius_, p.stream); });
-    double radius = 0;
-    for (const auto& p : places_) {
-      if (p->counts.faulty != ~std::uint64_t(0)) {
-        const std::uint64_t k = p->counts.faulty;
-        const cuda::OnDevice on(p->device);
-        Spheres one = p->part;
-        const std::uint64_t real = one.scalar == Scalar::f32 ? 4 : 8;
-        double v[4];
-        const auto read = [&](double& to, const void* array, std::uint64_t at) {
-          float narrow = 0;
-          void* const there = real == 4 ? static_cast<void*>(&narrow) : &to;
-          cuda::cuda_check(
-              cudaMemcpy(there, static_cast<const char*>(array) + at * real, real, cudaMemcpyDeviceToHost),
-              "read a sphere");
-          if (real == 4) to = narrow;
-        };
-        for (std::uint64_t a = 0; a < 3; a++) read(v[a], one.centers, k * one.center_stride + a);
-        read(v[3], one.radii, k * one.radius_stride);
-        throw Error(fault_sentence(p->first + k, {v[0], v[1], v[2], v[3]}, Input{}));
-      }
-      radius = std::max(radius, p->counts.largest_radius);
-    }
-    if (radius <= halo_radius_) return;
-    halo_radius_ = 2 * radius;
+void ResidentDetector::Work::check_faults() {
+  for (const auto& p : places_) {
+    if (p->counts.faulty == ~std::uint64_t(0)) continue;
+    const std::uint64_t k = p->counts.faulty;
+    const cuda::OnDevice on(p->device);
+    const Spheres& one = p->part;
+    const std::uint64_t real = one.scalar == Scalar::f32 ? 4 : 8;
+    double v[4];
+    const auto read = [&](double& to, const void* array, std::uint64_t at) {
+      float narrow = 0;
+      void* const there = real == 4 ? static_cast<void*>(&narrow) : &to;
+      cuda::cuda_check(
+          cudaMemcpy(there, static_cast<const char*>(array) + at * real, real, cudaMemcpyDeviceToHost),
+          "read a sphere");
+      if (real == 4) to = narrow;
+    };
+    for (std::uint64_t a = 0; a < 3; a++) read(v[a], one.centers, k * one.center_stride + a);
+    read(v[3], one.radii, k * one.radius_stride);
+    throw Error(fault_sentence(p->first + k, {v[0], v[1], v[2], v[3]}, Input{}));
   }
 }
 
@@ -340,13 +380,43 @@ double ResidentDetector::Work::expected_imbalance() const {
   return cuda::imbalance_of(work);
 }
 
-void ResidentDetector::Work::plan() {
-  if (has_tree_) {
-    count();
-    if (expected_imbalance() <= std::max(cuda::kMostImbalance, 1.05 * settled_imbalance_)) return;
+// Deals again where the halos were made for a smaller radius than the scene has, where space has to be cut
+// anew, and where there was too little room.
+void ResidentDetector::Work::deal() {
+  if (!has_tree_) cut();
+  for (;;) {
+    each_place([&](Place& p, std::size_t k) {
+      p.load->reserve(p.rooms.before + p.rooms.own + p.rooms.after, form_);
+      p.counts = p.dealer->deal(p.part, regions_, static_cast<int>(k), halo_radius_, p.first,
+                                p.load->from(p.rooms.before, form_), p.rooms.own, p.rooms.away, p.stream);
+    });
+    check_faults();
+    double radius = 0;
+    for (const auto& p : places_) radius = std::max(radius, p->counts.largest_radius);
+    if (radius > halo_radius_)
+      halo_radius_ = 2 * radius;
+    else if (!report_.cut && expected_imbalance() > std::max(cuda::kMostImbalance, 1.05 * settled_imbalance_))
+      cut();
+    else if (has_room())
+      return;
   }
-  cut();
-  count();
+}
+
+bool ResidentDetector::Work::has_room() {
+  bool all = true;
+  for (std::size_t k = 0; k < places_.size(); k++) {
+    Place& p = *places_[k];
+    p.needed = {};
+    for (std::size_t from = 0; from < places_.size(); from++)
+      (from < k ? p.needed.before : from == k ? p.needed.own : p.needed.after) += places_[from]->counts.to[k];
+    p.needed.away = p.counts.away;
+    p.loaded = p.needed.before + p.needed.own + p.needed.after;
+    if (p.loaded >= 0xffffffff)
+      throw Error("the box of GPU " + std::to_string(p.device) + " holds " + std::to_string(p.loaded) +
+                  " spheres, more than a detector numbers: use more GPUs");
+    all &= p.rooms.hold(p.needed);
+  }
+  return all;
 }
 
 // Each sphere weighs what spheres of its box cost in the call before: itself, and its contacts.
@@ -375,56 +445,44 @@ void ResidentDetector::Work::cut() {
   has_tree_ = true, informed_ = known_density_, report_.cut = true;
 }
 
-// Each GPU writes the spheres of its own box into its load and those of the others beside it, and sends
-// these. A load has the spheres in the order of the scene.
-void ResidentDetector::Work::deal() {
-  const std::size_t n = places_.size();
-  std::vector<std::vector<std::uint64_t>> at(n,
-                                             std::vector<std::uint64_t>(n));  // of what `to` gets from `from`
-  for (std::size_t to = 0; to < n; to++) {
-    places_[to]->loaded = 0;
-    for (std::size_t from = 0; from < n; from++)
-      at[to][from] = std::exchange(places_[to]->loaded, places_[to]->loaded + places_[from]->counts.to[to]);
-    if (places_[to]->loaded >= 0xffffffff)
-      throw Error("the box of GPU " + std::to_string(places_[to]->device) + " holds " +
-                  std::to_string(places_[to]->loaded) +
-                  " spheres, more than a detector numbers: use more GPUs");
+// Brings what the other GPUs have for this one into its load, which then has the order of the scene.
+void ResidentDetector::Work::exchange(Place& p, std::size_t k) {
+  std::uint64_t before = p.rooms.before - p.needed.before, after = p.rooms.before + p.needed.own;
+  for (std::size_t from = 0; from < places_.size(); from++) {
+    if (from == k) continue;
+    const Place& other = *places_[from];
+    std::uint64_t there = 0;
+    for (std::size_t to = 0; to < k; to++) there += to == from ? 0 : other.counts.to[to];
+    const std::uint64_t count = other.counts.to[k];
+    std::uint64_t& here = from < k ? before : after;
+    cuda::copy_to_peer(p.load->from(std::exchange(here, here + count), form_), p.device,
+                       other.away->from(there, form_), other.device, count, form_.scalar, p.stream);
   }
-  each_place([&](Place& p, std::size_t k) {
-    std::uint64_t sent = 0;
-    for (std::size_t to = 0; to < n; to++) sent += to == k ? 0 : p.counts.to[to];
-    p.load->reserve(p.loaded, form_), p.halo->reserve(sent, form_);
-  });
-  each_place([&](Place& p, std::size_t k) {
-    DealTarget targets[kMostResidentDevices];
-    std::uint64_t place = 0;
-    for (std::size_t to = 0; to < n; to++)
-      targets[to] = to == k ? p.load->from(at[k][k], form_)
-                            : p.halo->from(std::exchange(place, place + p.counts.to[to]), form_);
-    p.dealer->write(p.part, regions_, halo_radius_, p.first, targets, p.stream);
-    for (std::size_t to = 0; to < n; to++)
-      if (to != k)
-        cuda::copy_to_peer(places_[to]->load->from(at[to][k], form_), places_[to]->device, targets[to],
-                           p.device, p.counts.to[to], form_.scalar, p.stream);
-    cuda::cuda_check(cudaStreamSynchronize(p.stream), "deal the spheres out");
-  });
-  for (std::size_t to = 0; to < n; to++)
-    for (std::size_t from = 0; from < n; from++)
-      if (to != from) report_.moved_bytes += places_[from]->counts.to[to] * form_.bytes_of_one();
+  cuda::cuda_check(cudaStreamSynchronize(p.stream), "bring spheres from the other GPUs");
 }
 
-void ResidentDetector::Work::detect() {
+void ResidentDetector::Work::send_and_detect() {
   const bool alone = places_.size() == 1;
+  const double start = cuda::now();
+  if (!alone)
+    each_place([&](Place& p, std::size_t) {
+      p.away->reserve(p.rooms.away, form_);
+      p.dealer->gather_away(p.part, p.counts.away, p.first, p.away->from(0, form_), p.stream);
+      cuda::cuda_check(cudaStreamSynchronize(p.stream), "copy the spheres for other boxes");
+    });
   found_.assign(places_.size(), {});
   each_place([&](Place& p, std::size_t k) {
+    if (!alone) exchange(p, k);
+    if (k == 0) report_.deal_seconds += cuda::now() - start;
+    const std::uint64_t first = p.rooms.before - p.needed.before;
     Input input;
-    input.spheres = alone ? p.part : p.load->view(p.loaded, form_);
+    input.spheres = alone ? p.part : p.load->view(first, p.loaded, form_);
     CallOptions options = options_;
     options.stream = nullptr, options.output = Memory::device;
     options.own = common(options.own, alone ? Region{} : regions_.of[k]);
     if (alone) p.loaded = p.part.count;
     ResidentContacts& f = found_[k];
-    f.device = p.device, f.load = input.spheres, f.ids = alone ? nullptr : p.load->ids();
+    f.device = p.device, f.load = input.spheres, f.ids = alone ? nullptr : p.load->from(first, form_).ids;
     f.contacts.memory = Memory::device, f.contacts.width = options.width, f.contacts.scalar = options.scalar;
     if (is_empty(options.own)) return;
     p.detector.options() = options;
@@ -440,6 +498,7 @@ void ResidentDetector::Work::finish() {
     work.push_back(spheres + static_cast<double>(c.count));
     places_[k]->density = spheres > 0 ? work.back() / spheres : 1;
     report_.contacts += c.count, report_.doubtful += c.doubtful, report_.copies += places_[k]->loaded;
+    report_.moved_bytes += places_[k]->counts.away * form_.bytes_of_one();
   }
   known_density_ = true;
   report_.imbalance = cuda::imbalance_of(work);
@@ -453,12 +512,11 @@ const ResidentReport& ResidentDetector::Work::run(std::span<const Spheres> parts
     form_ = check(parts);
     bring(parts);
     const double brought = cuda::now();
-    if (places_.size() > 1) plan(), deal();
-    const double dealt = cuda::now();
-    detect();
+    if (places_.size() > 1) deal();
+    report_.upload_seconds = brought - start, report_.deal_seconds = cuda::now() - brought;
+    send_and_detect();
     finish();
-    report_.upload_seconds = brought - start, report_.deal_seconds = dealt - brought;
-    report_.detect_seconds = cuda::now() - dealt;
+    report_.detect_seconds = cuda::now() - brought - report_.deal_seconds;
   } catch (...) {
     report_ = {}, found_.clear();
     throw;

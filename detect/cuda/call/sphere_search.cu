@@ -43,22 +43,6 @@ double extent_of(const Grid& g) {
     }
   return extent;
 }
-// A faulty sphere becomes one that is no number, so that the bounds show it: a float of a radius that is a
-// little below zero would not.
-__global__ void __launch_bounds__(256)
-    round_kernel(const __grid_constant__ DeviceSpheres source, float4* rounded) {
-  const std::uint32_t k = blockIdx.x * 256 + threadIdx.x;
-  if (k >= source.count) return;
-  const Sphere s = source.sphere(k);
-  rounded[k] = fault_of(s) != Fault::none ? make_float4(NAN, NAN, NAN, NAN)
-                                          : make_float4(static_cast<float>(s.x), static_cast<float>(s.y),
-                                                        static_cast<float>(s.z), static_cast<float>(s.r));
-}
-void round_spheres(const DeviceSpheres& source, float4* rounded, cudaStream_t stream) {
-  round_kernel<<<(source.count + 255) / 256, 256, 0, stream>>>(source, rounded);
-  cuda_launched("read the spheres");
-}
-
 // In any order a quota of the call before may stay, as long as not many more contacts spill.
 bool serves(const SlotQuota& quota, const SlotQuota& best) {
   const auto near = [](double a, double b) { return std::abs(a - b) <= 0.1 * b; };
@@ -105,8 +89,8 @@ bool SphereSearch::still_good(const Call& call, const Summary& previous) {
 void SphereSearch::survey_as_searched(const DeviceSpheres& source, const Call& call) {
   summary_ = survey(source, call);
   if (!may_round(source, summary_)) return;
-  const DeviceSpheres floats = rounded(source);
-  round_spheres(source, tools_.rounded.data(), call.stream);
+  DeviceSpheres floats = source;
+  floats.rounded = true;
   const Summary of_floats = tools_.surveyor.survey(floats, call.processors, call.stream);
   if (may_round(source, of_floats)) summary_ = of_floats, summary_.blur = kBlur;
 }
@@ -117,7 +101,7 @@ void SphereSearch::make_plan(const DeviceSpheres& source, const Call& call, cons
   plan_.search = search_options(call.options, summary);
   if (plan_.search.stable_order) plan_.search.quota = quota_;
   if (summary.blur > 0 && may_round(source, summary)) {
-    plan_.search.rounded = true, plan_.rounded = rounded(source);
+    plan_.search.rounded = true;
     plan_.search.radius_min = summary.radius_min, plan_.search.extent = extent_of(grid_);
   }
   const bool floats = (plan_.search.rounded || !source.wide) && source.placed == 0 &&
@@ -129,16 +113,10 @@ void SphereSearch::make_plan(const DeviceSpheres& source, const Call& call, cons
   plan_.processors = call.processors;
 }
 
-DeviceSpheres SphereSearch::rounded(const DeviceSpheres& source) {
-  DeviceSpheres floats;
-  floats.centers = tools_.rounded.reserve(source.count), floats.count = source.count;
-  floats.packed = true, floats.center_stride = floats.radius_stride = 4;
-  return floats;
-}
-
 // The rest of the plan, once the list is as long as it is to be.
 void SphereSearch::plan_output(const Call& call, bool with_survey) {
   plan_.output = call.list.output(call.options), plan_.with_survey = with_survey, plan_.method = method_;
+  plan_.crowding = crowding_;
   plan_.lent = call.list.lent();
   plan_.moves = book_.moves, plan_.kept = tools_.orderer.kept();
 }
@@ -172,7 +150,6 @@ void SphereSearch::enqueue(const Plan& plan, Tools& tools, cudaStream_t stream, 
   Ordered spheres;
   {
     const ProfileRange range("padder: order (stages 1 to 6)");
-    if (plan.search.rounded) round_spheres(plan.source, tools.rounded.data(), stream);
     if (plan.with_survey && !plan.along())
       tools.surveyor.begin(plan.source, plan.octaves, plan.top, plan.processors, stream);
     else if (!plan.with_survey)
@@ -181,8 +158,11 @@ void SphereSearch::enqueue(const Plan& plan, Tools& tools, cudaStream_t stream, 
     spheres = tools.orderer.order({.source = plan.searched(),
                                    .grid = plan.grid,
                                    .kind = plan.kind,
+                                   .radius = plan.search.radius,
+                                   .given = true,
                                    .stable = plan.search.stable_order,
                                    .method = plan.method,
+                                   .crowding = plan.crowding,
                                    .gather = gather,
                                    .lent = plan.lent,
                                    .counters = counters,
@@ -228,7 +208,11 @@ struct SphereSearch::Steps {
     if (!s.tools_.surveyor.finish(s.plan_.searched(), s.plan_.octaves, s.plan_.top, s.plan_.along(),
                                   s.summary_))
       return Trial::differs;
-    if (s.plan_.search.rounded) s.summary_.blur = kBlur;
+    if (s.plan_.search.rounded) {
+      // A sphere that no float can hold need not be faulty.
+      if (s.summary_.first_fault != ~std::uint64_t(0)) return Trial::differs;
+      s.summary_.blur = kBlur;
+    }
     check(source, s.summary_, call);
     // Where the last octave is populated, a survey by itself may tell sizes apart in another way
     // (Summary::above).
@@ -259,8 +243,9 @@ struct SphereSearch::Steps {
 
   void pass() { s.pass(call, false); }
 
-  // A bin too full for the method: sort. A list too short: it was counted to its end, is made longer and
-  // written again. So is a list whose order is that of another length.
+  // A bucket too full: smaller buckets; then hashed levels, where they are not yet; at last sort. A list too
+  // short: it was counted to its end, is made longer and written again. So is a list whose order is that of
+  // another length.
   bool grow() {
     const Counters& found = s.found_;
     contacts.count = found.contacts, contacts.doubtful = found.doubtful;
@@ -271,8 +256,10 @@ struct SphereSearch::Steps {
     if (!reproducible && serves(search.quota, quota)) quota = search.quota;
     const bool too_short = contacts.count > call.list.capacity(call.options);
     if (found.flags & kCrowded) {
-      if (!reproducible && !s.spread_) {
-        s.spread_ = true, s.grid_ = s.best_grid(call, s.summary_, GridBounds::tight);
+      if (s.crowding_ < tuning::kMostCrowding && source.count >= tuning::kFewSpheres) {
+        s.crowding_++;
+      } else if (!reproducible && !s.spread_) {
+        s.spread_ = true, s.crowding_ = 0, s.grid_ = s.best_grid(call, s.summary_, GridBounds::tight);
         s.plan_.grid = s.grid_;
       } else {
         s.method_ = OrderMethod::sort;
@@ -296,7 +283,7 @@ struct SphereSearch::Steps {
 
 void SphereSearch::run(const DeviceSpheres& source, const Call& call, Contacts& contacts) {
   const std::uint64_t planned_for = std::exchange(planned_for_, 0);  // until all went well
-  if (planned_for != source.count) spread_ = false;
+  if (planned_for != source.count) spread_ = false, crowding_ = 0;
   const bool planned = planned_for == source.count && planned_bin_size_ == call.options.bin_size &&
                        planned_wide_ == source.wide;
   Steps steps{*this, source, call, contacts};

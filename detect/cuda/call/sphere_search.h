@@ -28,8 +28,8 @@ class SphereSearch {
     Output output;
     Lent lent;
     SlotKind kind = SlotKind::equal;
-    DeviceSpheres rounded;  // search.rounded: the doubles of `source` as packed floats
     OrderMethod method = OrderMethod::automatic;
+    int crowding = 0;
     bool octaves = false, with_survey = false;
     int top = 0, processors = 1;
     std::uint64_t moves = 0;  // allocations so far: addresses are those of the plan
@@ -39,18 +39,20 @@ class SphereSearch {
     // The bounds are gathered by the kernels that put the spheres in order.
     bool along() const { return with_survey && Surveyor::rides_along(searched()); }
     // What is put in order and searched; decisions and records go by `source`.
-    const DeviceSpheres& searched() const { return search.rounded ? rounded : source; }
+    DeviceSpheres searched() const {
+      DeviceSpheres s = source;
+      s.rounded = search.rounded;
+      return s;
+    }
   };
   // What a plan works with. A kernel is given addresses in here and nothing else; they stay while nothing is
   // allocated.
   struct Tools {
-    explicit Tools(MemoryBook& book)
-        : surveyor(book), orderer(book), search(book), rounded(book, "the spheres in float") {}
+    explicit Tools(MemoryBook& book) : surveyor(book), orderer(book), search(book) {}
     Surveyor surveyor;
     Report report;
     Orderer orderer;
     SearchMemory search;
-    Buffer<float4> rounded;
   };
   struct Steps;  // of SpeculativeCall
 
@@ -58,7 +60,6 @@ class SphereSearch {
   bool still_good(const Call& call, const Summary& previous);
   void survey_as_searched(const DeviceSpheres& source, const Call& call);
   void make_plan(const DeviceSpheres& source, const Call& call, const Summary& summary);
-  DeviceSpheres rounded(const DeviceSpheres& source);
   void plan_output(const Call& call, bool with_survey);
   void lengthen_to_lend(const Call& call);
   void pass(const Call& call, bool recorded);
@@ -73,6 +74,7 @@ class SphereSearch {
   Summary summary_;
   Grid grid_;            // that the next pass is to use
   bool spread_ = false;  // levels are hashed, because spheres are too crowded in some part of a dense level
+  int crowding_ = 0;     // OrderRequest::crowding that the spheres asked for
   std::uint64_t planned_for_ = 0;  // spheres of summary_; 0: it is not to be relied on
   bool planned_wide_ = false;
   double planned_bin_size_ = 0;  // CallOptions::bin_size of that plan

@@ -26,7 +26,8 @@ struct MemoryBook {
   std::uint64_t moves = 0;  // allocations so far; each makes recorded graphs stale, which hold addresses
 };
 
-// Memory that grows and never shrinks; contents are lost when it grows. Throws Error (memory_sentence).
+// Memory that grows and never shrinks; contents are lost when it grows. What grows once will grow again, so
+// it takes an eighth more than it needs, if that is to be had. Throws Error (memory_sentence).
 template <class T>
 class Buffer {
  public:
@@ -38,20 +39,13 @@ class Buffer {
 
   T* reserve(std::uint64_t count) {
     if (count <= capacity_ && data_) return data_;
+    const bool grows = data_;
     release();
-    const std::uint64_t bytes = (count ? count : 1) * sizeof(T);
-    void* p = nullptr;
-    if (!pinned_ && book_->limit && book_->held + bytes > book_->limit)
-      throw Error(memory_sentence(book_->held + bytes, what_, "GPU"));
-    const cudaError_t e = pinned_ ? cudaMallocHost(&p, bytes) : cudaMalloc(&p, bytes);
-    if (e == cudaErrorMemoryAllocation) {
-      cudaGetLastError();
-      throw Error(memory_sentence(bytes, what_, pinned_ ? "host" : "GPU"));
-    }
+    const cudaError_t e = grows && allocate(count + count / 8) == cudaSuccess ? cudaSuccess : allocate(count);
+    if (e == cudaErrorMemoryAllocation)
+      throw Error(
+          memory_sentence((pinned_ ? 0 : book_->held) + count * sizeof(T), what_, pinned_ ? "host" : "GPU"));
     cuda_check(e, "allocate memory");
-    data_ = static_cast<T*>(p), capacity_ = count ? count : 1;
-    book_->moves++;
-    if (!pinned_) book_->held += bytes, book_->peak = book_->held > book_->peak ? book_->held : book_->peak;
     return data_;
   }
   void release() {
@@ -64,6 +58,19 @@ class Buffer {
   std::uint64_t capacity() const { return capacity_; }
 
  private:
+  cudaError_t allocate(std::uint64_t count) {
+    const std::uint64_t bytes = (count ? count : 1) * sizeof(T);
+    if (!pinned_ && book_->limit && book_->held + bytes > book_->limit) return cudaErrorMemoryAllocation;
+    void* p = nullptr;
+    const cudaError_t e = pinned_ ? cudaMallocHost(&p, bytes) : cudaMalloc(&p, bytes);
+    if (e == cudaErrorMemoryAllocation) cudaGetLastError();
+    if (e != cudaSuccess) return e;
+    data_ = static_cast<T*>(p), capacity_ = count ? count : 1;
+    book_->moves++;
+    if (!pinned_) book_->held += bytes, book_->peak = book_->held > book_->peak ? book_->held : book_->peak;
+    return e;
+  }
+
   MemoryBook* book_;
   const char* what_;
   bool pinned_;

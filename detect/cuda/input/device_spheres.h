@@ -31,7 +31,9 @@ struct DeviceSpheres {
   std::uint32_t world_of_all = 0;
   std::uint32_t count = 0, placed = 0, center_stride = 3, radius_stride = 1;
   bool wide = false;    // double input
-  bool packed = false;  // float x, y, z, r, aligned to 16 bytes: one load a sphere
+  bool packed = false;  // x, y, z, r lie together, aligned to 16 bytes: a float sphere is one load
+  // Doubles count as rounded to float. A radius below zero becomes no number, since it might round to zero.
+  bool rounded = false;
   bool filtered = false;
   friend bool operator==(const DeviceSpheres&, const DeviceSpheres&) = default;
 
@@ -42,17 +44,27 @@ struct DeviceSpheres {
       return detect::placed(body, shape_spheres[shape_first[body.shape] + (k - body_first[b])]);
     }
     k -= placed;
-    if (packed) {
+    if (packed && !wide) {
       const float4 s = static_cast<const float4*>(centers)[k];
       return {s.x, s.y, s.z, s.w};
+    }
+    if (packed) {
+      const auto* const p = static_cast<const double2*>(centers) + 2 * std::uint64_t(k);
+      const double2 xy = __ldg(p), zr = __ldg(p + 1);
+      return seen({xy.x, xy.y, zr.x, zr.y});
     }
     const std::uint64_t c = std::uint64_t(k) * center_stride, r = std::uint64_t(k) * radius_stride;
     if (wide) {
       const auto* p = static_cast<const double*>(centers) + c;
-      return {p[0], p[1], p[2], static_cast<const double*>(radii)[r]};
+      return seen({p[0], p[1], p[2], static_cast<const double*>(radii)[r]});
     }
     const auto* p = static_cast<const float*>(centers) + c;
     return {p[0], p[1], p[2], static_cast<const float*>(radii)[r]};
+  }
+  __device__ __forceinline__ Sphere seen(const Sphere& s) const {
+    if (!rounded) return s;
+    return {static_cast<float>(s.x), static_cast<float>(s.y), static_cast<float>(s.z),
+            s.r < 0 ? NAN : static_cast<float>(s.r)};
   }
   __device__ __forceinline__ std::uint32_t world_of(std::uint32_t k) const {
     if (k < placed) return bodies[body_of[k]].world;

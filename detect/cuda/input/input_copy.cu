@@ -82,7 +82,7 @@ void InputCopy::copy_loose(const Spheres& spheres, DeviceSpheres& s, cudaStream_
     if (spheres.world) s.world = copy(world_, spheres.world, n * 4);
     if (spheres.is_static) s.is_static = copy(static_, spheres.is_static, n);
   }
-  s.packed = woven && !s.wide && reinterpret_cast<std::uintptr_t>(s.centers) % 16 == 0;
+  s.packed = woven && reinterpret_cast<std::uintptr_t>(s.centers) % 16 == 0;
 }
 
 void InputCopy::copy_bodies(const Input& input, DeviceSpheres& s, cudaStream_t stream) {

@@ -183,7 +183,7 @@ void Surveyor::begin(const DeviceSpheres& source, bool octaves, int top, int pro
 void Surveyor::gather_octaves(const DeviceSpheres& source, const Gather& gather, int processors,
                               cudaStream_t stream) {
   begin_kernel<<<3, 256, 0, stream>>>(gather.octaves, 3, kOctaves * kOctaveWords, kOctaveWords, 0);
-  if (rides_along(source))
+  if (source.packed && !source.wide && source.placed == 0)
     float_octave_kernel<<<processors * tuning::kOctaveBlocks, kThreads, 0, stream>>>(
         static_cast<const float4*>(source.centers), source.count, gather.top, gather.octaves);
   else

@@ -164,7 +164,7 @@ void order_buckets(const BucketPlan& p, const Ordered& o, const Grid& grid, cuda
                                 : bucket_order_kernel<kind(), Bins, kWideBlock, false>,
                        p.buckets.count, p.threads, p.capacity * sphere_bytes(o) + p.table_bytes,
                        p.shared_bytes, stream, bins, p.buckets, p.capacity, p.starts, p.split, p.out, o.table,
-                       p.stable, p.gather, static_cast<float>(grid.level[0].radius_max), p.counters);
+                       p.stable, p.gather, static_cast<float>(p.radius), p.counters);
   });
 }
 

@@ -269,11 +269,11 @@ void split_into_buckets(const BucketPlan& p, const DeviceSpheres& source, const 
           kernel,
           std::min<unsigned>(blocks_for(n, static_cast<int>(p.buckets.portion_spheres)), p.processors),
           kWideBlock, portion_bytes(p.buckets.portion_spheres, among), p.shared_bytes, stream, source, bins,
-          p.buckets, among, p.starts, from, to, static_cast<float>(grid.level[0].radius_max), p.counters);
+          p.buckets, among, p.starts, from, to, static_cast<float>(p.radius), p.counters);
     };
     constexpr bool kMayPack = kind() != SlotKind::fixed_point, kMayKeep = kKeyless<Bins>;
     constexpr auto kWhole = Pass::whole, kAmong = Pass::among_groups, kWithin = Pass::within_groups;
-    const bool packed = kMayPack && source.packed;
+    const bool packed = kMayPack && source.packed && !source.wide;
     if (p.groups > 0) {
       launch(packed ? bucket_split_kernel<kind(), Bins, kAmong, kMayPack, false>
                     : bucket_split_kernel<kind(), Bins, kAmong, false, false>,

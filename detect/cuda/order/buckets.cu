@@ -125,8 +125,9 @@ void Orderer::plan_work_space(const Lent& list, std::uint64_t split_room, Ordere
 
 bool Orderer::by_buckets(const OrderRequest& r, Ordered& o) {
   BucketPlan plan;
-  if (!choose_plan(r.grid, o, bucket_spheres, plan)) return false;
-  plan.stable = r.stable, plan.gather = r.gather, plan.counters = r.counters, plan.processors = r.processors;
+  if (!choose_plan(r.grid, o, bucket_spheres / (1 << r.crowding), plan)) return false;
+  plan.radius = r.radius, plan.stable = r.stable, plan.gather = r.gather, plan.counters = r.counters,
+  plan.processors = r.processors;
   const std::uint64_t split_room = plan_rooms(r, o, plan);
   plan_work_space(r.lent, split_room, o, plan);
   if (r.gather.octaves && !plan.kept) Surveyor::gather_octaves(r.source, r.gather, r.processors, r.stream);

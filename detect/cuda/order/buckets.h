@@ -74,6 +74,7 @@ struct BucketPlan {
   Buckets buckets;
   Starts starts;
   std::uint32_t groups = 0;  // of buckets; 0: spheres are divided among all buckets at once
+  double radius = 0;         // of all spheres, for SlotKind::equal
   bool kept = false;         // buckets have room by the previous call; nothing is counted
   bool stable = false;
   // Of the block that puts a bucket in order: threads, spheres that fit, bytes of the table.

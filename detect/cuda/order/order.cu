@@ -41,6 +41,18 @@ __global__ void __launch_bounds__(kThreads)
   if (p + 1 == source.count || keys[p + 1] >> merge != key) table[key + 1] = p + 1;
 }
 
+// Gathers the spheres as they were given. Where a flag is set their numbers mean nothing.
+__global__ void __launch_bounds__(kThreads)
+    given_kernel(const __grid_constant__ DeviceSpheres source, const __grid_constant__ Ordered o,
+                 const Counters* counters) {
+  const std::uint32_t p = blockIdx.x * kThreads + threadIdx.x;
+  if (p >= o.count || counters->flags) return;
+  const std::uint32_t id = o.ids ? o.ids[p] : __float_as_uint(static_cast<const float4*>(o.slots)[p].w);
+  const Sphere s = source.sphere(id);
+  auto* const to = reinterpret_cast<double2*>(o.given + p);
+  to[0] = make_double2(s.x, s.y), to[1] = make_double2(s.z, s.r);
+}
+
 }  // namespace
 
 Orderer::Orderer(MemoryBook& book)
@@ -53,6 +65,7 @@ Orderer::Orderer(MemoryBook& book)
       starts_(book, "the table of bins"),
       slots_(book, "the spheres in the order of their bins"),
       split_slots_(book, "the spheres in the order of their bins"),
+      given_(book, "the spheres in the order of their bins"),
       scratch_(book, "sorting") {}
 
 Ordered Orderer::order(const OrderRequest& r) {
@@ -73,6 +86,12 @@ Ordered Orderer::order(const OrderRequest& r) {
   if (method == OrderMethod::cells && !by_cells(r, o)) method = OrderMethod::buckets;
   if (method == OrderMethod::buckets && !by_buckets(r, o)) method = OrderMethod::sort;
   if (method == OrderMethod::sort) by_sort(r, o);
+  if (r.given && (r.source.rounded || r.kind == SlotKind::fixed_point)) {
+    DeviceSpheres source = r.source;
+    source.rounded = false;
+    o.given = given_.reserve(count);
+    given_kernel<<<blocks_for(count, kThreads), kThreads, 0, r.stream>>>(source, o, r.counters);
+  }
   cuda_launched("put the spheres in order");
   return o;
 }

@@ -15,6 +15,7 @@ inline constexpr std::uint32_t kSlack = 64;
 struct Ordered {
   void* slots = nullptr;           // FloatSlot or FixedPointSlot
   std::uint32_t* ids = nullptr;    // null for SlotKind::equal
+  Sphere* given = nullptr;         // the spheres as they were given, where that was asked for
   std::uint32_t* codes = nullptr;  // codes.h
   std::uint32_t* keys = nullptr;   // as grid.h numbers them; null where bins are in float
   FloatBins bins;
@@ -44,8 +45,11 @@ struct OrderRequest {
   const DeviceSpheres& source;
   const Grid& grid;
   SlotKind kind;
-  bool stable;  // within a bin by sphere number, so that the order is the same in every run
+  double radius = 0;   // of all spheres, for SlotKind::equal
+  bool given = false;  // asks for Ordered::given, unless slots hold the spheres
+  bool stable;         // within a bin by sphere number, so that the order is the same in every run
   OrderMethod method;
+  int crowding = 0;  // buckets get 2^crowding times fewer spheres on average, so that uneven ones fit
   // What it asks for is gathered along; it and the counters need not have been set to zero then.
   const Gather& gather;
   const Lent& lent;
@@ -98,6 +102,7 @@ class Orderer {
   std::uint64_t kept_ = 0;
   Buffer<std::uint32_t> keys_, sorted_keys_, ids_, sorted_ids_, codes_, table_, starts_;
   Buffer<float4> slots_, split_slots_;
+  Buffer<Sphere> given_;
   Buffer<unsigned char> scratch_;
 };
 

@@ -56,8 +56,8 @@ __device__ __forceinline__ std::uint32_t ticket(std::uint32_t* count, std::uint3
 template <SlotKind Kind>
 __device__ __forceinline__ float4 slot_of(const DeviceSpheres& source, const Grid* grid, std::uint32_t id) {
   constexpr bool kMayPack = Kind != SlotKind::fixed_point;
-  float4 s = kMayPack && source.packed ? bare_slot<Kind, kMayPack>(source, grid, id)
-                                       : bare_slot<Kind, false>(source, grid, id);
+  float4 s = kMayPack && source.packed && !source.wide ? bare_slot<Kind, kMayPack>(source, grid, id)
+                                                       : bare_slot<Kind, false>(source, grid, id);
   if (Kind == SlotKind::equal) s.w = __uint_as_float(id);
   return s;
 }

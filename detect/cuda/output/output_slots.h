@@ -125,31 +125,32 @@ __device__ __forceinline__ void emit_by_warp(const OutputTask& task, const Outpu
                       here = before < quota ? min(found, quota - before) : 0;
   std::uint32_t i, j;
   const Word to = range.slot + before;
-  if (needs_double<Kind>(task)) {
+  const auto write = [&]<bool Given, bool NormalsOnly>() {
+    constexpr int kAtOnce = Given ? 1 : 2;  // what was given takes twice the registers
+#pragma unroll 1
+    for (std::uint32_t k = lane; k < here; k += 32 * kAtOnce) {
+      RecordInput<Given> input[kAtOnce];
+#pragma unroll
+      for (int u = 0; u < kAtOnce; u++) {
+        pair(k + 32 * u < here ? k + 32 * u : k, i, j);
+        input[u] = load_record_input<Kind, Given>(task, i, j);
+      }
+#pragma unroll
+      for (int u = 0; u < kAtOnce; u++)
+        if (k + 32 * u < here) write_float_record<Kind, NormalsOnly>(task, input[u], to + k + 32 * u);
+    }
+  };
+  const RecordKind kind = record_kind(task);
+  if (kind == RecordKind::doubles) {
 #pragma unroll 1
     for (std::uint32_t k = lane; k < here; k += 32)
       pair(k, i, j), write_double_record<Kind>(task, i, j, to + k);
-  } else if constexpr (Kind != SlotKind::fixed_point) {
-    const auto write = [&](auto normals_only) {
-      constexpr int kAtOnce = 2;
-#pragma unroll 1
-      for (std::uint32_t k = lane; k < here; k += 32 * kAtOnce) {
-        RecordInput input[kAtOnce];
-#pragma unroll
-        for (int u = 0; u < kAtOnce; u++) {
-          pair(k + 32 * u < here ? k + 32 * u : k, i, j);
-          input[u] = load_record_input<Kind>(task, i, j);
-        }
-#pragma unroll
-        for (int u = 0; u < kAtOnce; u++)
-          if (k + 32 * u < here)
-            write_float_record<Kind, decltype(normals_only)::value>(task, input[u], to + k + 32 * u);
-      }
-    };
-    if (task.output.width == Width::normals)
-      write(std::true_type{});
-    else
-      write(std::false_type{});
+  } else if (kind == RecordKind::from_given) {
+    write.template operator()<true, false>();
+  } else if (task.output.width == Width::normals) {
+    write.template operator()<false, true>();
+  } else {
+    write.template operator()<false, false>();
   }
   const Word spill = range.spill + before - quota;
 #pragma unroll 1

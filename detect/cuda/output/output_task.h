@@ -131,11 +131,16 @@ __device__ __forceinline__ std::uint32_t id_at(const OutputTask& task, std::uint
   else
     return __ldg(task.spheres.ids + index);
 }
+__device__ __forceinline__ Sphere load_given(const OutputTask& task, std::uint32_t index) {
+  const auto* const p = reinterpret_cast<const double2*>(task.spheres.given + index);
+  const double2 xy = __ldg(p), zr = __ldg(p + 1);
+  return {xy.x, xy.y, zr.x, zr.y};
+}
 // By its slot, which may be rounded: for where it is searched.
 template <SlotKind Kind>
 __device__ __forceinline__ Sphere sphere_of_slot(const OutputTask& task, std::uint32_t index) {
   if constexpr (Kind == SlotKind::fixed_point) {
-    return task.source.sphere(__ldg(task.spheres.ids + index));
+    return task.spheres.given ? load_given(task, index) : task.source.sphere(__ldg(task.spheres.ids + index));
   } else {
     const FloatSlot s = load_slot(slots_of<Kind>(task) + index);
     return {s.x, s.y, s.z, Kind == SlotKind::equal ? task.radius : double(s.r)};
@@ -144,7 +149,7 @@ __device__ __forceinline__ Sphere sphere_of_slot(const OutputTask& task, std::ui
 // As it was given.
 template <SlotKind Kind>
 __device__ __forceinline__ Sphere sphere_at(const OutputTask& task, std::uint32_t index) {
-  if (Kind != SlotKind::fixed_point && task.source.wide) return task.source.sphere(id_at<Kind>(task, index));
+  if (task.spheres.given) return load_given(task, index);
   return sphere_of_slot<Kind>(task, index);
 }
 

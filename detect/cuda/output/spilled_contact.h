@@ -6,12 +6,13 @@
 
 namespace padder::detect::cuda {
 
-// Double: its record needs double arithmetic (needs_double), known before since a call within a loop costs
-// registers. Where the side list was too short it may hold anything, so all indices are held within bounds.
+// Double: its record does not come from the slots (record_kind), known before since a call within a loop
+// costs registers. Where the side list was too short it may hold anything, so all indices are held within
+// bounds.
 template <SlotKind Kind, bool Double>
 struct SpilledContact {
   std::uint32_t i, j, producer;
-  RecordInput input;  // unless Double
+  RecordInput<false> input;  // unless Double
   __device__ __forceinline__ SpilledContact() {}
   // Of the fused search, whose spilled contacts name their producer.
   __device__ __forceinline__ SpilledContact(const OutputTask& task, std::uint32_t index_i,
@@ -37,17 +38,16 @@ struct SpilledContact {
   __device__ __forceinline__ void write(const OutputTask& task, Word slot) const {
     if (slot >= task.output.capacity) return;
     if constexpr (Double)
-      write_double_record<Kind>(task, i, j, slot);
+      write_record<Kind>(task, i, j, slot);
     else
       write_float_record<Kind>(task, input, slot);
   }
 };
 
-// Calls f(kind, whether records need double arithmetic), both as constants.
+// Calls f(kind, whether records do not come from the slots), both as constants.
 template <class F>
 void with_record(const OutputTask& task, F f) {
-  const bool wide =
-      (task.output.scalar == Scalar::f64 || task.source.wide) && task.output.width != Width::pairs;
+  const bool wide = record_kind(task) != RecordKind::from_slots;
   const auto of_kind = [&](auto kind) {
     if (wide)
       f(kind, std::true_type{});
@@ -57,7 +57,7 @@ void with_record(const OutputTask& task, F f) {
   if (task.spheres.kind == SlotKind::equal) of_kind(std::integral_constant<SlotKind, SlotKind::equal>{});
   if (task.spheres.kind == SlotKind::unequal) of_kind(std::integral_constant<SlotKind, SlotKind::unequal>{});
   if (task.spheres.kind == SlotKind::fixed_point)
-    f(std::integral_constant<SlotKind, SlotKind::fixed_point>{}, std::true_type{});
+    of_kind(std::integral_constant<SlotKind, SlotKind::fixed_point>{});
 }
 
 }  // namespace padder::detect::cuda

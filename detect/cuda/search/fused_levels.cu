@@ -9,7 +9,7 @@
 namespace padder::detect::cuda {
 namespace {
 
-template <bool Stable, bool Hashed>
+template <bool Stable, bool Hashed, bool Given>
 __global__ void __launch_bounds__(kTileSpheres, tuning::kFusedBlocks)
     fused_kernel(const __grid_constant__ SearchTask task, const __grid_constant__ Grid grid,
                  const __grid_constant__ LevelPairs pairs) {
@@ -23,7 +23,7 @@ __global__ void __launch_bounds__(kTileSpheres, tuning::kFusedBlocks)
   plan_work(task, grid, pairs, tiles_first, work);
   __syncthreads();
   const std::uint32_t warp = __shfl_sync(kFullWarp, threadIdx.x >> 5, 0), items = work.items;
-  FusedSearch<Stable, Hashed> search(task, grid, pairs, memory[warp]);
+  FusedSearch<Stable, Hashed, Given> search(task, grid, pairs, memory[warp]);
   std::uint32_t number = blockIdx.x * kTileWarps + warp;
 #pragma unroll 1
   while (number < items) {
@@ -59,14 +59,21 @@ void launch_fused_levels(const SearchTask& task, const Grid& grid, const LevelPa
   const auto blocks =
       static_cast<unsigned>(std::min((std::uint64_t(pairs.warps) + task.tiles + kTileWarps - 1) / kTileWarps,
                                      static_cast<std::uint64_t>(processors) * tuning::kFusedBlocks));
-  if (task.stable_order) {
-    launch_unit_quotas(task, grid, pairs, true, processors, stream);
-    launch_overlapped(task.spheres.hashed ? fused_kernel<true, true> : fused_kernel<true, false>,
-                      {blocks, kTileSpheres}, stream, task, grid, pairs);
-  } else {
-    const auto kernel = task.spheres.hashed ? fused_kernel<false, true> : fused_kernel<false, false>;
-    kernel<<<blocks, kTileSpheres, 0, stream>>>(task, grid, pairs);
-  }
+  const auto launch = [&]<bool Stable, bool Given>() {
+    auto* const kernel =
+        task.spheres.hashed ? fused_kernel<Stable, true, Given> : fused_kernel<Stable, false, Given>;
+    if (Stable) {
+      launch_unit_quotas(task, grid, pairs, true, processors, stream);
+      launch_overlapped(kernel, {blocks, kTileSpheres}, stream, task, grid, pairs);
+    } else {
+      kernel<<<blocks, kTileSpheres, 0, stream>>>(task, grid, pairs);
+    }
+  };
+  const bool given = record_kind(task) == RecordKind::from_given || task.rounded;
+  if (task.stable_order)
+    given ? launch.template operator()<true, true>() : launch.template operator()<true, false>();
+  else
+    given ? launch.template operator()<false, true>() : launch.template operator()<false, false>();
   cuda_launched("search for contacts");
 }
 

@@ -30,7 +30,8 @@ struct FusedMemory {
 
 // The members must stay in registers: where a function is called out of line, all that lives across the call
 // lies in local memory. Stable: the list has a stable order; then the row runs dry after each producer.
-template <bool Stable>
+// Given: slots are doubles rounded to float; doubt and records go by the spheres as they were given.
+template <bool Stable, bool Given>
 struct FusedQueue {
   static constexpr SlotKind kKind = SlotKind::unequal;
   static constexpr std::uint32_t kAtOnce = 2, kStep = 32 * kAtOnce;
@@ -72,7 +73,7 @@ struct FusedQueue {
     }
     if (__any_sync(kFullWarp, doubt)) {
 #pragma unroll
-      for (int u = 0; u < kAtOnce; u++) hit[u] = hit[u] && exact_test(a[u], b[u]);
+      for (int u = 0; u < kAtOnce; u++) hit[u] = hit[u] && exact_test(pair[u], a[u], b[u]);
     }
 #pragma unroll
     for (int u = 0; u < kAtOnce; u++) {
@@ -86,11 +87,14 @@ struct FusedQueue {
   }
 
   // What float is not sure of. Nothing but the distance counts in this search.
-  __device__ __forceinline__ bool exact_test(const FloatSlot& a, const FloatSlot& b) const {
+  __device__ __forceinline__ bool exact_test(const uint2& pair, const FloatSlot& a,
+                                             const FloatSlot& b) const {
     const Measured m = measured(a, b);
-    const Verdict v = verdict<FloatSlot>(m);
+    const Verdict v = Given ? verdict_of<kKind>(task, m) : verdict<FloatSlot>(m);
     if (v != Verdict::doubt) return v != Verdict::apart;
     count_doubtful(task);
+    if constexpr (Given)
+      if (task.exact) return touching(load_given(task, pair.x), load_given(task, pair.y));
     return task.exact ? touching({a.x, a.y, a.z, a.r}, {b.x, b.y, b.z, b.r}) : m.d2 <= m.s2;
   }
 
@@ -128,14 +132,14 @@ struct FusedQueue {
   }
   // One body for all widths of a record: the instructions must fit their cache.
   __device__ __forceinline__ void write_records(Word slot, std::uint32_t count) {
-    constexpr int kRecords = 2;
+    constexpr int kRecords = Given ? 1 : 2;
 #pragma unroll 1
     for (std::uint32_t k = 0; k < count; k += 32 * kRecords) {
-      RecordInput input[kRecords];
+      RecordInput<Given> input[kRecords];
 #pragma unroll
       for (int u = 0; u < kRecords; u++) {
         const uint2 pair = load_shared_pair(address + 8 * min(k + 32 * u + lane, count - 1));
-        input[u] = load_record_input<kKind>(task, pair.x, pair.y);
+        input[u] = load_record_input<kKind, Given>(task, pair.x, pair.y);
       }
       if (k == 0) {  // the slot arrives while the records' input is loaded
         if (!Stable) slot = __shfl_sync(kFullWarp, slot, 0);

@@ -143,15 +143,13 @@ __device__ __forceinline__ std::uint32_t test_queue(const SearchTask& task, cons
   return hits;
 }
 
-// Searches without a queue: for warps with more candidates than it holds, and for long rows. With a range,
-// emits the contacts as numbers `base` onwards of the tile; without, only counts them.
-template <SlotKind Kind, class Pairs>
-static __device__ __noinline__ std::uint32_t search_unqueued(const SearchTask& task, const Grid& grid,
-                                                             const Pairs& pairs, std::uint32_t first,
-                                                             const OutputRange* range, std::uint32_t base) {
-  const std::uint32_t lane = threadIdx.x & 31, below = (1u << lane) - 1;
+// Tests the candidates of the 32 spheres from `first` on without a queue. Calls take(hit, i, j, hits) with a
+// candidate of each lane, whether it is a contact, and the lanes that have one.
+template <SlotKind Kind, class Pairs, class Take>
+__device__ __forceinline__ void search_rows_unqueued(const SearchTask& task, const Grid& grid,
+                                                     const Pairs& pairs, std::uint32_t first, bool counts,
+                                                     Take take) {
   const auto* const slots = slots_of<Kind>(task);
-  std::uint32_t hits = 0;
   LevelQuery<Kind> query = level_query<Kind>(task, grid, pairs, first);
   const int rows = query.split ? kRows + 1 : kRows;
 #pragma unroll 1
@@ -163,11 +161,9 @@ static __device__ __noinline__ std::uint32_t search_unqueued(const SearchTask& t
         const int k = __clz(mask);
         const std::uint32_t j = begin + k;
         const bool hit =
-            mask && test<Kind>(task, grid, query.index, query.slot, j, load_slot(slots + j), !range);
+            mask && test<Kind>(task, grid, query.index, query.slot, j, load_slot(slots + j), counts);
         if (mask) mask ^= 0x80000000u >> k;
-        const std::uint32_t has = __ballot_sync(kFullWarp, hit);
-        if (hit && range) emit<Kind>(task, *range, base + hits + __popc(has & below), query.index, j);
-        hits += __popc(has);
+        take(hit, query.index, j, __ballot_sync(kFullWarp, hit));
       }
       begin = min(begin + 32, query.end[0]);  // no further than what may be read
     }
@@ -176,12 +172,64 @@ static __device__ __noinline__ std::uint32_t search_unqueued(const SearchTask& t
     for (int k = 0; k + 1 < kRows; k++) query.begin[k] = query.begin[k + 1], query.end[k] = query.end[k + 1];
     if (query.split) query.begin[kRows - 1] = query.rest_begin, query.end[kRows - 1] = query.rest_end;
   }
+}
+// For warps with more candidates than their queue holds, and for long rows. With a range, emits the contacts
+// as numbers `base` onwards of the tile; without, only counts them.
+template <SlotKind Kind, class Pairs>
+static __device__ __noinline__ std::uint32_t search_unqueued(const SearchTask& task, const Grid& grid,
+                                                             const Pairs& pairs, std::uint32_t first,
+                                                             const OutputRange* range, std::uint32_t base) {
+  const std::uint32_t below = (1u << (threadIdx.x & 31)) - 1;
+  std::uint32_t hits = 0;
+  search_rows_unqueued<Kind>(task, grid, pairs, first, !range,
+                             [&](bool hit, std::uint32_t i, std::uint32_t j, std::uint32_t has) {
+                               if (hit && range)
+                                 emit<Kind>(task, *range, base + hits + __popc(has & below), i, j);
+                               hits += __popc(has);
+                             });
   return hits;
 }
+template <SlotKind Kind>
+static __device__ __noinline__ void write_queue(const SearchTask& task, PairQueue queue,
+                                                std::uint32_t count) {
+  Word slot = 0;
+  if ((threadIdx.x & 31) == 0) slot = atomicAdd(&task.counters->contacts, static_cast<Word>(count));
+  slot = __shfl_sync(kFullWarp, slot, 0);
+  __syncwarp();
+  if (slot + count > task.output.capacity) return;  // counted; the caller searches again
+  emit_by_warp<Kind>(task, {slot, 0, ~0u, 0, 0}, count, 0,
+                     [&](std::uint32_t k, std::uint32_t& i, std::uint32_t& j) {
+                       const std::uint32_t word = queue.get(k);
+                       i = queue.i(word), j = queue.j(word);
+                     });
+  __syncwarp();
+}
+// The same in any order, where the contacts need not be counted before the first is written: each time the
+// queue is full of them they are written, and nothing is searched twice. Returns how many are left: none.
+template <SlotKind Kind, class Words, class Pairs>
+static __device__ __noinline__ std::uint32_t search_and_write(const SearchTask& task, const Grid& grid,
+                                                              const Pairs& pairs, Words& words,
+                                                              std::uint32_t first) {
+  const PairQueue queue{shared_address(words.index), first, task.spheres.count};
+  const std::uint32_t lane = threadIdx.x & 31, below = (1u << lane) - 1;
+  std::uint32_t waiting = 0;
+  search_rows_unqueued<Kind>(
+      task, grid, pairs, first, true, [&](bool hit, std::uint32_t, std::uint32_t j, std::uint32_t has) {
+        if (hit)
+          queue.put(waiting + __popc(has & below),
+                    (lane << PairQueue::kLaneShift) + j - queue.first + (j < queue.first ? queue.count : 0));
+        waiting += __popc(has);
+        if (waiting + 32 > Words::kCapacity)
+          __syncwarp(), write_queue<Kind>(task, queue, waiting), waiting = 0;
+      });
+  __syncwarp();
+  if (waiting) write_queue<Kind>(task, queue, waiting);
+  return 0;
+}
 
-// The contacts of the 32 spheres from `first` on, in the queue unless kQueueOverflow is set. `flags`: of the
-// counters; where any is set the table is not whole, and the caller of the search will order the spheres in
-// another way.
+// The contacts of the 32 spheres from `first` on, in the queue unless kQueueOverflow is set. Contacts that
+// are written already are not counted. `flags`: of the counters; where any is set the table is not whole, and
+// the caller of the search will order the spheres in another way.
 template <SlotKind Kind, class Words, class Pairs>
 __device__ __forceinline__ bool find_same_level(const SearchTask& task, const Grid& grid, const Pairs& pairs,
                                                 Words& words, std::uint32_t first, std::uint32_t flags,
@@ -193,9 +241,12 @@ __device__ __forceinline__ bool find_same_level(const SearchTask& task, const Gr
   if constexpr (!Pairs::kSeveralLevels)  // there the slot's registers would cost more than this gains
     doubt = doubt && !(task.only_owner && owns_contacts_of<Kind>(task, query.slot));
   const std::uint32_t queued = queue_candidates<Kind, Words::kCapacity>(task, query, queue);
-  found = queued > Words::kCapacity
-              ? search_unqueued<Kind>(task, grid, pairs, first, nullptr, 0) | kQueueOverflow
-              : test_queue<Kind>(task, grid, queue, queued, doubt);
+  if (queued <= Words::kCapacity)
+    found = test_queue<Kind>(task, grid, queue, queued, doubt);
+  else if (task.stable_order || task.spheres.count > PairQueue::kFar / 2)
+    found = search_unqueued<Kind>(task, grid, pairs, first, nullptr, 0) | kQueueOverflow;
+  else
+    found = search_and_write<Kind>(task, grid, pairs, words, first);
   return true;
 }
 template <SlotKind Kind, class Words, class Pairs>

@@ -52,7 +52,7 @@ struct SearchPlan {
 SearchPlan choose_family(const SearchTask& task, const Grid& grid, int processors) {
   SearchPlan plan;
   const Ordered& spheres = task.spheres;
-  if (spheres.count >= tuning::kFusedSpheres && spheres.float_levels && !task.test_all && !task.rounded &&
+  if (spheres.count >= tuning::kFusedSpheres && spheres.float_levels && !task.test_all &&
       (task.output.scalar == Scalar::f32 || task.output.width == Width::pairs)) {
     plan.pairs = plan_level_pairs(grid, spheres.kind, true);
     if (plan.pairs.count > 0) plan.family = KernelFamily::fused_levels;

@@ -11,7 +11,8 @@ namespace padder::detect::cuda {
 namespace {
 
 constexpr int kThreads = 256;
-// A world of more elements is sorted along the curve in every call; a smaller one when its revision is new.
+// A world of more elements is sorted along the curve in every call; a smaller one, and kEveryWorld, when its
+// revision is new.
 constexpr std::uint32_t kLargeWorld = 4096;
 
 unsigned blocks_for(std::uint64_t n) {
@@ -28,10 +29,6 @@ void each(std::uint32_t n, cudaStream_t stream, const char* what, F f) {
   if (n == 0) return;
   each_kernel<<<blocks_for(n), kThreads, 0, stream>>>(n, f);
   cuda_launched(what);
-}
-__device__ void put(Body& to, const Pose& pose) {
-  for (int k = 0; k < 9; k++) to.rotation[k] = pose.rotation[k];
-  for (int k = 0; k < 3; k++) to.position[k] = pose.position[k];
 }
 
 // The part of space that the curve resolves, from two quantiles of some of the centres.
@@ -69,28 +66,39 @@ __device__ std::uint32_t first_of(const std::uint32_t* worlds, std::uint32_t n, 
   return low;
 }
 
-// Places the ball of element k of the tree, and reports faults.
+// A ball in float that contains it; of infinite radius where a float does not reach.
+__device__ __forceinline__ float4 near_ball(const Sphere& s) {
+  const double far = magnitude(s.x) + magnitude(s.y) + magnitude(s.z);
+  return make_float4(static_cast<float>(s.x), static_cast<float>(s.y), static_cast<float>(s.z),
+                     far < 0x1p126 ? float_above(s.r + 0x1p-23 * far + 0x1p-140) : INFINITY);
+}
+
+// Places element k of the tree, and reports faults.
 __device__ void place(const WorldScene& scene, std::uint32_t k, std::uint32_t worlds, double& extent) {
+  const BodyView& v = scene.view;
   const WorldElement e = scene.elements[k];
   Sphere ball;
   if (e.body == kLoose) {
     ball = scene.loose.sphere(e.piece);
     scene.elements[k].filter = scene.loose.filter(e.piece);  // the caller may have changed it
     if (fault_of(ball) != Fault::none)
-      atomicMin(&scene.report->fault, static_cast<unsigned long long>(scene.loose_first) + e.piece);
+      atomicMin(&scene.report->fault, static_cast<unsigned long long>(v.loose_first) + e.piece);
+    if (v.stances) v.stances[k] = stance_of({e.body, e.piece}, ball, ball_of(ball));
   } else {
-    const Body body = scene.body_at(e.body, (e.filter.owner & kStatic) != 0);
-    const Piece& piece = scene.pieces[e.piece];
+    const Body body = v.placed_body(e.body);
+    const Piece& piece = v.pieces[e.piece];
     ball = ball_of(body, piece);
     if (!(ball.r < INFINITY)) {  // a fault, or so far out that there are no balls
       for (std::uint32_t q = piece.first; q < piece.first + piece.count; q++)
-        if (fault_of(placed(body, scene.spheres[q])) != Fault::none)
+        if (fault_of(placed(body, v.spheres[q])) != Fault::none)
           atomicMin(&scene.report->fault,
-                    static_cast<unsigned long long>(scene.body_first[e.body]) + scene.numbers[q]);
+                    static_cast<unsigned long long>(v.body_first[e.body]) + v.numbers[q]);
       ball = {0, 0, 0, INFINITY};
     }
+    if (v.stances) v.stances[k] = stance_of(body, {e.body, e.piece}, piece, ball);
   }
-  scene.balls[k] = ball;
+  v.balls[k] = ball;
+  scene.near_balls[k] = near_ball(ball);
   if (e.world >= worlds && e.world != kEveryWorld)
     atomicMin(&scene.report->world_fault, static_cast<unsigned long long>(scene.order[k]));
   extent = larger(larger(magnitude(ball.x), magnitude(ball.y)), magnitude(ball.z)) + ball.r;
@@ -110,10 +118,6 @@ __global__ void __launch_bounds__(kThreads) place_kernel(WorldScene scene, std::
 }
 
 // A device lambda may not stand in a private member function, so these are functions of their own.
-void put_moved(std::uint32_t n, const Pose* poses, const std::uint32_t* which, Body* bodies,
-               cudaStream_t stream) {
-  each(n, stream, "place the bodies", [=] __device__(std::uint32_t k) { put(bodies[which[k]], poses[k]); });
-}
 // `from` null: the elements as they are given.
 void copy_order(std::uint32_t n, const std::uint32_t* from, std::uint32_t* to, cudaStream_t stream) {
   each(n, stream, "number the elements", [=] __device__(std::uint32_t k) { to[k] = from ? from[k] : k; });
@@ -138,10 +142,13 @@ void fill_elements(const WorldScene& scene, cudaStream_t stream) {
     const std::uint32_t world = scene.worlds[k], end = first_of(scene.worlds, n, world + std::uint64_t(1));
     out.body = e.body, out.piece = e.piece, out.world = world, out.world_end = end, out.filter = {};
     if (e.body != kLoose) {
-      const Body& body = scene.bodies[e.body];
+      const Body& body = scene.view.bodies[e.body];
       out.filter = {body.family, body.mask, owner_of(e.body, body.is_static)};
     }
-    if (k == 0 || scene.worlds[k - 1] != world) atomicMax(&scene.report->largest_world, end - k);
+    if (k == 0 || scene.worlds[k - 1] != world) {
+      atomicMax(&scene.report->largest, end - k);
+      if (world != kEveryWorld) atomicMax(&scene.report->largest_own, end - k);
+    }
     if (k == 0) scene.report->every_first = first_of(scene.worlds, n, kEveryWorld);
   });
   // The filter of a loose sphere may change, so that it counts as a partner. 64 are looked at at most.
@@ -164,19 +171,15 @@ void build_tree(const WorldTree& tree, TreeBox* nodes, cudaStream_t stream) {
 
 WorldInput::WorldInput(MemoryBook& book)
     : copy_(book),
-      bodies_(book, "the bodies"),
-      poses_(book, "the poses"),
+      arrays_(book),
       elements_(book, "the pieces of bodies"),
-      pieces_(book, "the pieces of bodies"),
-      spheres_(book, "the shapes"),
       balls_(book, "the balls about bodies"),
-      numbers_(book, "the shapes"),
-      body_first_(book, "the bodies"),
+      near_balls_(book, "the balls about bodies"),
+      stances_(book, "the balls about bodies"),
       order_(book, "the order of worlds"),
       spare_order_(book, "the order of worlds"),
       worlds_(book, "worlds"),
       spare_worlds_(book, "worlds"),
-      moved_numbers_(book, "what moved"),
       curve_(book, "the order of worlds"),
       spare_curve_(book, "the order of worlds"),
       curve_box_(book, "the order of worlds"),
@@ -197,44 +200,11 @@ void WorldInput::read_bodies(const Input& input, cudaStream_t stream) {
       host_elements_.push_back({static_cast<std::uint32_t>(b), p});
   }
   bodies_have_worlds_ = detect::bodies_have_worlds(input);
-  const Pieces& p = host_pieces_;
   scene_ = {};
-  scene_.bodies = copied(bodies_, input.bodies.data(), input.bodies.size(), stream);
+  scene_.view = arrays_.read(input, host_pieces_, first, stream);
   scene_.pieces_given = copied(elements_, host_elements_.data(), host_elements_.size(), stream);
-  scene_.pieces = copied(pieces_, p.pieces.data(), p.pieces.size(), stream);
-  scene_.spheres = copied(spheres_, p.spheres.data(), p.spheres.size(), stream);
-  scene_.numbers = copied(numbers_, p.numbers.data(), p.numbers.size(), stream);
-  scene_.body_first = copied(body_first_, first.data(), first.size(), stream);
-  scene_.loose_first = first.back();
   scene_.of_bodies = static_cast<std::uint32_t>(host_elements_.size());
   cuda_check(cudaStreamSynchronize(stream), "copy the bodies");  // the vectors must outlive their copies
-}
-
-// Poses in device memory are read where they are. Those of bodies that moved are copied; those that the
-// caller keeps in host memory stand in input.bodies if the revision is not 0 (revision.h).
-void WorldInput::read_poses(const Input& input, cudaStream_t stream) {
-  scene_.poses = nullptr, scene_.static_stay = input.revision != 0;
-  if (input.poses) {
-    scene_.poses = input.pose_memory == Memory::device
-                       ? input.poses
-                       : copied(poses_, input.poses, input.bodies.size(), stream);
-    return;
-  }
-  if (revision_ == 0 || input.moved.empty()) return;
-  Body* bodies = bodies_.data();
-  std::vector<Pose> poses;
-  std::vector<std::uint32_t> numbers;
-  for (const std::uint32_t b : input.moved) {
-    const Body& body = input.bodies[b];
-    if (body.is_static) continue;
-    Pose& pose = poses.emplace_back();
-    std::copy_n(body.rotation, 9, pose.rotation), std::copy_n(body.position, 3, pose.position);
-    numbers.push_back(b);
-  }
-  const Pose* from = copied(poses_, poses.data(), poses.size(), stream);
-  const std::uint32_t* which = copied(moved_numbers_, numbers.data(), numbers.size(), stream);
-  put_moved(static_cast<std::uint32_t>(numbers.size()), from, which, bodies, stream);
-  cuda_check(cudaStreamSynchronize(stream), "copy the poses");  // the vectors must outlive their copies
 }
 
 // Sorts the elements by world, and inside a world along the curve or as they were given.
@@ -273,17 +243,20 @@ void WorldInput::order(bool along_curve, cudaStream_t stream) {
   cuda_check(cudaMemcpyAsync(host, scene_.report, sizeof *host, cudaMemcpyDeviceToHost, stream),
              "find the worlds");
   cuda_check(cudaStreamSynchronize(stream), "find the worlds");
-  scene_.tree.every_first = host->every_first, largest_world_ = host->largest_world;
+  found_ = *host;
+  scene_.tree.every_first = found_.every_first;
 }
 
-void WorldInput::read(const Input& input, std::uint32_t worlds, cudaStream_t stream) {
+void WorldInput::read(const Input& input, std::uint32_t worlds, bool stances, cudaStream_t stream) {
   const Spheres& s = input.spheres;
   const bool known = knows(input);
   const bool same_order =
       known && s.count == known_loose_ && !s.world && s.world_of_all == known_world_of_loose_;
-  if (!known) revision_ = 0, read_bodies(input, stream);
-  read_poses(input, stream);
   revision_ = 0;  // until keep()
+  if (known)
+    arrays_.move_in_place(input, scene_.view, stream);
+  else
+    read_bodies(input, stream);
   known_bodies_ = input.bodies.size(), known_loose_ = s.count;
   known_world_of_loose_ = s.world ? ~0u - 1 : s.world_of_all;
   Input only;
@@ -298,10 +271,14 @@ void WorldInput::read(const Input& input, std::uint32_t worlds, cudaStream_t str
       "begin");
   if (n == 0) return;
   if (!same_order) order(false, stream);
-  if (largest_world_ > (same_order ? kLargeWorld : kSmallWorld)) order(true, stream);
-  scene_.balls = balls_.reserve(n);
-  TreeBox* nodes = nodes_.reserve(lay_out(scene_.tree, n));
-  scene_.tree.balls = scene_.balls, scene_.tree.nodes = nodes;
+  if (same_order ? found_.largest_own > kLargeWorld : found_.largest > kSmallWorld) order(true, stream);
+  scene_.view.count = n;
+  scene_.tree.balls = scene_.view.balls = balls_.reserve(n);
+  scene_.near_balls = near_balls_.reserve(n);
+  scene_.view.stances = stances ? stances_.reserve(n) : nullptr;
+  const std::uint32_t base = base_of(found_.largest_own, found_.every_first);
+  TreeBox* nodes = nodes_.reserve(lay_out(scene_.tree, n, base));
+  scene_.tree.nodes = nodes;
   place_kernel<<<blocks_for(n), kThreads, 0, stream>>>(scene_, worlds);
   cuda_launched("place the balls about bodies");
   build_tree(scene_.tree, nodes, stream);
@@ -311,18 +288,16 @@ void WorldInput::check(const WorldReport& report, const Input& input, const Call
                        std::uint32_t worlds, cudaStream_t stream) const {
   if (report.fault != ~0ull) {
     Sphere faulty;
-    if (report.fault >= scene_.loose_first) {
-      faulty = sphere_at(scene_.loose, static_cast<std::uint32_t>(report.fault - scene_.loose_first), stream);
+    if (report.fault >= scene_.view.loose_first) {
+      faulty =
+          sphere_at(scene_.loose, static_cast<std::uint32_t>(report.fault - scene_.view.loose_first), stream);
     } else {
       std::uint64_t before = 0;
       std::size_t b = 0;
       while (before + input.shapes[input.bodies[b].shape].count <= report.fault)
         before += input.shapes[input.bodies[b++].shape].count;
       Body body;
-      // A pose stands at the begin of a body.
-      static_assert(offsetof(Body, position) == offsetof(Pose, position) && offsetof(Body, rotation) == 0);
-      const bool there = !scene_.poses || (scene_.static_stay && input.bodies[b].is_static);
-      const void* pose = there ? static_cast<const void*>(scene_.bodies + b) : scene_.poses + b;
+      const double* const pose = scene_.view.poses + b * scene_.view.pose_step;
       cuda_check(cudaMemcpyAsync(&body, pose, sizeof(Pose), cudaMemcpyDeviceToHost, stream), "read a body");
       cuda_check(cudaStreamSynchronize(stream), "read a body");
       faulty = placed(body, input.shapes[input.bodies[b].shape].spheres[report.fault - before]);

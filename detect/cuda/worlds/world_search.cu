@@ -3,17 +3,18 @@
 
 #include <algorithm>
 #include <chrono>
-#include <cub/device/device_scan.cuh>
+
+#include "detect/cuda/device/exclusive_sum.h"
 
 namespace padder::detect::cuda {
 namespace {
 
 constexpr int kThreads = 128, kWarps = kThreads / 32;
 
-// What a kernel does with the contacts that it finds.
+// What a kernel does with the pairs of elements that are near each other, or with the contacts in them.
 enum class Pass {
-  count,     // of each element
-  write,     // as records
+  count,     // pairs, of each element
+  write,     // these pairs
   any,       // marks their worlds; a world that is marked is not searched on
   total,     // of each world
   distance,  // the smallest signed distance of each world
@@ -40,76 +41,62 @@ struct Room {
 
 // The element of a lane. The walk over the tree is the warp's: neighbours in the order need the same nodes.
 struct Lane {
-  std::uint32_t element;
-  WorldElement me;
-  Sphere ball;
-  TreeBox box;
+  std::uint32_t element, world, from, until;  // it meets the elements [from, until) of its world
+  float4 ball;                                // a ball that contains all whose gap to the element is in reach
+  TreeBox box;                                // of that
   bool active;
   double reach;  // the largest gap of interest
-  unsigned long long found;
+  std::uint32_t found;
 };
+
+__device__ __forceinline__ void set_reach(const WorldScene& scene, Lane& lane, double reach) {
+  const float4 s = scene.near_balls[lane.element];
+  const float r = float_above(s.w + reach);
+  lane.reach = reach, lane.ball = make_float4(s.x, s.y, s.z, r);
+  lane.box = box_of(scene.view.balls[lane.element], reach);
+}
+// Not written as "within", so that what is not a number passes. Four roundings of the squares, and more.
+__device__ __forceinline__ bool apart(const float4& a, const float4& b) {
+  const float x = b.x - a.x, y = b.y - a.y, z = b.z - a.z, s = a.w + b.w;
+  return x * x + y * y + z * z > s * s * (1 + 0x1p-20f) + 0x1p-100f;
+}
 
 __device__ __forceinline__ bool owned(const WorldTask& task, const Sphere& a, const Sphere& b,
                                       std::uint32_t number_a, std::uint32_t number_b) {
   return owns(task.own, number_a < number_b ? midpoint(a, b) : midpoint(b, a));
 }
 
-// One contact, found by this lane.
+// Only lists of pairs are asked for; others look at the spheres.
 template <Pass kPass>
-__device__ __forceinline__ void take(const WorldTask& task, const Sphere& a, const Sphere& b,
-                                     std::uint32_t number_a, std::uint32_t number_b, unsigned long long at,
-                                     std::uint32_t world, double best, double& distance) {
-  const bool ordered = number_a < number_b;
-  if constexpr (kPass == Pass::write) {
-    if (at >= task.output.capacity) return;
-    task.output.pairs[at] = ordered ? Pair{number_a, number_b} : Pair{number_b, number_a};
-    put_geometry(task.output, at, ordered ? a : b, ordered ? b : a);
-  }
-  if constexpr (kPass == Pass::distance) distance = smaller(distance, signed_distance(a, b));
-  if constexpr (kPass == Pass::pair)
-    if (signed_distance(a, b) == best)
-      atomicMin(&task.pairs[world], static_cast<unsigned long long>(ordered ? number_a : number_b) << 32 |
-                                        (ordered ? number_b : number_a));
-}
+constexpr bool kListsPairs = kPass == Pass::count || kPass == Pass::write;
 
-// After contacts of the lane's element: `count` of them, the smallest distance among them.
+// `count` contacts of a world, the smallest distance among them.
 template <Pass kPass>
-__device__ __forceinline__ void keep(const WorldTask& task, Lane& lane, std::uint32_t count,
+__device__ __forceinline__ void keep(const WorldTask& task, std::uint32_t world, std::uint32_t count,
                                      double distance) {
-  lane.found += count;
-  if constexpr (kPass == Pass::any)
-    if (count) task.any[lane.me.world] = 1, lane.active = false;
-  if constexpr (kPass == Pass::distance)
-    if (count && (distance < lane.reach || distance >= task.margin)) {
-      atomicMin(&task.distances[lane.me.world], key_of(distance));
-      lane.reach = smaller(lane.reach, distance);
-      lane.box = box_of(lane.ball, lane.reach);
-    }
+  if (count == 0) return;
+  if constexpr (kPass == Pass::any) task.any[world] = 1;
+  if constexpr (kPass == Pass::total) atomicAdd(&task.totals[world], static_cast<unsigned long long>(count));
+  if constexpr (kPass == Pass::distance) atomicMin(&task.distances[world], key_of(distance));
+}
+// A contact with the smallest distance of its world names its pair.
+__device__ __forceinline__ void keep_pair(const WorldTask& task, std::uint32_t world, double best,
+                                          const Sphere& a, const Sphere& b, std::uint32_t number_a,
+                                          std::uint32_t number_b) {
+  if (signed_distance(a, b) != best) return;
+  const std::uint32_t i = min(number_a, number_b), j = max(number_a, number_b);
+  atomicMin(&task.pairs[world], static_cast<unsigned long long>(i) << 32 | j);
 }
 
 template <Pass kPass>
-__device__ __forceinline__ bool ended(const WorldTask& task, const Lane& lane) {
-  return kPass == Pass::any && *static_cast<const volatile std::uint8_t*>(task.any + lane.me.world) != 0;
+__device__ __forceinline__ bool ended(const WorldTask& task, std::uint32_t world) {
+  return kPass == Pass::any && *static_cast<const volatile std::uint8_t*>(task.any + world) != 0;
 }
-
-// May the spheres of element k touch those of the lane's element? Two loose spheres are tested at once; then
-// there is nothing left to do.
 template <Pass kPass>
-__device__ __forceinline__ bool candidate(const WorldTask& task, Lane& lane, std::uint32_t k) {
-  const WorldScene& scene = task.scene;
-  const Sphere other = scene.balls[k];
-  if (!lane.active || !near_each_other(lane.ball, other, lane.reach)) return false;
-  const WorldElement& element = scene.elements[k];
-  if (!admitted(lane.me.filter, element.filter)) return false;
-  if (ended<kPass>(task, lane)) return lane.active = false;
-  if (lane.me.body != kLoose || element.body != kLoose) return true;
-  if (!touching(lane.ball, other, task.margin)) return false;
-  const std::uint32_t mine = scene.loose_first + lane.me.piece, its = scene.loose_first + element.piece;
-  if (task.bounded && !owned(task, lane.ball, other, mine, its)) return false;
-  double distance = INFINITY;
-  take<kPass>(task, lane.ball, other, mine, its, lane.found, lane.me.world, lane.reach, distance);
-  keep<kPass>(task, lane, 1, distance);
-  return false;
+__device__ __forceinline__ double reach_of(const WorldTask& task, std::uint32_t world) {
+  if (kPass != Pass::distance && kPass != Pass::pair) return task.margin;
+  const double best = number_of(*static_cast<const volatile unsigned long long*>(task.distances + world));
+  return kPass == Pass::pair ? best : smaller(task.margin, best);
 }
 
 // The warp places those spheres of an element whose gap to a ball is at most `reach`. Returns how many.
@@ -120,14 +107,15 @@ __device__ std::uint32_t gather(const WorldScene& scene, const WorldElement& ele
     if (lane == 0) out[0] = {mine.x, mine.y, mine.z, mine.r}, slots[0] = element.piece;
     return 1;
   }
-  const Body body = scene.body_at(element.body, (element.filter.owner & kStatic) != 0);
-  const std::uint32_t first = scene.pieces[element.piece].first, n = scene.pieces[element.piece].count;
+  const Body body = scene.view.placed_body(element.body);
+  const std::uint32_t first = scene.view.pieces[element.piece].first,
+                      n = scene.view.pieces[element.piece].count;
   std::uint32_t count = 0;
   for (std::uint32_t k = 0; k < n; k += 32) {
     Sphere s;
     bool near = false;
     if (k + lane < n) {
-      s = placed(body, scene.spheres[first + k + lane]);
+      s = placed(body, scene.view.spheres[first + k + lane]);
       near = near_each_other(s, other, reach);
     }
     const std::uint32_t mask = __ballot_sync(~0u, near);
@@ -140,18 +128,17 @@ __device__ std::uint32_t gather(const WorldScene& scene, const WorldElement& ele
   return count;
 }
 
-// The warp tests the spheres of elements a and b. Returns the number of contacts; of Pass::any at least 1 if
-// there are some. `found`: of element a before.
+// The warp tests the spheres of elements a and b of a world.
 template <Pass kPass>
-__device__ std::uint32_t test_pair(const WorldTask& task, Room& room, std::uint32_t a, std::uint32_t b,
-                                   double reach, unsigned long long found, double& distance) {
+__device__ void test_pair(const WorldTask& task, Room& room, std::uint32_t a, std::uint32_t b,
+                          std::uint32_t world, double reach) {
   const WorldScene& scene = task.scene;
   const WorldElement ea = scene.elements[a], eb = scene.elements[b];
-  const Sphere ball_a = scene.balls[a], ball_b = scene.balls[b];
+  const Sphere ball_a = scene.view.balls[a], ball_b = scene.view.balls[b];
   const std::uint32_t lane = threadIdx.x & 31;
   __syncwarp();  // before the room is used again
   const std::uint32_t na = gather(scene, ea, ball_a, ball_b, reach, room.a, room.slot_a);
-  if (na == 0) return 0;
+  if (na == 0) return;
   const std::uint32_t nb = gather(scene, eb, ball_b, ball_a, reach, room.b, room.slot_b);
   __syncwarp();
   std::uint32_t count = 0;
@@ -159,101 +146,175 @@ __device__ std::uint32_t test_pair(const WorldTask& task, Room& room, std::uint3
   for (std::uint32_t first = 0; first < na * nb; first += 32) {
     const std::uint32_t p = first + lane, i = p / nb, j = p % nb;
     bool hit = false;
-    Sphere sa, sb;
-    std::uint32_t number_a = 0, number_b = 0;
     if (p < na * nb) {
-      sa = {room.a[i].x, room.a[i].y, room.a[i].z, room.a[i].r};
-      sb = {room.b[j].x, room.b[j].y, room.b[j].z, room.b[j].r};
+      const Sphere sa{room.a[i].x, room.a[i].y, room.a[i].z, room.a[i].r},
+          sb{room.b[j].x, room.b[j].y, room.b[j].z, room.b[j].r};
       hit = touching(sa, sb, task.margin);
-      if (hit && (task.bounded || kPass == Pass::write || kPass == Pass::pair)) {
-        number_a = scene.number(ea, room.slot_a[i]), number_b = scene.number(eb, room.slot_b[j]);
+      if (hit && (task.bounded || kPass == Pass::pair)) {
+        const std::uint32_t number_a = scene.number(ea, room.slot_a[i]),
+                            number_b = scene.number(eb, room.slot_b[j]);
         hit = !task.bounded || owned(task, sa, sb, number_a, number_b);
+        if (kPass == Pass::pair && hit) keep_pair(task, world, reach, sa, sb, number_a, number_b);
       }
+      if (kPass == Pass::distance && hit) mine = smaller(mine, signed_distance(sa, sb));
     }
     const std::uint32_t mask = __ballot_sync(~0u, hit);
-    if (hit)
-      take<kPass>(task, sa, sb, number_a, number_b, found + count + __popc(mask & ((1u << lane) - 1)),
-                  ea.world, reach, mine);
     count += __popc(mask);
     if (kPass == Pass::any && mask) break;
   }
-  if constexpr (kPass == Pass::distance) {
+  if constexpr (kPass == Pass::distance)
     for (int d = 16; d; d >>= 1) mine = smaller(mine, __shfl_xor_sync(~0u, mine, d));
-    distance = mine;
-  }
-  return count;
+  if (lane == 0) keep<kPass>(task, world, count, mine);
 }
 
 template <Pass kPass>
 __device__ void begin(const WorldTask& task, std::uint32_t element, bool used, Lane& lane) {
   const WorldScene& scene = task.scene;
-  lane.element = element, lane.active = false, lane.found = 0, lane.reach = task.margin;
-  if (!used) return;
-  lane.me = scene.elements[element], lane.ball = scene.balls[element];
-  if (ended<kPass>(task, lane)) return;
-  if constexpr (kPass == Pass::write) {
-    lane.found = task.offsets[element];
-    if (lane.found == task.offsets[element + 1]) return;  // it has no contacts
-  }
-  if constexpr (kPass == Pass::distance)
-    lane.reach =
-        smaller(lane.reach,
-                number_of(*static_cast<const volatile unsigned long long*>(task.distances + lane.me.world)));
-  if constexpr (kPass == Pass::pair) {
-    lane.reach = number_of(task.distances[lane.me.world]);
-    if (lane.reach == INFINITY) return;  // the world has no contacts
-  }
-  lane.box = box_of(lane.ball, lane.reach), lane.active = true;
+  lane.element = element, lane.world = 0, lane.active = false, lane.found = 0, lane.reach = 0;
+  lane.from = ~0u, lane.until = 0, lane.ball = {}, lane.box = {};
+  if (!used || (kPass == Pass::write && task.counts[element] == 0)) return;
+  const WorldElement& me = scene.elements[element];
+  lane.world = me.world;
+  if (ended<kPass>(task, lane.world)) return;
+  const double reach = reach_of<kPass>(task, lane.world);
+  if (kPass == Pass::pair && reach == INFINITY) return;  // the world has no contacts
+  lane.active = true, lane.from = me.partners, lane.until = me.world_end;
+  set_reach(scene, lane, reach);
 }
 
-// The warp walks over the elements that its lanes' own ranges [from, until) contain together.
+// Two loose spheres are decided by one lane.
 template <Pass kPass>
-__device__ void walk(const WorldTask& task, Room& room, Lane& lane, std::uint32_t from, std::uint32_t until) {
-  if (!lane.active) from = ~0u, until = 0;
-  TreeWalk walk{__reduce_min_sync(~0u, from), __reduce_max_sync(~0u, until)};
-  const auto meets = [&](const TreeBox& node, std::uint32_t first, std::uint32_t end) {
-    return __any_sync(~0u, lane.active && first < until && from < end && overlap(lane.box, node)) != 0;
-  };
-  for (std::uint32_t k; (k = walk.next(task.scene.tree, meets)) != kNoElement;) {
-    const bool mine = from <= k && k < until && candidate<kPass>(task, lane, k);
-    for (std::uint32_t left = __ballot_sync(~0u, mine); left; left &= left - 1) {
-      const int whose = __ffs(left) - 1;
-      const std::uint32_t a = __shfl_sync(~0u, lane.element, whose);
-      const double reach = __shfl_sync(~0u, lane.reach, whose);
-      const unsigned long long found = __shfl_sync(~0u, lane.found, whose);
-      double distance = INFINITY;
-      const std::uint32_t count = test_pair<kPass>(task, room, a, k, reach, found, distance);
-      if ((threadIdx.x & 31) == static_cast<unsigned>(whose)) keep<kPass>(task, lane, count, distance);
+__device__ void test_loose(const WorldTask& task, std::uint32_t a, std::uint32_t b, std::uint32_t world,
+                           double reach) {
+  const WorldScene& scene = task.scene;
+  const Sphere &sa = scene.view.balls[a], &sb = scene.view.balls[b];
+  if (!touching(sa, sb, task.margin)) return;
+  const std::uint32_t number_a = scene.number(scene.elements[a], scene.elements[a].piece),
+                      number_b = scene.number(scene.elements[b], scene.elements[b].piece);
+  if (task.bounded && !owned(task, sa, sb, number_a, number_b)) return;
+  if constexpr (kPass == Pass::pair)
+    keep_pair(task, world, reach, sa, sb, number_a, number_b);
+  else
+    keep<kPass>(task, world, 1, kPass == Pass::distance ? signed_distance(sa, sb) : 0);
+}
+
+// What a lane tests of a run: element k against the element of lane `whose`.
+struct Held {
+  std::uint32_t k;
+  int whose;
+  bool hit;
+};
+
+// Float did not refuse the pairs that are held: they are decided, or listed.
+template <Pass kPass>
+__device__ void settle(const WorldTask& task, Room& room, Lane& lane, Held held) {
+  const WorldScene& scene = task.scene;
+  const std::uint32_t me = threadIdx.x & 31, group = me / 8 * 8;
+  const std::uint32_t a = __shfl_sync(~0u, lane.element, held.whose),
+                      world = __shfl_sync(~0u, lane.world, held.whose);
+  const double reach = __shfl_sync(~0u, lane.reach, held.whose);
+  if (held.hit)
+    held.hit = near_each_other(scene.view.balls[a], scene.view.balls[held.k], reach) &&
+               admitted(scene.elements[a].filter, scene.elements[held.k].filter) &&
+               !ended<kPass>(task, world);
+  std::uint32_t hits = __ballot_sync(~0u, held.hit);
+  if constexpr (kListsPairs<kPass>) {
+    const std::uint64_t at = (kPass == Pass::write ? task.offsets[a] : 0) +
+                             __shfl_sync(~0u, lane.found, held.whose) +
+                             __popc(hits >> group & ((1u << (me - group)) - 1));
+    if (kPass == Pass::write && held.hit && at < task.pair_room) task.near_pairs[at] = {a, held.k};
+    for (int g = 0; g < 32; g += 8)
+      if (__shfl_sync(~0u, held.whose, g) == static_cast<int>(me)) lane.found += __popc(hits >> g & 255);
+  } else {
+    if (hits == 0) return;
+    const bool loose = held.hit && scene.elements[a].body == kLoose && scene.elements[held.k].body == kLoose;
+    if (loose) test_loose<kPass>(task, a, held.k, world, reach);
+    for (std::uint32_t left = __ballot_sync(~0u, held.hit && !loose); left; left &= left - 1) {
+      const int from = __ffs(left) - 1;
+      const std::uint32_t in = __shfl_sync(~0u, world, from);
+      if (__any_sync(~0u, ended<kPass>(task, in))) continue;
+      test_pair<kPass>(task, room, __shfl_sync(~0u, a, from), __shfl_sync(~0u, held.k, from), in,
+                       __shfl_sync(~0u, reach, from));
     }
+    __syncwarp();
+    if (kPass == Pass::any) lane.active = lane.active && !ended<kPass>(task, lane.world);
+    if (kPass == Pass::distance && lane.active) {
+      const double best = reach_of<kPass>(task, lane.world);
+      if (best < lane.reach) set_reach(scene, lane, best);
+    }
+  }
+}
+
+// The elements of a run against those of the lanes in `mask`: eight by four at a time.
+template <Pass kPass>
+__device__ __forceinline__ void test_run(const WorldTask& task, Room& room, Lane& lane,
+                                         const TreeWalk::Run& run, std::uint32_t mask) {
+  const std::uint32_t me = threadIdx.x & 31, k = run.first + me % 8;
+  const float4 other = task.scene.near_balls[min(k, run.end - 1)];
+  while (mask) {
+    const std::uint32_t second = mask & (mask - 1), third = second & (second - 1),
+                        fourth = third & (third - 1),
+                        mine = me < 8    ? mask
+                               : me < 16 ? second
+                               : me < 24 ? third
+                                         : fourth;
+    mask = fourth & (fourth - 1);
+    const int whose = max(__ffs(static_cast<int>(mine)) - 1, 0);
+    const float4 ball =
+        make_float4(__shfl_sync(~0u, lane.ball.x, whose), __shfl_sync(~0u, lane.ball.y, whose),
+                    __shfl_sync(~0u, lane.ball.z, whose), __shfl_sync(~0u, lane.ball.w, whose));
+    const std::uint32_t from = __shfl_sync(~0u, lane.from, whose),
+                        until = __shfl_sync(~0u, lane.until, whose);
+    const bool hit = mine && k < run.end && from <= k && k < until && !apart(ball, other);
+    if (__any_sync(~0u, hit)) settle<kPass>(task, room, lane, {k, mine ? whose : 0, hit});
+  }
+}
+
+// The warp walks over the elements that the ranges of its lanes contain together.
+template <Pass kPass>
+__device__ void walk(const WorldTask& task, Room& room, Lane& lane) {
+  const bool any = lane.active && lane.from < lane.until;
+  const std::uint32_t from = any ? lane.from : ~0u, until = any ? lane.until : 0;
+  TreeWalk walk{__reduce_min_sync(~0u, from), __reduce_max_sync(~0u, until)};
+  std::uint32_t mask = 0;
+  const auto meets = [&](const TreeBox& node, std::uint32_t first, std::uint32_t end) {
+    mask =
+        __ballot_sync(~0u, lane.active && first < lane.until && lane.from < end && overlap(lane.box, node));
+    return mask != 0;
+  };
+  while (true) {
+    const TreeWalk::Run run = walk.next(task.scene.tree, meets);
+    if (run.first >= run.end) return;
+    if (!run.in_node) mask = __ballot_sync(~0u, lane.active && run.first < lane.until && lane.from < run.end);
+    test_run<kPass>(task, room, lane, run, mask);
     if (kPass == Pass::any && !__any_sync(~0u, lane.active)) return;
   }
 }
 
 template <Pass kPass>
 __global__ void __launch_bounds__(kThreads) search_kernel(const __grid_constant__ WorldTask task) {
-  __shared__ Room rooms[kWarps];
-  Room& room = rooms[threadIdx.x >> 5];
+  __shared__ Room rooms[kListsPairs<kPass> ? 1 : kWarps];
+  Room& room = rooms[kListsPairs<kPass> ? 0 : threadIdx.x >> 5];
   const std::uint64_t warp = blockIdx.x * std::uint64_t(kWarps) + (threadIdx.x >> 5);
   const std::uint64_t element = warp * task.lanes + (threadIdx.x & 31);
   const bool used = (threadIdx.x & 31) < task.lanes && element < task.end;
   Lane lane;
   begin<kPass>(task, static_cast<std::uint32_t>(element), used, lane);
-  const bool every = lane.active && lane.me.world == kEveryWorld;
-  walk<kPass>(task, room, lane, lane.active ? lane.me.partners : 0, lane.active ? lane.me.world_end : 0);
-  walk<kPass>(task, room, lane, task.scene.tree.every_first, every ? 0 : task.scene.count);
-  if (!used) return;
-  if constexpr (kPass == Pass::count) task.counts[element] = lane.found;
-  if constexpr (kPass == Pass::total)
-    if (lane.found) atomicAdd(&task.totals[lane.me.world], lane.found);
+  walk<kPass>(task, room, lane);
+  // Then kEveryWorld, unless the element is of it.
+  lane.active = lane.active && lane.world != kEveryWorld;
+  lane.from = task.scene.tree.every_first, lane.until = lane.active ? task.scene.count : 0;
+  walk<kPass>(task, room, lane);
+  if (kPass == Pass::count && used) task.counts[element] = lane.found;
 }
 
 template <Pass kPass>
-void search(const WorldTask& task, cudaStream_t stream, const char* what) {
+void search(const WorldTask& task, cudaStream_t stream) {
   if (task.end == 0) return;
   const std::uint64_t elements = std::uint64_t(kWarps) * task.lanes;
   search_kernel<kPass>
       <<<static_cast<unsigned>((task.end + elements - 1) / elements), kThreads, 0, stream>>>(task);
-  cuda_launched(what);
+  cuda_launched("search the worlds");
 }
 
 __global__ void fill_kernel(unsigned long long* keys, unsigned long long* pairs, std::uint32_t n) {
@@ -273,8 +334,13 @@ unsigned blocks_for(std::uint32_t n) { return std::min(n / 256 + 1, 4096u); }
 
 WorldSearch::WorldSearch(MemoryBook& book)
     : input_(book),
-      counts_(book, "counts of contacts"),
-      offsets_(book, "counts of contacts"),
+      narrow_(book),
+      near_pairs_(book, "the bodies that meet"),
+      hits_(book, "the contacts"),
+      counters_(book, "counters"),
+      host_counters_(book, "counters", true),
+      counts_(book, "the bodies that meet"),
+      offsets_(book, "the bodies that meet"),
       totals_(book, "the answers"),
       keys_(book, "the answers"),
       pair_keys_(book, "the answers"),
@@ -286,7 +352,7 @@ WorldSearch::WorldSearch(MemoryBook& book)
       host_distance_(book, "the answers", true),
       pair_(book, "the answers"),
       host_pair_(book, "the answers", true),
-      scratch_(book, "counts of contacts"),
+      scratch_(book, "sums"),
       host_report_(book, "the report", true) {}
 
 WorldTask WorldSearch::task_of(const CallOptions& options, int processors) const {
@@ -308,45 +374,78 @@ WorldReport WorldSearch::report(cudaStream_t stream) {
   return *host;
 }
 
-void WorldSearch::write(WorldTask task, const Call& call) {
-  task.output = call.list.output(call.options);
-  search<Pass::write>(task, call.stream, "write the contacts");
+// The pairs of elements that are near each other, in an order that follows from that of the tree. Their
+// number goes to the counters.
+void WorldSearch::find_pairs(WorldTask task, cudaStream_t stream) {
+  const std::uint32_t n = task.end;
+  task.counts = counts_.reserve(n + std::uint64_t(1));
+  task.offsets = offsets_.reserve(n + std::uint64_t(1));
+  task.near_pairs = near_pairs_.data(), task.pair_room = near_pairs_.capacity();
+  BodyCounters* counters = counters_.reserve(1);
+  cuda_check(cudaMemsetAsync(counters, 0, sizeof *counters, stream), "clear the counters");
+  cuda_check(cudaMemsetAsync(task.counts + n, 0, sizeof *task.counts, stream), "clear the counters");
+  search<Pass::count>(task, stream);
+  exclusive_sum(task.counts, task.offsets, n + std::uint64_t(1), scratch_, stream);
+  cuda_check(cudaMemcpyAsync(&counters->broad.contacts, task.offsets + n, sizeof *task.offsets,
+                             cudaMemcpyDeviceToDevice, stream),
+             "count the pairs");
+  search<Pass::write>(task, stream);
+}
+
+// The contacts in these pairs, and the counters to the host.
+void WorldSearch::narrow_phase(const Call& call) {
+  const WorldScene& scene = input_.scene();
+  const Output output = call.list.output(call.options);
+  NarrowPhaseTask t{scene.view, scene.loose, call.options.own};
+  t.margin = call.options.margin, t.owns_all = call.options.own == Region{};
+  t.stable_order = call.options.order == Order::stable;
+  t.pairs = near_pairs_.data(), t.pair_room = near_pairs_.capacity(), t.room = output.capacity;
+  if (t.stable_order) t.hits = hits_.data(), t.room = std::min(t.room, hits_.capacity());
+  t.counters = counters_.data();
+  cuda::narrow_phase(t, output, narrow_, call.processors, call.stream, call.clock);
+  cuda_check(cudaMemcpyAsync(host_counters_.reserve(1), counters_.data(), sizeof(BodyCounters),
+                             cudaMemcpyDeviceToHost, call.stream),
+             "read the counters");
 }
 
 void WorldSearch::run(const Call& call, Contacts& contacts) {
   const cudaStream_t stream = call.stream;
-  input_.read(call.input, ~0u, stream);
+  input_.read(call.input, ~0u, true, stream);
   call.clock.mark(StageClock::kPlace);
   WorldTask task = task_of(call.options, call.processors);
   const std::uint32_t n = task.end = task.scene.count;
-  contacts.spheres = task.scene.loose_first + call.input.spheres.count;
+  contacts.spheres = task.scene.view.loose_first + call.input.spheres.count;
   if (n == 0) return;
-  task.counts = counts_.reserve(n + std::uint64_t(1)), task.offsets = offsets_.reserve(n + std::uint64_t(1));
-  cuda_check(cudaMemsetAsync(task.counts + n, 0, sizeof *task.counts, stream), "count the contacts");
-  search<Pass::count>(task, stream, "count the contacts");
-  call.clock.mark(6);
-  std::size_t bytes = 0;
-  const auto scan = [&](void* room) {
-    cuda_check(
-        cub::DeviceScan::ExclusiveSum(room, bytes, task.counts, task.offsets, n + std::uint64_t(1), stream),
-        "sum the counts of contacts");
+  const bool stable = call.options.order == Order::stable;
+  const auto make_room = [&](std::uint64_t count) {
+    call.list.reserve(call.options, count);
+    if (stable) hits_.reserve(count);
   };
-  scan(nullptr), scan(scratch_.reserve(bytes));
-  cuda_check(cudaMemcpyAsync(&task.scene.report->contacts, task.offsets + n, sizeof *task.offsets,
-                             cudaMemcpyDeviceToDevice, stream),
-             "count the contacts");
-  call.clock.mark(7);
-  const std::uint64_t room = call.list.capacity(call.options);
-  if (room > 0) write(task, call);  // most often it is enough
+  near_pairs_.reserve(4 * std::uint64_t(n) + 1024), make_room(1024);
+  find_pairs(task, stream);
+  call.clock.mark(6);
+  narrow_phase(call);
   const WorldReport found = report(stream);
   input_.check(found, call.input, call.options, ~0u, stream);
-  if (found.contacts > room) {
-    call.list.reserve(call.options, found.contacts + found.contacts / 8);
-    write(task, call);
-    cuda_check(cudaStreamSynchronize(stream), "write the contacts");
+  // What was too small was counted to its end, and is made larger.
+  const BodyCounters& counters = *host_counters_.data();
+  if (const std::uint64_t pairs = counters.broad.contacts; pairs > near_pairs_.capacity()) {
+    near_pairs_.reserve(pairs + pairs / 8);
+    find_pairs(task, stream);
+    narrow_phase(call);
+    cuda_check(cudaStreamSynchronize(stream), "search the worlds");
+  }
+  const std::uint64_t room = call.list.capacity(call.options);
+  if (counters.contacts > (stable ? std::min(room, hits_.capacity()) : room)) {
+    make_room(counters.contacts + counters.contacts / 8);
+    cuda_check(cudaMemsetAsync(&counters_.data()->contacts, 0,
+                               sizeof(BodyCounters) - offsetof(BodyCounters, contacts), stream),
+               "clear the counters");
+    narrow_phase(call);
+    cuda_check(cudaStreamSynchronize(stream), "search the worlds");
   }
   call.clock.mark(8);
-  contacts.count = found.contacts;
+  contacts.count = counters.contacts;
   input_.keep(call.input);
 }
 
@@ -366,7 +465,7 @@ WorldAnswers WorldSearch::answer(const Input& input, const CallOptions& options,
   const auto begun = std::chrono::steady_clock::now();
   CallOptions o = options;
   o.width = Width::pairs;  // there are no records whose range could be too small
-  input_.read(input, worlds, stream);
+  input_.read(input, worlds, false, stream);
   WorldTask task = task_of(o, processors);
   task.end = task.scene.count ? task.scene.tree.every_first : 0;
   WorldAnswers answers;
@@ -374,19 +473,19 @@ WorldAnswers WorldSearch::answer(const Input& input, const CallOptions& options,
   if (answer == Answer::any) {
     task.any = any_.reserve(worlds);
     cuda_check(cudaMemsetAsync(task.any, 0, worlds, stream), "begin the answers");
-    search<Pass::any>(task, stream, "search the worlds");
+    search<Pass::any>(task, stream);
     answers.any = delivered(any_, host_any_, worlds, options, stream);
   } else if (answer == Answer::count) {
     static_assert(sizeof(std::uint64_t) == sizeof(unsigned long long));
     task.totals = reinterpret_cast<unsigned long long*>(count_.reserve(worlds));
     cuda_check(cudaMemsetAsync(task.totals, 0, worlds * sizeof *task.totals, stream), "begin the answers");
-    search<Pass::total>(task, stream, "search the worlds");
+    search<Pass::total>(task, stream);
     answers.count = delivered(count_, host_count_, worlds, options, stream);
   } else {
     task.distances = keys_.reserve(worlds), task.pairs = pair_keys_.reserve(worlds);
     fill_kernel<<<blocks_for(worlds), 256, 0, stream>>>(task.distances, task.pairs, worlds);
-    search<Pass::distance>(task, stream, "search the worlds");
-    search<Pass::pair>(task, stream, "search the worlds");
+    search<Pass::distance>(task, stream);
+    search<Pass::pair>(task, stream);
     finish_kernel<<<blocks_for(worlds), 256, 0, stream>>>(task.distances, task.pairs, worlds,
                                                           distance_.reserve(worlds), pair_.reserve(worlds));
     cuda_launched("finish the answers");

@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: MIT
-// Path::grid for scenes of many worlds and for calls with a margin: each element walks over the tree of
-// worlds, and a warp tests the spheres of each two elements that are near each other. One kernel counts and
-// writes contacts, and gives the answers of detect_worlds(). Only .cu files include this.
+// Path::grid for scenes of many worlds: each element walks over the tree of worlds. For a list, the pairs of
+// elements that are near each other go through the narrow phase of bodies. For the answers of detect_worlds()
+// a warp tests the spheres of such a pair at once, so that a search may end early. Only .cu files include
+// this.
 #pragma once
+#include "detect/cuda/bodies/narrow_phase.h"
 #include "detect/cuda/call/call.h"
 #include "detect/cuda/worlds/world_scene.h"
 
@@ -16,9 +18,11 @@ struct WorldTask {
   bool bounded = false;      // by `own`
   std::uint32_t end = 0;     // the elements that search: the first of the tree
   std::uint32_t lanes = 32;  // elements of a warp
-  // Of each element, the number of its contacts, and then the place of its first one in the list.
-  unsigned long long *counts = nullptr, *offsets = nullptr;
-  Output output;
+  // For a list: of each element, the pairs with others that are near, and the pairs before them.
+  std::uint32_t* counts = nullptr;
+  unsigned long long* offsets = nullptr;
+  Pair* near_pairs = nullptr;
+  std::uint64_t pair_room = 0;
   // Of each world.
   std::uint8_t* any = nullptr;
   unsigned long long *totals = nullptr, *distances = nullptr, *pairs = nullptr;  // two keys; see the kernel
@@ -38,14 +42,20 @@ class WorldSearch {
 
  private:
   WorldTask task_of(const CallOptions& options, int processors) const;
-  void write(WorldTask task, const Call& call);
+  void find_pairs(WorldTask task, cudaStream_t stream);
+  void narrow_phase(const Call& call);
   WorldReport report(cudaStream_t stream);  // waits for the device
   template <class T>
   const T* delivered(const Buffer<T>& from, Buffer<T>& host, std::uint64_t count, const CallOptions& options,
                      cudaStream_t stream);
 
   WorldInput input_;
-  Buffer<unsigned long long> counts_, offsets_, totals_, keys_, pair_keys_;
+  NarrowPhaseMemory narrow_;
+  Buffer<Pair> near_pairs_;
+  Buffer<uint4> hits_;
+  Buffer<BodyCounters> counters_, host_counters_;
+  Buffer<std::uint32_t> counts_;
+  Buffer<unsigned long long> offsets_, totals_, keys_, pair_keys_;
   Buffer<std::uint8_t> any_, host_any_;
   Buffer<std::uint64_t> count_, host_count_;
   Buffer<double> distance_, host_distance_;

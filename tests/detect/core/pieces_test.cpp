@@ -35,7 +35,7 @@ struct Side {
   Sphere ball;
   NearBox box;
   std::vector<Sphere> spheres;  // placed
-  std::vector<NearSphere> near;
+  std::vector<NearSphere> near, groups;
 };
 Side piece_side(const Pieces& all, std::size_t k, const Body& body) {
   const Piece& piece = all.pieces[k];
@@ -45,43 +45,48 @@ Side piece_side(const Pieces& all, std::size_t k, const Body& body) {
   s.box = all.boxes[k];
   for (std::uint32_t q = piece.first; q < piece.first + piece.count; q++)
     s.spheres.push_back(placed(body, all.spheres[q])), s.near.push_back(all.near[q]);
+  for (std::uint32_t g = 0; g < kPieceGroups; g++) s.groups.push_back(all.groups[k * kPieceGroups + g]);
   return s;
 }
 Side loose_side(const Pieces& all, const Sphere& sphere) {
   Side s;
   s.ball = ball_of(sphere), s.stance = stance_of({kLoose, 0}, sphere, s.ball);
   s.box = all.boxes.back(), s.near = {all.near.back()}, s.spheres = {sphere};
+  s.groups.assign(all.groups.end() - kPieceGroups, all.groups.end());
   return s;
 }
 
 struct Counts {
   std::uint64_t touching = 0, candidates = 0;
 };
-// Each pair of spheres: what touches passes all float tests. They are counted in the frame of the larger
-// side, which the narrow phase takes.
-void check(const Side& a, const Side& b, Counts& counts) {
-  const Relative to_a = relative(a.stance, a.ball, b.stance, b.ball);
+// Each pair of spheres: what touches, or has a gap of at most `margin`, passes all float tests. They are
+// counted in the frame of the larger side, which the narrow phase takes.
+void check(const Side& a, const Side& b, double margin, Counts& counts) {
+  const Relative to_a = relative(a.stance, a.ball, b.stance, b.ball, margin);
   const bool apart = boxes_apart(a.box, b.box, to_a);
   const NearSphere ball_b{to_a.t[0], to_a.t[1], to_a.t[2], to_a.scale + to_a.margin};
   for (std::size_t i = 0; i < a.spheres.size(); i++)
     for (std::size_t j = 0; j < b.spheres.size(); j++) {
       const NearSphere near_b = to_a(b.near[j]);
       const bool reached = overlap(a.near[i], ball_b) && overlap(near_b, {0, 0, 0, 1}),
+                 groups = overlap(a.groups[i / kGroupSpheres], to_a(b.groups[j / kGroupSpheres])),
                  spheres = overlap(a.near[i], near_b);
       const bool counted = a.stance.radius >= b.stance.radius;
       counts.candidates += counted && reached && spheres && !apart;
-      if (!touching(a.spheres[i], b.spheres[j])) continue;
+      if (!touching(a.spheres[i], b.spheres[j], margin)) continue;
       counts.touching += counted;
       ASSERT_FALSE(apart) << i << ", " << j;
       ASSERT_TRUE(reached) << i << ", " << j;
+      ASSERT_TRUE(groups) << i << ", " << j;
       ASSERT_TRUE(spheres) << i << ", " << j;
     }
 }
 
 // Two shapes, at a distance at which some of their spheres touch. `stretch`: how far from a rotation the
 // matrices are. `offset`: how far from the origin both are, in sizes. Some spheres are moved so that they
-// touch in one point, as far as doubles can say.
-void check_random(Random& random, double scale, double ratio, double stretch, double offset, Counts& counts) {
+// touch in one point, as far as doubles can say. `margin`: in sizes.
+void check_random(Random& random, double scale, double ratio, double stretch, double offset, double margin,
+                  Counts& counts) {
   const std::size_t n = 1 + random() % 130, m = 1 + random() % 130;
   auto one = blob(n, scale, 0.02 * scale, 0.3 * scale, random),
        two = blob(m, scale * ratio, 0.02 * scale * ratio, 0.3 * scale * ratio, random);
@@ -98,7 +103,8 @@ void check_random(Random& random, double scale, double ratio, double stretch, do
     Sphere& s = one[random() % n];
     const Sphere p = placed(a, s), q = placed(b, two[random() % m]);
     const double gap = std::hypot(p.x - q.x, p.y - q.y, p.z - q.z) - q.r;
-    if (gap > 0 && gap < 2 * scale) s.r = gap * (1 + 0x1p-52 * static_cast<double>(random() % 5));
+    if (gap > margin * scale && gap < 2 * scale)
+      s.r = (gap - margin * scale) * (1 + 0x1p-52 * static_cast<double>(random() % 5));
   }
   const Shape shapes[] = {{one.data(), n}, {two.data(), m}};
   Pieces pieces;
@@ -107,13 +113,13 @@ void check_random(Random& random, double scale, double ratio, double stretch, do
     const Side side = piece_side(pieces, p, a);
     for (std::uint32_t q = pieces.shape_first[1]; q < pieces.shape_first[2]; q++) {
       const Side other = piece_side(pieces, q, b);
-      check(side, other, counts), check(other, side, counts);
+      check(side, other, margin * scale, counts), check(other, side, margin * scale, counts);
     }
     for (int k = 0; k < 4; k++) {
       Sphere near = placed(b, two[random() % m]);
       if (k == 0) near = placed(a, one[random() % n]), near.r = 0;  // a point
       const Side other = loose_side(pieces, near);
-      check(side, other, counts), check(other, side, counts);
+      check(side, other, margin * scale, counts), check(other, side, margin * scale, counts);
     }
   }
 }
@@ -129,7 +135,8 @@ TEST(Pieces, FloatTestsLetEveryTouchingPairPass) {
           SCOPED_TRACE("scale " + std::to_string(scale) + " ratio " + std::to_string(ratio) + " stretch " +
                        std::to_string(stretch) + " offset " + std::to_string(offset));
           Counts counts;
-          for (int k = 0; k < 3; k++) check_random(random, scale, ratio, stretch, offset, counts);
+          for (const double margin : {0.0, 1e-3, 0.7})
+            check_random(random, scale, ratio, stretch, offset, margin, counts);
           if (testing::Test::HasFatalFailure()) return;
         }
 }
@@ -138,9 +145,24 @@ TEST(Pieces, FloatTestsLetEveryTouchingPairPass) {
 TEST(Pieces, FloatTestsLetFewOthersPass) {
   Random random(7);
   Counts counts;
-  for (int k = 0; k < 100; k++) check_random(random, 1, 1, 0, 100, counts);
+  for (int k = 0; k < 100; k++) check_random(random, 1, 1, 0, 100, 0, counts);
   EXPECT_GT(counts.touching, 10000u);
   EXPECT_LT(static_cast<double>(counts.candidates), 1.005 * static_cast<double>(counts.touching));
+}
+
+TEST(Pieces, AGroupHoldsItsSpheres) {
+  Random random(3);
+  const auto spheres = blob(1000, 1, 0.01, 0.2, random);
+  const Shape shape[] = {{spheres.data(), spheres.size()}};
+  Pieces p;
+  p.update(shape);
+  for (std::size_t k = 0; k < p.pieces.size(); k++)
+    for (std::uint32_t q = 0; q < p.pieces[k].count; q++) {
+      const NearSphere s = p.near[p.pieces[k].first + q], g = p.groups[k * kPieceGroups + q / kGroupSpheres];
+      EXPECT_LE(std::hypot(double(s.x) - g.x, double(s.y) - g.y, double(s.z) - g.z) + s.r, g.r);
+    }
+  EXPECT_GT(p.group_size(0), 0.4);
+  EXPECT_LT(p.group_size(0), 0.6);  // of the ball around the piece
 }
 
 TEST(Pieces, ARadiusStaysTheSameWhileABodyMoves) {

@@ -219,6 +219,7 @@ class CudaOrderTest : public testing::TestWithParam<Way> {
     const Ordered o = orderer.order({.source = source,
                                      .grid = grid,
                                      .kind = kind,
+                                     .radius = summary.radius_max,
                                      .stable = stable,
                                      .method = GetParam().method,
                                      .gather = gather,
@@ -398,6 +399,68 @@ TEST_P(CudaOrderTest, BucketsAreKept) {
         expect_order(orderer, summary, other, kind, true, true, along, true, true);
       }
       if (HasFatalFailure()) return;
+    }
+  }
+}
+
+// Doubles that count as rounded: their buckets are kept although bins are wider than the radius asks for, the
+// bounds are those of the floats, and the spheres as they were given stand beside the slots.
+TEST_P(CudaOrderTest, RoundedDoublesAreKeptAndGiven) {
+  std::mt19937 random(12);
+  for (const bool same : {true, false}) {
+    const auto floats = cloud(random, 20'000, 27, -3, same ? 0.6f : 0.4f, 0.6f);
+    std::vector<double4> doubles;
+    for (const float4& s : floats) doubles.push_back({s.x * (1 + 0x1p-30), s.y, s.z * (1 - 0x1p-30), s.w});
+    Buffer<double4> given(book_, "the test");
+    Buffer<unsigned long long> words(book_, "the test");
+    cuda_check(cudaMemcpy(given.reserve(doubles.size()), doubles.data(), 32 * doubles.size(),
+                          cudaMemcpyHostToDevice),
+               "copy");
+    auto* const head = words.reserve(Surveyor::kHead + kBounds);
+    auto* const counters = reinterpret_cast<Counters*>(head);
+    Summary summary = summary_of(floats);
+    summary.blur = 0x1p-10;
+    const Grid grid = choose_grid(summary, 0, 8, CrossSearch::coarse_to_fine);
+    Orderer orderer(book_);
+    orderer.bucket_spheres = GetParam().bucket_spheres;
+    for (const bool packed : {true, false, true}) {
+      DeviceSpheres source;
+      source.centers = given.data(), source.radii = &given.data()->w;
+      source.center_stride = source.radius_stride = 4;
+      source.count = static_cast<std::uint32_t>(doubles.size());
+      source.wide = source.rounded = true, source.packed = packed;
+      const Gather gather{head + Surveyor::kHead, nullptr, 0};
+      const Ordered o = orderer.order({.source = source,
+                                       .grid = grid,
+                                       .kind = same ? SlotKind::equal : SlotKind::unequal,
+                                       .radius = summary.radius_max,
+                                       .given = true,
+                                       .stable = true,
+                                       .method = GetParam().method,
+                                       .gather = gather,
+                                       .lent = {},
+                                       .counters = counters,
+                                       .processors = processors_of(nullptr, 0),
+                                       .stream = nullptr,
+                                       .keep = true});
+      cuda_check(cudaDeviceSynchronize(), "put in order");
+      ASSERT_EQ(host(&counters->flags, 1)[0], 0u);
+      const auto bounds = host(static_cast<const unsigned long long*>(gather.bounds), kBounds);
+      for (int k = 0; k < 3; k++) {
+        ASSERT_EQ(unordered(bounds[kLow + k]), summary.low[k]);
+        ASSERT_EQ(unordered(bounds[kHigh + k]), summary.high[k]);
+      }
+      ASSERT_EQ(unordered(bounds[kRadiusMax]), summary.radius_max);
+      const auto slots = host(static_cast<const float4*>(o.slots), o.count);
+      const auto ids = o.ids ? host(o.ids, o.count) : std::vector<std::uint32_t>();
+      const auto spheres = host(o.given, o.count);
+      for (std::uint32_t p = 0; p < o.count; p++) {
+        std::uint32_t id = 0;
+        std::memcpy(&id, &slots[p].w, 4);
+        const double4& d = doubles[o.ids ? ids[p] : id];
+        ASSERT_TRUE(spheres[p].x == d.x && spheres[p].y == d.y && spheres[p].z == d.z && spheres[p].r == d.w);
+        ASSERT_EQ(slots[p].x, static_cast<float>(d.x));
+      }
     }
   }
 }

@@ -17,6 +17,10 @@ def run(*arguments, code=0):
     return done
 
 
+def run_code(*arguments):
+    return subprocess.run([os.path.join(BIN, arguments[0]), *map(str, arguments[1:])], capture_output=True).returncode
+
+
 def report(*arguments):
     return json.loads(run("settle", *arguments, "--json").stdout)
 
@@ -65,6 +69,10 @@ with tempfile.TemporaryDirectory() as folder:
     half = whole["steps"] // 2
     assert report("pills.json")["state"] == whole["state"]
     assert report("pills.json", "--threads", 2, "--skin", 0)["state"] == whole["state"]
+    if whole["backend"] == "omp":
+        assert report("pills.json", "--backend", "omp")["state"] == whole["state"]
+    if run_code("settle", "pills.json", "--backend", "cuda", "--steps", 1) != 0:
+        refused("choose omp", "pills.json", "--backend", "cuda")
     report("pills.json", "--steps", half, "--checkpoint", "half.npz")
     rest = report("pills.json", "--resume", "half.npz")
     assert rest["steps"] == whole["steps"] and rest["state"] == whole["state"], (rest, whole)

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <set>
 
 #include "padding/asset/error.h"
 #include "tools/bench/report/document.h"
@@ -279,30 +280,74 @@ std::vector<Plot> frontier_plots(const Json& document, const std::string& where)
 
 // --- table3: a step of the silo against contacts (Fig. 29) and objects (Fig. 30) ---
 
-Plot silo_plot(const std::vector<Reader>& rows, const char* x_key, const char* name, const std::string& label,
-               double unit) {
+Plot silo_plot(const std::vector<Reader>& rows, const std::string& backend, const char* x_key,
+               const std::string& name, const std::string& label, double unit) {
   std::map<double, std::string> points;
-  for (const Reader& r : rows)
-    points[r.amount(x_key) / unit] = cell(r.amount("seconds") * 1e3) + " " +
-                                     cell(r.amount("seconds_detection") * 1e3) + " " +
-                                     cell(r.amount("seconds_every_step") * 1e3) + "\n";
+  bool history = false;
+  for (const Reader& r : rows) {
+    if (r.text("backend") != backend) continue;
+    std::string& times = points[r.amount(x_key) / unit];
+    for (const char* key : {"seconds", "seconds_detection", "seconds_every_step"})
+      times += cell(r.amount(key) * 1e3) + " ";
+    if (r.has("seconds_history")) history = true, times += cell(r.amount("seconds_history") * 1e3);
+  }
   std::string data = "$silo << EOD\n";
-  for (const auto& [x, times] : points) data += cell(x) + " " + times;
-  return {
-      name,
+  for (const auto& [x, times] : points) data += cell(x) + " " + times + "\n";
+  std::string script =
       "set xlabel '" + label +
-          "'\nset ylabel 'Time of a step [ms]'\nset grid\nset key left top\nset xrange [0:*]\nset yrange "
-          "[0:*]\n" +
-          data +
-          "EOD\nplot $silo using 1:2 with linespoints lw 2 pt 7 title 'step', $silo using 1:3 with "
-          "linespoints lw 2 pt 5 title 'of it detection, candidates kept', $silo using 1:4 with linespoints "
-          "lw 2 pt 9 title 'detection in every step'\n"};
+      "'\nset ylabel 'Time of a step [ms]'\nset grid\nset key left top\nset xrange [0:*]\nset yrange "
+      "[0:*]\n" +
+      data +
+      "EOD\nplot $silo using 1:2 with linespoints lw 2 pt 7 title 'step', $silo using 1:3 with "
+      "linespoints lw 2 pt 5 title 'of it detection, candidates kept', $silo using 1:4 with linespoints "
+      "lw 2 pt 9 title 'detection in every step'";
+  if (history) script += ", $silo using 1:5 with linespoints lw 2 pt 11 title 'one call with a history'";
+  return {name, script + "\n"};
 }
 
 std::vector<Plot> table3_plots(const Json& document, const std::string& where) {
   const std::vector<Reader> rows = rows_of(document, where);
-  return {silo_plot(rows, "contacts", "", "Contacts [millions]", 1e6),
-          silo_plot(rows, "spheres", "_objects", "Objects [thousands]", 1e3)};
+  std::set<std::string> backends;
+  for (const Reader& r : rows) backends.insert(r.text("backend"));
+  std::vector<Plot> plots;
+  for (const std::string& backend : backends) {
+    const std::string end = backend == "omp" ? "" : "_" + backend;
+    plots.push_back(silo_plot(rows, backend, "contacts", end, "Contacts [millions]", 1e6));
+    plots.push_back(silo_plot(rows, backend, "spheres", "_objects" + end, "Objects [thousands]", 1e3));
+  }
+  return plots;
+}
+
+// --- shoe: what a step takes against what the padding gets wrong ---
+
+// Errors over the time of a step: one line each, from the coarsest padding to the finest.
+std::vector<Plot> shoe_plots(const Json& document, const std::string& where) {
+  std::map<std::string, std::string> points;
+  for (const Reader& r : rows_of(document, where)) {
+    if (r.flag("again")) continue;
+    const std::string backend = r.text("backend");
+    const char* const time = backend == "omp" ? "seconds_processor" : "seconds";
+    points[backend] += cell(r.amount(time) * 1e3) + " " + cell(r.amount("normal_error_mean_deg")) + " " +
+                       cell(r.amount("depth_error_mean_percent")) + " " +
+                       cell(r.amount("height_difference_percent")) + " \"" +
+                       cell(r.amount("tolerance_percent")) + " %\"\n";
+  }
+  std::vector<Plot> plots;
+  for (const auto& [backend, rows] : points)
+    plots.push_back(
+        {backend == "omp" ? "" : "_" + backend,
+         "set xlabel 'Time of a step [ms]" + std::string(backend == "omp" ? ", of processors" : "") +
+             "'\nset ylabel 'Mean error of a normal [degrees]'\nset y2label 'Error [% of the diagonal]'\nset "
+             "y2tics\nset xrange [0:*]\nset logscale y\nset logscale y2\nset ytics nomirror\nset grid\nset key right "
+             "top\n$shoe << "
+             "EOD\n" +
+             rows +
+             "EOD\nplot $shoe using 1:2 with linespoints lw 2 pt 7 title 'normal', $shoe using 1:2:5 with "
+             "labels offset 0,1 notitle, $shoe using 1:3 axes x1y2 with linespoints lw 2 pt 5 title "
+             "'distance "
+             "(right)', $shoe using 1:4 axes x1y2 with linespoints lw 2 pt 9 title 'resting height "
+             "(right)'\n"});
+  return plots;
 }
 
 }  // namespace
@@ -311,6 +356,7 @@ std::vector<Plot> plots_of(const Json& document, const std::string& where) {
   const std::string name = bench_of(document, where);
   if (name == "scaling" || name == "bodies") return scaling_plots(document, where);
   if (name == "boxes") return boxes_plots(document, where);
+  if (name == "shoe") return shoe_plots(document, where);
   if (name == "table3") return table3_plots(document, where);
   if (name == "stages") return stages_plots(document, where);
   if (name == "speedup") return speedup_plots(document, where);

@@ -4,7 +4,6 @@
 #pragma once
 #include <cstdint>
 #include <memory>
-#include <span>
 #include <vector>
 
 #include "detect/detector.h"
@@ -28,22 +27,6 @@ class BulletWorld {
   void step();  // performDiscreteCollisionDetection: bounds, broad phase, narrow phase
   std::vector<BulletContact> contacts() const;  // sorted by i, then j
   std::uint64_t count() const;
-
- private:
-  struct Parts;
-  std::unique_ptr<Parts> parts_;
-};
-
-// Bodies of spheres, and spheres that stand still, as compounds: one configuration after another.
-class BulletBodies {
- public:
-  // shapes: of bodies, which name them by number. obstacles: x, y, z, r of each. Throws Error as BulletWorld.
-  BulletBodies(const std::vector<std::vector<detect::Sphere>>& shapes, const std::vector<double>& obstacles);
-  ~BulletBodies();
-  BulletBodies(const BulletBodies&) = delete;
-  // The contacts of the bodies with the obstacles, and, if they have no family, with each other.
-  // `first_only`: 1 if there is any.
-  std::uint64_t contacts(std::span<const detect::Body> bodies, bool first_only);
 
  private:
   struct Parts;

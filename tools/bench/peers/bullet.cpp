@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "tools/bench/bullet.h"
+#include "tools/bench/peers/bullet.h"
 
 #include <algorithm>
 
 #include "padding/asset/error.h"
+#include "tools/bench/peers/bodies.h"
 
 #ifdef PADDER_BULLET
 #include <btBulletCollisionCommon.h>
@@ -81,35 +82,6 @@ std::vector<BulletContact> BulletWorld::contacts() const {
   return found;
 }
 
-struct BulletBodies::Parts {
-  btDefaultCollisionConfiguration configuration;
-  btCollisionDispatcher dispatcher{&configuration};
-  btDbvtBroadphase broadphase;
-  btCollisionWorld world{&dispatcher, &broadphase, &configuration};
-  std::vector<std::unique_ptr<btSphereShape>> spheres;
-  std::vector<std::unique_ptr<btCompoundShape>> shapes;
-  std::unique_ptr<btCompoundShape> obstacles;
-  // Two bodies at a time are placed.
-  btCollisionObject body[2], all_obstacles;
-
-  std::unique_ptr<btCompoundShape> compound_of(const std::vector<detect::Sphere>& from) {
-    auto compound = std::make_unique<btCompoundShape>(true, static_cast<int>(from.size()));
-    for (const detect::Sphere& s : from) {
-      spheres.push_back(std::make_unique<btSphereShape>(s.r));
-      btTransform at = btTransform::getIdentity();
-      at.setOrigin(btVector3(s.x, s.y, s.z));
-      compound->addChildShape(at, spheres.back().get());
-    }
-    return compound;
-  }
-  void place(int which, const detect::Body& b) {
-    const double *r = b.rotation, *p = b.position;
-    body[which].setCollisionShape(shapes[b.shape].get());
-    const btMatrix3x3 rotation(r[0], r[1], r[2], r[3], r[4], r[5], r[6], r[7], r[8]);
-    body[which].setWorldTransform(btTransform(rotation, btVector3(p[0], p[1], p[2])));
-  }
-};
-
 namespace {
 
 struct Counter : btCollisionWorld::ContactResultCallback {
@@ -121,34 +93,66 @@ struct Counter : btCollisionWorld::ContactResultCallback {
   }
 };
 
+// Bodies, and all obstacles together, are compounds of spheres. Two bodies at a time are placed.
+class BulletBodies : public BodyPeer {
+ public:
+  BulletBodies(const std::vector<std::vector<detect::Sphere>>& shapes, const std::vector<double>& obstacles) {
+    for (const auto& s : shapes) shapes_.push_back(compound_of(s));
+    std::vector<detect::Sphere> still;
+    for (std::size_t k = 0; k < obstacles.size(); k += 4)
+      still.push_back({obstacles[k], obstacles[k + 1], obstacles[k + 2], obstacles[k + 3]});
+    obstacles_ = compound_of(still);
+    all_obstacles_.setCollisionShape(obstacles_.get());
+    all_obstacles_.setWorldTransform(btTransform::getIdentity());
+  }
+  const char* name() const override { return "Bullet"; }
+  std::uint64_t contacts(std::span<const detect::Body> bodies, bool first_only) override {
+    Counter counter;
+    for (std::size_t k = 0; k < bodies.size(); k++) {
+      place(0, bodies[k]);
+      if (obstacles_->getNumChildShapes() > 0) world_.contactPairTest(&body_[0], &all_obstacles_, counter);
+      for (std::size_t q = k + 1; bodies[k].family == 0 && q < bodies.size(); q++) {
+        place(1, bodies[q]);
+        world_.contactPairTest(&body_[0], &body_[1], counter);
+      }
+      if (first_only && counter.found > 0) return 1;
+    }
+    return counter.found;
+  }
+
+ private:
+  std::unique_ptr<btCompoundShape> compound_of(const std::vector<detect::Sphere>& from) {
+    auto compound = std::make_unique<btCompoundShape>(true, static_cast<int>(from.size()));
+    for (const detect::Sphere& s : from) {
+      spheres_.push_back(std::make_unique<btSphereShape>(s.r));
+      btTransform at = btTransform::getIdentity();
+      at.setOrigin(btVector3(s.x, s.y, s.z));
+      compound->addChildShape(at, spheres_.back().get());
+    }
+    return compound;
+  }
+  void place(int which, const detect::Body& b) {
+    const double *r = b.rotation, *p = b.position;
+    body_[which].setCollisionShape(shapes_[b.shape].get());
+    const btMatrix3x3 rotation(r[0], r[1], r[2], r[3], r[4], r[5], r[6], r[7], r[8]);
+    body_[which].setWorldTransform(btTransform(rotation, btVector3(p[0], p[1], p[2])));
+  }
+
+  btDefaultCollisionConfiguration configuration_;
+  btCollisionDispatcher dispatcher_{&configuration_};
+  btDbvtBroadphase broadphase_;
+  btCollisionWorld world_{&dispatcher_, &broadphase_, &configuration_};
+  std::vector<std::unique_ptr<btSphereShape>> spheres_;
+  std::vector<std::unique_ptr<btCompoundShape>> shapes_;
+  std::unique_ptr<btCompoundShape> obstacles_;
+  btCollisionObject body_[2], all_obstacles_;
+};
+
 }  // namespace
 
-BulletBodies::BulletBodies(const std::vector<std::vector<detect::Sphere>>& shapes,
-                           const std::vector<double>& obstacles)
-    : parts_(std::make_unique<Parts>()) {
-  for (const auto& s : shapes) parts_->shapes.push_back(parts_->compound_of(s));
-  std::vector<detect::Sphere> still;
-  for (std::size_t k = 0; k < obstacles.size(); k += 4)
-    still.push_back({obstacles[k], obstacles[k + 1], obstacles[k + 2], obstacles[k + 3]});
-  parts_->obstacles = parts_->compound_of(still);
-  parts_->all_obstacles.setCollisionShape(parts_->obstacles.get());
-  parts_->all_obstacles.setWorldTransform(btTransform::getIdentity());
-}
-BulletBodies::~BulletBodies() = default;
-
-std::uint64_t BulletBodies::contacts(std::span<const detect::Body> bodies, bool first_only) {
-  Counter counter;
-  for (std::size_t k = 0; k < bodies.size(); k++) {
-    parts_->place(0, bodies[k]);
-    if (parts_->obstacles->getNumChildShapes() > 0)
-      parts_->world.contactPairTest(&parts_->body[0], &parts_->all_obstacles, counter);
-    for (std::size_t q = k + 1; bodies[k].family == 0 && q < bodies.size(); q++) {
-      parts_->place(1, bodies[q]);
-      parts_->world.contactPairTest(&parts_->body[0], &parts_->body[1], counter);
-    }
-    if (first_only && counter.found > 0) return 1;
-  }
-  return counter.found;
+std::unique_ptr<BodyPeer> make_bullet_bodies(const std::vector<std::vector<detect::Sphere>>& shapes,
+                                             const std::vector<double>& obstacles) {
+  return std::make_unique<BulletBodies>(shapes, obstacles);
 }
 
 }  // namespace padder::bench
@@ -167,13 +171,10 @@ BulletWorld::~BulletWorld() = default;
 void BulletWorld::step() {}
 std::uint64_t BulletWorld::count() const { return 0; }
 std::vector<BulletContact> BulletWorld::contacts() const { return {}; }
-struct BulletBodies::Parts {};
-BulletBodies::BulletBodies(const std::vector<std::vector<detect::Sphere>>&, const std::vector<double>&) {
-  throw Error(
-      "this bench compares with Bullet, which was not found when padder was built (Debian: libbullet-dev)");
+std::unique_ptr<BodyPeer> make_bullet_bodies(const std::vector<std::vector<detect::Sphere>>&,
+                                             const std::vector<double>&) {
+  return nullptr;
 }
-BulletBodies::~BulletBodies() = default;
-std::uint64_t BulletBodies::contacts(std::span<const detect::Body>, bool) { return 0; }
 
 }  // namespace padder::bench
 #endif

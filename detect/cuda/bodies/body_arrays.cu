@@ -1,0 +1,139 @@
+// SPDX-License-Identifier: MIT
+#include "detect/cuda/bodies/body_arrays.h"
+
+#include <algorithm>
+
+#include "detect/cuda/tuning.h"
+
+namespace padder::detect::cuda {
+namespace {
+
+constexpr int kThreads = 256;
+// Blocks of a loop in grid stride: no more than a large GPU needs to be full.
+unsigned blocks_for(std::uint64_t n) {
+  return static_cast<unsigned>(std::clamp<std::uint64_t>((n + kThreads - 1) / kThreads, 1, 4224));
+}
+
+__global__ void moved_kernel(const MovedBody* moved, std::uint32_t count, Body* bodies) {
+  for (std::uint32_t k = blockIdx.x * kThreads + threadIdx.x; k < count; k += gridDim.x * kThreads) {
+    const Pose& pose = moved[k].pose;
+    Body& to = bodies[moved[k].body];
+    for (int c = 0; c < 9; c++) to.rotation[c] = pose.rotation[c];
+    for (int c = 0; c < 3; c++) to.position[c] = pose.position[c];
+  }
+}
+// A thread for each number of a pose: of the bodies in `list`, or of all if it is null. `moving`: static
+// bodies are left out, since they stay where they were put.
+__global__ void __launch_bounds__(kThreads) pose_kernel(const Pose* poses, const std::uint32_t* list,
+                                                        std::uint32_t count, Body* bodies, bool moving) {
+  const std::uint64_t all = 12 * std::uint64_t(count);
+  for (std::uint64_t k = blockIdx.x * kThreads + threadIdx.x; k < all;
+       k += std::uint64_t(gridDim.x) * kThreads) {
+    const auto b = static_cast<std::uint32_t>(k / 12), c = static_cast<std::uint32_t>(k % 12);
+    const std::uint32_t body = list ? list[b] : b;
+    if (moving && bodies[body].is_static) continue;
+    if (c < 9)
+      bodies[body].rotation[c] = poses[body].rotation[c];
+    else
+      bodies[body].position[c - 9] = poses[body].position[c - 9];
+  }
+}
+void put_poses(const Pose* poses, const std::uint32_t* list, std::uint64_t count, Body* bodies, bool moving,
+               cudaStream_t stream) {
+  if (count == 0) return;
+  pose_kernel<<<blocks_for(12 * count), kThreads, 0, stream>>>(poses, list, static_cast<std::uint32_t>(count),
+                                                               bodies, moving);
+  cuda_launched("place the bodies");
+}
+
+// Are groups small in most bodies? A scene is searched in one way.
+bool goes_by_groups(const Input& input, const Pieces& pieces) {
+  std::vector<double> size;
+  for (std::uint32_t shape = 0; shape < input.shapes.size(); shape++)
+    size.push_back(pieces.group_size(shape));
+  double weighted = 0, all = 0;
+  for (const Body& b : input.bodies) {
+    const std::uint32_t count = pieces.shape_first[b.shape + 1] - pieces.shape_first[b.shape];
+    weighted += count * size[b.shape], all += count;
+  }
+  return weighted < tuning::kSmallGroups * all;
+}
+
+}  // namespace
+
+BodyArrays::BodyArrays(MemoryBook& book)
+    : bodies_(book, "the bodies"),
+      poses_(book, "the poses"),
+      pieces_(book, "the pieces of bodies"),
+      spheres_(book, "the shapes"),
+      numbers_(book, "the shapes"),
+      body_first_(book, "the bodies"),
+      near_(book, "the shapes"),
+      groups_(book, "the shapes"),
+      boxes_(book, "the shapes"),
+      moved_(book, "what moved"),
+      host_moved_(book, "what moved", true) {}
+
+BodyView BodyArrays::read(const Input& input, const Pieces& p, const std::vector<std::uint32_t>& body_first,
+                          cudaStream_t stream) {
+  const std::uint64_t n = input.bodies.size();
+  BodyView view;
+  Body* bodies = copied(bodies_, input.bodies.data(), n, stream);
+  view.bodies = bodies, view.poses = reinterpret_cast<const double*>(bodies);
+  some_static_ =
+      std::any_of(input.bodies.begin(), input.bodies.end(), [](const Body& b) { return b.is_static; });
+  in_place_ = false;
+  view.pieces = copied(pieces_, p.pieces.data(), p.pieces.size(), stream);
+  view.spheres = copied(spheres_, p.spheres.data(), p.spheres.size(), stream);
+  view.numbers = copied(numbers_, p.numbers.data(), p.numbers.size(), stream);
+  view.near = copied(near_, p.near.data(), p.near.size(), stream);
+  view.groups = copied(groups_, p.groups.data(), p.groups.size(), stream);
+  view.grouped = goes_by_groups(input, p);
+  view.boxes = copied(boxes_, p.boxes.data(), p.boxes.size(), stream);
+  view.unit_piece = static_cast<std::uint32_t>(p.pieces.size());
+  view.unit_near = static_cast<std::uint32_t>(p.spheres.size());
+  view.body_first = copied(body_first_, body_first.data(), body_first.size(), stream);
+  view.loose_first = body_first.back();
+  if (input.poses) {
+    const Pose* poses =
+        input.pose_memory == Memory::device ? input.poses : copied(poses_, input.poses, n, stream);
+    put_poses(poses, nullptr, n, bodies, input.revision != 0 && some_static_, stream);
+  }
+  return view;
+}
+
+void BodyArrays::move(const Input& input, const std::uint32_t* list, std::uint32_t count,
+                      cudaStream_t stream) {
+  Body* bodies = bodies_.data();
+  if (input.poses && input.pose_memory == Memory::device)
+    return put_poses(input.poses, list, count, bodies, !list && some_static_, stream);
+  if (input.moved.empty()) return;
+  MovedBody* host = host_moved_.reserve(input.moved.size());
+  std::uint32_t n = 0;
+  for (const std::uint32_t b : input.moved) {
+    const Body& body = input.bodies[b];
+    if (body.is_static) continue;
+    std::copy_n(body.rotation, 9, host[n].pose.rotation),
+        std::copy_n(body.position, 3, host[n].pose.position);
+    host[n++].body = b;
+  }
+  if (n == 0) return;
+  MovedBody* device = copied(moved_, host, n, stream);
+  moved_kernel<<<blocks_for(n), kThreads, 0, stream>>>(device, n, bodies);
+  cuda_launched("place the bodies");
+}
+
+void BodyArrays::move_in_place(const Input& input, BodyView& view, cudaStream_t stream) {
+  view.poses = reinterpret_cast<const double*>(bodies_.data()),
+  view.pose_step = sizeof(Body) / sizeof(double);
+  const bool in_place = input.poses && input.pose_memory == Memory::device && !some_static_;
+  if (in_place_ && !input.poses)
+    throw Error(
+        "the previous call of this revision read its poses in device memory, and this call gives none: give "
+        "the poses in each call, or another revision");
+  in_place_ = in_place;
+  if (!in_place) return move(input, nullptr, static_cast<std::uint32_t>(input.bodies.size()), stream);
+  view.poses = input.poses->rotation, view.pose_step = sizeof(Pose) / sizeof(double);
+}
+
+}  // namespace padder::detect::cuda

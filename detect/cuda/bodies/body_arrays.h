@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: MIT
+// Bodies and their shapes on the device, for every search over pieces of bodies. Only .cu files include this.
+#pragma once
+#include <vector>
+
+#include "detect/core/pieces.h"
+#include "detect/cuda/device/memory.h"
+#include "detect/detector.h"
+
+namespace padder::detect::cuda {
+
+// The scene as the kernels of bodies read it.
+struct BodyView {
+  const Body* bodies = nullptr;  // their poses are elsewhere
+  // Of body k the twelve doubles of its pose begin pose_step k doubles behind the first.
+  const double* poses = nullptr;
+  std::uint32_t pose_step = sizeof(Body) / sizeof(double);
+  const Element* elements = nullptr;  // in BodyInput: those that move first, then static ones
+  const Piece* pieces = nullptr;
+  const Sphere* spheres = nullptr;
+  const std::uint32_t* numbers = nullptr;               // of each of these within its shape
+  const NearSphere *near = nullptr, *groups = nullptr;  // of Pieces, as the boxes
+  const NearBox* boxes = nullptr;
+  const std::uint32_t* body_first = nullptr;
+  Sphere* balls = nullptr;    // about each element
+  Stance* stances = nullptr;  // of each element
+  std::uint32_t *family = nullptr, *mask = nullptr, *owner = nullptr;
+  std::uint32_t moving = 0, count = 0, loose_first = 0;
+  std::uint32_t unit_piece = 0, unit_near = 0;  // what stands for a loose sphere in `boxes` and `near`
+  bool grouped = false;                         // the narrow phase goes by groups (tuning.h)
+  friend bool operator==(const BodyView&, const BodyView&) = default;
+
+  // A body where it is in this call; pose alone.
+  __device__ __forceinline__ Body placed_body(std::uint32_t k) const {
+    static_assert(sizeof(Body) % sizeof(double) == 0 && offsetof(Body, rotation) == 0 &&
+                  offsetof(Body, position) == 9 * sizeof(double));
+    const double* const p = poses + std::uint64_t(k) * pose_step;
+    Body b;
+#pragma unroll
+    for (int c = 0; c < 9; c++) b.rotation[c] = p[c];
+#pragma unroll
+    for (int c = 0; c < 3; c++) b.position[c] = p[9 + c];
+    return b;
+  }
+};
+
+struct MovedBody {
+  Pose pose;
+  std::uint64_t body = 0;
+};
+
+// Holds the bodies and their shapes. What belongs to elements is the owner's.
+class BodyArrays {
+ public:
+  explicit BodyArrays(MemoryBook& book);
+
+  // Copies all of them. `body_first`: the number of the first sphere of each body, and of the first loose
+  // sphere. The vectors must outlive the copies.
+  BodyView read(const Input& input, const Pieces& pieces, const std::vector<std::uint32_t>& body_first,
+                cudaStream_t stream);
+  // Brings the bodies of a known revision to their new poses; only these go to the device. `list`: those that
+  // move, in device memory; null for all, of which static ones stay. Poses that the caller keeps in host
+  // memory stand in input.bodies by now (revision.h).
+  void move(const Input& input, const std::uint32_t* list, std::uint32_t count, cudaStream_t stream);
+  // The same where poses on the device are read where they are, for this call alone. Throws Error for a call
+  // without poses after one that had them so, since nobody knows them any more.
+  void move_in_place(const Input& input, BodyView& view, cudaStream_t stream);
+
+ private:
+  bool some_static_ = false, in_place_ = false;
+  Buffer<Body> bodies_;
+  Buffer<Pose> poses_;
+  Buffer<Piece> pieces_;
+  Buffer<Sphere> spheres_;
+  Buffer<std::uint32_t> numbers_, body_first_;
+  Buffer<NearSphere> near_, groups_;
+  Buffer<NearBox> boxes_;
+  Buffer<MovedBody> moved_, host_moved_;
+};
+
+}  // namespace padder::detect::cuda

@@ -1,0 +1,80 @@
+// SPDX-License-Identifier: MIT
+#include "tools/settle/cuda/watch_sums.h"
+
+#include <algorithm>
+
+namespace padder::settle::cuda {
+namespace {
+
+constexpr int kThreads = 256;
+constexpr unsigned kBlocks = 264;
+
+__device__ void join(Watch& to, const Watch& more) {
+  to.kinetic += more.kinetic, to.potential += more.potential, to.elastic += more.elastic;
+  to.momentum = to.momentum + more.momentum, to.fastest = detect::larger(to.fastest, more.fastest);
+}
+
+__device__ double row_energy(const View& v, std::uint32_t self) {
+  const detect::Sphere at = v.centers[self];
+  double sum = 0;
+  for (std::uint32_t q = v.rows.starts[self]; q < v.rows.starts[self + 1]; q++) {
+    const std::uint32_t partner = v.rows.partners[q];
+    if (partner >= v.spheres) {
+      const double depth = contact_with(v.wall[partner - v.spheres], center_of(at), at.r).depth;
+      sum += stored_energy(v.law, depth, v.rows.springs[q]);
+    } else if (self < partner && detect::touching(at, v.centers[partner])) {
+      sum += stored_energy(v.law, detect::geometry(at, v.centers[partner]).depth, v.rows.springs[q]);
+    }
+  }
+  return sum;
+}
+
+__global__ void __launch_bounds__(kThreads) watch_kernel(const __grid_constant__ View v, Watch* parts) {
+  alignas(Watch) __shared__ unsigned char room[kThreads * sizeof(Watch)];
+  Watch* const sums = reinterpret_cast<Watch*>(room);
+  const std::uint32_t first = blockIdx.x * kThreads + threadIdx.x;
+  Watch w;
+  for (std::uint64_t m = first; m < v.movers; m += kBlocks * kThreads) {
+    const Motion& n = v.motions[m];
+    const Vec3 position =
+        m < v.bodies ? v.body_position[m] : center_of(v.centers[v.body_spheres + (m - v.bodies)]);
+    watch_mover(w, v.gravity, n.inverse_mass, position, n.velocity, n.spin, v.momentum[m]);
+  }
+  for (std::uint64_t k = first; k < v.spheres; k += kBlocks * kThreads)
+    w.elastic += row_energy(v, static_cast<std::uint32_t>(k));
+  for (std::uint64_t q = first; q < v.bushings; q += kBlocks * kThreads) {
+    const Bushing& u = v.bushing[q];
+    Vec3 arm_a, arm_b;
+    const Vec3 apart = stretch_of(u, v.body_position[u.a], v.body_position[u.b], v.poses[u.a].rotation,
+                                  v.poses[u.b].rotation, arm_a, arm_b);
+    w.elastic += 0.5 * u.stiffness * dot(apart, apart);
+  }
+  sums[threadIdx.x] = w;
+  __syncthreads();
+  for (int half = kThreads / 2; half; half /= 2) {
+    if (threadIdx.x < half) join(sums[threadIdx.x], sums[threadIdx.x + half]);
+    __syncthreads();
+  }
+  if (threadIdx.x == 0) parts[blockIdx.x] = sums[0];
+}
+
+}  // namespace
+
+Watch WatchSums::watch(const View& view, cudaStream_t stream) {
+  using detect::cuda::cuda_check;
+  Watch* const parts = parts_.reserve(kBlocks);
+  Watch* const host = host_parts_.reserve(kBlocks);
+  watch_kernel<<<kBlocks, kThreads, 0, stream>>>(view, parts);
+  detect::cuda::cuda_launched("sum the energies");
+  cuda_check(cudaMemcpyAsync(host, parts, kBlocks * sizeof(Watch), cudaMemcpyDeviceToHost, stream), "read");
+  cuda_check(cudaStreamSynchronize(stream), "sum the energies");
+  Watch sum;
+  for (unsigned b = 0; b < kBlocks; b++) {
+    const Watch& w = host[b];
+    sum.kinetic += w.kinetic, sum.potential += w.potential, sum.elastic += w.elastic;
+    sum.momentum = sum.momentum + w.momentum, sum.fastest = std::max(sum.fastest, w.fastest);
+  }
+  return sum;
+}
+
+}  // namespace padder::settle::cuda
