@@ -95,12 +95,19 @@ inline void flush_results() {
   throw Error("cannot write to the standard output (" + std::generic_category().message(errno) + ")");
 }
 
+// What else to remove when a signal ends the program; null: nothing.
+inline void (*&when_ended())() {
+  static void (*remove)() = nullptr;
+  return remove;
+}
+
 // Ends the program as a shell expects of Ctrl-C: exit code 130, and 143 or 129 for the other two. A file that
 // is being written is removed; one that stood under its name before is untouched.
 inline void end_cleanly_on_signals() {
   for (const int number : {SIGINT, SIGTERM, SIGHUP})
     if (std::signal(number, [](int signal) {
           remove_unfinished_files();
+          if (when_ended()) when_ended()();
           ::_exit(128 + signal);
         }) == SIG_IGN)
       std::signal(number, SIG_IGN);  // as nohup and a shell's background jobs want it

@@ -9,6 +9,7 @@
 #include "tools/arguments.h"
 #include "tools/detect/arguments.h"
 #include "tools/json_output.h"
+#include "tools/streams.h"
 
 namespace padder::tool {
 namespace {
@@ -27,7 +28,8 @@ CLI::Validator device_count() {
 
 void declare(CLI::App& app, Arguments& a, std::string& memory) {
   app.add_option("SCENE", a.scene,
-                 "a scene (.json), a cluster (.spheres.json), or a file of spheres (.npy, .npz)")
+                 "a scene (.json), a cluster (.spheres.json), or a file of spheres (.npy, .npz); - reads a "
+                 "scene or a cluster from stdin")
       ->required();
   app.add_option("--copies", a.copies, "of a cluster: a jittered pile of N bodies")
       ->check(CLI::Range(1u, 0xfffffffeu))
@@ -48,9 +50,14 @@ void declare(CLI::App& app, Arguments& a, std::string& memory) {
   app.add_option("--bin-size", a.options.bin_size, "edge of a bin, in the scene's unit (default: chosen)")
       ->check(CLI::PositiveNumber)
       ->type_name("S");
-  app.add_option("-o", a.output,
-                 "write the contacts: .csv, .npz or .vtp, sorted; .npy as they come, which takes no memory")
+  app.add_option(
+         "-o", a.output,
+         "write the contacts: .csv, .npz or .vtp, sorted; .npy as they come, which takes no memory; - "
+         "writes to stdout")
       ->type_name("FILE");
+  app.add_option("--format", a.format, "of -o -: csv, npz, vtp or npy")
+      ->check(CLI::IsMember({"csv", "npz", "vtp", "npy"}))
+      ->type_name("NAME");
   app.add_option("--margin", a.options.margin, "contacts are all pairs whose gap is at most M")
       ->check(CLI::NonNegativeNumber)
       ->type_name("M");
@@ -62,6 +69,7 @@ void declare(CLI::App& app, Arguments& a, std::string& memory) {
       ->type_name("N");
   app.add_flag("--json", a.json, "print one JSON document on stdout");
   app.add_flag("-q", a.quiet, "print nothing but errors");
+  app.add_flag("-v", a.verbose, "print the seconds of each stage on stderr");
   app.set_version_flag("--version", "detect (padder) " PADDER_VERSION);
 }
 
@@ -135,11 +143,11 @@ Json stages_json(const Arrays& a) {
           {"F", f}};
 }
 
-int run(Arguments& a) {
+int find_contacts(Arguments& a) {
   if (const Launch launch = launch_of_environment(); launch.ranks > 1) return run_ranks(a, launch);
   if (wants_boxes(a)) return run_boxes(a);
   if (!a.output.empty()) check_contact_ending(a.output);
-  const Scene scene = read_scene_or_cluster(a.scene, a.copies);
+  const Scene scene = read_input(a);
   if (a.stages && scene.size() > kShown)
     throw padder::Error(a.scene + " has " + std::to_string(scene.size()) +
                         " spheres: --stages prints scenes of at most " + std::to_string(kShown));
@@ -156,6 +164,7 @@ int run(Arguments& a) {
   Json seconds = Json::object();
   for (int k = 0; k < 9; k++) seconds["stage" + std::to_string(k + 1)] = c.seconds.stage[k];
   seconds["place"] = c.seconds.place, seconds["total"] = c.seconds.total;
+  if (a.verbose) print_seconds(seconds);
   Json report = {{"spheres", c.spheres},
                  {"bodies", scene.bodies.size()},
                  {"contacts", c.count},
@@ -186,7 +195,35 @@ int run(Arguments& a) {
   return 0;
 }
 
+int run(Arguments& a) {
+  padder::cli::StreamFiles files;
+  const bool printed = padder::cli::is_stream(a.output);
+  if (printed && (a.format.empty() || a.json || a.hash || a.stages))
+    throw UsageError(a.format.empty()
+                         ? "-o - has no ending that tells the format: name it, as --format csv"
+                         : "-o - writes the contacts to stdout: leave out what else is printed there "
+                           "(--json, --hash, --stages)");
+  if ((printed || padder::cli::is_stream(a.scene)) && launch_of_environment().ranks > 1)
+    throw UsageError("- is stdin or stdout of one process, and there are several ranks: name files");
+  if (!printed && !a.format.empty())
+    throw UsageError("--format is for -o -: the ending of a file tells its format");
+  if (printed) a.quiet = true, a.output = files.output("contacts." + a.format);
+  const int code = find_contacts(a);
+  files.deliver();
+  return code;
+}
+
 }  // namespace
+
+Scene read_input(const Arguments& a, LooseAs loose) {
+  if (!padder::cli::is_stream(a.scene)) return read_scene_or_cluster(a.scene, a.copies, loose);
+  return scene_or_cluster_from_json(padder::cli::read_stdin(), "the standard input", ".", a.copies, loose);
+}
+
+void print_seconds(const Json& seconds) {
+  for (const auto& [stage, time] : seconds.items())
+    std::fprintf(stderr, "detect: %-7s %.6f s\n", stage.c_str(), time.get<double>());
+}
 
 std::string hex(std::uint64_t v) {
   char text[17];

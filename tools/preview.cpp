@@ -11,8 +11,9 @@
 #include "padding/view/page.h"
 #include "padding/view/picture.h"
 #include "tools/cli.h"
+#include "tools/colour_option.h"
 #include "tools/json_output.h"
-#include "tools/scene_view.h"
+#include "tools/preview/scene_view.h"
 
 namespace {
 
@@ -37,11 +38,6 @@ void declare(CLI::App& app, Arguments& a) {
                                                   {"wire", padder::Show::wire},
                                                   {"both", padder::Show::both},
                                                   {"side", padder::Show::side}};
-  const std::map<std::string, padder::ColourBy> colours{{"family", padder::ColourBy::family},
-                                                        {"radius", padder::ColourBy::radius},
-                                                        {"protrusion", padder::ColourBy::protrusion},
-                                                        {"triangle", padder::ColourBy::triangle},
-                                                        {"body", padder::ColourBy::body}};
   app.add_option("INPUT", a.input, "a cluster (.spheres.json) or a scene (.json)")->required();
   app.add_option("-o", a.output, "file to write: .html for a page, .png for a picture")
       ->required()
@@ -49,8 +45,7 @@ void declare(CLI::App& app, Arguments& a) {
   app.add_option("--mesh", a.mesh,
                  "the mesh of the cluster (default: by its name and sha256, beside the cluster or here)")
       ->type_name("MESH");
-  app.add_option("--contacts", a.contacts,
-                 "contacts of the scene as detect wrote them, .csv or .npz, for a page")
+  app.add_option("--contacts", a.contacts, "contacts of the scene as detect wrote them, .csv or .npz: arrows")
       ->type_name("FILE");
   app.add_option("--copies", a.copies, "of a cluster: the pile of N bodies that detect --copies N makes")
       ->check(CLI::Range(1u, 0xfffffffeu))
@@ -72,14 +67,16 @@ void declare(CLI::App& app, Arguments& a) {
                  "picture: mesh, spheres, wire (mesh edges over spheres), both, side (by side, the default)")
       ->transform(CLI::CheckedTransformer(shows))
       ->type_name("WHAT");
-  app.add_option("--colour", a.picture.colour,
-                 "picture: by family (the default), radius, protrusion, triangle or body")
-      ->transform(CLI::CheckedTransformer(colours))
-      ->type_name("WHAT");
+  padder::cli::add_colour(
+      app, a.picture.colour,
+      "by family (the default), radius, protrusion, gap, triangle or body; the errors also "
+      "on the mesh");
   app.add_option("--size", a.size, "picture: pixels (default: 1600x800)")->type_name("WxH");
   app.add_option("--samples", a.picture.samples, "picture: rays a pixel")
       ->check(CLI::Range(1, 4096))
       ->capture_default_str();
+  app.add_flag("--dark", a.picture.dark, "picture: on a dark background; a page follows the system");
+  app.add_flag("--plain", a.picture.plain, "picture: without legend, scale bar and axes");
   app.add_flag("--json", a.json, "print one JSON document on stdout");
   app.add_flag("-q", a.quiet, "print nothing but errors");
   app.set_version_flag("--version", "preview (padder) " PADDER_VERSION);
@@ -130,7 +127,7 @@ int run(Arguments& a) {
   if (!a.contacts.empty()) padder::add_contacts(view, a.contacts);
   const bool page = a.output.ends_with(".html");
   if (page) {
-    padder::write_page(view, a.output, {a.from.first, a.from.second, a.up[0], a.rung, {}});
+    padder::write_page(view, a.output, {a.from.first, a.from.second, a.up[0], a.rung, a.picture.colour, {}});
   } else {
     a.picture.rung = a.rung;
     a.picture.azimuth = a.from.first, a.picture.elevation = a.from.second, a.picture.up = a.up[0];
@@ -166,7 +163,9 @@ int main(int argc, char** argv) {
       "  preview track_shoe.spheres.json -o shoe.png --size 1600x800     a picture, mesh left and spheres "
       "right\n"
       "  preview scene.json --contacts contacts.npz -o scene.html        bodies, families, contacts as "
-      "arrows\n\n"
+      "arrows\n"
+      "  preview track_shoe.spheres.json -o gap.png --colour gap         where the spheres leave the mesh "
+      "bare\n\n"
       "Shows a cluster with its mesh, or a scene: as one HTML file that needs no network, or as a PNG.\n",
       "preview");
   Arguments arguments;

@@ -323,7 +323,7 @@ PADDER_CLONES void bin_numbers(const double* x, int count, double size, double p
     const double quotient = x[k] * per_size, near = (quotient + kWhole) - kWhole;
     const double below = near > quotient ? near - 1 : near;
     const double rest = x[k] - below * size;
-    const double bin = rest < 0 ? below - 1 : (rest >= size) & (below != -1) ? below + 1 : below;
+    const double bin = rest < 0 ? below - 1 : ((rest >= size) & (below != -1)) ? below + 1 : below;
     bins[k] = static_cast<std::uint32_t>(std::bit_cast<std::uint64_t>(bin + kWhole));
   }
 }

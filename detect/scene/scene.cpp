@@ -250,22 +250,32 @@ Scene pile_of(const Cluster& cluster, std::uint64_t n) {
   return scene;
 }
 
+namespace {
+
+void refuse_copies(std::uint64_t copies, const std::string& where, const char* why) {
+  if (copies) throw Error(where + ": --copies is for a cluster; " + why);
+}
+
+}  // namespace
+
 Scene read_scene_or_cluster(const std::filesystem::path& path, std::uint64_t copies, LooseAs loose) {
-  const auto no_copies = [&](const char* why) {
-    if (copies) throw Error(path.string() + ": --copies is for a cluster; " + why);
-  };
   if (path.extension() == ".npy" || path.extension() == ".npz") {
-    no_copies("a file of spheres has no bodies");
+    refuse_copies(copies, path.string(), "a file of spheres has no bodies");
     Scene scene;
     scene.mapped = std::make_shared<const SphereFile>(path);
     return scene;
   }
-  const std::string text = read_file(path, kMostText);
-  const Json json = parse_json<Json>(text, path.string());
+  return scene_or_cluster_from_json(read_file(path, kMostText), path.string(), path.parent_path(), copies,
+                                    loose);
+}
+
+Scene scene_or_cluster_from_json(std::string_view text, const std::string& where,
+                                 const std::filesystem::path& folder, std::uint64_t copies, LooseAs loose) {
+  const Json json = parse_json<Json>(text, where);
   if (json.is_object() && json.value("format", Json()) == "padder.cluster")
-    return pile_of(cluster_from_json(text, path.string()), copies ? copies : 1);
-  no_copies("a scene lists its bodies itself");
-  return scene_of(json, path.string(), path.parent_path(), loose);
+    return pile_of(cluster_from_json(text, where), copies ? copies : 1);
+  refuse_copies(copies, where, "a scene lists its bodies itself");
+  return scene_of(json, where, folder, loose);
 }
 
 }  // namespace padder::detect

@@ -59,5 +59,9 @@ enum class LooseAs : std::uint8_t { memory, mapped };
 // cluster is one body. A file of spheres (.npy, .npz) is a scene, too, and is always mapped.
 Scene read_scene_or_cluster(const std::filesystem::path& path, std::uint64_t copies,
                             LooseAs loose = LooseAs::memory);
+// The same from a JSON text; `where` names it in errors, and the files that it names are relative to `folder`.
+Scene scene_or_cluster_from_json(std::string_view text, const std::string& where,
+                                 const std::filesystem::path& folder, std::uint64_t copies,
+                                 LooseAs loose = LooseAs::memory);
 
 }  // namespace padder::detect

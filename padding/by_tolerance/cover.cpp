@@ -36,7 +36,7 @@ constexpr std::array stages = {Stage{3, 2, 50, 0.3}, Stage{4, 3, 100, 0.2}, Stag
 constexpr double greedy_margin = 0.3;
 constexpr double thinning_margin = 0.5;  // there no new balls can mend what the points miss
 
-constexpr int places = 16;  // tried around each ball
+constexpr int kPlaces = 16;  // tried around each ball
 // How far from the place of a chosen ball, in turn: share of the radius of the disc that it covers.
 constexpr std::array step_sizes = {0.2, 0.3};
 constexpr int merge_moves = 2;
@@ -210,7 +210,7 @@ class CoverSearch {
       Attempt attempt = common;
       attempt.seed = seed + ((start + 1) << 48);
       for (int k = 0; k <= stage.moves && !watch_.stopped(); k++) {
-        if (k > 0) move(attempt, places);
+        if (k > 0) move(attempt, kPlaces);
         solve(attempt, stage.steps);
         watch_.tick();
       }
@@ -236,7 +236,7 @@ class CoverSearch {
     pool.insert(pool.end(), known.begin(), known.end());
     attempt.problem.add(with_margin(samples.fine, stage.margin), pool);
     for (int k = 0; k <= merge_moves; k++) {
-      if (k > 0) move(attempt, places);
+      if (k > 0) move(attempt, kPlaces);
       solve(attempt, stage.steps);
       step();
     }

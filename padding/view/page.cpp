@@ -127,6 +127,7 @@ Json head_json(const View& view, const PageOptions& o, const Frame& frame) {
   j["diagonal"] = view.has_mesh() ? view.mesh.bounds().diagonal() : frame.scale;
   j["family"] = view.family.empty() ? 0 : view.family[0];
   j["mask"] = view.mask;
+  j["colour"] = name_of(o.colour);
   j["azimuth"] = o.azimuth, j["elevation"] = o.elevation, j["up"] = std::string(1, o.up);
   if (!view.accuracy.empty()) j["accuracy"] = accuracy_json(view.accuracy[0]);
   std::map<std::string, std::size_t> number_of;
@@ -145,7 +146,8 @@ Json head_json(const View& view, const PageOptions& o, const Frame& frame) {
   j["rungs"] = std::move(rungs), j["rung"] = o.rung;
   const Palette& p = palette();
   j["palette"] = {
-      {"none", p.none}, {"mesh", p.mesh}, {"background", p.background}, {"kinds", p.kinds}, {"ramp", p.ramp}};
+      {"none", p.none},   {"mesh", p.mesh}, {"background", p.background}, {"dark", p.dark_background},
+      {"kinds", p.kinds}, {"ramp", p.ramp}};
   if (view.has_mesh() && !view.marks.empty()) {
     Json& marks = j["marks"] = Json::array();
     for (const Mark& mark : view.marks)
@@ -154,6 +156,17 @@ Json head_json(const View& view, const PageOptions& o, const Frame& frame) {
                        {"area", mark.mesh.area()}});
   }
   return j;
+}
+
+// The error map: its points behind those of the mesh, its triangles, and the gap at each point by level.
+void write_errors(const ErrorMap& errors, std::size_t own, const Frame& frame, Elements& out) {
+  if (errors.gap.empty()) return;
+  out.add<float>("finer-points", errors.mesh.points.size() - own, [&](std::size_t k, std::vector<float>& to) {
+    for (const double x : frame.into(errors.mesh.points[own + k])) to.push_back(float(x));
+  });
+  out.add("finer-triangles", errors.mesh.triangles);
+  for (std::size_t k = 0; k < errors.gap.size(); k++)
+    out.add(("mesh-gap" + std::to_string(k)).c_str(), errors.gap[k]);
 }
 
 void write_data(const View& view, const PageOptions& options, const Write& write) {
@@ -173,12 +186,14 @@ void write_data(const View& view, const PageOptions& options, const Write& write
         "triangle", view.triangle.size(),
         [&](std::size_t k, std::vector<std::int32_t>& to) { to.push_back(std::int32_t(view.triangle[k])); });
   if (!view.protrusion.empty()) out.add("protrusion", view.protrusion);
+  if (!view.gap.empty()) out.add("gap", view.gap);
   if (!view.body.empty()) out.add("body", view.body);
   if (view.has_mesh()) {
     out.add<float>("points", view.mesh.points.size(), [&](std::size_t k, std::vector<float>& to) {
       for (const double x : frame.into(view.mesh.points[k])) to.push_back(float(x));
     });
     out.add("triangles", view.mesh.triangles);
+    write_errors(view.errors, view.mesh.points.size(), frame, out);
     for (std::size_t m = 0; m < view.marks.size(); m++) {
       const Mesh& mesh = view.marks[m].mesh;
       out.add<float>(("mark" + std::to_string(m)).c_str(), mesh.triangles.size(),
@@ -222,7 +237,8 @@ void page(const View& view, const PageOptions& options, const Write& write) {
   if (options.up != 'x' && options.up != 'y' && options.up != 'z')
     throw Error("the axis that points up is x, y or z");
   if (options.rung >= std::max<std::size_t>(1, view.rungs.size()))
-    one_rung(view, options.rung);  // throws the Error that says why
+    one_rung(view, options.rung);                                            // throws the Error that says why
+  if (options.colour != ColourBy::family) colours_of(view, options.colour);  // as well
   const fs::path script = options.script.empty() ? page_script() : options.script;
   const std::string html = read_file(script);
   const std::string_view marks[] = {"<!--padder:title-->", "<!--padder:data-->"};
@@ -263,13 +279,13 @@ void write_page(const View& view, const fs::path& path, const PageOptions& optio
 
 bool is_preview(const fs::path& path) { return path.extension() == ".html" || path.extension() == ".png"; }
 
-void write_preview(const View& view, const fs::path& path) {
+void write_preview(const View& view, const fs::path& path, ColourBy colour) {
   if (!is_preview(path))
     throw Error("cannot tell what to write to " + path.string() + ": end it with .html or .png");
   if (path.extension() == ".html")
-    write_page(view, path);
+    write_page(view, path, {.colour = colour, .script = {}});
   else
-    write_png(render(view), path);
+    write_png(render(view, {.colour = colour}), path);
 }
 
 }  // namespace padder

@@ -6,12 +6,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <functional>
 #include <memory>
 #include <numbers>
 
 #include "padding/asset/error.h"
 #include "padding/asset/file.h"
+#include "padding/view/camera.h"
+#include "padding/view/legend.h"
 
 namespace padder {
 namespace {
@@ -145,46 +146,29 @@ class World {
   RTCScene scene_;
 };
 
-// A camera that looks at the middle from so far away that everything is in the picture.
-struct Camera {
-  Vec eye, right, up, forward;
-  float tan_x = 0, tan_y = 0;  // of half the angles of view
-
-  Vec toward(float x, float y) const {  // x, y in -1 to 1, y upward
-    return (forward + right * (x * tan_x) + up * (y * tan_y)).normalized();
-  }
-  Eigen::Vector2f project(const Vec& p, float width, float height) const {  // to pixels
-    const Vec q = p - eye;
-    const float z = q.dot(forward);
-    return {(q.dot(right) / (z * tan_x) + 1) * width / 2, (1 - q.dot(up) / (z * tan_y)) * height / 2};
-  }
-};
-
 class Stage {
  public:
   Stage(const View& view, const PictureOptions& o) : view_(view), options_(o) {
-    const Box box = view.bounds();
-    const double scale = box.diagonal() > 0 ? box.diagonal() : 1;
-    const Point middle = box.center();
-    const auto place = [&](const Point& p) -> Vec {
-      const Eigen::Vector3f q = ((p - middle) / scale).cast<float>();
-      if (o.up == 'y') return {q.z(), q.x(), q.y()};
-      if (o.up == 'x') return {q.y(), q.z(), q.x()};
-      return q;
-    };
-    for (const Point& p : view.mesh.points) points_.push_back(place(p));
-    triangles_ = view.mesh.triangles;
-    if (view.has_mesh())
+    const Placement place(view, o.up);
+    errors_ = mesh_errors(view, o.colour);
+    if (const auto range = range_of(view, o.colour))
+      for (float& e : errors_) e = float(range->share(e));
+    // Coloured by an error, the mesh is drawn in the finer triangles of the error map.
+    const Mesh& mesh = errors_.empty() ? view.mesh : view.errors.mesh;
+    for (const Point& p : mesh.points) points_.push_back(place(p));
+    triangles_ = mesh.triangles;
+    own_ = triangles_.size();
+    if (view.has_mesh() && errors_.empty())  // what repair did would hide the errors
       for (const Mark& mark : view.marks) add(mark, place);
     for (const Point& p : view.centers) centers_.push_back(place(p));
-    for (const double r : view.radii) radii_.push_back(std::max(kDot, float(r / scale)));
+    for (const double r : view.radii) radii_.push_back(std::max(kDot, float(r / place.scale)));
     for (const Colour& c : colours_of(view, o.colour)) colours_.push_back(linear_of(c));
     ground_ = std::numeric_limits<float>::infinity();
     for (const Vec& p : points_) ground_ = std::min(ground_, p.z());
     for (std::size_t k = 0; k < radii_.size(); k++) ground_ = std::min(ground_, centers_[k].z() - radii_[k]);
     ground_ -= 1e-3f;
     mesh_colour_ = linear_of(palette().mesh);
-    background_ = linear_of(palette().background);
+    background_ = linear_of(o.dark ? palette().dark_background : palette().background);
     const Vec lamp(-0.6f, -0.45f, 0.8f);  // over the left shoulder of a camera that looks along +y
     const float turn = float((o.azimuth + 90) * std::numbers::pi / 180);
     lamp_ = Vec(lamp.x() * std::cos(turn) - lamp.y() * std::sin(turn),
@@ -193,7 +177,7 @@ class Stage {
   }
 
   // Behind the mesh's own triangles. A mark that lies on the mesh is moved towards the camera, to be seen.
-  void add(const Mark& mark, const std::function<Vec(const Point&)>& place) {
+  void add(const Mark& mark, const Placement& place) {
     const auto first = static_cast<std::uint32_t>(points_.size());
     const Vec nearer = -3e-4f * fitted(2, 2).forward;
     for (const Point& p : mark.mesh.points) points_.push_back(place(p) + nearer);
@@ -204,11 +188,12 @@ class Stage {
   }
 
   // One panel of the picture, `left` pixels from its left side.
-  void draw(Show show, int left, int width, Picture& picture) const {
+  Panel draw(Show show, int left, int width, Picture& picture) const {
     const Device device;
     const bool mesh = show == Show::mesh || show == Show::both, spheres = show != Show::mesh;
     const World world(device, mesh, spheres, points_, triangles_, centers_, radii_);
-    const World wires(device, show != Show::spheres, false, points_, triangles_, centers_, radii_);
+    std::vector<Vec> corners(points_.begin(), points_.begin() + std::ptrdiff_t(view_.mesh.points.size()));
+    const World wires(device, show != Show::spheres, false, corners, view_.mesh.triangles, {}, {});
     const Camera camera = fitted(width, picture.height);
 #pragma omp parallel for schedule(dynamic, 4)
     for (int y = 0; y < picture.height; y++)
@@ -229,6 +214,7 @@ class Stage {
         std::uint8_t* out = picture.rgb.data() + 3 * (std::size_t(y) * picture.width + left + x);
         for (int k = 0; k < 3; k++) out[k] = byte_of(sum[k] / float(options_.samples));
       }
+    return {left, width, camera, spheres};
   }
 
  private:
@@ -247,16 +233,20 @@ class Stage {
     // distance; the upper and the lower side give its vertical place and another distance.
     float most[4] = {-1e30f, -1e30f, -1e30f, -1e30f};
     const float tx = c.tan_x / margin, ty = c.tan_y / margin;
+    // The lower side ends above the legend.
+    const float below = ty * (1 - 2 * float(legend_height(options_)) / float(options_.height));
     const auto reach = [&](const Vec& p, float r) {
       const float x = p.dot(c.right), y = p.dot(c.up), z = p.dot(c.forward);
       const float rx = r * std::sqrt(1 + tx * tx), ry = r * std::sqrt(1 + ty * ty);
+      const float rb = r * std::sqrt(1 + below * below);
       most[0] = std::max(most[0], x - tx * z + rx), most[1] = std::max(most[1], -x - tx * z + rx);
-      most[2] = std::max(most[2], y - ty * z + ry), most[3] = std::max(most[3], -y - ty * z + ry);
+      most[2] = std::max(most[2], y - ty * z + ry), most[3] = std::max(most[3], -y - below * z + rb);
     };
     for (const Vec& p : points_) reach(p, 0);
     for (std::size_t k = 0; k < radii_.size(); k++) reach(centers_[k], radii_[k]);
-    const float back = std::max((most[0] + most[1]) / (2 * tx), (most[2] + most[3]) / (2 * ty));
-    c.eye = c.right * ((most[0] - most[1]) / 2) + c.up * ((most[2] - most[3]) / 2) - c.forward * back;
+    const float back = std::max((most[0] + most[1]) / (2 * tx), (most[2] + most[3]) / (ty + below));
+    c.eye = c.right * ((most[0] - most[1]) / 2) + c.up * ((most[2] - most[3] - (ty - below) * back) / 2) -
+            c.forward * back;
     return c;
   }
 
@@ -284,8 +274,9 @@ class Stage {
       gloss = 0.10f;
     } else {
       n = Vec(h.hit.Ng_x, h.hit.Ng_y, h.hit.Ng_z);
-      const std::size_t own = view_.mesh.triangles.size();
-      albedo = h.hit.primID < own ? mesh_colour_ : mark_colours_[h.hit.primID - own];
+      albedo = h.hit.primID >= own_ ? mark_colours_[h.hit.primID - own_]
+               : errors_.empty()    ? mesh_colour_
+                                    : error_colour(h.hit);
       gloss = 0.04f;
     }
     if (!(n.squaredNorm() > 0)) n = -along;  // a triangle without area
@@ -301,6 +292,12 @@ class Stage {
       highlight = gloss * std::pow(std::max(0.f, n.dot((l - along).normalized())), 40.f);
     }
     return albedo * light + Vec::Constant(highlight);
+  }
+
+  // Between the errors at the triangle's corners.
+  Vec error_colour(const RTCHit& h) const {
+    const auto& t = triangles_[h.primID];
+    return linear_of(along_ramp((1 - h.u - h.v) * errors_[t[0]] + h.u * errors_[t[1]] + h.v * errors_[t[2]]));
   }
 
   // The fraction of its light that the ground receives: 1 where nothing stands in the way.
@@ -331,7 +328,7 @@ class Stage {
                 int height, float seen) const {
     const RTCRayHit h = wires.first(camera.eye, along);
     if (h.hit.geomID == RTC_INVALID_GEOMETRY_ID || h.ray.tfar > seen + 0.02f) return 0;
-    const auto& t = triangles_[h.hit.primID];
+    const auto& t = view_.mesh.triangles[h.hit.primID];
     Eigen::Vector2f p[3];
     for (int k = 0; k < 3; k++) p[k] = camera.project(points_[t[k]], float(width), float(height));
     const auto cross = [](const Eigen::Vector2f& a, const Eigen::Vector2f& b) {
@@ -353,7 +350,8 @@ class Stage {
   const PictureOptions& options_;
   std::vector<Vec> points_, centers_, colours_, mark_colours_;
   std::vector<std::array<std::uint32_t, 3>> triangles_;  // of the mesh, and behind them those of the marks
-  std::vector<float> radii_;
+  std::size_t own_ = 0;                                  // those of the mesh
+  std::vector<float> radii_, errors_;                    // errors: of the mesh's points, 0 to 1; or none
   float ground_ = 0;
   Vec mesh_colour_, background_, lamp_;
 };
@@ -362,12 +360,15 @@ Picture render_level(const View& view, const PictureOptions& o) {
   Picture picture{o.width, o.height, std::vector<std::uint8_t>(std::size_t(3) * o.width * o.height)};
   const Stage stage(view, o);
   const Show show = view.has_mesh() ? o.show : Show::spheres;
+  std::vector<Panel> panels;
   if (show == Show::side) {
-    stage.draw(Show::mesh, 0, o.width / 2, picture);
-    stage.draw(Show::spheres, o.width / 2, o.width - o.width / 2, picture);
+    panels.push_back(stage.draw(Show::mesh, 0, o.width / 2, picture));
+    panels.push_back(stage.draw(Show::spheres, o.width / 2, o.width - o.width / 2, picture));
   } else {
-    stage.draw(show, 0, o.width, picture);
+    panels.push_back(stage.draw(show, 0, o.width, picture));
   }
+  draw_contacts(view, o, panels, picture);
+  draw_legend(view, o, panels, picture);
   return picture;
 }
 

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: MIT
 // Makes a picture of a view by ray tracing with Embree: it needs neither a display nor a GPU. A bright sky
-// and one broad lamp light the view, on a ground that fades into the background.
+// and one broad lamp light the view, on a ground that fades into the background. A strip at the bottom has
+// the axes, a scale bar and what the colours mean; a picture of less than 320 x 200 pixels has none. With the
+// colours of an error, the mesh is coloured point by point, and each sphere by its largest. Contacts are
+// arrows.
 #pragma once
 #include <cstdint>
 #include <filesystem>
@@ -29,6 +32,8 @@ struct PictureOptions {
   char up = 'z';                         // 'x', 'y' or 'z': the axis that points up
   int samples = 32;                      // rays a pixel; noise falls with its square root
   std::size_t rung = 0;                  // the level of detail that is drawn: 0 the finest
+  bool dark = false;                     // a dark background
+  bool plain = false;                    // without legend, scale bar and axes
 };
 
 // Pixels row by row from the top left, 3 bytes each: red, green, blue, sRGB.

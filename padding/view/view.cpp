@@ -16,17 +16,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// The colour of a ramp at t, 0 to 1.
-Colour along_ramp(double t) {
-  const auto& ramp = palette().ramp;
-  const double x = std::clamp(t, 0.0, 1.0) * double(ramp.size() - 1);
-  const std::size_t k = std::min(std::size_t(x), ramp.size() - 2);
-  Colour c;
-  for (int i = 0; i < 3; i++)
-    c[i] = std::uint8_t(std::lround(ramp[k][i] + (x - double(k)) * (ramp[k + 1][i] - ramp[k][i])));
-  return c;
-}
-
 // Neighbouring triangles have neighbouring numbers. Steps of the golden ratio around the circle of hues give
 // them colours that differ.
 Colour of_triangle(std::int64_t triangle) {
@@ -41,12 +30,10 @@ Colour of_triangle(std::int64_t triangle) {
 }
 
 template <class T>
-std::vector<Colour> by_length(const std::vector<T>& lengths, double low) {
-  double high = low;
-  for (const T v : lengths) high = std::max(high, double(v));
+std::vector<Colour> by_length(const std::vector<T>& lengths, const ColourRange& range) {
   std::vector<Colour> out;
   out.reserve(lengths.size());
-  for (const T v : lengths) out.push_back(along_ramp(high > low ? (double(v) - low) / (high - low) : 0));
+  for (const T v : lengths) out.push_back(along_ramp(range.share(double(v))));
   return out;
 }
 
@@ -154,7 +141,10 @@ View view_of(const Cluster& cluster, const Mesh& mesh) {
   if (std::all_of(v.triangle.begin(), v.triangle.end(), [](std::int64_t t) { return t < 0; }))
     v.triangle.clear();
   v.accuracy = v.rungs[0].accuracy;
-  if (v.has_mesh()) add_protrusion(v, most);
+  if (v.has_mesh()) {
+    add_protrusion(v, most);
+    add_errors(v);
+  }
   if (cluster.lods.empty()) v.rungs.clear();
   return v;
 }
@@ -173,7 +163,8 @@ View one_rung(const View& view, std::size_t rung) {
     values.erase(values.begin(), values.begin() + std::ptrdiff_t(r.first));
   };
   keep(one.centers), keep(one.radii), keep(one.family), keep(one.triangle), keep(one.protrusion),
-      keep(one.body);
+      keep(one.gap), keep(one.body);
+  if (!one.errors.gap.empty()) one.errors.gap = {view.errors.gap[rung]};
   one.accuracy = r.accuracy;
   one.rungs.clear();
   return one;
@@ -199,6 +190,36 @@ Mesh mesh_of(const Cluster& cluster, const fs::path& cluster_path, const fs::pat
   return {};
 }
 
+Colour along_ramp(double share) {
+  const auto& ramp = palette().ramp;
+  const double x = std::clamp(share, 0.0, 1.0) * double(ramp.size() - 1);
+  const std::size_t k = std::min(std::size_t(x), ramp.size() - 2);
+  Colour c;
+  for (int i = 0; i < 3; i++)
+    c[i] = std::uint8_t(std::lround(ramp[k][i] + (x - double(k)) * (ramp[k + 1][i] - ramp[k][i])));
+  return c;
+}
+
+std::optional<ColourRange> range_of(const View& view, ColourBy by) {
+  if (by == ColourBy::radius) {
+    const auto [low, high] = std::minmax_element(view.radii.begin(), view.radii.end());
+    return view.radii.empty() ? ColourRange{} : ColourRange{*low, *high};
+  }
+  if (by != ColourBy::protrusion && by != ColourBy::gap) return std::nullopt;
+  ColourRange range;
+  for (const float v : by == ColourBy::gap ? view.gap : view.protrusion)
+    range.high = std::max(range.high, double(v));
+  for (const float v : mesh_errors(view, by)) range.high = std::max(range.high, double(v));
+  return range;
+}
+
+std::vector<float> mesh_errors(const View& view, ColourBy by) {
+  if ((by != ColourBy::protrusion && by != ColourBy::gap) || view.errors.gap.empty()) return {};
+  std::vector<float> out = view.errors.gap[0];
+  for (float& v : out) v = std::max(0.f, by == ColourBy::gap ? v : -v);
+  return out;
+}
+
 std::vector<Colour> colours_of(const View& view, ColourBy by) {
   const auto need = [&](bool there, const char* what) {
     if (!there)
@@ -208,11 +229,13 @@ std::vector<Colour> colours_of(const View& view, ColourBy by) {
   out.reserve(view.size());
   switch (by) {
     case ColourBy::radius:
-      return by_length(view.radii,
-                       view.radii.empty() ? 0 : *std::min_element(view.radii.begin(), view.radii.end()));
+      return by_length(view.radii, *range_of(view, by));
     case ColourBy::protrusion:
       need(view.protrusion.size() == view.size(), "protrusion, which needs the mesh");
-      return by_length(view.protrusion, 0);
+      return by_length(view.protrusion, *range_of(view, by));
+    case ColourBy::gap:
+      need(view.gap.size() == view.size(), "gap, which needs the mesh");
+      return by_length(view.gap, *range_of(view, by));
     case ColourBy::triangle:
       need(view.triangle.size() == view.size(), "triangle");
       for (const std::int64_t t : view.triangle) out.push_back(of_triangle(t));
@@ -228,6 +251,11 @@ std::vector<Colour> colours_of(const View& view, ColourBy by) {
   }
 }
 
+const char* name_of(ColourBy by) {
+  constexpr const char* names[] = {"family", "radius", "protrusion", "gap", "triangle", "body"};
+  return names[std::size_t(by)];
+}
+
 const char* name_of(MarkKind kind) {
   constexpr const char* names[] = {"patch over a hole", "buried, nothing touches it",
                                    "slot closed by the wrap", "sheet, padded on both sides"};
@@ -241,7 +269,10 @@ const Palette& palette() {
       .background = {244, 246, 248},
       .marks = {{{0, 158, 115}, {86, 180, 233}, {213, 94, 0}, {204, 121, 167}}},  // told apart by all eyes
       .kinds = {kKinds.begin(), kKinds.end()},
-      .ramp = {{38, 48, 120}, {36, 104, 160}, {44, 160, 150}, {146, 200, 90}, {250, 220, 70}}};
+      .ramp = {{38, 48, 120}, {36, 104, 160}, {44, 160, 150}, {146, 200, 90}, {250, 220, 70}},
+      .ink = {31, 41, 51},
+      .dark_background = {22, 26, 31},
+      .dark_ink = {222, 227, 233}};
   return p;
 }
 

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: MIT
 # The installed package as others meet it. package.sh STEP SOURCE BUILD WORK CXX, STEP one of:
 #   install   installs BUILD to WORK/prefix
+#   deb       makes the packages for Debian, unpacks them, and uses what is in them
 #   consumer  builds and runs tests/package/consumer against WORK/prefix
 #   cover     the same with tests/package/cover_consumer, whose program must hold nothing of CGAL or assimp
 #   view      the same with tests/package/view_consumer
@@ -24,6 +25,26 @@ case $step in
     mkdir -p "$work"
     rm -rf "$work/prefix"
     cmake --install "$build" --prefix "$work/prefix" >/dev/null
+    ;;
+  deb)
+    command -v dpkg-shlibdeps >/dev/null || { echo "dpkg-dev is not installed: the packages for Debian are not made"; exit 77; }
+    rm -rf "$work/deb" && mkdir -p "$work/deb"
+    (cd "$build" && cpack -G DEB -B "$work/deb" >"$work/deb/log") || { cat "$work/deb/log" >&2; exit 1; }
+    for package in "$work"/deb/*.deb; do dpkg-deb -x "$package" "$work/deb/root"; done
+    depends() { dpkg-deb -f "$work"/deb/"$1"_*.deb Depends; }
+    [[ "$(depends libpadder-dev)" == *libeigen3-dev* && "$(depends libpadder-dev)" == *libfreetype-dev* ]]
+    [[ "$(depends padder)" == *libassimp* && "$(depends python3-padder)" == *python3-numpy* ]]
+    export LC_ALL=C
+    usr=$work/deb/root/usr
+    "$usr/bin/pad" "$source/assets/grain.obj" --tolerance 5% -q -o "$work/deb/grain.spheres.json"
+    "$usr/bin/detect" "$work/deb/grain.spheres.json" --copies 8 -q
+    PYTHONPATH=$usr/lib/python3/dist-packages /usr/bin/python3 -c \
+      "import importlib.metadata, padder; assert importlib.metadata.version('padder') == padder.__version__; padder.load('$work/deb/grain.spheres.json')"
+    configure "$source/tests/package/consumer" "$work/deb/consumer" -DCMAKE_PREFIX_PATH="$usr" >/dev/null
+    if grep -rl "$build" "$usr/lib/cmake"; then
+      echo "the package names the build folder" >&2
+      exit 1
+    fi
     ;;
   consumer)
     configure "$source/tests/package/consumer" "$work/consumer" -DCMAKE_PREFIX_PATH="$work/prefix"

@@ -421,3 +421,22 @@ def test_pip_installs_a_checkout(tmp_path):
     code = "import padder; print(padder.__file__, padder.__version__)"
     ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env={**os.environ, "PYTHONPATH": str(tmp_path)})
     assert ran.stdout.startswith(str(tmp_path)), ran.stderr
+    assert subprocess.run([tmp_path / "bin" / "pad", "--version"], capture_output=True, text=True).stdout.startswith("pad (padder)")
+
+
+def test_a_cluster_as_a_page():
+    box = np.array([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)], float)
+    faces = [(0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5), (0, 4, 5), (0, 5, 1), (2, 3, 7), (2, 7, 6), (0, 2, 6), (0, 6, 4), (1, 5, 7), (1, 7, 3)]
+    cluster = padder.pad(box, np.array(faces), tolerance="10%", name="cube")
+    assert "<table>" in cluster._repr_html_()
+    with pytest.raises(ValueError, match="colour"):
+        cluster.page(colour="taste")
+    try:
+        page = cluster.page(box, faces, colour="gap")
+    except padder.Error as e:
+        pytest.skip(str(e))  # the page is not built
+    assert '"colour":"gap"' in page and 'id="mesh-gap0"' in page
+    assert 'id="mesh-gap0"' not in cluster.page()
+    with pytest.raises(padder.Error, match="gap"):
+        cluster.page(colour="gap")  # without a mesh
+    assert "<iframe sandbox='allow-scripts'" in cluster._repr_html_()

@@ -83,9 +83,7 @@ class Browser:
             "browserName": "chrome", "goog:chromeOptions": {"binary": shutil.which("chromium"), "args": flags},
             "goog:loggingPrefs": {"browser": "ALL"}}}})
         self.session = "/session/" + answer["sessionId"]
-        # Chromium's window is taller than its page: set the page's own size.
-        self.send("goog/cdp/execute", {"cmd": "Emulation.setDeviceMetricsOverride", "params": {
-            "width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}})
+        self.resize(width, height)
 
     def call(self, method, path, body=None):
         request = urllib.request.Request(self.root + path, method=method, data=None if body is None else json.dumps(body).encode(),
@@ -98,6 +96,16 @@ class Browser:
 
     def send(self, path, body):
         return self.call("POST", f"{self.session}/{path}", body)
+
+    def command(self, name, **params):
+        self.send("goog/cdp/execute", {"cmd": name, "params": params})
+
+    def resize(self, width, height):  # of the page: Chromium's window is taller
+        self.command("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
+
+    def prefer(self, scheme):
+        """What the system says about colours: dark or light."""
+        self.command("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
 
     def open(self, path):
         self.send("url", {"url": "file://" + os.path.abspath(path)})

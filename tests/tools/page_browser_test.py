@@ -134,8 +134,21 @@ class PageTest(unittest.TestCase):
         self.assertEqual(self.b.log(), [], "the console must stay silent")
 
     def load(self, name):
+        """Opens a page in a window that is as much larger as its panels take, so that the picture has the size known here."""
+        self.b.resize(WIDTH + 310, HEIGHT + 60)
         self.b.open(self.path(name))
         self.b.wait("window.padder && padder.state().frames > 0")
+        box = self.box("canvas")
+        self.b.resize(WIDTH + 310 + WIDTH - round(box["width"]), HEIGHT + 60 + HEIGHT - round(box["height"]))
+        self.b.wait(f"(() => {{ const b = document.querySelector('canvas').getBoundingClientRect(); return b.width === {WIDTH} && b.height === {HEIGHT}; }})()", 10)
+        self.next_frames()
+        self.b.wait("!padder.state().busy")
+
+    def next_frames(self):
+        self.b.send("execute/async", {"script": "const done = arguments[0]; requestAnimationFrame(() => requestAnimationFrame(() => done()))", "args": []})
+
+    def box(self, selector):
+        return self.b.run("return document.querySelector(arguments[0]).getBoundingClientRect().toJSON()", selector)
 
     def state(self):
         return self.b.run("return padder.state()")
@@ -150,13 +163,13 @@ class PageTest(unittest.TestCase):
         return self.camera(boxes=[((0, 0, 0), (2, 1, 1))])
 
     def picture(self):
-        """The screen without the panels in front of it."""
-        self.b.run("document.querySelectorAll('header, aside, footer, #divider').forEach((e) => e.style.visibility = 'hidden');"
+        """The screen without what is drawn over the picture, which is its upper left part."""
+        self.b.run("document.querySelectorAll('#rulers, #divider').forEach((e) => e.style.visibility = 'hidden');"
                    "document.activeElement.blur()")
-        self.b.send("execute/async", {"script": "const done = arguments[0]; requestAnimationFrame(() => requestAnimationFrame(() => done()))", "args": []})
+        self.next_frames()
         image = self.b.screenshot()
-        self.b.run("document.querySelectorAll('header, aside, footer, #divider').forEach((e) => e.style.visibility = '')")
-        self.assertEqual((image.width, image.height), (WIDTH, HEIGHT))
+        self.b.run("document.querySelectorAll('#rulers, #divider').forEach((e) => e.style.visibility = '')")
+        self.assertGreater(image.width, WIDTH)
         return image
 
     def spots(self, camera, xs, ys):
@@ -164,7 +177,7 @@ class PageTest(unittest.TestCase):
         for y in ys:
             for x in xs:
                 found = {camera.first(self.spheres, x + i, y + j)[0] for i in (-2, 0, 2) for j in (-2, 0, 2)}
-                if len(found) == 1 and -1 not in found:
+                if len(found) == 1 and -1 not in found and camera.first(self.spheres, x, y)[1] > 0.0005:
                     yield x, y, found.pop()
 
     def do(self, action):
@@ -299,15 +312,75 @@ class PageTest(unittest.TestCase):
         colour = lambda k: tuple(self.b.run("return padder.colour(arguments[0])", k))
         self.assertEqual(colour(largest), ORANGE)
         names = self.b.run("return [...document.querySelector('#colour').options].map((o) => o.value)")
-        self.assertEqual(names, ["family", "radius", "protrusion", "triangle"])
+        self.assertEqual(names, ["family", "radius", "protrusion", "gap", "triangle"])
         self.b.keys("c")
         self.assertEqual(self.state()["colour"], "radius")
         self.assertEqual(colour(largest), (250, 220, 70))
         self.assertAlmostEqual(float(self.b.run("return document.querySelectorAll('.ends span')[1].textContent").split()[0]),
-                               max(radii), delta=1e-6)
-        self.b.keys("cc")
+                               max(radii), delta=1e-3)
+        self.b.keys("ccc")
         self.assertEqual(self.state()["colour"], "triangle")
         self.assertGreater(len({colour(k) for k in range(20)}), 10)
+
+    def test_errors_are_drawn_on_the_mesh(self):
+        tool("pad", self.path("brick.obj"), "-o", self.path("bare.spheres.json"), "--tolerance", "4%", "-q", "--preview", self.path("gap.html"), "--colour", "gap")
+        with open(self.path("bare.spheres.json")) as f:
+            cluster = json.load(f)
+        spheres = list(zip(cluster["spheres"]["centers"], cluster["spheres"]["radii"]))
+        self.load("gap.html")
+        self.assertEqual(self.state()["colour"], "gap")
+        gap = lambda p: max(0, min(math.dist(p, c) - r for c, r in spheres))
+        largest = max(gap((x, y, z)) for x in (0, 2) for y in (0, 1) for z in (0, 1))
+        self.assertGreater(largest, 0)
+        high = float(self.b.run("return document.querySelectorAll('.ends span')[1].textContent").split()[0])
+        self.assertTrue(0.99 * largest < high < 1.01 * cluster["accuracy"]["gap_max"], (largest, high))
+        self.do(lambda: self.b.keys("1"))
+        image, seen = self.picture(), []
+        camera = self.camera(spheres, [((0, 0, 0), (2, 1, 1))])
+        for k in range(40):  # along a line on the upper face: brighter and greener where the gap is larger
+            p = (0.05 * k + 0.02, 0.3, 1)
+            x, y = camera.pixel(p)
+            seen.append((gap(p) / high, image.at(round(x), round(y))))
+        bare = [c for share, c in seen if share > 0.35]
+        covered = [c for share, c in seen if share < 0.02]
+        self.assertTrue(covered)
+        self.assertTrue(all(c[2] > c[1] for c in covered), seen)
+        self.assertTrue(all(c[1] > c[2] * 0.9 for c in bare), seen)
+        self.do(lambda: self.b.run("const e = document.querySelector('#colour'); e.value = 'family'; e.dispatchEvent(new Event('change'))"))
+        self.assertNotEqual(self.picture().rows, image.rows)
+
+    def test_the_scale_bar_and_the_axes(self):
+        self.load("brick.html")
+        label, path = self.b.run("const s = document.querySelector('#rulers'); return [s.lastElementChild.textContent, s.lastElementChild.previousElementSibling.getAttribute('d')]")
+        length, unit = label.split()
+        self.assertEqual(unit, "m")
+        state, camera = self.state(), self.brick()
+        far = abs(state["view"][14])
+        pixels = HEIGHT / 2 * state["projection"][5] / far / camera.scale * float(length)
+        self.assertAlmostEqual(float(path.split("h")[1].split("m")[0]), pixels, delta=0.01 * pixels)
+        self.assertEqual(self.b.run("return [...document.querySelectorAll('#rulers text')].map((e) => e.textContent).slice(0, 3).sort().join('')"), "xyz")
+
+    def test_no_panel_lies_on_the_picture(self):
+        for width, height in ((1280, 800), (390, 844), (700, 500)):
+            with self.subTest((width, height)):
+                self.b.resize(width, height)
+                self.b.open(self.path("brick.html"))
+                self.b.wait("window.padder && padder.state().frames > 0")
+                picture = self.box("canvas")
+                self.assertGreater(picture["width"] * picture["height"], 0.4 * width * height)
+                for panel in ("aside", "footer"):
+                    box = self.box(panel)
+                    self.assertTrue(box["left"] >= picture["right"] or box["top"] >= picture["bottom"], (panel, box, picture))
+                    self.assertTrue(box["right"] <= width and box["bottom"] <= height, (panel, box))
+
+    def test_dark_as_the_system_is_and_by_key(self):
+        self.addCleanup(self.b.prefer, "light")
+        for scheme, colour in (("dark", (22, 26, 31)), ("light", BACKGROUND)):
+            self.b.prefer(scheme)
+            self.load("brick.html")
+            self.assertTrue(is_near(self.picture().at(4, 4), colour))
+        self.do(lambda: self.b.keys("b"))
+        self.assertTrue(is_near(self.picture().at(4, 4), (22, 26, 31)))
 
     def test_overlay_detail_and_panels(self):
         self.load("brick.html")
@@ -350,6 +423,8 @@ class PageTest(unittest.TestCase):
         camera = self.camera(balls)
         self.assertEqual(self.state()["contacts"], 1)
         self.assertIn("contacts1", self.b.text("#scene"))
+        self.assertIn("from i to j", self.b.text("#contacts-legend"))
+        self.assertTrue(self.b.text("#contacts-ramp").startswith("00.2"), self.b.text("#contacts-ramp"))
         image = self.picture()
         spots = [[round(v) for v in camera.pixel(c)] for c, _ in balls]
         self.assertEqual([hue(image.at(*p)) for p in spots], ["red", "blue", "red"])

@@ -44,11 +44,12 @@ class Choices {
 };
 
 struct Arguments {
-  std::string scene, output;
+  std::string scene, output;  // "-": the standard input, the standard output
+  std::string format;         // of the output, where it has no name
   std::uint64_t copies = 0;
   std::string devices;       // a number or "all"; empty: one, and no boxes
   std::uint64_t memory = 0;  // bytes; 0: no limit, and no boxes
-  bool hash = false, stages = false, json = false, quiet = false;
+  bool hash = false, stages = false, json = false, quiet = false, verbose = false;
   Choices<BackendKind> backend{
       {"auto", BackendKind::automatic}, {"omp", BackendKind::omp}, {"cuda", BackendKind::cuda}};
   Choices<Path> path{{"fast", Path::grid}, {"nine-stages", Path::nine_stages}};
@@ -56,8 +57,14 @@ struct Arguments {
   CallOptions options;
 };
 
+// For -v: a line for each stage, on stderr.
+void print_seconds(const Json& seconds);
+
 // The hash as it is printed: 16 hexadecimal digits.
 std::string hex(std::uint64_t hash);
+
+// The scene that the arguments name.
+Scene read_input(const Arguments& arguments, LooseAs loose = LooseAs::memory);
 
 // --devices, --memory, or a mapped file: contacts are found box by box. Prints the result.
 bool wants_boxes(const Arguments& arguments);

@@ -92,7 +92,7 @@ bool wants_boxes(const Arguments& a) {
 
 int run_boxes(const Arguments& a) {
   check(a);
-  const Scene scene = read_scene_or_cluster(a.scene, a.copies, LooseAs::mapped);
+  const Scene scene = read_input(a, LooseAs::mapped);
   const Input input = scene.input();
   const BoxOptions options = options_of(a, scene);
   BoxedDetector boxed(options);
@@ -107,6 +107,7 @@ int run_boxes(const Arguments& a) {
   }
   const BoxReport& r = boxed.report();
   const Json report = report_of(a, scene, options, r, boxed.backend());
+  if (a.verbose) print_seconds(report["seconds"]);
   if (a.json) {
     padder::cli::print_json(report);
     return 0;

@@ -130,7 +130,7 @@ int run_among(const Arguments& a, const Launch& launch) {
   together(MPI_COMM_WORLD, [&] {
     if (a.backend.value() == BackendKind::cuda && !cuda_present())
       throw Error("there is no GPU that CUDA can use: choose omp");
-    scene = read_scene_or_cluster(a.scene, a.copies, LooseAs::mapped);
+    scene = read_input(a, LooseAs::mapped);
   });
   const Input part = part_of(scene.input(), launch.rank, launch.ranks);
   const RankOptions options = options_of(a, scene);

@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "tools/pad/arguments.h"
 
+#include <algorithm>
 #include <set>
 
 #include "padding/input/read.h"
 #include "tools/arguments.h"
 #include "tools/cli.h"
+#include "tools/colour_option.h"
 
 namespace padder {
 
@@ -34,22 +36,37 @@ std::string format_names_text() {
   return names;
 }
 
+CLI::Validator mesh_ending() {
+  return {[](const std::string& text) {
+            const auto& known = mesh_endings();
+            return std::find(known.begin(), known.end(), "." + text) != known.end()
+                       ? std::string()
+                       : not_a(text, "format of a mesh: write one of the endings that MESH takes, as stl");
+          },
+          ""};
+}
+
 // What is read and what is written. --help lists options in the order in which they are declared.
 void declare_files(CLI::App& app, PadArguments& a) {
   app.add_option(
       "MESH", a.meshes,
       "mesh files (" + mesh_endings_text() +
           "), robots (urdf xacro), or files of spheres, which are converted. Or folders of meshes, and "
-          "patterns in quotes: then as with --manifest");
+          "patterns in quotes: then as with --manifest. - reads one from stdin");
   app.add_option("-o", a.outputs,
                  "file to write, its ending tells the format (docs/formats.md), or folder for several "
-                 "(default: NAME.spheres.json here). Again for each further format")
+                 "(default: NAME.spheres.json here). Again for each further format. - writes to stdout")
       ->allow_extra_args(false)
       ->type_name("FILE|DIR");
   app.add_option("--format", a.format,
                  "another program's format, where the ending does not tell:" + format_names_text())
       ->type_name("NAME");
-  app.add_option("--density", a.density, "for formats that state a mass (default: 1000, kg/m^3 in metres)")
+  app.add_option("--input-format", a.input_format, "of MESH -, which is read from stdin: stl, obj, ply ...")
+      ->check(mesh_ending())
+      ->type_name("NAME");
+  app.add_option(
+         "--density", a.density,
+         "for the mass that is printed, and for formats that state one (default: 1000, kg/m^3 in metres)")
       ->check(decimal())
       ->check(CLI::PositiveNumber);
 }
@@ -199,14 +216,20 @@ void declare_output(CLI::App& app, PadArguments& a) {
                  "write the surface that the spheres were made on, whose faces spheres.triangle counts: .obj "
                  ".off .ply .stl, or a folder for NAME.surface.obj")
       ->type_name("FILE|DIR");
-  app.add_option("--preview", a.preview, "show mesh and spheres: a page (.html) or a picture (.png)")
-      ->type_name("FILE");
+  app.add_option("--preview", a.preview,
+                 "show mesh and spheres: a page (.html) or a picture (.png); or a folder for NAME.png")
+      ->type_name("FILE|DIR");
+  cli::add_colour(
+      app, a.colour,
+      "of --preview: by family (the default), radius, protrusion, gap or triangle; the errors also "
+      "on the mesh");
   app.add_option("--threads", a.threads,
                  "threads to use, 1 to 1024; with a manifest, for each part (default: all)")
       ->check(whole())
       ->check(CLI::Range(1, kMostThreads));
   app.add_flag("--json", a.json, "print one JSON document on stdout");
   app.add_flag("-q", a.quiet, "print nothing but errors");
+  app.add_flag("-v", a.verbose, "print the seconds of each step on stderr");
   app.set_version_flag("--version", "pad (padder) " PADDER_VERSION);
 }
 
@@ -229,8 +252,9 @@ void declare_all(CLI::App& app, PadArguments& a) {
 std::map<std::string, std::string> settings_of(const CLI::App& app) {
   // An option that is not named here counts: an asset made again for nothing is better than an old one kept.
   static const std::set<std::string> others = {
-      "MESH",         "-o",        "--seconds", "--memory", "--manifest", "--shard",   "--page", "--workers",
-      "--write-mesh", "--preview", "--joint",   "--json",   "-q",         "--threads", "--help", "--version"};
+      "MESH",      "-o",           "--seconds", "--memory", "--manifest", "--shard",        "--page",
+      "--workers", "--write-mesh", "--preview", "--joint",  "--colour",   "--input-format", "-v",
+      "--json",    "-q",           "--threads", "--help",   "--version"};
   std::map<std::string, std::string> settings;
   for (const CLI::Option* option : app.get_options()) {
     if (option->count() == 0 || others.contains(option->get_name())) continue;

@@ -9,6 +9,7 @@
 #include "padding/export/export.h"
 #include "padding/pad_options.h"
 #include "padding/robot.h"
+#include "padding/view/view.h"
 
 namespace padder {
 
@@ -17,6 +18,7 @@ struct PadArguments {
   std::vector<std::string> meshes;
   std::vector<std::string> outputs;  // of -o
   std::string unit, format;
+  std::string input_format;  // of the mesh from the standard input
   double scale = 1, density = ExportOptions().density;
   PadOptions options;
   RobotOptions robot;
@@ -26,8 +28,9 @@ struct PadArguments {
 
   // Of the whole run.
   std::string manifest, shard, preview, write_mesh;
-  int threads = 0, workers = 0;  // 0: chosen
-  bool page = false, json = false, quiet = false;
+  ColourBy colour = ColourBy::family;  // of the preview
+  int threads = 0, workers = 0;        // 0: chosen
+  bool page = false, json = false, quiet = false, verbose = false;
 
   std::string output() const { return outputs.empty() ? "" : outputs[0]; }  // the first
 };

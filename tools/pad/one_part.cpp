@@ -62,11 +62,27 @@ void make_folder_of(const fs::path& file) {
   if (file.has_parent_path()) fs::create_directories(file.parent_path(), code);
 }
 
+// What --preview names, or NAME.png in its folder.
+fs::path preview_file(const PadArguments& a, const std::string& input) {
+  if (a.preview.empty() || !is_folder(a.preview)) return a.preview;
+  const fs::path path = fs::path(a.preview) / (fs::path(input).stem().string() + ".png");
+  make_folder_of(path);
+  return path;
+}
+
 Json pad_urdf(const PadArguments& a, const std::string& file, const PadTarget& goal,
               const PadProgress& progress, const std::function<void()>& done) {
   if (a.scale != 1 || (!a.unit.empty() && a.unit != "m"))
     throw Error(file + ": a URDF is in metres: leave out --scale and --unit");
-  RobotJob job{file, goal.outputs(), a.options, a.robot, {a.density}, goal.in_folder, a.preview, {}};
+  RobotJob job{file,
+               goal.outputs(),
+               a.options,
+               a.robot,
+               {a.density},
+               goal.in_folder,
+               preview_file(a, file).string(),
+               a.colour,
+               {}};
   job.whole.reading.package_folders.assign(a.package_folders.begin(), a.package_folders.end());
   for (const std::string& joint : a.joints) {
     const std::size_t at = joint.rfind('=');
@@ -119,12 +135,14 @@ Json pad_one(const PadArguments& a, const std::string& file, const PadTarget& ta
   if (!a.preview.empty()) {
     View view = view_of(padded.cluster, mesh_of(padded.cluster, target.first.path, file));
     view.marks = padded.marks;
-    write_preview(view, a.preview);
+    write_preview(view, preview_file(a, file), a.colour);
   }
   done();
-  const PadFiles files{file, target.first.path, target.mesh};
+  const PadFiles files{file, target.first.path, target.mesh, a.density};
   if (!a.json && !a.quiet) print_report(files, padded);
-  return report_json(files, a.options, padded, warnings);
+  Json report = report_json(files, a.options, padded, warnings);
+  if (a.verbose) print_seconds(report);
+  return report;
 }
 
 }  // namespace padder

@@ -21,6 +21,7 @@
 #include "tools/pad/manifest/run_parts.h"
 #include "tools/pad/one_part.h"
 #include "tools/pad/progress_bar.h"
+#include "tools/streams.h"
 
 namespace padder {
 namespace {
@@ -101,22 +102,26 @@ std::vector<PadTarget> targets(const PadArguments& a) {
                        ": pad them one by one with -o");
     out.push_back(t);
   }
-  if (!a.preview.empty() && (a.meshes.size() > 1 || !is_preview(a.preview)))
-    throw UsageError("--preview shows one mesh or robot in one file that ends in .html or .png");
+  if (!a.preview.empty() && !is_folder(a.preview) && (a.meshes.size() > 1 || !is_preview(a.preview)))
+    throw UsageError(
+        "--preview shows one mesh or robot in one file that ends in .html or .png; for several, name a "
+        "folder: "
+        "make it, or end it with /");
   if (a.preview.ends_with(".html")) page_script();  // before the work, not after it
   return out;
 }
 
 // One mesh after the other, in this process.
-int pad_meshes(const PadArguments& a) {
+int pad_meshes(const PadArguments& a, const cli::StreamFiles& files) {
   const std::vector<PadTarget> goals = targets(a);
   Json all = Json::array();
   bool failed = false;
   ProgressBar bar(!a.quiet);
   const auto fail = [&](const std::string& mesh, const std::string& what) {
     bar.clear();
-    std::fprintf(stderr, "pad: %s\n", what.c_str());
-    all.push_back({{"input", mesh}, {"error", what}});
+    const std::string sentence = files.spoken(what);
+    std::fprintf(stderr, "pad: %s\n", sentence.c_str());
+    all.push_back({{"input", files.spoken(mesh)}, {"error", sentence}});
     failed = true;
   };
   for (std::size_t k = 0; k < a.meshes.size(); k++) {
@@ -125,11 +130,12 @@ int pad_meshes(const PadArguments& a) {
       bar.show((double(k) + double(done) / of) / double(a.meshes.size()), mesh + ": " + step);
     };
     try {
-      const Json report = pad_one(a, mesh, goals[k], show, [&] { bar.clear(); });
+      Json report = pad_one(a, mesh, goals[k], show, [&] { bar.clear(); });
       if (!a.quiet)
         for (const auto& sentence : report["warnings"])
           std::fprintf(stderr, "pad: warning: %s\n", sentence.get<std::string>().c_str());
-      all.push_back(report);
+      report["input"] = files.spoken(report["input"]);
+      all.push_back(std::move(report));
     } catch (const Error& e) {
       fail(mesh, e.what());
     } catch (const std::bad_alloc&) {
@@ -140,7 +146,32 @@ int pad_meshes(const PadArguments& a) {
   return failed ? 1 : 0;
 }
 
-int run(PadArguments& a, const CLI::App& app) {
+// Puts files in the place of "-".
+void use_streams(PadArguments& a, cli::StreamFiles& files) {
+  const auto given = std::count_if(a.meshes.begin(), a.meshes.end(), cli::is_stream);
+  const auto taken = std::count_if(a.outputs.begin(), a.outputs.end(), cli::is_stream);
+  if (given == 0 && !a.input_format.empty())
+    throw UsageError("--input-format is for MESH -: the ending of a file tells its format");
+  if (given > 1 || taken > 1)
+    throw UsageError("- is given twice: stdin holds one mesh, and stdout takes one file");
+  if (taken > 0 && (a.json || a.meshes.size() > 1))
+    throw UsageError("-o - writes the file of one mesh to stdout: leave out --json and further meshes");
+  for (std::string& output : a.outputs) {
+    if (!cli::is_stream(output)) continue;
+    const Format* format = a.format.empty() ? nullptr : &find_format({}, a.format);
+    output = files.output("stdout" + std::string(format ? format->ending : ".spheres.json"));
+    a.quiet = true;
+  }
+  for (std::string& mesh : a.meshes) {
+    if (!cli::is_stream(mesh)) continue;
+    if (a.input_format.empty())
+      throw UsageError("MESH - has no ending that tells the format: name it, as --input-format stl");
+    mesh = files.spool("stdin." + a.input_format);
+  }
+}
+
+int run(PadArguments& a, const CLI::App& app, cli::StreamFiles& files) {
+  use_streams(a, files);
   if (lists_parts(a)) return run_parts(a, settings_of(app));
   if (a.meshes.empty())
     throw UsageError("name a mesh, a folder of meshes, or --manifest FILE (see pad --help)");
@@ -149,7 +180,9 @@ int run(PadArguments& a, const CLI::App& app) {
       throw UsageError(std::string(option) +
                        " is for a folder of meshes or a --manifest, and there is neither");
   if (a.threads > 0) omp_set_num_threads(a.threads);
-  return pad_meshes(a);
+  const int code = pad_meshes(a, files);
+  if (code == 0) files.deliver();
+  return code;
 }
 
 }  // namespace
@@ -167,6 +200,7 @@ int main(int argc, char** argv) {
       "  pad part.obj -o part.vtp                     for ParaView; docs/formats.md lists the others\n"
       "  pad robot.urdf --tolerance 1%                every link; writes robot.spheres.urdf\n"
       "  pad part.spheres.json -o part.xml -o part.glb  in other formats, without padding again\n"
+      "  pad - --input-format stl -o - < part.stl     from stdin to stdout\n"
       "  pad part.obj --edge-length 1% --json         finer, with the report as JSON\n\n"
       "Covers a triangle mesh with spheres: repairs it, remeshes it isotropically, fits one sphere a "
       "triangle at the\n"
@@ -175,9 +209,10 @@ int main(int argc, char** argv) {
       "mesh's own unit, or a share of the diagonal of its bounding box when it ends in %.\n",
       "pad");
   padder::PadArguments arguments;
+  padder::cli::StreamFiles files;
   padder::declare_all(app, arguments);
   return padder::cli::run(
-      app, argc, argv, [&] { return padder::run(arguments, app); },
+      app, argc, argv, [&] { return padder::run(arguments, app, files); },
       [&](const std::string& error) {
         if (arguments.json)
           padder::cli::print_failure(arguments.meshes.size() == 1 ? arguments.meshes[0] : "", error);

@@ -93,6 +93,9 @@ Json report_json(const PadFiles& files, const PadOptions& options, const Padded&
           {"radius_min", *least},
           {"radius_max", *most},
           {"accuracy", Json::parse(to_json(p.cluster.accuracy))},
+          {"volume", p.cluster.mass.volume > 0 ? Json(p.cluster.mass.volume) : Json(nullptr)},
+          {"density", files.density},
+          {"mass", p.cluster.mass.volume > 0 ? Json(files.density * p.cluster.mass.volume) : Json(nullptr)},
           {"buried", r.buried},
           {"repair_steps",
            {{"pieces", r.steps.pieces},
@@ -161,8 +164,19 @@ void print_report(const PadFiles& files, const Padded& p) {
   std::printf("  of the diagonal %g%s; normals off by %.1f degrees in the mean; %.2f s\n", r.diagonal,
               (c.unit.empty() ? "" : " " + c.unit).c_str(), c.accuracy.normal_error_mean_deg,
               r.seconds.total());
+  if (c.mass.volume > 0) {
+    const bool metres = c.unit == "m";
+    std::printf("  volume %.4g%s%s, mass %.4g%s at a density of %g%s\n", c.mass.volume,
+                c.unit.empty() ? "" : (" " + c.unit).c_str(), c.unit.empty() ? "" : "^3",
+                files.density * c.mass.volume, metres ? " kg" : "", files.density, metres ? " kg/m^3" : "");
+  }
   std::printf("  wrote %s\n", files.output.c_str());
   if (!files.mesh.empty()) std::printf("  wrote %s\n", files.mesh.c_str());
+}
+
+void print_seconds(const Json& report) {
+  for (const auto& [step, seconds] : report["seconds"].items())
+    std::fprintf(stderr, "pad: %-8s %8.3f s\n", step.c_str(), seconds.get<double>());
 }
 
 }  // namespace padder

@@ -14,6 +14,7 @@ namespace padder {
 struct PadFiles {
   std::string input;
   std::filesystem::path output, mesh;
+  double density = 1000;  // for the mass
 };
 
 // The document of --json.
@@ -22,6 +23,8 @@ nlohmann::ordered_json report_json(const PadFiles& files, const PadOptions& opti
 
 // For people, on stdout.
 void print_report(const PadFiles& files, const Padded& padded);
+// For -v: a line for each step, on stderr.
+void print_seconds(const nlohmann::ordered_json& report);
 
 // The two largest errors in percent of the diagonal, each with what stands behind it: "protrusion at most
 // 0.43 % (mean 0.17 %), gap at most 0.37 % (mean 0.004 %), both proved against the input".

@@ -60,7 +60,7 @@ void preview_robot(const RobotJob& job, const PaddedRobot& robot) {
   }
   View view = view_of(all, mesh);
   view.family = std::move(family);
-  write_preview(view, job.preview);
+  write_preview(view, job.preview, job.colour);
 }
 
 }  // namespace

@@ -26,6 +26,7 @@ struct RobotJob {
   ExportOptions exporting;
   bool clusters;                         // also LINK.spheres.json for each link, beside the first output
   std::string preview;                   // a picture or a page; empty: none
+  ColourBy colour;                       // of the preview
   std::map<std::string, double> joints;  // where they stand in it, in radians or metres; 0 where not named
 };
 

@@ -5,6 +5,7 @@ export const colourings = {
   family: {label: 'family', has: () => true},
   radius: {label: 'radius', has: (d) => d.n > 0},
   protrusion: {label: 'protrusion', has: (d) => d.protrusion !== null},
+  gap: {label: 'gap', has: (d) => d.gap !== null},
   triangle: {label: 'source triangle', has: (d) => d.triangle !== null},
   body: {label: 'body', has: (d) => d.body !== null},
 };
@@ -31,20 +32,27 @@ function triangleColour(head, triangle) {
   });
 }
 
-// The lengths a ramp runs over, or null where the colours are of kinds.
-export function rangeOf(d, by) {
-  const values = by === 'radius' ? d.radii : by === 'protrusion' ? d.protrusion : null;
-  if (!values) return null;
+// The error at each point of the finer mesh, for the level of detail that is shown; null where the mesh has no colours of it.
+export function meshErrors(d, by, rung) {
+  const gap = by === 'gap' || by === 'protrusion' ? d.meshGap[rung] : null;
+  return gap && gap.map((v) => Math.max(0, by === 'gap' ? v : -v));
+}
+
+// The lengths a ramp runs over, or null where the colours are of kinds. Errors start at 0, and the range holds those of the mesh.
+export function rangeOf(d, by, {rung, first, count}) {
+  const all = by === 'radius' ? d.radii : by === 'protrusion' ? d.protrusion : by === 'gap' ? d.gap : null;
+  if (!all) return null;
   const unit = by === 'radius' ? d.head.scale : 1;
-  let low = by === 'radius' ? Infinity : 0, high = low === 0 ? 0 : -Infinity;
-  for (const v of values) low = Math.min(low, v), high = Math.max(high, v);
-  return {low: low * unit, high: high * unit, values, unit};
+  let low = by === 'radius' ? Infinity : 0, high = 0;
+  for (let k = first; k < first + count; k++) low = Math.min(low, all[k]), high = Math.max(high, all[k]);
+  for (const v of meshErrors(d, by, rung) ?? []) high = Math.max(high, v);
+  return {low: low * unit, high: high * unit, values: all, unit};
 }
 
 // Red, green and blue of sphere k in the low three bytes of a word.
-export function painter(d, by) {
+export function painter(d, by, level) {
   const word = ([r, g, b]) => (r | (g << 8) | (b << 16)) >>> 0;
-  const range = rangeOf(d, by);
+  const range = rangeOf(d, by, level);
   if (range) {
     const steps = 256, table = Uint32Array.from({length: steps}, (_, k) => word(rampColour(d.head, k / (steps - 1))));
     const {low, high, values, unit} = range, factor = high > low ? (steps - 1) / (high - low) : 0;

@@ -39,9 +39,14 @@ export function readData() {
     family: array('family', Uint32Array),          // null: head.family for all
     triangle: array('triangle', Int32Array),
     protrusion: array('protrusion', Float32Array),  // in the user's unit
+    gap: array('gap', Float32Array),                // as well: of the surface that the sphere is nearest to
     body: array('body', Uint32Array),
     points: array('points', Float32Array),
     triangles: array('triangles', Uint32Array),
+    // The mesh in triangles that are small enough for the errors on it: its points go on behind those of the mesh.
+    finerPoints: array('finer-points', Float32Array),
+    finerTriangles: array('finer-triangles', Uint32Array),
+    meshGap: head.rungs.map((_, k) => array(`mesh-gap${k}`, Float32Array)),  // at each of its points; below 0: inside the spheres
     marks: (head.marks ?? []).map((mark, k) => ({...mark, points: array(`mark${k}`, Float32Array) ?? new Float32Array(0)})),  // corners, three a triangle
     pairs: array('pairs', Uint32Array),     // i, j of each contact
     contacts: array('contacts', Float32Array),  // at x y z, normal x y z, depth (user's unit) of each

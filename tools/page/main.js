@@ -3,11 +3,12 @@
 // contacts.js, the tables in panels.js. A frame is drawn only when something has changed.
 import * as three from 'three';
 import {OrbitControls} from 'three/addons/controls/OrbitControls.js';
-import {colourings, painter} from './colours.js';
+import {colourings, meshErrors, painter, rangeOf} from './colours.js';
 import {Contacts} from './contacts.js';
 import {readData} from './data.js';
 import {Surface} from './mesh.js';
 import {showAccuracy, showLegend, showMarks, showPicked, showScene} from './panels.js';
+import {drawRulers} from './rulers.js';
 import {Spheres} from './spheres.js';
 
 const element = (id) => document.getElementById(id);
@@ -23,7 +24,6 @@ class Page {
     const {head} = data, canvas = element('canvas');
     this.renderer = new three.WebGLRenderer({canvas, antialias: data.n < 200000});
     this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
-    this.renderer.setClearColor(new three.Color(`rgb(${head.palette.background.join(',')})`).convertLinearToSRGB(), 1);
     this.renderer.outputColorSpace = three.LinearSRGBColorSpace;  // the shaders write sRGB themselves
     this.renderer.autoClear = false;
     this.light = {skyward: {value: new three.Vector3()}};
@@ -37,18 +37,21 @@ class Page {
     this.contacts = data.contacts ? new Contacts(data) : null;
     this.left = new three.Scene(), this.right = new three.Scene();
     this.right.add(this.spheres.object);
-    if (this.surface) this.left.add(this.surface.solid);
+    if (this.surface) this.left.add(this.surface.shown);
     if (this.contacts) this.right.add(this.contacts.object);
     this.split = this.surface ? 0.5 : 0;
     this.frames = 0;  // in full
     this.budget = 200000;  // spheres while moving; follows the speed of the machine
-    this.colour = 'family', this.overlay = 'none', this.onlyBody = -1;
+    this.colour = head.colour, this.overlay = 'none', this.onlyBody = -1;
 
     this.controls = new OrbitControls(this.camera, canvas);
     this.controls.addEventListener('change', () => this.moved());
     this.controls.minDistance = 0.02, this.controls.maxDistance = 12;
     this.describe();
     this.listen();
+    const dark = matchMedia('(prefers-color-scheme: dark)');
+    dark.addEventListener('change', () => this.setTheme(dark.matches));
+    this.setTheme(dark.matches);
     this.fit();
     this.paint();
     new ResizeObserver(() => this.resize()).observe(canvas);
@@ -61,6 +64,7 @@ class Page {
     element('note').textContent = head.note;
     for (const [name, {label, has}] of Object.entries(colourings))
       if (has(this.data)) element('colour').add(new Option(label, name));
+    element('colour').value = this.colour;
     element('split-label').hidden = element('overlay-label').hidden = !this.surface;
     element('rung-label').hidden = head.rungs.length < 2;
     head.rungs.forEach((r, k) => element('rung').add(new Option(`${r.name} (${r.count.toLocaleString('en')})`, k)));
@@ -90,6 +94,7 @@ class Page {
       this.paint();
     });
     element('fit').addEventListener('click', () => this.fit());
+    element('theme').addEventListener('click', () => this.setTheme(!this.dark));
     element('only-body').addEventListener('input', (e) => {
       this.onlyBody = e.target.value === '' ? -1 : Number(e.target.value);
       this.paint();
@@ -122,7 +127,7 @@ class Page {
         '+': () => this.zoom(0.8), '=': () => this.zoom(0.8), '-': () => this.zoom(1.25),
         '[': () => this.setSplit(this.split - 0.05), ']': () => this.setSplit(this.split + 0.05),
         1: () => this.setSplit(1), 2: () => this.setSplit(0.5), 3: () => this.setSplit(0),
-        c: () => next('colour'), o: () => next('overlay'), d: () => next('detail'), l: () => next('rung'), f: () => this.fit(),
+        c: () => next('colour'), o: () => next('overlay'), d: () => next('detail'), l: () => next('rung'), f: () => this.fit(), b: () => this.setTheme(!this.dark),
         n: () => step(1), p: () => step(-1), Escape: () => this.pick(-1),
         a: () => panel('accuracy-panel'), '?': () => panel('help-panel'),
       };
@@ -166,19 +171,20 @@ class Page {
     const back = new three.Vector3(...(up === 'y' ? [p[1], p[2], p[0]] : up === 'x' ? [p[2], p[0], p[1]] : p));
     const right = this.up.clone().cross(back).normalize(), above = back.clone().cross(right);
     const margin = 1.2, ty = Math.tan(rad(this.camera.fov / 2)) / margin, tx = ty * this.camera.aspect;
+    const below = ty * Math.max(0.5, 1 - 96 / element('canvas').clientHeight);  // the lower side ends above the scale bar
     const most = [-Infinity, -Infinity, -Infinity, -Infinity];
     const reach = (a, k, r) => {
       const x = a[k] * right.x + a[k + 1] * right.y + a[k + 2] * right.z;
       const y = a[k] * above.x + a[k + 1] * above.y + a[k + 2] * above.z;
       const z = a[k] * back.x + a[k + 1] * back.y + a[k + 2] * back.z;
-      const rx = r * Math.hypot(1, tx), ry = r * Math.hypot(1, ty);
+      const rx = r * Math.hypot(1, tx), ry = r * Math.hypot(1, ty), rb = r * Math.hypot(1, below);
       most[0] = Math.max(most[0], x + tx * z + rx), most[1] = Math.max(most[1], -x + tx * z + rx);
-      most[2] = Math.max(most[2], y + ty * z + ry), most[3] = Math.max(most[3], -y + ty * z + ry);
+      most[2] = Math.max(most[2], y + ty * z + ry), most[3] = Math.max(most[3], -y + below * z + rb);
     };
     for (let k = 0; k < this.data.n; k++) reach(centers, 3 * k, radii[k]);
     for (let k = 0; points && k < points.length; k += 3) reach(points, k, 0);
-    const distance = Math.max((most[0] + most[1]) / (2 * tx), (most[2] + most[3]) / (2 * ty), 0.05);
-    const across = right.multiplyScalar((most[0] - most[1]) / 2).add(above.multiplyScalar((most[2] - most[3]) / 2));
+    const distance = Math.max((most[0] + most[1]) / (2 * tx), (most[2] + most[3]) / (ty + below), 0.05);
+    const across = right.multiplyScalar((most[0] - most[1]) / 2).add(above.multiplyScalar((most[2] - most[3] - (ty - below) * distance) / 2));
     this.controls.target.copy(across);
     this.camera.position.copy(across).addScaledVector(back, distance);
     this.controls.update();
@@ -186,6 +192,13 @@ class Page {
     this.fitted = true;
   }
 
+  setTheme(dark) {
+    this.dark = dark;
+    document.documentElement.dataset.theme = dark ? 'dark' : 'light';
+    const {palette} = this.data.head, colour = dark ? palette.dark : palette.background;
+    this.renderer.setClearColor(new three.Color(`rgb(${colour.join(',')})`).convertLinearToSRGB(), 1);
+    this.ask();
+  }
   setSplit(share) {
     if (!this.surface) return;
     this.split = three.MathUtils.clamp(Math.round(share * 100) / 100, 0, 1);
@@ -202,7 +215,9 @@ class Page {
   }
   paint() {
     const {body} = this.data, only = this.onlyBody;
-    this.spheres.paint(painter(this.data, this.colour), (k) => only >= 0 && (!body || body[k] !== only));
+    this.spheres.paint(painter(this.data, this.colour, this.spheres), (k) => only >= 0 && (!body || body[k] !== only));
+    const errors = meshErrors(this.data, this.colour, this.spheres.rung);
+    if (this.surface) this.surface.paint(errors, errors ? rangeOf(this.data, this.colour, this.spheres).high : 0);
     showLegend(this.data, this.colour, this.spheres);
     this.ask();
   }
@@ -282,6 +297,8 @@ class Page {
     part(this.right, edge, size.x - edge);
     element('divider').hidden = edge <= 0 || edge >= size.x;
     element('divider').style.left = edge + 'px';
+    const far = Math.abs(new three.Vector3().applyMatrix4(camera.matrixWorldInverse).z);
+    drawRulers(element('rulers'), this.data.head, camera, size.y / (2 * Math.tan(three.MathUtils.degToRad(camera.fov / 2)) * far * this.data.head.scale));
     element('drawn').textContent = `${this.spheres.drawn.toLocaleString('en')} of ${total.toLocaleString('en')} spheres`;
     this.busy = true;
     this.whenDone(() => {
@@ -301,7 +318,7 @@ class Page {
     this.camera.updateMatrixWorld();
     return {
       spheres: this.data.n, drawn: this.spheres.drawn, picked: this.spheres.picked, split: this.split, colour: this.colour,
-      overlay: this.overlay, rung: this.spheres.rung, frames: this.frames, busy: Boolean(this.busy || this.waiting), contacts: this.contacts ? this.contacts.total : 0,
+      overlay: this.overlay, dark: this.dark, rung: this.spheres.rung, frames: this.frames, busy: Boolean(this.busy || this.waiting), contacts: this.contacts ? this.contacts.total : 0,
       view: this.camera.matrixWorldInverse.toArray(), projection: this.camera.projectionMatrix.toArray(),
     };
   }

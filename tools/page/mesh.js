@@ -6,23 +6,35 @@ import light from './light.glsl';
 const vertex = `
 precision highp float;
 uniform mat4 viewMatrix, projectionMatrix;
-in vec3 position;
-out vec3 at;
+in vec3 position, normal;  // normal: of a coloured mesh
+in float error;            // and its error, 0 to 1
+out vec3 at, face;
+out float share;
 void main() {
+  share = error;
+  face = mat3(viewMatrix) * normal;
   at = (viewMatrix * vec4(position, 1.0)).xyz;
   gl_Position = projectionMatrix * vec4(at, 1.0);
 }`;
 const fragment = `
 precision highp float;
-uniform vec3 albedo;
+uniform vec3 albedo, ramp[STOPS];
 uniform float opacity;
-in vec3 at;
+uniform bool coloured;
+in vec3 at, face;
+in float share;
 out vec4 pixel;
 vec3 lit(vec3 albedo, vec3 normal, vec3 along);
 void main() {
-  vec3 along = normalize(at), normal = normalize(cross(dFdx(at), dFdy(at)));
+  vec3 along = normalize(at), normal = coloured ? normalize(face) : normalize(cross(dFdx(at), dFdy(at)));
   if (dot(normal, along) > 0.0) normal = -normal;
-  pixel = vec4(lit(pow(albedo, vec3(2.2)), normal, along), opacity);
+  vec3 colour = albedo;
+  if (coloured) {
+    float x = min(share, 1.0) * float(STOPS - 1);
+    int k = min(int(x), STOPS - 2);
+    colour = mix(ramp[k], ramp[k + 1], x - float(k));
+  }
+  pixel = vec4(lit(pow(colour, vec3(2.2)), normal, along), opacity);
 }`;
 
 // Each edge once, however many triangles share it.
@@ -49,9 +61,10 @@ export class Surface {
     const geometry = (this.geometry = new three.BufferGeometry());
     geometry.setAttribute('position', new three.BufferAttribute(data.points, 3));
     geometry.setIndex(new three.BufferAttribute(data.triangles, 1));
-    const material = (opacity, colour = data.head.palette.mesh, nearer = 0) => new three.RawShaderMaterial({
-      glslVersion: three.GLSL3, vertexShader: vertex, fragmentShader: fragment + light, side: three.DoubleSide,
-      uniforms: {...lightUniforms, opacity: {value: opacity},
+    const ramp = data.head.palette.ramp.map((c) => new three.Vector3(...c).divideScalar(255));
+    const material = (opacity, colour = data.head.palette.mesh, nearer = 0, coloured = false) => new three.RawShaderMaterial({
+      glslVersion: three.GLSL3, vertexShader: vertex, fragmentShader: fragment.replaceAll('STOPS', String(ramp.length)) + light, side: three.DoubleSide,
+      uniforms: {...lightUniforms, opacity: {value: opacity}, ramp: {value: ramp}, coloured: {value: coloured},
                  albedo: {value: new three.Vector3(...colour).divideScalar(255)}},
       transparent: opacity < 1, depthWrite: opacity === 1,
       // Edges lie on the faces: these step back a little.
@@ -66,7 +79,32 @@ export class Surface {
       return new three.Mesh(corners, material(1, mark.colour, 1.5));
     });
     if (this.marks.length) this.solid.add(...this.marks), this.glass.add(...this.marks.map((mark) => mark.clone()));
-    for (const object of [this.solid, this.glass, ...this.solid.children, ...this.glass.children]) object.frustumCulled = false;
+    this.coloured = new three.Mesh(new three.BufferGeometry(), material(1, undefined, 0, true));
+    this.coloured.visible = false;
+    this.shown = new three.Group().add(this.solid, this.coloured);
+    for (const object of [this.coloured, this.solid, this.glass, ...this.solid.children, ...this.glass.children]) object.frustumCulled = false;
+  }
+
+  // Errors at the points of the finer mesh, or null: then the mesh has its own colour, and shows what repair did.
+  paint(errors, high) {
+    this.solid.visible = !errors, this.coloured.visible = Boolean(errors);
+    if (!errors) return;
+    const {geometry} = this.coloured, triangles = this.data.finerTriangles;
+    if (!geometry.getAttribute('position')) this.cut(geometry);
+    const shares = new Float32Array(triangles.length);
+    for (let k = 0; k < triangles.length; k++) shares[k] = high > 0 ? errors[triangles[k]] / high : 0;
+    geometry.setAttribute('error', new three.BufferAttribute(shares, 1));
+  }
+  // The finer triangles one by one, each with its own normal: they can be thinner than a pixel.
+  cut(geometry) {
+    const {points, finerPoints, finerTriangles} = this.data, own = points.length / 3;
+    const positions = new Float32Array(3 * finerTriangles.length);
+    for (let k = 0; k < finerTriangles.length; k++) {
+      const p = finerTriangles[k], [from, at] = p < own ? [points, p] : [finerPoints, p - own];
+      for (let i = 0; i < 3; i++) positions[3 * k + i] = from[3 * at + i];
+    }
+    geometry.setAttribute('position', new three.BufferAttribute(positions, 3));
+    geometry.computeVertexNormals();  // without an index: of the faces
   }
 
   get wire() {  // made when first asked for

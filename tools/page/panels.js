@@ -39,6 +39,7 @@ export function showPicked(data, contacts, k) {
   rows.push(['mask', maskWords(body ? body[4] : head.mask)]);
   if (data.triangle && data.triangle[k] >= 0) rows.push(['source triangle', String(data.triangle[k])]);
   if (data.protrusion) rows.push(['protrusion below', withShare(head, data.protrusion[k])]);
+  if (data.gap) rows.push(['gap nearby', withShare(head, data.gap[k])]);
   if (data.body) rows.push(['body', body ? `${b} (${head.clusters[body[0]]})` : 'loose']);
   if (body) rows.push(['sphere of the body', String(k - body[1])]);
   if (contacts) {
@@ -76,20 +77,33 @@ export function showMarks({head, marks}) {
   }));
 }
 
+// A bar of colours with its lengths below it.
+function rampOf(head, {low, high}, shares) {
+  const bar = document.createElement('div'), ends = document.createElement('div');
+  bar.className = 'bar', ends.className = 'ends';
+  const stops = Array.from({length: 9}, (_, k) => css(rampColour(head, k / 8)));
+  bar.style.background = `linear-gradient(to right, ${stops.join(', ')})`;
+  const rounded = (v) => Number(v.toPrecision(4));
+  for (const text of [withUnit(head, rounded(low)), shares ? withShare(head, rounded(high)) : withUnit(head, rounded(high))])
+    ends.appendChild(document.createElement('span')).textContent = text;
+  return [bar, ends];
+}
+
+const WHERE = {
+  protrusion: 'On the mesh: how far spheres stand out there, at least. A sphere has the colour of the most that it can stand out.',
+  gap: 'On the mesh: how far it lies outside the spheres. A sphere has the colour of the largest gap that it is nearest to.',
+};
+
 // Of the level of detail that is shown: `count` spheres from `first` on.
-export function showLegend(data, by, {first, count}) {
+export function showLegend(data, by, level) {
+  const {first, count} = level;
   const {head} = data, box = element('legend');
   element('legend-title').textContent = 'Colour: ' + colourings[by].label;
   box.replaceChildren();
-  const range = rangeOf(data, by);
+  const range = rangeOf(data, by, level);
   if (range) {
-    const bar = box.appendChild(document.createElement('div'));
-    bar.className = 'bar';
-    const stops = Array.from({length: 9}, (_, k) => css(rampColour(head, k / 8)));
-    bar.style.background = `linear-gradient(to right, ${stops.join(', ')})`;
-    const ends = box.appendChild(document.createElement('div'));
-    ends.className = 'ends';
-    for (const v of [range.low, range.high]) ends.appendChild(document.createElement('span')).textContent = withUnit(head, v);
+    box.append(...rampOf(head, range, by !== 'radius'));
+    if (WHERE[by]) box.appendChild(document.createElement('p')).textContent = WHERE[by];
     return;
   }
   const line = (colour, text) => {
@@ -145,6 +159,8 @@ export function showScene(data, contacts) {
     if (contacts.drawn < contacts.total) rows.push(['arrows drawn', contacts.drawn.toLocaleString('en')]);
   }
   fill(element('scene'), rows);
+  element('contacts-legend').hidden = !contacts || !contacts.total;
+  if (contacts) element('contacts-ramp').replaceChildren(...rampOf(head, {low: 0, high: contacts.deepest}, false));
   element('only-body').max = String(head.bodies.length - 1);
   element('only-body').parentElement.hidden = !head.bodies.length;
   element('show-contacts').parentElement.hidden = !contacts;

@@ -188,8 +188,6 @@ void save_cluster(const Cluster& c, const std::filesystem::path& path, const std
       if (PyErr_WarnEx(PyExc_UserWarning, told.c_str(), 1) != 0) throw py::error_already_set();
 }
 
-using PyCluster = py::class_<Cluster, std::shared_ptr<Cluster>>;
-
 // The names of a cluster, and the arrays of its spheres, which are views of the cluster's memory.
 void add_spheres_of(PyCluster& cluster) {
   cluster.def("__len__", &Cluster::size)
@@ -235,35 +233,11 @@ void add_properties_of(PyCluster& cluster) {
       .def_property_readonly("settings", [](const Cluster& c) { return from_json(c.settings); });
 }
 
-// A table of what the cluster is, for a notebook.
-std::string html_of(const Cluster& c) {
-  const auto row = [](const std::string& name, const std::string& value) {
-    return "<tr><th style='text-align:left'>" + name + "</th><td style='text-align:left'>" + value +
-           "</td></tr>";
-  };
-  const auto escaped = [](const std::string& text) {
-    return py::cast<std::string>(py::module_::import("html").attr("escape")(text));
-  };
-  const auto length = [&](double value) {
-    char number[40], share[40] = "";
-    std::snprintf(number, sizeof number, "%.4g ", value);
-    if (const double diagonal = c.bounds.empty() ? 0 : c.bounds.diagonal(); diagonal > 0)
-      std::snprintf(share, sizeof share, " (%.3g %%)", 100 * value / diagonal);
-    return number + escaped(c.unit) + share;
-  };
-  std::string out = "<table>" + row("cluster", escaped(c.name)) + row("spheres", std::to_string(c.size()));
-  if (c.accuracy.proved_against != SurfaceKind::none)
-    out += row("protrusion at most", length(c.accuracy.protrusion_max)) +
-           row("gap at most", length(c.accuracy.gap_max)) +
-           row("certified", c.accuracy.certified ? "yes" : "no");
-  if (c.family != 0) out += row("family", std::to_string(c.family));
-  return out + "</table>";
-}
-
 void add_cluster(py::module_& m) {
   PyCluster cluster(m, "Cluster");
   add_spheres_of(cluster), add_properties_of(cluster);
-  cluster.def("_repr_html_", &html_of)
+  add_page(cluster);
+  cluster
       .def(py::pickle([](const Cluster& c) { return to_json(c); },
                       [](const std::string& text) {
                         return std::make_shared<Cluster>(cluster_from_json(text, "a pickled cluster"));
@@ -297,12 +271,7 @@ void add_pad_of_arrays(py::module_& m) {
                                               family, mask, protrusion, gap, more);
         need_unit(unit);
         ReadResult file;
-        const bool is_mesh =
-            faces.is_none() && py::hasattr(vertices, "vertices") && py::hasattr(vertices, "faces");
-        if (faces.is_none() && !is_mesh)
-          throw py::type_error("faces must be given, or a mesh with .vertices and .faces in place of both");
-        file.mesh =
-            is_mesh ? mesh_of(vertices.attr("vertices"), vertices.attr("faces")) : mesh_of(vertices, faces);
+        file.mesh = given_mesh(vertices, faces);
         file.unit = unit, file.source.file = name, file.source.triangles = file.mesh.triangles.size();
         if (file.mesh.triangles.empty())
           throw py::value_error("faces is empty: a mesh needs at least one triangle");
@@ -415,6 +384,13 @@ void add_robot(py::module_& m) {
 }
 
 }  // namespace
+
+Mesh given_mesh(const py::object& vertices, const py::object& faces) {
+  const bool is_mesh = faces.is_none() && py::hasattr(vertices, "vertices") && py::hasattr(vertices, "faces");
+  if (faces.is_none() && !is_mesh)
+    throw py::type_error("faces must be given, or a mesh with .vertices and .faces in place of both");
+  return is_mesh ? mesh_of(vertices.attr("vertices"), vertices.attr("faces")) : mesh_of(vertices, faces);
+}
 
 void add_pad(py::module_& m) {
   m.def("_finish", [] {

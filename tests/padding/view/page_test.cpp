@@ -105,12 +105,21 @@ TEST_F(Page, EverythingAViewHasIsThere) {
   options.rung = 1;
   view.accuracy.resize(1);
   view.accuracy[0].gap_max = 0.75;
+  add_errors(view);
+  options.colour = ColourBy::gap;
   const std::string html = page_html(view, options);
   const Json head = Json::parse(element(html, "head"));
   EXPECT_EQ(array<std::uint32_t>(html, "family"), view.family);
   EXPECT_EQ(array<std::int32_t>(html, "triangle"), (std::vector<std::int32_t>{11, -1, 13}));
   EXPECT_EQ(array<float>(html, "protrusion"), view.protrusion);
   EXPECT_EQ(array<std::uint32_t>(html, "body"), view.body);
+  EXPECT_EQ(array<float>(html, "gap"), view.gap);
+  EXPECT_EQ(head["colour"], "gap");
+  EXPECT_EQ(array<float>(html, "finer-points").size(),
+            3 * (view.errors.mesh.points.size() - view.mesh.points.size()));
+  EXPECT_EQ(array<std::uint32_t>(html, "finer-triangles").size(), 3 * view.errors.mesh.triangles.size());
+  EXPECT_EQ(array<float>(html, "mesh-gap0"), view.errors.gap[0]);
+  EXPECT_EQ(array<float>(html, "mesh-gap1"), view.errors.gap[1]);
   EXPECT_EQ(head["clusters"], (Json{"a", "b"}));
   EXPECT_EQ(head["bodies"], (Json{{0, 0, 1, 4, 9}, {1, 1, 1, 0, 0}, {0, 2, 1, 7, 0}}));
   EXPECT_EQ(head["rung"], 1);

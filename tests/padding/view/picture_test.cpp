@@ -91,6 +91,65 @@ TEST(Picture, MarksHaveTheirColoursAlsoOnTheMesh) {
   EXPECT_EQ(count(render(v, small(Show::spheres)), is_green), 0);
 }
 
+TEST(Picture, AnErrorIsDrawnOnTheMesh) {
+  View v = spheres({{0, 0, 0}}, {0.6});  // stands out of the middle of each face, and leaves the corners bare
+  v.mesh = shapes::box({-0.5, -0.5, -0.5}, {0.5, 0.5, 0.5});
+  v.protrusion = {0.1f};
+  add_errors(v);
+  PictureOptions o = small(Show::mesh);
+  o.azimuth = -90, o.elevation = 0;  // the face at y = -0.5
+  const auto yellow = [](const Colour& c) { return c[0] > c[2] + 60 && c[1] > c[2] + 40; };
+  // Yellow pixels within 12 of the middle of the face, and farther out.
+  const auto yellow_at = [&](ColourBy by) {
+    o.colour = by;
+    const Picture p = render(v, o);
+    std::array<int, 2> n{};
+    for (int y = 0; y < p.height; y++)
+      for (int x = 0; x < p.width; x++) n[std::hypot(x - 48, y - 32) > 12] += yellow(p.at(x, y));
+    return n;
+  };
+  const auto gap = yellow_at(ColourBy::gap), protrusion = yellow_at(ColourBy::protrusion);
+  EXPECT_EQ(gap[0], 0);
+  EXPECT_GT(gap[1], 8);
+  EXPECT_GT(protrusion[0], 100);
+  EXPECT_EQ(protrusion[1], 0);
+}
+
+TEST(Picture, TheLegendStandsBelowAndCanBeLeftOut) {
+  View v = spheres({{0, 0, 0}}, {1});
+  v.unit = "mm";
+  PictureOptions o = small();
+  o.width = 480, o.height = 320, o.samples = 1;
+  const Picture with = render(v, o);
+  o.plain = true;
+  const Picture without = render(v, o);
+  const auto dark = [](const Colour& c) { return c[0] < 110 && c[1] < 110 && c[2] < 120; };
+  std::int64_t ink = 0, red = 0, red_before = 0;  // on the strip of the legend, beside the axes
+  for (int y = 320 - 30; y < 320; y++)
+    for (int x = 60; x < 480; x++) {
+      ink += dark(with.at(x, y));
+      red += is_red(with.at(x, y)), red_before += is_red(without.at(x, y));
+    }
+  EXPECT_GT(ink, 100);
+  EXPECT_GT(red_before, 500);
+  EXPECT_EQ(red, 0);  // the sphere stands above it
+  o.dark = true;
+  EXPECT_EQ(render(v, o).at(0, 0), palette().dark_background);
+}
+
+TEST(Picture, ContactsAreArrowsOverTheSpheres) {
+  View v = spheres({{0, 0, 0}, {1.8, 0, 0}}, {1, 1});
+  PictureOptions o = small();
+  o.azimuth = -90, o.elevation = 0;
+  const Picture without = render(v, o);
+  v.contacts.push_back({0, 1, {0.9, 0, 0}, {1, 0, 0}, 0.2});
+  const Picture with = render(v, o);
+  const auto yellow = [](const Colour& c) { return c[0] > 200 && c[1] > 180 && c[2] < 120; };
+  EXPECT_EQ(count(without, yellow), 0);
+  EXPECT_GT(count(with, yellow), 15);
+  EXPECT_TRUE(yellow(with.at(48, 32)));  // through the contact, which is the deepest
+}
+
 TEST(Picture, SideBySideShowsMeshLeftAndSpheresRight) {
   View v = spheres({{0, 0, 0}}, {0.5});
   v.mesh = shapes::box({-0.5, -0.5, -0.5}, {0.5, 0.5, 0.5});

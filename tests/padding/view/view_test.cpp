@@ -68,6 +68,56 @@ TEST(View, ProtrusionIsNeverMoreThanTheClusterReports) {
   EXPECT_EQ(v.accuracy.size(), 1u);
 }
 
+TEST(View, TheErrorMapTellsTheGapAtEveryPointOfTheMesh) {
+  Cluster c = three_spheres();
+  c.centers.emplace_back(0.5, 0.5, 0.5), c.radii.push_back(0.8), c.triangle.push_back(10);
+  const Mesh box = shapes::box({0, 0, 0}, {1, 1, 1});
+  const View v = view_of(c, box);
+  ASSERT_EQ(v.errors.gap.size(), 1u);
+  const Mesh& fine = v.errors.mesh;
+  ASSERT_EQ(v.errors.gap[0].size(), fine.points.size());
+  const auto gap = [&](const Point& p) {
+    double least = 1e9;
+    for (std::size_t k = 0; k < c.size(); k++)
+      least = std::min(least, (p - c.centers[k]).norm() - c.radii[k]);
+    return least;
+  };
+  double area = 0, worst = 0, largest = 0;
+  for (const auto& t : fine.triangles) {
+    Point middle = Point::Zero();
+    double between = 0;
+    for (int k = 0; k < 3; k++) {
+      EXPECT_NEAR(v.errors.gap[0][t[k]], gap(fine.points[t[k]]), 1e-6);
+      middle += fine.points[t[k]] / 3, between += v.errors.gap[0][t[k]] / 3;
+    }
+    worst = std::max(worst, std::abs(between - gap(middle)));
+    largest = std::max(largest, gap(middle));
+    area += (fine.points[t[1]] - fine.points[t[0]]).cross(fine.points[t[2]] - fine.points[t[0]]).norm() / 2;
+  }
+  EXPECT_NEAR(area, 6, 1e-9);  // the same surface
+  EXPECT_GT(fine.triangles.size(), 1000u);
+  EXPECT_LT(worst, 0.05 * 0.3);  // of the protrusion of the large sphere
+  // The corners are the points that lie farthest outside, and the large sphere is the nearest to them.
+  EXPECT_NEAR(*std::max_element(v.gap.begin(), v.gap.end()), std::sqrt(0.75) - 0.8, 1e-6);
+  EXPECT_EQ(v.gap[3], *std::max_element(v.gap.begin(), v.gap.end()));
+  EXPECT_NEAR(range_of(v, ColourBy::gap)->high, std::sqrt(0.75) - 0.8, 1e-6);
+  EXPECT_NEAR(range_of(v, ColourBy::protrusion)->high, 0.3, 1e-6);
+  EXPECT_GT(largest, 0);
+  EXPECT_TRUE(mesh_errors(v, ColourBy::family).empty());
+}
+
+TEST(View, EachLevelHasItsErrorMap) {
+  Cluster c = three_spheres();
+  c.lods.emplace_back();
+  c.lods[0].centers = {{0.5, 0.5, 0.5}}, c.lods[0].radii = {0.6}, c.lods[0].triangle = {0};
+  const View v = view_of(c, shapes::box({0, 0, 0}, {1, 1, 1}));
+  ASSERT_EQ(v.errors.gap.size(), 2u);
+  EXPECT_NEAR(v.gap[3], std::sqrt(0.75) - 0.6, 1e-6);
+  const View coarse = one_rung(v, 1);
+  ASSERT_EQ(coarse.errors.gap.size(), 1u);
+  EXPECT_EQ(coarse.gap, std::vector<float>{v.gap[3]});
+}
+
 TEST(View, ALadderBecomesRungsFromFineToCoarse) {
   Cluster c = three_spheres();
   c.bounds = shapes::box({0, 0, 0}, {1, 1, 1}).bounds();

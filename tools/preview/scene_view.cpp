@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "tools/scene_view.h"
+#include "tools/preview/scene_view.h"
 
 #include <charconv>
 #include <cmath>
@@ -100,7 +100,10 @@ View view_of(const detect::Scene& scene, const std::string& title) {
     v.bodies.push_back({asset.name, v.size(), asset.spheres.size(), body.family, body.mask});
     for (const detect::Sphere& s : asset.spheres) add(detect::placed(body, s), body.family, number);
   }
-  const detect::LooseSpheres& loose = scene.loose;
+  // A file of spheres is mapped and not in memory.
+  const detect::LooseSpheres read =
+      scene.mapped ? detect::loose_from(scene.spheres()) : detect::LooseSpheres();
+  const detect::LooseSpheres& loose = scene.mapped ? read : scene.loose;
   for (std::uint64_t k = 0; k < loose.size(); k++) {
     detect::Sphere s;
     if (loose.scalar == detect::Scalar::f32)

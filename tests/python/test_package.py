@@ -1,0 +1,54 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What pip asks of the build backend: metadata without a compiler, an sdist that builds, wheels with programs, editable installs."""
+import os
+import pathlib
+import shutil
+import subprocess
+import sys
+import tarfile
+import zipfile
+
+import pytest
+
+SOURCE = pathlib.Path(os.environ.get("PADDER_SOURCE_DIR", pathlib.Path(__file__).resolve().parents[2]))
+
+
+def backend(folder, call, source=SOURCE, **env):
+    """What the backend answers to `call`, in a process of its own and in `folder`, as pip does it."""
+    code = f"import sys; sys.path.insert(0, {str(source / 'tools/python')!r}); import build_backend; print('ANSWER', build_backend.{call})"
+    ran = subprocess.run([sys.executable, "-c", code], cwd=folder, capture_output=True, text=True, env={**os.environ, **env})
+    assert ran.returncode == 0, ran.stdout + ran.stderr
+    return ran.stdout.split("ANSWER ")[1].strip()
+
+
+def test_metadata_needs_no_compiler(tmp_path):
+    info = backend(tmp_path, "prepare_metadata_for_build_wheel('.')", PATH="/nowhere")
+    text = (tmp_path / info / "METADATA").read_text()
+    assert "\nName: padder\n" in text and "\nRequires-Dist: numpy\n" in text and "# padder" in text
+
+
+def test_an_sdist_holds_what_a_build_needs(tmp_path):
+    name = backend(tmp_path, "build_sdist('.')")
+    with tarfile.open(tmp_path / name) as archive:
+        archive.extractall(tmp_path)
+    top = tmp_path / name.removesuffix(".tar.gz")
+    assert "Name: padder" in (top / "PKG-INFO").read_text()
+    # It can be made again from itself, with the same files.
+    again = backend(tmp_path / top.name, "build_sdist('..')", source=top)
+    with tarfile.open(tmp_path / again) as archive:
+        assert {m.name for m in archive if m.isfile()} == {str(p.relative_to(tmp_path)) for p in top.rglob("*") if p.is_file() and p.suffix != ".pyc"}
+    if shutil.which("cmake"):
+        ran = subprocess.run(["cmake", "-S", top, "-B", tmp_path / "build", "-DPADDER_TESTS=OFF", "-DPADDER_PYTHON_MODULE=ON", "-DPADDER_CUDA=OFF",
+                              f"-DPython_EXECUTABLE={sys.executable}"], capture_output=True, text=True)
+        assert ran.returncode == 0, ran.stdout + ran.stderr
+
+
+@pytest.mark.skipif("PADDER_BUILD_DIR" not in os.environ, reason="nothing is built")
+def test_a_wheel_brings_the_programs_and_an_editable_one_a_path(tmp_path):
+    with zipfile.ZipFile(tmp_path / backend(tmp_path, "build_wheel('.')")) as wheel:
+        names = wheel.namelist()
+    for end in ("scripts/pad", "scripts/detect", "scripts/preview", "padder/__init__.py", "padder/py.typed", "METADATA", "RECORD"):
+        assert any(name.endswith(end) for name in names), (end, names)
+    with zipfile.ZipFile(tmp_path / backend(tmp_path, "build_editable('.')")) as wheel:
+        path = wheel.read("padder-editable.pth").decode().strip()
+    assert (pathlib.Path(path) / "padder" / "__init__.py").resolve() == (SOURCE / "tools/python/padder/__init__.py").resolve()

@@ -1,0 +1,102 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// A program's standard input and output where it expects a file: "-" on the command line.
+#pragma once
+#include <unistd.h>
+
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <iostream>
+#include <iterator>
+#include <string>
+
+#include "padding/asset/error.h"
+#include "padding/asset/file.h"
+#include "tools/cli.h"
+
+namespace padder::cli {
+
+inline bool is_stream(const std::string& path) { return path == "-"; }
+
+// All of the standard input.
+inline std::string read_stdin() {
+  std::string text{std::istreambuf_iterator<char>(std::cin), {}};
+  if (std::cin.bad()) throw Error("the standard input cannot be read");
+  if (text.empty()) throw Error("the standard input is empty");
+  return text;
+}
+
+// A folder of temporary files, for readers and writers that choose the format by the ending. It goes with the
+// object, and when a signal ends the program.
+class StreamFiles {
+ public:
+  StreamFiles() = default;
+  ~StreamFiles() {
+    std::error_code code;
+    if (!folder_.empty()) std::filesystem::remove_all(folder_, code);
+    when_ended() = nullptr;
+  }
+  StreamFiles(const StreamFiles&) = delete;
+  StreamFiles& operator=(const StreamFiles&) = delete;
+
+  // The file NAME that holds what came from the standard input.
+  std::string spool(const std::string& name) {
+    const std::filesystem::path path = folder() / name;
+    note(0, path);
+    write_file(path, read_stdin());
+    return path.string();
+  }
+
+  // A file to write that deliver() prints.
+  std::string output(const std::string& name) {
+    std::filesystem::create_directories(folder() / "out");
+    output_ = folder() / "out" / name;
+    note(1, output_), note(2, output_.parent_path());
+    return output_.string();
+  }
+
+  // Prints the output on the standard output. Throws Error if the format is of several files.
+  void deliver() const {
+    if (output_.empty()) return;
+    for (const auto& entry : std::filesystem::directory_iterator(output_.parent_path()))
+      if (entry.path() != output_ || !entry.is_regular_file())
+        throw Error("this format is more than one file (" + entry.path().filename().string() +
+                    " as well), which do not fit into the standard output: name a file with -o");
+    const std::string bytes = read_file(output_);
+    std::cout.write(bytes.data(), std::streamsize(bytes.size()));
+  }
+
+  // A sentence without the name of the temporary folder.
+  std::string spoken(std::string sentence) const {
+    if (folder_.empty()) return sentence;
+    for (const std::string& prefix : {(folder_ / "out").string() + "/", folder_.string() + "/"})
+      for (std::size_t at; (at = sentence.find(prefix)) != std::string::npos;)
+        sentence.erase(at, prefix.size());
+    return sentence;
+  }
+
+ private:
+  const std::filesystem::path& folder() {
+    if (!folder_.empty()) return folder_;
+    std::string name = (std::filesystem::temp_directory_path() / "padder-XXXXXX").string();
+    if (!::mkdtemp(name.data()))
+      throw Error(name + ": a temporary folder cannot be made: set TMPDIR to another");
+    folder_ = name;
+    note(3, folder_);
+    when_ended() = [] {  // calls only what a signal handler may call
+      for (const int file : {0, 1}) ::unlink(ended_[file]);
+      for (const int folder : {2, 3}) ::rmdir(ended_[folder]);
+    };
+    return folder_;
+  }
+
+  void note(int number, const std::filesystem::path& path) {
+    std::snprintf(ended_[number], sizeof ended_[number], "%s", path.c_str());
+  }
+
+  // What is removed when a signal ends the program: two files, then the folders that they are in.
+  inline static char ended_[4][4096];
+  std::filesystem::path folder_, output_;
+};
+
+}  // namespace padder::cli
