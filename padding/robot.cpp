@@ -110,7 +110,7 @@ bool y_up(const fs::path& file) {
   std::string ending = file.extension().string();
   std::transform(ending.begin(), ending.end(), ending.begin(),
                  [](unsigned char c) { return std::tolower(c); });
-  return ending == ".dae" || ending == ".gltf" || ending == ".glb";
+  return ending == ".gltf" || ending == ".glb";
 }
 
 Mesh placed(Mesh mesh, const UrdfShape& shape) {
