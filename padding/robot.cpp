@@ -205,7 +205,10 @@ struct Task {
   ReadResult file;
 };
 
-// Pads the links side by side, the largest first. Each takes its portion of the threads.
+bool same_mesh(const Mesh& a, const Mesh& b) { return a.points == b.points && a.triangles == b.triangles; }
+
+// Pads the links side by side, the largest first. Each takes its portion of the threads. Of links with the
+// same shapes, as the wheels of a base, the first is padded for all.
 class Links {
  public:
   Links(const fs::path& path, const Urdf& urdf, std::vector<Task> tasks, const RobotProgress& progress)
@@ -213,54 +216,23 @@ class Links {
     std::stable_sort(tasks_.begin(), tasks_.end(), [](const Task& a, const Task& b) {
       return a.file.mesh.triangles.size() > b.file.mesh.triangles.size();
     });
+    for (std::size_t k = 0; k < tasks_.size(); k++) {
+      std::size_t same = 0;
+      while (!same_mesh(tasks_[same].file.mesh, tasks_[k].file.mesh)) same++;
+      first_.push_back(same);
+    }
   }
 
   const std::vector<Task>& tasks() const { return tasks_; }
 
   std::vector<Padded> pad(const PadOptions& options) const {
-    std::vector<Padded> out(tasks_.size());
-    std::vector<std::string> errors(tasks_.size());
-    const int threads = omp_get_max_threads(), levels = omp_get_max_active_levels();
-    const int side_by_side = std::clamp(static_cast<int>(tasks_.size()), 1, threads);
-    omp_set_max_active_levels(2);
-    std::mutex mutex;
-    std::size_t done = 0;
-    std::exception_ptr stopped;  // what progress_ threw: no exception may leave the parallel region
-    const auto tell = [&](const std::string& name) {
-      const std::lock_guard lock(mutex);
-      try {
-        if (!stopped && progress_) progress_(name, done, tasks_.size());
-      } catch (...) {
-        stopped = std::current_exception();
-      }
-      if (stopped) std::rethrow_exception(stopped);
-    };
-#pragma omp parallel num_threads(side_by_side)
-    {
-      omp_set_num_threads(std::max(1, threads / side_by_side));
-#pragma omp for schedule(dynamic, 1)
-      for (std::size_t k = 0; k < tasks_.size(); k++) {
-        const std::string& name = urdf_.links[tasks_[k].link].name;
-        try {
-          tell(name);
-          out[k] = padder::pad(tasks_[k].file, options, [&](const char*, int, int) { tell(name); });
-        } catch (const std::bad_alloc&) {
-          errors[k] = "not enough memory: ask for fewer spheres, or fewer --threads";
-        } catch (const std::exception& e) {
-          errors[k] = e.what();
-        } catch (...) {  // it is in `stopped`
-        }
-        const std::lock_guard lock(mutex);
-        done++;
-      }
+    std::vector<Padded> out = pad_different(options);
+    for (std::size_t k = 0; k < tasks_.size(); k++) {
+      if (first_[k] == k) continue;
+      out[k] = out[first_[k]];
+      out[k].cluster.source.file = tasks_[k].file.source.file;
+      out[k].report.seconds = {};
     }
-    omp_set_max_active_levels(levels);
-    if (stopped) std::rethrow_exception(stopped);
-    std::size_t first = tasks_.size();
-    for (std::size_t k = 0; k < tasks_.size(); k++)
-      if (!errors[k].empty() && (first == tasks_.size() || tasks_[k].link < tasks_[first].link)) first = k;
-    if (first < tasks_.size())
-      throw Error(path_.string() + ", link " + urdf_.links[tasks_[first].link].name + ": " + errors[first]);
     return out;
   }
 
@@ -300,9 +272,58 @@ class Links {
   }
 
  private:
+  std::vector<Padded> pad_different(const PadOptions& options) const {
+    std::vector<Padded> out(tasks_.size());
+    std::vector<std::string> errors(tasks_.size());
+    const int threads = omp_get_max_threads(), levels = omp_get_max_active_levels();
+    const int side_by_side = std::clamp(static_cast<int>(tasks_.size()), 1, threads);
+    omp_set_max_active_levels(2);
+    std::mutex mutex;
+    std::size_t done = 0;
+    std::exception_ptr stopped;  // what progress_ threw: no exception may leave the parallel region
+    const auto tell = [&](const std::string& name) {
+      const std::lock_guard lock(mutex);
+      try {
+        if (!stopped && progress_) progress_(name, done, tasks_.size());
+      } catch (...) {
+        stopped = std::current_exception();
+      }
+      if (stopped) std::rethrow_exception(stopped);
+    };
+#pragma omp parallel num_threads(side_by_side)
+    {
+      omp_set_num_threads(std::max(1, threads / side_by_side));
+#pragma omp for schedule(dynamic, 1)
+      for (std::size_t k = 0; k < tasks_.size(); k++) {
+        const std::string& name = urdf_.links[tasks_[k].link].name;
+        try {
+          tell(name);
+          if (first_[k] == k)
+            out[k] = padder::pad(tasks_[k].file, options, [&](const char*, int, int) { tell(name); });
+        } catch (const std::bad_alloc&) {
+          errors[k] = "not enough memory: ask for fewer spheres, or fewer --threads";
+        } catch (const std::exception& e) {
+          errors[k] = e.what();
+        } catch (...) {  // it is in `stopped`
+        }
+        const std::lock_guard lock(mutex);
+        done++;
+      }
+    }
+    omp_set_max_active_levels(levels);
+    if (stopped) std::rethrow_exception(stopped);
+    std::size_t first = tasks_.size();
+    for (std::size_t k = 0; k < tasks_.size(); k++)
+      if (!errors[k].empty() && (first == tasks_.size() || tasks_[k].link < tasks_[first].link)) first = k;
+    if (first < tasks_.size())
+      throw Error(path_.string() + ", link " + urdf_.links[tasks_[first].link].name + ": " + errors[first]);
+    return out;
+  }
+
   const fs::path& path_;
   const Urdf& urdf_;
   std::vector<Task> tasks_;
+  std::vector<std::size_t> first_;  // for each task the first one with the same mesh
   const RobotProgress& progress_;
 };
 

@@ -10,7 +10,7 @@ packages_bench=(libbullet-dev gnuplot-nox)  # Bullet: the oracle and the peer of
 packages_consumers=(python3-vtk9 liggghts yade)  # they read what pad writes for them
 packages_mpi=(libopenmpi-dev openmpi-bin libtrilinos-zoltan-dev)  # detect as one of several ranks
 packages_test=(libgtest-dev python3 python3-jsonschema python3-dev python3-numpy python3-pytest python3-pip python3-yaml pybind11-dev
-               libmujoco-dev liburdfdom-tools zsh fish groff-base clang-tidy doxygen universal-ctags chromium chromium-driver "${packages_bench[@]}" "${packages_consumers[@]}" "${packages_mpi[@]}")
+               libmujoco-dev libfcl-dev liburdfdom-tools zsh fish groff-base clang-tidy doxygen universal-ctags chromium chromium-driver "${packages_bench[@]}" "${packages_consumers[@]}" "${packages_mpi[@]}")
 packages_page=(nodejs npm)
 
 say() { printf 'padder: %s\n' "$*" >&2; }

@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Writes MuJoCo's MJCF: bodies nested by their joints, and one geom for each sphere.
+#include <Eigen/Eigenvalues>
+
 #include "padding/export/writers.h"
 
 namespace padder::exporting {
@@ -35,12 +37,17 @@ class Writer {
       if (job_.model.bodies[b].parent < 0) bodies += body(b, "    ");
     std::string compiler =
         "angle=\"radian\" inertiafromgeom=\"false\"";  // summing the spheres would count overlaps twice
+    if (unbalanced_) compiler += " balanceinertia=\"true\"";
     if (weightless_) compiler += " boundmass=\"1e-6\" boundinertia=\"1e-9\"";
     return "<!-- " + comment(origin(job_.model)) + ", metres, density " + number(job_.options.density) +
            " where no mass was stated -->\n" +
            (weightless_ ? "<!-- boundmass and boundinertia: MuJoCo wants some mass on every moving body, and "
                           "one has none -->\n"
                         : "") +
+           (unbalanced_
+                ? "<!-- balanceinertia: MuJoCo wants moments that a body can have, and those stated of one "
+                  "link are none -->\n"
+                : "") +
            "<mujoco model=\"" + xml_text(one_line(job_.model.name)) + "\">\n  <compiler " + compiler +
            "/>\n  <default>\n    <geom type=\"sphere\"/>\n  </default>\n  <worldbody>\n" + bodies +
            "  </worldbody>\n" + excluded() + followers() + motors() + "</mujoco>\n";
@@ -80,6 +87,8 @@ class Writer {
           out += hinge_or_slide("slide", Vector::Unit(k), std::string("_") + "xyz"[k], false);
         return out + indent + "<joint name=\"" + xml_text(b.joint.name) + "_turn\" type=\"ball\"/>\n";
       }
+      case Joint::Type::ball:
+        return indent + "<joint name=\"" + xml_text(b.joint.name) + "\" type=\"ball\"/>\n";
       default:
         return "";
     }
@@ -107,6 +116,9 @@ class Writer {
     }
     if (inertial && inertial->mass > 0) {
       const Eigen::Matrix3d& m = inertial->inertia;
+      const Vector moments =
+          Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(m).eigenvalues();  // in ascending order
+      unbalanced_ |= moments[0] + moments[1] < moments[2];
       out += inside + "<inertial pos=\"" + numbers(inertial->center) + "\" mass=\"" + number(inertial->mass) +
              "\" fullinertia=\"" + numbers(m.diagonal()) + " " + number(m(0, 1)) + " " + number(m(0, 2)) +
              " " + number(m(1, 2)) + "\"/>\n";
@@ -162,7 +174,7 @@ class Writer {
   const Job& job_;
   std::vector<FilterBits> bits_;
   std::vector<std::vector<std::size_t>> children_;
-  bool weightless_ = false;
+  bool weightless_ = false, unbalanced_ = false;
 };
 
 }  // namespace

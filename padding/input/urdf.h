@@ -40,6 +40,7 @@ struct Urdf {
 // Where a URDF's meshes are, and which of its shapes count.
 struct UrdfOptions {
   std::vector<std::filesystem::path> package_folders;  // are searched for packages first
+  std::vector<std::string> xacro;                      // NAME:=VALUE each, handed to the program xacro
   bool visual = false;  // take the shapes of `visual` even where there are some of `collision`
 };
 
