@@ -10,6 +10,7 @@
 #include <numbers>
 
 #include "padding/asset/error.h"
+#include "padding/mjcf/mjcf.h"
 #include "padding/self_collision.h"
 
 namespace padder {
@@ -84,16 +85,16 @@ Mesh capsule(double radius, double length, double chord_error) {
   return mesh;
 }
 
-// For a sphere among other shapes; a link of spheres alone is not meshed.
-Mesh sphere(double radius) {
-  constexpr std::uint32_t rings = 16, around = 32;
+// Of MJCF, and a sphere among other shapes; a link of spheres alone is not meshed. Its triangles, between
+// whose corners it bulges, have its volume.
+Mesh ellipsoid(const Vector& half_axes) {
+  constexpr std::uint32_t rings = 32, around = 64;
   Mesh mesh;
-  mesh.points = {{0, 0, radius}, {0, 0, -radius}};
+  mesh.points = {{0, 0, 1}, {0, 0, -1}};
   for (std::uint32_t i = 1; i < rings; i++)
     for (std::uint32_t j = 0; j < around; j++) {
       const double t = std::numbers::pi * i / rings, f = 2 * std::numbers::pi * j / around;
-      mesh.points.emplace_back(radius *
-                               Point(std::sin(t) * std::cos(f), std::sin(t) * std::sin(f), std::cos(t)));
+      mesh.points.emplace_back(std::sin(t) * std::cos(f), std::sin(t) * std::sin(f), std::cos(t));
     }
   const auto at = [&](std::uint32_t i, std::uint32_t j) { return 2 + (i - 1) * around + j % around; };
   for (std::uint32_t j = 0; j < around; j++) {
@@ -103,6 +104,9 @@ Mesh sphere(double radius) {
       mesh.triangles.insert(mesh.triangles.end(), {{at(i, j), at(i + 1, j), at(i + 1, j + 1)},
                                                    {at(i, j), at(i + 1, j + 1), at(i, j + 1)}});
   }
+  const double ball = 4 * std::numbers::pi / 3;
+  const double grown = std::cbrt(ball / mass_properties(mesh).volume);
+  for (Point& p : mesh.points) p = grown * p.cwiseProduct(half_axes);
   return mesh;
 }
 
@@ -185,7 +189,7 @@ ReadResult read_link(const UrdfLink& link, const fs::path& urdf) {
                         : s.type == UrdfShape::Type::cylinder ? cylinder(s.size.x(), s.size.z(), chord_error)
                         : s.type == UrdfShape::Type::capsule
                             ? capsule(s.size.x(), s.size.z(), chord_error / 4)
-                            : sphere(s.size.x());
+                            : ellipsoid(s.size);
       append(all.mesh, placed(mesh, s));
       all.source.triangles += mesh.triangles.size();
     }
@@ -336,7 +340,7 @@ PaddedRobot pad_robot(const fs::path& path, const PadOptions& asked, const Robot
     throw Error(
         "a number of spheres for the whole robot excludes a tolerance, a count and a depth ratio for "
         "each link: leave these out");
-  Urdf urdf = read_urdf(path, whole.reading);
+  Urdf urdf = read_robot(path, whole.reading);
   if (std::all_of(urdf.links.begin(), urdf.links.end(), [](const UrdfLink& l) { return l.shapes.empty(); }))
     throw Error(path.string() + ": no link has any geometry");
   keep_neighbours_apart(urdf);

@@ -57,6 +57,7 @@ struct Model {
   // The document a robot was read from, "" otherwise: written back as URDF with new collisions.
   std::string urdf;
 
+  bool robot() const { return !file.empty() || !urdf.empty(); }  // was read from a robot's file
   std::size_t spheres() const;
 };
 

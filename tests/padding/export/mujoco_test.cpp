@@ -251,6 +251,22 @@ TEST_F(MujocoTest, MomentsThatNoBodyHasAreBalanced) {
   EXPECT_EQ(text(arm(), "a.xml").find("balanceinertia"), std::string::npos);
 }
 
+// As those of Fetch's fingers and Sawyer's hand: a mass in a point, on a line, and moments below 0.
+TEST_F(MujocoTest, MassesWithoutMomentsAreTaken) {
+  for (const Vector& moments : {Vector(0, 0, 0), Vector(0, 2, 2), Vector(-1e-9, 1, 1), Vector(1e-14, 1, 1)}) {
+    Model m = arm();
+    const Eigen::Matrix3d turn = Eigen::AngleAxisd(0.5, Vector(1, 2, 3).normalized()).toRotationMatrix();
+    m.bodies[1].inertial = Inertial{2, Point(0, 0, 0.1), turn * moments.asDiagonal() * turn.transpose()};
+    load(m);
+    const int upper = mj_name2id(m_, mjOBJ_BODY, "upper");
+    EXPECT_EQ(m_->body_mass[upper], 2);
+    double largest = 0;
+    for (int k = 0; k < 3; k++) largest = std::max(largest, m_->body_inertia[3 * upper + k]);
+    EXPECT_NEAR(largest, moments.maxCoeff(), 1e-6);
+    unload();
+  }
+}
+
 TEST_F(MujocoTest, EveryTypeOfJointAndNoMassAtAll) {
   for (const auto& [type, ways] : {std::pair(Joint::Type::continuous, 1),
                                    {Joint::Type::planar, 3},

@@ -35,6 +35,7 @@
 #include "padding/asset/error.h"
 #include "padding/asset/file.h"
 #include "padding/import/import.h"
+#include "padding/mjcf/mjcf.h"
 #include "padding/robot.h"
 
 namespace padder {
@@ -109,7 +110,7 @@ double spheres_distance(const Part& a, const Part& b, const Eigen::Isometry3d& b
 class Audit {
  public:
   Audit(const fs::path& robot, const fs::path& report, const fs::path& spheres, const UrdfOptions& options)
-      : urdf_(read_urdf(robot, options)), parts_(urdf_.links.size()) {
+      : urdf_(read_robot(robot, options)), parts_(urdf_.links.size()) {
     for (const auto& [i, j] : neighbours(urdf_)) adjacent_.insert({i, j});
     std::map<std::string, Json> told;
     const Json json = Json::parse(read_file(report));

@@ -80,9 +80,14 @@ class Files:
         for link, count in self.counts.items():
             want(len(self.links[link].findall("collision")) == count, f"the URDF's link {link} has not {count} spheres")
 
-    def check_urdf(self):
+    def check_urdf(self, robot):
         if not shutil.which("check_urdf"):
             return None
+        if robot.suffix == ".urdf":
+            try:
+                run(["check_urdf", str(robot)])
+            except Refused:  # the robot itself is none for it
+                return None
         run(["check_urdf", str(self.at(".urdf"))])
         return True
 
@@ -156,14 +161,14 @@ class Table:
 
     def audit(self, robot, options, files, report):
         """FCL on the exact meshes, and MuJoCo on the MJCF."""
-        if not (self.bin / "robot_audit").exists() or robot.suffix == ".xml":
+        if not (self.bin / "robot_audit").exists():
             return None
         (files.at(".json")).write_text(json.dumps(report))
         more = []
         for k, word in enumerate(options):
             more += [word] if word == "--visual" else [word, options[k + 1]] if word in ("--package-path", "--xacro") else []
         out, *_ = run([str(self.bin / "robot_audit"), str(robot), str(files.at(".json")), str(files.at(".urdf")), str(files.at(".xml")),
-                       str(self.arguments.poses), "1", *more])
+                       str(self.arguments.poses), "1", *more], cwd=files.at("").parent)  # MuJoCo may write a log
         return json.loads(out)
 
     def row(self, name, robot, options, folder):
@@ -174,7 +179,7 @@ class Table:
         certified = sum(link["accuracy"]["certified"] for link in padded)
         worst = max((max(link["accuracy"]["protrusion_bound"], link["accuracy"]["gap_bound"]) for link in padded), default=0)
         files = Files(folder, name, report)
-        done = {"urdfdom": files.check_urdf(), "SRDF": files.srdf(), "cuRobo": files.curobo(), "XRDF": files.xrdf(),
+        done = {"urdfdom": files.check_urdf(robot), "SRDF": files.srdf(), "cuRobo": files.curobo(), "XRDF": files.xrdf(),
                 "npm": by_npm(files, self.bin, report["spheres"])}
         told = self.audit(robot, options, files, report)
         accepted = [k for k, v in done.items() if v]
