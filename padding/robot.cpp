@@ -10,6 +10,7 @@
 #include <numbers>
 
 #include "padding/asset/error.h"
+#include "padding/mjcf/mjcf.h"
 #include "padding/self_collision.h"
 
 namespace padder {
@@ -84,16 +85,16 @@ Mesh capsule(double radius, double length, double chord_error) {
   return mesh;
 }
 
-// For a sphere among other shapes; a link of spheres alone is not meshed.
-Mesh sphere(double radius) {
-  constexpr std::uint32_t rings = 16, around = 32;
+// Of MJCF, and a sphere among other shapes; a link of spheres alone is not meshed. Its triangles, between
+// whose corners it bulges, have its volume.
+Mesh ellipsoid(const Vector& half_axes) {
+  constexpr std::uint32_t rings = 32, around = 64;
   Mesh mesh;
-  mesh.points = {{0, 0, radius}, {0, 0, -radius}};
+  mesh.points = {{0, 0, 1}, {0, 0, -1}};
   for (std::uint32_t i = 1; i < rings; i++)
     for (std::uint32_t j = 0; j < around; j++) {
       const double t = std::numbers::pi * i / rings, f = 2 * std::numbers::pi * j / around;
-      mesh.points.emplace_back(radius *
-                               Point(std::sin(t) * std::cos(f), std::sin(t) * std::sin(f), std::cos(t)));
+      mesh.points.emplace_back(std::sin(t) * std::cos(f), std::sin(t) * std::sin(f), std::cos(t));
     }
   const auto at = [&](std::uint32_t i, std::uint32_t j) { return 2 + (i - 1) * around + j % around; };
   for (std::uint32_t j = 0; j < around; j++) {
@@ -103,6 +104,9 @@ Mesh sphere(double radius) {
       mesh.triangles.insert(mesh.triangles.end(), {{at(i, j), at(i + 1, j), at(i + 1, j + 1)},
                                                    {at(i, j), at(i + 1, j + 1), at(i, j + 1)}});
   }
+  const double ball = 4 * std::numbers::pi / 3;
+  const double grown = std::cbrt(ball / mass_properties(mesh).volume);
+  for (Point& p : mesh.points) p = grown * p.cwiseProduct(half_axes);
   return mesh;
 }
 
@@ -110,7 +114,7 @@ bool y_up(const fs::path& file) {
   std::string ending = file.extension().string();
   std::transform(ending.begin(), ending.end(), ending.begin(),
                  [](unsigned char c) { return std::tolower(c); });
-  return ending == ".dae" || ending == ".gltf" || ending == ".glb";
+  return ending == ".gltf" || ending == ".glb";
 }
 
 Mesh placed(Mesh mesh, const UrdfShape& shape) {
@@ -185,7 +189,7 @@ ReadResult read_link(const UrdfLink& link, const fs::path& urdf) {
                         : s.type == UrdfShape::Type::cylinder ? cylinder(s.size.x(), s.size.z(), chord_error)
                         : s.type == UrdfShape::Type::capsule
                             ? capsule(s.size.x(), s.size.z(), chord_error / 4)
-                            : sphere(s.size.x());
+                            : ellipsoid(s.size);
       append(all.mesh, placed(mesh, s));
       all.source.triangles += mesh.triangles.size();
     }
@@ -205,7 +209,10 @@ struct Task {
   ReadResult file;
 };
 
-// Pads the links side by side, the largest first. Each takes its portion of the threads.
+bool same_mesh(const Mesh& a, const Mesh& b) { return a.points == b.points && a.triangles == b.triangles; }
+
+// Pads the links side by side, the largest first. Each takes its portion of the threads. Of links with the
+// same shapes, as the wheels of a base, the first is padded for all.
 class Links {
  public:
   Links(const fs::path& path, const Urdf& urdf, std::vector<Task> tasks, const RobotProgress& progress)
@@ -213,54 +220,23 @@ class Links {
     std::stable_sort(tasks_.begin(), tasks_.end(), [](const Task& a, const Task& b) {
       return a.file.mesh.triangles.size() > b.file.mesh.triangles.size();
     });
+    for (std::size_t k = 0; k < tasks_.size(); k++) {
+      std::size_t same = 0;
+      while (!same_mesh(tasks_[same].file.mesh, tasks_[k].file.mesh)) same++;
+      first_.push_back(same);
+    }
   }
 
   const std::vector<Task>& tasks() const { return tasks_; }
 
   std::vector<Padded> pad(const PadOptions& options) const {
-    std::vector<Padded> out(tasks_.size());
-    std::vector<std::string> errors(tasks_.size());
-    const int threads = omp_get_max_threads(), levels = omp_get_max_active_levels();
-    const int side_by_side = std::clamp(static_cast<int>(tasks_.size()), 1, threads);
-    omp_set_max_active_levels(2);
-    std::mutex mutex;
-    std::size_t done = 0;
-    std::exception_ptr stopped;  // what progress_ threw: no exception may leave the parallel region
-    const auto tell = [&](const std::string& name) {
-      const std::lock_guard lock(mutex);
-      try {
-        if (!stopped && progress_) progress_(name, done, tasks_.size());
-      } catch (...) {
-        stopped = std::current_exception();
-      }
-      if (stopped) std::rethrow_exception(stopped);
-    };
-#pragma omp parallel num_threads(side_by_side)
-    {
-      omp_set_num_threads(std::max(1, threads / side_by_side));
-#pragma omp for schedule(dynamic, 1)
-      for (std::size_t k = 0; k < tasks_.size(); k++) {
-        const std::string& name = urdf_.links[tasks_[k].link].name;
-        try {
-          tell(name);
-          out[k] = padder::pad(tasks_[k].file, options, [&](const char*, int, int) { tell(name); });
-        } catch (const std::bad_alloc&) {
-          errors[k] = "not enough memory: ask for fewer spheres, or fewer --threads";
-        } catch (const std::exception& e) {
-          errors[k] = e.what();
-        } catch (...) {  // it is in `stopped`
-        }
-        const std::lock_guard lock(mutex);
-        done++;
-      }
+    std::vector<Padded> out = pad_different(options);
+    for (std::size_t k = 0; k < tasks_.size(); k++) {
+      if (first_[k] == k) continue;
+      out[k] = out[first_[k]];
+      out[k].cluster.source.file = tasks_[k].file.source.file;
+      out[k].report.seconds = {};
     }
-    omp_set_max_active_levels(levels);
-    if (stopped) std::rethrow_exception(stopped);
-    std::size_t first = tasks_.size();
-    for (std::size_t k = 0; k < tasks_.size(); k++)
-      if (!errors[k].empty() && (first == tasks_.size() || tasks_[k].link < tasks_[first].link)) first = k;
-    if (first < tasks_.size())
-      throw Error(path_.string() + ", link " + urdf_.links[tasks_[first].link].name + ": " + errors[first]);
     return out;
   }
 
@@ -300,9 +276,58 @@ class Links {
   }
 
  private:
+  std::vector<Padded> pad_different(const PadOptions& options) const {
+    std::vector<Padded> out(tasks_.size());
+    std::vector<std::string> errors(tasks_.size());
+    const int threads = omp_get_max_threads(), levels = omp_get_max_active_levels();
+    const int side_by_side = std::clamp(static_cast<int>(tasks_.size()), 1, threads);
+    omp_set_max_active_levels(2);
+    std::mutex mutex;
+    std::size_t done = 0;
+    std::exception_ptr stopped;  // what progress_ threw: no exception may leave the parallel region
+    const auto tell = [&](const std::string& name) {
+      const std::lock_guard lock(mutex);
+      try {
+        if (!stopped && progress_) progress_(name, done, tasks_.size());
+      } catch (...) {
+        stopped = std::current_exception();
+      }
+      if (stopped) std::rethrow_exception(stopped);
+    };
+#pragma omp parallel num_threads(side_by_side)
+    {
+      omp_set_num_threads(std::max(1, threads / side_by_side));
+#pragma omp for schedule(dynamic, 1)
+      for (std::size_t k = 0; k < tasks_.size(); k++) {
+        const std::string& name = urdf_.links[tasks_[k].link].name;
+        try {
+          tell(name);
+          if (first_[k] == k)
+            out[k] = padder::pad(tasks_[k].file, options, [&](const char*, int, int) { tell(name); });
+        } catch (const std::bad_alloc&) {
+          errors[k] = "not enough memory: ask for fewer spheres, or fewer --threads";
+        } catch (const std::exception& e) {
+          errors[k] = e.what();
+        } catch (...) {  // it is in `stopped`
+        }
+        const std::lock_guard lock(mutex);
+        done++;
+      }
+    }
+    omp_set_max_active_levels(levels);
+    if (stopped) std::rethrow_exception(stopped);
+    std::size_t first = tasks_.size();
+    for (std::size_t k = 0; k < tasks_.size(); k++)
+      if (!errors[k].empty() && (first == tasks_.size() || tasks_[k].link < tasks_[first].link)) first = k;
+    if (first < tasks_.size())
+      throw Error(path_.string() + ", link " + urdf_.links[tasks_[first].link].name + ": " + errors[first]);
+    return out;
+  }
+
   const fs::path& path_;
   const Urdf& urdf_;
   std::vector<Task> tasks_;
+  std::vector<std::size_t> first_;  // for each task the first one with the same mesh
   const RobotProgress& progress_;
 };
 
@@ -315,7 +340,7 @@ PaddedRobot pad_robot(const fs::path& path, const PadOptions& asked, const Robot
     throw Error(
         "a number of spheres for the whole robot excludes a tolerance, a count and a depth ratio for "
         "each link: leave these out");
-  Urdf urdf = read_urdf(path, whole.reading);
+  Urdf urdf = read_robot(path, whole.reading);
   if (std::all_of(urdf.links.begin(), urdf.links.end(), [](const UrdfLink& l) { return l.shapes.empty(); }))
     throw Error(path.string() + ": no link has any geometry");
   keep_neighbours_apart(urdf);

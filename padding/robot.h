@@ -33,7 +33,7 @@ struct RobotOptions {
 using RobotProgress = std::function<void(const std::string& link, std::size_t done, std::size_t of)>;
 
 // Returns the shapes of a link as if they had been one mesh file, in the link's frame and in metres. Meshes
-// are scaled, and turned over where the scale mirrors them. COLLADA and glTF are turned from Y up to Z up.
+// are scaled, and turned over where the scale mirrors them. glTF is turned from Y up to Z up.
 // Cylinders become polygons whose chords stay within a 400th of the link's diagonal. Throws Error as
 // read_mesh.
 ReadResult read_link(const UrdfLink& link, const std::filesystem::path& urdf);

@@ -64,6 +64,19 @@ std::vector<double> random_values(const Model& model, std::uint64_t seed) {
   return out;
 }
 
+// The body at the root of each body's part of the tree, in which every joint has one way to move: the poses
+// of two bodies of one part are tried, and between two parts there are ways to move that are not.
+std::vector<std::size_t> tried_together(const Model& model) {
+  std::vector<std::size_t> out;
+  for (const Body& b : model.bodies) {
+    const Joint::Type type = b.joint.type;
+    const bool several =
+        type == Joint::Type::planar || type == Joint::Type::floating || type == Joint::Type::ball;
+    out.push_back(b.parent < 0 || several ? out.size() : out[static_cast<std::size_t>(b.parent)]);
+  }
+  return out;
+}
+
 struct Pair {
   std::size_t a, b;
   int hits = 0;
@@ -89,6 +102,8 @@ std::vector<Apart> self_collisions(const Model& model, const SelfCollisionOption
   const std::vector<Eigen::Isometry3d> zero = poses_at(model);
   for (Pair& pair : pairs)
     if (meets(pair, zero)) out.push_back({pair.a, pair.b, "Default"}), pair.decided = true;
+  const std::vector<std::size_t> part = tried_together(model);
+  for (Pair& pair : pairs) pair.decided |= part[pair.a] != part[pair.b];
   const int most_misses = static_cast<int>((1 - always) * options.poses);
   for (int begin = 0; begin < options.poses; begin += block) {
     const int end = std::min(begin + block, options.poses);

@@ -95,12 +95,11 @@ void check(const Model& model, const Format& format, const std::string& where) {
       fail(b.name + " has a family or a mask, which the file cannot hold (" + format.program +
            " sets who may touch whom in its own script): pad without --family and --mask");
     // A robot's families only say which of its links may touch, and the file says that in its own way.
-    if (format.filter == F::pairs && with_spheres == 1 && model.urdf.empty() &&
-        (c.family != 0 || c.mask != 0))
+    if (format.filter == F::pairs && with_spheres == 1 && !model.robot() && (c.family != 0 || c.mask != 0))
       fail(b.name + " has a family or a mask, which the file cannot hold (" + format.program +
            " names pairs of bodies in one file, and there is one): pad without --family and --mask, or write "
            ".spheres.json, .npz, .vtp, .xml or Chrono's header");
-    if ((format.filter == F::bits || format.filter == F::both) && with_spheres == 1 && model.urdf.empty() &&
+    if ((format.filter == F::bits || format.filter == F::both) && with_spheres == 1 && !model.robot() &&
         c.family > static_cast<std::uint32_t>(format.bits))
       fail(b.name + " is of family " + std::to_string(c.family) + ", and " + format.program +
            " has bits for families 1 to " + std::to_string(format.bits) + ": pad with one of those");

@@ -19,8 +19,8 @@ struct Inertial {
 
 // What joins a body to its parent, as URDF has it.
 struct Joint {
-  // URDF's kinds.
-  enum class Type { fixed, revolute, continuous, prismatic, planar, floating };
+  // URDF's kinds, and `ball`, which turns every way: MJCF's ball, and what Bullet's URDF calls spherical.
+  enum class Type { fixed, revolute, continuous, prismatic, planar, floating, ball };
   std::string name;
   Type type = Type::fixed;
   Vector axis = Vector::UnitX();  // unit, in the body's frame
@@ -57,6 +57,7 @@ struct Model {
   // The document a robot was read from, "" otherwise: written back as URDF with new collisions.
   std::string urdf;
 
+  bool robot() const { return !file.empty() || !urdf.empty(); }  // was read from a robot's file
   std::size_t spheres() const;
 };
 

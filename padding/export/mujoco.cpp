@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Writes MuJoCo's MJCF: bodies nested by their joints, and one geom for each sphere.
+#include <Eigen/Eigenvalues>
+
 #include "padding/export/writers.h"
 
 namespace padder::exporting {
@@ -23,7 +25,7 @@ class Writer {
   explicit Writer(const Job& job) : job_(job), children_(job.model.bodies.size()) {
     // The families of a robot's links are about these links only. Bodies outside the robot touch all of them.
     for (const CollisionFilter& f : filters_of(job.model))
-      bits_.push_back(mujoco_bits(job.model.urdf.empty() ? f : CollisionFilter{}));
+      bits_.push_back(mujoco_bits(job.model.robot() ? CollisionFilter{} : f));
     for (std::size_t b = 0; b < job.model.bodies.size(); b++)
       if (const int parent = job.model.bodies[b].parent; parent >= 0)
         children_[static_cast<std::size_t>(parent)].push_back(b);
@@ -35,12 +37,17 @@ class Writer {
       if (job_.model.bodies[b].parent < 0) bodies += body(b, "    ");
     std::string compiler =
         "angle=\"radian\" inertiafromgeom=\"false\"";  // summing the spheres would count overlaps twice
+    if (unbalanced_) compiler += " balanceinertia=\"true\"";
     if (weightless_) compiler += " boundmass=\"1e-6\" boundinertia=\"1e-9\"";
     return "<!-- " + comment(origin(job_.model)) + ", metres, density " + number(job_.options.density) +
            " where no mass was stated -->\n" +
-           (weightless_ ? "<!-- boundmass and boundinertia: MuJoCo wants some mass on every moving body, and "
-                          "one has none -->\n"
+           (weightless_ ? "<!-- boundmass and boundinertia: MuJoCo wants some mass and moments on every "
+                          "moving body, and one has none -->\n"
                         : "") +
+           (unbalanced_
+                ? "<!-- balanceinertia: MuJoCo wants moments that a body can have, and those stated of one "
+                  "link are none -->\n"
+                : "") +
            "<mujoco model=\"" + xml_text(one_line(job_.model.name)) + "\">\n  <compiler " + compiler +
            "/>\n  <default>\n    <geom type=\"sphere\"/>\n  </default>\n  <worldbody>\n" + bodies +
            "  </worldbody>\n" + excluded() + followers() + motors() + "</mujoco>\n";
@@ -75,11 +82,14 @@ class Writer {
         return hinge_or_slide("slide", x, "_x", false) + hinge_or_slide("slide", y, "_y", false) +
                hinge_or_slide("hinge", b.joint.axis, "_turn", false);
       case Joint::Type::floating: {  // a free joint may only stand in the world
+        if (is_world(b.parent)) return indent + "<freejoint name=\"" + xml_text(b.joint.name) + "\"/>\n";
         std::string out;
         for (int k = 0; k < 3; k++)
           out += hinge_or_slide("slide", Vector::Unit(k), std::string("_") + "xyz"[k], false);
         return out + indent + "<joint name=\"" + xml_text(b.joint.name) + "_turn\" type=\"ball\"/>\n";
       }
+      case Joint::Type::ball:
+        return indent + "<joint name=\"" + xml_text(b.joint.name) + "\" type=\"ball\"/>\n";
       default:
         return "";
     }
@@ -92,33 +102,61 @@ class Writer {
     return false;
   }
 
+  // MuJoCo has a body of this name already, which no other may have: the world that all bodies stand in.
+  bool is_world(int index) const {
+    if (index < 0 || !job_.model.robot()) return false;
+    const Body& b = job_.model.bodies[static_cast<std::size_t>(index)];
+    return b.parent < 0 && b.name == "world" && b.pose.matrix().isIdentity(0);
+  }
+
   std::string body(std::size_t index, const std::string& indent) {
     const Body& b = job_.model.bodies[index];
     const std::string inside = indent + "  ";
+    if (is_world(static_cast<int>(index))) return content(index, indent);
     std::string out = indent + "<body name=\"" + xml_text(b.name) + "\"" + place(b.pose) + ">\n";
     const auto inertial = inertial_of(b, job_.options.density);
     // An asset on its own is a free body; a robot's root stays where it is.
-    const bool alone = job_.model.urdf.empty() && b.parent < 0;
+    const bool alone = !job_.model.robot() && b.parent < 0;
     if (alone && inertial && b.joint.type == Joint::Type::fixed)
       out += inside + "<freejoint/>\n";
     else if (b.joint.type != Joint::Type::fixed) {
       out += joint(b, inside);
       weightless_ |= !weighs(index);
     }
-    if (inertial && inertial->mass > 0) {
-      const Eigen::Matrix3d& m = inertial->inertia;
-      out += inside + "<inertial pos=\"" + numbers(inertial->center) + "\" mass=\"" + number(inertial->mass) +
-             "\" fullinertia=\"" + numbers(m.diagonal()) + " " + number(m(0, 1)) + " " + number(m(0, 2)) +
+    if (inertial && inertial->mass > 0) out += inertia_of(*inertial, inside);
+    return out + content(index, inside) + indent + "</body>\n";
+  }
+
+  std::string inertia_of(const Inertial& i, const std::string& indent) {
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> principal(i.inertia);
+    const Vector moments = principal.eigenvalues().cwiseMax(0.0);  // in ascending order
+    unbalanced_ |= moments[0] + moments[1] < moments[2];
+    std::string out = indent + "<inertial pos=\"" + numbers(i.center) + "\" mass=\"" + number(i.mass) + "\" ";
+    constexpr double least = 1e-13;  // of a fullinertia; MuJoCo's own limit is a tenth of it
+    if (moments[0] > least) {
+      const Eigen::Matrix3d& m = i.inertia;
+      return out + "fullinertia=\"" + numbers(m.diagonal()) + " " + number(m(0, 1)) + " " + number(m(0, 2)) +
              " " + number(m(1, 2)) + "\"/>\n";
     }
-    const Cluster& c = b.cluster;
+    weightless_ = true;
+    Eigen::Matrix3d axes = principal.eigenvectors();
+    if (axes.determinant() < 0) axes.col(0) *= -1;
+    const Eigen::Quaterniond q(axes);
+    return out + "quat=\"" + number(q.w()) + " " + numbers(q.vec()) + "\" diaginertia=\"" + numbers(moments) +
+           "\"/>\n";
+  }
+
+  // The geoms of a body, and the bodies on it.
+  std::string content(std::size_t index, const std::string& inside) {
+    std::string out;
+    const Cluster& c = job_.model.bodies[index].cluster;
     const FilterBits bits = bits_[index];
     for (std::size_t k = 0; k < c.size(); k++)
       out += inside + "<geom type=\"sphere\" size=\"" + number(c.radii[k]) + "\" pos=\"" +
              numbers(c.centers[k]) + "\" contype=\"" + bit_field(bits.own) + "\" conaffinity=\"" +
              bit_field(bits.others) + "\"/>\n";
     for (const std::size_t child : children_[index]) out += body(child, inside);
-    return out + indent + "</body>\n";
+    return out;
   }
 
   // Pairs that may not touch although their bits say that they may.
@@ -162,7 +200,7 @@ class Writer {
   const Job& job_;
   std::vector<FilterBits> bits_;
   std::vector<std::vector<std::size_t>> children_;
-  bool weightless_ = false;
+  bool weightless_ = false, unbalanced_ = false;
 };
 
 }  // namespace

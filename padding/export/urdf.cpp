@@ -22,6 +22,7 @@ const char* word(Joint::Type type) {
     case Joint::Type::planar:
       return "planar";
     case Joint::Type::floating:
+    case Joint::Type::ball:  // URDF has no joint that only turns
       return "floating";
     default:
       return "fixed";
@@ -72,7 +73,8 @@ void append_joint(pugi::xml_node robot, const Body& body, const std::string& par
     set(mimic, "joint", body.joint.mimic), set(mimic, "multiplier", number(body.joint.multiplier)),
         set(mimic, "offset", number(body.joint.offset));
   }
-  if (body.joint.type == Joint::Type::fixed || body.joint.type == Joint::Type::floating) return;
+  const std::string type = word(body.joint.type);
+  if (type == "fixed" || type == "floating") return;
   set(joint.append_child("axis"), "xyz", numbers(body.joint.axis));
   if (body.joint.damping > 0 || body.joint.friction > 0) {
     pugi::xml_node dynamics = joint.append_child("dynamics");

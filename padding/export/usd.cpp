@@ -102,6 +102,7 @@ class Writer {
     const char* type = turns                              ? "PhysicsRevoluteJoint"
                        : j.type == Joint::Type::prismatic ? "PhysicsPrismaticJoint"
                        : j.type == Joint::Type::fixed     ? "PhysicsFixedJoint"
+                       : j.type == Joint::Type::ball      ? "PhysicsSphericalJoint"
                                                           : "PhysicsJoint";
     std::string out = std::string("def ") + type + " \"joint\"";
     if (j.type ==
@@ -115,7 +116,8 @@ class Writer {
            "\n    quatf physics:localRot0 = " + tuple(Eigen::Quaterniond(body.pose.linear()) * along) +
            "\n    point3f physics:localPos1 = (0, 0, 0)\n    quatf physics:localRot1 = " + tuple(along) +
            "\n";
-    if (turns || j.type == Joint::Type::prismatic) out += "    uniform token physics:axis = \"X\"\n";
+    if (turns || j.type == Joint::Type::prismatic || j.type == Joint::Type::ball)
+      out += "    uniform token physics:axis = \"X\"\n";
     const double unit = turns ? 180 / std::numbers::pi : 1;  // USD counts angles in degrees
     if (limited)
       out += "    float physics:lowerLimit = " + number(unit * j.lower) +

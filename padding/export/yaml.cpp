@@ -92,7 +92,7 @@ Files write_curobo(const Job& job) {
   if (robot) {
     out += "# ee_link is the end of the longest chain: set it, and the limits of cspace, to what is right.\n";
     out += "robot_cfg:\n  kinematics:\n    urdf_path: " +
-           quoted(model.file.empty() ? model.name + ".urdf" : model.file) + "\n    asset_root_path: \"\"\n";
+           quoted(model.urdf.empty() ? model.name + ".urdf" : model.file) + "\n    asset_root_path: \"\"\n";
     out += "    base_link: " + quoted(model.bodies[0].name) + "\n    ee_link: " + quoted(last_link(model)) +
            "\n";
   }

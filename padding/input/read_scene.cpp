@@ -158,6 +158,8 @@ Soup read_scene(const std::string& bytes, const std::filesystem::path& path, con
                            AI_CONFIG_IMPORT_FBX_READ_LIGHTS, AI_CONFIG_IMPORT_FBX_READ_CAMERAS,
                            AI_CONFIG_IMPORT_FBX_READ_ANIMATIONS, AI_CONFIG_IMPORT_FBX_READ_WEIGHTS})
     importer.SetPropertyBool(part, false);
+  // ROS and Gazebo look at no up axis of COLLADA, and its files are made for them.
+  importer.SetPropertyBool(AI_CONFIG_IMPORT_COLLADA_IGNORE_UP_DIRECTION, true);
   // An STL is read from the bytes that were checked. A scene may refer to other files, so it is read by its
   // path.
   const bool alone = ending == ".stl";

@@ -40,7 +40,7 @@ class Reader {
     for (const auto& link : robot.children("link"))
       if (link.child("collision")) collision = true;
     const bool visual = options_.visual || !collision;
-    for (const auto& link : robot.children("link")) add_link(link, visual ? "visual" : "collision");
+    for (const auto& link : robot.children("link")) add_link(link, visual ? "visual" : "collision", urdf);
     if (links_.empty()) fail("there is no <link> in it");
     for (const auto& joint : robot.children("joint")) add_joint(joint);
     check_mimics();
@@ -50,11 +50,17 @@ class Reader {
   }
 
  private:
+  static std::string quoted(const std::string& text) {  // for the shell
+    std::string out = "'";
+    for (const char c : text) out += c == '\'' ? std::string("'\\''") : std::string(1, c);
+    return out + "'";
+  }
+
   // What the program xacro of ROS makes of the file.
   std::string expanded() const {
-    std::string quoted = "'";
-    for (const char c : path_.string()) quoted += c == '\'' ? std::string("'\\''") : std::string(1, c);
-    FILE* pipe = popen(("xacro " + quoted + "'").c_str(), "r");
+    std::string command = "xacro " + quoted(path_.string());
+    for (const std::string& word : options_.xacro) command += " " + quoted(word);
+    FILE* pipe = popen(command.c_str(), "r");
     std::string out;
     char part[4096];
     for (std::size_t n; pipe && (n = std::fread(part, 1, sizeof part, pipe)) > 0;) out.append(part, n);
@@ -144,7 +150,7 @@ class Reader {
                      : "looked for " + excerpt(tried[0].string(), 500)));
   }
 
-  void add_link(const pugi::xml_node& node, const char* kind) {
+  void add_link(const pugi::xml_node& node, const char* kind, Urdf& urdf) {
     UrdfLink link;
     Body body;
     link.name = body.name = node.attribute("name").as_string();
@@ -172,6 +178,10 @@ class Reader {
         const double r = positive(capsule.attribute("radius"), where);
         shape.size = {r, r, positive(capsule.attribute("length"), where)};
       } else if (const auto sphere = geometry.child("sphere")) {
+        if (one(sphere.attribute("radius"), where) == 0) {  // a place where Drake looks for contacts
+          urdf.notes.push_back(link.name + ": a sphere of radius 0, which is a point, was left out");
+          continue;
+        }
         shape.type = UrdfShape::Type::sphere;
         shape.size = Vector::Constant(positive(sphere.attribute("radius"), where));
       } else {
@@ -199,7 +209,8 @@ class Reader {
     static const std::map<std::string_view, Joint::Type> types{
         {"fixed", Joint::Type::fixed},           {"revolute", Joint::Type::revolute},
         {"continuous", Joint::Type::continuous}, {"prismatic", Joint::Type::prismatic},
-        {"planar", Joint::Type::planar},         {"floating", Joint::Type::floating}};
+        {"planar", Joint::Type::planar},         {"floating", Joint::Type::floating},
+        {"spherical", Joint::Type::ball}};
     Joint joint;
     joint.name = node.attribute("name").as_string();
     const std::string where = "joint " + excerpt(joint.name);
@@ -216,7 +227,8 @@ class Reader {
     const std::size_t parent = link("parent"), child = link("child");
     if (parents_[child] >= 0) fail(where + ": " + excerpt(links_[child].name) + " has a parent already");
     const Vector axis = three(node.child("axis").attribute("xyz"), Vector::UnitX(), where);
-    const bool turns = joint.type != Joint::Type::fixed && joint.type != Joint::Type::floating;
+    const bool turns = joint.type != Joint::Type::fixed && joint.type != Joint::Type::floating &&
+                       joint.type != Joint::Type::ball;
     if (turns && !(axis.norm() > 0)) fail(where + ": its axis has no length");
     if (turns) joint.axis = axis.normalized();
     if (const auto limit = node.child("limit");

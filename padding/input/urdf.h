@@ -13,14 +13,14 @@ namespace padder {
 
 // One of the shapes of a link.
 struct UrdfShape {
-  // URDF's kinds.
-  enum class Type { mesh, box, cylinder, capsule, sphere };
+  // URDF's kinds, and MJCF's ellipsoid.
+  enum class Type { mesh, box, cylinder, capsule, sphere, ellipsoid };
   Type type = Type::mesh;
   Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();  // in the link's frame
   std::filesystem::path file;                              // of a mesh; exists on this machine
   Vector scale = Vector::Ones();                           // of a mesh
   // Sides of a box; radius, radius, length of a cylinder; the same of a capsule, whose length is that between
-  // the centres of its round ends; three times the radius of a sphere.
+  // the centres of its round ends; three times the radius of a sphere; half axes of an ellipsoid.
   Vector size = Vector::Zero();
 };
 
@@ -40,6 +40,7 @@ struct Urdf {
 // Where a URDF's meshes are, and which of its shapes count.
 struct UrdfOptions {
   std::vector<std::filesystem::path> package_folders;  // are searched for packages first
+  std::vector<std::string> xacro;                      // NAME:=VALUE each, handed to the program xacro
   bool visual = false;  // take the shapes of `visual` even where there are some of `collision`
 };
 

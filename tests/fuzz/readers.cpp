@@ -16,6 +16,7 @@
 #include "padding/asset/file.h"
 #include "padding/import/import.h"
 #include "padding/import/readers.h"
+#include "padding/mjcf/mjcf.h"
 #include "padding/input/read.h"
 #include "padding/input/read_internal.h"
 #include "padding/input/urdf.h"
@@ -118,6 +119,13 @@ void read_urdf_file(std::string_view bytes) {
   });
 }
 
+void read_mjcf_file(std::string_view bytes) {
+  expect_answer([&] {
+    const Urdf robot = read_mjcf(put(bytes, "a.xml"));
+    if (robot.links.size() != robot.model.bodies.size()) wrong("links and bodies differ in number");
+  });
+}
+
 void read_cluster_json(std::string_view bytes) {
   expect_answer([&] {
     const Cluster c = cluster_from_json(bytes, "file");
@@ -154,7 +162,7 @@ void import_file(std::string_view bytes) {
 constexpr char kCsv[] = "i.csv", kNpz[] = "i.npz", kVtp[] = "i.vtp", kYaml[] = "i.yaml", kXml[] = "i.xml",
                kTxt[] = "i.txt";
 
-constexpr std::array<Target, 21> kReaders{{
+constexpr std::array<Target, 22> kReaders{{
     {"obj", read_obj, ".obj"},
     {"off", read_soup<reading::read_off>, ".off"},
     {"ply", read_soup<reading::read_ply>, ".ply"},
@@ -166,6 +174,7 @@ constexpr std::array<Target, 21> kReaders{{
     {"glb_file", read_whole<kGlb>, ".glb"},
     {"dae_file", read_whole<kDae>, ".dae"},
     {"urdf", read_urdf_file, ".urdf"},
+    {"mjcf_robot", read_mjcf_file, ".xml"},
     {"cluster", read_cluster_json, ".spheres.json"},
     {"scene", read_scene, ".scene.json"},
     {"loose_npz", read_loose<detect::loose_from_npz>, ".npz"},

@@ -152,6 +152,21 @@ TEST_F(RobotTest, LinksThatNeverOrAlwaysTouchAreFound) {
   for (const Apart& p : none.model.apart) EXPECT_TRUE(p.reason == "Adjacent" || p.reason == "Default");
 }
 
+// What no pose with such a joint at 0 shows is not said to happen never.
+TEST_F(RobotTest, JointsWithSeveralWaysToMoveLeavePairsUndecided) {
+  for (const char* type : {"continuous", "spherical", "floating", "planar"}) {
+    const std::string ball =
+        "<collision><origin xyz='0 0 -0.5'/><geometry><sphere radius='0.2'/></geometry></collision>";
+    const PaddedRobot r =
+        pad_robot(urdf(link("base", ball) + link("upper", ball) + link("fore", ball) +
+                       joint("base", "upper", type, "<origin xyz='0 0 1'/><axis xyz='0 1 0'/>") +
+                       joint("upper", "fore", "continuous", "<origin xyz='0 0 1'/><axis xyz='0 0 1'/>")),
+                  coarse());
+    const bool never = std::ranges::any_of(r.model.apart, [](const Apart& p) { return p.reason == "Never"; });
+    EXPECT_EQ(never, std::string(type) == "continuous") << type;
+  }
+}
+
 TEST_F(RobotTest, PosesFollowJointsAndMimics) {
   Model m = arm();
   m.bodies[4].joint.mimic = "upper_joint", m.bodies[4].joint.multiplier = 0.5, m.bodies[4].joint.offset = 0.1;
@@ -226,6 +241,34 @@ TEST_F(RobotTest, ANumberOfSpheresForTheWholeRobot) {
   EXPECT_THROW(pad_robot(file, {}, {.reading = {}, .max_spheres = 2, .poses = 0}), Error);
 }
 
+// What a link has does not depend on whether another one has it, too.
+TEST_F(RobotTest, LinksWithTheSameShapesGetTheSameSpheres) {
+  const std::string seven =
+      "<inertial><mass value='7'/><inertia ixx='1' ixy='0' ixz='0' iyy='1' iyz='0' izz='1'/></inertial>";
+  const PaddedRobot one = pad_robot(urdf(link("b")), coarse());
+  const PaddedRobot r = pad_robot(
+      urdf(link("a") + link("b", seven + kBox) + link("c") + joint("a", "b") + joint("b", "c")), coarse());
+  for (const Body& b : r.model.bodies) {
+    expect_same_spheres(b.cluster, one.model.bodies[0].cluster);
+    EXPECT_EQ(b.cluster.source.file, "r.urdf, link " + b.name);
+    EXPECT_EQ(b.cluster.name, b.name);
+  }
+  EXPECT_EQ(r.model.bodies[1].inertial->mass, 7);
+  EXPECT_NE(r.model.bodies[0].cluster.family, r.model.bodies[1].cluster.family);
+  EXPECT_GT(r.reports[0].seconds.total() + r.reports[1].seconds.total() + r.reports[2].seconds.total(), 0);
+}
+
+TEST_F(RobotTest, SpheresOfNoRadiusAreLeftOut) {
+  const std::string ball = "<collision><geometry><sphere radius='0.1'/></geometry></collision>";
+  const std::string point = "<collision><geometry><sphere radius='0.0'/></geometry></collision>";
+  const PaddedRobot r =
+      pad_robot(urdf(link("a", point + ball) + link("b", point) + joint("a", "b")), coarse());
+  EXPECT_EQ(r.model.spheres(), 1u);
+  EXPECT_EQ(r.notes.size(), 3u);
+  EXPECT_THROW(
+      read_urdf(urdf(link("a", "<collision><geometry><sphere radius='-1'/></geometry></collision>"))), Error);
+}
+
 TEST_F(RobotTest, SpheresStayAndAreNotMeasured) {
   const std::string ball = "<collision><geometry><sphere radius='0.1'/></geometry></collision>";
   const std::string seen = "<visual><geometry><box size='1 1 1'/></geometry></visual>";
@@ -257,6 +300,10 @@ TEST_F(RobotTest, AXacroFileIsExpandedOrTheProgramIsNamed) {
   write_file(folder_ / "bin/xacro", "#!/bin/sh\ncat \"$1\"\n");  // what is left to expand is nothing
   fs::permissions(folder_ / "bin/xacro", fs::perms::owner_all);
   EXPECT_EQ(read_urdf(folder_ / "r.xacro").links.size(), 1u);
+  write_file(folder_ / "bin/xacro", "#!/bin/sh\nsed \"s/name='a'/name='$2'/\" \"$1\"\n");
+  fs::permissions(folder_ / "bin/xacro", fs::perms::owner_all);
+  EXPECT_EQ(read_urdf(folder_ / "r.xacro", {.package_folders = {}, .xacro = {"b c;$(x)"}}).links[0].name,
+            "b c;$(x)");
   setenv("PATH", path.c_str(), 1);
 }
 

@@ -109,9 +109,10 @@ int main(int argc, char** argv) {
   app.add_option("--spheres", s.spheres, "sizes, instead of the bench's own")
       ->delimiter(',')
       ->type_name("N,N,...");
-  app.add_option("--scene", s.scene,
-                 "one scene or mesh only (scaling, boxes, precision, hard); this one and dense (scenes); clumps "
-                 "of three spheres instead of grains (table3)")
+  app.add_option(
+         "--scene", s.scene,
+         "one scene or mesh only (scaling, boxes, precision, hard); this one and dense (scenes); clumps "
+         "of three spheres instead of grains (table3)")
       ->type_name("NAME");
   app.add_flag("--moving", s.moving, "measure a scene in motion as well (scenes)");
   app.add_flag("--stable", s.stable, "a list of stable order (scenes)");

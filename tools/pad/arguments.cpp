@@ -166,6 +166,10 @@ void declare_robot(CLI::App& app, PadArguments& a) {
                  "of a robot: a folder where package:// is looked for first; may be given again")
       ->allow_extra_args(false)
       ->type_name("DIR");
+  app.add_option("--xacro", a.robot.reading.xacro,
+                 "of a .xacro: an argument of the robot, as dof:=7; may be given again")
+      ->allow_extra_args(false)
+      ->type_name("NAME:=VALUE");
   app.add_option("--self-collision", a.robot.poses,
                  "of a robot: random poses that are tried for links that never or always touch; 0: none")
       ->capture_default_str()

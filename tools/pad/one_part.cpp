@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "padding/import/import.h"
+#include "padding/mjcf/mjcf.h"
 #include "padding/meshing/write_mesh.h"
 #include "padding/view/page.h"
 #include "tools/cli.h"
@@ -19,7 +20,7 @@ namespace fs = std::filesystem;
 
 bool is_robot(const std::string& file) {
   const std::string ending = fs::path(file).extension().string();
-  return ending == ".urdf" || ending == ".xacro";
+  return ending == ".urdf" || ending == ".xacro" || is_mjcf_to_pad(file);
 }
 
 bool is_folder(const std::string& path) {
@@ -115,8 +116,8 @@ Json convert(const PadArguments& a, const std::string& file, const PadTarget& go
 Json pad_one(const PadArguments& a, const std::string& file, const PadTarget& target,
              const PadProgress& progress, const std::function<void()>& done) {
   make_folder_of(target.first.path);
-  if (is_sphere_file(file)) return convert(a, file, target, done);
   if (is_robot(file)) return pad_urdf(a, file, target, progress, done);
+  if (is_sphere_file(file)) return convert(a, file, target, done);
   const Padded padded = pad_file(file, {a.scale, a.unit}, a.options, progress);
   std::vector<std::string> warnings = padded.report.warnings;
   for (const OutputFile& out : target.outputs()) {

@@ -12,7 +12,7 @@
 
 namespace padder {
 
-bool is_robot(const std::string& file);   // by its ending
+bool is_robot(const std::string& file);   // by its ending, or MJCF with other geoms than spheres
 bool is_folder(const std::string& path);  // it is one, or ends with /
 
 // Where a result goes.

@@ -84,7 +84,7 @@ std::vector<PadTarget> targets(const PadArguments& a) {
       throw UsageError("a % stands alone: write a share of the diagonal as one word, as in --tolerance 5%");
     PadTarget t;
     t.in_folder = folder;
-    if (is_sphere_file(mesh)) check_conversion(a, mesh);
+    if (is_sphere_file(mesh) && !is_robot(mesh)) check_conversion(a, mesh);
     t.mesh = surface_file(a, mesh);
     t.more = further_outputs(a);
     const Format* format = format_of(a, mesh);

@@ -7,6 +7,7 @@
 
 #include "padding/asset/cluster.h"
 #include "padding/asset/error.h"
+#include "padding/mjcf/mjcf.h"
 #include "padding/view/page.h"
 
 namespace padder {
@@ -24,7 +25,7 @@ Json pairs_json(const Model& model) {
 
 // What could not be done once the links are padded is refused before.
 void check_job(const RobotJob& job) {
-  Urdf urdf = read_urdf(job.urdf, job.whole.reading);
+  Urdf urdf = read_robot(job.urdf, job.whole.reading);
   keep_neighbours_apart(urdf);
   for (const OutputFile& file : job.outputs) check_filters(urdf.model, *file.format);
   for (const auto& [name, value] : job.joints)

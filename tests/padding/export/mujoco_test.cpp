@@ -240,13 +240,43 @@ TEST_F(MujocoTest, PairsBeyondEveryFamilyAreExcluded) {
   EXPECT_THROW(write(m, "h.h", "chrono"), Error);  // before a link is padded: check_filters
 }
 
+// As the Allegro hand's: one moment above the sum of the others.
+TEST_F(MujocoTest, MomentsThatNoBodyHasAreBalanced) {
+  Model m = arm();
+  m.bodies[1].inertial = Inertial{2, Point(0, 0, 0.1), Vector(1, 1, 7).asDiagonal()};
+  load(m);
+  const int upper = mj_name2id(m_, mjOBJ_BODY, "upper");
+  EXPECT_EQ(m_->body_mass[upper], 2);
+  for (int k = 0; k < 3; k++) EXPECT_NEAR(m_->body_inertia[3 * upper + k], 3, 1e-9);
+  EXPECT_EQ(text(arm(), "a.xml").find("balanceinertia"), std::string::npos);
+}
+
+// As those of Fetch's fingers and Sawyer's hand: a mass in a point, on a line, and moments below 0.
+TEST_F(MujocoTest, MassesWithoutMomentsAreTaken) {
+  for (const Vector& moments : {Vector(0, 0, 0), Vector(0, 2, 2), Vector(-1e-9, 1, 1), Vector(1e-14, 1, 1)}) {
+    Model m = arm();
+    const Eigen::Matrix3d turn = Eigen::AngleAxisd(0.5, Vector(1, 2, 3).normalized()).toRotationMatrix();
+    m.bodies[1].inertial = Inertial{2, Point(0, 0, 0.1), turn * moments.asDiagonal() * turn.transpose()};
+    load(m);
+    const int upper = mj_name2id(m_, mjOBJ_BODY, "upper");
+    EXPECT_EQ(m_->body_mass[upper], 2);
+    double largest = 0;
+    for (int k = 0; k < 3; k++) largest = std::max(largest, m_->body_inertia[3 * upper + k]);
+    EXPECT_NEAR(largest, moments.maxCoeff(), 1e-6);
+    unload();
+  }
+}
+
 TEST_F(MujocoTest, EveryTypeOfJointAndNoMassAtAll) {
-  for (const auto type : {Joint::Type::continuous, Joint::Type::planar, Joint::Type::floating}) {
+  for (const auto& [type, ways] : {std::pair(Joint::Type::continuous, 1),
+                                   {Joint::Type::planar, 3},
+                                   {Joint::Type::ball, 3},
+                                   {Joint::Type::floating, 6}}) {
     Model m = arm();
     m.bodies[1].joint.type = type;
     for (Body& b : m.bodies) b.cluster.mass = {};
     load(m);
-    EXPECT_EQ(m_->nv, (type == Joint::Type::continuous ? 1 : type == Joint::Type::planar ? 3 : 6) + 1);
+    EXPECT_EQ(m_->nv, ways + 1);
     unload();
   }
 }

@@ -471,9 +471,10 @@ TEST(Read, GltfModesAndExtensions) {
 
 TEST(Read, ColladaHasItsUnitAndItsStrips) {
   Folder folder;
-  const auto dae = [](const std::string& unit) {
-    return R"(<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1"><asset>)" + unit +
-           R"(<up_axis>Y_UP</up_axis></asset><library_geometries><geometry id="g"><mesh><source id="p"><float_array id="a" count="12">0 0 0 1 0 0 0 1 0 1 1 0</float_array>)"
+  const auto dae = [](const std::string& asset) {
+    return R"(<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1"><asset>)" +
+           asset +
+           R"(</asset><library_geometries><geometry id="g"><mesh><source id="p"><float_array id="a" count="12">0 0 0 1 0 0 0 1 0 1 1 0</float_array>)"
            R"(<technique_common><accessor source="#a" count="4" stride="3"><param name="X" type="float"/><param name="Y" type="float"/><param name="Z" type="float"/></accessor></technique_common></source>)"
            R"(<vertices id="v"><input semantic="POSITION" source="#p"/></vertices><tristrips count="1"><input semantic="VERTEX" source="#v" offset="0"/><p>0 1 2 3</p></tristrips></mesh></geometry></library_geometries>)"
            R"(<library_visual_scenes><visual_scene id="s"><node><instance_geometry url="#g"/></node><node><translate>0 0 2</translate><instance_geometry url="#g"/></node></visual_scene></library_visual_scenes>)"
@@ -487,6 +488,13 @@ TEST(Read, ColladaHasItsUnitAndItsStrips) {
     EXPECT_NEAR(size(r.mesh).x(), length, 1e-7 * length);
     EXPECT_EQ(r.mesh.triangles.size(), 4u) << "two instances";
     EXPECT_NEAR(r.mesh.area(), 2 * length * length, 1e-6 * length * length);
+  }
+  // The coordinates of the file, whichever way it says is up: as ROS shows it, and as the STL beside it.
+  for (const char* up :
+       {"", "<up_axis>X_UP</up_axis>", "<up_axis>Y_UP</up_axis>", "<up_axis>Z_UP</up_axis>"}) {
+    const Box box = read_mesh(folder.put("s.dae", dae(up))).mesh.bounds();
+    EXPECT_EQ(box.low, Point(0, 0, 0)) << up;
+    EXPECT_EQ(box.high, Point(1, 1, 2)) << up;
   }
 }
 

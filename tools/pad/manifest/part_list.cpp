@@ -135,7 +135,7 @@ class List {
     const Format* format = nullptr;
     try {
       if (a.outputs.size() > 1) throw UsageError("a part of a list is one file: give one -o");
-      if (is_sphere_file(mesh)) check_conversion(a, mesh);
+      if (is_sphere_file(mesh) && !is_robot(mesh)) check_conversion(a, mesh);
       format = format_of(a, mesh);
     } catch (const UsageError& e) {
       throw UsageError(where + ": " + e.what());

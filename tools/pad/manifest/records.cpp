@@ -12,8 +12,8 @@
 
 #include "padding/asset/file.h"
 #include "padding/asset/json.h"
+#include "padding/mjcf/mjcf.h"
 #include "padding/input/read_internal.h"
-#include "padding/input/urdf.h"
 #include "tools/pad/one_part.h"
 
 namespace padder {
@@ -99,7 +99,7 @@ std::vector<fs::path> further_inputs(const Part& part) {
   const PadArguments& a = part.settings->arguments;
   UrdfOptions reading = a.robot.reading;
   reading.package_folders.assign(a.package_folders.begin(), a.package_folders.end());
-  for (const UrdfLink& link : read_urdf(part.mesh, reading).links)
+  for (const UrdfLink& link : read_robot(part.mesh, reading).links)
     for (const UrdfShape& shape : link.shapes)
       if (shape.type == UrdfShape::Type::mesh) files.push_back(shape.file);
   return files;

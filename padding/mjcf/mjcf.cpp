@@ -1,0 +1,414 @@
+// SPDX-License-Identifier: MIT
+#include "padding/mjcf/mjcf.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <map>
+#include <set>
+
+#include "padding/asset/error.h"
+#include "padding/asset/excerpt.h"
+#include "padding/mjcf/mjcf_file.h"
+
+namespace padder {
+namespace {
+
+namespace fs = std::filesystem;
+using pugi::xml_node;
+using reading::MjcfElement;
+using reading::MjcfFile;
+
+// contype and conaffinity of a geom.
+using Bits = std::pair<std::uint32_t, std::uint32_t>;
+
+struct MeshAsset {
+  fs::path file;
+  Vector scale;
+  Eigen::Isometry3d place;  // of the scaled mesh, in the geom's frame
+};
+
+// A geom that may be padded.
+struct Geom {
+  std::size_t link;
+  UrdfShape shape;
+  Bits bits;
+};
+
+class Reader {
+ public:
+  Reader(const fs::path& path, const UrdfOptions& options) : path_(path), file_(path), options_(options) {}
+
+  Urdf read() {
+    Model& model = urdf_.model;
+    model.file = path_.filename().string(), model.unit = "m";
+    model.name = file_.root().attribute("model").as_string(path_.stem().c_str());
+    for (const xml_node& section : file_.root().children("asset"))
+      for (const xml_node& mesh : section.children("mesh")) add_mesh(mesh);
+    add_link("world", -1, Eigen::Isometry3d::Identity());
+    for (const xml_node& world : file_.root().children("worldbody"))
+      add_children(world, 0, Eigen::Isometry3d::Identity(), "");
+    take_geoms();
+    for (const xml_node& section : file_.root().children("equality"))
+      for (const xml_node& joint : section.children("joint")) add_mimic(joint);
+    for (const xml_node& section : file_.root().children("actuator"))
+      for (const xml_node& actuator : section.children()) add_effort(actuator);
+    keep_apart();
+    if (planes_ > 0)
+      note(std::to_string(planes_) + " planes or height fields were left out: they are the ground");
+    if (weightless_ > 0)
+      note(std::to_string(weightless_) +
+           " bodies without <inertial>: their mass follows from a density, not from their geoms");
+    return std::move(urdf_);
+  }
+
+ private:
+  void note(const std::string& text) { urdf_.notes.push_back(text); }
+
+  std::size_t add_link(const std::string& name, int parent, const Eigen::Isometry3d& pose) {
+    Body body;
+    body.name = name, body.parent = parent, body.pose = pose;
+    body.joint.name = name + "_fixed";
+    const std::size_t index = urdf_.links.size();
+    if (!index_.emplace(name, index).second)
+      throw Error(path_.string() + ": two bodies are called " + excerpt(name));
+    urdf_.links.push_back({name, {}});
+    urdf_.model.bodies.push_back(std::move(body));
+    return index;
+  }
+
+  void add_mesh(xml_node node) {
+    const MjcfElement e = file_.with_defaults(node, "");
+    const std::string reference = node.attribute("file").as_string();
+    if (reference.empty())
+      file_.fail(node, "it names no file: vertices in the MJCF itself are not read, write them to an .obj");
+    fs::path file = reference;
+    if (file_.compiler("strippath", "false") == "true") file = file.filename();
+    const std::string folder = file_.compiler("meshdir", file_.compiler("assetdir", "").c_str());
+    file = fs::absolute(path_).parent_path() / folder / file;
+    const Vector scale = file_.vector(e, "scale", Vector::Ones());
+    if ((scale.array() == 0).any()) file_.fail(node, "it has a scale of 0");
+    // MuJoCo moves by refpos, turns by refquat, and scales then; a shape is scaled before it is moved.
+    const auto q = file_.numbers(e, "refquat", 4, 4, {1, 0, 0, 0});
+    const Eigen::Quaterniond turn = Eigen::Quaterniond(q[0], q[1], q[2], q[3]).normalized();
+    if (!turn.isApprox(Eigen::Quaterniond::Identity()) && (scale.x() != scale.y() || scale.x() != scale.z()))
+      file_.fail(node, "a refquat with a scale that differs by axis is not read: turn the mesh's file");
+    const Vector offset = scale.cwiseProduct(file_.vector(e, "refpos", Vector::Zero()));
+    const Eigen::Isometry3d place = turn.conjugate() * Eigen::Translation3d(-offset);
+    const std::string name = node.attribute("name").as_string(file.stem().c_str());
+    if (!meshes_.emplace(name, MeshAsset{file, scale, place}).second)
+      file_.fail(node, "two meshes are called " + excerpt(name));
+  }
+
+  // What stands in a body, or in a frame of it.
+  void add_children(xml_node node, std::size_t link, const Eigen::Isometry3d& frame,
+                    const std::string& childclass) {
+    for (const xml_node& child : node.children()) {
+      const std::string_view name = child.name();
+      if (name == "geom") {
+        add_geom(child, link, frame, childclass);
+      } else if (name == "body") {
+        add_body(child, link, frame, childclass);
+      } else if (name == "frame") {
+        if (child.child("joint") || child.child("freejoint"))
+          file_.fail(child, "joints in a frame are not read: put them into the body");
+        add_children(child, link, frame * file_.pose({{child}}),
+                     child.attribute("childclass").as_string(childclass.c_str()));
+      } else if (name == "replicate" || name == "composite" || name == "flexcomp" || name == "attach") {
+        file_.fail(
+            child,
+            "it is not read: save the model with MuJoCo (mj_saveLastXML), which writes what it stands for");
+      }
+    }
+  }
+
+  void add_body(xml_node node, std::size_t parent, const Eigen::Isometry3d& frame, const std::string& outer) {
+    const std::string childclass = node.attribute("childclass").as_string(outer.c_str());
+    const std::string name =
+        node.attribute("name").as_string(("body_" + std::to_string(urdf_.links.size())).c_str());
+    Eigen::Isometry3d pose = frame * file_.pose({{node}});
+    // The joints turn one after the other, each about its anchor, and the last one carries the body.
+    std::vector<Joint> joints;
+    std::vector<Vector> anchors;
+    for (const xml_node& child : node.children()) {
+      const bool free = std::string_view(child.name()) == "freejoint";
+      if (!free && std::string_view(child.name()) != "joint") continue;
+      const MjcfElement e = free ? MjcfElement{{child}} : file_.with_defaults(child, childclass);
+      const std::string called = child.attribute("name").as_string(
+          (name + (joints.empty() ? "_joint" : "_joint_" + std::to_string(joints.size() + 1))).c_str());
+      joints.push_back(joint_of(child, e, called, free));
+      const bool moves = joints.back().type == Joint::Type::floating;
+      anchors.push_back(moves ? Vector(Vector::Zero()) : file_.vector(e, "pos", Vector::Zero()));
+    }
+    Vector at = Vector::Zero();  // where the chain stands, in the body's frame
+    int above = static_cast<int>(parent);
+    for (std::size_t k = 0; k < joints.size(); k++) {
+      const bool last = k + 1 == joints.size() && anchors[k].isZero(0);
+      const Vector step = anchors[k] - at;
+      const std::size_t link = add_link(last ? name : name + ":" + joints[k].name, above,
+                                        pose * Eigen::Translation3d(step) * turned_back(joints[k]));
+      urdf_.model.bodies[link].joint = joints[k];
+      pose = Eigen::Isometry3d::Identity(), at = anchors[k], above = static_cast<int>(link);
+    }
+    if (joints.empty() || !at.isZero(0))
+      above = static_cast<int>(add_link(name, above, pose * Eigen::Translation3d(-at)));
+    const auto link = static_cast<std::size_t>(above);
+    add_inertial(node, link);
+    add_children(node, link, Eigen::Isometry3d::Identity(), childclass);
+  }
+
+  // The joint stands at `ref` where the file shows the body.
+  Eigen::Isometry3d turned_back(const Joint& joint) const {
+    const auto found = references_.find(joint.name);
+    const double ref = found == references_.end() ? 0 : found->second;
+    Eigen::Isometry3d out = Eigen::Isometry3d::Identity();
+    if (joint.type == Joint::Type::prismatic)
+      out.translation() = -ref * joint.axis;
+    else if (ref != 0)
+      out.linear() = Eigen::AngleAxisd(-ref, joint.axis).toRotationMatrix();
+    return out;
+  }
+
+  Joint joint_of(xml_node node, const MjcfElement& e, const std::string& name, bool free) {
+    static const std::map<std::string_view, Joint::Type> types{{"hinge", Joint::Type::continuous},
+                                                               {"slide", Joint::Type::prismatic},
+                                                               {"ball", Joint::Type::ball},
+                                                               {"free", Joint::Type::floating}};
+    if (!joints_.insert(name).second) file_.fail(node, "two joints are called " + excerpt(name));
+    Joint joint;
+    joint.name = name;
+    const std::string kind = free ? "free" : e.text("type", "hinge");
+    const auto type = types.find(kind);
+    if (type == types.end()) file_.fail(node, "\"" + excerpt(kind) + "\" is no type of joint");
+    joint.type = type->second;
+    if (joint.type == Joint::Type::floating || joint.type == Joint::Type::ball) return joint;
+    const bool turns = joint.type == Joint::Type::continuous;
+    const double unit = turns ? file_.angle() : 1;
+    const Vector axis = file_.vector(e, "axis", Vector::UnitZ());
+    if (!(axis.norm() > 0)) file_.fail(node, "its axis has no length");
+    joint.axis = axis.normalized();
+    joint.damping = file_.numbers(e, "damping", 1, 3, {0})[0];
+    joint.friction = file_.number(e, "frictionloss", 0);
+    if (const double ref = unit * file_.number(e, "ref", 0); ref != 0) references_[name] = ref;
+    const auto range = file_.numbers(e, "range", 2, 2, {0, 0});
+    const std::string limited = e.text("limited", "auto");
+    const bool limits = limited == "true" || (limited == "auto" && range[0] < range[1]);
+    if (limits) {
+      joint.lower = unit * range[0], joint.upper = unit * range[1];
+      if (turns) joint.type = Joint::Type::revolute;
+    } else if (!turns) {
+      note("joint " + excerpt(name) + " slides without limits, and stays at 0 in random poses");
+    }
+    const auto force = file_.numbers(e, "actuatorfrcrange", 2, 2);
+    if (!force.empty()) joint.effort = std::max(std::abs(force[0]), std::abs(force[1]));
+    return joint;
+  }
+
+  void add_inertial(xml_node body, std::size_t link) {
+    const xml_node node = body.child("inertial");
+    if (!node) {
+      weightless_++;
+      return;
+    }
+    const MjcfElement e{{node}};
+    Inertial i;
+    i.mass = file_.number(e, "mass", 0);
+    i.center = file_.vector(e, "pos", Vector::Zero());
+    const Eigen::Matrix3d turn = file_.orientation(e).toRotationMatrix();
+    const auto f = file_.numbers(e, "fullinertia", 6, 6);
+    if (f.empty())
+      i.inertia = file_.vector(e, "diaginertia", Vector::Zero()).asDiagonal();
+    else
+      i.inertia << f[0], f[3], f[4], f[3], f[1], f[5], f[4], f[5], f[2];
+    i.inertia = turn * i.inertia * turn.transpose();
+    urdf_.model.bodies[link].inertial = i;
+  }
+
+  std::uint32_t bits(const MjcfElement& e, const char* name) const {  // signed or not
+    return static_cast<std::uint32_t>(
+        static_cast<std::int64_t>(std::clamp(file_.number(e, name, 1), -0x1p31, 0x1p32 - 1)));
+  }
+
+  void add_geom(xml_node node, std::size_t link, const Eigen::Isometry3d& frame,
+                const std::string& childclass) {
+    const MjcfElement e = file_.with_defaults(node, childclass);
+    const std::string mesh = e.text("mesh"), type = e.text("type", mesh.empty() ? "sphere" : "mesh");
+    if (type == "plane" || type == "hfield") {
+      planes_++;
+      return;
+    }
+    Geom geom{link, {}, {bits(e, "contype"), bits(e, "conaffinity")}};
+    UrdfShape& shape = geom.shape;
+    const auto ends = file_.numbers(e, "fromto", 6, 6);
+    const auto size = file_.numbers(e, "size", 1, 3, {0, 0, 0});
+    Vector half(size[0], size.size() > 1 ? size[1] : 0, size.size() > 2 ? size[2] : 0);
+    shape.pose = frame;
+    if (!ends.empty() && type != "mesh" && type != "sphere") {
+      const Vector a(ends[0], ends[1], ends[2]), b(ends[3], ends[4], ends[5]);
+      shape.pose = frame * Eigen::Translation3d(0.5 * (a + b)) *
+                   Eigen::Quaterniond::FromTwoVectors(Vector::UnitZ(), b - a);
+      const bool round = type == "capsule" || type == "cylinder";
+      half = {half[0], round ? 0.5 * (b - a).norm() : half[0], 0.5 * (b - a).norm()};
+    } else {
+      shape.pose = frame * file_.pose(e);
+    }
+    set_size(node, type, mesh, half, shape);
+    geoms_.push_back(std::move(geom));
+  }
+
+  // `half` are the sizes of MJCF.
+  void set_size(xml_node node, const std::string& type, const std::string& mesh, const Vector& half,
+                UrdfShape& shape) {
+    if (type == "mesh") {
+      const auto found = meshes_.find(mesh);
+      if (found == meshes_.end()) file_.fail(node, "there is no mesh asset \"" + excerpt(mesh) + '"');
+      const MeshAsset& asset = found->second;
+      shape.file = asset.file, shape.scale = asset.scale;
+      shape.pose = shape.pose * asset.place;
+      return;
+    }
+    if (!mesh.empty())
+      file_.fail(node, "a " + excerpt(type) +
+                           " that is fitted to a mesh is not read: give its size, or type=\"mesh\"");
+    static const std::map<std::string_view, std::pair<UrdfShape::Type, int>> types{
+        {"sphere", {UrdfShape::Type::sphere, 1}},
+        {"capsule", {UrdfShape::Type::capsule, 2}},
+        {"cylinder", {UrdfShape::Type::cylinder, 2}},
+        {"box", {UrdfShape::Type::box, 3}},
+        {"ellipsoid", {UrdfShape::Type::ellipsoid, 3}}};
+    const auto kind = types.find(type);
+    if (kind == types.end())
+      file_.fail(node, "its type is none of sphere, capsule, ellipsoid, cylinder, box, mesh");
+    const auto& [shape_type, count] = kind->second;
+    if (!(half.head(count).minCoeff() > 0))
+      file_.fail(node, "a " + type + " needs " + std::to_string(count) + " sizes above 0");
+    shape.type = shape_type;
+    if (type == "sphere") shape.size = Vector::Constant(half[0]);
+    if (type == "capsule" || type == "cylinder") shape.size = {half[0], half[0], 2 * half[1]};
+    if (type == "box") shape.size = 2 * half;
+    if (type == "ellipsoid") shape.size = half;
+  }
+
+  // Those that touch, or those that are only seen.
+  void take_geoms() {
+    const auto touches = [](const Geom& g) { return g.bits != Bits{0, 0}; };
+    const bool any = std::any_of(geoms_.begin(), geoms_.end(), touches);
+    const bool visual = options_.visual && !std::all_of(geoms_.begin(), geoms_.end(), touches);
+    if (!any && !geoms_.empty()) note("no geom can touch anything: those to look at were padded");
+    for (const Geom& g : geoms_) {
+      if (touches(g) != (any && !visual)) continue;
+      if (g.shape.type == UrdfShape::Type::mesh && !fs::is_regular_file(g.shape.file))
+        throw Error(path_.string() + ", body " + excerpt(urdf_.links[g.link].name) +
+                    ": the mesh is not there: looked for " + excerpt(g.shape.file.string(), 500));
+      urdf_.links[g.link].shapes.push_back(g.shape);
+      bits_[g.link].insert(g.bits);
+    }
+  }
+
+  Joint* joint_named(const std::string& name) {
+    for (Body& b : urdf_.model.bodies)
+      if (b.joint.name == name && joints_.contains(name)) return &b.joint;
+    return nullptr;
+  }
+
+  void add_mimic(xml_node node) {
+    const MjcfElement e = file_.with_defaults(node, "");
+    Joint* joint = joint_named(e.text("joint1"));
+    const std::string leader = e.text("joint2");
+    if (!joint) file_.fail(node, "joint1 is no joint of this model");
+    const auto c = file_.numbers(e, "polycoef", 1, 5, {0, 1, 0, 0, 0});
+    const bool straight = std::all_of(c.begin() + std::min<std::ptrdiff_t>(2, std::ssize(c)), c.end(),
+                                      [](double x) { return x == 0; });
+    if (leader.empty() || !straight || c.size() < 2) {
+      note("joint " + excerpt(joint->name) +
+           ": its equality is no line of another joint's place, and was left out");
+      return;
+    }
+    if (!joint_named(leader)) file_.fail(node, "joint2 is no joint of this model");
+    const auto ref = [&](const std::string& name) {
+      return references_.contains(name) ? references_.at(name) : 0;
+    };
+    joint->mimic = leader, joint->multiplier = c[1];
+    joint->offset = ref(joint->name) + c[0] - c[1] * ref(leader);
+  }
+
+  void add_effort(xml_node node) {
+    const MjcfElement e = file_.with_defaults(node, "");
+    Joint* joint = joint_named(e.text("joint"));
+    if (!joint || joint->effort > 0) return;
+    const double gear = std::abs(file_.numbers(e, "gear", 1, 6, {1})[0]);
+    auto range = file_.numbers(e, "forcerange", 2, 2);
+    if (range.empty() && std::string_view(node.name()) == "motor")
+      range = file_.numbers(e, "ctrlrange", 2, 2);
+    if (!range.empty()) joint->effort = gear * std::max(std::abs(range[0]), std::abs(range[1]));
+  }
+
+  void keep_apart() {
+    const auto never = [&](std::size_t a, std::size_t b) {
+      for (const auto& [type_a, with_a] : bits_[a])
+        for (const auto& [type_b, with_b] : bits_[b])
+          if ((type_a & with_b) || (type_b & with_a)) return false;
+      return true;
+    };
+    std::set<std::pair<std::size_t, std::size_t>> pairs;
+    for (const auto& [a, bits] : bits_)
+      for (const auto& [b, other] : bits_)
+        if (a < b && never(a, b)) pairs.insert({a, b});
+    for (const xml_node& section : file_.root().children("contact"))
+      for (const xml_node& exclude : section.children("exclude")) {
+        std::array<std::size_t, 2> at{};
+        for (std::size_t k = 0; k < 2; k++) {
+          const auto found = index_.find(exclude.attribute(k == 0 ? "body1" : "body2").as_string());
+          if (found == index_.end()) file_.fail(exclude, "it names a body that is not there");
+          at[k] = found->second;
+        }
+        if (at[0] != at[1]) pairs.insert(std::minmax(at[0], at[1]));
+      }
+    for (const auto& [a, b] : neighbours(urdf_)) pairs.erase({a, b});
+    for (const auto& [a, b] : pairs) urdf_.model.apart.push_back({a, b, "User"});
+  }
+
+  fs::path path_;
+  MjcfFile file_;
+  const UrdfOptions& options_;
+  Urdf urdf_;
+  std::map<std::string, MeshAsset> meshes_;
+  std::map<std::string, std::size_t> index_;  // of the links
+  std::set<std::string> joints_;
+  std::map<std::string, double> references_;  // `ref` of a joint, where it is not 0
+  std::vector<Geom> geoms_;
+  std::map<std::size_t, std::set<Bits>> bits_;  // of each link with shapes
+  std::size_t planes_ = 0, weightless_ = 0;
+};
+
+}  // namespace
+
+Urdf read_mjcf(const fs::path& path, const UrdfOptions& options) { return Reader(path, options).read(); }
+
+bool is_mjcf_to_pad(const fs::path& path) {
+  if (path.extension() != ".xml") return false;
+  try {
+    const MjcfFile file(path);
+    bool other = false;
+    struct Walker : pugi::xml_tree_walker {
+      bool* other;
+      bool for_each(xml_node& node) override {
+        const std::string_view type = node.attribute("type").as_string("sphere");
+        if (std::string_view(node.name()) == "geom" && (type != "sphere" || node.attribute("mesh")))
+          *other = true;
+        return !*other;
+      }
+    } walker;
+    walker.other = &other;
+    file.root().traverse(walker);
+    return other;
+  } catch (const Error&) {  // who reads it says why it cannot be read
+    return false;
+  }
+}
+
+Urdf read_robot(const fs::path& path, const UrdfOptions& options) {
+  return path.extension() == ".xml" ? read_mjcf(path, options) : read_urdf(path, options);
+}
+
+}  // namespace padder

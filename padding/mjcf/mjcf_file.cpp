@@ -1,0 +1,189 @@
+// SPDX-License-Identifier: MIT
+#include "padding/mjcf/mjcf_file.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <cstring>
+#include <numbers>
+
+#include "padding/asset/error.h"
+#include "padding/asset/excerpt.h"
+#include "padding/asset/file.h"
+#include "padding/import/xml.h"
+
+namespace padder::reading {
+
+namespace fs = std::filesystem;
+
+namespace {
+
+constexpr const char* kTurns[] = {"quat", "axisangle", "euler", "xyaxes", "zaxis"};
+constexpr const char* kMain = "main";  // the class of what names none
+
+Eigen::Quaterniond about(int axis, double angle) {
+  return Eigen::Quaterniond(Eigen::AngleAxisd(angle, Vector::Unit(axis)));
+}
+
+}  // namespace
+
+pugi::xml_attribute MjcfElement::attribute(const char* name) const {
+  for (const pugi::xml_node& level : levels)
+    if (const auto found = level.attribute(name)) return found;
+  return {};
+}
+
+MjcfFile::MjcfFile(const fs::path& path) : path_(path) {
+  importing::load_xml(document_, read_file(path, kMostText), path.string());
+  if (!root()) throw Error(path.string() + ": <mujoco> is not its root");
+  std::vector<std::string> seen{path.filename().string()};
+  follow_includes(root(), seen);
+  classes_[kMain] = {};
+  for (const pugi::xml_node& node : root().children("default")) add_defaults(node, "");
+  const std::string unit = compiler("angle", "degree");
+  if (unit != "degree" && unit != "radian")
+    fail(root().child("compiler"), "angle is degree or radian, not \"" + excerpt(unit) + '"');
+  if (unit == "degree") angle_ = std::numbers::pi / 180;
+  sequence_ = compiler("eulerseq", "xyz");
+  if (sequence_.size() != 3 || sequence_.find_first_not_of("xyzXYZ") != std::string::npos)
+    fail(root().child("compiler"),
+         "eulerseq is three of x, y, z, X, Y, Z, not \"" + excerpt(sequence_) + '"');
+  if (compiler("coordinate", "local") != "local")
+    fail(root().child("compiler"),
+         "global coordinates are not read, as in MuJoCo since 2.3.3: save it with local ones");
+}
+
+void MjcfFile::fail(const pugi::xml_node& node, const std::string& what) const {
+  const std::string name = node.attribute("name").as_string();
+  throw Error(path_.string() + ", <" + excerpt(node.name()) +
+              (name.empty() ? "" : " name=\"" + excerpt(name) + '"') + ">: " + what);
+}
+
+void MjcfFile::follow_includes(pugi::xml_node node, std::vector<std::string>& seen) {
+  for (pugi::xml_node child = node.first_child(); child;) {
+    const pugi::xml_node next = child.next_sibling();
+    if (std::strcmp(child.name(), "include") == 0) {
+      const std::string name = child.attribute("file").as_string();
+      if (name.empty()) fail(child, "it names no file");
+      if (std::find(seen.begin(), seen.end(), name) != seen.end())
+        fail(child, "the file " + excerpt(name) + " is included twice");
+      seen.push_back(name);
+      const fs::path file = path_.parent_path() / name;
+      pugi::xml_document part;
+      importing::load_xml(part, read_file(file, kMostText), file.string());
+      follow_includes(part.document_element(), seen);
+      for (const pugi::xml_node& inner : part.document_element().children())
+        node.insert_copy_before(inner, child);
+      node.remove_child(child);
+    } else {
+      follow_includes(child, seen);
+    }
+    child = next;
+  }
+}
+
+void MjcfFile::add_defaults(pugi::xml_node node, const std::string& above) {
+  const std::string name = node.attribute("class").as_string(above.empty() ? kMain : "");
+  if (name.empty()) fail(node, "a default inside another one needs a class");
+  auto& chain = classes_[name];
+  chain.insert(chain.begin(), node);  // several sections of the same class: the later counts first
+  if (!above.empty()) {
+    const auto& outer = classes_[above];
+    chain.insert(chain.end(), outer.begin(), outer.end());
+  }
+  for (const pugi::xml_node& inner : node.children("default")) add_defaults(inner, name);
+}
+
+std::string MjcfFile::compiler(const char* name, const char* otherwise) const {
+  std::string value = otherwise;
+  for (const pugi::xml_node& node : root().children("compiler"))
+    if (const auto attribute = node.attribute(name)) value = attribute.as_string();
+  return value;
+}
+
+MjcfElement MjcfFile::with_defaults(pugi::xml_node node, const std::string& childclass) const {
+  MjcfElement e{{node}};
+  const std::string name = node.attribute("class").as_string(childclass.empty() ? kMain : childclass.c_str());
+  const auto found = classes_.find(name);
+  if (found == classes_.end()) fail(node, "there is no default class \"" + excerpt(name) + '"');
+  for (const pugi::xml_node& level : found->second)
+    if (const pugi::xml_node values = level.child(node.name())) e.levels.push_back(values);
+  return e;
+}
+
+std::vector<double> MjcfFile::numbers(const MjcfElement& e, const char* name, std::size_t least,
+                                      std::size_t most, std::vector<double> otherwise) const {
+  const pugi::xml_attribute attribute = e.attribute(name);
+  if (!attribute) return otherwise;
+  std::vector<double> out;
+  const char* text = attribute.as_string();
+  const char* end = text + std::strlen(text);
+  const auto blanks = [&] {
+    while (text != end && std::strchr(" \t\n\r", *text)) text++;
+  };
+  for (blanks(); text != end; blanks()) {
+    if (*text == '+') text++;
+    double value = 0;
+    const auto [next, code] = std::from_chars(text, end, value);
+    if (code != std::errc() || !std::isfinite(value) || out.size() == most) {
+      out.clear();
+      break;
+    }
+    out.push_back(value), text = next;
+  }
+  if (out.size() < least)
+    fail(e.levels[0], std::string(name) + " takes " + (least == most ? "" : "at least ") +
+                          std::to_string(least) + (least == 1 ? " number" : " numbers") + ", not \"" +
+                          excerpt(attribute.as_string()) + '"');
+  return out;
+}
+
+double MjcfFile::number(const MjcfElement& e, const char* name, double otherwise) const {
+  return numbers(e, name, 1, 1, {otherwise})[0];
+}
+
+Vector MjcfFile::vector(const MjcfElement& e, const char* name, const Vector& otherwise) const {
+  const auto v = numbers(e, name, 3, 3, {otherwise.x(), otherwise.y(), otherwise.z()});
+  return {v[0], v[1], v[2]};
+}
+
+Eigen::Quaterniond MjcfFile::orientation(const MjcfElement& e) const {
+  for (const pugi::xml_node& level : e.levels) {
+    if (std::none_of(std::begin(kTurns), std::end(kTurns),
+                     [&](const char* name) { return level.attribute(name); }))
+      continue;
+    const MjcfElement own{{level}};
+    if (const auto q = numbers(own, "quat", 4, 4); !q.empty()) {
+      const Eigen::Quaterniond turn(q[0], q[1], q[2], q[3]);
+      if (!(turn.norm() > 0)) fail(level, "its quat has no length");
+      return turn.normalized();
+    }
+    if (const auto a = numbers(own, "axisangle", 4, 4); !a.empty())
+      return Eigen::Quaterniond(Eigen::AngleAxisd(a[3] * angle_, Vector(a[0], a[1], a[2]).normalized()));
+    if (const auto a = numbers(own, "euler", 3, 3); !a.empty()) {
+      Eigen::Quaterniond turn = Eigen::Quaterniond::Identity();
+      for (std::size_t k = 0; k < 3;
+           k++) {  // small letters turn about the axes as they are turned, capitals about fixed ones
+        const bool fixed = sequence_[k] < 'a';
+        const Eigen::Quaterniond next = about(sequence_[k] - (fixed ? 'X' : 'x'), a[k] * angle_);
+        turn = fixed ? next * turn : turn * next;
+      }
+      return turn;
+    }
+    if (const auto a = numbers(own, "xyaxes", 6, 6); !a.empty()) {
+      const Vector x = Vector(a[0], a[1], a[2]).normalized();
+      const Vector y = (Vector(a[3], a[4], a[5]) - x.dot(Vector(a[3], a[4], a[5])) * x).normalized();
+      Eigen::Matrix3d axes;
+      axes << x, y, x.cross(y);
+      return Eigen::Quaterniond(axes);
+    }
+    return Eigen::Quaterniond::FromTwoVectors(Vector::UnitZ(), vector(own, "zaxis", Vector::UnitZ()));
+  }
+  return Eigen::Quaterniond::Identity();
+}
+
+Eigen::Isometry3d MjcfFile::pose(const MjcfElement& e) const {
+  return Eigen::Translation3d(vector(e, "pos", Vector::Zero())) * orientation(e);
+}
+
+}  // namespace padder::reading

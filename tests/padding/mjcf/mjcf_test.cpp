@@ -1,0 +1,249 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// MJCF as input, against MuJoCo itself: every geom stands where MuJoCo puts it, for any place of the joints.
+#include "padding/mjcf/mjcf.h"
+
+#include <mujoco/mujoco.h>
+
+#include <algorithm>
+#include <random>
+#include <set>
+
+#include "padding/asset/error.h"
+#include "padding/robot.h"
+#include "tests/padding/export/samples.h"
+
+namespace padder::samples {
+namespace {
+
+class MjcfTest : public ExportTest {
+ protected:
+  fs::path put(const std::string& inside, const std::string& name = "r.xml") {
+    write_file(folder_ / name, "<mujoco model='r'>" + inside + "</mujoco>");
+    return folder_ / name;
+  }
+  fs::path world(const std::string& inside) { return put("<worldbody>" + inside + "</worldbody>"); }
+  std::string fault(const std::string& inside) {
+    try {
+      read_mjcf(put(inside));
+    } catch (const Error& e) {
+      return e.what();
+    }
+    return "";
+  }
+
+  // Sets random values in MuJoCo and in ours, and compares each shape's place.
+  static void expect_as_in_mujoco(const fs::path& file, int poses = 20) {
+    SCOPED_TRACE(file.string());
+    char error[1000] = "";
+    mjModel* m = mj_loadXML(file.c_str(), nullptr, error, sizeof error);
+    ASSERT_NE(m, nullptr) << error;
+    mjData* d = mj_makeData(m);
+    const Urdf robot = read_mjcf(file);
+    constexpr std::uint64_t seed = 7;
+    std::mt19937_64 random(seed);
+    std::size_t compared = 0;
+    for (int pose = 0; pose < poses; pose++) {
+      mj_resetData(m, d);
+      std::vector<double> values(robot.links.size());
+      for (std::size_t k = 0; k < values.size(); k++) {
+        const Joint& joint = robot.model.bodies[k].joint;
+        const int id = mj_name2id(m, mjOBJ_JOINT, joint.name.c_str());
+        const bool one_way = joint.type == Joint::Type::revolute || joint.type == Joint::Type::continuous ||
+                             joint.type == Joint::Type::prismatic;
+        if (id < 0 || !one_way) continue;
+        values[k] = std::uniform_real_distribution<>(-1, 1)(random);
+        d->qpos[m->jnt_qposadr[id]] = values[k];
+      }
+      Model free = robot.model;  // followers, too, stand where they were put
+      for (Body& b : free.bodies) b.joint.mimic.clear();
+      mj_forward(m, d);
+      const auto places = poses_at(free, values);
+      int body = 0;  // MuJoCo counts them as they stand in the file, and knows no links of single joints
+      for (std::size_t k = 0; k < robot.links.size(); k++)
+        if (robot.links[k].name.find(':') == std::string::npos)
+          compared += compare(m, d, body++, robot.links[k], places[k]);
+      EXPECT_EQ(body, m->nbody);
+    }
+    EXPECT_GT(compared, 0u);
+    mj_deleteData(d), mj_deleteModel(m);
+  }
+
+ private:
+  static std::size_t compare(const mjModel* m, const mjData* d, int body, const UrdfLink& link,
+                             const Eigen::Isometry3d& place) {
+    std::vector<int> geoms;
+    for (int k = 0; k < m->body_geomnum[body]; k++) {
+      const int g = m->body_geomadr[body] + k, type = m->geom_type[g];
+      if (type != mjGEOM_PLANE && type != mjGEOM_HFIELD && (m->geom_contype[g] || m->geom_conaffinity[g]))
+        geoms.push_back(g);
+    }
+    EXPECT_EQ(geoms.size(), link.shapes.size()) << link.name;
+    for (std::size_t k = 0; k < std::min(geoms.size(), link.shapes.size()); k++)
+      compare(m, d, geoms[k], link.shapes[k], place * link.shapes[k].pose);
+    return geoms.size();
+  }
+  static void compare(const mjModel* m, const mjData* d, int g, const UrdfShape& shape,
+                      const Eigen::Isometry3d& pose) {
+    Eigen::Isometry3d theirs = Eigen::Isometry3d::Identity();
+    for (int row = 0; row < 3; row++) {
+      theirs.translation()[row] = d->geom_xpos[3 * g + row];
+      for (int column = 0; column < 3; column++)
+        theirs.linear()(row, column) = d->geom_xmat[9 * g + 3 * row + column];
+    }
+    const mjtNum* size = m->geom_size + 3 * g;
+    const Vector half(size[0], size[1], size[2]);
+    if (shape.type == UrdfShape::Type::mesh) {
+      const Mesh mesh = read_mesh(shape.file).mesh;
+      const int id = m->geom_dataid[g];
+      for (int v = 0; v < m->mesh_vertnum[id]; v++) {
+        const float* p = m->mesh_vert + 3 * (m->mesh_vertadr[id] + v);
+        const Point at = theirs * Point(p[0], p[1], p[2]);
+        double nearest = 1e9;
+        for (const Point& q : mesh.points)
+          nearest = std::min(nearest, (pose * q.cwiseProduct(shape.scale) - at).norm());
+        EXPECT_LT(nearest, 1e-6);
+      }
+      return;
+    }
+    EXPECT_LT((pose.translation() - theirs.translation()).norm(), 1e-9);
+    switch (shape.type) {
+      case UrdfShape::Type::box:
+        EXPECT_TRUE(shape.size.isApprox(2 * half, 1e-12));
+        EXPECT_TRUE((pose.linear() * half.asDiagonal() * pose.linear().transpose())
+                        .isApprox(theirs.linear() * half.asDiagonal() * theirs.linear().transpose(), 1e-9));
+        break;
+      case UrdfShape::Type::ellipsoid:
+        EXPECT_TRUE(shape.size.isApprox(half, 1e-12));
+        EXPECT_TRUE(pose.linear().isApprox(theirs.linear(), 1e-9));
+        break;
+      case UrdfShape::Type::sphere:
+        EXPECT_NEAR(shape.size.x(), half.x(), 1e-12);
+        break;
+      default:
+        EXPECT_NEAR(shape.size.x(), half.x(), 1e-12);
+        EXPECT_NEAR(shape.size.z(), 2 * half.y(), 1e-12);
+        EXPECT_NEAR(std::abs(pose.linear().col(2).dot(theirs.linear().col(2))), 1, 1e-9);
+    }
+  }
+};
+
+const std::string kTet = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n";
+
+// Every way to say where something is, in degrees and in radians, with classes and an included file.
+TEST_F(MjcfTest, EveryGeomStandsWhereMuJoCoPutsIt) {
+  fs::create_directories(folder_ / "meshes");
+  write_file(folder_ / "meshes/tet.obj", kTet);
+  write_file(
+      folder_ / "hand.xml",
+      "<mujoco><body name='hand' pos='0 0 .4' zaxis='1 1 3'><joint name='wrist' type='hinge' axis='1 0 "
+      "0' pos='.1 0 .05' ref='.3' range='-1 2'/><joint name='slide' type='slide' axis='1 2 0' ref='-.2' "
+      "range='-1 1'/><joint name='twist' axis='0 0 2'/><geom type='mesh' mesh='tet' pos='0 .1 0' euler='.1 "
+      ".2 "
+      ".3'/><geom type='mesh' mesh='turned'/><geom class='thin' fromto='0 0 0 .2 .1 .3'/></body></mujoco>");
+  const std::string inside =
+      "<asset><mesh name='tet' file='tet.obj' scale='.1 -.2 .3' refpos='.1 .2 .3'/>"
+      "<mesh name='turned' file='tet.obj' scale='-.1 -.1 -.1' refpos='.1 .2 .3' refquat='1 .2 0 .3'/></asset>"
+      "<default><geom size='.1 .2 .3'/><joint damping='3'/><default class='arm'><geom type='capsule' "
+      "euler='.3 .2 .1'/><default class='thin'><geom size='.02'/></default></default></default>"
+      "<worldbody><geom type='plane' size='1 1 1'/><geom type='box' pos='3 0 0' quat='1 2 3 4'/>"
+      "<body name='base' pos='0 0 1' axisangle='1 1 0 .5'><freejoint name='root'/><geom type='ellipsoid' "
+      "xyaxes='1 1 0 -1 1 .5'/><body name='upper' childclass='arm' pos='0 .2 0' euler='.3 -.2 1'>"
+      "<joint name='shoulder' axis='0 1 1'/><geom/><geom type='cylinder' pos='.1 .2 .3'/><geom type='sphere' "
+      "class='thin' contype='0' conaffinity='0'/><geom type='box' fromto='0 0 0 .1 .2 .3'/><include "
+      "file='hand.xml'/></body></body></worldbody>";
+  for (const std::string& compiler :
+       {"<compiler autolimits='true' meshdir='meshes'/>",
+        "<compiler autolimits='true' meshdir='meshes' angle='radian' eulerseq='zyx'/>",
+        "<compiler autolimits='true' meshdir='meshes' angle='radian' eulerseq='XYZ'/>",
+        "<compiler autolimits='true' meshdir='meshes' angle='radian' eulerseq='xYz'/>"})
+    expect_as_in_mujoco(put(compiler + inside));
+}
+
+TEST_F(MjcfTest, JointsLimitsMotorsAndPairs) {
+  const Urdf r = read_mjcf(put(
+      "<default><motor ctrlrange='-2 3'/></default><worldbody><body name='a'><geom size='.1'/><joint "
+      "name='j' "
+      "range='-90 45' damping='2' frictionloss='.5'/><body name='b' pos='1 0 0'><joint name='k' type='slide' "
+      "range='-1 1' limited='false'/><geom size='.1'/><body name='c' pos='1 0 0'><joint name='l' "
+      "ref='10'/><geom size='.1'/>"
+      "<inertial pos='1 2 3' mass='4' fullinertia='3 4 5 .1 .2 .3'/></body></body><body name='d' pos='0 9 "
+      "0'><geom "
+      "size='.1' contype='2' conaffinity='2'/><joint name='m' type='ball'/></body></body></worldbody>"
+      "<contact><exclude body1='a' body2='c'/></contact><actuator><motor joint='j' gear='5'/></actuator>"
+      "<equality><joint joint1='l' joint2='j' polycoef='.1 .5 0 0 0'/></equality>"));
+  const auto body = [&](const std::string& name) {
+    return *std::ranges::find(r.model.bodies, name, &Body::name);
+  };
+  EXPECT_EQ(body("a").joint.type, Joint::Type::revolute);
+  EXPECT_NEAR(body("a").joint.lower, -std::numbers::pi / 2, 1e-12);
+  EXPECT_EQ(body("a").joint.effort, 15);
+  EXPECT_EQ(body("a").joint.damping, 2);
+  EXPECT_EQ(body("a").joint.friction, 0.5);
+  EXPECT_EQ(body("b").joint.lower, body("b").joint.upper);
+  EXPECT_EQ(body("c").joint.mimic, "j");
+  EXPECT_NEAR(body("c").joint.offset, 0.1 + std::numbers::pi / 18, 1e-12);
+  EXPECT_EQ(body("c").joint.multiplier, 0.5);
+  EXPECT_EQ(body("c").inertial->mass, 4);
+  EXPECT_EQ(body("c").inertial->inertia(1, 2), 0.3);
+  EXPECT_EQ(body("d").joint.type, Joint::Type::ball);
+  std::set<std::string> apart;
+  for (const Apart& p : r.model.apart)
+    apart.insert(r.links[p.a].name + " " + r.links[p.b].name + " " + p.reason);
+  EXPECT_EQ(apart, (std::set<std::string>{"a c User", "b d User", "c d User"}));  // a and d are neighbours
+}
+
+TEST_F(MjcfTest, WhatIsNotReadIsSaidInASentence) {
+  for (const auto& [inside, words] :
+       {std::pair("<compiler coordinate='global'/>", "global coordinates"),
+        {"<worldbody><replicate count='3'><geom size='1'/></replicate></worldbody>", "mj_saveLastXML"},
+        {"<asset><mesh name='m' vertex='0 0 0 1 0 0 0 1 0 0 0 1'/></asset>", "it names no file"},
+        {"<worldbody><geom type='mesh' mesh='none'/></worldbody>", "no mesh asset \"none\""},
+        {"<asset><mesh file='none.stl'/></asset><worldbody><geom type='mesh' mesh='none'/></worldbody>",
+         "is not there"},
+        {"<asset><mesh file='m.stl'/></asset><worldbody><geom type='box' mesh='m'/></worldbody>",
+         "fitted to a mesh"},
+        {"<worldbody><geom class='none' size='1'/></worldbody>", "no default class \"none\""},
+        {"<worldbody><geom size='x'/></worldbody>", "size takes at least 1 number"},
+        {"<worldbody><geom size='1 2 3 4'/></worldbody>", "size takes"},
+        {"<worldbody><geom type='capsule' size='1'/></worldbody>", "needs 2 sizes"},
+        {"<worldbody><geom type='box' size='1 0 1'/></worldbody>", "needs 3 sizes"},
+        {"<worldbody><body name='a'/><body name='a'/></worldbody>", "two bodies are called a"},
+        {"<worldbody><body><joint name='a'/><joint name='a'/></body></worldbody>", "two joints"},
+        {"<worldbody><body><joint type='screw'/></body></worldbody>", "no type of joint"},
+        {"<include file='r.xml'/>", "included twice"},
+        {"<include file='none.xml'/>", "none.xml"},
+        {"<contact><exclude body1='x' body2='y'/></contact>", "a body that is not there"}})
+    EXPECT_NE(fault(inside).find(words), std::string::npos) << inside << ": " << fault(inside);
+}
+
+// What was read is written to MuJoCo again: the same tree, joints and masses, with spheres as geoms.
+TEST_F(MjcfTest, APaddedRobotIsTheSameRobot) {
+  const fs::path file = world(
+      "<body name='base' pos='0 0 1'><freejoint name='root'/><inertial pos='0 0 0' mass='5' diaginertia='1 1 "
+      "1'/><geom "
+      "type='box' size='.1 .1 .1'/><body name='leg' pos='.3 0 0'><joint name='hip' axis='0 1 0' pos='0 0 .1' "
+      "range='-60 "
+      "60'/><inertial pos='0 0 -.2' mass='2' diaginertia='.1 .1 .1'/><geom type='capsule' size='.03' "
+      "fromto='0 0 0 0 0 -.4'/></body></body>");
+  ASSERT_TRUE(is_mjcf_to_pad(file));
+  PadOptions options;
+  options.tolerance = Length::share(0.05);
+  const PaddedRobot r = pad_robot(file, options);
+  EXPECT_FALSE(is_mjcf_to_pad(write(r.model, "out.xml")));
+  char error[1000] = "";
+  mjModel* m = mj_loadXML((folder_ / "out.xml").c_str(), nullptr, error, sizeof error);
+  ASSERT_NE(m, nullptr) << error;
+  EXPECT_EQ(m->nv, 7);
+  EXPECT_EQ(static_cast<std::size_t>(m->ngeom), r.model.spheres());
+  EXPECT_EQ(m->body_mass[mj_name2id(m, mjOBJ_BODY, "leg")], 2);
+  EXPECT_NEAR(m->jnt_range[2 * mj_name2id(m, mjOBJ_JOINT, "hip")], -std::numbers::pi / 3, 1e-12);
+  mj_deleteModel(m);
+  if (have("check_urdf")) {
+    write(r.model, "out.urdf");
+    EXPECT_EQ(run("check_urdf '" + (folder_ / "out.urdf").string() + "'").status, 0);
+  }
+  for (const char* other : {"o.xrdf", "o.yaml", "o.srdf", "o.usda"}) write(r.model, other);
+}
+
+}  // namespace
+}  // namespace padder::samples

@@ -1,0 +1,325 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// robot_audit ROBOT REPORT SPHERES.urdf MODEL.xml [POSES [SEED]] [--visual] [--package-path DIR] [--xacro
+// WORD]: compares a padded robot with its exact meshes in random poses, by FCL. REPORT is what `pad --json`
+// printed.
+//
+// In each pose and for each pair of links that are not adjacent, FCL says whether the meshes touch, and the
+// spheres read from SPHERES.urdf say whether they do. Where they differ, it counts as a fault only beyond
+// what the errors of the two links allow:
+//   * only the spheres touch: the meshes are farther apart than the two protrusions together;
+//   * only the meshes touch: the spheres are farther apart than the two gaps together.
+// Pairs of a link whose errors were not proved against its input are counted by themselves ("unproved").
+//
+// MuJoCo, where it is there, reads MODEL.xml: no contact with all joints at 0, and each geom stands in 100 of
+// the poses where the sphere does.
+//
+// Prints one JSON object. Exit code 1: there was a fault, 2: the files cannot be compared.
+#include <fcl/geometry/bvh/BVH_model.h>
+#include <fcl/narrowphase/collision.h>
+#include <fcl/narrowphase/distance.h>
+
+#ifdef PADDER_MUJOCO
+#include <mujoco/mujoco.h>
+#endif
+
+#include <algorithm>
+#include <cstdio>
+#include <limits>
+#include <map>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <numbers>
+#include <random>
+#include <set>
+
+#include "padding/asset/error.h"
+#include "padding/asset/file.h"
+#include "padding/import/import.h"
+#include "padding/mjcf/mjcf.h"
+#include "padding/robot.h"
+
+namespace padder {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+using Poses = std::vector<Eigen::Isometry3d>;
+using Bvh = fcl::BVHModel<fcl::OBBRSSd>;
+
+// A link: its mesh, its spheres, and the errors that its report states.
+struct Part {
+  Mesh mesh;
+  std::shared_ptr<Bvh> exact;
+  Cluster spheres;
+  Point center = Point::Zero();  // of a ball around all of it
+  double radius = 0;
+  double protrusion = 0, gap = 0;
+  bool proved = true;
+};
+
+std::shared_ptr<Bvh> tree_of(const Mesh& mesh) {
+  auto tree = std::make_shared<Bvh>();
+  tree->beginModel(static_cast<int>(mesh.triangles.size()), static_cast<int>(mesh.points.size()));
+  std::vector<fcl::Triangle> triangles;
+  for (const auto& t : mesh.triangles) triangles.emplace_back(t[0], t[1], t[2]);
+  tree->addSubModel(mesh.points, triangles);
+  tree->endModel();
+  return tree;
+}
+
+// Solid angles over 4 pi: near 1 inside.
+double winding(const Mesh& mesh, const Point& x) {
+  double sum = 0;
+  for (std::size_t t = 0; t < mesh.triangles.size(); t++) {
+    const Vector a = mesh.corner(t, 0) - x, b = mesh.corner(t, 1) - x, c = mesh.corner(t, 2) - x;
+    const double la = a.norm(), lb = b.norm(), lc = c.norm();
+    sum += 2 * std::atan2(a.dot(b.cross(c)), la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb);
+  }
+  return sum / (4 * std::numbers::pi);
+}
+
+bool inside(const Part& a, const Part& b, const Eigen::Isometry3d& a_in_b) {
+  return std::abs(winding(b.mesh, a_in_b * a.mesh.points[a.mesh.triangles[0][0]])) > 0.5;
+}
+
+bool meshes_touch(const Part& a, const Part& b, const Eigen::Isometry3d& pa, const Eigen::Isometry3d& pb) {
+  fcl::CollisionResultd result;
+  fcl::collide(a.exact.get(), pa, b.exact.get(), pb, fcl::CollisionRequestd(), result);
+  return result.isCollision();
+}
+
+double meshes_distance(const Part& a, const Part& b, const Eigen::Isometry3d& pa,
+                       const Eigen::Isometry3d& pb) {
+  if (inside(a, b, pb.inverse() * pa) || inside(b, a, pa.inverse() * pb)) return 0;
+  fcl::DistanceResultd result;
+  fcl::distance(a.exact.get(), pa, b.exact.get(), pb, fcl::DistanceRequestd(), result);
+  return std::max(0.0, result.min_distance);
+}
+
+// Negative where they overlap.
+double spheres_distance(const Part& a, const Part& b, const Eigen::Isometry3d& b_in_a) {
+  double least = std::numeric_limits<double>::infinity();
+  for (std::size_t j = 0; j < b.spheres.size(); j++) {
+    const Point p = b_in_a * b.spheres.centers[j];
+    for (std::size_t i = 0; i < a.spheres.size(); i++)
+      least = std::min(least, (a.spheres.centers[i] - p).norm() - a.spheres.radii[i] - b.spheres.radii[j]);
+  }
+  return least;
+}
+
+class Audit {
+ public:
+  Audit(const fs::path& robot, const fs::path& report, const fs::path& spheres, const UrdfOptions& options)
+      : urdf_(read_robot(robot, options)), parts_(urdf_.links.size()) {
+    for (const auto& [i, j] : neighbours(urdf_)) adjacent_.insert({i, j});
+    std::map<std::string, Json> told;
+    const Json json = Json::parse(read_file(report));
+    for (const Json& link : json.at("links")) told[link.at("link")] = link;
+    for (std::size_t k = 0; k < parts_.size(); k++) {
+      const UrdfLink& link = urdf_.links[k];
+      if (link.shapes.empty()) continue;
+      Part& part = parts_[k];
+      part.mesh = read_link(link, robot).mesh;
+      part.exact = tree_of(part.mesh);
+      part.spheres = read_spheres(spheres, link.name);
+      const Json& accuracy = told.at(link.name).at("accuracy");
+      if (accuracy.is_null()) {  // spheres that were kept: their mesh has facets
+        part.protrusion = 0.02 * *std::max_element(part.spheres.radii.begin(), part.spheres.radii.end());
+      } else {
+        part.protrusion = accuracy.at("protrusion_bound"), part.gap = accuracy.at("gap_bound");
+        part.proved = accuracy.at("proved_against") == "input" && accuracy.at("certified").get<bool>();
+      }
+      const Box box = part.mesh.bounds();
+      part.center = 0.5 * (box.low + box.high);
+      part.radius = 0.5 * box.diagonal() + part.protrusion;
+    }
+  }
+
+  // The value of each joint between its limits; of one that follows another, what follows.
+  std::vector<double> random_values(std::mt19937_64& random) const {
+    std::vector<double> values;
+    for (const Body& b : urdf_.model.bodies) {
+      double low = 0, high = 0;
+      if (b.joint.type == Joint::Type::continuous) low = -std::numbers::pi, high = std::numbers::pi;
+      if (b.joint.type == Joint::Type::revolute || b.joint.type == Joint::Type::prismatic)
+        low = b.joint.lower, high = std::max(b.joint.lower, b.joint.upper);
+      values.push_back(low == high ? low : std::uniform_real_distribution<>(low, high)(random));
+    }
+    return values;
+  }
+
+  void compare(const Poses& poses) {
+    for (std::size_t i = 0; i < parts_.size(); i++)
+      for (std::size_t j = i + 1; j < parts_.size(); j++) {
+        const Part &a = parts_[i], &b = parts_[j];
+        if (!a.exact || !b.exact || adjacent_.contains({i, j})) continue;
+        tests_++;
+        if ((poses[i] * a.center - poses[j] * b.center).norm() > a.radius + b.radius) continue;
+        judge(a, b, poses[i], poses[j], i, j);
+      }
+  }
+
+  const Model& model() const { return urdf_.model; }
+  const std::vector<Part>& parts() const { return parts_; }
+  bool faults() const { return faults_ > 0; }
+  Json report() const {
+    return {{"tests", tests_},
+            {"both_touch", both_},
+            {"only_spheres", only_spheres_},
+            {"only_meshes", only_meshes_},
+            {"unproved", unproved_},
+            {"faults", faults_},
+            {"worst", worst_},
+            {"example", example_}};
+  }
+
+ private:
+  void judge(const Part& a, const Part& b, const Eigen::Isometry3d& pa, const Eigen::Isometry3d& pb,
+             std::size_t i, std::size_t j) {
+    const double apart = spheres_distance(a, b, pa.inverse() * pb);
+    const bool spheres = apart <= 0, meshes = meshes_touch(a, b, pa, pb);
+    both_ += spheres && meshes;
+    if (spheres == meshes) return;
+    const double distance = spheres ? meshes_distance(a, b, pa, pb) : apart;
+    const double allowed = spheres ? a.protrusion + b.protrusion : a.gap + b.gap;
+    (spheres ? only_spheres_ : only_meshes_)++;
+    constexpr double rounding = 1e-7;  // of STL's float32, in metres
+    if (distance <= allowed + rounding) {
+      worst_ = std::max(worst_, allowed > 0 ? distance / allowed : 0);
+      return;
+    }
+    if (!a.proved || !b.proved) {
+      unproved_++;
+      return;
+    }
+    faults_++;
+    if (example_.empty())
+      example_ = urdf_.links[i].name + " and " + urdf_.links[j].name + ": only the " +
+                 (spheres ? "spheres" : "meshes") + " touch, and the others are " + std::to_string(distance) +
+                 " m apart where " + std::to_string(allowed) + " is allowed";
+  }
+
+  Urdf urdf_;
+  std::vector<Part> parts_;
+  std::set<std::pair<std::size_t, std::size_t>> adjacent_;
+  std::uint64_t tests_ = 0, both_ = 0, only_spheres_ = 0, only_meshes_ = 0, unproved_ = 0, faults_ = 0;
+  double worst_ = 0;
+  std::string example_;
+};
+
+#ifdef PADDER_MUJOCO
+class Mujoco {
+ public:
+  explicit Mujoco(const fs::path& file) {
+    mju_user_warning = [](const char*) {};  // that its room for contacts is full: it would print that
+    char error[1000] = "";
+    model_ = mj_loadXML(file.c_str(), nullptr, error, sizeof error);
+    if (!model_) throw Error(file.string() + ": MuJoCo says: " + error);
+    data_ = mj_makeData(model_);
+  }
+  ~Mujoco() { mj_deleteData(data_), mj_deleteModel(model_); }
+  Mujoco(const Mujoco&) = delete;
+  Mujoco& operator=(const Mujoco&) = delete;
+
+  // The largest distance of a geom from its sphere. The value of a joint goes to the place that has its name.
+  double error(const Model& robot, const std::vector<Part>& parts, const std::vector<double>& values,
+               const Poses& poses) {
+    for (std::size_t k = 0; k < values.size(); k++)
+      if (const int joint = mj_name2id(model_, mjOBJ_JOINT, robot.bodies[k].joint.name.c_str()); joint >= 0)
+        data_->qpos[model_->jnt_qposadr[joint]] = values[k];
+    mj_forward(model_, data_);
+    double worst = 0;
+    for (std::size_t k = 0; k < parts.size(); k++) {
+      if (parts[k].spheres.size() == 0) continue;
+      const int body = mj_name2id(model_, mjOBJ_BODY, robot.bodies[k].name.c_str());
+      if (body < 0 || model_->body_geomnum[body] != static_cast<int>(parts[k].spheres.size()))
+        throw Error("MuJoCo's body " + robot.bodies[k].name + " has another number of spheres");
+      for (std::size_t s = 0; s < parts[k].spheres.size(); s++) {
+        const double* x = data_->geom_xpos + 3 * (static_cast<std::size_t>(model_->body_geomadr[body]) + s);
+        worst = std::max(worst, (Point(x[0], x[1], x[2]) - poses[k] * parts[k].spheres.centers[s]).norm());
+      }
+    }
+    return worst;
+  }
+  int contacts_at_zero() {
+    mj_resetData(model_, data_);
+    for (int k = 0; k < model_->njnt; k++)
+      if (model_->jnt_type[k] == mjJNT_HINGE || model_->jnt_type[k] == mjJNT_SLIDE)
+        data_->qpos[model_->jnt_qposadr[k]] = 0;
+    mj_forward(model_, data_);
+    return data_->ncon;
+  }
+
+ private:
+  mjModel* model_ = nullptr;
+  mjData* data_ = nullptr;
+};
+#endif
+
+// What the joints that follow others stand at, beside those that do not.
+std::vector<double> with_followers(const Model& model, std::vector<double> values) {
+  for (std::size_t turns = 0; turns < values.size(); turns++)
+    for (std::size_t k = 0; k < values.size(); k++)
+      for (std::size_t leader = 0; leader < values.size(); leader++)
+        if (const Joint& j = model.bodies[k].joint;
+            !j.mimic.empty() && model.bodies[leader].joint.name == j.mimic)
+          values[k] = j.multiplier * values[leader] + j.offset;
+  return values;
+}
+
+int run(const std::vector<std::string>& words) {
+  UrdfOptions options;
+  std::vector<std::string> a;
+  for (std::size_t k = 0; k < words.size(); k++)
+    if (words[k] == "--visual")
+      options.visual = true;
+    else if (words[k] == "--package-path")
+      options.package_folders.emplace_back(words.at(++k));
+    else if (words[k] == "--xacro")
+      options.xacro.push_back(words.at(++k));
+    else
+      a.push_back(words[k]);
+  const int poses = a.size() > 4 ? std::stoi(a[4]) : 10000;
+  const std::uint64_t seed = a.size() > 5 ? std::stoull(a[5]) : 1;
+  Audit audit(a[0], a[1], a[2], options);
+  std::mt19937_64 random(seed);
+  bool bad = false;
+  Json mujoco;
+#ifdef PADDER_MUJOCO
+  Mujoco robot(a[3]);
+  const int touching = robot.contacts_at_zero();
+  double error = 0;
+#endif
+  for (int k = 0; k < poses; k++) {
+    const std::vector<double> values = audit.random_values(random);
+    const Poses at = poses_at(audit.model(), values);
+    audit.compare(at);
+#ifdef PADDER_MUJOCO
+    if (k < 100)
+      error = std::max(error,
+                       robot.error(audit.model(), audit.parts(), with_followers(audit.model(), values), at));
+#endif
+  }
+#ifdef PADDER_MUJOCO
+  mujoco = {{"version", mj_versionString()}, {"contacts_at_zero", touching}, {"farthest", error}};
+  bad = touching > 0 || !(error < 1e-9);
+#endif
+  Json out = audit.report();
+  out["poses"] = poses, out["seed"] = seed, out["mujoco"] = mujoco;
+  std::printf("%s\n", out.dump().c_str());
+  return audit.faults() || bad ? 1 : 0;
+}
+
+}  // namespace
+}  // namespace padder
+
+int main(int argc, char** argv) {
+  try {
+    if (argc < 5)
+      throw padder::Error("robot_audit ROBOT REPORT SPHERES.urdf MODEL.xml [POSES [SEED]] [--visual]");
+    return padder::run({argv + 1, argv + argc});
+  } catch (const std::exception& e) {
+    std::fprintf(stderr, "robot_audit: %s\n", e.what());
+    return 2;
+  }
+}
