@@ -54,7 +54,7 @@ def run(command, **more):
     after = os.times()
     work = after.children_user + after.children_system - before.children_user - before.children_system
     if done.returncode != 0:
-        raise Refused(f"{pathlib.Path(command[0]).name}: {(done.stderr.strip() or done.stdout.strip())[-300:]}")
+        raise Refused(f"{pathlib.Path(command[0]).name}: {(done.stdout.strip() or done.stderr.strip())[-300:]}")
     return done.stdout, work
 
 
