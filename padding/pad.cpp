@@ -181,11 +181,16 @@ std::string unproved(const Measured& m, std::size_t spheres) {
          " have their centres outside of the body, whose triangles face inward there";
 }
 
-// Measures the spheres of one level of detail and compares them with the tolerance asked for. `why` is what
-// make_spheres() left in it.
-Accuracy measure_spheres(const Job& job, const std::vector<Ball>& balls, const Asked& asked, std::string why,
+// Measures the spheres of one level of detail, as they will be written, and compares them with the tolerance
+// asked for. `why` is what make_spheres() left in it.
+Accuracy measure_spheres(const Job& job, std::vector<Ball> balls, const Asked& asked, std::string why,
                          double& volume_union) {
   job.step("accuracy", 5);
+  double moved = 0;
+  for (Ball& b : balls) {
+    const Point there = job.frame.written(b.center);
+    moved = std::max(moved, (there - b.center).norm()), b.center = there;
+  }
   Measured m = measure(job.input, job.body, job.surface, balls, {.floor = asked.gap});
   Accuracy& a = m.accuracy;
   PadReport& report = job.report;
@@ -196,6 +201,8 @@ Accuracy measure_spheres(const Job& job, const std::vector<Ball>& balls, const A
   a.certified = within_tolerance && reason.empty();
   if (!within_tolerance) {
     if (!report.slots.empty()) why = slots_text(job);
+    if (moved > 0.1 * std::max(asked.protrusion, asked.gap) && why.empty())
+      why = "so far from the origin doubles are too coarse to write the spheres down: move the mesh";
     if (why.empty() && a.proved_against == SurfaceKind::none)
       why = "spheres reach around the border of the sheet";
     char text[120];

@@ -6,6 +6,11 @@
 #include "padding/asset/error.h"
 
 namespace padder {
+namespace {
+
+constexpr double kGrid = 0x1p36;
+
+}  // namespace
 
 UnitFrame::UnitFrame(const Box& box, const std::string& name)
     : center_(box.center()), scale_(box.diagonal()) {
@@ -17,8 +22,12 @@ UnitFrame::UnitFrame(const Box& box, const std::string& name)
 }
 
 Point UnitFrame::into(const Point& p) const {
-  constexpr double grid = 68719476736.0;  // 2^36
-  return ((p - center_) / scale_ * grid).array().round().matrix() / grid;
+  return ((p - center_) / scale_ * kGrid).array().round().matrix() / kGrid;
+}
+
+Point UnitFrame::written(const Point& p) const {
+  const Point there = (back(p) - center_) / scale_;
+  return (there - p).norm() * kGrid < 1 ? p : there;
 }
 
 Accuracy UnitFrame::back(Accuracy a) const {

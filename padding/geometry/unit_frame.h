@@ -22,6 +22,9 @@ class UnitFrame {
   Point into(const Point& p) const;
   // The part's own frame and unit again.
   Point back(const Point& p) const { return p * scale_ + center_; }
+  // Where p stands once back(p) has been rounded to double, which matters far from the origin; p itself where
+  // that moves it by less than into() does.
+  Point written(const Point& p) const;
   Accuracy back(Accuracy accuracy) const;
   MassProperties back(MassProperties mass) const;
   double back_volume(double volume) const;

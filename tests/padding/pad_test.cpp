@@ -144,6 +144,14 @@ TEST(Pad, FarFromTheOriginKeepsItsDigits) {
   EXPECT_LT(p.cluster.accuracy.protrusion_max, 0.01);
 }
 
+TEST(Pad, WhatCannotBeWrittenDownIsNotCertified) {
+  const Mesh mesh = moved(shapes::box({0, 0, 0}, {1, 1, 1}),
+                          [](const Point& p) -> Point { return p + Point(1e15, 1e15, 1e15); });
+  const Padded p = pad(as_file(mesh), {});
+  EXPECT_FALSE(p.cluster.accuracy.certified);
+  EXPECT_NE(p.report.reason.find("move the mesh"), std::string::npos) << p.report.reason;
+}
+
 TEST(Pad, ASheetIsSaidToBeOne) {
   const Padded p = pad(as_file(shapes::square(1, 4)), {});
   EXPECT_EQ(p.report.kind, BodyKind::sheet);

@@ -366,7 +366,9 @@ void add_robot(py::module_& m) {
             options_of(depth, tolerance, edge_length, max_spheres, PadOptions().sharp_angle, repair, 0, 0,
                        py::none(), py::none(), more);
         need_file(path);
-        const RobotOptions whole{{package_path, visual}, robot_spheres, poses};
+        RobotOptions whole;
+        whole.reading.package_folders = package_path, whole.reading.visual = visual;
+        whole.max_spheres = robot_spheres, whole.poses = poses;
         return interruptible([=](const PadProgress& progress) {
           return std::make_shared<PaddedRobot>(
               pad_robot(path, options, whole, [&](const std::string& link, std::size_t done, std::size_t of) {

@@ -409,9 +409,9 @@ TEST_P(CudaOrderTest, RoundedDoublesAreKeptAndGiven) {
   std::mt19937 random(12);
   for (const bool same : {true, false}) {
     const auto floats = cloud(random, 20'000, 27, -3, same ? 0.6f : 0.4f, 0.6f);
-    std::vector<double4> doubles;
+    std::vector<Sphere> doubles;
     for (const float4& s : floats) doubles.push_back({s.x * (1 + 0x1p-30), s.y, s.z * (1 - 0x1p-30), s.w});
-    Buffer<double4> given(book_, "the test");
+    Buffer<Sphere> given(book_, "the test");
     Buffer<unsigned long long> words(book_, "the test");
     cuda_check(cudaMemcpy(given.reserve(doubles.size()), doubles.data(), 32 * doubles.size(),
                           cudaMemcpyHostToDevice),
@@ -425,7 +425,7 @@ TEST_P(CudaOrderTest, RoundedDoublesAreKeptAndGiven) {
     orderer.bucket_spheres = GetParam().bucket_spheres;
     for (const bool packed : {true, false, true}) {
       DeviceSpheres source;
-      source.centers = given.data(), source.radii = &given.data()->w;
+      source.centers = given.data(), source.radii = &given.data()->r;
       source.center_stride = source.radius_stride = 4;
       source.count = static_cast<std::uint32_t>(doubles.size());
       source.wide = source.rounded = true, source.packed = packed;
@@ -457,8 +457,8 @@ TEST_P(CudaOrderTest, RoundedDoublesAreKeptAndGiven) {
       for (std::uint32_t p = 0; p < o.count; p++) {
         std::uint32_t id = 0;
         std::memcpy(&id, &slots[p].w, 4);
-        const double4& d = doubles[o.ids ? ids[p] : id];
-        ASSERT_TRUE(spheres[p].x == d.x && spheres[p].y == d.y && spheres[p].z == d.z && spheres[p].r == d.w);
+        const Sphere& d = doubles[o.ids ? ids[p] : id];
+        ASSERT_TRUE(spheres[p].x == d.x && spheres[p].y == d.y && spheres[p].z == d.z && spheres[p].r == d.r);
         ASSERT_EQ(slots[p].x, static_cast<float>(d.x));
       }
     }

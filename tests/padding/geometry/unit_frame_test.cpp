@@ -28,6 +28,17 @@ TEST(UnitFrame, AMovedPointGetsTheSameCoordinates) {
     EXPECT_EQ(here.into(p), there.into(p + move)) << p.transpose();
 }
 
+TEST(UnitFrame, WhatIsWrittenFarFromTheOriginStandsWhereDoublesAre) {
+  const Box near{{-1, -1, -1}, {1, 1, 1}},
+      far{near.low + Vector::Constant(1e15), near.high + Vector::Constant(1e15)};
+  const Point p(0.0123, 0.0456, -0.0789);
+  EXPECT_EQ(UnitFrame(near, "box").written(p), p);
+  const UnitFrame frame(far, "box");
+  const Point there = frame.written(p);
+  EXPECT_GT((there - p).norm(), 0.001);
+  EXPECT_EQ(frame.back(there), frame.back(p));
+}
+
 TEST(UnitFrame, MassGoesBackWithItsPowersOfTheLength) {
   const Mesh mesh = shapes::box({1, 2, 3}, {3, 6, 4});
   const UnitFrame frame(mesh.bounds(), "box");

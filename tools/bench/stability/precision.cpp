@@ -79,7 +79,9 @@ void judge_records(const detect::Contacts& c, const std::vector<Sphere>& s, Row&
 
 Row measure(const Settings& s, const PrecisionCase& c, const Given& given, const std::vector<Pair>& meant,
             detect::BackendKind backend, const Mode& mode) {
-  Row row{c.name, c.hard, backend == detect::BackendKind::omp ? "omp" : "cuda", mode.name, ""};
+  Row row;
+  row.scene = c.name, row.hard = c.hard, row.backend = backend == detect::BackendKind::omp ? "omp" : "cuda";
+  row.mode = mode.name;
   row.spheres = given.spheres.size();
   detect::Input input = input_of(given.floats);
   if (mode.scalar == detect::Scalar::f64) {
