@@ -134,7 +134,8 @@ __device__ void note_away(const DealTask& task, unsigned others, std::uint64_t k
   }
 }
 
-// A block for each tile. Its spheres stay in registers: to read them a second time takes a tenth longer.
+// A block for each tile. All loads of a thread are under way at once; the spheres stay in registers, since to
+// read them a second time takes a tenth longer.
 template <class T>
 __global__ void __launch_bounds__(kThreads) deal_kernel(Source<T> source, DealTask task) {
   __shared__ unsigned tile_of_block;
@@ -149,11 +150,13 @@ __global__ void __launch_bounds__(kThreads) deal_kernel(Source<T> source, DealTa
   std::uint32_t of_warp = 0;
   double largest = 0;
 #pragma unroll
+  for (unsigned r = 0; r < kRows; r++)
+    if (first + 32 * r < source.count) source.read(first + 32 * r, v[r]);
+#pragma unroll
   for (unsigned r = 0; r < kRows; r++) {
     const std::uint64_t k = first + 32 * r;
     unsigned to = 0;
     if (k < source.count) {
-      source.read(k, v[r]);
       const Sphere s{double(v[r][0]), double(v[r][1]), double(v[r][2]), double(v[r][3])};
       to = boxes_of(s, task.largest_radius, task.regions, task.own);
       if (fault_of(s) != Fault::none)
