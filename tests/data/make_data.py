@@ -263,6 +263,54 @@ def malformed():
     }
 
 
+FOLDING = '''<?xml version="1.0"?>
+<!-- The arm with joints wide enough that it reaches itself, a mirrored mesh, a capsule, a gripper whose second finger follows the
+     first, and moments that no body has. -->
+<robot name="folding">
+  <link name="base">
+    <collision><geometry><mesh filename="package://arm_description/meshes/base.stl"/></geometry></collision>
+  </link>
+  <link name="upper">
+    <inertial><mass value="2"/><inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.05"/></inertial>
+    <collision><geometry><mesh filename="package://arm_description/meshes/upper.stl"/></geometry></collision>
+  </link>
+  <link name="fore">
+    <collision><geometry><mesh filename="package://arm_description/meshes/fore.stl" scale="1 -1 1"/></geometry></collision>
+  </link>
+  <link name="palm">
+    <collision><origin xyz="0 0 0.03" rpy="1.5707963 0 0"/><geometry><capsule radius="0.03" length="0.06"/></geometry></collision>
+  </link>
+  <link name="finger">
+    <collision><origin xyz="0 0 0.03"/><geometry><box size="0.02 0.01 0.06"/></geometry></collision>
+  </link>
+  <link name="other_finger">
+    <collision><origin xyz="0 0 0.03"/><geometry><box size="0.02 0.01 0.06"/></geometry></collision>
+  </link>
+  <joint name="shoulder" type="revolute">
+    <parent link="base"/><child link="upper"/>
+    <origin xyz="0 0 0.1"/><axis xyz="0 1 0"/><limit lower="-2.9" upper="2.9" effort="10" velocity="1"/>
+  </joint>
+  <joint name="elbow" type="revolute">
+    <parent link="upper"/><child link="fore"/>
+    <origin xyz="0 0 0.3"/><axis xyz="0 1 0.2"/><limit lower="-2.9" upper="2.9" effort="10" velocity="1"/>
+  </joint>
+  <joint name="wrist" type="continuous">
+    <parent link="fore"/><child link="palm"/>
+    <origin xyz="0 0 0.25"/><axis xyz="0 1 0"/>
+  </joint>
+  <joint name="grip" type="prismatic">
+    <parent link="palm"/><child link="finger"/>
+    <origin xyz="0 -0.005 0.06"/><axis xyz="0 -1 0"/><limit lower="0" upper="0.03" effort="5" velocity="1"/>
+  </joint>
+  <joint name="other_grip" type="prismatic">
+    <parent link="palm"/><child link="other_finger"/>
+    <origin xyz="0 0.005 0.06"/><axis xyz="0 1 0"/><limit lower="0" upper="0.03" effort="5" velocity="1"/>
+    <mimic joint="grip"/>
+  </joint>
+</robot>
+'''
+
+
 def robot():
     def link(name, size, low):
         points, faces = box(size, low)
@@ -280,6 +328,9 @@ def robot():
     tool = ('  <link name="tool">\n    <collision><origin xyz="0 0 0.03"/><geometry><cylinder radius="0.03" length="0.06"/></geometry></collision>\n  </link>\n'
             '  <joint name="tool_joint" type="fixed">\n    <parent link="fore"/><child link="tool"/>\n    <origin xyz="0 0 0.25"/>\n  </joint>\n')
     out["arm_description/arm.urdf"] = f'<?xml version="1.0"?>\n<robot name="arm">\n{links}{joints}{tool}</robot>\n'
+    out["arm_description/folding.urdf"] = FOLDING
+    out["robots.txt"] = ("# What tests/tools/robots/table.py pads in every run: name, file, options of pad.\n"
+                         "folding   arm_description/folding.urdf\n")
     return out
 
 

@@ -315,7 +315,7 @@ std::vector<HardMesh> pairs_and_sizes() {
          return two({1e6, 0, 0});
        }},
       {"at 1e7", "a box of 1 at 1e7", ok, [] { return box(Vector::Ones(), Vector::Constant(1e7)); }},
-      {"at 1e15", "a box of 1 at 1e15: doubles are 0.125 apart", ok,
+      {"at 1e15", "a box of 1 at 1e15: doubles are 0.125 apart", Right::not_certified,
        [] { return box(Vector::Ones(), Vector::Constant(1e15)); }},
       {"at 1e17", "a box of 1 at 1e17: it vanishes in rounding", Right::refused,
        [] { return box(Vector::Ones(), Vector::Constant(1e17)); }},

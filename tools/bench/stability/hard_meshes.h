@@ -11,7 +11,7 @@ namespace padder::bench {
 
 // What is right for a mesh: spheres that are proved to keep the tolerance against it, or one sentence,
 // because no spheres can be right.
-enum class Right { certified, refused };
+enum class Right { certified, not_certified, refused };
 
 struct HardMesh {
   std::string name, hard;
