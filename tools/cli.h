@@ -113,6 +113,30 @@ inline void end_cleanly_on_signals() {
       std::signal(number, SIG_IGN);  // as nohup and a shell's background jobs want it
 }
 
+inline constexpr const char* kNoMemory =
+    "not enough memory: ask for less (a longer edge, a wider tolerance, fewer spheres)";
+
+// An exception that leaves a thread or a parallel region cannot be caught any more: as a rule memory ran out
+// there. The program then ends with a sentence and not with a signal.
+inline void end_with_a_sentence(const char* program) {
+  static const char* name = nullptr;
+  name = program;
+  std::set_terminate([] {
+    remove_unfinished_files();
+    if (when_ended()) when_ended()();
+    try {
+      if (const std::exception_ptr left = std::current_exception()) std::rethrow_exception(left);
+      std::fprintf(stderr, "%s: ended unexpectedly\n", name);
+    } catch (const std::bad_alloc&) {
+      std::fprintf(stderr, "%s: %s\n", name, kNoMemory);
+    } catch (const std::exception& e) {
+      std::fprintf(stderr, "%s: %s\n", name, e.what());
+    } catch (...) {
+    }
+    ::_exit(1);
+  });
+}
+
 // `app` must have a name. `work` returns the exit code. `failed` receives the sentence of a failure that
 // happens after parsing: a tool with --json also prints it on stdout.
 inline int run(CLI::App& app, int argc, char** argv, const std::function<int()>& work,
@@ -137,7 +161,7 @@ inline int run(CLI::App& app, int argc, char** argv, const std::function<int()>&
     if (failed) failed(sentence);
     return fail(code, sentence);
   };
-  end_cleanly_on_signals();
+  end_cleanly_on_signals(), end_with_a_sentence(name);
   std::signal(SIGXFSZ, SIG_IGN);  // then a write beyond the limit of file sizes fails with an error
   try {
     const int code = work();
@@ -148,7 +172,7 @@ inline int run(CLI::App& app, int argc, char** argv, const std::function<int()>&
   } catch (const Error& e) {
     return fail_told(1, e.what());
   } catch (const std::bad_alloc&) {
-    return fail_told(1, "not enough memory: ask for less (a longer edge, a wider tolerance, fewer spheres)");
+    return fail_told(1, kNoMemory);
   } catch (const std::exception& e) {
     return fail_told(1, std::string("unexpected: ") + e.what());
   }

@@ -212,6 +212,20 @@ class HostileTest(unittest.TestCase):
             self.sentence("pad", "cube.obj", "-o", "a" + ending, *QUICK, limit=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (100, 100)))
             self.assertEqual(self.files(), {"cube.obj"})
 
+    @unittest.skipIf(SANITIZED, "AddressSanitizer needs terabytes of addresses")
+    def test_a_limit_of_memory_leaves_a_sentence_or_an_asset(self):
+        """Wherever memory runs out, there is one line on stderr and no half asset."""
+        self.put("cube.obj", CUBE)
+        for megabytes in (32, 40, 48, 56, 64, 80, 96):
+            most = megabytes << 20
+            done = self.tool("pad", "cube.obj", "--tolerance", "0.5%", "--effort", "0", "--threads", "2", "-q",
+                             limit=lambda: resource.setrlimit(resource.RLIMIT_DATA, (most, most)))
+            with self.subTest(megabytes):
+                self.assertIn(done.returncode, (0, 1), done.stderr)
+                self.assertEqual(done.stderr.count(b"\n"), done.returncode, done.stderr)
+                self.assertEqual("cube.spheres.json" in self.files(), done.returncode == 0)
+            (self.folder / "cube.spheres.json").unlink(missing_ok=True)
+
     def test_pipes_that_close_early(self):
         self.put("cube.obj", CUBE)
         for words in (["cube.obj", "--json"], ["--help"]):

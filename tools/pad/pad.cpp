@@ -139,7 +139,8 @@ int pad_meshes(const PadArguments& a, const cli::StreamFiles& files) {
     } catch (const Error& e) {
       fail(mesh, e.what());
     } catch (const std::bad_alloc&) {
-      fail(mesh, mesh + ": not enough memory: use a longer --edge-length");
+      fail(mesh, mesh + ": not enough memory: use a " +
+                     (a.options.by_tolerance() ? "larger --tolerance" : "longer --edge-length"));
     }
   }
   if (a.json) cli::print_json(a.meshes.size() == 1 ? all[0] : all);
