@@ -18,7 +18,7 @@ NAMES = {
     "tinyobjloader": ("tinyobjloader", "tinyobjloader"), "OpenSSL": ("openssl", "openssl"), "CLI11": ("cli11", "cli11"),
     "embree": ("embree", "embree"), "PNG": ("libpng", "libpng"), "Freetype": ("freetype", "freetype"),
     "pybind11": ("py-pybind11", "pybind11"), "Python": ("python", "python"), "MPI": ("mpi", None), "OpenMP": (None, None),
-    "CUDAToolkit": (None, None), "Bullet": (None, None), "Threads": (None, None), "Python3": (None, None),
+    "CUDAToolkit": (None, None), "Bullet": (None, None), "fcl": (None, None), "Threads": (None, None), "Python3": (None, None),
 }
 
 

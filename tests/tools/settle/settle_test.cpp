@@ -9,6 +9,7 @@
 
 #include "detect/scene/generate.h"
 #include "padding/asset/error.h"
+#include "tests/detect/print.h"
 #include "tools/settle/stepper.h"
 
 namespace padder::settle {
