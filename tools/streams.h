@@ -84,18 +84,18 @@ class StreamFiles {
     folder_ = name;
     note(3, folder_);
     when_ended() = [] {  // calls only what a signal handler may call
-      for (const int file : {0, 1}) ::unlink(ended_[file]);
-      for (const int folder : {2, 3}) ::rmdir(ended_[folder]);
+      for (const int file : {0, 1}) ::unlink(left_behind[file]);
+      for (const int folder : {2, 3}) ::rmdir(left_behind[folder]);
     };
     return folder_;
   }
 
   void note(int number, const std::filesystem::path& path) {
-    std::snprintf(ended_[number], sizeof ended_[number], "%s", path.c_str());
+    std::snprintf(left_behind[number], sizeof left_behind[number], "%s", path.c_str());
   }
 
   // What is removed when a signal ends the program: two files, then the folders that they are in.
-  inline static char ended_[4][4096];
+  inline static char left_behind[4][4096];
   std::filesystem::path folder_, output_;
 };
 
