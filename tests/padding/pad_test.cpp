@@ -147,7 +147,9 @@ TEST(Pad, FarFromTheOriginKeepsItsDigits) {
 TEST(Pad, WhatCannotBeWrittenDownIsNotCertified) {
   const Mesh mesh = moved(shapes::box({0, 0, 0}, {1, 1, 1}),
                           [](const Point& p) -> Point { return p + Point(1e15, 1e15, 1e15); });
-  const Padded p = pad(as_file(mesh), {});
+  PadOptions options;
+  options.tolerance = Length::share(0.01);
+  const Padded p = pad(as_file(mesh), options);
   EXPECT_FALSE(p.cluster.accuracy.certified);
   EXPECT_NE(p.report.reason.find("move the mesh"), std::string::npos) << p.report.reason;
 }
