@@ -313,18 +313,35 @@ class NearPairs {
     fan_boxes_.emplace(boxes);
   }
 
+  // The triangles in a box around one that was asked for last: those after it in a file mostly lie beside it.
+  struct Around {
+    Box box;
+    std::vector<std::uint32_t> triangles;
+  };
+
   // Calls look(t) for triangles whose boxes touch that of s, none of them flat. Of two triangles that may
   // meet, one is looked at from the other, once.
   template <class Look>
-  void visit(std::uint32_t s, Look&& look) const {
+  void visit(std::uint32_t s, Around& around, Look&& look) const {
     if (flat_[s]) return;
     Box box;
     for (int k = 0; k < 3; k++) box.add(mesh_.corner(s, k));
     const std::uint32_t own = fan_of(s);
-    if (own == kNone)
-      surface_.visit(box, [&](std::uint32_t t) {
-        if (t > s && !flat_[t] && (fans_.empty() || fan_of(t) == kNone) && touches(box, t)) look(t);
-      });
+    if (own == kNone) {
+      constexpr std::size_t most_again = 64;  // a list that is longer belongs to a larger triangle
+      const bool again = around.triangles.size() <= most_again &&
+                         (box.low.array() >= around.box.low.array()).all() &&
+                         (box.high.array() <= around.box.high.array()).all();
+      if (!again) {
+        const Vector room = 0.5 * (box.high - box.low);
+        around.box = {box.low - room, box.high + room}, around.triangles.clear();
+        surface_.visit(around.box, [&](std::uint32_t t) {
+          if (!flat_[t] && (fans_.empty() || fan_of(t) == kNone)) around.triangles.push_back(t);
+        });
+      }
+      for (const auto t : around.triangles)
+        if (t > s && touches(box, t)) look(t);
+    }
     if (fans_.empty()) return;
     std::vector<std::uint32_t> found;
     fan_boxes_->visit(box, [&](std::uint32_t f) {
@@ -387,10 +404,11 @@ Contacts find_contacts(const Surface& surface, std::size_t limit, const std::vec
 #pragma omp parallel for schedule(dynamic, 1)
   for (std::size_t b = 0; b < blocks; b++) {
     PairTest test(surface.mesh());
+    NearPairs::Around around;
     for (std::size_t s = b * block; s < std::min(n, (b + 1) * block) && found <= limit; s++) {
       // The tree gives the triangles in its own order.
       std::vector<std::uint32_t> near;
-      pairs.visit(static_cast<std::uint32_t>(s), [&](std::uint32_t t) {
+      pairs.visit(static_cast<std::uint32_t>(s), around, [&](std::uint32_t t) {
         if (!is_passive(static_cast<std::uint32_t>(s)) || !is_passive(t)) near.push_back(t);
       });
       const std::size_t before = parts[b].pairs.size();
@@ -422,12 +440,13 @@ bool any_contact(const Surface& surface) {
   const std::vector<char> flat = flat_ones(surface.mesh());
   const NearPairs pairs(surface, flat);
   std::atomic<bool> found = false;
-#pragma omp parallel for schedule(dynamic, 64)
+  NearPairs::Around around;
+#pragma omp parallel for schedule(dynamic, 64) firstprivate(around)
   for (std::size_t s = 0; s < flat.size(); s++) {
     if (found) continue;
     PairTest test(surface.mesh());
     Contacts unused;
-    pairs.visit(static_cast<std::uint32_t>(s), [&](std::uint32_t t) {
+    pairs.visit(static_cast<std::uint32_t>(s), around, [&](std::uint32_t t) {
       if (!found && test.meet(static_cast<std::uint32_t>(s), t, unused)) found = true;
     });
   }

@@ -42,7 +42,17 @@ double smallest_size(const Mesh& mesh) {
              : smallest_part * std::max(box.low.cwiseAbs().maxCoeff(), box.high.cwiseAbs().maxCoeff());
 }
 
+// In a hull, a centre within the standoff is still inside.
+bool is_outside(const Surface& surface, const Ball& ball, double distance) {
+  return distance > on_surface * ball.radius &&
+         !(surface.hull() && surface.winding_number(ball.center).value_or(0) > 0);
+}
+
 }  // namespace
+
+bool has_centre_inside(const Surface& surface, const Ball& ball) {
+  return !surface.closed() || !is_outside(surface, ball, surface.certified_distance(ball.center));
+}
 
 ProtrusionBound protrusion_bound(const Surface& surface, const std::vector<Ball>& balls) {
   ProtrusionBound bound;
@@ -55,9 +65,7 @@ ProtrusionBound protrusion_bound(const Surface& surface, const std::vector<Ball>
     const double distance =
         bound.proved ? surface.certified_distance(ball.center) : surface.signed_nearest(ball.center).distance;
     bound.each[k] = ball.radius + distance;
-    // In a hull, a centre within the standoff is still inside.
-    outside += distance > on_surface * ball.radius &&
-               !(surface.hull() && surface.winding_number(ball.center).value_or(0) > 0);
+    outside += is_outside(surface, ball, distance);
   }
   bound.outside = outside;
   for (std::size_t k = 0; k < balls.size(); k++)
@@ -222,15 +230,15 @@ std::vector<GapPart> gap_failures(const Mesh& mesh, const BallSet& balls, double
         GapPart part = stack.back();
         stack.pop_back();
         if (stack.size() < above) above = nobody;
-        part.point = part.centroid();
-        std::uint32_t& proof = last.at(part.point);
         if (!balls.empty()) {
           tighten(part, balls, hint);
-          if (part.bound > bound && proof != hint) tighten(part, balls, hint = proof);
-          if (part.bound <= bound) {
-            proof = hint;
-            continue;
-          }
+          if (part.bound <= bound) continue;
+        }
+        part.point = part.centroid();
+        std::uint32_t& proof = last.at(part.point);
+        if (!balls.empty() && proof != hint) {
+          tighten(part, balls, hint = proof);
+          if (part.bound <= bound) continue;
         }
         const BallGap gap = above == nobody ? balls.gap(part.point) : near.gap(part.point);
         part.value = gap.value;
