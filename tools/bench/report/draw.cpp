@@ -74,7 +74,7 @@ void write_result(const Settings& s, const Json& result) {
   if (s.folder.empty()) return;
   const std::string name = result["bench"];
   const fs::path file = s.folder / (name + ".json");
-  write_file(file, result.dump(2) + "\n");
+  write_file(file, text_of(result));
   const std::vector<Plot> plots = plots_of(result, file.string());
   if (plots.empty() || have_gnuplot())
     draw(plots, s.folder, name);
