@@ -44,11 +44,7 @@ def test_an_sdist_holds_what_a_build_needs(tmp_path):
 
 
 @pytest.mark.skipif("PADDER_BUILD_DIR" not in os.environ, reason="nothing is built")
-def test_a_wheel_brings_the_programs_and_an_editable_one_a_path(tmp_path):
-    with zipfile.ZipFile(tmp_path / backend(tmp_path, "build_wheel('.')")) as wheel:
-        names = wheel.namelist()
-    for end in ("scripts/pad", "scripts/detect", "scripts/preview", "padder/__init__.py", "padder/py.typed", "METADATA", "RECORD"):
-        assert any(name.endswith(end) for name in names), (end, names)
+def test_an_editable_wheel_brings_a_path(tmp_path):
     with zipfile.ZipFile(tmp_path / backend(tmp_path, "build_editable('.')")) as wheel:
         path = wheel.read("padder-editable.pth").decode().strip()
     assert (pathlib.Path(path) / "padder" / "__init__.py").resolve() == (SOURCE / "tools/python/padder/__init__.py").resolve()

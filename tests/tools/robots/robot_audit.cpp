@@ -37,6 +37,7 @@
 #include "padding/import/import.h"
 #include "padding/mjcf/mjcf.h"
 #include "padding/robot.h"
+#include "tests/padding/shapes.h"
 
 namespace padder {
 namespace {
@@ -67,19 +68,8 @@ std::shared_ptr<Bvh> tree_of(const Mesh& mesh) {
   return tree;
 }
 
-// Solid angles over 4 pi: near 1 inside.
-double winding(const Mesh& mesh, const Point& x) {
-  double sum = 0;
-  for (std::size_t t = 0; t < mesh.triangles.size(); t++) {
-    const Vector a = mesh.corner(t, 0) - x, b = mesh.corner(t, 1) - x, c = mesh.corner(t, 2) - x;
-    const double la = a.norm(), lb = b.norm(), lc = c.norm();
-    sum += 2 * std::atan2(a.dot(b.cross(c)), la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb);
-  }
-  return sum / (4 * std::numbers::pi);
-}
-
 bool inside(const Part& a, const Part& b, const Eigen::Isometry3d& a_in_b) {
-  return std::abs(winding(b.mesh, a_in_b * a.mesh.points[a.mesh.triangles[0][0]])) > 0.5;
+  return std::abs(shapes::winding(b.mesh, a_in_b * a.mesh.points[a.mesh.triangles[0][0]])) > 0.5;
 }
 
 bool meshes_touch(const Part& a, const Part& b, const Eigen::Isometry3d& pa, const Eigen::Isometry3d& pb) {
