@@ -14,6 +14,7 @@
 #include "tools/colour_option.h"
 #include "tools/json_output.h"
 #include "tools/preview/scene_view.h"
+#include "tools/settle/read_scene.h"
 
 namespace {
 
@@ -117,7 +118,11 @@ padder::View view_of(const Arguments& a) {
     return padder::view_of(cluster, mesh);
   }
   if (!a.mesh.empty()) throw UsageError("--mesh is for a cluster, and " + a.input + " is none");
-  return padder::view_of(padder::detect::read_scene_or_cluster(path, a.copies), path.stem().stem().string());
+  const bool has_grains = path.extension() == ".json" && text.find("\"settle\"") != std::string::npos;
+  const padder::detect::Scene scene =
+      has_grains ? padder::settle::scene_at_start(text, path.string(), path.parent_path())
+                 : padder::detect::read_scene_or_cluster(path, a.copies);
+  return padder::view_of(scene, path.stem().stem().string());
 }
 
 int run(Arguments& a) {
