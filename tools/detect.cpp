@@ -171,21 +171,22 @@ Json lod_json(const Scene& scene, const RungChoice& choice) {
 
 void print_lod(const RungChoice& choice) {
   std::printf(
-      "levels of detail: %llu of %llu spheres of bodies; %llu bodies, with %llu of these, are left out, as "
-      "nothing can touch them\n",
+      "levels of detail: %llu of %llu spheres of bodies; left out, as nothing can touch them: %llu bodies "
+      "with %llu spheres\n",
       (unsigned long long)choice.taken, (unsigned long long)choice.finest,
       (unsigned long long)choice.left_out, (unsigned long long)choice.out_of_reach);
-  if (std::isfinite(choice.error))
+  if (!std::isfinite(choice.error))
+    std::printf("how far these levels are from the finest is not proved\n");
+  else if (choice.error > 0)
     std::printf("what touches a body is within %.3g of its finest level\n", choice.error);
-  else
-    std::printf("how far that is from the finest level is not proved\n");
 }
 
 int find_contacts(Arguments& a) {
   const Launch launch = launch_of_environment();
   const bool is_whole = a.lod == "0";
   if (!is_whole && (launch.ranks > 1 || wants_boxes(a)))
-    throw UsageError("--lod is for one detector: leave out --devices, --memory and mpirun");
+    throw UsageError(
+        "--lod is for bodies and one detector: leave out --devices, --memory, mpirun and files of spheres");
   if (launch.ranks > 1) return run_ranks(a, launch);
   if (wants_boxes(a)) return run_boxes(a);
   if (!a.output.empty()) check_contact_ending(a.output);
