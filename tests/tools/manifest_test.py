@@ -269,10 +269,10 @@ class Trial:
     def make_parts(self):
         """Grains of make_assets, each stretched in its own way, so that no two files are equal. Every 50th is a larger part."""
         self.base = []
-        for k in range(20):
+        for k in range(3):
             place = self.folder / "base" / str(k)
             place.mkdir(parents=True)
-            subprocess.run([BIN / "make_assets", "-o", place, "grain", "--frequency", str(2 + k % 3), "--seed", str(self.seed + k)],
+            subprocess.run([BIN / "make_assets", "-o", place, "grain", "--frequency", str(2 + k), "--seed", str(self.seed + k)],
                            check=True, capture_output=True)
             self.base.append((place / "grain.obj").read_text().splitlines())
         self.base.append((ASSETS / "road_wheel.obj").read_text().splitlines())
@@ -287,7 +287,7 @@ class Trial:
         name, own = f"{k % 100:02}/part {k}.obj", random.Random(f"{self.seed} {k}")
         stretch = [own.uniform(0.5, 2) for _ in range(3)]
         with open(self.folder / "parts" / name, "w") as f:
-            for line in self.base[-1 if k % 50 == 49 else k % 20]:
+            for line in self.base[-1 if k % 50 == 49 else k % 3]:
                 if line.startswith("v "):
                     line = "v " + " ".join(f"{float(x) * s:.9g}" for x, s in zip(line.split()[1:], stretch))
                 f.write(line + "\n")
@@ -383,6 +383,7 @@ if __name__ == "__main__":
     BIN = arguments.bin
     ASSETS = pathlib.Path(__file__).resolve().parents[2] / "assets"
     os.environ.setdefault("OMP_WAIT_POLICY", "passive")
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job ignores it, and so would pad
     if arguments.trial:
         with tempfile.TemporaryDirectory(prefix="padder-trial-") as place:
             Trial(pathlib.Path(place), arguments.trial, arguments.seed).run()
