@@ -154,7 +154,8 @@ i, j = np.meshgrid(range(n), range(n), indexing="ij")
 at = lambda a, b: (a % n) * n + b % n
 faces = np.concatenate([np.stack([at(i, j), at(i + 1, j), at(i + 1, j + 1)], -1).reshape(-1, 3),
                         np.stack([at(i, j), at(i + 1, j + 1), at(i, j + 1)], -1).reshape(-1, 3)])
-threading.Timer(2, os.kill, (os.getpid(), signal.SIGINT)).start()
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job ignores it
+threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGINT)).start()
 try:
     padder.pad(points, faces, tolerance="0.3%", effort=3)
     print("padded to the end")
@@ -441,6 +442,9 @@ def test_pip_installs_a_checkout(tmp_path):
     ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env={**os.environ, "PYTHONPATH": str(tmp_path)})
     assert ran.stdout.startswith(str(tmp_path)), ran.stderr
     assert subprocess.run([tmp_path / "bin" / "pad", "--version"], capture_output=True, text=True).stdout.startswith("pad (padder)")
+    names = {str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*")}
+    info = f"padder-{padder.__version__}.dist-info/"
+    assert names >= {"bin/detect", "bin/preview", "padder/__init__.py", "padder/py.typed", info + "METADATA", info + "RECORD"}, names
 
 
 def test_a_cluster_as_a_page():

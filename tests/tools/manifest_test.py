@@ -267,10 +267,10 @@ class Trial:
     def make_parts(self):
         """Grains of make_assets, each stretched in its own way, so that no two files are equal. Every 50th is a larger part."""
         base, lines = [], []
-        for k in range(20):
+        for k in range(3):
             place = self.folder / "base" / str(k)
             place.mkdir(parents=True)
-            subprocess.run([BIN / "make_assets", "-o", place, "grain", "--frequency", str(2 + k % 3), "--seed", str(self.seed + k)],
+            subprocess.run([BIN / "make_assets", "-o", place, "grain", "--frequency", str(2 + k), "--seed", str(self.seed + k)],
                            check=True, capture_output=True)
             base.append((place / "grain.obj").read_text().splitlines())
         wheel = (ASSETS / "road_wheel.obj").read_text().splitlines()
@@ -375,6 +375,7 @@ if __name__ == "__main__":
     BIN = arguments.bin
     ASSETS = pathlib.Path(__file__).resolve().parents[2] / "assets"
     os.environ.setdefault("OMP_WAIT_POLICY", "passive")
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job ignores it, and so would pad
     if arguments.trial:
         with tempfile.TemporaryDirectory(prefix="padder-trial-") as place:
             Trial(pathlib.Path(place), arguments.trial, arguments.seed).run()

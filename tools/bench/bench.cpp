@@ -3,6 +3,7 @@
 #include "tools/bench/bench.h"
 
 #include "tools/arguments.h"
+#include "tools/bench/report/document.h"
 #include "tools/cli.h"
 #include "tools/json_output.h"
 
@@ -73,7 +74,7 @@ int run(const std::string& name, const Settings& settings) {
     if (!settings.folder.empty()) std::filesystem::create_directories(settings.folder);
     Json result = e.run(settings);
     if (settings.json)
-      std::cout << result.dump(2) << std::endl;
+      std::cout << text_of(result) << std::flush;
     else
       print_table(result["table"]);
     return result.value("passed", true) ? 0 : 1;

@@ -9,6 +9,7 @@
 #include "detect/scene/sphere_file.h"
 #include "padding/asset/npz.h"
 #include "tests/detect/boxes/boxed_scene.h"
+#include "tests/error_of.h"
 
 namespace padder::detect {
 namespace {
@@ -91,12 +92,7 @@ TEST(SphereFile, ArraysMayBeginAtAnyAddress) {
 }
 
 std::string failure(const std::filesystem::path& path) {
-  try {
-    const SphereFile file(path);
-  } catch (const Error& e) {
-    return e.what();
-  }
-  return "";
+  return error_of([&] { const SphereFile file(path); });
 }
 
 TEST(SphereFile, WhatIsNoFileOfSpheresIsNamed) {

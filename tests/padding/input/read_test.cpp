@@ -20,6 +20,7 @@
 #include "padding/asset/error.h"
 #include "padding/asset/file.h"
 #include "padding/input/read_internal.h"
+#include "tests/error_of.h"
 #include "tests/padding/input/zip_writer.h"
 
 namespace padder {
@@ -47,12 +48,7 @@ class Folder {
 
 // The sentence of the error, or "" when there is none.
 std::string fault(const fs::path& path, const ReadOptions& options = {}) {
-  try {
-    read_mesh(path, options);
-  } catch (const Error& e) {
-    return e.what();
-  }
-  return "";
+  return error_of([&] { read_mesh(path, options); });
 }
 
 void expect_fault(const fs::path& path, const std::string& words, const ReadOptions& options = {}) {
@@ -624,12 +620,7 @@ TEST(Read, NothingGetsThroughWhenBytesAreLostOrChanged) {  // an answer or a sen
 TEST(ReadChild, WhateverHappensThereIsASentenceHere) {
   using reading::Soup;
   const auto sentence = [](const std::function<Soup()>& read) -> std::string {
-    try {
-      reading::in_child(read, 0, "t.fbx");
-    } catch (const Error& e) {
-      return e.what();
-    }
-    return "";
+    return error_of([&] { reading::in_child(read, 0, "t.fbx"); });
   };
   EXPECT_EQ(sentence([]() -> Soup { throw Error("t.fbx: a reason"); }), "t.fbx: a reason");
   EXPECT_EQ(sentence([]() -> Soup { throw std::bad_alloc(); }).find("t.fbx: the reader ran out of memory"),

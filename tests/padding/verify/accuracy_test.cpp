@@ -87,15 +87,7 @@ struct BruteForce {
     }
     return least;
   }
-  bool inside(const Point& x) const {  // winding number from solid angles
-    double angle = 0;
-    for (std::size_t t = 0; t < mesh.triangles.size(); t++) {
-      const Vector a = mesh.corner(t, 0) - x, b = mesh.corner(t, 1) - x, c = mesh.corner(t, 2) - x;
-      angle += 2 * std::atan2(a.dot(b.cross(c)), a.norm() * b.norm() * c.norm() + a.dot(b) * c.norm() +
-                                                     b.dot(c) * a.norm() + c.dot(a) * b.norm());
-    }
-    return angle > 2 * pi;
-  }
+  bool inside(const Point& x) const { return shapes::winding(mesh, x) > 0.5; }
 };
 
 TEST(Accuracy, AgreesWithBruteForceOnRandomClusters) {
