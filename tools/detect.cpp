@@ -154,13 +154,13 @@ int find_contacts(Arguments& a) {
   const Input input = scene.input();
   a.options.path = a.path.value(), a.options.precision = a.precision.value();
   a.options.timings = true;
-  a.options.width = a.output.empty() ? Width::normals : Width::points;
+  a.options.width = a.output.empty() ? Width::normals : Width::pairs;
   a.options.scalar = a.output.empty() ? Scalar::f32 : Scalar::f64;
   if (scene.loose.scalar == Scalar::f64 || !scene.bodies.empty()) a.options.scalar = Scalar::f64;
   Detector detector({a.backend.value()}, a.options);
   const Contacts& c = detector.detect(input);
   const std::string hash = hex(detector.hash());
-  if (!a.output.empty()) write_contacts(c, a.output, a.options.threads);
+  if (!a.output.empty()) write_contacts(c, input, a.output, a.options.threads);
   Json seconds = Json::object();
   for (int k = 0; k < 9; k++) seconds["stage" + std::to_string(k + 1)] = c.seconds.stage[k];
   seconds["place"] = c.seconds.place, seconds["total"] = c.seconds.total;
