@@ -6,6 +6,7 @@
 #include <string>
 #include <utility>
 
+#include "detect/core/input.h"
 #include "padding/asset/error.h"
 
 namespace padder::detect {
@@ -29,20 +30,6 @@ std::string number(double v) {
   }
 }
 
-// The numbers of sphere k as they were given. Copied byte by byte: an array inside a mapped file may begin at
-// any address.
-template <class T>
-struct Given {
-  T x, y, z, r;
-  Sphere sphere() const { return {x, y, z, r}; }
-};
-template <class T>
-Given<T> given(const Spheres& s, std::uint64_t k) {
-  Given<T> g;
-  std::memcpy(&g, static_cast<const char*>(s.centers) + k * s.center_stride * sizeof(T), 3 * sizeof(T));
-  std::memcpy(&g.r, static_cast<const char*>(s.radii) + k * s.radius_stride * sizeof(T), sizeof(T));
-  return g;
-}
 std::uint32_t tag_of(const std::uint32_t* tags, std::uint64_t k) {
   std::uint32_t tag;
   std::memcpy(&tag, reinterpret_cast<const char*>(tags) + k * sizeof tag, sizeof tag);
@@ -168,7 +155,7 @@ std::vector<WeightedPoint> Assignment::sample(std::uint64_t most) const {
   const std::uint64_t step = s.count / most + 1;
   for (std::uint64_t start = 0; start < s.count; start += step) {
     const std::uint64_t k = drawn(start, step, std::min(start + step, s.count));
-    const Sphere p = s.scalar == Scalar::f32 ? given<float>(s, k).sphere() : given<double>(s, k).sphere();
+    const Sphere p = loose_at(s, k);
     points.push_back({{p.x, p.y, p.z}, static_cast<double>(step)});
   }
   const std::uint64_t bodies = input_.bodies.size(), stride = bodies / most + 1;

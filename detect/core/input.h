@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 // What every backend asks of an Input. Internal; host code.
 #pragma once
+#include <cstring>
+
 #include "detect/detector.h"
 
 namespace padder::detect {
@@ -9,15 +11,22 @@ namespace padder::detect {
 std::uint64_t sphere_count(const Input& input);
 // Body k at its pose, which must lie in host memory.
 Body body_at(const Input& input, std::size_t k);
-// Loose sphere k, which must lie in host memory.
-inline Sphere loose_at(const Spheres& s, std::uint32_t k) {
-  const std::uint64_t c = std::uint64_t(k) * s.center_stride, r = std::uint64_t(k) * s.radius_stride;
-  const auto read = [&]<class T>(const T* centers, const T* radii) -> Sphere {
-    return {centers[c], centers[c + 1], centers[c + 2], radii[r]};
-  };
-  if (s.scalar == Scalar::f32)
-    return read(static_cast<const float*>(s.centers), static_cast<const float*>(s.radii));
-  return read(static_cast<const double*>(s.centers), static_cast<const double*>(s.radii));
+// The numbers of loose sphere k as they were given, in host memory. Copied byte by byte: an array inside a
+// mapped file may begin at any address.
+template <class T>
+struct Given {
+  T x, y, z, r;
+  Sphere sphere() const { return {x, y, z, r}; }
+};
+template <class T>
+Given<T> given(const Spheres& s, std::uint64_t k) {
+  Given<T> g;
+  std::memcpy(&g, static_cast<const char*>(s.centers) + k * s.center_stride * sizeof(T), 3 * sizeof(T));
+  std::memcpy(&g.r, static_cast<const char*>(s.radii) + k * s.radius_stride * sizeof(T), sizeof(T));
+  return g;
+}
+inline Sphere loose_at(const Spheres& s, std::uint64_t k) {
+  return s.scalar == Scalar::f32 ? given<float>(s, k).sphere() : given<double>(s, k).sphere();
 }
 
 // Are there worlds other than world 0?

@@ -14,6 +14,8 @@
 #include <string_view>
 #include <vector>
 
+#include "detect/core/errors.h"
+#include "detect/core/input.h"
 #include "detect/scene/sorted_runs.h"
 #include "padding/asset/crc32.h"
 #include "padding/asset/error.h"
@@ -40,66 +42,102 @@ struct Column {
 // Contacts that follow one another in the sorted list, the first of them its contact number `first`.
 struct Block {
   std::uint64_t first = 0;
-  std::span<const KeyedContact> contacts;
+  std::span<const std::uint64_t> keys;
   std::vector<Column> columns;
+};
+
+// The spheres of a scene by their numbers.
+class NumberedSpheres {
+ public:
+  explicit NumberedSpheres(const Input& input) : input_(input) {
+    check_arrays(input);
+    if ((input.spheres.count && input.spheres.memory == Memory::device) ||
+        (input.poses && input.pose_memory == Memory::device))
+      throw Error("a file of contacts is made from spheres and poses in host memory: copy them there");
+    first_of_body_.reserve(input.bodies.size() + 1);
+    for (const Body& b : input.bodies)
+      first_of_body_.push_back(loose_), loose_ += input.shapes[b.shape].count;
+    first_of_body_.push_back(loose_);
+  }
+  std::uint64_t size() const { return loose_ + input_.spheres.count; }
+
+  // `near`: the body of the sphere that was asked for before.
+  Sphere at(std::uint32_t k, std::size_t& near) const {
+    if (k >= loose_) return loose_at(input_.spheres, k - loose_);
+    if (k < first_of_body_[near] || k >= first_of_body_[near + 1])
+      near =
+          static_cast<std::size_t>(std::ranges::upper_bound(first_of_body_, k) - first_of_body_.begin()) - 1;
+    const Body body = body_at(input_, near);
+    return placed(body, input_.shapes[body.shape].spheres[k - first_of_body_[near]]);
+  }
+  // Where the centre of loose sphere k lies; null for a sphere of a body.
+  const void* place_of(std::uint32_t k) const {
+    const Spheres& s = input_.spheres;
+    const std::uint64_t bytes = s.center_stride * (s.scalar == Scalar::f32 ? 4u : 8u);
+    return k < loose_ ? nullptr : static_cast<const char*>(s.centers) + (k - loose_) * bytes;
+  }
+
+ private:
+  const Input& input_;
+  std::uint64_t loose_ = 0;  // number of the first loose sphere
+  std::vector<std::uint64_t> first_of_body_;
 };
 
 // A file format. Several threads call fill() at once; place() is called for one block after the other.
 class Format {
  public:
-  explicit Format(const Contacts& c) : normals_(c.normal_span<double>()), points_(c.point_span<double>()) {}
+  explicit Format(const NumberedSpheres& spheres) : spheres_(spheres) {}
   virtual ~Format() = default;
   virtual void fill(Block& block) const = 0;  // makes the bytes of the columns
   virtual void place(Block& block) = 0;       // finds their offsets
   virtual void finish() {}
 
  protected:
-  // Calls use(k, pair, normal, points) for each contact of the block. Its records lie anywhere in a list of
-  // gigabytes: they are asked for early, or the processor would wait for memory at each of them.
+  // Calls use(k, pair, geometry) for each contact of the block. Its second spheres lie anywhere in memory:
+  // they are asked for early, or the processor would wait at each of them. (In a function of its own the
+  // compiler takes such a request for work without effect, and leaves it out.)
   template <class Use>
   void each(const Block& block, const Use& use) const {
     constexpr std::size_t ahead = 24;
-    const std::span<const KeyedContact> contacts = block.contacts;
-    for (std::size_t k = 0; k < contacts.size(); k++) {
-      if (k + ahead < contacts.size()) {
-        const std::uint64_t at = contacts[k + ahead].at;
-        fetch(&normals_[at], sizeof normals_[at]), fetch(&points_[at], sizeof points_[at]);
-      }
-      const KeyedContact& c = contacts[k];
-      use(k, Pair{static_cast<std::uint32_t>(c.key >> 32), static_cast<std::uint32_t>(c.key)}, normals_[c.at],
-          points_[c.at]);
+    std::size_t near_i = 0, near_j = 0;
+    for (std::size_t k = 0; k < block.keys.size(); k++) {
+      if (k + ahead < block.keys.size())
+        __builtin_prefetch(spheres_.place_of(static_cast<std::uint32_t>(block.keys[k + ahead])));
+      const Pair pair{static_cast<std::uint32_t>(block.keys[k] >> 32),
+                      static_cast<std::uint32_t>(block.keys[k])};
+      if (std::max(pair.i, pair.j) >= spheres_.size())
+        throw Error("a contact of spheres " + std::to_string(pair.i) + " and " + std::to_string(pair.j) +
+                    " cannot be written: the scene has " + std::to_string(spheres_.size()) + " spheres");
+      use(k, pair, geometry(spheres_.at(pair.i, near_i), spheres_.at(pair.j, near_j)));
     }
   }
 
  private:
-  static void fetch(const void* record, std::size_t size) {
-    __builtin_prefetch(record), __builtin_prefetch(static_cast<const char*>(record) + size - 1);
-  }
-  std::span<const Normal<double>> normals_;
-  std::span<const Points<double>> points_;
+  const NumberedSpheres& spheres_;
 };
 
 class CsvFormat : public Format {
  public:
-  CsvFormat(const Contacts& c, FileWriter& file) : Format(c), end_(kTitle.size()) {
+  CsvFormat(const NumberedSpheres& spheres, FileWriter& file) : Format(spheres), end_(kTitle.size()) {
     file.write_at(0, kTitle);
   }
   void fill(Block& block) const override {
     constexpr std::size_t longest = 2 * 11 + 10 * 25;  // of a line: i and j, ten doubles, what stands between
     block.columns.resize(1);
     std::string& text = block.columns[0].bytes;
-    text.resize(block.contacts.size() * longest);
+    text.resize(block.keys.size() * longest);
     char* at = text.data();
     char* const end = at + text.size();
     const auto add = [&](auto value, char after) {
       at = std::to_chars(at, end, value).ptr;
       *at++ = after;
     };
-    each(block, [&](std::size_t, const Pair& pair, const Normal<double>& n, const Points<double>& p) {
+    each(block, [&](std::size_t, const Pair& pair, const Geometry& g) {
       add(pair.i, ','), add(pair.j, ',');
-      for (const double v : {n.x, n.y, n.z, n.depth}) add(v, ',');
-      for (const double v : p.on_i) add(v, ',');
-      add(p.on_j[0], ','), add(p.on_j[1], ','), add(p.on_j[2], '\n');
+      for (const double v : g.normal) add(v, ',');
+      add(g.depth, ',');
+      for (const double v : g.on_i) add(v, ',');
+      add(g.on_j[0], ','), add(g.on_j[1], ','), add(g.on_j[2], '\n');
     });
     text.resize(static_cast<std::size_t>(at - text.data()));
   }
@@ -117,7 +155,7 @@ class CsvFormat : public Format {
 template <class T>
 T* numbers(Block& block, std::size_t column, std::size_t for_each) {
   std::string& bytes = block.columns[column].bytes;
-  bytes.resize(block.contacts.size() * for_each * sizeof(T));
+  bytes.resize(block.keys.size() * for_each * sizeof(T));
   return reinterpret_cast<T*>(bytes.data());
 }
 
@@ -127,13 +165,13 @@ WriteAt into(FileWriter& file) {
 
 class NpzFormat : public Format {
  public:
-  NpzFormat(const Contacts& c, FileWriter& file)
-      : Format(c),
-        writer_({{"depths", 'f', 8, {c.count}},
-                 {"normals", 'f', 8, {c.count, 3}},
-                 {"pairs", 'u', 4, {c.count, 2}},
-                 {"points_i", 'f', 8, {c.count, 3}},
-                 {"points_j", 'f', 8, {c.count, 3}}},
+  NpzFormat(const NumberedSpheres& spheres, std::uint64_t count, FileWriter& file)
+      : Format(spheres),
+        writer_({{"depths", 'f', 8, {count}},
+                 {"normals", 'f', 8, {count, 3}},
+                 {"pairs", 'u', 4, {count, 2}},
+                 {"points_i", 'f', 8, {count, 3}},
+                 {"points_j", 'f', 8, {count, 3}}},
                 into(file)) {}
   void fill(Block& block) const override {
     block.columns.resize(5);
@@ -142,10 +180,10 @@ class NpzFormat : public Format {
     Pair* const pairs = numbers<Pair>(block, 2, 1);
     double* const on_i = numbers<double>(block, 3, 3);
     double* const on_j = numbers<double>(block, 4, 3);
-    each(block, [=](std::size_t k, const Pair& pair, const Normal<double>& n, const Points<double>& p) {
-      depths[k] = n.depth, pairs[k] = pair;
-      std::copy_n(&n.x, 3, normals + 3 * k);
-      std::copy_n(p.on_i, 3, on_i + 3 * k), std::copy_n(p.on_j, 3, on_j + 3 * k);
+    each(block, [=](std::size_t k, const Pair& pair, const Geometry& g) {
+      depths[k] = g.depth, pairs[k] = pair;
+      std::copy_n(g.normal, 3, normals + 3 * k);
+      std::copy_n(g.on_i, 3, on_i + 3 * k), std::copy_n(g.on_j, 3, on_j + 3 * k);
     });
     for (Column& c : block.columns) c.checksum = crc32(c.bytes);
   }
@@ -163,9 +201,9 @@ class NpzFormat : public Format {
 
 class VtpFormat : public Format {
  public:
-  VtpFormat(const Contacts& c, FileWriter& file)
-      : Format(c),
-        writer_(c.count, {{"i", 'u', 4, 1}, {"j", 'u', 4, 1}, {"normal", 'f', 8, 3}, {"depth", 'f', 8, 1}},
+  VtpFormat(const NumberedSpheres& spheres, std::uint64_t count, FileWriter& file)
+      : Format(spheres),
+        writer_(count, {{"i", 'u', 4, 1}, {"j", 'u', 4, 1}, {"normal", 'f', 8, 3}, {"depth", 'f', 8, 1}},
                 into(file)) {}
   void fill(Block& block) const override {
     block.columns.resize(writer_.offsets() + 1);
@@ -177,10 +215,10 @@ class VtpFormat : public Format {
     std::int64_t* const connectivity = numbers<std::int64_t>(block, writer_.connectivity(), 1);
     std::int64_t* const offsets = numbers<std::int64_t>(block, writer_.offsets(), 1);
     const auto first = static_cast<std::int64_t>(block.first);
-    each(block, [=](std::size_t k, const Pair& pair, const Normal<double>& n, const Points<double>& p) {
-      i[k] = pair.i, j[k] = pair.j, depths[k] = n.depth;
-      std::copy_n(&n.x, 3, normals + 3 * k);
-      for (std::size_t d = 0; d < 3; d++) halfway[3 * k + d] = 0.5 * (p.on_i[d] + p.on_j[d]);
+    each(block, [=](std::size_t k, const Pair& pair, const Geometry& g) {
+      i[k] = pair.i, j[k] = pair.j, depths[k] = g.depth;
+      std::copy_n(g.normal, 3, normals + 3 * k);
+      for (std::size_t d = 0; d < 3; d++) halfway[3 * k + d] = 0.5 * (g.on_i[d] + g.on_j[d]);
       connectivity[k] = first + static_cast<std::int64_t>(k), offsets[k] = connectivity[k] + 1;
     });
   }
@@ -204,21 +242,21 @@ class Pipeline {
       : format_(format), file_(file), blocks_(static_cast<std::size_t>(threads)) {}
 
   // Contacts that follow those of the call before.
-  void write(std::span<const KeyedContact> contacts) {
-    const std::uint64_t count = (contacts.size() + kBlock - 1) / kBlock;
+  void write(std::span<const std::uint64_t> keys) {
+    const std::uint64_t count = (keys.size() + kBlock - 1) / kBlock;
     turn_ = 0;
 #pragma omp parallel for schedule(dynamic, 1) num_threads(static_cast <int>(blocks_.size()))
     for (std::uint64_t b = 0; b < count; b++) {  // handed out in ascending order, so that every turn comes
       Block& block = blocks_[static_cast<std::size_t>(omp_get_thread_num())];
       block.first = done_ + b * kBlock;
-      block.contacts = contacts.subspan(b * kBlock, std::min(kBlock, contacts.size() - b * kBlock));
+      block.keys = keys.subspan(b * kBlock, std::min(kBlock, keys.size() - b * kBlock));
       unless_failed([&] { format_.fill(block); });
       take_turn(b, [&] { unless_failed([&] { format_.place(block); }); });
       unless_failed([&] {
         for (const Column& c : block.columns) file_.write_at(c.offset, c.bytes);
       });
     }
-    done_ += contacts.size();
+    done_ += keys.size();
     if (error_) std::rethrow_exception(error_);
   }
 
@@ -254,11 +292,12 @@ class Pipeline {
   std::exception_ptr error_;
 };
 
-std::unique_ptr<Format> format_of(const std::filesystem::path& path, const Contacts& c, FileWriter& file) {
+std::unique_ptr<Format> format_of(const std::filesystem::path& path, const NumberedSpheres& spheres,
+                                  std::uint64_t contacts, FileWriter& file) {
   const auto ending = path.extension();
-  if (ending == ".csv") return std::make_unique<CsvFormat>(c, file);
-  if (ending == ".npz") return std::make_unique<NpzFormat>(c, file);
-  return std::make_unique<VtpFormat>(c, file);
+  if (ending == ".csv") return std::make_unique<CsvFormat>(spheres, file);
+  if (ending == ".npz") return std::make_unique<NpzFormat>(spheres, contacts, file);
+  return std::make_unique<VtpFormat>(spheres, contacts, file);
 }
 
 }  // namespace
@@ -270,15 +309,19 @@ void check_contact_ending(const std::filesystem::path& path) {
                 ": contacts are written as .csv, .npz or .vtp");
 }
 
-void write_contacts(const Contacts& c, const std::filesystem::path& path, int threads) {
+void write_contacts(const Contacts& contacts, const Input& input, const std::filesystem::path& path,
+                    int threads) {
   check_contact_ending(path);
-  if (c.memory != Memory::host || c.width != Width::points || c.scalar != Scalar::f64)
-    throw Error("a file of contacts is made of double records with both points in host memory");
+  if (contacts.memory != Memory::host)
+    throw Error("a file of contacts is made from pairs in host memory: set CallOptions::output to it");
+  const NumberedSpheres spheres(input);
   threads = std::clamp(threads > 0 ? threads : omp_get_max_threads(), 1, kMostWriters);
   FileWriter file(path);
-  const std::unique_ptr<Format> format = format_of(path, c, file);
+  const std::unique_ptr<Format> format = format_of(path, spheres, contacts.count, file);
   Pipeline pipeline(*format, file, threads);
-  SortedRuns(c.pair_span(), threads).each([&](std::span<const KeyedContact> run) { pipeline.write(run); });
+  SortedRuns(contacts.pair_span(), threads).each([&](std::span<const std::uint64_t> run) {
+    pipeline.write(run);
+  });
   format->finish();
   file.commit();
 }

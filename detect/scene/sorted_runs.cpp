@@ -11,37 +11,35 @@ namespace {
 
 std::uint64_t key_of(const Pair& pair) { return static_cast<std::uint64_t>(pair.i) << 32 | pair.j; }
 
-bool before(const KeyedContact& x, const KeyedContact& y) { return x.key < y.key; }
-
 // Sorts buckets whose keys are spread about evenly, which is what a thousand contacts of some scene are: a
 // counting sort to about two contacts a place, then comparisons within each place.
 class BucketSort {
  public:
   // The keys lie from `low` to low + 2^bits - 1.
-  void operator()(std::span<KeyedContact> bucket, std::uint64_t low, int bits) {
+  void operator()(std::span<std::uint64_t> bucket, std::uint64_t low, int bits) {
     if (bucket.size() <= kFew || bucket.size() > copy_.size()) {
-      std::sort(bucket.begin(), bucket.end(), before);
+      std::sort(bucket.begin(), bucket.end());
       return;
     }
     const int place_bits = std::min(bits, static_cast<int>(std::bit_width(bucket.size() / 2)));
     const int shift = bits - place_bits;
     const std::span<std::uint32_t> ends(ends_.data(), std::size_t(1) << place_bits);
     std::fill(ends.begin(), ends.end(), 0);
-    for (const KeyedContact& c : bucket) ends[(c.key - low) >> shift]++;
+    for (const std::uint64_t key : bucket) ends[(key - low) >> shift]++;
     std::uint32_t total = 0;
     for (std::uint32_t& end : ends) total += std::exchange(end, total);
     std::copy(bucket.begin(), bucket.end(), copy_.begin());
-    for (std::size_t k = 0; k < bucket.size(); k++) bucket[ends[(copy_[k].key - low) >> shift]++] = copy_[k];
+    for (std::size_t k = 0; k < bucket.size(); k++) bucket[ends[(copy_[k] - low) >> shift]++] = copy_[k];
     std::uint32_t begin = 0;
     for (const std::uint32_t end : ends) {
-      if (end - begin > 1) std::sort(bucket.begin() + begin, bucket.begin() + end, before);
+      if (end - begin > 1) std::sort(bucket.begin() + begin, bucket.begin() + end);
       begin = end;
     }
   }
 
  private:
   static constexpr std::size_t kFew = 32, kMany = 4096;
-  std::array<KeyedContact, kMany> copy_;
+  std::array<std::uint64_t, kMany> copy_;
   std::array<std::uint32_t, kMany>
       ends_;  // of each place; first how many contacts it has, then its beginning
 };
@@ -60,7 +58,7 @@ std::uint64_t SortedRuns::Buckets::total(std::uint64_t bucket) const {
   return sum;
 }
 
-// Calls use(thread, key, contact) for what lies in the range; each thread always sees the same part.
+// Calls use(thread, key) for what lies in the range; each thread always sees the same part.
 template <class Use>
 void SortedRuns::scan(const Range& range, const Use& use) const {
   constexpr std::uint64_t block = 512;
@@ -77,7 +75,7 @@ void SortedRuns::scan(const Range& range, const Use& use) const {
         chosen[count] = k;
         count += key_of(from[k]) - range.low <= width;
       }
-      for (std::uint32_t c = 0; c < count; c++) use(part, key_of(from[chosen[c]]), at + chosen[c]);
+      for (std::uint32_t c = 0; c < count; c++) use(part, key_of(from[chosen[c]]));
     }
   }
 }
@@ -93,36 +91,35 @@ SortedRuns::Buckets SortedRuns::count(const Range& range) const {
   Buckets b{range, 0, {}};
   while (b.of(range.high) >= kBuckets) b.shift++;
   b.counts.assign(static_cast<std::size_t>(threads_), std::vector<std::uint64_t>(kBuckets));
-  scan(range, [&](std::uint64_t part, std::uint64_t key, std::uint64_t) { b.counts[part][b.of(key)]++; });
+  scan(range, [&](std::uint64_t part, std::uint64_t key) { b.counts[part][b.of(key)]++; });
   return b;
 }
 
 // The contacts of some buckets in order: each thread's part of a bucket has its place, then buckets are
 // sorted.
-std::span<const KeyedContact> SortedRuns::run(Buckets& buckets, std::uint64_t first, std::uint64_t end) {
+std::span<const std::uint64_t> SortedRuns::run(Buckets& buckets, std::uint64_t first, std::uint64_t end) {
   std::vector<std::uint64_t> ends(end - first);
   std::uint64_t total = 0;
   for (std::uint64_t b = first; b < end; b++) {
     for (auto& of_thread : buckets.counts) total += std::exchange(of_thread[b], total);
     ends[b - first] = total;
   }
-  if (entries_.size() < total) entries_.resize(total);
-  scan(buckets.keys(first, end), [&](std::uint64_t part, std::uint64_t key, std::uint64_t at) {
-    entries_[buckets.counts[part][buckets.of(key)]++] = {key, at};
-  });
+  if (keys_.size() < total) keys_.resize(total);
+  scan(buckets.keys(first, end),
+       [&](std::uint64_t part, std::uint64_t key) { keys_[buckets.counts[part][buckets.of(key)]++] = key; });
 #pragma omp parallel num_threads(threads_)
   {
     BucketSort sort;
 #pragma omp for schedule(dynamic, 64)
     for (std::uint64_t b = first; b < end; b++) {
       const std::uint64_t begin = b > first ? ends[b - first - 1] : 0;
-      sort({entries_.data() + begin, ends[b - first] - begin}, buckets.keys(b, b + 1).low, buckets.shift);
+      sort({keys_.data() + begin, ends[b - first] - begin}, buckets.keys(b, b + 1).low, buckets.shift);
     }
   }
-  return {entries_.data(), total};
+  return {keys_.data(), total};
 }
 
-void SortedRuns::range(const Range& keys, const std::function<void(std::span<const KeyedContact>)>& use) {
+void SortedRuns::range(const Range& keys, const std::function<void(std::span<const std::uint64_t>)>& use) {
   Buckets buckets = count(keys);
   const std::uint64_t size = buckets.of(keys.high) + 1;
   for (std::uint64_t b = 0; b < size;) {
@@ -137,9 +134,9 @@ void SortedRuns::range(const Range& keys, const std::function<void(std::span<con
   }
 }
 
-void SortedRuns::each(const std::function<void(std::span<const KeyedContact>)>& use) {
+void SortedRuns::each(const std::function<void(std::span<const std::uint64_t>)>& use) {
   if (pairs_.empty()) return;
-  entries_.resize(std::min<std::uint64_t>(pairs_.size(), longest_));
+  keys_.resize(std::min<std::uint64_t>(pairs_.size(), longest_));
   range(all_keys(), use);
 }
 

@@ -10,22 +10,16 @@
 
 namespace padder::detect {
 
-// Contact `at` of a list; `key` is i << 32 | j of its pair.
-struct KeyedContact {
-  std::uint64_t key, at;
-};
-
 // Cuts the list into runs of at most `longest` contacts. Each run is sorted, and the runs one after the other
-// are the whole list in order. No pair may be in the list twice.
+// are the whole list in order, each pair as its key i << 32 | j. No pair may be in the list twice.
 //
-// All contacts at once would need an index twice the size of the pairs. So only one run is held, at 16 bytes
-// a contact, and is read from the list again: the threads share one pass over the pairs for each run, one
-// more that counts, and one that finds the smallest and the largest pair.
+// Only one run is held, at 8 bytes a contact, and is read from the list again: the threads share one pass
+// over the pairs for each run, one more that counts, and one that finds the smallest and the largest pair.
 class SortedRuns {
  public:
-  SortedRuns(std::span<const Pair> pairs, int threads, std::uint64_t longest = 1 << 21)
+  SortedRuns(std::span<const Pair> pairs, int threads, std::uint64_t longest = 1 << 22)
       : pairs_(pairs), threads_(threads), longest_(longest) {}
-  void each(const std::function<void(std::span<const KeyedContact>)>& use);
+  void each(const std::function<void(std::span<const std::uint64_t>)>& use);
 
  private:
   static constexpr std::uint64_t kBuckets = 1 << 15;
@@ -48,13 +42,13 @@ class SortedRuns {
   void scan(const Range& range, const Use& use) const;
   Range all_keys() const;
   Buckets count(const Range& range) const;
-  void range(const Range& range, const std::function<void(std::span<const KeyedContact>)>& use);
-  std::span<const KeyedContact> run(Buckets& buckets, std::uint64_t first, std::uint64_t end);
+  void range(const Range& range, const std::function<void(std::span<const std::uint64_t>)>& use);
+  std::span<const std::uint64_t> run(Buckets& buckets, std::uint64_t first, std::uint64_t end);
 
   std::span<const Pair> pairs_;
   int threads_;
   std::uint64_t longest_;
-  std::vector<KeyedContact> entries_;
+  std::vector<std::uint64_t> keys_;
 };
 
 }  // namespace padder::detect

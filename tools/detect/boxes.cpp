@@ -41,7 +41,7 @@ BoxOptions options_of(const Arguments& a, const Scene& scene) {
   BoxOptions o;
   o.detector = a.options;
   o.detector.path = a.path.value(), o.detector.precision = a.precision.value();
-  o.detector.width = a.output.empty() ? Width::pairs : Width::points;
+  o.detector.width = ends_in(a.output, ".npy") ? Width::points : Width::pairs;
   o.detector.scalar = Scalar::f64;
   if (a.output.empty() && scene.spheres().scalar == Scalar::f32 && scene.bodies.empty())
     o.detector.scalar = Scalar::f32;
@@ -101,7 +101,7 @@ int run_boxes(const Arguments& a) {
     boxed.detect(input, writer.consumer());
     writer.finish();
   } else if (!a.output.empty()) {
-    write_contacts(boxed.detect(input), a.output, a.options.threads);
+    write_contacts(boxed.detect(input), input, a.output, a.options.threads);
   } else {
     boxed.detect(input, {});
   }

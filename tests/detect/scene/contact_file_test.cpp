@@ -12,12 +12,14 @@
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
+#include <map>
 #include <sstream>
 
 #include "padding/asset/error.h"
 #include "padding/asset/file.h"
 #include "padding/asset/npz.h"
 #include "tests/detect/oracle.h"
+#include "tests/error_of.h"
 
 // Every allocation of this program is counted: the bytes held, and the most since somebody last asked.
 namespace {
@@ -46,17 +48,18 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Contacts and the arrays that they lie in.
+// Contacts and the spheres that they are of.
 struct ContactTable {
+  TestScene scene;
   std::vector<Pair> pairs;
-  std::vector<Normal<double>> normals;
-  std::vector<Points<double>> points;
 
   Contacts contacts() const {
     Contacts c;
-    c.count = pairs.size(), c.width = Width::points, c.scalar = Scalar::f64;
-    c.pairs = pairs.data(), c.normals = normals.data(), c.points = points.data();
+    c.count = pairs.size(), c.pairs = pairs.data();
     return c;
+  }
+  Geometry record(std::size_t k) const {
+    return geometry(scene.spheres[pairs[k].i], scene.spheres[pairs[k].j]);
   }
 };
 
@@ -67,8 +70,11 @@ class ContactFileTest : public testing::Test {
     folder_ = ::mkdtemp(name.data());
   }
   void TearDown() override { fs::remove_all(folder_); }
-  std::string written(const ContactTable& t, const std::string& name) const {
-    write_contacts(t.contacts(), folder_ / name);
+  void write(const ContactTable& t, const std::string& name, int threads = 0) const {
+    write_contacts(t.contacts(), Arranged(t.scene, Scalar::f64).input, folder_ / name, threads);
+  }
+  std::string written(const ContactTable& t, const std::string& name, int threads = 0) const {
+    write(t, name, threads);
     return read_file(folder_ / name);
   }
   std::size_t entries() const {
@@ -80,23 +86,20 @@ class ContactFileTest : public testing::Test {
 ContactTable found_in(const TestScene& s) {
   const Arranged arranged(s, Scalar::f64);
   CallOptions o;
-  o.width = Width::points, o.scalar = Scalar::f64, o.order = Order::any;
+  o.width = Width::pairs, o.order = Order::any;
   Detector d({BackendKind::omp}, o);
-  const Contacts& c = d.detect(arranged.input);
-  const auto normals = c.normal_span<double>();
-  const auto points = c.point_span<double>();
-  return {{c.pairs, c.pairs + c.count}, {normals.begin(), normals.end()}, {points.begin(), points.end()}};
+  const auto pairs = d.detect(arranged.input).pair_span();
+  return {s, {pairs.begin(), pairs.end()}};
 }
 
-// As many contacts as wanted, in no order, whose numbers follow from the pair.
+// A row of spheres, each of which touches the next one: as many contacts as wanted, in no order.
 ContactTable many(std::uint32_t count) {
   ContactTable t;
-  t.pairs.reserve(count), t.normals.reserve(count), t.points.reserve(count);
+  t.scene.spheres.reserve(count + 1), t.pairs.reserve(count);
+  for (std::uint32_t k = 0; k <= count; k++) t.scene.spheres.push_back({1. * k, 0, 0, 0.5 + 1 / (k + 3.)});
   for (std::uint32_t k = 0; k < count; k++) {
     const std::uint32_t i = static_cast<std::uint32_t>(k * std::uint64_t(2654435761) % count);
-    const double v = 1. / (i + 3.);
-    t.pairs.push_back({i, i + 1}), t.normals.push_back({v, -v, v * v, 1 + v});
-    t.points.push_back({{v, 2 * v, 3 * v}, {4 * v, 5 * v, 6 * v}});
+    t.pairs.push_back({i, i + 1});
   }
   return t;
 }
@@ -108,25 +111,25 @@ ContactTable odd_numbers() {
                         -0.,
                         5e-324,
                         2.2250738585072014e-308,
-                        -1.7976931348623157e308,
+                        -1e99,
                         1e22,
                         123456789012345680.,
                         1 + 0x1p-52,
                         -9007199254740993.};
   ContactTable t;
   for (std::uint32_t k = 0; k < 10; k++) {
-    const auto at = [&](std::uint32_t shift) { return odd[(k + shift) % 10]; };
-    t.pairs.push_back({k, k == 9 ? 0xfffffffeu : k + 1});
-    t.normals.push_back({at(0), at(1), at(2), at(3)});
-    t.points.push_back({{at(4), at(5), at(6)}, {at(7), at(8), at(9)}});
+    t.scene.spheres.push_back({odd[k], odd[(k + 1) % 10], odd[(k + 3) % 10], std::abs(odd[(k + 7) % 10])});
+    if (k > 0) t.pairs.push_back({0, k}), t.pairs.push_back({k - 1, k});
   }
+  t.pairs.erase(t.pairs.begin());  // 0, 1 twice
+  t.pairs = sorted(t.pairs);
   return t;
 }
 
 std::vector<double> row_of(const ContactTable& t, std::size_t k) {
-  const Normal<double>& n = t.normals[k];
-  const Points<double>& p = t.points[k];
-  return {n.x, n.y, n.z, n.depth, p.on_i[0], p.on_i[1], p.on_i[2], p.on_j[0], p.on_j[1], p.on_j[2]};
+  const Geometry g = t.record(k);
+  return {g.normal[0], g.normal[1], g.normal[2], g.depth,   g.on_i[0],
+          g.on_i[1],   g.on_i[2],   g.on_j[0],   g.on_j[1], g.on_j[2]};
 }
 void expect_same_bits(const std::vector<double>& a, const std::vector<double>& b) {
   ASSERT_EQ(a.size(), b.size());
@@ -175,10 +178,7 @@ TEST_F(ContactFileTest, ThreadsWriteTheSameBytes) {
   const ContactTable t = many(50000);
   for (const char* name : {"c.csv", "c.npz", "c.vtp"}) {
     SCOPED_TRACE(name);
-    write_contacts(t.contacts(), folder_ / name, 1);
-    const std::string one = read_file(folder_ / name);
-    write_contacts(t.contacts(), folder_ / name, 5);
-    EXPECT_TRUE(one == read_file(folder_ / name));
+    EXPECT_TRUE(written(t, name, 1) == written(t, name, 5));
   }
   const auto pairs = npz_from_bytes(read_file(folder_ / "c.npz"), "c.npz").at("pairs").as<std::uint32_t>();
   for (std::uint32_t k = 0; k < 50000; k++) ASSERT_EQ(pairs[2 * k], k);
@@ -190,11 +190,12 @@ TEST_F(ContactFileTest, ThreadsWriteTheSameBytes) {
 // The records of these contacts alone are 88 MB, a text of them 200 MB.
 TEST_F(ContactFileTest, MemoryDoesNotGrowWithTheContacts) {
   const ContactTable t = many(1000000);
+  const Arranged scene(t.scene, Scalar::f64);
   for (const char* name : {"c.csv", "c.npz", "c.vtp"}) {
     SCOPED_TRACE(name);
     const std::int64_t before = held;
     most = before;
-    write_contacts(t.contacts(), folder_ / name, 16);
+    write_contacts(t.contacts(), scene.input, folder_ / name, 16);
     EXPECT_LT(most - before, 64 << 20);
     fs::remove(folder_ / name);
   }
@@ -213,7 +214,7 @@ TEST_F(ContactFileTest, FullDisk) {
     ::setrlimit(RLIMIT_FSIZE, &small);
     std::string said;
     try {
-      write_contacts(t.contacts(), folder_ / name);
+      write(t, name);
     } catch (const Error& e) {
       said = e.what();
     }
@@ -307,7 +308,7 @@ TEST_F(ContactFileTest, VtpHoldsWhatItsHeaderSays) {
 
 // More contacts than are sorted at a time: the second run goes on where the first one ended.
 TEST_F(ContactFileTest, SeveralRuns) {
-  const std::uint32_t count = (1 << 21) + 5000;
+  const std::uint32_t count = (1 << 22) + 5000;
   const std::string file = written(many(count), "c.vtp");
   const auto i = vtp_array<std::uint32_t>(file, "i");
   const auto depths = vtp_array<double>(file, "depth");
@@ -316,7 +317,7 @@ TEST_F(ContactFileTest, SeveralRuns) {
   ASSERT_EQ(i.size(), count);
   for (std::uint32_t k = 0; k < count; k++) {
     ASSERT_EQ(i[k], k);
-    ASSERT_EQ(depths[k], 1 + 1. / (k + 3.)) << k;
+    ASSERT_NEAR(depths[k], 1 / (k + 3.) + 1 / (k + 4.), 1e-9) << k;
     ASSERT_EQ(vertices[k], k);
     ASSERT_EQ(ends[k], k + 1);
   }
@@ -330,15 +331,68 @@ TEST_F(ContactFileTest, NoContacts) {
   EXPECT_NE(written({}, "c.vtp").find("NumberOfPoints=\"0\""), std::string::npos);
 }
 
-TEST_F(ContactFileTest, OtherRecordsAreRefused) {
+// Bodies at poses of their own and of the call, and loose spheres whose arrays begin at odd addresses.
+TEST_F(ContactFileTest, RecordsHaveTheBitsOfADetectors) {
+  const TestScene s = random_scene(1500, 4, 0.8, 21).rounded();
+  const std::vector<Shape> shapes = {{s.spheres.data(), 200}, {s.spheres.data() + 200, 1}, {nullptr, 0}};
+  std::mt19937_64 random(21);
+  std::uniform_real_distribution<double> unit(-1, 1);
+  std::vector<Body> bodies(40);
+  std::vector<Pose> poses(bodies.size());
+  for (std::size_t k = 0; k < bodies.size(); k++) {
+    rotation_of(unit(random), unit(random), unit(random), unit(random), bodies[k].rotation);
+    rotation_of(unit(random), unit(random), unit(random), unit(random), poses[k].rotation);
+    for (int a = 0; a < 3; a++)
+      bodies[k].position[a] = 9 * unit(random), poses[k].position[a] = 9 * unit(random);
+    bodies[k].shape = static_cast<std::uint32_t>(k % 3), bodies[k].is_static = k % 5 == 0;
+  }
+  for (const Scalar scalar : {Scalar::f32, Scalar::f64}) {
+    const Arranged loose(s, scalar);
+    Input input = loose.input;
+    std::vector<char> moved(1 + 1500 * 4 * (scalar == Scalar::f32 ? 4 : 8));
+    std::memcpy(moved.data() + 1, input.spheres.centers, moved.size() - 1);
+    input.shapes = shapes, input.bodies = bodies;
+    for (const bool posed : {false, true}) {
+      input.poses = posed ? poses.data() : nullptr;
+      CallOptions o;
+      o.width = Width::points, o.scalar = Scalar::f64;
+      Detector d({BackendKind::omp}, o);
+      const Contacts c = d.detect(input);
+      ASSERT_GT(c.count, 1000u);
+      Input odd = input;
+      odd.spheres.centers = moved.data() + 1;
+      odd.spheres.radii = moved.data() + 1 + 3 * (scalar == Scalar::f32 ? 4 : 8);
+      write_contacts(c, odd, folder_ / "c.npz");
+      const Npz z = npz_from_bytes(read_file(folder_ / "c.npz"), "c.npz");
+      const auto pairs = z.at("pairs").as<std::uint32_t>();
+      const auto normals = z.at("normals").as<double>(), depths = z.at("depths").as<double>(),
+                 on_i = z.at("points_i").as<double>(), on_j = z.at("points_j").as<double>();
+      std::map<std::uint64_t, std::size_t> row;
+      for (std::size_t k = 0; k < c.count; k++) row[std::uint64_t(pairs[2 * k]) << 32 | pairs[2 * k + 1]] = k;
+      ASSERT_EQ(row.size(), c.count);
+      for (std::size_t k = 0; k < c.count; k++) {
+        const std::size_t at = row.at(std::uint64_t(c.pairs[k].i) << 32 | c.pairs[k].j);
+        const Normal<double>& n = c.normal_span<double>()[k];
+        const Points<double>& p = c.point_span<double>()[k];
+        expect_same_bits({normals[3 * at], normals[3 * at + 1], normals[3 * at + 2], depths[at]},
+                         {n.x, n.y, n.z, n.depth});
+        expect_same_bits({on_i.begin() + 3 * at, on_i.begin() + 3 * at + 3}, {p.on_i, p.on_i + 3});
+        expect_same_bits({on_j.begin() + 3 * at, on_j.begin() + 3 * at + 3}, {p.on_j, p.on_j + 3});
+      }
+    }
+  }
+}
+
+TEST_F(ContactFileTest, OtherMemoryAndOtherScenesAreRefused) {
   const ContactTable t = odd_numbers();
-  for (int wrong = 0; wrong < 4; wrong++) {
+  const Arranged scene(t.scene, Scalar::f64);
+  for (int wrong = 0; wrong < 3; wrong++) {
     Contacts c = t.contacts();
+    Input input = scene.input;
     if (wrong == 0) c.memory = Memory::device;
-    if (wrong == 1) c.width = Width::normals;
-    if (wrong == 2) c.width = Width::pairs;
-    if (wrong == 3) c.scalar = Scalar::f32;
-    EXPECT_THROW(write_contacts(c, folder_ / "c.csv"), Error) << wrong;
+    if (wrong == 1) input.spheres.memory = Memory::device;
+    if (wrong == 2) input.spheres.count = 9;
+    EXPECT_THROW(write_contacts(c, input, folder_ / "c.csv"), Error) << wrong;
   }
   EXPECT_EQ(entries(), 0u);
 }
@@ -349,19 +403,15 @@ TEST_F(ContactFileTest, WhatCannotBeWrittenIsSaidAndLeavesNothing) {
   for (const char* name : {"c.txt", "c", ".csv", "c.CSV", "c.csv.gz"}) {
     SCOPED_TRACE(name);
     EXPECT_THROW(check_contact_ending(name), Error);
-    try {
-      write_contacts(t.contacts(), folder_ / name);
-      FAIL() << "written";
-    } catch (const Error& e) {
-      EXPECT_EQ(std::string(e.what()), "cannot tell the format of " + (folder_ / name).string() +
-                                           ": contacts are written as .csv, .npz or .vtp");
-    }
+    EXPECT_EQ(error_of([&] { write(t, name); }),
+              "cannot tell the format of " + (folder_ / name).string() +
+                  ": contacts are written as .csv, .npz or .vtp");
   }
   EXPECT_EQ(read_file(folder_ / "c.txt"), "mine");
   EXPECT_NO_THROW(check_contact_ending("a folder/c.vtp"));
   fs::create_directory(folder_ / "folder.csv");
-  EXPECT_THROW(write_contacts(t.contacts(), folder_ / "absent" / "c.csv"), Error);
-  EXPECT_THROW(write_contacts(t.contacts(), folder_ / "folder.csv"), Error);
+  EXPECT_THROW(write(t, "absent/c.csv"), Error);
+  EXPECT_THROW(write(t, "folder.csv"), Error);
   EXPECT_EQ(entries(), 2u) << "c.txt and folder.csv";
 }
 

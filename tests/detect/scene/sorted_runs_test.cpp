@@ -16,13 +16,11 @@ void expect_in_order(std::vector<Pair> pairs, std::uint64_t longest) {
   for (const int threads : {1, 3}) {
     SCOPED_TRACE(threads);
     std::vector<Pair> found;
-    SortedRuns(pairs, threads, longest).each([&](std::span<const KeyedContact> run) {
+    SortedRuns(pairs, threads, longest).each([&](std::span<const std::uint64_t> run) {
       EXPECT_FALSE(run.empty());
       EXPECT_LE(run.size(), longest);
-      for (const KeyedContact& c : run) {
-        found.push_back(pairs[c.at]);
-        EXPECT_EQ(c.key, static_cast<std::uint64_t>(found.back().i) << 32 | found.back().j);
-      }
+      for (const std::uint64_t key : run)
+        found.push_back({static_cast<std::uint32_t>(key >> 32), static_cast<std::uint32_t>(key)});
     });
     ASSERT_EQ(found, wanted);
   }

@@ -16,19 +16,7 @@
 namespace padder {
 namespace {
 
-using shapes::RandomInput;
-
-Mesh joined(Mesh mesh, const Mesh& more) {
-  const auto n = static_cast<std::uint32_t>(mesh.points.size());
-  mesh.points.insert(mesh.points.end(), more.points.begin(), more.points.end());
-  for (auto t : more.triangles) mesh.triangles.push_back({t[0] + n, t[1] + n, t[2] + n});
-  return mesh;
-}
-
-Mesh turned_over(Mesh mesh) {
-  for (auto& t : mesh.triangles) std::swap(t[1], t[2]);
-  return mesh;
-}
+using shapes::RandomInput, shapes::joined, shapes::turned_over;
 
 Mesh moved(Mesh mesh, const Eigen::Matrix3d& by, const Vector& to) {
   for (Point& p : mesh.points) p = by * p + to;
