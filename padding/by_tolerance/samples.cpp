@@ -21,8 +21,6 @@ constexpr double medial_tolerance = 0.05;  // share of the tolerance sum: by so 
 constexpr std::size_t most_parts = 20'000'000;  // about 2 GB
 // A mesh with more parts is a fine scan: of those smaller than the spacing, the first in a cell is enough.
 constexpr std::size_t parts_of_scan = 1'000'000;
-// A mesh with more parts has stacks of sheets: the first in a cell of a part's own size must do.
-constexpr std::size_t parts_of_stack = 4'000'000;
 
 std::string too_small() {
   return "the tolerance is too small for this mesh: its surface would have to be cut into more than " +
@@ -91,13 +89,12 @@ void split_into(const SamplePart& part, std::vector<SamplePart>& parts) {
 class FirstOfCell {
  public:
   bool take(const Point& place, const Vector& normal, double cell) {
-    int axis, exponent;
+    int axis;
     normal.cwiseAbs().maxCoeff(&axis);
-    std::frexp(cell, &exponent);
     const Point at = place / cell;
     return taken_
-        .insert({std::llround(at.x()), std::llround(at.y()), std::llround(at.z()),
-                 8 * std::int64_t(exponent) + 2 * axis + (normal[axis] < 0)})
+        .insert(
+            {std::llround(at.x()), std::llround(at.y()), std::llround(at.z()), 2 * axis + (normal[axis] < 0)})
         .second;
   }
 
@@ -228,13 +225,10 @@ class Sampler {
 
   void thin(std::vector<SamplePart>& parts, double smallest_cell) const {
     if (parts.size() <= parts_of_scan) return;
-    const bool stack = parts.size() > parts_of_stack;
     FirstOfCell first;
     std::erase_if(parts, [&](const SamplePart& part) {
-      const double size = part.size();
-      if (size > smallest_cell && !stack) return false;
-      const double cell = std::exp2(std::floor(std::log2(std::max(size, smallest_cell))));
-      return !first.take(part.centroid(), surface_.mesh().area_normal(part.triangle), cell);
+      return part.size() <= smallest_cell &&
+             !first.take(part.centroid(), surface_.mesh().area_normal(part.triangle), smallest_cell);
     });
   }
 
