@@ -14,6 +14,7 @@
 #include "tools/colour_option.h"
 #include "tools/json_output.h"
 #include "tools/preview/scene_view.h"
+#include "tools/settle/read_scene.h"
 #include "tools/streams.h"
 
 namespace {
@@ -122,10 +123,12 @@ padder::View view_of(const Arguments& a) {
     return padder::view_of(cluster, mesh);
   }
   if (!a.mesh.empty()) throw UsageError("--mesh is for a cluster, and " + where + " is none");
-  const std::string title = path.stem().stem().string();
-  if (piped)
-    return padder::view_of(padder::detect::scene_or_cluster_from_json(text, where, ".", a.copies), title);
-  return padder::view_of(padder::detect::read_scene_or_cluster(path, a.copies), title);
+  const bool has_grains = path.extension() == ".json" && text.find("\"settle\"") != std::string::npos;
+  const padder::detect::Scene scene =
+      has_grains ? padder::settle::scene_at_start(text, where, path.parent_path())
+      : piped    ? padder::detect::scene_or_cluster_from_json(text, where, ".", a.copies)
+                 : padder::detect::read_scene_or_cluster(path, a.copies);
+  return padder::view_of(scene, path.stem().stem().string());
 }
 
 // Puts a file in the place of -o -.

@@ -307,6 +307,25 @@ def test_bodies_show_their_memory(cube):
     assert (given.poses == poses[::2]).all() and (given.family == np.arange(18)).all() and not given.shape.any()
 
 
+def test_bodies_take_the_level_of_detail_that_their_partners_need():
+    part = padder.pad(CUBE, FACES, lod=["10%", "2%"])
+    poses = np.zeros((4, 12))
+    poses[:, [0, 4, 8]] = 1
+    poses[:, 9] = [0, 1.0, 10, 30]  # two that touch, one near a small ball, one alone
+    bodies = padder.Bodies([part], poses)
+    c, r = [[10.5, 0.5, 1.05]], [0.06]
+    taken = bodies.with_lod("auto", centers=c, radii=r, share=1)
+    assert taken.lod.tolist() == [1, 1, 0, 2**32 - 1] and 0 < taken.lod_error < 0.5 and len(bodies.lod) == 0
+    assert len(padder.detect(bodies=taken, backend="omp")) > 0
+    assert len(padder.detect(c, r, bodies=taken, backend="omp")) > len(padder.detect(bodies=taken, backend="omp"))
+    assert bodies.with_lod("auto", smallest=0.001).lod.tolist() == [0, 0, 0, 0]
+    assert bodies.with_lod("1").lod.tolist() == [1, 1, 1, 1] and bodies.with_lod("0").lod_error == 0
+    with pytest.raises(padder.Error, match="auto or a whole number"):
+        bodies.with_lod("fine")
+    with pytest.raises(ValueError):
+        bodies.with_lod(centers=c)
+
+
 def test_what_stands_still_is_kept():
     shapes, poses, shape, is_static = heap()
     bodies, detector = padder.Bodies(shapes, poses, shape, is_static=is_static), padder.Detector(backend="omp")
