@@ -45,7 +45,17 @@ inline CLI::Validator whole() {
           ""};
 }
 
-// The same, or hexadecimal digits after 0x: for masks.
+// A level of detail: a whole number, or auto.
+inline CLI::Validator rung() {
+  return {[](const std::string& text) {
+            return text == "auto" || (is_whole(text) && text.size() < 9)
+                       ? std::string()
+                       : not_a(text, "level of detail: write a whole number (0 is the finest), or auto");
+          },
+          ""};
+}
+
+// A whole number, or hexadecimal digits after 0x: for masks.
 inline CLI::Validator bits() {
   return {[](const std::string& text) {
             const bool hex = text.starts_with("0x") && text.size() > 2 &&

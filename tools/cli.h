@@ -10,9 +10,11 @@
 #include <cstdio>
 #include <functional>
 #include <iostream>
+#include <iterator>
 #include <memory>
 #include <new>
 #include <regex>
+#include <set>
 #include <sstream>
 #include <stdexcept>
 #include <string>
@@ -137,10 +139,19 @@ inline void end_with_a_sentence(const char* program) {
   });
 }
 
+// What scripts pass to any program with --colour.
+inline constexpr const char* kWhenColoured[] = {"never", "auto", "always"};
+
 // `app` must have a name. `work` returns the exit code. `failed` receives the sentence of a failure that
 // happens after parsing: a tool with --json also prints it on stdout.
 inline int run(CLI::App& app, int argc, char** argv, const std::function<int()>& work,
                const std::function<void(const std::string&)>& failed = {}) {
+  std::string colour;
+  if (!app.get_option_no_throw("--colour"))
+    app.add_option("--colour,--color", colour,
+                   "never, auto or always, for scripts: no text is coloured, whatever it is")
+        ->check(CLI::IsMember(std::set<std::string>(std::begin(kWhenColoured), std::end(kWhenColoured))))
+        ->type_name("WHEN");
   set_help(app);
   const char* name = app.get_name().c_str();
   const auto fail = [&](int code, const std::string& sentence) {

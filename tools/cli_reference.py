@@ -21,7 +21,7 @@ What each program says of itself with `--help`. Made by `cmake --build BUILD --t
 Everywhere: results go to stdout, talk and errors to stderr. `--json` prints one JSON document on stdout and nothing else there; `-q` is silent but
 for errors, each one sentence: what, in which file and place, what to do. Exit code: 0 done, 1 the work failed, 2 wrong usage; a file is
 written whole or not at all. With `--json` a failure of the work is a document, too: `input` and `error`, the sentence of stderr. `-` as an input is
-stdin and as an output is stdout. A progress bar shows on a terminal only, and says after two seconds about how long the rest takes. No program colours its text. `assets/reports/` has a JSON Schema of
+stdin and as an output is stdout. A progress bar shows on a terminal only, and says after two seconds about how long the rest takes. No program colours its text, and each takes `--colour never` from scripts. `assets/reports/` has a JSON Schema of
 what each prints with `--json`. A LENGTH is in the mesh's own unit, or a share of
 the diagonal of its bounding box when it ends in `%`.
 """

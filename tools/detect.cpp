@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // The program detect: finds the contacts of a scene. Only arguments and printing are here; padder::detect
 // does the work.
+#include <cmath>
 #include <cstdio>
 
 #include "detect/core/nine_stages.h"
@@ -45,6 +46,13 @@ void declare(CLI::App& app, Arguments& a, std::string& memory) {
                  "files instead of reading them")
       ->check(padder::cli::bytes())
       ->type_name("BYTES");
+  app.add_option(
+         "--lod", a.lod,
+         "level of detail of the bodies (pad --lod): 0 the finest, 1 the next coarser …; auto: for each "
+         "body from the smallest thing that can touch it, and none where nothing can")
+      ->check(padder::cli::rung())
+      ->capture_default_str()
+      ->type_name("K|auto");
   a.path.add(app, "--path", "the fast path, or the nine stages as in the paper");
   a.precision.add(app, "--precision", "exact: the contacts of double arithmetic; fast: float only");
   app.add_option("--bin-size", a.options.bin_size, "edge of a bin, in the scene's unit (default: chosen)")
@@ -143,11 +151,49 @@ Json stages_json(const Arrays& a) {
           {"F", f}};
 }
 
+// What was taken of the bodies. The scene is that with the levels of detail in it.
+Json lod_json(const Scene& scene, const RungChoice& choice) {
+  Json rungs = Json::array(), first = Json::array();
+  std::uint64_t next = 0;
+  for (std::size_t b = 0; b < scene.bodies.size(); b++) {
+    const std::uint32_t rung = choice.rungs[b];
+    rungs.push_back(rung == kLeftOut ? Json() : Json(rung)), first.push_back(next);
+    next += scene.assets[scene.bodies[b].shape].spheres.size();
+  }
+  return {{"spheres_finest", choice.finest},
+          {"spheres", choice.taken},
+          {"spheres_out_of_reach", choice.out_of_reach},
+          {"bodies_left_out", choice.left_out},
+          {"error", std::isfinite(choice.error) ? Json(choice.error) : Json()},
+          {"rungs", rungs},
+          {"first_sphere", first}};
+}
+
+void print_lod(const RungChoice& choice) {
+  std::printf(
+      "levels of detail: %llu of %llu spheres of bodies; left out, as nothing can touch them: %llu bodies "
+      "with %llu spheres\n",
+      (unsigned long long)choice.taken, (unsigned long long)choice.finest,
+      (unsigned long long)choice.left_out, (unsigned long long)choice.out_of_reach);
+  if (!std::isfinite(choice.error))
+    std::printf("how far these levels are from the finest is not proved\n");
+  else if (choice.error > 0)
+    std::printf("what touches a body is within %.3g of its finest level\n", choice.error);
+}
+
 int find_contacts(Arguments& a) {
-  if (const Launch launch = launch_of_environment(); launch.ranks > 1) return run_ranks(a, launch);
+  const Launch launch = launch_of_environment();
+  const bool is_whole = a.lod == "0";
+  if (!is_whole && (launch.ranks > 1 || wants_boxes(a)))
+    throw UsageError(
+        "--lod is for bodies and one detector: leave out --devices, --memory, mpirun and files of spheres");
+  if (launch.ranks > 1) return run_ranks(a, launch);
   if (wants_boxes(a)) return run_boxes(a);
   if (!a.output.empty()) check_contact_ending(a.output);
-  const Scene scene = read_input(a);
+  Scene scene = read_input(a);
+  const RungChoice choice =
+      is_whole ? RungChoice() : choose_rungs(scene, rung_rule(a.lod), a.options.margin, {a.backend.value()});
+  if (!is_whole) take_rungs(scene, choice);
   if (a.stages && scene.size() > kShown)
     throw padder::Error(a.scene + " has " + std::to_string(scene.size()) +
                         " spheres: --stages prints scenes of at most " + std::to_string(kShown));
@@ -174,6 +220,7 @@ int find_contacts(Arguments& a) {
                  {"precision", a.precision.word},
                  {"doubtful", c.doubtful},
                  {"seconds", seconds}};
+  if (!is_whole) report["lod"] = lod_json(scene, choice);
   if (!a.json && !a.quiet) {
     std::printf("%llu spheres in %zu bodies and loose: %llu contacts (%s, %s) in %.4f s\n",
                 (unsigned long long)c.spheres, scene.bodies.size(), (unsigned long long)c.count,
@@ -181,6 +228,7 @@ int find_contacts(Arguments& a) {
     if (a.options.precision == Precision::float32)
       std::printf("float only: off from double arithmetic by at most %llu pairs\n",
                   (unsigned long long)c.doubtful);
+    if (!is_whole) print_lod(choice);
     if (!a.output.empty()) std::printf("wrote %s\n", a.output.c_str());
   }
   if (a.hash && !a.json) std::printf("%s\n", hash.c_str());

@@ -14,6 +14,8 @@
 #include "tools/colour_option.h"
 #include "tools/json_output.h"
 #include "tools/preview/scene_view.h"
+#include "tools/settle/read_scene.h"
+#include "tools/streams.h"
 
 namespace {
 
@@ -23,7 +25,7 @@ namespace fs = std::filesystem;
 using padder::cli::UsageError;
 
 struct Arguments {
-  std::string input, output, mesh, contacts, size;
+  std::string input, output, format, mesh, contacts, size;
   std::uint64_t copies = 0;
   std::size_t rung = 0;
   std::string up = "z";
@@ -38,10 +40,12 @@ void declare(CLI::App& app, Arguments& a) {
                                                   {"wire", padder::Show::wire},
                                                   {"both", padder::Show::both},
                                                   {"side", padder::Show::side}};
-  app.add_option("INPUT", a.input, "a cluster (.spheres.json) or a scene (.json)")->required();
-  app.add_option("-o", a.output, "file to write: .html for a page, .png for a picture")
+  app.add_option("INPUT", a.input, "a cluster (.spheres.json) or a scene (.json); - reads it from stdin")
+      ->required();
+  app.add_option("-o", a.output, "file to write: .html for a page, .png for a picture; - writes to stdout")
       ->required()
       ->type_name("FILE");
+  app.add_option("--format", a.format, "of -o -: html or png")->check(CLI::IsMember({"html", "png"}));
   app.add_option("--mesh", a.mesh,
                  "the mesh of the cluster (default: by its name and sha256, beside the cluster or here)")
       ->type_name("MESH");
@@ -105,22 +109,43 @@ bool is_cluster(std::string_view text) {
 }
 
 padder::View view_of(const Arguments& a) {
-  const fs::path path = a.input;
-  const std::string text = a.copies ? "" : padder::read_file(path);
-  if (is_cluster(text)) {
-    const padder::Cluster cluster = padder::cluster_from_json(text, path.string());
+  const bool piped = padder::cli::is_stream(a.input);
+  const fs::path path = piped ? "stdin.json" : a.input;
+  const std::string where = piped ? "the standard input" : a.input;
+  const std::string text = piped ? padder::cli::read_stdin() : a.copies ? "" : padder::read_file(path);
+  if (!a.copies && is_cluster(text)) {
+    const padder::Cluster cluster = padder::cluster_from_json(text, where);
     const padder::Mesh mesh = padder::mesh_of(cluster, path, a.mesh);
     if (mesh.triangles.empty() && !cluster.source.file.empty() && !a.quiet)
       std::fprintf(stderr,
                    "preview: the mesh of %s was not found: spheres alone are shown (--mesh MESH names it)\n",
-                   a.input.c_str());
+                   where.c_str());
     return padder::view_of(cluster, mesh);
   }
-  if (!a.mesh.empty()) throw UsageError("--mesh is for a cluster, and " + a.input + " is none");
-  return padder::view_of(padder::detect::read_scene_or_cluster(path, a.copies), path.stem().stem().string());
+  if (!a.mesh.empty()) throw UsageError("--mesh is for a cluster, and " + where + " is none");
+  const bool has_grains = path.extension() == ".json" && text.find("\"settle\"") != std::string::npos;
+  const padder::detect::Scene scene =
+      has_grains ? padder::settle::scene_at_start(text, where, path.parent_path())
+      : piped    ? padder::detect::scene_or_cluster_from_json(text, where, ".", a.copies)
+                 : padder::detect::read_scene_or_cluster(path, a.copies);
+  return padder::view_of(scene, path.stem().stem().string());
 }
 
-int run(Arguments& a) {
+// Puts a file in the place of -o -.
+void use_stdout(Arguments& a, padder::cli::StreamFiles& files) {
+  if (!padder::cli::is_stream(a.output)) {
+    if (!a.format.empty()) throw UsageError("--format is for -o -: the ending of a file tells its format");
+    return;
+  }
+  if (a.format.empty())
+    throw UsageError("-o - has no ending that tells the format: name it, as --format html");
+  if (a.json) throw UsageError("-o - writes the page or the picture to stdout: leave out --json");
+  a.output = files.output("stdout." + a.format);
+  a.quiet = true;
+}
+
+int run(Arguments& a, padder::cli::StreamFiles& files) {
+  use_stdout(a, files);
   check(a);
   const auto began = std::chrono::steady_clock::now();
   padder::View view = view_of(a);
@@ -151,6 +176,7 @@ int run(Arguments& a) {
     std::printf("%s: %zu spheres, %zu triangles, %zu contacts; %.1f MB, %.2f s\n", a.output.c_str(),
                 std::size_t(shown), view.mesh.triangles.size(), view.contacts.size(), double(bytes) / 1e6,
                 seconds);
+  files.deliver();
   return 0;
 }
 
@@ -169,9 +195,10 @@ int main(int argc, char** argv) {
       "Shows a cluster with its mesh, or a scene: as one HTML file that needs no network, or as a PNG.\n",
       "preview");
   Arguments arguments;
+  padder::cli::StreamFiles files;
   declare(app, arguments);
   return padder::cli::run(
-      app, argc, argv, [&] { return run(arguments); },
+      app, argc, argv, [&] { return run(arguments, files); },
       [&](const std::string& error) {
         if (arguments.json) padder::cli::print_failure(arguments.input, error);
       });

@@ -29,7 +29,7 @@ using padder::settle::Stepper;
 using padder::settle::Watch;
 
 struct Arguments {
-  std::string scene, output, checkpoint, resume, make, cluster, backend = "auto";
+  std::string scene, output, checkpoint, resume, make, cluster, backend = "auto", lod = "0";
   std::uint64_t steps = 0, frames = 0, count = 2000, seed = 1;
   double skin = -1;
   int threads = 0;
@@ -69,6 +69,13 @@ void declare(CLI::App& app, Arguments& a) {
       ->check(padder::cli::decimal())
       ->check(CLI::NonNegativeNumber)
       ->type_name("X");
+  app.add_option(
+         "--lod", a.lod,
+         "level of detail of the bodies (pad --lod): 0 the finest, 1 the next coarser …; auto: for each "
+         "body from the smallest thing in the scene")
+      ->check(padder::cli::rung())
+      ->capture_default_str()
+      ->type_name("K|auto");
   app.add_option("--make", a.make, "write a scene instead of settling one: silo, ball or track")
       ->check(CLI::IsMember(padder::settle::scene_makers()))
       ->type_name("NAME");
@@ -131,13 +138,12 @@ class EnergyGuard {
 
 // At rest: nothing is faster than what falls a thousandth of the mean radius.
 bool at_rest(const Stepper& stepper, const Watch& w) {
-  const auto& s = stepper.system();
-  double mean = 0;
-  for (std::uint64_t k = 0; k < s.spheres(); k++) mean += s.radius_of(k) / static_cast<double>(s.spheres());
-  return stepper.contacts() > 0 && w.fastest * w.fastest < 2e-3 * length(s.gravity) * mean;
+  const double most = 2e-3 * stepper.gravity() * stepper.mean_radius();
+  return stepper.contacts() > 0 && w.fastest * w.fastest < most;
 }
 
-Json report_of(const Stepper& stepper, const Watch& w, double first_energy, bool rest) {
+Json report_of(const Stepper& stepper, const detect::RungChoice& rungs, const Watch& w, double first_energy,
+               bool rest) {
   const auto& s = stepper.system();
   const auto& e = stepper.effort();
   char hash[17];
@@ -147,6 +153,10 @@ Json report_of(const Stepper& stepper, const Watch& w, double first_energy, bool
       {"spheres", s.spheres()},
       {"bodies", s.bodies.size()},
       {"grains", s.grain_radius.size()},
+      {"lod",
+       {{"spheres_finest", rungs.finest},
+        {"spheres", rungs.taken},
+        {"error", std::isfinite(rungs.error) ? Json(rungs.error) : Json()}}},
       {"steps", stepper.steps()},
       {"time", stepper.time()},
       {"time_step", s.step},
@@ -173,6 +183,12 @@ void print(const Json& r) {
               r["spheres"].get<unsigned long long>(), r["bodies"].get<unsigned long long>(),
               r["grains"].get<unsigned long long>(), steps, r["time_step"].get<double>(),
               r["time"].get<double>());
+  const Json& lod = r["lod"];
+  if (lod["spheres"] != lod["spheres_finest"])
+    std::printf("levels of detail: %llu of %llu spheres of bodies; %s\n",
+                lod["spheres"].get<unsigned long long>(), lod["spheres_finest"].get<unsigned long long>(),
+                lod["error"].is_null() ? "their error is not proved"
+                                       : ("within " + lod["error"].dump() + " of the finest").c_str());
   std::printf("%llu contacts; fastest %.3g; deepest penetration %.2g of a radius; kinetic energy %.3g%s\n",
               r["contacts"].get<unsigned long long>(), r["fastest"].get<double>(),
               r["penetration_ratio"].get<double>(), r["energy"]["kinetic"].get<double>(),
@@ -220,14 +236,14 @@ void show_progress(const Stepper& stepper, std::uint64_t last, bool end) {
 }
 
 int settle(const Arguments& a) {
-  padder::settle::SettleScene scene = padder::settle::read_settle_scene(a.scene);
+  padder::settle::SettleScene scene = padder::settle::read_settle_scene(a.scene, detect::rung_rule(a.lod));
   using detect::BackendKind;
   const BackendKind backend = a.backend == "omp"    ? BackendKind::omp
                               : a.backend == "cuda" ? BackendKind::cuda
                                                     : BackendKind::automatic;
-  Stepper stepper(scene.system, {a.threads, a.skin, backend});
+  Stepper stepper(std::move(scene.system), {a.threads, a.skin, backend});
   if (!a.resume.empty()) padder::settle::read_checkpoint(stepper, a.resume);
-  const double whole = std::ceil(scene.duration / scene.system.step - 1e-9);
+  const double whole = std::ceil(scene.duration / stepper.time_step() - 1e-9);
   if (!(whole < 1e15)) throw padder::Error("the duration is more than 10^15 steps long: give --steps");
   const std::uint64_t last = a.steps ? stepper.steps() + a.steps : static_cast<std::uint64_t>(whole);
   Frames frames(a, scene);
@@ -257,7 +273,7 @@ int settle(const Arguments& a) {
   w = guard.check(), rest = at_rest(stepper, w);
   frames.take(stepper), frames.finish(stepper);
   if (!a.quiet) show_progress(stepper, last, true);
-  Json report = report_of(stepper, w, first_energy, rest);
+  Json report = report_of(stepper, scene.rungs, w, first_energy, rest);
   if (!a.output.empty()) report["frames"] = frames.number(), report["output"] = a.output;
   if (a.json)
     std::cout << report.dump(2) << std::endl;

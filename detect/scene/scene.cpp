@@ -18,11 +18,8 @@ using Json = nlohmann::json;
 using Reader = JsonPlace<Json>;
 
 Scene::Asset asset_of(const Cluster& c) {
-  Scene::Asset a{c.name, {}, c.mass};
-  a.spheres.reserve(c.size());
-  for (std::size_t k = 0; k < c.size(); k++)
-    a.spheres.push_back({c.centers[k].x(), c.centers[k].y(), c.centers[k].z(), c.radii[k]});
-  return a;
+  std::vector<Rung> rungs = rungs_of(c);
+  return {c.name, rungs[0].spheres, c.mass, c.family, c.mask, std::move(rungs)};
 }
 
 // Gives bodies families that nothing else in the scene uses.
@@ -39,10 +36,7 @@ class Families {
   std::uint32_t next_ = 33;
 };
 
-struct Assets {
-  std::map<std::string, std::uint32_t> index;
-  std::vector<std::uint32_t> family, mask;
-};
+using Assets = std::map<std::string, std::uint32_t>;  // numbers by name
 
 Assets read_assets(const Reader& clusters, Scene& scene, const std::filesystem::path& folder) {
   Assets assets;
@@ -53,8 +47,7 @@ Assets read_assets(const Reader& clusters, Scene& scene, const std::filesystem::
       clusters.at(name).fail("the cluster is in " + excerpt(c.unit) + ", the scene in " +
                              excerpt(scene.unit) + ": pad it again in the scene's unit");
     if (scene.unit.empty()) scene.unit = c.unit;
-    assets.index[name] = static_cast<std::uint32_t>(scene.assets.size());
-    assets.family.push_back(c.family), assets.mask.push_back(c.mask);
+    assets[name] = static_cast<std::uint32_t>(scene.assets.size());
     scene.assets.push_back(asset_of(c));
     scene.assets.back().name = name;
   }
@@ -76,18 +69,19 @@ std::uint32_t world_of(const Reader& r) {
   return kEveryWorld;
 }
 
-Body read_body(const Reader& r, const Assets& assets, bool& family_given) {
+Body read_body(const Reader& r, const Scene& scene, const Assets& assets, bool& family_given) {
   r.only({"cluster", "position", "quaternion", "family", "mask", "scale", "static", "world"});
   Body body;
-  const auto found = assets.index.find(r.at("cluster").text());
-  if (found == assets.index.end()) r.at("cluster").fail("no cluster of that name is in \"clusters\"");
+  const auto found = assets.find(r.at("cluster").text());
+  if (found == assets.end()) r.at("cluster").fail("no cluster of that name is in \"clusters\"");
   body.shape = found->second;
+  const Scene::Asset& asset = scene.assets[body.shape];
   r.at("position").reals(body.position);
   if (r.has("quaternion")) read_rotation(r.at("quaternion"), body);
   if (r.has("scale") && r.at("scale").real() != 1)
     r.at("scale").fail("only 1 is possible: scale the mesh when it is padded (pad --scale)");
-  body.family = r.has("family") ? r.at("family").bits() : assets.family[body.shape];
-  body.mask = r.has("mask") ? r.at("mask").bits() : assets.mask[body.shape];
+  body.family = r.has("family") ? r.at("family").bits() : asset.family;
+  body.mask = r.has("mask") ? r.at("mask").bits() : asset.mask;
   body.is_static = r.has("static") && r.at("static").truth();
   if (r.has("world")) body.world = world_of(r.at("world"));
   family_given = r.has("family") || body.family != 0;
@@ -182,7 +176,7 @@ Scene scene_of(const Json& json, const std::string& where, const std::filesystem
     const Reader bodies = r.at("bodies");
     for (std::size_t k = 0; k < bodies.size(); k++) {
       bool given = false;
-      scene.bodies.push_back(read_body(bodies.at(k), assets, given));
+      scene.bodies.push_back(read_body(bodies.at(k), scene, assets, given));
       if (given)
         families.use(scene.bodies.back().family);
       else
@@ -222,6 +216,37 @@ Scene scene_from_json(std::string_view text, const std::string& where, const std
 
 Scene read_scene(const std::filesystem::path& path) {
   return scene_from_json(read_file(path, kMostText), path.string(), path.parent_path());
+}
+
+std::vector<Rung> rungs_of(const Cluster& c) {
+  const auto cover = [](const std::vector<Point>& centers, const std::vector<double>& radii,
+                        const Accuracy& a) {
+    Rung r;
+    for (std::size_t k = 0; k < radii.size(); k++)
+      r.spheres.push_back({centers[k].x(), centers[k].y(), centers[k].z(), radii[k]});
+    const bool is_solid = a.proved_against == SurfaceKind::input || a.proved_against == SurfaceKind::filled;
+    if (a.certified && is_solid) r.protrusion = a.protrusion_max, r.gap = a.gap_max;
+    return r;
+  };
+  std::vector<Rung> rungs = {cover(c.centers, c.radii, c.accuracy)};
+  for (auto lod = c.lods.rbegin(); lod != c.lods.rend(); ++lod)
+    rungs.push_back(cover(lod->centers, lod->radii, lod->accuracy));
+  return rungs;
+}
+
+RungChoice choose_rungs(const Scene& scene, const RungRule& rule, double margin, const DeviceChoice& device) {
+  std::vector<std::span<const Rung>> shapes(scene.assets.size());
+  for (std::size_t k = 0; k < shapes.size(); k++) shapes[k] = scene.assets[k].rungs;
+  return choose_rungs(shapes, scene.bodies, scene.spheres(), rule, margin, device);
+}
+
+void take_rungs(Scene& scene, const RungChoice& choice) {
+  const auto first = static_cast<std::uint32_t>(scene.assets.size());
+  for (const TakenShape& taken : take_rungs(scene.bodies, choice, first)) {
+    Scene::Asset asset = scene.assets[taken.of];
+    asset.spheres = taken.rung == kLeftOut ? std::vector<Sphere>() : asset.rungs[taken.rung].spheres;
+    scene.assets.push_back(std::move(asset));
+  }
 }
 
 Scene pile_of(const Cluster& cluster, std::uint64_t n) {

@@ -12,6 +12,7 @@
 
 #include "detect/detector.h"
 #include "detect/scene/loose.h"
+#include "detect/scene/rungs.h"
 #include "detect/scene/sphere_file.h"
 #include "padding/asset/cluster.h"
 
@@ -23,8 +24,10 @@ struct Scene {
   // A cluster under its name in the scene.
   struct Asset {
     std::string name;
-    std::vector<Sphere> spheres;  // in the cluster's own frame
-    MassProperties mass;          // of the part, density 1, in the same frame; no volume: unknown
+    std::vector<Sphere> spheres;         // in the cluster's own frame: of the finest rung until take_rungs()
+    MassProperties mass;                 // of the part, density 1, in the same frame; no volume: unknown
+    std::uint32_t family = 0, mask = 0;  // of a body that names none
+    std::vector<Rung> rungs;             // levels of detail of the part, the finest first
   };
   std::vector<Asset> assets;
   std::vector<Body> bodies;  // with their final families and masks
@@ -47,6 +50,15 @@ struct Scene {
 Scene read_scene(const std::filesystem::path& path);
 Scene scene_from_json(std::string_view text, const std::string& where, const std::filesystem::path& folder);
 
+// The levels of detail of a cluster, the finest first. One that is not certified against the surface of a
+// closed body has no proved errors.
+std::vector<Rung> rungs_of(const Cluster& cluster);
+RungChoice choose_rungs(const Scene& scene, const RungRule& rule, double margin = 0,
+                        const DeviceChoice& device = {});
+// Each body takes the rung that was chosen for it: the scene gets one more asset for each shape and rung in
+// use, and one without spheres for bodies that are left out.
+void take_rungs(Scene& scene, const RungChoice& choice);
+
 // n copies of a cluster on a jittered lattice (pile() in generate.h), on which the bounding spheres of
 // neighbours overlap.
 Scene pile_of(const Cluster& cluster, std::uint64_t n);
@@ -59,7 +71,8 @@ enum class LooseAs : std::uint8_t { memory, mapped };
 // cluster is one body. A file of spheres (.npy, .npz) is a scene, too, and is always mapped.
 Scene read_scene_or_cluster(const std::filesystem::path& path, std::uint64_t copies,
                             LooseAs loose = LooseAs::memory);
-// The same from a JSON text; `where` names it in errors, and the files that it names are relative to `folder`.
+// The same from a JSON text; `where` names it in errors, and the files that it names are relative to
+// `folder`.
 Scene scene_or_cluster_from_json(std::string_view text, const std::string& where,
                                  const std::filesystem::path& folder, std::uint64_t copies,
                                  LooseAs loose = LooseAs::memory);

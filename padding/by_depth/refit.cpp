@@ -75,8 +75,11 @@ std::vector<FittedBall> refit(const Surface& body, const Mesh& remeshed, std::ve
   for (const auto& b : balls) largest = std::max(largest, b.ball.radius);
 
 #pragma omp parallel for schedule(dynamic, 64)
-  for (std::int64_t k = 0; k < static_cast<std::int64_t>(balls.size()); k++)
+  for (std::int64_t k = 0; k < static_cast<std::int64_t>(balls.size()); k++) {
     refit_one(body, remeshed, balls[k]);
+    // Rounding may leave a side open. What such a ball would cover, another one will.
+    if (!has_centre_inside(body, balls[k].ball)) balls[k].ball.radius = 0;
+  }
   std::erase_if(balls, [](const FittedBall& b) { return b.ball.radius == 0; });
 
   const Surface triangles(remeshed);
@@ -103,7 +106,8 @@ std::vector<FittedBall> refit(const Surface& body, const Mesh& remeshed, std::ve
       const Point p = chosen[k].centroid();
       const Vector normal = body.mesh().area_normal(chosen[k].triangle).normalized();
       found[k] = {ball_under(body, p, normal, largest, gap), gap, triangles.nearest(p).triangle};
-      if (found[k].ball.radius == 0) found[k].ball = {p, gap};  // on a knife's edge
+      if (found[k].ball.radius == 0 || !has_centre_inside(body, found[k].ball))
+        found[k].ball = {p, gap};  // on a knife's edge
     }
     balls.insert(balls.end(), found.begin(), found.end());
   }

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <string>
 #include <unordered_set>
 
@@ -18,6 +19,10 @@ namespace {
 constexpr double medial_tolerance = 0.05;  // share of the tolerance sum: by so much a ball may miss its point
 
 constexpr std::size_t most_parts = 20'000'000;  // about 2 GB
+// A mesh with more parts is a fine scan: of those smaller than the spacing, the first in a cell is enough.
+constexpr std::size_t parts_of_scan = 1'000'000;
+// A mesh with more parts has stacks of sheets: the first in a cell of a part's own size must do.
+constexpr std::size_t parts_of_stack = 4'000'000;
 
 std::string too_small() {
   return "the tolerance is too small for this mesh: its surface would have to be cut into more than " +
@@ -27,45 +32,88 @@ std::string too_small() {
 // What samples stand apart is compared with the longest edge of a part. The parts of a triangle that is
 // bisected are on the whole about a third smaller than that.
 struct SamplePart : TrianglePart {
-  double disc = 0;    // radius of the disc that the ball grown nearby covers
-  double radius = 0;  // of a medial ball nearby, or 0: not known
+  double disc = 0;     // radius of the disc that the ball grown nearby covers
+  double radius = 0;   // of a medial ball nearby, or 0: not known
+  bool crowd = false;  // that ball covers many walls
 };
 
 // Finds the parts whose centroids lie near that of a given part and whose normals are similar. Comparing the
 // normals keeps samples on both sides of a thin wall.
 class Neighbours {
  public:
-  Neighbours(const Mesh& mesh, const std::vector<SamplePart>& parts) : normals_(parts.size()) {
+  Neighbours(const Mesh& mesh, const std::vector<SamplePart>& parts)
+      : normals_(parts.size()), areas_(parts.size()) {
     std::vector<Point> points(parts.size());
     for (std::size_t k = 0; k < parts.size(); k++) {
+      const auto& c = parts[k].corner;
       points[k] = parts[k].centroid();
       normals_[k] = mesh.area_normal(parts[k].triangle).normalized();
+      areas_[k] = 0.5 * (c[1] - c[0]).cross(c[2] - c[0]).norm();
     }
     tree_ = PointTree(std::move(points));
   }
   const Point& point(std::uint32_t k) const { return tree_.points()[k]; }
+
   template <class Visit>
-  void visit(std::uint32_t k, double radius, Visit&& visit) const {
-    thread_local std::vector<std::uint32_t> found;
-    found.clear();
-    tree_.find(point(k), radius, found);
-    for (auto other : found)
-      if (normals_[k].dot(normals_[other]) > 0.7) visit(other);
+  void visit(std::uint32_t k, double radius, bool all_normals, Visit&& visit) const {
+    for (auto other : find(k, radius))
+      if (all_normals || normals_[k].dot(normals_[other]) > 0.7) visit(other);
+  }
+
+  // Is there so much surface within the radius that a ball nearby covers many walls?
+  bool crowd(std::uint32_t k, double radius) const {
+    double area = 0;
+    for (auto other : find(k, radius)) area += areas_[other];
+    return area > kWallsOfCrowd * std::numbers::pi * radius * radius;
   }
 
  private:
+  static constexpr double kWallsOfCrowd = 7;  // thin walls that meet in a corner have 6
+
+  const std::vector<std::uint32_t>& find(std::uint32_t k, double radius) const {
+    thread_local std::vector<std::uint32_t> found;
+    found.clear();
+    tree_.find(point(k), radius, found);
+    return found;
+  }
+
   PointTree tree_;
   std::vector<Vector> normals_;
+  std::vector<double> areas_;
 };
 
 void split_into(const SamplePart& part, std::vector<SamplePart>& parts) {
   for (const SamplePart& half : bisect(part)) parts.push_back(half);
 }
 
+// Tells of the parts that lie in one cell of a grid and face alike the first from the others. What keeps only
+// the first has as many parts as the surface has room for, and not as many as it has layers or slivers.
+class FirstOfCell {
+ public:
+  bool take(const Point& place, const Vector& normal, double cell) {
+    int axis, exponent;
+    normal.cwiseAbs().maxCoeff(&axis);
+    std::frexp(cell, &exponent);
+    const Point at = place / cell;
+    return taken_
+        .insert({std::llround(at.x()), std::llround(at.y()), std::llround(at.z()),
+                 8 * std::int64_t(exponent) + 2 * axis + (normal[axis] < 0)})
+        .second;
+  }
+
+ private:
+  struct Hash {
+    std::size_t operator()(const std::array<std::int64_t, 4>& key) const {
+      std::uint64_t h = 0;
+      for (auto k : key) h = Random(h ^ static_cast<std::uint64_t>(k)).next();
+      return h;
+    }
+  };
+  std::unordered_set<std::array<std::int64_t, 4>, Hash> taken_;
+};
+
 // Cuts slivers, which are thinner than the spacing of the samples, across their length. A mesh may have
-// thousands of them side by side, each as long as the part. So of the pieces that lie in one cell of a grid
-// and face alike only the first is kept: their number then follows the area of the surface, and not the
-// length of the slivers.
+// thousands of them side by side, each as long as the part. So only the first piece in a cell is kept.
 class SliverParts {
  public:
   explicit SliverParts(double cell) : cell_(cell) {}
@@ -77,10 +125,7 @@ class SliverParts {
     const double top = (c - a).dot(b - a) / length2;  // where on the longest edge the third corner stands
     const auto pieces = static_cast<std::int64_t>(std::ceil(std::sqrt(length2) / cell_));
     steps_ += static_cast<double>(pieces);
-    if (steps_ > most_steps) throw Error(too_small());
-    int axis;
-    normal.cwiseAbs().maxCoeff(&axis);
-    const int side = 2 * axis + (normal[axis] < 0);
+    if (steps_ > kMostSteps) throw Error(too_small());
     const auto across = [&](double at) {  // on the two shorter edges
       return at < top ? Point(a + at / top * (c - a))
                       : Point(b + (1 - at) / std::max(1 - top, 1e-12) * (c - b));
@@ -90,26 +135,16 @@ class SliverParts {
       const double end = static_cast<double>(k + 1) / static_cast<double>(pieces);
       SamplePart piece = sliver;
       piece.corner = {Point(a + begin * (b - a)), Point(a + end * (b - a)), across(0.5 * (begin + end))};
-      const Point at = piece.centroid() / cell_;
-      const std::array<std::int64_t, 4> key = {std::llround(at.x()), std::llround(at.y()),
-                                               std::llround(at.z()), side};
-      if (taken_.insert(key).second) parts.push_back(piece);
+      if (first_.take(piece.centroid(), normal, cell_)) parts.push_back(piece);
     }
   }
 
  private:
-  static constexpr double most_steps = 1e8;  // some 10 s
+  static constexpr double kMostSteps = 1e8;  // some 10 s
 
-  struct Hash {
-    std::size_t operator()(const std::array<std::int64_t, 4>& key) const {
-      std::uint64_t h = 0;
-      for (auto k : key) h = Random(h ^ static_cast<std::uint64_t>(k)).next();
-      return h;
-    }
-  };
   const double cell_;
   double steps_ = 0;
-  std::unordered_set<std::array<std::int64_t, 4>, Hash> taken_;
+  FirstOfCell first_;
 };
 
 class Sampler {
@@ -151,6 +186,7 @@ class Sampler {
     };
     const double finest = wanted(0), coarsest = wanted(largest_);
     check(mesh.area() / (coarsest * coarsest));
+    const double smallest_cell = part_size(options_.tolerance_sum, options_.fine_density);
     std::vector<SamplePart> level, done, next;
     SliverParts slivers(0.5 * finest);
     for (std::size_t t = 0; t < mesh.triangles.size(); t++) {
@@ -165,6 +201,7 @@ class Sampler {
         level.push_back(part);
     }
     check(static_cast<double>(done.size()));
+    thin(level, smallest_cell);
     std::vector<char> split;
     for (; !level.empty(); level.swap(next)) {
       split.assign(level.size(), 0);
@@ -183,9 +220,22 @@ class Sampler {
         else
           done.push_back(level[k]);
       }
+      thin(next, smallest_cell);
       check(static_cast<double>(next.size() + done.size()));
     }
     return done;
+  }
+
+  void thin(std::vector<SamplePart>& parts, double smallest_cell) const {
+    if (parts.size() <= parts_of_scan) return;
+    const bool stack = parts.size() > parts_of_stack;
+    FirstOfCell first;
+    std::erase_if(parts, [&](const SamplePart& part) {
+      const double size = part.size();
+      if (size > smallest_cell && !stack) return false;
+      const double cell = std::exp2(std::floor(std::log2(std::max(size, smallest_cell))));
+      return !first.take(part.centroid(), surface_.mesh().area_normal(part.triangle), cell);
+    });
   }
 
   // Takes parts in a random order and grows a ball on each. The parts nearby are then dropped from the order,
@@ -208,8 +258,12 @@ class Sampler {
         if (gone[batch[k]]) continue;
         grown.push_back({near.point(batch[k]), parts[batch[k]].triangle, balls[k]});
         const double disc = covered_disc(balls[k].radius, options_.tolerance_sum);
-        near.visit(batch[k], disc / options_.grown_density, [&](auto other) {
-          if (!gone[other]) gone[other] = 1, parts[other].disc = disc;
+        // In a crowd samples stand farther apart, and normals do not count: so there is a number of samples
+        // for each ball, and not for each wall that it covers.
+        const double spacing = disc / options_.grown_density;
+        const bool crowd = near.crowd(batch[k], spacing);
+        near.visit(batch[k], (crowd ? 1.5 : 1) * spacing, crowd, [&](auto other) {
+          if (!gone[other]) gone[other] = 1, parts[other].disc = disc, parts[other].crowd = crowd;
         });
       }
     }
@@ -241,7 +295,7 @@ class Sampler {
       if (gone[k]) continue;
       const double radius = parts[k].disc / density;
       points.push_back({near.point(k), radius});
-      near.visit(k, radius, [&](auto other) { gone[other] = 1; });
+      near.visit(k, (parts[k].crowd ? 2 : 1) * radius, parts[k].crowd, [&](auto other) { gone[other] = 1; });
     }
     return points;
   }

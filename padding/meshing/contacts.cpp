@@ -4,6 +4,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <atomic>
+#include <optional>
 
 #include "padding/meshing/cgal_mesh.h"
 
@@ -203,23 +204,179 @@ class PairTest {
   const Mesh& mesh_;
 };
 
-// Calls look(s, t) for all pairs s < t whose boxes touch, neither flat; stops a triangle's pairs when it
-// returns true.
-template <class Look>
-void for_pairs(const Surface& surface, std::uint32_t s, const std::vector<char>& flat, Look&& look) {
-  if (flat[s]) return;
-  Box box;
-  const Mesh& mesh = surface.mesh();
-  for (int k = 0; k < 3; k++) box.add(mesh.corner(s, k));
-  surface.visit(box, [&](std::uint32_t t) {
-    if (t <= s || flat[t]) return;
-    for (int axis = 0; axis < 3; axis++) {
-      const double x = mesh.corner(t, 0)[axis], y = mesh.corner(t, 1)[axis], z = mesh.corner(t, 2)[axis];
-      if (std::min({x, y, z}) > box.high[axis] || std::max({x, y, z}) < box.low[axis]) return;
+// Triangles around one vertex, the tip, as seen from there: arcs on a sphere. All their boxes touch at the
+// tip and many of them elsewhere, so boxes would not tell which of them meet. But what meets one of them is
+// seen from the tip where the triangle is.
+class Fan {
+ public:
+  Fan(const Mesh& mesh, std::uint32_t tip, const std::vector<std::uint32_t>& triangles)
+      : tip_(tip), triangles_(triangles), view_(arcs(mesh)) {
+    box_.add(mesh.points[tip]);
+    for (const auto t : triangles)
+      for (int k = 0; k < 3; k++) box_.add(mesh.corner(t, k));
+  }
+
+  const Box& box() const { return box_; }
+
+  // Appends the triangles of the fan that s may meet.
+  void find(const Mesh& mesh, std::uint32_t s, std::vector<std::uint32_t>& found) const {
+    constexpr double narrow = 0.99;  // cosine: a piece that looks wider is cut in two
+    constexpr int most_pieces = 256;
+    std::array<Vector, 3> first;
+    for (int k = 0; k < 3; k++) first[k] = mesh.corner(s, k) - mesh.points[tip_];
+    for (int k = 0; k < 3; k++)
+      if (mesh.triangles[s][k] == tip_) first[k] = first[(k + 1) % 3];
+    std::vector<std::array<Vector, 3>> pieces = {first};
+    const std::size_t before = found.size();
+    for (int count = 0; !pieces.empty(); count++) {
+      const std::array<Vector, 3> piece = pieces.back();
+      pieces.pop_back();
+      std::array<double, 3> length;
+      for (int k = 0; k < 3; k++) length[k] = piece[k].norm();
+      double cosine = 2;
+      int widest = 0;
+      for (int k = 0; k < 3; k++) {
+        const double c = piece[k].dot(piece[(k + 1) % 3]) / (length[k] * length[(k + 1) % 3]);
+        if (!(c >= cosine)) cosine = c, widest = k;
+      }
+      if (!(std::min({length[0], length[1], length[2]}) > 1e-9 * box_.diagonal()) || count == most_pieces) {
+        found.resize(before);
+        found.insert(found.end(), triangles_.begin(), triangles_.end());
+        return;
+      }
+      if (cosine < narrow) {
+        const int next = (widest + 1) % 3;
+        // Seen from the tip, this point halves the edge.
+        const Vector middle =
+            (length[next] * piece[widest] + length[widest] * piece[next]) / (length[widest] + length[next]);
+        pieces.push_back(piece), pieces.back()[widest] = middle;
+        pieces.push_back(piece), pieces.back()[next] = middle;
+        continue;
+      }
+      Box seen;  // of the chords; the piece bulges beyond them
+      for (int k = 0; k < 3; k++) seen.add(piece[k] / length[k]);
+      const double bulge = 1 - cosine + 1e-12;
+      seen.low -= Vector::Constant(bulge), seen.high += Vector::Constant(bulge);
+      view_.visit(seen, [&](std::uint32_t k) { found.push_back(triangles_[k]); });
     }
-    look(t);
-  });
-}
+    std::sort(found.begin() + static_cast<std::ptrdiff_t>(before), found.end());
+    found.erase(std::unique(found.begin() + static_cast<std::ptrdiff_t>(before), found.end()), found.end());
+  }
+
+ private:
+  // For each triangle one that holds the arc: its ends, and where the tangents at them meet.
+  Mesh arcs(const Mesh& mesh) const {
+    Mesh arcs;
+    for (const auto t : triangles_) {
+      std::vector<Vector> ends;
+      for (const auto v : mesh.triangles[t])
+        if (v != tip_) ends.push_back((mesh.points[v] - mesh.points[tip_]).normalized());
+      const auto first = static_cast<std::uint32_t>(arcs.points.size());
+      const double apart = 1 + ends[0].dot(ends[1]);
+      if (apart > 0.1)
+        arcs.points.insert(arcs.points.end(), {ends[0], ends[1], (ends[0] + ends[1]) / apart});
+      else
+        arcs.points.insert(arcs.points.end(), {ends[0], Vector::Constant(-1), Vector::Constant(1)});
+      arcs.triangles.push_back({first, first + 1, first + 2});
+    }
+    return arcs;
+  }
+
+  std::uint32_t tip_;
+  std::vector<std::uint32_t> triangles_;
+  Box box_;
+  Surface view_;
+};
+
+// Finds the pairs of triangles that may meet.
+class NearPairs {
+ public:
+  NearPairs(const Surface& surface, const std::vector<char>& flat)
+      : surface_(surface), mesh_(surface.mesh()), flat_(flat), fan_at_(mesh_.points.size(), kNone) {
+    std::vector<std::uint32_t> degree(mesh_.points.size());
+    for (std::size_t t = 0; t < flat.size(); t++)
+      for (const auto v : mesh_.triangles[t]) degree[v] += !flat[t];
+    std::vector<std::uint32_t> tips;
+    for (std::uint32_t v = 0; v < degree.size(); v++)
+      if (degree[v] > kLeastFan) fan_at_[v] = static_cast<std::uint32_t>(tips.size()), tips.push_back(v);
+    if (tips.empty()) return;
+    std::vector<std::vector<std::uint32_t>> members(tips.size());
+    for (std::uint32_t t = 0; t < flat.size(); t++)
+      if (!flat[t] && fan_of(t) != kNone) members[fan_of(t)].push_back(t);
+    Mesh boxes;
+    fans_.reserve(tips.size());
+    for (std::uint32_t f = 0; f < tips.size(); f++) {
+      const Box& box = fans_.emplace_back(mesh_, tips[f], members[f]).box();
+      boxes.points.push_back(box.low), boxes.points.push_back(box.high);
+      boxes.triangles.push_back({2 * f, 2 * f + 1, 2 * f + 1});
+    }
+    fan_boxes_.emplace(boxes);
+  }
+
+  // The triangles in a box around one that was asked for last: those after it in a file mostly lie beside it.
+  struct Around {
+    Box box;
+    std::vector<std::uint32_t> triangles;
+  };
+
+  // Calls look(t) for triangles whose boxes touch that of s, none of them flat. Of two triangles that may
+  // meet, one is looked at from the other, once.
+  template <class Look>
+  void visit(std::uint32_t s, Around& around, Look&& look) const {
+    if (flat_[s]) return;
+    Box box;
+    for (int k = 0; k < 3; k++) box.add(mesh_.corner(s, k));
+    const std::uint32_t own = fan_of(s);
+    if (own == kNone) {
+      constexpr std::size_t most_again = 64;  // a list that is longer belongs to a larger triangle
+      const bool again = around.triangles.size() <= most_again &&
+                         (box.low.array() >= around.box.low.array()).all() &&
+                         (box.high.array() <= around.box.high.array()).all();
+      if (!again) {
+        const Vector room = 0.5 * (box.high - box.low);
+        around.box = {box.low - room, box.high + room}, around.triangles.clear();
+        surface_.visit(around.box, [&](std::uint32_t t) {
+          if (!flat_[t] && (fans_.empty() || fan_of(t) == kNone)) around.triangles.push_back(t);
+        });
+      }
+      for (const auto t : around.triangles)
+        if (t > s && touches(box, t)) look(t);
+    }
+    if (fans_.empty()) return;
+    std::vector<std::uint32_t> found;
+    fan_boxes_->visit(box, [&](std::uint32_t f) {
+      if (own < f) return;  // the pair is found in the first fan that either of the two belongs to
+      found.clear(), fans_[f].find(mesh_, s, found);
+      for (const auto t : found)
+        if ((own > f || t > s) && touches(box, t)) look(t);
+    });
+  }
+
+ private:
+  static constexpr std::uint32_t kNone = ~0u;
+  static constexpr std::uint32_t kLeastFan = 64;  // triangles; fewer are compared pair by pair
+
+  // The first fan that t belongs to.
+  std::uint32_t fan_of(std::uint32_t t) const {
+    const Corners& c = mesh_.triangles[t];
+    return std::min({fan_at_[c[0]], fan_at_[c[1]], fan_at_[c[2]]});
+  }
+
+  bool touches(const Box& box, std::uint32_t t) const {
+    for (int axis = 0; axis < 3; axis++) {
+      const double x = mesh_.corner(t, 0)[axis], y = mesh_.corner(t, 1)[axis], z = mesh_.corner(t, 2)[axis];
+      if (std::min({x, y, z}) > box.high[axis] || std::max({x, y, z}) < box.low[axis]) return false;
+    }
+    return true;
+  }
+
+  const Surface& surface_;
+  const Mesh& mesh_;
+  const std::vector<char>& flat_;
+  std::vector<std::uint32_t> fan_at_;  // of each vertex that is a tip, its fan
+  std::vector<Fan> fans_;
+  std::optional<Surface> fan_boxes_;
+};
 
 std::vector<char> flat_ones(const Mesh& mesh) {
   std::vector<char> flat(mesh.triangles.size());
@@ -236,8 +393,10 @@ bool is_flat(const Mesh& mesh, std::uint32_t t) {
   return !(2 * mesh.area_normal(t).norm() > 1e-14 * longest2);
 }
 
-Contacts find_contacts(const Surface& surface, std::size_t limit) {
+Contacts find_contacts(const Surface& surface, std::size_t limit, const std::vector<char>& passive) {
+  const auto is_passive = [&](std::uint32_t t) { return !passive.empty() && passive[t]; };
   const std::vector<char> flat = flat_ones(surface.mesh());
+  const NearPairs pairs(surface, flat);
   constexpr std::size_t block = 256;
   const std::size_t n = flat.size(), blocks = (n + block - 1) / block;
   std::vector<Contacts> parts(blocks);
@@ -245,15 +404,23 @@ Contacts find_contacts(const Surface& surface, std::size_t limit) {
 #pragma omp parallel for schedule(dynamic, 1)
   for (std::size_t b = 0; b < blocks; b++) {
     PairTest test(surface.mesh());
+    NearPairs::Around around;
     for (std::size_t s = b * block; s < std::min(n, (b + 1) * block) && found <= limit; s++) {
       // The tree gives the triangles in its own order.
       std::vector<std::uint32_t> near;
-      for_pairs(surface, static_cast<std::uint32_t>(s), flat, [&](std::uint32_t t) { near.push_back(t); });
+      pairs.visit(static_cast<std::uint32_t>(s), around, [&](std::uint32_t t) {
+        if (!is_passive(static_cast<std::uint32_t>(s)) || !is_passive(t)) near.push_back(t);
+      });
       const std::size_t before = parts[b].pairs.size();
       for (const auto t : near) {
         if (parts[b].pairs.size() - before > limit) break;
-        if (test.meet(static_cast<std::uint32_t>(s), t, parts[b]))
-          parts[b].pairs.push_back({static_cast<std::uint32_t>(s), t});
+        const auto cuts = static_cast<std::ptrdiff_t>(parts[b].cuts.size());
+        if (!test.meet(static_cast<std::uint32_t>(s), t, parts[b])) continue;
+        parts[b].pairs.push_back({static_cast<std::uint32_t>(s), t});
+        if (is_passive(static_cast<std::uint32_t>(s)) == is_passive(t)) continue;
+        parts[b].cuts.erase(std::remove_if(parts[b].cuts.begin() + cuts, parts[b].cuts.end(),
+                                           [&](const Cut& cut) { return !is_passive(cut.triangle); }),
+                            parts[b].cuts.end());
       }
       found += parts[b].pairs.size() - before;
     }
@@ -271,13 +438,15 @@ Contacts find_contacts(const Surface& surface, std::size_t limit) {
 
 bool any_contact(const Surface& surface) {
   const std::vector<char> flat = flat_ones(surface.mesh());
+  const NearPairs pairs(surface, flat);
   std::atomic<bool> found = false;
-#pragma omp parallel for schedule(dynamic, 64)
+  NearPairs::Around around;
+#pragma omp parallel for schedule(dynamic, 64) firstprivate(around)
   for (std::size_t s = 0; s < flat.size(); s++) {
     if (found) continue;
     PairTest test(surface.mesh());
     Contacts unused;
-    for_pairs(surface, static_cast<std::uint32_t>(s), flat, [&](std::uint32_t t) {
+    pairs.visit(static_cast<std::uint32_t>(s), around, [&](std::uint32_t t) {
       if (!found && test.meet(static_cast<std::uint32_t>(s), t, unused)) found = true;
     });
   }

@@ -42,9 +42,11 @@ struct Contacts {
 bool is_flat(const Mesh& mesh, std::uint32_t triangle);
 
 // All contacts of the triangles of `surface`, whose equal points have one index, unless more than `limit`
-// pairs meet. The order does not depend on the number of threads. Takes about 2 us for each triangle and
-// contact.
-Contacts find_contacts(const Surface& surface, std::size_t limit = std::numeric_limits<std::size_t>::max());
+// pairs meet. A triangle marked in `passive` cuts no other one, and two such triangles are not compared: a
+// thousand sheets that cross each other have no contact. The order does not depend on the number of threads.
+// Takes about 2 us for each triangle and contact.
+Contacts find_contacts(const Surface& surface, std::size_t limit = std::numeric_limits<std::size_t>::max(),
+                       const std::vector<char>& passive = {});
 
 // Do any two triangles meet? Stops at the first.
 bool any_contact(const Surface& surface);

@@ -279,7 +279,9 @@ class Mender {
 
   std::optional<Repaired> finish() {
     std::optional<Surface> surface(soup_);
-    const Contacts contacts = find_contacts(*surface, options_.most_pairs);
+    std::vector<char> passive;  // what bounds nothing has no cells
+    for (const TriangleRole role : roles_) passive.push_back(role == TriangleRole::sheet);
+    const Contacts contacts = find_contacts(*surface, options_.most_pairs, passive);
     if (contacts.too_many) return std::nullopt;
     find_cavities(contacts, *surface);
     if (out_.steps.cavities > 0) surface.emplace(soup_);

@@ -9,6 +9,7 @@
 #include <unordered_map>
 
 #include "padding/geometry/surface.h"
+#include "padding/meshing/pieces.h"
 
 namespace padder {
 namespace {
@@ -129,7 +130,11 @@ class Cutter {
   }
 
   void mark_overlaps() {
-    for (const auto& [s, t] : contacts_.overlaps) overlaps_[s].push_back(t), overlaps_[t].push_back(s);
+    // What lies on a triangle that bounds the body does not cut it, so only the sheet knows of the two.
+    for (const auto& [s, t] : contacts_.overlaps) {
+      if (solid(t)) overlaps_[s].push_back(t);
+      if (solid(s)) overlaps_[t].push_back(s);
+    }
     for (auto& [t, others] : overlaps_) std::sort(others.begin(), others.end());
   }
 
@@ -178,22 +183,18 @@ class Cutter {
   // Regions: triangles that nothing meets and that hang together, and the regions of each cut triangle.
   void join() {
     const auto n = static_cast<std::uint32_t>(soup_.triangles.size());
-    std::vector<std::pair<std::uint64_t, std::uint32_t>> sides;
     std::vector<std::uint32_t> parent(n);
     std::iota(parent.begin(), parent.end(), 0u);
-    sides.reserve(3 * std::size_t(n));
-    for (std::uint32_t t = 0; t < n; t++)
-      for (int k = 0; k < 3; k++) sides.push_back({edge_of(t, k), t});
-    std::sort(sides.begin(), sides.end());
-    for (std::size_t k = 0, end; k < sides.size(); k = end) {
-      for (end = k; end < sides.size() && sides[end].first == sides[k].first;) end++;
-      if (end - k != 2) continue;
-      const auto s = sides[k].second, t = sides[k + 1].second;
+    const std::vector<Side> sides = sides_of(soup_, parent);
+    for_edges(sides, [&](std::size_t begin, std::size_t end) {
+      if (end - begin != 2) return;
+      const auto s = sides[begin].triangle, t = sides[begin + 1].triangle;
       // The two must also run alike, or the front of one is the back of the other.
-      if (piece_of_[s] != none || piece_of_[t] != none || !runs_alike(s, t) || roles_[s] != roles_[t])
-        continue;
+      if (piece_of_[s] != none || piece_of_[t] != none ||
+          sides[begin].direction == sides[begin + 1].direction || roles_[s] != roles_[t])
+        return;
       parent[root_of(parent, s)] = root_of(parent, t);
-    }
+    });
     region_of_.assign(n, none);
     std::vector<double> largest;
     for (std::uint32_t t = 0; t < n; t++) {
@@ -217,15 +218,6 @@ class Cutter {
   std::uint32_t new_region(std::uint32_t triangle, const Point& place) {
     regions_.push_back({triangle, place, {}, {}, false});
     return static_cast<std::uint32_t>(regions_.size() - 1);
-  }
-
-  bool runs_alike(std::uint32_t s, std::uint32_t t) const {
-    for (int k = 0; k < 3; k++)
-      for (int i = 0; i < 3; i++)
-        if (soup_.triangles[s][k] == soup_.triangles[t][(i + 1) % 3] &&
-            soup_.triangles[s][(k + 1) % 3] == soup_.triangles[t][i])
-          return true;
-    return false;
   }
 
   // --- inside and outside ---
@@ -253,8 +245,8 @@ class Cutter {
       int jump = solid(r.triangle);
       for (const auto t : others) {
         if (!holds(t, r.place)) continue;
-        r.twice |= t < r.triangle;
-        if (solid(t)) jump += soup_.area_normal(t).dot(n) > 0 ? 1 : -1;
+        r.twice |= t < r.triangle || !solid(r.triangle);
+        jump += soup_.area_normal(t).dot(n) > 0 ? 1 : -1;
       }
       const auto skip = [&](std::uint32_t t) {
         return t == r.triangle || !solid(t) || std::binary_search(others.begin(), others.end(), t);

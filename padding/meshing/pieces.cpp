@@ -3,45 +3,18 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <map>
 #include <numeric>
 #include <utility>
 
+#include "padding/geometry/random.h"
+
 namespace padder {
 namespace {
 
 using Corners = std::array<std::uint32_t, 3>;
-
-// A side of a triangle. Sorted, the sides of one edge stand together.
-struct Side {
-  std::uint64_t edge;
-  std::uint32_t triangle;
-  int direction;  // 1 from the smaller vertex to the larger, otherwise -1
-  bool operator<(const Side& other) const {
-    return edge != other.edge ? edge < other.edge : triangle < other.triangle;
-  }
-};
-
-std::vector<Side> sides_of(const Mesh& mesh, const std::vector<std::uint32_t>& triangles) {
-  std::vector<Side> sides;
-  sides.reserve(3 * triangles.size());
-  for (const auto t : triangles)
-    for (int k = 0; k < 3; k++) {
-      const auto u = mesh.triangles[t][k], v = mesh.triangles[t][(k + 1) % 3];
-      sides.push_back({std::uint64_t(std::min(u, v)) << 32 | std::max(u, v), t, u < v ? 1 : -1});
-    }
-  std::sort(sides.begin(), sides.end());
-  return sides;
-}
-
-template <class Visit>
-void for_edges(const std::vector<Side>& sides, Visit&& visit) {
-  for (std::size_t k = 0, end; k < sides.size(); k = end) {
-    for (end = k; end < sides.size() && sides[end].edge == sides[k].edge;) end++;
-    visit(k, end);
-  }
-}
 
 bool closes(const Mesh& mesh, const std::vector<std::uint32_t>& triangles) {
   return missing_edges(mesh, triangles).empty();
@@ -52,20 +25,19 @@ std::uint32_t root_of(std::vector<std::uint32_t>& parent, std::uint32_t k) {
   return k;
 }
 
+// Each point gets the first index of the points that are equal to it.
 Mesh merged(const Mesh& soup) {
-  std::vector<std::uint32_t> order(soup.points.size()), index(soup.points.size());
-  std::iota(order.begin(), order.end(), 0u);
-  const auto key = [&](std::uint32_t v) {
-    const Point& p = soup.points[v];
-    return std::array{p.x(), p.y(), p.z()};
-  };
-  std::sort(order.begin(), order.end(), [&](auto a, auto b) {
-    const auto x = key(a), y = key(b);
-    return x != y ? x < y : a < b;
-  });
-  for (std::size_t k = 0, first = 0; k < order.size(); k++) {
-    if (key(order[k]) != key(order[first])) first = k;
-    index[order[k]] = order[first];
+  std::size_t slots = 16;
+  while (slots < 2 * soup.points.size()) slots *= 2;
+  std::vector<std::uint32_t> table(slots, ~0u), index(soup.points.size());
+  for (std::uint32_t v = 0; v < soup.points.size(); v++) {
+    std::uint64_t hash = 0;
+    for (const double x : soup.points[v])  // + 0.0 makes one of the two zeros
+      hash = Random(hash ^ std::bit_cast<std::uint64_t>(x + 0.0)).next();
+    std::size_t at = hash & (slots - 1);
+    while (table[at] != ~0u && soup.points[table[at]] != soup.points[v]) at = (at + 1) & (slots - 1);
+    if (table[at] == ~0u) table[at] = v;
+    index[v] = table[at];
   }
   Mesh out;
   out.points = soup.points;
@@ -83,8 +55,9 @@ class PieceWork {
       : mesh_(mesh), triangles_(std::move(triangles)), all_(all) {}
 
   Piece run() {
-    const std::vector<std::uint32_t> once = without_repeats(false), walls = without_repeats(true);
+    const std::vector<std::uint32_t> once = without_repeats(false);
     if (closes(mesh_, once)) return keep(once, true);
+    const std::vector<std::uint32_t> walls = without_repeats(true);
     std::vector<Corners> given;
     for (const auto t : once) given.push_back(mesh_.triangles[t]);
     orient(once);
@@ -252,6 +225,37 @@ std::optional<Mesh> one_closed_piece(const Mesh& soup) {
     }
   if (pieces > 1 || rounds > out.points.size()) return std::nullopt;
   return out;
+}
+
+std::vector<Side> sides_of(const Mesh& mesh, const std::vector<std::uint32_t>& triangles) {
+  const auto side = [&](std::uint32_t t, int k) -> Side {
+    const auto u = mesh.triangles[t][k], v = mesh.triangles[t][(k + 1) % 3];
+    return {std::uint64_t(std::min(u, v)) << 32 | std::max(u, v), t, u < v ? 1 : -1};
+  };
+  const auto less = [](const Side& a, const Side& b) {
+    return a.edge != b.edge ? a.edge < b.edge : a.triangle < b.triangle;
+  };
+  std::vector<Side> sides(3 * triangles.size());
+  if (4 * triangles.size() < mesh.points.size()) {  // a small piece of a large mesh
+    for (std::size_t k = 0; k < sides.size(); k++) sides[k] = side(triangles[k / 3], static_cast<int>(k % 3));
+    std::sort(sides.begin(), sides.end(), less);
+    return sides;
+  }
+  // Those with the same smaller vertex are put together first. They are few.
+  std::vector<std::size_t> begin(mesh.points.size() + 1);
+  for (std::size_t k = 0; k < sides.size(); k++)
+    begin[(side(triangles[k / 3], static_cast<int>(k % 3)).edge >> 32) + 1]++;
+  std::partial_sum(begin.begin(), begin.end(), begin.begin());
+  std::vector<std::size_t> next(begin.begin(), begin.end() - 1);
+  for (std::size_t k = 0; k < sides.size(); k++) {
+    const Side s = side(triangles[k / 3], static_cast<int>(k % 3));
+    sides[next[s.edge >> 32]++] = s;
+  }
+#pragma omp parallel for schedule(static) if (sides.size() > 16384)
+  for (std::size_t v = 0; v < mesh.points.size(); v++)
+    std::sort(sides.begin() + static_cast<std::ptrdiff_t>(begin[v]),
+              sides.begin() + static_cast<std::ptrdiff_t>(begin[v + 1]), less);
+  return sides;
 }
 
 double signed_volume(const Mesh& mesh, const std::vector<std::uint32_t>& triangles) {

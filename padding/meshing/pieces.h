@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Sorts a soup into pieces and turns the triangles of each alike.
 #pragma once
+#include <cstddef>
 #include <cstdint>
 #include <optional>
 #include <vector>
@@ -32,6 +33,26 @@ Pieces find_pieces(const Mesh& soup);
 // each edge and each point has one round of triangles. Otherwise nothing: as when triangles repeat or name a
 // point twice.
 std::optional<Mesh> one_closed_piece(const Mesh& soup);
+
+// A side of a triangle.
+struct Side {
+  std::uint64_t edge;  // the smaller vertex << 32 | the larger
+  std::uint32_t triangle;
+  int direction;  // 1 from the smaller vertex to the larger, otherwise -1
+};
+
+// The sides of the triangles listed, in ascending order: those of one edge stand together, and of these the
+// triangles ascend. On all threads; takes about 0.1 us for each side.
+std::vector<Side> sides_of(const Mesh& mesh, const std::vector<std::uint32_t>& triangles);
+
+// Calls visit(begin, end) for each edge with the range of its sides.
+template <class Visit>
+void for_edges(const std::vector<Side>& sides, Visit&& visit) {
+  for (std::size_t k = 0, end; k < sides.size(); k = end) {
+    for (end = k; end < sides.size() && sides[end].edge == sides[k].edge;) end++;
+    visit(k, end);
+  }
+}
 
 // The signed volume that triangles enclose: those of `mesh` that are listed.
 double signed_volume(const Mesh& mesh, const std::vector<std::uint32_t>& triangles);

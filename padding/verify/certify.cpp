@@ -42,7 +42,17 @@ double smallest_size(const Mesh& mesh) {
              : smallest_part * std::max(box.low.cwiseAbs().maxCoeff(), box.high.cwiseAbs().maxCoeff());
 }
 
+// In a hull, a centre within the standoff is still inside.
+bool is_outside(const Surface& surface, const Ball& ball, double distance) {
+  return distance > on_surface * ball.radius &&
+         !(surface.hull() && surface.winding_number(ball.center).value_or(0) > 0);
+}
+
 }  // namespace
+
+bool has_centre_inside(const Surface& surface, const Ball& ball) {
+  return !surface.closed() || !is_outside(surface, ball, surface.certified_distance(ball.center));
+}
 
 ProtrusionBound protrusion_bound(const Surface& surface, const std::vector<Ball>& balls) {
   ProtrusionBound bound;
@@ -55,9 +65,7 @@ ProtrusionBound protrusion_bound(const Surface& surface, const std::vector<Ball>
     const double distance =
         bound.proved ? surface.certified_distance(ball.center) : surface.signed_nearest(ball.center).distance;
     bound.each[k] = ball.radius + distance;
-    // In a hull, a centre within the standoff is still inside.
-    outside += distance > on_surface * ball.radius &&
-               !(surface.hull() && surface.winding_number(ball.center).value_or(0) > 0);
+    outside += is_outside(surface, ball, distance);
   }
   bound.outside = outside;
   for (std::size_t k = 0; k < balls.size(); k++)
@@ -147,6 +155,61 @@ GapBound gap_bound(const Mesh& mesh, const BallSet& balls, double floor, double 
   return best;
 }
 
+namespace {
+
+// For each cell of a grid the ball that proved a part there last. Of many slivers side by side, each is cut
+// into many parts that the same balls prove.
+class LastProofs {
+ public:
+  explicit LastProofs(double cell) : cell_(cell), ball_(4096, 0) {}
+  std::uint32_t& at(const Point& x) {
+    std::uint64_t h = 0;
+    for (const double c : x)
+      h = (h ^ static_cast<std::uint64_t>(static_cast<std::int64_t>(std::floor(c / cell_)))) *
+          0x9e3779b97f4a7c15ull;
+    return ball_[h >> 52];
+  }
+
+ private:
+  double cell_;
+  std::vector<std::uint32_t> ball_;
+};
+
+// The balls that can cover any point of a part, for the parts that this one is cut into: asking these few one
+// by one is cheaper than asking all.
+class NearBalls {
+ public:
+  NearBalls(const BallSet& balls, double bound) : balls_(balls), bound_(bound) {}
+
+  // Begins with a part, unless too many balls are near.
+  bool take(const GapPart& part) {
+    double radius2 = 0;
+    for (const Point& p : part.corner) radius2 = std::max(radius2, (p - part.point).squaredNorm());
+    near_.clear();
+    balls_.find(part.point, (bound_ + std::sqrt(radius2)) * (1 + 1e-12) + 1e-300, near_);
+    std::sort(near_.begin(), near_.end());  // of equal gaps that of the lowest index counts
+    return near_.size() <= kMost;
+  }
+
+  // The same as BallSet::gap(), for a point of the part.
+  BallGap gap(const Point& x) const {
+    BallGap best;
+    for (const auto k : near_) {
+      const double value = gap_to(balls_.balls()[k], x);
+      if (value < best.value) best = {value, k};
+    }
+    return best.value <= bound_ ? best : balls_.gap(x);
+  }
+
+ private:
+  static constexpr std::size_t kMost = 24;
+  const BallSet& balls_;
+  const double bound_;
+  std::vector<std::uint32_t> near_;
+};
+
+}  // namespace
+
 std::vector<GapPart> gap_failures(const Mesh& mesh, const BallSet& balls, double bound, double grain) {
   const std::size_t n = mesh.triangles.size();
   const double smallest = smallest_size(mesh);
@@ -157,20 +220,36 @@ std::vector<GapPart> gap_failures(const Mesh& mesh, const BallSet& balls, double
   for (std::size_t b = 0; b < blocks; b++) {
     std::vector<GapPart> stack;
     std::uint32_t hint = 0;
+    NearBalls near(balls, bound);
+    LastProofs last(4 * grain);
+    constexpr std::size_t nobody = std::numeric_limits<std::size_t>::max();
+    std::size_t above = nobody;  // what stands at this place of the stack or higher is cut from near's part
     for (std::size_t t = b * block; t < std::min(n, (b + 1) * block); t++) {
       stack.push_back(part_of(mesh, t));
       while (!stack.empty()) {
         GapPart part = stack.back();
         stack.pop_back();
+        if (stack.size() < above) above = nobody;
         if (!balls.empty()) {
           tighten(part, balls, hint);
           if (part.bound <= bound) continue;
         }
         part.point = part.centroid();
-        const BallGap gap = balls.gap(part.point);
+        std::uint32_t& proof = last.at(part.point);
+        if (!balls.empty() && proof != hint) {
+          tighten(part, balls, hint = proof);
+          if (part.bound <= bound) continue;
+        }
+        const BallGap gap = above == nobody ? balls.gap(part.point) : near.gap(part.point);
         part.value = gap.value;
         if (!balls.empty()) tighten(part, balls, hint = gap.ball);
-        if (part.bound <= bound) continue;
+        if (part.bound <= bound) {
+          proof = hint;
+          continue;
+        }
+        if (above == nobody && !balls.empty() &&
+            part.size() <= 2 * (balls.balls()[gap.ball].radius + bound) && near.take(part))
+          above = stack.size();
         // A part across the border of an uncovered spot has points of both kinds, and its centroid may be
         // covered. Then a corner that is not covered is enough. Splitting until a centroid fails would follow
         // the border all along.

@@ -30,6 +30,9 @@ struct ProtrusionBound {
 // all threads.
 ProtrusionBound protrusion_bound(const Surface& surface, const std::vector<Ball>& balls);
 
+// Does the certificate count the centre of the ball as inside? So it does for any ball on an open surface.
+bool has_centre_inside(const Surface& surface, const Ball& ball);
+
 // A part of a triangle with what is known of the gap on it.
 struct GapPart : TrianglePart {
   Point point = Point::Zero();  // of those looked at, the point with the largest signed gap

@@ -2,10 +2,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What the programs print with --json is what the schemas in assets/reports say, and "-" is stdin and stdout.
 
-Takes the folder of the programs and that of the assets. The schemas are checked where python3-jsonschema is installed.
+Takes the folder of the programs and the root of the sources. The schemas are checked where python3-jsonschema is installed.
 """
 import json
 import os
+import pathlib
 import subprocess
 import sys
 import tempfile
@@ -16,7 +17,8 @@ try:
 except ImportError:
     jsonschema = None
 
-BIN, ASSETS = map(os.path.abspath, sys.argv[1:3])
+BIN, ROOT = map(os.path.abspath, sys.argv[1:3])
+RESULTS = pathlib.Path(ROOT, "docs", "results")
 del sys.argv[1:3]
 CUBE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nv 0 0 1\nv 1 0 1\nv 0 1 1\nv 1 1 1\n" \
        "f 1 3 4 2\nf 5 6 8 7\nf 1 2 6 5\nf 3 7 8 4\nf 1 5 7 3\nf 2 4 8 6\n"
@@ -49,7 +51,7 @@ class Case(unittest.TestCase):
 class ReportsTest(Case):
     @staticmethod
     def validator(name):
-        with open(os.path.join(ASSETS, "reports", name + ".schema.json")) as f:
+        with open(os.path.join(ROOT, "assets", "reports", name + ".schema.json")) as f:
             schema = json.load(f)
         kind = jsonschema.validators.validator_for(schema)
         kind.check_schema(schema)
@@ -83,6 +85,20 @@ class ReportsTest(Case):
         self.report("settle", "--make", "silo", "--count", "300", "-o", "silo.json")
         self.report("settle", "silo.json", "--steps", "3")
         self.report("settle", "none.json", code=1)
+
+    def test_bench(self):
+        for file in sorted(RESULTS.rglob("*.json")):
+            with self.subTest(file):
+                self.validator("bench").validate(json.loads(file.read_text()))
+        if not os.path.exists(os.path.join(BIN, "bench")):
+            self.skipTest("bench is not built")
+        stages = self.report("bench", "stages", "--spheres", "1000", "--backend", "omp", "--repeat", "1", "-o", "out", "-q")
+        with open(os.path.join(self.folder, "out", "stages.json")) as f:
+            self.assertEqual(json.load(f), stages)
+        self.report("bench", "compare", "out/stages.json", "out/stages.json", "-q")
+        self.report("bench", "compare", "out/stages.json", code=1)
+        with self.assertRaises(jsonschema.ValidationError):
+            self.validator("bench").validate({**stages, "rows": [{"seconds": -1}]})
 
     def test_what_is_no_report_is_refused(self):
         one = self.report("pad", "cube.obj", "--tolerance", "10%")
@@ -118,6 +134,30 @@ class StreamsTest(Case):
         self.assertEqual(err, "")
         self.assertGreater(out.count(b"\n"), 2)
 
+    def test_a_cluster_or_a_scene_from_stdin_and_a_picture_to_stdout(self):
+        self.run_tool("pad", "cube.obj", "--tolerance", "10%", "-q")
+        with open(os.path.join(self.folder, "cube.spheres.json")) as f:
+            cluster = f.read()
+        scene = json.dumps({"format": "padder.scene", "version": 1, "clusters": {"cube": "cube.spheres.json"},
+                            "bodies": [{"cluster": "cube", "position": [x, 0, 0]} for x in (0, 3)]})
+        self.write("scene.json", scene)
+        small = ["--size", "64x64", "--samples", "1"]
+        for name, text, more in (("cube.spheres.json", cluster, []), ("scene.json", scene, []), ("cube.spheres.json", cluster, ["--copies", "3"])):
+            with self.subTest((name, more)):
+                self.run_tool("preview", name, "-o", "file.png", "-q", *small, *more)
+                out, err = self.run_tool("preview", "-", "-o", "-", "--format", "png", *small, *more, stdin=text)
+                self.assertEqual(err, "")
+                with open(os.path.join(self.folder, "file.png"), "rb") as f:
+                    self.assertEqual(out, f.read())
+
+    def test_what_scripts_say_of_colours_is_taken(self):
+        self.run_tool("pad", "cube.obj", "--tolerance", "10%", "--color=never")
+        for name, args in (("detect", ["cube.spheres.json"]), ("preview", ["cube.spheres.json", "-o", "c.html"]), ("bench", ["--list"]),
+                           ("settle", ["--make", "silo", "--count", "300", "-o", "silo.json"])):
+            if os.path.exists(os.path.join(BIN, name)):
+                self.run_tool(name, *args, "--colour", "never")
+        self.assertIn("never", self.run_tool("detect", "cube.spheres.json", "--colour", "green", code=2)[1])
+
     def test_what_streams_cannot_do_is_a_sentence(self):
         for name, args, stdin, code, words in (
                 ("pad", ["-"], CUBE, 2, "--input-format stl"),
@@ -130,7 +170,11 @@ class StreamsTest(Case):
                 ("pad", ["-", "--input-format", "obj"], "v 0 0", 1, "pad: stdin.obj"),
                 ("detect", ["cube.obj", "-o", "-"], None, 2, "--format csv"),
                 ("detect", ["-"], "{", 1, "the standard input"),
-                ("detect", ["cube.obj", "--format", "csv"], None, 2, "-o -")):
+                ("detect", ["cube.obj", "--format", "csv"], None, 2, "-o -"),
+                ("preview", ["-", "-o", "-"], "", 2, "--format html"),
+                ("preview", ["cube.obj", "-o", "a.png", "--format", "png"], None, 2, "-o -"),
+                ("preview", ["-", "-o", "-", "--format", "png", "--json"], "{", 2, "--json"),
+                ("preview", ["-", "-o", "-", "--format", "png"], "{", 1, "the standard input")):
             with self.subTest((name, args)):
                 env = {**os.environ, "TMPDIR": self.folder}
                 _, err = self.run_tool(name, *args, stdin=stdin, code=code, env=env)

@@ -7,6 +7,7 @@
 #include <numbers>
 
 #include "padding/asset/error.h"
+#include "tests/padding/shapes.h"
 
 namespace padder::assets {
 namespace {
@@ -88,14 +89,9 @@ TEST(Solid, WhatIsNoSolidIsRefused) {
   Mesh open = box({0, 0, 0}, {1, 1, 1});
   open.triangles.pop_back();
   EXPECT_ANY_THROW(finished(open, 6));
-  Mesh inside_out = box({0, 0, 0}, {1, 1, 1});
-  for (auto& t : inside_out.triangles) std::swap(t[0], t[1]);
-  EXPECT_THROW(finished(inside_out, 6), Error);
-  const Mesh a = box({0, 0, 0}, {1, 1, 1}), b = box({0.5, 0.5, 0.5}, {2, 2, 2});
-  Mesh crossing = a;
-  crossing.points.insert(crossing.points.end(), b.points.begin(), b.points.end());
-  for (auto t : b.triangles) crossing.triangles.push_back({t[0] + 8, t[1] + 8, t[2] + 8});
-  EXPECT_THROW(finished(crossing, 6), Error);
+  const Mesh cube = box({0, 0, 0}, {1, 1, 1});
+  EXPECT_THROW(finished(shapes::turned_over(cube), 6), Error);
+  EXPECT_THROW(finished(shapes::joined(cube, box({0.5, 0.5, 0.5}, {2, 2, 2})), 6), Error);
 }
 
 TEST(Solid, ObjTextHasItsDecimalsAndNoMinusZero) {

@@ -6,8 +6,7 @@
   make_data.py --check    compares them with what stands there; exit code 1 and a sentence for each that differs
 
 It needs only Python's standard library and writes the same bytes on every machine. Every file in formats/ holds the same
-hexagonal nut: 13 mm across its flats, 6 mm high, its bore a polygon of 16 corners with a radius of 4 mm. parts/grain.obj is
-not written here: make_assets grain --frequency 4 makes it.
+hexagonal nut: 13 mm across its flats, 6 mm high, its bore a polygon of 16 corners with a radius of 4 mm.
 """
 import base64
 import io

@@ -7,6 +7,7 @@
 #include <random>
 
 #include "padding/asset/error.h"
+#include "tests/error_of.h"
 
 namespace padder::detect {
 namespace {
@@ -46,14 +47,8 @@ TEST(Place, WhatIsNoRotationIsRefused) {
     EXPECT_THROW(rotation_of(bad, 0, 0, 1, m), Error);
     EXPECT_THROW(rotation_of(1, 0, 0, bad, m), Error);
   }
-  try {
-    rotation_of(0, 0, 0, -0.0, m);
-    FAIL() << "no rotation";
-  } catch (const Error& e) {
-    EXPECT_STREQ(
-        e.what(),
-        "the quaternion (0, 0, 0, -0) is no rotation: its four numbers must be finite, and not all 0");
-  }
+  EXPECT_EQ(error_of([&] { rotation_of(0, 0, 0, -0.0, m); }),
+            "the quaternion (0, 0, 0, -0) is no rotation: its four numbers must be finite, and not all 0");
 }
 
 }  // namespace

@@ -43,6 +43,7 @@ class Commands(unittest.TestCase):
                 (self.folder / entry.name).symlink_to(entry)
 
     def run_page(self, page, heading):
+        """Runs them all, and returns what the last one printed."""
         commands = commands_of(page, heading)
         self.assertLessEqual(len(commands), 4)
         for command in commands:
@@ -55,6 +56,7 @@ class Commands(unittest.TestCase):
             env.pop("PYTHONPATH", None)
             done = subprocess.run(["bash", "-c", command], cwd=self.folder, capture_output=True, text=True, env=env, timeout=500)
             self.assertEqual(done.returncode, 0, f"{command}\n{done.stdout[-2000:]}{done.stderr[-3000:]}")
+        return done.stdout
 
     def test_a_clump_in_liggghts(self):
         if not shutil.which("liggghts"):
@@ -67,6 +69,13 @@ class Commands(unittest.TestCase):
         height = lambda rows: sum(row[3] for row in rows) / len(rows)
         self.assertLess(height(rows), height(first) - 0.003)  # they fall: 8 mm in 0.04 s but for the floor
         self.assertTrue(all(abs(v) < 0.03 for row in rows for v in row[1:3]))
+
+    def test_a_robot_in_mujoco(self):
+        if not shutil.which("mujoco-testspeed"):
+            self.skipTest("MuJoCo's programs are not installed (apt-get install libmujoco-samples)")
+        printed = self.run_page("formats.md", "A robot in MuJoCo")
+        self.assertIn("Running 10000 steps", printed)
+        self.assertRegex(printed, r"Degrees of freedom +: 2\n")
 
     def test_an_asset_in_a_notebook(self):
         for module in ("nbclient", "ipykernel", "venv", "ensurepip", "numpy"):

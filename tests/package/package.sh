@@ -3,21 +3,32 @@
 # The installed package as others meet it. package.sh STEP SOURCE BUILD WORK CXX, STEP one of:
 #   install   installs BUILD to WORK/prefix
 #   deb       makes the packages for Debian, unpacks them, and uses what is in them
-#   consumer  builds and runs tests/package/consumer against WORK/prefix
-#   cover     the same with tests/package/cover_consumer, whose program must hold nothing of CGAL or assimp
-#   view      the same with tests/package/view_consumer
+#   padding   builds and runs a program of tests/package/consumer against WORK/prefix, with the component padding
+#   cover     the same with the component cover; the program must hold nothing of CGAL or assimp
+#   view      the same with the component view
 #   headers   compiles each installed header by itself
 #   detect    configures SOURCE with -DPADDER_PADDING=OFF, where CGAL must not be looked for; builds and installs it, and
-#             builds and runs tests/package/detect_consumer and tests/package/cover_consumer against that
+#             builds and runs the programs with the components detect and cover against that
 set -euo pipefail
 step=$1 source=$2 build=$3 work=$4 cxx=$5
 export CXX=$cxx
 unset DESTDIR
-# A tree of its own that a changed compiler or prefix cannot have spoilt. What an earlier run has found is forgotten, what it
-# has compiled is kept.
+# configure SOURCE BUILD OPTIONS…: what an earlier run has found is forgotten when the compiler or an option is another one; what
+# it has compiled is kept. Without optimization the programs take longer than the compiler.
 configure() {
-  rm -f "$2/CMakeCache.txt"
-  cmake -S "$1" -B "$2" -G Ninja -DCMAKE_BUILD_TYPE=Debug "${@:3}"
+  local asked
+  asked="$("$CXX" --version) $*"
+  [ "$asked" = "$(cat "$2/asked" 2>/dev/null)" ] || rm -f "$2/CMakeCache.txt"
+  cmake -S "$1" -B "$2" -G Ninja -DCMAKE_BUILD_TYPE=Debug -DCMAKE_CXX_FLAGS_DEBUG=-O1 "${@:3}"
+  echo "$asked" >"$2/asked"
+}
+# use COMPONENT PREFIX: builds and runs a program in WORK; `program` is its path.
+use() {
+  local folder=$work/use_$1_of_$(basename "$2")
+  program=$folder/consumer
+  configure "$source/tests/package/consumer" "$folder" -DCOMPONENT="$1" -DCMAKE_PREFIX_PATH="$2"
+  cmake --build "$folder"
+  (cd "$work" && "$program" "${@:3}")
 }
 
 case $step in
@@ -29,7 +40,7 @@ case $step in
   deb)
     command -v dpkg-shlibdeps >/dev/null || { echo "dpkg-dev is not installed: the packages for Debian are not made"; exit 77; }
     rm -rf "$work/deb" && mkdir -p "$work/deb"
-    (cd "$build" && cpack -G DEB -B "$work/deb" >"$work/deb/log") || { cat "$work/deb/log" >&2; exit 1; }
+    (cd "$build" && cpack -G DEB -D CPACK_DEBIAN_COMPRESSION_TYPE=zstd -B "$work/deb" >"$work/deb/log") || { cat "$work/deb/log" >&2; exit 1; }
     for package in "$work"/deb/*.deb; do dpkg-deb -x "$package" "$work/deb/root"; done
     depends() { dpkg-deb -f "$work"/deb/"$1"_*.deb Depends; }
     [[ "$(depends libpadder-dev)" == *libeigen3-dev* && "$(depends libpadder-dev)" == *libfreetype-dev* ]]
@@ -40,33 +51,27 @@ case $step in
     "$usr/bin/detect" "$work/deb/grain.spheres.json" --copies 8 -q
     PYTHONPATH=$usr/lib/python3/dist-packages /usr/bin/python3 -c \
       "import importlib.metadata, padder; assert importlib.metadata.version('padder') == padder.__version__; padder.load('$work/deb/grain.spheres.json')"
-    configure "$source/tests/package/consumer" "$work/deb/consumer" -DCMAKE_PREFIX_PATH="$usr" >/dev/null
+    configure "$source/tests/package/consumer" "$work/use_padding_of_deb" -DCOMPONENT=padding -DCMAKE_PREFIX_PATH="$usr" >/dev/null
     if grep -rl "$build" "$usr/lib/cmake"; then
       echo "the package names the build folder" >&2
       exit 1
     fi
     ;;
-  consumer)
-    configure "$source/tests/package/consumer" "$work/consumer" -DCMAKE_PREFIX_PATH="$work/prefix"
-    cmake --build "$work/consumer"
-    (cd "$work" && consumer/consumer)
+  padding)
+    use padding "$work/prefix"
     ;;
   cover)
-    configure "$source/tests/package/cover_consumer" "$work/cover_consumer" -DCMAKE_PREFIX_PATH="$work/prefix"
-    cmake --build "$work/cover_consumer"
-    program=$work/cover_consumer/cover_consumer
-    "$program"
+    use cover "$work/prefix"
     if ldd "$program" | grep -iE 'cgal|gmp|mpfr|assimp' || nm -C "$program" | grep -E 'CGAL::|Assimp::'; then
       echo "a program with padder::cover holds code of CGAL or assimp" >&2
       exit 1
     fi
     ;;
   view)
-    configure "$source/tests/package/view_consumer" "$work/view_consumer" -DCMAKE_PREFIX_PATH="$work/prefix"
-    cmake --build "$work/view_consumer"
     page=$work/prefix/share/padder/page.html
     [ -f "$page" ] || { page=$work/template.html; echo '<!--padder:title--><!--padder:data-->' >"$page"; }  # the page is optional
-    (cd "$work" && view_consumer/view_consumer "$page" && [ "$(head -c 4 tetrahedron.png | tail -c 3)" = PNG ] && [ -s tetrahedron.html ])
+    use view "$work/prefix" "$page"
+    cd "$work" && [ "$(head -c 4 tetrahedron.png | tail -c 3)" = PNG ] && [ -s tetrahedron.html ]
     ;;
   headers)
     include=$work/prefix/include/padder
@@ -85,7 +90,7 @@ case $step in
     ;;
   detect)
     mkdir -p "$work/none"
-    configure "$source" "$work/detect" -DPADDER_PADDING=OFF -DPADDER_TOOLS=OFF -DPADDER_TESTS=OFF -DPADDER_CUDA=OFF \
+    configure "$source" "$work/detect" -DPADDER_PADDING=OFF -DPADDER_TOOLS=OFF -DPADDER_TESTS=OFF -DPADDER_CUDA=OFF -DPADDER_MPI=OFF \
               -DPADDER_PYTHON_MODULE=OFF -DCMAKE_INSTALL_PREFIX="$work/detect_prefix"
     if grep -E '^(CGAL|assimp)_DIR' "$work/detect/CMakeCache.txt"; then
       echo "a build without padding looked for CGAL or assimp" >&2
@@ -93,12 +98,7 @@ case $step in
     fi
     cmake --build "$work/detect"
     cmake --install "$work/detect" >/dev/null
-    configure "$source/tests/package/detect_consumer" "$work/detect_consumer" -DCMAKE_PREFIX_PATH="$work/detect_prefix"
-    cmake --build "$work/detect_consumer"
-    "$work/detect_consumer/detect_consumer"
-    [ -n "$(find "$work/detect_prefix" -name padder-cover.cmake)" ] || exit 0  # Eigen or nlohmann_json is not here
-    configure "$source/tests/package/cover_consumer" "$work/cover_alone" -DCMAKE_PREFIX_PATH="$work/detect_prefix"
-    cmake --build "$work/cover_alone"
-    "$work/cover_alone/cover_consumer"
+    use detect "$work/detect_prefix"
+    [ -z "$(find "$work/detect_prefix" -name padder-cover.cmake)" ] || use cover "$work/detect_prefix"  # needs Eigen and nlohmann_json
     ;;
 esac

@@ -14,6 +14,7 @@
 
 #include "padding/asset/error.h"
 #include "padding/export/families.h"
+#include "tests/error_of.h"
 #include "tests/padding/export/samples.h"
 
 namespace padder::samples {
@@ -290,12 +291,7 @@ TEST_F(RobotTest, AXacroFileIsExpandedOrTheProgramIsNamed) {
   const std::string path = std::getenv("PATH");
   setenv("PATH", ((folder_ / "bin").string() + ":/usr/bin:/bin").c_str(), 1);
   if (!have("xacro")) {
-    try {
-      read_urdf(folder_ / "r.xacro");
-      ADD_FAILURE();
-    } catch (const Error& e) {
-      EXPECT_NE(std::string(e.what()).find("the program xacro"), std::string::npos) << e.what();
-    }
+    EXPECT_TRUE(refuses([&] { read_urdf(folder_ / "r.xacro"); }, "the program xacro"));
   }
   write_file(folder_ / "bin/xacro", "#!/bin/sh\ncat \"$1\"\n");  // what is left to expand is nothing
   fs::permissions(folder_ / "bin/xacro", fs::perms::owner_all);
@@ -393,7 +389,7 @@ TEST_F(RobotTest, ColladaOfTheUr5StandsLikeItsStl) {
   EXPECT_LT((a.high - b.high).norm(), 0.002);
 }
 
-// Pads at 1 % and reads the result with every program that is here.
+// Pads at 2 % and reads the result with every program that is here.
 class RealRobotTest : public RobotTest {
  protected:
   void expect_accepted(const PaddedRobot& r) {
@@ -402,7 +398,7 @@ class RealRobotTest : public RobotTest {
     for (const Body& b : r.model.bodies) {
       if (b.cluster.size() == 0) continue;
       const Accuracy& a = b.cluster.accuracy;
-      const double allowed = 0.0101 * b.cluster.bounds.diagonal();
+      const double allowed = 0.0201 * b.cluster.bounds.diagonal();
       EXPECT_LE(a.protrusion_max, allowed) << b.name;
       EXPECT_LE(a.gap_max, allowed) << b.name;
     }
@@ -445,9 +441,9 @@ class RealRobotTest : public RobotTest {
     mj_deleteData(d), mj_deleteModel(m);
 #endif
   }
-  static PadOptions one_percent() {
+  static PadOptions two_percent() {
     PadOptions o;
-    o.tolerance = Length::share(0.01);
+    o.tolerance = Length::share(0.02);
     return o;
   }
 };
@@ -456,29 +452,12 @@ TEST_F(RealRobotTest, Panda) {
   const fs::path panda =
       fs::path(PADDER_SHARED) / "meshes/robots/moveit_resources_panda_description/urdf/panda.urdf";
   if (!fs::exists(panda)) GTEST_SKIP() << "the shared meshes are not there";
-  const PaddedRobot r = pad_robot(panda, one_percent());
+  const PaddedRobot r = pad_robot(panda, two_percent());
   EXPECT_EQ(r.model.bodies.size(), 12u);
   std::size_t padded = 0;
   for (const Body& b : r.model.bodies) padded += b.cluster.size() > 0;
   EXPECT_EQ(padded, 11u);
   expect_accepted(r);
-}
-
-TEST_F(RealRobotTest, Ur5Links) {
-  const fs::path robots = fs::path(PADDER_SHARED) / "meshes/robots";
-  if (!fs::exists(robots)) GTEST_SKIP() << "the shared meshes are not there";
-  for (const char* file : {"ur5_upperarm_collision.stl", "ur5_forearm_collision.stl"})
-    fs::copy(robots / file, folder_ / file);
-  const auto mesh = [](const std::string& file) {
-    return "<collision><geometry><mesh filename='" + file + "'/></geometry></collision>";
-  };
-  const fs::path file = urdf(link("upper_arm", mesh("ur5_upperarm_collision.stl")) +
-                                 link("forearm", mesh("ur5_forearm_collision.stl")) +
-                                 joint("upper_arm", "forearm", "revolute",
-                                       "<origin xyz='0 -0.1197 0.425'/><axis xyz='0 1 0'/><limit lower='-3' "
-                                       "upper='3' effort='1' velocity='1'/>"),
-                             "ur5.urdf");
-  expect_accepted(pad_robot(file, one_percent()));
 }
 
 }  // namespace

@@ -88,4 +88,37 @@ inline Mesh square(double side, int n = 1) {
   return mesh;
 }
 
+// Moved and scaled: the middle of the bounding box at the origin, its diagonal 1.
+inline Mesh unit(Mesh mesh) {
+  const Box box = mesh.bounds();
+  for (Point& p : mesh.points) p = (p - box.center()) / box.diagonal();
+  return mesh;
+}
+
+// The triangles of both.
+inline Mesh joined(Mesh mesh, const Mesh& more) {
+  const auto n = static_cast<std::uint32_t>(mesh.points.size());
+  mesh.points.insert(mesh.points.end(), more.points.begin(), more.points.end());
+  for (const auto& [a, b, c] : more.triangles) mesh.triangles.push_back({a + n, b + n, c + n});
+  return mesh;
+}
+
+inline Mesh turned_over(Mesh mesh) {
+  for (auto& t : mesh.triangles) std::swap(t[1], t[2]);
+  return mesh;
+}
+
+// The winding number of a closed surface, by brute force: the sum of the solid angles of its triangles seen
+// from p, over 4 pi (Van Oosterom and Strackee, The solid angle of a plane triangle, 1983). Needs no ray, no
+// tree and no normals at edges.
+inline double winding(const Mesh& mesh, const Point& p) {
+  double sum = 0;
+  for (std::size_t t = 0; t < mesh.triangles.size(); t++) {
+    const Vector a = mesh.corner(t, 0) - p, b = mesh.corner(t, 1) - p, c = mesh.corner(t, 2) - p;
+    const double x = a.norm(), y = b.norm(), z = c.norm();
+    sum += 2 * std::atan2(a.dot(b.cross(c)), x * y * z + a.dot(b) * z + b.dot(c) * x + c.dot(a) * y);
+  }
+  return sum / (4 * std::numbers::pi);
+}
+
 }  // namespace padder::shapes

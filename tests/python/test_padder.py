@@ -154,7 +154,8 @@ i, j = np.meshgrid(range(n), range(n), indexing="ij")
 at = lambda a, b: (a % n) * n + b % n
 faces = np.concatenate([np.stack([at(i, j), at(i + 1, j), at(i + 1, j + 1)], -1).reshape(-1, 3),
                         np.stack([at(i, j), at(i + 1, j + 1), at(i, j + 1)], -1).reshape(-1, 3)])
-threading.Timer(2, os.kill, (os.getpid(), signal.SIGINT)).start()
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job ignores it
+threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGINT)).start()
 try:
     padder.pad(points, faces, tolerance="0.3%", effort=3)
     print("padded to the end")
@@ -306,6 +307,25 @@ def test_bodies_show_their_memory(cube):
     assert (given.poses == poses[::2]).all() and (given.family == np.arange(18)).all() and not given.shape.any()
 
 
+def test_bodies_take_the_level_of_detail_that_their_partners_need():
+    part = padder.pad(CUBE, FACES, lod=["10%", "2%"])
+    poses = np.zeros((4, 12))
+    poses[:, [0, 4, 8]] = 1
+    poses[:, 9] = [0, 1.0, 10, 30]  # two that touch, one near a small ball, one alone
+    bodies = padder.Bodies([part], poses)
+    c, r = [[10.5, 0.5, 1.05]], [0.06]
+    taken = bodies.with_lod("auto", centers=c, radii=r, share=1)
+    assert taken.lod.tolist() == [1, 1, 0, 2**32 - 1] and 0 < taken.lod_error < 0.5 and len(bodies.lod) == 0
+    assert len(padder.detect(bodies=taken, backend="omp")) > 0
+    assert len(padder.detect(c, r, bodies=taken, backend="omp")) > len(padder.detect(bodies=taken, backend="omp"))
+    assert bodies.with_lod("auto", smallest=0.001).lod.tolist() == [0, 0, 0, 0]
+    assert bodies.with_lod("1").lod.tolist() == [1, 1, 1, 1] and bodies.with_lod("0").lod_error == 0
+    with pytest.raises(padder.Error, match="auto or a whole number"):
+        bodies.with_lod("fine")
+    with pytest.raises(ValueError):
+        bodies.with_lod(centers=c)
+
+
 def test_what_stands_still_is_kept():
     shapes, poses, shape, is_static = heap()
     bodies, detector = padder.Bodies(shapes, poses, shape, is_static=is_static), padder.Detector(backend="omp")
@@ -422,6 +442,9 @@ def test_pip_installs_a_checkout(tmp_path):
     ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env={**os.environ, "PYTHONPATH": str(tmp_path)})
     assert ran.stdout.startswith(str(tmp_path)), ran.stderr
     assert subprocess.run([tmp_path / "bin" / "pad", "--version"], capture_output=True, text=True).stdout.startswith("pad (padder)")
+    names = {str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*")}
+    info = f"padder-{padder.__version__}.dist-info/"
+    assert names >= {"bin/detect", "bin/preview", "padder/__init__.py", "padder/py.typed", info + "METADATA", info + "RECORD"}, names
 
 
 def test_a_cluster_as_a_page():

@@ -3,6 +3,7 @@
 #include "tools/bench/bench.h"
 
 #include "tools/arguments.h"
+#include "tools/bench/report/document.h"
 #include "tools/cli.h"
 #include "tools/json_output.h"
 
@@ -73,7 +74,7 @@ int run(const std::string& name, const Settings& settings) {
     if (!settings.folder.empty()) std::filesystem::create_directories(settings.folder);
     Json result = e.run(settings);
     if (settings.json)
-      std::cout << result.dump(2) << std::endl;
+      std::cout << text_of(result) << std::flush;
     else
       print_table(result["table"]);
     return result.value("passed", true) ? 0 : 1;
@@ -119,7 +120,7 @@ int main(int argc, char** argv) {
   app.add_flag("--history", s.history, "measure a list with a history as well (scenes)");
   app.add_option("--margin", s.margin, "measure with a margin of so many mean radii as well (scenes)")
       ->type_name("X")
-      ->check(CLI::Range(0, 1000));
+      ->check(CLI::Range(0.0, 1000.0));
   app.add_option("--backend", s.backend, "auto (each that is there, the default), omp or cuda")
       ->type_name("WHICH")
       ->check(CLI::IsMember({"auto", "omp", "cuda"}));

@@ -70,23 +70,29 @@ std::vector<detect::FloatSphere> grains_of(const settle::System& s) {
   return spheres;
 }
 
-// A call of the detector with a history and normals, between two states of the silo 50 steps apart: what a
-// program pays that keeps the detector's list.
-double detection_with_history(settle::Stepper& stepper, detect::BackendKind backend, int threads) {
+// A call of the detector with normals, between two states of the silo 50 steps apart: what a program pays
+// that keeps the detector's list. With a history and without.
+std::pair<double, double> detection_calls(settle::Stepper& stepper, detect::BackendKind backend,
+                                          int threads) {
   const bool cuda = backend == detect::BackendKind::cuda;
   const DeviceSpheres before(grains_of(stepper.system()), cuda);
   stepper.step(50);
   const std::vector<detect::FloatSphere> later = grains_of(stepper.system());
   const DeviceSpheres after(later, cuda);
   detect::CallOptions options;
-  options.history = true, options.threads = threads;
+  options.threads = threads;
   options.output = cuda ? detect::Memory::device : detect::Memory::host;
-  detect::Detector detector({backend}, options);
-  bool odd = false;
-  return median_seconds(20, [&] {
-    odd = !odd;
-    detect_watched(detector, odd ? before.input() : after.input());
-  });
+  const auto call = [&](bool history) {
+    options.history = history;
+    detect::Detector detector({backend}, options);
+    bool odd = false;
+    return median_seconds(20, [&] {
+      odd = !odd;
+      detect_watched(detector, odd ? before.input() : after.input());
+    });
+  };
+  const double with = call(true);
+  return {with, call(false)};
 }
 
 settle::SettleScene silo(std::uint64_t spheres) {
@@ -148,7 +154,7 @@ Json measure(const Settings& s, std::uint64_t objects, detect::BackendKind backe
   const std::uint64_t asked = effort.detections - detections, contacts = stepper.contacts();
   every.step(20);
   const double each = every.effort().detection_seconds / 20, each_step = every.effort().seconds / 20;
-  const double history = clumps ? 0 : detection_with_history(stepper, backend, s.threads);
+  const auto [history, plain] = clumps ? std::pair(0.0, 0.0) : detection_calls(stepper, backend, s.threads);
   return {{"scene", clumps ? "clumps" : "silo"},
           {"backend", stepper.backend()},
           {"objects", objects},
@@ -163,6 +169,7 @@ Json measure(const Settings& s, std::uint64_t objects, detect::BackendKind backe
           {"seconds_every_step", each},
           {"seconds_step_with_detection", each_step},
           {"seconds_history", history},
+          {"seconds_plain", plain},
           {"detections", asked},
           {"seconds_moving", total / static_cast<double>(first)},
           {"seconds_detection_moving", detection / static_cast<double>(first)},

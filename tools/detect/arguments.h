@@ -47,6 +47,7 @@ struct Arguments {
   std::string scene, output;  // "-": the standard input, the standard output
   std::string format;         // of the output, where it has no name
   std::uint64_t copies = 0;
+  std::string lod = "0";     // level of detail of the bodies: a number or "auto"
   std::string devices;       // a number or "all"; empty: one, and no boxes
   std::uint64_t memory = 0;  // bytes; 0: no limit, and no boxes
   bool hash = false, stages = false, json = false, quiet = false, verbose = false;

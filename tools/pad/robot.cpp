@@ -9,6 +9,7 @@
 #include "padding/asset/error.h"
 #include "padding/mjcf/mjcf.h"
 #include "padding/view/page.h"
+#include "tools/usage.h"
 
 namespace padder {
 
@@ -28,10 +29,13 @@ void check_job(const RobotJob& job) {
   Urdf urdf = read_robot(job.urdf, job.whole.reading);
   keep_neighbours_apart(urdf);
   for (const OutputFile& file : job.outputs) check_filters(urdf.model, *file.format);
+  std::vector<std::string> names;
+  for (const Body& b : urdf.model.bodies)
+    if (b.joint.type != Joint::Type::fixed) names.push_back(b.joint.name);
   for (const auto& [name, value] : job.joints)
-    if (std::ranges::none_of(urdf.model.bodies,
-                             [&, &joint = name](const Body& b) { return b.joint.name == joint; }))
-      throw Error(job.urdf.string() + ": --joint: it has no joint " + name);
+    if (!std::ranges::count(names, name))
+      throw Error(job.urdf.string() + ": --joint: it has no joint " + name + " that moves; " +
+                  (names.empty() ? "none does" : "its joints are " + cli::listed(names)));
 }
 
 // The robot's spheres and meshes as one body, where its joints stand.

@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "tools/python/bodies.h"
 
+#include <algorithm>
 #include <cstddef>
 #include <type_traits>
 
+#include "detect/scene/scene.h"
 #include "padding/asset/cluster.h"
 #include "tools/python/arrays.h"
 #include "tools/python/module.h"
@@ -56,16 +58,14 @@ std::shared_ptr<Bodies> bodies_of(const py::sequence& shapes, const py::object& 
     const py::object s = shapes[k];
     if (py::isinstance<Cluster>(s)) {
       const auto& c = py::cast<const Cluster&>(s);
-      std::vector<detect::Sphere>& spheres = out->spheres.emplace_back();
-      for (std::size_t i = 0; i < c.size(); i++)
-        spheres.push_back({c.centers[i].x(), c.centers[i].y(), c.centers[i].z(), c.radii[i]});
+      out->rungs.push_back(detect::rungs_of(c));
       filters.emplace_back(c.family, c.mask);
     } else {
-      out->spheres.push_back(spheres_of_arrays(s, k));
+      out->rungs.emplace_back().push_back({spheres_of_arrays(s, k)});
       filters.emplace_back(0, 0);
     }
   }
-  for (const auto& s : out->spheres) out->shapes.push_back({s.data(), s.size()});
+  for (const auto& r : out->rungs) out->shapes.push_back({r[0].spheres.data(), r[0].spheres.size()});
   const Array p = array_of(poses, {"poses", Contract::Kind::wide, {any, 12}, "(B, 12)"});
   if (p.memory != detect::Memory::host)
     throw py::type_error("the poses that Bodies is made from must lie on the host");
@@ -88,6 +88,41 @@ std::shared_ptr<Bodies> bodies_of(const py::sequence& shapes, const py::object& 
   each<std::uint8_t>(is_static, "is_static", out->bodies,
                      [](Body& b, std::uint8_t v) { b.is_static = v != 0; });
   each<std::uint32_t>(world, "world", out->bodies, [](Body& b, std::uint32_t v) { b.world = v; });
+  return out;
+}
+
+// The bodies at other levels of detail. `smallest` given: for things that move.
+std::shared_ptr<Bodies> with_lod(const Bodies& from, const std::string& lod, const py::object& centers,
+                                 const py::object& radii, const py::object& smallest, double margin,
+                                 double share) {
+  if (centers.is_none() != radii.is_none()) throw py::value_error("centers and radii go together");
+  if (!(share > 0)) throw py::value_error("share must be a number above 0");
+  std::vector<detect::Sphere> loose;
+  if (!centers.is_none()) loose = spheres_of_arrays(py::make_tuple(centers, radii), 0);
+  detect::RungRule rule = detect::rung_rule(lod);
+  rule.share = share;
+  const std::vector<std::span<const detect::Rung>> shapes(from.rungs.begin(), from.rungs.end());
+  detect::RungChoice choice;
+  if (smallest.is_none()) {
+    detect::Spheres spheres;
+    if (!loose.empty()) spheres = detect::spheres_of<double>(loose.size(), &loose[0].x, &loose[0].r);
+    spheres.center_stride = spheres.radius_stride = 4;
+    choice = detect::choose_rungs(shapes, from.bodies, spheres, rule, margin, {detect::BackendKind::omp});
+  } else {
+    double least = py::cast<double>(smallest);
+    for (const detect::Sphere& s : loose) least = std::min(least, s.r);
+    choice = detect::choose_rungs_anywhere(shapes, from.bodies, least, rule);
+  }
+  auto out = std::make_shared<Bodies>();
+  out->rungs = from.rungs, out->bodies = from.bodies;
+  const auto first = static_cast<std::uint32_t>(out->rungs.size());
+  for (const detect::TakenShape& t : detect::take_rungs(out->bodies, choice, first)) {
+    std::vector<detect::Rung> one(1);
+    if (t.rung != detect::kLeftOut) one[0] = out->rungs[t.of][t.rung];
+    out->rungs.push_back(std::move(one));
+  }
+  for (const auto& r : out->rungs) out->shapes.push_back({r[0].spheres.data(), r[0].spheres.size()});
+  out->taken = std::move(choice.rungs), out->lod_error = choice.error;
   return out;
 }
 
@@ -119,6 +154,25 @@ shapes: Clusters, or pairs (centers, radii) in the shape's own frame. poses: (B,
 and then the position. shape: (B,), the index of each body's shape; None: the first shape for all. family, mask: (B,); None:
 those of the body's Cluster, or 0 if the shape is given by arrays. is_static: (B,), the bodies that do not move: two static
 bodies are never a contact. world: (B,); None: 0 for all. Only bodies of one world meet, and those of EVERY_WORLD meet all.)")
+      .def("with_lod", &with_lod, "lod"_a = "auto", py::kw_only(), "centers"_a = py::none(),
+           "radii"_a = py::none(), "smallest"_a = py::none(), "margin"_a = 0.0, "share"_a = 0.1,
+           R"(These bodies at another level of detail, as new Bodies.
+
+lod: "0" is the finest level, "1" the next coarser one and so on; "auto" takes for each body the coarsest level whose proved
+error is at most `share` of the smallest thing that can touch it. That is looked for among the bodies and the loose spheres
+(centers, radii) where they are now, with gaps of up to `margin`; a body that nothing can touch gets no spheres. With `smallest`,
+the radius of the smallest loose sphere (inf: there is none), everything may move, and every thing can touch every body.
+`lod` and `lod_error` of the result say what was taken.)")
+      .def_property_readonly(
+          "lod",
+          [](const py::object& self) {
+            const auto& taken = py::cast<Bodies&>(self).taken;
+            return py::array_t<std::uint32_t>(static_cast<py::ssize_t>(taken.size()), taken.data());
+          },
+          "What with_lod() took of each body: 4294967295 is a body that is left out.")
+      .def_readonly(
+          "lod_error", &Bodies::lod_error,
+          "What touches a body of with_lod() is at most this far from its finest level; inf: not proved.")
       .def("__len__", [](const Bodies& b) { return b.bodies.size(); })
       .def_property_readonly("poses",
                              [](const py::object& self) { return member<double>(self, 0, 12, true); })

@@ -6,15 +6,17 @@
 
 #include <vector>
 
-#include "detect/detector.h"
+#include "detect/scene/rungs.h"
 
 namespace padder::python {
 
 // Must never be copied or resized, because `shapes` and Python's views point into it.
 struct Bodies {
-  std::vector<std::vector<detect::Sphere>> spheres;  // those of each shape
-  std::vector<detect::Shape> shapes;
+  std::vector<std::vector<detect::Rung>> rungs;  // the levels of detail of each shape
+  std::vector<detect::Shape> shapes;             // the spheres of each shape's finest level
   std::vector<detect::Body> bodies;
+  std::vector<std::uint32_t> taken;  // by with_lod(): the level of each body
+  double lod_error = 0;
 };
 
 }  // namespace padder::python

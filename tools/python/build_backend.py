@@ -14,6 +14,7 @@ import subprocess
 import sys
 import sysconfig
 import tarfile
+import tempfile
 import zipfile
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
@@ -98,12 +99,42 @@ def _programs(folder):
     return files
 
 
+def _with_libraries(files):
+    """The files, changed so that they find their libraries in padder.libs/, and these libraries: all but the C library's own."""
+    if not shutil.which("patchelf"):
+        raise SystemExit("a wheel that carries its libraries needs patchelf: apt-get install patchelf")
+    python = f"lib/python{sys.version_info[0]}.{sys.version_info[1]}"
+    out = dict(files)
+    with tempfile.TemporaryDirectory() as folder:
+        copy = pathlib.Path(folder) / "copy"
+
+        def carry(path, data, places):
+            copy.write_bytes(data)
+            listed = subprocess.run(["ldd", copy], capture_output=True, text=True, check=True).stdout
+            subprocess.run(["patchelf", "--force-rpath", "--set-rpath", ":".join(f"$ORIGIN/{place}" for place in places), copy], check=True)
+            out[path] = copy.read_bytes()
+            for name, library in re.findall(r"^\s*(\S+) => (/\S+)", listed, re.MULTILINE):
+                if not re.match(r"(libc|libm|libdl|librt|libpthread|libresolv|libutil)\.so", name) and f"padder.libs/{name}" not in out:
+                    carry(f"padder.libs/{name}", pathlib.Path(library).read_bytes(), ["."])
+
+        for path, data in files.items():
+            if "/scripts/" in path:  # in bin/, beside the lib/ of the environment
+                carry(path, data, [f"../{python}/{packages}/padder.libs" for packages in ("site-packages", "dist-packages")])
+            elif path.startswith("padder/_core"):
+                carry(path, data, ["../padder.libs"])
+    return out
+
+
 def build_wheel(wheel_directory, config_settings=None, metadata_directory=None):
     folder = _build()
     suffix = sysconfig.get_config_var("EXT_SUFFIX")
     files = {f"padder/{file.name}": file.read_bytes() for file in sorted((folder / "python" / "padder").iterdir())
              if file.suffix in (".py", ".pyi", ".typed") or file.name == f"_core{suffix}"}
-    return _write_wheel(wheel_directory, {**files, **_programs(folder)})
+    files.update(_programs(folder))
+    libraries = (config_settings or {}).get("libraries", "system")
+    if libraries not in ("system", "carried"):
+        raise SystemExit(f"--config-settings libraries={libraries}: it is system (the default) or carried")
+    return _write_wheel(wheel_directory, _with_libraries(files) if libraries == "carried" else files)
 
 
 def build_editable(wheel_directory, config_settings=None, metadata_directory=None):

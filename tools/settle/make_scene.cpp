@@ -70,7 +70,8 @@ Part part_of(const MakeOptions& o, const char* hint) {
   return p;
 }
 
-// A heavy ball above a bed of padded bodies in a cylinder.
+// A light ball above a bed of padded bodies in a cylinder. The bed is about half as deep as wide, and at most
+// 30 bodies deep: a deeper one takes as many times more steps to come to rest.
 Json ball(const MakeOptions& o, const std::filesystem::path& folder) {
   const Part part = part_of(o, "pad assets/grain.obj --unit m");
   Json scene = start("ball");
@@ -78,37 +79,32 @@ Json ball(const MakeOptions& o, const std::filesystem::path& folder) {
       {"grain", std::filesystem::relative(o.cluster, folder.empty() ? "." : folder).string()}};
   const double edge = 1.02 * part.box.diagonal(),
                n = static_cast<double>(std::max<std::uint64_t>(o.count, 1));
-  // A bed about half as deep as wide.
-  const double radius = std::max(0.75 * edge * std::cbrt(2 * n / kPi), 2 * edge), ball = 0.3 * radius;
-  detect::SplitMix64 random(o.seed);
-  Json bodies = Json::array();
-  double top = 0;
-  const auto side = static_cast<int>(radius / edge) + 1;
-  for (int z = 0; bodies.size() < o.count; z++)
-    for (int y = -side; y <= side && bodies.size() < o.count; y++)
-      for (int x = -side; x <= side && bodies.size() < o.count; x++) {
-        if (std::hypot(x * edge, y * edge) > radius - edge) continue;
-        double q[4], length = 0;
-        for (double& v : q) v = random.signed_unit(), length += v * v;
-        Json turn = Json::array();
-        for (const double v : q) turn.push_back(rounded(v / std::sqrt(length)));
-        top = (z + 1) * edge;
-        bodies.push_back({{"cluster", "grain"},
-                          {"position", place(x * edge, y * edge, (z + 0.6) * edge)},
-                          {"quaternion", turn}});
-      }
-  scene["bodies"] = std::move(bodies);
-  scene["spheres"] = {{{"centers", {place(0, 0, top + ball + edge)}}, {"radii", rounded(ball)}}};
+  const double radius =
+      std::max({0.75 * edge * std::cbrt(2 * n / kPi), edge * std::sqrt(n / (30 * kPi)), 2 * edge});
+  const double ball = std::min(0.3 * radius, 10 * edge), inner = radius - edge;
+  const double top = edge * (std::ceil(1.1 * n * edge * edge / (kPi * inner * inner)) + 2);
+  const double over = 1.03 * ball;
   scene["settle"] = {{"material", {{"density", 2500}, {"friction", 0.5}, {"restitution", 0.3}}},
                      {"seed", o.seed},
                      {"duration", 1},
                      {"planes", floor_at(0)},
-                     {"cylinder", {{"point", {0, 0, 0}}, {"axis", {0, 0, 1}}, {"radius", rounded(radius)}}}};
+                     {"cylinder", {{"point", {0, 0, 0}}, {"axis", {0, 0, 1}}, {"radius", rounded(radius)}}},
+                     {"grains",
+                      {{{"count", o.count},
+                        {"cluster", "grain"},
+                        {"low", place(-radius, -radius, 0)},
+                        {"high", place(radius, radius, top)}},
+                       {{"count", 1},
+                        {"radius", rounded(ball)},
+                        {"density", 250},
+                        {"low", place(-over, -over, top)},
+                        {"high", place(over, over, top + 2 * over)}}}}};
   return scene;
 }
 
 // Shoes in a row along x, their pins along y between them, dropped on a bed of gravel. Two bushings at the
-// ends of a pin hold its neighbours as a hinge does.
+// ends of a pin hold its neighbours as a hinge does. Five shoes in one track; much gravel gets two tracks
+// that are as long as a bed ten grains deep can bear.
 Json track(const MakeOptions& o, const std::filesystem::path& folder) {
   const Part part = part_of(o, "pad assets/track_shoe.obj --unit m");
   Json scene = start("track");
@@ -117,40 +113,50 @@ Json track(const MakeOptions& o, const std::filesystem::path& folder) {
   const Vector size = part.box.high - part.box.low;
   const Point middle = part.box.center();
   // The pin runs along the shoe's long side, and the next shoe begins where this one ends.
-  const int along = size.x() < size.y() ? 0 : 1, across = 1 - along, shoes = 5;
-  const double pitch = 1.03 * size[along], grain = 0.03 * size.maxCoeff();
-  const double half = 0.5 * shoes * pitch + 6 * grain, wide = 0.5 * size[across] + 6 * grain;
-  const double area = 4 * half * wide;
-  const double depth = static_cast<double>(o.count) * 8 * grain * grain * grain * 1.06 / area + 2.1 * grain;
-  const double bottom = depth + 1.2 * grain;
-  const double shoe_mass = 7800 * part.volume, sag = 0.01 * pitch;
-  const double stiffness = shoe_mass * 9.81 / sag * 10, damping = 0.2 * std::sqrt(stiffness * shoe_mass);
+  const int along = size.x() < size.y() ? 0 : 1, across = 1 - along;
+  const double pitch = 1.03 * size[along], grain = 0.03 * size.maxCoeff(), lane = size[across] + 12 * grain;
+  const double bulk = static_cast<double>(o.count) * 8 * grain * grain * grain * 1.06;
+  const int tracks = bulk > 20 * grain * 2 * lane * 5 * pitch ? 2 : 1;
+  const int shoes = std::max(5, static_cast<int>((bulk / (20 * grain * tracks * lane) - 12 * grain) / pitch));
+  const double half = 0.5 * shoes * pitch + 6 * grain, wide = 0.5 * tracks * lane;
+  // Above the gravel there is room for covers that reach out of the shoe.
+  const double top = bulk / (4 * half * wide) + 3.3 * grain, bottom = top + 3 * grain;
+  const double weight = 9.81 * 7800 * part.volume, stiffness = weight / (0.01 * pitch) * 10,
+               damping = 0.2 * std::sqrt(stiffness * weight / 9.81);
   Json bodies = Json::array(), settings = Json::array(), bushings = Json::array();
-  for (int k = 0; k < shoes; k++) {
-    double at[3] = {0, 0, 0};
-    at[along] = (k - 0.5 * (shoes - 1)) * pitch;
-    bodies.push_back(
-        {{"cluster", "shoe"},
-         {"position", place(at[0] - middle.x() * 1, at[1] - middle.y(), bottom - part.box.low.z())}});
-    settings.push_back({{"body", k}, {"density", 7800}});
-    for (const double end : {-0.4, 0.4}) {
-      if (k + 1 == shoes) continue;
-      double pin[3] = {0, 0, bottom + 0.5 * size.z()};
-      pin[along] = at[along] + 0.5 * pitch, pin[across] = end * size[across];
-      bushings.push_back({{"bodies", {k, k + 1}},
-                          {"at", place(pin[0], pin[1], pin[2])},
-                          {"stiffness", stiffness},
-                          {"damping", damping}});
+  for (int t = 0; t < tracks; t++)
+    for (int k = 0; k < shoes; k++) {
+      const auto body = static_cast<int>(bodies.size());
+      double at[3] = {0, 0, 0};
+      at[along] = (k - 0.5 * (shoes - 1)) * pitch, at[across] = (t - 0.5 * (tracks - 1)) * lane;
+      bodies.push_back(
+          {{"cluster", "shoe"},
+           {"family", 33},  // shoes do not touch each other: what joins them overlaps
+           {"position", place(at[0] - middle.x(), at[1] - middle.y(), bottom - part.box.low.z())}});
+      settings.push_back({{"body", body}, {"density", 7800}});
+      for (const double end : {-0.4, 0.4}) {
+        if (k + 1 == shoes) continue;
+        double pin[3] = {0, 0, bottom + 0.5 * size.z()};
+        pin[along] = at[along] + 0.5 * pitch, pin[across] = at[across] + end * size[across];
+        bushings.push_back({{"bodies", {body, body + 1}},
+                            {"at", place(pin[0], pin[1], pin[2])},
+                            {"stiffness", stiffness},
+                            {"damping", damping}});
+      }
     }
-  }
   scene["bodies"] = std::move(bodies);
   const double x = along == 0 ? half : wide, y = along == 0 ? wide : half;
-  Json planes = {{{"point", {0, 0, 0}}, {"normal", {0, 0, 1}}}};
+  Json planes = floor_at(0);
   for (const double sign : {-1.0, 1.0}) {
     planes.push_back({{"point", place(sign * x, 0, 0)}, {"normal", {-sign, 0, 0}}});
     planes.push_back({{"point", place(0, sign * y, 0)}, {"normal", {0, -sign, 0}}});
   }
-  scene["settle"] = {{"material", {{"density", 2500}, {"friction", 0.6}, {"restitution", 0.2}}},
+  // A shoe's weight presses a grain in by a fiftieth of its radius, whatever the padding is.
+  scene["settle"] = {{"material",
+                      {{"density", 2500},
+                       {"friction", 0.6},
+                       {"restitution", 0.2},
+                       {"stiffness", weight / (0.02 * 0.7 * grain)}}},
                      {"seed", o.seed},
                      {"duration", 0.6},
                      {"planes", planes},
@@ -158,7 +164,7 @@ Json track(const MakeOptions& o, const std::filesystem::path& folder) {
                       {{{"count", o.count},
                         {"radius", {rounded(0.7 * grain), rounded(grain)}},
                         {"low", place(-x, -y, 0)},
-                        {"high", place(x, y, bottom)}}}},
+                        {"high", place(x, y, top)}}}},
                      {"bodies", settings},
                      {"bushings", bushings}};
   return scene;

@@ -43,12 +43,12 @@ double real_at(const Place& r, const char* key, double otherwise, double least =
 MassProperties mass_of(const detect::Scene::Asset& asset) {
   if (asset.mass.volume > 0) return asset.mass;
   MassProperties m;
-  for (const detect::Sphere& s : asset.spheres) {
+  for (const detect::Sphere& s : asset.rungs[0].spheres) {
     const double v = 4.0 / 3 * std::numbers::pi * s.r * s.r * s.r;
     m.volume += v, m.center += v * Point(s.x, s.y, s.z);
   }
   m.center /= m.volume;
-  for (const detect::Sphere& s : asset.spheres) {
+  for (const detect::Sphere& s : asset.rungs[0].spheres) {
     const double v = 4.0 / 3 * std::numbers::pi * s.r * s.r * s.r;
     const Vector d = Point(s.x, s.y, s.z) - m.center;
     m.inertia += v * ((0.4 * s.r * s.r + d.squaredNorm()) * Eigen::Matrix3d::Identity() - d * d.transpose());
@@ -72,21 +72,30 @@ struct BodySettings {
 
 class Reader {
  public:
-  Reader(const detect::Scene& scene, const Place& r) : scene_(scene), r_(r) {}
-
-  SettleScene read() {
+  Reader(detect::Scene scene, const Place& r) : scene_(std::move(scene)), r_(r) {
     r_.only({"gravity", "material", "seed", "time_step", "duration", "grains", "planes", "cylinder", "bodies",
              "bushings"});
-    System& s = out_.system;
-    s.unit = scene_.unit;
-    s.gravity = r_.has("gravity") ? vector_at(r_.at("gravity")) : Vec3{0, 0, -9.81};
     read_material();
     read_walls();
     read_body_settings();
+    given_ = scene_.loose.size();
+    for (std::size_t k = 0; r_.has("grains") && k < r_.at("grains").size(); k++)
+      if (const Place g = r_.at("grains").at(k); g.has("cluster"))
+        put_padded_grains(g);
+      else
+        put_grains(g);
+  }
+
+  const detect::Scene& scene() const { return scene_; }
+
+  SettleScene read(const detect::RungRule& rule) {
+    System& s = out_.system;
+    s.unit = scene_.unit;
+    s.gravity = r_.has("gravity") ? vector_at(r_.at("gravity")) : Vec3{0, 0, -9.81};
+    take_rungs(rule);
+    for (const auto& asset : scene_.assets) add_shape(asset);
     for (std::size_t b = 0; b < scene_.bodies.size(); b++) add(b);
     add_loose();
-    if (r_.has("grains"))
-      for (std::size_t k = 0; k < r_.at("grains").size(); k++) add_grains(r_.at("grains").at(k));
     if (r_.has("bushings"))
       for (std::size_t k = 0; k < r_.at("bushings").size(); k++) add_bushing(r_.at("bushings").at(k));
     if (s.spheres() == 0) r_.fail("the scene has no spheres: give it bodies, spheres or grains");
@@ -153,8 +162,6 @@ class Reader {
 
   void add(std::size_t b) {
     System& s = out_.system;
-    if (s.shapes.empty())
-      for (const auto& asset : scene_.assets) add_shape(asset);
     const detect::Body& body = scene_.bodies[b];
     const BodySettings& with = settings_[b];
     const MassProperties& m = masses_[body.shape];
@@ -188,38 +195,43 @@ class Reader {
     out_.system.shapes.push_back(std::move(spheres));
   }
 
+  double loose_value(std::size_t k) const {
+    const detect::LooseSpheres& l = scene_.loose;
+    return l.scalar == detect::Scalar::f32 ? l.single[k] : l.twice[k];
+  }
   void add_loose() {
     System& s = out_.system;
     const detect::LooseSpheres& l = scene_.loose;
-    const auto value = [&](std::size_t k) {
-      return l.scalar == detect::Scalar::f32 ? l.single[k] : l.twice[k];
-    };
     for (std::size_t k = 0; k < l.size(); k++) {
-      if (!(value(4 * k + 3) > 0))
+      const double radius = loose_value(4 * k + 3);
+      if (!(radius > 0))
         throw Error("loose sphere " + std::to_string(k) + " has no radius above 0, and so no mass");
+      const BodySettings with = k < given_ ? BodySettings{} : grain_settings_[k - given_];
       const std::uint32_t m =
-          add_grain(s, {value(4 * k), value(4 * k + 1), value(4 * k + 2)}, value(4 * k + 3), density_);
+          add_grain(s, {loose_value(4 * k), loose_value(4 * k + 1), loose_value(4 * k + 2)}, radius,
+                    with.density.value_or(density_), with.velocity);
       if (!l.is_static.empty() && l.is_static[k]) s.inverse_mass[m] = 0;
     }
     s.grain_family = l.family, s.grain_mask = l.mask, s.grain_static = l.is_static;
   }
 
-  // On a jittered lattice in the middle of the box, layer by layer from `low` upwards; places outside of the
-  // cylinder stay empty.
-  void add_grains(const Place& g) {
-    g.only({"count", "radius", "low", "high", "velocity"});
-    System& s = out_.system;
+  void take_rungs(const detect::RungRule& rule) {
+    double smallest = INFINITY;
+    for (std::size_t k = 0; k < scene_.loose.size(); k++)
+      smallest = std::min(smallest, loose_value(4 * k + 3));
+    std::vector<std::span<const detect::Rung>> shapes;
+    for (const auto& asset : scene_.assets) shapes.push_back(asset.rungs);
+    out_.rungs = detect::choose_rungs_anywhere(shapes, scene_.bodies, smallest, rule);
+    detect::take_rungs(scene_, out_.rungs);
+  }
+
+  // Calls put(place) for as many places as the block g has grains: on a lattice in the middle of the box,
+  // layer by layer from `low` upwards; places outside of the cylinder stay empty.
+  template <class Put>
+  void fill(const Place& g, double widest, Put put) {
     const std::uint64_t count = g.at("count").whole(0xfffffffeu);
-    double range[2];
-    if (g.at("radius").json().is_number())
-      range[0] = range[1] = g.at("radius").real();
-    else
-      g.at("radius").reals(range);
-    if (!(range[0] > 0 && range[0] <= range[1]))
-      g.at("radius").fail("a radius above 0, or [smallest, largest], is wanted");
     const Vec3 low = vector_at(g.at("low")), high = vector_at(g.at("high"));
-    const Vec3 velocity = g.has("velocity") ? vector_at(g.at("velocity")) : Vec3{};
-    const double edge = 2.04 * range[1], jitter = 0.01 * range[1];
+    const double edge = 2.04 * widest;
     const auto places = [&](double from, double to) {
       return static_cast<std::int64_t>(std::floor((to - from) / edge));
     };
@@ -229,23 +241,73 @@ class Reader {
     for (std::int64_t z = 0; z < nz && made < count; z++)
       for (std::int64_t y = 0; y < ny && made < count; y++)
         for (std::int64_t x = 0; x < nx && made < count; x++) {
-          Vec3 at{
+          const Vec3 at{
               0.5 * (low.x + high.x) + edge * (static_cast<double>(x) - 0.5 * static_cast<double>(nx - 1)),
               0.5 * (low.y + high.y) + edge * (static_cast<double>(y) - 0.5 * static_cast<double>(ny - 1)),
               low.z + edge * (static_cast<double>(z) + 0.5)};
-          if (blocked(at, 1.02 * range[1])) continue;
-          const double radius = range[0] + (range[1] - range[0]) * random_->unit();
-          at = at + Vec3{jitter * random_->signed_unit(), jitter * random_->signed_unit(),
-                         jitter * random_->signed_unit()};
-          add_grain(s, at, radius, density_, velocity), made++;
+          if (blocked(at, 1.02 * widest)) continue;
+          put(at), made++;
         }
     if (made < count)
       g.at("count").fail("only " + std::to_string(made) + " of " + std::to_string(count) +
                          " grains find room between low and high: make the box larger or the grains fewer");
-    if (!s.grain_family.empty()) s.grain_family.resize(s.grain_radius.size(), 0);
-    if (!s.grain_mask.empty()) s.grain_mask.resize(s.grain_radius.size(), 0);
-    if (!s.grain_static.empty()) s.grain_static.resize(s.grain_radius.size(), 0);
   }
+
+  BodySettings settings_of(const Place& g) const {
+    BodySettings with;
+    if (g.has("velocity")) with.velocity = vector_at(g.at("velocity"));
+    if (g.has("density")) with.density = real_at(g, "density", 0, 0, true);
+    return with;
+  }
+
+  void put_grains(const Place& g) {
+    g.only({"count", "radius", "density", "low", "high", "velocity"});
+    double range[2];
+    if (g.at("radius").json().is_number())
+      range[0] = range[1] = g.at("radius").real();
+    else
+      g.at("radius").reals(range);
+    if (!(range[0] > 0 && range[0] <= range[1]))
+      g.at("radius").fail("a radius above 0, or [smallest, largest], is wanted");
+    const double jitter = 0.01 * range[1];
+    detect::LooseSpheres block;
+    block.scalar = detect::Scalar::f64;
+    fill(g, range[1], [&](const Vec3& place) {
+      const double radius = range[0] + (range[1] - range[0]) * random_->unit();
+      const Vec3 at = place + Vec3{jitter * random_->signed_unit(), jitter * random_->signed_unit(),
+                                   jitter * random_->signed_unit()};
+      block.twice.insert(block.twice.end(), {at.x, at.y, at.z, radius});
+    });
+    grain_settings_.resize(grain_settings_.size() + block.size(), settings_of(g));
+    scene_.loose.append(block);
+  }
+
+  // Each of them is turned another way. Whatever the turn, it stays in its place of the lattice.
+  void put_padded_grains(const Place& g) {
+    g.only({"count", "cluster", "density", "low", "high", "velocity"});
+    const std::string name = g.at("cluster").text();
+    const auto named = [&](const auto& asset) { return asset.name == name; };
+    const auto found = std::find_if(scene_.assets.begin(), scene_.assets.end(), named);
+    if (found == scene_.assets.end()) g.at("cluster").fail("no cluster of that name is in \"clusters\"");
+    detect::Body body;
+    body.shape = static_cast<std::uint32_t>(found - scene_.assets.begin());
+    body.family = found->family, body.mask = found->mask;
+    const Point center = mass_of(*found).center;
+    double reach = 0;
+    for (const detect::Rung& rung : found->rungs)
+      for (const detect::Sphere& p : rung.spheres)
+        reach = std::max(reach, (Point(p.x, p.y, p.z) - center).norm() + p.r);
+    fill(g, reach, [&](const Vec3& at) {
+      double q[4];
+      for (double& v : q) v = random_->signed_unit();
+      detect::rotation_of(q[0], q[1], q[2], q[3], body.rotation);
+      const Vec3 from = times(body.rotation, {center.x(), center.y(), center.z()});
+      body.position[0] = at.x - from.x, body.position[1] = at.y - from.y, body.position[2] = at.z - from.z;
+      scene_.bodies.push_back(body);
+    });
+    settings_.resize(scene_.bodies.size(), settings_of(g));
+  }
+
   bool blocked(const Vec3& at, double radius) const {
     const auto inside = [&](const Wall& w) { return contact_with(w, at, radius).depth > 0; };
     return std::any_of(out_.system.walls.begin(), out_.system.walls.end(), inside);
@@ -264,11 +326,13 @@ class Reader {
     s.bushings.push_back(u);
   }
 
-  const detect::Scene& scene_;
+  detect::Scene scene_;  // as given, then with the grains as well
   Place r_;
   SettleScene out_;
   double density_ = 2500;
-  std::vector<BodySettings> settings_;
+  std::vector<BodySettings> settings_;        // of each body
+  std::uint64_t given_ = 0;                   // loose spheres that are no grains of a block
+  std::vector<BodySettings> grain_settings_;  // of each grain of a block
   std::vector<MassProperties> masses_;
   std::optional<detect::SplitMix64> random_;
 };
@@ -279,18 +343,22 @@ double chosen_stiffness(const System& s) {
   const double g = length(s.gravity);
   if (g == 0) throw Error("without gravity no stiffness can be chosen: give material.stiffness");
   const Vec3 up = (-1 / g) * s.gravity;
-  double weight = 0, heaviest = 0, smallest = INFINITY, mean = 0;
-  Vec3 low{INFINITY, INFINITY, INFINITY}, high{-INFINITY, -INFINITY, -INFINITY};
-  for (std::size_t m = 0; m < s.movers(); m++) {
-    if (s.inverse_mass[m] == 0) continue;
-    weight += g / s.inverse_mass[m], heaviest = std::max(heaviest, g / s.inverse_mass[m]);
-    const Vec3 flat = s.position[m] - dot(s.position[m], up) * up;
-    low = {std::min(low.x, flat.x), std::min(low.y, flat.y), std::min(low.z, flat.z)};
-    high = {std::max(high.x, flat.x), std::max(high.y, flat.y), std::max(high.z, flat.z)};
-  }
+  double smallest = INFINITY, mean = 0;
   for (std::uint64_t k = 0; k < s.spheres(); k++) {
     const double r = s.radius_of(k);
     smallest = std::min(smallest, r), mean += r / static_cast<double>(s.spheres());
+  }
+  double weight = 0, heaviest = 0;
+  Vec3 low{INFINITY, INFINITY, INFINITY}, high{-INFINITY, -INFINITY, -INFINITY};
+  for (std::size_t m = 0; m < s.movers(); m++) {
+    if (s.inverse_mass[m] == 0) continue;
+    // A ball lies on a quarter of the spheres that its cross-section covers; a body may stand on one.
+    const double ratio = m < s.bodies.size() ? 0 : s.grain_radius[m - s.bodies.size()] / mean;
+    weight += g / s.inverse_mass[m];
+    heaviest = std::max(heaviest, g / s.inverse_mass[m] / std::max(1.0, 0.25 * ratio * ratio));
+    const Vec3 flat = s.position[m] - dot(s.position[m], up) * up;
+    low = {std::min(low.x, flat.x), std::min(low.y, flat.y), std::min(low.z, flat.z)};
+    high = {std::max(high.x, flat.x), std::max(high.y, flat.y), std::max(high.z, flat.z)};
   }
   // The ground that the movers stand on: their bounds, at least a square of the mean diameter.
   const double x = high.x - low.x + 2 * mean, y = high.y - low.y + 2 * mean, z = high.z - low.z + 2 * mean;
@@ -300,24 +368,33 @@ double chosen_stiffness(const System& s) {
 }
 
 SettleScene settle_scene_from_json(const std::string& text, const std::string& where,
-                                   const std::filesystem::path& folder) {
-  const detect::Scene scene = detect::scene_from_json(text, where, folder);
+                                   const std::filesystem::path& folder, const detect::RungRule& rule) {
+  detect::Scene scene = detect::scene_from_json(text, where, folder);
   const Json json = parse_json<Json>(text, where);
   const Place document(json, where);
   if (!document.has("settle"))
     document.fail(
         "this scene has no object \"settle\": docs/detector/settle.md says what is in it; {} takes all as it "
-        "is by "
-        "default");
-  SettleScene out = Reader(scene, document.at("settle")).read();
+        "is "
+        "by default");
+  SettleScene out = Reader(std::move(scene), document.at("settle")).read(rule);
   if (document.has("name")) out.name = document.at("name").text();
   return out;
 }
 
-SettleScene read_settle_scene(const std::filesystem::path& path) {
-  SettleScene out = settle_scene_from_json(read_file(path, kMostText), path.string(), path.parent_path());
+SettleScene read_settle_scene(const std::filesystem::path& path, const detect::RungRule& rule) {
+  SettleScene out =
+      settle_scene_from_json(read_file(path, kMostText), path.string(), path.parent_path(), rule);
   if (out.name.empty()) out.name = path.stem().stem().string();
   return out;
+}
+
+detect::Scene scene_at_start(const std::string& text, const std::string& where,
+                             const std::filesystem::path& folder) {
+  detect::Scene scene = detect::scene_from_json(text, where, folder);
+  const Json json = parse_json<Json>(text, where);
+  const Place document(json, where);
+  return document.has("settle") ? Reader(std::move(scene), document.at("settle")).scene() : scene;
 }
 
 }  // namespace padder::settle

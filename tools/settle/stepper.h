@@ -33,6 +33,10 @@ class Stepper {
 
   const char* backend() const { return device_ ? "cuda" : "omp"; }
   const System& system() const { return fetch(), s_; }  // after a step on a GPU this copies the state
+  // Of the system; these copy nothing from a GPU.
+  double mean_radius() const { return mean_; }
+  double gravity() const { return length(s_.gravity); }
+  double time_step() const { return s_.step; }
   std::uint64_t steps() const { return steps_; }
   double time() const { return static_cast<double>(steps_) * s_.step; }
   std::uint64_t contacts() const { return contacts_; }  // of the last step, those with walls among them

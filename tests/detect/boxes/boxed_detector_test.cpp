@@ -3,6 +3,7 @@
 #include "detect/boxes/boxed_detector.h"
 
 #include "tests/detect/boxes/boxed_scene.h"
+#include "tests/error_of.h"
 
 namespace padder::detect {
 namespace {
@@ -270,12 +271,7 @@ TEST(BoxedDetector, WhatTheConsumerThrowsEndsTheCall) {
 }
 
 std::string failure(BoxedDetector& boxed, const Input& input) {
-  try {
-    boxed.detect(input, {});
-  } catch (const Error& e) {
-    return e.what();
-  }
-  return "";
+  return error_of([&] { boxed.detect(input, {}); });
 }
 
 TEST(BoxedDetector, FaultsAreNamedAsByOneDetector) {

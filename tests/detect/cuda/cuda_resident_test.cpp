@@ -5,6 +5,7 @@
 
 #include "detect/boxes/resident_detector.h"
 #include "tests/detect/boxes/boxed_scene.h"
+#include "tests/error_of.h"
 
 namespace padder::detect {
 namespace {
@@ -333,12 +334,7 @@ TEST_F(CudaResident, BodiesGiveTheContactsOfOneDetector) {
 }
 
 std::string failure(ResidentDetector& resident, std::span<const Spheres> parts) {
-  try {
-    resident.detect(parts);
-  } catch (const Error& e) {
-    return e.what();
-  }
-  return "";
+  return error_of([&] { resident.detect(parts); });
 }
 
 TEST_F(CudaResident, FailuresAreASentenceAndTheDetectorStaysUsable) {

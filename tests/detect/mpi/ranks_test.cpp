@@ -10,6 +10,7 @@
 #include "detect/mpi/rank_contact_file.h"
 #include "detect/mpi/rank_detector.h"
 #include "tests/detect/boxes/boxed_scene.h"
+#include "tests/error_of.h"
 
 namespace padder::detect {
 namespace {
@@ -197,16 +198,6 @@ TEST(Ranks, WorkIsShared) {
   EXPECT_FALSE(detector.report().cut);
 }
 
-template <class Work>
-std::string failure(const Work& work) {
-  try {
-    work();
-  } catch (const Error& e) {
-    return e.what();
-  }
-  return "";
-}
-
 TEST(Ranks, WhatFailsOnOneRankFailsOnAllWithOneSentence) {
   TestScene scene = random_scene(1000, 1, 0.4, 9);
   const Arranged good(scene, Scalar::f64);
@@ -214,17 +205,17 @@ TEST(Ranks, WhatFailsOnOneRankFailsOnAllWithOneSentence) {
   const Arranged bad(scene, Scalar::f64);
   RankDetector detector(MPI_COMM_WORLD, on_cpu());
   const std::string rank = ranks == 1 ? "" : "rank " + std::to_string(ranks - 1) + ": ";
-  std::string said = failure([&] { detector.detect(part_of(bad.input, my_rank, ranks), {}); });
+  std::string said = error_of([&] { detector.detect(part_of(bad.input, my_rank, ranks), {}); });
   EXPECT_TRUE(said.starts_with(rank + "sphere 990 at (")) << said;
   EXPECT_EQ(detector.report().contacts, 0u);
-  said = failure([&] {
+  said = error_of([&] {
     detector.detect(part_of(good.input, my_rank, ranks), [](const ContactBatch&) {
       if (my_rank == ranks - 1) throw std::runtime_error("the disk is full");
     });
   });
   EXPECT_EQ(said, rank + "the disk is full");
   detector.options().own.low[0] = NAN;
-  said = failure([&] { detector.detect(part_of(good.input, my_rank, ranks), {}); });
+  said = error_of([&] { detector.detect(part_of(good.input, my_rank, ranks), {}); });
   EXPECT_NE(said.find("is not a number along x"), std::string::npos) << said;
   EXPECT_FALSE(said.starts_with("rank")) << said;  // the same on all
   detector.options().own = {};
@@ -232,11 +223,11 @@ TEST(Ranks, WhatFailsOnOneRankFailsOnAllWithOneSentence) {
   const Shape shape{&ball, 1};
   Input different = part_of(good.input, my_rank, ranks);
   different.shapes = {&shape, 1};
-  said = failure([&] { detector.detect(different, {}); });
+  said = error_of([&] { detector.detect(different, {}); });
   EXPECT_EQ(said.find("different shapes") != std::string::npos, ranks > 1) << said;
   RankOptions absent = on_cpu();
   if (my_rank == ranks - 1) absent.device = {BackendKind::cuda, 1000};
-  said = failure([&] { RankDetector(MPI_COMM_WORLD, absent); });
+  said = error_of([&] { RankDetector(MPI_COMM_WORLD, absent); });
   EXPECT_TRUE(said.starts_with(rank) && said != "") << said;
   expect_as_one(good.input, part_of(good.input, my_rank, ranks), detector);
 }
@@ -275,7 +266,7 @@ TEST(Ranks, OneFileHoldsTheContactsOfAll) {
   MPI_Barrier(MPI_COMM_WORLD);
   EXPECT_FALSE(std::filesystem::exists(path) || std::filesystem::exists(path + ".part"));
   const auto make = [](const std::string& name) {
-    return failure([&] { RankContactFile(MPI_COMM_WORLD, name, Width::pairs, Scalar::f32); });
+    return error_of([&] { RankContactFile(MPI_COMM_WORLD, name, Width::pairs, Scalar::f32); });
   };
   EXPECT_NE(make("/no/such/folder/c.npy").find("/no/such/folder/c.npy"), std::string::npos);
   EXPECT_NE(make("c.csv").find(".npy"), std::string::npos);

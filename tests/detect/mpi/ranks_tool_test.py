@@ -41,7 +41,7 @@ def same_hashes():
     for scene in "dense.json", "spheres.npy":
         one = subprocess.run([DETECT, scene, "--backend", "omp", "-q", "--hash"], capture_output=True, text=True)
         expect(one.returncode == 0 and len(one.stdout) == 17, one)
-        for ranks in 1, 2, 3, 4, 7:
+        for ranks in 1, 3, 7:
             many = run(ranks, scene, "--backend", "omp", "-q", "--hash")
             expect(many.returncode == 0 and many.stdout == one.stdout, ranks, scene, one, many)
     report = json.loads(run(3, "dense.json", "--backend", "omp", "--json").stdout)

@@ -19,6 +19,7 @@
 #include "padding/asset/file.h"
 #include "padding/asset/npz.h"
 #include "tests/detect/oracle.h"
+#include "tests/error_of.h"
 
 // Every allocation of this program is counted: the bytes held, and the most since somebody last asked.
 namespace {
@@ -402,13 +403,9 @@ TEST_F(ContactFileTest, WhatCannotBeWrittenIsSaidAndLeavesNothing) {
   for (const char* name : {"c.txt", "c", ".csv", "c.CSV", "c.csv.gz"}) {
     SCOPED_TRACE(name);
     EXPECT_THROW(check_contact_ending(name), Error);
-    try {
-      write(t, name);
-      FAIL() << "written";
-    } catch (const Error& e) {
-      EXPECT_EQ(std::string(e.what()), "cannot tell the format of " + (folder_ / name).string() +
-                                           ": contacts are written as .csv, .npz or .vtp");
-    }
+    EXPECT_EQ(error_of([&] { write(t, name); }),
+              "cannot tell the format of " + (folder_ / name).string() +
+                  ": contacts are written as .csv, .npz or .vtp");
   }
   EXPECT_EQ(read_file(folder_ / "c.txt"), "mine");
   EXPECT_NO_THROW(check_contact_ending("a folder/c.vtp"));

@@ -7,6 +7,7 @@
 #include "padding/asset/file.h"
 #include "padding/asset/npz.h"
 #include "tests/detect/oracle.h"
+#include "tests/error_of.h"
 
 namespace padder::detect {
 namespace {
@@ -34,12 +35,7 @@ class SceneTest : public testing::Test {
     return scene_from_json(R"({"format": "padder.scene", "version": 1, )" + members + "}", "s.json", folder_);
   }
   void refused(const std::string& members, const std::string& sentence) const {
-    try {
-      scene(members);
-      FAIL() << "read: " << members;
-    } catch (const Error& e) {
-      EXPECT_EQ(std::string(e.what()), sentence);
-    }
+    EXPECT_EQ(error_of([&] { scene(members); }), sentence);
   }
 
   fs::path folder_;

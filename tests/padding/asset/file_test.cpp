@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "padding/asset/error.h"
+#include "tests/error_of.h"
 
 namespace padder {
 namespace {
@@ -33,12 +34,7 @@ class File : public ::testing::Test {
     return static_cast<std::size_t>(std::distance(fs::directory_iterator(folder_), {}));
   }
   void expect_error(const std::function<void()>& work, const std::string& words) {
-    try {
-      work();
-      ADD_FAILURE() << "no error";
-    } catch (const Error& e) {
-      EXPECT_NE(std::string(e.what()).find(words), std::string::npos) << e.what();
-    }
+    EXPECT_TRUE(refuses(work, words));
   }
   fs::path folder_;
 };

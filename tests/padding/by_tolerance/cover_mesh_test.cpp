@@ -9,18 +9,14 @@
 #include "padding/asset/error.h"
 #include "padding/geometry/random.h"
 #include "padding/verify/certify.h"
+#include "tests/error_of.h"
 #include "tests/padding/shapes.h"
 
 namespace padder {
 namespace {
 
 std::string refusal(const Mesh& mesh, const Length& tolerance, const CoverMeshOptions& options = {}) {
-  try {
-    cover_mesh(mesh, tolerance, options);
-  } catch (const Error& e) {
-    return e.what();
-  }
-  return "";
+  return error_of([&] { cover_mesh(mesh, tolerance, options); });
 }
 
 // The oracle is the certificate, applied to the cluster and the mesh in their own frame.
@@ -80,11 +76,8 @@ TEST(CoverMesh, SameForAnyNumberOfThreads) {
 
 // Two boxes that overlap. The winding number is 2 where they do.
 TEST(CoverMesh, AMeshMayIntersectItself) {
-  Mesh mesh = shapes::box({0, 0, 0}, {2, 1, 1});
-  const Mesh more = shapes::box({1, 0.2, 0.2}, {3, 0.8, 0.8});
-  const auto first = static_cast<std::uint32_t>(mesh.points.size());
-  mesh.points.insert(mesh.points.end(), more.points.begin(), more.points.end());
-  for (const auto& t : more.triangles) mesh.triangles.push_back({t[0] + first, t[1] + first, t[2] + first});
+  const Mesh mesh =
+      shapes::joined(shapes::box({0, 0, 0}, {2, 1, 1}), shapes::box({1, 0.2, 0.2}, {3, 0.8, 0.8}));
   EXPECT_TRUE(cover_mesh(mesh, Length::share(0.03)).accuracy.certified);
 }
 

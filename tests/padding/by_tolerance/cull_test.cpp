@@ -10,14 +10,8 @@
 namespace padder {
 namespace {
 
-Mesh unit(Mesh mesh) {  // diagonal 1, around the origin
-  const Box box = mesh.bounds();
-  for (Point& p : mesh.points) p = (p - box.center()) / box.diagonal();
-  return mesh;
-}
-
 const Surface& torus() {
-  static const Surface surface(unit(shapes::torus(1, 0.35, 32, 16)));
+  static const Surface surface(shapes::unit(shapes::torus(1, 0.35, 32, 16)));
   return surface;
 }
 

@@ -13,11 +13,7 @@
 namespace padder {
 namespace {
 
-Mesh unit(Mesh mesh) {
-  const Box box = mesh.bounds();
-  for (Point& p : mesh.points) p = (p - box.center()) / box.diagonal();
-  return mesh;
-}
+using shapes::unit;
 
 Mesh shape(int k) {
   switch (k) {
@@ -49,7 +45,7 @@ class FillShapes : public testing::TestWithParam<int> {};
 
 TEST_P(FillShapes, NoPointOfTheBodyIsOutsideACoverWithoutGap) {
   const Surface surface(shape(GetParam()));
-  for (const double protrusion : {0.01, 0.03}) {
+  for (const double protrusion : {0.015, 0.03}) {
     CullOptions options;
     options.only_protrusion = protrusion, options.only_gap = 0;
     const Culled culled = cull(surface, options);

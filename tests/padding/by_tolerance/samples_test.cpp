@@ -92,6 +92,38 @@ TEST(Samples, SliversSideBySideShareTheirSamples) {
   EXPECT_GT(many, 0.5 * few);
 }
 
+// A million triangles and 32,768 of the same plate: what is finer than the spacing costs no samples.
+TEST(Samples, OfAFineScanAreThoseOfACoarserOne) {
+  const auto count = [](int n) {
+    SampleOptions options;
+    options.tolerance_sum = 0.1, options.largest = 0.02;
+    const Samples samples = sample_surface(Surface(shapes::square(1, n)), options);
+    return static_cast<double>(samples.fine.size());
+  };
+  EXPECT_NEAR(count(724) / count(128), 1, 0.15);
+}
+
+// 25 and 100 walls in the same place: a ball covers a part of each, so their number does not matter.
+TEST(Samples, WallsOfAStackShareTheirSamples) {
+  const auto count = [](int walls) {
+    Mesh stack;
+    for (int k = 0; k < walls; k++) {
+      const auto first = static_cast<std::uint32_t>(stack.points.size());
+      for (Point p : shapes::square(0.5).points) p.z() = 0.1 * k / walls, stack.points.push_back(p);
+      for (const auto& t : shapes::square(0.5).triangles)
+        stack.triangles.push_back({first + t[0], first + t[1], first + t[2]});
+    }
+    SampleOptions options;
+    options.tolerance_sum = 0.1;
+    const Mesh nothing;
+    const Samples samples = sample_surface(Surface(stack, SideBy::winding, &nothing), options);
+    return std::array{static_cast<double>(samples.grown.size()), static_cast<double>(samples.fine.size())};
+  };
+  const auto few = count(25), many = count(100);
+  EXPECT_LT(many[0], 1.5 * few[0]);
+  EXPECT_LT(many[1], 1.5 * few[1]);
+}
+
 TEST(Samples, TooSmallAToleranceIsRefused) {
   const Surface surface(shapes::box({0, 0, 0}, {0.5, 0.5, 0.5}));
   SampleOptions options;

@@ -12,7 +12,7 @@
 namespace padder {
 namespace {
 
-using shapes::RandomInput;
+using shapes::RandomInput, shapes::joined, shapes::turned_over, shapes::winding;
 
 // The oracle has no hierarchy and finds the nearest point of a triangle in another way than the library: the
 // foot of the perpendicular if it lies inside, otherwise the nearest point of the three edges.
@@ -43,18 +43,6 @@ double brute_force(const Mesh& mesh, const Point& p) {
     nearest = std::min(nearest,
                        (on_triangle(p, mesh.corner(t, 0), mesh.corner(t, 1), mesh.corner(t, 2)) - p).norm());
   return nearest;
-}
-
-// The solid angle of a closed surface seen from p, over 4 pi: 1 inside, 0 outside (Van Oosterom and Strackee,
-// The solid angle of a plane triangle, 1983). It does not depend on normals at edges.
-double winding(const Mesh& mesh, const Point& p) {
-  double sum = 0;
-  for (std::size_t t = 0; t < mesh.triangles.size(); t++) {
-    const Vector a = mesh.corner(t, 0) - p, b = mesh.corner(t, 1) - p, c = mesh.corner(t, 2) - p;
-    const double x = a.norm(), y = b.norm(), z = c.norm();
-    sum += 2 * std::atan2(a.dot(b.cross(c)), x * y * z + a.dot(b) * z + b.dot(c) * x + c.dot(a) * y);
-  }
-  return sum / (4 * std::numbers::pi);
 }
 
 Mesh soup(RandomInput& random, int n, double size) {
@@ -308,21 +296,13 @@ TEST(Surface, ManyThreadsGetTheSameAnswers) {
   for (const auto& answer : answers) EXPECT_EQ(answer, answers[0]);
 }
 
-void append(Mesh& mesh, const Mesh& more, bool turned = false) {
-  const auto n = static_cast<std::uint32_t>(mesh.points.size());
-  mesh.points.insert(mesh.points.end(), more.points.begin(), more.points.end());
-  for (auto t : more.triangles) {
-    if (turned) std::swap(t[0], t[1]);
-    mesh.triangles.push_back({t[0] + n, t[1] + n, t[2] + n});
-  }
-}
-
 TEST(Surface, WindingNumberIsThatOfSolidAnglesWhateverIntersects) {
-  Mesh overlapping = shapes::box({0, 0, 0}, {1, 1, 1}, 3), turned, nested = shapes::sphere(3), mixed;
-  append(overlapping, shapes::box({0.5, 0.25, 0.25}, {1.5, 0.75, 0.75}, 2));
-  append(turned, shapes::torus(1, 0.4, 12, 8), true);
-  append(nested, shapes::box({-0.2, -0.2, -0.2}, {0.3, 0.3, 0.3}));  // both outward: 2 within
-  append(mixed, shapes::sphere(2)), append(mixed, shapes::box({0, 0, 0}, {2, 2, 2}), true);
+  const Mesh overlapping = joined(shapes::box({0, 0, 0}, {1, 1, 1}, 3),
+                                  shapes::box({0.5, 0.25, 0.25}, {1.5, 0.75, 0.75}, 2)),
+             turned = turned_over(shapes::torus(1, 0.4, 12, 8)),
+             nested =
+                 joined(shapes::sphere(3), shapes::box({-0.2, -0.2, -0.2}, {0.3, 0.3, 0.3})),  // both outward
+      mixed = joined(shapes::sphere(2), turned_over(shapes::box({0, 0, 0}, {2, 2, 2})));
   for (const Mesh& mesh : {overlapping, turned, nested, mixed}) {
     const Surface surface(mesh);
     ASSERT_TRUE(surface.closed());
@@ -370,7 +350,7 @@ TEST(Surface, OnlyAClosedSurfaceHasAWindingNumber) {
 
 TEST(Surface, SidesByWindingNumberAreRightWhereNormalsMislead) {
   Mesh mesh = shapes::box({0, 0, 0}, {1, 1, 1});
-  append(mesh, shapes::box({0.4, 0.4, 0.4}, {1.6, 0.6, 0.6}));
+  mesh = joined(mesh, shapes::box({0.4, 0.4, 0.4}, {1.6, 0.6, 0.6}));
   // Inside the cube, above a face of the other solid that lies inside the cube.
   const Point p(0.7, 0.5, 0.62);
   EXPECT_GT(Surface(mesh).signed_nearest(p).distance, 0);

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "padding/asset/error.h"
+#include "tests/error_of.h"
 #include "tests/padding/input/zip_writer.h"
 
 namespace padder {
@@ -13,12 +14,7 @@ const std::vector<std::pair<std::string, std::string>> files = {
     {"a.txt", "short"}, {"3D/Model.model", std::string(100000, 'x')}, {"empty", ""}};
 
 std::string fault(const std::string& bytes, const std::string& name, std::size_t most = 1 << 20) {
-  try {
-    Zip(bytes, "z").read(name, most);
-  } catch (const Error& e) {
-    return e.what();
-  }
-  return "";
+  return error_of([&] { Zip(bytes, "z").read(name, most); });
 }
 
 TEST(Zip, EveryFileComesBack) {

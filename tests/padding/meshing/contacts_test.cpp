@@ -5,8 +5,10 @@
 #include <CGAL/intersections.h>
 #include <gtest/gtest.h>
 
+#include <numbers>
 #include <set>
 
+#include "padding/geometry/random.h"
 #include "padding/meshing/cgal_mesh.h"
 #include "tests/padding/random_input.h"
 
@@ -77,6 +79,72 @@ TEST(Contacts, NeighboursTouchOnlyWhereTheyFold) {
   const Contacts through = find_contacts(Surface(fold));
   ASSERT_EQ(through.pairs.size(), 1u);
   EXPECT_EQ(through.cuts[0].ends[0].is_vertex() + through.cuts[0].ends[1].is_vertex(), 1);
+}
+
+// Whether two triangles meet when there are no others.
+bool meet_alone(const Mesh& mesh, std::uint32_t s, std::uint32_t t) {
+  Mesh two;
+  two.points = mesh.points;
+  two.triangles = {mesh.triangles[s], mesh.triangles[t]};
+  return any_contact(Surface(two));
+}
+
+// Two fans of so many triangles that they are looked at from their tips, which reach through each other and
+// through loose triangles. On the coarse grid some lie in one plane, and some touch a tip.
+TEST(Contacts, OfFansAreThoseOfTheirTrianglesByThemselves) {
+  for (std::uint64_t seed = 1; seed <= 2; seed++) {
+    shapes::RandomInput random(seed);
+    Mesh mesh;
+    for (int k = 0; k < 90; k++) mesh.points.push_back((random.point() * (seed % 3 + 2)).array().round());
+    Random pick(seed);
+    const auto any = [&] { return static_cast<std::uint32_t>(2 + pick.below(88)); };
+    for (const std::uint32_t tip : {0u, 1u})
+      for (int k = 0; k < 75; k++) mesh.triangles.push_back({tip, any(), any()});
+    for (int k = 0; k < 30; k++) mesh.triangles.push_back({any(), any(), any()});
+    std::erase_if(mesh.triangles, [](const auto& t) { return t[0] == t[1] || t[1] == t[2] || t[2] == t[0]; });
+    const Contacts contacts = find_contacts(Surface(mesh));
+    std::set<std::array<std::uint32_t, 2>> found;
+    for (const auto& [s, t] : contacts.pairs)
+      EXPECT_TRUE(found.insert({std::min(s, t), std::max(s, t)}).second) << "twice: " << s << " and " << t;
+    for (std::uint32_t s = 0; s < mesh.triangles.size(); s++)
+      for (std::uint32_t t = s + 1; t < mesh.triangles.size(); t++)
+        EXPECT_EQ(found.count({s, t}) > 0, meet_alone(mesh, s, t))
+            << "seed " << seed << ": " << s << " and " << t;
+  }
+}
+
+// All pairs at the tip would be 2e8.
+TEST(Contacts, OfACone) {
+  constexpr std::uint32_t n = 20'000;
+  Mesh cone;
+  for (std::uint32_t k = 0; k < n; k++) {
+    const double a = 2 * std::numbers::pi * k / n;
+    cone.points.emplace_back(std::cos(a), std::sin(a), 0);
+  }
+  cone.points.emplace_back(0, 0, 1), cone.points.emplace_back(0, 0, 0);
+  for (std::uint32_t k = 0; k < n; k++)
+    cone.triangles.push_back({k, (k + 1) % n, n}), cone.triangles.push_back({(k + 1) % n, k, n + 1});
+  EXPECT_FALSE(any_contact(Surface(cone)));
+  cone.points[7] = {-0.9, 0.1, 0.4};  // through the other side
+  EXPECT_TRUE(any_contact(Surface(cone)));
+}
+
+// A sheet through a box is cut by it and does not cut it; what two sheets have in common is not asked.
+TEST(Contacts, PassiveTrianglesCutNothing) {
+  Mesh mesh = shapes::box({0, 0, 0}, {1, 1, 1});
+  const auto walls = static_cast<std::uint32_t>(mesh.triangles.size());
+  for (const double turn : {0.1, 0.3}) {
+    const auto first = static_cast<std::uint32_t>(mesh.points.size());
+    for (const Point& p : {Point(-1, turn, 0.4), Point(2, 0.4, 0.5), Point(0.5, 0.8, 0.9 - turn)})
+      mesh.points.push_back(p);
+    mesh.triangles.push_back({first, first + 1, first + 2});
+  }
+  std::vector<char> passive(mesh.triangles.size(), 0);
+  passive[walls] = passive[walls + 1] = 1;
+  const Contacts all = find_contacts(Surface(mesh)), some = find_contacts(Surface(mesh), 1000, passive);
+  EXPECT_EQ(some.pairs.size() + 1, all.pairs.size());
+  EXPECT_FALSE(some.cuts.empty());
+  for (const Cut& cut : some.cuts) EXPECT_GE(cut.triangle, walls);
 }
 
 }  // namespace

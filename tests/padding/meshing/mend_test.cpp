@@ -16,19 +16,7 @@
 namespace padder {
 namespace {
 
-using shapes::RandomInput;
-
-Mesh joined(Mesh mesh, const Mesh& more) {
-  const auto n = static_cast<std::uint32_t>(mesh.points.size());
-  mesh.points.insert(mesh.points.end(), more.points.begin(), more.points.end());
-  for (auto t : more.triangles) mesh.triangles.push_back({t[0] + n, t[1] + n, t[2] + n});
-  return mesh;
-}
-
-Mesh turned_over(Mesh mesh) {
-  for (auto& t : mesh.triangles) std::swap(t[1], t[2]);
-  return mesh;
-}
+using shapes::RandomInput, shapes::joined, shapes::turned_over;
 
 Mesh moved(Mesh mesh, const Eigen::Matrix3d& by, const Vector& to) {
   for (Point& p : mesh.points) p = by * p + to;
@@ -43,7 +31,7 @@ Mesh without(Mesh mesh, const std::function<bool(const Point&)>& gone) {
   return mesh;
 }
 
-const Mesh cube = shapes::box({0, 0, 0}, {1, 1, 1}, 2);
+const Mesh kCube = shapes::box({0, 0, 0}, {1, 1, 1}, 2);
 
 Repaired mended(const Mesh& mesh, RepairMode mode = RepairMode::automatic) {
   RepairOptions options;
@@ -107,7 +95,7 @@ TEST(Mend, CubesThatShareAFaceAnEdgeOrACornerAreOneBody) {
     // Turned walls would lie apart by rounding.
     const bool wall = step.x() == 1 && step.y() < 1;
     const Eigen::Matrix3d turn = wall ? Eigen::Matrix3d::Identity() : random.rotation();
-    const Mesh both = moved(joined(cube, moved(cube, Eigen::Matrix3d::Identity(), step)), turn, {3, 1, 2});
+    const Mesh both = moved(joined(kCube, moved(kCube, Eigen::Matrix3d::Identity(), step)), turn, {3, 1, 2});
     const Repaired r = mended(both);
     EXPECT_EQ(r.kind, BodyKind::solid);
     EXPECT_EQ(r.sheet, 0u);
@@ -126,20 +114,20 @@ TEST(Mend, CubesThatShareAFaceAnEdgeOrACornerAreOneBody) {
 TEST(Mend, ACubeInACubeIsACavityWhicheverWayItFaces) {
   const Mesh inner = shapes::box({0.25, 0.25, 0.25}, {0.75, 0.75, 0.75}, 2);
   for (const Mesh& shell : {inner, turned_over(inner)})
-    for (const Mesh& outer : {cube, turned_over(cube)}) {
+    for (const Mesh& outer : {kCube, turned_over(kCube)}) {
       EXPECT_NEAR(volume(mended(joined(outer, shell))), 1 - 0.125, 1e-12);
       EXPECT_NEAR(volume(mended(joined(outer, shell), RepairMode::united)), 1, 1e-12);
     }
 }
 
 TEST(Mend, ACubeInACavityIsSolidAndRepeatedPiecesCountOnce) {
-  Mesh mesh = joined(cube, shapes::box({0.1, 0.1, 0.1}, {0.9, 0.9, 0.9}));
+  Mesh mesh = joined(kCube, shapes::box({0.1, 0.1, 0.1}, {0.9, 0.9, 0.9}));
   mesh = joined(mesh, shapes::box({0.3, 0.3, 0.3}, {0.7, 0.7, 0.7}));
   EXPECT_NEAR(volume(mended(mesh)), 1 - 0.512 + 0.064, 1e-12);
   EXPECT_NEAR(volume(mended(joined(mesh, turned_over(mesh)))), 1 - 0.512 + 0.064, 1e-12);
   // The same place with another triangulation.
-  EXPECT_NEAR(volume(mended(joined(cube, shapes::box({0, 0, 0}, {1, 1, 1}, 3)))), 1, 1e-12);
-  EXPECT_NEAR(volume(mended(joined(cube, turned_over(shapes::box({0, 0, 0}, {1, 1, 1}, 3))))), 1, 1e-12);
+  EXPECT_NEAR(volume(mended(joined(kCube, shapes::box({0, 0, 0}, {1, 1, 1}, 3)))), 1, 1e-12);
+  EXPECT_NEAR(volume(mended(joined(kCube, turned_over(shapes::box({0, 0, 0}, {1, 1, 1}, 3))))), 1, 1e-12);
 }
 
 TEST(Mend, RandomBoxesBecomeTheirUnion) {
@@ -284,7 +272,7 @@ TEST(Mend, ASheetThatRunsIntoASolidKeepsTheRestOutside) {
   Mesh fin = shapes::square(1);
   for (Point& p : fin.points) p += Point(0.5, 0.2, 0.4);  // half of its length lies in the cube
   for (Point& p : fin.points) p.y() *= 0.5;
-  const Repaired r = mended(joined(cube, fin));
+  const Repaired r = mended(joined(kCube, fin));
   EXPECT_EQ(r.kind, BodyKind::solid);
   EXPECT_NEAR(volume(r), 1, 1e-9);
   EXPECT_NEAR(r.steps.sheet_area, 0.25, 1e-9);
@@ -292,16 +280,39 @@ TEST(Mend, ASheetThatRunsIntoASolidKeepsTheRestOutside) {
 }
 
 TEST(Mend, FacesWithTwoSidesCountOnce) {
-  const Mesh open = without(cube, [](const Point& p) { return p.z() == 1; });
+  const Mesh open = without(kCube, [](const Point& p) { return p.z() == 1; });
   const Repaired r = mended(joined(open, turned_over(open)));
   EXPECT_EQ(r.kind, BodyKind::sheet);
   EXPECT_NEAR(r.mesh.area(), 5, 1e-9);
-  EXPECT_NEAR(volume(mended(joined(cube, turned_over(cube)))), 1, 1e-12);
+  EXPECT_NEAR(volume(mended(joined(kCube, turned_over(kCube)))), 1, 1e-12);
+}
+
+// Cut along their crossings they would be some millions of triangles.
+TEST(Mend, SheetsThatCrossAreNotCut) {
+  RandomInput random(5);
+  Mesh mesh;
+  for (std::uint32_t k = 0; k < 3000; k++) mesh.points.push_back(random.point());
+  for (std::uint32_t k = 0; k < 3000; k += 3) mesh.triangles.push_back({k, k + 1, k + 2});
+  const Repaired r = mended(mesh);
+  EXPECT_EQ(r.kind, BodyKind::sheet);
+  EXPECT_EQ(r.mesh.triangles.size(), mesh.triangles.size());
+  EXPECT_NEAR(r.mesh.area(), mesh.area(), 1e-9 * mesh.area());
+}
+
+// Half of the sheet lies on the cube's face, and is no surface of its own there. The face stays whole.
+TEST(Mend, ASheetOnAFaceIsTheFace) {
+  Mesh sheet = shapes::square(1);
+  for (Point& p : sheet.points) p += Point(0.5, 0, 1);
+  const Repaired r = mended(joined(kCube, sheet));
+  EXPECT_EQ(r.kind, BodyKind::solid);
+  EXPECT_NEAR(volume(r), 1, 1e-12);
+  EXPECT_NEAR(r.steps.sheet_area, 0.5, 1e-12);
+  EXPECT_NEAR(r.mesh.area(), 6.5, 1e-12);
 }
 
 TEST(Mend, CracksAndTJunctionsAreClosed) {
   for (const double crack : {0.0, 5e-5}) {
-    Mesh mesh = without(cube, [](const Point& p) { return p.z() == 1; });
+    Mesh mesh = without(kCube, [](const Point& p) { return p.z() == 1; });
     Mesh lid = shapes::square(1, 7);  // seven parts where the rim has two
     for (Point& p : lid.points) p.z() = 1 + crack;
     const Repaired r = mended(joined(mesh, lid));

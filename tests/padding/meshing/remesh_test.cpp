@@ -76,12 +76,6 @@ TEST(Remesh, RandomBlobsStayClosedAndDelaunay) {
   }
 }
 
-void append(Mesh& mesh, const Mesh& more) {
-  const auto first = static_cast<std::uint32_t>(mesh.points.size());
-  mesh.points.insert(mesh.points.end(), more.points.begin(), more.points.end());
-  for (const auto& [a, b, c] : more.triangles) mesh.triangles.push_back({first + a, first + b, first + c});
-}
-
 TEST(Remesh, CrossingBoxesThatWereCutBesideTheirEdgesHaveNoSlivers) {
   for (std::uint64_t seed = 1; seed <= 5; seed++) {
     SCOPED_TRACE("seed " + std::to_string(seed));
@@ -90,7 +84,7 @@ TEST(Remesh, CrossingBoxesThatWereCutBesideTheirEdgesHaveNoSlivers) {
     const auto noise = [&] { return random.uniform(-1e-4, 1e-4); };
     for (int n = 1; n <= 3; n++) {  // walls that all but coincide
       const Point low(noise(), 0.15 * n + noise(), noise());
-      append(soup, shapes::box(low, low + Vector(1 + 0.15 * n, 0.7, 1 + noise())));
+      soup = shapes::joined(soup, shapes::box(low, low + Vector(1 + 0.15 * n, 0.7, 1 + noise())));
     }
     const Repaired body = repair(soup, {}, "boxes");
     ASSERT_TRUE(body.solid);

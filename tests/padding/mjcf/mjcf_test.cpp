@@ -10,6 +10,7 @@
 
 #include "padding/asset/error.h"
 #include "padding/robot.h"
+#include "tests/error_of.h"
 #include "tests/padding/export/samples.h"
 
 namespace padder::samples {
@@ -23,12 +24,7 @@ class MjcfTest : public ExportTest {
   }
   fs::path world(const std::string& inside) { return put("<worldbody>" + inside + "</worldbody>"); }
   std::string fault(const std::string& inside) {
-    try {
-      read_mjcf(put(inside));
-    } catch (const Error& e) {
-      return e.what();
-    }
-    return "";
+    return error_of([&] { read_mjcf(put(inside)); });
   }
 
   // Sets random values in MuJoCo and in ours, and compares each shape's place.

@@ -104,18 +104,6 @@ TEST(Certify, BallOutsideStandsOutByItsWholeReach) {
   EXPECT_EQ(bound.ball, 0u);
 }
 
-Mesh turned(Mesh mesh) {
-  for (auto& t : mesh.triangles) std::swap(t[0], t[1]);
-  return mesh;
-}
-
-Mesh joined(Mesh mesh, const Mesh& more) {
-  const auto n = static_cast<std::uint32_t>(mesh.points.size());
-  mesh.points.insert(mesh.points.end(), more.points.begin(), more.points.end());
-  for (const auto& t : more.triangles) mesh.triangles.push_back({t[0] + n, t[1] + n, t[2] + n});
-  return mesh;
-}
-
 // The bound checks its own premises, whatever SideBy the surface was made with.
 TEST(Certify, ABodyTurnedInsideOutHasNoInside) {
   const std::vector<Ball> balls = {{Point(0.5, 0.5, 0.5), 0.4}, {Point(3, 0.5, 0.5), 1.9}};
@@ -125,7 +113,7 @@ TEST(Certify, ABodyTurnedInsideOutHasNoInside) {
   EXPECT_EQ(right.outside, 1u);
   EXPECT_NEAR(right.each[0], -0.1, 1e-12);
   EXPECT_NEAR(right.each[1], 3.9, 1e-12);
-  const ProtrusionBound wrong = protrusion_bound(Surface(turned(cube)), balls);
+  const ProtrusionBound wrong = protrusion_bound(Surface(shapes::turned_over(cube)), balls);
   EXPECT_EQ(wrong.outside, 2u);
   EXPECT_NEAR(wrong.each[0], 0.9, 1e-12);
   EXPECT_NEAR(wrong.each[1], 3.9, 1e-12);  // by the normals it would be -0.1
@@ -134,7 +122,8 @@ TEST(Certify, ABodyTurnedInsideOutHasNoInside) {
 // Pseudonormals would give the wrong side here: outside above a face that lies inside the other solid, and
 // inside below a face of a part that is turned inside out.
 TEST(Certify, CrossingSolidsAreProvedByTheirWindingNumber) {
-  const Mesh mesh = joined(shapes::box({0, 0, 0}, {1, 1, 1}), shapes::box({0.4, 0.4, 0.4}, {1.6, 0.6, 0.6}));
+  const Mesh mesh =
+      shapes::joined(shapes::box({0, 0, 0}, {1, 1, 1}), shapes::box({0.4, 0.4, 0.4}, {1.6, 0.6, 0.6}));
   const Surface surface(mesh);
   std::mt19937 random(1);
   std::uniform_real_distribution<double> u(-0.3, 1.9);

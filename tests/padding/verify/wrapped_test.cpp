@@ -12,14 +12,7 @@
 namespace padder {
 namespace {
 
-using shapes::RandomInput;
-
-Mesh joined(Mesh mesh, const Mesh& other) {
-  const auto n = static_cast<std::uint32_t>(mesh.points.size());
-  mesh.points.insert(mesh.points.end(), other.points.begin(), other.points.end());
-  for (auto t : other.triangles) mesh.triangles.push_back({t[0] + n, t[1] + n, t[2] + n});
-  return mesh;
-}
+using shapes::RandomInput, shapes::joined;
 
 Mesh random_soup(RandomInput& random, int n) {
   Mesh mesh;
@@ -53,17 +46,6 @@ Point random_in(const Mesh& mesh, std::size_t t, RandomInput& random) {
 
 std::size_t random_triangle(const Mesh& mesh, RandomInput& random) {
   return static_cast<std::size_t>(random.uniform(0, 1) * static_cast<double>(mesh.triangles.size()));
-}
-
-// By solid angles: this needs no ray and no tree.
-double winding(const Mesh& mesh, const Point& p) {
-  double sum = 0;
-  for (std::size_t t = 0; t < mesh.triangles.size(); t++) {
-    const Vector a = mesh.corner(t, 0) - p, b = mesh.corner(t, 1) - p, c = mesh.corner(t, 2) - p;
-    const double x = a.norm(), y = b.norm(), z = c.norm();
-    sum += 2 * std::atan2(a.dot(b.cross(c)), x * y * z + a.dot(b) * z + b.dot(c) * x + c.dot(a) * y);
-  }
-  return sum / (4 * std::numbers::pi);
 }
 
 TEST(Standoffs, AreUpperBoundsNearTheTruth) {
@@ -161,7 +143,7 @@ TEST(Wrapped, ACertifiedCoverKeepsTheToleranceAgainstTheInput) {
       const Ball& ball = cover.balls[static_cast<std::size_t>(k) % cover.balls.size()];
       const Point x = ball.center + ball.radius * random.direction();
       const double distance = plain.nearest(x).distance;
-      if (distance > protrusion && winding(wrap.mesh, x) < 0.5) protrusion = distance;
+      if (distance > protrusion && shapes::winding(wrap.mesh, x) < 0.5) protrusion = distance;
     }
     EXPECT_LE(protrusion, tolerance);
     EXPECT_GT(protrusion, 0.5 * tolerance);  // or nothing was tested

@@ -11,6 +11,8 @@
 #include <numbers>
 #include <random>
 
+#include "tests/padding/shapes.h"
+
 namespace padder::audit {
 namespace {
 
@@ -21,24 +23,13 @@ using Tree = CGAL::AABB_tree<CGAL::AABB_traits<Kernel, Primitive>>;
 
 Kernel::Point_3 cgal(const Point& p) { return {p.x(), p.y(), p.z()}; }
 
-// Solid angles over 4 pi (Van Oosterom and Strackee, The solid angle of a plane triangle, 1983).
-double winding(const Mesh& mesh, const Point& x) {
-  double sum = 0;
-  for (std::size_t t = 0; t < mesh.triangles.size(); t++) {
-    const Vector a = mesh.corner(t, 0) - x, b = mesh.corner(t, 1) - x, c = mesh.corner(t, 2) - x;
-    const double la = a.norm(), lb = b.norm(), lc = c.norm();
-    sum += 2 * std::atan2(a.dot(b.cross(c)), la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb);
-  }
-  return sum / (4 * std::numbers::pi);
-}
-
 // Which points lie in the open, outside of the body.
 class Outside {
  public:
   Outside(const Mesh& mesh, const Tree& tree) : mesh_(mesh), tree_(tree) {}
 
   bool open(const Point& x, std::mt19937_64& engine) const {
-    return escapes(x, engine) && winding(mesh_, x) < 0.5;
+    return escapes(x, engine) && shapes::winding(mesh_, x) < 0.5;
   }
 
  private:
@@ -251,7 +242,7 @@ Sums mass_by_lines(const Mesh& mesh, std::mt19937_64& engine) {
       below -= all[k].sign;
       if (!(all[k + 1].at - all[k].at > 1e-9)) continue;
       line.place[along] = 0.5 * (all[k].at + all[k + 1].at);
-      if (!(closed ? below != 0 : std::abs(winding(mesh, line.place)) > 0.5)) continue;
+      if (!(closed ? below != 0 : std::abs(shapes::winding(mesh, line.place)) > 0.5)) continue;
       Point from = line.place, to = line.place;
       from[along] = all[k].at, to[along] = all[k + 1].at;
       sums.add(from, to, cross_section);

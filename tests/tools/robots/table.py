@@ -9,7 +9,7 @@ LIST has a robot on each line: its name, its URDF, xacro or MJCF (beside LIST un
 alone. The words behind -- go to pad for all of them (default: --tolerance 1%). Nothing that pad writes is edited.
 
 Consumers: MuJoCo (Debian's: by robot_audit, which compares every geom's place in 100 poses; npm's: loads and counts),
-check_urdf of urdfdom, the USD loader of three.js, and by rule: MoveIt's SRDF, cuRobo's robot_cfg and XRDF. robot_audit also
+check_urdf of urdfdom, the USD loader of three.js, and by rule: MoveIt's SRDF, cuRobo's robot_cfg, XRDF and VAMP. robot_audit also
 compares spheres and exact meshes in --poses random poses by FCL. Exit 1 when anything was refused or differs.
 """
 import argparse
@@ -104,6 +104,12 @@ class Files:
         self.apart = pairs_known([(d.get("link1"), d.get("link2")) for d in root.findall("disable_collisions")], self.links, "the SRDF")
         return True
 
+    def vamp(self):
+        """VAMP's generator, cricket, takes a URDF whose collision shapes are all spheres, and the pairs of the SRDF."""
+        want(all(shape.find("geometry/sphere") is not None for link in self.links.values() for shape in link.findall("collision")),
+             "the URDF has a collision shape that is no sphere")
+        return True
+
     def moved(self, names, where):
         for name in names:
             joint = self.joints.get(name)
@@ -179,7 +185,7 @@ class Table:
         certified = sum(link["accuracy"]["certified"] for link in padded)
         worst = max((max(link["accuracy"]["protrusion_bound"], link["accuracy"]["gap_bound"]) for link in padded), default=0)
         files = Files(folder, name, report)
-        done = {"urdfdom": files.check_urdf(robot), "SRDF": files.srdf(), "cuRobo": files.curobo(), "XRDF": files.xrdf(),
+        done = {"urdfdom": files.check_urdf(robot), "SRDF": files.srdf(), "cuRobo": files.curobo(), "XRDF": files.xrdf(), "VAMP": files.vamp(),
                 "npm": by_npm(files, self.bin, report["spheres"])}
         told = self.audit(robot, options, files, report)
         accepted = [k for k, v in done.items() if v]

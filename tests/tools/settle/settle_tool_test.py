@@ -86,9 +86,42 @@ with tempfile.TemporaryDirectory() as folder:
     # Scenes made by the program.
     run("settle", "--make", "silo", "--count", 400, "-o", "silo.json")
     assert report("silo.json", "--steps", 200)["grains"] == 400
+    if os.path.exists(os.path.join(BIN, "preview")):
+        shown = run("preview", "silo.json", "-o", "silo.png", "--size", "64x32", "--samples", 1, "--json")
+        assert json.loads(shown.stdout)["spheres"] == 400
     refused("at least 300 grains", "--make", "silo", "--count", 50, "-o", "silo.json")
     refused("name it with --cluster", "--make", "ball", "-o", "ball.json")
     refused("has no mass", "--make", "track", "--cluster", "pill.spheres.json", "-o", "track.json")
+
+    # Grains that are bodies, and their levels of detail. One ball of radius 0.01, or two that are a tenth as wrong.
+    proved = {"certified": True, "proved_against": "input"}
+    ball = {**CLUSTER, "spheres": {"centers": [[0, 0, 0]], "radii": [0.01]}, "accuracy": {**proved, "protrusion_max": 0, "gap_max": 0}}
+    ball["lods"] = [{"tolerance": 0.001, "accuracy": {**proved, "protrusion_max": 0.0009, "gap_max": 0},
+                     "spheres": {"centers": [[0, 0, 0]], "radii": [0.0109]}}]
+    write("ball.spheres.json", ball)
+    box = {"low": [0, 0, 0], "high": [0.2, 0.2, 0.2]}
+    made = {"format": "padder.scene", "version": 1, "clusters": {"ball": "ball.spheres.json"}, "settle": {
+        "material": {"stiffness": 1e4}, "duration": 0.01, "planes": [{"point": [0, 0, 0], "normal": [0, 0, 1]}],
+        "grains": [{"count": 5, "radius": 0.02, "density": 1000, **box},
+                   {"count": 7, "cluster": "ball", "low": [0, 0, 0.2], "high": [0.2, 0.2, 0.3], "velocity": [0, 0, -1]}]}}
+    write("made.json", made)
+    fine, auto, one = (report("made.json", "--lod", lod) for lod in ("0", "auto", "1"))
+    assert (fine["bodies"], fine["grains"], fine["spheres"]) == (7, 5, 12), fine
+    assert fine["fastest"] > 0.99 and fine["lod"] == {"spheres_finest": 7, "spheres": 7, "error": 0}, fine
+    assert auto["lod"] == one["lod"] == {"spheres_finest": 7, "spheres": 7, "error": 0.0009} and auto["state"] == one["state"] != fine["state"]
+    made["settle"]["grains"][0]["radius"] = 0.008  # now smaller than ten times the error
+    write("made.json", made)
+    assert report("made.json", "--lod", "auto")["lod"]["error"] == 0
+    refused("level of detail", "made.json", "--lod", "coarse", code=2)
+    made["settle"]["grains"][1]["cluster"] = "bill"
+    write("other.json", made)
+    refused("no cluster of that name", "other.json")
+    two = {"format": "padder.scene", "version": 1, "clusters": {"ball": "ball.spheres.json"},
+           "bodies": [{"cluster": "ball", "position": [x, 0, 0]} for x in (0, 0.021, 1)]}
+    write("two.json", two)
+    found = json.loads(run("detect", "two.json", "--lod", "auto", "--json").stdout)
+    assert found["contacts"] == 1 and found["lod"]["rungs"] == [1, 1, None] and found["lod"]["first_sphere"] == [0, 1, 2], found
+    assert json.loads(run("detect", "two.json", "--json").stdout)["contacts"] == 0
 
     # What is wrong is said in one sentence.
     write("slow.json", scene_of(time_step=1))

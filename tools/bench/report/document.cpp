@@ -8,6 +8,21 @@
 
 namespace padder::bench {
 
+std::string text_of(const Json& document) {
+  std::string text;
+  for (const auto& [key, value] : document.items()) {
+    text += (text.empty() ? "{\n  " : ",\n  ") + Json(key).dump() + ": ";
+    if (!value.is_array()) {
+      text += value.dump();
+      continue;
+    }
+    std::string rows;
+    for (const Json& row : value) rows += (rows.empty() ? "\n    " : ",\n    ") + row.dump();
+    text += "[" + rows + (rows.empty() ? "]" : "\n  ]");
+  }
+  return text + "\n}\n";
+}
+
 Json read_document(const std::string& file) {
   try {
     return Json::parse(read_file(file));

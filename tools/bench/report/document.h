@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Reads the JSON documents that benches write. A document may come from anywhere: each field is checked
-// before it is used, and an Error names the file and the field.
+// The JSON documents that benches write, and read again. A document may come from anywhere: each field is
+// checked before it is used, and an Error names the file and the field.
 #pragma once
 #include <string>
 #include <vector>
@@ -8,6 +8,9 @@
 #include "tools/bench/bench.h"
 
 namespace padder::bench {
+
+// The document as it is written: each row of a list stands on a line of its own, as in a table.
+std::string text_of(const Json& document);
 
 // Throws Error where the file cannot be read or is no JSON.
 Json read_document(const std::string& file);

@@ -74,7 +74,7 @@ void write_result(const Settings& s, const Json& result) {
   if (s.folder.empty()) return;
   const std::string name = result["bench"];
   const fs::path file = s.folder / (name + ".json");
-  write_file(file, result.dump(2) + "\n");
+  write_file(file, text_of(result));
   const std::vector<Plot> plots = plots_of(result, file.string());
   if (plots.empty() || have_gnuplot())
     draw(plots, s.folder, name);
@@ -96,7 +96,9 @@ Json draw_files(const Settings& s) {
     Drawing d{s.folder.empty() ? fs::path(file).parent_path() : s.folder, fs::path(file).stem(),
               plots_of(read_document(file), file)};
     if (d.plots.empty())
-      throw Error(file + ": this bench has no plot; scaling, bodies, stages, speedup and frontier have");
+      throw Error(file +
+                  ": this bench has no plot; scaling, bodies, stages, boxes, speedup, frontier, table3, shoe "
+                  "and precision have");
     for (const Plot& p : d.plots)
       if (!names.insert((d.folder / (d.stem.string() + p.name)).lexically_normal()).second)
         throw Error(file +

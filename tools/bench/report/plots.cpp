@@ -170,10 +170,28 @@ std::vector<Plot> stages_plots(const Json& document, const std::string& where) {
   return {{"", script + "unset multiplot\n", 960, 60 + 320 * static_cast<int>(panels.size())}};
 }
 
+// A line with points for each name, by x.
+using NamedLines = std::map<std::string, std::map<double, double>>;
+
+// The axes, and what is drawn after the lines, are in gnuplot's words.
+Plot line_plot(const NamedLines& lines, const std::string& axes, const std::string& after) {
+  std::string data, plots;
+  std::size_t k = 0;
+  for (const auto& [name, points] : lines) {
+    const std::string block = "$line" + std::to_string(k++);
+    data += block + " << EOD\n";
+    for (const auto& [x, y] : points) data += cell(x) + " " + cell(y) + "\n";
+    data += "EOD\n";
+    plots +=
+        (plots.empty() ? "" : ", ") + block + " using 1:2 with linespoints lw 2 pt 7 ps 0.6" + title(name);
+  }
+  return {"", "set grid\nset key left top\n" + axes + data + "plot " + plots + after + "\n"};
+}
+
 // --- boxes: time against contacts on one and several GPUs, with straight lines ---
 
 std::vector<Plot> boxes_plots(const Json& document, const std::string& where) {
-  std::map<std::string, std::map<double, double>> lines;
+  NamedLines lines;
   for (const Reader& r : rows_of(document, where)) {
     if (r.text("scene") != "dense") continue;
     const double devices = r.amount("devices");
@@ -185,43 +203,23 @@ std::vector<Plot> boxes_plots(const Json& document, const std::string& where) {
       lines[name + ", from pinned memory"][r.amount("contacts") / 1e6] = r.amount("seconds_pinned") * 1e3;
   }
   if (lines.empty()) return {};  // fronts alone
-  std::string data, plots;
-  std::size_t k = 0;
-  for (const auto& [name, points] : lines) {
-    const std::string block = "$line" + std::to_string(k++);
-    data += block + " << EOD\n";
-    for (const auto& [x, ms] : points) data += cell(x) + " " + cell(ms) + "\n";
-    data += "EOD\n";
-    plots +=
-        (plots.empty() ? "" : ", ") + block + " using 1:2 with linespoints lw 2 pt 7 ps 0.6" + title(name);
-  }
-  return {{"",
-           "set xlabel 'Contacts [millions]'\nset ylabel 'Time of a call [ms]'\nset grid\nset key left top\n"
-           "set xrange [0:*]\nset yrange [0:*]\n" +
-               data + "plot " + plots + "\n"}};
+  return {line_plot(lines,
+                    "set xlabel 'Contacts [millions]'\nset ylabel 'Time of a call [ms]'\n"
+                    "set xrange [0:*]\nset yrange [0:*]\n",
+                    "")};
 }
 
 // --- speedup: over a warm Bullet step, against contacts ---
 
 std::vector<Plot> speedup_plots(const Json& document, const std::string& where) {
-  std::map<std::string, std::map<double, double>> lines;
+  NamedLines lines;
   for (const Reader& r : rows_of(document, where))
-    lines[r.text("backend")][r.amount("contacts") / 1e6] = r.amount("speedup");
-  std::string data, plots;
-  std::size_t k = 0;
-  for (const auto& [backend, points] : lines) {
-    const std::string block = "$line" + std::to_string(k++);
-    data += block + " << EOD\n";
-    for (const auto& [x, times_as_fast] : points) data += cell(x) + " " + cell(times_as_fast) + "\n";
-    data += "EOD\n";
-    plots += block + " using 1:2 with linespoints lw 2 title '" +
-             (backend == "omp" ? "CPU" : "GPU, from and to host memory") + "', ";
-  }
-  return {{"",
-           "set xlabel 'Contacts [millions]'\nset ylabel 'Speedup over a warm Bullet step'\nset logscale "
-           "y\nset grid\n"
-           "set key left top\n" +
-               data + "plot " + plots + "180 with lines dt 2 title 'the paper, at most'\n"}};
+    lines[r.text("backend") == "omp" ? "CPU" : "GPU, from and to host memory"][r.amount("contacts") / 1e6] =
+        r.amount("speedup");
+  return {line_plot(lines,
+                    "set xlabel 'Contacts [millions]'\nset ylabel 'Speedup over a warm Bullet step'\n"
+                    "set logscale y\n",
+                    ", 180 with lines dt 2 title 'the paper, at most'")};
 }
 
 // --- frontier: spheres against the larger of the two errors, a picture a mesh ---
@@ -338,7 +336,8 @@ std::vector<Plot> shoe_plots(const Json& document, const std::string& where) {
         {backend == "omp" ? "" : "_" + backend,
          "set xlabel 'Time of a step [ms]" + std::string(backend == "omp" ? ", of processors" : "") +
              "'\nset ylabel 'Mean error of a normal [degrees]'\nset y2label 'Error [% of the diagonal]'\nset "
-             "y2tics\nset xrange [0:*]\nset logscale y\nset logscale y2\nset ytics nomirror\nset grid\nset key right "
+             "y2tics\nset xrange [0:*]\nset logscale y\nset logscale y2\nset ytics nomirror\nset grid\nset "
+             "key right "
              "top\n$shoe << "
              "EOD\n" +
              rows +
@@ -387,42 +386,6 @@ std::vector<Plot> precision_plots(const Json& document, const std::string& where
        1100}};
 }
 
-// --- hard: the error that is proved for each mesh, over the tolerance that was asked for ---
-
-std::vector<Plot> hard_plots(const Json& document, const std::string& where) {
-  std::string proved, refused, wrong, names;
-  std::size_t n = 0;
-  for (const Reader& r : rows_of(document, where)) {
-    const double at = static_cast<double>(n++);
-    std::string quoted = in_quotes(r.text("mesh"));
-    names += (names.empty() ? "" : ", ") + quoted + " " + cell(at);
-    if (!r.flag("right"))
-      wrong += cell(at) + " 1.2\n";
-    else if (!r.has("protrusion"))
-      refused += cell(at) + " 0\n";
-    else
-      proved += cell(at) + " " + cell(r.amount("protrusion") / r.amount("tolerance")) + " " +
-                cell(r.amount("gap") / r.amount("tolerance")) + "\n";
-  }
-  std::string data, plots;
-  const auto add = [&](const char* block, const std::string& lines, const std::string& plot) {
-    if (lines.empty()) return;
-    data += std::string(block) + " << EOD\n" + lines + "EOD\n", plots += (plots.empty() ? "" : ", ") + plot;
-  };
-  add("$proved", proved,
-      "$proved using 1:2 with points pt 7 title 'protrusion, proved', $proved using 1:3 with points pt 6 "
-      "title "
-      "'gap, proved'");
-  add("$refused", refused, "$refused using 1:2 with points pt 2 title 'refused, as is right'");
-  add("$wrong", wrong, "$wrong using 1:2 with points pt 9 lc rgb 'red' title 'wrong'");
-  return {{"",
-           "set ylabel 'Error over the tolerance'\nset grid\nset key outside top horizontal\nset yrange "
-           "[-0.1:1.3]\nset xrange [-1:" +
-               std::to_string(n) + "]\nset xtics noenhanced rotate by -60 (" + names + ")\n" + data +
-               "plot " + plots + "\n",
-           1100}};
-}
-
 }  // namespace
 
 std::vector<Plot> plots_of(const Json& document, const std::string& where) {
@@ -435,7 +398,6 @@ std::vector<Plot> plots_of(const Json& document, const std::string& where) {
   if (name == "speedup") return speedup_plots(document, where);
   if (name == "frontier") return frontier_plots(document, where);
   if (name == "precision") return precision_plots(document, where);
-  if (name == "hard") return hard_plots(document, where);
   return {};
 }
 

@@ -55,6 +55,7 @@ constexpr const char* kPage = R"html(<!doctype html>
 <html lang="en"><meta charset="utf-8"><title>Parts</title>
 <meta name="viewport" content="width=device-width">
 <style>
+:root{color-scheme:light dark}
 body{font:14px system-ui,sans-serif;margin:1.5em;color:#222;background:#fff}
 table{border-collapse:collapse;width:100%}
 th{position:sticky;top:0;background:#eee;cursor:pointer;text-align:left;white-space:nowrap}
@@ -65,6 +66,7 @@ tr.failed td{background:#fdecea}tr.left td{color:#777}
 input,select,button{font:inherit;margin-right:.6em}
 @media(prefers-color-scheme:dark){body{background:#1b1b1b;color:#ddd}th{background:#333}th,td{border-color:#444}
 tr.failed td{background:#4a2320}}
+@media(max-width:600px){body{margin:.7em}.detail{display:none}img{width:40px;height:30px}th{white-space:normal}td{overflow-wrap:anywhere}td:nth-child(2){min-width:8em}}
 </style>
 <h1>Parts</h1>
 <p id="sum"></p>
@@ -82,6 +84,7 @@ const byId = id => document.getElementById(id);
 const page = 200;
 let order = parts.map((_, k) => k), key = -1, down = false, limit = page;
 const number = c => c >= 4 && c <= 9;
+const classOf = c => (number(c) ? "number" : "") + (c === 3 || (c >= 5 && c <= 9) ? " detail" : "");  // no detail on a narrow screen
 function shown() {
   const text = byId("text").value.toLowerCase(), state = byId("state").value;
   return order.filter(k => (!state || parts[k][3] === state) &&
@@ -89,7 +92,7 @@ function shown() {
 }
 function cell(row, c) {
   const td = document.createElement("td"), p = parts[row];
-  if (number(c)) td.className = "number";
+  td.className = classOf(c);
   if (c === 2 && p[2]) {
     const image = document.createElement("img");
     image.loading = "lazy"; image.src = p[2]; image.alt = "";
@@ -98,7 +101,7 @@ function cell(row, c) {
     const a = document.createElement("a");
     a.href = p[1].split("/").map(encodeURIComponent).join("/"); a.textContent = p[1];
     td.append(a);
-  } else if (c !== 2 && !(number(c) && p[3] === "left")) {
+  } else if (c !== 2 && !(number(c) && (p[3] === "left" || (p[3] === "failed" && c <= 7)))) {
     const v = p[c];
     td.textContent = c === 6 || c === 7 ? (100 * v).toFixed(3) : c === 8 ? v.toFixed(2)
                    : c === 9 ? (v / 1048576).toFixed(0) : v;
@@ -126,13 +129,13 @@ function sort(c) {
 for (const [name, c] of columns) {
   const th = document.createElement("th");
   th.textContent = name;
-  if (number(c)) th.className = "number";
+  th.className = classOf(c);
   if (c !== 2) th.onclick = () => sort(c);
   byId("head").append(th);
 }
 const count = s => parts.filter(p => p[3] === s).length;
 byId("sum").textContent = parts.length + " parts: " + count("done") + " done, " + count("failed") + " failed, " +
-  count("left") + " left; " + parts.reduce((n, p) => n + p[4], 0) + " spheres";
+  count("left") + " left; " + parts.reduce((n, p) => n + p[4], 0).toLocaleString("en") + " spheres";
 byId("text").oninput = byId("state").onchange = () => { limit = page; draw(); };
 byId("more").onclick = () => { limit += page; draw(); };
 draw();

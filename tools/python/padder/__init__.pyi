@@ -101,6 +101,20 @@ class Bodies:
     def is_static(self) -> NDArray[np.bool_]: ...
     @property
     def world(self) -> Integers: ...
+    def with_lod(
+        self,
+        lod: str = "auto",  # or "0", the finest, "1", …
+        *,
+        centers: ArrayLike | None = None,  # loose spheres that can touch the bodies
+        radii: ArrayLike | None = None,
+        smallest: float | None = None,  # given: everything moves
+        margin: float = 0.0,
+        share: float = 0.1,  # of the smallest thing that can touch a body
+    ) -> Bodies: ...
+    @property
+    def lod(self) -> Integers: ...  # (B,), what with_lod() took
+    @property
+    def lod_error(self) -> float: ...
     def __len__(self) -> int: ...
 
 # Arrays are views; those of a Detector's contacts are in its way until they are deleted.

@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: MIT
 #include "tools/settle/cuda/candidates.h"
 
+#include <thrust/iterator/transform_iterator.h>
+
 #include <algorithm>
 #include <bit>
 #include <cub/device/device_radix_sort.cuh>
+#include <cub/device/device_scan.cuh>
 
 namespace padder::settle::cuda {
 namespace {
@@ -64,25 +67,51 @@ __global__ void __launch_bounds__(kThreads)
   }
 }
 
-// The spring of each entry: that of the same entry in the old rows, or 0.
+// 1 for the entry of a candidate in the row of its first sphere.
+struct IsFirst {
+  KeyForm form;
+  __device__ std::uint32_t operator()(Word key) const {
+    const std::uint32_t row = form.row(key);
+    return row < form.spheres && form.partner(key) > row;
+  }
+};
+
+// The place of `partner` in the row, or ~0u.
+__device__ std::uint32_t find_in_row(const std::uint32_t* starts, const std::uint32_t* partners,
+                                     std::uint32_t row, std::uint32_t partner) {
+  std::uint32_t low = starts[row], high = starts[row + 1];
+  const std::uint32_t last = high;
+  while (low < high) {
+    const std::uint32_t middle = low + (high - low) / 2;
+    if (partners[middle] < partner)
+      low = middle + 1;
+    else
+      high = middle;
+  }
+  return low < last && partners[low] == partner ? low : ~0u;
+}
+
+// What is known of the candidates before.
+struct Old {
+  const std::uint32_t *starts, *partners, *entries;  // null: there were none
+  const Vec3* springs;
+};
+
+// `entries` holds for each entry how many candidates begin before it, and gets the candidates' numbers.
 __global__ void __launch_bounds__(kThreads)
-    springs_kernel(KeyForm form, const Word* keys, Word count, Rows old, Vec3* springs) {
+    number_kernel(KeyForm form, const Word* keys, Word count, const std::uint32_t* starts,
+                  const std::uint32_t* partners, std::uint32_t* entries, detect::Pair* pairs, Vec3* springs,
+                  Old old) {
   for (Word q = blockIdx.x * Word(kThreads) + threadIdx.x; q < count; q += Word(gridDim.x) * kThreads) {
     const std::uint32_t row = form.row(keys[q]), partner = form.partner(keys[q]);
-    Vec3 spring;
-    if (row < form.spheres) {
-      std::uint32_t low = old.starts[row], high = old.starts[row + 1];
-      const std::uint32_t last = high;
-      while (low < high) {
-        const std::uint32_t middle = low + (high - low) / 2;
-        if (old.partners[middle] < partner)
-          low = middle + 1;
-        else
-          high = middle;
-      }
-      if (low < last && old.partners[low] == partner) spring = old.springs[low];
+    if (row >= form.spheres) continue;
+    if (partner < row) {  // its number stands in the row of its first sphere, where nothing is written
+      entries[q] = entries[find_in_row(starts, partners, partner, row)] | kSecond;
+      continue;
     }
-    springs[q] = spring;
+    const std::uint32_t before = old.starts ? find_in_row(old.starts, old.partners, row, partner) : ~0u;
+    pairs[entries[q]] = {row, partner};
+    springs[entries[q]] = before == ~0u ? Vec3{} : old.springs[old.entries[before]];
   }
 }
 
@@ -91,10 +120,9 @@ unsigned blocks_for(Word items) {
 }
 
 template <class T>
-void copy_up(detect::cuda::Buffer<T>& to, const std::vector<T>& from) {
-  to.reserve(from.size());
+void copy_up(T* to, const std::vector<T>& from) {
   if (!from.empty())
-    cuda_check(cudaMemcpy(to.data(), from.data(), from.size() * sizeof(T), cudaMemcpyHostToDevice),
+    cuda_check(cudaMemcpy(to, from.data(), from.size() * sizeof(T), cudaMemcpyHostToDevice),
                "copy the candidates");
 }
 template <class T>
@@ -106,54 +134,105 @@ std::vector<T> copy_down(const detect::cuda::Buffer<T>& from, std::uint64_t coun
   return to;
 }
 
+int bits_of(std::uint32_t spheres, std::uint32_t walls) {
+  return static_cast<int>(std::bit_width(std::uint64_t(spheres) + walls));
+}
+
 }  // namespace
 
+Candidates::Memory::Memory(detect::cuda::MemoryBook& book)
+    : starts(book, "the candidates"),
+      partners(book, "the candidates"),
+      entries(book, "the candidates"),
+      springs(book, "the candidates") {}
+
 Candidates::Candidates(detect::cuda::MemoryBook& book)
-    : starts_{{book, "the candidates"}, {book, "the candidates"}},
-      partners_{{book, "the candidates"}, {book, "the candidates"}},
-      springs_{{book, "the candidates"}, {book, "the candidates"}},
+    : memory_{Memory(book), Memory(book)},
+      pairs_(book, "the candidates"),
+      pushes_(book, "the candidates"),
       keys_{{book, "the candidates"}, {book, "the candidates"}},
       counter_(book, "the candidates"),
       room_(book, "the candidates") {}
 
+Rows Candidates::rows() const {
+  const Memory& m = memory_[now_];
+  return {count_, pairs_.data(), m.springs.data(), pushes_.data(), m.starts.data(), m.entries.data()};
+}
+
 void Candidates::put(std::span<const SpringMemory> pairs, std::span<const SpringMemory> walls,
-                     std::uint32_t spheres) {
-  std::vector<std::uint32_t> starts(spheres + std::size_t(1), 0);
-  for (const SpringMemory& m : pairs) starts[m.i + 1]++, starts[m.j + 1]++;
-  for (const SpringMemory& m : walls) starts[m.i + 1]++;
-  for (std::size_t k = 1; k < starts.size(); k++) starts[k] += starts[k - 1];
-  std::vector<std::uint32_t> partners(starts.back()), next(starts.begin(), starts.end() - 1);
-  std::vector<Vec3> springs(starts.back());
-  const auto add = [&](std::uint32_t row, std::uint32_t partner, const Vec3& spring) {
-    partners[next[row]] = partner, springs[next[row]++] = spring;
-  };
-  // By i, then j: so the partners of a row ascend, those below it first.
-  for (const SpringMemory& m : pairs) add(m.j, m.i, -1.0 * m.spring);
-  for (const SpringMemory& m : pairs) add(m.i, m.j, m.spring);
-  for (const SpringMemory& m : walls) add(m.i, spheres + m.j, m.spring);
-  count_ = partners.size(), now_ = 0;
-  copy_up(starts_[0], starts), copy_up(partners_[0], partners), copy_up(springs_[0], springs);
+                     std::uint32_t spheres, std::uint32_t wall_count) {
+  const int bits = bits_of(spheres, wall_count);
+  const auto key = [&](std::uint32_t row, std::uint32_t partner) { return Word(row) << bits | partner; };
+  std::vector<Word> keys;
+  for (const SpringMemory& m : pairs) keys.push_back(key(m.i, m.j)), keys.push_back(key(m.j, m.i));
+  for (const SpringMemory& m : walls) keys.push_back(key(m.i, spheres + m.j));
+  reserve_keys(keys.size() + 1);
+  copy_up(keys_[0].data(), keys);
+  memory_[now_].starts.release();  // no springs from what was there
+  sort_into_rows(keys.size(), spheres, bits, nullptr);
+  std::vector<Vec3> springs;
+  for (auto pair = pairs.begin(), wall = walls.begin(); springs.size() < count_;) {
+    const bool is_pair = pair != pairs.end() && (wall == walls.end() || pair->i <= wall->i);
+    springs.push_back(is_pair ? pair++->spring : wall++->spring);
+  }
+  copy_up(memory_[now_].springs.data(), springs);
 }
 
 void Candidates::get(std::vector<SpringMemory>& pairs, std::vector<SpringMemory>& walls,
                      std::uint32_t spheres) const {
-  const auto starts = copy_down(starts_[now_], spheres + std::uint64_t(1));
-  const auto partners = copy_down(partners_[now_], count_);
-  const auto springs = copy_down(springs_[now_], count_);
+  const auto at = copy_down(pairs_, count_);
+  const auto springs = copy_down(memory_[now_].springs, count_);
   pairs.clear(), walls.clear();
-  for (std::uint32_t k = 0; k < spheres; k++)
-    for (std::uint32_t q = starts[k]; q < starts[k + 1]; q++) {
-      if (partners[q] >= spheres)
-        walls.push_back({k, partners[q] - spheres, springs[q]});
-      else if (partners[q] > k)
-        pairs.push_back({k, partners[q], springs[q]});
-    }
+  for (std::uint32_t c = 0; c < count_; c++)
+    if (at[c].j >= spheres)
+      walls.push_back({at[c].i, at[c].j - spheres, springs[c]});
+    else
+      pairs.push_back({at[c].i, at[c].j, springs[c]});
+}
+
+void Candidates::reserve_keys(std::uint64_t count) {
+  for (auto& keys : keys_) keys.reserve(count);
+}
+
+void Candidates::sort_into_rows(std::uint64_t entries, std::uint32_t spheres, int bits, cudaStream_t stream) {
+  const KeyForm form{bits, spheres};
+  const Memory& before = memory_[now_];
+  const Old old{before.starts.data(), before.partners.data(), before.entries.data(), before.springs.data()};
+  Memory& m = memory_[now_ = 1 - now_];
+  std::uint32_t* const starts = m.starts.reserve(spheres + std::uint64_t(1));
+  std::uint32_t* const partners = m.partners.reserve(entries);
+  std::uint32_t* const numbers = m.entries.reserve(entries + 1);
+  cub::DoubleBuffer<Word> keys(keys_[0].data(), keys_[1].data());
+  std::size_t for_sort = 0, for_scan = 0;
+  const auto items = static_cast<std::int64_t>(entries);
+  const auto sort = [&](void* room) {
+    cuda_check(cub::DeviceRadixSort::SortKeys(room, for_sort, keys, items, 0, 2 * bits, stream), "sort");
+  };
+  const auto scan = [&](void* room) {
+    const auto first =
+        thrust::make_transform_iterator(static_cast<const Word*>(keys.Current()), IsFirst{form});
+    cuda_check(cub::DeviceScan::ExclusiveSum(room, for_scan, first, numbers, items + 1, stream), "scan");
+  };
+  sort(nullptr), scan(nullptr);
+  void* const room = room_.reserve(std::max(for_sort, for_scan));
+  sort(room);
+  // The entry behind the last begins no candidate.
+  cuda_check(cudaMemsetAsync(keys.Current() + entries, 0xff, sizeof(Word), stream), "sort");
+  scan(room);
+  cuda_check(cudaMemcpyAsync(&count_, numbers + entries, sizeof count_, cudaMemcpyDeviceToHost, stream),
+             "count");
+  cuda_check(cudaStreamSynchronize(stream), "count the candidates");
+  m.springs.reserve(count_), pairs_.reserve(count_), pushes_.reserve(count_);
+  rows_kernel<<<blocks_for(entries + 1), kThreads, 0, stream>>>(form, keys.Current(), entries, starts,
+                                                                partners);
+  number_kernel<<<blocks_for(entries), kThreads, 0, stream>>>(form, keys.Current(), entries, starts, partners,
+                                                              numbers, pairs_.data(), m.springs.data(), old);
+  cuda_launched("order the candidates");
 }
 
 void Candidates::find(const View& view, std::span<const detect::Pair> pairs, double gap,
                       cudaStream_t stream) {
-  const KeyForm form{static_cast<int>(std::bit_width(std::uint64_t(view.spheres) + view.walls)),
-                     view.spheres};
+  const KeyForm form{bits_of(view.spheres, view.walls), view.spheres};
   Word* const counter = counter_.reserve(1);
   Word near_walls = 0;
   const auto count_walls = [&](Word* keys) {
@@ -165,35 +244,15 @@ void Candidates::find(const View& view, std::span<const detect::Pair> pairs, dou
     cuda_check(cudaMemcpyAsync(&near_walls, counter, sizeof(Word), cudaMemcpyDeviceToHost, stream), "count");
     cuda_check(cudaStreamSynchronize(stream), "count the walls");
   }
-  const std::uint64_t from_pairs = 2 * pairs.size();
-  count_ = from_pairs + near_walls;
-  if (count_ >= 0xffffffffu || std::uint64_t(view.spheres) + view.walls >= 0xffffffffu)
+  const std::uint64_t from_pairs = 2 * pairs.size(), entries = from_pairs + near_walls;
+  if (entries >= 0xffffffffu || std::uint64_t(view.spheres) + view.walls >= 0xffffffffu)
     throw Error(std::to_string(pairs.size()) +
                 " candidate pairs are more than a step on a GPU can number (2^31 - 1)");
-  const std::uint64_t room = count_ + count_ / 8;
-  for (auto& keys : keys_)
-    if (keys.capacity() < count_) keys.reserve(room);
+  reserve_keys(entries + 1);
   pair_keys_kernel<<<blocks_for(pairs.size()), kThreads, 0, stream>>>(view, form, pairs.data(), pairs.size(),
                                                                       keys_[0].data());
   if (near_walls) count_walls(keys_[0].data() + from_pairs);
-  cub::DoubleBuffer<Word> keys(keys_[0].data(), keys_[1].data());
-  std::size_t bytes = 0;
-  const auto items = static_cast<std::int64_t>(count_);
-  cuda_check(cub::DeviceRadixSort::SortKeys(nullptr, bytes, keys, items, 0, 2 * form.bits, stream), "sort");
-  room_.reserve(bytes);
-  cuda_check(cub::DeviceRadixSort::SortKeys(room_.data(), bytes, keys, items, 0, 2 * form.bits, stream),
-             "sort");
-  const Rows old = rows();
-  const int next = 1 - now_;
-  starts_[next].reserve(view.spheres + std::uint64_t(1));
-  if (partners_[next].capacity() < count_) partners_[next].reserve(room);
-  if (springs_[next].capacity() < count_) springs_[next].reserve(room);
-  rows_kernel<<<blocks_for(count_ + 1), kThreads, 0, stream>>>(form, keys.Current(), count_,
-                                                               starts_[next].data(), partners_[next].data());
-  springs_kernel<<<blocks_for(count_), kThreads, 0, stream>>>(form, keys.Current(), count_, old,
-                                                              springs_[next].data());
-  cuda_launched("order the candidates");
-  now_ = next;
+  sort_into_rows(entries, view.spheres, form.bits, stream);
 }
 
 }  // namespace padder::settle::cuda

@@ -70,7 +70,7 @@ class Stepper : public DeviceStepper {
     }
     up(centers_, centers);
     look();
-    candidates_.put(s.contacts, s.walls, view_.spheres);
+    candidates_.put(s.contacts, s.walls, view_.spheres, view_.walls);
     view_.rows = candidates_.rows();
     launch_place(view_, nullptr);
     old_ = true;
@@ -231,7 +231,7 @@ class Stepper : public DeviceStepper {
     large_count_ = static_cast<std::uint32_t>(large.size());
     up(owner_, owner), up(first_sphere_, first), up(first_of_shape_, first_of_body);
     up(shape_spheres_, shape_spheres), up(large_, large);
-    loads_.reserve(view_.spheres), reference_.reserve(view_.spheres);
+    loads_.reserve(large_count_ ? view_.spheres : 0), reference_.reserve(view_.spheres);
   }
 
   void put_bushings(const System& s) {

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 // The sums over contacts have a fixed order: that of the partners' numbers, among contacts that touch. So the
 // bits depend on the state alone, and not on the candidates.
+#include <algorithm>
+
 #include "detect/body.h"
 #include "detect/cuda/device/memory.h"
 #include "tools/settle/cuda/step_kernels.h"
@@ -36,6 +38,9 @@ __device__ bool before_failed(const Record& before, double limit) {
   return limit > 0 && !(::sqrt(of_bits(before.moved)) < limit);
 }
 
+// Was this step given up, before or by its pushes?
+__device__ bool given_up(const Record& r) { return r.stopped || of_bits(r.ratio) > 1; }
+
 struct Tally {
   std::uint32_t contacts = 0;
   double deepest = 0, ratio = 0;
@@ -57,34 +62,7 @@ __device__ void tell(Record& r, const Tally& mine) {
   raise(r.deepest, deepest), raise(r.ratio, ratio);
 }
 
-// What sphere `self` bears of its candidate number q. False if they do not touch.
-__device__ __forceinline__ bool contact_of(const View& v, std::uint32_t self, const detect::Sphere& at,
-                                           const MoverState& mine, std::uint32_t q, Vec3& force, Vec3& point,
-                                           Tally& tally) {
-  const std::uint32_t partner = v.rows.partners[q];
-  if (partner >= v.spheres) {
-    const Wall& wall = v.wall[partner - v.spheres];
-    const WallContact w = contact_with(wall, center_of(at), at.r);
-    if (w.depth < 0) return v.rows.springs[q] = {}, false;
-    const Contact c = push_wall(v.law, v.step, at, wall, w, mine, v.rows.springs[q]);
-    force = c.push.force, point = c.push.point;
-    tally.contacts++, tally.add(c.depth, at.r);
-    return true;
-  }
-  const detect::Sphere other = v.centers[partner];
-  if (!detect::touching(at, other)) return v.rows.springs[q] = {}, false;
-  const MoverState theirs = state_of(v, partner, other);
-  Vec3 spring = v.rows.springs[q];
-  const Contact c = push_spheres(v.law, v.step, at, other, mine, theirs, spring);
-  v.rows.springs[q] = spring;
-  force = c.push.force, point = c.push.point;
-  tally.contacts += self < partner, tally.add(c.depth, detect::smaller(at.r, other.r));
-  return true;
-}
-
-// A block for as many spheres as it has threads: what they bear of all their contacts. The threads share the
-// entries of all these rows among them, since rows differ in length and FP64 is what this kernel waits for;
-// then each thread adds what was found for its own row, in the row's order.
+// A thread for each candidate: its force, if they touch.
 __global__ void __launch_bounds__(kThreads) push_kernel(const __grid_constant__ StepTask t) {
   const View& v = t.view;
   Record& record = t.records[1];
@@ -92,65 +70,72 @@ __global__ void __launch_bounds__(kThreads) push_kernel(const __grid_constant__ 
     if (blockIdx.x == 0 && threadIdx.x == 0) record.stopped = 1;
     return;
   }
-  alignas(Load) __shared__ unsigned char room[kThreads * sizeof(Load)];
-  Load* const loads = reinterpret_cast<Load*>(room);
-  __shared__ std::uint32_t starts[kThreads + 1];
-  const std::uint32_t first = blockIdx.x * kThreads;
-  for (std::uint32_t k = threadIdx.x; k <= kThreads; k += kThreads)
-    starts[k] = v.rows.starts[first + k < v.spheres ? first + k : v.spheres];
-  __syncthreads();
   Tally tally;
-  Load sum;
-  for (std::uint32_t from = starts[0]; from < starts[kThreads]; from += kThreads) {
-    const std::uint32_t q = from + threadIdx.x;
-    if (q < starts[kThreads]) {
-      std::uint32_t row = 0;  // the last one that begins at q or before
-      for (std::uint32_t half = kThreads / 2; half; half /= 2)
-        if (starts[row + half] <= q) row += half;
-      Load load;
-      const detect::Sphere at = v.centers[first + row];
-      if (at.r <= v.large_radius) {
-        const MoverState mine = state_of(v, first + row, at);
-        Vec3 force, point;
-        if (contact_of(v, first + row, at, mine, q, force, point, tally))
-          load = {force, cross(point - mine.position, force)};
+  const std::uint32_t c = blockIdx.x * kThreads + threadIdx.x;
+  if (c < v.rows.count) {
+    const detect::Pair pair = v.rows.pairs[c];
+    const detect::Sphere at = v.centers[pair.i];
+    const MoverState mine = state_of(v, pair.i, at);
+    Vec3 spring = v.rows.springs[c];
+    Contact contact;
+    bool touches = false;
+    if (pair.j >= v.spheres) {
+      const Wall& wall = v.wall[pair.j - v.spheres];
+      const WallContact w = contact_with(wall, center_of(at), at.r);
+      touches = w.depth >= 0;
+      if (touches) contact = push_wall(v.law, v.step, at, wall, w, mine, spring), tally.add(w.depth, at.r);
+    } else {
+      const detect::Sphere other = v.centers[pair.j];
+      const MoverState theirs =
+          state_of(v, pair.j, other);  // read before it is known that they touch: most do
+      touches = detect::touching(at, other);
+      if (touches) {
+        contact = push_spheres(v.law, v.step, at, other, mine, theirs, spring);
+        tally.add(contact.depth, detect::smaller(at.r, other.r));
       }
-      loads[threadIdx.x] = load;
     }
-    __syncthreads();
-    const std::uint32_t begin = max(starts[threadIdx.x], from),
-                        end = min(starts[threadIdx.x + 1], from + kThreads);
-    for (std::uint32_t k = begin; k < end; k++) {
-      const Load& one = loads[k - from];
-      sum.force = sum.force + one.force, sum.torque = sum.torque + one.torque;
-    }
-    __syncthreads();
+    tally.contacts = touches;
+    v.rows.springs[c] = touches ? spring : Vec3{};
+    v.rows.pushes[c] = contact.push;
   }
-  const std::uint32_t self = first + threadIdx.x;
-  if (self < v.spheres && v.centers[self].r <= v.large_radius) v.loads[self] = sum;
   tell(record, tally);
+}
+
+// What a sphere bears of the candidate in its row's entry q. False if they do not touch.
+__device__ __forceinline__ bool entry_push(const View& v, std::uint32_t q, Push& push) {
+  const std::uint32_t entry = v.rows.entries[q];
+  push = v.rows.pushes[entry & ~kSecond];
+  if (push.force == Vec3{}) return false;
+  if (entry & kSecond) push.force = -1.0 * push.force;
+  return true;
+}
+// What a sphere bears of all its contacts, about the centre of its mover.
+__device__ Load load_of(const View& v, std::uint32_t self, double radius, const Vec3& position) {
+  if (radius > v.large_radius) return v.loads[self];
+  Load sum;
+  Push push;
+  for (std::uint32_t q = v.rows.starts[self]; q < v.rows.starts[self + 1]; q++)
+    if (entry_push(v, q, push)) add_push(sum, push.force, push.point, position);
+  return sum;
 }
 
 // A block for each large sphere, which may have thousands of contacts. Contacts that touch are dealt to the
 // threads by their number among those that do, so that the sums do not depend on candidates that do not.
-__global__ void __launch_bounds__(kThreads) push_large_kernel(const __grid_constant__ StepTask t) {
+__global__ void __launch_bounds__(kThreads) load_large_kernel(const __grid_constant__ StepTask t) {
   const View& v = t.view;
-  Record& record = t.records[1];
-  if (before_failed(t.records[0], t.limit)) return;
+  if (given_up(t.records[1])) return;
   alignas(Load) __shared__ unsigned char room[kThreads * sizeof(Load)];
   Load* const loads = reinterpret_cast<Load*>(room);
   __shared__ std::uint32_t of_warp[kThreads / 32];
   const std::uint32_t self = t.large[blockIdx.x], warp = threadIdx.x / 32;
-  const detect::Sphere at = v.centers[self];
-  const MoverState mine = state_of(v, self, at);
+  const Vec3 position = state_of(v, self, v.centers[self]).position;
   const std::uint32_t first = v.rows.starts[self], last = v.rows.starts[self + 1];
-  Tally tally;
   loads[threadIdx.x] = {};
   std::uint32_t before = 0;
   for (std::uint32_t from = first; from < last; from += kThreads) {
     const std::uint32_t q = from + threadIdx.x;
-    Vec3 force, point;
-    const bool touches = q < last && contact_of(v, self, at, mine, q, force, point, tally);
+    Push push;
+    const bool touches = q < last && entry_push(v, q, push);
     const std::uint32_t lanes = __ballot_sync(~0u, touches);
     if (threadIdx.x % 32 == 0) of_warp[warp] = __popc(lanes);
     __syncthreads();
@@ -159,7 +144,7 @@ __global__ void __launch_bounds__(kThreads) push_large_kernel(const __grid_const
       if (w < warp) number += of_warp[w];
       before += of_warp[w];
     }
-    if (touches) add_push(loads[number % kThreads], force, point, mine.position);
+    if (touches) add_push(loads[number % kThreads], push.force, push.point, position);
     __syncthreads();
   }
   for (int half = kThreads / 2; half; half /= 2) {
@@ -171,7 +156,6 @@ __global__ void __launch_bounds__(kThreads) push_large_kernel(const __grid_const
     __syncthreads();
   }
   if (threadIdx.x == 0) v.loads[self] = loads[0];
-  tell(record, tally);
 }
 
 // A thread for each body: the load of its bushings, from the state before the step.
@@ -190,9 +174,6 @@ __global__ void __launch_bounds__(kThreads) bushing_kernel(const __grid_constant
   v.bushing_loads[body] = load;
 }
 
-// Was this step given up, before or by its pushes?
-__device__ bool given_up(const Record& r) { return r.stopped || of_bits(r.ratio) > 1; }
-
 __global__ void __launch_bounds__(kThreads) move_grains_kernel(const __grid_constant__ StepTask t) {
   const View& v = t.view;
   Record& record = t.records[1];
@@ -206,7 +187,8 @@ __global__ void __launch_bounds__(kThreads) move_grains_kernel(const __grid_cons
       detect::Sphere at = v.centers[self];
       Vec3 momentum = v.momentum[m];
       MoverState state{center_of(at), motion.velocity, motion.spin, motion.inverse_mass};
-      advance_grain(state, momentum, v.loads[self], v.inverse_inertia[m].x, v.gravity, v.step);
+      const Load load = load_of(v, self, at.r, state.position);
+      advance_grain(state, momentum, load, v.inverse_inertia[m].x, v.gravity, v.step);
       motion.velocity = state.velocity, motion.spin = state.spin;
       at.x = state.position.x, at.y = state.position.y, at.z = state.position.z;
       v.motions[m] = motion, v.momentum[m] = momentum, v.centers[self] = at;
@@ -232,7 +214,7 @@ __global__ void __launch_bounds__(kThreads) move_bodies_kernel(const __grid_cons
   const Vec3 position = v.body_position[body];
   Load load;
   for (std::uint32_t k = v.first_sphere[body] + lane; k < v.first_sphere[body + 1]; k += Lanes) {
-    const Load one = v.loads[k];
+    const Load one = load_of(v, k, v.centers[k].r, position);
     load.force = load.force + one.force, load.torque = load.torque + one.torque;
   }
   double* const parts[] = {&load.force.x,  &load.force.y,  &load.force.z,
@@ -290,8 +272,8 @@ unsigned blocks_for(std::uint64_t items) { return static_cast<unsigned>((items +
 
 void launch_step(const StepTask& t, cudaStream_t stream) {
   const View& v = t.view;
-  push_kernel<<<blocks_for(v.spheres), kThreads, 0, stream>>>(t);
-  if (t.large_count) push_large_kernel<<<t.large_count, kThreads, 0, stream>>>(t);
+  push_kernel<<<std::max(blocks_for(v.rows.count), 1u), kThreads, 0, stream>>>(t);
+  if (t.large_count) load_large_kernel<<<t.large_count, kThreads, 0, stream>>>(t);
   if (v.bushings) bushing_kernel<<<blocks_for(v.bodies), kThreads, 0, stream>>>(t);
   if (v.spheres > v.body_spheres)
     move_grains_kernel<<<blocks_for(v.spheres - v.body_spheres), kThreads, 0, stream>>>(t);

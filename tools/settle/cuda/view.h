@@ -3,7 +3,7 @@
 #pragma once
 #include <cstdint>
 
-#include "detect/body.h"
+#include "detect/detector.h"
 #include "tools/settle/push.h"
 
 namespace padder::settle::cuda {
@@ -25,25 +25,31 @@ struct Record {
   unsigned long long contacts[32];    // their sum counts: one counter for all would make blocks wait
 };
 
-// The candidates of all spheres: those of sphere k are partners[starts[k]] and so on, in ascending order. A
-// partner is another sphere, or `spheres` + w for wall w. Each pair is in the rows of both its spheres, each
-// with the spring as its sphere feels it: both compute the same force from the same numbers, bit by bit and
-// with opposite signs, and nothing needs to be exchanged.
+// The candidates. Candidate c is pairs[c]: a sphere and a partner with a higher number, which is another
+// sphere, or `spheres` + w for wall w. Its spring is as its first sphere feels it, and its push what acts on
+// that one. They are in the order of their spheres, then of their partners. The row of sphere k,
+// entries[starts[k]] and so on, has all its candidates by the partner's number: each is a candidate's number,
+// with kSecond if k is not its first sphere. Each candidate's force is so computed once, by whichever thread,
+// and each sphere sums its own in one order.
 struct Rows {
-  const std::uint32_t* starts = nullptr;
-  const std::uint32_t* partners = nullptr;
+  std::uint32_t count = 0;  // of candidates
+  const detect::Pair* pairs = nullptr;
   Vec3* springs = nullptr;
+  Push* pushes = nullptr;  // a force of 0: they do not touch
+  const std::uint32_t* starts = nullptr;
+  const std::uint32_t* entries = nullptr;
 };
+inline constexpr std::uint32_t kSecond = 1u << 31;
 
 struct View {
   std::uint32_t spheres = 0, bodies = 0, body_spheres = 0, movers = 0, walls = 0, bushings = 0;
-  double large_radius = 0;  // a sphere with a larger radius has a block of threads of its own
+  double large_radius = 0;  // a block of threads sums what a sphere with a larger radius bears
   detect::Sphere* centers = nullptr;
   const detect::Sphere* reference = nullptr;  // the centres when candidates were found
   Motion* motions = nullptr;
   Vec3* momentum = nullptr;
   const Vec3* inverse_inertia = nullptr;
-  Load* loads = nullptr;  // of each sphere
+  Load* loads = nullptr;  // of each large sphere
   // Of bodies, and of their spheres.
   Vec3* body_position = nullptr;
   Quaternion* orientation = nullptr;

@@ -14,19 +14,14 @@ __device__ void join(Watch& to, const Watch& more) {
   to.momentum = to.momentum + more.momentum, to.fastest = detect::larger(to.fastest, more.fastest);
 }
 
-__device__ double row_energy(const View& v, std::uint32_t self) {
-  const detect::Sphere at = v.centers[self];
-  double sum = 0;
-  for (std::uint32_t q = v.rows.starts[self]; q < v.rows.starts[self + 1]; q++) {
-    const std::uint32_t partner = v.rows.partners[q];
-    if (partner >= v.spheres) {
-      const double depth = contact_with(v.wall[partner - v.spheres], center_of(at), at.r).depth;
-      sum += stored_energy(v.law, depth, v.rows.springs[q]);
-    } else if (self < partner && detect::touching(at, v.centers[partner])) {
-      sum += stored_energy(v.law, detect::geometry(at, v.centers[partner]).depth, v.rows.springs[q]);
-    }
-  }
-  return sum;
+__device__ double energy_of(const View& v, std::uint32_t c) {
+  const detect::Pair pair = v.rows.pairs[c];
+  const detect::Sphere at = v.centers[pair.i];
+  const Vec3& spring = v.rows.springs[c];
+  if (pair.j >= v.spheres)
+    return stored_energy(v.law, contact_with(v.wall[pair.j - v.spheres], center_of(at), at.r).depth, spring);
+  const detect::Sphere other = v.centers[pair.j];
+  return detect::touching(at, other) ? stored_energy(v.law, detect::geometry(at, other).depth, spring) : 0;
 }
 
 __global__ void __launch_bounds__(kThreads) watch_kernel(const __grid_constant__ View v, Watch* parts) {
@@ -40,8 +35,8 @@ __global__ void __launch_bounds__(kThreads) watch_kernel(const __grid_constant__
         m < v.bodies ? v.body_position[m] : center_of(v.centers[v.body_spheres + (m - v.bodies)]);
     watch_mover(w, v.gravity, n.inverse_mass, position, n.velocity, n.spin, v.momentum[m]);
   }
-  for (std::uint64_t k = first; k < v.spheres; k += kBlocks * kThreads)
-    w.elastic += row_energy(v, static_cast<std::uint32_t>(k));
+  for (std::uint64_t c = first; c < v.rows.count; c += kBlocks * kThreads)
+    w.elastic += energy_of(v, static_cast<std::uint32_t>(c));
   for (std::uint64_t q = first; q < v.bushings; q += kBlocks * kThreads) {
     const Bushing& u = v.bushing[q];
     Vec3 arm_a, arm_b;
