@@ -222,6 +222,7 @@ std::vector<GapPart> gap_failures(const Mesh& mesh, const BallSet& balls, double
     std::uint32_t hint = 0;
     NearBalls near(balls, bound);
     LastProofs last(4 * grain);
+    double small_enough = infinity;  // larger parts have too many balls near
     constexpr std::size_t nobody = std::numeric_limits<std::size_t>::max();
     std::size_t above = nobody;  // what stands at this place of the stack or higher is cut from near's part
     for (std::size_t t = b * block; t < std::min(n, (b + 1) * block); t++) {
@@ -247,9 +248,13 @@ std::vector<GapPart> gap_failures(const Mesh& mesh, const BallSet& balls, double
           proof = hint;
           continue;
         }
-        if (above == nobody && !balls.empty() &&
-            part.size() <= 2 * (balls.balls()[gap.ball].radius + bound) && near.take(part))
-          above = stack.size();
+        if (above == nobody && !balls.empty() && part.size() <= small_enough &&
+            part.size() <= 2 * (balls.balls()[gap.ball].radius + bound)) {
+          if (near.take(part))
+            above = stack.size();
+          else
+            small_enough = 0.25 * part.size();
+        }
         // A part across the border of an uncovered spot has points of both kinds, and its centroid may be
         // covered. Then a corner that is not covered is enough. Splitting until a centroid fails would follow
         // the border all along.
