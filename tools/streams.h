@@ -78,8 +78,9 @@ class StreamFiles {
  private:
   const std::filesystem::path& folder() {
     if (!folder_.empty()) return folder_;
-    std::string name = (std::filesystem::temp_directory_path() / "padder-XXXXXX").string();
-    if (!::mkdtemp(name.data()))
+    std::error_code code;  // set when TMPDIR names no folder
+    std::string name = (std::filesystem::temp_directory_path(code) / "padder-XXXXXX").string();
+    if (code || !::mkdtemp(name.data()))
       throw Error(name + ": a temporary folder cannot be made: set TMPDIR to another");
     folder_ = name;
     note(3, folder_);

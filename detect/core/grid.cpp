@@ -214,6 +214,16 @@ std::vector<std::size_t> choose_levels(const Summary& s, const std::vector<int>&
   return begins;
 }
 
+// With the octaves of the grown spheres.
+Summary grown(const Summary& given) {
+  Summary s = with_octaves(given);
+  for (Summary::Octave& o : s.octave) {
+    if (o.count == 0) continue;
+    o.need_max += 2 * s.grown_by * (1 + 0x1p-20), o.radius_max += s.grown_by;
+  }
+  return s;
+}
+
 void set_ring(Level& l, int bits) {
   bits = std::clamp(bits, kLeastRingBits, kMostRingBits);
   const Hash hash = hash_of_ring(bits);
@@ -233,9 +243,13 @@ void widen_rings(Grid& g, std::uint64_t spheres) {
   }
 }
 
+// What Level::count of a hashed level says of more bins, too. They then have no bounds.
+constexpr std::uint32_t kMostHashedBins = 0x7fffffff;
+
 // The bounds and buckets of a level. It is hashed if it would have more than `most` bins.
 void lay_out(Level& l, const Summary::Octave& all, double most, GridBounds bounds) {
   double bins = 1, within = 1;
+  l.filled = 1;
   for (int k = 0; k < 3; k++) {
     std::int64_t low = split(l, all.low[k]).bin, high = split(l, all.high[k]).bin;
     const std::int64_t wide = high - low + 1;
@@ -249,8 +263,8 @@ void lay_out(Level& l, const Summary::Octave& all, double most, GridBounds bound
     l.first[k] = low;
     l.count[k] = static_cast<std::uint32_t>(std::min<std::int64_t>(high - low + 1, 0x7fffffff));
     bins *= static_cast<double>(high - low + 3);
+    l.filled *= static_cast<double>(wide) / static_cast<double>(high - low + 1);
   }
-  l.filled = within / bins;
   if (within <= most && bins <= 0x1p31) {
     l.buckets = static_cast<std::uint32_t>(bins);
     return;
@@ -264,7 +278,8 @@ void lay_out(Level& l, const Summary::Octave& all, double most, GridBounds bound
     far = std::max({far, std::abs(split(l, all.low[k]).bin), std::abs(split(l, all.high[k]).bin)});
   const auto wide = static_cast<std::int64_t>(std::bit_ceil(static_cast<std::uint64_t>(far) + 1));
   for (int k = 0; k < 3; k++)
-    l.first[k] = -wide, l.count[k] = static_cast<std::uint32_t>(std::min<std::int64_t>(2 * wide, 0x7fffffff));
+    l.first[k] = -wide,
+    l.count[k] = static_cast<std::uint32_t>(std::min<std::int64_t>(2 * wide, kMostHashedBins));
 }
 
 }  // namespace
@@ -330,7 +345,7 @@ Grid choose_grid(const Summary& given, double bin_size, double bins_per_sphere, 
                  GridBounds bounds) {
   Grid g;
   if (given.count == 0) return g;
-  const Summary s = with_octaves(given);
+  const Summary s = grown(given);
   const std::vector<int> octaves = populated(s);
   const std::vector<std::size_t> begins = choose_levels(gathered(s), octaves, cross_search);
   g.levels = static_cast<std::int32_t>(begins.size());
@@ -342,10 +357,10 @@ Grid choose_grid(const Summary& given, double bin_size, double bins_per_sphere, 
     for (std::size_t k = begins[level]; k < end; k++)
       g.level_of_octave[octaves[k]] = static_cast<std::uint8_t>(level);
     Level& l = g.level[level];
-    l.size = all.need_max > 0 ? rounded_up(std::max(all.need_max * (1 + s.blur), bin_size))
+    l.size = all.need_max > 0 ? rounded_up(std::max(all.need_max, bin_size))
                               : rounded_up(bin_size > 0 ? bin_size : 1);
-    l.per_size = 1 / l.size, l.units = std::ldexp(l.per_size, kUnitBits),
-    l.radius_max = all.radius_max * (1 + s.blur);
+    l.per_size = 1 / l.size, l.units = std::ldexp(l.per_size, kUnitBits), l.radius_max = all.radius_max,
+    l.grown_by = s.grown_by;
     l.spheres = all.count;
     // A level with few spheres may have as many bins as the finer levels: as its bins are coarser, it has
     // fewer.
@@ -362,7 +377,7 @@ Grid choose_grid(const Summary& given, double bin_size, double bins_per_sphere, 
 
 bool covers(const Grid& g, const Summary& given) {
   if (given.count == 0) return true;
-  const Summary s = with_octaves(given);
+  const Summary s = grown(given);
   if (g.top != exponent_of(s.need_max) - s.above) return false;
   std::uint64_t count[kMaxLevels] = {};
   for (int o = 0; o < kOctaves; o++) {
@@ -371,11 +386,11 @@ bool covers(const Grid& g, const Summary& given) {
     const int level = g.levels == 1 ? 0 : g.level_of_octave[o];
     const Level& l = g.level[level];
     count[level] += octave.count;
-    if (octave.need_max * (1 + s.blur) > l.size || octave.radius_max * (1 + s.blur) > l.radius_max)
-      return false;
+    if (octave.need_max > l.size || octave.radius_max > l.radius_max || l.grown_by < s.grown_by) return false;
     for (int k = 0; k < 3; k++)
-      if (split(l, octave.low[k]).bin < l.first[k] ||
-          split(l, octave.high[k]).bin >= l.first[k] + static_cast<std::int64_t>(l.count[k]))
+      if (!(l.hashed && l.count[k] == kMostHashedBins) &&
+          (split(l, octave.low[k]).bin < l.first[k] ||
+           split(l, octave.high[k]).bin >= l.first[k] + static_cast<std::int64_t>(l.count[k])))
         return false;
   }
   for (int k = 0; k < g.levels; k++)

@@ -37,6 +37,7 @@ struct Bin {
 struct Level {
   double size = 1, per_size = 1, units = 1;  // a bin's edge; about 1 / size; 2^24 / size
   double radius_max = 0;                     // no sphere of the level is larger; size >= 2 radius_max
+  double grown_by = 0;  // Summary::grown_by; `size` and radius_max are of spheres that are so much larger
   std::uint32_t hashed = 0;
   std::int64_t first[3] = {0, 0, 0};
   std::uint32_t count[3] = {1, 1, 1};
@@ -158,7 +159,7 @@ struct BinOffsets {
   int low, high;
 };
 PADDER_HD BinOffsets neighbour_offsets(const Level& l, const Split& s, double r) {
-  const double search_radius = (r + l.radius_max) * (1 + 0x1p-20);
+  const double search_radius = (r + l.grown_by + l.radius_max) * (1 + 0x1p-20);
   return {s.rest < search_radius ? -1 : 0, s.rest + search_radius >= l.size ? 1 : 0};
 }
 
@@ -173,9 +174,10 @@ PADDER_HD std::int32_t fixed_point_of(const Level& l, const Split& s) {
   return static_cast<std::int32_t>(static_cast<std::uint32_t>(
       q + static_cast<std::uint64_t>(whole_below(add(mul(s.rest, l.units), 0.5)))));
 }
+// The slot's radius is that of the grown sphere.
 PADDER_HD FixedPointSlot fixed_point_slot(const Level& l, const Sphere& s) {
   return {fixed_point_of(l, split(l, s.x)), fixed_point_of(l, split(l, s.y)),
-          fixed_point_of(l, split(l, s.z)), static_cast<float>(mul(s.r, l.units))};
+          fixed_point_of(l, split(l, s.z)), static_cast<float>(mul(add(s.r, l.grown_by), l.units))};
 }
 PADDER_HD FloatSlot float_slot(const Sphere& s) {
   return {static_cast<float>(s.x), static_cast<float>(s.y), static_cast<float>(s.z), static_cast<float>(s.r)};
@@ -200,9 +202,10 @@ struct Summary {
   std::uint64_t count = 0;
   double need_max = 0, radius_max = 0, radius_min = INFINITY, radius_sum = 0;
   double extent = 0;  // the largest |coordinate|
-  // By which fraction distances may be longer and radii smaller than they look, where coordinates were
-  // rounded: edges of bins and what is searched exceed them by as much.
-  double blur = 0;
+  // By how much each sphere counts as larger when partners are looked for: half of CallOptions::margin, and
+  // what rounding may have moved it by. The octaves, the needs and the radii here are those of the spheres as
+  // they are.
+  double grown_by = 0;
   double low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY};
   std::uint64_t first_fault = ~std::uint64_t(0);  // index of the first sphere with a fault
   // Octave 0 begins `above` octaves below exponent_of(need_max). It also holds everything larger, and the

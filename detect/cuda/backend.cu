@@ -31,25 +31,22 @@ class Work {
       return options.path == Path::grid &&
              (options.bodies == Bodies::first || (options.bodies == Bodies::automatic && automatic_first_));
     };
-    // A margin grows the balls of bodies first, which may be loose spheres alone.
-    const bool balls_only = options.margin > 0 && options.path == Path::grid && BodyInput::all_loose(input);
-    const bool known = bodies_.knows(input, options) && (balls_only || bodies_first_wanted());
+    const bool known = bodies_.knows(input, options) && bodies_first_wanted();
     check_input(input, true, known || worlds_.knows(input));
     const bool worlds =
         options.path == Path::grid && (loose_have_worlds(input) || (!known && have_worlds(input)));
     if (!known && !worlds) automatic_first_ = bodies_first(input, {}, sphere_count(input), tuning::kBallCost);
-    const bool first = !worlds && (balls_only || bodies_first_wanted()),
-               by_tree = worlds || (options.margin > 0 && options.path == Path::grid && !first);
+    const bool first = !worlds && bodies_first_wanted();
     // Most pairs then stay near their place. The search of spheres sees to that itself.
-    if (options.history && (by_tree || first)) options.order = Order::stable;
+    if (options.history && (worlds || first)) options.order = Order::stable;
     const Call call = begin(input, options);
     const PairList before = options.history ? PairList{list_.keep_pairs(), last_count_} : PairList{};
     Contacts c;
     c.memory = options.output, c.width = options.width, c.scalar = options.scalar;
-    if (!by_tree) worlds_.forget();
+    if (!worlds) worlds_.forget();
     const bool done = first && bodies_.run(call, c);
     if (!first) bodies_.forget();
-    if (by_tree || (!done && options.margin > 0 && options.path == Path::grid))
+    if (worlds)
       worlds_.run(call, c);
     else if (!done)
       search_spheres(call, c);

@@ -138,7 +138,7 @@ inline constexpr std::uint32_t kWarpUnits = 3;
 // Contacts that a unit of several spheres, or a part of one sphere's rows, is planned to find. Rows "units of
 // 128 hits of a usual sphere" and "parts of 100, 130, 160, 200 hits": poly100 5e6 1.49, 1.47, 1.49, 1.53 ms.
 // The fused search divides nothing but its work by units, so they are larger; no row. Order.
-inline constexpr double kUnitContacts = 128, kPartContacts = 160;
+inline constexpr double kUnitContacts = 128, kPartContacts = 130;
 inline constexpr double kFusedUnitContacts = 500, kFusedPartContacts = 1000;
 // Rows of bins that a unit looks at, at most. No row; it bounds the time of a unit where the finer level is
 // nearly empty. Order.

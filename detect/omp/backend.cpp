@@ -62,8 +62,7 @@ std::array<std::uint64_t, kExponents> exponents_of(const View<T>& spheres, int t
     std::array<std::uint64_t, kExponents> mine{};
 #pragma omp for schedule(static) nowait
     for (std::int64_t k = 0; k < static_cast<std::int64_t>(spheres.count); k++)
-      mine[static_cast<std::size_t>(exponent_of(need_of(spheres.searched(static_cast<std::uint64_t>(k)))) +
-                                    1023)]++;
+      mine[static_cast<std::size_t>(exponent_of(need_of(spheres[static_cast<std::uint64_t>(k)])) + 1023)]++;
 #pragma omp critical
     for (int e = 0; e < kExponents; e++)
       all[static_cast<std::size_t>(e)] += mine[static_cast<std::size_t>(e)];
@@ -80,7 +79,7 @@ void count_octaves(const View<T>& spheres, int threads, Summary& s) {
     Summary mine;
 #pragma omp for schedule(static) nowait
     for (std::int64_t k = 0; k < static_cast<std::int64_t>(spheres.count); k++) {
-      const Sphere p = spheres.searched(static_cast<std::uint64_t>(k));
+      const Sphere p = spheres[static_cast<std::uint64_t>(k)];
       const double need = need_of(p), c[3] = {p.x, p.y, p.z};
       Summary::Octave& o = mine.octave[octave_of(top, need)];
       o.count++, o.need_max = std::max(o.need_max, need), o.radius_max = std::max(o.radius_max, p.r);
@@ -140,7 +139,6 @@ Summary summarize(const View<T>& spheres, int threads) {
     }
   }
   if (n == 0 || s.first_fault != ~std::uint64_t(0)) return s;
-  s.radius_max += spheres.grown_by, s.radius_min += spheres.grown_by;
   for (int a = 0; a < 3; a++) s.extent = std::max({s.extent, std::abs(s.low[a]), std::abs(s.high[a])});
   // need_of is the larger of two terms, each of which grows with its argument, so its largest value follows
   // from the largest coordinate and the largest radius.
@@ -334,12 +332,12 @@ class OmpBackend final : public Backend {
   }
 
   template <class T>
-  Contacts run(omp::View<T> spheres, const Input& input, const CallOptions& options, Arrays* arrays) {
+  Contacts run(const omp::View<T>& spheres, const Input& input, const CallOptions& options, Arrays* arrays) {
     omp::Stopwatch watch;
-    if (options.path == Path::grid) spheres.grown_by = options.margin / 2;
     Contacts c;
     if (!input.bodies.empty()) c.seconds.place = place_seconds_;
-    const Summary summary = omp::summarize(spheres, threads_);
+    Summary summary = omp::summarize(spheres, threads_);
+    if (options.path == Path::grid) summary.grown_by = options.margin / 2;
     if (summary.first_fault != ~std::uint64_t(0))
       throw Error(fault_sentence(summary.first_fault, spheres[summary.first_fault], input));
     check_range(summary, options);

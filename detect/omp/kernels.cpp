@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 #include "detect/omp/kernels.h"
 
+#include "detect/core/grid.h"
+
 #include <algorithm>
 #include <array>
 #include <bit>
@@ -316,15 +318,25 @@ void to_normals(Batch& batch, int count) {
 
 // As split(), without a cast to an integer: AVX2 has none for 64 bits. Adding 1.5 * 2^52 and subtracting it
 // again rounds a number below 2^51 to a whole one, and the low bits of the sum are those of the whole number.
-PADDER_CLONES void bin_numbers(const double* x, int count, double size, double per_size,
+PADDER_CLONES void bin_numbers(const double* x, int count, const double* size, const double* per_size,
                                std::uint32_t* bins) {
   constexpr double kWhole = 0x1.8p52;
   for (int k = 0; k < count; k++) {
-    const double quotient = x[k] * per_size, near = (quotient + kWhole) - kWhole;
+    const double quotient = x[k] * per_size[k], near = (quotient + kWhole) - kWhole;
     const double below = near > quotient ? near - 1 : near;
-    const double rest = x[k] - below * size;
-    const double bin = rest < 0 ? below - 1 : ((rest >= size) & (below != -1)) ? below + 1 : below;
+    const double rest = x[k] - below * size[k];
+    const double bin = rest < 0 ? below - 1 : ((rest >= size[k]) & (below != -1)) ? below + 1 : below;
     bins[k] = static_cast<std::uint32_t>(std::bit_cast<std::uint64_t>(bin + kWhole));
+  }
+}
+
+PADDER_CLONES void octaves_of(const double* x, const double* y, const double* z, const double* r, int count,
+                              int top, std::int64_t* octaves) {
+  for (int k = 0; k < count; k++) {
+    const double need = need_of({x[k], y[k], z[k], r[k]});
+    const std::int64_t below =
+        top - (static_cast<std::int64_t>(std::bit_cast<std::uint64_t>(need) >> 52) - 1023);
+    octaves[k] = below < 0 ? 0 : below < kOctaves ? below : kOctaves - 1;
   }
 }
 

@@ -73,8 +73,12 @@ void differences(const Slots<FixedPointSlot>&, const Sphere* spheres, const std:
                  const std::uint32_t* j, int count, Batch& out);
 void to_normals(Batch& batch, int count);
 
-// For up to kBatch coordinates along an axis: the bin numbers of split() in grid.h, modulo 2^32.
-void bin_numbers(const double* x, int count, double size, double per_size, std::uint32_t* bins);
+// For up to kBatch coordinates along an axis, each with the edge of its bins: the bin numbers of split() in
+// grid.h, modulo 2^32.
+void bin_numbers(const double* x, int count, const double* size, const double* per_size, std::uint32_t* bins);
+// The octaves of `count` spheres, as octave_of() in grid.h has them.
+void octaves_of(const double* x, const double* y, const double* z, const double* r, int count, int top,
+                std::int64_t* octaves);
 // Widens `low` and `high` by `count` numbers, a multiple of 8. False if one of them is not a number, or
 // larger than kLargest in magnitude; then low and high mean nothing.
 bool widen(const double* x, int count, double& low, double& high);

@@ -39,32 +39,29 @@ struct CountingSort {
 
   // The keys of spheres begin to end - 1, and how many of them are in each part.
   void find_keys(std::uint64_t begin, std::uint64_t end, std::uint32_t* count) const {
-    std::fill_n(count, parts, 0u);
     const int by = shift;
-    if (grid.levels == 1) return find_keys_of_one_level(begin, end, count);
-    for (std::uint64_t i = begin; i < end; i++) {
-      const Sphere s = spheres.searched(i);
-      const int level = level_of(grid, s);
-      const std::uint32_t key = level_keys[level].key(bin_of(grid.level[level], s));
-      keys[i] = key;
-      count[key >> by]++;
-    }
-  }
-  void find_keys_of_one_level(std::uint64_t begin, std::uint64_t end, std::uint32_t* count) const {
-    const int by = shift;
-    const Level& l = grid.level[0];
-    double place[3][kBatch];
+    double place[4][kBatch], size[kBatch], per_size[kBatch];
     std::uint32_t bins[3][kBatch];
+    std::int64_t levels[kBatch] = {};  // first octaves
+    std::fill_n(size, kBatch, grid.level[0].size), std::fill_n(per_size, kBatch, grid.level[0].per_size);
+    std::fill_n(count, parts, 0u);
     for (std::uint64_t first = begin; first < end; first += kBatch) {
       const auto n = static_cast<std::uint32_t>(std::min<std::uint64_t>(kBatch, end - first));
       for (std::uint32_t k = 0; k < n; k++) {
         const Sphere s = spheres[first + k];
-        place[0][k] = s.x, place[1][k] = s.y, place[2][k] = s.z;
+        place[0][k] = s.x, place[1][k] = s.y, place[2][k] = s.z, place[3][k] = s.r;
+      }
+      if (grid.levels > 1) {
+        octaves_of(place[0], place[1], place[2], place[3], static_cast<int>(n), grid.top, levels);
+        for (std::uint32_t k = 0; k < n; k++) {
+          levels[k] = grid.level_of_octave[levels[k]];
+          size[k] = grid.level[levels[k]].size, per_size[k] = grid.level[levels[k]].per_size;
+        }
       }
       for (int axis = 0; axis < 3; axis++)
-        bin_numbers(place[axis], static_cast<int>(n), l.size, l.per_size, bins[axis]);
+        bin_numbers(place[axis], static_cast<int>(n), size, per_size, bins[axis]);
       for (std::uint32_t k = 0; k < n; k++) {
-        const std::uint32_t key = level_keys[0].key(bins[0][k], bins[1][k], bins[2][k]);
+        const std::uint32_t key = level_keys[levels[k]].key(bins[0][k], bins[1][k], bins[2][k]);
         keys[first + k] = key;
         count[key >> by]++;
       }
@@ -114,8 +111,7 @@ struct CountingSort {
       if constexpr (std::is_same_v<Slot, FloatSlot>) {
         slots.set(at, float_slot(s));
       } else {
-        const Sphere searched = spheres.searched(id);
-        slots.set(at, fixed_point_slot(grid.level[level_of(grid, searched)], searched));
+        slots.set(at, fixed_point_slot(grid.level[level_of(grid, s)], s));
       }
       ids[at] = id, keys[at] = entries[k].key;
       if (filters) filters[at] = spheres.filter(id);
@@ -216,9 +212,8 @@ std::uint64_t GridPath::search_and_write(const Grid& grid, const CallOptions& op
 template <class T>
 std::uint64_t GridPath::run(const View<T>& spheres, const Summary& summary, const CallOptions& options,
                             int threads, Records& records, Seconds& seconds) {
-  // Fixed-point slots have the spheres as they were given beside them, which a margin needs.
   const bool floats =
-      sizeof(T) == sizeof(float) && spheres.grown_by == 0 && float_range(summary.extent, summary.radius_max);
+      sizeof(T) == sizeof(float) && float_range(summary.extent, summary.radius_max + summary.grown_by);
   double shrink[kOctaves];
   std::fill_n(shrink, kOctaves, 1.0);
   Grid grid = choose_levels(summary, options.bin_size, shrink);

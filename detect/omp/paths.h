@@ -90,16 +90,9 @@ struct View {
   const std::uint8_t* is_static = nullptr;  // read if owner is null; null: none is static
   const std::uint32_t* world = nullptr;     // read by the nine stages; null: all are in `world_of_all`
   std::uint32_t world_of_all = 0;
-  double grown_by = 0;  // half of CallOptions::margin, on the grid path
   Sphere operator[](std::uint64_t k) const {
     const T* c = centers + k * center_stride;
     return {c[0], c[1], c[2], radii[k * radius_stride]};
-  }
-  // As the grid path orders and searches it: two that touch have a gap of at most the margin.
-  Sphere searched(std::uint64_t k) const {
-    Sphere s = (*this)[k];
-    s.r += grown_by;
-    return s;
   }
   Filter filter(std::uint64_t k) const {
     return {family ? family[k] : 0, mask ? mask[k] : 0,

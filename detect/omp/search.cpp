@@ -140,6 +140,13 @@ class Searcher {
  private:
   static constexpr bool kFixedPoint = std::is_same_v<Slot, FixedPointSlot>;
   Sphere exact_sphere(std::uint32_t k) const { return omp::exact_sphere(spheres_, slots_, k); }
+  // With the margin in its radius, so that the sum of two radii has it. Fixed-point slots are of spheres that
+  // are larger by half of it each.
+  Slot seeker(std::uint32_t k) const {
+    Slot s = slots_[k];
+    if constexpr (!kFixedPoint) s.r += static_cast<float>(margin_);
+    return s;
+  }
 
   // The forward half of the bins around a bin: the rest of its row, the next row in y, and three rows of the
   // next layer in z.
@@ -174,7 +181,7 @@ class Searcher {
     if (inside < buckets) runs[count++] = {starts[0], starts[buckets - inside]};
   }
   void own_level(int level, std::uint32_t a) {
-    const Slot me = slots_[a];
+    const Slot me = seeker(a);
     runs_[0].begin = a + 1;
     if (candidates_ <= kMostCandidates) return test(me, a, runs_, run_count_, level);
     for (int k = 0; k < run_count_; k++) test_in_parts(me, a, runs_[k], level);
@@ -190,7 +197,7 @@ class Searcher {
     // touch it.
     if (larger(larger(magnitude(s.x), magnitude(s.y)), magnitude(s.z)) > 0x1p43 * l.size) return;
     const Split x = split(l, s.x), y = split(l, s.y), z = split(l, s.z);
-    Slot me = slots_[a];
+    Slot me = seeker(a);
     if constexpr (kFixedPoint)
       me = {fixed_point_of(l, x), fixed_point_of(l, y), fixed_point_of(l, z),
             static_cast<float>(mul(s.r, l.units))};

@@ -107,7 +107,8 @@ LooseSpheres loose_from(const Spheres& spheres) {
     to.resize(spheres.count);
     std::memcpy(to.data(), from, spheres.count * sizeof *from);
   };
-  tags(spheres.family, l.family), tags(spheres.mask, l.mask), tags(spheres.is_static, l.is_static);
+  tags(spheres.family, l.family), tags(spheres.mask, l.mask), tags(spheres.world, l.world);
+  tags(spheres.is_static, l.is_static);
   return l;
 }
 
@@ -150,6 +151,7 @@ LooseSpheres loose_from_csv(std::string_view text, const std::string& where) {
   l.scalar = Scalar::f64;
   bool header = false;
   std::size_t columns = 0, family = 0, mask = 0;  // the columns of family and mask; 0: there is none
+  if (text.starts_with("\xEF\xBB\xBF")) text.remove_prefix(3);  // a byte order mark, as Excel writes it
   for (std::uint64_t line_number = 1; !text.empty(); line_number++) {
     const auto end = text.find('\n');
     const std::string_view line = trimmed(text.substr(0, end));

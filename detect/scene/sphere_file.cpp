@@ -65,8 +65,8 @@ void SphereFile::read_npy() {
 }
 
 void SphereFile::read_npz() {
-  const std::map<std::string, std::string_view> entries = npz_entries({data_, size_}, where_);
-  const auto array = [&](const char* name) { return npy_view(entries.at(name), where_ + ": " + name); };
+  const std::map<std::string, NpzEntry> entries = npz_entries({data_, size_}, where_);
+  const auto array = [&](const char* name) { return npy_view(entries.at(name).bytes, where_ + ": " + name); };
   if (!entries.contains("centers") || !entries.contains("radii"))
     throw Error(where_ + ": the arrays \"centers\" and \"radii\" are needed");
   const NpyView c = array("centers"), r = array("radii");
@@ -76,7 +76,8 @@ void SphereFile::read_npz() {
   if (checked_scalar(r, where_) != spheres_.scalar)
     throw Error(where_ + ": save \"centers\" and \"radii\" in the same type");
   spheres_.centers = c.bytes.data(), spheres_.radii = r.bytes.data();
-  for (const auto& [name, to] : {std::pair("family", &spheres_.family), std::pair("mask", &spheres_.mask)}) {
+  for (const auto& [name, to] : {std::pair("family", &spheres_.family), std::pair("mask", &spheres_.mask),
+                                 std::pair("world", &spheres_.world)}) {
     if (!entries.contains(name)) continue;
     const NpyView a = array(name);
     if (a.shape != r.shape || a.kind != 'u' || a.size != 4)

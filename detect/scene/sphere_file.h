@@ -13,7 +13,7 @@ namespace padder::detect {
 // A mapped file of spheres, in one of these forms, little-endian and in C order:
 // .npy: one array (N, 4) of float32 or float64: x, y, z, r.
 // .npz: stored without compression (numpy.savez), with `centers` (N, 3) and `radii` (N), both float32 or both
-//   float64, and perhaps `family` and `mask` (N) of uint32.
+//   float64, and perhaps `family`, `mask` and `world` (N) of uint32.
 // The constructor reads the heads alone; it throws Error, which names the file, for anything else. The file
 // must not be shortened while it is mapped: the system then ends the program.
 class SphereFile {

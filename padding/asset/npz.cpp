@@ -134,6 +134,7 @@ NpyView npy_view(std::string_view in, const std::string& where) {
   const auto open = header.find('(');
   if (open == std::string::npos) fail("the array has no shape");
   for (std::size_t k = open + 1; k < header.size() && header[k] != ')';) {
+    if (header[k] == '-') fail("the array's shape is not possible");
     if (header[k] < '0' || header[k] > '9') {
       k++;
       continue;
@@ -248,7 +249,7 @@ std::string npz_bytes(const Npz& arrays) {
   return out;
 }
 
-std::map<std::string, std::string_view> npz_entries(std::string_view in, const std::string& where) {
+std::map<std::string, NpzEntry> npz_entries(std::string_view in, const std::string& where) {
   const auto end = in.rfind("PK\x05\x06");
   if (end == std::string_view::npos) throw Error(where + ": not an .npz archive");
   const std::uint64_t files = get(in, end + 10, 2, where);
@@ -258,7 +259,7 @@ std::map<std::string, std::string_view> npz_entries(std::string_view in, const s
       throw Error(where + ": the archive's end is damaged");
     at = get(in, get(in, end - 12, 8, where) + 48, 8, where);
   }
-  std::map<std::string, std::string_view> entries;
+  std::map<std::string, NpzEntry> entries;
   for (std::uint64_t k = 0; k < files; k++) {
     if (get(in, at, 4, where) != 0x02014b50) throw Error(where + ": the archive's directory is damaged");
     const std::uint64_t method = get(in, at + 10, 2, where), name_size = get(in, at + 28, 2, where);
@@ -273,7 +274,8 @@ std::map<std::string, std::string_view> npz_entries(std::string_view in, const s
     const std::uint64_t data = local + 30 + get(in, local + 26, 2, where) + get(in, local + 28, 2, where);
     if (data > in.size() || in.size() - data < size) throw Error(where + ": the archive is cut off");
     if (name.ends_with(".npy")) name.resize(name.size() - 4);
-    if (!entries.emplace(name, in.substr(data, size)).second)
+    const auto checksum = static_cast<std::uint32_t>(get(in, at + 16, 4, where));
+    if (!entries.emplace(name, NpzEntry{in.substr(data, size), checksum}).second)
       throw Error(where + ": " + excerpt(name) + " stands twice in the archive: remove one");
     at += 46 + name_size + extra + comment;
   }
@@ -283,7 +285,12 @@ std::map<std::string, std::string_view> npz_entries(std::string_view in, const s
 Npz npz_from_bytes(std::string_view in, const std::string& where) {
   Npz arrays;
   for (const auto& [name, entry] : npz_entries(in, where)) {
-    const NpyView v = npy_view(entry, where + ": " + excerpt(name));
+    const NpyView v = npy_view(entry.bytes, where + ": " + excerpt(name));
+#if !defined(FUZZING_BUILD_MODE_UNSAFE_FOR_PRODUCTION)  // a fuzzer does not guess checksums
+    if (crc32(entry.bytes) != entry.checksum)
+      throw Error(where + ": " + excerpt(name) +
+                  " is damaged (its checksum is another): copy or save the file again");
+#endif
     arrays.emplace(name, NpyArray{v.kind, v.size, v.shape, std::string(v.bytes)});
   }
   return arrays;

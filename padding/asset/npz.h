@@ -87,10 +87,16 @@ class NpzWriter {
 // The archive as bytes, arrays in alphabetical order.
 std::string npz_bytes(const Npz& arrays);
 
+// A .npy file of an archive, which is borrowed, and the checksum that the archive's directory gives for it.
+struct NpzEntry {
+  std::string_view bytes;
+  std::uint32_t checksum;
+};
+
 // These throw Error, which begins with `where`, for anything but uncompressed little-endian arrays. The .npy
-// files of an archive, by their names without that ending; one of them, or a .npy file by itself; all arrays
-// of an archive, copied.
-std::map<std::string, std::string_view> npz_entries(std::string_view bytes, const std::string& where);
+// files of an archive, by their names without that ending, and their checksums not looked at; one of them, or
+// a .npy file by itself; all arrays of an archive, copied, and refused when a checksum is another.
+std::map<std::string, NpzEntry> npz_entries(std::string_view bytes, const std::string& where);
 NpyView npy_view(std::string_view bytes, const std::string& where);
 Npz npz_from_bytes(std::string_view bytes, const std::string& where);
 

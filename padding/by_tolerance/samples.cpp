@@ -60,7 +60,7 @@ class Neighbours {
       if (all_normals || normals_[k].dot(normals_[other]) > 0.7) visit(other);
   }
 
-  // Is there so much surface within the radius that a ball of it covers many walls?
+  // Is there so much surface within the radius that a ball nearby covers many walls?
   bool crowd(std::uint32_t k, double radius) const {
     double area = 0;
     for (auto other : find(k, radius)) area += areas_[other];
@@ -68,7 +68,7 @@ class Neighbours {
   }
 
  private:
-  static constexpr double kWallsOfCrowd = 20;  // thin walls that meet in a corner have 6
+  static constexpr double kWallsOfCrowd = 7;  // thin walls that meet in a corner have 6
 
   const std::vector<std::uint32_t>& find(std::uint32_t k, double radius) const {
     thread_local std::vector<std::uint32_t> found;
@@ -260,8 +260,9 @@ class Sampler {
         const double disc = covered_disc(balls[k].radius, options_.tolerance_sum);
         // In a crowd samples stand farther apart, and normals do not count: so there is a number of samples
         // for each ball, and not for each wall that it covers.
-        const bool crowd = near.crowd(batch[k], disc);
-        near.visit(batch[k], (crowd ? 1.5 : 1) * disc / options_.grown_density, crowd, [&](auto other) {
+        const double spacing = disc / options_.grown_density;
+        const bool crowd = near.crowd(batch[k], spacing);
+        near.visit(batch[k], (crowd ? 1.5 : 1) * spacing, crowd, [&](auto other) {
           if (!gone[other]) gone[other] = 1, parts[other].disc = disc, parts[other].crowd = crowd;
         });
       }

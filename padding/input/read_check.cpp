@@ -50,6 +50,7 @@ void check_stl(std::string& bytes, const std::string& where, std::vector<std::st
       return;
     }
   }
+  if (bytes.starts_with(kByteOrderMark)) bytes.erase(0, kByteOrderMark.size());
   const std::string_view head = std::string_view(bytes).substr(0, 1024);
   std::string_view start = head;
   start.remove_prefix(std::min(start.find_first_not_of(" \t\r\n"), start.size()));

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Runs a reader in a process of its own, so that a crash on a damaged file does not end this one.
 #include <fcntl.h>
+#include <sys/prctl.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -60,6 +61,7 @@ class Pipe {
 
 // All that the child does. It never returns, runs no destructor of the parent and leaves no core file.
 [[noreturn]] void run_child(int end, const std::function<Soup()>& read, std::size_t file_size) {
+  ::prctl(PR_SET_PDEATHSIG, SIGKILL);  // it ends with whoever waits for it
   const int nowhere = ::open("/dev/null", O_WRONLY);
   if (nowhere >= 0)
     ::dup2(nowhere, STDOUT_FILENO), ::dup2(nowhere, STDERR_FILENO);  // failed assertions print there

@@ -80,16 +80,25 @@ void check_gltf(std::string_view bytes, const std::string& ending, const std::st
       fail(where, "it uses the glTF extension '" + name + "', which is not read: export it without");
 }
 
-// Files that a scene refers to: a pipe or a device among them would never end.
+// Files that a scene refers to. A pipe or a device among them would never end, and one outside of its folder
+// is none of its business: a scene that somebody else sends could show what is in it.
 class Files : public Assimp::DefaultIOSystem {
  public:
+  explicit Files(const std::filesystem::path& scene) : folder_(normal(scene).parent_path()) {}
   bool Exists(const char* name) const override {  // assimp's own opens it to see
     std::error_code code;
-    return std::filesystem::is_regular_file(name, code);
+    const std::filesystem::path within = normal(name).lexically_relative(folder_);
+    return !within.empty() && *within.begin() != ".." && std::filesystem::is_regular_file(name, code);
   }
   Assimp::IOStream* Open(const char* name, const char* mode) override {
     return Exists(name) ? DefaultIOSystem::Open(name, mode) : nullptr;
   }
+
+ private:
+  static std::filesystem::path normal(const std::filesystem::path& path) {
+    return std::filesystem::absolute(path).lexically_normal();
+  }
+  std::filesystem::path folder_;
 };
 
 // FBX says how many centimetres its unit has.
@@ -148,7 +157,7 @@ Soup read_scene(const std::string& bytes, const std::filesystem::path& path, con
   if (ending == ".gltf" || ending == ".glb") check_gltf(bytes, ending, where);
   ImportLog log;
   Assimp::Importer importer;
-  importer.SetIOHandler(new Files);  // the importer owns it
+  importer.SetIOHandler(new Files(path));  // the importer owns it
   importer.SetPropertyInteger(AI_CONFIG_PP_RVC_FLAGS,
                               aiComponent_NORMALS | aiComponent_TANGENTS_AND_BITANGENTS | aiComponent_COLORS |
                                   aiComponent_TEXCOORDS | aiComponent_BONEWEIGHTS | aiComponent_ANIMATIONS |

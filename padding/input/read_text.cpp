@@ -91,6 +91,7 @@ void check_obj(std::string_view text, const std::string& where, Soup& soup) {
 
 Soup read_obj(std::string& bytes, const std::string& where) {
   refuse_binary(bytes, where, "OBJ");
+  if (bytes.starts_with(kByteOrderMark)) bytes.erase(0, kByteOrderMark.size());  // for tinyobjloader
   // A backslash at the end of a line continues it on the next. tinyobjloader does not know that.
   for (std::size_t at = bytes.find('\\'); at != bytes.npos; at = bytes.find('\\', at + 1)) {
     const std::string_view tail = std::string_view(bytes).substr(at + 1, 2);

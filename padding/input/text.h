@@ -15,17 +15,21 @@ namespace padder::reading {
   throw Error(where + ": " + what);
 }
 
-// The lines of a text, counted from 1. They may end with \n, \r\n or \r.
+// Some programs for Windows begin a text with it.
+inline constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF";
+
+// The lines of a text, counted from 1. They may end with \n, \r\n or \r. A byte order mark is passed over.
 class Lines {
  public:
-  explicit Lines(std::string_view text) : text_(text) {}
+  explicit Lines(std::string_view text)
+      : text_(text), at_(text.starts_with(kByteOrderMark) ? kByteOrderMark.size() : 0) {}
   bool next(std::string_view& line);
   std::uint32_t number() const { return number_; }
   std::size_t offset() const { return at_; }  // where the next line begins
 
  private:
   std::string_view text_;
-  std::size_t at_ = 0;
+  std::size_t at_;
   std::uint32_t number_ = 0;
 };
 

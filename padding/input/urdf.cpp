@@ -281,7 +281,8 @@ class Reader {
     std::string roots;
     int count = 0;
     for (const Body& b : urdf.model.bodies)
-      if (b.parent < 0) roots += (count++ ? ", " : "") + excerpt(b.name);
+      if (b.parent < 0 && count++ < 5) roots += (count > 1 ? ", " : "") + excerpt(b.name);
+    if (count > 5) roots += " and others";
     if (count > 1) fail("a robot has one root, and here are " + std::to_string(count) + ": " + roots);
   }
 

@@ -81,8 +81,10 @@ std::string Zip::read(std::string_view name, std::size_t most) const {
   } else {
     fail(part + "is packed in a way that is not read: export it again, with deflate");
   }
+#if !defined(FUZZING_BUILD_MODE_UNSAFE_FOR_PRODUCTION)  // a fuzzer does not guess checksums
   if (crc32(0, reinterpret_cast<const Bytef*>(out.data()), static_cast<uInt>(out.size())) != e->checksum)
     fail(part + "is damaged (its checksum is another): export it again");
+#endif
   return out;
 }
 

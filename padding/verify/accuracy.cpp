@@ -38,51 +38,25 @@ Summary summarize(std::vector<Weighted>& samples) {
   return s;
 }
 
-// Calls visit(k, into) for k in [0, n) on all threads. Work is cut into blocks, and their results are
-// appended in the order of the blocks.
-template <class T, class Visit>
-std::vector<T> gather(std::int64_t n, Visit&& visit) {
-  constexpr std::int64_t block = 256;
-  const std::int64_t blocks = (n + block - 1) / block;
-  std::vector<std::vector<T>> found(blocks);
-#pragma omp parallel for schedule(dynamic, 1)
-  for (std::int64_t b = 0; b < blocks; b++)
-    for (std::int64_t k = b * block; k < std::min(n, (b + 1) * block); k++) visit(k, found[b]);
-  std::vector<T> all;
-  for (auto& part : found) all.insert(all.end(), part.begin(), part.end());
-  return all;
-}
-
-struct SurfaceSample {
-  double gap, weight;
-  bool inside;
-};
-
-std::vector<SurfaceSample> sample_surface(const Mesh& mesh, const BallSet& balls, std::int64_t wanted) {
-  const double each = mesh.area() / double(wanted);
-  return gather<SurfaceSample>(
-      std::int64_t(mesh.triangles.size()), [&](std::int64_t t, std::vector<SurfaceSample>& into) {
-        const double area = mesh.area_normal(t).norm();
-        if (!(area > 0)) return;
-        // n^2 congruent parts, sampled at their centroids. Corners are sampled, too, with no weight.
-        const auto n = std::clamp<std::int64_t>(std::llround(std::sqrt(area / each)), 1, 4096);
-        const Point a = mesh.corner(t, 0);
-        const Vector u = (mesh.corner(t, 1) - a) / double(n), v = (mesh.corner(t, 2) - a) / double(n);
-        const auto add = [&](double i, double j, double weight) {
-          const double gap = balls.gap(a + i * u + j * v).value;
-          into.push_back({std::max(gap, 0.0), weight, gap <= 0});
-        };
-        const double weight = area / double(n * n);
-        for (std::int64_t i = 0; i < n; i++)
-          for (std::int64_t j = 0; i + j < n; j++) {
-            add(double(i) + 1. / 3, double(j) + 1. / 3, weight);
-            if (i + j + 1 < n) add(double(i) + 2. / 3, double(j) + 2. / 3, weight);
-          }
-        for (std::int64_t i = 0; i <= n; i++) {
-          const double s = double(i), m = double(n);
-          add(s, 0, 0), add(0, s, 0), add(m - s, s, 0);
-        }
-      });
+// Points spread evenly over the surface; each stands for the same area. Their places within the triangles
+// come from a sequence of low discrepancy (Roberts, The unreasonable effectiveness of quasirandom sequences,
+// 2018), because spheres often follow the triangles: centroids are covered best of all, and corners worst.
+std::vector<Point> surface_points(const Mesh& mesh, std::int64_t count) {
+  std::vector<double> area(mesh.triangles.size());  // of the triangles up to this one
+  double sum = 0;
+  for (std::size_t t = 0; t < area.size(); t++) area[t] = sum += mesh.area_normal(t).norm();
+  std::vector<Point> points;
+  if (!(sum > 0)) return points;
+  const auto fraction = [](double x) { return x - std::floor(x); };
+  std::size_t t = 0;
+  for (std::int64_t k = 0; k < count; k++) {
+    while (t + 1 < area.size() && area[t] <= sum * (double(k) + 0.5) / double(count)) t++;
+    double u = fraction(0.7548776662466927 * double(k)), v = fraction(0.5698402909980532 * double(k));
+    if (u + v > 1) u = 1 - u, v = 1 - v;
+    const Point& a = mesh.corner(t, 0);
+    points.push_back(a + u * (mesh.corner(t, 1) - a) + v * (mesh.corner(t, 2) - a));
+  }
+  return points;
 }
 
 SurfaceKind proved_against(const Repaired& body) {
@@ -137,42 +111,46 @@ Measured measure(const Mesh& input, const Repaired& body, const Surface& body_su
   const BallSet set(balls);
   const bool wrap = body.kind == BodyKind::wrap;
 
-  const auto surface =
-      sample_surface(wrap || body.solid ? body_surface.mesh() : input, set, options.surface_samples);
-  std::vector<Weighted> gaps;
-  double area = 0, covered = 0;
-  for (const auto& s : surface) {
-    gaps.push_back({s.gap, s.weight});
-    area += s.weight, covered += s.inside ? s.weight : 0;
+  const auto points =
+      surface_points(wrap || body.solid ? body_surface.mesh() : input, options.surface_samples);
+  std::vector<Weighted> gaps(points.size());
+  std::int64_t covered = 0;
+#pragma omp parallel for schedule(dynamic, 256) reduction(+ : covered)
+  for (std::size_t k = 0; k < points.size(); k++) {
+    const double distance = set.gap(points[k]).value;
+    gaps[k] = {std::max(distance, 0.0), 1};
+    covered += distance <= 0;
   }
   const Summary gap = summarize(gaps);
   a.gap_mean = gap.mean, a.gap_p95 = gap.p95;
-  a.coverage = area > 0 ? covered / area : 0;
+  a.coverage = points.empty() ? 0 : double(covered) / double(points.size());
   a.gap_bound = gap_bound(body_surface.mesh(), set, options.floor).upper;
   // Triangles without area may lie apart from the others, so they are measured, too.
   if (!wrap) a.gap_bound = std::max(a.gap_bound, gap_bound(body.flat, set, options.floor).upper);
   a.gap_max = std::max(gap.max, a.gap_bound);
 
   const BallSampler sampler(body_surface, set, a.gap_max + 1e-6 * body_surface.bounds().diagonal());
-  const std::int64_t n = std::max<std::int64_t>(48, options.ball_samples / std::int64_t(balls.size()));
-  const auto found =
-      gather<BallSample>(std::int64_t(balls.size()), [&](std::int64_t k, std::vector<BallSample>& into) {
-        const Ball& ball = balls[k];
-        const double weight = 4 * std::numbers::pi * ball.radius * ball.radius / double(n);
-        for (std::int64_t j = 0; j < n; j++)
-          if (const auto s = sampler.at(ball, sphere_point(j, n, double(k)), weight)) into.push_back(*s);
-        // The point where the ball stands out farthest lies beyond the surface point nearest to its centre.
-        const Nearest near = body_surface.signed_nearest(ball.center);
-        Vector out = near.distance < 0 ? Vector(near.point - ball.center) : Vector(ball.center - near.point);
-        if (out.norm() > 0)
-          if (const auto s = sampler.at(ball, out.normalized(), 0)) into.push_back(*s);
-      });
-  std::vector<Weighted> protrusions, angles;
-  for (const auto& s : found) {
-    if (s.protrusion >= 0) protrusions.push_back({s.protrusion, s.weight});
-    if (s.angle >= 0) angles.push_back({s.angle, s.weight});
-    m.volume_union += s.volume;
+  const std::int64_t n = options.samples_of_each_ball + options.ball_samples / std::int64_t(balls.size());
+  std::vector<std::vector<BallSample>> found(balls.size());
+#pragma omp parallel for schedule(dynamic)
+  for (std::size_t k = 0; k < balls.size(); k++) {
+    const Ball& ball = balls[k];
+    const double weight = 4 * std::numbers::pi * ball.radius * ball.radius / double(n);
+    for (std::int64_t j = 0; j < n; j++)
+      if (const auto s = sampler.at(ball, sphere_point(j, n, double(k)), weight)) found[k].push_back(*s);
+    // The point where the ball stands out farthest lies beyond the surface point nearest to its centre.
+    const Nearest near = body_surface.signed_nearest(ball.center);
+    Vector out = near.distance < 0 ? Vector(near.point - ball.center) : Vector(ball.center - near.point);
+    if (out.norm() > 0)
+      if (const auto s = sampler.at(ball, out.normalized(), 0)) found[k].push_back(*s);
   }
+  std::vector<Weighted> protrusions, angles;
+  for (const auto& of_ball : found)
+    for (const BallSample& s : of_ball) {
+      if (s.protrusion >= 0) protrusions.push_back({s.protrusion, s.weight});
+      if (s.angle >= 0) angles.push_back({s.angle, s.weight});
+      m.volume_union += s.volume;
+    }
   const Summary protrusion = summarize(protrusions), angle = summarize(angles);
   a.protrusion_max = protrusion.max, a.protrusion_mean = protrusion.mean, a.protrusion_p95 = protrusion.p95;
   const ProtrusionBound bound = protrusion_bound(body_surface, balls);

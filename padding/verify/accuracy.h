@@ -13,9 +13,10 @@ namespace padder {
 
 // How closely to look.
 struct AccuracyOptions {
-  std::int64_t surface_samples = 100000;  // points on the input mesh, at least one on each triangle
-  std::int64_t ball_samples = 300000;     // points on all spheres together, at least 48 on each
-  double floor = 0;                       // gaps up to this size need not be told apart (gap_bound)
+  std::int64_t surface_samples = 20000;  // points on the input mesh
+  // Points on the spheres: as many in all, and as many on each besides.
+  std::int64_t ball_samples = 20000, samples_of_each_ball = 100;
+  double floor = 0;  // gaps up to this size need not be told apart (gap_bound)
 };
 
 // What measure() gives.
@@ -39,8 +40,11 @@ struct Measured {
 // * volume ratio: volume of the union over the body's. It is below 1 for a shell of spheres around a thick
 //   part, whose middle stays empty.
 //
-// Means and 95th percentiles are weighted by area. Their points are spread evenly (area-stratified on
-// triangles, spirals of equal area on spheres), without random numbers.
+// Means and 95th percentiles are weighted by area. Their points are spread evenly (a sequence of low
+// discrepancy on the triangles, spirals of equal area on the spheres), without random numbers. With the
+// default numbers of points, means are within 0.5 % and percentiles within 1 % of the largest value, angles
+// within 1 degree, the coverage within 0.01 and the volume ratio within 2 % of what many times as many
+// points give (docs/padding.md). A ball that alone stands out in a spot may be missed, but never in a bound.
 //
 // The maxima are proved upper bounds (padding/verify/certify.h) for every closed body. For a wrap, what it
 // encloses counts as body, and the protrusion is at least what the wrap itself stands off. For a sheet only

@@ -644,7 +644,8 @@ TEST_P(DetectorTest, OptionsThatCannotBeMeantAreRefused) {
   }
   for (int k = 0; k < 6; k++) {
     o = {};
-    (k % 2 ? o.own.high : o.own.low)[k / 2] = NAN;
+    double* const side = k % 2 ? o.own.high : o.own.low;
+    side[k / 2] = NAN;
     refused(o, std::string("is not a number along ") + "xyz"[k / 2]);
   }
 }

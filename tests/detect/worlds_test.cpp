@@ -205,6 +205,42 @@ TEST(Worlds, AMarginAloneNeedsNoWorld) {
     }
 }
 
+// Radii that are all one or differ, near the origin and so far that doubles are rounded to floats, or become
+// fixed point; and a lattice whose gaps are the margin, as far as doubles can say.
+TEST(Worlds, AMarginOfEqualAndUnequalSpheresNearAndFar) {
+  for (const BackendKind backend : backends()) {
+    std::uint32_t seed = 100;
+    for (const double ratio : {1.0, 4.0, 100.0})
+      for (const double far : {0.0, 3e3, 5e4, 1e9})
+        for (const bool lattice : {false, true}) {
+          if (lattice && ratio != 1) continue;
+          TestScene scene = random_scene(400, ratio, 2, seed++);
+          for (std::size_t k = 0; k < scene.spheres.size(); k++) {
+            Sphere& s = scene.spheres[k];
+            if (lattice) {
+              const std::size_t x = k % 8, y = k / 8 % 8, z = k / 64;
+              s = {2.25 * static_cast<double>(x), 2.25 * static_cast<double>(y),
+                   2.25 * static_cast<double>(z), 1};
+            }
+            s.x += far, s.y -= far, s.z += far / 3;
+          }
+          for (const Scalar scalar : {Scalar::f32, Scalar::f64}) {
+            const Arranged arranged(scene, scalar);
+            CallOptions o;
+            Detector detector({backend, 0}, o);
+            for (const double margin : {0.25, 0.25, 1e-9, 0.25 * (1 - 0x1p-50), 9.0}) {
+              SCOPED_TRACE("ratio " + std::to_string(ratio) + " at " + std::to_string(far) + " margin " +
+                           std::to_string(margin) + (lattice ? " lattice" : "") +
+                           (scalar == Scalar::f64 ? " double" : ""));
+              o.margin = margin, detector.options() = o;
+              ASSERT_EQ(sorted(detector.detect(arranged.input).pair_span()), oracle(arranged.input, o));
+              o.order = o.order == Order::any ? Order::stable : Order::any;
+            }
+          }
+        }
+  }
+}
+
 // What a call keeps of loose spheres does not outlive them: they move, become more or fewer, get families, or
 // some stand still.
 TEST(Worlds, LooseSpheresWithAMarginFromCallToCall) {

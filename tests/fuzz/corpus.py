@@ -29,7 +29,9 @@ def main(out, programs):
                        check=True)
     (out / "loose.csv").write_text("# a comment\nx,y,z,r,family,mask\n0,0,0,1,1,0\n1.5,0,0,1,2,4\n-3e5,1e-9,0,0.25,0,0\n")
     shutil.copy(ROOT / "assets/worked_example.json", out / "worked.scene.json")
-    scene = {"format": "padder.scene", "version": 1, "loose": {"centers": [[0, 0, 0], [1, 0, 0]], "radii": [1, 0.5], "family": [1, 2], "mask": [0, 1]}}
+    scene = {"format": "padder.scene", "version": 1, "spheres": [
+        {"centers": [[0, 0, 0], [1, 0, 0]], "radii": [1, 0.5], "family": [1, 2], "mask": [0, 1], "world": "every", "static": True},
+        {"generate": "dense", "count": 5, "order": "coherent"}]}
     (out / "loose.scene.json").write_text(json.dumps(scene))
     (out / "links.urdf").write_text(
         '<?xml version="1.0"?>\n<robot name="r"><link name="a"><collision><origin xyz="0 0 1" rpy="0 1 0"/><geometry><box size="1 2 3"/></geometry>'

@@ -111,6 +111,9 @@ class HostileTest(unittest.TestCase):
                       "nan.obj": CUBE.replace("v 1 1 1", "v nan inf 1e999"), "nul.obj": b"\0" * 10**6, "text.stl": b"solid" + b" " * 10**6,
                       "line.obj": "f" + " 1" * 10**6 + "\n"}, "pad", *QUICK)
 
+    def scene_of(self, file):
+        return self.put("scene.json", json.dumps({"format": "padder.scene", "version": 1, "spheres": [{"file": file}]}))
+
     def test_archives_that_unpack_to_gigabytes(self):
         def archive(name, part, size):
             with zipfile.ZipFile(self.folder / name, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as z:
@@ -120,13 +123,16 @@ class HostileTest(unittest.TestCase):
         archive("bomb.3mf", "3D/3dmodel.model", 3 * GIB >> 1)
         self.sentence("pad", "bomb.3mf")
         archive("bomb.npz", "centers.npy", GIB >> 2)
-        self.sentence("detect", "bomb.npz")
+        self.sentence("detect", self.scene_of("bomb.npz"), says="bomb.npz")
 
     def test_sparse_files(self):
         for name in ("a.obj", "a.stl", "a.3mf", "a.spheres.json", "a.npz"):
             with self.subTest(name):
                 os.truncate(self.put(name, "") and self.folder / name, 20 * GIB)
-                self.sentence("detect" if "s.json" in name or ".npz" in name else "pad", name)
+                if name == "a.npz":
+                    self.sentence("detect", self.scene_of(name), says=name)
+                else:
+                    self.sentence("detect" if "s.json" in name else "pad", name)
                 os.unlink(self.folder / name)
 
     def test_links_and_pipes_and_devices(self):
@@ -225,6 +231,28 @@ class HostileTest(unittest.TestCase):
                 self.assertEqual(done.stderr.count(b"\n"), done.returncode, done.stderr)
                 self.assertEqual("cube.spheres.json" in self.files(), done.returncode == 0)
             (self.folder / "cube.spheres.json").unlink(missing_ok=True)
+
+    @unittest.skipIf(SANITIZED, "AddressSanitizer needs terabytes of addresses")
+    def test_one_file_has_limits_too(self):
+        """--memory and --seconds without a manifest: a sentence, nothing half-written, and no more memory than was given."""
+        self.put("cube.obj", CUBE)
+        heavy = ["cube.obj", "--depth", "0.1", "--edge-length", "0.1%", "--threads", "1"]
+        before = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss
+        err = self.sentence("pad", *heavy, "--memory", "100M", says="--memory")
+        self.assertIn("not enough memory", err)
+        self.assertLess(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss, max(before, 200 << 10))
+        begin = time.monotonic()
+        self.sentence("pad", *heavy, "--seconds", "0.5", says="--seconds")
+        self.assertLess(time.monotonic() - begin, 30)
+        done = self.tool("pad", *heavy, "--seconds", "0.5", "--json")
+        self.assertEqual(done.returncode, 1)
+        self.assertIn("--seconds", json.loads(done.stdout)["error"])
+        self.assertEqual(self.files(), {"cube.obj"})
+        self.works("pad", "cube.obj", "-q", *QUICK, "--memory", "1G", "--seconds", "60")
+
+    def test_no_folder_for_temporary_files(self):
+        self.put("cube.obj", CUBE)
+        self.sentence("pad", "cube.obj", "-o", "-", *QUICK, says="TMPDIR", limit=lambda: os.putenv("TMPDIR", "/nonexistent"))
 
     def test_pipes_that_close_early(self):
         self.put("cube.obj", CUBE)

@@ -120,7 +120,7 @@ int main(int argc, char** argv) {
   app.add_flag("--history", s.history, "measure a list with a history as well (scenes)");
   app.add_option("--margin", s.margin, "measure with a margin of so many mean radii as well (scenes)")
       ->type_name("X")
-      ->check(CLI::Range(0, 1000));
+      ->check(CLI::Range(0.0, 1000.0));
   app.add_option("--backend", s.backend, "auto (each that is there, the default), omp or cuda")
       ->type_name("WHICH")
       ->check(CLI::IsMember({"auto", "omp", "cuda"}));

@@ -188,14 +188,14 @@ void declare_limits(CLI::App& app, PadArguments& a) {
   app.add_option("--unit", a.unit, "m, cm, mm or in: the unit of the asset")
       ->type_name("UNIT")
       ->check(CLI::IsMember({"m", "cm", "mm", "in"}));
-  app.add_option("--seconds", a.seconds, "that each part of a manifest may take; 0: any time")
-      ->capture_default_str()
+  app.add_option("--seconds", a.seconds,
+                 "that each part of a manifest may take (3600 unless given), or a call without one (any time "
+                 "unless given); 0: any time")
       ->check(decimal())
       ->check(CLI::NonNegativeNumber);
-  app.add_option(
-         "--memory", a.memory,
-         "that each part of a manifest may hold, as 2G or 512M (default: the machine's, divided by the "
-         "workers)")
+  app.add_option("--memory", a.memory,
+                 "that each part of a manifest may hold, or a call without one, as 2G or 512M (default: the "
+                 "machine's, divided by the workers)")
       ->check(bytes())
       ->type_name("BYTES");
 }

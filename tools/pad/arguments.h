@@ -23,8 +23,8 @@ struct PadArguments {
   PadOptions options;
   RobotOptions robot;
   std::vector<std::string> package_folders, joints;
-  double seconds = 3600;  // that one part of a manifest may take; 0: any time
-  std::string memory;     // that one part of a manifest may hold, as 2G; empty: the worker's portion
+  double seconds = 3600;  // that one part of a manifest may take, or a call if given; 0: any time
+  std::string memory;     // that a process may hold, as 2G; empty: the worker's portion
 
   // Of the whole run.
   std::string manifest, shard, preview, write_mesh;

@@ -65,8 +65,9 @@ void make_folder_of(const fs::path& file) {
 
 // What --preview names, or NAME.png in its folder.
 fs::path preview_file(const PadArguments& a, const std::string& input) {
-  if (a.preview.empty() || !is_folder(a.preview)) return a.preview;
-  const fs::path path = fs::path(a.preview) / (fs::path(input).stem().string() + ".png");
+  if (a.preview.empty()) return {};
+  fs::path path = a.preview;
+  if (is_folder(a.preview)) path /= fs::path(input).stem().string() + ".png";
   make_folder_of(path);
   return path;
 }

@@ -6,19 +6,23 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cstdio>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <thread>
 
 #include "padding/asset/error.h"
 #include "padding/import/import.h"
 #include "padding/meshing/write_mesh.h"
 #include "padding/view/page.h"
+#include "tools/arguments.h"
 #include "tools/cli.h"
 #include "tools/json_output.h"
 #include "tools/pad/arguments.h"
 #include "tools/pad/manifest/part_list.h"
 #include "tools/pad/manifest/run_parts.h"
+#include "tools/pad/manifest/workers.h"
 #include "tools/pad/one_part.h"
 #include "tools/pad/progress_bar.h"
 #include "tools/streams.h"
@@ -140,7 +144,8 @@ int pad_meshes(const PadArguments& a, const cli::StreamFiles& files) {
       fail(mesh, e.what());
     } catch (const std::bad_alloc&) {
       fail(mesh, mesh + ": not enough memory: use a " +
-                     (a.options.by_tolerance() ? "larger --tolerance" : "longer --edge-length"));
+                     (a.options.by_tolerance() ? "larger --tolerance" : "longer --edge-length") +
+                     (a.memory.empty() ? "" : ", or give it more with --memory"));
     }
   }
   if (a.json) cli::print_json(a.meshes.size() == 1 ? all[0] : all);
@@ -171,16 +176,34 @@ void use_streams(PadArguments& a, cli::StreamFiles& files) {
   }
 }
 
+// Ends the program with a sentence if it is still at work after --seconds. A thread and no signal: it may
+// print.
+void end_after(const PadArguments& a) {
+  std::thread([&a] {
+    std::this_thread::sleep_for(std::chrono::duration<double>(std::min(a.seconds, 1e9)));
+    remove_unfinished_files();
+    char sentence[100];
+    std::snprintf(sentence, sizeof sentence, "no result after %.6g s: give it more with --seconds",
+                  a.seconds);
+    std::fprintf(stderr, "pad: %s\n", sentence);
+    if (a.json) cli::print_failure(a.meshes[0], sentence);
+    std::fflush(stdout);
+    ::_exit(1);
+  }).detach();
+}
+
 int run(PadArguments& a, const CLI::App& app, cli::StreamFiles& files) {
   use_streams(a, files);
   if (lists_parts(a)) return run_parts(a, settings_of(app));
   if (a.meshes.empty())
     throw UsageError("name a mesh, a folder of meshes, or --manifest FILE (see pad --help)");
-  for (const char* option : {"--shard", "--workers", "--page", "--seconds", "--memory"})
+  for (const char* option : {"--shard", "--workers", "--page"})
     if (app.count(option) > 0)
       throw UsageError(std::string(option) +
                        " is for a folder of meshes or a --manifest, and there is neither");
   if (a.threads > 0) omp_set_num_threads(a.threads);
+  limit_memory(a.memory.empty() ? machine_memory() : cli::bytes_of(a.memory).value());
+  if (app.count("--seconds") > 0 && a.seconds > 0) end_after(a);
   const int code = pad_meshes(a, files);
   if (code == 0) files.deliver();
   return code;

@@ -68,7 +68,6 @@ BodyInput::BodyInput(MemoryBook& book)
       host_records_(book, "what moved", true) {}
 
 bool BodyInput::knows(const Input& input, double margin) const {
-  if (loose_only_ && all_loose(input)) return input.spheres.count == known_loose_;
   return input.revision != 0 && input.revision == revision_ && input.bodies.size() == known_bodies_ &&
          input.spheres.count == known_loose_ && margin == margin_;
 }

@@ -23,17 +23,14 @@ class BodyInput {
  public:
   explicit BodyInput(MemoryBook& book);
 
-  // By its revision; or there are only loose spheres, all of which move, as many as in the previous call.
-  bool knows(const Input& input, double margin) const;
+  bool knows(const Input& input, double margin) const;  // by its revision
   // Brings everything to where it is in this input: what moves, if the input is known, else all. The balls
   // about what moves are placed, and are larger by half of the margin: so they touch where spheres in them
   // may have a gap of no more than it. The revision is forgotten until keep() is called. False: there are
   // static elements for which no table can be built.
   bool read(const Input& input, double margin, cudaStream_t stream);
-  void keep(const Input& input) { revision_ = input.revision, loose_only_ = all_loose(input); }
-  void forget() { revision_ = 0, loose_only_ = false; }
-  // No bodies, and nothing static.
-  static bool all_loose(const Input& input) { return input.bodies.empty() && !input.spheres.is_static; }
+  void keep(const Input& input) { revision_ = input.revision; }
+  void forget() { revision_ = 0; }
 
   std::uint64_t body_spheres() const { return assembly_.body_first.back(); }
   const BodyView& view() const { return view_; }
@@ -51,7 +48,6 @@ class BodyInput {
   InputCopy copy_;
   Assembly assembly_;
   StaticTable table_;
-  bool loose_only_ = false;
   double static_extent_ = 0, margin_ = 0;
   std::uint64_t revision_ = 0, known_bodies_ = 0, known_loose_ = 0;
   std::vector<std::uint32_t> moving_bodies_, moving_loose_;

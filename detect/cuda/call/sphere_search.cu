@@ -18,31 +18,41 @@ constexpr double kBinsASphere = 8;
 
 SearchOptions search_options(const CallOptions& options, const Summary& summary) {
   SearchOptions s;
-  s.exact = options.precision == Precision::exact;
+  s.exact = options.precision == Precision::exact || options.margin > 0;
   // With a history, contacts have slots of their own even in any order: then they stay near their place.
   s.stable_order = options.order == Order::stable || options.history;
-  s.own = options.own, s.radius = summary.radius_max, s.owns_all = true;
+  s.own = options.own, s.radius = summary.radius_max, s.margin = options.margin, s.owns_all = true;
   for (int k = 0; k < 3; k++)
     s.owns_all = s.owns_all && options.own.low[k] == -INFINITY && options.own.high[k] == INFINITY;
   return s;
 }
 
+// A power of two, so that it seldom changes while spheres move. No |coordinate| is larger.
+double extent_of(const Summary& s) {
+  int exponent = 0;
+  std::frexp(s.extent, &exponent);
+  return s.extent > 0 ? std::ldexp(1, exponent) : 0;
+}
 // Input in double is searched as float where that leaves float sure of most pairs (band_of_rounded).
-bool may_round(const DeviceSpheres& source, const Summary& s) {
-  return source.wide && source.placed == 0 && float_range(s.extent, s.radius_max) && s.radius_min > 0x1p-40 &&
-         s.extent < kMostRounded * s.radius_min;
+bool may_round(const DeviceSpheres& source, const Summary& s, double margin) {
+  const double smallest = s.radius_min + margin / 2;
+  return source.wide && source.placed == 0 && float_range(s.extent, s.radius_max + margin / 2) &&
+         smallest > 0x1p-40 && extent_of(s) <= kMostRounded * smallest;
 }
-// No coordinate of spheres that the grid covers is larger.
-double extent_of(const Grid& g) {
-  double extent = 0;
-  for (int k = 0; k < g.levels; k++)
-    for (int c = 0; c < 3; c++) {
-      const Level& l = g.level[k];
-      const auto low = static_cast<double>(l.first[c]);
-      extent = std::max(extent, std::max(std::abs(low), std::abs(low + l.count[c])) * l.size);
-    }
-  return extent;
+
+// What the next call may count, if the spheres go on as they did. The quota of a stable order follows from
+// what a call counts: where it was foreseen, nothing is searched twice.
+Counters expected_next(const Counters& before, const Counters& now) {
+  const auto ahead = [](auto old, auto last) {
+    return old > 0 && last + last > old ? last + last - old : last;
+  };
+  Counters next = now;
+  next.own = ahead(before.own, now.own);
+  next.contacts = next.own + ahead(before.contacts - before.own, now.contacts - now.own);
+  next.expected = ahead(before.expected, now.expected);
+  return next;
 }
+
 // In any order a quota of the call before may stay, as long as not many more contacts spill.
 bool serves(const SlotQuota& quota, const SlotQuota& best) {
   const auto near = [](double a, double b) { return std::abs(a - b) <= 0.1 * b; };
@@ -87,12 +97,18 @@ bool SphereSearch::still_good(const Call& call, const Summary& previous) {
 
 // Also finds summary_ of the floats that are searched in the place of doubles.
 void SphereSearch::survey_as_searched(const DeviceSpheres& source, const Call& call) {
-  summary_ = survey(source, call);
-  if (!may_round(source, summary_)) return;
-  DeviceSpheres floats = source;
-  floats.rounded = true;
-  const Summary of_floats = tools_.surveyor.survey(floats, call.processors, call.stream);
-  if (may_round(source, of_floats)) summary_ = of_floats, summary_.blur = kBlur;
+  summary_ = survey(source, call), rounded_ = false;
+  if (may_round(source, summary_, call.options.margin)) {
+    DeviceSpheres floats = source;
+    floats.rounded = true;
+    const Summary of_floats = tools_.surveyor.survey(floats, call.processors, call.stream);
+    if (may_round(source, of_floats, call.options.margin)) summary_ = of_floats, rounded_ = true;
+  }
+  set_growth(call.options);
+}
+
+void SphereSearch::set_growth(const CallOptions& options) {
+  summary_.grown_by = options.margin / 2 + (rounded_ ? grown_by_rounding(extent_of(summary_)) : 0);
 }
 
 void SphereSearch::make_plan(const DeviceSpheres& source, const Call& call, const Summary& summary) {
@@ -100,12 +116,13 @@ void SphereSearch::make_plan(const DeviceSpheres& source, const Call& call, cons
   plan_.source = source, plan_.grid = grid_;
   plan_.search = search_options(call.options, summary);
   if (plan_.search.stable_order) plan_.search.quota = quota_;
-  if (summary.blur > 0 && may_round(source, summary)) {
+  if (rounded_ && may_round(source, summary, call.options.margin)) {
     plan_.search.rounded = true;
-    plan_.search.radius_min = summary.radius_min, plan_.search.extent = extent_of(grid_);
+    plan_.search.radius_min = summary.radius_min + call.options.margin / 2;
+    plan_.search.extent = extent_of(summary);
   }
   const bool floats = (plan_.search.rounded || !source.wide) && source.placed == 0 &&
-                      float_range(summary.extent, summary.radius_max);
+                      float_range(summary.extent, summary.radius_max + call.options.margin / 2);
   plan_.kind = !floats                                    ? SlotKind::fixed_point
                : summary.radius_min == summary.radius_max ? SlotKind::equal
                                                           : SlotKind::unequal;
@@ -208,11 +225,9 @@ struct SphereSearch::Steps {
     if (!s.tools_.surveyor.finish(s.plan_.searched(), s.plan_.octaves, s.plan_.top, s.plan_.along(),
                                   s.summary_))
       return Trial::differs;
-    if (s.plan_.search.rounded) {
-      // A sphere that no float can hold need not be faulty.
-      if (s.summary_.first_fault != ~std::uint64_t(0)) return Trial::differs;
-      s.summary_.blur = kBlur;
-    }
+    // A sphere that no float can hold need not be faulty.
+    if (s.rounded_ && s.summary_.first_fault != ~std::uint64_t(0)) return Trial::differs;
+    s.set_growth(call.options);
     check(source, s.summary_, call);
     // Where the last octave is populated, a survey by itself may tell sizes apart in another way
     // (Summary::above).
@@ -285,9 +300,13 @@ void SphereSearch::run(const DeviceSpheres& source, const Call& call, Contacts& 
   const std::uint64_t planned_for = std::exchange(planned_for_, 0);  // until all went well
   if (planned_for != source.count) spread_ = false, crowding_ = 0;
   const bool planned = planned_for == source.count && planned_bin_size_ == call.options.bin_size &&
-                       planned_wide_ == source.wide;
+                       plan_.search.margin == call.options.margin && planned_wide_ == source.wide;
+  const Counters before = found_;
   Steps steps{*this, source, call, contacts};
   speculative_.run(steps, !call.options.timings && planned);
+  if (call.options.order == Order::stable)
+    quota_ =
+        quota_for(expected_next(planned ? before : found_, found_), source.count, plan_.grid, plan_.kind);
   planned_for_ = source.count, planned_bin_size_ = call.options.bin_size, planned_wide_ = source.wide;
   call.clock.mark(8);
 }

@@ -58,6 +58,7 @@ class SphereSearch {
 
   Grid best_grid(const Call& call, const Summary& summary, GridBounds bounds) const;
   bool still_good(const Call& call, const Summary& previous);
+  void set_growth(const CallOptions& options);
   void survey_as_searched(const DeviceSpheres& source, const Call& call);
   void make_plan(const DeviceSpheres& source, const Call& call, const Summary& summary);
   void plan_output(const Call& call, bool with_survey);
@@ -72,9 +73,10 @@ class SphereSearch {
   Recording<Plan> recording_;
   SpeculativeCall speculative_{0};
   Summary summary_;
-  Grid grid_;            // that the next pass is to use
-  bool spread_ = false;  // levels are hashed, because spheres are too crowded in some part of a dense level
-  int crowding_ = 0;     // OrderRequest::crowding that the spheres asked for
+  bool rounded_ = false;  // summary_ is of doubles rounded to float
+  Grid grid_;             // that the next pass is to use
+  bool spread_ = false;   // levels are hashed, because spheres are too crowded in some part of a dense level
+  int crowding_ = 0;      // OrderRequest::crowding that the spheres asked for
   std::uint64_t planned_for_ = 0;  // spheres of summary_; 0: it is not to be relied on
   bool planned_wide_ = false;
   double planned_bin_size_ = 0;  // CallOptions::bin_size of that plan

@@ -27,7 +27,8 @@ class SideStream {
 
 // Plan: everything that decides what is enqueued, and comparable. Whatever a kernel is given by value must
 // follow from the plan; what stands behind addresses may change. plan.moves is MemoryBook::moves, because a
-// graph holds addresses. Two plans are kept: calls with a history have two memories for their lists in turn.
+// graph holds addresses. Several plans are kept: calls with a history have two memories for their lists in
+// turn, and the quotas of a stable list change back and forth while spheres move.
 template <class Plan>
 class Recording {
  public:
@@ -39,13 +40,14 @@ class Recording {
   Recording& operator=(const Recording&) = delete;
 
   // Enqueues on `stream` what the plan stands for. The first time it calls enqueue(stream). The second time,
-  // unless two other plans came between, it records enqueue() on `side` and launches the recording;
+  // unless kKept other plans came between, it records enqueue() on `side` and launches the recording;
   // afterwards it launches the recording alone. `moves` is read after enqueue(), which may allocate. Throws
   // Error.
   template <class Enqueue>
   void run(const Plan& plan, const std::uint64_t& moves, cudaStream_t stream, SideStream& side,
            Enqueue enqueue) {
-    if (!(plan == recorded_[last_].plan)) last_ = 1 - last_;
+    for (int k = 0; k < kKept && !(plan == recorded_[last_].plan); k++) last_ = (last_ + 1) % kKept;
+    if (!(plan == recorded_[last_].plan)) last_ = oldest_, oldest_ = (oldest_ + 1) % kKept;
     Recorded& r = recorded_[last_];
     if (!(plan == r.plan)) {
       r.drop();
@@ -92,8 +94,9 @@ class Recording {
     return made;
   }
 
-  Recorded recorded_[2];
-  int last_ = 0;
+  static constexpr int kKept = 6;
+  Recorded recorded_[kKept];
+  int last_ = 0, oldest_ = 0;
 };
 
 }  // namespace padder::detect::cuda

@@ -32,12 +32,13 @@ inline FloatBins hashed_bins_of(const Level& l) {
   if (static_cast<double>(size) != l.size || !std::isnormal(size) || !std::isnormal(1 / size)) return b;
   for (float& per_size : b.per_size) per_size = 1 / size;
   b.size = size, b.units = kCodeUnits / size, b.row = l.row, b.plane = l.plane, b.mask = l.ring - 1;
-  b.first = l.offset, b.buckets = l.ring, b.on = true;
+  b.first = l.offset, b.buckets = l.ring, b.grown_by = static_cast<float>(l.grown_by), b.on = true;
   return b;
 }
 inline FloatBins bins_of(const Level& l) {
   FloatBins b;
   if (l.hashed) return hashed_bins_of(l);
+  b.grown_by = static_cast<float>(l.grown_by);
   std::uint32_t side = 0;
   double extent = 0;
   for (int k = 0; k < 3; k++) {
@@ -63,7 +64,8 @@ inline FloatBins float_bins(const Grid& grid, SlotKind kind, std::uint64_t spher
   if (!b.on || grid.level[0].hashed) return b;
   // Where bins hold many spheres, finer bins along x leave fewer candidates. Elsewhere they only make the
   // table longer.
-  if (static_cast<double>(spheres) > tuning::kFullBin * b.count[0] * b.count[1] * b.count[2] &&
+  if (static_cast<double>(spheres) >
+          tuning::kFullBin * grid.level[0].filled * b.count[0] * b.count[1] * b.count[2] &&
       grid.buckets < 0x1p29)
     b.fine = tuning::kFineBins;
   b.count[0] *= b.fine, b.per_size[0] *= static_cast<float>(b.fine);

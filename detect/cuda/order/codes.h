@@ -59,7 +59,7 @@ PADDER_HD std::uint32_t code_of(const FloatBins& b, const FloatSlot& s) {
     return static_cast<std::uint32_t>(static_cast<std::int32_t>((x - b.origin[k]) * b.units));
   };
   return packed(unit(s.x, 0), unit(s.y, 1), unit(s.z, 2),
-                Kind == SlotKind::equal ? 0 : radius_byte(s.r * b.units));
+                Kind == SlotKind::equal ? 0 : radius_byte((s.r + b.grown_by) * b.units));
 }
 template <SlotKind Kind>
 PADDER_HD std::uint32_t code_of(const Level& l, const FloatSlot& s) {
@@ -68,7 +68,7 @@ PADDER_HD std::uint32_t code_of(const Level& l, const FloatSlot& s) {
     return static_cast<std::uint32_t>(static_cast<std::int64_t>(whole_below(x * units)));
   };
   return packed(unit(s.x), unit(s.y), unit(s.z),
-                Kind == SlotKind::equal ? 0 : radius_byte(s.r * static_cast<float>(units)));
+                Kind == SlotKind::equal ? 0 : radius_byte(static_cast<float>((s.r + l.grown_by) * units)));
 }
 template <SlotKind Kind>
 PADDER_HD std::uint32_t code_of(const Level&, const FixedPointSlot& s) {
@@ -86,7 +86,7 @@ PADDER_HD std::uint32_t seeker(std::uint32_t code) {
     return (code & ~255u) + 256 + (256 - (code & 255)) + 4;
 }
 // Equal radii: a pair passes if its squared distance in units plus this is negative. Not used with unequal
-// radii.
+// radii. `radius`: of the grown spheres.
 inline std::int32_t code_limit(const Grid& grid, const FloatBins& bins, double radius) {
   const double units = bins.on ? bins.units : grid.level[0].per_size * kCodeUnits,
                most = 2 * radius * units * (1 + 0x1p-20) + kCodeSlack;

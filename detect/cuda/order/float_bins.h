@@ -21,6 +21,7 @@ struct FloatBins {
   std::uint32_t first = 1;                                              // key of bin (0, -1, -1)
   std::uint32_t fine = 1;    // bins along x that make up one of the level's: a row of candidates is shorter
   float units = 0;           // of codes.h, a length
+  float grown_by = 0;        // Level::grown_by
   float size = 0;            // a bin's edge, of a hashed level; 0: the level is dense
   std::uint32_t mask = ~0u;  // buckets of the ring less one, of a hashed level
   bool on = false;

@@ -29,7 +29,8 @@ unsigned int* reserve_marks(OutputTask& task, SearchMemory& memory, cudaStream_t
                       marks = kSumsAt + sums + over(task.units, kQuotaUnits);
   const bool fresh = memory.marks.capacity() < marks;
   Word* const p = memory.marks.reserve(marks);
-  if (fresh) cuda_check(cudaMemsetAsync(p, 0, marks * 8, stream), "clear the counters");
+  // All that there is, which may be more than was asked for: the next search may use more.
+  if (fresh) cuda_check(cudaMemsetAsync(p, 0, memory.marks.capacity() * 8, stream), "clear the counters");
   StableOutput& stable = task.stable;
   stable.tile_groups = tile_groups, stable.all_groups = all_groups;
   stable.blocks_done = reinterpret_cast<unsigned int*>(p) + 1;
@@ -72,7 +73,7 @@ TileQuotas quotas_of_levels(const Grid& grid, std::uint64_t slots, std::uint32_t
   for (int k = 0; k < grid.levels; k++) {
     const Level& l = grid.level[k];
     weight[k] = static_cast<double>(l.spheres) * std::pow(l.radius_max * l.per_size, 3) /
-                    (static_cast<double>(l.count[0]) * l.count[1] * l.count[2]) +
+                    (l.filled * l.count[0] * l.count[1] * l.count[2]) +
                 1e-30;
     if (k) weight[k] = std::clamp(weight[k], 0x1p-5 * weight[0], 0x1p5 * weight[0]);
     q.first[k] = std::min(static_cast<std::uint32_t>((first + kFusedTile - 1) / kFusedTile), tiles),

@@ -68,7 +68,7 @@ __device__ __forceinline__ void find_rows(const SearchTask& task, const Grid& gr
   if (part >= q.parts) return;
   if constexpr (Kind == SlotKind::fixed_point)
     q.slot = {fixed_point_of(l, split(l, s.x)), fixed_point_of(l, split(l, s.y)),
-              fixed_point_of(l, split(l, s.z)), static_cast<float>(mul(s.r, l.units))};
+              fixed_point_of(l, split(l, s.z)), static_cast<float>(mul(add(s.r, l.grown_by), l.units))};
   else
     q.slot = load_slot(slots_of<Kind>(task) + index);
   const FloatBins* const bins = pairs.bins.on ? pairs.bins.level + d.fine : nullptr;

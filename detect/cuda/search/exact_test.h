@@ -8,17 +8,18 @@
 namespace padder::detect::cuda {
 
 // The filter of contact.h in a cheaper form: the sign of one number tells touch from apart unless its
-// magnitude is small. With u = 2^-24 float is off by 9.2 u of the squares in all (2.01 for the
-// differences, 3.01 for the radii, one rounding for each of four sums). So a pair that touches is always
-// below the wider threshold, and a pair that is below it without touching is less than 25.2 u away from it.
-// Pairs less than 32 u away go to is_contact().
+// magnitude is small. With u = 2^-24 float is off by 11.2 u of the squares in all (2.01 for the
+// differences, 3.01 for the radii, 2.01 more for the margin, which is rounded and added, one rounding for
+// each of four sums). So a pair that touches is always below the wider threshold, and a pair that is below it
+// without touching is less than 27.3 u away from it. Pairs less than 32 u away go to is_contact(), where the
+// band of contact.h holds the 5.01 u of either of its squares as well.
 inline constexpr float kWide = 1 + 0x1p-20f, kNear = 0x1p-19f;
 
 // The same where slots are doubles rounded to float. A coordinate is then off by e = 2^-24 of the largest
 // one, so a distance by less than 3.47 e, which is 1.74 e / r of the sum of two radii of at least r, and its
-// square by less than twice as much: 4 e / r with the terms of second order, since e / r < 2^-13. Radii are
-// off by 2^-24 of themselves, which the 6.8 u left above do not hold on both sides; so the bands grow by 4 u
-// more.
+// square by less than twice as much: 4 e / r with the terms of second order, since e / r <= 2^-8. Radii
+// are off by 2^-24 of themselves, 2.1 u of the squares on both sides; the bands grow by 4 u and 16 u for
+// that. With a margin, r is the smallest radius of a grown sphere.
 struct FloatBand {
   float wide, near;
 };
@@ -27,9 +28,17 @@ inline FloatBand band_of_rounded(double extent, double radius_min) {
   return {static_cast<float>(1 + 0x1p-20 + 0x1p-22 + blur) * (1 + 0x1p-23f),
           static_cast<float>(0x1p-19 + 0x1p-20 + 2.5 * blur)};
 }
-// May doubles be rounded so? `extent`: the largest |coordinate|.
-inline constexpr double kMostRounded = 0x1p11;  // of the smallest radius
-inline constexpr double kBlur = 0x1p-10;        // of the distance of two that touch: Summary::blur
+// Doubles are rounded so where no |coordinate| is larger than this, in smallest radii.
+inline constexpr double kMostRounded = 0x1p16;
+// By how much rounded spheres grow (Summary::grown_by): two of them by 4 e, more than 3.47 e.
+inline double grown_by_rounding(double extent) { return 2 * 0x1p-24 * extent; }
+
+// Both radii and the margin.
+template <SlotKind Kind>
+__device__ __forceinline__ float radii_together(const SearchTask& task, const typename SlotOf<Kind>::Type& a,
+                                                const typename SlotOf<Kind>::Type& b) {
+  return Kind == SlotKind::fixed_point ? a.r + b.r : a.r + b.r + task.margin_f32;
+}
 
 // What float says of a candidate: false, the spheres are apart; `sure`, they touch.
 template <SlotKind Kind>
@@ -38,11 +47,27 @@ __device__ __forceinline__ bool float_test(const SearchTask& task, const typenam
   using Slot = typename SlotOf<Kind>::Type;
   const float3 d = difference(a, b);
   float s2 = task.sum_squared;
-  if constexpr (Kind != SlotKind::equal) s2 = (a.r + b.r) * (a.r + b.r);
+  if constexpr (Kind != SlotKind::equal) {
+    const float s = radii_together<Kind>(task, a, b);
+    s2 = s * s;
+  }
   const float e =
       fmaf(d.z, d.z, fmaf(d.y, d.y, fmaf(d.x, d.x, fmaf(-task.wide, s2, -2 * kAbsoluteBand<Slot>))));
   sure = e < -fmaf(s2, task.near, 4 * kAbsoluteBand<Slot>);
   return e < 0;
+}
+
+// The squares of the distance and of both radii with the margin.
+template <SlotKind Kind>
+__device__ __forceinline__ Measured measured_of(const SearchTask& task, const typename SlotOf<Kind>::Type& a,
+                                                const typename SlotOf<Kind>::Type& b) {
+  const float3 d = difference(a, b);
+  float s2 = task.sum_squared;
+  if constexpr (Kind != SlotKind::equal) {
+    const float s = radii_together<Kind>(task, a, b);
+    s2 = s * s;
+  }
+  return {d.x * d.x + d.y * d.y + d.z * d.z, s2};
 }
 
 // verdict() of contact.h, with the band of rounded doubles where slots are these.
@@ -84,19 +109,13 @@ static __device__ bool is_contact(const SearchTask& task, const Grid& grid, std:
         return false;
     }
   }
-  Measured m;
-  if constexpr (Kind == SlotKind::equal) {
-    const float3 d = difference(slot, other);
-    m = {d.x * d.x + d.y * d.y + d.z * d.z, task.sum_squared};
-  } else {
-    m = measured(slot, other);
-  }
+  const Measured m = measured_of<Kind>(task, slot, other);
   const Verdict v = verdict_of<Kind>(task, m);
   if (v == Verdict::apart) return false;
   const bool repeats = Kind == SlotKind::fixed_point && task.places_repeat;
   if (v == Verdict::doubt || repeats) {
     if (counts && v == Verdict::doubt) count_doubtful(task);
-    if (task.exact || repeats ? !touching(sphere_at<Kind>(task, i), sphere_at<Kind>(task, j))
+    if (task.exact || repeats ? !touching(sphere_at<Kind>(task, i), sphere_at<Kind>(task, j), task.margin)
                               : !(m.d2 <= m.s2))
       return false;
   }
@@ -119,11 +138,12 @@ __device__ __forceinline__ bool owns_contacts_of(const SearchTask& task,
   if constexpr (Kind == SlotKind::fixed_point) {
     return task.owns_all;  // the slot does not say where the sphere is
   } else {
-    const double at[3] = {s.x, s.y, s.z}, r = Kind == SlotKind::equal ? task.radius_f32 : s.r;
+    const double at[3] = {s.x, s.y, s.z},
+                 r = (Kind == SlotKind::equal ? task.radius_f32 : s.r) + 0.5 * task.margin;
     bool inside = true;
 #pragma unroll
     for (int k = 0; k < 3; k++) {
-      const double reach = r + 0x1p-20 * (fabs(at[k]) + r + task.radius);
+      const double reach = r + 0x1p-20 * (fabs(at[k]) + r + task.radius + task.margin);
       inside = inside && at[k] - reach >= task.own.low[k] && at[k] + reach < task.own.high[k];
     }
     return inside;

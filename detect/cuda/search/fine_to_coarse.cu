@@ -59,7 +59,8 @@ struct UpwardSearch {
   }
   __device__ __forceinline__ float near_of(const Level& l, float r) const {
     const float most =
-        r + static_cast<float>(Kind == SlotKind::fixed_point ? l.radius_max * l.units : l.radius_max);
+        r + task.margin_f32 +
+        static_cast<float>(Kind == SlotKind::fixed_point ? l.radius_max * l.units : l.radius_max);
     return most * most * task.near * 1.001f + 4 * kAbsoluteBand<Slot>;
   }
 
@@ -73,7 +74,7 @@ struct UpwardSearch {
     Slot here = slot;
     if constexpr (Kind == SlotKind::fixed_point)
       here = {fixed_point_of(l, sx), fixed_point_of(l, sy), fixed_point_of(l, sz),
-              static_cast<float>(mul(sphere.r, l.units))};
+              static_cast<float>(mul(add(sphere.r, l.grown_by), l.units))};
     if constexpr (Kind != SlotKind::equal) near = near_of(l, here.r);
     for (int dz = -1; dz <= 1; dz++)
       for (int dy = -1; dy <= 1; dy++) {
@@ -110,7 +111,7 @@ struct UpwardSearch {
     if constexpr (Kind == SlotKind::equal) {
       return fmaf(d.z, d.z, fmaf(d.y, d.y, fmaf(d.x, d.x, -wide)));
     } else {
-      const float s = a.r + b.r;
+      const float s = radii_together<Kind>(task, a, b);
       return fmaf(d.z, d.z,
                   fmaf(d.y, d.y, fmaf(d.x, d.x, fmaf(-task.wide * s, s, -2 * kAbsoluteBand<Slot>))));
     }

@@ -89,13 +89,13 @@ struct FusedQueue {
   // What float is not sure of. Nothing but the distance counts in this search.
   __device__ __forceinline__ bool exact_test(const uint2& pair, const FloatSlot& a,
                                              const FloatSlot& b) const {
-    const Measured m = measured(a, b);
+    const Measured m = measured_of<kKind>(task, a, b);
     const Verdict v = Given ? verdict_of<kKind>(task, m) : verdict<FloatSlot>(m);
     if (v != Verdict::doubt) return v != Verdict::apart;
     count_doubtful(task);
     if constexpr (Given)
-      if (task.exact) return touching(load_given(task, pair.x), load_given(task, pair.y));
-    return task.exact ? touching({a.x, a.y, a.z, a.r}, {b.x, b.y, b.z, b.r}) : m.d2 <= m.s2;
+      if (task.exact) return touching(load_given(task, pair.x), load_given(task, pair.y), task.margin);
+    return task.exact ? touching({a.x, a.y, a.z, a.r}, {b.x, b.y, b.z, b.r}, task.margin) : m.d2 <= m.s2;
   }
 
   // Emits the contacts. In stable order those beyond the producer's quota go to the side list, two words

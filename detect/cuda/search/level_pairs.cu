@@ -36,7 +36,7 @@ void divide_rows(LevelPair& d, const Level& coarse, const Level& fine, double re
   if (fine.hashed)
     full = 4.19;
   else
-    for (const std::uint32_t side : fine.count) full /= side;
+    full /= fine.filled * fine.count[0] * fine.count[1] * fine.count[2];
   d.density = static_cast<float>(full / 4.19);
   // A usual sphere has three quarters of the largest radius: most are smaller.
   const double usual = (0.75 * coarse.radius_max + fine.radius_max) * fine.per_size,

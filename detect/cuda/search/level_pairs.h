@@ -55,7 +55,7 @@ __host__ __device__ __forceinline__ UnitWork work_of_unit(const LevelPair& d, st
 // How far a sphere of radius r reaches among those of the finer level, in bins of that level.
 __device__ __forceinline__ float search_radius(const Grid& grid, const LevelPair& d, double r) {
   const Level& l = grid.level[d.fine];
-  r = smaller(r, grid.level[d.coarse].radius_max) + l.radius_max;
+  r = smaller(r + l.grown_by, grid.level[d.coarse].radius_max) + l.radius_max;
   return __fmaf_rn(static_cast<float>(r * l.per_size), kSearchRadiusFactor, kSearchRadiusMargin);
 }
 // Into how many parts the rows of such a sphere are divided. Work beyond the last part is empty.

@@ -16,7 +16,9 @@ struct SearchOptions {
   Region own;       // contacts whose midpoint lies elsewhere are left out, unless owns_all
   bool owns_all = true;
   double radius = 0;  // of all spheres, for SlotKind::equal
-  // Slots are doubles rounded to float; the largest |coordinate| and the smallest radius then.
+  double margin = 0;  // CallOptions::margin; Level::grown_by is half of it or more
+  // Slots are doubles rounded to float; no |coordinate| is larger than `extent` then, and no radius smaller
+  // than radius_min, half of the margin included.
   bool rounded = false;
   double extent = 0, radius_min = 0;
   friend bool operator==(const SearchOptions&, const SearchOptions&) = default;

@@ -10,6 +10,8 @@ struct SearchTask : OutputTask {
   // A contact is reported if its midpoint lies in `own`, unless owns_all.
   Region own;
   bool exact = true, owns_all = true;
+  double margin = 0;     // a pair counts whose gap is at most this
+  float margin_f32 = 0;  // the same, where slots are floats; fixed-point slots are of grown spheres
   // Float alone accepts no pair: the filter, the owner or the bin must be asked as well.
   bool test_all = false;
   bool only_owner = false;  // it is the owner alone that must be asked
@@ -20,7 +22,7 @@ struct SearchTask : OutputTask {
   bool rounded = false;
   // What float_test() adds to squares, and how far from that it is not sure, both relative (exact_test.h).
   float wide = 0, near = 0;
-  float sum_squared = 0;        // of the radii, for SlotKind::equal
+  float sum_squared = 0;        // of the radii and the margin together, for SlotKind::equal
   std::int32_t code_limit = 0;  // of codes.h
   // Warps take units, or work of the fused search, from this counter. Zero between searches; null: one unit a
   // warp.

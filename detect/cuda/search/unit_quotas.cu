@@ -142,7 +142,8 @@ __device__ __forceinline__ float expected_contacts(const SearchTask& task, const
                         // Of the pair, lanes `from` to `upto` - 1, as many as there is memory for.
         upto = min(min(end - lowest, 32u), from + kWarpSpheres / d.group);
     const bool mine = lane >= from && lane < upto;
-    const float fine = 0.68f * static_cast<float>(l.radius_max);
+    const float grown = static_cast<float>(l.grown_by),
+                fine = 0.68f * (static_cast<float>(l.radius_max) - grown) + 2 * grown;
     float volume = 0;
     if (d.group > 1)
       volume =

@@ -70,6 +70,13 @@ TEST(SphereFile, MappedSpheresGiveTheSameHash) {
   arrays["family"] = npy_array(f.family.data(), {shape}), arrays["mask"] = npy_array(f.mask.data(), {shape});
   write_file(place("tagged.npz"), npz_bytes(arrays));
   EXPECT_EQ(hash_of(SphereFile(place("tagged.npz"))), f.hash(true));
+  arrays["world"] = npy_array(f.family.data(), {shape}), arrays.erase("family"), arrays.erase("mask");
+  write_file(place("worlds.npz"), npz_bytes(arrays));
+  Arranged worlds(f.scene, Scalar::f32);
+  worlds.input.spheres.world = f.family.data();
+  Detector one = one_on_the_cpu(on_the_cpu(1).detector);
+  one.detect(worlds.input);
+  EXPECT_EQ(hash_of(SphereFile(place("worlds.npz"))), one.hash());
 }
 
 // NumPy's own archives put arrays at any address.

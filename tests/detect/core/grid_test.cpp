@@ -229,16 +229,23 @@ TEST(Grid, EverySphereFitsItsLevel) {
     scene.spheres.push_back({0, 0, 0, 0});
     for (const CrossSearch cross_search :
          {CrossSearch::fine_to_coarse, CrossSearch::coarse_to_fine, CrossSearch::cheaper}) {
-      const Grid g = choose_grid(summary_of(scene.spheres), 0, 8, cross_search);
-      ASSERT_LE(g.levels, kMaxLevels);
-      for (const Sphere& s : scene.spheres) {
-        const Level& l = g.level[level_of(g, s)];
-        ASSERT_GT(l.size, 2 * s.r);
-        ASSERT_GE(l.radius_max, s.r);
-        ASSERT_LE(std::abs(s.x) / l.size, 0x1p43);
-        ASSERT_LT(key_of(l, bin_of(l, s)) - l.offset, l.buckets);
+      Summary summary = summary_of(scene.spheres);
+      for (const double grown_by : {0.0, 5.0}) {
+        summary.grown_by = grown_by;
+        const Grid g = choose_grid(summary, 0, 8, cross_search);
+        ASSERT_LE(g.levels, kMaxLevels);
+        for (const Sphere& s : scene.spheres) {
+          const Level& l = g.level[level_of(g, s)];
+          ASSERT_GT(l.size, 2 * (s.r + grown_by));
+          ASSERT_GE(l.radius_max, s.r + grown_by);
+          ASSERT_LE(std::abs(s.x) / l.size, 0x1p43);
+          ASSERT_LT(key_of(l, bin_of(l, s)) - l.offset, l.buckets);
+        }
+        for (int k = 1; k < g.levels; k++) EXPECT_GE(g.level[k].size, g.level[k - 1].size);
+        EXPECT_TRUE(covers(g, summary)) << "however far the farthest is";
+        summary.grown_by = grown_by + 1;
+        EXPECT_FALSE(covers(g, summary));
       }
-      for (int k = 1; k < g.levels; k++) EXPECT_GE(g.level[k].size, g.level[k - 1].size);
     }
   }
 }

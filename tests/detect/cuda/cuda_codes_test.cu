@@ -72,13 +72,15 @@ bool passes(std::uint32_t a, std::uint32_t b, std::int32_t limit) {
 
 class CudaCodes : public testing::Test {
  protected:
-  // Each pair as a slot of each kind, in the bins of a box; f(passed forwards, passed backwards).
+  // Each pair as a slot of each kind, in the bins of a box; f(passed forwards, passed backwards). The pairs
+  // are of grown spheres, and the slots of the spheres before they grew, as with a margin.
   template <class F>
   void each(const Grid& grid, const FloatBins& bins, bool equal, float r, const std::vector<Pair3>& all,
             F f) {
     const Level& l = grid.level[0];
     const std::int32_t limit = code_limit(grid, bins, r), no_bins = code_limit(grid, FloatBins{}, r);
-    for (const Pair3& p : all) {
+    for (Pair3 p : all) {
+      p.a.r -= static_cast<float>(l.grown_by), p.b.r -= static_cast<float>(l.grown_by);
       const auto both = [&](auto kind, std::uint32_t a, std::uint32_t b, std::int32_t most) {
         const bool forwards = passes<kind()>(a, b, most), backwards = passes<kind()>(b, a, most);
         f(forwards && backwards, forwards || backwards, p);
@@ -108,7 +110,10 @@ class CudaCodes : public testing::Test {
         const float side = 2 * r * (scene % 3 == k ? bins_along : 1.5f + unit(random) * bins_along);
         low[k] = away * side * 3, high[k] = low[k] + side;
       }
-      const Grid grid = choose_grid(summary_of_box(low, high, r, r), 0, 1e12);
+      const float grown_by = scene % 5 < 3 ? 0 : 0.9f * r * unit(random);
+      Summary summary = summary_of_box(low, high, r - grown_by, r - grown_by);
+      summary.grown_by = grown_by;
+      const Grid grid = choose_grid(summary, 0, 1e12);
       const FloatBins bins = float_bins(grid, SlotKind::equal, 1'000'000);
       on += bins.on;
       f(random, low, high, r, grid, bins);
@@ -123,7 +128,8 @@ TEST_F(CudaCodes, TouchingSpheresPass) {
             const FloatBins& bins) {
     for (const double share : {1.0, 0.98, 0.5, 0.0})
       for (const bool equal : {true, false})
-        each(grid, bins, equal, r, pairs(random, low, high, equal ? r : 0, r, share, 60),
+        each(grid, bins, equal, r,
+             pairs(random, low, high, equal ? r : static_cast<float>(grid.level[0].grown_by), r, share, 60),
              [&](bool passed, bool, const Pair3& p) {
                ASSERT_TRUE(passed) << p.a.x << ' ' << p.a.y << ' ' << p.a.z << ' ' << p.a.r << ", " << p.b.x
                                    << ' ' << p.b.y << ' ' << p.b.z << ' ' << p.b.r;

@@ -419,7 +419,7 @@ TEST_P(CudaOrderTest, RoundedDoublesAreKeptAndGiven) {
     auto* const head = words.reserve(Surveyor::kHead + kBounds);
     auto* const counters = reinterpret_cast<Counters*>(head);
     Summary summary = summary_of(floats);
-    summary.blur = 0x1p-10;
+    summary.grown_by = 0x1p-8;
     const Grid grid = choose_grid(summary, 0, 8, CrossSearch::coarse_to_fine);
     Orderer orderer(book_);
     orderer.bucket_spheres = GetParam().bucket_spheres;

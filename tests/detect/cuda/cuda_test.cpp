@@ -87,6 +87,42 @@ TEST_F(CudaTest, LargeScenesAgree) {
     }
 }
 
+// With a margin and without, in floats and in doubles near the origin and far from it, and one sphere so far
+// away that no bins in float hold it: by each family of kernels.
+TEST_F(CudaTest, LargeScenesAgreeWithAMargin) {
+  Detector cpu({BackendKind::omp}, cpu_), gpu({BackendKind::cuda}, gpu_);
+  for (const char* name : {"dense", "dilute", "poly35", "poly100"})
+    for (const std::uint64_t n : {60'000, 300'000})
+      for (const double far : {0.0, 2e3, 4e4, 1e12}) {
+        const auto spheres = generate(name, n);
+        std::vector<Sphere> doubles;
+        for (const FloatSphere& s : spheres) doubles.push_back({s.x + 0x1p-30 * s.y, s.y, s.z, s.r});
+        if (far > 1e6)
+          doubles[0].x = far;
+        else
+          for (Sphere& s : doubles) s.x += far;
+        Input input;
+        input.spheres = spheres_of<double>(n, &doubles[0].x, &doubles[0].r);
+        input.spheres.center_stride = input.spheres.radius_stride = 4;
+        std::vector<Input> inputs{input};
+        if (far == 0) inputs.push_back(input_of(spheres));
+        for (const Input& in : inputs)
+          for (const double margin : {0.0, 0.2, 1.5}) {
+            cpu.options().margin = gpu.options().margin = margin;
+            const std::uint64_t count = cpu.detect(in).count, hash = cpu.hash();
+            for (int again = 0; again < 3; again++) {
+              SCOPED_TRACE(std::string(name) + " " + std::to_string(n) + " at " + std::to_string(far) +
+                           " margin " + std::to_string(margin) + " call " + std::to_string(again));
+              gpu.options().order = again == 2 ? Order::any : Order::stable;
+              std::uint64_t found = 0;
+              EXPECT_NO_THROW(found = gpu.detect(in).count);
+              EXPECT_EQ(found, count);
+              EXPECT_EQ(gpu.hash(), hash);
+            }
+          }
+      }
+}
+
 // What is named Large is left out under compute-sanitizer, where it takes an hour; the same is done there in
 // little.
 TEST_F(CudaTest, TheOrderIsTheSameInTwentyRuns) { expect_same_order("poly35", 30'000); }

@@ -197,12 +197,30 @@ TEST(BinNumbers, AreThoseOfSplit) {
     for (std::size_t first = 0; first < x.size(); first += kBatch) {
       const int n = static_cast<int>(std::min<std::size_t>(kBatch, x.size() - first));
       std::uint32_t bins[kBatch];
-      bin_numbers(x.data() + first, n, l.size, l.per_size, bins);
+      const std::vector<double> sizes(kBatch, l.size), per_size(kBatch, l.per_size);
+      bin_numbers(x.data() + first, n, sizes.data(), per_size.data(), bins);
       for (int k = 0; k < n; k++) {
         const double v = x[first + static_cast<std::size_t>(k)];
         ASSERT_EQ(bins[k], static_cast<std::uint32_t>(split(l, v).bin)) << v << " in bins of " << size;
       }
     }
+  }
+}
+
+TEST(Octaves, AreThoseOfTheGrid) {
+  std::mt19937_64 random(13);
+  std::uniform_real_distribution<double> unit(-1, 1), exponent(-90, 90);
+  for (int batch = 0; batch < 20; batch++) {
+    double v[4][kBatch];
+    for (auto& row : v)
+      for (double& x : row) x = unit(random) * std::exp2(exponent(random));
+    for (double& r : v[3]) r = std::abs(r);
+    for (int k = 0; k < 4; k++) v[k][batch] = v[k][batch + 20] = v[3][batch + 40] = 0;
+    const int top = 10 * batch - 100, n = kBatch - batch;
+    std::int64_t octaves[kBatch];
+    octaves_of(v[0], v[1], v[2], v[3], n, top, octaves);
+    for (int k = 0; k < n; k++)
+      ASSERT_EQ(octaves[k], octave_of(top, need_of({v[0][k], v[1][k], v[2][k], v[3][k]})));
   }
 }
 

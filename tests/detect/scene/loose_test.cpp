@@ -20,6 +20,7 @@ TEST(Loose, FaultyFiles) {
             "l.csv:3: 4 numbers are wanted, there are 3");
   EXPECT_THROW(csv("x,y,z,r\n1,2,3,4x\n"), Error);
   EXPECT_THROW(csv("x,y,z,r,family\n1,2,3,4,-1\n"), Error);
+  EXPECT_EQ(csv("\xEF\xBB\xBFx,y,z,r\n1,2,3,4\n").size(), 1u) << "as Excel writes it";
   const std::vector<double> four(4, 1.);
   const std::string good =
       npz_bytes({{"centers", npy_array(four.data(), {1, 3})}, {"radii", npy_array(four.data(), {1})}});

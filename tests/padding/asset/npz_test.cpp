@@ -97,6 +97,23 @@ TEST(Npz, NumpyReadsZip64AndItsChecksums) {
   fs::remove_all(folder);
 }
 
+TEST(Npz, ADamagedByteIsFound) {
+  const std::string whole = written(NpzWriter::kPlain);
+  const auto damaged = [&](std::size_t at, char to) {
+    std::string bytes = whole;
+    bytes[at] = to;
+    try {
+      npz_from_bytes(bytes, "z");
+    } catch (const Error& e) {
+      return std::string(e.what());
+    }
+    return std::string();
+  };
+  for (const std::string_view data : {bytes_of(kCounts), bytes_of(kNumbers)})
+    EXPECT_NE(damaged(whole.find(data), '\x55').find("its checksum is another"), std::string::npos);
+  EXPECT_NE(damaged(whole.find("(7") + 1, '-').find("shape is not possible"), std::string::npos);
+}
+
 TEST(Npz, AnArrayGetsItsBytesAndNoOthers) {
   const auto fails = [](const std::function<void(NpzWriter&)>& work) {
     std::string out;

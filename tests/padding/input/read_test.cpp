@@ -109,6 +109,21 @@ TEST(Read, ObjQuadsCommentsContinuationAndSource) {
   EXPECT_TRUE(r.notes.empty());
 }
 
+// As programs for Windows begin a text. Without it the first vertex would be no vertex, and the faces others.
+TEST(Read, AByteOrderMarkIsNoPartOfTheText) {
+  Folder folder;
+  const std::string mark = "\xEF\xBB\xBF", faces = "f -4 -2 -3\nf -4 -3 -1\nf -3 -2 -1\nf -2 -4 -1\n",
+                    four = "0 0 0\n1 0 0\n0 1 0\n0 0 1\n";
+  const std::string obj = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n" + faces;
+  EXPECT_NEAR(volume(read_mesh(folder.put("t.obj", mark + obj)).mesh), 1 / 6., 1e-12);
+  EXPECT_EQ(read_mesh(folder.put("off.off", mark + "OFF\n4 1 0\n" + four + "3 0 1 2\n")).mesh.points.size(),
+            3u);
+  EXPECT_EQ(read_mesh(folder.put("t.stl", mark + "solid t\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\n"
+                                                 "vertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\nendsolid\n"))
+                .mesh.triangles.size(),
+            1u);
+}
+
 TEST(Read, Sha256OfTheBytes) {  // of "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n" as sha256sum prints it
   Folder folder;
   EXPECT_EQ(read_mesh(folder.put("t.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")).source.sha256,
@@ -529,6 +544,20 @@ TEST(Read, AGltfMayOnlyReferToFiles) {
   Folder folder;
   ASSERT_EQ(::mkfifo((folder.path() / "data.bin").c_str(), 0600), 0);
   expect_fault(folder.put("s.gltf", mirrored_gltf), "assimp cannot read it");
+}
+
+TEST(Read, AGltfMayNotReferToFilesAboveItsFolder) {
+  Folder folder;
+  fs::create_directory(folder.path() / "in");
+  folder.put("data.bin", gltf_buffer());
+  std::string above = mirrored_gltf;
+  for (const std::string& name : {std::string("../data.bin"), (folder.path() / "data.bin").string()}) {
+    above = mirrored_gltf;
+    above.replace(above.find("data.bin"), 8, name);
+    expect_fault(folder.put("in/s.gltf", above), "assimp cannot read it");
+  }
+  above.replace(above.find(folder.path().string()), folder.path().string().size() + 1, "in/../");
+  EXPECT_EQ(fault(folder.put("s.gltf", above)), "") << "it does not leave the folder";
 }
 
 TEST(Read, SceneFaults) {

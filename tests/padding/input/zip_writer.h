@@ -13,7 +13,7 @@ inline std::string zip_bytes(const std::vector<std::pair<std::string, std::strin
                              bool deflated = false) {
   std::string out, directory;
   const auto put = [](std::string& to, std::size_t value, int bytes) {
-    for (int k = 0; k < bytes; k++) to += static_cast<char>(value >> 8 * k & 255);
+    for (int k = 0; k < bytes; k++, value >>= 8) to += static_cast<char>(value & 255);
   };
   for (const auto& [name, data] : files) {
     std::string packed = data;

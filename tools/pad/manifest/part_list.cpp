@@ -53,8 +53,10 @@ class List {
         piped ? std::string(std::istreambuf_iterator<char>(std::cin), {}) : read_file(a_.manifest, kMostText);
     const fs::path folder = piped ? fs::path() : fs::path(a_.manifest).parent_path();
     const std::string name = piped ? "the manifest on stdin" : a_.manifest;
+    if (text.find('\0') != std::string::npos)
+      throw UsageError(name + ": it holds zero bytes, so it is no list of parts: save it as UTF-8");
     std::size_t number = 0;
-    for (std::size_t at = 0; at < text.size();) {
+    for (std::size_t at = text.starts_with("\xEF\xBB\xBF") ? 3 : 0; at < text.size();) {  // a byte order mark
       const std::size_t end = std::min(text.find('\n', at), text.size());
       std::string line = text.substr(at, end - at);
       at = end + 1, number++;

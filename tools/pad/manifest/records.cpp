@@ -12,8 +12,8 @@
 
 #include "padding/asset/file.h"
 #include "padding/asset/json.h"
-#include "padding/mjcf/mjcf.h"
 #include "padding/input/read_internal.h"
+#include "padding/mjcf/mjcf.h"
 #include "tools/pad/one_part.h"
 
 namespace padder {
@@ -165,8 +165,8 @@ void Records::add(const Record& record) {
   const std::string line = to_json(record).dump(-1, ' ', false, kReplace) + "\n";
   const ssize_t written = ::write(file_, line.data(), line.size());
   if (written != static_cast<ssize_t>(line.size()))
-    throw DiskError("cannot write " + path_.string() + " (" +
-                    (written < 0 ? std::strerror(errno) : "no room") + "): make room and start again");
+    throw DiskError("cannot write " + path_.string() + " (" + std::strerror(written < 0 ? errno : ENOSPC) +
+                    "): make room and start again");
   known_[record.output].push_back(record);
 }
 

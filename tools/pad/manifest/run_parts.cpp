@@ -2,7 +2,6 @@
 #include "tools/pad/manifest/run_parts.h"
 
 #include <omp.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <chrono>
@@ -84,8 +83,7 @@ class Run {
     const int most = static_cast<int>(std::clamp<std::size_t>(parts_.size(), 1, cli::kMostThreads));
     workers_ = std::min(most, a.workers > 0 ? a.workers : std::max(1, cores_ / std::max(1, a.threads)));
     threads_ = a.threads > 0 ? a.threads : std::max(1, cores_ / workers_);
-    memory_ = std::uint64_t(::sysconf(_SC_PHYS_PAGES)) * std::uint64_t(::sysconf(_SC_PAGESIZE)) /
-              static_cast<unsigned>(workers_);
+    memory_ = machine_memory() / static_cast<unsigned>(workers_);
   }
 
   int run() {

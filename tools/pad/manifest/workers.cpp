@@ -67,12 +67,7 @@ constexpr int kNoMemory = 3;  // exit code of a worker that ran out of memory
   for (const int standard : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO}) ::dup2(nowhere, standard);
   const rlimit no_core = {0, 0};
   ::setrlimit(RLIMIT_CORE, &no_core);
-#if !defined(__SANITIZE_ADDRESS__)  // AddressSanitizer reserves terabytes
-  if (limits.memory > 0) {
-    const rlimit memory = {limits.memory, limits.memory};
-    ::setrlimit(RLIMIT_DATA, &memory);
-  }
-#endif
+  if (limits.memory > 0) limit_memory(limits.memory);
   int code = 1;
   try {
     code = write_all(answer, work()) ? 0 : 1;
@@ -85,6 +80,20 @@ constexpr int kNoMemory = 3;  // exit code of a worker that ran out of memory
 }
 
 }  // namespace
+
+void limit_memory([[maybe_unused]] std::uint64_t bytes) {
+#if !defined(__SANITIZE_ADDRESS__)
+  rlimit memory = {};
+  ::getrlimit(RLIMIT_DATA, &memory);
+  memory.rlim_cur = memory.rlim_max =
+      std::min<rlim_t>(memory.rlim_cur, bytes);  // a shell's lower limit holds
+  ::setrlimit(RLIMIT_DATA, &memory);
+#endif
+}
+
+std::uint64_t machine_memory() {
+  return std::uint64_t(::sysconf(_SC_PHYS_PAGES)) * std::uint64_t(::sysconf(_SC_PAGESIZE));
+}
 
 std::string end_sentence(int status, bool late, const WorkerLimits& limits) {
   const std::string memory = "it needs more memory than " + number(double(limits.memory) / (1 << 20)) +

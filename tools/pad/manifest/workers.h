@@ -21,6 +21,11 @@ struct WorkerLimits {
   std::uint64_t memory = 0;  // bytes that it may allocate
 };
 
+// What this process and its children may allocate from now on, in bytes: beyond it allocations fail. Nothing
+// under AddressSanitizer, which reserves terabytes.
+void limit_memory(std::uint64_t bytes);
+std::uint64_t machine_memory();  // bytes
+
 // How a worker ended.
 struct WorkerResult {
   std::size_t job = 0;  // the number that start() was given
