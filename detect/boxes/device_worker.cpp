@@ -5,6 +5,7 @@
 #include <new>
 #include <string_view>
 
+#include "detect/boxes/numbered_hash.h"
 #include "padding/asset/error.h"
 
 namespace padder::detect {
@@ -51,6 +52,7 @@ BoxResult DeviceWorker::run(const BoxLoad& load, std::uint32_t box, const CallOp
                             Delivery& delivery) {
   options_ = options, box_ = box, threads_ = threads;
   options_.output = Memory::host, options_.stream = nullptr;
+  if (!delivery.consumer) options_.width = Width::pairs;
   peak_of_splits_ = 0;
   return find(load, 0, delivery);
 }
@@ -62,9 +64,19 @@ BoxResult DeviceWorker::find(const BoxLoad& load, std::uint64_t copied, Delivery
   options = options_;
   options.own = common(options_.own, load.region);
   if (load.spheres() < 2 || is_empty(options.own)) return {};
+  // Contacts that are only counted stay on the GPU. The numbers of the spheres of bodies are not in an array.
+  const bool stay = !delivery.consumer && !on_host_ && load.body_spheres == 0;
+  const std::uint64_t ids = load.loose * sizeof(std::uint64_t);
+  if (stay) options.output = Memory::device;
+  if (stay && options.memory_limit) options.memory_limit -= std::min(ids, options.memory_limit - 1);
   const Contacts* contacts = nullptr;
   try {
     contacts = &detector_.detect(load.input());
+    if (stay)
+      return {contacts->count,
+              hash_of_numbered_pairs(device_.device, contacts->pairs, contacts->count,
+                                     {load.ids.data(), load.loose}),
+              contacts->doubtful};
   } catch (const Error& e) {
     return split(load, copied, e.what(), delivery);
   } catch (const std::bad_alloc&) {

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: MIT
-// Contacts of loose spheres that lie on several GPUs of one machine, as in a simulation that runs there. The
-// spheres stay where they are, only those near a face travel, from GPU to GPU, and the contacts stay on the
-// GPU that found them. They are those of one Detector, pair for pair. docs/scale.md tells how it works.
+// Contacts of loose spheres and bodies that lie on several GPUs of one machine, as in a simulation that runs
+// there. The spheres stay where they are, only those near a face travel, from GPU to GPU, and the contacts
+// stay on the GPU that found them. Of bodies all poses travel to all GPUs. The contacts are those of one
+// Detector, pair for pair. docs/scale.md tells how it works.
 #pragma once
 #include <cstdint>
 #include <memory>
@@ -27,7 +28,8 @@ struct ResidentOptions {
 // What a call did.
 struct ResidentReport {
   std::uint64_t contacts = 0, spheres = 0;
-  std::uint64_t copies = 0;       // spheres in the loads; those above `spheres` are halo
+  std::uint64_t copies = 0;       // loose spheres in the loads, and all spheres of bodies once; those above
+                                  // `spheres` are halo
   std::uint64_t moved_bytes = 0;  // from GPU to GPU
   std::uint64_t doubtful = 0;     // sum of Contacts::doubtful
   bool cut = false;               // space was cut anew in this call
@@ -36,13 +38,19 @@ struct ResidentReport {
 };
 
 // What one GPU found: all arrays lie in its memory, until the next call or the end of the detector. The pairs
-// number the spheres of `load`, and ids[k] is the number of sphere k of the load in the scene. null: the two
-// numbers are the same.
+// number the spheres of all bodies as in the scene, and then the spheres of `load`. ids[k] is the number in
+// the scene of what has number k here. null: the two numbers are the same.
 struct ResidentContacts {
   int device = 0;
   Contacts contacts;
   Spheres load;
   const std::uint64_t* ids = nullptr;
+};
+
+// The poses of bodies that follow one another, in the memory of one GPU.
+struct ResidentPoses {
+  const Pose* poses = nullptr;
+  std::uint64_t count = 0;
 };
 
 // Keeps its cut, its detectors and their memory from call to call. Space is cut anew when the work of the
@@ -63,6 +71,14 @@ class ResidentDetector {
   // double. Which spheres a part holds is the caller's choice, but those outside of region(k) travel.
   // Work given to the default streams of the GPUs before the call is waited for.
   const ResidentReport& detect(std::span<const Spheres> parts);
+
+  // The same for a scene with bodies; no part needs to have a sphere. `bodies` has no loose spheres. All GPUs
+  // know all bodies, and each leaves out those that its region does not meet: give a revision, or they are
+  // copied and divided into pieces in every call. poses[k] are on GPU k: those of the first bodies on the
+  // first GPU, those that follow on the second, and so on, for all bodies together. No `poses`: those of
+  // `bodies`, in host memory, as for a Detector. The spheres of bodies have the first numbers of the scene.
+  const ResidentReport& detect(std::span<const Spheres> parts, const Input& bodies,
+                               std::span<const ResidentPoses> poses = {});
 
   // Of the last call, one for each GPU.
   std::span<const ResidentContacts> found() const;

@@ -261,10 +261,11 @@ class Trial:
         self.out = folder / "out"
         self.words = ["--manifest", folder / "parts/list.txt", "-q", *QUICK]
         self.cores = len(os.sched_getaffinity(0))
+        self.began = time.monotonic()
 
     def say(self, *words):
         if not self.quiet:
-            print(*words, flush=True)
+            print(f"{time.monotonic() - self.began:6.1f} s:", *words, flush=True)
 
     def make_parts(self):
         """Grains of make_assets, each stretched in its own way, so that no two files are equal. Every 50th is a larger part."""
@@ -335,6 +336,7 @@ class Trial:
             self.killed = self.kill_and_restart(runs)
             for k in range(1, self.SHARDS):
                 self.finish(runs[k])
+                self.say(f"shard {k}: every part made")
             err = self.finish(runs[self.SHARDS], 1 if has_disk else 0)
             if has_disk:
                 assert "No space left on device" in err and "goes on from here" in err, err

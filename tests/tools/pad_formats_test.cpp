@@ -29,14 +29,14 @@ class PadFormatsTest : public ExportTest {
 TEST_F(PadFormatsTest, EndingsAndFormats) {
   ASSERT_EQ(pad("cube.obj --edge-length 10% -q").output, "");
   const Cluster cube = read_spheres(folder_ / "cube.spheres.json");
-  for (const char* file : {"c.npz", "c.vtp", "c.urdf", "c.xml", "c.yaml", "c.xrdf", "c.srdf"}) {
-    ASSERT_EQ(pad(std::string("cube.obj --edge-length 10% -q -o out/") + file).output, "") << file;
-    expect_same_spheres(read_spheres(folder_ / "out" / file), cube);
-  }
-  for (const char* file : {"c.csv", "c.glb", "c.usda", "c.stl", "c.ply", "c.obj"}) {
-    EXPECT_EQ(pad(std::string("cube.obj --edge-length 10% -q -o ") + file).output, "");
-    EXPECT_TRUE(fs::exists(folder_ / file));
-  }
+  const auto read_again = {"c.npz", "c.vtp", "c.urdf", "c.xml", "c.yaml", "c.xrdf", "c.srdf"},
+             written = {"c.csv", "c.glb", "c.usda", "c.stl", "c.ply", "c.obj"};
+  std::string words = "cube.obj --edge-length 10% -q";
+  for (const auto& list : {read_again, written})
+    for (const std::string file : list) words += " -o out/" + file;
+  ASSERT_EQ(pad(words).output, "");
+  for (const char* file : read_again) expect_same_spheres(read_spheres(folder_ / "out" / file), cube);
+  for (const char* file : written) EXPECT_TRUE(fs::exists(folder_ / "out" / file)) << file;
   for (const char* format : {"liggghts", "yade", "mercury", "chrono"})
     EXPECT_EQ(pad(std::string("cube.obj --edge-length 10% -q -o f_") + format + " --format " + format).output,
               "");

@@ -182,14 +182,13 @@ detect::ResidentOptions options_for(int devices) {
 }
 
 // What the hash was compared with; throws Error where it differs.
-std::string compare(const Scene& scene, std::uint64_t hash, std::size_t devices) {
+std::string compare(const Scene& scene, std::uint64_t hash, const std::string& what, bool with_one_gpu) {
   std::string against;
   const auto expect = [&](std::uint64_t other, const char* name) {
-    if (other != hash)
-      throw Error("the contacts of " + std::to_string(devices) + " GPUs differ from those of " + name);
+    if (other != hash) throw Error("the contacts of " + what + " differ from those of " + name);
     against += (against.empty() ? "" : ", ") + std::string(name);
   };
-  if (devices > 1) {
+  if (with_one_gpu) {
     try {
       detect::ResidentDetector one(options_for(1));
       const Spheres all[1] = {view(scene.data(), scene.size())};
@@ -211,8 +210,8 @@ std::string compare(const Scene& scene, std::uint64_t hash, std::size_t devices)
   return against.empty() ? "nothing" : against;
 }
 
-void dense_row(const Settings& s, Table& t, const Scene& scene, int devices) {
-  say(s, "dense " + std::to_string(scene.size()) + " on " + std::to_string(devices));
+void row(const Settings& s, Table& t, const std::string& name, const Scene& scene, int devices) {
+  say(s, name + " " + std::to_string(scene.size()) + " on " + std::to_string(devices));
   detect::ResidentDetector detector(options_for(devices));
   Parts parts;
   parts.share(scene, detector);
@@ -236,9 +235,74 @@ void dense_row(const Settings& s, Table& t, const Scene& scene, int devices) {
   there.reset();
   detector = detect::ResidentDetector(options_for(devices));  // gives its memory back
   const double halo = static_cast<double>(r.copies) / static_cast<double>(r.spheres) - 1;
-  t.add("dense", "cuda", static_cast<std::size_t>(devices), r.spheres, r.contacts,
-        compare(parts.all(), hash, static_cast<std::size_t>(devices)), resident, pinned, deal,
+  t.add(name, "cuda", static_cast<std::size_t>(devices), r.spheres, r.contacts,
+        compare(parts.all(), hash, std::to_string(devices) + " GPUs", devices > 1), resident, pinned, deal,
         devices > 1 ? halo : 0, 0);
+}
+
+// Bodies of 64 spheres, their poses on the GPUs: of one, and of several, each with as many of the poses.
+void body_row(const Settings& s, Table& t, std::uint64_t count, int devices) {
+  say(s, std::to_string(count) + " bodies on " + std::to_string(devices));
+  const detect::BodyScene scene = detect::generate_bodies(count);
+  const detect::Shape shape{scene.shape.data(), scene.shape.size()};
+  detect::Input input;
+  input.shapes = {&shape, 1}, input.bodies = scene.bodies, input.revision = 1;
+  std::vector<void*> copies;
+  std::vector<detect::ResidentPoses> parts;
+  for (int k = 0; k < devices; k++) {
+    const std::uint64_t n = static_cast<std::uint64_t>(devices),
+                        first = count * static_cast<std::uint64_t>(k) / n,
+                        end = count * (static_cast<std::uint64_t>(k) + 1) / n;
+    std::vector<detect::Pose> poses(end - first);
+    for (std::uint64_t b = first; b < end; b++) {
+      std::copy_n(scene.bodies[b].rotation, 9, poses[b - first].rotation);
+      std::copy_n(scene.bodies[b].position, 3, poses[b - first].position);
+    }
+    const std::size_t bytes = poses.size() * sizeof(detect::Pose);
+    must(cudaSetDevice(k), "choose a GPU");
+    must(cudaMalloc(&copies.emplace_back(nullptr), bytes + 1), "allocate the poses");
+    must(cudaMemcpy(copies.back(), poses.data(), bytes, cudaMemcpyHostToDevice), "copy the poses");
+    must(cudaDeviceSynchronize(), "copy the poses");
+    parts.push_back({static_cast<const detect::Pose*>(copies.back()), poses.size()});
+  }
+  const std::vector<Spheres> none(static_cast<std::size_t>(devices));
+  detect::ResidentDetector detector(options_for(devices));
+  for (int k = 0; k < 8; k++) detector.detect(none, input, parts);  // until the cut stays as it is
+  const double seconds = median_seconds(std::max(s.repeat, 5), [&] { detector.detect(none, input, parts); });
+  const detect::ResidentReport r = detector.report();
+  const std::uint64_t hash = detector.hash();
+  for (int k = 0; k < devices; k++) cudaSetDevice(k), cudaFree(copies[static_cast<std::size_t>(k)]);
+  detector = detect::ResidentDetector(options_for(devices));  // gives its memory back
+  detect::Detector host(
+      detect::DeviceChoice{devices > 1 ? detect::BackendKind::cuda : detect::BackendKind::omp},
+      options_for(1).detector);
+  host.detect(input);
+  if (host.hash() != hash)
+    throw Error("the contacts of the bodies differ from those of " +
+                std::string(devices > 1 ? "one GPU" : "the CPU"));
+  t.add("bodies of 64", "cuda", static_cast<std::size_t>(devices), r.spheres, r.contacts,
+        devices > 1 ? "one GPU" : "the CPU", seconds, 0, r.deal_seconds, 0, 0);
+}
+
+// More than the memory of a GPU: spheres in host memory, box by box through one GPU whose detector may hold
+// about a twentieth of what it would need for all of them. Contacts are counted and hashed.
+void out_of_core_row(const Settings& s, Table& t, const Scene& scene) {
+  const std::uint64_t limit = 7 * scene.size();
+  say(s, "out of core, " + std::to_string(scene.size()) + " through " + std::to_string(limit) + " bytes");
+  detect::Input input;
+  input.spheres = view(scene.data(), scene.size());
+  detect::BoxOptions o;
+  o.devices = {{detect::BackendKind::cuda, 0}};
+  o.detector.order = detect::Order::any, o.detector.memory_limit = limit;
+  detect::BoxedDetector boxed(o);
+  boxed.detect(input, {});
+  const double seconds = median_seconds(3, [&] { boxed.detect(input, {}); });
+  const detect::BoxReport r = boxed.report();
+  say(s, std::to_string(r.boxes) + " boxes: cut " + number(r.cut_seconds, "%.2f") + " s, copy " +
+             number(r.copy_seconds, "%.2f") + " s, detect " + number(r.detect_seconds, "%.2f") + " s");
+  const std::string against = compare(scene, r.hash, "the boxes", true);
+  t.add("out of core", "cuda", 1, r.spheres, r.contacts, against, seconds, 0, r.cut_seconds + r.copy_seconds,
+        static_cast<double>(r.copies) / static_cast<double>(r.spheres) - 1, 0);
 }
 
 // Half of the cube ten times as dense as the rest: at rest, or a front that crosses the cube in `steps`.
@@ -297,13 +361,19 @@ void front_rows(const Settings& s, Table& t, const Scene& full, int devices, boo
 }
 
 void gpu_rows(const Settings& s, Table& t) {
-  std::vector<std::uint64_t> sizes = s.spheres;
-  if (sizes.empty()) sizes = {28750000, 57500000, 115000000, 230000000};
-  for (const std::uint64_t n : sizes) {
-    if (!s.scene.empty() && s.scene != "dense") break;
-    const Scene scene = detect::generate("dense", n, false);
-    for (int devices = 1; devices <= gpus(); devices *= 2) dense_row(s, t, scene, devices);
+  const std::vector<std::uint64_t> dense = {28750000, 57500000, 115000000, 230000000}, poly100 = {40000000};
+  for (const char* const name : {"dense", "poly100"}) {
+    if (!s.scene.empty() && s.scene != name) continue;
+    for (const std::uint64_t n : !s.spheres.empty() ? s.spheres : *name == 'd' ? dense : poly100) {
+      const Scene scene = detect::generate(name, n, false);
+      for (int devices = 1; devices <= gpus(); devices *= 2) row(s, t, name, scene, devices);
+    }
   }
+  if (s.scene.empty() || s.scene == "bodies")
+    for (int devices = 1; devices <= gpus(); devices *= 2)
+      body_row(s, t, s.spheres.empty() ? 1000000 : s.spheres[0] / 64, devices);
+  if (s.scene.empty() || s.scene == "host")
+    out_of_core_row(s, t, detect::generate("dense", s.spheres.empty() ? 100000000 : s.spheres[0], false));
   if (!s.scene.empty() && s.scene != "front") return;
   const Scene full = detect::generate("dense", s.spheres.empty() ? 100000000 : s.spheres[0], false);
   for (int devices = 2; devices <= gpus(); devices *= 2)
@@ -361,8 +431,10 @@ Json lines_of(const Json& rows) {
 }  // namespace
 
 Json boxes(const Settings& s) {
-  if (!s.scene.empty() && s.scene != "dense" && s.scene != "front")
-    throw Error("boxes has the scenes dense and front");
+  const std::string& name = s.scene;
+  if (!name.empty() && name != "dense" && name != "poly100" && name != "bodies" && name != "host" &&
+      name != "front")
+    throw Error("boxes has the scenes dense, poly100, bodies, host and front");
   Table t(s);
   const bool cuda = s.backend != "omp" && gpus() > 0;
   if (s.backend == "cuda" && !cuda) throw Error("there is no GPU that CUDA can use: choose omp");

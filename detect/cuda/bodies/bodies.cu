@@ -254,13 +254,14 @@ bool BodySearch::run(const Call& call, Contacts& contacts) {
   const bool known = knows(call.input, call.options);
   {
     const ProfileRange range("padder: read the bodies");
-    if (!input_.read(call.input, call.options.margin, call.stream)) return false;
+    if (!input_.read(call.input, call.options.margin, call.options.own, call.stream)) return false;
   }
   call.clock.mark(StageClock::kPlace);
   const std::uint32_t moving = input_.view().moving;
   pairs_.reserve(4 * std::uint64_t(moving) + 1024);
   Steps steps{*this, call, contacts};
-  if (!speculative_.run(steps, known && moving > 0)) return false;
+  // Where only a box's elements are searched, their number changes as they move, and with it the grid.
+  if (!speculative_.run(steps, known && moving > 0 && moving == summary_.count)) return false;
   call.clock.mark(8);
   input_.keep(call.input);
   contacts.spheres = input_.body_spheres() + call.input.spheres.count;

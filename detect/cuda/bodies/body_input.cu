@@ -54,6 +54,7 @@ __global__ void record_kernel(const LooseRecord* from, std::uint32_t count, Sphe
 BodyInput::BodyInput(MemoryBook& book)
     : copy_(book),
       arrays_(book),
+      of_region_(book),
       elements_(book, "the pieces of bodies"),
       balls_(book, "the balls about bodies"),
       loose_spheres_(book, "the spheres"),
@@ -72,7 +73,7 @@ bool BodyInput::knows(const Input& input, double margin) const {
          input.spheres.count == known_loose_ && margin == margin_;
 }
 
-bool BodyInput::read(const Input& input, double margin, cudaStream_t stream) {
+bool BodyInput::read(const Input& input, double margin, const Region& own, cudaStream_t stream) {
   const bool known = knows(input, margin);
   forget(), margin_ = margin;
   if (known)
@@ -82,6 +83,8 @@ bool BodyInput::read(const Input& input, double margin, cudaStream_t stream) {
   read_loose(input, known, stream);
   if (!known && !build_table(stream)) return false;
   place(0, view_.moving, stream);
+  if (!known) of_region_.forget_static();
+  near_ = own == Region{} ? view_ : of_region_.select(view_, own, static_radius_, stream);
   return true;
 }
 
@@ -179,10 +182,12 @@ bool BodyInput::build_table(cudaStream_t stream) {
                "read what is static");
   cuda_check(cudaStreamSynchronize(stream), "read what is static");
   if (!table_.build(balls, view_.moving)) return false;
-  static_extent_ = 0;
-  for (const Sphere& b : balls)
+  static_extent_ = static_radius_ = 0;
+  for (const Sphere& b : balls) {
     static_extent_ =
         std::max({static_extent_, std::abs(b.x) + b.r, std::abs(b.y) + b.r, std::abs(b.z) + b.r});
+    static_radius_ = std::max(static_radius_, b.r);
+  }
   std::copy_n(table_.bounds, kMaxLevels, static_view_.bounds);
   static_view_.starts = copied(static_starts_, table_.starts.data(), table_.starts.size(), stream);
   static_view_.elements = copied(static_elements_, table_.elements.data(), count, stream);

@@ -8,6 +8,7 @@
 #include "detect/core/assembly.h"
 #include "detect/core/static_table.h"
 #include "detect/cuda/bodies/body_arrays.h"
+#include "detect/cuda/bodies/region_elements.h"
 #include "detect/cuda/input/input_copy.h"
 
 namespace padder::detect::cuda {
@@ -26,14 +27,14 @@ class BodyInput {
   bool knows(const Input& input, double margin) const;  // by its revision
   // Brings everything to where it is in this input: what moves, if the input is known, else all. The balls
   // about what moves are placed, and are larger by half of the margin: so they touch where spheres in them
-  // may have a gap of no more than it. The revision is forgotten until keep() is called. False: there are
-  // static elements for which no table can be built.
-  bool read(const Input& input, double margin, cudaStream_t stream);
+  // may have a gap of no more than it. What cannot have a contact in `own` is left out. The revision is
+  // forgotten until keep() is called. False: there are static elements for which no table can be built.
+  bool read(const Input& input, double margin, const Region& own, cudaStream_t stream);
   void keep(const Input& input) { revision_ = input.revision; }
   void forget() { revision_ = 0; }
 
   std::uint64_t body_spheres() const { return assembly_.body_first.back(); }
-  const BodyView& view() const { return view_; }
+  const BodyView& view() const { return near_; }
   const DeviceSpheres& loose() const { return loose_; }
   const StaticTable& table() const { return table_; }  // of what is static, on the host
   const StaticView& static_view() const { return static_view_; }
@@ -48,14 +49,15 @@ class BodyInput {
   InputCopy copy_;
   Assembly assembly_;
   StaticTable table_;
-  double static_extent_ = 0, margin_ = 0;
+  double static_extent_ = 0, static_radius_ = 0, margin_ = 0;
   std::uint64_t revision_ = 0, known_bodies_ = 0, known_loose_ = 0;
   std::vector<std::uint32_t> moving_bodies_, moving_loose_;
-  BodyView view_;
+  BodyView view_, near_;  // of everything; without what is left out
   StaticView static_view_;
   DeviceSpheres loose_;
 
   BodyArrays arrays_;
+  RegionElements of_region_;
   Buffer<Element> elements_;
   Buffer<Sphere> balls_, loose_spheres_, static_balls_;
   Buffer<Stance> stances_;

@@ -6,6 +6,8 @@
 
 #include "detect/boxes/contact_batch.h"
 #include "detect/boxes/halo.h"
+#include "detect/boxes/numbered_hash.h"
+#include "detect/cuda/device/device.h"
 
 namespace padder::detect::cuda {
 namespace {
@@ -219,6 +221,13 @@ __global__ void sample_kernel(Source<T> source, std::uint64_t step, Sphere* to, 
   to[k] = {double(v[0]), double(v[1]), double(v[2]), double(v[3])};
 }
 
+__global__ void number_kernel(std::uint64_t bodies, const std::uint64_t* of_loose, std::uint64_t count,
+                              std::uint64_t* to) {
+  for (std::uint64_t k = std::uint64_t(blockIdx.x) * kThreads + threadIdx.x; k < count;
+       k += std::uint64_t(gridDim.x) * kThreads)
+    to[k] = k < bodies ? k : bodies + of_loose[k - bodies];
+}
+
 __global__ void hash_kernel(const Pair* pairs, std::uint64_t count, const std::uint64_t* ids,
                             unsigned long long* sum) {
   unsigned long long mine = 0;
@@ -311,6 +320,12 @@ std::vector<WeightedPoint> Dealer::sample(const Spheres& spheres, std::uint64_t 
   return points;
 }
 
+void number_spheres(std::uint64_t bodies, const std::uint64_t* of_loose, std::uint64_t loose,
+                    std::uint64_t* to, cudaStream_t stream) {
+  number_kernel<<<kMostBlocks, kThreads, 0, stream>>>(bodies, of_loose, bodies + loose, to);
+  cuda_launched("number the spheres");
+}
+
 std::uint64_t hash_of_numbered_pairs(const Pair* pairs, std::uint64_t count, const std::uint64_t* ids,
                                      Buffer<unsigned long long>& sum, cudaStream_t stream) {
   if (count == 0) return 0;
@@ -325,3 +340,18 @@ std::uint64_t hash_of_numbered_pairs(const Pair* pairs, std::uint64_t count, con
 }
 
 }  // namespace padder::detect::cuda
+
+namespace padder::detect {
+
+std::uint64_t hash_of_numbered_pairs(int device, const Pair* pairs, std::uint64_t count,
+                                     std::span<const std::uint64_t> ids) {
+  const cuda::OnDevice on(device);
+  on.require();
+  cuda::MemoryBook book;
+  cuda::Buffer<std::uint64_t> numbers(book, "the numbers of the spheres");
+  cuda::Buffer<unsigned long long> sum(book, "the hash");
+  return cuda::hash_of_numbered_pairs(pairs, count, cuda::copied(numbers, ids.data(), ids.size(), nullptr),
+                                      sum, nullptr);
+}
+
+}  // namespace padder::detect

@@ -65,6 +65,11 @@ class Dealer {
   Buffer<Summary> summary_;
 };
 
+// The numbers from 0 to bodies - 1, then `loose` numbers of loose spheres, which are counted from 0 there and
+// come after the spheres of bodies in the scene.
+void number_spheres(std::uint64_t bodies, const std::uint64_t* of_loose, std::uint64_t loose,
+                    std::uint64_t* to, cudaStream_t stream);
+
 // The sum of wide_pair_hash over pairs whose numbers are those of `ids`; null: their own.
 std::uint64_t hash_of_numbered_pairs(const Pair* pairs, std::uint64_t count, const std::uint64_t* ids,
                                      Buffer<unsigned long long>& sum, cudaStream_t stream);

@@ -3,10 +3,12 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <condition_variable>
 #include <exception>
 #include <functional>
 #include <mutex>
+#include <numeric>
 #include <optional>
 #include <stop_token>
 #include <string>
@@ -15,6 +17,7 @@
 
 #include "detect/core/backend.h"
 #include "detect/core/errors.h"
+#include "detect/core/input.h"
 #include "detect/cuda/boxes/deal.h"
 #include "detect/cuda/device/device.h"
 #include "padding/asset/error.h"
@@ -197,6 +200,7 @@ struct Place {
   ~Place() {
     const OnDevice on(device);
     load.reset(), away.reset(), upload.reset(), dealer.reset(), sum.release();
+    poses.release(), ids.release();
     cudaStreamDestroy(stream);
   }
   Place(const Place&) = delete;
@@ -210,12 +214,16 @@ struct Place {
   std::optional<Upload> upload{book};
   std::optional<SphereArrays> load{book}, away{book};  // what it detects; what it sends, box by box
   Buffer<unsigned long long> sum{book, "the hash"};
-  Spheres part;             // of the call, in this GPU's memory
-  std::uint64_t first = 0;  // number of its first sphere in the scene
+  Buffer<Pose> poses{book, "the poses"};                          // of all bodies
+  Buffer<std::uint64_t> ids{book, "the numbers of the spheres"};  // of bodies and the load together
+  const Pose* all_poses = nullptr;                                // of the call; null: those in host memory
+  Spheres part;                                                   // of the call, in this GPU's memory
+  std::uint64_t first = 0;                                        // number of its first sphere in the scene
   DealCounts counts;
   Rooms rooms, needed;
   std::uint64_t loaded = 0;  // spheres in the load
-  double density = 1;        // work for each of them, in the call before
+  double body_spheres = 0;   // of the box, when space was cut last; an estimate
+  double density = 1;        // work for each of these spheres, in the call before
 };
 
 void let_access(int device, int other) {
@@ -240,7 +248,8 @@ using cuda::Place;
 class ResidentDetector::Work {
  public:
   explicit Work(const ResidentOptions& options);
-  const ResidentReport& run(std::span<const Spheres> parts);
+  const ResidentReport& run(std::span<const Spheres> parts, const Input& bodies,
+                            std::span<const ResidentPoses> poses);
   std::span<const ResidentContacts> found() const { return found_; }
   const ResidentReport& report() const { return report_; }
   std::uint64_t hash();
@@ -251,7 +260,11 @@ class ResidentDetector::Work {
  private:
   void each_place(const std::function<void(Place&, std::size_t)>& work);
   cuda::Form check(std::span<const Spheres> parts) const;
+  void check_bodies(const Input& bodies, std::span<const ResidentPoses> poses);
   void bring(std::span<const Spheres> parts);
+  void bring(std::span<const ResidentPoses> poses);
+  void sample_bodies(std::vector<WeightedPoint>& points);
+  const std::uint64_t* ids_of(Place& p, std::uint64_t first) const;
   void deal();
   void check_faults();
   bool has_room();
@@ -264,10 +277,14 @@ class ResidentDetector::Work {
   CallOptions options_;
   std::vector<std::unique_ptr<Place>> places_;
   cuda::Form form_;
+  Input bodies_;                                   // of the call
+  std::uint64_t body_spheres_ = 0, revision_ = 0;  // of the bodies; of the call before
+  bool failed_ = false;                            // the call before
   cuda::DealRegions regions_;
   BoxTree tree_;
   bool has_tree_ = false, known_density_ = false, informed_ = false;
   double settled_imbalance_ = 1;  // what the last cut could reach
+  double imbalance_ = 1;          // in the call before
   double halo_radius_ = 0;        // at least the largest radius of the scene
   std::vector<ResidentContacts> found_;
   ResidentReport report_;
@@ -335,12 +352,55 @@ cuda::Form ResidentDetector::Work::check(std::span<const Spheres> parts) const {
   return form;
 }
 
+void ResidentDetector::Work::check_bodies(const Input& bodies, std::span<const ResidentPoses> poses) {
+  if (bodies.spheres.count)
+    throw Error("loose spheres are given in parts, one for each GPU, and not with the bodies");
+  if (bodies.poses && bodies.pose_memory == Memory::device)
+    throw Error("poses on several GPUs are given in parts, one for each GPU, and not with the bodies");
+  const bool known = bodies.revision != 0 && bodies.revision == revision_;
+  revision_ = 0;  // set when the call is done
+  bodies_ = bodies;
+  check_input(bodies, false, known);
+  if (!known) body_spheres_ = sphere_count(bodies);
+  if (poses.empty()) return;
+  std::uint64_t count = 0;
+  for (const ResidentPoses& part : poses) count += part.count;
+  if (poses.size() != places_.size() || count != bodies.bodies.size() || bodies.poses)
+    throw Error(
+        std::to_string(count) + " poses in " + std::to_string(poses.size()) + " parts were given for " +
+        std::to_string(bodies.bodies.size()) + " bodies on " + std::to_string(places_.size()) +
+        " GPUs: give one part for each GPU and one pose for each body, and none in the bodies' input");
+}
+
+// Every GPU gets the poses of all bodies. Those on other GPUs travel from there.
+void ResidentDetector::Work::bring(std::span<const ResidentPoses> poses) {
+  each_place([&](Place& p, std::size_t k) {
+    p.all_poses = nullptr;
+    if (poses.empty() || bodies_.bodies.empty()) return;
+    if (poses[k].count) cuda::check_device_memory(poses[k].poses, p.device, "the poses");
+    if (places_.size() == 1) {
+      p.all_poses = poses[0].poses;
+      return;
+    }
+    Pose* to = p.poses.reserve(bodies_.bodies.size());
+    p.all_poses = to;
+    for (std::size_t from = 0; from < poses.size(); to += poses[from++].count)
+      if (poses[from].count)
+        cuda::cuda_check(cudaMemcpyPeerAsync(to, p.device, poses[from].poses, places_[from]->device,
+                                             poses[from].count * sizeof(Pose), p.stream),
+                         "copy poses to another GPU");
+    cuda::cuda_check(cudaStreamSynchronize(p.stream), "copy poses to another GPU");
+  });
+  if (places_.size() > 1 && !poses.empty())
+    report_.moved_bytes += (places_.size() - 1) * bodies_.bodies.size() * sizeof(Pose);
+}
+
 // Waits for what the caller does on the default streams, and copies what lies in host memory.
 void ResidentDetector::Work::bring(std::span<const Spheres> parts) {
   std::uint64_t first = 0;
   for (std::size_t k = 0; k < parts.size(); k++)
     places_[k]->first = std::exchange(first, first + parts[k].count);
-  report_.spheres = first;
+  report_.spheres = body_spheres_ + first;
   each_place([&](Place& p, std::size_t k) {
     cuda::cuda_check(cudaStreamSynchronize(nullptr), "finish the work given before");
     if (parts[k].memory == Memory::device && parts[k].count)
@@ -368,16 +428,39 @@ void ResidentDetector::Work::check_faults() {
     };
     for (std::uint64_t a = 0; a < 3; a++) read(v[a], one.centers, k * one.center_stride + a);
     read(v[3], one.radii, k * one.radius_stride);
-    throw Error(fault_sentence(p->first + k, {v[0], v[1], v[2], v[3]}, Input{}));
+    throw Error(fault_sentence(body_spheres_ + p->first + k, {v[0], v[1], v[2], v[3]}, bodies_));
   }
 }
 
+// Bodies are not dealt out, so what is known of them is the call before.
 double ResidentDetector::Work::expected_imbalance() const {
+  if (!bodies_.bodies.empty()) return imbalance_;
   std::vector<double> work(places_.size(), 0);
   for (std::size_t to = 0; to < places_.size(); to++)
     for (const auto& from : places_)
       work[to] += places_[to]->density * static_cast<double>(from->counts.to[to]);
   return cuda::imbalance_of(work);
+}
+
+// A body counts with all of its spheres where its origin is.
+void ResidentDetector::Work::sample_bodies(std::vector<WeightedPoint>& points) {
+  const std::uint64_t count = bodies_.bodies.size(), step = count / cuda::kSampleOfDevice + 1;
+  const std::uint64_t drawn = (count + step - 1) / step;
+  std::vector<double> at(3 * drawn);
+  if (const Pose* const poses = places_[0]->all_poses) {
+    const cuda::OnDevice on(places_[0]->device);
+    cuda::cuda_check(cudaMemcpy2D(at.data(), 3 * sizeof(double), poses->position, step * sizeof(Pose),
+                                  3 * sizeof(double), drawn, cudaMemcpyDeviceToHost),
+                     "draw a sample of the bodies");
+  } else {
+    for (std::uint64_t k = 0; k < drawn; k++) std::copy_n(body_at(bodies_, k * step).position, 3, &at[3 * k]);
+  }
+  for (std::uint64_t k = 0; k < drawn; k++) {
+    const Shape& shape = bodies_.shapes[bodies_.bodies[k * step].shape];
+    if (std::isfinite(at[3 * k] + at[3 * k + 1] + at[3 * k + 2]))  // else detection will say what is wrong
+      points.push_back({{at[3 * k], at[3 * k + 1], at[3 * k + 2]},
+                        static_cast<double>(shape.count) * static_cast<double>(step)});
+  }
 }
 
 // Deals again where the halos were made for a smaller radius than the scene has, where space has to be cut
@@ -426,6 +509,9 @@ void ResidentDetector::Work::cut() {
       [&](Place& p, std::size_t k) { drawn[k] = p.dealer->sample(p.part, cuda::kSampleOfDevice, p.stream); });
   std::vector<WeightedPoint> points;
   std::vector<double> plain;
+  sample_bodies(drawn.emplace_back());
+  const std::size_t loose = std::accumulate(drawn.begin(), drawn.end() - 1, std::size_t(0),
+                                            [](std::size_t n, const auto& some) { return n + some.size(); });
   for (const auto& some : drawn)
     for (WeightedPoint p : some) {
       plain.push_back(p.weight);
@@ -434,9 +520,11 @@ void ResidentDetector::Work::cut() {
     }
   tree_ = cut_space(points, static_cast<std::uint32_t>(places_.size()));
   std::vector<double> work(places_.size(), 0), weight(places_.size(), 0);
+  for (const auto& p : places_) p->body_spheres = 0;
   for (std::size_t k = 0; k < points.size(); k++) {
     const std::uint32_t box = tree_.box_of(points[k].at);
     work[box] += points[k].weight, weight[box] += plain[k];
+    if (k >= loose) places_[box]->body_spheres += plain[k];
   }
   for (std::uint32_t b = 0; b < tree_.boxes(); b++) {
     regions_.of[b] = tree_.region(b);
@@ -461,6 +549,17 @@ void ResidentDetector::Work::exchange(Place& p, std::size_t k) {
   cuda::cuda_check(cudaStreamSynchronize(p.stream), "bring spheres from the other GPUs");
 }
 
+// The numbers in the scene of the spheres of bodies and of the load, which begins at place `first`.
+const std::uint64_t* ResidentDetector::Work::ids_of(Place& p, std::uint64_t first) const {
+  const std::uint64_t* const of_load = p.load->from(first, form_).ids;
+  if (body_spheres_ == 0) return of_load;
+  if (p.loaded == 0) return nullptr;
+  std::uint64_t* const ids = p.ids.reserve(body_spheres_ + p.loaded);
+  cuda::number_spheres(body_spheres_, of_load, p.loaded, ids, p.stream);
+  cuda::cuda_check(cudaStreamSynchronize(p.stream), "number the spheres");
+  return ids;
+}
+
 void ResidentDetector::Work::send_and_detect() {
   const bool alone = places_.size() == 1;
   const double start = cuda::now();
@@ -475,14 +574,18 @@ void ResidentDetector::Work::send_and_detect() {
     if (!alone) exchange(p, k);
     if (k == 0) report_.deal_seconds += cuda::now() - start;
     const std::uint64_t first = p.rooms.before - p.needed.before;
-    Input input;
+    Input input = bodies_;
+    // Other static spheres may have come into the load; after a call that failed, the detectors differ in
+    // what they know.
+    if (form_.is_static || failed_) input.revision = 0;
+    if (p.all_poses) input.poses = p.all_poses, input.pose_memory = Memory::device;
     input.spheres = alone ? p.part : p.load->view(first, p.loaded, form_);
     CallOptions options = options_;
     options.stream = nullptr, options.output = Memory::device;
     options.own = common(options.own, alone ? Region{} : regions_.of[k]);
     if (alone) p.loaded = p.part.count;
     ResidentContacts& f = found_[k];
-    f.device = p.device, f.load = input.spheres, f.ids = alone ? nullptr : p.load->from(first, form_).ids;
+    f.device = p.device, f.load = input.spheres, f.ids = alone ? nullptr : ids_of(p, first);
     f.contacts.memory = Memory::device, f.contacts.width = options.width, f.contacts.scalar = options.scalar;
     if (is_empty(options.own)) return;
     p.detector.options() = options;
@@ -493,31 +596,36 @@ void ResidentDetector::Work::send_and_detect() {
 void ResidentDetector::Work::finish() {
   std::vector<double> work;
   for (std::size_t k = 0; k < places_.size(); k++) {
-    const double spheres = static_cast<double>(places_[k]->loaded);
+    const double spheres = static_cast<double>(places_[k]->loaded) + places_[k]->body_spheres;
     const Contacts& c = found_[k].contacts;
     work.push_back(spheres + static_cast<double>(c.count));
     places_[k]->density = spheres > 0 ? work.back() / spheres : 1;
     report_.contacts += c.count, report_.doubtful += c.doubtful, report_.copies += places_[k]->loaded;
     report_.moved_bytes += places_[k]->counts.away * form_.bytes_of_one();
   }
-  known_density_ = true;
-  report_.imbalance = cuda::imbalance_of(work);
+  known_density_ = true, report_.copies += body_spheres_;
+  report_.imbalance = imbalance_ = cuda::imbalance_of(work);
   if (report_.cut) settled_imbalance_ = informed_ ? report_.imbalance : 1;
 }
 
-const ResidentReport& ResidentDetector::Work::run(std::span<const Spheres> parts) {
+const ResidentReport& ResidentDetector::Work::run(std::span<const Spheres> parts, const Input& bodies,
+                                                  std::span<const ResidentPoses> poses) {
   report_ = {}, found_.clear();
   try {
     const double start = cuda::now();
     form_ = check(parts);
+    check_bodies(bodies, poses);
     bring(parts);
+    bring(poses);
     const double brought = cuda::now();
     if (places_.size() > 1) deal();
     report_.upload_seconds = brought - start, report_.deal_seconds = cuda::now() - brought;
     send_and_detect();
     finish();
     report_.detect_seconds = cuda::now() - brought - report_.deal_seconds;
+    revision_ = failed_ ? 0 : bodies.revision, failed_ = false;
   } catch (...) {
+    failed_ = true;
     report_ = {}, found_.clear();
     throw;
   }
@@ -540,7 +648,13 @@ ResidentDetector::ResidentDetector(const ResidentOptions& options) : work_(std::
 ResidentDetector::~ResidentDetector() = default;
 ResidentDetector::ResidentDetector(ResidentDetector&&) noexcept = default;
 ResidentDetector& ResidentDetector::operator=(ResidentDetector&&) noexcept = default;
-const ResidentReport& ResidentDetector::detect(std::span<const Spheres> parts) { return work_->run(parts); }
+const ResidentReport& ResidentDetector::detect(std::span<const Spheres> parts) {
+  return work_->run(parts, {}, {});
+}
+const ResidentReport& ResidentDetector::detect(std::span<const Spheres> parts, const Input& bodies,
+                                               std::span<const ResidentPoses> poses) {
+  return work_->run(parts, bodies, poses);
+}
 std::span<const ResidentContacts> ResidentDetector::found() const { return work_->found(); }
 const ResidentReport& ResidentDetector::report() const { return work_->report(); }
 std::uint64_t ResidentDetector::hash() const { return work_->hash(); }

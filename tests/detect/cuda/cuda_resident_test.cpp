@@ -99,7 +99,8 @@ Records records_of(const ResidentDetector& detector) {
     const auto pairs = from_gpu<Pair>(f.contacts.pairs, f.contacts.count);
     const auto normals = from_gpu<Normal<double>>(f.contacts.normals, f.contacts.count);
     const auto points = from_gpu<Points<double>>(f.contacts.points, f.contacts.count);
-    const auto ids = f.ids ? from_gpu<std::uint64_t>(f.ids, f.load.count) : std::vector<std::uint64_t>();
+    const auto ids =
+        f.ids ? from_gpu<std::uint64_t>(f.ids, f.contacts.spheres) : std::vector<std::uint64_t>();
     for (std::size_t k = 0; k < pairs.size(); k++) {
       std::string bytes(reinterpret_cast<const char*>(&normals[k]), sizeof normals[k]);
       bytes.append(reinterpret_cast<const char*>(&points[k]), sizeof points[k]);
@@ -124,6 +125,50 @@ void expect_as_one(const Input& input, ResidentDetector& resident, const std::ve
   for (const auto& [pair, bytes] : records_of(wanted)) expected[{pair.first, pair.second}] = bytes;
   EXPECT_EQ(records_of(resident), expected);
 }
+
+// Bodies of shapes from one sphere to a few hundred, one of them across all boxes and static, at poses that
+// change from step to step; families; loose spheres beside them.
+struct MovingBodies {
+  TestScene loose;
+  std::vector<Sphere> small, large;
+  std::vector<Shape> shapes;
+  std::vector<Body> bodies;
+  std::vector<Pose> poses;
+  std::mt19937_64 random;
+
+  MovingBodies(std::uint32_t seed, std::uint32_t loose_count)
+      : loose(random_scene(std::max(loose_count, 1u), 3, 1, seed).rounded()), random(seed) {
+    std::printf("seed %u\n", seed);
+    loose.spheres.resize(loose_count);
+    for (int k = 0; k < 40; k++) small.push_back({unit(), unit(), unit(), 0.3 + 0.1 * unit()});
+    for (int x = -20; x < 20; x++)
+      for (int y = -20; y < 20; y++) large.push_back({1. * x, 1. * y, 0.1 * unit(), 0.8});
+    shapes = {{small.data(), small.size()}, {small.data(), 1}, {large.data(), large.size()}, {nullptr, 0}};
+    bodies.resize(600), poses.resize(bodies.size());
+    for (std::size_t k = 0; k < bodies.size(); k++) {
+      bodies[k].shape = k == 0 ? 2 : k % 50 == 7 ? 3 : k % 3 == 1, bodies[k].is_static = k % 20 == 0;
+      bodies[k].family = static_cast<std::uint32_t>(k % 4), bodies[k].mask = k % 5 == 0 ? 2 : 0;
+      for (double& p : poses[k].position) p = k == 0 ? 0 : 9 * unit();
+    }
+    turn(1);
+    for (std::size_t k = 0; k < bodies.size(); k++) {
+      std::copy_n(poses[k].rotation, 9, bodies[k].rotation);
+      std::copy_n(poses[k].position, 3, bodies[k].position);
+    }
+  }
+  double unit() { return std::uniform_real_distribution<double>(-1, 1)(random); }
+  void turn(double by) {
+    for (std::size_t k = 0; k < bodies.size(); k++) {
+      rotation_of(1, unit(), unit(), unit(), poses[k].rotation);
+      for (double& p : poses[k].position) p = 0.98 * p + by * 0.3 * unit();
+    }
+  }
+  Input input() const {
+    Input i;
+    i.shapes = shapes, i.bodies = bodies, i.revision = 7;
+    return i;
+  }
+};
 
 class CudaResident : public testing::Test {
  protected:
@@ -193,6 +238,26 @@ TEST_F(CudaResident, TagsAndStaticSpheresTravelToo) {
   EXPECT_EQ(resident.hash(), one.hash());
 }
 
+// Contacts that are only counted stay on the GPUs; those of bodies do not.
+TEST_F(CudaResident, CountingByBoxesGivesTheHashOfOneDetector) {
+  const Arranged a(random_scene(60000, 4, 0.6, 51), Scalar::f64);
+  MovingBodies scene(52, 500);
+  const Arranged loose(scene.loose, Scalar::f32);
+  Input with_bodies = scene.input();
+  with_bodies.spheres = loose.input.spheres;
+  for (const Input& input : {a.input, with_bodies}) {
+    BoxOptions o = on_the_cpu(5);
+    o.devices.clear();
+    for (const int k : several(3)) o.devices.push_back({BackendKind::cuda, k});
+    BoxedDetector boxed(o);
+    Detector one = one_on_the_cpu(on({}).detector);
+    const std::uint64_t count = one.detect(input).count;
+    const BoxReport& r = boxed.detect(input, {});
+    EXPECT_EQ(r.contacts, count);
+    EXPECT_EQ(r.hash, one.hash());
+  }
+}
+
 TEST_F(CudaResident, SixtyStepsGiveTheHashOfOneDetector) {
   const std::uint32_t seed = 101;
   std::printf("seed %u\n", seed);
@@ -220,6 +285,54 @@ TEST_F(CudaResident, SixtyStepsGiveTheHashOfOneDetector) {
   EXPECT_LT(cuts, 50);
 }
 
+// The poses in parts of uneven size, each on its GPU.
+struct PoseParts {
+  std::vector<std::unique_ptr<OnGpu>> kept;
+  std::vector<ResidentPoses> parts;
+  PoseParts(const std::vector<Pose>& poses, const std::vector<int>& devices) {
+    const std::size_t n = devices.size();
+    for (std::size_t k = 0, first = 0; k < n; k++) {
+      const std::size_t end = poses.size() * (k + 1) * (k + 1) / (n * n);
+      kept.push_back(std::make_unique<OnGpu>(devices[k], poses.data() + first, (end - first) * sizeof(Pose)));
+      parts.push_back({static_cast<const Pose*>(kept[k]->data()), end - first});
+      first = end;
+    }
+  }
+};
+
+TEST_F(CudaResident, BodiesGiveTheContactsOfOneDetector) {
+  for (const std::uint32_t loose : {0u, 3000u})
+    for (const std::size_t n : {1, 2, 5}) {
+      SCOPED_TRACE(std::to_string(n) + " GPUs, loose spheres: " + std::to_string(loose));
+      MovingBodies scene(41 + loose, loose);
+      const std::vector<int> devices = several(n);
+      ResidentDetector resident(on(devices));
+      Detector one = one_on_the_cpu(on({}).detector);
+      for (int step = 0; step < 8; step++) {
+        const Arranged a(scene.loose, Scalar::f32);
+        const Parts parts(a.input, devices, static_cast<std::uint64_t>(step));
+        const bool on_gpus = step != 3;  // in between a call with poses in host memory
+        const PoseParts poses(scene.poses, devices);
+        Input input = scene.input();
+        if (step == 3) input.revision = 8;
+        Input bodies = input;
+        input.spheres = a.input.spheres, input.poses = scene.poses.data();
+        if (!on_gpus) bodies.poses = scene.poses.data();
+        const Contacts& wanted = one.detect(input);
+        const ResidentReport& r =
+            resident.detect(parts.spheres, bodies, on_gpus ? poses.parts : std::vector<ResidentPoses>());
+        ASSERT_GT(wanted.count, 500u);
+        ASSERT_EQ(r.contacts, wanted.count) << "step " << step;
+        EXPECT_EQ(r.spheres, wanted.spheres);
+        ASSERT_EQ(resident.hash(), one.hash()) << "step " << step;
+        Records expected;
+        for (const auto& [pair, bytes] : records_of(wanted)) expected[{pair.first, pair.second}] = bytes;
+        ASSERT_EQ(records_of(resident), expected) << "step " << step;
+        scene.turn(1);
+      }
+    }
+}
+
 std::string failure(ResidentDetector& resident, std::span<const Spheres> parts) {
   return error_of([&] { resident.detect(parts); });
 }
@@ -241,6 +354,25 @@ TEST_F(CudaResident, FailuresAreASentenceAndTheDetectorStaysUsable) {
   EXPECT_NE(failure(resident, fine.spheres).find("GPU "), std::string::npos);
   resident.options().memory_limit = 0;
   expect_as_one(good.input, resident, devices);
+  MovingBodies scene3(3, 0);
+  const std::vector<Spheres> none(devices.size());
+  std::vector<Pose> poses = scene3.poses;
+  poses[300].rotation[4] = NAN;
+  for (const bool valid : {false, true, true}) {  // a call that failed is not what the next one builds on
+    const PoseParts there(valid ? scene3.poses : poses, devices);
+    const auto detect = [&] { resident.detect(none, scene3.input(), there.parts); };
+    if (valid)
+      detect();
+    else
+      EXPECT_THROW(detect(), Error);
+  }
+  Detector one = one_on_the_cpu(on({}).detector);
+  one.detect(scene3.input());
+  EXPECT_EQ(resident.hash(), one.hash());
+  Input loose = scene3.input();
+  loose.spheres = good.input.spheres;
+  EXPECT_THROW(resident.detect(none, loose), Error);
+  EXPECT_THROW(resident.detect(none, scene3.input(), std::vector<ResidentPoses>(2)), Error);
   EXPECT_THROW(ResidentDetector(on({gpus()})), Error);
   EXPECT_THROW(ResidentDetector(on(std::vector<int>(17, 0))), Error);
 }

@@ -23,7 +23,7 @@ std::vector<Case> bodies() {
                            {"plate 1000:1", shapes::box({0, 0, 0}, {1, 1, 0.001}), 0.05},
                            {"sphere", shapes::sphere(5), 0.15},
                            {"torus", shapes::torus(1, 0.2, 80, 24), 0.1}};
-  for (std::uint64_t seed = 1; seed <= 3; seed++) {
+  for (std::uint64_t seed = 1; seed <= 2; seed++) {
     shapes::RandomInput random(seed);
     all.push_back({"blob, seed " + std::to_string(seed), shapes::blob(random), 0.15});
   }
@@ -47,7 +47,7 @@ TEST(Refit, NothingStandsOutByMoreThanItsCapAndNothingIsLeftOpen) {
     SCOPED_TRACE(name);
     const Surface body(mesh);
     const Mesh remeshed = remesh(mesh, {.edge_length = edge}).mesh;
-    for (const double depth : {0.1, 0.2, 0.6}) {
+    for (const double depth : {0.1, 0.6}) {
       const auto before = fit(remeshed, depth, edge);
       const auto after = refit(body, remeshed, before, {});
       const auto out = protrusion_bound(body, plain(after));

@@ -13,6 +13,7 @@ namespace {
 using Word = unsigned long long;
 
 constexpr int kThreads = 128;
+constexpr std::uint32_t kAhead = 3;  // pushes that a thread reads at once
 
 __device__ double of_bits(Word bits) { return __longlong_as_double(static_cast<long long>(bits)); }
 
@@ -113,9 +114,18 @@ __device__ __forceinline__ bool entry_push(const View& v, std::uint32_t q, Push&
 __device__ Load load_of(const View& v, std::uint32_t self, double radius, const Vec3& position) {
   if (radius > v.large_radius) return v.loads[self];
   Load sum;
-  Push push;
-  for (std::uint32_t q = v.rows.starts[self]; q < v.rows.starts[self + 1]; q++)
-    if (entry_push(v, q, push)) add_push(sum, push.force, push.point, position);
+  const std::uint32_t end = v.rows.starts[self + 1];
+  // Several pushes are asked for before the first is needed; they are added in their order.
+  for (std::uint32_t q = v.rows.starts[self]; q < end; q += kAhead) {
+    Push pushes[kAhead];
+    bool touches[kAhead];
+#pragma unroll
+    for (std::uint32_t k = 0; k < kAhead; k++)
+      touches[k] = entry_push(v, min(q + k, end - 1), pushes[k]) && q + k < end;
+#pragma unroll
+    for (std::uint32_t k = 0; k < kAhead; k++)
+      if (touches[k]) add_push(sum, pushes[k].force, pushes[k].point, position);
+  }
   return sum;
 }
 
