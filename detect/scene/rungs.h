@@ -25,11 +25,9 @@ double error_between(const Rung& finest, const Rung& coarse);
 
 // Which rungs are taken, as a user asks for it.
 struct RungRule {
-  enum class Kind : std::uint8_t {
-    numbered,  // rung `number`, or the coarsest that there is
-    chosen  // of each body the coarsest whose error is at most `share` of the smallest thing that can touch
-            // it
-  };
+  // Numbered: rung `number`, or the coarsest that there is. Chosen: of each body the coarsest whose error is
+  // at most `share` of the smallest thing that can touch it.
+  enum class Kind : std::uint8_t { numbered, chosen };
   Kind kind = Kind::numbered;
   std::uint32_t number = 0;  // 0: the finest
   double share = 0.1;
@@ -40,6 +38,7 @@ RungRule rung_rule(const std::string& text);
 // In RungChoice::rungs: nothing can touch this body, and none of its spheres is needed.
 inline constexpr std::uint32_t kLeftOut = 0xffffffffu;
 
+// The rung of each body, and what that saves.
 struct RungChoice {
   std::vector<std::uint32_t> rungs;  // of each body
   // Spheres of bodies: if all had the finest rung, those of rungs that are taken, and those of bodies left

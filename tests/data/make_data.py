@@ -309,6 +309,26 @@ FOLDING = '''<?xml version="1.0"?>
 </robot>
 '''
 
+NESTED = '''<?xml version="1.0"?>
+<!-- A link that slides inside another: no two surfaces meet. Its first shape is a flake outside. -->
+<robot name="nested">
+  <link name="base"><collision><geometry><box size="0.4 0.4 0.4"/></geometry></collision></link>
+  <link name="post"><collision><geometry><box size="0.02 0.02 0.02"/></geometry></collision></link>
+  <link name="inner">
+    <collision><origin xyz="0.3 0 0"/><geometry><box size="0.01 0.01 0.01"/></geometry></collision>
+    <collision><geometry><box size="0.05 0.05 0.05"/></geometry></collision>
+  </link>
+  <joint name="lift" type="prismatic">
+    <parent link="base"/><child link="post"/><origin xyz="0 0 0.5"/><axis xyz="0 0 1"/>
+    <limit lower="-0.02" upper="0.02" effort="1" velocity="1"/>
+  </joint>
+  <joint name="slide" type="prismatic">
+    <parent link="post"/><child link="inner"/><origin xyz="0 0 -0.5"/><axis xyz="1 0 0"/>
+    <limit lower="-0.02" upper="0.02" effort="1" velocity="1"/>
+  </joint>
+</robot>
+'''
+
 
 def robot():
     def link(name, size, low):
@@ -328,8 +348,10 @@ def robot():
             '  <joint name="tool_joint" type="fixed">\n    <parent link="fore"/><child link="tool"/>\n    <origin xyz="0 0 0.25"/>\n  </joint>\n')
     out["arm_description/arm.urdf"] = f'<?xml version="1.0"?>\n<robot name="arm">\n{links}{joints}{tool}</robot>\n'
     out["arm_description/folding.urdf"] = FOLDING
+    out["arm_description/nested.urdf"] = NESTED
     out["robots.txt"] = ("# What tests/tools/robots/table.py pads in every run: name, file, options of pad.\n"
-                         "folding   arm_description/folding.urdf\n")
+                         "folding   arm_description/folding.urdf\n"
+                         "nested    arm_description/nested.urdf\n")
     return out
 
 
