@@ -222,9 +222,9 @@ int find_contacts(Arguments& a) {
                  {"seconds", seconds}};
   if (!is_whole) report["lod"] = lod_json(scene, choice);
   if (!a.json && !a.quiet) {
-    std::printf("%llu spheres in %zu bodies and loose: %llu contacts (%s, %s) in %.4f s\n",
-                (unsigned long long)c.spheres, scene.bodies.size(), (unsigned long long)c.count,
-                detector.backend(), a.precision.word.c_str(), c.seconds.total);
+    std::printf("%llu spheres, %zu bodies: %llu contacts (%s, %s) in %.4f s\n", (unsigned long long)c.spheres,
+                scene.bodies.size(), (unsigned long long)c.count, detector.backend(),
+                a.precision.word.c_str(), c.seconds.total);
     if (a.options.precision == Precision::float32)
       std::printf("float only: off from double arithmetic by at most %llu pairs\n",
                   (unsigned long long)c.doubtful);

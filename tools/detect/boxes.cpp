@@ -113,11 +113,11 @@ int run_boxes(const Arguments& a) {
     return 0;
   }
   if (!a.quiet) {
-    std::printf(
-        "%llu spheres in %zu bodies and loose: %llu contacts (%s, %s, %u box%s on %zu device%s) in %.4f s\n",
-        (unsigned long long)r.spheres, scene.bodies.size(), (unsigned long long)r.contacts, boxed.backend(),
-        a.precision.word.c_str(), r.boxes, r.boxes > 1 ? "es" : "", options.devices.size(),
-        options.devices.size() > 1 ? "s" : "", report["seconds"]["total"].get<double>());
+    std::printf("%llu spheres, %zu bodies: %llu contacts (%s, %s, %u box%s on %zu device%s) in %.4f s\n",
+                (unsigned long long)r.spheres, scene.bodies.size(), (unsigned long long)r.contacts,
+                boxed.backend(), a.precision.word.c_str(), r.boxes, r.boxes > 1 ? "es" : "",
+                options.devices.size(), options.devices.size() > 1 ? "s" : "",
+                report["seconds"]["total"].get<double>());
     if (r.memory_boxes)
       std::printf("%u of the boxes were made because memory is limited, and %u split\n", r.memory_boxes,
                   r.splits);

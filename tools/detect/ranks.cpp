@@ -113,7 +113,7 @@ void print(const Arguments& a, const RankReport& r, int ranks, const Times& t, c
     return;
   }
   if (!a.quiet) {
-    std::printf("%llu spheres in %llu bodies and loose: %llu contacts (%s, %s, %d ranks) in %.4f s\n",
+    std::printf("%llu spheres, %llu bodies: %llu contacts (%s, %s, %d ranks) in %.4f s\n",
                 (unsigned long long)r.spheres, (unsigned long long)r.bodies, (unsigned long long)r.contacts,
                 backend, a.precision.word.c_str(), ranks, total);
     if (a.precision.value() == Precision::float32)
