@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Scenes of many worlds, and calls with a margin, on the CPU. Elements (pieces of bodies and loose spheres)
+// Scenes of many worlds, with or without a margin, on the CPU. Elements (pieces of bodies and loose spheres)
 // are ordered by world, a tree finds those that are near each other (world_tree.h), and then their spheres
 // are tested. Internal.
 #pragma once
