@@ -41,7 +41,8 @@ constexpr int kPlaces = 16;  // tried around each ball
 // How far from the place of a chosen ball, in turn: share of the radius of the disc that it covers.
 constexpr std::array step_sizes = {0.2, 0.3};
 constexpr int merge_moves = 2;
-// Balls that were tried stay to be chosen from while there are at most so many for each chosen one, and in all.
+// Balls that were tried stay to be chosen from while there are at most so many for each chosen one, and in
+// all.
 constexpr std::size_t most_tried = 40, most_tried_in_all = 400'000;
 
 // While the certificate still finds spots, the first rounds try some places, too, and each searches less than
@@ -73,10 +74,10 @@ struct Attempt {
   }
 };
 
-// The certificate for one cover after the other. What was proved stays so until a ball that may have proved it
-// is gone, so most of the surface need not be asked again. A triangle that is large beside the balls is asked
-// in pieces: of it, too, only what lies beside a change is asked again. Of a stack of such pieces only the
-// first is asked until nothing fails. The others are then asked once, and rarely fail.
+// The certificate for one cover after the other. What was proved stays so until a ball that may have proved
+// it is gone, so most of the surface need not be asked again. A triangle that is large beside the balls is
+// asked in pieces: of it, too, only what lies beside a change is asked again. Of a stack of such pieces only
+// the first is asked until nothing fails. The others are then asked once, and rarely fail.
 class OpenPieces {
  public:
   OpenPieces(const Mesh& mesh, double gap) : mesh_(mesh), gap_(gap) {}
@@ -379,8 +380,8 @@ class CoverSearch {
   }
 
   // Makes the next problem: what was tried, or the chosen balls alone where that is too much, and new medial
-  // balls at places around the chosen ones. The places lie up to a share of the covered disc's radius from the
-  // place of the chosen ball.
+  // balls at places around the chosen ones. The places lie up to a share of the covered disc's radius from
+  // the place of the chosen ball.
   void move(Attempt& attempt, int tries) const {
     const std::size_t n = attempt.chosen.size() * static_cast<std::size_t>(tries);
     const std::uint64_t seed = Random(++attempt.seed).next();

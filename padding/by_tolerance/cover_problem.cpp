@@ -5,8 +5,8 @@
 
 namespace padder {
 
-// Makes a tree of the points from `first` on. Many small trees would cost more than one, and so would building
-// the tree of the first points again: all later ones become one.
+// Makes a tree of the points from `first` on. Many small trees would cost more than one, and so would
+// building the tree of the first points again: all later ones become one.
 void CoverProblem::add_group(std::size_t first) {
   constexpr std::size_t most_groups = 4;
   if (groups_.size() == most_groups) first = groups_[1].first, groups_.resize(1);

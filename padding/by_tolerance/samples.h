@@ -40,8 +40,8 @@ struct SampleOptions {
   double largest = std::numeric_limits<double>::infinity();  // radius of medial balls
 };
 
-// Tells of places that lie in one cell of a grid and face alike the first from the others. What keeps only the
-// first has as many places as the surface has room for, and not as many as it has layers or slivers.
+// Tells of places that lie in one cell of a grid and face alike the first from the others. What keeps only
+// the first has as many places as the surface has room for, and not as many as it has layers or slivers.
 class FirstOfCell {
  public:
   bool take(const Point& place, const Vector& normal, double cell);

@@ -106,7 +106,7 @@ TEST(Cover, CertificateSeesABallRemovedOrMoved) {
 // The search asks the first walls of a stack until nothing fails, and then all of them: the outermost, too.
 TEST(Cover, AStackOfWallsIsCoveredToTheLast) {
   const Mesh walls = shapes::stack(shapes::square(0.4), 40, 0.08), nothing;
-  const Surface surface(walls, SideBy::winding, &nothing);
+  const Surface surface(walls, SideBy::winding, std::make_shared<const Surface>(nothing));
   for (const int effort : {0, 1}) {
     const Cover cover = cover_surface(surface, {.protrusion = 0.02, .gap = 0.02, .effort = effort});
     EXPECT_TRUE(cover.proved) << effort;

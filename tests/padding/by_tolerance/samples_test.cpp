@@ -109,8 +109,9 @@ TEST(Samples, WallsOfAStackShareTheirSamples) {
     SampleOptions options;
     options.tolerance_sum = 0.1;
     const Mesh nothing;
-    const Samples samples = sample_surface(
-        Surface(shapes::stack(shapes::square(0.5), walls, 0.1), SideBy::winding, &nothing), options);
+    const Samples samples = sample_surface(Surface(shapes::stack(shapes::square(0.5), walls, 0.1),
+                                                   SideBy::winding, std::make_shared<const Surface>(nothing)),
+                                           options);
     return std::array{static_cast<double>(samples.grown.size()), static_cast<double>(samples.fine.size())};
   };
   const auto few = count(25), many = count(100);
