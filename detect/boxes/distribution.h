@@ -30,14 +30,16 @@ class Distribution {
     weights_.assign(boxes_, 0);
 #pragma omp parallel num_threads(threads)
     {
-      std::vector<std::uint64_t> weights(boxes_, 0);
+      // A thread's own: in the table threads would write to one cache line in turn, at every item.
+      std::vector<std::uint64_t> weights(boxes_, 0), counts(boxes_);
 #pragma omp for schedule(dynamic) nowait
       for (std::int64_t block = 0; block < static_cast<std::int64_t>(blocks_); block++) {
-        std::uint64_t* const counts = &first_[static_cast<std::uint64_t>(block) * boxes_];
+        std::ranges::fill(counts, 0);
         each_item(static_cast<std::uint64_t>(block), [&](std::uint64_t k) {
           tree.each_box(bounds_of(k),
                         [&](std::uint32_t box) { counts[box]++, weights[box] += weight_of(k); });
         });
+        std::ranges::copy(counts, &first_[static_cast<std::uint64_t>(block) * boxes_]);
       }
 #pragma omp critical(padder_boxes_weights)
       for (std::uint32_t b = 0; b < boxes_; b++) weights_[b] += weights[b];
