@@ -233,7 +233,8 @@ void Assignment::prepare(BoxLoad& load, std::uint32_t box, const BoxTree& tree) 
 }
 
 template <class T>
-void Assignment::fill_loose(const BoxTree& tree, std::uint32_t first, std::span<BoxLoad> loads) const {
+void Assignment::fill_loose(const BoxTree& tree, std::uint32_t first, std::span<BoxLoad> loads,
+                            const Done& done) const {
   const Spheres& s = input_.spheres;
   const auto bounds = [&](std::uint64_t k) {
     return halo_of(given<T>(s, k).sphere(), largest_radius_, margin_);
@@ -254,7 +255,7 @@ void Assignment::fill_loose(const BoxTree& tree, std::uint32_t first, std::span<
     if (s.world) load.world.data()[place] = tag_of(s.world, k);
     if (s.is_static) load.is_static.data()[place] = s.is_static[k];
   };
-  loose_.deliver(first, first + static_cast<std::uint32_t>(loads.size()), tree, bounds, put, threads_);
+  loose_.deliver(first, first + static_cast<std::uint32_t>(loads.size()), tree, bounds, put, done, threads_);
 }
 
 void Assignment::fill_bodies(const BoxTree& tree, std::uint32_t first, std::span<BoxLoad> loads) const {
@@ -266,7 +267,9 @@ void Assignment::fill_bodies(const BoxTree& tree, std::uint32_t first, std::span
     load.bodies.data()[place] = input_.bodies[b],
     load.body_ids.data()[place] = numbering_.body_sphere + first_of_body_[b];
   };
-  bodies_.deliver(first, first + static_cast<std::uint32_t>(loads.size()), tree, bounds, put, threads_);
+  bodies_.deliver(
+      first, first + static_cast<std::uint32_t>(loads.size()), tree, bounds, put, [](std::uint32_t) {},
+      threads_);
   for (BoxLoad& load : loads) {
     load.first_of_body.assign(load.body_count + 1, 0);
     for (std::uint64_t b = 0; b < load.body_count; b++)
@@ -274,14 +277,15 @@ void Assignment::fill_bodies(const BoxTree& tree, std::uint32_t first, std::span
   }
 }
 
-void Assignment::fill(const BoxTree& tree, std::uint32_t first, std::span<BoxLoad> loads) const {
+void Assignment::fill(const BoxTree& tree, std::uint32_t first, std::span<BoxLoad> loads,
+                      const Done& done) const {
   for (std::size_t k = 0; k < loads.size(); k++)
     prepare(loads[k], first + static_cast<std::uint32_t>(k), tree);
-  if (input_.spheres.scalar == Scalar::f32)
-    fill_loose<float>(tree, first, loads);
-  else
-    fill_loose<double>(tree, first, loads);
   fill_bodies(tree, first, loads);
+  if (input_.spheres.scalar == Scalar::f32)
+    fill_loose<float>(tree, first, loads, done);
+  else
+    fill_loose<double>(tree, first, loads, done);
 }
 
 }  // namespace padder::detect

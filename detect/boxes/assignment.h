@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Which spheres and bodies each box is given, and the copies that its detector reads. Internal.
 #pragma once
+#include <functional>
 #include <memory>
 #include <vector>
 
@@ -101,8 +102,12 @@ class Assignment {
   std::uint64_t load_bytes(std::uint32_t box) const;  // of its BoxLoad
   std::uint64_t table_bytes() const { return bodies_.bytes() + loose_.bytes(); }
 
-  // Fills loads[0] for box `first`, and so on, of the tree that was counted with.
-  void fill(const BoxTree& tree, std::uint32_t first, std::span<BoxLoad> loads) const;
+  // Fills loads[0] for box `first`, and so on, of the tree that was counted with. Calls done(box) when the
+  // load of a box is complete, from several threads.
+  using Done = std::function<void(std::uint32_t box)>;
+  void fill(
+      const BoxTree& tree, std::uint32_t first, std::span<BoxLoad> loads,
+      const Done& done = [](std::uint32_t) {}) const;
 
  private:
   void read();
@@ -114,7 +119,7 @@ class Assignment {
   void count_loose(const BoxTree& tree, std::uint64_t table_bytes);
   void prepare(BoxLoad& load, std::uint32_t box, const BoxTree& tree) const;
   template <class T>
-  void fill_loose(const BoxTree& tree, std::uint32_t first, std::span<BoxLoad> loads) const;
+  void fill_loose(const BoxTree& tree, std::uint32_t first, std::span<BoxLoad> loads, const Done& done) const;
   void fill_bodies(const BoxTree& tree, std::uint32_t first, std::span<BoxLoad> loads) const;
 
   Input input_;

@@ -4,6 +4,7 @@
 // The result does not depend on the number of threads. Internal.
 #pragma once
 #include <algorithm>
+#include <atomic>
 #include <cstdint>
 #include <utility>
 #include <vector>
@@ -56,11 +57,16 @@ class Distribution {
 
   // Calls put(k, box, place) for each item k of the boxes from `first` to before `last`, where `place` is the
   // item's place in the list of its box. Blocks of items without any for these boxes are not looked at.
-  // `tree` and bounds_of must be those that were counted with; put is called from several threads.
-  template <class BoundsOf, class Put>
+  // `tree` and bounds_of must be those that were counted with. Calls done(box) when the box has all of its
+  // items, which is early where neighbours in space have neighbouring numbers. put and done are called from
+  // several threads.
+  template <class BoundsOf, class Put, class Done>
   void deliver(std::uint32_t first, std::uint32_t last, const BoxTree& tree, const BoundsOf& bounds_of,
-               const Put& put, int threads) const {
+               const Put& put, const Done& done, int threads) const {
     const Region around = around_all(first, last, tree);
+    std::vector<std::atomic<std::uint64_t>> missing(last - first);
+    for (std::uint32_t box = first; box < last; box++)
+      if ((missing[box - first] = count_of(box)) == 0) done(box);
 #pragma omp parallel num_threads(threads)
     {
       std::vector<std::uint64_t> place(last - first);
@@ -76,6 +82,9 @@ class Distribution {
             if (box >= first && box < last) put(k, box, place[box - first]++);
           });
         });
+        for (std::uint32_t box = first; box < last; box++)
+          if (const std::uint64_t put_now = place[box - first] - from[box]; put_now > 0)
+            if (missing[box - first].fetch_sub(put_now) == put_now) done(box);
       }
     }
   }
