@@ -114,7 +114,7 @@ inline std::string meant_by(const CLI::App& app, std::string word) {
   word = word.substr(0, word.find('='));
   const std::size_t letters = word.size() - std::min(word.size(), word.find_first_not_of('-'));
   std::string best;
-  std::size_t least = word.size();
+  std::size_t least = word.size() + 20;
   const std::function<void(const CLI::App&)> search = [&](const CLI::App& a) {
     for (const CLI::Option* option : a.get_options())
       for (const std::string& name : option->get_lnames()) {
