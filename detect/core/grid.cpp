@@ -243,27 +243,44 @@ void widen_rings(Grid& g, std::uint64_t spheres) {
   }
 }
 
+// The edge of the bins of one of several levels, which needs `size`. Where there are 3.3 to 8 bins for each
+// sphere, the table of bins is longer than the list of spheres, and coarser spheres visit empty rows. Then
+// the edge is up to 1.26 times as long, in steps, so that it seldom changes while spheres move. No longer:
+// spheres may lie in a small part of their bounds, and bins in float (bins.h) rely on spheres that reach a
+// bin far.
+double size_of_sparse(const Summary::Octave& all, double size) {
+  const double emptier = 0.3 / density_of(all, size);
+  if (emptier < 1 || emptier > 0.3 * 8) return size;
+  return rounded_up(size * std::exp2(std::floor(2 * std::log2(emptier)) / 6));
+}
+
 // What Level::count of a hashed level says of more bins, too. They then have no bounds.
 constexpr std::uint32_t kMostHashedBins = 0x7fffffff;
 
-// The bounds and buckets of a level. It is hashed if it would have more than `most` bins.
-void lay_out(Level& l, const Summary::Octave& all, double most, GridBounds bounds) {
+// The bounds and buckets of a level. It is hashed if it would have more than `most` bins. least_step: of
+// stepped bounds, in bins.
+void lay_out(Level& l, const Summary::Octave& all, double most, GridBounds bounds, std::uint64_t least_step) {
   double bins = 1, within = 1;
   l.filled = 1;
   for (int k = 0; k < 3; k++) {
     std::int64_t low = split(l, all.low[k]).bin, high = split(l, all.high[k]).bin;
     const std::int64_t wide = high - low + 1;
+    std::int64_t filled = wide;
     within *= static_cast<double>(wide + 2);
     if (bounds == GridBounds::stepped) {
-      const auto step = static_cast<std::int64_t>(std::bit_floor(static_cast<std::uint64_t>(wide / 32 + 1)));
-      low = low & -step, high = high | (step - 1);
+      const auto step = static_cast<std::int64_t>(
+          std::max(std::bit_floor(static_cast<std::uint64_t>(wide / 32 + 1)), least_step));
+      // Steps do not begin at 0, where the walls of many scenes stand.
+      low = ((low + step / 2) & -step) - step / 2, high = ((high + step / 2) | (step - 1)) - step / 2;
+      // The middle of what it may be: it must not change more often than the bounds.
+      filled = high - low + 1 - (step - 1);
     } else if (bounds == GridBounds::wide) {
       low -= 2 + wide / 32, high += 2 + wide / 32;
     }
     l.first[k] = low;
     l.count[k] = static_cast<std::uint32_t>(std::min<std::int64_t>(high - low + 1, 0x7fffffff));
     bins *= static_cast<double>(high - low + 3);
-    l.filled *= static_cast<double>(wide) / static_cast<double>(high - low + 1);
+    l.filled *= static_cast<double>(filled) / static_cast<double>(high - low + 1);
   }
   if (within <= most && bins <= 0x1p31) {
     l.buckets = static_cast<std::uint32_t>(bins);
@@ -359,6 +376,8 @@ Grid choose_grid(const Summary& given, double bin_size, double bins_per_sphere, 
     Level& l = g.level[level];
     l.size = all.need_max > 0 ? rounded_up(std::max(all.need_max, bin_size))
                               : rounded_up(bin_size > 0 ? bin_size : 1);
+    if (cross_search == CrossSearch::coarse_to_fine && begins.size() > 1)
+      l.size = size_of_sparse(all, l.size);
     l.per_size = 1 / l.size, l.units = std::ldexp(l.per_size, kUnitBits), l.radius_max = all.radius_max,
     l.grown_by = s.grown_by;
     l.spheres = all.count;
@@ -368,7 +387,9 @@ Grid choose_grid(const Summary& given, double bin_size, double bins_per_sphere, 
         std::max(bins_per_sphere * static_cast<double>(all.count),
                  cross_search != CrossSearch::fine_to_coarse ? 2 * static_cast<double>(s.count) : 0);
     const double most = begins.size() == 1 ? 0x1p31 : 0x1p28;
-    lay_out(l, all, bins_per_sphere > 0 ? std::min(many + 4096, most) : 0, bounds);
+    // Coarse levels have few bins, and a step of one would be passed often: all levels share one grid, which
+    // any of them changes.
+    lay_out(l, all, bins_per_sphere > 0 ? std::min(many + 4096, most) : 0, bounds, level > 0 ? 4 : 1);
   }
   if (cross_search == CrossSearch::coarse_to_fine) widen_rings(g, s.count);
   for (int k = 0; k < g.levels; k++) g.level[k].offset = g.buckets, g.buckets += g.level[k].buckets;

@@ -3,16 +3,13 @@
 
 #include <algorithm>
 
+#include "detect/cuda/device/blocks.h"
 #include "detect/cuda/tuning.h"
 
 namespace padder::detect::cuda {
 namespace {
 
 constexpr int kThreads = 256;
-// Blocks of a loop in grid stride: no more than a large GPU needs to be full.
-unsigned blocks_for(std::uint64_t n) {
-  return static_cast<unsigned>(std::clamp<std::uint64_t>((n + kThreads - 1) / kThreads, 1, 4224));
-}
 
 __global__ void moved_kernel(const MovedBody* moved, std::uint32_t count, Body* bodies) {
   for (std::uint32_t k = blockIdx.x * kThreads + threadIdx.x; k < count; k += gridDim.x * kThreads) {
@@ -41,8 +38,8 @@ __global__ void __launch_bounds__(kThreads) pose_kernel(const Pose* poses, const
 void put_poses(const Pose* poses, const std::uint32_t* list, std::uint64_t count, Body* bodies, bool moving,
                cudaStream_t stream) {
   if (count == 0) return;
-  pose_kernel<<<blocks_for(12 * count), kThreads, 0, stream>>>(poses, list, static_cast<std::uint32_t>(count),
-                                                               bodies, moving);
+  pose_kernel<<<blocks_of_loop(12 * count, kThreads), kThreads, 0, stream>>>(
+      poses, list, static_cast<std::uint32_t>(count), bodies, moving);
   cuda_launched("place the bodies");
 }
 
@@ -119,7 +116,7 @@ void BodyArrays::move(const Input& input, const std::uint32_t* list, std::uint32
   }
   if (n == 0) return;
   MovedBody* device = copied(moved_, host, n, stream);
-  moved_kernel<<<blocks_for(n), kThreads, 0, stream>>>(device, n, bodies);
+  moved_kernel<<<blocks_of_loop(n, kThreads), kThreads, 0, stream>>>(device, n, bodies);
   cuda_launched("place the bodies");
 }
 

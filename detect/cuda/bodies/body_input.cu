@@ -3,14 +3,12 @@
 
 #include <algorithm>
 
+#include "detect/cuda/device/blocks.h"
+
 namespace padder::detect::cuda {
 namespace {
 
 constexpr int kThreads = 256;
-// Blocks of a loop in grid stride: no more than a large GPU needs to be full.
-unsigned blocks_for(std::uint64_t n) {
-  return static_cast<unsigned>(std::clamp<std::uint64_t>((n + kThreads - 1) / kThreads, 1, 4224));
-}
 
 __global__ void __launch_bounds__(kThreads)
     place_kernel(BodyView v, DeviceSpheres loose, double grown_by, std::uint32_t first, std::uint32_t end) {
@@ -136,9 +134,10 @@ void BodyInput::read_loose(const Input& input, bool known, cudaStream_t stream) 
   std::uint32_t* tags = loose_tags_.reserve(3 * std::uint64_t(n));
   const auto moving = static_cast<std::uint32_t>(moving_loose_.size());
   if (!known) {
-    loose_kernel<<<blocks_for(n), kThreads, 0, stream>>>(copy_.source(only, stream), nullptr, n, to, tags, n);
+    loose_kernel<<<blocks_of_loop(n, kThreads), kThreads, 0, stream>>>(copy_.source(only, stream), nullptr, n,
+                                                                       to, tags, n);
   } else if (moving > 0 && s.memory == Memory::device) {
-    loose_kernel<<<blocks_for(moving), kThreads, 0, stream>>>(
+    loose_kernel<<<blocks_of_loop(moving, kThreads), kThreads, 0, stream>>>(
         copy_.source(only, stream), moving_list_.data() + moving_bodies_.size(), moving, to, tags, n);
   } else if (moving > 0) {
     LooseRecord* host = host_records_.reserve(moving);
@@ -154,8 +153,8 @@ void BodyInput::read_loose(const Input& input, bool known, cudaStream_t stream) 
               : read(k, static_cast<const double*>(s.centers), static_cast<const double*>(s.radii));
       host[q].filter = {s.family ? s.family[k] : 0, s.mask ? s.mask[k] : 0, 0}, host[q].number = k;
     }
-    record_kernel<<<blocks_for(moving), kThreads, 0, stream>>>(copied(records_, host, moving, stream), moving,
-                                                               to, tags, n);
+    record_kernel<<<blocks_of_loop(moving, kThreads), kThreads, 0, stream>>>(
+        copied(records_, host, moving, stream), moving, to, tags, n);
   }
   cuda_launched("copy the spheres");
   loose_.centers = &to->x, loose_.radii = &to->r, loose_.center_stride = loose_.radius_stride = 4;
@@ -167,7 +166,8 @@ void BodyInput::place(std::uint32_t first, std::uint32_t end, cudaStream_t strea
   if (first == end) return;
   // More than half of the margin, by far more than the decisions about it round.
   const double grown_by = 0.5 * margin_ * (1 + 0x1p-40);
-  place_kernel<<<blocks_for(end - first), kThreads, 0, stream>>>(view_, loose_, grown_by, first, end);
+  place_kernel<<<blocks_of_loop(end - first, kThreads), kThreads, 0, stream>>>(view_, loose_, grown_by, first,
+                                                                               end);
   cuda_launched("place the balls about bodies");
 }
 

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "detect/cuda/device/blocks.h"
 #include "detect/cuda/device/warp.h"
 
 namespace padder::detect::cuda {
@@ -105,10 +106,6 @@ __global__ void __launch_bounds__(kThreads)
   }
 }
 
-unsigned blocks_for(std::uint64_t units, unsigned each, int processors) {
-  return static_cast<unsigned>(std::min<std::uint64_t>((units + each - 1) / each + 1, processors * 16ull));
-}
-
 }  // namespace
 
 void count_all_pairs(const ElementPairTask& task, cudaStream_t stream) {
@@ -121,12 +118,12 @@ void write_all_pairs(const ElementPairTask& task, cudaStream_t stream) {
 }
 void count_static_pairs(const ElementPairTask& task, const Grid& grid, int processors, cudaStream_t stream) {
   static_pairs_kernel<false>
-      <<<blocks_for(task.view.moving, kWarps, processors), kThreads, 0, stream>>>(task, grid);
+      <<<std::min(blocks_for(task.view.moving, kWarps), 16u * processors), kThreads, 0, stream>>>(task, grid);
   cuda_launched("search among what is static");
 }
 void write_static_pairs(const ElementPairTask& task, const Grid& grid, int processors, cudaStream_t stream) {
   static_pairs_kernel<true>
-      <<<blocks_for(task.view.moving, kWarps, processors), kThreads, 0, stream>>>(task, grid);
+      <<<std::min(blocks_for(task.view.moving, kWarps), 16u * processors), kThreads, 0, stream>>>(task, grid);
   cuda_launched("search among what is static");
 }
 

@@ -2,19 +2,16 @@
 #include "detect/cuda/bodies/region_elements.h"
 
 #include <thrust/iterator/counting_iterator.h>
-#include <algorithm>
 #include <cstring>
 #include <cub/device/device_select.cuh>
 
 #include "detect/boxes/halo.h"
+#include "detect/cuda/device/blocks.h"
 
 namespace padder::detect::cuda {
 namespace {
 
 constexpr int kThreads = 256;
-unsigned blocks_for(std::uint64_t n) {
-  return static_cast<unsigned>(std::clamp<std::uint64_t>((n + kThreads - 1) / kThreads, 1, 4224));
-}
 
 // Doubles that are not negative have the order of their bits. That of a pose that is none is not a number,
 // which is larger than all: then nothing is left out, and the search finds the fault.
@@ -68,7 +65,7 @@ BodyView RegionElements::select(const BodyView& all, const Region& own, double l
   unsigned long long host[2] = {0, 0};
   std::memcpy(host, &largest_static, sizeof largest_static);
   cuda_check(cudaMemcpyAsync(found, host, sizeof host, cudaMemcpyHostToDevice, stream), "choose the bodies");
-  largest_kernel<<<blocks_for(all.moving), kThreads, 0, stream>>>(all.balls, all.moving, found);
+  largest_kernel<<<blocks_of_loop(all.moving, kThreads), kThreads, 0, stream>>>(all.balls, all.moving, found);
   cuda_launched("choose the bodies");
   std::uint32_t* const numbers = numbers_.reserve(all.moving);
   const thrust::counting_iterator<std::uint32_t> element(0);
@@ -92,11 +89,11 @@ BodyView RegionElements::select(const BodyView& all, const Region& own, double l
   view.mask = view.family + all.count, view.owner = view.mask + all.count;
   view.moving = static_cast<std::uint32_t>(host[1]);
   if (view.moving > 0)
-    gather_kernel<<<blocks_for(view.moving), kThreads, 0, stream>>>(all, view, elements, numbers, 0,
-                                                                    view.moving);
+    gather_kernel<<<blocks_of_loop(view.moving, kThreads), kThreads, 0, stream>>>(all, view, elements,
+                                                                                  numbers, 0, view.moving);
   if (!(knows_static_ && room) && all.moving < all.count)
-    gather_kernel<<<blocks_for(all.count - all.moving), kThreads, 0, stream>>>(all, view, elements, nullptr,
-                                                                               all.moving, all.count);
+    gather_kernel<<<blocks_of_loop(all.count - all.moving, kThreads), kThreads, 0, stream>>>(
+        all, view, elements, nullptr, all.moving, all.count);
   cuda_launched("choose the bodies");
   knows_static_ = true;
   return view;

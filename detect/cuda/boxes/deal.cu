@@ -7,6 +7,7 @@
 #include "detect/boxes/contact_batch.h"
 #include "detect/boxes/halo.h"
 #include "detect/boxes/numbered_hash.h"
+#include "detect/cuda/device/blocks.h"
 #include "detect/cuda/device/device.h"
 
 namespace padder::detect::cuda {
@@ -18,8 +19,6 @@ constexpr std::uint64_t kTile = std::uint64_t(kThreads) * kRows;  // spheres of 
 // What is known of a tile: nothing, how many spheres of the own box it has, or how many there are up to its
 // end.
 constexpr unsigned long long kHere = 1ull << 62, kUpTo = 2ull << 62, kCount = kHere - 1;
-
-unsigned blocks_for(std::uint64_t count) { return static_cast<unsigned>((count + kThreads - 1) / kThreads); }
 
 // Read and written at once.
 template <class T>
@@ -294,7 +293,8 @@ void Dealer::gather_away(const Spheres& spheres, std::uint64_t away, std::uint64
   sort(nullptr, bytes);
   sort(sort_space_.reserve(bytes), bytes);
   as_source(spheres, [&](const auto& source) {
-    gather_kernel<<<blocks_for(away), kThreads, 0, stream>>>(source, keys.Current(), away, first_id, to);
+    gather_kernel<<<blocks_for(away, kThreads), kThreads, 0, stream>>>(source, keys.Current(), away, first_id,
+                                                                       to);
   });
   cuda_launched("copy the spheres for other boxes");
 }
@@ -306,7 +306,7 @@ std::vector<WeightedPoint> Dealer::sample(const Spheres& spheres, std::uint64_t 
   Buffer<Sphere> device(book, "a sample");
   device.reserve(count);
   as_source(spheres, [&](const auto& source) {
-    sample_kernel<<<blocks_for(count), kThreads, 0, stream>>>(source, step, device.data(), count);
+    sample_kernel<<<blocks_for(count, kThreads), kThreads, 0, stream>>>(source, step, device.data(), count);
   });
   cuda_launched("draw a sample");
   std::vector<Sphere> drawn(count);

@@ -33,7 +33,7 @@ double extent_of(const Summary& s) {
   std::frexp(s.extent, &exponent);
   return s.extent > 0 ? std::ldexp(1, exponent) : 0;
 }
-// Input in double is searched as float where that leaves float sure of most pairs (band_of_rounded).
+// Input in double is searched as float where that leaves float sure of most pairs (exact_test.h).
 bool may_round(const DeviceSpheres& source, const Summary& s, double margin) {
   const double smallest = s.radius_min + margin / 2;
   return source.wide && source.placed == 0 && float_range(s.extent, s.radius_max + margin / 2) &&
@@ -116,11 +116,7 @@ void SphereSearch::make_plan(const DeviceSpheres& source, const Call& call, cons
   plan_.source = source, plan_.grid = grid_;
   plan_.search = search_options(call.options, summary);
   if (plan_.search.stable_order) plan_.search.quota = quota_;
-  if (rounded_ && may_round(source, summary, call.options.margin)) {
-    plan_.search.rounded = true;
-    plan_.search.radius_min = summary.radius_min + call.options.margin / 2;
-    plan_.search.extent = extent_of(summary);
-  }
+  plan_.search.rounded = rounded_ && may_round(source, summary, call.options.margin);
   const bool floats = (plan_.search.rounded || !source.wide) && source.placed == 0 &&
                       float_range(summary.extent, summary.radius_max + call.options.margin / 2);
   plan_.kind = !floats                                    ? SlotKind::fixed_point
@@ -213,6 +209,7 @@ struct SphereSearch::Steps {
   const DeviceSpheres& source;
   const Call& call;
   Contacts& contacts;
+  bool again;             // a call before had as many spheres
   bool surveyed = false;  // by a trial that found the spheres to be others, but all it needed to know
 
   Trial try_previous() {
@@ -281,7 +278,8 @@ struct SphereSearch::Steps {
       }
     } else if (too_short || quota != search.quota ||
                (stable && found.spilled > s.tools_.search.spill.capacity())) {
-      if (too_short) call.list.reserve(call.options, contacts.count + contacts.count / 16);
+      // A list that was long enough for these spheres before will be too short again.
+      if (too_short) call.list.reserve(call.options, contacts.count + contacts.count / (again ? 4 : 16));
       if (stable) {
         // With another quota it is not known yet what will spill: usually a twentieth of the list.
         s.tools_.search.spill.reserve(quota == search.quota ? found.spilled + found.spilled / 8
@@ -302,7 +300,7 @@ void SphereSearch::run(const DeviceSpheres& source, const Call& call, Contacts& 
   const bool planned = planned_for == source.count && planned_bin_size_ == call.options.bin_size &&
                        plan_.search.margin == call.options.margin && planned_wide_ == source.wide;
   const Counters before = found_;
-  Steps steps{*this, source, call, contacts};
+  Steps steps{*this, source, call, contacts, planned};
   speculative_.run(steps, !call.options.timings && planned);
   if (call.options.order == Order::stable)
     quota_ =

@@ -4,15 +4,12 @@
 #include <algorithm>
 #include <vector>
 
+#include "detect/cuda/device/blocks.h"
+
 namespace padder::detect::cuda {
 namespace {
 
 constexpr int kThreads = 256;
-// Beyond so many blocks, which fill any GPU several times, a thread takes several items.
-constexpr unsigned kMostBlocks = 4096;
-unsigned blocks_for(std::uint64_t n) {
-  return static_cast<unsigned>(std::clamp<std::uint64_t>((n + kThreads - 1) / kThreads, 1, kMostBlocks));
-}
 
 __global__ void body_of_kernel(std::uint32_t bodies, const std::uint32_t* first, std::uint32_t* body_of) {
   for (std::uint32_t b = blockIdx.x; b < bodies; b += gridDim.x)
@@ -118,9 +115,9 @@ void InputCopy::copy_bodies(const Input& input, DeviceSpheres& s, cudaStream_t s
       copy(to, poses, n * sizeof(Pose));
       poses = to;
     }
-    pose_kernel<<<blocks_for(n), kThreads, 0, stream>>>(n, poses, bodies, input.revision != 0);
+    pose_kernel<<<blocks_of_loop(n, kThreads), kThreads, 0, stream>>>(n, poses, bodies, input.revision != 0);
   }
-  body_of_kernel<<<std::min(n, 2 * kMostBlocks), 64, 0, stream>>>(n, body_first, body_of);
+  body_of_kernel<<<std::min(n, 8192u), 64, 0, stream>>>(n, body_first, body_of);
   cuda_launched("number the bodies' spheres");
   // The vectors above must outlive their copies.
   cuda_check(cudaStreamSynchronize(stream), "copy the bodies");

@@ -85,9 +85,11 @@ inline int merge_of(const Grid& grid, const FloatBins& bins, std::uint64_t spher
   const Level& l = grid.level[0];
   int merge = 0;
   if (grid.levels > 1 || l.hashed || bins.fine > 1 || l.count[0] < 32) return merge;
-  while (merge<tuning::kMostMerge&& static_cast<double>(keys_of(grid, bins)) / (2 << merge)>
-             tuning::kEntriesASphere *
-         static_cast<double>(spheres))
+  // Of the bins, those within the spheres' bounds count: a grid that is wide for spheres in motion has the
+  // same entries as a tight one.
+  const double within = l.filled * static_cast<double>(keys_of(grid, bins));
+  while (merge < tuning::kMostMerge &&
+         within / (2 << merge) > tuning::kEntriesASphere * static_cast<double>(spheres))
     merge++;
   return merge;
 }

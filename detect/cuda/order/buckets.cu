@@ -15,7 +15,9 @@
 namespace padder::detect::cuda {
 namespace {
 
-constexpr std::uint32_t kStaticShared = 1024;  // bytes that the kernels declare themselves, or less
+// Bytes of shared memory that the kernels declare themselves, or less; that the device takes for each block,
+// from what it offers, too, but once.
+constexpr std::uint32_t kStaticShared = 1024, kTakenShared = 1024;
 
 // As many buckets as give each about `aim` spheres on average, of fewer than `widest` entries.
 Buckets choose_buckets(const Grid& grid, const Ordered& o, double aim, double widest) {
@@ -53,8 +55,10 @@ bool choose_plan(const Grid& grid, const Ordered& o, double bucket_spheres, Buck
   const std::uint32_t at_once = std::min(kMostAtOnce, ((shared - portion * 18) / 4 - 1) / 2);
   const bool halved = o.count <= tuning::kHalvedBuckets;
   p.threads = halved ? kWideBlock / 2 : kWideBlock;
-  const std::uint32_t parts = halved ? 2 : 1, room = shared / parts, bytes = sphere_bytes(o),
-                      octaves = has_ids(o) ? sizeof(OctaveBounds) : 0;
+  const std::uint32_t parts = halved ? 2 : 1,
+                      room =
+                          (shared - std::min(shared, (parts - 1) * (kStaticShared + kTakenShared))) / parts,
+                      bytes = sphere_bytes(o), octaves = has_ids(o) ? sizeof(OctaveBounds) : 0;
   if (room <= octaves) return false;
   // Where a device offers less, buckets are as much smaller as what is left for their spheres.
   const double aim = bucket_spheres / parts *

@@ -2,15 +2,12 @@
 // What the kernels of the three ways of putting spheres in order share. Only .cu files of this folder include
 // this.
 #pragma once
+#include "detect/cuda/device/blocks.h"
 #include "detect/cuda/device/warp.h"
 #include "detect/cuda/order/bins.h"
 #include "detect/cuda/order/order.h"
 
 namespace padder::detect::cuda {
-
-inline unsigned blocks_for(std::uint64_t n, int threads) {
-  return static_cast<unsigned>((n + threads - 1) / threads);
-}
 
 // Arrays that hold spheres while they are put in order. `ids` is null where the slot holds the number, `keys`
 // where keys are computed from slots, `codes` where they are not wanted yet.

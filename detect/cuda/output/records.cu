@@ -1,17 +1,12 @@
 // SPDX-License-Identifier: MIT
 #include "detect/cuda/output/records.h"
 
-#include <algorithm>
+#include "detect/cuda/device/blocks.h"
 
 namespace padder::detect::cuda {
 namespace {
 
 constexpr int kThreads = 256;
-// Beyond so many blocks, which fill any GPU several times, a thread takes several items.
-constexpr unsigned kMostBlocks = 4096;
-unsigned blocks_for(std::uint64_t n) {
-  return static_cast<unsigned>(std::clamp<std::uint64_t>((n + kThreads - 1) / kThreads, 1, kMostBlocks));
-}
 
 __global__ void __launch_bounds__(kThreads)
     geometry_kernel(DeviceSpheres source, Output out, std::uint64_t count) {
@@ -35,7 +30,7 @@ __global__ void __launch_bounds__(kThreads)
 void write_geometry(const DeviceSpheres& source, const Output& output, std::uint64_t count,
                     cudaStream_t stream) {
   if (count == 0 || output.width == Width::pairs) return;
-  geometry_kernel<<<blocks_for(count), kThreads, 0, stream>>>(source, output, count);
+  geometry_kernel<<<blocks_of_loop(count, kThreads), kThreads, 0, stream>>>(source, output, count);
   cuda_launched("write the contacts");
 }
 
@@ -49,7 +44,7 @@ std::uint64_t hash_of_pairs(const Pair* pairs, std::uint64_t count, Buffer<unsig
   if (count == 0) return 0;
   unsigned long long *device = sum.reserve(1), value = 0;
   cuda_check(cudaMemsetAsync(device, 0, sizeof value, stream), "hash the contacts");
-  hash_kernel<<<blocks_for(count), kThreads, 0, stream>>>(pairs, count, device);
+  hash_kernel<<<blocks_of_loop(count, kThreads), kThreads, 0, stream>>>(pairs, count, device);
   cuda_launched("hash the contacts");
   cuda_check(cudaMemcpyAsync(&value, device, sizeof value, cudaMemcpyDeviceToHost, stream),
              "hash the contacts");

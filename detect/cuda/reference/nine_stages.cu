@@ -2,10 +2,11 @@
 #include "detect/cuda/reference/nine_stages.h"
 
 #include <thrust/iterator/counting_iterator.h>
-#include <algorithm>
 #include <cub/device/device_radix_sort.cuh>
 #include <cub/device/device_scan.cuh>
 #include <cub/device/device_select.cuh>
+
+#include "detect/cuda/device/blocks.h"
 
 namespace padder::detect::cuda {
 namespace {
@@ -22,8 +23,7 @@ __global__ void __launch_bounds__(kThreads) each_kernel(std::uint64_t n, F f) {
 template <class F>
 void each(std::uint64_t n, cudaStream_t stream, const char* what, F f) {
   if (n == 0) return;
-  const auto blocks = static_cast<unsigned>(std::min<std::uint64_t>((n + kThreads - 1) / kThreads, 8448));
-  each_kernel<<<blocks, kThreads, 0, stream>>>(n, f);
+  each_kernel<<<blocks_of_loop(n, kThreads), kThreads, 0, stream>>>(n, f);
   cuda_launched(what);
 }
 

@@ -68,17 +68,17 @@ __device__ __forceinline__ std::uint32_t search_unit(const SearchTask& task, con
   const std::uint32_t below = (1u << (threadIdx.x & 31)) - 1;
   bool doubt = task.test_all;
   std::uint32_t hits = 0;
-  search_rows<Kind>(task, grid, pairs, queries, warp, nth,
-                    [&](bool valid, std::uint32_t query, std::uint32_t j, const auto& b) {
-                      bool sure;
-                      const bool hit = float_test<Kind>(task, queries.slot[query], b, sure) && valid;
-                      doubt = doubt || (hit && !sure);
-                      const std::uint32_t has = __ballot_sync(kFullWarp, hit),
-                                          to = hits + __popc(has & below);
-                      if (hit && to < UnitQueue::kCapacity)
-                        queue.index[to] = j, queue.who[to] = static_cast<unsigned char>(query);
-                      hits += __popc(has);
-                    });
+  search_rows<Kind>(
+      task, grid, pairs, queries, warp, nth,
+      [&](bool valid, std::uint32_t query, std::uint32_t j, const auto& b) {
+        bool sure;
+        const bool hit = float_test<Kind>(task, queries.slot[query], b, task.rounded, sure) && valid;
+        doubt = doubt || (hit && !sure);
+        const std::uint32_t has = __ballot_sync(kFullWarp, hit), to = hits + __popc(has & below);
+        if (hit && to < UnitQueue::kCapacity)
+          queue.index[to] = j, queue.who[to] = static_cast<unsigned char>(query);
+        hits += __popc(has);
+      });
   __syncwarp();
   if (hits > UnitQueue::kCapacity)
     return search_unit_unqueued<Kind>(task, grid, pairs, queries, warp, nth, nullptr, 0) | kQueueOverflow;

@@ -15,20 +15,19 @@ namespace padder::detect::cuda {
 // band of contact.h holds the 5.01 u of either of its squares as well.
 inline constexpr float kWide = 1 + 0x1p-20f, kNear = 0x1p-19f;
 
-// The same where slots are doubles rounded to float. A coordinate is then off by e = 2^-24 of the largest
-// one, so a distance by less than 3.47 e, which is 1.74 e / r of the sum of two radii of at least r, and its
-// square by less than twice as much: 4 e / r with the terms of second order, since e / r <= 2^-8. Radii
-// are off by 2^-24 of themselves, 2.1 u of the squares on both sides; the bands grow by 4 u and 16 u for
-// that. With a margin, r is the smallest radius of a grown sphere.
-struct FloatBand {
-  float wide, near;
-};
-inline FloatBand band_of_rounded(double extent, double radius_min) {
-  const double blur = 4 * 0x1p-24 * extent / radius_min;
-  return {static_cast<float>(1 + 0x1p-20 + 0x1p-22 + blur) * (1 + 0x1p-23f),
-          static_cast<float>(0x1p-19 + 0x1p-20 + 2.5 * blur)};
+// The same where slots are doubles rounded to float. A coordinate is then off by e = 2^-24 of the pair's
+// largest one, so a distance by less than 3.47 e, and the square of one that is near the sum s of the radii
+// and the margin by less than 7 e s: e / s <= 2^-9. Where spheres are that near, no coordinate is larger than
+// m + s, if m is the largest one of either sphere. blur() is 8 * 2^-24 (m + s) s, which leaves a seventh for
+// roundings; `sure` stays 1.5 times that away. Each pair has the band of its own place: a few spheres that
+// are far from the origin leave the others as they are. Radii are off by 2^-24 of themselves, 2.1 u of the
+// squares on both sides; the bands grow by 4 u and 16 u for that.
+inline constexpr float kWideRounded = kWide + 0x1p-22f, kNearRounded = kNear + 0x1p-20f;
+__device__ __forceinline__ float blur(const FloatSlot& a, float s) {
+  return 0x1p-21f * s * (s + fmaxf(fmaxf(fabsf(a.x), fabsf(a.y)), fabsf(a.z)));
 }
-// Doubles are rounded so where no |coordinate| is larger than this, in smallest radii.
+// Doubles are rounded so where no |coordinate| is larger than this, in smallest radii (with a margin, of
+// grown spheres).
 inline constexpr double kMostRounded = 0x1p16;
 // By how much rounded spheres grow (Summary::grown_by): two of them by 4 e, more than 3.47 e.
 inline double grown_by_rounding(double extent) { return 2 * 0x1p-24 * extent; }
@@ -40,20 +39,20 @@ __device__ __forceinline__ float radii_together(const SearchTask& task, const ty
   return Kind == SlotKind::fixed_point ? a.r + b.r : a.r + b.r + task.margin_f32;
 }
 
-// What float says of a candidate: false, the spheres are apart; `sure`, they touch.
+// What float says of a candidate: false, the spheres are apart; `sure`, they touch. `rounded`: task.rounded;
+// a constant where slots are never rounded.
 template <SlotKind Kind>
 __device__ __forceinline__ bool float_test(const SearchTask& task, const typename SlotOf<Kind>::Type& a,
-                                           const typename SlotOf<Kind>::Type& b, bool& sure) {
+                                           const typename SlotOf<Kind>::Type& b, bool rounded, bool& sure) {
   using Slot = typename SlotOf<Kind>::Type;
   const float3 d = difference(a, b);
-  float s2 = task.sum_squared;
-  if constexpr (Kind != SlotKind::equal) {
-    const float s = radii_together<Kind>(task, a, b);
-    s2 = s * s;
-  }
-  const float e =
-      fmaf(d.z, d.z, fmaf(d.y, d.y, fmaf(d.x, d.x, fmaf(-task.wide, s2, -2 * kAbsoluteBand<Slot>))));
-  sure = e < -fmaf(s2, task.near, 4 * kAbsoluteBand<Slot>);
+  float s = task.sum, s2 = task.sum_squared;
+  if constexpr (Kind != SlotKind::equal) s = radii_together<Kind>(task, a, b), s2 = s * s;
+  float more = 2 * kAbsoluteBand<Slot>;
+  if constexpr (Kind != SlotKind::fixed_point)
+    if (rounded) more += blur(a, s);
+  const float e = fmaf(d.z, d.z, fmaf(d.y, d.y, fmaf(d.x, d.x, fmaf(-task.wide, s2, -more))));
+  sure = e < -fmaf(s2, task.near, 2.5f * more);
   return e < 0;
 }
 
@@ -70,12 +69,17 @@ __device__ __forceinline__ Measured measured_of(const SearchTask& task, const ty
   return {d.x * d.x + d.y * d.y + d.z * d.z, s2};
 }
 
-// verdict() of contact.h, with the band of rounded doubles where slots are these.
+// verdict() of contact.h, with the band of rounded doubles where slots are these. `a`: one of the two.
 template <SlotKind Kind>
-__device__ __forceinline__ Verdict verdict_of(const SearchTask& task, const Measured& m) {
-  if (Kind == SlotKind::fixed_point || !task.rounded) return verdict<typename SlotOf<Kind>::Type>(m);
-  const float beyond = m.d2 - m.s2, band = m.s2 * task.near;
-  return beyond > band ? Verdict::apart : beyond < -band ? Verdict::touch : Verdict::doubt;
+__device__ __forceinline__ Verdict verdict_of(const SearchTask& task, const Measured& m,
+                                              const typename SlotOf<Kind>::Type& a) {
+  if constexpr (Kind != SlotKind::fixed_point) {
+    if (task.rounded) {
+      const float beyond = m.d2 - m.s2, band = fmaf(m.s2, task.near, 2.5f * blur(a, sqrtf(m.s2)));
+      return beyond > band ? Verdict::apart : beyond < -band ? Verdict::touch : Verdict::doubt;
+    }
+  }
+  return verdict<typename SlotOf<Kind>::Type>(m);
 }
 
 // Counts one doubtful pair for each lane that is here. Lanes that are here together share one atomic
@@ -110,7 +114,7 @@ static __device__ bool is_contact(const SearchTask& task, const Grid& grid, std:
     }
   }
   const Measured m = measured_of<Kind>(task, slot, other);
-  const Verdict v = verdict_of<Kind>(task, m);
+  const Verdict v = verdict_of<Kind>(task, m, slot);
   if (v == Verdict::apart) return false;
   const bool repeats = Kind == SlotKind::fixed_point && task.places_repeat;
   if (v == Verdict::doubt || repeats) {
@@ -156,7 +160,7 @@ __device__ __forceinline__ bool test(const SearchTask& task, const Grid& grid, s
                                      const typename SlotOf<Kind>::Type& a, std::uint32_t j,
                                      const typename SlotOf<Kind>::Type& b, bool counts) {
   bool sure;
-  if (!float_test<Kind>(task, a, b, sure)) return false;
+  if (!float_test<Kind>(task, a, b, task.rounded, sure)) return false;
   return (sure && !task.test_all) || is_contact<Kind, false>(task, grid, i, a, j, {}, counts);
 }
 

@@ -68,7 +68,7 @@ struct FusedQueue {
 #pragma unroll
     for (int u = 0; u < kAtOnce; u++) {
       bool sure;
-      hit[u] = float_test<kKind>(task, a[u], b[u], sure) && hit[u];
+      hit[u] = float_test<kKind>(task, a[u], b[u], Given && task.rounded, sure) && hit[u];
       doubt = doubt || (hit[u] && !sure);
     }
     if (__any_sync(kFullWarp, doubt)) {
@@ -90,7 +90,7 @@ struct FusedQueue {
   __device__ __forceinline__ bool exact_test(const uint2& pair, const FloatSlot& a,
                                              const FloatSlot& b) const {
     const Measured m = measured_of<kKind>(task, a, b);
-    const Verdict v = Given ? verdict_of<kKind>(task, m) : verdict<FloatSlot>(m);
+    const Verdict v = Given ? verdict_of<kKind>(task, m, a) : verdict<FloatSlot>(m);
     if (v != Verdict::doubt) return v != Verdict::apart;
     count_doubtful(task);
     if constexpr (Given)

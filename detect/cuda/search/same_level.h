@@ -119,8 +119,8 @@ static __device__ __noinline__ std::uint32_t test_queue_exactly(const SearchTask
     if (hit[0]) hit[0] = test<Kind>(task, grid, i, load_slot(slots + i), j, load_slot(slots + j), true);
   });
 }
-// `doubt`: float is not enough for the lane's own sphere.
-template <SlotKind Kind>
+// `doubt`: float is not enough for the lane's own sphere. MayRound: slots may be doubles rounded to float.
+template <SlotKind Kind, bool MayRound>
 __device__ __forceinline__ std::uint32_t test_queue(const SearchTask& task, const Grid& grid,
                                                     const PairQueue& queue, std::uint32_t count, bool doubt) {
   constexpr int kAtOnce = 3;  // pairs that a lane has under way
@@ -134,7 +134,7 @@ __device__ __forceinline__ std::uint32_t test_queue(const SearchTask& task, cons
 #pragma unroll
         for (int u = 0; u < kAtOnce; u++) {
           bool sure;
-          const bool in = float_test<Kind>(task, a[u], b[u], sure);
+          const bool in = float_test<Kind>(task, a[u], b[u], MayRound && task.rounded, sure);
           hit[u] = hit[u] && in;
           doubt = doubt || (hit[u] && !sure);
         }
@@ -230,7 +230,7 @@ static __device__ __noinline__ std::uint32_t search_and_write(const SearchTask& 
 // The contacts of the 32 spheres from `first` on, in the queue unless kQueueOverflow is set. Contacts that
 // are written already are not counted. `flags`: of the counters; where any is set the table is not whole, and
 // the caller of the search will order the spheres in another way.
-template <SlotKind Kind, class Words, class Pairs>
+template <SlotKind Kind, bool MayRound = true, class Words, class Pairs>
 __device__ __forceinline__ bool find_same_level(const SearchTask& task, const Grid& grid, const Pairs& pairs,
                                                 Words& words, std::uint32_t first, std::uint32_t flags,
                                                 std::uint32_t& found) {
@@ -242,7 +242,7 @@ __device__ __forceinline__ bool find_same_level(const SearchTask& task, const Gr
     doubt = doubt && !(task.only_owner && owns_contacts_of<Kind>(task, query.slot));
   const std::uint32_t queued = queue_candidates<Kind, Words::kCapacity>(task, query, queue);
   if (queued <= Words::kCapacity)
-    found = test_queue<Kind>(task, grid, queue, queued, doubt);
+    found = test_queue<Kind, MayRound>(task, grid, queue, queued, doubt);
   else if (task.stable_order || task.spheres.count > PairQueue::kFar / 2)
     found = search_unqueued<Kind>(task, grid, pairs, first, nullptr, 0) | kQueueOverflow;
   else

@@ -26,15 +26,10 @@ SearchTask make_task(const DeviceSpheres& source, const Grid& grid, const Ordere
   task.radius = options.radius, task.radius_f32 = static_cast<float>(options.radius);
   task.margin = options.margin;
   if (spheres.kind != SlotKind::fixed_point) task.margin_f32 = static_cast<float>(options.margin);
-  const float sum = task.radius_f32 + task.radius_f32 + task.margin_f32;
-  task.sum_squared = sum * sum;
+  task.sum = task.radius_f32 + task.radius_f32 + task.margin_f32, task.sum_squared = task.sum * task.sum;
   task.own = options.own, task.exact = options.exact, task.owns_all = options.owns_all;
   task.rounded = options.rounded;
-  task.wide = kWide, task.near = kNear;
-  if (options.rounded) {
-    const FloatBand band = band_of_rounded(options.extent, options.radius_min);
-    task.wide = band.wide, task.near = band.near;
-  }
+  task.wide = options.rounded ? kWideRounded : kWide, task.near = options.rounded ? kNearRounded : kNear;
   task.code_limit = code_limit(grid, spheres.bins, options.radius + grid.level[0].grown_by);
   task.test_all = source.filtered || !options.owns_all;
   for (int k = 0; k < grid.levels && spheres.kind == SlotKind::fixed_point; k++) {

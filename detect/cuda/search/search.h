@@ -15,12 +15,9 @@ struct SearchOptions {
   SlotQuota quota;  // quota_for() the list, for a stable order
   Region own;       // contacts whose midpoint lies elsewhere are left out, unless owns_all
   bool owns_all = true;
-  double radius = 0;  // of all spheres, for SlotKind::equal
-  double margin = 0;  // CallOptions::margin; Level::grown_by is half of it or more
-  // Slots are doubles rounded to float; no |coordinate| is larger than `extent` then, and no radius smaller
-  // than radius_min, half of the margin included.
-  bool rounded = false;
-  double extent = 0, radius_min = 0;
+  double radius = 0;     // of all spheres, for SlotKind::equal
+  double margin = 0;     // CallOptions::margin; Level::grown_by is half of it or more
+  bool rounded = false;  // slots are doubles rounded to float (kMostRounded)
   friend bool operator==(const SearchOptions&, const SearchOptions&) = default;
 };
 

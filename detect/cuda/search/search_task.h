@@ -22,8 +22,8 @@ struct SearchTask : OutputTask {
   bool rounded = false;
   // What float_test() adds to squares, and how far from that it is not sure, both relative (exact_test.h).
   float wide = 0, near = 0;
-  float sum_squared = 0;        // of the radii and the margin together, for SlotKind::equal
-  std::int32_t code_limit = 0;  // of codes.h
+  float sum = 0, sum_squared = 0;  // of the radii and the margin together, for SlotKind::equal
+  std::int32_t code_limit = 0;     // of codes.h
   // Warps take units, or work of the fused search, from this counter. Zero between searches; null: one unit a
   // warp.
   unsigned int* next = nullptr;

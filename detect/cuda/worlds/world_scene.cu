@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: MIT
 #include "detect/cuda/worlds/world_scene.h"
 
-#include <algorithm>
 #include <cub/block/block_radix_sort.cuh>
 #include <cub/device/device_radix_sort.cuh>
 
 #include "detect/core/input.h"
+#include "detect/cuda/device/blocks.h"
 
 namespace padder::detect::cuda {
 namespace {
@@ -15,9 +15,6 @@ constexpr int kThreads = 256;
 // revision is new.
 constexpr std::uint32_t kLargeWorld = 4096;
 
-unsigned blocks_for(std::uint64_t n) {
-  return static_cast<unsigned>(std::clamp<std::uint64_t>((n + kThreads - 1) / kThreads, 1, 16896));
-}
 template <class F>
 __global__ void __launch_bounds__(kThreads) each_kernel(std::uint32_t n, F f) {
   for (std::uint64_t k = blockIdx.x * std::uint64_t(kThreads) + threadIdx.x; k < n;
@@ -27,7 +24,7 @@ __global__ void __launch_bounds__(kThreads) each_kernel(std::uint32_t n, F f) {
 template <class F>
 void each(std::uint32_t n, cudaStream_t stream, const char* what, F f) {
   if (n == 0) return;
-  each_kernel<<<blocks_for(n), kThreads, 0, stream>>>(n, f);
+  each_kernel<<<blocks_of_loop(n, kThreads), kThreads, 0, stream>>>(n, f);
   cuda_launched(what);
 }
 
@@ -279,7 +276,7 @@ void WorldInput::read(const Input& input, std::uint32_t worlds, bool stances, cu
   const std::uint32_t base = base_of(found_.largest_own, found_.every_first);
   TreeBox* nodes = nodes_.reserve(lay_out(scene_.tree, n, base));
   scene_.tree.nodes = nodes;
-  place_kernel<<<blocks_for(n), kThreads, 0, stream>>>(scene_, worlds);
+  place_kernel<<<blocks_of_loop(n, kThreads), kThreads, 0, stream>>>(scene_, worlds);
   cuda_launched("place the balls about bodies");
   build_tree(scene_.tree, nodes, stream);
 }

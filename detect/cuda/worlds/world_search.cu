@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <chrono>
 
+#include "detect/cuda/device/blocks.h"
 #include "detect/cuda/device/exclusive_sum.h"
 
 namespace padder::detect::cuda {
@@ -328,8 +329,6 @@ __global__ void finish_kernel(const unsigned long long* keys, const unsigned lon
     pair[k] = {static_cast<std::uint32_t>(pairs[k] >> 32), static_cast<std::uint32_t>(pairs[k])};
   }
 }
-unsigned blocks_for(std::uint32_t n) { return std::min(n / 256 + 1, 4096u); }
-
 }  // namespace
 
 WorldSearch::WorldSearch(MemoryBook& book)
@@ -483,11 +482,11 @@ WorldAnswers WorldSearch::answer(const Input& input, const CallOptions& options,
     answers.count = delivered(count_, host_count_, worlds, options, stream);
   } else {
     task.distances = keys_.reserve(worlds), task.pairs = pair_keys_.reserve(worlds);
-    fill_kernel<<<blocks_for(worlds), 256, 0, stream>>>(task.distances, task.pairs, worlds);
+    fill_kernel<<<blocks_of_loop(worlds, 256), 256, 0, stream>>>(task.distances, task.pairs, worlds);
     search<Pass::distance>(task, stream);
     search<Pass::pair>(task, stream);
-    finish_kernel<<<blocks_for(worlds), 256, 0, stream>>>(task.distances, task.pairs, worlds,
-                                                          distance_.reserve(worlds), pair_.reserve(worlds));
+    finish_kernel<<<blocks_of_loop(worlds, 256), 256, 0, stream>>>(
+        task.distances, task.pairs, worlds, distance_.reserve(worlds), pair_.reserve(worlds));
     cuda_launched("finish the answers");
     answers.distance = delivered(distance_, host_distance_, worlds, options, stream);
     answers.pair = delivered(pair_, host_pair_, worlds, options, stream);

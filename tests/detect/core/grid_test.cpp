@@ -222,6 +222,28 @@ TEST(Grid, CoversIsTrueOnlyWhereEverySphereHasAPlace) {
   EXPECT_GT(left, 5);
 }
 
+// A stable list is searched twice where its grid differs from that of the call before. Spheres of several
+// sizes fill a box whose walls stand at 0, and tremble.
+TEST(Grid, SteppedGridsStayWhileSpheresTremble) {
+  std::mt19937_64 random(20261123);
+  std::uniform_real_distribution<double> share(0, 1);
+  std::vector<Sphere> spheres(30000);
+  for (Sphere& s : spheres)
+    s = {150 * share(random), 150 * share(random), 150 * share(random), std::pow(share(random), -0.4)};
+  Grid before;
+  int changes = 0;
+  for (int frame = 0; frame < 20; frame++) {
+    std::vector<Sphere> moved = spheres;
+    for (Sphere& s : moved)
+      for (double* x : {&s.x, &s.y, &s.z}) *x += 0.2 * s.r * (share(random) - 0.5);
+    const Grid g = choose_grid(summary_of(moved), 0, 8, CrossSearch::coarse_to_fine, GridBounds::stepped);
+    ASSERT_GT(g.levels, 2);
+    changes += frame > 0 && !(g == before);
+    before = g;
+  }
+  EXPECT_LT(changes, 4);
+}
+
 TEST(Grid, EverySphereFitsItsLevel) {
   for (const double ratio : {1.0, 1.9, 4.0, 100.0, 1e4, 1e9}) {
     TestScene scene = random_scene(3000, ratio, 2, 77);

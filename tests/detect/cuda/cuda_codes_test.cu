@@ -198,8 +198,8 @@ TEST_F(CudaCodes, TheCandidatesOfAHeapInAHashedLevelFitTheQueueOfAWarp) {
   ASSERT_TRUE(bins.on);
   ASSERT_TRUE(grid.level[0].hashed);
   const std::vector<std::uint32_t> found = candidates_of_warps(spheres, grid, bins);
-  const auto over =
-      std::count_if(found.begin(), found.end(), [](std::uint32_t c) { return c > tuning::kSameLevelQueue; });
+  const auto over = std::count_if(found.begin(), found.end(),
+                                  [](std::uint32_t c) { return c > tuning::kSameLevelQueue / 2; });
   EXPECT_LT(static_cast<double>(over), 0.01 * static_cast<double>(found.size()));
 }
 

@@ -75,6 +75,28 @@ class SparseTest : public testing::Test {
   std::uint32_t seed_ = 0;
 };
 
+// Doubles are searched as floats where no coordinate exceeds 2^16 smallest radii. Pairs whose gap is a small
+// part of their radii, at all distances from the origin.
+TEST_F(SparseTest, DoublesThatNearlyTouchAsByBruteForce) {
+  for (int k = 0; k < 6; k++) {
+    TestScene s;
+    for (int n = 0; n < 1500; n++) {
+      const double far = std::exp2(15.9 * std::abs(unit())), spread = k % 2 ? 0 : 2,
+                   gap = std::copysign(std::exp2(-8 - 40 * std::abs(unit())), unit());
+      const Sphere a{far * unit(), far * unit(), far * unit(), 1 + spread * std::abs(unit())};
+      const double d[3] = {unit(), unit(), unit()}, r = 1 + spread * std::abs(unit()),
+                   t = (a.r + r) * (1 + gap) / std::hypot(d[0], d[1], d[2]);
+      s.spheres.push_back(a);
+      s.spheres.push_back({a.x + t * d[0], a.y + t * d[1], a.z + t * d[2], r});
+    }
+    CallOptions o;
+    o.order = k < 3 ? Order::stable : Order::any;
+    Detector d({BackendKind::cuda}, o);
+    const Arranged input(s, Scalar::f64);
+    const Contacts& c = d.detect(input.input);
+    ASSERT_EQ(sorted({c.pairs, c.count}), brute_force(s)) << "scene " << k << " seed " << seed_;
+  }
+}
 TEST_F(SparseTest, EqualRadiiAsByBruteForce) {
   for (int k = 0; k < 12; k++) expect_brute_force(1, k % 3 ? Scalar::f32 : Scalar::f64);
 }
