@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: MIT
 #include "detect/boxes/assignment.h"
 
-#include <sys/mman.h>
-
 #include <cstdio>
 #include <cstring>
 #include <string>
@@ -45,15 +43,6 @@ std::uint64_t drawn(std::uint64_t start, std::uint64_t step, std::uint64_t end) 
 }
 
 }  // namespace
-
-void prefer_large_pages(void* begin, std::uint64_t bytes) noexcept {
-  constexpr std::uintptr_t page = 4096, large = 2 << 20;
-  if (bytes < 2 * large) return;
-  const auto from = (reinterpret_cast<std::uintptr_t>(begin) + page - 1) / page * page;
-  const auto end = (reinterpret_cast<std::uintptr_t>(begin) + bytes) / page * page;
-  // Only advice: a system that cannot follow it fails, and nothing is lost.
-  (void)::madvise(reinterpret_cast<void*>(from), end - from, MADV_HUGEPAGE);
-}
 
 std::uint64_t BoxLoad::bytes() const {
   return single.bytes() + twice.bytes() + ids.bytes() + family.bytes() + mask.bytes() + world.bytes() +

@@ -10,10 +10,6 @@
 
 namespace padder::detect {
 
-// Asks the system for pages of 2 MiB in this memory, which nobody has touched. A page is cleared when it is
-// first touched: 512 times fewer interruptions.
-void prefer_large_pages(void* begin, std::uint64_t bytes) noexcept;
-
 // An array that grows without copying or clearing: its memory is first touched by the thread that fills it.
 template <class T>
 class Scratch {
@@ -23,7 +19,6 @@ class Scratch {
       data_ = nullptr;  // before its successor is there
       capacity_ = std::max<std::uint64_t>(n, 4);
       data_ = std::make_unique_for_overwrite<T[]>(capacity_);
-      prefer_large_pages(data_.get(), bytes());
     }
     return data_.get();
   }

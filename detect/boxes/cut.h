@@ -4,6 +4,7 @@
 // so every point, and with it the midpoint of every contact, lies in exactly one of them.
 #pragma once
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -48,6 +49,9 @@ class BoxTree {
   // The box that holds a point. Cost: the depth of the tree, which is log2(boxes) rounded up.
   std::uint32_t box_of(const double (&at)[3]) const;
 
+  // The box that shares a point with `bounds`, if it is the only one. Cost: the depth of the tree at most.
+  std::optional<std::uint32_t> only_box(const Bounds& bounds) const;
+
   // Calls use(box) for every box that shares a point with `bounds`, in ascending order.
   template <class Use>
   void each_box(const Bounds& bounds, Use use) const;
@@ -87,6 +91,16 @@ BoxTree cut_space(std::vector<WeightedPoint> points, std::uint32_t boxes, const 
 // the tree have no gaps and no overlaps even if those that are given do; where they fit together, they are
 // the same. Throws Error if no plane separates them.
 BoxTree tree_of(std::span<const Region> boxes);
+
+inline std::optional<std::uint32_t> BoxTree::only_box(const Bounds& bounds) const {
+  for (std::uint32_t at = 0;;) {
+    const Node& node = nodes_[at];
+    if (node.axis == kLeaf) return node.upper;
+    const bool below = bounds.low[node.axis] < node.cut, above = bounds.high[node.axis] >= node.cut;
+    if (below == above) return {};
+    at = below ? at + 1 : node.upper;
+  }
+}
 
 template <class Use>
 void BoxTree::each_box(const Bounds& bounds, Use use) const {

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <atomic>
 #include <cstdint>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -36,10 +37,8 @@ class Distribution {
 #pragma omp for schedule(dynamic) nowait
       for (std::int64_t block = 0; block < static_cast<std::int64_t>(blocks_); block++) {
         std::ranges::fill(counts, 0);
-        each_item(static_cast<std::uint64_t>(block), [&](std::uint64_t k) {
-          tree.each_box(bounds_of(k),
-                        [&](std::uint32_t box) { counts[box]++, weights[box] += weight_of(k); });
-        });
+        each_item(static_cast<std::uint64_t>(block), tree, {}, bounds_of,
+                  [&](std::uint64_t k, std::uint32_t box) { counts[box]++, weights[box] += weight_of(k); });
         std::ranges::copy(counts, &first_[static_cast<std::uint64_t>(block) * boxes_]);
       }
 #pragma omp critical(padder_boxes_weights)
@@ -75,13 +74,10 @@ class Distribution {
         const std::uint64_t* const from = &first_[static_cast<std::uint64_t>(block) * boxes_];
         if (std::equal(from + first, from + last, from + boxes_ + first)) continue;
         std::copy(from + first, from + last, place.begin());
-        each_item(static_cast<std::uint64_t>(block), [&](std::uint64_t k) {
-          const Bounds bounds = bounds_of(k);
-          if (!meets(bounds, around)) return;
-          tree.each_box(bounds, [&](std::uint32_t box) {
-            if (box >= first && box < last) put(k, box, place[box - first]++);
-          });
-        });
+        each_item(static_cast<std::uint64_t>(block), tree, around, bounds_of,
+                  [&](std::uint64_t k, std::uint32_t box) {
+                    if (box >= first && box < last) put(k, box, place[box - first]++);
+                  });
         for (std::uint32_t box = first; box < last; box++)
           if (const std::uint64_t put_now = place[box - first] - from[box]; put_now > 0)
             if (missing[box - first].fetch_sub(put_now) == put_now) done(box);
@@ -107,10 +103,33 @@ class Distribution {
     return all;
   }
 
-  template <class Use>
-  void each_item(std::uint64_t block, const Use& use) const {
+  // Calls use(k, box) for the items of a block and their boxes, if they meet `around`. Items of successive
+  // numbers often lie in one box, all of them: then the tree is asked once for a group.
+  template <class BoundsOf, class Use>
+  void each_item(std::uint64_t block, const BoxTree& tree, const Region& around, const BoundsOf& bounds_of,
+                 const Use& use) const {
+    constexpr std::uint64_t group = 64;
     const std::uint64_t end = std::min(items_, (block + 1) * per_block_);
-    for (std::uint64_t k = block * per_block_; k < end; k++) use(k);
+    for (std::uint64_t from = block * per_block_, upto; from < end; from = upto) {
+      upto = std::min(from + group, end);
+      Bounds all = bounds_of(from);
+      bool empty = false;  // an item that goes nowhere
+      for (std::uint64_t k = from; k < upto; k++) {
+        const Bounds b = bounds_of(k);
+        for (int a = 0; a < 3; a++) {
+          all.low[a] = std::min(all.low[a], b.low[a]), all.high[a] = std::max(all.high[a], b.high[a]);
+          empty |= !(b.low[a] <= b.high[a]);
+        }
+      }
+      if (!empty && !meets(all, around)) continue;
+      const std::optional<std::uint32_t> box = empty ? std::nullopt : tree.only_box(all);
+      for (std::uint64_t k = from; k < upto; k++) {
+        if (box)
+          use(k, *box);
+        else if (const Bounds b = bounds_of(k); meets(b, around))
+          tree.each_box(b, [&](std::uint32_t one) { use(k, one); });
+      }
+    }
   }
 
   std::uint64_t items_ = 0, per_block_ = 0, blocks_ = 0;

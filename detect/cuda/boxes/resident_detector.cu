@@ -4,22 +4,18 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <condition_variable>
 #include <exception>
 #include <functional>
-#include <mutex>
 #include <numeric>
-#include <optional>
-#include <stop_token>
 #include <string>
-#include <thread>
 #include <utility>
 
 #include "detect/core/backend.h"
 #include "detect/core/errors.h"
 #include "detect/core/input.h"
+#include "detect/cuda/boxes/crew.h"
 #include "detect/cuda/boxes/deal.h"
-#include "detect/cuda/device/device.h"
+#include "detect/cuda/boxes/place.h"
 #include "padding/asset/error.h"
 
 namespace padder::detect {
@@ -31,206 +27,6 @@ constexpr std::uint64_t kSampleOfDevice = 1 << 15;
 
 double now() {
   return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
-}
-
-// Which arrays the spheres of a scene have. A part without families, say, has 0 for all.
-struct Form {
-  Scalar scalar = Scalar::f32;
-  bool family = false, mask = false, is_static = false;
-  std::uint64_t bytes_of_one() const {
-    return (scalar == Scalar::f32 ? 16u : 32u) + 8u + (family ? 4u : 0u) + (mask ? 4u : 0u) +
-           (is_static ? 1u : 0u);
-  }
-};
-
-// Spheres in the memory of one GPU, as arrays that grow together.
-class SphereArrays {
- public:
-  explicit SphereArrays(MemoryBook& book)
-      : spheres_(book, "the spheres of a box"),
-        ids_(book, "the numbers of the spheres"),
-        family_(book, "the families"),
-        mask_(book, "the masks"),
-        is_static_(book, "the marks of static spheres") {}
-
-  void reserve(std::uint64_t count, const Form& form) {
-    spheres_.reserve((form.scalar == Scalar::f32 ? 16 : 32) * count), ids_.reserve(count);
-    if (form.family) family_.reserve(count);
-    if (form.mask) mask_.reserve(count);
-    if (form.is_static) is_static_.reserve(count);
-  }
-  DealTarget from(std::uint64_t first, const Form& form) const {
-    return {spheres_.data() + first * (form.scalar == Scalar::f32 ? 16 : 32), ids_.data() + first,
-            form.family ? family_.data() + first : nullptr, form.mask ? mask_.data() + first : nullptr,
-            form.is_static ? is_static_.data() + first : nullptr};
-  }
-  Spheres view(std::uint64_t first, std::uint64_t count, const Form& form) const {
-    const DealTarget at = from(first, form);
-    Spheres s;
-    s.count = count, s.scalar = form.scalar, s.memory = Memory::device;
-    s.centers = at.spheres, s.radii = static_cast<char*>(at.spheres) + (form.scalar == Scalar::f32 ? 12 : 24);
-    s.center_stride = s.radius_stride = 4;
-    s.family = at.family, s.mask = at.mask, s.is_static = at.is_static;
-    return s;
-  }
-
- private:
-  Buffer<char> spheres_;
-  Buffer<std::uint64_t> ids_;
-  Buffer<std::uint32_t> family_, mask_;
-  Buffer<std::uint8_t> is_static_;
-};
-
-// Copies `count` spheres from one GPU to another.
-void copy_to_peer(const DealTarget& to, int to_device, const DealTarget& from, int from_device,
-                  std::uint64_t count, Scalar scalar, cudaStream_t stream) {
-  const auto copy = [&](void* there, const void* here, std::uint64_t each) {
-    if (there && count)
-      cuda_check(cudaMemcpyPeerAsync(there, to_device, here, from_device, count * each, stream),
-                 "copy spheres to another GPU");
-  };
-  copy(to.spheres, from.spheres, scalar == Scalar::f32 ? 16 : 32), copy(to.ids, from.ids, 8);
-  copy(to.family, from.family, 4), copy(to.mask, from.mask, 4), copy(to.is_static, from.is_static, 1);
-}
-
-// Spheres that came in host memory, on the GPU with the caller's strides.
-class Upload {
- public:
-  explicit Upload(MemoryBook& book) : bytes_(book, "spheres from host memory") {}
-  Spheres run(const Spheres& s, cudaStream_t stream) {
-    if (s.memory == Memory::device || s.count == 0) return s;
-    const std::uint64_t real = s.scalar == Scalar::f32 ? 4 : 8;
-    const std::uint64_t centers = ((s.count - 1) * s.center_stride + 3) * real,
-                        radii = ((s.count - 1) * s.radius_stride + 1) * real;
-    const char *const c = static_cast<const char*>(s.centers), *const r = static_cast<const char*>(s.radii);
-    const bool together = s.center_stride == 4 && s.radius_stride == 4 && r == c + 3 * real;
-    std::uint64_t size = 0;
-    const auto place = [&](std::uint64_t bytes) {
-      return std::exchange(size, size + (bytes + 255) / 256 * 256);
-    };
-    const std::uint64_t at_centers = place(together ? centers + real : centers),
-                        at_radii = together ? at_centers + 3 * real : place(radii),
-                        at_family = place(s.family ? 4 * s.count : 0),
-                        at_mask = place(s.mask ? 4 * s.count : 0),
-                        at_static = place(s.is_static ? s.count : 0);
-    char* const to = bytes_.reserve(size);
-    const auto copy = [&](std::uint64_t at, const void* from, std::uint64_t bytes) {
-      if (from)
-        cuda_check(cudaMemcpyAsync(to + at, from, bytes, cudaMemcpyHostToDevice, stream),
-                   "copy spheres to the GPU");
-    };
-    copy(at_centers, c, together ? centers + real : centers);
-    if (!together) copy(at_radii, r, radii);
-    copy(at_family, s.family, 4 * s.count), copy(at_mask, s.mask, 4 * s.count),
-        copy(at_static, s.is_static, s.count);
-    Spheres there = s;
-    there.memory = Memory::device, there.centers = to + at_centers, there.radii = to + at_radii;
-    if (s.family) there.family = reinterpret_cast<const std::uint32_t*>(to + at_family);
-    if (s.mask) there.mask = reinterpret_cast<const std::uint32_t*>(to + at_mask);
-    if (s.is_static) there.is_static = reinterpret_cast<const std::uint8_t*>(to + at_static);
-    return there;
-  }
-
- private:
-  Buffer<char> bytes_;
-};
-
-// Threads that live as long as the detector, one for each GPU but the first: the caller's works for that.
-class Crew {
- public:
-  explicit Crew(std::size_t size) {
-    for (std::size_t k = 1; k < size; k++)
-      threads_.emplace_back([this, k](const std::stop_token& stop) { serve(k, stop); });
-  }
-  // Calls work(k) for each k and waits for all. `work` must not throw.
-  void run(const std::function<void(std::size_t)>& work) {
-    {
-      const std::lock_guard lock(mutex_);
-      work_ = &work, busy_ = threads_.size(), round_++;
-    }
-    changed_.notify_all();
-    work(0);
-    std::unique_lock lock(mutex_);
-    changed_.wait(lock, [&] { return busy_ == 0; });
-  }
-
- private:
-  void serve(std::size_t k, const std::stop_token& stop) {
-    std::unique_lock lock(mutex_);
-    for (std::uint64_t served = 0; changed_.wait(lock, stop, [&] { return round_ != served; });) {
-      served = round_;
-      lock.unlock();
-      (*work_)(k);
-      lock.lock();
-      if (--busy_ == 0) changed_.notify_all();
-    }
-  }
-
-  std::mutex mutex_;
-  std::condition_variable_any changed_;
-  const std::function<void(std::size_t)>* work_ = nullptr;
-  std::size_t busy_ = 0;
-  std::uint64_t round_ = 0;
-  std::vector<std::jthread> threads_;  // the last member: they end first
-};
-
-// For how many spheres a GPU has room: in its load those of the GPUs before it, then its own, then those of
-// the GPUs after it; and beside the load those that it sends. Dealing finds out how many there are; what is
-// too small grows, by an eighth more than what is missing, and the spheres are dealt again.
-struct Rooms {
-  std::uint64_t before = 0, own = 0, after = 0, away = 0;
-  bool hold(const Rooms& needed) {
-    bool all = true;
-    const auto hold_one = [&](std::uint64_t& room, std::uint64_t need) {
-      if (need > room) room = need + need / 8 + 64, all = false;
-    };
-    hold_one(before, needed.before), hold_one(own, needed.own), hold_one(after, needed.after),
-        hold_one(away, needed.away);
-    return all;
-  }
-};
-
-// One GPU: its spheres, what it deals out, and what it was dealt.
-struct Place {
-  explicit Place(int number) : device(number), detector(DeviceChoice{BackendKind::cuda, number}) {
-    const OnDevice on(device);
-    on.require();
-    cuda_check(cudaStreamCreateWithFlags(&stream, cudaStreamNonBlocking), "make a stream");
-  }
-  ~Place() {
-    const OnDevice on(device);
-    load.reset(), away.reset(), upload.reset(), dealer.reset(), sum.release();
-    poses.release(), ids.release();
-    cudaStreamDestroy(stream);
-  }
-  Place(const Place&) = delete;
-  Place& operator=(const Place&) = delete;
-
-  int device;
-  Detector detector;
-  cudaStream_t stream = nullptr;
-  MemoryBook book;
-  std::optional<Dealer> dealer{book};
-  std::optional<Upload> upload{book};
-  std::optional<SphereArrays> load{book}, away{book};  // what it detects; what it sends, box by box
-  Buffer<unsigned long long> sum{book, "the hash"};
-  Buffer<Pose> poses{book, "the poses"};                          // of all bodies
-  Buffer<std::uint64_t> ids{book, "the numbers of the spheres"};  // of bodies and the load together
-  const Pose* all_poses = nullptr;                                // of the call; null: those in host memory
-  Spheres part;                                                   // of the call, in this GPU's memory
-  std::uint64_t first = 0;                                        // number of its first sphere in the scene
-  DealCounts counts;
-  Rooms rooms, needed;
-  std::uint64_t loaded = 0;  // spheres in the load
-  double body_spheres = 0;   // of the box, when space was cut last; an estimate
-  double density = 1;        // work for each of these spheres, in the call before
-};
-
-void let_access(int device, int other) {
-  int can = 0;
-  if (device == other || cudaDeviceCanAccessPeer(&can, device, other) != cudaSuccess || !can) return;
-  cudaDeviceEnablePeerAccess(other, 0);
-  cudaGetLastError();  // already enabled, perhaps by the caller
 }
 
 double imbalance_of(const std::vector<double>& work) {

@@ -9,7 +9,7 @@
 namespace padder::detect::cuda {
 namespace {
 
-template <bool Stable, bool Hashed, bool Given>
+template <bool Stable, bool Hashed, bool Given, bool Owned>
 __global__ void __launch_bounds__(kTileSpheres, tuning::kFusedBlocks)
     fused_kernel(const __grid_constant__ SearchTask task, const __grid_constant__ Grid grid,
                  const __grid_constant__ LevelPairs pairs) {
@@ -23,7 +23,7 @@ __global__ void __launch_bounds__(kTileSpheres, tuning::kFusedBlocks)
   plan_work(task, grid, pairs, tiles_first, work);
   __syncthreads();
   const std::uint32_t warp = __shfl_sync(kFullWarp, threadIdx.x >> 5, 0), items = work.items;
-  FusedSearch<Stable, Hashed, Given> search(task, grid, pairs, memory[warp]);
+  FusedSearch<Stable, Hashed, Given, Owned> search(task, grid, pairs, memory[warp]);
   std::uint32_t number = blockIdx.x * kTileWarps + warp;
 #pragma unroll 1
   while (number < items) {
@@ -59,9 +59,9 @@ void launch_fused_levels(const SearchTask& task, const Grid& grid, const LevelPa
   const auto blocks =
       static_cast<unsigned>(std::min((std::uint64_t(pairs.warps) + task.tiles + kTileWarps - 1) / kTileWarps,
                                      static_cast<std::uint64_t>(processors) * tuning::kFusedBlocks));
-  const auto launch = [&]<bool Stable, bool Given>() {
-    auto* const kernel =
-        task.spheres.hashed ? fused_kernel<Stable, true, Given> : fused_kernel<Stable, false, Given>;
+  const auto launch = [&]<bool Stable, bool Given, bool Owned = false>() {
+    auto* const kernel = task.spheres.hashed ? fused_kernel<Stable, true, Given, Owned>
+                                             : fused_kernel<Stable, false, Given, Owned>;
     if (Stable) {
       launch_unit_quotas(task, grid, pairs, true, processors, stream);
       launch_overlapped(kernel, {blocks, kTileSpheres}, stream, task, grid, pairs);
@@ -70,7 +70,9 @@ void launch_fused_levels(const SearchTask& task, const Grid& grid, const LevelPa
     }
   };
   const bool given = record_kind(task) == RecordKind::from_given || task.rounded;
-  if (task.stable_order)
+  if (task.test_all)
+    launch.template operator()<false, false, true>();
+  else if (task.stable_order)
     given ? launch.template operator()<true, true>() : launch.template operator()<true, false>();
   else
     given ? launch.template operator()<false, true>() : launch.template operator()<false, false>();

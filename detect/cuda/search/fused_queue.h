@@ -30,8 +30,9 @@ struct FusedMemory {
 
 // The members must stay in registers: where a function is called out of line, all that lives across the call
 // lies in local memory. Stable: the list has a stable order; then the row runs dry after each producer.
-// Given: slots are doubles rounded to float; doubt and records go by the spheres as they were given.
-template <bool Stable, bool Given>
+// Given: slots are doubles rounded to float; doubt and records go by the spheres as they were given. Owned:
+// contacts whose midpoint lies outside of the region are left out; nothing but that and the distance counts.
+template <bool Stable, bool Given, bool Owned>
 struct FusedQueue {
   static constexpr SlotKind kKind = SlotKind::unequal;
   static constexpr std::uint32_t kAtOnce = 2, kStep = 32 * kAtOnce;
@@ -69,11 +70,13 @@ struct FusedQueue {
     for (int u = 0; u < kAtOnce; u++) {
       bool sure;
       hit[u] = float_test<kKind>(task, a[u], b[u], Given && task.rounded, sure) && hit[u];
+      if constexpr (Owned) sure = sure && owns_contacts_of<kKind>(task, a[u]);
       doubt = doubt || (hit[u] && !sure);
     }
     if (__any_sync(kFullWarp, doubt)) {
 #pragma unroll
-      for (int u = 0; u < kAtOnce; u++) hit[u] = hit[u] && exact_test(pair[u], a[u], b[u]);
+      for (int u = 0; u < kAtOnce; u++)
+        hit[u] = hit[u] && exact_test(pair[u], a[u], b[u]) && is_owned(pair[u], a[u], b[u]);
     }
 #pragma unroll
     for (int u = 0; u < kAtOnce; u++) {
@@ -86,7 +89,17 @@ struct FusedQueue {
     __syncwarp();
   }
 
-  // What float is not sure of. Nothing but the distance counts in this search.
+  __device__ __forceinline__ bool is_owned(const uint2& pair, const FloatSlot& a, const FloatSlot& b) const {
+    if constexpr (Owned) {
+      if (owns_contacts_of<kKind>(task, a)) return true;
+      const Sphere s{a.x, a.y, a.z, a.r}, t{b.x, b.y, b.z, b.r};
+      const bool swap = id_at<kKind>(task, pair.y) < id_at<kKind>(task, pair.x);
+      return owns(task.own, swap ? midpoint(t, s) : midpoint(s, t));
+    }
+    return true;
+  }
+
+  // What float is not sure of, by the distance.
   __device__ __forceinline__ bool exact_test(const uint2& pair, const FloatSlot& a,
                                              const FloatSlot& b) const {
     const Measured m = measured_of<kKind>(task, a, b);

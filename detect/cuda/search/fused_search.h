@@ -9,9 +9,9 @@
 namespace padder::detect::cuda {
 
 // As FusedQueue, the members must stay in registers.
-template <bool Stable, bool Hashed, bool Given>
-struct FusedSearch : FusedQueue<Stable, Given> {
-  using Queue = FusedQueue<Stable, Given>;
+template <bool Stable, bool Hashed, bool Given, bool Owned>
+struct FusedSearch : FusedQueue<Stable, Given, Owned> {
+  using Queue = FusedQueue<Stable, Given, Owned>;
   using Queue::address, Queue::below, Queue::kKind, Queue::kRoom, Queue::lane, Queue::make_room,
       Queue::memory, Queue::put, Queue::put_runs, Queue::slots, Queue::task, Queue::upto;
   const Grid& grid;

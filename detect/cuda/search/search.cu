@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "detect/cuda/output/compaction.h"
+#include "detect/cuda/output/record_writer.h"
 #include "detect/cuda/search/exact_test.h"
 #include "detect/cuda/search/launch.h"
 #include "detect/cuda/tuning.h"
@@ -50,7 +51,10 @@ struct SearchPlan {
 SearchPlan choose_family(const SearchTask& task, const Grid& grid, int processors) {
   SearchPlan plan;
   const Ordered& spheres = task.spheres;
-  if (spheres.count >= tuning::kFusedSpheres && spheres.float_levels && !task.test_all &&
+  // The fused search asks for the owner in the variant that several GPUs need most.
+  const bool owned =
+      task.only_owner && !task.stable_order && !task.rounded && record_kind(task) != RecordKind::from_given;
+  if (spheres.count >= tuning::kFusedSpheres && spheres.float_levels && (!task.test_all || owned) &&
       (task.output.scalar == Scalar::f32 || task.output.width == Width::pairs)) {
     plan.pairs = plan_level_pairs(grid, spheres.kind, true);
     if (plan.pairs.count > 0) plan.family = KernelFamily::fused_levels;

@@ -238,6 +238,36 @@ TEST_F(CudaResident, TagsAndStaticSpheresTravelToo) {
   EXPECT_EQ(resident.hash(), one.hash());
 }
 
+// Enough spheres for the search that fuses levels. Many midpoints lie on the faces of the regions.
+TEST_F(CudaResident, RegionsShareTheContactsOfManySpheresOfAllSizes) {
+  TestScene s = random_scene(200000, 30, 1, 71);
+  double edge = 0;
+  for (const Sphere& p : s.spheres) edge = std::max(edge, p.x);
+  const double face = std::floor(edge / 2);
+  for (int k = 0; k < 600; k++)
+    s.spheres.push_back({face - 2 * (k % 5), face - 2 * (k / 5 % 5), face - 2 * (k / 25), 1.0 + k % 2});
+  s = s.rounded();
+  const Arranged a(s, Scalar::f32);
+  for (const double margin : {0., 0.25}) {
+    CallOptions o;
+    o.order = Order::any, o.margin = margin;
+    Detector one = one_on_the_cpu(o), gpu(DeviceChoice{BackendKind::cuda});
+    const std::uint64_t wanted = one.detect(a.input).count;
+    ASSERT_GT(wanted, 100000u);
+    for (int call = 0; call < 3; call++) {
+      std::uint64_t count = 0, hash = 0;
+      for (int box = 0; box < 8; box++) {
+        o.own = {};
+        for (int c = 0; c < 3; c++) (box >> c & 1 ? o.own.low : o.own.high)[c] = face;
+        gpu.options() = o;
+        count += gpu.detect(a.input).count, hash += gpu.hash();
+      }
+      EXPECT_EQ(count, wanted);
+      EXPECT_EQ(hash, one.hash());
+    }
+  }
+}
+
 // Contacts that are only counted stay on the GPUs; those of bodies do not.
 TEST_F(CudaResident, CountingByBoxesGivesTheHashOfOneDetector) {
   const Arranged a(random_scene(60000, 4, 0.6, 51), Scalar::f64);

@@ -1,0 +1,78 @@
+// SPDX-License-Identifier: MIT
+// Spheres in the memory of one GPU, and how they come there: from host memory, or from another GPU. Internal.
+#pragma once
+#include <cstdint>
+
+#include "detect/cuda/boxes/deal.h"
+#include "detect/cuda/device/device.h"
+#include "detect/detector.h"
+
+namespace padder::detect::cuda {
+
+// Which arrays the spheres of a scene have. A part without families, say, has 0 for all.
+struct Form {
+  Scalar scalar = Scalar::f32;
+  bool family = false, mask = false, is_static = false;
+  std::uint64_t bytes_of_one() const {
+    return (scalar == Scalar::f32 ? 16u : 32u) + 8u + (family ? 4u : 0u) + (mask ? 4u : 0u) +
+           (is_static ? 1u : 0u);
+  }
+};
+
+// Spheres in the memory of one GPU, as arrays that grow together.
+class SphereArrays {
+ public:
+  explicit SphereArrays(MemoryBook& book)
+      : spheres_(book, "the spheres of a box"),
+        ids_(book, "the numbers of the spheres"),
+        family_(book, "the families"),
+        mask_(book, "the masks"),
+        is_static_(book, "the marks of static spheres") {}
+
+  void reserve(std::uint64_t count, const Form& form) {
+    spheres_.reserve((form.scalar == Scalar::f32 ? 16 : 32) * count), ids_.reserve(count);
+    if (form.family) family_.reserve(count);
+    if (form.mask) mask_.reserve(count);
+    if (form.is_static) is_static_.reserve(count);
+  }
+  DealTarget from(std::uint64_t first, const Form& form) const {
+    return {spheres_.data() + first * (form.scalar == Scalar::f32 ? 16 : 32), ids_.data() + first,
+            form.family ? family_.data() + first : nullptr, form.mask ? mask_.data() + first : nullptr,
+            form.is_static ? is_static_.data() + first : nullptr};
+  }
+  Spheres view(std::uint64_t first, std::uint64_t count, const Form& form) const {
+    const DealTarget at = from(first, form);
+    Spheres s;
+    s.count = count, s.scalar = form.scalar, s.memory = Memory::device;
+    s.centers = at.spheres, s.radii = static_cast<char*>(at.spheres) + (form.scalar == Scalar::f32 ? 12 : 24);
+    s.center_stride = s.radius_stride = 4;
+    s.family = at.family, s.mask = at.mask, s.is_static = at.is_static;
+    return s;
+  }
+
+ private:
+  Buffer<char> spheres_;
+  Buffer<std::uint64_t> ids_;
+  Buffer<std::uint32_t> family_, mask_;
+  Buffer<std::uint8_t> is_static_;
+};
+
+// Copies `count` spheres from one GPU to another. The stream is one of the GPU that gets them.
+void copy_to_peer(const DealTarget& to, int to_device, const DealTarget& from, int from_device,
+                  std::uint64_t count, Scalar scalar, cudaStream_t stream);
+
+// Spheres that came in host memory, on the GPU with the caller's strides.
+class Upload {
+ public:
+  explicit Upload(MemoryBook& book) : bytes_(book, "spheres from host memory") {}
+  // `s` as it is if it lies on the GPU; else its copy, which the stream makes.
+  Spheres run(const Spheres& s, cudaStream_t stream);
+
+ private:
+  Buffer<char> bytes_;
+};
+
+// Lets a GPU read the other's memory, where the machine can.
+void let_access(int device, int other);
+
+}  // namespace padder::detect::cuda
