@@ -38,7 +38,8 @@ struct Arguments {
 
 void declare(CLI::App& app, Arguments& a) {
   using padder::cli::whole;
-  app.add_option("SCENE", a.scene, "a scene (.json) with an object \"settle\": docs/detector/settle.md");
+  app.add_option("SCENE", a.scene, "a scene (.json) with an object \"settle\": docs/detector/settle.md")
+      ->check(padder::cli::no_mesh());
   app.add_option("-o", a.output,
                  "frames: .html for a page that plays, .npz or .vtp for NAME_0000 and so on; with --make the "
                  "scene")
