@@ -80,7 +80,8 @@ void declare(CLI::App& app, Arguments& a) {
       ->check(padder::cli::rung())
       ->capture_default_str()
       ->type_name("K|auto");
-  app.add_option("--make", a.make, "write a scene instead of settling one: silo, ball or track")
+  app.add_option("--make", a.make,
+                 "make the scene: silo, ball or track. -o FILE.json writes it, and anything else settles it")
       ->check(CLI::IsMember(padder::settle::scene_makers()))
       ->type_name("NAME");
   app.add_option("--count", a.count, "--make: grains of the silo and the track, bodies of the ball")
@@ -102,12 +103,13 @@ void declare(CLI::App& app, Arguments& a) {
 void check(const Arguments& a) {
   const std::string ending = fs::path(a.output).extension().string();
   if (!a.make.empty()) {
-    if (!a.scene.empty())
-      throw UsageError("--make writes a scene and settles none: leave " + a.scene + " out");
-    if (ending != ".json") throw UsageError("--make writes a scene: name it with -o FILE.json");
-    return;
+    if (!a.scene.empty()) throw UsageError("--make makes the scene: leave " + a.scene + " out");
+    if (ending == ".json") return;
+    if (a.output.empty())
+      throw UsageError("--make: name with -o what to write: FILE.json for the scene, FILE.html to settle it");
+  } else if (a.scene.empty()) {
+    throw UsageError("a scene is wanted");
   }
-  if (a.scene.empty()) throw UsageError("a scene is wanted");
   if (!a.output.empty() && ending != ".html" && ending != ".npz" && ending != ".vtp")
     throw UsageError("cannot tell what to write to " + a.output + ": end it with .html, .npz or .vtp");
   if (!a.checkpoint.empty() && fs::path(a.checkpoint).extension() != ".npz")
@@ -246,8 +248,15 @@ void show_progress(const Stepper& stepper, std::uint64_t last, bool end) {
                (unsigned long long)stepper.contacts(), end ? "\n" : "");
 }
 
+std::string made_scene(const Arguments& a, const fs::path& folder) {
+  return padder::settle::make_scene(a.make, {a.count, a.cluster, a.seed}, folder);
+}
+
 int settle(const Arguments& a) {
-  padder::settle::SettleScene scene = padder::settle::read_settle_scene(a.scene, detect::rung_rule(a.lod));
+  const detect::RungRule rule = detect::rung_rule(a.lod);
+  padder::settle::SettleScene scene =
+      a.make.empty() ? padder::settle::read_settle_scene(a.scene, rule)
+                     : padder::settle::settle_scene_from_json(made_scene(a, "."), a.make, ".", rule);
   using detect::BackendKind;
   const BackendKind backend = a.backend == "omp"    ? BackendKind::omp
                               : a.backend == "cuda" ? BackendKind::cuda
@@ -298,9 +307,8 @@ int settle(const Arguments& a) {
 
 int run(const Arguments& a) {
   check(a);
-  if (a.make.empty()) return settle(a);
-  const fs::path folder = fs::path(a.output).parent_path();
-  padder::write_file(a.output, padder::settle::make_scene(a.make, {a.count, a.cluster, a.seed}, folder));
+  if (a.make.empty() || fs::path(a.output).extension() != ".json") return settle(a);
+  padder::write_file(a.output, made_scene(a, fs::path(a.output).parent_path()));
   if (a.json)
     std::cout << Json{{"scene", a.make}, {"output", a.output}, {"count", a.count}, {"seed", a.seed}}.dump(2)
               << std::endl;
@@ -314,8 +322,9 @@ int run(const Arguments& a) {
 int main(int argc, char** argv) {
   CLI::App app(
       "Examples:\n"
-      "  settle --make silo --count 2000 -o silo.json            a scene: grains in a cylinder\n"
-      "  settle silo.json -o silo.html                           settled, as a page that plays\n"
+      "  settle --make silo --count 2000 -o silo.html            grains in a cylinder: a page that plays\n"
+      "  settle --make silo --count 2000 -o silo.json            the scene alone\n"
+      "  settle silo.json -o silo.vtp                            settled, for ParaView\n"
       "  settle silo.json --until-rest --checkpoint rest.npz     its state at rest, to go on from\n"
       "  settle silo.json --resume rest.npz --steps 1000 --json  goes on\n\n"
       "Moves grains and padded bodies by springs, dashpots and friction where the detector finds contacts.\n",

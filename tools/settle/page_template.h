@@ -80,7 +80,7 @@ for (let k = 0; k < n; k++) {
 }
 feed("colour", colours, 3, gl.UNSIGNED_BYTE, true);
 const size = head.high.map((h, a) => h - head.low[a]), reach = Math.hypot(...size);
-const target = head.low.map((l, a) => l + size[a] / 2), eye = {around: -1.05, above: 0.35, far: 0.95 * reach};
+const target = head.low.map((l, a) => l + size[a] / 2), eye = {around: -1.05, above: 0.35, far: 0.65 * reach};
 const bar = document.getElementById("time"), play = document.getElementById("play"), now = document.getElementById("now");
 bar.max = count - 1;
 let frame = 0, shownFrame = -1, playing = count > 1, dirty = true, last = 0;

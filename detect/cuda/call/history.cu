@@ -69,8 +69,12 @@ __global__ void __launch_bounds__(kThreads) match_near_kernel(const __grid_const
       while (atomicCAS(places + at, kEmpty, k) != kEmpty) at = (at + 1) % kPlaces;
     }
     __syncthreads();
-    const std::uint64_t from = first - min(first, std::uint64_t(kReach)),
-                        upto = min(first + count + kReach, t.before.count);
+    // Contacts come and go all over the list, so that the window's pairs stood where as large a part of the
+    // list before lies in front of them.
+    const auto stood = static_cast<std::uint64_t>(
+        static_cast<double>(first) * static_cast<double>(t.before.count) / static_cast<double>(t.now.count));
+    const std::uint64_t from = stood - min(stood, std::uint64_t(kReach)),
+                        upto = min(stood + count + kReach, t.before.count);
     for (std::uint64_t b = from + threadIdx.x; b < upto; b += kThreads) {
       const Pair p = t.before.pairs[b];
       for (std::uint32_t at = place_in_window(p), k; (k = places[at]) != kEmpty; at = (at + 1) % kPlaces) {

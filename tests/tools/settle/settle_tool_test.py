@@ -86,7 +86,10 @@ with tempfile.TemporaryDirectory() as folder:
 
     # Scenes made by the program.
     run("settle", "--make", "silo", "--count", 400, "-o", "silo.json")
-    assert report("silo.json", "--steps", 200)["grains"] == 400
+    from_file = report("silo.json", "--steps", 200)
+    at_once = report("--make", "silo", "--count", 400, "-o", "silo.html", "--steps", 200)
+    assert at_once["grains"] == 400 and at_once["state"] == from_file["state"] and os.path.exists("silo.html")
+    refused("name with -o what to write", "--make", "silo", code=2)
     if os.path.exists(os.path.join(BIN, "preview")):
         shown = run("preview", "silo.json", "-o", "silo.png", "--size", "64x32", "--samples", 1, "--json")
         assert json.loads(shown.stdout)["spheres"] == 400

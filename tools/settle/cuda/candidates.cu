@@ -101,7 +101,7 @@ struct Old {
 __global__ void __launch_bounds__(kThreads)
     number_kernel(const __grid_constant__ View v, KeyForm form, const Word* keys, Word count,
                   const std::uint32_t* starts, const std::uint32_t* partners, std::uint32_t* entries,
-                  detect::Pair* pairs, detect::Pair* movers, Vec3* springs, std::uint8_t* touched, Old old) {
+                  detect::Pair* pairs, detect::Pair* movers, Vec3* springs, Old old) {
   for (Word q = blockIdx.x * Word(kThreads) + threadIdx.x; q < count; q += Word(gridDim.x) * kThreads) {
     const std::uint32_t row = form.row(keys[q]), partner = form.partner(keys[q]);
     if (row >= form.spheres) continue;
@@ -112,8 +112,7 @@ __global__ void __launch_bounds__(kThreads)
     const std::uint32_t before = old.starts ? find_in_row(old.starts, old.partners, row, partner) : ~0u;
     pairs[entries[q]] = {row, partner};
     if (movers) movers[entries[q]] = {mover_of(v, row), partner < v.spheres ? mover_of(v, partner) : 0};
-    const Vec3 spring = before == ~0u ? Vec3{} : old.springs[old.entries[before]];
-    springs[entries[q]] = spring, touched[entries[q]] = spring != Vec3{};
+    springs[entries[q]] = before == ~0u ? Vec3{} : old.springs[old.entries[before]];
   }
 }
 
@@ -153,7 +152,6 @@ Candidates::Candidates(detect::cuda::MemoryBook& book)
       pairs_(book, "the candidates"),
       movers_(book, "the candidates"),
       pushes_(book, "the candidates"),
-      touched_(book, "the candidates"),
       keys_{{book, "the candidates"}, {book, "the candidates"}},
       counter_(book, "the candidates"),
       room_(book, "the candidates") {}
@@ -161,7 +159,7 @@ Candidates::Candidates(detect::cuda::MemoryBook& book)
 Rows Candidates::rows() const {
   const Memory& m = memory_[now_];
   return {count_,         pairs_.data(),   movers_.data(),  m.springs.data(),
-          pushes_.data(), touched_.data(), m.starts.data(), m.entries.data()};
+          pushes_.data(), m.starts.data(), m.entries.data()};
 }
 
 void Candidates::put(const View& view, std::span<const SpringMemory> pairs,
@@ -181,9 +179,6 @@ void Candidates::put(const View& view, std::span<const SpringMemory> pairs,
     springs.push_back(is_pair ? pair++->spring : wall++->spring);
   }
   copy_up(memory_[now_].springs.data(), springs);
-  std::vector<std::uint8_t> touched;
-  for (const Vec3& s : springs) touched.push_back(s != Vec3{});
-  copy_up(touched_.data(), touched);
 }
 
 void Candidates::get(std::vector<SpringMemory>& pairs, std::vector<SpringMemory>& walls,
@@ -230,13 +225,13 @@ void Candidates::sort_into_rows(std::uint64_t entries, const View& view, cudaStr
   cuda_check(cudaMemcpyAsync(&count_, numbers + entries, sizeof count_, cudaMemcpyDeviceToHost, stream),
              "count");
   cuda_check(cudaStreamSynchronize(stream), "count the candidates");
-  m.springs.reserve(count_), pairs_.reserve(count_), pushes_.reserve(count_), touched_.reserve(count_);
+  m.springs.reserve(count_), pairs_.reserve(count_), pushes_.reserve(count_);
   if (view.bodies) movers_.reserve(count_);
   rows_kernel<<<blocks_for(entries + 1), kThreads, 0, stream>>>(form, keys.Current(), entries, starts,
                                                                 partners);
-  number_kernel<<<blocks_for(entries), kThreads, 0, stream>>>(
-      view, form, keys.Current(), entries, starts, partners, numbers, pairs_.data(), movers_.data(),
-      m.springs.data(), touched_.data(), old);
+  number_kernel<<<blocks_for(entries), kThreads, 0, stream>>>(view, form, keys.Current(), entries, starts,
+                                                              partners, numbers, pairs_.data(),
+                                                              movers_.data(), m.springs.data(), old);
   cuda_launched("order the candidates");
 }
 

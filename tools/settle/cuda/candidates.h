@@ -39,7 +39,6 @@ class Candidates {
   Memory memory_[2];
   detect::cuda::Buffer<detect::Pair> pairs_, movers_;
   detect::cuda::Buffer<Push> pushes_;
-  detect::cuda::Buffer<std::uint8_t> touched_;
   detect::cuda::Buffer<unsigned long long> keys_[2], counter_;
   detect::cuda::Buffer<std::uint8_t> room_;  // of the sort and the scan
 };

@@ -42,8 +42,7 @@ struct Rows {
   const detect::Pair* pairs = nullptr;
   const detect::Pair* movers = nullptr;  // of each pair; null if there are no bodies
   Vec3* springs = nullptr;
-  Push* pushes = nullptr;
-  std::uint8_t* touched = nullptr;  // 0: they did not touch; the spring is 0, and the push is not written
+  Push* pushes = nullptr;  // a force of 0: they do not touch
   const std::uint32_t* starts = nullptr;
   const std::uint32_t* entries = nullptr;
 };
