@@ -147,6 +147,7 @@ double spheres_distance(const Part& a, const Part& b, const Eigen::Isometry3d& b
   double least = std::numeric_limits<double>::infinity();
   for (std::size_t j = 0; j < b.spheres.size(); j++) {
     const Point p = b_in_a * b.spheres.centers[j];
+    if ((p - a.center).norm() - a.radius - b.spheres.radii[j] >= least) continue;  // all of a is farther
     for (std::size_t i = 0; i < a.spheres.size(); i++)
       least = std::min(least, (a.spheres.centers[i] - p).norm() - a.spheres.radii[i] - b.spheres.radii[j]);
   }
