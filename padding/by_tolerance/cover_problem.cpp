@@ -5,10 +5,11 @@
 
 namespace padder {
 
-// Makes a tree of the points from `first` on. Many small trees would cost more than one.
+// Makes a tree of the points from `first` on. Many small trees would cost more than one, and so would building
+// the tree of the first points again: all later ones become one.
 void CoverProblem::add_group(std::size_t first) {
   constexpr std::size_t most_groups = 4;
-  if (groups_.size() == most_groups) groups_.clear(), first = 0;
+  if (groups_.size() == most_groups) first = groups_[1].first, groups_.resize(1);
   std::vector<Point> points;
   for (std::size_t k = first; k < points_.size(); k++) points.push_back(points_[k].point);
   groups_.push_back({first, std::make_shared<const PointTree>(std::move(points))});

@@ -103,6 +103,18 @@ TEST(Cover, CertificateSeesABallRemovedOrMoved) {
   }
 }
 
+// The search asks the first walls of a stack until nothing fails, and then all of them: the outermost, too.
+TEST(Cover, AStackOfWallsIsCoveredToTheLast) {
+  const Mesh walls = shapes::stack(shapes::square(0.4), 40, 0.08), nothing;
+  const Surface surface(walls, SideBy::winding, &nothing);
+  for (const int effort : {0, 1}) {
+    const Cover cover = cover_surface(surface, {.protrusion = 0.02, .gap = 0.02, .effort = effort});
+    EXPECT_TRUE(cover.proved) << effort;
+    EXPECT_TRUE(gap_failures(walls, BallSet(cover.balls), 0.02, 0.002).empty()) << effort;
+    EXPECT_LE(sampled_errors(surface, cover.balls, 3000).gap, 0.02) << effort;
+  }
+}
+
 TEST(Cover, SearchBeatsGreedy) {
   const Surface surface(unit(shapes::box({0, 0, 0}, {1, 0.6, 0.3})));
   const auto count = [&](int effort) {

@@ -343,7 +343,7 @@ TEST(Mend, CertifiedCoversHoldWhenSampled) {
     const Surface surface = r.surface(), input(mesh);
     const Culled culled = cull(surface, {.tolerance = e, .effort = 0});
     ASSERT_TRUE(culled.proved);
-    const Mesh solid = *r.solid;
+    const Mesh& solid = r.solid->mesh();
     for (const Ball& ball : culled.balls)
       for (int k = 0; k < 10; k++) {
         const Point x = ball.center + ball.radius * random.direction();
@@ -399,7 +399,7 @@ TEST(Mend, SameForAnyNumberOfThreads) {
   omp_set_num_threads(threads);
   EXPECT_EQ(one.mesh.points, three.mesh.points);
   EXPECT_EQ(one.mesh.triangles, three.mesh.triangles);
-  EXPECT_EQ(one.solid->triangles, three.solid->triangles);
+  EXPECT_EQ(one.solid->mesh().triangles, three.solid->mesh().triangles);
 }
 
 }  // namespace
