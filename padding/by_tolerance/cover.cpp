@@ -41,6 +41,8 @@ constexpr int kPlaces = 16;  // tried around each ball
 // How far from the place of a chosen ball, in turn: share of the radius of the disc that it covers.
 constexpr std::array step_sizes = {0.2, 0.3};
 constexpr int merge_moves = 2;
+// Balls that were tried stay to be chosen from while there are at most so many for each chosen one, and in all.
+constexpr std::size_t most_tried = 40, most_tried_in_all = 400'000;
 
 // While the certificate still finds spots, the first rounds try some places, too, and each searches less than
 // the round before.
@@ -376,8 +378,9 @@ class CoverSearch {
     return false;
   }
 
-  // Makes the next problem: the chosen balls, and new medial balls at places around theirs. The places lie up
-  // to a share of the covered disc's radius from the place of the chosen ball.
+  // Makes the next problem: what was tried, or the chosen balls alone where that is too much, and new medial
+  // balls at places around the chosen ones. The places lie up to a share of the covered disc's radius from the
+  // place of the chosen ball.
   void move(Attempt& attempt, int tries) const {
     const std::size_t n = attempt.chosen.size() * static_cast<std::size_t>(tries);
     const std::uint64_t seed = Random(++attempt.seed).next();
@@ -395,8 +398,11 @@ class CoverSearch {
     }
     std::vector<Candidate> fresh;
     for (const Sample& s : grown) propose(s.point, s.triangle, s.ball, fresh);
-    attempt.problem.keep(attempt.chosen);
-    std::iota(attempt.chosen.begin(), attempt.chosen.end(), 0u);
+    const std::size_t tried = attempt.problem.candidates().size();
+    if (tried > most_tried_in_all || tried > most_tried * attempt.chosen.size()) {
+      attempt.problem.keep(attempt.chosen);
+      std::iota(attempt.chosen.begin(), attempt.chosen.end(), 0u);
+    }
     attempt.problem.add({}, fresh);
   }
 

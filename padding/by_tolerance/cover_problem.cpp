@@ -58,13 +58,6 @@ void CoverProblem::keep(const std::vector<std::uint32_t>& candidates) {
   candidates_.swap(kept), covered_.swap(covered);
 }
 
-void CoverProblem::replace_points(const std::vector<CoverPoint>& points) {
-  points_ = points;
-  groups_.clear(), add_group(0);
-  covered_.assign(candidates_.size(), {});
-  find_covered(0, 0);
-}
-
 Sets CoverProblem::sets() const {
   Sets sets;
   std::size_t entries = 0;

@@ -43,6 +43,7 @@ class Neighbours {
   Neighbours(const Mesh& mesh, const std::vector<SamplePart>& parts)
       : normals_(parts.size()), areas_(parts.size()) {
     std::vector<Point> points(parts.size());
+#pragma omp parallel for schedule(static) if (parts.size() > 4096)
     for (std::size_t k = 0; k < parts.size(); k++) {
       const auto& c = parts[k].corner;
       points[k] = parts[k].centroid();
@@ -133,8 +134,13 @@ class Sampler {
     grow(parts, samples.grown);
     cut_finer(parts);
     const Neighbours near(surface_.mesh(), parts);
-    samples.coarse = choose_points(parts, near, options_.coarse_density);
-    samples.fine = choose_points(parts, near, options_.fine_density);
+#pragma omp parallel sections
+    {
+#pragma omp section
+      samples.coarse = choose_points(parts, near, options_.coarse_density);
+#pragma omp section
+      samples.fine = choose_points(parts, near, options_.fine_density);
+    }
     return samples;
   }
 

@@ -85,9 +85,9 @@ Mesh to_mesh(Soup& soup, const std::string& where, std::vector<std::string>& not
   return mesh;
 }
 
-void apply_units(ReadResult& result, const std::string& own, const ReadOptions& options,
-                 const std::string& where) {
+void apply_units(ReadResult& result, const ReadOptions& options, const std::string& where) {
   double factor = options.scale;
+  const std::string own = result.unit;
   result.unit = options.unit.empty() && options.scale == 1 ? own : options.unit;
   if (!options.unit.empty() && !own.empty() && own != options.unit) {
     factor *= metres.at(own) / metres.at(options.unit);
@@ -104,6 +104,23 @@ void apply_units(ReadResult& result, const std::string& own, const ReadOptions& 
 
 }  // namespace
 
+ReadResult reading::parse(std::string& bytes, const FilesBeside& beside, const std::filesystem::path& path,
+                          const std::string& ending) {
+  const std::string where = path.string();
+  ReadResult result;
+  if (ending == ".stl") check_stl(bytes, where, result.notes);
+  Soup soup = ending == ".obj"   ? read_obj(bytes, where)
+              : ending == ".off" ? read_off(bytes, where)
+              : ending == ".ply" ? read_ply(bytes, where)
+              : ending == ".3mf" ? read_3mf(bytes, where)
+                                 : read_scene(bytes, beside, path, ending);
+  bytes = {};
+  std::ranges::move(soup.notes, std::back_inserter(result.notes));
+  result.unit = soup.unit;
+  result.mesh = to_mesh(soup, where, result.notes);
+  return result;
+}
+
 const std::vector<std::string>& mesh_endings() {
   static const std::vector<std::string> endings = {".obj", ".stl", ".ply", ".off", ".gltf",
                                                    ".glb", ".fbx", ".dae", ".3ds", ".3mf"};
@@ -118,6 +135,7 @@ ReadResult read_mesh(const std::filesystem::path& path, const ReadOptions& optio
     throw Error("unit '" + options.unit + "' is not known: use m, cm, mm or in");
   const std::string ending = reading::lower_case(path.extension().string());
   if (std::ranges::find(mesh_endings(), ending) == mesh_endings().end()) {
+    if (std::error_code code; !std::filesystem::exists(path, code)) read_file(path);  // says so
     std::string known;
     for (const std::string& e : mesh_endings()) known += (known.empty() ? "" : ", ") + e;
     fail(where, (ending.empty() ? "it has no ending" : "no mesh format is known by the ending " + ending) +
@@ -125,31 +143,17 @@ ReadResult read_mesh(const std::filesystem::path& path, const ReadOptions& optio
   }
 
   std::string bytes = read_file(path);
-  ReadResult result;
-  result.source.file = path.filename().string();
-  result.source.sha256 = sha256(bytes);
+  Provenance source;
+  source.file = path.filename().string();
+  source.sha256 = sha256(bytes);
   if (bytes.empty()) fail(where, "the file is empty: export the mesh again");
-  Soup soup;
-  if (ending == ".obj") {
-    soup = reading::read_obj(bytes, where);
-  } else if (ending == ".off") {
-    soup = reading::read_off(bytes, where);
-  } else if (ending == ".ply") {
-    soup = reading::read_ply(bytes, where);
-  } else {
-    if (ending == ".stl") reading::check_stl(bytes, where, result.notes);
-    soup = reading::in_child(
-        [&] {
-          return ending == ".3mf" ? reading::read_3mf(bytes, where)
-                                  : reading::read_scene(bytes, path, ending);
-        },
-        bytes.size(), where);
-  }
-  std::ranges::move(soup.notes, std::back_inserter(result.notes));
-  bytes = {};
-  result.mesh = to_mesh(soup, where, result.notes);
+  reading::FilesBeside beside;
+  if (ending == ".gltf" || ending == ".glb") beside = reading::check_gltf(bytes, path, ending);
+  ReadResult result =
+      reading::in_child([&] { return reading::parse(bytes, beside, path, ending); }, bytes.size(), where);
+  result.source = std::move(source);
   result.source.triangles = result.mesh.triangles.size();
-  apply_units(result, soup.unit, options, where);
+  apply_units(result, options, where);
   return result;
 }
 

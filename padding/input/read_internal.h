@@ -4,11 +4,13 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <map>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "padding/asset/mesh.h"
+#include "padding/input/read.h"
 #include "padding/input/text.h"
 
 namespace padder {
@@ -35,6 +37,9 @@ struct Soup {
   void close_face() { ends.push_back(corners.size()); }
 };
 
+// Files in memory, by their path in normal form.
+using FilesBeside = std::map<std::filesystem::path, std::string>;
+
 // Throws when 32-bit indices do not suffice.
 void check_counts(std::uint64_t points, std::uint64_t triangles, const std::string& where);
 
@@ -42,15 +47,26 @@ Soup read_obj(std::string& bytes, const std::string& where);
 Soup read_off(const std::string& bytes, const std::string& where);
 Soup read_ply(const std::string& bytes, const std::string& where);
 Soup read_3mf(const std::string& bytes, const std::string& where);
-Soup read_scene(const std::string& bytes, const std::filesystem::path& path, const std::string& ending);
-
-// Calls `read` in a forked process and brings its soup (without lines) or its Error here. A crash, an abort,
-// an endless loop or endless memory there becomes one sentence here. The process has 30 s and 4 GiB, and more
-// for large files. Only the calling thread lives on in it, so `read` must not wait for another thread or use
-// OpenMP.
-Soup in_child(const std::function<Soup()>& read, std::size_t file_size, const std::string& where);
+// By assimp, which sees these bytes and these files, and opens nothing.
+Soup read_scene(const std::string& bytes, const FilesBeside& beside, const std::filesystem::path& path,
+                const std::string& ending);
 
 // Refuses faults for which assimp would give a wrong mesh. Mends the others and adds a note.
 void check_stl(std::string& bytes, const std::string& where, std::vector<std::string>& notes);
+// Refuses parts of a glTF that change its shape and that assimp would skip in silence. Returns the buffers
+// that lie beside it: those that are files, and in its folder or below.
+FilesBeside check_gltf(std::string_view bytes, const std::filesystem::path& path, const std::string& ending);
+
+// Mesh, unit and notes of the format that `ending` names. Reads no file. May change `bytes`.
+ReadResult parse(std::string& bytes, const FilesBeside& beside, const std::filesystem::path& path,
+                 const std::string& ending);
+
+// Calls `read` in a forked process and brings its mesh, unit and notes, or its Error, here. A crash, an
+// abort, an endless loop or endless memory there becomes one sentence here. The process has 30 s and 4 GiB,
+// and more for large files. It may take and give back memory and write to this process, and the kernel
+// refuses every other system call (on x86-64): it opens, reads, sends and starts nothing. Only the calling
+// thread lives on in it, so `read` must not wait for another thread or use OpenMP. It costs about a
+// millisecond.
+ReadResult in_child(const std::function<ReadResult()>& read, std::size_t file_size, const std::string& where);
 
 }  // namespace padder::reading

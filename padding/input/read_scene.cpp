@@ -5,21 +5,25 @@
 #include <assimp/postprocess.h>
 #include <assimp/scene.h>
 
-#include <assimp/DefaultIOSystem.h>
+#include <assimp/MemoryIOWrapper.h>
 #include <Eigen/Core>
 #include <Eigen/LU>
 #include <algorithm>
 #include <assimp/DefaultLogger.hpp>
+#include <assimp/IOSystem.hpp>
 #include <assimp/Importer.hpp>
 #include <assimp/LogStream.hpp>
 #include <utility>
 
 #include "padding/asset/excerpt.h"
+#include "padding/asset/file.h"
 #include "padding/asset/json.h"
 #include "padding/input/read_internal.h"
 
 namespace padder::reading {
 namespace {
+
+namespace fs = std::filesystem;
 
 // Collects what assimp says during an import; nothing of it is printed. assimp has one log for the whole
 // process, which here is the child.
@@ -47,58 +51,30 @@ std::string one_line(std::string text) {
   return excerpt(text, 200);
 }
 
-// Refuses a glTF with parts that change its shape and that assimp would skip in silence.
-void check_gltf(std::string_view bytes, const std::string& ending, const std::string& where) {
-  if (ending == ".glb") {  // a header of 12 bytes, then the length and the kind of the JSON, then the JSON
-    std::uint32_t length = 0;
-    if (bytes.size() < 20 || !bytes.starts_with("glTF") || bytes.substr(16, 4) != "JSON")
-      fail(where, "it is no binary glTF 2, or cut short: export it again");
-    for (std::size_t k = 4; k-- > 0;) length = length << 8 | static_cast<unsigned char>(bytes[12 + k]);
-    if (length > bytes.size() - 20) fail(where, "it is cut short: export it again");
-    bytes = bytes.substr(20, length);
-  }
-  using Json = nlohmann::json;
-  const Json json = parse_json<Json>(bytes, where);
-  const JsonPlace<Json> document(json, where);
-  const auto names = [&](const char* key) {
-    std::vector<std::string> out;
-    if (document.has(key))
-      for (std::size_t k = 0; k < document.at(key).size(); k++) out.push_back(document.at(key).at(k).text());
-    return out;
-  };
-  const auto harmless = [](std::string_view name) {  // only how it looks
-    return name.starts_with("KHR_materials_") || name.starts_with("KHR_texture_") ||
-           name.starts_with("EXT_texture_") || name.starts_with("KHR_lights_") || name.starts_with("KHR_xmp");
-  };
-  for (const std::string& name : names("extensionsRequired"))
-    if (!harmless(name))
-      fail(where,
-           "it needs the glTF extension '" + excerpt(name) + "', which is not read: export it without");
-  for (const std::string& name : names("extensionsUsed"))
-    if (name == "EXT_mesh_gpu_instancing" || name == "KHR_draco_mesh_compression" ||
-        name == "EXT_meshopt_compression")
-      fail(where, "it uses the glTF extension '" + name + "', which is not read: export it without");
-}
-
-// Files that a scene refers to. A pipe or a device among them would never end, and one outside of its folder
-// is none of its business: a scene that somebody else sends could show what is in it.
-class Files : public Assimp::DefaultIOSystem {
+// What assimp may open: the scene itself and the buffers of a glTF, from memory.
+class Files : public Assimp::IOSystem {
  public:
-  explicit Files(const std::filesystem::path& scene) : folder_(normal(scene).parent_path()) {}
-  bool Exists(const char* name) const override {  // assimp's own opens it to see
-    std::error_code code;
-    const std::filesystem::path within = normal(name).lexically_relative(folder_);
-    return !within.empty() && *within.begin() != ".." && std::filesystem::is_regular_file(name, code);
+  Files(const std::string& scene, const fs::path& path, const FilesBeside& beside)
+      : scene_(scene), path_(path.lexically_normal()), beside_(beside) {}
+  bool Exists(const char* name) const override { return bytes_of(name) != nullptr; }
+  char getOsSeparator() const override { return '/'; }
+  Assimp::IOStream* Open(const char* name, const char*) override {
+    const std::string* bytes = bytes_of(name);
+    return bytes ? new Assimp::MemoryIOStream(reinterpret_cast<const std::uint8_t*>(bytes->data()),
+                                              bytes->size())
+                 : nullptr;
   }
-  Assimp::IOStream* Open(const char* name, const char* mode) override {
-    return Exists(name) ? DefaultIOSystem::Open(name, mode) : nullptr;
-  }
+  void Close(Assimp::IOStream* file) override { delete file; }
 
  private:
-  static std::filesystem::path normal(const std::filesystem::path& path) {
-    return std::filesystem::absolute(path).lexically_normal();
+  const std::string* bytes_of(const char* name) const {
+    const fs::path path = fs::path(name).lexically_normal();
+    const auto at = beside_.find(path);
+    return path == path_ ? &scene_ : at != beside_.end() ? &at->second : nullptr;
   }
-  std::filesystem::path folder_;
+  const std::string& scene_;
+  const fs::path path_;
+  const FilesBeside& beside_;
 };
 
 // FBX says how many centimetres its unit has.
@@ -152,12 +128,62 @@ void add(const aiMesh& mesh, const Eigen::Matrix4d& place, double factor, const 
 
 }  // namespace
 
-Soup read_scene(const std::string& bytes, const std::filesystem::path& path, const std::string& ending) {
+FilesBeside check_gltf(std::string_view bytes, const fs::path& path, const std::string& ending) {
   const std::string where = path.string();
-  if (ending == ".gltf" || ending == ".glb") check_gltf(bytes, ending, where);
+  if (ending == ".glb") {  // a header of 12 bytes, then the length and the kind of the JSON, then the JSON
+    std::uint32_t length = 0;
+    if (bytes.size() < 20 || !bytes.starts_with("glTF") || bytes.substr(16, 4) != "JSON")
+      fail(where, "it is no binary glTF 2, or cut short: export it again");
+    for (std::size_t k = 4; k-- > 0;) length = length << 8 | static_cast<unsigned char>(bytes[12 + k]);
+    if (length > bytes.size() - 20) fail(where, "it is cut short: export it again");
+    bytes = bytes.substr(20, length);
+  }
+  using Json = nlohmann::json;
+  const Json json = parse_json<Json>(bytes, where);
+  const JsonPlace<Json> document(json, where);
+  const auto names = [&](const char* key) {
+    std::vector<std::string> out;
+    if (document.has(key))
+      for (std::size_t k = 0; k < document.at(key).size(); k++) out.push_back(document.at(key).at(k).text());
+    return out;
+  };
+  const auto harmless = [](std::string_view name) {  // only how it looks
+    return name.starts_with("KHR_materials_") || name.starts_with("KHR_texture_") ||
+           name.starts_with("EXT_texture_") || name.starts_with("KHR_lights_") || name.starts_with("KHR_xmp");
+  };
+  for (const std::string& name : names("extensionsRequired"))
+    if (!harmless(name))
+      fail(where,
+           "it needs the glTF extension '" + excerpt(name) + "', which is not read: export it without");
+  for (const std::string& name : names("extensionsUsed"))
+    if (name == "EXT_mesh_gpu_instancing" || name == "KHR_draco_mesh_compression" ||
+        name == "EXT_meshopt_compression")
+      fail(where, "it uses the glTF extension '" + name + "', which is not read: export it without");
+  FilesBeside beside;
+  if (!json.is_object() || !json.contains("buffers")) return beside;
+  for (const Json& buffer : json["buffers"]) {
+    const auto uri = buffer.is_object() ? buffer.find("uri") : buffer.end();
+    if (!buffer.is_object() || uri == buffer.end() || !uri->is_string()) continue;
+    const std::string name = *uri;
+    if (name.starts_with("data:") || name.find('\0') != name.npos) continue;
+    // A pipe or a device among them would never end, and one outside of its folder is none of its business: a
+    // scene that somebody else sends could show what is in it.
+    const fs::path file = (path.parent_path() / name).lexically_normal(),
+                   within = file.lexically_relative(path.lexically_normal().parent_path());
+    std::error_code code;
+    if (!within.empty() && *within.begin() != ".." && fs::is_regular_file(file, code) &&
+        !beside.contains(file))
+      beside[file] = read_file(file);
+  }
+  return beside;
+}
+
+Soup read_scene(const std::string& bytes, const FilesBeside& beside, const fs::path& path,
+                const std::string& ending) {
+  const std::string where = path.string();
   ImportLog log;
   Assimp::Importer importer;
-  importer.SetIOHandler(new Files(path));  // the importer owns it
+  importer.SetIOHandler(new Files(bytes, path, beside));  // the importer owns it
   importer.SetPropertyInteger(AI_CONFIG_PP_RVC_FLAGS,
                               aiComponent_NORMALS | aiComponent_TANGENTS_AND_BITANGENTS | aiComponent_COLORS |
                                   aiComponent_TEXCOORDS | aiComponent_BONEWEIGHTS | aiComponent_ANIMATIONS |
@@ -169,12 +195,7 @@ Soup read_scene(const std::string& bytes, const std::filesystem::path& path, con
     importer.SetPropertyBool(part, false);
   // ROS and Gazebo look at no up axis of COLLADA, and its files are made for them.
   importer.SetPropertyBool(AI_CONFIG_IMPORT_COLLADA_IGNORE_UP_DIRECTION, true);
-  // An STL is read from the bytes that were checked. A scene may refer to other files, so it is read by its
-  // path.
-  const bool alone = ending == ".stl";
-  const aiScene* scene = alone ? importer.ReadFileFromMemory(bytes.data(), bytes.size(),
-                                                             aiProcess_RemoveComponent, ending.c_str() + 1)
-                               : importer.ReadFile(where, aiProcess_RemoveComponent);
+  const aiScene* scene = importer.ReadFile(where, aiProcess_RemoveComponent);
   if (!scene || !scene->mRootNode)
     fail(where, "assimp cannot read it (" + one_line(importer.GetErrorString()) +
                     "): check that the file is whole, beside the files it refers to, and has the ending of "

@@ -16,10 +16,10 @@
 #include "padding/asset/file.h"
 #include "padding/import/import.h"
 #include "padding/import/readers.h"
-#include "padding/mjcf/mjcf.h"
 #include "padding/input/read.h"
 #include "padding/input/read_internal.h"
 #include "padding/input/urdf.h"
+#include "padding/mjcf/mjcf.h"
 #include "tests/fuzz/targets.h"
 
 namespace padder::fuzz {
@@ -62,13 +62,6 @@ fs::path put(std::string_view bytes, const char* name) {
   return folder() / name;
 }
 
-void check(const reading::Soup& soup) {
-  for (const std::uint32_t v : soup.corners)
-    if (v >= soup.points.size()) wrong("a corner names point " + std::to_string(v));
-  if (!std::ranges::is_sorted(soup.ends) || (!soup.ends.empty() && soup.ends.back() > soup.corners.size()))
-    wrong("faces end where there is no corner");
-}
-
 void check(const Mesh& mesh) {
   if (mesh.triangles.empty()) wrong("a mesh without triangles");
   for (const Point& p : mesh.points)
@@ -85,46 +78,55 @@ void check(const Cluster& c) {
       wrong("sphere " + std::to_string(k) + " is none");
 }
 
-template <reading::Soup (*Read)(const std::string&, const std::string&)>
-void read_soup(std::string_view bytes) {
-  expect_answer([&] { check(Read(std::string(bytes), "file")); });
-}
-void read_obj(std::string_view bytes) {
+// The formats that are read here, with the triangulation behind the reader; in this process, so that the
+// fuzzer sees which branches an input takes.
+template <const char* Ending>
+void read_format(std::string_view bytes) {
   expect_answer([&] {
     std::string own(bytes);
-    check(reading::read_obj(own, "file"));
+    check(reading::parse(own, {}, "file", Ending).mesh);
   });
 }
-void check_stl(std::string_view bytes) {
+constexpr char kObj[] = ".obj", kOff[] = ".off", kPly[] = ".ply", k3mf[] = ".3mf";
+
+// What is looked at before assimp sees the file.
+void check_before_assimp(std::string_view bytes) {
   expect_answer([&] {
     std::string own(bytes);
     std::vector<std::string> notes;
-    reading::check_stl(own, "file", notes);
+    if (bytes.starts_with("glTF"))
+      reading::check_gltf(bytes, "file", ".glb");
+    else if (bytes.starts_with("{"))
+      reading::check_gltf(bytes, "file", ".gltf");
+    else
+      reading::check_stl(own, "file", notes);
   });
 }
 
-// Whole files, with the triangulation behind the reader. The formats of assimp run in a child there: a crash
-// of assimp is a sentence here.
-template <const char* Name>
-void read_whole(std::string_view bytes) {
-  expect_answer([&] { check(read_mesh(put(bytes, Name)).mesh); });
-}
-constexpr char kObj[] = "a.obj", kStl[] = "a.stl", kGltf[] = "a.gltf", kGlb[] = "a.glb", kDae[] = "a.dae";
-
-void read_urdf_file(std::string_view bytes) {
-  expect_answer([&] {
-    Urdf urdf = read_urdf(put(bytes, "a.urdf"));
-    if (urdf.links.size() != urdf.model.bodies.size()) wrong("links and bodies differ in number");
-    keep_neighbours_apart(urdf);
-  });
+// Whole files by assimp, the format told by the first bytes. It runs in a child, where a crash of assimp is a
+// sentence; what comes back must be sound.
+void read_by_assimp(std::string_view bytes) {
+  const char* name = bytes.starts_with("glTF")       ? "a.glb"
+                     : bytes.starts_with("{")        ? "a.gltf"
+                     : bytes.starts_with("<")        ? "a.dae"
+                     : bytes.starts_with("Kaydara")  ? "a.fbx"
+                     : bytes.starts_with("; FBX")    ? "a.fbx"
+                     : bytes.starts_with("\x4d\x4d") ? "a.3ds"
+                                                     : "a.stl";
+  expect_answer([&] { check(read_mesh(put(bytes, name)).mesh); });
 }
 
-void read_mjcf_file(std::string_view bytes) {
+// Robots, and the spheres that such a file may hold instead.
+template <Urdf (*Read)(const std::filesystem::path&, const UrdfOptions&), const char* Name>
+void read_robot_file(std::string_view bytes) {
   expect_answer([&] {
-    const Urdf robot = read_mjcf(put(bytes, "a.xml"));
+    Urdf robot = Read(put(bytes, Name), {});
     if (robot.links.size() != robot.model.bodies.size()) wrong("links and bodies differ in number");
+    keep_neighbours_apart(robot);
   });
+  expect_answer([&] { importing::read_xml(std::string(bytes), "file"); });
 }
+constexpr char kUrdf[] = "a.urdf", kMjcf[] = "a.xml";
 
 void read_cluster_json(std::string_view bytes) {
   expect_answer([&] {
@@ -155,36 +157,39 @@ void read_loose(std::string_view bytes) {
   });
 }
 
-template <const char* Name>
-void import_file(std::string_view bytes) {
-  expect_answer([&] { check(read_spheres(put(bytes, Name))); });
+template <auto Read>
+void import_parts(std::string_view bytes) {
+  expect_answer([&] {
+    const std::string own(bytes);
+    for (const importing::Part& part : Read(own, "file"))
+      if (part.centers.size() != part.radii.size()) wrong("centres and radii differ in number");
+  });
 }
-constexpr char kCsv[] = "i.csv", kNpz[] = "i.npz", kVtp[] = "i.vtp", kYaml[] = "i.yaml", kXml[] = "i.xml",
-               kTxt[] = "i.txt";
 
-constexpr std::array<Target, 22> kReaders{{
-    {"obj", read_obj, ".obj"},
-    {"off", read_soup<reading::read_off>, ".off"},
-    {"ply", read_soup<reading::read_ply>, ".ply"},
-    {"3mf", read_soup<reading::read_3mf>, ".3mf"},
-    {"stl", check_stl, ".stl"},
-    {"obj_file", read_whole<kObj>, ".obj"},
-    {"stl_file", read_whole<kStl>, ".stl"},
-    {"gltf_file", read_whole<kGltf>, ".gltf"},
-    {"glb_file", read_whole<kGlb>, ".glb"},
-    {"dae_file", read_whole<kDae>, ".dae"},
-    {"urdf", read_urdf_file, ".urdf"},
-    {"mjcf_robot", read_mjcf_file, ".xml"},
+// Both readers of NumPy's archives, and all of lines of numbers.
+void read_npz(std::string_view bytes) {
+  read_loose<detect::loose_from_npz>(bytes), import_parts<importing::read_npz>(bytes);
+}
+void read_lines(std::string_view bytes) {
+  read_loose<detect::loose_from_csv>(bytes), import_parts<importing::read_csv>(bytes),
+      import_parts<importing::read_list>(bytes);
+}
+
+constexpr std::array<Target, 14> kReaders{{
+    {"obj", read_format<kObj>, ".obj"},
+    {"off", read_format<kOff>, ".off"},
+    {"ply", read_format<kPly>, ".ply"},
+    {"3mf", read_format<k3mf>, ".3mf"},
+    {"checks", check_before_assimp, ".stl .gltf .glb"},
+    {"assimp", read_by_assimp, ".stl .gltf .glb .dae .fbx .3ds"},
+    {"urdf", read_robot_file<read_urdf, kUrdf>, ".urdf .srdf"},
+    {"mjcf", read_robot_file<read_mjcf, kMjcf>, ".xml"},
     {"cluster", read_cluster_json, ".spheres.json"},
     {"scene", read_scene, ".scene.json"},
-    {"loose_npz", read_loose<detect::loose_from_npz>, ".npz"},
-    {"loose_csv", read_loose<detect::loose_from_csv>, ".csv"},
-    {"import_csv", import_file<kCsv>, ".csv"},
-    {"import_npz", import_file<kNpz>, ".npz"},
-    {"import_vtp", import_file<kVtp>, ".vtp"},
-    {"import_yaml", import_file<kYaml>, ".yaml .xrdf"},
-    {"import_xml", import_file<kXml>, ".xml .srdf .urdf"},
-    {"import_list", import_file<kTxt>, ".txt"},
+    {"npz", read_npz, ".npz"},
+    {"lines", read_lines, ".csv .txt"},
+    {"vtp", import_parts<importing::read_vtp>, ".vtp"},
+    {"yaml", import_parts<importing::read_yaml>, ".yaml .xrdf"},
 }};
 
 }  // namespace

@@ -24,7 +24,7 @@
 // - memory() is never above Options::memory_limit. A detector that was moved from has memory() 0, and throws.
 //
 // A failing sequence is replayed with as few calls as still fail, and told. Environment:
-//   PADDER_MODEL_SEQUENCES  how many; 125 with OpenMP, 5,000 with CUDA
+//   PADDER_MODEL_SEQUENCES  how many; 500 with OpenMP, 5,000 with CUDA
 //   PADDER_MODEL_SEED       of the first; drawn when not set, and printed. The k-th has this seed + k
 //   PADDER_MODEL_VERBOSE    prints every seed before it runs, and every step
 // PADDER_MODEL_SEQUENCES=1 PADDER_MODEL_SEED=s replays sequence s.
@@ -405,7 +405,7 @@ TEST(ModelOracle, TreeAndAllPairsAgree) {
 TEST_P(ModelTest, EveryCallIsThatOfAFreshDetector) {
   const std::uint64_t first = number_from("PADDER_MODEL_SEED", std::uint64_t(std::random_device{}()) << 16),
                       count =
-                          number_from("PADDER_MODEL_SEQUENCES", GetParam() == BackendKind::cuda ? 5000 : 125);
+                          number_from("PADDER_MODEL_SEQUENCES", GetParam() == BackendKind::cuda ? 5000 : 500);
   std::printf("seeds %llu to %llu\n", static_cast<unsigned long long>(first),
               static_cast<unsigned long long>(first + count - 1));
   std::fflush(stdout);

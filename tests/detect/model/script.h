@@ -14,9 +14,9 @@ inline std::size_t small_size(Dice& d) {
   return d.of<std::size_t>({0, 1, 2, 3, 7, 8, 9, 20, 31, 33, 63, 64, 65, 100, 129});
 }
 inline std::size_t usual_size(Dice& d) {
-  if (d.chance(0.4)) return small_size(d);
-  if (d.chance(0.6)) return d.of<std::size_t>({200, 255, 257, 400, 511, 513, 700, 1000, 1023, 1024, 1025});
-  if (d.chance(0.85)) return d.of<std::size_t>({1500, 2047, 2048, 2049, 2500, 4095, 4097});
+  if (d.chance(0.45)) return small_size(d);
+  if (d.chance(0.75)) return d.of<std::size_t>({200, 255, 257, 400, 511, 513, 700, 1000, 1023, 1024, 1025});
+  if (d.chance(0.95)) return d.of<std::size_t>({1500, 2047, 2048, 2049, 2500, 4095, 4097});
   return d.of<std::size_t>({6000, 8193, 16383, 16385});
 }
 inline std::size_t middle_size(Dice& d) {
@@ -46,7 +46,7 @@ class Script {
     const double kind = dice_.between(0, 1);
     with_loose_ = kind<0.85, with_bodies_ = kind> 0.4;
     revisions_ = dice_.chance(with_bodies_ ? 0.8 : 0.5);
-    size_ = dice_.chance(cuda_ ? 0.003 : 0) ? large_size : dice_.chance(0.006) ? middle_size : usual_size;
+    size_ = dice_.chance(cuda_ ? 0.003 : 0) ? large_size : dice_.chance(0.002) ? middle_size : usual_size;
     steps_ = size_ == usual_size ? 5 + dice_.index(9) : 4 + dice_.index(4);
     world_.floats = dice_.chance(0.6);
     form_.scalar = world_.floats && dice_.chance(0.7) ? Scalar::f32 : Scalar::f64;
@@ -79,7 +79,7 @@ class Script {
       std::fill_n(world_.center, 3, 0.0);
       call.moved.clear(), begin(), change_form(), call.form = form_;
     }
-    if (stages_cost() > 3e6) options_.path = call.options.path = Path::grid;
+    if (stages_cost() > 3e5) options_.path = call.options.path = Path::grid;
     if (spheres_.size() > 3000 && blurred()) options_.precision = call.options.precision = Precision::exact;
     decide(call);
     last_ = call.number;

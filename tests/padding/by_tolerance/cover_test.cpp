@@ -175,7 +175,7 @@ TEST(Cover, SameResultForAnyNumberOfThreads) {
 
 // Many balls: the blocks of one search run in parallel, and not the searches.
 TEST(Cover, LargeCoversAreTheSameForAnyNumberOfThreads) {
-  const double e = 0.0033;
+  const double e = 0.005;
   const Surface surface(unit(shapes::box({0, 0, 0}, {1, 0.6, 0.05})));
   const auto cover = [&](int threads) {
     omp_set_num_threads(threads);
@@ -184,7 +184,7 @@ TEST(Cover, LargeCoversAreTheSameForAnyNumberOfThreads) {
   const int before = omp_get_max_threads();
   const Cover one = cover(1), three = cover(3);
   omp_set_num_threads(before);
-  ASSERT_GT(one.balls.size(), 800u);
+  ASSERT_GT(one.balls.size(), 400u);  // three blocks of the search
   ASSERT_TRUE(one.proved);
   EXPECT_LE(protrusion_bound(surface, one.balls).max, e + 1e-15);
   EXPECT_LE(gap_bound(surface.mesh(), BallSet(one.balls), e).upper, e);

@@ -12,7 +12,7 @@ namespace padder::audit {
 class RandomMesh {
  public:
   explicit RandomMesh(std::uint64_t seed) : random_(seed) {
-    const int parts = 1 + below(4);
+    const int parts = 1 + below(3);
     const bool lattice = chance(0.4);  // faces that coincide, edges that meet
     for (int k = 0; k < parts; k++) place(lattice);
     for (int k = below(5); k > 0 && !chance(0.3); k--) damage();
@@ -34,7 +34,7 @@ class RandomMesh {
         return shapes::box({-1, -1, -1}, {1, 1, 1}, 1 + below(3));
       case 1:
         tell("ball");
-        return shapes::sphere(below(3));
+        return shapes::sphere(below(2));
       case 2:
         tell("ring");
         return shapes::torus(1, random_.uniform(0.2, 0.9), 6 + below(8), 4 + below(5));
