@@ -80,7 +80,9 @@ void keep_only(RungSpheres& made, const std::vector<std::uint32_t>& kept) {
   made = std::move(fewer);
 }
 
-CullOptions cull_options(const PadOptions& options, const Length& tolerance, double diagonal) {
+// The surface that closes a crack is as far from the input as the crack is wide, so the spheres may stand out
+// by so much less.
+CullOptions cull_options(const PadOptions& options, const Length& tolerance, double diagonal, double crack) {
   CullOptions c;
   c.tolerance = tolerance.absolute(diagonal) / diagonal;
   c.max_spheres = options.max_spheres;
@@ -89,7 +91,13 @@ CullOptions cull_options(const PadOptions& options, const Length& tolerance, dou
   if (options.each_error()) {
     c.only_protrusion = options.protrusion_used().absolute(diagonal) / diagonal;
     c.only_gap = options.gap_used().absolute(diagonal) / diagonal;
+  } else if (crack > 0 && c.tolerance > 0) {
+    if (c.max_spheres == 0 && c.balance == Balance::none && !(options.smooth > 0))
+      c.only_protrusion = c.only_gap = c.tolerance;
+    else
+      c.tolerance -= crack;
   }
+  if (c.only_protrusion) *c.only_protrusion -= crack;
   c.balance = options.balance, c.smooth = options.smooth, c.effort = options.effort;
   return c;
 }
@@ -139,7 +147,8 @@ RungSpheres make_spheres(const Job& job, const Length& tolerance, std::string& w
     why = "the spheres of the depth ratio stand out farther, or leave more open";
   } else {
     job.step("cull", 4);
-    CullOptions culling = cull_options(options, tolerance, job.frame.scale());
+    CullOptions culling = cull_options(options, tolerance, job.frame.scale(),
+                                       job.body.steps.crack_width);
     culling.tell = job.within_cull;
     // Below a sheet as given nothing bounds the balls: large ones would sag and stand out past its border.
     if (!job.surface.closed()) culling.max_radius = std::min(culling.max_radius, 0.05);

@@ -17,8 +17,9 @@
 namespace padder {
 namespace {
 
-// Border edges that lie closer than this share of the diagonal are one edge.
-constexpr double crack_width = 1e-4;
+// Border edges that lie closer than this share of the diagonal are one edge, but never farther apart than this
+// share of the tolerance: covers make up for the width of the cracks that were closed.
+constexpr double crack_width = 1e-4, crack_share = 0.25;
 // A hole as narrow as this share of the diagonal is closed however long it is.
 constexpr double narrow_hole = 1e-3;
 // An open piece is a solid with holes if the mean winding number of what is there, over what the patches
@@ -98,7 +99,10 @@ class Mender {
     for (const auto t : open) join(mesh_.triangles[t]);
     std::vector<DirectedEdge> missing = missing_edges(mesh_, open);
     std::vector<CrackTriangle> cracks;
-    if (options_.mode != RepairMode::sheet) cracks = close_cracks(mesh_, missing, crack_width * diagonal_);
+    if (options_.mode != RepairMode::sheet) {
+      const double share = options_.tolerance > 0 ? crack_share * options_.tolerance : diagonal_;
+      cracks = close_cracks(mesh_, missing, std::min(crack_width * diagonal_, share));
+    }
     for (const CrackTriangle& crack : cracks) join(crack.triangle);
 
     std::vector<std::uint32_t> group_of(mesh_.points.size(), kNone);

@@ -24,7 +24,8 @@ enum class RepairMode {
 struct RepairOptions {
   RepairMode mode = RepairMode::automatic;
   // The protrusion that a wrap must leave room for: it stands off the input by less, unless that needs an
-  // alpha below diagonal/600. Comes before `accuracy` and `alpha`. 0: none is promised.
+  // alpha below diagonal/600. Comes before `accuracy` and `alpha`. Cracks wider than a quarter of it are not
+  // closed. 0: none is promised.
   double tolerance = 0;
   double accuracy = 0;  // error asked for, which a wrap must not spoil; 0: diagonal/500
   // Radius of the ball that a wrap keeps out; 0: 2.75 times the accuracy, from diagonal/400 to diagonal/150.

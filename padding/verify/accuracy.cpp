@@ -155,9 +155,10 @@ Measured measure(const Mesh& input, const Repaired& body, const Surface& body_su
   a.protrusion_max = protrusion.max, a.protrusion_mean = protrusion.mean, a.protrusion_p95 = protrusion.p95;
   const ProtrusionBound bound = protrusion_bound(body_surface, balls);
   // What a wrap bridges counts as body, so it is no part of the bounds of the balls. It may lie as far from
-  // the input as the wrap does.
+  // the input as the wrap does. So may what closes a crack, but it counts as surface.
   for (const double standoff : body.standoff) a.wrap_distance = std::max(a.wrap_distance, standoff);
-  a.protrusion_bound = std::max({0.0, bound.max, a.wrap_distance}), m.outside = bound.outside;
+  a.protrusion_bound = std::max({0.0, bound.max + body.steps.crack_width, a.wrap_distance});
+  m.outside = bound.outside;
   a.protrusion_max = std::max(a.protrusion_max, a.protrusion_bound);
   if (bound.proved) a.proved_against = proved_against(body);
   a.normal_error_mean_deg = angle.mean, a.normal_error_p95_deg = angle.p95;

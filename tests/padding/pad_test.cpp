@@ -432,6 +432,33 @@ TEST(Pad, AWrapOfLooseTrianglesIsCertified) {
   }
 }
 
+// A box whose lid lies a little above the rim. What closes the crack is no part of the input, so the spheres may
+// stand out of the closed box by no more than the tolerance less the crack.
+TEST(Pad, TheWidthOfAClosedCrackIsTakenOffTheTolerance) {
+  const double crack = 1.5e-4, tolerance = 0.02;
+  Mesh mesh = shapes::box({0, 0, 0}, {1, 1, 1});
+  std::erase_if(mesh.triangles, [&](const auto& t) {
+    return std::all_of(t.begin(), t.end(), [&](auto v) { return mesh.points[v].z() == 1; });
+  });
+  mesh = joined(mesh, moved(shapes::square(1, 3), [&](Point p) { return Point(p.x(), p.y(), 1 + crack); }));
+  PadOptions whole, each, inner, few;
+  whole.tolerance = each.tolerance = inner.tolerance = few.tolerance = Length::of(tolerance);
+  each.gap = Length::of(0.03), inner.protrusion = Length::of(0), few.max_spheres = 1000;
+  for (PadOptions* options : {&whole, &each, &inner, &few}) {
+    options->effort = 0;
+    const Padded p = pad(as_file(mesh), *options);
+    const double allowed = options == &inner ? 0 : tolerance;
+    EXPECT_NEAR(p.report.steps.crack_width, crack, 1e-9);
+    EXPECT_TRUE(p.cluster.accuracy.certified) << p.report.reason;
+    EXPECT_LE(p.cluster.accuracy.protrusion_bound, allowed + 1e-9);
+    for (std::size_t k = 0; k < p.cluster.size(); k++) {
+      const Point &c = p.cluster.centers[k], far = Point(1, 1, 1 + crack) - c;
+      const double inside = std::min(c.minCoeff(), far.minCoeff());
+      EXPECT_LE(p.cluster.radii[k], inside + allowed - crack + 1e-9);
+    }
+  }
+}
+
 TEST(Pad, ASpikeWithoutAreaIsSurfaceToo) {
   Mesh mesh = shapes::box({0, 0, 0}, {1, 1, 1}, 2);
   const auto n = static_cast<std::uint32_t>(mesh.points.size());

@@ -316,6 +316,19 @@ TEST(Mend, CracksAndTJunctionsAreClosed) {
   }
 }
 
+TEST(Mend, CracksWiderThanAQuarterOfTheToleranceAreHoles) {
+  Mesh lid = shapes::square(1);
+  for (Point& p : lid.points) p.z() = 1 + 5e-5;
+  RepairOptions options;
+  const Mesh mesh = joined(without(kCube, [](const Point& p) { return p.z() == 1; }), lid);
+  for (const double tolerance : {2.1e-4, 1.9e-4}) {
+    options.tolerance = tolerance;
+    const Repaired r = mend(mesh, options).value();
+    EXPECT_EQ(r.steps.cracks > 0, tolerance > 2e-4);
+    EXPECT_EQ(r.patches.empty(), tolerance > 2e-4);
+  }
+}
+
 TEST(Mend, TrianglesWithoutAreaHoldTheSurfaceTogether) {
   // A point on the edge of a face, and a triangle without area that joins it to the face on the other side.
   Mesh mesh = shapes::box({0, 0, 0}, {1, 1, 1});
