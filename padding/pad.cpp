@@ -7,6 +7,7 @@
 #include <cstdio>
 #include <numbers>
 #include <numeric>
+#include <utility>
 
 #include "padding/asset/error.h"
 #include "padding/by_depth/refit.h"
@@ -345,6 +346,7 @@ Surface repaired_surface(const Mesh& input, RepairOptions options, const std::st
   constexpr int tries = 3;
   for (int k = 0; k < tries; k++, options.tolerance *= 0.9) {
     body = repair(input, options, name);
+    if (body.ready) return *std::exchange(body.ready, std::nullopt);
     if (body.kind != BodyKind::wrap) return body.surface();
     body.standoff = standoffs(body.mesh, Surface(input), 0.03 * (body.alpha + body.offset));
     if (tolerance > 0) report.slots = closed_slots(body.mesh, body.standoff, tolerance);

@@ -45,6 +45,17 @@ inline CLI::Validator whole() {
           ""};
 }
 
+// For programs that take spheres: people give them the mesh.
+inline CLI::Validator no_mesh() {
+  return {[](const std::string& text) {
+            for (const char* ending : {".obj", ".stl", ".ply", ".off", ".gltf", ".glb", ".dae", ".3mf"})
+              if (text.ends_with(ending))
+                return '"' + text + "\" is a mesh: make spheres of it first, with pad " + text;
+            return std::string();
+          },
+          ""};
+}
+
 // A level of detail: a whole number, or auto.
 inline CLI::Validator rung() {
   return {[](const std::string& text) {

@@ -31,7 +31,8 @@ void declare(CLI::App& app, Arguments& a, std::string& memory) {
   app.add_option("SCENE", a.scene,
                  "a scene (.json), a cluster (.spheres.json), or a file of spheres (.npy, .npz); - reads a "
                  "scene or a cluster from stdin")
-      ->required();
+      ->required()
+      ->check(padder::cli::no_mesh());
   app.add_option("--copies", a.copies, "of a cluster: a jittered pile of N bodies")
       ->check(CLI::Range(1u, 0xfffffffeu))
       ->type_name("N");

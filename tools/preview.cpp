@@ -10,6 +10,7 @@
 #include "padding/asset/file.h"
 #include "padding/view/page.h"
 #include "padding/view/picture.h"
+#include "tools/arguments.h"
 #include "tools/cli.h"
 #include "tools/colour_option.h"
 #include "tools/json_output.h"
@@ -41,7 +42,8 @@ void declare(CLI::App& app, Arguments& a) {
                                                   {"both", padder::Show::both},
                                                   {"side", padder::Show::side}};
   app.add_option("INPUT", a.input, "a cluster (.spheres.json) or a scene (.json); - reads it from stdin")
-      ->required();
+      ->required()
+      ->check(padder::cli::no_mesh());
   app.add_option("-o", a.output, "file to write: .html for a page, .png for a picture; - writes to stdout")
       ->required()
       ->type_name("FILE");

@@ -38,12 +38,16 @@ struct Arguments {
 
 void declare(CLI::App& app, Arguments& a) {
   using padder::cli::whole;
-  app.add_option("SCENE", a.scene, "a scene (.json) with an object \"settle\": docs/detector/settle.md");
+  app.add_option("SCENE", a.scene, "a scene (.json) with an object \"settle\": docs/detector/settle.md")
+      ->check(padder::cli::no_mesh());
   app.add_option("-o", a.output,
                  "frames: .html for a page that plays, .npz or .vtp for NAME_0000 and so on; with --make the "
                  "scene")
       ->type_name("FILE");
-  app.add_option("--frames", a.frames, "how many frames (default: 100 for a page, else the last state alone)")
+  app.add_option("--frames", a.frames,
+                 "how many frames (default: 100 for a page, fewer for more than a million spheres; else the "
+                 "last state "
+                 "alone)")
       ->check(whole())
       ->type_name("N");
   app.add_option("--steps", a.steps, "steps to take (default: the scene's duration)")
@@ -193,6 +197,10 @@ void print(const Json& r) {
               r["contacts"].get<unsigned long long>(), r["fastest"].get<double>(),
               r["penetration_ratio"].get<double>(), r["energy"]["kinetic"].get<double>(),
               r["at_rest"].get<bool>() ? "; at rest" : "");
+  if (r.contains("page"))
+    std::printf("%s: %llu frames, %llu spheres that can be seen, %.1f MB\n",
+                r["output"].get<std::string>().c_str(), r["frames"].get<unsigned long long>(),
+                r["page"]["spheres"].get<unsigned long long>(), r["page"]["bytes"].get<double>() / 1e6);
   std::printf("%.2f s (%s), of which %.2f s in %llu detections; state %s\n", seconds,
               r["backend"].get<std::string>().c_str(), detection, r["detections"].get<unsigned long long>(),
               r["state"].get<std::string>().c_str());
@@ -212,11 +220,14 @@ class Frames {
       padder::settle::write_frame(stepper, padder::settle::frame_path(a_.output, number_));
     number_++;
   }
-  void finish(const Stepper& stepper) const {
-    if (page()) movie_.write(title_, stepper.system(), a_.output);
+  void finish(const Stepper& stepper, Json& report) const {
+    if (a_.output.empty()) return;
+    report["frames"] = number_, report["output"] = a_.output;
+    if (!page()) return;
+    const auto written = movie_.write(title_, stepper.system(), a_.output);
+    report["page"] = {{"spheres", written.spheres}, {"bytes", written.bytes}};
   }
   bool page() const { return a_.output.ends_with(".html"); }
-  std::uint64_t number() const { return number_; }
 
  private:
   const Arguments& a_;
@@ -247,7 +258,10 @@ int settle(const Arguments& a) {
   if (!(whole < 1e15)) throw padder::Error("the duration is more than 10^15 steps long: give --steps");
   const std::uint64_t last = a.steps ? stepper.steps() + a.steps : static_cast<std::uint64_t>(whole);
   Frames frames(a, scene);
-  const std::uint64_t wanted = a.frames ? a.frames : frames.page() ? 100 : 1;
+  const std::uint64_t wanted = a.frames ? a.frames
+                               : frames.page()
+                                   ? padder::settle::Movie::usual_frames(stepper.system().spheres())
+                                   : 1;
   const std::uint64_t left = last > stepper.steps() ? last - stepper.steps() : 0;
   const std::uint64_t intervals = wanted > 1 ? wanted - 1 : 1;  // between frames
   // A look at the energies at least every hundredth of the run.
@@ -271,10 +285,10 @@ int settle(const Arguments& a) {
       frames.take(stepper), taken++;
   }
   w = guard.check(), rest = at_rest(stepper, w);
-  frames.take(stepper), frames.finish(stepper);
+  frames.take(stepper);
   if (!a.quiet) show_progress(stepper, last, true);
   Json report = report_of(stepper, scene.rungs, w, first_energy, rest);
-  if (!a.output.empty()) report["frames"] = frames.number(), report["output"] = a.output;
+  frames.finish(stepper, report);
   if (a.json)
     std::cout << report.dump(2) << std::endl;
   else if (!a.quiet)

@@ -8,7 +8,7 @@ packages_build=(g++ cmake ninja-build libeigen3-dev nlohmann-json3-dev libcli11-
                 libtinyobjloader-dev libssl-dev libpugixml-dev libyaml-cpp-dev zlib1g-dev libembree-dev libpng-dev
                 libfreetype-dev fonts-dejavu-core)
 packages_bench=(libbullet-dev libfcl-dev gnuplot-nox)  # Bullet and FCL: the oracle and the peers of benchmarks
-packages_consumers=(python3-vtk9 liggghts yade libmujoco-samples)  # they read what pad writes for them
+packages_consumers=(python3-vtk9 f3d xvfb xauth liggghts yade libmujoco-samples)  # they read what pad writes for them
 packages_mpi=(libopenmpi-dev openmpi-bin libtrilinos-zoltan-dev)  # detect as one of several ranks
 packages_test=(libgtest-dev dpkg-dev python3-nbclient python3-ipykernel python3 python3-jsonschema python3-dev python3-numpy python3-pytest python3-pip python3-yaml pybind11-dev patchelf
                libmujoco-dev liburdfdom-tools zsh fish groff-base clang libclang-rt-dev libomp-dev clang-tidy doxygen universal-ctags chromium chromium-driver "${packages_bench[@]}" "${packages_consumers[@]}" "${packages_mpi[@]}")

@@ -3,8 +3,12 @@
 // own messages show how it checks ("OR {0,1,2} FAILED") and not what to type.
 #pragma once
 #include <CLI/CLI.hpp>
+#include <algorithm>
+#include <functional>
+#include <numeric>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 namespace padder::cli {
@@ -90,10 +94,48 @@ inline std::string refused_value(std::string_view message, const CLI::Option& op
   return value;
 }
 
+// How many letters must be added, left out or changed to get from a to b (Levenshtein).
+inline std::size_t letters_between(std::string_view a, std::string_view b) {
+  std::vector<std::size_t> row(b.size() + 1);
+  std::iota(row.begin(), row.end(), std::size_t{0});
+  for (std::size_t i = 0; i < a.size(); i++) {
+    std::size_t diagonal = std::exchange(row[0], i + 1);
+    for (std::size_t j = 0; j < b.size(); j++) {
+      const std::size_t changed = diagonal + (a[i] != b[j]);
+      diagonal = row[j + 1];
+      row[j + 1] = std::min({changed, diagonal + 1, row[j] + 1});
+    }
+  }
+  return row.back();
+}
+
+// The option that was probably meant by `word`, of the app or of its subcommand; empty if none is near.
+inline std::string meant_by(const CLI::App& app, std::string word) {
+  word = word.substr(0, word.find('='));
+  const std::size_t letters = word.size() - std::min(word.size(), word.find_first_not_of('-'));
+  std::string best;
+  std::size_t least = word.size() + 20;
+  const std::function<void(const CLI::App&)> search = [&](const CLI::App& a) {
+    for (const CLI::Option* option : a.get_options())
+      for (const std::string& name : option->get_lnames()) {
+        const std::string whole = "--" + name;
+        const std::size_t between = letters_between(word, whole);
+        const bool near = between <= 1 + letters / 4 || (letters > 2 && whole.starts_with(word.substr(0, 5)));
+        if (near && between < least) best = whole, least = between;
+      }
+    for (const CLI::App* sub : a.get_subcommands()) search(*sub);
+  };
+  if (word.size() < 40) search(app);
+  return best;
+}
+
 inline std::string extra_sentence(const CLI::App& app) {
   const std::vector<std::string> extras = app.remaining(true);
   const std::string first = extras.empty() ? "" : extras.front();
-  if (first.starts_with("-")) return "there is no option " + in_quotes(first);
+  if (first.starts_with("-")) {
+    const std::string meant = meant_by(app, first);
+    return "there is no option " + in_quotes(first) + (meant.empty() ? "" : ": " + meant + " may be meant");
+  }
   std::vector<std::string> parts;
   for (const CLI::App* sub : app.get_subcommands([](const CLI::App*) { return true; }))
     parts.push_back(sub->get_name());
@@ -105,6 +147,10 @@ inline std::string extra_sentence(const CLI::App& app) {
 inline std::string usage_sentence(const CLI::App& app, const CLI::ParseError& error) {
   const std::string message = error.what();
   if (dynamic_cast<const CLI::ExtrasError*>(&error)) return extra_sentence(app);
+  if (dynamic_cast<const CLI::RequiredError*>(&error))
+    for (const CLI::Option* needed : app.get_options())
+      if (message.starts_with(needed->get_name() + " is required"))
+        return needed->get_name() + " is missing: " + needed->get_description();
   const CLI::Option* option = option_of(app, message);
   if (!option) return message;
   const std::string name = option->get_name();

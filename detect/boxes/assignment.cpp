@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 #include "detect/boxes/assignment.h"
 
+#include <sys/mman.h>
+
 #include <cstdio>
 #include <cstring>
 #include <string>
@@ -43,6 +45,15 @@ std::uint64_t drawn(std::uint64_t start, std::uint64_t step, std::uint64_t end) 
 }
 
 }  // namespace
+
+void prefer_large_pages(void* begin, std::uint64_t bytes) noexcept {
+  constexpr std::uintptr_t page = 4096, large = 2 << 20;
+  if (bytes < 2 * large) return;
+  const auto from = (reinterpret_cast<std::uintptr_t>(begin) + page - 1) / page * page;
+  const auto end = (reinterpret_cast<std::uintptr_t>(begin) + bytes) / page * page;
+  // Only advice: a system that cannot follow it fails, and nothing is lost.
+  (void)::madvise(reinterpret_cast<void*>(from), end - from, MADV_HUGEPAGE);
+}
 
 std::uint64_t BoxLoad::bytes() const {
   return single.bytes() + twice.bytes() + ids.bytes() + family.bytes() + mask.bytes() + world.bytes() +
@@ -222,7 +233,8 @@ void Assignment::prepare(BoxLoad& load, std::uint32_t box, const BoxTree& tree) 
 }
 
 template <class T>
-void Assignment::fill_loose(const BoxTree& tree, std::uint32_t first, std::span<BoxLoad> loads) const {
+void Assignment::fill_loose(const BoxTree& tree, std::uint32_t first, std::span<BoxLoad> loads,
+                            const Done& done) const {
   const Spheres& s = input_.spheres;
   const auto bounds = [&](std::uint64_t k) {
     return halo_of(given<T>(s, k).sphere(), largest_radius_, margin_);
@@ -243,7 +255,7 @@ void Assignment::fill_loose(const BoxTree& tree, std::uint32_t first, std::span<
     if (s.world) load.world.data()[place] = tag_of(s.world, k);
     if (s.is_static) load.is_static.data()[place] = s.is_static[k];
   };
-  loose_.deliver(first, first + static_cast<std::uint32_t>(loads.size()), tree, bounds, put, threads_);
+  loose_.deliver(first, first + static_cast<std::uint32_t>(loads.size()), tree, bounds, put, done, threads_);
 }
 
 void Assignment::fill_bodies(const BoxTree& tree, std::uint32_t first, std::span<BoxLoad> loads) const {
@@ -255,7 +267,9 @@ void Assignment::fill_bodies(const BoxTree& tree, std::uint32_t first, std::span
     load.bodies.data()[place] = input_.bodies[b],
     load.body_ids.data()[place] = numbering_.body_sphere + first_of_body_[b];
   };
-  bodies_.deliver(first, first + static_cast<std::uint32_t>(loads.size()), tree, bounds, put, threads_);
+  bodies_.deliver(
+      first, first + static_cast<std::uint32_t>(loads.size()), tree, bounds, put, [](std::uint32_t) {},
+      threads_);
   for (BoxLoad& load : loads) {
     load.first_of_body.assign(load.body_count + 1, 0);
     for (std::uint64_t b = 0; b < load.body_count; b++)
@@ -263,14 +277,15 @@ void Assignment::fill_bodies(const BoxTree& tree, std::uint32_t first, std::span
   }
 }
 
-void Assignment::fill(const BoxTree& tree, std::uint32_t first, std::span<BoxLoad> loads) const {
+void Assignment::fill(const BoxTree& tree, std::uint32_t first, std::span<BoxLoad> loads,
+                      const Done& done) const {
   for (std::size_t k = 0; k < loads.size(); k++)
     prepare(loads[k], first + static_cast<std::uint32_t>(k), tree);
-  if (input_.spheres.scalar == Scalar::f32)
-    fill_loose<float>(tree, first, loads);
-  else
-    fill_loose<double>(tree, first, loads);
   fill_bodies(tree, first, loads);
+  if (input_.spheres.scalar == Scalar::f32)
+    fill_loose<float>(tree, first, loads, done);
+  else
+    fill_loose<double>(tree, first, loads, done);
 }
 
 }  // namespace padder::detect

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Which spheres and bodies each box is given, and the copies that its detector reads. Internal.
 #pragma once
+#include <functional>
 #include <memory>
 #include <vector>
 
@@ -8,6 +9,10 @@
 #include "detect/boxes/halo.h"
 
 namespace padder::detect {
+
+// Asks the system for pages of 2 MiB in this memory, which nobody has touched. A page is cleared when it is
+// first touched: 512 times fewer interruptions.
+void prefer_large_pages(void* begin, std::uint64_t bytes) noexcept;
 
 // An array that grows without copying or clearing: its memory is first touched by the thread that fills it.
 template <class T>
@@ -18,6 +23,7 @@ class Scratch {
       data_ = nullptr;  // before its successor is there
       capacity_ = std::max<std::uint64_t>(n, 4);
       data_ = std::make_unique_for_overwrite<T[]>(capacity_);
+      prefer_large_pages(data_.get(), bytes());
     }
     return data_.get();
   }
@@ -96,8 +102,12 @@ class Assignment {
   std::uint64_t load_bytes(std::uint32_t box) const;  // of its BoxLoad
   std::uint64_t table_bytes() const { return bodies_.bytes() + loose_.bytes(); }
 
-  // Fills loads[0] for box `first`, and so on, of the tree that was counted with.
-  void fill(const BoxTree& tree, std::uint32_t first, std::span<BoxLoad> loads) const;
+  // Fills loads[0] for box `first`, and so on, of the tree that was counted with. Calls done(box) when the
+  // load of a box is complete, from several threads.
+  using Done = std::function<void(std::uint32_t box)>;
+  void fill(
+      const BoxTree& tree, std::uint32_t first, std::span<BoxLoad> loads,
+      const Done& done = [](std::uint32_t) {}) const;
 
  private:
   void read();
@@ -109,7 +119,7 @@ class Assignment {
   void count_loose(const BoxTree& tree, std::uint64_t table_bytes);
   void prepare(BoxLoad& load, std::uint32_t box, const BoxTree& tree) const;
   template <class T>
-  void fill_loose(const BoxTree& tree, std::uint32_t first, std::span<BoxLoad> loads) const;
+  void fill_loose(const BoxTree& tree, std::uint32_t first, std::span<BoxLoad> loads, const Done& done) const;
   void fill_bodies(const BoxTree& tree, std::uint32_t first, std::span<BoxLoad> loads) const;
 
   Input input_;

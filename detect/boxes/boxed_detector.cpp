@@ -4,9 +4,12 @@
 #include <omp.h>
 
 #include <algorithm>
-#include <atomic>
+#include <condition_variable>
 #include <cstring>
+#include <deque>
 #include <exception>
+#include <mutex>
+#include <optional>
 #include <string>
 #include <thread>
 
@@ -37,23 +40,53 @@ void append(std::vector<char>& to, const void* from, std::uint64_t bytes) {
   if (from) to.insert(to.end(), static_cast<const char*>(from), static_cast<const char*>(from) + bytes);
 }
 
-// Whatever the consumer or a device throws first.
-class FirstFailure {
+// The boxes of a round. Each is taken when its load is complete, while others are still being copied.
+class ReadyBoxes {
  public:
-  void keep() {
+  // Device d begins with box d of the round, so that a stepping scene finds it with the plans of the call
+  // before; whoever is done takes any other box.
+  ReadyBoxes(std::uint32_t boxes, std::uint32_t devices) : first_ready_(devices), left_(boxes - devices) {}
+
+  void add(std::uint32_t box) {
+    const std::lock_guard lock(mutex_);
+    if (box < first_ready_.size())
+      first_ready_[box] = true;
+    else
+      others_.push_back(box);
+    changed_.notify_all();
+  }
+  // These wait. False or none: there is no further box, or somebody failed.
+  bool first_of(std::uint32_t device) {
+    std::unique_lock lock(mutex_);
+    changed_.wait(lock, [&] { return failure_ || first_ready_[device]; });
+    return !failure_;
+  }
+  std::optional<std::uint32_t> next() {
+    std::unique_lock lock(mutex_);
+    changed_.wait(lock, [&] { return failure_ || left_ == 0 || !others_.empty(); });
+    if (failure_ || left_ == 0) return {};
+    const std::uint32_t box = others_.front();
+    others_.pop_front();
+    if (--left_ == 0) changed_.notify_all();
+    return box;
+  }
+  // Keeps the exception in flight if it is the first.
+  void fail() {
     const std::lock_guard lock(mutex_);
     if (!failure_) failure_ = std::current_exception();
-    stop_ = true;
+    changed_.notify_all();
   }
-  bool stop() const { return stop_; }
   void rethrow() const {
     if (failure_) std::rethrow_exception(failure_);
   }
 
  private:
   std::mutex mutex_;
+  std::condition_variable changed_;
+  std::vector<bool> first_ready_;  // of each device
+  std::deque<std::uint32_t> others_;
+  std::uint32_t left_;  // of the others, not taken
   std::exception_ptr failure_;
-  std::atomic<bool> stop_ = false;
 };
 
 }  // namespace
@@ -104,7 +137,7 @@ class BoxedDetector::Work {
   double excess(const Assignment& assignment) const;
   double expected_imbalance(const Assignment& assignment) const;
   void rounds(const Assignment& assignment, const ContactConsumer& consumer);
-  void run_round(std::uint32_t first, std::uint32_t count, Delivery& delivery);
+  void run_round(const Assignment& assignment, std::uint32_t first, std::uint32_t count, Delivery& delivery);
   CallOptions options_of(const DeviceWorker& worker) const;
   void note_memory(const Assignment& assignment);
   void finish(const Assignment& assignment);
@@ -240,15 +273,11 @@ void BoxedDetector::Work::rounds(const Assignment& assignment, const ContactCons
           " spheres, and the " + std::to_string(bytes) +
           " bytes of their copies do not fit into the memory limit: many spheres meet at one place, so "
           "raise the limit");
-    const double start = now();
     if (options_.memory_limit) loads_.clear();  // gives back what the round before held
     loads_.resize(std::max<std::size_t>(loads_.size(), last - first));
-    assignment.fill(tree_, first, {loads_.data(), last - first});
-    const double copied = now();
-    run_round(first, last - first, delivery);
-    report_.copy_seconds += copied - start, report_.detect_seconds += now() - copied, report_.rounds++;
+    run_round(assignment, first, last - first, delivery);
     note_memory(assignment);
-    first = last;
+    report_.rounds++, first = last;
   }
 }
 
@@ -262,27 +291,45 @@ CallOptions BoxedDetector::Work::options_of(const DeviceWorker& worker) const {
   return o;
 }
 
-// Device d begins with box d of the round, so that a stepping scene finds it with the plans of the call
-// before; whoever is done takes the next box.
-void BoxedDetector::Work::run_round(std::uint32_t first, std::uint32_t count, Delivery& delivery) {
+// Copies the boxes of a round and detects them. GPUs begin while others are still being copied; detectors on
+// the CPU would only take the processors from the copying.
+void BoxedDetector::Work::run_round(const Assignment& assignment, std::uint32_t first, std::uint32_t count,
+                                    Delivery& delivery) {
   const auto devices = static_cast<std::uint32_t>(std::min<std::size_t>(workers_.size(), count));
-  std::atomic<std::uint32_t> next = devices;
-  FirstFailure failure;
+  ReadyBoxes ready(count, devices);
+  const double start = now();
+  double copied = start;
+  const auto copy = [&] {
+    try {
+      assignment.fill(tree_, first, {loads_.data(), count},
+                      [&](std::uint32_t box) { ready.add(box - first); });
+    } catch (...) {
+      ready.fail();
+    }
+    copied = now();
+  };
   const int converting = std::max(1, threads() / static_cast<int>(workers_.size()));
   const auto work = [&](std::uint32_t d) {
     try {
       const CallOptions options = options_of(*workers_[d]);
-      for (std::uint32_t k = d; k < count && !failure.stop(); k = next++)
-        results_[first + k] = workers_[d]->run(loads_[k], first + k, options, converting, delivery);
+      std::optional<std::uint32_t> k;
+      if (ready.first_of(d)) k = d;
+      for (; k; k = ready.next())
+        results_[first + *k] = workers_[d]->run(loads_[*k], first + *k, options, converting, delivery);
     } catch (...) {
-      failure.keep();
+      ready.fail();
     }
   };
   std::vector<std::jthread> others;
+  if (on_host_ > 0)
+    copy();
+  else
+    others.emplace_back(copy);
   for (std::uint32_t d = 1; d < devices; d++) others.emplace_back(work, d);
   work(0);
   others.clear();  // waits for them
-  failure.rethrow();
+  ready.rethrow();
+  report_.copy_seconds += copied - start, report_.detect_seconds += now() - copied;
 }
 
 void BoxedDetector::Work::note_memory(const Assignment& assignment) {

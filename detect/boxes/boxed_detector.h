@@ -44,7 +44,8 @@ struct BoxReport {
   bool cut = false;                // space was cut anew in this call
   double imbalance = 0;            // work of the box with the most over the mean; work: spheres plus contacts
   std::uint64_t memory = 0;        // bytes held at most, where BoxOptions::memory_limit counts
-  double cut_seconds = 0, copy_seconds = 0, detect_seconds = 0;  // wall time of the three parts
+  // Wall time of the three parts. GPUs detect while other boxes are copied: what detection takes beyond that.
+  double cut_seconds = 0, copy_seconds = 0, detect_seconds = 0;
 };
 
 // Keeps its cut, its detectors and their memory from call to call: spheres may move in between. Boxes are cut

@@ -4,6 +4,7 @@
 // The result does not depend on the number of threads. Internal.
 #pragma once
 #include <algorithm>
+#include <atomic>
 #include <cstdint>
 #include <utility>
 #include <vector>
@@ -30,14 +31,16 @@ class Distribution {
     weights_.assign(boxes_, 0);
 #pragma omp parallel num_threads(threads)
     {
-      std::vector<std::uint64_t> weights(boxes_, 0);
+      // A thread's own: in the table threads would write to one cache line in turn, at every item.
+      std::vector<std::uint64_t> weights(boxes_, 0), counts(boxes_);
 #pragma omp for schedule(dynamic) nowait
       for (std::int64_t block = 0; block < static_cast<std::int64_t>(blocks_); block++) {
-        std::uint64_t* const counts = &first_[static_cast<std::uint64_t>(block) * boxes_];
+        std::ranges::fill(counts, 0);
         each_item(static_cast<std::uint64_t>(block), [&](std::uint64_t k) {
           tree.each_box(bounds_of(k),
                         [&](std::uint32_t box) { counts[box]++, weights[box] += weight_of(k); });
         });
+        std::ranges::copy(counts, &first_[static_cast<std::uint64_t>(block) * boxes_]);
       }
 #pragma omp critical(padder_boxes_weights)
       for (std::uint32_t b = 0; b < boxes_; b++) weights_[b] += weights[b];
@@ -54,11 +57,16 @@ class Distribution {
 
   // Calls put(k, box, place) for each item k of the boxes from `first` to before `last`, where `place` is the
   // item's place in the list of its box. Blocks of items without any for these boxes are not looked at.
-  // `tree` and bounds_of must be those that were counted with; put is called from several threads.
-  template <class BoundsOf, class Put>
+  // `tree` and bounds_of must be those that were counted with. Calls done(box) when the box has all of its
+  // items, which is early where neighbours in space have neighbouring numbers. put and done are called from
+  // several threads.
+  template <class BoundsOf, class Put, class Done>
   void deliver(std::uint32_t first, std::uint32_t last, const BoxTree& tree, const BoundsOf& bounds_of,
-               const Put& put, int threads) const {
+               const Put& put, const Done& done, int threads) const {
     const Region around = around_all(first, last, tree);
+    std::vector<std::atomic<std::uint64_t>> missing(last - first);
+    for (std::uint32_t box = first; box < last; box++)
+      if ((missing[box - first] = count_of(box)) == 0) done(box);
 #pragma omp parallel num_threads(threads)
     {
       std::vector<std::uint64_t> place(last - first);
@@ -74,6 +82,9 @@ class Distribution {
             if (box >= first && box < last) put(k, box, place[box - first]++);
           });
         });
+        for (std::uint32_t box = first; box < last; box++)
+          if (const std::uint64_t put_now = place[box - first] - from[box]; put_now > 0)
+            if (missing[box - first].fetch_sub(put_now) == put_now) done(box);
       }
     }
   }

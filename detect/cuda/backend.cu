@@ -31,7 +31,7 @@ class Work {
       return options.path == Path::grid &&
              (options.bodies == Bodies::first || (options.bodies == Bodies::automatic && automatic_first_));
     };
-    const bool known = bodies_.knows(input, options) && bodies_first_wanted();
+    const bool known = bodies_.knows(input) && bodies_first_wanted();
     check_input(input, true, known || worlds_.knows(input));
     const bool worlds =
         options.path == Path::grid && (loose_have_worlds(input) || (!known && have_worlds(input)));

@@ -2,7 +2,6 @@
 #include "detect/mpi/exchange.h"
 
 #include <algorithm>
-#include <cstring>
 
 #include "detect/mpi/together.h"
 #include "padding/asset/error.h"
@@ -10,40 +9,28 @@
 namespace padder::detect {
 namespace {
 
-constexpr std::uint64_t kUnit = 64;  // bytes: MPI counts in int, and so a message may have 128 GiB
-constexpr int kTag = 7;
+constexpr std::uint64_t kMostBytes = 1 << 30;  // of a message: MPI counts in int
 
-using Bytes = std::vector<char>;
-
-// Calls use(array, count, bytes of one) for each array of a load: what is sent, and in this order.
-template <class Load, class Use>
-void each_array(const LoadForm& form, Load& load, const Use& use) {
-  if (form.scalar == Scalar::f32)
-    use(load.single, 4 * load.loose);
-  else
-    use(load.twice, 4 * load.loose);
-  use(load.ids, load.loose);
-  if (form.has_family) use(load.family, load.loose);
-  if (form.has_mask) use(load.mask, load.loose);
-  if (form.has_static) use(load.is_static, load.loose);
-  use(load.bodies, load.body_count);
-  use(load.body_ids, load.body_count);
-}
-
-template <class T>
-std::uint64_t bytes_of(const Scratch<T>&, std::uint64_t count) {
-  return (count * sizeof(T) + 15) / 16 * 16;  // every array begins where any type may
-}
-
-struct Head {
-  std::uint64_t loose, bodies, body_spheres, unused;
+// How much of each kind a load has. Also where a load begins in the joined one.
+struct Sizes {
+  unsigned long long loose = 0, bodies = 0, body_spheres = 0;
 };
 
-std::uint64_t bytes_of(const LoadForm& form, BoxLoad& load) {
-  if (load.loose == 0 && load.body_count == 0) return 0;
-  std::uint64_t sum = sizeof(Head);
-  each_array(form, load, [&](auto& array, std::uint64_t count) { sum += bytes_of(array, count); });
-  return (sum + kUnit - 1) / kUnit * kUnit;
+// Calls use(array of a, array of b, numbers for each item, the items' member of Sizes) for each array that is
+// sent, in the same order on all ranks.
+template <class Use>
+void each_array(const LoadForm& form, BoxLoad& a, BoxLoad& b, const Use& use) {
+  const auto loose = &Sizes::loose, bodies = &Sizes::bodies;
+  if (form.scalar == Scalar::f32)
+    use(a.single, b.single, 4, loose);
+  else
+    use(a.twice, b.twice, 4, loose);
+  use(a.ids, b.ids, 1, loose);
+  if (form.has_family) use(a.family, b.family, 1, loose);
+  if (form.has_mask) use(a.mask, b.mask, 1, loose);
+  if (form.has_static) use(a.is_static, b.is_static, 1, loose);
+  use(a.bodies, b.bodies, 1, bodies);
+  use(a.body_ids, b.body_ids, 1, bodies);
 }
 
 // Gives a load the arrays that the form asks for: a rank without families, say, has 0 for all.
@@ -59,77 +46,14 @@ void complete(const LoadForm& form, BoxLoad& load) {
   load.scalar = form.scalar;
 }
 
-Bytes packed(const LoadForm& form, BoxLoad& load) {
-  Bytes bytes(bytes_of(form, load));
-  if (bytes.empty()) return bytes;
-  const Head head{load.loose, load.body_count, load.body_spheres, 0};
-  std::memcpy(bytes.data(), &head, sizeof head);
-  char* at = bytes.data() + sizeof head;
-  each_array(form, load, [&](auto& array, std::uint64_t count) {
-    if (count) std::memcpy(at, array.data(), count * sizeof *array.data());
-    at += bytes_of(array, count);
-  });
-  return bytes;
-}
-
-// Where the next load is copied to in the joined one.
-struct Place {
-  std::uint64_t loose = 0, bodies = 0;
-};
-
-template <class T>
-void append(Scratch<T>& to, std::uint64_t place, const void* from, std::uint64_t count) {
-  if (count) std::memcpy(to.data() + place, from, count * sizeof(T));
-}
-
-void append_packed(const LoadForm& form, const Bytes& bytes, BoxLoad& to, Place& place) {
-  if (bytes.empty()) return;
-  Head head;
-  std::memcpy(&head, bytes.data(), sizeof head);
-  const char* at = bytes.data() + sizeof head;
-  const auto take = [&](auto& array, std::uint64_t before, std::uint64_t count) {
-    append(array, before, at, count);
-    at += bytes_of(array, count);
-  };
-  if (form.scalar == Scalar::f32)
-    take(to.single, 4 * place.loose, 4 * head.loose);
-  else
-    take(to.twice, 4 * place.loose, 4 * head.loose);
-  take(to.ids, place.loose, head.loose);
-  if (form.has_family) take(to.family, place.loose, head.loose);
-  if (form.has_mask) take(to.mask, place.loose, head.loose);
-  if (form.has_static) take(to.is_static, place.loose, head.loose);
-  take(to.bodies, place.bodies, head.bodies);
-  take(to.body_ids, place.bodies, head.bodies);
-  place.loose += head.loose, place.bodies += head.bodies;
-}
-
-void append_own(const LoadForm& form, const BoxLoad& from, BoxLoad& to, Place& place) {
-  if (form.scalar == Scalar::f32)
-    append(to.single, 4 * place.loose, from.single.data(), 4 * from.loose);
-  else
-    append(to.twice, 4 * place.loose, from.twice.data(), 4 * from.loose);
-  append(to.ids, place.loose, from.ids.data(), from.loose);
-  if (form.has_family) append(to.family, place.loose, from.family.data(), from.loose);
-  if (form.has_mask) append(to.mask, place.loose, from.mask.data(), from.loose);
-  if (form.has_static) append(to.is_static, place.loose, from.is_static.data(), from.loose);
-  append(to.bodies, place.bodies, from.bodies.data(), from.body_count);
-  append(to.body_ids, place.bodies, from.body_ids.data(), from.body_count);
-  place.loose += from.loose, place.bodies += from.body_count;
-}
-
-// Gives the joined load room for what all ranks sent.
-void make_room(const LoadForm& form, const std::vector<Bytes>& got, const BoxLoad& own, BoxLoad& to) {
+// Gives the joined load room for `all`.
+void make_room(const LoadForm& form, const Sizes& all, BoxLoad& to) {
   to.scalar = form.scalar;
   to.has_family = form.has_family, to.has_mask = form.has_mask, to.has_static = form.has_static;
-  to.loose = own.loose, to.body_count = own.body_count, to.body_spheres = own.body_spheres;
-  for (const Bytes& b : got) {
-    if (b.empty()) continue;
-    Head head;
-    std::memcpy(&head, b.data(), sizeof head);
-    to.loose += head.loose, to.body_count += head.bodies, to.body_spheres += head.body_spheres;
-  }
-  each_array(form, to, [](auto& array, std::uint64_t count) { array.at_least(count); });
+  to.loose = all.loose, to.body_count = all.bodies, to.body_spheres = all.body_spheres;
+  each_array(form, to, to, [&](auto& array, auto&, std::uint64_t width, auto items) {
+    array.at_least(width * all.*items);
+  });
   to.first_of_body.assign(to.body_count + 1, 0);
 }
 
@@ -138,56 +62,83 @@ void number_bodies(BoxLoad& load) {
     load.first_of_body[b + 1] = load.first_of_body[b] + load.shapes[load.bodies.data()[b].shape].count;
 }
 
+template <class T>
+void copy(const T* from, std::uint64_t count, T* to, int threads) {
+#pragma omp parallel for schedule(static) num_threads(threads) if (count > 1 << 16)
+  for (std::uint64_t k = 0; k < count; k++) to[k] = from[k];
+}
+
+// Messages to and from one other rank, which do not wait.
+class Messages {
+ public:
+  Messages(MPI_Comm ranks, std::size_t other, std::vector<MPI_Request>& waiting)
+      : ranks_(ranks), other_(static_cast<int>(other)), waiting_(waiting) {}
+  template <class T>
+  void receive(T* to, std::uint64_t count) {
+    each_part(to, count * sizeof(T), [&](char* at, int bytes, MPI_Request* request) {
+      MPI_Irecv(at, bytes, MPI_BYTE, other_, kTag, ranks_, request);
+    });
+  }
+  template <class T>
+  void send(T* from, std::uint64_t count, Traffic& traffic) {
+    each_part(from, count * sizeof(T), [&](const char* at, int bytes, MPI_Request* request) {
+      MPI_Isend(at, bytes, MPI_BYTE, other_, kTag, ranks_, request);
+      traffic.bytes += static_cast<std::uint64_t>(bytes), traffic.messages++;
+    });
+  }
+
+ private:
+  static constexpr int kTag = 7;  // the messages of two ranks come in the order in which they are sent
+
+  template <class Use>
+  void each_part(void* data, std::uint64_t bytes, const Use& use) {
+    for (std::uint64_t at = 0; at < bytes; at += kMostBytes)
+      use(static_cast<char*>(data) + at, static_cast<int>(std::min(kMostBytes, bytes - at)),
+          &waiting_.emplace_back());
+  }
+
+  MPI_Comm ranks_;
+  int other_;
+  std::vector<MPI_Request>& waiting_;
+};
+
 }  // namespace
 
-void exchange(MPI_Comm ranks, const LoadForm& form, std::vector<BoxLoad>& loads, BoxLoad& joined,
+void exchange(MPI_Comm ranks, const LoadForm& form, std::vector<BoxLoad>& loads, BoxLoad& joined, int threads,
               Traffic& traffic) {
   int rank = 0, count = 1;
   MPI_Comm_rank(ranks, &rank), MPI_Comm_size(ranks, &count);
   const auto n = static_cast<std::size_t>(count), me = static_cast<std::size_t>(rank);
-  std::vector<Bytes> sent(n), got(n);
-  std::vector<unsigned long long> sending(n), coming(n);
+  std::vector<Sizes> sending(n), coming(n), begin(n);
   together(ranks, [&] {
     for (std::size_t k = 0; k < n; k++) {
       complete(form, loads[k]);
-      if (k == me) continue;
-      sent[k] = packed(form, loads[k]), sending[k] = sent[k].size();
-      loads[k] = {};
+      sending[k] = {loads[k].loose, loads[k].body_count, loads[k].body_spheres};
     }
   });
-  MPI_Alltoall(sending.data(), 1, MPI_UNSIGNED_LONG_LONG, coming.data(), 1, MPI_UNSIGNED_LONG_LONG, ranks);
-  together(ranks, [&] {
-    for (std::size_t k = 0; k < n; k++) got[k].resize(coming[k]);
-  });
-  MPI_Datatype unit;
-  MPI_Type_contiguous(static_cast<int>(kUnit), MPI_BYTE, &unit), MPI_Type_commit(&unit);
-  std::vector<MPI_Request> waiting;
-  for (std::size_t k = 0; k < n; k++)
-    if (coming[k])
-      MPI_Irecv(got[k].data(), static_cast<int>(coming[k] / kUnit), unit, static_cast<int>(k), kTag, ranks,
-                &waiting.emplace_back());
+  MPI_Alltoall(sending.data(), 3, MPI_UNSIGNED_LONG_LONG, coming.data(), 3, MPI_UNSIGNED_LONG_LONG, ranks);
+  Sizes all;
   for (std::size_t k = 0; k < n; k++) {
-    if (!sending[k]) continue;
-    MPI_Isend(sent[k].data(), static_cast<int>(sending[k] / kUnit), unit, static_cast<int>(k), kTag, ranks,
-              &waiting.emplace_back());
-    traffic.bytes += sending[k], traffic.messages++;
+    begin[k] = all;
+    all.loose += coming[k].loose, all.bodies += coming[k].bodies;
+    all.body_spheres += coming[k].body_spheres;
   }
-  MPI_Waitall(static_cast<int>(waiting.size()), waiting.data(), MPI_STATUSES_IGNORE);
-  MPI_Type_free(&unit);
-  together(ranks, [&] {
-    sent.clear();
-    make_room(form, got, loads[me], joined);
-    Place place;
-    for (std::size_t k = 0; k < n; k++) {
-      if (k == me)
-        append_own(form, loads[k], joined, place);
-      else
-        append_packed(form, got[k], joined, place);
-      got[k] = {};
-    }
-    joined.shapes = loads[me].shapes;
-    number_bodies(joined);
+  together(ranks, [&] { make_room(form, all, joined); });
+  std::vector<MPI_Request> waiting;
+  for (std::size_t k = 0; k < n; k++) {
+    if (k == me) continue;
+    Messages messages(ranks, k, waiting);
+    each_array(form, joined, loads[k], [&](auto& to, auto& from, std::uint64_t width, auto items) {
+      messages.receive(to.data() + width * begin[k].*items, width * coming[k].*items);
+      messages.send(from.data(), width * sending[k].*items, traffic);
+    });
+  }
+  each_array(form, joined, loads[me], [&](auto& to, auto& from, std::uint64_t width, auto items) {
+    copy(from.data(), width * sending[me].*items, to.data() + width * begin[me].*items, threads);
   });
+  MPI_Waitall(static_cast<int>(waiting.size()), waiting.data(), MPI_STATUSES_IGNORE);
+  joined.shapes = loads[me].shapes;
+  number_bodies(joined);
 }
 
 }  // namespace padder::detect

@@ -22,10 +22,11 @@ struct Traffic {
 };
 
 // Collective. loads[k] goes to rank k, and what the others made for this rank is joined in `joined`, in the
-// order of the ranks; so the order of the scene is kept. Takes the loads apart. Sizes travel first, all ranks
-// to all; then only ranks that have something for each other send messages, without waiting for one another.
+// order of the ranks; so the order of the scene is kept. Sizes travel first, all ranks to all. Then only
+// ranks that have something for each other send messages, without waiting for one another: one for each
+// array, from where it lies to its place in `joined`. The rank's own part is copied meanwhile, by `threads`.
 // Throws the same Error on all ranks when one of them has no memory for what comes.
-void exchange(MPI_Comm ranks, const LoadForm& form, std::vector<BoxLoad>& loads, BoxLoad& joined,
+void exchange(MPI_Comm ranks, const LoadForm& form, std::vector<BoxLoad>& loads, BoxLoad& joined, int threads,
               Traffic& traffic);
 
 }  // namespace padder::detect

@@ -264,7 +264,7 @@ const RankReport& RankDetector::Work::run(const Input& part, const ContactConsum
       assignment.reset();
     });
     Traffic traffic;
-    exchange(ranks_, form, loads, load_, traffic);
+    exchange(ranks_, form, loads, load_, threads(), traffic);
     loads.clear();
     load_.region = tree_.region(box());
     const double exchanged = MPI_Wtime();

@@ -6,12 +6,14 @@
 #include <algorithm>
 #include <atomic>
 #include <charconv>
+#include <chrono>
 #include <condition_variable>
 #include <exception>
 #include <memory>
 #include <mutex>
 #include <string>
 #include <string_view>
+#include <thread>
 #include <vector>
 
 #include "detect/core/errors.h"
@@ -172,7 +174,9 @@ class NpzFormat : public Format {
                  {"pairs", 'u', 4, {count, 2}},
                  {"points_i", 'f', 8, {count, 3}},
                  {"points_j", 'f', 8, {count, 3}}},
-                into(file)) {}
+                into(file)) {
+    file.reserve(writer_.size());
+  }
   void fill(Block& block) const override {
     block.columns.resize(5);
     double* const depths = numbers<double>(block, 0, 1);
@@ -204,7 +208,9 @@ class VtpFormat : public Format {
   VtpFormat(const NumberedSpheres& spheres, std::uint64_t count, FileWriter& file)
       : Format(spheres),
         writer_(count, {{"i", 'u', 4, 1}, {"j", 'u', 4, 1}, {"normal", 'f', 8, 3}, {"depth", 'f', 8, 1}},
-                into(file)) {}
+                into(file)) {
+    file.reserve(writer_.size());
+  }
   void fill(Block& block) const override {
     block.columns.resize(writer_.offsets() + 1);
     std::uint32_t* const i = numbers<std::uint32_t>(block, 0, 1);
@@ -230,6 +236,28 @@ class VtpFormat : public Format {
 
  private:
   VtpWriter writer_;
+};
+
+// Lets the disk write from the first block on. By itself the system begins when a tenth of the memory waits
+// to be written, and the disk idles until then. It asks for little at a time, so that a slow disk does not
+// keep the program from its end.
+class EarlyWriteOut {
+ public:
+  explicit EarlyWriteOut(const FileWriter& file)
+      : thread_([&file](const std::stop_token& end) {
+          constexpr std::uint64_t piece = 16 << 20;
+          std::mutex mutex;
+          std::condition_variable_any pause;
+          std::unique_lock lock(mutex);
+          while (!end.stop_requested()) {
+            for (std::uint64_t at = 0, size = file.size(); at < size && !end.stop_requested(); at += piece)
+              file.write_out(at, piece);
+            pause.wait_for(lock, end, std::chrono::milliseconds(20), [] { return false; });
+          }
+        }) {}
+
+ private:
+  std::jthread thread_;  // its destructor ends it
 };
 
 // Each thread takes the next block, makes its bytes and writes them. Only finding their offsets goes by
@@ -319,10 +347,13 @@ void write_contacts(const Contacts& contacts, const Input& input, const std::fil
   FileWriter file(path);
   const std::unique_ptr<Format> format = format_of(path, spheres, contacts.count, file);
   Pipeline pipeline(*format, file, threads);
-  SortedRuns(contacts.pair_span(), threads).each([&](std::span<const std::uint64_t> run) {
-    pipeline.write(run);
-  });
-  format->finish();
+  {
+    const EarlyWriteOut write_out(file);
+    SortedRuns(contacts.pair_span(), threads).each([&](std::span<const std::uint64_t> run) {
+      pipeline.write(run);
+    });
+    format->finish();
+  }
   file.commit();
 }
 

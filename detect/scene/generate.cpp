@@ -72,11 +72,6 @@ void random_rotation(SplitMix64& random, double (&m)[9]) {
 
 }  // namespace
 
-const std::vector<std::string>& generator_names() {
-  static const std::vector<std::string> names{"dense", "dilute", "poly35", "poly045", "poly100"};
-  return names;
-}
-
 std::vector<FloatSphere> generate(const std::string& name, std::uint64_t n, bool random_order) {
   SplitMix64 random(12345 + n);
   const auto one_to_four = [](double u) { return 1 + 3 * u; };

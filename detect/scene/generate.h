@@ -32,12 +32,9 @@ struct FloatSphere {
   float x, y, z, r;
 };
 
-// The names that generate() knows: dense, dilute, poly35, poly045 and poly100.
-const std::vector<std::string>& generator_names();
-
-// The n loose spheres of the scene `name`, with seed 12345 + n. They are in random order, or in the order in
-// which they were drawn ("coherent"). Lengths have no unit: the smallest radius is 1. Throws Error for an
-// unknown name.
+// The n loose spheres of the scene `name` (dense, dilute, poly35, poly045 or poly100), with seed 12345 + n.
+// They are in random order, or in the order in which they were drawn ("coherent"). Lengths have no unit: the
+// smallest radius is 1. Throws Error for an unknown name.
 std::vector<FloatSphere> generate(const std::string& name, std::uint64_t n, bool random_order = true);
 
 // The scene "cluster". Each body has 64 overlapping unit spheres on a shell of radius 3, and a family of its

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // A list of contacts in the order of its pairs, a run at a time, on memory that does not grow with the list.
 #pragma once
+#include <algorithm>
 #include <cstdint>
 #include <functional>
 #include <span>
@@ -13,15 +14,21 @@ namespace padder::detect {
 // Cuts the list into runs of at most `longest` contacts. Each run is sorted, and the runs one after the other
 // are the whole list in order, each pair as its key i << 32 | j. No pair may be in the list twice.
 //
+// By default a run has at most 48 MiB of keys, or a third of the list's if that is more: with the same length
+// for every list, twice the contacts would take four times as long.
+//
 // Only one run is held, at 8 bytes a contact, and is read from the list again: the threads share one pass
 // over the pairs for each run, one more that counts, and one that finds the smallest and the largest pair.
 class SortedRuns {
  public:
-  SortedRuns(std::span<const Pair> pairs, int threads, std::uint64_t longest = 1 << 22)
+  SortedRuns(std::span<const Pair> pairs, int threads, std::uint64_t longest)
       : pairs_(pairs), threads_(threads), longest_(longest) {}
+  SortedRuns(std::span<const Pair> pairs, int threads)
+      : SortedRuns(pairs, threads, std::max<std::uint64_t>(kLongest, pairs.size() / 3)) {}
   void each(const std::function<void(std::span<const std::uint64_t>)>& use);
 
  private:
+  static constexpr std::uint64_t kLongest = 3 << 21;
   static constexpr std::uint64_t kBuckets = 1 << 15;
   // Keys from low to high.
   struct Range {

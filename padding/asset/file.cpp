@@ -132,6 +132,22 @@ void FileWriter::write_at(std::uint64_t offset, std::string_view bytes) {
   }
 }
 
+void FileWriter::reserve(std::uint64_t bytes) {
+  if (bytes == 0 || ::fallocate(file_, 0, 0, static_cast<off_t>(bytes)) == 0) return;
+  if (errno == ENOSPC || errno == EDQUOT || errno == EFBIG) fail(errno);
+}
+
+void FileWriter::write_out(std::uint64_t offset, std::uint64_t bytes) const noexcept {
+  // What fails here is said by a later write, or when the file is closed.
+  (void)::sync_file_range(file_, static_cast<off_t>(offset), static_cast<off_t>(bytes),
+                          SYNC_FILE_RANGE_WRITE);
+}
+
+std::uint64_t FileWriter::size() const noexcept {
+  struct stat about {};
+  return ::fstat(file_, &about) == 0 ? static_cast<std::uint64_t>(about.st_size) : 0;
+}
+
 void FileWriter::commit() {
   // Some file systems say only on closing that there is no room.
   if (::close(std::exchange(file_, -1)) == 0 && ::rename(beside_.c_str(), path_.c_str()) == 0) return;

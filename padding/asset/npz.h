@@ -69,6 +69,7 @@ class NpzWriter {
   // The same for who writes the bytes at their place in the archive, which is returned: several threads can
   // then sum and write at once. `checksum` is that of padding/asset/crc32.h.
   std::uint64_t place(std::size_t array, std::uint64_t size, std::uint32_t checksum);
+  std::uint64_t size() const { return end_; }  // of what the directory follows
   void finish();  // heads and directory; throws Error when an array has not got its bytes
 
  private:

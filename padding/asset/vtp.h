@@ -40,6 +40,7 @@ class VtpWriter {
   // The same for who writes the bytes at their place in the file, which is returned: several threads can then
   // write at once.
   std::uint64_t place(std::size_t array, std::uint64_t size);
+  std::uint64_t size() const { return head_.size() + end_; }  // of what the last lines follow
   // Heads, and the vertices when their arrays have got nothing. Throws Error when another array has not got
   // its bytes.
   void finish();

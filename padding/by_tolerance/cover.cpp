@@ -13,6 +13,7 @@
 #include "padding/geometry/medial.h"
 #include "padding/geometry/point_tree.h"
 #include "padding/geometry/random.h"
+#include "padding/geometry/triangle_part.h"
 
 namespace padder {
 namespace {
@@ -40,12 +41,15 @@ constexpr int kPlaces = 16;  // tried around each ball
 // How far from the place of a chosen ball, in turn: share of the radius of the disc that it covers.
 constexpr std::array step_sizes = {0.2, 0.3};
 constexpr int merge_moves = 2;
+// Balls that were tried stay to be chosen from while there are at most so many for each chosen one, and in all.
+constexpr std::size_t most_tried = 40, most_tried_in_all = 400'000;
 
 // While the certificate still finds spots, the first rounds try some places, too, and each searches less than
 // the round before.
 constexpr int certify_moves = 4, certify_places = 8;
 constexpr double certify_share = 0.5, certify_decay = 0.7;
 constexpr int most_rounds = 100;
+constexpr double spot_margin = 0.03;  // of the spots that the certificate finds: share of the tolerance sum
 
 // Up to so many balls, all searches of a stage run. Of more balls, fewer do: there the many blocks of one
 // search differ enough. So the time grows with the number of balls, and no faster.
@@ -69,29 +73,80 @@ struct Attempt {
   }
 };
 
-// The certificate for one cover after the other. A triangle that was proved stays so until a ball that may
-// have proved it is gone, so most of the surface need not be asked again.
-class OpenTriangles {
+// The certificate for one cover after the other. What was proved stays so until a ball that may have proved it
+// is gone, so most of the surface need not be asked again. A triangle that is large beside the balls is asked
+// in pieces: of it, too, only what lies beside a change is asked again. Of a stack of such pieces only the
+// first is asked until nothing fails. The others are then asked once, and rarely fail.
+class OpenPieces {
  public:
-  OpenTriangles(const Mesh& mesh, double gap) : mesh_(mesh), gap_(gap), open_(mesh.triangles.size(), 1) {}
+  OpenPieces(const Mesh& mesh, double gap) : mesh_(mesh), gap_(gap) {}
 
   std::vector<GapPart> failures(std::vector<Ball> balls, double grain) {
-    reopen(balls);
-    Mesh part;
-    std::vector<std::uint32_t> triangle;
-    for (std::uint32_t t = 0; t < open_.size(); t++)
-      if (open_[t]) triangle.push_back(t), part.triangles.push_back(mesh_.triangles[t]);
-    part.points = mesh_.points;
-    std::vector<GapPart> failures = gap_failures(part, BallSet(balls), gap_, grain);
-    std::fill(open_.begin(), open_.end(), 0);
-    for (GapPart& failure : failures)
-      failure.triangle = triangle[failure.triangle], open_[failure.triangle] = 1;
+    const BallSet set(balls);
+    if (state_.empty())
+      cut(set);
+    else
+      reopen(balls);
+    std::vector<GapPart> found = ask(set, grain);
+    if (found.empty() && std::count(state_.begin(), state_.end(), State::stacked) > 0) {
+      std::replace(state_.begin(), state_.end(), State::stacked, State::open);
+      found = ask(set, grain);
+    }
     last_ = std::move(balls);
-    return failures;
+    return found;
   }
 
  private:
-  // Opens the triangles that balls of the last cover reach which are not among these.
+  enum class State : std::uint8_t { proved, open, stacked };
+
+  // Asks the open pieces, and closes those that are proved.
+  std::vector<GapPart> ask(const BallSet& balls, double grain) {
+    Mesh part;
+    std::vector<std::uint32_t> piece;
+    for (std::uint32_t k = 0; k < state_.size(); k++)
+      if (state_[k] == State::open) piece.push_back(k), part.triangles.push_back(pieces_.triangles[k]);
+    part.points.swap(pieces_.points);
+    std::vector<GapPart> failures = gap_failures(part, balls, gap_, grain);
+    part.points.swap(pieces_.points);
+    for (const std::uint32_t k : piece) state_[k] = State::proved;
+    for (GapPart& failure : failures) {
+      const std::uint32_t k = piece[failure.triangle];
+      state_[k] = State::open, failure.triangle = triangle_[k];
+    }
+    return failures;
+  }
+
+  // Bisects triangles until each piece is about as large as the ball nearest to it, as the certificate would.
+  void cut(const BallSet& balls) {
+    pieces_.points = mesh_.points;
+    double smallest = std::numeric_limits<double>::infinity();
+    for (const Ball& ball : balls.balls()) smallest = std::min(smallest, ball.radius);
+    const double cell = 0.25 * (smallest + gap_);
+    std::vector<TrianglePart> stack;
+    FirstOfCell first_of_cell;
+    for (std::uint32_t t = 0; t < mesh_.triangles.size(); t++) {
+      const Vector normal = mesh_.area_normal(t);
+      stack.push_back({{mesh_.corner(t, 0), mesh_.corner(t, 1), mesh_.corner(t, 2)}, t});
+      for (bool whole = true; !stack.empty(); whole = false) {
+        const TrianglePart part = stack.back();
+        stack.pop_back();
+        const double size = part.size();
+        if (size > 2 * (smallest + gap_) && !balls.empty() &&
+            size > 2 * (balls.balls()[balls.gap(part.centroid()).ball].radius + gap_)) {
+          for (const TrianglePart& half : bisect(part)) stack.push_back(half);
+          continue;
+        }
+        const auto first = static_cast<std::uint32_t>(pieces_.points.size());
+        if (!whole) pieces_.points.insert(pieces_.points.end(), part.corner.begin(), part.corner.end());
+        pieces_.triangles.push_back(whole ? mesh_.triangles[t] : std::array{first, first + 1, first + 2});
+        const bool alone = size <= cell || first_of_cell.take(part.centroid(), normal, cell);
+        state_.push_back(alone ? State::open : State::stacked);
+        triangle_.push_back(t);
+      }
+    }
+  }
+
+  // Opens the pieces that balls of the last cover reach which are not among these.
   void reopen(const std::vector<Ball>& balls) {
     const auto key = [](const Ball& b) {
       return std::array{b.center.x(), b.center.y(), b.center.z(), b.radius};
@@ -103,19 +158,22 @@ class OpenTriangles {
       if (!now.contains(key(ball))) gone.push_back(ball);
     if (gone.empty()) return;
     const BallSet set(gone);
-#pragma omp parallel for schedule(static) if (open_.size() > 4096)
-    for (std::size_t t = 0; t < open_.size(); t++) {
-      if (open_[t]) continue;
-      const Point center = (mesh_.corner(t, 0) + mesh_.corner(t, 1) + mesh_.corner(t, 2)) / 3;
+#pragma omp parallel for schedule(static) if (state_.size() > 4096)
+    for (std::size_t k = 0; k < state_.size(); k++) {
+      if (state_[k] != State::proved) continue;
+      const auto& at = pieces_;
+      const Point center = (at.corner(k, 0) + at.corner(k, 1) + at.corner(k, 2)) / 3;
       double radius2 = 0;
-      for (int k = 0; k < 3; k++) radius2 = std::max(radius2, (mesh_.corner(t, k) - center).squaredNorm());
-      open_[t] = set.any_contains(center, -(std::sqrt(radius2) + gap_ + 1e-9));
+      for (int c = 0; c < 3; c++) radius2 = std::max(radius2, (at.corner(k, c) - center).squaredNorm());
+      if (set.any_contains(center, -(std::sqrt(radius2) + gap_ + 1e-9))) state_[k] = State::open;
     }
   }
 
   const Mesh& mesh_;
   const double gap_;
-  std::vector<char> open_;
+  Mesh pieces_;
+  std::vector<std::uint32_t> triangle_;  // of the mesh, for each piece
+  std::vector<State> state_;
   std::vector<Ball> last_;
 };
 
@@ -180,20 +238,20 @@ class CoverSearch {
   void solve(Attempt& attempt, double steps) const {
     const Sets sets = attempt.problem.sets();
     const std::size_t n = attempt.problem.points().size();
-    SetCover cover(sets, n);
-    cover.greedy(attempt.chosen);
-    attempt.chosen = cover.best();
+    attempt.chosen = complete(sets, n, attempt.chosen);
     if (!(steps > 0)) return;
-    std::vector<Point> centers;
-    for (const Candidate& c : attempt.problem.candidates()) centers.push_back(c.ball.center);
     BlockSearch search;
     search.steps = steps, search.seed = ++attempt.seed;
     if (attempt.chosen.size() <= search.block) {
+      SetCover cover(sets, n);
+      cover.greedy(attempt.chosen);
       cover.improve(static_cast<std::uint64_t>(steps * static_cast<double>(attempt.chosen.size())),
                     search.seed);
       attempt.chosen = cover.best();
       return;
     }
+    std::vector<Point> centers;
+    for (const Candidate& c : attempt.problem.candidates()) centers.push_back(c.ball.center);
     attempt.chosen = improve_in_blocks(sets, n, centers, attempt.chosen, search);
   }
 
@@ -246,7 +304,7 @@ class CoverSearch {
   // Adds the spots that the certificate finds, until none is left. Returns false if the radius limits leave
   // some. `also` gets the same points and balls.
   bool certify(Attempt& attempt, double steps, int tries, CoverProblem* also) const {
-    OpenTriangles open(mesh_, gap_);
+    OpenPieces open(mesh_, gap_);
     // About ten rounds are enough, except beside surface that a radius limit leaves open: the cap is for
     // that.
     for (int round = 0;; round++, steps *= certify_decay) {
@@ -320,8 +378,9 @@ class CoverSearch {
     return false;
   }
 
-  // Makes the next problem: the chosen balls, and new medial balls at places around theirs. The places lie up
-  // to a share of the covered disc's radius from the place of the chosen ball.
+  // Makes the next problem: what was tried, or the chosen balls alone where that is too much, and new medial
+  // balls at places around the chosen ones. The places lie up to a share of the covered disc's radius from the
+  // place of the chosen ball.
   void move(Attempt& attempt, int tries) const {
     const std::size_t n = attempt.chosen.size() * static_cast<std::size_t>(tries);
     const std::uint64_t seed = Random(++attempt.seed).next();
@@ -339,8 +398,11 @@ class CoverSearch {
     }
     std::vector<Candidate> fresh;
     for (const Sample& s : grown) propose(s.point, s.triangle, s.ball, fresh);
-    attempt.problem.keep(attempt.chosen);
-    std::iota(attempt.chosen.begin(), attempt.chosen.end(), 0u);
+    const std::size_t tried = attempt.problem.candidates().size();
+    if (tried > most_tried_in_all || tried > most_tried * attempt.chosen.size()) {
+      attempt.problem.keep(attempt.chosen);
+      std::iota(attempt.chosen.begin(), attempt.chosen.end(), 0u);
+    }
     attempt.problem.add({}, fresh);
   }
 
@@ -372,9 +434,8 @@ class CoverSearch {
     for (std::size_t k = 0; k < taken.size(); k++) {
       const std::size_t before = candidates.size();
       propose(points[taken[k]], failures[taken[k]].triangle, medials[k], candidates);
-      // Where only rounding prevented the proof, the new ball must cover the spot with room to spare.
-      const double spare = failures[taken[k]].value > gap_ ? 0 : 0.01 * tolerance_sum_;
-      if (candidates.size() > before) fresh.push_back({points[taken[k]], spare});
+      // A ball must cover the spot with room to spare, or what is around it fails in the next round.
+      if (candidates.size() > before) fresh.push_back({points[taken[k]], spot_margin * tolerance_sum_});
     }
     problem.add(fresh, candidates);
     if (also) also->add(fresh, candidates);

@@ -5,10 +5,11 @@
 
 namespace padder {
 
-// Makes a tree of the points from `first` on. Many small trees would cost more than one.
+// Makes a tree of the points from `first` on. Many small trees would cost more than one, and so would building
+// the tree of the first points again: all later ones become one.
 void CoverProblem::add_group(std::size_t first) {
   constexpr std::size_t most_groups = 4;
-  if (groups_.size() == most_groups) groups_.clear(), first = 0;
+  if (groups_.size() == most_groups) first = groups_[1].first, groups_.resize(1);
   std::vector<Point> points;
   for (std::size_t k = first; k < points_.size(); k++) points.push_back(points_[k].point);
   groups_.push_back({first, std::make_shared<const PointTree>(std::move(points))});
@@ -55,13 +56,6 @@ void CoverProblem::keep(const std::vector<std::uint32_t>& candidates) {
   std::vector<std::vector<std::uint32_t>> covered;
   for (auto k : candidates) kept.push_back(candidates_[k]), covered.push_back(std::move(covered_[k]));
   candidates_.swap(kept), covered_.swap(covered);
-}
-
-void CoverProblem::replace_points(const std::vector<CoverPoint>& points) {
-  points_ = points;
-  groups_.clear(), add_group(0);
-  covered_.assign(candidates_.size(), {});
-  find_covered(0, 0);
 }
 
 Sets CoverProblem::sets() const {

@@ -31,7 +31,6 @@ class CoverProblem {
   void add(const std::vector<CoverPoint>& points, const std::vector<Candidate>& candidates);
   // Drops all other candidates and takes these in this order.
   void keep(const std::vector<std::uint32_t>& candidates);
-  void replace_points(const std::vector<CoverPoint>& points);
 
   Sets sets() const;  // set k: the points that candidate k covers
   const std::vector<CoverPoint>& points() const { return points_; }

@@ -5,7 +5,6 @@
 #include <cmath>
 #include <numbers>
 #include <string>
-#include <unordered_set>
 
 #include "padding/asset/error.h"
 #include "padding/geometry/medial.h"
@@ -21,6 +20,8 @@ constexpr double medial_tolerance = 0.05;  // share of the tolerance sum: by so 
 constexpr std::size_t most_parts = 20'000'000;  // about 2 GB
 // A mesh with more parts is a fine scan: of those smaller than the spacing, the first in a cell is enough.
 constexpr std::size_t parts_of_scan = 1'000'000;
+// A mesh with more parts has stacks of sheets: the first in a cell of a part's own size is enough.
+constexpr std::size_t parts_of_stack = 4'000'000;
 
 std::string too_small() {
   return "the tolerance is too small for this mesh: its surface would have to be cut into more than " +
@@ -42,6 +43,7 @@ class Neighbours {
   Neighbours(const Mesh& mesh, const std::vector<SamplePart>& parts)
       : normals_(parts.size()), areas_(parts.size()) {
     std::vector<Point> points(parts.size());
+#pragma omp parallel for schedule(static) if (parts.size() > 4096)
     for (std::size_t k = 0; k < parts.size(); k++) {
       const auto& c = parts[k].corner;
       points[k] = parts[k].centroid();
@@ -83,31 +85,6 @@ class Neighbours {
 void split_into(const SamplePart& part, std::vector<SamplePart>& parts) {
   for (const SamplePart& half : bisect(part)) parts.push_back(half);
 }
-
-// Tells of the parts that lie in one cell of a grid and face alike the first from the others. What keeps only
-// the first has as many parts as the surface has room for, and not as many as it has layers or slivers.
-class FirstOfCell {
- public:
-  bool take(const Point& place, const Vector& normal, double cell) {
-    int axis;
-    normal.cwiseAbs().maxCoeff(&axis);
-    const Point at = place / cell;
-    return taken_
-        .insert(
-            {std::llround(at.x()), std::llround(at.y()), std::llround(at.z()), 2 * axis + (normal[axis] < 0)})
-        .second;
-  }
-
- private:
-  struct Hash {
-    std::size_t operator()(const std::array<std::int64_t, 4>& key) const {
-      std::uint64_t h = 0;
-      for (auto k : key) h = Random(h ^ static_cast<std::uint64_t>(k)).next();
-      return h;
-    }
-  };
-  std::unordered_set<std::array<std::int64_t, 4>, Hash> taken_;
-};
 
 // Cuts slivers, which are thinner than the spacing of the samples, across their length. A mesh may have
 // thousands of them side by side, each as long as the part. So only the first piece in a cell is kept.
@@ -157,8 +134,13 @@ class Sampler {
     grow(parts, samples.grown);
     cut_finer(parts);
     const Neighbours near(surface_.mesh(), parts);
-    samples.coarse = choose_points(parts, near, options_.coarse_density);
-    samples.fine = choose_points(parts, near, options_.fine_density);
+#pragma omp parallel sections
+    {
+#pragma omp section
+      samples.coarse = choose_points(parts, near, options_.coarse_density);
+#pragma omp section
+      samples.fine = choose_points(parts, near, options_.fine_density);
+    }
     return samples;
   }
 
@@ -225,10 +207,13 @@ class Sampler {
 
   void thin(std::vector<SamplePart>& parts, double smallest_cell) const {
     if (parts.size() <= parts_of_scan) return;
+    const bool stack = parts.size() > parts_of_stack;
     FirstOfCell first;
     std::erase_if(parts, [&](const SamplePart& part) {
-      return part.size() <= smallest_cell &&
-             !first.take(part.centroid(), surface_.mesh().area_normal(part.triangle), smallest_cell);
+      const double size = part.size();
+      if (size > smallest_cell && !stack) return false;
+      const double cell = size > smallest_cell ? std::exp2(std::floor(std::log2(size))) : smallest_cell;
+      return !first.take(part.centroid(), surface_.mesh().area_normal(part.triangle), cell);
     });
   }
 
@@ -300,6 +285,23 @@ class Sampler {
 };
 
 }  // namespace
+
+std::size_t FirstOfCell::Hash::operator()(const std::array<std::int64_t, 4>& key) const {
+  std::uint64_t h = 0;
+  for (auto k : key) h = Random(h ^ static_cast<std::uint64_t>(k)).next();
+  return h;
+}
+
+bool FirstOfCell::take(const Point& place, const Vector& normal, double cell) {
+  int axis, exponent;
+  normal.cwiseAbs().maxCoeff(&axis);
+  std::frexp(cell, &exponent);  // cells of several sizes are told apart
+  const Point at = place / cell;
+  return taken_
+      .insert({std::llround(at.x()), std::llround(at.y()), std::llround(at.z()),
+               8 * std::int64_t(exponent) + 2 * axis + (normal[axis] < 0)})
+      .second;
+}
 
 double covered_disc(double r, double tolerance_sum) {
   return std::sqrt((2 * r + tolerance_sum) * tolerance_sum);

@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: MIT
 // Samples a surface: places where balls are grown, and points that a cover must reach.
 #pragma once
+#include <array>
 #include <cstdint>
+#include <limits>
+#include <unordered_set>
 #include <vector>
 
 #include "padding/geometry/balls.h"
@@ -35,6 +38,19 @@ struct SampleOptions {
   double coarse_density = 4;  // of the coarse points
   double fine_density = 6;    // of the fine points; at least coarse_density
   double largest = std::numeric_limits<double>::infinity();  // radius of medial balls
+};
+
+// Tells of places that lie in one cell of a grid and face alike the first from the others. What keeps only the
+// first has as many places as the surface has room for, and not as many as it has layers or slivers.
+class FirstOfCell {
+ public:
+  bool take(const Point& place, const Vector& normal, double cell);
+
+ private:
+  struct Hash {
+    std::size_t operator()(const std::array<std::int64_t, 4>& key) const;
+  };
+  std::unordered_set<std::array<std::int64_t, 4>, Hash> taken_;
 };
 
 // The radius of the disc that a medial ball of radius r covers on the flat it touches, when it covers

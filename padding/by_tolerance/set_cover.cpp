@@ -159,4 +159,40 @@ void SetCover::improve(std::uint64_t steps, std::uint64_t seed) {
     if (set_[s].place == nowhere) add(s);
 }
 
+std::vector<std::uint32_t> complete(const Sets& sets, std::size_t elements,
+                                    const std::vector<std::uint32_t>& start) {
+  std::vector<std::uint32_t> chosen = start, count(elements, 0), number(elements, nowhere), global, own;
+  for (const auto s : start)
+    for (const auto r : sets[s]) count[r]++;
+  Sets rest;
+  std::uint32_t open = 0;
+  for (std::uint32_t s = 0; s < sets.size(); s++) {
+    own.clear();
+    for (const auto r : sets[s]) {
+      if (count[r] > 0) continue;
+      if (number[r] == nowhere) number[r] = open++;
+      own.push_back(number[r]);
+    }
+    if (!own.empty()) rest.add(own), global.push_back(s);
+  }
+  SetCover cover(rest, open);
+  cover.greedy();
+  for (const auto k : cover.best()) {
+    chosen.push_back(global[k]);
+    for (const auto r : sets[global[k]]) count[r]++;
+  }
+  // Drops what the others make needless, the smallest first.
+  std::sort(chosen.begin(), chosen.end(), [&](auto s, auto t) {
+    return sets[s].size() != sets[t].size() ? sets[s].size() < sets[t].size() : s < t;
+  });
+  std::erase_if(chosen, [&](auto s) {
+    const auto all = sets[s];
+    if (std::any_of(all.begin(), all.end(), [&](auto r) { return count[r] == 1; })) return false;
+    for (const auto r : all) count[r]--;
+    return true;
+  });
+  std::sort(chosen.begin(), chosen.end());
+  return chosen;
+}
+
 }  // namespace padder

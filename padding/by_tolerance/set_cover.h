@@ -78,4 +78,9 @@ class SetCover {
   std::uint32_t step_ = 0;
 };
 
+// What SetCover::greedy(start) chooses, up to ties. It looks closely only at the elements that `start` leaves
+// open, so it costs little where they are few.
+std::vector<std::uint32_t> complete(const Sets& sets, std::size_t elements,
+                                    const std::vector<std::uint32_t>& start);
+
 }  // namespace padder

@@ -115,11 +115,11 @@ Files write_yade(const Job& job) {
 Files write_mercury(const Job& job) {
   const Cluster& c = only(job);
   const Vector moments = job.options.density * c.mass.moments;
-  return {{"clump/clump.txt", list(centers_in_mass_frame(c), c.radii, ",")},
-          {"inertia/mass.txt", number(job.options.density * c.mass.volume) + "\n"},
-          {"inertia/toi.txt",
+  return {{"Clump/Clump.txt", list(centers_in_mass_frame(c), c.radii, ",")},
+          {"Inertia/Mass.txt", number(job.options.density * c.mass.volume) + "\n"},
+          {"Inertia/TOI.txt",
            number(moments.x()) + ",0,0\n0," + number(moments.y()) + ",0\n0,0," + number(moments.z()) + "\n"},
-          {"inertia/pd.txt", "1,0,0\n0,1,0\n0,0,1\n"}};
+          {"Inertia/PD.txt", "1,0,0\n0,1,0\n0,0,1\n"}};
 }
 
 }  // namespace padder::exporting

@@ -83,18 +83,21 @@ std::string last_link(const Model& model) {
 
 }  // namespace
 
-// A part alone is a list of spheres; a robot is what cuRobo's RobotConfig takes.
+// A part alone is a list of spheres; a robot is what cuRobo 0.8 takes. cuRobo refuses keys that it does not
+// know, and 0.7 knew others for the tool and the default place: it takes the XRDF.
 Files write_curobo(const Job& job) {
   const Model& model = job.model;
   const bool robot = model.bodies.size() > 1;
   const std::string indent = robot ? "    " : "";
   std::string out = "# " + origin(model) + ", metres, in each link's frame\n";
   if (robot) {
-    out += "# ee_link is the end of the longest chain: set it, and the limits of cspace, to what is right.\n";
+    out +=
+        "# tool_frames is the end of the longest chain: set it, and the limits of cspace, to what is "
+        "right.\n";
     out += "robot_cfg:\n  kinematics:\n    urdf_path: " +
            quoted(model.urdf.empty() ? model.name + ".urdf" : model.file) + "\n    asset_root_path: \"\"\n";
-    out += "    base_link: " + quoted(model.bodies[0].name) + "\n    ee_link: " + quoted(last_link(model)) +
-           "\n";
+    out += "    base_link: " + quoted(model.bodies[0].name) + "\n    tool_frames: [" +
+           quoted(last_link(model)) + "]\n";
   }
   out += indent + "collision_spheres:\n" + spheres(model, indent + "  ");
   out += indent + "collision_link_names:\n";
@@ -105,10 +108,10 @@ Files write_curobo(const Job& job) {
   const ControlSpace space(model);
   if (robot)
     out +=
-        "    lock_joints: null\n    extra_links: null\n    use_global_cumul: true\n    cspace:\n      "
+        "    lock_joints: null\n    extra_links: null\n    format_version: 2.0\n    cspace:\n      "
         "joint_names: [" +
-        space.names + "]\n      retract_config: [" + space.positions + "]\n      null_space_weight: [" +
-        space.ones + "]\n      cspace_distance_weight: [" + space.ones +
+        space.names + "]\n      default_joint_position: [" + space.positions +
+        "]\n      null_space_weight: [" + space.ones + "]\n      cspace_distance_weight: [" + space.ones +
         "]\n      max_jerk: 500.0\n      max_acceleration: 15.0\n";
   return {{"", out}};
 }

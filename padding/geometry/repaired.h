@@ -3,6 +3,7 @@
 // proving need its result, but not its code.
 #pragma once
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -71,16 +72,17 @@ struct Repaired {
   RepairSteps steps;
   // The closed surface whose winding number says what is inside, where it is not `mesh`: then `mesh` has only
   // the parts of it that bound the body, cut where they cross, and behind them `sheet` triangles.
-  std::optional<Mesh> solid;
+  std::shared_ptr<const Surface> solid;
   std::size_t sheet = 0;
   double thickness = 0;  // of the sheet
   // Exact predicates have shown that the surface is closed, oriented outward and free of self-intersections.
   // Then the pseudonormal tells the side of a point, which costs less than the winding number.
   bool checked = false;
+  std::optional<Surface> ready;  // what surface() would build, where repair has built it already
 
   SideBy side() const { return checked ? SideBy::pseudonormal : SideBy::winding; }
   Surface surface() const {
-    Surface out(mesh, side(), solid ? &*solid : nullptr);
+    Surface out(mesh, side(), solid);
     if (sheet > 0) out.set_sheet(mesh.triangles.size() - sheet, thickness);
     return out;
   }

@@ -3,6 +3,7 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <atomic>
 #include <numeric>
 
 #include "padding/geometry/random.h"
@@ -100,8 +101,8 @@ double half_area(const Box& b) {
 
 }  // namespace
 
-Surface::Surface(const Mesh& mesh, SideBy side, const Mesh* solid) : mesh_(mesh), side_(side) {
-  if (solid) solid_ = std::make_shared<const Surface>(*solid);
+Surface::Surface(const Mesh& mesh, SideBy side, std::shared_ptr<const Surface> solid)
+    : mesh_(mesh), side_(side), solid_(std::move(solid)) {
   const std::size_t n = mesh_.triangles.size();
   bounds_ = mesh_.bounds();
   std::vector<Box> boxes(n);
@@ -542,6 +543,128 @@ void Surface::visit(const Box& box, const std::function<void(std::uint32_t)>& vi
       for (std::uint32_t k = 0; k < node.count[side]; k++) visit(slots_[node.child[side] + k].triangle);
     }
   }
+}
+
+// A work item is two parts of the tree whose boxes touch, or twice the same part. A part is a child of a
+// node.
+class Surface::PairWalk {
+ public:
+  using Visit = std::function<bool(std::uint32_t, std::uint32_t)>;
+  PairWalk(const Surface& surface, const Visit& visit)
+      : mesh_(surface.mesh_), nodes_(surface.nodes_), slots_(surface.slots_), visit_(visit) {}
+
+  void run() {
+    std::vector<Item> items, next;
+    push_node(0, items);
+    constexpr std::size_t enough = 4096;  // for even work on all threads
+    for (int level = 0; level < stack_size && !items.empty() && items.size() < enough; level++) {
+      next.clear();
+      for (const Item& item : items) step(item, next);
+      items.swap(next);
+    }
+#pragma omp parallel
+    {
+      std::vector<Item> stack;
+#pragma omp for schedule(dynamic, 8)
+      for (std::size_t k = 0; k < items.size(); k++) {
+        stack.push_back(items[k]);
+        while (!stack.empty()) {
+          const Item item = stack.back();
+          stack.pop_back();
+          step(item, stack);
+        }
+      }
+    }
+  }
+
+ private:
+  struct Part {
+    std::uint32_t node, side;
+    bool operator==(const Part&) const = default;
+  };
+  struct Item {
+    Part a, b;
+  };
+
+  std::uint32_t count(Part p) const { return nodes_[p.node].count[p.side]; }
+  Part child(Part p, std::uint32_t side) const { return {nodes_[p.node].child[p.side], side}; }
+  const double* low(Part p) const { return nodes_[p.node].low[p.side]; }
+  const double* high(Part p) const { return nodes_[p.node].high[p.side]; }
+
+  static bool touch(const double* low_a, const double* high_a, const double* low_b, const double* high_b) {
+    bool apart = false;
+    for (int k = 0; k < 3; k++) apart |= low_a[k] > high_b[k] || high_a[k] < low_b[k];
+    return !apart;
+  }
+
+  void push_node(std::uint32_t node, std::vector<Item>& items) const {
+    const Part a{node, 0}, b{node, 1};
+    items.push_back({a, a});
+    if (low(b)[0] > high(b)[0]) return;  // the empty child of a root with a single leaf
+    items.push_back({b, b});
+    if (touch(low(a), high(a), low(b), high(b))) items.push_back({a, b});
+  }
+
+  double size(Part p) const {
+    double sum = 0;
+    for (int k = 0; k < 3; k++) sum += high(p)[k] - low(p)[k];
+    return sum;
+  }
+
+  void step(const Item& item, std::vector<Item>& items) {
+    if (stop_.load(std::memory_order_relaxed)) return;
+    const auto [a, b] = item;
+    if (a == b && count(a) == 0) return push_node(nodes_[a.node].child[a.side], items);
+    if (count(a) > 0 && count(b) > 0) return compare(a, b);
+    const bool cut_a = count(b) > 0 || (count(a) == 0 && size(a) >= size(b));
+    const Part whole = cut_a ? b : a;
+    for (const std::uint32_t side : {0u, 1u}) {
+      const Part half = child(cut_a ? a : b, side);
+      if (touch(low(half), high(half), low(whole), high(whole))) items.push_back({half, whole});
+    }
+  }
+
+  // The triangles of a leaf whose boxes touch that of the other leaf.
+  struct Leaf {
+    std::array<std::uint32_t, leaf_size> triangle;
+    std::array<std::array<double, 3>, leaf_size> low, high;
+    std::size_t count = 0;
+  };
+  Leaf leaf(Part p, Part other) const {
+    Leaf out;
+    const std::uint32_t first = nodes_[p.node].child[p.side];
+    for (std::uint32_t k = first; k < first + count(p); k++) {
+      const std::uint32_t t = slots_[k].triangle;
+      auto &l = out.low[out.count], &h = out.high[out.count];
+      for (int axis = 0; axis < 3; axis++) {
+        const auto [least, most] =
+            std::minmax({mesh_.corner(t, 0)[axis], mesh_.corner(t, 1)[axis], mesh_.corner(t, 2)[axis]});
+        l[axis] = least, h[axis] = most;
+      }
+      if (touch(l.data(), h.data(), low(other), high(other))) out.triangle[out.count++] = t;
+    }
+    return out;
+  }
+
+  void compare(Part a, Part b) {
+    const Leaf s = leaf(a, b), t = a == b ? s : leaf(b, a);
+    for (std::size_t i = 0; i < s.count; i++)
+      for (std::size_t j = a == b ? i + 1 : 0; j < t.count; j++) {
+        if (!touch(s.low[i].data(), s.high[i].data(), t.low[j].data(), t.high[j].data())) continue;
+        const auto [first, second] = std::minmax(s.triangle[i], t.triangle[j]);
+        if (visit_(first, second)) stop_ = true;
+      }
+  }
+
+  const Mesh& mesh_;
+  const std::vector<Node>& nodes_;
+  const std::vector<Slot>& slots_;
+  const Visit& visit_;
+  std::atomic<bool> stop_ = false;
+};
+
+void Surface::visit_pairs(const std::function<bool(std::uint32_t, std::uint32_t)>& visit) const {
+  if (!nodes_.empty()) PairWalk(*this, visit).run();
 }
 
 bool Surface::any_within(const Point& p, double limit) const {

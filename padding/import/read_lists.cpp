@@ -135,12 +135,12 @@ Parts read_list(std::string_view text, const std::string& where) {
 
 Parts read_mercury(const std::filesystem::path& folder) {
   std::error_code code;
-  std::filesystem::path file = folder / "clump" / "clump.txt";
+  std::filesystem::path file = folder / "Clump" / "Clump.txt";
   if (!std::filesystem::exists(file, code))
-    file = folder / "Clump" / "Clump.txt";  // as later versions name it
+    file = folder / "clump" / "clump.txt";  // as earlier versions name it
   if (!std::filesystem::exists(file, code))
     throw Error(folder.string() +
-                " is a folder without clump/clump.txt: name a file, or the folder of a MercuryDPM clump");
+                " is a folder without Clump/Clump.txt: name a file, or the folder of a MercuryDPM clump");
   const std::string where = file.string(), text = read_file(file);
   Parts parts(1);
   const Lines lines{where};

@@ -24,7 +24,7 @@ using Parts = std::vector<Part>;
 // Every message of an Error begins with `where`.
 Parts read_csv(std::string_view text, const std::string& where);   // DEM-Engine
 Parts read_list(std::string_view text, const std::string& where);  // LIGGGHTS, YADE
-Parts read_mercury(const std::filesystem::path& folder);           // clump/clump.txt in it
+Parts read_mercury(const std::filesystem::path& folder);           // Clump/Clump.txt in it
 Parts read_npz(std::string_view bytes, const std::string& where);
 Parts read_vtp(std::string_view bytes, const std::string& where);
 Parts read_yaml(const std::string& text, const std::string& where);  // cuRobo, XRDF

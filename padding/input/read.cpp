@@ -135,6 +135,7 @@ ReadResult read_mesh(const std::filesystem::path& path, const ReadOptions& optio
     throw Error("unit '" + options.unit + "' is not known: use m, cm, mm or in");
   const std::string ending = reading::lower_case(path.extension().string());
   if (std::ranges::find(mesh_endings(), ending) == mesh_endings().end()) {
+    if (std::error_code code; !std::filesystem::exists(path, code)) read_file(path);  // says so
     std::string known;
     for (const std::string& e : mesh_endings()) known += (known.empty() ? "" : ", ") + e;
     fail(where, (ending.empty() ? "it has no ending" : "no mesh format is known by the ending " + ending) +

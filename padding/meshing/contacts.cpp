@@ -4,6 +4,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <atomic>
+#include <mutex>
 #include <optional>
 
 #include "padding/meshing/cgal_mesh.h"
@@ -66,7 +67,7 @@ class PairTest {
   explicit PairTest(const Mesh& mesh) : signs_(mesh), mesh_(mesh) {}
 
   // Returns whether the triangles meet. Then their cuts are in `found`.
-  bool meet(std::uint32_t s, std::uint32_t t, Contacts& found) {
+  bool meet(std::uint32_t s, std::uint32_t t, Contacts& found) const {
     const Corners &a = mesh_.triangles[s], &b = mesh_.triangles[t];
     int shared = 0;
     for (const auto v : b) shared += std::count(a.begin(), a.end(), v) > 0;
@@ -301,8 +302,16 @@ class NearPairs {
       if (degree[v] > kLeastFan) fan_at_[v] = static_cast<std::uint32_t>(tips.size()), tips.push_back(v);
     if (tips.empty()) return;
     std::vector<std::vector<std::uint32_t>> members(tips.size());
-    for (std::uint32_t t = 0; t < flat.size(); t++)
-      if (!flat[t] && fan_of(t) != kNone) members[fan_of(t)].push_back(t);
+    Mesh loose;
+    loose.points = mesh_.points;
+    for (std::uint32_t t = 0; t < flat.size(); t++) {
+      if (flat[t]) continue;
+      if (fan_of(t) != kNone)
+        members[fan_of(t)].push_back(t);
+      else
+        loose.triangles.push_back(mesh_.triangles[t]), loose_.push_back(t);
+    }
+    loose_surface_.emplace(loose);
     Mesh boxes;
     fans_.reserve(tips.size());
     for (std::uint32_t f = 0; f < tips.size(); f++) {
@@ -313,43 +322,29 @@ class NearPairs {
     fan_boxes_.emplace(boxes);
   }
 
-  // The triangles in a box around one that was asked for last: those after it in a file mostly lie beside it.
-  struct Around {
-    Box box;
-    std::vector<std::uint32_t> triangles;
-  };
-
-  // Calls look(t) for triangles whose boxes touch that of s, none of them flat. Of two triangles that may
-  // meet, one is looked at from the other, once.
+  // Calls look(s, t) once for each two triangles whose boxes touch, s < t, none of them flat; of a fan, only
+  // for those that may meet. In no order, from all threads. Ends when it returns true.
   template <class Look>
-  void visit(std::uint32_t s, Around& around, Look&& look) const {
-    if (flat_[s]) return;
-    Box box;
-    for (int k = 0; k < 3; k++) box.add(mesh_.corner(s, k));
-    const std::uint32_t own = fan_of(s);
-    if (own == kNone) {
-      constexpr std::size_t most_again = 64;  // a list that is longer belongs to a larger triangle
-      const bool again = around.triangles.size() <= most_again &&
-                         (box.low.array() >= around.box.low.array()).all() &&
-                         (box.high.array() <= around.box.high.array()).all();
-      if (!again) {
-        const Vector room = 0.5 * (box.high - box.low);
-        around.box = {box.low - room, box.high + room}, around.triangles.clear();
-        surface_.visit(around.box, [&](std::uint32_t t) {
-          if (!flat_[t] && (fans_.empty() || fan_of(t) == kNone)) around.triangles.push_back(t);
-        });
-      }
-      for (const auto t : around.triangles)
-        if (t > s && touches(box, t)) look(t);
+  void visit(Look&& look) const {
+    if (fans_.empty())
+      return surface_.visit_pairs([&](auto s, auto t) { return !flat_[s] && !flat_[t] && look(s, t); });
+    loose_surface_->visit_pairs([&](auto s, auto t) { return look(loose_[s], loose_[t]); });
+    std::atomic<bool> stop = false;
+#pragma omp parallel for schedule(dynamic, 64)
+    for (std::size_t k = 0; k < flat_.size(); k++) {
+      const auto s = static_cast<std::uint32_t>(k);
+      if (flat_[s] || stop) continue;
+      Box box;
+      for (int c = 0; c < 3; c++) box.add(mesh_.corner(s, c));
+      const std::uint32_t own = fan_of(s);
+      std::vector<std::uint32_t> found;
+      fan_boxes_->visit(box, [&](std::uint32_t f) {
+        if (own < f) return;  // the pair is found in the first fan that either of the two belongs to
+        found.clear(), fans_[f].find(mesh_, s, found);
+        for (const auto t : found)
+          if ((own > f || t > s) && touches(box, t) && look(std::min(s, t), std::max(s, t))) stop = true;
+      });
     }
-    if (fans_.empty()) return;
-    std::vector<std::uint32_t> found;
-    fan_boxes_->visit(box, [&](std::uint32_t f) {
-      if (own < f) return;  // the pair is found in the first fan that either of the two belongs to
-      found.clear(), fans_[f].find(mesh_, s, found);
-      for (const auto t : found)
-        if ((own > f || t > s) && touches(box, t)) look(t);
-    });
   }
 
  private:
@@ -376,6 +371,8 @@ class NearPairs {
   std::vector<std::uint32_t> fan_at_;  // of each vertex that is a tip, its fan
   std::vector<Fan> fans_;
   std::optional<Surface> fan_boxes_;
+  std::optional<Surface> loose_surface_;  // of the triangles of no fan, where there are fans
+  std::vector<std::uint32_t> loose_;      // their indices
 };
 
 std::vector<char> flat_ones(const Mesh& mesh) {
@@ -396,61 +393,45 @@ bool is_flat(const Mesh& mesh, std::uint32_t t) {
 Contacts find_contacts(const Surface& surface, std::size_t limit, const std::vector<char>& passive) {
   const auto is_passive = [&](std::uint32_t t) { return !passive.empty() && passive[t]; };
   const std::vector<char> flat = flat_ones(surface.mesh());
-  const NearPairs pairs(surface, flat);
-  constexpr std::size_t block = 256;
-  const std::size_t n = flat.size(), blocks = (n + block - 1) / block;
-  std::vector<Contacts> parts(blocks);
-  std::atomic<std::size_t> found = 0;
-#pragma omp parallel for schedule(dynamic, 1)
-  for (std::size_t b = 0; b < blocks; b++) {
-    PairTest test(surface.mesh());
-    NearPairs::Around around;
-    for (std::size_t s = b * block; s < std::min(n, (b + 1) * block) && found <= limit; s++) {
-      // The tree gives the triangles in its own order.
-      std::vector<std::uint32_t> near;
-      pairs.visit(static_cast<std::uint32_t>(s), around, [&](std::uint32_t t) {
-        if (!is_passive(static_cast<std::uint32_t>(s)) || !is_passive(t)) near.push_back(t);
-      });
-      const std::size_t before = parts[b].pairs.size();
-      for (const auto t : near) {
-        if (parts[b].pairs.size() - before > limit) break;
-        const auto cuts = static_cast<std::ptrdiff_t>(parts[b].cuts.size());
-        if (!test.meet(static_cast<std::uint32_t>(s), t, parts[b])) continue;
-        parts[b].pairs.push_back({static_cast<std::uint32_t>(s), t});
-        if (is_passive(static_cast<std::uint32_t>(s)) == is_passive(t)) continue;
-        parts[b].cuts.erase(std::remove_if(parts[b].cuts.begin() + cuts, parts[b].cuts.end(),
-                                           [&](const Cut& cut) { return !is_passive(cut.triangle); }),
-                            parts[b].cuts.end());
-      }
-      found += parts[b].pairs.size() - before;
-    }
-  }
+  const PairTest test(surface.mesh());
   Contacts all;
+  std::atomic<std::size_t> found = 0;
+  std::mutex mutex;
+  NearPairs(surface, flat).visit([&](std::uint32_t s, std::uint32_t t) {
+    Contacts unused;
+    if ((is_passive(s) && is_passive(t)) || !test.meet(s, t, unused)) return false;
+    if (++found > limit) return true;
+    const std::lock_guard lock(mutex);
+    all.pairs.push_back({s, t});
+    return false;
+  });
   all.too_many = found > limit;
-  if (all.too_many) return all;
+  if (all.too_many) {
+    all.pairs.clear();
+    return all;
+  }
+  // The tree gave them in its own order. They are few, so testing them again costs less than keeping track.
+  std::sort(all.pairs.begin(), all.pairs.end());
+  constexpr std::size_t block = 256;
+  std::vector<Contacts> parts((all.pairs.size() + block - 1) / block);
+#pragma omp parallel for schedule(dynamic, 1)
+  for (std::size_t b = 0; b < parts.size(); b++)
+    for (std::size_t k = b * block; k < std::min(all.pairs.size(), (b + 1) * block); k++) {
+      const auto [s, t] = all.pairs[k];
+      const auto cuts = static_cast<std::ptrdiff_t>(parts[b].cuts.size());
+      test.meet(s, t, parts[b]);
+      if (is_passive(s) == is_passive(t)) continue;
+      parts[b].cuts.erase(std::remove_if(parts[b].cuts.begin() + cuts, parts[b].cuts.end(),
+                                         [&](const Cut& cut) { return !is_passive(cut.triangle); }),
+                          parts[b].cuts.end());
+    }
   for (Contacts& part : parts) {
     all.cuts.insert(all.cuts.end(), part.cuts.begin(), part.cuts.end());
     all.overlaps.insert(all.overlaps.end(), part.overlaps.begin(), part.overlaps.end());
-    all.pairs.insert(all.pairs.end(), part.pairs.begin(), part.pairs.end());
   }
   return all;
 }
 
-bool any_contact(const Surface& surface) {
-  const std::vector<char> flat = flat_ones(surface.mesh());
-  const NearPairs pairs(surface, flat);
-  std::atomic<bool> found = false;
-  NearPairs::Around around;
-#pragma omp parallel for schedule(dynamic, 64) firstprivate(around)
-  for (std::size_t s = 0; s < flat.size(); s++) {
-    if (found) continue;
-    PairTest test(surface.mesh());
-    Contacts unused;
-    pairs.visit(static_cast<std::uint32_t>(s), around, [&](std::uint32_t t) {
-      if (!found && test.meet(static_cast<std::uint32_t>(s), t, unused)) found = true;
-    });
-  }
-  return found;
-}
+bool any_contact(const Surface& surface) { return find_contacts(surface, 0).too_many; }
 
 }  // namespace padder

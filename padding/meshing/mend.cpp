@@ -52,6 +52,14 @@ class Mender {
       : options_(options), pieces_(find_pieces(input)), mesh_(pieces_.mesh), input_(input) {
     diagonal_ = input.bounds().diagonal();
   }
+  Mender(std::shared_ptr<const Surface> piece, const RepairOptions& options)
+      : options_(options), mesh_(pieces_.mesh), input_(piece->mesh()), surface_(std::move(piece)) {
+    diagonal_ = surface_->bounds().diagonal();
+    pieces_.mesh = input_;
+    Piece& all = pieces_.pieces.emplace_back();
+    all.triangles.resize(mesh_.triangles.size()), all.closed = true;
+    std::iota(all.triangles.begin(), all.triangles.end(), 0u);
+  }
 
   std::optional<Repaired> run() {
     out_.thickness = options_.thickness;
@@ -278,16 +286,15 @@ class Mender {
   }
 
   std::optional<Repaired> finish() {
-    std::optional<Surface> surface(soup_);
+    if (!surface_) surface_ = std::make_shared<const Surface>(soup_);
     std::vector<char> passive;  // what bounds nothing has no cells
     for (const TriangleRole role : roles_) passive.push_back(role == TriangleRole::sheet);
-    const Contacts contacts = find_contacts(*surface, options_.most_pairs, passive);
+    const Contacts contacts = find_contacts(*surface_, options_.most_pairs, passive);
     if (contacts.too_many) return std::nullopt;
-    find_cavities(contacts, *surface);
-    if (out_.steps.cavities > 0) surface.emplace(soup_);
+    find_cavities(contacts, *surface_);
+    if (out_.steps.cavities > 0) surface_ = std::make_shared<const Surface>(soup_);
     out_.steps.crossing_pairs = contacts.pairs.size();
-    OuterCells cells = outer_cells(*surface, roles_, contacts);
-    surface.reset();
+    OuterCells cells = outer_cells(*surface_, roles_, contacts);
     out_.mesh = std::move(cells.mesh);
     out_.sheet = out_.mesh.triangles.size() - cells.boundary;
     out_.kind = cells.boundary > 0 ? BodyKind::solid : BodyKind::sheet;
@@ -305,10 +312,14 @@ class Mender {
     std::erase_if(out_.patches, [&](const Patch& p) { return !(p.area > 0); });
     out_.filled = out_.patches.size();
     for (const Patch& patch : out_.patches) out_.filled_area += patch.area;
-    out_.solid.emplace();
-    out_.solid->points = soup_.points;
-    for (std::size_t t = 0; t < roles_.size(); t++)
-      if (roles_[t] != TriangleRole::sheet) out_.solid->triangles.push_back(soup_.triangles[t]);
+    out_.solid = std::move(surface_);
+    if (std::find(passive.begin(), passive.end(), 1) != passive.end()) {
+      Mesh solid;
+      solid.points = soup_.points;
+      for (std::size_t t = 0; t < roles_.size(); t++)
+        if (!passive[t]) solid.triangles.push_back(soup_.triangles[t]);
+      out_.solid = std::make_shared<const Surface>(solid);
+    }
     keep_flat();
     return std::move(out_);
   }
@@ -342,6 +353,7 @@ class Mender {
   std::vector<std::vector<std::uint32_t>> units_;  // closed pieces
   std::vector<OpenGroup> groups_;
   Mesh soup_;
+  std::shared_ptr<const Surface> surface_;  // of soup_
   std::vector<TriangleRole> roles_;
   std::vector<std::uint32_t> unit_, patch_;  // of each triangle of soup_
   std::size_t count_ = 0;                    // of units
@@ -352,6 +364,10 @@ class Mender {
 
 std::optional<Repaired> mend(const Mesh& input, const RepairOptions& options) {
   return Mender(input, options).run();
+}
+
+std::optional<Repaired> mend_piece(std::shared_ptr<const Surface> piece, const RepairOptions& options) {
+  return Mender(std::move(piece), options).run();
 }
 
 }  // namespace padder

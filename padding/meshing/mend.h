@@ -23,4 +23,7 @@ namespace padder {
 // `input` holds triangles with and without area. Deterministic for any number of threads.
 std::optional<Repaired> mend(const Mesh& input, const RepairOptions& options);
 
+// The same for one closed piece that faces outward (one_closed_piece() of pieces.h).
+std::optional<Repaired> mend_piece(std::shared_ptr<const Surface> piece, const RepairOptions& options);
+
 }  // namespace padder

@@ -76,20 +76,6 @@ Repaired as_given(Soup soup, const std::string& name) {
   return out;
 }
 
-// A closed piece, if it meets itself nowhere.
-std::optional<Repaired> solid_of(Mesh piece, double diagonal) {
-  const double volume = mass_properties(piece).volume;
-  if (!(std::abs(volume) > 1e-12 * std::pow(diagonal, 3)) || any_contact(Surface(piece))) return std::nullopt;
-  RepairReport report;
-  if (volume < 0) {
-    report.add("turned inside out");
-    for (auto& t : piece.triangles) std::swap(t[1], t[2]);
-  }
-  Repaired out;
-  out.mesh = std::move(piece), out.report = report.text(), out.checked = true;
-  return out;
-}
-
 // The mesh, if it is closed and meets itself nowhere.
 std::optional<Repaired> closed_solid(Soup soup, std::size_t flat, double diagonal) {
   RepairReport report;
@@ -182,8 +168,9 @@ Repaired wrapped(const Mesh& input, const RepairOptions& options, double diagona
   return out;
 }
 
-Repaired mended(const Mesh& input, const RepairOptions& options, double diagonal, const std::string& name) {
-  std::optional<Repaired> body = mend(input, options);
+// `body` is what mend() made of the input.
+Repaired mended(std::optional<Repaired> body, const Mesh& input, const RepairOptions& options,
+                double diagonal, const std::string& name) {
   if (!body) {
     const std::string why =
         "more than " + std::to_string(options.most_pairs) + " pairs of its triangles cross";
@@ -197,6 +184,24 @@ Repaired mended(const Mesh& input, const RepairOptions& options, double diagonal
   return std::move(out);
 }
 
+// A closed piece, if it encloses a volume.
+std::optional<Repaired> piece_repaired(Mesh piece, const Mesh& input, const RepairOptions& options,
+                                       double diagonal, const std::string& name) {
+  const double volume = mass_properties(piece).volume;
+  if (!(std::abs(volume) > 1e-12 * std::pow(diagonal, 3))) return std::nullopt;
+  if (volume < 0)
+    for (auto& t : piece.triangles) std::swap(t[1], t[2]);
+  auto surface = std::make_shared<Surface>(piece);
+  if (any_contact(*surface))
+    return mended(mend_piece(std::move(surface), options), input, options, diagonal, name);
+  RepairReport report;
+  if (volume < 0) report.add("turned inside out");
+  Repaired out;
+  out.mesh = std::move(piece), out.report = report.text(), out.checked = true;
+  out.ready = std::move(*surface);
+  return out;
+}
+
 Repaired repaired(const Mesh& input, const RepairOptions& options, const std::string& name) {
   const double diagonal = input.bounds().diagonal();
   const bool keep_solids = options.mode == RepairMode::automatic || options.mode == RepairMode::fill ||
@@ -206,8 +211,8 @@ Repaired repaired(const Mesh& input, const RepairOptions& options, const std::st
   std::optional<Mesh> piece;
   if (keep_solids && !any_flat(input, diagonal)) piece = one_closed_piece(input);
   if (piece) {
-    if (auto solid = solid_of(std::move(*piece), diagonal)) return std::move(*solid);
-    return mended(input, options, diagonal, name);
+    auto body = piece_repaired(std::move(*piece), input, options, diagonal, name);
+    return body ? std::move(*body) : mended(mend(input, options), input, options, diagonal, name);
   }
   if (options.mode == RepairMode::wrap) return wrapped(input, options, diagonal, name, "as asked");
   Mesh flat;
@@ -221,7 +226,7 @@ Repaired repaired(const Mesh& input, const RepairOptions& options, const std::st
   if (keep_solids)
     if (auto solid = closed_solid(std::move(soup), flat.triangles.size(), diagonal))
       return with_flat(std::move(*solid));
-  return mended(input, options, diagonal, name);
+  return mended(mend(input, options), input, options, diagonal, name);
 }
 
 }  // namespace

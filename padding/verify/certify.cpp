@@ -224,8 +224,8 @@ std::vector<GapPart> gap_failures(const Mesh& mesh, const BallSet& balls, double
     LastProofs last(4 * grain);
     double small_enough = infinity;  // larger parts have too many balls near
     constexpr std::size_t nobody = std::numeric_limits<std::size_t>::max();
-    std::size_t above = nobody;  // what stands at this place of the stack or higher is cut from near's part
     for (std::size_t t = b * block; t < std::min(n, (b + 1) * block); t++) {
+      std::size_t above = nobody;  // what stands at this place of the stack or higher is cut from near's part
       stack.push_back(part_of(mesh, t));
       while (!stack.empty()) {
         GapPart part = stack.back();

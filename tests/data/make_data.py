@@ -330,6 +330,80 @@ NESTED = '''<?xml version="1.0"?>
 '''
 
 
+SHELLED = '''<?xml version="1.0"?>
+<!-- A link inside an open shell: it touches the walls in some poses, and stands free of them in others. -->
+<robot name="shelled">
+  <link name="shell"><collision><geometry><mesh filename="package://arm_description/meshes/shell.stl"/></geometry></collision></link>
+  <link name="post"><collision><geometry><box size="0.02 0.02 0.02"/></geometry></collision></link>
+  <link name="inner"><collision><geometry><box size="0.05 0.05 0.05"/></geometry></collision></link>
+  <joint name="lift" type="prismatic">
+    <parent link="shell"/><child link="post"/><origin xyz="0 0 0.5"/><axis xyz="0 0 1"/>
+    <limit lower="-0.02" upper="0.02" effort="1" velocity="1"/>
+  </joint>
+  <joint name="slide" type="prismatic">
+    <parent link="post"/><child link="inner"/><origin xyz="0 0 -0.5"/><axis xyz="1 0 0"/>
+    <limit lower="-0.09" upper="0.09" effort="1" velocity="1"/>
+  </joint>
+</robot>
+'''
+
+GRIPPER_PACKAGE = '''<?xml version="1.0"?>
+<package format="3">
+  <name>gripper_description</name>
+  <version>1.0.0</version>
+  <description>A gripper for the tests. The package has another name than its folder.</description>
+  <export><build_type>ament_cmake</build_type></export>
+</package>
+'''
+
+GRIPPER = '''<?xml version="1.0"?>
+<!-- Jaws of 1 x 2 x 4 inches from a COLLADA file in inches, the right one mirrored, in a package of ROS 2 that has another name
+     than its folder. The jaws meet in some poses. -->
+<robot name="gripper">
+  <link name="palm">
+    <inertial><mass value="1"/><inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial>
+    <collision><geometry><box size="0.03 0.2 0.03"/></geometry></collision>
+  </link>
+  <link name="left">
+    <inertial><mass value="0.2"/><inertia ixx="0.001" ixy="0" ixz="0" iyy="0.001" iyz="0" izz="0.001"/></inertial>
+    <collision><geometry><mesh filename="package://gripper_description/meshes/jaw.dae"/></geometry></collision>
+  </link>
+  <link name="right">
+    <inertial><mass value="0.2"/><inertia ixx="0.001" ixy="0" ixz="0" iyy="0.001" iyz="0" izz="0.001"/></inertial>
+    <collision><geometry><mesh filename="package://gripper_description/meshes/jaw.dae" scale="1 -1 1"/></geometry></collision>
+  </link>
+  <joint name="left_slide" type="prismatic">
+    <parent link="palm"/><child link="left"/>
+    <origin xyz="0 0.06 0.07"/><axis xyz="0 1 0"/><limit lower="-0.06" upper="0.02" effort="10" velocity="1"/>
+  </joint>
+  <joint name="right_turn" type="revolute">
+    <parent link="palm"/><child link="right"/>
+    <origin xyz="0 -0.06 0.07"/><axis xyz="1 0 0"/><limit lower="-1" upper="1" effort="10" velocity="1"/>
+  </joint>
+</robot>
+'''
+
+
+def collada_in_inches(points, triangles):
+    numbers = " ".join(f"{x:g}" for p in points for x in p)
+    corners = " ".join(str(i) for t in triangles for i in t)
+    return f"""<?xml version="1.0" encoding="utf-8"?>
+<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
+  <asset><unit name="inch" meter="0.0254"/><up_axis>Z_UP</up_axis></asset>
+  <library_geometries><geometry id="jaw" name="jaw"><mesh>
+    <source id="jaw-points">
+      <float_array id="jaw-array" count="24">{numbers}</float_array>
+      <technique_common><accessor source="#jaw-array" count="8" stride="3"><param name="X" type="float"/><param name="Y" type="float"/><param name="Z" type="float"/></accessor></technique_common>
+    </source>
+    <vertices id="jaw-vertices"><input semantic="POSITION" source="#jaw-points"/></vertices>
+    <triangles count="12"><input semantic="VERTEX" source="#jaw-vertices" offset="0"/><p>{corners}</p></triangles>
+  </mesh></geometry></library_geometries>
+  <library_visual_scenes><visual_scene id="scene"><node id="node"><instance_geometry url="#jaw"/></node></visual_scene></library_visual_scenes>
+  <scene><instance_visual_scene url="#scene"/></scene>
+</COLLADA>
+"""
+
+
 def robot():
     def link(name, size, low):
         points, faces = box(size, low)
@@ -349,9 +423,18 @@ def robot():
     out["arm_description/arm.urdf"] = f'<?xml version="1.0"?>\n<robot name="arm">\n{links}{joints}{tool}</robot>\n'
     out["arm_description/folding.urdf"] = FOLDING
     out["arm_description/nested.urdf"] = NESTED
+    out["arm_description/shelled.urdf"] = SHELLED
+    points, faces = box((0.2, 0.2, 0.2), (-0.1, -0.1, -0.1))
+    out["arm_description/meshes/shell.stl"] = stl_binary(points, triangles_of(faces[1:]))
+    points, faces = box((1, 2, 4), (-0.5, -1, -2))
+    out["gripper_of_ros2/package.xml"] = GRIPPER_PACKAGE
+    out["gripper_of_ros2/meshes/jaw.dae"] = collada_in_inches(points, triangles_of(faces))
+    out["gripper_of_ros2/urdf/gripper.urdf"] = GRIPPER
     out["robots.txt"] = ("# What tests/tools/robots/table.py pads in every run: name, file, options of pad.\n"
                          "folding   arm_description/folding.urdf\n"
-                         "nested    arm_description/nested.urdf\n")
+                         "nested    arm_description/nested.urdf\n"
+                         "shelled   arm_description/shelled.urdf\n"
+                         "gripper   gripper_of_ros2/urdf/gripper.urdf\n")
     return out
 
 

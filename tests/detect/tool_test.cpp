@@ -144,7 +144,14 @@ TEST_F(DetectTool, WrongUsageIsASentence) {
   EXPECT_EQ(said("--zzz"), "there is no option \"--zzz\"");
   EXPECT_EQ(said("other.json"), "\"other.json\" is one input too many");
   EXPECT_LT(said("--bin-size " + std::string(100000, '7')).size(), 200u);
-  EXPECT_EQ(run("").err, "detect: SCENE is required (see detect --help)\n");
+  EXPECT_EQ(said("--stage"), "there is no option \"--stage\": --stages may be meant");
+  EXPECT_EQ(said("--pre=fast"), "there is no option \"--pre=fast\": --precision may be meant");
+  EXPECT_EQ(said("--copy=3"), "there is no option \"--copy=3\": --copies may be meant");
+  EXPECT_TRUE(run("").err.starts_with("detect: SCENE is missing: a scene (.json), a cluster"));
+  write_file(folder_ / "part.stl", "solid part");
+  EXPECT_EQ(run("part.stl").err,
+            "detect: SCENE: \"part.stl\" is a mesh: make spheres of it first, with pad part.stl (see detect "
+            "--help)\n");
 }
 
 TEST_F(DetectTool, AFullDiskIsASentence) {

@@ -269,7 +269,7 @@ TEST(Worlds, AMarginHoldsHoweverBodiesAreSearched) {
   for (const BackendKind backend : backends())
     for (const Bodies bodies : {Bodies::first, Bodies::expanded, Bodies::automatic})
       for (const double scale : {1.0, 1e-150, 1e60}) {
-        World w = random_worlds(17, 1, 25, 120);
+        World w = random_worlds(17, 1, 16, 60);
         w.world.clear();
         for (Body& b : w.bodies) b.world = 0;
         for (auto& spheres : w.shape_spheres)

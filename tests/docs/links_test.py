@@ -1,7 +1,9 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
 """links_test.py ROOT: every relative link of README.md and docs/ leads to a file and to a heading that are there,
-and every page can be reached from docs/README.md. Needs no network: links to other sites are not followed."""
+every page can be reached from docs/README.md, and the changelog says nothing twice. Needs no network: links to other sites
+are not followed."""
+import collections
 import pathlib
 import re
 import sys
@@ -57,6 +59,9 @@ def main():
             reached.add(page)
             waiting += [target for target in leads_to.get(page, ()) if target.suffix == ".md"]
     faults += [f"{page.relative_to(root)}: no link leads here from docs/README.md" for page in pages[1:] if page not in reached]
+    # Branches that are merged line by line can bring the same entry twice.
+    entries = collections.Counter(re.findall(r"^ *- .+$", (root / "docs" / "changelog.md").read_text(encoding="utf-8"), re.M))
+    faults += [f"docs/changelog.md has {count} times: {entry}" for entry, count in entries.items() if count > 1]
     if faults:
         sys.exit("\n".join(faults))
     print(f"{len(pages)} pages, all links lead somewhere")

@@ -79,7 +79,7 @@ case $step in
     # As C++20 with every warning an error; what a header needs it must include itself. Nothing of the build's own.
     find . -name '*.h' | sed 's,^\./,,' | sort >"$work/headers.txt"
     [ "$(wc -l <"$work/headers.txt")" -ge 20 ]
-    # A compile each, a second apiece: not again while no header and no compiler has changed.
+    # A compile each, a second apiece: not again while no header and no compiler has changed, whatever else has.
     sum=$({ xargs cat <"$work/headers.txt"; "$CXX" --version; cat "$work/headers.txt"; } | sha256sum)
     [ "$sum" = "$(cat "$work/headers.sum" 2>/dev/null)" ] && exit 0
     mpi="$(mpicxx --showme:compile 2>/dev/null || true) -DOMPI_SKIP_MPICXX -DMPICH_SKIP_MPICXX"  # for the headers of detect/mpi

@@ -384,21 +384,21 @@ TEST(Pad, EachFigureSaysWhatItWasProvedAgainst) {
 // Spheres may close a slit that is narrower than twice the tolerance: they stand out of its walls by no more.
 // A wider one must stay open, unless --reach says that no grain enters it.
 TEST(Pad, AWrapKeepsTheToleranceAgainstTheInput) {
-  const double diagonal = std::sqrt(2 + 0.8 * 0.8);
+  const double side = 0.5, tolerance = 0.0225, within = tolerance * std::hypot(side, side, 0.8) * (1 + 1e-9);
   for (const double width : {0.01, 0.06, 0.12}) {
     SCOPED_TRACE("slit of " + std::to_string(width));
-    const Mesh slit = joined(shapes::box({0, 0, 0}, {1, 1, 0.4 - 0.5 * width}, 2),
-                             shapes::box({0, 0, 0.4 + 0.5 * width}, {1, 1, 0.8}, 2));
+    const Mesh slit = joined(shapes::box({0, 0, 0}, {side, side, 0.4 - 0.5 * width}, 2),
+                             shapes::box({0, 0, 0.4 + 0.5 * width}, {side, side, 0.8}, 2));
     PadOptions options;
     options.effort = 0, options.repair = RepairMode::wrap;
-    const Padded p = by_tolerance(slit, 0.015, options);
+    const Padded p = by_tolerance(slit, tolerance, options);
     EXPECT_EQ(p.report.kind, BodyKind::wrap);
     EXPECT_TRUE(p.cluster.accuracy.certified) << p.report.reason;
-    EXPECT_LE(p.cluster.accuracy.protrusion_max, 0.015 * diagonal * (1 + 1e-9));
-    EXPECT_LE(largest_protrusion(slit, p.cluster, 5000), 0.015 * diagonal * (1 + 1e-9));
+    EXPECT_LE(p.cluster.accuracy.protrusion_max, within);
+    EXPECT_LE(largest_protrusion(slit, p.cluster, 5000), within);
     EXPECT_TRUE(p.report.slots.empty());
     options.min_grain_radius = Length::of(0.05);
-    const Padded closed = by_tolerance(slit, 0.015, options);
+    const Padded closed = by_tolerance(slit, tolerance, options);
     EXPECT_EQ(closed.cluster.accuracy.certified, width < 0.04 || width > 0.1) << closed.report.reason;
     EXPECT_EQ(closed.report.within, closed.cluster.accuracy.certified);
     if (width < 0.1) {

@@ -88,6 +88,18 @@ inline Mesh square(double side, int n = 1) {
   return mesh;
 }
 
+// Copies of a sheet side by side, from z = 0 up to just below the height.
+inline Mesh stack(const Mesh& sheet, int copies, double height) {
+  Mesh mesh;
+  for (int k = 0; k < copies; k++) {
+    const auto first = static_cast<std::uint32_t>(mesh.points.size());
+    for (const Point& p : sheet.points) mesh.points.push_back(p + Vector(0, 0, height * k / copies));
+    for (const auto& t : sheet.triangles)
+      mesh.triangles.push_back({first + t[0], first + t[1], first + t[2]});
+  }
+  return mesh;
+}
+
 // Moved and scaled: the middle of the bounding box at the origin, its diagonal 1.
 inline Mesh unit(Mesh mesh) {
   const Box box = mesh.bounds();

@@ -71,3 +71,19 @@ def test_a_wheel_can_carry_its_libraries(tmp_path):
     ran = subprocess.run([sys.executable, "-c", "import padder; print(padder.__version__)"], capture_output=True, text=True,
                          env={**os.environ, "PYTHONPATH": str(packages)})
     assert ran.returncode == 0, ran.stderr
+
+
+@pytest.mark.skipif("PADDER_BUILD_DIR" not in os.environ, reason="nothing is built")
+def test_pip_installs_a_checkout(tmp_path):
+    if subprocess.run([sys.executable, "-m", "pip", "--version"], capture_output=True).returncode:
+        pytest.skip("pip is not installed")
+    command = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--no-index", "--target", tmp_path, SOURCE]
+    ran = subprocess.run(command, capture_output=True, text=True)
+    assert ran.returncode == 0, ran.stdout + ran.stderr
+    code = "import padder; print(padder.__file__, padder.__version__)"
+    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env={**os.environ, "PYTHONPATH": str(tmp_path)})
+    assert ran.stdout.startswith(str(tmp_path)), ran.stderr
+    info = f"padder-{ran.stdout.split()[-1]}.dist-info/"
+    assert subprocess.run([tmp_path / "bin" / "pad", "--version"], capture_output=True, text=True).stdout.startswith("pad (padder)")
+    names = {str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*")}
+    assert names >= {"bin/detect", "bin/preview", "padder/__init__.py", "padder/py.typed", info + "METADATA", info + "RECORD"}, names

@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""consumers_test.py BIN PROGRAM: what pad writes, read by the program that it is for: vtk, liggghts or yade, as Debian has them.
+"""consumers_test.py BIN PROGRAM: what pad writes, read by the program that it is for: vtk, f3d, liggghts or yade, as Debian
+has them.
 
 The part is a box of known mass off the origin. The spheres of its .npz are what the program must have found. Leaves with 77,
 and a sentence, where the program is not there.
@@ -83,6 +84,22 @@ def vtk_reads(spheres):
     bounds = [0.0] * 6
     box.GetBounds(bounds)  # glTF has Y up: our z is its y, our y is its -z
     expect("glb: bounds", bounds, [low[0], high[0], low[2], high[2], -high[1], -low[1]], 0.02)
+
+
+def f3d_reads(spheres):
+    if not shutil.which("f3d") or not shutil.which("xvfb-run"):
+        skip("F3D is not there (Debian: f3d xvfb xauth)")
+    low, high = (spheres[:, :3] - spheres[:, 3:]).min(0), (spheres[:, :3] + spheres[:, 3:]).max(0)
+    x, y, z = (low + high) / 2
+    for ending in ("stl", "ply", "obj", "glb"):
+        pad("-o", f"spheres.{ending}")
+        output = run(["xvfb-run", "-a", "f3d", f"spheres.{ending}", "--output", "seen.png", "--resolution", "200,200", "--verbose"])
+        # It looks at the middle of what it shows. glTF has Y up.
+        focal = next(line.split(":")[1] for line in output.splitlines() if line.startswith("Camera focal point"))
+        expect(f"{ending}: middle", np.array(focal.split(","), dtype=float), [x, z, -y] if ending == "glb" else [x, y, z], 0.02)
+        with open("seen.png", "rb") as picture:
+            if len(picture.read()) < 2000:
+                sys.exit(f"{ending}: the picture shows nothing")
 
 
 LIGGGHTS = """
@@ -194,4 +211,4 @@ with tempfile.TemporaryDirectory() as folder:
     pad("-o", "box.npz")
     with np.load("box.npz") as arrays:
         wanted = np.column_stack([arrays["centers"], arrays["radii"]])
-    {"vtk": vtk_reads, "liggghts": liggghts_reads, "yade": yade_reads}[sys.argv[2]](wanted)
+    {"vtk": vtk_reads, "f3d": f3d_reads, "liggghts": liggghts_reads, "yade": yade_reads}[sys.argv[2]](wanted)

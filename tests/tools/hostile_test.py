@@ -277,9 +277,9 @@ class HostileTest(unittest.TestCase):
         subprocess.run(words, cwd=self.folder, check=True)
         whole, took = (self.folder / "cube.spheres.json").read_bytes(), time.monotonic() - begin
         (self.folder / "cube.spheres.json").write_text("old")
-        for k in range(20):
+        for k in range(12):
             run = subprocess.Popen(words, cwd=self.folder)
-            time.sleep(took * (0.8 + 0.25 * k / 20))
+            time.sleep(took * (0.8 + 0.25 * k / 12))
             run.send_signal(signal.SIGKILL if k % 2 else signal.SIGINT)
             run.wait()
             self.assertIn((self.folder / "cube.spheres.json").read_bytes(), (b"old", whole))

@@ -40,7 +40,7 @@ TEST_F(PadFormatsTest, EndingsAndFormats) {
   for (const char* format : {"liggghts", "yade", "mercury", "chrono"})
     EXPECT_EQ(pad(std::string("cube.obj --edge-length 10% -q -o f_") + format + " --format " + format).output,
               "");
-  EXPECT_TRUE(fs::exists(folder_ / "f_mercury/inertia/toi.txt"));
+  EXPECT_TRUE(fs::exists(folder_ / "f_mercury/Inertia/TOI.txt"));
   expect_same_spheres(read_spheres(folder_ / "f_yade"), cube);
   EXPECT_EQ(pad("cube.obj --edge-length 10% -q --format liggghts -o many/").output, "");
   EXPECT_TRUE(fs::exists(folder_ / "many/cube.txt"));

@@ -139,6 +139,8 @@ TEST_F(Pad, WrongUsageReturns2WithOneSentenceAndWritesNothing) {
            "a.obj --write-mesh a.obj",  // the input
            "a.obj a.stl --write-mesh both.obj",
            "a.urdf --write-mesh a.obj",
+           "a.obj --robot-spheres 10",
+           "a.obj --joint elbow=1",
        }) {
     SCOPED_TRACE(arguments);
     expect_one_sentence(pad(arguments), 2);

@@ -118,7 +118,7 @@ settle::SettleScene clump_silo(std::uint64_t clumps) {
   const double across = 3 * own + 1.5 * one * arm * arm;
   const settle::Mass mass{3 * one, {across, across, 3 * own + 3 * one * arm * arm}};
   system.gravity = {0, 0, -9.81};
-  system.law.friction = 0.3, system.law.damping_ratio = settle::damping_ratio_of(0.3);
+  system.law.surfaces[0][0] = {settle::damping_ratio_of(0.3), 0.3};
   system.walls.push_back({settle::Wall::Kind::plane, {0, 0, 0}, {0, 0, 1}, 0, 0.3});
   system.walls.push_back({settle::Wall::Kind::cylinder, {0, 0, 0}, {0, 0, 1}, radius, 0.3});
   detect::SplitMix64 random(1);
@@ -152,8 +152,11 @@ Json measure(const Settings& s, std::uint64_t objects, detect::BackendKind backe
   const double total_step = (effort.seconds - total) / 400,
                detection_step = (effort.detection_seconds - detection) / 400;
   const std::uint64_t asked = effort.detections - detections, contacts = stepper.contacts();
+  every.step(10);  // the first calls read the scene and find its grid
+  const double begun_detection = every.effort().detection_seconds, begun = every.effort().seconds;
   every.step(20);
-  const double each = every.effort().detection_seconds / 20, each_step = every.effort().seconds / 20;
+  const double each = (every.effort().detection_seconds - begun_detection) / 20,
+               each_step = (every.effort().seconds - begun) / 20;
   const auto [history, plain] = clumps ? std::pair(0.0, 0.0) : detection_calls(stepper, backend, s.threads);
   return {{"scene", clumps ? "clumps" : "silo"},
           {"backend", stepper.backend()},

@@ -201,6 +201,11 @@ int run(PadArguments& a, const CLI::App& app, cli::StreamFiles& files) {
     if (app.count(option) > 0)
       throw UsageError(std::string(option) +
                        " is for a folder of meshes or a --manifest, and there is neither");
+  if (std::ranges::none_of(a.meshes, is_robot))
+    for (const char* option :
+         {"--robot-spheres", "--visual", "--package-path", "--xacro", "--self-collision", "--joint"})
+      if (app.count(option) > 0)
+        throw UsageError(std::string(option) + " is for a robot, and " + a.meshes[0] + " is none");
   if (a.threads > 0) omp_set_num_threads(a.threads);
   limit_memory(a.memory.empty() ? machine_memory() : cli::bytes_of(a.memory).value());
   if (app.count("--seconds") > 0 && a.seconds > 0) end_after(a);

@@ -158,10 +158,12 @@ std::uint64_t fingerprint(const System& s) {
   h.add(s.inverse_mass), h.add(s.inverse_inertia), h.add(s.grain_radius), h.add(s.gravity.x),
       h.add(s.gravity.y);
   h.add(s.gravity.z), h.add(s.step), h.add(s.law.stiffness), h.add(s.law.tangential_stiffness);
-  h.add(s.law.damping_ratio), h.add(s.law.friction);
+  for (const auto& of_material : s.law.surfaces)
+    for (const Surface& f : of_material) h.add(f.damping_ratio), h.add(f.friction);
+  for (const std::uint8_t m : s.material) h.add(double(m));
   for (const Wall& w : s.walls) {
     h.add(std::span<const Vec3>(&w.point, 1)), h.add(std::span<const Vec3>(&w.direction, 1));
-    h.add(w.radius), h.add(w.friction), h.add(double(w.kind));
+    h.add(w.radius), h.add(w.friction), h.add(double(w.kind)), h.add(double(w.material));
   }
   for (const Bushing& u : s.bushings) {
     h.add(double(u.a)), h.add(double(u.b)), h.add(u.stiffness), h.add(u.damping);

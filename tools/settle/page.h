@@ -2,6 +2,7 @@
 // A run as one HTML file that plays: it needs neither a network nor another program than a browser.
 #pragma once
 #include <filesystem>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -9,20 +10,37 @@
 
 namespace padder::settle {
 
-// Collects frames: of each sphere 6 bytes. The box of the first frame, widened to what the frames reach, is
-// kept to 2^-16 of its edges.
+// Which of these points are not hidden by the others from somebody who looks from the sides or from above.
+// Space is divided into cells of about three points. The air is what can be reached from the sides and from
+// above through empty cells, and a point is hidden if none of the 125 cells around it is air. Time linear in
+// the points.
+std::vector<bool> seen_from_outside(std::span<const Vec3> points);
+
+// Collects frames: of each sphere 6 bytes, its place to 2^-16 of the box of first and last frame. Of a scene
+// of more than 50,000 spheres a page leaves out what is hidden in all frames, but nothing that is large.
 class Movie {
  public:
-  // Takes where the spheres of `stepper` are now (placed()). Throws Error if the frames together would be
-  // larger than a page can be (512 MB).
+  // How many frames a page of so many spheres has if nobody says: 100, fewer from a million spheres on, so
+  // that frames take at most 1.5 GB while they are collected.
+  static std::uint64_t usual_frames(std::uint64_t spheres);
+
+  // Takes where the spheres of `stepper` are now (placed()).
   void add(const Stepper& stepper);
   std::size_t frames() const { return times_.size(); }
-  // Throws Error if there are no frames, or the file cannot be written.
-  void write(const std::string& title, const System& system, const std::filesystem::path& path) const;
+  // What a page shows, and its size.
+  struct Written {
+    std::uint64_t spheres = 0, bytes = 0;
+  };
+  // Throws Error if there are no frames, if they are more than a page can hold (512 MB), or if the file
+  // cannot be written.
+  Written write(const std::string& title, const System& system, const std::filesystem::path& path) const;
 
  private:
+  std::vector<std::uint32_t> spheres_to_show(const System& system) const;
+
   std::vector<std::vector<float>> centers_;
   std::vector<double> times_;
+  std::vector<bool> seen_;  // movers, in a frame so far; empty: all
 };
 
 }  // namespace padder::settle

@@ -16,11 +16,16 @@ canvas{width:100%;height:100%;display:block;touch-action:none}
 <script>
 "use strict";
 const head = @HEAD@;
-const bytes = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer;
-const frames = new Uint16Array(bytes("@FRAMES@")), radii = new Float32Array(bytes("@RADII@")), movers = new Uint32Array(bytes("@MOVERS@"));
+const bytes = (text) => {
+  const from = atob(text), to = new Uint8Array(from.length);
+  for (let k = 0; k < to.length; k++) to[k] = from.charCodeAt(k);
+  return to.buffer;
+};
+const frames = [@FRAMES@], radii = new Float32Array(bytes("@RADII@")), movers = new Uint32Array(bytes("@MOVERS@"));
 const n = head.spheres, count = head.times.length, canvas = document.getElementById("view");
 document.title = head.title;
-document.getElementById("title").textContent = head.title + ": " + n + " spheres" + (head.bodies ? ", " + head.bodies + " bodies" : "");
+document.getElementById("title").textContent = head.title + ": " + head.all + " spheres" +
+  (head.bodies ? ", " + head.bodies + " bodies" : "") + (n < head.all ? "; those that are hidden throughout are left out, " + n + " are here" : "");
 const gl = canvas.getContext("webgl2", {antialias: true, preserveDrawingBuffer: true});
 if (!gl) document.getElementById("title").textContent = "This page needs WebGL 2: open it in another browser.";
 const shader = (type, text) => {
@@ -65,7 +70,7 @@ const feed = (name, data, size, type, normalized) => {
   gl.enableVertexAttribArray(slot), gl.vertexAttribPointer(slot, size, type, normalized, 0, 0);
   return buffer;
 };
-const places = feed("place", frames.subarray(0, 3 * n), 3, gl.UNSIGNED_SHORT, true);
+const places = feed("place", new Uint16Array(bytes(frames[0])), 3, gl.UNSIGNED_SHORT, true);
 feed("radius", radii, 1, gl.FLOAT, false);
 const colours = new Uint8Array(3 * n), kinds = [[196, 78, 82], [76, 114, 176], [85, 168, 104], [221, 160, 66], [129, 114, 178], [100, 181, 205]];
 for (let k = 0; k < n; k++) {
@@ -85,7 +90,7 @@ function draw() {
   const k = Math.min(frame | 0, count - 1);
   if (k !== shownFrame) {
     gl.bindBuffer(gl.ARRAY_BUFFER, places);
-    gl.bufferSubData(gl.ARRAY_BUFFER, 0, frames, 3 * n * k, 3 * n);
+    gl.bufferSubData(gl.ARRAY_BUFFER, 0, new Uint16Array(bytes(frames[k])));
     shownFrame = k, dirty = true, bar.value = k, now.textContent = head.times[k].toFixed(3) + " s";
   }
   if (!dirty) return;
@@ -117,7 +122,7 @@ onkeydown = (e) => {
 canvas.onpointerdown = (e) => canvas.setPointerCapture(e.pointerId);
 canvas.onpointermove = (e) => {
   if (!e.buttons) return;
-  eye.around -= 0.006 * e.movementX, eye.above = Math.max(-1.5, Math.min(1.5, eye.above + 0.006 * e.movementY)), dirty = true;
+  eye.around -= 0.006 * e.movementX, eye.above = Math.max(n < head.all ? 0 : -1.5, Math.min(1.5, eye.above + 0.006 * e.movementY)), dirty = true;
 };
 canvas.addEventListener("wheel", (e) => { e.preventDefault(), eye.far *= Math.exp(0.001 * e.deltaY), dirty = true; }, {passive: false});
 play.textContent = playing ? "Pause" : "Play";

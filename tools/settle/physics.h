@@ -3,6 +3,8 @@
 // contact law and the integration of one mover. Any consistent units; the default material is in SI.
 // docs/detector/settle.md states the equations and their sources.
 #pragma once
+#include <cstdint>
+
 #include "detect/host_device.h"
 
 namespace padder::settle {
@@ -65,11 +67,15 @@ PADDER_HD Vec3 spin_of(const Quaternion& q, const Vec3& inverse, const Vec3& mom
 // tangential displacement since the contact began (Cundall and Strack, A discrete numerical model for
 // granular assemblies, 1979; the form with a spring that is turned with the contact is that of Luding,
 // Cohesive, frictional powders, 2008).
+struct Surface {
+  double damping_ratio = 0;  // of the normal dashpot, from the restitution: 0 none, 1 critical
+  double friction = 0;       // Coulomb's coefficient
+};
+inline constexpr std::uint32_t kMostMaterials = 8;
 struct Law {
-  double stiffness = 0;             // of the normal spring: force a length
-  double tangential_stiffness = 0;  // of friction's spring
-  double damping_ratio = 0;         // of the normal dashpot, from the restitution: 0 none, 1 critical
-  double friction = 0;              // Coulomb's coefficient
+  double stiffness = 0;                              // of the normal spring: force a length
+  double tangential_stiffness = 0;                   // of friction's spring
+  Surface surfaces[kMostMaterials][kMostMaterials];  // of each two materials; symmetric
 };
 
 // The restitution of two spheres whose dashpot never pulls: their contact ends when its force does (Schwager
@@ -100,10 +106,10 @@ PADDER_HD double damping_ratio_of(double restitution) {
 //
 // The dashpot never pulls: a normal force below 0 counts as 0. While the contact slides, friction's spring is
 // as long as the friction force needs, so that it gives no energy back beyond that.
-PADDER_HD Vec3 contact_force(const Law& law, double friction, const Vec3& normal, double depth,
+PADDER_HD Vec3 contact_force(const Law& law, const Surface& surface, const Vec3& normal, double depth,
                              const Vec3& velocity, double reduced_mass, double step, Vec3& spring) {
   const double along = dot(velocity, normal);
-  const double damping = 2 * law.damping_ratio * ::sqrt(reduced_mass * law.stiffness);
+  const double damping = 2 * surface.damping_ratio * ::sqrt(reduced_mass * law.stiffness);
   double push = law.stiffness * depth + damping * along;
   if (push < 0) push = 0;
   const Vec3 slip = velocity - along * normal;
@@ -111,7 +117,7 @@ PADDER_HD Vec3 contact_force(const Law& law, double friction, const Vec3& normal
   spring = spring + step * slip;
   const double tangential_damping = 0.5 * damping;
   Vec3 hold = -law.tangential_stiffness * spring - tangential_damping * slip;
-  const double most = friction * push, size = length(hold);
+  const double most = surface.friction * push, size = length(hold);
   if (size > most) {
     hold = (most / size) * hold;
     spring = (-1 / law.tangential_stiffness) * (hold + tangential_damping * slip);

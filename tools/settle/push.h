@@ -7,8 +7,8 @@
 
 namespace padder::settle {
 
-// A force and the point on which it acts.
-struct Push {
+// A force and the point on which it acts. Aligned so that a GPU reads it in three pieces.
+struct alignas(16) Push {
   Vec3 force, point;
 };
 // Force and torque on a mover.
@@ -23,6 +23,7 @@ PADDER_HD void add_push(Load& load, const Vec3& force, const Vec3& point, const 
 struct MoverState {
   Vec3 position, velocity, spin;
   double inverse_mass = 0;
+  std::uint32_t material = 0;
 };
 PADDER_HD Vec3 velocity_at(const MoverState& m, const Vec3& point) {
   return m.velocity + cross(m.spin, point - m.position);
@@ -45,14 +46,20 @@ PADDER_HD Contact push_spheres(const Law& law, double step, const detect::Sphere
   const Vec3 point = 0.5 * (Vec3{g.on_i[0], g.on_i[1], g.on_i[2]} + Vec3{g.on_j[0], g.on_j[1], g.on_j[2]});
   const Vec3 velocity = velocity_at(i, point) - velocity_at(j, point);
   const double reduced = 1 / (i.inverse_mass + j.inverse_mass);
-  return {{contact_force(law, law.friction, normal, depth, velocity, reduced, step, spring), point}, depth};
+  const Surface& surface = law.surfaces[i.material][j.material];
+  return {{contact_force(law, surface, normal, depth, velocity, reduced, step, spring), point}, depth};
+}
+PADDER_HD double friction_with(const Law& law, const Wall& wall, std::uint32_t material) {
+  return wall.friction >= 0 ? wall.friction : law.surfaces[material][wall.material].friction;
 }
 // Of a sphere and a wall that touch.
 PADDER_HD Contact push_wall(const Law& law, double step, const detect::Sphere& a, const Wall& wall,
                             const WallContact& w, const MoverState& i, Vec3& spring) {
   const Vec3 point = center_of(a) + (a.r - w.depth) * w.normal;  // on the wall, which does not yield
-  const Vec3 force = contact_force(law, wall.friction, w.normal, w.depth, velocity_at(i, point),
-                                   1 / i.inverse_mass, step, spring);
+  const Surface surface{law.surfaces[i.material][wall.material].damping_ratio,
+                        friction_with(law, wall, i.material)};
+  const Vec3 force =
+      contact_force(law, surface, w.normal, w.depth, velocity_at(i, point), 1 / i.inverse_mass, step, spring);
   return {{force, point}, w.depth};
 }
 

@@ -64,18 +64,24 @@ Quaternion quaternion_of(const Eigen::Matrix3d& m) {
   return {q.w(), q.x(), q.y(), q.z()};
 }
 
+struct Material {
+  std::string name;
+  double density, friction, restitution;
+};
+
 struct BodySettings {
   Vec3 velocity, spin;
-  std::optional<double> density;
+  double density = 0;
+  std::uint8_t material = 0;
   bool driven = false;
 };
 
 class Reader {
  public:
   Reader(detect::Scene scene, const Place& r) : scene_(std::move(scene)), r_(r) {
-    r_.only({"gravity", "material", "seed", "time_step", "duration", "grains", "planes", "cylinder", "bodies",
-             "bushings"});
-    read_material();
+    r_.only({"gravity", "material", "materials", "material_pairs", "seed", "time_step", "duration", "grains",
+             "planes", "cylinder", "bodies", "bushings"});
+    read_materials();
     read_walls();
     read_body_settings();
     given_ = scene_.loose.size();
@@ -108,18 +114,67 @@ class Reader {
   }
 
  private:
-  void read_material() {
+  void read_default_material() {
     Law& law = out_.system.law;
     const Json empty = Json::object();
     const std::string where = "material";
     const Place m = r_.has("material") ? r_.at("material") : Place(empty, where);
     m.only({"density", "friction", "restitution", "stiffness"});
-    density_ = real_at(m, "density", 2500, 0, true);
-    law.friction = real_at(m, "friction", 0.5);
-    const double e = real_at(m, "restitution", 0.4);
-    if (!(e >= kLeastRestitution && e <= 1)) m.at("restitution").fail("a number from 0.01 to 1 is wanted");
-    law.damping_ratio = damping_ratio_of(e);
     law.stiffness = real_at(m, "stiffness", 0, 0, true);
+    add_material("default", m, {"", 2500, 0.5, 0.4});
+  }
+
+  // What a material says, and `otherwise` what it does not.
+  void add_material(const std::string& name, const Place& m, const Material& otherwise) {
+    materials_.push_back({name, real_at(m, "density", otherwise.density, 0, true),
+                          real_at(m, "friction", otherwise.friction),
+                          restitution_at(m, otherwise.restitution)});
+  }
+  static double restitution_at(const Place& m, double otherwise) {
+    const double e = real_at(m, "restitution", otherwise);
+    if (!(e >= kLeastRestitution && e <= 1)) m.at("restitution").fail("a number from 0.01 to 1 is wanted");
+    return e;
+  }
+
+  // The default one, those with a name, and what is between each two of them: the means, or what is given.
+  void read_materials() {
+    read_default_material();
+    if (r_.has("materials")) {
+      r_.at("materials").object();
+      for (const auto& item : r_.at("materials").json().items()) {
+        const Place m = r_.at("materials").at(item.key());
+        m.only({"density", "friction", "restitution"});
+        if (item.key() == "default") m.fail("this is the name of \"material\": choose another one");
+        if (materials_.size() == kMostMaterials) m.fail("a scene has at most 7 materials with a name");
+        add_material(item.key(), m, materials_.front());
+      }
+    }
+    auto& surfaces = out_.system.law.surfaces;
+    for (std::size_t a = 0; a < materials_.size(); a++)
+      for (std::size_t b = 0; b < materials_.size(); b++)
+        surfaces[a][b] = {damping_ratio_of(0.5 * (materials_[a].restitution + materials_[b].restitution)),
+                          0.5 * (materials_[a].friction + materials_[b].friction)};
+    if (!r_.has("material_pairs")) return;
+    for (std::size_t k = 0; k < r_.at("material_pairs").size(); k++) {
+      const Place p = r_.at("material_pairs").at(k), of = p.at("of");
+      p.only({"of", "friction", "restitution"});
+      if (of.size() != 2) of.fail("the names of two materials are wanted");
+      const std::uint8_t a = material_named(of.at(std::size_t(0))), b = material_named(of.at(1));
+      const double mean = 0.5 * (materials_[a].restitution + materials_[b].restitution);
+      surfaces[a][b] = {damping_ratio_of(restitution_at(p, mean)),
+                        real_at(p, "friction", surfaces[a][b].friction)};
+      surfaces[b][a] = surfaces[a][b];
+    }
+  }
+  std::uint8_t material_named(const Place& r) const {
+    const std::string name = r.text();
+    for (std::size_t m = 0; m < materials_.size(); m++)
+      if (materials_[m].name == name) return static_cast<std::uint8_t>(m);
+    r.fail("there is no material \"" + name + "\" in \"materials\"");
+  }
+  // Of a body, a block of grains or a wall.
+  std::uint8_t material_of(const Place& r) const {
+    return r.has("material") ? material_named(r.at("material")) : std::uint8_t(0);
   }
 
   void read_walls() {
@@ -127,27 +182,26 @@ class Reader {
     if (r_.has("planes"))
       for (std::size_t k = 0; k < r_.at("planes").size(); k++) {
         const Place p = r_.at("planes").at(k);
-        p.only({"point", "normal", "friction"});
+        p.only({"point", "normal", "friction", "material"});
         s.walls.push_back({Wall::Kind::plane, vector_at(p.at("point")), unit_at(p.at("normal")), 0,
-                           real_at(p, "friction", s.law.friction)});
+                           real_at(p, "friction", -1), material_of(p)});
       }
     if (!r_.has("cylinder")) return;
     const Place c = r_.at("cylinder");
-    c.only({"point", "axis", "radius", "friction"});
+    c.only({"point", "axis", "radius", "friction", "material"});
     s.walls.push_back({Wall::Kind::cylinder, vector_at(c.at("point")), unit_at(c.at("axis")),
-                       real_at(c, "radius", 0, 0, true), real_at(c, "friction", s.law.friction)});
+                       real_at(c, "radius", 0, 0, true), real_at(c, "friction", -1), material_of(c)});
   }
 
   void read_body_settings() {
-    settings_.resize(scene_.bodies.size());
+    settings_.resize(scene_.bodies.size(), plain());
     if (!r_.has("bodies")) return;
     for (std::size_t k = 0; k < r_.at("bodies").size(); k++) {
       const Place b = r_.at("bodies").at(k);
-      b.only({"body", "velocity", "spin", "density", "driven"});
+      b.only({"body", "velocity", "spin", "density", "driven", "material"});
       BodySettings& to = settings_[body_number(b.at("body"))];
-      if (b.has("velocity")) to.velocity = vector_at(b.at("velocity"));
+      to = settings_of(b);
       if (b.has("spin")) to.spin = vector_at(b.at("spin"));
-      if (b.has("density")) to.density = real_at(b, "density", 0, 0, true);
       to.driven = b.has("driven") && b.at("driven").truth();
     }
   }
@@ -165,7 +219,7 @@ class Reader {
     const detect::Body& body = scene_.bodies[b];
     const BodySettings& with = settings_[b];
     const MassProperties& m = masses_[body.shape];
-    const double density = with.density.value_or(density_);
+    const double density = with.density;
     const Eigen::Matrix3d turn =
         Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(body.rotation);
     const Point center = turn * m.center + Eigen::Map<const Point>(body.position);
@@ -177,6 +231,7 @@ class Reader {
     s.bodies[k].family = body.family, s.bodies[k].mask = body.mask, s.bodies[k].is_static = body.is_static;
     s.bodies[k].world = body.world;
     s.driven[k] = with.driven, s.velocity[k] = with.velocity, s.spin[k] = with.spin;
+    set_material(k, with.material);
     if (held) return;
     double rows[9];
     matrix_of(s.orientation[k], rows);
@@ -206,10 +261,11 @@ class Reader {
       const double radius = loose_value(4 * k + 3);
       if (!(radius > 0))
         throw Error("loose sphere " + std::to_string(k) + " has no radius above 0, and so no mass");
-      const BodySettings with = k < given_ ? BodySettings{} : grain_settings_[k - given_];
+      const BodySettings with = k < given_ ? plain() : grain_settings_[k - given_];
       const std::uint32_t m =
           add_grain(s, {loose_value(4 * k), loose_value(4 * k + 1), loose_value(4 * k + 2)}, radius,
-                    with.density.value_or(density_), with.velocity);
+                    with.density, with.velocity);
+      set_material(m, with.material);
       if (!l.is_static.empty() && l.is_static[k]) s.inverse_mass[m] = 0;
     }
     s.grain_family = l.family, s.grain_mask = l.mask, s.grain_static = l.is_static;
@@ -253,15 +309,27 @@ class Reader {
                          " grains find room between low and high: make the box larger or the grains fewer");
   }
 
+  BodySettings plain() const {
+    BodySettings with;
+    with.density = materials_.front().density;
+    return with;
+  }
+  // Of a body or a block of grains.
   BodySettings settings_of(const Place& g) const {
     BodySettings with;
     if (g.has("velocity")) with.velocity = vector_at(g.at("velocity"));
-    if (g.has("density")) with.density = real_at(g, "density", 0, 0, true);
+    with.material = material_of(g);
+    with.density = real_at(g, "density", materials_[with.material].density, 0, true);
     return with;
+  }
+  void set_material(std::uint32_t mover, std::uint8_t material) {
+    std::vector<std::uint8_t>& all = out_.system.material;
+    if (material) all.resize(mover + 1);
+    if (!all.empty()) all.resize(mover + 1), all[mover] = material;
   }
 
   void put_grains(const Place& g) {
-    g.only({"count", "radius", "density", "low", "high", "velocity"});
+    g.only({"count", "radius", "density", "low", "high", "velocity", "material"});
     double range[2];
     if (g.at("radius").json().is_number())
       range[0] = range[1] = g.at("radius").real();
@@ -284,7 +352,7 @@ class Reader {
 
   // Each of them is turned another way. Whatever the turn, it stays in its place of the lattice.
   void put_padded_grains(const Place& g) {
-    g.only({"count", "cluster", "density", "low", "high", "velocity"});
+    g.only({"count", "cluster", "density", "low", "high", "velocity", "material"});
     const std::string name = g.at("cluster").text();
     const auto named = [&](const auto& asset) { return asset.name == name; };
     const auto found = std::find_if(scene_.assets.begin(), scene_.assets.end(), named);
@@ -329,7 +397,7 @@ class Reader {
   detect::Scene scene_;  // as given, then with the grains as well
   Place r_;
   SettleScene out_;
-  double density_ = 2500;
+  std::vector<Material> materials_;           // the first is the default one
   std::vector<BodySettings> settings_;        // of each body
   std::uint64_t given_ = 0;                   // loose spheres that are no grains of a block
   std::vector<BodySettings> grain_settings_;  // of each grain of a block

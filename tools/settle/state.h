@@ -29,10 +29,13 @@ PADDER_HD void watch_mover(Watch& w, const Vec3& gravity, double inverse_mass, c
   w.potential -= mass * dot(gravity, position);
   w.momentum = w.momentum + mass * velocity;
 }
-// The energy in the springs of a contact.
-PADDER_HD double stored_energy(const Law& law, double depth, const Vec3& spring) {
+// The energy in the springs of a contact: of friction's spring what Coulomb's law lets out. While a contact
+// slides, its dashpot holds against the rest.
+PADDER_HD double stored_energy(const Law& law, double friction, double depth, const Vec3& spring) {
   if (depth < 0) return 0;
-  return 0.5 * law.stiffness * depth * depth + 0.5 * law.tangential_stiffness * dot(spring, spring);
+  const double hold =
+      detect::smaller(law.tangential_stiffness * length(spring), friction * law.stiffness * depth);
+  return 0.5 * law.stiffness * depth * depth + 0.5 * hold * hold / law.tangential_stiffness;
 }
 
 // A contact's memory: the spring of friction between two spheres, or between a sphere and a wall.

@@ -48,6 +48,7 @@ Stepper::Stepper(System system, const StepperOptions& options) : s_(std::move(sy
   fixed_skin_ = options.skin >= 0;
   skin_ = fixed_skin_ ? options.skin : 0.1 * mean_;
   detector_.options().width = detect::Width::pairs;
+  detector_.options().order = detect::Order::any;  // candidates are sorted anyway
   starts_.assign(s_.spheres() + 1, 0), wall_starts_.assign(s_.spheres() + 1, 0);
   bushing_loads_.resize(s_.bodies.size());
   place();
@@ -122,25 +123,21 @@ void Stepper::choose_skin() {
     skin_ = std::max(0.8 * skin_, 0.02 * mean_);
 }
 
-// Candidates: all pairs whose gap is at most the skin. The detector gets every sphere half a skin larger.
+// Candidates: all pairs whose gap is at most the skin.
 void Stepper::detect_pairs() {
-  const double wider = 0.5 * skin_;
-  wide_shapes_ = s_.shapes;
-  for (auto& shape : wide_shapes_)
-    for (detect::Sphere& s : shape) s.r += wider;
-  wide_grains_.assign(centers_.begin() + body_spheres_, centers_.end());
-  for (detect::Sphere& s : wide_grains_) s.r += wider;
   std::vector<detect::Shape> shapes;
-  for (const auto& shape : wide_shapes_) shapes.push_back({shape.data(), shape.size()});
+  for (const auto& shape : s_.shapes) shapes.push_back({shape.data(), shape.size()});
   detect::Input input;
   input.shapes = shapes, input.bodies = s_.bodies;
-  if (!wide_grains_.empty()) {
-    input.spheres = detect::spheres_of<double>(wide_grains_.size(), &wide_grains_[0].x, &wide_grains_[0].r);
+  if (const std::size_t grains = s_.grain_radius.size(); grains > 0) {
+    const detect::Sphere& first = centers_[body_spheres_];
+    input.spheres = detect::spheres_of<double>(grains, &first.x, &first.r);
     input.spheres.center_stride = input.spheres.radius_stride = 4;
     if (!s_.grain_family.empty()) input.spheres.family = s_.grain_family.data();
     if (!s_.grain_mask.empty()) input.spheres.mask = s_.grain_mask.data();
     if (!s_.grain_static.empty()) input.spheres.is_static = s_.grain_static.data();
   }
+  detector_.options().margin = skin_;
   take_sorted(detector_.detect(input).pair_span());
 }
 

@@ -80,7 +80,11 @@ class Stepper {
   void integrate();
   Load load_of(std::size_t mover) const;
   MoverState state_of(std::uint32_t mover) const {
-    return {s_.position[mover], s_.velocity[mover], s_.spin[mover], s_.inverse_mass[mover]};
+    return {s_.position[mover], s_.velocity[mover], s_.spin[mover], s_.inverse_mass[mover],
+            material_of(mover)};
+  }
+  std::uint32_t material_of(std::uint32_t mover) const {
+    return s_.material.empty() ? 0u : s_.material[mover];
   }
   void step_on_host();
   void step_on_device(std::uint64_t count);
@@ -102,8 +106,6 @@ class Stepper {
 
   std::vector<detect::Sphere> centers_;
   std::vector<Vec3> reference_;  // the centres when candidates were found
-  std::vector<std::vector<detect::Sphere>> wide_shapes_;
-  std::vector<detect::Sphere> wide_grains_;
   bool found_ = false;
   double skin_ = 0;
   bool fixed_skin_ = false;

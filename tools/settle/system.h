@@ -16,10 +16,11 @@ namespace padder::settle {
 struct Wall {
   enum class Kind : std::uint8_t { plane, cylinder };
   Kind kind = Kind::plane;
-  Vec3 point;           // on the plane, or on the axis
-  Vec3 direction;       // unit: the plane's normal, into the free side; or the axis
-  double radius = 0;    // of the cylinder
-  double friction = 0;  // between it and a sphere
+  Vec3 point;            // on the plane, or on the axis
+  Vec3 direction;        // unit: the plane's normal, into the free side; or the axis
+  double radius = 0;     // of the cylinder
+  double friction = -1;  // between it and a sphere; below 0: that of the two materials
+  std::uint32_t material = 0;
 };
 
 // How far the surface of a sphere is inside the wall (the penetration; negative: away from it) and the unit
@@ -62,6 +63,7 @@ struct System {
   std::vector<Vec3> inverse_inertia;    // principal
   std::vector<Quaternion> orientation;  // of the principal axes, one for each body; grains need none
   std::vector<std::uint8_t> driven;     // one for each body
+  std::vector<std::uint8_t> material;   // below kMostMaterials; empty: all are of material 0
 
   // One for each grain.
   std::vector<double> grain_radius;

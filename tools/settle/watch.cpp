@@ -21,12 +21,17 @@ Watch Stepper::watch() {
                 s_.momentum[m]);
   for (std::size_t c = 0; c < pairs_.size(); c++) {
     const detect::Sphere &a = centers_[pairs_[c].i], &b = centers_[pairs_[c].j];
-    if (detect::touching(a, b)) w.elastic += stored_energy(s_.law, detect::geometry(a, b).depth, springs_[c]);
+    const std::uint32_t i = material_of(mover(pairs_[c].i)), j = material_of(mover(pairs_[c].j));
+    if (detect::touching(a, b))
+      w.elastic +=
+          stored_energy(s_.law, s_.law.surfaces[i][j].friction, detect::geometry(a, b).depth, springs_[c]);
   }
   for (std::size_t c = 0; c < wall_pairs_.size(); c++) {
     const detect::Sphere& a = centers_[wall_pairs_[c].sphere];
-    const double depth = contact_with(s_.walls[wall_pairs_[c].wall], center_of(a), a.r).depth;
-    w.elastic += stored_energy(s_.law, depth, wall_springs_[c]);
+    const Wall& wall = s_.walls[wall_pairs_[c].wall];
+    const double friction = friction_with(s_.law, wall, material_of(mover(wall_pairs_[c].sphere)));
+    w.elastic +=
+        stored_energy(s_.law, friction, contact_with(wall, center_of(a), a.r).depth, wall_springs_[c]);
   }
   for (const Bushing& u : s_.bushings) {
     Vec3 arm_a, arm_b;

@@ -251,7 +251,7 @@ struct BodySearch::Steps {
 };
 
 bool BodySearch::run(const Call& call, Contacts& contacts) {
-  const bool known = knows(call.input, call.options);
+  const bool known = knows(call.input);
   {
     const ProfileRange range("padder: read the bodies");
     if (!input_.read(call.input, call.options.margin, call.options.own, call.stream)) return false;

@@ -14,9 +14,7 @@ class BodySearch {
  public:
   explicit BodySearch(MemoryBook& book);
 
-  bool knows(const Input& input, const CallOptions& options) const {  // by its revision
-    return input_.knows(input, options.margin);
-  }
+  bool knows(const Input& input) const { return input_.knows(input); }  // by its revision
   // A call went another way: what moved in it was not seen.
   void forget() { input_.forget(); }
 

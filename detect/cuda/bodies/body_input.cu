@@ -68,22 +68,22 @@ BodyInput::BodyInput(MemoryBook& book)
       records_(book, "what moved"),
       host_records_(book, "what moved", true) {}
 
-bool BodyInput::knows(const Input& input, double margin) const {
+bool BodyInput::knows(const Input& input) const {
   return input.revision != 0 && input.revision == revision_ && input.bodies.size() == known_bodies_ &&
-         input.spheres.count == known_loose_ && margin == margin_;
+         input.spheres.count == known_loose_;
 }
 
 bool BodyInput::read(const Input& input, double margin, const Region& own, cudaStream_t stream) {
-  const bool known = knows(input, margin);
+  const bool known = knows(input), table_known = known && margin == margin_;
   forget(), margin_ = margin;
   if (known)
     arrays_.move(input, moving_list_.data(), static_cast<std::uint32_t>(moving_bodies_.size()), stream);
   else
     read_all(input, stream);
   read_loose(input, known, stream);
-  if (!known && !build_table(stream)) return false;
+  if (!table_known && !build_table(stream)) return false;
   place(0, view_.moving, stream);
-  if (!known) of_region_.forget_static();
+  if (!table_known) of_region_.forget_static();
   near_ = own == Region{} ? view_ : of_region_.select(view_, own, static_radius_, stream);
   return true;
 }
@@ -171,7 +171,8 @@ void BodyInput::place(std::uint32_t first, std::uint32_t end, cudaStream_t strea
   cuda_launched("place the balls about bodies");
 }
 
-// The host builds the table of what is static, once for each revision. It is that of the OpenMP backend.
+// The host builds the table of what is static, once for each revision and margin. It is that of the OpenMP
+// backend.
 bool BodyInput::build_table(cudaStream_t stream) {
   const std::uint32_t count = view_.count - view_.moving;
   std::vector<Sphere> balls(count);

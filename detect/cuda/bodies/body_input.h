@@ -24,7 +24,7 @@ class BodyInput {
  public:
   explicit BodyInput(MemoryBook& book);
 
-  bool knows(const Input& input, double margin) const;  // by its revision
+  bool knows(const Input& input) const;  // by its revision
   // Brings everything to where it is in this input: what moves, if the input is known, else all. The balls
   // about what moves are placed, and are larger by half of the margin: so they touch where spheres in them
   // may have a gap of no more than it. What cannot have a contact in `own` is left out. The revision is

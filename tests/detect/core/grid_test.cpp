@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Bins, keys and levels: what the fast path's claim of completeness rests on.
+// Bins, keys and levels: what the completeness of the search rests on.
 #include "detect/core/grid.h"
 
 #include <algorithm>
@@ -276,8 +276,6 @@ TEST(Grid, EqualRadiiAreOneLevelAndWideOnesSeveral) {
   EXPECT_GT(choose_grid(summary_of(random_scene(20000, 100, 0.5, 1).spheres), 0).levels, 2);
 }
 
-// What looks at any level: a hair above an octave is no level more, and few large spheres look down at many
-// small ones, not the other way round.
 // However large one sphere is, it searches no more bins than there are. So it must not get a level with bins
 // of its own size that holds the others, too: there each would be tested against each.
 TEST(Grid, OneGiantDoesNotCoarsenTheOthers) {
@@ -294,6 +292,8 @@ TEST(Grid, OneGiantDoesNotCoarsenTheOthers) {
   }
 }
 
+// A hair above an octave is no level more, and few large spheres look down at many small ones, not the other
+// way round.
 TEST(Grid, LevelsThatLookEitherWay) {
   TestScene near = random_scene(20000, 1, 3.5, 5);
   for (std::size_t k = 0; k < near.spheres.size(); k++)

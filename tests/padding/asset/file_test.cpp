@@ -91,6 +91,20 @@ TEST_F(File, GrowsInPiecesAndAnywhere) {
   EXPECT_EQ(entries(), 1u);
 }
 
+TEST_F(File, RoomIsTakenBeforehandOrRefused) {
+  const std::string bytes(100000, 'x');
+  FileWriter out(folder_ / "a");
+  out.reserve(bytes.size() - 4);
+  out.write_at(50000, bytes.substr(50000)), out.write_out(0, bytes.size());
+  EXPECT_EQ(out.size(), bytes.size());
+  out.write_at(0, bytes.substr(0, 50000));
+  out.commit();
+  EXPECT_EQ(read_file(folder_ / "a"), bytes);
+  expect_error([&] { FileWriter(folder_ / "b").reserve(std::uint64_t(1) << 62); },
+               (folder_ / "b").string() + " (File too large): check");
+  EXPECT_EQ(entries(), 1u);
+}
+
 TEST_F(File, WithoutCommitNothingIsLeft) {
   write_file(folder_ / "a", "old");
   { FileWriter(folder_ / "a").append("new"); }

@@ -18,11 +18,11 @@ struct Case {
 };
 
 std::vector<Case> bodies() {
-  std::vector<Case> all = {{"cube", shapes::box({0, 0, 0}, {1, 1, 1}), 0.12},
-                           {"plate 40:1", shapes::box({0, 0, 0}, {2, 2, 0.05}), 0.08},
-                           {"plate 1000:1", shapes::box({0, 0, 0}, {1, 1, 0.001}), 0.05},
-                           {"sphere", shapes::sphere(5), 0.15},
-                           {"torus", shapes::torus(1, 0.2, 80, 24), 0.1}};
+  std::vector<Case> all = {{"cube", shapes::box({0, 0, 0}, {1, 1, 1}), 0.2},
+                           {"plate 40:1", shapes::box({0, 0, 0}, {1, 1, 0.025}), 0.14},
+                           {"plate 1000:1", shapes::box({0, 0, 0}, {1, 1, 0.001}), 0.14},
+                           {"sphere", shapes::sphere(4), 0.2},
+                           {"torus", shapes::torus(1, 0.2, 40, 12), 0.2}};
   for (std::uint64_t seed = 1; seed <= 2; seed++) {
     shapes::RandomInput random(seed);
     all.push_back({"blob, seed " + std::to_string(seed), shapes::blob(random), 0.15});

@@ -42,8 +42,6 @@ TEST(CoverProblem, LaterPointsAndCandidatesLearnOfEachOther) {
   EXPECT_EQ(points_of(problem, 1), (std::vector<std::uint32_t>{1, 2}));
   problem.keep({1});
   EXPECT_EQ(points_of(problem, 0), (std::vector<std::uint32_t>{1, 2}));
-  problem.replace_points({{Point(2, 0, 0), 0}});
-  EXPECT_EQ(points_of(problem, 0), (std::vector<std::uint32_t>{0}));
 }
 
 }  // namespace

@@ -103,6 +103,18 @@ TEST(Cover, CertificateSeesABallRemovedOrMoved) {
   }
 }
 
+// The search asks the first walls of a stack until nothing fails, and then all of them: the outermost, too.
+TEST(Cover, AStackOfWallsIsCoveredToTheLast) {
+  const Mesh walls = shapes::stack(shapes::square(0.4), 40, 0.08), nothing;
+  const Surface surface(walls, SideBy::winding, &nothing);
+  for (const int effort : {0, 1}) {
+    const Cover cover = cover_surface(surface, {.protrusion = 0.02, .gap = 0.02, .effort = effort});
+    EXPECT_TRUE(cover.proved) << effort;
+    EXPECT_TRUE(gap_failures(walls, BallSet(cover.balls), 0.02, 0.002).empty()) << effort;
+    EXPECT_LE(sampled_errors(surface, cover.balls, 3000).gap, 0.02) << effort;
+  }
+}
+
 TEST(Cover, SearchBeatsGreedy) {
   const Surface surface(unit(shapes::box({0, 0, 0}, {1, 0.6, 0.3})));
   const auto count = [&](int effort) {
@@ -163,7 +175,7 @@ TEST(Cover, SameResultForAnyNumberOfThreads) {
 
 // Many balls: the blocks of one search run in parallel, and not the searches.
 TEST(Cover, LargeCoversAreTheSameForAnyNumberOfThreads) {
-  const double e = 0.0033;
+  const double e = 0.005;
   const Surface surface(unit(shapes::box({0, 0, 0}, {1, 0.6, 0.05})));
   const auto cover = [&](int threads) {
     omp_set_num_threads(threads);
@@ -172,7 +184,7 @@ TEST(Cover, LargeCoversAreTheSameForAnyNumberOfThreads) {
   const int before = omp_get_max_threads();
   const Cover one = cover(1), three = cover(3);
   omp_set_num_threads(before);
-  ASSERT_GT(one.balls.size(), 800u);
+  ASSERT_GT(one.balls.size(), 400u);  // three blocks of the search
   ASSERT_TRUE(one.proved);
   EXPECT_LE(protrusion_bound(surface, one.balls).max, e + 1e-15);
   EXPECT_LE(gap_bound(surface.mesh(), BallSet(one.balls), e).upper, e);

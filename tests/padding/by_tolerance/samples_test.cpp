@@ -106,17 +106,11 @@ TEST(Samples, OfAFineScanAreThoseOfACoarserOne) {
 // 25 and 100 walls in the same place: a ball covers a part of each, so their number does not matter.
 TEST(Samples, WallsOfAStackShareTheirSamples) {
   const auto count = [](int walls) {
-    Mesh stack;
-    for (int k = 0; k < walls; k++) {
-      const auto first = static_cast<std::uint32_t>(stack.points.size());
-      for (Point p : shapes::square(0.5).points) p.z() = 0.1 * k / walls, stack.points.push_back(p);
-      for (const auto& t : shapes::square(0.5).triangles)
-        stack.triangles.push_back({first + t[0], first + t[1], first + t[2]});
-    }
     SampleOptions options;
     options.tolerance_sum = 0.1;
     const Mesh nothing;
-    const Samples samples = sample_surface(Surface(stack, SideBy::winding, &nothing), options);
+    const Samples samples = sample_surface(
+        Surface(shapes::stack(shapes::square(0.5), walls, 0.1), SideBy::winding, &nothing), options);
     return std::array{static_cast<double>(samples.grown.size()), static_cast<double>(samples.fine.size())};
   };
   const auto few = count(25), many = count(100);

@@ -127,11 +127,11 @@ joints = ["upper_joint", "finger_joint"]
 assert x["cspace"]["joint_names"] == joints == c["cspace"]["joint_names"] == list(x["default_joint_positions"])
 for key in ("acceleration_limits", "jerk_limits"):
     assert len(x["cspace"][key]) == 2 and all(isinstance(v, float) for v in x["cspace"][key])
-assert x["tool_frames"] == ["finger"] == [c["ee_link"]]
+assert x["tool_frames"] == ["finger"] == c["tool_frames"]
 assert x["modifiers"] == [{"set_base_frame": "base"}] and c["base_link"] == "base"
-for key in ("retract_config", "null_space_weight", "cspace_distance_weight"):
+for key in ("default_joint_position", "null_space_weight", "cspace_distance_weight"):
     assert len(c["cspace"][key]) == 2
-assert c["cspace"]["retract_config"] == [0, 0.125]  # 0 is beyond the finger's limits: the middle
+assert c["cspace"]["default_joint_position"] == [0, 0.125]  # 0 is beyond the finger's limits: the middle
 print("well")
 )");
   const Ran r = run("cd '" + folder_.string() + "' && '" PADDER_PYTHON "' check.py");

@@ -118,9 +118,12 @@ TEST_F(ListsTest, Yade) {
 TEST_F(ListsTest, Mercury) {
   write(model_of(brick()), "brick", "mercury");
   expect_same_spheres(read_spheres(folder_ / "brick"), brick_in_mass_frame());
-  // As its own reader does: the first number of mass.txt, three rows of three by commas.
-  EXPECT_NEAR(std::stof(read_file(folder_ / "brick/inertia/mass.txt")), 48, 1e-5);
-  std::istringstream rows(read_file(folder_ / "brick/inertia/toi.txt"));
+  fs::create_directories(folder_ / "earlier/clump");
+  write_file(folder_ / "earlier/clump/clump.txt", read_file(folder_ / "brick/Clump/Clump.txt"));
+  expect_same_spheres(read_spheres(folder_ / "earlier"), brick_in_mass_frame());
+  // As its own reader does: the first number of Mass.txt, three rows of three by commas.
+  EXPECT_NEAR(std::stof(read_file(folder_ / "brick/Inertia/Mass.txt")), 48, 1e-5);
+  std::istringstream rows(read_file(folder_ / "brick/Inertia/TOI.txt"));
   std::vector<double> toi;
   for (std::string line; std::getline(rows, line);) {
     std::istringstream row(line);
@@ -130,7 +133,7 @@ TEST_F(ListsTest, Mercury) {
   EXPECT_NEAR(toi[0], 4 * 0.20, 1e-9);
   EXPECT_NEAR(toi[4], 4 * 0.40, 1e-9);
   EXPECT_NEAR(toi[8], 4 * 0.52, 1e-9);
-  EXPECT_EQ(read_file(folder_ / "brick/inertia/pd.txt"), "1,0,0\n0,1,0\n0,0,1\n");
+  EXPECT_EQ(read_file(folder_ / "brick/Inertia/PD.txt"), "1,0,0\n0,1,0\n0,0,1\n");
   EXPECT_THROW(read_spheres(folder_), Error);
 }
 

@@ -8,7 +8,9 @@
 // what the errors of the two links allow:
 //   * only the spheres touch: the meshes are farther apart than the two protrusions together;
 //   * only the meshes touch: the spheres are farther apart than the two gaps together.
-// Pairs of a link whose errors were not proved against its input are counted by themselves ("unproved").
+// A mesh with holes is no body. Where repair closed some, the surface compared is the mesh and the patches,
+// which the errors are proved against; "patched" counts the pairs that the mesh without its patches would
+// make a fault of. What lies inside a link is asked of its closed parts: an open sheet has no inside.
 //
 // MuJoCo, where it is there, reads MODEL.xml: no contact with all joints at 0, and each geom stands in 100 of
 // the poses where the sphere does.
@@ -30,12 +32,14 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <numbers>
+#include <optional>
 #include <random>
 #include <set>
 
 #include "padding/asset/error.h"
 #include "padding/asset/file.h"
 #include "padding/import/import.h"
+#include "padding/meshing/repair.h"
 #include "padding/mjcf/mjcf.h"
 #include "padding/robot.h"
 #include "tests/padding/shapes.h"
@@ -48,17 +52,23 @@ using Json = nlohmann::ordered_json;
 using Poses = std::vector<Eigen::Isometry3d>;
 using Bvh = fcl::BVHModel<fcl::OBBRSSd>;
 
-// A link: its mesh, its spheres, and the errors that its report states.
-struct Part {
-  Mesh mesh;
-  std::shared_ptr<Bvh> exact;
-  std::vector<Point> pieces;  // of each connected piece of the mesh, a corner
+// A surface, and what it encloses.
+struct Shape {
+  std::shared_ptr<Bvh> tree;
+  std::vector<Point> pieces;  // of each connected piece of the surface, a corner
+  Mesh closed;                // its winding number tells what is inside
   Box box;
+};
+
+// A link: its surface, its spheres, and the errors that its report states.
+struct Part {
+  Shape shape;                     // what the errors are proved against
+  std::optional<Shape> unpatched;  // the mesh as it came, where that is another
   Cluster spheres;
   Point center = Point::Zero();  // of a ball around all of it
   double radius = 0;
   double protrusion = 0, gap = 0;
-  bool proved = true;
+  const Shape& as_it_came() const { return unpatched ? *unpatched : shape; }
 };
 
 std::shared_ptr<Bvh> tree_of(const Mesh& mesh) {
@@ -89,25 +99,46 @@ std::vector<Point> corners_of_pieces(const Mesh& mesh) {
   return corners;
 }
 
+Shape shape_of(const Mesh& surface, Mesh closed) {
+  return {tree_of(surface), corners_of_pieces(surface), std::move(closed), surface.bounds()};
+}
+
+// Asks repair only where it closed holes or found a sheet: everywhere else the mesh as it came is the body.
+void set_shape(Part& part, const Mesh& mesh, const Json& told, const std::string& name) {
+  const bool filled = told.at("accuracy").value("proved_against", "") == "filled";
+  if (!filled && told.value("repair", "").find("sheet") == std::string::npos) {
+    part.shape = shape_of(mesh, mesh);
+    return;
+  }
+  const Repaired body = repair(mesh, {}, name);
+  if (body.patches.empty() == filled) throw Error(name + ": repair closes other holes here than pad did");
+  const Mesh closed = body.kind == BodyKind::sheet ? Mesh{} : body.solid ? *body.solid : body.boundary();
+  Mesh patches{body.mesh.points, {}};
+  for (const Patch& patch : body.patches)
+    for (const std::uint32_t t : patch.triangles) patches.triangles.push_back(body.mesh.triangles[t]);
+  part.shape = shape_of(shapes::joined(mesh, patches), closed);
+  if (filled) part.unpatched = shape_of(mesh, closed);
+}
+
 // Where no two triangles meet, each piece of one lies wholly inside the other or wholly outside.
-bool inside(const Part& a, const Part& b, const Eigen::Isometry3d& a_in_b) {
+bool inside(const Shape& a, const Shape& b, const Eigen::Isometry3d& a_in_b) {
   return std::any_of(a.pieces.begin(), a.pieces.end(), [&](const Point& corner) {
     const Point p = a_in_b * corner;
     return (p.array() > b.box.low.array()).all() && (p.array() < b.box.high.array()).all() &&
-           std::abs(shapes::winding(b.mesh, p)) > 0.5;
+           std::abs(shapes::winding(b.closed, p)) > 0.5;
   });
 }
 
-bool meshes_touch(const Part& a, const Part& b, const Eigen::Isometry3d& pa, const Eigen::Isometry3d& pb) {
+bool shapes_touch(const Shape& a, const Shape& b, const Eigen::Isometry3d& pa, const Eigen::Isometry3d& pb) {
   fcl::CollisionResultd result;
-  fcl::collide(a.exact.get(), pa, b.exact.get(), pb, fcl::CollisionRequestd(), result);
+  fcl::collide(a.tree.get(), pa, b.tree.get(), pb, fcl::CollisionRequestd(), result);
   return result.isCollision() || inside(a, b, pb.inverse() * pa) || inside(b, a, pa.inverse() * pb);
 }
 
-double surfaces_distance(const Part& a, const Part& b, const Eigen::Isometry3d& pa,
+double surfaces_distance(const Shape& a, const Shape& b, const Eigen::Isometry3d& pa,
                          const Eigen::Isometry3d& pb) {
   fcl::DistanceResultd result;
-  fcl::distance(a.exact.get(), pa, b.exact.get(), pb, fcl::DistanceRequestd(), result);
+  fcl::distance(a.tree.get(), pa, b.tree.get(), pb, fcl::DistanceRequestd(), result);
   return std::max(0.0, result.min_distance);
 }
 
@@ -124,13 +155,13 @@ double spheres_distance(const Part& a, const Part& b, const Eigen::Isometry3d& b
 
 // What was found in some poses.
 struct Counts {
-  std::uint64_t tests = 0, both_touch = 0, only_spheres = 0, only_meshes = 0, unproved = 0, faults = 0;
+  std::uint64_t tests = 0, both_touch = 0, only_spheres = 0, only_meshes = 0, patched = 0, faults = 0;
   double worst = 0;  // distance over what is allowed
   std::string example;
 
   void add(const Counts& c) {
     tests += c.tests, both_touch += c.both_touch, only_spheres += c.only_spheres;
-    only_meshes += c.only_meshes, unproved += c.unproved, faults += c.faults;
+    only_meshes += c.only_meshes, patched += c.patched, faults += c.faults;
     worst = std::max(worst, c.worst);
     if (example.empty()) example = c.example;
   }
@@ -148,21 +179,22 @@ class Audit {
       const UrdfLink& link = urdf_.links[k];
       if (link.shapes.empty()) continue;
       Part& part = parts_[k];
-      part.mesh = read_link(link, robot).mesh;
-      part.exact = tree_of(part.mesh);
-      part.pieces = corners_of_pieces(part.mesh);
+      const Mesh mesh = read_link(link, robot).mesh;
       part.spheres = read_spheres(spheres, link.name);
       const Json& accuracy = told.at(link.name).at("accuracy");
       if (accuracy.is_null()) {  // spheres that were kept: a mesh of 32 by 64 facets has their volume
         part.protrusion = 0.003 * *std::max_element(part.spheres.radii.begin(), part.spheres.radii.end());
         part.gap = part.protrusion;
+        part.shape = shape_of(mesh, mesh);
       } else {
+        if (!accuracy.at("certified").get<bool>() || accuracy.at("proved_against") == "wrap")
+          throw Error("link " + link.name + ": its errors are not proved against its mesh");
         part.protrusion = accuracy.at("protrusion_bound"), part.gap = accuracy.at("gap_bound");
-        part.proved = accuracy.at("proved_against") == "input" && accuracy.at("certified").get<bool>();
+        set_shape(part, mesh, told.at(link.name), link.name);
       }
-      part.box = part.mesh.bounds();
-      part.center = 0.5 * (part.box.low + part.box.high);
-      part.radius = 0.5 * part.box.diagonal() + part.protrusion;
+      const Box& box = part.shape.box;
+      part.center = 0.5 * (box.low + box.high);
+      part.radius = 0.5 * box.diagonal() + part.protrusion;
     }
   }
 
@@ -184,7 +216,7 @@ class Audit {
     for (std::size_t i = 0; i < parts_.size(); i++)
       for (std::size_t j = i + 1; j < parts_.size(); j++) {
         const Part &a = parts_[i], &b = parts_[j];
-        if (!a.exact || !b.exact || adjacent_.contains({i, j})) continue;
+        if (!a.shape.tree || !b.shape.tree || adjacent_.contains({i, j})) continue;
         counts.tests++;
         if ((poses[i] * a.center - poses[j] * b.center).norm() > a.radius + b.radius) continue;
         judge(counts, i, j, poses);
@@ -198,25 +230,29 @@ class Audit {
  private:
   void judge(Counts& counts, std::size_t i, std::size_t j, const Poses& poses) const {
     const Part &a = parts_[i], &b = parts_[j];
-    const Eigen::Isometry3d b_in_a = poses[i].inverse() * poses[j];
-    const double apart = spheres_distance(a, b, b_in_a);
-    const bool spheres = apart <= 0, meshes = meshes_touch(a, b, poses[i], poses[j]);
-    counts.both_touch += spheres && meshes;
-    if (spheres == meshes) return;
-    const double distance = spheres ? surfaces_distance(a, b, poses[i], poses[j]) : apart;
+    const double apart = spheres_distance(a, b, poses[i].inverse() * poses[j]);
+    const bool spheres = apart <= 0;
     const double allowed = spheres ? a.protrusion + b.protrusion : a.gap + b.gap;
-    (spheres ? counts.only_spheres : counts.only_meshes)++;
+    // How far apart these surfaces or the spheres are, if only one of the two touches; else nothing.
+    const auto difference = [&](const Shape& s, const Shape& t) -> std::optional<double> {
+      if (shapes_touch(s, t, poses[i], poses[j]) == spheres) return {};
+      return spheres ? surfaces_distance(s, t, poses[i], poses[j]) : apart;
+    };
     constexpr double rounding = 1e-7;  // of STL's float32, in metres
-    if (distance <= allowed + rounding) {
-      counts.worst = std::max(counts.worst, allowed > 0 ? distance / allowed : 0);
-    } else if (!a.proved || !b.proved) {
-      counts.unproved++;
-    } else {
-      counts.faults++;
-      counts.example = urdf_.links[i].name + " and " + urdf_.links[j].name + ": only the " +
-                       (spheres ? "spheres" : "meshes") + " touch, and the others are " +
-                       std::to_string(distance) + " m apart where " + std::to_string(allowed) + " is allowed";
+    const auto differs = difference(a.shape, b.shape);
+    if (a.unpatched || b.unpatched)
+      counts.patched += difference(a.as_it_came(), b.as_it_came()).value_or(0) > allowed + rounding;
+    counts.both_touch += spheres && !differs;
+    if (!differs) return;
+    (spheres ? counts.only_spheres : counts.only_meshes)++;
+    if (*differs <= allowed + rounding) {
+      counts.worst = std::max(counts.worst, allowed > 0 ? *differs / allowed : 0);
+      return;
     }
+    counts.faults++;
+    counts.example = urdf_.links[i].name + " and " + urdf_.links[j].name + ": only the " +
+                     (spheres ? "spheres" : "meshes") + " touch, and the others are " +
+                     std::to_string(*differs) + " m apart where " + std::to_string(allowed) + " is allowed";
   }
 
   Urdf urdf_;
@@ -325,7 +361,7 @@ int run(const std::vector<std::string>& words) {
                     {"both_touch", all.both_touch},
                     {"only_spheres", all.only_spheres},
                     {"only_meshes", all.only_meshes},
-                    {"unproved", all.unproved},
+                    {"patched", all.patched},
                     {"faults", all.faults},
                     {"worst", all.worst},
                     {"example", all.example},

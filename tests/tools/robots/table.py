@@ -127,10 +127,12 @@ class Files:
         config = yaml.safe_load(self.at(".yaml").read_text())["robot_cfg"]["kinematics"]
         want({k: len(v) for k, v in config["collision_spheres"].items()} == self.counts, "cuRobo's file has other spheres")
         want(sorted(config["collision_link_names"]) == sorted(self.counts), "cuRobo's collision_link_names are others")
-        want(config["base_link"] in self.links and config["ee_link"] in self.links, "cuRobo's base_link or ee_link is no link")
+        want(config["base_link"] in self.links and all(t in self.links for t in config["tool_frames"]),
+             "cuRobo's base_link or a tool_frame is no link")
+        want(config["format_version"] == 2.0, "cuRobo's file is none of 0.8")
         space = config["cspace"]
         count = self.moved(space["joint_names"], "cuRobo's file")
-        want(all(len(space[k]) == count for k in ("retract_config", "null_space_weight", "cspace_distance_weight")),
+        want(all(len(space[k]) == count for k in ("default_joint_position", "null_space_weight", "cspace_distance_weight")),
              "a list of cuRobo's cspace has another length than joint_names")
         self.ignored(config["self_collision_ignore"], "cuRobo's file")
         return True
@@ -193,7 +195,7 @@ class Table:
             accepted.append(f"MuJoCo {told['mujoco']['version']}")
         if told:
             want(told["both_touch"] or not self.arguments.touching, "no two links touched in any pose: nothing was compared")
-            differ = f"{told['both_touch']:,} | {told['only_spheres']:,} | {told['only_meshes']:,} | {told['unproved']:,} | {told['faults']:,}"
+            differ = f"{told['both_touch']:,} | {told['only_spheres']:,} | {told['only_meshes']:,} | {told['patched']:,} | {told['faults']:,}"
         else:
             differ = " | | | |"
         print(f"| {name} | {len(report['links'])} | {report['spheres']:,} | {certified} of {len(padded)} | {1000 * worst:.1f} | {work:.0f} | "
@@ -202,7 +204,7 @@ class Table:
     def print(self, robots):
         shown = " ".join(["tests/tools/robots/table.py", os.path.relpath(self.arguments.list), "--poses", str(self.arguments.poses), "--", *self.words])
         print(f"Printed by `{shown}`.\n")
-        print("| robot | links with shapes | spheres | certified | worst error, mm | CPU s | accepted by | both touch | only spheres | only meshes | unproved | faults |")
+        print("| robot | links with shapes | spheres | certified | worst error, mm | CPU s | accepted by | both touch | only spheres | only meshes | holes | faults |")
         print("| --- | ---: | ---: | ---: | ---: | ---: | --- | ---: | ---: | ---: | ---: | ---: |", flush=True)
         for name, robot, options in robots:
             with tempfile.TemporaryDirectory() as folder:

@@ -11,6 +11,7 @@
 #include "padding/asset/error.h"
 #include "tests/detect/print.h"
 #include "tests/error_of.h"
+#include "tools/settle/page.h"
 #include "tools/settle/stepper.h"
 
 namespace padder::settle {
@@ -21,8 +22,8 @@ constexpr double kPi = std::numbers::pi;
 System empty_system(double friction = 0.5, double restitution = 0.6) {
   System s;
   s.gravity = {0, 0, -9.81};
-  s.law.stiffness = 1e5, s.law.tangential_stiffness = 2e5 / 7, s.law.friction = friction;
-  s.law.damping_ratio = damping_ratio_of(restitution);
+  s.law.stiffness = 1e5, s.law.tangential_stiffness = 2e5 / 7;
+  s.law.surfaces[0][0] = {damping_ratio_of(restitution), friction};
   return s;
 }
 Wall floor_with(double friction) { return {Wall::Kind::plane, {0, 0, 0}, {0, 0, 1}, 0, friction}; }
@@ -96,7 +97,8 @@ TEST_P(SettleTest, ABallBouncesAsTheClosedFormSays) {
     const double speed = 0.7;
     add_grain(s, {0, 0, 0.0101}, 0.01, 2500, {0, 0, -speed});
     s.step = step_limits(s).chosen / 40;
-    const double omega = std::sqrt(s.law.stiffness * s.inverse_mass[0]), b = s.law.damping_ratio;
+    const double omega = std::sqrt(s.law.stiffness * s.inverse_mass[0]),
+                 b = s.law.surfaces[0][0].damping_ratio;
     const double damped = std::sqrt(1 - b * b);
     const double deepest = speed / omega * (b > 0 ? std::exp(-b * std::atan2(damped, b) / damped) : 1);
     Stepper stepper(s, on());
@@ -127,24 +129,81 @@ TEST_P(SettleTest, ABallFallsAsGalileiSays) {
               9.81 * s.step);  // leapfrog: half a step of speed
 }
 
+// The speed that a block gains on an incline by gravity and friction.
+double gained(double angle, double mu, double time) {
+  return std::max(0.0, 9.81 * (std::sin(angle) - mu * std::cos(angle)) * time);
+}
+void tilt(System& s, double angle) {
+  s.gravity = {9.81 * std::sin(angle), 0, -9.81 * std::cos(angle)};
+  std::vector<detect::Sphere> block;
+  for (const double x : {-0.05, 0.05})
+    for (const double y : {-0.05, 0.05}) block.push_back({x, y, 0, 0.01});
+  s.shapes.push_back(block);
+}
+const Mass kBlock{0.5, {2e-3, 2e-3, 3e-3}};
+
 // A flat body of four spheres on an incline: it holds below the angle of friction and slips above, where it
 // gains the speed g (sin a - mu cos a) t.
 TEST_P(SettleTest, ABlockOnASlopeSlipsAtItsAngleOfFriction) {
   const double mu = 0.5, slip = std::atan(mu);
   for (const double angle : {slip - 0.02, slip + 0.02, slip + 0.2}) {
     System s = empty_system(mu, 0.3);
-    s.gravity = {9.81 * std::sin(angle), 0, -9.81 * std::cos(angle)};
+    tilt(s, angle);
     s.walls.push_back(floor_with(mu));
-    std::vector<detect::Sphere> block;
-    for (const double x : {-0.05, 0.05})
-      for (const double y : {-0.05, 0.05}) block.push_back({x, y, 0, 0.01});
-    s.shapes.push_back(block);
-    add_body(s, 0, {0.5, {2e-3, 2e-3, 3e-3}}, {0, 0, 0.01}, {});
+    add_body(s, 0, kBlock, {0, 0, 0.01}, {});
     s.step = step_limits(s).chosen;
     Stepper stepper(s, on());
-    while (stepper.time() < 0.5) stepper.step();
-    const double gained = std::max(0.0, 9.81 * (std::sin(angle) - mu * std::cos(angle)) * stepper.time());
-    EXPECT_NEAR(stepper.system().velocity[0].x, gained, 0.01 * gained + 5e-3) << angle;
+    stepper.step(static_cast<std::uint64_t>(0.5 / s.step));
+    const double speed = gained(angle, mu, stepper.time());
+    EXPECT_NEAR(stepper.system().velocity[0].x, speed, 0.01 * speed + 5e-3) << angle;
+  }
+}
+
+// Blocks of three materials on slopes of two other ones, each pair with a friction of its own.
+TEST_P(SettleTest, BlocksOfSeveralMaterialsSlipByTheirPairs) {
+  const double mu[3][2] = {{0.1, 0.5}, {0.7, 0.2}, {0.3, 0.9}}, angle = std::atan(0.4);
+  for (const std::uint32_t floor : {0u, 1u}) {
+    System s = empty_system(9, 0.3);
+    tilt(s, angle);
+    Wall wall = floor_with(-1);
+    wall.material = 3 + floor;
+    s.walls.push_back(wall);
+    for (std::uint32_t m = 0; m < 3; m++) {
+      const Surface surface{damping_ratio_of(0.3), mu[m][floor]};
+      s.law.surfaces[m][wall.material] = s.law.surfaces[wall.material][m] = surface;
+      add_body(s, 0, kBlock, {0, 0.5 * m, 0.01}, {});
+      s.material.push_back(static_cast<std::uint8_t>(m));
+    }
+    s.step = step_limits(s).chosen;
+    Stepper stepper(s, on());
+    stepper.step(static_cast<std::uint64_t>(0.4 / s.step));
+    for (std::uint32_t m = 0; m < 3; m++) {
+      const double speed = gained(angle, mu[m][floor], stepper.time());
+      EXPECT_NEAR(stepper.system().velocity[m].x, speed, 0.01 * speed + 5e-3) << m << " on " << floor;
+    }
+  }
+}
+
+// Two balls meet head on, in a row for each pair of two materials: they part with the restitution of the
+// pair.
+TEST_P(SettleTest, BallsOfTwoMaterialsPartWithTheRestitutionOfThePair) {
+  const double restitution[2][2] = {{0.9, 0.2}, {0.2, 0.6}};
+  System s = empty_system();
+  s.gravity = {};
+  for (int a = 0; a < 2; a++)
+    for (int b = 0; b < 2; b++) {
+      s.law.surfaces[a][b] = {damping_ratio_of(restitution[a][b]), 0.5};
+      const double y = 0.1 * (2 * a + b);
+      add_grain(s, {-0.0101, y, 0}, 0.01, 2500, {0.5, 0, 0});
+      add_grain(s, {0.0101, y, 0}, 0.01, 2500, {-0.5, 0, 0});
+      s.material.push_back(static_cast<std::uint8_t>(a)), s.material.push_back(static_cast<std::uint8_t>(b));
+    }
+  s.step = step_limits(s).chosen / 10;
+  Stepper stepper(s, on());
+  stepper.step(static_cast<std::uint64_t>(0.02 / s.step));
+  for (std::size_t k = 0; k < 4; k++) {
+    const double parted = stepper.system().velocity[2 * k + 1].x - stepper.system().velocity[2 * k].x;
+    EXPECT_NEAR(parted, restitution[k / 2][k % 2], 0.01) << k;
   }
 }
 
@@ -341,6 +400,29 @@ TEST_P(SettleTest, WhatCannotBeSteppedIsRefusedInASentence) {
 
 // Grains that fall, roll and pile up in a cylinder: without bodies a step takes no sine, so that both
 // backends have the same bits. With bodies they differ by rounding.
+// A box of 30 layers, and a room inside of it that nobody sees: what is near the top or a side is seen.
+TEST(SettlePageTest, WhatIsHiddenIsInside) {
+  std::vector<Vec3> points;
+  detect::SplitMix64 random(5);
+  const auto jittered = [&](int k) { return k + 0.1 * random.signed_unit(); };
+  for (int z = 0; z < 30; z++)
+    for (int y = 0; y < 30; y++)
+      for (int x = 0; x < 30; x++)
+        if (std::max({std::abs(x - 15), std::abs(y - 15), std::abs(z - 10)}) > 4)
+          points.push_back({jittered(x), jittered(y), jittered(z)});
+  const std::vector<bool> seen = seen_from_outside(points);
+  std::size_t kept = 0;
+  for (std::size_t k = 0; k < points.size(); k++) {
+    const Vec3& p = points[k];
+    const double depth = std::min({p.x, 29 - p.x, p.y, 29 - p.y, 29 - p.z});
+    if (depth < 1 || depth > 6) {
+      EXPECT_EQ(seen[k], depth < 1) << p.x << ' ' << p.y << ' ' << p.z;
+    }
+    kept += seen[k];
+  }
+  EXPECT_LT(kept, points.size() * 4 / 5);
+}
+
 TEST(SettleBackendsTest, GrainsHaveTheSameBitsOnAGpu) {
   if (!detect::cuda_present()) GTEST_SKIP() << "there is no GPU that this build can use";
   const System s = heap(12, 12, 12, 3);

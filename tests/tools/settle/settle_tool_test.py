@@ -79,7 +79,8 @@ with tempfile.TemporaryDirectory() as folder:
 
     run("settle", "pills.json", "--steps", 20, "-o", "out.vtp")
     assert open("out_0000.vtp", "rb").read(20).startswith(b"<?xml")
-    assert report("pills.json", "-o", "pills.html", "--frames", 5)["frames"] == 5
+    shown = report("pills.json", "-o", "pills.html", "--frames", 5)
+    assert shown["frames"] == 5 and shown["page"] == {"spheres": 14, "bytes": os.path.getsize("pills.html")}, shown
     page = open("pills.html").read()
     assert page.startswith("<!doctype html>") and "@HEAD@" not in page and "http" not in page.replace("https", "http").split("<script>")[0]
 
@@ -122,6 +123,24 @@ with tempfile.TemporaryDirectory() as folder:
     found = json.loads(run("detect", "two.json", "--lod", "auto", "--json").stdout)
     assert found["contacts"] == 1 and found["lod"]["rungs"] == [1, 1, None] and found["lod"]["first_sphere"] == [0, 1, 2], found
     assert json.loads(run("detect", "two.json", "--json").stdout)["contacts"] == 0
+
+    # Materials: a grain on the floor slides on by what the two have between them.
+    def slid(**pair):
+        scene = scene_of(materials={"ice": {"density": 900}, "rubber": {"friction": 0.9}}, material_pairs=[{"of": ["ice", "rubber"], **pair}])
+        scene["bodies"], scene["spheres"] = scene["bodies"][:1], []
+        scene["settle"]["planes"][0]["material"] = "rubber"
+        scene["settle"]["bodies"] = [{"body": 0, "velocity": [1, 0, 0], "material": "ice"}]
+        write("ice.json", scene)
+        return report("ice.json")["momentum"][0]
+    assert slid(friction=0) > 1.5 * slid() >= 0, (slid(friction=0), slid())
+    ice = json.load(open("ice.json"))
+    ice["settle"]["bodies"][0]["material"] = "snow"
+    write("ice.json", ice)
+    refused('no material "snow"', "ice.json")
+    ice["settle"]["bodies"][0]["material"] = "default"
+    ice["settle"]["materials"] = {f"m{k}": {} for k in range(8)}
+    write("ice.json", ice)
+    refused("at most 7 materials", "ice.json")
 
     # What is wrong is said in one sentence.
     write("slow.json", scene_of(time_step=1))

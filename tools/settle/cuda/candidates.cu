@@ -21,7 +21,7 @@ constexpr int kThreads = 256;
 struct KeyForm {
   int bits;  // of the partner
   std::uint32_t spheres;
-  __device__ Word key(std::uint32_t row, std::uint32_t partner) const { return Word(row) << bits | partner; }
+  PADDER_HD Word key(std::uint32_t row, std::uint32_t partner) const { return Word(row) << bits | partner; }
   __device__ std::uint32_t row(Word key) const { return static_cast<std::uint32_t>(key >> bits); }
   __device__ std::uint32_t partner(Word key) const {
     return static_cast<std::uint32_t>(key & ((Word(1) << bits) - 1));
@@ -99,9 +99,9 @@ struct Old {
 
 // `entries` holds for each entry how many candidates begin before it, and gets the candidates' numbers.
 __global__ void __launch_bounds__(kThreads)
-    number_kernel(KeyForm form, const Word* keys, Word count, const std::uint32_t* starts,
-                  const std::uint32_t* partners, std::uint32_t* entries, detect::Pair* pairs, Vec3* springs,
-                  Old old) {
+    number_kernel(const __grid_constant__ View v, KeyForm form, const Word* keys, Word count,
+                  const std::uint32_t* starts, const std::uint32_t* partners, std::uint32_t* entries,
+                  detect::Pair* pairs, detect::Pair* movers, Vec3* springs, std::uint8_t* touched, Old old) {
   for (Word q = blockIdx.x * Word(kThreads) + threadIdx.x; q < count; q += Word(gridDim.x) * kThreads) {
     const std::uint32_t row = form.row(keys[q]), partner = form.partner(keys[q]);
     if (row >= form.spheres) continue;
@@ -111,7 +111,9 @@ __global__ void __launch_bounds__(kThreads)
     }
     const std::uint32_t before = old.starts ? find_in_row(old.starts, old.partners, row, partner) : ~0u;
     pairs[entries[q]] = {row, partner};
-    springs[entries[q]] = before == ~0u ? Vec3{} : old.springs[old.entries[before]];
+    if (movers) movers[entries[q]] = {mover_of(v, row), partner < v.spheres ? mover_of(v, partner) : 0};
+    const Vec3 spring = before == ~0u ? Vec3{} : old.springs[old.entries[before]];
+    springs[entries[q]] = spring, touched[entries[q]] = spring != Vec3{};
   }
 }
 
@@ -134,8 +136,8 @@ std::vector<T> copy_down(const detect::cuda::Buffer<T>& from, std::uint64_t coun
   return to;
 }
 
-int bits_of(std::uint32_t spheres, std::uint32_t walls) {
-  return static_cast<int>(std::bit_width(std::uint64_t(spheres) + walls));
+KeyForm form_of(const View& v) {
+  return {static_cast<int>(std::bit_width(std::uint64_t(v.spheres) + v.walls)), v.spheres};
 }
 
 }  // namespace
@@ -149,33 +151,39 @@ Candidates::Memory::Memory(detect::cuda::MemoryBook& book)
 Candidates::Candidates(detect::cuda::MemoryBook& book)
     : memory_{Memory(book), Memory(book)},
       pairs_(book, "the candidates"),
+      movers_(book, "the candidates"),
       pushes_(book, "the candidates"),
+      touched_(book, "the candidates"),
       keys_{{book, "the candidates"}, {book, "the candidates"}},
       counter_(book, "the candidates"),
       room_(book, "the candidates") {}
 
 Rows Candidates::rows() const {
   const Memory& m = memory_[now_];
-  return {count_, pairs_.data(), m.springs.data(), pushes_.data(), m.starts.data(), m.entries.data()};
+  return {count_,         pairs_.data(),   movers_.data(),  m.springs.data(),
+          pushes_.data(), touched_.data(), m.starts.data(), m.entries.data()};
 }
 
-void Candidates::put(std::span<const SpringMemory> pairs, std::span<const SpringMemory> walls,
-                     std::uint32_t spheres, std::uint32_t wall_count) {
-  const int bits = bits_of(spheres, wall_count);
-  const auto key = [&](std::uint32_t row, std::uint32_t partner) { return Word(row) << bits | partner; };
+void Candidates::put(const View& view, std::span<const SpringMemory> pairs,
+                     std::span<const SpringMemory> walls) {
+  const KeyForm form = form_of(view);
+  const auto key = [&](std::uint32_t row, std::uint32_t partner) { return form.key(row, partner); };
   std::vector<Word> keys;
   for (const SpringMemory& m : pairs) keys.push_back(key(m.i, m.j)), keys.push_back(key(m.j, m.i));
-  for (const SpringMemory& m : walls) keys.push_back(key(m.i, spheres + m.j));
+  for (const SpringMemory& m : walls) keys.push_back(key(m.i, view.spheres + m.j));
   reserve_keys(keys.size() + 1);
   copy_up(keys_[0].data(), keys);
   memory_[now_].starts.release();  // no springs from what was there
-  sort_into_rows(keys.size(), spheres, bits, nullptr);
+  sort_into_rows(keys.size(), view, nullptr);
   std::vector<Vec3> springs;
   for (auto pair = pairs.begin(), wall = walls.begin(); springs.size() < count_;) {
     const bool is_pair = pair != pairs.end() && (wall == walls.end() || pair->i <= wall->i);
     springs.push_back(is_pair ? pair++->spring : wall++->spring);
   }
   copy_up(memory_[now_].springs.data(), springs);
+  std::vector<std::uint8_t> touched;
+  for (const Vec3& s : springs) touched.push_back(s != Vec3{});
+  copy_up(touched_.data(), touched);
 }
 
 void Candidates::get(std::vector<SpringMemory>& pairs, std::vector<SpringMemory>& walls,
@@ -194,19 +202,19 @@ void Candidates::reserve_keys(std::uint64_t count) {
   for (auto& keys : keys_) keys.reserve(count);
 }
 
-void Candidates::sort_into_rows(std::uint64_t entries, std::uint32_t spheres, int bits, cudaStream_t stream) {
-  const KeyForm form{bits, spheres};
+void Candidates::sort_into_rows(std::uint64_t entries, const View& view, cudaStream_t stream) {
+  const KeyForm form = form_of(view);
   const Memory& before = memory_[now_];
   const Old old{before.starts.data(), before.partners.data(), before.entries.data(), before.springs.data()};
   Memory& m = memory_[now_ = 1 - now_];
-  std::uint32_t* const starts = m.starts.reserve(spheres + std::uint64_t(1));
+  std::uint32_t* const starts = m.starts.reserve(view.spheres + std::uint64_t(1));
   std::uint32_t* const partners = m.partners.reserve(entries);
   std::uint32_t* const numbers = m.entries.reserve(entries + 1);
   cub::DoubleBuffer<Word> keys(keys_[0].data(), keys_[1].data());
   std::size_t for_sort = 0, for_scan = 0;
   const auto items = static_cast<std::int64_t>(entries);
   const auto sort = [&](void* room) {
-    cuda_check(cub::DeviceRadixSort::SortKeys(room, for_sort, keys, items, 0, 2 * bits, stream), "sort");
+    cuda_check(cub::DeviceRadixSort::SortKeys(room, for_sort, keys, items, 0, 2 * form.bits, stream), "sort");
   };
   const auto scan = [&](void* room) {
     const auto first =
@@ -222,17 +230,19 @@ void Candidates::sort_into_rows(std::uint64_t entries, std::uint32_t spheres, in
   cuda_check(cudaMemcpyAsync(&count_, numbers + entries, sizeof count_, cudaMemcpyDeviceToHost, stream),
              "count");
   cuda_check(cudaStreamSynchronize(stream), "count the candidates");
-  m.springs.reserve(count_), pairs_.reserve(count_), pushes_.reserve(count_);
+  m.springs.reserve(count_), pairs_.reserve(count_), pushes_.reserve(count_), touched_.reserve(count_);
+  if (view.bodies) movers_.reserve(count_);
   rows_kernel<<<blocks_for(entries + 1), kThreads, 0, stream>>>(form, keys.Current(), entries, starts,
                                                                 partners);
-  number_kernel<<<blocks_for(entries), kThreads, 0, stream>>>(form, keys.Current(), entries, starts, partners,
-                                                              numbers, pairs_.data(), m.springs.data(), old);
+  number_kernel<<<blocks_for(entries), kThreads, 0, stream>>>(
+      view, form, keys.Current(), entries, starts, partners, numbers, pairs_.data(), movers_.data(),
+      m.springs.data(), touched_.data(), old);
   cuda_launched("order the candidates");
 }
 
 void Candidates::find(const View& view, std::span<const detect::Pair> pairs, double gap,
                       cudaStream_t stream) {
-  const KeyForm form{bits_of(view.spheres, view.walls), view.spheres};
+  const KeyForm form = form_of(view);
   Word* const counter = counter_.reserve(1);
   Word near_walls = 0;
   const auto count_walls = [&](Word* keys) {
@@ -252,7 +262,7 @@ void Candidates::find(const View& view, std::span<const detect::Pair> pairs, dou
   pair_keys_kernel<<<blocks_for(pairs.size()), kThreads, 0, stream>>>(view, form, pairs.data(), pairs.size(),
                                                                       keys_[0].data());
   if (near_walls) count_walls(keys_[0].data() + from_pairs);
-  sort_into_rows(entries, view.spheres, form.bits, stream);
+  sort_into_rows(entries, view, stream);
 }
 
 }  // namespace padder::settle::cuda

@@ -15,9 +15,8 @@ class Candidates {
  public:
   explicit Candidates(detect::cuda::MemoryBook& book);
 
-  // These candidates with these springs, and no others. `spheres`, `walls`: how many there are.
-  void put(std::span<const SpringMemory> pairs, std::span<const SpringMemory> walls, std::uint32_t spheres,
-           std::uint32_t wall_count);
+  // These candidates with these springs, and no others.
+  void put(const View& view, std::span<const SpringMemory> pairs, std::span<const SpringMemory> walls);
   // `pairs`, which lie in device memory, and all spheres and walls whose gap is at most `gap`. Pairs and
   // walls of which nothing moves are left out. Throws Error if there are too many.
   void find(const View& view, std::span<const detect::Pair> pairs, double gap, cudaStream_t stream);
@@ -33,13 +32,14 @@ class Candidates {
     detect::cuda::Buffer<Vec3> springs;
   };
   void reserve_keys(std::uint64_t count);
-  void sort_into_rows(std::uint64_t entries, std::uint32_t spheres, int bits, cudaStream_t stream);
+  void sort_into_rows(std::uint64_t entries, const View& view, cudaStream_t stream);
 
   std::uint32_t count_ = 0;  // of candidates
   int now_ = 0;              // which of the two memories: the one before is read while a new one is made
   Memory memory_[2];
-  detect::cuda::Buffer<detect::Pair> pairs_;
+  detect::cuda::Buffer<detect::Pair> pairs_, movers_;
   detect::cuda::Buffer<Push> pushes_;
+  detect::cuda::Buffer<std::uint8_t> touched_;
   detect::cuda::Buffer<unsigned long long> keys_[2], counter_;
   detect::cuda::Buffer<std::uint8_t> room_;  // of the sort and the scan
 };

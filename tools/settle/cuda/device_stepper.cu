@@ -27,20 +27,13 @@ constexpr std::uint64_t kRow = 16;
 // A sphere this many times larger than the mean may have more contacts than a thread should sum.
 constexpr double kLarge = 6;
 
-__global__ void widen_kernel(const detect::Sphere* from, std::uint32_t count, double wider,
-                             detect::Sphere* to) {
-  const std::uint32_t k = blockIdx.x * blockDim.x + threadIdx.x;
-  if (k >= count) return;
-  detect::Sphere s = from[k];
-  s.r += wider, to[k] = s;
-}
-
 class Stepper : public DeviceStepper {
  public:
   explicit Stepper(const System& s) : detector_(detect::DeviceChoice{detect::BackendKind::cuda, kDevice}) {
     const detect::cuda::OnDevice on(kDevice);
     on.require();
     detector_.options().width = detect::Width::pairs;
+    detector_.options().order = detect::Order::any;  // candidates are sorted anyway
     detector_.options().output = detect::Memory::device;
     shapes_ = s.shapes, host_bodies_ = s.bodies;
     put_what_stays(s);
@@ -53,16 +46,18 @@ class Stepper : public DeviceStepper {
     const detect::cuda::OnDevice on(kDevice);
     const std::size_t n = s.position.size(), bodies = view_.bodies;
     std::vector<Motion> motions(n);
-    for (std::size_t m = 0; m < n; m++) motions[m] = {s.velocity[m], inverse_mass_[m], s.spin[m], 0};
+    for (std::size_t m = 0; m < n; m++)
+      motions[m] = {s.velocity[m], inverse_mass_[m], s.spin[m], material_.empty() ? 0u : material_[m]};
     up(motions_, motions), up(momentum_, s.momentum), up(orientation_, s.orientation);
-    up(body_position_, std::vector<Vec3>(s.position.begin(), s.position.begin() + bodies));
+    std::vector<Place> places(bodies);
     std::vector<detect::Pose> poses(bodies);
     for (std::size_t b = 0; b < bodies; b++) {
+      places[b].at = s.position[b];
       matrix_of(s.orientation[b], poses[b].rotation);
       poses[b].position[0] = s.position[b].x, poses[b].position[1] = s.position[b].y;
       poses[b].position[2] = s.position[b].z;
     }
-    up(poses_, poses);
+    up(body_places_, places), up(poses_, poses);
     std::vector<detect::Sphere> centers(view_.spheres);
     for (std::size_t g = 0; g < grain_radius_.size(); g++) {
       const Vec3& at = s.position[bodies + g];
@@ -70,7 +65,7 @@ class Stepper : public DeviceStepper {
     }
     up(centers_, centers);
     look();
-    candidates_.put(s.contacts, s.walls, view_.spheres, view_.walls);
+    candidates_.put(view_, s.contacts, s.walls);
     view_.rows = candidates_.rows();
     launch_place(view_, nullptr);
     old_ = true;
@@ -84,11 +79,13 @@ class Stepper : public DeviceStepper {
     std::vector<detect::Sphere> grains(grain_radius_.size());
     down(motions.data(), motions_.data(), motions.size());
     down(grains.data(), centers_.data() + view_.body_spheres, grains.size());
-    down(s.position.data(), body_position_.data(), view_.bodies);
+    std::vector<Place> places(view_.bodies);
+    down(places.data(), body_places_.data(), places.size());
     down(s.momentum.data(), momentum_.data(), view_.movers);
     down(s.orientation.data(), orientation_.data(), view_.bodies);
     for (std::size_t m = 0; m < motions.size(); m++)
       s.velocity[m] = motions[m].velocity, s.spin[m] = motions[m].spin;
+    for (std::size_t b = 0; b < places.size(); b++) s.position[b] = places[b].at;
     for (std::size_t g = 0; g < grains.size(); g++) s.position[view_.bodies + g] = center_of(grains[g]);
   }
   void get(std::vector<SpringMemory>& pairs, std::vector<SpringMemory>& walls) override {
@@ -98,24 +95,24 @@ class Stepper : public DeviceStepper {
 
   std::uint64_t find(double skin) override {
     const detect::cuda::OnDevice on(kDevice);
-    const double wider = 0.5 * skin;
+    std::vector<detect::Shape> shapes;
+    for (const auto& shape : shapes_) shapes.push_back({shape.data(), shape.size()});
     detect::Input input;
-    const std::vector<detect::Shape> shapes = shapes_for(wider);
     input.shapes = shapes, input.bodies = host_bodies_;
     if (view_.bodies) {
       input.poses = poses_.data(), input.pose_memory = detect::Memory::device;
       input.revision = revision_;
     }
     if (const std::uint32_t grains = view_.spheres - view_.body_spheres; grains) {
-      detect::Sphere* const wide = wide_grains_.reserve(grains);
-      widen_kernel<<<(grains + 255) / 256, 256>>>(view_.centers + view_.body_spheres, grains, wider, wide);
-      input.spheres = detect::spheres_of<double>(grains, &wide->x, &wide->r, detect::Memory::device);
+      const detect::Sphere* const first = view_.centers + view_.body_spheres;
+      input.spheres = detect::spheres_of<double>(grains, &first->x, &first->r, detect::Memory::device);
       input.spheres.center_stride = input.spheres.radius_stride = 4;
       input.spheres.family = family_.data(), input.spheres.mask = mask_.data();
       input.spheres.is_static = is_static_.data();
     }
+    detector_.options().margin = skin;
     const detect::Contacts& found = detector_.detect(input);
-    candidates_.find(view_, found.pair_span(), wider, nullptr);
+    candidates_.find(view_, found.pair_span(), 0.5 * skin, nullptr);
     view_.rows = candidates_.rows();
     cuda_check(cudaMemcpyAsync(reference_.data(), centers_.data(), view_.spheres * sizeof(detect::Sphere),
                                cudaMemcpyDeviceToDevice),
@@ -163,19 +160,6 @@ class Stepper : public DeviceStepper {
     if (count) cuda_check(cudaMemcpy(to, from, count * sizeof(T), cudaMemcpyDeviceToHost), "read the state");
   }
 
-  // The spheres of shapes a little larger. New radii are a new revision.
-  std::vector<detect::Shape> shapes_for(double wider) {
-    if (wider != wider_) {
-      wide_shapes_ = shapes_;
-      for (auto& shape : wide_shapes_)
-        for (detect::Sphere& s : shape) s.r += wider;
-      wider_ = wider, revision_++;
-    }
-    std::vector<detect::Shape> shapes;
-    for (const auto& shape : wide_shapes_) shapes.push_back({shape.data(), shape.size()});
-    return shapes;
-  }
-
   // Launches a row of steps and waits for it. The records of its steps begin at 1.
   const Record* launch_row(std::uint64_t row) {
     Record* const host = host_records_.reserve(kRow + 1);
@@ -183,8 +167,8 @@ class Stepper : public DeviceStepper {
     for (std::uint64_t k = 0; k <= row; k++) host[k] = {}, host[k].wild = ~0u;
     cuda_check(cudaMemcpyAsync(records, host, (row + 1) * sizeof(Record), cudaMemcpyHostToDevice),
                "begin the steps");
-    StepTask task{view_,         records,      limit_,       longest_step_ / view_.step,
-                  large_.data(), large_count_, largest_body_};
+    StepTask task{view_,         records,      limit_,           longest_step_ / view_.step,
+                  large_.data(), large_count_, large_in_bodies_, largest_body_};
     for (std::uint64_t k = 0; k < row; k++, task.records++) launch_step(task, nullptr);
     cuda_check(cudaMemcpyAsync(host, records, (row + 1) * sizeof(Record), cudaMemcpyDeviceToHost),
                "read the steps");
@@ -199,7 +183,7 @@ class Stepper : public DeviceStepper {
     view_.movers = static_cast<std::uint32_t>(s.movers());
     view_.walls = static_cast<std::uint32_t>(s.walls.size());
     view_.law = s.law, view_.gravity = s.gravity, view_.step = s.step;
-    inverse_mass_ = s.inverse_mass, grain_radius_ = s.grain_radius;
+    inverse_mass_ = s.inverse_mass, material_ = s.material, grain_radius_ = s.grain_radius;
     up(inverse_inertia_, s.inverse_inertia), up(driven_, s.driven), up(walls_, s.walls);
     if (!s.grain_family.empty()) up(family_, s.grain_family);
     if (!s.grain_mask.empty()) up(mask_, s.grain_mask);
@@ -229,6 +213,7 @@ class Stepper : public DeviceStepper {
     for (std::uint32_t k = 0; k < radii.size(); k++)
       if (radii[k] > view_.large_radius) large.push_back(k);
     large_count_ = static_cast<std::uint32_t>(large.size());
+    large_in_bodies_ = !large.empty() && large.front() < view_.body_spheres;
     up(owner_, owner), up(first_sphere_, first), up(first_of_shape_, first_of_body);
     up(shape_spheres_, shape_spheres), up(large_, large);
     loads_.reserve(large_count_ ? view_.spheres : 0), reference_.reserve(view_.spheres);
@@ -252,7 +237,7 @@ class Stepper : public DeviceStepper {
     View& v = view_;
     v.centers = centers_.data(), v.reference = reference_.data(), v.motions = motions_.data();
     v.momentum = momentum_.data(), v.inverse_inertia = inverse_inertia_.data(), v.loads = loads_.data();
-    v.body_position = body_position_.data(), v.orientation = orientation_.data(), v.poses = poses_.data();
+    v.body_places = body_places_.data(), v.orientation = orientation_.data(), v.poses = poses_.data();
     v.driven = driven_.data(), v.owner = owner_.data(), v.first_sphere = first_sphere_.data();
     v.first_of_shape = first_of_shape_.data(), v.shape_spheres = shape_spheres_.data();
     v.bushing_loads = bushing_loads_.data(), v.bushing_starts = bushing_starts_.data();
@@ -267,16 +252,19 @@ class Stepper : public DeviceStepper {
   };
   detect::Detector detector_;
   View view_;
-  std::vector<std::vector<detect::Sphere>> shapes_, wide_shapes_;
+  std::vector<std::vector<detect::Sphere>> shapes_;
   std::vector<detect::Body> host_bodies_;
   std::vector<double> inverse_mass_, grain_radius_;
-  double wider_ = -1, limit_ = 0, longest_step_ = 0;
+  double limit_ = 0, longest_step_ = 0;
   std::uint64_t revision_ = 0;
   bool old_ = true;  // the candidates are no longer to be used
   std::uint32_t large_count_ = 0, largest_body_ = 0;
+  bool large_in_bodies_ = false;
+  std::vector<std::uint8_t> material_;
   Array<Motion> motions_{book_};
-  Array<detect::Sphere> centers_{book_}, reference_{book_}, wide_grains_{book_}, shape_spheres_{book_};
-  Array<Vec3> momentum_{book_}, inverse_inertia_{book_}, body_position_{book_};
+  Array<detect::Sphere> centers_{book_}, reference_{book_}, shape_spheres_{book_};
+  Array<Vec3> momentum_{book_}, inverse_inertia_{book_};
+  Array<Place> body_places_{book_};
   Array<Load> loads_{book_}, bushing_loads_{book_};
   Array<Quaternion> orientation_{book_};
   Array<detect::Pose> poses_{book_};

@@ -13,25 +13,32 @@ namespace {
 using Word = unsigned long long;
 
 constexpr int kThreads = 128;
-constexpr std::uint32_t kAhead = 3;  // pushes that a thread reads at once
+// Pushes that a thread reads at once: a grain has about five entries, a small body eight and more.
+constexpr std::uint32_t kAheadOfGrain = 3, kAheadOfBody = 4;
 
 __device__ double of_bits(Word bits) { return __longlong_as_double(static_cast<long long>(bits)); }
 
-// The larger of two numbers from 0 on. Most callers find a larger one there and write nothing.
-__device__ void raise(Word& to, double value) {
+// The bits of the largest of the warp's values, none of which is below 0.
+__device__ Word largest_of_warp(double value) {
   const auto bits = static_cast<Word>(__double_as_longlong(value));
+  const std::uint32_t high = __reduce_max_sync(~0u, static_cast<std::uint32_t>(bits >> 32));
+  const bool mine = high == bits >> 32;
+  return Word(high) << 32 | __reduce_max_sync(~0u, mine ? static_cast<std::uint32_t>(bits) : 0u);
+}
+// Most callers find a larger one there and write nothing.
+__device__ void raise(Word& to, Word bits) {
   if (bits > *static_cast<volatile Word*>(&to)) atomicMax(&to, bits);
 }
-// The largest value of the block, in thread 0. All threads call it.
-__device__ double largest_of_block(double value) {
-  __shared__ double of_warp[32];
-  for (int d = 16; d; d >>= 1) value = detect::larger(value, __shfl_xor_sync(~0u, value, d));
+// Raises `to` to the largest value of the block. All threads call it.
+__device__ void raise_of_block(Word& to, double value) {
+  __shared__ Word of_warp[kThreads / 32];
+  const Word largest = largest_of_warp(value);
+  if (threadIdx.x % 32 == 0) of_warp[threadIdx.x / 32] = largest;
   __syncthreads();
-  if (threadIdx.x % 32 == 0) of_warp[threadIdx.x / 32] = value;
-  __syncthreads();
-  for (unsigned w = 0; threadIdx.x == 0 && w < blockDim.x / 32; w++)
-    value = detect::larger(value, of_warp[w]);
-  return value;
+  if (threadIdx.x > 0) return;
+  Word most = 0;
+  for (const Word w : of_warp) most = max(most, w);
+  raise(to, most);
 }
 
 __device__ bool before_failed(const Record& before, double limit) {
@@ -50,17 +57,20 @@ struct Tally {
   }
 };
 __device__ void tell(Record& r, const Tally& mine) {
-  const int contacts = __syncthreads_or(mine.contacts) ? 1 : 0;
-  if (!contacts) return;
-  std::uint32_t count = __reduce_add_sync(~0u, mine.contacts);
-  __shared__ std::uint32_t sum;
-  if (threadIdx.x == 0) sum = 0;
+  __shared__ std::uint32_t contacts[kThreads / 32];
+  __shared__ Word deepest[kThreads / 32], ratio[kThreads / 32];
+  const std::uint32_t warp = threadIdx.x / 32, count = __reduce_add_sync(~0u, mine.contacts);
+  const Word deep = largest_of_warp(mine.deepest), of_radius = largest_of_warp(mine.ratio);
+  if (threadIdx.x % 32 == 0) contacts[warp] = count, deepest[warp] = deep, ratio[warp] = of_radius;
   __syncthreads();
-  if (threadIdx.x % 32 == 0) atomicAdd(&sum, count);
-  const double deepest = largest_of_block(mine.deepest), ratio = largest_of_block(mine.ratio);
   if (threadIdx.x > 0) return;
-  atomicAdd(&r.contacts[blockIdx.x % 32], Word(sum));
-  raise(r.deepest, deepest), raise(r.ratio, ratio);
+  for (std::uint32_t w = 1; w < kThreads / 32; w++) {
+    contacts[0] += contacts[w];
+    deepest[0] = max(deepest[0], deepest[w]), ratio[0] = max(ratio[0], ratio[w]);
+  }
+  if (contacts[0] == 0) return;
+  atomicAdd(&r.contacts[blockIdx.x % 32], Word(contacts[0]));
+  raise(r.deepest, deepest[0]), raise(r.ratio, ratio[0]);
 }
 
 // A thread for each candidate: its force, if they touch.
@@ -74,59 +84,75 @@ __global__ void __launch_bounds__(kThreads) push_kernel(const __grid_constant__ 
   Tally tally;
   const std::uint32_t c = blockIdx.x * kThreads + threadIdx.x;
   if (c < v.rows.count) {
-    const detect::Pair pair = v.rows.pairs[c];
-    const detect::Sphere at = v.centers[pair.i];
-    const MoverState mine = state_of(v, pair.i, at);
-    Vec3 spring = v.rows.springs[c];
+    const detect::Pair pair = v.rows.pairs[c], movers = v.rows.movers ? v.rows.movers[c] : pair;
+    const bool touched = v.rows.touched[c];
+    const detect::Sphere at = load_wide(v.centers + pair.i);
+    Vec3 spring;
     Contact contact;
     bool touches = false;
     if (pair.j >= v.spheres) {
       const Wall& wall = v.wall[pair.j - v.spheres];
       const WallContact w = contact_with(wall, center_of(at), at.r);
       touches = w.depth >= 0;
-      if (touches) contact = push_wall(v.law, v.step, at, wall, w, mine, spring), tally.add(w.depth, at.r);
+      if (touched) spring = v.rows.springs[c];
+      if (touches)
+        contact = push_wall(v.law, v.step, at, wall, w, state_of(v, movers.i, at), spring),
+        tally.add(w.depth, at.r);
     } else {
-      const detect::Sphere other = v.centers[pair.j];
-      const MoverState theirs =
-          state_of(v, pair.j, other);  // read before it is known that they touch: most do
+      const detect::Sphere other = load_wide(v.centers + pair.j);
+      // What the contact needs is read before it is known that they touch, if they did a step ago.
+      MoverState mine, theirs;
+      const auto read = [&] { mine = state_of(v, movers.i, at), theirs = state_of(v, movers.j, other); };
+      if (touched) read(), spring = v.rows.springs[c];
       touches = detect::touching(at, other);
       if (touches) {
+        if (!touched) read();
         contact = push_spheres(v.law, v.step, at, other, mine, theirs, spring);
         tally.add(contact.depth, detect::smaller(at.r, other.r));
       }
     }
     tally.contacts = touches;
-    v.rows.springs[c] = touches ? spring : Vec3{};
-    v.rows.pushes[c] = contact.push;
+    if (touches || touched) v.rows.springs[c] = touches ? spring : Vec3{};
+    if (touches != touched) v.rows.touched[c] = touches;
+    if (touches) store_wide(v.rows.pushes + c, contact.push);
   }
   tell(record, tally);
 }
 
-// What a sphere bears of the candidate in its row's entry q. False if they do not touch.
-__device__ __forceinline__ bool entry_push(const View& v, std::uint32_t q, Push& push) {
-  const std::uint32_t entry = v.rows.entries[q];
-  push = v.rows.pushes[entry & ~kSecond];
+// What a sphere bears of the touching candidate in an entry of its row. False if that is nothing.
+__device__ __forceinline__ bool entry_push(const View& v, std::uint32_t entry, Push& push) {
+  push = load_wide(v.rows.pushes + (entry & ~kSecond));
   if (push.force == Vec3{}) return false;
   if (entry & kSecond) push.force = -1.0 * push.force;
   return true;
 }
-// What a sphere bears of all its contacts, about the centre of its mover.
-__device__ Load load_of(const View& v, std::uint32_t self, double radius, const Vec3& position) {
-  if (radius > v.large_radius) return v.loads[self];
+// What a mover bears of the contacts in these entries, about its centre. Several pushes are asked for before
+// the first is needed; they are added in their order.
+template <std::uint32_t Ahead>
+__device__ Load load_of_entries(const View& v, std::uint32_t first, std::uint32_t end, const Vec3& position) {
   Load sum;
-  const std::uint32_t end = v.rows.starts[self + 1];
-  // Several pushes are asked for before the first is needed; they are added in their order.
-  for (std::uint32_t q = v.rows.starts[self]; q < end; q += kAhead) {
-    Push pushes[kAhead];
-    bool touches[kAhead];
+  for (std::uint32_t q = first; q < end; q += Ahead) {
+    std::uint32_t entries[Ahead];
+    Push pushes[Ahead];
+    bool touches[Ahead];
 #pragma unroll
-    for (std::uint32_t k = 0; k < kAhead; k++)
-      touches[k] = entry_push(v, min(q + k, end - 1), pushes[k]) && q + k < end;
+    for (std::uint32_t k = 0; k < Ahead; k++) entries[k] = v.rows.entries[min(q + k, end - 1)];
 #pragma unroll
-    for (std::uint32_t k = 0; k < kAhead; k++)
+    for (std::uint32_t k = 0; k < Ahead; k++)
+      touches[k] = q + k < end && v.rows.touched[entries[k] & ~kSecond];
+#pragma unroll
+    for (std::uint32_t k = 0; k < Ahead; k++)
+      if (touches[k]) touches[k] = entry_push(v, entries[k], pushes[k]);
+#pragma unroll
+    for (std::uint32_t k = 0; k < Ahead; k++)
       if (touches[k]) add_push(sum, pushes[k].force, pushes[k].point, position);
   }
   return sum;
+}
+// What a sphere bears of all its contacts, about the centre of its mover.
+__device__ Load load_of(const View& v, std::uint32_t self, double radius, const Vec3& position) {
+  if (radius > v.large_radius) return v.loads[self];
+  return load_of_entries<kAheadOfGrain>(v, v.rows.starts[self], v.rows.starts[self + 1], position);
 }
 
 // A block for each large sphere, which may have thousands of contacts. Contacts that touch are dealt to the
@@ -138,14 +164,15 @@ __global__ void __launch_bounds__(kThreads) load_large_kernel(const __grid_const
   Load* const loads = reinterpret_cast<Load*>(room);
   __shared__ std::uint32_t of_warp[kThreads / 32];
   const std::uint32_t self = t.large[blockIdx.x], warp = threadIdx.x / 32;
-  const Vec3 position = state_of(v, self, v.centers[self]).position;
+  const Vec3 position = state_of(v, mover_of(v, self), v.centers[self]).position;
   const std::uint32_t first = v.rows.starts[self], last = v.rows.starts[self + 1];
   loads[threadIdx.x] = {};
   std::uint32_t before = 0;
   for (std::uint32_t from = first; from < last; from += kThreads) {
     const std::uint32_t q = from + threadIdx.x;
     Push push;
-    const bool touches = q < last && entry_push(v, q, push);
+    const std::uint32_t entry = q < last ? v.rows.entries[q] : 0;
+    const bool touches = q < last && v.rows.touched[entry & ~kSecond] && entry_push(v, entry, push);
     const std::uint32_t lanes = __ballot_sync(~0u, touches);
     if (threadIdx.x % 32 == 0) of_warp[warp] = __popc(lanes);
     __syncthreads();
@@ -177,7 +204,7 @@ __global__ void __launch_bounds__(kThreads) bushing_kernel(const __grid_constant
   for (std::uint32_t q = v.bushing_starts[body]; q < v.bushing_starts[body + 1]; q++) {
     const Bushing& u = v.bushing[v.bushing_list[q]];
     const Motion &a = v.motions[u.a], &b = v.motions[u.b];
-    add_bushing(u, {v.body_position[u.a], a.velocity, a.spin}, {v.body_position[u.b], b.velocity, b.spin},
+    add_bushing(u, {v.body_places[u.a].at, a.velocity, a.spin}, {v.body_places[u.b].at, b.velocity, b.spin},
                 v.poses[u.a].rotation, v.poses[u.b].rotation, body == u.a ? &load : nullptr,
                 body == u.b ? &load : nullptr);
   }
@@ -192,88 +219,97 @@ __global__ void __launch_bounds__(kThreads) move_grains_kernel(const __grid_cons
   double moved = 0;
   if (self < v.spheres) {
     const std::uint32_t m = self - v.body_spheres + v.bodies;
-    Motion motion = v.motions[m];
+    Motion motion = load_wide(v.motions + m);
     if (motion.inverse_mass != 0) {
-      detect::Sphere at = v.centers[self];
+      detect::Sphere at = load_wide(v.centers + self);
       Vec3 momentum = v.momentum[m];
       MoverState state{center_of(at), motion.velocity, motion.spin, motion.inverse_mass};
       const Load load = load_of(v, self, at.r, state.position);
       advance_grain(state, momentum, load, v.inverse_inertia[m].x, v.gravity, v.step);
       motion.velocity = state.velocity, motion.spin = state.spin;
       at.x = state.position.x, at.y = state.position.y, at.z = state.position.z;
-      v.motions[m] = motion, v.momentum[m] = momentum, v.centers[self] = at;
-      const Vec3 apart = state.position - center_of(v.reference[self]);
+      v.momentum[m] = momentum;
+      store_wide(v.motions + m, motion), store_wide(v.centers + self, at);
+      const Vec3 apart = state.position - center_of(load_wide(v.reference + self));
       moved = dot(apart, apart);
       if (!(length(state.velocity) <= t.fastest)) atomicMin(&record.wild, m);
     }
   }
-  moved = largest_of_block(moved);
-  if (threadIdx.x == 0) raise(record.moved, moved);
+  raise_of_block(record.moved, moved);
 }
 
-// `Lanes` threads for each body, which sum over its spheres.
+// Puts sphere k of a body where its pose says. Returns the square of how far that is from where it was when
+// candidates were found.
+__device__ double place_sphere(const View& v, std::uint32_t k, std::uint32_t body, const detect::Pose& pose) {
+  detect::Body at_pose;
+  for (int c = 0; c < 9; c++) at_pose.rotation[c] = pose.rotation[c];
+  for (int c = 0; c < 3; c++) at_pose.position[c] = pose.position[c];
+  const detect::Sphere own = load_wide(v.shape_spheres + v.first_of_shape[body] + (k - v.first_sphere[body]));
+  const detect::Sphere at = detect::placed(at_pose, own);
+  store_wide(v.centers + k, at);
+  const Vec3 apart = center_of(at) - center_of(load_wide(v.reference + k));
+  return dot(apart, apart);
+}
+
+// `Lanes` threads sum over the spheres of a body, each takes the whole step of it, and they place its
+// spheres.
 template <unsigned Lanes>
-__global__ void __launch_bounds__(kThreads) move_bodies_kernel(const __grid_constant__ StepTask t) {
+__device__ double move_body(const StepTask& t, std::uint32_t body, std::uint32_t lane) {
   const View& v = t.view;
-  Record& record = t.records[1];
-  if (given_up(record)) return;
-  const std::uint32_t body = (blockIdx.x * kThreads + threadIdx.x) / Lanes, lane = threadIdx.x % Lanes;
-  if (body >= v.bodies) return;
-  Motion motion = v.motions[body];
-  if (motion.inverse_mass == 0 && !v.driven[body]) return;
-  const Vec3 position = v.body_position[body];
+  Motion motion = load_wide(v.motions + body);
+  if (motion.inverse_mass == 0 && !v.driven[body]) return 0;
+  const Vec3 position = load_wide(v.body_places + body).at;
+  Vec3 momentum = v.momentum[body];
+  Quaternion orientation = load_wide(v.orientation + body);
+  const std::uint32_t first = v.first_sphere[body], end = v.first_sphere[body + 1];
   Load load;
-  for (std::uint32_t k = v.first_sphere[body] + lane; k < v.first_sphere[body + 1]; k += Lanes) {
-    const Load one = load_of(v, k, v.centers[k].r, position);
-    load.force = load.force + one.force, load.torque = load.torque + one.torque;
-  }
+  if (Lanes == 1 && !t.large_in_bodies)  // the entries of all its spheres follow each other
+    load = load_of_entries<kAheadOfBody>(v, v.rows.starts[first], v.rows.starts[end], position);
+  else
+    for (std::uint32_t k = first + lane; k < end; k += Lanes) {
+      const Load one = load_of(v, k, v.centers[k].r, position);
+      load.force = load.force + one.force, load.torque = load.torque + one.torque;
+    }
   double* const parts[] = {&load.force.x,  &load.force.y,  &load.force.z,
                            &load.torque.x, &load.torque.y, &load.torque.z};
 #pragma unroll
   for (double* part : parts)
     for (unsigned d = Lanes / 2; d; d >>= 1) *part += __shfl_xor_sync(~0u, *part, d);
-  if (lane > 0) return;
   if (v.bushings) {
     const Load& more = v.bushing_loads[body];
     load.force = load.force + more.force, load.torque = load.torque + more.torque;
   }
   MoverState state{position, motion.velocity, motion.spin, motion.inverse_mass};
-  Vec3 momentum = v.momentum[body];
-  Quaternion orientation = v.orientation[body];
   advance_body(state, momentum, orientation, load, v.inverse_inertia[body], v.gravity, v.step);
-  motion.velocity = state.velocity, motion.spin = state.spin;
-  v.motions[body] = motion, v.momentum[body] = momentum, v.orientation[body] = orientation;
-  v.body_position[body] = state.position;
   detect::Pose pose;
   matrix_of(orientation, pose.rotation);
   pose.position[0] = state.position.x, pose.position[1] = state.position.y;
   pose.position[2] = state.position.z;
-  v.poses[body] = pose;
-  if (motion.inverse_mass != 0 && !(length(state.velocity) <= t.fastest)) atomicMin(&record.wild, body);
+  if (Lanes > 1) __syncwarp();  // every lane has read what the first one writes
+  if (lane == 0) {
+    motion.velocity = state.velocity, motion.spin = state.spin;
+    v.momentum[body] = momentum;
+    store_wide(v.motions + body, motion), store_wide(v.orientation + body, orientation);
+    store_wide(v.body_places + body, {state.position, 0}), store_wide(v.poses + body, pose);
+    if (motion.inverse_mass != 0 && !(length(state.velocity) <= t.fastest))
+      atomicMin(&t.records[1].wild, body);
+  }
+  double moved = 0;
+  for (std::uint32_t k = first + lane; k < end; k += Lanes)
+    moved = detect::larger(place_sphere(v, k, body, pose), moved);
+  return moved;
+}
+template <unsigned Lanes>
+__global__ void __launch_bounds__(kThreads) move_bodies_kernel(const __grid_constant__ StepTask t) {
+  if (given_up(t.records[1])) return;
+  const std::uint32_t body = (blockIdx.x * kThreads + threadIdx.x) / Lanes;
+  raise_of_block(t.records[1].moved,
+                 body < t.view.bodies ? move_body<Lanes>(t, body, threadIdx.x % Lanes) : 0);
 }
 
-__device__ double place_sphere(const View& v, std::uint32_t k) {
-  const std::uint32_t b = v.owner[k];
-  const detect::Pose& pose = v.poses[b];
-  detect::Body body;
-  for (int c = 0; c < 9; c++) body.rotation[c] = pose.rotation[c];
-  for (int c = 0; c < 3; c++) body.position[c] = pose.position[c];
-  const detect::Sphere at =
-      detect::placed(body, v.shape_spheres[v.first_of_shape[b] + (k - v.first_sphere[b])]);
-  v.centers[k] = at;
-  const Vec3 apart = center_of(at) - center_of(v.reference[k]);
-  return dot(apart, apart);
-}
-__global__ void __launch_bounds__(kThreads) place_moved_kernel(const __grid_constant__ StepTask t) {
-  Record& record = t.records[1];
-  if (given_up(record)) return;
-  const std::uint32_t k = blockIdx.x * kThreads + threadIdx.x;
-  const double moved = largest_of_block(k < t.view.body_spheres ? place_sphere(t.view, k) : 0);
-  if (threadIdx.x == 0) raise(record.moved, moved);
-}
 __global__ void __launch_bounds__(kThreads) place_kernel(const __grid_constant__ View v) {
   const std::uint32_t k = blockIdx.x * kThreads + threadIdx.x;
-  if (k < v.body_spheres) place_sphere(v, k);
+  if (k < v.body_spheres) place_sphere(v, k, v.owner[k], load_wide(v.poses + v.owner[k]));
 }
 
 unsigned blocks_for(std::uint64_t items) { return static_cast<unsigned>((items + kThreads - 1) / kThreads); }
@@ -292,7 +328,6 @@ void launch_step(const StepTask& t, cudaStream_t stream) {
       move_bodies_kernel<1><<<blocks_for(v.bodies), kThreads, 0, stream>>>(t);
     else
       move_bodies_kernel<32><<<blocks_for(std::uint64_t(v.bodies) * 32), kThreads, 0, stream>>>(t);
-    place_moved_kernel<<<blocks_for(v.body_spheres), kThreads, 0, stream>>>(t);
   }
   detect::cuda::cuda_launched("take a step");
 }

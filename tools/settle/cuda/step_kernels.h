@@ -14,6 +14,7 @@ struct StepTask {
   double limit = 0, fastest = 0;
   const std::uint32_t* large = nullptr;
   std::uint32_t large_count = 0;
+  bool large_in_bodies = false;    // is one of them a body's?
   std::uint32_t largest_body = 0;  // spheres of the largest body
 };
 void launch_step(const StepTask& task, cudaStream_t stream);

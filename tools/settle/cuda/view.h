@@ -13,6 +13,12 @@ struct alignas(32) Motion {
   Vec3 velocity;
   double inverse_mass;
   Vec3 spin;
+  std::uint64_t material;
+};
+
+// Where a body is: one sector of memory.
+struct alignas(32) Place {
+  Vec3 at;
   double unused;
 };
 
@@ -34,8 +40,10 @@ struct Record {
 struct Rows {
   std::uint32_t count = 0;  // of candidates
   const detect::Pair* pairs = nullptr;
+  const detect::Pair* movers = nullptr;  // of each pair; null if there are no bodies
   Vec3* springs = nullptr;
-  Push* pushes = nullptr;  // a force of 0: they do not touch
+  Push* pushes = nullptr;
+  std::uint8_t* touched = nullptr;  // 0: they did not touch; the spring is 0, and the push is not written
   const std::uint32_t* starts = nullptr;
   const std::uint32_t* entries = nullptr;
 };
@@ -51,7 +59,7 @@ struct View {
   const Vec3* inverse_inertia = nullptr;
   Load* loads = nullptr;  // of each large sphere
   // Of bodies, and of their spheres.
-  Vec3* body_position = nullptr;
+  Place* body_places = nullptr;
   Quaternion* orientation = nullptr;
   detect::Pose* poses = nullptr;
   const std::uint8_t* driven = nullptr;
@@ -71,15 +79,33 @@ struct View {
   double step = 0;
 };
 
+// Reads and writes 16 bytes at a time, which the alignment of doubles alone would not allow. All arrays here
+// begin at a multiple of 256 bytes.
+template <class T>
+__device__ __forceinline__ T load_wide(const T* from) {
+  static_assert(sizeof(T) % sizeof(double2) == 0);
+  alignas(double2) T to;
+#pragma unroll
+  for (std::size_t k = 0; k < sizeof(T) / sizeof(double2); k++)
+    reinterpret_cast<double2*>(&to)[k] = reinterpret_cast<const double2*>(from)[k];
+  return to;
+}
+template <class T>
+__device__ __forceinline__ void store_wide(T* to, const T& value) {
+  static_assert(sizeof(T) % sizeof(double2) == 0);
+  alignas(double2) const T from = value;
+#pragma unroll
+  for (std::size_t k = 0; k < sizeof(T) / sizeof(double2); k++)
+    reinterpret_cast<double2*>(to)[k] = reinterpret_cast<const double2*>(&from)[k];
+}
+
 __device__ __forceinline__ std::uint32_t mover_of(const View& v, std::uint32_t sphere) {
   return sphere < v.body_spheres ? v.owner[sphere] : sphere - v.body_spheres + v.bodies;
 }
-__device__ __forceinline__ MoverState state_of(const View& v, std::uint32_t sphere,
-                                               const detect::Sphere& at) {
-  const std::uint32_t m = mover_of(v, sphere);
-  const Motion& motion = v.motions[m];
-  return {sphere < v.body_spheres ? v.body_position[m] : center_of(at), motion.velocity, motion.spin,
-          motion.inverse_mass};
+__device__ __forceinline__ MoverState state_of(const View& v, std::uint32_t mover, const detect::Sphere& at) {
+  const Motion motion = load_wide(v.motions + mover);
+  return {mover < v.bodies ? load_wide(v.body_places + mover).at : center_of(at), motion.velocity,
+          motion.spin, motion.inverse_mass, static_cast<std::uint32_t>(motion.material)};
 }
 
 }  // namespace padder::settle::cuda

@@ -15,13 +15,19 @@ __device__ void join(Watch& to, const Watch& more) {
 }
 
 __device__ double energy_of(const View& v, std::uint32_t c) {
-  const detect::Pair pair = v.rows.pairs[c];
+  const detect::Pair pair = v.rows.pairs[c], movers = v.rows.movers ? v.rows.movers[c] : pair;
   const detect::Sphere at = v.centers[pair.i];
   const Vec3& spring = v.rows.springs[c];
-  if (pair.j >= v.spheres)
-    return stored_energy(v.law, contact_with(v.wall[pair.j - v.spheres], center_of(at), at.r).depth, spring);
+  const auto material = static_cast<std::uint32_t>(v.motions[movers.i].material);
+  if (pair.j >= v.spheres) {
+    const Wall& wall = v.wall[pair.j - v.spheres];
+    return stored_energy(v.law, friction_with(v.law, wall, material),
+                         contact_with(wall, center_of(at), at.r).depth, spring);
+  }
   const detect::Sphere other = v.centers[pair.j];
-  return detect::touching(at, other) ? stored_energy(v.law, detect::geometry(at, other).depth, spring) : 0;
+  if (!detect::touching(at, other)) return 0;
+  const double friction = v.law.surfaces[material][v.motions[movers.j].material].friction;
+  return stored_energy(v.law, friction, detect::geometry(at, other).depth, spring);
 }
 
 __global__ void __launch_bounds__(kThreads) watch_kernel(const __grid_constant__ View v, Watch* parts) {
@@ -32,7 +38,7 @@ __global__ void __launch_bounds__(kThreads) watch_kernel(const __grid_constant__
   for (std::uint64_t m = first; m < v.movers; m += kBlocks * kThreads) {
     const Motion& n = v.motions[m];
     const Vec3 position =
-        m < v.bodies ? v.body_position[m] : center_of(v.centers[v.body_spheres + (m - v.bodies)]);
+        m < v.bodies ? v.body_places[m].at : center_of(v.centers[v.body_spheres + (m - v.bodies)]);
     watch_mover(w, v.gravity, n.inverse_mass, position, n.velocity, n.spin, v.momentum[m]);
   }
   for (std::uint64_t c = first; c < v.rows.count; c += kBlocks * kThreads)
@@ -40,7 +46,7 @@ __global__ void __launch_bounds__(kThreads) watch_kernel(const __grid_constant__
   for (std::uint64_t q = first; q < v.bushings; q += kBlocks * kThreads) {
     const Bushing& u = v.bushing[q];
     Vec3 arm_a, arm_b;
-    const Vec3 apart = stretch_of(u, v.body_position[u.a], v.body_position[u.b], v.poses[u.a].rotation,
+    const Vec3 apart = stretch_of(u, v.body_places[u.a].at, v.body_places[u.b].at, v.poses[u.a].rotation,
                                   v.poses[u.b].rotation, arm_a, arm_b);
     w.elastic += 0.5 * u.stiffness * dot(apart, apart);
   }

@@ -156,9 +156,10 @@ class PreviewTest(unittest.TestCase):
                 self.assertIn(name, self.preview("scene.json", "--contacts", name, "-o", "a.png", code=1).stderr)
         with open(self.path("broken.json"), "w") as f:
             f.write('{"format": "padder.cluster"')
-        for name in ("absent.spheres.json", "broken.json", "tetra.obj", "."):
+        for name in ("absent.spheres.json", "broken.json", "."):
             with self.subTest(name):
                 self.assertIn(name, self.preview(name, "-o", "a.png", code=1).stderr)
+        self.assertIn("is a mesh: make spheres of it first, with pad tetra.obj", self.preview("tetra.obj", "-o", "a.png", code=2).stderr)
         self.assertIn("absent.obj", self.preview("ball.spheres.json", "--mesh", "absent.obj", "-o", "a.png", code=1).stderr)
         self.preview("ball.spheres.json", "-o", "no/such/folder.png", "--size", "32x32", code=1)
         self.preview("ball.spheres.json", "-o", "a.png", "--colour", "protrusion", code=1)

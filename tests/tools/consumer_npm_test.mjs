@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// consumers_test.mjs BIN: what pad writes, read by programs that npm has: the loaders of three.js (.glb, .usda, .stl, .ply, .obj)
+// consumer_npm_test.mjs BIN: what pad writes, read by programs that npm has: the loaders of three.js (.glb, .usda, .stl, .ply, .obj)
 // and the official build of MuJoCo (.xml). Leaves with 77, and a sentence, where they are not there.
 import {execFileSync} from 'node:child_process';
 import {existsSync, mkdtempSync, readFileSync, rmSync, writeFileSync} from 'node:fs';
