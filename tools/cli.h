@@ -103,13 +103,18 @@ inline void (*&when_ended())() {
   return remove;
 }
 
+// Before the program ends in the middle of its work. Calls only what a signal handler may call.
+inline void remove_all_unfinished() {
+  remove_unfinished_files();
+  if (when_ended()) when_ended()();
+}
+
 // Ends the program as a shell expects of Ctrl-C: exit code 130, and 143 or 129 for the other two. A file that
 // is being written is removed; one that stood under its name before is untouched.
 inline void end_cleanly_on_signals() {
   for (const int number : {SIGINT, SIGTERM, SIGHUP})
     if (std::signal(number, [](int signal) {
-          remove_unfinished_files();
-          if (when_ended()) when_ended()();
+          remove_all_unfinished();
           ::_exit(128 + signal);
         }) == SIG_IGN)
       std::signal(number, SIG_IGN);  // as nohup and a shell's background jobs want it
@@ -124,8 +129,7 @@ inline void end_with_a_sentence(const char* program) {
   static const char* name = nullptr;
   name = program;
   std::set_terminate([] {
-    remove_unfinished_files();
-    if (when_ended()) when_ended()();
+    remove_all_unfinished();
     try {
       if (const std::exception_ptr left = std::current_exception()) std::rethrow_exception(left);
       std::fprintf(stderr, "%s: ended unexpectedly\n", name);

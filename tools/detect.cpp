@@ -300,6 +300,7 @@ int main(int argc, char** argv) {
   const int code = padder::cli::run(
       app, argc, argv,
       [&] {
+        padder::detect::SphereFile::end_program_if_shortened("detect", padder::cli::remove_all_unfinished);
         if (!memory.empty()) arguments.memory = *padder::cli::bytes_of(memory);
         return padder::tool::run(arguments);
       },

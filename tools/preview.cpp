@@ -200,7 +200,11 @@ int main(int argc, char** argv) {
   padder::cli::StreamFiles files;
   declare(app, arguments);
   return padder::cli::run(
-      app, argc, argv, [&] { return run(arguments, files); },
+      app, argc, argv,
+      [&] {
+        padder::detect::SphereFile::end_program_if_shortened("preview", padder::cli::remove_all_unfinished);
+        return run(arguments, files);
+      },
       [&](const std::string& error) {
         if (arguments.json) padder::cli::print_failure(arguments.input, error);
       });

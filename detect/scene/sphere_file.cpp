@@ -7,7 +7,10 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cerrno>
+#include <csignal>
+#include <cstring>
 #include <map>
 #include <string_view>
 #include <system_error>
@@ -24,7 +27,60 @@ Scalar checked_scalar(const NpyView& a, const std::string& where) {
   return a.size == 4 ? Scalar::f32 : Scalar::f64;
 }
 
+// The files that are mapped now. Fixed places, because a signal handler may not take locks. A file that finds
+// none goes without a name.
+struct Mapping {
+  std::atomic<const char*> begin = nullptr;  // null: the place is free
+  std::atomic<std::uint64_t> size = 0;
+  std::atomic<const char*> name = nullptr;
+};
+constinit Mapping mappings[16];
+const char* ended_program = nullptr;
+void (*before_ending)() = nullptr;
+
+void remember(const char* begin, std::uint64_t size, const char* name) {
+  for (Mapping& m : mappings) {
+    const char* free = nullptr;
+    if (!m.begin.compare_exchange_strong(free, begin)) continue;
+    m.name = name, m.size = size;
+    return;
+  }
+}
+
+void forget(const char* begin) {
+  for (Mapping& m : mappings)
+    if (m.begin == begin) {
+      m.size = 0, m.begin = nullptr;
+      return;
+    }
+}
+
+void say(const char* text) {
+  if (::write(STDERR_FILENO, text, std::strlen(text)) < 0) return;
+}
+
+void end_at_a_shortened_file(int signal, siginfo_t* info, void*) {
+  const char* const at = static_cast<const char*>(info->si_addr);
+  for (const Mapping& m : mappings) {
+    if (at < m.begin || at >= m.begin + m.size) continue;
+    static std::atomic_flag first;
+    while (first.test_and_set()) ::pause();  // several threads read: one tells
+    if (before_ending) before_ending();
+    say(ended_program), say(": "), say(m.name);
+    say(": the file was shortened while it was read: leave it as it is and start again\n");
+    ::_exit(1);
+  }
+  std::signal(signal, SIG_DFL);  // no file of ours: the access comes again, and ends the program
+}
+
 }  // namespace
+
+void SphereFile::end_program_if_shortened(const char* program, void (*before)()) {
+  ended_program = program, before_ending = before;
+  struct sigaction action = {};
+  action.sa_sigaction = end_at_a_shortened_file, action.sa_flags = SA_SIGINFO;
+  ::sigaction(SIGBUS, &action, nullptr);
+}
 
 SphereFile::SphereFile(const std::filesystem::path& path) : where_(path.string()) {
   const std::string ending = path.extension().string();
@@ -45,15 +101,21 @@ SphereFile::SphereFile(const std::filesystem::path& path) : where_(path.string()
   if (!regular) throw Error(where_ + ": not a file, or an empty one");
   if (mapped == MAP_FAILED) fail(error);
   data_ = static_cast<const char*>(mapped), size_ = static_cast<std::uint64_t>(about.st_size);
+  remember(data_, size_, where_.c_str());
   try {
     ending == ".npy" ? read_npy() : read_npz();
   } catch (...) {
-    ::munmap(const_cast<char*>(data_), size_);
+    unmap();
     throw;
   }
 }
 
-SphereFile::~SphereFile() { ::munmap(const_cast<char*>(data_), size_); }
+SphereFile::~SphereFile() { unmap(); }
+
+void SphereFile::unmap() {
+  forget(data_);
+  ::munmap(const_cast<char*>(data_), size_);
+}
 
 void SphereFile::read_npy() {
   const NpyView a = npy_view({data_, size_}, where_);

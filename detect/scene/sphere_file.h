@@ -15,7 +15,7 @@ namespace padder::detect {
 // .npz: stored without compression (numpy.savez), with `centers` (N, 3) and `radii` (N), both float32 or both
 //   float64, and perhaps `family`, `mask` and `world` (N) of uint32.
 // The constructor reads the heads alone; it throws Error, which names the file, for anything else. The file
-// must not be shortened while it is mapped: the system then ends the program.
+// must not be shortened while it is mapped: reading what is no longer there raises SIGBUS.
 class SphereFile {
  public:
   explicit SphereFile(const std::filesystem::path& path);
@@ -27,9 +27,15 @@ class SphereFile {
   // byte, and not for Detector.
   const Spheres& spheres() const { return spheres_; }
 
+  // For a program's main: from here on SIGBUS in a mapped file calls `before` (null: nothing), prints one
+  // sentence that begins with `program` and names the file, and ends the program with exit code 1. `before`
+  // may call what a signal handler may call.
+  static void end_program_if_shortened(const char* program, void (*before)());
+
  private:
   void read_npy();
   void read_npz();
+  void unmap();
 
   std::string where_;
   const char* data_ = nullptr;

@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Spheres from mapped files, contacts to a file.
+#include <unistd.h>
+
 #include <atomic>
 #include <cstring>
 #include <fstream>
@@ -77,6 +79,21 @@ TEST(SphereFile, MappedSpheresGiveTheSameHash) {
   Detector one = one_on_the_cpu(on_the_cpu(1).detector);
   one.detect(worlds.input);
   EXPECT_EQ(hash_of(SphereFile(place("worlds.npz"))), one.hash());
+}
+
+TEST(SphereFileDeathTest, AFileThatIsShortenedWhileItIsReadEndsTheProgramWithASentence) {
+  testing::FLAGS_gtest_death_test_style = "threadsafe";
+  const Files f;
+  write_file(place("shortened.npy"), npy(npy_array(f.four.data(), {f.n(), 4})));
+  const auto read = [] {
+    SphereFile::end_program_if_shortened("detect", [] { (void)::write(STDERR_FILENO, "cleaned; ", 9); });
+    const SphereFile file(place("shortened.npy"));
+    std::filesystem::resize_file(place("shortened.npy"), 8192);
+    hash_of(file);
+  };
+  EXPECT_EXIT(
+      read(), testing::ExitedWithCode(1),
+      "cleaned; detect: .*shortened.npy: the file was shortened while it was read: leave it as it is");
 }
 
 // NumPy's own archives put arrays at any address.
