@@ -168,11 +168,11 @@ class StreamsTest(Case):
                 ("pad", ["cube.obj", "-o", "-", "--format", "yade", "--tolerance", "10%"], None, 1, "more than one file"),
                 ("pad", ["-", "--input-format", "obj"], "", 1, "is empty"),
                 ("pad", ["-", "--input-format", "obj"], "v 0 0", 1, "pad: stdin.obj"),
-                ("detect", ["cube.obj", "-o", "-"], None, 2, "--format csv"),
+                ("detect", ["-", "-o", "-"], "{", 2, "--format csv"),
                 ("detect", ["-"], "{", 1, "the standard input"),
-                ("detect", ["cube.obj", "--format", "csv"], None, 2, "-o -"),
+                ("detect", ["-", "--format", "csv"], "{", 2, "-o -"),
                 ("preview", ["-", "-o", "-"], "", 2, "--format html"),
-                ("preview", ["cube.obj", "-o", "a.png", "--format", "png"], None, 2, "-o -"),
+                ("preview", ["-", "-o", "a.png", "--format", "png"], "{", 2, "-o -"),
                 ("preview", ["-", "-o", "-", "--format", "png", "--json"], "{", 2, "--json"),
                 ("preview", ["-", "-o", "-", "--format", "png"], "{", 1, "the standard input")):
             with self.subTest((name, args)):
