@@ -147,8 +147,7 @@ RungSpheres make_spheres(const Job& job, const Length& tolerance, std::string& w
     why = "the spheres of the depth ratio stand out farther, or leave more open";
   } else {
     job.step("cull", 4);
-    CullOptions culling = cull_options(options, tolerance, job.frame.scale(),
-                                       job.body.steps.crack_width);
+    CullOptions culling = cull_options(options, tolerance, job.frame.scale(), job.body.steps.crack_width);
     culling.tell = job.within_cull;
     // Below a sheet as given nothing bounds the balls: large ones would sag and stand out past its border.
     if (!job.surface.closed()) culling.max_radius = std::min(culling.max_radius, 0.05);

@@ -36,9 +36,10 @@ struct ReadResult {
 //   through assimp, which keeps float32: about seven digits, and nothing beyond 3.4e38. A binary STL has no
 //   more than that.
 // * Unit: 3MF names its unit, or means millimetres (microns are converted to mm, feet to in). glTF
-//   comes in metres and with Y up. COLLADA's unit is converted to metres; its coordinates stay, whichever axis
-//   it calls up, as ROS has it. FBX comes in the unit that it names. When options.unit is another one, coordinates are converted. OBJ, STL, PLY, OFF
-//   and 3DS name no unit: for them options.unit is only a label.
+//   comes in metres and with Y up. COLLADA's unit is converted to metres; its coordinates stay, whichever
+//   axis it calls up, as ROS has it. FBX comes in the unit that it names. When options.unit is another one,
+//   coordinates are converted. OBJ, STL, PLY, OFF and 3DS name no unit: for them options.unit is only a
+//   label.
 // * Scale multiplies last. Without options.unit, the unit of the result is then unknown.
 // * Strips of PLY and glTF become triangles, every second one turned.
 // * 3MF: only what is to be built is read, with its components and transforms, but without supports.

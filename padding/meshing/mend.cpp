@@ -17,8 +17,8 @@
 namespace padder {
 namespace {
 
-// Border edges that lie closer than this share of the diagonal are one edge, but never farther apart than this
-// share of the tolerance: covers make up for the width of the cracks that were closed.
+// Border edges that lie closer than this share of the diagonal are one edge, but never farther apart than
+// this share of the tolerance: covers make up for the width of the cracks that were closed.
 constexpr double crack_width = 1e-4, crack_share = 0.25;
 // A hole as narrow as this share of the diagonal is closed however long it is.
 constexpr double narrow_hole = 1e-3;

@@ -432,8 +432,8 @@ TEST(Pad, AWrapOfLooseTrianglesIsCertified) {
   }
 }
 
-// A box whose lid lies a little above the rim. What closes the crack is no part of the input, so the spheres may
-// stand out of the closed box by no more than the tolerance less the crack.
+// A box whose lid lies a little above the rim. What closes the crack is no part of the input, so the spheres
+// may stand out of the closed box by no more than the tolerance less the crack.
 TEST(Pad, TheWidthOfAClosedCrackIsTakenOffTheTolerance) {
   const double crack = 1.5e-4, tolerance = 0.02;
   Mesh mesh = shapes::box({0, 0, 0}, {1, 1, 1});

@@ -5,8 +5,8 @@
 #include <cmath>
 
 #include "padding/import/import.h"
-#include "padding/mjcf/mjcf.h"
 #include "padding/meshing/write_mesh.h"
+#include "padding/mjcf/mjcf.h"
 #include "padding/view/page.h"
 #include "tools/cli.h"
 #include "tools/pad/convert.h"

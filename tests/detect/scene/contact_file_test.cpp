@@ -403,9 +403,8 @@ TEST_F(ContactFileTest, WhatCannotBeWrittenIsSaidAndLeavesNothing) {
   for (const char* name : {"c.txt", "c", ".csv", "c.CSV", "c.csv.gz"}) {
     SCOPED_TRACE(name);
     EXPECT_THROW(check_contact_ending(name), Error);
-    EXPECT_EQ(error_of([&] { write(t, name); }),
-              "cannot tell the format of " + (folder_ / name).string() +
-                  ": contacts are written as .csv, .npz or .vtp");
+    EXPECT_EQ(error_of([&] { write(t, name); }), "cannot tell the format of " + (folder_ / name).string() +
+                                                     ": contacts are written as .csv, .npz or .vtp");
   }
   EXPECT_EQ(read_file(folder_ / "c.txt"), "mine");
   EXPECT_NO_THROW(check_contact_ending("a folder/c.vtp"));

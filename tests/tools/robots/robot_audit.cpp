@@ -112,7 +112,9 @@ void set_shape(Part& part, const Mesh& mesh, const Json& told, const std::string
   }
   const Repaired body = repair(mesh, {}, name);
   if (body.patches.empty() == filled) throw Error(name + ": repair closes other holes here than pad did");
-  const Mesh closed = body.kind == BodyKind::sheet ? Mesh{} : body.solid ? body.solid->mesh() : body.boundary();
+  const Mesh closed = body.kind == BodyKind::sheet ? Mesh{}
+                      : body.solid                 ? body.solid->mesh()
+                                                   : body.boundary();
   Mesh patches{body.mesh.points, {}};
   for (const Patch& patch : body.patches)
     for (const std::uint32_t t : patch.triangles) patches.triangles.push_back(body.mesh.triangles[t]);
