@@ -57,8 +57,12 @@ class Pipe {
   bool get_array(Array& array) {
     std::uint64_t size = 0;
     if (!get(&size, sizeof size)) return false;
-    array.resize(size);
-    return get(array.data(), size * sizeof(array[0]));
+    while (array.size() < size) {  // memory follows what has come, not what was announced
+      const std::uint64_t begin = array.size(), more = std::min<std::uint64_t>(size - begin, 1 << 20);
+      array.resize(begin + more);
+      if (!get(&array[begin], more * sizeof(array[0]))) return false;
+    }
+    return true;
   }
 
  private:
@@ -166,6 +170,9 @@ ReadResult in_child(const std::function<ReadResult()>& read, std::size_t file_si
   if (error.empty())
     whole = whole && pipe.get_array(result.mesh.points) && pipe.get_array(result.mesh.triangles) &&
             pipe.get_array(result.unit) && pipe.get_array(notes);
+  // A reader that a file has taken over may send anything.
+  for (const auto& triangle : result.mesh.triangles)
+    for (const std::uint32_t corner : triangle) whole = whole && corner < result.mesh.points.size();
   Lines lines(notes);
   for (std::string_view note; lines.next(note);) result.notes.emplace_back(note);
   int status = 0;

@@ -682,6 +682,8 @@ TEST(ReadChild, WhateverHappensThereIsASentenceHere) {
   EXPECT_EQ(back.mesh.triangles, sent.mesh.triangles);
   EXPECT_EQ(back.unit, "in");
   EXPECT_EQ(back.notes, sent.notes);
+  sent.mesh.triangles = {{7, 8, 100000}};  // as a reader may say that a file has taken over
+  EXPECT_EQ(sentence([&] { return sent; }).find("t.fbx: the reader crashed"), 0u);
 }
 
 // A file that takes over its reader has nothing to call.
