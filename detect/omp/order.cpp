@@ -91,15 +91,14 @@ struct CountingSort {
     }
   }
 
-  // Fetches the place of slot k, before slots near it are written in any order.
-  void fetch([[maybe_unused]] std::uint32_t k) const {
+  // Fetches the lines of these arrays that begin with slot k, before slots near it are written in any order.
+  // (Always inline: GCC drops calls of functions that only fetch.)
+  template <class... Entries>
+  [[gnu::always_inline]] static void fetch([[maybe_unused]] std::uint32_t k,
+                                           [[maybe_unused]] Entries*... arrays) {
 #ifdef __GNUC__
     constexpr std::uint32_t kLine = 64;
-    __builtin_prefetch(exact_spheres + k, 1);
-    if (k % (kLine / sizeof(float)) != 0) return;
-    for (const void* at : std::initializer_list<const void*>{slots.x + k, slots.y + k, slots.z + k,
-                                                             slots.r + k, ids + k, keys + k})
-      __builtin_prefetch(at, 1);
+    ((k % (kLine / sizeof(Entries)) == 0 ? __builtin_prefetch(arrays + k, 1) : void()), ...);
 #endif
   }
 
@@ -112,7 +111,7 @@ struct CountingSort {
     std::fill_n(place, width, 0u);
     for (std::uint32_t k = begin; k < end; k++) {
       place[entries[k].key - low]++;
-      fetch(k);
+      fetch(k, exact_spheres, slots.x, slots.y, slots.z, slots.r, ids, keys);
     }
     std::uint32_t sum = begin;
     for (std::uint32_t b = 0; b < width; b++) {
