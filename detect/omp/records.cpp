@@ -65,7 +65,13 @@ class ChunkWriter {
       differences(spheres_, i_, j_, count, batch_);
       write_batch(batch_, count, first, options_, records_);
     }
-    for (std::uint32_t k = 0; k < count && options_.width == Width::points; k++)
+    if (options_.width != Width::points) return;
+#ifdef __GNUC__
+    // All at once: the computation of a record leaves no room to wait for the spheres of the next ones.
+    for (std::uint32_t k = 0; k < count; k++)
+      __builtin_prefetch(spheres_ + i_[k]), __builtin_prefetch(spheres_ + j_[k]);
+#endif
+    for (std::uint32_t k = 0; k < count; k++)
       records_.write(first + k, pairs[k].i, pairs[k].j, sphere_of(spheres_[i_[k]]),
                      sphere_of(spheres_[j_[k]]), options_);
   }
