@@ -4,6 +4,8 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <filesystem>
+#include <fstream>
 #include <numbers>
 #include <random>
 
@@ -421,6 +423,31 @@ TEST(SettlePageTest, WhatIsHiddenIsInside) {
     kept += seen[k];
   }
   EXPECT_LT(kept, points.size() * 4 / 5);
+}
+
+// Every second frame, and again every second, from the last one backwards, until the page is small or has
+// two.
+TEST(SettlePageTest, LeavesOutFramesWhereItWouldBeLarge) {
+  Stepper stepper(heap(4, 4, 2, 1), {1});
+  Movie movie;
+  for (int frame = 0; frame < 8; frame++) {
+    if (frame > 0) stepper.step(5);
+    stepper.place();
+    movie.add(stepper);
+  }
+  const std::string path = testing::TempDir() + "settle_page.html";
+  const Movie::Written all = movie.write("heap", stepper.system(), path);
+  EXPECT_EQ(all.frames, 8u);
+  EXPECT_EQ(movie.write("heap", stepper.system(), path, all.bytes).frames, 8u);
+  const Movie::Written few = movie.write("heap", stepper.system(), path, 1);
+  EXPECT_EQ(few.frames, 2u);
+  EXPECT_LT(few.bytes, all.bytes);
+  std::ifstream file(path);
+  const std::string page{std::istreambuf_iterator<char>(file), {}};
+  const std::size_t begin = page.find("\"times\":["), last = page.rfind(',', page.find(']', begin));
+  ASSERT_LT(begin, last);
+  EXPECT_EQ(std::stod(page.substr(last + 1)), stepper.time());
+  std::filesystem::remove(path);
 }
 
 TEST(SettleBackendsTest, GrainsHaveTheSameBitsOnAGpu) {
