@@ -281,12 +281,7 @@ TEST(BoxedDetector, FaultsAreNamedAsByOneDetector) {
     const Arranged a(given.loose, Scalar::f64);
     BoxedDetector boxed(on_the_cpu(8));
     Detector one = one_on_the_cpu(on_the_cpu(1).detector);
-    std::string wanted;
-    try {
-      one.detect(given.input(a));
-    } catch (const Error& e) {
-      wanted = e.what();
-    }
+    const std::string wanted = error_of([&] { one.detect(given.input(a)); });
     EXPECT_NE(wanted, "");
     EXPECT_EQ(failure(boxed, given.input(a)), wanted);
   };
