@@ -105,8 +105,7 @@ TEST(Worlds, ContactsAreThoseOfTheOracleOnEveryPath) {
       const auto worlds = static_cast<std::uint32_t>(1 + seed % 7);
       const World w = random_worlds(seed, worlds, static_cast<std::uint32_t>(2 + seed % 5 * 5),
                                     static_cast<std::uint32_t>(seed % 4 * 60));
-      CallOptions o;
-      o.margin = seed % 3 == 0 ? 0 : 0.01 * static_cast<double>(seed);
+      CallOptions o{.margin = seed % 3 == 0 ? 0 : 0.01 * static_cast<double>(seed)};
       if (seed % 5 == 0) o.own.low[0] = 1, o.own.high[1] = 3;
       const std::vector<Pair> expected = oracle(w.input(), o);
       without_contacts += expected.empty();  // as of two bodies, and a box that owns none of their contacts
@@ -133,8 +132,7 @@ TEST(Worlds, LooseSpheresInManyWorldsAndInOneAreFound) {
         for (std::size_t k = 0; k < scene.spheres.size(); k++)
           world.push_back(random() % 50 ? static_cast<std::uint32_t>(random() % worlds) : kEveryWorld);
         arranged.input.spheres.world = world.data();
-        CallOptions o;
-        o.margin = 0.1;
+        CallOptions o{.margin = 0.1};
         Detector detector({backend, 0}, o);
         EXPECT_EQ(sorted(detector.detect(arranged.input).pair_span()), oracle(arranged.input, o));
         expect_answers(detector, arranged.input, worlds);
@@ -147,8 +145,7 @@ TEST(Worlds, AMarginAloneNeedsNoWorld) {
       const TestScene scene = random_scene(1500, 8, 3, 5);
       for (const Scalar scalar : {Scalar::f32, Scalar::f64}) {
         Arranged arranged(scene, scalar);
-        CallOptions o;
-        o.margin = margin;
+        CallOptions o{.margin = margin};
         Detector detector({backend, 0}, o);
         EXPECT_EQ(sorted(detector.detect(arranged.input).pair_span()), oracle(arranged.input, o));
       }
@@ -228,9 +225,7 @@ TEST(Worlds, AMarginHoldsHoweverBodiesAreSearched) {
         for (Body& b : w.bodies)
           for (double& c : b.position) c *= scale;
         std::mt19937_64 random(3);
-        CallOptions o;
-        o.width = Width::pairs, o.bodies = bodies;
-        Detector detector({backend, 0}, o);
+        Detector detector({backend, 0}, {.width = Width::pairs, .bodies = bodies});
         std::uint32_t step = 0;
         for (const double margin : {0.0, 0.2, 0.2, 1e-9, 0.0, 6.0, 0.2, 0.2}) {
           SCOPED_TRACE("step " + std::to_string(step) + ", scale " + std::to_string(scale));
@@ -253,9 +248,7 @@ TEST(Worlds, IdsMayBeAny32BitNumbersAndAnArrayOrOneForAll) {
   const std::uint32_t world[] = {4000000000u, 5, 4000000000u, kEveryWorld};
   for (const BackendKind backend : backends())
     for (const Path path : {Path::grid, Path::nine_stages}) {
-      CallOptions o;
-      o.path = path;
-      Detector detector({backend, 0}, o);
+      Detector detector({backend, 0}, {.path = path});
       Input in;
       in.spheres = spheres_of<double>(4, centers, &radius);
       in.spheres.radius_stride = 0, in.spheres.world = world;
@@ -274,9 +267,7 @@ TEST(Worlds, TheListIsTheSameForAnyNumberOfThreadsAndAgain) {
     std::vector<Pair> first;
     std::vector<float> depth;
     for (const int threads : {1, 2, 5, 1}) {
-      CallOptions o;
-      o.threads = threads, o.margin = 0.1;
-      Detector detector({backend, 0}, o);
+      Detector detector({backend, 0}, {.threads = threads, .margin = 0.1});
       for (int again = 0; again < 2; again++) {
         const Contacts& c = detector.detect(w.input());
         std::vector<float> d;
@@ -292,8 +283,7 @@ TEST(Worlds, TheListIsTheSameForAnyNumberOfThreadsAndAgain) {
 TEST(Worlds, ARevisionMovesBodiesAndWorldsStayApart) {
   for (const BackendKind backend : backends()) {
     World w = random_worlds(11, 5, 30, 100);
-    CallOptions o;
-    o.margin = 0.05;
+    CallOptions o{.margin = 0.05};
     Detector detector({backend, 0}, o);
     Input in = w.input();
     in.revision = 1;
@@ -467,9 +457,7 @@ TEST(Worlds, WhatMakesNoSenseIsRefusedInASentence) {
 
 TEST(Worlds, EmptyScenesHaveEmptyAnswers) {
   for (const BackendKind backend : backends()) {
-    CallOptions o;
-    o.margin = 1;
-    Detector detector({backend, 0}, o);
+    Detector detector({backend, 0}, {.margin = 1});
     EXPECT_EQ(detector.detect({}).count, 0u);
     EXPECT_EQ(detector.detect_worlds({}, 0, Answer::any).worlds, 0u);
     const WorldAnswers a = detector.detect_worlds({}, 3, Answer::distance);
