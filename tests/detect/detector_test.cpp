@@ -505,9 +505,7 @@ TEST_P(DetectorTest, BoxesOwnEachContactOnce) {
 // whether all contacts of the sphere are the box's is then as hard to say as it can be.
 TEST_P(DetectorTest, ABoxBetweenSpheresOwnsWhatTheirMidpointsSay) {
   if (options_.precision != Precision::exact) GTEST_SKIP() << "float decides doubtful pairs otherwise";
-  const std::uint32_t seed = std::random_device{}();
-  std::printf("seed %u\n", seed);
-  std::mt19937_64 random(seed);
+  std::mt19937_64 random = random_of_new_seed();
   for (const double ratio : {1.0, 1.0, 5.0, 60.0}) {
     TestScene s = random_scene(1200, ratio, 0.3, static_cast<unsigned>(random()));
     const bool far = random() % 2;

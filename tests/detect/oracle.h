@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <random>
 #include <string>
 #include <vector>
@@ -15,6 +16,13 @@
 #include "tests/detect/print.h"
 
 namespace padder::detect {
+
+// For a test with input that is new in each run: prints the seed with which it can be made again.
+inline std::mt19937_64 random_of_new_seed() {
+  const std::uint32_t seed = std::random_device{}();
+  std::printf("seed %u\n", seed);
+  return std::mt19937_64(seed);
+}
 
 inline std::ostream& operator<<(std::ostream& out, const Pair& p) {
   return out << "(" << p.i << ", " << p.j << ")";
