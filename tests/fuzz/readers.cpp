@@ -2,7 +2,6 @@
 // Every reader of files. What one returns must be sound: indices in range, numbers finite where that is
 // promised, and a cluster that is written reads back as the same cluster. An Error must be a sentence of sane
 // length.
-#include <unistd.h>
 
 #include <algorithm>
 #include <array>
@@ -21,6 +20,7 @@
 #include "padding/input/urdf.h"
 #include "padding/mjcf/mjcf.h"
 #include "tests/fuzz/targets.h"
+#include "tests/temporary_folder.h"
 
 namespace padder::fuzz {
 namespace {
@@ -40,21 +40,9 @@ void expect_answer(const Work& work) {
 }
 
 // A folder of this process, for readers that take a path.
-struct Folder {
-  Folder() {
-    std::string name = (fs::temp_directory_path() / "padder-fuzz-XXXXXX").string();
-    if (!::mkdtemp(name.data())) wrong("no folder for files");
-    path = name;
-  }
-  ~Folder() {
-    std::error_code code;
-    fs::remove_all(path, code);
-  }
-  fs::path path;
-};
 const fs::path& folder() {
-  static const Folder made;
-  return made.path;
+  static const TemporaryFolder made;
+  return made.path();
 }
 
 fs::path put(std::string_view bytes, const char* name) {

@@ -27,29 +27,13 @@
 #include "padding/input/read_internal.h"
 #include "tests/error_of.h"
 #include "tests/padding/input/zip_writer.h"
+#include "tests/temporary_folder.h"
 
 namespace padder {
 namespace {
 
 namespace fs = std::filesystem;
-
-// A folder that is removed when the test ends.
-class Folder {
- public:
-  Folder() {
-    std::string name = (fs::temp_directory_path() / "padder-read-XXXXXX").string();
-    path_ = ::mkdtemp(name.data());
-  }
-  ~Folder() { fs::remove_all(path_); }
-  fs::path put(const std::string& name, const std::string& bytes) const {
-    std::ofstream(path_ / name, std::ios::binary) << bytes;
-    return path_ / name;
-  }
-  const fs::path& path() const { return path_; }
-
- private:
-  fs::path path_;
-};
+using Folder = TemporaryFolder;
 
 // The sentence of the error, or "" when there is none.
 std::string fault(const fs::path& path, const ReadOptions& options = {}) {
@@ -274,7 +258,6 @@ TEST(Read, PlyInItsForms) {
                "names vertex 3");
 }
 
-// A strip along a ribbon of squares must have the area of its triangles, and all must face +z.
 TEST(Read, PlyWithoutABodyOrAnEndOfLine) {  // found by fuzzing
   Folder folder;
   std::string text = ply("ascii", "float", "");
@@ -283,6 +266,7 @@ TEST(Read, PlyWithoutABodyOrAnEndOfLine) {  // found by fuzzing
   expect_fault(folder.put("a.ply", text), "cut short");
 }
 
+// A strip along a ribbon of squares must have the area of its triangles, and all must face +z.
 TEST(Read, PlyStripsAreTriangles) {
   Folder folder;
   const std::string points = "0 0 0\n0 1 0\n1 0 0\n1 1 0\n2 0 0\n2 1 0\n3 0 0\n3 1 0\n";
