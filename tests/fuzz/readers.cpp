@@ -11,6 +11,7 @@
 
 #include "detect/scene/loose.h"
 #include "detect/scene/scene.h"
+#include "padding/asset/child.h"
 #include "padding/asset/error.h"
 #include "padding/asset/file.h"
 #include "padding/import/import.h"
@@ -30,6 +31,7 @@ namespace fs = std::filesystem;
 template <class Work>
 void expect_answer(const Work& work) {
   try {
+    read_here(true);  // so that the fuzzer sees which branches an input takes
     work();
   } catch (const Error& e) {
     const std::string said = e.what();
@@ -66,8 +68,7 @@ void check(const Cluster& c) {
       wrong("sphere " + std::to_string(k) + " is none");
 }
 
-// The formats that are read here, with the triangulation behind the reader; in this process, so that the
-// fuzzer sees which branches an input takes.
+// The formats that are read here, with the triangulation behind the reader.
 template <const char* Ending>
 void read_format(std::string_view bytes) {
   expect_answer([&] {
@@ -101,7 +102,10 @@ void read_by_assimp(std::string_view bytes) {
                      : bytes.starts_with("; FBX")    ? "a.fbx"
                      : bytes.starts_with("\x4d\x4d") ? "a.3ds"
                                                      : "a.stl";
-  expect_answer([&] { check(read_mesh(put(bytes, name)).mesh); });
+  expect_answer([&] {
+    read_here(false);
+    check(read_mesh(put(bytes, name)).mesh);
+  });
 }
 
 // Robots, and the spheres that such a file may hold instead.
