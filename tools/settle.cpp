@@ -44,9 +44,8 @@ void declare(CLI::App& app, Arguments& a) {
                  "scene")
       ->type_name("FILE");
   app.add_option("--frames", a.frames,
-                 "how many frames (default: 100 for a page, fewer for more than a million spheres; else the "
-                 "last state "
-                 "alone)")
+                 "how many frames (default: 100 for a page, fewer where it would be above 30 MB; else the "
+                 "last state alone)")
       ->check(whole())
       ->type_name("N");
   app.add_option("--steps", a.steps, "steps to take (default: the scene's duration)")
@@ -225,7 +224,9 @@ class Frames {
     if (a_.output.empty()) return;
     report["frames"] = number_, report["output"] = a_.output;
     if (!page()) return;
-    const auto written = movie_.write(title_, stepper.system(), a_.output);
+    const auto written =
+        movie_.write(title_, stepper.system(), a_.output, a_.frames ? 0 : padder::settle::Movie::kUsualBytes);
+    report["frames"] = written.frames;
     report["page"] = {{"spheres", written.spheres}, {"bytes", written.bytes}};
   }
   bool page() const { return a_.output.ends_with(".html"); }
