@@ -4,7 +4,6 @@
 #include <chrono>
 #include <cmath>
 #include <cstdio>
-#include <iostream>
 #include <nlohmann/json.hpp>
 #include <optional>
 
@@ -45,9 +44,8 @@ void declare(CLI::App& app, Arguments& a) {
                  "scene")
       ->type_name("FILE");
   app.add_option("--frames", a.frames,
-                 "how many frames (default: 100 for a page, fewer for more than a million spheres; else the "
-                 "last state "
-                 "alone)")
+                 "how many frames (default: 100 for a page, fewer where it would be above 30 MB; else the "
+                 "last state alone)")
       ->check(whole())
       ->type_name("N");
   app.add_option("--steps", a.steps, "steps to take (default: the scene's duration)")
@@ -226,7 +224,9 @@ class Frames {
     if (a_.output.empty()) return;
     report["frames"] = number_, report["output"] = a_.output;
     if (!page()) return;
-    const auto written = movie_.write(title_, stepper.system(), a_.output);
+    const auto written =
+        movie_.write(title_, stepper.system(), a_.output, a_.frames ? 0 : padder::settle::Movie::kUsualBytes);
+    report["frames"] = written.frames;
     report["page"] = {{"spheres", written.spheres}, {"bytes", written.bytes}};
   }
   bool page() const { return a_.output.ends_with(".html"); }
@@ -299,7 +299,7 @@ int settle(const Arguments& a) {
   Json report = report_of(stepper, scene.rungs, w, first_energy, rest);
   frames.finish(stepper, report);
   if (a.json)
-    std::cout << report.dump(2) << std::endl;
+    padder::cli::print_json(report);
   else if (!a.quiet)
     print(report);
   return 0;
@@ -310,8 +310,7 @@ int run(const Arguments& a) {
   if (a.make.empty() || fs::path(a.output).extension() != ".json") return settle(a);
   padder::write_file(a.output, made_scene(a, fs::path(a.output).parent_path()));
   if (a.json)
-    std::cout << Json{{"scene", a.make}, {"output", a.output}, {"count", a.count}, {"seed", a.seed}}.dump(2)
-              << std::endl;
+    padder::cli::print_json({{"scene", a.make}, {"output", a.output}, {"count", a.count}, {"seed", a.seed}});
   else if (!a.quiet)
     std::printf("wrote %s\n", a.output.c_str());
   return 0;

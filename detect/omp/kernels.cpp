@@ -16,6 +16,10 @@
 namespace padder::detect::omp {
 namespace {
 
+#ifdef PADDER_AVX2
+bool has_avx2() { return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("popcnt"); }
+#endif
+
 // For any machine. There is no branch on hit or miss, because that would often be mispredicted, and a
 // misprediction costs more than the whole test.
 template <class Slot>
@@ -55,16 +59,6 @@ int find_rows_plain(const Ball& ball, const std::uint32_t* starts, Run* out) {
       n += out[n].begin < out[n].end;
     }
   return n;
-}
-
-void order_pairs_plain(std::uint32_t a, const std::uint32_t* hits, int count, const std::uint32_t* ids,
-                       Pair* pairs, std::uint32_t* i, std::uint32_t* j) {
-  for (int k = 0; k < count; k++) {
-    const std::uint32_t b = hits[k];
-    const bool ordered = ids[a] < ids[b];
-    pairs[k] = ordered ? Pair{ids[a], ids[b]} : Pair{ids[b], ids[a]};
-    i[k] = ordered ? a : b, j[k] = ordered ? b : a;
-  }
 }
 
 #ifdef PADDER_AVX2
@@ -213,29 +207,50 @@ __attribute__((target("avx2,popcnt"))) int find_rows_avx2(const Ball& ball, cons
   return n;
 }
 
-__attribute__((target("avx2"))) void order_pairs_avx2(std::uint32_t a, const std::uint32_t* hits, int count,
-                                                      const std::uint32_t* ids, Pair* pairs, std::uint32_t* i,
-                                                      std::uint32_t* j) {
-  const __m256i mine = _mm256_set1_epi32(static_cast<int>(ids[a])),
-                me = _mm256_set1_epi32(static_cast<int>(a));
-  const auto* const table = reinterpret_cast<const int*>(ids);
-  for (int k = 0; k < count; k += static_cast<int>(kLanes)) {
-    const __m256i here =
-        _mm256_cmpgt_epi32(_mm256_set1_epi32(count - k), _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7));
-    const __m256i b = _mm256_maskload_epi32(reinterpret_cast<const int*>(hits + k), here);
-    // 64-bit indices, because 32-bit ones would be signed.
-    const __m128i first = _mm256_mask_i64gather_epi32(_mm_setzero_si128(), table,
-                                                      _mm256_cvtepu32_epi64(_mm256_castsi256_si128(b)),
-                                                      _mm256_castsi256_si128(here), 4),
-                  second = _mm256_mask_i64gather_epi32(_mm_setzero_si128(), table,
-                                                       _mm256_cvtepu32_epi64(_mm256_extracti128_si256(b, 1)),
-                                                       _mm256_extracti128_si256(here, 1), 4);
-    const __m256i other = _mm256_set_m128i(second, first), low = _mm256_min_epu32(mine, other),
-                  ordered = _mm256_cmpeq_epi32(low, mine);
-    store_both(pairs + k, low, _mm256_max_epu32(mine, other));
-    _mm256_storeu_si256(reinterpret_cast<__m256i*>(i + k), _mm256_blendv_epi8(b, me, ordered));
-    _mm256_storeu_si256(reinterpret_cast<__m256i*>(j + k), _mm256_blendv_epi8(me, b, ordered));
+// The sphere in double.
+__attribute__((target("avx2"))) inline __m256d wide(const FloatSlot& s) {
+  return _mm256_cvtps_pd(_mm_loadu_ps(&s.x));
+}
+__attribute__((target("avx2"))) inline __m256d wide(const Sphere& s) { return _mm256_loadu_pd(&s.x); }
+// Rows become columns.
+__attribute__((target("avx2"))) inline void transpose(__m256d (&v)[4]) {
+  const __m256d a = _mm256_unpacklo_pd(v[0], v[1]), b = _mm256_unpackhi_pd(v[0], v[1]),
+                c = _mm256_unpacklo_pd(v[2], v[3]), d = _mm256_unpackhi_pd(v[2], v[3]);
+  v[0] = _mm256_permute2f128_pd(a, c, 0x20), v[1] = _mm256_permute2f128_pd(b, d, 0x20);
+  v[2] = _mm256_permute2f128_pd(a, c, 0x31), v[3] = _mm256_permute2f128_pd(b, d, 0x31);
+}
+template <class S>
+__attribute__((target("avx2"))) void differences_avx2(const S* spheres, const std::uint32_t* i,
+                                                      const std::uint32_t* j, std::uint32_t count,
+                                                      Batch& out) {
+  const __m256d minus = _mm256_setr_pd(-0.0, -0.0, -0.0, 0.0);  // a difference is a sum with -ci
+  for (std::uint32_t k = 0; k < count; k += 4) {
+    __m256d v[4];
+    for (std::uint32_t q = 0; q < 4; q++)
+      v[q] = _mm256_add_pd(wide(spheres[j[k + q]]), _mm256_xor_pd(wide(spheres[i[k + q]]), minus));
+    transpose(v);
+    _mm256_storeu_pd(out.x + k, v[0]), _mm256_storeu_pd(out.y + k, v[1]);
+    _mm256_storeu_pd(out.z + k, v[2]), _mm256_storeu_pd(out.s + k, v[3]);
   }
+}
+__attribute__((target("avx2"))) inline void store(Normal<double>* to, __m256d v) {
+  _mm256_storeu_pd(&to->x, v);
+}
+__attribute__((target("avx2"))) inline void store(Normal<float>* to, __m256d v) {
+  _mm_storeu_ps(&to->x, _mm256_cvtpd_ps(v));
+}
+// Returns how many it wrote: a multiple of 4.
+template <class T>
+__attribute__((target("avx2"))) std::uint32_t copy_normals_avx2(const Batch& batch, std::uint32_t count,
+                                                                Normal<T>* to) {
+  std::uint32_t k = 0;
+  for (; k + 4 <= count; k += 4) {
+    __m256d v[4] = {_mm256_loadu_pd(batch.x + k), _mm256_loadu_pd(batch.y + k), _mm256_loadu_pd(batch.z + k),
+                    _mm256_loadu_pd(batch.s + k)};
+    transpose(v);
+    for (std::uint32_t q = 0; q < 4; q++) store(to + k + q, v[q]);
+  }
+  return k;
 }
 #endif
 
@@ -243,13 +258,12 @@ __attribute__((target("avx2"))) void order_pairs_avx2(std::uint32_t a, const std
 
 template <class Slot>
 Kernels<Slot> plain_kernels() {
-  return {test_runs_plain<Slot>, find_rows_plain, order_pairs_plain};
+  return {test_runs_plain<Slot>, find_rows_plain};
 }
 template <class Slot>
 Kernels<Slot> kernels_for_this_machine() {
 #ifdef PADDER_AVX2
-  if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("popcnt"))
-    return {test_runs_avx2<Slot>, find_rows_avx2, order_pairs_avx2};
+  if (has_avx2()) return {test_runs_avx2<Slot>, find_rows_avx2};
 #endif
   return plain_kernels<Slot>();
 }
@@ -264,29 +278,44 @@ template Kernels<FixedPointSlot> kernels_for_this_machine();
 #else
 #define PADDER_CLONES
 #endif
-namespace {
-PADDER_CLONES void float_differences(const float* x, const float* y, const float* z, const float* r,
-                                     const std::uint32_t* i, const std::uint32_t* j, int count, Batch& out) {
-  for (int k = 0; k < count; k++) {
-    const std::uint32_t a = i[k], b = j[k];
-    out.x[k] = static_cast<double>(x[b]) - static_cast<double>(x[a]);
-    out.y[k] = static_cast<double>(y[b]) - static_cast<double>(y[a]);
-    out.z[k] = static_cast<double>(z[b]) - static_cast<double>(z[a]);
-    out.s[k] = static_cast<double>(r[a]) + static_cast<double>(r[b]);
+PADDER_CLONES void order_pairs(const std::uint32_t* a, const std::uint32_t* b, std::uint32_t count,
+                               const std::uint32_t* ids, Pair* pairs, std::uint32_t* i, std::uint32_t* j) {
+  for (std::uint32_t k = 0; k < count; k++) {
+    // Without a branch, which would be mispredicted for every other pair.
+    const std::uint32_t mine = ids[a[k]], other = ids[b[k]], swap = mine > other ? ~0u : 0;
+    const std::uint32_t numbers = (mine ^ other) & swap, slots = (a[k] ^ b[k]) & swap;
+    pairs[k] = {mine ^ numbers, other ^ numbers};
+    i[k] = a[k] ^ slots, j[k] = b[k] ^ slots;
   }
 }
-}  // namespace
-void differences(const Slots<FloatSlot>& slots, const Sphere*, const std::uint32_t* i, const std::uint32_t* j,
-                 int count, Batch& out) {
-  float_differences(slots.x, slots.y, slots.z, slots.r, i, j, count, out);
-}
-PADDER_CLONES void differences(const Slots<FixedPointSlot>&, const Sphere* spheres, const std::uint32_t* i,
-                               const std::uint32_t* j, int count, Batch& out) {
-  for (int k = 0; k < count; k++) {
-    const Sphere &a = spheres[i[k]], &b = spheres[j[k]];
+
+template <class S>
+void differences(const S* spheres, const std::uint32_t* i, const std::uint32_t* j, std::uint32_t count,
+                 Batch& out) {
+#ifdef PADDER_AVX2
+  if (has_avx2()) return differences_avx2(spheres, i, j, count, out);
+#endif
+  for (std::uint32_t k = 0; k < count; k++) {
+    const Sphere a = sphere_of(spheres[i[k]]), b = sphere_of(spheres[j[k]]);
     out.x[k] = b.x - a.x, out.y[k] = b.y - a.y, out.z[k] = b.z - a.z, out.s[k] = a.r + b.r;
   }
 }
+template void differences(const FloatSlot*, const std::uint32_t*, const std::uint32_t*, std::uint32_t,
+                          Batch&);
+template void differences(const Sphere*, const std::uint32_t*, const std::uint32_t*, std::uint32_t, Batch&);
+
+template <class T>
+void copy_normals(const Batch& batch, std::uint32_t count, Normal<T>* to) {
+  std::uint32_t k = 0;
+#ifdef PADDER_AVX2
+  if (has_avx2()) k = copy_normals_avx2(batch, count, to);
+#endif
+  for (; k < count; k++)
+    to[k] = {static_cast<T>(batch.x[k]), static_cast<T>(batch.y[k]), static_cast<T>(batch.z[k]),
+             static_cast<T>(batch.s[k])};
+}
+template void copy_normals(const Batch&, std::uint32_t, Normal<float>*);
+template void copy_normals(const Batch&, std::uint32_t, Normal<double>*);
 
 namespace {
 // True if some length is so small that its square has lost digits. Then nothing is written.

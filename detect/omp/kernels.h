@@ -49,15 +49,16 @@ struct Kernels {
   // then y. There must be room for all rows and kLanes more, and fewer than 2^31 keys. Returns how many runs
   // there are.
   int (*find_rows)(const Ball& ball, const std::uint32_t* starts, Run* out);
-  // Writes the pairs of slot a with slots hits[0] to hits[count - 1]: the numbers of the spheres, the smaller
-  // first, and the slots in the same order. There must be room for count + kLanes.
-  void (*order_pairs)(std::uint32_t a, const std::uint32_t* hits, int count, const std::uint32_t* ids,
-                      Pair* pairs, std::uint32_t* i, std::uint32_t* j);
 };
 template <class Slot>
 Kernels<Slot> plain_kernels();
 template <class Slot>
 Kernels<Slot> kernels_for_this_machine();
+
+// The contacts of a batch of hits: those of slots a[k] and b[k], with the numbers `ids` of their spheres.
+// Writes the numbers, the smaller first, and the slots in the same order.
+void order_pairs(const std::uint32_t* a, const std::uint32_t* b, std::uint32_t count,
+                 const std::uint32_t* ids, Pair* pairs, std::uint32_t* i, std::uint32_t* j);
 
 // Up to kBatch pairs: the differences of their centres and the sums of their radii, from which to_normals()
 // makes normals and penetrations. These are those of geometry() in contact.h, bit for bit.
@@ -66,12 +67,19 @@ struct Batch {
   double x[kBatch], y[kBatch], z[kBatch],
       s[kBatch];  // cj - ci and ri + rj; then the normal and the penetration
 };
-// For the slots i[k] and j[k]. `spheres` are the exact spheres beside fixed-point slots.
-void differences(const Slots<FloatSlot>& slots, const Sphere*, const std::uint32_t* i, const std::uint32_t* j,
-                 int count, Batch& out);
-void differences(const Slots<FixedPointSlot>&, const Sphere* spheres, const std::uint32_t* i,
-                 const std::uint32_t* j, int count, Batch& out);
+// The spheres of slots as the caller gave them: float slots are that themselves.
+template <class Slot>
+using Exact = std::conditional_t<std::is_same_v<Slot, FloatSlot>, FloatSlot, Sphere>;
+inline Sphere sphere_of(const FloatSlot& s) { return {s.x, s.y, s.z, s.r}; }
+inline Sphere sphere_of(const Sphere& s) { return s; }
+// For the spheres i[k] and j[k]. Entries after `count`, up to a multiple of 4, must be numbers of spheres,
+// too.
+template <class S>
+void differences(const S* spheres, const std::uint32_t* i, const std::uint32_t* j, std::uint32_t count,
+                 Batch& out);
 void to_normals(Batch& batch, int count);
+template <class T>
+void copy_normals(const Batch& batch, std::uint32_t count, Normal<T>* to);
 
 // For up to kBatch coordinates along an axis, each with the edge of its bins: the bin numbers of split() in
 // grid.h, modulo 2^32.

@@ -23,10 +23,10 @@ struct CountingSort {
   std::uint32_t* ids = nullptr;
   std::uint32_t* starts = nullptr;
   std::uint32_t* counts = nullptr;  // of each thread and part: spheres, then the place of the next one
-  KeyedId* entries = nullptr;
+  Entry<T>* entries = nullptr;
   Slots<Slot> slots{};
-  Sphere* exact_spheres = nullptr;  // null for float slots, which hold them
-  Filter* filters = nullptr;        // null if no sphere has one
+  Exact<Slot>* exact_spheres = nullptr;
+  Filter* filters = nullptr;  // null if no sphere has one
   std::vector<std::uint32_t> part_first{};
   LevelKeys level_keys[kMaxLevels];
 
@@ -84,19 +84,35 @@ struct CountingSort {
 
   void move_to_parts(std::uint64_t begin, std::uint64_t end, std::uint32_t* next) const {
     const int by = shift;
-    for (std::uint64_t i = begin; i < end; i++)
-      entries[next[keys[i] >> by]++] = {keys[i], static_cast<std::uint32_t>(i)};
+    for (std::uint64_t i = begin; i < end; i++) {
+      const T* const c = spheres.center(i);
+      entries[next[keys[i] >> by]++] = {keys[i],          static_cast<std::uint32_t>(i), c[0], c[1], c[2],
+                                        spheres.radius(i)};
+    }
+  }
+
+  // Fetches the lines of these arrays that begin with slot k, before slots near it are written in any order.
+  // (Always inline: GCC drops calls of functions that only fetch.)
+  template <class... Entries>
+  [[gnu::always_inline]] static void fetch([[maybe_unused]] std::uint32_t k,
+                                           [[maybe_unused]] Entries*... arrays) {
+#ifdef __GNUC__
+    constexpr std::uint32_t kLine = 64;
+    ((k % (kLine / sizeof(Entries)) == 0 ? __builtin_prefetch(arrays + k, 1) : void()), ...);
+#endif
   }
 
   // The spheres of a part in the order of their keys, as slots. `place`: room for a number for each key of
   // the part.
   void sort_part(std::uint64_t part, std::uint32_t* place) const {
-    constexpr std::uint64_t kAhead = 16;  // spheres are fetched this far before their use
     const auto low = static_cast<std::uint32_t>(part << shift);
     const std::uint32_t width = std::min(std::uint32_t(1) << shift, grid.buckets - low);
     const std::uint32_t begin = part_first[part], end = part_first[part + 1];
     std::fill_n(place, width, 0u);
-    for (std::uint32_t k = begin; k < end; k++) place[entries[k].key - low]++;
+    for (std::uint32_t k = begin; k < end; k++) {
+      place[entries[k].key - low]++;
+      fetch(k, exact_spheres, slots.x, slots.y, slots.z, slots.r, ids, keys);
+    }
     std::uint32_t sum = begin;
     for (std::uint32_t b = 0; b < width; b++) {
       const std::uint32_t c = place[b];
@@ -104,16 +120,15 @@ struct CountingSort {
       sum += c;
     }
     for (std::uint32_t k = begin; k < end; k++) {
-      spheres.prefetch(entries[std::min<std::uint64_t>(k + kAhead, spheres.count - 1)].id);
-      const std::uint32_t id = entries[k].id, at = place[entries[k].key - low]++;
-      const Sphere s = spheres[id];
-      if (exact_spheres) exact_spheres[at] = s;
+      const Entry<T>& e = entries[k];
+      const std::uint32_t id = e.id, at = place[e.key - low]++;
+      const Sphere s{e.x, e.y, e.z, e.r};
       if constexpr (std::is_same_v<Slot, FloatSlot>) {
-        slots.set(at, float_slot(s));
+        exact_spheres[at] = float_slot(s), slots.set(at, float_slot(s));
       } else {
-        slots.set(at, fixed_point_slot(grid.level[level_of(grid, s)], s));
+        exact_spheres[at] = s, slots.set(at, fixed_point_slot(grid.level[level_of(grid, s)], s));
       }
-      ids[at] = id, keys[at] = entries[k].key;
+      ids[at] = id, keys[at] = e.key;
       if (filters) filters[at] = spheres.filter(id);
     }
   }
@@ -140,14 +155,15 @@ void GridPath::sort(const View<T>& spheres, const Grid& grid, int threads, Secon
   const std::uint64_t n = spheres.count;
   CountingSort<Slot, T> sort(spheres, grid);
   sort.keys = keys_.resize(n, "bin numbers");
-  sort.entries = entries_.resize(n, "sorting");
+  sort.entries = reinterpret_cast<Entry<T>*>(entries_.resize(n * sizeof(Entry<T>), "sorting"));
   sort.ids = ids_.resize(n, "sorted spheres");
   for (Buffer<float>& component : slots_) {
     component.resize(n + kLanes, "sorted spheres");
     std::fill_n(component.data() + n, kLanes, 0.f);  // read with the last vector, and ignored
   }
   sort.slots = slots<Slot>();
-  if (std::is_same_v<Slot, FixedPointSlot>) sort.exact_spheres = spheres_.resize(n, "sorted spheres");
+  sort.exact_spheres =
+      reinterpret_cast<Exact<Slot>*>(spheres_.resize(n * sizeof(Exact<Slot>), "sorted spheres"));
   if (spheres.filtered()) sort.filters = filters_.resize(n, "families and masks");
   sort.starts = starts_.resize(std::uint64_t(grid.buckets) + 1, "starts of bins");
   const std::uint64_t width = std::uint64_t(1) << sort.shift;
@@ -181,16 +197,18 @@ void GridPath::sort(const View<T>& spheres, const Grid& grid, int threads, Secon
   seconds.stage[3] += watch.lap();
 }
 
-const double* GridPath::crowding(const Grid& grid, double* seen) const {
+const double* GridPath::crowding(const Grid& grid, int threads, double* seen) const {
   for (int k = 0; k < grid.levels; k++) {
     const Level& l = grid.level[k];
-    const std::uint32_t begin = starts_[l.offset], end = starts_[std::uint64_t(l.offset) + l.buckets];
-    double sum = 0;
-    for (std::uint32_t slot = begin; slot < end;) {
-      const std::uint32_t next = starts_[std::uint64_t(keys_[slot]) + 1];
-      sum += static_cast<double>(next - slot) * (next - slot), slot = next;
+    const std::uint32_t* const starts = starts_.data() + l.offset;
+    std::uint64_t sum = 0;
+#pragma omp parallel for schedule(static) num_threads(threads) reduction(+ : sum)
+    for (std::int64_t b = 0; b < static_cast<std::int64_t>(l.buckets); b++) {
+      const std::uint64_t in = starts[b + 1] - starts[b];
+      sum += in * in;
     }
-    seen[k] = end > begin ? sum / (end - begin) : 0;
+    const std::uint32_t all = starts[l.buckets] - starts[0];
+    seen[k] = all > 0 ? static_cast<double>(sum) / all : 0;
   }
   return seen;
 }
@@ -225,7 +243,8 @@ std::uint64_t GridPath::run(const View<T>& spheres, const Summary& summary, cons
   // What was expected of the levels is now known. Where the spheres lie otherwise, others are tried.
   for (int attempt = 0; attempt < 3; attempt++) {
     double seen[kMaxLevels];
-    if (!summary.octaves_known || !shrink_crowded(summary, grid, crowding(grid, seen), shrink)) break;
+    if (!summary.octaves_known || !shrink_crowded(summary, grid, crowding(grid, threads, seen), shrink))
+      break;
     const Grid other = choose_levels(summary, options.bin_size, shrink);
     const bool same =
         std::equal(std::begin(other.level_of_octave), std::end(other.level_of_octave), grid.level_of_octave);

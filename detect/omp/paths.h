@@ -90,9 +90,11 @@ struct View {
   const std::uint8_t* is_static = nullptr;  // read if owner is null; null: none is static
   const std::uint32_t* world = nullptr;     // read by the nine stages; null: all are in `world_of_all`
   std::uint32_t world_of_all = 0;
+  const T* center(std::uint64_t k) const { return centers + k * center_stride; }
+  T radius(std::uint64_t k) const { return radii[k * radius_stride]; }
   Sphere operator[](std::uint64_t k) const {
-    const T* c = centers + k * center_stride;
-    return {c[0], c[1], c[2], radii[k * radius_stride]};
+    const T* c = center(k);
+    return {c[0], c[1], c[2], radius(k)};
   }
   Filter filter(std::uint64_t k) const {
     return {family ? family[k] : 0, mask ? mask[k] : 0,
@@ -101,13 +103,6 @@ struct View {
                                         : 0};
   }
   std::uint32_t world_of(std::uint64_t k) const { return world ? world[k] : world_of_all; }
-  void prefetch(std::uint64_t k) const {
-#ifdef __GNUC__
-    __builtin_prefetch(centers + k * center_stride);
-#else
-    (void)k;
-#endif
-  }
   bool filtered() const { return family || mask || owner || is_static; }
 };
 
@@ -195,18 +190,11 @@ class NineStages {
   Buffer<BinStart> C_, C_spare_;
 };
 
-// The exact sphere of a slot. Float slots hold it themselves; for fixed-point slots it is in an array beside
-// them.
-inline Sphere exact_sphere(const Sphere*, const Slots<FloatSlot>& slots, std::uint32_t k) {
-  return {slots.x[k], slots.y[k], slots.z[k], slots.r[k]};
-}
-inline Sphere exact_sphere(const Sphere* spheres, const Slots<FixedPointSlot>&, std::uint32_t k) {
-  return spheres[k];
-}
-
 // A sphere to be sorted by its key.
-struct KeyedId {
+template <class T>
+struct Entry {
   std::uint32_t key, id;
+  T x, y, z, r;
 };
 
 // The grid path (order.cpp, search.cpp, records.cpp).
@@ -219,10 +207,14 @@ class GridPath {
 
  private:
   // For each level the mean number of spheres in the bucket of a sphere, into `seen`, which it returns.
-  const double* crowding(const Grid& grid, double* seen) const;
+  const double* crowding(const Grid& grid, int threads, double* seen) const;
   template <class Slot>
   std::uint64_t search_and_write(const Grid& grid, const CallOptions& options, bool filtered, int threads,
                                  Records& records, Seconds& seconds);
+  template <class Slot>
+  const Exact<Slot>* exact_spheres() const {
+    return reinterpret_cast<const Exact<Slot>*>(spheres_.data());
+  }
   template <class Slot>
   Slots<Slot> slots() const {
     using C = typename Slots<Slot>::Component;
@@ -250,12 +242,12 @@ class GridPath {
   Buffer<std::uint32_t> keys_;             // by sphere while they are sorted, then by slot
   Buffer<std::uint32_t> starts_;           // the first slot of each bucket, and the end
   Buffer<std::uint32_t> ids_;              // the number of the sphere in each slot
-  Buffer<std::uint32_t> found_;            // the number of hits of each slot
+  Buffer<std::uint32_t> found_;            // the number of hits of each slot, and 0
   Buffer<std::uint32_t> counts_, places_;  // of each thread: spheres of each part, and of each bin of a part
-  Buffer<KeyedId> entries_;
+  Buffer<std::byte> entries_;
   Buffer<float> slots_[4];
   Buffer<Filter> filters_;
-  Buffer<Sphere> spheres_;                   // in the order of the slots; for fixed-point slots
+  Buffer<std::byte> spheres_;                // in the order of the slots: Exact<Slot>
   std::vector<Buffer<std::uint32_t>> hits_;  // of each thread: the slots of the partners
   std::vector<Chunk> chunks_;
 };

@@ -21,59 +21,61 @@ void write_geometry(const Geometry& g, std::byte* normals, std::byte* points, st
 }
 
 // Writes the normals and penetrations of a batch into the records from `first` on.
-void write_batch(Batch& batch, int count, std::uint64_t first, const CallOptions& options, Records& records) {
-  to_normals(batch, count);
-  const auto copy = [&]<class T>(Normal<T>* to) {
-    for (int k = 0; k < count; k++)
-      to[k] = {static_cast<T>(batch.x[k]), static_cast<T>(batch.y[k]), static_cast<T>(batch.z[k]),
-               static_cast<T>(batch.s[k])};
-  };
+void write_batch(Batch& batch, std::uint32_t count, std::uint64_t first, const CallOptions& options,
+                 Records& records) {
+  to_normals(batch, static_cast<int>(count));
   if (options.scalar == Scalar::f32)
-    copy(reinterpret_cast<Normal<float>*>(records.normals.data()) + first);
+    copy_normals(batch, count, reinterpret_cast<Normal<float>*>(records.normals.data()) + first);
   else
-    copy(reinterpret_cast<Normal<double>*>(records.normals.data()) + first);
+    copy_normals(batch, count, reinterpret_cast<Normal<double>*>(records.normals.data()) + first);
 }
 
-// Writes the contacts of slots, one after the other.
+// Writes the contacts of chunks, a batch at a time.
 template <class Slot>
-class SlotWriter {
+class ChunkWriter {
  public:
-  SlotWriter(const Slots<Slot>& slots, const Sphere* spheres, const std::uint32_t* ids,
-             const CallOptions& options, std::uint64_t first, Records& records)
-      : slots_(slots), spheres_(spheres), ids_(ids), options_(options), next_(first), records_(records) {}
+  ChunkWriter(const Exact<Slot>* spheres, const std::uint32_t* ids, const std::uint32_t* found,
+              const CallOptions& options, Records& records)
+      : spheres_(spheres), ids_(ids), found_(found), options_(options), records_(records) {}
 
-  // The contacts of slot a with slots hits[0] to hits[count - 1].
-  void add(std::uint32_t a, const std::uint32_t* hits, std::uint32_t count) {
-    while (count > 0) {
-      const std::uint32_t n = std::min(count, kBatch - size_);
-      kernels_.order_pairs(a, hits, static_cast<int>(n), ids_, pairs_ + size_, i_ + size_, j_ + size_);
-      size_ += n, hits += n, count -= n;
-      if (size_ == kBatch) flush();
+  // The contacts of slot `a` with the first found[a] of `count` hits, of the next slot with those after them,
+  // and so on, into the records from `first` on.
+  void write(std::uint64_t a, const std::uint32_t* hits, std::uint64_t count, std::uint64_t first) {
+    std::uint32_t left = found_[a];  // hits of slot a that are not written yet
+    for (std::uint64_t done = 0; done < count;) {
+      const auto n = static_cast<std::uint32_t>(std::min<std::uint64_t>(kBatch, count - done));
+      for (std::uint32_t filled = 0; filled < n;) {
+        const std::uint32_t same = std::min(left, n - filled);
+        // Whole vectors, at least one: what is too much is written over.
+        for (std::uint32_t k = 0; k <= same; k += kLanes)
+          std::fill_n(slots_ + filled + k, kLanes, static_cast<std::uint32_t>(a));
+        filled += same, left -= same;
+        if (left == 0) left = found_[++a];
+      }
+      write_batch_of(hits + done, n, first + done);
+      done += n;
     }
-  }
-  void flush() {
-    std::copy_n(pairs_, size_, records_.pairs.data() + next_);
-    if (options_.width == Width::normals) {
-      differences(slots_, spheres_, i_, j_, static_cast<int>(size_), batch_);
-      write_batch(batch_, static_cast<int>(size_), next_, options_, records_);
-    }
-    for (std::uint32_t k = 0; k < size_ && options_.width == Width::points; k++)
-      records_.write(next_ + k, pairs_[k].i, pairs_[k].j, exact_sphere(spheres_, slots_, i_[k]),
-                     exact_sphere(spheres_, slots_, j_[k]), options_);
-    next_ += size_, size_ = 0;
   }
 
  private:
-  const Slots<Slot> slots_;
-  const Sphere* spheres_;
-  const std::uint32_t* ids_;
+  void write_batch_of(const std::uint32_t* hits, std::uint32_t count, std::uint64_t first) {
+    Pair* const pairs = records_.pairs.data() + first;
+    order_pairs(slots_, hits, count, ids_, pairs, i_, j_);
+    if (options_.width == Width::normals) {
+      differences(spheres_, i_, j_, count, batch_);
+      write_batch(batch_, count, first, options_, records_);
+    }
+    for (std::uint32_t k = 0; k < count && options_.width == Width::points; k++)
+      records_.write(first + k, pairs[k].i, pairs[k].j, sphere_of(spheres_[i_[k]]),
+                     sphere_of(spheres_[j_[k]]), options_);
+  }
+
+  const Exact<Slot>* spheres_;
+  const std::uint32_t *ids_, *found_;
   const CallOptions& options_;
-  const Kernels<Slot> kernels_ = kernels_for_this_machine<Slot>();
-  std::uint64_t next_;
   Records& records_;
-  std::uint32_t size_ = 0;
-  Pair pairs_[kBatch + kLanes];
-  std::uint32_t i_[kBatch + kLanes], j_[kBatch + kLanes];
+  std::uint32_t slots_[kBatch + kLanes];
+  std::uint32_t i_[kBatch] = {}, j_[kBatch] = {};
   Batch batch_;
 };
 
@@ -102,21 +104,21 @@ void Records::write(std::uint64_t k, std::uint32_t a, std::uint32_t b, const Sph
 
 void RecordWriter::flush() {
   if (size_ == 0) return;
-  write_batch(batch_, static_cast<int>(size_), batch_first_, options_, records_);
+  write_batch(batch_, size_, batch_first_, options_, records_);
   batch_first_ += size_, size_ = 0;
 }
 
 template <class Slot>
 void GridPath::write(const CallOptions& options, int threads, Records& records) {
   const auto chunks = static_cast<std::int64_t>(chunks_.size());
-#pragma omp parallel for schedule(dynamic, 8) num_threads(threads)
-  for (std::int64_t k = 0; k < chunks; k++) {
-    const Chunk& c = chunks_[static_cast<std::size_t>(k)];
-    const std::uint32_t* hit = hits_[static_cast<std::size_t>(c.thread)].data() + c.first;
-    SlotWriter<Slot> writer(slots<Slot>(), spheres_.data(), ids_.data(), options, c.record, records);
-    for (std::uint64_t a = c.slot; a < c.slot + c.slots; hit += found_[a], a++)
-      writer.add(static_cast<std::uint32_t>(a), hit, found_[a]);
-    writer.flush();
+#pragma omp parallel num_threads(threads)
+  {
+    ChunkWriter<Slot> writer(exact_spheres<Slot>(), ids_.data(), found_.data(), options, records);
+#pragma omp for schedule(dynamic, 8)
+    for (std::int64_t k = 0; k < chunks; k++) {
+      const Chunk& c = chunks_[static_cast<std::size_t>(k)];
+      writer.write(c.slot, hits_[static_cast<std::size_t>(c.thread)].data() + c.first, c.count, c.record);
+    }
   }
 }
 template void GridPath::write<FloatSlot>(const CallOptions&, int, Records&);

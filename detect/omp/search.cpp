@@ -97,7 +97,7 @@ int floor_of(float v) {
 template <class Slot>
 class Searcher {
  public:
-  Searcher(const Sphere* spheres, const Grid& grid, const CrossSearches& cross_searches,
+  Searcher(const Exact<Slot>* spheres, const Grid& grid, const CrossSearches& cross_searches,
            const CallOptions& options, const Slots<Slot>& slots, const std::uint32_t* ids,
            const std::uint32_t* keys, const std::uint32_t* starts, const Filter* filters,
            std::uint32_t* found, Hits& hits)
@@ -139,7 +139,7 @@ class Searcher {
 
  private:
   static constexpr bool kFixedPoint = std::is_same_v<Slot, FixedPointSlot>;
-  Sphere exact_sphere(std::uint32_t k) const { return omp::exact_sphere(spheres_, slots_, k); }
+  Sphere exact_sphere(std::uint32_t k) const { return sphere_of(spheres_[k]); }
   // With the margin in its radius, so that the sum of two radii has it. Fixed-point slots are of spheres that
   // are larger by half of it each.
   Slot seeker(std::uint32_t k) const {
@@ -324,7 +324,7 @@ class Searcher {
     return kept;
   }
 
-  const Sphere* spheres_;  // beside fixed-point slots
+  const Exact<Slot>* spheres_;
   const Grid& grid_;
   const Region own_;
   const Slots<Slot> slots_;
@@ -365,14 +365,15 @@ std::uint64_t GridPath::search(const Grid& grid, const CallOptions& options, boo
   while (hits_.size() < static_cast<std::size_t>(threads)) hits_.emplace_back(*budget_);
   for (auto& buffer : hits_)
     buffer.resize(Hits::kLeast, "the list of contacts");  // here, because nothing may throw in the threads
-  std::uint32_t* found = found_.resize(starts_[grid.buckets], "the list of contacts");
+  std::uint32_t* found = found_.resize(starts_[grid.buckets] + std::uint64_t(1), "the list of contacts");
+  found[starts_[grid.buckets]] = 0;
   std::uint64_t doubtful = 0, total = 0;
   bool counted_only = false;
 #pragma omp parallel num_threads(threads) reduction(+ : doubtful, total) reduction(|| : counted_only)
   {
     const int t = omp_get_thread_num();
     Hits hits(hits_[static_cast<std::size_t>(t)], *budget_);
-    Searcher<Slot> searcher(spheres_.data(), grid, cross_searches, options, slots<Slot>(), ids_.data(),
+    Searcher<Slot> searcher(exact_spheres<Slot>(), grid, cross_searches, options, slots<Slot>(), ids_.data(),
                             keys_.data(), starts_.data(), filtered ? filters_.data() : nullptr, found, hits);
     // Backwards: the few largest spheres come first, because their cost is known least.
 #pragma omp for schedule(dynamic, 1)

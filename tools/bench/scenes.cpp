@@ -258,6 +258,7 @@ class Table {
                    detect::BackendKind backend, detect::CallOptions o, int calls) const {
     double sum = 0;
     for (const FloatSphere& s : spheres) sum += s.r;
+    frames.show(0);  // what verify() compares with
     o.history = false, o.margin = settings_.margin * sum / static_cast<double>(spheres.size());
     detect::Detector d({backend}, o);
     const double median = timed(d, frames, calls, false).median;

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 #include "tools/settle/page.h"
 
+#include <zlib.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -15,6 +17,7 @@ namespace {
 
 constexpr std::uint64_t kMostPageBytes = std::uint64_t(512) << 20;
 constexpr std::uint64_t kAllShown = 50000;  // spheres of a scene of which nothing is left out
+constexpr float kMostSteps = 65535;         // along an axis of the box
 constexpr double kLarge = 3;                // times the mean radius
 constexpr std::size_t kManySpheres = 8;     // of a body
 
@@ -35,6 +38,15 @@ std::string base64(const void* data, std::size_t bytes) {
 
 void replace(std::string& text, const std::string& mark, const std::string& by) {
   text.replace(text.find(mark), mark.size(), by);
+}
+
+std::string compressed(const std::vector<unsigned char>& bytes) {
+  std::string out(compressBound(bytes.size()), '\0');
+  uLongf size = out.size();
+  if (compress(reinterpret_cast<Bytef*>(out.data()), &size, bytes.data(), bytes.size()) != Z_OK)
+    throw Error("there is not enough memory to compress a frame: ask for fewer frames");
+  out.resize(size);
+  return out;
 }
 
 double mean_radius(const System& system) {
@@ -132,41 +144,85 @@ std::vector<std::uint32_t> Movie::spheres_to_show(const System& system) const {
   return shown;
 }
 
-Movie::Written Movie::write(const std::string& title, const System& system,
-                            const std::filesystem::path& path) const {
-  if (centers_.empty()) throw Error("there are no frames to show: ask for at least one");
-  const std::vector<std::uint32_t> shown = spheres_to_show(system);
-  if (centers_.size() * shown.size() * 6 > kMostPageBytes)
-    throw Error(std::to_string(centers_.size()) + " frames of " + std::to_string(shown.size()) +
-                " spheres are more than a page can hold: ask for fewer frames, or write .npz");
-  // Grains that have fallen out of the scene do not widen the box: it is that of the bulk and of what is
-  // large, a third wider.
+// What a page's places are counted in: steps from `low` on.
+struct Movie::Box {
+  float low[3], high[3], step[3];
+};
+
+// Grains that have fallen out of the scene do not widen the box: it is that of the bulk and of what is large,
+// a third wider.
+Movie::Box Movie::box_of(const System& system, std::span<const std::uint32_t> shown) const {
   const double large_radius = kLarge * mean_radius(system);
-  float low[3], high[3];
+  double smallest = INFINITY;
+  for (const std::uint32_t k : shown) smallest = std::min(smallest, system.radius_of(k));
+  Box box;
   for (int a = 0; a < 3; a++) {
+    float &low = box.low[a], &high = box.high[a];
     std::vector<float> values;
     for (const auto* frame : {&centers_.front(), &centers_.back()})
       for (std::size_t k = static_cast<std::size_t>(a); k < frame->size(); k += 3)
         values.push_back((*frame)[k]);
     std::sort(values.begin(), values.end());
     const std::size_t cut = values.size() / 200;
-    low[a] = values[cut], high[a] = values[values.size() - 1 - cut];
+    low = values[cut], high = values[values.size() - 1 - cut];
     for (const std::uint32_t k : shown)
       for (const auto* frame : {&centers_.front(), &centers_.back()})
         if (const float at = (*frame)[3 * k + static_cast<std::size_t>(a)];
             system.radius_of(k) > large_radius)
-          low[a] = std::min(low[a], at), high[a] = std::max(high[a], at);
-    const float more = (high[a] - low[a]) / 3 + 1e-3f;
-    low[a] -= more, high[a] += more;
+          low = std::min(low, at), high = std::max(high, at);
+    const float more = (high - low) / 3 + 1e-3f;
+    low -= more, high += more;
+    box.step[a] = std::max((high - low) / kMostSteps, static_cast<float>(smallest / 64));
   }
-  std::string frames;
-  std::vector<std::uint16_t> packed(3 * shown.size());
-  for (const std::vector<float>& frame : centers_) {
-    for (std::size_t k = 0; k < packed.size(); k++) {
-      const float part = (frame[3 * shown[k / 3] + k % 3] - low[k % 3]) / (high[k % 3] - low[k % 3]);
-      packed[k] = static_cast<std::uint16_t>(std::lround(65535 * std::clamp(part, 0.0f, 1.0f)));
+  return box;
+}
+
+// Of every frame whose number differs from the last one's by a multiple of `stride`: the steps that each
+// sphere has moved since the one before, first along x for all spheres, then y, then z. A step back lies
+// between two steps forth (0, -1, 1, -2, 2), and low bytes stand before high ones, most of which are 0.
+std::vector<std::string> Movie::packed(const Box& box, std::span<const std::uint32_t> shown,
+                                       std::size_t stride) const {
+  std::vector<std::string> frames;
+  const std::size_t numbers = 3 * shown.size();
+  std::vector<std::uint16_t> before(numbers, 0);
+  std::vector<unsigned char> bytes(2 * numbers);
+  for (std::size_t f = (centers_.size() - 1) % stride; f < centers_.size(); f += stride) {
+    for (std::size_t k = 0; k < numbers; k++) {
+      const std::size_t axis = k / shown.size();
+      const float place = (centers_[f][3 * shown[k % shown.size()] + axis] - box.low[axis]) / box.step[axis];
+      const auto now = static_cast<std::uint16_t>(std::lround(std::clamp(place, 0.0f, kMostSteps)));
+      const auto moved = static_cast<std::int16_t>(now - before[k]);
+      const auto folded = static_cast<std::uint16_t>(2 * moved ^ (moved < 0 ? -1 : 0));
+      bytes[k] = static_cast<unsigned char>(folded),
+      bytes[numbers + k] = static_cast<unsigned char>(folded >> 8);
+      before[k] = now;
     }
-    frames += "\"" + base64(packed.data(), packed.size() * 2) + "\",\n";
+    frames.push_back(compressed(bytes));
+  }
+  return frames;
+}
+
+Movie::Written Movie::write(const std::string& title, const System& system, const std::filesystem::path& path,
+                            std::uint64_t usual) const {
+  if (centers_.empty()) throw Error("there are no frames to show: ask for at least one");
+  const std::vector<std::uint32_t> shown = spheres_to_show(system);
+  const Box box = box_of(system, shown);
+  std::size_t stride = 1;
+  std::vector<std::string> frames;
+  for (;; stride *= 2) {
+    frames = packed(box, shown, stride);
+    std::uint64_t bytes = 11 * shown.size();  // of radii and movers
+    for (const std::string& f : frames) bytes += f.size() / 3 * 4;
+    if (bytes > kMostPageBytes && (usual == 0 || frames.size() <= 2))
+      throw Error(std::to_string(frames.size()) + " frames of " + std::to_string(shown.size()) +
+                  " spheres are more than a page can hold: ask for fewer frames, or write .npz");
+    if (usual == 0 || bytes <= usual || frames.size() <= 2) break;
+  }
+  std::string text;
+  std::vector<double> times;
+  for (std::size_t f = 0; f < frames.size(); f++) {
+    text += "\"" + base64(frames[f].data(), frames[f].size()) + "\",\n";
+    times.push_back(times_[(centers_.size() - 1) % stride + f * stride]);
   }
   std::vector<float> radii;
   std::vector<std::uint32_t> movers;
@@ -177,9 +233,10 @@ Movie::Written Movie::write(const std::string& title, const System& system,
                                {"spheres", shown.size()},
                                {"all", system.spheres()},
                                {"bodies", system.bodies.size()},
-                               {"low", low},
-                               {"high", high},
-                               {"times", times_}};
+                               {"low", box.low},
+                               {"high", box.high},
+                               {"step", box.step},
+                               {"times", times}};
   std::string data = head.dump(-1, ' ', true, nlohmann::json::error_handler_t::replace);
   for (std::size_t at = 0; (at = data.find("</", at)) != std::string::npos; at += 3)
     data.replace(at, 2, "<\\/");
@@ -187,9 +244,9 @@ Movie::Written Movie::write(const std::string& title, const System& system,
   replace(page, "@HEAD@", data);
   replace(page, "@RADII@", base64(radii.data(), radii.size() * 4));
   replace(page, "@MOVERS@", base64(movers.data(), movers.size() * 4));
-  replace(page, "@FRAMES@", frames);
+  replace(page, "@FRAMES@", text);
   write_file(path, page);
-  return {shown.size(), page.size()};
+  return {frames.size(), shown.size(), page.size()};
 }
 
 }  // namespace padder::settle

@@ -21,13 +21,14 @@ const bytes = (text) => {
   for (let k = 0; k < to.length; k++) to[k] = from.charCodeAt(k);
   return to.buffer;
 };
-const frames = [@FRAMES@], radii = new Float32Array(bytes("@RADII@")), movers = new Uint32Array(bytes("@MOVERS@"));
+const packed = [@FRAMES@], frames = [], radii = new Float32Array(bytes("@RADII@")), movers = new Uint32Array(bytes("@MOVERS@"));
 const n = head.spheres, count = head.times.length, canvas = document.getElementById("view");
 document.title = head.title;
 document.getElementById("title").textContent = head.title + ": " + head.all + " spheres" +
   (head.bodies ? ", " + head.bodies + " bodies" : "") + (n < head.all ? "; those that are hidden throughout are left out, " + n + " are here" : "");
 const gl = canvas.getContext("webgl2", {antialias: true, preserveDrawingBuffer: true});
-if (!gl) document.getElementById("title").textContent = "This page needs WebGL 2: open it in another browser.";
+if (!gl || !window.DecompressionStream)
+  document.getElementById("title").textContent = "This page needs WebGL 2 and a browser of 2023 or later: open it in another one.";
 const shader = (type, text) => {
   const s = gl.createShader(type);
   gl.shaderSource(s, text), gl.compileShader(s);
@@ -70,7 +71,21 @@ const feed = (name, data, size, type, normalized) => {
   gl.enableVertexAttribArray(slot), gl.vertexAttribPointer(slot, size, type, normalized, 0, 0);
   return buffer;
 };
-const places = feed("place", new Uint16Array(bytes(frames[0])), 3, gl.UNSIGNED_SHORT, true);
+// Frames are there one after the other: each says by how many steps a sphere has moved since the one before.
+(async () => {
+  let before = new Uint16Array(3 * n);
+  for (const text of packed) {
+    const moved = new Uint8Array(await new Response(new Blob([bytes(text)]).stream().pipeThrough(new DecompressionStream("deflate"))).arrayBuffer());
+    const now = new Uint16Array(3 * n);
+    for (let a = 0, q = 0; a < 3; a++)
+      for (let k = a; k < 3 * n; k += 3, q++) {
+        const folded = moved[q] | moved[q + 3 * n] << 8;
+        now[k] = before[k] + (folded >>> 1 ^ -(folded & 1));
+      }
+    frames.push(before = now);
+  }
+})();
+const places = feed("place", new Uint16Array(3 * n), 3, gl.UNSIGNED_SHORT, true);
 feed("radius", radii, 1, gl.FLOAT, false);
 const colours = new Uint8Array(3 * n), kinds = [[196, 78, 82], [76, 114, 176], [85, 168, 104], [221, 160, 66], [129, 114, 178], [100, 181, 205]];
 for (let k = 0; k < n; k++) {
@@ -87,10 +102,11 @@ let frame = 0, shownFrame = -1, playing = count > 1, dirty = true, last = 0;
 function draw() {
   const w = canvas.clientWidth * devicePixelRatio | 0, h = canvas.clientHeight * devicePixelRatio | 0;
   if (canvas.width !== w || canvas.height !== h) canvas.width = w, canvas.height = h, dirty = true;
-  const k = Math.min(frame | 0, count - 1);
+  const k = Math.min(frame | 0, frames.length - 1);
+  if (k < 0) return;
   if (k !== shownFrame) {
     gl.bindBuffer(gl.ARRAY_BUFFER, places);
-    gl.bufferSubData(gl.ARRAY_BUFFER, 0, new Uint16Array(bytes(frames[k])));
+    gl.bufferSubData(gl.ARRAY_BUFFER, 0, frames[k]);
     shownFrame = k, dirty = true, bar.value = k, now.textContent = head.times[k].toFixed(3) + " s";
   }
   if (!dirty) return;
@@ -102,7 +118,7 @@ function draw() {
   gl.clearColor(0.957, 0.949, 0.933, 1), gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT), gl.enable(gl.DEPTH_TEST);
   gl.uniformMatrix4fv(at("view"), false, [right[0], up[0], back[0], 0, right[1], up[1], back[1], 0, right[2], up[2], back[2], 0,
                                           -dot(right, from), -dot(up, from), -dot(back, from), 1]);
-  gl.uniform3fv(at("low"), head.low), gl.uniform3fv(at("size"), size);
+  gl.uniform3fv(at("low"), head.low), gl.uniform3fv(at("size"), head.step.map((s) => 65535 * s));
   gl.uniform1f(at("focal"), 1.8), gl.uniform1f(at("aspect"), w / h), gl.uniform1f(at("height"), h);
   gl.uniform1f(at("near"), reach * 1e-3), gl.uniform1f(at("far"), eye.far + 4 * reach);
   gl.drawArrays(gl.POINTS, 0, n);

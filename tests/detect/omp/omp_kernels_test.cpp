@@ -4,6 +4,7 @@
 #include "detect/omp/kernels.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <random>
 
@@ -130,25 +131,65 @@ TYPED_TEST(KernelsTest, RowsCoverTheBall) {
   }
 }
 
-TYPED_TEST(KernelsTest, PairsAreOrderedByNumber) {
-  std::vector<std::uint32_t> ids(this->kCount);
-  for (std::uint32_t k = 0; k < this->kCount; k++) ids[k] = k % 2 ? k : 0xfffffff0u - k;  // also beyond 2^31
-  std::shuffle(ids.begin(), ids.end(), this->random_);
-  std::vector<std::uint32_t> hits(50);
-  for (std::uint32_t& h : hits) h = this->below(this->kCount);
-  for (int count = 0; count <= 50; count++)
-    for (const Kernels<TypeParam>& k : {this->plain_, this->here_}) {
-      const std::uint32_t a = this->below(this->kCount);
-      std::vector<Pair> pairs(50 + kLanes);
-      std::vector<std::uint32_t> i(50 + kLanes), j(50 + kLanes);
-      k.order_pairs(a, hits.data(), count, ids.data(), pairs.data(), i.data(), j.data());
-      for (std::size_t q = 0; q < static_cast<std::size_t>(count); q++) {
-        const std::uint32_t b = hits[q];
-        ASSERT_EQ(pairs[q], (Pair{std::min(ids[a], ids[b]), std::max(ids[a], ids[b])}));
-        ASSERT_EQ(i[q], ids[a] <= ids[b] ? a : b);
-        ASSERT_EQ(j[q], ids[a] <= ids[b] ? b : a);
+TEST(Kernels, PairsAreOrderedByNumber) {
+  std::mt19937_64 random(5);
+  constexpr std::uint32_t kSlots = 4000;
+  std::vector<std::uint32_t> ids(kSlots), a(kBatch), b(kBatch), i(kBatch), j(kBatch);
+  for (std::uint32_t k = 0; k < kSlots; k++) ids[k] = k % 2 ? k : 0xfffffff0u - k;  // also beyond 2^31
+  std::shuffle(ids.begin(), ids.end(), random);
+  std::vector<Pair> pairs(kBatch);
+  for (std::uint32_t count = 0; count <= kBatch; count += 1 + count / 9) {
+    for (std::uint32_t k = 0; k < count; k++)
+      a[k] = static_cast<std::uint32_t>(random() % kSlots),
+      b[k] = static_cast<std::uint32_t>(random() % kSlots);
+    order_pairs(a.data(), b.data(), count, ids.data(), pairs.data(), i.data(), j.data());
+    for (std::size_t k = 0; k < count; k++) {
+      ASSERT_EQ(pairs[k], (Pair{std::min(ids[a[k]], ids[b[k]]), std::max(ids[a[k]], ids[b[k]])}));
+      ASSERT_EQ(i[k], ids[a[k]] <= ids[b[k]] ? a[k] : b[k]);
+      ASSERT_EQ(j[k], ids[a[k]] <= ids[b[k]] ? b[k] : a[k]);
+    }
+  }
+}
+
+// Bit for bit, signs of zeros included: what geometry() begins with, and what a record holds.
+template <class Slot>
+class DifferencesTest : public testing::Test {};
+TYPED_TEST_SUITE(DifferencesTest, Both);
+TYPED_TEST(DifferencesTest, AreThoseOfTheSpheres) {
+  using Given = Exact<TypeParam>;
+  std::mt19937_64 random(17);
+  std::uniform_real_distribution<double> unit(-1, 1);
+  std::vector<Given> spheres;
+  for (int k = 0; k < 300; k++) {
+    const auto place = [&] {
+      return static_cast<decltype(Given::x)>(k % 3 ? unit(random) : unit(random) > 0 ? 0.0 : -0.0);
+    };
+    Given s;
+    s.x = place(), s.y = place(), s.z = place(),
+    s.r = static_cast<decltype(Given::r)>(std::abs(unit(random)));
+    spheres.push_back(s);
+  }
+  const auto bits = [](double v) { return std::bit_cast<std::uint64_t>(v); };
+  std::vector<std::uint32_t> i(kBatch), j(kBatch);
+  for (std::uint32_t count = 1; count <= kBatch; count += 1 + count / 9) {
+    for (std::uint32_t k = 0; k < kBatch; k++)
+      i[k] = static_cast<std::uint32_t>(random() % 300), j[k] = static_cast<std::uint32_t>(random() % 300);
+    Batch batch;
+    differences(spheres.data(), i.data(), j.data(), count, batch);
+    std::vector<Normal<float>> narrow(count);
+    std::vector<Normal<double>> wide(count);
+    copy_normals(batch, count, narrow.data()), copy_normals(batch, count, wide.data());
+    for (std::size_t k = 0; k < count; k++) {
+      const Sphere p = sphere_of(spheres[i[k]]), q = sphere_of(spheres[j[k]]);
+      const double expected[4] = {q.x - p.x, q.y - p.y, q.z - p.z, p.r + q.r},
+                   got[4] = {wide[k].x, wide[k].y, wide[k].z, wide[k].depth};
+      const float rounded[4] = {narrow[k].x, narrow[k].y, narrow[k].z, narrow[k].depth};
+      for (int c = 0; c < 4; c++) {
+        ASSERT_EQ(bits(got[c]), bits(expected[c])) << k << " of " << count;
+        ASSERT_EQ(bits(rounded[c]), bits(static_cast<float>(expected[c]))) << k << " of " << count;
       }
     }
+  }
 }
 
 // Batches give what geometry() gives, bit for bit, of any size: without a tiny length among them, and with

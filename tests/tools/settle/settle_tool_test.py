@@ -1,12 +1,16 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
 """settle_tool_test.py BIN    runs the program settle as a user does: scenes made, settled, resumed, shown, refused."""
+import base64
 import json
 import os
+import re
+import struct
 import subprocess
 import sys
 import tempfile
 import zipfile
+import zlib
 
 BIN = sys.argv[1]
 
@@ -49,6 +53,26 @@ def write(name, document):
         json.dump(document, f)
 
 
+def check_frames(page, files):
+    """The frames of a page beside the same frames as .npz."""
+    head = json.loads(page.split("const head = ")[1].split(";\n")[0])
+    frames = re.findall(r'"([^"]*)",\n', page.split("const packed = [")[1].split("]")[0])
+    assert len(frames) == len(files) == len(head["times"]), (len(frames), files)
+    n, at = head["spheres"], [0] * (3 * head["spheres"])
+    for frame, file in zip(frames, files):
+        moved = zlib.decompress(base64.b64decode(frame))
+        assert len(moved) == 6 * n
+        for k in range(3 * n):
+            folded = moved[k] | moved[3 * n + k] << 8
+            at[k] += folded >> 1 ^ -(folded & 1)
+        raw = zipfile.ZipFile(file).read("centers.npy")
+        centers = struct.unpack(f"<{3 * n}d", raw[-24 * n:])
+        for k in range(3 * n):
+            axis = k // n
+            shown = head["low"][axis] + (at[k] & 65535) * head["step"][axis]
+            assert abs(shown - centers[3 * (k % n) + axis]) < 0.51 * head["step"][axis] + 1e-6, (file, k)
+
+
 with tempfile.TemporaryDirectory() as folder:
     os.chdir(folder)
     write("pill.spheres.json", CLUSTER)
@@ -82,6 +106,7 @@ with tempfile.TemporaryDirectory() as folder:
     shown = report("pills.json", "-o", "pills.html", "--frames", 5)
     assert shown["frames"] == 5 and shown["page"] == {"spheres": 14, "bytes": os.path.getsize("pills.html")}, shown
     page = open("pills.html").read()
+    check_frames(page, [f"same_{k:04}.npz" for k in range(report("pills.json", "-o", "same.npz", "--frames", 5)["frames"])])
     assert page.startswith("<!doctype html>") and "@HEAD@" not in page and "http" not in page.replace("https", "http").split("<script>")[0]
 
     # Scenes made by the program.
@@ -90,6 +115,9 @@ with tempfile.TemporaryDirectory() as folder:
     at_once = report("--make", "silo", "--count", 400, "-o", "silo.html", "--steps", 200)
     assert at_once["grains"] == 400 and at_once["state"] == from_file["state"] and os.path.exists("silo.html")
     refused("name with -o what to write", "--make", "silo", code=2)
+    no_utf8 = os.fsdecode(b"\xff.json")
+    assert report("--make", "silo", "--count", 400, "-o", no_utf8)["count"] == 400
+    assert report(no_utf8, "--steps", 1, "-o", os.fsdecode(b"\xff.npz"))["grains"] == 400
     if os.path.exists(os.path.join(BIN, "preview")):
         shown = run("preview", "silo.json", "-o", "silo.png", "--size", "64x32", "--samples", 1, "--json")
         assert json.loads(shown.stdout)["spheres"] == 400
