@@ -10,6 +10,7 @@
 #include <string>
 
 #include "padding/asset/file.h"
+#include "tests/temporary_folder.h"
 
 namespace padder {
 
@@ -18,14 +19,8 @@ struct Outcome {
   std::string out, err;
 };
 
-class ProgramTest : public ::testing::Test {
+class ProgramTest : public ::testing::Test, protected TemporaryFolder {
  protected:
-  ProgramTest() {
-    std::string name = (std::filesystem::temp_directory_path() / "padder-test-XXXXXX").string();
-    folder_ = ::mkdtemp(name.data());
-  }
-  ~ProgramTest() override { std::filesystem::remove_all(folder_); }
-
   // `before` stands before the program in the shell's command.
   Outcome run(const std::string& program, const std::string& arguments,
               const std::string& before = "") const {
@@ -39,8 +34,6 @@ class ProgramTest : public ::testing::Test {
     std::filesystem::remove(out), std::filesystem::remove(err);
     return outcome;
   }
-
-  std::filesystem::path folder_;
 };
 
 }  // namespace padder

@@ -8,6 +8,7 @@
 #include <cerrno>
 #include <csignal>
 #include <cstdio>
+#include <filesystem>
 #include <functional>
 #include <iostream>
 #include <iterator>
@@ -21,6 +22,7 @@
 #include <system_error>
 
 #include "padding/asset/error.h"
+#include "padding/asset/excerpt.h"
 #include "padding/asset/file.h"
 #include "tools/json_output.h"
 #include "tools/usage.h"
@@ -159,7 +161,8 @@ inline int run(CLI::App& app, int argc, char** argv, const std::function<int()>&
   set_help(app);
   const char* name = app.get_name().c_str();
   const auto fail = [&](int code, const std::string& sentence) {
-    std::fprintf(stderr, "%s: %s\n", name, sentence.c_str());
+    // One line of plain text, whatever names and arguments are in it.
+    std::fprintf(stderr, "%s: %s\n", name, excerpt(sentence, 4000).c_str());
     return code;
   };
   try {
@@ -188,6 +191,8 @@ inline int run(CLI::App& app, int argc, char** argv, const std::function<int()>&
     return fail_told(1, e.what());
   } catch (const std::bad_alloc&) {
     return fail_told(1, kNoMemory);
+  } catch (const std::filesystem::filesystem_error& e) {
+    return fail_told(1, excerpt(e.path1().string()) + ": " + e.code().message());
   } catch (const std::exception& e) {
     return fail_told(1, std::string("unexpected: ") + e.what());
   }

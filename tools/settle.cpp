@@ -4,7 +4,6 @@
 #include <chrono>
 #include <cmath>
 #include <cstdio>
-#include <iostream>
 #include <nlohmann/json.hpp>
 #include <optional>
 
@@ -300,7 +299,7 @@ int settle(const Arguments& a) {
   Json report = report_of(stepper, scene.rungs, w, first_energy, rest);
   frames.finish(stepper, report);
   if (a.json)
-    std::cout << report.dump(2) << std::endl;
+    padder::cli::print_json(report);
   else if (!a.quiet)
     print(report);
   return 0;
@@ -311,8 +310,7 @@ int run(const Arguments& a) {
   if (a.make.empty() || fs::path(a.output).extension() != ".json") return settle(a);
   padder::write_file(a.output, made_scene(a, fs::path(a.output).parent_path()));
   if (a.json)
-    std::cout << Json{{"scene", a.make}, {"output", a.output}, {"count", a.count}, {"seed", a.seed}}.dump(2)
-              << std::endl;
+    padder::cli::print_json({{"scene", a.make}, {"output", a.output}, {"count", a.count}, {"seed", a.seed}});
   else if (!a.quiet)
     std::printf("wrote %s\n", a.output.c_str());
   return 0;

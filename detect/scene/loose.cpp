@@ -5,6 +5,7 @@
 #include <cstring>
 #include <type_traits>
 
+#include "padding/asset/child.h"
 #include "padding/asset/error.h"
 #include "padding/asset/excerpt.h"
 #include "padding/asset/npz.h"
@@ -42,6 +43,52 @@ void append_tags(std::vector<T>& to, std::uint64_t before, const std::vector<T>&
     to.resize(before + count, 0);
   else
     to.insert(to.end(), more.begin(), more.end());
+}
+
+LooseSpheres parse_csv(std::string_view text, const std::string& where) {
+  LooseSpheres l;
+  l.scalar = Scalar::f64;
+  bool header = false;
+  std::size_t columns = 0, family = 0, mask = 0;  // the columns of family and mask; 0: there is none
+  if (text.starts_with("\xEF\xBB\xBF")) text.remove_prefix(3);  // a byte order mark, as Excel writes it
+  for (std::uint64_t line_number = 1; !text.empty(); line_number++) {
+    const auto end = text.find('\n');
+    const std::string_view line = trimmed(text.substr(0, end));
+    text.remove_prefix(end == std::string_view::npos ? text.size() : end + 1);
+    if (line.empty() || line.front() == '#') continue;
+    const std::string at = where + ":" + std::to_string(line_number) + ": ";
+    const std::vector<std::string_view> f = fields(line);
+    if (!header) {
+      header = true, columns = f.size();
+      bool ok = f.size() >= 4 && f[0] == "x" && f[1] == "y" && f[2] == "z" && f[3] == "r";
+      for (std::size_t k = 4; k < f.size(); k++) {
+        if (f[k] == "family")
+          family = k;
+        else if (f[k] == "mask")
+          mask = k;
+        else
+          ok = false;
+      }
+      if (!ok) throw Error(at + "the header must be x,y,z,r, which may be followed by family and mask");
+      continue;
+    }
+    if (f.size() != columns)
+      throw Error(at + std::to_string(columns) + " numbers are wanted, there are " +
+                  std::to_string(f.size()));
+    for (std::size_t k = 0; k < 4; k++) {
+      double v = 0;
+      if (!parse(f[k], v)) throw Error(at + "'" + excerpt(f[k]) + "' is not a number");
+      l.twice.push_back(v);
+    }
+    for (const auto& [column, to] : {std::pair(family, &l.family), std::pair(mask, &l.mask)}) {
+      std::uint32_t v = 0;
+      if (column && !parse(f[column], v))
+        throw Error(at + "'" + excerpt(f[column]) + "' is not a whole number from 0 to 4294967295");
+      if (column) to->push_back(v);
+    }
+  }
+  if (!header) throw Error(where + ": the file is empty: its first line must be the header x,y,z,r");
+  return l;
 }
 
 }  // namespace
@@ -148,47 +195,16 @@ LooseSpheres loose_from_npz(std::string_view bytes, const std::string& where) {
 
 LooseSpheres loose_from_csv(std::string_view text, const std::string& where) {
   LooseSpheres l;
-  l.scalar = Scalar::f64;
-  bool header = false;
-  std::size_t columns = 0, family = 0, mask = 0;  // the columns of family and mask; 0: there is none
-  if (text.starts_with("\xEF\xBB\xBF")) text.remove_prefix(3);  // a byte order mark, as Excel writes it
-  for (std::uint64_t line_number = 1; !text.empty(); line_number++) {
-    const auto end = text.find('\n');
-    const std::string_view line = trimmed(text.substr(0, end));
-    text.remove_prefix(end == std::string_view::npos ? text.size() : end + 1);
-    if (line.empty() || line.front() == '#') continue;
-    const std::string at = where + ":" + std::to_string(line_number) + ": ";
-    const std::vector<std::string_view> f = fields(line);
-    if (!header) {
-      header = true, columns = f.size();
-      bool ok = f.size() >= 4 && f[0] == "x" && f[1] == "y" && f[2] == "z" && f[3] == "r";
-      for (std::size_t k = 4; k < f.size(); k++) {
-        if (f[k] == "family")
-          family = k;
-        else if (f[k] == "mask")
-          mask = k;
-        else
-          ok = false;
-      }
-      if (!ok) throw Error(at + "the header must be x,y,z,r, which may be followed by family and mask");
-      continue;
-    }
-    if (f.size() != columns)
-      throw Error(at + std::to_string(columns) + " numbers are wanted, there are " +
-                  std::to_string(f.size()));
-    for (std::size_t k = 0; k < 4; k++) {
-      double v = 0;
-      if (!parse(f[k], v)) throw Error(at + "'" + excerpt(f[k]) + "' is not a number");
-      l.twice.push_back(v);
-    }
-    for (const auto& [column, to] : {std::pair(family, &l.family), std::pair(mask, &l.mask)}) {
-      std::uint32_t v = 0;
-      if (column && !parse(f[column], v))
-        throw Error(at + "'" + excerpt(f[column]) + "' is not a whole number from 0 to 4294967295");
-      if (column) to->push_back(v);
-    }
-  }
-  if (!header) throw Error(where + ": the file is empty: its first line must be the header x,y,z,r");
+  const auto send = [&](ChildPipe& pipe) {
+    return pipe.put_array(l.twice) && pipe.put_array(l.family) && pipe.put_array(l.mask);
+  };
+  const auto receive = [&](ChildPipe& pipe) {
+    l.scalar = Scalar::f64;
+    const bool sent = pipe.get_array(l.twice) && pipe.get_array(l.family) && pipe.get_array(l.mask);
+    const auto fits = [&](const auto& tags) { return tags.empty() || tags.size() == l.size(); };
+    return sent && l.twice.size() % 4 == 0 && fits(l.family) && fits(l.mask);
+  };
+  in_child([&] { l = parse_csv(text, where); }, send, receive, text.size(), where);
   return l;
 }
 

@@ -12,6 +12,11 @@ namespace padder {
 namespace {
 
 constexpr std::size_t kDeepest = 64;
+constexpr int kOverflow = 406;  // nlohmann's number for it
+
+// What a child says of the text.
+constexpr char kNull = 'n', kTrue = 't', kFalse = 'f', kInteger = 'i', kUnsigned = 'u', kFloat = 'd',
+               kString = 's', kKey = 'k', kObject = '{', kArray = '[', kClose = ']', kFault = '!', kEnd = '.';
 
 // "\"key\"", short enough for a message.
 std::string key_text(std::string_view key) { return '"' + excerpt(key) + '"'; }
@@ -37,6 +42,7 @@ class Builder : public nlohmann::json_sax<Json> {
   bool start_array(std::size_t) override { return open(Json::array()); }
   bool end_array() override { return close(); }
   bool key(std::string& name) override {
+    keyed_ = true;
     Level& level = open_.back();
     if (!level.keys.insert(name).second)
       throw Error(where_ + place() + ": the key " + key_text(name) +
@@ -46,16 +52,69 @@ class Builder : public nlohmann::json_sax<Json> {
   }
   bool parse_error(std::size_t byte, const std::string& token,
                    const nlohmann::detail::exception& e) override {
-    constexpr int overflow = 406;  // nlohmann's number for it
+    return fault(byte, token, e.id == kOverflow);
+  }
+  bool fault(std::size_t byte, const std::string& token, bool overflow) const {
     const std::size_t end = std::min(byte, text_.size());
     const std::string at = " at byte " + std::to_string(byte) + " (line " +
                            std::to_string(1 + std::count(text_.begin(), text_.begin() + end, '\n')) + ")";
-    if (e.id == overflow)
+    if (overflow)
       throw Error(where_ + place() + ": the number '" + excerpt(token) + "'" + at +
                   " is too large for a double: write one below 1.8e308");
     throw Error(where_ + ": not JSON" + at +
                 (byte > text_.size() ? ", where it ends too early" : ", near '" + excerpt(token) + "'") +
                 ": check that the file is whole");
+  }
+
+  // The events that a child sends, which a file may have taken over: false for those that no text gives.
+  bool receive(ChildPipe& pipe) {
+    std::string text;
+    std::int64_t whole = 0;
+    std::uint64_t natural = 0;
+    double real = 0;
+    char overflow = 0;
+    for (char event = 0; pipe.get(event) && may_come(event);) switch (event) {
+        case kNull:
+          null();
+          break;
+        case kTrue:
+        case kFalse:
+          boolean(event == kTrue);
+          break;
+        case kInteger:
+          if (!pipe.get(whole)) return false;
+          number_integer(whole);
+          break;
+        case kUnsigned:
+          if (!pipe.get(natural)) return false;
+          number_unsigned(natural);
+          break;
+        case kFloat:
+          if (!pipe.get(real)) return false;
+          number_float(real, {});
+          break;
+        case kString:
+        case kKey:
+          if (!pipe.get_array(text)) return false;
+          event == kKey ? key(text) : string(text);
+          break;
+        case kObject:
+          start_object(0);
+          break;
+        case kArray:
+          start_array(0);
+          break;
+        case kClose:
+          close();
+          break;
+        case kFault:
+          if (!pipe.get(natural) || !pipe.get_array(text) || !pipe.get(overflow)) return false;
+          fault(natural, text, overflow != 0);
+          break;
+        default:
+          return event == kEnd;
+      }
+    return false;
   }
 
  private:
@@ -65,8 +124,16 @@ class Builder : public nlohmann::json_sax<Json> {
     std::unordered_set<std::string> keys;
   };
 
+  bool may_come(char event) const {
+    const bool in_object = !open_.empty() && open_.back().container->is_object();
+    if (event == kKey) return in_object && !keyed_;
+    if (event == kClose) return !open_.empty() && !keyed_;
+    if (event == kFault || event == kEnd) return true;
+    return !in_object || keyed_;
+  }
   template <class T>
   Json* put(T&& value) {
+    keyed_ = false;
     if (open_.empty()) {
       document = std::forward<T>(value);
       return &document;
@@ -112,6 +179,38 @@ class Builder : public nlohmann::json_sax<Json> {
   std::string_view text_;
   const std::string& where_;
   std::vector<Level> open_;
+  bool keyed_ = false;  // a key has come, and not yet its value
+};
+
+// Sends the parser's events.
+template <class Json>
+class Sender : public nlohmann::json_sax<Json> {
+ public:
+  explicit Sender(ChildPipe& pipe) : pipe_(pipe) {}
+
+  bool null() override { return pipe_.put(kNull); }
+  bool boolean(bool value) override { return pipe_.put(value ? kTrue : kFalse); }
+  bool number_integer(std::int64_t value) override { return pipe_.put(kInteger) && pipe_.put(value); }
+  bool number_unsigned(std::uint64_t value) override { return pipe_.put(kUnsigned) && pipe_.put(value); }
+  bool number_float(double value, const std::string&) override {
+    return pipe_.put(kFloat) && pipe_.put(value);
+  }
+  bool string(std::string& value) override { return pipe_.put(kString) && pipe_.put_array(value); }
+  bool binary(typename Json::binary_t&) override { return false; }  // not in text
+  bool key(std::string& name) override { return pipe_.put(kKey) && pipe_.put_array(name); }
+  bool start_object(std::size_t) override { return pipe_.put(kObject); }
+  bool end_object() override { return pipe_.put(kClose); }
+  bool start_array(std::size_t) override { return pipe_.put(kArray); }
+  bool end_array() override { return pipe_.put(kClose); }
+  bool parse_error(std::size_t byte, const std::string& token,
+                   const nlohmann::detail::exception& e) override {
+    pipe_.put(kFault) && pipe_.put<std::uint64_t>(byte) && pipe_.put_array(token) &&
+        pipe_.put<char>(e.id == kOverflow);
+    return false;
+  }
+
+ private:
+  ChildPipe& pipe_;
 };
 
 // Finds the path from a value to one inside it. Only error messages need it, so reading does not keep track.
@@ -131,10 +230,29 @@ bool find_path(const Json& from, const Json* to, std::string& path) {
 }  // namespace
 
 template <class Json>
-Json parse_json(std::string_view text, const std::string& where) {
+bool receive_json(ChildPipe& pipe, Json& document, std::string_view text, const std::string& where) {
   Builder<Json> builder(text, where);
-  Json::sax_parse(text, &builder);
-  return std::move(builder.document);
+  const bool whole = builder.receive(pipe);
+  document = std::move(builder.document);
+  return whole;
+}
+
+template <class Json>
+Json parse_json(std::string_view text, const std::string& where) {
+  if (reads_here()) {
+    Builder<Json> builder(text, where);
+    Json::sax_parse(text, &builder);
+    return std::move(builder.document);
+  }
+  Json document;
+  const auto send = [&](ChildPipe& pipe) {
+    Sender<Json> sender(pipe);
+    Json::sax_parse(text, &sender);
+    return pipe.put(kEnd);
+  };
+  const auto receive = [&](ChildPipe& pipe) { return receive_json(pipe, document, text, where); };
+  in_child([] {}, send, receive, text.size(), where);
+  return document;
 }
 
 template <class Json>
@@ -219,6 +337,8 @@ void JsonPlace<Json>::reals(double* to, std::size_t count) const {
   for (std::size_t k = 0; k < count; k++) to[k] = at(k).real();
 }
 
+template bool receive_json(ChildPipe&, nlohmann::json&, std::string_view, const std::string&);
+template bool receive_json(ChildPipe&, nlohmann::ordered_json&, std::string_view, const std::string&);
 template nlohmann::json parse_json(std::string_view, const std::string&);
 template nlohmann::ordered_json parse_json(std::string_view, const std::string&);
 template class JsonPlace<nlohmann::json>;

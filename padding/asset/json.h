@@ -7,13 +7,20 @@
 #include <string>
 #include <string_view>
 
+#include "padding/asset/child.h"
+
 namespace padder {
 
 // Parses a document. Throws Error, which begins with `where`, for text that is not JSON, for a number too
 // large for a double, for a key twice in one object (it would be a guess which one counts) and for more than
-// 64 levels of nesting. Json is nlohmann::json or nlohmann::ordered_json.
+// 64 levels of nesting. Json is nlohmann::json or nlohmann::ordered_json. A child (padding/asset/child.h)
+// takes the text apart, while this process builds the document.
 template <class Json>
 Json parse_json(std::string_view text, const std::string& where);
+
+// Builds the document that a child tells of; false for what no text gives.
+template <class Json>
+bool receive_json(ChildPipe& pipe, Json& document, std::string_view text, const std::string& where);
 
 // One place in a document. It knows its path, so that a message can say where it is: "FILE, bodies 3,
 // position: 3 numbers are wanted". Refers to the document and to `where`, and does not own them.

@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <numeric>
+#include <optional>
 #include <set>
 
 #include "padding/asset/error.h"
@@ -33,7 +34,7 @@ struct Stage {
   double margin;  // share of a point's own margin that a ball must cover around it; the certificate finds
                   // what it misses
 };
-constexpr std::array stages = {Stage{3, 2, 50, 0.3}, Stage{4, 3, 100, 0.2}, Stage{6, 4, 200, 0.15}};
+constexpr std::array stages = {Stage{3, 2, 50, 0.15}, Stage{4, 3, 100, 0.1}, Stage{6, 4, 200, 0.1}};
 constexpr double greedy_margin = 0.3;
 constexpr double thinning_margin = 0.5;  // there no new balls can mend what the points miss
 
@@ -46,9 +47,14 @@ constexpr int merge_moves = 2;
 constexpr std::size_t most_tried = 40, most_tried_in_all = 400'000;
 
 // While the certificate still finds spots, the first rounds try some places, too, and each searches less than
-// the round before.
-constexpr int certify_moves = 4, certify_places = 8;
+// the round before. Later ones only move balls over the spots, and add one where that fails. At last they
+// only add balls, so that they end.
+constexpr int certify_moves = 5, certify_places = 8, centred_rounds = 40;
 constexpr double certify_share = 0.5, certify_decay = 0.7;
+
+// How a ball is centred: sweeps over all balls, and places that are tried in each, half of them nearby.
+constexpr int centre_sweeps = 3, centre_places = 16;
+constexpr double centre_step = 0.2, centre_decay = 0.8;  // share of the covered disc's radius; for each sweep
 constexpr int most_rounds = 100;
 constexpr double spot_margin = 0.03;  // of the spots that the certificate finds: share of the tolerance sum
 
@@ -72,6 +78,40 @@ struct Attempt {
     for (auto k : chosen) balls.push_back(problem.candidates()[k].ball);
     return balls;
   }
+};
+
+// How many of the chosen balls cover each point.
+class CoverCounts {
+ public:
+  explicit CoverCounts(const Attempt& attempt)
+      : problem_(attempt.problem), count_(problem_.points().size()), open_(count_.size()) {
+    for (const auto k : attempt.chosen) add(k);
+  }
+
+  std::uint32_t operator[](std::uint32_t point) const { return count_[point]; }
+  std::size_t open() const { return open_; }
+
+  // Puts one candidate in the place of another, unless more points would be open then. Returns the chosen
+  // one.
+  std::uint32_t exchange(std::uint32_t old, std::uint32_t fresh) {
+    const std::size_t before = open_;
+    add(fresh), remove(old);
+    if (open_ <= before) return fresh;
+    add(old), remove(fresh);
+    return old;
+  }
+
+ private:
+  void add(std::uint32_t candidate) {
+    for (const auto r : problem_.covered(candidate)) open_ -= count_[r]++ == 0;
+  }
+  void remove(std::uint32_t candidate) {
+    for (const auto r : problem_.covered(candidate)) open_ += --count_[r] == 0;
+  }
+
+  const CoverProblem& problem_;
+  std::vector<std::uint32_t> count_;
+  std::size_t open_;
 };
 
 // The certificate for one cover after the other. What was proved stays so until a ball that may have proved
@@ -212,6 +252,7 @@ class CoverSearch {
       const Stage& stage = stages[static_cast<std::size_t>(k)];
       const std::uint64_t seed = static_cast<std::uint64_t>(k + 1) << 56;
       Attempt next = merge(samples, search_side_by_side(common, best, stage, seed), best, stage, seed);
+      centre_all(next, true);
       const bool next_covered = certify(next, certify_share * stage.steps, certify_places, nullptr);
       if (next_covered == covered ? next.chosen.size() < best.chosen.size() : next_covered)
         best = std::move(next), covered = next_covered;
@@ -317,7 +358,10 @@ class CoverSearch {
         watch_.check();
       if (round < certify_moves && tries > 0) move(attempt, tries);
       if (round == most_rounds || !refine(attempt.problem, failures, also)) return false;
-      solve(attempt, steps);
+      const bool search = round < certify_moves;
+      const bool centring = tries > 0 && round < centred_rounds;
+      if (const std::size_t left = centring ? centre_all(attempt, search) : 1; search || left > 0)
+        solve(attempt, search ? steps : 0);
     }
   }
 
@@ -379,32 +423,106 @@ class CoverSearch {
     return false;
   }
 
+  // Adds the ball of a random place beside that of a candidate, at most `most` away along each axis.
+  void try_place(const Candidate& c, double most, Random& random, std::vector<Candidate>& candidates) const {
+    Vector step;
+    for (int axis = 0; axis < 3; axis++) step[axis] = (2 * random.uniform() - 1) * most;
+    const Nearest at = surface_.nearest(c.point + step);
+    propose(at.point, at.triangle,
+            medial(at.point, at.triangle, 1.1 * c.inner_distance + 0.5 * tolerance_sum_), candidates);
+  }
+
   // Makes the next problem: what was tried, or the chosen balls alone where that is too much, and new medial
   // balls at places around the chosen ones. The places lie up to a share of the covered disc's radius from
   // the place of the chosen ball.
   void move(Attempt& attempt, int tries) const {
     const std::size_t n = attempt.chosen.size() * static_cast<std::size_t>(tries);
     const std::uint64_t seed = Random(++attempt.seed).next();
-    std::vector<Sample> grown(n);
+    std::vector<std::vector<Candidate>> tried_at(n);
 #pragma omp parallel for schedule(dynamic, 16) if (n > 64)
     for (std::size_t k = 0; k < n; k++) {
       const Candidate& c = attempt.problem.candidates()[attempt.chosen[k / static_cast<std::size_t>(tries)]];
       Random random(seed + k);
-      const double most = step_sizes[k % 2] * covered_disc(c.inner_distance, tolerance_sum_);
-      Vector step;
-      for (int axis = 0; axis < 3; axis++) step[axis] = (2 * random.uniform() - 1) * most;
-      const Nearest at = surface_.nearest(c.point + step);
-      grown[k] = {at.point, at.triangle,
-                  medial(at.point, at.triangle, 1.1 * c.inner_distance + 0.5 * tolerance_sum_)};
+      try_place(c, step_sizes[k % 2] * covered_disc(c.inner_distance, tolerance_sum_), random, tried_at[k]);
     }
     std::vector<Candidate> fresh;
-    for (const Sample& s : grown) propose(s.point, s.triangle, s.ball, fresh);
+    for (const auto& candidates : tried_at) fresh.insert(fresh.end(), candidates.begin(), candidates.end());
     const std::size_t tried = attempt.problem.candidates().size();
     if (tried > most_tried_in_all || tried > most_tried * attempt.chosen.size()) {
       attempt.problem.keep(attempt.chosen);
       std::iota(attempt.chosen.begin(), attempt.chosen.end(), 0u);
     }
     attempt.problem.add({}, fresh);
+  }
+
+  // Some sweeps of centre(). Where not all balls are wanted, they end when no point is open.
+  std::size_t centre_all(Attempt& attempt, bool all) const {
+    std::size_t open = 1;
+    double step_size = centre_step;
+    for (int sweep = 0; sweep < centre_sweeps && (all || open > 0); sweep++, step_size *= centre_decay)
+      open = centre(attempt, all, step_size);
+    return open;
+  }
+
+  // Moves each ball to the middle of what it alone covers: of the places that are tried, to that where the
+  // point nearest to slipping out lies deepest inside. Then the surface between the points is covered with
+  // some room, too. An open point counts as the nearest ball's own, so that ball moves over it. Returns how
+  // many points stay open. Where not all balls are wanted, only those move that have such a point.
+  std::size_t centre(Attempt& attempt, bool all, double step_size) const {
+    CoverProblem& problem = attempt.problem;
+    CoverCounts counts(attempt);
+    const std::size_t n = attempt.chosen.size();
+    std::vector<std::vector<std::uint32_t>> own(n);
+    const BallSet set(attempt.balls());
+    for (std::uint32_t r = 0; r < problem.points().size(); r++) {
+      if (counts[r] > 0) continue;
+      const BallGap nearest = set.gap(problem.points()[r].point, gap_ + 0.25 * tolerance_sum_);
+      if (std::isfinite(nearest.value)) own[nearest.ball].push_back(r);
+    }
+    const std::uint64_t seed = Random(++attempt.seed).next();
+    std::vector<std::optional<Candidate>> better(n);
+#pragma omp parallel for schedule(dynamic, 16) if (n > 32)
+    for (std::size_t k = 0; k < n; k++) {
+      if (!all && own[k].empty()) continue;
+      for (const auto r : problem.covered(attempt.chosen[k]))
+        if (counts[r] == 1) own[k].push_back(r);
+      if (!own[k].empty())
+        better[k] = centred(problem, problem.candidates()[attempt.chosen[k]], own[k], step_size, seed + k);
+    }
+    std::vector<Candidate> fresh;
+    for (const auto& candidate : better)
+      if (candidate) fresh.push_back(*candidate);
+    auto next = static_cast<std::uint32_t>(problem.candidates().size());
+    problem.add({}, fresh);
+    // One after the other: two balls that leave a point which both cover would open it.
+    for (std::size_t k = 0; k < n; k++)
+      if (better[k]) attempt.chosen[k] = counts.exchange(attempt.chosen[k], next++);
+    return counts.open();
+  }
+
+  // The best place for a ball that must cover its own points, if one is better than where it is.
+  std::optional<Candidate> centred(const CoverProblem& problem, Candidate ball,
+                                   const std::vector<std::uint32_t>& own, double step_size,
+                                   std::uint64_t seed) const {
+    const auto least_depth = [&](const Candidate& candidate, double enough) {
+      double least = std::numeric_limits<double>::infinity();
+      for (std::size_t k = 0; k < own.size() && least > enough; k++)
+        least = std::min(least, problem.depth(candidate, problem.points()[own[k]]));
+      return least;
+    };
+    double depth = least_depth(ball, -std::numeric_limits<double>::infinity());
+    bool moved = false;
+    Random random(seed);
+    const double most = step_size * covered_disc(ball.inner_distance, tolerance_sum_);
+    std::vector<Candidate> tried;
+    for (int k = 0; k < centre_places; k++) {
+      tried.clear();
+      try_place(ball, 2 * k < centre_places ? most : 0.4 * most, random, tried);
+      const double there = tried.empty() ? depth : least_depth(tried[0], depth);
+      if (there > depth) depth = there, ball = tried[0], moved = true;
+    }
+    if (!moved) return std::nullopt;
+    return ball;
   }
 
   // Adds the worst failures as points to cover, each with a ball of its own that covers it. Returns false if

@@ -33,7 +33,8 @@ struct Cover {
 // Each ball is grown from an inner medial ball of radius m to the radius m + protrusion. It covers the
 // surface within m + protrusion + gap of its centre, so both tolerances widen the disc that it covers.
 // Choosing the fewest balls is a set cover problem over sample points, which a greedy choice and a local
-// search solve. New balls are tried around the chosen ones. At last the certificate
+// search solve. New balls are tried around the chosen ones. Each is then moved to the middle of what it alone
+// covers, so that it covers the surface between the points, too. At last the certificate
 // (padding/verify/certify.h) finds the spots that the sample points missed. These spots become sample points,
 // until none is left.
 //

@@ -5,6 +5,26 @@
 
 namespace padder {
 
+namespace {
+
+// What a candidate covers: points within `reach` of its centre, less `slope` times their margin.
+struct Patch {
+  double reach, slope;
+
+  Patch(const Candidate& c, double gap) {
+    // Less by more than rounding, so that the certificate cannot disagree.
+    reach = (c.ball.radius + gap) * (1 - 1e-12);
+    // How fast the distance to the centre grows along a flat surface where the surface leaves the ball.
+    const double cosine = c.inner_distance / reach;
+    slope = std::sqrt(std::max(0.0, 1 - cosine * cosine));
+  }
+  double depth(const Candidate& c, const CoverPoint& point) const {
+    return reach - slope * point.margin - (point.point - c.ball.center).norm();
+  }
+};
+
+}  // namespace
+
 // Makes a tree of the points from `first` on. Many small trees would cost more than one, and so would
 // building the tree of the first points again: all later ones become one.
 void CoverProblem::add_group(std::size_t first) {
@@ -23,19 +43,15 @@ void CoverProblem::find_covered(std::size_t first_candidate, std::size_t first_p
   for (std::size_t k = begin; k < candidates_.size(); k++) {
     const std::size_t first = k < first_candidate ? first_point : 0;
     const Candidate& c = candidates_[k];
-    // Less by more than rounding, so that the certificate cannot disagree.
-    const double r = (c.ball.radius + gap_) * (1 - 1e-12);
-    // How fast the distance to the centre grows along a flat surface where the surface leaves the ball.
-    const double cosine = c.inner_distance / r, slope = std::sqrt(std::max(0.0, 1 - cosine * cosine));
+    const Patch patch(c, gap_);
     thread_local std::vector<std::uint32_t> found;
     for (const Group& group : groups_) {
       if (group.first + group.tree->size() <= first) continue;
       found.clear();
-      group.tree->find(c.ball.center, r, found);
+      group.tree->find(c.ball.center, patch.reach, found);
       for (auto in_group : found) {
         const std::size_t point = group.first + in_group;
-        if (point >= first &&
-            (points_[point].point - c.ball.center).norm() <= r - slope * points_[point].margin)
+        if (point >= first && patch.depth(c, points_[point]) >= 0)
           covered_[k].push_back(static_cast<std::uint32_t>(point));
       }
     }
@@ -49,6 +65,10 @@ void CoverProblem::add(const std::vector<CoverPoint>& points, const std::vector<
   candidates_.insert(candidates_.end(), candidates.begin(), candidates.end());
   covered_.resize(candidates_.size());
   find_covered(first_candidate, first_point);
+}
+
+double CoverProblem::depth(const Candidate& candidate, const CoverPoint& point) const {
+  return Patch(candidate, gap_).depth(candidate, point);
 }
 
 void CoverProblem::keep(const std::vector<std::uint32_t>& candidates) {

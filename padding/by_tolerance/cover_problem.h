@@ -32,6 +32,9 @@ class CoverProblem {
   // Drops all other candidates and takes these in this order.
   void keep(const std::vector<std::uint32_t>& candidates);
 
+  // How deep the point lies inside what the candidate covers; below 0 where it is not covered.
+  double depth(const Candidate& candidate, const CoverPoint& point) const;
+  const std::vector<std::uint32_t>& covered(std::uint32_t candidate) const { return covered_[candidate]; }
   Sets sets() const;  // set k: the points that candidate k covers
   const std::vector<CoverPoint>& points() const { return points_; }
   const std::vector<Candidate>& candidates() const { return candidates_; }

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <set>
 
+#include "padding/asset/child.h"
 #include "padding/asset/excerpt.h"
 #include "padding/asset/file.h"
 #include "padding/import/readers.h"
@@ -55,6 +56,29 @@ bool is_any_of(const std::string& ending, std::initializer_list<const char*> end
   return std::ranges::any_of(endings, [&](const char* e) { return ending == e; });
 }
 
+Parts from_child(const std::function<Parts()>& read, std::size_t file_size, const std::string& where) {
+  Parts parts;
+  const auto send = [&](ChildPipe& pipe) {
+    bool sent = pipe.put<std::uint64_t>(parts.size());
+    for (const Part& p : parts)
+      sent = sent && pipe.put_array(p.name) && pipe.put_array(p.centers) && pipe.put_array(p.radii) &&
+             pipe.put_array(p.family) && pipe.put_array(p.mask);
+    return sent;
+  };
+  const auto receive = [&](ChildPipe& pipe) {
+    std::uint64_t left = 0;
+    bool sound = pipe.get(left);
+    for (; sound && left > 0; left--) {
+      Part& p = parts.emplace_back();
+      sound = pipe.get_array(p.name) && pipe.get_array(p.centers) && pipe.get_array(p.radii) &&
+              pipe.get_array(p.family) && pipe.get_array(p.mask) && p.centers.size() == p.radii.size();
+    }
+    return sound;
+  };
+  in_child([&] { parts = read(); }, send, receive, file_size, where);
+  return parts;
+}
+
 // Of every format but our own.
 Parts parts_of(const fs::path& path) {
   const std::string where = path.string(), ending = ending_of(path);
@@ -65,12 +89,16 @@ Parts parts_of(const fs::path& path) {
                 " but not read from it: use .spheres.json or .npz");
   const bool text = !is_any_of(ending, {".csv", ".npz", ".vtp"});
   const std::string bytes = read_file(path, text ? kMostText : kMostBytes);
-  if (ending == ".csv") return importing::read_csv(bytes, where);
-  if (ending == ".npz") return importing::read_npz(bytes, where);
-  if (ending == ".vtp") return importing::read_vtp(bytes, where);
-  if (is_any_of(ending, {".yaml", ".yml", ".xrdf"})) return importing::read_yaml(bytes, where);
-  if (is_any_of(ending, {".urdf", ".srdf", ".xml"})) return importing::read_xml(bytes, where);
-  return importing::read_list(bytes, where);
+  return from_child(
+      [&] {
+        if (ending == ".csv") return importing::read_csv(bytes, where);
+        if (ending == ".npz") return importing::read_npz(bytes, where);
+        if (ending == ".vtp") return importing::read_vtp(bytes, where);
+        if (is_any_of(ending, {".yaml", ".yml", ".xrdf"})) return importing::read_yaml(bytes, where);
+        if (is_any_of(ending, {".urdf", ".srdf", ".xml"})) return importing::read_xml(bytes, where);
+        return importing::read_list(bytes, where);
+      },
+      bytes.size(), where);
 }
 
 Cluster cluster_of(Part p, const fs::path& path) {

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <vector>
 
+#include "padding/asset/child.h"
 #include "padding/asset/error.h"
 #include "padding/asset/excerpt.h"
 
@@ -35,9 +36,39 @@ class Check : public pugi::xml_tree_walker {
   std::vector<std::string_view> names_;  // of the element's attributes
 };
 
-}  // namespace
+// Sends each element and each text with its depth, parents first, and a depth of -1 at the end.
+struct Sender : pugi::xml_tree_walker {
+  explicit Sender(ChildPipe& to) : pipe(to) {}
+  bool for_each(pugi::xml_node& node) override {
+    const auto text = [&](std::string_view t) { return pipe.put_array(t); };
+    bool sent = pipe.put(depth()) && text(node.name()) && text(node.value());
+    for (const pugi::xml_attribute& a : node.attributes()) sent = sent && text(a.name()) && text(a.value());
+    return sent && text("");
+  }
+  ChildPipe& pipe;
+};
 
-void load_xml(pugi::xml_document& document, std::string_view text, const std::string& where) {
+// False for what no walk sends.
+bool receive(ChildPipe& pipe, pugi::xml_document& document) {
+  std::vector<pugi::xml_node> path = {document};
+  std::string name, value;
+  int depth = 0;
+  while (pipe.get(depth) && depth >= 0) {
+    if (static_cast<std::size_t>(depth) >= path.size() || depth > kDeepest) return false;
+    path.resize(static_cast<std::size_t>(depth) + 1);
+    if (!pipe.get_array(name) || !pipe.get_array(value)) return false;
+    pugi::xml_node node = path.back().append_child(name.empty() ? pugi::node_pcdata : pugi::node_element);
+    node.set_name(name.c_str()), node.set_value(value.c_str());
+    while (pipe.get_array(name) && !name.empty()) {
+      if (!pipe.get_array(value)) return false;
+      node.append_attribute(name.c_str()).set_value(value.c_str());
+    }
+    path.push_back(node);
+  }
+  return depth == -1;
+}
+
+void parse(pugi::xml_document& document, std::string_view text, const std::string& where) {
   const pugi::xml_parse_result result = document.load_buffer(text.data(), text.size());
   if (!result) {
     const auto byte = static_cast<std::size_t>(std::max<std::ptrdiff_t>(result.offset, 0));
@@ -48,6 +79,17 @@ void load_xml(pugi::xml_document& document, std::string_view text, const std::st
   }
   Check check(where);
   document.traverse(check);
+}
+
+}  // namespace
+
+void load_xml(pugi::xml_document& document, std::string_view text, const std::string& where) {
+  const auto send = [&](ChildPipe& pipe) {
+    Sender sender(pipe);
+    return document.traverse(sender) && pipe.put(-1);
+  };
+  in_child([&] { parse(document, text, where); }, send,
+           [&](ChildPipe& pipe) { return receive(pipe, document); }, text.size(), where);
 }
 
 }  // namespace padder::importing

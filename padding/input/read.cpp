@@ -8,6 +8,7 @@
 #include <map>
 #include <span>
 
+#include "padding/asset/child.h"
 #include "padding/asset/excerpt.h"
 #include "padding/asset/file.h"
 #include "padding/input/polygon.h"
@@ -121,6 +122,29 @@ ReadResult reading::parse(std::string& bytes, const FilesBeside& beside, const s
   return result;
 }
 
+ReadResult reading::mesh_from_child(const std::function<ReadResult()>& read, std::size_t file_size,
+                                    const std::string& where) {
+  ReadResult result;
+  std::string notes;  // one line each
+  Mesh& mesh = result.mesh;
+  const auto send = [&](ChildPipe& pipe) {
+    for (const std::string& note : result.notes) notes += note + '\n';
+    return pipe.put_array(mesh.points) && pipe.put_array(mesh.triangles) && pipe.put_array(result.unit) &&
+           pipe.put_array(notes);
+  };
+  const auto receive = [&](ChildPipe& pipe) {
+    bool sound = pipe.get_array(mesh.points) && pipe.get_array(mesh.triangles) &&
+                 pipe.get_array(result.unit) && pipe.get_array(notes);
+    for (const auto& triangle : mesh.triangles)
+      for (const std::uint32_t corner : triangle) sound = sound && corner < mesh.points.size();
+    Lines lines(notes);
+    for (std::string_view note; lines.next(note);) result.notes.emplace_back(note);
+    return sound;
+  };
+  in_child([&] { result = read(); }, send, receive, file_size, where);
+  return result;
+}
+
 const std::vector<std::string>& mesh_endings() {
   static const std::vector<std::string> endings = {".obj", ".stl", ".ply", ".off", ".gltf",
                                                    ".glb", ".fbx", ".dae", ".3ds", ".3mf"};
@@ -149,8 +173,8 @@ ReadResult read_mesh(const std::filesystem::path& path, const ReadOptions& optio
   if (bytes.empty()) fail(where, "the file is empty: export the mesh again");
   reading::FilesBeside beside;
   if (ending == ".gltf" || ending == ".glb") beside = reading::check_gltf(bytes, path, ending);
-  ReadResult result =
-      reading::in_child([&] { return reading::parse(bytes, beside, path, ending); }, bytes.size(), where);
+  ReadResult result = reading::mesh_from_child([&] { return reading::parse(bytes, beside, path, ending); },
+                                               bytes.size(), where);
   result.source = std::move(source);
   result.source.triangles = result.mesh.triangles.size();
   apply_units(result, options, where);

@@ -51,7 +51,7 @@ struct ReadResult {
 //
 // tinyobjloader reads OBJ. OFF, PLY and 3MF are read here, because assimp 5.2 drops faces of an OFF with more
 // than nine corners, takes the strips of a PLY for one triangle, and does not tell the unit of a 3MF. assimp
-// reads the rest. Each file is read in a process of its own (in_child in read_internal.h).
+// reads the rest. Each file is read in a process of its own (padding/asset/child.h).
 //
 // Throws Error, one sentence that names the file and the place, for: an absent or empty file, an unknown
 // ending, malformed or truncated content, an index out of range, a used vertex that is not finite, no

@@ -61,12 +61,8 @@ FilesBeside check_gltf(std::string_view bytes, const std::filesystem::path& path
 ReadResult parse(std::string& bytes, const FilesBeside& beside, const std::filesystem::path& path,
                  const std::string& ending);
 
-// Calls `read` in a forked process and brings its mesh, unit and notes, or its Error, here. A crash, an
-// abort, an endless loop or endless memory there becomes one sentence here. The process has 30 s and 4 GiB,
-// and more for large files. It may take and give back memory and write to this process, and the kernel
-// refuses every other system call (on x86-64): it opens, reads, sends and starts nothing. Only the calling
-// thread lives on in it, so `read` must not wait for another thread or use OpenMP. It costs about a
-// millisecond.
-ReadResult in_child(const std::function<ReadResult()>& read, std::size_t file_size, const std::string& where);
+// Calls `read` in a child (padding/asset/child.h), and brings its mesh, unit and notes, or its Error, here.
+ReadResult mesh_from_child(const std::function<ReadResult()>& read, std::size_t file_size,
+                           const std::string& where);
 
 }  // namespace padder::reading

@@ -265,7 +265,7 @@ class Mender {
   }
 
   // A closed unit that meets no other one and lies inside others an odd number of times is a cavity.
-  void find_cavities(const Contacts& contacts, const Surface& surface) {
+  void find_cavities(Contacts& contacts, const Surface& surface) {
     if (count_ < 2 || options_.mode == RepairMode::united) return;
     std::vector<char> meets(count_, 0), cavity(count_, 0);
     for (const auto& [s, t] : contacts.pairs)
@@ -286,6 +286,11 @@ class Mender {
     }
     for (std::size_t t = 0; t < unit_.size(); t++)
       if (cavity[unit_[t]]) std::swap(soup_.triangles[t][1], soup_.triangles[t][2]);
+    // A cavity may cross itself, and its cuts name corners and edges by their place in a triangle.
+    constexpr std::array turned = {0, 2, 1, 5, 4, 3, 6};
+    for (Cut& cut : contacts.cuts)
+      if (cavity[unit_[cut.triangle]])
+        for (MeetingPoint& end : cut.ends) end.place = turned[static_cast<std::size_t>(end.place)];
     for (const char c : cavity) out_.steps.cavities += c;
   }
 
@@ -293,7 +298,7 @@ class Mender {
     if (!surface_) surface_ = std::make_shared<const Surface>(soup_);
     std::vector<char> passive;  // what bounds nothing has no cells
     for (const TriangleRole role : roles_) passive.push_back(role == TriangleRole::sheet);
-    const Contacts contacts = find_contacts(*surface_, options_.most_pairs, passive);
+    Contacts contacts = find_contacts(*surface_, options_.most_pairs, passive);
     if (contacts.too_many) return std::nullopt;
     find_cavities(contacts, *surface_);
     if (out_.steps.cavities > 0) surface_ = std::make_shared<const Surface>(soup_);

@@ -297,7 +297,8 @@ class Reader {
     if (!any && !geoms_.empty()) note("no geom can touch anything: those to look at were padded");
     for (const Geom& g : geoms_) {
       if (touches(g) != (any && !visual)) continue;
-      if (g.shape.type == UrdfShape::Type::mesh && !fs::is_regular_file(g.shape.file))
+      std::error_code code;
+      if (g.shape.type == UrdfShape::Type::mesh && !fs::is_regular_file(g.shape.file, code))
         throw Error(path_.string() + ", body " + excerpt(urdf_.links[g.link].name) +
                     ": the mesh is not there: looked for " + excerpt(g.shape.file.string(), 500));
       urdf_.links[g.link].shapes.push_back(g.shape);

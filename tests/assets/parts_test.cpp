@@ -17,6 +17,7 @@
 #include "padding/asset/error.h"
 #include "padding/asset/file.h"
 #include "padding/input/read.h"
+#include "tests/temporary_folder.h"
 
 namespace padder::assets {
 namespace {
@@ -57,18 +58,16 @@ Vector size(const Mesh& mesh) { return mesh.bounds().high - mesh.bounds().low; }
 
 TEST(Parts, TheCommittedFilesAreWhatTheGeneratorMakes) {
   if (!fs::exists(fs::path(PADDER_BIN) / "make_assets")) GTEST_SKIP() << "make_assets is not built here";
-  std::string name = (fs::temp_directory_path() / "padder-parts-XXXXXX").string();
-  const fs::path folder = ::mkdtemp(name.data());
+  const TemporaryFolder folder;
   const std::string command =
-      std::string("'") + PADDER_BIN + "/make_assets' -o '" + folder.string() + "' 2>/dev/null";
+      std::string("'") + PADDER_BIN + "/make_assets' -o '" + folder.path().string() + "' 2>/dev/null";
   ASSERT_EQ(std::system(command.c_str()), 0);
   for (const char* part : {"track_shoe.obj", "road_wheel.obj", "grain.obj", "hopper.obj"}) {
-    const std::string made = read_file(folder / part);
+    const std::string made = read_file(folder.path() / part);
     EXPECT_TRUE(made == read_file(fs::path(PADDER_ASSETS) / part))
         << part << " differs: make_assets -o assets";
     EXPECT_LT(made.size(), 400000u);
   }
-  fs::remove_all(folder);
 }
 
 TEST(Parts, TheCommittedFilesAreSolids) {

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// The library on the small meshes of this folder, which every checkout has (make_data.py writes them).
+// The library on small meshes that every build has (make_data.py writes them), and on a robot beside this
+// file.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -19,7 +20,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-const fs::path kData = fs::path(PADDER_ASSETS).parent_path() / "tests" / "data";
+const fs::path kData = fs::path(PADDER_BIN).parent_path() / "data";
+const fs::path kRobots = fs::path(PADDER_ASSETS).parent_path() / "tests/data/robot";
 
 PadOptions within(const char* tolerance) {
   PadOptions options;
@@ -27,7 +29,7 @@ PadOptions within(const char* tolerance) {
   return options;
 }
 
-// make_data.py prints the nut's volume in cubic millimetres.
+// Its volume: the hexagon less the bore's polygon, times the height.
 TEST(Data, EveryFormatHoldsTheSameNut) {
   const struct {
     const char* file;
@@ -87,7 +89,7 @@ TEST(Data, WhatIsNotClosedIsRepairedAndSaysSo) {
 }
 
 TEST(Data, EveryLinkOfTheArmIsPadded) {
-  const PaddedRobot arm = pad_robot(kData / "robot/arm_description/arm.urdf", within("5%"));
+  const PaddedRobot arm = pad_robot(kRobots / "arm_description/arm.urdf", within("5%"));
   ASSERT_EQ(arm.model.bodies.size(), 4u);
   for (const Body& body : arm.model.bodies) {
     EXPECT_GT(body.cluster.size(), 0u) << body.name;

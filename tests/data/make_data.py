@@ -1,12 +1,9 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""Writes the small meshes of tests/data, so that tests with real files run in every checkout.
+"""make_data.py OUT: writes small meshes into OUT, so that tests with real files run everywhere. CMake runs it, into build/.../data.
 
-  make_data.py            writes them into the folder of this script
-  make_data.py --check    compares them with what stands there; exit code 1 and a sentence for each that differs
-
-It needs only Python's standard library and writes the same bytes on every machine. Every file in formats/ holds the same
-hexagonal nut: 13 mm across its flats, 6 mm high, its bore a polygon of 16 corners with a radius of 4 mm.
+formats/ holds one hexagonal nut in every format: 13 mm across its flats, 6 mm high, its bore a polygon of 16 corners with a
+radius of 4 mm. hard/ holds meshes that are no solids or look like none, malformed/ files that are to be refused.
 """
 import base64
 import io
@@ -17,7 +14,6 @@ import struct
 import sys
 import zipfile
 
-HERE = pathlib.Path(__file__).resolve().parent
 CORNERS = 16  # of the bore, and points along the hexagon
 FLATS, HEIGHT, BORE = 13.0, 6.0, 4.0
 
@@ -63,14 +59,6 @@ def box(size, low=(0.0, 0.0, 0.0)):
 
 def triangles_of(faces):
     return [[f[0], f[k], f[k + 1]] for f in faces for k in range(1, len(f) - 1)]
-
-
-def volume(points, triangles):
-    total = 0.0
-    for a, b, c in triangles:
-        (ax, ay, az), (bx, by, bz), (cx, cy, cz) = points[a], points[b], points[c]
-        total += ax * (by * cz - bz * cy) + ay * (bz * cx - bx * cz) + az * (bx * cy - by * cx)
-    return total / 6
 
 
 def moved(points, by):
@@ -262,202 +250,12 @@ def malformed():
     }
 
 
-FOLDING = '''<?xml version="1.0"?>
-<!-- The arm with joints wide enough that it reaches itself, a mirrored mesh, a capsule, a gripper whose second finger follows the
-     first, and moments that no body has. -->
-<robot name="folding">
-  <link name="base">
-    <collision><geometry><mesh filename="package://arm_description/meshes/base.stl"/></geometry></collision>
-  </link>
-  <link name="upper">
-    <inertial><mass value="2"/><inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.05"/></inertial>
-    <collision><geometry><mesh filename="package://arm_description/meshes/upper.stl"/></geometry></collision>
-  </link>
-  <link name="fore">
-    <collision><geometry><mesh filename="package://arm_description/meshes/fore.stl" scale="1 -1 1"/></geometry></collision>
-  </link>
-  <link name="palm">
-    <collision><origin xyz="0 0 0.03" rpy="1.5707963 0 0"/><geometry><capsule radius="0.03" length="0.06"/></geometry></collision>
-  </link>
-  <link name="finger">
-    <collision><origin xyz="0 0 0.03"/><geometry><box size="0.02 0.01 0.06"/></geometry></collision>
-  </link>
-  <link name="other_finger">
-    <collision><origin xyz="0 0 0.03"/><geometry><box size="0.02 0.01 0.06"/></geometry></collision>
-  </link>
-  <joint name="shoulder" type="revolute">
-    <parent link="base"/><child link="upper"/>
-    <origin xyz="0 0 0.1"/><axis xyz="0 1 0"/><limit lower="-2.9" upper="2.9" effort="10" velocity="1"/>
-  </joint>
-  <joint name="elbow" type="revolute">
-    <parent link="upper"/><child link="fore"/>
-    <origin xyz="0 0 0.3"/><axis xyz="0 1 0.2"/><limit lower="-2.9" upper="2.9" effort="10" velocity="1"/>
-  </joint>
-  <joint name="wrist" type="continuous">
-    <parent link="fore"/><child link="palm"/>
-    <origin xyz="0 0 0.25"/><axis xyz="0 1 0"/>
-  </joint>
-  <joint name="grip" type="prismatic">
-    <parent link="palm"/><child link="finger"/>
-    <origin xyz="0 -0.005 0.06"/><axis xyz="0 -1 0"/><limit lower="0" upper="0.03" effort="5" velocity="1"/>
-  </joint>
-  <joint name="other_grip" type="prismatic">
-    <parent link="palm"/><child link="other_finger"/>
-    <origin xyz="0 0.005 0.06"/><axis xyz="0 1 0"/><limit lower="0" upper="0.03" effort="5" velocity="1"/>
-    <mimic joint="grip"/>
-  </joint>
-</robot>
-'''
-
-NESTED = '''<?xml version="1.0"?>
-<!-- A link that slides inside another: no two surfaces meet. Its first shape is a flake outside. -->
-<robot name="nested">
-  <link name="base"><collision><geometry><box size="0.4 0.4 0.4"/></geometry></collision></link>
-  <link name="post"><collision><geometry><box size="0.02 0.02 0.02"/></geometry></collision></link>
-  <link name="inner">
-    <collision><origin xyz="0.3 0 0"/><geometry><box size="0.01 0.01 0.01"/></geometry></collision>
-    <collision><geometry><box size="0.05 0.05 0.05"/></geometry></collision>
-  </link>
-  <joint name="lift" type="prismatic">
-    <parent link="base"/><child link="post"/><origin xyz="0 0 0.5"/><axis xyz="0 0 1"/>
-    <limit lower="-0.02" upper="0.02" effort="1" velocity="1"/>
-  </joint>
-  <joint name="slide" type="prismatic">
-    <parent link="post"/><child link="inner"/><origin xyz="0 0 -0.5"/><axis xyz="1 0 0"/>
-    <limit lower="-0.02" upper="0.02" effort="1" velocity="1"/>
-  </joint>
-</robot>
-'''
-
-
-SHELLED = '''<?xml version="1.0"?>
-<!-- A link inside an open shell: it touches the walls in some poses, and stands free of them in others. -->
-<robot name="shelled">
-  <link name="shell"><collision><geometry><mesh filename="package://arm_description/meshes/shell.stl"/></geometry></collision></link>
-  <link name="post"><collision><geometry><box size="0.02 0.02 0.02"/></geometry></collision></link>
-  <link name="inner"><collision><geometry><box size="0.05 0.05 0.05"/></geometry></collision></link>
-  <joint name="lift" type="prismatic">
-    <parent link="shell"/><child link="post"/><origin xyz="0 0 0.5"/><axis xyz="0 0 1"/>
-    <limit lower="-0.02" upper="0.02" effort="1" velocity="1"/>
-  </joint>
-  <joint name="slide" type="prismatic">
-    <parent link="post"/><child link="inner"/><origin xyz="0 0 -0.5"/><axis xyz="1 0 0"/>
-    <limit lower="-0.09" upper="0.09" effort="1" velocity="1"/>
-  </joint>
-</robot>
-'''
-
-GRIPPER_PACKAGE = '''<?xml version="1.0"?>
-<package format="3">
-  <name>gripper_description</name>
-  <version>1.0.0</version>
-  <description>A gripper for the tests. The package has another name than its folder.</description>
-  <export><build_type>ament_cmake</build_type></export>
-</package>
-'''
-
-GRIPPER = '''<?xml version="1.0"?>
-<!-- Jaws of 1 x 2 x 4 inches from a COLLADA file in inches, the right one mirrored, in a package of ROS 2 that has another name
-     than its folder. The jaws meet in some poses. -->
-<robot name="gripper">
-  <link name="palm">
-    <inertial><mass value="1"/><inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial>
-    <collision><geometry><box size="0.03 0.2 0.03"/></geometry></collision>
-  </link>
-  <link name="left">
-    <inertial><mass value="0.2"/><inertia ixx="0.001" ixy="0" ixz="0" iyy="0.001" iyz="0" izz="0.001"/></inertial>
-    <collision><geometry><mesh filename="package://gripper_description/meshes/jaw.dae"/></geometry></collision>
-  </link>
-  <link name="right">
-    <inertial><mass value="0.2"/><inertia ixx="0.001" ixy="0" ixz="0" iyy="0.001" iyz="0" izz="0.001"/></inertial>
-    <collision><geometry><mesh filename="package://gripper_description/meshes/jaw.dae" scale="1 -1 1"/></geometry></collision>
-  </link>
-  <joint name="left_slide" type="prismatic">
-    <parent link="palm"/><child link="left"/>
-    <origin xyz="0 0.06 0.07"/><axis xyz="0 1 0"/><limit lower="-0.06" upper="0.02" effort="10" velocity="1"/>
-  </joint>
-  <joint name="right_turn" type="revolute">
-    <parent link="palm"/><child link="right"/>
-    <origin xyz="0 -0.06 0.07"/><axis xyz="1 0 0"/><limit lower="-1" upper="1" effort="10" velocity="1"/>
-  </joint>
-</robot>
-'''
-
-
-def collada_in_inches(points, triangles):
-    numbers = " ".join(f"{x:g}" for p in points for x in p)
-    corners = " ".join(str(i) for t in triangles for i in t)
-    return f"""<?xml version="1.0" encoding="utf-8"?>
-<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
-  <asset><unit name="inch" meter="0.0254"/><up_axis>Z_UP</up_axis></asset>
-  <library_geometries><geometry id="jaw" name="jaw"><mesh>
-    <source id="jaw-points">
-      <float_array id="jaw-array" count="24">{numbers}</float_array>
-      <technique_common><accessor source="#jaw-array" count="8" stride="3"><param name="X" type="float"/><param name="Y" type="float"/><param name="Z" type="float"/></accessor></technique_common>
-    </source>
-    <vertices id="jaw-vertices"><input semantic="POSITION" source="#jaw-points"/></vertices>
-    <triangles count="12"><input semantic="VERTEX" source="#jaw-vertices" offset="0"/><p>{corners}</p></triangles>
-  </mesh></geometry></library_geometries>
-  <library_visual_scenes><visual_scene id="scene"><node id="node"><instance_geometry url="#jaw"/></node></visual_scene></library_visual_scenes>
-  <scene><instance_visual_scene url="#scene"/></scene>
-</COLLADA>
-"""
-
-
-def robot():
-    def link(name, size, low):
-        points, faces = box(size, low)
-        return f"arm_description/meshes/{name}.stl", stl_binary(points, triangles_of(faces))
-    out = dict([link("base", (0.2, 0.2, 0.1), (-0.1, -0.1, 0.0)), link("upper", (0.06, 0.06, 0.3), (-0.03, -0.03, 0.0)),
-                link("fore", (0.04, 0.04, 0.25), (-0.02, -0.02, 0.0))])
-    shape = '<geometry><mesh filename="package://arm_description/meshes/{}.stl"/></geometry>'
-    links = "".join(
-        f'  <link name="{name}">\n    <inertial><mass value="{mass}"/><inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial>\n'
-        f"    <collision>{shape.format(name)}</collision>\n  </link>\n" for name, mass in (("base", 4), ("upper", 2), ("fore", 1)))
-    joints = "".join(
-        f'  <joint name="{child}_joint" type="revolute">\n    <parent link="{parent}"/><child link="{child}"/>\n    <origin xyz="0 0 {z}"/>\n'
-        f'    <axis xyz="0 1 0"/><limit lower="-2" upper="2" effort="10" velocity="1"/>\n  </joint>\n'
-        for parent, child, z in (("base", "upper", 0.1), ("upper", "fore", 0.3)))
-    tool = ('  <link name="tool">\n    <collision><origin xyz="0 0 0.03"/><geometry><cylinder radius="0.03" length="0.06"/></geometry></collision>\n  </link>\n'
-            '  <joint name="tool_joint" type="fixed">\n    <parent link="fore"/><child link="tool"/>\n    <origin xyz="0 0 0.25"/>\n  </joint>\n')
-    out["arm_description/arm.urdf"] = f'<?xml version="1.0"?>\n<robot name="arm">\n{links}{joints}{tool}</robot>\n'
-    out["arm_description/folding.urdf"] = FOLDING
-    out["arm_description/nested.urdf"] = NESTED
-    out["arm_description/shelled.urdf"] = SHELLED
-    points, faces = box((0.2, 0.2, 0.2), (-0.1, -0.1, -0.1))
-    out["arm_description/meshes/shell.stl"] = stl_binary(points, triangles_of(faces[1:]))
-    points, faces = box((1, 2, 4), (-0.5, -1, -2))
-    out["gripper_of_ros2/package.xml"] = GRIPPER_PACKAGE
-    out["gripper_of_ros2/meshes/jaw.dae"] = collada_in_inches(points, triangles_of(faces))
-    out["gripper_of_ros2/urdf/gripper.urdf"] = GRIPPER
-    out["robots.txt"] = ("# What tests/tools/robots/table.py pads in every run: name, file, options of pad.\n"
-                         "folding   arm_description/folding.urdf\n"
-                         "nested    arm_description/nested.urdf\n"
-                         "shelled   arm_description/shelled.urdf\n"
-                         "gripper   gripper_of_ros2/urdf/gripper.urdf\n")
-    return out
-
-
-def main():
-    made = {}
-    for folder, files in (("formats", formats()), ("hard", hard()), ("malformed", malformed()), ("robot", robot())):
+def main(out):
+    for folder, files in (("formats", formats()), ("hard", hard()), ("malformed", malformed())):
+        (out / folder).mkdir(parents=True, exist_ok=True)
         for name, content in files.items():
-            made[HERE / folder / name] = content.encode() if isinstance(content, str) else content
-    if "--check" not in sys.argv:
-        for path, content in made.items():
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_bytes(content)
-        points, faces = nut()
-        print(f"{len(made)} files, {sum(map(len, made.values()))} bytes; the nut has {len(triangles_of(faces))} triangles and "
-              f"{volume(points, triangles_of(faces)):.6f} mm3")
-        return 0
-    wrong = [f"{path.relative_to(HERE)} is not what make_data.py writes: run it" for path, content in made.items()
-             if not path.exists() or path.read_bytes() != content]
-    stood = {p for folder in ("formats", "hard", "malformed", "robot") for p in (HERE / folder).rglob("*") if p.is_file()}
-    wrong += [f"{path.relative_to(HERE)} is not written by make_data.py: add it there, or remove it" for path in sorted(stood - set(made))]
-    print("\n".join(wrong) or f"{len(made)} files are as make_data.py writes them")
-    return 1 if wrong else 0
+            (out / folder / name).write_bytes(content.encode() if isinstance(content, str) else content)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main(pathlib.Path(sys.argv[1]))

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <random>
 #include <string>
 #include <vector>
@@ -15,6 +16,13 @@
 #include "tests/detect/print.h"
 
 namespace padder::detect {
+
+// For a test with input that is new in each run: prints the seed with which it can be made again.
+inline std::mt19937_64 random_of_new_seed() {
+  const std::uint32_t seed = std::random_device{}();
+  std::printf("seed %u\n", seed);
+  return std::mt19937_64(seed);
+}
 
 inline std::ostream& operator<<(std::ostream& out, const Pair& p) {
   return out << "(" << p.i << ", " << p.j << ")";
@@ -57,11 +65,11 @@ inline bool oracle_admits(std::uint32_t fa, std::uint32_t ma, std::uint32_t fb, 
   return true;
 }
 
-// The exact test for spheres of any size. If the longest of its four lengths is very large or very small, all
-// are scaled by a power of two so that it is between 0.5 and 1. Then no square that matters overflows or
-// underflows.
-inline bool oracle_touching(const Sphere& a, const Sphere& b) {
-  double v[4] = {b.x - a.x, b.y - a.y, b.z - a.z, a.r + b.r}, longest = 0;
+// The exact test for spheres of any size, whose gap may be as large as the margin. If the longest of its four
+// lengths is very large or very small, all are scaled by a power of two so that it is between 0.5 and 1. Then
+// no square that matters overflows or underflows.
+inline bool oracle_touching(const Sphere& a, const Sphere& b, double margin = 0) {
+  double v[4] = {b.x - a.x, b.y - a.y, b.z - a.z, a.r + b.r + margin}, longest = 0;
   for (const double c : v) longest = std::max(longest, std::abs(c));
   int exponent = 0;
   if (!(longest > 1e-50 && longest < 1e50)) {
@@ -71,22 +79,6 @@ inline bool oracle_touching(const Sphere& a, const Sphere& b) {
   const volatile double x = v[0] * v[0], y = v[1] * v[1], z = v[2] * v[2];
   const volatile double xy = x + y, d2 = xy + z, r2 = v[3] * v[3];  // volatile: no operation is fused
   return d2 <= r2;
-}
-
-inline std::vector<Pair> brute_force(const TestScene& s) {
-  std::vector<Pair> pairs;
-  const auto n = static_cast<std::uint32_t>(s.spheres.size());
-  for (std::uint32_t i = 0; i < n; i++)
-    for (std::uint32_t j = i + 1; j < n; j++) {
-      const Sphere &a = s.spheres[i], &b = s.spheres[j];
-      if (!oracle_touching(a, b)) continue;
-      if (!s.family.empty() || !s.mask.empty()) {
-        const auto at = [](const auto& v, std::uint32_t k) { return v.empty() ? 0u : v[k]; };
-        if (!oracle_admits(at(s.family, i), at(s.mask, i), at(s.family, j), at(s.mask, j))) continue;
-      }
-      pairs.push_back({i, j});
-    }
-  return pairs;
 }
 
 inline std::vector<Pair> sorted(std::span<const Pair> pairs) {
@@ -115,6 +107,56 @@ struct Arranged {
   }
   Arranged(const Arranged&) = delete;
 };
+
+// A sphere of the input as the oracle sees it. body 0: it is loose.
+struct Seen {
+  Sphere sphere;
+  std::uint32_t family, mask, world, body;
+  bool is_static;
+};
+inline std::vector<Seen> seen(const Input& in) {
+  std::vector<Seen> all;
+  for (std::size_t b = 0; b < in.bodies.size(); b++) {
+    const Body& body = in.bodies[b];
+    for (std::uint64_t k = 0; k < in.shapes[body.shape].count; k++)
+      all.push_back({placed(body, in.shapes[body.shape].spheres[k]), body.family, body.mask, body.world,
+                     static_cast<std::uint32_t>(b + 1), body.is_static});
+  }
+  const Spheres& s = in.spheres;
+  const auto number = [&](const void* numbers, std::uint64_t k) {
+    return s.scalar == Scalar::f64 ? static_cast<const double*>(numbers)[k]
+                                   : static_cast<const float*>(numbers)[k];
+  };
+  for (std::uint64_t k = 0; k < s.count; k++) {
+    const std::uint64_t c = k * s.center_stride;
+    all.push_back({{number(s.centers, c), number(s.centers, c + 1), number(s.centers, c + 2),
+                    number(s.radii, k * s.radius_stride)},
+                   s.family ? s.family[k] : 0,
+                   s.mask ? s.mask[k] : 0,
+                   s.world ? s.world[k] : s.world_of_all,
+                   0,
+                   s.is_static && s.is_static[k]});
+  }
+  return all;
+}
+inline bool oracle_meets(const Seen& a, const Seen& b) {
+  if (a.is_static && b.is_static) return false;
+  if (a.body != 0 && a.body == b.body) return false;
+  if (a.world != b.world && a.world != kEveryWorld && b.world != kEveryWorld) return false;
+  return oracle_admits(a.family, a.mask, b.family, b.mask);
+}
+// Every contact of the input, ascending.
+inline std::vector<Pair> oracle(const Input& in, const CallOptions& o = {}) {
+  const std::vector<Seen> all = seen(in);
+  std::vector<Pair> pairs;
+  for (std::uint32_t i = 0; i < all.size(); i++)
+    for (std::uint32_t j = i + 1; j < all.size(); j++)
+      if (oracle_touching(all[i].sphere, all[j].sphere, o.margin) && oracle_meets(all[i], all[j]) &&
+          owns(o.own, midpoint(all[i].sphere, all[j].sphere)))
+        pairs.push_back({i, j});
+  return pairs;
+}
+inline std::vector<Pair> brute_force(const TestScene& s) { return oracle(Arranged(s, Scalar::f64).input); }
 
 // n spheres at uniform places of a cube. The volume of the cube is `per_sphere` times the sum of the cubes of
 // the diameters. Radii are from 1 to `ratio`; small ones are far more frequent.

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""corpus.py OUT BIN: seeds for the fuzz targets: the small meshes of tests/data, what pad exports of a cube, and scenes."""
+"""corpus.py OUT BIN: seeds for the fuzz targets: the small meshes of the tests, what pad exports of a cube, and scenes."""
 import json
 import pathlib
 import shutil
@@ -17,10 +17,10 @@ def main(out, programs):
     out = pathlib.Path(out)
     shutil.rmtree(out, ignore_errors=True)
     out.mkdir(parents=True)
-    for folder in ("formats", "hard", "malformed", "robot"):
-        for file in (ROOT / "tests/data" / folder).rglob("*"):
+    for folder in (*(pathlib.Path(programs).parent / "data").iterdir(), ROOT / "tests/data/robot"):
+        for file in folder.rglob("*"):
             if file.is_file() and file.stat().st_size < 20000:
-                shutil.copy(file, out / f"{folder}_{file.name}")
+                shutil.copy(file, out / f"{folder.name}_{file.name}")
     (out / "cube.obj").write_text(CUBE)
     for ending in ENDINGS:
         subprocess.run([f"{programs}/pad", out / "cube.obj", "-q", "--tolerance", "20%", "--effort", "0", "-o", out / f"cube.{ending}"], check=True)

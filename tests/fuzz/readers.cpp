@@ -2,7 +2,6 @@
 // Every reader of files. What one returns must be sound: indices in range, numbers finite where that is
 // promised, and a cluster that is written reads back as the same cluster. An Error must be a sentence of sane
 // length.
-#include <unistd.h>
 
 #include <algorithm>
 #include <array>
@@ -12,6 +11,7 @@
 
 #include "detect/scene/loose.h"
 #include "detect/scene/scene.h"
+#include "padding/asset/child.h"
 #include "padding/asset/error.h"
 #include "padding/asset/file.h"
 #include "padding/import/import.h"
@@ -21,6 +21,7 @@
 #include "padding/input/urdf.h"
 #include "padding/mjcf/mjcf.h"
 #include "tests/fuzz/targets.h"
+#include "tests/temporary_folder.h"
 
 namespace padder::fuzz {
 namespace {
@@ -30,6 +31,7 @@ namespace fs = std::filesystem;
 template <class Work>
 void expect_answer(const Work& work) {
   try {
+    read_here(true);  // so that the fuzzer sees which branches an input takes
     work();
   } catch (const Error& e) {
     const std::string said = e.what();
@@ -40,21 +42,9 @@ void expect_answer(const Work& work) {
 }
 
 // A folder of this process, for readers that take a path.
-struct Folder {
-  Folder() {
-    std::string name = (fs::temp_directory_path() / "padder-fuzz-XXXXXX").string();
-    if (!::mkdtemp(name.data())) wrong("no folder for files");
-    path = name;
-  }
-  ~Folder() {
-    std::error_code code;
-    fs::remove_all(path, code);
-  }
-  fs::path path;
-};
 const fs::path& folder() {
-  static const Folder made;
-  return made.path;
+  static const TemporaryFolder made;
+  return made.path();
 }
 
 fs::path put(std::string_view bytes, const char* name) {
@@ -78,8 +68,7 @@ void check(const Cluster& c) {
       wrong("sphere " + std::to_string(k) + " is none");
 }
 
-// The formats that are read here, with the triangulation behind the reader; in this process, so that the
-// fuzzer sees which branches an input takes.
+// The formats that are read here, with the triangulation behind the reader.
 template <const char* Ending>
 void read_format(std::string_view bytes) {
   expect_answer([&] {
@@ -113,7 +102,10 @@ void read_by_assimp(std::string_view bytes) {
                      : bytes.starts_with("; FBX")    ? "a.fbx"
                      : bytes.starts_with("\x4d\x4d") ? "a.3ds"
                                                      : "a.stl";
-  expect_answer([&] { check(read_mesh(put(bytes, name)).mesh); });
+  expect_answer([&] {
+    read_here(false);
+    check(read_mesh(put(bytes, name)).mesh);
+  });
 }
 
 // Robots, and the spheres that such a file may hold instead.

@@ -7,7 +7,7 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 
-#include "padding/asset/error.h"
+#include "tests/error_of.h"
 
 namespace padder {
 namespace {
@@ -81,16 +81,11 @@ Box box(double x, double y, double z) {
 TEST(PadOptions, WhatCannotBeMeantForThePartIsRefusedUnlessForced) {
   const Box cube = box(1, 1, 1), plate = box(1, 1, 1e-3);
   const auto refused = [](PadOptions options, const Box& b) {
-    bool thrown = false;
-    try {
-      check_meant(options, b, "part.obj");
-    } catch (const Error& e) {
-      thrown = true;
-      EXPECT_EQ(std::string(e.what()).rfind("part.obj: ", 0), 0u) << e.what();
-    }
+    const std::string said = error_of([&] { check_meant(options, b, "part.obj"); });
+    if (!said.empty()) EXPECT_EQ(said.rfind("part.obj: ", 0), 0u) << said;
     options.force = true;
     EXPECT_NO_THROW(check_meant(options, b, "part.obj"));
-    return thrown;
+    return !said.empty();
   };
   const auto tolerance = [](double value, bool share) {
     return with([&](PadOptions& o) { o.tolerance = share ? Length::share(value) : Length::of(value); });

@@ -41,8 +41,7 @@ TEST(Pad, ClosedFormsAreMetWithinTheCaps) {
                         {"plate 1000:1", shapes::box({0, 0, 0}, {1, 1, 0.001}), 0.001}};
   for (const auto& [name, mesh, volume] : cases) {
     SCOPED_TRACE(name);
-    PadOptions options;
-    options.edge_length = Length::share(0.04);
+    PadOptions options{.edge_length = Length::share(0.04)};
     const Padded p = pad(as_file(mesh), options);
     const double cap = options.depth_ratio_used() * p.report.quality.circumradius_max;
     EXPECT_LE(p.cluster.accuracy.protrusion_max, cap * 1.001);
@@ -59,14 +58,12 @@ TEST(Pad, NoSphereIsRefused) {
   const auto refused = [](const Mesh& mesh, const PadOptions& options, const std::string& says) {
     EXPECT_TRUE(refuses([&] { const Padded p = pad(as_file(mesh), options); }, says));
   };
-  PadOptions inner;
-  inner.tolerance = Length::share(0.05), inner.protrusion = Length::of(0);
+  PadOptions inner{.tolerance = Length::share(0.05), .protrusion = Length::of(0)};
   refused(shapes::square(1), inner, "part.obj: no sphere lies inside of it");
   Mesh bar = shapes::box({0, 0, 0}, {1, 1e-4, 1e-4}), crossing = bar;
   for (Point p : bar.points) crossing.points.push_back(Point(p.y() + 0.5, p.x() - 0.5, p.z()));
   for (auto t : bar.triangles) crossing.triangles.push_back({t[1] + 8, t[0] + 8, t[2] + 8});
-  PadOptions coarse;
-  coarse.depth_ratio = 0.3, coarse.edge_length = Length::share(0.1), coarse.force = true;
+  PadOptions coarse{.depth_ratio = 0.3, .edge_length = Length::share(0.1), .force = true};
   refused(crossing, coarse, "use a shorter --edge-length");
 }
 
@@ -87,8 +84,7 @@ TEST(Pad, MovedAndScaledInputGivesTheSameSpheresMovedAndScaled) {
     SCOPED_TRACE("seed " + std::to_string(seed));
     shapes::RandomInput random(seed);
     const Mesh mesh = shapes::blob(random);
-    PadOptions options;
-    options.edge_length = Length::share(0.06);
+    PadOptions options{.edge_length = Length::share(0.06)};
     const Cluster plain = pad(as_file(mesh), options).cluster;
     const double s = std::exp(random.uniform(-9, 9));
     const Vector shift = s * random.point(2);
@@ -128,9 +124,7 @@ TEST(Pad, TinyAndHugeBodies) {
     SCOPED_TRACE(s);
     const Mesh mesh =
         moved(shapes::box({0, 0, 0}, {1, 1, 1}), [&](const Point& p) -> Point { return s * p; });
-    PadOptions options;
-    options.edge_length = Length::share(0.05);
-    const Padded p = pad(as_file(mesh), options);
+    const Padded p = pad(as_file(mesh), {.edge_length = Length::share(0.05)});
     EXPECT_NEAR(p.cluster.mass.volume / std::pow(s, 3), 1, 1e-9);
     EXPECT_LT(p.cluster.accuracy.gap_max, 0.02 * s);
   }
@@ -147,9 +141,7 @@ TEST(Pad, FarFromTheOriginKeepsItsDigits) {
 TEST(Pad, WhatCannotBeWrittenDownIsNotCertified) {
   const Mesh mesh = moved(shapes::box({0, 0, 0}, {1, 1, 1}),
                           [](const Point& p) -> Point { return p + Point(1e15, 1e15, 1e15); });
-  PadOptions options;
-  options.tolerance = Length::share(0.01);
-  const Padded p = pad(as_file(mesh), options);
+  const Padded p = pad(as_file(mesh), {.tolerance = Length::share(0.01)});
   EXPECT_FALSE(p.cluster.accuracy.certified);
   EXPECT_NE(p.report.reason.find("move the mesh"), std::string::npos) << p.report.reason;
 }
@@ -178,8 +170,7 @@ TEST(Pad, AToleranceIsKeptAndProved) {
     EXPECT_LE(a.protrusion_bound, asked);
     EXPECT_LE(a.gap_bound, asked);
     EXPECT_EQ(p.report.triangles_remeshed, 0u);
-    PadOptions by_depth;
-    by_depth.edge_length = Length::share(0.02);
+    PadOptions by_depth{.edge_length = Length::share(0.02)};
     EXPECT_LT(p.cluster.size(), pad(as_file(mesh), by_depth).cluster.size() / 4);
   }
 }
@@ -188,9 +179,7 @@ TEST(Pad, ASphereIsOneSphere) { EXPECT_EQ(by_tolerance(shapes::sphere(4), 0.02).
 
 TEST(Pad, ATighterToleranceOnDepthThinsLess) {
   const Mesh mesh = shapes::torus(1, 0.3, 60, 20);
-  PadOptions options;
-  options.depth_ratio = 0.3;
-  options.edge_length = Length::share(0.03);
+  PadOptions options{.depth_ratio = 0.3, .edge_length = Length::share(0.03)};
   const std::size_t all = pad(as_file(mesh), options).cluster.size();
   options.effort = 0;
   const std::size_t loose = by_tolerance(mesh, 0.02, options).cluster.size();
@@ -201,8 +190,7 @@ TEST(Pad, ATighterToleranceOnDepthThinsLess) {
 }
 
 TEST(Pad, ACountIsKept) {
-  PadOptions options;
-  options.effort = 0;
+  PadOptions options{.effort = 0};
   options.max_spheres = 12;
   const Padded few = pad(as_file(shapes::torus(1, 0.3, 60, 20)), options);
   options.max_spheres = 30;
@@ -214,8 +202,7 @@ TEST(Pad, ACountIsKept) {
 }
 
 TEST(Pad, ALadderHasEachRungProvedAndIsReadBack) {
-  PadOptions options;
-  options.lod = {Length::share(0.01), Length::share(0.04), Length::share(0.02)};
+  PadOptions options{.lod = {Length::share(0.01), Length::share(0.04), Length::share(0.02)}};
   const Padded p = pad(as_file(shapes::torus(1, 0.3, 60, 20)), options);
   ASSERT_EQ(p.cluster.lods.size(), 2u);
   EXPECT_NEAR(p.cluster.lods[0].tolerance, 0.04 * p.report.diagonal, 1e-12);
@@ -241,9 +228,7 @@ TEST(Pad, WhatAGrainCannotReachIsNotPadded) {
       if ((c.centers[k] - Point(0.5, 0.5, 0.6)).norm() < c.radii[k]) return true;
     return false;
   };
-  PadOptions options;
-  options.effort = 0;
-  options.min_grain_radius = Length::of(0.02);
+  PadOptions options{.effort = 0, .min_grain_radius = Length::of(0.02)};
   EXPECT_FALSE(in_slot(by_tolerance(mesh, 0.02, options).cluster));
   options.min_grain_radius = Length::of(0.15);
   const Padded closed = by_tolerance(mesh, 0.02, options);
@@ -252,8 +237,7 @@ TEST(Pad, WhatAGrainCannotReachIsNotPadded) {
 }
 
 TEST(Pad, RadiusLimitsAreKept) {
-  PadOptions options;
-  options.max_radius = Length::of(0.1);
+  PadOptions options{.max_radius = Length::of(0.1)};
   const Cluster c = by_tolerance(shapes::box({0, 0, 0}, {1, 1, 1}), 0.02, options).cluster;
   for (const double r : c.radii) EXPECT_LE(r, 0.1 * (1 + 1e-9));
   EXPECT_TRUE(c.accuracy.certified);
@@ -315,9 +299,7 @@ TEST(Pad, ASheetOfABodyIsMarked) {
   const auto n = static_cast<std::uint32_t>(mesh.points.size());
   mesh.points.insert(mesh.points.end(), {{0.2, 0.5, 1}, {0.8, 0.5, 1}, {0.8, 0.5, 1.4}, {0.2, 0.5, 1.4}});
   mesh.triangles.insert(mesh.triangles.end(), {{n, n + 1, n + 2}, {n, n + 2, n + 3}});
-  PadOptions quick;
-  quick.effort = 0;
-  const Padded p = by_tolerance(mesh, 0.05, quick);
+  const Padded p = by_tolerance(mesh, 0.05, {.effort = 0});
   EXPECT_EQ(p.report.kind, BodyKind::solid);
   EXPECT_TRUE(p.cluster.accuracy.certified);
   ASSERT_EQ(p.marks.size(), 1u);
@@ -330,10 +312,7 @@ TEST(Pad, ASheetOfABodyIsMarked) {
 TEST(Pad, CrossingPiecesMakeNoMoreSpheresByDepthThanTheirAreaAsksFor) {
   const Mesh mesh =
       joined(shapes::box({0, 0, 0}, {1, 1, 1}), shapes::box({1e-6, 1e-5, 0.3}, {1.5, 0.7, 0.8}));
-  PadOptions options;
-  options.depth_ratio = 0.2;
-  options.edge_length = Length::of(0.05);
-  const Padded p = pad(as_file(mesh), options);
+  const Padded p = pad(as_file(mesh), {.depth_ratio = 0.2, .edge_length = Length::of(0.05)});
   EXPECT_TRUE(p.cluster.accuracy.certified);
   EXPECT_LT(p.report.quality.share_under_20_deg, 0.02);
   EXPECT_GT(p.report.quality.min_angle_deg, 10);
@@ -344,8 +323,7 @@ TEST(Pad, CrossingPiecesMakeNoMoreSpheresByDepthThanTheirAreaAsksFor) {
 TEST(Pad, EachFigureSaysWhatItWasProvedAgainst) {
   const auto basis = [](const Padded& p) { return p.cluster.accuracy.proved_against; };
   const Mesh box = shapes::box({0, 0, 0}, {1, 1, 1}, 24);
-  PadOptions quick;
-  quick.effort = 0;
+  PadOptions quick{.effort = 0};
   const Padded whole = by_tolerance(box, 0.05, quick);
   EXPECT_EQ(basis(whole), SurfaceKind::input);
   EXPECT_EQ(whole.report.reason, "");
@@ -389,8 +367,7 @@ TEST(Pad, AWrapKeepsTheToleranceAgainstTheInput) {
     SCOPED_TRACE("slit of " + std::to_string(width));
     const Mesh slit = joined(shapes::box({0, 0, 0}, {side, side, 0.4 - 0.5 * width}, 2),
                              shapes::box({0, 0, 0.4 + 0.5 * width}, {side, side, 0.8}, 2));
-    PadOptions options;
-    options.effort = 0, options.repair = RepairMode::wrap;
+    PadOptions options{.effort = 0, .repair = RepairMode::wrap};
     const Padded p = by_tolerance(slit, tolerance, options);
     EXPECT_EQ(p.report.kind, BodyKind::wrap);
     EXPECT_TRUE(p.cluster.accuracy.certified) << p.report.reason;
@@ -422,9 +399,7 @@ TEST(Pad, AWrapOfLooseTrianglesIsCertified) {
       for (int j = 0; j < 3; j++) soup.points.push_back(at + random.point(0.25));
       soup.triangles.push_back({3 * k, 3 * k + 1, 3 * k + 2});
     }
-    PadOptions options;
-    options.effort = 0, options.repair = RepairMode::wrap;
-    const Padded p = by_tolerance(soup, 0.03, options);
+    const Padded p = by_tolerance(soup, 0.03, {.effort = 0, .repair = RepairMode::wrap});
     EXPECT_TRUE(p.cluster.accuracy.certified) << p.report.reason;
     EXPECT_TRUE(p.report.slots.empty());
     EXPECT_LE(p.cluster.accuracy.wrap_distance, p.report.tolerance);
@@ -474,12 +449,10 @@ TEST(Pad, ASpikeWithoutAreaIsSurfaceToo) {
 TEST(Pad, EachSphereTouchesItsTriangleOfTheMesh) {
   const auto move = [](const Point& p) -> Point { return 20 * p + Point(300, -50, 7); };
   const Mesh torus = moved(shapes::torus(1, 0.3, 60, 20), move);
-  PadOptions by_depth;
-  by_depth.edge_length = Length::share(0.04);
+  PadOptions by_depth{.edge_length = Length::share(0.04)};
   PadOptions thinned = by_depth;
   thinned.depth_ratio = 0.2, thinned.tolerance = Length::share(0.01);
-  PadOptions by_tolerance;
-  by_tolerance.tolerance = Length::share(0.02);
+  PadOptions by_tolerance{.tolerance = Length::share(0.02)};
   for (const PadOptions& options : {by_depth, thinned, by_tolerance}) {
     const Padded p = pad(as_file(torus), options);
     if (options.by_depth())
@@ -499,23 +472,19 @@ TEST(Pad, EachSphereTouchesItsTriangleOfTheMesh) {
 }
 
 TEST(Pad, RefusesWhatCannotBeDone) {
-  PadOptions options;
-  options.depth_ratio = 2;
+  PadOptions options{.depth_ratio = 2};
   EXPECT_THROW(pad(as_file(shapes::sphere(1)), options), Error);
   Mesh point;
   point.points = {{1, 1, 1}};
   point.triangles = {{0, 0, 0}};
   EXPECT_THROW(pad(as_file(point), {}), Error);
   EXPECT_THROW(pad_file("no_such_file.obj", {}, {}), Error);
-  PadOptions both;
-  both.lod = {Length::share(0.01)};
+  PadOptions both{.lod = {Length::share(0.01)}};
   both.tolerance = Length::share(0.01);
   EXPECT_THROW(pad(as_file(shapes::sphere(2)), both), Error);
-  PadOptions negative;
-  negative.tolerance = Length::of(-1);
+  PadOptions negative{.tolerance = Length::of(-1)};
   EXPECT_THROW(pad(as_file(shapes::sphere(2)), negative), Error);
-  PadOptions beyond;
-  beyond.tolerance = Length::share(2);
+  PadOptions beyond{.tolerance = Length::share(2)};
   EXPECT_THROW(pad(as_file(shapes::sphere(2)), beyond), Error);
   beyond.force = true;
   EXPECT_EQ(pad(as_file(shapes::sphere(2)), beyond).cluster.size(), 1u);

@@ -1,14 +1,15 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// consumer_npm_test.mjs BIN: what pad writes, read by programs that npm has: the loaders of three.js (.glb, .usda, .stl, .ply, .obj)
-// and the official build of MuJoCo (.xml). Leaves with 77, and a sentence, where they are not there.
+// consumer_npm_test.mjs BIN: what pad writes, read by programs that npm has: the loaders of three.js (.glb, .usda, .stl, .ply, .obj),
+// TinyUSDZ (.usda) and the official build of MuJoCo (.xml). Leaves with 77, and a sentence, where they are not there.
 import {execFileSync} from 'node:child_process';
 import {existsSync, mkdtempSync, readFileSync, rmSync, writeFileSync} from 'node:fs';
 import {tmpdir} from 'node:os';
 import {join, resolve} from 'node:path';
 import {pathToFileURL} from 'node:url';
+import {readUsd} from './usd.mjs';
 
 const bin = resolve(process.argv[2]), packages = join(bin, '../page/work/node_modules');
-for (const name of ['three', 'mujoco-js'])
+for (const name of ['three', 'mujoco-js', 'tinyusdz'])
   if (!existsSync(join(packages, name))) {
     console.log(`skipped: ${name} is not there (cmake --build BUILD --target page fetches it)`);
     process.exit(77);
@@ -58,6 +59,14 @@ try {
   usd.traverse((o) => o.isMesh && balls.push(o));
   near('usda: spheres', balls.length, radii.length, 0);
   nearBox('usda', usd, ...upright);
+  const tiny = await readUsd(packages, join(folder, 'seen.usda'));
+  near('TinyUSDZ: spheres', tiny.spheres.length, radii.length, 0);
+  tiny.spheres.forEach((place, k) => place.forEach((x, i) => near(`TinyUSDZ: place of sphere ${k}`, x, centers[k][i], 1e-15)));
+  tiny.radii.forEach((r, k) => near(`TinyUSDZ: radius of sphere ${k}`, r, radii[k], 1e-15));
+  near('TinyUSDZ: mass', tiny.numbers('physics:mass')[0], 2000, 0.01);
+  // A file that is not as it should be is found out.
+  writeFileSync(join(folder, 'bad.usda'), readFileSync(join(folder, 'seen.usda'), 'utf8').replace('float3 physics:diagonalInertia = (', '$&1, '));
+  if (await readUsd(packages, join(folder, 'bad.usda')).then(() => true, () => false)) throw new Error('TinyUSDZ accepts anything');
 
   for (const [file, name] of [['seen.stl', 'STLLoader'], ['seen.ply', 'PLYLoader']]) {
     pad('-o', file);
@@ -75,7 +84,7 @@ try {
   const model = mujoco.MjModel.loadFromXML('/seen.xml');
   near('mujoco: geoms', model.ngeom, radii.length, 0);
   near('mujoco: mass', model.body_mass[1], 2000, 0.01);
-  console.log(`three.js ${three.REVISION}, MuJoCo ${mujoco.mj_versionString()}: ${radii.length} spheres in each file`);
+  console.log(`three.js ${three.REVISION}, TinyUSDZ, MuJoCo ${mujoco.mj_versionString()}: ${radii.length} spheres in each file`);
 } finally {
   rmSync(folder, {recursive: true});
 }

@@ -91,6 +91,13 @@ class HostileTest(unittest.TestCase):
             "entities.dae": '<?xml version="1.0"?>' + entities + '<COLLADA version="1.4.1">&m;</COLLADA>',
         }, "pad", *QUICK)
 
+    def test_deep_and_long_yaml(self):
+        sphere = "{center: [0, 0, 0], radius: 1}"
+        aliases = f"a0: &a0 {sphere}\n" + "".join(f"a{k}: &a{k} [{', '.join([f'*a{k - 1}'] * 10)}]\n" for k in range(1, 10))
+        self.refused({"deep.yaml": "collision_spheres: " + "[" * 200000, "aliases.yaml": aliases + "collision_spheres: {l: *a9}",
+                      "itself.yaml": "collision_spheres: &a {l: *a}", "open.xrdf": "geometry: " + "{a: " * 200000,
+                      "indented.yaml": "collision_spheres:\n" + "".join(" " * k + "a:\n" for k in range(1, 3000))}, "pad", "-o", "a.npz")
+
     def test_deep_and_long_json(self):
         deep = 10**6
         cluster = '{"format": "padder.cluster", "version": 1, "spheres": {"centers": %s, "radii": [1]}}'
@@ -187,6 +194,9 @@ class HostileTest(unittest.TestCase):
         self.assertEqual(done.returncode, 0, done.stderr)
         json.loads(done.stdout)
         self.sentence("pad", "a" * 300 + ".obj")
+        for words in (["-o", "a" * 300], ["--preview", "a" * 300], ["--unit", "new\nline"]):
+            self.put("cube.obj", CUBE)
+            self.sentence("pad", "cube.obj", *QUICK, *words, code=2 if "--unit" in words else 1)
 
     def as_nobody(self):
         """Root may write everywhere."""

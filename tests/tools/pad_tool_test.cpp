@@ -6,6 +6,7 @@
 #include <sstream>
 
 #include "padding/asset/cluster.h"
+#include "tests/padding/shapes.h"
 #include "tests/program_test.h"
 
 namespace padder {
@@ -15,6 +16,13 @@ namespace fs = std::filesystem;
 using Json = nlohmann::json;
 
 const fs::path kAssets = PADDER_ASSETS;
+
+std::string obj_of(const Mesh& mesh) {
+  std::ostringstream out;
+  for (const Point& p : mesh.points) out << "v " << p.transpose() << "\n";
+  for (const auto& t : mesh.triangles) out << "f " << t[0] + 1 << " " << t[1] + 1 << " " << t[2] + 1 << "\n";
+  return out.str();
+}
 
 class Pad : public ProgramTest {
  protected:
@@ -39,11 +47,7 @@ class Pad : public ProgramTest {
     put_.insert((folder_ / name).string());
     return name;
   }
-  std::string cube(const std::string& name) {
-    return put(name,
-               "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nv 0 0 1\nv 1 0 1\nv 0 1 1\nv 1 1 1\nf 1 3 4 2\nf 5 6 8 "
-               "7\nf 1 2 6 5\nf 3 7 8 4\nf 1 5 7 3\nf 2 4 8 6\n");
-  }
+  std::string cube(const std::string& name) { return put(name, obj_of(shapes::box({0, 0, 0}, {1, 1, 1}))); }
 
   static void expect_one_sentence(const Outcome& run, int code) {
     EXPECT_EQ(run.code, code) << run.err;
@@ -72,76 +76,37 @@ TEST_F(Pad, WrongUsageReturns2WithOneSentenceAndWritesNothing) {
   fs::create_directory(folder_ / "sub");
   write_file(folder_ / "sub" / "a.obj", read_file(folder_ / "a.obj"));
   put_.insert((folder_ / "sub" / "a.obj").string());
-  for (const char* arguments : {
-           "",
-           "--no-such-option a.obj",
-           "a.obj --depth",
-           "a.obj --depth x",
-           "a.obj --unit ft",
-           "a.obj --scale 0",
-           "a.obj --scale -1",
-           "a.obj --repair perhaps",
-           "a.obj --tolerance 0",
-           "a.obj --tolerance -1%",
-           "a.obj --max-spheres 0",
-           "a.obj --lod 2%,x",
-           "a.obj --balance both",
-           "a.obj --effort 4",
-           "a.obj --smooth 0",
-           "a.obj --edge-length 0",
-           "a.obj --edge-length -1%",
-           "a.obj --edge-length x%",
-           "a.obj --family -1",
-           "a.obj --family 4294967296",
-           "a.obj --mask 1.5",
-           "a.obj --threads 0",
-           "a.obj --threads x",
-           "a.obj sub/a.obj",
-           "a.obj sub/a.obj -o both.spheres.json",
-           "a.obj -o a.unknown",
-           "a.obj --tolerance 5 %",  // two words
-           "a.obj --tolerance 5%%",
-           "a.obj --tolerance 5%x",
-           "a.obj --tolerance '5%% '",
-           "a.obj --tolerance nan%",
-           "a.obj --tolerance inf",
-           "a.obj --tolerance 0x10%",
-           "a.obj --tolerance 1e999",
-           "a.obj --tolerance +5%",
-           "a.obj --tolerance '% 5'",
-           "a.obj --edge-length nan",
-           "a.obj --max-radius inf",
-           "a.obj --min-radius 0x1",
-           "a.obj --reach ''",
-           "a.obj --lod 2%,nan",
-           "a.obj --depth nan",
-           "a.obj --depth 0x1p-3",
-           "a.obj --depth ' 0.2'",
-           "a.obj --scale inf",
-           "a.obj --scale 0x2",
-           "a.obj --scale 2x",
-           "a.obj --density nan",
-           "a.obj --smooth inf",
-           "a.obj --sharp-angle nan",
-           "a.obj --effort 0x1",
-           "a.obj --effort 1.5",
-           "a.obj --max-spheres -1",
-           "a.obj --max-spheres 010",
-           "a.obj --max-spheres 1e3",
-           "a.obj --max-spheres 99999999999999999999",
-           "a.obj --family 010",
-           "a.obj --mask 0x",
-           "a.obj --mask 0x1ffffffff",
-           "a.obj --threads 100000",
-           "a.obj --threads 0x2",
-           "a.obj --threads -1",
-           "a.obj --write-mesh a.glb",
-           "a.obj --write-mesh a.obj",  // the input
-           "a.obj a.stl --write-mesh both.obj",
-           "a.urdf --write-mesh a.obj",
-           "a.obj --robot-spheres 10",
-           "a.obj --joint elbow=1",
-       }) {
+  const std::pair<std::string, std::vector<std::string>> wrong[] = {
+      {"--depth", {"x", "nan", "0x1p-3", "' 0.2'"}},
+      {"--unit", {"ft"}},
+      {"--scale", {"0", "-1", "inf", "0x2", "2x"}},
+      {"--repair", {"perhaps"}},
+      {"--tolerance",
+       {"0", "-1%", "5 %", "5%%", "5%x", "'5%% '", "nan%", "inf", "0x10%", "1e999", "+5%", "'% 5'"}},
+      {"--max-spheres", {"0", "-1", "010", "1e3", "99999999999999999999"}},
+      {"--lod", {"2%,x", "2%,nan"}},
+      {"--balance", {"both"}},
+      {"--effort", {"4", "0x1", "1.5"}},
+      {"--smooth", {"0", "inf"}},
+      {"--edge-length", {"0", "-1%", "x%", "nan"}},
+      {"--family", {"-1", "4294967296", "010"}},
+      {"--mask", {"1.5", "0x", "0x1ffffffff"}},
+      {"--threads", {"0", "x", "100000", "0x2", "-1"}},
+      {"--max-radius", {"inf"}},
+      {"--min-radius", {"0x1"}},
+      {"--reach", {"''"}},
+      {"--density", {"nan"}},
+      {"--sharp-angle", {"nan"}}};
+  for (const auto& [option, values] : wrong)
+    for (const std::string& value : values) {
+      SCOPED_TRACE(option + " " + value);
+      expect_one_sentence(pad("a.obj " + option + " " + value), 2);
+    }
+  for (const char* arguments :
+       {"", "--no-such-option a.obj", "a.obj --depth", "a.obj sub/a.obj",
+        "a.obj sub/a.obj -o both.spheres.json", "a.obj -o a.unknown", "a.obj --write-mesh a.glb",
+        "a.obj --write-mesh a.obj", "a.obj a.stl --write-mesh both.obj", "a.urdf --write-mesh a.obj",
+        "a.obj --robot-spheres 10", "a.obj --joint elbow=1"}) {
     SCOPED_TRACE(arguments);
     expect_one_sentence(pad(arguments), 2);
   }
@@ -178,15 +143,7 @@ TEST_F(Pad, WhatCannotBeMeantIsRefusedUnlessForced) {
 }
 
 TEST_F(Pad, WithoutRepairWhatFacesInwardIsSaid) {
-  std::string text = read_file(folder_ / cube("a.obj"));
-  std::string turned;
-  for (std::size_t at = 0; at < text.size();) {  // each face backwards
-    const std::size_t end = text.find('\n', at) + 1;
-    std::string line = text.substr(at, end - at);
-    if (line[0] == 'f') std::reverse(line.begin() + 2, line.end() - 1);
-    turned += line, at = end;
-  }
-  put("turned.obj", turned);
+  put("turned.obj", obj_of(shapes::turned_over(shapes::box({0, 0, 0}, {1, 1, 1}))));
   const Outcome run = pad("turned.obj --repair never --tolerance 5% --json");
   ASSERT_EQ(run.code, 0) << run.err;
   EXPECT_NE(run.err.find("face inward"), std::string::npos) << run.err;
@@ -205,29 +162,8 @@ TEST_F(Pad, WithoutRepairWhatFacesInwardIsSaid) {
 
 // Two boxes through each other, wrapped: the errors are against the input, and the mass is that of the wrap.
 TEST_F(Pad, AWrapIsSaidToBeOneInEveryFigure) {
-  put("cross.obj", [&] {
-    std::string first = read_file(folder_ / cube("a.obj")), second;
-    std::istringstream lines(first);
-    for (std::string line; std::getline(lines, line);) {
-      std::istringstream words(line);
-      std::string head;
-      words >> head;
-      double x[4];
-      for (double& v : x) words >> v;
-      if (head == "v")
-        second += "v " + std::to_string(x[0] + 0.5) + " " + std::to_string(0.5 * x[1] + 0.25) + " " +
-                  std::to_string(0.5 * x[2] + 0.25) + "\n";
-      else
-        second += "f " + std::to_string(int(x[0]) + 8) + " " + std::to_string(int(x[1]) + 8) + " " +
-                  std::to_string(int(x[2]) + 8) + " " + std::to_string(int(x[3]) + 8) + "\n";
-    }
-    std::string all, faces;
-    for (const std::string& part : {first, second}) {
-      std::istringstream again(part);
-      for (std::string line; std::getline(again, line);) (line[0] == 'v' ? all : faces) += line + "\n";
-    }
-    return all + faces;
-  }());
+  put("cross.obj", obj_of(shapes::joined(shapes::box({0, 0, 0}, {1, 1, 1}),
+                                         shapes::box({0.5, 0.25, 0.25}, {1.5, 0.75, 0.75}))));
   const Outcome run = pad("cross.obj --repair wrap --tolerance 4% --json --unit m -o cross.urdf");
   ASSERT_EQ(run.code, 0) << run.err;
   const Json j = Json::parse(run.out);
@@ -315,17 +251,9 @@ TEST_F(Pad, TheMeshWrittenHasTheTrianglesThatTheSpheresName) {
 }
 
 TEST_F(Pad, AnOpenSheetIsMeasuredAndSaysThatNothingIsProved) {
-  std::string text;
-  for (int y = 0; y < 9; y++)
-    for (int x = 0; x < 9; x++)
-      text += "v " + std::to_string(x) + " " + std::to_string(y) + " " + std::to_string(0.1 * ((x + y) % 3)) +
-              "\n";
-  for (int y = 0; y < 8; y++)
-    for (int x = 1; x <= 8; x++) {
-      const auto at = [&](int dx, int dy) { return " " + std::to_string((y + dy) * 9 + x + dx); };
-      text += "f" + at(0, 0) + at(1, 0) + at(1, 1) + at(0, 1) + "\n";
-    }
-  put("terrain.obj", text);
+  Mesh terrain = shapes::square(8, 8);
+  for (Point& p : terrain.points) p.z() = 0.1 * (int(p.x() + p.y()) % 3);
+  put("terrain.obj", obj_of(terrain));
   for (const char* arguments :
        {"terrain.obj --repair never --edge-length 10%", "terrain.obj --repair never --tolerance 2%"}) {
     SCOPED_TRACE(arguments);
@@ -525,7 +453,7 @@ TEST_F(Pad, TheAssetsPadAsTheFirstCommandSays) {
   EXPECT_TRUE(of_schema(folder_ / "track_shoe.spheres.json"));
 }
 
-// The meshes that every checkout has.
+// The meshes that tests/data/make_data.py makes.
 class PadData : public Pad {
  protected:
   // Within 60 s and 4 GiB.
@@ -551,7 +479,7 @@ class PadData : public Pad {
 #else
   const std::string limits = "ulimit -v 4194304; timeout 60";
 #endif
-  const fs::path data_ = fs::path(PADDER_ASSETS).parent_path() / "tests" / "data";
+  const fs::path data_ = fs::path(PADDER_BIN).parent_path() / "data";
 };
 
 TEST_F(PadData, EveryFormatGivesACertifiedCluster) {
@@ -582,8 +510,8 @@ TEST_F(PadData, AMalformedMeshIsNamedInTheSentence) {
 }
 
 TEST_F(PadData, ARobotIsPaddedLinkByLink) {
-  const Outcome run =
-      pad("'" + (data_ / "robot/arm_description/arm.urdf").string() + "' --tolerance 5% -o arm.urdf");
+  const fs::path arm = kAssets.parent_path() / "tests/data/robot/arm_description/arm.urdf";
+  const Outcome run = pad("'" + arm.string() + "' --tolerance 5% -o arm.urdf");
   ASSERT_EQ(run.code, 0) << run.err;
   const std::string urdf = read_file(folder_ / "arm.urdf");
   for (const char* link : {"\"base\"", "\"upper\"", "\"fore\"", "\"tool\"", "<sphere radius="})

@@ -25,11 +25,9 @@ std::vector<WeightedPoint> cloud(std::size_t n, std::uint64_t seed) {
 bool holds(const Region& r, const double (&at)[3]) { return owns(r, Midpoint{at[0], at[1], at[2]}); }
 
 TEST(BoxCut, EveryPointOfSpaceLiesInExactlyOneBox) {
-  const std::uint64_t seed = 4711;
-  std::printf("seed %llu\n", static_cast<unsigned long long>(seed));
-  std::mt19937_64 random(seed);
+  std::mt19937_64 random(4711);
   for (const std::uint32_t boxes : {1u, 2u, 3u, 7u, 64u, 100u}) {
-    const std::vector<WeightedPoint> points = cloud(1000, seed + boxes);
+    const std::vector<WeightedPoint> points = cloud(1000, 4711 + boxes);
     const BoxTree tree = cut_space(points, boxes);
     ASSERT_EQ(tree.boxes(), boxes);
     std::vector<double> faces = {-1e100, 1e100, 0, -1e-300};
@@ -51,11 +49,9 @@ TEST(BoxCut, EveryPointOfSpaceLiesInExactlyOneBox) {
 }
 
 TEST(BoxCut, BoundsMeetExactlyTheBoxesThatShareAPointWithThem) {
-  const std::uint64_t seed = 815;
-  std::printf("seed %llu\n", static_cast<unsigned long long>(seed));
-  std::mt19937_64 random(seed);
+  std::mt19937_64 random(815);
   std::uniform_real_distribution<double> unit(-0.2, 1.2), size(0, 0.3);
-  const BoxTree tree = cut_space(cloud(5000, seed), 37);
+  const BoxTree tree = cut_space(cloud(5000, 815), 37);
   for (int trial = 0; trial < 2000; trial++) {
     Bounds bounds;
     for (int a = 0; a < 3; a++)

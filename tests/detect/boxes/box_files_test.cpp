@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: MIT
 // Spheres from mapped files, contacts to a file.
-#include <unistd.h>
 
 #include <atomic>
 #include <cstring>
@@ -12,12 +11,14 @@
 #include "padding/asset/npz.h"
 #include "tests/detect/boxes/boxed_scene.h"
 #include "tests/error_of.h"
+#include "tests/temporary_folder.h"
 
 namespace padder::detect {
 namespace {
 
 std::filesystem::path place(const std::string& name) {
-  return std::filesystem::path(testing::TempDir()) / name;
+  static const TemporaryFolder folder;
+  return folder.path() / name;
 }
 
 // An .npy as NumPy writes it: taken out of an archive that holds it alone.
@@ -188,7 +189,6 @@ TEST(ContactWriter, RecordsAreThoseOfTheList) {
 
 TEST(ContactWriter, WithoutFinishNothingIsLeft) {
   const std::filesystem::path folder = place("writer_folder");
-  std::filesystem::remove_all(folder);
   std::filesystem::create_directory(folder);
   { const ContactWriter writer(folder / "contacts.npy", Width::pairs, Scalar::f32); }
   EXPECT_TRUE(std::filesystem::is_empty(folder));

@@ -10,12 +10,10 @@ namespace padder::detect {
 namespace {
 
 TEST(BoxStepping, AHundredStepsGiveTheHashOfOneBox) {
-  const std::uint32_t seed = 101;
-  std::printf("seed %u\n", seed);
-  std::mt19937_64 random(seed);
+  std::mt19937_64 random(101);
   std::normal_distribution<float> jump(0, 1);
   std::vector<FloatSphere> spheres;
-  for (const Sphere& s : random_scene(4000, 4, 0.6, seed).spheres)
+  for (const Sphere& s : random_scene(4000, 4, 0.6, 101).spheres)
     spheres.push_back(
         {static_cast<float>(s.x), static_cast<float>(s.y), static_cast<float>(s.z), static_cast<float>(s.r)});
   BoxedDetector boxed(on_the_cpu(6, 3));
@@ -84,9 +82,7 @@ struct Pile {
 // A body that nobody says has moved stands where it stood, whatever `bodies` says of it, also when it is in
 // another box by now.
 TEST(BoxStepping, RevisionsMeanWhatTheyMeanToOneDetector) {
-  const std::uint32_t seed = 7;
-  std::printf("seed %u\n", seed);
-  std::mt19937_64 random(seed);
+  std::mt19937_64 random(7);
   std::uniform_real_distribution<double> unit(0, 1);
   Pile pile(random);
   BoxedDetector boxed(on_the_cpu(6, 2));

@@ -16,9 +16,7 @@ bool inside(const Bounds& b, const Midpoint& m) {
 }
 
 TEST(Halo, TheMidpointOfAContactLiesInBothHalos) {
-  const std::uint64_t seed = 20260101;
-  std::printf("seed %llu\n", static_cast<unsigned long long>(seed));
-  std::mt19937_64 random(seed);
+  std::mt19937_64 random(20260101);
   std::uniform_real_distribution<double> unit(-1, 1), exponent(-40, 40), tiny(-4, 4);
   int touched = 0;
   for (int trial = 0; trial < 400000; trial++) {
@@ -55,9 +53,7 @@ TEST(Halo, OneHugeSphereHardlyWidensTheHaloOfASmallOne) {
 }
 
 TEST(Halo, ABodysBoundsHoldTheHalosOfItsSpheres) {
-  const std::uint64_t seed = 77;
-  std::printf("seed %llu\n", static_cast<unsigned long long>(seed));
-  std::mt19937_64 random(seed);
+  std::mt19937_64 random(77);
   std::uniform_real_distribution<double> unit(-1, 1);
   for (int trial = 0; trial < 300; trial++) {
     std::vector<Sphere> spheres(1 + trial % 40);

@@ -228,9 +228,7 @@ std::vector<std::uint32_t> met(const StaticTable& t, const Sphere& ball) {
 }
 
 TEST(StaticTable, NoBallThatTouchesIsOutOfReach) {
-  const auto seed = std::random_device()();
-  std::printf("seed %u\n", seed);
-  Random random(seed);
+  std::mt19937_64 random = random_of_new_seed();
   std::uniform_real_distribution<double> unit(0, 1);
   int hashed = 0, levels = 0, whole = 0, touched = 0;
   for (const Kind kind : {Kind::even, Kind::sizes, Kind::far_apart, Kind::line, Kind::one_point})

@@ -56,10 +56,7 @@ TEST(Grid, SplitIsExactAtEveryMagnitude) {
 // split() against its definition, in arithmetic of 113 bits, where a corner and its comparison are exact:
 // wherever a coordinate lies, of whatever size, beside whichever face.
 TEST(Grid, SplitIsTheFloorAndNeverDecreases) {
-  std::mt19937_64 random(std::random_device{}());
-  const std::uint64_t seed = random();
-  std::printf("seed %llu\n", static_cast<unsigned long long>(seed));
-  random.seed(seed);
+  std::mt19937_64 random = random_of_new_seed();
   std::uniform_real_distribution<double> unit(0, 1);
   const auto any = [&](double low, double high) { return std::exp2(low + (high - low) * unit(random)); };
   for (int trial = 0; trial < 300; trial++) {
@@ -189,14 +186,12 @@ TEST(Grid, HashedLevelsSpreadBoxesPlanesAndLines) {
 
 // A grid that covers spheres gives each a bin that exists, and a level whose bins are wide enough.
 TEST(Grid, CoversIsTrueOnlyWhereEverySphereHasAPlace) {
-  std::mt19937_64 random(std::random_device{}());
-  const std::uint64_t seed = random();
-  std::printf("seed %llu\n", static_cast<unsigned long long>(seed));
-  random.seed(seed);
+  std::mt19937_64 random = random_of_new_seed();
   std::uniform_real_distribution<double> unit(-1, 1);
   int covered = 0, left = 0;
   for (int round = 0; round < 60; round++) {
-    std::vector<Sphere> spheres = random_scene(300, round % 3 ? 50 : 1, 1, seed + round).spheres;
+    std::vector<Sphere> spheres =
+        random_scene(300, round % 3 ? 50 : 1, 1, static_cast<std::uint32_t>(random())).spheres;
     const Summary before = summary_of(spheres);
     const Grid g = choose_grid(before, 0, 8, CrossSearch::coarse_to_fine,
                                round % 2 ? GridBounds::wide : GridBounds::tight);

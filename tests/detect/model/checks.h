@@ -55,7 +55,7 @@ inline std::string text(const Pair& p) {
 
 // Normals, depths and points of some of the contacts, in long double.
 template <class T>
-void check_records(const Lists& lists, const std::vector<ModelSphere>& spheres) {
+void check_records(const Lists& lists, const std::vector<Seen>& spheres) {
   using Long = long double;
   const bool single = sizeof(T) == 4;
   const Long relative = single ? 4e-7 : 1e-14,
@@ -65,7 +65,7 @@ void check_records(const Lists& lists, const std::vector<ModelSphere>& spheres) 
   const std::size_t step = 1 + lists.pairs.size() / 100;
   for (std::size_t k = 0; k < lists.pairs.size(); k += step) {
     const Pair p = lists.pairs[k];
-    const Sphere &a = spheres[p.i].at, &b = spheres[p.j].at;
+    const Sphere &a = spheres[p.i].sphere, &b = spheres[p.j].sphere;
     const Long x[3] = {Long(b.x) - a.x, Long(b.y) - a.y, Long(b.z) - a.z}, s = Long(a.r) + b.r,
                d = std::sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2]);
     const T* n = normals + 4 * k;

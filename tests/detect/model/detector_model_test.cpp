@@ -226,9 +226,9 @@ class Sequence {
 
   bool out_of_range(const CallOptions& o) const {
     double extent = 0, radius = 0;
-    for (const ModelSphere& s : script_.spheres()) {
-      extent = std::max({extent, std::abs(s.at.x), std::abs(s.at.y), std::abs(s.at.z)});
-      radius = std::max(radius, s.at.r);
+    for (const Seen& s : script_.spheres()) {
+      extent = std::max({extent, std::abs(s.sphere.x), std::abs(s.sphere.y), std::abs(s.sphere.z)});
+      radius = std::max(radius, s.sphere.r);
     }
     return o.width != Width::pairs && o.scalar == Scalar::f32 && extent + radius > 1e38;
   }

@@ -10,42 +10,13 @@
 #include <thread>
 #include <vector>
 
-#include "detect/detector.h"
-#include "tests/detect/print.h"
+#include "tests/detect/oracle.h"
 
 namespace padder::detect {
 
-// A sphere where it is, and what decides whom it may meet.
-struct ModelSphere {
-  Sphere at;
-  std::uint32_t family = 0, mask = 0;
-  std::int64_t body = -1;  // -1: loose
-  bool still = false;
-};
-
-inline bool model_masks(std::uint32_t mask, std::uint32_t family) {
-  return family >= 1 && family <= 32 && (mask >> (family - 1)) % 2 == 1;
-}
-inline bool model_touch(const Sphere& a, const Sphere& b) {  // built without fused operations
-  double x = b.x - a.x, y = b.y - a.y, z = b.z - a.z, r = a.r + b.r;
-  if (r < 1e-100) {  // as large as it takes to square it
-    if (r == 0) return x == 0 && y == 0 && z == 0;
-    const int up = -std::ilogb(r);
-    x = std::ldexp(x, up), y = std::ldexp(y, up), z = std::ldexp(z, up), r = std::ldexp(r, up);
-  }
-  return x * x + y * y + z * z <= r * r;
-}
-inline bool model_contact(const ModelSphere& a, const ModelSphere& b) {
-  if (!model_touch(a.at, b.at)) return false;
-  if (a.body >= 0 && a.body == b.body) return false;
-  if (a.still && b.still) return false;
-  if (a.family != 0 && a.family == b.family) return false;
-  return !model_masks(a.mask, b.family) && !model_masks(b.mask, a.family);
-}
-
 class ModelOracle {
  public:
-  explicit ModelOracle(const std::vector<ModelSphere>& spheres, const Region& own = {})
+  explicit ModelOracle(const std::vector<Seen>& spheres, const Region& own = {})
       : spheres_(spheres), own_(own) {
     for (int k = 0; k < 3; k++) bounded_ |= own.low[k] > -INFINITY || own.high[k] < INFINITY;
   }
@@ -76,8 +47,9 @@ class ModelOracle {
   };
 
   void add(std::uint32_t i, std::uint32_t j, std::vector<Pair>& to) const {
-    if (!model_contact(spheres_[i], spheres_[j])) return;
-    if (!bounded_ || owns(own_, midpoint(spheres_[i].at, spheres_[j].at))) to.push_back({i, j});
+    if (!oracle_touching(spheres_[i].sphere, spheres_[j].sphere) || !oracle_meets(spheres_[i], spheres_[j]))
+      return;
+    if (!bounded_ || owns(own_, midpoint(spheres_[i].sphere, spheres_[j].sphere))) to.push_back({i, j});
   }
   // Wider than the sphere by far more than what the decision rounds.
   static Box box_of(const Sphere& s) {
@@ -97,7 +69,7 @@ class ModelOracle {
   void build(std::uint32_t at, std::uint32_t first, std::uint32_t end) {
     Box all, centers;
     for (std::uint32_t q = first; q < end; q++) {
-      const Sphere& s = spheres_[order_[q]].at;
+      const Sphere& s = spheres_[order_[q]].sphere;
       const Box b = box_of(s);
       const double c[3] = {s.x, s.y, s.z};
       for (int k = 0; k < 3; k++) {
@@ -113,7 +85,7 @@ class ModelOracle {
     const std::uint32_t middle = first + (end - first) / 2;
     std::nth_element(order_.begin() + first, order_.begin() + middle, order_.begin() + end,
                      [&](std::uint32_t a, std::uint32_t b) {
-                       const Sphere &p = spheres_[a].at, &q = spheres_[b].at;
+                       const Sphere &p = spheres_[a].sphere, &q = spheres_[b].sphere;
                        return axis == 0 ? p.x < q.x : axis == 1 ? p.y < q.y : p.z < q.z;
                      });
     const auto child = static_cast<std::uint32_t>(nodes_.size());
@@ -123,7 +95,7 @@ class ModelOracle {
     build(child + 1, middle, end);
   }
   void look(std::uint32_t i, std::vector<Pair>& to) const {
-    const Box mine = box_of(spheres_[i].at);
+    const Box mine = box_of(spheres_[i].sphere);
     const std::size_t begin = to.size();
     std::uint32_t stack[128], depth = 0;
     stack[depth++] = 0;
@@ -162,7 +134,7 @@ class ModelOracle {
     return true;
   }
 
-  const std::vector<ModelSphere>& spheres_;
+  const std::vector<Seen>& spheres_;
   const Region own_;
   bool bounded_ = false;
   std::vector<std::uint32_t> order_;

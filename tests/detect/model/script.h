@@ -59,7 +59,7 @@ class Script {
   }
   std::size_t steps() const { return steps_; }
   const ModelWorld& world() const { return world_; }
-  const std::vector<ModelSphere>& spheres() const { return spheres_; }
+  const std::vector<Seen>& spheres() const { return spheres_; }
   const std::vector<Pair>& pairs() const { return pairs_; }  // that the next call is to find
   bool heavy() const { return heavy_; }                      // the last edits asked for another revision
 
@@ -174,9 +174,9 @@ class Script {
     if (options_.bin_size == 0)
       return options_.path == Path::nine_stages ? 600.0 * static_cast<double>(spheres_.size()) : 0;
     double entries = 0;
-    for (const ModelSphere& s : spheres_) {  // with the hair by which the stages widen a sphere
-      const double far = std::max({std::abs(s.at.x), std::abs(s.at.y), std::abs(s.at.z)});
-      entries += std::pow(2 * (s.at.r + 0x1p-47 * far) / options_.bin_size + 2, 3);
+    for (const Seen& s : spheres_) {  // with the hair by which the stages widen a sphere
+      const double far = std::max({std::abs(s.sphere.x), std::abs(s.sphere.y), std::abs(s.sphere.z)});
+      entries += std::pow(2 * (s.sphere.r + 0x1p-47 * far) / options_.bin_size + 2, 3);
     }
     return options_.path == Path::nine_stages ? entries : 0;
   }
@@ -269,7 +269,7 @@ class Script {
   ModelForm form_;
   std::uint64_t last_ = 0;             // revision of the call before
   bool heavy_ = true, freed_ = false;  // freed_: that call was refused, so that nothing is known
-  std::vector<ModelSphere> spheres_;
+  std::vector<Seen> spheres_;
   std::vector<Pair> pairs_;
 };
 

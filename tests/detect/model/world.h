@@ -61,8 +61,8 @@ struct ModelWorld {
   }
 
   // All spheres by their numbers, each where it is.
-  std::vector<ModelSphere> spheres() const {
-    std::vector<ModelSphere> all;
+  std::vector<Seen> spheres() const {
+    std::vector<Seen> all;
     all.reserve(body_spheres() + loose.size());
     for (std::size_t b = 0; b < bodies.size(); b++) {
       const Body& body = bodies[b];
@@ -73,11 +73,13 @@ struct ModelWorld {
               m[6] * s.x + m[7] * s.y + m[8] * s.z + p[2], s.r},
              body.family,
              body.mask,
-             static_cast<std::int64_t>(b),
+             0,
+             static_cast<std::uint32_t>(b + 1),
              body.is_static});
     }
     for (std::size_t k = 0; k < loose.size(); k++)
-      all.push_back({loose[k], family.empty() ? 0 : family[k], mask.empty() ? 0 : mask[k], -1, is_still(k)});
+      all.push_back(
+          {loose[k], family.empty() ? 0 : family[k], mask.empty() ? 0 : mask[k], 0, 0, is_still(k)});
     return all;
   }
 

@@ -100,9 +100,7 @@ TestScene aliases(std::mt19937_64& random, bool larger) {
 }
 
 TEST(PeriodicLevels, FarSpheresOfOneBucketAreNotTakenForNeighbours) {
-  const std::uint32_t seed = std::random_device{}();
-  std::printf("seed %u\n", seed);
-  std::mt19937_64 random(seed);
+  std::mt19937_64 random = random_of_new_seed();
   for (int round = 0; round < 12; round++)
     for (const Scalar scalar : {Scalar::f32, Scalar::f64}) {
       TestScene s = aliases(random, round % 2 == 1);
@@ -128,9 +126,7 @@ TEST(PeriodicLevels, FarSpheresOfOneBucketAreNotTakenForNeighbours) {
 
 // Few spheres in much space, so that rows often go on at the other end of the ring.
 TEST(PeriodicLevels, AnyPlaceOnTheRingGivesTheContactsOfBruteForce) {
-  const std::uint32_t seed = std::random_device{}();
-  std::printf("seed %u\n", seed);
-  std::mt19937_64 random(seed);
+  std::mt19937_64 random = random_of_new_seed();
   std::uniform_real_distribution<double> unit(0, 1);
   for (int round = 0; round < 150; round++) {
     TestScene s;
@@ -155,9 +151,7 @@ TEST(PeriodicLevels, AnyPlaceOnTheRingGivesTheContactsOfBruteForce) {
 
 // Heaps of many small spheres and a few large ones, far from each other: two levels, both periodic.
 TEST(PeriodicLevels, OneLevelSearchesAnotherAcrossTheEndOfTheRing) {
-  const std::uint32_t seed = std::random_device{}();
-  std::printf("seed %u\n", seed);
-  std::mt19937_64 random(seed);
+  std::mt19937_64 random = random_of_new_seed();
   std::uniform_real_distribution<double> unit(0, 1);
   for (int round = 0; round < 24; round++) {
     TestScene s;

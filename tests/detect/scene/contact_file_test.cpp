@@ -11,7 +11,6 @@
 #include <csignal>
 #include <cstdlib>
 #include <cstring>
-#include <filesystem>
 #include <map>
 #include <sstream>
 
@@ -20,6 +19,7 @@
 #include "padding/asset/npz.h"
 #include "tests/detect/oracle.h"
 #include "tests/error_of.h"
+#include "tests/temporary_folder.h"
 
 // Every allocation of this program is counted: the bytes held, and the most since somebody last asked.
 namespace {
@@ -63,13 +63,8 @@ struct ContactTable {
   }
 };
 
-class ContactFileTest : public testing::Test {
+class ContactFileTest : public testing::Test, protected TemporaryFolder {
  protected:
-  void SetUp() override {
-    std::string name = (fs::temp_directory_path() / "padder-contacts-XXXXXX").string();
-    folder_ = ::mkdtemp(name.data());
-  }
-  void TearDown() override { fs::remove_all(folder_); }
   void write(const ContactTable& t, const std::string& name, int threads = 0) const {
     write_contacts(t.contacts(), Arranged(t.scene, Scalar::f64).input, folder_ / name, threads);
   }
@@ -80,7 +75,6 @@ class ContactFileTest : public testing::Test {
   std::size_t entries() const {
     return static_cast<std::size_t>(std::distance(fs::recursive_directory_iterator(folder_), {}));
   }
-  fs::path folder_;
 };
 
 ContactTable found_in(const TestScene& s) {
@@ -212,12 +206,7 @@ TEST_F(ContactFileTest, FullDisk) {
     SCOPED_TRACE(name);
     write_file(folder_ / name, "old");
     ::setrlimit(RLIMIT_FSIZE, &small);
-    std::string said;
-    try {
-      write(t, name);
-    } catch (const Error& e) {
-      said = e.what();
-    }
+    const std::string said = error_of([&] { write(t, name); });
     ::setrlimit(RLIMIT_FSIZE, &old);
     EXPECT_EQ(said, "cannot write " + (folder_ / name).string() +
                         " (File too large): check that the folder exists, may be written and has room");

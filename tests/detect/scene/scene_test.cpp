@@ -2,23 +2,20 @@
 // Scenes in JSON: what is read, what is refused and with which words, families settled, files beside them.
 #include "detect/scene/scene.h"
 
-#include <filesystem>
-
 #include "padding/asset/file.h"
 #include "padding/asset/npz.h"
 #include "tests/detect/oracle.h"
 #include "tests/error_of.h"
+#include "tests/temporary_folder.h"
 
 namespace padder::detect {
 namespace {
 
 namespace fs = std::filesystem;
 
-class SceneTest : public testing::Test {
+class SceneTest : public testing::Test, protected TemporaryFolder {
  protected:
   void SetUp() override {
-    folder_ = fs::temp_directory_path() / ("padder_scene_" + std::to_string(::getpid()));
-    fs::create_directories(folder_);
     Cluster c;
     c.name = "pair", c.unit = "m";
     c.centers = {Point(0, 0, 0), Point(1, 0, 0)}, c.radii = {0.75, 0.5}, c.triangle = {0, 1};
@@ -29,7 +26,6 @@ class SceneTest : public testing::Test {
     c.unit = "mm";
     write_cluster(c, folder_ / "mm.spheres.json");
   }
-  void TearDown() override { fs::remove_all(folder_); }
 
   Scene scene(const std::string& members) const {
     return scene_from_json(R"({"format": "padder.scene", "version": 1, )" + members + "}", "s.json", folder_);
@@ -38,7 +34,6 @@ class SceneTest : public testing::Test {
     EXPECT_EQ(error_of([&] { scene(members); }), sentence);
   }
 
-  fs::path folder_;
   const std::string clusters_ = R"("clusters": {"p": "pair.spheres.json", "s": "seven.spheres.json"}, )";
 };
 

@@ -2,7 +2,6 @@
 #include "padding/asset/cluster.h"
 
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <cmath>
 #include <cstdlib>
@@ -12,7 +11,9 @@
 
 #include "padding/asset/error.h"
 #include "padding/asset/file.h"
+#include "tests/error_of.h"
 #include "tests/padding/random_input.h"
+#include "tests/temporary_folder.h"
 
 namespace padder {
 namespace {
@@ -124,16 +125,6 @@ void expect_same(const Cluster& a, const Cluster& b) {
   }
 }
 
-// A folder that is removed when the test ends.
-struct Folder {
-  Folder() {
-    std::string name = (fs::temp_directory_path() / "padder-cluster-XXXXXX").string();
-    path = ::mkdtemp(name.data());
-  }
-  ~Folder() { fs::remove_all(path); }
-  fs::path path;
-};
-
 TEST(Cluster, WritingAndReadingBackLosesNothing) {
   for (std::uint64_t seed = 1; seed <= 40; seed++) {
     SCOPED_TRACE("seed " + std::to_string(seed));
@@ -146,11 +137,11 @@ TEST(Cluster, WritingAndReadingBackLosesNothing) {
 }
 
 TEST(Cluster, FileHoldsTheText) {
-  const Folder folder;
+  const TemporaryFolder folder;
   const Cluster c = random_cluster(7);
-  write_cluster(c, folder.path / "a.spheres.json");
-  EXPECT_EQ(read_file(folder.path / "a.spheres.json"), to_json(c));
-  expect_same(read_cluster(folder.path / "a.spheres.json"), c);
+  write_cluster(c, folder.path() / "a.spheres.json");
+  EXPECT_EQ(read_file(folder.path() / "a.spheres.json"), to_json(c));
+  expect_same(read_cluster(folder.path() / "a.spheres.json"), c);
 }
 
 TEST(Cluster, EmptyAndMinimal) {
@@ -241,15 +232,10 @@ TEST(Cluster, FaultyDocumentsEndInASentenceThatNamesTheKey) {
       {head + R"("spheres":{"centers":[[0,0,1]],"radii":[1],"triangle":[0.5]}})",
        "triangle 0: a whole number"}};
   for (const auto& [text, words] : table) {
-    try {
-      cluster_from_json(text, "text");
-      ADD_FAILURE() << text << " was read";
-    } catch (const Error& e) {
-      const std::string sentence = e.what();
-      EXPECT_EQ(sentence.rfind("text", 0), 0u) << sentence;
-      EXPECT_EQ(sentence.find("json."), std::string::npos) << sentence;  // the library's own words
-      EXPECT_NE(sentence.find(words), std::string::npos) << text << "\n" << sentence;
-    }
+    const std::string sentence = error_of([&] { cluster_from_json(text, "text"); });
+    EXPECT_EQ(sentence.rfind("text", 0), 0u) << text << "\n" << sentence;
+    EXPECT_EQ(sentence.find("json."), std::string::npos) << sentence;  // the library's own words
+    EXPECT_NE(sentence.find(words), std::string::npos) << text << "\n" << sentence;
   }
 }
 
@@ -273,15 +259,11 @@ TEST(Cluster, HostileDocumentsEndInAShortSentence) {
       {head + "\"name\":\"\x1b[2J\"}", "near '\"<U+001B>'"},
       {deep, "nested deeper than 64 levels"}};
   for (const auto& [text, words] : table) {
-    try {
-      cluster_from_json(text, "text");
-      ADD_FAILURE() << text.substr(0, 200) << " was read";
-    } catch (const Error& e) {
-      const std::string sentence = e.what();
-      EXPECT_NE(sentence.find(words), std::string::npos) << sentence.substr(0, 400);
-      EXPECT_LT(sentence.size(), 300u);
-      EXPECT_TRUE(std::ranges::all_of(sentence, [](char c) { return static_cast<unsigned char>(c) >= 32; }));
-    }
+    const std::string sentence = error_of([&] { cluster_from_json(text, "text"); });
+    EXPECT_NE(sentence.find(words), std::string::npos) << text.substr(0, 200) << "\n"
+                                                       << sentence.substr(0, 400);
+    EXPECT_LT(sentence.size(), 300u);
+    EXPECT_TRUE(std::ranges::all_of(sentence, [](char c) { return static_cast<unsigned char>(c) >= 32; }));
   }
   // Reading many unknown keys takes time in proportion to their bytes.
   std::string many = head;
@@ -306,8 +288,8 @@ int validate(const fs::path& document) {
 TEST(Cluster, TheSchemaHoldsForWhatIsWrittenAndForNothingElse) {
   if (std::system("/usr/bin/python3 -c 'import jsonschema' >/dev/null 2>&1") != 0)
     GTEST_SKIP() << "python3-jsonschema is not installed";
-  const Folder folder;
-  const fs::path file = folder.path / "c.json";
+  const TemporaryFolder folder;
+  const fs::path file = folder.path() / "c.json";
   Cluster c = random_cluster(11, 5);
   c.unit = "";
   write_cluster(c, file);

@@ -14,29 +14,22 @@
 
 #include "padding/asset/error.h"
 #include "tests/error_of.h"
+#include "tests/temporary_folder.h"
 
 namespace padder {
 namespace {
 
 namespace fs = std::filesystem;
 
-class File : public ::testing::Test {
+class File : public ::testing::Test, protected TemporaryFolder {
  protected:
-  File() {
-    std::string name = (fs::temp_directory_path() / "padder-file-XXXXXX").string();
-    folder_ = ::mkdtemp(name.data());
-  }
-  ~File() override {
-    fs::permissions(folder_, fs::perms::owner_all);
-    fs::remove_all(folder_);
-  }
+  ~File() override { fs::permissions(folder_, fs::perms::owner_all); }
   std::size_t entries() const {
     return static_cast<std::size_t>(std::distance(fs::directory_iterator(folder_), {}));
   }
   void expect_error(const std::function<void()>& work, const std::string& words) {
     EXPECT_TRUE(refuses(work, words));
   }
-  fs::path folder_;
 };
 
 TEST_F(File, EveryByteComesBack) {

@@ -6,11 +6,12 @@
 
 #include <cstdlib>
 #include <cstring>
-#include <filesystem>
 #include <functional>
 
 #include "padding/asset/crc32.h"
 #include "padding/asset/error.h"
+#include "tests/error_of.h"
+#include "tests/temporary_folder.h"
 
 namespace padder {
 namespace {
@@ -81,20 +82,18 @@ TEST(Npz, Zip64IsRead) {
 TEST(Npz, NumpyReadsZip64AndItsChecksums) {
   if (std::system(PADDER_PYTHON " -c 'import numpy' 2>/dev/null") != 0)
     GTEST_SKIP() << "python3-numpy is not installed";
-  std::string name = (fs::temp_directory_path() / "padder-npz-XXXXXX").string();
-  const fs::path folder = ::mkdtemp(name.data());
+  const TemporaryFolder folder;
   for (const std::uint64_t wide :
        {std::uint64_t(0), std::uint64_t(170), std::uint64_t(250), NpzWriter::kPlain}) {
     SCOPED_TRACE(wide);
-    write_file(folder / "z.npz", written(wide));
+    const fs::path file = folder.put("z.npz", written(wide));
     const std::string check =
         " -c 'import numpy, sys, zipfile; z = numpy.load(sys.argv[1]); "
         "assert zipfile.ZipFile(sys.argv[1]).testzip() is None; assert list(z[\"counts\"]) == list(range(1, "
         "8)); "
         "assert z[\"numbers\"].shape == (2, 3) and z[\"numbers\"][1, 1] == 5e-324' ";
-    EXPECT_EQ(std::system((PADDER_PYTHON + check + (folder / "z.npz").string()).c_str()), 0);
+    EXPECT_EQ(std::system((PADDER_PYTHON + check + file.string()).c_str()), 0);
   }
-  fs::remove_all(folder);
 }
 
 TEST(Npz, ADamagedByteIsFound) {
@@ -102,12 +101,7 @@ TEST(Npz, ADamagedByteIsFound) {
   const auto damaged = [&](std::size_t at, char to) {
     std::string bytes = whole;
     bytes[at] = to;
-    try {
-      npz_from_bytes(bytes, "z");
-    } catch (const Error& e) {
-      return std::string(e.what());
-    }
-    return std::string();
+    return error_of([&] { npz_from_bytes(bytes, "z"); });
   };
   for (const std::string_view data : {bytes_of(kCounts), bytes_of(kNumbers)})
     EXPECT_NE(damaged(whole.find(data), '\x55').find("its checksum is another"), std::string::npos);

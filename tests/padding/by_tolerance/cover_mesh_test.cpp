@@ -33,9 +33,7 @@ void expect_kept(const Cluster& cluster, const Mesh& mesh, double tolerance) {
 TEST(CoverMesh, IsCertifiedInTheMeshsOwnFrameAndUnit) {
   Mesh mesh = shapes::torus(30, 10, 48, 24);
   for (Point& p : mesh.points) p += Vector(1000, -2000, 500);
-  CoverMeshOptions options;
-  options.name = "ring", options.unit = "mm";
-  const Cluster cluster = cover_mesh(mesh, Length::share(0.02), options);
+  const Cluster cluster = cover_mesh(mesh, Length::share(0.02), {.name = "ring", .unit = "mm"});
   const double tolerance = 0.02 * mesh.bounds().diagonal();
   EXPECT_TRUE(cluster.accuracy.certified);
   EXPECT_EQ(cluster.accuracy.proved_against, SurfaceKind::input);
@@ -82,8 +80,7 @@ TEST(CoverMesh, AMeshMayIntersectItself) {
 }
 
 TEST(CoverMesh, ARadiusLimitThatLeavesSurfaceOpenIsNotCertified) {
-  CoverMeshOptions options;
-  options.min_radius = Length::share(0.2);
+  CoverMeshOptions options{.min_radius = Length::share(0.2)};
   const Cluster cluster = cover_mesh(shapes::box({0, 0, 0}, {4, 2, 1}), Length::share(0.01), options);
   EXPECT_FALSE(cluster.accuracy.certified);
 }
@@ -119,8 +116,7 @@ TEST(CoverMesh, EachErrorByItself) {
 TEST(CoverMesh, RefusesWhatItCannotCover) {
   const Mesh cube = shapes::box({0, 0, 0}, {1, 1, 1});
   const Length tolerance = Length::share(0.05);
-  CoverMeshOptions named;
-  named.name = "part 7";
+  CoverMeshOptions named{.name = "part 7"};
   EXPECT_EQ(refusal(Mesh(), tolerance, named).rfind("part 7: ", 0), 0u);
   Mesh open = cube;
   open.triangles.pop_back();
@@ -136,11 +132,9 @@ TEST(CoverMesh, RefusesWhatItCannotCover) {
   EXPECT_NE(refusal(infinite, tolerance).find("vertex 2 is not finite"), std::string::npos);
   for (const Length& bad : {Length(), Length::of(-1), Length::share(std::nan(""))})
     EXPECT_NE(refusal(cube, bad).find("tolerance"), std::string::npos);
-  CoverMeshOptions effort;
-  effort.effort = 4;
+  CoverMeshOptions effort{.effort = 4};
   EXPECT_NE(refusal(cube, tolerance, effort).find("effort"), std::string::npos);
-  CoverMeshOptions radius;
-  radius.max_radius = Length::of(-1);
+  CoverMeshOptions radius{.max_radius = Length::of(-1)};
   EXPECT_NE(refusal(cube, tolerance, radius).find("radius"), std::string::npos);
 }
 

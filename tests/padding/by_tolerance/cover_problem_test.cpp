@@ -34,6 +34,13 @@ TEST(CoverProblem, DeepCentreNeedsLessMargin) {
   EXPECT_EQ(points_of(problem, 1), (std::vector<std::uint32_t>{0}));
 }
 
+TEST(CoverProblem, DepthIsTheRoomLeftAroundAPoint) {
+  const CoverProblem problem(0.5);
+  EXPECT_NEAR(problem.depth(ball(0, 1), {Point(1.25, 0, 0), 0}), 0.25, 1e-11);
+  EXPECT_NEAR(problem.depth(ball(0, 1), {Point(1.75, 0, 0), 0}), -0.25, 1e-11);
+  EXPECT_NEAR(problem.depth(ball(0, 1, 1.2), {Point(1.25, 0, 0), 0.2}), 0.25 - 0.6 * 0.2, 1e-11);
+}
+
 TEST(CoverProblem, LaterPointsAndCandidatesLearnOfEachOther) {
   CoverProblem problem(0.5);
   problem.add({{Point(0, 0, 0), 0}}, {ball(0, 1)});

@@ -61,7 +61,8 @@ TEST(Cover, PlateComesNearTheThinnestCover) {
   const double disc2 = (h + 2 * e) * (h + 2 * e) - h * h;
   const double least = 0.7 * 0.7 / (1.5 * std::sqrt(3.0) * disc2);
   EXPECT_GT(static_cast<double>(cover.balls.size()), least);
-  EXPECT_LT(static_cast<double>(cover.balls.size()), 1.5 * least);
+  // Without centring it has 1.32 times as many, borders included.
+  EXPECT_LT(static_cast<double>(cover.balls.size()), 1.29 * least);
 }
 
 class CoverShapes : public testing::TestWithParam<int> {};

@@ -46,9 +46,7 @@ class FillShapes : public testing::TestWithParam<int> {};
 TEST_P(FillShapes, NoPointOfTheBodyIsOutsideACoverWithoutGap) {
   const Surface surface(shape(GetParam()));
   for (const double protrusion : {0.02, 0.04}) {
-    CullOptions options;
-    options.only_protrusion = protrusion, options.only_gap = 0;
-    const Culled culled = cull(surface, options);
+    const Culled culled = cull(surface, {.only_protrusion = protrusion, .only_gap = 0});
     EXPECT_TRUE(culled.covered && culled.proved && culled.filled);
     EXPECT_EQ(culled.balls.size(), culled.triangle.size());
     EXPECT_LE(protrusion_bound(surface, culled.balls).max, protrusion);
@@ -109,9 +107,7 @@ TEST(Fill, AnOpenSurfaceHasNoInside) {
 
 TEST(Cull, WithoutProtrusionAllBallsAreInside) {
   const Surface surface(shape(2));
-  CullOptions options;
-  options.only_protrusion = 0, options.only_gap = 0.02;
-  const Culled culled = cull(surface, options);
+  const Culled culled = cull(surface, {.only_protrusion = 0, .only_gap = 0.02});
   EXPECT_TRUE(culled.covered && culled.proved);
   EXPECT_LE(protrusion_bound(surface, culled.balls).max, 0);
   EXPECT_LE(gap_bound(surface.mesh(), BallSet(culled.balls), 0.02).upper, 0.02);

@@ -25,9 +25,7 @@ TEST(Samples, PointsAreAsDenseAsTheThicknessAsks) {
                          shapes::box({0, 0, 0}, {0.6, 0.6, 0.6}, 40), shapes::torus(0.3, 0.1, 40, 20)};
   for (const Mesh& mesh : meshes) {
     const Surface surface(mesh);
-    SampleOptions options;
-    options.tolerance_sum = 0.02;
-    const Samples samples = sample_surface(surface, options);
+    const Samples samples = sample_surface(surface, {.tolerance_sum = 0.02});
     EXPECT_LE(samples.coarse.size(), samples.fine.size());
     std::vector<Point> points;
     for (const CoverPoint& c : samples.coarse) points.push_back(c.point);
@@ -55,8 +53,7 @@ TEST(Samples, PointsAreAsDenseAsTheThicknessAsks) {
 
 TEST(Samples, ThinWallKeepsBothSides) {
   const Surface surface(shapes::box({0, 0, 0}, {0.7, 0.7, 1e-6}, 90));
-  SampleOptions options;
-  options.tolerance_sum = 0.03;
+  SampleOptions options{.tolerance_sum = 0.03};
   std::size_t above = 0, below = 0;
   for (const CoverPoint& c : sample_surface(surface, options).coarse) (c.point.z() > 5e-7 ? above : below)++;
   EXPECT_GT(above, 500u);
@@ -82,9 +79,7 @@ TEST(Samples, SliversSideBySideShareTheirSamples) {
         bar.triangles.push_back({n, n + k, n + k + 1});
       }
     }
-    SampleOptions options;
-    options.tolerance_sum = 0.02;
-    const Samples samples = sample_surface(Surface(bar), options);
+    const Samples samples = sample_surface(Surface(bar), {.tolerance_sum = 0.02});
     return static_cast<double>(samples.grown.size() + samples.fine.size());
   };
   const double few = count(100), many = count(4000);
@@ -95,9 +90,8 @@ TEST(Samples, SliversSideBySideShareTheirSamples) {
 // A million triangles and 32,768 of the same plate: what is finer than the spacing costs no samples.
 TEST(Samples, OfAFineScanAreThoseOfACoarserOne) {
   const auto count = [](int n) {
-    SampleOptions options;
-    options.tolerance_sum = 0.1, options.largest = 0.02;
-    const Samples samples = sample_surface(Surface(shapes::square(1, n)), options);
+    const Samples samples =
+        sample_surface(Surface(shapes::square(1, n)), {.tolerance_sum = 0.1, .largest = 0.02});
     return static_cast<double>(samples.fine.size());
   };
   EXPECT_NEAR(count(724) / count(128), 1, 0.15);
@@ -106,8 +100,7 @@ TEST(Samples, OfAFineScanAreThoseOfACoarserOne) {
 // 25 and 100 walls in the same place: a ball covers a part of each, so their number does not matter.
 TEST(Samples, WallsOfAStackShareTheirSamples) {
   const auto count = [](int walls) {
-    SampleOptions options;
-    options.tolerance_sum = 0.1;
+    SampleOptions options{.tolerance_sum = 0.1};
     const Mesh nothing;
     const Samples samples = sample_surface(Surface(shapes::stack(shapes::square(0.5), walls, 0.1),
                                                    SideBy::winding, std::make_shared<const Surface>(nothing)),
@@ -121,8 +114,7 @@ TEST(Samples, WallsOfAStackShareTheirSamples) {
 
 TEST(Samples, TooSmallAToleranceIsRefused) {
   const Surface surface(shapes::box({0, 0, 0}, {0.5, 0.5, 0.5}));
-  SampleOptions options;
-  options.tolerance_sum = 1e-6, options.largest = 1e-9;
+  SampleOptions options{.tolerance_sum = 1e-6, .largest = 1e-9};
   EXPECT_THROW(sample_surface(surface, options), Error);
 }
 

@@ -6,12 +6,12 @@
 
 #include <array>
 #include <cstdio>
-#include <filesystem>
 
 #include "padding/asset/file.h"
 #include "padding/export/export.h"
 #include "padding/import/import.h"
 #include "tests/padding/shapes.h"
+#include "tests/temporary_folder.h"
 
 namespace padder::samples {
 
@@ -71,16 +71,8 @@ inline Model arm() {
   return m;
 }
 
-class ExportTest : public testing::Test {
+class ExportTest : public testing::Test, protected TemporaryFolder {
  protected:
-  void SetUp() override {
-    const auto* test = testing::UnitTest::GetInstance()->current_test_info();
-    folder_ = fs::path(testing::TempDir()) / ("padder_" + std::string(test->test_suite_name()) + "_" +
-                                              test->name() + "_" + std::to_string(getpid()));
-    fs::create_directories(folder_);
-  }
-  void TearDown() override { fs::remove_all(folder_); }
-
   // Written by the format of that name.
   fs::path write(const Model& model, const std::string& file, const std::string& format = {}) {
     write_model(model, folder_ / file, find_format(file, format));
@@ -89,8 +81,6 @@ class ExportTest : public testing::Test {
   std::string text(const Model& model, const std::string& file, const std::string& format = {}) {
     return read_file(write(model, file, format));
   }
-
-  fs::path folder_;
 };
 
 struct Ran {

@@ -3,17 +3,12 @@
 
 #include <fcntl.h>
 #include <gtest/gtest.h>
-#include <sys/mman.h>
-#include <sys/resource.h>
-#include <sys/socket.h>
 #include <sys/stat.h>
-#include <sys/syscall.h>
 #include <unistd.h>
 
 #include <Eigen/Geometry>
 #include <atomic>
 #include <cmath>
-#include <csignal>
 #include <cstdlib>
 #include <cstring>
 #include <fstream>
@@ -27,29 +22,13 @@
 #include "padding/input/read_internal.h"
 #include "tests/error_of.h"
 #include "tests/padding/input/zip_writer.h"
+#include "tests/temporary_folder.h"
 
 namespace padder {
 namespace {
 
 namespace fs = std::filesystem;
-
-// A folder that is removed when the test ends.
-class Folder {
- public:
-  Folder() {
-    std::string name = (fs::temp_directory_path() / "padder-read-XXXXXX").string();
-    path_ = ::mkdtemp(name.data());
-  }
-  ~Folder() { fs::remove_all(path_); }
-  fs::path put(const std::string& name, const std::string& bytes) const {
-    std::ofstream(path_ / name, std::ios::binary) << bytes;
-    return path_ / name;
-  }
-  const fs::path& path() const { return path_; }
-
- private:
-  fs::path path_;
-};
+using Folder = TemporaryFolder;
 
 // The sentence of the error, or "" when there is none.
 std::string fault(const fs::path& path, const ReadOptions& options = {}) {
@@ -274,7 +253,6 @@ TEST(Read, PlyInItsForms) {
                "names vertex 3");
 }
 
-// A strip along a ribbon of squares must have the area of its triangles, and all must face +z.
 TEST(Read, PlyWithoutABodyOrAnEndOfLine) {  // found by fuzzing
   Folder folder;
   std::string text = ply("ascii", "float", "");
@@ -283,6 +261,7 @@ TEST(Read, PlyWithoutABodyOrAnEndOfLine) {  // found by fuzzing
   expect_fault(folder.put("a.ply", text), "cut short");
 }
 
+// A strip along a ribbon of squares must have the area of its triangles, and all must face +z.
 TEST(Read, PlyStripsAreTriangles) {
   Folder folder;
   const std::string points = "0 0 0\n0 1 0\n1 0 0\n1 1 0\n2 0 0\n2 1 0\n3 0 0\n3 1 0\n";
@@ -651,83 +630,20 @@ TEST(Read, NothingGetsThroughWhenBytesAreLostOrChanged) {  // an answer or a sen
       }
 }
 
-TEST(ReadChild, WhateverHappensThereIsASentenceHere) {
-  using Read = std::function<ReadResult()>;
-  const auto sentence = [](const Read& read) {
-    return error_of([&] { reading::in_child(read, 0, "t.fbx"); });
-  };
-  EXPECT_EQ(sentence([]() -> ReadResult { throw Error("t.fbx: a reason"); }), "t.fbx: a reason");
-  EXPECT_EQ(
-      sentence([]() -> ReadResult { throw std::bad_alloc(); }).find("t.fbx: the reader ran out of memory"),
-      0u);
-  EXPECT_EQ(sentence([]() -> ReadResult { std::abort(); }).find("t.fbx: the reader crashed"), 0u);
-  rlimit time = {};
-  ::getrlimit(RLIMIT_CPU, &time);
-  const rlimit soon = {1, time.rlim_max};
-  std::signal(SIGXCPU, SIG_IGN);  // this process may have used more
-  ::setrlimit(RLIMIT_CPU, &soon);
-  EXPECT_EQ(sentence([]() -> ReadResult {
-              for (volatile bool on = true; on;) {
-              }
-              return {};
-            }).find("t.fbx: the reader came to no end"),
-            0u);
-  ::setrlimit(RLIMIT_CPU, &time);
-  std::signal(SIGXCPU, SIG_DFL);
+TEST(ReadChild, BringsAMeshAndNothingUnsound) {
   ReadResult sent;
   sent.mesh.points.assign(100000, Point(1, 2, 3));
   sent.mesh.triangles = {{7, 8, 9}}, sent.unit = "in", sent.notes = {"one", "two"};
-  const ReadResult back = reading::in_child([&] { return sent; }, 0, "t.fbx");
+  const ReadResult back = reading::mesh_from_child([&] { return sent; }, 0, "t.fbx");
   EXPECT_EQ(back.mesh.points, sent.mesh.points);
   EXPECT_EQ(back.mesh.triangles, sent.mesh.triangles);
   EXPECT_EQ(back.unit, "in");
   EXPECT_EQ(back.notes, sent.notes);
   sent.mesh.triangles = {{7, 8, 100000}};  // as a reader may say that a file has taken over
-  EXPECT_EQ(sentence([&] { return sent; }).find("t.fbx: the reader crashed"), 0u);
-}
-
-// A file that takes over its reader has nothing to call.
-TEST(ReadChild, ItMayOnlyCompute) {
-#if !defined(__x86_64__) || defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-  GTEST_SKIP() << "system calls are restricted on x86-64, and not under a sanitizer, which makes its own";
-#endif
-  const int here = ::open("/dev/null", O_RDWR);
-  ASSERT_GE(here, 0);
-  const std::pair<const char*, std::function<long()>> calls[] = {
-      {"open a file", [] { return ::open("/dev/null", O_RDONLY); }},
-      {"make a file", [] { return ::open("made by a reader", O_WRONLY | O_CREAT, 0600); }},
-      {"read an open file",
-       [here] {
-         char c = 0;
-         return ::read(here, &c, 1);
-       }},
-      {"write to an open file", [here] { return ::write(here, "x", 1); }},
-      {"map a file", [here] { return long(::mmap(nullptr, 1, PROT_READ, MAP_PRIVATE, here, 0)); }},
-      {"make a socket", [] { return ::socket(AF_INET, SOCK_STREAM, 0); }},
-      {"start a process", [] { return ::syscall(SYS_clone, SIGCHLD, 0, 0, 0, 0); }},
-      {"start a program", [] { return ::execl("/bin/true", "true", nullptr); }},
-      {"raise a signal", [] { return ::kill(::getppid(), 0); }},
-      {"raise a limit",
-       [] {
-         const rlimit none = {RLIM_INFINITY, RLIM_INFINITY};
-         return ::setrlimit(RLIMIT_CORE, &none);
-       }},
-      {"remove a file", [] { return ::unlink("not there"); }}};
-  const ReadResult said = reading::in_child(
-      [&] {
-        ReadResult result;
-        for (const auto& [what, call] : calls) {
-          errno = 0;
-          const long answer = call();
-          if (answer != -1 || errno != EPERM) result.notes.push_back(what);
-        }
-        result.mesh.points.resize(10'000'000);  // memory there is
-        return result;
-      },
-      0, "t.obj");
-  ::close(here);
-  EXPECT_EQ(said.notes, std::vector<std::string>{});
-  EXPECT_EQ(said.mesh.points.size(), 10'000'000u);
+  EXPECT_EQ(error_of([&] {
+              reading::mesh_from_child([&] { return sent; }, 0, "t.fbx");
+            }).find("t.fbx: the reader crashed"),
+            0u);
 }
 
 TEST(ReadChild, ManyThreadsMayRead) {

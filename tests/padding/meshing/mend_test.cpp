@@ -112,6 +112,27 @@ TEST(Mend, ACubeInACubeIsACavityWhicheverWayItFaces) {
     }
 }
 
+// The walls of a bow tie cross each other: one lobe is turned inside out and bounds nothing.
+TEST(Mend, ACavityThatCrossesItself) {
+  Mesh tie;
+  for (const double z : {0.3, 0.7})
+    for (const Point& p : {Point(0.25, 0.4, z), Point(0.75, 0.7, z), Point(0.75, 0.4, z), Point(0.25, 0.6, z)})
+      tie.points.push_back(p);
+  tie.triangles = {{0, 2, 1}, {0, 3, 2}, {4, 5, 6}, {4, 6, 7}};
+  for (std::uint32_t k = 0; k < 4; k++) {
+    const std::uint32_t next = (k + 1) % 4;
+    tie.triangles.push_back({k, next, next + 4}), tie.triangles.push_back({k, next + 4, k + 4});
+  }
+  const double larger_lobe = 0.5 * 0.3 * 0.3;
+  for (const Mesh& shell : {tie, turned_over(tie)}) {
+    const Repaired r = mended(joined(kCube, shell));
+    EXPECT_EQ(r.steps.cavities, 1u);
+    EXPECT_NEAR(volume(r), 1 - larger_lobe * 0.4, 1e-12);
+    const double around = 0.3 + std::hypot(0.3, 0.18) + std::hypot(0.3, 0.12);
+    EXPECT_NEAR(r.mesh.area(), 6 + 2 * larger_lobe + around * 0.4, 1e-12);
+  }
+}
+
 TEST(Mend, ACubeInACavityIsSolidAndRepeatedPiecesCountOnce) {
   Mesh mesh = joined(kCube, shapes::box({0.1, 0.1, 0.1}, {0.9, 0.9, 0.9}));
   mesh = joined(mesh, shapes::box({0.3, 0.3, 0.3}, {0.7, 0.7, 0.7}));

@@ -2,24 +2,16 @@
 #include "padding/meshing/write_mesh.h"
 
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include "padding/asset/error.h"
 #include "padding/input/read.h"
 #include "tests/padding/shapes.h"
+#include "tests/temporary_folder.h"
 
 namespace padder {
 namespace {
 
-class WriteMesh : public ::testing::Test {
- protected:
-  void SetUp() override {
-    std::string name = (std::filesystem::temp_directory_path() / "padder-mesh-XXXXXX").string();
-    folder_ = ::mkdtemp(name.data());
-  }
-  void TearDown() override { std::filesystem::remove_all(folder_); }
-  std::filesystem::path folder_;
-};
+class WriteMesh : public ::testing::Test, protected TemporaryFolder {};
 
 TEST_F(WriteMesh, IsReadBackFaceByFace) {
   Mesh mesh = shapes::torus(1, 0.3, 20, 10);

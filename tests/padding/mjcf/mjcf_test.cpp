@@ -147,7 +147,7 @@ TEST_F(MjcfTest, EveryGeomStandsWhereMuJoCoPutsIt) {
       "<joint name='shoulder' axis='0 1 1'/><geom/><geom type='cylinder' pos='.1 .2 .3'/><geom type='sphere' "
       "class='thin' contype='0' conaffinity='0'/><geom type='box' fromto='0 0 0 .1 .2 .3'/><include "
       "file='hand.xml'/></body></body></worldbody>";
-  for (const std::string& compiler :
+  for (const std::string compiler :
        {"<compiler autolimits='true' meshdir='meshes'/>",
         "<compiler autolimits='true' meshdir='meshes' angle='radian' eulerseq='zyx'/>",
         "<compiler autolimits='true' meshdir='meshes' angle='radian' eulerseq='XYZ'/>",

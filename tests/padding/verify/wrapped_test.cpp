@@ -32,9 +32,7 @@ Mesh slit(double width) {
 }
 
 Repaired wrapped(const Mesh& mesh, double tolerance) {
-  RepairOptions options;
-  options.mode = RepairMode::wrap, options.tolerance = tolerance;
-  return repair(mesh, options, "input");
+  return repair(mesh, {.mode = RepairMode::wrap, .tolerance = tolerance}, "input");
 }
 
 Point random_in(const Mesh& mesh, std::size_t t, RandomInput& random) {
@@ -80,9 +78,7 @@ TEST(Standoffs, OfAParallelPlateAreItsDistance) {
 TEST(Wrapped, ClosedSlotsHaveTheirWidthAreaAndPlace) {
   const double width = 0.06;
   const Mesh input = slit(width);
-  RepairOptions options;
-  options.mode = RepairMode::wrap, options.alpha = 0.1, options.offset = 0.005;
-  const Repaired wrap = repair(input, options, "slit");
+  const Repaired wrap = repair(input, {.mode = RepairMode::wrap, .alpha = 0.1, .offset = 0.005}, "slit");
   const auto found = standoffs(wrap.mesh, Surface(input), 0.0005);
   EXPECT_TRUE(closed_slots(wrap.mesh, found, 0.04).empty());
   const auto slots = closed_slots(wrap.mesh, found, 0.02);
@@ -105,9 +101,7 @@ TEST(Wrapped, ClosedSlotsHaveTheirWidthAreaAndPlace) {
 TEST(Wrapped, TouchableSurfaceEndsWhereTheWrapIsFar) {
   const Mesh input =
       joined(shapes::box({0, 0, 0}, {1, 1, 1}, 2), shapes::box({0.5, 0.25, 0.25}, {1.5, 0.75, 0.75}, 2));
-  RepairOptions options;
-  options.mode = RepairMode::wrap, options.accuracy = 0.05;
-  const Repaired wrap = repair(input, options, "boxes");
+  const Repaired wrap = repair(input, {.mode = RepairMode::wrap, .accuracy = 0.05}, "boxes");
   const Touchable kept = touchable(input, Surface(wrap.mesh), 2 * wrap.offset, 0.02);
   // Half of the small box but its end, its other end, and the patch that it covers on the large one.
   EXPECT_NEAR(kept.buried.area(), 0.25 + 4 * 0.5 * 0.5 + 0.25, 0.17);

@@ -3,12 +3,12 @@
 
 #include <gtest/gtest.h>
 
-#include <filesystem>
 #include <fstream>
 
 #include "padding/asset/error.h"
 #include "padding/input/read.h"
 #include "tests/padding/shapes.h"
+#include "tests/temporary_folder.h"
 
 namespace padder {
 namespace {
@@ -25,18 +25,16 @@ Cluster three_spheres() {
   return c;
 }
 
-// An own folder, gone at the end.
-class Folder : public ::testing::Test {
+class Folder : public ::testing::Test, protected TemporaryFolder {
  protected:
-  Folder() { fs::create_directories(path / "assets"); }
-  ~Folder() override { fs::remove_all(path); }
+  Folder() { fs::create_directories(folder_ / "assets"); }
 
   fs::path write_box(const fs::path& name, double size) {
-    std::ofstream out(path / name);
+    std::ofstream out(folder_ / name);
     const Mesh box = shapes::box({0, 0, 0}, {size, size, size});
     for (const Point& p : box.points) out << "v " << p.x() << " " << p.y() << " " << p.z() << "\n";
     for (const auto& t : box.triangles) out << "f " << t[0] + 1 << " " << t[1] + 1 << " " << t[2] + 1 << "\n";
-    return path / name;
+    return folder_ / name;
   }
   // As pad records it, with every length `scale` times that of the file.
   Cluster made_from(const fs::path& file, double scale = 1) {
@@ -47,7 +45,6 @@ class Folder : public ::testing::Test {
     c.bounds.low *= scale, c.bounds.high *= scale;
     return c;
   }
-  const fs::path path = fs::path(::testing::TempDir()) / ("view_test_" + std::to_string(::getpid()));
 };
 
 TEST(View, ProtrusionIsRadiusLessTheDistanceToTheMesh) {
@@ -201,25 +198,25 @@ TEST(View, ColoursFollowThePalette) {
 
 TEST_F(Folder, TheMeshIsFoundByNameAndBytes) {
   const Cluster c = made_from(write_box("part.obj", 2));
-  EXPECT_EQ(mesh_of(c, path / "part.spheres.json").triangles.size(), 12u);
-  EXPECT_TRUE(mesh_of(c, path / "assets" / "elsewhere" / "part.spheres.json").triangles.empty());
-  fs::rename(path / "part.obj", path / "assets" / "part.obj");
-  EXPECT_EQ(mesh_of(c, path / "part.spheres.json").triangles.size(), 12u);
+  EXPECT_EQ(mesh_of(c, folder_ / "part.spheres.json").triangles.size(), 12u);
+  EXPECT_TRUE(mesh_of(c, folder_ / "assets" / "elsewhere" / "part.spheres.json").triangles.empty());
+  fs::rename(folder_ / "part.obj", folder_ / "assets" / "part.obj");
+  EXPECT_EQ(mesh_of(c, folder_ / "part.spheres.json").triangles.size(), 12u);
   write_box("assets/part.obj", 2.5);
-  EXPECT_TRUE(mesh_of(c, path / "part.spheres.json").triangles.empty());  // another part of that name
+  EXPECT_TRUE(mesh_of(c, folder_ / "part.spheres.json").triangles.empty());  // another part of that name
 }
 
 TEST_F(Folder, TheMeshComesAtTheScaleOfTheCluster) {
   const fs::path file = write_box("part.obj", 2);
-  const Mesh mesh = mesh_of(made_from(file, 0.001), path / "part.spheres.json");
+  const Mesh mesh = mesh_of(made_from(file, 0.001), folder_ / "part.spheres.json");
   EXPECT_NEAR(mesh.bounds().high.x(), 0.002, 1e-12);
 }
 
 TEST_F(Folder, AnotherMeshIsRefused) {
   const Cluster c = made_from(write_box("part.obj", 2));
-  std::ofstream(path / "other.obj") << "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
-  EXPECT_THROW(mesh_of(c, path / "part.spheres.json", path / "other.obj"), Error);
-  EXPECT_THROW(mesh_of(c, path / "part.spheres.json", path / "absent.obj"), Error);
+  std::ofstream(folder_ / "other.obj") << "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+  EXPECT_THROW(mesh_of(c, folder_ / "part.spheres.json", folder_ / "other.obj"), Error);
+  EXPECT_THROW(mesh_of(c, folder_ / "part.spheres.json", folder_ / "absent.obj"), Error);
 }
 
 }  // namespace

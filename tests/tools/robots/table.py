@@ -9,7 +9,7 @@ LIST has a robot on each line: its name, its URDF, xacro or MJCF (beside LIST un
 alone. The words behind -- go to pad for all of them (default: --tolerance 1%). Nothing that pad writes is edited.
 
 Consumers: MuJoCo (Debian's: by robot_audit, which compares every geom's place in 100 poses; npm's: loads and counts),
-check_urdf of urdfdom, the USD loader of three.js, and by rule: MoveIt's SRDF, cuRobo's robot_cfg, XRDF and VAMP. robot_audit also
+check_urdf of urdfdom, the USD readers three.js and TinyUSDZ, and by rule: MoveIt's SRDF, cuRobo's robot_cfg, XRDF and VAMP. robot_audit also
 compares spheres and exact meshes in --poses random poses by FCL. Exit 1 when anything was refused or differs.
 """
 import argparse
@@ -153,9 +153,9 @@ class Files:
 
 
 def by_npm(files, binaries, spheres):
-    """three.js reads the USD, and npm's MuJoCo the MJCF."""
+    """three.js and TinyUSDZ read the USD, and npm's MuJoCo the MJCF."""
     script = pathlib.Path(__file__).with_name("consumers.mjs")
-    if not shutil.which("node") or not (binaries / "../page/work/node_modules/mujoco-js").exists():
+    if not shutil.which("node") or not (binaries / "../page/work/node_modules/tinyusdz").exists():
         return None
     run(["node", str(script), str(binaries), str(files.at(".usda")), str(files.at(".xml")), str(spheres)])
     return True

@@ -400,8 +400,6 @@ TEST_P(SettleTest, WhatCannotBeSteppedIsRefusedInASentence) {
   refused(fast, "grain 3 has a speed of");
 }
 
-// Grains that fall, roll and pile up in a cylinder: without bodies a step takes no sine, so that both
-// backends have the same bits. With bodies they differ by rounding.
 // A box of 30 layers, and a room inside of it that nobody sees: what is near the top or a side is seen.
 TEST(SettlePageTest, WhatIsHiddenIsInside) {
   std::vector<Vec3> points;
@@ -450,6 +448,8 @@ TEST(SettlePageTest, LeavesOutFramesWhereItWouldBeLarge) {
   std::filesystem::remove(path);
 }
 
+// Grains that fall, roll and pile up in a cylinder: without bodies a step takes no sine, so that both
+// backends have the same bits. With bodies they differ by rounding.
 TEST(SettleBackendsTest, GrainsHaveTheSameBitsOnAGpu) {
   if (!detect::cuda_present()) GTEST_SKIP() << "there is no GPU that this build can use";
   const System s = heap(12, 12, 12, 3);

@@ -115,6 +115,9 @@ with tempfile.TemporaryDirectory() as folder:
     at_once = report("--make", "silo", "--count", 400, "-o", "silo.html", "--steps", 200)
     assert at_once["grains"] == 400 and at_once["state"] == from_file["state"] and os.path.exists("silo.html")
     refused("name with -o what to write", "--make", "silo", code=2)
+    no_utf8 = os.fsdecode(b"\xff.json")
+    assert report("--make", "silo", "--count", 400, "-o", no_utf8)["count"] == 400
+    assert report(no_utf8, "--steps", 1, "-o", os.fsdecode(b"\xff.npz"))["grains"] == 400
     if os.path.exists(os.path.join(BIN, "preview")):
         shown = run("preview", "silo.json", "-o", "silo.png", "--size", "64x32", "--samples", 1, "--json")
         assert json.loads(shown.stdout)["spheres"] == 400
