@@ -13,6 +13,7 @@
 #include <assimp/IOSystem.hpp>
 #include <assimp/Importer.hpp>
 #include <assimp/LogStream.hpp>
+#include <charconv>
 #include <utility>
 
 #include "padding/asset/excerpt.h"
@@ -126,6 +127,19 @@ void add(const aiMesh& mesh, const Eigen::Matrix4d& place, double factor, const 
   }
 }
 
+// A URI writes what it cannot hold, as a space, as % and two hexadecimal digits.
+std::string unescaped(std::string_view uri) {
+  std::string name;
+  for (; !uri.empty(); uri.remove_prefix(1)) {
+    unsigned char byte = 0;
+    const bool escape =
+        uri[0] == '%' && uri.size() > 2 && std::from_chars(&uri[1], &uri[1] + 2, byte, 16).ptr == &uri[1] + 2;
+    name += escape ? static_cast<char>(byte) : uri[0];
+    if (escape) uri.remove_prefix(2);
+  }
+  return name;
+}
+
 }  // namespace
 
 FilesBeside check_gltf(std::string_view bytes, const fs::path& path, const std::string& ending) {
@@ -164,16 +178,19 @@ FilesBeside check_gltf(std::string_view bytes, const fs::path& path, const std::
   for (const Json& buffer : json["buffers"]) {
     const auto uri = buffer.is_object() ? buffer.find("uri") : buffer.end();
     if (!buffer.is_object() || uri == buffer.end() || !uri->is_string()) continue;
-    const std::string name = *uri;
-    if (name.starts_with("data:") || name.find('\0') != name.npos) continue;
-    // A pipe or a device among them would never end, and one outside of its folder is none of its business: a
-    // scene that somebody else sends could show what is in it.
-    const fs::path file = (path.parent_path() / name).lexically_normal(),
-                   within = file.lexically_relative(path.lexically_normal().parent_path());
-    std::error_code code;
-    if (!within.empty() && *within.begin() != ".." && fs::is_regular_file(file, code) &&
-        !beside.contains(file))
-      beside[file] = read_file(file);
+    const std::string text = *uri;
+    const fs::path asked = (path.parent_path() / text).lexically_normal();  // by assimp, as it stands there
+    for (const std::string& name : {unescaped(text), text}) {               // some exporters forget to escape
+      if (text.starts_with("data:") || name.find('\0') != name.npos) continue;
+      // A pipe or a device among them would never end, and one outside of its folder is none of its business:
+      // a scene that somebody else sends could show what is in it.
+      const fs::path file = (path.parent_path() / name).lexically_normal(),
+                     within = file.lexically_relative(path.lexically_normal().parent_path());
+      std::error_code code;
+      if (!within.empty() && *within.begin() != ".." && fs::is_regular_file(file, code) &&
+          !beside.contains(asked))
+        beside[asked] = read_file(file);
+    }
   }
   return beside;
 }

@@ -544,6 +544,27 @@ TEST(Read, AGltfMayNotReferToFilesAboveItsFolder) {
   EXPECT_EQ(fault(folder.put("s.gltf", above)), "") << "it does not leave the folder";
 }
 
+TEST(Read, AGltfNamesAFileAsUrisDo) {
+  Folder folder;
+  const auto of = [&](const std::string& uri) {
+    std::string scene = mirrored_gltf;
+    return folder.put("s.gltf", scene.replace(scene.find("data.bin"), 8, uri));
+  };
+  folder.put("a b\u00e9.bin", gltf_buffer());
+  EXPECT_EQ(fault(of("a%20b%c3%A9.bin")), "");
+  EXPECT_EQ(fault(of("./a b%C3%a9.bin")), "");
+  expect_fault(of("a%2b.bin"), "assimp cannot read it");
+  folder.put("50%.bin", gltf_buffer());
+  EXPECT_EQ(fault(of("50%.bin")), "");
+  folder.put("a%2b.bin", gltf_buffer());
+  EXPECT_EQ(fault(of("a%2b.bin")), "") << "nobody escaped it";
+  folder.put("out.bin", gltf_buffer());
+  fs::create_directory(folder.path() / "in");
+  std::string above = mirrored_gltf;
+  above.replace(above.find("data.bin"), 8, "%2e%2e/out.bin");
+  expect_fault(folder.put("in/s.gltf", above), "assimp cannot read it");
+}
+
 TEST(Read, SceneFaults) {
   Folder folder;
   expect_fault(folder.put("s.gltf", mirrored_gltf), "data.bin");

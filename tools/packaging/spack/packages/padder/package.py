@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Spack's recipe: spack repo add tools/packaging/spack && spack install padder."""
+import pathlib
+
 from spack.package import *
 
 
@@ -8,7 +10,9 @@ class Padder(CMakePackage, CudaPackage):
 
     license("MIT AND GPL-3.0-or-later")
 
-    version("main")  # of a checkout: spack dev-build
+    git = f"file://{pathlib.Path(__file__).resolve().parents[5]}"  # the checkout that this recipe lies in
+
+    version("main", get_full_repo=False)
 
     variant("padding", default=True, description="meshes to clusters (CGAL: GPL)")
     variant("tools", default=True, description="the programs", when="+padding")
@@ -20,7 +24,7 @@ class Padder(CMakePackage, CudaPackage):
     depends_on("cxx", type="build")
     depends_on("cmake@3.25:", type="build")
     depends_on("ninja", type="build")
-    depends_on("eigen")
+    depends_on("eigen@3.4:3")
     depends_on("nlohmann-json")
     depends_on("pugixml")
     depends_on("yaml-cpp")
@@ -28,7 +32,7 @@ class Padder(CMakePackage, CudaPackage):
     with when("+padding"):
         depends_on("cgal@5.5:5")
         depends_on("assimp")
-        depends_on("tinyobjloader")
+        depends_on("tinyobjloader@2:")
         depends_on("openssl")
     with when("+tools"):
         depends_on("cli11")
