@@ -14,6 +14,8 @@
 #include <assimp/Importer.hpp>
 #include <assimp/LogStream.hpp>
 #include <charconv>
+#include <new>
+#include <string_view>
 #include <utility>
 
 #include "padding/asset/excerpt.h"
@@ -213,6 +215,8 @@ Soup read_scene(const std::string& bytes, const FilesBeside& beside, const fs::p
   // ROS and Gazebo look at no up axis of COLLADA, and its files are made for them.
   importer.SetPropertyBool(AI_CONFIG_IMPORT_COLLADA_IGNORE_UP_DIRECTION, true);
   const aiScene* scene = importer.ReadFile(where, aiProcess_RemoveComponent);
+  if (std::string_view(importer.GetErrorString()).find("bad_alloc") != std::string_view::npos)
+    throw std::bad_alloc();  // nodes of a COLLADA that multiply one another, say
   if (!scene || !scene->mRootNode)
     fail(where, "assimp cannot read it (" + one_line(importer.GetErrorString()) +
                     "): check that the file is whole, beside the files it refers to, and has the ending of "

@@ -91,6 +91,24 @@ class HostileTest(unittest.TestCase):
             "entities.dae": '<?xml version="1.0"?>' + entities + '<COLLADA version="1.4.1">&m;</COLLADA>',
         }, "pad", *QUICK)
 
+    @unittest.skipIf(SANITIZED, "AddressSanitizer needs terabytes of addresses")
+    def test_nodes_that_multiply_one_another(self):
+        triangle = '<library_geometries><geometry id="g"><mesh><source id="p"><float_array id="f" count="9">0 0 0 1 0 0 0 1 0</float_array>' \
+                   '<technique_common><accessor source="#f" count="3" stride="3"><param name="X" type="float"/><param name="Y" type="float"/>' \
+                   '<param name="Z" type="float"/></accessor></technique_common></source><vertices id="v"><input semantic="POSITION" source="#p"/>' \
+                   '</vertices><triangles count="1"><input semantic="VERTEX" source="#v" offset="0"/><p>0 1 2</p></triangles></mesh></geometry></library_geometries>'
+
+        def nodes(levels):
+            inner = "".join(f'<node id="n{k}">' + f'<instance_node url="#n{k + 1}"/>' * 10 + "</node>" for k in range(levels))
+            return f'<?xml version="1.0"?><COLLADA version="1.4.1">{triangle}<library_nodes>{inner}<node id="n{levels}"><instance_geometry url="#g"/></node>' \
+                   '</library_nodes><library_visual_scenes><visual_scene id="s"><node id="r"><instance_node url="#n0"/></node></visual_scene>' \
+                   '</library_visual_scenes><scene><instance_visual_scene url="#s"/></scene></COLLADA>'
+        self.put("ten.dae", nodes(1))
+        self.works("pad", "ten.dae", "-q", *QUICK)
+        self.put("bomb.dae", nodes(9)), self.put("itself.dae", nodes(2).replace("#n2", "#n0"))
+        self.sentence("pad", "bomb.dae", "--memory", "150M", says="memory")
+        self.sentence("pad", "itself.dae", says="damaged")
+
     def test_deep_and_long_yaml(self):
         sphere = "{center: [0, 0, 0], radius: 1}"
         aliases = f"a0: &a0 {sphere}\n" + "".join(f"a{k}: &a{k} [{', '.join([f'*a{k - 1}'] * 10)}]\n" for k in range(1, 10))
@@ -120,6 +138,14 @@ class HostileTest(unittest.TestCase):
 
     def scene_of(self, file):
         return self.put("scene.json", json.dumps({"format": "padder.scene", "version": 1, "spheres": [{"file": file}]}))
+
+    def test_boxes_of_grains_without_end(self):
+        def silo(low, high):
+            return json.dumps({"format": "padder.scene", "version": 1, "settle": {
+                "material": {"density": 2500}, "duration": 1, "planes": [{"point": [0, 0, 0], "normal": [0, 0, 1]}],
+                "cylinder": {"point": [0, 0, 0], "axis": [0, 0, 1], "radius": 0.1}, "grains": [{"count": 300, "radius": 0.01, "low": low, "high": high}]}})
+        self.refused({"wide.json": silo([-0.1, -0.1, 0], [0.1, 1e9, 3]), "wider.json": silo([-1e300, -1e300, 0], [1e300, 1e300, 1e300]),
+                      "flat.json": silo([0, 0, 0], [0, 1e9, 1e9])}, "settle", "--steps", "1", "-o", "a.npz")
 
     def test_archives_that_unpack_to_gigabytes(self):
         def archive(name, part, size):

@@ -289,11 +289,13 @@ class Reader {
     const Vec3 low = vector_at(g.at("low")), high = vector_at(g.at("high"));
     const double edge = 2.04 * widest;
     const auto places = [&](double from, double to) {
-      return static_cast<std::int64_t>(std::floor((to - from) / edge));
+      return static_cast<std::int64_t>(std::fmax(0, std::fmin(std::floor((to - from) / edge), 1e9)));
     };
-    const std::int64_t nx = places(low.x, high.x), ny = places(low.y, high.y), nz = places(low.z, high.z);
+    const std::int64_t nx = places(low.x, high.x), ny = places(low.y, high.y),
+                       nz = nx > 0 && ny > 0 ? places(low.z, high.z) : 0;
     if (!random_) random_.emplace(r_.has("seed") ? r_.at("seed").whole(~std::uint64_t(0) >> 1) : 1);
-    std::uint64_t made = 0;
+    // A box far wider than its walls has places without end.
+    std::uint64_t made = 0, empty = 0, most_empty = 10'000'000 + 1000 * count;
     for (std::int64_t z = 0; z < nz && made < count; z++)
       for (std::int64_t y = 0; y < ny && made < count; y++)
         for (std::int64_t x = 0; x < nx && made < count; x++) {
@@ -301,8 +303,10 @@ class Reader {
               0.5 * (low.x + high.x) + edge * (static_cast<double>(x) - 0.5 * static_cast<double>(nx - 1)),
               0.5 * (low.y + high.y) + edge * (static_cast<double>(y) - 0.5 * static_cast<double>(ny - 1)),
               low.z + edge * (static_cast<double>(z) + 0.5)};
-          if (blocked(at, 1.02 * widest)) continue;
-          put(at), made++;
+          if (!blocked(at, 1.02 * widest))
+            put(at), made++;
+          else if (++empty > most_empty)
+            g.fail("nearly all places between low and high are outside of the walls: draw both closer");
         }
     if (made < count)
       g.at("count").fail("only " + std::to_string(made) + " of " + std::to_string(count) +
