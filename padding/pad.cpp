@@ -81,8 +81,10 @@ void keep_only(RungSpheres& made, const std::vector<std::uint32_t>& kept) {
 }
 
 // The surface that closes a crack is as far from the input as the crack is wide, so the spheres may stand out
-// by so much less.
-CullOptions cull_options(const PadOptions& options, const Length& tolerance, double diagonal, double crack) {
+// by so much less. Far from the origin doubles are coarse: writing the spheres down may move them by
+// `coarseness`, which is taken off both errors.
+CullOptions cull_options(const PadOptions& options, const Length& tolerance, double diagonal, double crack,
+                         double coarseness) {
   CullOptions c;
   c.tolerance = tolerance.absolute(diagonal) / diagonal;
   c.max_spheres = options.max_spheres;
@@ -98,6 +100,12 @@ CullOptions cull_options(const PadOptions& options, const Length& tolerance, dou
       c.tolerance -= crack;
   }
   if (c.only_protrusion) *c.only_protrusion -= crack;
+  const auto lessen = [coarseness](double& error) {
+    if (error > 2 * coarseness) error -= coarseness;
+  };
+  lessen(c.tolerance);
+  if (c.only_protrusion) lessen(*c.only_protrusion);
+  if (c.only_gap) lessen(*c.only_gap);
   c.balance = options.balance, c.smooth = options.smooth, c.effort = options.effort;
   return c;
 }
@@ -147,7 +155,8 @@ RungSpheres make_spheres(const Job& job, const Length& tolerance, std::string& w
     why = "the spheres of the depth ratio stand out farther, or leave more open";
   } else {
     job.step("cull", 4);
-    CullOptions culling = cull_options(options, tolerance, job.frame.scale(), job.body.steps.crack_width);
+    CullOptions culling = cull_options(options, tolerance, job.frame.scale(), job.body.steps.crack_width,
+                                       job.frame.coarseness());
     culling.tell = job.within_cull;
     // Below a sheet as given nothing bounds the balls: large ones would sag and stand out past its border.
     if (!job.surface.closed()) culling.max_radius = std::min(culling.max_radius, 0.05);

@@ -31,9 +31,9 @@ std::string too_small() {
 // What samples stand apart is compared with the longest edge of a part. The parts of a triangle that is
 // bisected are on the whole about a third smaller than that.
 struct SamplePart : TrianglePart {
-  double disc = 0;     // radius of the disc that the ball grown nearby covers
-  double radius = 0;   // of a medial ball nearby, or 0: not known
-  bool crowd = false;  // that ball covers many walls
+  double disc = 0;    // radius of the disc that the ball grown nearby covers
+  double radius = 0;  // of a medial ball nearby, or 0: not known
+  double apart = 1;   // so many times as far apart do cover points stand; above 1 in a crowd
 };
 
 // Finds the parts whose centroids lie near that of a given part and whose normals are similar. Comparing the
@@ -238,11 +238,14 @@ class Sampler {
         grown.push_back({near.point(batch[k]), parts[batch[k]].triangle, balls[k]});
         const double disc = covered_disc(balls[k].radius, options_.tolerance_sum);
         // In a crowd samples stand farther apart, and normals do not count: so there is a number of samples
-        // for each ball, and not for each wall that it covers.
+        // for each ball, and not for each wall that it covers. A ball in a wall that is thinner than the
+        // tolerance covers its neighbours, too, wherever they lie within its disc.
         const double spacing = disc / options_.grown_density;
-        const bool crowd = near.crowd(batch[k], spacing);
-        near.visit(batch[k], (crowd ? 1.5 : 1) * spacing, crowd, [&](auto other) {
-          if (!gone[other]) gone[other] = 1, parts[other].disc = disc, parts[other].crowd = crowd;
+        const bool dense = near.crowd(batch[k], spacing);
+        const bool crowd = dense || (disc < 2 * options_.tolerance_sum && near.crowd(batch[k], disc));
+        const double apart = dense ? 2 : crowd ? 1.5 : 1;
+        near.visit(batch[k], 0.5 * (1 + apart) * spacing, crowd, [&](auto other) {
+          if (!gone[other]) gone[other] = 1, parts[other].disc = disc, parts[other].apart = apart;
         });
       }
     }
@@ -251,7 +254,8 @@ class Sampler {
   void cut_finer(std::vector<SamplePart>& parts) const {
     std::vector<SamplePart> stack, done;
     for (const SamplePart& part : parts) {
-      const double size = part_size(part.disc, options_.fine_density);
+      // Where points stand farther apart, more parts would only be looked through.
+      const double size = part.apart * part_size(part.disc, options_.fine_density);
       stack.push_back(part);
       while (!stack.empty()) {
         const SamplePart top = stack.back();
@@ -274,7 +278,7 @@ class Sampler {
       if (gone[k]) continue;
       const double radius = parts[k].disc / density;
       points.push_back({near.point(k), radius});
-      near.visit(k, (parts[k].crowd ? 2 : 1) * radius, parts[k].crowd, [&](auto other) { gone[other] = 1; });
+      near.visit(k, parts[k].apart * radius, parts[k].apart > 1, [&](auto other) { gone[other] = 1; });
     }
     return points;
   }

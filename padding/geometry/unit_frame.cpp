@@ -2,6 +2,8 @@
 #include "padding/geometry/unit_frame.h"
 
 #include <cmath>
+#include <limits>
+#include <numbers>
 
 #include "padding/asset/error.h"
 
@@ -28,6 +30,12 @@ Point UnitFrame::into(const Point& p) const {
 Point UnitFrame::written(const Point& p) const {
   const Point there = (back(p) - center_) / scale_;
   return (there - p).norm() * kGrid < 1 ? p : there;
+}
+
+double UnitFrame::coarseness() const {
+  const double largest = center_.cwiseAbs().maxCoeff() + scale_;
+  const double moved = std::numbers::sqrt3 * std::numeric_limits<double>::epsilon() * largest / scale_;
+  return moved * kGrid < 1 ? 0 : moved;
 }
 
 Accuracy UnitFrame::back(Accuracy a) const {

@@ -25,6 +25,8 @@ class UnitFrame {
   // Where p stands once back(p) has been rounded to double, which matters far from the origin; p itself where
   // that moves it by less than into() does.
   Point written(const Point& p) const;
+  // No point within the diagonal of the centre is moved farther by written().
+  double coarseness() const;
   Accuracy back(Accuracy accuracy) const;
   MassProperties back(MassProperties mass) const;
   double back_volume(double volume) const;

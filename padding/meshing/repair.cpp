@@ -26,15 +26,20 @@ namespace {
 
 namespace pmp = CGAL::Polygon_mesh_processing;
 
-constexpr const char* no_surface = ": no triangle has an area, so there is no surface to pad";
+constexpr const char* no_surface =
+    ": no triangle has an area that shows at 1.5e-11 of the diagonal, so there is no surface to pad: pad "
+    "parts "
+    "that lie so far apart one by one";
 
 std::string count_of(std::size_t n, const std::string& one) {
   return std::to_string(n) + " " + one + (n == 1 ? "" : "s");
 }
 
-// Has triangle t no area?
+// Has triangle t no area? Its height is what counts: a small part far from another one has small triangles.
 bool has_no_area(const Mesh& mesh, std::size_t t, double diagonal) {
-  return !(mesh.area_normal(t).norm() > 1e-14 * diagonal * diagonal);
+  const Point &a = mesh.corner(t, 0), &b = mesh.corner(t, 1), &c = mesh.corner(t, 2);
+  const double longest2 = std::max({(b - a).squaredNorm(), (c - b).squaredNorm(), (a - c).squaredNorm()});
+  return !(mesh.area_normal(t).norm() > 1e-14 * diagonal * std::sqrt(longest2));
 }
 
 bool any_flat(const Mesh& mesh, double diagonal) {

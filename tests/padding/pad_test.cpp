@@ -146,6 +146,16 @@ TEST(Pad, WhatCannotBeWrittenDownIsNotCertified) {
   EXPECT_NE(p.report.reason.find("move the mesh"), std::string::npos) << p.report.reason;
 }
 
+// A part of 10 m at its place on a map: there a double moves a sphere by more than rounding is allowed.
+TEST(Pad, APartOnAMapIsCertified) {
+  const Mesh mesh = moved(shapes::box({0, 0, 0}, {10, 10, 10}),
+                          [](const Point& p) -> Point { return p + Point(5e8, 5e7, 300); });
+  PadOptions options;
+  options.tolerance = Length::share(0.02);
+  const Padded p = pad(as_file(mesh), options);
+  EXPECT_TRUE(p.cluster.accuracy.certified) << p.report.reason;
+}
+
 TEST(Pad, ASheetIsSaidToBeOne) {
   const Padded p = pad(as_file(shapes::square(1, 4)), {});
   EXPECT_EQ(p.report.kind, BodyKind::sheet);

@@ -112,6 +112,19 @@ TEST(Samples, WallsOfAStackShareTheirSamples) {
   EXPECT_LT(many[1], 1.5 * few[1]);
 }
 
+// 21 walls that stand farther apart than samples, and nearer to each other than a ball reaches.
+TEST(Samples, WallsThatABallReachesShareTheirSamples) {
+  const auto count = [](const Mesh& walls) {
+    SampleOptions options;
+    options.tolerance_sum = 0.1;
+    const Mesh nothing;
+    const Samples samples =
+        sample_surface(Surface(walls, SideBy::winding, std::make_shared<const Surface>(nothing)), options);
+    return static_cast<double>(samples.fine.size());
+  };
+  EXPECT_LT(count(shapes::stack(shapes::square(0.5), 21, 0.25)), 8 * count(shapes::square(0.5)));
+}
+
 TEST(Samples, TooSmallAToleranceIsRefused) {
   const Surface surface(shapes::box({0, 0, 0}, {0.5, 0.5, 0.5}));
   SampleOptions options{.tolerance_sum = 1e-6, .largest = 1e-9};

@@ -37,6 +37,9 @@ TEST(UnitFrame, WhatIsWrittenFarFromTheOriginStandsWhereDoublesAre) {
   const Point there = frame.written(p);
   EXPECT_GT((there - p).norm(), 0.001);
   EXPECT_EQ(frame.back(there), frame.back(p));
+  EXPECT_GE(frame.coarseness(), (there - p).norm());
+  EXPECT_LT(frame.coarseness(), 0.3);
+  EXPECT_EQ(UnitFrame(near, "box").coarseness(), 0);
 }
 
 TEST(UnitFrame, MassGoesBackWithItsPowersOfTheLength) {

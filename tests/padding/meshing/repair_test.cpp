@@ -165,6 +165,15 @@ TEST(Repair, NothingWithAnAreaIsRefusedInASentence) {
   EXPECT_TRUE(refuses([&] { repair(line, {}, "line.obj"); }, "line.obj"));
 }
 
+// Two parts of a few centimetres, a kilometre apart, with triangles of a tenth of a millimetre.
+TEST(Repair, SmallTrianglesFarApartHaveAnArea) {
+  Mesh mesh = shapes::box({0, 0, 0}, {6e-8, 6e-8, 6e-8});
+  mesh = joined(mesh, shapes::box({1, 0, 0}, {1 + 6e-8, 6e-8, 6e-8}));
+  const Repaired r = repair(mesh, {}, "apart");
+  EXPECT_EQ(r.kind, BodyKind::solid);
+  EXPECT_EQ(r.mesh.triangles.size(), 24u);
+}
+
 TEST(Repair, AClosedSoupIsOnePieceWithTheSameTriangles) {
   for (const Mesh& mesh :
        {shapes::box({0, 0, 0}, {1, 2, 3}), shapes::sphere(3), shapes::torus(1, 0.3, 20, 10)}) {
