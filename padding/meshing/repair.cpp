@@ -27,8 +27,7 @@ namespace {
 namespace pmp = CGAL::Polygon_mesh_processing;
 
 constexpr const char* no_surface =
-    ": no triangle has an area that shows at 1.5e-11 of the diagonal, so there is no surface to pad: pad "
-    "parts "
+    ": no triangle has an area that shows at 1.5e-11 of the diagonal, so there is no surface to pad: pad parts "
     "that lie so far apart one by one";
 
 std::string count_of(std::size_t n, const std::string& one) {
