@@ -313,7 +313,7 @@ def test_bodies_take_the_level_of_detail_that_their_partners_need():
     poses[:, [0, 4, 8]] = 1
     poses[:, 9] = [0, 1.0, 10, 30]  # two that touch, one near a small ball, one alone
     bodies = padder.Bodies([part], poses)
-    c, r = [[10.5, 0.5, 1.05]], [0.06]
+    c, r = [[10.5, 0.5, 1.0]], [0.06]
     taken = bodies.with_lod("auto", centers=c, radii=r, share=1)
     assert taken.lod.tolist() == [1, 1, 0, 2**32 - 1] and 0 < taken.lod_error < 0.5 and len(bodies.lod) == 0
     assert len(padder.detect(bodies=taken, backend="omp")) > 0
