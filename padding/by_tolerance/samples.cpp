@@ -223,32 +223,41 @@ class Sampler {
     const Neighbours near(surface_.mesh(), parts);
     const std::vector<std::uint32_t> order = random_order(parts.size(), 1);
     std::vector<std::uint32_t> batch;
-    std::vector<Ball> balls;
+    std::vector<Grown> found;
     std::vector<char> gone(parts.size());
     for (std::size_t at = 0; at < order.size();) {
       const std::size_t size = std::max<std::size_t>(8, grown.size() / 4);
       batch.clear();
       for (; at < order.size() && batch.size() < size; at++)
         if (!gone[order[at]]) batch.push_back(order[at]);
-      balls.resize(batch.size());
+      found.resize(batch.size());
 #pragma omp parallel for schedule(dynamic, 4) if (batch.size() > 32)
-      for (std::size_t k = 0; k < batch.size(); k++) balls[k] = ball_at(parts[batch[k]]);
+      for (std::size_t k = 0; k < batch.size(); k++) found[k] = grow_on(parts[batch[k]], near, batch[k]);
       for (std::size_t k = 0; k < batch.size(); k++) {
         if (gone[batch[k]]) continue;
-        grown.push_back({near.point(batch[k]), parts[batch[k]].triangle, balls[k]});
-        const double disc = covered_disc(balls[k].radius, options_.tolerance_sum);
-        // In a crowd samples stand farther apart, and normals do not count: so there is a number of samples
-        // for each ball, and not for each wall that it covers. A ball in a wall that is thinner than the
-        // tolerance covers its neighbours, too, wherever they lie within its disc.
-        const double spacing = disc / options_.grown_density;
-        const bool dense = near.crowd(batch[k], spacing);
-        const bool crowd = dense || (disc < 2 * options_.tolerance_sum && near.crowd(batch[k], disc));
-        const double apart = dense ? 2 : crowd ? 1.5 : 1;
-        near.visit(batch[k], 0.5 * (1 + apart) * spacing, crowd, [&](auto other) {
+        const auto& [ball, disc, apart] = found[k];
+        grown.push_back({near.point(batch[k]), parts[batch[k]].triangle, ball});
+        near.visit(batch[k], 0.5 * (1 + apart) * disc / options_.grown_density, apart > 1, [&](auto other) {
           if (!gone[other]) gone[other] = 1, parts[other].disc = disc, parts[other].apart = apart;
         });
       }
     }
+  }
+
+  struct Grown {
+    Ball ball;
+    double disc, apart;  // as in SamplePart
+  };
+
+  // In a crowd samples stand farther apart, and normals do not count: so there is a number of samples for
+  // each ball, and not for each wall that it covers. A ball in a wall that is thinner than the tolerance
+  // covers its neighbours, too, wherever they lie within its disc.
+  Grown grow_on(const SamplePart& part, const Neighbours& near, std::uint32_t place) const {
+    const Ball ball = ball_at(part);
+    const double disc = covered_disc(ball.radius, options_.tolerance_sum);
+    const bool dense = near.crowd(place, disc / options_.grown_density);
+    const bool crowd = dense || (disc < 2 * options_.tolerance_sum && near.crowd(place, disc));
+    return {ball, disc, dense ? 2.0 : crowd ? 1.5 : 1.0};
   }
 
   void cut_finer(std::vector<SamplePart>& parts) const {

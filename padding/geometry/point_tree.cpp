@@ -8,6 +8,12 @@ namespace padder {
 namespace {
 
 constexpr std::uint32_t leaf_size = 8;
+constexpr std::uint32_t task_size = 1 << 14;  // halves of more points are sorted side by side
+
+std::uint32_t nodes_of(std::uint32_t points) {
+  const std::uint32_t half = points / 2;
+  return points <= leaf_size ? 1 : 1 + nodes_of(half) + nodes_of(points - half);
+}
 
 }  // namespace
 
@@ -16,32 +22,39 @@ PointTree::PointTree(std::vector<Point> points) : points_(std::move(points)) {
   order_.resize(n);
   std::iota(order_.begin(), order_.end(), 0u);
   if (n > 0) {
-    nodes_.reserve(n / 2 + 1);
-    build(0, n);
+    nodes_.resize(nodes_of(n));
+#pragma omp parallel if (n > task_size)
+#pragma omp single
+    build(0, 0, n);
   }
   sorted_.resize(n);
   for (std::uint32_t k = 0; k < n; k++) sorted_[k] = points_[order_[k]];
 }
 
-std::uint32_t PointTree::build(std::uint32_t begin, std::uint32_t end) {
+std::uint32_t PointTree::build(std::uint32_t index, std::uint32_t begin, std::uint32_t end) {
   Box box;
   for (auto k = begin; k < end; k++) box.add(points_[order_[k]]);
-  const auto index = static_cast<std::uint32_t>(nodes_.size());
-  nodes_.push_back({box.low, box.high, begin, end, 0});
-  if (end - begin > leaf_size) {
-    int axis;
-    (box.high - box.low).maxCoeff(&axis);
-    const auto middle = begin + (end - begin) / 2;
-    std::nth_element(order_.begin() + begin, order_.begin() + middle, order_.begin() + end,
-                     [&](auto s, auto t) {
-                       const double x = points_[s][axis], y = points_[t][axis];
-                       return x != y ? x < y : s < t;
-                     });
-    build(begin, middle);
-    const auto right = build(middle, end);
-    nodes_[index].right = right;
+  Node& node = nodes_[index];
+  node = {box.low, box.high, begin, end, 0};
+  if (end - begin <= leaf_size) return index + 1;
+  int axis;
+  (box.high - box.low).maxCoeff(&axis);
+  const auto middle = begin + (end - begin) / 2;
+  std::nth_element(order_.begin() + begin, order_.begin() + middle, order_.begin() + end,
+                   [&](auto s, auto t) {
+                     const double x = points_[s][axis], y = points_[t][axis];
+                     return x != y ? x < y : s < t;
+                   });
+  if (end - begin <= task_size) {
+    node.right = build(index + 1, begin, middle);
+    return build(node.right, middle, end);
   }
-  return index;
+  node.right = index + 1 + nodes_of(middle - begin);
+#pragma omp task
+  build(index + 1, begin, middle);
+  const std::uint32_t next = build(node.right, middle, end);
+#pragma omp taskwait
+  return next;
 }
 
 void PointTree::find(const Point& center, double radius, std::vector<std::uint32_t>& found) const {

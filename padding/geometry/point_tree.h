@@ -27,7 +27,8 @@ class PointTree {
     Point low, high;
     std::uint32_t begin, end, right;  // the left child stands behind its parent; right is 0 for a leaf
   };
-  std::uint32_t build(std::uint32_t begin, std::uint32_t end);
+  // Builds the subtree at nodes_[index] and returns the index behind it.
+  std::uint32_t build(std::uint32_t index, std::uint32_t begin, std::uint32_t end);
 
   std::vector<Point> points_, sorted_;
   std::vector<std::uint32_t> order_;  // index of each of sorted_
