@@ -235,8 +235,8 @@ class Sampler {
       for (std::size_t k = 0; k < batch.size(); k++) found[k] = grow_on(parts[batch[k]], near, batch[k]);
       for (std::size_t k = 0; k < batch.size(); k++) {
         if (gone[batch[k]]) continue;
-        const auto& [ball, disc, apart] = found[k];
-        grown.push_back({near.point(batch[k]), parts[batch[k]].triangle, ball});
+        const double disc = found[k].disc, apart = found[k].apart;
+        grown.push_back({near.point(batch[k]), parts[batch[k]].triangle, found[k].ball});
         near.visit(batch[k], 0.5 * (1 + apart) * disc / options_.grown_density, apart > 1, [&](auto other) {
           if (!gone[other]) gone[other] = 1, parts[other].disc = disc, parts[other].apart = apart;
         });
