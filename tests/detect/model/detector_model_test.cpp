@@ -182,7 +182,11 @@ class Sequence {
         check_stages(detector_->stages(given.input), call);
       } else {
         const Contacts& c = detector_->detect(given.input);
-        check(c, call);
+        // In float32 with bins far too large, all pairs may be doubtful: too many to compare.
+        if (c.count > 10'000'000)
+          call.again = false;
+        else
+          check(c, call);
       }
     } catch (const Error& e) {
       threw = true, said = e.what();

@@ -232,7 +232,7 @@ TEST(Cluster, FaultyDocumentsEndInASentenceThatNamesTheKey) {
       {head + R"("spheres":{"centers":[[0,0,1]],"radii":[1],"triangle":[0.5]}})",
        "triangle 0: a whole number"}};
   for (const auto& [text, words] : table) {
-    const std::string sentence = error_of([&] { cluster_from_json(text, "text"); });
+    const std::string sentence = error_of([&text = text] { cluster_from_json(text, "text"); });
     EXPECT_EQ(sentence.rfind("text", 0), 0u) << text << "\n" << sentence;
     EXPECT_EQ(sentence.find("json."), std::string::npos) << sentence;  // the library's own words
     EXPECT_NE(sentence.find(words), std::string::npos) << text << "\n" << sentence;
@@ -259,7 +259,7 @@ TEST(Cluster, HostileDocumentsEndInAShortSentence) {
       {head + "\"name\":\"\x1b[2J\"}", "near '\"<U+001B>'"},
       {deep, "nested deeper than 64 levels"}};
   for (const auto& [text, words] : table) {
-    const std::string sentence = error_of([&] { cluster_from_json(text, "text"); });
+    const std::string sentence = error_of([&text = text] { cluster_from_json(text, "text"); });
     EXPECT_NE(sentence.find(words), std::string::npos) << text.substr(0, 200) << "\n"
                                                        << sentence.substr(0, 400);
     EXPECT_LT(sentence.size(), 300u);
