@@ -20,6 +20,15 @@
 #include "padding/geometry/triangle.h"
 #include "padding/meshing/cgal_mesh.h"
 
+// CGAL 5.5's tangential relaxation asks for the edge of no halfedge where all faces at a vertex are
+// degenerate, and then reads far outside its arrays. Calls on our mesh find this overload, which is no
+// template, before CGAL's. Any edge will do: the vertex stays where it is, or moves within its line.
+namespace CGAL {
+inline SM_Edge_index edge(SM_Halfedge_index h, const padder::CgalMesh& mesh) {
+  return mesh.edge(h.is_valid() ? h : SM_Halfedge_index(0));
+}
+}  // namespace CGAL
+
 namespace padder {
 namespace {
 

@@ -12,6 +12,7 @@
 #include <csignal>
 #include <cstdlib>
 #include <map>
+#include <vector>
 
 #include "padding/asset/error.h"
 #include "padding/pad.h"
@@ -80,6 +81,8 @@ TEST(RandomMeshes, EachGivesATrueReportOrASentence) {
   std::printf("seeds %llu to %llu\n", static_cast<unsigned long long>(first),
               static_cast<unsigned long long>(first + count - 1));
   std::fflush(stdout);
+  std::vector<std::uint64_t> seeds = {27336322188326, 999002220};  // found a wrong body, and a crash of CGAL
+  for (std::uint64_t k = 0; k < count; k++) seeds.push_back(first + k);
   for (const int s : {SIGSEGV, SIGABRT, SIGFPE}) std::signal(s, crashed);
 #if !defined(__SANITIZE_ADDRESS__)
   const rlimit memory = {rlim_t(2) << 30, RLIM_INFINITY};
@@ -87,7 +90,8 @@ TEST(RandomMeshes, EachGivesATrueReportOrASentence) {
 #endif
   std::map<std::string, int> outcomes;
   int wrong = 0;
-  for (std::uint64_t seed = first; seed < first + count && wrong < 5; seed++) {
+  for (const std::uint64_t seed : seeds) {
+    if (wrong == 5) break;
     current = seed;
     const std::string name = "PADDER_MESHES_SEED=" + std::to_string(seed);
     const Watchdog watchdog(name.c_str(), 180);
