@@ -237,7 +237,7 @@ Mesh sorted(const Mesh& mesh) {
     place[v] = static_cast<std::uint32_t>(out.points.size()), out.points.push_back(mesh.points[v]);
   for (const auto& t : mesh.triangles) {
     std::array<std::uint32_t, 3> u = {place[t[0]], place[t[1]], place[t[2]]};
-    std::ranges::rotate(u, std::ranges::min_element(u));
+    std::rotate(u.begin(), std::ranges::min_element(u), u.end());
     out.triangles.push_back(u);
   }
   std::ranges::sort(out.triangles);

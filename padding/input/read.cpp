@@ -97,9 +97,7 @@ void apply_units(ReadResult& result, const ReadOptions& options, const std::stri
   if (factor == 1) return;
   for (Point& p : result.mesh.points) {
     p *= factor;
-    if (!p.allFinite())
-      fail(where,
-           "coordinates overflow when scaled by " + std::to_string(factor) + ": choose a smaller scale");
+    if (!p.allFinite()) fail(where, "its coordinates overflow when they are scaled: choose a smaller scale");
   }
 }
 

@@ -282,8 +282,7 @@ Remeshed remesh(const Mesh& input, const RemeshOptions& options) {
   const double length = options.edge_length;
   if (!(length > 0)) throw Error("the edge length must be positive");
   if (input.area() / (0.43 * length * length) > 2147483648.0)
-    throw Error("an edge length of " + std::to_string(length) +
-                " would make more than 2^31 triangles: use a longer one");
+    throw Error("edges of this length would make more than 2^31 triangles: use a greater edge length");
   const double near = options.slivers * length;
   CgalMesh mesh = manifold(near > 0 ? without_slivers(input, near) : input);
   SharpMap sharp = find_sharp_edges(mesh, options.sharp_angle);

@@ -16,8 +16,9 @@ using Json = nlohmann::json;
 class DetectBoxes : public ProgramTest {
  protected:
   // spheres.npy, spheres.npz, and a scene of each.
-  void write_spheres(std::uint64_t n) const {
-    const std::vector<FloatSphere> spheres = generate("dense", n);
+  void write_spheres(std::uint64_t n) const { write_spheres(generate("dense", n)); }
+  void write_spheres(const std::vector<FloatSphere>& spheres) const {
+    const std::uint64_t n = spheres.size();
     std::vector<float> all, centers, radii;
     for (const FloatSphere& s : spheres) {
       all.insert(all.end(), {s.x, s.y, s.z, s.r}), centers.insert(centers.end(), {s.x, s.y, s.z});
@@ -54,6 +55,20 @@ TEST_F(DetectBoxes, EveryWayOfReadingAndSharingHasTheHashOfOneBox) {
         "npz.json --devices all", "npy.json --backend omp --memory 400K",
         "spheres.npy --backend omp --devices 2 --memory 1M",
         "spheres.npz --path nine-stages --backend omp --devices 2"})
+    EXPECT_EQ(hash(arguments), wanted) << arguments;
+}
+
+// Spheres of a lattice that just touch: a contact whose midpoint lies on a face between boxes is owned by the
+// box that one of the two only touches.
+TEST_F(DetectBoxes, ContactsOnTheFacesOfBoxesHaveTheSameHash) {
+  std::vector<FloatSphere> lattice;
+  for (int k = 0; k < 8000; k++)
+    lattice.push_back(
+        {static_cast<float>(k % 20), static_cast<float>(k / 20 % 20), static_cast<float>(k / 400), 0.5f});
+  write_spheres(lattice);
+  const std::string wanted = hash("spheres.npz --backend omp");
+  for (const char* arguments :
+       {"spheres.npz --backend omp --devices 2", "spheres.npy --backend omp --memory 500K"})
     EXPECT_EQ(hash(arguments), wanted) << arguments;
 }
 

@@ -209,7 +209,7 @@ TEST_F(BenchDraw, ResultsOfTheDocs) {
   NEEDS_GNUPLOT();
   const fs::path results = fs::path(PADDER_ASSETS).parent_path() / "docs" / "results";
   int drawn = 0;
-  for (const std::string name : {"h200/scaling", "h200/stages", "frontier/frontier"}) {
+  for (const std::string name : {"h200/scaling", "h200/stages", "frontier/frontier", "stability/hard"}) {
     const fs::path json = results / (name + ".json");
     const Outcome r = bench("draw '" + json.string() + "' -o plots --json");
     ASSERT_EQ(r.code, 0) << r.err;
@@ -228,7 +228,7 @@ TEST_F(BenchDraw, ResultsOfTheDocs) {
       drawn++;
     }
   }
-  EXPECT_EQ(drawn, 5);
+  EXPECT_EQ(drawn, 6);
 }
 
 }  // namespace

@@ -148,6 +148,21 @@ class ManifestTest(unittest.TestCase):
         record.write_text('null\n[]\n{"output": 3}\n\x00\n')
         self.assertEqual(self.counts(*words), (3, 0, 0))
 
+    def test_what_stands_under_the_name_of_a_record(self):
+        words = self.some(2)
+        place = self.folder / "out/.pad"
+        place.mkdir(parents=True)
+        self.put("precious", "precious\n")
+        os.mkfifo(place / "2-of-2.jsonl"), os.symlink("/dev/zero", place / "3-of-3.jsonl")  # of other divisions: passed over
+        for make in (os.mkfifo, lambda name: os.symlink("../../precious", name), lambda name: os.symlink("/dev/zero", name), os.mkdir):
+            make(place / "1-of-1.jsonl")
+            done = self.run_pad(*words, code=1, timeout=60)
+            self.assertEqual((done.stdout, done.stderr.count("\n")), ("", 1), done.stderr)
+            self.assertIn("1-of-1.jsonl", done.stderr)
+            os.rmdir(place / "1-of-1.jsonl") if make == os.mkdir else os.unlink(place / "1-of-1.jsonl")
+        self.assertEqual((self.folder / "precious").read_text(), "precious\n")
+        self.assertEqual(self.counts(*words), (2, 0, 0))
+
     def test_limits_end_one_part_and_no_other(self):
         self.put("parts/a.obj"), self.put("parts/b.obj")
         shutil.copy(ASSETS / "track_shoe.obj", self.folder / "parts/slow.obj")
@@ -156,8 +171,10 @@ class ManifestTest(unittest.TestCase):
         begin = time.monotonic()
         report = self.run_json("--manifest", "parts/list.txt", "-o", "out", *QUICK, code=1)
         self.assertLess(time.monotonic() - begin, 60)
-        self.assertEqual([r["state"] for r in report["records"]], ["made", "failed", "made", "failed"])
         self.assertIn("--seconds", report["records"][1]["error"])
+        if b"__asan_init" in (BIN / "pad").read_bytes():
+            return  # AddressSanitizer reserves terabytes, so that there is no limit of memory
+        self.assertEqual([r["state"] for r in report["records"]], ["made", "failed", "made", "failed"])
         self.assertIn("--memory", report["records"][3]["error"])
         self.assertEqual(files(self.folder / "out"), {"a.spheres.json", "b.spheres.json"})
 

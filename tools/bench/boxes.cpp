@@ -20,8 +20,6 @@ namespace {
 using detect::FloatSphere, detect::Spheres;
 using Scene = std::vector<FloatSphere>;
 
-constexpr std::uint64_t kMostChecked = 100000000;  // spheres; beyond, the CPU would take minutes
-
 Spheres view(const FloatSphere* spheres, std::uint64_t count) {
   Spheres s = detect::spheres_of<float>(count, &spheres->x, &spheres->r);
   s.center_stride = s.radius_stride = 4;
@@ -46,8 +44,6 @@ Line line_through(const std::vector<std::pair<double, double>>& points) {
 
 class Table {
  public:
-  explicit Table(const Settings& s) : settings_(s) {}
-
   void add(const std::string& scene, const char* backend, std::size_t devices, std::uint64_t spheres,
            std::uint64_t contacts, const std::string& against, double resident, double pinned, double deal,
            double halo, double efficiency) {
@@ -73,11 +69,11 @@ class Table {
       Json::array({{"scene", "backend", "devices", "spheres", "contacts", "hash is that of", "time [ms]",
                     "from pinned memory [ms]", "of it dealing [ms]", "halo [%]", "efficiency [%]"}});
 
- private:
-  const Settings& settings_;
 };
 
 #ifdef PADDER_CUDA
+
+constexpr std::uint64_t kMostChecked = 100000000;  // spheres; beyond, the CPU would take minutes
 
 int gpus() {
   int count = 0;
@@ -435,7 +431,7 @@ Json boxes(const Settings& s) {
   if (!name.empty() && name != "dense" && name != "poly100" && name != "bodies" && name != "host" &&
       name != "front")
     throw Error("boxes has the scenes dense, poly100, bodies, host and front");
-  Table t(s);
+  Table t;
   const bool cuda = s.backend != "omp" && gpus() > 0;
   if (s.backend == "cuda" && !cuda) throw Error("there is no GPU that CUDA can use: choose omp");
   if (cuda)

@@ -154,7 +154,8 @@ std::vector<Case> cases_of(const Settings& s, const Part& part) {
   else if (cases.empty())
     cases = {{20000, 1.5}, {200000, 1.0}, {1000, 0.6}, {200000, 0.6}};
   for (const auto& [name, spacing] : spacings)
-    if (s.scene == name) std::erase_if(cases, [&](const Case& c) { return c.spacing != spacing; });
+    if (s.scene == name)
+      std::erase_if(cases, [spacing = spacing](const Case& c) { return c.spacing != spacing; });
   return cases;
 }
 

@@ -100,7 +100,7 @@ class Frames {
   std::size_t count_, bytes_ = 0;
   int frames_;
   std::vector<std::byte> host_, here_;
-  std::byte* device_ = nullptr;
+  [[maybe_unused]] std::byte* device_ = nullptr;
   detect::Input input_;
 };
 

@@ -176,7 +176,7 @@ class WorldInput {
  private:
   std::vector<detect::Shape> shapes_;
   detect::Input input_;
-  void *poses_ = nullptr, *obstacles_ = nullptr;
+  [[maybe_unused]] void *poses_ = nullptr, *obstacles_ = nullptr;
 };
 
 class Table {

@@ -594,8 +594,8 @@ TEST(Read, UnitsAndScale) {
   expect_fault(obj, "unit 'ft' is not known: use m, cm, mm or in", {.scale = 1, .unit = "ft"});
   for (const double scale : {0.0, -1.0, std::nan(""), HUGE_VAL})
     expect_fault(obj, "the scale must be a positive number", {.scale = scale, .unit = ""});
-  expect_fault(folder.put("h.obj", "v 0 0 0\nv 1e300 0 0\nv 0 1 0\nf 1 2 3\n"), "overflow when scaled",
-               {.scale = 1e10, .unit = ""});
+  expect_fault(folder.put("h.obj", "v 0 0 0\nv 1e300 0 0\nv 0 1 0\nf 1 2 3\n"),
+               "overflow when they are scaled", {.scale = 1e10, .unit = ""});
 }
 
 TEST(Read, FilesThatAreNone) {

@@ -96,9 +96,10 @@ Json draw_files(const Settings& s) {
     Drawing d{s.folder.empty() ? fs::path(file).parent_path() : s.folder, fs::path(file).stem(),
               plots_of(read_document(file), file)};
     if (d.plots.empty())
-      throw Error(file +
-                  ": this bench has no plot; scaling, bodies, stages, boxes, speedup, frontier, table3, shoe "
-                  "and precision have");
+      throw Error(
+          file +
+          ": this bench has no plot; scaling, bodies, stages, boxes, speedup, frontier, table3, shoe, "
+          "precision and hard have");
     for (const Plot& p : d.plots)
       if (!names.insert((d.folder / (d.stem.string() + p.name)).lexically_normal()).second)
         throw Error(file +

@@ -386,6 +386,28 @@ std::vector<Plot> precision_plots(const Json& document, const std::string& where
        1100}};
 }
 
+// --- hard: each mesh's larger proved error over its tolerance, and its time against its triangles ---
+
+std::vector<Plot> hard_plots(const Json& document, const std::string& where) {
+  std::string points;
+  for (const Reader& r : rows_of(document, where)) {
+    if (!r.has("spheres")) continue;  // refused
+    points +=
+        cell(std::max(r.amount("triangles"), 1.0)) + " " + cell(std::max(r.amount("seconds"), 1e-3)) + " " +
+        cell(std::max(r.amount("protrusion"), r.amount("gap")) / std::max(r.amount("tolerance"), 1e-300)) +
+        "\n";
+  }
+  if (points.empty()) throw Error(where + ": no mesh was padded: there is nothing to draw");
+  return {{"",
+           "set logscale xy\nset grid\nset format y '%g'\n$hard << EOD\n" + points +
+               "EOD\nset multiplot layout 1,2\nset xlabel 'Time [s]'\n"
+               "set ylabel 'Larger proved error over the tolerance'\nset yrange [0.3:10]\n"
+               "plot 1 lc rgb 'gray' notitle, $hard using 2:3 with points pt 7 ps 0.8 lc 1 notitle\n"
+               "set xlabel 'Triangles'\nset ylabel 'Time [s]'\nset autoscale y\n"
+               "plot $hard using 1:2 with points pt 7 ps 0.8 lc 1 notitle\nunset multiplot\n",
+           1100}};
+}
+
 }  // namespace
 
 std::vector<Plot> plots_of(const Json& document, const std::string& where) {
@@ -398,6 +420,7 @@ std::vector<Plot> plots_of(const Json& document, const std::string& where) {
   if (name == "speedup") return speedup_plots(document, where);
   if (name == "frontier") return frontier_plots(document, where);
   if (name == "precision") return precision_plots(document, where);
+  if (name == "hard") return hard_plots(document, where);
   return {};
 }
 

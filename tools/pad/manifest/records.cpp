@@ -3,6 +3,7 @@
 
 #include <fcntl.h>
 #include <sys/file.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -122,7 +123,11 @@ Records::Records(const fs::path& folder, const Shard& shard) {
   path_ = place / (shard.name() + ".jsonl");
   std::error_code code;
   fs::create_directories(place, code);  // if this fails, opening fails and names the reason
-  file_ = ::open(path_.c_str(), O_RDWR | O_CREAT | O_APPEND | O_CLOEXEC, 0666);
+  // A pipe under this name would keep open() waiting, and a link would lead to a file that is no record.
+  file_ = ::open(path_.c_str(), O_RDWR | O_CREAT | O_APPEND | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK, 0666);
+  if (struct stat about{};
+      file_ < 0 ? errno == ELOOP : ::fstat(file_, &about) == 0 && !S_ISREG(about.st_mode))
+    throw Error(path_.string() + " is a link, a device or a pipe, and pad keeps its record there: remove it");
   if (file_ < 0)
     throw Error("cannot write " + path_.string() + " (" + std::strerror(errno) +
                 "): -o must name a folder that may be written");
@@ -131,7 +136,8 @@ Records::Records(const fs::path& folder, const Shard& shard) {
                 ": wait for it, or end it and start again");
   try {
     for (const auto& entry : fs::directory_iterator(place))
-      if (entry.path().extension() == ".jsonl") read(entry.path());
+      if (entry.path().extension() == ".jsonl" && fs::is_regular_file(entry.symlink_status()))
+        read(entry.path());
   } catch (const fs::filesystem_error& e) {
     throw Error("cannot read the folder " + place.string() + " (" + e.code().message() + ")");
   }
