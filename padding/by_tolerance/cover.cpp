@@ -56,7 +56,7 @@ constexpr double certify_share = 0.5, certify_decay = 0.7;
 constexpr int centre_sweeps = 3, centre_places = 16;
 constexpr double centre_step = 0.2, centre_decay = 0.8;  // share of the covered disc's radius; for each sweep
 constexpr int most_rounds = 100;
-constexpr double spot_margin = 0.03;  // of the spots that the certificate finds: share of the tolerance sum
+constexpr double spot_margin = 0.007;  // of the spots that the certificate finds: share of the tolerance sum
 
 // Up to so many balls, all searches of a stage run. Of more balls, fewer do: there the many blocks of one
 // search differ enough. So the time grows with the number of balls, and no faster.

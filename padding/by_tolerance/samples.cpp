@@ -186,11 +186,14 @@ class Sampler {
       split.assign(level.size(), 0);
 #pragma omp parallel for schedule(dynamic, 64) if (level.size() > 256)
       for (std::size_t k = 0; k < level.size(); k++) {
-        const double size = level[k].size();
+        SamplePart& part = level[k];
+        const double size = part.size();
         if (size <= finest) continue;
-        // Near the finest size, splitting costs less than finding the ball.
-        split[k] = size < 2.5 * finest || size > coarsest;
-        if (!split[k]) level[k].radius = ball_at(level[k]).radius, split[k] = size > wanted(level[k].radius);
+        // The radius is that of the larger part that this one was cut from. Where it says that this one is
+        // too large, too, or near the finest size, splitting costs less than finding the ball.
+        const bool known = part.radius > 0 && size > wanted(part.radius);
+        if (!known && size >= 2.5 * finest && size <= coarsest) part.radius = ball_at(part).radius;
+        split[k] = size > wanted(part.radius);
       }
       next.clear();
       for (std::size_t k = 0; k < level.size(); k++) {
