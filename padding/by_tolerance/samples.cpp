@@ -266,8 +266,9 @@ class Sampler {
   void cut_finer(std::vector<SamplePart>& parts) const {
     std::vector<SamplePart> stack, done;
     for (const SamplePart& part : parts) {
-      // Where points stand farther apart, more parts would only be looked through.
-      const double size = part.apart * part_size(part.disc, options_.fine_density);
+      // Where points stand farther apart, more parts would only be looked through. Points among parts of half
+      // the size gave no smaller covers.
+      const double size = part.apart * 2 * part.disc / options_.fine_density;
       stack.push_back(part);
       while (!stack.empty()) {
         const SamplePart top = stack.back();
