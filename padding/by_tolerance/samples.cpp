@@ -285,13 +285,16 @@ class Sampler {
 
   static std::vector<CoverPoint> choose_points(const std::vector<SamplePart>& parts, const Neighbours& near,
                                                double density) {
+    // In a crowd a ball reaches surface all around it and not on one flat, so more slips out between points.
+    constexpr double crowd_margin = 2;
     std::vector<CoverPoint> points;
     std::vector<char> gone(parts.size());
     for (auto k : random_order(parts.size(), 2)) {
       if (gone[k]) continue;
-      const double radius = parts[k].disc / density;
-      points.push_back({near.point(k), radius});
-      near.visit(k, parts[k].apart * radius, parts[k].apart > 1, [&](auto other) { gone[other] = 1; });
+      const double radius = parts[k].apart * parts[k].disc / density;
+      const bool crowd = parts[k].apart > 1;
+      points.push_back({near.point(k), crowd ? crowd_margin * radius : radius});
+      near.visit(k, radius, crowd, [&](auto other) { gone[other] = 1; });
     }
     return points;
   }
