@@ -338,8 +338,8 @@ PaddedRobot pad_robot(const fs::path& path, const PadOptions& asked, const Robot
   PadOptions options = asked;
   if (whole.max_spheres > 0 && (options.by_tolerance() || options.depth_ratio))
     throw Error(
-        "a number of spheres for the whole robot excludes a tolerance, a count and a depth ratio for "
-        "each link: leave these out");
+        "a number of spheres for the whole robot (--robot-spheres) excludes a tolerance, a count and a "
+        "depth ratio for each link: leave these out");
   Urdf urdf = read_robot(path, whole.reading);
   if (std::all_of(urdf.links.begin(), urdf.links.end(), [](const UrdfLink& l) { return l.shapes.empty(); }))
     throw Error(path.string() + ": no link has any geometry");

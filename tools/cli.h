@@ -166,6 +166,7 @@ inline int run(CLI::App& app, int argc, char** argv, const std::function<int()>&
     return code;
   };
   try {
+    refuse_short_with_equals(argc, argv);
     app.parse(argc, argv);
   } catch (const CLI::Success& e) {  // --help, --version
     return app.exit(e);

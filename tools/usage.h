@@ -4,8 +4,10 @@
 #pragma once
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <cctype>
 #include <functional>
 #include <numeric>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -52,6 +54,8 @@ inline std::string taken_by(const CLI::Option& option) {
                                             : "a number";
   if (const std::string range = between(" in [", "]"); !range.empty())
     out += " from " + range.substr(0, range.find(" - ")) + " to " + range.substr(range.find(" - ") + 3);
+  else if (name == "UINT")
+    out += " up to 4294967295";
   else if (type.find("POSITIVE") != std::string::npos)
     out += " above 0";
   else if (type.find("NONNEGATIVE") != std::string::npos)
@@ -77,20 +81,20 @@ inline const CLI::Option* option_of(const CLI::App& app, const std::string& mess
   return nullptr;
 }
 
-// The value that was given, if the message is from one of CLI11's own checks. Empty if the message is a
+// The value that was given, if the message is from one of CLI11's own checks. None if the message is a
 // sentence of our own checks.
-inline std::string refused_value(std::string_view message, const CLI::Option& option) {
+inline std::optional<std::string> refused_value(std::string_view message, const CLI::Option& option) {
   constexpr std::string_view convert = "Could not convert: ";
   if (message.starts_with(convert)) return std::string(message.substr(message.find(" = ") + 3));
   message.remove_prefix(option.get_name().size() + 2);
-  const auto inside = [&](std::string_view before, std::string_view after) -> std::string {
+  const auto inside = [&](std::string_view before, std::string_view after) -> std::optional<std::string> {
     const std::size_t end = message.rfind(after);
-    if (!message.starts_with(before) || end == std::string_view::npos || end < before.size()) return "";
+    if (!message.starts_with(before) || end == std::string_view::npos || end < before.size()) return {};
     return std::string(message.substr(before.size(), end - before.size()));
   };
-  std::string value = inside("Value ", " not in range ");
-  if (value.empty()) value = inside("Check ", " value in {");
-  if (value.empty()) value = inside("", " not in {");
+  auto value = inside("Value ", " not in range ");
+  if (!value) value = inside("Check ", " value in {");
+  if (!value) value = inside("", " not in {");
   return value;
 }
 
@@ -143,6 +147,15 @@ inline std::string extra_sentence(const CLI::App& app) {
   return in_quotes(first) + " is one input too many";
 }
 
+// CLI11 takes -o=FILE for a file whose name begins with =. Throws for a short option that is written so.
+inline void refuse_short_with_equals(int argc, char** argv) {
+  for (int k = 1; k < argc; k++)
+    if (const std::string word = argv[k];
+        word.size() > 2 && word[0] == '-' && std::isalpha(word[1]) && word[2] == '=')
+      throw CLI::ParseError(in_quotes(word) + ": write " + word.substr(0, 2) + " and its value as two words",
+                            2);
+}
+
 // The sentence for an error of `app`'s parsing.
 inline std::string usage_sentence(const CLI::App& app, const CLI::ParseError& error) {
   const std::string message = error.what();
@@ -161,10 +174,10 @@ inline std::string usage_sentence(const CLI::App& app, const CLI::ParseError& er
            (option->results().empty() || option->get_type_size_max() == 1 ? "none is given"
                                                                           : "fewer are given");
   }
-  const std::string given = refused_value(message, *option);
-  if (given.empty()) return message;
-  if (option->get_expected_max() == 0) return name + " takes no value, not " + in_quotes(given);
-  return name + " takes " + taken_by(*option) + ", not " + in_quotes(given);
+  const auto given = refused_value(message, *option);
+  if (!given) return message;
+  if (option->get_expected_max() == 0) return name + " takes no value, not " + in_quotes(*given);
+  return name + " takes " + taken_by(*option) + ", not " + in_quotes(*given);
 }
 
 }  // namespace padder::cli

@@ -49,14 +49,14 @@ constexpr std::size_t most_tried = 40, most_tried_in_all = 400'000;
 // While the certificate still finds spots, the first rounds try some places, too, and each searches less than
 // the round before. Later ones only move balls over the spots, and add one where that fails. At last they
 // only add balls, so that they end.
-constexpr int certify_moves = 5, certify_places = 8, centred_rounds = 40;
-constexpr double certify_share = 0.5, certify_decay = 0.7;
+constexpr int certify_moves = 10, certify_places = 4, centred_rounds = 40;
+constexpr double certify_share = 0.5, certify_decay = 0.85;
 
 // How a ball is centred: sweeps over all balls, and places that are tried in each, half of them nearby.
 constexpr int centre_sweeps = 3, centre_places = 16;
 constexpr double centre_step = 0.2, centre_decay = 0.8;  // share of the covered disc's radius; for each sweep
 constexpr int most_rounds = 100;
-constexpr double spot_margin = 0.03;  // of the spots that the certificate finds: share of the tolerance sum
+constexpr double spot_margin = 0.003;  // of the spots that the certificate finds: share of the tolerance sum
 
 // Up to so many balls, all searches of a stage run. Of more balls, fewer do: there the many blocks of one
 // search differ enough. So the time grows with the number of balls, and no faster.
@@ -622,7 +622,7 @@ std::vector<std::uint32_t> thin_balls(const Surface& surface, const std::vector<
     // surface that no ball covers, the certificate may fail in the notch between two balls without knowing a
     // point that fails. Such a spot is skipped.
     std::vector<CoverPoint> points;
-    for (const GapPart& part : gap_failures(surface.mesh(), BallSet(kept), bound, 0.25 * gap))
+    for (const GapPart& part : gap_failures(surface.mesh(), BallSet(kept), bound, 0.1 * gap))
       if (part.value > bound && all.gap(part.point).value <= bound * (1 - rounding))
         points.push_back({part.point, 0});
     if (points.empty()) return chosen;

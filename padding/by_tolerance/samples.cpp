@@ -186,11 +186,14 @@ class Sampler {
       split.assign(level.size(), 0);
 #pragma omp parallel for schedule(dynamic, 64) if (level.size() > 256)
       for (std::size_t k = 0; k < level.size(); k++) {
-        const double size = level[k].size();
+        SamplePart& part = level[k];
+        const double size = part.size();
         if (size <= finest) continue;
-        // Near the finest size, splitting costs less than finding the ball.
-        split[k] = size < 2.5 * finest || size > coarsest;
-        if (!split[k]) level[k].radius = ball_at(level[k]).radius, split[k] = size > wanted(level[k].radius);
+        // The radius is that of the larger part that this one was cut from. Where it says that this one is
+        // too large, too, or near the finest size, splitting costs less than finding the ball.
+        const bool known = part.radius > 0 && size > wanted(part.radius);
+        if (!known && size >= 2.5 * finest && size <= coarsest) part.radius = ball_at(part).radius;
+        split[k] = size > wanted(part.radius);
       }
       next.clear();
       for (std::size_t k = 0; k < level.size(); k++) {
@@ -263,8 +266,9 @@ class Sampler {
   void cut_finer(std::vector<SamplePart>& parts) const {
     std::vector<SamplePart> stack, done;
     for (const SamplePart& part : parts) {
-      // Where points stand farther apart, more parts would only be looked through.
-      const double size = part.apart * part_size(part.disc, options_.fine_density);
+      // Where points stand farther apart, more parts would only be looked through. Points among parts of half
+      // the size gave no smaller covers.
+      const double size = part.apart * 2 * part.disc / options_.fine_density;
       stack.push_back(part);
       while (!stack.empty()) {
         const SamplePart top = stack.back();
@@ -281,13 +285,16 @@ class Sampler {
 
   static std::vector<CoverPoint> choose_points(const std::vector<SamplePart>& parts, const Neighbours& near,
                                                double density) {
+    // In a crowd a ball reaches surface all around it and not on one flat, so more slips out between points.
+    constexpr double crowd_margin = 2;
     std::vector<CoverPoint> points;
     std::vector<char> gone(parts.size());
     for (auto k : random_order(parts.size(), 2)) {
       if (gone[k]) continue;
-      const double radius = parts[k].disc / density;
-      points.push_back({near.point(k), radius});
-      near.visit(k, parts[k].apart * radius, parts[k].apart > 1, [&](auto other) { gone[other] = 1; });
+      const double radius = parts[k].apart * parts[k].disc / density;
+      const bool crowd = parts[k].apart > 1;
+      points.push_back({near.point(k), crowd ? crowd_margin * radius : radius});
+      near.visit(k, radius, crowd, [&](auto other) { gone[other] = 1; });
     }
     return points;
   }

@@ -77,9 +77,6 @@ void check(const Model& model, const Format& format, const std::string& where) {
   const auto fail = [&](const std::string& what) { throw Error("cannot write " + where + ": " + what); };
   if (model.spheres() == 0) fail("there is no sphere in it");
   check_filters(model, format);
-  if (!format.several && model.bodies.size() > 1)
-    fail(std::string(format.program) + " takes one body a file and there are " +
-         std::to_string(model.bodies.size()) + ": write them one by one");
   const auto with_spheres = std::count_if(model.bodies.begin(), model.bodies.end(),
                                           [](const Body& b) { return b.cluster.size() > 0; });
   for (const Body& b : model.bodies) {
@@ -124,8 +121,11 @@ const Format& find_format(const fs::path& path, const std::string& name) {
 }
 
 void check_filters(const Model& model, const Format& format) {
-  if (format.filter != F::bits) return;
   const std::string where = "cannot write " + model.name + " for " + format.program + ": ";
+  if (!format.several && model.bodies.size() > 1)
+    throw Error(where + "it takes one body a file and there are " + std::to_string(model.bodies.size()) +
+                ": write each as .spheres.json (-o FOLDER/), and these one by one");
+  if (format.filter != F::bits) return;
   if (const std::size_t n = neighbours_beyond_families(model); n > 0)
     throw Error(where + "its families cannot keep " + std::to_string(n) +
                 " pairs of neighbours apart; write "

@@ -46,8 +46,8 @@ struct ExportOptions {
   double density = 1000;
 };
 
-// Throws what write_model would throw about families, masks and pairs. It needs no spheres, so a robot can be
-// refused before its links are padded.
+// Throws what write_model would throw about several bodies, families, masks and pairs. It needs no spheres, so
+// a robot can be refused before its links are padded.
 void check_filters(const Model& model, const Format& format);
 
 // Writes the model as one file. MercuryDPM gets a folder; a URDF gets NAME.srdf beside it when some pairs may

@@ -45,6 +45,10 @@ class Reader {
     for (const auto& joint : robot.children("joint")) add_joint(joint);
     check_mimics();
     if (!collision) urdf.notes.push_back("no link has collision geometry: the visual geometry was padded");
+    for (const Body& b : bodies_)
+      if (b.joint.lower > b.joint.upper)
+        urdf.notes.push_back("joint " + excerpt(b.joint.name) +
+                             ": its lower limit is above its upper one, so it is taken to have no limits");
     order(urdf);
     return urdf;
   }

@@ -7,6 +7,7 @@
 #include <limits>
 #include <map>
 #include <numbers>
+#include <set>
 #include <unordered_map>
 
 #include "padding/geometry/point_tree.h"
@@ -69,7 +70,85 @@ void least_area(const std::vector<Point>& polygon, Triangles& out) {
   }
 }
 
+// A rim that lies about in a plane.
+struct FlatRim {
+  std::vector<Point> points;
+  Vector area = Vector::Zero();  // twice, along the normal
+  double most_off = 0;           // from the plane: what lies off it by less counts as in it
+
+  FlatRim(const Mesh& mesh, const std::vector<std::uint32_t>& rim) {
+    for (const auto v : rim) points.push_back(mesh.points[v]);
+    for (std::size_t k = 1; k + 1 < points.size(); k++)
+      area += (points[k] - points[0]).cross(points[k + 1] - points[0]);
+    most_off = flat_rim * rim_length(mesh, rim);
+  }
+  bool lies_in_plane(const Point& p) const {
+    return std::abs(area.normalized().dot(p - points[0])) <= most_off;
+  }
+  bool is_flat() const {
+    return area.norm() > 0 &&
+           std::all_of(points.begin(), points.end(), [&](const Point& p) { return lies_in_plane(p); });
+  }
+  // Does the rim run round the point, as seen along its normal?
+  bool surrounds(const Point& p) const {
+    double turn = 0;
+    const Vector n = area.normalized();
+    for (std::size_t k = 0; k < points.size(); k++) {
+      const Vector a = points[k] - p, b = points[(k + 1) % points.size()] - p;
+      turn += std::atan2(n.dot(a.cross(b)), a.dot(b) - n.dot(a) * n.dot(b));
+    }
+    return std::abs(turn) > std::numbers::pi;
+  }
+  bool surrounds(const FlatRim& other) const {
+    return area.norm() > other.area.norm() &&
+           std::abs(area.dot(other.area)) > 0.99 * area.norm() * other.area.norm() &&
+           std::all_of(other.points.begin(), other.points.end(),
+                       [&](const Point& p) { return lies_in_plane(p) && surrounds(p); });
+  }
+};
+
 }  // namespace
+
+std::vector<Ring> find_rings(const Mesh& mesh, const std::vector<std::vector<std::uint32_t>>& rims) {
+  constexpr std::size_t most_rims = 1000;  // each is compared with each; a soup has more
+  std::vector<Ring> rings;
+  if (rims.size() > most_rims) return rings;
+  std::vector<FlatRim> flat;
+  std::vector<char> is_flat;
+  for (const auto& rim : rims) flat.emplace_back(mesh, rim), is_flat.push_back(flat.back().is_flat());
+  for (std::size_t inner = 0; inner < rims.size(); inner++) {
+    if (!is_flat[inner]) continue;
+    std::size_t outer = rims.size();  // the smallest one around it
+    for (std::size_t k = 0; k < rims.size(); k++)
+      if (is_flat[k] && (outer == rims.size() || flat[k].area.norm() < flat[outer].area.norm()) &&
+          flat[k].surrounds(flat[inner]))
+        outer = k;
+    if (outer == rims.size() || flat[outer].area.dot(flat[inner].area) > 0) continue;
+    double least = std::numeric_limits<double>::infinity();
+    Ring ring{outer, inner, {}};
+    for (const auto a : rims[outer])
+      for (const auto b : rims[inner])
+        if (const double away = (mesh.points[b] - mesh.points[a]).norm(); away < least)
+          least = away, ring.bridge = {a, b};
+    rings.push_back(ring);
+  }
+  return rings;
+}
+
+void join_rims(std::vector<std::vector<std::uint32_t>>& rims, const std::array<std::uint32_t, 2>& bridge) {
+  std::array<std::size_t, 2> at = {rims.size(), rims.size()};
+  for (std::size_t k = 0; k < rims.size(); k++)
+    for (std::size_t end = 0; end < 2; end++)
+      if (std::find(rims[k].begin(), rims[k].end(), bridge[end]) != rims[k].end()) at[end] = k;
+  if (at[0] == at[1] || at[0] == rims.size() || at[1] == rims.size()) return;
+  for (std::size_t end = 0; end < 2; end++) {
+    auto& rim = rims[at[end]];
+    std::rotate(rim.begin(), std::find(rim.begin(), rim.end(), bridge[end]), rim.end());
+    rim.push_back(bridge[end]);
+  }
+  rims[at[0]].insert(rims[at[0]].end(), rims[at[1]].begin(), rims[at[1]].end());
+  rims.erase(rims.begin() + static_cast<std::ptrdiff_t>(at[1]));
+}
 
 std::vector<CrackTriangle> close_cracks(const Mesh& mesh, std::vector<DirectedEdge>& missing, double width) {
   Needs needs;
@@ -190,7 +269,9 @@ Triangles fill_rim(const Mesh& mesh, const std::vector<std::uint32_t>& rim) {
     low = std::min(low, d), high = std::max(high, d);
   }
   Triangles out;
-  if (rim.size() > 3 && rim.size() <= long_rim && !(high - low <= flat_rim * rim_length(mesh, rim)))
+  const bool ring = std::set<std::uint32_t>(rim.begin(), rim.end()).size() < rim.size();
+  if (rim.size() > 3 && rim.size() <= long_rim &&
+      (ring || !(high - low <= flat_rim * rim_length(mesh, rim))))
     least_area(polygon, out);
   else
     triangulate_polygon(polygon, out);

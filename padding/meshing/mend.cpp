@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <map>
 #include <numbers>
 #include <numeric>
 
@@ -104,6 +105,8 @@ class Mender {
       cracks = close_cracks(mesh_, missing, std::min(crack_width * diagonal_, share));
     }
     for (const CrackTriangle& crack : cracks) join(crack.triangle);
+    if (options_.mode != RepairMode::sheet) find_bridges(open, missing, root);
+    for (const auto& [a, b] : bridges_) join({a, b, b});
 
     std::vector<std::uint32_t> group_of(mesh_.points.size(), kNone);
     for (const auto t : open) {
@@ -117,6 +120,29 @@ class Mender {
       group.crack_width = std::max(group.crack_width, crack.width);
     }
     for (const DirectedEdge& e : missing) groups_[group_of[root(e.from)]].missing.push_back(e);
+  }
+
+  // Rings at the ends of pipes, whose outer wall faces outward and whose inner wall faces inward, or the other
+  // way round where no pipe is so.
+  template <class Root>
+  void find_bridges(const std::vector<std::uint32_t>& open, const std::vector<DirectedEdge>& missing,
+                    Root&& root) {
+    const auto rims = trace_rims(mesh_, open, missing);
+    const std::vector<Ring> rings = find_rings(mesh_, rims);
+    if (rings.empty()) return;
+    std::map<std::uint32_t, double> volume;  // six times, of each piece with its rims filled
+    const auto add = [&](std::uint32_t a, std::uint32_t b, std::uint32_t c) {
+      volume[root(a)] += mesh_.points[a].dot(mesh_.points[b].cross(mesh_.points[c]));
+    };
+    for (const auto t : open) add(mesh_.triangles[t][0], mesh_.triangles[t][1], mesh_.triangles[t][2]);
+    for (const auto& rim : rims)
+      for (std::size_t k = 1; k + 1 < rim.size(); k++) add(rim[0], rim[k], rim[k + 1]);
+    for (const int sign : {1, -1}) {
+      for (const Ring& ring : rings)
+        if (sign * volume[root(ring.bridge[0])] > 0 && sign * volume[root(ring.bridge[1])] < 0)
+          bridges_.push_back(ring.bridge);
+      if (!bridges_.empty()) return;
+    }
   }
 
   double diagonal_of(const std::vector<std::uint32_t>& triangles) const {
@@ -137,6 +163,7 @@ class Mender {
     group.own = group.triangles.size(), group.diagonal = diagonal_of(group.triangles);
     if (options_.mode == RepairMode::sheet) return;
     group.rims = trace_rims(mesh_, group.triangles, group.missing);
+    for (const auto& bridge : bridges_) join_rims(group.rims, bridge);
     for (const auto& rim : group.rims) {
       group.patches.push_back(fill_rim(mesh_, rim));
       const double length = rim_length(mesh_, rim), area = area_of(mesh_, group.patches.back());
@@ -361,6 +388,7 @@ class Mender {
   double diagonal_ = 0;
   std::vector<std::vector<std::uint32_t>> units_;  // closed pieces
   std::vector<OpenGroup> groups_;
+  std::vector<std::array<std::uint32_t, 2>> bridges_;  // of rings (holes.h)
   Mesh soup_;
   std::shared_ptr<const Surface> surface_;  // of soup_
   std::vector<TriangleRole> roles_;

@@ -261,8 +261,9 @@ fs::path page_script() {
   for (const fs::path& candidate : {folder / "../page/page.html", folder / "../share/padder/page.html"})
     if (fs::is_regular_file(candidate, code)) return candidate.lexically_normal();
   throw Error(
-      "the page's script is not built yet: `cmake --build BUILD --target page` makes it (it needs npm; "
-      "`tools/run preview` does so by itself)");
+      "the script of pages is not there: `cmake --build BUILD --target page` makes it, before an "
+      "installation or a package, too (it "
+      "needs npm; `tools/run preview` does so by itself); a picture (.png) needs none");
 }
 
 std::string page_html(const View& view, const PageOptions& options) {

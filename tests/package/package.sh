@@ -49,6 +49,8 @@ case $step in
     usr=$work/deb/root/usr
     "$usr/bin/pad" "$source/assets/grain.obj" --tolerance 5% -q -o "$work/deb/grain.spheres.json"
     "$usr/bin/detect" "$work/deb/grain.spheres.json" --copies 8 -q
+    # Pages need nothing but the package; their script is in it where the build has made it.
+    [ ! -f "$build/page/page.html" ] || env -i "$usr/bin/preview" "$work/deb/grain.spheres.json" -o "$work/deb/grain.html" -q
     PYTHONPATH=$usr/lib/python3/dist-packages /usr/bin/python3 -c \
       "import importlib.metadata, padder; assert importlib.metadata.version('padder') == padder.__version__; padder.load('$work/deb/grain.spheres.json')"
     configure "$source/tests/package/consumer" "$work/use_padding_of_deb" -DCOMPONENT=padding -DCMAKE_PREFIX_PATH="$usr" >/dev/null

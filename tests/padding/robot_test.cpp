@@ -317,6 +317,10 @@ TEST_F(RobotTest, MimicEffortDampingAndFriction) {
   EXPECT_EQ(j.multiplier, -1);
   EXPECT_EQ(j.offset, 0.1);
   EXPECT_THROW(read_urdf(urdf(ab + joint("a", "c", "prismatic", "<mimic joint='x'/>"))), Error);
+  EXPECT_TRUE(u.notes.empty());
+  const auto notes = read_urdf(urdf(ab + joint("a", "c", "prismatic", "<limit lower='3' upper='2'/>"))).notes;
+  ASSERT_EQ(notes.size(), 1u);
+  EXPECT_NE(notes[0].find("joint a_c: its lower limit is above"), std::string::npos) << notes[0];
 }
 
 TEST_F(RobotTest, PadsBoxesCylindersSpheresAndMeshesInPlace) {

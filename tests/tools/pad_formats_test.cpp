@@ -110,6 +110,11 @@ TEST_F(PadFormatsTest, Robots) {
   EXPECT_NE(unknown.output.find("no joint elbow that moves; its joints are j\n"), std::string::npos)
       << unknown.output;
   EXPECT_EQ(pad("r.urdf -o few.urdf --preview r.png --joint j").status, 2);
+  EXPECT_EQ(pad("r.urdf -o few.urdf --package-path nowhere").output,
+            "pad: --package-path: there is no folder \"nowhere\"\n");
+  EXPECT_EQ(pad("r.urdf --format yade").output,
+            "pad: cannot write r for YADE: it takes one body a file and there are 2: write each as "
+            ".spheres.json (-o FOLDER/), and these one by one\n");
   EXPECT_TRUE(fs::exists(folder_ / "r.spheres.urdf"));
   EXPECT_TRUE(fs::exists(folder_ / "r.spheres.srdf"));
   EXPECT_EQ(pad("r.urdf --edge-length 10% -q -o all/").output, "");

@@ -78,7 +78,7 @@ TEST_F(Pad, WrongUsageReturns2WithOneSentenceAndWritesNothing) {
   put_.insert((folder_ / "sub" / "a.obj").string());
   const std::pair<std::string, std::vector<std::string>> wrong[] = {
       {"--depth", {"x", "nan", "0x1p-3", "' 0.2'"}},
-      {"--unit", {"ft"}},
+      {"--unit", {"ft", "''"}},
       {"--scale", {"0", "-1", "inf", "0x2", "2x"}},
       {"--repair", {"perhaps"}},
       {"--tolerance",
@@ -103,10 +103,10 @@ TEST_F(Pad, WrongUsageReturns2WithOneSentenceAndWritesNothing) {
       expect_one_sentence(pad("a.obj " + option + " " + value), 2);
     }
   for (const char* arguments :
-       {"", "--no-such-option a.obj", "a.obj --depth", "a.obj sub/a.obj",
-        "a.obj sub/a.obj -o both.spheres.json", "a.obj -o a.unknown", "a.obj --write-mesh a.glb",
-        "a.obj --write-mesh a.obj", "a.obj a.stl --write-mesh both.obj", "a.urdf --write-mesh a.obj",
-        "a.obj --robot-spheres 10", "a.obj --joint elbow=1"}) {
+       {"", "--no-such-option a.obj", "a.obj -o=b.spheres.json", "a.obj --preview a.jpg", "a.obj --depth",
+        "a.obj sub/a.obj", "a.obj sub/a.obj -o both.spheres.json", "a.obj -o a.unknown",
+        "a.obj --write-mesh a.glb", "a.obj --write-mesh a.obj", "a.obj a.stl --write-mesh both.obj",
+        "a.urdf --write-mesh a.obj", "a.obj --robot-spheres 10", "a.obj --joint elbow=1"}) {
     SCOPED_TRACE(arguments);
     expect_one_sentence(pad(arguments), 2);
   }

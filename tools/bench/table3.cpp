@@ -95,6 +95,24 @@ std::pair<double, double> detection_calls(settle::Stepper& stepper, detect::Back
   return {with, call(false)};
 }
 
+// The seconds of a detection and of a step, where each step has one: medians of 20. The first calls read the
+// scene and find its grid.
+std::pair<double, double> with_detection(settle::Stepper& stepper) {
+  stepper.step(10);
+  std::vector<double> detections, steps;
+  for (int k = 0; k < 20; k++) {
+    const double detection = stepper.effort().detection_seconds, seconds = stepper.effort().seconds;
+    stepper.step(1);
+    detections.push_back(stepper.effort().detection_seconds - detection);
+    steps.push_back(stepper.effort().seconds - seconds);
+  }
+  const auto median = [](std::vector<double>& v) {
+    std::nth_element(v.begin(), v.begin() + 10, v.end());
+    return v[10];
+  };
+  return {median(detections), median(steps)};
+}
+
 settle::SettleScene silo(std::uint64_t spheres) {
   return settle::settle_scene_from_json(settle::make_scene("silo", {spheres, {}, 1}, "."), "silo", ".");
 }
@@ -152,11 +170,7 @@ Json measure(const Settings& s, std::uint64_t objects, detect::BackendKind backe
   const double total_step = (effort.seconds - total) / 400,
                detection_step = (effort.detection_seconds - detection) / 400;
   const std::uint64_t asked = effort.detections - detections, contacts = stepper.contacts();
-  every.step(10);  // the first calls read the scene and find its grid
-  const double begun_detection = every.effort().detection_seconds, begun = every.effort().seconds;
-  every.step(20);
-  const double each = (every.effort().detection_seconds - begun_detection) / 20,
-               each_step = (every.effort().seconds - begun) / 20;
+  const auto [each, each_step] = with_detection(every);
   const auto [history, plain] = clumps ? std::pair(0.0, 0.0) : detection_calls(stepper, backend, s.threads);
   return {{"scene", clumps ? "clumps" : "silo"},
           {"backend", stepper.backend()},

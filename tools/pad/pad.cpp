@@ -107,10 +107,10 @@ std::vector<PadTarget> targets(const PadArguments& a) {
     out.push_back(t);
   }
   if (!a.preview.empty() && !is_folder(a.preview) && (a.meshes.size() > 1 || !is_preview(a.preview)))
-    throw UsageError(
-        "--preview shows one mesh or robot in one file that ends in .html or .png; for several, name a "
-        "folder: "
-        "make it, or end it with /");
+    throw UsageError("--preview " + cli::in_quotes(a.preview) +
+                     (a.meshes.size() > 1
+                          ? " is no folder, which several meshes need: make it, or end it with /"
+                          : " ends neither in .html nor in .png: name one of these, or a folder"));
   if (a.preview.ends_with(".html")) page_script();  // before the work, not after it
   return out;
 }
@@ -206,6 +206,9 @@ int run(PadArguments& a, const CLI::App& app, cli::StreamFiles& files) {
          {"--robot-spheres", "--visual", "--package-path", "--xacro", "--self-collision", "--joint"})
       if (app.count(option) > 0)
         throw UsageError(std::string(option) + " is for a robot, and " + a.meshes[0] + " is none");
+  for (const std::string& folder : a.package_folders)
+    if (std::error_code code; !fs::is_directory(folder, code))
+      throw UsageError("--package-path: there is no folder " + cli::in_quotes(folder));
   if (a.threads > 0) omp_set_num_threads(a.threads);
   limit_memory(a.memory.empty() ? machine_memory() : cli::bytes_of(a.memory).value());
   if (app.count("--seconds") > 0 && a.seconds > 0) end_after(a);

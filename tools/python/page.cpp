@@ -61,13 +61,13 @@ fs::path page_template() {
 std::string page_of(const Cluster& c, const py::object& vertices, const py::object& faces,
                     const std::string& colour) {
   PageOptions options;
-  options.script = page_template();
-  if (options.script.empty())
-    throw Error("the template of pages is not there: npm bundles it when the module is built (target page)");
   bool known = false;
   for (const ColourBy by : kColourings)
     if (colour == name_of(by)) options.colour = by, known = true;
   if (!known) throw py::value_error("colour must be family, radius, protrusion, gap or triangle");
+  options.script = page_template();
+  if (options.script.empty())
+    throw Error("the template of pages is not there: npm bundles it when the module is built (target page)");
   // A mesh that is not given is looked for by its name and sha256 in the current folder.
   const Mesh mesh = vertices.is_none() ? padder::mesh_of(c, "") : given_mesh(vertices, faces);
   py::gil_scoped_release others_run;

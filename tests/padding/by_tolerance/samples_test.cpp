@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <omp.h>
+#include <algorithm>
 #include <numbers>
 
 #include "padding/asset/error.h"
@@ -112,17 +113,29 @@ TEST(Samples, WallsOfAStackShareTheirSamples) {
   EXPECT_LT(many[1], 1.5 * few[1]);
 }
 
-// 21 walls that stand farther apart than samples, and nearer to each other than a ball reaches.
+// 21 walls that stand farther apart than samples, and nearer to each other than a ball reaches. The points that
+// they share know how far from them there is surface without a point of its own.
 TEST(Samples, WallsThatABallReachesShareTheirSamples) {
-  const auto count = [](const Mesh& walls) {
+  const auto points_of = [](const Mesh& walls) {
     SampleOptions options;
     options.tolerance_sum = 0.1;
     const Mesh nothing;
-    const Samples samples =
-        sample_surface(Surface(walls, SideBy::winding, std::make_shared<const Surface>(nothing)), options);
-    return static_cast<double>(samples.fine.size());
+    return sample_surface(Surface(walls, SideBy::winding, std::make_shared<const Surface>(nothing)), options)
+        .fine;
   };
-  EXPECT_LT(count(shapes::stack(shapes::square(0.5), 21, 0.25)), 8 * count(shapes::square(0.5)));
+  const Mesh walls = shapes::stack(shapes::square(0.5), 21, 0.25);
+  const std::vector<CoverPoint> points = points_of(walls);
+  EXPECT_LT(points.size(), 8 * points_of(shapes::square(0.5)).size());
+  Random random(3);
+  for (int k = 0; k < 2000; k++) {
+    const std::size_t t = random.below(walls.triangles.size());
+    const double u = random.uniform(), v = (1 - u) * random.uniform();
+    const Point x = walls.corner(t, 0) + u * (walls.corner(t, 1) - walls.corner(t, 0)) +
+                    v * (walls.corner(t, 2) - walls.corner(t, 0));
+    EXPECT_TRUE(std::any_of(points.begin(), points.end(),
+                            [&](const CoverPoint& c) { return (c.point - x).norm() <= 1.25 * c.margin; }))
+        << x.transpose();
+  }
 }
 
 TEST(Samples, TooSmallAToleranceIsRefused) {

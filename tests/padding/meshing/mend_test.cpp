@@ -273,6 +273,38 @@ TEST(Mend, ASolidWithAnOpenSeamIsStillASolid) {
   EXPECT_GT(volume(r), 8);
 }
 
+// The walls of a pipe are two pieces, and nothing joins them at its ends.
+TEST(Mend, APipeOfTwoWallsIsNoRod) {
+  const auto wall = [](double radius, const Point& at, int n) {
+    Mesh mesh = lathe({{radius, 0}, {radius, 3}}, n);
+    for (Point& p : mesh.points) p += at;
+    return mesh;
+  };
+  const auto inward = [](Mesh mesh) {
+    for (auto& t : mesh.triangles) std::swap(t[1], t[2]);
+    return mesh;
+  };
+  const auto area = [](double radius, int n) {
+    return 0.5 * n * radius * radius * std::sin(2 * std::numbers::pi / n);
+  };
+  const Point middle(0, 0, 0), left(-0.5, 0, 0), right(0.5, 0, 0);
+  const Mesh outer = wall(1, middle, 40);
+  const Mesh pipe = joined(outer, inward(wall(0.8, middle, 31)));
+  const double thin = 3 * (area(1, 40) - area(0.8, 31));
+  for (const Mesh& mesh : {pipe, inward(pipe)}) {
+    const Repaired r = mended(mesh);
+    EXPECT_EQ(r.kind, BodyKind::solid);
+    EXPECT_EQ(r.patches.size(), 2u);
+    EXPECT_NEAR(volume(r), thin, 1e-6);
+  }
+  const Mesh bores = joined(inward(wall(0.3, left, 20)), inward(wall(0.3, right, 20)));
+  EXPECT_NEAR(volume(mended(joined(outer, bores))), 3 * (area(1, 40) - 2 * area(0.3, 20)), 1e-6);
+  const Mesh sleeve = joined(wall(0.7, middle, 40), inward(wall(0.6, middle, 40)));
+  EXPECT_NEAR(volume(mended(joined(pipe, sleeve))), thin + 3 * (area(0.7, 40) - area(0.6, 40)), 1e-6);
+  // Where both face outward they are two rods.
+  EXPECT_NEAR(volume(mended(joined(outer, wall(0.8, middle, 31)))), 3 * area(1, 40), 1e-6);
+}
+
 TEST(Mend, ACarBodyIsASheet) {
   Mesh body = without(shapes::box({0, 0, 0}, {4, 1.8, 1.4}, 4), [](const Point& p) { return p.z() == 0; });
   body = joined(body, shapes::square(1));  // a seat

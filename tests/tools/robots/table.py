@@ -9,8 +9,8 @@ LIST has a robot on each line: its name, its URDF, xacro or MJCF (beside LIST un
 alone. The words behind -- go to pad for all of them (default: --tolerance 1%). Nothing that pad writes is edited.
 
 Consumers: MuJoCo (Debian's: by robot_audit, which compares every geom's place in 100 poses; npm's: loads and counts),
-check_urdf of urdfdom, the USD readers three.js and TinyUSDZ, and by rule: MoveIt's SRDF, cuRobo's robot_cfg, XRDF and VAMP. robot_audit also
-compares spheres and exact meshes in --poses random poses by FCL. Exit 1 when anything was refused or differs.
+check_urdf of urdfdom, the USD readers three.js, TinyUSDZ and OpenUSD (where it is installed), and by rule: MoveIt's SRDF, cuRobo's
+robot_cfg, XRDF and VAMP. robot_audit also compares spheres and exact meshes in --poses random poses by FCL. Exit 1 when anything was refused or differs.
 """
 import argparse
 import json
@@ -161,6 +161,14 @@ def by_npm(files, binaries, spheres):
     return True
 
 
+def by_openusd(files, binaries):
+    """OpenUSD and MuJoCo agree on every sphere, mass, joint and pair."""
+    if not (binaries / "openusd_check").exists():
+        return None
+    run([str(binaries / "openusd_check"), str(files.at(".usda")), str(files.at(".xml"))])
+    return True
+
+
 class Table:
     def __init__(self, arguments, words):
         self.arguments, self.words = arguments, words
@@ -188,7 +196,7 @@ class Table:
         worst = max((max(link["accuracy"]["protrusion_bound"], link["accuracy"]["gap_bound"]) for link in padded), default=0)
         files = Files(folder, name, report)
         done = {"urdfdom": files.check_urdf(robot), "SRDF": files.srdf(), "cuRobo": files.curobo(), "XRDF": files.xrdf(), "VAMP": files.vamp(),
-                "npm": by_npm(files, self.bin, report["spheres"])}
+                "npm": by_npm(files, self.bin, report["spheres"]), "OpenUSD": by_openusd(files, self.bin)}
         told = self.audit(robot, options, files, report)
         accepted = [k for k, v in done.items() if v]
         if told and told["mujoco"]:

@@ -2,6 +2,7 @@
 // Makes the candidates and their rows from the detector's list of pairs, and carries the springs from the old
 // ones to the new. Only .cu files include this.
 #pragma once
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -28,19 +29,23 @@ class Candidates {
   // What a row of candidates needs to be found again: their rows and springs.
   struct Memory {
     explicit Memory(detect::cuda::MemoryBook& book);
-    detect::cuda::Buffer<std::uint32_t> starts, partners, entries;
+    detect::cuda::Buffer<std::uint32_t> starts, partners, bases;
     detect::cuda::Buffer<Vec3> springs;
   };
-  void reserve_keys(std::uint64_t count);
-  void sort_into_rows(std::uint64_t entries, const View& view, cudaStream_t stream);
+  // Of these pairs, which may name walls as Rows does, and of all spheres and walls with at most this gap.
+  void make_rows(const View& view, std::span<const detect::Pair> pairs, std::optional<double> wall_gap,
+                 cudaStream_t stream);
+  std::uint32_t sum_before(const std::uint32_t* counts, std::uint32_t* sums, std::uint32_t rows,
+                           cudaStream_t stream);
 
+  detect::cuda::MemoryBook& book_;
   std::uint32_t count_ = 0;  // of candidates
   int now_ = 0;              // which of the two memories: the one before is read while a new one is made
   Memory memory_[2];
   detect::cuda::Buffer<detect::Pair> pairs_, movers_;
   detect::cuda::Buffer<Push> pushes_;
-  detect::cuda::Buffer<unsigned long long> keys_[2], counter_;
-  detect::cuda::Buffer<std::uint8_t> room_;  // of the sort and the scan
+  detect::cuda::Buffer<std::uint32_t> entries_, counts_, unsorted_;
+  detect::cuda::Buffer<std::uint8_t> room_;  // of the sort and the scans
 };
 
 }  // namespace padder::settle::cuda

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <set>
 
 #include "detect/cuda/device/device.h"
 #include "detect/detector.h"
@@ -37,6 +38,7 @@ class Stepper : public DeviceStepper {
     detector_.options().output = detect::Memory::device;
     shapes_ = s.shapes, host_bodies_ = s.bodies;
     put_what_stays(s);
+    put_tags(s);
     put_bushings(s);
     Snapshot first{0, s.position, s.velocity, s.momentum, s.spin, s.orientation, {}, {}};
     put(first);
@@ -50,14 +52,8 @@ class Stepper : public DeviceStepper {
       motions[m] = {s.velocity[m], inverse_mass_[m], s.spin[m], material_.empty() ? 0u : material_[m]};
     up(motions_, motions), up(momentum_, s.momentum), up(orientation_, s.orientation);
     std::vector<Place> places(bodies);
-    std::vector<detect::Pose> poses(bodies);
-    for (std::size_t b = 0; b < bodies; b++) {
-      places[b].at = s.position[b];
-      matrix_of(s.orientation[b], poses[b].rotation);
-      poses[b].position[0] = s.position[b].x, poses[b].position[1] = s.position[b].y;
-      poses[b].position[2] = s.position[b].z;
-    }
-    up(body_places_, places), up(poses_, poses);
+    for (std::size_t b = 0; b < bodies; b++) places[b].at = s.position[b];
+    up(body_places_, places);
     std::vector<detect::Sphere> centers(view_.spheres);
     for (std::size_t g = 0; g < grain_radius_.size(); g++) {
       const Vec3& at = s.position[bodies + g];
@@ -98,14 +94,15 @@ class Stepper : public DeviceStepper {
     std::vector<detect::Shape> shapes;
     for (const auto& shape : shapes_) shapes.push_back({shape.data(), shape.size()});
     detect::Input input;
-    input.shapes = shapes, input.bodies = host_bodies_;
-    if (view_.bodies) {
+    if (first_loose_ > 0) {
+      input.shapes = shapes, input.bodies = host_bodies_;
+      launch_poses(view_, poses_.reserve(view_.bodies), nullptr);
       input.poses = poses_.data(), input.pose_memory = detect::Memory::device;
       input.revision = revision_;
     }
-    if (const std::uint32_t grains = view_.spheres - view_.body_spheres; grains) {
-      const detect::Sphere* const first = view_.centers + view_.body_spheres;
-      input.spheres = detect::spheres_of<double>(grains, &first->x, &first->r, detect::Memory::device);
+    if (const std::uint32_t loose = view_.spheres - first_loose_; loose) {
+      const detect::Sphere* const first = view_.centers + first_loose_;
+      input.spheres = detect::spheres_of<double>(loose, &first->x, &first->r, detect::Memory::device);
       input.spheres.center_stride = input.spheres.radius_stride = 4;
       input.spheres.family = family_.data(), input.spheres.mask = mask_.data();
       input.spheres.is_static = is_static_.data();
@@ -183,11 +180,9 @@ class Stepper : public DeviceStepper {
     view_.movers = static_cast<std::uint32_t>(s.movers());
     view_.walls = static_cast<std::uint32_t>(s.walls.size());
     view_.law = s.law, view_.gravity = s.gravity, view_.step = s.step;
+    view_.all_move = std::ranges::count(s.inverse_mass, 0) == 0;
     inverse_mass_ = s.inverse_mass, material_ = s.material, grain_radius_ = s.grain_radius;
     up(inverse_inertia_, s.inverse_inertia), up(driven_, s.driven), up(walls_, s.walls);
-    if (!s.grain_family.empty()) up(family_, s.grain_family);
-    if (!s.grain_mask.empty()) up(mask_, s.grain_mask);
-    if (!s.grain_static.empty()) up(is_static_, s.grain_static);
     std::vector<std::uint32_t> first_of_shape, first_of_body, owner, first, large;
     std::vector<detect::Sphere> shape_spheres;
     for (const auto& shape : s.shapes) {
@@ -219,6 +214,35 @@ class Stepper : public DeviceStepper {
     loads_.reserve(large_count_ ? view_.spheres : 0), reference_.reserve(view_.spheres);
   }
 
+  // Small bodies go to the detector as loose spheres, since it would find few of their pairs by their balls
+  // alone. The spheres of one share a family, so that they do not meet.
+  void put_tags(const System& s) {
+    const auto in_worlds = [](const detect::Body& b) { return b.world != 0; };
+    const bool small = largest_body_ <= kSmallBody && std::ranges::none_of(s.bodies, in_worlds);
+    first_loose_ = small ? 0 : view_.body_spheres;
+    std::set<std::uint32_t> taken(s.grain_family.begin(), s.grain_family.end());
+    for (const detect::Body& b : s.bodies) taken.insert(b.family);
+    std::vector<std::uint32_t> family, mask;
+    std::vector<std::uint8_t> is_static;
+    std::uint32_t own = ~0u;
+    for (std::size_t b = 0; b < s.bodies.size() && small; b++) {
+      const detect::Body& body = s.bodies[b];
+      while (body.family == 0 && taken.contains(own)) own--;
+      const std::uint64_t spheres = s.first_sphere[b + 1] - s.first_sphere[b];
+      family.insert(family.end(), spheres, body.family ? body.family : own--);
+      mask.insert(mask.end(), spheres, body.mask), is_static.insert(is_static.end(), spheres, body.is_static);
+    }
+    const auto add_grains = [&](auto& tags, const auto& of_grains) {
+      tags.insert(tags.end(), of_grains.begin(), of_grains.end());
+      tags.resize(view_.spheres - first_loose_);
+    };
+    add_grains(family, s.grain_family), add_grains(mask, s.grain_mask), add_grains(is_static, s.grain_static);
+    const auto put = [&](auto& to, const auto& tags) {
+      if (std::ranges::any_of(tags, [](auto tag) { return tag != 0; })) up(to, tags);
+    };
+    put(family_, family), put(mask_, mask), put(is_static_, is_static);
+  }
+
   void put_bushings(const System& s) {
     view_.bushings = static_cast<std::uint32_t>(s.bushings.size());
     if (s.bushings.empty()) return;
@@ -237,7 +261,7 @@ class Stepper : public DeviceStepper {
     View& v = view_;
     v.centers = centers_.data(), v.reference = reference_.data(), v.motions = motions_.data();
     v.momentum = momentum_.data(), v.inverse_inertia = inverse_inertia_.data(), v.loads = loads_.data();
-    v.body_places = body_places_.data(), v.orientation = orientation_.data(), v.poses = poses_.data();
+    v.body_places = body_places_.data(), v.orientation = orientation_.data();
     v.driven = driven_.data(), v.owner = owner_.data(), v.first_sphere = first_sphere_.data();
     v.first_of_shape = first_of_shape_.data(), v.shape_spheres = shape_spheres_.data();
     v.bushing_loads = bushing_loads_.data(), v.bushing_starts = bushing_starts_.data();
@@ -259,6 +283,7 @@ class Stepper : public DeviceStepper {
   std::uint64_t revision_ = 0;
   bool old_ = true;  // the candidates are no longer to be used
   std::uint32_t large_count_ = 0, largest_body_ = 0;
+  std::uint32_t first_loose_ = 0;  // spheres from this one on are loose to the detector
   bool large_in_bodies_ = false;
   std::vector<std::uint8_t> material_;
   Array<Motion> motions_{book_};

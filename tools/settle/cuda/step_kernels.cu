@@ -193,7 +193,7 @@ __global__ void __launch_bounds__(kThreads) bushing_kernel(const __grid_constant
     const Bushing& u = v.bushing[v.bushing_list[q]];
     const Motion &a = v.motions[u.a], &b = v.motions[u.b];
     add_bushing(u, {v.body_places[u.a].at, a.velocity, a.spin}, {v.body_places[u.b].at, b.velocity, b.spin},
-                v.poses[u.a].rotation, v.poses[u.b].rotation, body == u.a ? &load : nullptr,
+                pose_of(v, u.a).rotation, pose_of(v, u.b).rotation, body == u.a ? &load : nullptr,
                 body == u.b ? &load : nullptr);
   }
   v.bushing_loads[body] = load;
@@ -269,16 +269,13 @@ __device__ double move_body(const StepTask& t, std::uint32_t body, std::uint32_t
   }
   MoverState state{position, motion.velocity, motion.spin, motion.inverse_mass};
   advance_body(state, momentum, orientation, load, v.inverse_inertia[body], v.gravity, v.step);
-  detect::Pose pose;
-  matrix_of(orientation, pose.rotation);
-  pose.position[0] = state.position.x, pose.position[1] = state.position.y;
-  pose.position[2] = state.position.z;
+  const detect::Pose pose = pose_of(state.position, orientation);
   if (Lanes > 1) __syncwarp();  // every lane has read what the first one writes
   if (lane == 0) {
     motion.velocity = state.velocity, motion.spin = state.spin;
     v.momentum[body] = momentum;
     store_wide(v.motions + body, motion), store_wide(v.orientation + body, orientation);
-    store_wide(v.body_places + body, {state.position, 0}), store_wide(v.poses + body, pose);
+    store_wide(v.body_places + body, {state.position, 0});
     if (motion.inverse_mass != 0 && !(length(state.velocity) <= t.fastest))
       atomicMin(&t.records[1].wild, body);
   }
@@ -297,7 +294,13 @@ __global__ void __launch_bounds__(kThreads) move_bodies_kernel(const __grid_cons
 
 __global__ void __launch_bounds__(kThreads) place_kernel(const __grid_constant__ View v) {
   const std::uint32_t k = blockIdx.x * kThreads + threadIdx.x;
-  if (k < v.body_spheres) place_sphere(v, k, v.owner[k], load_wide(v.poses + v.owner[k]));
+  if (k < v.body_spheres) place_sphere(v, k, v.owner[k], pose_of(v, v.owner[k]));
+}
+
+__global__ void __launch_bounds__(kThreads)
+    poses_kernel(const __grid_constant__ View v, detect::Pose* poses) {
+  const std::uint32_t body = blockIdx.x * kThreads + threadIdx.x;
+  if (body < v.bodies) store_wide(poses + body, pose_of(v, body));
 }
 
 unsigned blocks_for(std::uint64_t items) { return static_cast<unsigned>((items + kThreads - 1) / kThreads); }
@@ -312,12 +315,18 @@ void launch_step(const StepTask& t, cudaStream_t stream) {
   if (v.spheres > v.body_spheres)
     move_grains_kernel<<<blocks_for(v.spheres - v.body_spheres), kThreads, 0, stream>>>(t);
   if (v.bodies) {
-    if (t.largest_body <= 8)
+    if (t.largest_body <= kSmallBody)
       move_bodies_kernel<1><<<blocks_for(v.bodies), kThreads, 0, stream>>>(t);
     else
       move_bodies_kernel<32><<<blocks_for(std::uint64_t(v.bodies) * 32), kThreads, 0, stream>>>(t);
   }
   detect::cuda::cuda_launched("take a step");
+}
+
+void launch_poses(const View& v, detect::Pose* poses, cudaStream_t stream) {
+  if (v.bodies == 0) return;
+  poses_kernel<<<blocks_for(v.bodies), kThreads, 0, stream>>>(v, poses);
+  detect::cuda::cuda_launched("write the poses of bodies");
 }
 
 void launch_place(const View& v, cudaStream_t stream) {

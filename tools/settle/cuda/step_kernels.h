@@ -5,6 +5,10 @@
 
 namespace padder::settle::cuda {
 
+// Of each body of up to so many spheres one thread takes the step, and the detector is given its spheres and
+// not the body.
+inline constexpr std::uint32_t kSmallBody = 8;
+
 // One step from records[0] to records[1]; nothing happens if the step of records[0] failed or was not taken,
 // or left a sphere `limit` or farther from where it was when candidates were found. `fastest`: a mover with a
 // larger speed is wild. `large`: spheres with a block of their own, in device memory.
@@ -18,6 +22,8 @@ struct StepTask {
   std::uint32_t largest_body = 0;  // spheres of the largest body
 };
 void launch_step(const StepTask& task, cudaStream_t stream);
+// Writes the poses of all bodies, for the detector.
+void launch_poses(const View& view, detect::Pose* poses, cudaStream_t stream);
 // Places the spheres of bodies where their bodies are.
 void launch_place(const View& view, cudaStream_t stream);
 

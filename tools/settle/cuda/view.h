@@ -50,6 +50,7 @@ inline constexpr std::uint32_t kSecond = 1u << 31;
 
 struct View {
   std::uint32_t spheres = 0, bodies = 0, body_spheres = 0, movers = 0, walls = 0, bushings = 0;
+  bool all_move = true;     // nothing is static or driven
   double large_radius = 0;  // a block of threads sums what a sphere with a larger radius bears
   detect::Sphere* centers = nullptr;
   const detect::Sphere* reference = nullptr;  // the centres when candidates were found
@@ -60,7 +61,6 @@ struct View {
   // Of bodies, and of their spheres.
   Place* body_places = nullptr;
   Quaternion* orientation = nullptr;
-  detect::Pose* poses = nullptr;
   const std::uint8_t* driven = nullptr;
   const std::uint32_t* owner = nullptr;
   const std::uint32_t* first_sphere = nullptr;  // of each body, and the number of the spheres of bodies
@@ -96,6 +96,16 @@ __device__ __forceinline__ void store_wide(T* to, const T& value) {
 #pragma unroll
   for (std::size_t k = 0; k < sizeof(T) / sizeof(double2); k++)
     reinterpret_cast<double2*>(to)[k] = reinterpret_cast<const double2*>(&from)[k];
+}
+
+__device__ __forceinline__ detect::Pose pose_of(const Vec3& at, const Quaternion& orientation) {
+  detect::Pose pose;
+  matrix_of(orientation, pose.rotation);
+  pose.position[0] = at.x, pose.position[1] = at.y, pose.position[2] = at.z;
+  return pose;
+}
+__device__ __forceinline__ detect::Pose pose_of(const View& v, std::uint32_t body) {
+  return pose_of(load_wide(v.body_places + body).at, load_wide(v.orientation + body));
 }
 
 __device__ __forceinline__ std::uint32_t mover_of(const View& v, std::uint32_t sphere) {

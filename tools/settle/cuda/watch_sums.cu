@@ -46,8 +46,8 @@ __global__ void __launch_bounds__(kThreads) watch_kernel(const __grid_constant__
   for (std::uint64_t q = first; q < v.bushings; q += kBlocks * kThreads) {
     const Bushing& u = v.bushing[q];
     Vec3 arm_a, arm_b;
-    const Vec3 apart = stretch_of(u, v.body_places[u.a].at, v.body_places[u.b].at, v.poses[u.a].rotation,
-                                  v.poses[u.b].rotation, arm_a, arm_b);
+    const Vec3 apart = stretch_of(u, v.body_places[u.a].at, v.body_places[u.b].at, pose_of(v, u.a).rotation,
+                                  pose_of(v, u.b).rotation, arm_a, arm_b);
     w.elastic += 0.5 * u.stiffness * dot(apart, apart);
   }
   sums[threadIdx.x] = w;
