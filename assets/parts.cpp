@@ -177,7 +177,8 @@ Mesh make_grain(const Grain& d) {
   for (int k = 0; k < d.planes; k++) {  // spread over the sphere, then shaken: no side stays without a plane
     const double z = 1 - 2 * (k + 0.5) / d.planes, turn = pi * (3 - std::sqrt(5.0)) * k,
                  s = std::sqrt(1 - z * z);
-    const Vector shake(uniform() - 0.5, uniform() - 0.5, uniform() - 0.5);
+    Vector shake;  // number by number: compilers differ in the order in which they evaluate arguments
+    for (const int axis : {2, 1, 0}) shake[axis] = uniform() - 0.5;
     planes.push_back({(Vector(s * std::cos(turn), s * std::sin(turn), z) + 0.7 * shake).normalized(),
                       0.75 + 0.5 * uniform()});
   }

@@ -97,7 +97,7 @@ void limit(int resource, rlim_t most) {
   const rlim_t seconds = 30 + file_size / 1000000;  // 1 MB takes well under one
   limit(RLIMIT_CORE, 0), limit(RLIMIT_CPU, seconds);
   ::alarm(static_cast<unsigned>(20 * seconds));  // ends a reader that waits instead of working
-#if !defined(__SANITIZE_ADDRESS__)               // AddressSanitizer reserves terabytes
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)  // sanitizers reserve terabytes
   limit(RLIMIT_DATA, memory_in_use() + most_memory(file_size));
 #endif
   refuse_system_calls(end);

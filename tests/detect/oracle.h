@@ -94,6 +94,7 @@ struct Arranged {
   std::vector<double> d;
   Input input;
   Arranged(const TestScene& s, Scalar scalar) {
+    f.reserve(3), d.reserve(3);  // so that the radii of no spheres begin somewhere, too
     for (const Sphere& p : s.spheres)
       for (const double v : {p.x, p.y, p.z, p.r})
         scalar == Scalar::f32 ? f.push_back(static_cast<float>(v)) : d.push_back(v);

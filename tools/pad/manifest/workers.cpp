@@ -82,7 +82,7 @@ constexpr int kNoMemory = 3;  // exit code of a worker that ran out of memory
 }  // namespace
 
 void limit_memory([[maybe_unused]] std::uint64_t bytes) {
-#if !defined(__SANITIZE_ADDRESS__)
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
   rlimit memory = {};
   ::getrlimit(RLIMIT_DATA, &memory);
   memory.rlim_cur = memory.rlim_max =
