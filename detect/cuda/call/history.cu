@@ -15,7 +15,7 @@ using Word = unsigned long long;
 constexpr unsigned kThreads = 256, kOfThread = 4;
 // Pairs of a window; how far from its place it is looked for in the list before; places of its hash table, of
 // which three quarters and more stay empty: with half of them the kernel takes 1.3 times as long.
-constexpr std::uint32_t kWindow = kThreads * kOfThread, kReach = 256, kPlaces = 4 * kWindow, kEmpty = ~0u;
+constexpr std::uint32_t kWindow = kThreads * kOfThread, kReach = 128, kPlaces = 4 * kWindow, kEmpty = ~0u;
 constexpr int kPlaceBits = std::bit_width(kPlaces - 1);
 // One pair in 2^kSampleBits is a sample; the first kMostSamples of a window tell where it stood.
 constexpr int kSampleBits = 6;
@@ -136,7 +136,7 @@ __device__ void match_window(const HistoryTask& t, const Lengths& length, const 
 
 // The last windows first: what the search wrote last is still in L2.
 template <class Entry>
-__global__ void __launch_bounds__(kThreads) match_windows_kernel(const __grid_constant__ HistoryTask t) {
+__global__ void __launch_bounds__(kThreads, 6) match_windows_kernel(const __grid_constant__ HistoryTask t) {
   const Word before = *t.count_before * sizeof(Pair);
   if (blockIdx.x < kAheadBlocks)
     for (Word at = (blockIdx.x * Word(kThreads) + threadIdx.x) * kLine; at < min(before, Word(kAhead));
@@ -149,19 +149,22 @@ __global__ void __launch_bounds__(kThreads) match_windows_kernel(const __grid_co
   for (Word w = blockIdx.x; w < windows; w += gridDim.x) {
     const Word first = (windows - 1 - w) * kWindow;
     const auto count = static_cast<std::uint32_t>(min(length.now - first, Word(kWindow)));
-    Pair mine[kOfThread] = {};
+    Pair mine[kOfThread], stood[kOfThread];
+#pragma unroll
+    for (unsigned u = 0; u < kOfThread; u++) {  // all are asked for before the first is needed
+      const Word index = first + min(u * kThreads + threadIdx.x, count - 1);
+      mine[u] = t.now[index], stood[u] = index < length.before ? t.before[index] : Pair{kEmpty, kEmpty};
+    }
     unsigned open = 0;
 #pragma unroll
     for (unsigned u = 0; u < kOfThread; u++) {
       const std::uint32_t k = u * kThreads + threadIdx.x;
       if (k >= count) continue;
-      const Word index = first + k;
-      mine[u] = t.now[index];
-      const bool here = index < length.before && t.before[index] == mine[u];
-      t.found[index] = here ? static_cast<std::uint32_t>(index) : kNoContact;
+      const bool here = stood[u] == mine[u];
+      t.found[first + k] = here ? static_cast<std::uint32_t>(first + k) : kNoContact;
       open |= unsigned(!here) << u;
       const std::uint32_t hash = window_hash(mine[u]);
-      if (is_sample(hash)) t.samples_now[sample_place(t, hash)] = static_cast<std::uint32_t>(index);
+      if (is_sample(hash)) t.samples_now[sample_place(t, hash)] = static_cast<std::uint32_t>(first + k);
     }
     if (__syncthreads_or(open != 0)) match_window<Entry>(t, length, mine, open, first, count);
   }
