@@ -4,7 +4,6 @@
 #include <optional>
 
 #include "detect/cuda/bodies/bodies.h"
-#include "detect/cuda/call/history.h"
 #include "detect/cuda/call/sphere_search.h"
 #include "detect/cuda/device/device.h"
 #include "detect/cuda/device/profile_range.h"
@@ -40,7 +39,7 @@ class Work {
     // Most pairs then stay near their place. The search of spheres sees to that itself.
     if (options.history && (worlds || first)) options.order = Order::stable;
     const Call call = begin(input, options);
-    const PairList before = options.history ? PairList{list_.keep_pairs(), last_count_} : PairList{};
+    if (options.history) history_.begin({list_.keep_pairs(), last_count_}, stream_);
     Contacts c;
     c.memory = options.output, c.width = options.width, c.scalar = options.scalar;
     if (!worlds) worlds_.forget();
@@ -50,7 +49,9 @@ class Work {
       worlds_.run(call, c);
     else if (!done)
       search_spheres(call, c);
-    const std::uint32_t* const history = options.history ? match(before, call, c) : nullptr;
+    // The search of spheres has matched its list itself.
+    if (options.history && (worlds || done || options.path != Path::grid)) match(call, c);
+    const std::uint32_t* const history = options.history ? history_.end(c.count) : nullptr;
     {
       const ProfileRange delivery("padder: deliver the contacts");
       list_.deliver(options, c, history, call.stream);
@@ -120,11 +121,10 @@ class Work {
   }
 
  private:
-  const std::uint32_t* match(const PairList& before, const Call& call, const Contacts& c) {
+  void match(const Call& call, const Contacts& c) {
     const ProfileRange range("padder: history");
-    const std::uint32_t* const found = history_.match({list_.pairs(), c.count}, before, call.stream);
+    history_.match({list_.pairs(), c.count}, call.processors, call.stream);
     clock_.mark(StageClock::kHistory);
-    return found;
   }
   bool have_worlds(const Input& input) const {
     return loose_have_worlds(input) ||
@@ -136,7 +136,7 @@ class Work {
     const int processors = processors_of(stream_, device_);
     book_.limit = options.memory_limit;
     check_memory(input);
-    return {input, options, stream_, side_, processors, clock_, list_};
+    return {input, options, stream_, side_, processors, clock_, list_, options.history ? &history_ : nullptr};
   }
   // Asks where arrays lie that were not there in the previous call.
   void check_memory(const Input& input) {

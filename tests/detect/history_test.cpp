@@ -178,6 +178,20 @@ TEST_P(HistoryTest, FollowsALongListThroughAnotherOrder) {
   }
 }
 
+// On a GPU the marks of pairs that were found carry the number of the pass in a byte.
+TEST_P(HistoryTest, FollowsThroughMoreCallsThanAMarkCanNumber) {
+  TestScene scene = random_scene(3000, 1, 0.6, seed_);
+  const int steps = GetParam() == BackendKind::cuda ? 300 : 30;
+  for (int step = 0; step < steps; step++) {
+    for (Sphere& s : scene.spheres) std::swap(s.x, s.z), s.y += 0.02 * (unit() - 0.5);
+    const Arranged a(scene, Scalar::f32);
+    SCOPED_TRACE("step " + std::to_string(step));
+    expect_right(a.input);
+    if (HasFatalFailure()) return;
+  }
+  EXPECT_GT(known_, 1500u);  // more than a window
+}
+
 // A sphere that touches all others has as many contacts as there are spheres.
 TEST_P(HistoryTest, FollowsOneSphereThatTouchesAllOthers) {
   TestScene scene;

@@ -86,7 +86,7 @@ std::pair<double, double> detection_calls(settle::Stepper& stepper, detect::Back
     options.history = history;
     detect::Detector detector({backend}, options);
     bool odd = false;
-    return median_seconds(20, [&] {
+    return median_seconds(60, [&] {
       odd = !odd;
       detect_watched(detector, odd ? before.input() : after.input());
     });
@@ -95,22 +95,18 @@ std::pair<double, double> detection_calls(settle::Stepper& stepper, detect::Back
   return {with, call(false)};
 }
 
-// The seconds of a detection and of a step, where each step has one: medians of 20. The first calls read the
-// scene and find its grid.
-std::pair<double, double> with_detection(settle::Stepper& stepper) {
-  stepper.step(10);
-  std::vector<double> detections, steps;
-  for (int k = 0; k < 20; k++) {
-    const double detection = stepper.effort().detection_seconds, seconds = stepper.effort().seconds;
+// A step of a stepper that asks the detector in each, and of it the detection.
+std::pair<double, double> median_step(settle::Stepper& stepper) {
+  stepper.step(10);  // the first calls read the scene and find its grid
+  const settle::Stepper::Effort& effort = stepper.effort();
+  std::vector<double> steps, detections;
+  for (int k = 0; k < 41; k++) {
+    const double begun = effort.seconds, begun_detection = effort.detection_seconds;
     stepper.step(1);
-    detections.push_back(stepper.effort().detection_seconds - detection);
-    steps.push_back(stepper.effort().seconds - seconds);
+    steps.push_back(effort.seconds - begun), detections.push_back(effort.detection_seconds - begun_detection);
   }
-  const auto median = [](std::vector<double>& v) {
-    std::nth_element(v.begin(), v.begin() + 10, v.end());
-    return v[10];
-  };
-  return {median(detections), median(steps)};
+  std::sort(steps.begin(), steps.end()), std::sort(detections.begin(), detections.end());
+  return {steps[20], detections[20]};
 }
 
 settle::SettleScene silo(std::uint64_t spheres) {
@@ -170,7 +166,7 @@ Json measure(const Settings& s, std::uint64_t objects, detect::BackendKind backe
   const double total_step = (effort.seconds - total) / 400,
                detection_step = (effort.detection_seconds - detection) / 400;
   const std::uint64_t asked = effort.detections - detections, contacts = stepper.contacts();
-  const auto [each, each_step] = with_detection(every);
+  const auto [each_step, each] = median_step(every);
   const auto [history, plain] = clumps ? std::pair(0.0, 0.0) : detection_calls(stepper, backend, s.threads);
   return {{"scene", clumps ? "clumps" : "silo"},
           {"backend", stepper.backend()},
@@ -238,12 +234,15 @@ Json table3(const Settings& s) {
     throw Error("table3 has the scenes silo and clumps, and not " + s.scene);
   Json result;
   for (const detect::BackendKind backend : backends(s)) {
-    std::vector<std::pair<double, double>> points;
+    std::map<std::string, std::vector<std::pair<double, double>>> points;
     for (const std::uint64_t n : sizes_for(s, backend)) {
       const Json r = measure(s, n, backend);
-      points.emplace_back(r["contacts"].get<double>(), r["seconds_history"].get<double>());
+      for (const char* key :
+           {"seconds", "seconds_detection_moving", "seconds_every_step", "seconds_history", "seconds_plain"})
+        points[key].emplace_back(r["contacts"].get<double>(), r[key].get<double>());
       table.push_back(cells_of(r)), rows.push_back(r);
-      squares[backend == detect::BackendKind::omp ? "omp" : "cuda"] = r_squared(points);
+      for (const auto& [key, of_key] : points)
+        squares[backend == detect::BackendKind::omp ? "omp" : "cuda"][key] = r_squared(of_key);
       result = {{"bench", "table3"},    {"machine", machine()}, {"gpu", device_name()},
                 {"r_squared", squares}, {"rows", rows},         {"table", table}};
       write_result(s, result);  // after each row: the next one takes longer

@@ -2,6 +2,7 @@
 // What every part of one call to detect() works with. Only .cu files include this.
 #pragma once
 #include "detect/cuda/call/contact_list.h"
+#include "detect/cuda/call/history.h"
 #include "detect/cuda/device/graph.h"
 #include "detect/cuda/device/stage_clock.h"
 
@@ -15,6 +16,7 @@ struct Call {
   int processors;    // processors_of(stream)
   StageClock& clock;
   ContactList& list;
+  History* history;  // null: none is asked for
 };
 
 }  // namespace padder::detect::cuda

@@ -1,168 +1,300 @@
 // SPDX-License-Identifier: MIT
 #include "detect/cuda/call/history.h"
 
+#include <algorithm>
 #include <bit>
 
 #include "detect/contact.h"
+#include "detect/cuda/device/overlapped_launch.h"
 
 namespace padder::detect::cuda {
 namespace {
 
 using Word = unsigned long long;
 
-constexpr int kThreads = 256;
-// Pairs of a window; how far from it a pair of the list before is looked for; places of its hash table, of
-// which at least half stay empty.
-constexpr std::uint32_t kWindow = 1024, kReach = 512, kPlaces = 2 * kWindow, kEmpty = ~0u;
+constexpr unsigned kThreads = 256, kOfThread = 4;
+// Pairs of a window; how far from its place it is looked for in the list before; places of its hash table, of
+// which three quarters and more stay empty: with half of them the kernel takes 1.3 times as long.
+constexpr std::uint32_t kWindow = kThreads * kOfThread, kReach = 128, kPlaces = 4 * kWindow, kEmpty = ~0u;
 constexpr int kPlaceBits = std::bit_width(kPlaces - 1);
-constexpr std::uint32_t kLastCall = 255;  // a mark is a byte
-constexpr int kCallShift = 56;            // of an entry
+// One pair in 2^kSampleBits is a sample; the first kMostSamples of a window tell where it stood.
+constexpr int kSampleBits = 6;
+constexpr std::uint32_t kMostSamples = 32;
+constexpr std::uint32_t kMostBlocks = 32;  // a processor; beyond, a block takes several windows
+// While the search ends, so much of the end of the list before is brought into L2, by so many blocks.
+constexpr std::uint64_t kAhead = 24 << 20, kAheadBlocks = 512, kLine = 128;
+// Up to so many places, an entry of the table has 32 bits: then the table of a million spheres stays in L2.
+constexpr std::uint64_t kSmallTable = std::uint64_t(1) << 28;
+constexpr std::uint32_t kMostPasses = 255;  // a mark is a byte
+constexpr std::uint64_t kUnknown = ~std::uint64_t(0);
 
-struct MatchTask {
-  PairList now, before;
-  std::uint32_t* found = nullptr;
-  std::uint8_t* marks = nullptr;
-  Word* entries = nullptr;
-  std::uint64_t mask = 0;  // of the places of the table in global memory
-  std::uint32_t* open = nullptr;
-  std::uint32_t call = 0;
+// What stands behind HistoryTask::pass.
+struct PassState {
+  std::uint32_t number, used, blocks_done;
 };
 
-// Called for a pair of `now` that was not found near its place.
-__device__ void put_entry(const MatchTask& t, const Pair& p, std::uint64_t k) {
-  const Word mine = static_cast<Word>(t.call) << kCallShift | k;
-  for (std::uint64_t at = pair_hash(p.i, p.j) & t.mask;; at = (at + 1) & t.mask) {
-    Word there = __ldcg(t.entries + at);
-    while (there >> kCallShift != t.call) {
-      const Word seen = atomicCAS(t.entries + at, there, mine);
-      if (seen == there) return;
-      there = seen;
-    }
+struct Lengths {
+  Word now, before;
+  __device__ explicit Lengths(const HistoryTask& t)
+      : now(min(*t.count, Word(t.capacity))), before(*t.count_before) {}
+};
+
+__device__ __forceinline__ std::uint32_t window_hash(const Pair& p) {
+  std::uint32_t h = p.i * 0x9e3779b1u + p.j;
+  h ^= h >> 15;
+  return h * 0x85ebca77u;
+}
+__device__ __forceinline__ std::uint32_t place_in_window(std::uint32_t hash) {
+  return hash >> (32 - kPlaceBits);
+}
+__device__ __forceinline__ bool is_sample(std::uint32_t hash) {
+  return (hash & ((1u << kSampleBits) - 1)) == 0;
+}
+__device__ __forceinline__ std::uint32_t sample_place(const HistoryTask& t, std::uint32_t hash) {
+  return (hash >> kSampleBits) & t.sample_mask;
+}
+
+__device__ __forceinline__ void prefetch_to_l2(const void* p) {
+  asm volatile("prefetch.global.L2 [%0];" ::"l"(p));
+}
+
+// Puts the index of a pair into the table, and above it in the word the pass, counted from 1. An entry that
+// is in the way is moved on.
+template <class Entry>
+__device__ void put_entry(const HistoryTask& t, const Pair& p, Word index, std::uint32_t pass) {
+  auto* const table = static_cast<Entry*>(t.table);
+  Entry entry = static_cast<Entry>(pass) << t.index_bits | static_cast<Entry>(index);
+  for (Word at = pair_hash(p.i, p.j) & t.mask;; at = (at + 1) & t.mask) {
+    entry = atomicExch(table + at, entry);
+    if (entry >> t.index_bits != pass) return;
   }
 }
 
-__device__ __forceinline__ std::uint32_t place_in_window(const Pair& p) {
-  return ((p.i * 0x9e3779b1u) ^ (p.j * 0x85ebca77u)) >> (32 - kPlaceBits);
+// By a warp: the shift with which most of the others nearly agree; 0 if there is none.
+__device__ __forceinline__ long long agreed_shift(const long long* shifts, std::uint32_t count) {
+  const std::uint32_t lane = threadIdx.x & 31;
+  const long long mine = shifts[lane < count ? lane : 0];
+  std::uint32_t votes = 0;
+  for (std::uint32_t k = 0; k < count; k++) votes += llabs(shifts[k] - mine) <= kReach / 2;
+  const std::uint32_t most = __reduce_max_sync(~0u, lane < count ? votes << 8 | lane : 0);
+  return count ? shifts[most & 255] : 0;
 }
 
-// A block looks for the pairs of its window: first each at its own index, then those that are not there among
-// all pairs of the list before that stand near.
-__global__ void __launch_bounds__(kThreads) match_near_kernel(const __grid_constant__ MatchTask t) {
+// A window whose pairs do not all stand where they stood. `open`: which of the thread's.
+template <class Entry>
+__device__ void match_window(const HistoryTask& t, const Lengths& length, const Pair (&mine)[kOfThread],
+                             unsigned open, Word first, std::uint32_t count) {
   __shared__ Pair pairs[kWindow];
-  __shared__ std::uint32_t places[kPlaces], found[kWindow];
-  const std::uint64_t first = blockIdx.x * std::uint64_t(kWindow);
-  const auto count = static_cast<std::uint32_t>(min(t.now.count - first, std::uint64_t(kWindow)));
-  bool open = false;
-  for (std::uint32_t k = threadIdx.x; k < count; k += kThreads) {
-    const Pair p = t.now.pairs[first + k];
-    const bool here = first + k < t.before.count && t.before.pairs[first + k] == p;
-    pairs[k] = p, found[k] = here ? static_cast<std::uint32_t>(first + k) : kNoContact;
-    if (here) t.marks[first + k] = static_cast<std::uint8_t>(t.call);
-    open = open || !here;
-  }
-  if (__syncthreads_or(open)) {
-    for (std::uint32_t k = threadIdx.x; k < kPlaces; k += kThreads) places[k] = kEmpty;
-    __syncthreads();
-    for (std::uint32_t k = threadIdx.x; k < count; k += kThreads) {
-      if (found[k] != kNoContact) continue;
-      std::uint32_t at = place_in_window(pairs[k]);
-      while (atomicCAS(places + at, kEmpty, k) != kEmpty) at = (at + 1) % kPlaces;
-    }
-    __syncthreads();
-    // Contacts come and go all over the list, so that the window's pairs stood where as large a part of the
-    // list before lies in front of them.
-    const auto stood = static_cast<std::uint64_t>(
-        static_cast<double>(first) * static_cast<double>(t.before.count) / static_cast<double>(t.now.count));
-    const std::uint64_t from = stood - min(stood, std::uint64_t(kReach)),
-                        upto = min(stood + count + kReach, t.before.count);
-    for (std::uint64_t b = from + threadIdx.x; b < upto; b += kThreads) {
-      const Pair p = t.before.pairs[b];
-      for (std::uint32_t at = place_in_window(p), k; (k = places[at]) != kEmpty; at = (at + 1) % kPlaces) {
-        if (!(pairs[k] == p)) continue;
-        found[k] = static_cast<std::uint32_t>(b);
-        t.marks[b] = static_cast<std::uint8_t>(t.call);
-        break;
+  __shared__ std::uint32_t places[kPlaces], samples;
+  __shared__ long long shifts[kMostSamples], shift;
+  auto* const state = reinterpret_cast<PassState*>(t.pass);
+  const std::uint32_t pass = state->number + 1;
+  if (threadIdx.x == 0) samples = 0, state->used = pass;
+  for (std::uint32_t k = threadIdx.x; k < kPlaces; k += kThreads) places[k] = kEmpty;
+#pragma unroll
+  for (unsigned u = 0; u < kOfThread; u++) pairs[u * kThreads + threadIdx.x] = mine[u];
+  __syncthreads();
+#pragma unroll
+  for (unsigned u = 0; u < kOfThread; u++) {
+    const std::uint32_t k = u * kThreads + threadIdx.x, hash = window_hash(mine[u]);
+    if (k < count && is_sample(hash)) {
+      const Word b = __ldcg(t.samples_before + sample_place(t, hash));
+      if (b < length.before && t.before[b] == mine[u]) {
+        const std::uint32_t at = atomicAdd(&samples, 1u);
+        if (at < kMostSamples) shifts[at] = static_cast<long long>(b) - static_cast<long long>(first + k);
       }
     }
-    __syncthreads();
+    if (!(open >> u & 1)) continue;
+    std::uint32_t at = place_in_window(hash);
+    while (atomicCAS(places + at, kEmpty, k) != kEmpty) at = (at + 1) % kPlaces;
   }
-  for (std::uint32_t k = threadIdx.x; k < count; k += kThreads) {
-    t.found[first + k] = found[k];
-    if (found[k] != kNoContact) continue;
-    put_entry(t, pairs[k], first + k);
-    *t.open = t.call;
+  __syncthreads();
+  if (threadIdx.x < 32) {
+    const long long agreed = agreed_shift(shifts, min(samples, kMostSamples));
+    if (threadIdx.x == 0) shift = agreed;
+  }
+  __syncthreads();
+  const long long from = max(static_cast<long long>(first) + shift - kReach, 0ll),
+                  upto = min(static_cast<long long>(first + count) + shift + kReach,
+                             static_cast<long long>(length.before));
+  for (long long b = from + threadIdx.x; b < upto; b += kThreads) {
+    const Pair p = t.before[b];
+    std::uint32_t k = 0;
+    for (std::uint32_t at = place_in_window(window_hash(p)); (k = places[at]) != kEmpty && !(pairs[k] == p);)
+      at = (at + 1) % kPlaces;
+    if (k == kEmpty) continue;
+    t.found[first + k] = static_cast<std::uint32_t>(b), t.marks[b] = static_cast<std::uint8_t>(pass);
+    pairs[k] = {kEmpty, kEmpty};  // no pair: found
+  }
+  __syncthreads();
+#pragma unroll
+  for (unsigned u = 0; u < kOfThread; u++) {
+    const std::uint32_t k = u * kThreads + threadIdx.x;
+    if ((open >> u & 1) && pairs[k] == mine[u]) put_entry<Entry>(t, mine[u], first + k, pass);
   }
 }
 
-// The pairs of the list before that have no mark, among those of this list that were not found.
-__global__ void __launch_bounds__(kThreads) match_rest_kernel(const __grid_constant__ MatchTask t) {
-  if (*t.open != t.call) return;
+// The last windows first: what the search wrote last is still in L2.
+template <class Entry>
+__global__ void __launch_bounds__(kThreads, 6) match_windows_kernel(const __grid_constant__ HistoryTask t) {
+  const Word before = *t.count_before * sizeof(Pair);
+  if (blockIdx.x < kAheadBlocks)
+    for (Word at = (blockIdx.x * Word(kThreads) + threadIdx.x) * kLine; at < min(before, Word(kAhead));
+         at += min(Word(gridDim.x), Word(kAheadBlocks)) * kThreads * kLine)
+      prefetch_to_l2(reinterpret_cast<const char*>(t.before) + (before - 1 - at));
+  wait_for_previous_kernel();
+  const Lengths length(t);
+  if (blockIdx.x == 0 && threadIdx.x == 0) *t.count_kept = length.now;
+  const Word windows = (length.now + kWindow - 1) / kWindow;
+  for (Word w = blockIdx.x; w < windows; w += gridDim.x) {
+    const Word first = (windows - 1 - w) * kWindow;
+    const auto count = static_cast<std::uint32_t>(min(length.now - first, Word(kWindow)));
+    Pair mine[kOfThread], stood[kOfThread];
+#pragma unroll
+    for (unsigned u = 0; u < kOfThread; u++) {  // all are asked for before the first is needed
+      const Word index = first + min(u * kThreads + threadIdx.x, count - 1);
+      mine[u] = t.now[index], stood[u] = index < length.before ? t.before[index] : Pair{kEmpty, kEmpty};
+    }
+    unsigned open = 0;
+#pragma unroll
+    for (unsigned u = 0; u < kOfThread; u++) {
+      const std::uint32_t k = u * kThreads + threadIdx.x;
+      if (k >= count) continue;
+      const bool here = stood[u] == mine[u];
+      t.found[first + k] = here ? static_cast<std::uint32_t>(first + k) : kNoContact;
+      open |= unsigned(!here) << u;
+      const std::uint32_t hash = window_hash(mine[u]);
+      if (is_sample(hash)) t.samples_now[sample_place(t, hash)] = static_cast<std::uint32_t>(first + k);
+    }
+    if (__syncthreads_or(open != 0)) match_window<Entry>(t, length, mine, open, first, count);
+  }
+}
+
+// The pairs of the list before that no window found, among those of the list that are left.
+template <class Entry>
+__global__ void __launch_bounds__(kThreads) match_rest_kernel(const __grid_constant__ HistoryTask t) {
+  wait_for_previous_kernel();
+  auto* const state = reinterpret_cast<PassState*>(t.pass);
+  const std::uint32_t pass = state->number + 1;
+  if (state->used != pass) return;
+  const auto* const table = static_cast<const Entry*>(t.table);
   const auto* const marks = reinterpret_cast<const std::uint32_t*>(t.marks);
-  for (std::uint64_t q = blockIdx.x * std::uint64_t(kThreads) + threadIdx.x; q * 4 < t.before.count;
-       q += std::uint64_t(gridDim.x) * kThreads) {
-    const std::uint32_t four = marks[q];
-    for (std::uint64_t b = q * 4; b < min(q * 4 + 4, t.before.count); b++) {
-      if ((four >> b % 4 * 8 & 255) == t.call) continue;
-      const Pair p = t.before.pairs[b];
-      Word entry;
-      for (std::uint64_t at = pair_hash(p.i, p.j) & t.mask; (entry = t.entries[at]) >> kCallShift == t.call;
+  const Lengths length(t);
+  for (Word first = (blockIdx.x * Word(kThreads) + threadIdx.x) * 4; first < length.before;
+       first += gridDim.x * Word(kThreads) * 4) {
+    const std::uint32_t four = marks[first / 4];
+    for (unsigned u = 0; u < 4; u++) {
+      const Word b = first + u;
+      if (b >= length.before || (four >> 8 * u & 255) == pass) continue;
+      const Pair p = t.before[b];
+      if (b < length.now && t.now[b] == p) continue;
+      Entry entry;
+      for (Word at = pair_hash(p.i, p.j) & t.mask; (entry = __ldcg(table + at)) >> t.index_bits == pass;
            at = (at + 1) & t.mask) {
-        const Word k = entry & ((Word(1) << kCallShift) - 1);
-        if (!(t.now.pairs[k] == p)) continue;
+        const Word k = entry & ((Word(1) << t.index_bits) - 1);
+        if (!(t.now[k] == p)) continue;
         t.found[k] = static_cast<std::uint32_t>(b);
         break;
       }
     }
   }
+  __syncthreads();
+  if (threadIdx.x == 0 && atomicInc(&state->blocks_done, gridDim.x - 1) + 1 == gridDim.x) state->number++;
 }
 
 }  // namespace
 
 History::History(MemoryBook& book)
     : found_(book, "the history of contacts"),
+      table_(book, "the history of contacts"),
       marks_(book, "the history of contacts"),
-      entries_(book, "the history of contacts"),
-      open_(book, "the history of contacts") {}
+      pass_(book, "the history of contacts"),
+      samples_(book, "the history of contacts"),
+      counts_(book, "the history of contacts"),
+      known_{kUnknown, kUnknown} {}
 
-// Takes the memory, and a number for this call that no mark and no entry has.
-void History::begin(std::uint64_t places, std::uint64_t before, cudaStream_t stream) {
-  const bool enough = entries_.capacity() >= places && marks_.capacity() >= before;
-  if (!enough) {
-    marks_.reserve((before + before / 8 + 16) & ~std::uint64_t(15)), entries_.reserve(places);
-    open_.reserve(1);
-  }
-  if (!enough || call_ == kLastCall) {
-    cuda_check(cudaMemsetAsync(marks_.data(), 0, marks_.capacity(), stream), "clear the history");
-    cuda_check(cudaMemsetAsync(entries_.data(), 0, entries_.capacity() * sizeof(Word), stream),
-               "clear the history");
-    cuda_check(cudaMemsetAsync(open_.data(), 0, sizeof(std::uint32_t), stream), "clear the history");
-    call_ = 0;
-  }
-  call_++;
-}
-
-const std::uint32_t* History::match(const PairList& now, const PairList& before, cudaStream_t stream) {
+void History::begin(const PairList& before, cudaStream_t stream) {
   if (before.count >= kNoContact)
     throw Error("the list of the call before has " + std::to_string(before.count) +
                 " contacts, and a history can number 2^32 - 2: ask for it box by box (CallOptions::own)");
-  if (now.count > found_.capacity()) found_.reserve(now.count + now.count / 8);
-  if (before.count == 0 && now.count > 0)
-    cuda_check(cudaMemsetAsync(found_.data(), 0xff, now.count * sizeof(std::uint32_t), stream),
-               "write the history");
-  if (before.count > 0 && now.count > 0) {
-    MatchTask t{now, before, found_.data()};
-    const std::uint64_t places = std::bit_ceil(now.count + now.count / 2 + 1);
-    begin(places, before.count, stream);
-    t.marks = marks_.data(), t.entries = entries_.data(), t.mask = places - 1, t.open = open_.data();
-    t.call = call_;
-    const auto blocks = [](std::uint64_t items, std::uint64_t of_thread) {
-      return static_cast<unsigned>((items + kThreads * of_thread - 1) / (kThreads * of_thread));
-    };
-    match_near_kernel<<<blocks(now.count, kWindow / kThreads), kThreads, 0, stream>>>(t);
-    match_rest_kernel<<<blocks(before.count, 4), kThreads, 0, stream>>>(t);
-    cuda_launched("find the contacts of the call before");
+  Word* const counts = counts_.reserve(3);
+  if (known_[now_] != before.count)
+    cuda_check(cudaMemcpyAsync(counts + now_, &before.count, sizeof(Word), cudaMemcpyHostToDevice, stream),
+               "begin the history");
+  known_[now_] = before.count;
+  now_ = 1 - now_, known_[now_] = kUnknown, before_ = before;
+}
+
+// The memory for a list of so many pairs.
+void History::reserve(std::uint64_t capacity) {
+  const std::uint64_t places = std::bit_ceil(capacity + capacity / 4 + kWindow),
+                      marks = (before_.count + 3) & ~std::uint64_t(3);
+  found_.reserve(capacity);
+  if (places <= places_ && marks <= marks_.capacity()) return;
+  last_pass_ = 0;  // all is cleared
+  if (places > places_) {
+    places_ = 0;  // until the memory is there
+    table_.reserve(places * (places <= kSmallTable ? sizeof(std::uint32_t) : sizeof(Word)));
+    samples_.reserve(2 * std::max<std::uint64_t>(places >> kSampleBits, 1));
+    places_ = places;
   }
+  marks_.reserve(marks + marks / 8), pass_.reserve(sizeof(PassState) / sizeof(std::uint32_t));
+}
+
+HistoryTask History::task(const Pair* now, std::uint64_t capacity, const Word* count) {
+  reserve(capacity);
+  const std::uint64_t samples = std::max<std::uint64_t>(places_ >> kSampleBits, 1);
+  HistoryTask t;
+  t.now = now, t.before = before_.pairs, t.found = found_.data();
+  t.capacity = capacity, t.count = count;
+  t.count_kept = counts_.data() + now_, t.count_before = counts_.data() + (1 - now_);
+  t.table = table_.data(), t.mask = places_ - 1, t.marks = marks_.data(), t.pass = pass_.data();
+  t.index_bits = places_ <= kSmallTable ? static_cast<std::uint32_t>(std::bit_width(t.mask)) : 32;
+  t.samples_now = samples_.data() + static_cast<unsigned>(now_) * samples;
+  t.samples_before = samples_.data() + static_cast<unsigned>(1 - now_) * samples;
+  t.sample_mask = static_cast<std::uint32_t>(samples - 1);
+  return t;
+}
+
+void History::begin_pass(const HistoryTask& t, cudaStream_t stream) {
+  if (++pass_number_ > last_pass_) {
+    const auto clear = [&](auto& buffer) {
+      cuda_check(cudaMemsetAsync(buffer.data(), 0, buffer.capacity() * sizeof *buffer.data(), stream),
+                 "clear the history");
+    };
+    clear(table_), clear(marks_), clear(pass_);
+    if (last_pass_ == 0) clear(samples_);
+    pass_number_ = 1;
+    last_pass_ = t.index_bits == 32 ? kMostPasses : std::min(kMostPasses, (1u << (32 - t.index_bits)) - 1);
+  }
+}
+
+void History::enqueue(const HistoryTask& task, int processors, cudaStream_t stream) {
+  const auto run = [&]<class Entry>() {
+    const auto blocks = static_cast<unsigned>(std::clamp<std::uint64_t>(
+        (task.capacity + kWindow - 1) / kWindow, 1, kMostBlocks * static_cast<unsigned>(processors)));
+    launch_overlapped(match_windows_kernel<Entry>, {blocks, kThreads}, stream, task);
+    launch_overlapped(match_rest_kernel<Entry>, {blocks, kThreads}, stream, task);
+  };
+  if (task.index_bits < 32)
+    run.operator()<std::uint32_t>();
+  else
+    run.operator()<Word>();
+}
+
+void History::match(const PairList& now, int processors, cudaStream_t stream) {
+  if (now.count == 0) return;
+  Word* const count = counts_.data() + 2;
+  cuda_check(cudaMemcpyAsync(count, &now.count, sizeof(Word), cudaMemcpyHostToDevice, stream),
+             "begin the history");
+  const HistoryTask t = task(now.pairs, now.count, count);
+  begin_pass(t, stream);
+  enqueue(t, processors, stream);
   cuda_check(cudaStreamSynchronize(stream), "find the contacts of the call before");
+}
+
+const std::uint32_t* History::end(std::uint64_t count) {
+  if (count > 0) known_[now_] = count;  // where there are none, perhaps nothing was enqueued
   return found_.data();
 }
 

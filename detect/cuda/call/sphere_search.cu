@@ -131,6 +131,8 @@ void SphereSearch::plan_output(const Call& call, bool with_survey) {
   plan_.output = call.list.output(call.options), plan_.with_survey = with_survey, plan_.method = method_;
   plan_.crowding = crowding_;
   plan_.lent = call.list.lent();
+  plan_.history =
+      call.history ? call.history->task(call.list.pairs(), plan_.output.capacity, nullptr) : HistoryTask{};
   plan_.moves = book_.moves, plan_.kept = tools_.orderer.kept();
 }
 
@@ -185,15 +187,26 @@ void SphereSearch::enqueue(const Plan& plan, Tools& tools, cudaStream_t stream, 
                                    .float_levels = searches_downwards(plan.grid, plan.kind)});
   }
   clock.mark(3);
-  const ProfileRange range("padder: search (stages 7 to 9)");
-  search(plan.source, plan.grid, spheres, plan.search, plan.output, counters, tools.search, plan.processors,
-         stream);
+  {
+    const ProfileRange range("padder: search (stages 7 to 9)");
+    search(plan.source, plan.grid, spheres, plan.search, plan.output, counters, tools.search, plan.processors,
+           stream);
+  }
+  if (plan.history.found) {
+    const ProfileRange range("padder: history");
+    clock.mark(8);
+    HistoryTask history = plan.history;
+    history.count = &counters->contacts;
+    History::enqueue(history, plan.processors, stream);
+    clock.mark(StageClock::kHistory);
+  }
   tools.report.send(stream);
 }
 
 // The pass of plan_, to its end. Recorded: no stage is timed.
 void SphereSearch::pass(const Call& call, bool recorded) {
   expect_report(plan_, tools_);
+  if (call.history) call.history->begin_pass(plan_.history, call.stream);
   if (recorded)
     recording_.run(plan_, book_.moves, call.stream, call.side,
                    [&](cudaStream_t stream) { enqueue(plan_, tools_, stream, call.clock); });

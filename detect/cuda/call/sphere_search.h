@@ -27,6 +27,7 @@ class SphereSearch {
     SearchOptions search;
     Output output;
     Lent lent;
+    HistoryTask history;  // `found` is null: none is asked for
     SlotKind kind = SlotKind::equal;
     OrderMethod method = OrderMethod::automatic;
     int crowding = 0;

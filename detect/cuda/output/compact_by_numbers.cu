@@ -147,6 +147,7 @@ __global__ void __launch_bounds__(kThreads, Fused ? tuning::kFusedMoveBlocks : t
   };
   if (thread < count) take();
   wait_for_previous_kernel();
+  allow_next_kernel();
   for (std::uint32_t k = thread; k < 2 * stable.all_groups; k += threads) stable.group_sums[k] = 0;
   for (std::uint32_t k = thread; k < stable.quota_groups; k += threads) stable.quota_sums[k] = 0;
   const Word empties = __ldcg(stable.empty_total), behind = slot_behind_quotas(task) - empties;

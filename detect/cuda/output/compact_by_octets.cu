@@ -156,6 +156,7 @@ __global__ void __launch_bounds__(kThreads, 1) octet_kernel(const __grid_constan
   extern __shared__ uint2 of_octets[];
   __shared__ uint2 of_chunks[kChunks + 1];
   wait_for_previous_kernel();
+  allow_next_kernel();
   const StableOutput& stable = task.stable;
   const std::uint32_t lane = threadIdx.x & 31, warp = threadIdx.x >> 5,
                       thread = blockIdx.x * kThreads + threadIdx.x, threads = gridDim.x * kThreads,
