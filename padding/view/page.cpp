@@ -262,8 +262,8 @@ fs::path page_script() {
     if (fs::is_regular_file(candidate, code)) return candidate.lexically_normal();
   throw Error(
       "the script of pages is not there: `cmake --build BUILD --target page` makes it, before an "
-      "installation or a package, too (it "
-      "needs npm; `tools/run preview` does so by itself); a picture (.png) needs none");
+      "installation or a package, too (it needs npm; `tools/run preview` does so by itself); a picture "
+      "(.png) needs none");
 }
 
 std::string page_html(const View& view, const PageOptions& options) {

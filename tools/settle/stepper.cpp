@@ -107,8 +107,9 @@ double Stepper::place_and_measure() {
 
 // A wider skin makes candidates last longer, but each step then tries more that do not touch. Both together
 // cost least where a detection costs as much as trying those that do not touch in all the steps that it
-// served. Trying one costs about a third of what a detection costs for each sphere and candidate, on both
-// backends. All this follows from the motion alone, so that a run can be repeated.
+// served. To try one is taken to cost a third of what a detection costs for each sphere and candidate; near
+// the least the sum is flat, so nothing depends on the exact share. All this follows from the motion alone,
+// so that a run can be repeated.
 void Stepper::choose_skin() {
   if (fixed_skin_) return;
   const double most = 0.5 * mean_;

@@ -193,7 +193,7 @@ void Candidates::get(std::vector<SpringMemory>& pairs, std::vector<SpringMemory>
       pairs.push_back({at[c].i, at[c].j, springs[c]});
 }
 
-// Replaces the counts by the sums of those before, and returns the sum of all.
+// Writes for each row the sum of the counts before it, and behind the last that of all, which it returns.
 std::uint32_t Candidates::sum_before(const std::uint32_t* counts, std::uint32_t* sums, std::uint32_t rows,
                                      cudaStream_t stream) {
   std::size_t bytes = 0;

@@ -214,8 +214,8 @@ class Stepper : public DeviceStepper {
     loads_.reserve(large_count_ ? view_.spheres : 0), reference_.reserve(view_.spheres);
   }
 
-  // Small bodies go to the detector as loose spheres, since it would find few of their pairs by their balls
-  // alone. The spheres of one share a family, so that they do not meet.
+  // Small bodies go to the detector as loose spheres, which takes half the time of searching their balls
+  // first (docs/results/table3.md, clumps). The spheres of one share a family, so that they do not meet.
   void put_tags(const System& s) {
     const auto in_worlds = [](const detect::Body& b) { return b.world != 0; };
     const bool small = largest_body_ <= kSmallBody && std::ranges::none_of(s.bodies, in_worlds);

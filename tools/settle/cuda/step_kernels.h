@@ -5,8 +5,8 @@
 
 namespace padder::settle::cuda {
 
-// Of each body of up to so many spheres one thread takes the step, and the detector is given its spheres and
-// not the body.
+// Where no body has more spheres than this, one thread takes the step of each, and the detector is given
+// their spheres and not the bodies.
 inline constexpr std::uint32_t kSmallBody = 8;
 
 // One step from records[0] to records[1]; nothing happens if the step of records[0] failed or was not taken,
