@@ -20,8 +20,7 @@ namespace padder {
 namespace {
 
 // The share of a tolerance that is kept back, so that scaling to another unit does not break the proof.
-constexpr double rounding = 1e-9;
-constexpr double medial_tolerance = 0.05;  // share of the tolerance sum
+constexpr double held_back = 1e-9;
 
 // What one stage of the search does. Each effort above 0 adds a stage, which begins with the cover of the one
 // before, so that a higher effort never gives more balls.
@@ -55,7 +54,7 @@ constexpr double certify_share = 0.5, certify_decay = 0.85;
 // How a ball is centred: sweeps over all balls, and places that are tried in each, half of them nearby.
 constexpr int centre_sweeps = 3, centre_places = 16;
 constexpr double centre_step = 0.2, centre_decay = 0.8;  // share of the covered disc's radius; for each sweep
-constexpr int most_rounds = 100;
+constexpr int most_certify_rounds = 100;
 constexpr double spot_margin = 0.003;  // of the spots that the certificate finds: share of the tolerance sum
 
 // Up to so many balls, all searches of a stage run. Of more balls, fewer do: there the many blocks of one
@@ -223,10 +222,10 @@ class CoverSearch {
   CoverSearch(const Surface& surface, const CoverOptions& options)
       : surface_(surface),
         mesh_(surface.mesh()),
-        tolerance_sum_((options.protrusion + options.gap) * (1 - 2 * rounding)),
+        tolerance_sum_((options.protrusion + options.gap) * (1 - 2 * held_back)),
         protrusion_(std::min(options.protrusion, options.max_radius) -
-                    rounding * (options.protrusion + options.gap)),
-        gap_(options.gap - rounding * (options.protrusion + options.gap)),
+                    held_back * (options.protrusion + options.gap)),
+        gap_(options.gap - held_back * (options.protrusion + options.gap)),
         min_radius_(options.min_radius),
         largest_(std::min(options.max_radius - protrusion_, surface.bounds().diagonal())),
         effort_(std::clamp(options.effort, 0, 3)),
@@ -357,7 +356,7 @@ class CoverSearch {
       else
         watch_.check();
       if (round < certify_moves && tries > 0) move(attempt, tries);
-      if (round == most_rounds || !refine(attempt.problem, failures, also)) return false;
+      if (round == most_certify_rounds || !refine(attempt.problem, failures, also)) return false;
       const bool search = round < certify_moves;
       const bool centring = tries > 0 && round < centred_rounds;
       if (const std::size_t left = centring ? centre_all(attempt, search) : 1; search || left > 0)
@@ -566,7 +565,7 @@ class CoverSearch {
     cover.balls = attempt.balls(), cover.covered = covered;
     if (covered) {
       const ProtrusionBound bound = protrusion_bound(surface_, cover.balls);
-      cover.proved = bound.proved && bound.max <= protrusion_ + rounding * tolerance_sum_;
+      cover.proved = bound.proved && bound.max <= protrusion_ + held_back * tolerance_sum_;
     }
     for (const Candidate& c : attempt.chosen_candidates()) cover.triangle.push_back(c.triangle);
     return cover;
@@ -587,7 +586,7 @@ Cover cover_surface(const Surface& surface, const CoverOptions& options) {
 
 std::vector<std::uint32_t> thin_balls(const Surface& surface, const std::vector<Ball>& balls, double gap,
                                       int effort) {
-  const double bound = gap * (1 - rounding);
+  const double bound = gap * (1 - held_back);
   const double steps = effort > 0 ? 2 * stages[static_cast<std::size_t>(std::min(effort, 3) - 1)].steps : 0;
   std::vector<Candidate> candidates(balls.size());
 #pragma omp parallel for schedule(dynamic, 64)
@@ -623,7 +622,7 @@ std::vector<std::uint32_t> thin_balls(const Surface& surface, const std::vector<
     // point that fails. Such a spot is skipped.
     std::vector<CoverPoint> points;
     for (const GapPart& part : gap_failures(surface.mesh(), BallSet(kept), bound, 0.1 * gap))
-      if (part.value > bound && all.gap(part.point).value <= bound * (1 - rounding))
+      if (part.value > bound && all.gap(part.point).value <= bound * (1 - held_back))
         points.push_back({part.point, 0});
     if (points.empty()) return chosen;
     problem.add(points, {});

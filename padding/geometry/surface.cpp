@@ -12,9 +12,9 @@
 namespace padder {
 namespace {
 
-constexpr std::uint32_t leaf_size = 4;
+constexpr std::uint32_t leaf_triangles = 4;
 constexpr std::uint32_t parallel_size = 4096;  // fewer triangles than these are not worth another thread
-constexpr int stack_size = 128;                // depth is bounded by the median fallback in build()
+constexpr int triangle_stack = 128;            // depth is bounded by the median fallback in build()
 
 enum Feature : int { face = 0, vertex0 = 1, vertex1 = 2, vertex2 = 3, edge01 = 4, edge12 = 5, edge20 = 6 };
 
@@ -84,7 +84,7 @@ inline double closest(const Point& p, const Point& a, const Vector& ab, const Ve
   return (p - q).squaredNorm();
 }
 
-inline double box_distance(const double* low, const double* high, const Point& p) {
+inline double box_distance2(const double* low, const double* high, const Point& p) {
   double sum = 0;
   for (int k = 0; k < 3; k++) {
     const double d = std::max({low[k] - p[k], 0.0, p[k] - high[k]});
@@ -112,7 +112,7 @@ Surface::Surface(const Mesh& mesh, SideBy side, std::shared_ptr<const Surface> s
   for (std::size_t t = 0; t < n; t++)
     for (int k = 0; k < 3; k++) boxes[t].add(mesh_.corner(t, k));
   if (n > 0) {
-    if (n <= leaf_size) {  // one leaf: a root whose second child is empty
+    if (n <= leaf_triangles) {  // one leaf: a root whose second child is empty
       Node root{};
       for (int k = 0; k < 3; k++) {
         root.low[0][k] = bounds_.low[k], root.high[0][k] = bounds_.high[k];
@@ -256,7 +256,7 @@ std::uint32_t Surface::build(std::vector<Node>& nodes, std::vector<std::uint32_t
   }
   // Uneven splits could make the tree as deep as there are triangles: below 1/32 the median splits instead.
   const std::uint32_t smaller = std::min(middle - begin, end - middle);
-  if (smaller == 0 || (end - begin > 4 * leaf_size && smaller < (end - begin) / 32)) {
+  if (smaller == 0 || (end - begin > 4 * leaf_triangles && smaller < (end - begin) / 32)) {
     middle = begin + (end - begin) / 2;
     std::nth_element(order.begin() + begin, order.begin() + middle, order.begin() + end, [&](auto s, auto t) {
       const double x = boxes[s].center()[axis], y = boxes[t].center()[axis];
@@ -273,7 +273,7 @@ std::uint32_t Surface::build(std::vector<Node>& nodes, std::vector<std::uint32_t
     Box box;
     for (auto k = from[side]; k < to[side]; k++) box.add(boxes[order[k]].low), box.add(boxes[order[k]].high);
     std::uint32_t child = from[side], count = to[side] - from[side];
-    if (count > leaf_size)
+    if (count > leaf_triangles)
       child = build(apart ? own[side] : nodes, order, boxes, from[side], to[side]), count = 0;
     Node& node = nodes[index];
     for (int k = 0; k < 3; k++) node.low[side][k] = box.low[k], node.high[side][k] = box.high[k];
@@ -303,7 +303,7 @@ static void traverse(const auto& nodes, const Point& p, double& limit2, Visit&& 
     double distance2;
     std::uint32_t child, count;
   };
-  Entry stack[stack_size];
+  Entry stack[triangle_stack];
   int top = 0;
   stack[top++] = {0, 0, 0};
   while (top > 0) {
@@ -315,8 +315,8 @@ static void traverse(const auto& nodes, const Point& p, double& limit2, Visit&& 
       continue;
     }
     const auto& node = nodes[entry.child];
-    const double d0 = box_distance(node.low[0], node.high[0], p),
-                 d1 = box_distance(node.low[1], node.high[1], p);
+    const double d0 = box_distance2(node.low[0], node.high[0], p),
+                 d1 = box_distance2(node.low[1], node.high[1], p);
     const int near = d1 < d0;
     const double near2 = near ? d1 : d0, far2 = near ? d0 : d1;
     if (far2 < limit2) stack[top++] = {far2, node.child[1 - near], node.count[1 - near]};
@@ -348,7 +348,7 @@ Nearest Surface::clearance(const Point& p, double limit) const {
     double least;  // no triangle below has less clearance
     std::uint32_t child, count;
   };
-  Entry stack[stack_size];
+  Entry stack[triangle_stack];
   int top = 0;
   stack[top++] = {-std::numeric_limits<double>::infinity(), 0, 0};
   while (top > 0) {
@@ -368,7 +368,7 @@ Nearest Surface::clearance(const Point& p, double limit) const {
     double least[2];
     for (int side = 0; side < 2; side++)
       least[side] =
-          std::sqrt(box_distance(node.low[side], node.high[side], p)) - node_standoff_[entry.child][side];
+          std::sqrt(box_distance2(node.low[side], node.high[side], p)) - node_standoff_[entry.child][side];
     const int near = least[1] < least[0];
     for (const int side : {1 - near, near})
       if (least[side] < limit && node.low[side][0] <= node.high[side][0])
@@ -506,7 +506,7 @@ std::optional<int> Surface::crossings(const Point& p, const Vector& direction,
                                       const std::function<bool(std::uint32_t)>& skip) const {
   if (nodes_.empty()) return 0;
   const Vector inverse = direction.cwiseInverse();
-  std::uint32_t stack[stack_size];
+  std::uint32_t stack[triangle_stack];
   int top = 0, sum = 0;
   stack[top++] = 0;
   while (top > 0) {
@@ -530,7 +530,7 @@ std::optional<int> Surface::crossings(const Point& p, const Vector& direction,
 
 void Surface::visit(const Box& box, const std::function<void(std::uint32_t)>& visit) const {
   if (nodes_.empty()) return;
-  std::uint32_t stack[stack_size];
+  std::uint32_t stack[triangle_stack];
   int top = 0;
   stack[top++] = 0;
   while (top > 0) {
@@ -557,7 +557,7 @@ class Surface::PairWalk {
     std::vector<Item> items, next;
     push_node(0, items);
     constexpr std::size_t enough = 4096;  // for even work on all threads
-    for (int level = 0; level < stack_size && !items.empty() && items.size() < enough; level++) {
+    for (int level = 0; level < triangle_stack && !items.empty() && items.size() < enough; level++) {
       next.clear();
       for (const Item& item : items) step(item, next);
       items.swap(next);
@@ -626,8 +626,8 @@ class Surface::PairWalk {
 
   // The triangles of a leaf whose boxes touch that of the other leaf.
   struct Leaf {
-    std::array<std::uint32_t, leaf_size> triangle;
-    std::array<std::array<double, 3>, leaf_size> low, high;
+    std::array<std::uint32_t, leaf_triangles> triangle;
+    std::array<std::array<double, 3>, leaf_triangles> low, high;
     std::size_t count = 0;
   };
   Leaf leaf(Part p, Part other) const {
