@@ -62,7 +62,7 @@ def _build():
     if not given or not (folder / "CMakeCache.txt").exists():
         subprocess.run(
             ["cmake", "-S", ROOT, "-B", folder, "-DCMAKE_BUILD_TYPE=Release", "-DPADDER_TESTS=OFF",
-             "-DPADDER_PYTHON_MODULE=ON", "-DCMAKE_UNITY_BUILD=ON", f"-DPython_EXECUTABLE={sys.executable}"]
+             "-DPADDER_PYTHON_MODULE=ON", "-DCMAKE_UNITY_BUILD=ON", "-DPADDER_MPI=OFF", f"-DPython_EXECUTABLE={sys.executable}"]
             + (["-G", "Ninja"] if shutil.which("ninja") else []), check=True)
     build = ["cmake", "--build", str(folder), "--parallel", str(os.cpu_count() or 1), "--target"]
     subprocess.run(build + ["padder_python", *PROGRAMS], check=True)
