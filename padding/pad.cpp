@@ -13,6 +13,7 @@
 #include "padding/by_depth/refit.h"
 #include "padding/by_tolerance/lower_bound.h"
 #include "padding/by_tolerance/thin_balls.h"
+#include "padding/geometry/count_of.h"
 #include "padding/geometry/unit_frame.h"
 #include "padding/verify/accuracy.h"
 
@@ -172,10 +173,6 @@ RungSpheres make_spheres(const Job& job, const Length& tolerance, std::string& w
   }
   job.report.seconds.cull += job.clock.lap();
   return made;
-}
-
-std::string count_of(std::size_t n, const std::string& one) {
-  return std::to_string(n) + " " + one + (n == 1 ? "" : "s");
 }
 
 // "the wrap closes 12 slots wider than twice the tolerance, the widest 3.1 at (1, 2, 3): a smaller …"

@@ -11,7 +11,7 @@ namespace padder::detect {
 namespace {
 
 template <class From>
-void take_pose(const From& from, Body& to) {
+void copy_pose(const From& from, Body& to) {
   std::copy_n(from.rotation, 9, to.rotation), std::copy_n(from.position, 3, to.position);
 }
 
@@ -39,10 +39,10 @@ Input BodyKeeper::settle(const Input& input) {
   if (!known) bodies_.assign(input.bodies.begin(), input.bodies.end());
   if (input.poses) {
     for (std::size_t k = 0; k < bodies_.size(); k++)
-      if (!known || !bodies_[k].is_static) take_pose(input.poses[k], bodies_[k]);
+      if (!known || !bodies_[k].is_static) copy_pose(input.poses[k], bodies_[k]);
   } else if (known) {
     for (const std::uint32_t k : input.moved)
-      if (!bodies_[k].is_static) take_pose(input.bodies[k], bodies_[k]);
+      if (!bodies_[k].is_static) copy_pose(input.bodies[k], bodies_[k]);
   }
   settled.bodies = bodies_;
   revision_ = input.revision;

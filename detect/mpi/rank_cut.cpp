@@ -13,9 +13,9 @@
 namespace padder::detect {
 namespace {
 
-using Points = std::vector<WeightedPoint>;
+using WeightedPoints = std::vector<WeightedPoint>;
 
-const Points& points_of(void* data) { return *static_cast<const Points*>(data); }
+const WeightedPoints& points_of(void* data) { return *static_cast<const WeightedPoints*>(data); }
 
 int count_points(void* data, int* error) {
   *error = ZOLTAN_OK;
@@ -24,7 +24,7 @@ int count_points(void* data, int* error) {
 
 void list_points(void* data, int, int, ZOLTAN_ID_PTR global, ZOLTAN_ID_PTR local, int, float* weights,
                  int* error) {
-  const Points& points = points_of(data);
+  const WeightedPoints& points = points_of(data);
   for (std::size_t k = 0; k < points.size(); k++) {
     global[k] = local[k] = static_cast<ZOLTAN_ID_TYPE>(k);  // a name is needed on its own rank only
     weights[k] = static_cast<float>(points[k].weight);
@@ -55,7 +55,7 @@ void zoltan_check(int code, const char* doing) {
   if (code != ZOLTAN_OK && code != ZOLTAN_WARN) throw Error(std::string("Zoltan cannot ") + doing);
 }
 
-std::vector<Region> regions_by_zoltan(MPI_Comm ranks, int count, const Points& points) {
+std::vector<Region> regions_by_zoltan(MPI_Comm ranks, int count, const WeightedPoints& points) {
   float version = 0;
   zoltan_check(Zoltan_Initialize(0, nullptr, &version), "begin");
   const std::unique_ptr<Zoltan_Struct, Destroy> zoltan(Zoltan_Create(ranks));
@@ -67,7 +67,7 @@ std::vector<Region> regions_by_zoltan(MPI_Comm ranks, int count, const Points& p
       {"NUM_LID_ENTRIES", "1"},       {"IMBALANCE_TOL", "1.02"}, {"RCB_OUTPUT_LEVEL", "0"},
       {"RCB_RECTILINEAR_BLOCKS", "1"}};
   for (const auto& [name, value] : settings) zoltan_check(Zoltan_Set_Param(z, name, value), "be set up");
-  void* const data = const_cast<Points*>(&points);
+  void* const data = const_cast<WeightedPoints*>(&points);
   Zoltan_Set_Num_Obj_Fn(z, count_points, data), Zoltan_Set_Obj_List_Fn(z, list_points, data);
   Zoltan_Set_Num_Geom_Fn(z, count_axes, data), Zoltan_Set_Geom_Multi_Fn(z, list_coordinates, data);
   int changes = 0, global = 0, local = 0, in = 0, out = 0;
@@ -90,7 +90,7 @@ std::vector<Region> regions_by_zoltan(MPI_Comm ranks, int count, const Points& p
 
 }  // namespace
 
-BoxTree cut_among_ranks(MPI_Comm ranks, const Points& points) {
+BoxTree cut_among_ranks(MPI_Comm ranks, const WeightedPoints& points) {
   int count = 1;
   MPI_Comm_size(ranks, &count);
   const unsigned long long mine = points.size();

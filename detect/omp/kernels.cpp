@@ -165,7 +165,7 @@ __attribute__((target("avx2"))) inline __m256 gap_squared(__m256i first, float c
 __attribute__((target("avx2"))) inline __m256i times(__m256i a, std::uint32_t b) {
   return _mm256_mullo_epi32(a, _mm256_set1_epi32(static_cast<int>(b)));
 }
-__attribute__((target("avx2"))) inline __m256i floor_of(__m256 v) {
+__attribute__((target("avx2"))) inline __m256i floors_of(__m256 v) {
   return _mm256_cvttps_epi32(_mm256_floor_ps(v));
 }
 
@@ -187,8 +187,8 @@ __attribute__((target("avx2,popcnt"))) int find_rows_avx2(const Ball& ball, cons
                                        _mm256_set1_epi32(ball.y_low));
     const __m256 rest = _mm256_sub_ps(_mm256_sub_ps(square, gap_squared(y, ball.y)), gap_squared(z, ball.z)),
                  half = _mm256_sqrt_ps(rest);
-    const __m256i low = _mm256_max_epi32(floor_of(_mm256_sub_ps(x, half)), _mm256_set1_epi32(ball.x_low)),
-                  high = _mm256_min_epi32(floor_of(_mm256_add_ps(x, half)), _mm256_set1_epi32(ball.x_high));
+    const __m256i low = _mm256_max_epi32(floors_of(_mm256_sub_ps(x, half)), _mm256_set1_epi32(ball.x_low)),
+                  high = _mm256_min_epi32(floors_of(_mm256_add_ps(x, half)), _mm256_set1_epi32(ball.x_high));
     const __m256i crossed = _mm256_castps_si256(_mm256_cmp_ps(rest, _mm256_setzero_ps(), _CMP_GE_OQ)),
                   is_row = _mm256_cmpgt_epi32(_mm256_set1_epi32(rows), row),
                   there =

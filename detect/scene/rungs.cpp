@@ -50,8 +50,8 @@ std::uint32_t rung_for(Rungs rungs, const RungRule& rule, double smallest) {
 
 // `smallest_near(b)`: the size of the smallest thing that can touch body b; infinity: nothing can.
 template <class Smallest>
-RungChoice choice_of(std::span<const Rungs> shapes, std::span<const Body> bodies, const RungRule& rule,
-                     bool leave_out, Smallest smallest_near) {
+RungChoice rungs_chosen(std::span<const Rungs> shapes, std::span<const Body> bodies, const RungRule& rule,
+                        bool leave_out, Smallest smallest_near) {
   RungChoice out;
   out.rungs.resize(bodies.size());
   for (std::size_t b = 0; b < bodies.size(); b++) {
@@ -120,7 +120,7 @@ RungChoice choose_rungs(std::span<const Rungs> shapes, std::span<const Body> bod
   const bool chosen = rule.kind == RungRule::Kind::chosen;
   const std::vector<double> smallest = chosen ? smallest_partners(shapes, bodies, loose, margin, device)
                                               : std::vector<double>(bodies.size(), 0);
-  return choice_of(shapes, bodies, rule, chosen, [&](std::size_t b) { return smallest[b]; });
+  return rungs_chosen(shapes, bodies, rule, chosen, [&](std::size_t b) { return smallest[b]; });
 }
 
 RungChoice choose_rungs_anywhere(std::span<const Rungs> shapes, std::span<const Body> bodies, double smallest,
@@ -130,7 +130,7 @@ RungChoice choose_rungs_anywhere(std::span<const Rungs> shapes, std::span<const 
     const double size = size_of(shapes[b.shape]);
     second = std::min(second, std::max(first, size)), first = std::min(first, size);
   }
-  return choice_of(shapes, bodies, rule, false, [&](std::size_t b) {
+  return rungs_chosen(shapes, bodies, rule, false, [&](std::size_t b) {
     return std::min(smallest, size_of(shapes[bodies[b].shape]) == first ? second : first);
   });
 }

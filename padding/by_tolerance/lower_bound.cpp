@@ -221,10 +221,10 @@ class LowerBound {
     const auto smaller = [](const CenterBox& a, const CenterBox& b) { return a.most < b.most; };
     // In a hull, the reach is not bounded by the distance to points of the surface.
     const bool witnessed = !surface_.hull();
-    CenterBox root;
+    boxes_.clear();
+    CenterBox& root = boxes_.emplace_back();
     root.center = around.center(), root.half = 0.5 * (around.high - around.low).maxCoeff() + tolerance_sum_;
     root.most = std::accumulate(packing_.weights.begin(), packing_.weights.end(), 0.0);
-    boxes_ = {root};
     settled_.clear();
     for (std::size_t looked = 1; looked < most_boxes && !boxes_.empty();) {
       std::vector<CenterBox> parts;

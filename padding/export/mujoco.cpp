@@ -20,9 +20,9 @@ std::string place(const Eigen::Isometry3d& pose) {
   return out;
 }
 
-class Writer {
+class MjcfWriter {
  public:
-  explicit Writer(const Job& job) : job_(job), children_(job.model.bodies.size()) {
+  explicit MjcfWriter(const Job& job) : job_(job), children_(job.model.bodies.size()) {
     // The families of a robot's links are about these links only. Bodies outside the robot touch all of them.
     for (const CollisionFilter& f : filters_of(job.model))
       bits_.push_back(mujoco_bits(job.model.robot() ? CollisionFilter{} : f));
@@ -205,6 +205,6 @@ class Writer {
 
 }  // namespace
 
-Files write_mujoco(const Job& job) { return {{"", Writer(job).document()}}; }
+Files write_mujoco(const Job& job) { return {{"", MjcfWriter(job).document()}}; }
 
 }  // namespace padder::exporting

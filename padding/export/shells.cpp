@@ -80,14 +80,14 @@ Shell shell_of(const Cluster& c, const Eigen::Isometry3d& pose) {
 }
 
 template <class T>
-void append(std::string& out, T value) {
+void append_bytes(std::string& out, T value) {
   char bytes[sizeof value];
   std::memcpy(bytes, &value, sizeof value);
   out.append(bytes, sizeof value);
 }
 
-void append(std::string& out, const Vector& v) {
-  for (int k = 0; k < 3; k++) append(out, static_cast<float>(v[k]));
+void append_bytes(std::string& out, const Vector& v) {
+  for (int k = 0; k < 3; k++) append_bytes(out, static_cast<float>(v[k]));
 }
 
 // Each body's shell, and what it is.
@@ -105,15 +105,15 @@ void each_shell(const Model& model, Each&& each) {
 Files write_stl(const Job& job) {
   std::string out = origin(job.model).substr(0, 70);
   out.resize(80, ' ');
-  append(out, std::uint32_t(0));
+  append_bytes(out, std::uint32_t(0));
   std::uint64_t count = 0;
   each_shell(job.model, [&](const Body&, const Shell& shell) {
     count += shell.triangles.size();
     for (const auto& t : shell.triangles) {
       const Point &a = shell.points[t[0]], &b = shell.points[t[1]], &c = shell.points[t[2]];
-      append(out, Vector((b - a).cross(c - a).normalized()));
-      append(out, a), append(out, b), append(out, c);
-      append(out, std::uint16_t(0));
+      append_bytes(out, Vector((b - a).cross(c - a).normalized()));
+      append_bytes(out, a), append_bytes(out, b), append_bytes(out, c);
+      append_bytes(out, std::uint16_t(0));
     }
   });
   if (count > 0xffffffffu) throw Error("too many triangles for a .stl: write .ply");
@@ -128,13 +128,13 @@ Files write_ply(const Job& job) {
   each_shell(job.model, [&](const Body& body, const Shell& shell) {
     const Colour colour = colour_of_kind(body.cluster.family);
     for (const Point& p : shell.points) {
-      append(vertices, p);
-      for (const std::uint8_t c : colour) append(vertices, c);
-      append(vertices, body.cluster.family);
+      append_bytes(vertices, p);
+      for (const std::uint8_t c : colour) append_bytes(vertices, c);
+      append_bytes(vertices, body.cluster.family);
     }
     for (const auto& t : shell.triangles) {
-      append(faces, std::uint8_t(3));
-      for (const std::uint32_t v : t) append(faces, static_cast<std::uint32_t>(points + v));
+      append_bytes(faces, std::uint8_t(3));
+      for (const std::uint32_t v : t) append_bytes(faces, static_cast<std::uint32_t>(points + v));
     }
     points += shell.points.size(), triangles += shell.triangles.size();
   });

@@ -24,9 +24,9 @@ std::string matrix(const Eigen::Isometry3d& pose) {
   return out + " )";
 }
 
-class Writer {
+class UsdWriter {
  public:
-  explicit Writer(const Job& job)
+  explicit UsdWriter(const Job& job)
       : job_(job), names_(identifiers(job.model)), root_("/" + identifier(job.model.name)) {}
 
   std::string document() const {
@@ -136,6 +136,6 @@ class Writer {
 
 }  // namespace
 
-Files write_usda(const Job& job) { return {{"", Writer(job).document()}}; }
+Files write_usda(const Job& job) { return {{"", UsdWriter(job).document()}}; }
 
 }  // namespace padder::exporting

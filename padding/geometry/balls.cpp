@@ -7,9 +7,9 @@
 namespace padder {
 namespace {
 
-constexpr std::uint32_t leaf_size = 4;
+constexpr std::uint32_t leaf_balls = 4;
 constexpr double infinity = std::numeric_limits<double>::infinity();
-constexpr int stack_size = 128;  // median splits: the depth is log2(n / leaf_size)
+constexpr int ball_stack = 128;  // median splits: the depth is log2(n / leaf_balls)
 
 inline double box_distance(const double* low, const double* high, const Point& x) {
   double sum = 0;
@@ -62,7 +62,7 @@ std::uint32_t BallSet::build(std::uint32_t begin, std::uint32_t end) {
       radius = std::max(radius, slots_[k].ball.radius);
     }
     std::uint32_t child = from[side], count = to[side] - from[side];
-    if (count > leaf_size) child = build(from[side], to[side]), count = 0;
+    if (count > leaf_balls) child = build(from[side], to[side]), count = 0;
     Node& node = nodes_[index];
     for (int k = 0; k < 3; k++) node.low[side][k] = box.low[k], node.high[side][k] = box.high[k];
     node.radius[side] = radius, node.child[side] = child, node.count[side] = count;
@@ -79,7 +79,7 @@ void BallSet::traverse(const Point& x, double& limit, Visit&& visit) const {
     double bound;
     std::uint32_t child, count;
   };
-  Entry stack[stack_size];
+  Entry stack[ball_stack];
   int top = 0;
   stack[top++] = {-infinity, 0, 0};
   while (top > 0) {

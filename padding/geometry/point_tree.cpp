@@ -7,12 +7,12 @@
 namespace padder {
 namespace {
 
-constexpr std::uint32_t leaf_size = 8;
+constexpr std::uint32_t leaf_points = 8;
 constexpr std::uint32_t task_size = 1 << 14;  // halves of more points are sorted side by side
 
 std::uint32_t nodes_of(std::uint32_t points) {
   const std::uint32_t half = points / 2;
-  return points <= leaf_size ? 1 : 1 + nodes_of(half) + nodes_of(points - half);
+  return points <= leaf_points ? 1 : 1 + nodes_of(half) + nodes_of(points - half);
 }
 
 }  // namespace
@@ -36,7 +36,7 @@ std::uint32_t PointTree::build(std::uint32_t index, std::uint32_t begin, std::ui
   for (auto k = begin; k < end; k++) box.add(points_[order_[k]]);
   Node& node = nodes_[index];
   node = {box.low, box.high, begin, end, 0};
-  if (end - begin <= leaf_size) return index + 1;
+  if (end - begin <= leaf_points) return index + 1;
   int axis;
   (box.high - box.low).maxCoeff(&axis);
   const auto middle = begin + (end - begin) / 2;
@@ -60,7 +60,7 @@ std::uint32_t PointTree::build(std::uint32_t index, std::uint32_t begin, std::ui
 void PointTree::find(const Point& center, double radius, std::vector<std::uint32_t>& found) const {
   if (nodes_.empty() || !(radius >= 0)) return;
   const double radius2 = radius * radius;
-  std::uint32_t stack[64];  // median splits: the depth is log2(n / leaf_size)
+  std::uint32_t stack[64];  // median splits: the depth is log2(n / leaf_points)
   int top = 0;
   stack[top++] = 0;
   while (top > 0) {

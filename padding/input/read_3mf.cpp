@@ -40,9 +40,9 @@ const char* foreign(const pugi::xml_node& node, std::string_view name) {
   return "";
 }
 
-class Reader {
+class ThreeMfReader {
  public:
-  Reader(const std::string& bytes, const std::string& where) : zip_(bytes, where), where_(where) {}
+  ThreeMfReader(const std::string& bytes, const std::string& where) : zip_(bytes, where), where_(where) {}
 
   Soup read() {
     const std::string root = root_part();
@@ -218,6 +218,8 @@ class Reader {
 
 }  // namespace
 
-Soup read_3mf(const std::string& bytes, const std::string& where) { return Reader(bytes, where).read(); }
+Soup read_3mf(const std::string& bytes, const std::string& where) {
+  return ThreeMfReader(bytes, where).read();
+}
 
 }  // namespace padder::reading

@@ -210,9 +210,9 @@ void check_elements(const Header& header, const std::string& where) {
   }
 }
 
-class Reader {
+class PlyReader {
  public:
-  Reader(const Header& header, Body& body, const std::string& where)
+  PlyReader(const Header& header, Body& body, const std::string& where)
       : header_(header), body_(body), where_(where) {
     for (const Element& e : header.elements)
       if (e.name == "vertex") vertices_ = e.count;
@@ -311,10 +311,10 @@ Soup read_ply(const std::string& bytes, const std::string& where) {
   Soup soup;
   if (header.format == "ascii") {
     Text body(rest);
-    soup = Reader(header, body, where).read();
+    soup = PlyReader(header, body, where).read();
   } else {
     Binary body(rest, header.format == "binary_big_endian");
-    soup = Reader(header, body, where).read();
+    soup = PlyReader(header, body, where).read();
     if (body.left() > 0)
       soup.notes.push_back(std::to_string(body.left()) + " bytes behind the last element left out");
   }

@@ -22,9 +22,9 @@ namespace {
 
 namespace fs = std::filesystem;
 
-class Reader {
+class UrdfReader {
  public:
-  Reader(const fs::path& path, const UrdfOptions& options) : path_(path), options_(options) {}
+  UrdfReader(const fs::path& path, const UrdfOptions& options) : path_(path), options_(options) {}
 
   Urdf read() {
     Urdf urdf;
@@ -328,7 +328,7 @@ struct Groups {
 
 }  // namespace
 
-Urdf read_urdf(const fs::path& path, const UrdfOptions& options) { return Reader(path, options).read(); }
+Urdf read_urdf(const fs::path& path, const UrdfOptions& options) { return UrdfReader(path, options).read(); }
 
 std::vector<std::pair<std::size_t, std::size_t>> neighbours(const Urdf& urdf) {
   const Groups groups(urdf);

@@ -8,11 +8,10 @@
 #include <optional>
 
 #include "padding/meshing/cgal_mesh.h"
+#include "padding/meshing/pieces.h"
 
 namespace padder {
 namespace {
-
-using Corners = std::array<std::uint32_t, 3>;
 
 std::uint64_t edge_of(std::uint32_t u, std::uint32_t v) {
   return std::uint64_t(std::min(u, v)) << 32 | std::max(u, v);

@@ -19,11 +19,6 @@ constexpr std::uint32_t none = ~0u;
 // Points that differ by rounding alone are one.
 constexpr double same_point = 1e-13;  // of the diagonal
 
-std::uint32_t root_of(std::vector<std::uint32_t>& parent, std::uint32_t k) {
-  while (parent[k] != k) k = parent[k] = parent[parent[k]];
-  return k;
-}
-
 class Cutter {
  public:
   Cutter(const Surface& soup, const std::vector<TriangleRole>& roles, const Contacts& contacts)

@@ -14,15 +14,8 @@
 namespace padder {
 namespace {
 
-using Corners = std::array<std::uint32_t, 3>;
-
 bool closes(const Mesh& mesh, const std::vector<std::uint32_t>& triangles) {
   return missing_edges(mesh, triangles).empty();
-}
-
-std::uint32_t root_of(std::vector<std::uint32_t>& parent, std::uint32_t k) {
-  while (parent[k] != k) k = parent[k] = parent[parent[k]];
-  return k;
 }
 
 // Each point gets the first index of the points that are equal to it.

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Sorts a soup into pieces and turns the triangles of each alike.
 #pragma once
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
@@ -15,6 +16,8 @@ struct Piece {
   std::vector<std::uint32_t> triangles;  // of Pieces::mesh, which has them turned alike
   bool closed = false;                   // along each edge the directions cancel
 };
+
+using Corners = std::array<std::uint32_t, 3>;  // the indices of a triangle's points
 
 // The soup with equal points merged. Triangles that name a point twice are left out.
 struct Pieces {
@@ -33,6 +36,13 @@ Pieces find_pieces(const Mesh& soup);
 // each edge and each point has one round of triangles. Otherwise nothing: as when triangles repeat or name a
 // point twice.
 std::optional<Mesh> one_closed_piece(const Mesh& soup);
+
+// The root of k in a forest of joined indices (union-find), in which a root is its own parent. Shortens the
+// way for later calls.
+inline std::uint32_t root_of(std::vector<std::uint32_t>& parent, std::uint32_t k) {
+  while (parent[k] != k) k = parent[k] = parent[parent[k]];
+  return k;
+}
 
 // A side of a triangle.
 struct Side {

@@ -15,6 +15,7 @@
 #include <optional>
 
 #include "padding/asset/error.h"
+#include "padding/geometry/count_of.h"
 #include "padding/meshing/cgal_mesh.h"
 #include "padding/meshing/contacts.h"
 #include "padding/meshing/mend.h"
@@ -27,12 +28,9 @@ namespace {
 namespace pmp = CGAL::Polygon_mesh_processing;
 
 constexpr const char* no_surface =
-    ": no triangle has an area that shows at 1.5e-11 of the diagonal, so there is no surface to pad: pad parts "
+    ": no triangle has an area that shows at 1.5e-11 of the diagonal, so there is no surface to pad: pad "
+    "parts "
     "that lie so far apart one by one";
-
-std::string count_of(std::size_t n, const std::string& one) {
-  return std::to_string(n) + " " + one + (n == 1 ? "" : "s");
-}
 
 // Has triangle t no area? Its height is what counts: a small part far from another one has small triangles.
 bool has_no_area(const Mesh& mesh, std::size_t t, double diagonal) {

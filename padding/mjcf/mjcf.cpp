@@ -35,9 +35,10 @@ struct Geom {
   Bits bits;
 };
 
-class Reader {
+class MjcfReader {
  public:
-  Reader(const fs::path& path, const UrdfOptions& options) : path_(path), file_(path), options_(options) {}
+  MjcfReader(const fs::path& path, const UrdfOptions& options)
+      : path_(path), file_(path), options_(options) {}
 
   Urdf read() {
     Model& model = urdf_.model;
@@ -384,7 +385,7 @@ class Reader {
 
 }  // namespace
 
-Urdf read_mjcf(const fs::path& path, const UrdfOptions& options) { return Reader(path, options).read(); }
+Urdf read_mjcf(const fs::path& path, const UrdfOptions& options) { return MjcfReader(path, options).read(); }
 
 bool is_mjcf_to_pad(const fs::path& path) {
   if (path.extension() != ".xml") return false;

@@ -7,10 +7,10 @@
 namespace padder {
 namespace {
 
-constexpr double infinity = std::numeric_limits<double>::infinity();
+constexpr double unbounded = std::numeric_limits<double>::infinity();
 
 // Parts smaller than this share of the largest coordinate are not split further: below it, rounding decides.
-constexpr double smallest_part = 1e-9;
+constexpr double smallest_share = 1e-9;
 
 // A centre that is nearer to the surface than this share of the radius counts as on it: a ball at a sharp
 // edge cannot have its centre inside.
@@ -27,11 +27,11 @@ void tighten(GapPart& part, const BallSet& balls, std::uint32_t ball) {
   part.bound = std::min(part.bound, bound_by(balls.balls()[ball], part));
 }
 
-GapPart part_of(const Mesh& mesh, std::size_t t) {
+GapPart gap_part_of(const Mesh& mesh, std::size_t t) {
   GapPart part;
   part.triangle = static_cast<std::uint32_t>(t);
   for (int k = 0; k < 3; k++) part.corner[k] = mesh.corner(t, k);
-  part.bound = infinity;
+  part.bound = unbounded;
   return part;
 }
 
@@ -39,7 +39,7 @@ double smallest_size(const Mesh& mesh) {
   const Box box = mesh.bounds();
   return box.empty()
              ? 0
-             : smallest_part * std::max(box.low.cwiseAbs().maxCoeff(), box.high.cwiseAbs().maxCoeff());
+             : smallest_share * std::max(box.low.cwiseAbs().maxCoeff(), box.high.cwiseAbs().maxCoeff());
 }
 
 // In a hull, a centre within the standoff is still inside.
@@ -80,7 +80,7 @@ GapBound gap_bound(const Mesh& mesh, const BallSet& balls, double floor, double 
   const std::size_t n = mesh.triangles.size();
   if (n == 0) return best;
   if (balls.empty()) {
-    best.lower = best.upper = infinity, best.point = mesh.corner(0, 0);
+    best.lower = best.upper = unbounded, best.point = mesh.corner(0, 0);
     return best;
   }
   const double smallest = smallest_size(mesh);
@@ -90,7 +90,7 @@ GapBound gap_bound(const Mesh& mesh, const BallSet& balls, double floor, double 
   // settles most parts without a query.
   const auto examine = [&](GapPart& part, std::uint32_t& hint, double enough) {
     tighten(part, balls, hint);
-    part.value = -infinity;
+    part.value = -unbounded;
     if (part.bound <= enough) return false;
     part.point = part.centroid();
     const BallGap gap = balls.gap(part.point);
@@ -120,7 +120,7 @@ GapBound gap_bound(const Mesh& mesh, const BallSet& balls, double floor, double 
 #pragma omp parallel for schedule(dynamic, 4) if (blocks > 4)
     for (std::size_t b = 0; b < blocks; b++) {
       Result& result = results[b];
-      result.top.value = -infinity;
+      result.top.value = -unbounded;
       std::uint32_t hint = 0;
       const auto look = [&](GapPart& part) {
         const bool open = examine(part, hint, enough);
@@ -132,7 +132,7 @@ GapBound gap_bound(const Mesh& mesh, const BallSet& balls, double floor, double 
       };
       for (std::size_t k = b * block; k < std::min(count, (b + 1) * block); k++) {
         if (first) {
-          GapPart part = part_of(mesh, k);
+          GapPart part = gap_part_of(mesh, k);
           look(part);
         } else {
           for (GapPart& half : bisect(level[k])) look(half);
@@ -222,11 +222,11 @@ std::vector<GapPart> gap_failures(const Mesh& mesh, const BallSet& balls, double
     std::uint32_t hint = 0;
     NearBalls near(balls, bound);
     LastProofs last(4 * grain);
-    double small_enough = infinity;  // larger parts have too many balls near
+    double small_enough = unbounded;  // larger parts have too many balls near
     constexpr std::size_t nobody = std::numeric_limits<std::size_t>::max();
     for (std::size_t t = b * block; t < std::min(n, (b + 1) * block); t++) {
       std::size_t above = nobody;  // what stands at this place of the stack or higher is cut from near's part
-      stack.push_back(part_of(mesh, t));
+      stack.push_back(gap_part_of(mesh, t));
       while (!stack.empty()) {
         GapPart part = stack.back();
         stack.pop_back();

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""Checks the shape of the source tree: licences, the direction of includes, and sizes of folders, files and functions.
+"""Checks the shape of the source tree: licences, the direction of includes, sizes of folders, files and functions, and unnamed namespaces.
 
 house_test.py ROOT [--report]    exits with 1 and one line for each place that breaks a rule; --report prints the includes
                                  between folders, the lines of code and the largest of each kind.
@@ -153,13 +153,15 @@ def check_sizes(tree):
             yield f"{f}: {lines} lines with the headers that only it includes; {MOST_LINES_OF_A_UNIT} at most"
 
 
+def ctags(tree, files, *options):
+    return subprocess.run(["ctags", "--languages=c++", "--langmap=c++:+.cu", *options, "-I", "__launch_bounds__+", "-f", "-", *files],
+                          cwd=tree.root, capture_output=True, text=True, check=True).stdout.splitlines()
+
+
 def functions(tree):
     """Lines, file and name of each function in padding/ and detect/, by Universal Ctags."""
     files = [f for f in tree.includes if f.startswith(("padding/", "detect/"))]
-    out = subprocess.run(
-        ["ctags", "--languages=c++", "--langmap=c++:+.cu", "--c++-kinds=f", "--fields=+ne", "-I", "__launch_bounds__+", "-f", "-", *files],
-        cwd=tree.root, capture_output=True, text=True, check=True).stdout
-    for line in out.splitlines():
+    for line in ctags(tree, files, "--c++-kinds=f", "--fields=+ne"):
         begin, end = re.search(r"\tline:(\d+)", line), re.search(r"\tend:(\d+)", line)
         if begin and end:
             name, file = line.split("\t")[:2]
@@ -178,6 +180,41 @@ def check_functions(tree):
     for lines, file, name in functions(tree):
         if lines > MOST_LINES_OF_A_FUNCTION:
             yield f"{file}: function {name} has {lines} lines; {MOST_LINES_OF_A_FUNCTION} at most"
+
+
+# What pip compiles up to eight sources at once of (CMAKE_UNITY_BUILD), so that their unnamed namespaces become one: each room of
+# a library under the library's name. The rooms of padding are read from its CMakeLists.txt.
+def libraries(tree):
+    rooms = {}
+    for name, folders in re.findall(r"^ *padder_rooms\((\w+) ([\w ]+)\)", tree.text["padding/CMakeLists.txt"], re.M):
+        rooms.update({f"padding/{folder}": name for folder in folders.split()})
+    rooms.update({"padding": "padding", "tools/pad": "pad", "tools/pad/manifest": "pad", "tools/detect": "detect", "tools/settle": "settle", "tools/python": "python"})
+    rooms.update({f"detect/{folder}".rstrip("/"): "padder_detect" for folder in ("", "core", "scene", "omp", "boxes")})
+    return {**rooms, "detect/mpi": "detect_mpi"}
+
+
+def check_unnamed_namespaces(tree):
+    """A name that two sources of one library define in unnamed namespaces, or one of them and a header that they include."""
+    rooms = libraries(tree)
+    sources = {f: rooms[os.path.dirname(f)] for f in tree.includes if f.endswith(".cpp") and os.path.dirname(f) in rooms}
+    headers = collections.defaultdict(set)
+    for f, library in sources.items():
+        for h in tree.reached(f):
+            headers[h].add(library)
+    found = collections.defaultdict(set)
+    for tag in ctags(tree, [*sources, *headers], "--c++-kinds=cefgstuv", "--fields=+nsS"):
+        name, file = tag.split("\t")[:2]
+        scope = re.search(r"\tnamespace:(\S+?)(::__anon\w+)?(\t|$)", tag)
+        if not scope or name.startswith("__anon"):
+            continue
+        if file in sources and scope.group(2):
+            found[sources[file], scope.group(1), name].add(file)
+        elif file in headers and "\tsignature:" not in tag:  # functions may be overloaded
+            for library in headers[file]:
+                found[library, scope.group(1), name].add(file)
+    for (_, _, name), files in sorted(found.items()):
+        if len(files) > 1 and any(f in sources for f in files):
+            yield f"{' and '.join(sorted(files))}: both define {name}, and a library can be compiled as one source: give one a name that says more"
 
 
 def report(tree):
@@ -199,7 +236,7 @@ def main():
     tree = Tree(sys.argv[1])
     if "--report" in sys.argv:
         report(tree)
-    broken = [line for check in (check_licences, check_direction, check_sizes, check_functions) for line in check(tree)]
+    broken = [line for check in (check_licences, check_direction, check_sizes, check_functions, check_unnamed_namespaces) for line in check(tree)]
     for line in broken:
         print(line)
     print(f"{len(tree.text)} files looked at, {len(broken)} places that break a rule")

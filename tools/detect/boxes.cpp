@@ -37,7 +37,7 @@ std::vector<DeviceChoice> devices_of(const Arguments& a) {
   return devices;
 }
 
-BoxOptions options_of(const Arguments& a, const Scene& scene) {
+BoxOptions box_options(const Arguments& a, const Scene& scene) {
   BoxOptions o;
   o.detector = a.options;
   o.detector.path = a.path.value(), o.detector.precision = a.precision.value();
@@ -50,7 +50,7 @@ BoxOptions options_of(const Arguments& a, const Scene& scene) {
   return o;
 }
 
-void check(const Arguments& a) {
+void check_box_arguments(const Arguments& a) {
   if (a.stages) throw UsageError("--stages is for small scenes: leave out --devices and --memory");
   if (a.output.empty() || ends_in(a.output, ".npy")) return;
   check_contact_ending(a.output);
@@ -91,10 +91,10 @@ bool wants_boxes(const Arguments& a) {
 }
 
 int run_boxes(const Arguments& a) {
-  check(a);
+  check_box_arguments(a);
   const Scene scene = read_input(a, LooseAs::mapped);
   const Input input = scene.input();
-  const BoxOptions options = options_of(a, scene);
+  const BoxOptions options = box_options(a, scene);
   BoxedDetector boxed(options);
   if (ends_in(a.output, ".npy")) {
     ContactWriter writer(a.output, options.detector.width, options.detector.scalar);

@@ -62,7 +62,7 @@ class Session {
   Session& operator=(const Session&) = delete;
 };
 
-void check(const Arguments& a) {
+void check_rank_arguments(const Arguments& a) {
   if (a.stages) throw UsageError("--stages is for small scenes: start one process");
   if (!a.devices.empty()) throw UsageError("--devices: each rank takes one GPU; start one rank for each");
   if (a.memory) throw UsageError("--memory is for one process: start more ranks instead");
@@ -70,7 +70,7 @@ void check(const Arguments& a) {
     throw UsageError("-o " + a.output + ": several ranks write a .npy, one record for each contact");
 }
 
-RankOptions options_of(const Arguments& a, const Scene& scene) {
+RankOptions rank_options(const Arguments& a, const Scene& scene) {
   RankOptions o;
   o.detector = a.options;
   o.detector.path = a.path.value(), o.detector.precision = a.precision.value();
@@ -125,7 +125,7 @@ void print(const Arguments& a, const RankReport& r, int ranks, const Times& t, c
 }
 
 int run_among(const Arguments& a, const Launch& launch) {
-  check(a);
+  check_rank_arguments(a);
   Scene scene;
   together(MPI_COMM_WORLD, [&] {
     if (a.backend.value() == BackendKind::cuda && !cuda_present())
@@ -133,7 +133,7 @@ int run_among(const Arguments& a, const Launch& launch) {
     scene = read_input(a, LooseAs::mapped);
   });
   const Input part = part_of(scene.input(), launch.rank, launch.ranks);
-  const RankOptions options = options_of(a, scene);
+  const RankOptions options = rank_options(a, scene);
   RankDetector detector(MPI_COMM_WORLD, options);
   if (a.output.empty()) {
     detector.detect(part, {});

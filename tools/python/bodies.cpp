@@ -16,8 +16,6 @@ using namespace pybind11::literals;
 
 namespace {
 
-using Body = detect::Body;
-
 std::vector<detect::Sphere> spheres_of_arrays(const py::object& shape, std::size_t k) {
   const std::string name = "shape " + std::to_string(k);
   if (!py::isinstance<py::sequence>(shape) || py::len(shape) != 2)
@@ -40,7 +38,7 @@ std::vector<detect::Sphere> spheres_of_arrays(const py::object& shape, std::size
 
 // Reads one number for each body and calls put(body, number). T is std::uint32_t, or std::uint8_t for flags.
 template <class T, class Put>
-void each(const py::object& object, const char* name, std::vector<Body>& bodies, Put put) {
+void each(const py::object& object, const char* name, std::vector<detect::Body>& bodies, Put put) {
   if (object.is_none()) return;
   const auto kind = sizeof(T) == 1 ? Contract::Kind::flags : Contract::Kind::bits;
   const auto count = static_cast<py::ssize_t>(bodies.size());
@@ -74,20 +72,20 @@ std::shared_ptr<Bodies> bodies_of(const py::sequence& shapes, const py::object& 
     const double* from = p.as<double>() + 12 * b;
     std::copy_n(from, 9, out->bodies[b].rotation), std::copy_n(from + 9, 3, out->bodies[b].position);
   }
-  each<std::uint32_t>(shape, "shape", out->bodies, [](Body& b, std::uint32_t v) { b.shape = v; });
+  each<std::uint32_t>(shape, "shape", out->bodies, [](detect::Body& b, std::uint32_t v) { b.shape = v; });
   for (std::size_t b = 0; b < out->bodies.size(); b++) {
-    Body& body = out->bodies[b];
+    detect::Body& body = out->bodies[b];
     // One check is enough, because Python's view of the shapes is read-only.
     if (body.shape >= out->shapes.size())
       throw py::index_error("body " + std::to_string(b) + " names shape " + std::to_string(body.shape) +
                             ", but there are " + std::to_string(out->shapes.size()));
     body.family = filters[body.shape].first, body.mask = filters[body.shape].second;
   }
-  each<std::uint32_t>(family, "family", out->bodies, [](Body& b, std::uint32_t v) { b.family = v; });
-  each<std::uint32_t>(mask, "mask", out->bodies, [](Body& b, std::uint32_t v) { b.mask = v; });
+  each<std::uint32_t>(family, "family", out->bodies, [](detect::Body& b, std::uint32_t v) { b.family = v; });
+  each<std::uint32_t>(mask, "mask", out->bodies, [](detect::Body& b, std::uint32_t v) { b.mask = v; });
   each<std::uint8_t>(is_static, "is_static", out->bodies,
-                     [](Body& b, std::uint8_t v) { b.is_static = v != 0; });
-  each<std::uint32_t>(world, "world", out->bodies, [](Body& b, std::uint32_t v) { b.world = v; });
+                     [](detect::Body& b, std::uint8_t v) { b.is_static = v != 0; });
+  each<std::uint32_t>(world, "world", out->bodies, [](detect::Body& b, std::uint32_t v) { b.world = v; });
   return out;
 }
 
@@ -129,8 +127,8 @@ std::shared_ptr<Bodies> with_lod(const Bodies& from, const std::string& lod, con
 // A member of all bodies as an array, which is a view of the bodies' memory.
 template <class T>
 py::array member(const py::object& self, std::size_t offset, py::ssize_t columns, bool writeable) {
-  std::vector<Body>& b = py::cast<Bodies&>(self).bodies;
-  std::vector<py::ssize_t> shape{static_cast<py::ssize_t>(b.size())}, strides{sizeof(Body)};
+  std::vector<detect::Body>& b = py::cast<Bodies&>(self).bodies;
+  std::vector<py::ssize_t> shape{static_cast<py::ssize_t>(b.size())}, strides{sizeof(detect::Body)};
   if (columns > 1) shape.push_back(columns), strides.push_back(sizeof(T));
   static const T none{};
   const void* at =
@@ -143,8 +141,8 @@ py::array member(const py::object& self, std::size_t offset, py::ssize_t columns
 }  // namespace
 
 void add_bodies(py::module_& m) {
-  static_assert(std::is_standard_layout_v<Body> && offsetof(Body, rotation) == 0 &&
-                offsetof(Body, position) == 9 * sizeof(double));
+  static_assert(std::is_standard_layout_v<detect::Body> && offsetof(detect::Body, rotation) == 0 &&
+                offsetof(detect::Body, position) == 9 * sizeof(double));
   py::class_<Bodies, std::shared_ptr<Bodies>>(m, "Bodies")
       .def(py::init(&bodies_of), "shapes"_a, "poses"_a, "shape"_a = py::none(), py::kw_only(),
            "family"_a = py::none(), "mask"_a = py::none(), "is_static"_a = py::none(), "world"_a = py::none(),
@@ -176,20 +174,24 @@ the radius of the smallest loose sphere (inf: there is none), everything may mov
       .def("__len__", [](const Bodies& b) { return b.bodies.size(); })
       .def_property_readonly("poses",
                              [](const py::object& self) { return member<double>(self, 0, 12, true); })
-      .def_property_readonly(
-          "shape",
-          [](const py::object& self) { return member<std::uint32_t>(self, offsetof(Body, shape), 1, false); })
-      .def_property_readonly(
-          "family",
-          [](const py::object& self) { return member<std::uint32_t>(self, offsetof(Body, family), 1, true); })
-      .def_property_readonly(
-          "mask",
-          [](const py::object& self) { return member<std::uint32_t>(self, offsetof(Body, mask), 1, true); })
-      .def_property_readonly(
-          "world",
-          [](const py::object& self) { return member<std::uint32_t>(self, offsetof(Body, world), 1, true); })
+      .def_property_readonly("shape",
+                             [](const py::object& self) {
+                               return member<std::uint32_t>(self, offsetof(detect::Body, shape), 1, false);
+                             })
+      .def_property_readonly("family",
+                             [](const py::object& self) {
+                               return member<std::uint32_t>(self, offsetof(detect::Body, family), 1, true);
+                             })
+      .def_property_readonly("mask",
+                             [](const py::object& self) {
+                               return member<std::uint32_t>(self, offsetof(detect::Body, mask), 1, true);
+                             })
+      .def_property_readonly("world",
+                             [](const py::object& self) {
+                               return member<std::uint32_t>(self, offsetof(detect::Body, world), 1, true);
+                             })
       .def_property_readonly("is_static", [](const py::object& self) {
-        return member<bool>(self, offsetof(Body, is_static), 1, true);
+        return member<bool>(self, offsetof(detect::Body, is_static), 1, true);
       });
 }
 

@@ -13,27 +13,27 @@
 namespace padder::settle {
 namespace {
 
-using Json = nlohmann::ordered_json;
+using OrderedJson = nlohmann::ordered_json;
 
 constexpr double kPi = std::numbers::pi;
 
-Json start(const std::string& name) {
+OrderedJson start(const std::string& name) {
   return {{"format", "padder.scene"}, {"version", 1}, {"name", name}, {"unit", "m"}};
 }
 
 // The number without the digits that nobody needs, so that a scene can be read.
 double rounded(double v) { return std::round(v * 1e9) / 1e9; }
 
-Json place(double x, double y, double z) { return {rounded(x), rounded(y), rounded(z)}; }
+OrderedJson place(double x, double y, double z) { return {rounded(x), rounded(y), rounded(z)}; }
 
-Json floor_at(double z) { return {{{"point", {0, 0, z}}, {"normal", {0, 0, 1}}}}; }
+OrderedJson floor_at(double z) { return {{{"point", {0, 0, z}}, {"normal", {0, 0, 1}}}}; }
 
 // Grains stand on a lattice that is looser than they will be: the cylinder is higher than they fill it.
-Json silo(const MakeOptions& o) {
+OrderedJson silo(const MakeOptions& o) {
   if (o.count < 300)
     throw Error("the silo needs at least 300 grains, not " + std::to_string(o.count) +
                 ": in a narrower column of its height they do not fit side by side");
-  Json scene = start("silo");
+  OrderedJson scene = start("silo");
   const double radius = silo_radius(o.count), top = 2 * kSiloHeight + 1;
   scene["settle"] = {{"material", {{"density", 2500}, {"friction", 0.3}, {"restitution", 0.3}}},
                      {"seed", o.seed},
@@ -72,9 +72,9 @@ Part part_of(const MakeOptions& o, const char* hint) {
 
 // A light ball above a bed of padded bodies in a cylinder. The bed is about half as deep as wide, and at most
 // 30 bodies deep: a deeper one takes as many times more steps to come to rest.
-Json ball(const MakeOptions& o, const std::filesystem::path& folder) {
+OrderedJson ball(const MakeOptions& o, const std::filesystem::path& folder) {
   const Part part = part_of(o, "pad assets/grain.obj --unit m");
-  Json scene = start("ball");
+  OrderedJson scene = start("ball");
   scene["clusters"] = {
       {"grain", std::filesystem::relative(o.cluster, folder.empty() ? "." : folder).string()}};
   const double edge = 1.02 * part.box.diagonal(),
@@ -105,9 +105,9 @@ Json ball(const MakeOptions& o, const std::filesystem::path& folder) {
 // Shoes in a row along x, their pins along y between them, dropped on a bed of gravel. Two bushings at the
 // ends of a pin hold its neighbours as a hinge does. Five shoes in one track; much gravel gets two tracks
 // that are as long as a bed ten grains deep can bear.
-Json track(const MakeOptions& o, const std::filesystem::path& folder) {
+OrderedJson track(const MakeOptions& o, const std::filesystem::path& folder) {
   const Part part = part_of(o, "pad assets/track_shoe.obj --unit m");
-  Json scene = start("track");
+  OrderedJson scene = start("track");
   scene["clusters"] = {
       {"shoe", std::filesystem::relative(o.cluster, folder.empty() ? "." : folder).string()}};
   const Vector size = part.box.high - part.box.low;
@@ -123,7 +123,7 @@ Json track(const MakeOptions& o, const std::filesystem::path& folder) {
   const double top = bulk / (4 * half * wide) + 3.3 * grain, bottom = top + 3 * grain;
   const double weight = 9.81 * 7800 * part.volume, stiffness = weight / (0.01 * pitch) * 10,
                damping = 0.2 * std::sqrt(stiffness * weight / 9.81);
-  Json bodies = Json::array(), settings = Json::array(), bushings = Json::array();
+  OrderedJson bodies = OrderedJson::array(), settings = OrderedJson::array(), bushings = OrderedJson::array();
   for (int t = 0; t < tracks; t++)
     for (int k = 0; k < shoes; k++) {
       const auto body = static_cast<int>(bodies.size());
@@ -146,7 +146,7 @@ Json track(const MakeOptions& o, const std::filesystem::path& folder) {
     }
   scene["bodies"] = std::move(bodies);
   const double x = along == 0 ? half : wide, y = along == 0 ? wide : half;
-  Json planes = floor_at(0);
+  OrderedJson planes = floor_at(0);
   for (const double sign : {-1.0, 1.0}) {
     planes.push_back({{"point", place(sign * x, 0, 0)}, {"normal", {-sign, 0, 0}}});
     planes.push_back({{"point", place(0, sign * y, 0)}, {"normal", {0, -sign, 0}}});
@@ -184,7 +184,7 @@ const std::vector<std::string>& scene_makers() {
 
 std::string make_scene(const std::string& name, const MakeOptions& options,
                        const std::filesystem::path& folder) {
-  Json scene;
+  OrderedJson scene;
   if (name == "silo")
     scene = silo(options);
   else if (name == "ball")

@@ -10,7 +10,7 @@
 namespace padder {
 namespace {
 
-constexpr std::uint32_t nowhere = 0xffffffffu;
+constexpr std::uint32_t no_owner = 0xffffffffu;
 
 // Cuts the cover into blocks: across the longest side of the box of its centres, near the middle, again and
 // again.
@@ -89,11 +89,11 @@ std::vector<std::uint32_t> improve_in_blocks(const Sets& sets, std::size_t eleme
   Random random(search.seed);
   std::vector<std::vector<std::uint32_t>> blocks;
   cut(cover.begin(), cover.end(), centers, search.block, random, blocks);
-  std::vector<std::uint32_t> owner(elements, nowhere);
+  std::vector<std::uint32_t> owner(elements, no_owner);
   for (std::uint32_t b = 0; b < blocks.size(); b++)
     for (auto s : blocks[b])
       for (auto r : sets[s])
-        if (owner[r] == nowhere) owner[r] = b;
+        if (owner[r] == no_owner) owner[r] = b;
 
   std::vector<std::uint32_t> count(sets.size(), 0);
 #pragma omp parallel for schedule(dynamic, 1) if (blocks.size() > 1) firstprivate(count)

@@ -8,10 +8,10 @@ namespace padder {
 namespace {
 
 // What a candidate covers: points within `reach` of its centre, less `slope` times their margin.
-struct Patch {
+struct CoveredPart {
   double reach, slope;
 
-  Patch(const Candidate& c, double gap) {
+  CoveredPart(const Candidate& c, double gap) {
     // Less by more than rounding, so that the certificate cannot disagree.
     reach = (c.ball.radius + gap) * (1 - 1e-12);
     // How fast the distance to the centre grows along a flat surface where the surface leaves the ball.
@@ -43,15 +43,15 @@ void CoverProblem::find_covered(std::size_t first_candidate, std::size_t first_p
   for (std::size_t k = begin; k < candidates_.size(); k++) {
     const std::size_t first = k < first_candidate ? first_point : 0;
     const Candidate& c = candidates_[k];
-    const Patch patch(c, gap_);
+    const CoveredPart part(c, gap_);
     thread_local std::vector<std::uint32_t> found;
     for (const Group& group : groups_) {
       if (group.first + group.tree->size() <= first) continue;
       found.clear();
-      group.tree->find(c.ball.center, patch.reach, found);
+      group.tree->find(c.ball.center, part.reach, found);
       for (auto in_group : found) {
         const std::size_t point = group.first + in_group;
-        if (point >= first && patch.depth(c, points_[point]) >= 0)
+        if (point >= first && part.depth(c, points_[point]) >= 0)
           covered_[k].push_back(static_cast<std::uint32_t>(point));
       }
     }
@@ -68,7 +68,7 @@ void CoverProblem::add(const std::vector<CoverPoint>& points, const std::vector<
 }
 
 double CoverProblem::depth(const Candidate& candidate, const CoverPoint& point) const {
-  return Patch(candidate, gap_).depth(candidate, point);
+  return CoveredPart(candidate, gap_).depth(candidate, point);
 }
 
 void CoverProblem::keep(const std::vector<std::uint32_t>& candidates) {

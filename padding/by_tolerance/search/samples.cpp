@@ -15,8 +15,6 @@
 namespace padder {
 namespace {
 
-constexpr double medial_tolerance = 0.05;  // share of the tolerance sum: by so much a ball may miss its point
-
 constexpr std::size_t most_parts = 20'000'000;  // about 2 GB
 // A mesh with more parts is a fine scan: of those smaller than the spacing, the first in a cell is enough.
 constexpr std::size_t parts_of_scan = 1'000'000;

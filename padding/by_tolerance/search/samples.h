@@ -12,6 +12,8 @@
 
 namespace padder {
 
+constexpr double medial_tolerance = 0.05;  // share of the tolerance sum: by so much a ball may miss its point
+
 // A place on the surface with its ball.
 struct Sample {
   Point point;                 // inside a triangle, where the normal is the triangle's own

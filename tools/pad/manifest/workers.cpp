@@ -53,7 +53,7 @@ std::string read_all(int file) {
   return bytes;
 }
 
-constexpr int kNoMemory = 3;  // exit code of a worker that ran out of memory
+constexpr int kExitedForMemory = 3;  // exit code of a worker that ran out of memory
 
 // All that a worker does. It never returns and runs no destructor of the parent.
 [[noreturn]] void run_worker(int answer, pid_t parent, const sigset_t& before, const WorkerLimits& limits,
@@ -72,7 +72,7 @@ constexpr int kNoMemory = 3;  // exit code of a worker that ran out of memory
   try {
     code = write_all(answer, work()) ? 0 : 1;
   } catch (const std::bad_alloc&) {
-    code = kNoMemory;
+    code = kExitedForMemory;
   } catch (const std::exception& e) {
     code = write_all(answer, std::string("!") + e.what()) ? 0 : 1;
   }
@@ -100,7 +100,7 @@ std::string end_sentence(int status, bool late, const WorkerLimits& limits) {
                              " MiB: give it more with --memory, or take fewer --workers";
   if (late) return "no result after " + number(limits.seconds) + " s: give it more with --seconds";
   if (WIFEXITED(status))
-    return WEXITSTATUS(status) == kNoMemory ? memory : "its worker ended without a result";
+    return WEXITSTATUS(status) == kExitedForMemory ? memory : "its worker ended without a result";
   const int signal = WTERMSIG(status);
   if (signal == SIGKILL)
     return "its worker was killed from outside, maybe because the machine ran out of memory: take fewer "
