@@ -151,6 +151,8 @@ std::string words(const Repaired& body, double diagonal) {
   const double area = body.mesh.area();
   if (s.repeated > 0) report.add("dropped " + count_of(s.repeated, "duplicate triangle"));
   if (s.turned > 0) report.add("turned " + count_of(s.turned, "triangle"));
+  if (s.turned_pieces > 0)
+    report.add("turned " + count_of(s.turned_pieces, "closed piece") + " that faced inward");
   if (s.cracks > 0) report.add("closed cracks up to " + percent(s.crack_width / diagonal) + " wide");
   if (!body.patches.empty()) {
     double longest = 0;
@@ -230,8 +232,11 @@ std::optional<Repaired> piece_repaired(Mesh piece, const Mesh& input, const Repa
   if (volume < 0)
     for (auto& t : piece.triangles) std::swap(t[1], t[2]);
   auto surface = std::make_shared<Surface>(piece);
-  if (any_contact(*surface))
-    return mended(mend_piece(std::move(surface), options), input, options, diagonal, name);
+  if (any_contact(*surface)) {
+    std::optional<Repaired> body = mend_piece(std::move(surface), options);
+    if (body) body->steps.turned_pieces = volume < 0;
+    return mended(std::move(body), input, options, diagonal, name);
+  }
   RepairReport report;
   if (volume < 0) report.add("turned inside out");
   Repaired out;
