@@ -5,7 +5,6 @@
 #include <new>
 #include <string_view>
 
-#include "detect/boxes/numbered_hash.h"
 #include "padding/asset/error.h"
 
 namespace padder::detect {
@@ -74,8 +73,7 @@ BoxResult DeviceWorker::find(const BoxLoad& load, std::uint64_t copied, Delivery
     contacts = &detector_.detect(load.input());
     if (stay)
       return {contacts->count,
-              hash_of_numbered_pairs(device_.device, contacts->pairs, contacts->count,
-                                     {load.ids.data(), load.loose}),
+              hash_.of(device_.device, contacts->pairs, contacts->count, {load.ids.data(), load.loose}),
               contacts->doubtful};
   } catch (const Error& e) {
     return split(load, copied, e.what(), delivery);
@@ -90,7 +88,7 @@ BoxResult DeviceWorker::find(const BoxLoad& load, std::uint64_t copied, Delivery
 BoxResult DeviceWorker::split(const BoxLoad& load, std::uint64_t copied, const std::string& reason,
                               Delivery& delivery) {
   if (load.spheres() < kSmallestSplit) fail(reason);
-  detector_ = detector_on(device_);  // gives its memory back
+  detector_ = detector_on(device_), hash_.release();  // gives their memory back
   const Input input = load.input();
   Assignment assignment(input, threads_);
   assignment.set_margin(options_.margin);

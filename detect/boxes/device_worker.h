@@ -7,6 +7,7 @@
 
 #include "detect/boxes/assignment.h"
 #include "detect/boxes/boxed_detector.h"
+#include "detect/boxes/numbered_hash.h"
 
 namespace padder::detect {
 
@@ -51,6 +52,7 @@ class DeviceWorker {
 
   DeviceChoice device_;
   Detector detector_;
+  NumberedHash hash_;
   bool on_host_;
   std::uint64_t peak_of_splits_ = 0;
   std::vector<WidePair> pairs_;

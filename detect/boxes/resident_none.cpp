@@ -13,9 +13,16 @@ ResidentDetector::ResidentDetector(const ResidentOptions&) { throw Error(cuda_ab
 ResidentDetector::~ResidentDetector() = default;
 ResidentDetector::ResidentDetector(ResidentDetector&&) noexcept = default;
 ResidentDetector& ResidentDetector::operator=(ResidentDetector&&) noexcept = default;
-std::uint64_t hash_of_numbered_pairs(int device, const Pair*, std::uint64_t, std::span<const std::uint64_t>) {
+
+struct NumberedHash::Memory {};
+
+NumberedHash::NumberedHash() = default;
+NumberedHash::~NumberedHash() = default;
+void NumberedHash::release() {}
+std::uint64_t NumberedHash::of(int device, const Pair*, std::uint64_t, std::span<const std::uint64_t>) {
   throw Error(cuda_absence(device));
 }
+
 // No object exists on which these could be called.
 const ResidentReport& ResidentDetector::detect(std::span<const Spheres>) { throw Error(cuda_absence(0)); }
 const ResidentReport& ResidentDetector::detect(std::span<const Spheres>, const Input&,

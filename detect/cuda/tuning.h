@@ -8,6 +8,14 @@
 
 namespace padder::detect::cuda::tuning {
 
+// ---- Host memory ----
+// Memory that is not pinned is copied to the device in such blocks, by so many threads with so many pinned
+// blocks each, from so many bytes on. docs/experiments/calls.md, "host memory". Below, the driver is at most
+// half as fast, and threads that wait for each other lose more where other programs use the processors. The
+// host's memory decides, not the GPU.
+inline constexpr std::uint64_t kStagedCopy = 128 << 20, kCopyBlock = 2 << 20;
+inline constexpr int kCopyThreads = 8, kCopyBlocks = 2;
+
 // ---- The order of the spheres ----
 // Rows: "Designs tried", part "order" or as named. All were measured on an H200 (132 processors, 227 KB of
 // shared memory a block, 50 MB of L2). What another chip would move is said with each.

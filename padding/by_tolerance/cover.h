@@ -42,9 +42,4 @@ struct Cover {
 // threads; the result does not depend on their number.
 Cover cover_surface(const Surface& surface, const CoverOptions& options);
 
-// Chooses the fewest of the given balls such that no surface point lies farther than `gap` outside their
-// union, unless it does so with all balls. Returns their indices in ascending order.
-std::vector<std::uint32_t> thin_balls(const Surface& surface, const std::vector<Ball>& balls, double gap,
-                                      int effort = 1);
-
 }  // namespace padder

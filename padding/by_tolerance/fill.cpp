@@ -5,7 +5,7 @@
 #include <cmath>
 #include <numeric>
 
-#include "padding/by_tolerance/set_cover.h"
+#include "padding/by_tolerance/search/set_cover.h"
 
 namespace padder {
 namespace {

@@ -7,8 +7,8 @@
 #include <numeric>
 
 #include "padding/asset/error.h"
-#include "padding/by_tolerance/samples.h"
-#include "padding/by_tolerance/set_cover.h"
+#include "padding/by_tolerance/search/samples.h"
+#include "padding/by_tolerance/search/set_cover.h"
 #include "padding/geometry/point_tree.h"
 #include "padding/geometry/random.h"
 

@@ -32,6 +32,7 @@ struct RepairSteps {
   std::size_t crossing_pairs = 0;  // of triangles that cross, touch or overlap without sharing an edge
   std::size_t repeated = 0;        // triangles that were there more than once
   std::size_t turned = 0;          // triangles that faced the other way than their neighbours
+  std::size_t turned_pieces = 0;   // closed pieces that faced inward and are no cavities
   std::size_t cavities = 0;        // closed pieces inside another one, which bound a hollow
   double buried_area = 0;          // of the input's surface that has the body on both sides, and is left out
   std::size_t cracks = 0;          // triangles that close cracks; they are in no patch

@@ -4,12 +4,14 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numeric>
 
 namespace padder {
 namespace {
 
 constexpr std::uint32_t none = ~0u;
+constexpr std::uint32_t kFan = 500;  // faces at the tip of a fan; 10,000 take the remesher half a minute
 using Corners = std::array<std::uint32_t, 3>;
 
 class Collapse {
@@ -34,6 +36,13 @@ class Collapse {
     return collect();
   }
 
+  // Merges the edges under `longest` that face the tip of a fan, where no plane moves by more than `most`.
+  Mesh thin_fans(double longest, double most) {
+    while (merge_rims(longest, most)) {
+    }
+    return collect();
+  }
+
  private:
   // An edge, or a triangle, by the key that says when its turn is.
   struct Turn {
@@ -54,12 +63,34 @@ class Collapse {
         if (length < most) edges.push_back({length, std::min(u, v), std::max(u, v)});
       }
     }
+    return merge_all(std::move(edges), std::numeric_limits<double>::infinity());
+  }
+
+  bool merge_rims(double longest, double most) {
+    std::vector<std::uint32_t> faces(mesh_.points.size(), 0);
+    for (std::uint32_t t = 0; t < mesh_.triangles.size(); t++)
+      for (const auto v : mesh_.triangles[t]) faces[v] += alive_[t];
+    std::vector<Turn> rims;
+    for (std::uint32_t t = 0; t < mesh_.triangles.size(); t++)
+      for (int k = 0; k < 3 && alive_[t]; k++) {
+        if (faces[mesh_.triangles[t][k]] < kFan) continue;
+        const auto u = mesh_.triangles[t][(k + 1) % 3], v = mesh_.triangles[t][(k + 2) % 3];
+        const double length = (mesh_.points[u] - mesh_.points[v]).norm();
+        if (length < longest) rims.push_back({length, std::min(u, v), std::max(u, v)});
+      }
+    return merge_all(std::move(rims), most);
+  }
+
+  // Merges each edge into the end that costs less, if that is less than `most`.
+  bool merge_all(std::vector<Turn> edges, double most) {
     std::sort(edges.begin(), edges.end());
     bool any = false;
     std::vector<char> gone(mesh_.points.size(), 0);
     for (const Turn& e : edges) {
       if (gone[e.a] || gone[e.b]) continue;  // the next round looks at what the edge has become
-      const auto [kept, left] = cost(e.a, e.b) < cost(e.b, e.a) ? std::pair{e.b, e.a} : std::pair{e.a, e.b};
+      const double a_goes = cost(e.a, e.b), b_goes = cost(e.b, e.a);
+      if (!(std::min(a_goes, b_goes) < most)) continue;
+      const auto [kept, left] = a_goes < b_goes ? std::pair{e.b, e.a} : std::pair{e.a, e.b};
       gone[left] = 1, any = true;
       merge(left, kept);
     }
@@ -226,6 +257,14 @@ double angle_around(const Mesh& mesh, const Page& page) {
 }  // namespace
 
 Mesh without_slivers(const Mesh& mesh, double near) { return Collapse(mesh, near).run(); }
+
+Mesh with_thinned_fans(const Mesh& mesh, double longest, double most) {
+  std::vector<std::uint32_t> faces(mesh.points.size(), 0);
+  for (const auto& t : mesh.triangles)
+    for (const auto v : t)
+      if (++faces[v] >= kFan) return Collapse(mesh, 0).thin_fans(longest, most);
+  return mesh;
+}
 
 Mesh taken_apart(const Mesh& mesh) {
   std::vector<Page> pages;

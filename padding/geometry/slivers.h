@@ -15,6 +15,13 @@ namespace padder {
 // most often two or three do. Deterministic; the time is about linear.
 Mesh without_slivers(const Mesh& mesh, double near);
 
+// Thins the fans: a point of 500 triangles or more. Of an edge that faces the tip of one and is shorter than
+// `longest`, one end becomes the other where that moves no plane around it by `most` or more. A remesher's
+// time grows with the square of the triangles at a point. Rounds go on until no edge is left, and each takes
+// every second point, so that the last ones move the surface most. Deterministic; the time is about linear.
+// What closes still closes. A mesh without a fan stays as it is.
+Mesh with_thinned_fans(const Mesh& mesh, double longest, double most);
+
 // The same triangles, with points doubled where more than two of them share an edge, or where parts of the
 // surface share a point alone. There the bodies are taken apart: triangles stay together that have the body
 // between them, which lies behind counter-clockwise triangles. What has no such partner gets a border.

@@ -3,7 +3,6 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
-#include <atomic>
 #include <numeric>
 
 #include "padding/geometry/random.h"
@@ -12,9 +11,8 @@
 namespace padder {
 namespace {
 
-constexpr std::uint32_t leaf_triangles = 4;
 constexpr std::uint32_t parallel_size = 4096;  // fewer triangles than these are not worth another thread
-constexpr int triangle_stack = 128;            // depth is bounded by the median fallback in build()
+constexpr int stack_size = TriangleTree::kStackSize;
 
 enum Feature : int { face = 0, vertex0 = 1, vertex1 = 2, vertex2 = 3, edge01 = 4, edge12 = 5, edge20 = 6 };
 
@@ -84,53 +82,17 @@ inline double closest(const Point& p, const Point& a, const Vector& ab, const Ve
   return (p - q).squaredNorm();
 }
 
-inline double box_distance2(const double* low, const double* high, const Point& p) {
-  double sum = 0;
-  for (int k = 0; k < 3; k++) {
-    const double d = std::max({low[k] - p[k], 0.0, p[k] - high[k]});
-    sum += d * d;
-  }
-  return sum;
-}
-
-double half_area(const Box& b) {
-  if (b.empty()) return 0;
-  const Vector e = b.high - b.low;
-  return e.x() * e.y() + e.y() * e.z() + e.z() * e.x();
-}
-
 }  // namespace
 
 Surface::Surface(const Mesh& mesh, SideBy side, std::shared_ptr<const Surface> solid)
-    : mesh_(mesh), side_(side), solid_(std::move(solid)) {
+    : mesh_(mesh), side_(side), solid_(std::move(solid)), bounds_(mesh_.bounds()), tree_(mesh_) {
   const std::size_t n = mesh_.triangles.size();
-  bounds_ = mesh_.bounds();
-  std::vector<Box> boxes(n);
-  std::vector<std::uint32_t> order(n);
-  std::iota(order.begin(), order.end(), 0u);
-#pragma omp parallel for if (n > parallel_size)
-  for (std::size_t t = 0; t < n; t++)
-    for (int k = 0; k < 3; k++) boxes[t].add(mesh_.corner(t, k));
-  if (n > 0) {
-    if (n <= leaf_triangles) {  // one leaf: a root whose second child is empty
-      Node root{};
-      for (int k = 0; k < 3; k++) {
-        root.low[0][k] = bounds_.low[k], root.high[0][k] = bounds_.high[k];
-        root.low[1][k] = std::numeric_limits<double>::infinity(), root.high[1][k] = -root.low[1][k];
-      }
-      root.count[0] = static_cast<std::uint32_t>(n);
-      nodes_.push_back(root);
-    } else {
-#pragma omp parallel if (n > parallel_size)
-#pragma omp single
-      build(nodes_, order, boxes, 0, static_cast<std::uint32_t>(n));
-    }
-  }
   slots_.resize(n);
 #pragma omp parallel for if (n > parallel_size)
   for (std::size_t k = 0; k < n; k++) {
-    const Point& a = mesh_.corner(order[k], 0);
-    slots_[k] = {a, mesh_.corner(order[k], 1) - a, mesh_.corner(order[k], 2) - a, order[k]};
+    const std::uint32_t t = tree_.triangles()[k];
+    const Point& a = mesh_.corner(t, 0);
+    slots_[k] = {a, mesh_.corner(t, 1) - a, mesh_.corner(t, 2) - a};
   }
   find_normals();
 }
@@ -197,13 +159,14 @@ void Surface::find_normals() {
 
 Surface::Surface(const Mesh& mesh, SideBy side, std::vector<double> standoff) : Surface(mesh, side) {
   slot_standoff_.resize(slots_.size());
-  for (std::size_t k = 0; k < slots_.size(); k++) slot_standoff_[k] = standoff[slots_[k].triangle];
-  node_standoff_.assign(nodes_.size(), {0, 0});
+  for (std::size_t k = 0; k < slots_.size(); k++) slot_standoff_[k] = standoff[tree_.triangles()[k]];
+  const std::vector<TriangleTree::Node>& nodes = tree_.nodes();
+  node_standoff_.assign(nodes.size(), {0, 0});
   // Children stand behind their parents.
-  for (std::size_t n = nodes_.size(); n-- > 0;)
+  for (std::size_t n = nodes.size(); n-- > 0;)
     for (int side_of = 0; side_of < 2; side_of++) {
       double& largest = node_standoff_[n][side_of];
-      const std::uint32_t child = nodes_[n].child[side_of], count = nodes_[n].count[side_of];
+      const std::uint32_t child = nodes[n].child[side_of], count = nodes[n].count[side_of];
       for (std::uint32_t k = 0; k < count; k++) largest = std::max(largest, slot_standoff_[child + k]);
       if (count == 0 && child > n) largest = std::max(node_standoff_[child][0], node_standoff_[child][1]);
     }
@@ -213,127 +176,16 @@ Surface::Surface(Surface triangles, std::shared_ptr<const Surface> hull) : Surfa
   solid_ = std::move(hull);
 }
 
-// Binned surface-area heuristic; returns the node's index.
-std::uint32_t Surface::build(std::vector<Node>& nodes, std::vector<std::uint32_t>& order,
-                             const std::vector<Box>& boxes, std::uint32_t begin, std::uint32_t end) {
-  constexpr int bins = 16;
-  Box centers;
-  for (auto k = begin; k < end; k++) centers.add(boxes[order[k]].center());
-  int axis;
-  const double width = (centers.high - centers.low).maxCoeff(&axis);
-  std::uint32_t middle = begin;
-  if (width > 0) {
-    std::array<Box, bins> box;
-    std::array<std::uint32_t, bins> count{};
-    const auto bin_of = [&](std::uint32_t t) {
-      const double x = (boxes[t].center()[axis] - centers.low[axis]) / width * bins;
-      return std::clamp(static_cast<int>(x), 0, bins - 1);
-    };
-    for (auto k = begin; k < end; k++) {
-      const int b = bin_of(order[k]);
-      count[b]++, box[b].add(boxes[order[k]].low), box[b].add(boxes[order[k]].high);
-    }
-    std::array<double, bins> right{};  // cost of bins b and above
-    Box sweep;
-    std::uint32_t total = 0;
-    for (int b = bins - 1; b > 0; b--) {
-      if (count[b]) sweep.add(box[b].low), sweep.add(box[b].high);
-      total += count[b], right[b] = half_area(sweep) * total;
-    }
-    sweep = Box(), total = 0;
-    double best = std::numeric_limits<double>::infinity();
-    int split = 0;
-    for (int b = 1; b < bins; b++) {
-      if (count[b - 1]) sweep.add(box[b - 1].low), sweep.add(box[b - 1].high);
-      total += count[b - 1];
-      const double cost = half_area(sweep) * total + right[b];
-      if (cost < best && total > 0 && total < end - begin) best = cost, split = b;
-    }
-    if (split > 0)
-      middle = static_cast<std::uint32_t>(std::partition(order.begin() + begin, order.begin() + end,
-                                                         [&](auto t) { return bin_of(t) < split; }) -
-                                          order.begin());
-  }
-  // Uneven splits could make the tree as deep as there are triangles: below 1/32 the median splits instead.
-  const std::uint32_t smaller = std::min(middle - begin, end - middle);
-  if (smaller == 0 || (end - begin > 4 * leaf_triangles && smaller < (end - begin) / 32)) {
-    middle = begin + (end - begin) / 2;
-    std::nth_element(order.begin() + begin, order.begin() + middle, order.begin() + end, [&](auto s, auto t) {
-      const double x = boxes[s].center()[axis], y = boxes[t].center()[axis];
-      return x != y ? x < y : s < t;
-    });
-  }
-  const auto index = static_cast<std::uint32_t>(nodes.size());
-  nodes.emplace_back();
-  const std::uint32_t from[2] = {begin, middle}, to[2] = {middle, end};
-  // The halves of a large node are built side by side, each into nodes of its own that are then appended.
-  const bool apart = end - begin > parallel_size;
-  std::vector<Node> own[2];
-  const auto build_side = [&](int side) {
-    Box box;
-    for (auto k = from[side]; k < to[side]; k++) box.add(boxes[order[k]].low), box.add(boxes[order[k]].high);
-    std::uint32_t child = from[side], count = to[side] - from[side];
-    if (count > leaf_triangles)
-      child = build(apart ? own[side] : nodes, order, boxes, from[side], to[side]), count = 0;
-    Node& node = nodes[index];
-    for (int k = 0; k < 3; k++) node.low[side][k] = box.low[k], node.high[side][k] = box.high[k];
-    node.child[side] = child, node.count[side] = count;
-  };
-  if (!apart) return build_side(0), build_side(1), index;
-#pragma omp task shared(build_side)
-  build_side(0);
-  build_side(1);
-#pragma omp taskwait
-  for (int side = 0; side < 2; side++) {
-    const auto offset = static_cast<std::uint32_t>(nodes.size());
-    for (Node& node : own[side]) {
-      for (int k = 0; k < 2; k++) node.child[k] += node.count[k] == 0 ? offset : 0;
-      nodes.push_back(node);
-    }
-    if (nodes[index].count[side] == 0) nodes[index].child[side] += offset;
-  }
-  return index;
-}
-
-// Visits leaves nearest first; `visit(slot)` may shrink `limit2` and returns true to stop.
-template <class Visit>
-static void traverse(const auto& nodes, const Point& p, double& limit2, Visit&& visit) {
-  if (nodes.empty()) return;
-  struct Entry {
-    double distance2;
-    std::uint32_t child, count;
-  };
-  Entry stack[triangle_stack];
-  int top = 0;
-  stack[top++] = {0, 0, 0};
-  while (top > 0) {
-    const Entry entry = stack[--top];
-    if (entry.distance2 >= limit2) continue;
-    if (entry.count > 0) {
-      for (std::uint32_t k = 0; k < entry.count; k++)
-        if (visit(entry.child + k)) return;
-      continue;
-    }
-    const auto& node = nodes[entry.child];
-    const double d0 = box_distance2(node.low[0], node.high[0], p),
-                 d1 = box_distance2(node.low[1], node.high[1], p);
-    const int near = d1 < d0;
-    const double near2 = near ? d1 : d0, far2 = near ? d0 : d1;
-    if (far2 < limit2) stack[top++] = {far2, node.child[1 - near], node.count[1 - near]};
-    if (near2 < limit2) stack[top++] = {near2, node.child[near], node.count[near]};
-  }
-}
-
 Nearest Surface::nearest(const Point& p, double limit) const {
   Nearest best;
   double limit2 = limit * limit;
   bool found = false;
-  traverse(nodes_, p, limit2, [&](std::uint32_t k) {
+  tree_.visit_near(p, limit2, [&](std::uint32_t k) {
     Point q;
     int feature;
     const Slot& slot = slots_[k];
     const double d2 = closest(p, slot.a, slot.ab, slot.ac, q, feature);
-    if (d2 < limit2) limit2 = d2, best.point = q, best.triangle = slot.triangle, found = true;
+    if (d2 < limit2) limit2 = d2, best.point = q, best.triangle = tree_.triangles()[k], found = true;
     return false;
   });
   if (found) best.distance = std::sqrt(limit2);
@@ -342,13 +194,13 @@ Nearest Surface::nearest(const Point& p, double limit) const {
 
 Nearest Surface::clearance(const Point& p, double limit) const {
   if (hull()) return solid_->clearance(p, limit);
-  if (slot_standoff_.empty() || nodes_.empty()) return nearest(p, limit);
+  if (slot_standoff_.empty() || slots_.empty()) return nearest(p, limit);
   Nearest best;
   struct Entry {
     double least;  // no triangle below has less clearance
     std::uint32_t child, count;
   };
-  Entry stack[triangle_stack];
+  Entry stack[stack_size];
   int top = 0;
   stack[top++] = {-std::numeric_limits<double>::infinity(), 0, 0};
   while (top > 0) {
@@ -360,18 +212,18 @@ Nearest Surface::clearance(const Point& p, double limit) const {
       int feature;
       const double distance = std::sqrt(closest(p, slot.a, slot.ab, slot.ac, q, feature));
       if (distance - slot_standoff_[k] >= limit) continue;
-      limit = best.distance = distance - slot_standoff_[k], best.triangle = slot.triangle;
+      limit = best.distance = distance - slot_standoff_[k], best.triangle = tree_.triangles()[k];
       best.point = limit > 0 ? Point(q + slot_standoff_[k] / distance * (p - q)) : p;
     }
     if (entry.count > 0) continue;
-    const Node& node = nodes_[entry.child];
+    const TriangleTree::Node& node = tree_.nodes()[entry.child];
     double least[2];
     for (int side = 0; side < 2; side++)
-      least[side] =
-          std::sqrt(box_distance2(node.low[side], node.high[side], p)) - node_standoff_[entry.child][side];
+      least[side] = std::sqrt(TriangleTree::box_distance2(node.low[side], node.high[side], p)) -
+                    node_standoff_[entry.child][side];
     const int near = least[1] < least[0];
     for (const int side : {1 - near, near})
-      if (least[side] < limit && node.low[side][0] <= node.high[side][0])
+      if (least[side] < limit && !node.empty(side))
         stack[top++] = {least[side], node.child[side], node.count[side]};
   }
   return best;
@@ -465,8 +317,9 @@ std::optional<int> crossing(const Vector& d, const Vector& a, const Vector& b, c
 }
 
 // Does the ray meet the box? The range is widened by more than the rounding error, so a hit is never missed.
-bool meets(const double* low, const double* high, const Point& p, const Vector& inverse) {
-  if (low[0] > high[0]) return false;  // the empty child of a root with a single leaf
+bool meets(const TriangleTree::Node& node, int side, const Point& p, const Vector& inverse) {
+  if (node.empty(side)) return false;
+  const double *low = node.low[side], *high = node.high[side];
   double from = 0, to = std::numeric_limits<double>::infinity();
   for (int k = 0; k < 3; k++) {
     const double s = (low[k] - p[k]) * inverse[k], t = (high[k] - p[k]) * inverse[k];
@@ -504,18 +357,18 @@ const std::vector<Vector>& Surface::ray_directions() {
 
 std::optional<int> Surface::crossings(const Point& p, const Vector& direction,
                                       const std::function<bool(std::uint32_t)>& skip) const {
-  if (nodes_.empty()) return 0;
+  if (slots_.empty()) return 0;
   const Vector inverse = direction.cwiseInverse();
-  std::uint32_t stack[triangle_stack];
+  std::uint32_t stack[stack_size];
   int top = 0, sum = 0;
   stack[top++] = 0;
   while (top > 0) {
-    const Node& node = nodes_[stack[--top]];
+    const TriangleTree::Node& node = tree_.nodes()[stack[--top]];
     for (int side = 0; side < 2; side++) {
-      if (!meets(node.low[side], node.high[side], p, inverse)) continue;
+      if (!meets(node, side, p, inverse)) continue;
       if (node.count[side] == 0) stack[top++] = node.child[side];
       for (std::uint32_t k = 0; k < node.count[side]; k++) {
-        const std::uint32_t triangle = slots_[node.child[side] + k].triangle;
+        const std::uint32_t triangle = tree_.triangles()[node.child[side] + k];
         if (skip && skip(triangle)) continue;
         const auto& t = mesh_.triangles[triangle];
         const auto one =
@@ -528,149 +381,10 @@ std::optional<int> Surface::crossings(const Point& p, const Vector& direction,
   return sum;
 }
 
-void Surface::visit(const Box& box, const std::function<void(std::uint32_t)>& visit) const {
-  if (nodes_.empty()) return;
-  std::uint32_t stack[triangle_stack];
-  int top = 0;
-  stack[top++] = 0;
-  while (top > 0) {
-    const Node& node = nodes_[stack[--top]];
-    for (int side = 0; side < 2; side++) {
-      bool apart = node.low[side][0] > node.high[side][0];  // the empty child of a root with a single leaf
-      for (int k = 0; k < 3; k++) apart |= node.low[side][k] > box.high[k] || node.high[side][k] < box.low[k];
-      if (apart) continue;
-      if (node.count[side] == 0) stack[top++] = node.child[side];
-      for (std::uint32_t k = 0; k < node.count[side]; k++) visit(slots_[node.child[side] + k].triangle);
-    }
-  }
-}
-
-// A work item is two parts of the tree whose boxes touch, or twice the same part. A part is a child of a
-// node.
-class Surface::PairWalk {
- public:
-  using Visit = std::function<bool(std::uint32_t, std::uint32_t)>;
-  PairWalk(const Surface& surface, const Visit& visit)
-      : mesh_(surface.mesh_), nodes_(surface.nodes_), slots_(surface.slots_), visit_(visit) {}
-
-  void run() {
-    std::vector<Item> items, next;
-    push_node(0, items);
-    constexpr std::size_t enough = 4096;  // for even work on all threads
-    for (int level = 0; level < triangle_stack && !items.empty() && items.size() < enough; level++) {
-      next.clear();
-      for (const Item& item : items) step(item, next);
-      items.swap(next);
-    }
-#pragma omp parallel
-    {
-      std::vector<Item> stack;
-#pragma omp for schedule(dynamic, 8)
-      for (std::size_t k = 0; k < items.size(); k++) {
-        stack.push_back(items[k]);
-        while (!stack.empty()) {
-          const Item item = stack.back();
-          stack.pop_back();
-          step(item, stack);
-        }
-      }
-    }
-  }
-
- private:
-  struct Part {
-    std::uint32_t node, side;
-    bool operator==(const Part&) const = default;
-  };
-  struct Item {
-    Part a, b;
-  };
-
-  std::uint32_t count(Part p) const { return nodes_[p.node].count[p.side]; }
-  Part child(Part p, std::uint32_t side) const { return {nodes_[p.node].child[p.side], side}; }
-  const double* low(Part p) const { return nodes_[p.node].low[p.side]; }
-  const double* high(Part p) const { return nodes_[p.node].high[p.side]; }
-
-  static bool touch(const double* low_a, const double* high_a, const double* low_b, const double* high_b) {
-    bool apart = false;
-    for (int k = 0; k < 3; k++) apart |= low_a[k] > high_b[k] || high_a[k] < low_b[k];
-    return !apart;
-  }
-
-  void push_node(std::uint32_t node, std::vector<Item>& items) const {
-    const Part a{node, 0}, b{node, 1};
-    items.push_back({a, a});
-    if (low(b)[0] > high(b)[0]) return;  // the empty child of a root with a single leaf
-    items.push_back({b, b});
-    if (touch(low(a), high(a), low(b), high(b))) items.push_back({a, b});
-  }
-
-  double size(Part p) const {
-    double sum = 0;
-    for (int k = 0; k < 3; k++) sum += high(p)[k] - low(p)[k];
-    return sum;
-  }
-
-  void step(const Item& item, std::vector<Item>& items) {
-    if (stop_.load(std::memory_order_relaxed)) return;
-    const auto [a, b] = item;
-    if (a == b && count(a) == 0) return push_node(nodes_[a.node].child[a.side], items);
-    if (count(a) > 0 && count(b) > 0) return compare(a, b);
-    const bool cut_a = count(b) > 0 || (count(a) == 0 && size(a) >= size(b));
-    const Part whole = cut_a ? b : a;
-    for (const std::uint32_t side : {0u, 1u}) {
-      const Part half = child(cut_a ? a : b, side);
-      if (touch(low(half), high(half), low(whole), high(whole))) items.push_back({half, whole});
-    }
-  }
-
-  // The triangles of a leaf whose boxes touch that of the other leaf.
-  struct Leaf {
-    std::array<std::uint32_t, leaf_triangles> triangle;
-    std::array<std::array<double, 3>, leaf_triangles> low, high;
-    std::size_t count = 0;
-  };
-  Leaf leaf(Part p, Part other) const {
-    Leaf out;
-    const std::uint32_t first = nodes_[p.node].child[p.side];
-    for (std::uint32_t k = first; k < first + count(p); k++) {
-      const std::uint32_t t = slots_[k].triangle;
-      auto &l = out.low[out.count], &h = out.high[out.count];
-      for (int axis = 0; axis < 3; axis++) {
-        const auto [least, most] =
-            std::minmax({mesh_.corner(t, 0)[axis], mesh_.corner(t, 1)[axis], mesh_.corner(t, 2)[axis]});
-        l[axis] = least, h[axis] = most;
-      }
-      if (touch(l.data(), h.data(), low(other), high(other))) out.triangle[out.count++] = t;
-    }
-    return out;
-  }
-
-  void compare(Part a, Part b) {
-    const Leaf s = leaf(a, b), t = a == b ? s : leaf(b, a);
-    for (std::size_t i = 0; i < s.count; i++)
-      for (std::size_t j = a == b ? i + 1 : 0; j < t.count; j++) {
-        if (!touch(s.low[i].data(), s.high[i].data(), t.low[j].data(), t.high[j].data())) continue;
-        const auto [first, second] = std::minmax(s.triangle[i], t.triangle[j]);
-        if (visit_(first, second)) stop_ = true;
-      }
-  }
-
-  const Mesh& mesh_;
-  const std::vector<Node>& nodes_;
-  const std::vector<Slot>& slots_;
-  const Visit& visit_;
-  std::atomic<bool> stop_ = false;
-};
-
-void Surface::visit_pairs(const std::function<bool(std::uint32_t, std::uint32_t)>& visit) const {
-  if (!nodes_.empty()) PairWalk(*this, visit).run();
-}
-
 bool Surface::any_within(const Point& p, double limit) const {
   double limit2 = limit * limit;
   bool found = false;
-  traverse(nodes_, p, limit2, [&](std::uint32_t k) {
+  tree_.visit_near(p, limit2, [&](std::uint32_t k) {
     Point q;
     int feature;
     const Slot& slot = slots_[k];

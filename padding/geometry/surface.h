@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "padding/asset/mesh.h"
+#include "padding/geometry/triangle_tree.h"
 
 namespace padder {
 
@@ -97,13 +98,13 @@ class Surface {
                                const std::function<bool(std::uint32_t)>& skip = {}) const;
   static const std::vector<Vector>& ray_directions();  // without a pattern, for crossings()
 
-  // Calls visit(t) for each triangle near the box, among them all whose own boxes touch it.
-  void visit(const Box& box, const std::function<void(std::uint32_t)>& visit) const;
-
-  // Calls visit(s, t) once for each two triangles whose own boxes touch, s < t, in no order and from all
-  // threads. When it returns true, the walk ends early. The tree is walked against itself: neighbours are
-  // found together, so this costs a fifth of asking for each triangle.
-  void visit_pairs(const std::function<bool(std::uint32_t, std::uint32_t)>& visit) const;
+  // As those of the tree (triangle_tree.h): the triangles near a box, and those near each other.
+  void visit(const Box& box, const std::function<void(std::uint32_t)>& visit) const {
+    tree_.visit(box, visit);
+  }
+  void visit_pairs(const std::function<bool(std::uint32_t, std::uint32_t)>& visit) const {
+    tree_.visit_pairs(mesh_, visit);
+  }
 
   // Is any point of the surface closer to p than `limit`? Cheaper than nearest(), because it stops at the
   // first.
@@ -116,21 +117,12 @@ class Surface {
   const Box& bounds() const { return bounds_; }
 
  private:
-  struct Node {  // holds the boxes of both children, so that one visit decides on both
-    double low[2][3], high[2][3];
-    std::uint32_t child[2];  // node, or first triangle slot when count > 0
-    std::uint32_t count[2];
-  };
-  class PairWalk;
-  struct Slot {  // a triangle, prepared for distances
+  struct Slot {  // a triangle of the tree's, prepared for distances
     Point a, ab, ac;
-    std::uint32_t triangle;
   };
 
   Nearest signed_nearest_in_hull(const Point& p) const;
   std::optional<int> winding_in_solid(const Point& p) const;
-  static std::uint32_t build(std::vector<Node>& nodes, std::vector<std::uint32_t>& order,
-                             const std::vector<Box>& boxes, std::uint32_t begin, std::uint32_t end);
   void find_normals();
 
   Mesh mesh_;
@@ -140,8 +132,8 @@ class Surface {
   std::shared_ptr<const Surface> solid_;
   Box bounds_;
   std::size_t open_edges_ = 0;
-  std::vector<Node> nodes_;
-  std::vector<Slot> slots_;
+  TriangleTree tree_;
+  std::vector<Slot> slots_;  // as the tree's
   std::vector<Vector> face_normals_, vertex_normals_;
   std::vector<double> slot_standoff_;                 // none, or one for each slot
   std::vector<std::array<double, 2>> node_standoff_;  // the largest below each child of a node

@@ -122,8 +122,8 @@ class Mender {
     for (const DirectedEdge& e : missing) groups_[group_of[root(e.from)]].missing.push_back(e);
   }
 
-  // Rings at the ends of pipes, whose outer wall faces outward and whose inner wall faces inward, or the other
-  // way round where no pipe is so.
+  // Rings at the ends of pipes, whose outer wall faces outward and whose inner wall faces inward, or the
+  // other way round where no pipe is so.
   template <class Root>
   void find_bridges(const std::vector<std::uint32_t>& open, const std::vector<DirectedEdge>& missing,
                     Root&& root) {
@@ -259,7 +259,8 @@ class Mender {
     soup_.points = mesh_.points;
     std::uint32_t unit = 0;
     for (auto& triangles : units_) {
-      if (signed_volume(mesh_, triangles) < 0)
+      inward_.push_back(signed_volume(mesh_, triangles) < 0);
+      if (inward_.back())
         for (const auto t : triangles) std::swap(mesh_.triangles[t][1], mesh_.triangles[t][2]);
       for (const auto t : triangles) add(t, TriangleRole::bounds, unit, kNone);
       unit++;
@@ -319,6 +320,7 @@ class Mender {
       if (cavity[unit_[cut.triangle]])
         for (MeetingPoint& end : cut.ends) end.place = turned[static_cast<std::size_t>(end.place)];
     for (const char c : cavity) out_.steps.cavities += c;
+    for (std::size_t u = 0; u < inward_.size(); u++) inward_[u] = inward_[u] && !cavity[u];
   }
 
   std::optional<Repaired> finish() {
@@ -329,6 +331,7 @@ class Mender {
     if (contacts.too_many) return std::nullopt;
     find_cavities(contacts, *surface_);
     if (out_.steps.cavities > 0) surface_ = std::make_shared<const Surface>(soup_);
+    for (const char c : inward_) out_.steps.turned_pieces += c;
     out_.steps.crossing_pairs = contacts.pairs.size();
     OuterCells cells = outer_cells(*surface_, roles_, contacts);
     out_.mesh = std::move(cells.mesh);
@@ -394,6 +397,7 @@ class Mender {
   std::vector<TriangleRole> roles_;
   std::vector<std::uint32_t> unit_, patch_;  // of each triangle of soup_
   std::size_t count_ = 0;                    // of units
+  std::vector<char> inward_;                 // for each closed unit: it faced inward, and is no cavity
   Repaired out_;
 };
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "padding/meshing/repair.h"
 
+#include <CGAL/Polygon_mesh_processing/connected_components.h>
 #include <CGAL/Polygon_mesh_processing/measure.h>
 #include <CGAL/Polygon_mesh_processing/orient_polygon_soup.h>
 #include <CGAL/Polygon_mesh_processing/orientation.h>
@@ -78,6 +79,24 @@ Repaired as_given(Soup soup, const std::string& name) {
   return out;
 }
 
+// What the triangles that hang together enclose, shell by shell, in a fixed order.
+std::vector<double> shell_volumes(CgalMesh& mesh) {
+  const auto shell = mesh.add_property_map<CgalMesh::Face_index, std::size_t>("f:shell", 0).first;
+  std::vector<Mesh> shells(pmp::connected_components(mesh, shell));
+  for (const auto f : mesh.faces()) {
+    Mesh& m = shells[shell[f]];
+    const auto first = static_cast<std::uint32_t>(m.points.size());
+    for (const auto v : mesh.vertices_around_face(mesh.halfedge(f)))
+      m.points.push_back(from_cgal(mesh.point(v)));
+    m.triangles.push_back({first, first + 1, first + 2});
+  }
+  std::vector<double> volumes;
+  for (const Mesh& m : shells) volumes.push_back(mass_properties(m).volume);
+  return volumes;
+}
+
+std::string cavities_text(std::size_t n) { return "kept " + count_of(n, "inner shell") + " as cavities"; }
+
 // The mesh, if it is closed and meets itself nowhere.
 std::optional<Repaired> closed_solid(Soup soup, std::size_t flat, double diagonal) {
   RepairReport report;
@@ -94,10 +113,24 @@ std::optional<Repaired> closed_solid(Soup soup, std::size_t flat, double diagona
   pmp::stitch_borders(mesh);
   if (!CGAL::is_closed(mesh) || any_contact(Surface(from_cgal(mesh)))) return std::nullopt;
   // Nested shells become cavities. Parts that lie apart all face outward.
-  if (pmp::volume(mesh) < 0) report.add("turned inside out");
+  const bool inside_out = pmp::volume(mesh) < 0;
+  if (inside_out) report.add("turned inside out");
+  const std::vector<double> given = shell_volumes(mesh);
   pmp::orient_to_bound_a_volume(mesh);
   if (!(pmp::volume(mesh) > 1e-12 * std::pow(diagonal, 3))) return std::nullopt;
   Repaired out;
+  const std::vector<double> turned = shell_volumes(mesh);
+  std::size_t outward = 0;  // cavities that face outward in the file
+  for (std::size_t k = 0; k < turned.size(); k++) {
+    if (turned[k] >= 0) continue;
+    out.steps.cavities++;
+    outward += given[k] > 0 != inside_out;
+  }
+  if (out.steps.cavities > 0)
+    report.add(cavities_text(out.steps.cavities) +
+               (outward > 0 ? ", though " + std::to_string(outward) + (outward == 1 ? " faces" : " face") +
+                                  " outward (--repair union fills them)"
+                            : ""));
   out.mesh = from_cgal(mesh), out.report = report.text(), out.checked = true;
   return out;
 }
@@ -115,6 +148,8 @@ std::string words(const Repaired& body, double diagonal) {
   const double area = body.mesh.area();
   if (s.repeated > 0) report.add("dropped " + count_of(s.repeated, "duplicate triangle"));
   if (s.turned > 0) report.add("turned " + count_of(s.turned, "triangle"));
+  if (s.turned_pieces > 0)
+    report.add("turned " + count_of(s.turned_pieces, "closed piece") + " that faced inward");
   if (s.cracks > 0) report.add("closed cracks up to " + percent(s.crack_width / diagonal) + " wide");
   if (!body.patches.empty()) {
     double longest = 0;
@@ -127,7 +162,7 @@ std::string words(const Repaired& body, double diagonal) {
                     ? std::string("made one body of a piece that crosses itself (")
                     : "made one body of " + count_of(s.pieces, "piece") + " that cross or touch (") +
                count_of(s.crossing_pairs, "pair") + " of triangles)");
-  if (s.cavities > 0) report.add("kept " + count_of(s.cavities, "inner shell") + " as cavities");
+  if (s.cavities > 0) report.add(cavities_text(s.cavities));
   if (s.sheet_area > 0) {
     std::string why;
     if (s.sheet_pieces > 0) {
@@ -194,8 +229,11 @@ std::optional<Repaired> piece_repaired(Mesh piece, const Mesh& input, const Repa
   if (volume < 0)
     for (auto& t : piece.triangles) std::swap(t[1], t[2]);
   auto surface = std::make_shared<Surface>(piece);
-  if (any_contact(*surface))
-    return mended(mend_piece(std::move(surface), options), input, options, diagonal, name);
+  if (any_contact(*surface)) {
+    std::optional<Repaired> body = mend_piece(std::move(surface), options);
+    if (body) body->steps.turned_pieces = volume < 0;
+    return mended(std::move(body), input, options, diagonal, name);
+  }
   RepairReport report;
   if (volume < 0) report.add("turned inside out");
   Repaired out;

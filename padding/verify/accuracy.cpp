@@ -7,7 +7,7 @@
 #include <numeric>
 #include <optional>
 
-#include "padding/geometry/sphere_points.h"
+#include "padding/verify/sphere_points.h"
 #include "padding/verify/certify.h"
 
 namespace padder {

@@ -157,22 +157,39 @@ GapBound gap_bound(const Mesh& mesh, const BallSet& balls, double floor, double 
 
 namespace {
 
-// For each cell of a grid the ball that proved a part there last. Of many slivers side by side, each is cut
-// into many parts that the same balls prove.
+// For each cell of a grid the ball that proved a part there last, and the parts that no ball proved. Of many
+// slivers side by side, each is cut into many parts that the same balls prove, or none.
 class LastProofs {
  public:
-  explicit LastProofs(double cell) : cell_(cell), ball_(4096, 0) {}
-  std::uint32_t& at(const Point& x) {
-    std::uint64_t h = 0;
-    for (const double c : x)
-      h = (h ^ static_cast<std::uint64_t>(static_cast<std::int64_t>(std::floor(c / cell_)))) *
-          0x9e3779b97f4a7c15ull;
-    return ball_[h >> 52];
+  explicit LastProofs(double cell) : cell_(cell), ball_(4096, 0), open_(4096, 0) {}
+  std::uint32_t& at(const Point& x) { return ball_[hash(x, cell_, 0) >> 52]; }
+
+  // Was a part of this size at this place, both to a quarter, found open last?
+  bool was_open(const Point& x, double size) const {
+    const std::uint64_t h = hash_of_part(x, size);
+    return open_[h >> 52] == h;
+  }
+  void set_open(const Point& x, double size) {
+    const std::uint64_t h = hash_of_part(x, size);
+    open_[h >> 52] = h;
   }
 
  private:
+  static std::uint64_t hash(const Point& x, double cell, std::uint64_t h) {
+    for (const double c : x)
+      h = (h ^ static_cast<std::uint64_t>(static_cast<std::int64_t>(std::floor(c / cell)))) *
+          0x9e3779b97f4a7c15ull;
+    return h;
+  }
+  static std::uint64_t hash_of_part(const Point& x, double size) {
+    const double step = std::floor(4 * std::log2(size));
+    return hash(x, 0.25 * size_of(step), static_cast<std::uint64_t>(static_cast<std::int64_t>(step)));
+  }
+  static double size_of(double step) { return std::exp2(0.25 * step); }
+
   double cell_;
   std::vector<std::uint32_t> ball_;
+  std::vector<std::uint64_t> open_;
 };
 
 // The balls that can cover any point of a part, for the parts that this one is cut into: asking these few one
@@ -241,6 +258,14 @@ std::vector<GapPart> gap_failures(const Mesh& mesh, const BallSet& balls, double
           tighten(part, balls, hint = proof);
           if (part.bound <= bound) continue;
         }
+        const double size = part.size();
+        // A part like one that stayed open is cut unasked: what a ball proves, it proves of both halves.
+        const bool unasked = size > grain && last.was_open(part.point, size);
+        if (unasked) {
+          const auto halves = bisect(part);
+          stack.push_back(halves[1]), stack.push_back(halves[0]);
+          continue;
+        }
         const BallGap gap = above == nobody ? balls.gap(part.point) : near.gap(part.point);
         part.value = gap.value;
         if (!balls.empty()) tighten(part, balls, hint = gap.ball);
@@ -248,17 +273,17 @@ std::vector<GapPart> gap_failures(const Mesh& mesh, const BallSet& balls, double
           proof = hint;
           continue;
         }
-        if (above == nobody && !balls.empty() && part.size() <= small_enough &&
-            part.size() <= 2 * (balls.balls()[gap.ball].radius + bound)) {
+        if (above == nobody && !balls.empty() && size <= small_enough &&
+            size <= 2 * (balls.balls()[gap.ball].radius + bound)) {
           if (near.take(part))
             above = stack.size();
           else
-            small_enough = 0.25 * part.size();
+            small_enough = 0.25 * size;
         }
         // A part across the border of an uncovered spot has points of both kinds, and its centroid may be
         // covered. Then a corner that is not covered is enough. Splitting until a centroid fails would follow
         // the border all along.
-        const double size = part.size();
+        if (size > grain) last.set_open(part.point, size);
         if (size <= grain)
           for (const Point& p : part.corner) {
             const double value = balls.gap(p).value;

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "padding/geometry/sphere_points.h"
+#include "padding/verify/sphere_points.h"
 
 namespace padder {
 namespace {

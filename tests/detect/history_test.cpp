@@ -178,6 +178,23 @@ TEST_P(HistoryTest, FollowsALongListThroughAnotherOrder) {
   }
 }
 
+// On a GPU contacts have slots that follow from how many there were in the calls before.
+TEST_P(HistoryTest, TheListIsThatOfAPlainCallWhileContactsBecomeFewer) {
+  const bool cuda = GetParam() == BackendKind::cuda;
+  for (const double ratio : {1.0, 8.0}) {
+    TestScene scene = random_scene(cuda ? 180000 : 20000, ratio, 0.6, seed_);
+    Detector plain(DeviceChoice{GetParam()});
+    detector_->options().order = plain.options().order = Order::any;
+    for (int step = 0; step < (cuda ? 40 : 4); step++) {
+      for (Sphere& s : scene.spheres) s.r *= 0.998;
+      const Arranged a(scene, Scalar::f32);
+      SCOPED_TRACE("step " + std::to_string(step) + ", radii 1 to " + std::to_string(ratio));
+      ASSERT_EQ(detector_->detect(a.input).count, plain.detect(a.input).count);
+      ASSERT_EQ(detector_->hash(), plain.hash());
+    }
+  }
+}
+
 // On a GPU the marks of pairs that were found carry the number of the pass in a byte.
 TEST_P(HistoryTest, FollowsThroughMoreCallsThanAMarkCanNumber) {
   TestScene scene = random_scene(3000, 1, 0.6, seed_);

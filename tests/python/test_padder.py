@@ -392,6 +392,21 @@ def test_bad_bodies():
         with pytest.raises(error):
             make()
     assert pairs(detector.detect(bodies=bodies)) == wanted(shapes, poses, np.zeros(36, int), np.zeros(36, bool))
+    for first in (0, 1.01, 1e300, np.inf):  # what is no rotation: a number of the matrix, or all of them
+        for columns in (0, slice(0, 9)):
+            bad = poses.copy()
+            bad[7, columns] = first
+            with pytest.raises(ValueError, match="body 7 "):
+                padder.Bodies(shapes, bad)
+            with pytest.raises(ValueError, match="body 7 "):
+                detector.detect(bodies=bodies, poses=bad)
+    changed = padder.Bodies(shapes, poses)
+    detector.detect(bodies=changed, revision=1)
+    changed.poses[7, :9] = 0
+    for more in ({}, {"revision": 2}, {"revision": 1, "moved": [7]}):
+        with pytest.raises(ValueError, match="body 7 "):
+            detector.detect(bodies=changed, **more)
+    detector.worlds(1, bodies=bodies, poses=poses + np.where(np.arange(12) < 9, 1e-5, 0))  # drifted
     assert len(padder.detect(bodies=padder.Bodies(shapes, poses[:0]), backend="omp")) == 0
     assert len(padder.detect(bodies=padder.Bodies([(c[:0], r[:0])], poses), backend="omp")) == 0
 

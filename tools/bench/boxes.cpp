@@ -301,6 +301,30 @@ void out_of_core_row(const Settings& s, Table& t, const Scene& scene) {
         static_cast<double>(r.copies) / static_cast<double>(r.spheres) - 1, 0);
 }
 
+// The same without a limit: what the driver takes to copy the spheres, and a call that copies them itself.
+// The list stays on the GPU.
+void host_row(const Settings& s, Table& t, const Scene& scene) {
+  const std::size_t bytes = scene.size() * sizeof scene[0];
+  void* device = nullptr;
+  must(cudaMalloc(&device, bytes), "allocate the spheres");
+  const double driver = median_seconds(5, [&] {
+    must(cudaMemcpy(device, scene.data(), bytes, cudaMemcpyHostToDevice), "copy the spheres");
+  });
+  cudaFree(device);
+  say(s, "the driver copies " + std::to_string(bytes) + " bytes in " + number(1e3 * driver, "%.1f") + " ms");
+  detect::Input input;
+  input.spheres = view(scene.data(), scene.size());
+  detect::CallOptions o;
+  o.order = detect::Order::any, o.output = detect::Memory::device;
+  detect::Detector detector(detect::DeviceChoice{detect::BackendKind::cuda}, o);
+  detector.detect(input);
+  const double seconds = median_seconds(9, [&] { detector.detect(input); });
+  const std::uint64_t contacts = detector.detect(input).count, hash = detector.hash();
+  detector = detect::Detector(detect::DeviceChoice{detect::BackendKind::omp});  // gives its memory back
+  t.add("from the host", "cuda", 1, scene.size(), contacts, compare(scene, hash, "the call", true), seconds, 0,
+        0, 0, 0);
+}
+
 // Half of the cube ten times as dense as the rest: at rest, or a front that crosses the cube in `steps`.
 void make_front(const Scene& full, double middle, double width, Scene& some) {
   float edge = 0;
@@ -368,8 +392,11 @@ void gpu_rows(const Settings& s, Table& t) {
   if (s.scene.empty() || s.scene == "bodies")
     for (int devices = 1; devices <= gpus(); devices *= 2)
       body_row(s, t, s.spheres.empty() ? 1000000 : s.spheres[0] / 64, devices);
-  if (s.scene.empty() || s.scene == "host")
-    out_of_core_row(s, t, detect::generate("dense", s.spheres.empty() ? 100000000 : s.spheres[0], false));
+  if (s.scene.empty() || s.scene == "host") {
+    const Scene scene = detect::generate("dense", s.spheres.empty() ? 100000000 : s.spheres[0], false);
+    out_of_core_row(s, t, scene);
+    host_row(s, t, scene);
+  }
   if (!s.scene.empty() && s.scene != "front") return;
   const Scene full = detect::generate("dense", s.spheres.empty() ? 100000000 : s.spheres[0], false);
   for (int devices = 2; devices <= gpus(); devices *= 2)

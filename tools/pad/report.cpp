@@ -102,6 +102,7 @@ Json report_json(const PadFiles& files, const PadOptions& options, const Padded&
             {"crossing_pairs", r.steps.crossing_pairs},
             {"repeated_triangles", r.steps.repeated},
             {"turned_triangles", r.steps.turned},
+            {"turned_pieces", r.steps.turned_pieces},
             {"cavities", r.steps.cavities},
             {"buried_area", r.steps.buried_area},
             {"cracks", r.steps.cracks},

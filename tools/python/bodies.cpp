@@ -70,6 +70,7 @@ std::shared_ptr<Bodies> bodies_of(const py::sequence& shapes, const py::object& 
   out->bodies.resize(static_cast<std::size_t>(p.shape[0]));
   for (std::size_t b = 0; b < out->bodies.size(); b++) {
     const double* from = p.as<double>() + 12 * b;
+    check_rotation(from, b);
     std::copy_n(from, 9, out->bodies[b].rotation), std::copy_n(from + 9, 3, out->bodies[b].position);
   }
   each<std::uint32_t>(shape, "shape", out->bodies, [](detect::Body& b, std::uint32_t v) { b.shape = v; });
@@ -140,6 +141,18 @@ py::array member(const py::object& self, std::size_t offset, py::ssize_t columns
 
 }  // namespace
 
+void check_rotation(const double* rotation, std::size_t body) {
+  for (int i = 0; i < 3; i++)
+    for (int k = i; k < 3; k++) {
+      const double *a = rotation + 3 * i, *b = rotation + 3 * k;
+      if (!(std::abs(a[0] * b[0] + a[1] * b[1] + a[2] * b[2] - (i == k)) < 1e-3))
+        throw py::value_error(
+            "the pose of body " + std::to_string(body) +
+            " does not begin with a rotation: the three rows of its matrix must have length 1 "
+            "and be at right angles");
+    }
+}
+
 void add_bodies(py::module_& m) {
   static_assert(std::is_standard_layout_v<detect::Body> && offsetof(detect::Body, rotation) == 0 &&
                 offsetof(detect::Body, position) == 9 * sizeof(double));
@@ -149,7 +162,7 @@ void add_bodies(py::module_& m) {
            R"(B bodies, each of them a shape at a pose.
 
 shapes: Clusters, or pairs (centers, radii) in the shape's own frame. poses: (B, 12) float64, the rotation matrix row by row
-and then the position. shape: (B,), the index of each body's shape; None: the first shape for all. family, mask: (B,); None:
+and then the position; rows that are not orthonormal to within 1e-3 are refused. shape: (B,), the index of each body's shape; None: the first shape for all. family, mask: (B,); None:
 those of the body's Cluster, or 0 if the shape is given by arrays. is_static: (B,), the bodies that do not move: two static
 bodies are never a contact. world: (B,); None: 0 for all. Only bodies of one world meet, and those of EVERY_WORLD meet all.)")
       .def("with_lod", &with_lod, "lod"_a = "auto", py::kw_only(), "centers"_a = py::none(),

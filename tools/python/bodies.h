@@ -19,4 +19,8 @@ struct Bodies {
   double lod_error = 0;
 };
 
+// Throws ValueError unless the nine numbers, row by row, are an orthonormal matrix to within 1e-3: rounding
+// and drift leave less, and with any other matrix a body is no longer the shape that was padded.
+void check_rotation(const double* rotation, std::size_t body);
+
 }  // namespace padder::python

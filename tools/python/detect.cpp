@@ -19,8 +19,8 @@ namespace {
 // `detector` is protected by Python's global lock.
 struct SharedDetector {
   std::unique_ptr<detect::Detector> detector;
-  std::uint64_t calls = 0;
-  std::size_t lent = 0;  // arrays of the last call that Python still uses
+  std::uint64_t calls = 0, revision = 0;  // of the last call; 0 if it threw
+  std::size_t lent = 0;                   // arrays of the last call that Python still uses
   bool busy = false;
 };
 
@@ -209,6 +209,20 @@ void add_poses(Request& in, const py::object& poses, const py::object& moved) {
   if (in.input.spheres.count == 0) in.memory = p.memory;
 }
 
+// Checks the rotations that the call reads; those in device memory are not looked at. `again`: the revision
+// is that of the previous call.
+void check_rotations(const Request& in, bool again) {
+  const detect::Input& input = in.input;
+  if (input.pose_memory != detect::Memory::host) return;
+  if (again && !input.poses) {
+    for (const std::uint32_t b : input.moved) check_rotation(input.bodies[b].rotation, b);
+    return;
+  }
+  for (std::size_t b = 0; b < input.bodies.size(); b++)
+    if (!again || !input.bodies[b].is_static)
+      check_rotation(input.poses ? input.poses[b].rotation : input.bodies[b].rotation, b);
+}
+
 // Does the input contain numbers that are not finite or negative radii? Asked only after the detector has
 // refused the call, to choose the type of Python's error.
 bool numbers_at_fault(const Request& in) {
@@ -303,7 +317,8 @@ class PyDetector {
           "arrays of the last contacts are still in use, and the detector would overwrite them: copy what "
           "you want "
           "to keep and delete the arrays before the next call");
-    shared_->calls++, shared_->busy = true;
+    check_rotations(in, in.input.revision != 0 && in.input.revision == shared_->revision);
+    shared_->calls++, shared_->busy = true, shared_->revision = 0;
     struct Done {
       SharedDetector& shared;
       ~Done() { shared.busy = false; }
@@ -313,6 +328,7 @@ class PyDetector {
     try {
       const py::gil_scoped_release release;
       work(*shared_->detector, in);
+      shared_->revision = in.input.revision;
     } catch (const Error& e) {
       if (numbers_at_fault(in)) throw py::value_error(e.what());
       throw;
@@ -344,7 +360,8 @@ namespace {
 constexpr const char* kRevisionSaid =
     R"(revision: a number other than 0 that names a version of the bodies and the static spheres. If it is that of the previous
 call, only the poses of the bodies that `moved` lists, (M,) numbers, are read again. Give a new one if anything else changes.
-poses: (B, 12) float64, the poses of all bodies, instead of those in `bodies`; on the host or on the device.
+poses: (B, 12) float64, the poses of all bodies, instead of those in `bodies`; on the host or on the device. What is no rotation
+is refused on the host and taken as it is on the device.
 )";
 const std::string worlds_said =
     R"(For each of the worlds 0 to `count` - 1, an answer about the contacts that detect() would list, without a list.

@@ -9,6 +9,7 @@
 #include "detect/boxes/numbered_hash.h"
 #include "detect/cuda/device/blocks.h"
 #include "detect/cuda/device/device.h"
+#include "detect/cuda/input/host_copy.h"
 
 namespace padder::detect::cuda {
 namespace {
@@ -343,15 +344,25 @@ std::uint64_t hash_of_numbered_pairs(const Pair* pairs, std::uint64_t count, con
 
 namespace padder::detect {
 
-std::uint64_t hash_of_numbered_pairs(int device, const Pair* pairs, std::uint64_t count,
-                                     std::span<const std::uint64_t> ids) {
+struct NumberedHash::Memory {
+  cuda::MemoryBook book;
+  cuda::HostCopy host;
+  cuda::Buffer<std::uint64_t> numbers{book, "the numbers of the spheres"};
+  cuda::Buffer<unsigned long long> sum{book, "the hash"};
+};
+
+NumberedHash::NumberedHash() = default;
+NumberedHash::~NumberedHash() = default;
+void NumberedHash::release() { memory_.reset(); }
+
+std::uint64_t NumberedHash::of(int device, const Pair* pairs, std::uint64_t count,
+                               std::span<const std::uint64_t> ids) {
   const cuda::OnDevice on(device);
   on.require();
-  cuda::MemoryBook book;
-  cuda::Buffer<std::uint64_t> numbers(book, "the numbers of the spheres");
-  cuda::Buffer<unsigned long long> sum(book, "the hash");
-  return cuda::hash_of_numbered_pairs(pairs, count, cuda::copied(numbers, ids.data(), ids.size(), nullptr),
-                                      sum, nullptr);
+  if (!memory_) memory_ = std::make_unique<Memory>();
+  std::uint64_t* numbers = memory_->numbers.reserve(ids.size());
+  memory_->host.run(numbers, ids.data(), ids.size_bytes(), "number the contacts", nullptr);
+  return cuda::hash_of_numbered_pairs(pairs, count, numbers, memory_->sum, nullptr);
 }
 
 }  // namespace padder::detect

@@ -33,9 +33,7 @@ Spheres Upload::run(const Spheres& s, cudaStream_t stream) {
                       at_mask = place(s.mask ? 4 * s.count : 0), at_static = place(s.is_static ? s.count : 0);
   char* const to = bytes_.reserve(size);
   const auto copy = [&](std::uint64_t at, const void* from, std::uint64_t bytes) {
-    if (from)
-      cuda_check(cudaMemcpyAsync(to + at, from, bytes, cudaMemcpyHostToDevice, stream),
-                 "copy spheres to the GPU");
+    if (from) host_.run(to + at, from, bytes, "copy spheres to the GPU", stream);
   };
   copy(at_centers, c, together ? centers + real : centers);
   if (!together) copy(at_radii, r, radii);

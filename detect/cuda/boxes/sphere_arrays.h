@@ -5,6 +5,7 @@
 
 #include "detect/cuda/boxes/deal.h"
 #include "detect/cuda/device/device.h"
+#include "detect/cuda/input/host_copy.h"
 #include "detect/detector.h"
 
 namespace padder::detect::cuda {
@@ -70,6 +71,7 @@ class Upload {
 
  private:
   Buffer<char> bytes_;
+  HostCopy host_;
 };
 
 // Lets a GPU read the other's memory, where the machine can.

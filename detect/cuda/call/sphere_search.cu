@@ -53,10 +53,11 @@ Counters expected_next(const Counters& before, const Counters& now) {
   return next;
 }
 
-// In any order a quota of the call before may stay, as long as not many more contacts spill.
+// In any order a quota of the call before may stay, as long as not many more contacts spill. It must not be
+// larger than the best one: slots would stay empty, and the list would have gaps.
 bool serves(const SlotQuota& quota, const SlotQuota& best) {
-  const auto near = [](double a, double b) { return std::abs(a - b) <= 0.1 * b; };
-  return near(quota.tile, best.tile) && near(quota.unit, best.unit);
+  const auto near_below = [](double a, double b) { return 0.9 * b <= a && a <= b; };
+  return near_below(quota.tile, best.tile) && near_below(quota.unit, best.unit);
 }
 
 void check(const DeviceSpheres& source, const Summary& s, const Call& call) {

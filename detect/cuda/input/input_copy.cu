@@ -68,7 +68,7 @@ void InputCopy::copy_loose(const Spheres& spheres, DeviceSpheres& s, cudaStream_
   if (spheres.memory == Memory::host) {
     const auto copy = [&](auto& buffer, const void* from, std::uint64_t bytes) {
       auto* to = buffer.reserve(bytes / sizeof(*buffer.data()) + 1);
-      cuda_check(cudaMemcpyAsync(to, from, bytes, cudaMemcpyHostToDevice, stream), "copy the spheres");
+      host_.run(to, from, bytes, "copy the spheres", stream);
       return to;
     };
     unsigned char* to = copy(centers_, spheres.centers, woven ? n * 4 * scalar : center_bytes);
@@ -99,8 +99,7 @@ void InputCopy::copy_bodies(const Input& input, DeviceSpheres& s, cudaStream_t s
   std::uint32_t *body_of = body_of_.reserve(spheres), *body_first = body_first_.reserve(first.size()),
                 *shapes_first = shape_first_.reserve(shape_first.size());
   const auto copy = [&](void* to, const void* from, std::uint64_t bytes) {
-    if (bytes)
-      cuda_check(cudaMemcpyAsync(to, from, bytes, cudaMemcpyHostToDevice, stream), "copy the bodies");
+    host_.run(to, from, bytes, "copy the bodies", stream);
   };
   for (std::size_t k = 0; k < input.shapes.size(); k++)
     copy(shapes + shape_first[k], input.shapes[k].spheres, input.shapes[k].count * sizeof(Sphere));

@@ -4,6 +4,7 @@
 #include "detect/core/backend.h"
 #include "detect/cuda/device/memory.h"
 #include "detect/cuda/input/device_spheres.h"
+#include "detect/cuda/input/host_copy.h"
 
 namespace padder::detect::cuda {
 
@@ -18,6 +19,7 @@ class InputCopy {
   void copy_loose(const Spheres& spheres, DeviceSpheres& source, cudaStream_t stream);
   void copy_bodies(const Input& input, DeviceSpheres& source, cudaStream_t stream);
 
+  HostCopy host_;
   Buffer<unsigned char> centers_, radii_, static_;
   Buffer<std::uint32_t> family_, mask_, world_, body_of_, body_first_, shape_first_;
   Buffer<Body> bodies_;

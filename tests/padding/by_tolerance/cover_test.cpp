@@ -216,33 +216,5 @@ TEST(Cover, RefusesWhatCannotBeCovered) {
   EXPECT_THROW(cover_surface(Surface(shapes::sphere(1)), {}), Error);
 }
 
-TEST(ThinBalls, KeepsWhatTheBallsCoverWithFewer) {
-  const Surface surface(unit(shapes::torus(1, 0.3, 28, 14)));
-  std::vector<Ball> balls;
-  Random random(4);
-  const Mesh& mesh = surface.mesh();
-  for (std::size_t t = 0; t < mesh.triangles.size(); t++) {
-    if (mesh.corner(t, 0).z() < -0.05) continue;  // the underside stays open
-    const Point p = (mesh.corner(t, 0) + mesh.corner(t, 1) + mesh.corner(t, 2)) / 3;
-    balls.push_back({p, 0.03 + 0.03 * random.uniform()});
-  }
-  const double gap = 0.03;
-  const std::vector<std::uint32_t> kept = thin_balls(surface, balls, gap);
-  EXPECT_LT(kept.size(), balls.size() / 3);
-  std::vector<Ball> thin;
-  for (auto k : kept) thin.push_back(balls[k]);
-  const BallSet all(balls), few(thin);
-  for (int k = 0; k < 50000; k++) {
-    const std::size_t t = random.below(mesh.triangles.size());
-    double a = random.uniform(), b = random.uniform();
-    if (a + b > 1) a = 1 - a, b = 1 - b;
-    const Point x = mesh.corner(t, 0) + a * (mesh.corner(t, 1) - mesh.corner(t, 0)) +
-                    b * (mesh.corner(t, 2) - mesh.corner(t, 0));
-    if (all.gap(x).value < 0.99 * gap) {
-      EXPECT_LE(few.gap(x).value, gap * 1.01);
-    }
-  }
-}
-
 }  // namespace
 }  // namespace padder

@@ -2,9 +2,7 @@
 #include "padding/geometry/surface.h"
 
 #include <gtest/gtest.h>
-#include <omp.h>
 
-#include <mutex>
 #include <numbers>
 #include <set>
 #include <thread>
@@ -338,49 +336,6 @@ TEST(Surface, WindingNumberOfALatticeOnTheMeshsOwnCoordinates) {
         else
           EXPECT_FALSE(winding) << x << y << z;  // on the surface
       }
-}
-
-// Triangles of all sizes, and some on a grid, whose boxes touch without a rounding error to spare.
-TEST(Surface, PairsAreThoseWhoseBoxesTouch) {
-  for (std::uint64_t seed = 1; seed <= 12; seed++) {
-    RandomInput random(seed);
-    Mesh mesh;
-    const std::size_t n = seed <= 6 ? seed - 1 : 40 * seed;
-    for (std::size_t t = 0; t < n; t++) {
-      const Point place = random.point(4);
-      const double size = std::pow(10, random.uniform(-3, 0.5));
-      for (int k = 0; k < 3; k++) {
-        Point p = place + random.point(size);
-        if (t % 3 == 0) p = p.array().round();
-        mesh.points.push_back(p);
-      }
-      const auto first = static_cast<std::uint32_t>(3 * t);
-      mesh.triangles.push_back({first, first + 1, first + 2});
-    }
-    const auto box = [&](std::uint32_t t) {
-      Box b;
-      for (int k = 0; k < 3; k++) b.add(mesh.corner(t, k));
-      return b;
-    };
-    std::set<std::array<std::uint32_t, 2>> expected, found;
-    for (std::uint32_t s = 0; s < n; s++)
-      for (std::uint32_t t = s + 1; t < n; t++)
-        if ((box(s).low.array() <= box(t).high.array()).all() &&
-            (box(t).low.array() <= box(s).high.array()).all())
-          expected.insert({s, t});
-    std::mutex mutex;
-    const Surface surface(mesh);
-    surface.visit_pairs([&](auto s, auto t) {
-      const std::lock_guard lock(mutex);
-      EXPECT_TRUE(found.insert({s, t}).second) << "seed " << seed << " twice: " << s << " and " << t;
-      return false;
-    });
-    EXPECT_EQ(found, expected) << "seed " << seed;
-    std::atomic<std::size_t> calls = 0;
-    surface.visit_pairs([&](auto, auto) { return ++calls > 0; });
-    EXPECT_LE(calls, 16u * static_cast<std::size_t>(omp_get_max_threads()));  // those of a pair of leaves
-    EXPECT_EQ(calls > 0, !expected.empty());
-  }
 }
 
 TEST(Surface, OnlyAClosedSurfaceHasAWindingNumber) {

@@ -9,6 +9,7 @@
 #include <functional>
 
 #include "padding/by_tolerance/cull.h"
+#include "padding/meshing/repair.h"
 #include "padding/verify/certify.h"
 #include "tests/padding/random_input.h"
 
@@ -116,7 +117,8 @@ TEST(Mend, ACubeInACubeIsACavityWhicheverWayItFaces) {
 TEST(Mend, ACavityThatCrossesItself) {
   Mesh tie;
   for (const double z : {0.3, 0.7})
-    for (const Point& p : {Point(0.25, 0.4, z), Point(0.75, 0.7, z), Point(0.75, 0.4, z), Point(0.25, 0.6, z)})
+    for (const Point& p :
+         {Point(0.25, 0.4, z), Point(0.75, 0.7, z), Point(0.75, 0.4, z), Point(0.25, 0.6, z)})
       tie.points.push_back(p);
   tie.triangles = {{0, 2, 1}, {0, 3, 2}, {4, 5, 6}, {4, 6, 7}};
   for (std::uint32_t k = 0; k < 4; k++) {
@@ -141,6 +143,17 @@ TEST(Mend, ACubeInACavityIsSolidAndRepeatedPiecesCountOnce) {
   // The same place with another triangulation.
   EXPECT_NEAR(volume(mended(joined(kCube, shapes::box({0, 0, 0}, {1, 1, 1}, 3)))), 1, 1e-12);
   EXPECT_NEAR(volume(mended(joined(kCube, turned_over(shapes::box({0, 0, 0}, {1, 1, 1}, 3))))), 1, 1e-12);
+}
+
+TEST(Mend, APieceThatFacesInwardIsTurnedUnlessItIsACavity) {
+  const Mesh post = shapes::box({0.4, 0.4, -0.5}, {0.6, 0.6, 1.5}),
+             core = shapes::box({0.1, 0.1, 0.1}, {0.3, 0.3, 0.3});
+  const Repaired r = mended(joined(joined(kCube, turned_over(post)), turned_over(core)));
+  EXPECT_EQ(r.steps.turned_pieces, 1u);
+  EXPECT_EQ(r.steps.cavities, 1u);
+  EXPECT_NEAR(volume(r), 1 + 2 * 0.5 * 0.04 - 0.008, 1e-12);
+  const Repaired all = repair(turned_over(joined(kCube, post)), {}, "inside out");
+  EXPECT_NE(all.report.find("turned 2 closed pieces that faced inward"), std::string::npos) << all.report;
 }
 
 TEST(Mend, RandomBoxesBecomeTheirUnion) {

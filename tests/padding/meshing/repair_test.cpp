@@ -39,6 +39,21 @@ TEST(Repair, ACleanSolidIsLeftAlone) {
   EXPECT_NEAR(volume(r), 1, 1e-12);
 }
 
+TEST(Repair, NestedShellsAreCavitiesAndTheReportSaysSo) {
+  const Mesh inner = shapes::box({0.25, 0.25, 0.25}, {0.75, 0.75, 0.75});
+  const Mesh hollow = shapes::joined(kCube, shapes::turned_over(inner)),
+             nested = shapes::joined(kCube, inner);
+  for (const Mesh& mesh : {hollow, shapes::turned_over(hollow), nested, shapes::turned_over(nested)}) {
+    const Repaired r = repair(mesh, {}, "nested");
+    EXPECT_NEAR(volume(r), 0.875, 1e-12);
+    EXPECT_EQ(r.steps.cavities, 1u);
+    EXPECT_NE(r.report.find("kept 1 inner shell as cavities"), std::string::npos) << r.report;
+  }
+  EXPECT_EQ(repair(hollow, {}, "hollow").report.find("outward"), std::string::npos);
+  EXPECT_EQ(repair(shapes::turned_over(hollow), {}, "hollow").report.find("outward"), std::string::npos);
+  EXPECT_NE(repair(nested, {}, "nested").report.find("though 1 faces outward"), std::string::npos);
+}
+
 TEST(Repair, SoupShuffledDuplicatedAndInsideOut) {
   shapes::RandomInput random(3);
   Mesh soup = soup_of(shapes::turned_over(kCube));

@@ -80,8 +80,10 @@ Json in_child(const std::function<Json()>& work) {
   const pid_t child = ::fork();
   if (child < 0) throw Error(std::string("no process: ") + std::strerror(errno));
   if (child == 0) {
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)  // sanitizers reserve terabytes
     const rlimit memory = {kMemory, kMemory};
     ::setrlimit(RLIMIT_DATA, &memory);
+#endif
     ::alarm(static_cast<unsigned>(kSeconds));
     std::string text;
     try {

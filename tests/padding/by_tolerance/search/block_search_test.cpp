@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "padding/by_tolerance/block_search.h"
+#include "padding/by_tolerance/search/block_search.h"
 
 #include <gtest/gtest.h>
 #include <omp.h>

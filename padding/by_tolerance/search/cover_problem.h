@@ -6,8 +6,8 @@
 #include <memory>
 #include <vector>
 
-#include "padding/by_tolerance/samples.h"
-#include "padding/by_tolerance/set_cover.h"
+#include "padding/by_tolerance/search/samples.h"
+#include "padding/by_tolerance/search/set_cover.h"
 #include "padding/geometry/balls.h"
 #include "padding/geometry/point_tree.h"
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "padding/by_tolerance/set_cover.h"
+#include "padding/by_tolerance/search/set_cover.h"
 
 #include <algorithm>
 #include <numeric>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "padding/by_tolerance/samples.h"
+#include "padding/by_tolerance/search/samples.h"
 
 #include <gtest/gtest.h>
 

@@ -2,7 +2,7 @@
 // Local search over a large cover, block by block: a block fits into the cache, and blocks run in parallel.
 #pragma once
 #include "padding/asset/mesh.h"
-#include "padding/by_tolerance/set_cover.h"
+#include "padding/by_tolerance/search/set_cover.h"
 
 namespace padder {
 

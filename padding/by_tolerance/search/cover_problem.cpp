@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "padding/by_tolerance/cover_problem.h"
+#include "padding/by_tolerance/search/cover_problem.h"
 
 #include <cmath>
 

@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: MIT
+// A cover that is being looked for.
+#pragma once
+#include <cstdint>
+#include <vector>
+
+#include "padding/by_tolerance/search/cover_problem.h"
+#include "padding/by_tolerance/search/grow.h"
+
+namespace padder {
+
+// The points to cover, the balls to choose from, and those that are chosen.
+struct Attempt {
+  CoverProblem problem;
+  std::vector<std::uint32_t> chosen;  // indices of candidates
+  std::uint64_t seed;                 // of all random numbers from here on
+
+  std::vector<Candidate> chosen_candidates() const;
+  std::vector<Ball> balls() const;
+
+  // Chooses the fewest candidates, beginning with those that are chosen. `steps` counts exchanges of the
+  // local search for each ball; with 0 balls are only added where a point is open, and dropped where none
+  // needs them.
+  void solve(double steps);
+
+  // Makes the next problem: what was tried, or the chosen balls alone where that is too much, and new balls
+  // at so many places around each chosen one.
+  void try_places(const BallGrower& grower, int places);
+};
+
+}  // namespace padder

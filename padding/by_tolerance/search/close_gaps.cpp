@@ -1,0 +1,79 @@
+// SPDX-License-Identifier: MIT
+#include "padding/by_tolerance/search/close_gaps.h"
+
+#include <algorithm>
+#include <numeric>
+
+#include "padding/by_tolerance/search/centre.h"
+#include "padding/by_tolerance/search/open_pieces.h"
+#include "padding/geometry/point_tree.h"
+
+namespace padder {
+namespace {
+
+constexpr int centred_rounds = 40, most_rounds = 100;
+constexpr double decay = 0.85;    // each round searches less than the one before
+constexpr double spacing = 0.25;  // of the spots: share of the tolerance sum
+constexpr double margin = 0.003;  // of their points: share of the tolerance sum
+
+// Adds the worst failures as points to cover, each with a ball of its own that covers it. Returns false if
+// the radius limits allow no such ball.
+bool refine(CoverProblem& problem, const BallGrower& grower, const std::vector<GapPart>& failures,
+            CoverProblem* also) {
+  const double tolerance_sum = grower.limits().tolerance_sum;
+  std::vector<std::uint32_t> order(failures.size());
+  std::iota(order.begin(), order.end(), 0u);
+  std::stable_sort(order.begin(), order.end(),
+                   [&](auto a, auto b) { return failures[a].value > failures[b].value; });
+  std::vector<Point> points;
+  for (const GapPart& part : failures) points.push_back(part.point);
+  const PointTree tree(points);
+  std::vector<char> gone(failures.size());
+  std::vector<std::uint32_t> near, taken;
+  for (auto k : order) {
+    if (gone[k]) continue;
+    taken.push_back(k);
+    near.clear();
+    tree.find(points[k], spacing * tolerance_sum, near);
+    for (auto other : near) gone[other] = 1;
+  }
+  std::vector<Ball> medials(taken.size());
+#pragma omp parallel for schedule(dynamic, 16) if (taken.size() > 32)
+  for (std::size_t k = 0; k < taken.size(); k++)
+    medials[k] = grower.medial(points[taken[k]], failures[taken[k]].triangle);
+  std::vector<CoverPoint> fresh;
+  std::vector<Candidate> candidates;
+  for (std::size_t k = 0; k < taken.size(); k++) {
+    const std::size_t before = candidates.size();
+    grower.propose(points[taken[k]], failures[taken[k]].triangle, medials[k], candidates);
+    // A ball must cover the spot with room to spare, or what is around it fails in the next round.
+    if (candidates.size() > before) fresh.push_back({points[taken[k]], margin * tolerance_sum});
+  }
+  problem.add(fresh, candidates);
+  if (also) also->add(fresh, candidates);
+  return !fresh.empty();
+}
+
+}  // namespace
+
+bool close_gaps(Attempt& attempt, const BallGrower& grower, double steps, int places, Watch& watch,
+                CoverProblem* also) {
+  OpenPieces open(grower.surface().mesh(), grower.limits().gap);
+  // About ten rounds are enough, except beside surface that a radius limit leaves open: the cap is for
+  // that.
+  for (int round = 0;; round++, steps *= decay) {
+    const std::vector<GapPart> failures =
+        open.failures(attempt.balls(), spacing * grower.limits().tolerance_sum);
+    if (failures.empty()) return true;
+    const bool search = round < kSearchedRounds;
+    if (search) watch.tick();
+    watch.check();
+    if (search && places > 0) attempt.try_places(grower, places);
+    if (round == most_rounds || !refine(attempt.problem, grower, failures, also)) return false;
+    const bool centring = places > 0 && round < centred_rounds;
+    if (const std::size_t left = centring ? centre(attempt, grower, search) : 1; search || left > 0)
+      attempt.solve(search ? steps : 0);
+  }
+}
+
+}  // namespace padder

@@ -1,0 +1,21 @@
+// SPDX-License-Identifier: MIT
+// From a cover of points to one of the whole surface, with the proof.
+#pragma once
+#include "padding/by_tolerance/search/attempt.h"
+#include "padding/by_tolerance/watch.h"
+
+namespace padder {
+
+// Balls are added and moved in at most so many rounds, each of which is a step of the watch. Further rounds
+// only move balls over the spots that are left, and add one where that fails; the last only add, so that they
+// end.
+inline constexpr int kSearchedRounds = 10;
+
+// Makes the spots that the certificate finds points to cover, until it finds none. Returns false if the
+// radius limits leave some. In the first round, the search makes `steps` exchanges for each ball and tries so
+// many places around each; with 0 balls are only added. `also`, if there is one, gets the same points and
+// balls.
+bool close_gaps(Attempt& attempt, const BallGrower& grower, double steps, int places, Watch& watch,
+                CoverProblem* also);
+
+}  // namespace padder

@@ -1,0 +1,92 @@
+// SPDX-License-Identifier: MIT
+// A bounding-volume hierarchy over the triangles of a mesh: which of them are near a point, in a box, or near
+// each other. Surface asks it; whoever asks for distances or sides asks Surface.
+#pragma once
+#include <algorithm>
+#include <cstdint>
+#include <functional>
+#include <vector>
+
+#include "padding/asset/mesh.h"
+
+namespace padder {
+
+// Built by the binned surface-area heuristic (Wald, On fast construction of SAH-based bounding volume
+// hierarchies, 2007) in O(n log n) on all threads, and the same for any number of them. It keeps no reference
+// to the mesh, and does not change after construction.
+class TriangleTree {
+ public:
+  // Holds the boxes of both children, so that one visit decides on both.
+  struct Node {
+    double low[2][3], high[2][3];
+    std::uint32_t child[2];  // node, or first slot when count > 0; a child stands behind its parent
+    std::uint32_t count[2];
+
+    // A mesh of one leaf has a root whose second child is empty.
+    bool empty(int side) const { return low[side][0] > high[side][0]; }
+  };
+  static constexpr int kStackSize = 128;  // no walk that goes down one child at a time needs more
+
+  explicit TriangleTree(const Mesh& mesh);
+
+  const std::vector<Node>& nodes() const { return nodes_; }  // the root first; none for a mesh of none
+  // The triangle in each slot. Those of a leaf stand side by side.
+  const std::vector<std::uint32_t>& triangles() const { return triangles_; }
+
+  // Calls visit(slot) for those in leaves closer to p than the root of `limit2`, nearest first. `visit` may
+  // shrink `limit2`, and returns true to stop.
+  template <class Visit>
+  void visit_near(const Point& p, double& limit2, Visit&& visit) const;
+
+  // Calls visit(t) for each triangle near the box, among them all whose own boxes touch it.
+  void visit(const Box& box, const std::function<void(std::uint32_t)>& visit) const;
+
+  // Calls visit(s, t) once for each two triangles whose own boxes touch, s < t, in no order and from all
+  // threads. When it returns true, the walk ends early. `mesh` is that of the tree, which is walked against
+  // itself: neighbours are found together, so this costs a fifth of asking for each triangle.
+  void visit_pairs(const Mesh& mesh, const std::function<bool(std::uint32_t, std::uint32_t)>& visit) const;
+
+  // Squared; 0 inside of the box.
+  static double box_distance2(const double* low, const double* high, const Point& p) {
+    double sum = 0;
+    for (int k = 0; k < 3; k++) {
+      const double d = std::max({low[k] - p[k], 0.0, p[k] - high[k]});
+      sum += d * d;
+    }
+    return sum;
+  }
+
+ private:
+  std::vector<Node> nodes_;
+  std::vector<std::uint32_t> triangles_;
+};
+
+template <class Visit>
+void TriangleTree::visit_near(const Point& p, double& limit2, Visit&& visit) const {
+  if (nodes_.empty()) return;
+  struct Entry {
+    double distance2;
+    std::uint32_t child, count;
+  };
+  Entry stack[kStackSize];
+  int top = 0;
+  stack[top++] = {0, 0, 0};
+  while (top > 0) {
+    const Entry entry = stack[--top];
+    if (entry.distance2 >= limit2) continue;
+    if (entry.count > 0) {
+      for (std::uint32_t k = 0; k < entry.count; k++)
+        if (visit(entry.child + k)) return;
+      continue;
+    }
+    const Node& node = nodes_[entry.child];
+    const double d0 = box_distance2(node.low[0], node.high[0], p),
+                 d1 = box_distance2(node.low[1], node.high[1], p);
+    const int near = d1 < d0;
+    const double near2 = near ? d1 : d0, far2 = near ? d0 : d1;
+    if (far2 < limit2) stack[top++] = {far2, node.child[1 - near], node.count[1 - near]};
+    if (near2 < limit2) stack[top++] = {near2, node.child[near], node.count[near]};
+  }
+}
+
+}  // namespace padder
