@@ -13,8 +13,8 @@
 #include "padding/by_depth/refit.h"
 #include "padding/by_tolerance/lower_bound.h"
 #include "padding/by_tolerance/thin_balls.h"
-#include "padding/geometry/count_of.h"
 #include "padding/geometry/unit_frame.h"
+#include "padding/meshing/pieces.h"
 #include "padding/verify/accuracy.h"
 
 namespace padder {

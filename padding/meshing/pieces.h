@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "padding/asset/mesh.h"
@@ -36,6 +37,11 @@ Pieces find_pieces(const Mesh& soup);
 // each edge and each point has one round of triangles. Otherwise nothing: as when triangles repeat or name a
 // point twice.
 std::optional<Mesh> one_closed_piece(const Mesh& soup);
+
+// A count in a sentence: "1 hole", "3 holes".
+inline std::string count_of(std::size_t n, const std::string& one) {
+  return std::to_string(n) + " " + one + (n == 1 ? "" : "s");
+}
 
 // The root of k in a forest of joined indices (union-find), in which a root is its own parent. Shortens the
 // way for later calls.

@@ -16,7 +16,6 @@
 #include <optional>
 
 #include "padding/asset/error.h"
-#include "padding/geometry/count_of.h"
 #include "padding/meshing/cgal_mesh.h"
 #include "padding/meshing/contacts.h"
 #include "padding/meshing/mend.h"
