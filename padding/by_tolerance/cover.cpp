@@ -14,7 +14,7 @@ namespace padder {
 namespace {
 
 // The share of a tolerance that is kept back, so that scaling to another unit does not break the proof.
-constexpr double rounding = 1e-9;
+constexpr double kept_back = 1e-9;
 
 // What one stage of the search does. Each effort above 0 adds a stage, which begins with the cover of the one
 // before, so that a higher effort never gives more balls.
@@ -30,7 +30,7 @@ struct Stage {
 constexpr std::array stages = {Stage{3, 2, 50, 0.15}, Stage{4, 3, 100, 0.1}, Stage{6, 4, 200, 0.1}};
 constexpr double greedy_margin = 0.3;
 
-constexpr int places = 16;  // tried around each ball
+constexpr int move_places = 16;  // tried around each ball
 constexpr int merge_moves = 2;
 // What the first round of close_gaps() does: share of the stage's steps, and places tried around each ball.
 constexpr double closing_share = 0.5;
@@ -84,9 +84,9 @@ class CoverSearch {
   static BallLimits limits_of(const Surface& surface, const CoverOptions& options) {
     const double sum = options.protrusion + options.gap;
     BallLimits limits;
-    limits.tolerance_sum = sum * (1 - 2 * rounding);
-    limits.protrusion = std::min(options.protrusion, options.max_radius) - rounding * sum;
-    limits.gap = options.gap - rounding * sum;
+    limits.tolerance_sum = sum * (1 - 2 * kept_back);
+    limits.protrusion = std::min(options.protrusion, options.max_radius) - kept_back * sum;
+    limits.gap = options.gap - kept_back * sum;
     limits.min_radius = options.min_radius;
     limits.largest_inner_distance =
         std::min(options.max_radius - limits.protrusion, surface.bounds().diagonal());
@@ -121,7 +121,7 @@ class CoverSearch {
       Attempt attempt = common;
       attempt.seed = seed + ((start + 1) << 48);
       for (int k = 0; k <= stage.moves && !watch_.stopped(); k++) {
-        if (k > 0) attempt.try_places(grower_, places);
+        if (k > 0) attempt.try_places(grower_, move_places);
         attempt.solve(stage.steps);
         watch_.tick();
       }
@@ -147,7 +147,7 @@ class CoverSearch {
     pool.insert(pool.end(), known.begin(), known.end());
     attempt.problem.add(with_margin(samples.fine, stage.margin), pool);
     for (int k = 0; k <= merge_moves; k++) {
-      if (k > 0) attempt.try_places(grower_, places);
+      if (k > 0) attempt.try_places(grower_, move_places);
       attempt.solve(stage.steps);
       step();
     }
@@ -191,7 +191,7 @@ class CoverSearch {
     cover.balls = attempt.balls(), cover.covered = covered;
     if (covered) {
       const ProtrusionBound bound = protrusion_bound(surface_, cover.balls);
-      cover.proved = bound.proved && bound.max <= limits_.protrusion + rounding * limits_.tolerance_sum;
+      cover.proved = bound.proved && bound.max <= limits_.protrusion + kept_back * limits_.tolerance_sum;
     }
     for (const Candidate& c : attempt.chosen_candidates()) cover.triangle.push_back(c.triangle);
     return cover;

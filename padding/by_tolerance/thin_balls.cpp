@@ -12,15 +12,16 @@
 namespace padder {
 namespace {
 
-constexpr double margin = 0.5;  // share of a point's own: there are no new balls to mend what the points miss
+// Share of a point's own margin: there are no new balls to mend what the points miss.
+constexpr double thinning_margin = 0.5;
 constexpr std::array<double, 3> exchanges = {100, 200, 400};  // for each ball; of efforts 1 to 3
-constexpr double rounding = 1e-9;                             // share of the gap that is kept back for it
+constexpr double gap_kept_back = 1e-9;                        // share of the gap that is kept back for it
 
 }  // namespace
 
 std::vector<std::uint32_t> thin_balls(const Surface& surface, const std::vector<Ball>& balls, double gap,
                                       int effort) {
-  const double bound = gap * (1 - rounding);
+  const double bound = gap * (1 - gap_kept_back);
   const double steps = effort > 0 ? exchanges[static_cast<std::size_t>(std::min(effort, 3) - 1)] : 0;
   std::vector<Candidate> candidates(balls.size());
 #pragma omp parallel for schedule(dynamic, 64)
@@ -33,7 +34,7 @@ std::vector<std::uint32_t> thin_balls(const Surface& surface, const std::vector<
   sampling.largest = 0;
   for (const Candidate& c : candidates) sampling.largest = std::max(sampling.largest, c.inner_distance);
   Samples samples = sample_surface(surface, sampling);
-  for (CoverPoint& point : samples.fine) point.margin *= margin;
+  for (CoverPoint& point : samples.fine) point.margin *= thinning_margin;
   CoverProblem problem(bound);
   problem.add(samples.fine, candidates);
 
@@ -56,7 +57,7 @@ std::vector<std::uint32_t> thin_balls(const Surface& surface, const std::vector<
     // point that fails. Such a spot is skipped.
     std::vector<CoverPoint> points;
     for (const GapPart& part : gap_failures(surface.mesh(), BallSet(kept), bound, 0.1 * gap))
-      if (part.value > bound && all.gap(part.point).value <= bound * (1 - rounding))
+      if (part.value > bound && all.gap(part.point).value <= bound * (1 - gap_kept_back))
         points.push_back({part.point, 0});
     if (points.empty()) return chosen;
     problem.add(points, {});

@@ -12,7 +12,7 @@ namespace {
 using Node = TriangleTree::Node;
 
 constexpr std::uint32_t leaf_size = 4;
-constexpr std::uint32_t parallel_size = 4096;  // fewer triangles than these are not worth another thread
+constexpr std::uint32_t tree_parallel_size = 4096;  // fewer triangles than these are not worth another thread
 
 double half_area(const Box& b) {
   if (b.empty()) return 0;
@@ -74,7 +74,7 @@ std::uint32_t build(std::vector<Node>& nodes, std::vector<std::uint32_t>& order,
   nodes.emplace_back();
   const std::uint32_t from[2] = {begin, middle}, to[2] = {middle, end};
   // The halves of a large node are built side by side, each into nodes of its own that are then appended.
-  const bool apart = end - begin > parallel_size;
+  const bool apart = end - begin > tree_parallel_size;
   std::vector<Node> own[2];
   const auto build_side = [&](int side) {
     Box box;
@@ -227,11 +227,11 @@ TriangleTree::TriangleTree(const Mesh& mesh) : triangles_(mesh.triangles.size())
   const std::size_t n = mesh.triangles.size();
   std::vector<Box> boxes(n);
   std::iota(triangles_.begin(), triangles_.end(), 0u);
-#pragma omp parallel for if (n > parallel_size)
+#pragma omp parallel for if (n > tree_parallel_size)
   for (std::size_t t = 0; t < n; t++)
     for (int k = 0; k < 3; k++) boxes[t].add(mesh.corner(t, k));
   if (n > leaf_size) {
-#pragma omp parallel if (n > parallel_size)
+#pragma omp parallel if (n > tree_parallel_size)
 #pragma omp single
     build(nodes_, triangles_, boxes, 0, static_cast<std::uint32_t>(n));
   } else if (n > 0) {

@@ -11,10 +11,10 @@
 namespace padder {
 namespace {
 
-constexpr int centred_rounds = 40, most_rounds = 100;
-constexpr double decay = 0.85;    // each round searches less than the one before
-constexpr double spacing = 0.25;  // of the spots: share of the tolerance sum
-constexpr double margin = 0.003;  // of their points: share of the tolerance sum
+constexpr int centred_rounds = 40, most_gap_rounds = 100;
+constexpr double decay = 0.85;        // each round searches less than the one before
+constexpr double spacing = 0.25;      // of the spots: share of the tolerance sum
+constexpr double gap_margin = 0.003;  // of their points: share of the tolerance sum
 
 // Adds the worst failures as points to cover, each with a ball of its own that covers it. Returns false if
 // the radius limits allow no such ball.
@@ -47,7 +47,7 @@ bool refine(CoverProblem& problem, const BallGrower& grower, const std::vector<G
     const std::size_t before = candidates.size();
     grower.propose(points[taken[k]], failures[taken[k]].triangle, medials[k], candidates);
     // A ball must cover the spot with room to spare, or what is around it fails in the next round.
-    if (candidates.size() > before) fresh.push_back({points[taken[k]], margin * tolerance_sum});
+    if (candidates.size() > before) fresh.push_back({points[taken[k]], gap_margin * tolerance_sum});
   }
   problem.add(fresh, candidates);
   if (also) also->add(fresh, candidates);
@@ -69,7 +69,7 @@ bool close_gaps(Attempt& attempt, const BallGrower& grower, double steps, int pl
     if (search) watch.tick();
     watch.check();
     if (search && places > 0) attempt.try_places(grower, places);
-    if (round == most_rounds || !refine(attempt.problem, grower, failures, also)) return false;
+    if (round == most_gap_rounds || !refine(attempt.problem, grower, failures, also)) return false;
     const bool centring = places > 0 && round < centred_rounds;
     if (const std::size_t left = centring ? centre(attempt, grower, search) : 1; search || left > 0)
       attempt.solve(search ? steps : 0);

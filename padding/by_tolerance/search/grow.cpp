@@ -4,11 +4,6 @@
 #include "padding/geometry/medial.h"
 
 namespace padder {
-namespace {
-
-constexpr double medial_tolerance = 0.05;  // share of the tolerance sum
-
-}  // namespace
 
 Ball BallGrower::medial(const Point& p, std::uint32_t triangle, double guess) const {
   const Vector normal = surface_.mesh().area_normal(triangle).normalized();
