@@ -101,19 +101,19 @@ class Packing {
 
 // A box of places for a centre.
 struct CenterBox {
-  static constexpr std::size_t most_witnesses = 12;
+  static constexpr std::size_t kMostWitnesses = 12;
 
   Point center;
   double half = 0;                                 // of its edge
   double reach = 0;                                // of a ball at the centre
   double most = 0;                                 // no ball with its centre in the box gathers more
-  std::array<Point, most_witnesses> witness = {};  // points of the surface
+  std::array<Point, kMostWitnesses> witness = {};  // points of the surface
   std::size_t witnesses = 0;
 
   void add(const Point& q, double apart) {
     for (std::size_t k = 0; k < witnesses; k++)
       if ((witness[k] - q).squaredNorm() <= apart * apart) return;
-    if (witnesses < most_witnesses) witness[witnesses++] = q;
+    if (witnesses < kMostWitnesses) witness[witnesses++] = q;
   }
 };
 
