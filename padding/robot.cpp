@@ -221,8 +221,8 @@ class Links {
       return a.file.mesh.triangles.size() > b.file.mesh.triangles.size();
     });
     for (std::size_t k = 0; k < tasks_.size(); k++) {
-      std::size_t same = 0;
-      while (!same_mesh(tasks_[same].file.mesh, tasks_[k].file.mesh)) same++;
+      std::size_t same = 0;  // k at last, as a mesh that holds NaN does not equal itself
+      while (same < k && !same_mesh(tasks_[same].file.mesh, tasks_[k].file.mesh)) same++;
       first_.push_back(same);
     }
   }

@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // preview: a cluster or a scene as a page or a picture. Arguments and printing only.
+#include <omp.h>
+
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
@@ -147,6 +149,8 @@ void use_stdout(Arguments& a, padder::cli::StreamFiles& files) {
 }
 
 int run(Arguments& a, padder::cli::StreamFiles& files) {
+  // OMP_NUM_THREADS may ask for more than OpenMP's own stack holds.
+  omp_set_num_threads(std::min(omp_get_max_threads(), padder::cli::kMostThreads));
   use_stdout(a, files);
   check(a);
   const auto began = std::chrono::steady_clock::now();

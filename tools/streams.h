@@ -3,11 +3,11 @@
 #pragma once
 #include <unistd.h>
 
+#include <cstdint>
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
 #include <iostream>
-#include <iterator>
 #include <string>
 
 #include "padding/asset/error.h"
@@ -18,10 +18,18 @@ namespace padder::cli {
 
 inline bool is_stream(const std::string& path) { return path == "-"; }
 
-// All of the standard input.
+// All of the standard input, if it takes no more than a quarter of the machine's memory: it may have no end.
 inline std::string read_stdin() {
-  std::string text{std::istreambuf_iterator<char>(std::cin), {}};
-  if (std::cin.bad()) throw Error("the standard input cannot be read");
+  const std::uint64_t most =
+      std::uint64_t(::sysconf(_SC_PHYS_PAGES)) / 4 * std::uint64_t(::sysconf(_SC_PAGESIZE));
+  std::string text, piece(std::size_t{1} << 20, 0);
+  for (std::size_t n; (n = std::fread(piece.data(), 1, piece.size(), stdin)) > 0;) {
+    text.append(piece, 0, n);
+    if (text.size() > most)
+      throw Error("the standard input is longer than " + std::to_string(most >> 20) +
+                  " MiB, a quarter of this machine's memory: name a file instead");
+  }
+  if (std::ferror(stdin)) throw Error("the standard input cannot be read");
   if (text.empty()) throw Error("the standard input is empty");
   return text;
 }

@@ -62,7 +62,7 @@ class UrdfReader {
 
   // What the program xacro of ROS makes of the file.
   std::string expanded() const {
-    std::string command = "xacro " + quoted(path_.string());
+    std::string command = "command -v xacro > /dev/null || exit 127; xacro " + quoted(path_.string());
     for (const std::string& word : options_.xacro) command += " " + quoted(word);
     FILE* pipe = popen(command.c_str(), "r");
     std::string out;

@@ -248,6 +248,8 @@ class MjcfReader {
       const Vector a(ends[0], ends[1], ends[2]), b(ends[3], ends[4], ends[5]);
       shape.pose = frame * Eigen::Translation3d(0.5 * (a + b)) *
                    Eigen::Quaterniond::FromTwoVectors(Vector::UnitZ(), b - a);
+      if (!(b - a).allFinite() || !std::isfinite((b - a).norm()))
+        file_.fail(node, "the two ends of its fromto are too far apart");
       const bool round = type == "capsule" || type == "cylinder";
       half = {half[0], round ? 0.5 * (b - a).norm() : half[0], 0.5 * (b - a).norm()};
     } else {

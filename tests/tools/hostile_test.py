@@ -139,6 +139,17 @@ class HostileTest(unittest.TestCase):
     def scene_of(self, file):
         return self.put("scene.json", json.dumps({"format": "padder.scene", "version": 1, "spheres": [{"file": file}]}))
 
+    def test_ends_too_far_apart_and_no_xacro(self):
+        for ends in ("0 0 0 1e300 1e300 0", "-1e308 0 0 1e308 0 0"):
+            self.put("m.xml", f'<mujoco><worldbody><body><geom type="capsule" size="1" fromto="{ends}"/></body></worldbody></mujoco>')
+            self.sentence("pad", "m.xml", *QUICK, "-o", "out.urdf", says="too far apart")
+        self.put("r.xacro", robot(""))
+        self.sentence("pad", "r.xacro", *QUICK, says="the program xacro", limit=lambda: os.environ.update(PATH="/bin"))
+
+    def test_more_threads_than_a_stack_holds(self):
+        self.put("a.obj", CUBE)
+        self.works("pad", "a.obj", *QUICK, limit=lambda: os.environ.update(OMP_NUM_THREADS="100000", OMP_STACKSIZE="64K"))
+
     def test_boxes_of_grains_without_end(self):
         def silo(low, high):
             return json.dumps({"format": "padder.scene", "version": 1, "settle": {

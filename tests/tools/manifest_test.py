@@ -201,6 +201,7 @@ class ManifestTest(unittest.TestCase):
         self.put("parts/list.txt", f"a.obj\n{SLOW}\n")
         words = "--manifest", "parts/list.txt", "-o", "out", *QUICK, "--workers", "1"
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGKILL):
+            shutil.rmtree(self.folder / "out", ignore_errors=True)  # a new record says that the run is under way
             run = start(*words, cwd=self.folder)
             while len(records(self.folder / "out")) < 1:
                 time.sleep(0.01)

@@ -209,7 +209,8 @@ int run(PadArguments& a, const CLI::App& app, cli::StreamFiles& files) {
   for (const std::string& folder : a.package_folders)
     if (std::error_code code; !fs::is_directory(folder, code))
       throw UsageError("--package-path: there is no folder " + cli::in_quotes(folder));
-  if (a.threads > 0) omp_set_num_threads(a.threads);
+  // OMP_NUM_THREADS may ask for more than OpenMP's own stack holds.
+  omp_set_num_threads(a.threads > 0 ? a.threads : std::min(omp_get_max_threads(), cli::kMostThreads));
   limit_memory(a.memory.empty() ? machine_memory() : cli::bytes_of(a.memory).value());
   if (app.count("--seconds") > 0 && a.seconds > 0) end_after(a);
   const int code = pad_meshes(a, files);

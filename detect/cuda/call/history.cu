@@ -21,8 +21,6 @@ constexpr int kPlaceBits = std::bit_width(kPlaces - 1);
 constexpr int kSampleBits = 6;
 constexpr std::uint32_t kMostSamples = 32;
 constexpr std::uint32_t kMostBlocks = 32;  // a processor; beyond, a block takes several windows
-// While the search ends, so much of the end of the list before is brought into L2, by so many blocks.
-constexpr std::uint64_t kAhead = 24 << 20, kAheadBlocks = 512, kLine = 128;
 // Up to so many places, an entry of the table has 32 bits: then the table of a million spheres stays in L2.
 constexpr std::uint64_t kSmallTable = std::uint64_t(1) << 28;
 constexpr std::uint32_t kMostPasses = 255;  // a mark is a byte
@@ -54,8 +52,10 @@ __device__ __forceinline__ std::uint32_t sample_place(const HistoryTask& t, std:
   return (hash >> kSampleBits) & t.sample_mask;
 }
 
-__device__ __forceinline__ void prefetch_to_l2(const void* p) {
-  asm volatile("prefetch.global.L2 [%0];" ::"l"(p));
+// At once: a Pair alone is aligned to 4 bytes, those of a list to 8.
+__device__ __forceinline__ Pair load_pair(const Pair* p) {
+  const uint2 v = *reinterpret_cast<const uint2*>(p);
+  return {v.x, v.y};
 }
 
 // Puts the index of a pair into the table, and above it in the word the pass, counted from 1. An entry that
@@ -99,7 +99,7 @@ __device__ void match_window(const HistoryTask& t, const Lengths& length, const 
     const std::uint32_t k = u * kThreads + threadIdx.x, hash = window_hash(mine[u]);
     if (k < count && is_sample(hash)) {
       const Word b = __ldcg(t.samples_before + sample_place(t, hash));
-      if (b < length.before && t.before[b] == mine[u]) {
+      if (b < length.before && load_pair(t.before + b) == mine[u]) {
         const std::uint32_t at = atomicAdd(&samples, 1u);
         if (at < kMostSamples) shifts[at] = static_cast<long long>(b) - static_cast<long long>(first + k);
       }
@@ -118,7 +118,7 @@ __device__ void match_window(const HistoryTask& t, const Lengths& length, const 
                   upto = min(static_cast<long long>(first + count) + shift + kReach,
                              static_cast<long long>(length.before));
   for (long long b = from + threadIdx.x; b < upto; b += kThreads) {
-    const Pair p = t.before[b];
+    const Pair p = load_pair(t.before + b);
     std::uint32_t k = 0;
     for (std::uint32_t at = place_in_window(window_hash(p)); (k = places[at]) != kEmpty && !(pairs[k] == p);)
       at = (at + 1) % kPlaces;
@@ -137,11 +137,6 @@ __device__ void match_window(const HistoryTask& t, const Lengths& length, const 
 // The last windows first: what the search wrote last is still in L2.
 template <class Entry>
 __global__ void __launch_bounds__(kThreads, 6) match_windows_kernel(const __grid_constant__ HistoryTask t) {
-  const Word before = *t.count_before * sizeof(Pair);
-  if (blockIdx.x < kAheadBlocks)
-    for (Word at = (blockIdx.x * Word(kThreads) + threadIdx.x) * kLine; at < min(before, Word(kAhead));
-         at += min(Word(gridDim.x), Word(kAheadBlocks)) * kThreads * kLine)
-      prefetch_to_l2(reinterpret_cast<const char*>(t.before) + (before - 1 - at));
   wait_for_previous_kernel();
   const Lengths length(t);
   if (blockIdx.x == 0 && threadIdx.x == 0) *t.count_kept = length.now;
@@ -153,7 +148,8 @@ __global__ void __launch_bounds__(kThreads, 6) match_windows_kernel(const __grid
 #pragma unroll
     for (unsigned u = 0; u < kOfThread; u++) {  // all are asked for before the first is needed
       const Word index = first + min(u * kThreads + threadIdx.x, count - 1);
-      mine[u] = t.now[index], stood[u] = index < length.before ? t.before[index] : Pair{kEmpty, kEmpty};
+      mine[u] = load_pair(t.now + index);
+      stood[u] = index < length.before ? load_pair(t.before + index) : Pair{kEmpty, kEmpty};
     }
     unsigned open = 0;
 #pragma unroll
@@ -161,7 +157,8 @@ __global__ void __launch_bounds__(kThreads, 6) match_windows_kernel(const __grid
       const std::uint32_t k = u * kThreads + threadIdx.x;
       if (k >= count) continue;
       const bool here = stood[u] == mine[u];
-      t.found[first + k] = here ? static_cast<std::uint32_t>(first + k) : kNoContact;
+      // To be evicted first: the lists are what is needed in L2.
+      __stcs(t.found + first + k, here ? static_cast<std::uint32_t>(first + k) : kNoContact);
       open |= unsigned(!here) << u;
       const std::uint32_t hash = window_hash(mine[u]);
       if (is_sample(hash)) t.samples_now[sample_place(t, hash)] = static_cast<std::uint32_t>(first + k);
@@ -186,13 +183,13 @@ __global__ void __launch_bounds__(kThreads) match_rest_kernel(const __grid_const
     for (unsigned u = 0; u < 4; u++) {
       const Word b = first + u;
       if (b >= length.before || (four >> 8 * u & 255) == pass) continue;
-      const Pair p = t.before[b];
-      if (b < length.now && t.now[b] == p) continue;
+      const Pair p = load_pair(t.before + b);
+      if (b < length.now && load_pair(t.now + b) == p) continue;
       Entry entry;
       for (Word at = pair_hash(p.i, p.j) & t.mask; (entry = __ldcg(table + at)) >> t.index_bits == pass;
            at = (at + 1) & t.mask) {
         const Word k = entry & ((Word(1) << t.index_bits) - 1);
-        if (!(t.now[k] == p)) continue;
+        if (!(load_pair(t.now + k) == p)) continue;
         t.found[k] = static_cast<std::uint32_t>(b);
         break;
       }

@@ -29,6 +29,9 @@ static __device__ __noinline__ void write_double_record(const OutputTask& task, 
   put_geometry(task.output, slot, sphere_at<Kind>(task, swap ? j : i), sphere_at<Kind>(task, swap ? i : j));
 }
 
+// Pairs are stored the ordinary way, so that some stay in L2 for a history; what only the caller reads is
+// stored to be evicted first.
+//
 // A float record is written in two steps, load and write, so that a thread can have the loads of several
 // records under way. Given: from the spheres as they were given.
 template <bool Given>
@@ -58,7 +61,7 @@ __device__ __forceinline__ void write_float_record(const OutputTask& task, const
   const Output& out = task.output;
   const FloatSlot &a = t.a, &b = t.b;
   const bool swap = t.id_b < t.id_a;
-  __stcs(reinterpret_cast<uint2*>(out.pairs + slot), make_uint2(min(t.id_a, t.id_b), max(t.id_a, t.id_b)));
+  *reinterpret_cast<uint2*>(out.pairs + slot) = make_uint2(min(t.id_a, t.id_b), max(t.id_a, t.id_b));
   if (!NormalsOnly && out.width == Width::pairs) return;
   float3 d = difference(a, b);
   float d2 = d.x * d.x + d.y * d.y + d.z * d.z, unit = 1;
@@ -91,7 +94,7 @@ __device__ __forceinline__ void write_float_record(const OutputTask& task, const
   const Output& out = task.output;
   const Sphere &a = t.a, &b = t.b;
   const bool swap = t.id_b < t.id_a;
-  __stcs(reinterpret_cast<uint2*>(out.pairs + slot), make_uint2(min(t.id_a, t.id_b), max(t.id_a, t.id_b)));
+  *reinterpret_cast<uint2*>(out.pairs + slot) = make_uint2(min(t.id_a, t.id_b), max(t.id_a, t.id_b));
   const double x = b.x - a.x, y = b.y - a.y, z = b.z - a.z, sum = a.r + b.r,
                more = fma(-x, x, fma(-y, y, fma(-z, z, sum * sum)));
   float3 d = make_float3(static_cast<float>(x), static_cast<float>(y), static_cast<float>(z));

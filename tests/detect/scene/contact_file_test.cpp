@@ -24,13 +24,14 @@
 // Every allocation of this program is counted: the bytes held, and the most since somebody last asked.
 namespace {
 std::atomic<std::int64_t> held{0}, most{0};
-void count(std::int64_t bytes) {
+[[maybe_unused]] void count(std::int64_t bytes) {
   const std::int64_t now = held += bytes;
   for (std::int64_t seen = most; seen < now && !most.compare_exchange_weak(seen, now);) {
   }
 }
 }  // namespace
 
+#if !defined(__SANITIZE_THREAD__)  // its runtime defines them itself
 void* operator new(std::size_t bytes) {
   void* const p = std::malloc(bytes);
   if (!p) throw std::bad_alloc();
@@ -42,6 +43,7 @@ void operator delete(void* p) noexcept {
   std::free(p);
 }
 void operator delete(void* p, std::size_t) noexcept { operator delete(p); }
+#endif
 
 namespace padder::detect {
 namespace {
