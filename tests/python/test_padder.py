@@ -78,6 +78,11 @@ def test_tolerance_is_kept_and_takes_fewer():
     assert (share.radii == length.radii).all()
 
 
+def test_a_path_in_place_of_a_mesh_names_pad_file():
+    with pytest.raises(TypeError, match="pad_file"):
+        padder.pad("part.stl", tolerance="1%")
+
+
 @pytest.mark.parametrize("arguments, error", [
     ((CUBE[:, :2], FACES), ValueError), ((CUBE, FACES[:, :2]), ValueError), ((CUBE, FACES + 1), IndexError),
     ((CUBE, FACES - 1), IndexError), ((CUBE, FACES * 1.0), TypeError), ((CUBE * np.nan, FACES), ValueError),

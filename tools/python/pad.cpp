@@ -390,7 +390,7 @@ void add_robot(py::module_& m) {
 Mesh given_mesh(const py::object& vertices, const py::object& faces) {
   const bool is_mesh = faces.is_none() && py::hasattr(vertices, "vertices") && py::hasattr(vertices, "faces");
   if (faces.is_none() && !is_mesh)
-    throw py::type_error("faces must be given, or a mesh with .vertices and .faces in place of both");
+    throw py::type_error("faces must be given, or a mesh with .vertices and .faces in place of both; pad_file takes a file");
   return is_mesh ? mesh_of(vertices.attr("vertices"), vertices.attr("faces")) : mesh_of(vertices, faces);
 }
 
