@@ -47,9 +47,9 @@ Vector size(const Mesh& mesh) {
   return box.high - box.low;
 }
 
-const std::string cube_vertices = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nv 0 0 1\nv 1 0 1\nv 0 1 1\nv 1 1 1\n";
-const std::string cube_obj =
-    cube_vertices + "f 1 3 4 2\nf 5 6 8 7\nf 1 2 6 5\nf 3 7 8 4\nf 1 5 7 3\nf 2 4 8 6\n";
+const std::string kCubeVertices = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nv 0 0 1\nv 1 0 1\nv 0 1 1\nv 1 1 1\n";
+const std::string kCubeObj =
+    kCubeVertices + "f 1 3 4 2\nf 5 6 8 7\nf 1 2 6 5\nf 3 7 8 4\nf 1 5 7 3\nf 2 4 8 6\n";
 
 template <class T>
 void append(std::string& bytes, T value) {
@@ -73,7 +73,7 @@ std::string binary_stl(const Mesh& mesh, const std::string& head = "") {
 
 Mesh cube() {
   const TemporaryFolder folder;
-  return read_mesh(folder.put("cube.obj", cube_obj)).mesh;
+  return read_mesh(folder.put("cube.obj", kCubeObj)).mesh;
 }
 
 class Read : public ::testing::Test, protected TemporaryFolder {
@@ -87,7 +87,7 @@ using ReadShared = Read;
 
 TEST_F(Read, ObjQuadsCommentsContinuationAndSource) {
   const ReadResult r =
-      read("Cube.OBJ", "# a cube\r\nmtllib none.mtl\r\n" + cube_vertices +
+      read("Cube.OBJ", "# a cube\r\nmtllib none.mtl\r\n" + kCubeVertices +
                            "vt 0 0\nvn 0 0 1\ng one\nusemtl red\ns off\nf 1/1/1 3//1 4/1 2 # below\n"
                            "f 5 6 \\\n 8 7\n  f\t-8 -7 -3 -4\nf 3 7 8 4\nf 1 5 7 3\nf 2 4 8 6");
   EXPECT_EQ(r.mesh.triangles.size(), 12u);
@@ -306,9 +306,9 @@ TEST_F(Read, PlyFacesUnderAnyNameAreReadOrRefused) {
 
 // 3MF
 
-const std::string relations =
+const std::string kRelations =
     R"(<Relationships><Relationship Id="r" Target="/3D/3dmodel.model" Type="http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"/></Relationships>)";
-const std::string tetrahedron =
+const std::string kTetrahedron =
     R"(<mesh><vertices><vertex x="0" y="0" z="0"/><vertex x="6" y="0" z="0"/><vertex x="0" y="1" z="0"/><vertex x="0" y="0" z="1"/></vertices>)"
     R"(<triangles><triangle v1="0" v2="2" v3="1"/><triangle v1="0" v2="1" v3="3"/><triangle v1="0" v2="3" v3="2"/><triangle v1="1" v2="2" v3="3"/></triangles></mesh>)";
 
@@ -318,7 +318,7 @@ std::string model(const std::string& resources, const std::string& items,
          items + "</build></model>";
 }
 std::string package(const std::string& model, bool deflated = true, const std::string& other = "") {
-  return zip_bytes({{"_rels/.rels", relations}, {"3D/3dmodel.model", model}, {"3D/other.model", other}},
+  return zip_bytes({{"_rels/.rels", kRelations}, {"3D/3dmodel.model", model}, {"3D/other.model", other}},
                    deflated);
 }
 
@@ -327,7 +327,7 @@ TEST_F(Read, ThreeMfHasItsUnit) {
     const std::string attribute = unit.empty() ? "" : "unit=\"" + unit + "\"";
     return read(
         "u.3mf",
-        package(model("<object id=\"1\">" + tetrahedron + "</object>", "<item objectid=\"1\"/>", attribute)),
+        package(model("<object id=\"1\">" + kTetrahedron + "</object>", "<item objectid=\"1\"/>", attribute)),
         options);
   };
   const std::tuple<const char*, const char*, double> units[] = {
@@ -348,8 +348,8 @@ TEST_F(Read, ThreeMfHasItsUnit) {
 
 TEST_F(Read, ThreeMfBuildsComponentsAndTransforms) {
   const std::string resources =
-      "<object id=\"1\">" + tetrahedron + "</object><object id=\"9\" type=\"support\">" + tetrahedron +
-      "</object><object id=\"5\">" + tetrahedron +
+      "<object id=\"1\">" + kTetrahedron + "</object><object id=\"9\" type=\"support\">" + kTetrahedron +
+      "</object><object id=\"5\">" + kTetrahedron +
       "</object>"  // 5 is not built
       "<object id=\"2\"><components><component objectid=\"1\"/><component objectid=\"1\" "
       "transform=\"-1 0 0 0 1 0 0 0 1 0 0 4\"/></components></object>";
@@ -369,7 +369,7 @@ TEST_F(Read, ThreeMfBuildsComponentsAndTransforms) {
   const std::string p =
       "xmlns:p=\"http://schemas.microsoft.com/3dmanufacturing/production/2015/06\" requiredextensions=\"p\"";
   EXPECT_NEAR(volume(read("p.3mf", package(model("", "<item objectid=\"1\" p:path=\"/3D/other.model\"/>", p),
-                                           true, model("<object id=\"1\">" + tetrahedron + "</object>", "")))
+                                           true, model("<object id=\"1\">" + kTetrahedron + "</object>", "")))
                          .mesh),
               1, 1e-12);
 }
@@ -378,7 +378,8 @@ TEST_F(Read, ThreeMfFaults) {
   const auto fault_of = [&](const std::string& model, const std::string& words) {
     expect_fault(put("f.3mf", package(model)), words);
   };
-  const std::string object = "<object id=\"1\">" + tetrahedron + "</object>", item = "<item objectid=\"1\"/>";
+  const std::string object = "<object id=\"1\">" + kTetrahedron + "</object>",
+                    item = "<item objectid=\"1\"/>";
   fault_of("<model", "not XML at byte");
   fault_of(model(object, ""), "nothing is to be built");
   fault_of(model(object, "<item objectid=\"7\"/>"), "no object '7'");
@@ -405,11 +406,11 @@ TEST_F(Read, ThreeMfFaults) {
 }
 
 TEST_F(Read, ObjSurfacesAreNotPassedOver) {
-  const ReadResult r = read("l.obj", cube_obj + "l 1 2\np 1\nl 1 2 3\n");
+  const ReadResult r = read("l.obj", kCubeObj + "l 1 2\np 1\nl 1 2 3\n");
   EXPECT_EQ(r.notes, std::vector<std::string>{"3 lines, curves or points left out"});
   EXPECT_EQ(r.mesh.triangles.size(), 12u);
   for (const char* line : {"surf 0 1 0 1 1 2 3 4", "fo 1 2 3", "call other.obj"})
-    expect_fault(put("s.obj", cube_obj + line + "\n"),
+    expect_fault(put("s.obj", kCubeObj + line + "\n"),
                  "line 15: '" + std::string(line).substr(0, std::string(line).find(' ')));
 }
 
@@ -549,7 +550,7 @@ TEST_F(Read, SceneFaults) {
 
 TEST_F(Read, UnitsAndScale) {
   put("data.bin", gltf_buffer());
-  const fs::path gltf = put("s.gltf", mirrored_gltf), obj = put("c.obj", cube_obj);
+  const fs::path gltf = put("s.gltf", mirrored_gltf), obj = put("c.obj", kCubeObj);
   const ReadResult mm = read_mesh(gltf, {.scale = 1, .unit = "mm"});
   EXPECT_EQ(mm.unit, "mm");
   EXPECT_NEAR(size(mm.mesh).z(), 3000, 1e-9);
@@ -603,7 +604,7 @@ TEST_F(Read, ObjFaultsNameTheirLine) {
 }
 
 TEST_F(Read, NothingGetsThroughWhenBytesAreLostOrChanged) {  // an answer or a sentence, never a crash
-  const std::string files[][2] = {{"t.obj", cube_obj},
+  const std::string files[][2] = {{"t.obj", kCubeObj},
                                   {"t.stl", binary_stl(cube())},
                                   {"t.ply", ply("ascii", "float", "0 0 0\n2 0 0\n0 2 0\n3 0 1 2\n")},
                                   {"t.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"}};
@@ -653,15 +654,15 @@ TEST_F(Read, CountsBeyond32BitsAreRefused) {
 
 // The meshes in ../shared, where they are present.
 
-const fs::path shared = fs::path(PADDER_SHARED) / "meshes";
+const fs::path kShared = fs::path(PADDER_SHARED) / "meshes";
 
 TEST_F(ReadShared,
        DamagedScenesEndInAnAnswerOrASentence) {  // seed 7; assimp aborts on nearly every damaged 3MF
-  if (!fs::exists(shared)) GTEST_SKIP() << shared << " is not here";
+  if (!fs::exists(kShared)) GTEST_SKIP() << kShared << " is not here";
   std::mt19937 random(7);
   for (const char* name :
        {"cubes_mirrored_pivot.fbx", "fels.3ds", "sphere.dae", "box_interleaved.glb", "featuretype.3mf"}) {
-    const std::string bytes = read_file(shared / "formats" / name);
+    const std::string bytes = read_file(kShared / "formats" / name);
     for (int k = 0; k < 12; k++) {
       std::string damaged = bytes;
       if (k % 2)
@@ -675,7 +676,7 @@ TEST_F(ReadShared,
 }
 
 TEST_F(ReadShared, Formats) {
-  if (!fs::exists(shared)) GTEST_SKIP() << shared << " is not here";
+  if (!fs::exists(kShared)) GTEST_SKIP() << kShared << " is not here";
   const struct {
     const char* file;
     std::size_t triangles;
@@ -697,7 +698,7 @@ TEST_F(ReadShared, Formats) {
                {"menger_sponge_3.glb", 21598, {1, 1, 1}, 0.4064, "m"}};  // (20/27)^3
   for (const auto& row : table) {
     SCOPED_TRACE(row.file);
-    const ReadResult r = read_mesh(shared / "formats" / row.file);
+    const ReadResult r = read_mesh(kShared / "formats" / row.file);
     EXPECT_EQ(r.mesh.triangles.size(), row.triangles);
     EXPECT_LT((size(r.mesh) - row.size).cwiseQuotient(row.size).cwiseAbs().maxCoeff(), 5e-4);
     EXPECT_NEAR(volume(r.mesh), row.volume, 5e-4 * row.volume);  // positive: mirrored nodes are turned right
@@ -728,8 +729,8 @@ void check_table(const fs::path& folder, const std::vector<Expected>& table) {
 }
 
 TEST_F(ReadShared, Malformed) {
-  if (!fs::exists(shared)) GTEST_SKIP() << shared << " is not here";
-  check_table(shared / "malformed",
+  if (!fs::exists(kShared)) GTEST_SKIP() << kShared << " is not here";
+  check_table(kShared / "malformed",
               {{"assimp_empty.obj", "the file is empty"},
                {"assimp_fuzz_header.ply", "line 7: '"},
                {"assimp_invalid.off", "line 6: face 1 of 4 begins with '0'"},
@@ -752,7 +753,7 @@ TEST_F(ReadShared, Malformed) {
 class Analytic : public Read {
  protected:
   void SetUp() override {
-    const fs::path script = shared / "make_analytic.py";
+    const fs::path script = kShared / "make_analytic.py";
     if (!fs::exists(script)) GTEST_SKIP() << script << " is not here";
     const std::string command =
         "/usr/bin/env python3 '" + script.string() + "' '" + folder_.string() + "' >/dev/null";
