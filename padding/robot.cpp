@@ -319,8 +319,12 @@ class Links {
     std::size_t first = tasks_.size();
     for (std::size_t k = 0; k < tasks_.size(); k++)
       if (!errors[k].empty() && (first == tasks_.size() || tasks_[k].link < tasks_[first].link)) first = k;
-    if (first < tasks_.size())
-      throw Error(path_.string() + ", link " + urdf_.links[tasks_[first].link].name + ": " + errors[first]);
+    if (first < tasks_.size()) {
+      const std::string link = ", link " + urdf_.links[tasks_[first].link].name + ": ";
+      const std::string own = path_.filename().string() + link;  // how a link without one file names itself
+      const std::string& said = errors[first];
+      throw Error(path_.string() + link + (said.starts_with(own) ? said.substr(own.size()) : said));
+    }
     return out;
   }
 

@@ -1,10 +1,15 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""skipped.py JUNIT.xml: a table of the tests that ctest skipped, and why, from the file that ctest --output-junit wrote.
+"""skipped.py JUNIT.xml [BUILD]: a table of the tests that ctest skipped, and why, from the file that ctest --output-junit wrote.
 
-Tests that were skipped for the same reason stand in one row. Prints nothing when none was skipped.
+Tests that were skipped for the same reason stand in one row. Prints nothing when none was skipped. With the folder that
+was built, a second table says of each test program how many of its tests passed, were skipped and failed.
 """
+import collections
+import json
+import os
 import re
+import subprocess
 import sys
 import xml.etree.ElementTree as tree
 
@@ -19,7 +24,24 @@ def reason_of(case):
     return said[-1] if said else "it did not say"
 
 
-def main():
+def program(test):
+    """What the test runs: a test program, or the test's own name where something else starts it."""
+    name = os.path.basename(test.get("command", [""])[0])
+    return name if name.endswith("_test") else test["name"]
+
+
+def print_programs(build):
+    listed = json.loads(subprocess.check_output(["ctest", "--test-dir", build, "--show-only=json-v1"]))
+    programs = {test["name"]: program(test) for test in listed["tests"]}
+    rows = collections.defaultdict(collections.Counter)
+    for case in tree.parse(sys.argv[1]).getroot().iter("testcase"):
+        rows[programs.get(case.get("name"), case.get("name"))][case.get("status")] += 1
+    print("\n| program | passed | skipped | failed |\n| --- | ---: | ---: | ---: |")
+    for name, row in sorted(rows.items()):
+        print(f"| {name} | {row['run']} | {row['notrun'] + row['disabled']} | {row['fail']} |")
+
+
+def print_skipped():
     rows = {}
     for case in tree.parse(sys.argv[1]).getroot().iter("testcase"):
         skipped = case.find("skipped")  # a program that is not there has failed, whatever ctest calls it
@@ -33,4 +55,6 @@ def main():
         print(f"| {len(names)} | {shown} | {reason} |".replace("\n", " "))
 
 
-main()
+print_skipped()
+if len(sys.argv) > 2:
+    print_programs(sys.argv[2])

@@ -370,6 +370,15 @@ TEST_F(RobotTest, PadsBoxesCylindersSpheresAndMeshesInPlace) {
   expect_same_spheres(read_spheres(folder_ / "out.urdf", "tet"), body("tet").cluster);
 }
 
+TEST_F(RobotTest, AnErrorNamesItsLinkOnce) {
+  const std::string thin =
+      "<collision><geometry><cylinder radius='1e-200' length='1'/></geometry></collision>";
+  const fs::path path = urdf(link("a", thin));
+  const std::string said = error_of([&] { pad_robot(path, coarse(), {}, {}); });
+  EXPECT_EQ(said.rfind("link a"), said.find("link a")) << said;
+  EXPECT_EQ(said.find(path.string() + ", link a: no triangle has an area"), 0u) << said;
+}
+
 TEST_F(RobotTest, VisualsAreTakenWhenThereIsNothingElse) {
   const PaddedRobot r =
       pad_robot(urdf(link("a", "<visual><geometry><box size='1 1 1'/></geometry></visual>")), coarse());

@@ -24,7 +24,7 @@ CUBE = ("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nv 0 0 1\nv 1 0 1\nv 0 1 1\nv 1 1 1\
         "f 1 3 4 2\nf 5 6 8 7\nf 1 2 6 5\nf 3 7 8 4\nf 1 5 7 3\nf 2 4 8 6\n")
 QUICK = ["--tolerance", "10%", "--effort", "0"]
 GIB = 1 << 30
-SANITIZED = b"__asan_init" in (BIN / "pad").read_bytes()  # AddressSanitizer reserves terabytes
+SANITIZED = any(name in (BIN / "pad").read_bytes() for name in (b"__asan_init", b"__tsan_init"))  # they reserve terabytes
 
 
 def robot(inside, before=""):
@@ -91,7 +91,7 @@ class HostileTest(unittest.TestCase):
             "entities.dae": '<?xml version="1.0"?>' + entities + '<COLLADA version="1.4.1">&m;</COLLADA>',
         }, "pad", *QUICK)
 
-    @unittest.skipIf(SANITIZED, "AddressSanitizer needs terabytes of addresses")
+    @unittest.skipIf(SANITIZED, "a sanitizer needs terabytes of addresses")
     def test_nodes_that_multiply_one_another(self):
         triangle = '<library_geometries><geometry id="g"><mesh><source id="p"><float_array id="f" count="9">0 0 0 1 0 0 0 1 0</float_array>' \
                    '<technique_common><accessor source="#f" count="3" stride="3"><param name="X" type="float"/><param name="Y" type="float"/>' \
@@ -272,7 +272,7 @@ class HostileTest(unittest.TestCase):
             (self.folder / ("a" + ending)).unlink()
             self.assertEqual(self.files(), {"cube.obj"})
 
-    @unittest.skipIf(SANITIZED, "AddressSanitizer needs terabytes of addresses")
+    @unittest.skipIf(SANITIZED, "a sanitizer needs terabytes of addresses")
     def test_a_limit_of_memory_leaves_a_sentence_or_an_asset(self):
         """Wherever memory runs out, there is one line on stderr and no half asset."""
         self.put("cube.obj", CUBE)
@@ -286,7 +286,7 @@ class HostileTest(unittest.TestCase):
                 self.assertEqual("cube.spheres.json" in self.files(), done.returncode == 0)
             (self.folder / "cube.spheres.json").unlink(missing_ok=True)
 
-    @unittest.skipIf(SANITIZED, "AddressSanitizer needs terabytes of addresses")
+    @unittest.skipIf(SANITIZED, "a sanitizer needs terabytes of addresses")
     def test_one_file_has_limits_too(self):
         """--memory and --seconds without a manifest: a sentence, nothing half-written, and no more memory than was given."""
         self.put("cube.obj", CUBE)

@@ -22,9 +22,8 @@
 namespace padder::bench {
 namespace {
 
-constexpr double kSeconds = 300;             // a mesh may take
-constexpr rlim_t kMemory = rlim_t(8) << 30;  // bytes a mesh may take
-constexpr std::size_t kSamples = 4000;       // points of the input
+constexpr double kSeconds = 300;        // a mesh may take
+constexpr std::size_t kSamples = 4000;  // points of the input
 
 // The largest distance of points of the mesh to the union of the balls: all corners of the first triangles,
 // and points at random.
@@ -81,7 +80,8 @@ Json in_child(const std::function<Json()>& work) {
   if (child < 0) throw Error(std::string("no process: ") + std::strerror(errno));
   if (child == 0) {
 #if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)  // sanitizers reserve terabytes
-    const rlimit memory = {kMemory, kMemory};
+    constexpr rlim_t most = rlim_t(8) << 30;                         // bytes a mesh may take
+    const rlimit memory = {most, most};
     ::setrlimit(RLIMIT_DATA, &memory);
 #endif
     ::alarm(static_cast<unsigned>(kSeconds));
