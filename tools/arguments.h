@@ -18,32 +18,34 @@ inline std::string not_a(const std::string& text, const char* what) {
   return '"' + text + "\" is no " + what;
 }
 
-// A finite decimal number.
-inline CLI::Validator decimal() {
-  return {[](const std::string& text) {
-            double value = 0;
-            const char* end = text.data() + text.size();
-            const auto read = std::from_chars(text.data(), end, value);
-            const bool good = read.ec == std::errc() && read.ptr == end && std::isfinite(value);
-            return good ? std::string() : not_a(text, "decimal number");
-          },
-          ""};
+// Takes the texts for which `good` is true; of the others the sentence says what they are not.
+template <class Good>
+CLI::Validator accepting(Good good, const char* what) {
+  return {[=](const std::string& text) { return good(text) ? std::string() : not_a(text, what); }, ""};
 }
 
-inline bool is_whole(const std::string& text) {
-  std::uint64_t value = 0;  // CLI11 would replace a number that is too large by the largest there is
+// The number that is all of the text.
+template <class T, class... Format>
+std::optional<T> number_of(std::string_view text, Format... format) {
+  T value = 0;
   const char* end = text.data() + text.size();
-  const auto read = std::from_chars(text.data(), end, value);
-  return read.ec == std::errc() && read.ptr == end && (text == "0" || text[0] != '0');
+  const auto read = std::from_chars(text.data(), end, value, format...);
+  return read.ec == std::errc() && read.ptr == end ? std::optional(value) : std::nullopt;
+}
+
+// A finite decimal number.
+inline CLI::Validator decimal() {
+  return accepting([](auto& text) { return std::isfinite(number_of<double>(text).value_or(NAN)); },
+                   "decimal number");
+}
+
+// CLI11 would replace a number that is too large by the largest there is.
+inline bool is_whole(const std::string& text) {
+  return number_of<std::uint64_t>(text) && (text == "0" || text[0] != '0');
 }
 
 // Digits without a sign and without a leading zero.
-inline CLI::Validator whole() {
-  return {[](const std::string& text) {
-            return is_whole(text) ? std::string() : not_a(text, "whole number in decimal digits");
-          },
-          ""};
-}
+inline CLI::Validator whole() { return accepting(is_whole, "whole number in decimal digits"); }
 
 // For programs that take spheres: people give them the mesh.
 inline CLI::Validator no_mesh() {
@@ -58,41 +60,33 @@ inline CLI::Validator no_mesh() {
 
 // A level of detail: a whole number, or auto.
 inline CLI::Validator rung() {
-  return {[](const std::string& text) {
-            return text == "auto" || (is_whole(text) && text.size() < 9)
-                       ? std::string()
-                       : not_a(text, "level of detail: write a whole number (0 is the finest), or auto");
-          },
-          ""};
+  return accepting([](auto& text) { return text == "auto" || (is_whole(text) && text.size() < 9); },
+                   "level of detail: write a whole number (0 is the finest), or auto");
 }
 
 // A whole number, or hexadecimal digits after 0x: for masks.
 inline CLI::Validator bits() {
-  return {[](const std::string& text) {
-            const bool hex = text.starts_with("0x") && text.size() > 2 &&
-                             text.find_first_not_of("0123456789abcdefABCDEF", 2) == std::string::npos;
-            return hex || is_whole(text) ? std::string() : not_a(text, "whole number, as 12 or 0xc");
-          },
-          ""};
+  return accepting(
+      [](auto& text) {
+        const bool hex = text.starts_with("0x") && text.size() > 2 &&
+                         text.find_first_not_of("0123456789abcdefABCDEF", 2) == std::string::npos;
+        return hex || is_whole(text);
+      },
+      "whole number, as 12 or 0xc");
 }
 
 // 0.03 of "3%" and of "0.03"; nothing where the text is neither, or below 0.
 inline std::optional<double> fraction_of(std::string_view text) {
   const bool percent = text.ends_with('%');
   if (percent) text.remove_suffix(1);
-  double value = 0;
-  const char* end = text.data() + text.size();
-  const auto read = std::from_chars(text.data(), end, value);
-  if (read.ec != std::errc() || read.ptr != end || !std::isfinite(value) || value < 0) return std::nullopt;
+  const double value = number_of<double>(text).value_or(NAN);
+  if (!std::isfinite(value) || value < 0) return std::nullopt;
   return percent ? value / 100 : value;
 }
 
 inline CLI::Validator fraction() {
-  return {[](const std::string& text) {
-            return fraction_of(text) ? std::string()
-                                     : not_a(text, "fraction: write a number of at least 0, as 3% or 0.03");
-          },
-          ""};
+  return accepting([](auto& text) { return fraction_of(text).has_value(); },
+                   "fraction: write a number of at least 0, as 3% or 0.03");
 }
 
 // 21474836480 of "20G"; nothing where the text is no number of bytes above 0 that 64 bits hold.
@@ -101,45 +95,30 @@ inline std::optional<std::uint64_t> bytes_of(std::string_view text) {
   std::uint64_t unit = 1;
   if (!text.empty() && units.find(text.back()) != std::string_view::npos)
     unit = std::uint64_t(1) << (10 * (units.find(text.back()) + 1)), text.remove_suffix(1);
-  double value = 0;
-  const char* end = text.data() + text.size();
-  const auto read = std::from_chars(text.data(), end, value, std::chars_format::fixed);
-  value *= static_cast<double>(unit);
-  if (read.ec != std::errc() || read.ptr != end || !(value >= 1 && value < 0x1p63)) return std::nullopt;
+  const double value =
+      number_of<double>(text, std::chars_format::fixed).value_or(NAN) * static_cast<double>(unit);
+  if (!(value >= 1 && value < 0x1p63)) return std::nullopt;
   return static_cast<std::uint64_t>(value);
 }
 
 inline CLI::Validator bytes() {
-  return {[](const std::string& text) {
-            return bytes_of(text) ? std::string()
-                                  : not_a(text,
-                                          "number of bytes: write a number above 0, and K, M, G or T for "
-                                          "2^10, 2^20, 2^30 or 2^40 of them, as 20G");
-          },
-          ""};
+  return accepting([](auto& text) { return bytes_of(text).has_value(); },
+                   "number of bytes: write a number above 0, and K, M, G or T for 2^10, 2^20, 2^30 or 2^40 "
+                   "of them, as 20G");
 }
 
 // What padder::length_of takes.
 inline CLI::Validator length() {
-  return {[](const std::string& text) {
-            return length_of(text) ? std::string()
-                                   : not_a(text,
-                                           "length: write a number above 0 for the mesh's own unit, as "
-                                           "0.01, or a share of its diagonal, as 1%");
-          },
-          ""};
+  return accepting([](auto& text) { return length_of(text).has_value(); },
+                   "length: write a number above 0 for the mesh's own unit, as 0.01, or a share of its "
+                   "diagonal, as 1%");
 }
 
 // The same, or 0.
 inline CLI::Validator length_or_zero() {
-  return {[](const std::string& text) {
-            return text == "0" || length_of(text)
-                       ? std::string()
-                       : not_a(text,
-                               "length: write 0, a number above 0 for the mesh's own unit, "
-                               "as 0.01, or a share of its diagonal, as 1%");
-          },
-          ""};
+  return accepting([](auto& text) { return text == "0" || length_of(text); },
+                   "length: write 0, a number above 0 for the mesh's own unit, as 0.01, or a share of its "
+                   "diagonal, as 1%");
 }
 
 }  // namespace padder::cli

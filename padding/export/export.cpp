@@ -5,10 +5,10 @@
 #include <array>
 #include <charconv>
 #include <cmath>
+#include <string_view>
 
 #include "padding/asset/error.h"
 #include "padding/asset/file.h"
-#include "padding/export/warnings.h"
 #include "padding/export/writers.h"
 
 namespace padder {
@@ -103,6 +103,20 @@ void check(const Model& model, const Format& format, const std::string& where) {
   }
 }
 
+// One sentence for each body whose mass is that of a wrap around the mesh. Such a mass can be far from the
+// mass of the body itself.
+std::vector<std::string> mass_warnings(const Model& model, const Format& format) {
+  std::vector<std::string> out;
+  if (!exporting::states_mass(format)) return out;
+  for (const Body& b : model.bodies)
+    if (b.cluster.size() > 0 && b.cluster.mass_of == SurfaceKind::wrap && !b.inertial &&
+        b.cluster.mass.volume > 0)
+      out.push_back("the mass and moments of " + b.name + " for " + format.program +
+                    " are those of a wrap around the mesh, which is no closed body, and can be far from the "
+                    "true ones: set them by hand, or mend the mesh");
+  return out;
+}
+
 }  // namespace
 
 std::span<const Format> formats() { return table(); }
@@ -168,6 +182,11 @@ std::vector<std::string> write_model(const Model& model, const fs::path& path, c
 }
 
 namespace exporting {
+
+bool states_mass(const Format& format) {
+  const std::string_view stating[] = {"dem-engine", "yade", "mercury", "chrono", "urdf", "mujoco", "usd"};
+  return std::find(std::begin(stating), std::end(stating), format.name) != std::end(stating);
+}
 
 std::string number(double value) {
   if (value == 0) return "0";  // not -0

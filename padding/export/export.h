@@ -46,16 +46,16 @@ struct ExportOptions {
   double density = 1000;
 };
 
-// Throws what write_model would throw about several bodies, families, masks and pairs. It needs no spheres, so
-// a robot can be refused before its links are padded.
+// Throws what write_model would throw about several bodies, families, masks and pairs. It needs no spheres,
+// so a robot can be refused before its links are padded.
 void check_filters(const Model& model, const Format& format);
 
 // Writes the model as one file. MercuryDPM gets a folder; a URDF gets NAME.srdf beside it when some pairs may
 // not touch. Each file is written whole or not at all. Throws Error, one sentence, when the format cannot
 // hold the model (families, several bodies, no volume, a sphere of radius 0, no sphere); then nothing is
 // written. Numbers have as many digits as the same double needs to be read back; .glb holds float32. Equal
-// models give equal bytes. Returns warnings for the file's reader, one sentence each
-// (padding/export/warnings.h).
+// models give equal bytes. Returns what the file states that is not exact and that its reader should know,
+// one sentence each.
 std::vector<std::string> write_model(const Model& model, const std::filesystem::path& path,
                                      const Format& format, const ExportOptions& options = {});
 

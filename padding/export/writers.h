@@ -39,6 +39,9 @@ Files write_mujoco(const Job& job);
 Files write_curobo(const Job& job);
 Files write_xrdf(const Job& job);
 
+// Does a file of this format carry mass, centre of mass or moments of inertia?
+bool states_mass(const Format& format);
+
 // Spheres about the centre of mass along the principal axes.
 std::vector<Point> centers_in_mass_frame(const Cluster& cluster);
 

@@ -56,6 +56,8 @@ void check_stl(std::string& bytes, const std::string& where, std::vector<std::st
 // Refuses parts of a glTF that change its shape and that assimp would skip in silence. Returns the buffers
 // that lie beside it: those that are files, and in its folder or below.
 FilesBeside check_gltf(std::string_view bytes, const std::filesystem::path& path, const std::string& ending);
+// The same files by their names, and nothing checked. Throws for what is no JSON.
+std::vector<std::filesystem::path> files_beside_gltf(const std::filesystem::path& path);
 
 // Mesh, unit and notes of the format that `ending` names. Reads no file. May change `bytes`.
 ReadResult parse(std::string& bytes, const FilesBeside& beside, const std::filesystem::path& path,

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Reads the formats that assimp knows. Runs in a child process (read_child.cpp), because assimp 5.2 may abort
-// on a damaged file.
+// Reads the formats that assimp knows. Runs in a child process (mesh_from_child), because assimp 5.2 may
+// abort on a damaged file.
 #include <assimp/config.h>
 #include <assimp/postprocess.h>
 #include <assimp/scene.h>
@@ -142,6 +142,29 @@ std::string unescaped(std::string_view uri) {
   return name;
 }
 
+// The files with the buffers of a glTF, by the paths under which assimp will ask for them.
+std::map<fs::path, fs::path> buffers_beside(const nlohmann::json& json, const fs::path& path) {
+  std::map<fs::path, fs::path> beside;
+  if (!json.is_object() || !json.contains("buffers")) return beside;
+  for (const auto& buffer : json["buffers"]) {
+    const auto uri = buffer.is_object() ? buffer.find("uri") : buffer.end();
+    if (!buffer.is_object() || uri == buffer.end() || !uri->is_string()) continue;
+    const std::string text = *uri;
+    const fs::path asked = (path.parent_path() / text).lexically_normal();  // by assimp, as it stands there
+    for (const std::string& name : {unescaped(text), text}) {               // some exporters forget to escape
+      if (text.starts_with("data:") || name.find('\0') != name.npos) continue;
+      // A pipe or a device among them would never end, and one outside of its folder is none of its business:
+      // a scene that somebody else sends could show what is in it.
+      const fs::path file = (path.parent_path() / name).lexically_normal(),
+                     within = file.lexically_relative(path.lexically_normal().parent_path());
+      std::error_code code;
+      if (!within.empty() && *within.begin() != ".." && fs::is_regular_file(file, code))
+        beside.emplace(asked, file);
+    }
+  }
+  return beside;
+}
+
 }  // namespace
 
 FilesBeside check_gltf(std::string_view bytes, const fs::path& path, const std::string& ending) {
@@ -176,25 +199,15 @@ FilesBeside check_gltf(std::string_view bytes, const fs::path& path, const std::
         name == "EXT_meshopt_compression")
       fail(where, "it uses the glTF extension '" + name + "', which is not read: export it without");
   FilesBeside beside;
-  if (!json.is_object() || !json.contains("buffers")) return beside;
-  for (const Json& buffer : json["buffers"]) {
-    const auto uri = buffer.is_object() ? buffer.find("uri") : buffer.end();
-    if (!buffer.is_object() || uri == buffer.end() || !uri->is_string()) continue;
-    const std::string text = *uri;
-    const fs::path asked = (path.parent_path() / text).lexically_normal();  // by assimp, as it stands there
-    for (const std::string& name : {unescaped(text), text}) {               // some exporters forget to escape
-      if (text.starts_with("data:") || name.find('\0') != name.npos) continue;
-      // A pipe or a device among them would never end, and one outside of its folder is none of its business:
-      // a scene that somebody else sends could show what is in it.
-      const fs::path file = (path.parent_path() / name).lexically_normal(),
-                     within = file.lexically_relative(path.lexically_normal().parent_path());
-      std::error_code code;
-      if (!within.empty() && *within.begin() != ".." && fs::is_regular_file(file, code) &&
-          !beside.contains(asked))
-        beside[asked] = read_file(file);
-    }
-  }
+  for (const auto& [asked, file] : buffers_beside(json, path)) beside[asked] = read_file(file);
   return beside;
+}
+
+std::vector<fs::path> files_beside_gltf(const fs::path& path) {
+  std::vector<fs::path> files;
+  const auto json = parse_json<nlohmann::json>(read_file(path, kMostText), path.string());
+  for (const auto& [asked, file] : buffers_beside(json, path)) files.push_back(file);
+  return files;
 }
 
 Soup read_scene(const std::string& bytes, const FilesBeside& beside, const fs::path& path,

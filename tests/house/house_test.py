@@ -188,7 +188,7 @@ def libraries(tree):
     rooms = {}
     for name, folders in re.findall(r"^ *padder_rooms\((\w+) ([\w /]+)\)", tree.text["padding/CMakeLists.txt"], re.M):
         rooms.update({f"padding/{folder}": name for folder in folders.split()})
-    rooms.update({"padding": "padding", "tools/pad": "pad", "tools/pad/manifest": "pad", "tools/detect": "detect", "tools/settle": "settle", "tools/python": "python"})
+    rooms.update({"padding": "padding", "tools/pad": "pad", "tools/pad/manifest": "pad", "tools/detect": "detect", "tools/settle": "settle", "tools/settle/page": "settle", "tools/preview": "preview", "tools/python": "python"})
     rooms.update({f"detect/{folder}".rstrip("/"): "padder_detect" for folder in ("", "core", "scene", "omp", "boxes")})
     return {**rooms, "detect/mpi": "detect_mpi"}
 

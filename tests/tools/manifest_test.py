@@ -15,6 +15,7 @@ import os
 import pathlib
 import random
 import shutil
+import struct
 import signal
 import subprocess
 import sys
@@ -137,6 +138,26 @@ class ManifestTest(unittest.TestCase):
         mesh = self.folder / "robot/arm_description/meshes/fore.stl"
         mesh.write_bytes(b"changed" + mesh.read_bytes()[7:])  # in its header
         self.assertEqual(self.counts(*words), (1, 0, 0))
+
+    def test_the_buffers_of_a_gltf_count(self):
+        points = struct.pack("<12f", 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1)
+        bytes_ = points + struct.pack("<12H", 0, 2, 1, 0, 1, 3, 1, 2, 3, 0, 3, 2)
+        views = [{"buffer": 0, "byteOffset": 0, "byteLength": 48}, {"buffer": 0, "byteOffset": 48, "byteLength": 24}]
+        of = [{"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3", "min": [0, 0, 0], "max": [1, 1, 1]},
+              {"bufferView": 1, "componentType": 5123, "count": 12, "type": "SCALAR"}]
+        self.put("list.txt", "escaped.gltf\nplain.gltf\n")
+        for name, file in ("escaped", "a b.bin"), ("plain", "a%20c.bin"):  # some exporters forget to escape
+            uri = file.replace(" ", "%20")
+            self.put(f"{name}.gltf", json.dumps({
+                "asset": {"version": "2.0"}, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}], "bufferViews": views, "accessors": of,
+                "buffers": [{"uri": uri, "byteLength": 72}], "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}]}))
+            (self.folder / file).write_bytes(bytes_)
+        words = "--manifest", "list.txt", "-o", "out", "--tolerance", "10%"
+        self.assertEqual(self.counts(*words), (2, 0, 0))
+        self.assertEqual(self.counts(*words), (0, 2, 0))
+        for file in "a b.bin", "a%20c.bin":
+            (self.folder / file).write_bytes(struct.pack("<f", 0.01) + bytes_[4:])
+            self.assertEqual(self.counts(*words), (1, 1, 0))
 
     def test_a_damaged_record_costs_one_part(self):
         words = self.some(3)

@@ -37,13 +37,19 @@ std::string format_names_text() {
 }
 
 CLI::Validator mesh_ending() {
-  return {[](const std::string& text) {
-            const auto& known = mesh_endings();
-            return std::find(known.begin(), known.end(), "." + text) != known.end()
-                       ? std::string()
-                       : not_a(text, "format of a mesh: write one of the endings that MESH takes, as stl");
-          },
-          ""};
+  return accepting(
+      [](auto& text) {
+        const auto& known = mesh_endings();
+        return std::find(known.begin(), known.end(), "." + text) != known.end();
+      },
+      "format of a mesh: write one of the endings that MESH takes, as stl");
+}
+
+// An option that takes a length.
+template <class Value>
+void add_length(CLI::App& app, const char* name, Value& value, const char* what,
+                const CLI::Validator& check = length()) {
+  app.add_option(name, value, what)->type_name("LENGTH")->check(check);
 }
 
 // What is read and what is written. --help lists options in the order in which they are declared.
@@ -77,35 +83,24 @@ void declare_spheres(CLI::App& app, PadArguments& a) {
                  "one sphere a triangle: cap height over circumradius, above 0, at most 1 (default: 0.2)")
       ->check(decimal())
       ->check(CLI::Range(1e-6, 1.));
-  app.add_option("--edge-length", a.options.edge_length,
-                 "of the remeshed triangles: in the mesh's unit, or a share of its diagonal as 2%")
-      ->type_name("LENGTH")
-      ->check(length());
-  app.add_option(
-         "--tolerance", a.options.tolerance,
-         "the fewest spheres with protrusion and gap proved to be within it; with --depth: thin those")
-      ->type_name("LENGTH")
-      ->check(length());
-  app.add_option("--protrusion", a.options.protrusion,
-                 "no sphere stands out of the body by more; 0: none does at all. With --gap or --tolerance")
-      ->type_name("LENGTH")
-      ->check(length_or_zero());
-  app.add_option(
-         "--gap", a.options.gap,
-         "no surface lies farther outside the spheres; 0: all of the body is inside them. With --protrusion "
-         "or --tolerance")
-      ->type_name("LENGTH")
-      ->check(length_or_zero());
+  add_length(app, "--edge-length", a.options.edge_length,
+             "of the remeshed triangles: in the mesh's unit, or a share of its diagonal as 2%");
+  add_length(app, "--tolerance", a.options.tolerance,
+             "the fewest spheres with protrusion and gap proved to be within it; with --depth: thin those");
+  add_length(app, "--protrusion", a.options.protrusion,
+             "no sphere stands out of the body by more; 0: none does at all. With --gap or --tolerance",
+             length_or_zero());
+  add_length(
+      app, "--gap", a.options.gap,
+      "no surface lies farther outside the spheres; 0: all of the body is inside them. With --protrusion "
+      "or --tolerance",
+      length_or_zero());
   app.add_option("--max-spheres", a.options.max_spheres, "the smallest error that so many spheres can keep")
       ->check(whole())
       ->check(CLI::PositiveNumber);
-  app.add_option("--max-radius", a.options.max_radius, "no larger sphere")
-      ->type_name("LENGTH")
-      ->check(length());
-  app.add_option("--min-radius", a.options.min_radius,
-                 "no smaller sphere, even where the tolerance asks for it")
-      ->type_name("LENGTH")
-      ->check(length());
+  add_length(app, "--max-radius", a.options.max_radius, "no larger sphere");
+  add_length(app, "--min-radius", a.options.min_radius,
+             "no smaller sphere, even where the tolerance asks for it");
   const std::map<std::string, Balance> balances{
       {"none", Balance::none}, {"volume", Balance::volume}, {"mean", Balance::mean}};
   app.add_option("--balance", a.options.balance,
@@ -122,10 +117,8 @@ void declare_spheres(CLI::App& app, PadArguments& a) {
       ->check(CLI::Range(0, 3));
   app.add_flag("--lower-bound", a.options.lower_bound,
                "also prove how few spheres could do: some seconds more");
-  app.add_option("--reach", a.options.min_grain_radius,
-                 "radius of the smallest grain: what it cannot touch is not padded")
-      ->type_name("LENGTH")
-      ->check(length());
+  add_length(app, "--reach", a.options.min_grain_radius,
+             "radius of the smallest grain: what it cannot touch is not padded");
   app.add_option("--lod", a.options.lod, "a ladder of tolerances in one asset, as 2%,1%,0.5%")
       ->delimiter(',')
       ->type_name("LENGTHS")
@@ -144,8 +137,7 @@ void declare_asset(CLI::App& app, PadArguments& a) {
   app.add_option("--repair", a.options.repair, "auto (the default), union, fill, sheet, never or wrap")
       ->transform(CLI::CheckedTransformer(modes))
       ->type_name("MODE");
-  app.add_option("--thickness", a.options.thickness, "of sheets, half on either side (default 0)")
-      ->check(length());
+  add_length(app, "--thickness", a.options.thickness, "of sheets, half on either side (default 0)");
   app.add_option("--family", a.options.family, "of the asset: no contact inside a family; 0 is none")
       ->check(whole());
   app.add_option("--mask", a.options.mask, "bit k: no contact with family k + 1")->check(bits());

@@ -33,7 +33,7 @@ struct Call {
   CallOptions options;
   ModelForm form;
   ModelFault fault;
-  bool stages = false, again = false, fresh = false, renounce = false;
+  bool stages = false, again = false, fresh = false;
   int handed_on = 0;  // to another Detector before: 1 by construction, 2 by assignment
   Dice dice{0};
 };

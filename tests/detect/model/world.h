@@ -56,9 +56,6 @@ struct ModelWorld {
     return n;
   }
   bool is_still(std::size_t k) const { return !still.empty() && still[k]; }
-  bool any_still() const {
-    return std::any_of(still.begin(), still.end(), [](std::uint8_t s) { return s != 0; });
-  }
 
   // All spheres by their numbers, each where it is.
   std::vector<Seen> spheres() const {

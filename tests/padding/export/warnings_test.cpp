@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: MIT
-#include "padding/export/warnings.h"
-
 #include <map>
 
+#include "padding/export/writers.h"
 #include "tests/padding/export/samples.h"
 
 namespace padder::samples {
@@ -31,7 +30,8 @@ TEST_F(WarningsTest, WhatStatesAMassIsKnown) {
   mass.volume *= 2, mass.inertia *= 2, mass.moments *= 2;
   for (const Format& format : formats()) {
     const std::string name = format.name;
-    EXPECT_EQ(states_mass(format), files(model, format, name) != files(heavier, format, name + "_heavier"))
+    EXPECT_EQ(exporting::states_mass(format),
+              files(model, format, name) != files(heavier, format, name + "_heavier"))
         << name;
   }
 }
@@ -39,17 +39,20 @@ TEST_F(WarningsTest, WhatStatesAMassIsKnown) {
 TEST_F(WarningsTest, TheMassOfAWrapIsNotWrittenWithoutAWord) {
   Model model = model_of(brick());
   for (const Format& format : formats()) {
+    const auto told = [&] {
+      return write_model(model, folder_ / (std::string("a") + format.name + format.ending), format);
+    };
     model.bodies[0].inertial.reset();
     for (const auto kind : {SurfaceKind::input, SurfaceKind::filled}) {
       model.bodies[0].cluster.mass_of = kind;
-      EXPECT_TRUE(mass_warnings(model, format).empty()) << format.name;
+      EXPECT_TRUE(told().empty()) << format.name;
     }
     model.bodies[0].cluster.mass_of = SurfaceKind::wrap;
-    const auto told = write_model(model, folder_ / (std::string("a") + format.name + format.ending), format);
-    ASSERT_EQ(told.size(), states_mass(format) ? 1u : 0u) << format.name;
-    for (const auto& sentence : told) EXPECT_NE(sentence.find("brick"), std::string::npos) << sentence;
+    const auto sentences = told();
+    ASSERT_EQ(sentences.size(), exporting::states_mass(format) ? 1u : 0u) << format.name;
+    for (const auto& sentence : sentences) EXPECT_NE(sentence.find("brick"), std::string::npos) << sentence;
     model.bodies[0].inertial = Inertial{};  // stated by the robot's own file
-    EXPECT_TRUE(mass_warnings(model, format).empty()) << format.name;
+    EXPECT_TRUE(told().empty()) << format.name;
   }
 }
 

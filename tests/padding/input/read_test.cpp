@@ -28,7 +28,6 @@ namespace padder {
 namespace {
 
 namespace fs = std::filesystem;
-using Folder = TemporaryFolder;
 
 // The sentence of the error, or "" when there is none.
 std::string fault(const fs::path& path, const ReadOptions& options = {}) {
@@ -48,12 +47,12 @@ Vector size(const Mesh& mesh) {
   return box.high - box.low;
 }
 
-const std::string cube_vertices = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nv 0 0 1\nv 1 0 1\nv 0 1 1\nv 1 1 1\n";
-const std::string cube_obj =
-    cube_vertices + "f 1 3 4 2\nf 5 6 8 7\nf 1 2 6 5\nf 3 7 8 4\nf 1 5 7 3\nf 2 4 8 6\n";
+const std::string kCubeVertices = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nv 0 0 1\nv 1 0 1\nv 0 1 1\nv 1 1 1\n";
+const std::string kCubeObj =
+    kCubeVertices + "f 1 3 4 2\nf 5 6 8 7\nf 1 2 6 5\nf 3 7 8 4\nf 1 5 7 3\nf 2 4 8 6\n";
 
 template <class T>
-void put(std::string& bytes, T value) {
+void append(std::string& bytes, T value) {
   char raw[sizeof(T)];
   std::memcpy(raw, &value, sizeof(T));
   bytes.append(raw, sizeof(T));
@@ -62,27 +61,35 @@ void put(std::string& bytes, T value) {
 std::string binary_stl(const Mesh& mesh, const std::string& head = "") {
   std::string bytes = head;
   bytes.resize(80, ' ');
-  put(bytes, static_cast<std::uint32_t>(mesh.triangles.size()));
+  append(bytes, static_cast<std::uint32_t>(mesh.triangles.size()));
   for (std::size_t t = 0; t < mesh.triangles.size(); t++) {
-    for (int k = 0; k < 3; k++) put(bytes, 0.f);
+    for (int k = 0; k < 3; k++) append(bytes, 0.f);
     for (int k = 0; k < 3; k++)
-      for (int d = 0; d < 3; d++) put(bytes, static_cast<float>(mesh.corner(t, k)[d]));
-    put(bytes, std::uint16_t(0));
+      for (int d = 0; d < 3; d++) append(bytes, static_cast<float>(mesh.corner(t, k)[d]));
+    append(bytes, std::uint16_t(0));
   }
   return bytes;
 }
 
 Mesh cube() {
-  Folder folder;
-  return read_mesh(folder.put("cube.obj", cube_obj)).mesh;
+  const TemporaryFolder folder;
+  return read_mesh(folder.put("cube.obj", kCubeObj)).mesh;
 }
 
-TEST(Read, ObjQuadsCommentsContinuationAndSource) {
-  Folder folder;
-  const ReadResult r = read_mesh(
-      folder.put("Cube.OBJ", "# a cube\r\nmtllib none.mtl\r\n" + cube_vertices +
-                                 "vt 0 0\nvn 0 0 1\ng one\nusemtl red\ns off\nf 1/1/1 3//1 4/1 2 # below\n"
-                                 "f 5 6 \\\n 8 7\n  f\t-8 -7 -3 -4\nf 3 7 8 4\nf 1 5 7 3\nf 2 4 8 6"));
+class Read : public ::testing::Test, protected TemporaryFolder {
+ protected:
+  ReadResult read(const std::string& name, const std::string& bytes, const ReadOptions& options = {}) const {
+    return read_mesh(put(name, bytes), options);
+  }
+};
+using ReadChild = Read;
+using ReadShared = Read;
+
+TEST_F(Read, ObjQuadsCommentsContinuationAndSource) {
+  const ReadResult r =
+      read("Cube.OBJ", "# a cube\r\nmtllib none.mtl\r\n" + kCubeVertices +
+                           "vt 0 0\nvn 0 0 1\ng one\nusemtl red\ns off\nf 1/1/1 3//1 4/1 2 # below\n"
+                           "f 5 6 \\\n 8 7\n  f\t-8 -7 -3 -4\nf 3 7 8 4\nf 1 5 7 3\nf 2 4 8 6");
   EXPECT_EQ(r.mesh.triangles.size(), 12u);
   EXPECT_EQ(r.mesh.points.size(), 8u);
   EXPECT_DOUBLE_EQ(volume(r.mesh), 1);
@@ -94,43 +101,36 @@ TEST(Read, ObjQuadsCommentsContinuationAndSource) {
 }
 
 // As programs for Windows begin a text. Without it the first vertex would be no vertex, and the faces others.
-TEST(Read, AByteOrderMarkIsNoPartOfTheText) {
-  Folder folder;
+TEST_F(Read, AByteOrderMarkIsNoPartOfTheText) {
   const std::string mark = "\xEF\xBB\xBF", faces = "f -4 -2 -3\nf -4 -3 -1\nf -3 -2 -1\nf -2 -4 -1\n",
                     four = "0 0 0\n1 0 0\n0 1 0\n0 0 1\n";
   const std::string obj = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n" + faces;
-  EXPECT_NEAR(volume(read_mesh(folder.put("t.obj", mark + obj)).mesh), 1 / 6., 1e-12);
-  EXPECT_EQ(read_mesh(folder.put("off.off", mark + "OFF\n4 1 0\n" + four + "3 0 1 2\n")).mesh.points.size(),
-            3u);
-  EXPECT_EQ(read_mesh(folder.put("t.stl", mark + "solid t\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\n"
-                                                 "vertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\nendsolid\n"))
+  EXPECT_NEAR(volume(read("t.obj", mark + obj).mesh), 1 / 6., 1e-12);
+  EXPECT_EQ(read("off.off", mark + "OFF\n4 1 0\n" + four + "3 0 1 2\n").mesh.points.size(), 3u);
+  EXPECT_EQ(read("t.stl", mark + "solid t\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\n"
+                                 "vertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\nendsolid\n")
                 .mesh.triangles.size(),
             1u);
 }
 
-TEST(Read, Sha256OfTheBytes) {  // of "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n" as sha256sum prints it
-  Folder folder;
-  EXPECT_EQ(read_mesh(folder.put("t.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")).source.sha256,
+TEST_F(Read, Sha256OfTheBytes) {  // of "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n" as sha256sum prints it
+  EXPECT_EQ(read("t.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").source.sha256,
             "697b00ab13410c52a542d2e9c63711fcc04e9cbf6c0d3439a9b43cc812e6e713");
 }
 
-TEST(Read, ObjKeepsEveryDigitOfADouble) {
-  Folder folder;
-  const Mesh m =
-      read_mesh(
-          folder.put("t.obj",
-                     "v 0.1 123456.78901234567 1e-300\nv +1 4503599627370497.5 2.2250738585072014e-308\n"
-                     "v 3.3333333333333335 0.30000000000000004 1e300\nf 1 2 3\n"))
-          .mesh;
+TEST_F(Read, ObjKeepsEveryDigitOfADouble) {
+  const Mesh m = read("t.obj",
+                      "v 0.1 123456.78901234567 1e-300\nv +1 4503599627370497.5 2.2250738585072014e-308\n"
+                      "v 3.3333333333333335 0.30000000000000004 1e300\nf 1 2 3\n")
+                     .mesh;
   EXPECT_EQ(m.points[0], Point(0.1, 123456.78901234567, 1e-300));
   EXPECT_EQ(m.points[1], Point(1, 4503599627370497.5, 2.2250738585072014e-308));
   EXPECT_EQ(m.points[2], Point(3.3333333333333335, 0.30000000000000004, 1e300));
 }
 
-TEST(Read, FacesThatAreNoneAndUnusedPointsAreNoted) {
-  Folder folder;
-  const ReadResult r = read_mesh(folder.put(
-      "t.obj", "v 9 9 9\nv nan 0 0\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 3 4 5\nf 1\nf 1 2\nl 1 2\np 1\n"));
+TEST_F(Read, FacesThatAreNoneAndUnusedPointsAreNoted) {
+  const ReadResult r =
+      read("t.obj", "v 9 9 9\nv nan 0 0\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 3 4 5\nf 1\nf 1 2\nl 1 2\np 1\n");
   EXPECT_EQ(r.mesh.triangles.size(), 1u);
   EXPECT_EQ(r.mesh.points.size(), 3u);
   EXPECT_EQ(r.notes, (std::vector<std::string>{"2 lines, curves or points left out",
@@ -138,8 +138,8 @@ TEST(Read, FacesThatAreNoneAndUnusedPointsAreNoted) {
                                                "2 faces of fewer than three corners left out"}));
 }
 
-TEST(Read, ConcavePolygonKeepsItsVolume) {
-  Folder folder;  // a U; a fan from its first corner would leave it
+TEST_F(Read, ConcavePolygonKeepsItsVolume) {
+  // a U; a fan from its first corner would leave it
   std::string text;
   for (int z = 0; z < 2; z++)
     for (const char* p : {"0 0", "4 0", "4 3", "3 3", "3 1", "1 1", "1 3", "0 3"})
@@ -150,14 +150,13 @@ TEST(Read, ConcavePolygonKeepsItsVolume) {
     text += std::string("f ") + std::to_string(k + 1) + std::string(" ") + std::to_string(next + 1) +
             std::string(" ") + std::to_string(next + 9) + std::string(" ") + std::to_string(k + 9) + "\n";
   }
-  const Mesh m = read_mesh(folder.put("u.obj", text)).mesh;
+  const Mesh m = read("u.obj", text).mesh;
   EXPECT_EQ(m.triangles.size(), 28u);
   EXPECT_NEAR(volume(m), 8, 1e-12);
   EXPECT_NEAR(m.area(), 34, 1e-12);  // folds would add area
 }
 
-TEST(Read, FacesOfManyCorners) {  // more than 255 in OBJ, more than 9 in OFF
-  Folder folder;
+TEST_F(Read, FacesOfManyCorners) {  // more than 255 in OBJ, more than 9 in OFF
   std::string obj, off = "OFF 300 1 0\n", face = "300";
   std::string last = "f";
   for (int k = 0; k < 300; k++) {
@@ -166,61 +165,56 @@ TEST(Read, FacesOfManyCorners) {  // more than 255 in OBJ, more than 9 in OFF
     obj += "v " + p, off += p, face += std::string(" ") + std::to_string(k),
         last += std::string(" ") + std::to_string(k + 1);
   }
-  for (const auto& path : {folder.put("n.obj", obj + last), folder.put("n.off", off + face)}) {
+  for (const auto& path : {put("n.obj", obj + last), put("n.off", off + face)}) {
     const Mesh m = read_mesh(path).mesh;
     EXPECT_EQ(m.triangles.size(), 298u);
     EXPECT_NEAR(m.area(), std::numbers::pi, 1e-3);
   }
 }
 
-TEST(Read, OffVariants) {
-  Folder folder;
+TEST_F(Read, OffVariants) {
   const std::string body =
       "0 0 0 # first\n\n1 0 0\n0 1 0\n0 0 1\n3 0 2 1 255 0 0\n3 0 1 3\n3 0 3 2\n3 1 2 3 0.5 0.5 0.5\n";
   for (const char* head :
        {"OFF\n4 4 6\n", "OFF 4 4 6\n", "OFF4 4\n", "# said before\nOFF\n# and after\n4 4 0\n"}) {
-    const Mesh m = read_mesh(folder.put("t.off", head + body)).mesh;
+    const Mesh m = read("t.off", head + body).mesh;
     EXPECT_EQ(m.triangles.size(), 4u) << head;
     EXPECT_DOUBLE_EQ(volume(m), 1.0 / 6) << head;
   }
   const Mesh coloured =
-      read_mesh(folder.put("c.off", "COFF\n3 1 0\n0 0 0 1 0 0 1\n2 0 0 1 0 0 1\n0 2 0 1 0 0 1\n3 0 1 2\n"))
-          .mesh;
+      read("c.off", "COFF\n3 1 0\n0 0 0 1 0 0 1\n2 0 0 1 0 0 1\n0 2 0 1 0 0 1\n3 0 1 2\n").mesh;
   EXPECT_DOUBLE_EQ(coloured.area(), 2);
-  expect_fault(folder.put("b.off", "OFF BINARY\n4 4 6\n"), "binary OFF");
-  expect_fault(folder.put("4.off", "4OFF\n4 4 6\n"), "four or n coordinates");
-  expect_fault(folder.put("d.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n4 0 1 2\n"), "too few corners");
+  expect_fault(put("b.off", "OFF BINARY\n4 4 6\n"), "binary OFF");
+  expect_fault(put("4.off", "4OFF\n4 4 6\n"), "four or n coordinates");
+  expect_fault(put("d.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n4 0 1 2\n"), "too few corners");
   const std::string points = "OFF\n4 2 0\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n";
-  EXPECT_EQ(read_mesh(folder.put("e.off", points + "3 0\n1 \n2\n3 0 1 3\n")).mesh.triangles.size(), 2u);
-  expect_fault(folder.put("f.off", points + "3 0 1\n3 0 1 3\n"), "too few corners");
+  EXPECT_EQ(read("e.off", points + "3 0\n1 \n2\n3 0 1 3\n").mesh.triangles.size(), 2u);
+  expect_fault(put("f.off", points + "3 0 1\n3 0 1 3\n"), "too few corners");
 }
 
-TEST(Read, StlInBothForms) {
-  Folder folder;
+TEST_F(Read, StlInBothForms) {
   const Mesh m = cube();
   for (const char* head : {"", "solid but binary"}) {
-    const ReadResult r = read_mesh(folder.put("c.stl", binary_stl(m, head)));
+    const ReadResult r = read("c.stl", binary_stl(m, head));
     EXPECT_EQ(r.mesh.triangles.size(), 12u);
     EXPECT_EQ(r.mesh.points.size(), 36u);
     EXPECT_NEAR(volume(r.mesh), 1, 1e-12);
   }
-  const ReadResult trailing = read_mesh(folder.put("t.stl", binary_stl(m) + "behind"));
+  const ReadResult trailing = read("t.stl", binary_stl(m) + "behind");
   EXPECT_EQ(trailing.mesh.triangles.size(), 12u);
   ASSERT_EQ(trailing.notes.size(), 1u);
   EXPECT_EQ(trailing.notes[0], "6 bytes behind the last facet left out");
   const std::string facet =
       "FACET normal 0 0 1\n outer loop\n vertex 0 0 0\n vertex 1 0 0\n vertex 0 1 0\n endloop\n endfacet\n";
-  EXPECT_EQ(read_mesh(folder.put("a.stl", "solid a facet\n" + facet + facet + "endsolid a\nsolid b\n" +
-                                              facet + "endsolid\n"))
+  EXPECT_EQ(read("a.stl", "solid a facet\n" + facet + facet + "endsolid a\nsolid b\n" + facet + "endsolid\n")
                 .mesh.triangles.size(),
             3u);
-  expect_fault(folder.put("cut.stl", binary_stl(m).substr(0, 500)), "promises 12 facets, but has room for 8");
-  expect_fault(folder.put("few.stl", binary_stl(m).replace(80, 1, 1, '\3')), "promises 3 facets, but has 12");
-  expect_fault(folder.put("word.stl", "solid\nfacet\nvertex 0 0 zero\n"), "line 3: 'zero' is not a number");
-  expect_fault(
-      folder.put("two.stl",
-                 "solid\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nendloop\nendfacet\n"),
-      "line 7: a facet of 2 vertices");
+  expect_fault(put("cut.stl", binary_stl(m).substr(0, 500)), "promises 12 facets, but has room for 8");
+  expect_fault(put("few.stl", binary_stl(m).replace(80, 1, 1, '\3')), "promises 3 facets, but has 12");
+  expect_fault(put("word.stl", "solid\nfacet\nvertex 0 0 zero\n"), "line 3: 'zero' is not a number");
+  expect_fault(put("two.stl",
+                   "solid\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nendloop\nendfacet\n"),
+               "line 7: a facet of 2 vertices");
 }
 
 std::string ply(const std::string& format, const std::string& type, const std::string& body) {
@@ -229,41 +223,34 @@ std::string ply(const std::string& format, const std::string& type, const std::s
          " z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n" + body;
 }
 
-TEST(Read, PlyInItsForms) {
-  Folder folder;
-  EXPECT_DOUBLE_EQ(
-      read_mesh(folder.put("a.ply", ply("ascii", "float", "0 0 0\n2 0 0\n0 2 0\n3 0 1 2\n"))).mesh.area(), 2);
+TEST_F(Read, PlyInItsForms) {
+  EXPECT_DOUBLE_EQ(read("a.ply", ply("ascii", "float", "0 0 0\n2 0 0\n0 2 0\n3 0 1 2\n")).mesh.area(), 2);
   std::string crlf = ply("ascii", "float", "0 0 0\n2 0 0\n0 2 0\n3 0 1 2\n"), body;
   for (std::size_t at = 0; (at = crlf.find('\n', at)) != crlf.npos; at += 2) crlf.insert(at, "\r");
-  EXPECT_DOUBLE_EQ(read_mesh(folder.put("crlf.ply", crlf)).mesh.area(), 2);
+  EXPECT_DOUBLE_EQ(read("crlf.ply", crlf).mesh.area(), 2);
   // Easting and northing: floats would round them to 0.03 and 0.5.
   for (const double x : {448262.1234, 448263.1234, 448262.1234})
-    put(body, x), put(body, 5411945.5 + x), put(body, 0.25);
-  put(body, std::uint8_t(3));
-  for (const int k : {0, 1, 2}) put(body, k);
-  const Mesh m = read_mesh(folder.put("d.ply", ply("binary_little_endian", "double", body))).mesh;
+    append(body, x), append(body, 5411945.5 + x), append(body, 0.25);
+  append(body, std::uint8_t(3));
+  for (const int k : {0, 1, 2}) append(body, k);
+  const Mesh m = read("d.ply", ply("binary_little_endian", "double", body)).mesh;
   EXPECT_EQ(m.points[1], Point(448263.1234, 5411945.5 + 448263.1234, 0.25));
   EXPECT_EQ(m.triangles.size(), 1u);
   for (std::size_t length = 1; length < body.size(); length += 7)
-    expect_fault(folder.put("cut.ply", ply("binary_little_endian", "double", body.substr(0, length))),
-                 "cut short");
-  expect_fault(folder.put("list.ply", ply("ascii", "float", "0 0 0\n2 0 0\n0 2 0\n4 0 1 2\n")),
-               "cannot be read");
-  expect_fault(folder.put("out.ply", ply("ascii", "float", "0 0 0\n2 0 0\n0 2 0\n3 0 1 3\n")),
-               "names vertex 3");
+    expect_fault(put("cut.ply", ply("binary_little_endian", "double", body.substr(0, length))), "cut short");
+  expect_fault(put("list.ply", ply("ascii", "float", "0 0 0\n2 0 0\n0 2 0\n4 0 1 2\n")), "cannot be read");
+  expect_fault(put("out.ply", ply("ascii", "float", "0 0 0\n2 0 0\n0 2 0\n3 0 1 3\n")), "names vertex 3");
 }
 
-TEST(Read, PlyWithoutABodyOrAnEndOfLine) {  // found by fuzzing
-  Folder folder;
+TEST_F(Read, PlyWithoutABodyOrAnEndOfLine) {  // found by fuzzing
   std::string text = ply("ascii", "float", "");
   ASSERT_EQ(text.back(), '\n');
   text.pop_back();
-  expect_fault(folder.put("a.ply", text), "cut short");
+  expect_fault(put("a.ply", text), "cut short");
 }
 
 // A strip along a ribbon of squares must have the area of its triangles, and all must face +z.
-TEST(Read, PlyStripsAreTriangles) {
-  Folder folder;
+TEST_F(Read, PlyStripsAreTriangles) {
   const std::string points = "0 0 0\n0 1 0\n1 0 0\n1 1 0\n2 0 0\n2 1 0\n3 0 0\n3 1 0\n";
   const auto strips = [&](const std::string& rows, int count, const std::string& name = "vertex_indices") {
     return "ply\nformat ascii 1.0\nelement vertex 8\nproperty float x\nproperty float y\nproperty float z\n"
@@ -278,30 +265,29 @@ TEST(Read, PlyStripsAreTriangles) {
       {strips("10 1 0 3 2 2 5 5 4 7 6\n", 1), 6 - 2},            // led elsewhere over triangles without area
       {strips("3 -1 -1 -1\n4 1 0 3 2\n", 2), 2}};
   for (const auto& [text, triangles] : cases) {
-    const Mesh m = read_mesh(folder.put("s.ply", text)).mesh;
+    const Mesh m = read("s.ply", text).mesh;
     EXPECT_EQ(m.triangles.size(), triangles) << text;
     EXPECT_DOUBLE_EQ(m.area(), 0.5 * double(triangles));
     for (std::size_t t = 0; t < m.triangles.size(); t++) EXPECT_GT(m.area_normal(t).z(), 0) << text;
   }
-  expect_fault(folder.put("o.ply", strips("4 1 0 3 8\n", 1)), "strip 1 of 1 (counted from 1) names vertex 8");
-  expect_fault(folder.put("n.ply", strips("4 1 0 3 -2\n", 1)), "names vertex -2");
-  expect_fault(folder.put("none.ply", strips("2 1 0\n", 1)), "it holds no triangle");
+  expect_fault(put("o.ply", strips("4 1 0 3 8\n", 1)), "strip 1 of 1 (counted from 1) names vertex 8");
+  expect_fault(put("n.ply", strips("4 1 0 3 -2\n", 1)), "names vertex -2");
+  expect_fault(put("none.ply", strips("2 1 0\n", 1)), "it holds no triangle");
 }
 
-TEST(Read, PlyFacesUnderAnyNameAreReadOrRefused) {
-  Folder folder;
+TEST_F(Read, PlyFacesUnderAnyNameAreReadOrRefused) {
   const auto with = [&](std::string from, const std::string& to) {
     std::string text = ply("ascii", "float", "0 0 0\n2 0 0\n0 2 0\n3 0 1 2\n");
     return text.replace(text.find(from), from.size(), to);
   };
-  EXPECT_EQ(read_mesh(folder.put("i.ply", with("vertex_indices", "vertex_index"))).mesh.triangles.size(), 1u);
-  expect_fault(folder.put("c.ply", with("vertex_indices", "corners")), "no property vertex_indices");
-  expect_fault(folder.put("e.ply", with("element face", "element polygon")), "'face' and 'tristrips' alone");
-  expect_fault(folder.put("f.ply", with("uchar int", "uchar float")), "no whole numbers");
-  expect_fault(folder.put("v.ply", with("element face", "element vertex")), "'vertex' twice");
-  expect_fault(folder.put("y.ply", with("property float y", "property float q")), "no property y");
+  EXPECT_EQ(read("i.ply", with("vertex_indices", "vertex_index")).mesh.triangles.size(), 1u);
+  expect_fault(put("c.ply", with("vertex_indices", "corners")), "no property vertex_indices");
+  expect_fault(put("e.ply", with("element face", "element polygon")), "'face' and 'tristrips' alone");
+  expect_fault(put("f.ply", with("uchar int", "uchar float")), "no whole numbers");
+  expect_fault(put("v.ply", with("element face", "element vertex")), "'vertex' twice");
+  expect_fault(put("y.ply", with("property float y", "property float q")), "no property y");
   // Faces before vertices, other elements and lists between them, quads, faces and strips in one file.
-  const ReadResult r = read_mesh(folder.put(
+  const ReadResult r = read(
       "m.ply",
       "ply\nformat ascii 1.0\nelement camera 1\nproperty float x\nelement face 1\nproperty uchar flags\n"
       "property list uchar uint vertex_indices\nproperty list uchar float texcoord\nelement vertex 5\n"
@@ -310,21 +296,19 @@ TEST(Read, PlyFacesUnderAnyNameAreReadOrRefused) {
       "property int vertex1\nproperty int vertex2\nelement tristrips 1\nproperty list int int "
       "vertex_indices\n"
       "end_header\n9\n7 4 0 1 2 3 2 0.5 0.5\n0 0 0 0.1\n0 2 8 9 0 1\n0 0 1 1\n0 0 1 0.1\n5 0 0.5 0.5\n0 1\n3 "
-      "0 1 4\n"));
+      "0 1 4\n");
   EXPECT_EQ(r.mesh.triangles.size(), 3u);
   EXPECT_EQ(r.mesh.points[0], Point(0.1, 0, 0));
   EXPECT_EQ(r.notes, std::vector<std::string>{"1 edges left out"});
-  EXPECT_EQ(read_mesh(folder.put("digits.ply", ply("ascii", "float", "0.1 0 0\n2 0 0\n0 2 0\n3 0 1 2\n")))
-                .mesh.points[0]
-                .x(),
+  EXPECT_EQ(read("digits.ply", ply("ascii", "float", "0.1 0 0\n2 0 0\n0 2 0\n3 0 1 2\n")).mesh.points[0].x(),
             double(0.1f));  // it says that it is a float
 }
 
 // 3MF
 
-const std::string relations =
+const std::string kRelations =
     R"(<Relationships><Relationship Id="r" Target="/3D/3dmodel.model" Type="http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"/></Relationships>)";
-const std::string tetrahedron =
+const std::string kTetrahedron =
     R"(<mesh><vertices><vertex x="0" y="0" z="0"/><vertex x="6" y="0" z="0"/><vertex x="0" y="1" z="0"/><vertex x="0" y="0" z="1"/></vertices>)"
     R"(<triangles><triangle v1="0" v2="2" v3="1"/><triangle v1="0" v2="1" v3="3"/><triangle v1="0" v2="3" v3="2"/><triangle v1="1" v2="2" v3="3"/></triangles></mesh>)";
 
@@ -334,48 +318,47 @@ std::string model(const std::string& resources, const std::string& items,
          items + "</build></model>";
 }
 std::string package(const std::string& model, bool deflated = true, const std::string& other = "") {
-  return zip_bytes({{"_rels/.rels", relations}, {"3D/3dmodel.model", model}, {"3D/other.model", other}},
+  return zip_bytes({{"_rels/.rels", kRelations}, {"3D/3dmodel.model", model}, {"3D/other.model", other}},
                    deflated);
 }
 
-TEST(Read, ThreeMfHasItsUnit) {
-  Folder folder;
-  const auto read = [&](const std::string& unit, const ReadOptions& options = {}) {
+TEST_F(Read, ThreeMfHasItsUnit) {
+  const auto read_in = [&](const std::string& unit, const ReadOptions& options = {}) {
     const std::string attribute = unit.empty() ? "" : "unit=\"" + unit + "\"";
-    return read_mesh(folder.put("u.3mf", package(model("<object id=\"1\">" + tetrahedron + "</object>",
-                                                       "<item objectid=\"1\"/>", attribute))),
-                     options);
+    return read(
+        "u.3mf",
+        package(model("<object id=\"1\">" + kTetrahedron + "</object>", "<item objectid=\"1\"/>", attribute)),
+        options);
   };
   const std::tuple<const char*, const char*, double> units[] = {
       {"", "mm", 6},     {"millimeter", "mm", 6}, {"micron", "mm", 0.006}, {"centimeter", "cm", 6},
       {"inch", "in", 6}, {"foot", "in", 72},      {"meter", "m", 6}};
   for (const auto& [name, unit, length] : units) {
-    const ReadResult r = read(name);
+    const ReadResult r = read_in(name);
     EXPECT_EQ(r.unit, unit);
     EXPECT_DOUBLE_EQ(size(r.mesh).x(), length);
     EXPECT_EQ(r.mesh.triangles.size(), 4u);
     EXPECT_GT(volume(r.mesh), 0);
   }
-  const ReadResult metres = read("inch", {.scale = 1, .unit = "m"});
+  const ReadResult metres = read_in("inch", {.scale = 1, .unit = "m"});
   EXPECT_EQ(metres.unit, "m");
   EXPECT_NEAR(size(metres.mesh).x(), 6 * 0.0254, 1e-15);
-  expect_fault(folder.put("p.3mf", package(model("", "", "unit=\"parsec\""))), "'parsec' is none of 3MF's");
+  expect_fault(put("p.3mf", package(model("", "", "unit=\"parsec\""))), "'parsec' is none of 3MF's");
 }
 
-TEST(Read, ThreeMfBuildsComponentsAndTransforms) {
-  Folder folder;
+TEST_F(Read, ThreeMfBuildsComponentsAndTransforms) {
   const std::string resources =
-      "<object id=\"1\">" + tetrahedron + "</object><object id=\"9\" type=\"support\">" + tetrahedron +
-      "</object><object id=\"5\">" + tetrahedron +
+      "<object id=\"1\">" + kTetrahedron + "</object><object id=\"9\" type=\"support\">" + kTetrahedron +
+      "</object><object id=\"5\">" + kTetrahedron +
       "</object>"  // 5 is not built
       "<object id=\"2\"><components><component objectid=\"1\"/><component objectid=\"1\" "
       "transform=\"-1 0 0 0 1 0 0 0 1 0 0 4\"/></components></object>";
   for (const bool deflated : {false, true}) {
     const ReadResult r =
-        read_mesh(folder.put("c.3mf", package(model(resources,
-                                                    "<item objectid=\"2\" transform=\"2 0 0 0 2 0 0 0 2 10 0 "
-                                                    "0\"/><item objectid=\"1\"/><item objectid=\"9\"/>"),
-                                              deflated)));
+        read("c.3mf", package(model(resources,
+                                    "<item objectid=\"2\" transform=\"2 0 0 0 2 0 0 0 2 10 0 "
+                                    "0\"/><item objectid=\"1\"/><item objectid=\"9\"/>"),
+                              deflated));
     EXPECT_EQ(r.mesh.triangles.size(), 12u);
     EXPECT_NEAR(volume(r.mesh), 1 + 8 + 8, 1e-12);  // the mirrored one is turned over
     EXPECT_EQ(r.mesh.bounds().low, Point(-2, 0, 0));
@@ -385,20 +368,18 @@ TEST(Read, ThreeMfBuildsComponentsAndTransforms) {
   // The production extension: an object in a file of its own.
   const std::string p =
       "xmlns:p=\"http://schemas.microsoft.com/3dmanufacturing/production/2015/06\" requiredextensions=\"p\"";
-  EXPECT_NEAR(
-      volume(read_mesh(folder.put("p.3mf",
-                                  package(model("", "<item objectid=\"1\" p:path=\"/3D/other.model\"/>", p),
-                                          true, model("<object id=\"1\">" + tetrahedron + "</object>", ""))))
-                 .mesh),
-      1, 1e-12);
+  EXPECT_NEAR(volume(read("p.3mf", package(model("", "<item objectid=\"1\" p:path=\"/3D/other.model\"/>", p),
+                                           true, model("<object id=\"1\">" + kTetrahedron + "</object>", "")))
+                         .mesh),
+              1, 1e-12);
 }
 
-TEST(Read, ThreeMfFaults) {
-  Folder folder;
+TEST_F(Read, ThreeMfFaults) {
   const auto fault_of = [&](const std::string& model, const std::string& words) {
-    expect_fault(folder.put("f.3mf", package(model)), words);
+    expect_fault(put("f.3mf", package(model)), words);
   };
-  const std::string object = "<object id=\"1\">" + tetrahedron + "</object>", item = "<item objectid=\"1\"/>";
+  const std::string object = "<object id=\"1\">" + kTetrahedron + "</object>",
+                    item = "<item objectid=\"1\"/>";
   fault_of("<model", "not XML at byte");
   fault_of(model(object, ""), "nothing is to be built");
   fault_of(model(object, "<item objectid=\"7\"/>"), "no object '7'");
@@ -413,7 +394,7 @@ TEST(Read, ThreeMfFaults) {
   std::string far = object;
   fault_of(model(far.replace(far.find("v3=\"1\""), 6, "v3=\"4\""), item),
            "names vertex '4', but there are 4");
-  expect_fault(folder.put("z.3mf", zip_bytes({{"a", "b"}})), "'_rels/.rels' is missing");
+  expect_fault(put("z.3mf", zip_bytes({{"a", "b"}})), "'_rels/.rels' is missing");
   // 2^60 copies must be refused at once.
   std::string bomb = object;
   for (int k = 2; k < 62; k++) {
@@ -424,22 +405,20 @@ TEST(Read, ThreeMfFaults) {
   fault_of(model(bomb, "<item objectid=\"61\"/>"), "triangles, more than the 4294967295");
 }
 
-TEST(Read, ObjSurfacesAreNotPassedOver) {
-  Folder folder;
-  const ReadResult r = read_mesh(folder.put("l.obj", cube_obj + "l 1 2\np 1\nl 1 2 3\n"));
+TEST_F(Read, ObjSurfacesAreNotPassedOver) {
+  const ReadResult r = read("l.obj", kCubeObj + "l 1 2\np 1\nl 1 2 3\n");
   EXPECT_EQ(r.notes, std::vector<std::string>{"3 lines, curves or points left out"});
   EXPECT_EQ(r.mesh.triangles.size(), 12u);
   for (const char* line : {"surf 0 1 0 1 1 2 3 4", "fo 1 2 3", "call other.obj"})
-    expect_fault(folder.put("s.obj", cube_obj + line + "\n"),
+    expect_fault(put("s.obj", kCubeObj + line + "\n"),
                  "line 15: '" + std::string(line).substr(0, std::string(line).find(' ')));
 }
 
 // A square of four points, in each of the ways that glTF has to make triangles.
-TEST(Read, GltfModesAndExtensions) {
-  Folder folder;
+TEST_F(Read, GltfModesAndExtensions) {
   std::string bytes;
-  for (const float x : {0, 0, 0, 1, 0, 0, 0, 1, 0, 1, 1, 0}) put(bytes, x);
-  folder.put("square.bin", bytes);
+  for (const float x : {0, 0, 0, 1, 0, 0, 0, 1, 0, 1, 1, 0}) append(bytes, x);
+  put("square.bin", bytes);
   const auto gltf = [](int mode, const std::string& more = "") {
     return R"({"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0]}],"nodes":[{"mesh":0}],)" + more +
            R"("meshes":[{"primitives":[{"mode":)" + std::to_string(mode) +
@@ -447,25 +426,23 @@ TEST(Read, GltfModesAndExtensions) {
            R"("type":"VEC3","min":[0,0,0],"max":[1,1,0]}],"bufferViews":[{"buffer":0,"byteLength":48}],)"
            R"("buffers":[{"uri":"square.bin","byteLength":48}]})";
   };
-  const Mesh strip = read_mesh(folder.put("strip.gltf", gltf(5))).mesh;
+  const Mesh strip = read("strip.gltf", gltf(5)).mesh;
   EXPECT_EQ(strip.triangles.size(), 2u);
   EXPECT_DOUBLE_EQ(strip.area(), 1);
   for (std::size_t t = 0; t < strip.triangles.size(); t++) EXPECT_GT(strip.area_normal(t).z(), 0);
-  const Mesh fan = read_mesh(folder.put("fan.gltf", gltf(6))).mesh;
+  const Mesh fan = read("fan.gltf", gltf(6)).mesh;
   EXPECT_EQ(fan.triangles.size(), 2u);
   EXPECT_DOUBLE_EQ(fan.area(), 1);
-  for (const int mode : {0, 1, 2, 3})
-    expect_fault(folder.put("lines.gltf", gltf(mode)), "it holds no triangle");
-  expect_fault(folder.put("d.gltf", gltf(5, R"("extensionsRequired":["KHR_draco_mesh_compression"],)")),
+  for (const int mode : {0, 1, 2, 3}) expect_fault(put("lines.gltf", gltf(mode)), "it holds no triangle");
+  expect_fault(put("d.gltf", gltf(5, R"("extensionsRequired":["KHR_draco_mesh_compression"],)")),
                "'KHR_draco_mesh_compression'");
-  expect_fault(folder.put("i.gltf", gltf(5, R"("extensionsUsed":["EXT_mesh_gpu_instancing"],)")),
+  expect_fault(put("i.gltf", gltf(5, R"("extensionsUsed":["EXT_mesh_gpu_instancing"],)")),
                "'EXT_mesh_gpu_instancing'");
-  EXPECT_EQ(fault(folder.put("m.gltf", gltf(5, R"("extensionsRequired":["KHR_materials_unlit"],)"))), "");
-  expect_fault(folder.put("t.gltf", gltf(5, R"("scene":0,)")), "the key \"scene\" stands twice");
+  EXPECT_EQ(fault(put("m.gltf", gltf(5, R"("extensionsRequired":["KHR_materials_unlit"],)"))), "");
+  expect_fault(put("t.gltf", gltf(5, R"("scene":0,)")), "the key \"scene\" stands twice");
 }
 
-TEST(Read, ColladaHasItsUnitAndItsStrips) {
-  Folder folder;
+TEST_F(Read, ColladaHasItsUnitAndItsStrips) {
   const auto dae = [](const std::string& asset) {
     return R"(<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1"><asset>)" +
            asset +
@@ -478,7 +455,7 @@ TEST(Read, ColladaHasItsUnitAndItsStrips) {
   for (const auto& [unit, length] : {std::pair("", 1.0),
                                      {"<unit name=\"inch\" meter=\"0.0254\"/>", 0.0254},
                                      {"<unit name=\"foot\" meter=\"0.3048\"/>", 0.3048}}) {
-    const ReadResult r = read_mesh(folder.put("s.dae", dae(unit)));
+    const ReadResult r = read("s.dae", dae(unit));
     EXPECT_EQ(r.unit, "m");
     EXPECT_NEAR(size(r.mesh).x(), length, 1e-7 * length);
     EXPECT_EQ(r.mesh.triangles.size(), 4u) << "two instances";
@@ -487,7 +464,7 @@ TEST(Read, ColladaHasItsUnitAndItsStrips) {
   // The coordinates of the file, whichever way it says is up: as ROS shows it, and as the STL beside it.
   for (const char* up :
        {"", "<up_axis>X_UP</up_axis>", "<up_axis>Y_UP</up_axis>", "<up_axis>Z_UP</up_axis>"}) {
-    const Box box = read_mesh(folder.put("s.dae", dae(up))).mesh.bounds();
+    const Box box = read("s.dae", dae(up)).mesh.bounds();
     EXPECT_EQ(box.low, Point(0, 0, 0)) << up;
     EXPECT_EQ(box.high, Point(1, 1, 2)) << up;
   }
@@ -506,15 +483,14 @@ std::string gltf_buffer(std::uint16_t last = 2) {
   std::string bytes;
   for (const std::uint16_t k :
        {std::uint16_t(0), std::uint16_t(1), std::uint16_t(2), std::uint16_t(0), std::uint16_t(1), last})
-    put(bytes, k);
-  for (const float x : {0, 0, 0, 1, 0, 0, 0, 1, 0}) put(bytes, x);
+    append(bytes, k);
+  for (const float x : {0, 0, 0, 1, 0, 0, 0, 1, 0}) append(bytes, x);
   return bytes;
 }
 
-TEST(Read, SceneNodesArePlacedAndMirroredOnesTurned) {
-  Folder folder;
-  folder.put("data.bin", gltf_buffer());
-  const ReadResult r = read_mesh(folder.put("s.gltf", mirrored_gltf));
+TEST_F(Read, SceneNodesArePlacedAndMirroredOnesTurned) {
+  put("data.bin", gltf_buffer());
+  const ReadResult r = read("s.gltf", mirrored_gltf);
   ASSERT_EQ(r.mesh.triangles.size(), 4u);
   EXPECT_EQ(r.unit, "m");
   for (std::size_t t = 0; t < 4; t++) EXPECT_GT(r.mesh.area_normal(t).z(), 0);
@@ -524,62 +500,57 @@ TEST(Read, SceneNodesArePlacedAndMirroredOnesTurned) {
 }
 
 // Reading a buffer that is a pipe would never end.
-TEST(Read, AGltfMayOnlyReferToFiles) {
-  Folder folder;
-  ASSERT_EQ(::mkfifo((folder.path() / "data.bin").c_str(), 0600), 0);
-  expect_fault(folder.put("s.gltf", mirrored_gltf), "assimp cannot read it");
+TEST_F(Read, AGltfMayOnlyReferToFiles) {
+  ASSERT_EQ(::mkfifo((folder_ / "data.bin").c_str(), 0600), 0);
+  expect_fault(put("s.gltf", mirrored_gltf), "assimp cannot read it");
 }
 
-TEST(Read, AGltfMayNotReferToFilesAboveItsFolder) {
-  Folder folder;
-  fs::create_directory(folder.path() / "in");
-  folder.put("data.bin", gltf_buffer());
+TEST_F(Read, AGltfMayNotReferToFilesAboveItsFolder) {
+  fs::create_directory(folder_ / "in");
+  put("data.bin", gltf_buffer());
   std::string above = mirrored_gltf;
-  for (const std::string& name : {std::string("../data.bin"), (folder.path() / "data.bin").string()}) {
+  for (const std::string& name : {std::string("../data.bin"), (folder_ / "data.bin").string()}) {
     above = mirrored_gltf;
     above.replace(above.find("data.bin"), 8, name);
-    expect_fault(folder.put("in/s.gltf", above), "assimp cannot read it");
+    expect_fault(put("in/s.gltf", above), "assimp cannot read it");
   }
-  above.replace(above.find(folder.path().string()), folder.path().string().size() + 1, "in/../");
-  EXPECT_EQ(fault(folder.put("s.gltf", above)), "") << "it does not leave the folder";
+  above.replace(above.find(folder_.string()), folder_.string().size() + 1, "in/../");
+  EXPECT_EQ(fault(put("s.gltf", above)), "") << "it does not leave the folder";
 }
 
-TEST(Read, AGltfNamesAFileAsUrisDo) {
-  Folder folder;
+TEST_F(Read, AGltfNamesAFileAsUrisDo) {
   const auto of = [&](const std::string& uri) {
     std::string scene = mirrored_gltf;
-    return folder.put("s.gltf", scene.replace(scene.find("data.bin"), 8, uri));
+    return put("s.gltf", scene.replace(scene.find("data.bin"), 8, uri));
   };
-  folder.put("a b\u00e9.bin", gltf_buffer());
+  put("a b\u00e9.bin", gltf_buffer());
   EXPECT_EQ(fault(of("a%20b%c3%A9.bin")), "");
   EXPECT_EQ(fault(of("./a b%C3%a9.bin")), "");
   expect_fault(of("a%2b.bin"), "assimp cannot read it");
-  folder.put("50%.bin", gltf_buffer());
+  put("50%.bin", gltf_buffer());
   EXPECT_EQ(fault(of("50%.bin")), "");
-  folder.put("a%2b.bin", gltf_buffer());
+  put("a%2b.bin", gltf_buffer());
   EXPECT_EQ(fault(of("a%2b.bin")), "") << "nobody escaped it";
-  folder.put("out.bin", gltf_buffer());
-  fs::create_directory(folder.path() / "in");
+  put("out.bin", gltf_buffer());
+  fs::create_directory(folder_ / "in");
   std::string above = mirrored_gltf;
   above.replace(above.find("data.bin"), 8, "%2e%2e/out.bin");
-  expect_fault(folder.put("in/s.gltf", above), "assimp cannot read it");
+  expect_fault(put("in/s.gltf", above), "assimp cannot read it");
 }
 
-TEST(Read, SceneFaults) {
-  Folder folder;
-  expect_fault(folder.put("s.gltf", mirrored_gltf), "data.bin");
-  folder.put("data.bin", gltf_buffer(9));
-  expect_fault(folder.path() / "s.gltf", "out of range");
-  expect_fault(folder.put("x.gltf", "{\"asset\""), "not JSON at byte");
-  expect_fault(folder.put("x.glb", "glTF\2"), "no binary glTF 2");
+TEST_F(Read, SceneFaults) {
+  expect_fault(put("s.gltf", mirrored_gltf), "data.bin");
+  put("data.bin", gltf_buffer(9));
+  expect_fault(folder_ / "s.gltf", "out of range");
+  expect_fault(put("x.gltf", "{\"asset\""), "not JSON at byte");
+  expect_fault(put("x.glb", "glTF\2"), "no binary glTF 2");
   for (const char* name : {"x.fbx", "x.dae", "x.3ds", "x.3mf"})
-    expect_fault(folder.put(name, std::string("noise \0\1\2\3\377", 11)), name);
+    expect_fault(put(name, std::string("noise \0\1\2\3\377", 11)), name);
 }
 
-TEST(Read, UnitsAndScale) {
-  Folder folder;
-  folder.put("data.bin", gltf_buffer());
-  const fs::path gltf = folder.put("s.gltf", mirrored_gltf), obj = folder.put("c.obj", cube_obj);
+TEST_F(Read, UnitsAndScale) {
+  put("data.bin", gltf_buffer());
+  const fs::path gltf = put("s.gltf", mirrored_gltf), obj = put("c.obj", kCubeObj);
   const ReadResult mm = read_mesh(gltf, {.scale = 1, .unit = "mm"});
   EXPECT_EQ(mm.unit, "mm");
   EXPECT_NEAR(size(mm.mesh).z(), 3000, 1e-9);
@@ -594,23 +565,21 @@ TEST(Read, UnitsAndScale) {
   expect_fault(obj, "unit 'ft' is not known: use m, cm, mm or in", {.scale = 1, .unit = "ft"});
   for (const double scale : {0.0, -1.0, std::nan(""), HUGE_VAL})
     expect_fault(obj, "the scale must be a positive number", {.scale = scale, .unit = ""});
-  expect_fault(folder.put("h.obj", "v 0 0 0\nv 1e300 0 0\nv 0 1 0\nf 1 2 3\n"),
-               "overflow when they are scaled", {.scale = 1e10, .unit = ""});
+  expect_fault(put("h.obj", "v 0 0 0\nv 1e300 0 0\nv 0 1 0\nf 1 2 3\n"), "overflow when they are scaled",
+               {.scale = 1e10, .unit = ""});
 }
 
-TEST(Read, FilesThatAreNone) {
-  Folder folder;
-  expect_fault(folder.path() / "absent.obj", "cannot open");
-  expect_fault(folder.put("part.step", "x"), ".obj, .stl, .ply, .off, .gltf, .glb, .fbx, .dae, .3ds, .3mf");
-  expect_fault(folder.put("part", "x"), "it has no ending");
+TEST_F(Read, FilesThatAreNone) {
+  expect_fault(folder_ / "absent.obj", "cannot open");
+  expect_fault(put("part.step", "x"), ".obj, .stl, .ply, .off, .gltf, .glb, .fbx, .dae, .3ds, .3mf");
+  expect_fault(put("part", "x"), "it has no ending");
   for (const std::string& ending : mesh_endings())
-    expect_fault(folder.put("empty" + ending, ""), "the file is empty");
-  fs::create_directory(folder.path() / "folder.obj");
-  expect_fault(folder.path() / "folder.obj", "is a folder");
+    expect_fault(put("empty" + ending, ""), "the file is empty");
+  fs::create_directory(folder_ / "folder.obj");
+  expect_fault(folder_ / "folder.obj", "is a folder");
 }
 
-TEST(Read, ObjFaultsNameTheirLine) {
-  Folder folder;
+TEST_F(Read, ObjFaultsNameTheirLine) {
   const std::string v = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
   const std::pair<std::string, std::string> table[] = {
       {v + "f 1 2 4\n", "line 4: a face names vertex 4, but the file has only 3"},
@@ -627,17 +596,15 @@ TEST(Read, ObjFaultsNameTheirLine) {
       {"v 0 0 0\nv 1e400 0 0\nv 0 1 0\nf 1 2 3\n", "line 2: vertex 2"},
       {std::string("v 0 0 0\nv 1 0 0\0\n", 17), "line 2: a zero byte"},
       {v, "it holds no triangle, only 3 points"}};
-  for (const auto& [text, words] : table) expect_fault(folder.put("t.obj", text), words);
-  const Mesh forward =
-      read_mesh(folder.put("t.obj", "f 1 2 3\n" + v)).mesh;  // absolute indices may come first
+  for (const auto& [text, words] : table) expect_fault(put("t.obj", text), words);
+  const Mesh forward = read("t.obj", "f 1 2 3\n" + v).mesh;  // absolute indices may come first
   EXPECT_DOUBLE_EQ(forward.area(), 0.5);
-  const Mesh tiny = read_mesh(folder.put("t.obj", "v 1e-400 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")).mesh;
+  const Mesh tiny = read("t.obj", "v 1e-400 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").mesh;
   EXPECT_DOUBLE_EQ(tiny.area(), 0.5);
 }
 
-TEST(Read, NothingGetsThroughWhenBytesAreLostOrChanged) {  // an answer or a sentence, never a crash
-  Folder folder;
-  const std::string files[][2] = {{"t.obj", cube_obj},
+TEST_F(Read, NothingGetsThroughWhenBytesAreLostOrChanged) {  // an answer or a sentence, never a crash
+  const std::string files[][2] = {{"t.obj", kCubeObj},
                                   {"t.stl", binary_stl(cube())},
                                   {"t.ply", ply("ascii", "float", "0 0 0\n2 0 0\n0 2 0\n3 0 1 2\n")},
                                   {"t.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"}};
@@ -646,12 +613,12 @@ TEST(Read, NothingGetsThroughWhenBytesAreLostOrChanged) {  // an answer or a sen
       for (const char replacement : {'-', '9', '\xff'}) {
         std::string damaged = bytes;
         damaged[at] = replacement;
-        fault(folder.put(name, damaged));
-        fault(folder.put(name, bytes.substr(0, at)));
+        fault(put(name, damaged));
+        fault(put(name, bytes.substr(0, at)));
       }
 }
 
-TEST(ReadChild, BringsAMeshAndNothingUnsound) {
+TEST_F(ReadChild, BringsAMeshAndNothingUnsound) {
   ReadResult sent;
   sent.mesh.points.assign(100000, Point(1, 2, 3));
   sent.mesh.triangles = {{7, 8, 9}}, sent.unit = "in", sent.notes = {"one", "two"};
@@ -667,9 +634,8 @@ TEST(ReadChild, BringsAMeshAndNothingUnsound) {
             0u);
 }
 
-TEST(ReadChild, ManyThreadsMayRead) {
-  Folder folder;
-  const fs::path path = folder.put("c.stl", binary_stl(cube()));
+TEST_F(ReadChild, ManyThreadsMayRead) {
+  const fs::path path = put("c.stl", binary_stl(cube()));
   std::atomic<int> right = 0;
   std::vector<std::thread> threads;
   for (int k = 0; k < 8; k++)
@@ -680,7 +646,7 @@ TEST(ReadChild, ManyThreadsMayRead) {
   EXPECT_EQ(right, 40);
 }
 
-TEST(Read, CountsBeyond32BitsAreRefused) {
+TEST_F(Read, CountsBeyond32BitsAreRefused) {
   EXPECT_NO_THROW(reading::check_counts(4294967295, 4294967295, "t.stl"));
   EXPECT_THROW(reading::check_counts(4294967296, 0, "t.stl"), Error);
   EXPECT_THROW(reading::check_counts(0, 4294967296, "t.stl"), Error);
@@ -688,16 +654,15 @@ TEST(Read, CountsBeyond32BitsAreRefused) {
 
 // The meshes in ../shared, where they are present.
 
-const fs::path shared = fs::path(PADDER_SHARED) / "meshes";
+const fs::path kShared = fs::path(PADDER_SHARED) / "meshes";
 
-TEST(ReadShared,
-     DamagedScenesEndInAnAnswerOrASentence) {  // seed 7; assimp aborts on nearly every damaged 3MF
-  if (!fs::exists(shared)) GTEST_SKIP() << shared << " is not here";
-  Folder folder;
+TEST_F(ReadShared,
+       DamagedScenesEndInAnAnswerOrASentence) {  // seed 7; assimp aborts on nearly every damaged 3MF
+  if (!fs::exists(kShared)) GTEST_SKIP() << kShared << " is not here";
   std::mt19937 random(7);
   for (const char* name :
        {"cubes_mirrored_pivot.fbx", "fels.3ds", "sphere.dae", "box_interleaved.glb", "featuretype.3mf"}) {
-    const std::string bytes = read_file(shared / "formats" / name);
+    const std::string bytes = read_file(kShared / "formats" / name);
     for (int k = 0; k < 12; k++) {
       std::string damaged = bytes;
       if (k % 2)
@@ -705,13 +670,13 @@ TEST(ReadShared,
       else
         for (int i = 0; i < k; i++)
           damaged[random() % std::min<std::size_t>(bytes.size(), 3000)] = static_cast<char>(random());
-      fault(folder.put(name, damaged));
+      fault(put(name, damaged));
     }
   }
 }
 
-TEST(ReadShared, Formats) {
-  if (!fs::exists(shared)) GTEST_SKIP() << shared << " is not here";
+TEST_F(ReadShared, Formats) {
+  if (!fs::exists(kShared)) GTEST_SKIP() << kShared << " is not here";
   const struct {
     const char* file;
     std::size_t triangles;
@@ -733,7 +698,7 @@ TEST(ReadShared, Formats) {
                {"menger_sponge_3.glb", 21598, {1, 1, 1}, 0.4064, "m"}};  // (20/27)^3
   for (const auto& row : table) {
     SCOPED_TRACE(row.file);
-    const ReadResult r = read_mesh(shared / "formats" / row.file);
+    const ReadResult r = read_mesh(kShared / "formats" / row.file);
     EXPECT_EQ(r.mesh.triangles.size(), row.triangles);
     EXPECT_LT((size(r.mesh) - row.size).cwiseQuotient(row.size).cwiseAbs().maxCoeff(), 5e-4);
     EXPECT_NEAR(volume(r.mesh), row.volume, 5e-4 * row.volume);  // positive: mirrored nodes are turned right
@@ -763,9 +728,9 @@ void check_table(const fs::path& folder, const std::vector<Expected>& table) {
   }
 }
 
-TEST(ReadShared, Malformed) {
-  if (!fs::exists(shared)) GTEST_SKIP() << shared << " is not here";
-  check_table(shared / "malformed",
+TEST_F(ReadShared, Malformed) {
+  if (!fs::exists(kShared)) GTEST_SKIP() << kShared << " is not here";
+  check_table(kShared / "malformed",
               {{"assimp_empty.obj", "the file is empty"},
                {"assimp_fuzz_header.ply", "line 7: '"},
                {"assimp_invalid.off", "line 6: face 1 of 4 begins with '0'"},
@@ -785,29 +750,28 @@ TEST(ReadShared, Malformed) {
                {"trimesh_stl_no_facets.stl", "without a facet"}});
 }
 
-class Analytic : public ::testing::Test {
+class Analytic : public Read {
  protected:
   void SetUp() override {
-    const fs::path script = shared / "make_analytic.py";
+    const fs::path script = kShared / "make_analytic.py";
     if (!fs::exists(script)) GTEST_SKIP() << script << " is not here";
     const std::string command =
-        "/usr/bin/env python3 '" + script.string() + "' '" + folder_.path().string() + "' >/dev/null";
+        "/usr/bin/env python3 '" + script.string() + "' '" + folder_.string() + "' >/dev/null";
     if (std::system(command.c_str()) != 0) GTEST_SKIP() << "python3 is not here";
   }
-  Folder folder_;
 };
 
 TEST_F(Analytic, TrianglesAreaAndVolume) {
-  const auto expected = nlohmann::json::parse(read_file(folder_.path() / "EXPECTED.json"));
+  const auto expected = nlohmann::json::parse(read_file(folder_ / "EXPECTED.json"));
   ASSERT_GT(expected.size(), 50u);
   for (const auto& [file, e] : expected.items()) {
     SCOPED_TRACE(file);
     const std::size_t triangles = e["triangles"];
     if (triangles == 0) {
-      expect_fault(folder_.path() / file, "it holds no triangle");
+      expect_fault(folder_ / file, "it holds no triangle");
       continue;
     }
-    const Mesh m = read_mesh(folder_.path() / file).mesh;
+    const Mesh m = read_mesh(folder_ / file).mesh;
     EXPECT_EQ(m.triangles.size(), triangles);
     // The script cuts polygons into fans, and a PLY or STL of floats has the digits of floats.
     const double area = e["note"].get<std::string>().starts_with("concave") ? e["area"] : e["mesh_area"];
@@ -819,7 +783,7 @@ TEST_F(Analytic, TrianglesAreaAndVolume) {
 }
 
 TEST_F(Analytic, Malformed) {
-  check_table(folder_.path() / "malformed",
+  check_table(folder_ / "malformed",
               {{"empty.obj", "the file is empty"},
                {"empty.stl", "the file is empty"},
                {"empty.off", "the file is empty"},

@@ -13,7 +13,7 @@
 #include "padding/asset/error.h"
 #include "tests/detect/print.h"
 #include "tests/error_of.h"
-#include "tools/settle/page.h"
+#include "tools/settle/page/page.h"
 #include "tools/settle/stepper.h"
 
 namespace padder::settle {

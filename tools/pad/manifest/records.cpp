@@ -26,28 +26,6 @@ namespace {
 
 constexpr auto kReplace = Json::error_handler_t::replace;  // the name of a file need not be UTF-8
 
-// The files of "uri": "rest", without those that hold their data themselves.
-std::vector<fs::path> buffers_of_gltf(const std::string& mesh) {
-  const Json json = parse_json<Json>(read_file(mesh, kMostText), mesh);
-  const JsonPlace<Json> document(json, mesh);
-  std::vector<fs::path> files;
-  if (!document.has("buffers")) return files;
-  const auto buffers = document.at("buffers");
-  for (std::size_t k = 0; k < buffers.size(); k++) {
-    if (!buffers.at(k).has("uri")) continue;
-    const std::string uri = buffers.at(k).at("uri").text();
-    if (uri.starts_with("data:")) continue;
-    std::string name;
-    for (std::size_t at = 0; at < uri.size(); at++)
-      if (unsigned code; uri[at] == '%' && std::sscanf(uri.c_str() + at + 1, "%2x", &code) == 1)
-        name += char(code), at += 2;
-      else
-        name += uri[at];
-    files.push_back(fs::path(mesh).parent_path() / name);
-  }
-  return files;
-}
-
 }  // namespace
 
 Record record_of(const Json& j) {
@@ -94,7 +72,7 @@ std::string key_of(const Part& part, const std::string& sha256_of_mesh) {
 }
 
 std::vector<fs::path> further_inputs(const Part& part) {
-  if (part.mesh.ends_with(".gltf")) return buffers_of_gltf(part.mesh);
+  if (part.mesh.ends_with(".gltf")) return reading::files_beside_gltf(part.mesh);
   std::vector<fs::path> files;
   if (!is_robot(part.mesh)) return files;
   const PadArguments& a = part.settings->arguments;

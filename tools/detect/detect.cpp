@@ -18,13 +18,11 @@ namespace {
 constexpr std::uint64_t kShown = 512;  // --stages prints scenes of at most this many spheres
 
 CLI::Validator device_count() {
-  return {[](const std::string& text) {
-            const bool good =
-                text == "all" || (padder::cli::is_whole(text) && text != "0" && text.size() < 5);
-            return good ? std::string()
-                        : padder::cli::not_a(text, "number of devices: write a whole number above 0, or all");
-          },
-          ""};
+  return padder::cli::accepting(
+      [](auto& text) {
+        return text == "all" || (padder::cli::is_whole(text) && text != "0" && text.size() < 5);
+      },
+      "number of devices: write a whole number above 0, or all");
 }
 
 void declare(CLI::App& app, Arguments& a, std::string& memory) {

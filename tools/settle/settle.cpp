@@ -14,7 +14,7 @@
 #include "tools/json_output.h"
 #include "tools/settle/files.h"
 #include "tools/settle/make_scene.h"
-#include "tools/settle/page.h"
+#include "tools/settle/page/page.h"
 #include "tools/settle/read_scene.h"
 
 namespace {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "tools/settle/page.h"
+#include "tools/settle/page/page.h"
 
 #include <zlib.h>
 
@@ -10,7 +10,7 @@
 
 #include "padding/asset/error.h"
 #include "padding/asset/file.h"
-#include "tools/settle/page_template.h"
+#include "tools/settle/page/page_template.h"
 
 namespace padder::settle {
 namespace {
