@@ -21,6 +21,8 @@ using Place = JsonPlace<Json>;
 Vec3 vector_at(const Place& r) {
   double v[3];
   r.reals(v);
+  for (const double x : v)
+    if (std::abs(x) > 1e100) r.fail("numbers of at most 1e100 are wanted");  // squares of more overflow
   return {v[0], v[1], v[2]};
 }
 
@@ -196,10 +198,14 @@ class Reader {
   void read_body_settings() {
     settings_.resize(scene_.bodies.size(), plain());
     if (!r_.has("bodies")) return;
+    std::vector<bool> named(scene_.bodies.size());
     for (std::size_t k = 0; k < r_.at("bodies").size(); k++) {
       const Place b = r_.at("bodies").at(k);
       b.only({"body", "velocity", "spin", "density", "driven", "material"});
-      BodySettings& to = settings_[body_number(b.at("body"))];
+      const std::uint32_t number = body_number(b.at("body"));
+      if (named[number]) b.fail("an entry before is of the same body: write one for each");
+      named[number] = true;
+      BodySettings& to = settings_[number];
       to = settings_of(b);
       if (b.has("spin")) to.spin = vector_at(b.at("spin"));
       to.driven = b.has("driven") && b.at("driven").truth();

@@ -39,7 +39,14 @@ const Pair* ContactList::keep_pairs() {
 }
 
 void ContactList::reserve(const CallOptions& options, std::uint64_t count) {
+#ifdef PADDER_INITCHECK  // a history is sought in a list that turns out too short as well, and then anew
+  const std::uint64_t before = pairs_[now_].capacity();
+  Pair* const p = pairs_[now_].reserve(count);
+  if (pairs_[now_].capacity() != before)
+    cuda_check(cudaMemset(p, 0, pairs_[now_].capacity() * sizeof *p), "clear the contacts");
+#else
   pairs_[now_].reserve(count);
+#endif
   if (options.width != Width::pairs) normals_.reserve(count * normal_bytes(options));
   if (options.width == Width::points) points_.reserve(count * point_bytes(options));
 }

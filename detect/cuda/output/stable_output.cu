@@ -31,6 +31,10 @@ unsigned int* reserve_marks(OutputTask& task, SearchMemory& memory, cudaStream_t
   Word* const p = memory.marks.reserve(marks);
   // All that there is, which may be more than was asked for: the next search may use more.
   if (fresh) cuda_check(cudaMemsetAsync(p, 0, memory.marks.capacity() * 8, stream), "clear the counters");
+#ifdef PADDER_INITCHECK  // the first spilled contact is loaded before it is known whether there is one
+  if (auto* const spill = memory.spill.data())
+    cuda_check(cudaMemsetAsync(spill, 0, memory.spill.capacity() * sizeof *spill, stream), "clear the spill");
+#endif
   StableOutput& stable = task.stable;
   stable.tile_groups = tile_groups, stable.all_groups = all_groups;
   stable.blocks_done = reinterpret_cast<unsigned int*>(p) + 1;

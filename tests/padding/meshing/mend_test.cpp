@@ -182,7 +182,8 @@ TEST(Mend, RandomBoxesBecomeTheirUnion) {
     };
     const Repaired r = mended(mesh, RepairMode::united);
     expect_body(r, inside, seed);
-    EXPECT_NEAR(volume(r) / sampled_volume(mesh.bounds(), inside, seed, 50000), 1, 0.01) << "seed " << seed;
+    // Three standard deviations of the sample; compilers order the draws of a box differently.
+    EXPECT_NEAR(volume(r) / sampled_volume(mesh.bounds(), inside, seed, 200000), 1, 0.01) << "seed " << seed;
     // The boundary alone closes, up to rounding: it winds round the same points.
     for (int k = 0; k < 30; k++) {
       const Point p = random.point(0.6);

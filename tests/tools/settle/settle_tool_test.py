@@ -169,6 +169,10 @@ with tempfile.TemporaryDirectory() as folder:
     write("ice.json", ice)
     refused('no material "snow"', "ice.json")
     ice["settle"]["bodies"][0]["material"] = "default"
+    ice["settle"]["bodies"].append(ice["settle"]["bodies"][0])
+    write("twice.json", ice)
+    refused("of the same body", "twice.json")
+    ice["settle"]["bodies"].pop()
     ice["settle"]["materials"] = {f"m{k}": {} for k in range(8)}
     write("ice.json", ice)
     refused("at most 7 materials", "ice.json")
@@ -182,6 +186,8 @@ with tempfile.TemporaryDirectory() as folder:
     refused("gravitiy", "typing.json")
     write("other.json", scene_of(gravity=[0, 0, -1]))
     refused("is of another scene", "other.json", "--resume", "half.npz")
+    write("fast.json", scene_of(gravity=[0, 0, -1e300]))
+    refused("at most 1e100", "fast.json")
     deep = scene_of()
     deep["spheres"][0]["centers"] = [[0, 0, 0.05], [0, 0, 0.0501]]
     write("deep.json", deep)
