@@ -64,6 +64,18 @@ class SparsePoints {
   std::unordered_multimap<std::uint64_t, Point> points_;
 };
 
+// The radius of the disc that the middle one of the balls covers, the smaller of two counting as the middle.
+double middle_reach(const std::vector<FittedBall>& balls, double gap) {
+  std::vector<double> reach;
+  for (const auto& [ball, cap, triangle] : balls) {
+    const double below = ball.radius - gap;
+    reach.push_back(std::sqrt((ball.radius + gap) * (ball.radius + gap) - below * below));
+  }
+  const auto middle = reach.begin() + static_cast<std::ptrdiff_t>((reach.size() - 1) / 2);
+  std::nth_element(reach.begin(), middle, reach.end());
+  return *middle;
+}
+
 }  // namespace
 
 std::vector<FittedBall> refit(const Surface& body, const Mesh& remeshed, std::vector<FittedBall> balls,
@@ -84,6 +96,7 @@ std::vector<FittedBall> refit(const Surface& body, const Mesh& remeshed, std::ve
 
   const Surface triangles(remeshed);
   constexpr int most_rounds = 30;
+  double wide = 32 * gap;  // how far apart points are taken at first where very much is open
   for (int round = 0; round < most_rounds; round++) {
     std::vector<Ball> plain;
     for (const auto& b : balls) plain.push_back(b.ball);
@@ -95,8 +108,8 @@ std::vector<FittedBall> refit(const Surface& body, const Mesh& remeshed, std::ve
     std::vector<GapPart> chosen;
     // A ball covers a disc that is much wider than the gap. Where nearly all is open, as under flat caps on a
     // coarse mesh, points that stand apart by the gap alone would be millions: the first rounds take few of
-    // them.
-    const double spacing = open.size() > many_open ? std::max(1.0, std::ldexp(32, -round)) * gap : gap;
+    // them, until the distance is that which the balls of the round before cover.
+    const double spacing = open.size() > many_open ? wide : gap;
     SparsePoints taken(spacing);
     for (const GapPart& part : open)
       if (taken.insert_unless_near(part.centroid())) chosen.push_back(part);
@@ -110,6 +123,7 @@ std::vector<FittedBall> refit(const Surface& body, const Mesh& remeshed, std::ve
         found[k].ball = {p, gap};  // on a knife's edge
     }
     balls.insert(balls.end(), found.begin(), found.end());
+    wide = std::max(gap, std::min(wide / 2, middle_reach(found, gap)));
   }
   return balls;
 }

@@ -15,12 +15,18 @@ Ball ball_below(const Surface& surface, const Point& p, const Vector& normal, do
   // Starts with a ball of a few tolerances and doubles it while it is empty. The largest ball would start far
   // outside a thin body, where queries cost most.
   double r = std::min(largest, guess > 0 ? guess : std::max(32 * tolerance, largest / 64));
-  bool growing = r < largest;
+  // Beside a sheet there is no room inside; the ball sits on it.
+  const auto on_sheet = [&] { return Ball{p, surface.half_thickness(surface.nearest(p).triangle)}; };
+  bool growing = r < largest, inside = false;
   for (int step = 0; r > tolerance;) {
     const Point c = p - r * normal;
     const Nearest hit = surface.clearance(c, r - tolerance);
     if (!(hit.distance < r - tolerance)) {
       if (!growing) break;
+      // A wall that is thinner than the tolerance is not seen: the ball would grow through all of a hollow
+      // behind it. No larger ball has its centre on another side, because it holds this one.
+      if (!inside && surface.signed_nearest(c).distance > 0) return on_sheet();
+      inside = true;
       r = std::min(largest, 2 * r), growing = r < largest;
       continue;
     }
@@ -34,8 +40,7 @@ Ball ball_below(const Surface& surface, const Point& p, const Vector& normal, do
   }
   const Point c = p - r * normal;
   const Nearest at = surface.signed_nearest(c);
-  // Beside a sheet there is no room inside; the ball sits on it.
-  if (at.distance > 0) return {p, surface.half_thickness(surface.nearest(p).triangle)};
+  if (at.distance > 0) return on_sheet();
   const double radius = -at.distance;
   if (!(r <= radius + tolerance)) return {p, 0};
   return {c, radius};

@@ -28,9 +28,8 @@ namespace {
 namespace pmp = CGAL::Polygon_mesh_processing;
 
 constexpr const char* no_surface =
-    ": no triangle has an area that shows at 1.5e-11 of the diagonal, so there is no surface to pad: pad "
-    "parts "
-    "that lie so far apart one by one";
+    ": no triangle has an area that shows at 1.5e-11 of the diagonal: either there is no surface to pad, or "
+    "its parts lie so far apart that they must be padded one by one";
 
 // Has triangle t no area? Its height is what counts: a small part far from another one has small triangles.
 bool has_no_area(const Mesh& mesh, std::size_t t, double diagonal) {
@@ -178,19 +177,28 @@ std::string words(const Repaired& body, double diagonal) {
   return report.text();
 }
 
-// Is it a terrain, nearly all of it seen from one side? A box without its lid is not: its normals cancel.
+// Is it a terrain, nearly all of it seen from one side, and nothing of it behind another part? A box without
+// its lid is none: its normals cancel. Nor is a stack of sheets.
 bool is_terrain(const Mesh& mesh) {
   Vector sum = Vector::Zero();
   for (std::size_t t = 0; t < mesh.triangles.size(); t++) sum += mesh.area_normal(t);
   const double area = mesh.area();
   if (sum.norm() < 0.5 * area) return false;
   const Vector up = sum.normalized();
-  double facing = 0;
+  const Vector along = (up + 1e-3 * Surface::ray_directions()[0]).normalized();  // no component is 0
+  const Surface surface(mesh);
+  const std::size_t step = mesh.triangles.size() / 4096 + 1;  // enough rays for a share of a thousandth
+  double facing = 0, asked = 0, behind = 0;
   for (std::size_t t = 0; t < mesh.triangles.size(); t++) {
     const Vector a = mesh.area_normal(t);
     if (a.dot(up) > 0) facing += a.norm();
+    if (t % step != 0) continue;
+    const Point middle = (mesh.corner(t, 0) + mesh.corner(t, 1) + mesh.corner(t, 2)) / 3;
+    asked += a.norm();
+    const auto self = [t](std::uint32_t other) { return other == t; };
+    if (surface.crossings(middle, along, self).value_or(0) != 0) behind += a.norm();
   }
-  return facing > 0.999 * area;
+  return facing > 0.999 * area && behind < 0.001 * asked;
 }
 
 Repaired wrapped(const Mesh& input, const RepairOptions& options, double diagonal, const std::string& name,

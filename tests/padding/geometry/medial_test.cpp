@@ -32,6 +32,23 @@ TEST(Medial, SphereGivesItsInscribedBall) {
   EXPECT_NEAR(ball.radius, 1, 0.011);
 }
 
+TEST(Medial, BallSitsOnAWallThatIsThinnerThanTheTolerance) {
+  const Mesh outer = shapes::sphere(4);
+  Mesh inner = outer;
+  for (Point& p : inner.points) p *= 1 - 1e-4;
+  const Surface shell(shapes::joined(outer, shapes::turned_over(inner)));
+  for (const double guess : {0.0, 0.05, 2.0})
+    for (const double side : {1.0, -1.0}) {
+      const Point p = (side > 0 ? outer : inner).corner(77, 0);
+      const Ball ball = inner_medial_ball(shell, p, side * p.normalized(), 3, 1e-2, guess);
+      EXPECT_EQ(ball.center, p) << "guess " << guess << ", side " << side;
+      EXPECT_EQ(ball.radius, 0);
+    }
+  // In a thick body the ball grows from a small guess.
+  const Surface cube(shapes::box({0, 0, 0}, {1, 1, 1}));
+  EXPECT_NEAR(inner_medial_ball(cube, {0.5, 0.5, 1}, Vector::UnitZ(), 2, 1e-2, 0.02).radius, 0.5, 1e-2);
+}
+
 TEST(Medial, LargestIsKept) {
   const Surface surface(shapes::box({0, 0, 0}, {1, 1, 1}));
   EXPECT_NEAR(inner_medial_ball(surface, {0.5, 0.5, 1}, Vector::UnitZ(), 0.2, 1e-9).radius, 0.2, 1e-12);

@@ -125,6 +125,21 @@ TEST(Repair, ATerrainStaysASheet) {
   EXPECT_EQ(r.mesh.triangles.size(), mesh.triangles.size());
 }
 
+TEST(Repair, AStackOfSheetsIsNoTerrain) {
+  Mesh field = shapes::square(1, 20);
+  for (Point& p : field.points) p.z() = 0.05 * std::sin(9 * p.x()) * std::cos(7 * p.y());
+  RepairOptions below;
+  below.below_terrain = true;
+  EXPECT_FALSE(repair(field, below, "terrain").solid);
+  Mesh above = shapes::square(1, 20);  // a tenth of it above the corner of the other
+  for (Point& p : above.points) p += Vector(0.7, 0.7, 0.3);
+  for (const Mesh& two : {joined(field, above), shapes::stack(shapes::square(1), 100, 2)}) {
+    const Repaired r = repair(two, below, "stack");
+    EXPECT_EQ(r.kind, BodyKind::sheet);
+    EXPECT_TRUE(r.solid) << r.report;
+  }
+}
+
 TEST(Repair, NeverTrustsTheFile) {
   RepairOptions never;
   never.mode = RepairMode::never;
