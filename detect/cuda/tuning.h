@@ -157,11 +157,13 @@ inline constexpr double kUnitRows = 2048;
 // 300,000 spheres on; from 50,000": poly100 1.5e5 0.094 to 0.081 ms, 2e5 0.102 to 0.084; 1e5 0.061 to 0.073.
 // Order.
 inline constexpr std::uint64_t kFusedSpheres = 140000;
-// The order in which the fused search takes its work (fused_work.h): in 2^bits rounds; stable lists of fewer
-// spheres than the last number all tiles first, then in 2^bits rounds. Rows "items in other order" and "work
-// in 2,048 parts instead of 256". 256, 64, 16, 4, 2, 1 rounds: poly100 1e6 0.226, 0.232, 0.226, 0.224,
-// 0.2225, 0.2195 ms; 2e6 0.385, 0.388, 0.386, 0.385, 0.388, 0.411; 5e6 lost 1 % and more.
-inline constexpr std::uint32_t kRoundBits = 8, kStableRoundBits = 2, kTilesFirstBelow = 3000000;
+// The order in which the fused search takes its work (fused_work.h): in 2^bits rounds; of fewer spheres than
+// the last two numbers largest spheres first, and then a stable list in 2^bits rounds. Rows "items in other
+// order", "work in 2,048 parts instead of 256" and "largest spheres first". Stable, 256, 64, 16, 4, 2, 1
+// rounds: poly100 1e6 0.226, 0.232, 0.226, 0.224, 0.2225, 0.2195 ms; 2e6 0.385, 0.388, 0.386, 0.385, 0.388,
+// 0.411; 5e6 lost 1 % and more.
+inline constexpr std::uint32_t kRoundBits = 8, kStableRoundBits = 2;
+inline constexpr std::uint32_t kLargestFirst = 1500000, kStableLargestFirst = 3000000;
 
 // Up to this many groups of eight producers, each block of the compaction adds up all of them; beyond, a
 // kernel before it does. After a fused search: row "one kernel numbers and moves": poly100 1e6 14 to 11 us,

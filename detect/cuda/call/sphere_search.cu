@@ -137,17 +137,19 @@ void SphereSearch::plan_output(const Call& call, bool with_survey) {
   plan_.moves = book_.moves, plan_.kept = tools_.orderer.kept();
 }
 
-// The list lends its memory to the order as work space. In a first call it has none yet.
+// The list lends its memory to the order as work space. In a first call it has none yet. Smaller buckets take
+// more room: where that is not lent, they are counted in each call.
 void SphereSearch::lengthen_to_lend(const Call& call) {
   const std::uint32_t count = plan_.source.count;
   if (call.options.width == Width::pairs || count < tuning::kFewSpheres ||
-      call.list.capacity(call.options) > 0)
+      (call.list.capacity(call.options) > 0 && crowding_ == 0))
     return;
+  const std::uint64_t room = Orderer::room(count) + (crowding_ ? count / 8 : 0);
   const bool words = plan_.kind != SlotKind::equal || !float_bins(plan_.grid, plan_.kind, count).on;
   if (!words)
-    call.list.reserve_slots(Orderer::room(count));
+    call.list.reserve_slots(room);
   else
-    call.list.reserve(call.options, Orderer::room(count));
+    call.list.reserve(call.options, room);
 }
 
 void SphereSearch::expect_report(const Plan& plan, Tools& tools) {
@@ -284,6 +286,7 @@ struct SphereSearch::Steps {
     if (found.flags & kCrowded) {
       if (s.crowding_ < tuning::kMostCrowding && source.count >= tuning::kFewSpheres) {
         s.crowding_++;
+        s.lengthen_to_lend(call);
       } else if (!reproducible && !s.spread_) {
         s.spread_ = true, s.crowding_ = 0, s.grid_ = s.best_grid(call, s.summary_, GridBounds::tight);
         s.plan_.grid = s.grid_;

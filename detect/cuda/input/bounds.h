@@ -156,14 +156,22 @@ struct OctaveBounds {
     }
   }
 };
-// One thread's part in OctaveBounds. Registers hold the bounds of two octaves: the finest among the first
-// spheres of the warp, and the next coarser one. Spheres of other octaves go to shared memory one by one. All
-// lanes of a warp call begin() and give().
+// One thread's part in OctaveBounds. Registers hold the bounds of two neighbouring octaves: those of most of
+// the warp's first spheres. Spheres of other octaves go to shared memory one by one. All lanes of a warp call
+// begin() and give().
 class OctaveTaker {
  public:
   // With what it will take first, if that is a sphere.
   __device__ __forceinline__ void begin(int top, const float4& s, bool valid) {
-    fine_ = __reduce_max_sync(~0u, valid ? octave_of(top, s) : -1);
+    const int octave = valid ? octave_of(top, s) : -1;
+    std::uint32_t rest = __ballot_sync(~0u, valid);
+    for (int most = 0; rest;) {
+      const int fine = __shfl_sync(~0u, octave, __ffs(static_cast<int>(rest)) - 1);
+      const std::uint32_t here = __ballot_sync(~0u, octave == fine),
+                          coarser = __ballot_sync(~0u, valid && octave == fine - 1);
+      if (const int count = __popc(here | coarser); count > most) most = count, fine_ = fine;
+      rest &= ~here;
+    }
   }
   __device__ __forceinline__ void take(OctaveBounds& all, int top, const float4& s) {
     const int octave = octave_of(top, s);

@@ -16,8 +16,9 @@ using Word = unsigned long long;  // what 64-bit atomic operations take
 
 // A block of threads takes a tile: each of its four warps 32 consecutive spheres of the order, one a lane.
 inline constexpr int kTileWarps = 4, kTileSpheres = 32 * kTileWarps;
-// A tile of the fused search, which one warp takes.
-inline constexpr std::uint32_t kFusedTile = 2 * kTileSpheres;
+// In the fused search one warp takes a tile. Those of a stable order are twice as large, and some of any
+// order.
+inline constexpr std::uint32_t kLargeTile = 2 * kTileSpheres;
 
 // A producer notes how many slots it left empty and how many contacts it spilled, in sums over groups of this
 // many producers. A group has tiles or units, not both.
@@ -88,7 +89,7 @@ struct OutputTask {
   SlotQuota quota;
   StableOutput stable;
   TileQuotas tile_quotas;
-  std::uint32_t tiles = 0, units = 0;
+  std::uint32_t tiles = 0, units = 0, tile_spheres = kTileSpheres;
   double radius = 0;  // of all spheres, for SlotKind::equal
   float radius_f32 = 0;
 };

@@ -80,8 +80,7 @@ TileQuotas quotas_of_levels(const Grid& grid, std::uint64_t slots, std::uint32_t
                     (l.filled * l.count[0] * l.count[1] * l.count[2]) +
                 1e-30;
     if (k) weight[k] = std::clamp(weight[k], 0x1p-5 * weight[0], 0x1p5 * weight[0]);
-    q.first[k] = std::min(static_cast<std::uint32_t>((first + kFusedTile - 1) / kFusedTile), tiles),
-    first += l.spheres;
+    q.first[k] = std::min(over(first, kLargeTile), tiles), first += l.spheres;
   }
   const auto end = [&](int k) { return k + 1 < grid.levels ? q.first[k + 1] : tiles; };
   for (int k = 0; k < grid.levels; k++) sum += weight[k] * (end(k) - q.first[k]);

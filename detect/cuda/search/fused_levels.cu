@@ -18,9 +18,9 @@ __global__ void __launch_bounds__(kTileSpheres, tuning::kFusedBlocks)
   if (Stable) allow_next_kernel();
   // Where a flag is set the table is not whole, and the caller will order the spheres in another way.
   if (task.counters->flags) return;
-  const bool tiles_first =
-      Stable && task.spheres.count < tuning::kTilesFirstBelow;  // and the pairs backwards
-  plan_work(task, grid, pairs, tiles_first, work);
+  const bool largest_first =
+      task.spheres.count < (Stable ? tuning::kStableLargestFirst : tuning::kLargestFirst);
+  plan_work(task, grid, pairs, Stable && largest_first, largest_first, work);
   __syncthreads();
   const std::uint32_t warp = __shfl_sync(kFullWarp, threadIdx.x >> 5, 0), items = work.items;
   FusedSearch<Stable, Hashed, Given, Owned> search(task, grid, pairs, memory[warp]);
@@ -30,8 +30,8 @@ __global__ void __launch_bounds__(kTileSpheres, tuning::kFusedBlocks)
     // The number of the next item, loaded long before it is needed.
     std::uint32_t next = 0;
     if (search.lane == 0) next = atomicAdd(task.next, 1u);
-    WorkItem item = item_of(work, pairs.count, number, search.lane, round_bits(tiles_first));
-    if (tiles_first && item.pair < pairs.count) item.pair = pairs.count - 1 - item.pair;
+    WorkItem item = item_of(work, pairs.count, number, search.lane, round_bits(Stable, largest_first));
+    if (largest_first && item.pair < pairs.count) item.pair = pairs.count - 1 - item.pair;
     const bool down = item.pair < pairs.count;
     const LevelPair& d = pairs.pair[down ? item.pair : 0];
     if constexpr (Stable) {
@@ -41,8 +41,8 @@ __global__ void __launch_bounds__(kTileSpheres, tuning::kFusedBlocks)
         search.begin_tile(item.unit);
     }
     if (!down)
-      search.begin_spheres(item.unit * kFusedTile,
-                           min(item.unit * kFusedTile + kFusedTile, task.spheres.count));
+      search.begin_spheres(item.unit * task.tile_spheres,
+                           min((item.unit + 1) * task.tile_spheres, task.spheres.count));
     if (!down || search.begin_rows(d, item.unit)) search.take_all(down, Stable);
     if (Stable) search.end_producer();
     // The last to find nothing leaves the counter as it was.
@@ -62,7 +62,7 @@ void launch_fused_levels(const SearchTask& task, const Grid& grid, const LevelPa
   const auto launch = [&]<bool Stable, bool Given, bool Owned = false>() {
     auto* const kernel = task.spheres.hashed ? fused_kernel<Stable, true, Given, Owned>
                                              : fused_kernel<Stable, false, Given, Owned>;
-    if (Stable) {
+    if (Stable && task.units) {
       launch_unit_quotas(task, grid, pairs, true, processors, stream);
       launch_overlapped(kernel, {blocks, kTileSpheres}, stream, task, grid, pairs);
     } else {

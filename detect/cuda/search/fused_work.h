@@ -2,10 +2,11 @@
 // The fused search, the order in which warps take work. What is near in space should be searched at one time,
 // so that slots come from a cache; the spheres of all levels are ordered alike. So first come the tiles of
 // the coarser levels, whose rows may be long; then, in rounds, the first part in 2^bits of each pair of
-// levels and of the finest tiles, then the second part of each, and so on. Stable lists of fewer spheres have
-// another order: first all tiles, since units must wait for their quotas, then the pairs from those of the
-// largest spheres to those of the smallest, in few rounds: the units of small spheres are short, and what
-// starts last should not take long. Only .cu files include this.
+// levels and of the finest tiles, then the second part of each, and so on. Fewer spheres fit the cache
+// anyhow. Then the pairs go from those of the largest spheres to those of the smallest: the units of small
+// spheres are short, and what starts last should not take long. In any order the finest tiles come last, in
+// one round. In a stable order all tiles come first, since units must wait for their quotas, and the pairs
+// follow in few rounds. Only .cu files include this.
 #pragma once
 #include "detect/cuda/device/warp.h"
 #include "detect/cuda/search/level_pairs.h"
@@ -24,21 +25,21 @@ struct WorkItem {
 
 // By all threads of the block; the caller synchronizes them.
 __device__ __forceinline__ void plan_work(const SearchTask& task, const Grid& grid, const LevelPairs& pairs,
-                                          bool tiles_first, WorkPlan& work) {
+                                          bool tiles_first, bool largest_first, WorkPlan& work) {
   for (std::uint32_t p = threadIdx.x; p <= pairs.count; p += kTileSpheres) {
-    const std::uint32_t tiles = (task.spheres.count + kFusedTile - 1) / kFusedTile,
-                        finest = static_cast<std::uint32_t>(
-                            min(grid.level[0].spheres / kFusedTile, static_cast<std::uint64_t>(tiles)));
+    const std::uint32_t tiles = task.tiles,
+                        finest = static_cast<std::uint32_t>(min(grid.level[0].spheres / task.tile_spheres,
+                                                                static_cast<std::uint64_t>(tiles)));
     const std::uint32_t first = tiles_first ? tiles : tiles - finest,
-                        at = tiles_first && p < pairs.count ? pairs.count - 1 - p : p;
+                        at = largest_first && p < pairs.count ? pairs.count - 1 - p : p;
     if (p == pairs.count) work.tiles = tiles, work.first = first, work.items = pairs.warps + tiles;
     work.count[at] = p == pairs.count       ? tiles - first
                      : p + 1 == pairs.count ? pairs.warps - pairs.pair[p].first_warp
                                             : pairs.pair[p + 1].first_warp - pairs.pair[p].first_warp;
   }
 }
-__device__ __forceinline__ std::uint32_t round_bits(bool tiles_first) {
-  return tiles_first ? tuning::kStableRoundBits : tuning::kRoundBits;
+__device__ __forceinline__ std::uint32_t round_bits(bool stable, bool largest_first) {
+  return !largest_first ? tuning::kRoundBits : stable ? tuning::kStableRoundBits : 0;
 }
 // Item `number` of the plan, by a warp.
 __device__ __forceinline__ WorkItem item_of(const WorkPlan& work, std::uint32_t pairs, std::uint32_t number,

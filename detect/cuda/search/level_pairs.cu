@@ -23,6 +23,21 @@ bool searchable(const Level& fine, double reach, SlotKind kind) {
   return y < 0x1p16 && y * y * z < 0x1p32;
 }
 
+// Do the bounds of two levels lie so far from each other that none of their spheres touch? By one bin more,
+// since a sphere's bin in float may be the next one.
+bool lie_apart(const Level& a, const Level& b) {
+  const double apart = 1.01 * (a.radius_max + b.radius_max) + a.size + b.size;
+  if (a.hashed || b.hashed) return false;
+  for (int c = 0; c < 3; c++) {
+    const auto low = [c](const Level& l) { return static_cast<double>(l.first[c]) * l.size; };
+    const auto high = [c](const Level& l) {
+      return static_cast<double>(l.first[c] + static_cast<std::int64_t>(l.count[c])) * l.size;
+    };
+    if (low(a) > high(b) + apart || low(b) > high(a) + apart) return true;
+  }
+  return false;
+}
+
 // How the spheres of the coarser level are grouped, or their rows divided, so that a unit finds about as many
 // contacts as a warp's queue holds. `reach`: of the largest, in bins of the finer level.
 void divide_rows(LevelPair& d, const Level& coarse, const Level& fine, double reach, bool fused) {
@@ -67,17 +82,21 @@ LevelPairs plan_level_pairs(const Grid& grid, SlotKind kind, bool fused) {
     const Level& coarse = grid.level[c];
     for (int f = 0; f < c; f++) {
       const Level& fine = grid.level[f];
+      LevelPair d{};
+      d.coarse = c, d.fine = f, d.group = d.parts = d.warp_units = d.step = 1;
+      d.first = d.end = static_cast<std::uint32_t>(first);
+      d.first_unit = static_cast<std::uint32_t>(units), d.first_warp = static_cast<std::uint32_t>(warps);
+      if (lie_apart(coarse, fine)) {
+        pairs.pair[pairs.count++] = d;
+        continue;
+      }
       const double reach =
           (coarse.radius_max + fine.radius_max) * fine.per_size * kSearchRadiusFactor + kSearchRadiusMargin;
       if (!searchable(fine, reach, kind)) return {};
-      LevelPair d{};
-      d.coarse = c, d.fine = f;
       divide_rows(d, coarse, fine, reach, fused);
-      d.first = static_cast<std::uint32_t>(first),
       d.end = d.first + static_cast<std::uint32_t>(coarse.spheres);
       d.warp_units = fused || d.parts < 8 || spheres < tuning::kManySpheres ? 1 : tuning::kWarpUnits;
       d.step = d.parts == 1 ? 1 : (d.parts + d.warp_units - 1) / d.warp_units;
-      d.first_unit = static_cast<std::uint32_t>(units), d.first_warp = static_cast<std::uint32_t>(warps);
       const std::uint64_t more = (coarse.spheres + d.group - 1) / d.group * d.step;
       warps += more, units += more * d.warp_units;
       // No more than some hundred rows for each sphere of the scene.

@@ -11,7 +11,7 @@ namespace padder::detect::cuda {
 // A coarser and a finer level. Its work is cut into units: `group` spheres of the coarser level with all
 // their rows of the finer one; or one sphere with one part of its rows. A sphere has as many parts as its
 // size asks for, `parts` at most. A warp takes `warp_units` units one after the other, of parts that lie far
-// from each other: most spheres have only the first of them.
+// from each other: most spheres have only the first of them. Levels too far apart to touch have no unit.
 struct LevelPair {
   std::uint32_t first_warp, first_unit, first, end;  // spheres `first` to `end` - 1 of the order
   std::uint32_t group, parts, warp_units, step;      // step: parts / warp_units, rounded up

@@ -71,6 +71,17 @@ SearchPlan choose_family(const SearchTask& task, const Grid& grid, int processor
   return plan;
 }
 
+// Spheres of a tile of the fused search. In any order tiles are small, but where all work runs at once by
+// large tiles alone: a second round would be nearly empty.
+std::uint32_t fused_tile(const SearchTask& task, const SearchPlan& plan, int processors) {
+  const auto runs_at_once = [&](std::uint64_t tile) {
+    return plan.pairs.warps + (task.spheres.count + tile - 1) / tile <=
+           std::uint64_t(processors) * tuning::kFusedBlocks * kTileWarps;
+  };
+  return task.stable_order || (runs_at_once(kLargeTile) && !runs_at_once(kTileSpheres)) ? kLargeTile
+                                                                                        : kTileSpheres;
+}
+
 // May each tile wait for those before it? Then all must run at once.
 bool are_ordered(const SearchTask& task, const SearchPlan& plan, int processors) {
   if (plan.fused() || plan.family == KernelFamily::one_level) return false;
@@ -119,11 +130,11 @@ void search(const DeviceSpheres& source, const Grid& grid, const Ordered& sphere
   // The search from fine to coarse may be wider than the cube of a hashed level.
   if (plan.family == KernelFamily::fine_to_coarse) task.test_all = task.test_all || spheres.hashed;
   const bool fused = plan.fused(), many = fused || spheres.count >= tuning::kManySpheres;
-  task.tiles = fused
-                   ? static_cast<std::uint32_t>((std::uint64_t(spheres.count) + kFusedTile - 1) / kFusedTile)
-                   : tiles_of(spheres.count);
+  if (fused) task.tile_spheres = fused_tile(task, plan, processors);
+  task.tiles =
+      static_cast<std::uint32_t>((std::uint64_t(spheres.count) + task.tile_spheres - 1) / task.tile_spheres);
   task.units = plan.pairs.units;
-  if (options.stable_order || plan.pairs.warps) {
+  if (options.stable_order || plan.pairs.count) {
     unsigned int* const next = reserve_marks(task, memory, stream);
     if (many) task.next = next;
   }

@@ -2,8 +2,10 @@
 // Host memory reaches the device as it was when the copy was asked for.
 #include <gtest/gtest.h>
 
+#include <chrono>
 #include <cstring>
 #include <random>
+#include <thread>
 #include <vector>
 
 #include "detect/cuda/input/host_copy.h"
@@ -40,6 +42,11 @@ TEST_P(HostCopies, AreWhatTheHostHad) {
     for (std::uint64_t& w : words) w = random();
     if (GetParam().pinned) std::memcpy(from, words.data(), most);
     expected.assign(from + 3, from + 3 + bytes);
+    // The stream is busy: a block that did not wait for its copy before would be written over.
+    ASSERT_EQ(
+        cudaLaunchHostFunc(
+            nullptr, [](void*) { std::this_thread::sleep_for(std::chrono::milliseconds(30)); }, nullptr),
+        cudaSuccess);
     copy.run(to + 1, from + 3, bytes, "copy", nullptr);
     if (!GetParam().pinned) std::memset(from, 0, most);  // of a pinned one the device still reads
     back.resize(bytes);

@@ -34,7 +34,7 @@ TEST(CudaSlotEstimate, TilesGetNoMoreSlotsThanThereAre) {
       spheres += l.spheres;
     }
     const std::uint64_t slots = below(1000) * tiles_of(spheres);
-    const auto tiles = static_cast<std::uint32_t>((spheres + kFusedTile - 1) / kFusedTile);
+    const auto tiles = static_cast<std::uint32_t>((spheres + kLargeTile - 1) / kLargeTile);
     const TileQuotas q = quotas_of_levels(grid, slots, tiles);
     ASSERT_EQ(q.levels, grid.levels);
     ASSERT_EQ(q.first[0], 0u);
@@ -87,6 +87,48 @@ TEST(CudaSlotEstimate, EachPartOfTheRowsIsSearchedOnce) {
   EXPECT_GT(in_groups, 0);
   EXPECT_GT(in_parts, 0);
   EXPECT_GT(one_after_the_other, 0);
+}
+
+// Where two levels have no units, no sphere of one can touch a sphere of the other; and levels that lie far
+// from each other have none.
+TEST(CudaSlotEstimate, LevelsThatLieApartHaveNoUnits) {
+  const unsigned seed = std::random_device{}();
+  std::printf("seed %u\n", seed);
+  std::mt19937 random(seed);
+  const auto below = [&](std::uint64_t n) { return random() % n; };
+  int apart = 0, near = 0;
+  for (int scene = 0; scene < 3000; scene++) {
+    Grid grid;
+    grid.levels = 2;
+    for (int k = 0; k < 2; k++) {
+      Level& l = grid.level[k];
+      l.spheres = 1000, l.radius_max = k ? 4 + static_cast<double>(below(20)) : 1;
+      l.size = 2.1 * l.radius_max, l.per_size = 1 / l.size;
+      for (int c = 0; c < 3; c++)
+        l.first[c] = static_cast<int>(below(60)) - 30, l.count[c] = 1 + static_cast<std::uint32_t>(below(20));
+    }
+    const LevelPairs pairs = plan_level_pairs(grid, SlotKind::unequal, scene % 2 == 0);
+    ASSERT_EQ(pairs.count, 1u);
+    double farthest = -1e9;  // of the gaps between the bounds along an axis
+    for (int c = 0; c < 3; c++) {
+      double low[2], high[2];
+      for (int k = 0; k < 2; k++) {
+        const Level& l = grid.level[k];
+        low[k] = static_cast<double>(l.first[c]) * l.size, high[k] = low[k] + l.count[c] * l.size;
+      }
+      farthest = std::max({farthest, low[0] - high[1], low[1] - high[0]});
+    }
+    const double sum = grid.level[0].radius_max + grid.level[1].radius_max;
+    if (pairs.units == 0) {
+      ASSERT_GT(farthest, sum) << "scene " << scene;
+    }
+    if (farthest > 4 * sum) {
+      ASSERT_EQ(pairs.units, 0u) << "scene " << scene;
+    }
+    (pairs.units ? near : apart)++;
+  }
+  EXPECT_GT(apart, 0);
+  EXPECT_GT(near, 0);
 }
 
 }  // namespace

@@ -111,6 +111,31 @@ TEST_F(SparseTest, LargeScenesAsByTheProcessor) {
     }
 }
 
+// Levels whose bounds lie apart do not search each other; heaps that come near do.
+TEST_F(SparseTest, HeapsOfTwoSizesAsTheyComeNear) {
+  for (const std::uint32_t n : {2'000u, 200'000u})
+    for (const Order order : {Order::any, Order::stable}) {
+      CallOptions o;
+      o.order = order;
+      Detector cpu({BackendKind::omp}, {}), gpu({BackendKind::cuda}, o);
+      const double edge = std::cbrt(6.0 * n);
+      for (const double gap : {1e5, 200.0, 60.0, 30.0, -10.0, 1e4}) {
+        TestScene s;
+        for (std::uint32_t k = 0; k < n; k++) {
+          const double x = edge * std::abs(unit()), y = edge * std::abs(unit()), z = edge * std::abs(unit());
+          if (k % 2)
+            s.spheres.push_back({x, y, z, 1 + 0.4 * std::abs(unit())});
+          else
+            s.spheres.push_back({edge + gap + 37 * x, 37 * y, 37 * z, 37 + 4 * std::abs(unit())});
+        }
+        const TestScene given = s.rounded();
+        const Arranged input(given, Scalar::f32);
+        ASSERT_EQ(gpu.detect(input.input).count, cpu.detect(input.input).count) << gap << " seed " << seed_;
+        ASSERT_EQ(gpu.hash(), cpu.hash()) << "gap " << gap << " seed " << seed_;
+      }
+    }
+}
+
 // Everything in a few bins that share buckets with others far away: places repeat each 256 bins in fixed
 // point.
 TEST_F(SparseTest, PlacesThatRepeatAreToldApart) {
