@@ -26,7 +26,8 @@ struct BodiesScene {
     shapes.clear();
     for (const auto& a : assets) shapes.push_back({a.data(), a.size()});
     Input in;
-    in.spheres = spheres_of<double>(loose.size() / 4, loose.data(), loose.data() + 3);
+    in.spheres =
+        spheres_of<double>(loose.size() / 4, loose.data(), loose.empty() ? nullptr : loose.data() + 3);
     in.spheres.center_stride = in.spheres.radius_stride = 4;
     if (!family.empty()) in.spheres.family = family.data();
     if (!mask.empty()) in.spheres.mask = mask.data();

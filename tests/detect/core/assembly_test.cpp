@@ -36,7 +36,8 @@ struct Parts {
     loose.assign(4 * loose_static.size(), 1);
     Input in;
     in.shapes = shapes, in.bodies = bodies;
-    in.spheres = spheres_of<double>(loose_static.size(), loose.data(), loose.data() + 3);
+    in.spheres =
+        spheres_of<double>(loose_static.size(), loose.data(), loose.empty() ? nullptr : loose.data() + 3);
     in.spheres.center_stride = in.spheres.radius_stride = 4;
     return in;
   }
