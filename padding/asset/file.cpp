@@ -99,9 +99,12 @@ std::string read_file(const std::filesystem::path& path, std::uintmax_t most) {
 FileWriter::FileWriter(const std::filesystem::path& path) : path_(path), beside_(path) {
   // The process id keeps two runs that write the same asset at once out of each other's half-written file.
   beside_ += ".part" + std::to_string(::getpid());
+  place_ = remember(beside_.string());  // before it is there: a signal may come in between
   file_ = ::open(beside_.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
-  if (file_ < 0) fail(errno);
-  place_ = remember(beside_.string());
+  if (file_ >= 0) return;
+  const int error = errno;
+  forget(place_);
+  fail(error);
 }
 
 FileWriter::~FileWriter() {
