@@ -3,8 +3,10 @@
 
 #include <gtest/gtest.h>
 #include <sys/stat.h>
+#include <sys/time.h>
 #include <unistd.h>
 
+#include <csignal>
 #include <cstdlib>
 #include <fstream>
 #include <functional>
@@ -96,6 +98,21 @@ TEST_F(File, RoomIsTakenBeforehandOrRefused) {
   expect_error([&] { FileWriter(folder_ / "b").reserve(std::uint64_t(1) << 62); },
                (folder_ / "b").string() + " (File too large): check");
   EXPECT_EQ(entries(), 1u);
+}
+
+// A pipe of its name that nobody reads keeps open() waiting, while the handler comes.
+TEST_F(File, IsKnownToTheHandlerBeforeItIsThere) {
+  ASSERT_EQ(::mkfifo((folder_ / ("a.part" + std::to_string(::getpid()))).c_str(), 0600), 0);
+  struct sigaction remove {
+  }, before{};
+  remove.sa_handler = [](int) { remove_unfinished_files(); };
+  ASSERT_EQ(::sigaction(SIGALRM, &remove, &before), 0);
+  const itimerval often{{0, 20000}, {0, 20000}}, never{};
+  ::setitimer(ITIMER_REAL, &often, nullptr);
+  EXPECT_THROW(FileWriter(folder_ / "a"), Error);
+  ::setitimer(ITIMER_REAL, &never, nullptr);
+  ::sigaction(SIGALRM, &before, nullptr);
+  EXPECT_EQ(entries(), 0u);
 }
 
 TEST_F(File, WithoutCommitNothingIsLeft) {
