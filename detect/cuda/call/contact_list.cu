@@ -34,11 +34,11 @@ ContactList::ContactList(MemoryBook& book)
 const Pair* ContactList::keep_pairs() {
   const Buffer<Pair>& kept = pairs_[now_];
   now_ = 1 - now_;
-  if (kept.capacity()) pairs_[now_].reserve(kept.capacity());
+  if (kept.capacity()) reserve_pairs(kept.capacity());
   return kept.data();
 }
 
-void ContactList::reserve(const CallOptions& options, std::uint64_t count) {
+void ContactList::reserve_pairs(std::uint64_t count) {
 #ifdef PADDER_INITCHECK  // a history is sought in a list that turns out too short as well, and then anew
   const std::uint64_t before = pairs_[now_].capacity();
   Pair* const p = pairs_[now_].reserve(count);
@@ -47,6 +47,10 @@ void ContactList::reserve(const CallOptions& options, std::uint64_t count) {
 #else
   pairs_[now_].reserve(count);
 #endif
+}
+
+void ContactList::reserve(const CallOptions& options, std::uint64_t count) {
+  reserve_pairs(count);
   if (options.width != Width::pairs) normals_.reserve(count * normal_bytes(options));
   if (options.width == Width::points) points_.reserve(count * point_bytes(options));
 }

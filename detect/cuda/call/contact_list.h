@@ -29,6 +29,8 @@ class ContactList {
                cudaStream_t stream);
 
  private:
+  void reserve_pairs(std::uint64_t count);
+
   Buffer<Pair> pairs_[2];
   int now_ = 0;  // which of the two has the list
   Buffer<unsigned char> normals_, points_, host_pairs_, host_normals_, host_points_, host_history_;

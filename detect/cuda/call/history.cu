@@ -88,6 +88,7 @@ template <class Entry>
 __device__ void match_window(const HistoryTask& t, const Lengths& length, const Pair (&mine)[kOfThread],
                              unsigned open, Word first, std::uint32_t count) {
   __shared__ Pair pairs[kWindow];
+  __shared__ bool found[kWindow];
   __shared__ std::uint32_t places[kPlaces], samples;
   __shared__ long long shifts[kMostSamples], shift;
   auto* const state = reinterpret_cast<PassState*>(t.pass);
@@ -95,7 +96,10 @@ __device__ void match_window(const HistoryTask& t, const Lengths& length, const 
   if (threadIdx.x == 0) samples = 0, state->used = pass;
   for (std::uint32_t k = threadIdx.x; k < kPlaces; k += kThreads) places[k] = kEmpty;
 #pragma unroll
-  for (unsigned u = 0; u < kOfThread; u++) pairs[u * kThreads + threadIdx.x] = mine[u];
+  for (unsigned u = 0; u < kOfThread; u++) {
+    const std::uint32_t k = u * kThreads + threadIdx.x;
+    pairs[k] = mine[u], found[k] = false;
+  }
   __syncthreads();
 #pragma unroll
   for (unsigned u = 0; u < kOfThread; u++) {
@@ -127,13 +131,13 @@ __device__ void match_window(const HistoryTask& t, const Lengths& length, const 
       at = (at + 1) % kPlaces;
     if (k == kEmpty) continue;
     t.found[first + k] = static_cast<std::uint32_t>(b), t.marks[b] = static_cast<std::uint8_t>(pass);
-    pairs[k] = {kEmpty, kEmpty};  // no pair: found
+    found[k] = true;
   }
   __syncthreads();
 #pragma unroll
   for (unsigned u = 0; u < kOfThread; u++) {
     const std::uint32_t k = u * kThreads + threadIdx.x;
-    if ((open >> u & 1) && pairs[k] == mine[u]) put_entry<Entry>(t, mine[u], first + k, pass);
+    if ((open >> u & 1) && !found[k]) put_entry<Entry>(t, mine[u], first + k, pass);
   }
 }
 

@@ -42,7 +42,8 @@ unsigned int* reserve_marks(OutputTask& task, SearchMemory& memory, cudaStream_t
   return reinterpret_cast<unsigned int*>(p);
 }
 
-void lay_out(OutputTask& task, SearchMemory& memory, bool has_quotas, const Grid* grid) {
+void lay_out(OutputTask& task, SearchMemory& memory, bool has_quotas, const Grid* grid,
+             [[maybe_unused]] cudaStream_t stream) {
   StableOutput& stable = task.stable;
   const std::uint64_t units = task.units, producers = task.tiles + units;
   stable.quota_groups = has_quotas ? over(units, kQuotaUnits) : 0;
@@ -59,6 +60,9 @@ void lay_out(OutputTask& task, SearchMemory& memory, bool has_quotas, const Grid
   stable.net = reinterpret_cast<std::uint32_t*>(p + words);
   stable.unit_first = stable.net + producers + 8, stable.empty_upto = stable.unit_first + units;
   stable.empty_index = stable.empty_upto + producers;
+#ifdef PADDER_INITCHECK  // read with the last producer's, and not used
+  cuda_check(cudaMemsetAsync(stable.net + producers, 0, 8 * sizeof *stable.net, stream), "clear the end");
+#endif
   if (has_quotas) stable.unit_quotas = stable.empty_index + stable.index_capacity;
 
   const std::uint64_t slots = static_cast<std::uint64_t>(task.quota.tile) * tiles_of(task.spheres.count);

@@ -23,7 +23,7 @@ unsigned int* reserve_marks(OutputTask& task, SearchMemory& memory, cudaStream_t
 
 // Lays out the rest of task.stable. `has_quotas`: units have quotas. `grid`: of the fused search, whose tiles
 // have quotas by level; else null. task.quota is known.
-void lay_out(OutputTask& task, SearchMemory& memory, bool has_quotas, const Grid* grid);
+void lay_out(OutputTask& task, SearchMemory& memory, bool has_quotas, const Grid* grid, cudaStream_t stream);
 
 // Quotas for `tiles` tiles of the fused search, `slots` output slots in all and never more: fewer slots may
 // be left empty than contacts spill. The quota of a level's tiles is in proportion to how many of its spheres

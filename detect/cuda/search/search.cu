@@ -140,7 +140,7 @@ void search(const DeviceSpheres& source, const Grid& grid, const Ordered& sphere
   }
   if (options.stable_order) {
     task.stable.ordered = are_ordered(task, plan, processors);
-    lay_out(task, memory, task.units && many, fused ? &grid : nullptr);
+    lay_out(task, memory, task.units && many, fused ? &grid : nullptr, stream);
   }
   if (fused)
     launch_fused_levels(task, grid, plan.pairs, processors, stream);
