@@ -88,7 +88,7 @@ template <class Entry>
 __device__ void match_window(const HistoryTask& t, const Lengths& length, const Pair (&mine)[kOfThread],
                              unsigned open, Word first, std::uint32_t count) {
   __shared__ Pair pairs[kWindow];
-  __shared__ bool found[kWindow];
+  __shared__ bool found[kWindow];  // the pair is in the list before
   __shared__ std::uint32_t places[kPlaces], samples;
   __shared__ long long shifts[kMostSamples], shift;
   auto* const state = reinterpret_cast<PassState*>(t.pass);

@@ -22,7 +22,7 @@ struct SearchMemory {
 unsigned int* reserve_marks(OutputTask& task, SearchMemory& memory, cudaStream_t stream);
 
 // Lays out the rest of task.stable. `has_quotas`: units have quotas. `grid`: of the fused search, whose tiles
-// have quotas by level; else null. task.quota is known.
+// have quotas by level; else null. task.quota is known. `stream` is used in initcheck's build alone.
 void lay_out(OutputTask& task, SearchMemory& memory, bool has_quotas, const Grid* grid, cudaStream_t stream);
 
 // Quotas for `tiles` tiles of the fused search, `slots` output slots in all and never more: fewer slots may
