@@ -443,9 +443,13 @@ TEST(Worlds, WhatMakesNoSenseIsRefusedInASentence) {
     }
     detector.options().margin = 0.1;
     World bad = w;
-    bad.bodies[1].world = 8;
-    EXPECT_EQ(error_of([&] { detector.detect_worlds(bad.input(), 8, Answer::any); }),
-              "body 1 is in world 8, but answers are asked for worlds 0 to 7: ask for more worlds");
+    for (const std::uint32_t world : {8u, kEveryWorld - 1}) {
+      bad.bodies[1].world = world;
+      for (const Answer answer : {Answer::any, Answer::count, Answer::distance})
+        EXPECT_EQ(error_of([&] { detector.detect_worlds(bad.input(), 8, answer); }),
+                  "body 1 is in world " + std::to_string(world) +
+                      ", but answers are asked for worlds 0 to 7: ask for more worlds");
+    }
     bad = w, bad.loose[3].r = -1;
     EXPECT_TRUE(refuses([&] { detector.detect(bad.input()); }, "negative radius"));
     bad = w, bad.bodies[2].position[1] = NAN;

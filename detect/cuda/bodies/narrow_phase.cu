@@ -91,6 +91,7 @@ struct PairTester {
     }
     head += n;
     const std::uint32_t hits = __ballot_sync(kAll, hit);
+    __syncwarp();  // a vote orders no memory: the candidates are read no more, their places are free
     if (hits == 0) return;
     unsigned long long base = 0;
     if (lane == 0) base = atomicAdd(&task.counters->contacts, static_cast<unsigned long long>(__popc(hits)));

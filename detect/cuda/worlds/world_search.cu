@@ -176,6 +176,8 @@ __device__ void begin(const WorldTask& task, std::uint32_t element, bool used, L
   if (!used || (kPass == Pass::write && task.counts[element] == 0)) return;
   const WorldElement& me = scene.elements[element];
   lane.world = me.world;
+  // A world that no answer is asked for has no place among them; the report names it.
+  if (!kListsPairs<kPass> && lane.world >= task.worlds) return;
   if (ended<kPass>(task, lane.world)) return;
   const double reach = reach_of<kPass>(task, lane.world);
   if (kPass == Pass::pair && reach == INFINITY) return;  // the world has no contacts
@@ -467,6 +469,7 @@ WorldAnswers WorldSearch::answer(const Input& input, const CallOptions& options,
   input_.read(input, worlds, false, stream);
   WorldTask task = task_of(o, processors);
   task.end = task.scene.count ? task.scene.tree.every_first : 0;
+  task.worlds = worlds;
   WorldAnswers answers;
   answers.worlds = worlds, answers.memory = options.output;
   if (answer == Answer::any) {

@@ -23,7 +23,8 @@ struct WorldTask {
   unsigned long long* offsets = nullptr;
   Pair* near_pairs = nullptr;
   std::uint64_t pair_room = 0;
-  // Of each world.
+  // Of each world that an answer is asked for.
+  std::uint32_t worlds = 0;
   std::uint8_t* any = nullptr;
   unsigned long long *totals = nullptr, *distances = nullptr, *pairs = nullptr;  // two keys; see the kernel
 };
