@@ -9,7 +9,7 @@
 namespace padder::detect::omp {
 namespace {
 
-#if defined(__x86_64__) && defined(__GNUC__) && !defined(PADDER_NO_CLONES)
+#if defined(__x86_64__) && defined(__GNUC__) && !defined(__SANITIZE_THREAD__)
 #define PADDER_CLONES __attribute__((target_clones("avx2", "default")))
 #else
 #define PADDER_CLONES

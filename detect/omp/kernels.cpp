@@ -273,7 +273,7 @@ template Kernels<FloatSlot> kernels_for_this_machine();
 template Kernels<FixedPointSlot> kernels_for_this_machine();
 
 #if defined(PADDER_AVX2) && \
-    !defined(PADDER_NO_CLONES)  // see the preset thread: clones are chosen before its runtime is there
+    !defined(__SANITIZE_THREAD__)  // clones are chosen before the runtime of the thread sanitizer is there
 #define PADDER_CLONES __attribute__((target_clones("avx2", "default")))
 #else
 #define PADDER_CLONES

@@ -362,14 +362,16 @@ std::uint64_t GridPath::search(const Grid& grid, const CallOptions& options, boo
     for (std::uint64_t slot = starts_[l.offset]; slot < end; slot += chunks_.back().slots)
       chunks_.push_back({slot, std::min({size, kChunkSlots, end - slot}), 0, 0, 0, 0});
   }
-  while (hits_.size() < static_cast<std::size_t>(threads)) hits_.emplace_back(*budget_);
-  for (auto& buffer : hits_)
-    buffer.resize(Hits::kLeast, "the list of contacts");  // here, because nothing may throw in the threads
   std::uint32_t* found = found_.resize(starts_[grid.buckets] + std::uint64_t(1), "the list of contacts");
+  while (hits_.size() < static_cast<std::size_t>(threads)) hits_.emplace_back(*budget_);
+  hits_[0].resize(Hits::kLeast, "the list of contacts");  // here, because nothing may throw in the threads
+  int searching = 1;  // fewer threads where a limit of memory leaves no room for a list of each
+  while (searching < threads && hits_[static_cast<std::size_t>(searching)].try_resize(Hits::kLeast))
+    searching++;
   found[starts_[grid.buckets]] = 0;
   std::uint64_t doubtful = 0, total = 0;
   bool counted_only = false;
-#pragma omp parallel num_threads(threads) reduction(+ : doubtful, total) reduction(|| : counted_only)
+#pragma omp parallel num_threads(searching) reduction(+ : doubtful, total) reduction(|| : counted_only)
   {
     const int t = omp_get_thread_num();
     Hits hits(hits_[static_cast<std::size_t>(t)], *budget_);

@@ -54,6 +54,7 @@ TEST_F(DetectBoxes, EveryWayOfReadingAndSharingHasTheHashOfOneBox) {
        {"npy.json", "spheres.npy", "spheres.npz", "npz.json --backend omp --devices 3",
         "npz.json --devices all", "npy.json --backend omp --memory 400K",
         "spheres.npy --backend omp --devices 2 --memory 1M",
+        "npy.json --backend omp --threads 64 --memory 1M",
         "spheres.npz --path nine-stages --backend omp --devices 2"})
     EXPECT_EQ(hash(arguments), wanted) << arguments;
 }
@@ -74,8 +75,8 @@ TEST_F(DetectBoxes, ContactsOnTheFacesOfBoxesHaveTheSameHash) {
 
 // The system itself keeps the limit: memory that a program writes to, the mapped file not included.
 TEST_F(DetectBoxes, AFileTenTimesTheMemoryHasTheSameHash) {
-#ifdef __SANITIZE_ADDRESS__
-  GTEST_SKIP() << "the address sanitizer takes more memory than the limit";
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+  GTEST_SKIP() << "a sanitizer takes more memory than the limit";
 #endif
   write_spheres(2000000);
   const std::uint64_t size = fs::file_size(folder_ / "spheres.npy"), limit = size / 10;

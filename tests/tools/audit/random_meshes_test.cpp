@@ -84,7 +84,7 @@ TEST(RandomMeshes, EachGivesATrueReportOrASentence) {
   std::vector<std::uint64_t> seeds = {27336322188326, 999002220};  // found a wrong body, and a crash of CGAL
   for (std::uint64_t k = 0; k < count; k++) seeds.push_back(first + k);
   for (const int s : {SIGSEGV, SIGABRT, SIGFPE}) std::signal(s, crashed);
-#if !defined(__SANITIZE_ADDRESS__)
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)  // sanitizers reserve terabytes
   const rlimit memory = {rlim_t(2) << 30, RLIM_INFINITY};
   ::setrlimit(RLIMIT_DATA, &memory);
 #endif
