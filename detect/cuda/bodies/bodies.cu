@@ -140,6 +140,8 @@ void BodySearch::enqueue(const Plan& plan, Tools& tools, cudaStream_t stream, St
   BodyCounters* counters = tools.counters.reserve(1);
   cuda_check(cudaMemsetAsync(counters, 0, sizeof *counters, stream), "clear the counters");
   if (plan.view.moving > 0) {
+    // A list that was laid out for another length has holes; the pass is repeated.
+    clear_for_initcheck(plan.pairs.pairs, plan.pairs.capacity, stream);
     broad_phase(plan, tools, stream, clock);
     broad_phase_of_static(plan, tools, stream);
     clock.mark(6);

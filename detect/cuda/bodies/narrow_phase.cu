@@ -363,6 +363,7 @@ void narrow_phase(NarrowPhaseTask task, const Output& output, NarrowPhaseMemory&
   if (!task.stable_order) return find_contacts(task, output, stream);
   const std::uint64_t batches = most_batches(task.pair_room, task.finder_warps);
   task.ranks = memory.ranks.reserve(task.room), task.batch_counts = memory.batch_counts.reserve(batches);
+  clear_for_initcheck(task.batch_counts, batches, stream);  // all that may come are added up
   find_contacts(task, output, stream);
   if (batches > kMostSummedBatches) {
     unsigned long long* offsets = memory.batch_offsets.reserve(batches);

@@ -39,14 +39,10 @@ const Pair* ContactList::keep_pairs() {
 }
 
 void ContactList::reserve_pairs(std::uint64_t count) {
-#ifdef PADDER_INITCHECK  // a history is sought in a list that turns out too short as well, and then anew
   const std::uint64_t before = pairs_[now_].capacity();
   Pair* const p = pairs_[now_].reserve(count);
-  if (pairs_[now_].capacity() != before)
-    cuda_check(cudaMemset(p, 0, pairs_[now_].capacity() * sizeof *p), "clear the contacts");
-#else
-  pairs_[now_].reserve(count);
-#endif
+  // A history is sought in a list that turns out too short as well, and then anew.
+  if (pairs_[now_].capacity() != before) clear_for_initcheck(p, pairs_[now_].capacity(), nullptr);
 }
 
 void ContactList::reserve(const CallOptions& options, std::uint64_t count) {

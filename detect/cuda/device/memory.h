@@ -78,6 +78,16 @@ class Buffer {
   std::uint64_t capacity_ = 0;
 };
 
+// Clears memory that a kernel reads before it is known to count. Only in a build for compute-sanitizer's
+// initcheck (PADDER_INITCHECK), which would report each of these reads; no result depends on them.
+template <class T>
+void clear_for_initcheck([[maybe_unused]] T* p, [[maybe_unused]] std::uint64_t count,
+                         [[maybe_unused]] cudaStream_t stream) {
+#ifdef PADDER_INITCHECK
+  cuda_check(cudaMemsetAsync(p, 0, count * sizeof(T), stream), "clear memory for initcheck");
+#endif
+}
+
 // Copies host memory to a buffer, which grows if it must. Returns its begin.
 template <class T>
 T* copied(Buffer<T>& to, const T* from, std::uint64_t count, cudaStream_t stream) {

@@ -285,11 +285,7 @@ bool Orderer::by_cells(const OrderRequest& r, Ordered& o) {
     numbers.of_entry = reinterpret_cast<std::uint32_t*>(lent.slot);
   else if (stable && lent.words > 0)
     numbers.of_entry = lent.words >= words ? lent.word : ids_.reserve(words);
-#ifdef PADDER_INITCHECK
-  if (numbers.of_entry)
-    cuda_check(cudaMemsetAsync(numbers.of_entry, 0, words * sizeof(std::uint32_t), r.stream),
-               "clear the numbers of the entries");
-#endif
+  if (numbers.of_entry) clear_for_initcheck(numbers.of_entry, words, r.stream);
   task.gather = r.gather, task.counters = r.counters;
   with_kernel(o, r.grid, r.gather.bounds, stable, [&](auto* kernel, auto bins) {
     void* arguments[] = {&task, &bins};

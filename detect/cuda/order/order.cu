@@ -83,11 +83,8 @@ Ordered Orderer::order(const OrderRequest& r) {
   o.entries = (keys_of(grid, o.bins) >> o.merge) + 2;
   o.table = table_.reserve(o.entries + 4), o.slots = slots_.reserve(std::uint64_t(o.count) + kSlack);
   o.codes = codes_.reserve(std::uint64_t(o.count) + kSlack);
-#ifdef PADDER_INITCHECK
-  cuda_check(cudaMemsetAsync(o.codes + count, 0, kSlack * sizeof *o.codes, r.stream), "clear the codes' end");
-  cuda_check(cudaMemsetAsync(slots_.data() + count, 0, kSlack * sizeof(float4), r.stream),
-             "clear the slots' end");
-#endif
+  clear_for_initcheck(o.codes + count, kSlack, r.stream);
+  clear_for_initcheck(slots_.data() + count, kSlack, r.stream);
   if (method == OrderMethod::cells && !by_cells(r, o)) method = OrderMethod::buckets;
   if (method == OrderMethod::buckets && !by_buckets(r, o)) method = OrderMethod::sort;
   if (method == OrderMethod::sort) by_sort(r, o);

@@ -31,10 +31,8 @@ unsigned int* reserve_marks(OutputTask& task, SearchMemory& memory, cudaStream_t
   Word* const p = memory.marks.reserve(marks);
   // All that there is, which may be more than was asked for: the next search may use more.
   if (fresh) cuda_check(cudaMemsetAsync(p, 0, memory.marks.capacity() * 8, stream), "clear the counters");
-#ifdef PADDER_INITCHECK  // the first spilled contact is loaded before it is known whether there is one
-  if (auto* const spill = memory.spill.data())
-    cuda_check(cudaMemsetAsync(spill, 0, memory.spill.capacity() * sizeof *spill, stream), "clear the spill");
-#endif
+  // The first spilled contact is loaded before it is known whether there is one.
+  if (memory.spill.data()) clear_for_initcheck(memory.spill.data(), memory.spill.capacity(), stream);
   StableOutput& stable = task.stable;
   stable.tile_groups = tile_groups, stable.all_groups = all_groups;
   stable.blocks_done = reinterpret_cast<unsigned int*>(p) + 1;
@@ -42,8 +40,7 @@ unsigned int* reserve_marks(OutputTask& task, SearchMemory& memory, cudaStream_t
   return reinterpret_cast<unsigned int*>(p);
 }
 
-void lay_out(OutputTask& task, SearchMemory& memory, bool has_quotas, const Grid* grid,
-             [[maybe_unused]] cudaStream_t stream) {
+void lay_out(OutputTask& task, SearchMemory& memory, bool has_quotas, const Grid* grid, cudaStream_t stream) {
   StableOutput& stable = task.stable;
   const std::uint64_t units = task.units, producers = task.tiles + units;
   stable.quota_groups = has_quotas ? over(units, kQuotaUnits) : 0;
@@ -60,9 +57,8 @@ void lay_out(OutputTask& task, SearchMemory& memory, bool has_quotas, const Grid
   stable.net = reinterpret_cast<std::uint32_t*>(p + words);
   stable.unit_first = stable.net + producers + 8, stable.empty_upto = stable.unit_first + units;
   stable.empty_index = stable.empty_upto + producers;
-#ifdef PADDER_INITCHECK  // read with the last producer's, and not used
-  cuda_check(cudaMemsetAsync(stable.net + producers, 0, 8 * sizeof *stable.net, stream), "clear the end");
-#endif
+  clear_for_initcheck(stable.net + producers, 8, stream);      // read with the last producer's
+  clear_for_initcheck(stable.spill_start, producers, stream);  // unwritten by units without rows
   if (has_quotas) stable.unit_quotas = stable.empty_index + stable.index_capacity;
 
   const std::uint64_t slots = static_cast<std::uint64_t>(task.quota.tile) * tiles_of(task.spheres.count);

@@ -181,8 +181,7 @@ TEST_F(CudaCallerTest, OtherThreadsUseTheDefaultStream) {
       }
     });
   int errors = 0, others = 0;
-  for (const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(2);
-       std::chrono::steady_clock::now() < end; others++) {
+  for (; calls + refused < 600; others++) {
     nothing_kernel<<<1, 1>>>();
     errors += cudaGetLastError() != cudaSuccess;
     if (others % 16 == 0) errors += cudaStreamSynchronize(nullptr) != cudaSuccess;
@@ -192,7 +191,7 @@ TEST_F(CudaCallerTest, OtherThreadsUseTheDefaultStream) {
   EXPECT_EQ(wrong, 0);
   EXPECT_EQ(refused, 0);
   EXPECT_EQ(errors, 0);
-  EXPECT_GT(calls, 10) << "beside " << others << " launches on the default stream";
+  EXPECT_GT(others, 10);
 }
 
 }  // namespace
