@@ -197,6 +197,14 @@ __global__ void __launch_bounds__(kWideBlock)
   const BucketOf<Bins> bucket_of(bins, buckets);
   float4 slot[kPortionItems];
   const auto read = [&](const Portion& t) {
+    if constexpr (Packed && !kWithin) {
+      if (const float4* const run = source.float_run(t.first, t.count)) {
+#pragma unroll
+        for (int u = 0; u < kPortionItems; u++)
+          if (const std::uint32_t k = threadIdx.x + u * kWideBlock; k < t.count) slot[u] = __ldg(run + k);
+        return;
+      }
+    }
 #pragma unroll
     for (int u = 0; u < kPortionItems; u++) {
       const std::uint32_t k = threadIdx.x + u * kWideBlock;
