@@ -234,7 +234,7 @@ TEST_F(CudaResident, PartsThatLieWhereTheyAreNeededAreReadInPlace) {
                        std::to_string(apart) + ", " + std::to_string(astray));
           const std::vector<int> devices = several(5);
           ResidentDetector resident(on(devices));
-          TestScene scene = random_scene(6000, 3, 0.4, 17).rounded();
+          TestScene scene = random_scene(6000, tagged ? 3 : 30, 0.4, 17).rounded();
           for (std::uint32_t k = 0; tagged && k < 6000; k++)
             scene.family.push_back(k % 5), scene.mask.push_back(k % 16);
           {
