@@ -48,12 +48,16 @@ Spheres spheres_of(std::uint64_t count, const T* centers, const T* radii, Memory
   return s;
 }
 
+struct SpheresAround;  // detect/core/input.h
+
 // What detect() tests. All spheres are numbered in one sequence: first those of bodies[0], then those of
 // bodies[1], and so on, at last the loose ones. Shapes and bodies lie in host memory; a GPU gets only the
 // shapes and the poses, and places the spheres itself, in double. Two spheres of one body are never a
 // contact, whatever the body's family.
 struct Input {
   Spheres spheres;  // the loose ones
+  // Further loose spheres, numbered before and behind these. Only a ResidentDetector sets it.
+  const SpheresAround* around = nullptr;
   std::span<const Shape> shapes;
   std::span<const Body> bodies;
 

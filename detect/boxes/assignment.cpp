@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: MIT
 #include "detect/boxes/assignment.h"
 
+#include <algorithm>
 #include <cstdio>
 #include <cstring>
+#include <limits>
 #include <string>
 #include <utility>
 
@@ -30,11 +32,100 @@ std::string number(double v) {
   }
 }
 
-std::uint32_t tag_of(const std::uint32_t* tags, std::uint64_t k) {
-  std::uint32_t tag;
-  std::memcpy(&tag, reinterpret_cast<const char*>(tags) + k * sizeof tag, sizeof tag);
-  return tag;
+// Of an array inside a mapped file, which may begin at any address.
+const void* tag_at(const std::uint32_t* tags, std::uint64_t k) {
+  return reinterpret_cast<const char*>(tags) + k * sizeof *tags;
 }
+
+// Do x, y, z, r of each sphere lie together?
+template <class T>
+bool packed(const Spheres& s) {
+  return s.center_stride == 4 && s.radius_stride == 4 &&
+         s.radii == static_cast<const char*>(s.centers) + 3 * sizeof(T);
+}
+
+// The smallest and largest x, y, z and r of a run of spheres. A comparison passes over what is no number, and
+// `none` is not 0 if there is such, or an infinity. By vectors: the loop is four times as fast, and the
+// memory is what limits it.
+template <class T>
+struct Extremes {
+  using Lanes __attribute__((vector_size(16))) = T;
+  static constexpr int kVectors = 4 * sizeof(T) / sizeof(Lanes);
+  T low[4], high[4], none[4] = {0, 0, 0, 0};
+  Extremes(const Spheres& s, std::uint64_t first, std::uint64_t end) {
+    std::fill_n(low, 4, std::numeric_limits<T>::infinity());
+    std::fill_n(high, 4, -std::numeric_limits<T>::infinity());
+    Lanes lows[kVectors], highs[kVectors], nones[kVectors];
+    std::memcpy(lows, low, sizeof low), std::memcpy(highs, high, sizeof high);
+    std::memcpy(nones, none, sizeof none);
+    const bool together = packed<T>(s);
+    for (std::uint64_t k = first; k < end; k++) {
+      Lanes v[kVectors];
+      if (together) {
+        std::memcpy(v, static_cast<const char*>(s.centers) + k * sizeof v, sizeof v);
+      } else {
+        const Given<T> g = given<T>(s, k);
+        std::memcpy(v, &g, sizeof v);
+      }
+      for (int a = 0; a < kVectors; a++) {
+        lows[a] = v[a] < lows[a] ? v[a] : lows[a];
+        highs[a] = v[a] > highs[a] ? v[a] : highs[a];
+        nones[a] += v[a] * 0;
+      }
+    }
+    std::memcpy(low, lows, sizeof low), std::memcpy(high, highs, sizeof high);
+    std::memcpy(none, nones, sizeof none);
+  }
+  // The largest |coordinate|.
+  double extent() const {
+    double most = 0;
+    for (int a = 0; a < 3; a++) most = larger(most, larger(magnitude(low[a]), magnitude(high[a])));
+    return most;
+  }
+  bool sound() const {
+    bool all = low[3] >= 0 && extent() <= kLargest && high[3] <= kLargest;
+    for (int a = 0; a < 4; a++) all &= none[a] == 0;
+    return all;
+  }
+};
+
+// The halos of loose spheres, for Distribution.
+template <class T>
+struct LooseHalos {
+  const Spheres& spheres;
+  double largest_radius, margin;
+  Bounds one(std::uint64_t k) const { return halo_of(given<T>(spheres, k).sphere(), largest_radius, margin); }
+  // A halo reaches farther the larger the radius and the coordinates are.
+  Bounds all(std::uint64_t first, std::uint64_t end) const {
+    const Extremes<T> e(spheres, first, end);
+    const Bounds reach = halo_of({e.extent(), 0, 0, e.high[3]}, largest_radius, margin);
+    Bounds b;
+    for (int a = 0; a < 3; a++) b.low[a] = e.low[a] + reach.low[1], b.high[a] = e.high[a] + reach.high[1];
+    return b;
+  }
+};
+
+// The same of bodies.
+struct BodyHalos {
+  std::span<const Body> bodies;
+  const std::vector<ShapeExtent>& extents;
+  double largest_radius, margin;
+  Bounds one(std::uint64_t b) const {
+    return halo_of(bodies[b], extents[bodies[b].shape], largest_radius, margin);
+  }
+  Bounds all(std::uint64_t first, std::uint64_t end) const {
+    Bounds sum = one(first);
+    for (std::uint64_t k = first; k < end; k++) {
+      const Bounds b = one(k);
+      for (int a = 0; a < 3; a++) {
+        if (!(b.low[a] <= b.high[a])) return everywhere();  // an empty body goes nowhere, with no other
+        sum.low[a] = std::min(sum.low[a], b.low[a]), sum.high[a] = std::max(sum.high[a], b.high[a]);
+      }
+    }
+    return sum;
+  }
+  static Bounds everywhere() { return {{-INFINITY, -INFINITY, -INFINITY}, {INFINITY, INFINITY, INFINITY}}; }
+};
 
 // One number of each stretch of the numbers: `step` long, at a place in it that follows from its start. A
 // fixed place could meet the same row of a lattice every time.
@@ -134,15 +225,18 @@ void Assignment::read_loose() {
   const Spheres& s = input_.spheres;
   std::uint64_t faulty = s.count;
   double largest = largest_radius_;
+  constexpr std::uint64_t kGroup = 256;
 #pragma omp parallel for schedule(static) num_threads(threads_) reduction(min                     \
                                                                           : faulty) reduction(max \
                                                                                               : largest)
-  for (std::int64_t i = 0; i < static_cast<std::int64_t>(s.count); i++) {
-    const auto k = static_cast<std::uint64_t>(i);
-    const Sphere sphere = given<T>(s, k).sphere();
-    if (fault_of(sphere) != Fault::none) [[unlikely]]
-      faulty = std::min(faulty, k);
-    largest = std::max(largest, sphere.r);
+  for (std::int64_t group = 0; group < static_cast<std::int64_t>((s.count + kGroup - 1) / kGroup); group++) {
+    const std::uint64_t first = static_cast<std::uint64_t>(group) * kGroup,
+                        end = std::min(first + kGroup, s.count);
+    const Extremes<T> e(s, first, end);
+    if (!e.sound()) [[unlikely]]
+      for (std::uint64_t k = end; k-- > first;)
+        if (fault_of(given<T>(s, k).sphere()) != Fault::none) faulty = std::min(faulty, k);
+    largest = std::max(largest, double(e.high[3]));
   }
   if (faulty < s.count)
     throw_fault("sphere " + std::to_string(numbering_.loose + faulty), given<T>(s, faulty).sphere());
@@ -174,19 +268,19 @@ std::vector<WeightedPoint> Assignment::sample(std::uint64_t most) const {
 
 template <class T>
 void Assignment::count_loose(const BoxTree& tree, std::uint64_t table_bytes) {
-  const auto bounds = [&](std::uint64_t k) {
-    return halo_of(given<T>(input_.spheres, k).sphere(), largest_radius_, margin_);
-  };
   loose_.count(
-      input_.spheres.count, tree, bounds, [](std::uint64_t) { return 1; }, threads_, table_bytes);
+      input_.spheres.count, tree, LooseHalos<T>{input_.spheres, largest_radius_, margin_},
+      [](std::uint64_t first, std::uint64_t end) { return end - first; }, threads_, table_bytes);
 }
 
 void Assignment::count(const BoxTree& tree, std::uint64_t table_bytes) {
-  const auto bounds = [&](std::uint64_t b) {
-    return halo_of(input_.bodies[b], extents_[input_.bodies[b].shape], largest_radius_, margin_);
+  const auto weight = [&](std::uint64_t first, std::uint64_t end) {
+    std::uint64_t sum = 0;
+    for (std::uint64_t b = first; b < end; b++) sum += extents_[input_.bodies[b].shape].count;
+    return sum;
   };
-  const auto weight = [&](std::uint64_t b) { return extents_[input_.bodies[b].shape].count; };
-  bodies_.count(input_.bodies.size(), tree, bounds, weight, threads_, table_bytes / 2);
+  bodies_.count(input_.bodies.size(), tree, BodyHalos{input_.bodies, extents_, largest_radius_, margin_},
+                weight, threads_, table_bytes / 2);
   if (input_.spheres.scalar == Scalar::f32)
     count_loose<float>(tree, table_bytes / 2);
   else
@@ -209,60 +303,68 @@ void Assignment::prepare(BoxLoad& load, std::uint32_t box, const BoxTree& tree) 
   load.body_spheres = bodies_.weight_of(box);
   load.has_world = s.world, load.world_of_all = s.world_of_all;
   load.has_family = s.family, load.has_mask = s.mask, load.has_static = s.is_static;
+  const std::uint64_t loose = load.room.loose_before + load.loose + load.room.loose_behind,
+                      bodies = load.room.bodies_before + load.body_count + load.room.bodies_behind;
   if (s.scalar == Scalar::f32)
-    load.single.at_least(4 * load.loose);
+    load.single.at_least(4 * loose);
   else
-    load.twice.at_least(4 * load.loose);
-  load.ids.at_least(load.loose);
-  if (s.family) load.family.at_least(load.loose);
-  if (s.mask) load.mask.at_least(load.loose);
-  if (s.world) load.world.at_least(load.loose);
-  if (s.is_static) load.is_static.at_least(load.loose);
-  load.bodies.at_least(load.body_count), load.body_ids.at_least(load.body_count);
+    load.twice.at_least(4 * loose);
+  load.ids.at_least(loose);
+  if (s.family) load.family.at_least(loose);
+  if (s.mask) load.mask.at_least(loose);
+  if (s.world) load.world.at_least(loose);
+  if (s.is_static) load.is_static.at_least(loose);
+  load.bodies.at_least(bodies), load.body_ids.at_least(bodies);
 }
 
 template <class T>
 void Assignment::fill_loose(const BoxTree& tree, std::uint32_t first, std::span<BoxLoad> loads,
                             const Done& done) const {
   const Spheres& s = input_.spheres;
-  const auto bounds = [&](std::uint64_t k) {
-    return halo_of(given<T>(s, k).sphere(), largest_radius_, margin_);
-  };
-  const auto put = [&](std::uint64_t k, std::uint32_t box, std::uint64_t place) {
+  const auto put = [&](std::uint64_t k, std::uint64_t end, std::uint32_t box, std::uint64_t place) {
     BoxLoad& load = loads[box - first];
-    const Given<T> g = given<T>(s, k);
+    place += load.room.loose_before;
     T* const to = [&] {
       if constexpr (sizeof(T) == 4)
         return load.single.data() + 4 * place;
       else
         return load.twice.data() + 4 * place;
     }();
-    to[0] = g.x, to[1] = g.y, to[2] = g.z, to[3] = g.r;
-    load.ids.data()[place] = numbering_.loose + k;
-    if (s.family) load.family.data()[place] = tag_of(s.family, k);
-    if (s.mask) load.mask.data()[place] = tag_of(s.mask, k);
-    if (s.world) load.world.data()[place] = tag_of(s.world, k);
-    if (s.is_static) load.is_static.data()[place] = s.is_static[k];
+    const std::uint64_t n = end - k;
+    if (packed<T>(s)) {
+      std::memcpy(to, static_cast<const char*>(s.centers) + 4 * k * sizeof(T), 4 * n * sizeof(T));
+    } else {
+      for (std::uint64_t q = 0; q < n; q++) {
+        const Given<T> g = given<T>(s, k + q);
+        std::memcpy(to + 4 * q, &g, sizeof g);
+      }
+    }
+    for (std::uint64_t q = 0; q < n; q++) load.ids.data()[place + q] = numbering_.loose + k + q;
+    if (s.family) std::memcpy(load.family.data() + place, tag_at(s.family, k), n * sizeof *s.family);
+    if (s.mask) std::memcpy(load.mask.data() + place, tag_at(s.mask, k), n * sizeof *s.mask);
+    if (s.world) std::memcpy(load.world.data() + place, tag_at(s.world, k), n * sizeof *s.world);
+    if (s.is_static) std::memcpy(load.is_static.data() + place, s.is_static + k, n);
   };
-  loose_.deliver(first, first + static_cast<std::uint32_t>(loads.size()), tree, bounds, put, done, threads_);
+  loose_.deliver(first, first + static_cast<std::uint32_t>(loads.size()), tree,
+                 LooseHalos<T>{s, largest_radius_, margin_}, put, done, threads_);
 }
 
 void Assignment::fill_bodies(const BoxTree& tree, std::uint32_t first, std::span<BoxLoad> loads) const {
-  const auto bounds = [&](std::uint64_t b) {
-    return halo_of(input_.bodies[b], extents_[input_.bodies[b].shape], largest_radius_, margin_);
-  };
-  const auto put = [&](std::uint64_t b, std::uint32_t box, std::uint64_t place) {
+  const auto put = [&](std::uint64_t b, std::uint64_t end, std::uint32_t box, std::uint64_t place) {
     BoxLoad& load = loads[box - first];
-    load.bodies.data()[place] = input_.bodies[b],
-    load.body_ids.data()[place] = numbering_.body_sphere + first_of_body_[b];
+    place += load.room.bodies_before;
+    for (; b < end; b++, place++)
+      load.bodies.data()[place] = input_.bodies[b],
+      load.body_ids.data()[place] = numbering_.body_sphere + first_of_body_[b];
   };
   bodies_.deliver(
-      first, first + static_cast<std::uint32_t>(loads.size()), tree, bounds, put, [](std::uint32_t) {},
-      threads_);
+      first, first + static_cast<std::uint32_t>(loads.size()), tree,
+      BodyHalos{input_.bodies, extents_, largest_radius_, margin_}, put, [](std::uint32_t) {}, threads_);
   for (BoxLoad& load : loads) {
     load.first_of_body.assign(load.body_count + 1, 0);
     for (std::uint64_t b = 0; b < load.body_count; b++)
-      load.first_of_body[b + 1] = load.first_of_body[b] + extents_[load.bodies.data()[b].shape].count;
+      load.first_of_body[b + 1] =
+          load.first_of_body[b] + extents_[load.bodies.data()[load.room.bodies_before + b].shape].count;
   }
 }
 

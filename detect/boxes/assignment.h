@@ -30,6 +30,11 @@ class Scratch {
   std::uint64_t capacity_ = 0;
 };
 
+// Room in a load for what comes from elsewhere, before and behind what is filled in.
+struct LoadRoom {
+  std::uint64_t loose_before = 0, loose_behind = 0, bodies_before = 0, bodies_behind = 0;
+};
+
 // What the detector of one box is given: its own numbering, which keeps the order of the scene's. So i < j
 // here means i < j there, and the midpoint of a pair, whose rounding depends on the order, has the same bits.
 struct BoxLoad {
@@ -38,6 +43,7 @@ struct BoxLoad {
   bool has_family = false, has_mask = false, has_static = false, has_world = false;
   std::uint32_t world_of_all = 0;
   std::uint64_t loose = 0, body_count = 0, body_spheres = 0;
+  LoadRoom room;
   Scratch<float> single;       // x, y, z, r of each loose sphere, when `scalar` is f32
   Scratch<double> twice;       // the same when it is f64
   Scratch<std::uint64_t> ids;  // numbers of the loose spheres in the scene
@@ -94,11 +100,14 @@ class Assignment {
 
   void count(const BoxTree& tree, std::uint64_t table_bytes);
   std::uint64_t spheres_of(std::uint32_t box) const { return bodies_.weight_of(box) + loose_.count_of(box); }
+  std::uint64_t loose_of(std::uint32_t box) const { return loose_.count_of(box); }
+  std::uint64_t bodies_of(std::uint32_t box) const { return bodies_.count_of(box); }
+  std::uint64_t body_spheres_of(std::uint32_t box) const { return bodies_.weight_of(box); }
   std::uint64_t load_bytes(std::uint32_t box) const;  // of its BoxLoad
   std::uint64_t table_bytes() const { return bodies_.bytes() + loose_.bytes(); }
 
-  // Fills loads[0] for box `first`, and so on, of the tree that was counted with. Calls done(box) when the
-  // load of a box is complete, from several threads.
+  // Fills loads[0] for box `first`, and so on, of the tree that was counted with; each leaves its `room`.
+  // Calls done(box) when the load of a box is complete, from several threads.
   using Done = std::function<void(std::uint32_t box)>;
   void fill(
       const BoxTree& tree, std::uint32_t first, std::span<BoxLoad> loads,

@@ -16,11 +16,13 @@ namespace padder::detect {
 
 class Distribution {
  public:
-  // Counts n items for the boxes of `tree`. bounds_of(k) gives the Bounds of item k and weight_of(k) a whole
-  // number that is added up for each box. Items are counted in blocks, with one counter for each block and
-  // box; together the counters take about `table_bytes`, or 4096 of them if that is more.
+  // Counts n items for the boxes of `tree`. bounds.one(k) gives the Bounds of item k, and
+  // bounds.all(first, end) some that hold those of all items from `first` to before `end`.
+  // weight_of(first, end) is a whole number for such a run of items, which is added up for each box. Items
+  // are counted in blocks, with one counter for each block and box; together the counters take about
+  // `table_bytes`, or 4096 of them if that is more.
   template <class BoundsOf, class WeightOf>
-  void count(std::uint64_t n, const BoxTree& tree, const BoundsOf& bounds_of, const WeightOf& weight_of,
+  void count(std::uint64_t n, const BoxTree& tree, const BoundsOf& bounds, const WeightOf& weight_of,
              int threads, std::uint64_t table_bytes) {
     items_ = n, boxes_ = tree.boxes();
     const std::uint64_t most =
@@ -37,8 +39,10 @@ class Distribution {
 #pragma omp for schedule(dynamic) nowait
       for (std::int64_t block = 0; block < static_cast<std::int64_t>(blocks_); block++) {
         std::ranges::fill(counts, 0);
-        each_item(static_cast<std::uint64_t>(block), tree, {}, bounds_of,
-                  [&](std::uint64_t k, std::uint32_t box) { counts[box]++, weights[box] += weight_of(k); });
+        each_run(static_cast<std::uint64_t>(block), tree, {}, bounds,
+                 [&](std::uint64_t first, std::uint64_t end, std::uint32_t box) {
+                   counts[box] += end - first, weights[box] += weight_of(first, end);
+                 });
         std::ranges::copy(counts, &first_[static_cast<std::uint64_t>(block) * boxes_]);
       }
 #pragma omp critical(padder_boxes_weights)
@@ -54,13 +58,13 @@ class Distribution {
   std::uint64_t weight_of(std::uint32_t box) const { return weights_[box]; }
   std::uint64_t bytes() const { return first_.capacity() * sizeof(std::uint64_t); }
 
-  // Calls put(k, box, place) for each item k of the boxes from `first` to before `last`, where `place` is the
-  // item's place in the list of its box. Blocks of items without any for these boxes are not looked at.
-  // `tree` and bounds_of must be those that were counted with. Calls done(box) when the box has all of its
-  // items, which is early where neighbours in space have neighbouring numbers. put and done are called from
-  // several threads.
+  // Calls put(k, end, box, place) for runs of items, from k to before `end`, of the boxes from `first` to
+  // before `last`, where `place` is the place of item k in the list of its box. Blocks of items without any
+  // for these boxes are not looked at. `tree` and `bounds` must be those that were counted with. Calls
+  // done(box) when the box has all of its items, which is early where neighbours in space have neighbouring
+  // numbers. put and done are called from several threads.
   template <class BoundsOf, class Put, class Done>
-  void deliver(std::uint32_t first, std::uint32_t last, const BoxTree& tree, const BoundsOf& bounds_of,
+  void deliver(std::uint32_t first, std::uint32_t last, const BoxTree& tree, const BoundsOf& bounds,
                const Put& put, const Done& done, int threads) const {
     const Region around = around_all(first, last, tree);
     std::vector<std::atomic<std::uint64_t>> missing(last - first);
@@ -74,10 +78,11 @@ class Distribution {
         const std::uint64_t* const from = &first_[static_cast<std::uint64_t>(block) * boxes_];
         if (std::equal(from + first, from + last, from + boxes_ + first)) continue;
         std::copy(from + first, from + last, place.begin());
-        each_item(static_cast<std::uint64_t>(block), tree, around, bounds_of,
-                  [&](std::uint64_t k, std::uint32_t box) {
-                    if (box >= first && box < last) put(k, box, place[box - first]++);
-                  });
+        each_run(static_cast<std::uint64_t>(block), tree, around, bounds,
+                 [&](std::uint64_t k, std::uint64_t end, std::uint32_t box) {
+                   if (box < first || box >= last) return;
+                   put(k, end, box, place[box - first]), place[box - first] += end - k;
+                 });
         for (std::uint32_t box = first; box < last; box++)
           if (const std::uint64_t put_now = place[box - first] - from[box]; put_now > 0)
             if (missing[box - first].fetch_sub(put_now) == put_now) done(box);
@@ -103,31 +108,30 @@ class Distribution {
     return all;
   }
 
-  // Calls use(k, box) for the items of a block and their boxes, if they meet `around`. Items of successive
-  // numbers often lie in one box, all of them: then the tree is asked once for a group.
+  // Calls use(first, end, box) for runs of items of a block and their boxes, if they meet `around`; the runs
+  // of a box come in order. Items of successive numbers often lie in one box, all of them: so the tree is
+  // asked for groups, of those that lie in several boxes for smaller groups, and at last for single items.
   template <class BoundsOf, class Use>
-  void each_item(std::uint64_t block, const BoxTree& tree, const Region& around, const BoundsOf& bounds_of,
-                 const Use& use) const {
-    constexpr std::uint64_t group = 64;
-    const std::uint64_t end = std::min(items_, (block + 1) * per_block_);
-    for (std::uint64_t from = block * per_block_, upto; from < end; from = upto) {
-      upto = std::min(from + group, end);
-      Bounds all = bounds_of(from);
-      bool empty = false;  // an item that goes nowhere
-      for (std::uint64_t k = from; k < upto; k++) {
-        const Bounds b = bounds_of(k);
-        for (int a = 0; a < 3; a++) {
-          all.low[a] = std::min(all.low[a], b.low[a]), all.high[a] = std::max(all.high[a], b.high[a]);
-          empty |= !(b.low[a] <= b.high[a]);
-        }
-      }
-      if (!empty && !meets(all, around)) continue;
-      const std::optional<std::uint32_t> box = empty ? std::nullopt : tree.only_box(all);
-      for (std::uint64_t k = from; k < upto; k++) {
-        if (box)
-          use(k, *box);
-        else if (const Bounds b = bounds_of(k); meets(b, around))
-          tree.each_box(b, [&](std::uint32_t one) { use(k, one); });
+  void each_run(std::uint64_t block, const BoxTree& tree, const Region& around, const BoundsOf& bounds,
+                const Use& use) const {
+    constexpr std::uint64_t kGroup = 64, kPart = 8;
+    const auto whole = [&](std::uint64_t first, std::uint64_t end) {  // nothing is left to be done
+      const Bounds all = bounds.all(first, end);
+      if (!meets(all, around)) return true;
+      const std::optional<std::uint32_t> box = tree.only_box(all);
+      if (box) use(first, end, *box);
+      return box.has_value();
+    };
+    const std::uint64_t block_end = std::min(items_, (block + 1) * per_block_);
+    for (std::uint64_t group = block * per_block_; group < block_end; group += kGroup) {
+      const std::uint64_t group_end = std::min(group + kGroup, block_end);
+      if (whole(group, group_end)) continue;
+      for (std::uint64_t part = group; part < group_end; part += kPart) {
+        const std::uint64_t part_end = std::min(part + kPart, group_end);
+        if (whole(part, part_end)) continue;
+        for (std::uint64_t k = part; k < part_end; k++)
+          if (const Bounds b = bounds.one(k); meets(b, around))
+            tree.each_box(b, [&](std::uint32_t box) { use(k, k + 1, box); });
       }
     }
   }

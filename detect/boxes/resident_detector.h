@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "detect/detector.h"
+#include "detect/host_device.h"
 
 namespace padder::detect {
 
@@ -37,14 +38,29 @@ struct ResidentReport {
   double upload_seconds = 0, deal_seconds = 0, detect_seconds = 0;  // wall time of the parts
 };
 
+// The numbers in the scene of the spheres among which one GPU found contacts. A kernel on that GPU takes it
+// by value.
+struct ResidentNumbers {
+  std::uint64_t same = ~std::uint64_t(0);  // up to so many, the two numbers are the same
+  std::uint64_t before = 0, own = 0;       // how many follow from other GPUs, and then of the GPU's own part
+  std::uint64_t first_own = 0;             // of these the first one's number in the scene
+  const std::uint64_t* others = nullptr;  // numbers of those from other GPUs, also behind the own; on the GPU
+  PADDER_HD std::uint64_t of(std::uint32_t k) const {
+    if (k < same) return k;
+    const std::uint64_t loose = k - same;
+    if (loose < before) return others[loose];
+    return loose < before + own ? first_own + (loose - before) : others[loose - own];
+  }
+};
+
 // What one GPU found: all arrays lie in its memory, until the next call or the end of the detector. The pairs
-// number the spheres of all bodies as in the scene, and then the spheres of `load`. ids[k] is the number in
-// the scene of what has number k here. null: the two numbers are the same.
+// number the spheres of all bodies as in the scene, then the first numbers.before of `others`, then `own`,
+// and then the rest of `others`. numbers.of(k) is the number in the scene of what has number k here.
 struct ResidentContacts {
   int device = 0;
   Contacts contacts;
-  Spheres load;
-  const std::uint64_t* ids = nullptr;
+  Spheres own, others;  // the part that the caller gave, unless it was copied; copies
+  ResidentNumbers numbers;
 };
 
 // The poses of bodies that follow one another, in the memory of one GPU.
@@ -68,7 +84,8 @@ class ResidentDetector {
   // One part of the scene for each GPU, in the order of the GPUs: parts[k] lies in the memory of GPU k, or in
   // host memory, from where it is copied there (at full speed if it is pinned). The scene has the spheres of
   // part 0, then those of part 1, and so on. Each part has below 2^32 - 1 spheres; all are in float or all in
-  // double. Which spheres a part holds is the caller's choice, but those outside of region(k) travel.
+  // double. Which spheres a part holds is the caller's choice, but those outside of region(k) travel, and the
+  // part is copied if they are more than an eighth; else it is read where it lies.
   // Work given to the default streams of the GPUs before the call is waited for.
   const ResidentReport& detect(std::span<const Spheres> parts);
 

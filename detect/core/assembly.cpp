@@ -3,6 +3,8 @@
 
 #include <algorithm>
 
+#include "detect/core/input.h"
+
 namespace padder::detect {
 
 void Assembly::update(const Input& input, const std::uint8_t* is_static) {
@@ -20,7 +22,7 @@ void Assembly::update(const Input& input, const std::uint8_t* is_static) {
   }
   body_first.push_back(static_cast<std::uint32_t>(first_sphere));
   moving_pieces = static_cast<std::uint32_t>(elements.size());
-  for (std::uint64_t k = 0; k < input.spheres.count; k++)
+  for (std::uint64_t k = 0; k < loose_count(input); k++)
     (is_static && is_static[k] ? static_elements : elements)
         .push_back({kLoose, static_cast<std::uint32_t>(k)});
   moving = static_cast<std::uint32_t>(elements.size());
@@ -30,9 +32,9 @@ void Assembly::update(const Input& input, const std::uint8_t* is_static) {
 bool bodies_first(const Input& input, const CallOptions& options, std::uint64_t spheres, double ball_cost) {
   if (options.path != Path::grid || options.bodies == Bodies::expanded) return false;
   if (options.bodies == Bodies::first) return true;
-  if (input.spheres.is_static) return true;
+  if (marks_static(input)) return true;
   if (input.bodies.empty()) return false;
-  const auto loose = static_cast<double>(input.spheres.count),
+  const auto loose = static_cast<double>(loose_count(input)),
              of_bodies = static_cast<double>(spheres) - loose;
   const double balls = of_bodies / kPieceSpheres + static_cast<double>(input.bodies.size());
   if (ball_cost * balls + loose < of_bodies) return true;

@@ -6,7 +6,7 @@
 namespace padder::detect {
 
 std::uint64_t sphere_count(const Input& input) {
-  std::uint64_t n = input.spheres.count;
+  std::uint64_t n = loose_count(input);
   for (const Body& b : input.bodies) {
     const std::uint64_t more = input.shapes[b.shape].count;
     n = n > ~std::uint64_t(0) - more ? ~std::uint64_t(0) : n + more;

@@ -7,6 +7,20 @@
 
 namespace padder::detect {
 
+// Loose spheres on one GPU that lie apart from Input::spheres, since they came from other GPUs: x, y, z, r of
+// each lie together. The first `before` are numbered before those of Input::spheres, the rest behind.
+struct SpheresAround {
+  Spheres spheres;
+  std::uint64_t before = 0;
+};
+inline std::uint64_t loose_count(const Input& input) {
+  return input.spheres.count + (input.around ? input.around->spheres.count : 0);
+}
+// Are there marks of static loose spheres?
+inline bool marks_static(const Input& input) {
+  return input.spheres.is_static || (input.around && input.around->spheres.is_static);
+}
+
 // Spheres of all bodies and the loose ones; 2^64 - 1 if they are more than that.
 std::uint64_t sphere_count(const Input& input);
 // Body k at its pose, which must lie in host memory.

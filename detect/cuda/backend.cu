@@ -135,6 +135,8 @@ class Work {
     clock_.begin(stream_, options.timings), running_ = true;
     const int processors = processors_of(stream_, device_);
     book_.limit = options.memory_limit;
+    // A region's share changes by up to a tenth before space is cut anew.
+    book_.roomy = options.memory_limit == 0 && !(options.own == Region{});
     check_memory(input);
     return {input, options, stream_, side_, processors, clock_, list_, options.history ? &history_ : nullptr};
   }

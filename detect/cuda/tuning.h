@@ -13,7 +13,7 @@ namespace padder::detect::cuda::tuning {
 // blocks each, from so many bytes on. docs/experiments/calls.md, "host memory". Below, the driver is at most
 // half as fast, and threads that wait for each other lose more where other programs use the processors. The
 // host's memory decides, not the GPU.
-inline constexpr std::uint64_t kStagedCopy = 128 << 20, kCopyBlock = 2 << 20;
+inline constexpr std::uint64_t kStagedCopy = 32 << 20, kCopyBlock = 2 << 20;
 inline constexpr int kCopyThreads = 8, kCopyBlocks = 2;
 
 // ---- The order of the spheres ----

@@ -2,6 +2,7 @@
 #include "detect/mpi/exchange.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "detect/mpi/together.h"
 #include "padding/asset/error.h"
@@ -11,16 +12,11 @@ namespace {
 
 constexpr std::uint64_t kMostBytes = 1 << 30;  // of a message: MPI counts in int
 
-// How much of each kind a load has. Also where a load begins in the joined one.
-struct Sizes {
-  unsigned long long loose = 0, bodies = 0, body_spheres = 0;
-};
-
-// Calls use(array of a, array of b, numbers for each item, the items' member of Sizes) for each array that is
-// sent, in the same order on all ranks.
+// Calls use(array of a, array of b, numbers for each item, the items' member of LoadSizes) for each array
+// that is sent, in the same order on all ranks.
 template <class Use>
 void each_array(const LoadForm& form, BoxLoad& a, BoxLoad& b, const Use& use) {
-  const auto loose = &Sizes::loose, bodies = &Sizes::bodies;
+  const auto loose = &LoadSizes::loose, bodies = &LoadSizes::bodies;
   if (form.scalar == Scalar::f32)
     use(a.single, b.single, 4, loose);
   else
@@ -33,39 +29,9 @@ void each_array(const LoadForm& form, BoxLoad& a, BoxLoad& b, const Use& use) {
   use(a.body_ids, b.body_ids, 1, bodies);
 }
 
-// Gives a load the arrays that the form asks for: a rank without families, say, has 0 for all.
-void complete(const LoadForm& form, BoxLoad& load) {
-  const auto zeros = [&](bool wanted, bool& has, auto& array) {
-    if (wanted && !has) std::fill_n(array.at_least(load.loose), load.loose, 0);
-    has = wanted;
-  };
-  zeros(form.has_family, load.has_family, load.family), zeros(form.has_mask, load.has_mask, load.mask);
-  zeros(form.has_static, load.has_static, load.is_static);
-  if (form.scalar == Scalar::f64 && load.scalar == Scalar::f32)
-    std::copy_n(load.single.data(), 4 * load.loose, load.twice.at_least(4 * load.loose));
-  load.scalar = form.scalar;
-}
-
-// Gives the joined load room for `all`.
-void make_room(const LoadForm& form, const Sizes& all, BoxLoad& to) {
-  to.scalar = form.scalar;
-  to.has_family = form.has_family, to.has_mask = form.has_mask, to.has_static = form.has_static;
-  to.loose = all.loose, to.body_count = all.bodies, to.body_spheres = all.body_spheres;
-  each_array(form, to, to, [&](auto& array, auto&, std::uint64_t width, auto items) {
-    array.at_least(width * all.*items);
-  });
-  to.first_of_body.assign(to.body_count + 1, 0);
-}
-
 void number_bodies(BoxLoad& load) {
   for (std::uint64_t b = 0; b < load.body_count; b++)
     load.first_of_body[b + 1] = load.first_of_body[b] + load.shapes[load.bodies.data()[b].shape].count;
-}
-
-template <class T>
-void copy(const T* from, std::uint64_t count, T* to, int threads) {
-#pragma omp parallel for schedule(static) num_threads(threads) if (count > 1 << 16)
-  for (std::uint64_t k = 0; k < count; k++) to[k] = from[k];
 }
 
 // Messages to and from one other rank, which do not wait.
@@ -104,41 +70,59 @@ class Messages {
 
 }  // namespace
 
-void exchange(MPI_Comm ranks, const LoadForm& form, std::vector<BoxLoad>& loads, BoxLoad& joined, int threads,
-              Traffic& traffic) {
-  int rank = 0, count = 1;
-  MPI_Comm_rank(ranks, &rank), MPI_Comm_size(ranks, &count);
-  const auto n = static_cast<std::size_t>(count), me = static_cast<std::size_t>(rank);
-  std::vector<Sizes> sending(n), coming(n), begin(n);
-  together(ranks, [&] {
-    for (std::size_t k = 0; k < n; k++) {
-      complete(form, loads[k]);
-      sending[k] = {loads[k].loose, loads[k].body_count, loads[k].body_spheres};
-    }
-  });
-  MPI_Alltoall(sending.data(), 3, MPI_UNSIGNED_LONG_LONG, coming.data(), 3, MPI_UNSIGNED_LONG_LONG, ranks);
-  Sizes all;
-  for (std::size_t k = 0; k < n; k++) {
-    begin[k] = all;
-    all.loose += coming[k].loose, all.bodies += coming[k].bodies;
-    all.body_spheres += coming[k].body_spheres;
+Exchange::Exchange(MPI_Comm ranks, const LoadForm& form, std::vector<LoadSizes> sending)
+    : ranks_(ranks), form_(form), sending_(std::move(sending)) {
+  int rank = 0;
+  MPI_Comm_rank(ranks, &rank);
+  me_ = static_cast<std::size_t>(rank);
+  coming_.resize(sending_.size());
+  MPI_Alltoall(sending_.data(), 3, MPI_UNSIGNED_LONG_LONG, coming_.data(), 3, MPI_UNSIGNED_LONG_LONG, ranks);
+  for (const LoadSizes& from : coming_) {
+    begin_.push_back(all_);
+    all_.loose += from.loose, all_.bodies += from.bodies, all_.body_spheres += from.body_spheres;
   }
-  together(ranks, [&] { make_room(form, all, joined); });
+}
+
+LoadRoom Exchange::room() const {
+  const LoadSizes &before = begin_[me_], &own = sending_[me_];
+  return {before.loose, all_.loose - before.loose - own.loose, before.bodies,
+          all_.bodies - before.bodies - own.bodies};
+}
+
+// Gives a load the arrays that the form asks for: a rank without families, say, has 0 for all.
+void Exchange::complete(BoxLoad& load) const {
+  const std::uint64_t first = load.room.loose_before, size = first + load.loose + load.room.loose_behind;
+  const auto zeros = [&](bool wanted, bool& has, auto& array) {
+    if (wanted && !has) std::fill_n(array.at_least(size) + first, load.loose, 0);
+    has = wanted;
+  };
+  zeros(form_.has_family, load.has_family, load.family), zeros(form_.has_mask, load.has_mask, load.mask);
+  zeros(form_.has_static, load.has_static, load.is_static);
+  if (form_.scalar == Scalar::f64 && load.scalar == Scalar::f32)
+    std::copy_n(load.single.data() + 4 * first, 4 * load.loose, load.twice.at_least(4 * size) + 4 * first);
+  load.scalar = form_.scalar;
+}
+
+Traffic Exchange::run(std::vector<BoxLoad>& loads) const {
+  BoxLoad& own = loads[me_];
+  together(ranks_, [&] {
+    for (BoxLoad& load : loads) complete(load);
+    own.loose = all_.loose, own.body_count = all_.bodies, own.body_spheres = all_.body_spheres;
+    own.first_of_body.assign(own.body_count + 1, 0);
+  });
+  Traffic traffic;
   std::vector<MPI_Request> waiting;
-  for (std::size_t k = 0; k < n; k++) {
-    if (k == me) continue;
-    Messages messages(ranks, k, waiting);
-    each_array(form, joined, loads[k], [&](auto& to, auto& from, std::uint64_t width, auto items) {
-      messages.receive(to.data() + width * begin[k].*items, width * coming[k].*items);
-      messages.send(from.data(), width * sending[k].*items, traffic);
+  for (std::size_t k = 0; k < loads.size(); k++) {
+    if (k == me_) continue;
+    Messages messages(ranks_, k, waiting);
+    each_array(form_, own, loads[k], [&](auto& to, auto& from, std::uint64_t width, auto items) {
+      messages.receive(to.data() + width * begin_[k].*items, width * coming_[k].*items);
+      messages.send(from.data(), width * sending_[k].*items, traffic);
     });
   }
-  each_array(form, joined, loads[me], [&](auto& to, auto& from, std::uint64_t width, auto items) {
-    copy(from.data(), width * sending[me].*items, to.data() + width * begin[me].*items, threads);
-  });
   MPI_Waitall(static_cast<int>(waiting.size()), waiting.data(), MPI_STATUSES_IGNORE);
-  joined.shapes = loads[me].shapes;
-  number_bodies(joined);
+  number_bodies(own);
+  return traffic;
 }
 
 }  // namespace padder::detect

@@ -16,17 +16,41 @@ struct LoadForm {
   bool has_family = false, has_mask = false, has_static = false;
 };
 
+// How much of each kind a load has.
+struct LoadSizes {
+  unsigned long long loose = 0, bodies = 0, body_spheres = 0;
+};
+
 // What an exchange took.
 struct Traffic {
   std::uint64_t bytes = 0, messages = 0;  // sent by this rank to others
 };
 
-// Collective. loads[k] goes to rank k, and what the others made for this rank is joined in `joined`, in the
-// order of the ranks; so the order of the scene is kept. Sizes travel first, all ranks to all. Then only
-// ranks that have something for each other send messages, without waiting for one another: one for each
-// array, from where it lies to its place in `joined`. The rank's own part is copied meanwhile, by `threads`.
-// Throws the same Error on all ranks when one of them has no memory for what comes.
-void exchange(MPI_Comm ranks, const LoadForm& form, std::vector<BoxLoad>& loads, BoxLoad& joined, int threads,
-              Traffic& traffic);
+// Carries loads between ranks: sizes first, all ranks to all. Then only ranks that have something for each
+// other send messages, without waiting for one another: one for each array, from where it lies to its place
+// in the load of the rank that gets it. What a rank has for its own box is filled in there, and is not moved.
+class Exchange {
+ public:
+  // Collective. sending[k]: of this rank's load for rank k.
+  Exchange(MPI_Comm ranks, const LoadForm& form, std::vector<LoadSizes> sending);
+
+  // The room that this rank's own load needs when it is filled.
+  LoadRoom room() const;
+
+  // Collective. loads[k] goes to rank k, and what the others made for this rank comes into its own load, in
+  // the order of the ranks; so the order of the scene is kept. Throws the same Error on all ranks when one of
+  // them has no memory for it.
+  Traffic run(std::vector<BoxLoad>& loads) const;
+
+ private:
+  void complete(BoxLoad& load) const;
+
+  MPI_Comm ranks_;
+  LoadForm form_;
+  std::size_t me_ = 0;
+  std::vector<LoadSizes> sending_, coming_,
+      begin_;      // for each rank; `begin_`: where it begins in our own load
+  LoadSizes all_;  // of our own load in the end
+};
 
 }  // namespace padder::detect

@@ -120,6 +120,8 @@ class RankDetector::Work {
   void cut(const Assignment& assignment);
   double imbalance(double work) const;
   double expected_imbalance(const Assignment& assignment) const;
+  Traffic exchange(const LoadForm& form, const Assignment& assignment);
+  BoxLoad& own_load() { return loads_[static_cast<std::size_t>(ranks_.rank)]; }
   void finish(const BoxResult& found);
 
   Ranks ranks_;
@@ -132,7 +134,9 @@ class RankDetector::Work {
   double density_ = 1;  // work for each sphere given to this rank, in the call before
   bool known_density_ = false, informed_ = false;  // the cut knew the density
   double settled_imbalance_ = 1;                   // what the last cut could reach
-  BoxLoad load_;
+  // For each rank, from this part; for this one, from all ranks. Kept, since new memory must be cleared
+  // first.
+  std::vector<BoxLoad> loads_;
   RankReport report_;
 };
 
@@ -232,16 +236,30 @@ double RankDetector::Work::expected_imbalance(const Assignment& assignment) cons
 }
 
 void RankDetector::Work::finish(const BoxResult& found) {
-  const double spheres = static_cast<double>(load_.spheres()),
+  const double spheres = static_cast<double>(own_load().spheres()),
                work = spheres + static_cast<double>(found.contacts);
   density_ = spheres > 0 ? work / spheres : 1, known_density_ = true;
-  report_.own_contacts = found.contacts, report_.own_spheres = load_.spheres();
-  Count sums[5] = {found.contacts, load_.spheres(), found.hash, found.doubtful, found.splits};
+  report_.own_contacts = found.contacts, report_.own_spheres = own_load().spheres();
+  Count sums[5] = {found.contacts, own_load().spheres(), found.hash, found.doubtful, found.splits};
   add_up(ranks_, sums);
   report_.contacts = sums[0], report_.copies = sums[1], report_.hash = sums[2];
   report_.doubtful = sums[3], report_.splits = sums[4];
   report_.imbalance = imbalance(work);
   if (report_.cut) settled_imbalance_ = informed_ ? report_.imbalance : 1;
+}
+
+// Deals this part out and brings what the other ranks have for this one. Every rank has a box.
+Traffic RankDetector::Work::exchange(const LoadForm& form, const Assignment& assignment) {
+  std::vector<LoadSizes> sizes;
+  for (std::uint32_t b = 0; b < tree_.boxes(); b++)
+    sizes.push_back({assignment.loose_of(b), assignment.bodies_of(b), assignment.body_spheres_of(b)});
+  const Exchange among(ranks_, form, std::move(sizes));
+  together(ranks_, [&] {
+    loads_.resize(tree_.boxes());
+    own_load().room = among.room();
+    assignment.fill(tree_, 0, loads_);
+  });
+  return among.run(loads_);
 }
 
 const RankReport& RankDetector::Work::run(const Input& part, const ContactConsumer& consumer) {
@@ -257,23 +275,15 @@ const RankReport& RankDetector::Work::run(const Input& part, const ContactConsum
     const LoadForm form = agree(settled, *assignment);
     plan(*assignment);
     const double planned = MPI_Wtime();
-    std::vector<BoxLoad> loads;
-    together(ranks_, [&] {
-      loads.resize(static_cast<std::size_t>(ranks_.count));
-      assignment->fill(tree_, 0, loads);
-      assignment.reset();
-    });
-    Traffic traffic;
-    exchange(ranks_, form, loads, load_, threads(), traffic);
-    loads.clear();
-    load_.region = tree_.region(box());
+    const Traffic traffic = exchange(form, *assignment);
+    assignment.reset();
     const double exchanged = MPI_Wtime();
     BoxResult found;
     together(ranks_, [&] {
       CallOptions options = options_;
       options.threads = threads();
       Delivery delivery{consumer, {}};
-      found = worker_->run(load_, box(), options, threads(), delivery);
+      found = worker_->run(own_load(), box(), options, threads(), delivery);
     });
     finish(found);
     report_.sent_bytes = traffic.bytes, report_.messages = traffic.messages;

@@ -33,6 +33,7 @@ const std::vector<Entry>& entries() {
       {"worlds", "many worlds in one call, and answers for each: beside Bullet and FCL on the CPU", worlds},
       {"stages", "milliseconds of each stage, the nine stages and the fast path", stages},
       {"boxes", "time against contacts on one and several GPUs, the paper's Fig. 27", boxes},
+      {"ranks", "one scene in repeated calls, by ranks of MPI (mpirun -n 2 bench ranks) and by threads", ranks},
       {"table3", "a step of a settled silo beside the paper's Table 3, its Figs. 29 and 30", table3},
       {"precision", "error against time of float, exact and double on hard scenes", precision},
 #ifdef PADDER_BENCH_PADDING

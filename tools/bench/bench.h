@@ -44,6 +44,7 @@ Json piles(const Settings&);       // piles.cpp
 Json stages(const Settings&);      // stages.cpp
 Json scenes(const Settings&);      // scenes.cpp
 Json boxes(const Settings&);       // boxes.cpp
+Json ranks(const Settings&);       // ranks.cpp; to be started by mpirun
 Json worlds(const Settings&);      // worlds.cpp
 Json table3(const Settings&);      // table3.cpp
 Json precision(const Settings&);   // stability/precision.cpp

@@ -26,6 +26,31 @@ Spheres view(const FloatSphere* spheres, std::uint64_t count) {
   return s;
 }
 
+// Appends the spheres k of `from` for which keep(k), in their order.
+template <class Keep>
+void append(const Scene& from, const Keep& keep, Scene& to) {
+  constexpr std::size_t kBlock = 1 << 18;
+  const std::size_t blocks = (from.size() + kBlock - 1) / kBlock;
+  std::vector<std::size_t> first(blocks + 1, to.size());
+  const auto each_kept = [&](std::size_t block, const auto& use) {
+    for (std::size_t k = block * kBlock; k < std::min(from.size(), (block + 1) * kBlock); k++)
+      if (keep(k)) use(k);
+  };
+#pragma omp parallel for schedule(dynamic)
+  for (std::size_t b = 0; b < blocks; b++) {
+    std::size_t count = 0;
+    each_kept(b, [&](std::size_t) { count++; });
+    first[b + 1] = count;
+  }
+  for (std::size_t b = 0; b < blocks; b++) first[b + 1] += first[b];
+  to.resize(first[blocks]);
+#pragma omp parallel for schedule(dynamic)
+  for (std::size_t b = 0; b < blocks; b++) {
+    std::size_t place = first[b];
+    each_kept(b, [&](std::size_t k) { to[place++] = from[k]; });
+  }
+}
+
 // A straight line through the points by least squares.
 struct Line {
   double offset = 0, slope = 0, r2 = 1;
@@ -68,7 +93,6 @@ class Table {
   Json table =
       Json::array({{"scene", "backend", "devices", "spheres", "contacts", "hash is that of", "time [ms]",
                     "from pinned memory [ms]", "of it dealing [ms]", "halo [%]", "efficiency [%]"}});
-
 };
 
 #ifdef PADDER_CUDA
@@ -113,11 +137,12 @@ class Parts {
         if (owns(detector.region(b), {s.x, s.y, s.z})) box[k] = static_cast<std::uint8_t>(b);
     }
     std::vector<std::uint64_t> first(n + 1, 0);
-    for (const std::uint8_t b : box) first[b + 1u]++;
-    for (std::size_t b = 0; b < n; b++) first[b + 1] += first[b];
-    all_.resize(scene.size());
-    std::vector<std::uint64_t> next(first.begin(), first.end() - 1);
-    for (std::size_t k = 0; k < scene.size(); k++) all_[next[box[k]]++] = scene[k];
+    all_.clear(), all_.reserve(scene.size());
+    for (std::size_t b = 0; b < n; b++) {
+      append(
+          scene, [&](std::size_t k) { return box[k] == b; }, all_);
+      first[b + 1] = all_.size();
+    }
     make_views(first);
   }
   void pin() {
@@ -307,9 +332,8 @@ void host_row(const Settings& s, Table& t, const Scene& scene) {
   const std::size_t bytes = scene.size() * sizeof scene[0];
   void* device = nullptr;
   must(cudaMalloc(&device, bytes), "allocate the spheres");
-  const double driver = median_seconds(5, [&] {
-    must(cudaMemcpy(device, scene.data(), bytes, cudaMemcpyHostToDevice), "copy the spheres");
-  });
+  const double driver = median_seconds(
+      5, [&] { must(cudaMemcpy(device, scene.data(), bytes, cudaMemcpyHostToDevice), "copy the spheres"); });
   cudaFree(device);
   say(s, "the driver copies " + std::to_string(bytes) + " bytes in " + number(1e3 * driver, "%.1f") + " ms");
   detect::Input input;
@@ -321,8 +345,8 @@ void host_row(const Settings& s, Table& t, const Scene& scene) {
   const double seconds = median_seconds(9, [&] { detector.detect(input); });
   const std::uint64_t contacts = detector.detect(input).count, hash = detector.hash();
   detector = detect::Detector(detect::DeviceChoice{detect::BackendKind::omp});  // gives its memory back
-  t.add("from the host", "cuda", 1, scene.size(), contacts, compare(scene, hash, "the call", true), seconds, 0,
-        0, 0, 0);
+  t.add("from the host", "cuda", 1, scene.size(), contacts, compare(scene, hash, "the call", true), seconds,
+        0, 0, 0, 0);
 }
 
 // Half of the cube ten times as dense as the rest: at rest, or a front that crosses the cube in `steps`.
@@ -340,8 +364,8 @@ void make_front(const Scene& full, double middle, double width, Scene& some) {
     }
   }
   some.clear();
-  for (std::size_t k = 0; k < full.size(); k++)
-    if (in[k]) some.push_back(full[k]);
+  append(
+      full, [&](std::size_t k) { return in[k] != 0; }, some);
 }
 
 void front_rows(const Settings& s, Table& t, const Scene& full, int devices, bool moves) {

@@ -266,7 +266,7 @@ bool BodySearch::run(const Call& call, Contacts& contacts) {
   if (!speculative_.run(steps, known && moving > 0 && moving == summary_.count)) return false;
   call.clock.mark(8);
   input_.keep(call.input);
-  contacts.spheres = input_.body_spheres() + call.input.spheres.count;
+  contacts.spheres = input_.body_spheres() + loose_count(call.input);
   return true;
 }
 

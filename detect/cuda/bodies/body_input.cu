@@ -47,6 +47,26 @@ __global__ void record_kernel(const LooseRecord* from, std::uint32_t count, Sphe
   }
 }
 
+// Which loose spheres are static.
+std::vector<std::uint8_t> marks_on_device(const Input& input, cudaStream_t stream) {
+  std::vector<std::uint8_t> marks(loose_count(input));
+  const auto read = [&](std::uint64_t to, const std::uint8_t* from, std::uint64_t count) {
+    if (from && count)
+      cuda_check(cudaMemcpyAsync(&marks[to], from, count, cudaMemcpyDeviceToHost, stream),
+                 "read what is static");
+  };
+  const Spheres& own = input.spheres;
+  const std::uint64_t before = input.around ? input.around->before : 0;
+  read(before, own.is_static, own.count);
+  if (input.around) {
+    const Spheres& others = input.around->spheres;
+    read(0, others.is_static, before);
+    if (others.is_static) read(before + own.count, others.is_static + before, others.count - before);
+  }
+  cuda_check(cudaStreamSynchronize(stream), "read what is static");
+  return marks;
+}
+
 }  // namespace
 
 BodyInput::BodyInput(MemoryBook& book)
@@ -68,7 +88,7 @@ BodyInput::BodyInput(MemoryBook& book)
 
 bool BodyInput::knows(const Input& input) const {
   return input.revision != 0 && input.revision == revision_ && input.bodies.size() == known_bodies_ &&
-         input.spheres.count == known_loose_;
+         loose_count(input) == known_loose_;
 }
 
 bool BodyInput::read(const Input& input, double margin, const Region& own, cudaStream_t stream) {
@@ -89,12 +109,7 @@ bool BodyInput::read(const Input& input, double margin, const Region& own, cudaS
 void BodyInput::read_all(const Input& input, cudaStream_t stream) {
   const Spheres& s = input.spheres;
   std::vector<std::uint8_t> is_static;
-  if (s.is_static && s.memory == Memory::device) {
-    is_static.resize(s.count);
-    cuda_check(cudaMemcpyAsync(is_static.data(), s.is_static, s.count, cudaMemcpyDeviceToHost, stream),
-               "read what is static");
-    cuda_check(cudaStreamSynchronize(stream), "read what is static");
-  }
+  if (marks_static(input) && s.memory == Memory::device) is_static = marks_on_device(input, stream);
   assembly_.update(input, is_static.empty() ? s.is_static : is_static.data());
   moving_bodies_.clear(), moving_loose_.clear();
   for (std::uint32_t e = 0; e < assembly_.moving; e++) {
@@ -114,19 +129,19 @@ void BodyInput::read_all(const Input& input, cudaStream_t stream) {
   lists.insert(lists.end(), moving_loose_.begin(), moving_loose_.end());
   copied(moving_list_, lists.data(), lists.size(), stream);
   cuda_check(cudaStreamSynchronize(stream), "copy the bodies");  // the vectors must outlive their copies
-  known_bodies_ = input.bodies.size(), known_loose_ = s.count;
+  known_bodies_ = input.bodies.size(), known_loose_ = loose_count(input);
 }
 
 // If no loose sphere is static, all are read where the caller has them, in every call. Else they are kept in
 // an array of our own, and each call brings only those that move.
 void BodyInput::read_loose(const Input& input, bool known, cudaStream_t stream) {
   const Spheres& s = input.spheres;
-  const auto n = static_cast<std::uint32_t>(s.count);
+  const auto n = static_cast<std::uint32_t>(loose_count(input));
   loose_ = {};
   if (n == 0) return;
   Input only;
-  only.spheres = s;
-  if (!s.is_static) {
+  only.spheres = s, only.around = input.around;
+  if (!marks_static(input)) {
     loose_ = copy_.source(only, stream);
     return;
   }

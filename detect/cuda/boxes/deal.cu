@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: MIT
 #include "detect/cuda/boxes/deal.h"
 
+#include <thrust/iterator/counting_iterator.h>
+#include <algorithm>
 #include <cstring>
 #include <cub/device/device_radix_sort.cuh>
+#include <cub/device/device_select.cuh>
 
 #include "detect/boxes/contact_batch.h"
 #include "detect/boxes/halo.h"
@@ -15,11 +18,7 @@ namespace padder::detect::cuda {
 namespace {
 
 constexpr unsigned kThreads = 256, kWarps = kThreads / 32, kMostBlocks = 132 * 8;
-constexpr unsigned kRows = 8;  // spheres of a thread: its registers hold them
-constexpr std::uint64_t kTile = std::uint64_t(kThreads) * kRows;  // spheres of a block
-// What is known of a tile: nothing, how many spheres of the own box it has, or how many there are up to its
-// end.
-constexpr unsigned long long kHere = 1ull << 62, kUpTo = 2ull << 62, kCount = kHere - 1;
+constexpr unsigned kRows = 8;  // spheres of a thread that are read at once
 
 // Read and written at once.
 template <class T>
@@ -41,8 +40,7 @@ struct Source {
         radii(static_cast<const T*>(s.radii)),
         center_stride(s.center_stride),
         radius_stride(s.radius_stride),
-        packed(s.center_stride == 4 && s.radius_stride == 4 && radii == centers + 3 &&
-               reinterpret_cast<std::uintptr_t>(centers) % alignof(Quad<T>) == 0),
+        packed(is_packed(s)),
         count(s.count),
         family(s.family),
         mask(s.mask),
@@ -61,7 +59,7 @@ struct Source {
   __device__ void copy(std::uint64_t k, const T (&v)[4], std::uint64_t id, const DealTarget& to,
                        std::uint64_t place) const {
     static_cast<Quad<T>*>(to.spheres)[place] = {v[0], v[1], v[2], v[3]};
-    to.ids[place] = id;
+    if (to.ids) to.ids[place] = id;
     if (to.family) to.family[place] = family ? family[k] : 0;
     if (to.mask) to.mask[place] = mask ? mask[k] : 0;
     if (to.is_static) to.is_static[place] = is_static ? is_static[k] : 0;
@@ -87,44 +85,52 @@ __device__ unsigned boxes_of(const Sphere& s, double largest_radius, const DealR
   return found;
 }
 
-// By a whole warp: how many spheres of the own box the tiles before this one have. It makes its own count
-// known first, and adds up those before it, 32 at a time, until one says how many there are up to its end
-// (Merrill and Garland 2016, decoupled look-back). Tiles are handed out in order, so those before it run or
-// have run.
-__device__ std::uint64_t spheres_before(unsigned long long* tiles, std::uint64_t tile, std::uint64_t here) {
-  const unsigned lane = threadIdx.x % 32;
-  volatile unsigned long long* const known = tiles;
-  if (lane == 0) known[tile] = (tile ? kHere : kUpTo) | here;
-  std::uint64_t before = 0;
-  for (std::int64_t last = static_cast<std::int64_t>(tile) - 1; last >= 0; last -= 32) {
-    const std::int64_t other = last - lane;
-    unsigned long long word = 0;
-    do word = other >= 0 ? known[other] : 0 + kUpTo;
-    while (__any_sync(~0u, word == 0));
-    const unsigned ends = __ballot_sync(~0u, word >= kUpTo);
-    std::uint64_t sum = ends == 0 || lane < static_cast<unsigned>(__ffs(ends)) ? word & kCount : 0;
-    for (unsigned by = 16; by; by /= 2) sum += __shfl_xor_sync(~0u, sum, by);
-    before += sum;
-    if (ends) break;
+// A cheap test in the input's own arithmetic for nearly all spheres: is the sphere without fault, and its
+// halo (halo.h) in the own box for sure? The slack of 2^-20 (float) or 2^-40 (double) of the lengths covers
+// the halo's 2^-46, and the four roundings here and the one of a face, which are 2^-24 or 2^-53 each; `least`
+// is for lengths that underflow. What is no number fails a comparison.
+template <class T>
+struct Within {
+  static constexpr T kSlack = sizeof(T) == 4 ? 0x1p-20 : 0x1p-40,
+                     kLeast = sizeof(T) == 4 ? 0x1p-100 : 0x1p-900;
+  T low[3], high[3], largest_radius;
+
+  Within(const Region& r, double largest) : largest_radius(static_cast<T>(largest)) {
+    for (int a = 0; a < 3; a++) low[a] = static_cast<T>(r.low[a]), high[a] = static_cast<T>(r.high[a]);
   }
-  if (lane == 0 && tile) known[tile] = kUpTo | (before + here);
-  return before;
-}
+  __device__ bool operator()(const T (&v)[4]) const {
+    const T m = fmax(fmax(fabs(v[0]), fabs(v[1])), fabs(v[2])), r = v[3];
+    bool within = r >= 0;
+    if constexpr (sizeof(T) == 8) within = within && m <= kLargest && r <= kLargest;
+#pragma unroll
+    for (int a = 0; a < 3; a++) {
+      // A face that was rounded is off by a part of itself, which is no more than a part of a sphere near it.
+      const T reach = r + (kSlack * (m + r + largest_radius) + kLeast);
+      within = within && v[a] - reach >= low[a] && v[a] + reach < high[a];
+    }
+    return within;
+  }
+};
 
 struct DealTask {
   DealRegions regions;
   int own;
   double largest_radius;
-  std::uint64_t first_id, own_room, away_room;
-  DealTarget to;
-  unsigned long long *tiles, *away, *totals, *away_count, *radius_bits, *faulty;
-  unsigned* next_tile;
+  std::uint64_t away_room;
+  unsigned long long *away, *totals, *away_count, *astray, *radius_bits, *faulty;
 };
 
-// Notes where the spheres of a warp go beside the own box: `others` has a bit for each box of the lane's
-// sphere k.
-__device__ void note_away(const DealTask& task, unsigned others, std::uint64_t k) {
+// By a whole warp: notes where its spheres go beside the own box. `asked`: the lane's sphere k is to be
+// looked at.
+__device__ __noinline__ void note_away(const DealTask& task, bool asked, const Sphere& s, std::uint64_t k) {
   const unsigned lane = threadIdx.x % 32;
+  const bool faulty = asked && fault_of(s) != Fault::none;
+  const unsigned boxes = asked ? boxes_of(s, task.largest_radius, task.regions, task.own) : 0;
+  if (faulty) atomicMin(task.faulty, static_cast<unsigned long long>(k));
+  const unsigned astray = __ballot_sync(~0u, asked && !faulty && !(boxes >> task.own & 1));
+  if (lane == 0 && astray) atomicAdd(task.astray, static_cast<unsigned long long>(__popc(astray)));
+  const unsigned others = boxes & ~(1u << task.own);
+  if (!__any_sync(~0u, others != 0)) return;
   for (int p = 0; p < task.regions.count; p++) {
     const unsigned there = __ballot_sync(~0u, others >> p & 1), count = static_cast<unsigned>(__popc(there));
     if (there == 0) continue;
@@ -136,75 +142,62 @@ __device__ void note_away(const DealTask& task, unsigned others, std::uint64_t k
   }
 }
 
-// A block for each tile. All loads of a thread are under way at once; the spheres stay in registers, since to
-// read them a second time takes a tenth longer.
-template <class T>
-__global__ void __launch_bounds__(kThreads) deal_kernel(Source<T> source, DealTask task) {
-  __shared__ unsigned tile_of_block;
-  __shared__ std::uint32_t of_warps[kWarps];
-  __shared__ std::uint64_t before_tile;
-  const unsigned lane = threadIdx.x % 32, warp = threadIdx.x / 32;
-  if (threadIdx.x == 0) tile_of_block = atomicAdd(task.next_tile, 1u);
-  __syncthreads();
-  const std::uint64_t tile = tile_of_block, first = tile * kTile + warp * (32 * kRows) + lane;
-  T v[kRows][4];
-  unsigned kept[kRows];  // the lanes whose sphere stays
-  std::uint32_t of_warp = 0;
-  double largest = 0;
-#pragma unroll
-  for (unsigned r = 0; r < kRows; r++)
-    if (first + 32 * r < source.count) source.read(first + 32 * r, v[r]);
-#pragma unroll
-  for (unsigned r = 0; r < kRows; r++) {
-    const std::uint64_t k = first + 32 * r;
-    unsigned to = 0;
-    if (k < source.count) {
-      const Sphere s{double(v[r][0]), double(v[r][1]), double(v[r][2]), double(v[r][3])};
-      to = boxes_of(s, task.largest_radius, task.regions, task.own);
-      if (fault_of(s) != Fault::none)
-        atomicMin(task.faulty, static_cast<unsigned long long>(k));
-      else
-        largest = larger(largest, s.r);
-    }
-    kept[r] = __ballot_sync(~0u, to >> task.own & 1);
-    of_warp += static_cast<unsigned>(__popc(kept[r]));
-    const unsigned others = to & ~(1u << task.own);
-    if (__any_sync(~0u, others != 0)) note_away(task, others, k);
-  }
-  for (unsigned by = 16; by; by /= 2) largest = larger(largest, __shfl_xor_sync(~0u, largest, by));
-  // Doubles that are not negative have the order of their bits.
-  const auto bits = static_cast<unsigned long long>(__double_as_longlong(largest));
-  if (lane == 0 && largest > 0 && bits > *static_cast<volatile unsigned long long*>(task.radius_bits))
-    atomicMax(task.radius_bits, bits);
-  if (lane == 0) of_warps[warp] = of_warp;
-  __syncthreads();
-  if (warp == 0) {
-    std::uint32_t here = 0;
-    for (unsigned w = 0; w < kWarps; w++) here += of_warps[w];
-    const std::uint64_t before = spheres_before(task.tiles, tile, here);
-    if (lane == 0) before_tile = before;
-    if (lane == 0 && tile + 1 == gridDim.x) task.totals[task.own] = before + here;
-  }
-  __syncthreads();
-  std::uint64_t place = before_tile;
-  for (unsigned w = 0; w < warp; w++) place += of_warps[w];
-#pragma unroll
-  for (unsigned r = 0; r < kRows; r++) {
-    const std::uint64_t k = first + 32 * r,
-                        there = place + static_cast<unsigned>(__popc(kept[r] & ((1u << lane) - 1)));
-    if ((kept[r] >> lane & 1) && there < task.own_room)
-      source.copy(k, v[r], task.first_id + k, task.to, there);
-    place += static_cast<unsigned>(__popc(kept[r]));
-  }
-}
-
+// All loads of a thread are under way at once.
 template <class T>
 __global__ void __launch_bounds__(kThreads)
-    gather_kernel(Source<T> source, const unsigned long long* away, std::uint64_t count,
-                  std::uint64_t first_id, DealTarget to) {
+    deal_kernel(const __grid_constant__ Source<T> source, const __grid_constant__ Within<T> within,
+                const __grid_constant__ DealTask task) {
+  const unsigned lane = threadIdx.x % 32;
+  const std::uint64_t warp = std::uint64_t(blockIdx.x) * kWarps + threadIdx.x / 32,
+                      step = std::uint64_t(gridDim.x) * kThreads * kRows;
+  T largest = 0;
+  for (std::uint64_t first = warp * (32 * kRows); first < source.count; first += step) {
+    T v[kRows][4];
+#pragma unroll
+    for (unsigned r = 0; r < kRows; r++)
+      if (const std::uint64_t k = first + 32 * r + lane; k < source.count) source.read(k, v[r]);
+#pragma unroll
+    for (unsigned r = 0; r < kRows; r++) {
+      const std::uint64_t k = first + 32 * r + lane;
+      const bool there = k < source.count, asked = there && !within(v[r]);
+      if (there && v[r][3] > largest) largest = v[r][3];
+      if (__any_sync(~0u, asked))
+        note_away(task, asked, {double(v[r][0]), double(v[r][1]), double(v[r][2]), double(v[r][3])}, k);
+    }
+  }
+  for (unsigned by = 16; by; by /= 2) {
+    const T other = __shfl_xor_sync(~0u, largest, by);
+    if (other > largest) largest = other;
+  }
+  // Doubles that are not negative have the order of their bits.
+  const auto bits = static_cast<unsigned long long>(__double_as_longlong(double(largest)));
+  if (lane == 0 && largest > 0 && bits > *static_cast<volatile unsigned long long*>(task.radius_bits))
+    atomicMax(task.radius_bits, bits);
+}
+
+// Does the own box need sphere k?
+template <class T>
+struct Stays {
+  Source<T> source;
+  DealRegions regions;
+  int own;
+  double largest_radius;
+  __device__ bool operator()(std::uint32_t k) const {
+    T v[4];
+    source.read(k, v);
+    const Sphere s{double(v[0]), double(v[1]), double(v[2]), double(v[3])};
+    return boxes_of(s, largest_radius, regions, own) >> own & 1;
+  }
+};
+
+// `numbers`: of spheres, in their lower 32 bits; null: all.
+template <class T, class Number>
+__global__ void __launch_bounds__(kThreads)
+    gather_kernel(Source<T> source, const Number* numbers, std::uint64_t count, std::uint64_t first_id,
+                  DealTarget to) {
   const std::uint64_t place = std::uint64_t(blockIdx.x) * kThreads + threadIdx.x;
   if (place >= count) return;
-  const std::uint64_t k = static_cast<std::uint32_t>(away[place]);
+  const std::uint64_t k = numbers ? static_cast<std::uint32_t>(numbers[place]) : place;
   T v[4];
   source.read(k, v);
   source.copy(k, v, first_id + k, to, place);
@@ -221,20 +214,13 @@ __global__ void sample_kernel(Source<T> source, std::uint64_t step, Sphere* to, 
   to[k] = {double(v[0]), double(v[1]), double(v[2]), double(v[3])};
 }
 
-__global__ void number_kernel(std::uint64_t bodies, const std::uint64_t* of_loose, std::uint64_t count,
-                              std::uint64_t* to) {
-  for (std::uint64_t k = std::uint64_t(blockIdx.x) * kThreads + threadIdx.x; k < count;
-       k += std::uint64_t(gridDim.x) * kThreads)
-    to[k] = k < bodies ? k : bodies + of_loose[k - bodies];
-}
-
-__global__ void hash_kernel(const Pair* pairs, std::uint64_t count, const std::uint64_t* ids,
+__global__ void hash_kernel(const Pair* pairs, std::uint64_t count, ResidentNumbers numbers,
                             unsigned long long* sum) {
   unsigned long long mine = 0;
   for (std::uint64_t k = std::uint64_t(blockIdx.x) * kThreads + threadIdx.x; k < count;
        k += std::uint64_t(gridDim.x) * kThreads) {
     const Pair p = pairs[k];
-    mine += ids ? wide_pair_hash(ids[p.i], ids[p.j]) : wide_pair_hash(p.i, p.j);
+    mine += wide_pair_hash(numbers.of(p.i), numbers.of(p.j));
   }
   for (unsigned by = 16; by; by /= 2) mine += __shfl_xor_sync(~0u, mine, by);
   if (threadIdx.x % 32 == 0) atomicAdd(sum, mine);
@@ -250,33 +236,53 @@ void as_source(const Spheres& spheres, const Use& use) {
 
 }  // namespace
 
+bool is_packed(const Spheres& s) {
+  const std::uint64_t real = s.scalar == Scalar::f32 ? 4 : 8;
+  return s.center_stride == 4 && s.radius_stride == 4 &&
+         s.radii == static_cast<const char*>(s.centers) + 3 * real &&
+         reinterpret_cast<std::uintptr_t>(s.centers) % alignof(Quad<float>) == 0;
+}
+
+void Dealer::pack(const Spheres& spheres, const DealTarget& to, cudaStream_t stream) {
+  as_source(spheres, [&](const auto& source) {
+    constexpr const std::uint32_t* all = nullptr;
+    gather_kernel<<<blocks_for(spheres.count, kThreads), kThreads, 0, stream>>>(source, all, spheres.count, 0,
+                                                                                to);
+  });
+  cuda_launched("copy the spheres");
+}
+
 DealCounts Dealer::deal(const Spheres& spheres, const DealRegions& regions, int own, double largest_radius,
-                        std::uint64_t first_id, const DealTarget& to, std::uint64_t own_room,
                         std::uint64_t away_room, cudaStream_t stream) {
   DealCounts found;
   if (spheres.count == 0) return found;
-  const std::uint64_t tiles = (spheres.count + kTile - 1) / kTile;
   Summary* const summary = summary_.reserve(1);
   Summary host{};
   host.faulty = ~0ull;
-  DealTask task{regions, own, largest_radius, first_id, own_room, away_room, to};
-  task.tiles = tiles_.reserve(tiles), task.away = away_.reserve(away_room);
-  task.totals = summary->totals, task.away_count = &summary->away, task.radius_bits = &summary->radius_bits;
-  task.faulty = &summary->faulty, task.next_tile = &summary->next_tile;
+  const DealTask task{regions,
+                      own,
+                      largest_radius,
+                      away_room,
+                      away_.reserve(away_room),
+                      summary->totals,
+                      &summary->away,
+                      &summary->astray,
+                      &summary->radius_bits,
+                      &summary->faulty};
   cuda_check(cudaMemcpyAsync(summary, &host, sizeof host, cudaMemcpyHostToDevice, stream),
              "deal the spheres out");
-  cuda_check(cudaMemsetAsync(task.tiles, 0, tiles * sizeof *task.tiles, stream), "deal the spheres out");
-  as_source(spheres, [&](const auto& source) {
-    deal_kernel<<<static_cast<unsigned>(tiles), kThreads, 0, stream>>>(source, task);
+  as_source(spheres, [&]<class T>(const Source<T>& source) {
+    const auto blocks = std::min(blocks_for(spheres.count, kThreads * kRows), kMostBlocks);
+    deal_kernel<<<blocks, kThreads, 0, stream>>>(source, Within<T>(regions.of[own], largest_radius), task);
   });
   cuda_launched("deal the spheres out");
   cuda_check(cudaMemcpyAsync(&host, summary, sizeof host, cudaMemcpyDeviceToHost, stream),
              "deal the spheres out");
   cuda_check(cudaStreamSynchronize(stream), "deal the spheres out");
   for (int p = 0; p < regions.count; p++) found.to[p] = host.totals[p];
-  found.away = host.away;
+  found.to[own] = spheres.count - host.astray;
+  found.away = host.away, found.astray = host.astray, found.faulty = host.faulty;
   std::memcpy(&found.largest_radius, &host.radius_bits, sizeof found.largest_radius);
-  found.faulty = host.faulty;
   return found;
 }
 
@@ -292,7 +298,7 @@ void Dealer::gather_away(const Spheres& spheres, std::uint64_t away, std::uint64
   };
   std::size_t bytes = 0;
   sort(nullptr, bytes);
-  sort(sort_space_.reserve(bytes), bytes);
+  sort(space_.reserve(bytes), bytes);
   as_source(spheres, [&](const auto& source) {
     gather_kernel<<<blocks_for(away, kThreads), kThreads, 0, stream>>>(source, keys.Current(), away, first_id,
                                                                        to);
@@ -300,20 +306,37 @@ void Dealer::gather_away(const Spheres& spheres, std::uint64_t away, std::uint64
   cuda_launched("copy the spheres for other boxes");
 }
 
+void Dealer::gather_own(const Spheres& spheres, const DealRegions& regions, int own, double largest_radius,
+                        std::uint64_t count, std::uint64_t first_id, const DealTarget& to,
+                        cudaStream_t stream) {
+  if (count == 0) return;
+  std::uint32_t* const staying = staying_.reserve(count);
+  as_source(spheres, [&]<class T>(const Source<T>& source) {
+    const auto select = [&](void* space, std::size_t& bytes) {
+      cuda_check(cub::DeviceSelect::If(space, bytes, thrust::counting_iterator<std::uint32_t>(0), staying,
+                                       &summary_.reserve(1)->staying, spheres.count,
+                                       Stays<T>{source, regions, own, largest_radius}, stream),
+                 "find the spheres that stay");
+    };
+    std::size_t bytes = 0;
+    select(nullptr, bytes);
+    select(space_.reserve(bytes), bytes);
+    gather_kernel<<<blocks_for(count, kThreads), kThreads, 0, stream>>>(source, staying, count, first_id, to);
+  });
+  cuda_launched("copy the spheres that stay");
+}
+
 std::vector<WeightedPoint> Dealer::sample(const Spheres& spheres, std::uint64_t most, cudaStream_t stream) {
   if (spheres.count == 0) return {};
   const std::uint64_t step = spheres.count / most + 1, count = (spheres.count + step - 1) / step;
-  MemoryBook book;
-  Buffer<Sphere> device(book, "a sample");
-  device.reserve(count);
+  Sphere* const device = sample_.reserve(count);
   as_source(spheres, [&](const auto& source) {
-    sample_kernel<<<blocks_for(count, kThreads), kThreads, 0, stream>>>(source, step, device.data(), count);
+    sample_kernel<<<blocks_for(count, kThreads), kThreads, 0, stream>>>(source, step, device, count);
   });
   cuda_launched("draw a sample");
   std::vector<Sphere> drawn(count);
-  cuda_check(
-      cudaMemcpyAsync(drawn.data(), device.data(), count * sizeof(Sphere), cudaMemcpyDeviceToHost, stream),
-      "draw a sample");
+  cuda_check(cudaMemcpyAsync(drawn.data(), device, count * sizeof(Sphere), cudaMemcpyDeviceToHost, stream),
+             "draw a sample");
   cuda_check(cudaStreamSynchronize(stream), "draw a sample");
   std::vector<WeightedPoint> points;
   for (const Sphere& s : drawn)
@@ -321,18 +344,12 @@ std::vector<WeightedPoint> Dealer::sample(const Spheres& spheres, std::uint64_t 
   return points;
 }
 
-void number_spheres(std::uint64_t bodies, const std::uint64_t* of_loose, std::uint64_t loose,
-                    std::uint64_t* to, cudaStream_t stream) {
-  number_kernel<<<kMostBlocks, kThreads, 0, stream>>>(bodies, of_loose, bodies + loose, to);
-  cuda_launched("number the spheres");
-}
-
-std::uint64_t hash_of_numbered_pairs(const Pair* pairs, std::uint64_t count, const std::uint64_t* ids,
+std::uint64_t hash_of_numbered_pairs(const Pair* pairs, std::uint64_t count, const ResidentNumbers& numbers,
                                      Buffer<unsigned long long>& sum, cudaStream_t stream) {
   if (count == 0) return 0;
   unsigned long long *device = sum.reserve(1), value = 0;
   cuda_check(cudaMemsetAsync(device, 0, sizeof value, stream), "hash the contacts");
-  hash_kernel<<<kMostBlocks, kThreads, 0, stream>>>(pairs, count, ids, device);
+  hash_kernel<<<kMostBlocks, kThreads, 0, stream>>>(pairs, count, numbers, device);
   cuda_launched("hash the contacts");
   cuda_check(cudaMemcpyAsync(&value, device, sizeof value, cudaMemcpyDeviceToHost, stream),
              "hash the contacts");
@@ -362,7 +379,7 @@ std::uint64_t NumberedHash::of(int device, const Pair* pairs, std::uint64_t coun
   if (!memory_) memory_ = std::make_unique<Memory>();
   std::uint64_t* numbers = memory_->numbers.reserve(ids.size());
   memory_->host.run(numbers, ids.data(), ids.size_bytes(), "number the contacts", nullptr);
-  return cuda::hash_of_numbered_pairs(pairs, count, numbers, memory_->sum, nullptr);
+  return cuda::hash_of_numbered_pairs(pairs, count, {0, ids.size(), 0, 0, numbers}, memory_->sum, nullptr);
 }
 
 }  // namespace padder::detect

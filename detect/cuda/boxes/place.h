@@ -5,25 +5,10 @@
 #include <cstdint>
 #include <optional>
 
+#include "detect/core/input.h"
 #include "detect/cuda/boxes/sphere_arrays.h"
 
 namespace padder::detect::cuda {
-
-// For how many spheres a GPU has room: in its load those of the GPUs before it, then its own, then those of
-// the GPUs after it; and beside the load those that it sends. Dealing finds out how many there are; what is
-// too small grows, by an eighth more than what is missing, and the spheres are dealt again.
-struct Rooms {
-  std::uint64_t before = 0, own = 0, after = 0, away = 0;
-  bool hold(const Rooms& needed) {
-    bool all = true;
-    const auto hold_one = [&](std::uint64_t& room, std::uint64_t need) {
-      if (need > room) room = need + need / 8 + 64, all = false;
-    };
-    hold_one(before, needed.before), hold_one(own, needed.own), hold_one(after, needed.after),
-        hold_one(away, needed.away);
-    return all;
-  }
-};
 
 // One GPU: its spheres, what it deals out, and what it was dealt.
 struct Place {
@@ -34,8 +19,8 @@ struct Place {
   }
   ~Place() {
     const OnDevice on(device);
-    load.reset(), away.reset(), upload.reset(), dealer.reset(), sum.release();
-    poses.release(), ids.release();
+    others.reset(), away.reset(), packed.reset(), upload.reset(), dealer.reset(), sum.release();
+    poses.release();
     cudaStreamDestroy(stream);
   }
   Place(const Place&) = delete;
@@ -47,18 +32,21 @@ struct Place {
   MemoryBook book;
   std::optional<Dealer> dealer{book};
   std::optional<Upload> upload{book};
-  std::optional<SphereArrays> load{book}, away{book};  // what it detects; what it sends, box by box
+  std::optional<SphereArrays> others{book}, away{book};  // what it was sent; what it sends, box by box
+  std::optional<SphereArrays> packed{book};              // its part, if that was not given packed
   Buffer<unsigned long long> sum{book, "the hash"};
-  Buffer<Pose> poses{book, "the poses"};                          // of all bodies
-  Buffer<std::uint64_t> ids{book, "the numbers of the spheres"};  // of bodies and the load together
-  const Pose* all_poses = nullptr;                                // of the call; null: those in host memory
-  Spheres part;                                                   // of the call, in this GPU's memory
-  std::uint64_t first = 0;                                        // number of its first sphere in the scene
+  Buffer<Pose> poses{book, "the poses"};  // of all bodies
+  const Pose* all_poses = nullptr;        // of the call; null: those in host memory
+  Spheres part;                           // of the call, in this GPU's memory
+  std::uint64_t first = 0;                // number of its first sphere in the scene
   DealCounts counts;
-  Rooms rooms, needed;
-  std::uint64_t loaded = 0;  // spheres in the load
-  double body_spheres = 0;   // of the box, when space was cut last; an estimate
-  double density = 1;        // work for each of these spheres, in the call before
+  std::uint64_t away_room = 0;        // for how many spheres that it sends there is room
+  std::uint64_t before = 0, own = 0;  // that it needs from GPUs before it, and of its part
+  std::uint64_t behind = 0;           // that it needs from GPUs behind it
+  SpheresAround around;               // those from other GPUs, if the part is read where it lies
+  std::uint64_t loaded = 0;           // spheres that its detector is given
+  double body_spheres = 0;            // of the box, when space was cut last; an estimate
+  double density = 1;                 // work for each of these spheres, in the call before
 };
 
 }  // namespace padder::detect::cuda

@@ -23,7 +23,10 @@ namespace cuda {
 namespace {
 
 constexpr double kMostImbalance = 1.1;  // of the heaviest GPU's work over the mean, before space is cut anew
-constexpr std::uint64_t kSampleOfDevice = 1 << 15;
+constexpr std::uint64_t kSampleOfDevice = 1 << 13;  // the host sorts the sample while the GPUs wait
+// A part of which one sphere of so many is not needed where it lies is copied without those: to read them
+// with the rest, and to find their contacts in vain, costs more.
+constexpr std::uint64_t kMostAstray = 8;
 
 double now() {
   return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
@@ -58,15 +61,17 @@ class ResidentDetector::Work {
   cuda::Form check(std::span<const Spheres> parts) const;
   void check_bodies(const Input& bodies, std::span<const ResidentPoses> poses);
   void bring(std::span<const Spheres> parts);
+  void pack(Place& p) const;
   void bring(std::span<const ResidentPoses> poses);
   void sample_bodies(std::vector<WeightedPoint>& points);
-  const std::uint64_t* ids_of(Place& p, std::uint64_t first) const;
   void deal();
   void check_faults();
   bool has_room();
   void cut();
   double expected_imbalance() const;
+  bool stays_in_place(const Place& p) const;
   void exchange(Place& p, std::size_t k);
+  Input input_of(Place& p, std::size_t k);
   void send_and_detect();
   void finish();
 
@@ -191,6 +196,15 @@ void ResidentDetector::Work::bring(std::span<const ResidentPoses> poses) {
     report_.moved_bytes += (places_.size() - 1) * bodies_.bodies.size() * sizeof(Pose);
 }
 
+// Brings the part into the form in which it is read fastest, more than once.
+void ResidentDetector::Work::pack(Place& p) const {
+  const Spheres& s = p.part;
+  const cuda::Form form{s.scalar, s.family != nullptr, s.mask != nullptr, s.is_static != nullptr, false};
+  p.packed->reserve(s.count, form);
+  p.dealer->pack(s, p.packed->from(0, form), p.stream);
+  p.part = p.packed->view(s.count, form);
+}
+
 // Waits for what the caller does on the default streams, and copies what lies in host memory.
 void ResidentDetector::Work::bring(std::span<const Spheres> parts) {
   std::uint64_t first = 0;
@@ -202,6 +216,7 @@ void ResidentDetector::Work::bring(std::span<const Spheres> parts) {
     if (parts[k].memory == Memory::device && parts[k].count)
       cuda::check_device_memory(parts[k].centers, p.device, "the centres of the loose spheres");
     p.part = p.upload->run(parts[k], p.stream);
+    if (places_.size() > 1 && p.part.count && !cuda::is_packed(p.part)) pack(p);
     cuda::cuda_check(cudaStreamSynchronize(p.stream), "copy spheres to the GPU");
   });
 }
@@ -260,14 +275,16 @@ void ResidentDetector::Work::sample_bodies(std::vector<WeightedPoint>& points) {
 }
 
 // Deals again where the halos were made for a smaller radius than the scene has, where space has to be cut
-// anew, and where there was too little room.
+// anew, and where there was too little room for what goes away.
 void ResidentDetector::Work::deal() {
   if (!has_tree_) cut();
   for (;;) {
     each_place([&](Place& p, std::size_t k) {
-      p.load->reserve(p.rooms.before + p.rooms.own + p.rooms.after, form_);
-      p.counts = p.dealer->deal(p.part, regions_, static_cast<int>(k), halo_radius_, p.first,
-                                p.load->from(p.rooms.before, form_), p.rooms.own, p.rooms.away, p.stream);
+      p.counts = p.dealer->deal(p.part, regions_, static_cast<int>(k), halo_radius_, p.away_room, p.stream);
+      if (p.counts.away == 0 || p.counts.away > p.away_room) return;
+      p.away->reserve(p.away_room, form_);
+      p.dealer->gather_away(p.part, p.counts.away, body_spheres_ + p.first, p.away->from(0, form_), p.stream);
+      cuda::cuda_check(cudaStreamSynchronize(p.stream), "copy the spheres for other boxes");
     });
     check_faults();
     double radius = 0;
@@ -285,17 +302,20 @@ bool ResidentDetector::Work::has_room() {
   bool all = true;
   for (std::size_t k = 0; k < places_.size(); k++) {
     Place& p = *places_[k];
-    p.needed = {};
+    p.before = p.behind = 0, p.own = p.counts.to[k];
     for (std::size_t from = 0; from < places_.size(); from++)
-      (from < k ? p.needed.before : from == k ? p.needed.own : p.needed.after) += places_[from]->counts.to[k];
-    p.needed.away = p.counts.away;
-    p.loaded = p.needed.before + p.needed.own + p.needed.after;
+      if (from != k) (from < k ? p.before : p.behind) += places_[from]->counts.to[k];
+    p.loaded = p.before + p.behind + (stays_in_place(p) ? p.part.count : p.own);
     if (p.loaded >= 0xffffffff)
       throw Error("the box of GPU " + std::to_string(p.device) + " holds " + std::to_string(p.loaded) +
                   " spheres, more than a detector numbers: use more GPUs");
-    all &= p.rooms.hold(p.needed);
+    if (p.counts.away > p.away_room) p.away_room = p.counts.away + p.counts.away / 8 + 64, all = false;
   }
   return all;
+}
+
+bool ResidentDetector::Work::stays_in_place(const Place& p) const {
+  return p.counts.astray * cuda::kMostAstray <= p.part.count;
 }
 
 // Each sphere weighs what spheres of its box cost in the call before: itself, and its contacts.
@@ -329,59 +349,68 @@ void ResidentDetector::Work::cut() {
   has_tree_ = true, informed_ = known_density_, report_.cut = true;
 }
 
-// Brings what the other GPUs have for this one into its load, which then has the order of the scene.
+// Brings what the other GPUs have for this one: spheres that come before its own, then its own where they are
+// copied, then those that come behind.
 void ResidentDetector::Work::exchange(Place& p, std::size_t k) {
-  std::uint64_t before = p.rooms.before - p.needed.before, after = p.rooms.before + p.needed.own;
+  const std::uint64_t own = stays_in_place(p) ? 0 : p.own;
+  std::uint64_t before = 0, behind = p.before + own;
+  p.others->reserve(behind + p.behind, form_);
   for (std::size_t from = 0; from < places_.size(); from++) {
     if (from == k) continue;
     const Place& other = *places_[from];
     std::uint64_t there = 0;
     for (std::size_t to = 0; to < k; to++) there += to == from ? 0 : other.counts.to[to];
     const std::uint64_t count = other.counts.to[k];
-    std::uint64_t& here = from < k ? before : after;
-    cuda::copy_to_peer(p.load->from(std::exchange(here, here + count), form_), p.device,
+    std::uint64_t& here = from < k ? before : behind;
+    cuda::copy_to_peer(p.others->from(std::exchange(here, here + count), form_), p.device,
                        other.away->from(there, form_), other.device, count, form_.scalar, p.stream);
   }
+  if (own)
+    p.dealer->gather_own(p.part, regions_, static_cast<int>(k), halo_radius_, own, body_spheres_ + p.first,
+                         p.others->from(p.before, form_), p.stream);
   cuda::cuda_check(cudaStreamSynchronize(p.stream), "bring spheres from the other GPUs");
 }
 
-// The numbers in the scene of the spheres of bodies and of the load, which begins at place `first`.
-const std::uint64_t* ResidentDetector::Work::ids_of(Place& p, std::uint64_t first) const {
-  const std::uint64_t* const of_load = p.load->from(first, form_).ids;
-  if (body_spheres_ == 0) return of_load;
-  if (p.loaded == 0) return nullptr;
-  std::uint64_t* const ids = p.ids.reserve(body_spheres_ + p.loaded);
-  cuda::number_spheres(body_spheres_, of_load, p.loaded, ids, p.stream);
-  cuda::cuda_check(cudaStreamSynchronize(p.stream), "number the spheres");
-  return ids;
+// What the GPU's detector is given, and found_[k] as far as it tells of that.
+Input ResidentDetector::Work::input_of(Place& p, std::size_t k) {
+  ResidentContacts& f = found_[k];
+  Input input = bodies_;
+  f.device = p.device;
+  if (places_.size() == 1) {
+    f.own = input.spheres = p.part;
+    return input;
+  }
+  const DealTarget at = p.others->from(0, form_);
+  const std::uint64_t first_own = body_spheres_ + p.first;
+  if (stays_in_place(p)) {
+    f.own = input.spheres = p.part;
+    f.others = p.others->view(p.before + p.behind, form_);
+    p.around = {f.others, p.before};
+    if (f.others.count) input.around = &p.around;
+    f.numbers = {body_spheres_, p.before, p.part.count, first_own, at.ids};
+  } else {
+    f.others = input.spheres = p.others->view(p.loaded, form_);
+    f.numbers = {body_spheres_, p.loaded, 0, 0, at.ids};
+  }
+  return input;
 }
 
 void ResidentDetector::Work::send_and_detect() {
   const bool alone = places_.size() == 1;
   const double start = cuda::now();
-  if (!alone)
-    each_place([&](Place& p, std::size_t) {
-      p.away->reserve(p.rooms.away, form_);
-      p.dealer->gather_away(p.part, p.counts.away, p.first, p.away->from(0, form_), p.stream);
-      cuda::cuda_check(cudaStreamSynchronize(p.stream), "copy the spheres for other boxes");
-    });
   found_.assign(places_.size(), {});
   each_place([&](Place& p, std::size_t k) {
     if (!alone) exchange(p, k);
+    if (alone) p.loaded = p.own = p.part.count, p.before = p.behind = 0;
     if (k == 0) report_.deal_seconds += cuda::now() - start;
-    const std::uint64_t first = p.rooms.before - p.needed.before;
-    Input input = bodies_;
-    // Other static spheres may have come into the load; after a call that failed, the detectors differ in
-    // what they know.
+    Input input = input_of(p, k);
+    // Other static spheres may have come; after a call that failed, the detectors differ in what they know.
     if (form_.is_static || failed_) input.revision = 0;
     if (p.all_poses) input.poses = p.all_poses, input.pose_memory = Memory::device;
-    input.spheres = alone ? p.part : p.load->view(first, p.loaded, form_);
     CallOptions options = options_;
     options.stream = nullptr, options.output = Memory::device;
     options.own = common(options.own, alone ? Region{} : regions_.of[k]);
-    if (alone) p.loaded = p.part.count;
     ResidentContacts& f = found_[k];
-    f.device = p.device, f.load = input.spheres, f.ids = alone ? nullptr : ids_of(p, first);
     f.contacts.memory = Memory::device, f.contacts.width = options.width, f.contacts.scalar = options.scalar;
     if (is_empty(options.own)) return;
     p.detector.options() = options;
@@ -392,7 +421,8 @@ void ResidentDetector::Work::send_and_detect() {
 void ResidentDetector::Work::finish() {
   std::vector<double> work;
   for (std::size_t k = 0; k < places_.size(); k++) {
-    const double spheres = static_cast<double>(places_[k]->loaded) + places_[k]->body_spheres;
+    const Place& p = *places_[k];
+    const double spheres = static_cast<double>(p.before + p.own + p.behind) + p.body_spheres;
     const Contacts& c = found_[k].contacts;
     work.push_back(spheres + static_cast<double>(c.count));
     places_[k]->density = spheres > 0 ? work.back() / spheres : 1;
@@ -433,7 +463,7 @@ std::uint64_t ResidentDetector::Work::hash() {
   if (found_.empty()) return 0;
   each_place([&](Place& p, std::size_t k) {
     const ResidentContacts& f = found_[k];
-    sums[k] = cuda::hash_of_numbered_pairs(f.contacts.pairs, f.contacts.count, f.ids, p.sum, p.stream);
+    sums[k] = cuda::hash_of_numbered_pairs(f.contacts.pairs, f.contacts.count, f.numbers, p.sum, p.stream);
   });
   std::uint64_t sum = 0;
   for (const std::uint64_t s : sums) sum += s;

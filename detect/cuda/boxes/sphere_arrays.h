@@ -13,7 +13,7 @@ namespace padder::detect::cuda {
 // Which arrays the spheres of a scene have. A part without families, say, has 0 for all.
 struct Form {
   Scalar scalar = Scalar::f32;
-  bool family = false, mask = false, is_static = false;
+  bool family = false, mask = false, is_static = false, ids = true;
   std::uint64_t bytes_of_one() const {
     return (scalar == Scalar::f32 ? 16u : 32u) + 8u + (family ? 4u : 0u) + (mask ? 4u : 0u) +
            (is_static ? 1u : 0u);
@@ -31,18 +31,19 @@ class SphereArrays {
         is_static_(book, "the marks of static spheres") {}
 
   void reserve(std::uint64_t count, const Form& form) {
-    spheres_.reserve((form.scalar == Scalar::f32 ? 16 : 32) * count), ids_.reserve(count);
+    spheres_.reserve((form.scalar == Scalar::f32 ? 16 : 32) * count);
+    if (form.ids) ids_.reserve(count);
     if (form.family) family_.reserve(count);
     if (form.mask) mask_.reserve(count);
     if (form.is_static) is_static_.reserve(count);
   }
   DealTarget from(std::uint64_t first, const Form& form) const {
-    return {spheres_.data() + first * (form.scalar == Scalar::f32 ? 16 : 32), ids_.data() + first,
-            form.family ? family_.data() + first : nullptr, form.mask ? mask_.data() + first : nullptr,
-            form.is_static ? is_static_.data() + first : nullptr};
+    return {spheres_.data() + first * (form.scalar == Scalar::f32 ? 16 : 32),
+            form.ids ? ids_.data() + first : nullptr, form.family ? family_.data() + first : nullptr,
+            form.mask ? mask_.data() + first : nullptr, form.is_static ? is_static_.data() + first : nullptr};
   }
-  Spheres view(std::uint64_t first, std::uint64_t count, const Form& form) const {
-    const DealTarget at = from(first, form);
+  Spheres view(std::uint64_t count, const Form& form) const {
+    const DealTarget at = from(0, form);
     Spheres s;
     s.count = count, s.scalar = form.scalar, s.memory = Memory::device;
     s.centers = at.spheres, s.radii = static_cast<char*>(at.spheres) + (form.scalar == Scalar::f32 ? 12 : 24);

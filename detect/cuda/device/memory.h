@@ -24,10 +24,12 @@ inline void cuda_launched(const char* what) { cuda_check(cudaGetLastError(), wha
 struct MemoryBook {
   std::uint64_t held = 0, limit = 0, peak = 0;
   std::uint64_t moves = 0;  // allocations so far; each makes recorded graphs stale, which hold addresses
+  bool roomy = false;       // what is held will grow a little in later calls
 };
 
 // Memory that grows and never shrinks; contents are lost when it grows. What grows once will grow again, so
-// it takes an eighth more than it needs, if that is to be had. Throws Error (memory_sentence).
+// it takes an eighth more than it needs, if that is to be had; of a roomy book it does so at once, as long as
+// half of the GPU's memory stays free. Throws Error (memory_sentence).
 template <class T>
 class Buffer {
  public:
@@ -39,7 +41,7 @@ class Buffer {
 
   T* reserve(std::uint64_t count) {
     if (count <= capacity_ && data_) return data_;
-    const bool grows = data_;
+    const bool grows = data_ || (book_->roomy && !pinned_ && half_stays_free(count + count / 8));
     release();
     const cudaError_t e = grows && allocate(count + count / 8) == cudaSuccess ? cudaSuccess : allocate(count);
     if (e == cudaErrorMemoryAllocation)
@@ -58,6 +60,10 @@ class Buffer {
   std::uint64_t capacity() const { return capacity_; }
 
  private:
+  static bool half_stays_free(std::uint64_t count) {
+    std::size_t free = 0, total = 0;
+    return cudaMemGetInfo(&free, &total) == cudaSuccess && count * sizeof(T) + total / 2 < free;
+  }
   cudaError_t allocate(std::uint64_t count) {
     const std::uint64_t bytes = (count ? count : 1) * sizeof(T);
     if (!pinned_ && book_->limit && book_->held + bytes > book_->limit) return cudaErrorMemoryAllocation;

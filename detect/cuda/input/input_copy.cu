@@ -46,10 +46,12 @@ InputCopy::InputCopy(MemoryBook& book)
 DeviceSpheres InputCopy::source(const Input& input, cudaStream_t stream) {
   DeviceSpheres s;
   s.count = static_cast<std::uint32_t>(sphere_count(input));
-  s.placed = s.count - static_cast<std::uint32_t>(input.spheres.count);
+  s.placed = s.count - static_cast<std::uint32_t>(loose_count(input));
   if (input.spheres.count) copy_loose(input.spheres, s, stream);
+  if (input.around) take_around(input, s);
   if (s.placed) copy_bodies(input, s, stream);
-  s.filtered = s.family || s.mask || s.is_static || s.placed;
+  s.filtered =
+      s.family || s.mask || s.is_static || s.placed || s.around.family || s.around.mask || s.around.is_static;
   return s;
 }
 
@@ -80,6 +82,14 @@ void InputCopy::copy_loose(const Spheres& spheres, DeviceSpheres& s, cudaStream_
     if (spheres.is_static) s.is_static = copy(static_, spheres.is_static, n);
   }
   s.packed = woven && reinterpret_cast<std::uintptr_t>(s.centers) % 16 == 0;
+}
+
+void InputCopy::take_around(const Input& input, DeviceSpheres& s) {
+  const Spheres& others = input.around->spheres;
+  s.around = {others.centers, others.family, others.mask, others.is_static};
+  s.before = static_cast<std::uint32_t>(input.around->before);
+  s.own = static_cast<std::uint32_t>(input.spheres.count);
+  if (s.own == 0) s.wide = others.scalar == Scalar::f64, s.packed = true;
 }
 
 void InputCopy::copy_bodies(const Input& input, DeviceSpheres& s, cudaStream_t stream) {

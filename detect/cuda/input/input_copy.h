@@ -17,6 +17,7 @@ class InputCopy {
 
  private:
   void copy_loose(const Spheres& spheres, DeviceSpheres& source, cudaStream_t stream);
+  static void take_around(const Input& input, DeviceSpheres& source);
   void copy_bodies(const Input& input, DeviceSpheres& source, cudaStream_t stream);
 
   HostCopy host_;

@@ -126,16 +126,20 @@ __global__ void __launch_bounds__(kThreads) octave_kernel(DeviceSpheres source, 
   }
 }
 
-// The same for packed float spheres, in float.
+// The same for packed float spheres, in float. Alone: all lie in one array.
+template <bool Alone>
 __global__ void __launch_bounds__(kThreads, tuning::kOctaveBlocks)
-    float_octave_kernel(const float4* spheres, std::uint32_t count, int top, Word* out) {
+    float_octave_kernel(const __grid_constant__ DeviceSpheres source, int top, Word* out) {
   __shared__ OctaveBounds bounds;
   OctaveTaker taker;
   bounds.begin();
   __syncthreads();
+  const std::uint32_t count = source.count;
   for (std::uint64_t from = blockIdx.x * kThreads; from < count; from += gridDim.x * kThreads) {
     const std::uint64_t k = from + threadIdx.x;
-    const float4 s = k < count ? __ldg(spheres + k) : make_float4(0, 0, 0, 0);
+    const float4* const at = Alone ? static_cast<const float4*>(source.centers) + k
+                                   : source.float_sphere(static_cast<std::uint32_t>(k));
+    const float4 s = k < count ? __ldg(at) : make_float4(0, 0, 0, 0);
     if (from == blockIdx.x * kThreads) taker.begin(top, s, k < count);
     if (k < count) taker.take(bounds, top, s);
   }
@@ -183,9 +187,12 @@ void Surveyor::begin(const DeviceSpheres& source, bool octaves, int top, int pro
 void Surveyor::gather_octaves(const DeviceSpheres& source, const Gather& gather, int processors,
                               cudaStream_t stream) {
   begin_kernel<<<3, 256, 0, stream>>>(gather.octaves, 3, kOctaves * kOctaveWords, kOctaveWords, 0);
-  if (source.packed && !source.wide && source.placed == 0)
-    float_octave_kernel<<<processors * tuning::kOctaveBlocks, kThreads, 0, stream>>>(
-        static_cast<const float4*>(source.centers), source.count, gather.top, gather.octaves);
+  const bool floats = source.packed && !source.wide && source.placed == 0;
+  const auto blocks = static_cast<unsigned>(processors * tuning::kOctaveBlocks);
+  if (floats && source.count <= source.own)
+    float_octave_kernel<true><<<blocks, kThreads, 0, stream>>>(source, gather.top, gather.octaves);
+  else if (floats)
+    float_octave_kernel<false><<<blocks, kThreads, 0, stream>>>(source, gather.top, gather.octaves);
   else
     octave_kernel<<<kBlocks, kThreads, 0, stream>>>(source, gather.top, gather.octaves);
 }

@@ -70,10 +70,19 @@ __global__ void __launch_bounds__(Threads,
   for (std::uint64_t from = static_cast<std::uint64_t>(blockIdx.x) * Threads * kAtOnce; from < source.count;
        from += step) {
     Sphere s[kAtOnce];
+    const auto first = static_cast<std::uint32_t>(from),
+               here = min(source.count - first, static_cast<std::uint32_t>(Threads * kAtOnce));
+    if (const float4* const run = source.float_run(first, here)) {
 #pragma unroll
-    for (int u = 0; u < kAtOnce; u++) {
-      const std::uint64_t k = from + u * Threads + threadIdx.x;
-      if (k < source.count) s[u] = source.sphere(static_cast<std::uint32_t>(k));
+      for (int u = 0; u < kAtOnce; u++)
+        if (const std::uint32_t k = u * Threads + threadIdx.x; k < here) {
+          const float4 v = run[k];
+          s[u] = {v.x, v.y, v.z, v.w};
+        }
+    } else {
+#pragma unroll
+      for (int u = 0; u < kAtOnce; u++)
+        if (const std::uint32_t k = u * Threads + threadIdx.x; k < here) s[u] = source.sphere(first + k);
     }
 #pragma unroll
     for (int u = 0; u < kAtOnce; u++) {

@@ -175,6 +175,28 @@ __device__ __forceinline__ void move_ids_and_keys(const Portion& portion,
   __syncthreads();
 }
 
+// The thread's spheres of a portion.
+template <SlotKind Kind, Pass P, bool Packed>
+__device__ __forceinline__ void read_portion(const Portion& t, const DeviceSpheres& source, const Grid* grid,
+                                             const Places& in, float4 (&slot)[kPortionItems]) {
+  constexpr bool kWithin = P == Pass::within_groups;
+  if constexpr (Packed && !kWithin) {
+    if (const float4* const run = source.float_run(t.first, t.count)) {
+#pragma unroll
+      for (int u = 0; u < kPortionItems; u++)
+        if (const std::uint32_t k = threadIdx.x + u * kWideBlock; k < t.count) slot[u] = __ldg(run + k);
+      return;
+    }
+  }
+#pragma unroll
+  for (int u = 0; u < kPortionItems; u++) {
+    const std::uint32_t k = threadIdx.x + u * kWideBlock;
+    if (k < t.count)
+      slot[u] = kWithin ? static_cast<const float4*>(in.slots)[t.first + k]
+                        : bare_slot<Kind, Packed>(source, grid, t.first + k);
+  }
+}
+
 // A block takes portions of spheres, one after the other: it orders a portion by bucket in shared memory,
 // then writes each bucket's spheres to one place. The next portion is read while this one is written. Kept:
 // buckets have room by the previous call; one that has outgrown it is reported.
@@ -197,13 +219,7 @@ __global__ void __launch_bounds__(kWideBlock)
   const BucketOf<Bins> bucket_of(bins, buckets);
   float4 slot[kPortionItems];
   const auto read = [&](const Portion& t) {
-#pragma unroll
-    for (int u = 0; u < kPortionItems; u++) {
-      const std::uint32_t k = threadIdx.x + u * kWideBlock;
-      if (k < t.count)
-        slot[u] = kWithin ? static_cast<const float4*>(in.slots)[t.first + k]
-                          : bare_slot<Kind, Packed>(source, grid_of(bins), t.first + k);
-    }
+    read_portion<Kind, P, Packed>(t, source, grid_of(bins), in, slot);
   };
   for (std::uint32_t b = threadIdx.x; b < count; b += kWideBlock) counts[b] = 0;
   // A bucket that has outgrown its room runs into the next one's. The last bucket stops at the last place.

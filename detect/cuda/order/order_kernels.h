@@ -26,7 +26,7 @@ inline constexpr bool kKeyless = !std::is_same_v<Bins, Grid>;
 // to be packed (source.packed), and one load fetches a sphere.
 template <SlotKind Kind, bool Packed>
 __device__ __forceinline__ float4 bare_slot(const DeviceSpheres& source, const Grid* grid, std::uint32_t id) {
-  if constexpr (Packed) return __ldg(static_cast<const float4*>(source.centers) + id);
+  if constexpr (Packed) return __ldg(source.float_sphere(id));
   const Sphere s = source.sphere(id);
   if constexpr (Kind == SlotKind::fixed_point) {
     const FixedPointSlot f = fixed_point_slot(grid->level[level_of(*grid, s)], s);

@@ -221,6 +221,31 @@ TEST(BoxedDetector, StaticSpheresAndTags) {
   expect_as_one_detector(input, boxed);
 }
 
+// A lattice in its own order: whole runs of spheres go to one box. The arrays are together, or apart.
+TEST(BoxedDetector, NeighboursWithNeighbouringNumbersGoTogether) {
+  TestScene scene = lattice(26, 1.9, 1).rounded();
+  for (std::size_t k = 0; k < scene.spheres.size(); k += 97) scene.spheres[k].r = 4;
+  std::vector<std::uint8_t> is_static;
+  for (std::size_t k = 0; k < scene.spheres.size(); k++)
+    scene.family.push_back(static_cast<std::uint32_t>(k % 5)),
+        scene.mask.push_back(static_cast<std::uint32_t>(k % 16)), is_static.push_back(k % 2);
+  std::vector<float> centers, radii;
+  for (const Sphere& s : scene.spheres) {
+    for (const double v : {s.x, s.y, s.z}) centers.push_back(static_cast<float>(v));
+    radii.push_back(static_cast<float>(s.r));
+  }
+  const Arranged single(scene, Scalar::f32), twice(scene, Scalar::f64);
+  Input apart = single.input;
+  apart.spheres.centers = centers.data(), apart.spheres.radii = radii.data();
+  apart.spheres.center_stride = 3, apart.spheres.radius_stride = 1;
+  for (Input input : {single.input, twice.input, apart})
+    for (const bool marked : {false, true}) {
+      if (marked) input.spheres.is_static = is_static.data();
+      BoxedDetector boxed(on_the_cpu(11, 2, 3));
+      expect_as_one_detector(input, boxed);
+    }
+}
+
 TEST(BoxedDetector, TheOwnRegionLimitsTheWholeScene) {
   const TestScene scene = random_scene(2000, 3, 0.3, 41);
   const Arranged a(scene, Scalar::f64);
@@ -290,6 +315,30 @@ TEST(BoxedDetector, FaultsAreNamedAsByOneDetector) {
   expect_same(s);
   s.bodies[3].shape = 9;
   expect_same(s);
+}
+
+// Spheres are looked at in groups: the first of one or more faults is named, wherever it stands.
+TEST(BoxedDetector, TheFirstFaultyLooseSphereIsNamed) {
+  const std::size_t places[] = {0, 3, 255, 256, 300, 999};
+  const auto inf = std::numeric_limits<double>::infinity();
+  const Sphere faults[] = {{NAN, 1, 1, 1}, {1, inf, 1, 1},  {1, 1, -inf, 1},  {1, 1, 1, NAN},
+                           {1, 1, 1, inf}, {1, 1, 1, -0.5}, {1, 1e101, 1, 1}, {1, 1, 1, 1e101}};
+  for (const Scalar scalar : {Scalar::f32, Scalar::f64})
+    for (const std::size_t place : places)
+      for (const Sphere& fault : faults) {
+        TestScene scene = random_scene(1000, 1, 0.3, 3);
+        for (std::size_t k = place; k < 1000; k += 77) scene.spheres[k] = fault;
+        const Arranged a(scene, scalar);
+        BoxedDetector boxed(on_the_cpu(4, 1, 3));
+        EXPECT_NE(failure(boxed, a.input).find("sphere " + std::to_string(place) + " at ("),
+                  std::string::npos)
+            << failure(boxed, a.input);
+      }
+  TestScene zero = random_scene(1000, 1, 0.3, 3);
+  zero.spheres[4].r = -0.0;
+  const Arranged fine(zero, Scalar::f32);
+  BoxedDetector boxed(on_the_cpu(4));
+  expect_as_one_detector(fine.input, boxed);
 }
 
 TEST(BoxedDetector, OptionsAndInputsThatCannotBeMeantAreRefused) {

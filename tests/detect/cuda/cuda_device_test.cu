@@ -7,6 +7,7 @@
 
 #include <cstring>
 
+#include "detect/cuda/device/memory.h"
 #include "detect/scene/generate.h"
 #include "tests/detect/oracle.h"
 
@@ -35,6 +36,31 @@ class CudaLimits : public testing::Test {
     if (!cuda_present()) GTEST_SKIP() << "needs a GPU of compute capability 8.0 or newer, and code for it";
   }
 };
+
+// In a roomy book an eighth more than is needed is taken at once, as long as half of the memory stays free;
+// else only when a buffer grows.
+TEST_F(CudaLimits, MemoryTakesAnEighthMoreWhereItWillGrow) {
+  for (const bool roomy : {false, true}) {
+    cuda::MemoryBook book;
+    book.roomy = roomy;
+    cuda::Buffer<std::uint32_t> buffer(book, "the test"), pinned(book, "the test", true);
+    buffer.reserve(800), pinned.reserve(800);
+    EXPECT_EQ(buffer.capacity(), roomy ? 900u : 800u);
+    EXPECT_EQ(pinned.capacity(), 800u);
+    EXPECT_EQ(book.held, 4 * buffer.capacity());
+    buffer.reserve(1600);
+    EXPECT_EQ(buffer.capacity(), 1800u);
+  }
+  std::size_t free = 0, total = 0;
+  ASSERT_EQ(cudaMemGetInfo(&free, &total), cudaSuccess);
+  cuda::MemoryBook book;
+  book.roomy = true;
+  cuda::Buffer<char> buffer(book, "the test");
+  if (free < total / 2 + total / 16) return;  // other programs hold the memory
+  const std::uint64_t most = free - total / 2;
+  buffer.reserve(most);
+  EXPECT_EQ(buffer.capacity(), most);
+}
 
 TEST_F(CudaLimits, AreLowered) {
   const std::size_t shared = cuda::shared_memory_of_block();

@@ -48,13 +48,18 @@ std::vector<T> from_gpu(const void* array, std::uint64_t count) {
   return there;
 }
 
-// The input in parts of uneven size, every other one on its GPU and the others in host memory.
+// The input in parts of uneven size, every other one on its GPU and the others in host memory; or all on
+// their GPUs, and part k from sphere `cuts[k]` on.
 class Parts {
  public:
-  Parts(const Input& input, const std::vector<int>& devices, std::uint64_t seed = 1) {
+  Parts(const Input& input, const std::vector<int>& devices, std::uint64_t seed = 1,
+        const std::vector<std::uint64_t>& cuts = {}) {
     const std::uint64_t n = input.spheres.count, parts = devices.size();
     for (std::size_t k = 0; k < parts; k++) {
-      const auto cut = [&](std::uint64_t p) { return p == parts ? n : n * p * p / (parts * parts); };
+      const auto cut = [&](std::uint64_t p) {
+        if (!cuts.empty()) return p == parts ? n : cuts[p];
+        return p == parts ? n : n * p * p / (parts * parts);
+      };
       Spheres s = input.spheres;
       const std::uint64_t first = cut(k), real = s.scalar == Scalar::f32 ? 4 : 8;
       s.count = cut(k + 1) - first;
@@ -63,9 +68,13 @@ class Parts {
       if (s.family) s.family += first;
       if (s.mask) s.mask += first;
       if (s.is_static) s.is_static += first;
-      if ((k + seed) % 2 && s.count) {
-        const char* const all = static_cast<const char*>(keep(devices[k], s.centers, s.count * 4 * real));
-        s.centers = all, s.radii = all + 3 * real, s.memory = Memory::device;
+      if (((k + seed) % 2 || !cuts.empty()) && s.count) {
+        const bool together = s.center_stride == 4;
+        const std::uint64_t strides = s.center_stride;
+        const char* const all =
+            static_cast<const char*>(keep(devices[k], s.centers, s.count * strides * real));
+        s.radii = together ? all + 3 * real : keep(devices[k], s.radii, s.count * real);
+        s.centers = all, s.memory = Memory::device;
         if (s.family) s.family = static_cast<const std::uint32_t*>(keep(devices[k], s.family, 4 * s.count));
         if (s.mask) s.mask = static_cast<const std::uint32_t*>(keep(devices[k], s.mask, 4 * s.count));
         if (s.is_static)
@@ -99,12 +108,13 @@ Records records_of(const ResidentDetector& detector) {
     const auto pairs = from_gpu<Pair>(f.contacts.pairs, f.contacts.count);
     const auto normals = from_gpu<Normal<double>>(f.contacts.normals, f.contacts.count);
     const auto points = from_gpu<Points<double>>(f.contacts.points, f.contacts.count);
-    const auto ids =
-        f.ids ? from_gpu<std::uint64_t>(f.ids, f.contacts.spheres) : std::vector<std::uint64_t>();
+    const auto others = from_gpu<std::uint64_t>(f.numbers.others, f.others.count);
+    ResidentNumbers numbers = f.numbers;
+    numbers.others = others.data();
     for (std::size_t k = 0; k < pairs.size(); k++) {
       std::string bytes(reinterpret_cast<const char*>(&normals[k]), sizeof normals[k]);
       bytes.append(reinterpret_cast<const char*>(&points[k]), sizeof points[k]);
-      const std::uint64_t i = f.ids ? ids[pairs[k].i] : pairs[k].i, j = f.ids ? ids[pairs[k].j] : pairs[k].j;
+      const std::uint64_t i = numbers.of(pairs[k].i), j = numbers.of(pairs[k].j);
       EXPECT_LT(i, j);
       EXPECT_TRUE(records.emplace(std::pair(i, j), bytes).second) << i << ", " << j << " was reported twice";
     }
@@ -188,6 +198,87 @@ TEST_F(CudaResident, AnyNumberOfGpusFindsWhatOneDetectorFinds) {
         expect_as_one(a.input, resident, devices, seed);
       }
     }
+}
+
+// The spheres of a scene sorted by the box of a detector that has seen it. One of `astray` is put to the
+// front of all, into the first part.
+std::vector<std::uint64_t> sort_by_box(TestScene& scene, const ResidentDetector& resident,
+                                       std::size_t astray) {
+  TestScene sorted;
+  std::vector<std::uint64_t> cuts;
+  const auto take = [&](std::size_t k) {
+    sorted.spheres.push_back(scene.spheres[k]);
+    if (!scene.family.empty()) sorted.family.push_back(scene.family[k]), sorted.mask.push_back(scene.mask[k]);
+  };
+  const auto is_astray = [&](std::size_t k) { return astray && k % astray == 0; };
+  for (std::size_t b = 0; b < resident.devices(); b++) {
+    cuts.push_back(b ? sorted.spheres.size() : 0);
+    for (std::size_t k = 0; b == 0 && k < scene.spheres.size(); k++)
+      if (is_astray(k)) take(k);
+    for (std::size_t k = 0; k < scene.spheres.size(); k++) {
+      const Sphere& s = scene.spheres[k];
+      if (!is_astray(k) && owns(resident.region(b), {s.x, s.y, s.z})) take(k);
+    }
+  }
+  scene = sorted;
+  return cuts;
+}
+
+// Packed parts of which few spheres lie elsewhere are not copied; those of other GPUs come around them.
+TEST_F(CudaResident, PartsThatLieWhereTheyAreNeededAreReadInPlace) {
+  for (const bool tagged : {false, true})
+    for (const Scalar scalar : {Scalar::f32, Scalar::f64})
+      for (const bool apart : {false, true})
+        for (const std::size_t astray : {0, 50, 3}) {
+          SCOPED_TRACE(std::to_string(tagged) + ", " + std::to_string(scalar == Scalar::f64) + ", " +
+                       std::to_string(apart) + ", " + std::to_string(astray));
+          const std::vector<int> devices = several(5);
+          ResidentDetector resident(on(devices));
+          TestScene scene = random_scene(6000, tagged ? 3 : 30, 0.4, 17).rounded();
+          for (std::uint32_t k = 0; tagged && k < 6000; k++)
+            scene.family.push_back(k % 5), scene.mask.push_back(k % 16);
+          {
+            const Arranged a(scene, scalar);
+            resident.detect(Parts(a.input, devices).spheres);
+          }
+          const std::vector<std::uint64_t> cuts = sort_by_box(scene, resident, astray);
+          const Arranged a(scene, scalar);
+          Input input = a.input;
+          std::vector<std::uint8_t> is_static;
+          for (std::size_t k = 0; k < scene.spheres.size(); k++) is_static.push_back(k % 3 == 0);
+          if (tagged) input.spheres.is_static = is_static.data();
+          std::vector<float> centers, radii;
+          std::vector<double> wide_centers, wide_radii;
+          for (const Sphere& s : scene.spheres) {
+            for (const double v : {s.x, s.y, s.z})
+              centers.push_back(static_cast<float>(v)), wide_centers.push_back(v);
+            radii.push_back(static_cast<float>(s.r)), wide_radii.push_back(s.r);
+          }
+          if (apart && scalar == Scalar::f32)
+            input.spheres = spheres_of<float>(radii.size(), centers.data(), radii.data());
+          else if (apart)
+            input.spheres = spheres_of<double>(radii.size(), wide_centers.data(), wide_radii.data());
+          const Parts parts(input, devices, 0, cuts);
+          Detector one = one_on_the_cpu(on({}).detector);
+          Records expected;
+          for (const auto& [pair, bytes] : records_of(one.detect(input)))
+            expected[{pair.first, pair.second}] = bytes;
+          bool cut = false;
+          for (int call = 0; call < 2; call++) {
+            cut |= resident.detect(parts.spheres).cut;
+            EXPECT_EQ(resident.hash(), one.hash());
+            EXPECT_EQ(records_of(resident), expected);
+          }
+          if (cut) continue;  // the boxes are others now
+          for (std::size_t k = 0; k < devices.size(); k++) {
+            const ResidentContacts& f = resident.found()[k];
+            const bool copied = k == 0 && astray == 3;
+            EXPECT_EQ(f.own.count, copied ? 0 : parts.spheres[k].count);
+            EXPECT_EQ(f.own.centers == parts.spheres[k].centers, !copied && !apart);
+            EXPECT_GT(f.others.count, 0u);
+            EXPECT_EQ(f.contacts.spheres, f.own.count + f.others.count);
+          }
+        }
 }
 
 TEST_F(CudaResident, OddScenes) {

@@ -48,6 +48,18 @@ def same_hashes():
     expect(report["ranks"] == 3 and report["spheres"] == 10000 and report["contacts"] > 25000, report)
 
 
+def bench():
+    bench = os.path.join(BIN, "bench")
+    made = subprocess.run([MPIRUN, "--oversubscribe", "-n", "3", bench, "ranks", "--backend", "omp", "--spheres", "3000,20000",
+                           "--repeat", "1", "--threads", "1", "--json"], capture_output=True, text=True, timeout=120)
+    expect(made.returncode == 0, made)
+    rows = json.loads(made.stdout)["rows"]  # by ranks and by threads, of each size; differing hashes are an error
+    expect([(r["spheres"], r["by"]) for r in rows] == [(n, by) for n in (3000, 20000) for by in ("ranks", "threads")], rows)
+    expect(all(r["devices"] == 3 and r["contacts"] > r["spheres"] and r["seconds"] > 0 for r in rows), rows)
+    alone = subprocess.run([bench, "ranks"], capture_output=True, text=True)
+    expect(alone.returncode == 1 and "mpirun" in alone.stderr, alone)
+
+
 def files():
     made = run(3, "dense.json", "--backend", "omp", "-o", "contacts.npy", "--json")
     expect(made.returncode == 0, made)
@@ -96,6 +108,7 @@ with tempfile.TemporaryDirectory() as folder:
     os.chdir(folder)
     write_scenes()
     same_hashes()
+    bench()
     files()
     wrong_usage()
     a_killed_rank_ends_all()

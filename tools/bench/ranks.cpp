@@ -1,0 +1,185 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Ranks of MPI, each with a GPU (or with its share of the processors), against threads of one process with as
+// many devices, in repeated calls over the same spheres in host memory. Each rank has the spheres of its box,
+// as in a simulation.
+#include "padding/asset/error.h"
+#include "tools/bench/bench.h"
+#include "tools/detect/launch.h"
+
+#ifdef PADDER_MPI
+#include <mpi.h>
+#include <omp.h>
+
+#include <algorithm>
+#include <array>
+#include <cstdio>
+#include <thread>
+
+#include "detect/boxes/boxed_detector.h"
+#include "detect/mpi/rank_detector.h"
+#endif
+
+namespace padder::bench {
+
+#ifndef PADDER_MPI
+
+Json ranks(const Settings&) {
+  throw Error("this program was built without MPI: install MPI and Zoltan, and configure with PADDER_MPI=ON");
+}
+
+#else
+namespace {
+
+using detect::FloatSphere, detect::Region;
+using Scene = std::vector<FloatSphere>;
+
+// MPI from here to the end of this object. Only rank 0 prints.
+class Session {
+ public:
+  Session() {
+    int given = 0;
+    MPI_Init_thread(nullptr, nullptr, MPI_THREAD_FUNNELED, &given);
+    MPI_Comm_size(MPI_COMM_WORLD, &count), MPI_Comm_rank(MPI_COMM_WORLD, &rank);
+  }
+  ~Session() {
+    wait();
+    MPI_Finalize();
+  }
+  Session(const Session&) = delete;
+  Session& operator=(const Session&) = delete;
+  // For the other ranks, without taking processors from them as a barrier does.
+  static void wait() {
+    MPI_Request request;
+    MPI_Ibarrier(MPI_COMM_WORLD, &request);
+    for (int done = 0; MPI_Test(&request, &done, MPI_STATUS_IGNORE), !done;)
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
+  static double longest(double seconds) {
+    MPI_Allreduce(MPI_IN_PLACE, &seconds, 1, MPI_DOUBLE, MPI_MAX, MPI_COMM_WORLD);
+    return seconds;
+  }
+  int rank = 0, count = 1;
+};
+
+// The spheres of each rank's box, one rank's behind another's; `first` is where each begins.
+Scene by_rank(const Scene& scene, std::span<const Region> boxes, std::vector<std::uint64_t>& first) {
+  Scene sorted;
+  sorted.reserve(scene.size());
+  first.clear();
+  for (const Region& box : boxes) {
+    first.push_back(sorted.size());
+    for (const FloatSphere& s : scene)
+      if (detect::owns(box, {s.x, s.y, s.z})) sorted.push_back(s);
+  }
+  first.push_back(sorted.size());
+  return sorted;
+}
+
+struct Times {
+  double all = 0, cut = 0, copy = 0, detect = 0;  // of the median call
+};
+
+Times median(std::vector<Times> calls) {
+  std::sort(calls.begin(), calls.end(), [](const Times& a, const Times& b) { return a.all < b.all; });
+  return calls[calls.size() / 2];
+}
+
+struct Result {
+  Times times;
+  std::uint64_t contacts = 0, hash = 0;
+};
+
+// Of the slowest rank.
+Result by_ranks(const Settings& s, const Session& session, const detect::CallOptions& options, Scene& scene) {
+  detect::RankOptions o;
+  o.detector = options;
+  if (s.backend == "omp") o.device = {detect::BackendKind::omp, 0};
+  detect::RankDetector detector(MPI_COMM_WORLD, o);
+  for (int k = 0; k < 2; k++) detector.detect(part_of(input_of(scene), session.rank, session.count), {});
+  std::vector<Region> boxes(static_cast<std::size_t>(session.count));
+  const Region own = detector.region();
+  MPI_Allgather(&own, sizeof own, MPI_BYTE, boxes.data(), sizeof own, MPI_BYTE, MPI_COMM_WORLD);
+  std::vector<std::uint64_t> first;
+  scene = by_rank(scene, boxes, first);
+  const auto mine = static_cast<std::size_t>(session.rank);
+  const Scene part(scene.begin() + static_cast<std::ptrdiff_t>(first[mine]),
+                   scene.begin() + static_cast<std::ptrdiff_t>(first[mine + 1]));
+  if (session.rank > 0) Scene().swap(scene);
+  for (int k = 0; k < 2; k++) detector.detect(input_of(part), {});
+  std::vector<Times> calls;
+  for (int k = 0; k < s.repeat; k++) {
+    MPI_Barrier(MPI_COMM_WORLD);
+    const double seconds = seconds_of([&] { detector.detect(input_of(part), {}); });
+    const detect::RankReport& r = detector.report();
+    calls.push_back({session.longest(seconds), session.longest(r.cut_seconds),
+                     session.longest(r.exchange_seconds), session.longest(r.detect_seconds)});
+  }
+  return {median(calls), detector.report().contacts, detector.report().hash};
+}
+
+Result by_threads(const Settings& s, const Session& session, const detect::CallOptions& options,
+                  const Scene& scene) {
+  detect::BoxOptions o;
+  o.detector = options, o.detector.threads *= session.count;
+  if (s.backend != "omp") o.devices = detect::all_devices();
+  o.devices.resize(static_cast<std::size_t>(session.count),
+                   o.devices.empty() ? detect::DeviceChoice{detect::BackendKind::omp} : o.devices[0]);
+  detect::BoxedDetector detector(o);
+  for (int k = 0; k < 2; k++) detector.detect(input_of(scene), {});
+  std::vector<Times> calls;
+  for (int k = 0; k < s.repeat; k++) {
+    const double seconds = seconds_of([&] { detector.detect(input_of(scene), {}); });
+    const detect::BoxReport& r = detector.report();
+    calls.push_back({seconds, r.cut_seconds, r.copy_seconds, r.detect_seconds});
+  }
+  return {median(calls), detector.report().contacts, detector.report().hash};
+}
+
+}  // namespace
+
+Json ranks(const Settings& s) {
+  const tool::Launch launch = tool::launch_of_environment();
+  if (launch.ranks == 0) throw Error("ranks is started by mpirun: mpirun --bind-to none -n 2 bench ranks");
+  const Session session;
+  if (session.rank > 0 && !std::freopen("/dev/null", "w", stdout)) throw Error("cannot close the output");
+  detect::CallOptions options;
+  options.order = detect::Order::any, options.threads = s.threads;
+  Json rows = Json::array(),
+       table = Json::array({{"spheres", "contacts", "devices", "by", "call [ms]", "cut [ms]",
+                             "copy or exchange [ms]", "detection [ms]", "of the threads' time"}});
+  for (const std::uint64_t n : s.spheres.empty() ? std::vector<std::uint64_t>{57500000} : s.spheres) {
+    Scene scene = detect::generate("dense", n, false);
+    const Result of_ranks = by_ranks(s, session, options, scene);
+    if (session.rank > 0) {
+      session.wait();
+      continue;
+    }
+    const Result of_threads = by_threads(s, session, options, scene);
+    session.wait();
+    if (of_ranks.hash != of_threads.hash) throw Error("the contacts of ranks differ from those of threads");
+    for (const bool by_rank : {true, false}) {
+      const Result& r = by_rank ? of_ranks : of_threads;
+      const double ratio = r.times.all / of_threads.times.all;
+      rows.push_back({{"spheres", n},
+                      {"contacts", r.contacts},
+                      {"devices", session.count},
+                      {"by", by_rank ? "ranks" : "threads"},
+                      {"seconds", r.times.all},
+                      {"seconds_cut", r.times.cut},
+                      {"seconds_copy", r.times.copy},
+                      {"seconds_detect", r.times.detect},
+                      {"ratio", ratio}});
+      const auto ms = [](double v) { return number(v * 1e3, "%.1f"); };
+      table.push_back({std::to_string(n), std::to_string(r.contacts), std::to_string(session.count),
+                       by_rank ? "ranks" : "threads", ms(r.times.all), ms(r.times.cut), ms(r.times.copy),
+                       ms(r.times.detect), number(ratio, "%.2f")});
+    }
+  }
+  Json result = {{"bench", "ranks"}, {"machine", machine()}, {"rows", rows}, {"table", table}};
+  if (session.rank == 0) write_result(s, result);
+  return result;
+}
+
+#endif
+
+}  // namespace padder::bench
