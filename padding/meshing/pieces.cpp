@@ -82,29 +82,38 @@ class PieceWork {
   Piece run() {
     const std::vector<std::uint32_t> once = without_repeats(false);
     if (closes(mesh_, once)) return keep(once, true);
-    const std::vector<std::uint32_t> walls = without_repeats(true);
-    std::vector<Corners> given;
+    std::vector<Corners> given, turned;
     for (const auto t : once) given.push_back(mesh_.triangles[t]);
     orient(once);
-    bool closed = closes(mesh_, once);
-    if (!closed && walls.size() > once.size()) {
-      std::vector<Corners> turned;
+    const std::size_t missing = missing_edges(mesh_, once).size();
+    if (missing > 0 && once.size() < triangles_.size()) {
       for (std::size_t k = 0; k < once.size(); k++)
         turned.push_back(std::exchange(mesh_.triangles[once[k]], given[k]));
-      double area = 0;
-      for (const auto t : walls) area += mesh_.area_normal(t).norm();
-      if (closes(mesh_, walls) && std::abs(signed_volume(mesh_, walls)) > 1e-6 * std::pow(area, 1.5))
-        return keep(walls, true);
+      if (const auto more = with_repeats(missing / 2)) return keep(*more, closes(mesh_, *more));
       for (std::size_t k = 0; k < once.size(); k++) mesh_.triangles[once[k]] = turned[k];
     }
     for (std::size_t k = 0; k < once.size(); k++) all_.turned += given[k] != mesh_.triangles[once[k]];
-    return keep(once, closed);
+    return keep(once, missing == 0);
   }
 
  private:
   Piece keep(const std::vector<std::uint32_t>& triangles, bool closed) {
     all_.repeated += triangles_.size() - triangles.size();
     return {triangles, closed};
+  }
+
+  // Repeated triangles are walls of bodies that touch or share a face, if the piece encloses a volume and at
+  // most so many edges do not close with them, as given.
+  std::optional<std::vector<std::uint32_t>> with_repeats(std::size_t most) const {
+    double area = 0;
+    for (const auto t : triangles_) area += mesh_.area_normal(t).norm();
+    std::optional<std::vector<std::uint32_t>> best;
+    for (auto& kept : {without_repeats(true), triangles_}) {
+      const std::size_t missing = missing_edges(mesh_, kept).size();
+      if (missing > most || (best && missing == most)) continue;
+      if (std::abs(signed_volume(mesh_, kept)) > 1e-6 * std::pow(area, 1.5)) best = kept, most = missing;
+    }
+    return best;
   }
 
   // Without triangles that have the same corners as one before; with `both_ways`, the same direction, too.

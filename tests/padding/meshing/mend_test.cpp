@@ -10,6 +10,7 @@
 
 #include "padding/by_tolerance/cull.h"
 #include "padding/geometry/random.h"
+#include "padding/geometry/triangle.h"
 #include "padding/meshing/repair.h"
 #include "padding/verify/certify.h"
 #include "tests/padding/random_input.h"
@@ -440,6 +441,24 @@ TEST(Mend, ATwistInABodyTurnsNothingElse) {
     EXPECT_EQ(r.steps.turned, 0u);
     EXPECT_LT(r.steps.sheet_area, 0.3);
     EXPECT_NEAR(volume(r), mass_properties(shapes::sphere(4)).volume, 0.02);
+  }
+}
+
+// The lower half of a box once more, with the same triangles where the two share a face: all edges close, but
+// not without the repeated triangles.
+TEST(Mend, ABodyThatSharesFacesWithAnotherIsSolid) {
+  Mesh half = kCube;
+  for (Point& p : half.points) p.z() = std::min(p.z(), 0.5);
+  std::erase_if(half.triangles, [&](const auto& t) {
+    return Triangle3{half.points[t[0]], half.points[t[1]], half.points[t[2]]}.area_normal().norm() == 0;
+  });
+  for (const bool hole : {false, true}) {
+    Mesh mesh = joined(half, kCube);
+    if (hole) mesh.triangles.pop_back();
+    const Repaired r = mended(mesh);
+    EXPECT_EQ(r.kind, BodyKind::solid);
+    EXPECT_EQ(r.steps.sheet_area, 0);
+    EXPECT_NEAR(volume(r), 1, 1e-12);
   }
 }
 
