@@ -86,10 +86,11 @@ class PieceWork {
     for (const auto t : once) given.push_back(mesh_.triangles[t]);
     orient(once);
     const std::size_t missing = missing_edges(mesh_, once).size();
+    const double volume = std::abs(signed_volume(mesh_, once));
     if (missing > 0 && once.size() < triangles_.size()) {
       for (std::size_t k = 0; k < once.size(); k++)
         turned.push_back(std::exchange(mesh_.triangles[once[k]], given[k]));
-      if (const auto more = with_repeats(missing / 2)) return keep(*more, closes(mesh_, *more));
+      if (const auto more = with_repeats(missing / 2, volume / 2)) return keep(*more, closes(mesh_, *more));
       for (std::size_t k = 0; k < once.size(); k++) mesh_.triangles[once[k]] = turned[k];
     }
     for (std::size_t k = 0; k < once.size(); k++) all_.turned += given[k] != mesh_.triangles[once[k]];
@@ -102,16 +103,18 @@ class PieceWork {
     return {triangles, closed};
   }
 
-  // Repeated triangles are walls of bodies that touch or share a face, if the piece encloses a volume and at
-  // most so many edges do not close with them, as given.
-  std::optional<std::vector<std::uint32_t>> with_repeats(std::size_t most) const {
+  // Repeated triangles are walls of bodies that touch or share a face, if at most `most` edges do not close
+  // with them, as given, and if the piece encloses a volume then, where edges are left at least `volume`: a
+  // surface whose triangles face both ways closes, too.
+  std::optional<std::vector<std::uint32_t>> with_repeats(std::size_t most, double volume) const {
     double area = 0;
     for (const auto t : triangles_) area += mesh_.area_normal(t).norm();
     std::optional<std::vector<std::uint32_t>> best;
     for (auto& kept : {without_repeats(true), triangles_}) {
       const std::size_t missing = missing_edges(mesh_, kept).size();
       if (missing > most || (best && missing == most)) continue;
-      if (std::abs(signed_volume(mesh_, kept)) > 1e-6 * std::pow(area, 1.5)) best = kept, most = missing;
+      const double least = std::max(1e-6 * std::pow(area, 1.5), missing > 0 ? volume : 0);
+      if (std::abs(signed_volume(mesh_, kept)) > least) best = kept, most = missing;
     }
     return best;
   }

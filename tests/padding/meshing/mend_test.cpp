@@ -462,6 +462,21 @@ TEST(Mend, ABodyThatSharesFacesWithAnotherIsSolid) {
   }
 }
 
+// All but a few triangles of a ball with a hole are there once more, facing inward: with them all edges
+// close, too, but around nothing.
+TEST(Mend, ABodyWhoseTrianglesFaceBothWaysIsSolid) {
+  Mesh mesh = shapes::sphere(4);
+  const double whole = mass_properties(mesh).volume;
+  mesh.triangles.pop_back();
+  for (std::size_t t = mesh.triangles.size() - 20; t-- > 0;) {
+    const auto [a, b, c] = mesh.triangles[t];
+    mesh.triangles.push_back({a, c, b});
+  }
+  const Repaired r = mended(mesh);
+  EXPECT_EQ(r.kind, BodyKind::solid);
+  EXPECT_NEAR(volume(r), whole, 0.01);
+}
+
 TEST(Mend, CertifiedCoversHoldWhenSampled) {
   for (const std::uint64_t seed : {7u, 8u}) {
     SCOPED_TRACE("seed " + std::to_string(seed));
