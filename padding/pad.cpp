@@ -353,6 +353,24 @@ void show_repair(Repaired& body, double area, const UnitFrame& frame, Padded& ou
     for (Point& p : mark.mesh.points) p = frame.back(p);
 }
 
+// Leaves out triangles with two corners at one point: lines and points. They bound and join nothing, and may
+// lie far from the part, as the zeros that some exporters write. If there is nothing else, all are kept.
+Mesh without_lines(const Mesh& mesh) {
+  const auto is_line = [&mesh](const std::array<std::uint32_t, 3>& t) {
+    const Point &a = mesh.points[t[0]], &b = mesh.points[t[1]], &c = mesh.points[t[2]];
+    return a == b || b == c || c == a;
+  };
+  Mesh kept = mesh;
+  std::erase_if(kept.triangles, is_line);
+  return kept.triangles.empty() ? mesh : kept;
+}
+
+std::string repair_text(const std::string& repair, std::size_t lines) {
+  if (lines == 0) return repair;
+  return "dropped " + count_of(lines, "triangle") + " with two corners at one point" +
+         (repair == "none needed" ? "" : "; " + repair);
+}
+
 // Repairs, and says on what surface the balls are made. CGAL may fill a wrap beyond alpha, to keep it
 // manifold: another alpha mends that.
 Surface repaired_surface(const Mesh& input, RepairOptions options, const std::string& name, double tolerance,
@@ -374,6 +392,7 @@ Surface repaired_surface(const Mesh& input, RepairOptions options, const std::st
 
 Padded pad(const ReadResult& file, const PadOptions& options, const PadProgress& progress) {
   check(options);
+  Mesh input = without_lines(file.mesh);
   Padded out;
   PadReport& report = out.report;
   const std::string& name = file.source.file;
@@ -381,12 +400,11 @@ Padded pad(const ReadResult& file, const PadOptions& options, const PadProgress&
     if (progress) progress(what, 100 * done, 600);
   };
   Clock clock;
-  const Box box = file.mesh.bounds();
+  const Box box = input.bounds();
   const UnitFrame frame(box, name);
   check_meant(options, box, name);
   report.triangles_in = file.mesh.triangles.size();
   report.diagonal = frame.scale();
-  Mesh input = file.mesh;
   for (Point& p : input.points) p = frame.into(p);
   const std::vector<Length> rungs = rungs_of(options, frame.scale());
   report.tolerance = rungs.back().absolute(frame.scale());
@@ -444,7 +462,7 @@ Padded pad(const ReadResult& file, const PadOptions& options, const PadProgress&
   c.unit = file.unit;
   c.program = "padder " PADDER_VERSION;
   c.source = file.source;
-  c.source.repair = body.report;
+  c.source.repair = repair_text(body.report, file.mesh.triangles.size() - input.triangles.size());
   c.settings = settings_json(options, report.diagonal, report.edge_length);
   c.family = options.family, c.mask = options.mask;
   c.bounds = box;

@@ -20,6 +20,9 @@ enum Feature : int { face = 0, vertex0 = 1, vertex1 = 2, vertex2 = 3, edge01 = 4
 // lengths that Ericson's test subtracts cancel: points would be off by some 1e-16 of the triangle's length
 // over the sine squared, which is 1e-4 in a needle of 1e6 : 1.
 constexpr double kThin = 1e-4;
+// It is also thin where its area squared is below this share of the fourth power of its length: beside a
+// short side the products cancel, too, and points would be off by some 1e-16 of the length over the sine.
+constexpr double kNeedle = 1e-8;
 
 // The same as closest() for a thin triangle: the point below p if that is inside, or the nearest of the
 // edges. Triple products with an accurate normal keep the distance right to some 1e-16 of the length.
@@ -57,8 +60,10 @@ inline double closest(const Point& p, const Point& a, const Vector& ab, const Ve
   if (d1 <= 0 && d2 <= 0) return q = a, feature = vertex0, ap.squaredNorm();
   const Vector bp = ap - ab, cp = ap - ac;
   const double d3 = ab.dot(bp), d4 = ac.dot(bp), d5 = ab.dot(cp), d6 = ac.dot(cp);
-  const double squares = (d1 - d3) * (d2 - d6), product = d1 - d5;  // of the lengths of ab and ac; ab . ac
-  if (!(squares - product * product > kThin * squares)) return closest_of_thin(p, a, ab, ac, q, feature);
+  const double ab2 = d1 - d3, ac2 = d2 - d6, squares = ab2 * ac2, product = d1 - d5;  // ab . ac
+  const double area2 = squares - product * product, length2 = ab2 + ac2;
+  if (!(area2 > kThin * squares && area2 > kNeedle * length2 * length2))
+    return closest_of_thin(p, a, ab, ac, q, feature);
   if (d3 >= 0 && d4 <= d3) return q = a + ab, feature = vertex1, bp.squaredNorm();
   const double vc = d1 * d4 - d3 * d2;
   if (vc <= 0 && d1 >= 0 && d3 <= 0) {

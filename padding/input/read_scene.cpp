@@ -14,6 +14,8 @@
 #include <assimp/Importer.hpp>
 #include <assimp/LogStream.hpp>
 #include <charconv>
+#include <cmath>
+#include <map>
 #include <new>
 #include <string_view>
 #include <utility>
@@ -102,15 +104,52 @@ Eigen::Matrix4d matrix(const aiMatrix4x4& m) {
   return d;
 }
 
-void add(const aiMesh& mesh, const Eigen::Matrix4d& place, double factor, const std::string& where,
-         Soup& soup) {
-  check_counts(soup.points.size() + mesh.mNumVertices, soup.ends.size() + mesh.mNumFaces, where);
-  const std::uint32_t first = static_cast<std::uint32_t>(soup.points.size());
-  const bool mirrored = place.topLeftCorner<3, 3>().determinant() < 0;
+// Where the vertices of a mesh stand, and whether it is mirrored there.
+struct Placed {
+  std::vector<Point> points;
+  bool mirrored = false;
+};
+bool mirrors(const Eigen::Matrix4d& place) { return place.topLeftCorner<3, 3>().determinant() < 0; }
+
+Placed placed(const aiMesh& mesh, const Eigen::Matrix4d& place) {
+  Placed out{{}, mirrors(place)};
   for (unsigned v = 0; v < mesh.mNumVertices; v++) {
     const aiVector3D& p = mesh.mVertices[v];
-    soup.points.push_back(factor * (place * Eigen::Vector4d(p.x, p.y, p.z, 1)).head<3>());
+    out.points.push_back((place * Eigen::Vector4d(p.x, p.y, p.z, 1)).head<3>());
   }
+  return out;
+}
+
+// The same for a mesh with a skin: each vertex stands where its joints hold it, and the place of the mesh's
+// own node does not count (glTF 2.0, section 3.7.3.3). A vertex that no joint holds stays at that place.
+Placed skinned(const aiMesh& mesh, const Eigen::Matrix4d& place,
+               const std::map<std::string, Eigen::Matrix4d>& places) {
+  Placed out = placed(mesh, place), held{std::vector<Point>(mesh.mNumVertices, Point::Zero()), false};
+  std::vector<double> weights(mesh.mNumVertices, 0);
+  double mirrored = 0, all = 0;
+  for (unsigned b = 0; b < mesh.mNumBones; b++) {
+    const aiBone& bone = *mesh.mBones[b];
+    const auto joint = places.find(bone.mName.C_Str());
+    if (joint == places.end()) continue;
+    const Eigen::Matrix4d moved = joint->second * matrix(bone.mOffsetMatrix);
+    const Placed by_bone = placed(mesh, moved);
+    for (unsigned w = 0; w < bone.mNumWeights; w++) {
+      const auto [v, weight] = bone.mWeights[w];
+      if (v >= mesh.mNumVertices || !(weight > 0)) continue;
+      held.points[v] += weight * by_bone.points[v], weights[v] += weight;
+      all += weight, mirrored += mirrors(moved) ? weight : 0;
+    }
+  }
+  for (unsigned v = 0; v < mesh.mNumVertices; v++)
+    if (weights[v] > 0) out.points[v] = held.points[v] / weights[v];
+  if (all > 0) out.mirrored = mirrored > 0.5 * all;
+  return out;
+}
+
+void add(const aiMesh& mesh, const Placed& at, double factor, const std::string& where, Soup& soup) {
+  check_counts(soup.points.size() + mesh.mNumVertices, soup.ends.size() + mesh.mNumFaces, where);
+  const std::uint32_t first = static_cast<std::uint32_t>(soup.points.size());
+  for (const Point& p : at.points) soup.points.push_back(factor * p);
   for (unsigned f = 0; f < mesh.mNumFaces; f++) {
     const aiFace& face = mesh.mFaces[f];
     if (face.mNumIndices < 3) {
@@ -118,7 +157,7 @@ void add(const aiMesh& mesh, const Eigen::Matrix4d& place, double factor, const 
       continue;
     }
     for (unsigned k = 0; k < face.mNumIndices; k++) {
-      const unsigned v = face.mIndices[mirrored ? face.mNumIndices - 1 - k : k];
+      const unsigned v = face.mIndices[at.mirrored ? face.mNumIndices - 1 - k : k];
       if (v >= mesh.mNumVertices)
         fail(where, "face " + std::to_string(f + 1) + " of mesh '" + one_line(mesh.mName.C_Str()) +
                         "' names vertex " + std::to_string(v) + " of " + std::to_string(mesh.mNumVertices) +
@@ -165,6 +204,29 @@ std::map<fs::path, fs::path> buffers_beside(const nlohmann::json& json, const fs
   return beside;
 }
 
+// What assimp would take without a word, or end at. A quaternion that is not of length 1 stretches the part.
+void check_places(const JsonPlace<nlohmann::json>& document) {
+  for (std::size_t k = 0; document.has("nodes") && k < document.at("nodes").size(); k++) {
+    const auto node = document.at("nodes").at(k);
+    if (node.has("rotation")) {
+      double q[4];
+      node.at("rotation").reals(q);
+      if (!(std::abs(std::hypot(std::hypot(q[0], q[1]), std::hypot(q[2], q[3])) - 1) < 0.01))
+        node.at("rotation").fail("the quaternion is not of length 1: export it again");
+    }
+    if (node.has("matrix")) {
+      double m[16];
+      node.at("matrix").reals(m);
+      if (!(std::max({std::abs(m[3]), std::abs(m[7]), std::abs(m[11]), std::abs(m[15] - 1)}) < 1e-6))
+        node.at("matrix").fail("its last row is not 0, 0, 0, 1: export it again");
+    }
+  }
+  for (std::size_t k = 0; document.has("skins") && k < document.at("skins").size(); k++)
+    if (!document.at("skins").at(k).has("inverseBindMatrices"))
+      document.at("skins").at(k).fail(
+          "a skin without inverseBindMatrices is not read: export it with them, or without the skin");
+}
+
 }  // namespace
 
 FilesBeside check_gltf(std::string_view bytes, const fs::path& path, const std::string& ending) {
@@ -198,6 +260,7 @@ FilesBeside check_gltf(std::string_view bytes, const fs::path& path, const std::
     if (name == "EXT_mesh_gpu_instancing" || name == "KHR_draco_mesh_compression" ||
         name == "EXT_meshopt_compression")
       fail(where, "it uses the glTF extension '" + name + "', which is not read: export it without");
+  check_places(document);
   FilesBeside beside;
   for (const auto& [asked, file] : buffers_beside(json, path)) beside[asked] = read_file(file);
   return beside;
@@ -213,14 +276,16 @@ std::vector<fs::path> files_beside_gltf(const fs::path& path) {
 Soup read_scene(const std::string& bytes, const FilesBeside& beside, const fs::path& path,
                 const std::string& ending) {
   const std::string where = path.string();
+  const bool gltf =
+      ending == ".gltf" || ending == ".glb";  // RViz, MoveIt and Gazebo look at no skin of COLLADA
   ImportLog log;
   Assimp::Importer importer;
   importer.SetIOHandler(new Files(bytes, path, beside));  // the importer owns it
   importer.SetPropertyInteger(AI_CONFIG_PP_RVC_FLAGS,
                               aiComponent_NORMALS | aiComponent_TANGENTS_AND_BITANGENTS | aiComponent_COLORS |
-                                  aiComponent_TEXCOORDS | aiComponent_BONEWEIGHTS | aiComponent_ANIMATIONS |
-                                  aiComponent_TEXTURES | aiComponent_LIGHTS | aiComponent_CAMERAS |
-                                  aiComponent_MATERIALS);
+                                  aiComponent_TEXCOORDS | aiComponent_ANIMATIONS | aiComponent_TEXTURES |
+                                  aiComponent_LIGHTS | aiComponent_CAMERAS | aiComponent_MATERIALS |
+                                  (gltf ? 0 : int(aiComponent_BONEWEIGHTS)));
   for (const char* part : {AI_CONFIG_IMPORT_FBX_READ_MATERIALS, AI_CONFIG_IMPORT_FBX_READ_TEXTURES,
                            AI_CONFIG_IMPORT_FBX_READ_LIGHTS, AI_CONFIG_IMPORT_FBX_READ_CAMERAS,
                            AI_CONFIG_IMPORT_FBX_READ_ANIMATIONS, AI_CONFIG_IMPORT_FBX_READ_WEIGHTS})
@@ -242,16 +307,22 @@ Soup read_scene(const std::string& bytes, const FilesBeside& beside, const fs::p
   Soup soup;
   double factor = 1;
   soup.unit = unit_of(*scene, ending, factor);
-  std::vector<std::pair<const aiNode*, Eigen::Matrix4d>> open = {
-      {scene->mRootNode, matrix(scene->mRootNode->mTransformation)}};
+  std::vector<std::pair<const aiNode*, Eigen::Matrix4d>> nodes,
+      open = {{scene->mRootNode, matrix(scene->mRootNode->mTransformation)}};
+  std::map<std::string, Eigen::Matrix4d> places;
   while (!open.empty()) {  // not by recursion: a file may nest nodes deeper than the stack
+    nodes.push_back(open.back());
     const auto [node, place] = open.back();
     open.pop_back();
-    for (unsigned k = 0; k < node->mNumMeshes; k++)
-      add(*scene->mMeshes[node->mMeshes[k]], place, factor, where, soup);
+    places.emplace(node->mName.C_Str(), place);
     for (unsigned k = node->mNumChildren; k-- > 0;)  // so that the first child is taken next
       open.emplace_back(node->mChildren[k], place * matrix(node->mChildren[k]->mTransformation));
   }
+  for (const auto& [node, place] : nodes)
+    for (unsigned k = 0; k < node->mNumMeshes; k++) {
+      const aiMesh& mesh = *scene->mMeshes[node->mMeshes[k]];
+      add(mesh, mesh.mNumBones > 0 ? skinned(mesh, place, places) : placed(mesh, place), factor, where, soup);
+    }
   return soup;
 }
 

@@ -27,9 +27,14 @@ Zip::Zip(std::string_view bytes, const std::string& where) : bytes_(bytes), wher
   const std::size_t end = bytes.rfind("PK\x05\x06");
   if (end == bytes.npos)
     fail("it is no zip archive, or cut short: check that the file has the ending of its format");
-  const std::uint64_t files = read_number(end + 10, 2);
+  std::uint64_t files = read_number(end + 10, 2);
   std::size_t at = read_number(end + 16, 4);
-  if (at == 0xffffffffu) fail("zip archives beyond 4 GiB are not read");
+  // lib3mf writes ZIP64 whatever the size: a longer end, whose place stands before the plain one.
+  if (end >= 20 && bytes.substr(end - 20, 4) == "PK\x06\x07") {
+    const std::size_t longer = read_number(end - 12, 8);
+    if (read_number(longer, 4) != 0x06064b50) fail("the end of the zip archive is damaged: export it again");
+    files = read_number(longer + 32, 8), at = read_number(longer + 48, 8);
+  }
   for (std::uint64_t k = 0; k < files; k++) {
     if (read_number(at, 4) != 0x02014b50)
       fail("the directory of the zip archive is damaged: export it again");
@@ -40,9 +45,24 @@ Zip::Zip(std::string_view bytes, const std::string& where) : bytes_(bytes), wher
     const std::size_t name = read_number(at + 28, 2);
     read_number(at + 46 + name, 0);  // fails if the archive ends before
     e.name = bytes.substr(at + 46, name);
+    widen(e, at + 46 + name, read_number(at + 30, 2));
     at += 46 + name + read_number(at + 30, 2) + read_number(at + 32, 2);
     entries_.push_back(std::move(e));
   }
+}
+
+void Zip::widen(Entry& e, std::size_t at, std::size_t extra) const {
+  constexpr std::size_t continued = 0xffffffffu;
+  for (const std::size_t end = at + extra; at + 4 <= end;) {
+    std::size_t field = at + 4;
+    at = field + read_number(at + 2, 2);
+    if (read_number(field - 4, 2) != 1) continue;
+    for (std::size_t* number : {&e.size, &e.packed, &e.local})
+      if (*number == continued) *number = read_number(field, 8), field += 8;
+    break;
+  }
+  if (e.local > bytes_.size() || e.packed > bytes_.size())
+    fail("the zip archive is cut short: export it again");
 }
 
 const Zip::Entry* Zip::find(std::string_view name) const {

@@ -11,8 +11,7 @@ namespace padder {
 // An archive in memory. Refers to the bytes and does not copy them.
 class Zip {
  public:
-  // Throws Error, which begins with `where`, for bytes that are no zip archive, damaged, beyond 4 GiB or
-  // encrypted.
+  // Throws Error, which begins with `where`, for bytes that are no zip archive, damaged or encrypted.
   Zip(std::string_view bytes, const std::string& where);
 
   bool has(std::string_view name) const { return find(name) != nullptr; }
@@ -29,6 +28,8 @@ class Zip {
     unsigned long checksum = 0;
   };
   const Entry* find(std::string_view name) const;
+  // Reads the numbers of an entry that ZIP64 continues in its extra field, those `extra` bytes at `at`.
+  void widen(Entry& e, std::size_t at, std::size_t extra) const;
   std::uint64_t read_number(std::size_t at, int bytes) const;  // little-endian
   [[noreturn]] void fail(const std::string& what) const;
 

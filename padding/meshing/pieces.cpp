@@ -41,6 +41,38 @@ Mesh merged(const Mesh& soup) {
   return out;
 }
 
+// Triangles that are joined, and which of them are turned against the first of theirs.
+class Turns {
+ public:
+  explicit Turns(std::size_t count) : parent_(count), turned_(count, 0) {
+    std::iota(parent_.begin(), parent_.end(), 0u);
+  }
+  // The first triangle of k's, and whether k is turned against it.
+  std::pair<std::uint32_t, bool> root(std::uint32_t k) {
+    bool turned = false;
+    while (parent_[k] != k) {  // shortens the way for later calls, as root_of does
+      const std::uint32_t above = parent_[k];
+      turned_[k] = turned_[k] != turned_[above];
+      turned = turned != static_cast<bool>(turned_[k]);
+      k = parent_[k] = parent_[above];
+    }
+    return {k, turned};
+  }
+  // Says how the two face each other, unless they are joined already.
+  void join(std::uint32_t a, std::uint32_t b, bool alike) {
+    const auto [root_a, turned_a] = root(a);
+    const auto [root_b, turned_b] = root(b);
+    if (root_a == root_b) return;
+    const std::uint32_t low = std::min(root_a, root_b);
+    parent_[std::max(root_a, root_b)] = low;
+    turned_[std::max(root_a, root_b)] = (turned_a != turned_b) == alike;
+  }
+
+ private:
+  std::vector<std::uint32_t> parent_;
+  std::vector<char> turned_;  // against the parent; 0 for a root
+};
+
 // Settles one piece: which triangles count, and which way they face.
 class PieceWork {
  public:
@@ -50,29 +82,41 @@ class PieceWork {
   Piece run() {
     const std::vector<std::uint32_t> once = without_repeats(false);
     if (closes(mesh_, once)) return keep(once, true);
-    const std::vector<std::uint32_t> walls = without_repeats(true);
-    std::vector<Corners> given;
+    std::vector<Corners> given, turned;
     for (const auto t : once) given.push_back(mesh_.triangles[t]);
     orient(once);
-    bool closed = closes(mesh_, once);
-    if (!closed && walls.size() > once.size()) {
-      std::vector<Corners> turned;
+    const std::size_t missing = missing_edges(mesh_, once).size();
+    const double volume = std::abs(signed_volume(mesh_, once));
+    if (missing > 0 && once.size() < triangles_.size()) {
       for (std::size_t k = 0; k < once.size(); k++)
         turned.push_back(std::exchange(mesh_.triangles[once[k]], given[k]));
-      double area = 0;
-      for (const auto t : walls) area += mesh_.area_normal(t).norm();
-      if (closes(mesh_, walls) && std::abs(signed_volume(mesh_, walls)) > 1e-6 * std::pow(area, 1.5))
-        return keep(walls, true);
+      if (const auto more = with_repeats(missing / 2, volume / 2)) return keep(*more, closes(mesh_, *more));
       for (std::size_t k = 0; k < once.size(); k++) mesh_.triangles[once[k]] = turned[k];
     }
     for (std::size_t k = 0; k < once.size(); k++) all_.turned += given[k] != mesh_.triangles[once[k]];
-    return keep(once, closed);
+    return keep(once, missing == 0);
   }
 
  private:
   Piece keep(const std::vector<std::uint32_t>& triangles, bool closed) {
     all_.repeated += triangles_.size() - triangles.size();
     return {triangles, closed};
+  }
+
+  // Repeated triangles are walls of bodies that touch or share a face, if at most `most` edges do not close
+  // with them, as given, and if the piece encloses a volume then, where edges are left at least `volume`: a
+  // surface whose triangles face both ways closes, too.
+  std::optional<std::vector<std::uint32_t>> with_repeats(std::size_t most, double volume) const {
+    double area = 0;
+    for (const auto t : triangles_) area += mesh_.area_normal(t).norm();
+    std::optional<std::vector<std::uint32_t>> best;
+    for (auto& kept : {without_repeats(true), triangles_}) {
+      const std::size_t missing = missing_edges(mesh_, kept).size();
+      if (missing > most || (best && missing == most)) continue;
+      const double least = std::max(1e-6 * std::pow(area, 1.5), missing > 0 ? volume : 0);
+      if (std::abs(signed_volume(mesh_, kept)) > least) best = kept, most = missing;
+    }
+    return best;
   }
 
   // Without triangles that have the same corners as one before; with `both_ways`, the same direction, too.
@@ -97,43 +141,30 @@ class PieceWork {
   void turn(std::uint32_t t) { std::swap(mesh_.triangles[t][1], mesh_.triangles[t][2]); }
 
   // Turns neighbours alike over the edges of two triangles. The parts between other edges then face as most
-  // of their triangles did, or so that more edges close.
+  // of their triangles did, or so that more edges close. Where no turning makes all alike, as at a twist of a
+  // few triangles in a closed body, those that face alike already stay so.
   void orient(const std::vector<std::uint32_t>& triangles) {
     const std::vector<Side> sides = sides_of(mesh_, triangles);
     std::map<std::uint32_t, std::uint32_t> local;
     for (const auto t : triangles) local.emplace(t, static_cast<std::uint32_t>(local.size()));
-    struct Link {
-      std::uint32_t to;
-      bool alike;
-    };
-    std::vector<std::vector<Link>> links(triangles.size());
-    for_edges(sides, [&](std::size_t begin, std::size_t end) {
-      if (end - begin != 2) return;
-      const Side &a = sides[begin], &b = sides[begin + 1];
-      const bool alike = a.direction != b.direction;
-      const auto s = local[a.triangle], t = local[b.triangle];
-      links[s].push_back({t, alike}), links[t].push_back({s, alike});
-    });
-    std::vector<int> part(triangles.size(), -1), way(triangles.size(), 1);
-    int parts = 0;
-    std::vector<std::uint32_t> stack;
+    Turns turns(triangles.size());
+    for (const bool alike : {true, false})
+      for_edges(sides, [&](std::size_t begin, std::size_t end) {
+        const Side &a = sides[begin], &b = sides[end - 1];
+        if (end - begin == 2 && alike == (a.direction != b.direction))
+          turns.join(local[a.triangle], local[b.triangle], alike);
+      });
+    std::vector<int> part(triangles.size(), -1), way(triangles.size(), 1), of_root(triangles.size(), -1);
     std::vector<long> votes;
     for (std::uint32_t k = 0; k < triangles.size(); k++) {
-      if (part[k] >= 0) continue;
-      votes.push_back(0), part[k] = parts, stack.push_back(k);
-      while (!stack.empty()) {
-        const auto s = stack.back();
-        stack.pop_back();
-        votes.back() += way[s];
-        for (const Link& link : links[s])
-          if (part[link.to] < 0)
-            part[link.to] = parts, way[link.to] = link.alike ? way[s] : -way[s], stack.push_back(link.to);
-      }
-      parts++;
+      const auto [root, turned] = turns.root(k);
+      if (of_root[root] < 0) of_root[root] = static_cast<int>(votes.size()), votes.push_back(0);
+      part[k] = of_root[root], way[k] = turned ? -1 : 1;
+      votes[static_cast<std::size_t>(part[k])] += way[k];
     }
-    std::vector<int> sign(parts);
-    for (int p = 0; p < parts; p++) sign[p] = votes[p] < 0 ? -1 : 1;
-    if (parts > 1) close_more(sides, local, part, way, sign);
+    std::vector<int> sign;
+    for (const long vote : votes) sign.push_back(vote < 0 ? -1 : 1);
+    if (sign.size() > 1) close_more(sides, local, part, way, sign);
     for (std::size_t k = 0; k < triangles.size(); k++)
       if (way[k] * sign[part[k]] < 0) turn(triangles[k]);
   }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "padding/meshing/remesh.h"
 
+#include <CGAL/Polygon_mesh_processing/connected_components.h>
 #include <CGAL/Polygon_mesh_processing/detect_features.h>
 #include <CGAL/Polygon_mesh_processing/orient_polygon_soup.h>
 #include <CGAL/Polygon_mesh_processing/polygon_soup_to_polygon_mesh.h>
@@ -61,6 +62,35 @@ SharpMap find_sharp_edges(CgalMesh& mesh, double angle) {
   SharpMap sharp = mesh.add_property_map<Edge, bool>("e:sharp", false).first;
   if (angle < 180) pmp::detect_sharp_edges(mesh, angle, sharp);
   return sharp;
+}
+
+using PartMap = CgalMesh::Property_map<CgalMesh::Face_index, std::size_t>;
+
+// The parts between sharp edges. CGAL 5.5's remesher does not know a part all of whose faces are degenerate,
+// and ends where it meets one: they go to a part beside it.
+PartMap find_parts(CgalMesh& mesh, const SharpMap& sharp) {
+  PartMap part = mesh.add_property_map<CgalMesh::Face_index, std::size_t>("f:part", 0).first;
+  const std::size_t parts =
+      pmp::connected_components(mesh, part, CGAL::parameters::edge_is_constrained_map(sharp));
+  std::vector<char> known(parts, 0);
+  for (const auto f : mesh.faces())
+    if (!known[part[f]] && !pmp::is_degenerate_triangle_face(f, mesh)) known[part[f]] = 1;
+  std::deque<Halfedge> open;  // out of faces of known parts into others
+  const auto look_around = [&](CgalMesh::Face_index f) {
+    for (const Halfedge h : mesh.halfedges_around_face(mesh.halfedge(f))) {
+      const Halfedge twin = mesh.opposite(h);
+      if (!mesh.is_border(twin) && !known[part[mesh.face(twin)]]) open.push_back(h);
+    }
+  };
+  for (const auto f : mesh.faces())
+    if (known[part[f]]) look_around(f);
+  for (; !open.empty(); open.pop_front()) {
+    const auto f = mesh.face(mesh.opposite(open.front()));
+    if (known[part[f]]) continue;
+    part[f] = part[mesh.face(open.front())];
+    look_around(f);
+  }
+  return part;
 }
 
 Point at(const CgalMesh& mesh, Vertex v) { return from_cgal(mesh.point(v)); }
@@ -291,6 +321,7 @@ Remeshed remesh(const Mesh& input, const RemeshOptions& options) {
   pmp::isotropic_remeshing(mesh.faces(), length, mesh,
                            CGAL::parameters::number_of_iterations(options.iterations)
                                .edge_is_constrained_map(sharp)
+                               .face_patch_map(find_parts(mesh, sharp))
                                .protect_constraints(false)
                                .number_of_relaxation_steps(3));
   mesh.collect_garbage();

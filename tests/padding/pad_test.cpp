@@ -455,6 +455,21 @@ TEST(Pad, ASpikeWithoutAreaIsSurfaceToo) {
   EXPECT_FALSE(p.report.within);
 }
 
+// Points and lines that a file writes as triangles, mostly at the origin, are neither padded nor measured.
+TEST(Pad, TrianglesOfFewerThanThreePointsAreLeftOut) {
+  const Mesh box = shapes::box({10, 10, 10}, {11, 11, 11}, 2);
+  Mesh mesh = box;
+  const auto n = static_cast<std::uint32_t>(mesh.points.size());
+  mesh.points.insert(mesh.points.end(), {{0, 0, 0}, {0, 0, 0}, {0, 0, 0}, {50, 0, 0}});
+  mesh.triangles.insert(mesh.triangles.end(), {{n, n + 1, n + 2}, {0, n + 3, n + 3}});
+  const Padded p = by_tolerance(mesh, 0.03), alone = by_tolerance(box, 0.03);
+  EXPECT_TRUE(p.cluster.accuracy.certified);
+  EXPECT_EQ(p.cluster.radii, alone.cluster.radii);
+  EXPECT_EQ(p.cluster.bounds.low, box.bounds().low);
+  EXPECT_EQ(p.report.triangles_in, mesh.triangles.size());
+  EXPECT_EQ(p.cluster.source.repair, "dropped 2 triangles with two corners at one point");
+}
+
 // spheres.triangle counts the triangles of Padded::mesh.
 TEST(Pad, EachSphereTouchesItsTriangleOfTheMesh) {
   const auto move = [](const Point& p) -> Point { return 20 * p + Point(300, -50, 7); };

@@ -200,7 +200,9 @@ TEST(Surface, DistancesToNeedlesAreRight) {
     const Vector along = random.direction(), across = along.unitOrthogonal(), up = along.cross(across);
     Mesh mesh;
     mesh.points = {random.point(0.5), {}, {}};
-    mesh.points[1] = mesh.points[0] + along, mesh.points[2] = mesh.points[0] + random.uniform(0, 1) * along;
+    const double third =
+        seed % 5 == 0 ? width * random.uniform(-1, 1) : random.uniform(0, 1);  // a short side
+    mesh.points[1] = mesh.points[0] + along, mesh.points[2] = mesh.points[0] + third * along;
     mesh.points[1 + seed % 2] += width * across;
     std::swap(mesh.points[0], mesh.points[seed % 3]);  // the sharp angle at each corner in turn
     mesh.triangles = {{0, 1, 2}};

@@ -488,6 +488,48 @@ std::string gltf_buffer(std::uint16_t last = 2) {
   return bytes;
 }
 
+TEST_F(Read, PlacesThatGltfDoesNotAllowAreRefused) {
+  put("data.bin", gltf_buffer());
+  const auto with = [this](const std::string& place) {
+    std::string scene = mirrored_gltf;
+    const std::string scale = R"("scale":[-2,1,1])";
+    return put("s.gltf", scene.replace(scene.find(scale), scale.size(), place));
+  };
+  expect_fault(with(R"("rotation":[0,0,3,4])"), "nodes 1, rotation: the quaternion is not of length 1");
+  expect_fault(with(R"("rotation":[0,0,0,0])"), "nodes 1, rotation: the quaternion is not of length 1");
+  expect_fault(with(R"("matrix":[1,0,0,0.5,0,1,0,0,0,0,1,0,0,0,0,1])"), "nodes 1, matrix: its last row");
+  EXPECT_EQ(fault(with(R"("rotation":[0,0,0.707,0.707])")), "");
+  std::string skin = mirrored_gltf;
+  expect_fault(put("s.gltf", skin.insert(skin.find("\"nodes\":[{"), "\"skins\":[{\"joints\":[1]}],")),
+               "skins 0: a skin without inverseBindMatrices is not read");
+}
+
+// A joint holds the triangle: it stands where the joint puts it, however its own node is placed.
+TEST_F(Read, ASkinnedMeshStandsWhereItsJointsHoldIt) {
+  std::string bytes;
+  for (const float x : {0, 0, 0, 1, 0, 0, 0, 1, 0}) append(bytes, x);                             // positions
+  for (const float x : {100, 0, 0, 0, 0, 100, 0, 0, 0, 0, 100, 0, 0, 0, 0, 1}) append(bytes, x);  // inverse
+  for (int v = 0; v < 3; v++)
+    for (const float x : {1, 0, 0, 0}) append(bytes, x);  // weights
+  bytes += std::string(12, '\0');                         // joints
+  put("skin.bin", bytes);
+  const Mesh mesh = read("skin.gltf", R"({"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0,1]}],
+"nodes":[{"mesh":0,"skin":0,"scale":[7,7,7]},{"scale":[-0.02,0.02,0.02],"translation":[0,0,3]}],
+"skins":[{"joints":[1],"inverseBindMatrices":1}],
+"meshes":[{"primitives":[{"attributes":{"POSITION":0,"WEIGHTS_0":2,"JOINTS_0":3}}]}],
+"accessors":[{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3","min":[0,0,0],"max":[1,1,0]},
+{"bufferView":1,"componentType":5126,"count":1,"type":"MAT4"},
+{"bufferView":2,"componentType":5126,"count":3,"type":"VEC4"},
+{"bufferView":3,"componentType":5121,"count":3,"type":"VEC4"}],
+"bufferViews":[{"buffer":0,"byteLength":36},{"buffer":0,"byteOffset":36,"byteLength":64},
+{"buffer":0,"byteOffset":100,"byteLength":48},{"buffer":0,"byteOffset":148,"byteLength":12}],
+"buffers":[{"uri":"skin.bin","byteLength":160}]})")
+                        .mesh;
+  ASSERT_EQ(mesh.triangles.size(), 1u);
+  EXPECT_NEAR(mesh.area_normal(0).z(), 2, 1e-6);  // mirrored by the joint, and turned right side out
+  EXPECT_NEAR((mesh.bounds().low - Point(-2, 0, 3)).norm(), 0, 1e-6);
+}
+
 TEST_F(Read, SceneNodesArePlacedAndMirroredOnesTurned) {
   put("data.bin", gltf_buffer());
   const ReadResult r = read("s.gltf", mirrored_gltf);

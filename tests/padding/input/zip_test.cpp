@@ -18,15 +18,16 @@ std::string fault(const std::string& bytes, const std::string& name, std::size_t
 }
 
 TEST(Zip, EveryFileComesBack) {
-  for (const bool deflated : {false, true}) {
-    const std::string bytes = zip_bytes(files, deflated);
-    const Zip zip(bytes, "z");
-    for (const auto& [name, data] : files) EXPECT_EQ(zip.read(name, 1 << 20), data);
-    EXPECT_TRUE(zip.has("3d/3DMODEL.model") == false && zip.has("3d/MODEL.model"));
-    if (deflated) {
-      EXPECT_LT(bytes.size(), 1000u);
+  for (const bool zip64 : {false, true})
+    for (const bool deflated : {false, true}) {
+      const std::string bytes = zip_bytes(files, deflated, zip64);
+      const Zip zip(bytes, "z");
+      for (const auto& [name, data] : files) EXPECT_EQ(zip.read(name, 1 << 20), data);
+      EXPECT_TRUE(zip.has("3d/3DMODEL.model") == false && zip.has("3d/MODEL.model"));
+      if (deflated) {
+        EXPECT_LT(bytes.size(), 1000u);
+      }
     }
-  }
 }
 
 TEST(Zip, FaultsAreSentences) {
@@ -42,8 +43,9 @@ TEST(Zip, FaultsAreSentences) {
 
 // Damaged archives give an answer or an Error, never a crash, and a false size never allocates memory.
 TEST(Zip, NoByteMayHarm) {
-  for (const bool deflated : {false, true}) {
-    const std::string good = zip_bytes(files, deflated);
+  for (const int kind : {0, 1, 2}) {
+    const bool deflated = kind > 0;
+    const std::string good = zip_bytes(files, deflated, kind == 2);
     const std::size_t step = deflated ? 1 : 97;
     for (std::size_t at = 0; at < good.size(); at += step) {
       std::string bad = good;

@@ -9,6 +9,8 @@
 #include <functional>
 
 #include "padding/by_tolerance/cull.h"
+#include "padding/geometry/random.h"
+#include "padding/geometry/triangle.h"
 #include "padding/meshing/repair.h"
 #include "padding/verify/certify.h"
 #include "tests/padding/random_input.h"
@@ -408,6 +410,73 @@ TEST(Mend, TrianglesWithoutAreaHoldTheSurfaceTogether) {
   EXPECT_EQ(r.kind, BodyKind::solid);
   EXPECT_EQ(r.steps.cracks + r.patches.size() + r.flat.triangles.size(), 0u);
   EXPECT_NEAR(volume(r), 1, 1e-12);
+}
+
+// A ball with a thin tube through it, whose far end faces the wrong way: a closed surface that no turning
+// makes face one way. The ball stays as it is, whichever triangle comes first.
+TEST(Mend, ATwistInABodyTurnsNothingElse) {
+  Mesh mesh = shapes::sphere(4);
+  const auto end = [&](double side) {  // takes out the triangle nearest to the pole
+    const auto last = std::max_element(mesh.triangles.begin(), mesh.triangles.end(), [&](auto& s, auto& t) {
+      const auto sum = [&](const auto& c) {
+        return mesh.points[c[0]] + mesh.points[c[1]] + mesh.points[c[2]];
+      };
+      return side * sum(s).x() < side * sum(t).x();
+    });
+    const auto corners = *last;
+    mesh.triangles.erase(last);
+    return corners;
+  };
+  const auto a = end(1), b = end(-1);
+  for (int k = 0; k < 3; k++) {
+    const int l = (k + 1) % 3;
+    mesh.triangles.insert(mesh.triangles.end(), {{a[k], a[l], b[l]}, {a[k], b[l], b[k]}});
+  }
+  Random random(5);
+  for (int order = 0; order < 20; order++) {
+    for (std::size_t k = mesh.triangles.size(); k-- > 1;)
+      std::swap(mesh.triangles[k], mesh.triangles[random.below(k + 1)]);
+    const Repaired r = mended(mesh);
+    EXPECT_EQ(r.kind, BodyKind::solid);
+    EXPECT_EQ(r.steps.turned, 0u);
+    EXPECT_LT(r.steps.sheet_area, 0.3);
+    EXPECT_NEAR(volume(r), mass_properties(shapes::sphere(4)).volume, 0.02);
+  }
+}
+
+// The lower half of a box once more, with the same triangles where the two share a face: all edges close, but
+// not without the repeated triangles.
+TEST(Mend, ABodyThatSharesFacesWithAnotherIsSolid) {
+  Mesh half = kCube;
+  for (Point& p : half.points) p.z() = std::min(p.z(), 0.5);
+  std::erase_if(half.triangles, [&](const auto& t) {
+    return Triangle3{half.points[t[0]], half.points[t[1]], half.points[t[2]]}.area_normal().norm() == 0;
+  });
+  for (const bool hole : {false, true}) {
+    Mesh mesh = joined(half, kCube);
+    if (hole) mesh.triangles.pop_back();
+    const Repaired r = mended(mesh);
+    EXPECT_EQ(r.kind, BodyKind::solid);
+    EXPECT_EQ(r.steps.sheet_area, 0);
+    EXPECT_NEAR(volume(r), 1, 1e-12);
+  }
+}
+
+// All but a few triangles of a ball with a hole are there once more, facing inward: with them all edges
+// close, too, but around nothing.
+TEST(Mend, ABodyWhoseTrianglesFaceBothWaysIsSolid) {
+  Mesh mesh = shapes::sphere(4);
+  const double whole = mass_properties(mesh).volume;
+  const auto gone = static_cast<std::uint32_t>(mesh.points.size() - 1);  // six triangles meet there
+  std::erase_if(mesh.triangles,
+                [&](const auto& t) { return std::find(t.begin(), t.end(), gone) != t.end(); });
+  for (std::size_t t = mesh.triangles.size() - 1; t-- > 0;) {
+    const auto [a, b, c] = mesh.triangles[t];
+    mesh.triangles.push_back({a, c, b});
+  }
+  const Repaired r = mended(mesh);
+  EXPECT_EQ(r.kind, BodyKind::solid);
+  EXPECT_NEAR(volume(r), whole, 0.01);
 }
 
 TEST(Mend, CertifiedCoversHoldWhenSampled) {

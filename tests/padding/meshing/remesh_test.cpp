@@ -132,5 +132,27 @@ TEST(Remesh, RefusesAnEdgeLengthThatIsNotPositiveOrTooShort) {
   EXPECT_THROW(remesh(shapes::sphere(1), {.edge_length = 1e-6}), Error);
 }
 
+// In a terrain, a triangle whose side is cut by its neighbour's corner, and the triangle without area between
+// the two, which only sharp edges join to others: CGAL's remesher does not know such a part.
+TEST(Remesh, APartWithoutAreaBetweenSharpEdges) {
+  for (std::uint64_t seed = 1; seed <= 20; seed++) {
+    SCOPED_TRACE("seed " + std::to_string(seed));
+    shapes::RandomInput random(seed);
+    Mesh terrain = shapes::square(1, 20);
+    for (Point& p : terrain.points) p.z() = seed % 2 * random.uniform(0, 0.01);
+    for (int cuts = 0; cuts < 12; cuts++) {
+      const auto t = static_cast<std::size_t>(random.uniform(100, 700));
+      const auto [a, b, c] = terrain.triangles[t];
+      const auto middle = static_cast<std::uint32_t>(terrain.points.size());
+      terrain.points.push_back(0.5 * (terrain.points[a] + terrain.points[b]));
+      terrain.triangles[t] = {a, middle, c};
+      terrain.triangles.insert(terrain.triangles.end(), {{middle, b, c}, {a, b, middle}});
+    }
+    RemeshOptions options;
+    options.edge_length = random.uniform(0.1, 0.4);
+    EXPECT_NEAR(remesh(terrain, options).mesh.area(), 1, 0.3);
+  }
+}
+
 }  // namespace
 }  // namespace padder
