@@ -44,20 +44,20 @@ bool packed(const Spheres& s) {
          s.radii == static_cast<const char*>(s.centers) + 3 * sizeof(T);
 }
 
-// The smallest and largest x, y, z and r of a run of spheres. A comparison passes over what is no number, and
-// `none` is not 0 if there is such, or an infinity. By vectors: the loop is four times as fast, and the
-// memory is what limits it.
+// The smallest and largest x, y, z and r of a run of spheres. A comparison passes over what is no number; a
+// member of `not_finite` is not 0 if the run has such, or an infinity. By vectors: then memory limits the
+// loop, and not arithmetic.
 template <class T>
 struct Extremes {
   using Lanes __attribute__((vector_size(16))) = T;
   static constexpr int kVectors = 4 * sizeof(T) / sizeof(Lanes);
-  T low[4], high[4], none[4] = {0, 0, 0, 0};
+  T low[4], high[4], not_finite[4] = {0, 0, 0, 0};
   Extremes(const Spheres& s, std::uint64_t first, std::uint64_t end) {
     std::fill_n(low, 4, std::numeric_limits<T>::infinity());
     std::fill_n(high, 4, -std::numeric_limits<T>::infinity());
-    Lanes lows[kVectors], highs[kVectors], nones[kVectors];
+    Lanes lows[kVectors], highs[kVectors], zeros[kVectors];
     std::memcpy(lows, low, sizeof low), std::memcpy(highs, high, sizeof high);
-    std::memcpy(nones, none, sizeof none);
+    std::memcpy(zeros, not_finite, sizeof not_finite);
     const bool together = packed<T>(s);
     for (std::uint64_t k = first; k < end; k++) {
       Lanes v[kVectors];
@@ -70,11 +70,11 @@ struct Extremes {
       for (int a = 0; a < kVectors; a++) {
         lows[a] = v[a] < lows[a] ? v[a] : lows[a];
         highs[a] = v[a] > highs[a] ? v[a] : highs[a];
-        nones[a] += v[a] * 0;
+        zeros[a] += v[a] * 0;
       }
     }
     std::memcpy(low, lows, sizeof low), std::memcpy(high, highs, sizeof high);
-    std::memcpy(none, nones, sizeof none);
+    std::memcpy(not_finite, zeros, sizeof not_finite);
   }
   // The largest |coordinate|.
   double extent() const {
@@ -84,7 +84,7 @@ struct Extremes {
   }
   bool sound() const {
     bool all = low[3] >= 0 && extent() <= kLargest && high[3] <= kLargest;
-    for (int a = 0; a < 4; a++) all &= none[a] == 0;
+    for (int a = 0; a < 4; a++) all &= not_finite[a] == 0;
     return all;
   }
 };

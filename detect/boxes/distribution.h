@@ -115,7 +115,8 @@ class Distribution {
   void each_run(std::uint64_t block, const BoxTree& tree, const Region& around, const BoundsOf& bounds,
                 const Use& use) const {
     constexpr std::uint64_t kGroup = 64, kPart = 8;
-    const auto whole = [&](std::uint64_t first, std::uint64_t end) {  // nothing is left to be done
+    // Deals with a run as a whole, if all of it lies in one box or away from `around`.
+    const auto is_one_run = [&](std::uint64_t first, std::uint64_t end) {
       const Bounds all = bounds.all(first, end);
       if (!meets(all, around)) return true;
       const std::optional<std::uint32_t> box = tree.only_box(all);
@@ -125,10 +126,10 @@ class Distribution {
     const std::uint64_t block_end = std::min(items_, (block + 1) * per_block_);
     for (std::uint64_t group = block * per_block_; group < block_end; group += kGroup) {
       const std::uint64_t group_end = std::min(group + kGroup, block_end);
-      if (whole(group, group_end)) continue;
+      if (is_one_run(group, group_end)) continue;
       for (std::uint64_t part = group; part < group_end; part += kPart) {
         const std::uint64_t part_end = std::min(part + kPart, group_end);
-        if (whole(part, part_end)) continue;
+        if (is_one_run(part, part_end)) continue;
         for (std::uint64_t k = part; k < part_end; k++)
           if (const Bounds b = bounds.one(k); meets(b, around))
             tree.each_box(b, [&](std::uint32_t box) { use(k, k + 1, box); });

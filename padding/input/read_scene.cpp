@@ -276,8 +276,8 @@ std::vector<fs::path> files_beside_gltf(const fs::path& path) {
 Soup read_scene(const std::string& bytes, const FilesBeside& beside, const fs::path& path,
                 const std::string& ending) {
   const std::string where = path.string();
-  const bool gltf =
-      ending == ".gltf" || ending == ".glb";  // RViz, MoveIt and Gazebo look at no skin of COLLADA
+  // Of COLLADA no skin is looked at, as RViz, MoveIt and Gazebo do.
+  const bool gltf = ending == ".gltf" || ending == ".glb";
   ImportLog log;
   Assimp::Importer importer;
   importer.SetIOHandler(new Files(bytes, path, beside));  // the importer owns it

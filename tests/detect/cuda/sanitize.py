@@ -50,7 +50,8 @@ def run(program, test, options):
         return True, None, False, 0, text
     summary = re.search(r"(?:ERROR SUMMARY: |RACECHECK SUMMARY: )(\d+)(?: hazards? displayed)?", text)
     found = int(summary.group(1)) if summary else -1
-    return True, found, "[  FAILED  ]" in text or (found == 0 and done.returncode != 0), time.monotonic() - started, text
+    failed = found < 0 or "[  FAILED  ]" in text or (found == 0 and done.returncode != 0)  # below 0: the tool itself failed
+    return True, found, failed, time.monotonic() - started, text
 
 
 def main():
@@ -76,10 +77,10 @@ def main():
             ends, found, failed, seconds, text = job.result()
             if found is None:
                 continue
-            rows[name].update(tests=1, ended=ends, found=found != 0, failed=failed, skipped="[  SKIPPED ]" in text)
+            rows[name].update(tests=1, ended=ends, found=found > 0, failed=failed, skipped="[  SKIPPED ]" in text)
             if not ends:
                 late.append(f"{name} {test}")
-            if found or failed:
+            if found > 0 or failed:
                 kept = [l for l in text.splitlines() if l.startswith("=========") or "Failure" in l or "what()" in l]
                 findings.append(f"{name} {test}: {found} ({seconds:.0f} s)\n" + "\n".join(kept[:24]))
             if options.log:
