@@ -1,32 +1,35 @@
 // SPDX-License-Identifier: MIT
-// Contacts of loose spheres and bodies that lie on several GPUs of one machine, as in a simulation that runs
-// there. The spheres stay where they are, only those near a face travel, from GPU to GPU, and the contacts
-// stay on the GPU that found them. Of bodies all poses travel to all GPUs. The contacts are those of one
-// Detector, pair for pair. docs/scale.md tells how it works.
+// Contacts of loose spheres and bodies that lie on several GPUs, of one machine or of several, as in a
+// simulation that runs there. The spheres stay where they are, only those near a face travel, from GPU to GPU,
+// and the contacts stay on the GPU that found them. Of bodies all poses travel to all GPUs. The contacts are
+// those of one Detector, pair for pair. docs/scale.md tells how it works.
 #pragma once
 #include <cstdint>
 #include <memory>
 #include <span>
 #include <vector>
 
+#include "detect/boxes/resident_ranks.h"
 #include "detect/detector.h"
 #include "detect/host_device.h"
 
 namespace padder::detect {
-
-// The most GPUs that one ResidentDetector uses.
-inline constexpr int kMostResidentDevices = 16;
 
 // How the GPUs detect.
 struct ResidentOptions {
   // How each GPU detects. `own` limits the contacts of the whole scene, `memory_limit` is for each GPU's
   // detector; `stream`, `output` and `threads` are not read.
   CallOptions detector;
-  // The numbers of the GPUs. The same one may be named more than once. Empty: all there are.
+  // The numbers of the GPUs. The same one may be named more than once. Empty: all there are; of a rank, GPU k
+  // for the k-th rank of a machine, again from the first on where there are more ranks than GPUs.
   std::vector<int> devices;
+  // The ranks of MPI that share the scene: resident_ranks() of detect/mpi/resident_ranks.h. Each has one GPU
+  // and one ResidentDetector, and every function of these but found(), report(), region() and devices() is
+  // collective: all ranks call it. Null: this process alone.
+  std::shared_ptr<ResidentRanks> ranks;
 };
 
-// What a call did.
+// What a call did, by the GPUs of all ranks together; the seconds are those of this process.
 struct ResidentReport {
   std::uint64_t contacts = 0, spheres = 0;
   std::uint64_t copies = 0;       // loose spheres in the loads, and all spheres of bodies once; those above
@@ -72,7 +75,7 @@ struct ResidentPoses {
 // Keeps its cut, its detectors and their memory from call to call. Space is cut anew when the work of the
 // heaviest GPU exceeds the mean by a tenth. Not for two threads at once. Every function throws Error, with
 // the sentence of a Detector where a sphere is at fault, and with one that names the GPU where that fails;
-// the object stays usable.
+// the object stays usable. What fails on one rank fails on all, with the same sentence.
 class ResidentDetector {
  public:
   // Throws Error when a GPU is not to be had, and in a build without CUDA.
@@ -83,7 +86,7 @@ class ResidentDetector {
 
   // One part of the scene for each GPU, in the order of the GPUs: parts[k] lies in the memory of GPU k, or in
   // host memory, from where it is copied there (at full speed if it is pinned). The scene has the spheres of
-  // part 0, then those of part 1, and so on. Each part has below 2^32 - 1 spheres; all are in float or all in
+  // part 0, then those of part 1, and so on; a rank gives its own part alone, and those of rank 0 come first. Each part has below 2^32 - 1 spheres; all are in float or all in
   // double. Which spheres a part holds is the caller's choice, but those outside of region(k) travel, and the
   // part is copied if they are more than an eighth; else it is read where it lies.
   // Work given to the default streams of the GPUs before the call is waited for.
@@ -94,10 +97,11 @@ class ResidentDetector {
   // copied and divided into pieces in every call. poses[k] are on GPU k: those of the first bodies on the
   // first GPU, those that follow on the second, and so on, for all bodies together. No `poses`: those of
   // `bodies`, in host memory, as for a Detector. The spheres of bodies have the first numbers of the scene.
+  // All ranks give the same bodies, and each its part of the poses.
   const ResidentReport& detect(std::span<const Spheres> parts, const Input& bodies,
                                std::span<const ResidentPoses> poses = {});
 
-  // Of the last call, one for each GPU.
+  // Of the last call, one for each GPU of this process.
   std::span<const ResidentContacts> found() const;
   const ResidentReport& report() const;
   std::uint64_t hash() const;  // order-free, as Detector::hash(). Cost: a pass over the contacts.

@@ -2,15 +2,15 @@
 #include "detect/mpi/exchange.h"
 
 #include <algorithm>
+#include <type_traits>
 #include <utility>
 
+#include "detect/mpi/messages.h"
 #include "detect/mpi/together.h"
 #include "padding/asset/error.h"
 
 namespace padder::detect {
 namespace {
-
-constexpr std::uint64_t kMostBytes = 1 << 30;  // of a message: MPI counts in int
 
 // Calls use(array of a, array of b, numbers for each item, the items' member of LoadSizes) for each array
 // that is sent, in the same order on all ranks.
@@ -33,40 +33,6 @@ void number_bodies(BoxLoad& load) {
   for (std::uint64_t b = 0; b < load.body_count; b++)
     load.first_of_body[b + 1] = load.first_of_body[b] + load.shapes[load.bodies.data()[b].shape].count;
 }
-
-// Messages to and from one other rank, which do not wait.
-class Messages {
- public:
-  Messages(MPI_Comm ranks, std::size_t other, std::vector<MPI_Request>& waiting)
-      : ranks_(ranks), other_(static_cast<int>(other)), waiting_(waiting) {}
-  template <class T>
-  void receive(T* to, std::uint64_t count) {
-    each_part(to, count * sizeof(T), [&](char* at, int bytes, MPI_Request* request) {
-      MPI_Irecv(at, bytes, MPI_BYTE, other_, kTag, ranks_, request);
-    });
-  }
-  template <class T>
-  void send(T* from, std::uint64_t count, Traffic& traffic) {
-    each_part(from, count * sizeof(T), [&](const char* at, int bytes, MPI_Request* request) {
-      MPI_Isend(at, bytes, MPI_BYTE, other_, kTag, ranks_, request);
-      traffic.bytes += static_cast<std::uint64_t>(bytes), traffic.messages++;
-    });
-  }
-
- private:
-  static constexpr int kTag = 7;  // the messages of two ranks come in the order in which they are sent
-
-  template <class Use>
-  void each_part(void* data, std::uint64_t bytes, const Use& use) {
-    for (std::uint64_t at = 0; at < bytes; at += kMostBytes)
-      use(static_cast<char*>(data) + at, static_cast<int>(std::min(kMostBytes, bytes - at)),
-          &waiting_.emplace_back());
-  }
-
-  MPI_Comm ranks_;
-  int other_;
-  std::vector<MPI_Request>& waiting_;
-};
 
 }  // namespace
 
@@ -110,17 +76,17 @@ Traffic Exchange::run(std::vector<BoxLoad>& loads) const {
     own.loose = all_.loose, own.body_count = all_.bodies, own.body_spheres = all_.body_spheres;
     own.first_of_body.assign(own.body_count + 1, 0);
   });
-  Traffic traffic;
-  std::vector<MPI_Request> waiting;
+  Messages messages(ranks_);
   for (std::size_t k = 0; k < loads.size(); k++) {
     if (k == me_) continue;
-    Messages messages(ranks_, k, waiting);
     each_array(form_, own, loads[k], [&](auto& to, auto& from, std::uint64_t width, auto items) {
-      messages.receive(to.data() + width * begin_[k].*items, width * coming_[k].*items);
-      messages.send(from.data(), width * sending_[k].*items, traffic);
+      using Item = std::remove_pointer_t<decltype(to.data())>;
+      const std::uint64_t each = width * sizeof(Item);
+      messages.receive(static_cast<int>(k), to.data() + width * begin_[k].*items, each * coming_[k].*items);
+      messages.send(static_cast<int>(k), from.data(), each * sending_[k].*items);
     });
   }
-  MPI_Waitall(static_cast<int>(waiting.size()), waiting.data(), MPI_STATUSES_IGNORE);
+  const Traffic traffic = messages.wait();
   number_bodies(own);
   return traffic;
 }

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "detect/boxes/assignment.h"
+#include "detect/mpi/messages.h"
 
 namespace padder::detect {
 
@@ -19,11 +20,6 @@ struct LoadForm {
 // How much of each kind a load has.
 struct LoadSizes {
   unsigned long long loose = 0, bodies = 0, body_spheres = 0;
-};
-
-// What an exchange took.
-struct Traffic {
-  std::uint64_t bytes = 0, messages = 0;  // sent by this rank to others
 };
 
 // Carries loads between ranks: sizes first, all ranks to all. Then only ranks that have something for each

@@ -15,6 +15,7 @@
 #include "detect/core/backend.h"
 #include "detect/mpi/exchange.h"
 #include "detect/mpi/rank_cut.h"
+#include "detect/mpi/ranks.h"
 #include "detect/mpi/together.h"
 #include "padding/asset/error.h"
 
@@ -44,38 +45,6 @@ std::uint64_t checksum_of(std::span<const Shape> shapes) {
   }
   return sum;
 }
-
-// A communicator of our own, so that no message of the caller is taken for one of ours.
-class Ranks {
- public:
-  explicit Ranks(MPI_Comm from) {
-    mpi_check(MPI_Comm_dup(from, &all_), "begin");
-    MPI_Comm_rank(all_, &rank), MPI_Comm_size(all_, &count);
-    MPI_Comm host;
-    MPI_Comm_split_type(all_, MPI_COMM_TYPE_SHARED, rank, MPI_INFO_NULL, &host);
-    MPI_Comm_rank(host, &rank_on_host), MPI_Comm_size(host, &count_on_host);
-    MPI_Comm_free(&host);
-    rank = rank_of(all_);
-  }
-  ~Ranks() {
-    int over = 0;
-    MPI_Finalized(&over);
-    if (!over) MPI_Comm_free(&all_);
-  }
-  Ranks(const Ranks&) = delete;
-  Ranks& operator=(const Ranks&) = delete;
-  operator MPI_Comm() const { return all_; }  // NOLINT(google-explicit-constructor)
-
-  int rank = 0, count = 1, rank_on_host = 0, count_on_host = 1;
-
- private:
-  static int rank_of(MPI_Comm c) {
-    int rank = 0;
-    MPI_Comm_rank(c, &rank);
-    return rank;
-  }
-  MPI_Comm all_ = MPI_COMM_NULL;
-};
 
 DeviceChoice device_for(const Ranks& ranks) {
   const int gpus = cuda_device_count();

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Ranks of MPI, each with a GPU (or with its share of the processors), against threads of one process with as
-// many devices, in repeated calls over the same spheres in host memory. Each rank has the spheres of its box,
-// as in a simulation.
+// many devices, in repeated calls over the same spheres: in host memory, and on the GPUs, where the contacts
+// stay as well. Each rank has the spheres of its box, as in a simulation.
 #include "padding/asset/error.h"
 #include "tools/bench/bench.h"
 #include "tools/detect/launch.h"
@@ -11,12 +11,14 @@
 #include <omp.h>
 
 #include <algorithm>
-#include <array>
 #include <cstdio>
 #include <thread>
 
 #include "detect/boxes/boxed_detector.h"
+#include "detect/boxes/resident_detector.h"
 #include "detect/mpi/rank_detector.h"
+#include "detect/mpi/resident_ranks.h"
+#include "tools/bench/device.h"
 #endif
 
 namespace padder::bench {
@@ -89,6 +91,24 @@ struct Result {
   std::uint64_t contacts = 0, hash = 0;
 };
 
+// The boxes of all ranks.
+std::vector<Region> boxes_of(const Session& session, const Region& own) {
+  std::vector<Region> boxes(static_cast<std::size_t>(session.count));
+  MPI_Allgather(&own, sizeof own, MPI_BYTE, boxes.data(), sizeof own, MPI_BYTE, MPI_COMM_WORLD);
+  return boxes;
+}
+
+// The spheres of this rank's box. `scene` is sorted by boxes, and stays on rank 0 alone.
+Scene take_part(const Session& session, const Region& own, Scene& scene) {
+  std::vector<std::uint64_t> first;
+  scene = by_rank(scene, boxes_of(session, own), first);
+  const auto mine = static_cast<std::size_t>(session.rank);
+  const Scene part(scene.begin() + static_cast<std::ptrdiff_t>(first[mine]),
+                   scene.begin() + static_cast<std::ptrdiff_t>(first[mine + 1]));
+  if (session.rank > 0) Scene().swap(scene);
+  return part;
+}
+
 // Of the slowest rank.
 Result by_ranks(const Settings& s, const Session& session, const detect::CallOptions& options, Scene& scene) {
   detect::RankOptions o;
@@ -96,15 +116,7 @@ Result by_ranks(const Settings& s, const Session& session, const detect::CallOpt
   if (s.backend == "omp") o.device = {detect::BackendKind::omp, 0};
   detect::RankDetector detector(MPI_COMM_WORLD, o);
   for (int k = 0; k < 2; k++) detector.detect(part_of(input_of(scene), session.rank, session.count), {});
-  std::vector<Region> boxes(static_cast<std::size_t>(session.count));
-  const Region own = detector.region();
-  MPI_Allgather(&own, sizeof own, MPI_BYTE, boxes.data(), sizeof own, MPI_BYTE, MPI_COMM_WORLD);
-  std::vector<std::uint64_t> first;
-  scene = by_rank(scene, boxes, first);
-  const auto mine = static_cast<std::size_t>(session.rank);
-  const Scene part(scene.begin() + static_cast<std::ptrdiff_t>(first[mine]),
-                   scene.begin() + static_cast<std::ptrdiff_t>(first[mine + 1]));
-  if (session.rank > 0) Scene().swap(scene);
+  const Scene part = take_part(session, detector.region(), scene);
   for (int k = 0; k < 2; k++) detector.detect(input_of(part), {});
   std::vector<Times> calls;
   for (int k = 0; k < s.repeat; k++) {
@@ -135,6 +147,113 @@ Result by_threads(const Settings& s, const Session& session, const detect::CallO
   return {median(calls), detector.report().contacts, detector.report().hash};
 }
 
+#ifdef PADDER_CUDA
+
+int gpus() {
+  int count = 0;
+  return cudaGetDeviceCount(&count) == cudaSuccess ? count : 0;
+}
+
+// Parts of a scene, each on its GPU.
+class OnGpus {
+ public:
+  void add(int device, const Scene& part) {
+    if (cudaSetDevice(device) != cudaSuccess) throw Error("there is no GPU " + std::to_string(device));
+    kept_.push_back(std::make_unique<DeviceSpheres>(part, true));
+    cudaDeviceSynchronize();
+    parts_.push_back(kept_.back()->input().spheres);
+  }
+  const std::vector<detect::Spheres>& parts() const { return parts_; }
+
+ private:
+  std::vector<std::unique_ptr<DeviceSpheres>> kept_;
+  std::vector<detect::Spheres> parts_;
+};
+
+// longest(v): the largest of the ranks' values.
+template <class Longest>
+Times resident_times(const Settings& s, detect::ResidentDetector& detector, const OnGpus& there,
+                     const Longest& longest) {
+  for (int k = 0; k < 3; k++) detector.detect(there.parts());
+  std::vector<Times> calls;
+  for (int k = 0; k < s.repeat; k++) {
+    longest(0.);
+    const double seconds = seconds_of([&] { detector.detect(there.parts()); });
+    const detect::ResidentReport& r = detector.report();
+    calls.push_back({longest(seconds), 0, longest(r.deal_seconds), longest(r.detect_seconds)});
+  }
+  return median(calls);
+}
+
+Result resident_by_ranks(const Settings& s, const Session& session, const detect::CallOptions& options,
+                         Scene& scene) {
+  detect::ResidentOptions o;
+  o.detector = options, o.ranks = detect::resident_ranks(MPI_COMM_WORLD);
+  detect::ResidentDetector detector(o);
+  for (int k = 0; k < 2; k++) {
+    const detect::Spheres part = part_of(input_of(scene), session.rank, session.count).spheres;
+    detector.detect({&part, 1});
+  }
+  OnGpus there;
+  there.add(detector.found()[0].device, take_part(session, detector.region(0), scene));
+  const Times times = resident_times(s, detector, there, [&](double v) { return session.longest(v); });
+  return {times, detector.report().contacts, detector.hash()};
+}
+
+Result resident_by_threads(const Settings& s, const Session& session, const detect::CallOptions& options,
+                           const Scene& scene) {
+  detect::ResidentOptions o;
+  o.detector = options;
+  for (int k = 0; k < session.count; k++) o.devices.push_back(k % gpus());
+  detect::ResidentDetector detector(o);
+  std::vector<detect::Spheres> parts;
+  for (int k = 0; k < session.count; k++)
+    parts.push_back(part_of(input_of(scene), k, session.count).spheres);
+  for (int k = 0; k < 2; k++) detector.detect(parts);
+  std::vector<Region> boxes;
+  for (std::size_t k = 0; k < detector.devices(); k++) boxes.push_back(detector.region(k));
+  std::vector<std::uint64_t> first;
+  const Scene sorted = by_rank(scene, boxes, first);
+  OnGpus there;
+  for (std::size_t k = 0; k < detector.devices(); k++)
+    there.add(o.devices[k], Scene(sorted.begin() + static_cast<std::ptrdiff_t>(first[k]),
+                                  sorted.begin() + static_cast<std::ptrdiff_t>(first[k + 1])));
+  const Times times = resident_times(s, detector, there, [](double v) { return v; });
+  return {times, detector.report().contacts, detector.hash()};
+}
+
+#endif
+
+class Table {
+ public:
+  void add(std::uint64_t spheres, int devices, const std::string& lie, const Result& of_ranks,
+           const Result& of_threads) {
+    if (of_ranks.hash != of_threads.hash) throw Error("the contacts of ranks differ from those of threads");
+    for (const bool by_rank : {true, false}) {
+      const Result& r = by_rank ? of_ranks : of_threads;
+      const std::string by = by_rank ? "ranks" : "threads";
+      const double ratio = r.times.all / of_threads.times.all;
+      rows.push_back({{"spheres", spheres},
+                      {"contacts", r.contacts},
+                      {"devices", devices},
+                      {"spheres_lie", lie},
+                      {"by", by},
+                      {"seconds", r.times.all},
+                      {"seconds_cut", r.times.cut},
+                      {"seconds_copy", r.times.copy},
+                      {"seconds_detect", r.times.detect},
+                      {"ratio", ratio}});
+      const auto ms = [](double v) { return number(v * 1e3, "%.2f"); };
+      table.push_back({std::to_string(spheres), std::to_string(r.contacts), std::to_string(devices), lie, by,
+                       ms(r.times.all), ms(r.times.cut), ms(r.times.copy), ms(r.times.detect),
+                       number(ratio, "%.2f")});
+    }
+  }
+  Json rows = Json::array();
+  Json table = Json::array({{"spheres", "contacts", "devices", "spheres lie", "by", "call [ms]", "cut [ms]",
+                             "copy, exchange or deal [ms]", "detection [ms]", "of the threads' time"}});
+};
+
 }  // namespace
 
 Json ranks(const Settings& s) {
@@ -144,38 +263,24 @@ Json ranks(const Settings& s) {
   if (session.rank > 0 && !std::freopen("/dev/null", "w", stdout)) throw Error("cannot close the output");
   detect::CallOptions options;
   options.order = detect::Order::any, options.threads = s.threads;
-  Json rows = Json::array(),
-       table = Json::array({{"spheres", "contacts", "devices", "by", "call [ms]", "cut [ms]",
-                             "copy or exchange [ms]", "detection [ms]", "of the threads' time"}});
-  for (const std::uint64_t n : s.spheres.empty() ? std::vector<std::uint64_t>{57500000} : s.spheres) {
+  Table table;
+  // The ranks measure together; then rank 0 does with its threads, while the others wait.
+  const auto measure = [&](std::uint64_t n, const std::string& lie, const auto& by_ranks,
+                           const auto& by_threads) {
     Scene scene = detect::generate("dense", n, false);
     const Result of_ranks = by_ranks(s, session, options, scene);
-    if (session.rank > 0) {
-      session.wait();
-      continue;
-    }
-    const Result of_threads = by_threads(s, session, options, scene);
+    if (session.rank == 0)
+      table.add(n, session.count, lie, of_ranks, by_threads(s, session, options, scene));
     session.wait();
-    if (of_ranks.hash != of_threads.hash) throw Error("the contacts of ranks differ from those of threads");
-    for (const bool by_rank : {true, false}) {
-      const Result& r = by_rank ? of_ranks : of_threads;
-      const double ratio = r.times.all / of_threads.times.all;
-      rows.push_back({{"spheres", n},
-                      {"contacts", r.contacts},
-                      {"devices", session.count},
-                      {"by", by_rank ? "ranks" : "threads"},
-                      {"seconds", r.times.all},
-                      {"seconds_cut", r.times.cut},
-                      {"seconds_copy", r.times.copy},
-                      {"seconds_detect", r.times.detect},
-                      {"ratio", ratio}});
-      const auto ms = [](double v) { return number(v * 1e3, "%.1f"); };
-      table.push_back({std::to_string(n), std::to_string(r.contacts), std::to_string(session.count),
-                       by_rank ? "ranks" : "threads", ms(r.times.all), ms(r.times.cut), ms(r.times.copy),
-                       ms(r.times.detect), number(ratio, "%.2f")});
-    }
+  };
+  for (const std::uint64_t n : s.spheres.empty() ? std::vector<std::uint64_t>{57500000} : s.spheres) {
+    measure(n, "in host memory", by_ranks, by_threads);
+#ifdef PADDER_CUDA
+    if (s.backend != "omp" && gpus() > 0)
+      measure(n, "on the GPUs", resident_by_ranks, resident_by_threads);
+#endif
   }
-  Json result = {{"bench", "ranks"}, {"machine", machine()}, {"rows", rows}, {"table", table}};
+  Json result = {{"bench", "ranks"}, {"machine", machine()}, {"rows", table.rows}, {"table", table.table}};
   if (session.rank == 0) write_result(s, result);
   return result;
 }

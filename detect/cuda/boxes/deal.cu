@@ -3,6 +3,7 @@
 
 #include <thrust/iterator/counting_iterator.h>
 #include <algorithm>
+#include <bit>
 #include <cstring>
 #include <cub/device/device_radix_sort.cuh>
 #include <cub/device/device_select.cuh>
@@ -66,23 +67,17 @@ struct Source {
   }
 };
 
-// A bit for each box that needs the sphere; 0 for a faulty one. A halo that lies within the own box meets no
-// other.
-__device__ unsigned boxes_of(const Sphere& s, double largest_radius, const DealRegions& regions, int own) {
-  if (fault_of(s) != Fault::none) return 0;
-  const Bounds b = halo_of(s, largest_radius);
+__device__ bool meets(const Bounds& halo, const Region& box) {
+  bool meets = true;
+  for (int a = 0; a < 3; a++) meets &= halo.low[a] < box.high[a] && halo.high[a] >= box.low[a];
+  return meets;
+}
+
+// Does the halo lie within the box? Then it meets no other.
+__device__ bool lies_within(const Bounds& halo, const Region& box) {
   bool within = true;
-  for (int a = 0; a < 3; a++)
-    within &= b.low[a] >= regions.of[own].low[a] && b.high[a] < regions.of[own].high[a];
-  if (within) return 1u << own;
-  unsigned found = 0;
-  for (int p = 0; p < regions.count; p++) {
-    bool meets = true;
-    for (int a = 0; a < 3; a++)
-      meets &= b.low[a] < regions.of[p].high[a] && b.high[a] >= regions.of[p].low[a];
-    found |= static_cast<unsigned>(meets) << p;
-  }
-  return found;
+  for (int a = 0; a < 3; a++) within &= halo.low[a] >= box.low[a] && halo.high[a] < box.high[a];
+  return within;
 }
 
 // A cheap test in the input's own arithmetic for nearly all spheres: is the sphere without fault, and its
@@ -112,12 +107,16 @@ struct Within {
   }
 };
 
+// What deal() counts: a word for each of these, then the spheres for each box.
+enum Counter { kAway, kAstray, kRadiusBits, kFaulty, kStaying, kFirstBox };
+
 struct DealTask {
-  DealRegions regions;
-  int own;
+  const Region* boxes;
+  unsigned box_count, own;
+  Region own_box;
   double largest_radius;
   std::uint64_t away_room;
-  unsigned long long *away, *totals, *away_count, *astray, *radius_bits, *faulty;
+  unsigned long long *away, *counts;
 };
 
 // By a whole warp: notes where its spheres go beside the own box. `asked`: the lane's sphere k is to be
@@ -125,20 +124,23 @@ struct DealTask {
 __device__ __noinline__ void note_away(const DealTask& task, bool asked, const Sphere& s, std::uint64_t k) {
   const unsigned lane = threadIdx.x % 32;
   const bool faulty = asked && fault_of(s) != Fault::none;
-  const unsigned boxes = asked ? boxes_of(s, task.largest_radius, task.regions, task.own) : 0;
-  if (faulty) atomicMin(task.faulty, static_cast<unsigned long long>(k));
-  const unsigned astray = __ballot_sync(~0u, asked && !faulty && !(boxes >> task.own & 1));
-  if (lane == 0 && astray) atomicAdd(task.astray, static_cast<unsigned long long>(__popc(astray)));
-  const unsigned others = boxes & ~(1u << task.own);
-  if (!__any_sync(~0u, others != 0)) return;
-  for (int p = 0; p < task.regions.count; p++) {
-    const unsigned there = __ballot_sync(~0u, others >> p & 1), count = static_cast<unsigned>(__popc(there));
+  if (faulty) atomicMin(task.counts + kFaulty, static_cast<unsigned long long>(k));
+  asked = asked && !faulty;
+  const Bounds halo = halo_of(s, task.largest_radius);
+  const unsigned astray = __ballot_sync(~0u, asked && !meets(halo, task.own_box));
+  if (lane == 0 && astray) atomicAdd(task.counts + kAstray, static_cast<unsigned long long>(__popc(astray)));
+  asked = asked && !lies_within(halo, task.own_box);
+  if (!__any_sync(~0u, asked)) return;
+  for (unsigned b = 0; b < task.box_count; b++) {
+    if (b == task.own) continue;
+    const bool goes = asked && meets(halo, task.boxes[b]);
+    const unsigned there = __ballot_sync(~0u, goes), count = static_cast<unsigned>(__popc(there));
     if (there == 0) continue;
     unsigned long long place = 0;
-    if (lane == 0) place = atomicAdd(task.away_count, count), atomicAdd(task.totals + p, count);
+    if (lane == 0)
+      place = atomicAdd(task.counts + kAway, count), atomicAdd(task.counts + kFirstBox + b, count);
     place = __shfl_sync(~0u, place, 0) + static_cast<unsigned>(__popc(there & ((1u << lane) - 1)));
-    if ((others >> p & 1) && place < task.away_room)
-      task.away[place] = static_cast<unsigned long long>(p) << 32 | k;
+    if (goes && place < task.away_room) task.away[place] = static_cast<unsigned long long>(b) << 32 | k;
   }
 }
 
@@ -171,22 +173,22 @@ __global__ void __launch_bounds__(kThreads)
   }
   // Doubles that are not negative have the order of their bits.
   const auto bits = static_cast<unsigned long long>(__double_as_longlong(double(largest)));
-  if (lane == 0 && largest > 0 && bits > *static_cast<volatile unsigned long long*>(task.radius_bits))
-    atomicMax(task.radius_bits, bits);
+  unsigned long long* const known = task.counts + kRadiusBits;
+  if (lane == 0 && largest > 0 && bits > *static_cast<volatile unsigned long long*>(known))
+    atomicMax(known, bits);
 }
 
 // Does the own box need sphere k?
 template <class T>
 struct Stays {
   Source<T> source;
-  DealRegions regions;
-  int own;
+  Region own_box;
   double largest_radius;
   __device__ bool operator()(std::uint32_t k) const {
     T v[4];
     source.read(k, v);
     const Sphere s{double(v[0]), double(v[1]), double(v[2]), double(v[3])};
-    return boxes_of(s, largest_radius, regions, own) >> own & 1;
+    return fault_of(s) == Fault::none && meets(halo_of(s, largest_radius), own_box);
   }
 };
 
@@ -252,48 +254,54 @@ void Dealer::pack(const Spheres& spheres, const DealTarget& to, cudaStream_t str
   cuda_launched("copy the spheres");
 }
 
-DealCounts Dealer::deal(const Spheres& spheres, const DealRegions& regions, int own, double largest_radius,
-                        std::uint64_t away_room, cudaStream_t stream) {
+void Dealer::set_boxes(std::span<const Region> boxes, std::size_t own, cudaStream_t stream) {
+  boxes_ = boxes.size(), own_ = own, own_box_ = boxes[own];
+  cuda_check(cudaMemcpyAsync(regions_.reserve(boxes.size()), boxes.data(), boxes.size_bytes(),
+                             cudaMemcpyHostToDevice, stream),
+             "copy the boxes");
+  cuda_check(cudaStreamSynchronize(stream), "copy the boxes");
+}
+
+DealCounts Dealer::deal(const Spheres& spheres, double largest_radius, std::uint64_t away_room,
+                        cudaStream_t stream) {
   DealCounts found;
+  found.to.resize(boxes_);
   if (spheres.count == 0) return found;
-  Summary* const summary = summary_.reserve(1);
-  Summary host{};
-  host.faulty = ~0ull;
-  const DealTask task{regions,
-                      own,
+  std::vector<unsigned long long> counts(kFirstBox + boxes_, 0);
+  counts[kFaulty] = ~0ull;
+  const std::size_t bytes = counts.size() * sizeof counts[0];
+  const DealTask task{regions_.data(),
+                      static_cast<unsigned>(boxes_),
+                      static_cast<unsigned>(own_),
+                      own_box_,
                       largest_radius,
                       away_room,
                       away_.reserve(away_room),
-                      summary->totals,
-                      &summary->away,
-                      &summary->astray,
-                      &summary->radius_bits,
-                      &summary->faulty};
-  cuda_check(cudaMemcpyAsync(summary, &host, sizeof host, cudaMemcpyHostToDevice, stream),
+                      counts_.reserve(counts.size())};
+  cuda_check(cudaMemcpyAsync(task.counts, counts.data(), bytes, cudaMemcpyHostToDevice, stream),
              "deal the spheres out");
   as_source(spheres, [&]<class T>(const Source<T>& source) {
     const auto blocks = std::min(blocks_for(spheres.count, kThreads * kRows), kMostBlocks);
-    deal_kernel<<<blocks, kThreads, 0, stream>>>(source, Within<T>(regions.of[own], largest_radius), task);
+    deal_kernel<<<blocks, kThreads, 0, stream>>>(source, Within<T>(own_box_, largest_radius), task);
   });
   cuda_launched("deal the spheres out");
-  cuda_check(cudaMemcpyAsync(&host, summary, sizeof host, cudaMemcpyDeviceToHost, stream),
+  cuda_check(cudaMemcpyAsync(counts.data(), task.counts, bytes, cudaMemcpyDeviceToHost, stream),
              "deal the spheres out");
   cuda_check(cudaStreamSynchronize(stream), "deal the spheres out");
-  for (int p = 0; p < regions.count; p++) found.to[p] = host.totals[p];
-  found.to[own] = spheres.count - host.astray;
-  found.away = host.away, found.astray = host.astray, found.faulty = host.faulty;
-  std::memcpy(&found.largest_radius, &host.radius_bits, sizeof found.largest_radius);
+  std::copy(counts.begin() + kFirstBox, counts.end(), found.to.begin());
+  found.away = counts[kAway], found.astray = counts[kAstray], found.faulty = counts[kFaulty];
+  found.to[own_] = spheres.count - found.astray;
+  std::memcpy(&found.largest_radius, &counts[kRadiusBits], sizeof found.largest_radius);
   return found;
 }
 
 void Dealer::gather_away(const Spheres& spheres, std::uint64_t away, std::uint64_t first_id,
                          const DealTarget& to, cudaStream_t stream) {
   if (away == 0) return;
-  constexpr int kBits = 32 + 4;  // a sphere's and a box's
-  static_assert(kMostResidentDevices <= 1 << (kBits - 32));
+  const int bits = 32 + std::bit_width(boxes_ - 1);  // a sphere's and a box's
   cub::DoubleBuffer<unsigned long long> keys(away_.data(), sorted_.reserve(away_.capacity()));
   const auto sort = [&](void* space, std::size_t& bytes) {
-    cuda_check(cub::DeviceRadixSort::SortKeys(space, bytes, keys, away, 0, kBits, stream),
+    cuda_check(cub::DeviceRadixSort::SortKeys(space, bytes, keys, away, 0, bits, stream),
                "order the spheres");
   };
   std::size_t bytes = 0;
@@ -306,16 +314,15 @@ void Dealer::gather_away(const Spheres& spheres, std::uint64_t away, std::uint64
   cuda_launched("copy the spheres for other boxes");
 }
 
-void Dealer::gather_own(const Spheres& spheres, const DealRegions& regions, int own, double largest_radius,
-                        std::uint64_t count, std::uint64_t first_id, const DealTarget& to,
-                        cudaStream_t stream) {
+void Dealer::gather_own(const Spheres& spheres, double largest_radius, std::uint64_t count,
+                        std::uint64_t first_id, const DealTarget& to, cudaStream_t stream) {
   if (count == 0) return;
   std::uint32_t* const staying = staying_.reserve(count);
   as_source(spheres, [&]<class T>(const Source<T>& source) {
     const auto select = [&](void* space, std::size_t& bytes) {
       cuda_check(cub::DeviceSelect::If(space, bytes, thrust::counting_iterator<std::uint32_t>(0), staying,
-                                       &summary_.reserve(1)->staying, spheres.count,
-                                       Stays<T>{source, regions, own, largest_radius}, stream),
+                                       counts_.reserve(kFirstBox + boxes_) + kStaying, spheres.count,
+                                       Stays<T>{source, own_box_, largest_radius}, stream),
                  "find the spheres that stay");
     };
     std::size_t bytes = 0;

@@ -3,6 +3,7 @@
 // stay where they lie: they are only read. Of the few others it is noted where they go, and they are copied
 // afterwards. Internal; only .cu files include this.
 #pragma once
+#include <span>
 #include <vector>
 
 #include "detect/boxes/cut.h"
@@ -11,19 +12,13 @@
 
 namespace padder::detect::cuda {
 
-// The boxes, one for each GPU; passed to kernels by value.
-struct DealRegions {
-  int count = 0;
-  Region of[kMostResidentDevices];
-};
-
 // What dealing found.
 struct DealCounts {
-  std::uint64_t to[kMostResidentDevices] = {};  // spheres for each box
-  std::uint64_t away = 0;                       // for all boxes but the GPU's own, together
-  std::uint64_t astray = 0;                     // spheres that the GPU's own box does not need
-  double largest_radius = 0;                    // of the spheres here
-  std::uint64_t faulty = ~std::uint64_t(0);     // the first sphere that fault_of() refuses, if any
+  std::vector<std::uint64_t> to;             // spheres for each box
+  std::uint64_t away = 0;                    // for all boxes but the GPU's own, together
+  std::uint64_t astray = 0;                  // spheres that the GPU's own box does not need
+  double largest_radius = 0;                 // of the spheres here
+  std::uint64_t faulty = ~std::uint64_t(0);  // the first sphere that fault_of() refuses, if any
 };
 
 // Where spheres are copied to: arrays on this GPU. Null: there is no such array.
@@ -45,35 +40,38 @@ class Dealer {
         space_(book, "the order of the spheres for other boxes"),
         staying_(book, "the spheres that stay"),
         sample_(book, "a sample"),
-        summary_(book, "the counts") {}
+        regions_(book, "the boxes"),
+        counts_(book, "the counts") {}
 
-  // Notes up to away_room spheres for boxes other than `own`; further ones are only counted.
+  // The boxes of all GPUs, of which `own` is this one's, until the next call. Waits for the stream.
+  void set_boxes(std::span<const Region> boxes, std::size_t own, cudaStream_t stream);
+  // Notes up to away_room spheres for boxes other than its own; further ones are only counted.
   // `largest_radius`: at least that of the scene, or the counts are those of halos that are too small. Waits
   // for the stream.
-  DealCounts deal(const Spheres& spheres, const DealRegions& regions, int own, double largest_radius,
-                  std::uint64_t away_room, cudaStream_t stream);
+  DealCounts deal(const Spheres& spheres, double largest_radius, std::uint64_t away_room,
+                  cudaStream_t stream);
   // Copies the spheres that deal() noted, box by box and in their order. Sphere k here has number first_id +
   // k in the scene. Does not wait.
   void gather_away(const Spheres& spheres, std::uint64_t away, std::uint64_t first_id, const DealTarget& to,
                    cudaStream_t stream);
-  // Copies the `count` spheres that box `own` needs, in their order. For parts of which many lie elsewhere.
+  // Copies the `count` spheres that its own box needs, in their order. For parts of which many lie elsewhere.
   // Does not wait.
-  void gather_own(const Spheres& spheres, const DealRegions& regions, int own, double largest_radius,
-                  std::uint64_t count, std::uint64_t first_id, const DealTarget& to, cudaStream_t stream);
+  void gather_own(const Spheres& spheres, double largest_radius, std::uint64_t count, std::uint64_t first_id,
+                  const DealTarget& to, cudaStream_t stream);
   // Copies all, so that they are packed. Does not wait.
   static void pack(const Spheres& spheres, const DealTarget& to, cudaStream_t stream);
   // At most about `most` of the spheres as points, each with the number of spheres that it stands for.
   std::vector<WeightedPoint> sample(const Spheres& spheres, std::uint64_t most, cudaStream_t stream);
 
  private:
-  struct Summary {
-    unsigned long long totals[kMostResidentDevices], away, astray, radius_bits, faulty, staying;
-  };
+  std::size_t boxes_ = 1, own_ = 0;
+  Region own_box_;
   Buffer<unsigned long long> away_, sorted_;  // box << 32 | sphere
   Buffer<char> space_;
   Buffer<std::uint32_t> staying_;
   Buffer<Sphere> sample_;
-  Buffer<Summary> summary_;
+  Buffer<Region> regions_;
+  Buffer<unsigned long long> counts_;  // of deal(): see Counter
 };
 
 // The sum of wide_pair_hash over pairs of these numbers.

@@ -5,15 +5,32 @@
 
 namespace padder::detect::cuda {
 
+namespace {
+
+// Calls copy(to, from, bytes) for each array that there is.
+template <class Copy>
+void each_array(const DealTarget& to, const DealTarget& from, std::uint64_t count, Scalar scalar,
+                const Copy& copy) {
+  const auto there = arrays_of(to, scalar), here = arrays_of(from, scalar);
+  for (std::size_t k = 0; count && k < there.size(); k++)
+    if (there[k].at)
+      cuda_check(copy(there[k].at, here[k].at, count * there[k].bytes_of_one), "bring spheres to another GPU");
+}
+
+}  // namespace
+
+void copy_spheres(const DealTarget& to, const DealTarget& from, std::uint64_t count, Scalar scalar,
+                  cudaStream_t stream) {
+  each_array(to, from, count, scalar, [&](char* there, const char* here, std::uint64_t bytes) {
+    return cudaMemcpyAsync(there, here, bytes, cudaMemcpyDefault, stream);
+  });
+}
+
 void copy_to_peer(const DealTarget& to, int to_device, const DealTarget& from, int from_device,
                   std::uint64_t count, Scalar scalar, cudaStream_t stream) {
-  const auto copy = [&](void* there, const void* here, std::uint64_t each) {
-    if (there && count)
-      cuda_check(cudaMemcpyPeerAsync(there, to_device, here, from_device, count * each, stream),
-                 "copy spheres to another GPU");
-  };
-  copy(to.spheres, from.spheres, scalar == Scalar::f32 ? 16 : 32), copy(to.ids, from.ids, 8);
-  copy(to.family, from.family, 4), copy(to.mask, from.mask, 4), copy(to.is_static, from.is_static, 1);
+  each_array(to, from, count, scalar, [&](char* there, const char* here, std::uint64_t bytes) {
+    return cudaMemcpyPeerAsync(there, to_device, here, from_device, bytes, stream);
+  });
 }
 
 Spheres Upload::run(const Spheres& s, cudaStream_t stream) {

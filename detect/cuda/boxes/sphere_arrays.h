@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Spheres in the memory of one GPU, and how they come there: from host memory, or from another GPU. Internal.
 #pragma once
+#include <array>
 #include <cstdint>
 
 #include "detect/cuda/boxes/deal.h"
@@ -20,15 +21,15 @@ struct Form {
   }
 };
 
-// Spheres in the memory of one GPU, as arrays that grow together.
+// Spheres in the memory of one GPU, or in pinned host memory, as arrays that grow together.
 class SphereArrays {
  public:
-  explicit SphereArrays(MemoryBook& book)
-      : spheres_(book, "the spheres of a box"),
-        ids_(book, "the numbers of the spheres"),
-        family_(book, "the families"),
-        mask_(book, "the masks"),
-        is_static_(book, "the marks of static spheres") {}
+  explicit SphereArrays(MemoryBook& book, bool pinned = false)
+      : spheres_(book, "the spheres of a box", pinned),
+        ids_(book, "the numbers of the spheres", pinned),
+        family_(book, "the families", pinned),
+        mask_(book, "the masks", pinned),
+        is_static_(book, "the marks of static spheres", pinned) {}
 
   void reserve(std::uint64_t count, const Form& form) {
     spheres_.reserve((form.scalar == Scalar::f32 ? 16 : 32) * count);
@@ -58,6 +59,24 @@ class SphereArrays {
   Buffer<std::uint32_t> family_, mask_;
   Buffer<std::uint8_t> is_static_;
 };
+
+// An array of spheres, and the bytes of one of its items. Null: there is no such array.
+struct SphereArray {
+  char* at;
+  std::uint64_t bytes_of_one;
+};
+inline std::array<SphereArray, 5> arrays_of(const DealTarget& t, Scalar scalar) {
+  const auto as_bytes = [](auto* at) { return reinterpret_cast<char*>(at); };
+  return {{{static_cast<char*>(t.spheres), scalar == Scalar::f32 ? 16u : 32u},
+           {as_bytes(t.ids), sizeof *t.ids},
+           {as_bytes(t.family), sizeof *t.family},
+           {as_bytes(t.mask), sizeof *t.mask},
+           {as_bytes(t.is_static), sizeof *t.is_static}}};
+}
+
+// Copies `count` spheres between a GPU and host memory, or within either. Does not wait.
+void copy_spheres(const DealTarget& to, const DealTarget& from, std::uint64_t count, Scalar scalar,
+                  cudaStream_t stream);
 
 // Copies `count` spheres from one GPU to another. The stream is one of the GPU that gets them.
 void copy_to_peer(const DealTarget& to, int to_device, const DealTarget& from, int from_device,
