@@ -19,15 +19,17 @@ std::vector<FloatSphere> dense(std::uint64_t n, SplitMix64& random) {
   const double corner[4][3] = {{0, 0, 0}, {0.5, 0.5, 0}, {0.5, 0, 0.5}, {0, 0.5, 0.5}};
   auto side = static_cast<std::uint64_t>(std::ceil(std::cbrt(static_cast<double>(n) / 4) - 1e-9));
   while (4 * side * side * side < n) side++;
-  std::vector<FloatSphere> spheres;
-  spheres.reserve(n);
+  std::vector<FloatSphere> spheres(n);
+#pragma omp parallel for schedule(static)
   for (std::uint64_t k = 0; k < n; k++) {
+    SplitMix64 own = random.after(3 * k);
     const std::uint64_t c = k / 4, at[3] = {c % side, c / side % side, c / side / side};
     double p[3];
     for (int a = 0; a < 3; a++)
-      p[a] = (static_cast<double>(at[a]) + corner[k % 4][a]) * cell + random.signed_unit() * jitter * nearest;
-    spheres.push_back({static_cast<float>(p[0]), static_cast<float>(p[1]), static_cast<float>(p[2]), 1});
+      p[a] = (static_cast<double>(at[a]) + corner[k % 4][a]) * cell + own.signed_unit() * jitter * nearest;
+    spheres[k] = {static_cast<float>(p[0]), static_cast<float>(p[1]), static_cast<float>(p[2]), 1};
   }
+  random = random.after(3 * n);
   return spheres;
 }
 
@@ -50,14 +52,15 @@ std::vector<FloatSphere> poisson(std::uint64_t n, double contacts,
   const double density =
       contacts / (0.5 * 4.0 / 3.0 * std::numbers::pi * (2 * mean[2] + 6 * mean[1] * mean[0]));
   const double edge = std::cbrt(static_cast<double>(n) / density);
-  std::vector<FloatSphere> spheres;
-  spheres.reserve(n);
+  std::vector<FloatSphere> spheres(n);
+#pragma omp parallel for schedule(static)
   for (std::uint64_t k = 0; k < n; k++) {
-    const double x = random.unit() * edge, y = random.unit() * edge, z = random.unit() * edge,
-                 u = random.unit();
-    spheres.push_back({static_cast<float>(x), static_cast<float>(y), static_cast<float>(z),
-                       radius ? static_cast<float>(radius(u)) : 1.f});
+    SplitMix64 own = random.after(4 * k);
+    const double x = own.unit() * edge, y = own.unit() * edge, z = own.unit() * edge, u = own.unit();
+    spheres[k] = {static_cast<float>(x), static_cast<float>(y), static_cast<float>(z),
+                  radius ? static_cast<float>(radius(u)) : 1.f};
   }
+  random = random.after(4 * n);
   return spheres;
 }
 

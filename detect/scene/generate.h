@@ -16,13 +16,16 @@ class SplitMix64 {
   explicit SplitMix64(std::uint64_t seed) : state_(seed) {}
   std::uint64_t bits() {
     const std::uint64_t z = mixed(state_);
-    state_ += 0x9E3779B97F4A7C15ull;
+    state_ += kStep;
     return z;
   }
   double unit() { return static_cast<double>(bits() >> 11) * 0x1p-53; }  // [0, 1)
   double signed_unit() { return 2 * unit() - 1; }                        // [-1, 1)
+  // The generator after its next `count` numbers.
+  SplitMix64 after(std::uint64_t count) const { return SplitMix64(state_ + count * kStep); }
 
  private:
+  static constexpr std::uint64_t kStep = 0x9E3779B97F4A7C15ull;
   std::uint64_t state_;
 };
 using Random [[deprecated("use SplitMix64")]] = SplitMix64;

@@ -3,6 +3,8 @@
 // them, as in a simulation that runs there, or in pinned host memory. Without a GPU: boxes on the CPU.
 #include "detect/boxes/boxed_detector.h"
 
+#include <unistd.h>
+
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -305,37 +307,72 @@ void body_row(const Settings& s, Table& t, std::uint64_t count, int devices) {
         devices > 1 ? "one GPU" : "the CPU", seconds, 0, r.deal_seconds, 0, 0);
 }
 
-// More than the memory of a GPU: spheres in host memory, box by box through one GPU whose detector may hold
-// about a twentieth of what it would need for all of them. Contacts are counted and hashed.
+// What the driver takes to copy the spheres to a GPU, piece by piece to the same place.
+double copy_seconds(const Scene& scene) {
+  constexpr std::size_t kPiece = 1 << 30;
+  const std::size_t bytes = scene.size() * sizeof scene[0];
+  void* device = nullptr;
+  must(cudaMalloc(&device, std::min(bytes, kPiece)), "allocate the spheres");
+  const double seconds = median_seconds(3, [&] {
+    for (std::size_t at = 0; at < bytes; at += kPiece)
+      must(cudaMemcpy(device, reinterpret_cast<const char*>(scene.data()) + at, std::min(kPiece, bytes - at),
+                      cudaMemcpyHostToDevice),
+           "copy the spheres");
+  });
+  cudaFree(device);
+  return seconds;
+}
+
+// What the scene leaves of the machine's memory, less an eighth.
+std::uint64_t memory_beside(const Scene& scene) {
+  const auto all = static_cast<std::uint64_t>(::sysconf(_SC_PHYS_PAGES)) *
+                   static_cast<std::uint64_t>(::sysconf(_SC_PAGESIZE));
+  const std::uint64_t used = scene.size() * sizeof scene[0];
+  return all > used ? (all - used) / 8 * 7 : 1;
+}
+
+// More than the memory of a GPU: spheres in host memory, box by box through one GPU whose detector may hold 20
+// bytes for three spheres, about a twentieth of what it would need for all of them. Contacts are counted and
+// hashed. The same with half of that has other boxes, and must give the same.
 void out_of_core_row(const Settings& s, Table& t, const Scene& scene) {
-  const std::uint64_t limit = 7 * scene.size();
+  const std::uint64_t limit = 20 * scene.size() / 3;
   say(s, "out of core, " + std::to_string(scene.size()) + " through " + std::to_string(limit) + " bytes");
+  const double copy = copy_seconds(scene);
+  say(s, "the driver copies them in " + number(copy, "%.3f") + " s");
   detect::Input input;
   input.spheres = view(scene.data(), scene.size());
   detect::BoxOptions o;
   o.devices = {{detect::BackendKind::cuda, 0}};
   o.detector.order = detect::Order::any, o.detector.memory_limit = limit;
-  detect::BoxedDetector boxed(o);
-  boxed.detect(input, {});
-  const double seconds = median_seconds(3, [&] { boxed.detect(input, {}); });
-  const detect::BoxReport r = boxed.report();
+  o.memory_limit = memory_beside(scene);
+  detect::BoxReport r, half;
+  double seconds = 0;
+  {
+    detect::BoxedDetector boxed(o);
+    boxed.detect(input, {});
+    seconds = median_seconds(3, [&] { boxed.detect(input, {}); });
+    r = boxed.report();
+  }
   say(s, std::to_string(r.boxes) + " boxes: cut " + number(r.cut_seconds, "%.2f") + " s, copy " +
              number(r.copy_seconds, "%.2f") + " s, detect " + number(r.detect_seconds, "%.2f") + " s");
-  const std::string against = compare(scene, r.hash, "the boxes", true);
+  {
+    o.detector.memory_limit = limit / 2;
+    detect::BoxedDetector boxed(o);
+    half = boxed.detect(input, {});
+  }
+  if (half.hash != r.hash || half.contacts != r.contacts)
+    throw Error("the contacts by boxes of half the memory differ");
+  std::string against = compare(scene, r.hash, "the boxes", true);
+  against = std::to_string(half.boxes) + " boxes" + (against == "nothing" ? "" : ", " + against);
   t.add("out of core", "cuda", 1, r.spheres, r.contacts, against, seconds, 0, r.cut_seconds + r.copy_seconds,
-        static_cast<double>(r.copies) / static_cast<double>(r.spheres) - 1, 0);
+        static_cast<double>(r.copies) / static_cast<double>(r.spheres) - 1, copy / seconds);
 }
 
-// The same without a limit: what the driver takes to copy the spheres, and a call that copies them itself.
+// The same without a limit: a call that copies the spheres itself, beside what the driver takes to copy them.
 // The list stays on the GPU.
 void host_row(const Settings& s, Table& t, const Scene& scene) {
-  const std::size_t bytes = scene.size() * sizeof scene[0];
-  void* device = nullptr;
-  must(cudaMalloc(&device, bytes), "allocate the spheres");
-  const double driver = median_seconds(
-      5, [&] { must(cudaMemcpy(device, scene.data(), bytes, cudaMemcpyHostToDevice), "copy the spheres"); });
-  cudaFree(device);
-  say(s, "the driver copies " + std::to_string(bytes) + " bytes in " + number(1e3 * driver, "%.1f") + " ms");
+  say(s, "the driver copies " + std::to_string(scene.size()) + " spheres in " +
+             number(1e3 * copy_seconds(scene), "%.1f") + " ms");
   detect::Input input;
   input.spheres = view(scene.data(), scene.size());
   detect::CallOptions o;
@@ -416,10 +453,10 @@ void gpu_rows(const Settings& s, Table& t) {
   if (s.scene.empty() || s.scene == "bodies")
     for (int devices = 1; devices <= gpus(); devices *= 2)
       body_row(s, t, s.spheres.empty() ? 1000000 : s.spheres[0] / 64, devices);
-  if (s.scene.empty() || s.scene == "host") {
+  for (const bool whole : {false, true}) {
+    if (!s.scene.empty() && s.scene != (whole ? "host" : "out-of-core")) continue;
     const Scene scene = detect::generate("dense", s.spheres.empty() ? 100000000 : s.spheres[0], false);
-    out_of_core_row(s, t, scene);
-    host_row(s, t, scene);
+    whole ? host_row(s, t, scene) : out_of_core_row(s, t, scene);
   }
   if (!s.scene.empty() && s.scene != "front") return;
   const Scene full = detect::generate("dense", s.spheres.empty() ? 100000000 : s.spheres[0], false);
@@ -480,8 +517,8 @@ Json lines_of(const Json& rows) {
 Json boxes(const Settings& s) {
   const std::string& name = s.scene;
   if (!name.empty() && name != "dense" && name != "poly100" && name != "bodies" && name != "host" &&
-      name != "front")
-    throw Error("boxes has the scenes dense, poly100, bodies, host and front");
+      name != "out-of-core" && name != "front")
+    throw Error("boxes has the scenes dense, poly100, bodies, host, out-of-core and front");
   Table t;
   const bool cuda = s.backend != "omp" && gpus() > 0;
   if (s.backend == "cuda" && !cuda) throw Error("there is no GPU that CUDA can use: choose omp");
