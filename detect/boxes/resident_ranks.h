@@ -19,6 +19,7 @@ struct RankMessage {
   std::uint64_t bytes;
 };
 
+// The ranks, as each of them sees them. Errors of the MPI library throw Error.
 class ResidentRanks {
  public:
   ResidentRanks() = default;
