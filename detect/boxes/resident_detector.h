@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
 // Contacts of loose spheres and bodies that lie on several GPUs, of one machine or of several, as in a
-// simulation that runs there. The spheres stay where they are, only those near a face travel, from GPU to GPU,
-// and the contacts stay on the GPU that found them. Of bodies all poses travel to all GPUs. The contacts are
-// those of one Detector, pair for pair. docs/scale.md tells how it works.
+// simulation that runs there. The spheres stay where they are, only those near a face travel, from GPU to
+// GPU, and the contacts stay on the GPU that found them. Of bodies all poses travel to all GPUs. The contacts
+// are those of one Detector, pair for pair. docs/scale.md tells how it works.
 #pragma once
 #include <cstdint>
 #include <memory>
@@ -86,10 +86,11 @@ class ResidentDetector {
 
   // One part of the scene for each GPU, in the order of the GPUs: parts[k] lies in the memory of GPU k, or in
   // host memory, from where it is copied there (at full speed if it is pinned). The scene has the spheres of
-  // part 0, then those of part 1, and so on; a rank gives its own part alone, and those of rank 0 come first. Each part has below 2^32 - 1 spheres; all are in float or all in
-  // double. Which spheres a part holds is the caller's choice, but those outside of region(k) travel, and the
-  // part is copied if they are more than an eighth; else it is read where it lies.
-  // Work given to the default streams of the GPUs before the call is waited for.
+  // part 0, then those of part 1, and so on; a rank gives its own part alone, and those of rank 0 come first.
+  // Each part has below 2^32 - 1 spheres; all are in float or all in double. Which spheres a part holds is
+  // the caller's choice, but those outside of region(k) travel, and the part is copied if they are more than
+  // an eighth; else it is read where it lies. Work given to the default streams of the GPUs before the call
+  // is waited for.
   const ResidentReport& detect(std::span<const Spheres> parts);
 
   // The same for a scene with bodies; no part needs to have a sphere. `bodies` has no loose spheres. All GPUs

@@ -331,9 +331,9 @@ std::uint64_t memory_beside(const Scene& scene) {
   return all > used ? (all - used) / 8 * 7 : 1;
 }
 
-// More than the memory of a GPU: spheres in host memory, box by box through one GPU whose detector may hold 20
-// bytes for three spheres, about a twentieth of what it would need for all of them. Contacts are counted and
-// hashed. The same with half of that has other boxes, and must give the same.
+// More than the memory of a GPU: spheres in host memory, box by box through one GPU whose detector may hold
+// 20 bytes for three spheres, about a twentieth of what it would need for all of them. Contacts are counted
+// and hashed. The same with half of that has other boxes, and must give the same.
 void out_of_core_row(const Settings& s, Table& t, const Scene& scene) {
   const std::uint64_t limit = 20 * scene.size() / 3;
   say(s, "out of core, " + std::to_string(scene.size()) + " through " + std::to_string(limit) + " bytes");

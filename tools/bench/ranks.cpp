@@ -207,8 +207,7 @@ Result resident_by_threads(const Settings& s, const Session& session, const dete
   for (int k = 0; k < session.count; k++) o.devices.push_back(k % gpus());
   detect::ResidentDetector detector(o);
   std::vector<detect::Spheres> parts;
-  for (int k = 0; k < session.count; k++)
-    parts.push_back(part_of(input_of(scene), k, session.count).spheres);
+  for (int k = 0; k < session.count; k++) parts.push_back(part_of(input_of(scene), k, session.count).spheres);
   for (int k = 0; k < 2; k++) detector.detect(parts);
   std::vector<Region> boxes;
   for (std::size_t k = 0; k < detector.devices(); k++) boxes.push_back(detector.region(k));
@@ -269,15 +268,13 @@ Json ranks(const Settings& s) {
                            const auto& by_threads) {
     Scene scene = detect::generate("dense", n, false);
     const Result of_ranks = by_ranks(s, session, options, scene);
-    if (session.rank == 0)
-      table.add(n, session.count, lie, of_ranks, by_threads(s, session, options, scene));
+    if (session.rank == 0) table.add(n, session.count, lie, of_ranks, by_threads(s, session, options, scene));
     session.wait();
   };
   for (const std::uint64_t n : s.spheres.empty() ? std::vector<std::uint64_t>{57500000} : s.spheres) {
     measure(n, "in host memory", by_ranks, by_threads);
 #ifdef PADDER_CUDA
-    if (s.backend != "omp" && gpus() > 0)
-      measure(n, "on the GPUs", resident_by_ranks, resident_by_threads);
+    if (s.backend != "omp" && gpus() > 0) measure(n, "on the GPUs", resident_by_ranks, resident_by_threads);
 #endif
   }
   Json result = {{"bench", "ranks"}, {"machine", machine()}, {"rows", table.rows}, {"table", table.table}};

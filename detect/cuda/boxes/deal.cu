@@ -270,14 +270,9 @@ DealCounts Dealer::deal(const Spheres& spheres, double largest_radius, std::uint
   std::vector<unsigned long long> counts(kFirstBox + boxes_, 0);
   counts[kFaulty] = ~0ull;
   const std::size_t bytes = counts.size() * sizeof counts[0];
-  const DealTask task{regions_.data(),
-                      static_cast<unsigned>(boxes_),
-                      static_cast<unsigned>(own_),
-                      own_box_,
-                      largest_radius,
-                      away_room,
-                      away_.reserve(away_room),
-                      counts_.reserve(counts.size())};
+  const DealTask task{
+      regions_.data(), static_cast<unsigned>(boxes_), static_cast<unsigned>(own_),   own_box_, largest_radius,
+      away_room,       away_.reserve(away_room),      counts_.reserve(counts.size())};
   cuda_check(cudaMemcpyAsync(task.counts, counts.data(), bytes, cudaMemcpyHostToDevice, stream),
              "deal the spheres out");
   as_source(spheres, [&]<class T>(const Source<T>& source) {

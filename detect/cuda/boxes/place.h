@@ -38,12 +38,13 @@ struct Place {
   std::optional<SphereArrays> others{book}, away{book};  // what it was sent; what it sends, box by box
   std::optional<SphereArrays> packed{book};              // its part, if that was not given packed
   // The same in pinned memory, where ranks do not read the GPU's.
-  std::optional<SphereArrays> others_on_host{std::in_place, book, true}, away_on_host{std::in_place, book, true};
+  std::optional<SphereArrays> others_on_host{std::in_place, book, true},
+      away_on_host{std::in_place, book, true};
   Buffer<unsigned long long> sum{book, "the hash"};
   Buffer<Pose> poses{book, "the poses"}, poses_on_host{book, "the poses", true};  // of all bodies
-  const Pose* all_poses = nullptr;        // of the call; null: those in host memory
-  Spheres part;                           // of the call, in this GPU's memory
-  std::uint64_t first = 0;                // number of its first sphere in the scene
+  const Pose* all_poses = nullptr;  // of the call; null: those in host memory
+  Spheres part;                     // of the call, in this GPU's memory
+  std::uint64_t first = 0;          // number of its first sphere in the scene
   DealCounts counts;
   std::vector<std::uint64_t> coming;  // spheres that it needs, from each GPU
   std::uint64_t away_room = 0;        // for how many spheres that it sends there is room

@@ -30,7 +30,7 @@ constexpr std::uint64_t kMostAstray = 8;
 
 // What the GPUs learn of each other at the beginning of a call.
 struct Given {
-  std::uint64_t spheres = 0;               // of the part
+  std::uint64_t spheres = 0;  // of the part
   std::uint64_t bodies = 0, body_spheres = 0, poses = 0;
   bool poses_on_device = false;
   Form form;
@@ -102,9 +102,9 @@ class ResidentDetector::Work {
   void finish();
 
   CallOptions options_;
-  std::shared_ptr<ResidentRanks> ranks_;           // null: this process alone
-  std::vector<std::unique_ptr<Place>> places_;     // of this process
-  std::size_t first_box_ = 0;                      // that of the first place
+  std::shared_ptr<ResidentRanks> ranks_;        // null: this process alone
+  std::vector<std::unique_ptr<Place>> places_;  // of this process
+  std::size_t first_box_ = 0;                   // that of the first place
   cuda::Form form_;
   Input bodies_;                                   // of the call
   std::uint64_t body_spheres_ = 0, revision_ = 0;  // of the bodies; of the call before
@@ -220,8 +220,9 @@ void ResidentDetector::Work::agree(const std::vector<cuda::Given>& given, bool p
     const cuda::Given& g = given[b];
     if (g.bodies != given[0].bodies || g.body_spheres != given[0].body_spheres ||
         g.poses_on_device != given[0].poses_on_device)
-      throw Error("the ranks were given different bodies or poses: give all of them the same bodies, and each "
-                  "its part of the poses or none");
+      throw Error(
+          "the ranks were given different bodies or poses: give all of them the same bodies, and each "
+          "its part of the poses or none");
     if (b >= first_box_ && b < first_box_ + places_.size()) places_[b - first_box_]->first = first;
     first += g.spheres, poses += g.poses;
     if (poses_in_parts) poses_of_.push_back(g.poses);
@@ -339,9 +340,9 @@ double ResidentDetector::Work::expected_imbalance() const {
   if (!bodies_.bodies.empty()) return imbalance_;
   std::vector<double> work;
   for (std::size_t k = 0; k < places_.size(); k++)
-    work.push_back(density_[box_of(k)] * static_cast<double>(std::accumulate(
-                                             places_[k]->coming.begin(), places_[k]->coming.end(),
-                                             std::uint64_t(0))));
+    work.push_back(density_[box_of(k)] *
+                   static_cast<double>(std::accumulate(places_[k]->coming.begin(), places_[k]->coming.end(),
+                                                       std::uint64_t(0))));
   return cuda::imbalance_of(of_all(work));
 }
 
@@ -496,8 +497,8 @@ void ResidentDetector::Work::exchange(Place& p, std::size_t k) {
 // Copies the part's own spheres between those of others, unless they are read where they lie.
 void ResidentDetector::Work::gather_own(Place& p) {
   if (!stays_in_place(p))
-    p.dealer->gather_own(p.part, halo_radius_, p.own, body_spheres_ + p.first, p.others->from(p.before, form_),
-                         p.stream);
+    p.dealer->gather_own(p.part, halo_radius_, p.own, body_spheres_ + p.first,
+                         p.others->from(p.before, form_), p.stream);
 }
 
 // The same between the GPUs of ranks, through pinned memory unless they read each other's.
@@ -584,7 +585,8 @@ void ResidentDetector::Work::send_and_detect() {
       options.stream = nullptr, options.output = Memory::device;
       options.own = common(options.own, regions_[box_of(k)]);
       ResidentContacts& f = found_[k];
-      f.contacts.memory = Memory::device, f.contacts.width = options.width, f.contacts.scalar = options.scalar;
+      f.contacts.memory = Memory::device, f.contacts.width = options.width,
+      f.contacts.scalar = options.scalar;
       if (is_empty(options.own)) return;
       p.detector.options() = options;
       f.contacts = p.detector.detect(input);

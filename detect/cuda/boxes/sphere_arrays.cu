@@ -14,7 +14,8 @@ void each_array(const DealTarget& to, const DealTarget& from, std::uint64_t coun
   const auto there = arrays_of(to, scalar), here = arrays_of(from, scalar);
   for (std::size_t k = 0; count && k < there.size(); k++)
     if (there[k].at)
-      cuda_check(copy(there[k].at, here[k].at, count * there[k].bytes_of_one), "bring spheres to another GPU");
+      cuda_check(copy(there[k].at, here[k].at, count * there[k].bytes_of_one),
+                 "bring spheres to another GPU");
 }
 
 }  // namespace

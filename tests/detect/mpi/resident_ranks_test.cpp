@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
-// Spheres that lie on the GPUs of several ranks: mpirun starts this program with several numbers of ranks. Every
-// rank makes the whole scene, brings its part to its GPU, and compares with one detector. One GPU stands for
-// several where there are fewer than ranks.
+// Spheres that lie on the GPUs of several ranks: mpirun starts this program with several numbers of ranks.
+// Every rank makes the whole scene, brings its part to its GPU, and compares with one detector. One GPU
+// stands for several where there are fewer than ranks.
 #include <mpi.h>
 
 #include "detect/mpi/rank_detector.h"
@@ -67,8 +67,8 @@ Records expected_of(const Contacts& wanted) {
 }
 
 // The records of this rank are those of one detector, and together there are as many.
-void expect_as_one(const Input& input, ResidentDetector& resident, const Spheres& part, const Input& bodies = {},
-                   std::span<const ResidentPoses> poses = {}) {
+void expect_as_one(const Input& input, ResidentDetector& resident, const Spheres& part,
+                   const Input& bodies = {}, std::span<const ResidentPoses> poses = {}) {
   Detector one = one_on_the_cpu(on({}).detector);
   const Contacts& wanted = one.detect(input);
   const ResidentReport& r = resident.detect({&part, 1}, bodies, poses);
