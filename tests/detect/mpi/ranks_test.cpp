@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: MIT
 // Contacts among the ranks of MPI: mpirun starts this program with several numbers of ranks. Every rank makes
 // the whole scene, passes its part, and compares with one detector.
-#include <gtest/gtest.h>
 #include <unistd.h>
 
 #include <fstream>
@@ -10,12 +9,11 @@
 #include "detect/mpi/rank_contact_file.h"
 #include "detect/mpi/rank_detector.h"
 #include "tests/detect/boxes/boxed_scene.h"
+#include "tests/detect/mpi/run_tests.h"
 #include "tests/error_of.h"
 
 namespace padder::detect {
 namespace {
-
-int my_rank = 0, ranks = 1;
 
 RankOptions on_cpu() {
   RankOptions o;
@@ -275,14 +273,4 @@ TEST(Ranks, OneFileHoldsTheContactsOfAll) {
 }  // namespace
 }  // namespace padder::detect
 
-int main(int argc, char** argv) {
-  int given = 0;
-  MPI_Init_thread(&argc, &argv, MPI_THREAD_FUNNELED, &given);
-  MPI_Comm_rank(MPI_COMM_WORLD, &padder::detect::my_rank),
-      MPI_Comm_size(MPI_COMM_WORLD, &padder::detect::ranks);
-  testing::InitGoogleTest(&argc, argv);
-  int failed = RUN_ALL_TESTS(), any = 0;
-  MPI_Allreduce(&failed, &any, 1, MPI_INT, MPI_MAX, MPI_COMM_WORLD);
-  MPI_Finalize();
-  return any;
-}
+int main(int argc, char** argv) { return padder::detect::run_tests(argc, argv); }

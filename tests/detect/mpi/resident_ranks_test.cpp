@@ -2,17 +2,14 @@
 // Spheres that lie on the GPUs of several ranks: mpirun starts this program with several numbers of ranks.
 // Every rank makes the whole scene, brings its part to its GPU, and compares with one detector. One GPU
 // stands for several where there are fewer than ranks.
-#include <mpi.h>
-
-#include "detect/mpi/rank_detector.h"
 #include "detect/mpi/resident_ranks.h"
+#include "detect/mpi/rank_detector.h"
 #include "tests/detect/cuda/resident_scene.h"
+#include "tests/detect/mpi/run_tests.h"
 #include "tests/error_of.h"
 
 namespace padder::detect {
 namespace {
-
-int my_rank = 0, ranks = 1;
 
 // Messages from GPU to GPU, as an MPI library sends them that reads their memory.
 class FromGpuToGpu : public ResidentRanks {
@@ -248,14 +245,4 @@ INSTANTIATE_TEST_SUITE_P(Messages, ResidentRanksTest, testing::Bool(), [](const 
 }  // namespace
 }  // namespace padder::detect
 
-int main(int argc, char** argv) {
-  int given = 0;
-  MPI_Init_thread(&argc, &argv, MPI_THREAD_FUNNELED, &given);
-  MPI_Comm_rank(MPI_COMM_WORLD, &padder::detect::my_rank),
-      MPI_Comm_size(MPI_COMM_WORLD, &padder::detect::ranks);
-  testing::InitGoogleTest(&argc, argv);
-  int failed = RUN_ALL_TESTS(), any = 0;
-  MPI_Allreduce(&failed, &any, 1, MPI_INT, MPI_MAX, MPI_COMM_WORLD);
-  MPI_Finalize();
-  return any;
-}
+int main(int argc, char** argv) { return padder::detect::run_tests(argc, argv); }
