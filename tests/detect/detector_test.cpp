@@ -9,6 +9,7 @@
 #include "detect/core/nine_stages.h"
 #include "detect/scene/generate.h"
 #include "tests/detect/oracle.h"
+#include "tests/detect/some_cases.h"
 #include "tests/error_of.h"
 
 namespace padder::detect {
@@ -101,10 +102,11 @@ TEST_P(DetectorTest, RandomScenes) {
   std::random_device device;
   std::uint32_t seed = device();
   std::printf("seed %u\n", seed);
+  SomeCases some;
   for (const std::uint32_t n : {0u, 1u, 2u, 3u, 17u, 300u, 2000u, 5000u})
     for (const double ratio : {1.0, 4.0, 100.0})
       for (const double room : {0.05, 0.6, 40.0}) {
-        if (n == 5000 && (ratio != 4 || room == 0.05)) continue;
+        if (some.left_out() || (n == 5000 && (ratio != 4 || room == 0.05))) continue;
         seed++;
         expect_right(random_scene(n, ratio, room, seed),
                      "n " + std::to_string(n) + " ratio " + std::to_string(ratio) + " room " +
@@ -146,8 +148,10 @@ const std::vector<NamedPair>& named_pairs() {
 
 // Each alone, so that the bins are of its own size.
 TEST_P(DetectorTest, PairsByName) {
+  SomeCases some;
   for (const NamedPair& p : named_pairs())
     for (const double shift : {0.0, 1.0, -2.0, 100.0, 0.3}) {
+      if (some.left_out()) continue;
       TestScene s{{p.a, p.b}, {}, {}};
       s.shift(shift);
       expect_right(s, std::string(p.name) + " shift " + std::to_string(shift));
@@ -259,7 +263,9 @@ TEST_P(DetectorTest, FarFromTheOrigin) {
 }
 
 TEST_P(DetectorTest, OneFarAwaySphere) {
+  SomeCases some;
   for (const double far : {1e5, 1e9, 1e30}) {
+    if (some.left_out()) continue;
     TestScene s = random_scene(800, 2, 0.5, 10);
     s.spheres.push_back({far, -far, far, 1});
     s.spheres.push_back({far, -far, far, 2});
@@ -387,7 +393,8 @@ TEST_P(DetectorTest, BallsOverEmptyBins) {
   options_.width = Width::pairs;
   const auto begin = std::chrono::steady_clock::now();
   expect_right(s, "thirty balls");
-  EXPECT_LT(std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count(), 10);
+  EXPECT_LT(std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count(),
+            SomeCases::every() > 1 ? 600 : 10);
 }
 
 // Sizes that have nothing to do with each other in one scene.

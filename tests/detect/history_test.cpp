@@ -6,6 +6,7 @@
 #include "detect/core/nine_stages.h"
 #include "tests/detect/device_memory.h"
 #include "tests/detect/oracle.h"
+#include "tests/detect/some_cases.h"
 
 namespace padder::detect {
 namespace {
@@ -185,8 +186,10 @@ TEST_P(HistoryTest, TheListIsThatOfAPlainCallWhileContactsBecomeFewer) {
     TestScene scene = random_scene(cuda ? 180000 : 20000, ratio, 0.6, seed_);
     Detector plain(DeviceChoice{GetParam()});
     detector_->options().order = plain.options().order = Order::any;
+    SomeCases some;
     for (int step = 0; step < (cuda ? 40 : 4); step++) {
       for (Sphere& s : scene.spheres) s.r *= 0.998;
+      if (some.left_out()) continue;
       const Arranged a(scene, Scalar::f32);
       SCOPED_TRACE("step " + std::to_string(step) + ", radii 1 to " + std::to_string(ratio));
       ASSERT_EQ(detector_->detect(a.input).count, plain.detect(a.input).count);
