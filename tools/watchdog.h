@@ -46,6 +46,17 @@ class Watchdog {
   Watchdog(const Watchdog&) = delete;
   Watchdog& operator=(const Watchdog&) = delete;
 
+  // PADDER_WATCHDOG, or 1.
+  static double limit_factor() {
+    static const double factor = [] {
+      const char* text = std::getenv("PADDER_WATCHDOG");
+      char* end = nullptr;
+      const double value = text ? std::strtod(text, &end) : 1;
+      return text && (end == text || *end || !std::isfinite(value)) ? 1 : value;
+    }();
+    return factor;
+  }
+
  private:
   using Clock = std::chrono::steady_clock;
   struct Scope {
@@ -57,16 +68,6 @@ class Watchdog {
     std::mutex mutex;
     std::list<Scope> scopes;
   };
-
-  static double limit_factor() {
-    static const double factor = [] {
-      const char* text = std::getenv("PADDER_WATCHDOG");
-      char* end = nullptr;
-      const double value = text ? std::strtod(text, &end) : 1;
-      return text && (end == text || *end || !std::isfinite(value)) ? 1 : value;
-    }();
-    return factor;
-  }
 
   // Made once and never destroyed: the thread outlives main.
   static Watched& watched() {

@@ -209,6 +209,7 @@ Result resident_by_threads(const Settings& s, const Session& session, const dete
   std::vector<detect::Spheres> parts;
   for (int k = 0; k < session.count; k++) parts.push_back(part_of(input_of(scene), k, session.count).spheres);
   for (int k = 0; k < 2; k++) detector.detect(parts);
+  const std::uint64_t hash = detector.hash();  // by the numbers of `scene`, as that of the ranks
   std::vector<Region> boxes;
   for (std::size_t k = 0; k < detector.devices(); k++) boxes.push_back(detector.region(k));
   std::vector<std::uint64_t> first;
@@ -218,7 +219,7 @@ Result resident_by_threads(const Settings& s, const Session& session, const dete
     there.add(o.devices[k], Scene(sorted.begin() + static_cast<std::ptrdiff_t>(first[k]),
                                   sorted.begin() + static_cast<std::ptrdiff_t>(first[k + 1])));
   const Times times = resident_times(s, detector, there, [](double v) { return v; });
-  return {times, detector.report().contacts, detector.hash()};
+  return {times, detector.report().contacts, hash};
 }
 
 #endif
@@ -263,13 +264,21 @@ Json ranks(const Settings& s) {
   detect::CallOptions options;
   options.order = detect::Order::any, options.threads = s.threads;
   Table table;
-  // The ranks measure together; then rank 0 does with its threads, while the others wait.
+  // The ranks measure together; then rank 0 does with its threads, while the others wait. What fails on one
+  // rank ends all, since the others could wait for it.
   const auto measure = [&](std::uint64_t n, const std::string& lie, const auto& by_ranks,
                            const auto& by_threads) {
-    Scene scene = detect::generate("dense", n, false);
-    const Result of_ranks = by_ranks(s, session, options, scene);
-    if (session.rank == 0) table.add(n, session.count, lie, of_ranks, by_threads(s, session, options, scene));
-    session.wait();
+    try {
+      if (session.rank == 0) say(s, std::to_string(n) + " spheres " + lie);
+      Scene scene = detect::generate("dense", n, false);
+      const Result of_ranks = by_ranks(s, session, options, scene);
+      if (session.rank == 0)
+        table.add(n, session.count, lie, of_ranks, by_threads(s, session, options, scene));
+      session.wait();
+    } catch (const std::exception& e) {
+      std::fprintf(stderr, "bench: %s\n", e.what());
+      MPI_Abort(MPI_COMM_WORLD, 1);
+    }
   };
   for (const std::uint64_t n : s.spheres.empty() ? std::vector<std::uint64_t>{57500000} : s.spheres) {
     measure(n, "in host memory", by_ranks, by_threads);

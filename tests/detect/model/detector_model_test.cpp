@@ -32,6 +32,7 @@
 #include <unistd.h>
 
 #include <chrono>
+#include <cmath>
 #include <csignal>
 #include <cstdlib>
 #include <memory>
@@ -42,11 +43,16 @@
 #include "padding/asset/error.h"
 #include "tests/detect/model/checks.h"
 #include "tests/detect/model/script.h"
+#include "tools/watchdog.h"
 
 namespace padder::detect {
 namespace {
 
-constexpr double kLongestStep = 60;  // seconds; then the test ends itself
+// Seconds; then the test ends itself. PADDER_WATCHDOG multiplies it, and 0 takes the limit away.
+double longest_step() {
+  const double factor = padder::Watchdog::limit_factor();
+  return factor > 0 ? 60 * factor : INFINITY;
+}
 
 // Where the test is: told when the program crashes or a call does not come back.
 std::atomic<std::uint64_t> current_seed{0}, current_step{0};
@@ -62,10 +68,10 @@ void crashed(int signal) {
   tell_where();
   std::signal(signal, SIG_DFL), std::raise(signal);
 }
-class Watchdog {
+class StepWatchdog {
  public:
-  Watchdog() : thread_([this] { watch(); }) {}
-  ~Watchdog() { stop_ = true, thread_.join(); }
+  StepWatchdog() : thread_([this] { watch(); }) {}
+  ~StepWatchdog() { stop_ = true, thread_.join(); }
 
  private:
   void watch() {
@@ -74,9 +80,9 @@ class Watchdog {
     for (; !stop_; std::this_thread::sleep_for(std::chrono::milliseconds(20))) {
       const auto now = std::chrono::steady_clock::now();
       if (seed != current_seed || step != current_step) seed = current_seed, step = current_step, since = now;
-      if (std::chrono::duration<double>(now - since).count() < kLongestStep) continue;
+      if (std::chrono::duration<double>(now - since).count() < longest_step()) continue;
       tell_where();
-      std::fputs("model test: a step takes longer than a minute; the test ends here\n", stderr);
+      std::fputs("model test: a step takes longer than allowed; the test ends here\n", stderr);
       std::_Exit(3);
     }
   }
@@ -414,7 +420,7 @@ TEST_P(ModelTest, EveryCallIsThatOfAFreshDetector) {
               static_cast<unsigned long long>(first + count - 1));
   std::fflush(stdout);
   for (const int s : {SIGSEGV, SIGABRT, SIGFPE}) std::signal(s, crashed);
-  const Watchdog watchdog;
+  const StepWatchdog watchdog;
   int failed = 0;
   for (std::uint64_t seed = first; seed < first + count && failed < 5; seed++) {
     if (std::getenv("PADDER_MODEL_VERBOSE"))
