@@ -126,8 +126,7 @@ TEST_F(CudaTest, LargeScenesAgreeWithAMargin) {
       }
 }
 
-// What is named Large is left out under compute-sanitizer, where it takes an hour; the same is done there in
-// little.
+// What is named Large is left out under racecheck, where it takes an hour; the same is done there in little.
 TEST_F(CudaTest, TheOrderIsTheSameInTwentyRuns) { expect_same_order("poly35", 30'000); }
 // Too many for tiles that wait for each other: of one level, of several.
 TEST_F(CudaTest, TheOrderIsTheSameInTwentyRunsOfMore) {

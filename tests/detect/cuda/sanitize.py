@@ -11,6 +11,7 @@ GPU, those to their end, those with findings, those that failed otherwise; then 
 end in S seconds, and the first lines of each finding. Exits with 1 if there is a finding. FOLDER/tests.txt gets a line
 for each test as it ends, FOLDER/findings.txt each finding. Both FILEs are such tests.txt of other runs: with `--after`
 tests begin in the order of the times there, and with `--ended` those that ended there without a finding are left out.
+Under racecheck: --skip Large, and PADDER_TEST_EVERY=5 in the environment (docs/stability.md).
 """
 import argparse
 import collections
