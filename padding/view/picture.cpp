@@ -21,6 +21,7 @@ using Vec = Eigen::Vector3f;
 constexpr float kNear = 1e-4f;  // how far from a surface a ray that leaves it begins; the diagonal is 1
 constexpr float kDot = 5e-4f;   // the smallest radius that is drawn, so that a point can be seen
 constexpr unsigned kMesh = 0, kSpheres = 1;
+constexpr int kAlike = 8;  // samples of a pixel that all have one colour, as on the bare ground, are enough
 
 float linear_of(std::uint8_t byte) {
   const float x = float(byte) / 255;
@@ -199,20 +200,25 @@ class Stage {
     for (int y = 0; y < picture.height; y++)
       for (int x = 0; x < width; x++) {
         const Sampler sampler{std::uint32_t(x), std::uint32_t(y)};
-        Vec sum = Vec::Zero();
-        for (int s = 0; s < options_.samples; s++) {
+        Vec sum = Vec::Zero(), first = sum;
+        int samples = 0;
+        for (bool alike = true; samples < options_.samples && !(alike && samples == kAlike); samples++) {
+          const int s = samples;
           const float px = float(x) + sampler(s, 0), py = float(y) + sampler(s, 1);
           const Vec along = camera.toward(2 * px / float(width) - 1, 1 - 2 * py / float(picture.height));
           float seen = 0;
           Vec colour = light_from(world, camera.eye, along, sampler, s, seen);
-          if (show == Show::wire || show == Show::mesh) {
+          if ((show == Show::wire || show == Show::mesh) && seen < INFINITY) {
             const float ink = wire_at(wires, camera, along, px, py, width, picture.height, seen);
             colour *= 1 - ink;
           }
-          sum += colour.cwiseMin(1);  // otherwise a highlight would make the edges beside it jagged
+          colour = colour.cwiseMin(1);  // otherwise a highlight would make the edges beside it jagged
+          if (s == 0) first = colour;
+          alike = alike && colour == first;
+          sum += colour;
         }
         std::uint8_t* out = picture.rgb.data() + 3 * (std::size_t(y) * picture.width + left + x);
-        for (int k = 0; k < 3; k++) out[k] = byte_of(sum[k] / float(options_.samples));
+        for (int k = 0; k < 3; k++) out[k] = byte_of(sum[k] / float(samples));
       }
     return {left, width, camera, spheres};
   }
