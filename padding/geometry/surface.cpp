@@ -7,6 +7,7 @@
 
 #include "padding/geometry/random.h"
 #include "padding/geometry/triangle.h"
+#include "padding/geometry/triangle_part.h"
 
 namespace padder {
 namespace {
@@ -99,7 +100,60 @@ Surface::Surface(const Mesh& mesh, SideBy side, std::shared_ptr<const Surface> s
     const Point& a = mesh_.corner(t, 0);
     slots_[k] = {a, mesh_.corner(t, 1) - a, mesh_.corner(t, 2) - a};
   }
+  cut_needles();
   find_normals();
+}
+
+// A needle that lies across the axes has a box of many times its area. The centre of a star of thousands of
+// them lies in all these boxes, and a query near it would look at each triangle. Their parts have smaller
+// boxes. Each part stands for its whole triangle, so that distances stay those of the triangles.
+void Surface::cut_needles() {
+  struct Part : TrianglePart {
+    int level = 0;
+    double area() const { return 0.5 * (corner[1] - corner[0]).cross(corner[2] - corner[0]).norm(); }
+    double half_box() const {
+      const Vector e = corner[0].cwiseMax(corner[1]).cwiseMax(corner[2]) -
+                       corner[0].cwiseMin(corner[1]).cwiseMin(corner[2]);
+      return e.x() * e.y() + e.y() * e.z() + e.z() * e.x();
+    }
+  };
+  constexpr int most_levels = 6;
+  constexpr std::size_t most_parts = 4'000'000;
+  constexpr double large_box = 5;  // times the area; that of an equilateral triangle is at most 3.5
+  constexpr double worth_it = 2;
+  const auto whole = [this](std::size_t k) {
+    const auto& [a, ab, ac] = slots_[k];
+    Part part;
+    part.corner = {a, a + ab, a + ac}, part.triangle = static_cast<std::uint32_t>(k);
+    return part;
+  };
+  double area = 0, before = 0, after = 0;
+  for (std::size_t k = 0; k < slots_.size(); k++) area += whole(k).area(), before += whole(k).half_box();
+  if (!(before > worth_it * area)) return;  // no box is smaller than what it holds
+  std::vector<Part> parts, stack;
+  for (std::size_t k = 0; k < slots_.size(); k++) {
+    stack.push_back(whole(k));
+    while (!stack.empty()) {
+      const Part part = stack.back();
+      stack.pop_back();
+      if (part.level == most_levels || parts.size() > most_parts ||
+          !(part.half_box() > large_box * part.area())) {
+        after += part.half_box(), parts.push_back(part);
+        continue;
+      }
+      for (Part& half : bisect(part)) half.level++, stack.push_back(half);
+    }
+  }
+  if (!(before > worth_it * after)) return;
+  Mesh mesh;
+  for (const Part& part : parts) {
+    const auto v = static_cast<std::uint32_t>(mesh.points.size());
+    mesh.points.insert(mesh.points.end(), part.corner.begin(), part.corner.end());
+    mesh.triangles.push_back({v, v + 1, v + 2});
+  }
+  Parts cut{TriangleTree(mesh), {}};
+  for (const std::uint32_t t : cut.tree.triangles()) cut.slot.push_back(parts[t].triangle);
+  parts_ = std::make_shared<const Parts>(std::move(cut));
 }
 
 // The sums run over the triangles in their order, whatever the number of threads.
@@ -185,9 +239,10 @@ Nearest Surface::nearest(const Point& p, double limit) const {
   Nearest best;
   double limit2 = limit * limit;
   bool found = false;
-  tree_.visit_near(p, limit2, [&](std::uint32_t k) {
+  near_tree().visit_near(p, limit2, [&](std::uint32_t part) {
     Point q;
     int feature;
+    const std::uint32_t k = parts_ ? parts_->slot[part] : part;
     const Slot& slot = slots_[k];
     const double d2 = closest(p, slot.a, slot.ab, slot.ac, q, feature);
     if (d2 < limit2) limit2 = d2, best.point = q, best.triangle = tree_.triangles()[k], found = true;
@@ -389,10 +444,10 @@ std::optional<int> Surface::crossings(const Point& p, const Vector& direction,
 bool Surface::any_within(const Point& p, double limit) const {
   double limit2 = limit * limit;
   bool found = false;
-  tree_.visit_near(p, limit2, [&](std::uint32_t k) {
+  near_tree().visit_near(p, limit2, [&](std::uint32_t part) {
     Point q;
     int feature;
-    const Slot& slot = slots_[k];
+    const Slot& slot = slots_[parts_ ? parts_->slot[part] : part];
     return found = closest(p, slot.a, slot.ab, slot.ac, q, feature) < limit2;
   });
   return found;

@@ -110,6 +110,9 @@ class Surface {
   // first.
   bool any_within(const Point& p, double limit) const;
 
+  // The parts that needles were cut into for the tree of distances; 0: none was.
+  std::size_t needle_parts() const { return parts_ ? parts_->slot.size() : 0; }
+
   const Mesh& mesh() const { return mesh_; }
   const Mesh& boundary() const { return hull() ? hull()->mesh() : mesh_; }  // what bounds the inside
   // Null: there is none.
@@ -124,6 +127,14 @@ class Surface {
   Nearest signed_nearest_in_hull(const Point& p) const;
   std::optional<int> winding_in_solid(const Point& p) const;
   void find_normals();
+  void cut_needles();
+
+  // The tree in which nearest triangles are looked for, and the slot of tree_ for each of its slots.
+  struct Parts {
+    TriangleTree tree;
+    std::vector<std::uint32_t> slot;
+  };
+  const TriangleTree& near_tree() const { return parts_ ? parts_->tree : tree_; }
 
   Mesh mesh_;
   std::size_t first_sheet_ = std::numeric_limits<std::size_t>::max();
@@ -133,7 +144,8 @@ class Surface {
   Box bounds_;
   std::size_t open_edges_ = 0;
   TriangleTree tree_;
-  std::vector<Slot> slots_;  // as the tree's
+  std::vector<Slot> slots_;             // as the tree's
+  std::shared_ptr<const Parts> parts_;  // null where no triangle is much smaller than its box
   std::vector<Vector> face_normals_, vertex_normals_;
   std::vector<double> slot_standoff_;                 // none, or one for each slot
   std::vector<std::array<double, 2>> node_standoff_;  // the largest below each child of a node

@@ -141,7 +141,7 @@ void make_delaunay(CgalMesh& mesh, const SharpMap& sharp) {
   }
 }
 
-constexpr double small_angle = 20 * std::numbers::pi / 180;
+constexpr double degree = std::numbers::pi / 180, small_angle = 20 * degree, row_angle = 25 * degree;
 
 double least_angle(const Triangle3& t) { return std::min({t.angle(0), t.angle(1), t.angle(2)}); }
 
@@ -264,6 +264,103 @@ std::size_t split_slivers(CgalMesh& mesh, SharpMap& sharp, double limit) {
   return splits;
 }
 
+// Sets the shares of angles. `kept[3 t + k]`: the edge from corner k of triangle t to the next is sharp or a
+// border.
+void count_small_angles(const Mesh& mesh, const std::vector<char>& kept, RemeshQuality& q) {
+  std::vector<int> lines(mesh.points.size(), 0);  // twice the sharp edges of each point
+  for (std::size_t k = 0; k < kept.size(); k++)
+    if (kept[k])
+      for (const std::size_t end : {k, k - k % 3 + (k + 1) % 3}) lines[mesh.triangles[end / 3][end % 3]]++;
+  std::size_t small = 0, free = 0;
+  for (std::size_t t = 0; t < mesh.triangles.size(); t++) {
+    const Triangle3 tri{mesh.corner(t, 0), mesh.corner(t, 1), mesh.corner(t, 2)};
+    std::size_t here = 0;
+    int shortest = 0;
+    bool cap = false;
+    std::array<double, 3> length;
+    for (int k = 0; k < 3; k++) {
+      here += tri.angle(k)<small_angle, cap |= tri.angle(k)> 120 * degree;
+      length[k] = (mesh.corner(t, (k + 1) % 3) - mesh.corner(t, k)).norm();
+      if (length[k] < length[shortest]) shortest = k;
+    }
+    if (here == 0) continue;
+    const auto& c = mesh.triangles[t];
+    const int u = lines[c[shortest]], v = lines[c[(shortest + 1) % 3]];
+    const bool held = cap ? lines[c[0]] && lines[c[1]] && lines[c[2]]
+                          : u && v && (!kept[3 * t + std::size_t(shortest)] || (u != 4 && v != 4));
+    small += here, free += held ? 0 : here;
+  }
+  const double angles = 3 * double(mesh.triangles.size());
+  q.angles_under_20_deg = double(small) / angles, q.free_angles_under_20_deg = double(free) / angles;
+}
+
+// Splits, collapses, flips, smooths and projects.
+template <class Faces>
+void make_even(const Faces& faces, CgalMesh& mesh, SharpMap& sharp, double length, int iterations) {
+  pmp::isotropic_remeshing(faces, length, mesh,
+                           CGAL::parameters::number_of_iterations(iterations)
+                               .edge_is_constrained_map(sharp)
+                               .face_patch_map(find_parts(mesh, sharp))
+                               .protect_constraints(false)
+                               .number_of_relaxation_steps(3));
+  mesh.collect_garbage();
+}
+
+// Is the face of h thin, and not because its shortest edge joins two sharp lines?
+bool is_in_row(const CgalMesh& mesh, const SharpMap& sharp, Halfedge h) {
+  const Triangle3 t = corners(mesh, h);
+  if (least_angle(t) >= row_angle || std::max({t.angle(0), t.angle(1), t.angle(2)}) > 120 * degree)
+    return false;
+  const auto length = [&](Halfedge g) {
+    return (at(mesh, mesh.target(g)) - at(mesh, mesh.source(g))).norm();
+  };
+  const Halfedge shortest = std::min({h, mesh.next(h), mesh.prev(h)},
+                                     [&](Halfedge a, Halfedge b) { return length(a) < length(b); });
+  const auto lines = [&](Vertex v) {
+    int count = 0;
+    for (const Halfedge g : mesh.halfedges_around_target(mesh.halfedge(v)))
+      count += sharp[mesh.edge(g)] || mesh.is_border(mesh.edge(g));
+    return count;
+  };
+  const int u = lines(mesh.source(shortest)), v = lines(mesh.target(shortest));
+  return sharp[mesh.edge(shortest)] ? u == 2 || v == 2 : u == 0 || v == 0;
+}
+
+// CGAL collapses no edge where that makes another longer than 4/3 of the length. So it leaves edges about as
+// long as that side by side in rows, however close they are, as on the wall of a hole with many corners.
+// Halves these, and makes the faces around them even once more.
+void break_rows(CgalMesh& mesh, SharpMap& sharp, double length) {
+  constexpr int rings = 2, iterations = 3;
+  std::vector<Edge> rows;
+  std::vector<char> close(mesh.num_vertices(), 0);
+  for (const auto f : mesh.faces()) {
+    if (!is_in_row(mesh, sharp, mesh.halfedge(f))) continue;
+    for (const Halfedge h : mesh.halfedges_around_face(mesh.halfedge(f))) {
+      close[mesh.target(h)] = 1;
+      if (!sharp[mesh.edge(h)]) rows.push_back(mesh.edge(h));
+    }
+  }
+  if (rows.empty()) return;
+  std::sort(rows.begin(), rows.end());
+  rows.erase(std::unique(rows.begin(), rows.end()), rows.end());
+  for (int ring = 0; ring < rings; ring++) {
+    const std::vector<char> inner = close;
+    for (const Edge e : mesh.edges()) {
+      const Vertex u = mesh.vertex(e, 0), v = mesh.vertex(e, 1);
+      if (inner[u] || inner[v]) close[u] = close[v] = 1;
+    }
+  }
+  pmp::split_long_edges(rows, 0.8 * length, mesh, CGAL::parameters::edge_is_constrained_map(sharp));
+  close.resize(mesh.num_vertices(), 1);
+  std::vector<CgalMesh::Face_index> faces;
+  for (const auto f : mesh.faces()) {
+    const auto corners = mesh.vertices_around_face(mesh.halfedge(f));
+    if (std::any_of(corners.begin(), corners.end(), [&](Vertex v) { return close[v] != 0; }))
+      faces.push_back(f);
+  }
+  make_even(faces, mesh, sharp, length, iterations);
+}
+
 }  // namespace
 
 RemeshQuality measure_quality(const Mesh& mesh, double sharp_angle) {
@@ -271,28 +368,28 @@ RemeshQuality measure_quality(const Mesh& mesh, double sharp_angle) {
   if (mesh.triangles.empty()) return q;
   struct Side {
     std::uint64_t edge;
-    double angle;  // that faces the edge
+    std::size_t place;  // 3 t + k: from corner k of triangle t to the next
+    double angle;       // that faces the edge
     Vector normal;
   };
   std::vector<Side> sides;
   q.min_angle_deg = 180;
   std::size_t under = 0;
-  constexpr double degree = std::numbers::pi / 180;
   for (std::size_t t = 0; t < mesh.triangles.size(); t++) {
     const Triangle3 tri{mesh.corner(t, 0), mesh.corner(t, 1), mesh.corner(t, 2)};
     const Vector normal = tri.area_normal().normalized();
-    double least = 180;
     for (int k = 0; k < 3; k++) {
       const auto u = mesh.triangles[t][k], v = mesh.triangles[t][(k + 1) % 3];
-      sides.push_back({std::uint64_t(std::min(u, v)) << 32 | std::max(u, v), tri.angle((k + 2) % 3), normal});
-      least = std::min(least, tri.angle(k) / degree);
+      sides.push_back({std::uint64_t(std::min(u, v)) << 32 | std::max(u, v), 3 * t + std::size_t(k),
+                       tri.angle((k + 2) % 3), normal});
     }
-    q.min_angle_deg = std::min(q.min_angle_deg, least);
-    under += least < 20;
+    q.min_angle_deg = std::min(q.min_angle_deg, least_angle(tri) / degree);
+    under += least_angle(tri) < small_angle;
     q.circumradius_max = std::max(q.circumradius_max, tri.circumradius());
   }
   q.share_under_20_deg = double(under) / double(mesh.triangles.size());
   std::sort(sides.begin(), sides.end(), [](const Side& a, const Side& b) { return a.edge < b.edge; });
+  std::vector<char> kept(sides.size(), 1);  // by place: sharp or border
   std::size_t interior = 0, failed = 0;
   for (std::size_t k = 0; k + 1 < sides.size(); k++) {
     if (sides[k].edge != sides[k + 1].edge) continue;
@@ -301,10 +398,12 @@ RemeshQuality measure_quality(const Mesh& mesh, double sharp_angle) {
     } else {
       interior++;
       failed += sides[k].angle + sides[k + 1].angle > std::numbers::pi + 1e-9;
+      kept[sides[k].place] = kept[sides[k + 1].place] = 0;
     }
     k++;
   }
   q.share_non_delaunay = interior ? double(failed) / double(interior) : 0;
+  count_small_angles(mesh, kept, q);
   return q;
 }
 
@@ -318,13 +417,8 @@ Remeshed remesh(const Mesh& input, const RemeshOptions& options) {
   const Mesh thinned = with_thinned_fans(input, 0.25 * length, 0.02 * length);
   CgalMesh mesh = manifold(near > 0 ? without_slivers(thinned, near) : thinned);
   SharpMap sharp = find_sharp_edges(mesh, options.sharp_angle);
-  pmp::isotropic_remeshing(mesh.faces(), length, mesh,
-                           CGAL::parameters::number_of_iterations(options.iterations)
-                               .edge_is_constrained_map(sharp)
-                               .face_patch_map(find_parts(mesh, sharp))
-                               .protect_constraints(false)
-                               .number_of_relaxation_steps(3));
-  mesh.collect_garbage();
+  make_even(mesh.faces(), mesh, sharp, length, options.iterations);
+  break_rows(mesh, sharp, length);
   if (near > 0) {
     mesh = manifold(without_slivers(from_cgal(mesh), near));
     sharp = find_sharp_edges(mesh, options.sharp_angle);

@@ -21,6 +21,10 @@ struct RemeshOptions {
 struct RemeshQuality {
   double min_angle_deg = 0;
   double share_under_20_deg = 0;  // triangles with an angle under 20 degrees
+  double angles_under_20_deg = 0;
+  // Those of them that no feature holds. A feature holds a triangle whose shortest edge joins two sharp
+  // lines, or two ends of lines. If an angle is above 120 degrees, all three corners must lie on sharp lines.
+  double free_angles_under_20_deg = 0;
   double share_non_delaunay = 0;  // of the edges neither sharp nor border: opposite angles sum to over 180
   double circumradius_max = 0;    // the sliver guard holds it under edge_length where the shape allows
   std::uint64_t sharp_edges = 0;  // kept
@@ -33,11 +37,12 @@ struct Remeshed {
 };
 
 // Runs CGAL's isotropic remeshing (Botsch and Kobbelt, A remeshing approach to multiresolution modeling,
-// 2004) with sharp edges constrained. Then flips edges until the surface is Delaunay, collapses short edges
-// of triangles with an angle under 20 degrees where no sharp line moves by more than a tenth of the edge
-// length, and splits slivers: an obtuse triangle whose circumradius is larger than the edge length has its
-// longest edge split at the foot of its height. So no triangle gets a sphere far larger than the others. New
-// vertices lie on the input's surface.
+// 2004) with sharp edges constrained, once more around rows of long
+// edges that it leaves beside each other. Then flips
+// edges until the surface is Delaunay, collapses short edges of triangles with an angle under 20 degrees
+// where no sharp line moves by more than a tenth of the edge length, and splits slivers: an obtuse triangle
+// whose circumradius is larger than the edge length has its longest edge split at the foot of its height. So
+// no triangle gets a sphere far larger than the others. New vertices lie on the input's surface.
 //
 // The mesh must be oriented. It may have a border, which is kept; where bodies touch in an edge or a point
 // they are taken apart. Deterministic. Throws Error when edge_length is not positive or would make more than

@@ -116,6 +116,8 @@ Json report_json(const PadFiles& files, const PadOptions& options, const Padded&
           {"quality",
            {{"min_angle_deg", r.quality.min_angle_deg},
             {"share_under_20_deg", r.quality.share_under_20_deg},
+            {"angles_under_20_deg", r.quality.angles_under_20_deg},
+            {"free_angles_under_20_deg", r.quality.free_angles_under_20_deg},
             {"share_non_delaunay", r.quality.share_non_delaunay},
             {"circumradius_max", r.quality.circumradius_max},
             {"sharp_edges", r.quality.sharp_edges}}},

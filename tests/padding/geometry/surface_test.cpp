@@ -216,6 +216,43 @@ TEST(Surface, DistancesToNeedlesAreRight) {
   }
 }
 
+// Both faces of a star of n points, with its centre in the boxes of half of all triangles.
+Mesh star(std::uint32_t n) {
+  Mesh mesh;
+  for (const double z : {0.0, 0.1}) {
+    for (std::uint32_t k = 0; k < 2 * n; k++) {
+      const double r = k % 2 ? 1 : 0.5, angle = std::numbers::pi * k / n;
+      mesh.points.push_back({r * std::cos(angle), r * std::sin(angle), z});
+    }
+    mesh.points.push_back({0, 0, z});
+    const auto center = static_cast<std::uint32_t>(mesh.points.size() - 1), first = center - 2 * n;
+    for (std::uint32_t k = 0; k < 2 * n; k++)
+      mesh.triangles.push_back({first + k, first + (k + 1) % (2 * n), center});
+  }
+  return mesh;
+}
+
+TEST(Surface, AgreesWithBruteForceOnAStarOfNeedles) {
+  const Mesh mesh = star(500);
+  const Surface surface(mesh);
+  RandomInput random(11);
+  for (int k = 0; k < 200; k++) {
+    const Point p(random.uniform(-1.1, 1.1), random.uniform(-1.1, 1.1), random.uniform(-0.1, 0.2));
+    const Nearest at = surface.nearest(p);
+    EXPECT_NEAR(at.distance, brute_force(mesh, p), 1e-15);
+    EXPECT_NEAR(surface.distance_to(at.triangle, p), at.distance, 1e-15);
+    EXPECT_TRUE(surface.any_within(p, at.distance * (1 + 1e-9) + 1e-12));
+    EXPECT_FALSE(surface.any_within(p, at.distance * (1 - 1e-9) - 1e-12));
+  }
+}
+
+TEST(Surface, NeedlesAcrossTheAxesAreCutForTheirBoxesAndNothingElseIs) {
+  const Mesh mesh = star(500);
+  EXPECT_GT(Surface(mesh).needle_parts(), 4 * mesh.triangles.size());
+  for (const Mesh& even : {shapes::box({0, 0, 0}, {1, 2, 3}), shapes::sphere(3), shapes::square(1, 20)})
+    EXPECT_EQ(Surface(even).needle_parts(), 0u);
+}
+
 TEST(Surface, NothingIsNearWhereThereIsNothing) {
   const Surface surface{Mesh()};
   EXPECT_FALSE(std::isfinite(surface.nearest({0, 0, 0}).distance));

@@ -116,6 +116,46 @@ TEST(Remesh, ShortEdgesOfAFeatureDoNotMakeThinTriangles) {
   EXPECT_NEAR(mass_properties(r.mesh).volume, mass_properties(plate).volume, 0.03);
 }
 
+// A square plate with a hole of 64 corners. Edges of half of its thickness are a little shorter than 4/3 of
+// the length, so that CGAL does not split them.
+TEST(Remesh, TheWallOfAHoleHasNoThinTriangles) {
+  Mesh plate;
+  constexpr std::uint32_t n = 64;
+  for (const double z : {0.0, 0.53}) {
+    for (std::uint32_t k = 0; k < n; k++) {
+      const double angle = 2 * std::numbers::pi * (k + 0.5) / n;
+      plate.points.push_back({0.5 * std::cos(angle), 0.5 * std::sin(angle), z});
+    }
+    plate.points.insert(plate.points.end(), {{1, 1, z}, {-1, 1, z}, {-1, -1, z}, {1, -1, z}});
+  }
+  constexpr std::uint32_t top = n + 4;
+  const auto both_sides = [&](std::uint32_t a, std::uint32_t b, std::uint32_t c) {
+    plate.triangles.push_back({a + top, b + top, c + top}), plate.triangles.push_back({a, c, b});
+  };
+  const auto wall = [&](std::uint32_t a, std::uint32_t b) {
+    plate.triangles.push_back({a, b, b + top}), plate.triangles.push_back({a, b + top, a + top});
+  };
+  for (std::uint32_t k = 0; k < n; k++) {
+    const std::uint32_t next = (k + 1) % n, corner = n + 4 * k / n, next_corner = n + 4 * next / n;
+    both_sides(k, corner, next), wall(next, k);
+    if (corner != next_corner) both_sides(next, corner, next_corner), wall(corner, next_corner);
+  }
+  const Remeshed r = remesh(plate, {.edge_length = 0.2});
+  EXPECT_TRUE(closed_and_oriented(r.mesh));
+  EXPECT_LT(r.quality.angles_under_20_deg, 0.002);
+  EXPECT_NEAR(mass_properties(r.mesh).volume, mass_properties(plate).volume, 0.01);
+}
+
+// Of the strip between the sharp lines of a thin plate, no triangle is free; of a plate without sharp edges,
+// all.
+TEST(Remesh, SmallAnglesBetweenFeaturesAreNotFree) {
+  Mesh box = shapes::box({0, 0, 0}, {1, 1, 0.1});
+  const RemeshQuality sharp = measure_quality(box, 40), smooth = measure_quality(box, 180);
+  EXPECT_NEAR(sharp.angles_under_20_deg, 8.0 / 36, 1e-12);
+  EXPECT_EQ(sharp.free_angles_under_20_deg, 0);
+  EXPECT_EQ(smooth.free_angles_under_20_deg, smooth.angles_under_20_deg);
+}
+
 TEST(Remesh, QualityOfOneKnownMesh) {
   // Two triangles on a flat rhombus, cut along its long diagonal. The Delaunay edge would be the short one.
   Mesh mesh;
