@@ -222,10 +222,8 @@ Nearest Surface::clearance(const Point& p, double limit) const {
     }
     if (entry.count > 0) continue;
     const TriangleTree::Node& node = tree_.nodes()[entry.child];
-    double least[2];
-    for (int side = 0; side < 2; side++)
-      least[side] = std::sqrt(TriangleTree::box_distance2(node.low[side], node.high[side], p)) -
-                    node_standoff_[entry.child][side];
+    const std::array<double, 2>& standoff = node_standoff_[entry.child];
+    const Eigen::Array2d least = node.distance2(p).sqrt() - Eigen::Array2d(standoff[0], standoff[1]);
     const int near = least[1] < least[0];
     for (const int side : {1 - near, near})
       if (least[side] < limit && !node.empty(side))
@@ -324,10 +322,9 @@ std::optional<int> crossing(const Vector& d, const Vector& a, const Vector& b, c
 // Does the ray meet the box? The range is widened by more than the rounding error, so a hit is never missed.
 bool meets(const TriangleTree::Node& node, int side, const Point& p, const Vector& inverse) {
   if (node.empty(side)) return false;
-  const double *low = node.low[side], *high = node.high[side];
   double from = 0, to = std::numeric_limits<double>::infinity();
   for (int k = 0; k < 3; k++) {
-    const double s = (low[k] - p[k]) * inverse[k], t = (high[k] - p[k]) * inverse[k];
+    const double s = (node.low[k][side] - p[k]) * inverse[k], t = (node.high[k][side] - p[k]) * inverse[k];
     from = std::max(from, std::min(s, t)), to = std::min(to, std::max(s, t));
   }
   return from * (1 - 1e-14) <= to * (1 + 1e-14);
