@@ -253,9 +253,9 @@ double Surface::certified_distance(const Point& p) const {
 }
 
 // With a hull, the direction outwards is the hull's: the triangles inside may be turned at random.
-Nearest Surface::signed_nearest_in_hull(const Point& p) const {
+Nearest Surface::signed_nearest_in_hull(const Point& p, const Nearest& nearest) const {
   const Nearest outer = solid_->signed_nearest(p);
-  Nearest best = nearest(p);
+  Nearest best = nearest;
   best.normal = face_normals_[best.triangle];
   if (best.normal.dot(outer.normal) < 0) best.normal = -best.normal;
   if (!(outer.distance < 0)) return best;
@@ -264,9 +264,11 @@ Nearest Surface::signed_nearest_in_hull(const Point& p) const {
   return best;
 }
 
-Nearest Surface::signed_nearest(const Point& p) const {
-  if (hull()) return signed_nearest_in_hull(p);
-  Nearest best = nearest(p);
+Nearest Surface::signed_nearest(const Point& p) const { return with_side(p, nearest(p)); }
+
+Nearest Surface::with_side(const Point& p, const Nearest& nearest, bool known_inside) const {
+  if (hull()) return signed_nearest_in_hull(p, nearest);
+  Nearest best = nearest;
   if (!(best.distance < std::numeric_limits<double>::infinity())) return best;
   const auto& t = mesh_.triangles[best.triangle];
   const Point& a = mesh_.points[t[0]];
@@ -280,8 +282,12 @@ Nearest Surface::signed_nearest(const Point& p) const {
   else
     best.normal = edge_normals_[best.triangle][feature - edge01];
   bool inside = (p - best.point).dot(best.normal) < 0;
-  if (side_ == SideBy::winding && best.distance > 0)
-    if (const auto winding = winding_number(p)) inside = *winding > 0;
+  if (side_ == SideBy::winding && best.distance > 0) {
+    if (known_inside && closed())
+      inside = true;
+    else if (const auto winding = winding_number(p))
+      inside = *winding > 0;
+  }
   best.distance = inside ? -best.distance : best.distance - half_thickness(best.triangle);
   return best;
 }
