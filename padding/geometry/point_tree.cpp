@@ -35,6 +35,14 @@ PointTree::PointTree(std::vector<Point> points) : points_(std::move(points)) {
   }
 }
 
+std::vector<std::uint32_t> PointTree::renumber() {
+  std::vector<std::uint32_t> before(order_.size());
+  std::iota(before.begin(), before.end(), 0u);
+  order_.swap(before);
+  for (std::size_t k = 0; k < points_.size(); k++) points_[k] = {sorted_[0][k], sorted_[1][k], sorted_[2][k]};
+  return before;
+}
+
 void PointTree::build(std::uint32_t index, std::uint32_t begin, std::uint32_t end, const Box& box) {
   if (end - begin <= leaf_points) return;
   int axis;

@@ -19,7 +19,10 @@ class PointTree {
   // Appends the index of each point with |x - center| <= radius, in the order of the tree.
   void find(const Point& center, double radius, std::vector<std::uint32_t>& found) const;
 
-  const std::vector<Point>& points() const { return points_; }  // as given
+  // Numbers the points in the order of the tree. Returns the index that each had.
+  std::vector<std::uint32_t> renumber();
+
+  const std::vector<Point>& points() const { return points_; }  // as given, or renumbered
   std::size_t size() const { return points_.size(); }
 
  private:
