@@ -59,7 +59,12 @@ void PointTree::build(std::uint32_t index, std::uint32_t begin, std::uint32_t en
   node.begin = begin, node.middle = middle, node.end = end, node.right = index + 1 + nodes_of(middle - begin);
   for (int k = 0; k < 3; k++)
     node.low[k] = {half[0].low[k], half[1].low[k]}, node.high[k] = {half[0].high[k], half[1].high[k]};
-#pragma omp task if (end - begin > task_size)
+  if (end - begin <= task_size) {
+    build(index + 1, begin, middle, half[0]);
+    build(node.right, middle, end, half[1]);
+    return;
+  }
+#pragma omp task
   build(index + 1, begin, middle, half[0]);
   build(node.right, middle, end, half[1]);
 #pragma omp taskwait
