@@ -11,15 +11,6 @@ constexpr std::uint32_t leaf_balls = 4;
 constexpr double infinity = std::numeric_limits<double>::infinity();
 constexpr int ball_stack = 128;  // median splits: the depth is log2(n / leaf_balls)
 
-inline double box_distance(const double* low, const double* high, const Point& x) {
-  double sum = 0;
-  for (int k = 0; k < 3; k++) {
-    const double d = std::max({low[k] - x[k], 0.0, x[k] - high[k]});
-    sum += d * d;
-  }
-  return std::sqrt(sum);
-}
-
 }  // namespace
 
 BallSet::BallSet(std::vector<Ball> balls) : balls_(std::move(balls)) {
@@ -64,7 +55,7 @@ std::uint32_t BallSet::build(std::uint32_t begin, std::uint32_t end) {
     std::uint32_t child = from[side], count = to[side] - from[side];
     if (count > leaf_balls) child = build(from[side], to[side]), count = 0;
     Node& node = nodes_[index];
-    for (int k = 0; k < 3; k++) node.low[side][k] = box.low[k], node.high[side][k] = box.high[k];
+    for (int k = 0; k < 3; k++) node.low[k][side] = box.low[k], node.high[k][side] = box.high[k];
     node.radius[side] = radius, node.child[side] = child, node.count[side] = count;
   }
   return index;
@@ -91,9 +82,12 @@ void BallSet::traverse(const Point& x, double& limit, Visit&& visit) const {
       continue;
     }
     const Node& node = nodes_[entry.child];
-    double bound[2];
-    for (int side = 0; side < 2; side++)
-      bound[side] = box_distance(node.low[side], node.high[side], x) - node.radius[side];
+    Eigen::Array2d sum = Eigen::Array2d::Zero();
+    for (int k = 0; k < 3; k++) {
+      const Eigen::Array2d d = (node.low[k] - x[k]).max(x[k] - node.high[k]).max(0.0);
+      sum += d * d;
+    }
+    const Eigen::Array2d bound = sum.sqrt() - node.radius;
     const int near = bound[1] < bound[0];
     for (int side : {1 - near, near})
       if (bound[side] <= limit && bound[side] < infinity)

@@ -51,8 +51,8 @@ class BallSet {
 
  private:
   struct Node {  // holds the bounds of both children, so that one visit decides on both
-    double low[2][3], high[2][3], radius[2];  // box of the centres, and the largest radius
-    std::uint32_t child[2];                   // node, or first slot when count > 0
+    Eigen::Array2d low[3], high[3], radius;  // box of the centres, and the largest radius
+    std::uint32_t child[2];                  // node, or first slot when count > 0
     std::uint32_t count[2];
   };
   struct Slot {

@@ -8,7 +8,7 @@ namespace padder {
 namespace {
 
 Ball ball_below(const Surface& surface, const Point& p, const Vector& normal, double largest,
-                double tolerance, double guess) {
+                double tolerance, double guess, const Ball& inner) {
   // In practice a step at least halves the surplus, but on noisy surfaces the steps may be tiny. After so
   // many steps the radius also falls by a fixed share, so the loop ends at r <= tolerance at the latest.
   constexpr int patience = 24;
@@ -17,20 +17,29 @@ Ball ball_below(const Surface& surface, const Point& p, const Vector& normal, do
   double r = std::min(largest, guess > 0 ? guess : std::max(32 * tolerance, largest / 64));
   // Beside a sheet there is no room inside; the ball sits on it.
   const auto on_sheet = [&] { return Ball{p, surface.half_thickness(surface.nearest(p).triangle)}; };
+  // Without a hull, one query finds what the ball holds, and what it touches if it holds nothing: p is not
+  // farther than its radius.
+  const bool both = !surface.hull();
+  const auto signed_nearest = [&](const Point& c, const Nearest& at) {
+    const bool known = both && (c - inner.center).squaredNorm() < inner.radius * inner.radius;
+    return surface.with_side(c, std::isfinite(at.distance) ? at : surface.nearest(c), known);
+  };
+  Nearest touched;
   bool growing = r < largest, inside = false;
   for (int step = 0; r > tolerance;) {
     const Point c = p - r * normal;
-    const Nearest hit = surface.clearance(c, r - tolerance);
+    const Nearest hit = both ? surface.nearest(c, r * (1 + 1e-9)) : surface.clearance(c, r - tolerance);
     if (!(hit.distance < r - tolerance)) {
+      touched = hit;
       if (!growing) break;
       // A wall that is thinner than the tolerance is not seen: the ball would grow through all of a hollow
       // behind it. No larger ball has its centre on another side, because it holds this one.
-      if (!inside && surface.signed_nearest(c).distance > 0) return on_sheet();
+      if (!inside && signed_nearest(c, touched).distance > 0) return on_sheet();
       inside = true;
       r = std::min(largest, 2 * r), growing = r < largest;
       continue;
     }
-    growing = false;
+    growing = false, touched = {};
     // The next ball passes through p and the point that was hit, with its centre on the ray. The height is
     // positive because the point lies inside the ball of radius r; only rounding can spoil that.
     const Vector d = p - hit.point;
@@ -39,7 +48,7 @@ Ball ball_below(const Surface& surface, const Point& p, const Vector& normal, do
     r = std::min(next, step++ < patience ? r : 0.8 * r);
   }
   const Point c = p - r * normal;
-  const Nearest at = surface.signed_nearest(c);
+  const Nearest at = signed_nearest(c, touched);
   if (at.distance > 0) return on_sheet();
   const double radius = -at.distance;
   if (!(r <= radius + tolerance)) return {p, 0};
@@ -49,12 +58,12 @@ Ball ball_below(const Surface& surface, const Point& p, const Vector& normal, do
 }  // namespace
 
 Ball inner_medial_ball(const Surface& surface, const Point& p, const Vector& normal, double largest,
-                       double tolerance, double guess) {
+                       double tolerance, double guess, const Ball& inner) {
   if (!surface.has_inside()) return {p, surface.half_thickness(0)};
-  const Ball ball = ball_below(surface, p, normal, largest, tolerance, guess);
+  const Ball ball = ball_below(surface, p, normal, largest, tolerance, guess, inner);
   if (!surface.hull()) return ball;
   // Triangles in a hull may be turned at random.
-  const Ball other = ball_below(surface, p, -normal, largest, tolerance, guess);
+  const Ball other = ball_below(surface, p, -normal, largest, tolerance, guess, inner);
   return other.radius > ball.radius ? other : ball;
 }
 

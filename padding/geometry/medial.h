@@ -23,8 +23,9 @@ namespace padder {
 // what Surface::signed_nearest gives, and without such a ball the answer is also {p, 0}.
 //
 // `guess` is where the search for the radius begins, or 0: a radius that is a little larger than the one to
-// be found saves queries. Costs a few nearest-point queries, typically 4 to 8.
+// be found saves queries. A point of `inner`, which is a ball inside the body that holds no surface point, is
+// known to lie inside. Neither changes the contract. Costs a few nearest-point queries, typically 4 to 8.
 Ball inner_medial_ball(const Surface& surface, const Point& p, const Vector& normal, double largest,
-                       double tolerance, double guess = 0);
+                       double tolerance, double guess = 0, const Ball& inner = {});
 
 }  // namespace padder

@@ -12,7 +12,7 @@ constexpr std::uint32_t task_size = 1 << 14;  // halves of more points are sorte
 
 std::uint32_t nodes_of(std::uint32_t points) {
   const std::uint32_t half = points / 2;
-  return points <= leaf_points ? 1 : 1 + nodes_of(half) + nodes_of(points - half);
+  return points <= leaf_points ? 0 : 1 + nodes_of(half) + nodes_of(points - half);
 }
 
 }  // namespace
@@ -21,22 +21,30 @@ PointTree::PointTree(std::vector<Point> points) : points_(std::move(points)) {
   const auto n = static_cast<std::uint32_t>(points_.size());
   order_.resize(n);
   std::iota(order_.begin(), order_.end(), 0u);
-  if (n > 0) {
+  if (n > leaf_points) {
+    Box box;
+    for (const Point& p : points_) box.add(p);
     nodes_.resize(nodes_of(n));
 #pragma omp parallel if (n > task_size)
 #pragma omp single
-    build(0, 0, n);
+    build(0, 0, n, box);
   }
-  sorted_.resize(n);
-  for (std::uint32_t k = 0; k < n; k++) sorted_[k] = points_[order_[k]];
+  for (int axis = 0; axis < 3; axis++) {
+    sorted_[axis].resize(n + leaf_points);
+    for (std::uint32_t k = 0; k < n; k++) sorted_[axis][k] = points_[order_[k]][axis];
+  }
 }
 
-std::uint32_t PointTree::build(std::uint32_t index, std::uint32_t begin, std::uint32_t end) {
-  Box box;
-  for (auto k = begin; k < end; k++) box.add(points_[order_[k]]);
-  Node& node = nodes_[index];
-  node = {box.low, box.high, begin, end, 0};
-  if (end - begin <= leaf_points) return index + 1;
+std::vector<std::uint32_t> PointTree::renumber() {
+  std::vector<std::uint32_t> before(order_.size());
+  std::iota(before.begin(), before.end(), 0u);
+  order_.swap(before);
+  for (std::size_t k = 0; k < points_.size(); k++) points_[k] = {sorted_[0][k], sorted_[1][k], sorted_[2][k]};
+  return before;
+}
+
+void PointTree::build(std::uint32_t index, std::uint32_t begin, std::uint32_t end, const Box& box) {
+  if (end - begin <= leaf_points) return;
   int axis;
   (box.high - box.low).maxCoeff(&axis);
   const auto middle = begin + (end - begin) / 2;
@@ -45,43 +53,66 @@ std::uint32_t PointTree::build(std::uint32_t index, std::uint32_t begin, std::ui
                      const double x = points_[s][axis], y = points_[t][axis];
                      return x != y ? x < y : s < t;
                    });
+  Box half[2];
+  for (auto k = begin; k < end; k++) half[k >= middle].add(points_[order_[k]]);
+  Node& node = nodes_[index];
+  node.begin = begin, node.middle = middle, node.end = end, node.right = index + 1 + nodes_of(middle - begin);
+  for (int k = 0; k < 3; k++)
+    node.low[k] = {half[0].low[k], half[1].low[k]}, node.high[k] = {half[0].high[k], half[1].high[k]};
   if (end - begin <= task_size) {
-    node.right = build(index + 1, begin, middle);
-    return build(node.right, middle, end);
+    build(index + 1, begin, middle, half[0]);
+    build(node.right, middle, end, half[1]);
+    return;
   }
-  node.right = index + 1 + nodes_of(middle - begin);
 #pragma omp task
-  build(index + 1, begin, middle);
-  const std::uint32_t next = build(node.right, middle, end);
+  build(index + 1, begin, middle, half[0]);
+  build(node.right, middle, end, half[1]);
 #pragma omp taskwait
-  return next;
 }
 
 void PointTree::find(const Point& center, double radius, std::vector<std::uint32_t>& found) const {
-  if (nodes_.empty() || !(radius >= 0)) return;
+  if (points_.empty() || !(radius >= 0)) return;
   const double radius2 = radius * radius;
-  std::uint32_t stack[64];  // median splits: the depth is log2(n / leaf_points)
+  const auto scan = [&](std::uint32_t begin, std::uint32_t count) {
+    const double *x = &sorted_[0][begin], *y = &sorted_[1][begin], *z = &sorted_[2][begin];
+    double distance2[leaf_points];
+    for (std::uint32_t k = 0; k < leaf_points; k++) {
+      const double u = x[k] - center.x(), v = y[k] - center.y(), w = z[k] - center.z();
+      distance2[k] = u * u + (v * v + w * w);
+    }
+    std::uint32_t near[leaf_points], size = 0;
+    for (std::uint32_t k = 0; k < count; k++) near[size] = order_[begin + k], size += distance2[k] <= radius2;
+    found.insert(found.end(), near, near + size);
+  };
+  if (nodes_.empty()) return scan(0, static_cast<std::uint32_t>(points_.size()));
+  struct Entry {
+    std::uint32_t begin, end, node;
+  };
+  constexpr std::uint32_t inside = 0xffffffffu;
+  Entry stack[64];  // median splits: the depth is log2(n / leaf_points)
   int top = 0;
-  stack[top++] = 0;
+  stack[top++] = {0, static_cast<std::uint32_t>(points_.size()), 0};
   while (top > 0) {
-    const std::uint32_t index = stack[--top];
-    const Node& node = nodes_[index];
-    double near2 = 0, far2 = 0;
+    const Entry entry = stack[--top];
+    if (entry.node == inside) {
+      found.insert(found.end(), order_.begin() + entry.begin, order_.begin() + entry.end);
+      continue;
+    }
+    if (entry.end - entry.begin <= leaf_points) {
+      scan(entry.begin, entry.end - entry.begin);
+      continue;
+    }
+    const Node& node = nodes_[entry.node];
+    Eigen::Array2d near2 = Eigen::Array2d::Zero(), far2 = near2;
     for (int k = 0; k < 3; k++) {
-      const double below = node.low[k] - center[k], above = center[k] - node.high[k];
-      const double near = std::max({below, 0.0, above});
-      const double far = std::max(-below, -above);
+      const Eigen::Array2d below = node.low[k] - center[k], above = center[k] - node.high[k];
+      const Eigen::Array2d near = below.max(above).max(0.0), far = (-below).max(-above);
       near2 += near * near, far2 += far * far;
     }
-    if (near2 > radius2) continue;
-    if (far2 <= radius2) {
-      found.insert(found.end(), order_.begin() + node.begin, order_.begin() + node.end);
-    } else if (node.right == 0) {
-      for (auto k = node.begin; k < node.end; k++)
-        if ((sorted_[k] - center).squaredNorm() <= radius2) found.push_back(order_[k]);
-    } else {
-      stack[top++] = node.right, stack[top++] = index + 1;
-    }
+    if (near2[1] <= radius2)
+      stack[top++] = {node.middle, node.end, far2[1] <= radius2 ? inside : node.right};
+    if (near2[0] <= radius2)
+      stack[top++] = {node.begin, node.middle, far2[0] <= radius2 ? inside : entry.node + 1};
   }
 }
 

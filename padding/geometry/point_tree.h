@@ -19,18 +19,23 @@ class PointTree {
   // Appends the index of each point with |x - center| <= radius, in the order of the tree.
   void find(const Point& center, double radius, std::vector<std::uint32_t>& found) const;
 
-  const std::vector<Point>& points() const { return points_; }  // as given
+  // Numbers the points in the order of the tree. Returns the index that each had.
+  std::vector<std::uint32_t> renumber();
+
+  const std::vector<Point>& points() const { return points_; }  // as given, or renumbered
   std::size_t size() const { return points_.size(); }
 
  private:
+  // The boxes of both children side by side, so that one look decides on both. A child of at most leaf_points
+  // points has no node.
   struct Node {
-    Point low, high;
-    std::uint32_t begin, end, right;  // the left child stands behind its parent; right is 0 for a leaf
+    Eigen::Array2d low[3], high[3];
+    std::uint32_t begin, middle, end, right;  // the left child stands behind its parent
   };
-  // Builds the subtree at nodes_[index] and returns the index behind it.
-  std::uint32_t build(std::uint32_t index, std::uint32_t begin, std::uint32_t end);
+  void build(std::uint32_t index, std::uint32_t begin, std::uint32_t end, const Box& box);
 
-  std::vector<Point> points_, sorted_;
+  std::vector<Point> points_;
+  std::vector<double> sorted_[3];     // the coordinates in the order of the tree, and some zeros
   std::vector<std::uint32_t> order_;  // index of each of sorted_
   std::vector<Node> nodes_;
 };

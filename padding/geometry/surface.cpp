@@ -277,10 +277,8 @@ Nearest Surface::clearance(const Point& p, double limit) const {
     }
     if (entry.count > 0) continue;
     const TriangleTree::Node& node = tree_.nodes()[entry.child];
-    double least[2];
-    for (int side = 0; side < 2; side++)
-      least[side] = std::sqrt(TriangleTree::box_distance2(node.low[side], node.high[side], p)) -
-                    node_standoff_[entry.child][side];
+    const std::array<double, 2>& standoff = node_standoff_[entry.child];
+    const Eigen::Array2d least = node.distance2(p).sqrt() - Eigen::Array2d(standoff[0], standoff[1]);
     const int near = least[1] < least[0];
     for (const int side : {1 - near, near})
       if (least[side] < limit && !node.empty(side))
@@ -310,9 +308,9 @@ double Surface::certified_distance(const Point& p) const {
 }
 
 // With a hull, the direction outwards is the hull's: the triangles inside may be turned at random.
-Nearest Surface::signed_nearest_in_hull(const Point& p) const {
+Nearest Surface::signed_nearest_in_hull(const Point& p, const Nearest& nearest) const {
   const Nearest outer = solid_->signed_nearest(p);
-  Nearest best = nearest(p);
+  Nearest best = nearest;
   best.normal = face_normals_[best.triangle];
   if (best.normal.dot(outer.normal) < 0) best.normal = -best.normal;
   if (!(outer.distance < 0)) return best;
@@ -321,9 +319,11 @@ Nearest Surface::signed_nearest_in_hull(const Point& p) const {
   return best;
 }
 
-Nearest Surface::signed_nearest(const Point& p) const {
-  if (hull()) return signed_nearest_in_hull(p);
-  Nearest best = nearest(p);
+Nearest Surface::signed_nearest(const Point& p) const { return with_side(p, nearest(p)); }
+
+Nearest Surface::with_side(const Point& p, const Nearest& nearest, bool known_inside) const {
+  if (hull()) return signed_nearest_in_hull(p, nearest);
+  Nearest best = nearest;
   if (!(best.distance < std::numeric_limits<double>::infinity())) return best;
   const auto& t = mesh_.triangles[best.triangle];
   const Point& a = mesh_.points[t[0]];
@@ -337,8 +337,12 @@ Nearest Surface::signed_nearest(const Point& p) const {
   else
     best.normal = edge_normals_[best.triangle][feature - edge01];
   bool inside = (p - best.point).dot(best.normal) < 0;
-  if (side_ == SideBy::winding && best.distance > 0)
-    if (const auto winding = winding_number(p)) inside = *winding > 0;
+  if (side_ == SideBy::winding && best.distance > 0) {
+    if (known_inside && closed())
+      inside = true;
+    else if (const auto winding = winding_number(p))
+      inside = *winding > 0;
+  }
   best.distance = inside ? -best.distance : best.distance - half_thickness(best.triangle);
   return best;
 }
@@ -379,10 +383,9 @@ std::optional<int> crossing(const Vector& d, const Vector& a, const Vector& b, c
 // Does the ray meet the box? The range is widened by more than the rounding error, so a hit is never missed.
 bool meets(const TriangleTree::Node& node, int side, const Point& p, const Vector& inverse) {
   if (node.empty(side)) return false;
-  const double *low = node.low[side], *high = node.high[side];
   double from = 0, to = std::numeric_limits<double>::infinity();
   for (int k = 0; k < 3; k++) {
-    const double s = (low[k] - p[k]) * inverse[k], t = (high[k] - p[k]) * inverse[k];
+    const double s = (node.low[k][side] - p[k]) * inverse[k], t = (node.high[k][side] - p[k]) * inverse[k];
     from = std::max(from, std::min(s, t)), to = std::min(to, std::max(s, t));
   }
   return from * (1 - 1e-14) <= to * (1 + 1e-14);

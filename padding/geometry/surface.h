@@ -65,6 +65,10 @@ class Surface {
   // the winding number is above 0.
   Nearest signed_nearest(const Point& p) const;
 
+  // The same, where nearest(p) is known. With `known_inside` the caller knows that the winding number is above 0,
+  // which saves the ray.
+  Nearest with_side(const Point& p, const Nearest& nearest, bool known_inside = false) const;
+
   // The smallest distance to a triangle (of the hull, if there is one) less the triangle's standoff: how
   // large an inner ball around p may be. `point` is moved towards p by the standoff. Negative where p lies
   // within the standoff. Without standoffs this is nearest().
@@ -124,7 +128,7 @@ class Surface {
     Point a, ab, ac;
   };
 
-  Nearest signed_nearest_in_hull(const Point& p) const;
+  Nearest signed_nearest_in_hull(const Point& p, const Nearest& nearest) const;
   std::optional<int> winding_in_solid(const Point& p) const;
   void find_normals();
   void cut_needles();

@@ -83,7 +83,7 @@ std::uint32_t build(std::vector<Node>& nodes, std::vector<std::uint32_t>& order,
     if (count > leaf_size)
       child = build(apart ? own[side] : nodes, order, boxes, from[side], to[side]), count = 0;
     Node& node = nodes[index];
-    for (int k = 0; k < 3; k++) node.low[side][k] = box.low[k], node.high[side][k] = box.high[k];
+    for (int k = 0; k < 3; k++) node.low[k][side] = box.low[k], node.high[k][side] = box.high[k];
     node.child[side] = child, node.count[side] = count;
   };
   if (!apart) return build_side(0), build_side(1), index;
@@ -146,10 +146,14 @@ class PairWalk {
 
   std::uint32_t count(Part p) const { return nodes_[p.node].count[p.side]; }
   Part child(Part p, std::uint32_t side) const { return {nodes_[p.node].child[p.side], side}; }
-  const double* low(Part p) const { return nodes_[p.node].low[p.side]; }
-  const double* high(Part p) const { return nodes_[p.node].high[p.side]; }
+  using Corner = std::array<double, 3>;
+  static Corner corner(const Eigen::Array2d* of, std::uint32_t side) {
+    return {of[0][side], of[1][side], of[2][side]};
+  }
+  Corner low(Part p) const { return corner(nodes_[p.node].low, p.side); }
+  Corner high(Part p) const { return corner(nodes_[p.node].high, p.side); }
 
-  static bool touch(const double* low_a, const double* high_a, const double* low_b, const double* high_b) {
+  static bool touch(const Corner& low_a, const Corner& high_a, const Corner& low_b, const Corner& high_b) {
     bool apart = false;
     for (int k = 0; k < 3; k++) apart |= low_a[k] > high_b[k] || high_a[k] < low_b[k];
     return !apart;
@@ -164,8 +168,9 @@ class PairWalk {
   }
 
   double size(Part p) const {
+    const Node& node = nodes_[p.node];
     double sum = 0;
-    for (int k = 0; k < 3; k++) sum += high(p)[k] - low(p)[k];
+    for (int k = 0; k < 3; k++) sum += node.high[k][p.side] - node.low[k][p.side];
     return sum;
   }
 
@@ -185,7 +190,7 @@ class PairWalk {
   // The triangles of a leaf whose boxes touch that of the other leaf.
   struct Leaf {
     std::array<std::uint32_t, leaf_size> triangle;
-    std::array<std::array<double, 3>, leaf_size> low, high;
+    std::array<Corner, leaf_size> low, high;
     std::size_t count = 0;
   };
   Leaf leaf(Part p, Part other) const {
@@ -199,7 +204,7 @@ class PairWalk {
             std::minmax({mesh_.corner(t, 0)[axis], mesh_.corner(t, 1)[axis], mesh_.corner(t, 2)[axis]});
         l[axis] = least, h[axis] = most;
       }
-      if (touch(l.data(), h.data(), low(other), high(other))) out.triangle[out.count++] = t;
+      if (touch(l, h, low(other), high(other))) out.triangle[out.count++] = t;
     }
     return out;
   }
@@ -208,7 +213,7 @@ class PairWalk {
     const Leaf s = leaf(a, b), t = a == b ? s : leaf(b, a);
     for (std::size_t i = 0; i < s.count; i++)
       for (std::size_t j = a == b ? i + 1 : 0; j < t.count; j++) {
-        if (!touch(s.low[i].data(), s.high[i].data(), t.low[j].data(), t.high[j].data())) continue;
+        if (!touch(s.low[i], s.high[i], t.low[j], t.high[j])) continue;
         const auto [first, second] = std::minmax(s.triangle[i], t.triangle[j]);
         if (visit_(first, second)) stop_ = true;
       }
@@ -239,8 +244,8 @@ TriangleTree::TriangleTree(const Mesh& mesh) : triangles_(mesh.triangles.size())
     for (const Box& b : boxes) bounds.add(b.low), bounds.add(b.high);
     Node root{};
     for (int k = 0; k < 3; k++) {
-      root.low[0][k] = bounds.low[k], root.high[0][k] = bounds.high[k];
-      root.low[1][k] = std::numeric_limits<double>::infinity(), root.high[1][k] = -root.low[1][k];
+      root.low[k] = {bounds.low[k], std::numeric_limits<double>::infinity()};
+      root.high[k] = {bounds.high[k], -std::numeric_limits<double>::infinity()};
     }
     root.count[0] = static_cast<std::uint32_t>(n);
     nodes_.push_back(root);
@@ -256,7 +261,7 @@ void TriangleTree::visit(const Box& box, const std::function<void(std::uint32_t)
     const Node& node = nodes_[stack[--top]];
     for (int side = 0; side < 2; side++) {
       bool apart = node.empty(side);
-      for (int k = 0; k < 3; k++) apart |= node.low[side][k] > box.high[k] || node.high[side][k] < box.low[k];
+      for (int k = 0; k < 3; k++) apart |= node.low[k][side] > box.high[k] || node.high[k][side] < box.low[k];
       if (apart) continue;
       if (node.count[side] == 0) stack[top++] = node.child[side];
       for (std::uint32_t k = 0; k < node.count[side]; k++) visit(triangles_[node.child[side] + k]);

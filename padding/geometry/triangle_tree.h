@@ -16,14 +16,23 @@ namespace padder {
 // to the mesh, and does not change after construction.
 class TriangleTree {
  public:
-  // Holds the boxes of both children, so that one visit decides on both.
+  // Holds the boxes of both children side by side, so that one look decides on both.
   struct Node {
-    double low[2][3], high[2][3];
+    Eigen::Array2d low[3], high[3];
     std::uint32_t child[2];  // node, or first slot when count > 0; a child stands behind its parent
     std::uint32_t count[2];
 
     // A mesh of one leaf has a root whose second child is empty.
-    bool empty(int side) const { return low[side][0] > high[side][0]; }
+    bool empty(int side) const { return low[0][side] > high[0][side]; }
+    // Of p from both boxes, squared; 0 inside.
+    Eigen::Array2d distance2(const Point& p) const {
+      Eigen::Array2d sum = Eigen::Array2d::Zero();
+      for (int k = 0; k < 3; k++) {
+        const Eigen::Array2d d = (low[k] - p[k]).max(p[k] - high[k]).max(0.0);
+        sum += d * d;
+      }
+      return sum;
+    }
   };
   static constexpr int kStackSize = 128;  // no walk that goes down one child at a time needs more
 
@@ -45,16 +54,6 @@ class TriangleTree {
   // threads. When it returns true, the walk ends early. `mesh` is that of the tree, which is walked against
   // itself: neighbours are found together, so this costs a fifth of asking for each triangle.
   void visit_pairs(const Mesh& mesh, const std::function<bool(std::uint32_t, std::uint32_t)>& visit) const;
-
-  // Squared; 0 inside of the box.
-  static double box_distance2(const double* low, const double* high, const Point& p) {
-    double sum = 0;
-    for (int k = 0; k < 3; k++) {
-      const double d = std::max({low[k] - p[k], 0.0, p[k] - high[k]});
-      sum += d * d;
-    }
-    return sum;
-  }
 
  private:
   std::vector<Node> nodes_;
@@ -80,10 +79,9 @@ void TriangleTree::visit_near(const Point& p, double& limit2, Visit&& visit) con
       continue;
     }
     const Node& node = nodes_[entry.child];
-    const double d0 = box_distance2(node.low[0], node.high[0], p),
-                 d1 = box_distance2(node.low[1], node.high[1], p);
-    const int near = d1 < d0;
-    const double near2 = near ? d1 : d0, far2 = near ? d0 : d1;
+    const Eigen::Array2d distance2 = node.distance2(p);
+    const int near = distance2[1] < distance2[0];
+    const double near2 = distance2[near], far2 = distance2[1 - near];
     if (far2 < limit2) stack[top++] = {far2, node.child[1 - near], node.count[1 - near]};
     if (near2 < limit2) stack[top++] = {near2, node.child[near], node.count[near]};
   }

@@ -36,48 +36,34 @@ void cut(std::vector<std::uint32_t>::iterator begin, std::vector<std::uint32_t>:
   cut(middle, end, centers, largest, random, blocks);
 }
 
-// For each element, the sets that contain it.
-struct Transpose {
-  std::vector<std::uint64_t> begin;
-  std::vector<std::uint32_t> sets;
-
-  Transpose(const Sets& of, std::size_t elements) : begin(elements + 1, 0), sets(of.elements.size()) {
-    for (auto r : of.elements) begin[r + 1]++;
-    std::partial_sum(begin.begin(), begin.end(), begin.begin());
-    std::vector<std::uint64_t> at(begin.begin(), begin.end() - 1);
-    for (std::uint32_t s = 0; s < of.size(); s++)
-      for (auto r : of[s]) sets[at[r]++] = s;
-  }
-
-  std::span<const std::uint32_t> operator[](std::uint32_t element) const {
-    return {sets.data() + begin[element], sets.data() + begin[element + 1]};
-  }
-};
-
 // A set cover problem with its own numbers.
 struct LocalProblem {
   Sets sets;
   std::vector<std::uint32_t> global;  // for each set, its number outside; ascending
+  std::uint32_t elements = 0;
 };
 
-// The problem of the elements `own`, which are numbered as they come, and of the sets that have any of them.
-// `count` is scratch: zero for each set, before and after. Counting takes a pass more than sorting the pairs
-// of a set and an element would, and less time.
-LocalProblem problem_of(const std::vector<std::uint32_t>& own, const Transpose& transpose,
-                        std::vector<std::uint32_t>& count) {
-  LocalProblem local;
-  for (const auto r : own)
-    for (const auto s : transpose[r])
-      if (count[s]++ == 0) local.global.push_back(s);
-  std::sort(local.global.begin(), local.global.end());
-  for (const auto s : local.global) local.sets.begin.push_back(local.sets.begin.back() + count[s]);
-  for (std::uint32_t k = 0; k < local.global.size(); k++) count[local.global[k]] = k;
-  std::vector<std::uint64_t> next(local.sets.begin);
-  local.sets.elements.resize(local.sets.begin.back());
-  for (std::uint32_t k = 0; k < own.size(); k++)
-    for (const auto s : transpose[own[k]]) local.sets.elements[next[count[s]]++] = k;
-  for (const auto s : local.global) count[s] = 0;
-  return local;
+// For each block the problem of the elements that it owns, and of the sets that have any of them. The
+// elements of a block are numbered as they come.
+std::vector<LocalProblem> problems_of(const Sets& sets, const std::vector<std::uint32_t>& owner,
+                                      std::size_t blocks) {
+  std::vector<LocalProblem> problems(blocks);
+  std::vector<std::uint32_t> number(owner.size());
+  for (std::size_t r = 0; r < owner.size(); r++)
+    if (owner[r] != no_owner) number[r] = problems[owner[r]].elements++;
+  std::vector<std::uint32_t> touched;
+  for (std::uint32_t s = 0; s < sets.size(); s++) {
+    touched.clear();
+    for (const auto r : sets[s]) {
+      if (owner[r] == no_owner) continue;
+      LocalProblem& local = problems[owner[r]];
+      if (local.global.empty() || local.global.back() != s)
+        local.global.push_back(s), touched.push_back(owner[r]);
+      local.sets.elements.push_back(number[r]);
+    }
+    for (const auto b : touched) problems[b].sets.begin.push_back(problems[b].sets.elements.size());
+  }
+  return problems;
 }
 
 }  // namespace
@@ -85,7 +71,6 @@ LocalProblem problem_of(const std::vector<std::uint32_t>& own, const Transpose& 
 std::vector<std::uint32_t> improve_in_blocks(const Sets& sets, std::size_t elements,
                                              const std::vector<Point>& centers,
                                              std::vector<std::uint32_t> cover, const BlockSearch& search) {
-  const Transpose transpose(sets, elements);
   Random random(search.seed);
   std::vector<std::vector<std::uint32_t>> blocks;
   cut(cover.begin(), cover.end(), centers, search.block, random, blocks);
@@ -95,22 +80,16 @@ std::vector<std::uint32_t> improve_in_blocks(const Sets& sets, std::size_t eleme
       for (auto r : sets[s])
         if (owner[r] == no_owner) owner[r] = b;
 
-  std::vector<std::uint32_t> count(sets.size(), 0);
-#pragma omp parallel for schedule(dynamic, 1) if (blocks.size() > 1) firstprivate(count)
+  const std::vector<LocalProblem> problems = problems_of(sets, owner, blocks.size());
+#pragma omp parallel for schedule(dynamic, 1) if (blocks.size() > 1)
   for (std::uint32_t b = 0; b < blocks.size(); b++) {
-    std::vector<std::uint32_t> own;  // elements of this block
-    for (auto s : blocks[b])
-      for (auto r : sets[s])
-        if (owner[r] == b) own.push_back(r);
-    std::sort(own.begin(), own.end());
-    own.erase(std::unique(own.begin(), own.end()), own.end());
-    const auto [local, global] = problem_of(own, transpose, count);
+    const auto& [local, global, size] = problems[b];
     std::vector<std::uint32_t> start;
     for (auto s : blocks[b]) {
       const auto at = std::lower_bound(global.begin(), global.end(), s);
       if (at != global.end() && *at == s) start.push_back(static_cast<std::uint32_t>(at - global.begin()));
     }
-    SetCover block(local, own.size());
+    SetCover block(local, size);
     block.greedy(start);
     block.improve(static_cast<std::uint64_t>(search.steps * static_cast<double>(block.best().size())),
                   (search.seed << 32) + b);

@@ -25,14 +25,22 @@ struct CoveredPart {
 
 }  // namespace
 
-// Makes a tree of the points from `first` on. Many small trees would cost more than one, and so would
-// building the tree of the first points again: all later ones become one.
+// Numbers the points from `first` on in the order of their tree: points that one ball covers then lie side by
+// side in memory, which saves much time. Many small trees would cost more than one, and so would building the
+// tree of the first points again: all later ones become one.
 void CoverProblem::add_group(std::size_t first) {
   constexpr std::size_t most_groups = 4;
-  if (groups_.size() == most_groups) first = groups_[1].first, groups_.resize(1);
-  std::vector<Point> points;
-  for (std::size_t k = first; k < points_.size(); k++) points.push_back(points_[k].point);
-  groups_.push_back({first, std::make_shared<const PointTree>(std::move(points))});
+  const bool one = groups_.size() == most_groups;
+  if (one) first = groups_[1].first, groups_.resize(1);
+  std::vector<Point> places;
+  for (std::size_t k = first; k < points_.size(); k++) places.push_back(points_[k].point);
+  PointTree tree(std::move(places));
+  if (!one) {  // others know the numbers of points that were there before
+    const std::vector<CoverPoint> given(points_.begin() + static_cast<std::ptrdiff_t>(first), points_.end());
+    for (const auto k : tree.renumber()) points_[first++] = given[k];
+    first -= given.size();
+  }
+  groups_.push_back({first, std::make_shared<const PointTree>(std::move(tree))});
 }
 
 // Looks at new pairs only: candidates from `first_candidate` on with all points, the candidates before it

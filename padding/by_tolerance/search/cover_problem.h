@@ -28,6 +28,7 @@ class CoverProblem {
  public:
   explicit CoverProblem(double gap) : gap_(gap) {}
 
+  // The points come behind those that are there, in an order of the problem's own.
   void add(const std::vector<CoverPoint>& points, const std::vector<Candidate>& candidates);
   // Drops all other candidates and takes these in this order.
   void keep(const std::vector<std::uint32_t>& candidates);

@@ -5,10 +5,10 @@
 
 namespace padder {
 
-Ball BallGrower::medial(const Point& p, std::uint32_t triangle, double guess) const {
+Ball BallGrower::medial(const Point& p, std::uint32_t triangle, double guess, const Ball& inner) const {
   const Vector normal = surface_.mesh().area_normal(triangle).normalized();
   const Ball ball = inner_medial_ball(surface_, p, normal, limits_.largest_inner_distance,
-                                      medial_tolerance * limits_.tolerance_sum, guess);
+                                      medial_tolerance * limits_.tolerance_sum, guess, inner);
   if (ball.radius + limits_.protrusion > 0) return ball;
   // In a sharp corner no ball inside the body touches p. But one covers it whose centre is pushed off the
   // walls there, of which there may be three, by a part of the gap each.
@@ -35,9 +35,11 @@ void BallGrower::try_place(const Candidate& beside, double most, Random& random,
   Vector step;
   for (int axis = 0; axis < 3; axis++) step[axis] = (2 * random.uniform() - 1) * most;
   const Nearest at = surface_.nearest(beside.point + step);
-  propose(at.point, at.triangle,
-          medial(at.point, at.triangle, 1.1 * beside.inner_distance + 0.5 * limits_.tolerance_sum),
-          candidates);
+  const double guess = 1.1 * beside.inner_distance + 0.5 * limits_.tolerance_sum;
+  // A ball that sits on a sheet is not inside.
+  const bool inside = beside.ball.center != beside.point;
+  const Ball inner{beside.ball.center, inside ? beside.inner_distance : 0};
+  propose(at.point, at.triangle, medial(at.point, at.triangle, guess, inner), candidates);
 }
 
 }  // namespace padder

@@ -21,8 +21,9 @@ class BallGrower {
  public:
   BallGrower(const Surface& surface, const BallLimits& limits) : surface_(surface), limits_(limits) {}
 
-  // The medial ball that touches p, on this triangle. `guess` is about its radius, or 0.
-  Ball medial(const Point& p, std::uint32_t triangle, double guess = 0) const;
+  // The medial ball that touches p, on this triangle. `guess` is about its radius, or 0; `inner` is a ball
+  // nearby that lies inside (medial.h).
+  Ball medial(const Point& p, std::uint32_t triangle, double guess = 0, const Ball& inner = {}) const;
   // Adds this medial ball of p, dilated, unless it is too small.
   void propose(const Point& p, std::uint32_t triangle, const Ball& medial,
                std::vector<Candidate>& candidates) const;

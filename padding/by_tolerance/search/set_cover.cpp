@@ -23,9 +23,10 @@ SetCover::SetCover(const Sets& sets, std::size_t elements) : sets_(sets) {
   for (std::uint32_t s = 0; s < sets.size(); s++)
     for (auto r : sets[s]) element_sets_[at[r]++] = s;
 
-  set_.resize(sets.size());
+  set_.assign(sets.size(), {0, nowhere});
+  gain_.resize(sets.size());
   for (std::size_t s = 0; s < sets.size(); s++)
-    set_[s] = {static_cast<std::int32_t>(sets[s].size()), 1, 0, nowhere};
+    gain_[s] = {2 * static_cast<std::int32_t>(sets[s].size()) + 1};
   element_.assign(elements, {1, 0, 0, nowhere});
   for (std::uint32_t r = 0; r < elements; r++)
     if (!sets_of(r).empty())
@@ -33,26 +34,26 @@ SetCover::SetCover(const Sets& sets, std::size_t elements) : sets_(sets) {
 }
 
 void SetCover::add(std::uint32_t set) {
-  set_[set].score = -set_[set].score;
+  gain_[set].negate();
   set_[set].place = static_cast<std::uint32_t>(chosen_.size());
   chosen_.push_back(set);
   for (auto r : sets_[set]) {
     Element& element = element_[r];
     if (element.count == 0) {
-      for (auto other : sets_of(r)) set_[other].score -= element.weight, set_[other].may_add = 1;
-      set_[set].score += element.weight;
+      for (auto other : sets_of(r)) gain_[other].change_and_allow(-element.weight);
+      gain_[set].change(element.weight);
       const auto last = uncovered_.back();
       uncovered_[element.place] = last, element_[last].place = element.place;
       uncovered_.pop_back(), element.place = nowhere;
     } else if (element.count == 1) {
-      set_[element.sum].score += element.weight;  // no longer lost with the one set that covered it
+      gain_[element.sum].change(element.weight);  // no longer lost with the one set that covered it
     }
     element.count++, element.sum += set;
   }
 }
 
 void SetCover::remove(std::uint32_t set) {
-  set_[set].score = -set_[set].score;
+  gain_[set].negate();
   const auto last = chosen_.back();
   chosen_[set_[set].place] = last, set_[last].place = set_[set].place;
   chosen_.pop_back(), set_[set].place = nowhere;
@@ -60,15 +61,15 @@ void SetCover::remove(std::uint32_t set) {
     Element& element = element_[r];
     element.count--, element.sum -= set;
     if (element.count == 0) {
-      for (auto other : sets_of(r)) set_[other].score += element.weight, set_[other].may_add = 1;
-      set_[set].score -= element.weight;
+      for (auto other : sets_of(r)) gain_[other].change_and_allow(element.weight);
+      gain_[set].change(-element.weight);
       element.place = static_cast<std::uint32_t>(uncovered_.size());
       uncovered_.push_back(r);
     } else if (element.count == 1) {
-      set_[element.sum].score -= element.weight;
+      gain_[element.sum].change(-element.weight);
     }
   }
-  set_[set].may_add = 0, set_[set].stamp = step_;
+  gain_[set].forbid(), set_[set].stamp = step_;
 }
 
 // Lazy greedy: scores only fall while sets are added. So an outdated entry at the top of the heap is put back
@@ -82,13 +83,13 @@ void SetCover::greedy(std::span<const std::uint32_t> start) {
   };
   std::vector<Entry> entries;
   for (std::uint32_t s = 0; s < sets_.size(); s++)
-    if (set_[s].place == nowhere && set_[s].score > 0) entries.push_back({set_[s].score, s});
+    if (set_[s].place == nowhere && gain_[s].score() > 0) entries.push_back({gain_[s].score(), s});
   std::priority_queue<Entry, std::vector<Entry>, decltype(worse)> heap(worse, std::move(entries));
   while (!uncovered_.empty()) {
     const auto [score, s] = heap.top();
     heap.pop();
-    if (set_[s].score < score)
-      heap.push({set_[s].score, s});
+    if (gain_[s].score() < score)
+      heap.push({gain_[s].score(), s});
     else
       add(s);
   }
@@ -103,7 +104,7 @@ void SetCover::drop_needless() {
     return sets_[s].size() != sets_[t].size() ? sets_[s].size() < sets_[t].size() : s < t;
   });
   for (auto s : order)
-    if (set_[s].score == 0) remove(s);
+    if (gain_[s].score() == 0) remove(s);
 }
 
 void SetCover::keep_as_best() {
@@ -116,8 +117,8 @@ std::uint32_t SetCover::cheapest(std::uint32_t tabu) const {
   std::uint32_t best = nowhere;
   for (auto s : chosen_) {
     if (s == tabu) continue;
-    if (best == nowhere || set_[s].score > set_[best].score ||
-        (set_[s].score == set_[best].score && set_[s].stamp < set_[best].stamp))
+    if (best == nowhere || gain_[s].score() > gain_[best].score() ||
+        (gain_[s].score() == gain_[best].score() && set_[s].stamp < set_[best].stamp))
       best = s;
   }
   return best;
@@ -137,16 +138,16 @@ void SetCover::improve(std::uint64_t steps, std::uint64_t seed) {
       const auto element = uncovered_[random.below(uncovered_.size())];
       std::uint32_t pick = nowhere;
       for (auto s : sets_of(element)) {
-        if (!set_[s].may_add) continue;
-        if (pick == nowhere || set_[s].score > set_[pick].score ||
-            (set_[s].score == set_[pick].score && set_[s].stamp < set_[pick].stamp))
+        if (!gain_[s].may_add()) continue;
+        if (pick == nowhere || gain_[s].score() > gain_[pick].score() ||
+            (gain_[s].score() == gain_[pick].score() && set_[s].stamp < set_[pick].stamp))
           pick = s;
       }
       if (pick == nowhere) pick = sets_of(element)[0];
       add(pick), set_[pick].stamp = step_, fresh = pick;
       for (auto r : uncovered_) {
         element_[r].weight++;
-        for (auto s : sets_of(r)) set_[s].score++;
+        for (auto s : sets_of(r)) gain_[s].change(1);
       }
     }
   }

@@ -44,13 +44,23 @@ class SetCover {
   const std::vector<std::uint32_t>& best() const { return best_; }  // ascending
 
  private:
+  // Twice the score of a set, and 1 more where it may be added: nearly all time goes into changing both, and
+  // one number for both stays in the cache. The score is, outside the cover, the weight that adding the set
+  // gains; inside, minus the weight that removing it loses. A set may not be added while nothing around it
+  // has changed since its removal (configuration checking).
+  struct Gain {
+    std::int32_t twice_and_may_add;
+
+    std::int32_t score() const { return twice_and_may_add >> 1; }
+    bool may_add() const { return twice_and_may_add & 1; }
+    void change(std::int32_t by) { twice_and_may_add += 2 * by; }
+    void change_and_allow(std::int32_t by) { twice_and_may_add = (twice_and_may_add + 2 * by) | 1; }
+    void forbid() { twice_and_may_add &= ~1; }
+    void negate() { twice_and_may_add = -2 * score() + may_add(); }
+  };
   struct Set {
-    // Outside the cover: the weight that adding the set gains. Inside: minus the weight that removing it
-    // loses.
-    std::int32_t score;
-    std::uint32_t may_add;  // 0: nothing around it has changed since its removal (configuration checking)
-    std::uint32_t stamp;    // step at which it was added or removed last
-    std::uint32_t place;    // in chosen_, or `nowhere`
+    std::uint32_t stamp;  // step at which it was added or removed last
+    std::uint32_t place;  // in chosen_, or `nowhere`
   };
   struct Element {
     std::int32_t weight;
@@ -72,6 +82,7 @@ class SetCover {
   const Sets& sets_;
   std::vector<std::uint64_t> element_begin_;  // for each element, the sets that contain it
   std::vector<std::uint32_t> element_sets_;
+  std::vector<Gain> gain_;  // of each set
   std::vector<Set> set_;
   std::vector<Element> element_;
   std::vector<std::uint32_t> chosen_, uncovered_, best_;
