@@ -42,7 +42,8 @@ struct Remeshed {
 // edges until the surface is Delaunay, collapses short edges of triangles with an angle under 20 degrees
 // where no sharp line moves by more than a tenth of the edge length, and splits slivers: an obtuse triangle
 // whose circumradius is larger than the edge length has its longest edge split at the foot of its height. So
-// no triangle gets a sphere far larger than the others. New vertices lie on the input's surface.
+// no triangle gets a sphere far larger than the others. New vertices lie on the input's surface, and where
+// rows were broken on that of the first remesh.
 //
 // The mesh must be oriented. It may have a border, which is kept; where bodies touch in an edge or a point
 // they are taken apart. Deterministic. Throws Error when edge_length is not positive or would make more than
