@@ -71,7 +71,7 @@ class CoverSearch {
       const Stage& stage = stages[static_cast<std::size_t>(k)];
       const std::uint64_t seed = static_cast<std::uint64_t>(k + 1) << 56;
       Attempt next = merge(samples, search_side_by_side(common, best, stage, seed), best, stage, seed);
-      centre(next, grower_, true);
+      centre(next, grower_, std::vector<char>(next.chosen.size(), 1));
       const bool next_covered =
           close_gaps(next, grower_, closing_share * stage.steps, closing_places, watch_, nullptr);
       if (next_covered == covered ? next.chosen.size() < best.chosen.size() : next_covered)

@@ -109,8 +109,7 @@ void PointTree::find(const Point& center, double radius, std::vector<std::uint32
       const Eigen::Array2d near = below.max(above).max(0.0), far = (-below).max(-above);
       near2 += near * near, far2 += far * far;
     }
-    if (near2[1] <= radius2)
-      stack[top++] = {node.middle, node.end, far2[1] <= radius2 ? inside : node.right};
+    if (near2[1] <= radius2) stack[top++] = {node.middle, node.end, far2[1] <= radius2 ? inside : node.right};
     if (near2[0] <= radius2)
       stack[top++] = {node.begin, node.middle, far2[0] <= radius2 ? inside : entry.node + 1};
   }

@@ -65,8 +65,8 @@ class Surface {
   // the winding number is above 0.
   Nearest signed_nearest(const Point& p) const;
 
-  // The same, where nearest(p) is known. With `known_inside` the caller knows that the winding number is above 0,
-  // which saves the ray.
+  // The same, where nearest(p) is known. With `known_inside` the caller knows that the winding number is
+  // above 0, which saves the ray.
   Nearest with_side(const Point& p, const Nearest& nearest, bool known_inside = false) const;
 
   // The smallest distance to a triangle (of the hull, if there is one) less the triangle's standoff: how

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: MIT
 #include "padding/by_tolerance/search/attempt.h"
 
+#include <algorithm>
 #include <array>
+#include <iterator>
 #include <numeric>
 
 #include "padding/by_tolerance/search/block_search.h"
@@ -48,12 +50,19 @@ void Attempt::solve(double steps) {
 }
 
 void Attempt::try_places(const BallGrower& grower, int places) {
-  const std::size_t n = chosen.size() * static_cast<std::size_t>(places);
+  std::vector<std::uint32_t> all(chosen.size());
+  std::iota(all.begin(), all.end(), 0u);
+  try_places(grower, places, all);
+}
+
+// `around`: places in `chosen`.
+void Attempt::try_places(const BallGrower& grower, int places, const std::vector<std::uint32_t>& around) {
+  const std::size_t n = around.size() * static_cast<std::size_t>(places);
   const std::uint64_t round = Random(++seed).next();
   std::vector<std::vector<Candidate>> tried_at(n);
 #pragma omp parallel for schedule(dynamic, 16) if (n > 64)
   for (std::size_t k = 0; k < n; k++) {
-    const Candidate& c = problem.candidates()[chosen[k / static_cast<std::size_t>(places)]];
+    const Candidate& c = problem.candidates()[chosen[around[k / static_cast<std::size_t>(places)]]];
     Random random(round + k);
     grower.try_place(c, step_sizes[k % 2] * grower.covered_disc(c), random, tried_at[k]);
   }
@@ -65,6 +74,48 @@ void Attempt::try_places(const BallGrower& grower, int places) {
     std::iota(chosen.begin(), chosen.end(), 0u);
   }
   problem.add({}, fresh);
+}
+
+// The places in `chosen` of the balls that share a point with a candidate that covers an open point.
+std::vector<std::uint32_t> Attempt::beside_open_points() const {
+  enum : char { open, covered, near };
+  std::vector<char> state(problem.points().size(), open);
+  for (const auto k : chosen)
+    for (const auto r : problem.covered(k)) state[r] = covered;
+  for (std::uint32_t k = 0; k < problem.candidates().size(); k++) {
+    const std::vector<std::uint32_t>& points = problem.covered(k);
+    if (std::none_of(points.begin(), points.end(), [&](auto r) { return state[r] == open; })) continue;
+    for (const auto r : points)
+      if (state[r] == covered) state[r] = near;
+  }
+  std::vector<std::uint32_t> beside;
+  for (std::uint32_t k = 0; k < chosen.size(); k++) {
+    const std::vector<std::uint32_t>& points = problem.covered(chosen[k]);
+    if (std::any_of(points.begin(), points.end(), [&](auto r) { return state[r] == near; }))
+      beside.push_back(k);
+  }
+  return beside;
+}
+
+std::vector<char> Attempt::repair(const BallGrower& grower, int places, double steps) {
+  const std::vector<std::uint32_t> beside = beside_open_points();
+  try_places(grower, places, beside);
+  std::vector<std::uint32_t> kept = chosen, moved, result;
+  for (std::size_t k = beside.size(); k-- > 0;) kept.erase(kept.begin() + beside[k]);
+  std::sort(kept.begin(), kept.end());
+  const Sets sets = problem.sets();
+  const std::size_t n = problem.points().size();
+  chosen = complete(sets, n, chosen);
+  std::set_intersection(kept.begin(), kept.end(), chosen.begin(), chosen.end(), std::back_inserter(result));
+  std::set_difference(chosen.begin(), chosen.end(), kept.begin(), kept.end(), std::back_inserter(moved));
+  std::vector<Point> centers;
+  for (const Candidate& c : problem.candidates()) centers.push_back(c.ball.center);
+  moved = improve_in_blocks(sets, n, centers, moved, {.steps = steps, .seed = ++seed}, result);
+  std::vector<char> fresh(result.size(), 0);
+  result.insert(result.end(), moved.begin(), moved.end());
+  fresh.resize(result.size(), 1);
+  chosen.swap(result);
+  return fresh;
 }
 
 }  // namespace padder

@@ -26,6 +26,15 @@ struct Attempt {
   // Makes the next problem: what was tried, or the chosen balls alone where that is too much, and new balls
   // at so many places around each chosen one.
   void try_places(const BallGrower& grower, int places);
+
+  // Covers the points that are open by moving the balls around them, and adds a ball only where that fails:
+  // tries so many places around each of these balls, and searches among them. The others stay. Returns for
+  // each chosen ball whether it was one of these. Costs little where few points are open.
+  std::vector<char> repair(const BallGrower& grower, int places, double steps);
+
+ private:
+  std::vector<std::uint32_t> beside_open_points() const;
+  void try_places(const BallGrower& grower, int places, const std::vector<std::uint32_t>& around);
 };
 
 }  // namespace padder

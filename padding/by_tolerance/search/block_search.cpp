@@ -70,7 +70,8 @@ std::vector<LocalProblem> problems_of(const Sets& sets, const std::vector<std::u
 
 std::vector<std::uint32_t> improve_in_blocks(const Sets& sets, std::size_t elements,
                                              const std::vector<Point>& centers,
-                                             std::vector<std::uint32_t> cover, const BlockSearch& search) {
+                                             std::vector<std::uint32_t> cover, const BlockSearch& search,
+                                             const std::vector<std::uint32_t>& kept) {
   Random random(search.seed);
   std::vector<std::vector<std::uint32_t>> blocks;
   cut(cover.begin(), cover.end(), centers, search.block, random, blocks);
@@ -79,6 +80,8 @@ std::vector<std::uint32_t> improve_in_blocks(const Sets& sets, std::size_t eleme
     for (auto s : blocks[b])
       for (auto r : sets[s])
         if (owner[r] == no_owner) owner[r] = b;
+  for (auto s : kept)
+    for (auto r : sets[s]) owner[r] = no_owner;
 
   const std::vector<LocalProblem> problems = problems_of(sets, owner, blocks.size());
 #pragma omp parallel for schedule(dynamic, 1) if (blocks.size() > 1)

@@ -16,9 +16,11 @@ struct BlockSearch {
 // Runs SetCover::improve on blocks of neighbouring sets and returns a cover that is no larger. `centers` says
 // where each set lies. Each element belongs to one of the blocks whose sets contain it, and this block keeps
 // it covered; so the covers of the blocks together cover everything. Runs on all threads; the result does not
-// depend on their number.
+// depend on their number. What the sets of `kept` contain is covered by them: they stay, and are not
+// returned.
 std::vector<std::uint32_t> improve_in_blocks(const Sets& sets, std::size_t elements,
                                              const std::vector<Point>& centers,
-                                             std::vector<std::uint32_t> cover, const BlockSearch& search);
+                                             std::vector<std::uint32_t> cover, const BlockSearch& search,
+                                             const std::vector<std::uint32_t>& kept = {});
 
 }  // namespace padder

@@ -73,7 +73,8 @@ std::optional<Candidate> centred(const CoverProblem& problem, const BallGrower& 
 }
 
 // One sweep over the balls. Returns how many points stay open.
-std::size_t sweep(Attempt& attempt, const BallGrower& grower, bool all, double step_size) {
+std::size_t sweep(Attempt& attempt, const BallGrower& grower, const std::vector<char>& always,
+                  double step_size) {
   CoverProblem& problem = attempt.problem;
   const BallLimits& limits = grower.limits();
   CoverCounts counts(attempt);
@@ -89,7 +90,7 @@ std::size_t sweep(Attempt& attempt, const BallGrower& grower, bool all, double s
   std::vector<std::optional<Candidate>> better(n);
 #pragma omp parallel for schedule(dynamic, 16) if (n > 32)
   for (std::size_t k = 0; k < n; k++) {
-    if (!all && own[k].empty()) continue;
+    if (!always[k] && own[k].empty()) continue;
     for (const auto r : problem.covered(attempt.chosen[k]))
       if (counts[r] == 1) own[k].push_back(r);
     if (!own[k].empty())
@@ -109,11 +110,12 @@ std::size_t sweep(Attempt& attempt, const BallGrower& grower, bool all, double s
 
 }  // namespace
 
-std::size_t centre(Attempt& attempt, const BallGrower& grower, bool all) {
+std::size_t centre(Attempt& attempt, const BallGrower& grower, const std::vector<char>& always) {
+  const bool some = std::count(always.begin(), always.end(), 1) > 0;
   std::size_t open = 1;
   double step_size = step;
-  for (int k = 0; k < sweeps && (all || open > 0); k++, step_size *= sweep_decay)
-    open = sweep(attempt, grower, all, step_size);
+  for (int k = 0; k < sweeps && (some || open > 0); k++, step_size *= sweep_decay)
+    open = sweep(attempt, grower, always, step_size);
   return open;
 }
 

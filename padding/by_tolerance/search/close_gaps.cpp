@@ -11,7 +11,9 @@
 namespace padder {
 namespace {
 
-constexpr int centred_rounds = 40, most_gap_rounds = 100;
+constexpr int repaired_rounds = 60, most_gap_rounds = 100;
+constexpr int repair_places = 4;
+constexpr double repair_steps = 30;
 constexpr double decay = 0.85;        // each round searches less than the one before
 constexpr double spacing = 0.25;      // of the spots: share of the tolerance sum
 constexpr double gap_margin = 0.003;  // of their points: share of the tolerance sum
@@ -59,8 +61,7 @@ bool refine(CoverProblem& problem, const BallGrower& grower, const std::vector<G
 bool close_gaps(Attempt& attempt, const BallGrower& grower, double steps, int places, Watch& watch,
                 CoverProblem* also) {
   OpenPieces open(grower.surface().mesh(), grower.limits().gap);
-  // About ten rounds are enough, except beside surface that a radius limit leaves open: the cap is for
-  // that.
+  // The cap is for surface that a radius limit leaves open.
   for (int round = 0;; round++, steps *= decay) {
     const std::vector<GapPart> failures =
         open.failures(attempt.balls(), spacing * grower.limits().tolerance_sum);
@@ -70,9 +71,15 @@ bool close_gaps(Attempt& attempt, const BallGrower& grower, double steps, int pl
     watch.check();
     if (search && places > 0) attempt.try_places(grower, places);
     if (round == most_gap_rounds || !refine(attempt.problem, grower, failures, also)) return false;
-    const bool centring = places > 0 && round < centred_rounds;
-    if (const std::size_t left = centring ? centre(attempt, grower, search) : 1; search || left > 0)
+    const std::vector<char> all(attempt.chosen.size(), search);
+    if (places == 0 || round >= repaired_rounds) {
       attempt.solve(search ? steps : 0);
+    } else if (const std::size_t left = centre(attempt, grower, all); search) {
+      attempt.solve(steps);
+    } else if (left > 0) {
+      const std::vector<char> moved = attempt.repair(grower, repair_places, repair_steps);
+      centre(attempt, grower, moved);
+    }
   }
 }
 

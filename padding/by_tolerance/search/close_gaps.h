@@ -6,9 +6,9 @@
 
 namespace padder {
 
-// Balls are added and moved in at most so many rounds, each of which is a step of the watch. Further rounds
-// only move balls over the spots that are left, and add one where that fails; the last only add, so that they
-// end.
+// The whole cover is searched in at most so many rounds, each of which is a step of the watch. Further rounds
+// move the balls around the spots that are left, and add one where that fails; what is proved elsewhere stays
+// so. The last only add, so that they end.
 inline constexpr int kSearchedRounds = 10;
 
 // Makes the spots that the certificate finds points to cover, until it finds none. Returns false if the

@@ -84,5 +84,25 @@ TEST(Medial, PostconditionHoldsForAnyNormal) {
   }
 }
 
+// What a ball nearby tells of the side is what the winding number tells.
+TEST(Medial, ABallNearbyChangesNothing) {
+  const Mesh mesh = shapes::torus(1, 0.3, 24, 12);
+  const Surface surface(mesh, SideBy::winding);
+  std::mt19937 random(3);
+  int near = 0;
+  for (int k = 0; k < 500; k++) {
+    const std::size_t s = random() % mesh.triangles.size(), t = (s + 1) % mesh.triangles.size();
+    const auto ball_at = [&](std::size_t triangle, const Ball& inner) {
+      const Point p = (mesh.corner(triangle, 0) + mesh.corner(triangle, 1) + mesh.corner(triangle, 2)) / 3;
+      return inner_medial_ball(surface, p, mesh.area_normal(triangle).normalized(), 3, 1e-4, 0.5, inner);
+    };
+    const Ball inner = ball_at(s, {}), with = ball_at(t, inner), without = ball_at(t, {});
+    near += (with.center - inner.center).norm() < inner.radius;
+    EXPECT_EQ(with.center, without.center);
+    EXPECT_EQ(with.radius, without.radius);
+  }
+  EXPECT_GT(near, 100);
+}
+
 }  // namespace
 }  // namespace padder

@@ -31,6 +31,25 @@ TEST(PointTree, AgreesWithBruteForce) {
   }
 }
 
+TEST(PointTree, RenumberedPointsLieInTheOrderOfTheTree) {
+  Random random(1);
+  for (std::size_t n : {0, 5, 1000}) {
+    std::vector<Point> points(n);
+    for (Point& p : points) p = {random.uniform(), random.uniform(), random.uniform()};
+    PointTree tree(points);
+    std::vector<std::uint32_t> before = tree.renumber(), found;
+    ASSERT_EQ(before.size(), n);
+    for (std::size_t k = 0; k < n; k++) EXPECT_EQ(tree.points()[k], points[before[k]]);
+    tree.find(Point::Constant(0.5), 0.3, found);
+    EXPECT_TRUE(std::is_sorted(found.begin(), found.end()));
+    std::size_t expected = 0;
+    for (const Point& p : points) expected += (p - Point::Constant(0.5)).norm() <= 0.3;
+    EXPECT_EQ(found.size(), expected);
+    std::sort(before.begin(), before.end());
+    for (std::uint32_t k = 0; k < n; k++) EXPECT_EQ(before[k], k);
+  }
+}
+
 TEST(PointTree, NegativeRadiusFindsNothing) {
   const PointTree tree({Point::Zero()});
   std::vector<std::uint32_t> found;

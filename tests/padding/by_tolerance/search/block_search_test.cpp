@@ -68,6 +68,21 @@ TEST(BlockSearch, SameResultForAnyNumberOfThreads) {
   EXPECT_EQ(covers[2], covers[0]);
 }
 
+TEST(BlockSearch, SetsThatAreKeptCoverTheirElements) {
+  const Discs discs(80, 3000, 0.06);
+  SetCover greedy(discs.sets, discs.points.size());
+  greedy.greedy();
+  const std::size_t open = discs.open(greedy.best());
+  std::vector<std::uint32_t> kept, moved;
+  for (const auto s : greedy.best()) (discs.centers[s].x() < 0.5 ? kept : moved).push_back(s);
+  auto better = improve_in_blocks(discs.sets, discs.points.size(), discs.centers, moved,
+                                  {.block = 20, .steps = 100}, kept);
+  EXPECT_LT(better.size(), moved.size());
+  for (const auto s : better) EXPECT_EQ(std::count(kept.begin(), kept.end(), s), 0);
+  better.insert(better.end(), kept.begin(), kept.end());
+  EXPECT_EQ(discs.open(better), open);
+}
+
 TEST(BlockSearch, AnEmptyCoverStaysEmpty) { EXPECT_TRUE(improve_in_blocks(Sets(), 0, {}, {}, {}).empty()); }
 
 }  // namespace
