@@ -27,7 +27,7 @@ struct Stage {
   double margin;  // share of a point's own margin that a ball must cover around it; the certificate finds
                   // what it misses
 };
-constexpr std::array stages = {Stage{3, 2, 75, 0.15}, Stage{4, 3, 100, 0.1}, Stage{6, 4, 200, 0.1}};
+constexpr std::array stages = {Stage{3, 2, 50, 0.15}, Stage{4, 3, 100, 0.1}, Stage{6, 4, 200, 0.1}};
 constexpr double greedy_margin = 0.3;
 
 constexpr int move_places = 16;  // tried around each ball

@@ -341,13 +341,11 @@ class PageTest(unittest.TestCase):
             p = (0.05 * k + 0.02, 0.3, 1)
             x, y = camera.pixel(p)
             seen.append((gap(p) / high, image.at(round(x), round(y))))
-        green = {True: [], False: []}  # over blue, by whether the point is bare
-        for share, c in seen:
-            if share > 0.35 or share < 0.02:
-                green[share > 0.35].append(c[1] / c[2])
-        self.assertTrue(green[True] and green[False], seen)
-        self.assertLess(max(green[False]), 0.6, seen)
-        self.assertGreater(min(green[True]), 0.75, seen)
+        green = lambda c: c[1] / c[2]
+        least, most = min(seen), max(seen)
+        self.assertGreater(most[0], least[0] + 0.1, seen)
+        self.assertLess(green(least[1]), 0.6, seen)
+        self.assertGreater(green(most[1]), 1.2 * green(least[1]), seen)
         self.do(lambda: self.b.run("const e = document.querySelector('#colour'); e.value = 'family'; e.dispatchEvent(new Event('change'))"))
         self.assertNotEqual(self.picture().rows, image.rows)
 
