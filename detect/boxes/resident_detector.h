@@ -98,7 +98,7 @@ class ResidentDetector {
   // copied and divided into pieces in every call. poses[k] are on GPU k: those of the first bodies on the
   // first GPU, those that follow on the second, and so on, for all bodies together. No `poses`: those of
   // `bodies`, in host memory, as for a Detector. The spheres of bodies have the first numbers of the scene.
-  // All ranks give the same bodies, and each its part of the poses.
+  // All ranks give the same bodies, of which only the numbers are compared, and each its part of the poses.
   const ResidentReport& detect(std::span<const Spheres> parts, const Input& bodies,
                                std::span<const ResidentPoses> poses = {});
 

@@ -34,7 +34,8 @@ class Messages {
   }
   // Until all have come and gone.
   Traffic wait() {
-    mpi_check(MPI_Waitall(static_cast<int>(waiting_.size()), waiting_.data(), MPI_STATUSES_IGNORE), "send");
+    mpi_check(MPI_Waitall(static_cast<int>(waiting_.size()), waiting_.data(), MPI_STATUSES_IGNORE),
+              "exchange messages");
     waiting_.clear();
     return sent_;
   }

@@ -24,6 +24,24 @@ struct Box {
   Point center() const { return 0.5 * (low + high); }
 };
 
+// Two boxes side by side, as those of a tree node's children: one look decides on both.
+struct BoxPair {
+  Eigen::Array2d low[3], high[3];  // for each axis, of both
+
+  void set(int side, const Box& box) {
+    for (int k = 0; k < 3; k++) low[k][side] = box.low[k], high[k][side] = box.high[k];
+  }
+  // Of p from both boxes, squared; 0 inside.
+  Eigen::Array2d distance2(const Point& p) const {
+    Eigen::Array2d sum = Eigen::Array2d::Zero();
+    for (int k = 0; k < 3; k++) {
+      const Eigen::Array2d d = (low[k] - p[k]).max(p[k] - high[k]).max(0.0);
+      sum += d * d;
+    }
+    return sum;
+  }
+};
+
 // Indexed triangles. After repair they are counter-clockwise seen from outside; before, they may be any soup.
 struct Mesh {
   std::vector<Point> points;

@@ -55,7 +55,7 @@ std::uint32_t BallSet::build(std::uint32_t begin, std::uint32_t end) {
     std::uint32_t child = from[side], count = to[side] - from[side];
     if (count > leaf_balls) child = build(from[side], to[side]), count = 0;
     Node& node = nodes_[index];
-    for (int k = 0; k < 3; k++) node.low[k][side] = box.low[k], node.high[k][side] = box.high[k];
+    node.set(side, box);
     node.radius[side] = radius, node.child[side] = child, node.count[side] = count;
   }
   return index;
@@ -82,12 +82,7 @@ void BallSet::traverse(const Point& x, double& limit, Visit&& visit) const {
       continue;
     }
     const Node& node = nodes_[entry.child];
-    Eigen::Array2d sum = Eigen::Array2d::Zero();
-    for (int k = 0; k < 3; k++) {
-      const Eigen::Array2d d = (node.low[k] - x[k]).max(x[k] - node.high[k]).max(0.0);
-      sum += d * d;
-    }
-    const Eigen::Array2d bound = sum.sqrt() - node.radius;
+    const Eigen::Array2d bound = node.distance2(x).sqrt() - node.radius;
     const int near = bound[1] < bound[0];
     for (int side : {1 - near, near})
       if (bound[side] <= limit && bound[side] < infinity)

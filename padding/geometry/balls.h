@@ -50,9 +50,9 @@ class BallSet {
   bool empty() const { return balls_.empty(); }
 
  private:
-  struct Node {  // holds the bounds of both children, so that one visit decides on both
-    Eigen::Array2d low[3], high[3], radius;  // box of the centres, and the largest radius
-    std::uint32_t child[2];                  // node, or first slot when count > 0
+  struct Node : BoxPair {    // of the centres
+    Eigen::Array2d radius;   // the largest
+    std::uint32_t child[2];  // node, or first slot when count > 0
     std::uint32_t count[2];
   };
   struct Slot {

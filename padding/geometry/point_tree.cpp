@@ -57,8 +57,7 @@ void PointTree::build(std::uint32_t index, std::uint32_t begin, std::uint32_t en
   for (auto k = begin; k < end; k++) half[k >= middle].add(points_[order_[k]]);
   Node& node = nodes_[index];
   node.begin = begin, node.middle = middle, node.end = end, node.right = index + 1 + nodes_of(middle - begin);
-  for (int k = 0; k < 3; k++)
-    node.low[k] = {half[0].low[k], half[1].low[k]}, node.high[k] = {half[0].high[k], half[1].high[k]};
+  node.set(0, half[0]), node.set(1, half[1]);
   if (end - begin <= task_size) {
     build(index + 1, begin, middle, half[0]);
     build(node.right, middle, end, half[1]);
@@ -103,11 +102,11 @@ void PointTree::find(const Point& center, double radius, std::vector<std::uint32
       continue;
     }
     const Node& node = nodes_[entry.node];
-    Eigen::Array2d near2 = Eigen::Array2d::Zero(), far2 = near2;
+    const Eigen::Array2d near2 = node.distance2(center);
+    Eigen::Array2d far2 = Eigen::Array2d::Zero();
     for (int k = 0; k < 3; k++) {
-      const Eigen::Array2d below = node.low[k] - center[k], above = center[k] - node.high[k];
-      const Eigen::Array2d near = below.max(above).max(0.0), far = (-below).max(-above);
-      near2 += near * near, far2 += far * far;
+      const Eigen::Array2d far = (center[k] - node.low[k]).max(node.high[k] - center[k]);
+      far2 += far * far;
     }
     if (near2[1] <= radius2) stack[top++] = {node.middle, node.end, far2[1] <= radius2 ? inside : node.right};
     if (near2[0] <= radius2)

@@ -26,10 +26,8 @@ class PointTree {
   std::size_t size() const { return points_.size(); }
 
  private:
-  // The boxes of both children side by side, so that one look decides on both. A child of at most leaf_points
-  // points has no node.
-  struct Node {
-    Eigen::Array2d low[3], high[3];
+  // A child of at most leaf_points points has no node.
+  struct Node : BoxPair {
     std::uint32_t begin, middle, end, right;  // the left child stands behind its parent
   };
   void build(std::uint32_t index, std::uint32_t begin, std::uint32_t end, const Box& box);

@@ -83,7 +83,7 @@ std::uint32_t build(std::vector<Node>& nodes, std::vector<std::uint32_t>& order,
     if (count > leaf_size)
       child = build(apart ? own[side] : nodes, order, boxes, from[side], to[side]), count = 0;
     Node& node = nodes[index];
-    for (int k = 0; k < 3; k++) node.low[k][side] = box.low[k], node.high[k][side] = box.high[k];
+    node.set(side, box);
     node.child[side] = child, node.count[side] = count;
   };
   if (!apart) return build_side(0), build_side(1), index;
@@ -243,10 +243,7 @@ TriangleTree::TriangleTree(const Mesh& mesh) : triangles_(mesh.triangles.size())
     Box bounds;
     for (const Box& b : boxes) bounds.add(b.low), bounds.add(b.high);
     Node root{};
-    for (int k = 0; k < 3; k++) {
-      root.low[k] = {bounds.low[k], std::numeric_limits<double>::infinity()};
-      root.high[k] = {bounds.high[k], -std::numeric_limits<double>::infinity()};
-    }
+    root.set(0, bounds), root.set(1, {});
     root.count[0] = static_cast<std::uint32_t>(n);
     nodes_.push_back(root);
   }

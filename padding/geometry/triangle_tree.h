@@ -16,23 +16,13 @@ namespace padder {
 // to the mesh, and does not change after construction.
 class TriangleTree {
  public:
-  // Holds the boxes of both children side by side, so that one look decides on both.
-  struct Node {
-    Eigen::Array2d low[3], high[3];
+  // The boxes are those of the children.
+  struct Node : BoxPair {
     std::uint32_t child[2];  // node, or first slot when count > 0; a child stands behind its parent
     std::uint32_t count[2];
 
     // A mesh of one leaf has a root whose second child is empty.
     bool empty(int side) const { return low[0][side] > high[0][side]; }
-    // Of p from both boxes, squared; 0 inside.
-    Eigen::Array2d distance2(const Point& p) const {
-      Eigen::Array2d sum = Eigen::Array2d::Zero();
-      for (int k = 0; k < 3; k++) {
-        const Eigen::Array2d d = (low[k] - p[k]).max(p[k] - high[k]).max(0.0);
-        sum += d * d;
-      }
-      return sum;
-    }
   };
   static constexpr int kStackSize = 128;  // no walk that goes down one child at a time needs more
 

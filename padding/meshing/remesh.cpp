@@ -141,7 +141,8 @@ void make_delaunay(CgalMesh& mesh, const SharpMap& sharp) {
   }
 }
 
-constexpr double degree = std::numbers::pi / 180, small_angle = 20 * degree, row_angle = 25 * degree;
+constexpr double degree = std::numbers::pi / 180;
+constexpr double small_angle = 20 * degree, row_angle = 25 * degree, cap_angle = 120 * degree;
 
 double least_angle(const Triangle3& t) { return std::min({t.angle(0), t.angle(1), t.angle(2)}); }
 
@@ -279,7 +280,8 @@ void count_small_angles(const Mesh& mesh, const std::vector<char>& kept, RemeshQ
     bool cap = false;
     std::array<double, 3> length;
     for (int k = 0; k < 3; k++) {
-      here += tri.angle(k)<small_angle, cap |= tri.angle(k)> 120 * degree;
+      if (tri.angle(k) < small_angle) here++;
+      if (tri.angle(k) > cap_angle) cap = true;
       length[k] = (mesh.corner(t, (k + 1) % 3) - mesh.corner(t, k)).norm();
       if (length[k] < length[shortest]) shortest = k;
     }
@@ -306,11 +308,11 @@ void make_even(const Faces& faces, CgalMesh& mesh, SharpMap& sharp, double lengt
   mesh.collect_garbage();
 }
 
-// Is the face of h thin, and not because its shortest edge joins two sharp lines?
+// Is the face of h thin, and not because its shortest edge joins two sharp lines? A cap, which is flat at one
+// corner, has no short edge and is none of these.
 bool is_in_row(const CgalMesh& mesh, const SharpMap& sharp, Halfedge h) {
   const Triangle3 t = corners(mesh, h);
-  if (least_angle(t) >= row_angle || std::max({t.angle(0), t.angle(1), t.angle(2)}) > 120 * degree)
-    return false;
+  if (least_angle(t) >= row_angle || std::max({t.angle(0), t.angle(1), t.angle(2)}) > cap_angle) return false;
   const auto length = [&](Halfedge g) {
     return (at(mesh, mesh.target(g)) - at(mesh, mesh.source(g))).norm();
   };

@@ -37,13 +37,12 @@ struct Remeshed {
 };
 
 // Runs CGAL's isotropic remeshing (Botsch and Kobbelt, A remeshing approach to multiresolution modeling,
-// 2004) with sharp edges constrained, once more around rows of long
-// edges that it leaves beside each other. Then flips
-// edges until the surface is Delaunay, collapses short edges of triangles with an angle under 20 degrees
-// where no sharp line moves by more than a tenth of the edge length, and splits slivers: an obtuse triangle
-// whose circumradius is larger than the edge length has its longest edge split at the foot of its height. So
-// no triangle gets a sphere far larger than the others. New vertices lie on the input's surface, and where
-// rows were broken on that of the first remesh.
+// 2004) with sharp edges constrained, and once more around rows of long edges that it leaves beside each
+// other. Then flips edges until the surface is Delaunay, collapses short edges of triangles with an angle
+// under 20 degrees where no sharp line moves by more than a tenth of the edge length, and splits slivers: an
+// obtuse triangle whose circumradius is larger than the edge length has its longest edge split at the foot of
+// its height. So no triangle gets a sphere far larger than the others. New vertices lie on the input's
+// surface, and where rows were broken on that of the first remesh.
 //
 // The mesh must be oriented. It may have a border, which is kept; where bodies touch in an edge or a point
 // they are taken apart. Deterministic. Throws Error when edge_length is not positive or would make more than

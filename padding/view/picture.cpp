@@ -201,9 +201,8 @@ class Stage {
       for (int x = 0; x < width; x++) {
         const Sampler sampler{std::uint32_t(x), std::uint32_t(y)};
         Vec sum = Vec::Zero(), first = sum;
-        int samples = 0;
-        for (bool alike = true; samples < options_.samples && !(alike && samples == kAlike); samples++) {
-          const int s = samples;
+        int s = 0;
+        for (bool alike = true; s < options_.samples && !(alike && s == kAlike); s++) {
           const float px = float(x) + sampler(s, 0), py = float(y) + sampler(s, 1);
           const Vec along = camera.toward(2 * px / float(width) - 1, 1 - 2 * py / float(picture.height));
           float seen = 0;
@@ -218,7 +217,7 @@ class Stage {
           sum += colour;
         }
         std::uint8_t* out = picture.rgb.data() + 3 * (std::size_t(y) * picture.width + left + x);
-        for (int k = 0; k < 3; k++) out[k] = byte_of(sum[k] / float(samples));
+        for (int k = 0; k < 3; k++) out[k] = byte_of(sum[k] / float(s));
       }
     return {left, width, camera, spheres};
   }

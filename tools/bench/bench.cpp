@@ -33,7 +33,8 @@ const std::vector<Entry>& entries() {
       {"worlds", "many worlds in one call, and answers for each: beside Bullet and FCL on the CPU", worlds},
       {"stages", "milliseconds of each stage, the nine stages and the fast path", stages},
       {"boxes", "time against contacts on one and several GPUs, the paper's Fig. 27", boxes},
-      {"ranks", "one scene in repeated calls, by ranks of MPI (mpirun -n 2 bench ranks) and by threads", ranks},
+      {"ranks", "one scene in repeated calls, by ranks of MPI (mpirun -n 2 bench ranks) and by threads",
+       ranks},
       {"table3", "a step of a settled silo beside the paper's Table 3, its Figs. 29 and 30", table3},
       {"precision", "error against time of float, exact and double on hard scenes", precision},
 #ifdef PADDER_BENCH_PADDING
@@ -127,6 +128,8 @@ int main(int argc, char** argv) {
       ->check(CLI::IsMember({"auto", "omp", "cuda"}));
   app.add_option("--threads", s.threads, "CPU threads, 1 to 1024 (default: all)")
       ->check(CLI::Range(1, padder::cli::kMostThreads));
+  app.add_option("--devices", s.devices, "GPUs, instead of one, two, four and so on (boxes)")
+      ->check(CLI::PositiveNumber);
   app.add_option("--repeat", s.repeat, "measured calls; the median counts")
       ->check(CLI::PositiveNumber)
       ->capture_default_str();

@@ -24,6 +24,7 @@ struct Settings {
   std::vector<std::string> files;       // meshes, for those benches that pad; documents to draw
   std::string backend = "auto";         // auto: each that is there
   int threads = 0;                      // 0: all
+  int devices = 0;                      // boxes: GPUs; 0: one, two and so on
   int repeat = 5;                       // measured calls after a warm-up; the median counts
   double within = 0.03;                 // compare: how much slower a time may be, as a fraction
   bool moving = false, stable = false;  // scenes: spheres move between calls as well; a stable order

@@ -101,15 +101,6 @@ class Table {
 
 constexpr std::uint64_t kMostChecked = 100000000;  // spheres; beyond, the CPU would take minutes
 
-int gpus() {
-  int count = 0;
-  return cudaGetDeviceCount(&count) == cudaSuccess ? count : 0;
-}
-
-void must(cudaError_t e, const char* what) {
-  if (e != cudaSuccess) throw Error(std::string("CUDA failed to ") + what + ": " + cudaGetErrorString(e));
-}
-
 // Parts of a scene, one for each GPU, that lie one after the other in host memory.
 class Parts {
  public:
@@ -168,34 +159,11 @@ class Parts {
 };
 
 // Copies of the parts, one on each GPU.
-class OnGpus {
- public:
-  explicit OnGpus(std::span<const Spheres> parts) {
-    for (std::size_t k = 0; k < parts.size(); k++) {
-      const std::size_t bytes = parts[k].count * sizeof(FloatSphere);
-      must(cudaSetDevice(static_cast<int>(k)), "choose a GPU");
-      must(cudaMalloc(&copies_.emplace_back(nullptr), bytes + 16), "allocate the spheres");
-      must(cudaMemcpy(copies_[k], parts[k].centers, bytes, cudaMemcpyHostToDevice), "copy the spheres");
-      must(cudaDeviceSynchronize(), "copy the spheres");
-      Spheres s = parts[k];
-      s.memory = detect::Memory::device;
-      s.centers = copies_[k], s.radii = static_cast<const float*>(copies_[k]) + 3;
-      parts_.push_back(s);
-    }
-    cudaSetDevice(0);
-  }
-  ~OnGpus() {
-    for (std::size_t k = 0; k < copies_.size(); k++) cudaSetDevice(static_cast<int>(k)), cudaFree(copies_[k]);
-    cudaSetDevice(0);
-  }
-  OnGpus(const OnGpus&) = delete;
-  OnGpus& operator=(const OnGpus&) = delete;
-  const std::vector<Spheres>& parts() const { return parts_; }
-
- private:
-  std::vector<void*> copies_;
-  std::vector<Spheres> parts_;
-};
+std::unique_ptr<OnGpus> on_gpus(std::span<const Spheres> parts) {
+  auto there = std::make_unique<OnGpus>();
+  for (std::size_t k = 0; k < parts.size(); k++) there->add(static_cast<int>(k), parts[k]);
+  return there;
+}
 
 detect::ResidentOptions options_for(int devices) {
   detect::ResidentOptions o;
@@ -230,7 +198,15 @@ std::string compare(const Scene& scene, std::uint64_t hash, const std::string& w
     cpu.detect(input);
     expect(cpu.hash(), "the CPU");
   }
-  return against.empty() ? "nothing" : against;
+  if (against.empty()) {
+    detect::BoxOptions o;
+    o.devices = detect::all_devices(), o.boxes = 4 * static_cast<std::uint32_t>(o.devices.size());
+    o.detector.order = detect::Order::any, o.detector.width = detect::Width::pairs;
+    detect::Input input;
+    input.spheres = view(scene.data(), scene.size());
+    expect(detect::BoxedDetector(o).detect(input, {}).hash, "boxes from host memory");
+  }
+  return against;
 }
 
 void row(const Settings& s, Table& t, const std::string& name, const Scene& scene, int devices) {
@@ -240,11 +216,11 @@ void row(const Settings& s, Table& t, const std::string& name, const Scene& scen
   parts.share(scene, detector);
   const int repeat = std::max(s.repeat, 5);
   if (devices > 1) {
-    const OnGpus there(parts.views());
-    for (int k = 0; k < 2; k++) detector.detect(there.parts());
+    const auto there = on_gpus(parts.views());
+    for (int k = 0; k < 2; k++) detector.detect(there->parts());
     parts.share_by_box(scene, detector);  // the simulation has moved each sphere to its box
   }
-  auto there = std::make_unique<OnGpus>(parts.views());
+  auto there = on_gpus(parts.views());
   double deal = 0;
   for (int k = 0; k < 2; k++) detector.detect(there->parts());
   const double resident = median_seconds(repeat, [&] {
@@ -362,8 +338,8 @@ void out_of_core_row(const Settings& s, Table& t, const Scene& scene) {
   }
   if (half.hash != r.hash || half.contacts != r.contacts)
     throw Error("the contacts by boxes of half the memory differ");
-  std::string against = compare(scene, r.hash, "the boxes", true);
-  against = std::to_string(half.boxes) + " boxes" + (against == "nothing" ? "" : ", " + against);
+  const std::string against =
+      std::to_string(half.boxes) + " boxes, " + compare(scene, r.hash, "the boxes", true);
   t.add("out of core", "cuda", 1, r.spheres, r.contacts, against, seconds, 0, r.cut_seconds + r.copy_seconds,
         static_cast<double>(r.copies) / static_cast<double>(r.spheres) - 1, copy / seconds);
 }
@@ -420,9 +396,9 @@ void front_rows(const Settings& s, Table& t, const Scene& full, int devices, boo
       make_front(full, moves ? 0.5 + 0.5 / kSteps * std::max(step, 0) : 0.25, 0.5, scene);
       step > -3 ? parts.share_by_box(scene, several) : parts.share(scene, several);
       whole.reset(), divided.reset();
-      divided = std::make_unique<OnGpus>(parts.views());
+      divided = on_gpus(parts.views());
       const Spheres all[1] = {view(parts.all().data(), parts.all().size())};
-      whole = std::make_unique<OnGpus>(all);
+      whole = on_gpus(all);
     }
     const double first = seconds_of([&] { one.detect(whole->parts()); });
     const double second = seconds_of([&] { several.detect(divided->parts()); });
@@ -441,17 +417,27 @@ void front_rows(const Settings& s, Table& t, const Scene& full, int devices, boo
         alone / (devices * together));
 }
 
+// The number asked for; else `least`, twice that, and so on, as far as there are GPUs.
+std::vector<int> numbers_of_gpus(const Settings& s, int least) {
+  if (s.devices > gpus())
+    throw Error("there are " + std::to_string(gpus()) + " GPUs: choose as many with --devices");
+  if (s.devices > 0) return {s.devices};
+  std::vector<int> numbers;
+  for (int devices = least; devices <= gpus(); devices *= 2) numbers.push_back(devices);
+  return numbers;
+}
+
 void gpu_rows(const Settings& s, Table& t) {
   const std::vector<std::uint64_t> dense = {28750000, 57500000, 115000000, 230000000}, poly100 = {40000000};
   for (const char* const name : {"dense", "poly100"}) {
     if (!s.scene.empty() && s.scene != name) continue;
     for (const std::uint64_t n : !s.spheres.empty() ? s.spheres : *name == 'd' ? dense : poly100) {
       const Scene scene = detect::generate(name, n, false);
-      for (int devices = 1; devices <= gpus(); devices *= 2) row(s, t, name, scene, devices);
+      for (const int devices : numbers_of_gpus(s, 1)) row(s, t, name, scene, devices);
     }
   }
   if (s.scene.empty() || s.scene == "bodies")
-    for (int devices = 1; devices <= gpus(); devices *= 2)
+    for (const int devices : numbers_of_gpus(s, 1))
       body_row(s, t, s.spheres.empty() ? 1000000 : s.spheres[0] / 64, devices);
   for (const bool whole : {false, true}) {
     if (!s.scene.empty() && s.scene != (whole ? "host" : "out-of-core")) continue;
@@ -460,12 +446,11 @@ void gpu_rows(const Settings& s, Table& t) {
   }
   if (!s.scene.empty() && s.scene != "front") return;
   const Scene full = detect::generate("dense", s.spheres.empty() ? 100000000 : s.spheres[0], false);
-  for (int devices = 2; devices <= gpus(); devices *= 2)
+  for (const int devices : numbers_of_gpus(s, 2))
     for (const bool moves : {false, true}) front_rows(s, t, full, devices, moves);
 }
 
 #else
-int gpus() { return 0; }
 void gpu_rows(const Settings&, Table&) {}
 #endif
 

@@ -85,6 +85,54 @@ class DeviceBodies {
   [[maybe_unused]] void* memory_ = nullptr;
 };
 
+// 0 without CUDA.
+inline int gpus() {
+#ifdef PADDER_CUDA
+  int count = 0;
+  if (cudaGetDeviceCount(&count) == cudaSuccess) return count;
+#endif
+  return 0;
+}
+
+#ifdef PADDER_CUDA
+
+inline void must(cudaError_t e, const char* what) {
+  if (e != cudaSuccess) throw Error(std::string("CUDA failed to ") + what + ": " + cudaGetErrorString(e));
+}
+
+// Copies of the parts of a scene, each on a GPU. A part has x, y, z, r of its spheres together.
+class OnGpus {
+ public:
+  OnGpus() = default;
+  ~OnGpus() {
+    for (std::size_t k = 0; k < copies_.size(); k++) cudaSetDevice(devices_[k]), cudaFree(copies_[k]);
+    cudaSetDevice(0);
+  }
+  OnGpus(const OnGpus&) = delete;
+  OnGpus& operator=(const OnGpus&) = delete;
+
+  void add(int device, detect::Spheres part) {
+    const std::size_t bytes = part.count * sizeof(detect::FloatSphere);
+    must(cudaSetDevice(device), "choose a GPU");
+    devices_.push_back(device);
+    must(cudaMalloc(&copies_.emplace_back(nullptr), bytes + 16), "allocate the spheres");
+    must(cudaMemcpy(copies_.back(), part.centers, bytes, cudaMemcpyHostToDevice), "copy the spheres");
+    must(cudaDeviceSynchronize(), "copy the spheres");
+    part.memory = detect::Memory::device;
+    part.centers = copies_.back(), part.radii = static_cast<const float*>(copies_.back()) + 3;
+    parts_.push_back(part);
+    cudaSetDevice(0);
+  }
+  const std::vector<detect::Spheres>& parts() const { return parts_; }
+
+ private:
+  std::vector<int> devices_;
+  std::vector<void*> copies_;
+  std::vector<detect::Spheres> parts_;
+};
+
+#endif
+
 inline std::string device_name() {
 #ifdef PADDER_CUDA
   cudaDeviceProp p;

@@ -149,27 +149,6 @@ Result by_threads(const Settings& s, const Session& session, const detect::CallO
 
 #ifdef PADDER_CUDA
 
-int gpus() {
-  int count = 0;
-  return cudaGetDeviceCount(&count) == cudaSuccess ? count : 0;
-}
-
-// Parts of a scene, each on its GPU.
-class OnGpus {
- public:
-  void add(int device, const Scene& part) {
-    if (cudaSetDevice(device) != cudaSuccess) throw Error("there is no GPU " + std::to_string(device));
-    kept_.push_back(std::make_unique<DeviceSpheres>(part, true));
-    cudaDeviceSynchronize();
-    parts_.push_back(kept_.back()->input().spheres);
-  }
-  const std::vector<detect::Spheres>& parts() const { return parts_; }
-
- private:
-  std::vector<std::unique_ptr<DeviceSpheres>> kept_;
-  std::vector<detect::Spheres> parts_;
-};
-
 // longest(v): the largest of the ranks' values.
 template <class Longest>
 Times resident_times(const Settings& s, detect::ResidentDetector& detector, const OnGpus& there,
@@ -195,7 +174,7 @@ Result resident_by_ranks(const Settings& s, const Session& session, const detect
     detector.detect({&part, 1});
   }
   OnGpus there;
-  there.add(detector.found()[0].device, take_part(session, detector.region(0), scene));
+  there.add(detector.found()[0].device, input_of(take_part(session, detector.region(0), scene)).spheres);
   const Times times = resident_times(s, detector, there, [&](double v) { return session.longest(v); });
   return {times, detector.report().contacts, detector.hash()};
 }
@@ -216,8 +195,9 @@ Result resident_by_threads(const Settings& s, const Session& session, const dete
   const Scene sorted = by_rank(scene, boxes, first);
   OnGpus there;
   for (std::size_t k = 0; k < detector.devices(); k++)
-    there.add(o.devices[k], Scene(sorted.begin() + static_cast<std::ptrdiff_t>(first[k]),
-                                  sorted.begin() + static_cast<std::ptrdiff_t>(first[k + 1])));
+    there.add(o.devices[k], input_of({sorted.begin() + static_cast<std::ptrdiff_t>(first[k]),
+                                      sorted.begin() + static_cast<std::ptrdiff_t>(first[k + 1])})
+                                .spheres);
   const Times times = resident_times(s, detector, there, [](double v) { return v; });
   return {times, detector.report().contacts, hash};
 }

@@ -11,9 +11,10 @@
 namespace padder {
 namespace {
 
-constexpr int repaired_rounds = 60, most_gap_rounds = 100;
-constexpr int repair_places = 4;
-constexpr double repair_steps = 30;
+constexpr int repaired_rounds = 60;   // after these, balls are only added
+constexpr int most_gap_rounds = 100;  // after these, the cover is not proved
+constexpr int repair_places = 4;      // tried around each ball beside an open point
+constexpr double repair_steps = 30;   // exchanges for each of these balls
 constexpr double decay = 0.85;        // each round searches less than the one before
 constexpr double spacing = 0.25;      // of the spots: share of the tolerance sum
 constexpr double gap_margin = 0.003;  // of their points: share of the tolerance sum

@@ -19,6 +19,23 @@ inline BoxOptions on_the_cpu(std::uint32_t boxes, std::size_t devices = 1, int t
   return o;
 }
 
+// All spheres at one place; one; none; contacts on faces, edges and corners of boxes, of a lattice with so
+// many along each edge; grains of which some are far away; one across all boxes.
+inline std::vector<TestScene> odd_scenes(int edge, std::uint32_t grains) {
+  std::vector<TestScene> scenes(6);
+  for (int k = 0; k < 40; k++) scenes[0].spheres.push_back({1, 2, 3, 0.5});
+  scenes[1].spheres.push_back({0, 0, 0, 1});
+  for (int x = 0; x < edge; x++)
+    for (int y = 0; y < edge; y++)
+      for (int z = 0; z < edge; z++) scenes[3].spheres.push_back({double(x), double(y), double(z), 0.5});
+  scenes[4] = random_scene(grains, 3, 0.5, 9);
+  for (const double far : {1e6, -1e12, 1e30, -1e99})
+    scenes[4].spheres.push_back({far, 0, 1, 1}), scenes[4].spheres.push_back({far, 1, 1, 1});
+  scenes[5] = random_scene(grains, 3, 0.5, 11);
+  scenes[5].spheres.push_back({5, 5, 5, 100});
+  return scenes;
+}
+
 // One detector, to compare with.
 inline Detector one_on_the_cpu(const CallOptions& options) {
   return Detector(DeviceChoice{BackendKind::omp}, options);

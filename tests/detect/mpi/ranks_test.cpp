@@ -70,17 +70,7 @@ TEST(Ranks, LooseSpheresGiveWhatOneDetectorGives) {
 }
 
 TEST(Ranks, OddScenes) {
-  std::vector<TestScene> scenes(6);
-  for (int k = 0; k < 40; k++) scenes[0].spheres.push_back({1, 2, 3, 0.5});  // all at one place
-  scenes[1].spheres.push_back({0, 0, 0, 1});                                 // one; scenes[2] has none
-  for (int x = 0; x < 10; x++)  // contacts on faces, edges and corners
-    for (int y = 0; y < 10; y++)
-      for (int z = 0; z < 10; z++) scenes[3].spheres.push_back({double(x), double(y), double(z), 0.5});
-  scenes[4] = random_scene(1000, 3, 0.5, 9);  // grains far away
-  for (const double far : {1e6, -1e12, 1e30, -1e99})
-    scenes[4].spheres.push_back({far, 0, 1, 1}), scenes[4].spheres.push_back({far, 1, 1, 1});
-  scenes[5] = random_scene(1000, 3, 0.5, 11);
-  scenes[5].spheres.push_back({5, 5, 5, 100});  // one across all boxes
+  const std::vector<TestScene> scenes = odd_scenes(10, 1000);
   RankDetector kept(MPI_COMM_WORLD, on_cpu());
   for (std::size_t k = 0; k < scenes.size(); k++) {
     SCOPED_TRACE("scene " + std::to_string(k));
