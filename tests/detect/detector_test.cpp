@@ -508,8 +508,8 @@ TEST_P(DetectorTest, BoxesOwnEachContactOnce) {
   }
 }
 
-// Faces lie where a sphere begins or ends, or where its centre is, and a step of double to either side:
-// whether all contacts of the sphere are the box's is then as hard to say as it can be.
+// Faces lie where a sphere begins or ends, where its centre is, or through the midpoint of a contact, and a
+// step of double to either side: whether contacts are the box's is then as hard to say as it can be.
 TEST_P(DetectorTest, ABoxBetweenSpheresOwnsWhatTheirMidpointsSay) {
   if (options_.precision != Precision::exact) GTEST_SKIP() << "float decides doubtful pairs otherwise";
   std::mt19937_64 random = random_of_new_seed();
@@ -527,7 +527,12 @@ TEST_P(DetectorTest, ABoxBetweenSpheresOwnsWhatTheirMidpointsSay) {
         const auto face = [&] {
           const Sphere& at = s.spheres[random() % s.spheres.size()];
           const double places[3] = {at.x, at.y, at.z};
-          const double v = places[c] + at.r * (static_cast<double>(random() % 3) - 1);
+          double v = places[c] + at.r * (static_cast<double>(random() % 3) - 1);
+          if (random() % 3 == 0) {
+            const Pair& p = all[random() % all.size()];
+            const Midpoint m = midpoint(s.spheres[p.i], s.spheres[p.j]);
+            v = c == 0 ? m.x : c == 1 ? m.y : m.z;
+          }
           return random() % 2 ? v : std::nextafter(v, random() % 2 ? INFINITY : -INFINITY);
         };
         if (random() % 4) own.low[c] = face();

@@ -159,9 +159,13 @@ class Parts {
 };
 
 // Copies of the parts, one on each GPU.
+void put_on_gpus(std::span<const Spheres> parts, OnGpus& there) {
+  for (std::size_t k = 0; k < parts.size(); k++)
+    k < there.parts().size() ? there.put(k, parts[k]) : there.add(static_cast<int>(k), parts[k]);
+}
 std::unique_ptr<OnGpus> on_gpus(std::span<const Spheres> parts) {
   auto there = std::make_unique<OnGpus>();
-  for (std::size_t k = 0; k < parts.size(); k++) there->add(static_cast<int>(k), parts[k]);
+  put_on_gpus(parts, *there);
   return there;
 }
 
@@ -229,9 +233,9 @@ void row(const Settings& s, Table& t, const std::string& name, const Scene& scen
   });
   const detect::ResidentReport r = detector.report();
   const std::uint64_t hash = detector.hash();
+  there.reset();
   parts.pin();
   const double pinned = median_seconds(3, [&] { detector.detect(parts.views()); });
-  there.reset();
   detector = detect::ResidentDetector(options_for(devices));  // gives its memory back
   const double halo = static_cast<double>(r.copies) / static_cast<double>(r.spheres) - 1;
   t.add(name, "cuda", static_cast<std::size_t>(devices), r.spheres, r.contacts,
@@ -390,18 +394,17 @@ void front_rows(const Settings& s, Table& t, const Scene& full, int devices, boo
   std::uint64_t contacts = 0, spheres = 0, copies = 0;
   Scene scene;
   Parts parts;
-  std::unique_ptr<OnGpus> whole, divided;
+  OnGpus whole, divided;
   for (int step = -3; step < kSteps; step++) {
     if (moves || step < 0) {
       make_front(full, moves ? 0.5 + 0.5 / kSteps * std::max(step, 0) : 0.25, 0.5, scene);
       step > -3 ? parts.share_by_box(scene, several) : parts.share(scene, several);
-      whole.reset(), divided.reset();
-      divided = on_gpus(parts.views());
+      put_on_gpus(parts.views(), divided);
       const Spheres all[1] = {view(parts.all().data(), parts.all().size())};
-      whole = on_gpus(all);
+      put_on_gpus(all, whole);
     }
-    const double first = seconds_of([&] { one.detect(whole->parts()); });
-    const double second = seconds_of([&] { several.detect(divided->parts()); });
+    const double first = seconds_of([&] { one.detect(whole.parts()); });
+    const double second = seconds_of([&] { several.detect(divided.parts()); });
     if (one.hash() != several.hash())
       throw Error(std::string("the contacts of the ") + name + " differ from those of one GPU");
     if (step < 0) continue;

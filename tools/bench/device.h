@@ -4,6 +4,7 @@
 #pragma once
 #include <algorithm>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "tools/bench/bench.h"
@@ -105,29 +106,44 @@ class OnGpus {
  public:
   OnGpus() = default;
   ~OnGpus() {
-    for (std::size_t k = 0; k < copies_.size(); k++) cudaSetDevice(devices_[k]), cudaFree(copies_[k]);
+    for (const Copy& c : copies_) cudaSetDevice(c.device), cudaFree(c.memory);
     cudaSetDevice(0);
   }
   OnGpus(const OnGpus&) = delete;
   OnGpus& operator=(const OnGpus&) = delete;
 
-  void add(int device, detect::Spheres part) {
+  void add(int device, const detect::Spheres& part) {
+    copies_.push_back({device});
+    parts_.emplace_back();
+    put(copies_.size() - 1, part);
+  }
+  // The part in the place of the k-th before. Memory is kept, as in a simulation.
+  void put(std::size_t k, const detect::Spheres& part) {
+    Copy& c = copies_[k];
     const std::size_t bytes = part.count * sizeof(detect::FloatSphere);
-    must(cudaSetDevice(device), "choose a GPU");
-    devices_.push_back(device);
-    must(cudaMalloc(&copies_.emplace_back(nullptr), bytes + 16), "allocate the spheres");
-    must(cudaMemcpy(copies_.back(), part.centers, bytes, cudaMemcpyHostToDevice), "copy the spheres");
+    must(cudaSetDevice(c.device), "choose a GPU");
+    if (bytes > c.bytes || !c.memory) {
+      const std::size_t room = c.memory ? bytes + bytes / 4 : bytes + 16;
+      cudaFree(std::exchange(c.memory, nullptr));
+      must(cudaMalloc(&c.memory, room), "allocate the spheres");
+      c.bytes = room;
+    }
+    must(cudaMemcpy(c.memory, part.centers, bytes, cudaMemcpyHostToDevice), "copy the spheres");
     must(cudaDeviceSynchronize(), "copy the spheres");
-    part.memory = detect::Memory::device;
-    part.centers = copies_.back(), part.radii = static_cast<const float*>(copies_.back()) + 3;
-    parts_.push_back(part);
+    detect::Spheres& there = parts_[k] = part;
+    there.memory = detect::Memory::device;
+    there.centers = c.memory, there.radii = static_cast<const float*>(c.memory) + 3;
     cudaSetDevice(0);
   }
   const std::vector<detect::Spheres>& parts() const { return parts_; }
 
  private:
-  std::vector<int> devices_;
-  std::vector<void*> copies_;
+  struct Copy {
+    int device;
+    void* memory = nullptr;
+    std::size_t bytes = 0;
+  };
+  std::vector<Copy> copies_;
   std::vector<detect::Spheres> parts_;
 };
 

@@ -1,53 +1,70 @@
 // SPDX-License-Identifier: MIT
 // Threads that wait for work together. Internal.
 #pragma once
-#include <condition_variable>
+#include <atomic>
+#include <chrono>
 #include <cstdint>
 #include <functional>
-#include <mutex>
-#include <stop_token>
 #include <thread>
 #include <vector>
 
 namespace padder::detect::cuda {
 
 // Threads that live as long as the detector, one for each GPU but the first: the caller's works for that.
+// They sleep between calls of the detector. Within a call the next work comes in some microseconds, for which
+// they stay awake, since to wake a thread takes longer than that.
 class Crew {
  public:
   explicit Crew(std::size_t size) {
-    for (std::size_t k = 1; k < size; k++)
-      threads_.emplace_back([this, k](const std::stop_token& stop) { serve(k, stop); });
+    try {
+      for (std::size_t k = 1; k < size; k++) threads_.emplace_back([this, k] { serve(k); });
+    } catch (...) {
+      end();
+      throw;
+    }
   }
+  ~Crew() { end(); }
+  Crew(const Crew&) = delete;
+  Crew& operator=(const Crew&) = delete;
+
   // Calls work(k) for each k and waits for all. `work` must not throw.
   void run(const std::function<void(std::size_t)>& work) {
-    {
-      const std::lock_guard lock(mutex_);
-      work_ = &work, busy_ = threads_.size(), round_++;
-    }
-    changed_.notify_all();
+    work_ = &work;
+    begin_round();
     work(0);
-    std::unique_lock lock(mutex_);
-    changed_.wait(lock, [&] { return busy_ == 0; });
+    for (std::size_t busy; (busy = busy_.load()) > 0;) wait_while(busy_, busy);
   }
 
  private:
-  void serve(std::size_t k, const std::stop_token& stop) {
-    std::unique_lock lock(mutex_);
-    for (std::uint64_t served = 0; changed_.wait(lock, stop, [&] { return round_ != served; });) {
-      served = round_;
-      lock.unlock();
+  void end() {
+    work_ = nullptr;
+    begin_round();
+    for (std::thread& t : threads_) t.join();
+  }
+  void begin_round() {
+    busy_ = threads_.size(), round_++;
+    round_.notify_all();
+  }
+  void serve(std::size_t k) {
+    for (std::uint64_t served = 0;; served++) {
+      wait_while(round_, served);
+      if (!work_) return;
       (*work_)(k);
-      lock.lock();
-      if (--busy_ == 0) changed_.notify_all();
+      if (--busy_ == 0) busy_.notify_one();
     }
   }
+  // Until the value is another one: awake for a moment, then asleep.
+  template <class T>
+  static void wait_while(const std::atomic<T>& value, T old) {
+    const auto end = std::chrono::steady_clock::now() + std::chrono::microseconds(200);
+    while (value.load() == old && std::chrono::steady_clock::now() < end) std::this_thread::yield();
+    value.wait(old);
+  }
 
-  std::mutex mutex_;
-  std::condition_variable_any changed_;
   const std::function<void(std::size_t)>* work_ = nullptr;
-  std::size_t busy_ = 0;
-  std::uint64_t round_ = 0;
-  std::vector<std::jthread> threads_;  // the last member: they end first
+  std::atomic<std::size_t> busy_ = 0;
+  std::atomic<std::uint64_t> round_ = 0;
+  std::vector<std::thread> threads_;
 };
 
 }  // namespace padder::detect::cuda

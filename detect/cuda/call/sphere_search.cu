@@ -16,6 +16,13 @@ namespace {
 // A level has an array of at most so many bins for each sphere; beyond, it is hashed.
 constexpr double kBinsASphere = 8;
 
+// A power of two, so that it seldom changes while spheres move. No |coordinate| is larger.
+double extent_of(const Summary& s) {
+  int exponent = 0;
+  std::frexp(s.extent, &exponent);
+  return s.extent > 0 ? std::ldexp(1, exponent) : 0;
+}
+
 SearchOptions search_options(const CallOptions& options, const Summary& summary) {
   SearchOptions s;
   s.exact = options.precision == Precision::exact || options.margin > 0;
@@ -24,15 +31,10 @@ SearchOptions search_options(const CallOptions& options, const Summary& summary)
   s.own = options.own, s.radius = summary.radius_max, s.margin = options.margin, s.owns_all = true;
   for (int k = 0; k < 3; k++)
     s.owns_all = s.owns_all && options.own.low[k] == -INFINITY && options.own.high[k] == INFINITY;
+  if (!s.owns_all) s.blur = owner_blur(extent_of(summary), summary.radius_max, options.margin);
   return s;
 }
 
-// A power of two, so that it seldom changes while spheres move. No |coordinate| is larger.
-double extent_of(const Summary& s) {
-  int exponent = 0;
-  std::frexp(s.extent, &exponent);
-  return s.extent > 0 ? std::ldexp(1, exponent) : 0;
-}
 // Input in double is searched as float where that leaves float sure of most pairs (exact_test.h).
 bool may_round(const DeviceSpheres& source, const Summary& s, double margin) {
   const double smallest = s.radius_min + margin / 2;

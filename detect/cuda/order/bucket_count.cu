@@ -28,29 +28,42 @@ __global__ void __launch_bounds__(kCountThreads)
   if (k == 0) *counters = {};
 }
 
-// By the block that finishes last: makes starts of the counts, of buckets and of groups.
+// By the block that finishes last: makes starts of the counts, of buckets and of groups. `shared` has room
+// for so many counts and one more.
 template <int Threads>
 __device__ __forceinline__ void find_starts(const Buckets& buckets, const Starts& starts,
-                                            std::uint32_t groups, std::uint32_t* shared,
-                                            std::uint32_t* sums) {
-  for (std::uint32_t b = threadIdx.x; b < buckets.count; b += Threads) shared[b] = __ldcg(starts.bucket + b);
-  scan_shared(shared, buckets.count, sums);
-  for (std::uint32_t b = threadIdx.x; b <= buckets.count; b += Threads) {
-    starts.bucket[b] = shared[b];
-    if (b < buckets.count) starts.cursor[b] = shared[b];
+                                            std::uint32_t groups, std::uint32_t at_once,
+                                            std::uint32_t* shared, std::uint32_t* sums) {
+  std::uint32_t before = 0;
+  for (std::uint32_t first = 0; first < buckets.count; first += at_once) {
+    const std::uint32_t count = min(at_once, buckets.count - first);
+    for (std::uint32_t b = threadIdx.x; b < count; b += Threads)
+      shared[b] = __ldcg(starts.bucket + first + b);
+    scan_shared(shared, count, sums);
+    for (std::uint32_t b = threadIdx.x; b < count; b += Threads)
+      starts.bucket[first + b] = starts.cursor[first + b] = before + shared[b];
+    before += shared[count];
+    __syncthreads();
   }
+  if (threadIdx.x == 0) starts.bucket[buckets.count] = before;
+  __syncthreads();
   for (std::uint32_t g = threadIdx.x; g < groups; g += Threads)
-    starts.group_cursor[g] = shared[g << kGroupBits];
+    starts.group_cursor[g] = starts.bucket[g << kGroupBits];
   if (threadIdx.x > 0 || groups == 0) return;
-  std::uint32_t portions = 0;
+  std::uint32_t portions = 0, begin = 0;
   for (std::uint32_t g = 0; g < groups; g++) {
     starts.group_portion[g] = portions;
-    portions += (shared[min((g + 1) << kGroupBits, buckets.count)] - shared[g << kGroupBits] +
-                 buckets.portion_spheres - 1) /
-                buckets.portion_spheres;
+    const std::uint32_t end = starts.bucket[min((g + 1) << kGroupBits, buckets.count)];
+    portions += (end - begin + buckets.portion_spheres - 1) / buckets.portion_spheres, begin = end;
   }
   starts.group_portion[groups] = portions;
 }
+
+// Which buckets a pass counts. Where shared memory holds the counts of all, there is one pass.
+struct Counted {
+  std::uint32_t first = 0, count = 0;
+  bool last = true;  // of the passes
+};
 
 // Each block counts in shared memory of its own. Narrow blocks are four a processor, where their counts leave
 // room for that; else one wide block.
@@ -58,13 +71,13 @@ template <class Bins, bool Along, int Threads>
 __global__ void __launch_bounds__(Threads,
                                   Threads == kCountThreads ? tuning::at_most_resident(4, Threads) : 1)
     bucket_count_kernel(const __grid_constant__ DeviceSpheres source, const __grid_constant__ Bins bins,
-                        const __grid_constant__ Buckets buckets, std::uint32_t* keys, Starts starts,
-                        std::uint32_t groups, unsigned long long* found, Counters* counters) {
+                        const __grid_constant__ Buckets buckets, Counted counted, std::uint32_t* keys,
+                        Starts starts, std::uint32_t groups, unsigned long long* found, Counters* counters) {
   constexpr int kAtOnce = Threads == kCountThreads ? 1 : 3;
   Bounds bounds;
   extern __shared__ std::uint32_t shared[];
   __shared__ std::uint32_t sums[32];
-  for (std::uint32_t b = threadIdx.x; b < buckets.count; b += Threads) shared[b] = 0;
+  for (std::uint32_t b = threadIdx.x; b < counted.count; b += Threads) shared[b] = 0;
   __syncthreads();
   const std::uint64_t step = static_cast<std::uint64_t>(gridDim.x) * Threads * kAtOnce;
   for (std::uint64_t from = static_cast<std::uint64_t>(blockIdx.x) * Threads * kAtOnce; from < source.count;
@@ -94,14 +107,16 @@ __global__ void __launch_bounds__(Threads,
         if (!kKeyless<Bins>) keys[k] = key;
         if (Along) bounds.take(s[u], static_cast<std::uint32_t>(k));
       }
-      ticket(shared, valid ? buckets.of(key) : ~0u);
+      const std::uint32_t bucket = buckets.of(key) - counted.first;
+      ticket(shared, valid && bucket < counted.count ? bucket : ~0u);
     }
   }
   if (Along) bounds.give(found);
   __syncthreads();
-  for (std::uint32_t b = threadIdx.x; b < buckets.count; b += Threads)
-    if (shared[b]) atomicAdd(starts.bucket + b, shared[b]);
-  if (is_last(starts)) find_starts<Threads>(buckets, starts, groups, shared, sums);
+  for (std::uint32_t b = threadIdx.x; b < counted.count; b += Threads)
+    if (shared[b]) atomicAdd(starts.bucket + counted.first + b, shared[b]);
+  if (counted.last && is_last(starts))
+    find_starts<Threads>(buckets, starts, groups, counted.count, shared, sums);
 }
 
 }  // namespace
@@ -119,19 +134,26 @@ void begin_buckets(const BucketPlan& p, cudaStream_t stream) {
 void count_buckets(const BucketPlan& p, const DeviceSpheres& source, const Ordered& o, const Grid& grid,
                    cudaStream_t stream) {
   with_bins(o, grid, [&]<class Kind, class Bins>(Kind, const Bins& bins) {
-    const auto launch = [&](auto* kernel, unsigned blocks, int threads) {
-      launch_with_shared(kernel, blocks, threads, (p.buckets.count + 1) * 4, p.shared_bytes, stream, source,
-                         bins, p.buckets, p.source.keys, p.starts, p.groups, p.gather.bounds, p.counters);
+    const auto pass = [&](auto* kernel, unsigned blocks, int threads, const Counted& counted,
+                          unsigned long long* bounds) {
+      launch_with_shared(kernel, blocks, threads, (counted.count + 1) * 4, p.shared_bytes, stream, source,
+                         bins, p.buckets, counted, p.source.keys, p.starts, p.groups, bounds, p.counters);
     };
     const auto processors = static_cast<unsigned>(p.processors);
-    if (p.groups > 0)
-      launch(p.gather.bounds ? bucket_count_kernel<Bins, true, kWideBlock>
-                             : bucket_count_kernel<Bins, false, kWideBlock>,
-             processors, kWideBlock);
-    else
-      launch(p.gather.bounds ? bucket_count_kernel<Bins, true, kCountThreads>
-                             : bucket_count_kernel<Bins, false, kCountThreads>,
-             processors * 4, kCountThreads);
+    const std::uint32_t all = p.buckets.count, most = p.shared_bytes / 4 - 1,
+                        passes = (all + most - 1) / most, at_once = (all + passes - 1) / passes;
+    for (std::uint32_t first = 0; first < all; first += at_once) {
+      const Counted counted{first, std::min(at_once, all - first), all - first <= at_once};
+      unsigned long long* const bounds = first == 0 ? p.gather.bounds : nullptr;
+      if (p.groups > 0)
+        pass(bounds ? bucket_count_kernel<Bins, true, kWideBlock>
+                    : bucket_count_kernel<Bins, false, kWideBlock>,
+             processors, kWideBlock, counted, bounds);
+      else
+        pass(bounds ? bucket_count_kernel<Bins, true, kCountThreads>
+                    : bucket_count_kernel<Bins, false, kCountThreads>,
+             processors * 4, kCountThreads, counted, bounds);
+    }
   });
 }
 

@@ -212,7 +212,7 @@ __global__ void __launch_bounds__(kWideBlock)
   const PortionMemory memory(slots, buckets.portion_spheres, count);
   auto *const counts = memory.counts, *const shift = memory.shift;
   __shared__ std::uint32_t sums[32];
-  const std::uint32_t groups = (buckets.count + (1u << kGroupBits) - 1) >> kGroupBits;
+  const std::uint32_t groups = groups_of(buckets.count);
   const auto portions =
       kWithin ? starts.group_portion[groups]
               : source.count / buckets.portion_spheres + (source.count % buckets.portion_spheres != 0);

@@ -70,9 +70,8 @@ bool choose_plan(const Grid& grid, const Ordered& o, double bucket_spheres, Buck
   if (widest < 64) return false;
   p.buckets = choose_buckets(grid, o, aim, widest);
   p.buckets.portion_spheres = portion;
-  if (p.buckets.count > std::min(kMostBuckets, shared / 4 - 1)) return false;
-  const bool grouped = p.buckets.count > at_once;
-  p.groups = grouped ? (p.buckets.count + (1u << kGroupBits) - 1) >> kGroupBits : 0;
+  p.groups = p.buckets.count > at_once ? groups_of(p.buckets.count) : 0;
+  if (p.groups > at_once) return false;
   p.table_bytes = ((p.buckets.widest + 4) & ~3u) * 4 + octaves;
   p.capacity = std::min<std::uint32_t>((room - p.table_bytes) / bytes, kMostBucketItems * p.threads) & ~3u;
   return true;
@@ -82,11 +81,11 @@ Starts starts_in(std::uint32_t* memory, std::uint32_t buckets) {
   Starts s;
   s.finished = memory, s.bucket = s.finished + 1, s.cursor = s.bucket + buckets + 1,
   s.room = s.cursor + buckets + 1, s.group_cursor = s.room + buckets + 1;
-  s.group_portion = s.group_cursor + kMostGroups;
+  s.group_portion = s.group_cursor + groups_of(buckets);
   return s;
 }
 std::uint64_t words_of_starts(std::uint32_t buckets) {
-  return 3 * std::uint64_t(buckets) + 2 * kMostGroups + 6;
+  return 3 * std::uint64_t(buckets) + 2 * groups_of(buckets) + 6;
 }
 
 }  // namespace

@@ -9,9 +9,11 @@ namespace padder::detect::cuda {
 constexpr int kWideBlock = 1024;  // threads of a block that fills a processor
 // Spheres a thread, at most: of a portion that is divided at once; of a bucket that is put in order at once.
 constexpr int kPortionItems = tuning::kPortionItems, kMostBucketItems = 10;
-// At most: buckets that spheres can be divided among at once; of a group; in all.
-constexpr std::uint32_t kMostAtOnce = 6144, kGroupBits = 10, kMostBuckets = 56000,
-                        kMostGroups = (kMostBuckets >> kGroupBits) + 1;
+// At most: buckets that spheres can be divided among at once; of a group.
+constexpr std::uint32_t kMostAtOnce = 6144, kGroupBits = 10;
+__host__ __device__ constexpr std::uint32_t groups_of(std::uint32_t buckets) {
+  return (buckets + (1u << kGroupBits) - 1) >> kGroupBits;
+}
 
 // Which bucket holds a table entry: entries first_entry(b) to first_entry(b + 1) - 1 are of bucket b. Each
 // level has buckets of its own width, because the levels' bins are not equally full.

@@ -32,6 +32,15 @@ inline constexpr double kMostRounded = 0x1p16;
 // By how much rounded spheres grow (Summary::grown_by): two of them by 4 e, more than 3.47 e.
 inline double grown_by_rounding(double extent) { return 2 * 0x1p-24 * extent; }
 
+// How far `inner` and `outer` are from the region's faces, at most. No |coordinate| is larger than `extent`,
+// no radius than `largest`. In float a place of a slot, or a midpoint that is computed from two of them, is
+// off by less than 8 * 2^-24 of these lengths, and by 2^-24 more where slots are doubles rounded to float; a
+// face is off by 2^-24 of itself or, far outside, does not matter. The halo (detect/boxes/halo.h) is wider
+// than the ball by 2^-46 of them. This is 32 * 2^-24.
+inline double owner_blur(double extent, double largest, double margin) {
+  return 0x1p-19 * (extent + 2 * largest + margin);
+}
+
 // Both radii and the margin.
 template <SlotKind Kind>
 __device__ __forceinline__ float radii_together(const SearchTask& task, const typename SlotOf<Kind>::Type& a,
@@ -96,6 +105,46 @@ struct SearchedBin {
   int level = 0, dx = 0, dy = 0, dz = 0;
 };
 
+// Does this search report all contacts of the sphere, wherever its partners lie? The midpoint of a contact
+// lies in the halo of both spheres (detect/boxes/halo.h). So it lies in the region if one halo does, and
+// nobody has to compute it.
+template <SlotKind Kind>
+__device__ __forceinline__ bool owns_contacts_of(const SearchTask& task,
+                                                 const typename SlotOf<Kind>::Type& s) {
+  if constexpr (Kind == SlotKind::fixed_point)
+    return task.owns_all;  // the slot does not say where the sphere is
+  else
+    return task.inner.holds({s.x, s.y, s.z},
+                            (Kind == SlotKind::equal ? task.radius_f32 : s.r) + 0.5f * task.margin_f32);
+}
+
+// Does the midpoint of a contact lie in the region, by float? `midpoint` of contact.h, whose case of one
+// sphere in the other is that of a share below 0 or above 1.
+template <SlotKind Kind>
+__device__ __forceinline__ Verdict owner_by_float(const SearchTask& task,
+                                                  const typename SlotOf<Kind>::Type& a,
+                                                  const typename SlotOf<Kind>::Type& b) {
+  const float3 d = difference(a, b);
+  const float length = sqrtf(d.x * d.x + d.y * d.y + d.z * d.z),
+              larger_by = Kind == SlotKind::equal ? 0 : a.r - b.r,
+              share = fminf(fmaxf(0.5f + 0.5f * larger_by / length, 0), 1);
+  const float at[3] = {a.x + share * d.x, a.y + share * d.y, a.z + share * d.z};
+  return task.inner.holds(at, 0) ? Verdict::touch : task.outer.holds(at, 0) ? Verdict::doubt : Verdict::apart;
+}
+
+// The same for spheres `i` and `j` of the order, exactly.
+template <SlotKind Kind>
+__device__ __forceinline__ bool owns_contact(const SearchTask& task, std::uint32_t i,
+                                             const typename SlotOf<Kind>::Type& a, std::uint32_t j,
+                                             const typename SlotOf<Kind>::Type& b) {
+  if constexpr (Kind != SlotKind::fixed_point) {
+    const Verdict v = owner_by_float<Kind>(task, a, b);
+    if (v != Verdict::doubt) return v == Verdict::touch;
+  }
+  const bool swap = id_at<Kind>(task, j) < id_at<Kind>(task, i);
+  return owns(task.own, midpoint(sphere_at<Kind>(task, swap ? j : i), sphere_at<Kind>(task, swap ? i : j)));
+}
+
 // Whether spheres `i` and `j` of the order are a contact that this search reports. It is called from
 // functions that are out of line, since it is rare, or slow anyway. `slot`: of i, at the level of j. AsksBin:
 // levels may be hashed. `counts`: a doubtful pair is counted.
@@ -125,33 +174,7 @@ static __device__ bool is_contact(const SearchTask& task, const Grid& grid, std:
   }
   const std::uint32_t id_i = id_at<Kind>(task, i), id_j = id_at<Kind>(task, j);
   if (task.source.filtered && !admitted(task.source.filter(id_i), task.source.filter(id_j))) return false;
-  if (!task.owns_all) {
-    const bool swap = id_j < id_i;
-    const Sphere a = sphere_at<Kind>(task, swap ? j : i), b = sphere_at<Kind>(task, swap ? i : j);
-    if (!owns(task.own, midpoint(a, b))) return false;
-  }
-  return true;
-}
-
-// Does this search report all contacts of the sphere, wherever its partners lie? The midpoint of a contact
-// lies in the halo of both spheres (detect/boxes/halo.h). So it lies in the region if one halo does, and
-// nobody has to compute it. The halo is 2^-20 wider here, because a slot may be a double rounded to float.
-template <SlotKind Kind>
-__device__ __forceinline__ bool owns_contacts_of(const SearchTask& task,
-                                                 const typename SlotOf<Kind>::Type& s) {
-  if constexpr (Kind == SlotKind::fixed_point) {
-    return task.owns_all;  // the slot does not say where the sphere is
-  } else {
-    const double at[3] = {s.x, s.y, s.z},
-                 r = (Kind == SlotKind::equal ? task.radius_f32 : s.r) + 0.5 * task.margin;
-    bool inside = true;
-#pragma unroll
-    for (int k = 0; k < 3; k++) {
-      const double reach = r + 0x1p-20 * (fabs(at[k]) + r + task.radius + task.margin);
-      inside = inside && at[k] - reach >= task.own.low[k] && at[k] + reach < task.own.high[k];
-    }
-    return inside;
-  }
+  return task.owns_all || owns_contact<Kind>(task, i, slot, j, other);
 }
 
 // Float first, then is_contact() where float is not enough. For searches that need not ask for the bin.
@@ -161,7 +184,8 @@ __device__ __forceinline__ bool test(const SearchTask& task, const Grid& grid, s
                                      const typename SlotOf<Kind>::Type& b, bool counts) {
   bool sure;
   if (!float_test<Kind>(task, a, b, task.rounded, sure)) return false;
-  return (sure && !task.test_all) || is_contact<Kind, false>(task, grid, i, a, j, {}, counts);
+  if (sure && (!task.test_all || (task.only_owner && owns_contacts_of<Kind>(task, a)))) return true;
+  return is_contact<Kind, false>(task, grid, i, a, j, {}, counts);
 }
 
 }  // namespace padder::detect::cuda

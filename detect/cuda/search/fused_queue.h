@@ -91,10 +91,7 @@ struct FusedQueue {
 
   __device__ __forceinline__ bool is_owned(const uint2& pair, const FloatSlot& a, const FloatSlot& b) const {
     if constexpr (Owned) {
-      if (owns_contacts_of<kKind>(task, a)) return true;
-      const Sphere s{a.x, a.y, a.z, a.r}, t{b.x, b.y, b.z, b.r};
-      const bool swap = id_at<kKind>(task, pair.y) < id_at<kKind>(task, pair.x);
-      return owns(task.own, swap ? midpoint(t, s) : midpoint(s, t));
+      return owns_contacts_of<kKind>(task, a) || owns_contact<kKind>(task, pair.x, a, pair.y, b);
     }
     return true;
   }

@@ -18,6 +18,16 @@ std::uint32_t blocks_of_warps(std::uint64_t warps) {
   return static_cast<std::uint32_t>((warps + kTileWarps - 1) / kTileWarps);
 }
 
+// What lies in this box by float lies in the region moved by `outwards`: its faces are rounded inwards.
+SearchTask::FloatBox float_box(const Region& region, double outwards) {
+  SearchTask::FloatBox box;
+  for (int k = 0; k < 3; k++) {
+    box.low[k] = std::nextafter(static_cast<float>(region.low[k] - outwards), INFINITY);
+    box.high[k] = std::nextafter(static_cast<float>(region.high[k] + outwards), -INFINITY);
+  }
+  return box;
+}
+
 // What the kernels read, and how they test it.
 SearchTask make_task(const DeviceSpheres& source, const Grid& grid, const Ordered& spheres,
                      const SearchOptions& options, const Output& output, Counters* counters) {
@@ -29,6 +39,7 @@ SearchTask make_task(const DeviceSpheres& source, const Grid& grid, const Ordere
   if (spheres.kind != SlotKind::fixed_point) task.margin_f32 = static_cast<float>(options.margin);
   task.sum = task.radius_f32 + task.radius_f32 + task.margin_f32, task.sum_squared = task.sum * task.sum;
   task.own = options.own, task.exact = options.exact, task.owns_all = options.owns_all;
+  task.inner = float_box(options.own, -options.blur), task.outer = float_box(options.own, 2 * options.blur);
   task.rounded = options.rounded;
   task.wide = options.rounded ? kWideRounded : kWide, task.near = options.rounded ? kNearRounded : kNear;
   task.code_limit = code_limit(grid, spheres.bins, options.radius + grid.level[0].grown_by);

@@ -7,8 +7,18 @@ namespace padder::detect::cuda {
 
 // An OutputTask says what is searched and where contacts go; this adds how candidates are tested.
 struct SearchTask : OutputTask {
-  // A contact is reported if its midpoint lies in `own`, unless owns_all.
+  // A contact is reported if its midpoint lies in `own`, unless owns_all. What float finds within `inner`
+  // lies in `own` for sure, and what it finds outside of `outer` does not (exact_test.h).
   Region own;
+  struct FloatBox {
+    float low[3], high[3];
+    __device__ __forceinline__ bool holds(const float (&at)[3], float reach) const {
+      bool within = true;
+#pragma unroll
+      for (int k = 0; k < 3; k++) within = within && at[k] - reach >= low[k] && at[k] + reach < high[k];
+      return within;
+    }
+  } inner, outer;
   bool exact = true, owns_all = true;
   double margin = 0;     // a pair counts whose gap is at most this
   float margin_f32 = 0;  // the same, where slots are floats; fixed-point slots are of grown spheres

@@ -342,6 +342,26 @@ TEST_P(CudaOrderTest, EverySphereIsWhereItsKeySaysInLessSharedMemory) {
   }
 }
 
+// More buckets than a block can count in its shared memory, as hundreds of millions of spheres have.
+TEST_P(CudaOrderTest, BucketsAreCountedInPasses) {
+  if (GetParam().method != OrderMethod::buckets || GetParam().bucket_spheres > 2)
+    GTEST_SKIP() << "one pass counts these";
+  std::mt19937 random(13);
+  const auto equal = cloud(random, 400'000, 74, -3, 0.6f, 0.6f);
+  auto levels = cloud(random, 400'000, 74, 1, 0.2f, 0.7f);
+  for (std::size_t k = 0; k < levels.size(); k += 50) levels[k].w = 3;
+  for (const std::size_t bytes : {99 * 1024, 227 * 1024}) {
+    SCOPED_TRACE(bytes);
+    const ScopedTestLimits limits({.shared_memory = bytes});
+    for (const bool along : {true, false}) {
+      expect_order(equal, SlotKind::equal, true, false, along);
+      expect_order(levels, SlotKind::unequal, true, true, along);
+      expect_order(levels, SlotKind::fixed_point, false, false, along);
+      if (HasFatalFailure()) return;
+    }
+  }
+}
+
 // Bins with more spheres than have a place of their own to tell their numbers: a few of them, and many.
 TEST_P(CudaOrderTest, FullBinsAreStableToo) {
   std::mt19937 random(11);
