@@ -119,17 +119,26 @@ __device__ __forceinline__ bool owns_contacts_of(const SearchTask& task,
 }
 
 // Does the midpoint of a contact lie in the region, by float? `midpoint` of contact.h, whose case of one
-// sphere in the other is that of a share below 0 or above 1.
+// sphere in the other is that of a share below 0 or above 1; spheres at one place have a share of 0. Touch:
+// it does; apart: it does not.
 template <SlotKind Kind>
 __device__ __forceinline__ Verdict owner_by_float(const SearchTask& task,
                                                   const typename SlotOf<Kind>::Type& a,
                                                   const typename SlotOf<Kind>::Type& b) {
-  const float3 d = difference(a, b);
-  const float length = sqrtf(d.x * d.x + d.y * d.y + d.z * d.z),
-              larger_by = Kind == SlotKind::equal ? 0 : a.r - b.r,
-              share = fminf(fmaxf(0.5f + 0.5f * larger_by / length, 0), 1);
-  const float at[3] = {a.x + share * d.x, a.y + share * d.y, a.z + share * d.z};
-  return task.inner.holds(at, 0) ? Verdict::touch : task.outer.holds(at, 0) ? Verdict::doubt : Verdict::apart;
+  if constexpr (Kind == SlotKind::fixed_point) {
+    return Verdict::doubt;  // the slot does not say where the sphere is
+  } else {
+    const float3 d = difference(a, b);
+    float share = 0.5f;
+    if constexpr (Kind == SlotKind::unequal) {
+      const float per_length = rsqrtf(fmaf(d.x, d.x, fmaf(d.y, d.y, d.z * d.z)));
+      share = fminf(fmaxf(fmaf(0.5f * (a.r - b.r), per_length, 0.5f), 0), 1);
+    }
+    const float at[3] = {fmaf(share, d.x, a.x), fmaf(share, d.y, a.y), fmaf(share, d.z, a.z)};
+    return task.inner.holds(at, 0)    ? Verdict::touch
+           : !task.outer.holds(at, 0) ? Verdict::apart
+                                      : Verdict::doubt;
+  }
 }
 
 // The same for spheres `i` and `j` of the order, exactly.
@@ -137,10 +146,8 @@ template <SlotKind Kind>
 __device__ __forceinline__ bool owns_contact(const SearchTask& task, std::uint32_t i,
                                              const typename SlotOf<Kind>::Type& a, std::uint32_t j,
                                              const typename SlotOf<Kind>::Type& b) {
-  if constexpr (Kind != SlotKind::fixed_point) {
-    const Verdict v = owner_by_float<Kind>(task, a, b);
-    if (v != Verdict::doubt) return v == Verdict::touch;
-  }
+  const Verdict v = owner_by_float<Kind>(task, a, b);
+  if (v != Verdict::doubt) return v == Verdict::touch;
   const bool swap = id_at<Kind>(task, j) < id_at<Kind>(task, i);
   return owns(task.own, midpoint(sphere_at<Kind>(task, swap ? j : i), sphere_at<Kind>(task, swap ? i : j)));
 }
@@ -184,7 +191,11 @@ __device__ __forceinline__ bool test(const SearchTask& task, const Grid& grid, s
                                      const typename SlotOf<Kind>::Type& b, bool counts) {
   bool sure;
   if (!float_test<Kind>(task, a, b, task.rounded, sure)) return false;
-  if (sure && (!task.test_all || (task.only_owner && owns_contacts_of<Kind>(task, a)))) return true;
+  if (sure && !task.test_all) return true;
+  if (sure && task.only_owner) {
+    const Verdict owner = owner_by_float<Kind>(task, a, b);
+    if (owner != Verdict::doubt) return owner == Verdict::touch;
+  }
   return is_contact<Kind, false>(task, grid, i, a, j, {}, counts);
 }
 

@@ -76,7 +76,8 @@ struct FusedQueue {
     if (__any_sync(kFullWarp, doubt)) {
 #pragma unroll
       for (int u = 0; u < kAtOnce; u++)
-        hit[u] = hit[u] && exact_test(pair[u], a[u], b[u]) && is_owned(pair[u], a[u], b[u]);
+        hit[u] = hit[u] && exact_test(pair[u], a[u], b[u]) &&
+                 (!Owned || owns_contact<kKind>(task, pair[u].x, a[u], pair[u].y, b[u]));
     }
 #pragma unroll
     for (int u = 0; u < kAtOnce; u++) {
@@ -87,13 +88,6 @@ struct FusedQueue {
     }
     from += kStep;
     __syncwarp();
-  }
-
-  __device__ __forceinline__ bool is_owned(const uint2& pair, const FloatSlot& a, const FloatSlot& b) const {
-    if constexpr (Owned) {
-      return owns_contacts_of<kKind>(task, a) || owns_contact<kKind>(task, pair.x, a, pair.y, b);
-    }
-    return true;
   }
 
   // What float is not sure of, by the distance.
