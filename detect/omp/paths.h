@@ -229,13 +229,14 @@ class GridPath {
   template <class Slot>
   void write(const CallOptions& options, int threads, Records& records);
 
-  // Consecutive slots that one thread searches, as a unit of work and of the stable order. Their hits are in
-  // that thread's list.
+  // Consecutive slots of a level that search a level, as a unit of work and of the stable order. One thread
+  // searches them, and their hits are in that thread's list.
   struct Chunk {
     std::uint64_t slot, slots;   // the first slot, and how many
+    std::uint64_t found;         // of the first slot, in found_
     std::uint64_t first, count;  // the hits in the list of the thread
     std::uint64_t record;        // number of the first record
-    int thread;
+    int thread, level, at;       // the level of the slots, and the level that they search
   };
 
   Budget* budget_;
