@@ -59,6 +59,11 @@ class Hits {
 // The largest search radius of a coarse sphere, in bins of the finer level. Fixed-point slots know their
 // place modulo 256 bins only, and kSearchRadiusFactor must not add more than a bin.
 constexpr double kLargestSearchRadius[2] = {800, 100};  // for float slots, for fixed-point slots
+// A level of so few spheres is searched whole: that costs a vector of tests for eight spheres, and no look-up
+// of rows.
+constexpr std::uint64_t kFewSpheres = 128;
+bool few(const Level& l) { return l.spheres <= kFewSpheres; }
+double whole_cost(const Level& l) { return 8 + 3.5 * (static_cast<double>(l.spheres) / kLanes + 0.5); }
 constexpr int kRows = 2048;  // rows of bins that are looked up together; at least one layer
 
 // Which other levels the spheres of each level search. Of two levels, one searches the other, in the
@@ -76,7 +81,8 @@ CrossSearches plan_cross_searches(const Grid& g, bool fixed_point) {
   for (int c = 0; c < g.levels; c++)
     for (int f = 0; f < c; f++) {
       const Level coarse = dense(g.level[c]), fine = dense(g.level[f]);
-      const double fine_cost = cross_search_cost(fine, coarse), coarse_cost = cross_search_cost(coarse, fine);
+      const double fine_cost = few(coarse) ? whole_cost(coarse) : cross_search_cost(fine, coarse),
+                   coarse_cost = cross_search_cost(coarse, fine);
       const double search_radius = (coarse.radius_max + fine.radius_max) * fine.per_size;
       const bool wide = search_radius > kLargestSearchRadius[fixed_point] ||
                         2.01 * search_radius + 3 > keys_of(g.level[f]).side();
@@ -145,10 +151,22 @@ class Searcher {
     }
   }
   // The same for another level.
-  void other_level(int level, std::uint32_t first, std::uint32_t last, std::uint32_t* found) {
+  void other_level(int from, int level, std::uint32_t first, std::uint32_t last, std::uint32_t* found) {
+    const Level& l = grid_.level[level];
+    // Spheres beyond these bounds meet none of the level. A bin more than the reach makes up for rounding.
+    double low[3], high[3];
+    for (int k = 0; k < 3; k++) {
+      const double reach = (grid_.level[from].radius_max + l.radius_max) * (1 + 0x1p-20) + l.size,
+                   begin = static_cast<double>(l.first[k]) * l.size;
+      low[k] = l.hashed ? -INFINITY : begin - reach;
+      high[k] = l.hashed ? INFINITY : begin + l.count[k] * l.size + reach;
+    }
     for (; first < last; first++) {
+      const Sphere s = exact_sphere(first);
       const std::uint64_t before = hits_.total();
-      search_level(level, first);
+      if ((s.x >= low[0]) & (s.x <= high[0]) & (s.y >= low[1]) & (s.y <= high[1]) & (s.z >= low[2]) &
+          (s.z <= high[2]))
+        search_level(level, first);
       *found++ = static_cast<std::uint32_t>(hits_.total() - before);
     }
   }
@@ -164,8 +182,10 @@ class Searcher {
     s.r += grown_by();
     return s;
   }
-  // The places of fixed-point slots repeat after 256 bins.
-  bool repeats(int level) const { return kFixedPoint && level_keys_[level].periodic(); }
+  // May spheres meet whose bins are far apart? The places of fixed-point slots repeat after 256 bins.
+  bool repeats(int level) const {
+    return kFixedPoint && (level_keys_[level].periodic() || few(grid_.level[level]));
+  }
 
   // Sphere a searches its own level.
   void own_level_of(int level, const Bins<Slot>& bins, std::uint32_t a) {
@@ -205,11 +225,15 @@ class Searcher {
     // A sphere this far out has no bin number. The spheres of this level are nearer (need_of), and cannot
     // touch it.
     if (larger(larger(magnitude(s.x), magnitude(s.y)), magnitude(s.z)) > 0x1p43 * l.size) return;
+    const Run all{starts_[l.offset], starts_[std::uint64_t(l.offset) + l.buckets]};
+    if constexpr (!kFixedPoint)
+      if (few(l)) return test(seeker(a), a, &all, 1, level);
     const Split x = split(l, s.x), y = split(l, s.y), z = split(l, s.z);
     Slot me = seeker(a);
     if constexpr (kFixedPoint)
       me = {fixed_point_of(l, x), fixed_point_of(l, y), fixed_point_of(l, z),
             static_cast<float>(mul(s.r, l.units))};
+    if (few(l)) return test(me, a, &all, 1, level);
     Ball ball;
     ball.x = static_cast<float>(x.rest * l.per_size), ball.y = static_cast<float>(y.rest * l.per_size);
     ball.z = static_cast<float>(z.rest * l.per_size);
@@ -394,7 +418,7 @@ std::uint64_t GridPath::search(const Grid& grid, const CallOptions& options, boo
       if (c.at == c.level)
         searcher.own_level(c.at, slot, end, found + c.found);
       else
-        searcher.other_level(c.at, slot, end, found + c.found);
+        searcher.other_level(c.level, c.at, slot, end, found + c.found);
       c.count = hits.size() - c.first;
     }
     doubtful += searcher.doubtful(), total += hits.total(), counted_only = counted_only || hits.counting();
