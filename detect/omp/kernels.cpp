@@ -39,6 +39,21 @@ std::uint32_t test_runs_plain(const Slots<Slot>& slots, const Slot& me, const Ru
   return n;
 }
 
+template <class Slot>
+Searched test_bins_plain(const Bins<Slot>& bins, std::uint32_t first, std::uint32_t last, std::uint32_t* out,
+                         std::uint32_t room, std::uint32_t* found) {
+  Searched all{0, 0, false};
+  for (std::uint32_t a = first; a < last && bins.keys[a] <= bins.last_key && !all.doubt; a++) {
+    Run runs[kForwardRuns];
+    if (forward_runs(bins, bins.keys[a], a, runs) > room - all.hits) break;
+    Slot me = bins.slots[a];
+    me.r += bins.grown_by;
+    found[all.spheres] = test_runs_plain(bins.slots, me, runs, kForwardRuns, out + all.hits, all.doubt);
+    all.hits += found[all.spheres++];
+  }
+  return all;
+}
+
 int find_rows_plain(const Ball& ball, const std::uint32_t* starts, Run* out) {
   int n = 0;
   for (int z = ball.z_low; z <= ball.z_high; z++)
@@ -117,34 +132,64 @@ __attribute__((target("avx2,popcnt"))) inline std::uint32_t pack(std::uint32_t* 
 }
 inline std::uint32_t inside(std::uint32_t left) { return left >= kLanes ? 255u : (1u << left) - 1; }
 
-// The first vector of a run is tested even if the run is empty, because a branch on that would often be
-// mispredicted.
+// A sphere that is tested against runs.
 template <class Slot>
-__attribute__((target("avx2,popcnt"))) std::uint32_t test_runs_avx2(const Slots<Slot>& slots, const Slot& me,
+struct Seeker {
+  decltype(spread(Slot{})) place;
+  __m256 radius;
+};
+// Tests a run. The first vector is tested even if the run is empty, because a branch on that would often be
+// mispredicted. Returns the end of the hits. Lanes of `doubts` are set where float cannot decide.
+template <class Slot>
+__attribute__((target("avx2,popcnt"), always_inline)) inline std::uint32_t* test_run(
+    const Slots<Slot>& slots, const Seeker<Slot>& me, Run run, std::uint32_t* out, __m256& doubts) {
+  const __m256 relative = _mm256_set1_ps(kRelativeBand), constant = _mm256_set1_ps(kAbsoluteBand<Slot>);
+  do {
+    const std::uint32_t b = run.begin;
+    const __m256 d2 = squared_length(apart(slots.x + b, me.place.x), apart(slots.y + b, me.place.y),
+                                     apart(slots.z + b, me.place.z));
+    const __m256 s = _mm256_add_ps(_mm256_loadu_ps(slots.r + b), me.radius), s2 = _mm256_mul_ps(s, s);
+    const __m256 excess = _mm256_sub_ps(d2, s2), band = _mm256_add_ps(_mm256_mul_ps(relative, s2), constant);
+    doubts = _mm256_or_ps(doubts, _mm256_cmp_ps(absolute(excess), band, _CMP_LE_OQ));
+    out += pack(out, b, lanes_at_most(excess, band) & inside(run.end - b));
+    run.begin += kLanes;
+  } while (run.begin < run.end);
+  return out;
+}
+template <class Slot>
+__attribute__((target("avx2,popcnt"))) std::uint32_t test_runs_avx2(const Slots<Slot>& given, const Slot& me,
                                                                     const Run* runs, int count,
                                                                     std::uint32_t* out, bool& doubt) {
-  const __m256 relative = _mm256_set1_ps(kRelativeBand), constant = _mm256_set1_ps(kAbsoluteBand<Slot>);
-  const __m256 radius = _mm256_set1_ps(me.r);
-  const Slots<Slot> from = slots;
-  const auto my = spread(me);
-  __m256 any = _mm256_setzero_ps();
+  const Slots<Slot> slots = given;
+  const Seeker<Slot> seeker{spread(me), _mm256_set1_ps(me.r)};
+  __m256 doubts = _mm256_setzero_ps();
   std::uint32_t* const first = out;
-  for (const Run* const end = runs + count; runs != end; runs++) {
-    std::uint32_t b = runs->begin;
-    const std::uint32_t e = runs->end;
-    do {
-      const __m256 d2 =
-          squared_length(apart(from.x + b, my.x), apart(from.y + b, my.y), apart(from.z + b, my.z));
-      const __m256 s = _mm256_add_ps(_mm256_loadu_ps(from.r + b), radius), s2 = _mm256_mul_ps(s, s);
-      const __m256 excess = _mm256_sub_ps(d2, s2),
-                   band = _mm256_add_ps(_mm256_mul_ps(relative, s2), constant);
-      any = _mm256_or_ps(any, _mm256_cmp_ps(absolute(excess), band, _CMP_LE_OQ));
-      out += pack(out, b, lanes_at_most(excess, band) & inside(e - b));
-      b += kLanes;
-    } while (b < e);
-  }
-  doubt = _mm256_movemask_ps(any) != 0;
+  for (const Run* const end = runs + count; runs != end; runs++)
+    out = test_run(slots, seeker, *runs, out, doubts);
+  doubt = _mm256_movemask_ps(doubts) != 0;
   return static_cast<std::uint32_t>(out - first);
+}
+template <class Slot>
+__attribute__((target("avx2,popcnt"))) Searched test_bins_avx2(const Bins<Slot>& given, std::uint32_t first,
+                                                               std::uint32_t last, std::uint32_t* out,
+                                                               std::uint32_t room, std::uint32_t* found) {
+  const Bins<Slot> bins = given;
+  const __m256 grown_by = _mm256_set1_ps(bins.grown_by);
+  const std::uint32_t* const begin = out;
+  for (std::uint32_t a = first; a < last; a++) {
+    const std::uint32_t key = bins.keys[a], done = static_cast<std::uint32_t>(out - begin);
+    Run runs[kForwardRuns];
+    if (key > bins.last_key || forward_runs(bins, key, a, runs) > room - done)
+      return {a - first, done, false};
+    const Seeker<Slot> me{spread(bins.slots[a]), _mm256_add_ps(_mm256_set1_ps(bins.slots.r[a]), grown_by)};
+    __m256 doubts = _mm256_setzero_ps();
+#pragma GCC unroll kForwardRuns
+    for (const Run& run : runs) out = test_run(bins.slots, me, run, out, doubts);
+    const auto hits = static_cast<std::uint32_t>(out - begin);
+    found[a - first] = hits - done;
+    if (_mm256_movemask_ps(doubts) != 0) return {a + 1 - first, hits, true};
+  }
+  return {last - first, static_cast<std::uint32_t>(out - begin), false};
 }
 
 // Writes a0 b0 a1 b1 and so on.
@@ -258,12 +303,12 @@ __attribute__((target("avx2"))) std::uint32_t copy_normals_avx2(const Batch& bat
 
 template <class Slot>
 Kernels<Slot> plain_kernels() {
-  return {test_runs_plain<Slot>, find_rows_plain};
+  return {test_runs_plain<Slot>, test_bins_plain<Slot>, find_rows_plain};
 }
 template <class Slot>
 Kernels<Slot> kernels_for_this_machine() {
 #ifdef PADDER_AVX2
-  if (has_avx2()) return {test_runs_avx2<Slot>, find_rows_avx2};
+  if (has_avx2()) return {test_runs_avx2<Slot>, test_bins_avx2<Slot>, find_rows_avx2};
 #endif
   return plain_kernels<Slot>();
 }

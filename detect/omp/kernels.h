@@ -28,6 +28,21 @@ struct Run {
   std::uint32_t begin, end;
 };
 
+// The bins of a level, as its own spheres search them: the rest of a sphere's bin and the forward half of the
+// bins around it. That is the rest of its row, the next row in y, and three rows of the next layer in z.
+template <class Slot>
+struct Bins {
+  Slots<Slot> slots;
+  const std::uint32_t *keys, *starts;  // the key of each slot; the first slot of each key
+  std::uint32_t row, plane;            // steps of the key from a bin to the next in y, and in z
+  std::uint32_t last_key;              // beyond this key the forward half does not lie behind the bin
+  float grown_by;                      // how much larger the radius of a sphere that searches counts
+};
+struct Searched {
+  std::uint32_t spheres, hits;  // how many
+  bool doubt;                   // of the last sphere, as in test_runs
+};
+
 // A ball over the bins of a dense level. Its centre and radius are in bins, relative to the low corner of the
 // bin of its centre. So are the bins to search, x_low to x_high and so on.
 struct Ball {
@@ -37,6 +52,22 @@ struct Ball {
   std::uint32_t row, plane;  // steps of the key from a row to the next in y, and in z
 };
 
+// The forward half of the bins around the bin of slot a, without a bin's spheres up to a. Returns how many
+// candidates there are.
+inline constexpr int kForwardRuns = 5;
+template <class Slot>
+inline std::uint32_t forward_runs(const Bins<Slot>& bins, std::uint32_t key, std::uint32_t a, Run* runs) {
+  const std::uint32_t rows[] = {key + bins.row, key + bins.plane - bins.row, key + bins.plane,
+                                key + bins.plane + bins.row};
+  runs[0] = {a + 1, bins.starts[key + 2]};
+  std::uint32_t candidates = runs[0].end - runs[0].begin;
+  for (int k = 1; k < kForwardRuns; k++) {
+    runs[k] = {bins.starts[rows[k - 1] - 1], bins.starts[rows[k - 1] + 2]};
+    candidates += runs[k].end - runs[k].begin;
+  }
+  return candidates;
+}
+
 // The loops of one implementation.
 template <class Slot>
 struct Kernels {
@@ -45,6 +76,11 @@ struct Kernels {
   // float band; slots right after a run may set it, too.
   std::uint32_t (*test_runs)(const Slots<Slot>& slots, const Slot& me, const Run* runs, int count,
                              std::uint32_t* out, bool& doubt);
+  // Tests the spheres of slots `first` to `last` - 1, one after the other. Writes the hits to `out`, and how
+  // many each sphere has to `found`. Ends after a sphere in doubt, and before one beyond last_key or with
+  // more candidates than there is room for: `room` in all. There must be room for kLanes more.
+  Searched (*test_bins)(const Bins<Slot>& bins, std::uint32_t first, std::uint32_t last, std::uint32_t* out,
+                        std::uint32_t room, std::uint32_t* found);
   // Writes to `out` the runs of the rows of bins that the ball crosses, without empty ones, ordered by z and
   // then y. There must be room for all rows and kLanes more, and fewer than 2^31 keys. Returns how many runs
   // there are.

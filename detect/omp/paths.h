@@ -39,16 +39,14 @@ class Buffer {
   Buffer& operator=(Buffer&&) = delete;
   ~Buffer() { release(); }
 
-  // Makes room for n entries. False if there is not enough memory; then the buffer is empty.
+  // Makes room for n entries. An array that grows again takes a quarter more, if there is memory for it: in a
+  // scene that moves, each call may need a few more than the call before. False if there is not enough
+  // memory; then the buffer is empty.
   bool try_resize(std::uint64_t n) {
     if (n <= capacity_) return true;
+    const std::uint64_t roomy = capacity_ + capacity_ / 4;
     release();
-    const std::uint64_t bytes = (n * sizeof(T) + 63) / 64 * 64;
-    if (!budget_->take(bytes)) return false;
-    data_ = static_cast<T*>(std::aligned_alloc(64, bytes));
-    if (!data_) return budget_->give(bytes), false;
-    capacity_ = bytes / sizeof(T), bytes_ = bytes;
-    return true;
+    return (roomy > n && allocate(roomy)) || allocate(n);
   }
   T* resize(std::uint64_t n, const char* what);  // as try_resize; throws Error that names `what`
 
@@ -60,6 +58,14 @@ class Buffer {
   }
 
  private:
+  bool allocate(std::uint64_t n) {
+    const std::uint64_t bytes = (n * sizeof(T) + 63) / 64 * 64;
+    if (!budget_->take(bytes)) return false;
+    data_ = static_cast<T*>(std::aligned_alloc(64, bytes));
+    if (!data_) return budget_->give(bytes), false;
+    capacity_ = bytes / sizeof(T), bytes_ = bytes;
+    return true;
+  }
   void release() {
     if (data_) budget_->give(bytes_);
     std::free(data_);
@@ -229,13 +235,14 @@ class GridPath {
   template <class Slot>
   void write(const CallOptions& options, int threads, Records& records);
 
-  // Consecutive slots that one thread searches, as a unit of work and of the stable order. Their hits are in
-  // that thread's list.
+  // Consecutive slots of a level that search a level, as a unit of work and of the stable order. One thread
+  // searches them, and their hits are in that thread's list.
   struct Chunk {
     std::uint64_t slot, slots;   // the first slot, and how many
+    std::uint64_t found;         // of the first slot, in found_
     std::uint64_t first, count;  // the hits in the list of the thread
     std::uint64_t record;        // number of the first record
-    int thread;
+    int thread, level, at;       // the level of the slots, and the level that they search
   };
 
   Budget* budget_;

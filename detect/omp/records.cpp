@@ -34,14 +34,15 @@ void write_batch(Batch& batch, std::uint32_t count, std::uint64_t first, const C
 template <class Slot>
 class ChunkWriter {
  public:
-  ChunkWriter(const Exact<Slot>* spheres, const std::uint32_t* ids, const std::uint32_t* found,
-              const CallOptions& options, Records& records)
-      : spheres_(spheres), ids_(ids), found_(found), options_(options), records_(records) {}
+  ChunkWriter(const Exact<Slot>* spheres, const std::uint32_t* ids, const CallOptions& options,
+              Records& records)
+      : spheres_(spheres), ids_(ids), options_(options), records_(records) {}
 
-  // The contacts of slot `a` with the first found[a] of `count` hits, of the next slot with those after them,
+  // The contacts of slot `a` with the first found[0] of `count` hits, of the next slot with those after them,
   // and so on, into the records from `first` on.
-  void write(std::uint64_t a, const std::uint32_t* hits, std::uint64_t count, std::uint64_t first) {
-    std::uint32_t left = found_[a];  // hits of slot a that are not written yet
+  void write(std::uint64_t a, const std::uint32_t* found, const std::uint32_t* hits, std::uint64_t count,
+             std::uint64_t first) {
+    std::uint32_t left = *found;  // hits of slot a that are not written yet
     for (std::uint64_t done = 0; done < count;) {
       const auto n = static_cast<std::uint32_t>(std::min<std::uint64_t>(kBatch, count - done));
       for (std::uint32_t filled = 0; filled < n;) {
@@ -50,7 +51,7 @@ class ChunkWriter {
         for (std::uint32_t k = 0; k <= same; k += kLanes)
           std::fill_n(slots_ + filled + k, kLanes, static_cast<std::uint32_t>(a));
         filled += same, left -= same;
-        if (left == 0) left = found_[++a];
+        if (left == 0) left = *++found, a++;
       }
       write_batch_of(hits + done, n, first + done);
       done += n;
@@ -77,7 +78,7 @@ class ChunkWriter {
   }
 
   const Exact<Slot>* spheres_;
-  const std::uint32_t *ids_, *found_;
+  const std::uint32_t* ids_;
   const CallOptions& options_;
   Records& records_;
   std::uint32_t slots_[kBatch + kLanes];
@@ -119,11 +120,12 @@ void GridPath::write(const CallOptions& options, int threads, Records& records) 
   const auto chunks = static_cast<std::int64_t>(chunks_.size());
 #pragma omp parallel num_threads(threads)
   {
-    ChunkWriter<Slot> writer(exact_spheres<Slot>(), ids_.data(), found_.data(), options, records);
+    ChunkWriter<Slot> writer(exact_spheres<Slot>(), ids_.data(), options, records);
 #pragma omp for schedule(dynamic, 8)
     for (std::int64_t k = 0; k < chunks; k++) {
       const Chunk& c = chunks_[static_cast<std::size_t>(k)];
-      writer.write(c.slot, hits_[static_cast<std::size_t>(c.thread)].data() + c.first, c.count, c.record);
+      writer.write(c.slot, found_.data() + c.found,
+                   hits_[static_cast<std::size_t>(c.thread)].data() + c.first, c.count, c.record);
     }
   }
 }

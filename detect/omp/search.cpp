@@ -59,6 +59,11 @@ class Hits {
 // The largest search radius of a coarse sphere, in bins of the finer level. Fixed-point slots know their
 // place modulo 256 bins only, and kSearchRadiusFactor must not add more than a bin.
 constexpr double kLargestSearchRadius[2] = {800, 100};  // for float slots, for fixed-point slots
+// A level of so few spheres is searched whole: that costs a vector of tests for eight spheres, and no look-up
+// of rows.
+constexpr std::uint64_t kFewSpheres = 128;
+bool few(const Level& l) { return l.spheres <= kFewSpheres; }
+double whole_cost(const Level& l) { return 8 + 3.5 * (static_cast<double>(l.spheres) / kLanes + 0.5); }
 constexpr int kRows = 2048;  // rows of bins that are looked up together; at least one layer
 
 // Which other levels the spheres of each level search. Of two levels, one searches the other, in the
@@ -66,8 +71,8 @@ constexpr int kRows = 2048;  // rows of bins that are looked up together; at lea
 // many bins.
 struct CrossSearches {
   int count[kMaxLevels] = {}, at[kMaxLevels][kMaxLevels];
-  double cost[kMaxLevels] = {};  // for each sphere of the level, in nanoseconds
-  void add(int from, int to, double each) { at[from][count[from]++] = to, cost[from] += each; }
+  double cost[kMaxLevels][kMaxLevels];  // for each sphere of the level, in nanoseconds
+  void add(int from, int to, double each) { cost[from][count[from]] = each, at[from][count[from]++] = to; }
 };
 CrossSearches plan_cross_searches(const Grid& g, bool fixed_point) {
   // Periodic levels are searched as dense ones are.
@@ -76,7 +81,8 @@ CrossSearches plan_cross_searches(const Grid& g, bool fixed_point) {
   for (int c = 0; c < g.levels; c++)
     for (int f = 0; f < c; f++) {
       const Level coarse = dense(g.level[c]), fine = dense(g.level[f]);
-      const double fine_cost = cross_search_cost(fine, coarse), coarse_cost = cross_search_cost(coarse, fine);
+      const double fine_cost = few(coarse) ? whole_cost(coarse) : cross_search_cost(fine, coarse),
+                   coarse_cost = cross_search_cost(coarse, fine);
       const double search_radius = (coarse.radius_max + fine.radius_max) * fine.per_size;
       const bool wide = search_radius > kLargestSearchRadius[fixed_point] ||
                         2.01 * search_radius + 3 > keys_of(g.level[f]).side();
@@ -97,10 +103,9 @@ int floor_of(float v) {
 template <class Slot>
 class Searcher {
  public:
-  Searcher(const Exact<Slot>* spheres, const Grid& grid, const CrossSearches& cross_searches,
-           const CallOptions& options, const Slots<Slot>& slots, const std::uint32_t* ids,
-           const std::uint32_t* keys, const std::uint32_t* starts, const Filter* filters,
-           std::uint32_t* found, Hits& hits)
+  Searcher(const Exact<Slot>* spheres, const Grid& grid, const CallOptions& options, const Slots<Slot>& slots,
+           const std::uint32_t* ids, const std::uint32_t* keys, const std::uint32_t* starts,
+           const Filter* filters, Hits& hits)
       : spheres_(spheres),
         grid_(grid),
         own_(options.own),
@@ -109,11 +114,9 @@ class Searcher {
         keys_(keys),
         starts_(starts),
         filters_(filters),
-        found_(found),
         hits_(hits),
         exact_(options.precision == Precision::exact || options.margin > 0),
-        margin_(options.margin),
-        cross_searches_(cross_searches) {
+        margin_(options.margin) {
     for (int k = 0; k < 3; k++) confirms_ |= own_.low[k] > -INFINITY || own_.high[k] < INFINITY;
     bounded_ = confirms_;
     confirms_ |= filters != nullptr;
@@ -121,55 +124,88 @@ class Searcher {
   }
   std::uint64_t doubtful() const { return doubtful_; }
 
-  void chunk(std::uint32_t first, std::uint32_t last) {
-    int level = 0;
-    for (std::uint32_t slot = first; slot < last; slot++) {
-      const std::uint32_t key = keys_[slot];
-      while (key >= grid_.level[level].offset + grid_.level[level].buckets) level++;
+  // The spheres of slots `first` to `last` - 1, which are of one level, search that level. `found`: how many
+  // hits each of them has.
+  void own_level(int level, std::uint32_t first, std::uint32_t last, std::uint32_t* found) {
+    const LevelKeys& keys = level_keys_[level];
+    const std::uint32_t last_key =
+        keys.periodic() ? keys.offset + keys.mask - keys.plane - keys.row - 2 : ~0u;
+    const Bins<Slot> bins{slots_, keys_, starts_, keys.row, keys.plane, last_key, grown_by()};
+    while (first < last) {
+      Searched s{0, 0, false};
+      if (!confirms_ && !repeats(level)) {
+        std::uint32_t* const out = hits_.room();
+        s = kernels_.test_bins(bins, first, last, out, kMostCandidates, found);
+        first += s.spheres, found += s.spheres;
+        if (s.doubt) {
+          const std::uint32_t a = first - 1, unsure = found[-1];
+          found[-1] = confirm(seeker(a), a, out + (s.hits - unsure), unsure, INFINITY, true);
+          s.hits -= unsure - found[-1];
+        }
+        hits_.keep(s.hits);
+      }
+      if (s.spheres > 0) continue;
       const std::uint64_t before = hits_.total();
-      if (level_keys_[level].periodic())
-        forward_runs_around(level_keys_[level], key);
-      else
-        forward_runs(level_keys_[level], key);
-      own_level(level, slot);
-      for (int k = 0; k < cross_searches_.count[level]; k++) search_level(cross_searches_.at[level][k], slot);
-      found_[slot] = static_cast<std::uint32_t>(hits_.total() - before);
+      own_level_of(level, bins, first);
+      *found++ = static_cast<std::uint32_t>(hits_.total() - before), first++;
+    }
+  }
+  // The same for another level.
+  void other_level(int from, int level, std::uint32_t first, std::uint32_t last, std::uint32_t* found) {
+    const Level& l = grid_.level[level];
+    // Spheres beyond these bounds meet none of the level. A bin more than the reach makes up for rounding.
+    double low[3], high[3];
+    for (int k = 0; k < 3; k++) {
+      const double reach = (grid_.level[from].radius_max + l.radius_max) * (1 + 0x1p-20) + l.size,
+                   begin = static_cast<double>(l.first[k]) * l.size;
+      low[k] = l.hashed ? -INFINITY : begin - reach;
+      high[k] = l.hashed ? INFINITY : begin + l.count[k] * l.size + reach;
+    }
+    for (; first < last; first++) {
+      const Sphere s = exact_sphere(first);
+      const std::uint64_t before = hits_.total();
+      if ((s.x >= low[0]) & (s.x <= high[0]) & (s.y >= low[1]) & (s.y <= high[1]) & (s.z >= low[2]) &
+          (s.z <= high[2]))
+        search_level(level, first);
+      *found++ = static_cast<std::uint32_t>(hits_.total() - before);
     }
   }
 
  private:
   static constexpr bool kFixedPoint = std::is_same_v<Slot, FixedPointSlot>;
   Sphere exact_sphere(std::uint32_t k) const { return sphere_of(spheres_[k]); }
-  // With the margin in its radius, so that the sum of two radii has it. Fixed-point slots are of spheres that
-  // are larger by half of it each.
+  // The sum of two radii has the margin in one of them. Fixed-point slots are of spheres that are larger by
+  // half of it each.
+  float grown_by() const { return kFixedPoint ? 0 : static_cast<float>(margin_); }
   Slot seeker(std::uint32_t k) const {
     Slot s = slots_[k];
-    if constexpr (!kFixedPoint) s.r += static_cast<float>(margin_);
+    s.r += grown_by();
     return s;
   }
-
-  // The forward half of the bins around a bin: the rest of its row, the next row in y, and three rows of the
-  // next layer in z.
-  void forward_runs(const LevelKeys& l, std::uint32_t key) {
-    const std::uint32_t rows[4] = {key + l.row, key + l.plane - l.row, key + l.plane, key + l.plane + l.row};
-    runs_[0].end = starts_[key + 2];
-    candidates_ = runs_[0].end - starts_[key];
-    for (int k = 0; k < 4; k++) {
-      runs_[k + 1] = {starts_[rows[k] - 1], starts_[rows[k] + 2]};
-      candidates_ += runs_[k + 1].end - runs_[k + 1].begin;
-    }
-    run_count_ = 5;
+  // May spheres meet whose bins are far apart? The places of fixed-point slots repeat after 256 bins.
+  bool repeats(int level) const {
+    return kFixedPoint && (level_keys_[level].periodic() || few(grid_.level[level]));
   }
-  // The same on a periodic level, where a row may go on at the other end of the ring.
-  void forward_runs_around(const LevelKeys& l, std::uint32_t key) {
-    const std::uint32_t here = key - l.offset;
-    if (const std::uint32_t far = here + l.plane + l.row + 2; far <= l.mask) return forward_runs(l, key);
-    runs_[0].end = starts_[key + 1], run_count_ = 1;
-    runs_around(l, here + 1, 1, runs_, run_count_);
-    for (const std::uint32_t row : {l.row, l.plane - l.row, l.plane, l.plane + l.row})
-      runs_around(l, here + row - 1, 3, runs_, run_count_);
-    candidates_ = runs_[0].end - starts_[key];
-    for (int k = 1; k < run_count_; k++) candidates_ += runs_[k].end - runs_[k].begin;
+
+  // Sphere a searches its own level.
+  void own_level_of(int level, const Bins<Slot>& bins, std::uint32_t a) {
+    Run runs[2 * kForwardRuns];  // a row may go on at the other end of the ring
+    const LevelKeys& l = level_keys_[level];
+    const std::uint32_t key = keys_[a];
+    std::uint64_t candidates = 0;
+    int count = kForwardRuns;
+    if (key <= bins.last_key) {
+      forward_runs(bins, key, a, runs);
+    } else {
+      const std::uint32_t here = key - l.offset;
+      runs[0] = {a + 1, starts_[key + 1]}, count = 1;
+      runs_around(l, here + 1, 1, runs, count);
+      for (const std::uint32_t row : {l.row, l.plane - l.row, l.plane, l.plane + l.row})
+        runs_around(l, here + row - 1, 3, runs, count);
+    }
+    for (int k = 0; k < count; k++) candidates += runs[k].end - runs[k].begin;
+    if (candidates <= kMostCandidates) return test(seeker(a), a, runs, count, level);
+    for (int k = 0; k < count; k++) test_in_parts(seeker(a), a, runs[k], level);
   }
   // Appends the spheres of the buckets from `first` on, at most as many as the ring has: one run or two.
   void runs_around(const LevelKeys& l, std::uint32_t first, std::uint32_t buckets, Run* runs,
@@ -180,13 +216,6 @@ class Searcher {
     runs[count++] = {starts[first], starts[first + inside]};
     if (inside < buckets) runs[count++] = {starts[0], starts[buckets - inside]};
   }
-  void own_level(int level, std::uint32_t a) {
-    const Slot me = seeker(a);
-    runs_[0].begin = a + 1;
-    if (candidates_ <= kMostCandidates) return test(me, a, runs_, run_count_, level);
-    for (int k = 0; k < run_count_; k++) test_in_parts(me, a, runs_[k], level);
-  }
-
   // Tests sphere a against the spheres of another level, in the rows of bins that a ball around it crosses.
   void search_level(int level, std::uint32_t a) {
     const Level& l = grid_.level[level];
@@ -196,11 +225,15 @@ class Searcher {
     // A sphere this far out has no bin number. The spheres of this level are nearer (need_of), and cannot
     // touch it.
     if (larger(larger(magnitude(s.x), magnitude(s.y)), magnitude(s.z)) > 0x1p43 * l.size) return;
+    const Run all{starts_[l.offset], starts_[std::uint64_t(l.offset) + l.buckets]};
+    if constexpr (!kFixedPoint)
+      if (few(l)) return test(seeker(a), a, &all, 1, level);
     const Split x = split(l, s.x), y = split(l, s.y), z = split(l, s.z);
     Slot me = seeker(a);
     if constexpr (kFixedPoint)
       me = {fixed_point_of(l, x), fixed_point_of(l, y), fixed_point_of(l, z),
             static_cast<float>(mul(s.r, l.units))};
+    if (few(l)) return test(me, a, &all, 1, level);
     Ball ball;
     ball.x = static_cast<float>(x.rest * l.per_size), ball.y = static_cast<float>(y.rest * l.per_size);
     ball.z = static_cast<float>(z.rest * l.per_size);
@@ -287,10 +320,8 @@ class Searcher {
     std::uint32_t* out = hits_.room();
     bool doubt;
     std::uint32_t n = kernels_.test_runs(slots_, me, runs, count, out, doubt);
-    // The places of fixed-point slots repeat after 256 bins.
-    const bool repeats = kFixedPoint && level_keys_[level].periodic();
-    if (doubt | confirms_ | repeats)
-      n = confirm(me, a, out, n, repeats ? 0x1p7 * grid_.level[level].size : INFINITY, doubt);
+    if (doubt | confirms_ | repeats(level))
+      n = confirm(me, a, out, n, repeats(level) ? 0x1p7 * grid_.level[level].size : INFINITY, doubt);
     hits_.keep(n);
   }
 
@@ -332,17 +363,12 @@ class Searcher {
   const std::uint32_t* keys_;  // in the order of slots
   const std::uint32_t* starts_;
   const Filter* filters_;
-  std::uint32_t* found_;
   Hits& hits_;
   const Kernels<Slot> kernels_ = kernels_for_this_machine<Slot>();
   bool exact_, bounded_ = false, confirms_ = false;
   double margin_;
-  Run runs_[10] = {};  // a run of each of five rows, or two at the end of a ring
-  int run_count_ = 0;
   Run rows_[kRows + kLanes];
-  const CrossSearches& cross_searches_;
   LevelKeys level_keys_[kMaxLevels];
-  std::uint64_t candidates_ = 0;
   std::uint64_t doubtful_ = 0;
 };
 
@@ -354,35 +380,45 @@ std::uint64_t GridPath::search(const Grid& grid, const CallOptions& options, boo
   Stopwatch watch;
   const CrossSearches cross_searches = plan_cross_searches(grid, std::is_same_v<Slot, FixedPointSlot>);
   chunks_.clear();
+  std::uint64_t searches = 0;  // of a sphere at a level
   for (int k = 0; k < grid.levels; k++) {
     const Level& l = grid.level[k];
-    const std::uint64_t end = starts_[std::uint64_t(l.offset) + l.buckets];
-    const auto size =
-        static_cast<std::uint64_t>(std::max(1.0, kChunkTime / (kOwnLevelTime + cross_searches.cost[k])));
-    for (std::uint64_t slot = starts_[l.offset]; slot < end; slot += chunks_.back().slots)
-      chunks_.push_back({slot, std::min({size, kChunkSlots, end - slot}), 0, 0, 0, 0});
+    const std::uint64_t begin = starts_[l.offset], end = starts_[std::uint64_t(l.offset) + l.buckets];
+    const auto add = [&](int at, double each) {
+      const auto size = std::min(static_cast<std::uint64_t>(std::max(1.0, kChunkTime / each)), kChunkSlots);
+      for (std::uint64_t slot = begin; slot < end; slot += size)
+        chunks_.push_back({slot, std::min(size, end - slot), searches + (slot - begin), 0, 0, 0, 0, k, at});
+      searches += end - begin;
+    };
+    add(k, kOwnLevelTime);
+    for (int q = 0; q < cross_searches.count[k]; q++) add(cross_searches.at[k][q], cross_searches.cost[k][q]);
   }
-  std::uint32_t* found = found_.resize(starts_[grid.buckets] + std::uint64_t(1), "the list of contacts");
+  std::uint32_t* const found = found_.resize(searches + 1, "the list of contacts");
   while (hits_.size() < static_cast<std::size_t>(threads)) hits_.emplace_back(*budget_);
   hits_[0].resize(Hits::kLeast, "the list of contacts");  // here, because nothing may throw in the threads
   int searching = 1;  // fewer threads where a limit of memory leaves no room for a list of each
   while (searching < threads && hits_[static_cast<std::size_t>(searching)].try_resize(Hits::kLeast))
     searching++;
-  found[starts_[grid.buckets]] = 0;
+  found[searches] = 0;
   std::uint64_t doubtful = 0, total = 0;
   bool counted_only = false;
 #pragma omp parallel num_threads(searching) reduction(+ : doubtful, total) reduction(|| : counted_only)
   {
     const int t = omp_get_thread_num();
     Hits hits(hits_[static_cast<std::size_t>(t)], *budget_);
-    Searcher<Slot> searcher(exact_spheres<Slot>(), grid, cross_searches, options, slots<Slot>(), ids_.data(),
-                            keys_.data(), starts_.data(), filtered ? filters_.data() : nullptr, found, hits);
+    Searcher<Slot> searcher(exact_spheres<Slot>(), grid, options, slots<Slot>(), ids_.data(), keys_.data(),
+                            starts_.data(), filtered ? filters_.data() : nullptr, hits);
     // Backwards: the few largest spheres come first, because their cost is known least.
 #pragma omp for schedule(dynamic, 1)
     for (auto k = static_cast<std::int64_t>(chunks_.size()) - 1; k >= 0; k--) {
       Chunk& c = chunks_[static_cast<std::size_t>(k)];
       c.first = hits.size(), c.thread = t;
-      searcher.chunk(static_cast<std::uint32_t>(c.slot), static_cast<std::uint32_t>(c.slot + c.slots));
+      const auto slot = static_cast<std::uint32_t>(c.slot),
+                 end = static_cast<std::uint32_t>(c.slot + c.slots);
+      if (c.at == c.level)
+        searcher.own_level(c.at, slot, end, found + c.found);
+      else
+        searcher.other_level(c.level, c.at, slot, end, found + c.found);
       c.count = hits.size() - c.first;
     }
     doubtful += searcher.doubtful(), total += hits.total(), counted_only = counted_only || hits.counting();

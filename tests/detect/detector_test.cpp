@@ -397,6 +397,16 @@ TEST_P(DetectorTest, BallsOverEmptyBins) {
             SomeCases::every() > 1 ? 600 : 10);
 }
 
+// A row of spheres beside a few balls, and rows 256 of the balls' bins away. There a fixed-point place is
+// that of the balls again.
+TEST_P(DetectorTest, RowsFarFromAFewBalls) {
+  TestScene s;
+  for (const double x : {-6e5, 0.0, 6e5}) s.spheres.push_back({x, 700, 0, 1000});
+  for (int k = 0; k < 3000; k++)
+    s.spheres.push_back({(k % 3 - 1) * 256 * 2002.0 + 0.8 * (k - 1500), 500, 100, 1});
+  expect_right(s, "three balls");
+}
+
 // Sizes that have nothing to do with each other in one scene.
 TEST_P(DetectorTest, SizesWithoutEnd) {
   if (GetParam().input == Scalar::f32) return;
@@ -561,6 +571,22 @@ TEST_P(DetectorTest, MemoryIsKeptAndShortageIsASentence) {
   EXPECT_TRUE(refuses([&] { narrow.detect(a.input); }, " bytes of "));
   narrow.options().memory_limit = 0;
   EXPECT_EQ(narrow.detect(a.input).count, contacts);
+}
+
+// A scene that grows a little in each call does not need new arrays in each.
+TEST_P(DetectorTest, MemoryGrowsInSteps) {
+  if (GetParam().backend != BackendKind::omp) GTEST_SKIP() << "the steps of the CPU's arrays";
+  const TestScene s = random_scene(3000, 2, 0.5, 40);
+  Arranged a(s, GetParam().input);
+  options_.threads = 1;
+  Detector d(device_, options_);
+  int changes = 0, calls = 0;
+  std::uint64_t held = 0;
+  for (a.input.spheres.count = 1000; a.input.spheres.count < 3000; a.input.spheres.count += 20, calls++) {
+    d.detect(a.input);
+    changes += d.memory() != held, held = d.memory();
+  }
+  EXPECT_LT(changes, calls / 2);
 }
 
 // Whatever threads hold counts, also after they became fewer and the limit lower.

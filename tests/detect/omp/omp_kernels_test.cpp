@@ -80,6 +80,74 @@ TYPED_TEST(KernelsTest, RunsGiveWhatTheFilterDoesNotCallApart) {
   EXPECT_GT(doubts, 100);
 }
 
+// 9 * 8 * 7 bins with a border, of which every third is empty. Each sphere meets what lies behind it in its
+// bin and in the 13 bins of the forward half, and the search goes on where it ended: for a doubt, for lack of
+// room, or at the last key.
+TYPED_TEST(KernelsTest, BinsGiveTheForwardHalf) {
+  constexpr std::uint32_t kRow = 11, kPlane = kRow * 10, kKeys = kPlane * 9;
+  std::vector<std::uint32_t> starts{0}, keys;
+  for (std::uint32_t key = 0; key < kKeys; key++) {
+    const std::uint32_t x = key % kRow, y = key / kRow % 10, z = key / kPlane;
+    const bool border = x == 0 || x == 10 || y == 0 || y == 9 || z == 0 || z == 8;
+    for (std::uint32_t k = border || key % 3 == 0 ? 0 : 1 + this->below(key % 50 ? 3 : 30); k > 0; k--)
+      keys.push_back(key);
+    starts.push_back(static_cast<std::uint32_t>(keys.size()));
+  }
+  const auto count = static_cast<std::uint32_t>(keys.size());
+  ASSERT_LT(count, this->kCount);
+  for (std::uint32_t k = 0; k + 1 < count; k += 10) {  // these just touch the next, as far as float can tell
+    this->x_[k + 1] = this->x_[k] + static_cast<TestFixture::Component>(this->r_[k] + this->r_[k + 1]);
+    this->y_[k + 1] = this->y_[k], this->z_[k + 1] = this->z_[k];
+  }
+  Bins<TypeParam> bins{this->slots_, keys.data(), starts.data(), kRow, kPlane, keys[count / 2], 0};
+  const auto expected = [&](std::uint32_t a, bool& doubt) {
+    std::vector<std::uint32_t> hits;
+    const TypeParam me = this->slots_[a];
+    for (std::uint32_t b = 0; b < count; b++) {
+      const std::uint32_t key = keys[a], ahead = keys[b] - key;
+      const auto about = [&](std::uint32_t centre) { return ahead + 1 - centre <= 2; };
+      if (!(keys[b] == key
+                ? b > a
+                : ahead == 1 || about(kRow) || about(kPlane - kRow) || about(kPlane) || about(kPlane + kRow)))
+        continue;
+      TypeParam grown = me;
+      grown.r += bins.grown_by;
+      const Verdict v = verdict<TypeParam>(measured(grown, this->slots_[b]));
+      if (v != Verdict::apart) hits.push_back(b);
+      doubt |= v == Verdict::doubt;
+    }
+    return hits;
+  };
+  int doubts = 0;
+  for (const Kernels<TypeParam>& kernels : {this->plain_, this->here_})
+    for (const float grown_by : {0.f, static_cast<float>(0.3 * this->r_[0])}) {
+      bins.grown_by = grown_by;
+      std::uint32_t first = 0;
+      while (first < count && keys[first] <= bins.last_key) {
+        const std::uint32_t room = 400 + this->below(400),
+                            last = std::min(count, first + 1 + this->below(90));
+        std::vector<std::uint32_t> out(room + kLanes, ~0u), found(last - first, ~0u);
+        const Searched s = kernels.test_bins(bins, first, last, out.data(), room, found.data());
+        ASSERT_GT(s.spheres, 0u);
+        ASSERT_LE(first + s.spheres, last);
+        std::uint32_t hits = 0;
+        for (std::uint32_t k = 0; k < s.spheres; k++) {
+          bool doubt = false;
+          const std::vector<std::uint32_t> want = expected(first + k, doubt);
+          ASSERT_EQ(found[k], want.size());
+          ASSERT_TRUE(std::equal(want.begin(), want.end(), out.begin() + hits));
+          ASSERT_TRUE(!doubt || (s.doubt && k + 1 == s.spheres)) << "a doubt ends the search";
+          hits += found[k], doubts += doubt;
+        }
+        ASSERT_EQ(hits, s.hits);
+        first += s.spheres;
+      }
+      ASSERT_GT(first, count / 2);
+      ASSERT_EQ(kernels.test_bins(bins, first, count, nullptr, 400, nullptr).spheres, 0u) << "the last key";
+    }
+  EXPECT_GT(doubts, 10);
+}
+
 // 9 * 8 * 7 bins with a border, of which every third is empty. Each bin that has a point nearer than the
 // ball's radius must be in a row's run; no run is empty.
 TYPED_TEST(KernelsTest, RowsCoverTheBall) {
