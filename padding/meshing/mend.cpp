@@ -28,8 +28,9 @@ constexpr double narrow_hole = 1e-3;
 // diagonals of the piece around. A cube without its lid has 0.8 and 2.0 diagonals, half of a ball 0.7
 // and 2.2.
 constexpr double sure_winding = 0.95, least_winding = 0.8, widest_opening = 1.5;
-// A piece that encloses less than this share of (its area)^1.5 encloses nothing.
-constexpr double least_volume = 1e-7;
+// An open piece that encloses less than this share of (its area)^1.5 encloses nothing, nor does one that
+// encloses less than this share of (the mesh's diagonal)^3, as what is left of a sheet between its cracks.
+constexpr double least_volume = 1e-7, least_solid = 1e-15;
 
 // Pieces that hang together by points, one of them open.
 struct OpenGroup {
@@ -92,7 +93,9 @@ class Mender {
       }
     };
     for (const Piece& piece : pieces_.pieces) {
-      if (piece.closed)
+      if (piece.bounds_nothing)
+        walls_.insert(walls_.end(), piece.triangles.begin(), piece.triangles.end());
+      else if (piece.closed)
         units_.push_back(piece.triangles);
       else
         open.insert(open.end(), piece.triangles.begin(), piece.triangles.end());
@@ -206,7 +209,8 @@ class Mender {
       double area = 0;
       for (const auto t : group.triangles) area += mesh_.area_normal(t).norm();
       const double volume = signed_volume(mesh_, group.triangles);
-      if (!(volume > least_volume * std::pow(area, 1.5))) continue;
+      if (!(volume > std::max(least_volume * std::pow(area, 1.5), least_solid * std::pow(diagonal_, 3))))
+        continue;
       group.winding = 1;
       if (group.opening > 0) group.winding = mean_winding(group, *closed);
       group.solid =
@@ -289,7 +293,8 @@ class Mender {
         for (const auto v : group.rims[r]) patch.place += mesh_.points[v] / double(group.rims[r].size());
       }
     }
-    count_ = unit;
+    for (const auto t : walls_) add(t, TriangleRole::sheet, unit, kNone);
+    count_ = unit + 1;
   }
 
   // A closed unit that meets no other one and lies inside others an odd number of times is a cavity.
@@ -391,6 +396,7 @@ class Mender {
   double diagonal_ = 0;
   std::vector<std::vector<std::uint32_t>> units_;  // closed pieces
   std::vector<OpenGroup> groups_;
+  std::vector<std::uint32_t> walls_;                   // triangles of pieces that bound nothing
   std::vector<std::array<std::uint32_t, 2>> bridges_;  // of rings (holes.h)
   Mesh soup_;
   std::shared_ptr<const Surface> surface_;  // of soup_

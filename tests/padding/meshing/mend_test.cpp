@@ -479,6 +479,58 @@ TEST(Mend, ABodyWhoseTrianglesFaceBothWaysIsSolid) {
   EXPECT_NEAR(volume(r), whole, 0.01);
 }
 
+// Cells with walls between them, as of a mesh of finite elements or of a model drawn with faces inside. Their
+// triangles face either way. A fin stands on an edge.
+TEST(Mend, CellsWithWallsBetweenThemAreOneBody) {
+  Mesh cells;
+  for (int k = 0; k < 8; k++) {
+    const Point low(k % 2, k / 2 % 2, k / 4);
+    cells = joined(cells, shapes::box(low, low + Vector(1, 1, 1), 3));
+  }
+  Random random(3);
+  for (auto& t : cells.triangles)
+    if (random.below(2)) std::swap(t[1], t[2]);
+  Mesh fin;
+  fin.points = {{1, 1, 2}, {4 / 3.0, 1, 2}, {4 / 3.0, 1, 3}, {1, 1, 3}};
+  fin.points[1] = cells.points[*std::min_element(cells.triangles.begin(), cells.triangles.end(),
+                                                 [&](const auto& s, const auto& t) {
+                                                   return (cells.points[s[0]] - fin.points[1]).norm() <
+                                                          (cells.points[t[0]] - fin.points[1]).norm();
+                                                 })
+                                    ->begin()];
+  fin.triangles = {{0, 1, 2}, {0, 2, 3}};
+  for (const bool hole : {false, true})
+    for (const bool with_fin : {false, true}) {
+      Mesh mesh = cells;
+      if (hole) mesh.triangles.erase(mesh.triangles.begin() + 8);  // in the middle of a face outside
+      if (with_fin) mesh = joined(mesh, fin);
+      const Repaired r = mended(mesh);
+      EXPECT_EQ(r.kind, BodyKind::solid);
+      EXPECT_NEAR(volume(r), 8, 1e-12);
+      EXPECT_NEAR(r.boundary().area(), 24, 1e-12);
+      EXPECT_NEAR(r.steps.buried_area, 12, 1e-12);
+      EXPECT_NEAR(r.steps.sheet_area, with_fin ? 1 / 3.0 : 0, 1e-12);
+      EXPECT_EQ(r.patches.size(), hole ? 1u : 0u);
+    }
+  const std::string report = repair(cells, {}, "cells").report;
+  EXPECT_NE(report.find("left out walls inside (50 % of the surface)"), std::string::npos) << report;
+  // Without its lid, the upper half is a sheet.
+  const Repaired open = mended(without(cells, [](const Point& p) { return p.z() == 2; }));
+  EXPECT_NEAR(volume(open), 4, 1e-12);
+  EXPECT_NEAR(open.steps.sheet_area, 12, 1e-12);
+}
+
+TEST(Mend, WhatIsLeftBetweenTheCracksOfASheetIsNoSolid) {
+  Mesh mesh;  // a square, and a speck that lacks a side
+  mesh.points = {{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}};
+  mesh.triangles = {{0, 1, 2}, {0, 2, 3}};
+  Mesh speck = shapes::box({0.5, 0.5, 0.1}, {0.5 + 1e-6, 0.5 + 1e-6, 0.1 + 1e-6});
+  speck.triangles.pop_back();
+  const Repaired r = mended(joined(mesh, speck));
+  EXPECT_EQ(r.kind, BodyKind::sheet);
+  EXPECT_EQ(r.patches.size(), 0u);
+}
+
 TEST(Mend, CertifiedCoversHoldWhenSampled) {
   for (const std::uint64_t seed : {7u, 8u}) {
     SCOPED_TRACE("seed " + std::to_string(seed));
