@@ -412,6 +412,20 @@ TEST(Mend, TrianglesWithoutAreaHoldTheSurfaceTogether) {
   EXPECT_NEAR(volume(r), 1, 1e-12);
 }
 
+// The file says that nothing is there. What sticks out was not cut out of the body.
+TEST(Mend, WhatWasCutOutOfABodyIsACavityAlsoWhereItTouchesAWall) {
+  const Mesh bore = shapes::box({0.4, 0.4, 0}, {0.6, 0.6, 1}, 3),
+             pocket = shapes::box({0, 0.1, 0.1}, {0.3, 0.3, 0.3}),
+             post = shapes::box({0.4, 0.4, 0}, {0.6, 0.6, 1.01}, 3);
+  const Repaired r = mended(joined(joined(kCube, turned_over(bore)), turned_over(pocket)));
+  EXPECT_EQ(r.steps.cavities, 2u);
+  EXPECT_EQ(r.steps.turned_pieces, 0u);
+  EXPECT_NEAR(volume(r), 1 - 0.04 - 0.012, 1e-12);
+  EXPECT_NEAR(volume(mended(joined(kCube, bore))), 1, 1e-12);
+  EXPECT_NEAR(volume(mended(joined(kCube, turned_over(bore)), RepairMode::united)), 1, 1e-12);
+  EXPECT_NEAR(volume(mended(joined(kCube, turned_over(post)))), 1 + 0.04 * 0.01, 1e-12);
+}
+
 // A ball with a thin tube through it, whose far end faces the wrong way: a closed surface that no turning
 // makes face one way. The ball stays as it is, whichever triangle comes first.
 TEST(Mend, ATwistInABodyTurnsNothingElse) {
