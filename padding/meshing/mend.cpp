@@ -10,6 +10,7 @@
 #include <numeric>
 
 #include "padding/geometry/medial.h"
+#include "padding/geometry/random.h"
 #include "padding/meshing/contacts.h"
 #include "padding/meshing/holes.h"
 #include "padding/meshing/outer_cells.h"
@@ -28,8 +29,9 @@ constexpr double narrow_hole = 1e-3;
 // diagonals of the piece around. A cube without its lid has 0.8 and 2.0 diagonals, half of a ball 0.7
 // and 2.2.
 constexpr double sure_winding = 0.95, least_winding = 0.8, widest_opening = 1.5;
-// A piece that encloses less than this share of (its area)^1.5 encloses nothing.
-constexpr double least_volume = 1e-7;
+// An open piece that encloses less than this share of (its area)^1.5 encloses nothing, nor does one that
+// encloses less than this share of (the mesh's diagonal)^3, as what is left of a sheet between its cracks.
+constexpr double least_volume = 1e-7, least_solid = 1e-15;
 
 // Pieces that hang together by points, one of them open.
 struct OpenGroup {
@@ -92,7 +94,9 @@ class Mender {
       }
     };
     for (const Piece& piece : pieces_.pieces) {
-      if (piece.closed)
+      if (piece.bounds_nothing)
+        walls_.insert(walls_.end(), piece.triangles.begin(), piece.triangles.end());
+      else if (piece.closed)
         units_.push_back(piece.triangles);
       else
         open.insert(open.end(), piece.triangles.begin(), piece.triangles.end());
@@ -206,7 +210,8 @@ class Mender {
       double area = 0;
       for (const auto t : group.triangles) area += mesh_.area_normal(t).norm();
       const double volume = signed_volume(mesh_, group.triangles);
-      if (!(volume > least_volume * std::pow(area, 1.5))) continue;
+      if (!(volume > std::max(least_volume * std::pow(area, 1.5), least_solid * std::pow(diagonal_, 3))))
+        continue;
       group.winding = 1;
       if (group.opening > 0) group.winding = mean_winding(group, *closed);
       group.solid =
@@ -289,7 +294,56 @@ class Mender {
         for (const auto v : group.rims[r]) patch.place += mesh_.points[v] / double(group.rims[r].size());
       }
     }
-    count_ = unit;
+    for (const auto t : walls_) add(t, TriangleRole::sheet, unit, kNone);
+    count_ = unit + 1;
+  }
+
+  // A closed unit that faces inward, meets others and never leaves them was cut out of them: the winding
+  // number of the file is 0 within it. It is a cavity, if it has walls in them: the copy of a body that faces
+  // the other way has none. Points on the unit tell, at even steps of its area.
+  void find_cuts(const Surface& surface, const std::vector<char>& meets, std::vector<char>& cavity) const {
+    constexpr double least_wall = 0.01;  // share of the area
+    constexpr std::size_t wanted = 1024;
+    struct Probe {
+      std::uint32_t unit;
+      Point place;
+      Vector out;  // a step
+      bool within = false, wall = false;
+    };
+    const std::size_t closed = inward_.size();
+    const auto is_inward = [&](std::uint32_t t) { return unit_[t] < closed && inward_[unit_[t]]; };
+    std::vector<double> area(closed, 0), sum(closed, 0);
+    std::vector<std::size_t> count(closed, 0), walls(closed, 0);
+    for (std::uint32_t t = 0; t < unit_.size(); t++)
+      if (is_inward(t) && meets[unit_[t]]) area[unit_[t]] += soup_.area_normal(t).norm();
+    std::vector<Probe> probes;
+    Random random(1);
+    for (std::uint32_t t = 0; t < unit_.size(); t++) {
+      const auto u = unit_[t];
+      if (!is_inward(t) || !(area[u] > 0)) continue;
+      const Vector normal = soup_.area_normal(t);
+      for (sum[u] += normal.norm(); double(count[u]) + 0.5 < sum[u] / area[u] * wanted; count[u]++) {
+        const double r = std::sqrt(random.uniform()), s = random.uniform();
+        const Point p =
+            (1 - r) * soup_.corner(t, 0) + r * ((1 - s) * soup_.corner(t, 1) + s * soup_.corner(t, 2));
+        probes.push_back({u, p, 1e-7 * diagonal_ * normal.normalized()});
+      }
+    }
+    const auto in_others = [&](const Point& p) {
+      const auto skip = [&](std::uint32_t t) { return roles_[t] == TriangleRole::sheet || is_inward(t); };
+      for (const Vector& d : Surface::ray_directions())
+        if (const auto around = surface.crossings(p, d, skip)) return *around > 0;
+      return false;
+    };
+#pragma omp parallel for schedule(dynamic, 16)
+    for (std::size_t k = 0; k < probes.size(); k++) {
+      Probe& probe = probes[k];
+      probe.within = in_others(probe.place - probe.out), probe.wall = in_others(probe.place + probe.out);
+    }
+    std::vector<char> leaves(closed, 0);
+    for (const Probe& probe : probes) leaves[probe.unit] |= !probe.within, walls[probe.unit] += probe.wall;
+    for (std::size_t u = 0; u < closed; u++)
+      if (!leaves[u] && double(walls[u]) > least_wall * double(count[u])) cavity[u] = 1;
   }
 
   // A closed unit that meets no other one and lies inside others an odd number of times is a cavity.
@@ -312,6 +366,7 @@ class Mender {
         break;
       }
     }
+    find_cuts(surface, meets, cavity);
     for (std::size_t t = 0; t < unit_.size(); t++)
       if (cavity[unit_[t]]) std::swap(soup_.triangles[t][1], soup_.triangles[t][2]);
     // A cavity may cross itself, and its cuts name corners and edges by their place in a triangle.
@@ -391,6 +446,7 @@ class Mender {
   double diagonal_ = 0;
   std::vector<std::vector<std::uint32_t>> units_;  // closed pieces
   std::vector<OpenGroup> groups_;
+  std::vector<std::uint32_t> walls_;                   // triangles of pieces that bound nothing
   std::vector<std::array<std::uint32_t, 2>> bridges_;  // of rings (holes.h)
   Mesh soup_;
   std::shared_ptr<const Surface> surface_;  // of soup_

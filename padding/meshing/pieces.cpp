@@ -10,12 +10,35 @@
 #include <utility>
 
 #include "padding/geometry/random.h"
+#include "padding/meshing/holes.h"
 
 namespace padder {
 namespace {
 
+// What encloses less than this share of (its area)^1.5 encloses nothing.
+constexpr double least_enclosed = 1e-6;
+
 bool closes(const Mesh& mesh, const std::vector<std::uint32_t>& triangles) {
   return missing_edges(mesh, triangles).empty();
+}
+
+// The triangles that hang together by the edges for which join(number of triangles) holds, in their order.
+template <class Join>
+std::vector<std::vector<std::uint32_t>> connected(const Mesh& mesh,
+                                                  const std::vector<std::uint32_t>& triangles, Join&& join) {
+  std::vector<std::uint32_t> parent(mesh.triangles.size());
+  std::iota(parent.begin(), parent.end(), 0u);
+  const std::vector<Side> sides = sides_of(mesh, triangles);
+  for_edges(sides, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t k = begin + 1; k < end && join(end - begin); k++) {
+      const auto a = root_of(parent, sides[begin].triangle), b = root_of(parent, sides[k].triangle);
+      parent[std::max(a, b)] = std::min(a, b);
+    }
+  });
+  std::vector<std::vector<std::uint32_t>> members(mesh.triangles.size());
+  for (const auto t : triangles) members[root_of(parent, t)].push_back(t);
+  std::erase_if(members, [](const auto& m) { return m.empty(); });
+  return members;
 }
 
 // Each point gets the first index of the points that are equal to it.
@@ -73,50 +96,203 @@ class Turns {
   std::vector<char> turned_;  // against the parent; 0 for a root
 };
 
+// The skin of a piece: those of its triangles that part what lies outside from what it encloses. Each
+// triangle has two sides. Around an edge, the sides that face each other belong together, so the sides form
+// shells, each around one cell of space. A shell that faces away from what it encloses has the outside before
+// it.
+class Skin {
+ public:
+  // Turns the triangles of the skin outward, if it encloses a volume.
+  Skin(Mesh& mesh, const std::vector<std::uint32_t>& triangles) : mesh_(mesh), triangles_(triangles) {
+    const std::size_t given = mesh_.triangles.size();
+    const std::vector<Side> sides = sides_of(mesh_, triangles_);
+    bool crowded = false;
+    for_edges(sides, [&](std::size_t begin, std::size_t end) { crowded |= end - begin > 2; });
+    if (!crowded) return;
+    // Holes are closed for the time being, or the outside would come in.
+    for (const auto& rim : round_rims(sides))
+      for (const auto& t : fill_rim(mesh_, rim)) {
+        triangles_.push_back(static_cast<std::uint32_t>(mesh_.triangles.size()));
+        mesh_.triangles.push_back(t);
+      }
+    find_shells();
+    double enclosed = 0, area = 0, area_outside = 0;
+    std::vector<std::uint32_t> inward;
+    for (std::size_t k = 0; k < triangles_.size(); k++) {
+      const std::uint32_t t = triangles_[k];
+      const bool front = is_outside(2 * k), back = is_outside(2 * k + 1);
+      if (front != back) enclosed += front ? volume(k) : -volume(k);
+      if (t >= given) continue;
+      (front != back ? skin : front ? outside : inside).push_back(t);
+      (front && back ? area_outside : area) += mesh_.area_normal(t).norm();
+      if (back && !front) inward.push_back(t);
+    }
+    mesh_.triangles.resize(given);
+    found = enclosed > least_enclosed * std::pow(area, 1.5) && area > area_outside;
+    if (!found) return;
+    for (const auto t : inward) std::swap(mesh_.triangles[t][1], mesh_.triangles[t][2]);
+    turned = inward.size();
+  }
+
+  bool found =
+      false;  // more than two triangles meet in an edge, and the piece is mostly skin and what is in it
+  std::vector<std::uint32_t> skin, inside, outside;
+  std::size_t turned = 0;  // triangles of the skin
+
+ private:
+  // Closed paths of edges of one triangle, without those that branch.
+  static std::vector<std::vector<std::uint32_t>> round_rims(const std::vector<Side>& sides) {
+    std::map<std::uint32_t, std::vector<std::uint32_t>> ways;
+    for_edges(sides, [&](std::size_t begin, std::size_t end) {
+      if (end - begin != 1) return;
+      const auto low = static_cast<std::uint32_t>(sides[begin].edge >> 32),
+                 high = static_cast<std::uint32_t>(sides[begin].edge);
+      ways[low].push_back(high), ways[high].push_back(low);
+    });
+    std::vector<std::vector<std::uint32_t>> rims;
+    while (!ways.empty()) {
+      std::vector<std::uint32_t> rim;
+      bool branches = false, closes = false;
+      std::uint32_t at = ways.begin()->first;
+      for (auto way = ways.begin(); way != ways.end(); way = ways.find(at)) {
+        const std::vector<std::uint32_t> next = way->second;
+        branches |= next.size() != 2;
+        rim.push_back(at);
+        closes = std::find(next.begin(), next.end(), rim.front()) != next.end();
+        ways.erase(way);
+        at = ways.count(next[0]) ? next[0] : next.back();
+      }
+      if (!branches && closes && rim.size() > 2) rims.push_back(std::move(rim));
+    }
+    return rims;
+  }
+
+  void find_shells() {
+    parent_.resize(2 * triangles_.size());
+    std::iota(parent_.begin(), parent_.end(), 0u);
+    std::map<std::uint32_t, std::uint32_t> local;
+    for (const auto t : triangles_) local.emplace(t, static_cast<std::uint32_t>(local.size()));
+    const std::vector<Side> sides = sides_of(mesh_, triangles_);
+    struct Leaf {
+      double angle;
+      std::uint32_t ahead, behind;  // its sides, as one turns round the edge
+    };
+    std::vector<Leaf> leaves;
+    for_edges(sides, [&](std::size_t begin, std::size_t end) {
+      const Point& low = mesh_.points[sides[begin].edge >> 32];
+      const Vector along = (mesh_.points[sides[begin].edge & 0xffffffffu] - low).normalized();
+      const Vector x = along.unitOrthogonal(), y = along.cross(x);
+      leaves.clear();
+      for (std::size_t k = begin; k < end; k++) {
+        Vector away = Vector::Zero();
+        for (const auto v : mesh_.triangles[sides[k].triangle]) away += mesh_.points[v] - low;
+        away -= (mesh_.points[sides[begin].edge & 0xffffffffu] - low);  // to the third corner
+        const std::uint32_t front = 2 * local.at(sides[k].triangle);
+        const bool ahead = sides[k].direction > 0;
+        leaves.push_back(
+            {std::atan2(away.dot(y), away.dot(x)), ahead ? front : front + 1, ahead ? front + 1 : front});
+      }
+      std::stable_sort(leaves.begin(), leaves.end(),
+                       [](const Leaf& a, const Leaf& b) { return a.angle < b.angle; });
+      for (std::size_t k = 0; k < leaves.size(); k++) {
+        const auto a = root_of(parent_, leaves[k].ahead),
+                   b = root_of(parent_, leaves[(k + 1) % leaves.size()].behind);
+        parent_[std::max(a, b)] = std::min(a, b);
+      }
+    });
+    shell_volume_.assign(parent_.size(), 0);
+    for (std::size_t k = 0; k < triangles_.size(); k++)
+      for (const std::uint32_t side : {0u, 1u})
+        shell_volume_[root_of(parent_, static_cast<std::uint32_t>(2 * k + side))] +=
+            side ? -volume(k) : volume(k);
+  }
+
+  bool is_outside(std::size_t side) {
+    return shell_volume_[root_of(parent_, static_cast<std::uint32_t>(side))] > 0;
+  }
+
+  double volume(std::size_t k) const {  // from a point to the triangle
+    const Point& origin = mesh_.corner(triangles_[0], 0);
+    const auto corner = [&](int c) -> Vector { return mesh_.corner(triangles_[k], c) - origin; };
+    return corner(0).dot(corner(1).cross(corner(2))) / 6;
+  }
+
+  Mesh& mesh_;                            // for the time being with patches
+  std::vector<std::uint32_t> triangles_;  // with the patches
+  std::vector<std::uint32_t> parent_;     // of sides: 2 k is the front of triangle k, 2 k + 1 its back
+  std::vector<double> shell_volume_;      // of a root
+};
+
 // Settles one piece: which triangles count, and which way they face.
 class PieceWork {
  public:
   PieceWork(Mesh& mesh, std::vector<std::uint32_t> triangles, Pieces& all)
       : mesh_(mesh), triangles_(std::move(triangles)), all_(all) {}
 
-  Piece run() {
+  std::vector<Piece> run() {
     const std::vector<std::uint32_t> once = without_repeats(false);
     if (closes(mesh_, once)) return keep(once, true);
-    std::vector<Corners> given, turned;
-    for (const auto t : once) given.push_back(mesh_.triangles[t]);
+    const std::vector<Corners> given = corners(once);
     orient(once);
-    const std::size_t missing = missing_edges(mesh_, once).size();
-    const double volume = std::abs(signed_volume(mesh_, once));
-    if (missing > 0 && once.size() < triangles_.size()) {
-      for (std::size_t k = 0; k < once.size(); k++)
-        turned.push_back(std::exchange(mesh_.triangles[once[k]], given[k]));
-      if (const auto more = with_repeats(missing / 2, volume / 2)) return keep(*more, closes(mesh_, *more));
-      for (std::size_t k = 0; k < once.size(); k++) mesh_.triangles[once[k]] = turned[k];
+    const bool closed = closes(mesh_, once);
+    if (!closed) {
+      const std::vector<Corners> turned = corners(once);
+      set_corners(once, given);
+      if (once.size() < triangles_.size())
+        if (const auto more = with_repeats()) return keep(*more, true);
+      Skin skin(mesh_, once);
+      if (skin.found) return keep_skin(std::move(skin), once.size());
+      set_corners(once, turned);
     }
     for (std::size_t k = 0; k < once.size(); k++) all_.turned += given[k] != mesh_.triangles[once[k]];
-    return keep(once, missing == 0);
+    return keep(once, closed);
   }
+
+  // The same for triangles that run() has left outside: they have no walls and do not repeat.
+  Piece run_outside() {
+    const std::vector<Corners> given = corners(triangles_);
+    orient(triangles_);
+    for (std::size_t k = 0; k < given.size(); k++) all_.turned += given[k] != mesh_.triangles[triangles_[k]];
+    return {triangles_, closes(mesh_, triangles_)};
+  }
+
+  // After run(): what stands on the pieces from outside.
+  const std::vector<std::uint32_t>& outside() const { return outside_; }
 
  private:
-  Piece keep(const std::vector<std::uint32_t>& triangles, bool closed) {
-    all_.repeated += triangles_.size() - triangles.size();
-    return {triangles, closed};
+  std::vector<Corners> corners(const std::vector<std::uint32_t>& triangles) const {
+    std::vector<Corners> out;
+    for (const auto t : triangles) out.push_back(mesh_.triangles[t]);
+    return out;
   }
 
-  // Repeated triangles are walls of bodies that touch or share a face, if at most `most` edges do not close
-  // with them, as given, and if the piece encloses a volume then, where edges are left at least `volume`: a
-  // surface whose triangles face both ways closes, too.
-  std::optional<std::vector<std::uint32_t>> with_repeats(std::size_t most, double volume) const {
+  void set_corners(const std::vector<std::uint32_t>& triangles, const std::vector<Corners>& corners) {
+    for (std::size_t k = 0; k < triangles.size(); k++) mesh_.triangles[triangles[k]] = corners[k];
+  }
+
+  std::vector<Piece> keep(const std::vector<std::uint32_t>& triangles, bool closed) {
+    all_.repeated += triangles_.size() - triangles.size();
+    return {{triangles, closed}};
+  }
+
+  std::vector<Piece> keep_skin(Skin skin, std::size_t count) {
+    all_.repeated += triangles_.size() - count;
+    all_.turned += skin.turned;
+    outside_ = std::move(skin.outside);
+    std::vector<Piece> pieces = {{skin.skin, closes(mesh_, skin.skin)}};
+    if (!skin.inside.empty()) pieces.push_back({skin.inside, false, true});
+    return pieces;
+  }
+
+  // Repeated triangles are walls of bodies that touch or share a face, if all edges close with them, as
+  // given, and the piece encloses a volume then: a surface whose triangles face both ways closes, too.
+  std::optional<std::vector<std::uint32_t>> with_repeats() const {
     double area = 0;
     for (const auto t : triangles_) area += mesh_.area_normal(t).norm();
-    std::optional<std::vector<std::uint32_t>> best;
-    for (auto& kept : {without_repeats(true), triangles_}) {
-      const std::size_t missing = missing_edges(mesh_, kept).size();
-      if (missing > most || (best && missing == most)) continue;
-      const double least = std::max(1e-6 * std::pow(area, 1.5), missing > 0 ? volume : 0);
-      if (std::abs(signed_volume(mesh_, kept)) > least) best = kept, most = missing;
-    }
-    return best;
+    for (auto& kept : {without_repeats(true), triangles_})
+      if (closes(mesh_, kept) && std::abs(signed_volume(mesh_, kept)) > least_enclosed * std::pow(area, 1.5))
+        return kept;
+    return std::nullopt;
   }
 
   // Without triangles that have the same corners as one before; with `both_ways`, the same direction, too.
@@ -202,6 +378,7 @@ class PieceWork {
 
   Mesh& mesh_;
   const std::vector<std::uint32_t> triangles_;
+  std::vector<std::uint32_t> outside_;
   Pieces& all_;
 };
 
@@ -305,29 +482,6 @@ std::vector<DirectedEdge> missing_edges(const Mesh& mesh, const std::vector<std:
   return missing;
 }
 
-namespace {
-
-// The triangles that hang together by the edges for which join(number of triangles) holds, in their order.
-template <class Join>
-std::vector<std::vector<std::uint32_t>> connected(const Mesh& mesh,
-                                                  const std::vector<std::uint32_t>& triangles, Join&& join) {
-  std::vector<std::uint32_t> parent(mesh.triangles.size());
-  std::iota(parent.begin(), parent.end(), 0u);
-  const std::vector<Side> sides = sides_of(mesh, triangles);
-  for_edges(sides, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t k = begin + 1; k < end && join(end - begin); k++) {
-      const auto a = root_of(parent, sides[begin].triangle), b = root_of(parent, sides[k].triangle);
-      parent[std::max(a, b)] = std::min(a, b);
-    }
-  });
-  std::vector<std::vector<std::uint32_t>> members(mesh.triangles.size());
-  for (const auto t : triangles) members[root_of(parent, t)].push_back(t);
-  std::erase_if(members, [](const auto& m) { return m.empty(); });
-  return members;
-}
-
-}  // namespace
-
 Pieces find_pieces(const Mesh& soup) {
   Pieces out;
   out.mesh = merged(soup);
@@ -345,9 +499,9 @@ Pieces find_pieces(const Mesh& soup) {
     const std::size_t repeated = out.repeated, turned = out.turned;
     std::vector<Corners> given;
     for (const auto t : part) given.push_back(out.mesh.triangles[t]);
-    Piece piece = PieceWork(out.mesh, part, out).run();
-    if (piece.closed && piece.triangles.size() == part.size()) {
-      out.pieces.push_back(std::move(piece));
+    std::vector<Piece> made = PieceWork(out.mesh, part, out).run();
+    if (made[0].closed && made[0].triangles.size() == part.size()) {
+      out.pieces.push_back(std::move(made[0]));
       continue;
     }
     for (std::size_t k = 0; k < part.size(); k++) out.mesh.triangles[part[k]] = given[k];
@@ -355,8 +509,15 @@ Pieces find_pieces(const Mesh& soup) {
     rest.insert(rest.end(), part.begin(), part.end());
   }
   std::sort(rest.begin(), rest.end());
-  for (auto& part : connected(out.mesh, rest, [](std::size_t) { return true; }))
-    out.pieces.push_back(PieceWork(out.mesh, std::move(part), out).run());
+  std::vector<std::uint32_t> outside;
+  for (auto& part : connected(out.mesh, rest, [](std::size_t) { return true; })) {
+    PieceWork work(out.mesh, std::move(part), out);
+    for (Piece& piece : work.run()) out.pieces.push_back(std::move(piece));
+    outside.insert(outside.end(), work.outside().begin(), work.outside().end());
+  }
+  std::sort(outside.begin(), outside.end());
+  for (auto& part : connected(out.mesh, outside, [](std::size_t) { return true; }))
+    out.pieces.push_back(PieceWork(out.mesh, std::move(part), out).run_outside());
   return out;
 }
 

@@ -16,6 +16,7 @@ namespace padder {
 struct Piece {
   std::vector<std::uint32_t> triangles;  // of Pieces::mesh, which has them turned alike
   bool closed = false;                   // along each edge the directions cancel
+  bool bounds_nothing = false;           // walls inside another piece, or sheets that stand on it
 };
 
 using Corners = std::array<std::uint32_t, 3>;  // the indices of a triangle's points
@@ -30,7 +31,9 @@ struct Pieces {
 
 // A piece keeps the directions of its file if they close it. If not, neighbours are turned alike; of
 // triangles that turn either way the more common direction in the file counts. Equal triangles count once,
-// except where the piece only closes with both sides of a wall between two bodies.
+// except where the piece only closes with both sides of a wall between two bodies. Where a piece does not
+// close and three or more triangles meet in an edge, as where walls divide a body into cells, what can be
+// seen from outside is a piece, and the rest bounds nothing.
 Pieces find_pieces(const Mesh& soup);
 
 // The soup with equal points merged, if it is one piece that closes, with its triangles turned alike, and

@@ -160,6 +160,8 @@ std::string words(const Repaired& body, double diagonal) {
                     ? std::string("made one body of a piece that crosses itself (")
                     : "made one body of " + count_of(s.pieces, "piece") + " that cross or touch (") +
                count_of(s.crossing_pairs, "pair") + " of triangles)");
+  if (s.crossing_pairs == 0 && s.buried_area > 0)
+    report.add("left out walls inside (" + percent(s.buried_area / area) + " of the surface)");
   if (s.cavities > 0) report.add(cavities_text(s.cavities));
   if (s.sheet_area > 0) {
     std::string why;

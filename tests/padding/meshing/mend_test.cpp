@@ -412,6 +412,20 @@ TEST(Mend, TrianglesWithoutAreaHoldTheSurfaceTogether) {
   EXPECT_NEAR(volume(r), 1, 1e-12);
 }
 
+// The file says that nothing is there. What sticks out was not cut out of the body.
+TEST(Mend, WhatWasCutOutOfABodyIsACavityAlsoWhereItTouchesAWall) {
+  const Mesh bore = shapes::box({0.4, 0.4, 0}, {0.6, 0.6, 1}, 3),
+             pocket = shapes::box({0, 0.1, 0.1}, {0.3, 0.3, 0.3}),
+             post = shapes::box({0.4, 0.4, 0}, {0.6, 0.6, 1.01}, 3);
+  const Repaired r = mended(joined(joined(kCube, turned_over(bore)), turned_over(pocket)));
+  EXPECT_EQ(r.steps.cavities, 2u);
+  EXPECT_EQ(r.steps.turned_pieces, 0u);
+  EXPECT_NEAR(volume(r), 1 - 0.04 - 0.012, 1e-12);
+  EXPECT_NEAR(volume(mended(joined(kCube, bore))), 1, 1e-12);
+  EXPECT_NEAR(volume(mended(joined(kCube, turned_over(bore)), RepairMode::united)), 1, 1e-12);
+  EXPECT_NEAR(volume(mended(joined(kCube, turned_over(post)))), 1 + 0.04 * 0.01, 1e-12);
+}
+
 // A ball with a thin tube through it, whose far end faces the wrong way: a closed surface that no turning
 // makes face one way. The ball stays as it is, whichever triangle comes first.
 TEST(Mend, ATwistInABodyTurnsNothingElse) {
@@ -477,6 +491,58 @@ TEST(Mend, ABodyWhoseTrianglesFaceBothWaysIsSolid) {
   const Repaired r = mended(mesh);
   EXPECT_EQ(r.kind, BodyKind::solid);
   EXPECT_NEAR(volume(r), whole, 0.01);
+}
+
+// Cells with walls between them, as of a mesh of finite elements or of a model drawn with faces inside. Their
+// triangles face either way. A fin stands on an edge.
+TEST(Mend, CellsWithWallsBetweenThemAreOneBody) {
+  Mesh cells;
+  for (int k = 0; k < 8; k++) {
+    const Point low(k % 2, k / 2 % 2, k / 4);
+    cells = joined(cells, shapes::box(low, low + Vector(1, 1, 1), 3));
+  }
+  Random random(3);
+  for (auto& t : cells.triangles)
+    if (random.below(2)) std::swap(t[1], t[2]);
+  Mesh fin;
+  fin.points = {{1, 1, 2}, {4 / 3.0, 1, 2}, {4 / 3.0, 1, 3}, {1, 1, 3}};
+  fin.points[1] = cells.points[*std::min_element(cells.triangles.begin(), cells.triangles.end(),
+                                                 [&](const auto& s, const auto& t) {
+                                                   return (cells.points[s[0]] - fin.points[1]).norm() <
+                                                          (cells.points[t[0]] - fin.points[1]).norm();
+                                                 })
+                                    ->begin()];
+  fin.triangles = {{0, 1, 2}, {0, 2, 3}};
+  for (const bool hole : {false, true})
+    for (const bool with_fin : {false, true}) {
+      Mesh mesh = cells;
+      if (hole) mesh.triangles.erase(mesh.triangles.begin() + 8);  // in the middle of a face outside
+      if (with_fin) mesh = joined(mesh, fin);
+      const Repaired r = mended(mesh);
+      EXPECT_EQ(r.kind, BodyKind::solid);
+      EXPECT_NEAR(volume(r), 8, 1e-12);
+      EXPECT_NEAR(r.boundary().area(), 24, 1e-12);
+      EXPECT_NEAR(r.steps.buried_area, 12, 1e-12);
+      EXPECT_NEAR(r.steps.sheet_area, with_fin ? 1 / 3.0 : 0, 1e-12);
+      EXPECT_EQ(r.patches.size(), hole ? 1u : 0u);
+    }
+  const std::string report = repair(cells, {}, "cells").report;
+  EXPECT_NE(report.find("left out walls inside (50 % of the surface)"), std::string::npos) << report;
+  // Without its lid, the upper half is a sheet.
+  const Repaired open = mended(without(cells, [](const Point& p) { return p.z() == 2; }));
+  EXPECT_NEAR(volume(open), 4, 1e-12);
+  EXPECT_NEAR(open.steps.sheet_area, 12, 1e-12);
+}
+
+TEST(Mend, WhatIsLeftBetweenTheCracksOfASheetIsNoSolid) {
+  Mesh mesh;  // a square, and a speck that lacks a side
+  mesh.points = {{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}};
+  mesh.triangles = {{0, 1, 2}, {0, 2, 3}};
+  Mesh speck = shapes::box({0.5, 0.5, 0.1}, {0.5 + 1e-6, 0.5 + 1e-6, 0.1 + 1e-6});
+  speck.triangles.pop_back();
+  const Repaired r = mended(joined(mesh, speck));
+  EXPECT_EQ(r.kind, BodyKind::sheet);
+  EXPECT_EQ(r.patches.size(), 0u);
 }
 
 TEST(Mend, CertifiedCoversHoldWhenSampled) {

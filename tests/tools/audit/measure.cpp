@@ -82,9 +82,13 @@ Scaled scaled(Mesh mesh, Mesh surface, Cluster cluster) {
 
 Triangles triangles_of(const Mesh& mesh) {
   Triangles triangles;
-  for (std::size_t t = 0; t < mesh.triangles.size(); t++)
-    if (mesh.area_normal(t).norm() > 1e-14)  // CGAL does not take others
-      triangles.emplace_back(cgal(mesh.corner(t, 0)), cgal(mesh.corner(t, 1)), cgal(mesh.corner(t, 2)));
+  for (std::size_t t = 0; t < mesh.triangles.size(); t++) {
+    const Point &a = mesh.corner(t, 0), &b = mesh.corner(t, 1), &c = mesh.corner(t, 2);
+    const double longest = std::max({(b - a).norm(), (c - b).norm(), (a - c).norm()});
+    // CGAL takes no triangle without area, and its distances to one lower than this are wrong.
+    if (mesh.area_normal(t).norm() > 1e-9 * longest && longest > 0)
+      triangles.emplace_back(cgal(a), cgal(b), cgal(c));
+  }
   return triangles;
 }
 
