@@ -43,13 +43,15 @@ template <class Slot>
 Searched test_bins_plain(const Bins<Slot>& bins, std::uint32_t first, std::uint32_t last, std::uint32_t* out,
                          std::uint32_t room, std::uint32_t* found) {
   Searched all{0, 0, false};
-  for (std::uint32_t a = first; a < last && bins.keys[a] <= bins.last_key && !all.doubt; a++) {
+  for (std::uint32_t a = first; a < last && bins.keys[a] <= bins.last_key; a++) {
     Run runs[kForwardRuns];
     if (forward_runs(bins, bins.keys[a], a, runs) > room - all.hits) break;
     Slot me = bins.slots[a];
     me.r += bins.grown_by;
-    found[all.spheres] = test_runs_plain(bins.slots, me, runs, kForwardRuns, out + all.hits, all.doubt);
-    all.hits += found[all.spheres++];
+    bool doubt;
+    const std::uint32_t n = test_runs_plain(bins.slots, me, runs, kForwardRuns, out + all.hits, doubt);
+    found[all.spheres++] = doubt ? n | kInDoubt : n;
+    all.hits += n, all.doubt |= doubt;
   }
   return all;
 }
@@ -176,20 +178,20 @@ __attribute__((target("avx2,popcnt"))) Searched test_bins_avx2(const Bins<Slot>&
   const Bins<Slot> bins = given;
   const __m256 grown_by = _mm256_set1_ps(bins.grown_by);
   const std::uint32_t* const begin = out;
-  for (std::uint32_t a = first; a < last; a++) {
+  std::uint32_t doubt = 0, a = first;
+  for (; a < last; a++) {
     const std::uint32_t key = bins.keys[a], done = static_cast<std::uint32_t>(out - begin);
     Run runs[kForwardRuns];
-    if (key > bins.last_key || forward_runs(bins, key, a, runs) > room - done)
-      return {a - first, done, false};
+    if (key > bins.last_key || forward_runs(bins, key, a, runs) > room - done) break;
     const Seeker<Slot> me{spread(bins.slots[a]), _mm256_add_ps(_mm256_set1_ps(bins.slots.r[a]), grown_by)};
     __m256 doubts = _mm256_setzero_ps();
 #pragma GCC unroll kForwardRuns
     for (const Run& run : runs) out = test_run(bins.slots, me, run, out, doubts);
-    const auto hits = static_cast<std::uint32_t>(out - begin);
-    found[a - first] = hits - done;
-    if (_mm256_movemask_ps(doubts) != 0) return {a + 1 - first, hits, true};
+    const std::uint32_t unsure = _mm256_movemask_ps(doubts) != 0 ? kInDoubt : 0;
+    found[a - first] = (static_cast<std::uint32_t>(out - begin) - done) | unsure;
+    doubt |= unsure;
   }
-  return {last - first, static_cast<std::uint32_t>(out - begin), false};
+  return {a - first, static_cast<std::uint32_t>(out - begin), doubt != 0};
 }
 
 // Writes a0 b0 a1 b1 and so on.

@@ -40,8 +40,9 @@ struct Bins {
 };
 struct Searched {
   std::uint32_t spheres, hits;  // how many
-  bool doubt;                   // of the last sphere, as in test_runs
+  bool doubt;                   // is any sphere in doubt?
 };
+inline constexpr std::uint32_t kInDoubt = 1u << 31;
 
 // A ball over the bins of a dense level. Its centre and radius are in bins, relative to the low corner of the
 // bin of its centre. So are the bins to search, x_low to x_high and so on.
@@ -77,8 +78,9 @@ struct Kernels {
   std::uint32_t (*test_runs)(const Slots<Slot>& slots, const Slot& me, const Run* runs, int count,
                              std::uint32_t* out, bool& doubt);
   // Tests the spheres of slots `first` to `last` - 1, one after the other. Writes the hits to `out`, and how
-  // many each sphere has to `found`. Ends after a sphere in doubt, and before one beyond last_key or with
-  // more candidates than there is room for: `room` in all. There must be room for kLanes more.
+  // many each sphere has to `found`, with kInDoubt where test_runs would set `doubt`. Ends before a sphere
+  // beyond last_key or with more candidates than there is room for: `room` in all. There must be room for
+  // kLanes more.
   Searched (*test_bins)(const Bins<Slot>& bins, std::uint32_t first, std::uint32_t last, std::uint32_t* out,
                         std::uint32_t room, std::uint32_t* found);
   // Writes to `out` the runs of the rows of bins that the ball crosses, without empty ones, ordered by z and

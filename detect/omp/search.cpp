@@ -136,12 +136,8 @@ class Searcher {
       if (!confirms_ && !repeats(level)) {
         std::uint32_t* const out = hits_.room();
         s = kernels_.test_bins(bins, first, last, out, kMostCandidates, found);
+        if (s.doubt) s.hits = confirm_bins(first, s.spheres, out, found);
         first += s.spheres, found += s.spheres;
-        if (s.doubt) {
-          const std::uint32_t a = first - 1, unsure = found[-1];
-          found[-1] = confirm(seeker(a), a, out + (s.hits - unsure), unsure, INFINITY, true);
-          s.hits -= unsure - found[-1];
-        }
         hits_.keep(s.hits);
       }
       if (s.spheres > 0) continue;
@@ -323,6 +319,22 @@ class Searcher {
     if (doubt | confirms_ | repeats(level))
       n = confirm(me, a, out, n, repeats(level) ? 0x1p7 * grid_.level[level].size : INFINITY, doubt);
     hits_.keep(n);
+  }
+
+  // Removes the hits that are no contacts from those of `spheres` slots from `first` on. Returns how many are
+  // left.
+  std::uint32_t confirm_bins(std::uint32_t first, std::uint32_t spheres, std::uint32_t* hits,
+                             std::uint32_t* found) {
+    std::uint32_t kept = 0, read = 0;
+    for (std::uint32_t k = 0; k < spheres; k++) {
+      const std::uint32_t n = found[k] & ~kInDoubt;
+      if (kept < read) std::copy_n(hits + read, n, hits + kept);
+      read += n;
+      if (found[k] & kInDoubt)
+        found[k] = confirm(seeker(first + k), first + k, hits + kept, n, INFINITY, true);
+      kept += found[k];
+    }
+    return kept;
   }
 
   // Removes hits that are no contacts: by the exact test where float cannot decide, by the filter, by the

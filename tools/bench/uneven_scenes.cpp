@@ -260,6 +260,90 @@ Spheres ten_huge(std::uint64_t n, SplitMix64& random) {
     s[k] = at(-990 + 4 * count_of(k), 100 * count_of(k), 50, 1000);
   return s;
 }
+// A bed on a ground that is one sphere.
+Spheres ground(std::uint64_t n, SplitMix64& random) {
+  const double edge = std::sqrt(count_of(n) * 11.5 / 16);
+  Spheres s{at(0, 0, -1e5, 1e5)};
+  while (s.size() < n) {
+    const double x = edge * (random.unit() - 0.5), y = edge * (random.unit() - 0.5),
+                 z = 1 + 16 * random.unit();
+    s.push_back(at(x, y, z));
+  }
+  return s;
+}
+FloatSphere on_sphere(const FloatSphere& centre, double radius, double r, SplitMix64& random) {
+  const double x = normal(random), y = normal(random), z = normal(random), far = radius / std::hypot(x, y, z);
+  return at(centre.x + x * far, centre.y + y * far, centre.z + z * far, r);
+}
+// Spheres of radius 100, each dusted with 999 of radius 1.
+Spheres dusted(std::uint64_t n, SplitMix64& random) {
+  const double edge = std::cbrt(count_of(n) / 1000) * 400;
+  Spheres s;
+  FloatSphere large{};
+  while (s.size() < n) {
+    if (s.size() % 1000 == 0) {
+      const double x = edge * random.unit(), y = edge * random.unit(), z = edge * random.unit();
+      s.push_back(large = at(x, y, z, 100));
+    } else {
+      s.push_back(on_sphere(large, 101, 1, random));
+    }
+  }
+  return s;
+}
+// The radius, 1 to 100, grows with the distance from the middle.
+Spheres outwards(std::uint64_t n, SplitMix64& random) {
+  Spheres s;
+  while (s.size() < n) {
+    const double r = std::pow(100, random.unit());
+    s.push_back(on_sphere({}, 0.6 * r * std::cbrt(count_of(n)), r, random));
+  }
+  return s;
+}
+// Boxes of 1 to n / 4 spheres, from crowded to thin, strewn widely.
+Spheres clusters(std::uint64_t n, SplitMix64& random) {
+  const double wide = 60 * std::cbrt(count_of(n));
+  Spheres s;
+  while (s.size() < n) {
+    const double size = std::pow(count_of(n) / 4, random.unit()), volume = 6 * std::pow(200, random.unit()),
+                 edge = std::cbrt(size * volume);
+    const double x = wide * random.unit(), y = wide * random.unit(), z = wide * random.unit();
+    for (double k = 0; k < size && s.size() < n; k++) {
+      const double u = edge * random.unit(), v = edge * random.unit(), w = edge * random.unit();
+      s.push_back(at(x + u, y + v, z + w));
+    }
+  }
+  return s;
+}
+// Most in the middle, and at any distance some: normal directions over normal numbers.
+Spheres cauchy(std::uint64_t n, SplitMix64& random) {
+  Spheres s;
+  while (s.size() < n) {
+    const double far = 1.5 * std::cbrt(count_of(n)) / (std::abs(normal(random)) + 1e-6);
+    const double x = far * normal(random), y = far * normal(random), z = far * normal(random);
+    s.push_back(at(x, y, z));
+  }
+  return s;
+}
+// Two layers, 100,000 apart.
+Spheres two_layers(std::uint64_t n, SplitMix64& random) {
+  const double edge = std::sqrt(count_of(n) * 2);
+  Spheres s;
+  for (std::uint64_t k = 0; k < n; k++) {
+    const double x = edge * random.unit(), y = edge * random.unit();
+    s.push_back(at(x, y, k % 2 ? 1e5 : 0));
+  }
+  return s;
+}
+// Radii by a power law, 1 to 100, in a plane.
+Spheres poly_layer(std::uint64_t n, SplitMix64& random) {
+  const double edge = std::sqrt(count_of(n) * 60);
+  Spheres s;
+  for (std::uint64_t k = 0; k < n; k++) {
+    const double x = edge * random.unit(), y = edge * random.unit();
+    s.push_back(at(x, y, 0, std::min(100.0, std::pow(1 - random.unit(), -1 / 2.4))));
+  }
+  return s;
+}
 
 }  // namespace
 
@@ -283,6 +367,9 @@ const std::vector<UnevenScene>& uneven_scenes() {
       {"sheet", "a tilted layer", 1.7, sheet},
       {"walk", "a random walk", 1.7, walk},
       {"column", "a chain along the diagonal", 1.7, column},
+      {"clusters", "boxes of 1 to n / 4 spheres, crowded to thin", 1.7, clusters},
+      {"cauchy", "thinner outwards, without an end", 1.7, cauchy},
+      {"two_layers", "two layers 100,000 apart", 1.7, two_layers},
       {"poly35", "radii 1 to 4", 2.2, poly35},
       {"poly100", "radii 1 to 100", 2.2, poly100},
       {"escaped_poly", "poly100, one in 1,000 thrown up to 100 edges away", 2.2, escaped_poly100},
@@ -290,6 +377,10 @@ const std::vector<UnevenScene>& uneven_scenes() {
       {"one_in_2000", "one in 2,000 is 30 times as large", 2.2, one_in_2000},
       {"two_sizes", "two heaps of radius 1 and 37, far from each other", 2.2, two_sizes, true},
       {"power_law", "radii by a power law, exponent 4.2", 2.2, power_law},
+      {"poly_layer", "radii by a power law, 1 to 100, in a plane", 2.2, poly_layer},
+      {"outwards", "radii 1 to 100 that grow with the distance", 2.2, outwards},
+      {"dusted", "spheres of radius 100, each dusted with 999 of radius 1", 2.2, dusted},
+      {"ground", "a bed on one sphere of radius 100,000", 3, ground},
       {"ten_giants", "ten of radius 40 among radius 1", 3, ten_giants},
       {"ten_huge", "ten of radius 1,000 beside radius 1", 3, ten_huge},
   };
