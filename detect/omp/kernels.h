@@ -42,7 +42,7 @@ struct Searched {
   std::uint32_t spheres, hits;  // how many
   bool doubt;                   // is any sphere in doubt?
 };
-inline constexpr std::uint32_t kInDoubt = 1u << 31;
+inline constexpr std::uint32_t kInDoubt = 1u << 31;  // beside the number of a sphere's hits
 
 // A ball over the bins of a dense level. Its centre and radius are in bins, relative to the low corner of the
 // bin of its centre. So are the bins to search, x_low to x_high and so on.

@@ -134,8 +134,8 @@ class Skin {
     turned = inward.size();
   }
 
-  bool found =
-      false;  // more than two triangles meet in an edge, and the piece is mostly skin and what is in it
+  // More than two triangles meet in an edge, and the piece is mostly skin and what is in it.
+  bool found = false;
   std::vector<std::uint32_t> skin, inside, outside;
   std::size_t turned = 0;  // triangles of the skin
 

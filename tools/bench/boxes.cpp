@@ -423,7 +423,7 @@ void front_rows(const Settings& s, Table& t, const Scene& full, int devices, boo
 // The number asked for; else `least`, twice that, and so on, as far as there are GPUs.
 std::vector<int> numbers_of_gpus(const Settings& s, int least) {
   if (s.devices > gpus())
-    throw Error("there are " + std::to_string(gpus()) + " GPUs: choose as many with --devices");
+    throw Error("there are " + std::to_string(gpus()) + " GPUs: choose no more with --devices");
   if (s.devices > 0) return {s.devices};
   std::vector<int> numbers;
   for (int devices = least; devices <= gpus(); devices *= 2) numbers.push_back(devices);

@@ -324,25 +324,27 @@ Spheres cauchy(std::uint64_t n, SplitMix64& random) {
   }
   return s;
 }
-// Two layers, 100,000 apart.
-Spheres two_layers(std::uint64_t n, SplitMix64& random) {
-  const double edge = std::sqrt(count_of(n) * 2);
+// Over a square that has so much area for each sphere; sphere k is sphere(k, x, y).
+template <class OneSphere>
+Spheres over_square(std::uint64_t n, double area, SplitMix64& random, const OneSphere& sphere) {
+  const double edge = std::sqrt(count_of(n) * area);
   Spheres s;
   for (std::uint64_t k = 0; k < n; k++) {
     const double x = edge * random.unit(), y = edge * random.unit();
-    s.push_back(at(x, y, k % 2 ? 1e5 : 0));
+    s.push_back(sphere(k, x, y));
   }
   return s;
 }
+// Two layers, 100,000 apart.
+Spheres two_layers(std::uint64_t n, SplitMix64& random) {
+  return over_square(n, 2, random,
+                     [](std::uint64_t k, double x, double y) { return at(x, y, k % 2 ? 1e5 : 0); });
+}
 // Radii by a power law, 1 to 100, in a plane.
 Spheres poly_layer(std::uint64_t n, SplitMix64& random) {
-  const double edge = std::sqrt(count_of(n) * 60);
-  Spheres s;
-  for (std::uint64_t k = 0; k < n; k++) {
-    const double x = edge * random.unit(), y = edge * random.unit();
-    s.push_back(at(x, y, 0, std::min(100.0, std::pow(1 - random.unit(), -1 / 2.4))));
-  }
-  return s;
+  return over_square(n, 60, random, [&](std::uint64_t, double x, double y) {
+    return at(x, y, 0, std::min(100.0, std::pow(1 - random.unit(), -1 / 2.4)));
+  });
 }
 
 }  // namespace

@@ -31,7 +31,7 @@ SearchOptions search_options(const CallOptions& options, const Summary& summary)
   s.own = options.own, s.radius = summary.radius_max, s.margin = options.margin, s.owns_all = true;
   for (int k = 0; k < 3; k++)
     s.owns_all = s.owns_all && options.own.low[k] == -INFINITY && options.own.high[k] == INFINITY;
-  if (!s.owns_all) s.blur = owner_blur(extent_of(summary), summary.radius_max, options.margin);
+  if (!s.owns_all) s.owner_band = owner_band(extent_of(summary), summary.radius_max, options.margin);
   return s;
 }
 

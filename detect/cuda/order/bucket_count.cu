@@ -29,7 +29,7 @@ __global__ void __launch_bounds__(kCountThreads)
 }
 
 // By the block that finishes last: makes starts of the counts, of buckets and of groups. `shared` has room
-// for so many counts and one more.
+// for `at_once` counts and one more.
 template <int Threads>
 __device__ __forceinline__ void find_starts(const Buckets& buckets, const Starts& starts,
                                             std::uint32_t groups, std::uint32_t at_once,

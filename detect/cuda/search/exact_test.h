@@ -32,12 +32,12 @@ inline constexpr double kMostRounded = 0x1p16;
 // By how much rounded spheres grow (Summary::grown_by): two of them by 4 e, more than 3.47 e.
 inline double grown_by_rounding(double extent) { return 2 * 0x1p-24 * extent; }
 
-// How far `inner` and `outer` are from the region's faces, at most. No |coordinate| is larger than `extent`,
-// no radius than `largest`. In float a place of a slot, or a midpoint that is computed from two of them, is
-// off by less than 8 * 2^-24 of these lengths, and by 2^-24 more where slots are doubles rounded to float; a
-// face is off by 2^-24 of itself or, far outside, does not matter. The halo (detect/boxes/halo.h) is wider
-// than the ball by 2^-46 of them. This is 32 * 2^-24.
-inline double owner_blur(double extent, double largest, double margin) {
+// How near to a face of the region float is not sure on which side a midpoint lies. No |coordinate| is larger
+// than `extent`, no radius than `largest`. In float the place of a slot, or a midpoint computed from two
+// slots, is off by less than 8 * 2^-24 of these lengths, and by 2^-24 more where slots are doubles rounded to
+// float. A face is off by 2^-24 of itself, which is small or, where the face lies far outside, does not
+// matter. The halo (detect/boxes/halo.h) is wider than the ball by 2^-46 of them. This is 32 * 2^-24.
+inline double owner_band(double extent, double largest, double margin) {
   return 0x1p-19 * (extent + 2 * largest + margin);
 }
 

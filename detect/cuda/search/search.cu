@@ -18,7 +18,7 @@ std::uint32_t blocks_of_warps(std::uint64_t warps) {
   return static_cast<std::uint32_t>((warps + kTileWarps - 1) / kTileWarps);
 }
 
-// What lies in this box by float lies in the region moved by `outwards`: its faces are rounded inwards.
+// The region with its faces moved outwards by so much, and then to a float inwards of that.
 SearchTask::FloatBox float_box(const Region& region, double outwards) {
   SearchTask::FloatBox box;
   for (int k = 0; k < 3; k++) {
@@ -39,7 +39,9 @@ SearchTask make_task(const DeviceSpheres& source, const Grid& grid, const Ordere
   if (spheres.kind != SlotKind::fixed_point) task.margin_f32 = static_cast<float>(options.margin);
   task.sum = task.radius_f32 + task.radius_f32 + task.margin_f32, task.sum_squared = task.sum * task.sum;
   task.own = options.own, task.exact = options.exact, task.owns_all = options.owns_all;
-  task.inner = float_box(options.own, -options.blur), task.outer = float_box(options.own, 2 * options.blur);
+  // The outer box stays outside by one band when its faces are rounded inwards.
+  task.inner = float_box(options.own, -options.owner_band);
+  task.outer = float_box(options.own, 2 * options.owner_band);
   task.rounded = options.rounded;
   task.wide = options.rounded ? kWideRounded : kWide, task.near = options.rounded ? kNearRounded : kNear;
   task.code_limit = code_limit(grid, spheres.bins, options.radius + grid.level[0].grown_by);

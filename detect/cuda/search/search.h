@@ -15,10 +15,10 @@ struct SearchOptions {
   SlotQuota quota;  // quota_for() the list, for a stable order
   Region own;       // contacts whose midpoint lies elsewhere are left out, unless owns_all
   bool owns_all = true;
-  double blur = 0;       // of places in float, where `own` has to be asked: owner_blur()
-  double radius = 0;     // of all spheres, for SlotKind::equal
-  double margin = 0;     // CallOptions::margin; Level::grown_by is half of it or more
-  bool rounded = false;  // slots are doubles rounded to float (kMostRounded)
+  double owner_band = 0;  // owner_band() of the spheres, unless owns_all
+  double radius = 0;      // of all spheres, for SlotKind::equal
+  double margin = 0;      // CallOptions::margin; Level::grown_by is half of it or more
+  bool rounded = false;   // slots are doubles rounded to float (kMostRounded)
   friend bool operator==(const SearchOptions&, const SearchOptions&) = default;
 };
 
