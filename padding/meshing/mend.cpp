@@ -388,7 +388,8 @@ class Mender {
     if (out_.steps.cavities > 0) surface_ = std::make_shared<const Surface>(soup_);
     for (const char c : inward_) out_.steps.turned_pieces += c;
     out_.steps.crossing_pairs = contacts.pairs.size();
-    OuterCells cells = outer_cells(*surface_, roles_, contacts);
+    OuterCells cells = outer_cells(*surface_, roles_, contacts, options_.most_pairs);
+    if (cells.too_many) return std::nullopt;
     out_.mesh = std::move(cells.mesh);
     out_.sheet = out_.mesh.triangles.size() - cells.boundary;
     out_.kind = cells.boundary > 0 ? BodyKind::solid : BodyKind::sheet;
