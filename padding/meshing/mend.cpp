@@ -357,7 +357,8 @@ class Mender {
 #pragma omp parallel for schedule(dynamic, 1)
     for (std::size_t u = 0; u < count_; u++) {
       if (meets[u] || first[u] == kNone || roles_[first[u]] == TriangleRole::sheet) continue;
-      const Point p = soup_.corner(first[u], 0);
+      // Others may have its corners and edges.
+      const Point p = (soup_.corner(first[u], 0) + soup_.corner(first[u], 1) + soup_.corner(first[u], 2)) / 3;
       for (const Vector& d : Surface::ray_directions()) {
         const auto around = surface.crossings(
             p, d, [&](std::uint32_t t) { return unit_[t] == u || roles_[t] == TriangleRole::sheet; });
