@@ -41,8 +41,8 @@ class TriangleCutter {
     if (normal_[drop_] < 0) std::swap(u_, v_);
   }
 
-  TrianglePieces run(const std::array<std::vector<std::uint32_t>, 3>& rim,
-                     std::span<const TriangleCut> cuts) {
+  TrianglePieces run(const std::array<std::vector<std::uint32_t>, 3>& rim, std::span<const TriangleCut> cuts,
+                     std::size_t limit) {
     std::vector<std::uint32_t> round;
     for (int k = 0; k < 3; k++) {
       round.push_back(corners_[k]);
@@ -63,6 +63,11 @@ class TriangleCutter {
       for (std::size_t k = 0; k + 1 < way.size(); k++)
         if (done.insert({std::min(way[k], way[k + 1]), std::max(way[k], way[k + 1])}).second)
           constrain(insert(way[k]), insert(way[k + 1]));
+      if (triangulation_.number_of_vertices() > all.size() &&
+          triangulation_.number_of_vertices() - all.size() > limit) {
+        out_.too_many = true;
+        return std::move(out_);
+      }
     }
     return collect();
   }
@@ -173,8 +178,8 @@ class TriangleCutter {
 
 TrianglePieces cut_triangle(const Mesh& mesh, std::uint32_t t, const std::vector<Point>& points,
                             const std::array<std::vector<std::uint32_t>, 3>& rim,
-                            std::span<const TriangleCut> cuts, double near) {
-  return TriangleCutter(mesh, t, points, near).run(rim, cuts);
+                            std::span<const TriangleCut> cuts, double near, std::size_t limit) {
+  return TriangleCutter(mesh, t, points, near).run(rim, cuts, limit);
 }
 
 }  // namespace padder

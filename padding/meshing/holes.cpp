@@ -270,8 +270,7 @@ Triangles fill_rim(const Mesh& mesh, const std::vector<std::uint32_t>& rim) {
   }
   Triangles out;
   const bool ring = std::set<std::uint32_t>(rim.begin(), rim.end()).size() < rim.size();
-  if (rim.size() > 3 && rim.size() <= long_rim &&
-      (ring || !(high - low <= flat_rim * rim_length(mesh, rim))))
+  if (rim.size() > 3 && rim.size() <= long_rim && (ring || !(high - low <= flat_rim * rim_length(mesh, rim))))
     least_area(polygon, out);
   else
     triangulate_polygon(polygon, out);

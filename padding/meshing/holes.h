@@ -25,16 +25,16 @@ std::vector<std::vector<std::uint32_t>> trace_rims(const Mesh& mesh,
                                                    const std::vector<std::uint32_t>& triangles,
                                                    const std::vector<DirectedEdge>& missing);
 
-// A pipe may have two walls that nothing joins at its ends. There two rims bound a ring: both lie about in one
-// plane, the inner one just inside the outer one, and they run round in opposite directions.
+// A pipe may have two walls that nothing joins at its ends. There two rims bound a ring: both lie about in
+// one plane, the inner one just inside the outer one, and they run round in opposite directions.
 struct Ring {
-  std::size_t outer, inner;            // of the rims
+  std::size_t outer, inner;             // of the rims
   std::array<std::uint32_t, 2> bridge;  // the points of outer and inner that lie nearest to each other
 };
 std::vector<Ring> find_rings(const Mesh& mesh, const std::vector<std::vector<std::uint32_t>>& rims);
 
-// Makes one rim of two, which runs over the bridge and back. Does nothing where the bridge does not lie between
-// two rims.
+// Makes one rim of two, which runs over the bridge and back. Does nothing where the bridge does not lie
+// between two rims.
 void join_rims(std::vector<std::vector<std::uint32_t>>& rims, const std::array<std::uint32_t, 2>& bridge);
 
 // Triangles that fill a rim of 3 or more points: ears in the plane across it if it is about flat or long,

@@ -357,7 +357,8 @@ class Mender {
 #pragma omp parallel for schedule(dynamic, 1)
     for (std::size_t u = 0; u < count_; u++) {
       if (meets[u] || first[u] == kNone || roles_[first[u]] == TriangleRole::sheet) continue;
-      const Point p = soup_.corner(first[u], 0);
+      // Others may have its corners and edges.
+      const Point p = (soup_.corner(first[u], 0) + soup_.corner(first[u], 1) + soup_.corner(first[u], 2)) / 3;
       for (const Vector& d : Surface::ray_directions()) {
         const auto around = surface.crossings(
             p, d, [&](std::uint32_t t) { return unit_[t] == u || roles_[t] == TriangleRole::sheet; });
@@ -388,7 +389,8 @@ class Mender {
     if (out_.steps.cavities > 0) surface_ = std::make_shared<const Surface>(soup_);
     for (const char c : inward_) out_.steps.turned_pieces += c;
     out_.steps.crossing_pairs = contacts.pairs.size();
-    OuterCells cells = outer_cells(*surface_, roles_, contacts);
+    OuterCells cells = outer_cells(*surface_, roles_, contacts, options_.most_pairs);
+    if (cells.too_many) return std::nullopt;
     out_.mesh = std::move(cells.mesh);
     out_.sheet = out_.mesh.triangles.size() - cells.boundary;
     out_.kind = cells.boundary > 0 ? BodyKind::solid : BodyKind::sheet;

@@ -19,7 +19,8 @@ namespace padder {
 //    cross, those with the body on one side bound it; those with none on both sides are sheets
 //    (outer_cells.h).
 //
-// Where more than options.most_pairs of triangles meet there is no result.
+// Where more than options.most_pairs of triangles meet, or three of them at so many places, there is no
+// result.
 //
 // `input` holds triangles with and without area. Deterministic for any number of threads.
 std::optional<Repaired> mend(const Mesh& input, const RepairOptions& options);

@@ -3,6 +3,7 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <atomic>
 #include <map>
 #include <numeric>
 #include <optional>
@@ -21,10 +22,12 @@ constexpr double same_point = 1e-13;  // of the diagonal
 
 class Cutter {
  public:
-  Cutter(const Surface& soup, const std::vector<TriangleRole>& roles, const Contacts& contacts)
+  Cutter(const Surface& soup, const std::vector<TriangleRole>& roles, const Contacts& contacts,
+         std::size_t limit)
       : soup_(soup.mesh()),
         roles_(roles),
         contacts_(contacts),
+        limit_(limit),
         surface_(soup),
         points_(soup_.points),
         near_(same_point * soup_.bounds().diagonal()) {}
@@ -32,7 +35,11 @@ class Cutter {
   OuterCells run() {
     name_points();
     mark_overlaps();
-    cut();
+    if (!cut()) {
+      OuterCells out;
+      out.too_many = true;
+      return out;
+    }
     join();
     decide();
     return collect();
@@ -154,17 +161,23 @@ class Cutter {
     return rim;
   }
 
-  void cut() {
+  // False if the cuts cross at too many places.
+  bool cut() {
     piece_of_.assign(soup_.triangles.size(), none);
     for (std::uint32_t t = 0; t < soup_.triangles.size(); t++)
       if (is_cut(t)) piece_of_[t] = static_cast<std::uint32_t>(cut_.size()), cut_.push_back(t);
     pieces_.resize(cut_.size());
+    std::atomic<std::size_t> crossings = 0;  // once above the limit it stays there, in whatever order
 #pragma omp parallel for schedule(dynamic, 1)
     for (std::size_t k = 0; k < cut_.size(); k++) {
+      if (crossings > limit_) continue;
       const std::uint32_t t = cut_[k];
-      pieces_[k] = cut_triangle(soup_, t, points_, rim_of(t),
-                                std::span(cuts_.data() + cuts_of_[t], cuts_of_[t + 1] - cuts_of_[t]), near_);
+      pieces_[k] =
+          cut_triangle(soup_, t, points_, rim_of(t),
+                       std::span(cuts_.data() + cuts_of_[t], cuts_of_[t + 1] - cuts_of_[t]), near_, limit_);
+      crossings += pieces_[k].too_many ? limit_ + 1 : pieces_[k].fresh.size();
     }
+    if (crossings > limit_) return false;
     // Where cuts cross inside a triangle there are new points.
     for (TrianglePieces& p : pieces_) {
       const auto first = static_cast<std::uint32_t>(points_.size());
@@ -173,6 +186,7 @@ class Cutter {
         for (auto& v : face)
           if (v & TrianglePieces::kFresh) v = first + (v & ~TrianglePieces::kFresh);
     }
+    return true;
   }
 
   // Regions: triangles that nothing meets and that hang together, and the regions of each cut triangle.
@@ -344,6 +358,7 @@ class Cutter {
   const Mesh& soup_;
   const std::vector<TriangleRole>& roles_;
   const Contacts& contacts_;
+  const std::size_t limit_;
   const Surface& surface_;
   std::vector<Point> points_;  // of the soup, then the new ones
   const double near_;          // points that are closer are one
@@ -360,9 +375,9 @@ class Cutter {
 
 }  // namespace
 
-OuterCells outer_cells(const Surface& soup, const std::vector<TriangleRole>& roles,
-                       const Contacts& contacts) {
-  return Cutter(soup, roles, contacts).run();
+OuterCells outer_cells(const Surface& soup, const std::vector<TriangleRole>& roles, const Contacts& contacts,
+                       std::size_t limit) {
+  return Cutter(soup, roles, contacts, limit).run();
 }
 
 }  // namespace padder

@@ -3,6 +3,7 @@
 #pragma once
 #include <array>
 #include <cstdint>
+#include <limits>
 #include <span>
 #include <vector>
 
@@ -26,6 +27,7 @@ struct OuterCells {
   std::size_t boundary = 0;           // the number of triangles of the first kind
   std::vector<std::uint32_t> source;  // for each, the triangle of the soup that it is a part of
   Mesh buried;                        // the pieces with the body on both sides, which are left out
+  bool too_many = false;  // cuts cross at more places within triangles than the limit: the lists are empty
 };
 
 // `soup` is indexed: equal points have one index; `contacts` are those of its triangles, whichever way they
@@ -33,7 +35,11 @@ struct OuterCells {
 // other triangle crosses has one winding number on either side, so one ray decides on it; an undecided piece
 // is kept, which is the safe side for a cover. Triangles too thin to have a normal are left out. Runs on all
 // threads; the result does not depend on their number.
-OuterCells outer_cells(const Surface& soup, const std::vector<TriangleRole>& roles, const Contacts& contacts);
+//
+// Of a thousand triangles that all cross each other, each is cut along a thousand lines, which cross at half
+// a million places: `limit` is for the sum of them.
+OuterCells outer_cells(const Surface& soup, const std::vector<TriangleRole>& roles, const Contacts& contacts,
+                       std::size_t limit = std::numeric_limits<std::size_t>::max());
 
 // --- The step that cuts one triangle along segments (cut_triangle.cpp) ---
 
@@ -50,13 +56,14 @@ struct TrianglePieces {
   std::vector<std::uint32_t> region;  // of each face: regions are separated by cuts
   std::vector<Point> places;          // of each region a point well inside
   std::vector<Point> fresh;           // points where cuts cross each other
+  bool too_many = false;              // of these; nothing else is here then
 };
 
 // Triangulates triangle t of the mesh such that the cuts, and the points on its edges (in order along each,
 // rim[k] behind corner k), are respected. Points have their indices in `points`. What is closer together
-// than `near` is so by rounding.
+// than `near` is so by rounding. Gives up at more than `limit` fresh points.
 TrianglePieces cut_triangle(const Mesh& mesh, std::uint32_t t, const std::vector<Point>& points,
                             const std::array<std::vector<std::uint32_t>, 3>& rim,
-                            std::span<const TriangleCut> cuts, double near);
+                            std::span<const TriangleCut> cuts, double near, std::size_t limit);
 
 }  // namespace padder

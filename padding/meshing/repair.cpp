@@ -219,7 +219,7 @@ Repaired mended(std::optional<Repaired> body, const Mesh& input, const RepairOpt
                 double diagonal, const std::string& name) {
   if (!body) {
     const std::string why =
-        "more than " + std::to_string(options.most_pairs) + " pairs of its triangles cross";
+        "its triangles cross at more than " + std::to_string(options.most_pairs) + " places";
     if (options.mode == RepairMode::automatic) return wrapped(input, options, diagonal, name, why);
     throw Error(name + ": " + why + ", too many to be cut apart: smooth the mesh, or give --repair wrap");
   }

@@ -34,8 +34,9 @@ struct RepairOptions {
   double thickness = 0;  // of sheets, half on either side; 0: their spheres stand out by the protrusion alone
   bool below_terrain = false;  // a sheet that all faces one way is solid below its normals, as far as known
   double hole_size = 0.15;     // holes whose rim is at most this share of the diagonal are always closed
-  // Where more pairs of triangles cross, they are not cut apart: `automatic` wraps the mesh, and the other
-  // modes throw Error. A million pairs take 40 s on one core, and 3 GB.
+  // Where more pairs of triangles cross, or three triangles at more places, they are not cut apart:
+  // `automatic` wraps the mesh, and the other modes throw Error. A million pairs take 40 s on one core, and
+  // 3 GB.
   std::size_t most_pairs = 1'000'000;
 };
 

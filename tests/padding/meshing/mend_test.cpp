@@ -412,6 +412,29 @@ TEST(Mend, TrianglesWithoutAreaHoldTheSurfaceTogether) {
   EXPECT_NEAR(volume(r), 1, 1e-12);
 }
 
+// A cube of 27 cells without the one in the middle, and without one at the rim that shares an edge with it.
+TEST(Mend, ACavityMayShareAnEdgeWithTheOutside) {
+  Mesh cells;
+  for (int k = 0; k < 27; k++) {
+    const Point low(k % 3, k / 3 % 3, k / 9);
+    if (k != 13 && k != 9) cells = joined(cells, shapes::box(low, low + Vector(1, 1, 1)));
+  }
+  const auto middle = [&](const auto& t) -> Point {
+    return (cells.points[t[0]] + cells.points[t[1]] + cells.points[t[2]]) / 3;
+  };
+  Mesh mesh = cells;  // without the walls, which are there twice
+  std::erase_if(mesh.triangles, [&](const auto& t) {
+    return std::count_if(cells.triangles.begin(), cells.triangles.end(),
+                         [&](const auto& other) { return (middle(t) - middle(other)).norm() < 1e-9; }) > 1;
+  });
+  for (int turn = 0; turn < 3; turn++) {
+    for (auto& t : mesh.triangles) std::rotate(t.begin(), t.begin() + 1, t.end());
+    const Repaired r = mended(mesh);
+    EXPECT_EQ(r.steps.cavities, 1u);
+    EXPECT_NEAR(volume(r), 25, 1e-12);
+  }
+}
+
 // The file says that nothing is there. What sticks out was not cut out of the body.
 TEST(Mend, WhatWasCutOutOfABodyIsACavityAlsoWhereItTouchesAWall) {
   const Mesh bore = shapes::box({0.4, 0.4, 0}, {0.6, 0.6, 1}, 3),

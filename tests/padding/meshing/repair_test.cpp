@@ -180,12 +180,31 @@ TEST(Repair, WhatCrossesAllOverIsWrappedOrRefusedInASentence) {
   options.most_pairs = pairs - 1;
   const Repaired r = repair(mesh, options, "grille");
   EXPECT_EQ(r.kind, BodyKind::wrap);
-  EXPECT_NE(r.report.find("pairs of its triangles cross"), std::string::npos) << r.report;
+  EXPECT_NE(r.report.find("its triangles cross at more than"), std::string::npos) << r.report;
   options.mode = RepairMode::united;
   EXPECT_EQ(error_of([&] { repair(mesh, options, "grille"); }),
-            "grille: more than " + std::to_string(pairs - 1) +
-                " pairs of its triangles cross, too many to be cut apart: smooth the mesh, or give "
-                "--repair wrap");
+            "grille: its triangles cross at more than " + std::to_string(pairs - 1) +
+                " places, too many to be cut apart: smooth the mesh, or give --repair wrap");
+}
+
+// Twelve plates in each of three directions: two of them cross in lines, but three in points, and of these
+// there are more.
+TEST(Repair, WhatCrossesByThreesAllOverIsWrapped) {
+  Mesh mesh;
+  constexpr int plates = 12;
+  for (int axis = 0; axis < 3; axis++)
+    for (int k = 0; k < plates; k++) {
+      Point low(0, 0, 0), high(1, 1, 1);
+      low[axis] = (k + 0.3) / plates, high[axis] = (k + 0.4) / plates;
+      mesh = shapes::joined(mesh, shapes::box(low, high));
+    }
+  RepairOptions options;
+  options.tolerance = 0.05;
+  const std::size_t pairs = repair(mesh, options, "plates").steps.crossing_pairs;
+  options.most_pairs = pairs;
+  EXPECT_EQ(repair(mesh, options, "plates").kind, BodyKind::wrap);
+  options.most_pairs = 100 * pairs;
+  EXPECT_EQ(repair(mesh, options, "plates").kind, BodyKind::solid);
 }
 
 TEST(Repair, NothingWithAnAreaIsRefusedInASentence) {

@@ -15,6 +15,8 @@ class RandomMesh {
     const int parts = 1 + below(3);
     const bool lattice = chance(0.4);  // faces that coincide, edges that meet
     for (int k = 0; k < parts; k++) place(lattice);
+    // With numbers of its own: what the other seeds give stays.
+    if (shapes::RandomInput other(~seed); other.uniform(0, 1) < 0.15) place_cells(other);
     for (int k = below(5); k > 0 && !chance(0.3); k--) damage();
     if (chance(0.1)) stretch();
     if (chance(0.1)) to_other_numbers();
@@ -61,6 +63,24 @@ class RandomMesh {
       if (inward) std::swap(t[1], t[2]);
       mesh_.triangles.push_back({t[0] + first, t[1] + first, t[2] + first});
     }
+  }
+
+  // Boxes that share walls, whose triangles face either way.
+  void place_cells(shapes::RandomInput& other) {
+    tell("cells");
+    const Vector size(other.uniform(0.3, 1), other.uniform(0.3, 1), other.uniform(0.3, 1));
+    const Eigen::Matrix3d turn = other.rotation();
+    const Point at = other.point(0.8);
+    for (int k = 0; k < 8; k++) {
+      if (other.uniform(0, 1) < 0.3) continue;
+      const Point low(k % 2, k / 2 % 2, k / 4);
+      mesh_ = shapes::joined(mesh_, shapes::box(low, low + Vector(1, 1, 1)));
+      for (std::size_t v = mesh_.points.size() - 8; v < mesh_.points.size(); v++)
+        mesh_.points[v] = turn * mesh_.points[v].cwiseProduct(size) + at;
+    }
+    const bool either_way = other.uniform(0, 1) < 0.7;
+    for (auto& t : mesh_.triangles)
+      if (either_way && other.uniform(0, 1) < 0.5) std::swap(t[1], t[2]);
   }
 
   std::size_t any() { return static_cast<std::size_t>(below(static_cast<int>(mesh_.triangles.size()))); }

@@ -75,6 +75,16 @@ std::string fault_of(const ReadResult& file, const PadOptions& options, const Pa
   return "";
 }
 
+// A ball beside one ten million times larger: all its triangles are small.
+TEST(Audit, SmallTrianglesAreSurfaceToo) {
+  Mesh mesh = shapes::sphere(2), small = shapes::sphere(2);
+  for (Point& p : small.points) p = 1e-7 * p + Point(3, 0, 0);
+  mesh = shapes::joined(mesh, small);
+  Cluster cluster;
+  cluster.centers = {{0, 0, 0}, {3, 0, 0}}, cluster.radii = {1, 1e-7};
+  EXPECT_LT(measure(mesh, nullptr, cluster, 1000, 1).protrusion, 0.1);
+}
+
 TEST(RandomMeshes, EachGivesATrueReportOrASentence) {
   const std::uint64_t first = number_from("PADDER_MESHES_SEED", std::uint64_t(std::random_device{}()) << 16),
                       count = number_from("PADDER_MESHES", 500);
