@@ -49,6 +49,7 @@ Spheres spheres_of(std::uint64_t count, const T* centers, const T* radii, Memory
 }
 
 struct SpheresAround;  // detect/core/input.h
+struct PosesAround;
 
 // What detect() tests. All spheres are numbered in one sequence: first those of bodies[0], then those of
 // bodies[1], and so on, at last the loose ones. Shapes and bodies lie in host memory; a GPU gets only the
@@ -82,6 +83,8 @@ struct Input {
   // The CUDA backend also takes poses in device memory. Then every call of the same revision must give them
   // there.
   Memory pose_memory = Memory::host;
+  // Poses of all bodies that lie on several GPUs, instead of `poses`. Only a ResidentDetector sets it.
+  const PosesAround* poses_around = nullptr;
 };
 
 // The numbers of the two spheres of a contact, i < j.

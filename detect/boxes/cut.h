@@ -35,6 +35,11 @@ struct WeightedPoint {
 struct Bounds {
   double low[3], high[3];
 };
+PADDER_HD bool meets(const Bounds& b, const Region& r) {
+  bool meets = true;
+  for (int a = 0; a < 3; a++) meets &= b.low[a] < r.high[a] && b.high[a] >= r.low[a];
+  return meets;
+}
 
 // The boxes and the planes that separate them. A default one has a single box, which is all of space.
 // Copying costs memory for every box; all other functions are safe to call from several threads.

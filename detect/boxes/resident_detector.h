@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: MIT
 // Contacts of loose spheres and bodies that lie on several GPUs, of one machine or of several, as in a
 // simulation that runs there. The spheres stay where they are, only those near a face travel, from GPU to
-// GPU, and the contacts stay on the GPU that found them. Of bodies all poses travel to all GPUs. The contacts
-// are those of one Detector, pair for pair. docs/scale.md tells how it works.
+// GPU, and the contacts stay on the GPU that found them. Of the poses of bodies each GPU reads those that it
+// needs from the others; all travel to all GPUs where these cannot read each other's memory, and between
+// ranks. The contacts are those of one Detector, pair for pair. docs/scale.md tells how it works.
 #pragma once
 #include <cstdint>
 #include <memory>
@@ -34,7 +35,7 @@ struct ResidentReport {
   std::uint64_t contacts = 0, spheres = 0;
   std::uint64_t copies = 0;       // loose spheres in the loads, and all spheres of bodies once; those above
                                   // `spheres` are halo
-  std::uint64_t moved_bytes = 0;  // from GPU to GPU
+  std::uint64_t moved_bytes = 0;  // from GPU to GPU; not the poses that one reads from another
   std::uint64_t doubtful = 0;     // sum of Contacts::doubtful
   bool cut = false;               // space was cut anew in this call
   double imbalance = 0;           // work of the GPU with the most over the mean; work: spheres plus contacts

@@ -2,6 +2,7 @@
 // What every backend asks of an Input. Internal; host code.
 #pragma once
 #include <cstring>
+#include <vector>
 
 #include "detect/detector.h"
 
@@ -13,6 +14,26 @@ struct SpheresAround {
   Spheres spheres;
   std::uint64_t before = 0;
 };
+
+// The poses of bodies that follow one another, on the GPU where they lie, and a word for each of these
+// bodies: bit k says that the k-th GPU needs it.
+struct PosePart {
+  const double* poses = nullptr;  // of each body twelve doubles, `step` doubles behind those before
+  const std::uint64_t* marks = nullptr;
+  std::uint32_t first = 0, count = 0;  // bodies
+  std::uint32_t step = sizeof(Pose) / sizeof(double);
+  friend bool operator==(const PosePart&, const PosePart&) = default;
+};
+// Poses of all bodies that lie on several GPUs, each of which can read those of the others.
+struct PosesAround {
+  std::vector<PosePart> parts;
+  std::uint32_t box = 0;  // which GPU reads them here
+};
+// Do poses lie in the memory of GPUs?
+inline bool has_device_poses(const Input& input) {
+  return input.poses_around || (input.poses && input.pose_memory == Memory::device);
+}
+
 inline std::uint64_t loose_count(const Input& input) {
   return input.spheres.count + (input.around ? input.around->spheres.count : 0);
 }

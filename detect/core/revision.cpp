@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "detect/core/input.h"
 #include "padding/asset/error.h"
 
 namespace padder::detect {
@@ -31,7 +32,7 @@ Input RevisionKeeper::resolve(const Input& input, const ReadPoses& read_poses) {
       if (!bodies_[k].is_static) moving_.push_back(static_cast<std::uint32_t>(k));
       if (host_poses) take_pose(input.poses[k], bodies_[k]);
     }
-    if (input.poses && !host_poses && moving_.size() < bodies_.size()) {
+    if (has_device_poses(input) && moving_.size() < bodies_.size()) {
       const std::vector<Pose> poses = read_poses();
       for (std::size_t k = 0; k < bodies_.size(); k++)
         if (bodies_[k].is_static) take_pose(poses[k], bodies_[k]);

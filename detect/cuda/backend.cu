@@ -261,12 +261,10 @@ class CudaBackend : public Backend {
   std::vector<Pose> device_poses(const Input& input, const CallOptions& options) override {
     const OnDevice on(device_);
     on.require();
-    check_device_memory(input.poses, device_, "the poses");
+    if (input.poses) check_device_memory(input.poses, device_, "the poses");
     std::vector<Pose> poses(input.bodies.size());
     const auto stream = static_cast<cudaStream_t>(options.stream);
-    cuda_check(cudaMemcpyAsync(poses.data(), input.poses, poses.size() * sizeof(Pose), cudaMemcpyDeviceToHost,
-                               stream),
-               "read the poses");
+    copy_poses(input, poses.data(), stream);
     cuda_check(cudaStreamSynchronize(stream), "read the poses");
     return poses;
   }

@@ -2,8 +2,10 @@
 #include "detect/cuda/bodies/body_arrays.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "detect/cuda/device/blocks.h"
+#include "detect/cuda/input/input_copy.h"
 #include "detect/cuda/tuning.h"
 
 namespace padder::detect::cuda {
@@ -33,6 +35,20 @@ __global__ void __launch_bounds__(kThreads) pose_kernel(const Pose* poses, const
       bodies[body].rotation[c] = poses[body].rotation[c];
     else
       bodies[body].position[c - 9] = poses[body].position[c - 9];
+  }
+}
+// A thread for each number of the pose of a chosen element; the first element of each body brings it.
+__global__ void __launch_bounds__(kThreads)
+    fetch_kernel(const Element* elements, ChosenElements chosen, Body* bodies) {
+  const std::uint64_t all = 12 * std::uint64_t(chosen.count);
+  for (std::uint64_t k = blockIdx.x * kThreads + threadIdx.x; k < all;
+       k += std::uint64_t(gridDim.x) * kThreads) {
+    const auto e = static_cast<std::uint32_t>(k / 12), c = static_cast<std::uint32_t>(k % 12);
+    const std::uint32_t body = elements[chosen.numbers[e]].body;
+    if (body == kLoose || (e > 0 && elements[chosen.numbers[e - 1]].body == body)) continue;
+    const PosePart& part = part_of(chosen.parts, body);
+    const double v = part.poses[std::uint64_t(body - part.first) * part.step + c];
+    reinterpret_cast<double*>(bodies + body)[c] = v;  // as in body_at_pose()
   }
 }
 void put_poses(const Pose* poses, const std::uint32_t* list, std::uint64_t count, Body* bodies, bool moving,
@@ -91,9 +107,12 @@ BodyView BodyArrays::read(const Input& input, const Pieces& p, const std::vector
   view.unit_near = static_cast<std::uint32_t>(p.spheres.size());
   view.body_first = copied(body_first_, body_first.data(), body_first.size(), stream);
   view.loose_first = body_first.back();
-  if (input.poses) {
-    const Pose* poses =
-        input.pose_memory == Memory::device ? input.poses : copied(poses_, input.poses, n, stream);
+  if (input.poses || input.poses_around) {
+    const Pose* poses = input.poses;
+    if (input.poses_around)
+      copy_poses(input, poses_.reserve(n), stream), poses = poses_.data();
+    else if (input.pose_memory == Memory::host)
+      poses = copied(poses_, input.poses, n, stream);
     put_poses(poses, nullptr, n, bodies, input.revision != 0 && some_static_, stream);
   }
   return view;
@@ -102,8 +121,13 @@ BodyView BodyArrays::read(const Input& input, const Pieces& p, const std::vector
 void BodyArrays::move(const Input& input, const std::uint32_t* list, std::uint32_t count,
                       cudaStream_t stream) {
   Body* bodies = bodies_.data();
+  const bool apart = std::exchange(in_place_, false);
   if (input.poses && input.pose_memory == Memory::device)
     return put_poses(input.poses, list, count, bodies, !list && some_static_, stream);
+  if (apart && input.moved.size() < count)
+    throw Error(
+        "the previous call of this revision read its poses in device memory, and this call gives none: give "
+        "the poses in each call, or another revision");
   if (input.moved.empty()) return;
   MovedBody* host = host_moved_.reserve(input.moved.size());
   std::uint32_t n = 0;
@@ -123,14 +147,18 @@ void BodyArrays::move(const Input& input, const std::uint32_t* list, std::uint32
 void BodyArrays::move_in_place(const Input& input, BodyView& view, cudaStream_t stream) {
   view.poses = reinterpret_cast<const double*>(bodies_.data()),
   view.pose_step = sizeof(Body) / sizeof(double);
-  const bool in_place = input.poses && input.pose_memory == Memory::device && !some_static_;
-  if (in_place_ && !input.poses)
-    throw Error(
-        "the previous call of this revision read its poses in device memory, and this call gives none: give "
-        "the poses in each call, or another revision");
-  in_place_ = in_place;
-  if (!in_place) return move(input, nullptr, static_cast<std::uint32_t>(input.bodies.size()), stream);
+  if (!input.poses || input.pose_memory != Memory::device || some_static_)
+    return move(input, nullptr, static_cast<std::uint32_t>(input.bodies.size()), stream);
+  in_place_ = true;
   view.poses = input.poses->rotation, view.pose_step = sizeof(Pose) / sizeof(double);
+}
+
+void BodyArrays::fetch(const Element* elements, const ChosenElements& chosen, cudaStream_t stream) {
+  in_place_ = true;
+  if (chosen.count == 0) return;
+  fetch_kernel<<<blocks_of_loop(12 * std::uint64_t(chosen.count), kThreads), kThreads, 0, stream>>>(
+      elements, chosen, bodies_.data());
+  cuda_launched("place the bodies");
 }
 
 }  // namespace padder::detect::cuda

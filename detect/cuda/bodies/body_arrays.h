@@ -3,11 +3,24 @@
 #pragma once
 #include <vector>
 
+#include "detect/core/input.h"
 #include "detect/core/pieces.h"
 #include "detect/cuda/device/memory.h"
 #include "detect/detector.h"
 
 namespace padder::detect::cuda {
+
+// A body at the pose that is twelve doubles; pose alone.
+__device__ __forceinline__ Body body_at_pose(const double* pose) {
+  static_assert(sizeof(Body) % sizeof(double) == 0 && offsetof(Body, rotation) == 0 &&
+                offsetof(Body, position) == 9 * sizeof(double));
+  Body b;
+#pragma unroll
+  for (int c = 0; c < 9; c++) b.rotation[c] = pose[c];
+#pragma unroll
+  for (int c = 0; c < 3; c++) b.position[c] = pose[9 + c];
+  return b;
+}
 
 // The scene as the kernels of bodies read it.
 struct BodyView {
@@ -32,16 +45,25 @@ struct BodyView {
 
   // A body where it is in this call; pose alone.
   __device__ __forceinline__ Body placed_body(std::uint32_t k) const {
-    static_assert(sizeof(Body) % sizeof(double) == 0 && offsetof(Body, rotation) == 0 &&
-                  offsetof(Body, position) == 9 * sizeof(double));
-    const double* const p = poses + std::uint64_t(k) * pose_step;
-    Body b;
-#pragma unroll
-    for (int c = 0; c < 9; c++) b.rotation[c] = p[c];
-#pragma unroll
-    for (int c = 0; c < 3; c++) b.position[c] = p[9 + c];
-    return b;
+    return body_at_pose(poses + std::uint64_t(k) * pose_step);
   }
+};
+
+// The part that has the pose of this body, and the body at that pose; pose alone.
+__device__ __forceinline__ const PosePart& part_of(const PosePart* parts, std::uint32_t body) {
+  while (body - parts->first >= parts->count) parts++;
+  return *parts;
+}
+__device__ __forceinline__ Body body_of(const PosePart& part, std::uint32_t body) {
+  return body_at_pose(part.poses + std::uint64_t(body - part.first) * part.step);
+}
+
+// Elements by their numbers, in their order, and where the poses of their bodies are: on this GPU or on
+// others.
+struct ChosenElements {
+  const PosePart* parts = nullptr;
+  const std::uint32_t* numbers = nullptr;
+  std::uint32_t count = 0;
 };
 
 struct MovedBody {
@@ -62,8 +84,10 @@ class BodyArrays {
   // move, in device memory; null for all, of which static ones stay. Poses that the caller keeps in host
   // memory stand in input.bodies by now (revision.h).
   void move(const Input& input, const std::uint32_t* list, std::uint32_t count, cudaStream_t stream);
-  // The same where poses on the device are read where they are, for this call alone. Throws Error for a call
-  // without poses after one that had them so, since nobody knows them any more.
+  // Brings the bodies of these elements to their poses, which lie elsewhere, for this call alone.
+  void fetch(const Element* elements, const ChosenElements& chosen, cudaStream_t stream);
+  // As move(), where poses on the device are read where they are, for this call alone. Throws Error for a
+  // call without poses after one that had them so, since nobody knows them any more.
   void move_in_place(const Input& input, BodyView& view, cudaStream_t stream);
 
  private:

@@ -10,10 +10,12 @@ namespace {
 
 constexpr int kThreads = 256;
 
+// Elements `first` to `end`; with `numbers`, elements numbers[first], … take these places.
 __global__ void __launch_bounds__(kThreads)
-    place_kernel(BodyView v, DeviceSpheres loose, double grown_by, std::uint32_t first, std::uint32_t end) {
+    place_kernel(BodyView v, const std::uint32_t* numbers, DeviceSpheres loose, double grown_by,
+                 std::uint32_t first, std::uint32_t end) {
   for (std::uint32_t k = first + blockIdx.x * kThreads + threadIdx.x; k < end; k += gridDim.x * kThreads) {
-    const Element e = v.elements[k];
+    const Element e = v.elements[numbers ? numbers[k] : k];
     if (e.body == kLoose) {
       const Sphere sphere = loose.sphere(e.piece);
       v.balls[k] = ball_of(sphere), v.stances[k] = stance_of(e, sphere, v.balls[k]);
@@ -93,16 +95,22 @@ bool BodyInput::knows(const Input& input) const {
 
 bool BodyInput::read(const Input& input, double margin, const Region& own, cudaStream_t stream) {
   const bool known = knows(input), table_known = known && margin == margin_;
+  const bool all = own == Region{}, apart = !all && has_device_poses(input);
   forget(), margin_ = margin;
-  if (known)
-    arrays_.move(input, moving_list_.data(), static_cast<std::uint32_t>(moving_bodies_.size()), stream);
-  else
+  if (!known)
     read_all(input, stream);
+  else if (!apart)
+    arrays_.move(input, moving_list_.data(), static_cast<std::uint32_t>(moving_bodies_.size()), stream);
   read_loose(input, known, stream);
   if (!table_known && !build_table(stream)) return false;
-  place(0, view_.moving, stream);
-  if (!table_known) of_region_.forget_static();
-  near_ = own == Region{} ? view_ : of_region_.select(view_, own, static_radius_, stream);
+  near_ = view_;
+  ChosenElements chosen;
+  if (!all && view_.moving > 0) {
+    chosen = of_region_.choose(input, view_, loose_, own, margin, stream);
+    near_.moving = chosen.count;
+    if (apart) arrays_.fetch(view_.elements, chosen, stream);
+  }
+  place(chosen.numbers, 0, near_.moving, stream);
   return true;
 }
 
@@ -119,6 +127,7 @@ void BodyInput::read_all(const Input& input, cudaStream_t stream) {
     else if (moving_bodies_.empty() || moving_bodies_.back() != el.body)
       moving_bodies_.push_back(el.body);
   }
+  of_region_.forget();
   view_ = arrays_.read(input, assembly_.pieces, assembly_.body_first, stream);
   view_.elements = copied(elements_, assembly_.elements.data(), assembly_.elements.size(), stream);
   view_.count = static_cast<std::uint32_t>(assembly_.elements.size()), view_.moving = assembly_.moving;
@@ -177,12 +186,13 @@ void BodyInput::read_loose(const Input& input, bool known, cudaStream_t stream) 
   loose_.count = n, loose_.wide = loose_.filtered = true;
 }
 
-void BodyInput::place(std::uint32_t first, std::uint32_t end, cudaStream_t stream) {
+void BodyInput::place(const std::uint32_t* numbers, std::uint32_t first, std::uint32_t end,
+                      cudaStream_t stream) {
   if (first == end) return;
   // More than half of the margin, by far more than the decisions about it round.
   const double grown_by = 0.5 * margin_ * (1 + 0x1p-40);
-  place_kernel<<<blocks_of_loop(end - first, kThreads), kThreads, 0, stream>>>(view_, loose_, grown_by, first,
-                                                                               end);
+  place_kernel<<<blocks_of_loop(end - first, kThreads), kThreads, 0, stream>>>(view_, numbers, loose_,
+                                                                               grown_by, first, end);
   cuda_launched("place the balls about bodies");
 }
 
@@ -191,19 +201,17 @@ void BodyInput::place(std::uint32_t first, std::uint32_t end, cudaStream_t strea
 bool BodyInput::build_table(cudaStream_t stream) {
   const std::uint32_t count = view_.count - view_.moving;
   std::vector<Sphere> balls(count);
-  place(view_.moving, view_.count, stream);
+  place(nullptr, view_.moving, view_.count, stream);
   if (count)
     cuda_check(cudaMemcpyAsync(balls.data(), view_.balls + view_.moving, count * sizeof(Sphere),
                                cudaMemcpyDeviceToHost, stream),
                "read what is static");
   cuda_check(cudaStreamSynchronize(stream), "read what is static");
   if (!table_.build(balls, view_.moving)) return false;
-  static_extent_ = static_radius_ = 0;
-  for (const Sphere& b : balls) {
+  static_extent_ = 0;
+  for (const Sphere& b : balls)
     static_extent_ =
         std::max({static_extent_, std::abs(b.x) + b.r, std::abs(b.y) + b.r, std::abs(b.z) + b.r});
-    static_radius_ = std::max(static_radius_, b.r);
-  }
   std::copy_n(table_.bounds, kMaxLevels, static_view_.bounds);
   static_view_.starts = copied(static_starts_, table_.starts.data(), table_.starts.size(), stream);
   static_view_.elements = copied(static_elements_, table_.elements.data(), count, stream);

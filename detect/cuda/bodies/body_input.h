@@ -44,12 +44,12 @@ class BodyInput {
   void read_all(const Input& input, cudaStream_t stream);
   void read_loose(const Input& input, bool known, cudaStream_t stream);
   bool build_table(cudaStream_t stream);
-  void place(std::uint32_t first, std::uint32_t end, cudaStream_t stream);
+  void place(const std::uint32_t* numbers, std::uint32_t first, std::uint32_t end, cudaStream_t stream);
 
   InputCopy copy_;
   Assembly assembly_;
   StaticTable table_;
-  double static_extent_ = 0, static_radius_ = 0, margin_ = 0;
+  double static_extent_ = 0, margin_ = 0;
   std::uint64_t revision_ = 0, known_bodies_ = 0, known_loose_ = 0;
   std::vector<std::uint32_t> moving_bodies_, moving_loose_;
   BodyView view_, near_;  // of everything; without what is left out

@@ -67,12 +67,6 @@ struct Source {
   }
 };
 
-__device__ bool meets(const Bounds& halo, const Region& box) {
-  bool meets = true;
-  for (int a = 0; a < 3; a++) meets &= halo.low[a] < box.high[a] && halo.high[a] >= box.low[a];
-  return meets;
-}
-
 // Does the halo lie within the box? Then it meets no other.
 __device__ bool lies_within(const Bounds& halo, const Region& box) {
   bool within = true;

@@ -58,14 +58,23 @@ void ResidentDetector::Work::sample_bodies(std::vector<WeightedPoint>& points) {
   const std::uint64_t count = bodies_.bodies.size(), step = count / kSampleOfDevice + 1;
   const std::uint64_t drawn = (count + step - 1) / step;
   std::vector<double> at(3 * drawn);
-  if (const Pose* const poses = places_[0]->all_poses) {
-    const cuda::OnDevice on(places_[0]->device);
-    cuda::cuda_check(cudaMemcpy2D(at.data(), 3 * sizeof(double), poses->position, step * sizeof(Pose),
-                                  3 * sizeof(double), drawn, cudaMemcpyDeviceToHost),
-                     "draw a sample of the bodies");
-  } else {
+  // Those numbered k * step among the bodies whose poses a GPU has.
+  const auto read = [&](int device, const double* poses, std::uint64_t first, std::uint64_t number) {
+    const std::uint64_t begin = (first + step - 1) / step, end = (first + number + step - 1) / step;
+    if (begin == end) return;
+    const cuda::OnDevice on(device);
+    cuda::cuda_check(
+        cudaMemcpy2D(&at[3 * begin], 3 * sizeof(double), poses + 12 * (begin * step - first) + 9,
+                     step * sizeof(Pose), 3 * sizeof(double), end - begin, cudaMemcpyDeviceToHost),
+        "draw a sample of the bodies");
+  };
+  if (places_[0]->all_poses)
+    read(places_[0]->device, places_[0]->all_poses->rotation, 0, count);
+  else if (!pose_parts_.empty())
+    for (std::size_t k = 0; k < places_.size(); k++)
+      read(places_[k]->device, pose_parts_[k].poses, pose_parts_[k].first, pose_parts_[k].count);
+  else
     for (std::uint64_t k = 0; k < drawn; k++) std::copy_n(body_at(bodies_, k * step).position, 3, &at[3 * k]);
-  }
   for (std::uint64_t k = 0; k < drawn; k++) {
     const Shape& shape = bodies_.shapes[bodies_.bodies[k * step].shape];
     if (std::isfinite(at[3 * k] + at[3 * k + 1] + at[3 * k + 2]))  // else detection will say what is wrong

@@ -40,7 +40,8 @@ void ResidentDetector::Work::choose_devices(std::vector<int> devices) {
   for (const int d : devices) places_.push_back(std::make_unique<Place>(d));
   for (const auto& place : places_) {
     const cuda::OnDevice on(place->device);
-    for (const int other : devices) cuda::let_access(place->device, other);
+    for (const int other : devices)
+      if (!cuda::let_access(place->device, other)) read_each_other_ = false;
   }
   crew_ = std::make_unique<cuda::Crew>(devices.size());
 }
@@ -154,9 +155,28 @@ Input ResidentDetector::Work::input_of(Place& p, std::size_t k) {
   return input;
 }
 
+// Each GPU finds which GPUs need the bodies whose poses it has.
+void ResidentDetector::Work::mark_bodies() {
+  if (pose_parts_.empty()) return;
+  each_place([&](Place& p, std::size_t k) {
+    PosePart& part = pose_parts_[k];
+    if (bodies_.revision == 0 || p.marked_revision != bodies_.revision || p.marked.first != part.first ||
+        p.marked.count != part.count) {
+      p.marked_revision = 0;
+      p.marks->learn(bodies_.shapes, bodies_.bodies.subspan(part.first, part.count), p.stream);
+      p.marked_revision = bodies_.revision, p.marked = part;
+    }
+    part.marks = p.marks->mark(part.poses, part.step, regions_, halo_radius_, nullptr, 0, p.stream);
+    cuda::cuda_check(cudaStreamSynchronize(p.stream), "choose the bodies");
+  });
+  for (std::size_t k = 0; k < places_.size(); k++)
+    places_[k]->poses_around = {pose_parts_, static_cast<std::uint32_t>(k)};
+}
+
 void ResidentDetector::Work::send_and_detect() {
   const double start = now();
   found_.assign(places_.size(), {});
+  mark_bodies();
   if (ranks_ && !alone()) exchange_with_ranks(*places_[0]);
   together([&] {
     each_place([&](Place& p, std::size_t k) {
@@ -167,6 +187,7 @@ void ResidentDetector::Work::send_and_detect() {
       // Other static spheres may have come; after a call that failed, the detectors differ in what they know.
       if (form_.is_static || failed_) input.revision = 0;
       if (p.all_poses) input.poses = p.all_poses, input.pose_memory = Memory::device;
+      if (!pose_parts_.empty()) input.poses_around = &p.poses_around;
       CallOptions options = options_;
       options.stream = nullptr, options.output = Memory::device;
       options.own = common(options.own, regions_[box_of(k)]);

@@ -9,17 +9,29 @@ namespace padder::detect {
 
 using cuda::DealTarget;
 
-// Every GPU gets the poses of all bodies. Those on other GPUs travel from there.
+// Where GPUs read each other's memory, poses stay where they are. Else every GPU gets those of all bodies.
 void ResidentDetector::Work::bring(std::span<const ResidentPoses> poses) {
   for (const auto& p : places_) p->all_poses = nullptr;
+  pose_parts_.clear();
   if (poses.empty() || bodies_.bodies.empty()) return;
+  const bool stay = !ranks_ && read_each_other_ && places_.size() <= cuda::kMostMarks;
   together([&] {
     each_place([&](Place& p, std::size_t k) {
       if (poses[k].count) cuda::check_device_memory(poses[k].poses, p.device, "the poses");
-      p.all_poses = alone() ? poses[0].poses : p.poses.reserve(bodies_.bodies.size());
+      if (alone())
+        p.all_poses = poses[0].poses;
+      else if (!stay)
+        p.all_poses = p.poses.reserve(bodies_.bodies.size());
     });
   });
   if (alone()) return;
+  std::uint32_t first = 0;
+  for (std::size_t k = 0; stay && k < poses.size(); k++) {
+    const auto count = static_cast<std::uint32_t>(poses[k].count);
+    pose_parts_.push_back({reinterpret_cast<const double*>(poses[k].poses), nullptr, first, count});
+    first += count;
+  }
+  if (stay) return;
   report_.moved_bytes += (regions_.size() - 1) * bodies_.bodies.size() * sizeof(Pose);
   if (ranks_) return bring_from_ranks(poses[0]);
   each_place([&](Place& p, std::size_t) {

@@ -66,6 +66,7 @@ class ResidentDetector::Work {
   void check_bodies(const Input& bodies);
   void agree(const std::vector<cuda::Given>& given);
   Input input_of(Place& p, std::size_t k);
+  void mark_bodies();
   void send_and_detect();
   void finish();
 
@@ -98,6 +99,8 @@ class ResidentDetector::Work {
   std::uint64_t body_spheres_ = 0, revision_ = 0;  // of the bodies; of the call before
   bool failed_ = false;                            // the call before
   std::vector<std::uint64_t> poses_of_;            // in each part; empty: they come with the bodies
+  bool read_each_other_ = true;                    // all GPUs
+  std::vector<PosePart> pose_parts_;               // of the call, if GPUs read each other's poses
   std::vector<Region> regions_;                    // the boxes of all GPUs, those of other ranks too
   std::vector<double> density_;                    // of each box: work for each sphere, in the call before
   BoxTree tree_;

@@ -65,11 +65,13 @@ Spheres Upload::run(const Spheres& s, cudaStream_t stream) {
   return there;
 }
 
-void let_access(int device, int other) {
+bool let_access(int device, int other) {
   int can = 0;
-  if (device == other || cudaDeviceCanAccessPeer(&can, device, other) != cudaSuccess || !can) return;
-  cudaDeviceEnablePeerAccess(other, 0);
-  cudaGetLastError();  // already enabled, perhaps by the caller
+  if (device == other) return true;
+  if (cudaDeviceCanAccessPeer(&can, device, other) != cudaSuccess || !can) return false;
+  const cudaError_t e = cudaDeviceEnablePeerAccess(other, 0);
+  cudaGetLastError();
+  return e == cudaSuccess || e == cudaErrorPeerAccessAlreadyEnabled;  // perhaps by the caller
 }
 
 }  // namespace padder::detect::cuda

@@ -94,7 +94,7 @@ class Upload {
   HostCopy host_;
 };
 
-// Lets a GPU read the other's memory, where the machine can.
-void let_access(int device, int other);
+// Lets a GPU read the other's memory, where the machine can. False: it cannot.
+bool let_access(int device, int other);
 
 }  // namespace padder::detect::cuda

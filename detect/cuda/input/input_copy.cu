@@ -117,12 +117,14 @@ void InputCopy::copy_bodies(const Input& input, DeviceSpheres& s, cudaStream_t s
   copy(body_first, first.data(), first.size() * 4),
       copy(shapes_first, shape_first.data(), shape_first.size() * 4);
   const auto n = static_cast<std::uint32_t>(input.bodies.size());
-  if (input.poses) {
+  if (input.poses || input.poses_around) {
     const Pose* poses = input.poses;
-    if (input.pose_memory == Memory::host) {
-      Pose* to = poses_.reserve(n);
-      copy(to, poses, n * sizeof(Pose));
-      poses = to;
+    if (input.poses_around) {
+      poses = poses_.reserve(n);
+      copy_poses(input, poses_.data(), stream);
+    } else if (input.pose_memory == Memory::host) {
+      poses = poses_.reserve(n);
+      copy(poses_.data(), input.poses, n * sizeof(Pose));
     }
     pose_kernel<<<blocks_of_loop(n, kThreads), kThreads, 0, stream>>>(n, poses, bodies, input.revision != 0);
   }
@@ -132,6 +134,16 @@ void InputCopy::copy_bodies(const Input& input, DeviceSpheres& s, cudaStream_t s
   cuda_check(cudaStreamSynchronize(stream), "copy the bodies");
   s.bodies = bodies, s.body_of = body_of, s.body_first = body_first, s.shape_spheres = shapes,
   s.shape_first = shapes_first;
+}
+
+void copy_poses(const Input& input, Pose* to, cudaStream_t stream) {
+  const auto copy = [&](const Pose* from, std::uint64_t first, std::uint64_t count) {
+    if (count)
+      cuda_check(cudaMemcpyAsync(to + first, from, count * sizeof(Pose), cudaMemcpyDefault, stream),
+                 "read the poses");
+  };
+  if (!input.poses_around) return copy(input.poses, 0, input.bodies.size());
+  for (const PosePart& p : input.poses_around->parts) copy(reinterpret_cast<const Pose*>(p.poses), p.first, p.count);
 }
 
 Sphere sphere_at(const DeviceSpheres& source, std::uint32_t k, cudaStream_t stream) {

@@ -28,6 +28,8 @@ class InputCopy {
   Buffer<Sphere> shapes_;
 };
 
+// All poses, which lie in the memory of GPUs. Does not wait for the stream.
+void copy_poses(const Input& input, Pose* to, cudaStream_t stream);
 Sphere sphere_at(const DeviceSpheres& source, std::uint32_t k, cudaStream_t stream);  // waits
 
 }  // namespace padder::detect::cuda

@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: MIT
+#include "detect/cuda/bodies/body_marks.h"
+
+#include <algorithm>
+#include <vector>
+
+#include "detect/cuda/bodies/body_arrays.h"
+#include "detect/cuda/device/blocks.h"
+
+namespace padder::detect::cuda {
+namespace {
+
+constexpr int kThreads = 256;
+
+struct Boxes {
+  Region box[kMostMarks];
+  int count = 0;
+};
+
+__global__ void __launch_bounds__(kThreads)
+    mark_kernel(const double* poses, std::uint32_t step, const std::uint32_t* shape_of,
+                const ShapeExtent* extents, std::uint32_t count, const __grid_constant__ Boxes boxes,
+                double largest, const double* larger, double margin, std::uint64_t* marks) {
+  if (larger) largest = detect::larger(largest, *larger);
+  for (std::uint32_t k = blockIdx.x * kThreads + threadIdx.x; k < count; k += gridDim.x * kThreads) {
+    const Body body = body_at_pose(poses + std::uint64_t(k) * step);
+    const Bounds halo = halo_of(body, extents[shape_of[k]], largest, margin);
+    std::uint64_t needed = 0;
+    for (int b = 0; b < boxes.count; b++) needed |= std::uint64_t(meets(halo, boxes.box[b])) << b;
+    marks[k] = needed;
+  }
+}
+
+}  // namespace
+
+BodyMarks::BodyMarks(MemoryBook& book)
+    : shape_of_(book, "the bodies near a box"),
+      extents_(book, "the bodies near a box"),
+      marks_(book, "the bodies near a box") {}
+
+void BodyMarks::learn(std::span<const Shape> shapes, std::span<const Body> bodies, cudaStream_t stream) {
+  std::vector<ShapeExtent> extents;
+  for (const Shape& s : shapes) extents.push_back(extent_of(s));
+  largest_radius_ = 0;
+  for (const ShapeExtent& e : extents) largest_radius_ = std::max(largest_radius_, e.largest_radius);
+  std::vector<std::uint32_t> shape_of;
+  for (const Body& b : bodies) shape_of.push_back(b.shape);
+  count_ = static_cast<std::uint32_t>(bodies.size());
+  copied(extents_, extents.data(), extents.size(), stream);
+  copied(shape_of_, shape_of.data(), shape_of.size(), stream);
+  cuda_check(cudaStreamSynchronize(stream), "copy the bodies");  // the vectors must outlive their copies
+}
+
+const std::uint64_t* BodyMarks::mark(const double* poses, std::uint32_t step, std::span<const Region> boxes,
+                                     double largest_loose, const double* larger, double margin,
+                                     cudaStream_t stream) {
+  std::uint64_t* const marks = marks_.reserve(count_);
+  if (count_ == 0) return marks;
+  Boxes all;
+  all.count = static_cast<int>(boxes.size());
+  std::copy(boxes.begin(), boxes.end(), all.box);
+  mark_kernel<<<blocks_of_loop(count_, kThreads), kThreads, 0, stream>>>(
+      poses, step, shape_of_.data(), extents_.data(), count_, all, std::max(largest_radius_, largest_loose),
+      larger, margin, marks);
+  cuda_launched("choose the bodies");
+  return marks;
+}
+
+}  // namespace padder::detect::cuda
