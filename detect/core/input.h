@@ -15,11 +15,11 @@ struct SpheresAround {
   std::uint64_t before = 0;
 };
 
-// The poses of bodies that follow one another, on the GPU where they lie, and a word for each of these
-// bodies: bit k says that the k-th GPU needs it.
+// The poses of bodies that follow one another, on the GPU where they lie, and which of these bodies the GPU
+// that reads this needs: bit k of word w stands for body 32 w + k of the part.
 struct PosePart {
   const double* poses = nullptr;  // of each body twelve doubles, `step` doubles behind those before
-  const std::uint64_t* marks = nullptr;
+  const std::uint32_t* marks = nullptr;
   std::uint32_t first = 0, count = 0;  // bodies
   std::uint32_t step = sizeof(Pose) / sizeof(double);
   friend bool operator==(const PosePart&, const PosePart&) = default;
@@ -27,7 +27,6 @@ struct PosePart {
 // Poses of all bodies that lie on several GPUs, each of which can read those of the others.
 struct PosesAround {
   std::vector<PosePart> parts;
-  std::uint32_t box = 0;  // which GPU reads them here
 };
 // Do poses lie in the memory of GPUs?
 inline bool has_device_poses(const Input& input) {

@@ -21,41 +21,23 @@ __global__ void moved_kernel(const MovedBody* moved, std::uint32_t count, Body* 
     for (int c = 0; c < 3; c++) to.position[c] = pose.position[c];
   }
 }
-// A thread for each number of a pose: of the bodies in `list`, or of all if it is null. `moving`: static
-// bodies are left out, since they stay where they were put.
-__global__ void __launch_bounds__(kThreads) pose_kernel(const Pose* poses, const std::uint32_t* list,
-                                                        std::uint32_t count, Body* bodies, bool moving) {
-  const std::uint64_t all = 12 * std::uint64_t(count);
-  for (std::uint64_t k = blockIdx.x * kThreads + threadIdx.x; k < all;
-       k += std::uint64_t(gridDim.x) * kThreads) {
-    const auto b = static_cast<std::uint32_t>(k / 12), c = static_cast<std::uint32_t>(k % 12);
-    const std::uint32_t body = list ? list[b] : b;
-    if (moving && bodies[body].is_static) continue;
-    if (c < 9)
-      bodies[body].rotation[c] = poses[body].rotation[c];
-    else
-      bodies[body].position[c - 9] = poses[body].position[c - 9];
-  }
-}
-// A thread for each number of the pose of a chosen element; the first element of each body brings it.
+// A thread for each number of a pose. `moving`: static bodies are left out, since they stay where they were
+// put.
 __global__ void __launch_bounds__(kThreads)
-    fetch_kernel(const Element* elements, ChosenElements chosen, Body* bodies) {
-  const std::uint64_t all = 12 * std::uint64_t(chosen.count);
-  for (std::uint64_t k = blockIdx.x * kThreads + threadIdx.x; k < all;
+    pose_kernel(const Pose* poses, std::uint64_t count, Body* bodies, bool moving) {
+  for (std::uint64_t k = blockIdx.x * kThreads + threadIdx.x; k < 12 * count;
        k += std::uint64_t(gridDim.x) * kThreads) {
-    const auto e = static_cast<std::uint32_t>(k / 12), c = static_cast<std::uint32_t>(k % 12);
-    const std::uint32_t body = elements[chosen.numbers[e]].body;
-    if (body == kLoose || (e > 0 && elements[chosen.numbers[e - 1]].body == body)) continue;
-    const PosePart& part = part_of(chosen.parts, body);
-    const double v = part.poses[std::uint64_t(body - part.first) * part.step + c];
-    reinterpret_cast<double*>(bodies + body)[c] = v;  // as in body_at_pose()
+    const std::uint64_t b = k / 12, c = k % 12;
+    if (moving && bodies[b].is_static) continue;
+    if (c < 9)
+      bodies[b].rotation[c] = poses[b].rotation[c];
+    else
+      bodies[b].position[c - 9] = poses[b].position[c - 9];
   }
 }
-void put_poses(const Pose* poses, const std::uint32_t* list, std::uint64_t count, Body* bodies, bool moving,
-               cudaStream_t stream) {
+void put_poses(const Pose* poses, std::uint64_t count, Body* bodies, bool moving, cudaStream_t stream) {
   if (count == 0) return;
-  pose_kernel<<<blocks_of_loop(12 * count, kThreads), kThreads, 0, stream>>>(
-      poses, list, static_cast<std::uint32_t>(count), bodies, moving);
+  pose_kernel<<<blocks_of_loop(12 * count, kThreads), kThreads, 0, stream>>>(poses, count, bodies, moving);
   cuda_launched("place the bodies");
 }
 
@@ -93,8 +75,9 @@ BodyView BodyArrays::read(const Input& input, const Pieces& p, const std::vector
   BodyView view;
   Body* bodies = copied(bodies_, input.bodies.data(), n, stream);
   view.bodies = bodies, view.poses = reinterpret_cast<const double*>(bodies);
-  some_static_ =
-      std::any_of(input.bodies.begin(), input.bodies.end(), [](const Body& b) { return b.is_static; });
+  moving_ =
+      std::count_if(input.bodies.begin(), input.bodies.end(), [](const Body& b) { return !b.is_static; });
+  some_static_ = moving_ < n;
   in_place_ = false;
   view.pieces = copied(pieces_, p.pieces.data(), p.pieces.size(), stream);
   view.spheres = copied(spheres_, p.spheres.data(), p.spheres.size(), stream);
@@ -113,18 +96,17 @@ BodyView BodyArrays::read(const Input& input, const Pieces& p, const std::vector
       copy_poses(input, poses_.reserve(n), stream), poses = poses_.data();
     else if (input.pose_memory == Memory::host)
       poses = copied(poses_, input.poses, n, stream);
-    put_poses(poses, nullptr, n, bodies, input.revision != 0 && some_static_, stream);
+    put_poses(poses, n, bodies, input.revision != 0 && some_static_, stream);
   }
   return view;
 }
 
-void BodyArrays::move(const Input& input, const std::uint32_t* list, std::uint32_t count,
-                      cudaStream_t stream) {
+void BodyArrays::move(const Input& input, cudaStream_t stream) {
   Body* bodies = bodies_.data();
   const bool apart = std::exchange(in_place_, false);
-  if (input.poses && input.pose_memory == Memory::device)
-    return put_poses(input.poses, list, count, bodies, !list && some_static_, stream);
-  if (apart && input.moved.size() < count)
+  if (has_device_poses(input))
+    return put_poses(input.poses, input.bodies.size(), bodies, some_static_, stream);
+  if (apart && input.moved.size() < moving_)
     throw Error(
         "the previous call of this revision read its poses in device memory, and this call gives none: give "
         "the poses in each call, or another revision");
@@ -147,18 +129,9 @@ void BodyArrays::move(const Input& input, const std::uint32_t* list, std::uint32
 void BodyArrays::move_in_place(const Input& input, BodyView& view, cudaStream_t stream) {
   view.poses = reinterpret_cast<const double*>(bodies_.data()),
   view.pose_step = sizeof(Body) / sizeof(double);
-  if (!input.poses || input.pose_memory != Memory::device || some_static_)
-    return move(input, nullptr, static_cast<std::uint32_t>(input.bodies.size()), stream);
+  if (!input.poses || input.pose_memory != Memory::device || some_static_) return move(input, stream);
   in_place_ = true;
   view.poses = input.poses->rotation, view.pose_step = sizeof(Pose) / sizeof(double);
-}
-
-void BodyArrays::fetch(const Element* elements, const ChosenElements& chosen, cudaStream_t stream) {
-  in_place_ = true;
-  if (chosen.count == 0) return;
-  fetch_kernel<<<blocks_of_loop(12 * std::uint64_t(chosen.count), kThreads), kThreads, 0, stream>>>(
-      elements, chosen, bodies_.data());
-  cuda_launched("place the bodies");
 }
 
 }  // namespace padder::detect::cuda

@@ -58,14 +58,6 @@ __device__ __forceinline__ Body body_of(const PosePart& part, std::uint32_t body
   return body_at_pose(part.poses + std::uint64_t(body - part.first) * part.step);
 }
 
-// Elements by their numbers, in their order, and where the poses of their bodies are: on this GPU or on
-// others.
-struct ChosenElements {
-  const PosePart* parts = nullptr;
-  const std::uint32_t* numbers = nullptr;
-  std::uint32_t count = 0;
-};
-
 struct MovedBody {
   Pose pose;
   std::uint64_t body = 0;
@@ -80,18 +72,20 @@ class BodyArrays {
   // sphere. The vectors must outlive the copies.
   BodyView read(const Input& input, const Pieces& pieces, const std::vector<std::uint32_t>& body_first,
                 cudaStream_t stream);
-  // Brings the bodies of a known revision to their new poses; only these go to the device. `list`: those that
-  // move, in device memory; null for all, of which static ones stay. Poses that the caller keeps in host
-  // memory stand in input.bodies by now (revision.h).
-  void move(const Input& input, const std::uint32_t* list, std::uint32_t count, cudaStream_t stream);
-  // Brings the bodies of these elements to their poses, which lie elsewhere, for this call alone.
-  void fetch(const Element* elements, const ChosenElements& chosen, cudaStream_t stream);
-  // As move(), where poses on the device are read where they are, for this call alone. Throws Error for a
-  // call without poses after one that had them so, since nobody knows them any more.
+  // Brings the bodies of a known revision to their new poses. Poses that the caller keeps in host memory
+  // stand in input.bodies by now (revision.h), and only those that moved go to the device. Throws Error for a
+  // call without poses after one that left some where they were, since nobody knows them any more.
+  void move(const Input& input, cudaStream_t stream);
+  // The same where poses on the device are read where they are, for this call alone.
   void move_in_place(const Input& input, BodyView& view, cudaStream_t stream);
+  // The poses of this call lie on GPUs, and its caller brings those that it needs to bodies(): all, or some.
+  void expect_poses(bool all) { in_place_ = !all; }
+  Body* bodies() { return bodies_.data(); }
 
  private:
-  bool some_static_ = false, in_place_ = false;
+  bool in_place_ = false;     // the poses of some bodies that move stayed where they were
+  std::uint64_t moving_ = 0;  // bodies
+  bool some_static_ = false;
   Buffer<Body> bodies_;
   Buffer<Pose> poses_;
   Buffer<Piece> pieces_;

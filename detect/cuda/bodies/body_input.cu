@@ -8,26 +8,46 @@
 namespace padder::detect::cuda {
 namespace {
 
-constexpr int kThreads = 256;
+constexpr unsigned kThreads = 256;
 
-// Elements `first` to `end`; with `numbers`, elements numbers[first], … take these places.
+// Elements `first` to `end`; with `numbers`, elements numbers[first], … take these places. Poses that do not
+// lie with the bodies are brought there. A block reads the poses of its elements together, number by number,
+// since they may lie on another GPU.
 __global__ void __launch_bounds__(kThreads)
-    place_kernel(BodyView v, const std::uint32_t* numbers, DeviceSpheres loose, double grown_by,
-                 std::uint32_t first, std::uint32_t end) {
-  for (std::uint32_t k = first + blockIdx.x * kThreads + threadIdx.x; k < end; k += gridDim.x * kThreads) {
-    const Element e = v.elements[numbers ? numbers[k] : k];
-    if (e.body == kLoose) {
-      const Sphere sphere = loose.sphere(e.piece);
-      v.balls[k] = ball_of(sphere), v.stances[k] = stance_of(e, sphere, v.balls[k]);
-      const Filter f = loose.filter(e.piece);
-      v.family[k] = f.family, v.mask[k] = f.mask, v.owner[k] = f.owner;
-    } else {
-      const Body& body = v.bodies[e.body];
-      v.balls[k] = ball_of(body, v.pieces[e.piece]);
-      v.stances[k] = stance_of(body, e, v.pieces[e.piece], v.balls[k]);
-      v.family[k] = body.family, v.mask[k] = body.mask, v.owner[k] = owner_of(e.body, body.is_static);
+    place_kernel(BodyView v, Body* bodies, const PosePart* parts, const std::uint32_t* numbers,
+                 DeviceSpheres loose, double grown_by, std::uint32_t first, std::uint32_t end) {
+  __shared__ double poses[kThreads][13];  // odd, against conflicts of banks
+  const auto element = [&](std::uint32_t k) { return v.elements[numbers ? numbers[k] : k]; };
+  for (std::uint32_t base = first + blockIdx.x * kThreads; base < end; base += gridDim.x * kThreads) {
+    const std::uint32_t here = min(end - base, kThreads);
+    for (std::uint32_t n = threadIdx.x; n < 12 * here; n += kThreads) {
+      const std::uint32_t at = n / 12, c = n % 12, body = element(base + at).body;
+      if (body == kLoose) continue;
+      const PosePart& part = part_of(parts, body);
+      const double value = part.poses[std::uint64_t(body - part.first) * part.step + c];
+      poses[at][c] = value;
+      if (part.poses != bodies->rotation) reinterpret_cast<double*>(bodies + body)[c] = value;
     }
-    if (grown_by > 0) v.balls[k].r += grown_by;  // stances are those of the balls themselves
+    __syncthreads();
+    if (threadIdx.x < here) {
+      const std::uint32_t k = base + threadIdx.x;
+      const Element e = element(k);
+      Sphere ball;
+      Filter f;
+      if (e.body == kLoose) {
+        const Sphere sphere = loose.sphere(e.piece);
+        ball = ball_of(sphere), v.stances[k] = stance_of(e, sphere, ball), f = loose.filter(e.piece);
+      } else {
+        const Body body = body_at_pose(poses[threadIdx.x]);
+        const Body& tags = v.bodies[e.body];
+        ball = ball_of(body, v.pieces[e.piece]);
+        v.stances[k] = stance_of(body, e, v.pieces[e.piece], ball);
+        f = {tags.family, tags.mask, owner_of(e.body, tags.is_static)};
+      }
+      if (grown_by > 0) ball.r += grown_by;  // stances are those of the balls themselves
+      v.balls[k] = ball, v.family[k] = f.family, v.mask[k] = f.mask, v.owner[k] = f.owner;
+    }
+    __syncthreads();  // all have read what the next round writes over
   }
 }
 // Copies loose spheres to the array of our own: those in `list`, or all if it is null.
@@ -75,6 +95,7 @@ BodyInput::BodyInput(MemoryBook& book)
     : copy_(book),
       arrays_(book),
       of_region_(book),
+      parts_(book, "the poses"),
       elements_(book, "the pieces of bodies"),
       balls_(book, "the balls about bodies"),
       loose_spheres_(book, "the spheres"),
@@ -95,23 +116,46 @@ bool BodyInput::knows(const Input& input) const {
 
 bool BodyInput::read(const Input& input, double margin, const Region& own, cudaStream_t stream) {
   const bool known = knows(input), table_known = known && margin == margin_;
-  const bool all = own == Region{}, apart = !all && has_device_poses(input);
   forget(), margin_ = margin;
   if (!known)
     read_all(input, stream);
-  else if (!apart)
-    arrays_.move(input, moving_list_.data(), static_cast<std::uint32_t>(moving_bodies_.size()), stream);
+  else if (!has_device_poses(input))
+    arrays_.move(input, stream);
   read_loose(input, known, stream);
   if (!table_known && !build_table(stream)) return false;
   near_ = view_;
-  ChosenElements chosen;
-  if (!all && view_.moving > 0) {
-    chosen = of_region_.choose(input, view_, loose_, own, margin, stream);
-    near_.moving = chosen.count;
-    if (apart) arrays_.fetch(view_.elements, chosen, stream);
-  }
-  place(chosen.numbers, 0, near_.moving, stream);
+  if (view_.moving == 0) return true;
+  const bool limited = !(own == Region{});
+  if (limited) of_region_.begin(input, loose_, own, margin, stream);
+  const PosePart* const parts = find_poses(input, limited, stream);
+  const std::uint32_t* numbers = nullptr;
+  if (limited) numbers = of_region_.choose(view_, parts, near_.moving, stream);
+  place(parts, numbers, 0, near_.moving, stream);
   return true;
+}
+
+// Where the poses of this call are, for kernels; with marks of the bodies that are near, if it is limited to
+// a box.
+const PosePart* BodyInput::find_poses(const Input& input, bool limited, cudaStream_t stream) {
+  std::vector<PosePart> parts;
+  if (input.poses_around) {
+    parts = input.poses_around->parts;
+  } else {
+    PosePart all = part_of_bodies();
+    if (has_device_poses(input)) all.poses = input.poses->rotation, all.step = sizeof(Pose) / sizeof(double);
+    if (limited) all.marks = of_region_.mark(all, stream);
+    parts = {all};
+  }
+  if (has_device_poses(input)) arrays_.expect_poses(!limited);
+  return pose_parts(parts, stream);
+}
+// Those with the bodies.
+PosePart BodyInput::part_of_bodies() const {
+  return {view_.poses, nullptr, 0, static_cast<std::uint32_t>(known_bodies_), view_.pose_step};
+}
+const PosePart* BodyInput::pose_parts(const std::vector<PosePart>& parts, cudaStream_t stream) {
+  if (parts != known_parts_) known_parts_ = parts, copied(parts_, known_parts_.data(), parts.size(), stream);
+  return parts_.data();
 }
 
 void BodyInput::read_all(const Input& input, cudaStream_t stream) {
@@ -119,13 +163,10 @@ void BodyInput::read_all(const Input& input, cudaStream_t stream) {
   std::vector<std::uint8_t> is_static;
   if (marks_static(input) && s.memory == Memory::device) is_static = marks_on_device(input, stream);
   assembly_.update(input, is_static.empty() ? s.is_static : is_static.data());
-  moving_bodies_.clear(), moving_loose_.clear();
+  moving_loose_.clear();
   for (std::uint32_t e = 0; e < assembly_.moving; e++) {
     const Element el = assembly_.elements[e];
-    if (el.body == kLoose)
-      moving_loose_.push_back(el.piece);
-    else if (moving_bodies_.empty() || moving_bodies_.back() != el.body)
-      moving_bodies_.push_back(el.body);
+    if (el.body == kLoose) moving_loose_.push_back(el.piece);
   }
   of_region_.forget();
   view_ = arrays_.read(input, assembly_.pieces, assembly_.body_first, stream);
@@ -134,9 +175,7 @@ void BodyInput::read_all(const Input& input, cudaStream_t stream) {
   view_.balls = balls_.reserve(view_.count), view_.stances = stances_.reserve(view_.count);
   view_.family = tags_.reserve(3 * std::uint64_t(view_.count));
   view_.mask = view_.family + view_.count, view_.owner = view_.mask + view_.count;
-  std::vector<std::uint32_t> lists = moving_bodies_;
-  lists.insert(lists.end(), moving_loose_.begin(), moving_loose_.end());
-  copied(moving_list_, lists.data(), lists.size(), stream);
+  copied(moving_list_, moving_loose_.data(), moving_loose_.size(), stream);
   cuda_check(cudaStreamSynchronize(stream), "copy the bodies");  // the vectors must outlive their copies
   known_bodies_ = input.bodies.size(), known_loose_ = loose_count(input);
 }
@@ -162,7 +201,7 @@ void BodyInput::read_loose(const Input& input, bool known, cudaStream_t stream) 
                                                                        to, tags, n);
   } else if (moving > 0 && s.memory == Memory::device) {
     loose_kernel<<<blocks_of_loop(moving, kThreads), kThreads, 0, stream>>>(
-        copy_.source(only, stream), moving_list_.data() + moving_bodies_.size(), moving, to, tags, n);
+        copy_.source(only, stream), moving_list_.data(), moving, to, tags, n);
   } else if (moving > 0) {
     LooseRecord* host = host_records_.reserve(moving);
     const auto read = [&](std::uint32_t k, const auto* centers, const auto* radii) {
@@ -186,13 +225,13 @@ void BodyInput::read_loose(const Input& input, bool known, cudaStream_t stream) 
   loose_.count = n, loose_.wide = loose_.filtered = true;
 }
 
-void BodyInput::place(const std::uint32_t* numbers, std::uint32_t first, std::uint32_t end,
-                      cudaStream_t stream) {
+void BodyInput::place(const PosePart* parts, const std::uint32_t* numbers, std::uint32_t first,
+                      std::uint32_t end, cudaStream_t stream) {
   if (first == end) return;
   // More than half of the margin, by far more than the decisions about it round.
   const double grown_by = 0.5 * margin_ * (1 + 0x1p-40);
-  place_kernel<<<blocks_of_loop(end - first, kThreads), kThreads, 0, stream>>>(view_, numbers, loose_,
-                                                                               grown_by, first, end);
+  place_kernel<<<blocks_of_loop(end - first, kThreads), kThreads, 0, stream>>>(
+      view_, arrays_.bodies(), parts, numbers, loose_, grown_by, first, end);
   cuda_launched("place the balls about bodies");
 }
 
@@ -201,7 +240,7 @@ void BodyInput::place(const std::uint32_t* numbers, std::uint32_t first, std::ui
 bool BodyInput::build_table(cudaStream_t stream) {
   const std::uint32_t count = view_.count - view_.moving;
   std::vector<Sphere> balls(count);
-  place(nullptr, view_.moving, view_.count, stream);
+  place(pose_parts({part_of_bodies()}, stream), nullptr, view_.moving, view_.count, stream);
   if (count)
     cuda_check(cudaMemcpyAsync(balls.data(), view_.balls + view_.moving, count * sizeof(Sphere),
                                cudaMemcpyDeviceToHost, stream),

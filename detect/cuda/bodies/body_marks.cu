@@ -10,24 +10,28 @@
 namespace padder::detect::cuda {
 namespace {
 
-constexpr int kThreads = 256;
+constexpr unsigned kThreads = 256, kWarps = kThreads / 32;
 
 struct Boxes {
-  Region box[kMostMarks];
+  Region box[kMostMarked];
   int count = 0;
 };
 
 __global__ void __launch_bounds__(kThreads)
     mark_kernel(const double* poses, std::uint32_t step, const std::uint32_t* shape_of,
                 const ShapeExtent* extents, std::uint32_t count, const __grid_constant__ Boxes boxes,
-                double largest, const double* larger, double margin, std::uint64_t* marks) {
+                double largest, const double* larger, double margin, std::uint32_t* marks) {
   if (larger) largest = detect::larger(largest, *larger);
-  for (std::uint32_t k = blockIdx.x * kThreads + threadIdx.x; k < count; k += gridDim.x * kThreads) {
-    const Body body = body_at_pose(poses + std::uint64_t(k) * step);
-    const Bounds halo = halo_of(body, extents[shape_of[k]], largest, margin);
-    std::uint64_t needed = 0;
-    for (int b = 0; b < boxes.count; b++) needed |= std::uint64_t(meets(halo, boxes.box[b])) << b;
-    marks[k] = needed;
+  const std::uint64_t words = (std::uint64_t(count) + 31) / 32;
+  const unsigned lane = threadIdx.x % 32;
+  for (std::uint64_t w = (blockIdx.x * kThreads + threadIdx.x) / 32; w < words; w += gridDim.x * kWarps) {
+    const std::uint64_t k = 32 * w + lane;
+    Bounds halo{};
+    if (k < count) halo = halo_of(body_at_pose(poses + k * step), extents[shape_of[k]], largest, margin);
+    for (int b = 0; b < boxes.count; b++) {
+      const unsigned needed = __ballot_sync(~0u, k < count && meets(halo, boxes.box[b]));
+      if (lane == 0) marks[b * words + w] = needed;
+    }
   }
 }
 
@@ -51,10 +55,10 @@ void BodyMarks::learn(std::span<const Shape> shapes, std::span<const Body> bodie
   cuda_check(cudaStreamSynchronize(stream), "copy the bodies");  // the vectors must outlive their copies
 }
 
-const std::uint64_t* BodyMarks::mark(const double* poses, std::uint32_t step, std::span<const Region> boxes,
+const std::uint32_t* BodyMarks::mark(const double* poses, std::uint32_t step, std::span<const Region> boxes,
                                      double largest_loose, const double* larger, double margin,
                                      cudaStream_t stream) {
-  std::uint64_t* const marks = marks_.reserve(count_);
+  std::uint32_t* const marks = marks_.reserve(words() * boxes.size());
   if (count_ == 0) return marks;
   Boxes all;
   all.count = static_cast<int>(boxes.size());

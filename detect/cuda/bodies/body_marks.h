@@ -9,7 +9,7 @@
 
 namespace padder::detect::cuda {
 
-inline constexpr std::size_t kMostMarks = 64;  // boxes: a mark is a bit
+inline constexpr std::size_t kMostMarked = 64;  // boxes
 
 class BodyMarks {
  public:
@@ -18,19 +18,19 @@ class BodyMarks {
   // The bodies whose poses mark() will be given. Waits for the stream.
   void learn(std::span<const Shape> shapes, std::span<const Body> bodies, cudaStream_t stream);
   double largest_radius() const { return largest_radius_; }  // of all shapes
-  // A word for each body, in which bit k says that boxes[k] may own one of its contacts; of a body whose pose
-  // is none there is at least one. The pose of body k are the twelve doubles from `poses` + k * `step` on, in
-  // the GPU's memory. No loose sphere is larger than `largest_loose` and, if it is given, *larger. Does not
-  // wait. Cost: a pass over the poses.
-  const std::uint64_t* mark(const double* poses, std::uint32_t step, std::span<const Region> boxes,
+  // A bitmap for each box, words() long: bit k of word w says that the box may own a contact of body 32 w +
+  // k. A body whose pose is none is in at least one. The pose of body k are the twelve doubles from `poses` +
+  // k * `step` on, in the GPU's memory. No loose sphere is larger than `largest_loose` and, if it is given,
+  // *larger. Does not wait. Cost: a pass over the poses.
+  const std::uint32_t* mark(const double* poses, std::uint32_t step, std::span<const Region> boxes,
                             double largest_loose, const double* larger, double margin, cudaStream_t stream);
+  std::uint64_t words() const { return (std::uint64_t(count_) + 31) / 32; }
 
  private:
   std::uint32_t count_ = 0;
   double largest_radius_ = 0;
-  Buffer<std::uint32_t> shape_of_;
+  Buffer<std::uint32_t> shape_of_, marks_;
   Buffer<ShapeExtent> extents_;
-  Buffer<std::uint64_t> marks_;
 };
 
 }  // namespace padder::detect::cuda

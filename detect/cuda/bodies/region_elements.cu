@@ -30,7 +30,6 @@ struct MayHaveContacts {
   double largest;
   const double* largest_loose;
   double margin;
-  std::uint32_t box;
 
   __device__ bool reaches(const Sphere& ball) const {
     return !(ball.r >= 0) || meets(halo_of(ball, larger(largest, *largest_loose), margin), own);
@@ -39,7 +38,8 @@ struct MayHaveContacts {
     const Element e = view.elements[k];
     if (e.body == kLoose) return reaches(ball_of(loose.sphere(e.piece)));
     const PosePart& part = part_of(parts, e.body);
-    if (!(part.marks[e.body - part.first] >> box & 1)) return false;
+    const std::uint32_t at = e.body - part.first;
+    if (!(part.marks[at / 32] >> at % 32 & 1)) return false;
     const bool before = k > 0 && view.elements[k - 1].body == e.body,
                behind = k + 1 < view.moving && view.elements[k + 1].body == e.body;
     return !(before || behind) || reaches(ball_of(body_of(part, e.body), view.pieces[e.piece]));
@@ -50,57 +50,47 @@ struct MayHaveContacts {
 
 RegionElements::RegionElements(MemoryBook& book)
     : marks_(book),
-      parts_(book, "the poses"),
       numbers_(book, "the bodies near a box"),
       scratch_(book, "the bodies near a box"),
       found_(book, "the bodies near a box") {}
 
-ChosenElements RegionElements::choose(const Input& input, const BodyView& view, const DeviceSpheres& loose,
-                                      const Region& own, double margin, cudaStream_t stream) {
+void RegionElements::begin(const Input& input, const DeviceSpheres& loose, const Region& own, double margin,
+                           cudaStream_t stream) {
+  loose_ = loose, own_ = own, margin_ = margin;
   if (!knows_bodies_) marks_.learn(input.shapes, input.bodies, stream);
   knows_bodies_ = true;
-  unsigned long long* const found = found_.reserve(2);
-  cuda_check(cudaMemsetAsync(found, 0, 2 * sizeof *found, stream), "choose the bodies");
+  cuda_check(cudaMemsetAsync(found_.reserve(2), 0, 2 * sizeof(unsigned long long), stream),
+             "choose the bodies");
   if (loose.count)
-    largest_kernel<<<blocks_of_loop(loose.count, kThreads), kThreads, 0, stream>>>(loose, found);
-  const auto* const largest_loose = reinterpret_cast<const double*>(found);
+    largest_kernel<<<blocks_of_loop(loose.count, kThreads), kThreads, 0, stream>>>(loose, found_.data());
+  cuda_launched("choose the bodies");
+}
 
-  ChosenElements chosen;
-  std::vector<PosePart> parts;
-  if (input.poses_around) {
-    parts = input.poses_around->parts;
-  } else {
-    PosePart all{view.poses, nullptr, 0, static_cast<std::uint32_t>(input.bodies.size()), view.pose_step};
-    if (has_device_poses(input)) all.poses = input.poses->rotation, all.step = sizeof(Pose) / sizeof(double);
-    all.marks = marks_.mark(all.poses, all.step, {&own, 1}, 0, largest_loose, margin, stream);
-    parts = {all};
-  }
-  if (parts != known_parts_) known_parts_ = parts, copied(parts_, known_parts_.data(), parts.size(), stream);
-  chosen.parts = parts_.data(), chosen.numbers = numbers_.reserve(view.moving);
+const std::uint32_t* RegionElements::mark(const PosePart& all, cudaStream_t stream) {
+  return marks_.mark(all.poses, all.step, {&own_, 1}, 0, reinterpret_cast<const double*>(found_.data()),
+                     margin_, stream);
+}
 
+const std::uint32_t* RegionElements::choose(const BodyView& view, const PosePart* parts, std::uint32_t& count,
+                                            cudaStream_t stream) {
+  std::uint32_t* const numbers = numbers_.reserve(view.moving);
+  unsigned long long* const found = found_.data();
   const thrust::counting_iterator<std::uint32_t> element(0);
-  const MayHaveContacts needed{view,
-                               chosen.parts,
-                               loose,
-                               own,
-                               marks_.largest_radius(),
-                               largest_loose,
-                               margin,
-                               input.poses_around ? input.poses_around->box : 0};
+  const MayHaveContacts needed{
+      view, parts, loose_, own_, marks_.largest_radius(), reinterpret_cast<const double*>(found), margin_};
   std::size_t bytes = 0;
   const auto select = [&](void* room) {
-    cuda_check(
-        cub::DeviceSelect::If(room, bytes, element, numbers_.data(), found + 1, view.moving, needed, stream),
-        "choose the bodies");
+    cuda_check(cub::DeviceSelect::If(room, bytes, element, numbers, found + 1, view.moving, needed, stream),
+               "choose the bodies");
   };
   select(nullptr);
   select(scratch_.reserve(bytes));
-  unsigned long long count = 0;
-  cuda_check(cudaMemcpyAsync(&count, found + 1, sizeof count, cudaMemcpyDeviceToHost, stream),
+  unsigned long long chosen = 0;
+  cuda_check(cudaMemcpyAsync(&chosen, found + 1, sizeof chosen, cudaMemcpyDeviceToHost, stream),
              "choose the bodies");
   cuda_check(cudaStreamSynchronize(stream), "choose the bodies");
-  chosen.count = static_cast<std::uint32_t>(count);
-  return chosen;
+  count = static_cast<std::uint32_t>(chosen);
+  return numbers;
 }
 
 }  // namespace padder::detect::cuda

@@ -106,7 +106,7 @@ enum Counter { kAway, kAstray, kRadiusBits, kFaulty, kStaying, kFirstBox };
 
 struct DealTask {
   const Region* boxes;
-  unsigned box_count, own;
+  unsigned box_count, own, number_bits;
   Region own_box;
   double largest_radius;
   std::uint64_t away_room;
@@ -134,7 +134,8 @@ __device__ __noinline__ void note_away(const DealTask& task, bool asked, const S
     if (lane == 0)
       place = atomicAdd(task.counts + kAway, count), atomicAdd(task.counts + kFirstBox + b, count);
     place = __shfl_sync(~0u, place, 0) + static_cast<unsigned>(__popc(there & ((1u << lane) - 1)));
-    if (goes && place < task.away_room) task.away[place] = static_cast<unsigned long long>(b) << 32 | k;
+    if (goes && place < task.away_room)
+      task.away[place] = static_cast<unsigned long long>(b) << task.number_bits | k;
   }
 }
 
@@ -186,14 +187,14 @@ struct Stays {
   }
 };
 
-// `numbers`: of spheres, in their lower 32 bits; null: all.
+// `numbers`: of spheres, in the bits of `mask`; null: all.
 template <class T, class Number>
 __global__ void __launch_bounds__(kThreads)
-    gather_kernel(Source<T> source, const Number* numbers, std::uint64_t count, std::uint64_t first_id,
-                  DealTarget to) {
+    gather_kernel(Source<T> source, const Number* numbers, Number mask, std::uint64_t count,
+                  std::uint64_t first_id, DealTarget to) {
   const std::uint64_t place = std::uint64_t(blockIdx.x) * kThreads + threadIdx.x;
   if (place >= count) return;
-  const std::uint64_t k = numbers ? static_cast<std::uint32_t>(numbers[place]) : place;
+  const std::uint64_t k = numbers ? numbers[place] & mask : place;
   T v[4];
   source.read(k, v);
   source.copy(k, v, first_id + k, to, place);
@@ -222,6 +223,9 @@ __global__ void hash_kernel(const Pair* pairs, std::uint64_t count, ResidentNumb
   if (threadIdx.x % 32 == 0) atomicAdd(sum, mine);
 }
 
+// Of what is noted of a sphere, so many bits are its number and the higher ones its box: fewer to sort.
+int number_bits(const Spheres& spheres) { return std::bit_width(spheres.count - 1); }
+
 template <class Use>
 void as_source(const Spheres& spheres, const Use& use) {
   if (spheres.scalar == Scalar::f32)
@@ -242,8 +246,8 @@ bool is_packed(const Spheres& s) {
 void Dealer::pack(const Spheres& spheres, const DealTarget& to, cudaStream_t stream) {
   as_source(spheres, [&](const auto& source) {
     constexpr const std::uint32_t* all = nullptr;
-    gather_kernel<<<blocks_for(spheres.count, kThreads), kThreads, 0, stream>>>(source, all, spheres.count, 0,
-                                                                                to);
+    gather_kernel<<<blocks_for(spheres.count, kThreads), kThreads, 0, stream>>>(source, all, 0u,
+                                                                                spheres.count, 0, to);
   });
   cuda_launched("copy the spheres");
 }
@@ -264,9 +268,15 @@ DealCounts Dealer::deal(const Spheres& spheres, double largest_radius, std::uint
   std::vector<unsigned long long> counts(kFirstBox + boxes_, 0);
   counts[kFaulty] = ~0ull;
   const std::size_t bytes = counts.size() * sizeof counts[0];
-  const DealTask task{
-      regions_.data(), static_cast<unsigned>(boxes_), static_cast<unsigned>(own_),   own_box_, largest_radius,
-      away_room,       away_.reserve(away_room),      counts_.reserve(counts.size())};
+  const DealTask task{regions_.data(),
+                      static_cast<unsigned>(boxes_),
+                      static_cast<unsigned>(own_),
+                      static_cast<unsigned>(number_bits(spheres)),
+                      own_box_,
+                      largest_radius,
+                      away_room,
+                      away_.reserve(away_room),
+                      counts_.reserve(counts.size())};
   cuda_check(cudaMemcpyAsync(task.counts, counts.data(), bytes, cudaMemcpyHostToDevice, stream),
              "deal the spheres out");
   as_source(spheres, [&]<class T>(const Source<T>& source) {
@@ -287,7 +297,7 @@ DealCounts Dealer::deal(const Spheres& spheres, double largest_radius, std::uint
 void Dealer::gather_away(const Spheres& spheres, std::uint64_t away, std::uint64_t first_id,
                          const DealTarget& to, cudaStream_t stream) {
   if (away == 0) return;
-  const int bits = 32 + std::bit_width(boxes_ - 1);  // a sphere's and a box's
+  const int bits = number_bits(spheres) + std::bit_width(boxes_ - 1);
   cub::DoubleBuffer<unsigned long long> keys(away_.data(), sorted_.reserve(away_.capacity()));
   const auto sort = [&](void* space, std::size_t& bytes) {
     cuda_check(cub::DeviceRadixSort::SortKeys(space, bytes, keys, away, 0, bits, stream),
@@ -297,8 +307,8 @@ void Dealer::gather_away(const Spheres& spheres, std::uint64_t away, std::uint64
   sort(nullptr, bytes);
   sort(space_.reserve(bytes), bytes);
   as_source(spheres, [&](const auto& source) {
-    gather_kernel<<<blocks_for(away, kThreads), kThreads, 0, stream>>>(source, keys.Current(), away, first_id,
-                                                                       to);
+    gather_kernel<<<blocks_for(away, kThreads), kThreads, 0, stream>>>(
+        source, keys.Current(), (1ull << number_bits(spheres)) - 1, away, first_id, to);
   });
   cuda_launched("copy the spheres for other boxes");
 }
@@ -317,7 +327,8 @@ void Dealer::gather_own(const Spheres& spheres, double largest_radius, std::uint
     std::size_t bytes = 0;
     select(nullptr, bytes);
     select(space_.reserve(bytes), bytes);
-    gather_kernel<<<blocks_for(count, kThreads), kThreads, 0, stream>>>(source, staying, count, first_id, to);
+    gather_kernel<<<blocks_for(count, kThreads), kThreads, 0, stream>>>(source, staying, ~0u, count, first_id,
+                                                                        to);
   });
   cuda_launched("copy the spheres that stay");
 }

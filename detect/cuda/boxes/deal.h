@@ -66,7 +66,7 @@ class Dealer {
  private:
   std::size_t boxes_ = 1, own_ = 0;
   Region own_box_;
-  Buffer<unsigned long long> away_, sorted_;  // box << 32 | sphere
+  Buffer<unsigned long long> away_, sorted_;  // a box and a sphere
   Buffer<char> space_;
   Buffer<std::uint32_t> staying_;
   Buffer<Sphere> sample_;

@@ -169,8 +169,12 @@ void ResidentDetector::Work::mark_bodies() {
     part.marks = p.marks->mark(part.poses, part.step, regions_, halo_radius_, nullptr, 0, p.stream);
     cuda::cuda_check(cudaStreamSynchronize(p.stream), "choose the bodies");
   });
-  for (std::size_t k = 0; k < places_.size(); k++)
-    places_[k]->poses_around = {pose_parts_, static_cast<std::uint32_t>(k)};
+  for (std::size_t k = 0; k < places_.size(); k++) {
+    std::vector<PosePart>& parts = places_[k]->poses_around.parts;
+    parts = pose_parts_;
+    for (std::size_t from = 0; from < parts.size(); from++)
+      parts[from].marks += k * places_[from]->marks->words();
+  }
 }
 
 void ResidentDetector::Work::send_and_detect() {

@@ -14,7 +14,7 @@ void ResidentDetector::Work::bring(std::span<const ResidentPoses> poses) {
   for (const auto& p : places_) p->all_poses = nullptr;
   pose_parts_.clear();
   if (poses.empty() || bodies_.bodies.empty()) return;
-  const bool stay = !ranks_ && read_each_other_ && places_.size() <= cuda::kMostMarks;
+  const bool stay = !ranks_ && read_each_other_ && places_.size() <= cuda::kMostMarked;
   together([&] {
     each_place([&](Place& p, std::size_t k) {
       if (poses[k].count) cuda::check_device_memory(poses[k].poses, p.device, "the poses");
@@ -101,6 +101,8 @@ void ResidentDetector::Work::exchange(Place& p, std::size_t k) {
   const std::uint64_t own = stays_in_place(p) ? 0 : p.own;
   std::uint64_t before = 0, behind = p.before + own;
   p.others->reserve(behind + p.behind, form_);
+  std::vector<cuda::ComingSpheres> coming;
+  const bool read = read_each_other_ && places_.size() <= cuda::kMostComing;
   for (std::size_t from = 0; from < places_.size(); from++) {
     if (from == k) continue;
     const Place& other = *places_[from];
@@ -108,9 +110,14 @@ void ResidentDetector::Work::exchange(Place& p, std::size_t k) {
     for (std::size_t to = 0; to < k; to++) there += to == from ? 0 : other.counts.to[to];
     const std::uint64_t count = other.counts.to[k];
     std::uint64_t& here = from < k ? before : behind;
-    cuda::copy_to_peer(p.others->from(std::exchange(here, here + count), form_), p.device,
-                       other.away->from(there, form_), other.device, count, form_.scalar, p.stream);
+    const std::uint64_t place = std::exchange(here, here + count);
+    if (count && read)
+      coming.push_back({other.away->from(there, form_), place, count});
+    else
+      cuda::copy_to_peer(p.others->from(place, form_), p.device, other.away->from(there, form_), other.device,
+                         count, form_.scalar, p.stream);
   }
+  cuda::read_spheres(p.others->from(0, form_), coming, form_.scalar, p.stream);
   gather_own(p);
   cuda::cuda_check(cudaStreamSynchronize(p.stream), "bring spheres from the other GPUs");
 }

@@ -1,11 +1,16 @@
 // SPDX-License-Identifier: MIT
 #include "detect/cuda/boxes/sphere_arrays.h"
 
+#include <algorithm>
 #include <utility>
+
+#include "detect/cuda/device/blocks.h"
 
 namespace padder::detect::cuda {
 
 namespace {
+
+constexpr int kThreads = 256;
 
 // Calls copy(to, from, bytes) for each array that there is.
 template <class Copy>
@@ -18,7 +23,42 @@ void each_array(const DealTarget& to, const DealTarget& from, std::uint64_t coun
                  "bring spheres to another GPU");
 }
 
+struct Coming {
+  ComingSpheres run[kMostComing];
+};
+
+// `all`: spheres of all runs together. Words: of 16 bytes, that x, y, z and r take.
+template <int Words>
+__global__ void __launch_bounds__(kThreads)
+    read_kernel(DealTarget to, const __grid_constant__ Coming coming, std::uint64_t all) {
+  std::uint64_t k = std::uint64_t(blockIdx.x) * kThreads + threadIdx.x;
+  if (k >= all) return;
+  int r = 0;
+  while (k >= coming.run[r].count) k -= coming.run[r++].count;
+  const DealTarget& from = coming.run[r].from;
+  const std::uint64_t at = coming.run[r].place + k;
+#pragma unroll
+  for (int w = 0; w < Words; w++)
+    static_cast<uint4*>(to.spheres)[Words * at + w] = static_cast<const uint4*>(from.spheres)[Words * k + w];
+  if (to.ids) to.ids[at] = from.ids[k];
+  if (to.family) to.family[at] = from.family[k];
+  if (to.mask) to.mask[at] = from.mask[k];
+  if (to.is_static) to.is_static[at] = from.is_static[k];
+}
+
 }  // namespace
+
+void read_spheres(const DealTarget& to, std::span<const ComingSpheres> coming, Scalar scalar,
+                  cudaStream_t stream) {
+  Coming runs;
+  std::copy(coming.begin(), coming.end(), runs.run);
+  std::uint64_t all = 0;
+  for (const ComingSpheres& c : coming) all += c.count;
+  if (all == 0) return;
+  (scalar == Scalar::f32 ? read_kernel<1>
+                         : read_kernel<2>)<<<blocks_for(all, kThreads), kThreads, 0, stream>>>(to, runs, all);
+  cuda_launched("bring spheres to another GPU");
+}
 
 void copy_spheres(const DealTarget& to, const DealTarget& from, std::uint64_t count, Scalar scalar,
                   cudaStream_t stream) {

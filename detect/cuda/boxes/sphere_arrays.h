@@ -78,6 +78,17 @@ inline std::array<SphereArray, 5> arrays_of(const DealTarget& t, Scalar scalar) 
 void copy_spheres(const DealTarget& to, const DealTarget& from, std::uint64_t count, Scalar scalar,
                   cudaStream_t stream);
 
+// Spheres that come from another GPU: where they are there, and their place among those that come.
+struct ComingSpheres {
+  DealTarget from;
+  std::uint64_t place = 0, count = 0;
+};
+inline constexpr std::size_t kMostComing = 64;
+// Reads spheres from GPUs whose memory this one can read, at most kMostComing runs of them, all at once.
+// Does not wait.
+void read_spheres(const DealTarget& to, std::span<const ComingSpheres> coming, Scalar scalar,
+                  cudaStream_t stream);
+
 // Copies `count` spheres from one GPU to another. The stream is one of the GPU that gets them.
 void copy_to_peer(const DealTarget& to, int to_device, const DealTarget& from, int from_device,
                   std::uint64_t count, Scalar scalar, cudaStream_t stream);

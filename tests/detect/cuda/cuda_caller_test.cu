@@ -140,6 +140,38 @@ TEST_F(CudaCallerTest, HostMemoryIsNotDeviceMemory) {
   expect_right(d);
 }
 
+// A call that is limited to a box reads only the poses that it needs, where the caller has them.
+TEST_F(CudaCallerTest, PosesThatWereNotReadMustBeGivenAgain) {
+  const Sphere ball{0, 0, 0, 1};
+  const Shape shape{&ball, 1};
+  std::vector<Body> bodies(4);
+  std::vector<Pose> poses(4);
+  for (int k = 0; k < 4; k++) poses[k].position[0] = 1.5 * k;  // contacts at 0.75, 2.25 and 3.75
+  void* device = nullptr;
+  ASSERT_EQ(cudaMalloc(&device, 4 * sizeof(Pose)), cudaSuccess);
+  ASSERT_EQ(cudaMemcpy(device, poses.data(), 4 * sizeof(Pose), cudaMemcpyHostToDevice), cudaSuccess);
+  Input given;
+  given.shapes = {&shape, 1}, given.bodies = bodies, given.revision = 1;
+  given.poses = static_cast<const Pose*>(device), given.pose_memory = Memory::device;
+  CallOptions o = options_;
+  o.bodies = Bodies::first;
+  Detector d({BackendKind::cuda}, o);
+  d.options().own.high[0] = 1;
+  for (int call = 0; call < 3; call++) EXPECT_EQ(d.detect(given).count, 1u);
+  Input none = given;
+  none.poses = nullptr, none.pose_memory = Memory::host;
+  EXPECT_TRUE(refuses([&] { d.detect(none); }, "poses in device memory"));
+  d.options().own = {};
+  EXPECT_EQ(d.detect(given).count, 3u);  // all are read
+  EXPECT_EQ(d.detect(none).count, 3u);
+  Input host = given;
+  host.poses = poses.data(), host.pose_memory = Memory::host;
+  d.options().own.high[0] = 3;
+  EXPECT_EQ(d.detect(given).count, 2u);
+  EXPECT_EQ(d.detect(host).count, 2u);
+  cudaFree(device);
+}
+
 // The caller's own kernel ends the context; the next call says so, and the detector's end stays quiet.
 void detect_after_a_fault(const CallOptions& options, const std::vector<FloatSphere>& spheres) {
   std::set_terminate([] { std::_Exit(3); });

@@ -140,7 +140,7 @@ struct MovingBodies {
     shapes = {{small.data(), small.size()}, {small.data(), 1}, {large.data(), large.size()}, {nullptr, 0}};
     bodies.resize(600), poses.resize(bodies.size());
     for (std::size_t k = 0; k < bodies.size(); k++) {
-      bodies[k].shape = k == 0 ? 2 : k % 50 == 7 ? 3 : k % 3 == 1, bodies[k].is_static = k % 20 == 0;
+      bodies[k].shape = k < 2 ? 2 : k % 50 == 7 ? 3 : k % 3 == 1, bodies[k].is_static = k % 20 == 0;
       bodies[k].family = static_cast<std::uint32_t>(k % 4), bodies[k].mask = k % 5 == 0 ? 2 : 0;
       for (double& p : poses[k].position) p = k == 0 ? 0 : 9 * unit();
     }
