@@ -32,7 +32,7 @@ using Delaunay =
                                                CGAL::No_constraint_intersection_tag>;
 using Edge = std::pair<std::uint32_t, std::uint32_t>;
 
-constexpr std::uint32_t none = 0xffffffff;
+constexpr std::uint32_t kNone = 0xffffffff;
 
 struct Plane {
   Vector normal;
@@ -65,9 +65,9 @@ class FlatRegions {
     std::vector<double> areas;
     for (std::size_t f = 0; f < n; f++) areas.push_back(mesh_.area_normal(f).norm());
     std::ranges::stable_sort(order, [&](std::uint32_t a, std::uint32_t b) { return areas[a] > areas[b]; });
-    patch_.assign(n, none);
+    patch_.assign(n, kNone);
     for (const std::uint32_t seed : order) {
-      if (patch_[seed] != none) continue;
+      if (patch_[seed] != kNone) continue;
       const Plane plane = {mesh_.area_normal(seed).normalized(), mesh_.corner(seed, 0)};
       const std::uint32_t id = static_cast<std::uint32_t>(planes_.size());
       planes_.push_back(plane);
@@ -78,7 +78,7 @@ class FlatRegions {
         open.pop_back();
         for (std::size_t k = 0; k < 3; k++) {
           const std::uint32_t g = face_.at({mesh_.triangles[f][(k + 1) % 3], mesh_.triangles[f][k]});
-          if (patch_[g] != none || !in_plane(g, plane)) continue;
+          if (patch_[g] != kNone || !in_plane(g, plane)) continue;
           patch_[g] = id;
           open.push_back(g);
         }
@@ -223,10 +223,10 @@ namespace {
 
 // Points in order of their coordinates, faces in order of their points: CGAL's order changes from run to run.
 Mesh sorted(const Mesh& mesh) {
-  std::vector<std::uint32_t> order, place(mesh.points.size(), none);
+  std::vector<std::uint32_t> order, place(mesh.points.size(), kNone);
   for (const auto& t : mesh.triangles)
     for (const auto v : t) {
-      if (place[v] == none) order.push_back(v);
+      if (place[v] == kNone) order.push_back(v);
       place[v] = 0;
     }
   std::ranges::sort(order, [&](std::uint32_t a, std::uint32_t b) {

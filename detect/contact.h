@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Sphere against sphere, for host and device: the exact test, the float test in front of it, what a contact
 // record holds, and which region owns a contact. Lengths are in the caller's unit. Proofs and drawings:
-// docs/detector.md.
+// docs/detector/exactness.md.
 #pragma once
 #include "detect/host_device.h"
 
@@ -80,8 +80,8 @@ struct alignas(16) FixedPointSlot {
 //
 // Let u = 2^-24. For float input, |d2 - true| <= 5.01 u d2 and |s2 - true| <= 3.01 u s2, plus 2^-147 where a
 // square underflows. In fixed point, each difference is off by at most 1.001 units and u of itself, and |s2 -
-// true| <= 5.01 u s2. The band 16 u s2 + kAbsoluteBand covers both (docs/detector.md), even if the compiler
-// fuses operations.
+// true| <= 5.01 u s2. The band 16 u s2 + kAbsoluteBand covers both (docs/detector/exactness.md), even if the
+// compiler fuses operations.
 enum class Verdict : std::uint32_t { apart, touch, doubt };
 inline constexpr float kRelativeBand = 0x1p-20f;
 

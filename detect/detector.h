@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 // The public class of the detector: spheres in, contacts out. It follows sections 2.1 and 2.2 of the paper;
-// docs/detector.md describes it.
+// docs/detector/use.md describes it.
 #pragma once
 #include <cstdint>
 #include <memory>

@@ -9,8 +9,8 @@
 namespace padder {
 namespace {
 
-constexpr double always = 0.95;  // of all poses, as MoveIt's setup has it
-constexpr int block = 256;       // poses between two looks at which pairs are decided
+constexpr double kAlways = 0.95;  // of all poses, as MoveIt's setup has it
+constexpr int kBlock = 256;       // poses between two looks at which pairs are decided
 
 // A body's spheres and the ball around them, in its own frame.
 struct Part {
@@ -104,9 +104,9 @@ std::vector<Apart> self_collisions(const Model& model, const SelfCollisionOption
     if (meets(pair, zero)) out.push_back({pair.a, pair.b, "Default"}), pair.decided = true;
   const std::vector<std::size_t> part = tried_together(model);
   for (Pair& pair : pairs) pair.decided |= part[pair.a] != part[pair.b];
-  const int most_misses = static_cast<int>((1 - always) * options.poses);
-  for (int begin = 0; begin < options.poses; begin += block) {
-    const int end = std::min(begin + block, options.poses);
+  const int most_misses = static_cast<int>((1 - kAlways) * options.poses);
+  for (int begin = 0; begin < options.poses; begin += kBlock) {
+    const int end = std::min(begin + kBlock, options.poses);
     std::vector<std::vector<Eigen::Isometry3d>> poses(static_cast<std::size_t>(end - begin));
     for (int k = begin; k < end; k++)
       poses[static_cast<std::size_t>(k - begin)] =

@@ -27,7 +27,7 @@ the diagonal of its bounding box when it ends in `%`.
 """
 TOOLS = {
     "pad": ("A mesh to a cluster of spheres: [padding](padding.md), [tolerance](tolerance.md), [formats](formats.md).", []),
-    "detect": ("A scene to its contacts: [detector](detector.md), [scenes](scenes.md).", []),
+    "detect": ("A scene to its contacts: [detector](detector/use.md), [scenes](scenes.md).", []),
     "settle": ("Grains and padded bodies in motion: [settling](detector/settle.md).", []),
     "preview": ("A page or a picture: [preview](preview.md).", []),
     "bench": ("The measurements behind the [results](results).", [["--list"]]),

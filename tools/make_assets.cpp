@@ -4,7 +4,6 @@
 
 #include "assets/parts.h"
 #include "assets/solid.h"
-#include "padding/asset/error.h"
 #include "padding/asset/file.h"
 #include "tools/cli.h"
 

@@ -2,7 +2,7 @@
 // Searching bodies first: each shape is cut into pieces of neighbouring spheres, with a ball around each
 // piece. The search finds the balls that touch, and only then tests the spheres of those pieces. Balls are a
 // little larger than necessary, so that rounding never makes a ball miss one of its spheres (proof:
-// docs/detector.md, "Bodies first"). For host and device, except for Pieces, which is host code.
+// docs/detector/exactness.md). For host and device, except for Pieces, which is host code.
 #pragma once
 #include <span>
 #include <vector>

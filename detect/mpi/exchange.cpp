@@ -7,7 +7,6 @@
 
 #include "detect/mpi/messages.h"
 #include "detect/mpi/together.h"
-#include "padding/asset/error.h"
 
 namespace padder::detect {
 namespace {

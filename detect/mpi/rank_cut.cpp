@@ -7,7 +7,6 @@
 #include <cmath>
 #include <memory>
 
-#include "detect/mpi/together.h"
 #include "padding/asset/error.h"
 
 namespace padder::detect {

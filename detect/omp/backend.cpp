@@ -2,8 +2,8 @@
 // The OpenMP backend: it places the bodies, summarizes the spheres, and lets a path find the contacts.
 #include <omp.h>
 
+#include <algorithm>
 #include <array>
-#include <chrono>
 #include <cstdio>
 
 #include "detect/omp/bodies.h"

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // The grid of the CPU's grid path: that of choose_grid(), for spheres that may lie anywhere. Internal.
 #pragma once
+#include <bit>
 #include <cmath>
 
 #include "detect/omp/level_keys.h"

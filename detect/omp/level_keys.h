@@ -9,7 +9,6 @@
 // distance refuses them.
 #pragma once
 #include <algorithm>
-#include <bit>
 
 #include "detect/core/grid.h"
 

@@ -3,8 +3,6 @@
 // reference, written to be compared with the text and not to be fast.
 #include <omp.h>
 
-#include <cstring>
-
 #include "detect/omp/paths.h"
 
 namespace padder::detect::omp {

@@ -2,11 +2,8 @@
 // What the sources of the OpenMP backend share: memory, the view of the input, records, and the two paths.
 // Internal.
 #pragma once
-#include <algorithm>
 #include <atomic>
 #include <cstdlib>
-#include <new>
-#include <string>
 #include <vector>
 
 #include "detect/core/backend.h"

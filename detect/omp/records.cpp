@@ -3,6 +3,8 @@
 // batches, so that the compiler uses vector instructions for square roots and divisions.
 #include "detect/omp/paths.h"
 
+#include <algorithm>
+
 namespace padder::detect::omp {
 namespace {
 

@@ -184,10 +184,7 @@ LooseSpheres loose_from_npz(std::string_view bytes, const std::string& where) {
     interleave(l.twice, centers.as<double>(), radii.as<double>());
   const auto tags = [&](const char* name, std::vector<std::uint32_t>& to) {
     const auto it = arrays.find(name);
-    if (it == arrays.end()) return;
-    if (it->second.count() != n)
-      throw Error(where + ": \"" + name + "\" must have one number for each sphere");
-    to = it->second.as<std::uint32_t>();
+    if (it != arrays.end()) to = whole_numbers(it->second, n, where + ": " + name);
   };
   tags("family", l.family), tags("mask", l.mask), tags("world", l.world);
   return l;

@@ -19,20 +19,21 @@ struct Rung {
   double protrusion = std::numeric_limits<double>::infinity();
   double gap = std::numeric_limits<double>::infinity();
 };
-// What touches a part at the one rung is at most this far from it at the other, unless it lies inside the
-// part as a whole or the part inside it. Of two parts the errors add up.
+// If a thing touches a part at one of the rungs, it is at most this far from the part at the other. This does
+// not hold if the whole thing lies inside the part, or the whole part inside the thing. If the thing is a
+// part too, add both errors.
 double error_between(const Rung& finest, const Rung& coarse);
 
-// Which rungs are taken, as a user asks for it.
+// Which rung of its part each body takes.
 struct RungRule {
-  // Numbered: rung `number`, or the coarsest that there is. Chosen: of each body the coarsest whose error is
-  // at most `share` of the smallest thing that can touch it.
+  // numbered: rung `number`, or the coarsest if there are fewer. chosen: the coarsest rung whose error is at
+  // most `share` times the size of the smallest thing that can touch the body.
   enum class Kind : std::uint8_t { numbered, chosen };
   Kind kind = Kind::numbered;
   std::uint32_t number = 0;  // 0: the finest
   double share = 0.1;
 };
-// Of "auto", or of a number. Throws Error for another text.
+// Reads "auto" or a number. Throws Error for another text.
 RungRule rung_rule(const std::string& text);
 
 // In RungChoice::rungs: nothing can touch this body, and none of its spheres is needed.
@@ -41,8 +42,8 @@ inline constexpr std::uint32_t kLeftOut = 0xffffffffu;
 // The rung of each body, and what that saves.
 struct RungChoice {
   std::vector<std::uint32_t> rungs;  // of each body
-  // Spheres of bodies: if all had the finest rung, those of rungs that are taken, and those of bodies left
-  // out.
+  // Numbers of spheres: if all bodies took the finest rung; of the rungs that they take; of the bodies that
+  // are left out.
   std::uint64_t finest = 0, taken = 0, out_of_reach = 0;
   std::uint64_t left_out = 0;  // bodies that nothing can touch
   double error = 0;            // the largest error_between() of a body's rung; infinite: not proved
@@ -57,8 +58,8 @@ RungChoice choose_rungs(std::span<const std::span<const Rung>> shapes, std::span
                         const Spheres& loose, const RungRule& rule, double margin = 0,
                         const DeviceChoice& device = {});
 
-// For things that move: everything can touch every body, so that none is left out. `smallest`: the radius of
-// the smallest loose sphere, infinity if there is none.
+// For a scene that moves: everything can touch every body, so no body is left out. `smallest` is the radius
+// of the smallest loose sphere, or infinity if there is none.
 RungChoice choose_rungs_anywhere(std::span<const std::span<const Rung>> shapes, std::span<const Body> bodies,
                                  double smallest, const RungRule& rule);
 

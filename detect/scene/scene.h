@@ -63,8 +63,8 @@ void take_rungs(Scene& scene, const RungChoice& choice);
 // neighbours overlap.
 Scene pile_of(const Cluster& cluster, std::uint64_t n);
 
-// Where the loose spheres of a scene go: into memory, or nowhere, as their file is mapped. A scene is mapped
-// only if its loose spheres are one file, .npy or .npz, without other tags; BoxedDetector takes it.
+// How the loose spheres of a scene are read: all into memory, or page by page from a mapped file. They are
+// mapped only if they are one file, .npy or .npz, without other tags. BoxedDetector takes such a scene.
 enum class LooseAs : std::uint8_t { memory, mapped };
 
 // Reads a scene, or a cluster, of which it makes a pile of `copies`. 0: the user gave no number; then a

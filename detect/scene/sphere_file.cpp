@@ -6,15 +6,12 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include <algorithm>
 #include <atomic>
 #include <cerrno>
 #include <csignal>
 #include <cstring>
 #include <map>
-#include <string_view>
 #include <system_error>
-#include <vector>
 
 #include "padding/asset/error.h"
 #include "padding/asset/npz.h"
@@ -138,14 +135,16 @@ void SphereFile::read_npz() {
   if (checked_scalar(r, where_) != spheres_.scalar)
     throw Error(where_ + ": save \"centers\" and \"radii\" in the same type");
   spheres_.centers = c.bytes.data(), spheres_.radii = r.bytes.data();
-  for (const auto& [name, to] : {std::pair("family", &spheres_.family), std::pair("mask", &spheres_.mask),
-                                 std::pair("world", &spheres_.world)}) {
-    if (!entries.contains(name)) continue;
+  const auto tags = [&](const char* name, std::vector<std::uint32_t>& copy) -> const std::uint32_t* {
+    if (!entries.contains(name)) return nullptr;
     const NpyView a = array(name);
-    if (a.shape != r.shape || a.kind != 'u' || a.size != 4)
-      throw Error(where_ + ": \"" + name + "\" must be uint32, one number for each sphere");
-    *to = reinterpret_cast<const std::uint32_t*>(a.bytes.data());
-  }
+    if (a.shape == r.shape && a.kind == 'u' && a.size == 4)
+      return reinterpret_cast<const std::uint32_t*>(a.bytes.data());
+    copy = whole_numbers(a, spheres_.count, where_ + ": " + name);
+    return copy.data();
+  };
+  spheres_.family = tags("family", families_), spheres_.mask = tags("mask", masks_);
+  spheres_.world = tags("world", worlds_);
 }
 
 }  // namespace padder::detect

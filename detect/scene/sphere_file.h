@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: MIT
-// Loose spheres in a file that memory need not hold: the file is mapped, and its pages are read when a box
+// Loose spheres in a file that need not fit in memory: the file is mapped, and its pages are read when a box
 // asks for them.
 #pragma once
 #include <cstdint>
 #include <filesystem>
 #include <string>
+#include <vector>
 
 #include "detect/detector.h"
 
@@ -13,9 +14,10 @@ namespace padder::detect {
 // A mapped file of spheres, in one of these forms, little-endian and in C order:
 // .npy: one array (N, 4) of float32 or float64: x, y, z, r.
 // .npz: stored without compression (numpy.savez), with `centers` (N, 3) and `radii` (N), both float32 or both
-//   float64, and perhaps `family`, `mask` and `world` (N) of uint32.
-// The constructor reads the heads alone; it throws Error, which names the file, for anything else. The file
-// must not be shortened while it is mapped: reading what is no longer there raises SIGBUS.
+//   float64, and perhaps `family`, `mask` and `world` (N), whole numbers of 4 or 8 bytes. Those of another
+//   type than uint32 are converted and held: 4 bytes for each number.
+// Of all else the constructor reads the heads alone. It throws Error, which names the file, for any other
+// file. The file must not be shortened while it is mapped: reading what is no longer there raises SIGBUS.
 class SphereFile {
  public:
   explicit SphereFile(const std::filesystem::path& path);
@@ -41,6 +43,7 @@ class SphereFile {
   const char* data_ = nullptr;
   std::uint64_t size_ = 0;
   Spheres spheres_;
+  std::vector<std::uint32_t> families_, masks_, worlds_;  // where the file has another type
 };
 
 }  // namespace padder::detect

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Reads a file of a stranger in a process of its own, so that a crash on a damaged file does not end this
-// one, and a reader that a file has taken over can do nothing. Not installed.
+// Reads an untrusted file in a process of its own. A crash on a damaged file does not end this process, and a
+// file that takes over its reader can do no harm. Not installed.
 #pragma once
 #include <cstdint>
 #include <functional>
@@ -59,8 +59,8 @@ class ChildPipe {
 
 // Calls `read` in a forked process, `send` there after it, and `receive` here, which takes what was sent.
 // An Error of `read` is thrown here; a crash, an abort, an endless loop or endless memory there becomes an
-// Error, which begins with `where`. So does a `receive` that returns false: what a reader sends that a file
-// has taken over may be anything, and `receive` must check it.
+// Error, which begins with `where`. So does a `receive` that returns false. It must check what it gets: a
+// file that has taken over the reader can make it send anything.
 //
 // The process has 30 s and 4 GiB, and more for large files, and may send as much. It may take and give back
 // memory and write to this process, and the kernel refuses every other system call (on x86-64): it opens,

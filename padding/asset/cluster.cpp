@@ -39,7 +39,7 @@ Eigen::Matrix3d matrix_from(const Place& p) {
 }
 
 // The numbers of the accuracy block with their names in JSON, for writing and for reading.
-constexpr std::pair<const char*, double Accuracy::*> accuracy_numbers[] = {
+constexpr std::pair<const char*, double Accuracy::*> kAccuracyNumbers[] = {
     {"protrusion_max", &Accuracy::protrusion_max},
     {"protrusion_mean", &Accuracy::protrusion_mean},
     {"protrusion_p95", &Accuracy::protrusion_p95},
@@ -59,7 +59,7 @@ Json kind_json(SurfaceKind kind) { return kind == SurfaceKind::none ? Json(nullp
 
 Json accuracy_object(const Accuracy& a) {
   Json j;
-  for (const auto& [name, member] : accuracy_numbers) j[name] = a.*member;
+  for (const auto& [name, member] : kAccuracyNumbers) j[name] = a.*member;
   j["proved_against"] = kind_json(a.proved_against);
   j["certified"] = a.certified;
   return j;
@@ -86,7 +86,7 @@ void read_kind(const Place& p, const char* key, SurfaceKind& to) {
 Accuracy accuracy_from(const Place& p) {
   p.object();
   Accuracy a;
-  for (const auto& [name, member] : accuracy_numbers) read_real(p, name, a.*member);
+  for (const auto& [name, member] : kAccuracyNumbers) read_real(p, name, a.*member);
   read_kind(p, "proved_against", a.proved_against);
   if (p.has("certified")) a.certified = p.at("certified").truth();
   return a;
@@ -117,7 +117,7 @@ void check(const Cluster& c, const std::string& where) {
   finite("mass_properties", std::isfinite(m.volume) && m.center.allFinite() && m.inertia.allFinite() &&
                                 m.axes.allFinite() && m.moments.allFinite());
   finite("volume_union", std::isfinite(c.volume_union));
-  for (const auto& [name, member] : accuracy_numbers) {
+  for (const auto& [name, member] : kAccuracyNumbers) {
     finite("accuracy", std::isfinite(c.accuracy.*member));
     for (const Lod& lod : c.lods) finite("lods.accuracy", std::isfinite(lod.accuracy.*member));
   }

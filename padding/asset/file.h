@@ -28,11 +28,11 @@ class DiskError : public Error {
 // answer.
 std::string read_file(const std::filesystem::path& path, std::uintmax_t most = kMostBytes);
 
-// A file in the making, for content that nobody wants to hold as a whole. It grows beside its target, in the
-// same folder, and commit() renames it to the target: a reader sees the old file or the new one, never half
-// of it. The destructor removes what was not committed, and so does remove_unfinished_files(). Every function
-// throws Error, which names the target and what the system said, when the folder is absent, full or not
-// writable; the writer is then of no further use.
+// A file that is written in portions, so that its content need not be held as a whole. It grows beside its
+// target, in the same folder, and commit() renames it to the target: a reader sees the old file or the new
+// one, never half of it. The destructor removes a file that was not committed, and so does
+// remove_unfinished_files(). Every function throws Error if the folder is absent, full or not writable. The
+// sentence names the target and what the system said. After that the writer must not be used.
 class FileWriter {
  public:
   explicit FileWriter(const std::filesystem::path& path);

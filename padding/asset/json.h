@@ -18,7 +18,7 @@ namespace padder {
 template <class Json>
 Json parse_json(std::string_view text, const std::string& where);
 
-// Builds the document that a child tells of; false for what no text gives.
+// Builds the document that a child sends. Returns false if no text gives what was sent.
 template <class Json>
 bool receive_json(ChildPipe& pipe, Json& document, std::string_view text, const std::string& where);
 

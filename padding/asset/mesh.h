@@ -24,14 +24,14 @@ struct Box {
   Point center() const { return 0.5 * (low + high); }
 };
 
-// Two boxes side by side, as those of a tree node's children: one look decides on both.
+// Two boxes, as those of the children of a tree node. Vector instructions compute with both at once.
 struct BoxPair {
   Eigen::Array2d low[3], high[3];  // for each axis, of both
 
   void set(int side, const Box& box) {
     for (int k = 0; k < 3; k++) low[k][side] = box.low[k], high[k][side] = box.high[k];
   }
-  // Of p from both boxes, squared; 0 inside.
+  // The squared distances of p from both boxes; 0 inside.
   Eigen::Array2d distance2(const Point& p) const {
     Eigen::Array2d sum = Eigen::Array2d::Zero();
     for (int k = 0; k < 3; k++) {

@@ -158,20 +158,30 @@ NpyView npy_view(std::string_view in, const std::string& where) {
 
 namespace {
 
-template <class From, class T>
-std::vector<T> converted(const NpyArray& a) {
-  std::vector<T> out(a.count());
+template <class From, class T, class Convert>
+std::vector<T> converted(std::string_view bytes, const Convert& convert) {
+  std::vector<T> out(bytes.size() / sizeof(From));
   for (std::uint64_t k = 0; k < out.size(); k++) {
     From v;
-    std::memcpy(&v, a.bytes.data() + k * sizeof v, sizeof v);
-    if constexpr (std::is_same_v<T, std::uint32_t>) {
-      if (!(v >= 0) || !(static_cast<double>(v) <= 4294967295.0) ||
-          static_cast<double>(static_cast<T>(v)) != static_cast<double>(v))
-        throw Error("a family or mask must be a whole number from 0 to 4294967295");
-    }
-    out[k] = static_cast<T>(v);
+    std::memcpy(&v, bytes.data() + k * sizeof v, sizeof v);
+    out[k] = convert(v);
   }
   return out;
+}
+
+template <class T, class Convert>
+std::vector<T> converted(const NpyView& a, const Convert& convert) {
+  const bool four = a.size == 4;
+  switch (a.kind) {
+    case 'f':
+      return four ? converted<float, T>(a.bytes, convert) : converted<double, T>(a.bytes, convert);
+    case 'u':
+      return four ? converted<std::uint32_t, T>(a.bytes, convert)
+                  : converted<std::uint64_t, T>(a.bytes, convert);
+    default:
+      return four ? converted<std::int32_t, T>(a.bytes, convert)
+                  : converted<std::int64_t, T>(a.bytes, convert);
+  }
 }
 
 }  // namespace
@@ -184,13 +194,22 @@ std::uint64_t NpyArray::count() const {
 
 template <class T>
 std::vector<T> NpyArray::as() const {
-  if (kind == 'f') return size == 4 ? converted<float, T>(*this) : converted<double, T>(*this);
-  if (kind == 'u') return size == 4 ? converted<std::uint32_t, T>(*this) : converted<std::uint64_t, T>(*this);
-  return size == 4 ? converted<std::int32_t, T>(*this) : converted<std::int64_t, T>(*this);
+  return converted<T>(*this, [](auto v) { return static_cast<T>(v); });
 }
 template std::vector<float> NpyArray::as() const;
 template std::vector<double> NpyArray::as() const;
 template std::vector<std::uint32_t> NpyArray::as() const;
+
+std::vector<std::uint32_t> whole_numbers(const NpyView& a, std::uint64_t n, const std::string& where) {
+  if (a.bytes.size() / static_cast<std::uint64_t>(a.size) != n)
+    throw Error(where + ": one number for each sphere is wanted");
+  return converted<std::uint32_t>(a, [&](auto v) {
+    if (!(v >= 0) || !(static_cast<double>(v) <= 4294967295.0) ||
+        static_cast<double>(static_cast<std::uint32_t>(v)) != static_cast<double>(v))
+      throw Error(where + ": a whole number from 0 to 4294967295 is wanted for each sphere");
+    return static_cast<std::uint32_t>(v);
+  });
+}
 
 std::uint64_t NpyHead::bytes() const {
   std::uint64_t n = static_cast<std::uint64_t>(size);

@@ -28,11 +28,17 @@ using Npz = std::map<std::string, NpyArray>;
 
 // The same inside memory that somebody else holds, a mapped file say.
 struct NpyView {
+  NpyView() = default;
+  NpyView(const NpyArray& a) : kind(a.kind), size(a.size), shape(a.shape), bytes(a.bytes) {}
   char kind = 'f';
   int size = 8;
   std::vector<std::uint64_t> shape;
   std::string_view bytes;
 };
+
+// One whole number for each of n spheres, a family or a mask say, stored as numbers of any type. Throws
+// Error, which begins with `where`.
+std::vector<std::uint32_t> whole_numbers(const NpyView& a, std::uint64_t n, const std::string& where);
 
 template <class T>
 NpyArray npy_array(const T* data, std::vector<std::uint64_t> shape) {
@@ -55,22 +61,23 @@ struct NpyHead {
   std::uint64_t bytes() const;
 };
 
-// An archive whose arrays nobody holds as a whole: the place of each is known from the heads, so that all can
-// be filled side by side. Holds no more than the heads. Equal arrays give equal bytes, in whatever portions
-// they came. Sizes and places beyond 4 GiB are written as ZIP64, which NumPy and zip programs read.
+// Writes an archive and holds only the heads of its arrays. The heads tell where each array goes, so several
+// threads can fill the arrays at once. Equal arrays give equal bytes, whatever their portions were. Sizes and
+// places beyond 4 GiB are written as ZIP64, which NumPy and zip programs read.
 class NpzWriter {
  public:
   static constexpr std::uint64_t kPlain = 0xffffffff;  // what zip's own fields cannot hold
 
   // Sizes and places of `wide` bytes and more are written as ZIP64.
   NpzWriter(const std::vector<NpyHead>& heads, WriteAt write, std::uint64_t wide = kPlain);
-  // The next bytes of the array.
+  // Writes the next bytes of the array.
   void append(std::size_t array, std::string_view bytes);
-  // The same for who writes the bytes at their place in the archive, which is returned: several threads can
-  // then sum and write at once. `checksum` is that of padding/asset/crc32.h.
+  // The same, but the caller writes the bytes: returns their place in the archive. So several threads can
+  // compute checksums and write at once. `checksum` is that of padding/asset/crc32.h.
   std::uint64_t place(std::size_t array, std::uint64_t size, std::uint32_t checksum);
-  std::uint64_t size() const { return end_; }  // of what the directory follows
-  void finish();  // heads and directory; throws Error when an array has not got its bytes
+  std::uint64_t size() const { return end_; }  // bytes of all arrays and heads
+  // Writes the directory behind them. Throws Error if an array has not got all its bytes.
+  void finish();
 
  private:
   struct Entry {
@@ -94,11 +101,12 @@ struct NpzEntry {
   std::uint32_t checksum;
 };
 
-// These throw Error, which begins with `where`, for anything but uncompressed little-endian arrays. The .npy
-// files of an archive, by their names without that ending, and their checksums not looked at; one of them, or
-// a .npy file by itself; all arrays of an archive, copied, and refused when a checksum is another.
+// These three throw Error, which begins with `where`, for anything but uncompressed little-endian arrays.
+// The .npy files of an archive, by their names without that ending. Does not compare the checksums.
 std::map<std::string, NpzEntry> npz_entries(std::string_view bytes, const std::string& where);
+// The array of a .npy file.
 NpyView npy_view(std::string_view bytes, const std::string& where);
+// Copies of all arrays of an archive. Throws Error for a wrong checksum, too.
 Npz npz_from_bytes(std::string_view bytes, const std::string& where);
 
 }  // namespace padder

@@ -20,29 +20,30 @@ struct VtpHead {
   int components = 1;
 };
 
-// A file whose arrays nobody holds as a whole: the place of each is known from the heads, so that all can be
-// filled side by side. Each point gets a vertex, so that ParaView shows it. Holds no more than the heads.
+// Writes a file and holds only the heads of its arrays. The heads tell where each array goes, so several
+// threads can fill the arrays at once. Each point gets a vertex, so that ParaView shows it.
 class VtpWriter {
  public:
   VtpWriter(std::uint64_t points, std::vector<VtpHead> heads, WriteAt write);
-  // The arrays that follow those of `heads`: of each point its position, three doubles; of each vertex its
-  // point, and the end of its list of points, as std::int64_t: point k is vertex k, whose list ends at k + 1.
+  // Three arrays follow those of `heads`: the position of each point, three doubles; the point of each
+  // vertex; and where the list of points of each vertex ends. The last two are std::int64_t. Vertex k is
+  // point k, and its list ends at k + 1.
   std::size_t positions() const { return arrays_.size() - 3; }
   std::size_t connectivity() const { return arrays_.size() - 2; }
   std::size_t offsets() const { return arrays_.size() - 1; }
 
-  // The next bytes of the array.
+  // Writes the next bytes of the array.
   void append(std::size_t array, std::string_view bytes);
   template <class T>
   void append(std::size_t array, const std::vector<T>& values) {
     append(array, {reinterpret_cast<const char*>(values.data()), values.size() * sizeof(T)});
   }
-  // The same for who writes the bytes at their place in the file, which is returned: several threads can then
-  // write at once.
+  // The same, but the caller writes the bytes: returns their place in the file. So several threads can write
+  // at once.
   std::uint64_t place(std::size_t array, std::uint64_t size);
-  std::uint64_t size() const { return head_.size() + end_; }  // of what the last lines follow
-  // Heads, and the vertices when their arrays have got nothing. Throws Error when another array has not got
-  // its bytes.
+  std::uint64_t size() const { return head_.size() + end_; }  // bytes before the last lines
+  // Writes the heads and the last lines, and the vertices if their arrays have got nothing. Throws Error if
+  // another array has not got all its bytes.
   void finish();
 
  private:

@@ -12,7 +12,7 @@
 namespace padder {
 namespace {
 
-constexpr std::size_t many_open = 100'000;  // parts
+constexpr std::size_t kManyOpen = 100'000;  // parts
 
 Ball ball_under(const Surface& body, const Point& p, const Vector& normal, double largest, double cap) {
   // The medial ball may miss p by a quarter of the cap, because the dilated ball still covers p.
@@ -109,7 +109,7 @@ std::vector<FittedBall> refit(const Surface& body, const Mesh& remeshed, std::ve
     // A ball covers a disc that is much wider than the gap. Where nearly all is open, as under flat caps on a
     // coarse mesh, points that stand apart by the gap alone would be millions: the first rounds take few of
     // them, until the distance is that which the balls of the round before cover.
-    const double spacing = open.size() > many_open ? wide : gap;
+    const double spacing = open.size() > kManyOpen ? wide : gap;
     SparsePoints taken(spacing);
     for (const GapPart& part : open)
       if (taken.insert_unless_near(part.centroid())) chosen.push_back(part);

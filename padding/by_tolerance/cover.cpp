@@ -14,7 +14,7 @@ namespace padder {
 namespace {
 
 // The share of a tolerance that is kept back, so that scaling to another unit does not break the proof.
-constexpr double kept_back = 1e-9;
+constexpr double kKeptBack = 1e-9;
 
 // What one stage of the search does. Each effort above 0 adds a stage, which begins with the cover of the one
 // before, so that a higher effort never gives more balls.
@@ -27,18 +27,18 @@ struct Stage {
   double margin;  // share of a point's own margin that a ball must cover around it; the certificate finds
                   // what it misses
 };
-constexpr std::array stages = {Stage{3, 2, 50, 0.15}, Stage{4, 3, 100, 0.1}, Stage{6, 4, 200, 0.1}};
-constexpr double greedy_margin = 0.3;
+constexpr std::array kStages = {Stage{3, 2, 50, 0.15}, Stage{4, 3, 100, 0.1}, Stage{6, 4, 200, 0.1}};
+constexpr double kGreedyMargin = 0.3;
 
-constexpr int move_places = 16;  // tried around each ball
-constexpr int merge_moves = 2;
+constexpr int kMovePlaces = 16;  // tried around each ball
+constexpr int kMergeMoves = 2;
 // What the first round of close_gaps() does: share of the stage's steps, and places tried around each ball.
-constexpr double closing_share = 0.5;
-constexpr int closing_places = 4;
+constexpr double kClosingShare = 0.5;
+constexpr int kClosingPlaces = 4;
 
 // Up to so many balls, all searches of a stage run. Of more balls, fewer do: there the many blocks of one
 // search differ enough. So the time grows with the number of balls, and no faster.
-constexpr double balls_for_all_starts = 400;
+constexpr double kBallsForAllStarts = 400;
 
 class CoverSearch {
  public:
@@ -63,17 +63,17 @@ class CoverSearch {
     step();
     std::vector<Candidate> candidates;
     for (const Sample& s : samples.grown) grower_.propose(s.point, s.triangle, s.ball, candidates);
-    best.problem.add(with_margin(samples.coarse, greedy_margin), candidates);
+    best.problem.add(with_margin(samples.coarse, kGreedyMargin), candidates);
     best.solve(0);
     Attempt common = best;
     bool covered = close_gaps(best, grower_, 0, 0, watch_, &common.problem);
     for (int k = 0; k < effort_; k++) {
-      const Stage& stage = stages[static_cast<std::size_t>(k)];
+      const Stage& stage = kStages[static_cast<std::size_t>(k)];
       const std::uint64_t seed = static_cast<std::uint64_t>(k + 1) << 56;
       Attempt next = merge(samples, search_side_by_side(common, best, stage, seed), best, stage, seed);
       centre(next, grower_, std::vector<char>(next.chosen.size(), 1));
       const bool next_covered =
-          close_gaps(next, grower_, closing_share * stage.steps, closing_places, watch_, nullptr);
+          close_gaps(next, grower_, kClosingShare * stage.steps, kClosingPlaces, watch_, nullptr);
       if (next_covered == covered ? next.chosen.size() < best.chosen.size() : next_covered)
         best = std::move(next), covered = next_covered;
     }
@@ -84,9 +84,9 @@ class CoverSearch {
   static BallLimits limits_of(const Surface& surface, const CoverOptions& options) {
     const double sum = options.protrusion + options.gap;
     BallLimits limits;
-    limits.tolerance_sum = sum * (1 - 2 * kept_back);
-    limits.protrusion = std::min(options.protrusion, options.max_radius) - kept_back * sum;
-    limits.gap = options.gap - kept_back * sum;
+    limits.tolerance_sum = sum * (1 - 2 * kKeptBack);
+    limits.protrusion = std::min(options.protrusion, options.max_radius) - kKeptBack * sum;
+    limits.gap = options.gap - kKeptBack * sum;
     limits.min_radius = options.min_radius;
     limits.largest_inner_distance =
         std::min(options.max_radius - limits.protrusion, surface.bounds().diagonal());
@@ -97,8 +97,8 @@ class CoverSearch {
   static double steps_of(int effort) {
     double steps = 2;  // samples, and the first cover
     for (int k = 0; k < effort; k++) {
-      const Stage& stage = stages[static_cast<std::size_t>(k)];
-      steps += stage.starts * (stage.moves + 1) + merge_moves + 1 + kSearchedRounds;
+      const Stage& stage = kStages[static_cast<std::size_t>(k)];
+      steps += stage.starts * (stage.moves + 1) + kMergeMoves + 1 + kSearchedRounds;
     }
     return steps + kSearchedRounds;
   }
@@ -112,16 +112,16 @@ class CoverSearch {
   std::vector<std::vector<Candidate>> search_side_by_side(const Attempt& common, const Attempt& best,
                                                           const Stage& stage, std::uint64_t seed) const {
     const auto n = static_cast<double>(best.chosen.size());
-    const auto starts = static_cast<std::size_t>(
-        1 + std::lround((stage.starts - 1) * std::min(1.0, balls_for_all_starts / n)));
+    const auto starts =
+        static_cast<std::size_t>(1 + std::lround((stage.starts - 1) * std::min(1.0, kBallsForAllStarts / n)));
     std::vector<std::vector<Candidate>> found(starts);
     // Few balls make few blocks, so that whole searches run in parallel; of many balls the blocks do.
-#pragma omp parallel for schedule(dynamic, 1) if (n <= 2 * balls_for_all_starts)
+#pragma omp parallel for schedule(dynamic, 1) if (n <= 2 * kBallsForAllStarts)
     for (std::size_t start = 0; start < starts; start++) {
       Attempt attempt = common;
       attempt.seed = seed + ((start + 1) << 48);
       for (int k = 0; k <= stage.moves && !watch_.stopped(); k++) {
-        if (k > 0) attempt.try_places(grower_, move_places);
+        if (k > 0) attempt.try_places(grower_, kMovePlaces);
         attempt.solve(stage.steps);
         watch_.tick();
       }
@@ -146,8 +146,8 @@ class CoverSearch {
     const std::vector<Candidate> known = best.chosen_candidates();
     pool.insert(pool.end(), known.begin(), known.end());
     attempt.problem.add(with_margin(samples.fine, stage.margin), pool);
-    for (int k = 0; k <= merge_moves; k++) {
-      if (k > 0) attempt.try_places(grower_, move_places);
+    for (int k = 0; k <= kMergeMoves; k++) {
+      if (k > 0) attempt.try_places(grower_, kMovePlaces);
       attempt.solve(stage.steps);
       step();
     }
@@ -191,7 +191,7 @@ class CoverSearch {
     cover.balls = attempt.balls(), cover.covered = covered;
     if (covered) {
       const ProtrusionBound bound = protrusion_bound(surface_, cover.balls);
-      cover.proved = bound.proved && bound.max <= limits_.protrusion + kept_back * limits_.tolerance_sum;
+      cover.proved = bound.proved && bound.max <= limits_.protrusion + kKeptBack * limits_.tolerance_sum;
     }
     for (const Candidate& c : attempt.chosen_candidates()) cover.triangle.push_back(c.triangle);
     return cover;

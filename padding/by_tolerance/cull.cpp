@@ -11,11 +11,11 @@
 namespace padder {
 namespace {
 
-constexpr double largest_error = 0.5;    // of the diagonal: any ball inside the body covers everything
-constexpr double smallest_error = 2e-4;  // of the diagonal: a search for a count goes no lower
-constexpr double cover_depth = 0.01;     // share of the protrusion, where no gap is allowed
+constexpr double kLargestError = 0.5;    // of the diagonal: any ball inside the body covers everything
+constexpr double kSmallestError = 2e-4;  // of the diagonal: a search for a count goes no lower
+constexpr double kCoverDepth = 0.01;     // share of the protrusion, where no gap is allowed
 // Half of what is promised. The other half is for errors of the estimate.
-constexpr double volume_goal = 0.005;
+constexpr double kVolumeGoal = 0.005;
 
 class CullSearch {
  public:
@@ -76,7 +76,7 @@ class CullSearch {
     const double protrusion = *options_.only_protrusion, gap = *options_.only_gap;
     // Without a gap, the surface is covered a little deeper than it must be: the proof that the inside is
     // covered, too, would else have to look at the surface without end.
-    const double depth = gap > 0 ? 0 : cover_depth * protrusion;
+    const double depth = gap > 0 ? 0 : kCoverDepth * protrusion;
     cover_ = cover_surface(surface_, cover_options(protrusion, gap - depth));
     Culled culled;
     culled.balls = cover_.balls, culled.triangle = cover_.triangle;
@@ -121,7 +121,7 @@ class CullSearch {
   // percent of the count. Counts fall with a power of the sum between 1 and 2, which the search learns on its
   // way.
   double tolerance_sum_for_count(std::uint64_t count, double least, double guess) {
-    double low = std::max(least, 2 * smallest_error * diagonal_), high = 2 * largest_error * diagonal_;
+    double low = std::max(least, 2 * kSmallestError * diagonal_), high = 2 * kLargestError * diagonal_;
     double power = 1.3, best = 0;
     double last_sum = 0, last_count = 0;
     for (int step = 0; step < 10; step++) {
@@ -132,7 +132,7 @@ class CullSearch {
         if (n >= 0.97 * goal || n + 1 > goal || tolerance_sum_ <= low * 1.001) break;
       } else {
         low = tolerance_sum_;
-        if (tolerance_sum_ >= 2 * largest_error * diagonal_) break;
+        if (tolerance_sum_ >= 2 * kLargestError * diagonal_) break;
       }
       if (high < 1.02 * low) break;
       if (last_count > 0 && last_count != n)
@@ -150,7 +150,7 @@ class CullSearch {
   // Shrinks the tolerance sum until the mean normal error is as asked or the count is used up: dents of the
   // union are as deep as the tolerance sum.
   double smoother(double tolerance_sum, Culled& culled) {
-    const double least = std::max(0.05 * tolerance_sum, 2 * smallest_error * diagonal_);
+    const double least = std::max(0.05 * tolerance_sum, 2 * kSmallestError * diagonal_);
     for (int step = 0; step < 6; step++) {
       const Cover last = cover_;
       const double last_sum = tolerance_sum_;
@@ -192,18 +192,18 @@ class CullSearch {
       }
       const auto [least, most] = allowed(tolerance_sum);
       double low = least, high = most, at_low = ratio(low);
-      if (at_low > 1 + volume_goal && step < 5) {
+      if (at_low > 1 + kVolumeGoal && step < 5) {
         // Volume grows with the dilation about as fast as with the surface's area.
         const double surplus = (at_low - 1) * body / surface_.mesh().area();
         tolerance_sum = std::max(0.4 * tolerance_sum, tolerance_sum - 1.1 * surplus);
         continue;
       }
       culled.volume_ratio = at_low;
-      if (at_low >= 1 - volume_goal) return low;
+      if (at_low >= 1 - kVolumeGoal) return low;
       for (int halving = 0; halving < 12; halving++) {
         const double middle = 0.5 * (low + high);
         culled.volume_ratio = ratio(middle);
-        if (std::abs(culled.volume_ratio - 1) < 0.2 * volume_goal) return middle;
+        if (std::abs(culled.volume_ratio - 1) < 0.2 * kVolumeGoal) return middle;
         (culled.volume_ratio < 1 ? low : high) = middle;
       }
       return 0.5 * (low + high);

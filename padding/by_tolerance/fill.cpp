@@ -12,7 +12,7 @@ namespace {
 
 // A cell is cut until it is this much smaller than the ball that could fill it: a hollow is then met by few
 // cells, and most places where only several balls together cover a cell are told from one.
-constexpr double smallest_cell = 1.0 / 32;
+constexpr double kSmallestCell = 1.0 / 32;
 
 // A cube.
 struct Cell {
@@ -81,7 +81,7 @@ class Fill {
     if (!inside) return Verdict::cut;
     offer = {c, std::min(distance + options_.protrusion, options_.max_radius)};
     // A hollow is filled at once where the fill is sure to be needed.
-    const double small = (gap.value > 0 ? 4 : 1) * smallest_cell * offer.radius;
+    const double small = (gap.value > 0 ? 4 : 1) * kSmallestCell * offer.radius;
     if (radius > small) return Verdict::cut;
     return offer.radius >= options_.min_radius ? Verdict::fill : Verdict::open;
   }

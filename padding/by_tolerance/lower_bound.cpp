@@ -10,23 +10,22 @@
 #include "padding/by_tolerance/search/samples.h"
 #include "padding/by_tolerance/search/set_cover.h"
 #include "padding/geometry/point_tree.h"
-#include "padding/geometry/random.h"
 
 namespace padder {
 namespace {
 
-constexpr double rounding = 1e-9;           // share of a length or a sum that covers rounding many times
-constexpr std::size_t most_points = 30000;  // with weights
-constexpr int first_steps = 1200, later_steps = 400;  // of the linear programme
-constexpr double most_additions = 5e8;                // of a round, over all steps
-constexpr int most_rounds = 12;                       // of weights and boxes in turn
-constexpr double least_gain = 0.005;                  // of a round, else it is the last
-constexpr std::size_t batch = 256;                    // boxes that are split together
+constexpr double kRounding = 1e-9;          // share of a length or a sum that covers rounding many times
+constexpr std::size_t kMostPoints = 30000;  // with weights
+constexpr int kFirstSteps = 1200, kLaterSteps = 400;  // of the linear programme
+constexpr double kMostAdditions = 5e8;                // of a round, over all steps
+constexpr int kMostRounds = 12;                       // of weights and boxes in turn
+constexpr double kLeastGain = 0.005;                  // of a round, else it is the last
+constexpr std::size_t kBatch = 256;                   // boxes that are split together
 // Boxes have the size of the neighbourhoods in which balls cover about the same, which the tolerance sum
 // tells. Half edges in shares of it: of boxes that are not split further, and of the largest that become
 // sets.
-constexpr double smallest_box = 0.03, largest_row = 0.13;
-constexpr double row_distance = 0.15;  // of the boxes that become sets, in shares of the tolerance sum
+constexpr double kSmallestBox = 0.03, kLargestRow = 0.13;
+constexpr double kRowDistance = 0.15;  // of the boxes that become sets, in shares of the tolerance sum
 
 // For each element, the sets that contain it.
 Sets transposed(const Sets& sets, std::size_t elements) {
@@ -129,17 +128,17 @@ class LowerBound {
     sample();
     const std::size_t begun = rows_.size();
     double best = 0;
-    for (int round = 1; round <= most_rounds; round++) {
+    for (int round = 1; round <= kMostRounds; round++) {
       // Where a few balls do, each set has many points: then few steps are enough.
       const int affordable =
-          std::max(50, static_cast<int>(most_additions / static_cast<double>(rows_.elements.size() + 1)));
-      packing_.improve(rows_, tree_.size(), std::min(affordable, round == 1 ? first_steps : later_steps));
+          std::max(50, static_cast<int>(kMostAdditions / static_cast<double>(rows_.elements.size() + 1)));
+      packing_.improve(rows_, tree_.size(), std::min(affordable, round == 1 ? kFirstSteps : kLaterSteps));
       const double most = prove(std::max<std::size_t>(10000, options_.boxes * begun));
       const double sum = std::accumulate(packing_.weights.begin(), packing_.weights.end(), 0.0);
       if (!(most > 0)) break;
-      const double bound = sum / most * (1 - rounding), before = best;
+      const double bound = sum / most * (1 - kRounding), before = best;
       best = std::max(best, bound);
-      if (round > 3 && bound < (1 + least_gain) * before) break;
+      if (round > 3 && bound < (1 + kLeastGain) * before) break;
       add_rows(begun);
     }
     return static_cast<std::uint64_t>(std::max(1.0, std::ceil(best)));
@@ -152,11 +151,11 @@ class LowerBound {
     const Samples samples = sample_surface(surface_, sampling);
     std::vector<Point> points;
     for (const CoverPoint& p : samples.coarse)
-      if (points.size() < most_points) points.push_back(p.point);
+      if (points.size() < kMostPoints) points.push_back(p.point);
     tree_ = PointTree(std::move(points));
     std::vector<std::uint32_t> found;
     for (const Sample& s : samples.grown) {
-      if (rows_.size() == most_points) break;
+      if (rows_.size() == kMostPoints) break;
       found.clear();
       tree_.find(s.ball.center, std::min(s.ball.radius + tolerance_sum_, options_.max_radius + options_.gap),
                  found);
@@ -177,7 +176,7 @@ class LowerBound {
   // vector towards a point at a distance of at least a - t turns by at most 2 t / (2 a - t) when its foot is
   // moved by t.
   bool may_cover(const CenterBox& box, const Point& x) const {
-    const double radius = std::sqrt(3.0) * box.half, limit = tolerance_sum_ * (1 + rounding);
+    const double radius = std::sqrt(3.0) * box.half, limit = tolerance_sum_ * (1 + kRounding);
     const Vector to_x = x - box.center;
     const double a = to_x.norm();
     for (std::size_t k = 0; k < box.witnesses; k++) {
@@ -195,7 +194,7 @@ class LowerBound {
   // from that in the middle by no more than its centre does.
   void find(const CenterBox& box, std::vector<std::uint32_t>& found) const {
     const double radius = std::sqrt(3.0) * box.half;
-    const double reach = (box.reach + radius) * (1 + rounding) + rounding * tolerance_sum_;
+    const double reach = (box.reach + radius) * (1 + kRounding) + kRounding * tolerance_sum_;
     found.clear();
     if (!(reach >= 0)) return;
     tree_.find(box.center, reach + radius, found);
@@ -228,9 +227,9 @@ class LowerBound {
     settled_.clear();
     for (std::size_t looked = 1; looked < most_boxes && !boxes_.empty();) {
       std::vector<CenterBox> parts;
-      for (std::size_t k = 0; k < batch && !boxes_.empty();) {
+      for (std::size_t k = 0; k < kBatch && !boxes_.empty();) {
         std::pop_heap(boxes_.begin(), boxes_.end(), smaller);
-        if (boxes_.back().half > smallest_box * tolerance_sum_)
+        if (boxes_.back().half > kSmallestBox * tolerance_sum_)
           cut(boxes_.back(), parts), k++;
         else
           settled_.push_back(boxes_.back());
@@ -290,9 +289,9 @@ class LowerBound {
     std::vector<std::uint32_t> found;
     std::size_t added = 0;
     for (std::size_t k = 0; k < boxes_.size() && added < most; k++) {
-      if (gone[k] || boxes_[k].half > largest_row * tolerance_sum_) continue;
+      if (gone[k] || boxes_[k].half > kLargestRow * tolerance_sum_) continue;
       found.clear();
-      tree.find(boxes_[k].center, row_distance * tolerance_sum_, found);
+      tree.find(boxes_[k].center, kRowDistance * tolerance_sum_, found);
       for (auto other : found) gone[other] = 1;
       find(boxes_[k], found);
       rows_.add(found), added++;

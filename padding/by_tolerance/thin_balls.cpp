@@ -13,16 +13,16 @@ namespace padder {
 namespace {
 
 // Share of a point's own margin: there are no new balls to mend what the points miss.
-constexpr double thinning_margin = 0.5;
-constexpr std::array<double, 3> exchanges = {100, 200, 400};  // for each ball; of efforts 1 to 3
-constexpr double gap_kept_back = 1e-9;                        // share of the gap that is kept back for it
+constexpr double kThinningMargin = 0.5;
+constexpr std::array<double, 3> kExchanges = {100, 200, 400};  // for each ball; of efforts 1 to 3
+constexpr double kGapKeptBack = 1e-9;                          // share of the gap that is kept back for it
 
 }  // namespace
 
 std::vector<std::uint32_t> thin_balls(const Surface& surface, const std::vector<Ball>& balls, double gap,
                                       int effort) {
-  const double bound = gap * (1 - gap_kept_back);
-  const double steps = effort > 0 ? exchanges[static_cast<std::size_t>(std::min(effort, 3) - 1)] : 0;
+  const double bound = gap * (1 - kGapKeptBack);
+  const double steps = effort > 0 ? kExchanges[static_cast<std::size_t>(std::min(effort, 3) - 1)] : 0;
   std::vector<Candidate> candidates(balls.size());
 #pragma omp parallel for schedule(dynamic, 64)
   for (std::size_t k = 0; k < balls.size(); k++)
@@ -34,7 +34,7 @@ std::vector<std::uint32_t> thin_balls(const Surface& surface, const std::vector<
   sampling.largest = 0;
   for (const Candidate& c : candidates) sampling.largest = std::max(sampling.largest, c.inner_distance);
   Samples samples = sample_surface(surface, sampling);
-  for (CoverPoint& point : samples.fine) point.margin *= thinning_margin;
+  for (CoverPoint& point : samples.fine) point.margin *= kThinningMargin;
   CoverProblem problem(bound);
   problem.add(samples.fine, candidates);
 
@@ -57,7 +57,7 @@ std::vector<std::uint32_t> thin_balls(const Surface& surface, const std::vector<
     // point that fails. Such a spot is skipped.
     std::vector<CoverPoint> points;
     for (const GapPart& part : gap_failures(surface.mesh(), BallSet(kept), bound, 0.1 * gap))
-      if (part.value > bound && all.gap(part.point).value <= bound * (1 - gap_kept_back))
+      if (part.value > bound && all.gap(part.point).value <= bound * (1 - kGapKeptBack))
         points.push_back({part.point, 0});
     if (points.empty()) return chosen;
     problem.add(points, {});

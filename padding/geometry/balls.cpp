@@ -7,9 +7,9 @@
 namespace padder {
 namespace {
 
-constexpr std::uint32_t leaf_balls = 4;
-constexpr double infinity = std::numeric_limits<double>::infinity();
-constexpr int ball_stack = 128;  // median splits: the depth is log2(n / leaf_balls)
+constexpr std::uint32_t kLeafBalls = 4;
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr int kBallStack = 128;  // median splits: the depth is log2(n / kLeafBalls)
 
 }  // namespace
 
@@ -32,7 +32,7 @@ std::uint32_t BallSet::build(std::uint32_t begin, std::uint32_t end) {
     };
   };
   Box centers;
-  double small = infinity, large = 0;
+  double small = kInfinity, large = 0;
   for (auto k = begin; k < end; k++) {
     centers.add(slots_[k].ball.center);
     small = std::min(small, slots_[k].ball.radius), large = std::max(large, slots_[k].ball.radius);
@@ -53,7 +53,7 @@ std::uint32_t BallSet::build(std::uint32_t begin, std::uint32_t end) {
       radius = std::max(radius, slots_[k].ball.radius);
     }
     std::uint32_t child = from[side], count = to[side] - from[side];
-    if (count > leaf_balls) child = build(from[side], to[side]), count = 0;
+    if (count > kLeafBalls) child = build(from[side], to[side]), count = 0;
     Node& node = nodes_[index];
     node.set(side, box);
     node.radius[side] = radius, node.child[side] = child, node.count[side] = count;
@@ -70,9 +70,9 @@ void BallSet::traverse(const Point& x, double& limit, Visit&& visit) const {
     double bound;
     std::uint32_t child, count;
   };
-  Entry stack[ball_stack];
+  Entry stack[kBallStack];
   int top = 0;
-  stack[top++] = {-infinity, 0, 0};
+  stack[top++] = {-kInfinity, 0, 0};
   while (top > 0) {
     const Entry entry = stack[--top];
     if (entry.bound > limit) continue;
@@ -85,7 +85,7 @@ void BallSet::traverse(const Point& x, double& limit, Visit&& visit) const {
     const Eigen::Array2d bound = node.distance2(x).sqrt() - node.radius;
     const int near = bound[1] < bound[0];
     for (int side : {1 - near, near})
-      if (bound[side] <= limit && bound[side] < infinity)
+      if (bound[side] <= limit && bound[side] < kInfinity)
         stack[top++] = {bound[side], node.child[side], node.count[side]};
   }
 }

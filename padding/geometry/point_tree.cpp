@@ -7,12 +7,12 @@
 namespace padder {
 namespace {
 
-constexpr std::uint32_t leaf_points = 8;
-constexpr std::uint32_t task_size = 1 << 14;  // halves of more points are sorted side by side
+constexpr std::uint32_t kLeafPoints = 8;
+constexpr std::uint32_t kTaskSize = 1 << 14;  // halves of more points are sorted side by side
 
 std::uint32_t nodes_of(std::uint32_t points) {
   const std::uint32_t half = points / 2;
-  return points <= leaf_points ? 0 : 1 + nodes_of(half) + nodes_of(points - half);
+  return points <= kLeafPoints ? 0 : 1 + nodes_of(half) + nodes_of(points - half);
 }
 
 }  // namespace
@@ -21,16 +21,16 @@ PointTree::PointTree(std::vector<Point> points) : points_(std::move(points)) {
   const auto n = static_cast<std::uint32_t>(points_.size());
   order_.resize(n);
   std::iota(order_.begin(), order_.end(), 0u);
-  if (n > leaf_points) {
+  if (n > kLeafPoints) {
     Box box;
     for (const Point& p : points_) box.add(p);
     nodes_.resize(nodes_of(n));
-#pragma omp parallel if (n > task_size)
+#pragma omp parallel if (n > kTaskSize)
 #pragma omp single
     build(0, 0, n, box);
   }
   for (int axis = 0; axis < 3; axis++) {
-    sorted_[axis].resize(n + leaf_points);
+    sorted_[axis].resize(n + kLeafPoints);
     for (std::uint32_t k = 0; k < n; k++) sorted_[axis][k] = points_[order_[k]][axis];
   }
 }
@@ -44,7 +44,7 @@ std::vector<std::uint32_t> PointTree::renumber() {
 }
 
 void PointTree::build(std::uint32_t index, std::uint32_t begin, std::uint32_t end, const Box& box) {
-  if (end - begin <= leaf_points) return;
+  if (end - begin <= kLeafPoints) return;
   int axis;
   (box.high - box.low).maxCoeff(&axis);
   const auto middle = begin + (end - begin) / 2;
@@ -58,7 +58,7 @@ void PointTree::build(std::uint32_t index, std::uint32_t begin, std::uint32_t en
   Node& node = nodes_[index];
   node.begin = begin, node.middle = middle, node.end = end, node.right = index + 1 + nodes_of(middle - begin);
   node.set(0, half[0]), node.set(1, half[1]);
-  if (end - begin <= task_size) {
+  if (end - begin <= kTaskSize) {
     build(index + 1, begin, middle, half[0]);
     build(node.right, middle, end, half[1]);
     return;
@@ -74,12 +74,12 @@ void PointTree::find(const Point& center, double radius, std::vector<std::uint32
   const double radius2 = radius * radius;
   const auto scan = [&](std::uint32_t begin, std::uint32_t count) {
     const double *x = &sorted_[0][begin], *y = &sorted_[1][begin], *z = &sorted_[2][begin];
-    double distance2[leaf_points];
-    for (std::uint32_t k = 0; k < leaf_points; k++) {
+    double distance2[kLeafPoints];
+    for (std::uint32_t k = 0; k < kLeafPoints; k++) {
       const double u = x[k] - center.x(), v = y[k] - center.y(), w = z[k] - center.z();
       distance2[k] = u * u + (v * v + w * w);
     }
-    std::uint32_t near[leaf_points], size = 0;
+    std::uint32_t near[kLeafPoints], size = 0;
     for (std::uint32_t k = 0; k < count; k++) near[size] = order_[begin + k], size += distance2[k] <= radius2;
     found.insert(found.end(), near, near + size);
   };
@@ -88,7 +88,7 @@ void PointTree::find(const Point& center, double radius, std::vector<std::uint32
     std::uint32_t begin, end, node;
   };
   constexpr std::uint32_t inside = 0xffffffffu;
-  Entry stack[64];  // median splits: the depth is log2(n / leaf_points)
+  Entry stack[64];  // median splits: the depth is log2(n / kLeafPoints)
   int top = 0;
   stack[top++] = {0, static_cast<std::uint32_t>(points_.size()), 0};
   while (top > 0) {
@@ -97,7 +97,7 @@ void PointTree::find(const Point& center, double radius, std::vector<std::uint32
       found.insert(found.end(), order_.begin() + entry.begin, order_.begin() + entry.end);
       continue;
     }
-    if (entry.end - entry.begin <= leaf_points) {
+    if (entry.end - entry.begin <= kLeafPoints) {
       scan(entry.begin, entry.end - entry.begin);
       continue;
     }

@@ -10,7 +10,7 @@
 namespace padder {
 namespace {
 
-constexpr std::uint32_t none = ~0u;
+constexpr std::uint32_t kNone = ~0u;
 constexpr std::uint32_t kFan = 500;  // faces at the tip of a fan; 10,000 take the remesher half a minute
 using Corners = std::array<std::uint32_t, 3>;
 
@@ -215,12 +215,12 @@ class Collapse {
 
   Mesh collect() const {
     Mesh out;
-    std::vector<std::uint32_t> index(mesh_.points.size(), none);
+    std::vector<std::uint32_t> index(mesh_.points.size(), kNone);
     for (std::uint32_t t = 0; t < mesh_.triangles.size(); t++) {
       if (!alive_[t]) continue;
       Corners c = mesh_.triangles[t];
       for (auto& v : c) {
-        if (index[v] == none)
+        if (index[v] == kNone)
           index[v] = static_cast<std::uint32_t>(out.points.size()), out.points.push_back(mesh_.points[v]);
         v = index[v];
       }
@@ -311,12 +311,12 @@ Mesh taken_apart(const Mesh& mesh) {
     }
   }
   Mesh out;
-  std::vector<std::uint32_t> index(parent.size(), none);
+  std::vector<std::uint32_t> index(parent.size(), kNone);
   for (std::uint32_t t = 0; t < mesh.triangles.size(); t++) {
     Corners c;
     for (int k = 0; k < 3; k++) {
       auto& i = index[root(3 * std::size_t(t) + static_cast<std::size_t>(k))];
-      if (i == none)
+      if (i == kNone)
         i = static_cast<std::uint32_t>(out.points.size()), out.points.push_back(mesh.corner(t, k));
       c[k] = i;
     }

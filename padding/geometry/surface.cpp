@@ -12,8 +12,7 @@
 namespace padder {
 namespace {
 
-constexpr std::uint32_t parallel_size = 4096;  // fewer triangles than these are not worth another thread
-constexpr int stack_size = TriangleTree::kStackSize;
+constexpr std::uint32_t kParallelSize = 4096;  // fewer triangles than these are not worth another thread
 
 enum Feature : int { face = 0, vertex0 = 1, vertex1 = 2, vertex2 = 3, edge01 = 4, edge12 = 5, edge20 = 6 };
 
@@ -94,7 +93,7 @@ Surface::Surface(const Mesh& mesh, SideBy side, std::shared_ptr<const Surface> s
     : mesh_(mesh), side_(side), solid_(std::move(solid)), bounds_(mesh_.bounds()), tree_(mesh_) {
   const std::size_t n = mesh_.triangles.size();
   slots_.resize(n);
-#pragma omp parallel for if (n > parallel_size)
+#pragma omp parallel for if (n > kParallelSize)
   for (std::size_t k = 0; k < n; k++) {
     const std::uint32_t t = tree_.triangles()[k];
     const Point& a = mesh_.corner(t, 0);
@@ -162,7 +161,7 @@ void Surface::find_normals() {
   face_normals_.resize(n);
   vertex_normals_.assign(points, Vector::Zero());
   edge_normals_.resize(n);
-#pragma omp parallel for if (n > parallel_size)
+#pragma omp parallel for if (n > kParallelSize)
   for (std::size_t t = 0; t < n; t++) {
     face_normals_[t] = mesh_.area_normal(t).normalized();
     if (!face_normals_[t].allFinite()) face_normals_[t].setZero();
@@ -183,7 +182,7 @@ void Surface::find_normals() {
     }
   }
   std::size_t open = 0;
-#pragma omp parallel for schedule(dynamic, 1024) reduction(+ : open) if (n > parallel_size)
+#pragma omp parallel for schedule(dynamic, 1024) reduction(+ : open) if (n > kParallelSize)
   for (std::size_t v = 0; v < points; v++) {
     for (auto k = corner_begin[v]; k < corner_begin[v + 1]; k++) {
       const std::uint32_t t = corners[k] / 3;
@@ -260,7 +259,7 @@ Nearest Surface::clearance(const Point& p, double limit) const {
     double least;  // no triangle below has less clearance
     std::uint32_t child, count;
   };
-  Entry stack[stack_size];
+  Entry stack[TriangleTree::kStackSize];
   int top = 0;
   stack[top++] = {-std::numeric_limits<double>::infinity(), 0, 0};
   while (top > 0) {
@@ -422,7 +421,7 @@ std::optional<int> Surface::crossings(const Point& p, const Vector& direction,
                                       const std::function<bool(std::uint32_t)>& skip) const {
   if (slots_.empty()) return 0;
   const Vector inverse = direction.cwiseInverse();
-  std::uint32_t stack[stack_size];
+  std::uint32_t stack[TriangleTree::kStackSize];
   int top = 0, sum = 0;
   stack[top++] = 0;
   while (top > 0) {

@@ -11,8 +11,8 @@ namespace {
 
 using Node = TriangleTree::Node;
 
-constexpr std::uint32_t leaf_size = 4;
-constexpr std::uint32_t tree_parallel_size = 4096;  // fewer triangles than these are not worth another thread
+constexpr std::uint32_t kLeafSize = 4;
+constexpr std::uint32_t kTreeParallelSize = 4096;  // fewer triangles than these are not worth another thread
 
 double half_area(const Box& b) {
   if (b.empty()) return 0;
@@ -63,7 +63,7 @@ std::uint32_t build(std::vector<Node>& nodes, std::vector<std::uint32_t>& order,
   }
   // Uneven splits could make the tree as deep as there are triangles: below 1/32 the median splits instead.
   const std::uint32_t smaller = std::min(middle - begin, end - middle);
-  if (smaller == 0 || (end - begin > 4 * leaf_size && smaller < (end - begin) / 32)) {
+  if (smaller == 0 || (end - begin > 4 * kLeafSize && smaller < (end - begin) / 32)) {
     middle = begin + (end - begin) / 2;
     std::nth_element(order.begin() + begin, order.begin() + middle, order.begin() + end, [&](auto s, auto t) {
       const double x = boxes[s].center()[axis], y = boxes[t].center()[axis];
@@ -74,13 +74,13 @@ std::uint32_t build(std::vector<Node>& nodes, std::vector<std::uint32_t>& order,
   nodes.emplace_back();
   const std::uint32_t from[2] = {begin, middle}, to[2] = {middle, end};
   // The halves of a large node are built side by side, each into nodes of its own that are then appended.
-  const bool apart = end - begin > tree_parallel_size;
+  const bool apart = end - begin > kTreeParallelSize;
   std::vector<Node> own[2];
   const auto build_side = [&](int side) {
     Box box;
     for (auto k = from[side]; k < to[side]; k++) box.add(boxes[order[k]].low), box.add(boxes[order[k]].high);
     std::uint32_t child = from[side], count = to[side] - from[side];
-    if (count > leaf_size)
+    if (count > kLeafSize)
       child = build(apart ? own[side] : nodes, order, boxes, from[side], to[side]), count = 0;
     Node& node = nodes[index];
     node.set(side, box);
@@ -189,8 +189,8 @@ class PairWalk {
 
   // The triangles of a leaf whose boxes touch that of the other leaf.
   struct Leaf {
-    std::array<std::uint32_t, leaf_size> triangle;
-    std::array<Corner, leaf_size> low, high;
+    std::array<std::uint32_t, kLeafSize> triangle;
+    std::array<Corner, kLeafSize> low, high;
     std::size_t count = 0;
   };
   Leaf leaf(Part p, Part other) const {
@@ -232,11 +232,11 @@ TriangleTree::TriangleTree(const Mesh& mesh) : triangles_(mesh.triangles.size())
   const std::size_t n = mesh.triangles.size();
   std::vector<Box> boxes(n);
   std::iota(triangles_.begin(), triangles_.end(), 0u);
-#pragma omp parallel for if (n > tree_parallel_size)
+#pragma omp parallel for if (n > kTreeParallelSize)
   for (std::size_t t = 0; t < n; t++)
     for (int k = 0; k < 3; k++) boxes[t].add(mesh.corner(t, k));
-  if (n > leaf_size) {
-#pragma omp parallel if (n > tree_parallel_size)
+  if (n > kLeafSize) {
+#pragma omp parallel if (n > kTreeParallelSize)
 #pragma omp single
     build(nodes_, triangles_, boxes, 0, static_cast<std::uint32_t>(n));
   } else if (n > 0) {

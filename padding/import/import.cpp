@@ -2,6 +2,7 @@
 #include "padding/import/import.h"
 
 #include <algorithm>
+#include <cmath>
 #include <set>
 
 #include "padding/asset/child.h"

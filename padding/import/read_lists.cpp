@@ -66,9 +66,7 @@ std::vector<std::uint32_t> bits(const Npz& arrays, const char* name, std::size_t
                                 const std::string& where) {
   const auto it = arrays.find(name);
   if (it == arrays.end()) return {};
-  std::vector<std::uint32_t> values = it->second.as<std::uint32_t>();
-  if (values.size() != n) throw Error(where + ": " + name + " must have one entry a sphere");
-  return values;
+  return whole_numbers(it->second, n, where + ": " + name);
 }
 
 }  // namespace

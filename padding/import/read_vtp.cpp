@@ -4,6 +4,7 @@
 #include <zlib.h>
 
 #include <charconv>
+#include <cmath>
 #include <cstring>
 #include <pugixml.hpp>
 

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: MIT
 // Private to padding/import: one function for each format that holds spheres.
 #pragma once
-#include <cmath>
 #include <filesystem>
 #include <string>
 #include <string_view>

@@ -3,7 +3,6 @@
 
 #include <Eigen/Geometry>
 #include <cmath>
-#include <numeric>
 #include <set>
 
 namespace padder {

@@ -2,14 +2,12 @@
 #include "padding/input/read.h"
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <limits>
 #include <map>
 #include <span>
 
 #include "padding/asset/child.h"
-#include "padding/asset/excerpt.h"
 #include "padding/asset/file.h"
 #include "padding/input/polygon.h"
 #include "padding/input/read_internal.h"
@@ -31,7 +29,7 @@ namespace {
 using reading::fail;
 using reading::Soup;
 
-const std::map<std::string, double> metres = {{"m", 1}, {"cm", 0.01}, {"mm", 0.001}, {"in", 0.0254}};
+const std::map<std::string, double> kMetres = {{"m", 1}, {"cm", 0.01}, {"mm", 0.001}, {"in", 0.0254}};
 
 std::string plural(std::uint64_t n, const std::string& one, const std::string& many) {
   return std::to_string(n) + " " + (n == 1 ? one : many);
@@ -91,7 +89,7 @@ void apply_units(ReadResult& result, const ReadOptions& options, const std::stri
   const std::string own = result.unit;
   result.unit = options.unit.empty() && options.scale == 1 ? own : options.unit;
   if (!options.unit.empty() && !own.empty() && own != options.unit) {
-    factor *= metres.at(own) / metres.at(options.unit);
+    factor *= kMetres.at(own) / kMetres.at(options.unit);
     result.notes.push_back("converted from " + own + " to " + options.unit);
   }
   if (factor == 1) return;
@@ -153,7 +151,7 @@ ReadResult read_mesh(const std::filesystem::path& path, const ReadOptions& optio
   const std::string where = path.string();
   if (!(options.scale > 0 && std::isfinite(options.scale)))
     throw Error("the scale must be a positive number");
-  if (!options.unit.empty() && !metres.contains(options.unit))
+  if (!options.unit.empty() && !kMetres.contains(options.unit))
     throw Error("unit '" + options.unit + "' is not known: use m, cm, mm or in");
   const std::string ending = reading::lower_case(path.extension().string());
   if (std::ranges::find(mesh_endings(), ending) == mesh_endings().end()) {

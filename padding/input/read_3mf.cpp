@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <map>
 #include <pugixml.hpp>
-#include <set>
 
 #include "padding/asset/excerpt.h"
 #include "padding/asset/file.h"

@@ -2,7 +2,6 @@
 // Checks an STL before assimp reads it. Otherwise assimp 5.2 takes a facet of four vertices for one of three,
 // and refuses a file with some bytes behind the facets.
 #include <algorithm>
-#include <cctype>
 
 #include "padding/input/read_internal.h"
 

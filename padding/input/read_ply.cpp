@@ -13,7 +13,7 @@ namespace {
 
 struct Property {
   std::string name;
-  int type = -1, count_type = -1;  // index into type_names; a list has a count_type >= 0
+  int type = -1, count_type = -1;  // index into kTypeNames; a list has a count_type >= 0
 };
 struct Element {
   std::string name;
@@ -26,13 +26,13 @@ struct Header {
   std::size_t body = 0;  // byte offset
 };
 
-constexpr const char* type_names[][2] = {{"char", "int8"},     {"uchar", "uint8"},   {"short", "int16"},
+constexpr const char* kTypeNames[][2] = {{"char", "int8"},     {"uchar", "uint8"},   {"short", "int16"},
                                          {"ushort", "uint16"}, {"int", "int32"},     {"uint", "uint32"},
                                          {"float", "float32"}, {"double", "float64"}};
 
 int type_of(std::string_view word) {
   for (int k = 0; k < 8; k++)
-    if (word == type_names[k][0] || word == type_names[k][1]) return k;
+    if (word == kTypeNames[k][0] || word == kTypeNames[k][1]) return k;
   return -1;
 }
 

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <istream>
-#include <limits>
 #include <streambuf>
 
 #include "padding/input/read_internal.h"

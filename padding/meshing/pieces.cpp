@@ -7,6 +7,7 @@
 #include <cmath>
 #include <map>
 #include <numeric>
+#include <span>
 #include <utility>
 
 #include "padding/geometry/random.h"
@@ -30,8 +31,9 @@ std::vector<std::vector<std::uint32_t>> connected(const Mesh& mesh,
   std::iota(parent.begin(), parent.end(), 0u);
   const std::vector<Side> sides = sides_of(mesh, triangles);
   for_edges(sides, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t k = begin + 1; k < end && join(end - begin); k++) {
-      const auto a = root_of(parent, sides[begin].triangle), b = root_of(parent, sides[k].triangle);
+    if (!join(end - begin)) return;
+    for (const Side& side : std::span(sides).subspan(begin + 1, end - begin - 1)) {
+      const auto a = root_of(parent, sides[begin].triangle), b = root_of(parent, side.triangle);
       parent[std::max(a, b)] = std::min(a, b);
     }
   });

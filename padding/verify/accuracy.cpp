@@ -4,11 +4,10 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
-#include <numeric>
 #include <optional>
 
-#include "padding/verify/sphere_points.h"
 #include "padding/verify/certify.h"
+#include "padding/verify/sphere_points.h"
 
 namespace padder {
 namespace {

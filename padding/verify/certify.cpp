@@ -7,14 +7,14 @@
 namespace padder {
 namespace {
 
-constexpr double unbounded = std::numeric_limits<double>::infinity();
+constexpr double kUnbounded = std::numeric_limits<double>::infinity();
 
 // Parts smaller than this share of the largest coordinate are not split further: below it, rounding decides.
-constexpr double smallest_share = 1e-9;
+constexpr double kSmallestShare = 1e-9;
 
 // A centre that is nearer to the surface than this share of the radius counts as on it: a ball at a sharp
 // edge cannot have its centre inside.
-constexpr double on_surface = 1e-6;
+constexpr double kOnSurface = 1e-6;
 
 double bound_by(const Ball& ball, const GapPart& part) {
   double far2 = 0;
@@ -31,7 +31,7 @@ GapPart gap_part_of(const Mesh& mesh, std::size_t t) {
   GapPart part;
   part.triangle = static_cast<std::uint32_t>(t);
   for (int k = 0; k < 3; k++) part.corner[k] = mesh.corner(t, k);
-  part.bound = unbounded;
+  part.bound = kUnbounded;
   return part;
 }
 
@@ -39,12 +39,12 @@ double smallest_size(const Mesh& mesh) {
   const Box box = mesh.bounds();
   return box.empty()
              ? 0
-             : smallest_share * std::max(box.low.cwiseAbs().maxCoeff(), box.high.cwiseAbs().maxCoeff());
+             : kSmallestShare * std::max(box.low.cwiseAbs().maxCoeff(), box.high.cwiseAbs().maxCoeff());
 }
 
 // In a hull, a centre within the standoff is still inside.
 bool is_outside(const Surface& surface, const Ball& ball, double distance) {
-  return distance > on_surface * ball.radius &&
+  return distance > kOnSurface * ball.radius &&
          !(surface.hull() && surface.winding_number(ball.center).value_or(0) > 0);
 }
 
@@ -80,7 +80,7 @@ GapBound gap_bound(const Mesh& mesh, const BallSet& balls, double floor, double 
   const std::size_t n = mesh.triangles.size();
   if (n == 0) return best;
   if (balls.empty()) {
-    best.lower = best.upper = unbounded, best.point = mesh.corner(0, 0);
+    best.lower = best.upper = kUnbounded, best.point = mesh.corner(0, 0);
     return best;
   }
   const double smallest = smallest_size(mesh);
@@ -90,7 +90,7 @@ GapBound gap_bound(const Mesh& mesh, const BallSet& balls, double floor, double 
   // settles most parts without a query.
   const auto examine = [&](GapPart& part, std::uint32_t& hint, double enough) {
     tighten(part, balls, hint);
-    part.value = -unbounded;
+    part.value = -kUnbounded;
     if (part.bound <= enough) return false;
     part.point = part.centroid();
     const BallGap gap = balls.gap(part.point);
@@ -120,7 +120,7 @@ GapBound gap_bound(const Mesh& mesh, const BallSet& balls, double floor, double 
 #pragma omp parallel for schedule(dynamic, 4) if (blocks > 4)
     for (std::size_t b = 0; b < blocks; b++) {
       Result& result = results[b];
-      result.top.value = -unbounded;
+      result.top.value = -kUnbounded;
       std::uint32_t hint = 0;
       const auto look = [&](GapPart& part) {
         const bool open = examine(part, hint, enough);
@@ -239,7 +239,7 @@ std::vector<GapPart> gap_failures(const Mesh& mesh, const BallSet& balls, double
     std::uint32_t hint = 0;
     NearBalls near(balls, bound);
     LastProofs last(4 * grain);
-    double small_enough = unbounded;  // larger parts have too many balls near
+    double small_enough = kUnbounded;  // larger parts have too many balls near
     constexpr std::size_t nobody = std::numeric_limits<std::size_t>::max();
     for (std::size_t t = b * block; t < std::min(n, (b + 1) * block); t++) {
       std::size_t above = nobody;  // what stands at this place of the stack or higher is cut from near's part

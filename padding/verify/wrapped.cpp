@@ -12,7 +12,7 @@
 namespace padder {
 namespace {
 
-constexpr double smallest_part = 1e-9;  // share of the mesh's diagonal: below it, rounding decides
+constexpr double kSmallestPart = 1e-9;  // share of the mesh's diagonal: below it, rounding decides
 
 TrianglePart part_of(const Mesh& mesh, std::size_t t) {
   return {{mesh.corner(t, 0), mesh.corner(t, 1), mesh.corner(t, 2)}, static_cast<std::uint32_t>(t)};
@@ -93,7 +93,7 @@ class Pieces {
 }  // namespace
 
 std::vector<double> standoffs(const Mesh& mesh, const Surface& input, double slack) {
-  const double smallest = smallest_part * mesh.bounds().diagonal();
+  const double smallest = kSmallestPart * mesh.bounds().diagonal();
   std::vector<double> found(mesh.triangles.size());
 #pragma omp parallel for schedule(dynamic, 64)
   for (std::size_t t = 0; t < found.size(); t++)

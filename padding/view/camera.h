@@ -2,7 +2,6 @@
 // Where a picture puts what it draws: from the frame of a view to pixels.
 #pragma once
 #include <Eigen/Core>
-#include <cmath>
 
 #include "padding/view/view.h"
 

@@ -12,13 +12,13 @@
 // The font's file, as the build found it.
 asm(".section .rodata\n"
     ".balign 16\n"
-    ".local padder_font, padder_font_end\n"
-    "padder_font:\n"
+    ".local kPadderFont, kPadderFontEnd\n"
+    "kPadderFont:\n"
     ".incbin \"" PADDER_FONT
     "\"\n"
-    "padder_font_end:\n"
+    "kPadderFontEnd:\n"
     ".previous\n");
-extern "C" const unsigned char padder_font[], padder_font_end[];
+extern "C" const unsigned char kPadderFont[], kPadderFontEnd[];
 
 namespace padder {
 
@@ -28,7 +28,7 @@ struct Canvas::Font {
 
   Font() {
     if (FT_Init_FreeType(&library) != 0 ||
-        FT_New_Memory_Face(library, padder_font, FT_Long(padder_font_end - padder_font), 0, &face) != 0)
+        FT_New_Memory_Face(library, kPadderFont, FT_Long(kPadderFontEnd - kPadderFont), 0, &face) != 0)
       throw Error("FreeType cannot read the font of the legends: build padder again");
   }
   ~Font() { FT_Done_FreeType(library); }

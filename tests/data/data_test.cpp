@@ -6,9 +6,7 @@
 #include <cmath>
 
 #include <filesystem>
-#include <string>
 
-#include "padding/asset/error.h"
 #include "padding/asset/mesh.h"
 #include "padding/export/families.h"
 #include "padding/input/read.h"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Every combination of families and masks of docs/detector.md, both ways round.
+// Every combination of families and masks of docs/detector/use.md, both ways round.
 #include "detect/filter.h"
 
 #include "tests/detect/oracle.h"

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: MIT
 // Worlds and margins, on every backend and path, beside an oracle that tests every pair.
-#include <functional>
 
 #include "detect/core/world_tree.h"
 #include "tests/detect/device_memory.h"

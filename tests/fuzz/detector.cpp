@@ -2,7 +2,6 @@
 // Bytes to calls of one detector, each compared with brute force (tests/detect/oracle.h). Sequences of scenes
 // that change little are the model test's (tests/detect/model/); here the numbers are the adversary: any
 // double.
-#include <memory>
 
 #include "tests/detect/oracle.h"
 #include "tests/fuzz/targets.h"

@@ -6,7 +6,6 @@
 #include <Eigen/Geometry>
 #include <cmath>
 
-#include "padding/asset/error.h"
 #include "tests/fuzz/targets.h"
 
 namespace padder::fuzz {

@@ -3,10 +3,8 @@
 // promised, and a cluster that is written reads back as the same cluster. An Error must be a sentence of sane
 // length.
 
-#include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdlib>
 #include <filesystem>
 
 #include "detect/scene/loose.h"
@@ -14,7 +12,6 @@
 #include "padding/asset/child.h"
 #include "padding/asset/error.h"
 #include "padding/asset/file.h"
-#include "padding/import/import.h"
 #include "padding/import/readers.h"
 #include "padding/input/read.h"
 #include "padding/input/read_internal.h"

@@ -4,8 +4,6 @@
 #include <gtest/gtest.h>
 #include <omp.h>
 
-#include <filesystem>
-
 #include "padding/asset/error.h"
 #include "tests/error_of.h"
 #include "tests/padding/random_input.h"

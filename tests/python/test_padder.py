@@ -124,6 +124,22 @@ def test_a_mesh_object_is_taken_as_it_is(cube):
         padder.pad(CUBE)
 
 
+CLASSES = [c for c in vars(padder._core).values() if isinstance(c, type) and not issubclass(c, Exception)]
+
+
+@pytest.mark.parametrize("kind", CLASSES, ids=lambda kind: kind.__name__)
+def test_an_object_made_without_its_constructor_is_refused(kind):
+    empty = kind.__new__(kind)
+    properties = [name for name in dir(kind) if isinstance(vars(kind).get(name), property)]
+    assert properties or kind is padder.Detector
+    for name in properties:
+        with pytest.raises(TypeError, match="without its constructor"):
+            getattr(empty, name)
+    if kind is padder.Detector:
+        with pytest.raises(TypeError, match="without its constructor"):
+            empty.detect(np.zeros((1, 3)), np.ones(1))
+
+
 def test_pickle_and_html(cube):
     back = pickle.loads(pickle.dumps(cube))
     assert back.to_json() == cube.to_json() and back.mask == 5

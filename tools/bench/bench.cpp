@@ -7,10 +7,9 @@
 #include "tools/cli.h"
 #include "tools/json_output.h"
 
+#include <chrono>
 #include <cstdio>
 #include <iostream>
-
-#include "padding/asset/error.h"
 
 namespace {
 

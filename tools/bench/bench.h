@@ -2,12 +2,10 @@
 // The benches: each a function, registered by one line in bench.cpp. It prints a table on stdout (or one JSON
 // document with --json) and writes its files into a folder when one is named.
 #pragma once
-#include <chrono>
 #include <cstdint>
 #include <filesystem>
 #include <functional>
 #include <nlohmann/json.hpp>
-#include <optional>
 #include <string>
 #include <vector>
 

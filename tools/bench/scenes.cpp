@@ -3,7 +3,6 @@
 // contacts are in the memory of the device. Moving: each sphere moves by a fiftieth of its radius between
 // calls, back and forth through some frames; copying a frame to where the detector reads is not timed.
 #include <algorithm>
-#include <cmath>
 
 #include "padding/asset/error.h"
 #include "tools/bench/bench.h"

@@ -4,9 +4,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "detect/scene/contact_file.h"
-#include "padding/asset/error.h"
-#include "padding/asset/file.h"
 #include "tools/bench/bench.h"
 #include "tools/bench/peers/bullet.h"
 

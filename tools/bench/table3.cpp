@@ -8,7 +8,6 @@
 
 #include "tools/bench/bench.h"
 #include "tools/bench/device.h"
-#include "tools/settle/files.h"
 #include "tools/settle/make_scene.h"
 #include "tools/settle/read_scene.h"
 #include "tools/settle/stepper.h"

@@ -2,7 +2,6 @@
 // Scenes in which spheres lie unevenly or differ in size, for `bench scenes`: what simulations look like once
 // grains escape, heaps settle and sizes vary.
 #pragma once
-#include <string>
 #include <vector>
 
 #include "detect/scene/generate.h"

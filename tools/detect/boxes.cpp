@@ -2,8 +2,6 @@
 // detect with --devices or --memory: contacts are found box by box.
 #include <cstdio>
 #include <filesystem>
-#include <optional>
-#include <string_view>
 
 #include "detect/boxes/boxed_detector.h"
 #include "detect/boxes/contact_writer.h"

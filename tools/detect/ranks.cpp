@@ -5,7 +5,6 @@
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
-#include <optional>
 
 #include "padding/asset/error.h"
 #include "tools/detect/arguments.h"

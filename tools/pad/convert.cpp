@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "tools/pad/convert.h"
 
-#include <algorithm>
 #include <cstdio>
 
 #include "padding/asset/error.h"

@@ -8,7 +8,6 @@
 #include <map>
 #include <nlohmann/json.hpp>
 
-#include "padding/asset/error.h"
 #include "padding/asset/file.h"
 #include "padding/view/page.h"
 #include "padding/view/picture.h"

@@ -198,7 +198,7 @@ bool shape_fits(const Array& a, const Contract& wanted) {
   if (a.one() && wanted.number) return true;
   if (a.shape.size() != wanted.shape.size()) return false;
   for (std::size_t k = 0; k < a.shape.size(); k++)
-    if (wanted.shape[k] != any && a.shape[k] != wanted.shape[k]) return false;
+    if (wanted.shape[k] != kAny && a.shape[k] != wanted.shape[k]) return false;
   return true;
 }
 

@@ -8,7 +8,6 @@
 #include <pybind11/stl.h>
 
 #include <cstdint>
-#include <string>
 #include <vector>
 
 #include "detect/detector.h"
@@ -46,12 +45,12 @@ struct Contract {
   };
   const char* name;
   Kind kind;
-  std::vector<py::ssize_t> shape;  // `any` stands for any length
+  std::vector<py::ssize_t> shape;  // kAny stands for any length
   const char* said;                // the shape in words, for messages
   bool number = false;             // a single number is allowed, too
   bool rows = false;               // rows need not be contiguous with each other
 };
-inline constexpr py::ssize_t any = -1;
+inline constexpr py::ssize_t kAny = -1;
 
 // Every array from Python comes in through this function. It takes NumPy arrays of any type, byte order,
 // alignment and strides, everything that numpy.asarray takes, and objects that offer __cuda_array_interface__

@@ -22,7 +22,7 @@ std::vector<detect::Sphere> spheres_of_arrays(const py::object& shape, std::size
     throw py::type_error(name + " must be a Cluster or (centers, radii)");
   const std::string centers_name = "the centers of " + name, radii_name = "the radii of " + name;
   const Array centers =
-      array_of(shape[py::int_(0)], {centers_name.c_str(), Contract::Kind::wide, {any, 3}, "(N, 3)"});
+      array_of(shape[py::int_(0)], {centers_name.c_str(), Contract::Kind::wide, {kAny, 3}, "(N, 3)"});
   const py::ssize_t n = centers.shape[0];
   const Array radii =
       array_of(shape[py::int_(1)],
@@ -64,7 +64,7 @@ std::shared_ptr<Bodies> bodies_of(const py::sequence& shapes, const py::object& 
     }
   }
   for (const auto& r : out->rungs) out->shapes.push_back({r[0].spheres.data(), r[0].spheres.size()});
-  const Array p = array_of(poses, {"poses", Contract::Kind::wide, {any, 12}, "(B, 12)"});
+  const Array p = array_of(poses, {"poses", Contract::Kind::wide, {kAny, 12}, "(B, 12)"});
   if (p.memory != detect::Memory::host)
     throw py::type_error("the poses that Bodies is made from must lie on the host");
   out->bodies.resize(static_cast<std::size_t>(p.shape[0]));

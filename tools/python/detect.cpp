@@ -161,7 +161,7 @@ void add_spheres(Request& in, const Scene& scene) {
   }
   if (radii.is_none()) throw py::value_error("radii are missing: centers need them");
   using Kind = Contract::Kind;
-  Array c = array_of(centers, {"centers", Kind::real, {any, 3}, "(N, 3)", false, true});
+  Array c = array_of(centers, {"centers", Kind::real, {kAny, 3}, "(N, 3)", false, true});
   const py::ssize_t n = c.shape[0];
   Array r = array_of(radii, {"radii", Kind::real, {n}, "(N,), or one number for all", true, true});
   const bool single = c.single() && (r.single() || r.one());  // one number takes the type of the centers
@@ -193,7 +193,7 @@ void add_spheres(Request& in, const Scene& scene) {
 void add_poses(Request& in, const py::object& poses, const py::object& moved) {
   const auto count = static_cast<py::ssize_t>(in.input.bodies.size());
   if (!moved.is_none()) {
-    const Array a = array_of(moved, {"moved", Contract::Kind::bits, {any}, "(M,)"});
+    const Array a = array_of(moved, {"moved", Contract::Kind::bits, {kAny}, "(M,)"});
     if (a.memory != detect::Memory::host) throw py::type_error("moved must lie on the host");
     in.keep(a);
     in.input.moved = {a.as<std::uint32_t>(), static_cast<std::size_t>(a.shape[0])};
@@ -340,7 +340,7 @@ class PyDetector {
 };
 
 // How the functions named `detect` and `worlds` describe their arrays.
-const std::string arrays_said =
+const std::string kArraysSaid =
     R"(Finds every contact of N loose spheres and of the spheres of bodies, and none twice.
 
 centers: (N, 3). radii: (N,), or one number for all. They are read as float32 if both are float32, else as float64.
@@ -363,7 +363,7 @@ call, only the poses of the bodies that `moved` lists, (M,) numbers, are read ag
 poses: (B, 12) float64, the poses of all bodies, instead of those in `bodies`; on the host or on the device. What is no rotation
 is refused on the host and taken as it is on the device.
 )";
-const std::string worlds_said =
+const std::string kWorldsSaid =
     R"(For each of the worlds 0 to `count` - 1, an answer about the contacts that detect() would list, without a list.
 
 answer: "any" (is there one?), "count" (how many?) or "distance" (the smallest signed distance, and the pair). Contacts of two
@@ -416,7 +416,7 @@ void add_detect(py::module_& m) {
           "centers"_a = none, "radii"_a = none, "family"_a = none, "mask"_a = none, py::kw_only(),
           "is_static"_a = none, "world"_a = none, "bodies"_a = none, "revision"_a = 0, "moved"_a = none,
           "poses"_a = none, "margin"_a = 0.0,
-          (arrays_said + kRevisionSaid +
+          (kArraysSaid + kRevisionSaid +
            "The Contacts are valid until the next call. That call is refused while their arrays are in use. "
            "Raises padder.Error.")
               .c_str())
@@ -431,7 +431,7 @@ void add_detect(py::module_& m) {
           },
           "count"_a, "answer"_a = "any", "centers"_a = none, "radii"_a = none, "family"_a = none,
           "mask"_a = none, py::kw_only(), "is_static"_a = none, "world"_a = none, "bodies"_a = none,
-          "revision"_a = 0, "moved"_a = none, "poses"_a = none, "margin"_a = 0.0, worlds_said.c_str());
+          "revision"_a = 0, "moved"_a = none, "poses"_a = none, "margin"_a = 0.0, kWorldsSaid.c_str());
 
   m.def(
       "detect",
@@ -444,7 +444,7 @@ void add_detect(py::module_& m) {
       "centers"_a = none, "radii"_a = none, "family"_a = none, "mask"_a = none, py::kw_only(),
       "is_static"_a = none, "world"_a = none, "bodies"_a = none, "margin"_a = 0.0, "width"_a = "normals",
       "backend"_a = "auto", "precision"_a = "exact", "threads"_a = 0, "device"_a = 0,
-      (arrays_said +
+      (kArraysSaid +
        "Returns Contacts. Their arrays are views that keep the memory alive. Raises padder.Error.")
           .c_str());
   m.def(
@@ -457,7 +457,7 @@ void add_detect(py::module_& m) {
       },
       "count"_a, "answer"_a = "any", "centers"_a = none, "radii"_a = none, "family"_a = none, "mask"_a = none,
       py::kw_only(), "is_static"_a = none, "world"_a = none, "bodies"_a = none, "margin"_a = 0.0,
-      "backend"_a = "auto", "threads"_a = 0, "device"_a = 0, worlds_said.c_str());
+      "backend"_a = "auto", "threads"_a = 0, "device"_a = 0, kWorldsSaid.c_str());
 }
 
 }  // namespace padder::python

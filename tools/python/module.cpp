@@ -4,6 +4,25 @@
 
 #include "padding/asset/error.h"
 
+namespace {
+
+// An object made by Class.__new__ alone holds nothing. pybind11 would give it memory that nobody has filled,
+// by the type's operator_new, when a method first asks for what it holds. Refuses instead.
+void refuse_objects_without_content(const pybind11::module_& m) {
+  for (const auto& [name, value] : m.attr("__dict__").cast<pybind11::dict>()) {
+    if (!pybind11::isinstance<pybind11::type>(value)) continue;
+    auto* const type = reinterpret_cast<PyTypeObject*>(value.ptr());
+    pybind11::detail::type_info* const info = pybind11::detail::get_type_info(type);
+    if (info)
+      info->operator_new = [](std::size_t) -> void* {
+        throw pybind11::type_error(
+            "the object is empty: it was made by __new__ alone, without its constructor");
+      };
+  }
+}
+
+}  // namespace
+
 PYBIND11_MODULE(_core, m) {
   m.attr("__version__") = PADDER_VERSION;
   pybind11::register_exception<padder::Error>(m, "Error", PyExc_RuntimeError);
@@ -11,4 +30,5 @@ PYBIND11_MODULE(_core, m) {
   padder::python::add_arrays(m);
   padder::python::add_bodies(m);
   padder::python::add_detect(m);
+  refuse_objects_without_content(m);
 }

@@ -5,7 +5,6 @@
 
 #include <cerrno>
 #include <cmath>
-#include <cstdio>
 #include <map>
 #include <optional>
 
@@ -70,8 +69,8 @@ void append_faces(Mesh& mesh, const Array& faces) {
 }
 
 Mesh mesh_of(const py::object& given_vertices, const py::object& given_faces) {
-  const Array vertices = array_of(given_vertices, {"vertices", Contract::Kind::wide, {any, 3}, "(N, 3)"});
-  const Array faces = array_of(given_faces, {"faces", Contract::Kind::whole, {any, 3}, "(M, 3)"});
+  const Array vertices = array_of(given_vertices, {"vertices", Contract::Kind::wide, {kAny, 3}, "(N, 3)"});
+  const Array faces = array_of(given_faces, {"faces", Contract::Kind::whole, {kAny, 3}, "(M, 3)"});
   if (vertices.memory != detect::Memory::host || faces.memory != detect::Memory::host)
     throw py::type_error("vertices and faces must lie on the host");
   Mesh mesh;
@@ -390,7 +389,8 @@ void add_robot(py::module_& m) {
 Mesh given_mesh(const py::object& vertices, const py::object& faces) {
   const bool is_mesh = faces.is_none() && py::hasattr(vertices, "vertices") && py::hasattr(vertices, "faces");
   if (faces.is_none() && !is_mesh)
-    throw py::type_error("faces must be given, or a mesh with .vertices and .faces in place of both; pad_file takes a file");
+    throw py::type_error(
+        "faces must be given, or a mesh with .vertices and .faces in place of both; pad_file takes a file");
   return is_mesh ? mesh_of(vertices.attr("vertices"), vertices.attr("faces")) : mesh_of(vertices, faces);
 }
 

@@ -3,7 +3,6 @@
 // each step come back. Without CUDA there is none (device_none.cpp). Stepper is its only user.
 #pragma once
 #include <memory>
-#include <string>
 
 #include "tools/settle/state.h"
 

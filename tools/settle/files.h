@@ -2,7 +2,6 @@
 // The files of a run: frames and checkpoints. Each is written whole or not at all.
 #pragma once
 #include <filesystem>
-#include <string>
 
 #include "tools/settle/stepper.h"
 

@@ -6,7 +6,6 @@
 #include <nlohmann/json.hpp>
 #include <numbers>
 
-#include "detect/scene/generate.h"
 #include "padding/asset/cluster.h"
 #include "padding/asset/error.h"
 

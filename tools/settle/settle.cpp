@@ -1,11 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // settle: the detector inside a stepper. Arguments and printing only; the work is in tools/settle/.
 #include <unistd.h>
-#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <nlohmann/json.hpp>
-#include <optional>
 
 #include "padding/asset/error.h"
 #include "padding/asset/file.h"

@@ -1,7 +1,5 @@
 // SPDX-License-Identifier: MIT
 // What can be asked of a stepper between two steps: energies, contacts, a snapshot.
-#include <algorithm>
-#include <cmath>
 
 #include "padding/asset/error.h"
 #include "tools/settle/stepper.h"

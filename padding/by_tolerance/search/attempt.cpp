@@ -12,10 +12,10 @@ namespace padder {
 namespace {
 
 // How far from the place of a chosen ball, in turn: share of the radius of the disc that it covers.
-constexpr std::array step_sizes = {0.2, 0.3};
+constexpr std::array kStepSizes = {0.2, 0.3};
 // Balls that were tried stay to be chosen from while there are at most so many for each chosen one, and in
 // all.
-constexpr std::size_t most_tried = 40, most_tried_in_all = 400'000;
+constexpr std::size_t kMostTried = 40, kMostTriedInAll = 400'000;
 
 }  // namespace
 
@@ -64,12 +64,12 @@ void Attempt::try_places(const BallGrower& grower, int places, const std::vector
   for (std::size_t k = 0; k < n; k++) {
     const Candidate& c = problem.candidates()[chosen[around[k / static_cast<std::size_t>(places)]]];
     Random random(round + k);
-    grower.try_place(c, step_sizes[k % 2] * grower.covered_disc(c), random, tried_at[k]);
+    grower.try_place(c, kStepSizes[k % 2] * grower.covered_disc(c), random, tried_at[k]);
   }
   std::vector<Candidate> fresh;
   for (const auto& candidates : tried_at) fresh.insert(fresh.end(), candidates.begin(), candidates.end());
   const std::size_t tried = problem.candidates().size();
-  if (tried > most_tried_in_all || tried > most_tried * chosen.size()) {
+  if (tried > kMostTriedInAll || tried > kMostTried * chosen.size()) {
     problem.keep(chosen);
     std::iota(chosen.begin(), chosen.end(), 0u);
   }

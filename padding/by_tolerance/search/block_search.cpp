@@ -2,15 +2,13 @@
 #include "padding/by_tolerance/search/block_search.h"
 
 #include <algorithm>
-#include <numeric>
-#include <span>
 
 #include "padding/geometry/random.h"
 
 namespace padder {
 namespace {
 
-constexpr std::uint32_t no_owner = 0xffffffffu;
+constexpr std::uint32_t kNoOwner = 0xffffffffu;
 
 // Cuts the cover into blocks: across the longest side of the box of its centres, near the middle, again and
 // again.
@@ -50,12 +48,12 @@ std::vector<LocalProblem> problems_of(const Sets& sets, const std::vector<std::u
   std::vector<LocalProblem> problems(blocks);
   std::vector<std::uint32_t> number(owner.size());
   for (std::size_t r = 0; r < owner.size(); r++)
-    if (owner[r] != no_owner) number[r] = problems[owner[r]].elements++;
+    if (owner[r] != kNoOwner) number[r] = problems[owner[r]].elements++;
   std::vector<std::uint32_t> touched;
   for (std::uint32_t s = 0; s < sets.size(); s++) {
     touched.clear();
     for (const auto r : sets[s]) {
-      if (owner[r] == no_owner) continue;
+      if (owner[r] == kNoOwner) continue;
       LocalProblem& local = problems[owner[r]];
       if (local.global.empty() || local.global.back() != s)
         local.global.push_back(s), touched.push_back(owner[r]);
@@ -75,13 +73,13 @@ std::vector<std::uint32_t> improve_in_blocks(const Sets& sets, std::size_t eleme
   Random random(search.seed);
   std::vector<std::vector<std::uint32_t>> blocks;
   cut(cover.begin(), cover.end(), centers, search.block, random, blocks);
-  std::vector<std::uint32_t> owner(elements, no_owner);
+  std::vector<std::uint32_t> owner(elements, kNoOwner);
   for (std::uint32_t b = 0; b < blocks.size(); b++)
     for (auto s : blocks[b])
       for (auto r : sets[s])
-        if (owner[r] == no_owner) owner[r] = b;
+        if (owner[r] == kNoOwner) owner[r] = b;
   for (auto s : kept)
-    for (auto r : sets[s]) owner[r] = no_owner;
+    for (auto r : sets[s]) owner[r] = kNoOwner;
 
   const std::vector<LocalProblem> problems = problems_of(sets, owner, blocks.size());
 #pragma omp parallel for schedule(dynamic, 1) if (blocks.size() > 1)

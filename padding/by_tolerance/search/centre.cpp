@@ -10,8 +10,8 @@ namespace padder {
 namespace {
 
 // Sweeps over all balls, and places that are tried in each, half of them nearby.
-constexpr int sweeps = 3, sweep_places = 16;
-constexpr double step = 0.2, sweep_decay = 0.8;  // share of the covered disc's radius; for each sweep
+constexpr int kSweeps = 3, kSweepPlaces = 16;
+constexpr double kStep = 0.2, kSweepDecay = 0.8;  // share of the covered disc's radius; for each sweep
 
 // How many of the chosen balls cover each point.
 class CoverCounts {
@@ -62,9 +62,9 @@ std::optional<Candidate> centred(const CoverProblem& problem, const BallGrower& 
   Random random(seed);
   const double most = step_size * grower.covered_disc(ball);
   std::vector<Candidate> tried;
-  for (int k = 0; k < sweep_places; k++) {
+  for (int k = 0; k < kSweepPlaces; k++) {
     tried.clear();
-    grower.try_place(ball, 2 * k < sweep_places ? most : 0.4 * most, random, tried);
+    grower.try_place(ball, 2 * k < kSweepPlaces ? most : 0.4 * most, random, tried);
     const double there = tried.empty() ? depth : least_depth(tried[0], depth);
     if (there > depth) depth = there, ball = tried[0], moved = true;
   }
@@ -113,8 +113,8 @@ std::size_t sweep(Attempt& attempt, const BallGrower& grower, const std::vector<
 std::size_t centre(Attempt& attempt, const BallGrower& grower, const std::vector<char>& always) {
   const bool some = std::count(always.begin(), always.end(), 1) > 0;
   std::size_t open = 1;
-  double step_size = step;
-  for (int k = 0; k < sweeps && (some || open > 0); k++, step_size *= sweep_decay)
+  double step_size = kStep;
+  for (int k = 0; k < kSweeps && (some || open > 0); k++, step_size *= kSweepDecay)
     open = sweep(attempt, grower, always, step_size);
   return open;
 }

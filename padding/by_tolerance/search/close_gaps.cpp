@@ -11,13 +11,13 @@
 namespace padder {
 namespace {
 
-constexpr int repaired_rounds = 60;   // after these, balls are only added
-constexpr int most_gap_rounds = 100;  // after these, the cover is not proved
-constexpr int repair_places = 4;      // tried around each ball beside an open point
-constexpr double repair_steps = 30;   // exchanges for each of these balls
-constexpr double decay = 0.85;        // each round searches less than the one before
-constexpr double spacing = 0.25;      // of the spots: share of the tolerance sum
-constexpr double gap_margin = 0.003;  // of their points: share of the tolerance sum
+constexpr int kRepairedRounds = 60;   // after these, balls are only added
+constexpr int kMostGapRounds = 100;   // after these, the cover is not proved
+constexpr int kRepairPlaces = 4;      // tried around each ball beside an open point
+constexpr double kRepairSteps = 30;   // exchanges for each of these balls
+constexpr double kDecay = 0.85;       // each round searches less than the one before
+constexpr double kSpacing = 0.25;     // of the spots: share of the tolerance sum
+constexpr double kGapMargin = 0.003;  // of their points: share of the tolerance sum
 
 // Adds the worst failures as points to cover, each with a ball of its own that covers it. Returns false if
 // the radius limits allow no such ball.
@@ -37,7 +37,7 @@ bool refine(CoverProblem& problem, const BallGrower& grower, const std::vector<G
     if (gone[k]) continue;
     taken.push_back(k);
     near.clear();
-    tree.find(points[k], spacing * tolerance_sum, near);
+    tree.find(points[k], kSpacing * tolerance_sum, near);
     for (auto other : near) gone[other] = 1;
   }
   std::vector<Ball> medials(taken.size());
@@ -50,7 +50,7 @@ bool refine(CoverProblem& problem, const BallGrower& grower, const std::vector<G
     const std::size_t before = candidates.size();
     grower.propose(points[taken[k]], failures[taken[k]].triangle, medials[k], candidates);
     // A ball must cover the spot with room to spare, or what is around it fails in the next round.
-    if (candidates.size() > before) fresh.push_back({points[taken[k]], gap_margin * tolerance_sum});
+    if (candidates.size() > before) fresh.push_back({points[taken[k]], kGapMargin * tolerance_sum});
   }
   problem.add(fresh, candidates);
   if (also) also->add(fresh, candidates);
@@ -63,22 +63,22 @@ bool close_gaps(Attempt& attempt, const BallGrower& grower, double steps, int pl
                 CoverProblem* also) {
   OpenPieces open(grower.surface().mesh(), grower.limits().gap);
   // The cap is for surface that a radius limit leaves open.
-  for (int round = 0;; round++, steps *= decay) {
+  for (int round = 0;; round++, steps *= kDecay) {
     const std::vector<GapPart> failures =
-        open.failures(attempt.balls(), spacing * grower.limits().tolerance_sum);
+        open.failures(attempt.balls(), kSpacing * grower.limits().tolerance_sum);
     if (failures.empty()) return true;
     const bool search = round < kSearchedRounds;
     if (search) watch.tick();
     watch.check();
     if (search && places > 0) attempt.try_places(grower, places);
-    if (round == most_gap_rounds || !refine(attempt.problem, grower, failures, also)) return false;
+    if (round == kMostGapRounds || !refine(attempt.problem, grower, failures, also)) return false;
     const std::vector<char> all(attempt.chosen.size(), search);
-    if (places == 0 || round >= repaired_rounds) {
+    if (places == 0 || round >= kRepairedRounds) {
       attempt.solve(search ? steps : 0);
     } else if (const std::size_t left = centre(attempt, grower, all); search) {
       attempt.solve(steps);
     } else if (left > 0) {
-      const std::vector<char> moved = attempt.repair(grower, repair_places, repair_steps);
+      const std::vector<char> moved = attempt.repair(grower, kRepairPlaces, kRepairSteps);
       centre(attempt, grower, moved);
     }
   }

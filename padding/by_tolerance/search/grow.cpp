@@ -8,7 +8,7 @@ namespace padder {
 Ball BallGrower::medial(const Point& p, std::uint32_t triangle, double guess, const Ball& inner) const {
   const Vector normal = surface_.mesh().area_normal(triangle).normalized();
   const Ball ball = inner_medial_ball(surface_, p, normal, limits_.largest_inner_distance,
-                                      medial_tolerance * limits_.tolerance_sum, guess, inner);
+                                      kMedialTolerance * limits_.tolerance_sum, guess, inner);
   if (ball.radius + limits_.protrusion > 0) return ball;
   // In a sharp corner no ball inside the body touches p. But one covers it whose centre is pushed off the
   // walls there, of which there may be three, by a part of the gap each.

@@ -15,15 +15,15 @@
 namespace padder {
 namespace {
 
-constexpr std::size_t most_parts = 20'000'000;  // about 2 GB
+constexpr std::size_t kMostParts = 20'000'000;  // about 2 GB
 // A mesh with more parts is a fine scan: of those smaller than the spacing, the first in a cell is enough.
-constexpr std::size_t parts_of_scan = 1'000'000;
+constexpr std::size_t kPartsOfScan = 1'000'000;
 // A mesh with more parts has stacks of sheets: the first in a cell of a part's own size is enough.
-constexpr std::size_t parts_of_stack = 4'000'000;
+constexpr std::size_t kPartsOfStack = 4'000'000;
 
 std::string too_small() {
   return "the tolerance is too small for this mesh: its surface would have to be cut into more than " +
-         std::to_string(most_parts / 1000000) + " million parts: use a larger tolerance";
+         std::to_string(kMostParts / 1000000) + " million parts: use a larger tolerance";
 }
 
 // What samples stand apart is compared with the longest edge of a part. The parts of a triangle that is
@@ -148,11 +148,11 @@ class Sampler {
     const double guess = part.radius > 0 ? 1.2 * part.radius + options_.tolerance_sum : 0;
     return inner_medial_ball(surface_, part.centroid(),
                              surface_.mesh().area_normal(part.triangle).normalized(), largest_,
-                             medial_tolerance * options_.tolerance_sum, guess);
+                             kMedialTolerance * options_.tolerance_sum, guess);
   }
 
   static void check(double parts) {
-    if (parts > static_cast<double>(most_parts)) throw Error(too_small());
+    if (parts > static_cast<double>(kMostParts)) throw Error(too_small());
   }
 
   // Bisects the triangles until the size of each part is about the spacing of the balls there.
@@ -207,8 +207,8 @@ class Sampler {
   }
 
   void thin(std::vector<SamplePart>& parts, double smallest_cell) const {
-    if (parts.size() <= parts_of_scan) return;
-    const bool stack = parts.size() > parts_of_stack;
+    if (parts.size() <= kPartsOfScan) return;
+    const bool stack = parts.size() > kPartsOfStack;
     FirstOfCell first;
     std::erase_if(parts, [&](const SamplePart& part) {
       const double size = part.size();

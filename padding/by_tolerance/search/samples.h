@@ -12,7 +12,7 @@
 
 namespace padder {
 
-constexpr double medial_tolerance = 0.05;  // share of the tolerance sum: by so much a ball may miss its point
+constexpr double kMedialTolerance = 0.05;  // share of the tolerance sum: by so much a ball may miss its point
 
 // A place on the surface with its ball.
 struct Sample {

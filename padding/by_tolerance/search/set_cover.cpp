@@ -10,7 +10,7 @@
 namespace padder {
 namespace {
 
-constexpr std::uint32_t nowhere = 0xffffffffu;
+constexpr std::uint32_t kNowhere = 0xffffffffu;
 
 }  // namespace
 
@@ -23,11 +23,11 @@ SetCover::SetCover(const Sets& sets, std::size_t elements) : sets_(sets) {
   for (std::uint32_t s = 0; s < sets.size(); s++)
     for (auto r : sets[s]) element_sets_[at[r]++] = s;
 
-  set_.assign(sets.size(), {0, nowhere});
+  set_.assign(sets.size(), {0, kNowhere});
   gain_.resize(sets.size());
   for (std::size_t s = 0; s < sets.size(); s++)
     gain_[s] = {2 * static_cast<std::int32_t>(sets[s].size()) + 1};
-  element_.assign(elements, {1, 0, 0, nowhere});
+  element_.assign(elements, {1, 0, 0, kNowhere});
   for (std::uint32_t r = 0; r < elements; r++)
     if (!sets_of(r).empty())
       element_[r].place = static_cast<std::uint32_t>(uncovered_.size()), uncovered_.push_back(r);
@@ -44,7 +44,7 @@ void SetCover::add(std::uint32_t set) {
       gain_[set].change(element.weight);
       const auto last = uncovered_.back();
       uncovered_[element.place] = last, element_[last].place = element.place;
-      uncovered_.pop_back(), element.place = nowhere;
+      uncovered_.pop_back(), element.place = kNowhere;
     } else if (element.count == 1) {
       gain_[element.sum].change(element.weight);  // no longer lost with the one set that covered it
     }
@@ -56,7 +56,7 @@ void SetCover::remove(std::uint32_t set) {
   gain_[set].negate();
   const auto last = chosen_.back();
   chosen_[set_[set].place] = last, set_[last].place = set_[set].place;
-  chosen_.pop_back(), set_[set].place = nowhere;
+  chosen_.pop_back(), set_[set].place = kNowhere;
   for (auto r : sets_[set]) {
     Element& element = element_[r];
     element.count--, element.sum -= set;
@@ -76,14 +76,14 @@ void SetCover::remove(std::uint32_t set) {
 // with its new score, and the first entry that is up to date is the best of all.
 void SetCover::greedy(std::span<const std::uint32_t> start) {
   for (auto s : start)
-    if (set_[s].place == nowhere) add(s);
+    if (set_[s].place == kNowhere) add(s);
   using Entry = std::pair<std::int32_t, std::uint32_t>;
   const auto worse = [](const Entry& a, const Entry& b) {
     return a.first != b.first ? a.first < b.first : a.second > b.second;
   };
   std::vector<Entry> entries;
   for (std::uint32_t s = 0; s < sets_.size(); s++)
-    if (set_[s].place == nowhere && gain_[s].score() > 0) entries.push_back({gain_[s].score(), s});
+    if (set_[s].place == kNowhere && gain_[s].score() > 0) entries.push_back({gain_[s].score(), s});
   std::priority_queue<Entry, std::vector<Entry>, decltype(worse)> heap(worse, std::move(entries));
   while (!uncovered_.empty()) {
     const auto [score, s] = heap.top();
@@ -114,10 +114,10 @@ void SetCover::keep_as_best() {
 
 // The chosen set whose removal loses the least weight; of equal ones the one that was added first.
 std::uint32_t SetCover::cheapest(std::uint32_t tabu) const {
-  std::uint32_t best = nowhere;
+  std::uint32_t best = kNowhere;
   for (auto s : chosen_) {
     if (s == tabu) continue;
-    if (best == nowhere || gain_[s].score() > gain_[best].score() ||
+    if (best == kNowhere || gain_[s].score() > gain_[best].score() ||
         (gain_[s].score() == gain_[best].score() && set_[s].stamp < set_[best].stamp))
       best = s;
   }
@@ -126,24 +126,24 @@ std::uint32_t SetCover::cheapest(std::uint32_t tabu) const {
 
 void SetCover::improve(std::uint64_t steps, std::uint64_t seed) {
   Random random(seed);
-  std::uint32_t fresh = nowhere;  // the set added last, which stays for one step
+  std::uint32_t fresh = kNowhere;  // the set added last, which stays for one step
   for (std::uint64_t done = 0; done < steps && chosen_.size() > 1; done++) {
     step_++;
     while (uncovered_.empty() && chosen_.size() > 1) {
       if (chosen_.size() < best_.size()) keep_as_best();
-      remove(cheapest(nowhere));
+      remove(cheapest(kNowhere));
     }
     if (chosen_.size() > 1) remove(cheapest(fresh));
     while (!uncovered_.empty() && chosen_.size() + 1 < best_.size()) {
       const auto element = uncovered_[random.below(uncovered_.size())];
-      std::uint32_t pick = nowhere;
+      std::uint32_t pick = kNowhere;
       for (auto s : sets_of(element)) {
         if (!gain_[s].may_add()) continue;
-        if (pick == nowhere || gain_[s].score() > gain_[pick].score() ||
+        if (pick == kNowhere || gain_[s].score() > gain_[pick].score() ||
             (gain_[s].score() == gain_[pick].score() && set_[s].stamp < set_[pick].stamp))
           pick = s;
       }
-      if (pick == nowhere) pick = sets_of(element)[0];
+      if (pick == kNowhere) pick = sets_of(element)[0];
       add(pick), set_[pick].stamp = step_, fresh = pick;
       for (auto r : uncovered_) {
         element_[r].weight++;
@@ -157,12 +157,12 @@ void SetCover::improve(std::uint64_t steps, std::uint64_t seed) {
   for (auto s : now)
     if (!std::binary_search(best_.begin(), best_.end(), s)) remove(s);
   for (auto s : best_)
-    if (set_[s].place == nowhere) add(s);
+    if (set_[s].place == kNowhere) add(s);
 }
 
 std::vector<std::uint32_t> complete(const Sets& sets, std::size_t elements,
                                     const std::vector<std::uint32_t>& start) {
-  std::vector<std::uint32_t> chosen = start, count(elements, 0), number(elements, nowhere), global, own;
+  std::vector<std::uint32_t> chosen = start, count(elements, 0), number(elements, kNowhere), global, own;
   for (const auto s : start)
     for (const auto r : sets[s]) count[r]++;
   Sets rest;
@@ -171,7 +171,7 @@ std::vector<std::uint32_t> complete(const Sets& sets, std::size_t elements,
     own.clear();
     for (const auto r : sets[s]) {
       if (count[r] > 0) continue;
-      if (number[r] == nowhere) number[r] = open++;
+      if (number[r] == kNowhere) number[r] = open++;
       own.push_back(number[r]);
     }
     if (!own.empty()) rest.add(own), global.push_back(s);

@@ -1,9 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Spheres from mapped files, contacts to a file.
 
-#include <atomic>
 #include <cstring>
-#include <fstream>
 
 #include "detect/boxes/boxed_detector.h"
 #include "detect/boxes/contact_writer.h"
@@ -73,6 +71,12 @@ TEST(SphereFile, MappedSpheresGiveTheSameHash) {
   arrays["family"] = npy_array(f.family.data(), {shape}), arrays["mask"] = npy_array(f.mask.data(), {shape});
   write_file(place("tagged.npz"), npz_bytes(arrays));
   EXPECT_EQ(hash_of(SphereFile(place("tagged.npz"))), f.hash(true));
+  const std::vector<std::int64_t> families(f.family.begin(), f.family.end());  // NumPy's default
+  const std::vector<double> masks(f.mask.begin(), f.mask.end());
+  arrays["family"] = npy_array(families.data(), {shape}), arrays["mask"] = npy_array(masks.data(), {shape});
+  write_file(place("converted.npz"), npz_bytes(arrays));
+  EXPECT_EQ(hash_of(SphereFile(place("converted.npz"))), f.hash(true));
+  arrays["mask"] = npy_array(f.mask.data(), {shape});
   arrays["world"] = npy_array(f.family.data(), {shape}), arrays.erase("family"), arrays.erase("mask");
   write_file(place("worlds.npz"), npz_bytes(arrays));
   Arranged worlds(f.scene, Scalar::f32);
@@ -142,7 +146,11 @@ TEST(SphereFile, WhatIsNoFileOfSpheresIsNamed) {
   refused("half.npz", npz_bytes({{"centers", centers}}), "are needed");
   refused("short.npz", npz_bytes({{"centers", centers}, {"radii", npy_array(f.radii.data(), {f.n() - 1})}}),
           "shape (N)");
-  refused("mixed.npz", npz_bytes({{"centers", centers}, {"radii", radii}, {"mask", radii}}), "uint32");
+  refused("mixed.npz", npz_bytes({{"centers", centers}, {"radii", radii}, {"mask", radii}}),
+          "mask: a whole number from 0 to 4294967295 is wanted");
+  refused("few.npz",
+          npz_bytes({{"centers", centers}, {"radii", radii}, {"world", npy_array(f.family.data(), {3})}}),
+          "world: one number for each sphere is wanted");
   const std::string zip = npz_bytes({{"centers", centers}, {"radii", radii}});
   refused("cut.npz", zip.substr(0, zip.size() / 2), "not an .npz archive");
   std::string damaged = zip;

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: MIT
 // Scenes that are larger than the memory limit: boxes become smaller, and the contacts stay the same.
-#include <atomic>
 
 #include "detect/boxes/assignment.h"
 #include "detect/boxes/boxed_detector.h"

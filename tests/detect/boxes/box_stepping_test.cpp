@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: MIT
 // A scene that moves between the calls: spheres change their box, boxes are cut anew, and the hash is that of
 // one box after every step.
-#include <atomic>
 
 #include "detect/boxes/boxed_detector.h"
 #include "tests/detect/boxes/boxed_scene.h"

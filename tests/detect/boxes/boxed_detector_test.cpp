@@ -2,6 +2,8 @@
 // Detection by boxes gives the contacts of one Detector, pair for pair and record for record.
 #include "detect/boxes/boxed_detector.h"
 
+#include <atomic>
+
 #include "tests/detect/boxes/boxed_scene.h"
 #include "tests/error_of.h"
 

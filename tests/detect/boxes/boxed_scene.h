@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: MIT
 // What the tests of the boxes share: comparing a BoxedDetector with one Detector and with brute force.
 #pragma once
-#include <algorithm>
-#include <atomic>
 #include <map>
 
 #include "detect/boxes/boxed_detector.h"

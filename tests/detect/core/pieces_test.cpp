@@ -3,8 +3,6 @@
 // spheres are placed in double, as the detector places them; poses, sizes and places are drawn at random.
 #include "detect/core/pieces.h"
 
-#include <cstdio>
-
 #include "tests/detect/oracle.h"
 
 namespace padder::detect {

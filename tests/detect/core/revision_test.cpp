@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: MIT
 // What Input::revision promises, on every backend and path: where bodies are that are not said to have moved,
 // and what happens after a call that threw.
-#include "detect/core/revision.h"
 
 #include "tests/detect/oracle.h"
 

@@ -2,7 +2,6 @@
 // The scene of the model test as a caller hands it over: in float or double, in arrays of several layouts, in
 // host or device memory; and what may be wrong with it.
 #pragma once
-#include <memory>
 #include <string>
 #include <vector>
 

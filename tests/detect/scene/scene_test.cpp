@@ -4,7 +4,6 @@
 
 #include "padding/asset/file.h"
 #include "padding/asset/npz.h"
-#include "tests/detect/oracle.h"
 #include "tests/error_of.h"
 #include "tests/temporary_folder.h"
 

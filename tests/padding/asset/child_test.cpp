@@ -26,19 +26,19 @@ namespace {
 
 using Work = std::function<void()>;
 using Talk = std::function<bool(ChildPipe&)>;
-const Talk nothing = [](ChildPipe&) { return true; };
+const Talk kNothing = [](ChildPipe&) { return true; };
 
-std::string sentence(const Work& read, const Talk& send = nothing, const Talk& receive = nothing) {
+std::string sentence(const Work& read, const Talk& send = kNothing, const Talk& receive = kNothing) {
   return error_of([&] { in_child(read, send, receive, 0, "t.fbx"); });
 }
-const std::string crashed =
+const std::string kCrashed =
     "t.fbx: the reader crashed on it: the file is damaged, export it again or in another format";
 
 TEST(Child, WhateverHappensThereIsASentenceHere) {
   EXPECT_EQ(sentence([] { throw Error("t.fbx: a reason"); }), "t.fbx: a reason");
   EXPECT_EQ(sentence([] { throw std::bad_alloc(); }).find("t.fbx: the reader ran out of memory"), 0u);
-  EXPECT_EQ(sentence([] { std::abort(); }), crashed);
-  EXPECT_EQ(sentence([] {}, [](ChildPipe&) -> bool { std::abort(); }), crashed);
+  EXPECT_EQ(sentence([] { std::abort(); }), kCrashed);
+  EXPECT_EQ(sentence([] {}, [](ChildPipe&) -> bool { std::abort(); }), kCrashed);
   EXPECT_EQ(
       sentence([] {}, [](ChildPipe&) -> bool { throw std::bad_alloc(); }, [](ChildPipe&) { return false; })
           .find("t.fbx: the reader ran out of memory"),
@@ -68,7 +68,7 @@ TEST(Child, ArraysComeBackAndTheirEndIsSeen) {
   const Talk longer = [&](ChildPipe& pipe) { return pipe.get_array(back); };
   EXPECT_EQ(
       sentence([] {}, [](ChildPipe& pipe) { return pipe.put<std::uint64_t>(1'000'000'000'000); }, longer),
-      crashed);
+      kCrashed);
 }
 
 // Who has what he needs may leave: the child that still sends ends, and is waited for.

@@ -10,7 +10,7 @@
 namespace padder {
 namespace {
 
-constexpr double no_guard = 1e300;
+constexpr double kNoGuard = 1e300;
 
 TEST(Fit, EverySphereGoesThroughItsCornersAndStandsOutByItsCap) {
   for (std::uint64_t seed = 1; seed <= 20; seed++) {
@@ -18,7 +18,7 @@ TEST(Fit, EverySphereGoesThroughItsCornersAndStandsOutByItsCap) {
     shapes::RandomInput random(seed);
     const Mesh mesh = shapes::blob(random, 3);
     const double depth = random.uniform(0.05, 1);
-    const auto balls = fit(mesh, depth, no_guard);
+    const auto balls = fit(mesh, depth, kNoGuard);
     ASSERT_EQ(balls.size(), mesh.triangles.size());
     for (std::size_t t = 0; t < balls.size(); t++) {
       const auto& [ball, cap, triangle] = balls[t];
@@ -37,7 +37,7 @@ TEST(Fit, RadiusAtDepthOneFifthIsTwoPointSixCircumradii) {
   Mesh mesh;
   mesh.points = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
   mesh.triangles = {{0, 1, 2}};
-  const auto balls = fit(mesh, 0.2, no_guard);
+  const auto balls = fit(mesh, 0.2, kNoGuard);
   EXPECT_NEAR(balls[0].ball.radius, 2.6 * std::sqrt(0.5), 1e-12);
   EXPECT_LT(balls[0].ball.center.z(), 0);  // below, the normal being +z
 }
@@ -46,7 +46,7 @@ TEST(Fit, DepthOneIsTheSphereOverTheCircumcircle) {
   Mesh mesh;
   mesh.points = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
   mesh.triangles = {{0, 1, 2}};
-  const auto balls = fit(mesh, 1, no_guard);
+  const auto balls = fit(mesh, 1, kNoGuard);
   EXPECT_NEAR(balls[0].ball.radius, std::sqrt(0.5), 1e-12);
   EXPECT_NEAR(balls[0].ball.center.z(), 0, 1e-12);
 }

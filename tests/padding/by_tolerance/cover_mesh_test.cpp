@@ -6,7 +6,6 @@
 
 #include <nlohmann/json.hpp>
 
-#include "padding/asset/error.h"
 #include "padding/geometry/random.h"
 #include "padding/verify/certify.h"
 #include "tests/error_of.h"

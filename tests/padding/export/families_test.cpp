@@ -78,7 +78,7 @@ TEST(Families, MoreClassesThanBitsIsSaid) {
 }
 
 // Chrono's rule, and what a body of Chrono's own is at first (the comment at chrono_bits).
-const FilterBits chrono_default{1, 0x7fff};
+const FilterBits kChronoDefault{1, 0x7fff};
 
 TEST(Families, ChronosRuleIsOursInEveryFile) {
   std::vector<CollisionFilter> filters;
@@ -90,11 +90,11 @@ TEST(Families, ChronosRuleIsOursInEveryFile) {
       const FilterBits one = chrono_bits({a})->front(), other = chrono_bits({b})->front();
       EXPECT_EQ(both_sides(one, other), may_touch(a, b))
           << a.family << " " << a.mask << ", " << b.family << " " << b.mask;
-      EXPECT_TRUE(both_sides(one, chrono_default));
+      EXPECT_TRUE(both_sides(one, kChronoDefault));
       EXPECT_EQ(__builtin_popcount(one.own), 1);  // SetFamilyGroup asserts it
       EXPECT_LE(one.others, 0x7fffu);             // SetFamilyMask asserts it
     }
-  EXPECT_EQ(chrono_bits({{0, 0}})->front(), chrono_default);
+  EXPECT_EQ(chrono_bits({{0, 0}})->front(), kChronoDefault);
   EXPECT_EQ(chrono_bits({{3, 4}})->front().own, 1u << 3);  // SetFamily(3)
 }
 
@@ -104,7 +104,7 @@ TEST(Families, ChronoTellsMoreFamiliesApartAmongThemselves) {
   const auto bits = chrono_bits(robot);
   ASSERT_TRUE(bits);
   for (std::size_t i = 0; i < robot.size(); i++) {
-    EXPECT_TRUE(both_sides((*bits)[i], chrono_default));
+    EXPECT_TRUE(both_sides((*bits)[i], kChronoDefault));
     for (std::size_t j = 0; j < robot.size(); j++)
       EXPECT_EQ(both_sides((*bits)[i], (*bits)[j]), may_touch(robot[i], robot[j])) << i << " " << j;
   }

@@ -5,10 +5,8 @@
 
 #include <map>
 #include <numbers>
-#include <numeric>
 
 #include "padding/geometry/surface.h"
-#include "padding/geometry/triangle.h"
 #include "tests/padding/random_input.h"
 
 namespace padder {

@@ -3,7 +3,6 @@
 
 #include <gtest/gtest.h>
 
-#include "padding/asset/error.h"
 #include "tests/error_of.h"
 #include "tests/padding/input/zip_writer.h"
 

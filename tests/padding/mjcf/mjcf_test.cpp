@@ -8,7 +8,6 @@
 #include <random>
 #include <set>
 
-#include "padding/asset/error.h"
 #include "padding/robot.h"
 #include "tests/error_of.h"
 #include "tests/padding/export/samples.h"

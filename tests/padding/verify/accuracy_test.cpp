@@ -18,7 +18,7 @@ Measured of(const Mesh& mesh, const std::vector<Ball>& balls, const AccuracyOpti
   return measure(mesh, body, Surface(mesh), balls, options);
 }
 
-constexpr double pi = std::numbers::pi;
+constexpr double kPi = std::numbers::pi;
 
 TEST(Accuracy, OneBallOverASphereHasClosedForms) {
   const Mesh sphere = shapes::sphere(6);  // faces lie up to 0.0006 under the unit sphere
@@ -43,7 +43,7 @@ TEST(Accuracy, BallAroundACube) {
   const Measured m = of(cube, {{Point::Zero(), std::sqrt(3.0)}});
   EXPECT_NEAR(m.accuracy.protrusion_max, std::sqrt(3.0) - 1, 1e-9);
   EXPECT_EQ(m.accuracy.gap_max, 0);
-  EXPECT_NEAR(m.volume_union, 4 / 3. * pi * std::pow(3, 1.5), 1e-3);
+  EXPECT_NEAR(m.volume_union, 4 / 3. * kPi * std::pow(3, 1.5), 1e-3);
 }
 
 TEST(Accuracy, BallInACubeLeavesItsCornersOpen) {
@@ -61,9 +61,9 @@ TEST(Accuracy, BallInACubeLeavesItsCornersOpen) {
 
 TEST(Accuracy, VolumeOfTwoOverlappingBalls) {
   const double r = 1, d = 1.2;  // distance of the centres
-  const double lens = pi * (4 * r + d) * std::pow(2 * r - d, 2) / 12;
+  const double lens = kPi * (4 * r + d) * std::pow(2 * r - d, 2) / 12;
   const Measured m = of(shapes::sphere(4), {{Point(-d / 2, 0, 0), r}, {Point(d / 2, 0, 0), r}});
-  EXPECT_NEAR(m.volume_union, 2 * 4 / 3. * pi - lens, 2e-3);
+  EXPECT_NEAR(m.volume_union, 2 * 4 / 3. * kPi - lens, 2e-3);
 }
 
 // The oracle: random points against all balls and triangles. It uses nothing of padding/ but the mesh.

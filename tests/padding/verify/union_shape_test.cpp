@@ -10,21 +10,21 @@
 namespace padder {
 namespace {
 
-constexpr double pi = std::numbers::pi;
+constexpr double kPi = std::numbers::pi;
 
 TEST(UnionShape, VolumeOfTwoOverlappingBalls) {
   const Surface surface(shapes::sphere(2));
   const double d = 1.2;  // between the centres of two unit balls, far from the origin
   const Point at(5, 7, -3);
   const UnionShape shape = union_shape(surface, {{at, 1}, {at + Vector(d, 0, 0), 1}}, 400000);
-  const double lens = pi * (4 + d) * (2 - d) * (2 - d) / 12;
-  EXPECT_NEAR(shape.volume, 2 * 4 / 3.0 * pi - lens, 0.003 * shape.volume);
+  const double lens = kPi * (4 + d) * (2 - d) * (2 - d) / 12;
+  EXPECT_NEAR(shape.volume, 2 * 4 / 3.0 * kPi - lens, 0.003 * shape.volume);
 }
 
 TEST(UnionShape, ConcentricBallIsAllProtrusion) {
   const Surface surface(shapes::sphere(5));
   const UnionShape shape = union_shape(surface, {{Point::Zero(), 1.1}});
-  EXPECT_NEAR(shape.volume, 4 / 3.0 * pi * 1.331, 0.01);
+  EXPECT_NEAR(shape.volume, 4 / 3.0 * kPi * 1.331, 0.01);
   EXPECT_NEAR(shape.protrusion, 0.1, 1e-3);
   EXPECT_EQ(shape.gap, 0);
   EXPECT_LT(shape.normal_error, 1.5);  // the facets' own
@@ -41,7 +41,7 @@ TEST(UnionShape, NormalErrorOfAShiftedBall) {
   // Shifted by s, the normals differ by s sin(theta), on the mean over the sphere by s pi / 4.
   const Surface surface(shapes::sphere(6));
   const UnionShape shape = union_shape(surface, {{Point(0, 0.1, 0), 1}});
-  EXPECT_NEAR(shape.normal_error, 0.1 * pi / 4 * 180 / pi, 0.2);
+  EXPECT_NEAR(shape.normal_error, 0.1 * kPi / 4 * 180 / kPi, 0.2);
 }
 
 TEST(UnionShape, HiddenBallsDoNotCount) {

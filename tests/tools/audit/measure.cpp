@@ -8,7 +8,6 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
-#include <numbers>
 #include <random>
 
 #include "tests/padding/shapes.h"

@@ -15,9 +15,9 @@
 //
 // SURFACE is for a mesh whose holes were filled: what `pad --tolerance 1% --write-mesh` wrote (the surface of
 // a depth ratio is remeshed: it cuts corners, and points inside the body seem open). Its triangles off the
-// input are patches. They bound the body, too: distances are to the nearer of input and patch, and winding numbers
-// are those of SURFACE. The area of those farther off than 1e-4 of the diagonal
-// (nearer ones close cracks) is printed, so that it can be compared with what the report names.
+// input are patches. They bound the body, too: distances are to the nearer of input and patch, and winding
+// numbers are those of SURFACE. The area of those farther off than 1e-4 of the diagonal (nearer ones close
+// cracks) is printed, so that it can be compared with what the report names.
 #pragma once
 #include "padding/asset/cluster.h"
 #include "padding/asset/mesh.h"

@@ -7,10 +7,8 @@
 #include <filesystem>
 #include <fstream>
 #include <numbers>
-#include <random>
 
 #include "detect/scene/generate.h"
-#include "padding/asset/error.h"
 #include "tests/detect/print.h"
 #include "tests/error_of.h"
 #include "tools/settle/page/page.h"

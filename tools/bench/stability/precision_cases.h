@@ -2,7 +2,6 @@
 // Scenes on which a detector's arithmetic goes wrong most easily, each with its contacts found by other
 // means.
 #pragma once
-#include <functional>
 #include <string>
 #include <vector>
 

@@ -2,7 +2,6 @@
 // The parts of a manifest, of folders and of patterns.
 #pragma once
 #include <cstdint>
-#include <filesystem>
 #include <map>
 #include <memory>
 #include <string>

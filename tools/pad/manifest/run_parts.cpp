@@ -10,7 +10,6 @@
 #include <set>
 #include <unordered_set>
 
-#include "padding/asset/excerpt.h"
 #include "padding/asset/file.h"
 #include "padding/input/read_internal.h"
 #include "tools/arguments.h"

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "padding/by_tolerance/search/block_search.h"
 
+
 #include <gtest/gtest.h>
 #include <omp.h>
 

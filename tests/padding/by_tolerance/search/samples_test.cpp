@@ -113,8 +113,8 @@ TEST(Samples, WallsOfAStackShareTheirSamples) {
   EXPECT_LT(many[1], 1.5 * few[1]);
 }
 
-// 21 walls that stand farther apart than samples, and nearer to each other than a ball reaches. The points that
-// they share know how far from them there is surface without a point of its own.
+// 21 walls that stand farther apart than samples, and nearer to each other than a ball reaches. The points
+// that they share know how far from them there is surface without a point of its own.
 TEST(Samples, WallsThatABallReachesShareTheirSamples) {
   const auto points_of = [](const Mesh& walls) {
     SampleOptions options;
@@ -132,9 +132,9 @@ TEST(Samples, WallsThatABallReachesShareTheirSamples) {
     const double u = random.uniform(), v = (1 - u) * random.uniform();
     const Point x = walls.corner(t, 0) + u * (walls.corner(t, 1) - walls.corner(t, 0)) +
                     v * (walls.corner(t, 2) - walls.corner(t, 0));
-    EXPECT_TRUE(std::any_of(points.begin(), points.end(),
-                            [&](const CoverPoint& c) { return (c.point - x).norm() <= 1.25 * c.margin; }))
-        << x.transpose();
+    EXPECT_TRUE(std::any_of(points.begin(), points.end(), [&](const CoverPoint& c) {
+      return (c.point - x).norm() <= 1.25 * c.margin;
+    })) << x.transpose();
   }
 }
 
