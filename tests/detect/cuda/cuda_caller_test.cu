@@ -169,6 +169,12 @@ TEST_F(CudaCallerTest, PosesThatWereNotReadMustBeGivenAgain) {
   d.options().own.high[0] = 3;
   EXPECT_EQ(d.detect(given).count, 2u);
   EXPECT_EQ(d.detect(host).count, 2u);
+  // A pose that is none is found wherever the body would be.
+  poses[3].position[1] = NAN;
+  d.options().own.high[0] = 1;
+  EXPECT_TRUE(refuses([&] { d.detect(host); }, "sphere 3"));
+  ASSERT_EQ(cudaMemcpy(device, poses.data(), 4 * sizeof(Pose), cudaMemcpyHostToDevice), cudaSuccess);
+  EXPECT_TRUE(refuses([&] { d.detect(given); }, "sphere 3"));
   cudaFree(device);
 }
 
