@@ -70,6 +70,7 @@ class Mender {
     out_.steps.pieces = pieces_.pieces.size();
     out_.steps.repeated = pieces_.repeated, out_.steps.turned = pieces_.turned;
     collect_groups();
+    turn_units();
     for (OpenGroup& group : groups_) close(group);
     judge();
     assemble();
@@ -146,6 +147,15 @@ class Mender {
         if (sign * volume[root(ring.bridge[0])] > 0 && sign * volume[root(ring.bridge[1])] < 0)
           bridges_.push_back(ring.bridge);
       if (!bridges_.empty()) return;
+    }
+  }
+
+  // Outward, so that judge() sees no inner shell take away from the winding number around it.
+  void turn_units() {
+    for (const auto& triangles : units_) {
+      inward_.push_back(signed_volume(mesh_, triangles) < 0);
+      if (inward_.back())
+        for (const auto t : triangles) std::swap(mesh_.triangles[t][1], mesh_.triangles[t][2]);
     }
   }
 
@@ -263,10 +273,7 @@ class Mender {
   void assemble() {
     soup_.points = mesh_.points;
     std::uint32_t unit = 0;
-    for (auto& triangles : units_) {
-      inward_.push_back(signed_volume(mesh_, triangles) < 0);
-      if (inward_.back())
-        for (const auto t : triangles) std::swap(mesh_.triangles[t][1], mesh_.triangles[t][2]);
+    for (const auto& triangles : units_) {
       for (const auto t : triangles) add(t, TriangleRole::bounds, unit, kNone);
       unit++;
     }
