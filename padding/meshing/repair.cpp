@@ -122,7 +122,7 @@ std::optional<Repaired> closed_solid(Soup soup, std::size_t flat, double diagona
   for (std::size_t k = 0; k < turned.size(); k++) {
     if (turned[k] >= 0) continue;
     out.steps.cavities++;
-    outward += given[k] > 0 != inside_out;
+    outward += (given[k] > 0) != inside_out;
   }
   if (out.steps.cavities > 0)
     report.add(cavities_text(out.steps.cavities) +
