@@ -469,7 +469,8 @@ TEST(Mend, ACavityMayShareAnEdgeWithTheOutside) {
   }
 }
 
-// The file says that nothing is there, also where a part of what was cut out sticks out: that part is a sheet.
+// The file says that nothing is there, also where a part of what was cut out sticks out: that part is a
+// sheet.
 TEST(Mend, WhatWasCutOutOfABodyIsACavityAlsoWhereItTouchesAWall) {
   const Mesh bore = shapes::box({0.4, 0.4, 0}, {0.6, 0.6, 1}, 3),
              pocket = shapes::box({0, 0.1, 0.1}, {0.3, 0.3, 0.3}),
