@@ -145,21 +145,24 @@ void Surface::cut_needles() {
     const Vector e = box.high - box.low;
     return e.x() * e.y() + e.y() * e.z() + e.z() * e.x();
   };
-  const auto box_of = [](const Slot& slot) {
-    Box box;
-    for (const Point& p : {slot.a, Point(slot.a + slot.ab), Point(slot.a + slot.ac)}) box.add(p);
-    return box;
+  const auto boxes_of = [&](const Slot& slot) {  // the half area of its box, and how large it is
+    const Vector zero = Vector::Zero();
+    const double half =
+        half_area({zero.cwiseMin(slot.ab).cwiseMin(slot.ac), zero.cwiseMax(slot.ab).cwiseMax(slot.ac)});
+    return std::array{half, half / (large_box * 0.5 * slot.ab.cross(slot.ac).norm())};
   };
-  double area = 0, before = 0, after = 0;
-  for (const Slot& slot : slots_)
-    area += 0.5 * slot.ab.cross(slot.ac).norm(), before += half_area(box_of(slot));
-  if (!(before > worth_it * area)) return;  // no box is smaller than what it holds
-  Mesh boxes;                               // each as a triangle with two corners at one point
+  double before = 0, whole = 0, after = 0;
+  for (const Slot& slot : slots_) {
+    const auto [half, excess] = boxes_of(slot);
+    before += half, whole += excess <= 1 ? half : 0;
+  }
+  if (!(before > worth_it * whole)) return;
+  Mesh boxes;  // each as a triangle with two corners at one point
   std::vector<std::uint32_t> slot_of;
   const double most = std::clamp(double(most_parts) / double(slots_.size()), 1.0, most_cuts);
   for (std::uint32_t k = 0; k < slots_.size(); k++) {
     const auto& [a, ab, ac] = slots_[k];
-    const double excess = half_area(box_of(slots_[k])) / (large_box * 0.5 * ab.cross(ac).norm());
+    const double excess = boxes_of(slots_[k])[1];
     const int cuts = static_cast<int>(excess < most ? std::max(1.0, std::ceil(excess)) : most);
     for (const Box& box : slices({a, a + ab, a + ac}, cuts)) {
       const auto v = static_cast<std::uint32_t>(boxes.points.size());
