@@ -3,11 +3,12 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <array>
+#include <cmath>
 #include <numeric>
 
 #include "padding/geometry/random.h"
 #include "padding/geometry/triangle.h"
-#include "padding/geometry/triangle_part.h"
 
 namespace padder {
 namespace {
@@ -87,6 +88,33 @@ inline double closest(const Point& p, const Point& a, const Vector& ab, const Ve
   return (p - q).squaredNorm();
 }
 
+// The boxes of the parts between even steps along the longest edge.
+std::vector<Box> slices(const std::array<Point, 3>& corners, int count) {
+  int from = 0;
+  const auto length2 = [&](int k) { return (corners[(k + 1) % 3] - corners[k]).squaredNorm(); };
+  for (int k = 1; k < 3; k++)
+    if (length2(k) > length2(from)) from = k;
+  const Point &low = corners[from], &high = corners[(from + 1) % 3], &apex = corners[(from + 2) % 3];
+  const Vector along = high - low;
+  const double at_apex = length2(from) > 0 ? std::clamp(along.dot(apex - low) / length2(from), 0.0, 1.0) : 0;
+  std::vector<Box> boxes(static_cast<std::size_t>(count));
+  // Where the plane across the longest edge cuts that edge and the two others.
+  const auto add = [&](Box& box, double at) {
+    box.add(low + at * along);
+    box.add(at < at_apex  ? Point(low + at / at_apex * (apex - low))
+            : at_apex < 1 ? Point(high + (1 - at) / (1 - at_apex) * (apex - high))
+                          : high);
+  };
+  for (int k = 0; k < count; k++) {
+    Box& box = boxes[static_cast<std::size_t>(k)];
+    const double begin = double(k) / count, end = double(k + 1) / count;
+    add(box, begin), add(box, end);
+    if (begin <= at_apex && at_apex <= end) box.add(apex);
+  }
+  boxes.front().add(low), boxes.back().add(high);  // despite rounding
+  return boxes;
+}
+
 }  // namespace
 
 Surface::Surface(const Mesh& mesh, SideBy side, std::shared_ptr<const Surface> solid)
@@ -104,54 +132,47 @@ Surface::Surface(const Mesh& mesh, SideBy side, std::shared_ptr<const Surface> s
 }
 
 // A needle that lies across the axes has a box of many times its area. The centre of a star of thousands of
-// them lies in all these boxes, and a query near it would look at each triangle. Their parts have smaller
-// boxes. Each part stands for its whole triangle, so that distances stay those of the triangles.
+// them lies in all these boxes, and a query near it would look at each triangle. So needles are cut across
+// their length, and the tree has a box for each part. Each part stands for its whole triangle, so that
+// distances stay those of the triangles.
 void Surface::cut_needles() {
-  struct Part : TrianglePart {
-    int level = 0;
-    double area() const { return 0.5 * (corner[1] - corner[0]).cross(corner[2] - corner[0]).norm(); }
-    double half_box() const {
-      const Vector e = corner[0].cwiseMax(corner[1]).cwiseMax(corner[2]) -
-                       corner[0].cwiseMin(corner[1]).cwiseMin(corner[2]);
-      return e.x() * e.y() + e.y() * e.z() + e.z() * e.x();
-    }
-  };
-  constexpr int most_levels = 6;
+  constexpr double most_cuts = 64;
   constexpr std::size_t most_parts = 4'000'000;
   constexpr double large_box = 5;  // times the area; that of an equilateral triangle is at most 3.5
   constexpr double worth_it = 2;
-  const auto whole = [this](std::size_t k) {
-    const auto& [a, ab, ac] = slots_[k];
-    Part part;
-    part.corner = {a, a + ab, a + ac}, part.triangle = static_cast<std::uint32_t>(k);
-    return part;
+  const auto half_area = [](const Box& box) {
+    const Vector e = box.high - box.low;
+    return e.x() * e.y() + e.y() * e.z() + e.z() * e.x();
   };
-  double area = 0, before = 0, after = 0;
-  for (std::size_t k = 0; k < slots_.size(); k++) area += whole(k).area(), before += whole(k).half_box();
-  if (!(before > worth_it * area)) return;  // no box is smaller than what it holds
-  std::vector<Part> parts, stack;
-  for (std::size_t k = 0; k < slots_.size(); k++) {
-    stack.push_back(whole(k));
-    while (!stack.empty()) {
-      const Part part = stack.back();
-      stack.pop_back();
-      if (part.level == most_levels || parts.size() > most_parts ||
-          !(part.half_box() > large_box * part.area())) {
-        after += part.half_box(), parts.push_back(part);
-        continue;
-      }
-      for (Part& half : bisect(part)) half.level++, stack.push_back(half);
+  const auto boxes_of = [&](const Slot& slot) {  // the half area of its box, and how large it is
+    const Vector zero = Vector::Zero();
+    const double half =
+        half_area({zero.cwiseMin(slot.ab).cwiseMin(slot.ac), zero.cwiseMax(slot.ab).cwiseMax(slot.ac)});
+    return std::array{half, half / (large_box * 0.5 * slot.ab.cross(slot.ac).norm())};
+  };
+  double before = 0, whole = 0, after = 0;
+  for (const Slot& slot : slots_) {
+    const auto [half, excess] = boxes_of(slot);
+    before += half, whole += excess <= 1 ? half : 0;
+  }
+  if (!(before > worth_it * whole)) return;
+  Mesh boxes;  // each as a triangle with two corners at one point
+  std::vector<std::uint32_t> slot_of;
+  const double most = std::clamp(double(most_parts) / double(slots_.size()), 1.0, most_cuts);
+  for (std::uint32_t k = 0; k < slots_.size(); k++) {
+    const auto& [a, ab, ac] = slots_[k];
+    const double excess = boxes_of(slots_[k])[1];
+    const int cuts = static_cast<int>(excess < most ? std::max(1.0, std::ceil(excess)) : most);
+    for (const Box& box : slices({a, a + ab, a + ac}, cuts)) {
+      const auto v = static_cast<std::uint32_t>(boxes.points.size());
+      boxes.points.push_back(box.low), boxes.points.push_back(box.high);
+      boxes.triangles.push_back({v, v + 1, v + 1}), slot_of.push_back(k);
+      after += half_area(box);
     }
   }
   if (!(before > worth_it * after)) return;
-  Mesh mesh;
-  for (const Part& part : parts) {
-    const auto v = static_cast<std::uint32_t>(mesh.points.size());
-    mesh.points.insert(mesh.points.end(), part.corner.begin(), part.corner.end());
-    mesh.triangles.push_back({v, v + 1, v + 2});
-  }
-  Parts cut{TriangleTree(mesh), {}};
-  for (const std::uint32_t t : cut.tree.triangles()) cut.slot.push_back(parts[t].triangle);
+  Parts cut{TriangleTree(boxes), {}};
+  for (const std::uint32_t t : cut.tree.triangles()) cut.slot.push_back(slot_of[t]);
   parts_ = std::make_shared<const Parts>(std::move(cut));
 }
 

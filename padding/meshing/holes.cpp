@@ -30,6 +30,12 @@ class Needs {
       count_.erase(opposite);
   }
   bool has(std::uint32_t from, std::uint32_t to) const { return count_.count({from, to}) > 0; }
+  // Calls visit(to) for each missing edge from `from`.
+  template <class Visit>
+  void visit_from(std::uint32_t from, Visit&& visit) const {
+    for (auto it = count_.lower_bound({from, 0}); it != count_.end() && it->first.first == from; ++it)
+      visit(it->first.second);
+  }
   std::vector<DirectedEdge> list() const {
     std::vector<DirectedEdge> all;
     for (const auto& [edge, n] : count_)
@@ -167,21 +173,37 @@ std::vector<CrackTriangle> close_cracks(const Mesh& mesh, std::vector<DirectedEd
     const Vector along = b - a;
     near.clear();
     tree.find(0.5 * (a + b), 0.5 * along.norm() + width, near);
-    std::vector<std::pair<double, std::uint32_t>> on;
-    double most = 0;
+    struct Beside {
+      double at, away;  // along the edge, 0 to 1, and from it
+      std::uint32_t vertex;
+      bool on_way = false;
+    };
+    std::vector<Beside> all = {{0, 0, e.from}};
     for (const auto k : near) {
       const auto v = border[k];
       if (v == e.from || v == e.to) continue;
       const double at = std::clamp(along.dot(places[k] - a) / along.squaredNorm(), 0.0, 1.0);
       const double away = (places[k] - a - at * along).norm();
-      if (away <= width) on.push_back({at, v}), most = std::max(most, away);
+      if (away <= width) all.push_back({at, away, v});
     }
-    if (on.empty()) continue;
-    std::sort(on.begin(), on.end());
-    // Worth it only if the way over these points runs along another border.
-    std::vector<std::uint32_t> way = {e.from};
-    for (const auto& [at, v] : on) way.push_back(v);
-    way.push_back(e.to);
+    if (all.size() == 1) continue;
+    std::sort(all.begin() + 1, all.end(), [](const Beside& x, const Beside& y) {
+      return x.at != y.at ? x.at < y.at : x.vertex < y.vertex;
+    });
+    all.push_back({1, 0, e.to});
+    // The way goes over the ends of border edges that run the other way beside this one. Other points lie
+    // near its ends, where corners of many triangles do; a way over these would need an edge for each.
+    for (std::size_t k = 1; k < all.size(); k++)
+      needs.visit_from(all[k].vertex, [&](std::uint32_t to) {
+        for (std::size_t j = 0; j < k; j++)
+          if (all[j].vertex == to) all[j].on_way = all[k].on_way = true;
+      });
+    all.front().on_way = all.back().on_way = true;
+    std::vector<std::uint32_t> way;
+    double most = 0;
+    for (const Beside& one : all)
+      if (one.on_way) way.push_back(one.vertex), most = std::max(most, one.away);
+    // Worth it only if the way runs along another border.
     bool meets = false;
     for (std::size_t k = 0; k + 1 < way.size(); k++) meets |= needs.has(way[k + 1], way[k]);
     if (!meets) continue;

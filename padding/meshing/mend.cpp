@@ -46,8 +46,8 @@ struct OpenGroup {
   // The widest hole that is not closed anyway: the circumference of a circle of its area. The length of its
   // rim would say little, because a seam that is open is long.
   double opening = 0, diagonal = 0;
-  double winding = 0;  // mean, without the patches of such rims
-  bool solid = false;
+  double winding = 0;                  // mean, without the patches of such rims
+  bool solid = false, inward = false;  // inward: with its patches it faced so in the file
 };
 
 class Mender {
@@ -70,6 +70,7 @@ class Mender {
     out_.steps.pieces = pieces_.pieces.size();
     out_.steps.repeated = pieces_.repeated, out_.steps.turned = pieces_.turned;
     collect_groups();
+    turn_units();
     for (OpenGroup& group : groups_) close(group);
     judge();
     assemble();
@@ -149,6 +150,18 @@ class Mender {
     }
   }
 
+  // Outward, so that judge() sees no inner shell take away from the winding number around it.
+  void turn_units() {
+    for (const auto& triangles : units_) inward_.push_back(turn_outward(triangles));
+  }
+
+  // Returns whether they faced inward.
+  bool turn_outward(const std::vector<std::uint32_t>& triangles) {
+    if (!(signed_volume(mesh_, triangles) < 0)) return false;
+    for (const auto t : triangles) std::swap(mesh_.triangles[t][1], mesh_.triangles[t][2]);
+    return true;
+  }
+
   double diagonal_of(const std::vector<std::uint32_t>& triangles) const {
     Box box;
     for (const auto t : triangles)
@@ -183,8 +196,7 @@ class Mender {
     };
     add(group.cracks);
     for (const Triangles& patch : group.patches) add(patch);
-    if (signed_volume(mesh_, group.triangles) < 0)
-      for (const auto t : group.triangles) std::swap(mesh_.triangles[t][1], mesh_.triangles[t][2]);
+    group.inward = turn_outward(group.triangles);
   }
 
   Mesh part(const std::vector<std::uint32_t>& triangles) const {
@@ -263,10 +275,7 @@ class Mender {
   void assemble() {
     soup_.points = mesh_.points;
     std::uint32_t unit = 0;
-    for (auto& triangles : units_) {
-      inward_.push_back(signed_volume(mesh_, triangles) < 0);
-      if (inward_.back())
-        for (const auto t : triangles) std::swap(mesh_.triangles[t][1], mesh_.triangles[t][2]);
+    for (const auto& triangles : units_) {
       for (const auto t : triangles) add(t, TriangleRole::bounds, unit, kNone);
       unit++;
     }
@@ -275,6 +284,7 @@ class Mender {
       for (; k < group.own; k++)
         add(group.triangles[k], group.solid ? TriangleRole::bounds : TriangleRole::sheet, unit, kNone);
       unit++;
+      inward_.push_back(group.solid && group.inward);
       if (!group.solid) {
         out_.steps.sheet_pieces++;
         if (group.winding >= out_.steps.sheet_winding)
@@ -298,22 +308,27 @@ class Mender {
     count_ = unit + 1;
   }
 
-  // A closed unit that faces inward, meets others and never leaves them was cut out of them: the winding
-  // number of the file is 0 within it. It is a cavity, if it has walls in them: the copy of a body that faces
-  // the other way has none. Points on the unit tell, at even steps of its area.
+  // A closed unit that faces inward and meets others was cut out of them: the winding number of the file is 0
+  // or less within it. It is a cavity, if no more than half of it sticks out, and it has walls in the others:
+  // the copy of a body that faces the other way has none. Where it sticks out, walls count if they are deep,
+  // which those of a copy that is moved a little are not. Points on the unit tell, at even steps of its area.
   void find_cuts(const Surface& surface, const std::vector<char>& meets, std::vector<char>& cavity) const {
     constexpr double least_wall = 0.01;  // share of the area
+    constexpr double deep_wall = 1e-3;   // of the diagonal
     constexpr std::size_t wanted = 1024;
     struct Probe {
       std::uint32_t unit;
       Point place;
-      Vector out;  // a step
-      bool within = false, wall = false;
+      Vector out;  // of length 1
+      bool within = false, wall = false, deep = false;
     };
-    const std::size_t closed = inward_.size();
-    const auto is_inward = [&](std::uint32_t t) { return unit_[t] < closed && inward_[unit_[t]]; };
-    std::vector<double> area(closed, 0), sum(closed, 0);
-    std::vector<std::size_t> count(closed, 0), walls(closed, 0);
+    const std::size_t units = inward_.size();
+    const auto is_inward = [&](std::uint32_t t) { return unit_[t] < units && inward_[unit_[t]]; };
+    std::vector<double> area(units, 0), sum(units, 0);
+    struct Count {
+      std::size_t all = 0, outside = 0, walls = 0, deep = 0;
+    };
+    std::vector<Count> count(units);
     for (std::uint32_t t = 0; t < unit_.size(); t++)
       if (is_inward(t) && meets[unit_[t]]) area[unit_[t]] += soup_.area_normal(t).norm();
     std::vector<Probe> probes;
@@ -322,11 +337,11 @@ class Mender {
       const auto u = unit_[t];
       if (!is_inward(t) || !(area[u] > 0)) continue;
       const Vector normal = soup_.area_normal(t);
-      for (sum[u] += normal.norm(); double(count[u]) + 0.5 < sum[u] / area[u] * wanted; count[u]++) {
+      for (sum[u] += normal.norm(); double(count[u].all) + 0.5 < sum[u] / area[u] * wanted; count[u].all++) {
         const double r = std::sqrt(random.uniform()), s = random.uniform();
         const Point p =
             (1 - r) * soup_.corner(t, 0) + r * ((1 - s) * soup_.corner(t, 1) + s * soup_.corner(t, 2));
-        probes.push_back({u, p, 1e-7 * diagonal_ * normal.normalized()});
+        probes.push_back({u, p, normal.normalized()});
       }
     }
     const auto in_others = [&](const Point& p) {
@@ -338,12 +353,17 @@ class Mender {
 #pragma omp parallel for schedule(dynamic, 16)
     for (std::size_t k = 0; k < probes.size(); k++) {
       Probe& probe = probes[k];
-      probe.within = in_others(probe.place - probe.out), probe.wall = in_others(probe.place + probe.out);
+      const auto at = [&](double step) { return in_others(probe.place + step * diagonal_ * probe.out); };
+      probe.within = at(-1e-7), probe.wall = at(1e-7), probe.deep = probe.wall && at(deep_wall);
     }
-    std::vector<char> leaves(closed, 0);
-    for (const Probe& probe : probes) leaves[probe.unit] |= !probe.within, walls[probe.unit] += probe.wall;
-    for (std::size_t u = 0; u < closed; u++)
-      if (!leaves[u] && double(walls[u]) > least_wall * double(count[u])) cavity[u] = 1;
+    for (const Probe& probe : probes) {
+      Count& c = count[probe.unit];
+      c.outside += !probe.within, c.walls += probe.wall, c.deep += probe.deep;
+    }
+    for (std::size_t u = 0; u < units; u++)
+      if (2 * count[u].outside <= count[u].all &&
+          double(count[u].outside > 0 ? count[u].deep : count[u].walls) > least_wall * double(count[u].all))
+        cavity[u] = 1;
   }
 
   // A closed unit that meets no other one and lies inside others an odd number of times is a cavity.
@@ -387,7 +407,7 @@ class Mender {
     if (contacts.too_many) return std::nullopt;
     find_cavities(contacts, *surface_);
     if (out_.steps.cavities > 0) surface_ = std::make_shared<const Surface>(soup_);
-    for (const char c : inward_) out_.steps.turned_pieces += c;
+    for (std::size_t u = 0; u < units_.size(); u++) out_.steps.turned_pieces += inward_[u];
     out_.steps.crossing_pairs = contacts.pairs.size();
     OuterCells cells = outer_cells(*surface_, roles_, contacts, options_.most_pairs);
     if (cells.too_many) return std::nullopt;
@@ -455,7 +475,7 @@ class Mender {
   std::vector<TriangleRole> roles_;
   std::vector<std::uint32_t> unit_, patch_;  // of each triangle of soup_
   std::size_t count_ = 0;                    // of units
-  std::vector<char> inward_;                 // for each closed unit: it faced inward, and is no cavity
+  std::vector<char> inward_;  // for each closed unit and group: it faced inward, and is no cavity
   Repaired out_;
 };
 

@@ -14,7 +14,7 @@ namespace padder {
 // 1. Pieces that hang together are turned alike (pieces.h). Cracks and holes get triangles that close them
 //    (holes.h), if the hole is small or the piece is a solid but for the hole; other open pieces are sheets.
 // 2. A closed piece faces outward, unless it is a cavity: it meets nothing and lies within another one, or it
-//    faces inward in the file and never leaves the others.
+//    faces inward in the file and was cut out of the others: no more than half of it sticks out.
 // 3. The body is where the winding number of all closed pieces is above 0. Of the triangles, cut where they
 //    cross, those with the body on one side bound it; those with none on both sides are sheets
 //    (outer_cells.h).
