@@ -72,6 +72,8 @@ inline constexpr std::uint32_t kLoose = ~0u;
 // distance from both origins. kBallLeast is absolute: below 2^-1022 a rounding moves a number by up to
 // 2^-1075, and a ball suffers fewer than a thousand of them. Beyond kBallMost there are no balls.
 inline constexpr double kBallMargin = 0x1p-46, kBallLeast = 0x1p-1060, kBallMost = 0x1p330;
+// Records in float hold nothing beyond 1e38. Where a ball comes near it, the spheres themselves are checked.
+inline constexpr double kBallInFloat = 1e37;
 
 // An upper bound for the factor by which the matrix stretches a vector. For a rotation it is hardly more
 // than 1.

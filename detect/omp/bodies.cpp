@@ -292,7 +292,7 @@ bool BodySearch::run(const Input& input, const CallOptions& options, int threads
   const Summary summary = summarize(balls, threads);
   if (summary.first_fault != ~std::uint64_t(0)) return false;
   if (options.width != Width::pairs && options.scalar == Scalar::f32 &&
-      std::max(summary.extent + summary.radius_max, static_extent_) > 1e37)
+      std::max(summary.extent + summary.radius_max, static_extent_) > kBallInFloat)
     return false;
   CallOptions broad;
   broad.width = Width::pairs;

@@ -171,7 +171,7 @@ void BodySearch::pass(const Call& call, bool recorded) {
 bool BodySearch::ordinary(const CallOptions& options) const {
   if (summary_.first_fault != ~std::uint64_t(0)) return false;
   return options.width == Width::pairs || options.scalar == Scalar::f64 ||
-         std::max(summary_.extent + summary_.radius_max, input_.static_extent()) <= 1e37;
+         std::max(summary_.extent + summary_.radius_max, input_.static_extent()) <= kBallInFloat;
 }
 
 struct BodySearch::Steps {

@@ -27,13 +27,13 @@ __global__ void __launch_bounds__(kThreads)
   for (std::uint64_t w = (blockIdx.x * kThreads + threadIdx.x) / 32; w < words; w += gridDim.x * kWarps) {
     const std::uint64_t k = 32 * w + lane;
     Bounds halo{};
-    bool odd = false;  // something is wrong: whoever searches is to find it
+    bool odd = false;  // something may be wrong with it: whoever searches finds that
     if (k < count) {
       const ShapeExtent& shape = extents[shape_of[k]];
       halo = halo_of(body_at_pose(poses + k * step), shape, largest, margin);
       odd = shape.faulty;
       for (int a = 0; a < 3 && shape.count; a++)
-        odd = odd || !(-kBallMost < halo.low[a] && halo.high[a] < kBallMost);
+        odd = odd || !(-kBallInFloat < halo.low[a] && halo.high[a] < kBallInFloat);
     }
     for (int b = 0; b < boxes.count; b++) {
       const unsigned needed = __ballot_sync(~0u, k < count && (odd || meets(halo, boxes.box[b])));

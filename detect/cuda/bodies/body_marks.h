@@ -19,7 +19,7 @@ class BodyMarks {
   void learn(std::span<const Shape> shapes, std::span<const Body> bodies, cudaStream_t stream);
   double largest_radius() const { return largest_radius_; }  // of all shapes
   // A bitmap for each box, words() long: bit k of word w says that the box may own a contact of body 32 w +
-  // k. A body whose pose is none, or whose shape is at fault, is in all. The pose of body k are the twelve
+  // k. A body with which something may be wrong is in all. The pose of body k are the twelve
   // doubles from `poses` + k * `step` on, in the GPU's memory. No loose sphere is larger than `largest_loose`
   // and, if it is given, *larger. Does not wait. Cost: a pass over the poses.
   const std::uint32_t* mark(const double* poses, std::uint32_t step, std::span<const Region> boxes,

@@ -31,8 +31,11 @@ struct MayHaveContacts {
   const double* largest_loose;
   double margin;
 
+  // True as well where something may be wrong with it: the search finds that.
   __device__ bool reaches(const Sphere& ball) const {
-    return !(ball.r >= 0) || meets(halo_of(ball, larger(largest, *largest_loose), margin), own);
+    const double extent = larger(larger(magnitude(ball.x), magnitude(ball.y)), magnitude(ball.z));
+    return !(extent + ball.r < kBallInFloat) ||
+           meets(halo_of(ball, larger(largest, *largest_loose), margin), own);
   }
   __device__ bool operator()(std::uint32_t k) const {
     const Element e = view.elements[k];
