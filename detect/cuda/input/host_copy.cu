@@ -75,10 +75,10 @@ void HostCopy::run(void* to, const void* from, std::uint64_t bytes, const char* 
     reserve(tuning::kCopyBlocks * threads);
     threads = std::min(threads, static_cast<int>(blocks_.size()));
   }
-  cuda_check(
-      threads > 1 ? staged(static_cast<char*>(to), static_cast<const char*>(from), bytes, threads, stream)
-                  : cudaMemcpyAsync(to, from, bytes, cudaMemcpyHostToDevice, stream),
-      what);
+  cuda_check(threads > 1
+                 ? staged(static_cast<char*>(to), static_cast<const char*>(from), bytes, threads, stream)
+                 : cudaMemcpyAsync(to, from, bytes, cudaMemcpyHostToDevice, stream),
+             what);
 }
 
 }  // namespace padder::detect::cuda

@@ -7,7 +7,7 @@
 
 namespace padder::detect::cuda {
 
-// The filter of contact.h in a cheaper form: the sign of one number tells touch from apart unless its
+// The float test of contact.h in a cheaper form: the sign of one number tells touch from apart unless its
 // magnitude is small. With u = 2^-24 float is off by 11.2 u of the squares in all (2.01 for the
 // differences, 3.01 for the radii, 2.01 more for the margin, which is rounded and added, one rounding for
 // each of four sums). So a pair that touches is always below the wider threshold, and a pair that is below it
