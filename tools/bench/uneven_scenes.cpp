@@ -380,9 +380,9 @@ const std::vector<UnevenScene>& uneven_scenes() {
       {"two_sizes", "two heaps of radius 1 and 37, far from each other", 2.2, two_sizes, true},
       {"power_law", "radii by a power law, exponent 4.2", 2.2, power_law},
       {"poly_layer", "radii by a power law, 1 to 100, in a plane", 2.2, poly_layer},
-      {"outwards", "radii 1 to 100 that grow with the distance", 2.2, outwards},
+      {"outwards", "radii 1 to 100 that grow with the distance", 2.2, outwards, true},
       {"dusted", "spheres of radius 100, each dusted with 999 of radius 1", 2.2, dusted},
-      {"ground", "a bed on one sphere of radius 100,000", 3, ground},
+      {"ground", "a bed on one sphere of radius 100,000", 3, ground, true},
       {"ten_giants", "ten of radius 40 among radius 1", 3, ten_giants},
       {"ten_huge", "ten of radius 1,000 beside radius 1", 3, ten_huge},
   };
