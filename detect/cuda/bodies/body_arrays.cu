@@ -91,11 +91,8 @@ BodyView BodyArrays::read(const Input& input, const Pieces& p, const std::vector
   view.body_first = copied(body_first_, body_first.data(), body_first.size(), stream);
   view.loose_first = body_first.back();
   if (input.poses || input.poses_around) {
-    const Pose* poses = input.poses;
-    if (input.poses_around)
-      copy_poses(input, poses_.reserve(n), stream), poses = poses_.data();
-    else if (input.pose_memory == Memory::host)
-      poses = copied(poses_, input.poses, n, stream);
+    const Pose* const poses = has_device_poses(input) ? device_poses(input, poses_, stream)
+                                                      : copied(poses_, input.poses, n, stream);
     put_poses(poses, n, bodies, input.revision != 0 && some_static_, stream);
   }
   return view;
@@ -105,7 +102,7 @@ void BodyArrays::move(const Input& input, cudaStream_t stream) {
   Body* bodies = bodies_.data();
   const bool apart = std::exchange(in_place_, false);
   if (has_device_poses(input))
-    return put_poses(input.poses, input.bodies.size(), bodies, some_static_, stream);
+    return put_poses(device_poses(input, poses_, stream), input.bodies.size(), bodies, some_static_, stream);
   if (apart && input.moved.size() < moving_)
     throw Error(
         "the previous call of this revision read its poses in device memory, and this call gives none: give "

@@ -154,7 +154,12 @@ PosePart BodyInput::part_of_bodies() const {
   return {view_.poses, nullptr, 0, static_cast<std::uint32_t>(known_bodies_), view_.pose_step};
 }
 const PosePart* BodyInput::pose_parts(const std::vector<PosePart>& parts, cudaStream_t stream) {
-  if (parts != known_parts_) known_parts_ = parts, copied(parts_, known_parts_.data(), parts.size(), stream);
+  if (parts != known_parts_) {
+    known_parts_.clear();  // reserve() may throw
+    parts_.reserve(parts.size());
+    known_parts_ = parts;
+    copied(parts_, known_parts_.data(), parts.size(), stream);
+  }
   return parts_.data();
 }
 

@@ -38,6 +38,7 @@ void ResidentDetector::Work::choose_devices(std::vector<int> devices) {
   if (ranks_ && devices.size() > 1)
     throw Error(std::to_string(devices.size()) + " GPUs were given to one rank: start a rank for each GPU");
   for (const int d : devices) places_.push_back(std::make_unique<Place>(d));
+  read_each_other_ = devices.size() <= std::min(cuda::kMostMarked, cuda::kMostComing);
   for (const auto& place : places_) {
     const cuda::OnDevice on(place->device);
     for (const int other : devices)

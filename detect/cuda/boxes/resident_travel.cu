@@ -14,7 +14,7 @@ void ResidentDetector::Work::bring(std::span<const ResidentPoses> poses) {
   for (const auto& p : places_) p->all_poses = nullptr;
   pose_parts_.clear();
   if (poses.empty() || bodies_.bodies.empty()) return;
-  const bool stay = !ranks_ && read_each_other_ && places_.size() <= cuda::kMostMarked;
+  const bool stay = !ranks_ && read_each_other_;
   together([&] {
     each_place([&](Place& p, std::size_t k) {
       if (poses[k].count) cuda::check_device_memory(poses[k].poses, p.device, "the poses");
@@ -102,7 +102,6 @@ void ResidentDetector::Work::exchange(Place& p, std::size_t k) {
   std::uint64_t before = 0, behind = p.before + own;
   p.others->reserve(behind + p.behind, form_);
   std::vector<cuda::ComingSpheres> coming;
-  const bool read = read_each_other_ && places_.size() <= cuda::kMostComing;
   for (std::size_t from = 0; from < places_.size(); from++) {
     if (from == k) continue;
     const Place& other = *places_[from];
@@ -111,7 +110,8 @@ void ResidentDetector::Work::exchange(Place& p, std::size_t k) {
     const std::uint64_t count = other.counts.to[k];
     std::uint64_t& here = from < k ? before : behind;
     const std::uint64_t place = std::exchange(here, here + count);
-    if (count && read)
+    if (count == 0) continue;
+    if (read_each_other_)
       coming.push_back({other.away->from(there, form_), place, count});
     else
       cuda::copy_to_peer(p.others->from(place, form_), p.device, other.away->from(there, form_), other.device,

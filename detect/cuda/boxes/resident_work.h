@@ -99,7 +99,7 @@ class ResidentDetector::Work {
   std::uint64_t body_spheres_ = 0, revision_ = 0;  // of the bodies; of the call before
   bool failed_ = false;                            // the call before
   std::vector<std::uint64_t> poses_of_;            // in each part; empty: they come with the bodies
-  bool read_each_other_ = true;                    // all GPUs
+  bool read_each_other_ = false;                   // all GPUs, by their kernels
   std::vector<PosePart> pose_parts_;               // of the call, if GPUs read each other's poses
   std::vector<Region> regions_;                    // the boxes of all GPUs, those of other ranks too
   std::vector<double> density_;                    // of each box: work for each sphere, in the call before

@@ -118,14 +118,8 @@ void InputCopy::copy_bodies(const Input& input, DeviceSpheres& s, cudaStream_t s
       copy(shapes_first, shape_first.data(), shape_first.size() * 4);
   const auto n = static_cast<std::uint32_t>(input.bodies.size());
   if (input.poses || input.poses_around) {
-    const Pose* poses = input.poses;
-    if (input.poses_around) {
-      poses = poses_.reserve(n);
-      copy_poses(input, poses_.data(), stream);
-    } else if (input.pose_memory == Memory::host) {
-      poses = poses_.reserve(n);
-      copy(poses_.data(), input.poses, n * sizeof(Pose));
-    }
+    if (!has_device_poses(input)) copy(poses_.reserve(n), input.poses, n * sizeof(Pose));
+    const Pose* poses = has_device_poses(input) ? device_poses(input, poses_, stream) : poses_.data();
     pose_kernel<<<blocks_of_loop(n, kThreads), kThreads, 0, stream>>>(n, poses, bodies, input.revision != 0);
   }
   body_of_kernel<<<std::min(n, 8192u), 64, 0, stream>>>(n, body_first, body_of);
@@ -143,7 +137,14 @@ void copy_poses(const Input& input, Pose* to, cudaStream_t stream) {
                  "read the poses");
   };
   if (!input.poses_around) return copy(input.poses, 0, input.bodies.size());
-  for (const PosePart& p : input.poses_around->parts) copy(reinterpret_cast<const Pose*>(p.poses), p.first, p.count);
+  for (const PosePart& p : input.poses_around->parts)
+    copy(reinterpret_cast<const Pose*>(p.poses), p.first, p.count);
+}
+
+const Pose* device_poses(const Input& input, Buffer<Pose>& room, cudaStream_t stream) {
+  if (!input.poses_around) return input.poses;
+  copy_poses(input, room.reserve(input.bodies.size()), stream);
+  return room.data();
 }
 
 Sphere sphere_at(const DeviceSpheres& source, std::uint32_t k, cudaStream_t stream) {

@@ -30,6 +30,8 @@ class InputCopy {
 
 // All poses, which lie in the memory of GPUs. Does not wait for the stream.
 void copy_poses(const Input& input, Pose* to, cudaStream_t stream);
+// The same in one array on this GPU: the caller's, or a copy in `room`.
+const Pose* device_poses(const Input& input, Buffer<Pose>& room, cudaStream_t stream);
 Sphere sphere_at(const DeviceSpheres& source, std::uint32_t k, cudaStream_t stream);  // waits
 
 }  // namespace padder::detect::cuda

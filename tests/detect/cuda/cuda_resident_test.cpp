@@ -279,6 +279,27 @@ TEST_F(CudaResident, BodiesGiveTheContactsOfOneDetector) {
     }
 }
 
+// Worlds are searched in another way, which takes all poses.
+TEST_F(CudaResident, BodiesOfSeveralWorldsGiveTheContactsOfOneDetector) {
+  MovingBodies scene(47, 0);
+  for (std::size_t k = 0; k < scene.bodies.size(); k++)
+    scene.bodies[k].world = static_cast<std::uint32_t>(k % 3);
+  const std::vector<int> devices = several(3);
+  const std::vector<Spheres> none(devices.size());
+  ResidentDetector resident(on(devices));
+  Detector one = one_on_the_cpu(on({}).detector);
+  for (int step = 0; step < 4; step++) {
+    const PoseParts poses(scene.poses, devices);
+    Input input = scene.input();
+    input.poses = scene.poses.data();
+    const Contacts& wanted = one.detect(input);
+    ASSERT_GT(wanted.count, 100u);
+    EXPECT_EQ(resident.detect(none, scene.input(), poses.parts).contacts, wanted.count) << "step " << step;
+    EXPECT_EQ(resident.hash(), one.hash()) << "step " << step;
+    scene.turn(1);
+  }
+}
+
 std::string failure(ResidentDetector& resident, std::span<const Spheres> parts) {
   return error_of([&] { resident.detect(parts); });
 }
