@@ -24,9 +24,11 @@ struct PosePart {
   std::uint32_t step = sizeof(Pose) / sizeof(double);
   friend bool operator==(const PosePart&, const PosePart&) = default;
 };
+inline constexpr std::size_t kMostPoseParts = 64;
 // Poses of all bodies that lie on several GPUs, each of which can read those of the others.
 struct PosesAround {
-  std::vector<PosePart> parts;
+  std::vector<PosePart> parts;  // at most kMostPoseParts
+  std::size_t own = 0;          // that on the GPU which reads this
 };
 // Do poses lie in the memory of GPUs?
 inline bool has_device_poses(const Input& input) {

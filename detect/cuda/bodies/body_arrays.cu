@@ -74,7 +74,7 @@ BodyView BodyArrays::read(const Input& input, const Pieces& p, const std::vector
   const std::uint64_t n = input.bodies.size();
   BodyView view;
   Body* bodies = copied(bodies_, input.bodies.data(), n, stream);
-  view.bodies = bodies, view.poses = reinterpret_cast<const double*>(bodies);
+  view.bodies = bodies;
   moving_ =
       std::count_if(input.bodies.begin(), input.bodies.end(), [](const Body& b) { return !b.is_static; });
   some_static_ = moving_ < n;
@@ -123,12 +123,19 @@ void BodyArrays::move(const Input& input, cudaStream_t stream) {
   cuda_launched("place the bodies");
 }
 
+PosePart BodyArrays::in_place(const Input& input) const {
+  if (!has_device_poses(input) || some_static_) return {};
+  if (!input.poses_around)
+    return {input.poses->rotation, nullptr, 0, static_cast<std::uint32_t>(input.bodies.size())};
+  PosePart own = input.poses_around->parts[input.poses_around->own];
+  own.marks = nullptr;
+  return own;
+}
+
 void BodyArrays::move_in_place(const Input& input, BodyView& view, cudaStream_t stream) {
-  view.poses = reinterpret_cast<const double*>(bodies_.data()),
-  view.pose_step = sizeof(Body) / sizeof(double);
-  if (!input.poses || input.pose_memory != Memory::device || some_static_) return move(input, stream);
+  view.in_place = in_place(input);
+  if (view.in_place.count == 0) return move(input, stream);
   in_place_ = true;
-  view.poses = input.poses->rotation, view.pose_step = sizeof(Pose) / sizeof(double);
 }
 
 }  // namespace padder::detect::cuda

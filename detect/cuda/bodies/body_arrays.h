@@ -24,10 +24,8 @@ __device__ __forceinline__ Body body_at_pose(const double* pose) {
 
 // The scene as the kernels of bodies read it.
 struct BodyView {
-  const Body* bodies = nullptr;  // their poses are elsewhere
-  // Of body k the twelve doubles of its pose begin pose_step k doubles behind the first.
-  const double* poses = nullptr;
-  std::uint32_t pose_step = sizeof(Body) / sizeof(double);
+  const Body* bodies = nullptr;
+  PosePart in_place;                  // bodies whose poses are read where the caller has them, in this call
   const Element* elements = nullptr;  // in BodyInput: those that move first, then static ones
   const Piece* pieces = nullptr;
   const Sphere* spheres = nullptr;
@@ -43,16 +41,24 @@ struct BodyView {
   bool grouped = false;                         // the narrow phase goes by groups (tuning.h)
   friend bool operator==(const BodyView&, const BodyView&) = default;
 
-  // A body where it is in this call; pose alone.
-  __device__ __forceinline__ Body placed_body(std::uint32_t k) const {
-    return body_at_pose(poses + std::uint64_t(k) * pose_step);
+  // The twelve doubles of a body's pose in this call.
+  PADDER_HD const double* pose_of(std::uint32_t k) const {
+    const std::uint32_t at = k - in_place.first;
+    return at < in_place.count ? in_place.poses + std::uint64_t(at) * in_place.step : bodies[k].rotation;
   }
+  // The body there; pose alone.
+  __device__ __forceinline__ Body placed_body(std::uint32_t k) const { return body_at_pose(pose_of(k)); }
 };
 
+// Where the poses of a call are, for kernels.
+struct PoseParts {
+  PosePart part[kMostPoseParts];
+};
 // The part that has the pose of this body, and the body at that pose; pose alone.
-__device__ __forceinline__ const PosePart& part_of(const PosePart* parts, std::uint32_t body) {
-  while (body - parts->first >= parts->count) parts++;
-  return *parts;
+__device__ __forceinline__ const PosePart& part_of(const PoseParts& parts, std::uint32_t body) {
+  const PosePart* part = parts.part;
+  while (body - part->first >= part->count) part++;
+  return *part;
 }
 __device__ __forceinline__ Body body_of(const PosePart& part, std::uint32_t body) {
   return body_at_pose(part.poses + std::uint64_t(body - part.first) * part.step);
@@ -76,7 +82,10 @@ class BodyArrays {
   // stand in input.bodies by now (revision.h), and only those that moved go to the device. Throws Error for a
   // call without poses after one that left some where they were, since nobody knows them any more.
   void move(const Input& input, cudaStream_t stream);
-  // The same where poses on the device are read where they are, for this call alone.
+  // The bodies whose poses are read where they lie in this call. Where some are static there are none, since
+  // static bodies stay where they were put.
+  PosePart in_place(const Input& input) const;
+  // The same as move() for what is not in place.
   void move_in_place(const Input& input, BodyView& view, cudaStream_t stream);
   // The poses of this call lie on GPUs, and its caller brings those that it needs to bodies(): all, or some.
   void expect_poses(bool all) { in_place_ = !all; }

@@ -10,28 +10,56 @@ namespace {
 
 constexpr unsigned kThreads = 256;
 
-// Elements `first` to `end`; with `numbers`, elements numbers[first], … take these places. Poses that do not
-// lie with the bodies are brought there. A block reads the poses of its elements together, number by number,
-// since they may lie on another GPU.
+// The elements of a block, whose first takes place `to`.
+struct ElementRun {
+  std::uint32_t number[kThreads], to, count;
+};
+
+// Those of elements `base` to `end`, a run at most, that are chosen. By the whole block.
+__device__ void choose_run(const ChosenElements& chosen, std::uint32_t base, std::uint32_t end,
+                           ElementRun& run) {
+  const std::uint32_t warp = threadIdx.x / 32, lane = threadIdx.x % 32, k = base + threadIdx.x;
+  std::uint32_t at = threadIdx.x, to = base, count = min(end - base, kThreads);
+  bool mine = k < end;
+  if (chosen.bits) {
+    const std::uint32_t* const words = chosen.bits + base / 32;
+    to = static_cast<std::uint32_t>(chosen.before[base / kThreads]), count = at = 0;
+    for (std::uint32_t w = 0; w < kThreads / 32; w++) {
+      const std::uint32_t word = words[w];
+      if (w == warp) at = count + __popc(word & ((1u << lane) - 1)), mine = word >> lane & 1;
+      count += __popc(word);
+    }
+  }
+  if (threadIdx.x == 0) run.to = to, run.count = count;
+  if (mine) run.number[at] = k;
+  __syncthreads();
+}
+
+// Elements `first` to `end`, or those of them that are chosen, one after the other. Poses that are neither
+// read in place nor with the bodies are brought there. A block reads the poses of its elements together,
+// number by number, since they may lie on another GPU.
 __global__ void __launch_bounds__(kThreads)
-    place_kernel(BodyView v, Body* bodies, const PosePart* parts, const std::uint32_t* numbers,
-                 DeviceSpheres loose, double grown_by, std::uint32_t first, std::uint32_t end) {
+    place_kernel(const __grid_constant__ BodyView v, Body* bodies, const __grid_constant__ PoseParts parts,
+                 ChosenElements chosen, const __grid_constant__ DeviceSpheres loose, double grown_by,
+                 std::uint32_t first, std::uint32_t end) {
+  static_assert(kThreads == ChosenElements::kRun);
   __shared__ double poses[kThreads][13];  // odd, against conflicts of banks
-  const auto element = [&](std::uint32_t k) { return v.elements[numbers ? numbers[k] : k]; };
+  __shared__ ElementRun run;
   for (std::uint32_t base = first + blockIdx.x * kThreads; base < end; base += gridDim.x * kThreads) {
-    const std::uint32_t here = min(end - base, kThreads);
-    for (std::uint32_t n = threadIdx.x; n < 12 * here; n += kThreads) {
-      const std::uint32_t at = n / 12, c = n % 12, body = element(base + at).body;
+    choose_run(chosen, base, end, run);
+    for (std::uint32_t n = threadIdx.x; n < 12 * run.count; n += kThreads) {
+      const std::uint32_t at = n / 12, c = n % 12, body = v.elements[run.number[at]].body;
       if (body == kLoose) continue;
       const PosePart& part = part_of(parts, body);
       const double value = part.poses[std::uint64_t(body - part.first) * part.step + c];
       poses[at][c] = value;
-      if (part.poses != bodies->rotation) reinterpret_cast<double*>(bodies + body)[c] = value;
+      if (part.poses != v.in_place.poses && part.poses != bodies->rotation)
+        reinterpret_cast<double*>(bodies + body)[c] = value;
     }
     __syncthreads();
-    if (threadIdx.x < here) {
-      const std::uint32_t k = base + threadIdx.x;
-      const Element e = element(k);
+    if (threadIdx.x < run.count) {
+      const std::uint32_t k = run.to + threadIdx.x;
+      const Element e = v.elements[run.number[threadIdx.x]];
       Sphere ball;
       Filter f;
       if (e.body == kLoose) {
@@ -95,7 +123,6 @@ BodyInput::BodyInput(MemoryBook& book)
     : copy_(book),
       arrays_(book),
       of_region_(book),
-      parts_(book, "the poses"),
       elements_(book, "the pieces of bodies"),
       balls_(book, "the balls about bodies"),
       loose_spheres_(book, "the spheres"),
@@ -127,42 +154,33 @@ bool BodyInput::read(const Input& input, double margin, const Region& own, cudaS
   if (view_.moving == 0) return true;
   const bool limited = !(own == Region{});
   if (limited) of_region_.begin(input, loose_, own, margin, stream);
-  const PosePart* const parts = find_poses(input, limited, stream);
-  const std::uint32_t* numbers = nullptr;
-  if (limited) numbers = of_region_.choose(view_, parts, near_.moving, stream);
-  place(parts, numbers, 0, near_.moving, stream);
+  const PoseParts parts = find_poses(input, limited, stream);
+  near_.in_place = arrays_.in_place(input);
+  if (has_device_poses(input)) arrays_.expect_poses(!limited && near_.in_place.count == 0);
+  ChosenElements chosen;
+  if (limited) chosen = of_region_.choose(view_, parts, stream);
+  place(near_, parts, chosen, 0, view_.moving, stream);
+  if (limited) near_.moving = of_region_.count(stream);
   return true;
 }
 
-// Where the poses of this call are, for kernels; with marks of the bodies that are near, if it is limited to
-// a box.
-const PosePart* BodyInput::find_poses(const Input& input, bool limited, cudaStream_t stream) {
-  std::vector<PosePart> parts;
+// Where the poses of this call are; with marks of the bodies that are near, if it is limited to a box.
+PoseParts BodyInput::find_poses(const Input& input, bool limited, cudaStream_t stream) {
+  PoseParts parts;
   if (input.poses_around) {
-    parts = input.poses_around->parts;
+    std::copy(input.poses_around->parts.begin(), input.poses_around->parts.end(), parts.part);
   } else {
-    PosePart all = part_of_bodies();
+    PosePart& all = parts.part[0] = part_of_bodies();
     if (has_device_poses(input)) all.poses = input.poses->rotation, all.step = sizeof(Pose) / sizeof(double);
     if (limited) all.marks = of_region_.mark(all, stream);
-    parts = {all};
   }
-  if (has_device_poses(input)) arrays_.expect_poses(!limited);
-  return pose_parts(parts, stream);
+  return parts;
 }
 // Those with the bodies.
 PosePart BodyInput::part_of_bodies() const {
-  return {view_.poses, nullptr, 0, static_cast<std::uint32_t>(known_bodies_), view_.pose_step};
+  return {reinterpret_cast<const double*>(view_.bodies), nullptr, 0,
+          static_cast<std::uint32_t>(known_bodies_), sizeof(Body) / sizeof(double)};
 }
-const PosePart* BodyInput::pose_parts(const std::vector<PosePart>& parts, cudaStream_t stream) {
-  if (parts != known_parts_) {
-    known_parts_.clear();  // reserve() may throw
-    parts_.reserve(parts.size());
-    known_parts_ = parts;
-    copied(parts_, known_parts_.data(), parts.size(), stream);
-  }
-  return parts_.data();
-}
-
 void BodyInput::read_all(const Input& input, cudaStream_t stream) {
   const Spheres& s = input.spheres;
   std::vector<std::uint8_t> is_static;
@@ -230,13 +248,13 @@ void BodyInput::read_loose(const Input& input, bool known, cudaStream_t stream) 
   loose_.count = n, loose_.wide = loose_.filtered = true;
 }
 
-void BodyInput::place(const PosePart* parts, const std::uint32_t* numbers, std::uint32_t first,
-                      std::uint32_t end, cudaStream_t stream) {
+void BodyInput::place(const BodyView& view, const PoseParts& parts, const ChosenElements& chosen,
+                      std::uint32_t first, std::uint32_t end, cudaStream_t stream) {
   if (first == end) return;
   // More than half of the margin, by far more than the decisions about it round.
   const double grown_by = 0.5 * margin_ * (1 + 0x1p-40);
   place_kernel<<<blocks_of_loop(end - first, kThreads), kThreads, 0, stream>>>(
-      view_, arrays_.bodies(), parts, numbers, loose_, grown_by, first, end);
+      view, arrays_.bodies(), parts, chosen, loose_, grown_by, first, end);
   cuda_launched("place the balls about bodies");
 }
 
@@ -245,7 +263,7 @@ void BodyInput::place(const PosePart* parts, const std::uint32_t* numbers, std::
 bool BodyInput::build_table(cudaStream_t stream) {
   const std::uint32_t count = view_.count - view_.moving;
   std::vector<Sphere> balls(count);
-  place(pose_parts({part_of_bodies()}, stream), nullptr, view_.moving, view_.count, stream);
+  place(view_, {{part_of_bodies()}}, {}, view_.moving, view_.count, stream);
   if (count)
     cuda_check(cudaMemcpyAsync(balls.data(), view_.balls + view_.moving, count * sizeof(Sphere),
                                cudaMemcpyDeviceToHost, stream),

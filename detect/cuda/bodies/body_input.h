@@ -44,11 +44,10 @@ class BodyInput {
   void read_all(const Input& input, cudaStream_t stream);
   void read_loose(const Input& input, bool known, cudaStream_t stream);
   bool build_table(cudaStream_t stream);
-  const PosePart* find_poses(const Input& input, bool limited, cudaStream_t stream);
+  PoseParts find_poses(const Input& input, bool limited, cudaStream_t stream);
   PosePart part_of_bodies() const;
-  const PosePart* pose_parts(const std::vector<PosePart>& parts, cudaStream_t stream);
-  void place(const PosePart* parts, const std::uint32_t* numbers, std::uint32_t first, std::uint32_t end,
-             cudaStream_t stream);
+  void place(const BodyView& view, const PoseParts& parts, const ChosenElements& chosen, std::uint32_t first,
+             std::uint32_t end, cudaStream_t stream);
 
   InputCopy copy_;
   Assembly assembly_;
@@ -62,8 +61,6 @@ class BodyInput {
 
   BodyArrays arrays_;
   RegionElements of_region_;
-  std::vector<PosePart> known_parts_;  // in parts_
-  Buffer<PosePart> parts_;
   Buffer<Element> elements_;
   Buffer<Sphere> balls_, loose_spheres_, static_balls_;
   Buffer<Stance> stances_;

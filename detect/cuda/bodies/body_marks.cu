@@ -13,14 +13,14 @@ namespace {
 constexpr unsigned kThreads = 256, kWarps = kThreads / 32;
 
 struct Boxes {
-  Region box[kMostMarked];
+  MarkedBox box[kMostMarked];
   int count = 0;
 };
 
 __global__ void __launch_bounds__(kThreads)
     mark_kernel(const double* poses, std::uint32_t step, const std::uint32_t* shape_of,
                 const ShapeExtent* extents, std::uint32_t count, const __grid_constant__ Boxes boxes,
-                double largest, const double* larger, double margin, std::uint32_t* marks) {
+                double largest, const double* larger, double margin) {
   if (larger) largest = detect::larger(largest, *larger);
   const std::uint64_t words = (std::uint64_t(count) + 31) / 32;
   const unsigned lane = threadIdx.x % 32;
@@ -36,8 +36,8 @@ __global__ void __launch_bounds__(kThreads)
         odd = odd || !(-kBallInFloat < halo.low[a] && halo.high[a] < kBallInFloat);
     }
     for (int b = 0; b < boxes.count; b++) {
-      const unsigned needed = __ballot_sync(~0u, k < count && (odd || meets(halo, boxes.box[b])));
-      if (lane == 0) marks[b * words + w] = needed;
+      const unsigned needed = __ballot_sync(~0u, k < count && (odd || meets(halo, boxes.box[b].box)));
+      if (lane == 0) boxes.box[b].marks[w] = needed;
     }
   }
 }
@@ -47,7 +47,7 @@ __global__ void __launch_bounds__(kThreads)
 BodyMarks::BodyMarks(MemoryBook& book)
     : shape_of_(book, "the bodies near a box"),
       extents_(book, "the bodies near a box"),
-      marks_(book, "the bodies near a box") {}
+      host_word_(book, "the bodies near a box", true) {}
 
 void BodyMarks::learn(std::span<const Shape> shapes, std::span<const Body> bodies, cudaStream_t stream) {
   std::vector<ShapeExtent> extents;
@@ -62,19 +62,24 @@ void BodyMarks::learn(std::span<const Shape> shapes, std::span<const Body> bodie
   cuda_check(cudaStreamSynchronize(stream), "copy the bodies");  // the vectors must outlive their copies
 }
 
-const std::uint32_t* BodyMarks::mark(const double* poses, std::uint32_t step, std::span<const Region> boxes,
-                                     double largest_loose, const double* larger, double margin,
-                                     cudaStream_t stream) {
-  std::uint32_t* const marks = marks_.reserve(words() * boxes.size());
-  if (count_ == 0) return marks;
+void BodyMarks::mark(const double* poses, std::uint32_t step, std::span<const MarkedBox> boxes,
+                     double largest_loose, const double* larger, double margin, cudaStream_t stream) {
+  if (count_ == 0) return;
   Boxes all;
   all.count = static_cast<int>(boxes.size());
   std::copy(boxes.begin(), boxes.end(), all.box);
+  // Some word: that it comes is all that it says.
+  report_.clear(), report_.add(extents_.data(), host_word_.reserve(1), sizeof(unsigned long long));
+  report_.expect();
   mark_kernel<<<blocks_of_loop(count_, kThreads), kThreads, 0, stream>>>(
       poses, step, shape_of_.data(), extents_.data(), count_, all, std::max(largest_radius_, largest_loose),
-      larger, margin, marks);
+      larger, margin);
   cuda_launched("choose the bodies");
-  return marks;
+  report_.send(stream);
+}
+
+void BodyMarks::wait(cudaStream_t stream) const {
+  if (count_ > 0) report_.arrived(stream, "choose the bodies");
 }
 
 }  // namespace padder::detect::cuda

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "detect/boxes/halo.h"
 #include "detect/cuda/device/exclusive_sum.h"
 #include "detect/cuda/device/ptx.h"
 #include "detect/cuda/device/warp.h"
@@ -224,8 +225,21 @@ struct PairTester {
   }
 };
 
-// Makes the pair ready for the warp. False if the boxes of the elements are apart, so that nothing touches.
-__device__ __forceinline__ bool prepare(const BodyView& v, double margin, Pair p, ElementPair& out) {
+// Where the midpoints of contacts can lie whose spheres are in two balls. (The balls of a margin are larger
+// by half of it. The rounding that halo_of adds is enough for all spheres in a ball: 60 u of 128.)
+__device__ __forceinline__ Bounds halo_of_pair(const Sphere& a, const Sphere& b) {
+  const Bounds of_a = halo_of(a, b.r), of_b = halo_of(b, a.r);
+  Bounds both;
+  for (int k = 0; k < 3; k++)
+    both.low[k] = larger(of_a.low[k], of_b.low[k]), both.high[k] = smaller(of_a.high[k], of_b.high[k]);
+  return both;
+}
+
+// Makes the pair ready for the warp. False if the boxes of the elements are apart, so that nothing touches,
+// or if nothing that touches would be owned.
+__device__ __forceinline__ bool prepare(const NarrowPhaseTask& task, Pair p, ElementPair& out) {
+  const BodyView& v = task.view;
+  if (!task.owns_all && !meets(halo_of_pair(v.balls[p.i], v.balls[p.j]), task.own)) return false;
   if (v.stances[p.i].body == kLoose && v.stances[p.j].body == kLoose) {  // there is nothing to sieve
     out.count_a = out.count_b = 1, out.body_a = out.body_b = kLoose;
     out.slot_a = v.stances[p.i].piece, out.slot_b = v.stances[p.j].piece;
@@ -235,7 +249,7 @@ __device__ __forceinline__ bool prepare(const BodyView& v, double margin, Pair p
   if (v.stances[p.i].radius < v.stances[p.j].radius) p = {p.j, p.i};
   const Stance a = v.stances[p.i], b = v.stances[p.j];
   const bool loose_a = a.body == kLoose, loose_b = b.body == kLoose;
-  const Relative to = relative(a, v.balls[p.i], b, v.balls[p.j], margin);
+  const Relative to = relative(a, v.balls[p.i], b, v.balls[p.j], task.margin);
   const std::uint32_t piece_a = loose_a ? v.unit_piece : a.piece, piece_b = loose_b ? v.unit_piece : b.piece;
   if (boxes_apart(v.boxes[piece_a], v.boxes[piece_b], to)) return false;
   const std::uint32_t near_a = loose_a ? v.unit_near : v.pieces[a.piece].first,
@@ -255,21 +269,23 @@ __global__ void __launch_bounds__(kThreads, tuning::kNarrowPhaseBlocks)
   if (task.counters->broad.flags || n > task.pair_room) return;  // the pass is repeated
   const std::uint32_t lane = threadIdx.x & 31, warp = threadIdx.x >> 5;
   PairTester<Stable, Grouped> tester{task, out, memory[warp], lane};
-  const std::uint32_t size = batch_size(n, gridDim.x * kWarps);
+  const Batches batches(n, gridDim.x * kWarps);
   while (true) {
     // Pairs differ in cost: a warp that is done takes the next batch.
-    unsigned long long first = 0;
-    if (lane == 0) first = atomicAdd(&task.counters->next, static_cast<unsigned long long>(size));
-    first = __shfl_sync(kAll, first, 0);
+    unsigned long long batch = 0;
+    if (lane == 0) batch = atomicAdd(&task.counters->next, 1ull);
+    batch = __shfl_sync(kAll, batch, 0);
+    const std::uint64_t first = batches.first(batch);
     if (first >= n) break;
+    const std::uint32_t size = batches.size(batch);
     __syncwarp();  // the previous batch is read no more
     Pair p{~0u, ~0u};
     if (lane < size && first + lane < n) p = task.pairs[first + lane];
     // A list that was laid out for another length has holes, and the pass is repeated: until then what
     // stands in the holes must do no harm.
     const bool valid = p.i < task.view.count && p.j < task.view.count;
-    const bool near = valid && prepare(task.view, task.margin, p, memory[warp].pairs[lane]);
-    tester.batch = static_cast<std::uint32_t>(first / size), tester.found = 0;
+    const bool near = valid && prepare(task, p, memory[warp].pairs[lane]);
+    tester.batch = static_cast<std::uint32_t>(batch), tester.found = 0;
     __syncwarp();
     const ElementPair& own = memory[warp].pairs[lane];
     const std::uint32_t singles = __ballot_sync(kAll, near && own.count_a == 1 && own.count_b == 1);
@@ -313,9 +329,8 @@ __global__ void __launch_bounds__(kWriterThreads<SumsUp>)
   read(first);
   if constexpr (SumsUp) {
     const std::uint64_t pairs = task.counters->broad.contacts + task.counters->static_pairs;
-    const std::uint32_t size = batch_size(pairs, task.finder_warps);
     const auto batches = static_cast<std::uint32_t>(
-        (min(pairs, static_cast<std::uint64_t>(task.pair_room)) + size - 1) / size);
+        Batches(min(pairs, static_cast<std::uint64_t>(task.pair_room)), task.finder_warps).count());
     for (std::uint32_t b = threadIdx.x; b < batches; b += kThreads) before[b] = task.batch_counts[b];
     scan_shared(before, batches, sums);
   }

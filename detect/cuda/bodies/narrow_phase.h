@@ -12,17 +12,29 @@ struct Hit {
   std::uint32_t a_body, a_slot, b_body, b_slot;
 };
 
-// Pairs of elements that a warp takes at a time: a batch. Where pairs are few, batches are smaller, so that
-// every warp has work. The counts of up to kMostSummedBatches batches fit the shared memory of a block: then
-// each block that writes sums them up for itself.
-constexpr std::uint32_t kBatch = 32, kMostSummedBatches = 12000;
-PADDER_HD std::uint32_t batch_size(std::uint64_t pairs, std::uint32_t warps) {
-  const std::uint64_t each = pairs / warps;
-  return each >= kBatch ? kBatch : each > 1 ? static_cast<std::uint32_t>(each) : 1;
-}
+// Pairs of elements that a warp takes at a time: a batch. The last ones are small, so that all warps end at
+// about the same time; where pairs are few, all are, so that every warp has work. The counts of up to
+// kMostSummedBatches batches fit the shared memory of a block: then each block that writes sums them up for
+// itself.
+constexpr std::uint32_t kBatch = 32, kSmallBatch = 8, kMostSummedBatches = 12000;
+struct Batches {
+  std::uint64_t pairs, full;  // full: batches of kBatch pairs, which come first
+  std::uint32_t small;        // pairs of a later one
+
+  PADDER_HD Batches(std::uint64_t pairs, std::uint32_t warps) : pairs(pairs) {
+    const std::uint64_t each = pairs / warps;
+    full = 2 * (pairs / kBatch) > warps ? pairs / kBatch - warps / 2 : 0;
+    small = each >= kSmallBatch ? kSmallBatch : each > 1 ? static_cast<std::uint32_t>(each) : 1;
+  }
+  PADDER_HD std::uint32_t size(std::uint64_t batch) const { return batch < full ? kBatch : small; }
+  PADDER_HD std::uint64_t first(std::uint64_t batch) const {
+    return batch < full ? batch * kBatch : full * kBatch + (batch - full) * small;
+  }
+  PADDER_HD std::uint64_t count() const { return full + (pairs - full * kBatch + small - 1) / small; }
+};
 // No fewer than there are batches of up to so many pairs.
 inline std::uint64_t most_batches(std::uint64_t pairs, std::uint32_t warps) {
-  return pairs / kBatch + 2 * std::uint64_t(warps) + 1;
+  return pairs / kBatch + 2 * std::uint64_t(warps) + 2 * kBatch / kSmallBatch;
 }
 
 struct NarrowPhaseTask {

@@ -9,6 +9,13 @@
 
 namespace padder::detect::cuda {
 
+// Of the elements that move, those that a box needs. Null: all.
+struct ChosenElements {
+  static constexpr std::uint32_t kRun = 256;
+  const std::uint32_t* bits = nullptr;         // bit k of word w: element 32 w + k
+  const unsigned long long* before = nullptr;  // chosen ones before each run of kRun elements
+};
+
 class RegionElements {
  public:
   explicit RegionElements(MemoryBook& book);
@@ -19,20 +26,26 @@ class RegionElements {
              cudaStream_t stream);
   // The marks of a part that has those of all bodies.
   const std::uint32_t* mark(const PosePart& all, cudaStream_t stream);
-  // The numbers of the moving elements that may have a contact in `own`, in their order; `count` of them.
-  // `parts`: of what moves, with marks, on the device. Waits for the stream. Cost: a pass over all elements.
-  const std::uint32_t* choose(const BodyView& view, const PosePart* parts, std::uint32_t& count,
-                              cudaStream_t stream);
+  // The moving elements that may have a contact in `own`. `parts`: of what moves, with marks.
+  // Does not wait. Cost: a pass over all elements.
+  ChosenElements choose(const BodyView& view, const PoseParts& parts, cudaStream_t stream);
+  // How many they are. Waits for what was chosen, and for no more.
+  std::uint32_t count(cudaStream_t stream) const;
 
  private:
+  // Null: there are no loose spheres.
+  const double* largest_loose() const {
+    return loose_.count ? reinterpret_cast<const double*>(largest_.data()) : nullptr;
+  }
+
   bool knows_bodies_ = false;
   DeviceSpheres loose_;
   Region own_;
   double margin_ = 0;
   BodyMarks marks_;
-  Buffer<std::uint32_t> numbers_;
-  Buffer<unsigned char> scratch_;
-  Buffer<unsigned long long> found_;  // the largest loose radius, and how many elements stay
+  Buffer<std::uint32_t> bodies_, bits_, counts_;              // bodies_: marks
+  Buffer<unsigned long long> before_, host_count_, largest_;  // largest_: radius of a loose sphere
+  Report report_;
 };
 
 }  // namespace padder::detect::cuda

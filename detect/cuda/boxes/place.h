@@ -23,7 +23,7 @@ struct Place {
   ~Place() {
     const OnDevice on(device);
     others.reset(), away.reset(), packed.reset(), upload.reset(), dealer.reset(), sum.release();
-    marks.reset();
+    marks.reset(), needed.release();
     others_on_host.reset(), away_on_host.reset();
     poses.release(), poses_on_host.release();
     cudaStreamDestroy(stream);
@@ -46,6 +46,7 @@ struct Place {
   Buffer<Pose> poses{book, "the poses"}, poses_on_host{book, "the poses", true};  // of all bodies
   const Pose* all_poses = nullptr;  // of the call; null: those in host memory, or around
   std::optional<BodyMarks> marks{book};
+  Buffer<std::uint32_t> needed{book, "the bodies near a box"};  // bitmaps of all parts of the poses
   std::uint64_t marked_revision = 0;
   PosePart marked;           // the bodies that `marks` knows
   PosesAround poses_around;  // of the call, if GPUs read each other's poses

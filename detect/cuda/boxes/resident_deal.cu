@@ -55,7 +55,7 @@ double ResidentDetector::Work::expected_imbalance() const {
 
 // A body counts with all of its spheres where its origin is.
 void ResidentDetector::Work::sample_bodies(std::vector<WeightedPoint>& points) {
-  const std::uint64_t count = bodies_.bodies.size(), step = count / kSampleOfDevice + 1;
+  const std::uint64_t count = bodies_.bodies.size(), step = count / (kSampleOfDevice * regions_.size()) + 1;
   const std::uint64_t drawn = (count + step - 1) / step;
   std::vector<double> at(3 * drawn);
   // Those numbered k * step among the bodies whose poses a GPU has.
@@ -70,9 +70,11 @@ void ResidentDetector::Work::sample_bodies(std::vector<WeightedPoint>& points) {
   };
   if (places_[0]->all_poses)
     read(places_[0]->device, places_[0]->all_poses->rotation, 0, count);
-  else if (!pose_parts_.empty())
-    for (std::size_t k = 0; k < places_.size(); k++)
-      read(places_[k]->device, pose_parts_[k].poses, pose_parts_[k].first, pose_parts_[k].count);
+  else if (poses_stay_)
+    for (std::size_t k = 0; k < places_.size(); k++) {
+      const PosePart& part = places_[k]->poses_around.parts[k];
+      read(places_[k]->device, part.poses, part.first, part.count);
+    }
   else
     for (std::uint64_t k = 0; k < drawn; k++) std::copy_n(body_at(bodies_, k * step).position, 3, &at[3 * k]);
   for (std::uint64_t k = 0; k < drawn; k++) {
@@ -83,13 +85,33 @@ void ResidentDetector::Work::sample_bodies(std::vector<WeightedPoint>& points) {
   }
 }
 
+// Finds which GPUs need the bodies whose poses this one has, and tells them; on the default stream, behind
+// what the caller does there. Does not wait.
+void ResidentDetector::Work::mark_bodies(Place& p, std::size_t k) {
+  const PosePart& part = p.poses_around.parts[k];
+  if (part.count) cuda::check_device_memory(part.poses, p.device, "the poses");
+  if (bodies_.revision == 0 || p.marked_revision != bodies_.revision || p.marked.first != part.first ||
+      p.marked.count != part.count) {
+    p.marked_revision = 0;
+    p.marks->learn(bodies_.shapes, bodies_.bodies.subspan(part.first, part.count), p.stream);
+    p.marked_revision = bodies_.revision, p.marked = part;
+  }
+  std::vector<cuda::MarkedBox> boxes;
+  for (std::size_t b = 0; b < places_.size(); b++)
+    boxes.push_back({regions_[b], const_cast<std::uint32_t*>(places_[b]->poses_around.parts[k].marks)});
+  p.marks->mark(part.poses, part.step, boxes, halo_radius_, nullptr, 0, nullptr);
+}
+
 void ResidentDetector::Work::deal_once() {
-  each_place([&](Place& p, std::size_t) {
+  each_place([&](Place& p, std::size_t k) {
+    if (poses_stay_) mark_bodies(p, k);
     p.counts = p.dealer->deal(p.part, halo_radius_, p.away_room, p.stream);
-    if (p.counts.away == 0 || p.counts.away > p.away_room) return;
-    p.away->reserve(p.away_room, form_);
-    p.dealer->gather_away(p.part, p.counts.away, body_spheres_ + p.first, p.away->from(0, form_), p.stream);
-    cuda::cuda_check(cudaStreamSynchronize(p.stream), "copy the spheres for other boxes");
+    if (p.counts.away > 0 && p.counts.away <= p.away_room) {
+      p.away->reserve(p.away_room, form_);
+      p.dealer->gather_away(p.part, p.counts.away, body_spheres_ + p.first, p.away->from(0, form_), p.stream);
+      cuda::cuda_check(cudaStreamSynchronize(p.stream), "copy the spheres for other boxes");
+    }
+    if (poses_stay_) p.marks->wait(nullptr);
   });
   check_faults();
 }

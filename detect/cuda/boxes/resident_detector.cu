@@ -38,7 +38,7 @@ void ResidentDetector::Work::choose_devices(std::vector<int> devices) {
   if (ranks_ && devices.size() > 1)
     throw Error(std::to_string(devices.size()) + " GPUs were given to one rank: start a rank for each GPU");
   for (const int d : devices) places_.push_back(std::make_unique<Place>(d));
-  read_each_other_ = devices.size() <= std::min(cuda::kMostMarked, cuda::kMostComing);
+  read_each_other_ = devices.size() <= std::min({cuda::kMostMarked, cuda::kMostComing, kMostPoseParts});
   for (const auto& place : places_) {
     const cuda::OnDevice on(place->device);
     for (const int other : devices)
@@ -156,32 +156,9 @@ Input ResidentDetector::Work::input_of(Place& p, std::size_t k) {
   return input;
 }
 
-// Each GPU finds which GPUs need the bodies whose poses it has.
-void ResidentDetector::Work::mark_bodies() {
-  if (pose_parts_.empty()) return;
-  each_place([&](Place& p, std::size_t k) {
-    PosePart& part = pose_parts_[k];
-    if (bodies_.revision == 0 || p.marked_revision != bodies_.revision || p.marked.first != part.first ||
-        p.marked.count != part.count) {
-      p.marked_revision = 0;
-      p.marks->learn(bodies_.shapes, bodies_.bodies.subspan(part.first, part.count), p.stream);
-      p.marked_revision = bodies_.revision, p.marked = part;
-    }
-    part.marks = p.marks->mark(part.poses, part.step, regions_, halo_radius_, nullptr, 0, p.stream);
-    cuda::cuda_check(cudaStreamSynchronize(p.stream), "choose the bodies");
-  });
-  for (std::size_t k = 0; k < places_.size(); k++) {
-    std::vector<PosePart>& parts = places_[k]->poses_around.parts;
-    parts = pose_parts_;
-    for (std::size_t from = 0; from < parts.size(); from++)
-      parts[from].marks += k * places_[from]->marks->words();
-  }
-}
-
 void ResidentDetector::Work::send_and_detect() {
   const double start = now();
   found_.assign(places_.size(), {});
-  mark_bodies();
   if (ranks_ && !alone()) exchange_with_ranks(*places_[0]);
   together([&] {
     each_place([&](Place& p, std::size_t k) {
@@ -192,7 +169,7 @@ void ResidentDetector::Work::send_and_detect() {
       // Other static spheres may have come; after a call that failed, the detectors differ in what they know.
       if (form_.is_static || failed_) input.revision = 0;
       if (p.all_poses) input.poses = p.all_poses, input.pose_memory = Memory::device;
-      if (!pose_parts_.empty()) input.poses_around = &p.poses_around;
+      if (poses_stay_) input.poses_around = &p.poses_around;
       CallOptions options = options_;
       options.stream = nullptr, options.output = Memory::device;
       options.own = common(options.own, regions_[box_of(k)]);
@@ -239,8 +216,11 @@ const ResidentReport& ResidentDetector::Work::run(std::span<const Spheres> parts
       given = check(parts, poses);
     });
     agree(of_all(given));
-    together([&] { bring(parts); });
-    bring(poses);
+    poses_stay_ = !poses.empty() && !bodies_.bodies.empty() && !alone() && !ranks_ && read_each_other_;
+    const bool marks_alone = poses_stay_ && report_.spheres == body_spheres_;  // nothing else is read
+    for (std::size_t k = 0; k < places_.size(); k++) places_[k]->part = parts[k];
+    if (!marks_alone) together([&] { bring(parts); });
+    bring_poses(poses);
     const double brought = now();
     if (!alone()) deal();
     report_.upload_seconds = brought - start, report_.deal_seconds = now() - brought;

@@ -10,28 +10,20 @@ namespace padder::detect {
 using cuda::DealTarget;
 
 // Where GPUs read each other's memory, poses stay where they are. Else every GPU gets those of all bodies.
-void ResidentDetector::Work::bring(std::span<const ResidentPoses> poses) {
+void ResidentDetector::Work::bring_poses(std::span<const ResidentPoses> poses) {
   for (const auto& p : places_) p->all_poses = nullptr;
-  pose_parts_.clear();
   if (poses.empty() || bodies_.bodies.empty()) return;
-  const bool stay = !ranks_ && read_each_other_;
+  if (poses_stay_) return let_poses_stay(poses);
+  if (alone()) {
+    places_[0]->all_poses = poses[0].poses;
+    return;
+  }
   together([&] {
     each_place([&](Place& p, std::size_t k) {
       if (poses[k].count) cuda::check_device_memory(poses[k].poses, p.device, "the poses");
-      if (alone())
-        p.all_poses = poses[0].poses;
-      else if (!stay)
-        p.all_poses = p.poses.reserve(bodies_.bodies.size());
+      p.all_poses = p.poses.reserve(bodies_.bodies.size());
     });
   });
-  if (alone()) return;
-  std::uint32_t first = 0;
-  for (std::size_t k = 0; stay && k < poses.size(); k++) {
-    const auto count = static_cast<std::uint32_t>(poses[k].count);
-    pose_parts_.push_back({reinterpret_cast<const double*>(poses[k].poses), nullptr, first, count});
-    first += count;
-  }
-  if (stay) return;
   report_.moved_bytes += (regions_.size() - 1) * bodies_.bodies.size() * sizeof(Pose);
   if (ranks_) return bring_from_ranks(poses[0]);
   each_place([&](Place& p, std::size_t) {
@@ -43,6 +35,24 @@ void ResidentDetector::Work::bring(std::span<const ResidentPoses> poses) {
                          "copy poses to another GPU");
     cuda::cuda_check(cudaStreamSynchronize(p.stream), "copy poses to another GPU");
   });
+}
+
+// Each GPU reads those that it needs, and has room for the marks of these.
+void ResidentDetector::Work::let_poses_stay(std::span<const ResidentPoses> poses) {
+  std::uint64_t words = 0;
+  for (const ResidentPoses& part : poses) words += cuda::BodyMarks::words_of(part.count);
+  for (std::size_t k = 0; k < places_.size(); k++) {
+    Place& p = *places_[k];
+    const cuda::OnDevice on(p.device);
+    const std::uint32_t* marks = p.needed.reserve(words);
+    p.poses_around = {{}, k};
+    std::uint32_t first = 0;
+    for (const ResidentPoses& part : poses) {
+      const auto count = static_cast<std::uint32_t>(part.count);
+      p.poses_around.parts.push_back({reinterpret_cast<const double*>(part.poses), marks, first, count});
+      first += count, marks += cuda::BodyMarks::words_of(count);
+    }
+  }
 }
 
 void ResidentDetector::Work::bring_from_ranks(const ResidentPoses& poses) {
@@ -100,6 +110,7 @@ void ResidentDetector::Work::bring(std::span<const Spheres> parts) {
 void ResidentDetector::Work::exchange(Place& p, std::size_t k) {
   const std::uint64_t own = stays_in_place(p) ? 0 : p.own;
   std::uint64_t before = 0, behind = p.before + own;
+  if (behind + p.behind == 0) return;
   p.others->reserve(behind + p.behind, form_);
   std::vector<cuda::ComingSpheres> coming;
   for (std::size_t from = 0; from < places_.size(); from++) {

@@ -66,7 +66,6 @@ class ResidentDetector::Work {
   void check_bodies(const Input& bodies);
   void agree(const std::vector<cuda::Given>& given);
   Input input_of(Place& p, std::size_t k);
-  void mark_bodies();
   void send_and_detect();
   void finish();
 
@@ -75,6 +74,7 @@ class ResidentDetector::Work {
   void cut();
   void deal();
   void deal_once();
+  void mark_bodies(Place& p, std::size_t k);
   void check_faults();
   void learn_coming();
   double expected_imbalance() const;
@@ -84,7 +84,8 @@ class ResidentDetector::Work {
   // resident_travel.cu: what comes to a GPU from the host, from other GPUs and from other ranks
   void bring(std::span<const Spheres> parts);
   void pack(Place& p) const;
-  void bring(std::span<const ResidentPoses> poses);
+  void bring_poses(std::span<const ResidentPoses> poses);
+  void let_poses_stay(std::span<const ResidentPoses> poses);
   void bring_from_ranks(const ResidentPoses& poses);
   void exchange(Place& p, std::size_t k);
   void exchange_with_ranks(Place& p);
@@ -100,7 +101,7 @@ class ResidentDetector::Work {
   bool failed_ = false;                            // the call before
   std::vector<std::uint64_t> poses_of_;            // in each part; empty: they come with the bodies
   bool read_each_other_ = false;                   // all GPUs, by their kernels
-  std::vector<PosePart> pose_parts_;               // of the call, if GPUs read each other's poses
+  bool poses_stay_ = false;                        // in this call GPUs read each other's poses
   std::vector<Region> regions_;                    // the boxes of all GPUs, those of other ranks too
   std::vector<double> density_;                    // of each box: work for each sphere, in the call before
   BoxTree tree_;

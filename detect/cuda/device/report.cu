@@ -11,11 +11,7 @@ using Word = unsigned long long;
 constexpr Word kMark = 0x9d1f5c3ab7e60248;
 constexpr auto kPatience = std::chrono::microseconds(400);
 
-__global__ void report_kernel(const __grid_constant__ Report::Parts parts) {
-  for (int p = 0; p < parts.count; p++)
-    for (std::uint32_t k = threadIdx.x; k < parts.part[p].words; k += blockDim.x)
-      *static_cast<volatile Word*>(parts.part[p].to + k) = parts.part[p].from[k];
-}
+__global__ void report_kernel(const __grid_constant__ Report::Parts parts) { write_report(parts); }
 
 }  // namespace
 

@@ -22,6 +22,9 @@ class Report {
   // Error: CUDA failed to `what`.
   void arrived(cudaStream_t stream, const char* what) const;
 
+  // For a kernel that ends the pass and writes the words by itself: write_report().
+  const auto& parts() const { return parts_; }
+
   struct Part {
     const unsigned long long* from;
     unsigned long long* to;
@@ -35,5 +38,12 @@ class Report {
  private:
   Parts parts_;
 };
+
+// By a whole block that sees what is to be reported.
+__device__ inline void write_report(const Report::Parts& parts) {
+  for (int p = 0; p < parts.count; p++)
+    for (std::uint32_t k = threadIdx.x; k < parts.part[p].words; k += blockDim.x)
+      *static_cast<volatile unsigned long long*>(parts.part[p].to + k) = parts.part[p].from[k];
+}
 
 }  // namespace padder::detect::cuda

@@ -294,7 +294,7 @@ void WorldInput::check(const WorldReport& report, const Input& input, const Call
       while (before + input.shapes[input.bodies[b].shape].count <= report.fault)
         before += input.shapes[input.bodies[b++].shape].count;
       Body body;
-      const double* const pose = scene_.view.poses + b * scene_.view.pose_step;
+      const double* const pose = scene_.view.pose_of(static_cast<std::uint32_t>(b));
       cuda_check(cudaMemcpyAsync(&body, pose, sizeof(Pose), cudaMemcpyDeviceToHost, stream), "read a body");
       cuda_check(cudaStreamSynchronize(stream), "read a body");
       faulty = placed(body, input.shapes[input.bodies[b].shape].spheres[report.fault - before]);

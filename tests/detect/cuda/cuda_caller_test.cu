@@ -162,8 +162,14 @@ TEST_F(CudaCallerTest, PosesThatWereNotReadMustBeGivenAgain) {
   none.poses = nullptr, none.pose_memory = Memory::host;
   EXPECT_TRUE(refuses([&] { d.detect(none); }, "poses in device memory"));
   d.options().own = {};
-  EXPECT_EQ(d.detect(given).count, 3u);  // all are read
+  EXPECT_EQ(d.detect(given).count, 3u);
+  EXPECT_TRUE(refuses([&] { d.detect(none); }, "poses in device memory"));
+  // Where a body is static, poses are kept, since those of static bodies stay.
+  bodies[0].is_static = true, given.revision = none.revision = 2;
+  EXPECT_EQ(d.detect(given).count, 3u);
+  EXPECT_EQ(d.detect(given).count, 3u);
   EXPECT_EQ(d.detect(none).count, 3u);
+  bodies[0].is_static = false, given.revision = none.revision = 3;
   Input host = given;
   host.poses = poses.data(), host.pose_memory = Memory::host;
   d.options().own.high[0] = 3;
