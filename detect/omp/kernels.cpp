@@ -194,6 +194,115 @@ __attribute__((target("avx2,popcnt"))) Searched test_bins_avx2(const Bins<Slot>&
   return {a - first, static_cast<std::uint32_t>(out - begin), doubt != 0};
 }
 
+// Pairs of a sphere that searches and a candidate. Those of many spheres are tested together, eight at once:
+// a run of fewer than eight candidates would leave most lanes of a vector idle.
+class PairList {
+ public:
+  static constexpr std::uint32_t kRoom = 512;
+  std::uint32_t size() const { return size_; }
+  void clear() { size_ = 0; }
+  // Sphere a and each slot of the run. There must be room.
+  __attribute__((target("avx2"), always_inline)) inline void add(std::uint32_t a, Run run) {
+    const __m256i eight = _mm256_set1_epi32(kLanes), mine = _mm256_set1_epi32(static_cast<int>(a));
+    __m256i other = _mm256_add_epi32(_mm256_set1_epi32(static_cast<int>(run.begin)),
+                                     _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7));
+    const std::uint32_t end = size_ + (run.end - run.begin);
+    do {
+      _mm256_storeu_si256(reinterpret_cast<__m256i*>(a_ + size_), mine);
+      _mm256_storeu_si256(reinterpret_cast<__m256i*>(b_ + size_), other);
+      size_ += kLanes, other = _mm256_add_epi32(other, eight);
+    } while (size_ < end);
+    size_ = end;
+  }
+  // Writes the second slots of the pairs that the float test does not call apart. Returns the end of them.
+  __attribute__((target("avx2,popcnt"))) std::uint32_t* test(const FloatSlot* spheres, float grown_by,
+                                                             std::uint32_t* out, bool& doubt) {
+    // Of the first sphere, x + 0, y + 0, z + 0 and -(r + grown_by) are taken: a difference is then that of
+    // the centres, and the sum of the radii.
+    const __m256 grown = _mm256_setr_ps(0, 0, 0, grown_by, 0, 0, 0, grown_by),
+                 minus = _mm256_setr_ps(0, 0, 0, -0.f, 0, 0, 0, -0.f);
+    const __m256 relative = _mm256_set1_ps(kRelativeBand),
+                 constant = _mm256_set1_ps(kAbsoluteBand<FloatSlot>);
+    const std::uint32_t* const begin = out;
+    std::uint32_t unsure = 0;
+    std::fill_n(a_ + size_, kLanes, 0u), std::fill_n(b_ + size_, kLanes, 0u);  // to fill up the last vector
+    for (std::uint32_t k = 0; k < size_; k += kLanes) {
+      __m256 v[4];
+      for (std::uint32_t q = 0; q < 4; q++) {
+        const __m256 mine = _mm256_xor_ps(_mm256_add_ps(both(spheres, a_ + k + q), grown), minus);
+        v[q] = _mm256_sub_ps(both(spheres, b_ + k + q), mine);
+      }
+      const __m256 xy0 = _mm256_unpacklo_ps(v[0], v[1]), zs0 = _mm256_unpackhi_ps(v[0], v[1]),
+                   xy2 = _mm256_unpacklo_ps(v[2], v[3]), zs2 = _mm256_unpackhi_ps(v[2], v[3]);
+      const __m256 x = _mm256_shuffle_ps(xy0, xy2, 0x44), y = _mm256_shuffle_ps(xy0, xy2, 0xee),
+                   z = _mm256_shuffle_ps(zs0, zs2, 0x44), s = _mm256_shuffle_ps(zs0, zs2, 0xee);
+      const __m256 s2 = _mm256_mul_ps(s, s), excess = _mm256_sub_ps(squared_length(x, y, z), s2),
+                   band = _mm256_add_ps(_mm256_mul_ps(relative, s2), constant);
+      const std::uint32_t mask = lanes_at_most(excess, band) & inside(size_ - k);
+      unsure |= lanes_at_most(absolute(excess), band) & inside(size_ - k);
+      before_[k / kLanes] = static_cast<std::uint32_t>(out - begin), hits_[k / kLanes] = mask;
+      const __m256i others = _mm256_loadu_si256(reinterpret_cast<const __m256i*>(b_ + k));
+      _mm256_storeu_si256(reinterpret_cast<__m256i*>(out),
+                          _mm256_permutevar8x32_epi32(others, packing(mask)));
+      out += _mm_popcnt_u32(mask);
+    }
+    before_[(size_ + kLanes - 1) / kLanes] = static_cast<std::uint32_t>(out - begin);
+    hits_[(size_ + kLanes - 1) / kLanes] = 0;
+    doubt = unsure != 0;
+    return out;
+  }
+  // How many hits the first n pairs have.
+  __attribute__((target("popcnt"))) std::uint32_t hits_of(std::uint32_t n) const {
+    return before_[n / kLanes] +
+           static_cast<std::uint32_t>(_mm_popcnt_u32(hits_[n / kLanes] & ((1u << n % kLanes) - 1)));
+  }
+
+ private:
+  // The spheres of slots k[0] and k[4].
+  __attribute__((target("avx2"), always_inline)) static inline __m256 both(const FloatSlot* spheres,
+                                                                           const std::uint32_t* k) {
+    return _mm256_insertf128_ps(_mm256_castps128_ps256(_mm_loadu_ps(&spheres[k[0]].x)),
+                                _mm_loadu_ps(&spheres[k[4]].x), 1);
+  }
+  std::uint32_t size_ = 0;
+  std::uint32_t a_[kRoom + kLanes], b_[kRoom + kLanes];
+  std::uint32_t before_[kRoom / kLanes + 1], hits_[kRoom / kLanes + 1];
+};
+
+__attribute__((target("avx2,popcnt"))) Searched test_sparse_bins_avx2(const Bins<FloatSlot>& given,
+                                                                      std::uint32_t first, std::uint32_t last,
+                                                                      std::uint32_t* out, std::uint32_t room,
+                                                                      std::uint32_t* found) {
+  const Bins<FloatSlot> bins = given;
+  constexpr std::uint32_t kSpheres = 64;
+  PairList pairs;
+  std::uint32_t ends[kSpheres];  // of the pairs of each sphere
+  Searched all{0, 0, false};
+  for (;;) {
+    pairs.clear();
+    const std::uint32_t most = std::min(PairList::kRoom, room - all.hits), from = first + all.spheres;
+    std::uint32_t n = 0;
+    for (; n < kSpheres && from + n < last; n++) {
+      Run runs[kForwardRuns];
+      const std::uint32_t key = bins.keys[from + n];
+      if (key > bins.last_key || forward_runs(bins, key, from + n, runs) > most - pairs.size()) break;
+#pragma GCC unroll kForwardRuns
+      for (const Run& run : runs) pairs.add(from + n, run);
+      ends[n] = pairs.size();
+    }
+    if (n == 0) return all;
+    bool doubt;
+    std::uint32_t* const hits = out + all.hits;
+    all.hits += static_cast<std::uint32_t>(pairs.test(bins.spheres, bins.grown_by, hits, doubt) - hits);
+    for (std::uint32_t k = 0, before = 0; k < n; k++) {
+      const std::uint32_t until = pairs.hits_of(ends[k]);
+      found[all.spheres + k] = (until - before) | (doubt ? kInDoubt : 0);
+      before = until;
+    }
+    all.spheres += n, all.doubt |= doubt;
+  }
+}
+
 // Writes a0 b0 a1 b1 and so on.
 __attribute__((target("avx2"))) inline void store_both(void* to, __m256i a, __m256i b) {
   const __m256i low = _mm256_unpacklo_epi32(a, b), high = _mm256_unpackhi_epi32(a, b);
@@ -305,12 +414,16 @@ __attribute__((target("avx2"))) std::uint32_t copy_normals_avx2(const Batch& bat
 
 template <class Slot>
 Kernels<Slot> plain_kernels() {
-  return {test_runs_plain<Slot>, test_bins_plain<Slot>, find_rows_plain};
+  return {test_runs_plain<Slot>, test_bins_plain<Slot>, test_bins_plain<Slot>, find_rows_plain};
 }
 template <class Slot>
 Kernels<Slot> kernels_for_this_machine() {
 #ifdef PADDER_AVX2
-  if (has_avx2()) return {test_runs_avx2<Slot>, test_bins_avx2<Slot>, find_rows_avx2};
+  if (has_avx2()) {
+    Kernels<Slot> here{test_runs_avx2<Slot>, test_bins_avx2<Slot>, test_bins_avx2<Slot>, find_rows_avx2};
+    if constexpr (std::is_same_v<Slot, FloatSlot>) here.test_sparse_bins = test_sparse_bins_avx2;
+    return here;
+  }
 #endif
   return plain_kernels<Slot>();
 }

@@ -5,6 +5,7 @@
 #include <omp.h>
 
 #include <cstring>
+#include <limits>
 
 #include "detect/omp/level_keys.h"
 #include "detect/omp/paths.h"
@@ -64,7 +65,9 @@ constexpr double kLargestSearchRadius[2] = {800, 100};  // for float slots, for 
 constexpr std::uint64_t kFewSpheres = 128;
 bool few(const Level& l) { return l.spheres <= kFewSpheres; }
 double whole_cost(const Level& l) { return 8 + 3.5 * (static_cast<double>(l.spheres) / kLanes + 0.5); }
-constexpr int kRows = 2048;  // rows of bins that are looked up together; at least one layer
+constexpr int kRows = 2048;              // rows of bins that are looked up together; at least one layer
+constexpr std::uint32_t kTogether = 16;  // spheres whose rows are
+constexpr int kAround = std::numeric_limits<int>::max();  // rows that go on at the other end of the ring
 
 // Which other levels the spheres of each level search. Of two levels, one searches the other, in the
 // direction that costs less. A large sphere touches most of the finer spheres that it tests, but it searches
@@ -130,12 +133,13 @@ class Searcher {
     const LevelKeys& keys = level_keys_[level];
     const std::uint32_t last_key =
         keys.periodic() ? keys.offset + keys.mask - keys.plane - keys.row - 2 : ~0u;
-    const Bins<Slot> bins{slots_, keys_, starts_, keys.row, keys.plane, last_key, grown_by()};
+    const Bins<Slot> bins{slots_, spheres_, keys_, starts_, keys.row, keys.plane, last_key, grown_by()};
+    const auto test_bins = sparse(bins, first, last) ? kernels_.test_sparse_bins : kernels_.test_bins;
     while (first < last) {
       Searched s{0, 0, false};
       if (!confirms_ && !repeats(level)) {
         std::uint32_t* const out = hits_.room();
-        s = kernels_.test_bins(bins, first, last, out, kMostCandidates, found);
+        s = test_bins(bins, first, last, out, kMostCandidates, found);
         if (s.doubt) s.hits = confirm_bins(first, s.spheres, out, found);
         first += s.spheres, found += s.spheres;
         hits_.keep(s.hits);
@@ -157,14 +161,24 @@ class Searcher {
       low[k] = l.hashed ? -INFINITY : begin - reach;
       high[k] = l.hashed ? INFINITY : begin + l.count[k] * l.size + reach;
     }
-    for (; first < last; first++) {
-      const Sphere s = exact_sphere(first);
+    // Rows are looked up for several spheres before any is tested, so that none waits for another.
+    std::uint32_t together = 0;
+    for (std::uint32_t a = first; a < last; a++) {
+      found[a - first] = 0;
+      const Sphere s = exact_sphere(a);
+      CrossSearch& search = together_[together];
+      if (!((s.x >= low[0]) & (s.x <= high[0]) & (s.y >= low[1]) & (s.y <= high[1]) & (s.z >= low[2]) &
+            (s.z <= high[2])) ||
+          !prepare(level, a, s, search))
+        continue;
+      if (search.rows <= kRows / static_cast<int>(kTogether) && ++together < kTogether) continue;
+      search_level(level, together, first, found), together = 0;
+      if (search.rows <= kRows / static_cast<int>(kTogether)) continue;
       const std::uint64_t before = hits_.total();
-      if ((s.x >= low[0]) & (s.x <= high[0]) & (s.y >= low[1]) & (s.y <= high[1]) & (s.z >= low[2]) &
-          (s.z <= high[2]))
-        search_level(level, first);
-      *found++ = static_cast<std::uint32_t>(hits_.total() - before);
+      search_alone(level, search);
+      found[a - first] = static_cast<std::uint32_t>(hits_.total() - before);
     }
+    search_level(level, together, first, found);
   }
 
  private:
@@ -181,6 +195,18 @@ class Searcher {
   // May spheres meet whose bins are far apart? The places of fixed-point slots repeat after 256 bins.
   bool repeats(int level) const {
     return kFixedPoint && (level_keys_[level].periodic() || few(grid_.level[level]));
+  }
+
+  // Do the spheres of these slots have few candidates? Some of them are asked.
+  static bool sparse(const Bins<Slot>& bins, std::uint32_t first, std::uint32_t last) {
+    constexpr std::uint32_t kAsked = 16;
+    std::uint32_t asked = 0, candidates = 0;
+    for (std::uint32_t a = first; a < last && bins.keys[a] <= bins.last_key;
+         a += (last - first) / kAsked + 1) {
+      Run runs[kForwardRuns];
+      asked++, candidates += std::min(forward_runs(bins, bins.keys[a], a, runs), 100 * kFewCandidates);
+    }
+    return candidates < kFewCandidates * asked;
   }
 
   // Sphere a searches its own level.
@@ -212,25 +238,29 @@ class Searcher {
     runs[count++] = {starts[first], starts[first + inside]};
     if (inside < buckets) runs[count++] = {starts[0], starts[buckets - inside]};
   }
-  // Tests sphere a against the spheres of another level, in the rows of bins that a ball around it crosses.
-  void search_level(int level, std::uint32_t a) {
+  // The search of a sphere at another level: of the rows of bins that the ball crosses.
+  struct CrossSearch {
+    std::uint32_t a;
+    int rows;  // at most, then how many; more than kRows where it takes a search of its own
+    Slot me;
+    Ball ball;
+  };
+  // Returns false if the sphere meets none of the level.
+  bool prepare(int level, std::uint32_t a, Sphere s, CrossSearch& search) const {
     const Level& l = grid_.level[level];
     const LevelKeys& keys = level_keys_[level];
-    Sphere s = exact_sphere(a);
+    search.a = a, search.me = seeker(a), search.rows = 1;
+    if (!kFixedPoint && few(l)) return true;
     s.r += margin_ / 2;
     // A sphere this far out has no bin number. The spheres of this level are nearer (need_of), and cannot
     // touch it.
-    if (larger(larger(magnitude(s.x), magnitude(s.y)), magnitude(s.z)) > 0x1p43 * l.size) return;
-    const Run all{starts_[l.offset], starts_[std::uint64_t(l.offset) + l.buckets]};
-    if constexpr (!kFixedPoint)
-      if (few(l)) return test(seeker(a), a, &all, 1, level);
+    if (larger(larger(magnitude(s.x), magnitude(s.y)), magnitude(s.z)) > 0x1p43 * l.size) return false;
     const Split x = split(l, s.x), y = split(l, s.y), z = split(l, s.z);
-    Slot me = seeker(a);
     if constexpr (kFixedPoint)
-      me = {fixed_point_of(l, x), fixed_point_of(l, y), fixed_point_of(l, z),
-            static_cast<float>(mul(s.r, l.units))};
-    if (few(l)) return test(me, a, &all, 1, level);
-    Ball ball;
+      search.me = {fixed_point_of(l, x), fixed_point_of(l, y), fixed_point_of(l, z),
+                   static_cast<float>(mul(s.r, l.units))};
+    if (few(l)) return true;
+    Ball& ball = search.ball;
     ball.x = static_cast<float>(x.rest * l.per_size), ball.y = static_cast<float>(y.rest * l.per_size);
     ball.z = static_cast<float>(z.rest * l.per_size);
     ball.radius =
@@ -241,9 +271,10 @@ class Searcher {
     if (!restrict_to(l, 0, x.bin, ball.x_low, ball.x_high) ||
         !restrict_to(l, 1, y.bin, ball.y_low, ball.y_high) ||
         !restrict_to(l, 2, z.bin, ball.z_low, ball.z_high))
-      return;
+      return false;
     ball.row = keys.row, ball.plane = keys.plane;
     ball.key = keys.key({x.bin, y.bin, z.bin}) - l.offset;
+    search.rows = (ball.y_high - ball.y_low + 1) * (ball.z_high - ball.z_low + 1);
     if (keys.periodic()) {
       const auto steps = [&](int bx, int by, int bz) {
         return static_cast<std::uint32_t>(bx) + static_cast<std::uint32_t>(by) * ball.row +
@@ -254,12 +285,38 @@ class Searcher {
                           corner = (ball.key + to_corner) & keys.mask;
       ball.key = corner - to_corner;
       if (corner + (steps(ball.x_high, ball.y_high, ball.z_high) - to_corner) > keys.mask)
-        return search_around(keys, ball, me, a, level);
+        search.rows = kAround;
     }
+    return true;
+  }
+  // Tests the first `count` spheres of together_. `found`: of slot `first`.
+  void search_level(int level, std::uint32_t count, std::uint32_t first, std::uint32_t* found) {
+    const std::uint32_t* const starts = starts_ + grid_.level[level].offset;
+    const Run all{starts[0], starts[grid_.level[level].buckets]};
+    const bool whole = few(grid_.level[level]);
+    Run* rows = rows_;
+    for (std::uint32_t k = 0; k < count && !whole; k++) {
+      together_[k].rows = kernels_.find_rows(together_[k].ball, starts, rows);
+      rows += together_[k].rows;
+    }
+    rows = rows_;
+    for (std::uint32_t k = 0; k < count; k++) {
+      const CrossSearch& s = together_[k];
+      const std::uint64_t before = hits_.total();
+      test_rows(s.me, s.a, whole ? &all : rows, s.rows, level);
+      if (!whole) rows += s.rows;
+      found[s.a - first] = static_cast<std::uint32_t>(hits_.total() - before);
+    }
+  }
+  // The same for a sphere with many rows.
+  void search_alone(int level, CrossSearch& s) {
+    const Level& l = grid_.level[level];
+    if (s.rows == kAround) return search_around(level_keys_[level], s.ball, s.me, s.a, level);
+    Ball& ball = s.ball;
     const int last = ball.z_high, layers = std::max(1, kRows / (ball.y_high - ball.y_low + 1));
     for (; ball.z_low <= last; ball.z_low += layers) {
       ball.z_high = std::min(last, ball.z_low + layers - 1);
-      test_rows(me, a, kernels_.find_rows(ball, starts_ + l.offset, rows_), level);
+      test_rows(s.me, s.a, rows_, kernels_.find_rows(ball, starts_ + l.offset, rows_), level);
     }
   }
   // All rows of the box around the ball, on a periodic level.
@@ -272,7 +329,7 @@ class Searcher {
                     ball.key + static_cast<std::uint32_t>(ball.x_low) +
                         static_cast<std::uint32_t>(y) * ball.row + static_cast<std::uint32_t>(z) * ball.plane,
                     width, rows_, count);
-        test_rows(me, a, count, level);
+        test_rows(me, a, rows_, count, level);
       }
   }
   // Restricts bins low to high, relative to `bin`, to those that exist on the level. False if none of them
@@ -286,21 +343,21 @@ class Searcher {
     return true;
   }
 
-  // Tests the candidates in rows_[0] to rows_[count - 1], as many at once as there is room for.
-  void test_rows(const Slot& me, std::uint32_t a, int count, int level) {
+  // Tests the candidates in `count` rows, as many at once as there is room for.
+  void test_rows(const Slot& me, std::uint32_t a, const Run* rows, int count, int level) {
     int first = 0;
     std::uint32_t candidates = 0;
     for (int k = 0; k < count; k++) {
-      const std::uint32_t n = rows_[k].end - rows_[k].begin;
+      const std::uint32_t n = rows[k].end - rows[k].begin;
       if (n <= kMostCandidates - candidates) [[likely]] {
         candidates += n;
         continue;
       }
-      if (k > first) test(me, a, rows_ + first, k - first, level);
+      if (k > first) test(me, a, rows + first, k - first, level);
       first = k, candidates = n;
-      if (n > kMostCandidates) test_in_parts(me, a, rows_[k], level), first = k + 1, candidates = 0;
+      if (n > kMostCandidates) test_in_parts(me, a, rows[k], level), first = k + 1, candidates = 0;
     }
-    if (count > first) test(me, a, rows_ + first, count - first, level);
+    if (count > first) test(me, a, rows + first, count - first, level);
   }
 
   // Tests the candidates of a run of any length.
@@ -380,6 +437,7 @@ class Searcher {
   bool exact_, bounded_ = false, confirms_ = false;
   double margin_;
   Run rows_[kRows + kLanes];
+  CrossSearch together_[kTogether];
   LevelKeys level_keys_[kMaxLevels];
   std::uint64_t doubtful_ = 0;
 };
