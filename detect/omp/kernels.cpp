@@ -531,19 +531,19 @@ PADDER_CLONES void octaves_of(const double* x, const double* y, const double* z,
 
 PADDER_CLONES bool widen(const double* x, int count, double& low, double& high) {
   constexpr int kSide = 8;  // lanes of their own, because a compiler may not reorder minima of doubles
-  double lows[kSide], highs[kSide];
-  std::int64_t bad[kSide] = {};
-  for (int j = 0; j < kSide; j++) lows[j] = low, highs[j] = high;
+  double lows[kSide], highs[kSide], bad[kSide];
+  for (int j = 0; j < kSide; j++) lows[j] = low, highs[j] = high, bad[j] = 0;
+  // A loop for each, which the compiler then makes vectors of. v - v is 0, or not a number.
   for (int k = 0; k < count; k += kSide)
-    for (int j = 0; j < kSide; j++) {
-      const double v = x[k + j];
-      lows[j] = v < lows[j] ? v : lows[j], highs[j] = v > highs[j] ? v : highs[j];
-      bad[j] |= std::abs(v) <= kLargest ? 0 : 1;
-    }
-  std::int64_t any = 0;
+    for (int j = 0; j < kSide; j++) lows[j] = x[k + j] < lows[j] ? x[k + j] : lows[j];
+  for (int k = 0; k < count; k += kSide)
+    for (int j = 0; j < kSide; j++) highs[j] = x[k + j] > highs[j] ? x[k + j] : highs[j];
+  for (int k = 0; k < count; k += kSide)
+    for (int j = 0; j < kSide; j++) bad[j] += x[k + j] - x[k + j];
+  bool good = true;
   for (int j = 0; j < kSide; j++)
-    low = std::min(low, lows[j]), high = std::max(high, highs[j]), any |= bad[j];
-  return any == 0;
+    low = std::min(low, lows[j]), high = std::max(high, highs[j]), good &= bad[j] == 0;
+  return good && low >= -kLargest && high <= kLargest;
 }
 
 }  // namespace padder::detect::omp

@@ -2,6 +2,7 @@
 // What the sources of the OpenMP backend share: memory, the view of the input, records, and the two paths.
 // Internal.
 #pragma once
+#include <algorithm>
 #include <atomic>
 #include <cstdlib>
 #include <vector>
@@ -114,6 +115,16 @@ inline View<double> view_of(const Sphere* spheres, std::uint64_t count, const st
                             const std::uint32_t* mask, const std::uint32_t* owner) {
   if (count == 0) return {nullptr, nullptr, 4, 4, 0, family, mask, owner, nullptr, nullptr, 0};
   return {&spheres->x, &spheres->r, 4, 4, count, family, mask, owner, nullptr, nullptr, 0};
+}
+
+// The spheres from number `first` on. The last batch is filled up with its last sphere.
+template <class T>
+void load_batch(const View<T>& spheres, std::uint64_t first, double (&v)[4][kBatch]) {
+  const std::uint64_t last = spheres.count - 1;
+  for (std::uint64_t k = 0; k < kBatch; k++) {
+    const Sphere p = spheres[std::min(first + k, last)];
+    v[0][k] = p.x, v[1][k] = p.y, v[2][k] = p.z, v[3][k] = p.r;
+  }
 }
 
 // Measures the seconds since it was made, or since the last lap.
