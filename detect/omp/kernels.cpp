@@ -199,24 +199,25 @@ __attribute__((target("avx2,popcnt"))) Searched test_bins_avx2(const Bins<Slot>&
 class PairList {
  public:
   static constexpr std::uint32_t kRoom = 512;
-  std::uint32_t size() const { return size_; }
-  void clear() { size_ = 0; }
-  // Sphere a and each slot of the run. There must be room.
-  __attribute__((target("avx2"), always_inline)) inline void add(std::uint32_t a, Run run) {
+  // Adds sphere a with each slot of the run, behind `size` pairs. There must be room. Returns the new size,
+  // which is no member: a compiler would read it again after each store.
+  __attribute__((target("avx2"), always_inline)) inline std::uint32_t add(std::uint32_t size, std::uint32_t a,
+                                                                          Run run) {
     const __m256i eight = _mm256_set1_epi32(kLanes), mine = _mm256_set1_epi32(static_cast<int>(a));
     __m256i other = _mm256_add_epi32(_mm256_set1_epi32(static_cast<int>(run.begin)),
                                      _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7));
-    const std::uint32_t end = size_ + (run.end - run.begin);
+    const std::uint32_t end = size + (run.end - run.begin);
     do {
-      _mm256_storeu_si256(reinterpret_cast<__m256i*>(a_ + size_), mine);
-      _mm256_storeu_si256(reinterpret_cast<__m256i*>(b_ + size_), other);
-      size_ += kLanes, other = _mm256_add_epi32(other, eight);
-    } while (size_ < end);
-    size_ = end;
+      _mm256_storeu_si256(reinterpret_cast<__m256i*>(a_ + size), mine);
+      _mm256_storeu_si256(reinterpret_cast<__m256i*>(b_ + size), other);
+      size += kLanes, other = _mm256_add_epi32(other, eight);
+    } while (size < end);
+    return end;
   }
   // Writes the second slots of the pairs that the float test does not call apart. Returns the end of them.
-  __attribute__((target("avx2,popcnt"))) std::uint32_t* test(const FloatSlot* spheres, float grown_by,
-                                                             std::uint32_t* out, bool& doubt) {
+  __attribute__((target("avx2,popcnt"))) std::uint32_t* test(std::uint32_t size, const FloatSlot* spheres,
+                                                             float grown_by, std::uint32_t* out,
+                                                             bool& doubt) {
     // Of the first sphere, x + 0, y + 0, z + 0 and -(r + grown_by) are taken: a difference is then that of
     // the centres, and the sum of the radii.
     const __m256 grown = _mm256_setr_ps(0, 0, 0, grown_by, 0, 0, 0, grown_by),
@@ -225,8 +226,8 @@ class PairList {
                  constant = _mm256_set1_ps(kAbsoluteBand<FloatSlot>);
     const std::uint32_t* const begin = out;
     std::uint32_t unsure = 0;
-    std::fill_n(a_ + size_, kLanes, 0u), std::fill_n(b_ + size_, kLanes, 0u);  // to fill up the last vector
-    for (std::uint32_t k = 0; k < size_; k += kLanes) {
+    std::fill_n(a_ + size, kLanes, 0u), std::fill_n(b_ + size, kLanes, 0u);  // to fill up the last vector
+    for (std::uint32_t k = 0; k < size; k += kLanes) {
       __m256 v[4];
       for (std::uint32_t q = 0; q < 4; q++) {
         const __m256 mine = _mm256_xor_ps(_mm256_add_ps(both(spheres, a_ + k + q), grown), minus);
@@ -238,16 +239,16 @@ class PairList {
                    z = _mm256_shuffle_ps(zs0, zs2, 0x44), s = _mm256_shuffle_ps(zs0, zs2, 0xee);
       const __m256 s2 = _mm256_mul_ps(s, s), excess = _mm256_sub_ps(squared_length(x, y, z), s2),
                    band = _mm256_add_ps(_mm256_mul_ps(relative, s2), constant);
-      const std::uint32_t mask = lanes_at_most(excess, band) & inside(size_ - k);
-      unsure |= lanes_at_most(absolute(excess), band) & inside(size_ - k);
+      const std::uint32_t mask = lanes_at_most(excess, band) & inside(size - k);
+      unsure |= lanes_at_most(absolute(excess), band) & inside(size - k);
       before_[k / kLanes] = static_cast<std::uint32_t>(out - begin), hits_[k / kLanes] = mask;
       const __m256i others = _mm256_loadu_si256(reinterpret_cast<const __m256i*>(b_ + k));
       _mm256_storeu_si256(reinterpret_cast<__m256i*>(out),
                           _mm256_permutevar8x32_epi32(others, packing(mask)));
       out += _mm_popcnt_u32(mask);
     }
-    before_[(size_ + kLanes - 1) / kLanes] = static_cast<std::uint32_t>(out - begin);
-    hits_[(size_ + kLanes - 1) / kLanes] = 0;
+    before_[(size + kLanes - 1) / kLanes] = static_cast<std::uint32_t>(out - begin);
+    hits_[(size + kLanes - 1) / kLanes] = 0;
     doubt = unsure != 0;
     return out;
   }
@@ -264,7 +265,6 @@ class PairList {
     return _mm256_insertf128_ps(_mm256_castps128_ps256(_mm_loadu_ps(&spheres[k[0]].x)),
                                 _mm_loadu_ps(&spheres[k[4]].x), 1);
   }
-  std::uint32_t size_ = 0;
   std::uint32_t a_[kRoom + kLanes], b_[kRoom + kLanes];
   std::uint32_t before_[kRoom / kLanes + 1], hits_[kRoom / kLanes + 1];
 };
@@ -279,21 +279,20 @@ __attribute__((target("avx2,popcnt"))) Searched test_sparse_bins_avx2(const Bins
   std::uint32_t ends[kSpheres];  // of the pairs of each sphere
   Searched all{0, 0, false};
   for (;;) {
-    pairs.clear();
     const std::uint32_t most = std::min(PairList::kRoom, room - all.hits), from = first + all.spheres;
-    std::uint32_t n = 0;
+    std::uint32_t n = 0, size = 0;
     for (; n < kSpheres && from + n < last; n++) {
       Run runs[kForwardRuns];
       const std::uint32_t key = bins.keys[from + n];
-      if (key > bins.last_key || forward_runs(bins, key, from + n, runs) > most - pairs.size()) break;
+      if (key > bins.last_key || forward_runs(bins, key, from + n, runs) > most - size) break;
 #pragma GCC unroll kForwardRuns
-      for (const Run& run : runs) pairs.add(from + n, run);
-      ends[n] = pairs.size();
+      for (const Run& run : runs) size = pairs.add(size, from + n, run);
+      ends[n] = size;
     }
     if (n == 0) return all;
     bool doubt;
     std::uint32_t* const hits = out + all.hits;
-    all.hits += static_cast<std::uint32_t>(pairs.test(bins.spheres, bins.grown_by, hits, doubt) - hits);
+    all.hits += static_cast<std::uint32_t>(pairs.test(size, bins.spheres, bins.grown_by, hits, doubt) - hits);
     for (std::uint32_t k = 0, before = 0; k < n; k++) {
       const std::uint32_t until = pairs.hits_of(ends[k]);
       found[all.spheres + k] = (until - before) | (doubt ? kInDoubt : 0);
