@@ -40,8 +40,8 @@ std::uint32_t test_runs_plain(const Slots<Slot>& slots, const Slot& me, const Ru
 }
 
 template <class Slot>
-Searched test_bins_plain(const Bins<Slot>& bins, std::uint32_t first, std::uint32_t last, std::uint32_t* out,
-                         std::uint32_t room, std::uint32_t* found) {
+Searched test_bins_plain(const Bins<Slot>& bins, std::uint32_t first, std::uint32_t last, const HitLists& out,
+                         std::uint32_t room) {
   Searched all{0, 0, false};
   for (std::uint32_t a = first; a < last && bins.keys[a] <= bins.last_key; a++) {
     Run runs[kForwardRuns];
@@ -49,9 +49,9 @@ Searched test_bins_plain(const Bins<Slot>& bins, std::uint32_t first, std::uint3
     Slot me = bins.slots[a];
     me.r += bins.grown_by;
     bool doubt;
-    const std::uint32_t n = test_runs_plain(bins.slots, me, runs, kForwardRuns, out + all.hits, doubt);
-    found[all.spheres++] = doubt ? n | kInDoubt : n;
-    all.hits += n, all.doubt |= doubt;
+    const std::uint32_t n = test_runs_plain(bins.slots, me, runs, kForwardRuns, out.b + all.hits, doubt);
+    std::fill_n(out.a + all.hits, n, a);
+    all.spheres++, all.hits += n, all.doubt |= doubt;
   }
   return all;
 }
@@ -173,25 +173,31 @@ __attribute__((target("avx2,popcnt"))) std::uint32_t test_runs_avx2(const Slots<
 }
 template <class Slot>
 __attribute__((target("avx2,popcnt"))) Searched test_bins_avx2(const Bins<Slot>& given, std::uint32_t first,
-                                                               std::uint32_t last, std::uint32_t* out,
-                                                               std::uint32_t room, std::uint32_t* found) {
+                                                               std::uint32_t last, const HitLists& lists,
+                                                               std::uint32_t room) {
   const Bins<Slot> bins = given;
   const __m256 grown_by = _mm256_set1_ps(bins.grown_by);
-  const std::uint32_t* const begin = out;
-  std::uint32_t doubt = 0, a = first;
+  const std::uint32_t* const begin = lists.b;
+  std::uint32_t *out_a = lists.a, *out = lists.b, a = first;
+  __m256 doubts = _mm256_setzero_ps();
   for (; a < last; a++) {
-    const std::uint32_t key = bins.keys[a], done = static_cast<std::uint32_t>(out - begin);
+    const std::uint32_t key = bins.keys[a];
     Run runs[kForwardRuns];
-    if (key > bins.last_key || forward_runs(bins, key, a, runs) > room - done) break;
+    if (key > bins.last_key ||
+        forward_runs(bins, key, a, runs) > room - static_cast<std::uint32_t>(out - begin))
+      break;
     const Seeker<Slot> me{spread(bins.slots[a]), _mm256_add_ps(_mm256_set1_ps(bins.slots.r[a]), grown_by)};
-    __m256 doubts = _mm256_setzero_ps();
+    const std::uint32_t* const before = out;
 #pragma GCC unroll kForwardRuns
     for (const Run& run : runs) out = test_run(bins.slots, me, run, out, doubts);
-    const std::uint32_t unsure = _mm256_movemask_ps(doubts) != 0 ? kInDoubt : 0;
-    found[a - first] = (static_cast<std::uint32_t>(out - begin) - done) | unsure;
-    doubt |= unsure;
+    std::uint32_t* const end = out_a + (out - before);
+    do {
+      _mm256_storeu_si256(reinterpret_cast<__m256i*>(out_a), _mm256_set1_epi32(static_cast<int>(a)));
+      out_a += kLanes;
+    } while (out_a < end);
+    out_a = end;
   }
-  return {a - first, static_cast<std::uint32_t>(out - begin), doubt != 0};
+  return {a - first, static_cast<std::uint32_t>(out - begin), _mm256_movemask_ps(doubts) != 0};
 }
 
 // Pairs of a sphere that searches and a candidate. Those of many spheres are tested together, eight at once:
@@ -214,18 +220,17 @@ class PairList {
     } while (size < end);
     return end;
   }
-  // Writes the second slots of the pairs that the float test does not call apart. Returns the end of them.
-  __attribute__((target("avx2,popcnt"))) std::uint32_t* test(std::uint32_t size, const FloatSlot* spheres,
-                                                             float grown_by, std::uint32_t* out,
-                                                             bool& doubt) {
+  // Writes the first `size` pairs without those that the float test calls apart. Returns how many it wrote.
+  __attribute__((target("avx2,popcnt"))) std::uint32_t test(std::uint32_t size, const FloatSlot* spheres,
+                                                            float grown_by, const HitLists& out,
+                                                            bool& doubt) {
     // Of the first sphere, x + 0, y + 0, z + 0 and -(r + grown_by) are taken: a difference is then that of
     // the centres, and the sum of the radii.
     const __m256 grown = _mm256_setr_ps(0, 0, 0, grown_by, 0, 0, 0, grown_by),
                  minus = _mm256_setr_ps(0, 0, 0, -0.f, 0, 0, 0, -0.f);
     const __m256 relative = _mm256_set1_ps(kRelativeBand),
                  constant = _mm256_set1_ps(kAbsoluteBand<FloatSlot>);
-    const std::uint32_t* const begin = out;
-    std::uint32_t unsure = 0;
+    std::uint32_t n = 0, unsure = 0;
     std::fill_n(a_ + size, kLanes, 0u), std::fill_n(b_ + size, kLanes, 0u);  // to fill up the last vector
     for (std::uint32_t k = 0; k < size; k += kLanes) {
       __m256 v[4];
@@ -241,21 +246,12 @@ class PairList {
                    band = _mm256_add_ps(_mm256_mul_ps(relative, s2), constant);
       const std::uint32_t mask = lanes_at_most(excess, band) & inside(size - k);
       unsure |= lanes_at_most(absolute(excess), band) & inside(size - k);
-      before_[k / kLanes] = static_cast<std::uint32_t>(out - begin), hits_[k / kLanes] = mask;
-      const __m256i others = _mm256_loadu_si256(reinterpret_cast<const __m256i*>(b_ + k));
-      _mm256_storeu_si256(reinterpret_cast<__m256i*>(out),
-                          _mm256_permutevar8x32_epi32(others, packing(mask)));
-      out += _mm_popcnt_u32(mask);
+      const __m256i which = packing(mask);
+      pack(out.a + n, a_ + k, which), pack(out.b + n, b_ + k, which);
+      n += static_cast<std::uint32_t>(_mm_popcnt_u32(mask));
     }
-    before_[(size + kLanes - 1) / kLanes] = static_cast<std::uint32_t>(out - begin);
-    hits_[(size + kLanes - 1) / kLanes] = 0;
     doubt = unsure != 0;
-    return out;
-  }
-  // How many hits the first n pairs have.
-  __attribute__((target("popcnt"))) std::uint32_t hits_of(std::uint32_t n) const {
-    return before_[n / kLanes] +
-           static_cast<std::uint32_t>(_mm_popcnt_u32(hits_[n / kLanes] & ((1u << n % kLanes) - 1)));
+    return n;
   }
 
  private:
@@ -265,40 +261,36 @@ class PairList {
     return _mm256_insertf128_ps(_mm256_castps128_ps256(_mm_loadu_ps(&spheres[k[0]].x)),
                                 _mm_loadu_ps(&spheres[k[4]].x), 1);
   }
+  __attribute__((target("avx2"), always_inline)) static inline void pack(std::uint32_t* to,
+                                                                         const std::uint32_t* from,
+                                                                         __m256i which) {
+    const __m256i all = _mm256_loadu_si256(reinterpret_cast<const __m256i*>(from));
+    _mm256_storeu_si256(reinterpret_cast<__m256i*>(to), _mm256_permutevar8x32_epi32(all, which));
+  }
   std::uint32_t a_[kRoom + kLanes], b_[kRoom + kLanes];
-  std::uint32_t before_[kRoom / kLanes + 1], hits_[kRoom / kLanes + 1];
 };
 
 __attribute__((target("avx2,popcnt"))) Searched test_sparse_bins_avx2(const Bins<FloatSlot>& given,
                                                                       std::uint32_t first, std::uint32_t last,
-                                                                      std::uint32_t* out, std::uint32_t room,
-                                                                      std::uint32_t* found) {
+                                                                      const HitLists& out,
+                                                                      std::uint32_t room) {
   const Bins<FloatSlot> bins = given;
-  constexpr std::uint32_t kSpheres = 64;
   PairList pairs;
-  std::uint32_t ends[kSpheres];  // of the pairs of each sphere
   Searched all{0, 0, false};
   for (;;) {
     const std::uint32_t most = std::min(PairList::kRoom, room - all.hits), from = first + all.spheres;
-    std::uint32_t n = 0, size = 0;
-    for (; n < kSpheres && from + n < last; n++) {
+    std::uint32_t a = from, size = 0;
+    for (; a < last; a++) {
       Run runs[kForwardRuns];
-      const std::uint32_t key = bins.keys[from + n];
-      if (key > bins.last_key || forward_runs(bins, key, from + n, runs) > most - size) break;
+      const std::uint32_t key = bins.keys[a];
+      if (key > bins.last_key || forward_runs(bins, key, a, runs) > most - size) break;
 #pragma GCC unroll kForwardRuns
-      for (const Run& run : runs) size = pairs.add(size, from + n, run);
-      ends[n] = size;
+      for (const Run& run : runs) size = pairs.add(size, a, run);
     }
-    if (n == 0) return all;
+    if (a == from) return all;
     bool doubt;
-    std::uint32_t* const hits = out + all.hits;
-    all.hits += static_cast<std::uint32_t>(pairs.test(size, bins.spheres, bins.grown_by, hits, doubt) - hits);
-    for (std::uint32_t k = 0, before = 0; k < n; k++) {
-      const std::uint32_t until = pairs.hits_of(ends[k]);
-      found[all.spheres + k] = (until - before) | (doubt ? kInDoubt : 0);
-      before = until;
-    }
-    all.spheres += n, all.doubt |= doubt;
+    all.hits += pairs.test(size, bins.spheres, bins.grown_by, {out.a + all.hits, out.b + all.hits}, doubt);
+    all.spheres += a - from, all.doubt |= doubt;
   }
 }
 

@@ -47,9 +47,12 @@ struct Bins {
 };
 struct Searched {
   std::uint32_t spheres, hits;  // how many
-  bool doubt;                   // is any sphere in doubt?
+  bool doubt;                   // may any hit be one that float cannot decide?
 };
-inline constexpr std::uint32_t kInDoubt = 1u << 31;  // beside the number of a sphere's hits
+// Where hits go: pairs of slots that the float test does not call apart, each slot in its list.
+struct HitLists {
+  std::uint32_t *a, *b;
+};
 
 // A ball over the bins of a dense level. Its centre and radius are in bins, relative to the low corner of the
 // bin of its centre. So are the bins to search, x_low to x_high and so on.
@@ -85,16 +88,14 @@ struct Kernels {
   // float band; slots right after a run may set it, too.
   std::uint32_t (*test_runs)(const Slots<Slot>& slots, const Slot& me, const Run* runs, int count,
                              std::uint32_t* out, bool& doubt);
-  // Tests the spheres of slots `first` to `last` - 1, one after the other. Writes the hits to `out`, and how
-  // many each sphere has to `found`, with kInDoubt where test_runs would set `doubt`. Ends before a sphere
-  // beyond last_key or with more candidates than there is room for: `room` in all. There must be room for
-  // kLanes more.
-  Searched (*test_bins)(const Bins<Slot>& bins, std::uint32_t first, std::uint32_t last, std::uint32_t* out,
-                        std::uint32_t room, std::uint32_t* found);
-  // The same, faster where spheres have fewer than kFewCandidates candidates on average. kInDoubt is set for
-  // the neighbours of a sphere in doubt, too.
+  // Tests the spheres of slots `first` to `last` - 1, one after the other. Writes each hit with the sphere
+  // that searched first. Ends before a sphere beyond last_key or with more candidates than there is room for:
+  // `room` in all. There must be room for kLanes more.
+  Searched (*test_bins)(const Bins<Slot>& bins, std::uint32_t first, std::uint32_t last, const HitLists& out,
+                        std::uint32_t room);
+  // The same, faster where spheres have fewer than kFewCandidates candidates on average.
   Searched (*test_sparse_bins)(const Bins<Slot>& bins, std::uint32_t first, std::uint32_t last,
-                               std::uint32_t* out, std::uint32_t room, std::uint32_t* found);
+                               const HitLists& out, std::uint32_t room);
   // Writes to `out` the runs of the rows of bins that the ball crosses, without empty ones, ordered by z and
   // then y. There must be room for all rows and kLanes more, and fewer than 2^31 keys. Returns how many runs
   // there are.

@@ -138,7 +138,6 @@ GridPath::GridPath(Budget& b)
       keys_(b),
       starts_(b),
       ids_(b),
-      found_(b),
       counts_(b),
       places_(b),
       entries_(b),

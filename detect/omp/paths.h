@@ -247,8 +247,7 @@ class GridPath {
   // searches them, and their hits are in that thread's list.
   struct Chunk {
     std::uint64_t slot, slots;   // the first slot, and how many
-    std::uint64_t found;         // of the first slot, in found_
-    std::uint64_t first, count;  // the hits in the list of the thread
+    std::uint64_t first, count;  // the hits in the lists of the thread
     std::uint64_t record;        // number of the first record
     int thread, level, at;       // the level of the slots, and the level that they search
   };
@@ -257,13 +256,12 @@ class GridPath {
   Buffer<std::uint32_t> keys_;             // by sphere while they are sorted, then by slot
   Buffer<std::uint32_t> starts_;           // the first slot of each bucket, and the end
   Buffer<std::uint32_t> ids_;              // the number of the sphere in each slot
-  Buffer<std::uint32_t> found_;            // the number of hits of each slot, and 0
   Buffer<std::uint32_t> counts_, places_;  // of each thread: spheres of each part, and of each bin of a part
   Buffer<std::byte> entries_;
   Buffer<float> slots_[4];
   Buffer<Filter> filters_;
   Buffer<std::byte> spheres_;                // in the order of the slots: Exact<Slot>
-  std::vector<Buffer<std::uint32_t>> hits_;  // of each thread: the slots of the partners
+  std::vector<Buffer<std::uint32_t>> hits_;  // of each thread: HitLists, half of the buffer each
   std::vector<Chunk> chunks_;
 };
 

@@ -20,18 +20,21 @@ constexpr std::uint64_t kChunkSlots = 2048;
 // The most candidates that are tested before the room for hits is checked again.
 constexpr std::uint32_t kMostCandidates = 16384;
 
-// The hits of one thread. The list grows as it must. If there is not enough memory, hits are only counted
+// Spheres whose hits are all looked at again if float cannot decide one of them.
+constexpr std::uint32_t kConfirmed = 64;
+
+// The hits of one thread. The lists grow as they must. If there is not enough memory, hits are only counted
 // from then on, so that the sentence about it can say how much would be needed.
 class Hits {
  public:
-  static constexpr std::uint64_t kLeast = 2 * (kMostCandidates + kLanes);
-  // The buffer must have room for kLeast hits.
+  static constexpr std::uint64_t kLeast = 4 * (kMostCandidates + kLanes);
+  // The buffer must have room for kLeast slots.
   Hits(Buffer<std::uint32_t>& buffer, Budget& budget) : buffer_(buffer), budget_(budget) {}
 
   // Room for kMostCandidates hits after those that are kept.
-  std::uint32_t* room() {
-    if (size_ + kMostCandidates + kLanes > buffer_.capacity()) grow();
-    return buffer_.data() + size_;
+  HitLists room() {
+    if (size_ + kMostCandidates + kLanes > buffer_.capacity() / 2) grow();
+    return {buffer_.data() + size_, buffer_.data() + buffer_.capacity() / 2 + size_};
   }
   void keep(std::uint64_t n) {
     total_ += n;
@@ -48,7 +51,9 @@ class Hits {
       counting_ = true, size_ = 0;
       return;
     }
-    std::memcpy(wider.data(), buffer_.data(), size_ * sizeof(std::uint32_t));
+    for (std::uint64_t list = 0; list < 2; list++)
+      std::memcpy(wider.data() + list * wider.capacity() / 2, buffer_.data() + list * buffer_.capacity() / 2,
+                  size_ * sizeof(std::uint32_t));
     buffer_.swap(wider);
   }
   Buffer<std::uint32_t>& buffer_;
@@ -127,9 +132,8 @@ class Searcher {
   }
   std::uint64_t doubtful() const { return doubtful_; }
 
-  // The spheres of slots `first` to `last` - 1, which are of one level, search that level. `found`: how many
-  // hits each of them has.
-  void own_level(int level, std::uint32_t first, std::uint32_t last, std::uint32_t* found) {
+  // The spheres of slots `first` to `last` - 1, which are of one level, search that level.
+  void own_level(int level, std::uint32_t first, std::uint32_t last) {
     const LevelKeys& keys = level_keys_[level];
     const std::uint32_t last_key =
         keys.periodic() ? keys.offset + keys.mask - keys.plane - keys.row - 2 : ~0u;
@@ -138,20 +142,16 @@ class Searcher {
     while (first < last) {
       Searched s{0, 0, false};
       if (!confirms_ && !repeats(level)) {
-        std::uint32_t* const out = hits_.room();
-        s = test_bins(bins, first, last, out, kMostCandidates, found);
-        if (s.doubt) s.hits = confirm_bins(first, s.spheres, out, found);
-        first += s.spheres, found += s.spheres;
-        hits_.keep(s.hits);
+        const HitLists out = hits_.room();
+        s = test_bins(bins, first, std::min(last, first + kConfirmed), out, kMostCandidates);
+        hits_.keep(s.doubt ? confirm_bins(out, s.hits) : s.hits);
+        first += s.spheres;
       }
-      if (s.spheres > 0) continue;
-      const std::uint64_t before = hits_.total();
-      own_level_of(level, bins, first);
-      *found++ = static_cast<std::uint32_t>(hits_.total() - before), first++;
+      if (s.spheres == 0) own_level_of(level, bins, first++);
     }
   }
   // The same for another level.
-  void other_level(int from, int level, std::uint32_t first, std::uint32_t last, std::uint32_t* found) {
+  void other_level(int from, int level, std::uint32_t first, std::uint32_t last) {
     const Level& l = grid_.level[level];
     // Spheres beyond these bounds meet none of the level. A bin more than the reach makes up for rounding.
     double low[3], high[3];
@@ -164,7 +164,6 @@ class Searcher {
     // Rows are looked up for several spheres before any is tested, so that none waits for another.
     std::uint32_t together = 0;
     for (std::uint32_t a = first; a < last; a++) {
-      found[a - first] = 0;
       const Sphere s = exact_sphere(a);
       CrossSearch& search = together_[together];
       if (!((s.x >= low[0]) & (s.x <= high[0]) & (s.y >= low[1]) & (s.y <= high[1]) & (s.z >= low[2]) &
@@ -172,13 +171,10 @@ class Searcher {
           !prepare(level, a, s, search))
         continue;
       if (search.rows <= kRows / static_cast<int>(kTogether) && ++together < kTogether) continue;
-      search_level(level, together, first, found), together = 0;
-      if (search.rows <= kRows / static_cast<int>(kTogether)) continue;
-      const std::uint64_t before = hits_.total();
-      search_alone(level, search);
-      found[a - first] = static_cast<std::uint32_t>(hits_.total() - before);
+      search_level(level, together), together = 0;
+      if (search.rows > kRows / static_cast<int>(kTogether)) search_alone(level, search);
     }
-    search_level(level, together, first, found);
+    search_level(level, together);
   }
 
  private:
@@ -289,8 +285,8 @@ class Searcher {
     }
     return true;
   }
-  // Tests the first `count` spheres of together_. `found`: of slot `first`.
-  void search_level(int level, std::uint32_t count, std::uint32_t first, std::uint32_t* found) {
+  // Tests the first `count` spheres of together_.
+  void search_level(int level, std::uint32_t count) {
     const std::uint32_t* const starts = starts_ + grid_.level[level].offset;
     const Run all{starts[0], starts[grid_.level[level].buckets]};
     const bool whole = few(grid_.level[level]);
@@ -302,10 +298,8 @@ class Searcher {
     rows = rows_;
     for (std::uint32_t k = 0; k < count; k++) {
       const CrossSearch& s = together_[k];
-      const std::uint64_t before = hits_.total();
       test_rows(s.me, s.a, whole ? &all : rows, s.rows, level);
       if (!whole) rows += s.rows;
-      found[s.a - first] = static_cast<std::uint32_t>(hits_.total() - before);
     }
   }
   // The same for a sphere with many rows.
@@ -370,26 +364,24 @@ class Searcher {
   }
   // Tests at most kMostCandidates candidates of this level.
   void test(const Slot& me, std::uint32_t a, const Run* runs, int count, int level) {
-    std::uint32_t* out = hits_.room();
+    const HitLists out = hits_.room();
     bool doubt;
-    std::uint32_t n = kernels_.test_runs(slots_, me, runs, count, out, doubt);
+    std::uint32_t n = kernels_.test_runs(slots_, me, runs, count, out.b, doubt);
     if (doubt | confirms_ | repeats(level))
-      n = confirm(me, a, out, n, repeats(level) ? 0x1p7 * grid_.level[level].size : INFINITY, doubt);
+      n = confirm(me, a, out.b, n, repeats(level) ? 0x1p7 * grid_.level[level].size : INFINITY, doubt);
+    // Whole vectors: what is too much is written over.
+    for (std::uint32_t k = 0; k < n; k += kLanes) std::fill_n(out.a + k, kLanes, a);
     hits_.keep(n);
   }
 
-  // Removes the hits that are no contacts from those of `spheres` slots from `first` on. Returns how many are
+  // Removes the hits that are no contacts from those of spheres at their own level. Returns how many are
   // left.
-  std::uint32_t confirm_bins(std::uint32_t first, std::uint32_t spheres, std::uint32_t* hits,
-                             std::uint32_t* found) {
-    std::uint32_t kept = 0, read = 0;
-    for (std::uint32_t k = 0; k < spheres; k++) {
-      const std::uint32_t n = found[k] & ~kInDoubt;
-      if (kept < read) std::copy_n(hits + read, n, hits + kept);
-      read += n;
-      if (found[k] & kInDoubt)
-        found[k] = confirm(seeker(first + k), first + k, hits + kept, n, INFINITY, true);
-      kept += found[k];
+  std::uint32_t confirm_bins(const HitLists& hits, std::uint32_t n) {
+    std::uint32_t kept = 0;
+    for (std::uint32_t k = 0; k < n; k++) {
+      const std::uint32_t a = hits.a[k];
+      hits.a[kept] = a, hits.b[kept] = hits.b[k];
+      kept += confirm(seeker(a), a, hits.b + kept, 1, INFINITY, true);
     }
     return kept;
   }
@@ -450,26 +442,22 @@ std::uint64_t GridPath::search(const Grid& grid, const CallOptions& options, boo
   Stopwatch watch;
   const CrossSearches cross_searches = plan_cross_searches(grid, std::is_same_v<Slot, FixedPointSlot>);
   chunks_.clear();
-  std::uint64_t searches = 0;  // of a sphere at a level
   for (int k = 0; k < grid.levels; k++) {
     const Level& l = grid.level[k];
     const std::uint64_t begin = starts_[l.offset], end = starts_[std::uint64_t(l.offset) + l.buckets];
     const auto add = [&](int at, double each) {
       const auto size = std::min(static_cast<std::uint64_t>(std::max(1.0, kChunkTime / each)), kChunkSlots);
       for (std::uint64_t slot = begin; slot < end; slot += size)
-        chunks_.push_back({slot, std::min(size, end - slot), searches + (slot - begin), 0, 0, 0, 0, k, at});
-      searches += end - begin;
+        chunks_.push_back({slot, std::min(size, end - slot), 0, 0, 0, 0, k, at});
     };
     add(k, kOwnLevelTime);
     for (int q = 0; q < cross_searches.count[k]; q++) add(cross_searches.at[k][q], cross_searches.cost[k][q]);
   }
-  std::uint32_t* const found = found_.resize(searches + 1, "the list of contacts");
   while (hits_.size() < static_cast<std::size_t>(threads)) hits_.emplace_back(*budget_);
   hits_[0].resize(Hits::kLeast, "the list of contacts");  // here, because nothing may throw in the threads
   int searching = 1;  // fewer threads where a limit of memory leaves no room for a list of each
   while (searching < threads && hits_[static_cast<std::size_t>(searching)].try_resize(Hits::kLeast))
     searching++;
-  found[searches] = 0;
   std::uint64_t doubtful = 0, total = 0;
   bool counted_only = false;
 #pragma omp parallel num_threads(searching) reduction(+ : doubtful, total) reduction(|| : counted_only)
@@ -486,15 +474,15 @@ std::uint64_t GridPath::search(const Grid& grid, const CallOptions& options, boo
       const auto slot = static_cast<std::uint32_t>(c.slot),
                  end = static_cast<std::uint32_t>(c.slot + c.slots);
       if (c.at == c.level)
-        searcher.own_level(c.at, slot, end, found + c.found);
+        searcher.own_level(c.at, slot, end);
       else
-        searcher.other_level(c.level, c.at, slot, end, found + c.found);
+        searcher.other_level(c.level, c.at, slot, end);
       c.count = hits.size() - c.first;
     }
     doubtful += searcher.doubtful(), total += hits.total(), counted_only = counted_only || hits.counting();
   }
   if (counted_only)
-    throw_memory(total * sizeof(std::uint32_t) + budget_->held(),
+    throw_memory(total * 2 * sizeof(std::uint32_t) + budget_->held(),
                  (std::to_string(total) + " contacts").c_str());
   seconds.stage[6] += watch.lap();
   return doubtful;
