@@ -234,7 +234,7 @@ class Searcher {
     runs[count++] = {starts[first], starts[first + inside]};
     if (inside < buckets) runs[count++] = {starts[0], starts[buckets - inside]};
   }
-  // The search of a sphere at another level: of the rows of bins that the ball crosses.
+  // The search of a sphere at another level: of the rows of bins around the ball.
   struct CrossSearch {
     std::uint32_t a;
     int rows;  // at most, then how many; more than kRows where it takes a search of its own
@@ -292,7 +292,7 @@ class Searcher {
     const bool whole = few(grid_.level[level]);
     Run* rows = rows_;
     for (std::uint32_t k = 0; k < count && !whole; k++) {
-      together_[k].rows = kernels_.find_rows(together_[k].ball, starts, rows);
+      together_[k].rows = rows_of_box(together_[k].ball, starts, rows);
       rows += together_[k].rows;
     }
     rows = rows_;
@@ -301,6 +301,20 @@ class Searcher {
       test_rows(s.me, s.a, whole ? &all : rows, s.rows, level);
       if (!whole) rows += s.rows;
     }
+  }
+  // The rows of the box around a ball that has few, as find_rows() writes them. To leave out what the ball
+  // does not cross would take longer than to test it.
+  static int rows_of_box(const Ball& b, const std::uint32_t* starts, Run* rows) {
+    int n = 0;
+    for (int z = b.z_low; z <= b.z_high; z++)
+      for (int y = b.y_low; y <= b.y_high; y++) {
+        const std::uint32_t key = b.key + static_cast<std::uint32_t>(b.x_low) +
+                                  static_cast<std::uint32_t>(y) * b.row +
+                                  static_cast<std::uint32_t>(z) * b.plane;
+        rows[n] = {starts[key], starts[key + static_cast<std::uint32_t>(b.x_high - b.x_low + 1)]};
+        n += rows[n].begin < rows[n].end;
+      }
+    return n;
   }
   // The same for a sphere with many rows.
   void search_alone(int level, CrossSearch& s) {
