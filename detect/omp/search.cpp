@@ -18,7 +18,7 @@ namespace {
 constexpr double kChunkTime = 1e5, kOwnLevelTime = 40;
 constexpr std::uint64_t kChunkSlots = 2048;
 // The most candidates that are tested before the room for hits is checked again.
-constexpr std::uint32_t kMostCandidates = 16384;
+constexpr std::uint32_t kMostCandidates = 8192;
 
 // Spheres whose hits are all looked at again if float cannot decide one of them.
 constexpr std::uint32_t kConfirmed = 64;
