@@ -73,27 +73,51 @@ std::array<std::uint64_t, kExponents> exponents_of(const View<T>& spheres, int t
 template <class T>
 void count_octaves(const View<T>& spheres, int threads, Summary& s) {
   const int top = exponent_of(s.need_max) - s.above;
-  std::fill_n(s.octave, kOctaves, Summary::Octave{});
+  const auto n = static_cast<std::int64_t>(spheres.count);
+  // Bounds of x, y, z and r, which a compiler makes vectors of.
+  struct Bounds {
+    double low[4] = {INFINITY, INFINITY, INFINITY, INFINITY},
+           high[4] = {-INFINITY, -INFINITY, -INFINITY, -INFINITY};
+    std::uint64_t count = 0;
+  };
+  Bounds all[kOctaves];
 #pragma omp parallel num_threads(threads)
   {
-    Summary mine;
+    Bounds mine[kOctaves];
+    double v[4][kBatch];
+    std::int64_t octaves[kBatch];
 #pragma omp for schedule(static) nowait
-    for (std::int64_t k = 0; k < static_cast<std::int64_t>(spheres.count); k++) {
-      const Sphere p = spheres[static_cast<std::uint64_t>(k)];
-      const double need = need_of(p), c[3] = {p.x, p.y, p.z};
-      Summary::Octave& o = mine.octave[octave_of(top, need)];
-      o.count++, o.need_max = std::max(o.need_max, need), o.radius_max = std::max(o.radius_max, p.r);
-      for (int a = 0; a < 3; a++) o.low[a] = std::min(o.low[a], c[a]), o.high[a] = std::max(o.high[a], c[a]);
+    for (std::int64_t first = 0; first < n; first += kBatch) {
+      const auto count = static_cast<int>(std::min<std::int64_t>(kBatch, n - first));
+      load_batch(spheres, static_cast<std::uint64_t>(first), v);
+      octaves_of(v[0], v[1], v[2], v[3], count, top, octaves);
+      for (int k = 0; k < count; k++) {
+        Bounds& o = mine[octaves[k]];
+        o.count++;
+        for (int a = 0; a < 4; a++) {
+          o.low[a] = v[a][k] < o.low[a] ? v[a][k] : o.low[a];
+          o.high[a] = v[a][k] > o.high[a] ? v[a][k] : o.high[a];
+        }
+      }
     }
 #pragma omp critical
     for (int k = 0; k < kOctaves; k++) {
-      Summary::Octave& o = s.octave[k];
-      const Summary::Octave& m = mine.octave[k];
-      o.count += m.count, o.need_max = std::max(o.need_max, m.need_max),
-                          o.radius_max = std::max(o.radius_max, m.radius_max);
-      for (int a = 0; a < 3; a++)
-        o.low[a] = std::min(o.low[a], m.low[a]), o.high[a] = std::max(o.high[a], m.high[a]);
+      all[k].count += mine[k].count;
+      for (int a = 0; a < 4; a++)
+        all[k].low[a] = std::min(all[k].low[a], mine[k].low[a]),
+        all[k].high[a] = std::max(all[k].high[a], mine[k].high[a]);
     }
+  }
+  for (int k = 0; k < kOctaves; k++) {
+    Summary::Octave& o = s.octave[k];
+    o = {};
+    if (all[k].count == 0) continue;
+    double extent = 0;
+    for (int a = 0; a < 3; a++) {
+      o.low[a] = all[k].low[a], o.high[a] = all[k].high[a];
+      extent = std::max({extent, std::abs(o.low[a]), std::abs(o.high[a])});
+    }
+    o.count = all[k].count, o.radius_max = all[k].high[3], o.need_max = need_of({extent, 0, 0, o.radius_max});
   }
 }
 
@@ -111,11 +135,7 @@ Summary summarize(const View<T>& spheres, int threads) {
     for (std::int64_t first = 0; first < n; first += kBatch) {
       const auto begin = static_cast<std::uint64_t>(first),
                  end = std::min(begin + kBatch, static_cast<std::uint64_t>(n));
-      // The last batch is filled up with its last sphere.
-      for (std::uint64_t k = 0; k < kBatch; k++) {
-        const Sphere p = spheres[std::min(begin + k, end - 1)];
-        v[0][k] = p.x, v[1][k] = p.y, v[2][k] = p.z, v[3][k] = p.r;
-      }
+      load_batch(spheres, begin, v);
       double low[4], high[4];
       bool good = true;
       for (int a = 0; a < 4; a++) {

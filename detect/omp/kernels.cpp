@@ -40,8 +40,8 @@ std::uint32_t test_runs_plain(const Slots<Slot>& slots, const Slot& me, const Ru
 }
 
 template <class Slot>
-Searched test_bins_plain(const Bins<Slot>& bins, std::uint32_t first, std::uint32_t last, std::uint32_t* out,
-                         std::uint32_t room, std::uint32_t* found) {
+Searched test_bins_plain(const Bins<Slot>& bins, std::uint32_t first, std::uint32_t last, const HitLists& out,
+                         std::uint32_t room) {
   Searched all{0, 0, false};
   for (std::uint32_t a = first; a < last && bins.keys[a] <= bins.last_key; a++) {
     Run runs[kForwardRuns];
@@ -49,9 +49,9 @@ Searched test_bins_plain(const Bins<Slot>& bins, std::uint32_t first, std::uint3
     Slot me = bins.slots[a];
     me.r += bins.grown_by;
     bool doubt;
-    const std::uint32_t n = test_runs_plain(bins.slots, me, runs, kForwardRuns, out + all.hits, doubt);
-    found[all.spheres++] = doubt ? n | kInDoubt : n;
-    all.hits += n, all.doubt |= doubt;
+    const std::uint32_t n = test_runs_plain(bins.slots, me, runs, kForwardRuns, out.b + all.hits, doubt);
+    std::fill_n(out.a + all.hits, n, a);
+    all.spheres++, all.hits += n, all.doubt |= doubt;
   }
   return all;
 }
@@ -173,25 +173,125 @@ __attribute__((target("avx2,popcnt"))) std::uint32_t test_runs_avx2(const Slots<
 }
 template <class Slot>
 __attribute__((target("avx2,popcnt"))) Searched test_bins_avx2(const Bins<Slot>& given, std::uint32_t first,
-                                                               std::uint32_t last, std::uint32_t* out,
-                                                               std::uint32_t room, std::uint32_t* found) {
+                                                               std::uint32_t last, const HitLists& lists,
+                                                               std::uint32_t room) {
   const Bins<Slot> bins = given;
   const __m256 grown_by = _mm256_set1_ps(bins.grown_by);
-  const std::uint32_t* const begin = out;
-  std::uint32_t doubt = 0, a = first;
+  const std::uint32_t* const begin = lists.b;
+  std::uint32_t *out_a = lists.a, *out = lists.b, a = first;
+  __m256 doubts = _mm256_setzero_ps();
   for (; a < last; a++) {
-    const std::uint32_t key = bins.keys[a], done = static_cast<std::uint32_t>(out - begin);
+    const std::uint32_t key = bins.keys[a];
     Run runs[kForwardRuns];
-    if (key > bins.last_key || forward_runs(bins, key, a, runs) > room - done) break;
+    if (key > bins.last_key ||
+        forward_runs(bins, key, a, runs) > room - static_cast<std::uint32_t>(out - begin))
+      break;
     const Seeker<Slot> me{spread(bins.slots[a]), _mm256_add_ps(_mm256_set1_ps(bins.slots.r[a]), grown_by)};
-    __m256 doubts = _mm256_setzero_ps();
+    const std::uint32_t* const before = out;
 #pragma GCC unroll kForwardRuns
     for (const Run& run : runs) out = test_run(bins.slots, me, run, out, doubts);
-    const std::uint32_t unsure = _mm256_movemask_ps(doubts) != 0 ? kInDoubt : 0;
-    found[a - first] = (static_cast<std::uint32_t>(out - begin) - done) | unsure;
-    doubt |= unsure;
+    std::uint32_t* const end = out_a + (out - before);
+    do {
+      _mm256_storeu_si256(reinterpret_cast<__m256i*>(out_a), _mm256_set1_epi32(static_cast<int>(a)));
+      out_a += kLanes;
+    } while (out_a < end);
+    out_a = end;
   }
-  return {a - first, static_cast<std::uint32_t>(out - begin), doubt != 0};
+  return {a - first, static_cast<std::uint32_t>(out - begin), _mm256_movemask_ps(doubts) != 0};
+}
+
+// Pairs of a sphere that searches and a candidate. Those of many spheres are tested together, eight at once:
+// a run of fewer than eight candidates would leave most lanes of a vector idle.
+class PairList {
+ public:
+  static constexpr std::uint32_t kRoom = 512;
+  // Adds sphere a with each slot of the run, behind `size` pairs. There must be room. Returns the new size,
+  // which is no member: a compiler would read it again after each store.
+  __attribute__((target("avx2"), always_inline)) inline std::uint32_t add(std::uint32_t size, std::uint32_t a,
+                                                                          Run run) {
+    const __m256i eight = _mm256_set1_epi32(kLanes), mine = _mm256_set1_epi32(static_cast<int>(a));
+    __m256i other = _mm256_add_epi32(_mm256_set1_epi32(static_cast<int>(run.begin)),
+                                     _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7));
+    const std::uint32_t end = size + (run.end - run.begin);
+    do {
+      _mm256_storeu_si256(reinterpret_cast<__m256i*>(a_ + size), mine);
+      _mm256_storeu_si256(reinterpret_cast<__m256i*>(b_ + size), other);
+      size += kLanes, other = _mm256_add_epi32(other, eight);
+    } while (size < end);
+    return end;
+  }
+  // Writes the first `size` pairs without those that the float test calls apart. Returns how many it wrote.
+  __attribute__((target("avx2,popcnt"))) std::uint32_t test(std::uint32_t size, const FloatSlot* spheres,
+                                                            float grown_by, const HitLists& out,
+                                                            bool& doubt) {
+    // Of the first sphere, x + 0, y + 0, z + 0 and -(r + grown_by) are taken: a difference is then that of
+    // the centres, and the sum of the radii.
+    const __m256 grown = _mm256_setr_ps(0, 0, 0, grown_by, 0, 0, 0, grown_by),
+                 minus = _mm256_setr_ps(0, 0, 0, -0.f, 0, 0, 0, -0.f);
+    const __m256 relative = _mm256_set1_ps(kRelativeBand),
+                 constant = _mm256_set1_ps(kAbsoluteBand<FloatSlot>);
+    std::uint32_t n = 0, unsure = 0;
+    std::fill_n(a_ + size, kLanes, 0u), std::fill_n(b_ + size, kLanes, 0u);  // to fill up the last vector
+    for (std::uint32_t k = 0; k < size; k += kLanes) {
+      __m256 v[4];
+      for (std::uint32_t q = 0; q < 4; q++) {
+        const __m256 mine = _mm256_xor_ps(_mm256_add_ps(both(spheres, a_ + k + q), grown), minus);
+        v[q] = _mm256_sub_ps(both(spheres, b_ + k + q), mine);
+      }
+      const __m256 xy0 = _mm256_unpacklo_ps(v[0], v[1]), zs0 = _mm256_unpackhi_ps(v[0], v[1]),
+                   xy2 = _mm256_unpacklo_ps(v[2], v[3]), zs2 = _mm256_unpackhi_ps(v[2], v[3]);
+      const __m256 x = _mm256_shuffle_ps(xy0, xy2, 0x44), y = _mm256_shuffle_ps(xy0, xy2, 0xee),
+                   z = _mm256_shuffle_ps(zs0, zs2, 0x44), s = _mm256_shuffle_ps(zs0, zs2, 0xee);
+      const __m256 s2 = _mm256_mul_ps(s, s), excess = _mm256_sub_ps(squared_length(x, y, z), s2),
+                   band = _mm256_add_ps(_mm256_mul_ps(relative, s2), constant);
+      const std::uint32_t mask = lanes_at_most(excess, band) & inside(size - k);
+      unsure |= lanes_at_most(absolute(excess), band) & inside(size - k);
+      const __m256i which = packing(mask);
+      pack(out.a + n, a_ + k, which), pack(out.b + n, b_ + k, which);
+      n += static_cast<std::uint32_t>(_mm_popcnt_u32(mask));
+    }
+    doubt = unsure != 0;
+    return n;
+  }
+
+ private:
+  // The spheres of slots k[0] and k[4].
+  __attribute__((target("avx2"), always_inline)) static inline __m256 both(const FloatSlot* spheres,
+                                                                           const std::uint32_t* k) {
+    return _mm256_insertf128_ps(_mm256_castps128_ps256(_mm_loadu_ps(&spheres[k[0]].x)),
+                                _mm_loadu_ps(&spheres[k[4]].x), 1);
+  }
+  __attribute__((target("avx2"), always_inline)) static inline void pack(std::uint32_t* to,
+                                                                         const std::uint32_t* from,
+                                                                         __m256i which) {
+    const __m256i all = _mm256_loadu_si256(reinterpret_cast<const __m256i*>(from));
+    _mm256_storeu_si256(reinterpret_cast<__m256i*>(to), _mm256_permutevar8x32_epi32(all, which));
+  }
+  std::uint32_t a_[kRoom + kLanes], b_[kRoom + kLanes];
+};
+
+__attribute__((target("avx2,popcnt"))) Searched test_sparse_bins_avx2(const Bins<FloatSlot>& given,
+                                                                      std::uint32_t first, std::uint32_t last,
+                                                                      const HitLists& out,
+                                                                      std::uint32_t room) {
+  const Bins<FloatSlot> bins = given;
+  PairList pairs;
+  Searched all{0, 0, false};
+  for (;;) {
+    const std::uint32_t most = std::min(PairList::kRoom, room - all.hits), from = first + all.spheres;
+    std::uint32_t a = from, size = 0;
+    for (; a < last; a++) {
+      Run runs[kForwardRuns];
+      const std::uint32_t key = bins.keys[a];
+      if (key > bins.last_key || forward_runs(bins, key, a, runs) > most - size) break;
+#pragma GCC unroll kForwardRuns
+      for (const Run& run : runs) size = pairs.add(size, a, run);
+    }
+    if (a == from) return all;
+    bool doubt;
+    all.hits += pairs.test(size, bins.spheres, bins.grown_by, {out.a + all.hits, out.b + all.hits}, doubt);
+    all.spheres += a - from, all.doubt |= doubt;
+  }
 }
 
 // Writes a0 b0 a1 b1 and so on.
@@ -305,12 +405,16 @@ __attribute__((target("avx2"))) std::uint32_t copy_normals_avx2(const Batch& bat
 
 template <class Slot>
 Kernels<Slot> plain_kernels() {
-  return {test_runs_plain<Slot>, test_bins_plain<Slot>, find_rows_plain};
+  return {test_runs_plain<Slot>, test_bins_plain<Slot>, test_bins_plain<Slot>, find_rows_plain};
 }
 template <class Slot>
 Kernels<Slot> kernels_for_this_machine() {
 #ifdef PADDER_AVX2
-  if (has_avx2()) return {test_runs_avx2<Slot>, test_bins_avx2<Slot>, find_rows_avx2};
+  if (has_avx2()) {
+    Kernels<Slot> here{test_runs_avx2<Slot>, test_bins_avx2<Slot>, test_bins_avx2<Slot>, find_rows_avx2};
+    if constexpr (std::is_same_v<Slot, FloatSlot>) here.test_sparse_bins = test_sparse_bins_avx2;
+    return here;
+  }
 #endif
   return plain_kernels<Slot>();
 }
@@ -418,19 +522,19 @@ PADDER_CLONES void octaves_of(const double* x, const double* y, const double* z,
 
 PADDER_CLONES bool widen(const double* x, int count, double& low, double& high) {
   constexpr int kSide = 8;  // lanes of their own, because a compiler may not reorder minima of doubles
-  double lows[kSide], highs[kSide];
-  std::int64_t bad[kSide] = {};
-  for (int j = 0; j < kSide; j++) lows[j] = low, highs[j] = high;
+  double lows[kSide], highs[kSide], bad[kSide];
+  for (int j = 0; j < kSide; j++) lows[j] = low, highs[j] = high, bad[j] = 0;
+  // A loop for each, which the compiler then makes vectors of. v - v is 0, or not a number.
   for (int k = 0; k < count; k += kSide)
-    for (int j = 0; j < kSide; j++) {
-      const double v = x[k + j];
-      lows[j] = v < lows[j] ? v : lows[j], highs[j] = v > highs[j] ? v : highs[j];
-      bad[j] |= std::abs(v) <= kLargest ? 0 : 1;
-    }
-  std::int64_t any = 0;
+    for (int j = 0; j < kSide; j++) lows[j] = x[k + j] < lows[j] ? x[k + j] : lows[j];
+  for (int k = 0; k < count; k += kSide)
+    for (int j = 0; j < kSide; j++) highs[j] = x[k + j] > highs[j] ? x[k + j] : highs[j];
+  for (int k = 0; k < count; k += kSide)
+    for (int j = 0; j < kSide; j++) bad[j] += x[k + j] - x[k + j];
+  bool good = true;
   for (int j = 0; j < kSide; j++)
-    low = std::min(low, lows[j]), high = std::max(high, highs[j]), any |= bad[j];
-  return any == 0;
+    low = std::min(low, lows[j]), high = std::max(high, highs[j]), good &= bad[j] == 0;
+  return good && low >= -kLargest && high <= kLargest;
 }
 
 }  // namespace padder::detect::omp

@@ -23,6 +23,12 @@ struct Slots {
   void set(std::uint64_t k, const Slot& s) const { x[k] = s.x, y[k] = s.y, z[k] = s.z, r[k] = s.r; }
 };
 
+// The spheres of slots as the caller gave them: float slots are that themselves.
+template <class Slot>
+using Exact = std::conditional_t<std::is_same_v<Slot, FloatSlot>, FloatSlot, Sphere>;
+inline Sphere sphere_of(const FloatSlot& s) { return {s.x, s.y, s.z, s.r}; }
+inline Sphere sphere_of(const Sphere& s) { return s; }
+
 // Consecutive slots, from begin to end - 1.
 struct Run {
   std::uint32_t begin, end;
@@ -33,6 +39,7 @@ struct Run {
 template <class Slot>
 struct Bins {
   Slots<Slot> slots;
+  const Exact<Slot>* spheres;          // of the slots
   const std::uint32_t *keys, *starts;  // the key of each slot; the first slot of each key
   std::uint32_t row, plane;            // steps of the key from a bin to the next in y, and in z
   std::uint32_t last_key;              // beyond this key the forward half does not lie behind the bin
@@ -40,9 +47,12 @@ struct Bins {
 };
 struct Searched {
   std::uint32_t spheres, hits;  // how many
-  bool doubt;                   // is any sphere in doubt?
+  bool doubt;                   // may any hit be one that float cannot decide?
 };
-inline constexpr std::uint32_t kInDoubt = 1u << 31;  // beside the number of a sphere's hits
+// Where hits go: pairs of slots that the float test does not call apart, each slot in its list.
+struct HitLists {
+  std::uint32_t *a, *b;
+};
 
 // A ball over the bins of a dense level. Its centre and radius are in bins, relative to the low corner of the
 // bin of its centre. So are the bins to search, x_low to x_high and so on.
@@ -56,6 +66,7 @@ struct Ball {
 // The forward half of the bins around the bin of slot a, without a bin's spheres up to a. Returns how many
 // candidates there are.
 inline constexpr int kForwardRuns = 5;
+inline constexpr std::uint32_t kFewCandidates = 12;
 template <class Slot>
 inline std::uint32_t forward_runs(const Bins<Slot>& bins, std::uint32_t key, std::uint32_t a, Run* runs) {
   const std::uint32_t rows[] = {key + bins.row, key + bins.plane - bins.row, key + bins.plane,
@@ -77,12 +88,14 @@ struct Kernels {
   // float band; slots right after a run may set it, too.
   std::uint32_t (*test_runs)(const Slots<Slot>& slots, const Slot& me, const Run* runs, int count,
                              std::uint32_t* out, bool& doubt);
-  // Tests the spheres of slots `first` to `last` - 1, one after the other. Writes the hits to `out`, and how
-  // many each sphere has to `found`, with kInDoubt where test_runs would set `doubt`. Ends before a sphere
-  // beyond last_key or with more candidates than there is room for: `room` in all. There must be room for
-  // kLanes more.
-  Searched (*test_bins)(const Bins<Slot>& bins, std::uint32_t first, std::uint32_t last, std::uint32_t* out,
-                        std::uint32_t room, std::uint32_t* found);
+  // Tests the spheres of slots `first` to `last` - 1, one after the other. Writes each hit with the sphere
+  // that searched first. Ends before a sphere beyond last_key or with more candidates than there is room for:
+  // `room` in all. There must be room for kLanes more.
+  Searched (*test_bins)(const Bins<Slot>& bins, std::uint32_t first, std::uint32_t last, const HitLists& out,
+                        std::uint32_t room);
+  // The same, faster where spheres have fewer than kFewCandidates candidates on average.
+  Searched (*test_sparse_bins)(const Bins<Slot>& bins, std::uint32_t first, std::uint32_t last,
+                               const HitLists& out, std::uint32_t room);
   // Writes to `out` the runs of the rows of bins that the ball crosses, without empty ones, ordered by z and
   // then y. There must be room for all rows and kLanes more, and fewer than 2^31 keys. Returns how many runs
   // there are.
@@ -105,11 +118,6 @@ struct Batch {
   double x[kBatch], y[kBatch], z[kBatch],
       s[kBatch];  // cj - ci and ri + rj; then the normal and the penetration
 };
-// The spheres of slots as the caller gave them: float slots are that themselves.
-template <class Slot>
-using Exact = std::conditional_t<std::is_same_v<Slot, FloatSlot>, FloatSlot, Sphere>;
-inline Sphere sphere_of(const FloatSlot& s) { return {s.x, s.y, s.z, s.r}; }
-inline Sphere sphere_of(const Sphere& s) { return s; }
 // For the spheres i[k] and j[k]. Entries after `count`, up to a multiple of 4, must be numbers of spheres,
 // too.
 template <class S>

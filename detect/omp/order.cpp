@@ -47,10 +47,7 @@ struct CountingSort {
     std::fill_n(count, parts, 0u);
     for (std::uint64_t first = begin; first < end; first += kBatch) {
       const auto n = static_cast<std::uint32_t>(std::min<std::uint64_t>(kBatch, end - first));
-      for (std::uint32_t k = 0; k < n; k++) {
-        const Sphere s = spheres[first + k];
-        place[0][k] = s.x, place[1][k] = s.y, place[2][k] = s.z, place[3][k] = s.r;
-      }
+      load_batch(spheres, first, place);
       if (grid.levels > 1) {
         octaves_of(place[0], place[1], place[2], place[3], static_cast<int>(n), grid.top, levels);
         for (std::uint32_t k = 0; k < n; k++) {
@@ -141,7 +138,6 @@ GridPath::GridPath(Budget& b)
       keys_(b),
       starts_(b),
       ids_(b),
-      found_(b),
       counts_(b),
       places_(b),
       entries_(b),

@@ -2,6 +2,7 @@
 // What the sources of the OpenMP backend share: memory, the view of the input, records, and the two paths.
 // Internal.
 #pragma once
+#include <algorithm>
 #include <atomic>
 #include <cstdlib>
 #include <vector>
@@ -114,6 +115,16 @@ inline View<double> view_of(const Sphere* spheres, std::uint64_t count, const st
                             const std::uint32_t* mask, const std::uint32_t* owner) {
   if (count == 0) return {nullptr, nullptr, 4, 4, 0, family, mask, owner, nullptr, nullptr, 0};
   return {&spheres->x, &spheres->r, 4, 4, count, family, mask, owner, nullptr, nullptr, 0};
+}
+
+// The spheres from number `first` on. The last batch is filled up with its last sphere.
+template <class T>
+void load_batch(const View<T>& spheres, std::uint64_t first, double (&v)[4][kBatch]) {
+  const std::uint64_t last = spheres.count - 1;
+  for (std::uint64_t k = 0; k < kBatch; k++) {
+    const Sphere p = spheres[std::min(first + k, last)];
+    v[0][k] = p.x, v[1][k] = p.y, v[2][k] = p.z, v[3][k] = p.r;
+  }
 }
 
 // Measures the seconds since it was made, or since the last lap.
@@ -236,8 +247,7 @@ class GridPath {
   // searches them, and their hits are in that thread's list.
   struct Chunk {
     std::uint64_t slot, slots;   // the first slot, and how many
-    std::uint64_t found;         // of the first slot, in found_
-    std::uint64_t first, count;  // the hits in the list of the thread
+    std::uint64_t first, count;  // the hits in the lists of the thread
     std::uint64_t record;        // number of the first record
     int thread, level, at;       // the level of the slots, and the level that they search
   };
@@ -246,13 +256,12 @@ class GridPath {
   Buffer<std::uint32_t> keys_;             // by sphere while they are sorted, then by slot
   Buffer<std::uint32_t> starts_;           // the first slot of each bucket, and the end
   Buffer<std::uint32_t> ids_;              // the number of the sphere in each slot
-  Buffer<std::uint32_t> found_;            // the number of hits of each slot, and 0
   Buffer<std::uint32_t> counts_, places_;  // of each thread: spheres of each part, and of each bin of a part
   Buffer<std::byte> entries_;
   Buffer<float> slots_[4];
   Buffer<Filter> filters_;
   Buffer<std::byte> spheres_;                // in the order of the slots: Exact<Slot>
-  std::vector<Buffer<std::uint32_t>> hits_;  // of each thread: the slots of the partners
+  std::vector<Buffer<std::uint32_t>> hits_;  // of each thread: HitLists, half of the buffer each
   std::vector<Chunk> chunks_;
 };
 

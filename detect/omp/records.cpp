@@ -40,30 +40,18 @@ class ChunkWriter {
               Records& records)
       : spheres_(spheres), ids_(ids), options_(options), records_(records) {}
 
-  // The contacts of slot `a` with the first found[0] of `count` hits, of the next slot with those after them,
-  // and so on, into the records from `first` on.
-  void write(std::uint64_t a, const std::uint32_t* found, const std::uint32_t* hits, std::uint64_t count,
-             std::uint64_t first) {
-    std::uint32_t left = *found;  // hits of slot a that are not written yet
-    for (std::uint64_t done = 0; done < count;) {
-      const auto n = static_cast<std::uint32_t>(std::min<std::uint64_t>(kBatch, count - done));
-      for (std::uint32_t filled = 0; filled < n;) {
-        const std::uint32_t same = std::min(left, n - filled);
-        // Whole vectors, at least one: what is too much is written over.
-        for (std::uint32_t k = 0; k <= same; k += kLanes)
-          std::fill_n(slots_ + filled + k, kLanes, static_cast<std::uint32_t>(a));
-        filled += same, left -= same;
-        if (left == 0) left = *++found, a++;
-      }
-      write_batch_of(hits + done, n, first + done);
-      done += n;
-    }
+  // The contacts of `count` hits, into the records from `first` on.
+  void write(const std::uint32_t* a, const std::uint32_t* b, std::uint64_t count, std::uint64_t first) {
+    for (std::uint64_t done = 0; done < count; done += kBatch)
+      write_batch_of(a + done, b + done,
+                     static_cast<std::uint32_t>(std::min<std::uint64_t>(kBatch, count - done)), first + done);
   }
 
  private:
-  void write_batch_of(const std::uint32_t* hits, std::uint32_t count, std::uint64_t first) {
+  void write_batch_of(const std::uint32_t* a, const std::uint32_t* b, std::uint32_t count,
+                      std::uint64_t first) {
     Pair* const pairs = records_.pairs.data() + first;
-    order_pairs(slots_, hits, count, ids_, pairs, i_, j_);
+    order_pairs(a, b, count, ids_, pairs, i_, j_);
     if (options_.width == Width::normals) {
       differences(spheres_, i_, j_, count, batch_);
       write_batch(batch_, count, first, options_, records_);
@@ -83,7 +71,6 @@ class ChunkWriter {
   const std::uint32_t* ids_;
   const CallOptions& options_;
   Records& records_;
-  std::uint32_t slots_[kBatch + kLanes];
   std::uint32_t i_[kBatch] = {}, j_[kBatch] = {};
   Batch batch_;
 };
@@ -126,8 +113,9 @@ void GridPath::write(const CallOptions& options, int threads, Records& records) 
 #pragma omp for schedule(dynamic, 8)
     for (std::int64_t k = 0; k < chunks; k++) {
       const Chunk& c = chunks_[static_cast<std::size_t>(k)];
-      writer.write(c.slot, found_.data() + c.found,
-                   hits_[static_cast<std::size_t>(c.thread)].data() + c.first, c.count, c.record);
+      const Buffer<std::uint32_t>& hits = hits_[static_cast<std::size_t>(c.thread)];
+      const std::uint32_t* const a = hits.data() + c.first;
+      writer.write(a, a + hits.capacity() / 2, c.count, c.record);
     }
   }
 }

@@ -5,6 +5,7 @@
 #include <omp.h>
 
 #include <cstring>
+#include <limits>
 
 #include "detect/omp/level_keys.h"
 #include "detect/omp/paths.h"
@@ -17,20 +18,23 @@ namespace {
 constexpr double kChunkTime = 1e5, kOwnLevelTime = 40;
 constexpr std::uint64_t kChunkSlots = 2048;
 // The most candidates that are tested before the room for hits is checked again.
-constexpr std::uint32_t kMostCandidates = 16384;
+constexpr std::uint32_t kMostCandidates = 8192;
 
-// The hits of one thread. The list grows as it must. If there is not enough memory, hits are only counted
+// Spheres whose hits are all looked at again if float cannot decide one of them.
+constexpr std::uint32_t kConfirmed = 64;
+
+// The hits of one thread. The lists grow as they must. If there is not enough memory, hits are only counted
 // from then on, so that the sentence about it can say how much would be needed.
 class Hits {
  public:
-  static constexpr std::uint64_t kLeast = 2 * (kMostCandidates + kLanes);
-  // The buffer must have room for kLeast hits.
+  static constexpr std::uint64_t kLeast = 4 * (kMostCandidates + kLanes);
+  // The buffer must have room for kLeast slots.
   Hits(Buffer<std::uint32_t>& buffer, Budget& budget) : buffer_(buffer), budget_(budget) {}
 
   // Room for kMostCandidates hits after those that are kept.
-  std::uint32_t* room() {
-    if (size_ + kMostCandidates + kLanes > buffer_.capacity()) grow();
-    return buffer_.data() + size_;
+  HitLists room() {
+    if (size_ + kMostCandidates + kLanes > buffer_.capacity() / 2) grow();
+    return {buffer_.data() + size_, buffer_.data() + buffer_.capacity() / 2 + size_};
   }
   void keep(std::uint64_t n) {
     total_ += n;
@@ -47,7 +51,9 @@ class Hits {
       counting_ = true, size_ = 0;
       return;
     }
-    std::memcpy(wider.data(), buffer_.data(), size_ * sizeof(std::uint32_t));
+    for (std::uint64_t list = 0; list < 2; list++)
+      std::memcpy(wider.data() + list * wider.capacity() / 2, buffer_.data() + list * buffer_.capacity() / 2,
+                  size_ * sizeof(std::uint32_t));
     buffer_.swap(wider);
   }
   Buffer<std::uint32_t>& buffer_;
@@ -64,7 +70,9 @@ constexpr double kLargestSearchRadius[2] = {800, 100};  // for float slots, for 
 constexpr std::uint64_t kFewSpheres = 128;
 bool few(const Level& l) { return l.spheres <= kFewSpheres; }
 double whole_cost(const Level& l) { return 8 + 3.5 * (static_cast<double>(l.spheres) / kLanes + 0.5); }
-constexpr int kRows = 2048;  // rows of bins that are looked up together; at least one layer
+constexpr int kRows = 2048;              // rows of bins that are looked up together; at least one layer
+constexpr std::uint32_t kTogether = 16;  // spheres whose rows are
+constexpr int kAround = std::numeric_limits<int>::max();  // rows that go on at the other end of the ring
 
 // Which other levels the spheres of each level search. Of two levels, one searches the other, in the
 // direction that costs less. A large sphere touches most of the finer spheres that it tests, but it searches
@@ -124,30 +132,26 @@ class Searcher {
   }
   std::uint64_t doubtful() const { return doubtful_; }
 
-  // The spheres of slots `first` to `last` - 1, which are of one level, search that level. `found`: how many
-  // hits each of them has.
-  void own_level(int level, std::uint32_t first, std::uint32_t last, std::uint32_t* found) {
+  // The spheres of slots `first` to `last` - 1, which are of one level, search that level.
+  void own_level(int level, std::uint32_t first, std::uint32_t last) {
     const LevelKeys& keys = level_keys_[level];
     const std::uint32_t last_key =
         keys.periodic() ? keys.offset + keys.mask - keys.plane - keys.row - 2 : ~0u;
-    const Bins<Slot> bins{slots_, keys_, starts_, keys.row, keys.plane, last_key, grown_by()};
+    const Bins<Slot> bins{slots_, spheres_, keys_, starts_, keys.row, keys.plane, last_key, grown_by()};
+    const auto test_bins = sparse(bins, first, last) ? kernels_.test_sparse_bins : kernels_.test_bins;
     while (first < last) {
       Searched s{0, 0, false};
       if (!confirms_ && !repeats(level)) {
-        std::uint32_t* const out = hits_.room();
-        s = kernels_.test_bins(bins, first, last, out, kMostCandidates, found);
-        if (s.doubt) s.hits = confirm_bins(first, s.spheres, out, found);
-        first += s.spheres, found += s.spheres;
-        hits_.keep(s.hits);
+        const HitLists out = hits_.room();
+        s = test_bins(bins, first, std::min(last, first + kConfirmed), out, kMostCandidates);
+        hits_.keep(s.doubt ? confirm_bins(out, s.hits) : s.hits);
+        first += s.spheres;
       }
-      if (s.spheres > 0) continue;
-      const std::uint64_t before = hits_.total();
-      own_level_of(level, bins, first);
-      *found++ = static_cast<std::uint32_t>(hits_.total() - before), first++;
+      if (s.spheres == 0) own_level_of(level, bins, first++);
     }
   }
   // The same for another level.
-  void other_level(int from, int level, std::uint32_t first, std::uint32_t last, std::uint32_t* found) {
+  void other_level(int from, int level, std::uint32_t first, std::uint32_t last) {
     const Level& l = grid_.level[level];
     // Spheres beyond these bounds meet none of the level. A bin more than the reach makes up for rounding.
     double low[3], high[3];
@@ -157,14 +161,20 @@ class Searcher {
       low[k] = l.hashed ? -INFINITY : begin - reach;
       high[k] = l.hashed ? INFINITY : begin + l.count[k] * l.size + reach;
     }
-    for (; first < last; first++) {
-      const Sphere s = exact_sphere(first);
-      const std::uint64_t before = hits_.total();
-      if ((s.x >= low[0]) & (s.x <= high[0]) & (s.y >= low[1]) & (s.y <= high[1]) & (s.z >= low[2]) &
-          (s.z <= high[2]))
-        search_level(level, first);
-      *found++ = static_cast<std::uint32_t>(hits_.total() - before);
+    // Rows are looked up for several spheres before any is tested, so that none waits for another.
+    std::uint32_t together = 0;
+    for (std::uint32_t a = first; a < last; a++) {
+      const Sphere s = exact_sphere(a);
+      CrossSearch& search = together_[together];
+      if (!((s.x >= low[0]) & (s.x <= high[0]) & (s.y >= low[1]) & (s.y <= high[1]) & (s.z >= low[2]) &
+            (s.z <= high[2])) ||
+          !prepare(level, a, s, search))
+        continue;
+      if (search.rows <= kRows / static_cast<int>(kTogether) && ++together < kTogether) continue;
+      search_level(level, together), together = 0;
+      if (search.rows > kRows / static_cast<int>(kTogether)) search_alone(level, search);
     }
+    search_level(level, together);
   }
 
  private:
@@ -181,6 +191,18 @@ class Searcher {
   // May spheres meet whose bins are far apart? The places of fixed-point slots repeat after 256 bins.
   bool repeats(int level) const {
     return kFixedPoint && (level_keys_[level].periodic() || few(grid_.level[level]));
+  }
+
+  // Do the spheres of these slots have few candidates? Some of them are asked.
+  static bool sparse(const Bins<Slot>& bins, std::uint32_t first, std::uint32_t last) {
+    constexpr std::uint32_t kAsked = 16;
+    std::uint32_t asked = 0, candidates = 0;
+    for (std::uint32_t a = first; a < last && bins.keys[a] <= bins.last_key;
+         a += (last - first) / kAsked + 1) {
+      Run runs[kForwardRuns];
+      asked++, candidates += std::min(forward_runs(bins, bins.keys[a], a, runs), 100 * kFewCandidates);
+    }
+    return candidates < kFewCandidates * asked;
   }
 
   // Sphere a searches its own level.
@@ -212,25 +234,29 @@ class Searcher {
     runs[count++] = {starts[first], starts[first + inside]};
     if (inside < buckets) runs[count++] = {starts[0], starts[buckets - inside]};
   }
-  // Tests sphere a against the spheres of another level, in the rows of bins that a ball around it crosses.
-  void search_level(int level, std::uint32_t a) {
+  // The search of a sphere at another level: of the rows of bins around the ball.
+  struct CrossSearch {
+    std::uint32_t a;
+    int rows;  // at most, then how many; more than kRows where it takes a search of its own
+    Slot me;
+    Ball ball;
+  };
+  // Returns false if the sphere meets none of the level.
+  bool prepare(int level, std::uint32_t a, Sphere s, CrossSearch& search) const {
     const Level& l = grid_.level[level];
     const LevelKeys& keys = level_keys_[level];
-    Sphere s = exact_sphere(a);
+    search.a = a, search.me = seeker(a), search.rows = 1;
+    if (!kFixedPoint && few(l)) return true;
     s.r += margin_ / 2;
     // A sphere this far out has no bin number. The spheres of this level are nearer (need_of), and cannot
     // touch it.
-    if (larger(larger(magnitude(s.x), magnitude(s.y)), magnitude(s.z)) > 0x1p43 * l.size) return;
-    const Run all{starts_[l.offset], starts_[std::uint64_t(l.offset) + l.buckets]};
-    if constexpr (!kFixedPoint)
-      if (few(l)) return test(seeker(a), a, &all, 1, level);
+    if (larger(larger(magnitude(s.x), magnitude(s.y)), magnitude(s.z)) > 0x1p43 * l.size) return false;
     const Split x = split(l, s.x), y = split(l, s.y), z = split(l, s.z);
-    Slot me = seeker(a);
     if constexpr (kFixedPoint)
-      me = {fixed_point_of(l, x), fixed_point_of(l, y), fixed_point_of(l, z),
-            static_cast<float>(mul(s.r, l.units))};
-    if (few(l)) return test(me, a, &all, 1, level);
-    Ball ball;
+      search.me = {fixed_point_of(l, x), fixed_point_of(l, y), fixed_point_of(l, z),
+                   static_cast<float>(mul(s.r, l.units))};
+    if (few(l)) return true;
+    Ball& ball = search.ball;
     ball.x = static_cast<float>(x.rest * l.per_size), ball.y = static_cast<float>(y.rest * l.per_size);
     ball.z = static_cast<float>(z.rest * l.per_size);
     ball.radius =
@@ -241,9 +267,10 @@ class Searcher {
     if (!restrict_to(l, 0, x.bin, ball.x_low, ball.x_high) ||
         !restrict_to(l, 1, y.bin, ball.y_low, ball.y_high) ||
         !restrict_to(l, 2, z.bin, ball.z_low, ball.z_high))
-      return;
+      return false;
     ball.row = keys.row, ball.plane = keys.plane;
     ball.key = keys.key({x.bin, y.bin, z.bin}) - l.offset;
+    search.rows = (ball.y_high - ball.y_low + 1) * (ball.z_high - ball.z_low + 1);
     if (keys.periodic()) {
       const auto steps = [&](int bx, int by, int bz) {
         return static_cast<std::uint32_t>(bx) + static_cast<std::uint32_t>(by) * ball.row +
@@ -254,12 +281,50 @@ class Searcher {
                           corner = (ball.key + to_corner) & keys.mask;
       ball.key = corner - to_corner;
       if (corner + (steps(ball.x_high, ball.y_high, ball.z_high) - to_corner) > keys.mask)
-        return search_around(keys, ball, me, a, level);
+        search.rows = kAround;
     }
+    return true;
+  }
+  // Tests the first `count` spheres of together_.
+  void search_level(int level, std::uint32_t count) {
+    const std::uint32_t* const starts = starts_ + grid_.level[level].offset;
+    const Run all{starts[0], starts[grid_.level[level].buckets]};
+    const bool whole = few(grid_.level[level]);
+    Run* rows = rows_;
+    for (std::uint32_t k = 0; k < count && !whole; k++) {
+      together_[k].rows = rows_of_box(together_[k].ball, starts, rows);
+      rows += together_[k].rows;
+    }
+    rows = rows_;
+    for (std::uint32_t k = 0; k < count; k++) {
+      const CrossSearch& s = together_[k];
+      test_rows(s.me, s.a, whole ? &all : rows, s.rows, level);
+      if (!whole) rows += s.rows;
+    }
+  }
+  // The rows of the box around a ball that has few, as find_rows() writes them. To leave out what the ball
+  // does not cross would take longer than to test it.
+  static int rows_of_box(const Ball& b, const std::uint32_t* starts, Run* rows) {
+    int n = 0;
+    for (int z = b.z_low; z <= b.z_high; z++)
+      for (int y = b.y_low; y <= b.y_high; y++) {
+        const std::uint32_t key = b.key + static_cast<std::uint32_t>(b.x_low) +
+                                  static_cast<std::uint32_t>(y) * b.row +
+                                  static_cast<std::uint32_t>(z) * b.plane;
+        rows[n] = {starts[key], starts[key + static_cast<std::uint32_t>(b.x_high - b.x_low + 1)]};
+        n += rows[n].begin < rows[n].end;
+      }
+    return n;
+  }
+  // The same for a sphere with many rows.
+  void search_alone(int level, CrossSearch& s) {
+    const Level& l = grid_.level[level];
+    if (s.rows == kAround) return search_around(level_keys_[level], s.ball, s.me, s.a, level);
+    Ball& ball = s.ball;
     const int last = ball.z_high, layers = std::max(1, kRows / (ball.y_high - ball.y_low + 1));
     for (; ball.z_low <= last; ball.z_low += layers) {
       ball.z_high = std::min(last, ball.z_low + layers - 1);
-      test_rows(me, a, kernels_.find_rows(ball, starts_ + l.offset, rows_), level);
+      test_rows(s.me, s.a, rows_, kernels_.find_rows(ball, starts_ + l.offset, rows_), level);
     }
   }
   // All rows of the box around the ball, on a periodic level.
@@ -272,7 +337,7 @@ class Searcher {
                     ball.key + static_cast<std::uint32_t>(ball.x_low) +
                         static_cast<std::uint32_t>(y) * ball.row + static_cast<std::uint32_t>(z) * ball.plane,
                     width, rows_, count);
-        test_rows(me, a, count, level);
+        test_rows(me, a, rows_, count, level);
       }
   }
   // Restricts bins low to high, relative to `bin`, to those that exist on the level. False if none of them
@@ -286,21 +351,21 @@ class Searcher {
     return true;
   }
 
-  // Tests the candidates in rows_[0] to rows_[count - 1], as many at once as there is room for.
-  void test_rows(const Slot& me, std::uint32_t a, int count, int level) {
+  // Tests the candidates in `count` rows, as many at once as there is room for.
+  void test_rows(const Slot& me, std::uint32_t a, const Run* rows, int count, int level) {
     int first = 0;
     std::uint32_t candidates = 0;
     for (int k = 0; k < count; k++) {
-      const std::uint32_t n = rows_[k].end - rows_[k].begin;
+      const std::uint32_t n = rows[k].end - rows[k].begin;
       if (n <= kMostCandidates - candidates) [[likely]] {
         candidates += n;
         continue;
       }
-      if (k > first) test(me, a, rows_ + first, k - first, level);
+      if (k > first) test(me, a, rows + first, k - first, level);
       first = k, candidates = n;
-      if (n > kMostCandidates) test_in_parts(me, a, rows_[k], level), first = k + 1, candidates = 0;
+      if (n > kMostCandidates) test_in_parts(me, a, rows[k], level), first = k + 1, candidates = 0;
     }
-    if (count > first) test(me, a, rows_ + first, count - first, level);
+    if (count > first) test(me, a, rows + first, count - first, level);
   }
 
   // Tests the candidates of a run of any length.
@@ -313,26 +378,24 @@ class Searcher {
   }
   // Tests at most kMostCandidates candidates of this level.
   void test(const Slot& me, std::uint32_t a, const Run* runs, int count, int level) {
-    std::uint32_t* out = hits_.room();
+    const HitLists out = hits_.room();
     bool doubt;
-    std::uint32_t n = kernels_.test_runs(slots_, me, runs, count, out, doubt);
+    std::uint32_t n = kernels_.test_runs(slots_, me, runs, count, out.b, doubt);
     if (doubt | confirms_ | repeats(level))
-      n = confirm(me, a, out, n, repeats(level) ? 0x1p7 * grid_.level[level].size : INFINITY, doubt);
+      n = confirm(me, a, out.b, n, repeats(level) ? 0x1p7 * grid_.level[level].size : INFINITY, doubt);
+    // Whole vectors: what is too much is written over.
+    for (std::uint32_t k = 0; k < n; k += kLanes) std::fill_n(out.a + k, kLanes, a);
     hits_.keep(n);
   }
 
-  // Removes the hits that are no contacts from those of `spheres` slots from `first` on. Returns how many are
+  // Removes the hits that are no contacts from those of spheres at their own level. Returns how many are
   // left.
-  std::uint32_t confirm_bins(std::uint32_t first, std::uint32_t spheres, std::uint32_t* hits,
-                             std::uint32_t* found) {
-    std::uint32_t kept = 0, read = 0;
-    for (std::uint32_t k = 0; k < spheres; k++) {
-      const std::uint32_t n = found[k] & ~kInDoubt;
-      if (kept < read) std::copy_n(hits + read, n, hits + kept);
-      read += n;
-      if (found[k] & kInDoubt)
-        found[k] = confirm(seeker(first + k), first + k, hits + kept, n, INFINITY, true);
-      kept += found[k];
+  std::uint32_t confirm_bins(const HitLists& hits, std::uint32_t n) {
+    std::uint32_t kept = 0;
+    for (std::uint32_t k = 0; k < n; k++) {
+      const std::uint32_t a = hits.a[k];
+      hits.a[kept] = a, hits.b[kept] = hits.b[k];
+      kept += confirm(seeker(a), a, hits.b + kept, 1, INFINITY, true);
     }
     return kept;
   }
@@ -380,6 +443,7 @@ class Searcher {
   bool exact_, bounded_ = false, confirms_ = false;
   double margin_;
   Run rows_[kRows + kLanes];
+  CrossSearch together_[kTogether];
   LevelKeys level_keys_[kMaxLevels];
   std::uint64_t doubtful_ = 0;
 };
@@ -392,26 +456,22 @@ std::uint64_t GridPath::search(const Grid& grid, const CallOptions& options, boo
   Stopwatch watch;
   const CrossSearches cross_searches = plan_cross_searches(grid, std::is_same_v<Slot, FixedPointSlot>);
   chunks_.clear();
-  std::uint64_t searches = 0;  // of a sphere at a level
   for (int k = 0; k < grid.levels; k++) {
     const Level& l = grid.level[k];
     const std::uint64_t begin = starts_[l.offset], end = starts_[std::uint64_t(l.offset) + l.buckets];
     const auto add = [&](int at, double each) {
       const auto size = std::min(static_cast<std::uint64_t>(std::max(1.0, kChunkTime / each)), kChunkSlots);
       for (std::uint64_t slot = begin; slot < end; slot += size)
-        chunks_.push_back({slot, std::min(size, end - slot), searches + (slot - begin), 0, 0, 0, 0, k, at});
-      searches += end - begin;
+        chunks_.push_back({slot, std::min(size, end - slot), 0, 0, 0, 0, k, at});
     };
     add(k, kOwnLevelTime);
     for (int q = 0; q < cross_searches.count[k]; q++) add(cross_searches.at[k][q], cross_searches.cost[k][q]);
   }
-  std::uint32_t* const found = found_.resize(searches + 1, "the list of contacts");
   while (hits_.size() < static_cast<std::size_t>(threads)) hits_.emplace_back(*budget_);
   hits_[0].resize(Hits::kLeast, "the list of contacts");  // here, because nothing may throw in the threads
   int searching = 1;  // fewer threads where a limit of memory leaves no room for a list of each
   while (searching < threads && hits_[static_cast<std::size_t>(searching)].try_resize(Hits::kLeast))
     searching++;
-  found[searches] = 0;
   std::uint64_t doubtful = 0, total = 0;
   bool counted_only = false;
 #pragma omp parallel num_threads(searching) reduction(+ : doubtful, total) reduction(|| : counted_only)
@@ -428,15 +488,15 @@ std::uint64_t GridPath::search(const Grid& grid, const CallOptions& options, boo
       const auto slot = static_cast<std::uint32_t>(c.slot),
                  end = static_cast<std::uint32_t>(c.slot + c.slots);
       if (c.at == c.level)
-        searcher.own_level(c.at, slot, end, found + c.found);
+        searcher.own_level(c.at, slot, end);
       else
-        searcher.other_level(c.level, c.at, slot, end, found + c.found);
+        searcher.other_level(c.level, c.at, slot, end);
       c.count = hits.size() - c.first;
     }
     doubtful += searcher.doubtful(), total += hits.total(), counted_only = counted_only || hits.counting();
   }
   if (counted_only)
-    throw_memory(total * sizeof(std::uint32_t) + budget_->held(),
+    throw_memory(total * 2 * sizeof(std::uint32_t) + budget_->held(),
                  (std::to_string(total) + " contacts").c_str());
   seconds.stage[6] += watch.lap();
   return doubtful;
