@@ -432,6 +432,52 @@ TEST(Mend, TrianglesThatAllLieApartByCracksAreOneBody) {
   EXPECT_NEAR(volume(r), mass_properties(ball).volume, 0.01);
 }
 
+// Each triangle with corners of its own, moved by up to `off`.
+Mesh with_corners_off(const Mesh& mesh, double off) {
+  RandomInput random(1);
+  Mesh out;
+  for (std::size_t t = 0; t < mesh.triangles.size(); t++) {
+    const auto first = static_cast<std::uint32_t>(out.points.size());
+    for (int k = 0; k < 3; k++) out.points.push_back(mesh.corner(t, k) + off * random.direction());
+    out.triangles.push_back({first, first + 1, first + 2});
+  }
+  return out;
+}
+
+TEST(Mend, CornersThatLieNearEachOtherAreJoined) {
+  const Mesh wall = moved(shapes::square(1, 2),
+                          Eigen::AngleAxisd(std::numbers::pi / 2, Vector::UnitX()).matrix(), {0, 0.5, 0});
+  RepairOptions options;
+  for (const bool keep : {false, true}) {
+    options.keep_corners = keep;
+    const Repaired r = mend(with_corners_off(joined(kCube, wall), 3e-5), options).value();
+    EXPECT_EQ(r.steps.joined > 0, !keep);
+    EXPECT_LE(r.steps.joined_width, 6e-5);
+    if (keep) continue;
+    EXPECT_EQ(r.kind, BodyKind::solid);
+    EXPECT_EQ(r.patches.size(), 0u);
+    EXPECT_NEAR(volume(r), 1, 1e-3);
+    EXPECT_NEAR(r.steps.buried_area, 1, 1e-3);
+  }
+  // Fewer open pieces must be left: a lid that shares two corners with a box hangs together with it no more.
+  const Mesh open = without(kCube, [](const Point& p) { return p.z() == 1; });
+  EXPECT_EQ(mended(joined(open, moved(shapes::square(1, 7), Eigen::Matrix3d::Identity(), {0, 0, 1 + 5e-5})))
+                .steps.joined,
+            0u);
+}
+
+TEST(Mend, AMirroredHalfThatFacesInwardIsTurned) {
+  const Mesh half =
+      without(shapes::box({0, 0, 0}, {1, 1, 0.5}, 3), [](const Point& p) { return p.z() == 0; });
+  Mesh other = half;
+  for (Point& p : other.points) p.z() = -2e-5 - p.z();
+  const Repaired r = mended(joined(half, other));
+  EXPECT_EQ(r.kind, BodyKind::solid);
+  EXPECT_EQ(r.patches.size(), 0u);
+  EXPECT_NEAR(volume(r), 1, 1e-4);
+  EXPECT_NEAR(r.steps.joined_width, 2e-5, 1e-12);
+}
+
 TEST(Mend, TrianglesWithoutAreaHoldTheSurfaceTogether) {
   // A point on the edge of a face, and a triangle without area that joins it to the face on the other side.
   Mesh mesh = shapes::box({0, 0, 0}, {1, 1, 1});
