@@ -229,6 +229,9 @@ class Mender {
     add(group.cracks);
     for (const Triangles& patch : group.patches) add(patch);
     group.inward = turn_outward(group.triangles);
+    if (group.inward)
+      for (Triangles& patch : group.patches)
+        for (auto& t : patch) std::swap(t[1], t[2]);
   }
 
   Mesh part(const std::vector<std::uint32_t>& triangles) const {

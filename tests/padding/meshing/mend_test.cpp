@@ -272,6 +272,10 @@ TEST(Mend, ABottleIsASolidWithAHoleAndABowlIsASheet) {
   EXPECT_EQ(bowl.patches.size(), 0u);
   EXPECT_LT(bowl.steps.sheet_winding, 0.8);
   EXPECT_NEAR(bowl.mesh.area(), cup.area(), 1e-9);
+  // It is none the more a solid where it faces inward.
+  const Repaired inward = mended(turned_over(cup));
+  EXPECT_EQ(inward.kind, BodyKind::sheet);
+  EXPECT_NEAR(inward.steps.sheet_winding, bowl.steps.sheet_winding, 1e-9);
   // As asked, it is filled, and a bottle is none.
   EXPECT_NEAR(volume(mended(cup, RepairMode::fill)), 2.0 / 3 * std::numbers::pi, 0.05);
   EXPECT_EQ(mended(lathe({{0, 0}, {1, 0}, {1, 3}, {0.3, 3.6}, {0.3, 4.4}}, 40), RepairMode::sheet).kind,
