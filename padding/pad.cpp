@@ -301,7 +301,11 @@ Surface surface_in_wrap(const Mesh& input, Repaired& wrap, bool by_grain, PadRep
 RepairOptions repairing(const PadOptions& options, double length, double tolerance, double diagonal) {
   RepairOptions r;
   r.mode = options.repair;
-  r.keep_corners = options.each_error() && !options.gap_used().given();
+  // Joining moves the surface, which is taken off both errors.
+  if (options.each_error())
+    r.join_width =
+        0.25 * std::min(options.protrusion_used().absolute(diagonal), options.gap_used().absolute(diagonal)) /
+        diagonal;
   // One sphere for each triangle needs room below it.
   r.below_terrain = length > 0;
   r.thickness = options.thickness.absolute(diagonal) / diagonal;

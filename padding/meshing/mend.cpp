@@ -98,8 +98,9 @@ class Mender {
   void join_pieces() {
     std::size_t apart, together;
     const std::vector<std::uint32_t> open = open_triangles(apart);
-    if (apart < 2 || options_.keep_corners || options_.mode == RepairMode::sheet) return;
-    JoinedCorners joined = join_corners(input_, mesh_, missing_edges(mesh_, open), crack_limit());
+    const double width = std::min(options_.join_width, crack_limit());
+    if (apart < 2 || !(width > 0) || options_.mode == RepairMode::sheet) return;
+    JoinedCorners joined = join_corners(input_, mesh_, missing_edges(mesh_, open), width);
     if (joined.count == 0) return;
     Pieces given = std::exchange(pieces_, find_pieces(joined.mesh));
     open_triangles(together);

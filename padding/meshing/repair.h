@@ -2,6 +2,7 @@
 // Repairs a triangle soup: it becomes the surface of a body, closed, oriented outward, without
 // self-intersections.
 #pragma once
+#include <limits>
 #include <string>
 
 #include "padding/geometry/repaired.h"
@@ -27,8 +28,9 @@ struct RepairOptions {
   // alpha below diagonal/600. Comes before `accuracy` and `alpha`. Cracks wider than a quarter of it are not
   // closed. 0: none is promised.
   double tolerance = 0;
-  bool keep_corners = false;  // do not move any, where the spheres must hold each point of the input
-  double accuracy = 0;        // error asked for, which a wrap must not spoil; 0: diagonal/500
+  // Corners farther apart are not joined, nor those farther apart than a crack may be wide. 0: none are.
+  double join_width = std::numeric_limits<double>::infinity();
+  double accuracy = 0;  // error asked for, which a wrap must not spoil; 0: diagonal/500
   // Radius of the ball that a wrap keeps out; 0: 2.75 times the accuracy, from diagonal/400 to diagonal/150.
   double alpha = 0;
   double offset = 0;     // of a wrap from the input; 0: a third of the accuracy, at most diagonal/1500

@@ -453,7 +453,7 @@ TEST(Mend, CornersThatLieNearEachOtherAreJoined) {
                           Eigen::AngleAxisd(std::numbers::pi / 2, Vector::UnitX()).matrix(), {0, 0.5, 0});
   RepairOptions options;
   for (const bool keep : {false, true}) {
-    options.keep_corners = keep;
+    if (keep) options.join_width = 0;
     const Repaired r = mend(with_corners_off(joined(kCube, wall), 3e-5), options).value();
     EXPECT_EQ(r.steps.joined > 0, !keep);
     EXPECT_LE(r.steps.joined_width, 6e-5);
