@@ -83,10 +83,10 @@ void keep_only(RungSpheres& made, const std::vector<std::uint32_t>& kept) {
 }
 
 // The surface that closes a crack is as far from the input as the crack is wide, so the spheres may stand out
-// by so much less. Far from the origin doubles are coarse: writing the spheres down may move them by
-// `coarseness`, which is taken off both errors.
+// by so much less. Far from the origin doubles are coarse: writing the spheres down may move them, and
+// joining corners may move the surface. Together that is `moved`, which is taken off both errors.
 CullOptions cull_options(const PadOptions& options, const Length& tolerance, double diagonal, double crack,
-                         double coarseness) {
+                         double moved) {
   CullOptions c;
   c.tolerance = tolerance.absolute(diagonal) / diagonal;
   c.max_spheres = options.max_spheres;
@@ -102,8 +102,8 @@ CullOptions cull_options(const PadOptions& options, const Length& tolerance, dou
       c.tolerance -= crack;
   }
   if (c.only_protrusion) *c.only_protrusion -= crack;
-  const auto lessen = [coarseness](double& error) {
-    if (error > 2 * coarseness) error -= coarseness;
+  const auto lessen = [moved](double& error) {
+    if (error > 2 * moved) error -= moved;
   };
   lessen(c.tolerance);
   if (c.only_protrusion) lessen(*c.only_protrusion);
@@ -158,7 +158,7 @@ RungSpheres make_spheres(const Job& job, const Length& tolerance, std::string& w
   } else {
     job.step("cull", 4);
     CullOptions culling = cull_options(options, tolerance, job.frame.scale(), job.body.steps.crack_width,
-                                       job.frame.coarseness());
+                                       job.frame.coarseness() + job.body.steps.joined_width);
     culling.tell = job.within_cull;
     // Below a sheet as given nothing bounds the balls: large ones would sag and stand out past its border.
     if (!job.surface.closed()) culling.max_radius = std::min(culling.max_radius, 0.05);
@@ -301,6 +301,11 @@ Surface surface_in_wrap(const Mesh& input, Repaired& wrap, bool by_grain, PadRep
 RepairOptions repairing(const PadOptions& options, double length, double tolerance, double diagonal) {
   RepairOptions r;
   r.mode = options.repair;
+  // Joining moves the surface, which is taken off both errors.
+  if (options.each_error())
+    r.join_width =
+        0.25 * std::min(options.protrusion_used().absolute(diagonal), options.gap_used().absolute(diagonal)) /
+        diagonal;
   // One sphere for each triangle needs room below it.
   r.below_terrain = length > 0;
   r.thickness = options.thickness.absolute(diagonal) / diagonal;
@@ -332,7 +337,7 @@ void show_repair(Repaired& body, double area, const UnitFrame& frame, Padded& ou
   report.filled = body.filled, report.filled_area = body.filled_area * scale * scale;
   if (area > 0) report.buried = std::max(report.buried, body.steps.buried_area / area);
   report.steps = body.steps;
-  report.steps.crack_width *= scale;
+  report.steps.crack_width *= scale, report.steps.joined_width *= scale;
   report.steps.buried_area *= scale * scale, report.steps.sheet_area *= scale * scale;
   out.marks = std::move(body.marks);
   for (const Patch& patch : body.patches) {

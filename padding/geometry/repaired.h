@@ -35,6 +35,8 @@ struct RepairSteps {
   std::size_t turned_pieces = 0;   // closed pieces that faced inward and are no cavities
   std::size_t cavities = 0;        // closed pieces inside another one, which bound a hollow
   double buried_area = 0;          // of the input's surface that has the body on both sides, and is left out
+  std::size_t joined = 0;          // corners that were moved to another one
+  double joined_width = 0;         // the farthest of them
   std::size_t cracks = 0;          // triangles that close cracks; they are in no patch
   double crack_width = 0;          // the widest of them
   double sheet_area = 0;           // of the surface that bounds nothing

@@ -7,6 +7,7 @@
 #include <limits>
 #include <map>
 #include <numbers>
+#include <numeric>
 #include <set>
 #include <unordered_map>
 
@@ -215,6 +216,43 @@ std::vector<CrackTriangle> close_cracks(const Mesh& mesh, std::vector<DirectedEd
   }
   missing = needs.list();
   return patch;
+}
+
+JoinedCorners join_corners(const Mesh& soup, const Mesh& mesh, const std::vector<DirectedEdge>& missing,
+                           double width) {
+  std::vector<std::uint32_t> border;
+  for (const DirectedEdge& e : missing) border.push_back(e.from), border.push_back(e.to);
+  std::sort(border.begin(), border.end());
+  border.erase(std::unique(border.begin(), border.end()), border.end());
+  std::vector<Point> places;
+  for (const auto v : border) places.push_back(mesh.points[v]);
+  const PointTree tree(places);
+  std::vector<std::uint32_t> to(mesh.points.size()), near;  // where each corner moves
+  std::iota(to.begin(), to.end(), 0u);
+  std::vector<char> taken(border.size(), 0);
+  for (std::uint32_t k = 0; k < border.size(); k++) {
+    if (taken[k]) continue;
+    near.clear();
+    tree.find(places[k], width, near);
+    for (const auto other : near)
+      if (!taken[other]) taken[other] = 1, to[border[other]] = border[k];
+  }
+  for (const auto& t : mesh.triangles)
+    if (to[t[0]] == to[t[1]] || to[t[1]] == to[t[2]] || to[t[2]] == to[t[0]])
+      for (const auto v : t) to[v] = v;
+  const auto less = [](const Point& a, const Point& b) {
+    return std::lexicographical_compare(a.data(), a.data() + 3, b.data(), b.data() + 3);
+  };
+  std::map<Point, std::uint32_t, decltype(less)> moved(less);
+  JoinedCorners out{soup};
+  for (const auto v : border) {
+    if (to[v] == v) continue;
+    moved.emplace(mesh.points[v], to[v]), out.count++;
+    out.farthest = std::max(out.farthest, (mesh.points[v] - mesh.points[to[v]]).norm());
+  }
+  for (Point& p : out.mesh.points)
+    if (const auto found = moved.find(p); found != moved.end()) p = mesh.points[found->second];
+  return out;
 }
 
 std::vector<std::vector<std::uint32_t>> trace_rims(const Mesh& mesh,

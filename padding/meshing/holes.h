@@ -19,6 +19,18 @@ struct CrackTriangle {
 };
 std::vector<CrackTriangle> close_cracks(const Mesh& mesh, std::vector<DirectedEdge>& missing, double width);
 
+// Corners that lie at most `width` apart, moved to one place. Corners of one triangle stay apart.
+struct JoinedCorners {
+  Mesh mesh;              // `soup` with its points moved
+  std::size_t count = 0;  // of the corners that were moved
+  double farthest = 0;    // that one of them was moved
+};
+
+// Joins the corners at the ends of the missing edges, which are those of `mesh`: a mesh whose points have the
+// same numbers as those of `soup`.
+JoinedCorners join_corners(const Mesh& soup, const Mesh& mesh, const std::vector<DirectedEdge>& missing,
+                           double width);
+
 // The closed paths without a point twice that the missing edges form. At a vertex with several ways on, the
 // path takes the one next to it, as seen from the front of the triangles listed.
 std::vector<std::vector<std::uint32_t>> trace_rims(const Mesh& mesh,

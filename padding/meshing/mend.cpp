@@ -8,6 +8,7 @@
 #include <map>
 #include <numbers>
 #include <numeric>
+#include <utility>
 
 #include "padding/geometry/medial.h"
 #include "padding/geometry/random.h"
@@ -55,6 +56,7 @@ class Mender {
   Mender(const Mesh& input, const RepairOptions& options)
       : options_(options), pieces_(find_pieces(input)), mesh_(pieces_.mesh), input_(input) {
     diagonal_ = input.bounds().diagonal();
+    join_pieces();
   }
   Mender(std::shared_ptr<const Surface> piece, const RepairOptions& options)
       : options_(options), mesh_(pieces_.mesh), input_(piece->mesh()), surface_(std::move(piece)) {
@@ -79,6 +81,40 @@ class Mender {
 
  private:
   // --- open pieces ---
+
+  std::vector<std::uint32_t> open_triangles(std::size_t& pieces) const {
+    std::vector<std::uint32_t> open;
+    pieces = 0;
+    for (const Piece& piece : pieces_.pieces) {
+      if (piece.closed || piece.bounds_nothing) continue;
+      open.insert(open.end(), piece.triangles.begin(), piece.triangles.end()), pieces++;
+    }
+    return open;
+  }
+
+  // Where each triangle, or each half of a body, has corners of its own that miss those of its neighbours by
+  // a little, cracks run all round it, triangles cross their neighbours, and nothing says which way they
+  // face. So the corners are joined, if that leaves at most half as many open pieces.
+  void join_pieces() {
+    std::size_t apart, together;
+    const std::vector<std::uint32_t> open = open_triangles(apart);
+    const double width = std::min(options_.join_width, crack_limit());
+    if (apart < 2 || !(width > 0) || options_.mode == RepairMode::sheet) return;
+    JoinedCorners joined = join_corners(input_, mesh_, missing_edges(mesh_, open), width);
+    if (joined.count == 0) return;
+    Pieces given = std::exchange(pieces_, find_pieces(joined.mesh));
+    open_triangles(together);
+    if (2 * together > apart) {
+      pieces_ = std::move(given);
+      return;
+    }
+    out_.steps.joined = joined.count, out_.steps.joined_width = joined.farthest;
+  }
+
+  double crack_limit() const {
+    const double share = options_.tolerance > 0 ? crack_share * options_.tolerance : diagonal_;
+    return std::min(crack_width * diagonal_, share);
+  }
 
   // Open pieces belong together where they share points or a crack between them is closed.
   void collect_groups() {
@@ -105,10 +141,7 @@ class Mender {
     for (const auto t : open) join(mesh_.triangles[t]);
     std::vector<DirectedEdge> missing = missing_edges(mesh_, open);
     std::vector<CrackTriangle> cracks;
-    if (options_.mode != RepairMode::sheet) {
-      const double share = options_.tolerance > 0 ? crack_share * options_.tolerance : diagonal_;
-      cracks = close_cracks(mesh_, missing, std::min(crack_width * diagonal_, share));
-    }
+    if (options_.mode != RepairMode::sheet) cracks = close_cracks(mesh_, missing, crack_limit());
     for (const CrackTriangle& crack : cracks) join(crack.triangle);
     if (options_.mode != RepairMode::sheet) find_bridges(open, missing, root);
     for (const auto& [a, b] : bridges_) join({a, b, b});
@@ -197,6 +230,9 @@ class Mender {
     add(group.cracks);
     for (const Triangles& patch : group.patches) add(patch);
     group.inward = turn_outward(group.triangles);
+    if (group.inward)
+      for (Triangles& patch : group.patches)
+        for (auto& t : patch) std::swap(t[1], t[2]);
   }
 
   Mesh part(const std::vector<std::uint32_t>& triangles) const {

@@ -148,6 +148,9 @@ std::string words(const Repaired& body, double diagonal) {
   if (s.turned > 0) report.add("turned " + count_of(s.turned, "triangle"));
   if (s.turned_pieces > 0)
     report.add("turned " + count_of(s.turned_pieces, "closed piece") + " that faced inward");
+  if (s.joined > 0)
+    report.add("joined " + count_of(s.joined, "corner") + " up to " + percent(s.joined_width / diagonal) +
+               " apart");
   if (s.cracks > 0) report.add("closed cracks up to " + percent(s.crack_width / diagonal) + " wide");
   if (!body.patches.empty()) {
     double longest = 0;

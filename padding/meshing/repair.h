@@ -2,6 +2,7 @@
 // Repairs a triangle soup: it becomes the surface of a body, closed, oriented outward, without
 // self-intersections.
 #pragma once
+#include <limits>
 #include <string>
 
 #include "padding/geometry/repaired.h"
@@ -27,6 +28,8 @@ struct RepairOptions {
   // alpha below diagonal/600. Comes before `accuracy` and `alpha`. Cracks wider than a quarter of it are not
   // closed. 0: none is promised.
   double tolerance = 0;
+  // Corners farther apart are not joined, nor those farther apart than a crack may be wide. 0: none are.
+  double join_width = std::numeric_limits<double>::infinity();
   double accuracy = 0;  // error asked for, which a wrap must not spoil; 0: diagonal/500
   // Radius of the ball that a wrap keeps out; 0: 2.75 times the accuracy, from diagonal/400 to diagonal/150.
   double alpha = 0;
@@ -41,7 +44,8 @@ struct RepairOptions {
 };
 
 // A closed mesh that meets itself nowhere is kept as it is, turned outward (CGAL's Polygon Mesh Processing).
-// Everything else is mended (mend.h): its triangles stay where they are, and the body is where their winding
+// Everything else is mended (mend.h): its triangles stay where they are, unless their corners are joined
+// (RepairSteps::joined), and the body is where their winding
 // number is above 0. Only a wrap replaces the surface, with CGAL's 3D Alpha Wrapping (Portaneri,
 // Rouxel-Labbé, Hemmer, Cohen-Steiner, Alliez: Alpha wrapping with an offset, 2022). A wrap encloses the
 // input. Its surface lies outside it by at most the offset, except in slots and creases narrower than 2

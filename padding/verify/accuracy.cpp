@@ -123,7 +123,9 @@ Measured measure(const Mesh& input, const Repaired& body, const Surface& body_su
   const Summary gap = summarize(gaps);
   a.gap_mean = gap.mean, a.gap_p95 = gap.p95;
   a.coverage = points.empty() ? 0 : double(covered) / double(points.size());
-  a.gap_bound = gap_bound(body_surface.mesh(), set, options.floor).upper;
+  // Where corners were joined, the surface is as far from the input as they were moved.
+  const double floor = std::max(0.0, options.floor - body.steps.joined_width);
+  a.gap_bound = gap_bound(body_surface.mesh(), set, floor).upper + body.steps.joined_width;
   // Triangles without area may lie apart from the others, so they are measured, too.
   if (!wrap) a.gap_bound = std::max(a.gap_bound, gap_bound(body.flat, set, options.floor).upper);
   a.gap_max = std::max(gap.max, a.gap_bound);
@@ -156,7 +158,8 @@ Measured measure(const Mesh& input, const Repaired& body, const Surface& body_su
   // What a wrap bridges counts as body, so it is no part of the bounds of the balls. It may lie as far from
   // the input as the wrap does. So may what closes a crack, but it counts as surface.
   for (const double standoff : body.standoff) a.wrap_distance = std::max(a.wrap_distance, standoff);
-  a.protrusion_bound = std::max({0.0, bound.max + body.steps.crack_width, a.wrap_distance});
+  a.protrusion_bound =
+      std::max({0.0, bound.max + body.steps.crack_width + body.steps.joined_width, a.wrap_distance});
   m.outside = bound.outside;
   a.protrusion_max = std::max(a.protrusion_max, a.protrusion_bound);
   if (bound.proved) a.proved_against = proved_against(body);

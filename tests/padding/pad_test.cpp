@@ -442,6 +442,45 @@ TEST(Pad, TheWidthOfAClosedCrackIsTakenOffTheTolerance) {
   }
 }
 
+// Two halves of a box that nearly meet. Joining their corners moves one of them, and the errors are against
+// the input.
+TEST(Pad, JoinedCornersAreTakenOffBothErrors) {
+  const double crack = 1.5e-4, tolerance = 0.02;
+  Mesh half = shapes::box({0, 0, 0}, {1, 1, 0.5}, 2), other;
+  std::erase_if(half.triangles, [&](const auto& t) {
+    return std::all_of(t.begin(), t.end(), [&](auto v) { return half.points[v].z() == 0; });
+  });
+  other = moved(half, [&](Point p) { return Point(p.x(), p.y(), -crack - p.z()); });
+  const Mesh mesh = joined(half, other);
+  PadOptions whole, each, full, inner;
+  whole.tolerance = each.tolerance = Length::of(tolerance);
+  each.gap = Length::of(0.03), full.protrusion = Length::of(tolerance), full.gap = Length::of(0);
+  inner.protrusion = Length::of(0), inner.gap = Length::of(0.05);
+  for (PadOptions* options : {&whole, &each, &full, &inner}) {
+    options->effort = 0;
+    const Padded p = pad(as_file(mesh), *options);
+    EXPECT_TRUE(p.cluster.accuracy.certified) << p.report.reason;
+    EXPECT_LE(p.cluster.accuracy.protrusion_bound, (options == &inner ? 0 : tolerance) + 1e-9);
+    const double gap = options == &each ? 0.03 : options == &full ? 0 : options == &inner ? 0.05 : tolerance;
+    EXPECT_LE(p.cluster.accuracy.gap_bound, gap + 1e-9);
+    // Where one of the errors may not be, corners stay.
+    EXPECT_EQ(p.report.steps.joined > 0, options == &whole || options == &each);
+    if (p.report.steps.joined == 0) continue;
+    EXPECT_NEAR(p.report.steps.joined_width, crack, 1e-9);
+    for (std::size_t k = 0; k < p.cluster.size(); k++) {
+      const Point &c = p.cluster.centers[k], low(0, 0, -0.5 - crack), high(1, 1, 0.5);
+      const double inside = std::min((c - low).minCoeff(), (high - c).minCoeff());
+      EXPECT_LE(p.cluster.radii[k], inside + tolerance + 1e-9);
+    }
+    for (const Point& corner : mesh.points) {
+      double apart = 1;
+      for (std::size_t k = 0; k < p.cluster.size(); k++)
+        apart = std::min(apart, (p.cluster.centers[k] - corner).norm() - p.cluster.radii[k]);
+      EXPECT_LE(apart, gap);
+    }
+  }
+}
+
 TEST(Pad, ASpikeWithoutAreaIsSurfaceToo) {
   Mesh mesh = shapes::box({0, 0, 0}, {1, 1, 1}, 2);
   const auto n = static_cast<std::uint32_t>(mesh.points.size());

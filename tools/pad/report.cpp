@@ -105,6 +105,8 @@ Json report_json(const PadFiles& files, const PadOptions& options, const Padded&
             {"turned_pieces", r.steps.turned_pieces},
             {"cavities", r.steps.cavities},
             {"buried_area", r.steps.buried_area},
+            {"joined_corners", r.steps.joined},
+            {"joined_width", r.steps.joined_width},
             {"cracks", r.steps.cracks},
             {"crack_width", r.steps.crack_width},
             {"sheet_area", r.steps.sheet_area},

@@ -272,6 +272,10 @@ TEST(Mend, ABottleIsASolidWithAHoleAndABowlIsASheet) {
   EXPECT_EQ(bowl.patches.size(), 0u);
   EXPECT_LT(bowl.steps.sheet_winding, 0.8);
   EXPECT_NEAR(bowl.mesh.area(), cup.area(), 1e-9);
+  // It is none the more a solid where it faces inward.
+  const Repaired inward = mended(turned_over(cup));
+  EXPECT_EQ(inward.kind, BodyKind::sheet);
+  EXPECT_NEAR(inward.steps.sheet_winding, bowl.steps.sheet_winding, 1e-9);
   // As asked, it is filled, and a bottle is none.
   EXPECT_NEAR(volume(mended(cup, RepairMode::fill)), 2.0 / 3 * std::numbers::pi, 0.05);
   EXPECT_EQ(mended(lathe({{0, 0}, {1, 0}, {1, 3}, {0.3, 3.6}, {0.3, 4.4}}, 40), RepairMode::sheet).kind,
@@ -430,6 +434,52 @@ TEST(Mend, TrianglesThatAllLieApartByCracksAreOneBody) {
   EXPECT_EQ(r.kind, BodyKind::solid);
   EXPECT_LT(r.steps.cracks, 8 * apart.triangles.size());
   EXPECT_NEAR(volume(r), mass_properties(ball).volume, 0.01);
+}
+
+// Each triangle with corners of its own, moved by up to `off`.
+Mesh with_corners_off(const Mesh& mesh, double off) {
+  RandomInput random(1);
+  Mesh out;
+  for (std::size_t t = 0; t < mesh.triangles.size(); t++) {
+    const auto first = static_cast<std::uint32_t>(out.points.size());
+    for (int k = 0; k < 3; k++) out.points.push_back(mesh.corner(t, k) + off * random.direction());
+    out.triangles.push_back({first, first + 1, first + 2});
+  }
+  return out;
+}
+
+TEST(Mend, CornersThatLieNearEachOtherAreJoined) {
+  const Mesh wall = moved(shapes::square(1, 2),
+                          Eigen::AngleAxisd(std::numbers::pi / 2, Vector::UnitX()).matrix(), {0, 0.5, 0});
+  RepairOptions options;
+  for (const bool keep : {false, true}) {
+    if (keep) options.join_width = 0;
+    const Repaired r = mend(with_corners_off(joined(kCube, wall), 3e-5), options).value();
+    EXPECT_EQ(r.steps.joined > 0, !keep);
+    EXPECT_LE(r.steps.joined_width, 6e-5);
+    if (keep) continue;
+    EXPECT_EQ(r.kind, BodyKind::solid);
+    EXPECT_EQ(r.patches.size(), 0u);
+    EXPECT_NEAR(volume(r), 1, 1e-3);
+    EXPECT_NEAR(r.steps.buried_area, 1, 1e-3);
+  }
+  // Fewer open pieces must be left: a lid that shares two corners with a box hangs together with it no more.
+  const Mesh open = without(kCube, [](const Point& p) { return p.z() == 1; });
+  EXPECT_EQ(mended(joined(open, moved(shapes::square(1, 7), Eigen::Matrix3d::Identity(), {0, 0, 1 + 5e-5})))
+                .steps.joined,
+            0u);
+}
+
+TEST(Mend, AMirroredHalfThatFacesInwardIsTurned) {
+  const Mesh half =
+      without(shapes::box({0, 0, 0}, {1, 1, 0.5}, 3), [](const Point& p) { return p.z() == 0; });
+  Mesh other = half;
+  for (Point& p : other.points) p.z() = -2e-5 - p.z();
+  const Repaired r = mended(joined(half, other));
+  EXPECT_EQ(r.kind, BodyKind::solid);
+  EXPECT_EQ(r.patches.size(), 0u);
+  EXPECT_NEAR(volume(r), 1, 1e-4);
+  EXPECT_NEAR(r.steps.joined_width, 2e-5, 1e-12);
 }
 
 TEST(Mend, TrianglesWithoutAreaHoldTheSurfaceTogether) {
