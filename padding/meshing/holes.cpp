@@ -17,8 +17,8 @@
 namespace padder {
 namespace {
 
-constexpr std::size_t long_rim = 300;  // the time for the least area grows with the cube of the rim
-constexpr double flat_rim = 0.02;      // distance from the plane across it, as a share of its length
+constexpr std::size_t kLongRim = 300;  // the time for the least area grows with the cube of the rim
+constexpr double kFlatRim = 0.02;      // distance from the plane across it, as a share of its length
 
 // How often each directed edge is missing. An edge and its opposite cancel.
 class Needs {
@@ -87,7 +87,7 @@ struct FlatRim {
     for (const auto v : rim) points.push_back(mesh.points[v]);
     for (std::size_t k = 1; k + 1 < points.size(); k++)
       area += (points[k] - points[0]).cross(points[k + 1] - points[0]);
-    most_off = flat_rim * rim_length(mesh, rim);
+    most_off = kFlatRim * rim_length(mesh, rim);
   }
   bool lies_in_plane(const Point& p) const {
     return std::abs(area.normalized().dot(p - points[0])) <= most_off;
@@ -330,7 +330,7 @@ Triangles fill_rim(const Mesh& mesh, const std::vector<std::uint32_t>& rim) {
   }
   Triangles out;
   const bool ring = std::set<std::uint32_t>(rim.begin(), rim.end()).size() < rim.size();
-  if (rim.size() > 3 && rim.size() <= long_rim && (ring || !(high - low <= flat_rim * rim_length(mesh, rim))))
+  if (rim.size() > 3 && rim.size() <= kLongRim && (ring || !(high - low <= kFlatRim * rim_length(mesh, rim))))
     least_area(polygon, out);
   else
     triangulate_polygon(polygon, out);

@@ -22,17 +22,17 @@ namespace {
 
 // Border edges that lie closer than this share of the diagonal are one edge, but never farther apart than
 // this share of the tolerance: covers make up for the width of the cracks that were closed.
-constexpr double crack_width = 1e-4, crack_share = 0.25;
+constexpr double kCrackWidth = 1e-4, kCrackShare = 0.25;
 // A hole as narrow as this share of the diagonal is closed however long it is.
-constexpr double narrow_hole = 1e-3;
+constexpr double kNarrowHole = 1e-3;
 // An open piece is a solid with holes if the mean winding number of what is there, over what the patches
 // would enclose, is at least this: the larger for any opening, the smaller for one of at most so many
 // diagonals of the piece around. A cube without its lid has 0.8 and 2.0 diagonals, half of a ball 0.7
 // and 2.2.
-constexpr double sure_winding = 0.95, least_winding = 0.8, widest_opening = 1.5;
+constexpr double kSureWinding = 0.95, kLeastWinding = 0.8, kWidestOpening = 1.5;
 // An open piece that encloses less than this share of (its area)^1.5 encloses nothing, nor does one that
 // encloses less than this share of (the mesh's diagonal)^3, as what is left of a sheet between its cracks.
-constexpr double least_volume = 1e-7, least_solid = 1e-15;
+constexpr double kLeastVolume = 1e-7, kLeastSolid = 1e-15;
 
 // Pieces that hang together by points, one of them open.
 struct OpenGroup {
@@ -112,8 +112,8 @@ class Mender {
   }
 
   double crack_limit() const {
-    const double share = options_.tolerance > 0 ? crack_share * options_.tolerance : diagonal_;
-    return std::min(crack_width * diagonal_, share);
+    const double share = options_.tolerance > 0 ? kCrackShare * options_.tolerance : diagonal_;
+    return std::min(kCrackWidth * diagonal_, share);
   }
 
   // Open pieces belong together where they share points or a crack between them is closed.
@@ -218,7 +218,7 @@ class Mender {
       group.patches.push_back(fill_rim(mesh_, rim));
       const double length = rim_length(mesh_, rim), area = area_of(mesh_, group.patches.back());
       const bool is_long =
-          length > options_.hole_size * diagonal_ && 4 * area > narrow_hole * diagonal_ * length;
+          length > options_.hole_size * diagonal_ && 4 * area > kNarrowHole * diagonal_ * length;
       group.is_long.push_back(is_long);
       if (is_long) group.opening = std::max(group.opening, 2 * std::sqrt(std::numbers::pi * area));
     }
@@ -258,13 +258,13 @@ class Mender {
       double area = 0;
       for (const auto t : group.triangles) area += mesh_.area_normal(t).norm();
       const double volume = signed_volume(mesh_, group.triangles);
-      if (!(volume > std::max(least_volume * std::pow(area, 1.5), least_solid * std::pow(diagonal_, 3))))
+      if (!(volume > std::max(kLeastVolume * std::pow(area, 1.5), kLeastSolid * std::pow(diagonal_, 3))))
         continue;
       group.winding = 1;
       if (group.opening > 0) group.winding = mean_winding(group, *closed);
       group.solid =
           options_.mode == RepairMode::fill ||
-          group.winding >= (group.opening <= widest_opening * group.diagonal ? least_winding : sure_winding);
+          group.winding >= (group.opening <= kWidestOpening * group.diagonal ? kLeastWinding : kSureWinding);
     }
   }
 

@@ -15,10 +15,10 @@
 namespace padder {
 namespace {
 
-constexpr std::uint32_t none = ~0u;
+constexpr std::uint32_t kNone = ~0u;
 
 // Points that differ by rounding alone are one.
-constexpr double same_point = 1e-13;  // of the diagonal
+constexpr double kSamePoint = 1e-13;  // of the diagonal
 
 class Cutter {
  public:
@@ -30,7 +30,7 @@ class Cutter {
         limit_(limit),
         surface_(soup),
         points_(soup_.points),
-        near_(same_point * soup_.bounds().diagonal()) {}
+        near_(kSamePoint * soup_.bounds().diagonal()) {}
 
   OuterCells run() {
     name_points();
@@ -163,7 +163,7 @@ class Cutter {
 
   // False if the cuts cross at too many places.
   bool cut() {
-    piece_of_.assign(soup_.triangles.size(), none);
+    piece_of_.assign(soup_.triangles.size(), kNone);
     for (std::uint32_t t = 0; t < soup_.triangles.size(); t++)
       if (is_cut(t)) piece_of_[t] = static_cast<std::uint32_t>(cut_.size()), cut_.push_back(t);
     pieces_.resize(cut_.size());
@@ -199,17 +199,17 @@ class Cutter {
       if (end - begin != 2) return;
       const auto s = sides[begin].triangle, t = sides[begin + 1].triangle;
       // The two must also run alike, or the front of one is the back of the other.
-      if (piece_of_[s] != none || piece_of_[t] != none ||
+      if (piece_of_[s] != kNone || piece_of_[t] != kNone ||
           sides[begin].direction == sides[begin + 1].direction || roles_[s] != roles_[t])
         return;
       parent[root_of(parent, s)] = root_of(parent, t);
     });
-    region_of_.assign(n, none);
+    region_of_.assign(n, kNone);
     std::vector<double> largest;
     for (std::uint32_t t = 0; t < n; t++) {
-      if (piece_of_[t] != none || is_flat(soup_, t)) continue;
+      if (piece_of_[t] != kNone || is_flat(soup_, t)) continue;
       auto& region = region_of_[root_of(parent, t)];
-      if (region == none) region = new_region(t, Point::Zero()), largest.push_back(-1);
+      if (region == kNone) region = new_region(t, Point::Zero()), largest.push_back(-1);
       const double area = soup_.area_normal(t).norm();
       if (area > largest[region]) {
         largest[region] = area, regions_[region].triangle = t;
@@ -217,7 +217,7 @@ class Cutter {
       }
     }
     for (std::uint32_t t = 0; t < n; t++)
-      if (piece_of_[t] == none) region_of_[t] = region_of_[root_of(parent, t)];
+      if (piece_of_[t] == kNone) region_of_[t] = region_of_[root_of(parent, t)];
     for (std::size_t k = 0; k < cut_.size(); k++) {
       region_of_[cut_[k]] = static_cast<std::uint32_t>(regions_.size());
       for (const Point& place : pieces_[k].places) new_region(cut_[k], place);
@@ -289,9 +289,9 @@ class Cutter {
         for (const auto v : face) used[v] = 1;
     join_equal_points(used);
     OuterCells out;
-    std::vector<std::uint32_t> index(points_.size(), none);
+    std::vector<std::uint32_t> index(points_.size(), kNone);
     const auto point = [&](std::uint32_t v) {
-      if (index[v] == none)
+      if (index[v] == kNone)
         index[v] = static_cast<std::uint32_t>(out.mesh.points.size()), out.mesh.points.push_back(points_[v]);
       return index[v];
     };
@@ -310,8 +310,8 @@ class Cutter {
         out.mesh.triangles.push_back({point(c[0]), point(c[1]), point(c[2])}), out.source.push_back(t);
       };
       for (std::uint32_t t = 0; t < soup_.triangles.size(); t++) {
-        if (piece_of_[t] == none) {
-          if (region_of_[t] != none) keep(t, soup_.triangles[t], fate(regions_[region_of_[t]]));
+        if (piece_of_[t] == kNone) {
+          if (region_of_[t] != kNone) keep(t, soup_.triangles[t], fate(regions_[region_of_[t]]));
           continue;
         }
         const TrianglePieces& p = pieces_[piece_of_[t]];
@@ -340,13 +340,13 @@ class Cutter {
     for (std::uint32_t v = 0; v < points_.size(); v++) {
       if (!used[v]) continue;
       if (v >= soup_.points.size()) {
-        std::uint32_t best = none;
+        std::uint32_t best = kNone;
         for (int c = 0; c < 27; c++) {
           const auto [begin, end] = cells.equal_range(cell(points_[v], c % 3 - 1, c / 3 % 3 - 1, c / 9 - 1));
           for (auto it = begin; it != end; ++it)
             if ((points_[it->second] - points_[v]).norm() < near_) best = std::min(best, it->second);
         }
-        if (best != none) {
+        if (best != kNone) {
           same_[v] = best;
           continue;
         }

@@ -17,7 +17,7 @@ namespace padder {
 namespace {
 
 // What encloses less than this share of (its area)^1.5 encloses nothing.
-constexpr double least_enclosed = 1e-6;
+constexpr double kLeastEnclosed = 1e-6;
 
 bool closes(const Mesh& mesh, const std::vector<std::uint32_t>& triangles) {
   return missing_edges(mesh, triangles).empty();
@@ -130,7 +130,7 @@ class Skin {
       if (back && !front) inward.push_back(t);
     }
     mesh_.triangles.resize(given);
-    found = enclosed > least_enclosed * std::pow(area, 1.5) && area > area_outside;
+    found = enclosed > kLeastEnclosed * std::pow(area, 1.5) && area > area_outside;
     if (!found) return;
     for (const auto t : inward) std::swap(mesh_.triangles[t][1], mesh_.triangles[t][2]);
     turned = inward.size();
@@ -292,7 +292,7 @@ class PieceWork {
     double area = 0;
     for (const auto t : triangles_) area += mesh_.area_normal(t).norm();
     for (auto& kept : {without_repeats(true), triangles_})
-      if (closes(mesh_, kept) && std::abs(signed_volume(mesh_, kept)) > least_enclosed * std::pow(area, 1.5))
+      if (closes(mesh_, kept) && std::abs(signed_volume(mesh_, kept)) > kLeastEnclosed * std::pow(area, 1.5))
         return kept;
     return std::nullopt;
   }

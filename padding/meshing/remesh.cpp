@@ -141,8 +141,8 @@ void make_delaunay(CgalMesh& mesh, const SharpMap& sharp) {
   }
 }
 
-constexpr double degree = std::numbers::pi / 180;
-constexpr double small_angle = 20 * degree, row_angle = 25 * degree, cap_angle = 120 * degree;
+constexpr double kDegree = std::numbers::pi / 180;
+constexpr double kSmallAngle = 20 * kDegree, kRowAngle = 25 * kDegree, kCapAngle = 120 * kDegree;
 
 double least_angle(const Triangle3& t) { return std::min({t.angle(0), t.angle(1), t.angle(2)}); }
 
@@ -160,7 +160,7 @@ class ThinCollapse {
     for (const auto f : faces) {
       if (mesh_.is_removed(f)) continue;
       Halfedge shortest = mesh_.halfedge(f);
-      if (least_angle(corners(mesh_, shortest)) >= small_angle) continue;
+      if (least_angle(corners(mesh_, shortest)) >= kSmallAngle) continue;
       for (const Halfedge h : mesh_.halfedges_around_face(shortest))
         if (length(h) < length(shortest)) shortest = h;
       for (const Halfedge h : {shortest, mesh_.opposite(shortest)})
@@ -233,7 +233,7 @@ class ThinCollapse {
 
 // A triangle whose height is less than this share of the edge length stays: its parts would be as flat, and
 // so on for ever.
-constexpr double flat_share = 1e-3;
+constexpr double kFlatShare = 1e-3;
 
 // Splits the longest edge of each obtuse triangle with too large a circumradius at the foot of its height.
 std::size_t split_slivers(CgalMesh& mesh, SharpMap& sharp, double limit) {
@@ -248,7 +248,7 @@ std::size_t split_slivers(CgalMesh& mesh, SharpMap& sharp, double limit) {
     }
     const Triangle3 t = corners(mesh, longest);
     const Vector e = t.b - t.a;
-    if (t.circumradius() <= limit || !(2 * t.area_normal().norm() > flat_share * limit * e.norm())) continue;
+    if (t.circumradius() <= limit || !(2 * t.area_normal().norm() > kFlatShare * limit * e.norm())) continue;
     const double s = std::clamp((t.c - t.a).dot(e) / e.squaredNorm(), 0.1, 0.9);
     const bool was_sharp = sharp[mesh.edge(longest)];
     const Halfedge twin = mesh.opposite(longest);
@@ -280,8 +280,8 @@ void count_small_angles(const Mesh& mesh, const std::vector<char>& kept, RemeshQ
     bool cap = false;
     std::array<double, 3> length;
     for (int k = 0; k < 3; k++) {
-      if (tri.angle(k) < small_angle) here++;
-      if (tri.angle(k) > cap_angle) cap = true;
+      if (tri.angle(k) < kSmallAngle) here++;
+      if (tri.angle(k) > kCapAngle) cap = true;
       length[k] = (mesh.corner(t, (k + 1) % 3) - mesh.corner(t, k)).norm();
       if (length[k] < length[shortest]) shortest = k;
     }
@@ -312,7 +312,7 @@ void make_even(const Faces& faces, CgalMesh& mesh, SharpMap& sharp, double lengt
 // corner, has no short edge and is none of these.
 bool is_in_row(const CgalMesh& mesh, const SharpMap& sharp, Halfedge h) {
   const Triangle3 t = corners(mesh, h);
-  if (least_angle(t) >= row_angle || std::max({t.angle(0), t.angle(1), t.angle(2)}) > cap_angle) return false;
+  if (least_angle(t) >= kRowAngle || std::max({t.angle(0), t.angle(1), t.angle(2)}) > kCapAngle) return false;
   const auto length = [&](Halfedge g) {
     return (at(mesh, mesh.target(g)) - at(mesh, mesh.source(g))).norm();
   };
@@ -385,8 +385,8 @@ RemeshQuality measure_quality(const Mesh& mesh, double sharp_angle) {
       sides.push_back({std::uint64_t(std::min(u, v)) << 32 | std::max(u, v), 3 * t + std::size_t(k),
                        tri.angle((k + 2) % 3), normal});
     }
-    q.min_angle_deg = std::min(q.min_angle_deg, least_angle(tri) / degree);
-    under += least_angle(tri) < small_angle;
+    q.min_angle_deg = std::min(q.min_angle_deg, least_angle(tri) / kDegree);
+    under += least_angle(tri) < kSmallAngle;
     q.circumradius_max = std::max(q.circumradius_max, tri.circumradius());
   }
   q.share_under_20_deg = double(under) / double(mesh.triangles.size());
@@ -395,7 +395,7 @@ RemeshQuality measure_quality(const Mesh& mesh, double sharp_angle) {
   std::size_t interior = 0, failed = 0;
   for (std::size_t k = 0; k + 1 < sides.size(); k++) {
     if (sides[k].edge != sides[k + 1].edge) continue;
-    if (sides[k].normal.dot(sides[k + 1].normal) < std::cos(sharp_angle * degree)) {
+    if (sides[k].normal.dot(sides[k + 1].normal) < std::cos(sharp_angle * kDegree)) {
       q.sharp_edges++;
     } else {
       interior++;
