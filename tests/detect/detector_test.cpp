@@ -407,6 +407,26 @@ TEST_P(DetectorTest, RowsFarFromAFewBalls) {
   expect_right(s, "three balls");
 }
 
+// Small spheres strewn over fewer than 128 bins along each axis, and larger or distant ones beyond them, side
+// by side. In fixed point, modulo 256 bins of the small ones, some of these are beside a small one.
+TEST_P(DetectorTest, ThinlyStrewnAndFarAway) {
+  if (GetParam().path == Path::nine_stages) return;  // its bins are three times the mean
+  SomeCases some;
+  std::mt19937_64 random(57);
+  std::uniform_real_distribution<double> at(-200, 200), near(-2, 2), radius(1, 2);
+  for (const double far : {256.0, 4096.0, 65536.0, 1048576.0, 1e22}) {
+    if (some.left_out()) continue;
+    TestScene s;
+    for (int k = 0; k < 2000; k++)
+      s.spheres.push_back({k % 20 ? at(random) : near(random), at(random), at(random), radius(random)});
+    for (int k = 0; k < 2000; k += 20) {
+      const Sphere& small = s.spheres[static_cast<std::size_t>(k)];
+      s.spheres.push_back({-far * 4 * (1 + 0x1p-20), small.y, small.z, far > 1e20 ? 2.0 : 60.0});
+    }
+    expect_right(s, "at " + std::to_string(far));
+  }
+}
+
 // Sizes that have nothing to do with each other in one scene.
 TEST_P(DetectorTest, SizesWithoutEnd) {
   if (GetParam().input == Scalar::f32) return;

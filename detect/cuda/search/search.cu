@@ -28,6 +28,24 @@ SearchTask::FloatBox float_box(const Region& region, double outwards) {
   return box;
 }
 
+// May two spheres that meet in a bucket of a hashed level be so many of its bins apart that in fixed point,
+// modulo 256 bins, they look near? A bucket holds spheres of unrelated bins, and those of other levels search
+// it, wherever they are.
+bool places_repeat(const Grid& grid) {
+  double low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY};
+  for (int k = 0; k < grid.levels; k++) {
+    const Level& l = grid.level[k];
+    for (int c = 0; c < 3; c++) {
+      const auto first = static_cast<double>(l.first[c]);
+      low[c] = std::min(low[c], first * l.size), high[c] = std::max(high[c], (first + l.count[c]) * l.size);
+    }
+  }
+  for (int k = 0; k < grid.levels; k++)
+    for (int c = 0; c < 3; c++)
+      if (grid.level[k].hashed && !(high[c] - low[c] <= 128.5 * grid.level[k].size)) return true;
+  return false;
+}
+
 // What the kernels read, and how they test it.
 SearchTask make_task(const DeviceSpheres& source, const Grid& grid, const Ordered& spheres,
                      const SearchOptions& options, const Output& output, Counters* counters) {
@@ -46,10 +64,7 @@ SearchTask make_task(const DeviceSpheres& source, const Grid& grid, const Ordere
   task.wide = options.rounded ? kWideRounded : kWide, task.near = options.rounded ? kNearRounded : kNear;
   task.code_limit = code_limit(grid, spheres.bins, options.radius + grid.level[0].grown_by);
   task.test_all = source.filtered || !options.owns_all;
-  for (int k = 0; k < grid.levels && spheres.kind == SlotKind::fixed_point; k++) {
-    const Level& l = grid.level[k];
-    for (int c = 0; c < 3; c++) task.places_repeat = task.places_repeat || (l.hashed && l.count[c] > 128);
-  }
+  if (spheres.kind == SlotKind::fixed_point) task.places_repeat = places_repeat(grid);
   task.test_all = task.test_all || task.places_repeat;
   task.only_owner = !options.owns_all && !source.filtered && !task.places_repeat;
   return task;
