@@ -53,7 +53,7 @@ struct MayHaveContacts {
   }
 };
 
-// A block takes some runs: the marks may lie on another GPU, and many loads are under way at once.
+// A block takes some runs, so that many loads are under way at once.
 constexpr std::uint32_t kRuns = 4;
 __global__ void __launch_bounds__(kThreads)
     choose_kernel(const __grid_constant__ MayHaveContacts needed, std::uint32_t runs, std::uint32_t* bits,
