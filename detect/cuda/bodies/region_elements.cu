@@ -80,7 +80,8 @@ __global__ void __launch_bounds__(kThreads)
   }
 }
 
-// before[k] = counts[0] + … + counts[k - 1], for k up to `runs`, and the report of the last. By one block.
+// before[k] = counts[0] + … + counts[k - 1], for k up to `runs`, and the report of the last. By one block: a
+// launch where exclusive_sum() and a report take three, which the host makes while the GPU waits.
 constexpr std::uint32_t kSumThreads = 1024;
 __global__ void __launch_bounds__(kSumThreads)
     sum_kernel(const std::uint32_t* counts, std::uint32_t runs, unsigned long long* before,
@@ -135,8 +136,8 @@ const std::uint32_t* RegionElements::mark(const PosePart& all, cudaStream_t stre
 
 ChosenElements RegionElements::choose(const BodyView& view, const PoseParts& parts, cudaStream_t stream) {
   const std::uint32_t runs = blocks_for(view.moving, kThreads);
-  std::uint32_t *const bits = bits_.reserve(std::uint64_t(runs) * (kThreads / 32)), *const counts =
-                                                                                        counts_.reserve(runs);
+  std::uint32_t* const bits = bits_.reserve(std::uint64_t(runs) * (kThreads / 32));
+  std::uint32_t* const counts = counts_.reserve(runs);
   unsigned long long* const before = before_.reserve(std::uint64_t(runs) + 1);
   report_.clear(), report_.add(before + runs, host_count_.reserve(1), sizeof *before), report_.expect();
   choose_kernel<<<blocks_for(runs, kRuns), kThreads, 0, stream>>>(

@@ -96,9 +96,10 @@ void ResidentDetector::Work::mark_bodies(Place& p, std::size_t k) {
     p.marks->learn(bodies_.shapes, bodies_.bodies.subspan(part.first, part.count), p.stream);
     p.marked_revision = bodies_.revision, p.marked = part;
   }
+  const auto before = part.marks - p.needed.data();  // bitmaps of the parts before, the same on every GPU
   std::vector<cuda::MarkedBox> boxes;
   for (std::size_t b = 0; b < places_.size(); b++)
-    boxes.push_back({regions_[b], const_cast<std::uint32_t*>(places_[b]->poses_around.parts[k].marks)});
+    boxes.push_back({regions_[b], places_[b]->needed.data() + before});
   p.marks->mark(part.poses, part.step, boxes, halo_radius_, nullptr, 0, nullptr);
 }
 
