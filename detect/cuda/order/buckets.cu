@@ -32,7 +32,8 @@ Buckets choose_buckets(const Grid& grid, const Ordered& o, double aim, double wi
         filled = grid.level[k].filled * entries * (grid.level[k].hashed ? tuning::kHashedBucket : 1),
                  width = std::floor(std::clamp(aim * filled / spheres, 2.0, widest - 1));
     part.magic = static_cast<std::uint32_t>(std::ceil(4294967296.0 / width));
-    b.widest = std::max(b.widest, static_cast<std::uint32_t>(width) + 2);
+    // A level of few spheres may have fewer entries than its buckets have room for.
+    b.widest = std::max(b.widest, std::min(static_cast<std::uint32_t>(width), entries) + 2);
     b.count += static_cast<std::uint32_t>((std::uint64_t(entries - 1) * part.magic) >> 32) + 1;
   }
   return b;
@@ -47,7 +48,7 @@ std::uint32_t choose_portion(std::uint32_t shared) {
 }
 
 // False: these spheres cannot be put in order through buckets, here or on no device.
-bool choose_plan(const Grid& grid, const Ordered& o, double bucket_spheres, BucketPlan& p) {
+bool choose_plan(const Grid& grid, const Ordered& o, double bucket_spheres, int crowding, BucketPlan& p) {
   const auto offered = static_cast<std::uint32_t>(shared_memory_of_block());
   const std::uint32_t shared = p.shared_bytes = offered - std::min(offered, kStaticShared);
   const std::uint32_t portion = choose_portion(shared);
@@ -64,11 +65,12 @@ bool choose_plan(const Grid& grid, const Ordered& o, double bucket_spheres, Buck
   const double aim = bucket_spheres / parts *
                      std::min(1.0, double(room - octaves) / (tuning::kBucketShared / parts - octaves));
   // No more entries than leave room for the spheres, nor than 16 bits can number. Chance fills a bucket with
-  // more than its aim, small ones by a larger share.
+  // more than its aim, small ones by a larger share. Smaller buckets of a crowded scene keep that room: what
+  // they do not need on average is for those that are fuller.
   const double most = aim + std::max(0.12 * aim, 6.8 * std::sqrt(aim)),
                widest = std::min((room - octaves - most * bytes) / 4 - 4, 65535.0);
   if (widest < 64) return false;
-  p.buckets = choose_buckets(grid, o, aim, widest);
+  p.buckets = choose_buckets(grid, o, aim / (1 << crowding), widest);
   p.buckets.portion_spheres = portion;
   p.groups = p.buckets.count > at_once ? groups_of(p.buckets.count) : 0;
   if (p.groups > at_once) return false;
@@ -128,7 +130,7 @@ void Orderer::plan_work_space(const Lent& list, std::uint64_t split_room, Ordere
 
 bool Orderer::by_buckets(const OrderRequest& r, Ordered& o) {
   BucketPlan plan;
-  if (!choose_plan(r.grid, o, bucket_spheres / (1 << r.crowding), plan)) return false;
+  if (!choose_plan(r.grid, o, bucket_spheres, r.crowding, plan)) return false;
   plan.radius = r.radius, plan.stable = r.stable, plan.gather = r.gather, plan.counters = r.counters,
   plan.processors = r.processors;
   const std::uint64_t split_room = plan_rooms(r, o, plan);

@@ -223,6 +223,7 @@ class CudaOrderTest : public testing::TestWithParam<Way> {
                                      .radius = summary.radius_max,
                                      .stable = stable,
                                      .method = GetParam().method,
+                                     .crowding = crowding_,
                                      .gather = gather,
                                      .lent = lent,
                                      .counters = counters,
@@ -327,6 +328,7 @@ class CudaOrderTest : public testing::TestWithParam<Way> {
   }
 
   MemoryBook book_;
+  int crowding_ = 0;
 };
 
 TEST_P(CudaOrderTest, EverySphereIsWhereItsKeySays) { expect_all_kinds(); }
@@ -359,6 +361,24 @@ TEST_P(CudaOrderTest, BucketsAreCountedInPasses) {
       expect_order(levels, SlotKind::fixed_point, false, false, along);
       if (HasFatalFailure()) return;
     }
+  }
+}
+
+// Layers that are fuller than their level is on average, in halved buckets. The ball beneath is a level whose
+// bucket has few entries; the table of its bins takes none of the room of the others' spheres.
+TEST_P(CudaOrderTest, HalvedBucketsHoldFullLayers) {
+  if (GetParam().method != OrderMethod::buckets || GetParam().bucket_spheres < 6500)
+    GTEST_SKIP() << "for buckets that fill shared memory";
+  if (test_limits.shared_memory < 226 * 1024) GTEST_SKIP() << "other buckets in so little shared memory";
+  std::mt19937 random(14);
+  auto bed = cloud(random, 300'000, 464, -232, 1, 1);
+  std::uniform_real_distribution<float> height(1, 17);
+  for (float4& s : bed) s.z = height(random);
+  bed[0] = {0, 0, -1e5f, 1e5f};
+  crowding_ = 1;
+  for (const bool along : {true, false}) {
+    expect_order(bed, SlotKind::unequal, true, false, along);
+    if (HasFatalFailure()) return;
   }
 }
 
