@@ -113,9 +113,7 @@ inline constexpr int kOneLevelBlocks = 10;
 // for at once".
 inline constexpr int kFewTilesBlocks = 8;
 // Row "float alone judges in the hot loop; 32, 36, 40 warps": poly100 5e6 1.320, 1.294, 1.275 ms.
-inline constexpr int kCoarseToFineBlocks = 10;
-// No row (hashed levels): with more blocks registers spill.
-inline constexpr int kFineToCoarseBlocks = 6;
+inline constexpr int kSeveralLevelsBlocks = 10;
 // Row "the same with 8, 9, 10 blocks a processor": poly100 5e6 0.994, 0.991, 1.012 ms. More leave too little
 // of the L1 cache.
 inline constexpr int kFusedBlocks = 9;
@@ -127,7 +125,7 @@ inline constexpr int kMoveBlocks = 5, kFusedMoveBlocks = at_most_resident(7, 256
 // Contacts that a warp's queue in shared memory holds. A warp that finds more searches twice. Rows of `bench
 // scenes`, 1e6, with 256 and 512: clump 0.166, 0.116 ms; walk 0.148, 0.140; dense the same. The second is the
 // "longer queue" of the row "units of 128 hits of a usual sphere", the third has no row.
-inline constexpr std::uint32_t kSameLevelQueue = 512, kCoarseToFineQueue = 320, kFineToCoarseQueue = 192;
+inline constexpr std::uint32_t kSameLevelQueue = 512, kUnitQueue = 320;
 
 // Up to this many tiles a processor, one dense level has a kernel of its own, in which latency is all. Row
 // "few tiles: all rows asked for at once": dense 1e5, search 18 to 12 us.
@@ -137,7 +135,7 @@ inline constexpr std::uint32_t kFewTilesOfProcessor = 16;
 // to 2,816 tiles wait": poly100 1e5 0.0685 to 0.077. Order.
 inline constexpr std::uint32_t kMostOrderedTiles = 1056;
 
-// From this many spheres on, a warp of the coarse-to-fine search takes units as long as there are any, and
+// From this many spheres on, a warp of the search of several levels takes units as long as there are any, and
 // units have quotas. Row "a unit has a share by the volume it reaches into": poly100 5e6 1.65 to 1.39 ms.
 // Order.
 inline constexpr std::uint64_t kManySpheres = 300000;

@@ -427,6 +427,38 @@ TEST_P(DetectorTest, ThinlyStrewnAndFarAway) {
   }
 }
 
+// Balls whose surface is covered with grains, which nearly touch it or do. `grains`: of each ball.
+TestScene dusted(std::uint32_t balls, std::uint32_t grains, double ball, double grain, double far,
+                 std::uint32_t seed) {
+  std::mt19937_64 random(seed);
+  std::uniform_real_distribution<double> unit(-1, 1);
+  TestScene s;
+  for (std::uint32_t k = 0; k < balls; k++) {
+    const Sphere b{far * (k & 1 ? 1 : -1) + 40 * ball * unit(random),
+                   far * (k & 2 ? 1 : -1) + 40 * ball * unit(random), far * unit(random), ball};
+    s.spheres.push_back(b);
+    for (std::uint32_t g = 0; g < grains; g++) {
+      const double d[3] = {unit(random), unit(random), unit(random)},
+                   away = (ball + grain * (1 - 0.01 * unit(random))) / std::hypot(d[0], d[1], d[2]);
+      s.spheres.push_back({b.x + away * d[0], b.y + away * d[1], b.z + away * d[2], grain});
+    }
+  }
+  return s;
+}
+
+// Grains on balls a hundred times as large: their bins are too many for an array, and a ball reaches more of
+// them than the buckets of a hash tell apart.
+TEST_P(DetectorTest, GrainsOnLargeBalls) {
+  expect_right(dusted(5, 700, 100, 1, 200, 61), "near the origin");
+  expect_right(dusted(5, 700, 100, 1, 1e5, 62), "at 1e5");
+}
+
+// Millions of bins from the origin a coordinate over the edge of a bin, with the edge's inverse rounded to
+// float, is off by a tenth of a bin. This edge has an inverse that is rounded by nearly as much as can be.
+TEST_P(DetectorTest, GrainsOnBallsFarFromTheOrigin) {
+  expect_right(dusted(24, 400, 5, 0.9959, 4e6, 63), "4e6 away");
+}
+
 // Sizes that have nothing to do with each other in one scene.
 TEST_P(DetectorTest, SizesWithoutEnd) {
   if (GetParam().input == Scalar::f32) return;

@@ -188,8 +188,7 @@ void SphereSearch::enqueue(const Plan& plan, Tools& tools, cudaStream_t stream, 
                                    .counters = counters,
                                    .processors = plan.processors,
                                    .stream = stream,
-                                   .keep = plan.with_survey,
-                                   .float_levels = searches_downwards(plan.grid, plan.kind)});
+                                   .keep = plan.with_survey});
   }
   clock.mark(3);
   {

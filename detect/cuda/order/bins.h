@@ -94,9 +94,9 @@ inline int merge_of(const Grid& grid, const FloatBins& bins, std::uint64_t spher
   return merge;
 }
 // Bins in float for a scene of several levels. Two spheres of different levels still find each other: among
-// the finer level's bins, the place of the coarser sphere is found in double, that of the finer one in float,
-// where it is off by less than side * 2^-23. The distance at which they touch is counted in the level's own
-// bins (its per_size), which are shorter by more than that.
+// the bins of the level that is searched, the place of the sphere that searches is found in double, that of
+// the other one in float, where it is off by less than side * 2^-23. The distance at which they touch is
+// counted in the level's own bins (its per_size), which are shorter by more than that.
 inline LevelBins level_bins(const Grid& grid, SlotKind kind) {
   LevelBins g;
   if (kind != SlotKind::unequal || grid.levels == 1) return g;

@@ -77,7 +77,7 @@ Ordered Orderer::order(const OrderRequest& r) {
   Ordered o;
   o.kind = r.kind, o.count = count;
   o.bins = float_bins(grid, r.kind, count);
-  o.float_levels = r.float_levels && level_bins(grid, r.kind).on;
+  o.float_levels = level_bins(grid, r.kind).on;
   for (int k = 0; k < grid.levels; k++) o.hashed = o.hashed || grid.level[k].hashed;
   o.merge = method == OrderMethod::sort ? 0 : merge_of(grid, o.bins, count);
   o.entries = (keys_of(grid, o.bins) >> o.merge) + 2;

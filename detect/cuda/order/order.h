@@ -60,8 +60,6 @@ struct OrderRequest {
   // then. kOutside is set where that is not enough, or where one radius is not that of all; the caller then
   // calls again without.
   bool keep = false;
-  bool float_levels =
-      true;  // several levels may have bins in float; a search from fine to coarse needs those of grid.h
 };
 
 struct BucketPlan;  // buckets.h

@@ -3,7 +3,7 @@
 // bookkeeping that gives a list of stable order its output slots. Only .cu files include this.
 //
 // A producer is what reserves output slots together: a tile of spheres, or a unit (spheres of one level that
-// search a finer level). Producers are numbered: first the tiles, behind them the units. The stable order is
+// search another level). Producers are numbered: first the tiles, behind them the units. The stable order is
 // the order of producers, and within a producer the order in which it finds its contacts.
 #pragma once
 #include "detect/cuda/device/counters.h"

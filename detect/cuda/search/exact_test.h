@@ -99,12 +99,6 @@ __device__ __forceinline__ void count_doubtful(const SearchTask& task) {
     atomicAdd(&task.counters->doubtful, static_cast<Word>(__popc(here)));
 }
 
-// The bin in which a candidate was looked for: its level and its offset from the sphere's own bin. Spheres of
-// other bins share a bucket of a hashed level; they are not candidates.
-struct SearchedBin {
-  int level = 0, dx = 0, dy = 0, dz = 0;
-};
-
 // Does this search report all contacts of the sphere, wherever its partners lie? The midpoint of a contact
 // lies in the halo of both spheres (detect/boxes/halo.h). So it lies in the region if one halo does, and
 // nobody has to compute it.
@@ -153,22 +147,12 @@ __device__ __forceinline__ bool owns_contact(const SearchTask& task, std::uint32
 }
 
 // Whether spheres `i` and `j` of the order are a contact that this search reports. It is called from
-// functions that are out of line, since it is rare, or slow anyway. `slot`: of i, at the level of j. AsksBin:
-// levels may be hashed. `counts`: a doubtful pair is counted.
-template <SlotKind Kind, bool AsksBin>
-static __device__ bool is_contact(const SearchTask& task, const Grid& grid, std::uint32_t i,
-                                  typename SlotOf<Kind>::Type slot, std::uint32_t j, SearchedBin searched,
-                                  bool counts) {
+// functions that are out of line, since it is rare, or slow anyway. `slot`: of i, at the level of j.
+// `counts`: a doubtful pair is counted.
+template <SlotKind Kind>
+static __device__ bool is_contact(const SearchTask& task, std::uint32_t i, typename SlotOf<Kind>::Type slot,
+                                  std::uint32_t j, bool counts) {
   const auto other = load_slot(slots_of<Kind>(task) + j);
-  if constexpr (AsksBin) {
-    const Level& l = grid.level[searched.level];
-    if (l.hashed) {
-      const Bin b = bin_of(l, sphere_of_slot<Kind>(task, i));
-      if (!in_row(l, sphere_of_slot<Kind>(task, j), b.x + searched.dx, b.x + searched.dx, b.y + searched.dy,
-                  b.z + searched.dz))
-        return false;
-    }
-  }
   const Measured m = measured_of<Kind>(task, slot, other);
   const Verdict v = verdict_of<Kind>(task, m, slot);
   if (v == Verdict::apart) return false;
@@ -184,9 +168,9 @@ static __device__ bool is_contact(const SearchTask& task, const Grid& grid, std:
   return task.owns_all || owns_contact<Kind>(task, i, slot, j, other);
 }
 
-// Float first, then is_contact() where float is not enough. For searches that need not ask for the bin.
+// Float first, then is_contact() where float is not enough.
 template <SlotKind Kind>
-__device__ __forceinline__ bool test(const SearchTask& task, const Grid& grid, std::uint32_t i,
+__device__ __forceinline__ bool test(const SearchTask& task, std::uint32_t i,
                                      const typename SlotOf<Kind>::Type& a, std::uint32_t j,
                                      const typename SlotOf<Kind>::Type& b, bool counts) {
   bool sure;
@@ -196,7 +180,7 @@ __device__ __forceinline__ bool test(const SearchTask& task, const Grid& grid, s
     const Verdict owner = owner_by_float<Kind>(task, a, b);
     if (owner != Verdict::doubt) return owner == Verdict::touch;
   }
-  return is_contact<Kind, false>(task, grid, i, a, j, {}, counts);
+  return is_contact<Kind>(task, i, a, j, counts);
 }
 
 }  // namespace padder::detect::cuda

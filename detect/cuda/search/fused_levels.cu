@@ -32,18 +32,18 @@ __global__ void __launch_bounds__(kTileSpheres, tuning::kFusedBlocks)
     if (search.lane == 0) next = atomicAdd(task.next, 1u);
     WorkItem item = item_of(work, pairs.count, number, search.lane, round_bits(Stable, largest_first));
     if (largest_first && item.pair < pairs.count) item.pair = pairs.count - 1 - item.pair;
-    const bool down = item.pair < pairs.count;
-    const LevelPair& d = pairs.pair[down ? item.pair : 0];
+    const bool of_unit = item.pair < pairs.count;
+    const LevelPair& d = pairs.pair[of_unit ? item.pair : 0];
     if constexpr (Stable) {
-      if (down)
+      if (of_unit)
         search.begin_unit(d.first_unit + item.unit);
       else
         search.begin_tile(item.unit);
     }
-    if (!down)
+    if (!of_unit)
       search.begin_spheres(item.unit * task.tile_spheres,
                            min((item.unit + 1) * task.tile_spheres, task.spheres.count));
-    if (!down || search.begin_rows(d, item.unit)) search.take_all(down, Stable);
+    if (!of_unit || search.begin_rows(d, item.unit)) search.take_all(of_unit, Stable);
     if (Stable) search.end_producer();
     // The last to find nothing leaves the counter as it was.
     if (search.lane == 0 && next + 1 == items) *task.next = 0;

@@ -12,7 +12,7 @@
 
 namespace padder::detect::cuda {
 
-// Of a warp: the row of pairs, and the queries of a unit, in bins of the finer level.
+// Of a warp: the row of pairs, and the queries of a unit, in bins of the searched level.
 struct FusedMemory {
   static constexpr std::uint32_t kPairs = 256, kWrite = 64;  // kWrite: contacts that are enough to write
   uint2 pair[kPairs];

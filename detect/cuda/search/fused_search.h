@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 // The fused search, second half: where a warp's candidates come from, tiles of spheres at their own level or
-// units that search a finer level. Both offer their candidates a portion at a time, so that testing and
+// units that search another level. Both offer their candidates a portion at a time, so that testing and
 // writing stand in one place (fused_queue.h). Only .cu files include this.
 #pragma once
 #include "detect/cuda/search/fused_queue.h"
@@ -41,13 +41,13 @@ struct FusedSearch : FusedQueue<Stable, Given, Owned> {
     bool longer = true;
   };
 
-  // Offers all candidates of a tile, or (down) of a unit. Dry: goes on until none waits.
-  __device__ __forceinline__ void take_all(bool down, bool dry) {
+  // Offers all candidates of a tile, or (of_unit) of a unit. Dry: goes on until none waits.
+  __device__ __forceinline__ void take_all(bool of_unit, bool dry) {
     int slow = -1;  // from 0 on: row by row, after this many candidates of each row have been looked at
     LongRow long_row;
     for (bool last = false; !last;) {
       std::uint32_t end;
-      if (down) {
+      if (of_unit) {
         end = put_runs(row.i, row.begin, row.end);
         if (!__any_sync(kFullWarp, row.begin != row.end)) {
           if (Hashed && at >= behind && !second && __any_sync(kFullWarp, split))
@@ -155,8 +155,8 @@ struct FusedSearch : FusedQueue<Stable, Given, Owned> {
   };
   __device__ __forceinline__ void find_rows(const LevelPair& d, std::uint32_t index, std::uint32_t part,
                                             Query& q) {
-    const Level& l = grid.level[d.fine];
-    const FloatBins& bins = pairs.bins.level[d.fine];
+    const Level& l = grid.level[d.at];
+    const FloatBins& bins = pairs.bins.level[d.at];
     const std::uint32_t row_length = l.count[0] + 2, plane = row_length * (l.count[1] + 2);
     const FloatSlot s = load_slot(slots() + index);
     const float reach = search_radius(grid, d, s.r);
@@ -200,7 +200,7 @@ struct FusedSearch : FusedQueue<Stable, Given, Owned> {
   }
   // Begins with the rows of a unit; false where it has none.
   __device__ __forceinline__ bool begin_rows(const LevelPair& d, std::uint32_t unit_of_pair) {
-    const Level& l = grid.level[d.fine];
+    const Level& l = grid.level[d.at];
     const auto [first, part] = work_of_unit(d, unit_of_pair, 0);
     // A speculative call may search with the bins of another scene: indices and radii are held within bounds.
     const std::uint32_t behind_last = min(d.end, task.spheres.count),

@@ -10,9 +10,8 @@ namespace padder::detect::cuda {
 enum class KernelFamily {
   few_tiles,       // one dense level, so few tiles that latency is all
   one_level,       // one dense level
-  coarse_to_fine,  // several dense levels: the own level, and units that search the finer ones
-  fine_to_coarse,  // some level is hashed: the own level and the coarser ones
-  fused_levels     // as coarse_to_fine, for many float spheres whose distance alone counts
+  several_levels,  // several levels: the own level, and units that search another one
+  fused_levels     // the same, for many float spheres whose distance alone counts
 };
 
 // How many tiles of the family run at once on so many processors. Not for fused_levels.
@@ -20,8 +19,7 @@ unsigned resident_tiles(KernelFamily family, SlotKind kind, int processors);
 
 // Search kernels alone; compaction.h finishes a stable list. All throw Error.
 void launch_one_level(const SearchTask& task, const Grid& grid, KernelFamily family, cudaStream_t stream);
-void launch_fine_to_coarse(const SearchTask& task, const Grid& grid, cudaStream_t stream);
-void launch_coarse_to_fine(const SearchTask& task, const Grid& grid, const LevelPairs& pairs, int processors,
+void launch_several_levels(const SearchTask& task, const Grid& grid, const LevelPairs& pairs, int processors,
                            cudaStream_t stream);
 void launch_fused_levels(const SearchTask& task, const Grid& grid, const LevelPairs& pairs, int processors,
                          cudaStream_t stream);
@@ -32,8 +30,7 @@ void launch_unit_quotas(const SearchTask& task, const Grid& grid, const LevelPai
                         int processors, cudaStream_t stream);
 
 unsigned resident_one_level(KernelFamily family, SlotKind kind, int processors);
-unsigned resident_coarse_to_fine(SlotKind kind, int processors);
-unsigned resident_fine_to_coarse(SlotKind kind, int processors);
+unsigned resident_several_levels(SlotKind kind, int processors);
 
 // Calls f with the kind as a constant.
 template <class F>

@@ -9,18 +9,37 @@
 namespace padder::detect::cuda {
 namespace {
 
-// A finer level's bins that a sphere may reach at most in fixed point, modulo 256 bins.
-constexpr double kWidest = 100;
+// Bins of another level that a sphere may reach at most: in fixed point, modulo 256 bins; in float, so that
+// the bins at the ends of its reach have numbers in 32 bits.
+constexpr double kWidest = 100, kWidestInFloat = 0x1p29;
 
-// May spheres that reach so many of the finer level's bins search it by rows? The rows within reach are
-// numbered, and a row's number is divided by their number along y (find_rows): the product of both must fit
-// 32 bits. In a hashed level each bin must have a bucket of its own.
-bool searchable(const Level& fine, double reach, SlotKind kind) {
-  if (kind == SlotKind::fixed_point && reach > kWidest) return false;
+// How far the spheres of a level reach in another, in bins of that.
+double reach_of(const Level& from, const Level& at) {
+  return (from.radius_max + at.radius_max) * at.per_size * kSearchRadiusFactor + kSearchRadiusMargin;
+}
+
+// May spheres that reach so many bins of a level search it by rows? The rows within reach are numbered, and a
+// row's number is divided by their number along y (find_rows): the product of both must fit 32 bits. In a
+// hashed level each bin must have a bucket of its own. Finer spheres reach one bin at most: they may.
+bool searchable(const Level& at, double reach, SlotKind kind) {
+  if (reach > (kind == SlotKind::fixed_point ? kWidest : kWidestInFloat)) return false;
   const double wide = 2 * reach + 3;
-  if (fine.hashed) return wide < fine.side;
-  const double y = std::min<double>(wide, fine.count[1]), z = std::min<double>(wide, fine.count[2]);
+  if (at.hashed) return wide < at.side;
+  const double y = std::min<double>(wide, at.count[1]), z = std::min<double>(wide, at.count[2]);
   return y < 0x1p16 && y * y * z < 0x1p32;
+}
+
+// Spheres in a bin, of those that have some.
+double density_of(const Level& l) {
+  // Where a hashed level has spheres, it has about one in a bin, however many bins are empty.
+  if (l.hashed) return 1;
+  return static_cast<double>(l.spheres) / (l.filled * l.count[0] * l.count[1] * l.count[2]);
+}
+
+// The bounds of a level along an axis.
+double low_of(const Level& l, int axis) { return static_cast<double>(l.first[axis]) * l.size; }
+double high_of(const Level& l, int axis) {
+  return static_cast<double>(l.first[axis] + static_cast<std::int64_t>(l.count[axis])) * l.size;
 }
 
 // Do the bounds of two levels lie so far from each other that none of their spheres touch? By one bin more,
@@ -28,84 +47,123 @@ bool searchable(const Level& fine, double reach, SlotKind kind) {
 bool lie_apart(const Level& a, const Level& b) {
   const double apart = 1.01 * (a.radius_max + b.radius_max) + a.size + b.size;
   if (a.hashed || b.hashed) return false;
-  for (int c = 0; c < 3; c++) {
-    const auto low = [c](const Level& l) { return static_cast<double>(l.first[c]) * l.size; };
-    const auto high = [c](const Level& l) {
-      return static_cast<double>(l.first[c] + static_cast<std::int64_t>(l.count[c])) * l.size;
-    };
-    if (low(a) > high(b) + apart || low(b) > high(a) + apart) return true;
-  }
+  for (int c = 0; c < 3; c++)
+    if (low_of(a, c) > high_of(b, c) + apart || low_of(b, c) > high_of(a, c) + apart) return true;
   return false;
 }
 
-// How the spheres of the coarser level are grouped, or their rows divided, so that a unit finds about as many
-// contacts as a warp's queue holds. `reach`: of the largest, in bins of the finer level.
-void divide_rows(LevelPair& d, const Level& coarse, const Level& fine, double reach, bool fused) {
-  const double most_contacts = fused ? tuning::kFusedUnitContacts : tuning::kUnitContacts,
-               part_contacts = fused ? tuning::kFusedPartContacts : tuning::kPartContacts;
+// How the spheres of level `from` are grouped, or their rows divided, so that a unit finds about as many
+// contacts as a warp's queue holds. `reach`: of the largest, in bins of level `at`. `larger`: units are to be
+// so many times as large.
+void divide_rows(LevelPair& d, const Level& from, const Level& at, double reach, bool fused, double larger) {
+  const double most_contacts = larger * (fused ? tuning::kFusedUnitContacts : tuning::kUnitContacts),
+               part_contacts = larger * (fused ? tuning::kFusedPartContacts : tuning::kPartContacts),
+               most_rows = larger * tuning::kUnitRows;
   double rows = 1;  // at most
   for (int c = 1; c < 3; c++)
-    rows *= fine.hashed ? 2 * reach + 2 : std::min<double>(2 * reach + 2, fine.count[c]);
-  double full = 4.19 * static_cast<double>(fine.spheres);  // contacts of a sphere that reaches one bin far
-  // Where a hashed level has spheres, it has about one in a bin, however many bins are empty.
-  if (fine.hashed)
-    full = 4.19;
-  else
-    full /= fine.filled * fine.count[0] * fine.count[1] * fine.count[2];
-  d.density = static_cast<float>(full / 4.19);
+    rows *= at.hashed ? 2 * reach + 2 : std::min<double>(2 * reach + 2, at.count[c]);
+  const double density = density_of(at),
+               full = 4.19 * density;  // contacts of a sphere that reaches a bin far
+  d.density = static_cast<float>(density);
   // A usual sphere has three quarters of the largest radius: most are smaller.
-  const double usual = (0.75 * coarse.radius_max + fine.radius_max) * fine.per_size,
+  const double usual = (0.75 * from.radius_max + at.radius_max) * at.per_size,
                contacts = full * usual * usual * usual + 1e-9;
   d.group = d.parts = 1;
   if (contacts < most_contacts)
     d.group = static_cast<std::uint32_t>(
-        std::clamp(std::min(most_contacts / contacts, tuning::kUnitRows / rows), 1.0, 32.0));
+        std::clamp(std::min(most_contacts / contacts, most_rows / rows), 1.0, 32.0));
   if (d.group == 1) {
-    const double parts = std::max(full / part_contacts, rows / tuning::kUnitRows / (reach * reach * reach));
+    const double parts = std::max(full / part_contacts, rows / most_rows / (reach * reach * reach));
     d.parts_at_one = static_cast<float>(parts);
-    // No more than for all spheres of the finer level, wherever the others' rows may be.
-    const double enough =
-        2 * static_cast<double>(fine.spheres) / part_contacts + 2 * rows / tuning::kUnitRows;
+    // No more than for all spheres of level `at`, wherever the others' rows may be.
+    const double enough = 2 * static_cast<double>(at.spheres) / part_contacts + 2 * rows / most_rows;
     d.parts = static_cast<std::uint32_t>(
         std::clamp(std::ceil(std::min(parts * reach * reach * reach, enough)), 1.0, std::max(1.0, rows / 2)));
   }
 }
 
+// The part of the spheres of `from` that are near some of `at`, if they lie evenly within their bounds.
+double fraction_near(const Level& from, const Level& at) {
+  if (from.hashed || at.hashed) return 1;
+  const double distance = from.radius_max + at.radius_max;
+  double fraction = 1;
+  for (int c = 0; c < 3; c++) {
+    const double low = low_of(from, c), high = high_of(from, c),
+                 near = std::min(high, high_of(at, c) + distance) - std::max(low, low_of(at, c) - distance);
+    fraction *= std::clamp(near / (high - low), 0.0, 1.0);
+  }
+  return fraction;
+}
+
+// What it costs that the spheres of a level search another so, roughly, in tests of a candidate. In a hashed
+// level each bin, empty or not, has a bucket with spheres of other bins.
+double cost_of(const LevelPair& d, const Level& from, const Level& at) {
+  const double reach = (0.75 * from.radius_max + at.radius_max) * at.per_size,
+               units = static_cast<double>(from.spheres) * d.parts / d.group,
+               in_bin = at.hashed ? static_cast<double>(at.spheres) / at.ring : density_of(at);
+  double wide[3];
+  for (int c = 0; c < 3; c++)
+    wide[c] = at.hashed ? 2 * reach + 1 : std::min<double>(2 * reach + 1, at.count[c]);
+  return 128 * units + static_cast<double>(from.spheres) * fraction_near(from, at) * 0.8 * wide[1] * wide[2] *
+                           (2 + 0.8 * wide[0] * in_bin);
+}
+
+// The division of the work between two levels, where the spheres of `from` search.
+LevelPair pair_of(const Grid& grid, int from, int at, bool fused, double larger) {
+  LevelPair d{};
+  d.from = from, d.at = at, d.warp_units = d.step = 1;
+  divide_rows(d, grid.level[from], grid.level[at], reach_of(grid.level[from], grid.level[at]), fused, larger);
+  return d;
+}
+
+// Who searches? Costs are rough: where they are not far from each other, the spheres of the coarser level do,
+// whose candidates are contacts more often.
+LevelPair choose_pair(const Grid& grid, int fine, int coarse, SlotKind kind, bool fused, double larger) {
+  constexpr double kMuchCheaper = 2;
+  const Level &f = grid.level[fine], &c = grid.level[coarse];
+  const LevelPair up = pair_of(grid, fine, coarse, fused, larger);
+  if (!searchable(f, reach_of(c, f), kind)) return up;
+  const LevelPair down = pair_of(grid, coarse, fine, fused, larger);
+  return kMuchCheaper * cost_of(up, f, c) < cost_of(down, c, f) ? up : down;
+}
+
+// The division with units that are `larger` times as large as planned.
+LevelPairs divide_pairs(const Grid& grid, SlotKind kind, bool fused, double larger) {
+  LevelPairs pairs;
+  std::uint64_t first[kMaxLevels + 1] = {}, units = 0, warps = 0;
+  for (int k = 0; k < grid.levels; k++) first[k + 1] = first[k] + grid.level[k].spheres;
+  const std::uint64_t spheres = first[grid.levels];
+  for (int coarse = 0; coarse < grid.levels; coarse++)
+    for (int fine = 0; fine < coarse; fine++) {
+      LevelPair d = choose_pair(grid, fine, coarse, kind, fused, larger);
+      d.first = d.end = static_cast<std::uint32_t>(first[d.from]);
+      d.first_unit = static_cast<std::uint32_t>(units), d.first_warp = static_cast<std::uint32_t>(warps);
+      if (!lie_apart(grid.level[coarse], grid.level[fine])) {
+        d.end = static_cast<std::uint32_t>(first[d.from + 1]);
+        d.warp_units = fused || d.parts < 8 || spheres < tuning::kManySpheres ? 1 : tuning::kWarpUnits;
+        d.step = d.parts == 1 ? 1 : (d.parts + d.warp_units - 1) / d.warp_units;
+        const std::uint64_t more = (grid.level[d.from].spheres + d.group - 1) / d.group * d.step;
+        warps += more, units += more * d.warp_units;
+      }
+      pairs.pair[pairs.count++] = d;
+    }
+  pairs.units = static_cast<std::uint32_t>(std::min<std::uint64_t>(units, ~0u));
+  pairs.warps = static_cast<std::uint32_t>(std::min<std::uint64_t>(warps, ~0u));
+  return pairs;
+}
+
 }  // namespace
 
 LevelPairs plan_level_pairs(const Grid& grid, SlotKind kind, bool fused) {
-  LevelPairs pairs;
-  std::uint64_t first = 0, spheres = 0, units = 0, warps = 0;
-  for (int c = 0; c < grid.levels; c++) spheres += grid.level[c].spheres;
-  if (spheres >= kOfUnit) return {};
-  for (int c = 0; c < grid.levels; c++) {
-    const Level& coarse = grid.level[c];
-    for (int f = 0; f < c; f++) {
-      const Level& fine = grid.level[f];
-      LevelPair d{};
-      d.coarse = c, d.fine = f, d.group = d.parts = d.warp_units = d.step = 1;
-      d.first = d.end = static_cast<std::uint32_t>(first);
-      d.first_unit = static_cast<std::uint32_t>(units), d.first_warp = static_cast<std::uint32_t>(warps);
-      if (lie_apart(coarse, fine)) {
-        pairs.pair[pairs.count++] = d;
-        continue;
-      }
-      const double reach =
-          (coarse.radius_max + fine.radius_max) * fine.per_size * kSearchRadiusFactor + kSearchRadiusMargin;
-      if (!searchable(fine, reach, kind)) return {};
-      divide_rows(d, coarse, fine, reach, fused);
-      d.end = d.first + static_cast<std::uint32_t>(coarse.spheres);
-      d.warp_units = fused || d.parts < 8 || spheres < tuning::kManySpheres ? 1 : tuning::kWarpUnits;
-      d.step = d.parts == 1 ? 1 : (d.parts + d.warp_units - 1) / d.warp_units;
-      const std::uint64_t more = (coarse.spheres + d.group - 1) / d.group * d.step;
-      warps += more, units += more * d.warp_units;
-      // No more than some hundred rows for each sphere of the scene.
-      if (units > spheres / 2 + 65536 || units > kMostUnits) return {};
-      pairs.pair[pairs.count++] = d;
-    }
-    first += coarse.spheres;
+  std::uint64_t spheres = 0;
+  for (int k = 0; k < grid.levels; k++) spheres += grid.level[k].spheres;
+  // No more units than leave each some work, nor than a stable list has numbers for. Units of 32 spheres with
+  // all their rows are the fewest.
+  const std::uint64_t most = std::min<std::uint64_t>(spheres / 2 + 65536, kMostUnits);
+  for (double larger = 1;; larger *= 4) {
+    const LevelPairs pairs = divide_pairs(grid, kind, fused, larger);
+    if (pairs.units <= most || larger > 0x1p60) return pairs;
   }
-  pairs.units = static_cast<std::uint32_t>(units), pairs.warps = static_cast<std::uint32_t>(warps);
-  return pairs;
 }
+
 }  // namespace padder::detect::cuda

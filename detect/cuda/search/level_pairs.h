@@ -1,24 +1,26 @@
 // SPDX-License-Identifier: MIT
-// Coarse to fine, the division of work: each sphere of a level searches the rows of the finer levels' bins
-// that come near it. What a coarse sphere meets there are mostly contacts; a fine sphere that searched a
-// coarser level would meet mostly strangers. Internal; only .cu files include this.
+// Search between levels, the division of work: of each two levels, the spheres of one search the rows of the
+// other's bins that come near them. Mostly the coarser ones search: what they meet are mostly contacts, and a
+// fine sphere that searched a coarser level would meet mostly strangers. The finer ones search where large
+// spheres would visit many bins that are nearly empty, or more than can be told apart. Internal; only .cu
+// files include this.
 #pragma once
 #include "detect/cuda/order/bins.h"
 #include "detect/cuda/output/output_task.h"
 
 namespace padder::detect::cuda {
 
-// A coarser and a finer level. Its work is cut into units: `group` spheres of the coarser level with all
-// their rows of the finer one; or one sphere with one part of its rows. A sphere has as many parts as its
-// size asks for, `parts` at most. A warp takes `warp_units` units one after the other, of parts that lie far
-// from each other: most spheres have only the first of them. Levels too far apart to touch have no unit.
+// Two levels: the spheres of level `from` search level `at`. The work is cut into units: `group` spheres with
+// all their rows; or one sphere with one part of its rows. A sphere has as many parts as its size asks for,
+// `parts` at most. A warp takes `warp_units` units one after the other, of parts that lie far from each
+// other: most spheres have only the first of them. Levels too far apart to touch have no unit.
 struct LevelPair {
   std::uint32_t first_warp, first_unit, first, end;  // spheres `first` to `end` - 1 of the order
   std::uint32_t group, parts, warp_units, step;      // step: parts / warp_units, rounded up
   float parts_at_one;  // parts of a sphere that reaches one bin far; they grow with the third power of its
                        // reach
-  float density;       // spheres of the finer level in a bin
-  std::int32_t coarse, fine;
+  float density;       // spheres of level `at` in a bin
+  std::int32_t from, at;
 };
 struct LevelPairs {
   static constexpr int kMost = kMaxLevels * (kMaxLevels - 1) / 2;
@@ -27,15 +29,13 @@ struct LevelPairs {
   LevelPair pair[kMost];
   LevelBins bins;  // where the order is by these
 };
-// Stands for LevelPairs in kernels that search no finer level.
+// Stands for LevelPairs in kernels that search one level.
 struct NoLevelPairs {
   static constexpr bool kSeveralLevels = false;
 };
 
-// Decides how the levels are searched from coarse to fine. Returns no pairs where that is impossible: where
-// sizes differ so much that fixed-point slots of one level say nothing at another, or that buckets of a
-// hashed level would be met twice, or where there would be too many rows. Fused: larger units, since the
-// fused search divides nothing but its work by them.
+// Decides who searches whom. Fused: larger units, since the fused search divides nothing but its work by
+// them.
 LevelPairs plan_level_pairs(const Grid& grid, SlotKind kind, bool fused = false);
 
 // The work of a unit: `group` spheres from `first` on, or part number `part` of the rows of sphere `first`.
@@ -50,12 +50,11 @@ __host__ __device__ __forceinline__ UnitWork work_of_unit(const LevelPair& d, st
   return {d.first + number, warp - number * d.step + nth * d.step};
 }
 
-// Lengths in bins of the finer level are floats. This much more covers their rounding twice.
-
-// How far a sphere of radius r reaches among those of the finer level, in bins of that level.
+// How far a sphere of radius r reaches among those of level `at`, in bins of that level. Lengths in bins are
+// floats; the factor and the margin of grid.h cover their rounding twice.
 __device__ __forceinline__ float search_radius(const Grid& grid, const LevelPair& d, double r) {
-  const Level& l = grid.level[d.fine];
-  r = smaller(r + l.grown_by, grid.level[d.coarse].radius_max) + l.radius_max;
+  const Level& l = grid.level[d.at];
+  r = smaller(r + l.grown_by, grid.level[d.from].radius_max) + l.radius_max;
   return __fmaf_rn(static_cast<float>(r * l.per_size), kSearchRadiusFactor, kSearchRadiusMargin);
 }
 // Into how many parts the rows of such a sphere are divided. Work beyond the last part is empty.

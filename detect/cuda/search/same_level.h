@@ -116,7 +116,7 @@ static __device__ __noinline__ std::uint32_t test_queue_exactly(const SearchTask
   const auto* const slots = slots_of<Kind>(task);
   return keep_those<1>(queue, count, [&](const std::uint32_t(&word)[1], bool(&hit)[1]) {
     const std::uint32_t i = queue.i(word[0]), j = queue.j(word[0]);
-    if (hit[0]) hit[0] = test<Kind>(task, grid, i, load_slot(slots + i), j, load_slot(slots + j), true);
+    if (hit[0]) hit[0] = test<Kind>(task, i, load_slot(slots + i), j, load_slot(slots + j), true);
   });
 }
 // `doubt`: float is not enough for the lane's own sphere. MayRound: slots may be doubles rounded to float.
@@ -160,8 +160,7 @@ __device__ __forceinline__ void search_rows_unqueued(const SearchTask& task, con
       while (__any_sync(kFullWarp, mask != 0)) {
         const int k = __clz(mask);
         const std::uint32_t j = begin + k;
-        const bool hit =
-            mask && test<Kind>(task, grid, query.index, query.slot, j, load_slot(slots + j), counts);
+        const bool hit = mask && test<Kind>(task, query.index, query.slot, j, load_slot(slots + j), counts);
         if (mask) mask ^= 0x80000000u >> k;
         take(hit, query.index, j, __ballot_sync(kFullWarp, hit));
       }

@@ -70,7 +70,7 @@ SearchTask make_task(const DeviceSpheres& source, const Grid& grid, const Ordere
   return task;
 }
 
-// How the spheres are searched: the family, and the division of coarse-to-fine work.
+// How the spheres are searched: the family, and the division of the work between levels.
 struct SearchPlan {
   KernelFamily family = KernelFamily::one_level;
   LevelPairs pairs;
@@ -84,18 +84,22 @@ SearchPlan choose_family(const SearchTask& task, const Grid& grid, int processor
       task.only_owner && !task.stable_order && !task.rounded && record_kind(task) != RecordKind::from_given;
   if (spheres.count >= tuning::kFusedSpheres && spheres.float_levels && (!task.test_all || owned) &&
       (task.output.scalar == Scalar::f32 || task.output.width == Width::pairs)) {
-    plan.pairs = plan_level_pairs(grid, spheres.kind, true);
-    if (plan.pairs.count > 0) plan.family = KernelFamily::fused_levels;
-  }
-  if (!plan.fused()) plan.pairs = plan_level_pairs(grid, spheres.kind);
-  if (spheres.float_levels) plan.pairs.bins = level_bins(grid, spheres.kind);
-  if (plan.fused()) return plan;
-  if (grid.levels == 1)
+    plan.family = KernelFamily::fused_levels;
+  } else if (grid.levels > 1) {
+    plan.family = KernelFamily::several_levels;
+  } else {
     plan.family = tiles_of(spheres.count) <= tuning::kFewTilesOfProcessor * static_cast<unsigned>(processors)
                       ? KernelFamily::few_tiles
                       : KernelFamily::one_level;
-  else
-    plan.family = plan.pairs.count ? KernelFamily::coarse_to_fine : KernelFamily::fine_to_coarse;
+  }
+  plan.pairs = plan_level_pairs(grid, spheres.kind, plan.fused());
+  if (spheres.float_levels) plan.pairs.bins = level_bins(grid, spheres.kind);
+  // A spilled contact has 31 bits for its sphere, or for its unit and a sphere of that.
+  if (task.stable_order && plan.family == KernelFamily::several_levels &&
+      (spheres.count >= kOfUnit || plan.pairs.units > kMostUnits))
+    throw Error(
+        "too many spheres of several sizes for a stable order on one GPU: ask for any order, or "
+        "divide the scene into boxes");
   return plan;
 }
 
@@ -124,12 +128,9 @@ bool are_ordered(const SearchTask& task, const SearchPlan& plan, int processors)
 static_assert(tuning::kMostOrderedTiles * kTileSpheres < tuning::kManySpheres);
 
 unsigned resident_tiles(KernelFamily family, SlotKind kind, int processors) {
-  if (family == KernelFamily::coarse_to_fine) return resident_coarse_to_fine(kind, processors);
-  if (family == KernelFamily::fine_to_coarse) return resident_fine_to_coarse(kind, processors);
+  if (family == KernelFamily::several_levels) return resident_several_levels(kind, processors);
   return resident_one_level(family, kind, processors);
 }
-
-bool searches_downwards(const Grid& grid, SlotKind kind) { return plan_level_pairs(grid, kind).count > 0; }
 
 SlotQuota quota_for(const Counters& found, std::uint32_t spheres, const Grid& grid, SlotKind kind) {
   // The quota goes in steps, so that it seldom changes from call to call; steps are finer where chance
@@ -155,8 +156,6 @@ void search(const DeviceSpheres& source, const Grid& grid, const Ordered& sphere
             int processors, cudaStream_t stream) {
   SearchTask task = make_task(source, grid, spheres, options, output, counters);
   const SearchPlan plan = choose_family(task, grid, processors);
-  // The search from fine to coarse may be wider than the cube of a hashed level.
-  if (plan.family == KernelFamily::fine_to_coarse) task.test_all = task.test_all || spheres.hashed;
   const bool fused = plan.fused(), many = fused || spheres.count >= tuning::kManySpheres;
   if (fused) task.tile_spheres = fused_tile(task, plan, processors);
   task.tiles =
@@ -172,10 +171,8 @@ void search(const DeviceSpheres& source, const Grid& grid, const Ordered& sphere
   }
   if (fused)
     launch_fused_levels(task, grid, plan.pairs, processors, stream);
-  else if (plan.family == KernelFamily::coarse_to_fine)
-    launch_coarse_to_fine(task, grid, plan.pairs, processors, stream);
-  else if (plan.family == KernelFamily::fine_to_coarse)
-    launch_fine_to_coarse(task, grid, stream);
+  else if (plan.family == KernelFamily::several_levels)
+    launch_several_levels(task, grid, plan.pairs, processors, stream);
   else
     launch_one_level(task, grid, plan.family, stream);
   if (options.stable_order) compact(task, fused, processors, stream);

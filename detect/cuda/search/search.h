@@ -26,9 +26,6 @@ struct SearchOptions {
 // contacts alone: a list that was found with another quota is not the one to hand out.
 SlotQuota quota_for(const Counters& found, std::uint32_t spheres, const Grid& grid, SlotKind kind);
 
-// May a sphere search the levels below its own? Else the order must be by the bins of grid.h.
-bool searches_downwards(const Grid& grid, SlotKind kind);
-
 // The caller sets the counters to zero first. Afterwards they hold the number of contacts, whatever the
 // capacity of `output`. `processors`: processors_of(stream); the list does not depend on it. Throws Error.
 void search(const DeviceSpheres& source, const Grid& grid, const Ordered& spheres,

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Quotas of units: how many output slots each has to itself in a list of stable order. A unit's quota is
 // proportional to the contacts that its spheres can be expected to find, from their radii and from how many
-// spheres of the finer level there are in a bin. Where spheres are spread evenly, nine in ten contacts are
+// spheres of the searched level there are in a bin. Where spheres are spread evenly, nine in ten contacts are
 // then written where they stay; the compaction moves the others (compaction.h).
 #include <cub/block/block_scan.cuh>
 
@@ -34,8 +34,8 @@ struct VolumeMemory {
   float volume[kWarpSpheres + kWarpSpheres / 32];
 };
 
-// The rows of a part, layer by layer. `p`: centre in bins of the finer level, `n`: how many bins there are.
-// `reach`: search radius of the usual finer sphere, `widest`: of the largest.
+// The rows of a part, layer by layer. `p`: centre in bins of the searched level, `n`: how many bins there
+// are. `reach`: search radius of the usual sphere there, `widest`: of the largest.
 __device__ __forceinline__ float volume_of_rows(const float (&p)[3], const float (&n)[3], float reach,
                                                 float widest, std::uint32_t part, std::uint32_t parts) {
   const float y0 = fmaxf(floorf(p[1] - widest), 0.f), y1 = fminf(floorf(p[1] + widest), n[1] - 1),
@@ -62,11 +62,11 @@ __device__ __forceinline__ float volume_of_rows(const float (&p)[3], const float
 }
 
 // The volume that one sphere reaches, or that a part of its rows covers of it, in bins. `fine`: radius of the
-// usual finer sphere.
+// usual sphere there.
 template <SlotKind Kind>
 __device__ __forceinline__ float volume_of_part(const SearchTask& task, const Grid& grid, const LevelPair& d,
                                                 std::uint32_t unit_of_pair, float fine) {
-  const Level& l = grid.level[d.fine];
+  const Level& l = grid.level[d.at];
   const std::uint32_t warp = d.warp_units == 1 ? unit_of_pair : unit_of_pair / d.warp_units;
   const auto [first, part] = work_of_unit(d, warp, unit_of_pair - warp * d.warp_units);
   if (first >= min(d.end, task.spheres.count)) return 0;
@@ -98,8 +98,8 @@ __device__ __forceinline__ float volume_of_groups(const SearchTask& task, const 
                                                   std::uint32_t upto, bool mine, float fine) {
   const std::uint32_t lane = threadIdx.x & 31;
   const float unit_of_slot =
-                  Kind == SlotKind::fixed_point ? static_cast<float>(1 / grid.level[d.coarse].units) : 1.f,
-              per_size = static_cast<float>(grid.level[d.fine].per_size);
+                  Kind == SlotKind::fixed_point ? static_cast<float>(1 / grid.level[d.from].units) : 1.f,
+              per_size = static_cast<float>(grid.level[d.at].per_size);
   const std::uint32_t first = d.first + unit_of_pair * d.group, behind = min(d.end, task.spheres.count),
                       spheres = first < behind ? min((upto - from) * d.group, behind - first) : 0;
   const auto* const slots = slots_of<Kind>(task) + first;
@@ -124,7 +124,7 @@ __device__ __forceinline__ float volume_of_groups(const SearchTask& task, const 
 }
 
 // Contacts that a unit can be expected to find, in 16ths; none behind the last unit. By all lanes, whose
-// units follow each other. Spheres of the finer level are taken for 0.68 of the largest.
+// units follow each other. Spheres of the searched level are taken for 0.68 of the largest.
 template <SlotKind Kind>
 __device__ __forceinline__ float expected_contacts(const SearchTask& task, const Grid& grid,
                                                    const LevelPairs& pairs, VolumeMemory& memory,
@@ -137,7 +137,7 @@ __device__ __forceinline__ float expected_contacts(const SearchTask& task, const
   float contacts = 0;
   for (std::uint32_t from = 0; from < 32 && lowest + from < task.units;) {
     const LevelPair& d = pairs.pair[which];
-    const Level& l = grid.level[d.fine];
+    const Level& l = grid.level[d.at];
     const std::uint32_t end = which + 1 < pairs.count ? pairs.pair[which + 1].first_unit : task.units,
                         // Of the pair, lanes `from` to `upto` - 1, as many as there is memory for.
         upto = min(min(end - lowest, 32u), from + kWarpSpheres / d.group);

@@ -9,7 +9,7 @@ namespace padder::detect::cuda {
 // again when their slots are known.
 inline constexpr std::uint32_t kQueueOverflow = 1u << 31;
 
-// Of a search of finer or coarser levels: the index of j, and the lane or query of i.
+// Of a search of other levels: the index of j, and the lane or query of i.
 template <std::uint32_t Capacity>
 struct ContactQueue {
   static constexpr std::uint32_t kCapacity = Capacity;

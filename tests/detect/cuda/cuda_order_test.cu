@@ -98,32 +98,35 @@ TEST(CudaBins, TouchingSpheresAreNeighbours) {
   EXPECT_GT(on, 200);
 }
 
-// What the search needs where a sphere looks down at a finer level: the bin of one that touches it is among
-// those that its reach covers.
-TEST(CudaBins, CoarserSpheresReachThoseThatTouch) {
+// What the search needs where a sphere searches another level: the bin of one that touches it is among those
+// that its reach covers, also where bins are much wider than spheres.
+TEST(CudaBins, SpheresOfOtherLevelsReachThoseThatTouch) {
   std::mt19937 random(20261121);
   std::uniform_real_distribution<float> share(0, 1);
   int on = 0;
   for (int scene = 0; scene < 300; scene++) {
-    const float r = std::exp2(share(random) * 20 - 10), side = r * std::exp2(3 + share(random) * 9.9f),
+    const float r = std::exp2(share(random) * 20 - 10), wider = scene % 3 ? 1 : std::exp2(4 * share(random)),
+                side = wider * r * std::exp2(3 + share(random) * 9.9f),
                 low = (share(random) - 0.5f) * 4 * side;
     auto spheres = cloud(random, 400, side, low, 0.7f * r, r);
     for (int k = 0; k < 40; k++) spheres[10 * k].w = r * std::exp2(1 + 6 * share(random));
     const Summary summary = summary_of(spheres);
-    const Grid grid = choose_grid(summary, 0, 1e12, CrossSearch::coarse_to_fine);
+    const double bin_size = scene % 3 ? 0 : 2 * r * wider;
+    const Grid grid = choose_grid(summary, bin_size, 1e12, CrossSearch::coarse_to_fine);
     const LevelBins bins = level_bins(grid, SlotKind::unequal);
     if (!bins.on) continue;
     on++;
-    for (const float4& coarse : spheres)
-      for (int f = 0; f < level_of(bins, coarse); f++) {
+    for (const float4& other : spheres)
+      for (int f = 0; f < grid.levels; f++) {
+        if (f == level_of(bins, other)) continue;
         const FloatBins& b = bins.level[f];
         const Level& l = grid.level[f];
         if (l.hashed) continue;
-        const double far = static_cast<double>(coarse.w) + l.radius_max;
+        const double far = static_cast<double>(other.w) + l.radius_max;
         for (int k = 0; k < 3; k++)
           for (int step = -4; step <= 4; step++) {
             if (b.count[k] < 2) continue;
-            // At a face, and the coarser sphere as far away as it can touch.
+            // At a face, and the other sphere as far away as it can touch.
             const auto face = static_cast<float>(1 + std::floor(share(random) * (b.count[k] - 1)));
             float y = b.origin[k] + face / b.per_size[k];
             for (int ulp = 0; ulp < std::abs(step); ulp++)
@@ -133,7 +136,7 @@ TEST(CudaBins, CoarserSpheresReachThoseThatTouch) {
             std::uint32_t bin;
             if (!float_bin(y, b.origin[k], b.per_size[k], b.count[k], bin)) continue;
             const double place = (static_cast<double>(x) - b.origin[k]) * b.per_size[k],
-                         reach = far * l.per_size;
+                         reach = far * l.per_size + (bin_size > 0 ? kSearchRadiusMargin : 0);
             ASSERT_GE(bin, std::floor(place - reach)) << "scene " << scene << " level " << f;
             ASSERT_LE(bin, std::floor(place + reach)) << "scene " << scene << " level " << f;
           }

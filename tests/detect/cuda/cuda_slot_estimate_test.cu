@@ -48,14 +48,14 @@ TEST(CudaSlotEstimate, TilesGetNoMoreSlotsThanThereAre) {
   }
 }
 
-// Each sphere of a level searches each part of its rows of each finer level once, however the work is
-// divided.
+// Of each two levels, each sphere of one searches each part of its rows of the other once, however the work
+// is divided.
 TEST(CudaSlotEstimate, EachPartOfTheRowsIsSearchedOnce) {
   const unsigned seed = std::random_device{}();
   std::printf("seed %u\n", seed);
   std::mt19937 random(seed);
   const auto below = [&](std::uint64_t n) { return random() % n; };
-  int in_groups = 0, in_parts = 0, one_after_the_other = 0;
+  int in_groups = 0, in_parts = 0, one_after_the_other = 0, from_fine = 0;
   for (int scene = 0; scene < 300; scene++) {
     Grid grid;
     grid.levels = 2 + static_cast<int>(below(4));
@@ -67,10 +67,17 @@ TEST(CudaSlotEstimate, EachPartOfTheRowsIsSearchedOnce) {
       l.radius_max = radius, l.size = 2 * radius, l.per_size = 1 / l.size;
       for (auto& side : l.count)
         side = 2 + static_cast<std::uint32_t>(below(static_cast<std::uint64_t>(400 / radius) + 1));
+      // Few buckets: spheres that reach far into the level cannot search it.
+      if (k == 0 && scene % 5 == 0) l.hashed = 1, l.ring = 1 << 20, l.side = 12;
     }
+    std::uint64_t first[kMaxLevels] = {};
+    for (int k = 1; k < grid.levels; k++) first[k] = first[k - 1] + grid.level[k - 1].spheres;
     const LevelPairs pairs = plan_level_pairs(grid, SlotKind::unequal, scene % 3 == 0);
+    ASSERT_EQ(pairs.count, static_cast<std::uint32_t>(grid.levels * (grid.levels - 1) / 2));
     for (std::uint32_t p = 0; p < pairs.count; p++) {
       const LevelPair& d = pairs.pair[p];
+      ASSERT_EQ(d.first, first[d.from]);
+      ASSERT_EQ(d.end, first[d.from] + grid.level[d.from].spheres);
       const std::uint32_t units =
           (p + 1 < pairs.count ? pairs.pair[p + 1].first_unit : pairs.units) - d.first_unit;
       std::vector<std::uint8_t> searched(static_cast<std::size_t>(d.end - d.first) * d.parts);
@@ -82,11 +89,13 @@ TEST(CudaSlotEstimate, EachPartOfTheRowsIsSearchedOnce) {
       }
       for (const std::uint8_t n : searched) ASSERT_EQ(n, 1) << "scene " << scene << " pair " << p;
       (d.warp_units > 1 ? one_after_the_other : d.parts > 1 ? in_parts : in_groups)++;
+      from_fine += d.from < d.at;
     }
   }
   EXPECT_GT(in_groups, 0);
   EXPECT_GT(in_parts, 0);
   EXPECT_GT(one_after_the_other, 0);
+  EXPECT_GT(from_fine, 0);
 }
 
 // Where two levels have no units, no sphere of one can touch a sphere of the other; and levels that lie far

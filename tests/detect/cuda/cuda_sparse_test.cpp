@@ -59,8 +59,10 @@ class SparseTest : public testing::Test {
     }
   }
   void expect_processor(std::uint32_t n, double ratio, Scalar scalar) {
+    expect_processor(scene(n, ratio), scalar);
+  }
+  void expect_processor(TestScene s, Scalar scalar) {
     Detector cpu({BackendKind::omp}, {}), gpu({BackendKind::cuda}, {});
-    TestScene s = scene(n, ratio);
     for (int call = 0; call < 5; call++) {
       gpu.options().order = below(2) ? Order::stable : Order::any;
       const TestScene given = scalar == Scalar::f32 ? s.rounded() : s;
@@ -133,6 +135,26 @@ TEST_F(SparseTest, HeapsOfTwoSizesAsTheyComeNear) {
         ASSERT_EQ(gpu.detect(input.input).count, cpu.detect(input.input).count) << gap << " seed " << seed_;
         ASSERT_EQ(gpu.hash(), cpu.hash()) << "gap " << gap << " seed " << seed_;
       }
+    }
+}
+
+// Grains on the surface of balls of one size and of two: the grains search the balls, among few spheres and
+// in the fused search of many.
+TEST_F(SparseTest, GrainsOnLargeBallsAsByTheProcessor) {
+  for (const std::uint32_t balls : {20u, 200u})
+    for (const Scalar scalar : {Scalar::f32, Scalar::f64}) {
+      TestScene s;
+      const double edge = 200 * std::cbrt(balls);
+      for (std::uint32_t k = 0; k < balls; k++) {
+        const Sphere b{edge * unit(), edge * unit(), edge * unit(), k % 3 ? 100.0 : 12.0};
+        s.spheres.push_back(b);
+        for (int g = 0; g < 999; g++) {
+          const double d[3] = {unit(), unit(), unit()}, r = 1 + 0.4 * unit(),
+                       away = (b.r + r * (1 - 0.1 * unit())) / std::hypot(d[0], d[1], d[2]);
+          s.spheres.push_back({b.x + away * d[0], b.y + away * d[1], b.z + away * d[2], r});
+        }
+      }
+      expect_processor(s, scalar);
     }
 }
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
-// Coarse to fine, the rows of a unit: up to 32 spheres of the coarser level are queries; each reaches some
-// rows of the finer level's bins. Rows are dealt to lanes, then their candidates are, so that lanes stay busy
-// however short the rows are. Only .cu files include this.
+// The rows of a unit: up to 32 spheres of a level are queries; each reaches some rows of the searched level's
+// bins. Rows are dealt to lanes, then their candidates are, so that lanes stay busy however short the rows
+// are. Only .cu files include this.
 #pragma once
 #include "detect/cuda/device/warp.h"
 #include "detect/cuda/output/output_slots.h"
@@ -10,9 +10,9 @@
 
 namespace padder::detect::cuda {
 
-// The queries of a unit that reach rows, in shared memory. Lengths are in bins of the finer level.
+// The queries of a unit that reach rows, in shared memory. Lengths are in bins of the searched level.
 template <SlotKind Kind>
-struct CoarseQueries {
+struct UnitQueries {
   typename SlotOf<Kind>::Type slot[32];
   float4 within[32];  // centre: x within its bin, y and z from the first row; search radius
   int4 rows[32];      // x of its bin, key of its first row, its first row's number in the unit, 2^32 / side
@@ -26,9 +26,9 @@ struct CoarseQueries {
   }
 };
 
-// A coordinate among the finer level's bins: in which bin, counted from the first, and how far in it, in
+// A coordinate among the searched level's bins: in which bin, counted from the first, and how far in it, in
 // bins. `bins`: in float, where the order is by these. Of a hashed level the bin is that of grid.h, modulo
-// 2^32.
+// 2^32, also where the order is by bins in float.
 struct BinPosition {
   int bin;
   float rest;
@@ -36,7 +36,7 @@ struct BinPosition {
 __device__ __forceinline__ BinPosition bin_position(const Level& l, const FloatBins* bins, int axis,
                                                     double x) {
   constexpr std::int64_t kFar = std::int64_t(1) << 30;
-  if (bins) {
+  if (bins && !l.hashed) {
     const double t = (x - static_cast<double>(bins->origin[axis])) *
                      static_cast<double>(bins->per_size[axis]),
                  bin = fmin(fmax(whole_below(t), -static_cast<double>(kFar)), static_cast<double>(kFar));
@@ -51,7 +51,7 @@ __device__ __forceinline__ BinPosition bin_position(const Level& l, const FloatB
 // Which rows a lane's sphere reaches.
 template <SlotKind Kind>
 struct QueryRows {
-  typename SlotOf<Kind>::Type slot;  // at the finer level
+  typename SlotOf<Kind>::Type slot;  // at the searched level
   float4 within;
   int x_bin = 0;
   std::uint32_t key = 0, side = 1, rows = 0, skipped = 0, parts = 1;  // skipped: rows of the parts before
@@ -60,7 +60,7 @@ template <SlotKind Kind>
 __device__ __forceinline__ void find_rows(const SearchTask& task, const Grid& grid, const LevelPairs& pairs,
                                           const LevelPair& d, std::uint32_t index, std::uint32_t part,
                                           QueryRows<Kind>& q) {
-  const Level& l = grid.level[d.fine];
+  const Level& l = grid.level[d.at];
   const std::uint32_t row_length = l.count[0] + 2, plane = row_length * (l.count[1] + 2);
   const Sphere s = sphere_of_slot<Kind>(task, index);
   const float reach = search_radius(grid, d, s.r);
@@ -71,7 +71,7 @@ __device__ __forceinline__ void find_rows(const SearchTask& task, const Grid& gr
               fixed_point_of(l, split(l, s.z)), static_cast<float>(mul(add(s.r, l.grown_by), l.units))};
   else
     q.slot = load_slot(slots_of<Kind>(task) + index);
-  const FloatBins* const bins = pairs.bins.on ? pairs.bins.level + d.fine : nullptr;
+  const FloatBins* const bins = pairs.bins.on ? pairs.bins.level + d.at : nullptr;
   const BinPosition x = bin_position(l, bins, 0, s.x), y = bin_position(l, bins, 1, s.y),
                     z = bin_position(l, bins, 2, s.z);
   int y0 = y.bin + __float2int_rd(y.rest - reach), y1 = y.bin + __float2int_rd(y.rest + reach),
@@ -111,7 +111,7 @@ struct RowWindow {
 // Row number window.lane + `first` of the unit: its candidates, and whose query it is.
 template <SlotKind Kind>
 __device__ __forceinline__ void find_span(const SearchTask& task, const Level& l,
-                                          const CoarseQueries<Kind>& queries, RowWindow& window,
+                                          const UnitQueries<Kind>& queries, RowWindow& window,
                                           std::uint32_t first, std::uint32_t& begin, std::uint32_t& count,
                                           std::uint32_t& who) {
   who = 0;
@@ -157,7 +157,7 @@ __device__ __forceinline__ void find_span(const SearchTask& task, const Level& l
 
 // Deals the candidates of 64 rows, two a lane, to the lanes: take(valid, query, j, slot of j).
 template <SlotKind Kind, class Take>
-__device__ __forceinline__ void deal_candidates(const SearchTask& task, CoarseQueries<Kind>& queries,
+__device__ __forceinline__ void deal_candidates(const SearchTask& task, UnitQueries<Kind>& queries,
                                                 const RowWindow& window, const std::uint32_t (&begin)[2],
                                                 const std::uint32_t (&count)[2],
                                                 const std::uint32_t (&who)[2], Take take) {
@@ -211,12 +211,12 @@ __device__ __forceinline__ const LevelPair& pair_of_warp(const LevelPairs& pairs
 // Unit number `nth` of those of a warp: its candidates, 32 at a time, to take(valid, query, j, slot of j).
 template <SlotKind Kind, class Take>
 __device__ __forceinline__ void search_rows(const SearchTask& task, const Grid& grid, const LevelPairs& pairs,
-                                            CoarseQueries<Kind>& queries, std::uint32_t warp,
-                                            std::uint32_t nth, Take take) {
+                                            UnitQueries<Kind>& queries, std::uint32_t warp, std::uint32_t nth,
+                                            Take take) {
   const std::uint32_t lane = threadIdx.x & 31;
   RowWindow window{lane, ~0u >> (31 - lane), 0, 0, 0, 0, 0, false, false};
   const LevelPair& d = pair_of_warp(pairs, warp);
-  const Level& l = grid.level[d.fine];
+  const Level& l = grid.level[d.at];
   const std::uint32_t at = warp - d.first_warp;
   const auto [first, part] = work_of_unit(d, at, nth);
   // A speculative call may search with the bins of another scene: indices and radii are held within bounds.

@@ -1,18 +1,18 @@
 // SPDX-License-Identifier: MIT
-// Coarse to fine: blocks of threads take tiles of spheres, which search their own level; behind them are
-// blocks whose warps take units, which search a finer level.
+// Several levels: blocks of threads take tiles of spheres, which search their own level; behind them are
+// blocks whose warps take units, which search another level.
 #include "detect/cuda/device/overlapped_launch.h"
-#include "detect/cuda/search/coarse_rows.h"
 #include "detect/cuda/search/launch.h"
 #include "detect/cuda/search/same_level.h"
 #include "detect/cuda/search/tile_search.h"
+#include "detect/cuda/search/unit_rows.h"
 #include "detect/cuda/tuning.h"
 
 namespace padder::detect::cuda {
 namespace {
 
 // Tiles use the `index` of it as the words of a PairQueue.
-using UnitQueue = ContactQueue<tuning::kCoarseToFineQueue>;
+using UnitQueue = ContactQueue<tuning::kUnitQueue>;
 
 // A unit without the queue, for the few with more contacts than it holds: each candidate is tested as it
 // comes. With a range, emits the contacts as numbers `base` onwards of the producer; without, only counts
@@ -20,7 +20,7 @@ using UnitQueue = ContactQueue<tuning::kCoarseToFineQueue>;
 template <SlotKind Kind>
 __device__ __noinline__ std::uint32_t search_unit_unqueued(const SearchTask& task, const Grid& grid,
                                                            const LevelPairs& pairs,
-                                                           CoarseQueries<Kind>& queries, std::uint32_t warp,
+                                                           UnitQueries<Kind>& queries, std::uint32_t warp,
                                                            std::uint32_t nth, const OutputRange* range,
                                                            std::uint32_t base) {
   const std::uint32_t below = (1u << (threadIdx.x & 31)) - 1;
@@ -28,7 +28,7 @@ __device__ __noinline__ std::uint32_t search_unit_unqueued(const SearchTask& tas
   search_rows<Kind>(task, grid, pairs, queries, warp, nth,
                     [&](bool valid, std::uint32_t query, std::uint32_t j, const auto& b) {
                       const std::uint32_t i = queries.index(query);
-                      const bool hit = valid && test<Kind>(task, grid, i, queries.slot[query], j, b, !range);
+                      const bool hit = valid && test<Kind>(task, i, queries.slot[query], j, b, !range);
                       const std::uint32_t has = __ballot_sync(kFullWarp, hit);
                       if (hit && range) emit<Kind>(task, *range, base + hits + __popc(has & below), i, j);
                       hits += __popc(has);
@@ -40,7 +40,7 @@ __device__ __noinline__ std::uint32_t search_unit_unqueued(const SearchTask& tas
 // counts. Contacts move together, in the same order.
 template <SlotKind Kind>
 __device__ __noinline__ std::uint32_t test_unit_exactly(const SearchTask& task, const Grid& grid,
-                                                        UnitQueue& queue, const CoarseQueries<Kind>& queries,
+                                                        UnitQueue& queue, const UnitQueries<Kind>& queries,
                                                         std::uint32_t count) {
   const auto* const slots = slots_of<Kind>(task);
   const std::uint32_t lane = threadIdx.x & 31, below = (1u << lane) - 1;
@@ -48,8 +48,8 @@ __device__ __noinline__ std::uint32_t test_unit_exactly(const SearchTask& task, 
 #pragma unroll 1
   for (std::uint32_t from = 0; from < count; from += 32) {
     const std::uint32_t k = min(from + lane, count - 1), j = queue.index[k], query = queue.who[k];
-    const bool hit = from + lane < count && test<Kind>(task, grid, queries.index(query), queries.slot[query],
-                                                       j, load_slot(slots + j), true);
+    const bool hit = from + lane < count && test<Kind>(task, queries.index(query), queries.slot[query], j,
+                                                       load_slot(slots + j), true);
     const std::uint32_t has = __ballot_sync(kFullWarp, hit), to = hits + __popc(has & below);
     __syncwarp();  // all have read what is written over
     if (hit) queue.index[to] = j, queue.who[to] = static_cast<unsigned char>(query);
@@ -63,7 +63,7 @@ __device__ __noinline__ std::uint32_t test_unit_exactly(const SearchTask& task, 
 template <SlotKind Kind>
 __device__ __forceinline__ std::uint32_t search_unit(const SearchTask& task, const Grid& grid,
                                                      const LevelPairs& pairs, UnitQueue& queue,
-                                                     CoarseQueries<Kind>& queries, std::uint32_t warp,
+                                                     UnitQueries<Kind>& queries, std::uint32_t warp,
                                                      std::uint32_t nth) {
   const std::uint32_t below = (1u << (threadIdx.x & 31)) - 1;
   bool doubt = task.test_all;
@@ -89,7 +89,7 @@ __device__ __forceinline__ std::uint32_t search_unit(const SearchTask& task, con
 // Emits the contacts of a unit that lane 0 has reserved slots for.
 template <SlotKind Kind>
 __device__ __forceinline__ void emit_unit(const SearchTask& task, const Grid& grid, const LevelPairs& pairs,
-                                          UnitQueue& queue, CoarseQueries<Kind>& queries, std::uint32_t warp,
+                                          UnitQueue& queue, UnitQueries<Kind>& queries, std::uint32_t warp,
                                           std::uint32_t nth, std::uint32_t found, Word slot) {
   const std::uint32_t lane = threadIdx.x & 31, hits = found & ~kQueueOverflow,
                       here = task.stable_order ? min(hits, queries.range.quota) : hits;
@@ -109,7 +109,7 @@ __device__ __forceinline__ void emit_unit(const SearchTask& task, const Grid& gr
 template <SlotKind Kind>
 __device__ __forceinline__ void search_units(const SearchTask& task, const Grid& grid,
                                              const LevelPairs& pairs, UnitQueue& queue,
-                                             CoarseQueries<Kind>& queries) {
+                                             UnitQueries<Kind>& queries) {
   const std::uint32_t lane = threadIdx.x & 31;
   if (task.stable.unit_quotas) wait_for_previous_kernel();
   do {
@@ -147,10 +147,10 @@ __device__ __forceinline__ void search_units(const SearchTask& task, const Grid&
 
 // A tile of spheres or, where tiles wait for those before them, of four units.
 template <SlotKind Kind>
-struct CoarseToFine {
+struct SeveralLevels {
   using Pairs = LevelPairs;
   using Queue = UnitQueue;
-  using State = CoarseQueries<Kind>;
+  using State = UnitQueries<Kind>;
   static __device__ __forceinline__ bool find(const SearchTask& task, const Grid& grid, const Pairs& pairs,
                                               Queue& queue, State& queries, std::uint32_t number,
                                               std::uint32_t warp, std::uint32_t flags, std::uint32_t& found) {
@@ -182,10 +182,10 @@ struct CoarseToFine {
 };
 
 template <SlotKind Kind>
-__global__ void __launch_bounds__(kTileSpheres, tuning::kCoarseToFineBlocks)
-    coarse_to_fine_kernel(const __grid_constant__ SearchTask task, const __grid_constant__ Grid grid,
+__global__ void __launch_bounds__(kTileSpheres, tuning::kSeveralLevelsBlocks)
+    several_levels_kernel(const __grid_constant__ SearchTask task, const __grid_constant__ Grid grid,
                           const __grid_constant__ LevelPairs pairs) {
-  __shared__ TileMemory<CoarseToFine<Kind>> memory;
+  __shared__ TileMemory<SeveralLevels<Kind>> memory;
   const bool ordered = task.stable.ordered;
   if (ordered && threadIdx.x == 0) memory.search_number = ordered_search_number(task);
   // Where a flag is set the table is not whole, and the caller will order the spheres in another way.
@@ -196,24 +196,24 @@ __global__ void __launch_bounds__(kTileSpheres, tuning::kCoarseToFineBlocks)
     search_units<Kind>(task, grid, pairs, memory.queue[warp], memory.state[warp]);
     return;
   }
-  search_tile<CoarseToFine<Kind>>(task, grid, pairs, memory, number, ordered, 0);
+  search_tile<SeveralLevels<Kind>>(task, grid, pairs, memory, number, ordered, 0);
 }
 
 }  // namespace
 
-unsigned resident_coarse_to_fine(SlotKind kind, int processors) {
+unsigned resident_several_levels(SlotKind kind, int processors) {
   unsigned blocks = 0;
   with_kind(kind, [&](auto k) {
-    blocks = resident_blocks(reinterpret_cast<const void*>(coarse_to_fine_kernel<k()>), kTileSpheres, 0,
+    blocks = resident_blocks(reinterpret_cast<const void*>(several_levels_kernel<k()>), kTileSpheres, 0,
                              processors);
   });
   return blocks;
 }
 
-void launch_coarse_to_fine(const SearchTask& task, const Grid& grid, const LevelPairs& pairs, int processors,
+void launch_several_levels(const SearchTask& task, const Grid& grid, const LevelPairs& pairs, int processors,
                            cudaStream_t stream) {
   const std::uint32_t unit_blocks = (pairs.warps + kTileWarps - 1) / kTileWarps,
-                      fill = static_cast<std::uint32_t>(processors) * tuning::kCoarseToFineBlocks,
+                      fill = static_cast<std::uint32_t>(processors) * tuning::kSeveralLevelsBlocks,
                       blocks = task.tiles + (task.next ? std::min(unit_blocks, fill) : unit_blocks);
   // Quotas of units are computed beside the search of the tiles: the search starts once all blocks that
   // compute quotas run, and units wait for their end.
@@ -221,9 +221,9 @@ void launch_coarse_to_fine(const SearchTask& task, const Grid& grid, const Level
   if (quotas) launch_unit_quotas(task, grid, pairs, false, processors, stream);
   with_kind(task.spheres.kind, [&](auto kind) {
     if (quotas)
-      launch_overlapped(coarse_to_fine_kernel<kind()>, {blocks, kTileSpheres}, stream, task, grid, pairs);
+      launch_overlapped(several_levels_kernel<kind()>, {blocks, kTileSpheres}, stream, task, grid, pairs);
     else
-      coarse_to_fine_kernel<kind()><<<blocks, kTileSpheres, 0, stream>>>(task, grid, pairs);
+      several_levels_kernel<kind()><<<blocks, kTileSpheres, 0, stream>>>(task, grid, pairs);
   });
   cuda_launched("search for contacts");
 }
