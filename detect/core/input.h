@@ -2,6 +2,7 @@
 // What every backend asks of an Input. Internal; host code.
 #pragma once
 #include <cstring>
+#include <functional>
 #include <vector>
 
 #include "detect/detector.h"
@@ -15,20 +16,30 @@ struct SpheresAround {
   std::uint64_t before = 0;
 };
 
-// The poses of bodies that follow one another, on the GPU where they lie, and which of these bodies the GPU
-// that reads this needs: bit k of word w stands for body 32 w + k of the part.
+// The poses of bodies that follow one another, on the GPU where they lie.
 struct PosePart {
-  const double* poses = nullptr;  // of each body twelve doubles, `step` doubles behind those before
-  const std::uint32_t* marks = nullptr;
+  const double* poses = nullptr;       // of each body twelve doubles, `step` doubles behind those before
   std::uint32_t first = 0, count = 0;  // bodies
   std::uint32_t step = sizeof(Pose) / sizeof(double);
   friend bool operator==(const PosePart&, const PosePart&) = default;
 };
 inline constexpr std::size_t kMostPoseParts = 64;
-// Poses of all bodies that lie on several GPUs, each of which can read those of the others.
+// Elements that one GPU found for another (Assembly), on the GPU that found them.
+struct ListedElements {
+  const std::uint32_t* numbers = nullptr;
+  std::uint32_t count = 0;
+};
+// Poses of all bodies that lie on several GPUs, each of which can read those of the others. Each GPU finds
+// which elements of its part each box needs.
 struct PosesAround {
-  std::vector<PosePart> parts;  // at most kMostPoseParts
+  std::vector<PosePart> parts;  // of each GPU; at most kMostPoseParts
   std::size_t own = 0;          // that on the GPU which reads this
+  std::vector<Region> boxes;    // of each GPU
+  double largest_radius = 0;    // of all loose spheres, on any GPU
+  // Gives each GPU the elements of the own part that its box needs, and returns those of each part that the
+  // own box needs. Waits until every GPU has called it, or has failed. Lists stand until all calls have
+  // ended.
+  std::function<std::vector<ListedElements>(std::vector<ListedElements>)> exchange;
 };
 // Do poses lie in the memory of GPUs?
 inline bool has_device_poses(const Input& input) {

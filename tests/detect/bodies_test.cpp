@@ -304,6 +304,21 @@ TEST_P(BodiesTest, BoxesOwnEachContactOnce) {
   EXPECT_EQ(sorted(all), s.wanted());
 }
 
+TEST_P(BodiesTest, BoxesOwnEachContactOfAGrowingSceneOnce) {
+  CallOptions below = options_, above = options_;
+  below.own.high[1] = above.own.low[1] = 0.1;
+  Detector halves[] = {Detector(device_, below), Detector(device_, above)};
+  for (std::uint32_t n = 20; n < 1500; n *= 4) {
+    BodiesScene s = strewn({blob(8, 1, 0.1, 0.3, 3)}, n, 4 * n, std::cbrt(n), n);
+    std::vector<Pair> all;
+    for (Detector& d : halves) {
+      const Contacts& c = d.detect(s.input());
+      all.insert(all.end(), c.pairs, c.pairs + c.count);
+    }
+    ASSERT_EQ(sorted(all), s.wanted()) << n << " bodies";
+  }
+}
+
 // A known revision does not decide which way `automatic` goes, nor so in which order the list is.
 TEST_P(BodiesTest, TheListDoesNotDependOnTheCallBefore) {
   BodiesScene s = strewn({blob(3, 1, 0.2, 0.6, 1)}, 60, 100, 3, 14);  // too small for balls to be worth it

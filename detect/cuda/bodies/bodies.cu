@@ -256,7 +256,7 @@ bool BodySearch::run(const Call& call, Contacts& contacts) {
   const bool known = knows(call.input);
   {
     const ProfileRange range("padder: read the bodies");
-    if (!input_.read(call.input, call.options.margin, call.options.own, call.stream)) return false;
+    if (!input_.read(call)) return false;
   }
   call.clock.mark(StageClock::kPlace);
   const std::uint32_t moving = input_.view().moving;

@@ -125,11 +125,8 @@ void BodyArrays::move(const Input& input, cudaStream_t stream) {
 
 PosePart BodyArrays::in_place(const Input& input) const {
   if (!has_device_poses(input) || some_static_) return {};
-  if (!input.poses_around)
-    return {input.poses->rotation, nullptr, 0, static_cast<std::uint32_t>(input.bodies.size())};
-  PosePart own = input.poses_around->parts[input.poses_around->own];
-  own.marks = nullptr;
-  return own;
+  if (!input.poses_around) return {input.poses->rotation, 0, static_cast<std::uint32_t>(input.bodies.size())};
+  return input.poses_around->parts[input.poses_around->own];
 }
 
 void BodyArrays::move_in_place(const Input& input, BodyView& view, cudaStream_t stream) {

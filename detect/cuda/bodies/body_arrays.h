@@ -50,20 +50,6 @@ struct BodyView {
   __device__ __forceinline__ Body placed_body(std::uint32_t k) const { return body_at_pose(pose_of(k)); }
 };
 
-// Where the poses of a call are, for kernels.
-struct PoseParts {
-  PosePart part[kMostPoseParts];
-};
-// The part that has the pose of this body, and the body at that pose; pose alone.
-__device__ __forceinline__ const PosePart& part_of(const PoseParts& parts, std::uint32_t body) {
-  const PosePart* part = parts.part;
-  while (body - part->first >= part->count) part++;
-  return *part;
-}
-__device__ __forceinline__ Body body_of(const PosePart& part, std::uint32_t body) {
-  return body_at_pose(part.poses + std::uint64_t(body - part.first) * part.step);
-}
-
 struct MovedBody {
   Pose pose;
   std::uint64_t body = 0;

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "detect/cuda/call/call.h"
 #include "detect/cuda/device/blocks.h"
 
 namespace padder::detect::cuda {
@@ -10,74 +11,44 @@ namespace {
 
 constexpr unsigned kThreads = 256;
 
-// The elements of a block, whose first takes place `to`.
-struct ElementRun {
-  std::uint32_t number[kThreads], to, count;
+// Elements that take the places from `begin` on: those in the list or, without one, those from `first` on.
+struct Source {
+  PosePart part;  // that has their poses
+  const std::uint32_t* numbers = nullptr;
+  std::uint32_t first = 0, begin = 0;
+};
+struct Sources {
+  Source source[kMostPoseParts];
+  std::uint32_t count = 0, begin = 0, end = 0;  // places
 };
 
-// Those of elements `base` to `end`, a run at most, that are chosen. By the whole block.
-__device__ void choose_run(const ChosenElements& chosen, std::uint32_t base, std::uint32_t end,
-                           ElementRun& run) {
-  const std::uint32_t warp = threadIdx.x / 32, lane = threadIdx.x % 32, k = base + threadIdx.x;
-  std::uint32_t at = threadIdx.x, to = base, count = min(end - base, kThreads);
-  bool mine = k < end;
-  if (chosen.bits) {
-    const std::uint32_t* const words = chosen.bits + base / 32;
-    to = static_cast<std::uint32_t>(chosen.before[base / kThreads]), count = at = 0;
-    for (std::uint32_t w = 0; w < kThreads / 32; w++) {
-      const std::uint32_t word = words[w];
-      if (w == warp) at = count + __popc(word & ((1u << lane) - 1)), mine = word >> lane & 1;
-      count += __popc(word);
-    }
+__global__ void __launch_bounds__(kThreads)
+    place_kernel(const __grid_constant__ Placing placing, const __grid_constant__ Sources sources) {
+  __shared__ PosesOfWarp poses_of_warp[kThreads / 32];
+  PosesOfWarp& poses = poses_of_warp[threadIdx.x / 32];
+  const unsigned lane = threadIdx.x % 32;
+  for (std::uint32_t base = sources.begin + blockIdx.x * kThreads + (threadIdx.x - lane); base < sources.end;
+       base += gridDim.x * kThreads) {
+    const std::uint32_t at = base + lane;
+    std::uint32_t k = 0;
+    while (k + 1 < sources.count && sources.source[k + 1].begin <= at) k++;
+    const Source& source = sources.source[k];
+    const std::uint32_t n = at - source.begin;
+    Element e{kLoose, 0};
+    if (at < sources.end) e = placing.view.elements[source.numbers ? source.numbers[n] : source.first + n];
+    read_poses(placing, source.part, e, poses);
+    if (at < sources.end) put(placing, at, e, poses[lane], placed_ball(placing, e, poses[lane]));
+    __syncwarp();  // all have read what the next round writes over
   }
-  if (threadIdx.x == 0) run.to = to, run.count = count;
-  if (mine) run.number[at] = k;
-  __syncthreads();
 }
 
-// Elements `first` to `end`, or those of them that are chosen, one after the other. Poses that are neither
-// read in place nor with the bodies are brought there. A block reads the poses of its elements together,
-// number by number, since they may lie on another GPU.
-__global__ void __launch_bounds__(kThreads)
-    place_kernel(const __grid_constant__ BodyView v, Body* bodies, const __grid_constant__ PoseParts parts,
-                 ChosenElements chosen, const __grid_constant__ DeviceSpheres loose, double grown_by,
-                 std::uint32_t first, std::uint32_t end) {
-  static_assert(kThreads == ChosenElements::kRun);
-  __shared__ double poses[kThreads][13];  // odd, against conflicts of banks
-  __shared__ ElementRun run;
-  for (std::uint32_t base = first + blockIdx.x * kThreads; base < end; base += gridDim.x * kThreads) {
-    choose_run(chosen, base, end, run);
-    for (std::uint32_t n = threadIdx.x; n < 12 * run.count; n += kThreads) {
-      const std::uint32_t at = n / 12, c = n % 12, body = v.elements[run.number[at]].body;
-      if (body == kLoose) continue;
-      const PosePart& part = part_of(parts, body);
-      const double value = part.poses[std::uint64_t(body - part.first) * part.step + c];
-      poses[at][c] = value;
-      if (part.poses != v.in_place.poses && part.poses != bodies->rotation)
-        reinterpret_cast<double*>(bodies + body)[c] = value;
-    }
-    __syncthreads();
-    if (threadIdx.x < run.count) {
-      const std::uint32_t k = run.to + threadIdx.x;
-      const Element e = v.elements[run.number[threadIdx.x]];
-      Sphere ball;
-      Filter f;
-      if (e.body == kLoose) {
-        const Sphere sphere = loose.sphere(e.piece);
-        ball = ball_of(sphere), v.stances[k] = stance_of(e, sphere, ball), f = loose.filter(e.piece);
-      } else {
-        const Body body = body_at_pose(poses[threadIdx.x]);
-        const Body& tags = v.bodies[e.body];
-        ball = ball_of(body, v.pieces[e.piece]);
-        v.stances[k] = stance_of(body, e, v.pieces[e.piece], ball);
-        f = {tags.family, tags.mask, owner_of(e.body, tags.is_static)};
-      }
-      if (grown_by > 0) ball.r += grown_by;  // stances are those of the balls themselves
-      v.balls[k] = ball, v.family[k] = f.family, v.mask[k] = f.mask, v.owner[k] = f.owner;
-    }
-    __syncthreads();  // all have read what the next round writes over
-  }
+void place(const Placing& placing, const Sources& sources, cudaStream_t stream) {
+  if (sources.begin == sources.end) return;
+  place_kernel<<<blocks_of_loop(sources.end - sources.begin, kThreads), kThreads, 0, stream>>>(placing,
+                                                                                               sources);
+  cuda_launched("place the balls about bodies");
 }
+
 // Copies loose spheres to the array of our own: those in `list`, or all if it is null.
 __global__ void loose_kernel(DeviceSpheres from, const std::uint32_t* list, std::uint32_t count, Sphere* to,
                              std::uint32_t* tags, std::uint32_t all) {
@@ -122,7 +93,7 @@ std::vector<std::uint8_t> marks_on_device(const Input& input, cudaStream_t strea
 BodyInput::BodyInput(MemoryBook& book)
     : copy_(book),
       arrays_(book),
-      of_region_(book),
+      near_elements_(book),
       elements_(book, "the pieces of bodies"),
       balls_(book, "the balls about bodies"),
       loose_spheres_(book, "the spheres"),
@@ -141,46 +112,97 @@ bool BodyInput::knows(const Input& input) const {
          loose_count(input) == known_loose_;
 }
 
-bool BodyInput::read(const Input& input, double margin, const Region& own, cudaStream_t stream) {
-  const bool known = knows(input), table_known = known && margin == margin_;
-  forget(), margin_ = margin;
+bool BodyInput::read(const Call& call) {
+  const Input& input = call.input;
+  const cudaStream_t stream = call.stream;
+  const bool known = knows(input), table_known = known && call.options.margin == margin_;
+  forget(), margin_ = call.options.margin;
   if (!known)
     read_all(input, stream);
   else if (!has_device_poses(input))
     arrays_.move(input, stream);
   read_loose(input, known, stream);
+  const bool limited = !(call.options.own == Region{});
+  near_ = view_, near_.in_place = arrays_.in_place(input);
+  if (view_.moving > 0 && has_device_poses(input))
+    arrays_.expect_poses(!limited && near_.in_place.count == 0);
+  // First, since other GPUs wait for it.
+  if (limited && view_.moving > 0) place_near(call);
   if (!table_known && !build_table(stream)) return false;
-  near_ = view_;
-  if (view_.moving == 0) return true;
-  const bool limited = !(own == Region{});
-  if (limited) of_region_.begin(input, loose_, own, margin, stream);
-  const PoseParts parts = find_poses(input, limited, stream);
-  near_.in_place = arrays_.in_place(input);
-  if (has_device_poses(input)) arrays_.expect_poses(!limited && near_.in_place.count == 0);
-  ChosenElements chosen;
-  if (limited) chosen = of_region_.choose(view_, parts, stream);
-  place(near_, parts, chosen, 0, view_.moving, stream);
-  if (limited) near_.moving = of_region_.count(stream);
+  if (!limited) place_all(part_of_call(input), 0, view_.moving, stream);
   return true;
 }
 
-// Where the poses of this call are; with marks of the bodies that are near, if it is limited to a box.
-PoseParts BodyInput::find_poses(const Input& input, bool limited, cudaStream_t stream) {
-  PoseParts parts;
-  if (input.poses_around) {
-    std::copy(input.poses_around->parts.begin(), input.poses_around->parts.end(), parts.part);
-  } else {
-    PosePart& all = parts.part[0] = part_of_bodies();
-    if (has_device_poses(input)) all.poses = input.poses->rotation, all.step = sizeof(Pose) / sizeof(double);
-    if (limited) all.marks = of_region_.mark(all, stream);
-  }
-  return parts;
-}
-// Those with the bodies.
+// Where the poses of this call are: those with the bodies, or those that this GPU has.
 PosePart BodyInput::part_of_bodies() const {
-  return {reinterpret_cast<const double*>(view_.bodies), nullptr, 0,
-          static_cast<std::uint32_t>(known_bodies_), sizeof(Body) / sizeof(double)};
+  return {reinterpret_cast<const double*>(view_.bodies), 0, static_cast<std::uint32_t>(known_bodies_),
+          sizeof(Body) / sizeof(double)};
 }
+PosePart BodyInput::part_of_call(const Input& input) const {
+  if (input.poses_around) return input.poses_around->parts[input.poses_around->own];
+  PosePart all = part_of_bodies();
+  if (has_device_poses(input)) all.poses = input.poses->rotation, all.step = sizeof(Pose) / sizeof(double);
+  return all;
+}
+
+// The moving elements of bodies that follow one another.
+ElementRange BodyInput::elements_of(const PosePart& part) const {
+  const auto begin = assembly_.elements.begin(), end = begin + assembly_.moving_pieces;
+  const auto before = [&](std::uint32_t body) {
+    return static_cast<std::uint32_t>(
+        std::partition_point(begin, end, [&](const Element& e) { return e.body < body; }) - begin);
+  };
+  const std::uint32_t first = before(part.first);
+  return {first, before(part.first + part.count) - first};
+}
+
+Placing BodyInput::placing(const BodyView& view) {
+  // More than half of the margin, by far more than the decisions about it round.
+  return {view, arrays_.bodies(), loose_, 0.5 * margin_ * (1 + 0x1p-40)};
+}
+
+// Places what may have a contact in the box: of the bodies whose poses this GPU has, then of those whose
+// poses others have.
+void BodyInput::place_near(const Call& call) {
+  const PosesAround* const around = call.input.poses_around;
+  NearElements::Task task{placing(near_), part_of_call(call.input)};
+  task.of_bodies = elements_of(task.part);
+  task.loose = {assembly_.moving_pieces, assembly_.moving - assembly_.moving_pieces};
+  task.largest = std::max(largest_radius_, around ? around->largest_radius : 0), task.margin = margin_;
+  task.ordered = call.options.order == Order::stable;
+  std::vector<Region> boxes{call.options.own};
+  for (std::size_t k = 0; around && k < around->boxes.size(); k++)
+    if (k != around->own) boxes.push_back(around->boxes[k]);
+  task.boxes = boxes;
+  near_.moving = near_elements_.place(task, call.stream);
+  if (!around) return;
+  std::vector<ListedElements> lists(around->parts.size());
+  for (std::size_t k = 0, box = 1; k < lists.size(); k++)
+    if (k != around->own) lists[k] = near_elements_.listed(box++);
+  place_listed(*around, around->exchange(lists), call.stream);
+}
+
+void BodyInput::place_listed(const PosesAround& around, std::span<const ListedElements> lists,
+                             cudaStream_t stream) {
+  Sources sources;
+  sources.begin = sources.end = near_.moving;
+  for (std::size_t k = 0; k < lists.size(); k++) {
+    if (lists[k].count == 0) continue;
+    sources.source[sources.count++] = {around.parts[k], lists[k].numbers, 0, sources.end};
+    sources.end += lists[k].count;
+  }
+  place(placing(near_), sources, stream);
+  near_.moving = sources.end;
+}
+
+// Elements `first` to `end` take the places of the same numbers.
+void BodyInput::place_all(const PosePart& part, std::uint32_t first, std::uint32_t end, cudaStream_t stream) {
+  Sources sources;
+  sources.source[0] = {part, nullptr, first, first};
+  sources.count = 1, sources.begin = first, sources.end = end;
+  place(placing(near_), sources, stream);
+}
+
 void BodyInput::read_all(const Input& input, cudaStream_t stream) {
   const Spheres& s = input.spheres;
   std::vector<std::uint8_t> is_static;
@@ -191,7 +213,10 @@ void BodyInput::read_all(const Input& input, cudaStream_t stream) {
     const Element el = assembly_.elements[e];
     if (el.body == kLoose) moving_loose_.push_back(el.piece);
   }
-  of_region_.forget();
+  largest_radius_ = 0;
+  for (const Shape& shape : input.shapes)
+    for (std::uint64_t k = 0; k < shape.count; k++)
+      largest_radius_ = std::max(largest_radius_, shape.spheres[k].r);
   view_ = arrays_.read(input, assembly_.pieces, assembly_.body_first, stream);
   view_.elements = copied(elements_, assembly_.elements.data(), assembly_.elements.size(), stream);
   view_.count = static_cast<std::uint32_t>(assembly_.elements.size()), view_.moving = assembly_.moving;
@@ -248,22 +273,12 @@ void BodyInput::read_loose(const Input& input, bool known, cudaStream_t stream) 
   loose_.count = n, loose_.wide = loose_.filtered = true;
 }
 
-void BodyInput::place(const BodyView& view, const PoseParts& parts, const ChosenElements& chosen,
-                      std::uint32_t first, std::uint32_t end, cudaStream_t stream) {
-  if (first == end) return;
-  // More than half of the margin, by far more than the decisions about it round.
-  const double grown_by = 0.5 * margin_ * (1 + 0x1p-40);
-  place_kernel<<<blocks_of_loop(end - first, kThreads), kThreads, 0, stream>>>(
-      view, arrays_.bodies(), parts, chosen, loose_, grown_by, first, end);
-  cuda_launched("place the balls about bodies");
-}
-
 // The host builds the table of what is static, once for each revision and margin. It is that of the OpenMP
 // backend.
 bool BodyInput::build_table(cudaStream_t stream) {
   const std::uint32_t count = view_.count - view_.moving;
   std::vector<Sphere> balls(count);
-  place(view_, {{part_of_bodies()}}, {}, view_.moving, view_.count, stream);
+  place_all(part_of_bodies(), view_.moving, view_.count, stream);
   if (count)
     cuda_check(cudaMemcpyAsync(balls.data(), view_.balls + view_.moving, count * sizeof(Sphere),
                                cudaMemcpyDeviceToHost, stream),

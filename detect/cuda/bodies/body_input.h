@@ -8,10 +8,12 @@
 #include "detect/core/assembly.h"
 #include "detect/core/static_table.h"
 #include "detect/cuda/bodies/body_arrays.h"
-#include "detect/cuda/bodies/region_elements.h"
+#include "detect/cuda/bodies/near_elements.h"
 #include "detect/cuda/input/input_copy.h"
 
 namespace padder::detect::cuda {
+
+struct Call;
 
 // A loose sphere on its way to the device, where only those that move are sent.
 struct LooseRecord {
@@ -25,11 +27,11 @@ class BodyInput {
   explicit BodyInput(MemoryBook& book);
 
   bool knows(const Input& input) const;  // by its revision
-  // Brings everything to where it is in this input: what moves, if the input is known, else all. The balls
+  // Brings everything to where it is in this call: what moves, if the input is known, else all. The balls
   // about what moves are placed, and are larger by half of the margin: so they touch where spheres in them
-  // may have a gap of no more than it. What cannot have a contact in `own` is left out. The revision is
+  // may have a gap of no more than it. What cannot have a contact in options.own is left out. The revision is
   // forgotten until keep() is called. False: there are static elements for which no table can be built.
-  bool read(const Input& input, double margin, const Region& own, cudaStream_t stream);
+  bool read(const Call& call);
   void keep(const Input& input) { revision_ = input.revision; }
   void forget() { revision_ = 0; }
 
@@ -44,15 +46,18 @@ class BodyInput {
   void read_all(const Input& input, cudaStream_t stream);
   void read_loose(const Input& input, bool known, cudaStream_t stream);
   bool build_table(cudaStream_t stream);
-  PoseParts find_poses(const Input& input, bool limited, cudaStream_t stream);
   PosePart part_of_bodies() const;
-  void place(const BodyView& view, const PoseParts& parts, const ChosenElements& chosen, std::uint32_t first,
-             std::uint32_t end, cudaStream_t stream);
+  PosePart part_of_call(const Input& input) const;
+  ElementRange elements_of(const PosePart& part) const;
+  Placing placing(const BodyView& view);
+  void place_near(const Call& call);
+  void place_listed(const PosesAround& around, std::span<const ListedElements> lists, cudaStream_t stream);
+  void place_all(const PosePart& part, std::uint32_t first, std::uint32_t end, cudaStream_t stream);
 
   InputCopy copy_;
   Assembly assembly_;
   StaticTable table_;
-  double static_extent_ = 0, margin_ = 0;
+  double static_extent_ = 0, margin_ = 0, largest_radius_ = 0;  // the last: of the spheres of bodies
   std::uint64_t revision_ = 0, known_bodies_ = 0, known_loose_ = 0;
   std::vector<std::uint32_t> moving_loose_;
   BodyView view_, near_;  // of everything; without what is left out
@@ -60,7 +65,7 @@ class BodyInput {
   DeviceSpheres loose_;
 
   BodyArrays arrays_;
-  RegionElements of_region_;
+  NearElements near_elements_;
   Buffer<Element> elements_;
   Buffer<Sphere> balls_, loose_spheres_, static_balls_;
   Buffer<Stance> stances_;

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <functional>
 #include <thread>
+#include <utility>
 #include <vector>
 
 namespace padder::detect::cuda {
@@ -31,8 +32,14 @@ class Crew {
   void run(const std::function<void(std::size_t)>& work) {
     work_ = &work;
     begin_round();
-    work(0);
+    work(0), arrive(0);
     for (std::size_t busy; (busy = busy_.load()) > 0;) wait_while(busy_, busy);
+  }
+
+  // For work(k): waits until each work of this round has called this, or has ended.
+  void meet(std::size_t k) {
+    arrive(k);
+    for (std::size_t apart; (apart = apart_.load()) > 0;) wait_while(apart_, apart);
   }
 
  private:
@@ -42,6 +49,7 @@ class Crew {
     for (std::thread& t : threads_) t.join();
   }
   void begin_round() {
+    arrived_.assign(threads_.size() + 1, false), apart_ = arrived_.size();
     busy_ = threads_.size(), round_++;
     round_.notify_all();
   }
@@ -49,9 +57,12 @@ class Crew {
     for (std::uint64_t served = 0;; served++) {
       wait_while(round_, served);
       if (!work_) return;
-      (*work_)(k);
+      (*work_)(k), arrive(k);
       if (--busy_ == 0) busy_.notify_one();
     }
+  }
+  void arrive(std::size_t k) {
+    if (!std::exchange(arrived_[k], char(true)) && --apart_ == 0) apart_.notify_all();
   }
   // Until the value is another one: awake for a moment, then asleep.
   template <class T>
@@ -62,7 +73,9 @@ class Crew {
   }
 
   const std::function<void(std::size_t)>* work_ = nullptr;
-  std::atomic<std::size_t> busy_ = 0;
+  std::atomic<std::size_t> busy_ = 0;   // works that have not ended
+  std::atomic<std::size_t> apart_ = 0;  // works that have neither met nor ended
+  std::vector<char> arrived_;           // those that have
   std::atomic<std::uint64_t> round_ = 0;
   std::vector<std::thread> threads_;
 };

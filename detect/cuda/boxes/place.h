@@ -8,7 +8,6 @@
 #include <vector>
 
 #include "detect/core/input.h"
-#include "detect/cuda/bodies/body_marks.h"
 #include "detect/cuda/boxes/sphere_arrays.h"
 
 namespace padder::detect::cuda {
@@ -23,7 +22,6 @@ struct Place {
   ~Place() {
     const OnDevice on(device);
     others.reset(), away.reset(), packed.reset(), upload.reset(), dealer.reset(), sum.release();
-    marks.reset(), needed.release();
     others_on_host.reset(), away_on_host.reset();
     poses.release(), poses_on_host.release();
     cudaStreamDestroy(stream);
@@ -44,14 +42,11 @@ struct Place {
       away_on_host{std::in_place, book, true};
   Buffer<unsigned long long> sum{book, "the hash"};
   Buffer<Pose> poses{book, "the poses"}, poses_on_host{book, "the poses", true};  // of all bodies
-  const Pose* all_poses = nullptr;  // of the call; null: those in host memory, or around
-  std::optional<BodyMarks> marks{book};
-  Buffer<std::uint32_t> needed{book, "the bodies near a box"};  // bitmaps of all parts of the poses
-  std::uint64_t marked_revision = 0;
-  PosePart marked;           // the bodies that `marks` knows
-  PosesAround poses_around;  // of the call, if GPUs read each other's poses
-  Spheres part;              // of the call, in this GPU's memory
-  std::uint64_t first = 0;   // number of its first sphere in the scene
+  const Pose* all_poses = nullptr;     // of the call; null: those in host memory, or around
+  PosesAround poses_around;            // of the call, if GPUs read each other's poses
+  std::vector<ListedElements> listed;  // of the call: elements of its bodies that each GPU needs
+  Spheres part;                        // of the call, in this GPU's memory
+  std::uint64_t first = 0;             // number of its first sphere in the scene
   DealCounts counts;
   std::vector<std::uint64_t> coming;  // spheres that it needs, from each GPU
   std::uint64_t away_room = 0;        // for how many spheres that it sends there is room

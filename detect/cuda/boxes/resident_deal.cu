@@ -85,35 +85,20 @@ void ResidentDetector::Work::sample_bodies(std::vector<WeightedPoint>& points) {
   }
 }
 
-// Finds which GPUs need the bodies whose poses this one has, and tells them; on the default stream, behind
-// what the caller does there. Does not wait.
-void ResidentDetector::Work::mark_bodies(Place& p, std::size_t k) {
-  const PosePart& part = p.poses_around.parts[k];
-  if (part.count) cuda::check_device_memory(part.poses, p.device, "the poses");
-  if (bodies_.revision == 0 || p.marked_revision != bodies_.revision || p.marked.first != part.first ||
-      p.marked.count != part.count) {
-    p.marked_revision = 0;
-    p.marks->learn(bodies_.shapes, bodies_.bodies.subspan(part.first, part.count), p.stream);
-    p.marked_revision = bodies_.revision, p.marked = part;
-  }
-  const auto before = part.marks - p.needed.data();  // bitmaps of the parts before, the same on every GPU
-  std::vector<cuda::MarkedBox> boxes;
-  for (std::size_t b = 0; b < places_.size(); b++)
-    boxes.push_back({regions_[b], places_[b]->needed.data() + before});
-  p.marks->mark(part.poses, part.step, boxes, halo_radius_, nullptr, 0, nullptr);
-}
-
 void ResidentDetector::Work::deal_once() {
-  each_place([&](Place& p, std::size_t k) {
-    if (poses_stay_) mark_bodies(p, k);
+  const auto deal_part = [&](Place& p, std::size_t) {
     p.counts = p.dealer->deal(p.part, halo_radius_, p.away_room, p.stream);
     if (p.counts.away > 0 && p.counts.away <= p.away_room) {
       p.away->reserve(p.away_room, form_);
       p.dealer->gather_away(p.part, p.counts.away, body_spheres_ + p.first, p.away->from(0, form_), p.stream);
       cuda::cuda_check(cudaStreamSynchronize(p.stream), "copy the spheres for other boxes");
     }
-    if (poses_stay_) p.marks->wait(nullptr);
-  });
+  };
+  // Where there are only bodies the GPUs have nothing to do.
+  if (std::all_of(places_.begin(), places_.end(), [](const auto& p) { return p->part.count == 0; }))
+    for (const auto& p : places_) deal_part(*p, 0);
+  else
+    each_place(deal_part);
   check_faults();
 }
 

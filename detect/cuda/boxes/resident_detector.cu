@@ -6,10 +6,12 @@
 #include <numeric>
 #include <string>
 
+#include "detect/core/assembly.h"
 #include "detect/core/backend.h"
 #include "detect/core/errors.h"
 #include "detect/core/input.h"
 #include "detect/cuda/boxes/resident_work.h"
+#include "detect/cuda/tuning.h"
 #include "padding/asset/error.h"
 
 namespace padder::detect {
@@ -38,7 +40,7 @@ void ResidentDetector::Work::choose_devices(std::vector<int> devices) {
   if (ranks_ && devices.size() > 1)
     throw Error(std::to_string(devices.size()) + " GPUs were given to one rank: start a rank for each GPU");
   for (const int d : devices) places_.push_back(std::make_unique<Place>(d));
-  read_each_other_ = devices.size() <= std::min({cuda::kMostMarked, cuda::kMostComing, kMostPoseParts});
+  read_each_other_ = devices.size() <= std::min(cuda::kMostComing, kMostPoseParts);
   for (const auto& place : places_) {
     const cuda::OnDevice on(place->device);
     for (const int other : devices)
@@ -99,7 +101,10 @@ void ResidentDetector::Work::check_bodies(const Input& bodies) {
   revision_ = 0;  // set when the call is done
   bodies_ = bodies;
   check_input(bodies, false, known);
-  if (!known) body_spheres_ = sphere_count(bodies);
+  if (known) return;
+  body_spheres_ = sphere_count(bodies);
+  have_worlds_ = bodies_have_worlds(bodies);
+  bodies_first_ = bodies_first(bodies, {}, body_spheres_, cuda::tuning::kBallCost);
 }
 
 // What has to be the same on all GPUs, and where each part begins in the scene.
@@ -159,6 +164,12 @@ Input ResidentDetector::Work::input_of(Place& p, std::size_t k) {
 void ResidentDetector::Work::send_and_detect() {
   const double start = now();
   found_.assign(places_.size(), {});
+  std::vector<Region> boxes;
+  for (const Region& r : regions_) boxes.push_back(common(options_.own, r));
+  for (const auto& p : places_) {
+    p->listed.clear();
+    p->poses_around.boxes = boxes, p->poses_around.largest_radius = halo_radius_;
+  }
   if (ranks_ && !alone()) exchange_with_ranks(*places_[0]);
   together([&] {
     each_place([&](Place& p, std::size_t k) {
@@ -169,14 +180,19 @@ void ResidentDetector::Work::send_and_detect() {
       // Other static spheres may have come; after a call that failed, the detectors differ in what they know.
       if (form_.is_static || failed_) input.revision = 0;
       if (p.all_poses) input.poses = p.all_poses, input.pose_memory = Memory::device;
-      if (poses_stay_) input.poses_around = &p.poses_around;
       CallOptions options = options_;
+      // All GPUs go the same way, since each finds which of its bodies the others need.
+      if (poses_stay_) {
+        input.poses_around = &p.poses_around, options.bodies = Bodies::first;
+        const PosePart& own = p.poses_around.parts[k];
+        if (own.count) cuda::check_device_memory(own.poses, p.device, "the poses");
+      }
       options.stream = nullptr, options.output = Memory::device;
       options.own = common(options.own, regions_[box_of(k)]);
       ResidentContacts& f = found_[k];
       f.contacts.memory = Memory::device, f.contacts.width = options.width,
       f.contacts.scalar = options.scalar;
-      if (is_empty(options.own)) return;
+      if (is_empty(options.own) && !poses_stay_) return;
       p.detector.options() = options;
       f.contacts = p.detector.detect(input);
     });
@@ -216,10 +232,11 @@ const ResidentReport& ResidentDetector::Work::run(std::span<const Spheres> parts
       given = check(parts, poses);
     });
     agree(of_all(given));
-    poses_stay_ = !poses.empty() && !bodies_.bodies.empty() && !alone() && !ranks_ && read_each_other_;
-    const bool marks_alone = poses_stay_ && report_.spheres == body_spheres_;  // nothing else is read
+    poses_stay_ = !poses.empty() && !bodies_.bodies.empty() && !alone() && !ranks_ && read_each_other_ &&
+                  goes_bodies_first();
+    const bool poses_alone = poses_stay_ && report_.spheres == body_spheres_;  // nothing else is read
     for (std::size_t k = 0; k < places_.size(); k++) places_[k]->part = parts[k];
-    if (!marks_alone) together([&] { bring(parts); });
+    if (!poses_alone) together([&] { bring(parts); });
     bring_poses(poses);
     const double brought = now();
     if (!alone()) deal();

@@ -37,22 +37,38 @@ void ResidentDetector::Work::bring_poses(std::span<const ResidentPoses> poses) {
   });
 }
 
-// Each GPU reads those that it needs, and has room for the marks of these.
+// Each GPU reads those that it needs.
 void ResidentDetector::Work::let_poses_stay(std::span<const ResidentPoses> poses) {
-  std::uint64_t words = 0;
-  for (const ResidentPoses& part : poses) words += cuda::BodyMarks::words_of(part.count);
+  std::vector<PosePart> parts;
+  std::uint32_t first = 0;
+  for (std::size_t k = 0; k < poses.size(); k++) {
+    const auto count = static_cast<std::uint32_t>(poses[k].count);
+    parts.push_back({reinterpret_cast<const double*>(poses[k].poses), first, count});
+    first += count;
+  }
   for (std::size_t k = 0; k < places_.size(); k++) {
     Place& p = *places_[k];
-    const cuda::OnDevice on(p.device);
-    const std::uint32_t* marks = p.needed.reserve(words);
-    p.poses_around = {{}, k};
-    std::uint32_t first = 0;
-    for (const ResidentPoses& part : poses) {
-      const auto count = static_cast<std::uint32_t>(part.count);
-      p.poses_around.parts.push_back({reinterpret_cast<const double*>(part.poses), marks, first, count});
-      first += count, marks += cuda::BodyMarks::words_of(count);
-    }
+    p.poses_around.parts = parts, p.poses_around.own = k;
+    p.poses_around.exchange = [&p, k, this](std::vector<ListedElements> mine) {
+      return exchange_elements(p, k, std::move(mine));
+    };
   }
+}
+
+// Does every GPU search the balls of its bodies first? Else it needs the poses of all.
+bool ResidentDetector::Work::goes_bodies_first() const {
+  return options_.path == Path::grid && !have_worlds_ &&
+         (options_.bodies == Bodies::first || (options_.bodies == Bodies::automatic && bodies_first_));
+}
+
+std::vector<ListedElements> ResidentDetector::Work::exchange_elements(Place& p, std::size_t k,
+                                                                      std::vector<ListedElements> mine) {
+  p.listed = std::move(mine);
+  crew_->meet(k);
+  std::vector<ListedElements> lists;
+  for (const auto& from : places_)  // one that failed has none; then the call fails
+    lists.push_back(from->listed.empty() ? ListedElements{} : from->listed[k]);
+  return lists;
 }
 
 void ResidentDetector::Work::bring_from_ranks(const ResidentPoses& poses) {

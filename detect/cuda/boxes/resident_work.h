@@ -74,7 +74,6 @@ class ResidentDetector::Work {
   void cut();
   void deal();
   void deal_once();
-  void mark_bodies(Place& p, std::size_t k);
   void check_faults();
   void learn_coming();
   double expected_imbalance() const;
@@ -86,6 +85,8 @@ class ResidentDetector::Work {
   void pack(Place& p) const;
   void bring_poses(std::span<const ResidentPoses> poses);
   void let_poses_stay(std::span<const ResidentPoses> poses);
+  bool goes_bodies_first() const;
+  std::vector<ListedElements> exchange_elements(Place& p, std::size_t k, std::vector<ListedElements> mine);
   void bring_from_ranks(const ResidentPoses& poses);
   void exchange(Place& p, std::size_t k);
   void exchange_with_ranks(Place& p);
@@ -101,6 +102,8 @@ class ResidentDetector::Work {
   bool failed_ = false;                            // the call before
   std::vector<std::uint64_t> poses_of_;            // in each part; empty: they come with the bodies
   bool read_each_other_ = false;                   // all GPUs, by their kernels
+  bool have_worlds_ = false;                       // the bodies
+  bool bodies_first_ = false;                      // automatically
   bool poses_stay_ = false;                        // in this call GPUs read each other's poses
   std::vector<Region> regions_;                    // the boxes of all GPUs, those of other ranks too
   std::vector<double> density_;                    // of each box: work for each sphere, in the call before

@@ -4,6 +4,8 @@
 #include <atomic>
 #include <chrono>
 
+#include "detect/cuda/device/overlapped_launch.h"
+
 namespace padder::detect::cuda {
 namespace {
 
@@ -11,7 +13,11 @@ using Word = unsigned long long;
 constexpr Word kMark = 0x9d1f5c3ab7e60248;
 constexpr auto kPatience = std::chrono::microseconds(400);
 
-__global__ void report_kernel(const __grid_constant__ Report::Parts parts) { write_report(parts); }
+constexpr unsigned kThreads = 256;
+__global__ void __launch_bounds__(kThreads) report_kernel(const __grid_constant__ Report::Parts parts) {
+  wait_for_previous_kernel();
+  write_report(parts);
+}
 
 }  // namespace
 
@@ -28,8 +34,7 @@ void Report::expect() const {
 }
 
 void Report::send(cudaStream_t stream) const {
-  report_kernel<<<1, 256, 0, stream>>>(parts_);
-  cuda_launched("report what was found");
+  launch_overlapped(report_kernel, {1, kThreads}, stream, parts_);
 }
 
 void Report::arrived(cudaStream_t stream, const char* what) const {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Spheres that lie on several GPUs: pairs, records and hash are those of one detector on the CPU. One GPU
 // stands for several where there is only one.
+#include "detect/scene/generate.h"
 #include "tests/detect/cuda/resident_scene.h"
 #include "tests/detect/some_cases.h"
 #include "tests/error_of.h"
@@ -277,6 +278,36 @@ TEST_F(CudaResident, BodiesGiveTheContactsOfOneDetector) {
         scene.turn(1);
       }
     }
+}
+
+// The lists for the other GPUs are longer than what there is room for at first.
+TEST_F(CudaResident, OneGpuHasThePosesOfAllBodies) {
+  const BodyScene scene = generate_bodies(20000);
+  const Shape shape{scene.shape.data(), scene.shape.size()};
+  std::vector<Pose> all(scene.bodies.size());
+  for (std::size_t k = 0; k < all.size(); k++) {
+    std::copy_n(scene.bodies[k].rotation, 9, all[k].rotation);
+    std::copy_n(scene.bodies[k].position, 3, all[k].position);
+  }
+  Input input;
+  input.shapes = {&shape, 1}, input.bodies = scene.bodies, input.revision = 1;
+  Detector one = one_on_the_cpu(on({}).detector);
+  const std::uint64_t wanted = one.detect(input).count;
+  ASSERT_GT(wanted, 10000u);
+  const std::vector<int> devices = several(4);
+  const OnGpu there(devices[0], all.data(), all.size() * sizeof(Pose));
+  std::vector<ResidentPoses> poses(devices.size());
+  poses[0] = {static_cast<const Pose*>(there.data()), all.size()};
+  const std::vector<Spheres> none(devices.size());
+  for (const Order order : {Order::any, Order::stable}) {
+    ResidentOptions options = on(devices);
+    options.detector.order = order;
+    ResidentDetector resident(options);
+    for (int call = 0; call < 3; call++) {
+      EXPECT_EQ(resident.detect(none, input, poses).contacts, wanted);
+      EXPECT_EQ(resident.hash(), one.hash());
+    }
+  }
 }
 
 // Worlds are searched in another way, which takes all poses.
