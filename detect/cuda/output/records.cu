@@ -36,7 +36,9 @@ void write_geometry(const DeviceSpheres& source, const Output& output, std::uint
 
 bool has_kernels() {
   cudaFuncAttributes found{};
-  return cudaFuncGetAttributes(&found, hash_kernel) == cudaSuccess;
+  const cudaError_t e = cudaFuncGetAttributes(&found, hash_kernel);
+  // Other errors are those of earlier work, and are told by what comes next.
+  return e != cudaErrorInvalidDeviceFunction && e != cudaErrorNoKernelImageForDevice;
 }
 
 std::uint64_t hash_of_pairs(const Pair* pairs, std::uint64_t count, Buffer<unsigned long long>& sum,
