@@ -34,6 +34,7 @@ struct RepairSteps {
   std::size_t turned = 0;          // triangles that faced the other way than their neighbours
   std::size_t turned_pieces = 0;   // closed pieces that faced inward and are no cavities
   std::size_t cavities = 0;        // closed pieces inside another one, which bound a hollow
+  std::size_t copies = 0;          // closed pieces just inside another one, which they repeat
   double buried_area = 0;          // of the input's surface that has the body on both sides, and is left out
   std::size_t joined = 0;          // corners that were moved to another one
   double joined_width = 0;         // the farthest of them

@@ -18,6 +18,7 @@ namespace padder {
 namespace {
 
 constexpr std::size_t kLongRim = 300;  // the time for the least area grows with the cube of the rim
+constexpr double kThinRing = 2e-3;     // width of the ring between copies, as a share of the rim's length
 constexpr double kFlatRim = 0.02;      // distance from the plane across it, as a share of its length
 
 // How often each directed edge is missing. An edge and its opposite cancel.
@@ -130,13 +131,14 @@ std::vector<Ring> find_rings(const Mesh& mesh, const std::vector<std::vector<std
       if (is_flat[k] && (outer == rims.size() || flat[k].area.norm() < flat[outer].area.norm()) &&
           flat[k].surrounds(flat[inner]))
         outer = k;
-    if (outer == rims.size() || flat[outer].area.dot(flat[inner].area) > 0) continue;
+    if (outer == rims.size()) continue;
     double least = std::numeric_limits<double>::infinity();
-    Ring ring{outer, inner, {}};
+    Ring ring{outer, inner, {}, flat[outer].area.dot(flat[inner].area) > 0};
     for (const auto a : rims[outer])
       for (const auto b : rims[inner])
         if (const double away = (mesh.points[b] - mesh.points[a]).norm(); away < least)
           least = away, ring.bridge = {a, b};
+    if (ring.alike && least < kThinRing * rim_length(mesh, rims[inner])) continue;
     rings.push_back(ring);
   }
   return rings;
@@ -227,7 +229,7 @@ JoinedCorners join_corners(const Mesh& soup, const Mesh& mesh, const std::vector
   std::vector<Point> places;
   for (const auto v : border) places.push_back(mesh.points[v]);
   const PointTree tree(places);
-  std::vector<std::uint32_t> to(mesh.points.size()), near;  // where each corner moves
+  std::vector<std::uint32_t> to(mesh.points.size()), near;  // the first corner of those joined with it
   std::iota(to.begin(), to.end(), 0u);
   std::vector<char> taken(border.size(), 0);
   for (std::uint32_t k = 0; k < border.size(); k++) {
@@ -240,18 +242,26 @@ JoinedCorners join_corners(const Mesh& soup, const Mesh& mesh, const std::vector
   for (const auto& t : mesh.triangles)
     if (to[t[0]] == to[t[1]] || to[t[1]] == to[t[2]] || to[t[2]] == to[t[0]])
       for (const auto v : t) to[v] = v;
+  // Of many corners that are off at random, the mean is off least.
+  std::unordered_map<std::uint32_t, std::pair<Point, std::size_t>> sums;
+  for (const auto v : border) {
+    auto& [sum, count] = sums.try_emplace(to[v], Point::Zero(), 0).first->second;
+    sum += mesh.points[v], count++;
+  }
   const auto less = [](const Point& a, const Point& b) {
     return std::lexicographical_compare(a.data(), a.data() + 3, b.data(), b.data() + 3);
   };
-  std::map<Point, std::uint32_t, decltype(less)> moved(less);
+  std::map<Point, Point, decltype(less)> moved(less);
   JoinedCorners out{soup};
   for (const auto v : border) {
-    if (to[v] == v) continue;
-    moved.emplace(mesh.points[v], to[v]), out.count++;
-    out.farthest = std::max(out.farthest, (mesh.points[v] - mesh.points[to[v]]).norm());
+    const auto& [sum, count] = sums.at(to[v]);
+    if (count < 2) continue;
+    const Point mean = sum / double(count);
+    moved.emplace(mesh.points[v], mean), out.count++;
+    out.farthest = std::max(out.farthest, (mesh.points[v] - mean).norm());
   }
   for (Point& p : out.mesh.points)
-    if (const auto found = moved.find(p); found != moved.end()) p = mesh.points[found->second];
+    if (const auto found = moved.find(p); found != moved.end()) p = found->second;
   return out;
 }
 

@@ -38,10 +38,12 @@ std::vector<std::vector<std::uint32_t>> trace_rims(const Mesh& mesh,
                                                    const std::vector<DirectedEdge>& missing);
 
 // A pipe may have two walls that nothing joins at its ends. There two rims bound a ring: both lie about in
-// one plane, the inner one just inside the outer one, and they run round in opposite directions.
+// one plane, the inner one just inside the outer one, and they run round in opposite directions; in the same
+// one if the walls face alike. Then they do not all but touch, as where one is a copy of the other.
 struct Ring {
   std::size_t outer, inner;             // of the rims
   std::array<std::uint32_t, 2> bridge;  // the points of outer and inner that lie nearest to each other
+  bool alike = false;                   // both run round in one direction
 };
 std::vector<Ring> find_rings(const Mesh& mesh, const std::vector<std::vector<std::uint32_t>>& rims);
 

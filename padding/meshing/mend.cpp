@@ -8,6 +8,7 @@
 #include <map>
 #include <numbers>
 #include <numeric>
+#include <set>
 #include <utility>
 
 #include "padding/geometry/medial.h"
@@ -23,16 +24,22 @@ namespace {
 // Border edges that lie closer than this share of the diagonal are one edge, but never farther apart than
 // this share of the tolerance: covers make up for the width of the cracks that were closed.
 constexpr double kCrackWidth = 1e-4, kCrackShare = 0.25;
+// Corners may be joined over the same share of the tolerance. Each width that is tried is wider by this
+// factor.
+constexpr double kJoinStep = 5;
 // A hole as narrow as this share of the diagonal is closed however long it is.
 constexpr double kNarrowHole = 1e-3;
 // An open piece is a solid with holes if the mean winding number of what is there, over what the patches
 // would enclose, is at least this: the larger for any opening, the smaller for one of at most so many
 // diagonals of the piece around. A cube without its lid has 0.8 and 2.0 diagonals, half of a ball 0.7
 // and 2.2.
-constexpr double kSureWinding = 0.95, kLeastWinding = 0.8, kWidestOpening = 1.5;
+constexpr double kSureWinding = 0.9, kLeastWinding = 0.8, kWidestOpening = 1.5;
 // An open piece that encloses less than this share of (its area)^1.5 encloses nothing, nor does one that
 // encloses less than this share of (the mesh's diagonal)^3, as what is left of a sheet between its cracks.
 constexpr double kLeastVolume = 1e-7, kLeastSolid = 1e-15;
+// An open piece that faces outward as one around it does is its inner wall only if it encloses more than this
+// share of (its area)^1.5: a flat one does not.
+constexpr double kLeastWallVolume = 1e-3;
 
 // Pieces that hang together by points, one of them open.
 struct OpenGroup {
@@ -94,21 +101,35 @@ class Mender {
 
   // Where each triangle, or each half of a body, has corners of its own that miss those of its neighbours by
   // a little, cracks run all round it, triangles cross their neighbours, and nothing says which way they
-  // face. So the corners are joined, if that leaves at most half as many open pieces.
+  // face. So the corners are joined, if that leaves at most half as many open pieces: within the width of a
+  // crack, or, where pieces stay open, within the wider ones that leave fewer.
   void join_pieces() {
     std::size_t apart, together;
     const std::vector<std::uint32_t> open = open_triangles(apart);
-    const double width = std::min(options_.join_width, crack_limit());
-    if (apart < 2 || !(width > 0) || options_.mode == RepairMode::sheet) return;
-    JoinedCorners joined = join_corners(input_, mesh_, missing_edges(mesh_, open), width);
-    if (joined.count == 0) return;
-    Pieces given = std::exchange(pieces_, find_pieces(joined.mesh));
-    open_triangles(together);
-    if (2 * together > apart) {
-      pieces_ = std::move(given);
-      return;
+    if (apart < 2 || options_.mode == RepairMode::sheet) return;
+    const double widest = std::min(options_.join_width, join_limit());
+    const std::vector<DirectedEdge> missing = missing_edges(mesh_, open);
+    const Pieces given = pieces_;
+    std::size_t least = apart / 2 + 1;
+    double width = std::min(widest, crack_limit());
+    for (bool last = !(width > 0); !last && least > 0; width = std::min(kJoinStep * width, widest)) {
+      last = width == widest;
+      const JoinedCorners joined = join_corners(input_, given.mesh, missing, width);
+      if (joined.count == 0) continue;
+      Pieces pieces = std::exchange(pieces_, find_pieces(joined.mesh));
+      open_triangles(together);
+      if (together < least)
+        least = together, out_.steps.joined = joined.count, out_.steps.joined_width = joined.farthest;
+      else
+        pieces_ = std::move(pieces);
     }
-    out_.steps.joined = joined.count, out_.steps.joined_width = joined.farthest;
+  }
+
+  double join_limit() const {
+    const double error = options_.tolerance > 0  ? options_.tolerance
+                         : options_.accuracy > 0 ? options_.accuracy
+                                                 : diagonal_ / 500;
+    return kCrackShare * error;
   }
 
   double crack_limit() const {
@@ -161,26 +182,75 @@ class Mender {
   }
 
   // Rings at the ends of pipes, whose outer wall faces outward and whose inner wall faces inward, or the
-  // other way round where no pipe is so.
+  // other way round where no pipe is so. Where there are none, both walls may face outward, as those of a
+  // helmet: then the inner one is turned.
   template <class Root>
-  void find_bridges(const std::vector<std::uint32_t>& open, const std::vector<DirectedEdge>& missing,
-                    Root&& root) {
+  void find_bridges(const std::vector<std::uint32_t>& open, std::vector<DirectedEdge>& missing, Root&& root) {
     const auto rims = trace_rims(mesh_, open, missing);
-    const std::vector<Ring> rings = find_rings(mesh_, rims);
+    std::vector<Ring> rings = find_rings(mesh_, rims);
     if (rings.empty()) return;
-    std::map<std::uint32_t, double> volume;  // six times, of each piece with its rims filled
+    std::map<std::uint32_t, double> volume, area;  // of each piece with its rims filled
     const auto add = [&](std::uint32_t a, std::uint32_t b, std::uint32_t c) {
-      volume[root(a)] += mesh_.points[a].dot(mesh_.points[b].cross(mesh_.points[c]));
+      const Point &p = mesh_.points[a], &q = mesh_.points[b], &r = mesh_.points[c];
+      volume[root(a)] += p.dot(q.cross(r)) / 6, area[root(a)] += (q - p).cross(r - p).norm() / 2;
     };
     for (const auto t : open) add(mesh_.triangles[t][0], mesh_.triangles[t][1], mesh_.triangles[t][2]);
     for (const auto& rim : rims)
       for (std::size_t k = 1; k + 1 < rim.size(); k++) add(rim[0], rim[k], rim[k + 1]);
     for (const int sign : {1, -1}) {
       for (const Ring& ring : rings)
-        if (sign * volume[root(ring.bridge[0])] > 0 && sign * volume[root(ring.bridge[1])] < 0)
+        if (!ring.alike && sign * volume[root(ring.bridge[0])] > 0 && sign * volume[root(ring.bridge[1])] < 0)
           bridges_.push_back(ring.bridge);
       if (!bridges_.empty()) return;
     }
+    std::erase_if(rings, [&](const Ring& ring) {
+      const auto encloses = [&](std::uint32_t v) {
+        return std::abs(volume[root(v)]) > kLeastWallVolume * std::pow(area[root(v)], 1.5);
+      };
+      return !ring.alike || !encloses(ring.bridge[0]) || !encloses(ring.bridge[1]);
+    });
+    turn_inner_walls(rims, rings, open, missing, root);
+  }
+
+  // A piece is the inner wall of another one that faces as it does, if nearly all of its border is in the
+  // rings with it. Of walls within walls, every second one is turned.
+  template <class Root>
+  void turn_inner_walls(const std::vector<std::vector<std::uint32_t>>& rims, const std::vector<Ring>& rings,
+                        const std::vector<std::uint32_t>& open, std::vector<DirectedEdge>& missing,
+                        Root&& root) {
+    constexpr double nearly_all = 0.9;
+    struct Outer {
+      double length = 0;  // of the inner rims
+      std::vector<std::array<std::uint32_t, 2>> bridges;
+    };
+    std::map<std::uint32_t, double> border;
+    std::map<std::uint32_t, std::map<std::uint32_t, Outer>> around;
+    for (const auto& rim : rims) border[root(rim[0])] += rim_length(mesh_, rim);
+    for (const Ring& ring : rings) {
+      Outer& outer = around[root(ring.bridge[1])][root(ring.bridge[0])];
+      outer.length += rim_length(mesh_, rims[ring.inner]), outer.bridges.push_back(ring.bridge);
+    }
+    std::erase_if(around, [&](const auto& wall) {
+      return wall.second.size() > 1 || wall.second.begin()->second.length < nearly_all * border[wall.first];
+    });
+    const auto depth = [&](std::uint32_t wall) {
+      std::size_t depth = 0;
+      for (auto at = around.find(wall); at != around.end() && depth < rims.size(); depth++)
+        at = around.find(at->second.begin()->first);
+      return depth;
+    };
+    std::set<std::uint32_t> inner;
+    for (const auto& [wall, outer] : around)
+      if (depth(wall) % 2 == 1) {
+        inner.insert(wall);
+        const auto& bridges = outer.begin()->second.bridges;
+        bridges_.insert(bridges_.end(), bridges.begin(), bridges.end());
+      }
+    for (const auto t : open)
+      if (inner.count(root(mesh_.triangles[t][0])))
+        std::swap(mesh_.triangles[t][1], mesh_.triangles[t][2]), out_.steps.turned++;
+    for (DirectedEdge& e : missing)
+      if (inner.count(root(e.from))) std::swap(e.from, e.to);
   }
 
   // Outward, so that judge() sees no inner shell take away from the winding number around it.
@@ -244,16 +314,17 @@ class Mender {
 
   // Which open groups are solids but for their holes?
   void judge() {
-    std::vector<std::uint32_t> all;
-    for (const auto& unit : units_) all.insert(all.end(), unit.begin(), unit.end());
+    if (options_.mode == RepairMode::sheet) return;
+    std::vector<std::uint32_t> in_units, in_groups;
+    for (const auto& unit : units_) in_units.insert(in_units.end(), unit.begin(), unit.end());
     bool asked = false;
     for (const OpenGroup& group : groups_) {
-      all.insert(all.end(), group.triangles.begin(), group.triangles.end());
+      in_groups.insert(in_groups.end(), group.triangles.begin(), group.triangles.end());
       asked |= group.opening > 0;
     }
-    if (options_.mode == RepairMode::sheet) return;
-    const std::optional<Surface> closed =
-        asked ? std::optional<Surface>(std::in_place, part(all), SideBy::winding) : std::nullopt;
+    std::optional<Surface> units, groups;
+    if (asked)
+      units.emplace(part(in_units), SideBy::winding), groups.emplace(part(in_groups), SideBy::winding);
     for (OpenGroup& group : groups_) {
       double area = 0;
       for (const auto t : group.triangles) area += mesh_.area_normal(t).norm();
@@ -261,7 +332,7 @@ class Mender {
       if (!(volume > std::max(kLeastVolume * std::pow(area, 1.5), kLeastSolid * std::pow(diagonal_, 3))))
         continue;
       group.winding = 1;
-      if (group.opening > 0) group.winding = mean_winding(group, *closed);
+      if (group.opening > 0) group.winding = mean_winding(group, *units, *groups);
       group.solid =
           options_.mode == RepairMode::fill ||
           group.winding >= (group.opening <= kWidestOpening * group.diagonal ? kLeastWinding : kSureWinding);
@@ -269,8 +340,9 @@ class Mender {
   }
 
   // The mean over inner medial balls of the group once it is closed, of the winding number without the
-  // patches.
-  double mean_winding(const OpenGroup& group, const Surface& closed) const {
+  // patches. Where groups lie within each other, as the walls of a helmet that both face outward, it is the
+  // share of what it would be with them. A ball in a closed piece is inside in any case.
+  double mean_winding(const OpenGroup& group, const Surface& units, const Surface& groups) const {
     const Surface own(part(group.triangles), SideBy::winding);
     constexpr std::size_t wanted = 256;
     double area = 0;
@@ -290,15 +362,20 @@ class Mender {
       const Ball ball =
           inner_medial_ball(own, p, mesh_.area_normal(t).normalized(), group.diagonal, 1e-3 * group.diagonal);
       if (ball.radius == 0) continue;
-      double winding = closed.winding_number(ball.center).value_or(0);
-      for (const OpenGroup& other : groups_)
-        for (std::size_t r = 0; r < other.rims.size(); r++)
-          if (other.is_long[r])
-            for (const auto& triangle : other.patches[r])
-              winding -= solid_angle(mesh_, triangle, ball.center);
-      windings[k] = std::clamp(winding, 0.0, 1.0);
+      windings[k] = units.winding_number(ball.center).value_or(0) > 0 ? 1 : open_winding(groups, ball.center);
     }
     return std::accumulate(windings.begin(), windings.end(), 0.0) / double(std::max<std::size_t>(1, wanted));
+  }
+
+  // The winding number of the groups without their long patches, as a share of that with all patches.
+  double open_winding(const Surface& groups, const Point& p) const {
+    const double closed = groups.winding_number(p).value_or(0);
+    double open = closed;
+    for (const OpenGroup& group : groups_)
+      for (std::size_t r = 0; r < group.rims.size(); r++)
+        if (group.is_long[r])
+          for (const auto& triangle : group.patches[r]) open -= solid_angle(mesh_, triangle, p);
+    return std::clamp(open / std::max(1.0, closed), 0.0, 1.0);
   }
 
   // --- the closed soup ---
@@ -402,30 +479,59 @@ class Mender {
         cavity[u] = 1;
   }
 
-  // A closed unit that meets no other one and lies inside others an odd number of times is a cavity.
+  // How many closed units lie around each one that meets none, in the order of `alone`.
+  std::vector<int> count_around(const Surface& surface, const std::vector<std::vector<std::uint32_t>>& alone,
+                                const std::vector<char>& copy) const {
+    std::vector<int> around(alone.size());
+#pragma omp parallel for schedule(dynamic, 1)
+    for (std::size_t k = 0; k < alone.size(); k++) {
+      const auto t = alone[k][0], u = unit_[t];
+      // Others may have its corners and edges.
+      const Point p = (soup_.corner(t, 0) + soup_.corner(t, 1) + soup_.corner(t, 2)) / 3;
+      const auto skip = [&](std::uint32_t s) {
+        return unit_[s] == u || copy[unit_[s]] || roles_[s] == TriangleRole::sheet;
+      };
+      for (const Vector& d : Surface::ray_directions())
+        if (const auto found = surface.crossings(p, d, skip)) {
+          around[k] = *found;
+          break;
+        }
+    }
+    return around;
+  }
+
+  // A closed unit that meets no other one and lies inside others an odd number of times is a cavity, unless
+  // it is a copy of one that faces as it does.
   void find_cavities(Contacts& contacts, const Surface& surface) {
     if (count_ < 2 || options_.mode == RepairMode::united) return;
-    std::vector<char> meets(count_, 0), cavity(count_, 0);
+    std::vector<char> meets(count_, 0), cavity(count_, 0), copy(count_, 0);
     for (const auto& [s, t] : contacts.pairs)
       if (unit_[s] != unit_[t]) meets[unit_[s]] = meets[unit_[t]] = 1;
-    std::vector<std::uint32_t> first(count_, kNone);
-    for (std::uint32_t t = static_cast<std::uint32_t>(unit_.size()); t-- > 0;) first[unit_[t]] = t;
+    std::vector<std::vector<std::uint32_t>> alone(count_);  // the triangles of each unit that meets none
+    for (std::uint32_t t = 0; t < unit_.size(); t++)
+      if (!meets[unit_[t]] && roles_[t] != TriangleRole::sheet) alone[unit_[t]].push_back(t);
+    std::erase_if(alone, [](const auto& triangles) { return triangles.empty(); });
+    std::vector<int> around = count_around(surface, alone, copy);
+    const auto faces_inward = [&](std::uint32_t u) { return u < inward_.size() && inward_[u]; };
 #pragma omp parallel for schedule(dynamic, 1)
-    for (std::size_t u = 0; u < count_; u++) {
-      if (meets[u] || first[u] == kNone || roles_[first[u]] == TriangleRole::sheet) continue;
-      // Others may have its corners and edges.
-      const Point p = (soup_.corner(first[u], 0) + soup_.corner(first[u], 1) + soup_.corner(first[u], 2)) / 3;
-      for (const Vector& d : Surface::ray_directions()) {
-        const auto around = surface.crossings(
-            p, d, [&](std::uint32_t t) { return unit_[t] == u || roles_[t] == TriangleRole::sheet; });
-        if (!around) continue;
-        cavity[u] = *around % 2 != 0;
-        break;
-      }
+    for (std::size_t k = 0; k < alone.size(); k++) {
+      const auto u = unit_[alone[k][0]];
+      copy[u] = around[k] > 0 && is_copy(surface, alone[k], [&](std::uint32_t t) {
+                  return unit_[t] != u && roles_[t] != TriangleRole::sheet &&
+                         faces_inward(unit_[t]) == faces_inward(u);
+                });
+    }
+    for (const char c : copy) out_.steps.copies += c;
+    if (out_.steps.copies > 0) around = count_around(surface, alone, copy);
+    for (std::size_t k = 0; k < alone.size(); k++) {
+      const auto u = unit_[alone[k][0]];
+      cavity[u] = !copy[u] && around[k] % 2 != 0;
     }
     find_cuts(surface, meets, cavity);
-    for (std::size_t t = 0; t < unit_.size(); t++)
+    for (std::size_t t = 0; t < unit_.size(); t++) {
       if (cavity[unit_[t]]) std::swap(soup_.triangles[t][1], soup_.triangles[t][2]);
+      if (copy[unit_[t]]) roles_[t] = TriangleRole::sheet;  // or it would fill a cavity of the other
+    }
     // A cavity may cross itself, and its cuts name corners and edges by their place in a triangle.
     constexpr std::array turned = {0, 2, 1, 5, 4, 3, 6};
     for (Cut& cut : contacts.cuts)
@@ -437,8 +543,9 @@ class Mender {
 
   std::optional<Repaired> finish() {
     if (!surface_) surface_ = std::make_shared<const Surface>(soup_);
-    std::vector<char> passive;  // what bounds nothing has no cells
-    for (const TriangleRole role : roles_) passive.push_back(role == TriangleRole::sheet);
+    const auto is_sheet = [](TriangleRole role) { return role == TriangleRole::sheet; };
+    std::vector<char> passive(roles_.size());  // what bounds nothing has no cells
+    std::transform(roles_.begin(), roles_.end(), passive.begin(), is_sheet);
     Contacts contacts = find_contacts(*surface_, options_.most_pairs, passive);
     if (contacts.too_many) return std::nullopt;
     find_cavities(contacts, *surface_);
@@ -465,11 +572,11 @@ class Mender {
     out_.filled = out_.patches.size();
     for (const Patch& patch : out_.patches) out_.filled_area += patch.area;
     out_.solid = std::move(surface_);
-    if (std::find(passive.begin(), passive.end(), 1) != passive.end()) {
+    if (std::any_of(roles_.begin(), roles_.end(), is_sheet)) {
       Mesh solid;
       solid.points = soup_.points;
       for (std::size_t t = 0; t < roles_.size(); t++)
-        if (!passive[t]) solid.triangles.push_back(soup_.triangles[t]);
+        if (!is_sheet(roles_[t])) solid.triangles.push_back(soup_.triangles[t]);
       out_.solid = std::make_shared<const Surface>(solid);
     }
     keep_flat();

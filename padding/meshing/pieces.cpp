@@ -470,6 +470,25 @@ double signed_volume(const Mesh& mesh, const std::vector<std::uint32_t>& triangl
   return sum / 6;
 }
 
+bool is_copy(const Surface& surface, const std::vector<std::uint32_t>& triangles,
+             const std::function<bool(std::uint32_t)>& other) {
+  constexpr double most_between = 0.01;  // of the volume
+  const Mesh& mesh = surface.mesh();
+  double area = 0;
+  for (const auto t : triangles) area += mesh.area_normal(t).norm();
+  const double width = most_between * std::abs(signed_volume(mesh, triangles)) / area;
+  const auto follows = [&](const Point& p) {
+    bool near = false;
+    surface.visit({p - Vector::Constant(width), p + Vector::Constant(width)},
+                  [&](std::uint32_t t) { near = near || (other(t) && surface.distance_to(t, p) <= width); });
+    return near;
+  };
+  return std::all_of(triangles.begin(), triangles.end(), [&](std::uint32_t t) {
+    const Point &a = mesh.corner(t, 0), &b = mesh.corner(t, 1), &c = mesh.corner(t, 2);
+    return follows(a) && follows(b) && follows(c) && follows((a + b + c) / 3);
+  });
+}
+
 std::vector<DirectedEdge> missing_edges(const Mesh& mesh, const std::vector<std::uint32_t>& triangles) {
   std::vector<DirectedEdge> missing;
   const std::vector<Side> sides = sides_of(mesh, triangles);

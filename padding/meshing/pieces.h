@@ -4,11 +4,12 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
 
-#include "padding/asset/mesh.h"
+#include "padding/geometry/surface.h"
 
 namespace padder {
 
@@ -75,6 +76,12 @@ void for_edges(const std::vector<Side>& sides, Visit&& visit) {
 
 // The signed volume that triangles enclose: those of `mesh` that are listed.
 double signed_volume(const Mesh& mesh, const std::vector<std::uint32_t>& triangles);
+
+// Do the triangles listed, which close, follow other ones so closely that they are a copy of these, moved a
+// little, and no wall lies between them? What lies between holds less than a hundredth of what they enclose.
+// Only those for which `other` holds count. Ends at the first corner that lies apart.
+bool is_copy(const Surface& surface, const std::vector<std::uint32_t>& triangles,
+             const std::function<bool(std::uint32_t)>& other);
 
 // An edge from `from` to `to`.
 struct DirectedEdge {

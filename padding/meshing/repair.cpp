@@ -14,6 +14,7 @@
 #include <cmath>
 #include <cstdio>
 #include <optional>
+#include <set>
 
 #include "padding/asset/error.h"
 #include "padding/meshing/cgal_mesh.h"
@@ -77,20 +78,13 @@ Repaired as_given(Soup soup, const std::string& name) {
   return out;
 }
 
-// What the triangles that hang together enclose, shell by shell, in a fixed order.
-std::vector<double> shell_volumes(CgalMesh& mesh) {
+// The triangles that hang together, shell by shell, in a fixed order.
+std::vector<std::vector<std::uint32_t>> shells_of(CgalMesh& mesh) {
   const auto shell = mesh.add_property_map<CgalMesh::Face_index, std::size_t>("f:shell", 0).first;
-  std::vector<Mesh> shells(pmp::connected_components(mesh, shell));
-  for (const auto f : mesh.faces()) {
-    Mesh& m = shells[shell[f]];
-    const auto first = static_cast<std::uint32_t>(m.points.size());
-    for (const auto v : mesh.vertices_around_face(mesh.halfedge(f)))
-      m.points.push_back(from_cgal(mesh.point(v)));
-    m.triangles.push_back({first, first + 1, first + 2});
-  }
-  std::vector<double> volumes;
-  for (const Mesh& m : shells) volumes.push_back(mass_properties(m).volume);
-  return volumes;
+  std::vector<std::vector<std::uint32_t>> shells(pmp::connected_components(mesh, shell));
+  std::uint32_t t = 0;
+  for (const auto f : mesh.faces()) shells[shell[f]].push_back(t++);
+  return shells;
 }
 
 std::string cavities_text(std::size_t n) { return "kept " + count_of(n, "inner shell") + " as cavities"; }
@@ -109,27 +103,31 @@ std::optional<Repaired> closed_solid(Soup soup, std::size_t flat, double diagona
   CgalMesh mesh;
   pmp::polygon_soup_to_polygon_mesh(soup.points, soup.triangles, mesh);
   pmp::stitch_borders(mesh);
-  if (!CGAL::is_closed(mesh) || any_contact(Surface(from_cgal(mesh)))) return std::nullopt;
+  if (!CGAL::is_closed(mesh)) return std::nullopt;
+  const Surface given(from_cgal(mesh));
+  if (any_contact(given)) return std::nullopt;
   // Nested shells become cavities. Parts that lie apart all face outward.
   const bool inside_out = pmp::volume(mesh) < 0;
   if (inside_out) report.add("turned inside out");
-  const std::vector<double> given = shell_volumes(mesh);
   pmp::orient_to_bound_a_volume(mesh);
   if (!(pmp::volume(mesh) > 1e-12 * std::pow(diagonal, 3))) return std::nullopt;
   Repaired out;
-  const std::vector<double> turned = shell_volumes(mesh);
+  out.mesh = from_cgal(mesh);
   std::size_t outward = 0;  // cavities that face outward in the file
-  for (std::size_t k = 0; k < turned.size(); k++) {
-    if (turned[k] >= 0) continue;
+  for (const auto& shell : shells_of(mesh)) {
+    if (signed_volume(out.mesh, shell) >= 0) continue;
     out.steps.cavities++;
-    outward += (given[k] > 0) != inside_out;
+    if ((signed_volume(given.mesh(), shell) > 0) == inside_out) continue;
+    outward++;
+    const std::set<std::uint32_t> own(shell.begin(), shell.end());
+    if (is_copy(given, shell, [&](std::uint32_t t) { return !own.count(t); })) return std::nullopt;
   }
   if (out.steps.cavities > 0)
     report.add(cavities_text(out.steps.cavities) +
                (outward > 0 ? ", though " + std::to_string(outward) + (outward == 1 ? " faces" : " face") +
                                   " outward (--repair union fills them)"
                             : ""));
-  out.mesh = from_cgal(mesh), out.report = report.text(), out.checked = true;
+  out.report = report.text(), out.checked = true;
   return out;
 }
 
@@ -165,6 +163,8 @@ std::string words(const Repaired& body, double diagonal) {
                count_of(s.crossing_pairs, "pair") + " of triangles)");
   if (s.crossing_pairs == 0 && s.buried_area > 0)
     report.add("left out walls inside (" + percent(s.buried_area / area) + " of the surface)");
+  if (s.copies > 0)
+    report.add("took " + count_of(s.copies, "inner shell") + " for a copy of the one around it");
   if (s.cavities > 0) report.add(cavities_text(s.cavities));
   if (s.sheet_area > 0) {
     std::string why;

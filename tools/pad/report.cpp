@@ -104,6 +104,7 @@ Json report_json(const PadFiles& files, const PadOptions& options, const Padded&
             {"turned_triangles", r.steps.turned},
             {"turned_pieces", r.steps.turned_pieces},
             {"cavities", r.steps.cavities},
+            {"copies", r.steps.copies},
             {"buried_area", r.steps.buried_area},
             {"joined_corners", r.steps.joined},
             {"joined_width", r.steps.joined_width},

@@ -54,6 +54,31 @@ TEST(Repair, NestedShellsAreCavitiesAndTheReportSaysSo) {
   EXPECT_NE(repair(nested, {}, "nested").report.find("though 1 faces outward"), std::string::npos);
 }
 
+TEST(Repair, AShellJustInsideAnotherIsACopyAndNoCavity) {
+  const auto shrunk = [](Mesh mesh, double by) {
+    for (Point& p : mesh.points) p = Point(0.5, 0.5, 0.5) + (1 - by) * (p - Point(0.5, 0.5, 0.5));
+    return mesh;
+  };
+  const Mesh copy = shrunk(kCube, 1e-4);
+  for (const Mesh& mesh : {shapes::joined(kCube, copy), shapes::turned_over(shapes::joined(copy, kCube))}) {
+    const Repaired r = repair(mesh, {}, "copies");
+    EXPECT_NEAR(volume(r), 1, 1e-12);
+    EXPECT_EQ(r.steps.copies, 1u);
+    EXPECT_NE(r.report.find("took 1 inner shell for a copy"), std::string::npos) << r.report;
+  }
+  // A shell that faces the other way is a cavity, however thin the wall, and so is one with a thicker wall.
+  const Repaired thin = repair(shapes::joined(kCube, shapes::turned_over(copy)), {}, "thin");
+  EXPECT_EQ(thin.steps.copies, 0u);
+  EXPECT_NEAR(volume(thin), 3e-4, 1e-6);
+  EXPECT_EQ(repair(shapes::joined(kCube, shrunk(kCube, 0.02)), {}, "thick").steps.cavities, 1u);
+  // Copies do not count around a cavity.
+  const Mesh inner = shapes::box({0.25, 0.25, 0.25}, {0.75, 0.75, 0.75}, 2);
+  const Repaired hollow = repair(shapes::joined(shapes::joined(kCube, copy), inner), {}, "hollow");
+  EXPECT_EQ(hollow.steps.copies, 1u);
+  EXPECT_EQ(hollow.steps.cavities, 1u);
+  EXPECT_NEAR(volume(hollow), 1 - 0.125, 1e-12);
+}
+
 TEST(Repair, SoupShuffledDuplicatedAndInsideOut) {
   shapes::RandomInput random(3);
   Mesh soup = soup_of(shapes::turned_over(kCube));
