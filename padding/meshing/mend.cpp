@@ -74,6 +74,7 @@ class Mender {
     std::iota(all.triangles.begin(), all.triangles.end(), 0u);
   }
 
+  // Nothing where the pieces make no body; why_not() says why.
   std::optional<Repaired> run() {
     out_.thickness = options_.thickness;
     out_.steps.pieces = pieces_.pieces.size();
@@ -82,9 +83,15 @@ class Mender {
     turn_units();
     for (OpenGroup& group : groups_) close(group);
     judge();
+    if (parts_of_one_) {
+      why_not_ = "its open pieces enclose a body together, but not one by one";
+      return std::nullopt;
+    }
     assemble();
     return finish();
   }
+
+  const std::string& why_not() const { return why_not_; }
 
  private:
   // --- open pieces ---
@@ -234,10 +241,10 @@ class Mender {
       return wall.second.size() > 1 || wall.second.begin()->second.length < nearly_all * border[wall.first];
     });
     const auto depth = [&](std::uint32_t wall) {
-      std::size_t depth = 0;
-      for (auto at = around.find(wall); at != around.end() && depth < rims.size(); depth++)
+      std::size_t steps = 0;
+      for (auto at = around.find(wall); at != around.end() && steps < rims.size(); steps++)
         at = around.find(at->second.begin()->first);
-      return depth;
+      return steps;
     };
     std::set<std::uint32_t> inner;
     for (const auto& [wall, outer] : around)
@@ -323,8 +330,11 @@ class Mender {
       asked |= group.opening > 0;
     }
     std::optional<Surface> units, groups;
-    if (asked)
+    if (asked) {
       units.emplace(part(in_units), SideBy::winding), groups.emplace(part(in_groups), SideBy::winding);
+      for (OpenGroup& group : groups_) find_covered(group, *units);
+    }
+    bool opened = false;
     for (OpenGroup& group : groups_) {
       double area = 0;
       for (const auto t : group.triangles) area += mesh_.area_normal(t).norm();
@@ -336,7 +346,64 @@ class Mender {
       group.solid =
           options_.mode == RepairMode::fill ||
           group.winding >= (group.opening <= kWidestOpening * group.diagonal ? kLeastWinding : kSureWinding);
+      opened |= group.solid && group.opening > 0;
     }
+    if (opened && options_.mode == RepairMode::automatic) parts_of_one_ = enclose_more(*units, *groups);
+  }
+
+  // A hole that a closed piece covers needs no evidence: nothing comes in there.
+  void find_covered(OpenGroup& group, const Surface& units) const {
+    constexpr double nearly_all = 0.95;
+    constexpr std::size_t wanted = 256;
+    if (group.opening == 0 || units_.empty()) return;
+    group.opening = 0;
+    Random random(1);
+    for (std::size_t r = 0; r < group.rims.size(); r++) {
+      if (!group.is_long[r]) continue;
+      const double area = area_of(mesh_, group.patches[r]);
+      double sum = 0;
+      std::size_t points = 0, covered = 0;
+      for (const auto& triangle : group.patches[r]) {
+        sum += area_of(mesh_, {triangle});
+        for (; double(points) + 0.5 < sum / area * wanted; points++) {
+          const double x = std::sqrt(random.uniform()), y = random.uniform();
+          const Point p = (1 - x) * mesh_.points[triangle[0]] +
+                          x * ((1 - y) * mesh_.points[triangle[1]] + y * mesh_.points[triangle[2]]);
+          covered += units.any_within(p, kCrackWidth * diagonal_) || units.winding_number(p).value_or(0) > 0;
+        }
+      }
+      if (double(covered) >= nearly_all * double(points))
+        group.is_long[r] = false;
+      else
+        group.opening = std::max(group.opening, 2 * std::sqrt(std::numbers::pi * area));
+    }
+  }
+
+  // Do the open groups together enclose more than each by itself, as strips of a scan do that overlap? Then
+  // their patches lie within the body.
+  bool enclose_more(const Surface& units, const Surface& groups) const {
+    constexpr int points = 4096;
+    Mesh solids;
+    Box box;
+    solids.points = mesh_.points;
+    for (const OpenGroup& group : groups_)
+      for (std::size_t k = 0; group.solid && k < group.triangles.size(); k++) {
+        solids.triangles.push_back(mesh_.triangles[group.triangles[k]]);
+        for (const auto v : solids.triangles.back()) box.add(mesh_.points[v]);
+      }
+    const Surface closed(solids, SideBy::winding);
+    int each = 0, more = 0;
+#pragma omp parallel for schedule(dynamic, 64) reduction(+ : each, more)
+    for (int k = 0; k < points; k++) {
+      Random random(static_cast<std::uint64_t>(k) + 1);
+      const Vector at(random.uniform(), random.uniform(), random.uniform());
+      const Point p = box.low + at.cwiseProduct(box.high - box.low);
+      if (closed.winding_number(p).value_or(0) > 0)
+        each++;
+      else if (units.winding_number(p).value_or(0) <= 0 && open_winding(groups, p) > 0.5)
+        more++;
+    }
+    return more > each;
   }
 
   // The mean over inner medial balls of the group once it is closed, of the winding number without the
@@ -424,10 +491,12 @@ class Mender {
   // A closed unit that faces inward and meets others was cut out of them: the winding number of the file is 0
   // or less within it. It is a cavity, if no more than half of it sticks out, and it has walls in the others:
   // the copy of a body that faces the other way has none. Where it sticks out, walls count if they are deep,
-  // which those of a copy that is moved a little are not. Points on the unit tell, at even steps of its area.
+  // which those of a copy that is moved a little are not; nor is a copy of one of several bodies that touch a
+  // cavity, though it has the others for walls. Points on the unit tell, at even steps of its area.
   void find_cuts(const Surface& surface, const std::vector<char>& meets, std::vector<char>& cavity) const {
-    constexpr double least_wall = 0.01;  // share of the area
-    constexpr double deep_wall = 1e-3;   // of the diagonal
+    constexpr double least_wall = 0.01;    // share of the area
+    constexpr double deep_wall = 1e-3;     // of the diagonal
+    constexpr double most_between = 0.05;  // of the volume; what sticks out is the more surely no cavity
     constexpr std::size_t wanted = 1024;
     struct Probe {
       std::uint32_t unit;
@@ -473,9 +542,18 @@ class Mender {
       Count& c = count[probe.unit];
       c.outside += !probe.within, c.walls += probe.wall, c.deep += probe.deep;
     }
+    std::vector<std::vector<std::uint32_t>> cuts(units);
+    for (std::uint32_t t = 0; t < unit_.size(); t++) {
+      if (!is_inward(t) || !meets[unit_[t]]) continue;
+      const Count& c = count[unit_[t]];
+      if (2 * c.outside <= c.all && double(c.outside > 0 ? c.deep : c.walls) > least_wall * double(c.all))
+        cuts[unit_[t]].push_back(t);
+    }
     for (std::size_t u = 0; u < units; u++)
-      if (2 * count[u].outside <= count[u].all &&
-          double(count[u].outside > 0 ? count[u].deep : count[u].walls) > least_wall * double(count[u].all))
+      if (!cuts[u].empty() &&
+          (count[u].outside == 0 || !is_copy(surface, cuts[u], most_between, [&](std::uint32_t t) {
+             return roles_[t] != TriangleRole::sheet && !is_inward(t);
+           })))
         cavity[u] = 1;
   }
 
@@ -516,7 +594,7 @@ class Mender {
 #pragma omp parallel for schedule(dynamic, 1)
     for (std::size_t k = 0; k < alone.size(); k++) {
       const auto u = unit_[alone[k][0]];
-      copy[u] = around[k] > 0 && is_copy(surface, alone[k], [&](std::uint32_t t) {
+      copy[u] = around[k] > 0 && is_copy(surface, alone[k], kBetweenCopies, [&](std::uint32_t t) {
                   return unit_[t] != u && roles_[t] != TriangleRole::sheet &&
                          faces_inward(unit_[t]) == faces_inward(u);
                 });
@@ -547,6 +625,7 @@ class Mender {
     std::vector<char> passive(roles_.size());  // what bounds nothing has no cells
     std::transform(roles_.begin(), roles_.end(), passive.begin(), is_sheet);
     Contacts contacts = find_contacts(*surface_, options_.most_pairs, passive);
+    why_not_ = "its triangles cross at more than " + std::to_string(options_.most_pairs) + " places";
     if (contacts.too_many) return std::nullopt;
     find_cavities(contacts, *surface_);
     if (out_.steps.cavities > 0) surface_ = std::make_shared<const Surface>(soup_);
@@ -619,17 +698,26 @@ class Mender {
   std::vector<std::uint32_t> unit_, patch_;  // of each triangle of soup_
   std::size_t count_ = 0;                    // of units
   std::vector<char> inward_;  // for each closed unit and group: it faced inward, and is no cavity
+  bool parts_of_one_ = false;
+  std::string why_not_;
   Repaired out_;
 };
 
 }  // namespace
 
-std::optional<Repaired> mend(const Mesh& input, const RepairOptions& options) {
-  return Mender(input, options).run();
+std::optional<Repaired> mend(const Mesh& input, const RepairOptions& options, std::string* why_not) {
+  Mender mender(input, options);
+  auto body = mender.run();
+  if (why_not) *why_not = mender.why_not();
+  return body;
 }
 
-std::optional<Repaired> mend_piece(std::shared_ptr<const Surface> piece, const RepairOptions& options) {
-  return Mender(std::move(piece), options).run();
+std::optional<Repaired> mend_piece(std::shared_ptr<const Surface> piece, const RepairOptions& options,
+                                   std::string* why_not) {
+  Mender mender(std::move(piece), options);
+  auto body = mender.run();
+  if (why_not) *why_not = mender.why_not();
+  return body;
 }
 
 }  // namespace padder

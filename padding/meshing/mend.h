@@ -2,6 +2,7 @@
 // Makes a body of triangles that cross, overlap, nest, repeat or leave holes, and keeps them as they are.
 #pragma once
 #include <optional>
+#include <string>
 
 #include "padding/geometry/repaired.h"
 #include "padding/meshing/repair.h"
@@ -20,12 +21,14 @@ namespace padder {
 //    (outer_cells.h).
 //
 // Where more than options.most_pairs of triangles meet, or three of them at so many places, there is no
-// result.
+// result; nor is there in mode `automatic` where open pieces enclose more together than each with its own
+// patches, as strips of a scan do. `why_not` gets the reason.
 //
 // `input` holds triangles with and without area. Deterministic for any number of threads.
-std::optional<Repaired> mend(const Mesh& input, const RepairOptions& options);
+std::optional<Repaired> mend(const Mesh& input, const RepairOptions& options, std::string* why_not = nullptr);
 
 // The same for one closed piece that faces outward (one_closed_piece() of pieces.h).
-std::optional<Repaired> mend_piece(std::shared_ptr<const Surface> piece, const RepairOptions& options);
+std::optional<Repaired> mend_piece(std::shared_ptr<const Surface> piece, const RepairOptions& options,
+                                   std::string* why_not = nullptr);
 
 }  // namespace padder

@@ -470,13 +470,12 @@ double signed_volume(const Mesh& mesh, const std::vector<std::uint32_t>& triangl
   return sum / 6;
 }
 
-bool is_copy(const Surface& surface, const std::vector<std::uint32_t>& triangles,
+bool is_copy(const Surface& surface, const std::vector<std::uint32_t>& triangles, double between,
              const std::function<bool(std::uint32_t)>& other) {
-  constexpr double most_between = 0.01;  // of the volume
   const Mesh& mesh = surface.mesh();
   double area = 0;
   for (const auto t : triangles) area += mesh.area_normal(t).norm();
-  const double width = most_between * std::abs(signed_volume(mesh, triangles)) / area;
+  const double width = between * std::abs(signed_volume(mesh, triangles)) / area;
   const auto follows = [&](const Point& p) {
     bool near = false;
     surface.visit({p - Vector::Constant(width), p + Vector::Constant(width)},

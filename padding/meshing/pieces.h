@@ -78,9 +78,10 @@ void for_edges(const std::vector<Side>& sides, Visit&& visit) {
 double signed_volume(const Mesh& mesh, const std::vector<std::uint32_t>& triangles);
 
 // Do the triangles listed, which close, follow other ones so closely that they are a copy of these, moved a
-// little, and no wall lies between them? What lies between holds less than a hundredth of what they enclose.
-// Only those for which `other` holds count. Ends at the first corner that lies apart.
-bool is_copy(const Surface& surface, const std::vector<std::uint32_t>& triangles,
+// little, and no wall lies between them? What lies between holds less than the share `between` of what they
+// enclose. Only those for which `other` holds count. Ends at the first corner that lies apart.
+constexpr double kBetweenCopies = 0.01;
+bool is_copy(const Surface& surface, const std::vector<std::uint32_t>& triangles, double between,
              const std::function<bool(std::uint32_t)>& other);
 
 // An edge from `from` to `to`.

@@ -120,7 +120,8 @@ std::optional<Repaired> closed_solid(Soup soup, std::size_t flat, double diagona
     if ((signed_volume(given.mesh(), shell) > 0) == inside_out) continue;
     outward++;
     const std::set<std::uint32_t> own(shell.begin(), shell.end());
-    if (is_copy(given, shell, [&](std::uint32_t t) { return !own.count(t); })) return std::nullopt;
+    if (is_copy(given, shell, kBetweenCopies, [&](std::uint32_t t) { return !own.count(t); }))
+      return std::nullopt;
   }
   if (out.steps.cavities > 0)
     report.add(cavities_text(out.steps.cavities) +
@@ -217,20 +218,24 @@ Repaired wrapped(const Mesh& input, const RepairOptions& options, double diagona
   return out;
 }
 
-// `body` is what mend() made of the input.
-Repaired mended(std::optional<Repaired> body, const Mesh& input, const RepairOptions& options,
-                double diagonal, const std::string& name) {
+// `body` is what mend() made of the input, or nothing, for the reason `why_not`.
+Repaired mended(std::optional<Repaired> body, const std::string& why_not, const Mesh& input,
+                const RepairOptions& options, double diagonal, const std::string& name) {
   if (!body) {
-    const std::string why =
-        "its triangles cross at more than " + std::to_string(options.most_pairs) + " places";
-    if (options.mode == RepairMode::automatic) return wrapped(input, options, diagonal, name, why);
-    throw Error(name + ": " + why + ", too many to be cut apart: smooth the mesh, or give --repair wrap");
+    if (options.mode == RepairMode::automatic) return wrapped(input, options, diagonal, name, why_not);
+    throw Error(name + ": " + why_not + ", too many to be cut apart: smooth the mesh, or give --repair wrap");
   }
   Repaired& out = *body;
   out.report = words(out, diagonal);
   if (options.below_terrain && out.kind == BodyKind::sheet && is_terrain(out.mesh))
     out.solid.reset(), out.sheet = 0, out.report += ", padded below its normals";
   return std::move(out);
+}
+
+Repaired mend_all(const Mesh& input, const RepairOptions& options, double diagonal, const std::string& name) {
+  std::string why_not;
+  std::optional<Repaired> body = mend(input, options, &why_not);
+  return mended(std::move(body), why_not, input, options, diagonal, name);
 }
 
 // A closed piece, if it encloses a volume.
@@ -242,9 +247,10 @@ std::optional<Repaired> piece_repaired(Mesh piece, const Mesh& input, const Repa
     for (auto& t : piece.triangles) std::swap(t[1], t[2]);
   auto surface = std::make_shared<Surface>(piece);
   if (any_contact(*surface)) {
-    std::optional<Repaired> body = mend_piece(std::move(surface), options);
+    std::string why_not;
+    std::optional<Repaired> body = mend_piece(std::move(surface), options, &why_not);
     if (body) body->steps.turned_pieces = volume < 0;
-    return mended(std::move(body), input, options, diagonal, name);
+    return mended(std::move(body), why_not, input, options, diagonal, name);
   }
   RepairReport report;
   if (volume < 0) report.add("turned inside out");
@@ -264,7 +270,7 @@ Repaired repaired(const Mesh& input, const RepairOptions& options, const std::st
   if (keep_solids && !any_flat(input, diagonal)) piece = one_closed_piece(input);
   if (piece) {
     auto body = piece_repaired(std::move(*piece), input, options, diagonal, name);
-    return body ? std::move(*body) : mended(mend(input, options), input, options, diagonal, name);
+    return body ? std::move(*body) : mend_all(input, options, diagonal, name);
   }
   if (options.mode == RepairMode::wrap) return wrapped(input, options, diagonal, name, "as asked");
   Mesh flat;
@@ -278,7 +284,7 @@ Repaired repaired(const Mesh& input, const RepairOptions& options, const std::st
   if (keep_solids)
     if (auto solid = closed_solid(std::move(soup), flat.triangles.size(), diagonal))
       return with_flat(std::move(*solid));
-  return mended(mend(input, options), input, options, diagonal, name);
+  return mend_all(input, options, diagonal, name);
 }
 
 }  // namespace

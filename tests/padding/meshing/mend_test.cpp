@@ -326,6 +326,43 @@ TEST(Mend, HalvesOfABallThatLieApartAreSolid) {
   EXPECT_NEAR(volume(r), 4.0 / 3 * std::numbers::pi, 0.05);
 }
 
+// What a closed piece covers is no opening: its own lid, or the ground that it stands on.
+TEST(Mend, ABoxThatAClosedPieceCoversIsASolid) {
+  const Mesh open = without(kCube, [](const Point& p) { return p.z() == 1; });
+  EXPECT_EQ(mended(open).kind, BodyKind::sheet);
+  EXPECT_NEAR(volume(mended(joined(open, shapes::box({0, 0, 1}, {1, 1, 1.1}, 3)))), 1.1, 1e-9);
+  EXPECT_NEAR(volume(mended(joined(open, shapes::box({-1, -1, 0.9}, {2, 2, 1.5}, 5)))), 0.9 + 5.4, 1e-9);
+  // A lid that covers half of it closes nothing.
+  EXPECT_NEAR(volume(mended(joined(open, shapes::box({0, 0, 1}, {0.5, 1, 1.1}, 3)))), 0.05, 1e-9);
+}
+
+// Each strip by itself would be closed by a patch through the ball.
+TEST(Mend, StripsOfAScanThatOverlapAreNoLenses) {
+  Mesh strips;
+  for (int k = 0; k < 6; k++) {
+    const auto first = static_cast<std::uint32_t>(strips.points.size());
+    for (std::uint32_t i = 0; i <= 12; i++)
+      for (std::uint32_t j = 0; j <= 20; j++) {
+        const double u = k * std::numbers::pi / 3 - 0.1 + i * (std::numbers::pi / 3 + 0.2) / 12;
+        const double v = -1.55 + j * 3.1 / 20;
+        strips.points.push_back((1 + 0.003 * k) *
+                                Point(std::cos(v) * std::cos(u), std::cos(v) * std::sin(u), std::sin(v)));
+        const std::uint32_t at = first + 21 * i + j;
+        if (i < 12 && j < 20)
+          strips.triangles.push_back({at, at + 21, at + 22}),
+              strips.triangles.push_back({at, at + 22, at + 1});
+      }
+  }
+  RepairOptions options;
+  options.tolerance = options.accuracy = 0.02 * strips.bounds().diagonal();
+  std::string why;
+  EXPECT_FALSE(mend(strips, options, &why));
+  EXPECT_EQ(why, "its open pieces enclose a body together, but not one by one");
+  const Repaired r = repair(strips, options, "strips");
+  EXPECT_EQ(r.kind, BodyKind::wrap);
+  EXPECT_NEAR(volume(r), 4.0 / 3 * std::numbers::pi, 0.3);
+}
+
 TEST(Mend, ASolidWithAnOpenSeamIsStillASolid) {
   Mesh bottle = lathe({{0, 0}, {1, 0}, {1, 3}, {0.3, 3.6}, {0.3, 4.4}}, 24);
   for (std::size_t t = bottle.triangles.size(); t-- > 0;)
@@ -593,6 +630,16 @@ TEST(Mend, WhatWasCutOutOfABodyIsACavityAlsoWhereItTouchesAWall) {
   Mesh copy = turned_over(kCube);
   for (Point& p : copy.points) p += Vector(1e-4, 2e-4, 1e-4);
   EXPECT_NEAR(volume(mended(joined(kCube, copy))), 1, 1e-3);
+  // Nor has one of two cubes that touch, though each has the other for a wall; nor a noisy one.
+  const Mesh two = joined(kCube, moved(kCube, Eigen::Matrix3d::Identity(), {0.5, 0.25, 1}));
+  Mesh copies = turned_over(two);
+  for (Point& p : copies.points) p += Vector(1e-6, 2e-6, 0);
+  EXPECT_NEAR(volume(mended(joined(two, copies))), 2, 1e-3);
+  const Mesh ball = shapes::sphere(3);
+  Mesh noisy = turned_over(ball);
+  RandomInput random(7);
+  for (Point& p : noisy.points) p += 0.01 * random.direction();
+  EXPECT_GT(volume(mended(joined(ball, noisy))), 0.99 * mass_properties(ball).volume);
 }
 
 // A ball with a thin tube through it, whose far end faces the wrong way: a closed surface that no turning
