@@ -37,8 +37,8 @@ constexpr double kSureWinding = 0.9, kLeastWinding = 0.8, kWidestOpening = 1.5;
 // An open piece that encloses less than this share of (its area)^1.5 encloses nothing, nor does one that
 // encloses less than this share of (the mesh's diagonal)^3, as what is left of a sheet between its cracks.
 constexpr double kLeastVolume = 1e-7, kLeastSolid = 1e-15;
-// An open piece that faces outward as one around it does is its inner wall only if it encloses more than this
-// share of (its area)^1.5: a flat one does not.
+// A piece that encloses less than this share of (its area)^1.5 is flat: neither the inner wall of one around
+// it, nor a solid whose hole another one covers.
 constexpr double kLeastWallVolume = 1e-3;
 
 // Pieces that hang together by points, one of them open.
@@ -96,40 +96,58 @@ class Mender {
  private:
   // --- open pieces ---
 
-  std::vector<std::uint32_t> open_triangles(std::size_t& pieces) const {
+  std::vector<std::uint32_t> open_triangles(std::size_t* pieces = nullptr) const {
     std::vector<std::uint32_t> open;
-    pieces = 0;
     for (const Piece& piece : pieces_.pieces) {
       if (piece.closed || piece.bounds_nothing) continue;
-      open.insert(open.end(), piece.triangles.begin(), piece.triangles.end()), pieces++;
+      open.insert(open.end(), piece.triangles.begin(), piece.triangles.end());
+      if (pieces) ++*pieces;
     }
     return open;
   }
 
   // Where each triangle, or each half of a body, has corners of its own that miss those of its neighbours by
   // a little, cracks run all round it, triangles cross their neighbours, and nothing says which way they
-  // face. So the corners are joined, if that leaves at most half as many open pieces: within the width of a
-  // crack, or, where pieces stay open, within the wider ones that leave fewer.
+  // face. So the corners are joined, if that leaves at most half as many open pieces and edges: within the
+  // width of a crack, or, where edges stay open, within the wider one that leaves the fewest. Two copies of
+  // an open piece must not be joined, which would close them to a shell without thickness.
   void join_pieces() {
-    std::size_t apart, together;
-    const std::vector<std::uint32_t> open = open_triangles(apart);
-    if (apart < 2 || options_.mode == RepairMode::sheet) return;
+    std::size_t apart = 0;
+    const std::vector<std::uint32_t> open = open_triangles(&apart);
     const double widest = std::min(options_.join_width, join_limit());
+    if (apart < 2 || !(widest > 0) || options_.mode == RepairMode::sheet) return;
     const std::vector<DirectedEdge> missing = missing_edges(mesh_, open);
-    const Pieces given = pieces_;
-    std::size_t least = apart / 2 + 1;
-    double width = std::min(widest, crack_limit());
-    for (bool last = !(width > 0); !last && least > 0; width = std::min(kJoinStep * width, widest)) {
-      last = width == widest;
-      const JoinedCorners joined = join_corners(input_, given.mesh, missing, width);
-      if (joined.count == 0) continue;
-      Pieces pieces = std::exchange(pieces_, find_pieces(joined.mesh));
-      open_triangles(together);
-      if (together < least)
-        least = together, out_.steps.joined = joined.count, out_.steps.joined_width = joined.farthest;
-      else
-        pieces_ = std::move(pieces);
+    const Mesh given = mesh_;
+    const double few = 0.01 * part(open).area();
+    std::size_t least = missing.size() / 2 + 1;
+    for (double width = crack_limit(); least > 0; width *= kJoinStep) {
+      const bool last = width > 0.99 * widest;
+      if (last) width = widest;
+      const JoinedCorners joined = join_corners(input_, given, missing, width);
+      if (joined.count > 0) {
+        const double thin = thin_area(width) + few;
+        Pieces before = std::exchange(pieces_, find_pieces(joined.mesh));
+        std::size_t together = 0;
+        const std::size_t left = missing_edges(mesh_, open_triangles(&together)).size();
+        if (left < least && 2 * together <= apart && thin_area(width) <= thin)
+          least = left, out_.steps.joined = joined.count, out_.steps.joined_width = joined.farthest;
+        else
+          pieces_ = std::move(before);
+      }
+      if (last) return;
     }
+  }
+
+  // The area of closed pieces that are thinner than the width.
+  double thin_area(double width) const {
+    double sum = 0;
+    for (const Piece& piece : pieces_.pieces) {
+      if (!piece.closed) continue;
+      double area = 0;
+      for (const auto t : piece.triangles) area += mesh_.area_normal(t).norm();
+      if (std::abs(signed_volume(mesh_, piece.triangles)) < 0.5 * width * area) sum += area;
+    }
+    return sum;
   }
 
   double join_limit() const {
@@ -351,11 +369,18 @@ class Mender {
     if (opened && options_.mode == RepairMode::automatic) parts_of_one_ = enclose_more(*units, *groups);
   }
 
+  // A wall inside a body lies with its rim in that body, too, and encloses nothing but its noise.
+  bool is_flat_wall(const OpenGroup& group) const {
+    double area = 0;
+    for (const auto t : group.triangles) area += mesh_.area_normal(t).norm();
+    return signed_volume(mesh_, group.triangles) <= kLeastWallVolume * std::pow(area, 1.5);
+  }
+
   // A hole that a closed piece covers needs no evidence: nothing comes in there.
   void find_covered(OpenGroup& group, const Surface& units) const {
     constexpr double nearly_all = 0.95;
     constexpr std::size_t wanted = 256;
-    if (group.opening == 0 || units_.empty()) return;
+    if (group.opening == 0 || units_.empty() || is_flat_wall(group)) return;
     group.opening = 0;
     Random random(1);
     for (std::size_t r = 0; r < group.rims.size(); r++) {

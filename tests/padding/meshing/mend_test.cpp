@@ -332,6 +332,12 @@ TEST(Mend, ABoxThatAClosedPieceCoversIsASolid) {
   EXPECT_EQ(mended(open).kind, BodyKind::sheet);
   EXPECT_NEAR(volume(mended(joined(open, shapes::box({0, 0, 1}, {1, 1, 1.1}, 3)))), 1.1, 1e-9);
   EXPECT_NEAR(volume(mended(joined(open, shapes::box({-1, -1, 0.9}, {2, 2, 1.5}, 5)))), 0.9 + 5.4, 1e-9);
+  // A wall inside is no solid, though the box covers its rim.
+  RandomInput random(5);
+  Mesh wall = moved(shapes::square(0.8, 4), Eigen::Matrix3d::Identity(), {0.1, 0.1, 0.5});
+  for (Point& p : wall.points) p += 1e-4 * random.direction();
+  EXPECT_EQ(mended(joined(kCube, wall)).patches.size(), 0u);
+  EXPECT_EQ(mended(joined(kCube, wall)).steps.sheet_pieces, 1u);
   // A lid that covers half of it closes nothing.
   EXPECT_NEAR(volume(mended(joined(open, shapes::box({0, 0, 1}, {0.5, 1, 1.1}, 3)))), 0.05, 1e-9);
 }
@@ -532,7 +538,23 @@ TEST(Mend, CornersThatLieNearEachOtherAreJoined) {
     EXPECT_NEAR(volume(r), 1, 1e-3);
     EXPECT_NEAR(r.steps.buried_area, 1, 1e-3);
   }
-  // Fewer open pieces must be left: a lid that shares two corners with a box hangs together with it no more.
+  // Copies that lie close to each other, each with holes of its own, are not knitted together.
+  Mesh holed = shapes::box({0, 0, 0}, {1, 1, 1}, 6);
+  Mesh copy = moved(holed, Eigen::Matrix3d::Identity(), {1e-6, 1e-6, 2e-6});
+  for (std::size_t t = holed.triangles.size(); t-- > 0;) {
+    if (t % 23 == 0) holed.triangles.erase(holed.triangles.begin() + std::ptrdiff_t(t));
+    if (t % 29 == 4) copy.triangles.erase(copy.triangles.begin() + std::ptrdiff_t(t));
+  }
+  const Repaired copies = mended(joined(holed, copy));
+  EXPECT_EQ(copies.kind, BodyKind::solid);
+  EXPECT_NEAR(volume(copies), 1, 1e-4);
+  EXPECT_EQ(copies.steps.joined, 0u);
+  // Nor where they have the same holes; but the two sides of a thin plate belong together.
+  copy = moved(holed, Eigen::Matrix3d::Identity(), {1e-6, 1e-6, 2e-6});
+  EXPECT_NEAR(volume(mended(joined(holed, copy))), 1, 1e-4);
+  const Mesh plate = shapes::box({0, 0, 0}, {1, 1, 1e-3}, 3);
+  EXPECT_NEAR(volume(mended(with_corners_off(plate, 3e-5))), 1e-3, 1e-4);
+  // Fewer open edges must be left: a lid that shares two corners with a box hangs together with it no more.
   const Mesh open = without(kCube, [](const Point& p) { return p.z() == 1; });
   EXPECT_EQ(mended(joined(open, moved(shapes::square(1, 7), Eigen::Matrix3d::Identity(), {0, 0, 1 + 5e-5})))
                 .steps.joined,
