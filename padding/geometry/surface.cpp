@@ -439,7 +439,8 @@ const std::vector<Vector>& Surface::ray_directions() {
 }
 
 std::optional<int> Surface::crossings(const Point& p, const Vector& direction,
-                                      const std::function<bool(std::uint32_t)>& skip) const {
+                                      const std::function<bool(std::uint32_t)>& skip,
+                                      const std::function<void(std::uint32_t, int)>& visit) const {
   if (slots_.empty()) return 0;
   const Vector inverse = direction.cwiseInverse();
   std::uint32_t stack[TriangleTree::kStackSize];
@@ -458,6 +459,7 @@ std::optional<int> Surface::crossings(const Point& p, const Vector& direction,
             crossing(direction, mesh_.points[t[0]] - p, mesh_.points[t[1]] - p, mesh_.points[t[2]] - p);
         if (!one) return std::nullopt;
         sum += *one;
+        if (visit && *one != 0) visit(triangle, *one);
       }
     }
   }

@@ -97,9 +97,11 @@ class Surface {
 
   // The sum of the signed crossings of a ray from p with the triangles of `mesh`, without those to `skip`:
   // +1 where the ray leaves through the front. No result where rounding leaves a crossing open. Each
-  // component of the direction is at most 1 and none is 0.
+  // component of the direction is at most 1 and none is 0. `visit` gets each triangle that is crossed, with
+  // its sign.
   std::optional<int> crossings(const Point& p, const Vector& direction,
-                               const std::function<bool(std::uint32_t)>& skip = {}) const;
+                               const std::function<bool(std::uint32_t)>& skip = {},
+                               const std::function<void(std::uint32_t, int)>& visit = {}) const;
   static const std::vector<Vector>& ray_directions();  // without a pattern, for crossings()
 
   // As those of the tree (triangle_tree.h): the triangles near a box, and those near each other.

@@ -583,22 +583,28 @@ class Mender {
   }
 
   // How many closed units lie around each one that meets none, in the order of `alone`.
-  std::vector<int> count_around(const Surface& surface, const std::vector<std::vector<std::uint32_t>>& alone,
-                                const std::vector<char>& copy) const {
-    std::vector<int> around(alone.size());
+  std::vector<std::size_t> count_around(const Surface& surface,
+                                        const std::vector<std::vector<std::uint32_t>>& alone,
+                                        const std::vector<char>& copy) const {
+    std::vector<std::size_t> around(alone.size());
 #pragma omp parallel for schedule(dynamic, 1)
     for (std::size_t k = 0; k < alone.size(); k++) {
       const auto t = alone[k][0], u = unit_[t];
       // Others may have its corners and edges.
       const Point p = (soup_.corner(t, 0) + soup_.corner(t, 1) + soup_.corner(t, 2)) / 3;
+      std::map<std::uint32_t, int> windings;  // of each unit
       const auto skip = [&](std::uint32_t s) {
         return unit_[s] == u || copy[unit_[s]] || roles_[s] == TriangleRole::sheet;
       };
-      for (const Vector& d : Surface::ray_directions())
-        if (const auto found = surface.crossings(p, d, skip)) {
-          around[k] = *found;
-          break;
-        }
+      for (const Vector& d : Surface::ray_directions()) {
+        windings.clear();
+        const auto found = surface.crossings(
+            p, d, skip, [&](std::uint32_t s, int crossing) { windings[unit_[s]] += crossing; });
+        if (!found) continue;
+        // A unit that repeats winds twice around what it encloses.
+        for (const auto& [unit, winding] : windings) around[k] += winding != 0;
+        break;
+      }
     }
     return around;
   }
@@ -609,12 +615,13 @@ class Mender {
     if (count_ < 2 || options_.mode == RepairMode::united) return;
     std::vector<char> meets(count_, 0), cavity(count_, 0), copy(count_, 0);
     for (const auto& [s, t] : contacts.pairs)
-      if (unit_[s] != unit_[t]) meets[unit_[s]] = meets[unit_[t]] = 1;
+      if (unit_[s] != unit_[t] && roles_[s] != TriangleRole::sheet && roles_[t] != TriangleRole::sheet)
+        meets[unit_[s]] = meets[unit_[t]] = 1;
     std::vector<std::vector<std::uint32_t>> alone(count_);  // the triangles of each unit that meets none
     for (std::uint32_t t = 0; t < unit_.size(); t++)
       if (!meets[unit_[t]] && roles_[t] != TriangleRole::sheet) alone[unit_[t]].push_back(t);
     std::erase_if(alone, [](const auto& triangles) { return triangles.empty(); });
-    std::vector<int> around = count_around(surface, alone, copy);
+    std::vector<std::size_t> around = count_around(surface, alone, copy);
     const auto faces_inward = [&](std::uint32_t u) { return u < inward_.size() && inward_[u]; };
 #pragma omp parallel for schedule(dynamic, 1)
     for (std::size_t k = 0; k < alone.size(); k++) {

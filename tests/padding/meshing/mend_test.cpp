@@ -115,6 +115,24 @@ TEST(Mend, ACubeInACubeIsACavityWhicheverWayItFaces) {
     }
 }
 
+// Pieces that repeat wind twice, and sheets that cross a shell do not touch it.
+TEST(Mend, ACavityInARepeatedBodyOrWithAScrapThroughItsWall) {
+  const Mesh inner = turned_over(shapes::box({0.25, 0.25, 0.25}, {0.75, 0.75, 0.75}, 2));
+  const Mesh hollow = joined(kCube, inner);
+  const auto by = [](const Mesh& mesh, double x) {
+    return moved(mesh, Eigen::Matrix3d::Identity(), {x, 0, 0});
+  };
+  // Of the two copies, only some triangles are equal, so that each piece has both.
+  Mesh some = hollow;
+  some.triangles.erase(some.triangles.begin(), some.triangles.begin() + 4);
+  for (const Mesh& mesh : {joined(hollow, by(hollow, 1e-6)), joined(hollow, some)})
+    EXPECT_NEAR(volume(mended(mesh)), 1 - 0.125, 1e-4);
+  Mesh scrap;
+  scrap.points = {{0.1, 0.4, 0.4}, {0.5, 0.4, 0.4}, {0.5, 0.5, 0.4}}, scrap.triangles = {{0, 1, 2}};
+  for (const Mesh& mesh : {hollow, turned_over(hollow), joined(kCube, turned_over(inner))})
+    EXPECT_NEAR(volume(mended(joined(mesh, scrap))), 1 - 0.125, 1e-9);
+}
+
 // The walls of a bow tie cross each other: one lobe is turned inside out and bounds nothing.
 TEST(Mend, ACavityThatCrossesItself) {
   Mesh tie;
