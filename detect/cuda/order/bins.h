@@ -20,6 +20,9 @@ namespace padder::detect::cuda {
 // and along x, where all is `fine` times as much, by at most `fine` bins. A bin here need not be the bin of
 // grid.h. Keys are numbered x fastest, with `fine` empty bins between two rows and a border of rows.
 //
+// The origin is rounded down. Edges are so much longer that what lies within the level's bounds has t below
+// the number of bins all the same: what searches the level looks at no bin behind the last.
+//
 // The bins of a hashed level are those of grid.h, as far as 2^22 bins from the origin: the product x *
 // per_size is off by less than half a bin there, and the rest x - bin * size, which is rounded once, corrects
 // the bin. Only a coordinate that is closer to a face than 2^-24 of an edge may count as on its other side.
@@ -40,17 +43,18 @@ inline FloatBins bins_of(const Level& l) {
   if (l.hashed) return hashed_bins_of(l);
   b.grown_by = static_cast<float>(l.grown_by);
   std::uint32_t side = 0;
-  double extent = 0;
+  double extent = 0, longer = 1;
   for (int k = 0; k < 3; k++) {
     const double low = static_cast<double>(l.first[k]) * l.size;
     side = std::max(side, l.count[k]), b.count[k] = l.count[k];
     extent = std::max({extent, std::abs(low), std::abs(low + l.count[k] * l.size)});
     b.origin[k] = static_cast<float>(low);
     if (b.origin[k] > low) b.origin[k] = std::nextafter(b.origin[k], -INFINITY);
+    longer = std::max(longer, 1 + (low - static_cast<double>(b.origin[k])) / (l.count[k] * l.size));
   }
   // Far from the origin a float cannot tell neighbouring faces of bins apart.
   if (side > kMostFloatBins || extent * 0x1p-23 > l.size * 0x1p-4) return b;
-  const double per_size = (1 - side * 0x1p-21) / l.size;
+  const double per_size = (1 - side * 0x1p-21) / (l.size * longer);
   auto rounded = static_cast<float>(per_size);
   if (rounded > per_size) rounded = std::nextafter(rounded, 0.0f);
   b.per_size[0] = b.per_size[1] = b.per_size[2] = rounded, b.units = rounded * kCodeUnits;
@@ -93,10 +97,7 @@ inline int merge_of(const Grid& grid, const FloatBins& bins, std::uint64_t spher
     merge++;
   return merge;
 }
-// Bins in float for a scene of several levels. Two spheres of different levels still find each other: among
-// the bins of the level that is searched, the place of the sphere that searches is found in double, that of
-// the other one in float, where it is off by less than side * 2^-23. The distance at which they touch is
-// counted in the level's own bins (its per_size), which are shorter by more than that.
+// Bins in float for a scene of several levels.
 inline LevelBins level_bins(const Grid& grid, SlotKind kind) {
   LevelBins g;
   if (kind != SlotKind::unequal || grid.levels == 1) return g;
@@ -112,6 +113,22 @@ inline LevelBins level_bins(const Grid& grid, SlotKind kind) {
   std::copy_n(grid.level_of_octave, kOctaves, g.level_of_octave);
   g.on = true;
   return g;
+}
+
+// How far a sphere of radius r of level `from` reaches among those of level `at`, in the bins by which those
+// are ordered. Lengths in bins are floats; the factor and the margin of grid.h cover their rounding twice.
+//
+// Among bins in float, the place of the sphere that searches is found in double. That of its partner is t
+// above, which is off by less than side * 2^-23 <= 2^-11 along each axis, and so by less than sqrt(3) * 2^-11
+// in all. kFloatBinsMargin is more than that and the margin of grid.h together.
+inline constexpr float kFloatBinsMargin = 0x1p-10f;
+PADDER_HD float search_radius(const Grid& grid, const LevelBins& bins, int from, int at, double r) {
+  const Level& l = grid.level[at];
+  const FloatBins& b = bins.level[at];
+  const bool in_float = bins.on && b.size == 0;  // those of a hashed level are the bins of grid.h
+  r = smaller(r + l.grown_by, grid.level[from].radius_max) + l.radius_max;
+  return ::fmaf(static_cast<float>(r * (in_float ? static_cast<double>(b.per_size[0]) : l.per_size)),
+                kSearchRadiusFactor, in_float ? kFloatBinsMargin : kSearchRadiusMargin);
 }
 
 PADDER_HD bool float_bin(float x, float origin, float per_size, std::uint32_t count, std::uint32_t& bin) {

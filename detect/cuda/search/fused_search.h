@@ -159,7 +159,7 @@ struct FusedSearch : FusedQueue<Stable, Given, Owned> {
     const FloatBins& bins = pairs.bins.level[d.at];
     const std::uint32_t row_length = l.count[0] + 2, plane = row_length * (l.count[1] + 2);
     const FloatSlot s = load_slot(slots() + index);
-    const float reach = search_radius(grid, d, s.r);
+    const float reach = search_radius(grid, pairs.bins, d.from, d.at, s.r);
     const std::uint32_t parts = parts_of(d, reach);
     if (part >= parts) return;
     int bin[3];

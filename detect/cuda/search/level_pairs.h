@@ -50,13 +50,6 @@ __host__ __device__ __forceinline__ UnitWork work_of_unit(const LevelPair& d, st
   return {d.first + number, warp - number * d.step + nth * d.step};
 }
 
-// How far a sphere of radius r reaches among those of level `at`, in bins of that level. Lengths in bins are
-// floats; the factor and the margin of grid.h cover their rounding twice.
-__device__ __forceinline__ float search_radius(const Grid& grid, const LevelPair& d, double r) {
-  const Level& l = grid.level[d.at];
-  r = smaller(r + l.grown_by, grid.level[d.from].radius_max) + l.radius_max;
-  return __fmaf_rn(static_cast<float>(r * l.per_size), kSearchRadiusFactor, kSearchRadiusMargin);
-}
 // Into how many parts the rows of such a sphere are divided. Work beyond the last part is empty.
 __device__ __forceinline__ std::uint32_t parts_of(const LevelPair& d, float reach) {
   if (d.parts == 1) return 1;

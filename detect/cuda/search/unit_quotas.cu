@@ -64,14 +64,16 @@ __device__ __forceinline__ float volume_of_rows(const float (&p)[3], const float
 // The volume that one sphere reaches, or that a part of its rows covers of it, in bins. `fine`: radius of the
 // usual sphere there.
 template <SlotKind Kind>
-__device__ __forceinline__ float volume_of_part(const SearchTask& task, const Grid& grid, const LevelPair& d,
+__device__ __forceinline__ float volume_of_part(const SearchTask& task, const Grid& grid,
+                                                const LevelPairs& pairs, const LevelPair& d,
                                                 std::uint32_t unit_of_pair, float fine) {
   const Level& l = grid.level[d.at];
   const std::uint32_t warp = d.warp_units == 1 ? unit_of_pair : unit_of_pair / d.warp_units;
   const auto [first, part] = work_of_unit(d, warp, unit_of_pair - warp * d.warp_units);
   if (first >= min(d.end, task.spheres.count)) return 0;
   const Sphere s = sphere_of_slot<Kind>(task, first);
-  const float widest = search_radius(grid, d, s.r), per_size = static_cast<float>(l.per_size);
+  const float widest = search_radius(grid, pairs.bins, d.from, d.at, s.r),
+              per_size = static_cast<float>(l.per_size);
   const std::uint32_t parts = parts_of(d, widest);
   if (part >= parts) return 0;
   float p[3], n[3];
@@ -149,7 +151,7 @@ __device__ __forceinline__ float expected_contacts(const SearchTask& task, const
       volume =
           volume_of_groups<Kind>(task, grid, d, memory, lowest + from - d.first_unit, from, upto, mine, fine);
     else if (mine)
-      volume = volume_of_part<Kind>(task, grid, d, unit - d.first_unit, fine);
+      volume = volume_of_part<Kind>(task, grid, pairs, d, unit - d.first_unit, fine);
     if (mine) contacts = 16 * d.density * volume;
     from = upto;
     if (lowest + from == end) which++;

@@ -99,7 +99,21 @@ TEST(CudaBins, TouchingSpheresAreNeighbours) {
 }
 
 // What the search needs where a sphere searches another level: the bin of one that touches it is among those
-// that its reach covers, also where bins are much wider than spheres.
+// that its reach covers. Along one axis, a sphere of level `at` at y and one of level `from` at x, as large
+// as it must be.
+void expect_within_reach(const Grid& grid, const LevelBins& bins, int from, int at, int axis, float y,
+                         float x) {
+  const FloatBins& b = bins.level[at];
+  const double r = std::abs(static_cast<double>(y) - x) - grid.level[at].radius_max;
+  std::uint32_t bin;
+  if (r < 0 || !float_bin(y, b.origin[axis], b.per_size[axis], b.count[axis], bin)) return;
+  const double place = (static_cast<double>(x) - b.origin[axis]) * b.per_size[axis],
+               reach = search_radius(grid, bins, from, at, r), low = std::floor(place - reach),
+               high = std::floor(place + reach);
+  ASSERT_TRUE(low <= bin && bin <= high) << "bin " << bin << " of " << b.count[axis] << ", searched " << low
+                                         << " to " << high << " from " << place << ", reach " << reach;
+}
+
 TEST(CudaBins, SpheresOfOtherLevelsReachThoseThatTouch) {
   std::mt19937 random(20261121);
   std::uniform_real_distribution<float> share(0, 1);
@@ -118,10 +132,9 @@ TEST(CudaBins, SpheresOfOtherLevelsReachThoseThatTouch) {
     on++;
     for (const float4& other : spheres)
       for (int f = 0; f < grid.levels; f++) {
-        if (f == level_of(bins, other)) continue;
         const FloatBins& b = bins.level[f];
         const Level& l = grid.level[f];
-        if (l.hashed) continue;
+        if (f == level_of(bins, other) || l.hashed) continue;
         const double far = static_cast<double>(other.w) + l.radius_max;
         for (int k = 0; k < 3; k++)
           for (int step = -4; step <= 4; step++) {
@@ -133,16 +146,45 @@ TEST(CudaBins, SpheresOfOtherLevelsReachThoseThatTouch) {
               y = std::nextafter(y, step < 0 ? -INFINITY : INFINITY);
             auto x = static_cast<float>(step & 1 ? y + far : y - far);
             while (std::abs(static_cast<double>(y) - x) > far) x = std::nextafter(x, y);
-            std::uint32_t bin;
-            if (!float_bin(y, b.origin[k], b.per_size[k], b.count[k], bin)) continue;
-            const double place = (static_cast<double>(x) - b.origin[k]) * b.per_size[k],
-                         reach = far * l.per_size + (bin_size > 0 ? kSearchRadiusMargin : 0);
-            ASSERT_GE(bin, std::floor(place - reach)) << "scene " << scene << " level " << f;
-            ASSERT_LE(bin, std::floor(place + reach)) << "scene " << scene << " level " << f;
+            ASSERT_NO_FATAL_FAILURE(expect_within_reach(grid, bins, level_of(bins, other), f, k, y, x));
           }
       }
   }
   EXPECT_GT(on, 150);
+}
+
+// The same where bins are much wider than spheres, and many; and behind the last bin's end, where the origin
+// of the bins, as a float, lies in front of that of the level.
+TEST(CudaBins, SpheresOfOtherLevelsReachThoseInWideBins) {
+  std::mt19937 random(20261126);
+  std::uniform_real_distribution<double> share(0, 1);
+  int on = 0;
+  for (int scene = 0; scene < 2'000; scene++) {
+    Grid grid;
+    grid.levels = 2;
+    Level &l = grid.level[0], &other = grid.level[1];
+    l.size = 600 + std::floor(400 * share(random)), l.per_size = 1 / l.size;
+    l.radius_max = l.size * std::exp2(-1.01 - 8 * share(random)), l.buckets = 1 << 20;
+    l.count[0] = static_cast<std::uint32_t>(std::exp2(12 * share(random)));
+    l.first[0] = static_cast<std::int64_t>(std::exp2(18 * share(random))) - 2000;
+    other.size = 1000 * l.size, other.per_size = 1 / other.size, other.radius_max = other.size / 2.1;
+    const LevelBins bins = level_bins(grid, SlotKind::unequal);
+    if (!bins.on) continue;
+    on++;
+    const FloatBins& b = bins.level[0];
+    const double low = static_cast<double>(l.first[0]) * l.size, end = low + l.count[0] * l.size;
+    for (int k = 0; k < 200; k++) {
+      const double face = 1 + std::floor(l.count[0] * share(random));
+      auto y = static_cast<float>(b.origin[0] + face / b.per_size[0] * (1 + 0x1p-22 * (share(random) - 0.5)));
+      while (y >= end) y = std::nextafter(y, -INFINITY);
+      const double far = l.radius_max * (1 + 0.1 * share(random));
+      if (y < low) continue;
+      for (const double x : {y - far, y + far})
+        ASSERT_NO_FATAL_FAILURE(expect_within_reach(grid, bins, 1, 0, 0, y, static_cast<float>(x)))
+            << "scene " << scene << ", bins of " << l.size << " from " << l.first[0];
+    }
+  }
+  EXPECT_GT(on, 1'000);
 }
 
 struct Way {
