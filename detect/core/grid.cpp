@@ -121,8 +121,8 @@ double cheaper_cost(const Summary& s, const std::vector<int>& octaves, std::size
 // The cost of making octaves a to b one level, in pair tests on a GPU, for the two fixed directions. In both,
 // the spheres of the level search half of their neighbourhood. fine_to_coarse: each finer sphere also
 // searches 2 to 3 bins of this level along each axis. Finding a row of bins costs as much as some pair tests.
-// coarse_to_fine: each coarser sphere searches every row of bins near it. There a row costs 4 tests, and a
-// test 4 times as much as elsewhere.
+// coarse_to_fine: each coarser sphere that is near the level searches every row of bins near it. There a row
+// costs 4 tests, and a test 4 times as much as elsewhere.
 double level_cost(const Summary& s, const std::vector<int>& octaves, std::size_t a, std::size_t b,
                   CrossSearch cross_search) {
   const bool up = cross_search == CrossSearch::fine_to_coarse;
@@ -152,8 +152,8 @@ double level_cost(const Summary& s, const std::vector<int>& octaves, std::size_t
     double wide[3];  // bins along each axis within the search radius, of those that exist
     for (int c = 0; c < 3; c++)
       wide[c] = size > 0 ? std::min(2 + 0.75 * o.need_max / size, 2 + bins_along(all, c, size)) : 3;
-    cost += static_cast<double>(o.count) * wide[1] * wide[2] *
-            (coarser_row + coarser_test * density(o) * wide[0] / 2);
+    cost += static_cast<double>(o.count) * fraction_near(o, all, o.radius_max + all.radius_max) * wide[1] *
+            wide[2] * (coarser_row + coarser_test * density(o) * wide[0] / 2);
   }
   return cost;
 }

@@ -3,8 +3,10 @@
 #include "detect/core/grid.h"
 
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <limits>
+#include <map>
 #include <random>
 
 #include "tests/detect/oracle.h"
@@ -306,6 +308,34 @@ TEST(Grid, OneGiantDoesNotCoarsenTheOthers) {
       EXPECT_GT(g.levels, 1) << giant;
       EXPECT_LT(g.level[0].size, 4) << giant;
     }
+  }
+}
+
+// Where radii grow with the distance from the middle, large spheres are not near the small ones, however many
+// they are: they would visit few of their bins. So the small ones need not share bins that suit larger ones.
+TEST(Grid, RadiiThatGrowOutwardsHaveLevelsOfTheirOwn) {
+  std::mt19937_64 random(26);
+  std::uniform_real_distribution<double> unit(0, 1);
+  std::normal_distribution<double> normal;
+  std::vector<Sphere> spheres;
+  while (spheres.size() < 20'000) {
+    const double r = std::pow(100, unit(random)), x = normal(random), y = normal(random), z = normal(random),
+                 far = 0.6 * r * std::cbrt(20'000) / std::hypot(x, y, z);
+    spheres.push_back({x * far, y * far, z * far, r});
+  }
+  for (const CrossSearch cross_search : {CrossSearch::coarse_to_fine, CrossSearch::cheaper}) {
+    const Grid g = choose_grid(summary_of(spheres), 0, 8, cross_search);
+    std::map<std::array<std::int64_t, 4>, double> bins;
+    for (const Sphere& s : spheres) {
+      const int level = level_of(g, s);
+      const Bin b = bin_of(g.level[level], s);
+      bins[{level, b.x, b.y, b.z}]++;
+    }
+    std::vector<double> met(kMaxLevels);
+    for (const auto& [bin, count] : bins) met[static_cast<std::size_t>(bin[0])] += count * count;
+    for (int k = 0; k < g.levels; k++)
+      EXPECT_LT(met[static_cast<std::size_t>(k)] / static_cast<double>(g.level[k].spheres), 10)
+          << "spheres in the bin of a sphere of level " << k << " of " << g.levels;
   }
 }
 
