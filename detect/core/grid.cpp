@@ -257,6 +257,13 @@ double size_of_sparse(const Summary::Octave& all, double size) {
 // What Level::count of a hashed level says of more bins, too. They then have no bounds.
 constexpr std::uint32_t kMostHashedBins = 0x7fffffff;
 
+// The last bin of a sphere that lies no higher. On a hashed level, bins in float may count what is just below
+// a face as above it (detect/cuda/order/bins.h).
+std::int64_t last_bin(const Level& l, double high) {
+  const Split s = split(l, high);
+  return s.bin + (l.hashed && s.rest > l.size * (1 - 0x1p-20));
+}
+
 // The bounds and buckets of a level. It is hashed if it would have more than `most` bins. least_step: of
 // stepped bounds, in bins.
 void lay_out(Level& l, const Summary::Octave& all, double most, GridBounds bounds, std::uint64_t least_step) {
@@ -289,14 +296,21 @@ void lay_out(Level& l, const Summary::Octave& all, double most, GridBounds bound
   l.filled = 1;
   l.hashed = 1;
   set_ring(l, static_cast<int>(std::bit_width(2 * all.count - 1)));
-  // The bounds matter little. They are wide, so that they stay the same while spheres move.
   std::int64_t far = 1;
   for (int k = 0; k < 3; k++)
-    far = std::max({far, std::abs(split(l, all.low[k]).bin), std::abs(split(l, all.high[k]).bin)});
+    far = std::max({far, std::abs(split(l, all.low[k]).bin), std::abs(last_bin(l, all.high[k]))});
   const auto wide = static_cast<std::int64_t>(std::bit_ceil(static_cast<std::uint64_t>(far) + 1));
-  for (int k = 0; k < 3; k++)
-    l.first[k] = -wide,
-    l.count[k] = static_cast<std::uint32_t>(std::min<std::int64_t>(2 * wide, kMostHashedBins));
+  for (int k = 0; k < 3; k++) {
+    const std::int64_t count = std::max<std::int64_t>(l.count[k], last_bin(l, all.high[k]) + 1 - l.first[k]);
+    if (count <= kMostBoundedBins) {
+      l.count[k] = static_cast<std::uint32_t>(count);
+    } else {
+      // These bounds matter little. They are wide, so that they stay the same while spheres move.
+      l.first[k] = -wide;
+      l.count[k] = static_cast<std::uint32_t>(
+          std::clamp<std::int64_t>(2 * wide, kMostBoundedBins + 1, kMostHashedBins));
+    }
+  }
 }
 
 }  // namespace
@@ -411,7 +425,7 @@ bool covers(const Grid& g, const Summary& given) {
     for (int k = 0; k < 3; k++)
       if (!(l.hashed && l.count[k] == kMostHashedBins) &&
           (split(l, octave.low[k]).bin < l.first[k] ||
-           split(l, octave.high[k]).bin >= l.first[k] + static_cast<std::int64_t>(l.count[k])))
+           last_bin(l, octave.high[k]) >= l.first[k] + static_cast<std::int64_t>(l.count[k])))
         return false;
   }
   for (int k = 0; k < g.levels; k++)

@@ -29,7 +29,9 @@ struct Bin {
 // A hashed level has too many bins for that. Its hash is linear: bin (x, y, z) has bucket
 // x + y * row + z * plane of a ring of `ring` buckets. So a row of bins lies side by side in the ring, as in
 // a dense level, and a neighbouring row lies at the same distance for every bin. A bucket then holds spheres
-// of unrelated bins, too.
+// of unrelated bins, too. `first` and `count` of a hashed level are wide, so that they seldom change, but not
+// along an axis with few bins (bounded()): where spheres lie in a plane, those of other levels would reach
+// many rows beside it, and meet unrelated spheres there.
 //
 // The bins of a cube of `side` bins have buckets of their own. So a search through no more than that meets
 // each candidate once, and need not ask for its bin. A wider search counts a candidate only if its own bin is
@@ -127,6 +129,10 @@ PADDER_HD std::uint32_t key_in_row(const Level& l, std::uint32_t row, std::int64
   const std::uint32_t key = row + static_cast<std::uint32_t>(x);
   return l.hashed ? l.offset + (key & (l.ring - 1)) : key;
 }
+// Is there a last bin along this axis beyond which a search need not look?
+inline constexpr std::uint32_t kMostBoundedBins = 64;  // of a hashed level; balls rarely reach farther
+PADDER_HD bool bounded(const Level& l, int axis) { return !l.hashed || l.count[axis] <= kMostBoundedBins; }
+
 PADDER_HD std::uint32_t key_of(const Level& l, const Bin& b) {
   return key_in_row(l, row_of(l, b.y, b.z), b.x);
 }

@@ -30,8 +30,8 @@ namespace padder::detect::cuda {
 inline FloatBins hashed_bins_of(const Level& l) {
   FloatBins b;
   const auto size = static_cast<float>(l.size);
-  for (const std::uint32_t count : l.count)
-    if (count > 2 * kMostHashedFloatBins) return b;
+  for (int k = 0; k < 3; k++)
+    if (l.first[k] < -kMostHashedFloatBins || l.first[k] + l.count[k] > kMostHashedFloatBins) return b;
   if (static_cast<double>(size) != l.size || !std::isnormal(size) || !std::isnormal(1 / size)) return b;
   for (float& per_size : b.per_size) per_size = 1 / size;
   b.size = size, b.units = kCodeUnits / size, b.row = l.row, b.plane = l.plane, b.mask = l.ring - 1;

@@ -22,6 +22,7 @@ struct FusedMemory {
   uint2 side[32];  // rows along y; index of the sphere
   uint4 level;     // table entries of a row and of a plane; the last bin along x, 0; of a hashed level its
                    // offset, its ring less one
+  int2 ends;       // the first and the last bin along x of a hashed level
   // Stable order: the first slot and the quota of the tile. Of a unit: the first slot of its group, and its
   // word.
   Word slot;

@@ -179,11 +179,13 @@ struct FusedSearch : FusedQueue<Stable, Given, Owned> {
     }
     int y0 = bin[1] + __float2int_rd(p[1] - reach), y1 = bin[1] + __float2int_rd(p[1] + reach),
         z0 = bin[2] + __float2int_rd(p[2] - reach), z1 = bin[2] + __float2int_rd(p[2] + reach);
-    if (!Hashed || bins.size == 0) {
-      y0 = max(y0, 0), y1 = min(y1, static_cast<int>(l.count[1]) - 1);
-      z0 = max(z0, 0), z1 = min(z1, static_cast<int>(l.count[2]) - 1);
-      if (y0 > y1 || z0 > z1) return;
-    }
+    // Bins of a hashed level are not numbered from its first.
+    const bool of_ring = Hashed && bins.size > 0;
+    const int y_first = of_ring ? static_cast<int>(l.first[1]) : 0,
+              z_first = of_ring ? static_cast<int>(l.first[2]) : 0;
+    y0 = max(y0, y_first), y1 = min(y1, y_first + static_cast<int>(l.count[1]) - 1);
+    z0 = max(z0, z_first), z1 = min(z1, z_first + static_cast<int>(l.count[2]) - 1);
+    if (y0 > y1 || z0 > z1) return;
     q.side = static_cast<std::uint32_t>(y1 - y0 + 1);
     q.rows = q.side * static_cast<std::uint32_t>(z1 - z0 + 1);
     if (parts > 1) {
@@ -193,10 +195,9 @@ struct FusedSearch : FusedQueue<Stable, Given, Owned> {
     q.within = make_float4(p[0], p[1] + static_cast<float>(bin[1] - y0) - 0.5f,
                            p[2] + static_cast<float>(bin[2] - z0) - 0.5f, reach * reach);
     q.x_bin = bin[0];
-    q.entry = Hashed && bins.size > 0
-                  ? static_cast<std::uint32_t>(z0) * l.plane + static_cast<std::uint32_t>(y0) * l.row
-                  : l.offset + 1 + static_cast<std::uint32_t>(z0 + 1) * plane +
-                        static_cast<std::uint32_t>(y0 + 1) * row_length;
+    q.entry = of_ring ? static_cast<std::uint32_t>(z0) * l.plane + static_cast<std::uint32_t>(y0) * l.row
+                      : l.offset + 1 + static_cast<std::uint32_t>(z0 + 1) * plane +
+                            static_cast<std::uint32_t>(y0 + 1) * row_length;
   }
   // Begins with the rows of a unit; false where it has none.
   __device__ __forceinline__ bool begin_rows(const LevelPair& d, std::uint32_t unit_of_pair) {
@@ -229,6 +230,9 @@ struct FusedSearch : FusedQueue<Stable, Given, Owned> {
       const std::uint32_t row_length = l.count[0] + 2, plane = row_length * (l.count[1] + 2);
       memory.level = Hashed && l.hashed ? make_uint4(l.row, l.plane, l.offset, l.ring - 1)
                                         : make_uint4(row_length, plane, l.count[0] - 1, 0);
+      if (Hashed)
+        memory.ends = make_int2(static_cast<int>(l.first[0]),
+                                static_cast<int>(l.first[0]) + static_cast<int>(l.count[0]) - 1);
     }
     __syncwarp();
     alone = some == 1, begun = 0, at = 0, behind = items, row = {0, 0, 0};
@@ -258,12 +262,14 @@ struct FusedSearch : FusedQueue<Stable, Given, Owned> {
     const int x = static_cast<int>(q.x);
     int low = x + __float2int_rd(p.x - half), high = x + __float2int_rd(p.x + half);
     if (Hashed && of_level.w) {
+      const int2 ends = memory.ends;
+      low = max(low, ends.x), high = min(high, ends.y);
       const std::uint32_t mask = of_level.w,
                           from = (q.y + iz * of_level.y + iy * of_level.x + static_cast<std::uint32_t>(low)) &
                                  mask,
                           upto = from + static_cast<std::uint32_t>(high - low);
       const std::uint32_t* const ring = task.spheres.table + of_level.z;
-      if (!(item < behind && rest >= 0)) return r;
+      if (!(item < behind && rest >= 0 && low <= high)) return r;
       split = split || upto > mask;
       if (second && upto <= mask) return r;
       r.begin = __ldg(ring + (second ? 0 : from));

@@ -36,6 +36,18 @@ double density_of(const Level& l) {
   return static_cast<double>(l.spheres) / (l.filled * l.count[0] * l.count[1] * l.count[2]);
 }
 
+// Of so many bins along an axis those that exist.
+double existing(const Level& l, int axis, double bins) {
+  return bounded(l, axis) ? std::min<double>(bins, l.count[axis]) : bins;
+}
+// The part of a ball of this radius, in bins, that lies within a level which is thinner than the ball.
+double part_within(const Level& l, double reach) {
+  double part = 1;
+  for (int c = 0; c < 3; c++)
+    if (bounded(l, c)) part *= std::min(1.0, 0.75 * l.count[c] / reach);
+  return part;
+}
+
 // The bounds of a level along an axis.
 double low_of(const Level& l, int axis) { return static_cast<double>(l.first[axis]) * l.size; }
 double high_of(const Level& l, int axis) {
@@ -60,10 +72,10 @@ void divide_rows(LevelPair& d, const Level& from, const Level& at, double reach,
                part_contacts = larger * (fused ? tuning::kFusedPartContacts : tuning::kPartContacts),
                most_rows = larger * tuning::kUnitRows;
   double rows = 1;  // at most
-  for (int c = 1; c < 3; c++)
-    rows *= at.hashed ? 2 * reach + 2 : std::min<double>(2 * reach + 2, at.count[c]);
+  for (int c = 1; c < 3; c++) rows *= existing(at, c, 2 * reach + 2);
   const double density = density_of(at),
-               full = 4.19 * density;  // contacts of a sphere that reaches a bin far
+               // Contacts of the largest sphere, by the third power of its reach.
+      full = 4.19 * density * part_within(at, reach);
   d.density = static_cast<float>(density);
   // A usual sphere has three quarters of the largest radius: most are smaller.
   const double usual = (0.75 * from.radius_max + at.radius_max) * at.per_size,
@@ -102,8 +114,7 @@ double cost_of(const LevelPair& d, const Level& from, const Level& at) {
                units = static_cast<double>(from.spheres) * d.parts / d.group,
                in_bin = at.hashed ? static_cast<double>(at.spheres) / at.ring : density_of(at);
   double wide[3];
-  for (int c = 0; c < 3; c++)
-    wide[c] = at.hashed ? 2 * reach + 1 : std::min<double>(2 * reach + 1, at.count[c]);
+  for (int c = 0; c < 3; c++) wide[c] = existing(at, c, 2 * reach + 1);
   return 128 * units + static_cast<double>(from.spheres) * fraction_near(from, at) * 0.8 * wide[1] * wide[2] *
                            (2 + 0.8 * wide[0] * in_bin);
 }

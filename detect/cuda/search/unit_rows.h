@@ -27,8 +27,8 @@ struct UnitQueries {
 };
 
 // A coordinate among the searched level's bins: in which bin, counted from the first, and how far in it, in
-// bins. `bins`: in float, where the order is by these. Of a hashed level the bin is that of grid.h, modulo
-// 2^32, also where the order is by bins in float.
+// bins. `bins`: in float, where the order is by these. Of a hashed level the bin is that of grid.h, also
+// where the order is by bins in float; along an axis that is not bounded it is counted from 0, modulo 2^32.
 struct BinPosition {
   int bin;
   float rest;
@@ -43,7 +43,7 @@ __device__ __forceinline__ BinPosition bin_position(const Level& l, const FloatB
     return {static_cast<int>(bin), static_cast<float>(t - bin)};
   }
   const Split s = split(l, x);
-  if (l.hashed) return {static_cast<int>(s.bin), static_cast<float>(s.rest * l.per_size)};
+  if (!bounded(l, axis)) return {static_cast<int>(s.bin), static_cast<float>(s.rest * l.per_size)};
   return {static_cast<int>(min(max(s.bin - l.first[axis], -kFar), kFar)),
           static_cast<float>(s.rest * l.per_size)};
 }
@@ -76,11 +76,9 @@ __device__ __forceinline__ void find_rows(const SearchTask& task, const Grid& gr
                     z = bin_position(l, bins, 2, s.z);
   int y0 = y.bin + __float2int_rd(y.rest - reach), y1 = y.bin + __float2int_rd(y.rest + reach),
       z0 = z.bin + __float2int_rd(z.rest - reach), z1 = z.bin + __float2int_rd(z.rest + reach);
-  if (!l.hashed) {
-    y0 = max(y0, 0), y1 = min(y1, static_cast<int>(l.count[1]) - 1);
-    z0 = max(z0, 0), z1 = min(z1, static_cast<int>(l.count[2]) - 1);
-    if (y0 > y1 || z0 > z1) return;
-  }
+  if (bounded(l, 1)) y0 = max(y0, 0), y1 = min(y1, static_cast<int>(l.count[1]) - 1);
+  if (bounded(l, 2)) z0 = max(z0, 0), z1 = min(z1, static_cast<int>(l.count[2]) - 1);
+  if ((bounded(l, 1) && y0 > y1) || (bounded(l, 2) && z0 > z1)) return;
   q.side = static_cast<std::uint32_t>(y1 - y0 + 1);
   q.rows = q.side * static_cast<std::uint32_t>(z1 - z0 + 1);
   if (q.parts > 1) {
@@ -90,8 +88,12 @@ __device__ __forceinline__ void find_rows(const SearchTask& task, const Grid& gr
   q.within = make_float4(x.rest, y.rest - static_cast<float>(y0 - y.bin),
                          z.rest - static_cast<float>(z0 - z.bin), reach);
   q.x_bin = x.bin;
+  const auto first = [&](int axis) {
+    return bounded(l, axis) ? static_cast<std::uint32_t>(l.first[axis]) : 0u;
+  };
   q.key = l.hashed
-              ? static_cast<std::uint32_t>(z0) * l.plane + static_cast<std::uint32_t>(y0) * l.row
+              ? (static_cast<std::uint32_t>(z0) + first(2)) * l.plane +
+                    (static_cast<std::uint32_t>(y0) + first(1)) * l.row + first(0)
               : static_cast<std::uint32_t>(z0 + 1) * plane + static_cast<std::uint32_t>(y0 + 1) * row_length;
 }
 
@@ -134,6 +136,10 @@ __device__ __forceinline__ void find_span(const SearchTask& task, const Level& l
   if (!(rest >= 0)) return;
   const float half = sqrtf(rest);
   int low = q.x + __float2int_rd(p.x - half), high = q.x + __float2int_rd(p.x + half);
+  if (bounded(l, 0)) {
+    low = max(low, 0), high = min(high, static_cast<int>(l.count[0]) - 1);
+    if (low > high) return;
+  }
   if (l.hashed) {
     const std::uint32_t mask = l.ring - 1,
                         from = (static_cast<std::uint32_t>(q.y) + iz * l.plane + iy * l.row +
@@ -147,8 +153,6 @@ __device__ __forceinline__ void find_span(const SearchTask& task, const Level& l
     count = __ldg(ring + (window.second ? upto - mask : min(upto, mask) + 1));
     return;
   }
-  low = max(low, 0), high = min(high, static_cast<int>(l.count[0]) - 1);
-  if (low > high) return;
   const std::uint32_t* const t =
       task.spheres.table + l.offset + 1 +
       (static_cast<std::uint32_t>(q.y) + iz * plane + iy * row_length + static_cast<std::uint32_t>(low));

@@ -295,6 +295,37 @@ TEST(Grid, EqualRadiiAreOneLevelAndWideOnesSeveral) {
   EXPECT_GT(choose_grid(summary_of(random_scene(20000, 100, 0.5, 1).spheres), 0).levels, 2);
 }
 
+// Along an axis with few bins a hashed level ends where its spheres do, and one bin later if a bin in float
+// may be the next one. Elsewhere its bounds are wide.
+TEST(Grid, HashedLevelsOfALayerAreBounded) {
+  std::mt19937_64 random(27);
+  std::uniform_real_distribution<double> unit(0, 1);
+  for (const double height : {0.0, -1e-20, 37.0}) {
+    std::vector<Sphere> spheres;
+    for (int k = 0; k < 20'000; k++)
+      spheres.push_back({1100 * unit(random), height, 1100 * unit(random),
+                         std::min(100., std::pow(unit(random), -1 / 2.4))});
+    const Summary s = summary_of(spheres);
+    const Grid g = choose_grid(s, 0, 8, CrossSearch::coarse_to_fine);
+    const Level& l = g.level[0];
+    ASSERT_TRUE(l.hashed);
+    EXPECT_TRUE(bounded(l, 1));
+    EXPECT_FALSE(bounded(l, 0) || bounded(l, 2));
+    EXPECT_EQ(l.count[1], height < 0 ? 2 : 1);
+    EXPECT_EQ(l.first[1], std::floor(height / l.size));
+    EXPECT_TRUE(covers(g, s));
+    for (const double up : {-l.size, l.size}) {
+      std::vector<Sphere> moved = spheres;
+      for (Sphere& p : moved) p.y = (std::floor(height / l.size) + 0.5) * l.size + (height < 0 ? 2 : 1) * up;
+      EXPECT_FALSE(covers(g, summary_of(moved))) << height << " by " << up;
+    }
+    std::vector<Sphere> below_a_face = spheres;
+    for (Sphere& p : below_a_face)
+      p.y = std::nextafter((std::floor(height / l.size) + 1) * l.size, -INFINITY);
+    EXPECT_EQ(covers(g, summary_of(below_a_face)), height < 0) << height;
+  }
+}
+
 // However large one sphere is, it searches no more bins than there are. So it must not get a level with bins
 // of its own size that holds the others, too: there each would be tested against each.
 TEST(Grid, OneGiantDoesNotCoarsenTheOthers) {

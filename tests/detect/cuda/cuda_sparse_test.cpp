@@ -158,6 +158,27 @@ TEST_F(SparseTest, GrainsOnLargeBallsAsByTheProcessor) {
     }
 }
 
+// Unequal spheres in a plane across each axis, whose finest level is hashed and one bin thick: at the origin,
+// a hair below a face of bins, and in a bin far away. They move off it between the calls.
+TEST_F(SparseTest, UnequalSpheresInAPlaneAsByTheProcessor) {
+  for (const std::uint32_t n : {6'000u, 200'000u})
+    for (const Scalar scalar : {Scalar::f32, Scalar::f64})
+      for (const double height : {0.0, -1e-20, 4e5})
+        for (int across = 0; across < 3; across++) {
+          TestScene s;
+          const double edge = std::sqrt(60.0 * n) / 2;
+          while (s.spheres.size() < n) {
+            const double u = edge * unit(), v = edge * unit(),
+                         r = std::min(100.0, std::pow(1 - std::abs(unit()), -1 / 2.4));
+            s.spheres.push_back(across == 0   ? Sphere{height, u, v, r}
+                                : across == 1 ? Sphere{u, height, v, r}
+                                              : Sphere{u, v, height, r});
+          }
+          ASSERT_NO_FATAL_FAILURE(expect_processor(s, scalar))
+              << n << " at " << height << " across " << across;
+        }
+}
+
 // Everything in a few bins that share buckets with others far away: places repeat each 256 bins in fixed
 // point.
 TEST_F(SparseTest, PlacesThatRepeatAreToldApart) {
