@@ -99,6 +99,15 @@ void apply_units(ReadResult& result, const ReadOptions& options, const std::stri
   }
 }
 
+// Refuses what a download may have left in the place of the mesh.
+void check_is_no_stand_in(const std::string& bytes, const std::string& where) {
+  if (bytes.starts_with("version https://git-lfs"))
+    fail(where, "it is a pointer of Git LFS, not the mesh: get the mesh with git lfs pull");
+  const std::string start = reading::lower_case(bytes.substr(0, 14));
+  if (start.starts_with("<!doctype html") || start.starts_with("<html"))
+    fail(where, "it is a web page, not a mesh: download the file itself");
+}
+
 }  // namespace
 
 ReadResult reading::parse(std::string& bytes, const FilesBeside& beside, const std::filesystem::path& path,
@@ -167,6 +176,7 @@ ReadResult read_mesh(const std::filesystem::path& path, const ReadOptions& optio
   source.file = path.filename().string();
   source.sha256 = sha256(bytes);
   if (bytes.empty()) fail(where, "the file is empty: export the mesh again");
+  check_is_no_stand_in(bytes, where);
   reading::FilesBeside beside;
   if (ending == ".gltf" || ending == ".glb") beside = reading::check_gltf(bytes, path, ending);
   ReadResult result = reading::mesh_from_child([&] { return reading::parse(bytes, beside, path, ending); },

@@ -112,6 +112,20 @@ TEST_F(Read, AByteOrderMarkIsNoPartOfTheText) {
             1u);
 }
 
+// What a download leaves in the place of a mesh is named.
+TEST_F(Read, PointersOfGitLfsAndWebPagesAreNamed) {
+  for (const char* name : {"t.stl", "t.obj", "t.off", "t.ply", "t.3mf", "t.glb", "t.dae"}) {
+    const auto said = [&](const std::string& bytes) { return error_of([&] { read(name, bytes); }); };
+    EXPECT_NE(said("version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 12345\n")
+                  .find("git lfs pull"),
+              std::string::npos)
+        << name;
+    EXPECT_NE(said("<!DOCTYPE html>\n<html><body>Not Found</body></html>").find("a web page"),
+              std::string::npos)
+        << name;
+  }
+}
+
 TEST_F(Read, Sha256OfTheBytes) {  // of "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n" as sha256sum prints it
   EXPECT_EQ(read("t.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").source.sha256,
             "697b00ab13410c52a542d2e9c63711fcc04e9cbf6c0d3439a9b43cc812e6e713");
