@@ -156,16 +156,16 @@ ElementRange BodyInput::elements_of(const PosePart& part) const {
   return {first, before(part.first + part.count) - first};
 }
 
-Placing BodyInput::placing(const BodyView& view) {
+Placing BodyInput::placing() {
   // More than half of the margin, by far more than the decisions about it round.
-  return {view, arrays_.bodies(), loose_, 0.5 * margin_ * (1 + 0x1p-40)};
+  return {near_, arrays_.bodies(), loose_, 0.5 * margin_ * (1 + 0x1p-40)};
 }
 
 // Places what may have a contact in the box: of the bodies whose poses this GPU has, then of those whose
 // poses others have.
 void BodyInput::place_near(const Call& call) {
   const PosesAround* const around = call.input.poses_around;
-  NearElements::Task task{placing(near_), part_of_call(call.input)};
+  NearElements::Task task{placing(), part_of_call(call.input)};
   task.of_bodies = elements_of(task.part);
   task.loose = {assembly_.moving_pieces, assembly_.moving - assembly_.moving_pieces};
   task.largest = std::max(largest_radius_, around ? around->largest_radius : 0), task.margin = margin_;
@@ -191,7 +191,7 @@ void BodyInput::place_listed(const PosesAround& around, std::span<const ListedEl
     sources.source[sources.count++] = {around.parts[k], lists[k].numbers, 0, sources.end};
     sources.end += lists[k].count;
   }
-  place(placing(near_), sources, stream);
+  place(placing(), sources, stream);
   near_.moving = sources.end;
 }
 
@@ -200,7 +200,7 @@ void BodyInput::place_all(const PosePart& part, std::uint32_t first, std::uint32
   Sources sources;
   sources.source[0] = {part, nullptr, first, first};
   sources.count = 1, sources.begin = first, sources.end = end;
-  place(placing(near_), sources, stream);
+  place(placing(), sources, stream);
 }
 
 void BodyInput::read_all(const Input& input, cudaStream_t stream) {

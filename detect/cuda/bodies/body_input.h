@@ -49,7 +49,7 @@ class BodyInput {
   PosePart part_of_bodies() const;
   PosePart part_of_call(const Input& input) const;
   ElementRange elements_of(const PosePart& part) const;
-  Placing placing(const BodyView& view);
+  Placing placing();
   void place_near(const Call& call);
   void place_listed(const PosesAround& around, std::span<const ListedElements> lists, cudaStream_t stream);
   void place_all(const PosePart& part, std::uint32_t first, std::uint32_t end, cudaStream_t stream);

@@ -78,6 +78,7 @@ struct NearTask {
   }
 };
 
+// A thread takes an element. Ten blocks of a processor leave each thread 48 registers, and nothing spills.
 __global__ void __launch_bounds__(kThreads, 10) near_kernel(const __grid_constant__ NearTask task) {
   __shared__ PosesOfWarp poses_of_warp[kWarps];
   __shared__ std::uint32_t begun, places[kMostPoseParts][kWarps];

@@ -16,11 +16,13 @@ class NearElements {
 
   struct Task {
     Placing placing;
-    PosePart part;                   // of bodies
-    ElementRange of_bodies, loose;   // the elements that are looked at: those of these bodies, loose spheres
-    std::span<const Region> boxes;   // that of this GPU, then those of others; at most kMostPoseParts
-    double largest = 0, margin = 0;  // no sphere of bodies, nor any of another GPU, is larger
-    bool ordered = false;            // by their numbers; takes longer
+    PosePart part;                  // of bodies
+    ElementRange of_bodies, loose;  // the elements that are looked at: those of these bodies, loose spheres
+    std::span<const Region> boxes;  // that of this GPU, then those of others; at most kMostPoseParts
+    // No sphere of a body is larger than `largest` nor, where there are several boxes, any loose one. With
+    // one box the largest loose sphere is looked for.
+    double largest = 0, margin = 0;
+    bool ordered = false;  // by their numbers; takes longer
   };
   // Places those that may have a contact in the first box, from place 0 on without gaps, and lists for each
   // other box those of bodies that may have one there. An element with which something may be wrong

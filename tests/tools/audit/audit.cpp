@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// audit MESH CLUSTER [POINTS [SEED [SURFACE]]]: says whether the report in a cluster is true, by the means of
-// measure.h. SURFACE is what `pad --write-mesh` wrote. The volume of the raw triangles' inside is printed
-// beside the one in the cluster, and how far the inertia in the cluster is from that of this inside.
+// audit MESH CLUSTER [POINTS [SEED [SURFACE [MOVED]]]]: says whether the report in a cluster is true, by the
+// means of measure.h. SURFACE is what `pad --write-mesh` wrote, MOVED how far it moved corners. The volume of
+// the raw triangles' inside is printed beside the one in the cluster, and how far the inertia in the cluster
+// is from that of this inside.
 #include <cstdio>
 #include <cstdlib>
 #include <nlohmann/json.hpp>
@@ -12,7 +13,7 @@
 
 int main(int argc, char** argv) try {
   if (argc < 3) {
-    std::fprintf(stderr, "usage: audit MESH CLUSTER [POINTS [SEED [SURFACE]]]\n");
+    std::fprintf(stderr, "usage: audit MESH CLUSTER [POINTS [SEED [SURFACE [MOVED]]]]\n");
     return 2;
   }
   const padder::Mesh mesh = padder::read_mesh(argv[1]).mesh;
@@ -21,8 +22,8 @@ int main(int argc, char** argv) try {
   if (argc > 5) surface = padder::read_mesh(argv[5]).mesh;
   const int points = argc > 3 ? std::atoi(argv[3]) : 20000;
   const unsigned seed = argc > 4 ? unsigned(std::atoi(argv[4])) : 1;
-  const padder::audit::Measured m =
-      padder::audit::measure(mesh, argc > 5 ? &surface : nullptr, cluster, points, seed);
+  const padder::audit::Measured m = padder::audit::measure(mesh, argc > 5 ? &surface : nullptr, cluster,
+                                                           points, seed, argc > 6 ? std::atof(argv[6]) : 0);
   const padder::audit::MassInside inside = padder::audit::mass_inside(mesh, seed);
   // The largest difference of two entries, over the largest entry.
   const double inertia_off = inside.volume > 0

@@ -256,10 +256,12 @@ Sums mass_by_lines(const Mesh& mesh, std::mt19937_64& engine) {
 
 }  // namespace
 
-Measured measure(const Mesh& mesh, const Mesh* surface, const Cluster& cluster, int points, unsigned seed) {
+Measured measure(const Mesh& mesh, const Mesh* surface, const Cluster& cluster, int points, unsigned seed,
+                 double moved) {
   const Scaled s = scaled(mesh, surface ? *surface : mesh, cluster);
   Triangles triangles = triangles_of(s.mesh);
   double patch_area = 0;
+  const double apart = std::max(1e-4, (1 + 1e-6) * moved / s.diagonal);
   if (surface) {
     Tree input(triangles.begin(), triangles.end());
     input.accelerate_distance_queries();
@@ -267,7 +269,7 @@ Measured measure(const Mesh& mesh, const Mesh* surface, const Cluster& cluster, 
     const Triangles more = triangles_of(patches);
     for (std::size_t t = 0; t < patches.triangles.size(); t++) {
       const Point middle = (patches.corner(t, 0) + patches.corner(t, 1) + patches.corner(t, 2)) / 3;
-      if (input.squared_distance(cgal(middle)) > 1e-8) patch_area += patches.area_normal(t).norm();
+      if (input.squared_distance(cgal(middle)) > apart * apart) patch_area += patches.area_normal(t).norm();
     }
     input.clear();
     triangles.insert(triangles.end(), more.begin(), more.end());

@@ -34,8 +34,10 @@ struct Measured {
   bool holds() const { return protrusion_holds && gap_holds; }
 };
 
-// `surface` may be null. Takes time that grows with the points, the triangles and the spheres.
-Measured measure(const Mesh& mesh, const Mesh* surface, const Cluster& cluster, int points, unsigned seed);
+// `surface` may be null. Its corners may lie up to `moved` from where they are in the mesh: what lies no
+// farther from that is not added. Takes time that grows with the points, the triangles and the spheres.
+Measured measure(const Mesh& mesh, const Mesh* surface, const Cluster& cluster, int points, unsigned seed,
+                 double moved = 0);
 
 // Of the raw triangles' inside, at density 1; by 65,536 lines, and by 4,096 where the mesh is open: there the
 // volume has about 0.3 % of noise.

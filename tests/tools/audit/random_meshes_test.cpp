@@ -59,7 +59,8 @@ PadOptions options_of(RandomMesh& random) {
 std::string fault_of(const ReadResult& file, const PadOptions& options, const Padded& p, unsigned seed) {
   const Accuracy& a = p.cluster.accuracy;
   const bool filled = a.proved_against == SurfaceKind::filled;
-  const Measured m = measure(file.mesh, filled ? &p.mesh : nullptr, p.cluster, 200, seed);
+  const Measured m =
+      measure(file.mesh, filled ? &p.mesh : nullptr, p.cluster, 200, seed, p.report.steps.joined_width);
   const auto text = [](double v) { return std::to_string(v); };
   const double d = p.report.diagonal;
   if (!m.gap_holds) return "a gap of " + text(m.gap / d) + ", reported " + text(a.gap_max / d);
@@ -70,10 +71,7 @@ std::string fault_of(const ReadResult& file, const PadOptions& options, const Pa
   const double most = p.report.tolerance * (1 + 1e-6);
   if (!options.protrusion && !(a.protrusion_max <= most)) return "certified, but the protrusion is too large";
   if (!options.gap && !(a.gap_max <= most)) return "certified, but the gap is too large";
-  // What lies off the input by less than corners were joined over may be the input's own.
-  const bool moved = p.report.steps.joined_width > 1e-4 * d;
-  if (filled && !moved && options.by_tolerance() &&
-      m.patch_area > 1.001 * p.report.filled_area + 1e-9 * d * d)
+  if (filled && options.by_tolerance() && m.patch_area > 1.001 * p.report.filled_area + 1e-9 * d * d)
     return "patches of " + text(m.patch_area) + ", reported " + text(p.report.filled_area);
   return "";
 }
