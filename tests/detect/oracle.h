@@ -56,6 +56,17 @@ inline Input input_of(const std::vector<FloatSphere>& s) {
   return input;
 }
 
+// A float record is as near to that of double as detector.h promises.
+inline void expect_record(const Sphere& a, const Sphere& b, const Normal<float>& n) {
+  const double d = std::hypot(b.x - a.x, b.y - a.y, b.z - a.z), s = a.r + b.r;
+  if (s < 1e-30) return;  // a float record has no digits for it
+  ASSERT_NEAR(n.depth, s - d, 4e-7 * (s + d));
+  if (!(d > 1e-30 * s)) return;
+  ASSERT_NEAR(n.x, (b.x - a.x) / d, 1e-6);
+  ASSERT_NEAR(n.y, (b.y - a.y) / d, 1e-6);
+  ASSERT_NEAR(n.z, (b.z - a.z) / d, 1e-6);
+}
+
 inline bool oracle_admits(std::uint32_t fa, std::uint32_t ma, std::uint32_t fb, std::uint32_t mb) {
   if (fa != 0 && fa == fb) return false;
   for (std::uint32_t bit = 0; bit < 32; bit++) {

@@ -164,16 +164,12 @@ __global__ void __launch_bounds__(kThreads, Fused ? tuning::kFusedMoveBlocks : t
 }  // namespace
 
 void compact_by_numbers(const OutputTask& task, bool fused, int processors, cudaStream_t stream) {
-  const auto launch = [&](auto numbering, auto moving, int blocks) {
-    launch_overlapped(numbering, {task.stable.all_groups, kThreads}, stream, task);
-    launch_overlapped(moving, {static_cast<unsigned>(blocks * processors), kThreads}, stream, task);
-  };
-  if (fused)
-    launch(number_kernel<true>, move_kernel<SlotKind::unequal, false, true>, tuning::kFusedMoveBlocks);
-  else
-    with_record(task, [&](auto kind, auto wide) {
-      launch(number_kernel<false>, move_kernel<kind(), wide(), false>, tuning::kMoveBlocks);
-    });
+  const auto blocks =
+      static_cast<unsigned>((fused ? tuning::kFusedMoveBlocks : tuning::kMoveBlocks) * processors);
+  with_record(task, fused, [&](auto kind, auto wide, auto of_fused) {
+    launch_overlapped(number_kernel<of_fused()>, {task.stable.all_groups, kThreads}, stream, task);
+    launch_overlapped(move_kernel<kind(), wide(), of_fused()>, {blocks, kThreads}, stream, task);
+  });
   cuda_launched("search for contacts");
 }
 

@@ -218,18 +218,15 @@ bool fits_octets(const OutputTask& task, bool fused) {
 void compact_by_octets(const OutputTask& task, bool fused, int processors, cudaStream_t stream) {
   const auto bytes = static_cast<unsigned>(octets_of(task) * sizeof(uint2)),
              blocks = static_cast<unsigned>(processors);
-  const auto allow = [&](auto kernel) {
+  with_record(task, fused, [&](auto kind, auto wide, auto of_fused) {
+    auto* const kernel = octet_kernel<kind(), wide(), of_fused()>;
     cuda_check(cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, bytes),
                "take shared memory");
-    return kernel;
-  };
-  if (fused)
-    launch_overlapped(allow(octet_kernel<SlotKind::unequal, false, true>), {blocks, kThreads, bytes}, stream,
-                      task);
-  else
-    with_record(task, [&](auto kind, auto wide) {
-      allow(octet_kernel<kind(), wide(), false>)<<<blocks, kThreads, bytes, stream>>>(task);
-    });
+    if (of_fused())
+      launch_overlapped(kernel, {blocks, kThreads, bytes}, stream, task);
+    else
+      kernel<<<blocks, kThreads, bytes, stream>>>(task);
+  });
   cuda_launched("search for contacts");
 }
 

@@ -95,6 +95,7 @@ __device__ __forceinline__ void write_float_record(const OutputTask& task, const
   const Sphere &a = t.a, &b = t.b;
   const bool swap = t.id_b < t.id_a;
   *reinterpret_cast<uint2*>(out.pairs + slot) = make_uint2(min(t.id_a, t.id_b), max(t.id_a, t.id_b));
+  if (!NormalsOnly && out.width == Width::pairs) return;
   const double x = b.x - a.x, y = b.y - a.y, z = b.z - a.z, sum = a.r + b.r,
                more = fma(-x, x, fma(-y, y, fma(-z, z, sum * sum)));
   float3 d = make_float3(static_cast<float>(x), static_cast<float>(y), static_cast<float>(z));

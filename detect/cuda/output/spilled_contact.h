@@ -44,20 +44,24 @@ struct SpilledContact {
   }
 };
 
-// Calls f(kind, whether records do not come from the slots), both as constants.
+// Calls f(kind, whether records do not come from the slots, fused), all as constants. The fused search takes
+// unequal slots only.
 template <class F>
-void with_record(const OutputTask& task, F f) {
+void with_record(const OutputTask& task, bool fused, F f) {
   const bool wide = record_kind(task) != RecordKind::from_slots;
-  const auto of_kind = [&](auto kind) {
+  const auto of_kind = [&](auto kind, auto of_fused) {
     if (wide)
-      f(kind, std::true_type{});
+      f(kind, std::true_type{}, of_fused);
     else
-      f(kind, std::false_type{});
+      f(kind, std::false_type{}, of_fused);
   };
-  if (task.spheres.kind == SlotKind::equal) of_kind(std::integral_constant<SlotKind, SlotKind::equal>{});
-  if (task.spheres.kind == SlotKind::unequal) of_kind(std::integral_constant<SlotKind, SlotKind::unequal>{});
+  const std::integral_constant<SlotKind, SlotKind::unequal> unequal;
+  if (fused) return of_kind(unequal, std::true_type{});
+  if (task.spheres.kind == SlotKind::equal)
+    of_kind(std::integral_constant<SlotKind, SlotKind::equal>{}, std::false_type{});
+  if (task.spheres.kind == SlotKind::unequal) of_kind(unequal, std::false_type{});
   if (task.spheres.kind == SlotKind::fixed_point)
-    of_kind(std::integral_constant<SlotKind, SlotKind::fixed_point>{});
+    of_kind(std::integral_constant<SlotKind, SlotKind::fixed_point>{}, std::false_type{});
 }
 
 }  // namespace padder::detect::cuda

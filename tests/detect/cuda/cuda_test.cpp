@@ -3,6 +3,7 @@
 // before. The answer is that of the OpenMP backend.
 #include <cuda_runtime_api.h>
 
+#include "detect/core/input.h"
 #include "tests/detect/oracle.h"
 #include "tests/detect/some_cases.h"
 
@@ -19,6 +20,21 @@ class CudaTest : public testing::Test {
   void expect_levels_agree(std::uint64_t n);
   void expect_right_between_faults(std::uint64_t n);
   void expect_one_order(const char* name, std::uint64_t n);
+
+  // Some of the records are those of the spheres as they were given.
+  static void expect_records(const Input& input, const Contacts& c) {
+    const std::span<const Normal<float>> normals = c.normal_span<float>();
+    const std::span<const Points<float>> points = c.point_span<float>();
+    for (std::uint64_t k = 0; k < normals.size() && !HasFatalFailure(); k += 7) {
+      const Sphere a = loose_at(input.spheres, c.pairs[k].i), b = loose_at(input.spheres, c.pairs[k].j);
+      const Normal<float>& n = normals[k];
+      expect_record(a, b, n);
+      if (points.empty()) continue;
+      const double on_a = a.x + a.r * n.x, on_b = b.z - b.r * n.z;
+      ASSERT_NEAR(points[k].on_i[0], on_a, 1.2e-7 * (std::abs(on_a) + a.r));
+      ASSERT_NEAR(points[k].on_j[2], on_b, 1.2e-7 * (std::abs(on_b) + b.r));
+    }
+  }
 
   void expect_same_order(const char* name, std::uint64_t n) {
     const auto spheres = generate(name, n);
@@ -117,10 +133,11 @@ TEST_F(CudaTest, LargeScenesAgreeWithAMargin) {
               SCOPED_TRACE(std::string(name) + " " + std::to_string(n) + " at " + std::to_string(far) +
                            " margin " + std::to_string(margin) + " call " + std::to_string(again));
               gpu.options().order = again == 2 ? Order::any : Order::stable;
-              std::uint64_t found = 0;
-              EXPECT_NO_THROW(found = gpu.detect(in).count);
-              EXPECT_EQ(found, count);
-              EXPECT_EQ(gpu.hash(), hash);
+              const Contacts& found = gpu.detect(in);
+              ASSERT_EQ(found.count, count);
+              ASSERT_EQ(gpu.hash(), hash);
+              expect_records(in, found);
+              if (HasFailure()) return;
             }
           }
       }
@@ -277,20 +294,24 @@ void CudaTest::expect_levels_agree(std::uint64_t n) {
     const std::uint64_t count = cpu.detect(input).count;
     EXPECT_GT(count, 0u);
     for (const Order order : {Order::stable, Order::any})
-      for (const Width width : {Width::normals, Width::points}) {
+      for (const Width width : {Width::pairs, Width::normals, Width::points}) {
         CallOptions options = gpu_;
         options.order = order, options.width = width;
         Detector gpu({BackendKind::cuda}, options);
         for (int again = 0; again < 3; again++) {
-          EXPECT_EQ(gpu.detect(input).count, count) << what;
+          const Contacts& c = gpu.detect(input);
+          EXPECT_EQ(c.count, count) << what;
           EXPECT_EQ(gpu.hash(), cpu.hash()) << what;
+          expect_records(input, c);
+          if (HasFailure()) return;
         }
       }
   };
   auto spheres = generate("poly100", n);
   std::vector<double> centers, radii;
   for (const FloatSphere& s : spheres) {
-    for (const float x : {s.x, s.y, s.z}) centers.push_back(x + 1e-9);
+    // No floats: records of floats would differ from these.
+    for (const float x : {s.x, s.y, s.z}) centers.push_back(x * (1 + 0x1p-24 * std::sin(s.x + 3 * s.y)));
     radii.push_back(s.r);
   }
   Input wide;
