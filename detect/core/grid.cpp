@@ -282,7 +282,11 @@ void lay_out(Level& l, const Summary::Octave& all, double most, GridBounds bound
       // The middle of what it may be: it must not change more often than the bounds.
       filled = high - low + 1 - (step - 1);
     } else if (bounds == GridBounds::wide) {
-      low -= 2 + wide / 32, high += 2 + wide / 32;
+      // By half a bin where there are few: beside spheres that lie in a plane, each bin is a row more for
+      // those of other levels.
+      const std::int64_t more = std::min<std::int64_t>(wide / 4, 2) + wide / 32;
+      low = split(l, all.low[k] - l.size / 2).bin - more,
+      high = split(l, all.high[k] + l.size / 2).bin + more;
     }
     l.first[k] = low;
     l.count[k] = static_cast<std::uint32_t>(std::min<std::int64_t>(high - low + 1, 0x7fffffff));
