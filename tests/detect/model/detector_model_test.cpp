@@ -24,7 +24,7 @@
 // - memory() is never above Options::memory_limit. A detector that was moved from has memory() 0, and throws.
 //
 // A failing sequence is replayed with as few calls as still fail, and told. Environment:
-//   PADDER_MODEL_SEQUENCES  how many; 500 with OpenMP, 5,000 with CUDA
+//   PADDER_MODEL_SEQUENCES  how many; 500 with OpenMP, 5,000 with CUDA; of large scenes 1 and 40
 //   PADDER_MODEL_SEED       of the first; drawn when not set, and printed. The k-th has this seed + k
 //   PADDER_MODEL_VERBOSE    prints every seed before it runs, and every step
 // PADDER_MODEL_SEQUENCES=1 PADDER_MODEL_SEED=s replays sequence s.
@@ -92,8 +92,8 @@ class StepWatchdog {
 
 class Sequence {
  public:
-  Sequence(BackendKind backend, std::uint64_t seed, void* stream)
-      : script_(backend, seed), backend_(backend), stream_(stream) {
+  Sequence(BackendKind backend, std::uint64_t seed, bool large, void* stream)
+      : script_(backend, seed, large), backend_(backend), stream_(stream) {
     detector_ = std::make_unique<Detector>(DeviceChoice{backend});
   }
   std::size_t steps() const { return script_.steps(); }
@@ -358,7 +358,7 @@ class ModelTest : public testing::TestWithParam<BackendKind> {
   Outcome play(std::uint64_t seed, std::size_t end, const std::vector<bool>& left_out) {
     current_seed = seed;
     Outcome o;
-    Sequence s(GetParam(), seed, stream_ ? stream_->get() : nullptr);
+    Sequence s(GetParam(), seed, large_, stream_ ? stream_->get() : nullptr);
     for (o.step = 0; o.step < std::min(end, s.steps()); o.step++) {
       const bool out = o.step < left_out.size() && left_out[o.step];
       std::string told;
@@ -390,6 +390,9 @@ class ModelTest : public testing::TestWithParam<BackendKind> {
     return least;
   }
 
+  void play_all(std::uint64_t usual_count);
+
+  bool large_ = false;
   std::unique_ptr<TestStream> stream_;
 };
 
@@ -412,10 +415,9 @@ TEST(ModelOracle, TreeAndAllPairsAgree) {
   }
 }
 
-TEST_P(ModelTest, EveryCallIsThatOfAFreshDetector) {
+void ModelTest::play_all(std::uint64_t usual_count) {
   const std::uint64_t first = number_from("PADDER_MODEL_SEED", std::uint64_t(std::random_device{}()) << 16),
-                      count =
-                          number_from("PADDER_MODEL_SEQUENCES", GetParam() == BackendKind::cuda ? 5000 : 500);
+                      count = number_from("PADDER_MODEL_SEQUENCES", usual_count);
   std::printf("seeds %llu to %llu\n", static_cast<unsigned long long>(first),
               static_cast<unsigned long long>(first + count - 1));
   std::fflush(stdout);
@@ -434,6 +436,12 @@ TEST_P(ModelTest, EveryCallIsThatOfAFreshDetector) {
                   << least.told;
   }
   for (const int s : {SIGSEGV, SIGABRT, SIGFPE}) std::signal(s, SIG_DFL);
+}
+
+TEST_P(ModelTest, EveryCallIsThatOfAFreshDetector) { play_all(GetParam() == BackendKind::cuda ? 5000 : 500); }
+TEST_P(ModelTest, EveryCallOfALargeSceneIsThatOfAFreshDetector) {
+  large_ = true;
+  play_all(GetParam() == BackendKind::cuda ? 40 : 1);
 }
 
 std::string name_of_backend(const testing::TestParamInfo<BackendKind>& info) {

@@ -41,12 +41,14 @@ struct Call {
 // Draws the calls of a sequence. What it draws depends on the seed alone, not on what the detector answers.
 class Script {
  public:
-  Script(BackendKind backend, std::uint64_t seed) : dice_(mixed(seed)), cuda_(backend == BackendKind::cuda) {
+  // `large`: of scenes for which the GPU has ways of its own.
+  Script(BackendKind backend, std::uint64_t seed, bool large)
+      : dice_(mixed(seed)), cuda_(backend == BackendKind::cuda) {
     options_.threads = 1;
     const double kind = dice_.between(0, 1);
     with_loose_ = kind<0.85, with_bodies_ = kind> 0.4;
     revisions_ = dice_.chance(with_bodies_ ? 0.8 : 0.5);
-    size_ = dice_.chance(cuda_ ? 0.003 : 0) ? large_size : dice_.chance(0.002) ? middle_size : usual_size;
+    size_ = large ? large_size : dice_.chance(0.002) ? middle_size : usual_size;
     steps_ = size_ == usual_size ? 5 + dice_.index(9) : 4 + dice_.index(4);
     world_.floats = dice_.chance(0.6);
     form_.scalar = world_.floats && dice_.chance(0.7) ? Scalar::f32 : Scalar::f64;

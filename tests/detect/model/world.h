@@ -141,8 +141,27 @@ struct ModelWorld {
 
   // --- heavy edits
 
-  // n loose spheres in a domain of so many cubes of their mean diameter for each.
+  // n loose spheres, now and then of several kinds, each with a unit and a place of its own.
   void strew(Dice& dice, std::size_t n) {
+    const std::size_t kinds = n > 1 && dice.chance(0.2) ? 2 + dice.index(2) : 1;
+    const double unit_before = unit, center_before[3] = {center[0], center[1], center[2]};
+    std::vector<Sphere> all;
+    for (std::size_t k = 0; k < kinds; k++) {
+      if (k > 0) {
+        unit = unit_before * dice.of({1.0, 0.25, 8.0, 200.0});
+        const double far = edge * dice.of({0.0, 0.3, 2.0, 1e4});
+        for (int c = 0; c < 3; c++) center[c] = center_before[c] + far * dice.between(-1, 1);
+      }
+      strew_kind(dice, k + 1 < kinds ? dice.index(n - all.size()) : n - all.size());
+      all.insert(all.end(), loose.begin(), loose.end());
+    }
+    if (kinds > 1)
+      for (std::size_t k = n; k > 1; k--) std::swap(all[k - 1], all[dice.index(k)]);
+    loose = std::move(all);
+    unit = unit_before, std::copy_n(center_before, 3, center);
+  }
+  // n loose spheres in a domain of so many cubes of their mean diameter for each.
+  void strew_kind(Dice& dice, std::size_t n) {
     radii = dice.of({Radii::equal, Radii::four, Radii::hundred, Radii::log_normal, Radii::equal});
     if (dice.chance(0.05)) radii = Radii::points;
     places =
