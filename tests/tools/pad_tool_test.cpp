@@ -279,6 +279,21 @@ TEST_F(Pad, HelpBeginsWithExamplesAndVersionIsTheProjects) {
   EXPECT_EQ(std::ranges::count(version.out, '\n'), 1);
 }
 
+// Threads that spin would take the processors from other programs.
+TEST_F(Pad, WaitingThreadsSleepUnlessTheEnvironmentSaysOtherwise) {
+  const auto spins = [&](const std::string& policy) {  // as libgomp says at last
+    const std::string shown =
+        pad("--version", "env -u OMP_WAIT_POLICY -u GOMP_SPINCOUNT OMP_DISPLAY_ENV=verbose " + policy).err;
+    const std::size_t at = shown.rfind("GOMP_SPINCOUNT = '");
+    return at == std::string::npos ? std::string()
+                                   : shown.substr(at + 18, shown.find('\'', at + 18) - at - 18);
+  };
+  if (spins("").empty()) GTEST_SKIP() << "not libgomp";
+  EXPECT_EQ(spins(""), "0");
+  EXPECT_EQ(spins("GOMP_SPINCOUNT=77"), "77");
+  EXPECT_NE(spins("OMP_WAIT_POLICY=active"), "0");
+}
+
 void expect_report(const Json& j) {
   for (const char* key : {"input", "output", "repair"}) EXPECT_TRUE(j.at(key).is_string()) << key;
   for (const char* key : {"triangles_in", "triangles_remeshed", "spheres"})

@@ -25,6 +25,7 @@
 #include "tools/pad/manifest/workers.h"
 #include "tools/pad/one_part.h"
 #include "tools/pad/progress_bar.h"
+#include "tools/pad/waiting_threads.h"
 #include "tools/streams.h"
 
 namespace padder {
@@ -222,6 +223,7 @@ int run(PadArguments& a, const CLI::App& app, cli::StreamFiles& files) {
 }  // namespace padder
 
 int main(int argc, char** argv) {
+  padder::let_waiting_threads_sleep(argv);
   CLI::App app(
       "Examples:\n"
       "  pad track_shoe.obj --depth 0.2               writes track_shoe.spheres.json\n"
