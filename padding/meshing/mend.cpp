@@ -582,60 +582,31 @@ class Mender {
         cavity[u] = 1;
   }
 
-  // How many closed units lie around each one that meets none, in the order of `alone`.
-  std::vector<std::size_t> count_around(const Surface& surface,
-                                        const std::vector<std::vector<std::uint32_t>>& alone,
-                                        const std::vector<char>& copy) const {
-    std::vector<std::size_t> around(alone.size());
-#pragma omp parallel for schedule(dynamic, 1)
-    for (std::size_t k = 0; k < alone.size(); k++) {
-      const auto t = alone[k][0], u = unit_[t];
-      // Others may have its corners and edges.
-      const Point p = (soup_.corner(t, 0) + soup_.corner(t, 1) + soup_.corner(t, 2)) / 3;
-      std::map<std::uint32_t, int> windings;  // of each unit
-      const auto skip = [&](std::uint32_t s) {
-        return unit_[s] == u || copy[unit_[s]] || roles_[s] == TriangleRole::sheet;
-      };
-      for (const Vector& d : Surface::ray_directions()) {
-        windings.clear();
-        const auto found = surface.crossings(
-            p, d, skip, [&](std::uint32_t s, int crossing) { windings[unit_[s]] += crossing; });
-        if (!found) continue;
-        // A unit that repeats winds twice around what it encloses.
-        for (const auto& [unit, winding] : windings) around[k] += winding != 0;
-        break;
-      }
-    }
-    return around;
-  }
-
   // A closed unit that meets no other one and lies inside others an odd number of times is a cavity, unless
-  // it is a copy of one that faces as it does.
+  // it repeats one that faces as it does.
   void find_cavities(Contacts& contacts, const Surface& surface) {
     if (count_ < 2 || options_.mode == RepairMode::united) return;
-    std::vector<char> meets(count_, 0), cavity(count_, 0), copy(count_, 0);
+    std::vector<char> meets(count_, 0), cavity(count_, 0);
     for (const auto& [s, t] : contacts.pairs)
       if (unit_[s] != unit_[t] && roles_[s] != TriangleRole::sheet && roles_[t] != TriangleRole::sheet)
         meets[unit_[s]] = meets[unit_[t]] = 1;
-    std::vector<std::vector<std::uint32_t>> alone(count_);  // the triangles of each unit that meets none
+    std::vector<NestedShell> shells(count_);
     for (std::uint32_t t = 0; t < unit_.size(); t++)
-      if (!meets[unit_[t]] && roles_[t] != TriangleRole::sheet) alone[unit_[t]].push_back(t);
-    std::erase_if(alone, [](const auto& triangles) { return triangles.empty(); });
-    std::vector<std::size_t> around = count_around(surface, alone, copy);
-    const auto faces_inward = [&](std::uint32_t u) { return u < inward_.size() && inward_[u]; };
+      if (roles_[t] != TriangleRole::sheet) shells[unit_[t]].triangles.push_back(t);
+    const auto is_sheet = [&](std::uint32_t t) { return roles_[t] == TriangleRole::sheet; };
 #pragma omp parallel for schedule(dynamic, 1)
-    for (std::size_t k = 0; k < alone.size(); k++) {
-      const auto u = unit_[alone[k][0]];
-      copy[u] = around[k] > 0 && is_copy(surface, alone[k], kBetweenCopies, [&](std::uint32_t t) {
-                  return unit_[t] != u && roles_[t] != TriangleRole::sheet &&
-                         faces_inward(unit_[t]) == faces_inward(u);
-                });
+    for (std::size_t u = 0; u < count_; u++) {
+      NestedShell& shell = shells[u];
+      if (shell.triangles.empty()) continue;
+      shell.inward = u < inward_.size() && inward_[u];
+      shell.volume = std::abs(signed_volume(soup_, shell.triangles));
+      if (!meets[u]) shell.around = shells_around(surface, shell.triangles, unit_, is_sheet);
     }
-    for (const char c : copy) out_.steps.copies += c;
-    if (out_.steps.copies > 0) around = count_around(surface, alone, copy);
-    for (std::size_t k = 0; k < alone.size(); k++) {
-      const auto u = unit_[alone[k][0]];
-      cavity[u] = !copy[u] && around[k] % 2 != 0;
+    const std::vector<char> copy = find_repeats(soup_, shells);
+    for (std::size_t u = 0; u < count_; u++) {
+      out_.steps.copies += copy[u];
+      std::erase_if(shells[u].around, [&](std::uint32_t a) { return copy[a]; });
+      cavity[u] = !copy[u] && shells[u].around.size() % 2 != 0;
     }
     find_cuts(surface, meets, cavity);
     for (std::size_t t = 0; t < unit_.size(); t++) {

@@ -41,6 +41,7 @@ Repaired mended(const Mesh& mesh, RepairMode mode = RepairMode::automatic) {
   return mend(mesh, options).value();
 }
 
+double volume(const Mesh& mesh) { return mass_properties(mesh).volume; }
 double volume(const Repaired& r) { return mass_properties(r.boundary()).volume; }
 
 using Inside = std::function<bool(const Point&)>;
@@ -163,6 +164,51 @@ TEST(Mend, ACubeInACavityIsSolidAndRepeatedPiecesCountOnce) {
   // The same place with another triangulation.
   EXPECT_NEAR(volume(mended(joined(kCube, shapes::box({0, 0, 0}, {1, 1, 1}, 3)))), 1, 1e-12);
   EXPECT_NEAR(volume(mended(joined(kCube, turned_over(shapes::box({0, 0, 0}, {1, 1, 1}, 3))))), 1, 1e-12);
+}
+
+// Levels of detail in one file: each coarser ball lies within the finer one, with its corners on it or a
+// little below it.
+TEST(Mend, CoarserLevelsOfDetailWithinABodyAreNoCavities) {
+  const auto level = [](int n, double scale) {
+    Mesh ball = shapes::sphere(n);
+    for (Point& p : ball.points) p *= scale;
+    return ball;
+  };
+  const Mesh fine = level(4, 1);
+  for (const double inset : {1.0, 0.99, 0.97}) {
+    const Repaired r = mended(joined(joined(fine, level(3, inset)), level(2, inset * inset)));
+    EXPECT_EQ(r.steps.copies, 2u);
+    EXPECT_NEAR(volume(r), volume(fine), 1e-9) << inset;
+  }
+  EXPECT_NEAR(volume(mended(joined(fine, level(2, 1)))), volume(fine), 1e-9);
+  EXPECT_NEAR(volume(mended(joined(fine, level(2, 0.99)))), volume(fine), 1e-9);
+  // A coarse hollow below a thick wall, a core in a hollow, and a level that faces inward are none.
+  const double core = volume(level(2, 1));
+  EXPECT_NEAR(volume(mended(joined(fine, level(2, 0.95)))), volume(fine) - 0.857375 * core, 1e-9);
+  EXPECT_NEAR(volume(mended(joined(fine, level(2, 0.5)))), volume(fine) - 0.125 * core, 1e-9);
+  const Mesh box = shapes::box({-0.57, -0.57, -0.57}, {0.57, 0.57, 0.57});  // its corners reach the ball
+  EXPECT_NEAR(volume(mended(joined(fine, box))), volume(fine) - volume(box), 1e-9);
+  EXPECT_NEAR(volume(mended(joined(fine, turned_over(level(2, 0.99))))), volume(fine) - 0.970299 * core,
+              1e-9);
+}
+
+TEST(Mend, AThinWallWhoseInnerShellFacesOutwardIsHollow) {
+  for (const Mesh& outer : {shapes::sphere(4), shapes::box({-1, -1, -1}, {1, 1, 1}, 3)})
+    for (const double thickness : {0.01, 0.001}) {
+      Mesh inner = outer;
+      for (Point& p : inner.points) p *= 1 - thickness;
+      const Repaired r = mended(joined(outer, inner));
+      EXPECT_EQ(r.steps.copies, 0u);
+      EXPECT_NEAR(volume(r), volume(outer) - volume(inner), 1e-9);
+      // So it is in a mesh that repair leaves as it is.
+      EXPECT_NEAR(volume(repair(joined(outer, inner), {}, "wall")), volume(outer) - volume(inner), 1e-9);
+    }
+  // Nearer, it is a copy.
+  Mesh copy = kCube;
+  for (Point& p : copy.points) p = Point(0.5, 0.5, 0.5) + (1 - 1e-5) * (p - Point(0.5, 0.5, 0.5));
+  const Repaired r = mended(joined(kCube, copy));
+  EXPECT_EQ(r.steps.copies, 1u);
+  EXPECT_NEAR(volume(r), 1, 1e-12);
 }
 
 TEST(Mend, APieceThatFacesInwardIsTurnedUnlessItIsACavity) {
