@@ -27,6 +27,9 @@ constexpr double kCrackWidth = 1e-4, kCrackShare = 0.25;
 // Corners may be joined over the same share of the tolerance. Each width that is tried is wider by this
 // factor.
 constexpr double kJoinStep = 5;
+// Corners lie on an edge if they are off it by rounding, as a share of the largest coordinate: that of a unit
+// frame, that of a file in float.
+constexpr double kFrameRounding = 2e-11, kFloatRounding = 2.5e-7;
 // A hole as narrow as this share of the diagonal is closed however long it is.
 constexpr double kNarrowHole = 1e-3;
 // An open piece is a solid with holes if the mean winding number of what is there, over what the patches
@@ -63,6 +66,7 @@ class Mender {
   Mender(const Mesh& input, const RepairOptions& options)
       : options_(options), pieces_(find_pieces(input)), mesh_(pieces_.mesh), input_(input) {
     diagonal_ = input.bounds().diagonal();
+    split_pieces();
     join_pieces();
   }
   Mender(std::shared_ptr<const Surface> piece, const RepairOptions& options)
@@ -106,6 +110,55 @@ class Mender {
     return open;
   }
 
+  // Where corners lie on edges, as where triangles repeat that are divided differently, or where a scrap
+  // stands on a surface with T-junctions, nothing says which triangles are the skin. There the edges are
+  // split, if fewer stay open then.
+  // Corners that are off by rounding lie on an edge, those of a copy that is moved a little must not: first
+  // the rounding of double, then that of float.
+  void split_pieces() {
+    if (options_.mode == RepairMode::sheet) return;
+    const double farthest =
+        std::max(input_.bounds().low.cwiseAbs().maxCoeff(), input_.bounds().high.cwiseAbs().maxCoeff());
+    for (const double rounding : {kFrameRounding, kFloatRounding}) {
+      const double width = std::min({rounding * farthest, crack_limit(), options_.join_width});
+      while (width > 0 && split_pieces(width)) {
+      }
+    }
+  }
+
+  // Returns whether edges were split.
+  bool split_pieces(double width) {
+    const std::vector<std::uint32_t> open = open_triangles();
+    if (open.empty()) return false;
+    // Those that repeat and are left out so far are split with them.
+    std::vector<char> closed(mesh_.triangles.size(), 0);
+    for (const Piece& piece : pieces_.pieces)
+      for (const auto t : piece.triangles) closed[t] = piece.closed;
+    std::vector<std::uint32_t> loose;
+    for (std::uint32_t t = 0; t < closed.size(); t++)
+      if (!closed[t]) loose.push_back(t);
+    const std::vector<Side> sides = sides_of(mesh_, loose);
+    std::vector<DirectedEdge> odd;
+    bool crowded = false;
+    for_edges(sides, [&](std::size_t begin, std::size_t end) {
+      crowded |= end - begin > 2;
+      if ((end - begin) % 2 == 1)
+        odd.push_back({static_cast<std::uint32_t>(sides[begin].edge >> 32),
+                       static_cast<std::uint32_t>(sides[begin].edge)});
+    });
+    if (!crowded) return false;
+    SplitEdges split = split_edges(mesh_, loose, odd, width);
+    if (split.count == 0) return false;
+    Pieces before = std::exchange(pieces_, find_pieces(split.mesh));
+    if (missing_edges(mesh_, open_triangles()).size() >= missing_edges(before.mesh, open).size()) {
+      pieces_ = std::move(before);
+      return false;
+    }
+    out_.steps.split += split.count, out_.steps.joined_width += split.farthest;
+    split_ = std::move(split.mesh);
+    return true;
+  }
+
   // Where each triangle, or each half of a body, has corners of its own that miss those of its neighbours by
   // a little, cracks run all round it, triangles cross their neighbours, and nothing says which way they
   // face. So the corners are joined, if that leaves at most half as many open pieces and edges: within the
@@ -118,19 +171,20 @@ class Mender {
     if (apart < 2 || !(widest > 0) || options_.mode == RepairMode::sheet) return;
     const std::vector<DirectedEdge> missing = missing_edges(mesh_, open);
     const Mesh given = mesh_;
-    const double few = 0.01 * part(open).area();
+    const double few = 0.01 * part(open).area(), split_width = out_.steps.joined_width;
     std::size_t least = missing.size() / 2 + 1;
     for (double width = crack_limit(); least > 0; width *= kJoinStep) {
       const bool last = width > 0.99 * widest;
       if (last) width = widest;
-      const JoinedCorners joined = join_corners(input_, given, missing, width);
+      const JoinedCorners joined = join_corners(split_ ? *split_ : input_, given, missing, width);
       if (joined.count > 0) {
         const double thin = thin_area(width) + few;
         Pieces before = std::exchange(pieces_, find_pieces(joined.mesh));
         std::size_t together = 0;
         const std::size_t left = missing_edges(mesh_, open_triangles(&together)).size();
         if (left < least && 2 * together <= apart && thin_area(width) <= thin)
-          least = left, out_.steps.joined = joined.count, out_.steps.joined_width = joined.farthest;
+          least = left, out_.steps.joined = joined.count,
+          out_.steps.joined_width = split_width + joined.farthest;
         else
           pieces_ = std::move(before);
       }
@@ -690,6 +744,7 @@ class Mender {
   Pieces pieces_;
   Mesh& mesh_;  // of pieces_; gets the patches, too
   const Mesh& input_;
+  std::optional<Mesh> split_;  // input_ with edges split
   double diagonal_ = 0;
   std::vector<std::vector<std::uint32_t>> units_;  // closed pieces
   std::vector<OpenGroup> groups_;

@@ -164,6 +164,7 @@ std::string words(const Repaired& body, double diagonal) {
   if (s.turned > 0) report.add("turned " + count_of(s.turned, "triangle"));
   if (s.turned_pieces > 0)
     report.add("turned " + count_of(s.turned_pieces, "closed piece") + " that faced inward");
+  if (s.split > 0) report.add("split " + count_of(s.split, "edge") + " at corners that lie on them");
   if (s.joined > 0)
     report.add("joined " + count_of(s.joined, "corner") + " up to " + percent(s.joined_width / diagonal) +
                " apart");
