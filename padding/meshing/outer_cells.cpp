@@ -266,10 +266,11 @@ class Cutter {
     const auto skip = [&](std::uint32_t t) {
       return t == r.triangle || !solid(t) || std::binary_search(others.begin(), others.end(), t);
     };
+    if (const auto d = surface_.shortest_ray(r.place, n)) r.front = surface_.crossings(r.place, *d, skip);
     for (const Vector& d : Surface::ray_directions()) {
-      if (std::abs(d.dot(n)) < 0.05 * n.norm()) continue;
-      r.front = surface_.crossings(r.place, d.dot(n) > 0 ? d : Vector(-d), skip);
       if (r.front) break;
+      if (std::abs(d.dot(n)) >= Surface::kGrazing * n.norm())
+        r.front = surface_.crossings(r.place, d.dot(n) > 0 ? d : Vector(-d), skip);
     }
     r.twice = twice;
     if (r.front) r.back = *r.front + jump;
