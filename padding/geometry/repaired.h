@@ -37,7 +37,8 @@ struct RepairSteps {
   std::size_t copies = 0;          // closed pieces just inside another one, which they repeat
   double buried_area = 0;          // of the input's surface that has the body on both sides, and is left out
   std::size_t joined = 0;          // corners that were moved to another one
-  double joined_width = 0;         // the farthest of them
+  std::size_t split = 0;           // edges that were split at corners that lie on them
+  double joined_width = 0;         // how far the surface was moved by both
   std::size_t cracks = 0;          // triangles that close cracks; they are in no patch
   double crack_width = 0;          // the widest of them
   double sheet_area = 0;           // of the surface that bounds nothing

@@ -374,9 +374,25 @@ std::optional<int> Surface::winding_number(const Point& p) const {
   if ((p.array() < bounds_.low.array()).any() || (p.array() > bounds_.high.array()).any()) return 0;
   // Directions without a pattern, so that no mesh has faces along them. A ray that grazes an edge gives no
   // result; this hardly ever happens to the next ray, too. For a point on the surface all of them fail.
+  if (const auto sum = crossings(p, *shortest_ray(p, Vector::Zero()))) return sum;
   for (const Vector& d : ray_directions())
     if (const auto sum = crossings(p, d)) return sum;
   return std::nullopt;
+}
+
+std::optional<Vector> Surface::shortest_ray(const Point& p, const Vector& n) const {
+  constexpr std::size_t tried = 6;  // more cost more than they save
+  std::optional<Vector> best;
+  double least = std::numeric_limits<double>::infinity();
+  for (std::size_t k = 0; k < 2 * tried; k++) {
+    const Vector d = k % 2 == 0 ? ray_directions()[k / 2] : Vector(-ray_directions()[k / 2]);
+    if (d.dot(n) < kGrazing * n.norm()) continue;
+    double steps = std::numeric_limits<double>::infinity();  // of d, until it leaves the bounds
+    for (int axis = 0; axis < 3; axis++)
+      steps = std::min(steps, ((d[axis] > 0 ? bounds_.high : bounds_.low)[axis] - p[axis]) / d[axis]);
+    if (steps * d.norm() < least) least = steps * d.norm(), best = d;
+  }
+  return best;
 }
 
 namespace {

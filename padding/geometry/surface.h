@@ -103,6 +103,13 @@ class Surface {
                                const std::function<bool(std::uint32_t)>& skip = {},
                                const std::function<void(std::uint32_t, int)>& visit = {}) const;
   static const std::vector<Vector>& ray_directions();  // without a pattern, for crossings()
+  // A ray grazes a triangle if the sine of the angle between them is less.
+  static constexpr double kGrazing = 0.05;
+
+  // Of some of these directions and their opposites, that in which a ray from p leaves the bounds soonest: it
+  // crosses the fewest triangles. It points to the front of a triangle with the normal `n`, and does not
+  // graze it, or there is none; with n = 0 it may point anywhere.
+  std::optional<Vector> shortest_ray(const Point& p, const Vector& n) const;
 
   // As those of the tree (triangle_tree.h): the triangles near a box, and those near each other.
   void visit(const Box& box, const std::function<void(std::uint32_t)>& visit) const {

@@ -220,6 +220,85 @@ std::vector<CrackTriangle> close_cracks(const Mesh& mesh, std::vector<DirectedEd
   return patch;
 }
 
+SplitEdges split_edges(const Mesh& mesh, const std::vector<std::uint32_t>& triangles,
+                       const std::vector<DirectedEdge>& open, double width) {
+  std::vector<std::uint32_t> ends;
+  for (const DirectedEdge& e : open) ends.push_back(e.from), ends.push_back(e.to);
+  std::sort(ends.begin(), ends.end());
+  ends.erase(std::unique(ends.begin(), ends.end()), ends.end());
+  const auto is_end = [&](std::uint32_t v) { return std::binary_search(ends.begin(), ends.end(), v); };
+  std::vector<Point> places;
+  for (const auto v : ends) places.push_back(mesh.points[v]);
+  const PointTree tree(places);
+  SplitEdges out{mesh};
+  std::unordered_map<std::uint64_t, std::vector<std::uint32_t>> on_edge;  // from its smaller vertex on
+  std::vector<std::uint32_t> near;
+  const std::vector<Side> sides = sides_of(mesh, triangles);
+  for_edges(sides, [&](std::size_t begin, std::size_t end) {
+    const std::array e = {static_cast<std::uint32_t>(sides[begin].edge >> 32),
+                          static_cast<std::uint32_t>(sides[begin].edge)};
+    if (!is_end(e[0]) || !is_end(e[1])) return;
+    const Point& a = mesh.points[e[0]];
+    const Vector along = mesh.points[e[1]] - a;
+    near.clear();
+    tree.find(a + 0.5 * along, 0.5 * along.norm(), near);
+    std::vector<std::pair<double, std::uint32_t>> found;
+    for (const auto k : near) {
+      const double at = along.dot(places[k] - a) / along.squaredNorm(),
+                   away = (places[k] - a - at * along).norm();
+      bool corner = ends[k] == e[0] || ends[k] == e[1];  // of a triangle with this edge
+      for (std::size_t s = begin; s < end; s++)
+        for (const auto v : mesh.triangles[sides[s].triangle]) corner |= v == ends[k];
+      // What lies near an end belongs to that.
+      const double length = along.norm();
+      if (corner || away > width || at * length <= width || (1 - at) * length <= width) continue;
+      found.emplace_back(at, ends[k]), out.farthest = std::max(out.farthest, away);
+    }
+    if (found.empty()) return;
+    std::sort(found.begin(), found.end());
+    for (const auto& [at, v] : found) on_edge[sides[begin].edge].push_back(v);
+  });
+  out.count = on_edge.size();
+  // Only sides of the triangle itself are split, or rounding might lead round in a circle.
+  struct Part {
+    Corners corners;
+    std::array<bool, 3> is_side;  // the edge behind each corner
+  };
+  std::vector<Corners> cut;
+  std::vector<Part> left;
+  for (const auto t : triangles) {
+    left.push_back({mesh.triangles[t], {true, true, true}});
+    while (!left.empty()) {
+      auto [c, is_side] = left.back();
+      left.pop_back();
+      auto found = on_edge.end();
+      for (int k = 0; k < 3 && found == on_edge.end(); k++) {
+        std::rotate(c.begin(), c.begin() + 1, c.end()),
+            std::rotate(is_side.begin(), is_side.begin() + 1, is_side.end());
+        if (is_side[0])
+          found = on_edge.find(std::uint64_t(std::min(c[0], c[1])) << 32 | std::max(c[0], c[1]));
+      }
+      if (found == on_edge.end()) {
+        cut.push_back(c);
+        continue;
+      }
+      std::vector<std::uint32_t> way = found->second;
+      if (c[0] > c[1]) std::reverse(way.begin(), way.end());
+      way.insert(way.begin(), c[0]), way.push_back(c[1]);
+      for (std::size_t k = 1; k < way.size(); k++)
+        left.push_back(
+            {{way[k - 1], way[k], c[2]}, {false, is_side[1] && k + 1 == way.size(), is_side[2] && k == 1}});
+    }
+  }
+  std::vector<char> listed(mesh.triangles.size(), 0);
+  for (const auto t : triangles) listed[t] = 1;
+  out.mesh.triangles.clear();
+  for (std::size_t t = 0; t < listed.size(); t++)
+    if (!listed[t]) out.mesh.triangles.push_back(mesh.triangles[t]);
+  out.mesh.triangles.insert(out.mesh.triangles.end(), cut.begin(), cut.end());
+  return out;
+}
+
 JoinedCorners join_corners(const Mesh& soup, const Mesh& mesh, const std::vector<DirectedEdge>& missing,
                            double width) {
   std::vector<std::uint32_t> border;

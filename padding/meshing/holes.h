@@ -31,6 +31,17 @@ struct JoinedCorners {
 JoinedCorners join_corners(const Mesh& soup, const Mesh& mesh, const std::vector<DirectedEdge>& missing,
                            double width);
 
+// Edges that are split where corners lie on them, so that triangles meet along whole edges.
+struct SplitEdges {
+  Mesh mesh;              // with the points of the other one
+  std::size_t count = 0;  // of the edges that were split
+  double farthest = 0;    // of these corners from their edge
+};
+
+// Splits the edges of the triangles listed, each once, at the ends of `open` edges that lie within `width`.
+SplitEdges split_edges(const Mesh& mesh, const std::vector<std::uint32_t>& triangles,
+                       const std::vector<DirectedEdge>& open, double width);
+
 // The closed paths without a point twice that the missing edges form. At a vertex with several ways on, the
 // path takes the one next to it, as seen from the front of the triangles listed.
 std::vector<std::vector<std::uint32_t>> trace_rims(const Mesh& mesh,

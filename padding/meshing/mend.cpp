@@ -27,6 +27,9 @@ constexpr double kCrackWidth = 1e-4, kCrackShare = 0.25;
 // Corners may be joined over the same share of the tolerance. Each width that is tried is wider by this
 // factor.
 constexpr double kJoinStep = 5;
+// Corners lie on an edge if they are off it by rounding, as a share of the largest coordinate: that of a unit
+// frame, that of a file in float.
+constexpr double kFrameRounding = 2e-11, kFloatRounding = 2.5e-7;
 // A hole as narrow as this share of the diagonal is closed however long it is.
 constexpr double kNarrowHole = 1e-3;
 // An open piece is a solid with holes if the mean winding number of what is there, over what the patches
@@ -63,6 +66,7 @@ class Mender {
   Mender(const Mesh& input, const RepairOptions& options)
       : options_(options), pieces_(find_pieces(input)), mesh_(pieces_.mesh), input_(input) {
     diagonal_ = input.bounds().diagonal();
+    split_pieces();
     join_pieces();
   }
   Mender(std::shared_ptr<const Surface> piece, const RepairOptions& options)
@@ -106,6 +110,55 @@ class Mender {
     return open;
   }
 
+  // Where corners lie on edges, as where triangles repeat that are divided differently, or where a scrap
+  // stands on a surface with T-junctions, nothing says which triangles are the skin. There the edges are
+  // split, if fewer stay open then.
+  // Corners that are off by rounding lie on an edge, those of a copy that is moved a little must not: first
+  // the rounding of double, then that of float.
+  void split_pieces() {
+    if (options_.mode == RepairMode::sheet) return;
+    const double farthest =
+        std::max(input_.bounds().low.cwiseAbs().maxCoeff(), input_.bounds().high.cwiseAbs().maxCoeff());
+    for (const double rounding : {kFrameRounding, kFloatRounding}) {
+      const double width = std::min({rounding * farthest, crack_limit(), options_.join_width});
+      while (width > 0 && split_pieces(width)) {
+      }
+    }
+  }
+
+  // Returns whether edges were split.
+  bool split_pieces(double width) {
+    const std::vector<std::uint32_t> open = open_triangles();
+    if (open.empty()) return false;
+    // Those that repeat and are left out so far are split with them.
+    std::vector<char> closed(mesh_.triangles.size(), 0);
+    for (const Piece& piece : pieces_.pieces)
+      for (const auto t : piece.triangles) closed[t] = piece.closed;
+    std::vector<std::uint32_t> loose;
+    for (std::uint32_t t = 0; t < closed.size(); t++)
+      if (!closed[t]) loose.push_back(t);
+    const std::vector<Side> sides = sides_of(mesh_, loose);
+    std::vector<DirectedEdge> odd;
+    bool crowded = false;
+    for_edges(sides, [&](std::size_t begin, std::size_t end) {
+      crowded |= end - begin > 2;
+      if ((end - begin) % 2 == 1)
+        odd.push_back({static_cast<std::uint32_t>(sides[begin].edge >> 32),
+                       static_cast<std::uint32_t>(sides[begin].edge)});
+    });
+    if (!crowded) return false;
+    SplitEdges split = split_edges(mesh_, loose, odd, width);
+    if (split.count == 0) return false;
+    Pieces before = std::exchange(pieces_, find_pieces(split.mesh));
+    if (missing_edges(mesh_, open_triangles()).size() >= missing_edges(before.mesh, open).size()) {
+      pieces_ = std::move(before);
+      return false;
+    }
+    out_.steps.split += split.count, out_.steps.joined_width += split.farthest;
+    split_ = std::move(split.mesh);
+    return true;
+  }
+
   // Where each triangle, or each half of a body, has corners of its own that miss those of its neighbours by
   // a little, cracks run all round it, triangles cross their neighbours, and nothing says which way they
   // face. So the corners are joined, if that leaves at most half as many open pieces and edges: within the
@@ -118,19 +171,20 @@ class Mender {
     if (apart < 2 || !(widest > 0) || options_.mode == RepairMode::sheet) return;
     const std::vector<DirectedEdge> missing = missing_edges(mesh_, open);
     const Mesh given = mesh_;
-    const double few = 0.01 * part(open).area();
+    const double few = 0.01 * part(open).area(), split_width = out_.steps.joined_width;
     std::size_t least = missing.size() / 2 + 1;
     for (double width = crack_limit(); least > 0; width *= kJoinStep) {
       const bool last = width > 0.99 * widest;
       if (last) width = widest;
-      const JoinedCorners joined = join_corners(input_, given, missing, width);
+      const JoinedCorners joined = join_corners(split_ ? *split_ : input_, given, missing, width);
       if (joined.count > 0) {
         const double thin = thin_area(width) + few;
         Pieces before = std::exchange(pieces_, find_pieces(joined.mesh));
         std::size_t together = 0;
         const std::size_t left = missing_edges(mesh_, open_triangles(&together)).size();
         if (left < least && 2 * together <= apart && thin_area(width) <= thin)
-          least = left, out_.steps.joined = joined.count, out_.steps.joined_width = joined.farthest;
+          least = left, out_.steps.joined = joined.count,
+          out_.steps.joined_width = split_width + joined.farthest;
         else
           pieces_ = std::move(before);
       }
@@ -582,60 +636,31 @@ class Mender {
         cavity[u] = 1;
   }
 
-  // How many closed units lie around each one that meets none, in the order of `alone`.
-  std::vector<std::size_t> count_around(const Surface& surface,
-                                        const std::vector<std::vector<std::uint32_t>>& alone,
-                                        const std::vector<char>& copy) const {
-    std::vector<std::size_t> around(alone.size());
-#pragma omp parallel for schedule(dynamic, 1)
-    for (std::size_t k = 0; k < alone.size(); k++) {
-      const auto t = alone[k][0], u = unit_[t];
-      // Others may have its corners and edges.
-      const Point p = (soup_.corner(t, 0) + soup_.corner(t, 1) + soup_.corner(t, 2)) / 3;
-      std::map<std::uint32_t, int> windings;  // of each unit
-      const auto skip = [&](std::uint32_t s) {
-        return unit_[s] == u || copy[unit_[s]] || roles_[s] == TriangleRole::sheet;
-      };
-      for (const Vector& d : Surface::ray_directions()) {
-        windings.clear();
-        const auto found = surface.crossings(
-            p, d, skip, [&](std::uint32_t s, int crossing) { windings[unit_[s]] += crossing; });
-        if (!found) continue;
-        // A unit that repeats winds twice around what it encloses.
-        for (const auto& [unit, winding] : windings) around[k] += winding != 0;
-        break;
-      }
-    }
-    return around;
-  }
-
   // A closed unit that meets no other one and lies inside others an odd number of times is a cavity, unless
-  // it is a copy of one that faces as it does.
+  // it repeats one that faces as it does.
   void find_cavities(Contacts& contacts, const Surface& surface) {
     if (count_ < 2 || options_.mode == RepairMode::united) return;
-    std::vector<char> meets(count_, 0), cavity(count_, 0), copy(count_, 0);
+    std::vector<char> meets(count_, 0), cavity(count_, 0);
     for (const auto& [s, t] : contacts.pairs)
       if (unit_[s] != unit_[t] && roles_[s] != TriangleRole::sheet && roles_[t] != TriangleRole::sheet)
         meets[unit_[s]] = meets[unit_[t]] = 1;
-    std::vector<std::vector<std::uint32_t>> alone(count_);  // the triangles of each unit that meets none
+    std::vector<NestedShell> shells(count_);
     for (std::uint32_t t = 0; t < unit_.size(); t++)
-      if (!meets[unit_[t]] && roles_[t] != TriangleRole::sheet) alone[unit_[t]].push_back(t);
-    std::erase_if(alone, [](const auto& triangles) { return triangles.empty(); });
-    std::vector<std::size_t> around = count_around(surface, alone, copy);
-    const auto faces_inward = [&](std::uint32_t u) { return u < inward_.size() && inward_[u]; };
+      if (roles_[t] != TriangleRole::sheet) shells[unit_[t]].triangles.push_back(t);
+    const auto is_sheet = [&](std::uint32_t t) { return roles_[t] == TriangleRole::sheet; };
 #pragma omp parallel for schedule(dynamic, 1)
-    for (std::size_t k = 0; k < alone.size(); k++) {
-      const auto u = unit_[alone[k][0]];
-      copy[u] = around[k] > 0 && is_copy(surface, alone[k], kBetweenCopies, [&](std::uint32_t t) {
-                  return unit_[t] != u && roles_[t] != TriangleRole::sheet &&
-                         faces_inward(unit_[t]) == faces_inward(u);
-                });
+    for (std::size_t u = 0; u < count_; u++) {
+      NestedShell& shell = shells[u];
+      if (shell.triangles.empty()) continue;
+      shell.inward = u < inward_.size() && inward_[u];
+      shell.volume = std::abs(signed_volume(soup_, shell.triangles));
+      if (!meets[u]) shell.around = shells_around(surface, shell.triangles, unit_, is_sheet);
     }
-    for (const char c : copy) out_.steps.copies += c;
-    if (out_.steps.copies > 0) around = count_around(surface, alone, copy);
-    for (std::size_t k = 0; k < alone.size(); k++) {
-      const auto u = unit_[alone[k][0]];
-      cavity[u] = !copy[u] && around[k] % 2 != 0;
+    const std::vector<char> copy = find_repeats(soup_, shells);
+    for (std::size_t u = 0; u < count_; u++) {
+      out_.steps.copies += copy[u];
+      std::erase_if(shells[u].around, [&](std::uint32_t a) { return copy[a]; });
+      cavity[u] = !copy[u] && shells[u].around.size() % 2 != 0;
     }
     find_cuts(surface, meets, cavity);
     for (std::size_t t = 0; t < unit_.size(); t++) {
@@ -719,6 +744,7 @@ class Mender {
   Pieces pieces_;
   Mesh& mesh_;  // of pieces_; gets the patches, too
   const Mesh& input_;
+  std::optional<Mesh> split_;  // input_ with edges split
   double diagonal_ = 0;
   std::vector<std::vector<std::uint32_t>> units_;  // closed pieces
   std::vector<OpenGroup> groups_;

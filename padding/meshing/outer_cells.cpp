@@ -246,27 +246,53 @@ class Cutter {
   void decide() {
 #pragma omp parallel for schedule(dynamic, 16)
     for (std::size_t k = 0; k < regions_.size(); k++) {
-      Region& r = regions_[k];
-      const Vector n = soup_.area_normal(r.triangle);
-      const auto found = overlaps_.find(r.triangle);
-      static const std::vector<std::uint32_t> nothing;
-      const auto& others = found == overlaps_.end() ? nothing : found->second;
-      int jump = solid(r.triangle);
-      for (const auto t : others) {
-        if (!holds(t, r.place)) continue;
-        r.twice |= t < r.triangle || !solid(r.triangle);
-        jump += soup_.area_normal(t).dot(n) > 0 ? 1 : -1;
-      }
-      const auto skip = [&](std::uint32_t t) {
-        return t == r.triangle || !solid(t) || std::binary_search(others.begin(), others.end(), t);
-      };
-      for (const Vector& d : Surface::ray_directions()) {
-        if (std::abs(d.dot(n)) < 0.05 * n.norm()) continue;
-        r.front = surface_.crossings(r.place, d.dot(n) > 0 ? d : Vector(-d), skip);
-        if (r.front) break;
-      }
-      if (r.front) r.back = *r.front + jump;
+      const auto found = overlaps_.find(regions_[k].triangle);
+      std::vector<std::uint32_t> others;
+      if (found != overlaps_.end()) others = found->second;
+      if (!decide(regions_[k], others) && add_near(regions_[k], others)) decide(regions_[k], others);
     }
+  }
+
+  // `others` may lie on the region, in ascending order. False where rounding leaves open what lies before it.
+  bool decide(Region& r, const std::vector<std::uint32_t>& others) {
+    const Vector n = soup_.area_normal(r.triangle);
+    int jump = solid(r.triangle);
+    bool twice = false;
+    for (const auto t : others) {
+      if (!holds(t, r.place)) continue;
+      twice |= t < r.triangle || !solid(r.triangle);
+      jump += soup_.area_normal(t).dot(n) > 0 ? 1 : -1;
+    }
+    const auto skip = [&](std::uint32_t t) {
+      return t == r.triangle || !solid(t) || std::binary_search(others.begin(), others.end(), t);
+    };
+    if (const auto d = surface_.shortest_ray(r.place, n)) r.front = surface_.crossings(r.place, *d, skip);
+    for (const Vector& d : Surface::ray_directions()) {
+      if (r.front) break;
+      if (std::abs(d.dot(n)) >= Surface::kGrazing * n.norm())
+        r.front = surface_.crossings(r.place, d.dot(n) > 0 ? d : Vector(-d), skip);
+    }
+    r.twice = twice;
+    if (r.front) r.back = *r.front + jump;
+    return r.front.has_value();
+  }
+
+  // Adds the triangles that lie on the region but for rounding, as where a face repeats whose points were
+  // computed in another way. Returns whether there are any.
+  bool add_near(const Region& r, std::vector<std::uint32_t>& others) const {
+    constexpr double parallel = 1e-6;
+    const std::size_t before = others.size();
+    const Vector n = soup_.area_normal(r.triangle).normalized();
+    surface_.visit({r.place - Vector::Constant(near_), r.place + Vector::Constant(near_)},
+                   [&](std::uint32_t t) {
+                     const Vector m = soup_.area_normal(t).normalized();
+                     if (t != r.triangle && solid(t) && n.cross(m).norm() < parallel &&
+                         surface_.distance_to(t, r.place) < near_)
+                       others.push_back(t);
+                   });
+    std::sort(others.begin(), others.end());
+    others.erase(std::unique(others.begin(), others.end()), others.end());
+    return others.size() > before;
   }
 
   // --- the result ---

@@ -14,7 +14,6 @@
 #include <cmath>
 #include <cstdio>
 #include <optional>
-#include <set>
 
 #include "padding/asset/error.h"
 #include "padding/meshing/cgal_mesh.h"
@@ -89,6 +88,32 @@ std::vector<std::vector<std::uint32_t>> shells_of(CgalMesh& mesh) {
 
 std::string cavities_text(std::size_t n) { return "kept " + count_of(n, "inner shell") + " as cavities"; }
 
+// Counts the cavities of `oriented`, which is `given` with its shells turned so that they bound a volume.
+// Returns how many face outward in the file; nothing if one of them only repeats the shell around it.
+std::optional<std::size_t> outward_cavities(const Surface& given, const Mesh& oriented,
+                                            const std::vector<std::vector<std::uint32_t>>& triangles,
+                                            bool inside_out, std::size_t& cavities) {
+  std::vector<NestedShell> shells(triangles.size());
+  std::vector<std::uint32_t> shell_of(oriented.triangles.size());
+  std::vector<std::size_t> outward;
+  for (std::uint32_t k = 0; k < triangles.size(); k++) {
+    const double volume = signed_volume(given.mesh(), triangles[k]);
+    shells[k] = {triangles[k], {}, volume < 0, std::abs(volume)};
+    for (const auto t : triangles[k]) shell_of[t] = k;
+    if (signed_volume(oriented, triangles[k]) >= 0) continue;
+    cavities++;
+    if ((volume > 0) != inside_out) outward.push_back(k);
+  }
+  if (outward.empty()) return 0;
+  const auto none = [](std::uint32_t) { return false; };
+#pragma omp parallel for schedule(dynamic, 1)
+  for (std::size_t k = 0; k < shells.size(); k++)
+    shells[k].around = shells_around(given, shells[k].triangles, shell_of, none);
+  const std::vector<char> repeats = find_repeats(given.mesh(), shells);
+  if (std::any_of(repeats.begin(), repeats.end(), [](char c) { return c; })) return std::nullopt;
+  return outward.size();
+}
+
 // The mesh, if it is closed and meets itself nowhere.
 std::optional<Repaired> closed_solid(Soup soup, std::size_t flat, double diagonal) {
   RepairReport report;
@@ -113,21 +138,13 @@ std::optional<Repaired> closed_solid(Soup soup, std::size_t flat, double diagona
   if (!(pmp::volume(mesh) > 1e-12 * std::pow(diagonal, 3))) return std::nullopt;
   Repaired out;
   out.mesh = from_cgal(mesh);
-  std::size_t outward = 0;  // cavities that face outward in the file
-  for (const auto& shell : shells_of(mesh)) {
-    if (signed_volume(out.mesh, shell) >= 0) continue;
-    out.steps.cavities++;
-    if ((signed_volume(given.mesh(), shell) > 0) == inside_out) continue;
-    outward++;
-    const std::set<std::uint32_t> own(shell.begin(), shell.end());
-    if (is_copy(given, shell, kBetweenCopies, [&](std::uint32_t t) { return !own.count(t); }))
-      return std::nullopt;
-  }
+  const auto outward = outward_cavities(given, out.mesh, shells_of(mesh), inside_out, out.steps.cavities);
+  if (!outward) return std::nullopt;
   if (out.steps.cavities > 0)
     report.add(cavities_text(out.steps.cavities) +
-               (outward > 0 ? ", though " + std::to_string(outward) + (outward == 1 ? " faces" : " face") +
-                                  " outward (--repair union fills them)"
-                            : ""));
+               (*outward > 0 ? ", though " + std::to_string(*outward) + (*outward == 1 ? " faces" : " face") +
+                                   " outward (--repair union fills them)"
+                             : ""));
   out.report = report.text(), out.checked = true;
   return out;
 }
@@ -147,6 +164,7 @@ std::string words(const Repaired& body, double diagonal) {
   if (s.turned > 0) report.add("turned " + count_of(s.turned, "triangle"));
   if (s.turned_pieces > 0)
     report.add("turned " + count_of(s.turned_pieces, "closed piece") + " that faced inward");
+  if (s.split > 0) report.add("split " + count_of(s.split, "edge") + " at corners that lie on them");
   if (s.joined > 0)
     report.add("joined " + count_of(s.joined, "corner") + " up to " + percent(s.joined_width / diagonal) +
                " apart");
@@ -165,7 +183,8 @@ std::string words(const Repaired& body, double diagonal) {
   if (s.crossing_pairs == 0 && s.buried_area > 0)
     report.add("left out walls inside (" + percent(s.buried_area / area) + " of the surface)");
   if (s.copies > 0)
-    report.add("took " + count_of(s.copies, "inner shell") + " for a copy of the one around it");
+    report.add("took " + count_of(s.copies, "inner shell") +
+               " for a copy or a coarser level of the one around it");
   if (s.cavities > 0) report.add(cavities_text(s.cavities));
   if (s.sheet_area > 0) {
     std::string why;

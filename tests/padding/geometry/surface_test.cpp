@@ -365,6 +365,31 @@ TEST(Surface, WindingNumberIsThatOfSolidAnglesWhateverIntersects) {
 
 // Rays from points in line with edges and corners graze them. Points on a lattice of the mesh's own
 // coordinates are the worst case.
+TEST(Surface, TheShortestRayLeavesToTheFrontAndIsShorterThanMost) {
+  const Surface surface(shapes::torus(1, 0.4, 24, 12));
+  const Box& box = surface.bounds();
+  RandomInput random(31);
+  double shortest = 0, longest = 0;
+  for (int k = 0; k < 300; k++) {
+    const Vector n = 5 * random.direction();
+    const Point p = 0.5 * (box.low + box.high) +
+                    random.uniform(0, 0.5) * random.direction().cwiseProduct(box.high - box.low);
+    const auto length = [&](const Vector& d) {
+      double steps = std::numeric_limits<double>::infinity();
+      for (int axis = 0; axis < 3; axis++)
+        steps = std::min(steps, ((d[axis] > 0 ? box.high : box.low)[axis] - p[axis]) / d[axis]);
+      return steps * d.norm();
+    };
+    const auto d = surface.shortest_ray(p, n);
+    ASSERT_TRUE(d.has_value());
+    EXPECT_GE(d->dot(n), Surface::kGrazing * n.norm());
+    EXPECT_EQ(surface.crossings(p, *d), surface.winding_number(p));
+    shortest += length(*surface.shortest_ray(p, Vector::Zero())),
+        longest += length(Surface::ray_directions()[0]);
+  }
+  EXPECT_LT(shortest, 0.6 * longest);
+}
+
 TEST(Surface, WindingNumberOfALatticeOnTheMeshsOwnCoordinates) {
   const Surface surface(shapes::box({0, 0, 0}, {4, 4, 4}, 4));
   for (int x = -1; x <= 5; x++)

@@ -41,6 +41,7 @@ Repaired mended(const Mesh& mesh, RepairMode mode = RepairMode::automatic) {
   return mend(mesh, options).value();
 }
 
+double volume(const Mesh& mesh) { return mass_properties(mesh).volume; }
 double volume(const Repaired& r) { return mass_properties(r.boundary()).volume; }
 
 using Inside = std::function<bool(const Point&)>;
@@ -163,6 +164,51 @@ TEST(Mend, ACubeInACavityIsSolidAndRepeatedPiecesCountOnce) {
   // The same place with another triangulation.
   EXPECT_NEAR(volume(mended(joined(kCube, shapes::box({0, 0, 0}, {1, 1, 1}, 3)))), 1, 1e-12);
   EXPECT_NEAR(volume(mended(joined(kCube, turned_over(shapes::box({0, 0, 0}, {1, 1, 1}, 3))))), 1, 1e-12);
+}
+
+// Levels of detail in one file: each coarser ball lies within the finer one, with its corners on it or a
+// little below it.
+TEST(Mend, CoarserLevelsOfDetailWithinABodyAreNoCavities) {
+  const auto level = [](int n, double scale) {
+    Mesh ball = shapes::sphere(n);
+    for (Point& p : ball.points) p *= scale;
+    return ball;
+  };
+  const Mesh fine = level(4, 1);
+  for (const double inset : {1.0, 0.99, 0.97}) {
+    const Repaired r = mended(joined(joined(fine, level(3, inset)), level(2, inset * inset)));
+    EXPECT_EQ(r.steps.copies, 2u);
+    EXPECT_NEAR(volume(r), volume(fine), 1e-9) << inset;
+  }
+  EXPECT_NEAR(volume(mended(joined(fine, level(2, 1)))), volume(fine), 1e-9);
+  EXPECT_NEAR(volume(mended(joined(fine, level(2, 0.99)))), volume(fine), 1e-9);
+  // A coarse hollow below a thick wall, a core in a hollow, and a level that faces inward are none.
+  const double core = volume(level(2, 1));
+  EXPECT_NEAR(volume(mended(joined(fine, level(2, 0.95)))), volume(fine) - 0.857375 * core, 1e-9);
+  EXPECT_NEAR(volume(mended(joined(fine, level(2, 0.5)))), volume(fine) - 0.125 * core, 1e-9);
+  const Mesh box = shapes::box({-0.57, -0.57, -0.57}, {0.57, 0.57, 0.57});  // its corners reach the ball
+  EXPECT_NEAR(volume(mended(joined(fine, box))), volume(fine) - volume(box), 1e-9);
+  EXPECT_NEAR(volume(mended(joined(fine, turned_over(level(2, 0.99))))), volume(fine) - 0.970299 * core,
+              1e-9);
+}
+
+TEST(Mend, AThinWallWhoseInnerShellFacesOutwardIsHollow) {
+  for (const Mesh& outer : {shapes::sphere(4), shapes::box({-1, -1, -1}, {1, 1, 1}, 3)})
+    for (const double thickness : {0.01, 0.001}) {
+      Mesh inner = outer;
+      for (Point& p : inner.points) p *= 1 - thickness;
+      const Repaired r = mended(joined(outer, inner));
+      EXPECT_EQ(r.steps.copies, 0u);
+      EXPECT_NEAR(volume(r), volume(outer) - volume(inner), 1e-9);
+      // So it is in a mesh that repair leaves as it is.
+      EXPECT_NEAR(volume(repair(joined(outer, inner), {}, "wall")), volume(outer) - volume(inner), 1e-9);
+    }
+  // Nearer, it is a copy.
+  Mesh copy = kCube;
+  for (Point& p : copy.points) p = Point(0.5, 0.5, 0.5) + (1 - 1e-5) * (p - Point(0.5, 0.5, 0.5));
+  const Repaired r = mended(joined(kCube, copy));
+  EXPECT_EQ(r.steps.copies, 1u);
+  EXPECT_NEAR(volume(r), 1, 1e-12);
 }
 
 TEST(Mend, APieceThatFacesInwardIsTurnedUnlessItIsACavity) {
@@ -626,6 +672,55 @@ TEST(Mend, TrianglesWithoutAreaHoldTheSurfaceTogether) {
 }
 
 // A cube of 27 cells without the one in the middle, and without one at the rim that shares an edge with it.
+// T-junctions alone are cracks. Where scraps stand on the surface, or triangles repeat that are divided
+// differently, more than two triangles meet in edges, and the outside came in at the T-junctions.
+TEST(Mend, EdgesAreSplitWhereCornersLieOnThem) {
+  const Mesh post = lathe({{0, 0}, {1, 0}, {1, 2}, {0, 2}}, 12);
+  for (const std::uint64_t seed : {1u, 2u, 3u, 4u}) {
+    SCOPED_TRACE(seed);
+    RandomInput random(seed);
+    const auto divided = [&](const Mesh& mesh) {  // some triangles are cut in two
+      Mesh out;
+      out.points = mesh.points;
+      for (const auto& [a, b, c] : mesh.triangles) {
+        const auto q = static_cast<std::uint32_t>(out.points.size());
+        out.triangles.push_back({a, b, c});
+        if (random.uniform(0, 1) > 0.3) continue;
+        out.points.push_back(mesh.points[a] + random.uniform(0.3, 0.7) * (mesh.points[b] - mesh.points[a]));
+        out.triangles.back()[1] = q, out.triangles.push_back({q, b, c});
+      }
+      return out;
+    };
+    Mesh scraps = divided(post), twice = post;
+    for (std::size_t k = 0; k < 3; k++) {
+      const auto t = scraps.triangles[static_cast<std::size_t>(random.uniform(0, 40))];
+      scraps.triangles.push_back({t[0], t[1], static_cast<std::uint32_t>(scraps.points.size())});
+      scraps.points.push_back(Point(0, 0, 1) + 0.3 * random.direction());
+    }
+    for (const auto& t : post.triangles)
+      if (random.uniform(0, 1) < 0.4) twice.triangles.push_back(t);
+    twice = divided(twice);
+    for (const Mesh& divided : {scraps, twice})
+      for (const double grid : {0x1p40, 0x1p22}) {  // as pad and as a file in float round
+        Mesh mesh = divided;
+        for (Point& p : mesh.points) p = (p * grid).array().round() / grid;
+        const Repaired r = mended(mesh);
+        EXPECT_EQ(r.kind, BodyKind::solid);
+        EXPECT_NEAR(volume(r), volume(post), 20 / grid);
+        EXPECT_GT(r.steps.split, 0u);
+        EXPECT_GT(r.steps.joined_width, 0.01 / grid);
+        EXPECT_LT(r.steps.joined_width, 4 / grid);
+      }
+    // What a user wants kept is not moved.
+    RepairOptions keep;
+    keep.join_width = 0;
+    EXPECT_EQ(mend(twice, keep).value().steps.joined_width, 0);
+    // A copy that lies near is not knitted to the surface.
+    const Mesh copy = moved(scraps, Eigen::Matrix3d::Identity(), {1e-6, 2e-6, 1e-6});
+    EXPECT_NEAR(volume(mended(joined(scraps, copy))), volume(post), 1e-4);
+  }
+}
+
 TEST(Mend, ACavityMayShareAnEdgeWithTheOutside) {
   Mesh cells;
   for (int k = 0; k < 27; k++) {
