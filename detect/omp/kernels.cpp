@@ -496,6 +496,16 @@ void to_normals(Batch& batch, int count) {
   }
 }
 
+PADDER_CLONES bool mark_touching(const Batch& batch, int count, double margin, std::int64_t* touch) {
+  std::int64_t small = 0;
+  for (int k = 0; k < count; k++) {
+    const double x = batch.x[k], y = batch.y[k], z = batch.z[k], s = batch.s[k] + margin;
+    touch[k] = x * x + y * y + z * z <= s * s ? 1 : 0;
+    small |= s < kSmallSum ? 1 : 0;
+  }
+  return small == 0;
+}
+
 // As split(), without a cast to an integer: AVX2 has none for 64 bits. Adding 1.5 * 2^52 and subtracting it
 // again rounds a number below 2^51 to a whole one, and the low bits of the sum are those of the whole number.
 PADDER_CLONES void bin_numbers(const double* x, int count, const double* size, const double* per_size,

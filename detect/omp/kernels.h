@@ -124,6 +124,9 @@ template <class S>
 void differences(const S* spheres, const std::uint32_t* i, const std::uint32_t* j, std::uint32_t count,
                  Batch& out);
 void to_normals(Batch& batch, int count);
+// Sets touch[k] to 1 where the pair touches (touching() in contact.h), else to 0. False if some sum of radii
+// is so small that this does not tell it.
+bool mark_touching(const Batch& batch, int count, double margin, std::int64_t* touch);
 template <class T>
 void copy_normals(const Batch& batch, std::uint32_t count, Normal<T>* to);
 

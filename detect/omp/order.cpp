@@ -6,7 +6,7 @@
 #include <omp.h>
 
 #include "detect/omp/choose_levels.h"
-#include "detect/omp/paths.h"
+#include "detect/omp/reach_table.h"
 
 namespace padder::detect::omp {
 namespace {
@@ -144,6 +144,8 @@ GridPath::GridPath(Budget& b)
       slots_{Buffer<float>(b), Buffer<float>(b), Buffer<float>(b), Buffer<float>(b)},
       filters_(b),
       spheres_(b) {}
+
+GridPath::~GridPath() = default;
 
 template <class Slot, class T>
 void GridPath::sort(const View<T>& spheres, const Grid& grid, int threads, Seconds& seconds) {

@@ -211,10 +211,13 @@ struct Entry {
   T x, y, z, r;
 };
 
+class ReachTable;
+
 // The grid path (order.cpp, search.cpp, records.cpp).
 class GridPath {
  public:
   explicit GridPath(Budget& b);
+  ~GridPath();
   template <class T>
   std::uint64_t run(const View<T>& spheres, const Summary& summary, const CallOptions& options, int threads,
                     Records& records, Seconds& seconds);  // returns the number of doubtful pairs
@@ -262,6 +265,7 @@ class GridPath {
   Buffer<Filter> filters_;
   Buffer<std::byte> spheres_;                // in the order of the slots: Exact<Slot>
   std::vector<Buffer<std::uint32_t>> hits_;  // of each thread: HitLists, half of the buffer each
+  std::vector<ReachTable> reaches_;          // of each level, where finer spheres search it so
   std::vector<Chunk> chunks_;
 };
 

@@ -7,8 +7,7 @@
 #include <cstring>
 #include <limits>
 
-#include "detect/omp/level_keys.h"
-#include "detect/omp/paths.h"
+#include "detect/omp/reach_table.h"
 
 namespace padder::detect::omp {
 namespace {
@@ -70,6 +69,9 @@ constexpr double kLargestSearchRadius[2] = {800, 100};  // for float slots, for 
 constexpr std::uint64_t kFewSpheres = 128;
 bool few(const Level& l) { return l.spheres <= kFewSpheres; }
 double whole_cost(const Level& l) { return 8 + 3.5 * (static_cast<double>(l.spheres) / kLanes + 0.5); }
+// Do finer spheres search this level by its table of reaches? A sphere is in 27 lists at most, and a table
+// has 32-bit numbers.
+bool by_table(const Level& l) { return !few(l) && l.spheres < 1u << 27; }
 constexpr int kRows = 2048;              // rows of bins that are looked up together; at least one layer
 constexpr std::uint32_t kTogether = 16;  // spheres whose rows are
 constexpr int kAround = std::numeric_limits<int>::max();  // rows that go on at the other end of the ring
@@ -78,6 +80,7 @@ constexpr int kAround = std::numeric_limits<int>::max();  // rows that go on at 
 // direction that costs less. A large sphere touches most of the finer spheres that it tests, but it searches
 // many bins.
 struct CrossSearches {
+  Partners partners[kMaxLevels];  // of each level, those that search it by its table of reaches
   int count[kMaxLevels] = {}, at[kMaxLevels][kMaxLevels];
   double cost[kMaxLevels][kMaxLevels];  // for each sphere of the level, in nanoseconds
   void add(int from, int to, double each) { cost[from][count[from]] = each, at[from][count[from]++] = to; }
@@ -88,15 +91,16 @@ CrossSearches plan_cross_searches(const Grid& g, bool fixed_point) {
   CrossSearches plan;
   for (int c = 0; c < g.levels; c++)
     for (int f = 0; f < c; f++) {
+      if (lie_apart(g.level[c], g.level[f])) continue;
       const Level coarse = dense(g.level[c]), fine = dense(g.level[f]);
-      const double fine_cost = few(coarse) ? whole_cost(coarse) : cross_search_cost(fine, coarse),
-                   coarse_cost = cross_search_cost(coarse, fine);
+      const double fine_cost = few(coarse) ? whole_cost(coarse) : fine_to_coarse_cost(fine, coarse),
+                   coarse_cost = coarse_to_fine_cost(coarse, fine);
       const double search_radius = (coarse.radius_max + fine.radius_max) * fine.per_size;
       const bool wide = search_radius > kLargestSearchRadius[fixed_point] ||
                         2.01 * search_radius + 3 > keys_of(g.level[f]).side();
       if (wide ||
           fine_cost * static_cast<double>(fine.spheres) <= coarse_cost * static_cast<double>(coarse.spheres))
-        plan.add(f, c, fine_cost);
+        plan.add(f, c, fine_cost), plan.partners[c].add(g.level[f]);
       else
         plan.add(c, f, coarse_cost);
     }
@@ -111,11 +115,12 @@ int floor_of(float v) {
 template <class Slot>
 class Searcher {
  public:
-  Searcher(const Exact<Slot>* spheres, const Grid& grid, const CallOptions& options, const Slots<Slot>& slots,
-           const std::uint32_t* ids, const std::uint32_t* keys, const std::uint32_t* starts,
-           const Filter* filters, Hits& hits)
+  Searcher(const Exact<Slot>* spheres, const Grid& grid, const std::vector<ReachTable>& reaches,
+           const CallOptions& options, const Slots<Slot>& slots, const std::uint32_t* ids,
+           const std::uint32_t* keys, const std::uint32_t* starts, const Filter* filters, Hits& hits)
       : spheres_(spheres),
         grid_(grid),
+        reaches_(reaches),
         own_(options.own),
         slots_(slots),
         ids_(ids),
@@ -150,7 +155,39 @@ class Searcher {
       if (s.spheres == 0) own_level_of(level, bins, first++);
     }
   }
-  // The same for another level.
+  // The same for a coarser level, by its table of reaches. All candidates are decided in double: half of them
+  // touch, and float would look at the rest in vain.
+  void coarser_level(int level, std::uint32_t first, std::uint32_t last) {
+    const ReachTable& table = reaches_[static_cast<std::size_t>(level)];
+    const Level& l = grid_.level[level];
+    double place[3][kBatch], size[kBatch], per_size[kBatch];
+    std::uint32_t bins[3][kBatch];
+    std::fill_n(size, kBatch, l.size), std::fill_n(per_size, kBatch, l.per_size);
+    for (std::uint32_t count; first < last; first += count) {
+      count = std::min(kBatch, last - first);
+      for (std::uint32_t k = 0; k < count; k++) {
+        const Sphere s = exact_sphere(first + k);
+        place[0][k] = s.x, place[1][k] = s.y, place[2][k] = s.z;
+      }
+      for (int axis = 0; axis < 3; axis++)
+        bin_numbers(place[axis], static_cast<int>(count), size, per_size, bins[axis]);
+      HitLists out = hits_.room();
+      std::uint32_t n = 0;
+      for (std::uint32_t k = 0; k < count; k++) {
+        Run run = table.run(bins[0][k], bins[1][k], bins[2][k]);
+        while (run.end - run.begin > kMostCandidates - n) {
+          const std::uint32_t part = kMostCandidates - n;
+          add_pairs(out, n, first + k, table.slots() + run.begin, part);
+          keep_touching(out, n + part);
+          out = hits_.room(), n = 0, run.begin += part;
+        }
+        add_pairs(out, n, first + k, table.slots() + run.begin, run.end - run.begin);
+        n += run.end - run.begin;
+      }
+      keep_touching(out, n);
+    }
+  }
+  // The same for another level, by rows of its bins.
   void other_level(int from, int level, std::uint32_t first, std::uint32_t last) {
     const Level& l = grid_.level[level];
     // Spheres beyond these bounds meet none of the level. A bin more than the reach makes up for rounding.
@@ -388,6 +425,43 @@ class Searcher {
     hits_.keep(n);
   }
 
+  // Appends pairs of slot a and the next `count` slots of `b`. Whole vectors: what is too much is written
+  // over.
+  static void add_pairs(const HitLists& out, std::uint32_t n, std::uint32_t a, const std::uint32_t* b,
+                        std::uint32_t count) {
+    for (std::uint32_t k = 0; k < count; k += kLanes)
+      std::fill_n(out.a + n + k, kLanes, a), std::copy_n(b + k, kLanes, out.b + n + k);
+  }
+  // Keeps those of the first n hits that are contacts, by the exact test and the filter.
+  void keep_touching(const HitLists& hits, std::uint32_t n) {
+    std::fill_n(hits.a + n, kLanes, n > 0 ? hits.a[0] : 0),
+        std::fill_n(hits.b + n, kLanes, n > 0 ? hits.b[0] : 0);
+    std::uint32_t kept = 0;
+    for (std::uint32_t first = 0; first < n; first += kBatch) {
+      const std::uint32_t count = std::min(kBatch, n - first);
+      const std::uint32_t *a = hits.a + first, *b = hits.b + first;
+      std::int64_t touch[kBatch];
+      differences(spheres_, a, b, count, batch_);
+      if (!mark_touching(batch_, static_cast<int>(count), margin_, touch))
+        for (std::uint32_t k = 0; k < count; k++)
+          touch[k] = touching(exact_sphere(a[k]), exact_sphere(b[k]), margin_);
+      for (std::uint32_t k = 0; k < count; k++) {
+        const std::uint32_t mine = a[k], other = b[k];
+        hits.a[kept] = mine, hits.b[kept] = other;
+        kept += touch[k] != 0;
+      }
+    }
+    if (confirms_) {
+      n = kept, kept = 0;
+      for (std::uint32_t k = 0; k < n; k++) {
+        const std::uint32_t a = hits.a[k];
+        hits.a[kept] = a, hits.b[kept] = hits.b[k];
+        kept += confirm(seeker(a), a, hits.b + kept, 1, INFINITY, false);
+      }
+    }
+    hits_.keep(kept);
+  }
+
   // Removes the hits that are no contacts from those of spheres at their own level. Returns how many are
   // left.
   std::uint32_t confirm_bins(const HitLists& hits, std::uint32_t n) {
@@ -432,6 +506,7 @@ class Searcher {
 
   const Exact<Slot>* spheres_;
   const Grid& grid_;
+  const std::vector<ReachTable>& reaches_;
   const Region own_;
   const Slots<Slot> slots_;
   const std::uint32_t* ids_;
@@ -444,6 +519,7 @@ class Searcher {
   double margin_;
   Run rows_[kRows + kLanes];
   CrossSearch together_[kTogether];
+  Batch batch_;
   LevelKeys level_keys_[kMaxLevels];
   std::uint64_t doubtful_ = 0;
 };
@@ -456,6 +532,14 @@ std::uint64_t GridPath::search(const Grid& grid, const CallOptions& options, boo
   Stopwatch watch;
   const CrossSearches cross_searches = plan_cross_searches(grid, std::is_same_v<Slot, FixedPointSlot>);
   chunks_.clear();
+  while (reaches_.size() < static_cast<std::size_t>(grid.levels)) reaches_.emplace_back(*budget_);
+  for (int k = 0; k < grid.levels; k++) {
+    const Level& l = grid.level[k];
+    if (cross_searches.partners[k].any && by_table(l))
+      reaches_[static_cast<std::size_t>(k)].build(l, cross_searches.partners[k], exact_spheres<Slot>(),
+                                                  starts_[l.offset],
+                                                  starts_[std::uint64_t(l.offset) + l.buckets]);
+  }
   for (int k = 0; k < grid.levels; k++) {
     const Level& l = grid.level[k];
     const std::uint64_t begin = starts_[l.offset], end = starts_[std::uint64_t(l.offset) + l.buckets];
@@ -478,8 +562,8 @@ std::uint64_t GridPath::search(const Grid& grid, const CallOptions& options, boo
   {
     const int t = omp_get_thread_num();
     Hits hits(hits_[static_cast<std::size_t>(t)], *budget_);
-    Searcher<Slot> searcher(exact_spheres<Slot>(), grid, options, slots<Slot>(), ids_.data(), keys_.data(),
-                            starts_.data(), filtered ? filters_.data() : nullptr, hits);
+    Searcher<Slot> searcher(exact_spheres<Slot>(), grid, reaches_, options, slots<Slot>(), ids_.data(),
+                            keys_.data(), starts_.data(), filtered ? filters_.data() : nullptr, hits);
     // Backwards: the few largest spheres come first, because their cost is known least.
 #pragma omp for schedule(dynamic, 1)
     for (auto k = static_cast<std::int64_t>(chunks_.size()) - 1; k >= 0; k--) {
@@ -489,6 +573,8 @@ std::uint64_t GridPath::search(const Grid& grid, const CallOptions& options, boo
                  end = static_cast<std::uint32_t>(c.slot + c.slots);
       if (c.at == c.level)
         searcher.own_level(c.at, slot, end);
+      else if (c.at > c.level && by_table(grid.level[c.at]))
+        searcher.coarser_level(c.at, slot, end);
       else
         searcher.other_level(c.level, c.at, slot, end);
       c.count = hits.size() - c.first;

@@ -382,9 +382,9 @@ TEST(Grid, LevelsThatLookEitherWay) {
   const Grid g = choose_grid(summary_of(wide.spheres), 0, 8, CrossSearch::cheaper);
   ASSERT_EQ(g.levels, 2);
   const Level &fine = g.level[0], &coarse = g.level[1];
-  EXPECT_LT(cross_search_cost(coarse, fine) * static_cast<double>(coarse.spheres),
-            cross_search_cost(fine, coarse) * static_cast<double>(fine.spheres));
-  EXPECT_GT(cross_search_cost(coarse, fine), 20 * cross_search_cost(fine, coarse)) << "of one sphere";
+  EXPECT_LT(coarse_to_fine_cost(coarse, fine) * static_cast<double>(coarse.spheres),
+            fine_to_coarse_cost(fine, coarse) * static_cast<double>(fine.spheres));
+  EXPECT_GT(coarse_to_fine_cost(coarse, fine), 20 * fine_to_coarse_cost(fine, coarse)) << "of one sphere";
 }
 
 // Two spheres of one level that touch are at most one bin apart: what neighbour_offsets says is never too

@@ -294,6 +294,38 @@ TEST(Kernels, NormalsAreThoseOfTheRecord) {
     }
 }
 
+// Marks are those of touching(), or it says that the spheres are too small for them.
+TEST(Kernels, MarksOfPairsThatTouch) {
+  std::mt19937_64 random(12);
+  std::uniform_real_distribution<double> unit(-1, 1);
+  int touch = 0, apart = 0, small = 0;
+  for (const int exponent : {0, 300, -480, -510, -1000})
+    for (const double margin : {0.0, std::ldexp(0.1, exponent)}) {
+      const double by = std::ldexp(1.0, exponent);
+      Batch batch;
+      std::vector<Sphere> i(kBatch), j(kBatch);
+      for (std::uint32_t k = 0; k < kBatch; k++) {
+        i[k] = {by * unit(random), by * unit(random), by * unit(random), by * std::abs(unit(random))};
+        j[k] = {by * unit(random), by * unit(random), by * unit(random), by * std::abs(unit(random))};
+        if (k % 3 == 0) j[k] = i[k], j[k].x += i[k].r + j[k].r + margin;  // one point, but for rounding
+        batch.x[k] = j[k].x - i[k].x, batch.y[k] = j[k].y - i[k].y, batch.z[k] = j[k].z - i[k].z;
+        batch.s[k] = i[k].r + j[k].r;
+      }
+      std::int64_t marks[kBatch];
+      if (!mark_touching(batch, kBatch, margin, marks)) {
+        small++;
+        continue;
+      }
+      for (std::uint32_t k = 0; k < kBatch; k++) {
+        ASSERT_EQ(marks[k] != 0, touching(i[k], j[k], margin)) << exponent << ' ' << k;
+        (marks[k] ? touch : apart)++;
+      }
+    }
+  EXPECT_GT(touch, 100);
+  EXPECT_GT(apart, 100);
+  EXPECT_EQ(small, 4) << "2^-510 and 2^-1000";
+}
+
 TEST(BinNumbers, AreThoseOfSplit) {
   std::mt19937_64 random(11);
   std::uniform_real_distribution<double> unit(-1, 1);
