@@ -98,7 +98,9 @@ double coarse_to_fine_cost(const Summary::Octave& from, const Summary::Octave& a
 double fine_to_coarse_cost(const Summary::Octave& from, const Summary::Octave& at, double size) {
   const double wide = (1.4 * at.radius_max + 2 * from.radius_max) / size + 1, listed = wide * wide * wide,
                reach = from.radius_max + at.radius_max;
-  return 6 + fraction_near(from, at, reach) * (3 + 4 * listed * density_of(at, size)) +
+  return 6 +
+         fraction_near(from, at, reach) *
+             (3 + 4 * std::min(listed * density_of(at, size), static_cast<double>(at.count))) +
          static_cast<double>(at.count) / static_cast<double>(from.count) *
              (5 + fraction_near(at, from, reach) * 5 * listed);
 }

@@ -213,6 +213,10 @@ struct Entry {
 
 class ReachTable;
 
+// How the spheres of a level search another. By rows of its bins; or, a coarser one, by its table of reaches;
+// or they test all of its spheres, if these are few.
+enum class Way { rows, table, whole };
+
 // The grid path (order.cpp, search.cpp, records.cpp).
 class GridPath {
  public:
@@ -253,6 +257,7 @@ class GridPath {
     std::uint64_t first, count;  // the hits in the lists of the thread
     std::uint64_t record;        // number of the first record
     int thread, level, at;       // the level of the slots, and the level that they search
+    Way way;
   };
 
   Budget* budget_;

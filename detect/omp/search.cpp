@@ -64,26 +64,26 @@ class Hits {
 // The largest search radius of a coarse sphere, in bins of the finer level. Fixed-point slots know their
 // place modulo 256 bins only, and kSearchRadiusFactor must not add more than a bin.
 constexpr double kLargestSearchRadius[2] = {800, 100};  // for float slots, for fixed-point slots
-// A level of so few spheres is searched whole: that costs a vector of tests for eight spheres, and no look-up
-// of rows. whole_cost: for each sphere that searches, in nanoseconds; a rough measurement.
-constexpr std::uint64_t kFewSpheres = 128;
-bool few(const Level& l) { return l.spheres <= kFewSpheres; }
-double whole_cost(const Level& l) { return 8 + 3.5 * (static_cast<double>(l.spheres) / kLanes + 0.5); }
-// Do finer spheres search this level by its table of reaches? A sphere is in 27 lists at most, and a table
-// has 32-bit numbers.
-bool by_table(const Level& l) { return !few(l) && l.spheres < 1u << 27; }
 constexpr int kRows = 2048;              // rows of bins that are looked up together; at least one layer
 constexpr std::uint32_t kTogether = 16;  // spheres whose rows are
 constexpr int kAround = std::numeric_limits<int>::max();  // rows that go on at the other end of the ring
 
+// For each sphere that searches a whole level, in nanoseconds; a rough measurement.
+double whole_cost(const Level& l) { return 8 + 3.5 * (static_cast<double>(l.spheres) / kLanes + 0.5); }
+// A sphere is in 27 lists at most, and a table has 32-bit numbers.
+constexpr std::uint64_t kMostInTable = std::uint64_t(1) << 27;
+
 // Which other levels the spheres of each level search. Of two levels, one searches the other, in the
 // direction that costs less. A large sphere touches most of the finer spheres that it tests, but it searches
 // many bins.
+struct CrossSearch {
+  int at;
+  Way way;
+  double cost;  // for each sphere that searches, in nanoseconds
+};
 struct CrossSearches {
-  Partners partners[kMaxLevels];  // of each level, those that search it by its table of reaches
-  int count[kMaxLevels] = {}, at[kMaxLevels][kMaxLevels];
-  double cost[kMaxLevels][kMaxLevels];  // for each sphere of the level, in nanoseconds
-  void add(int from, int to, double each) { cost[from][count[from]] = each, at[from][count[from]++] = to; }
+  Partners partners[kMaxLevels];  // of each level, those that search it by its table
+  std::vector<CrossSearch> of_level[kMaxLevels];
 };
 CrossSearches plan_cross_searches(const Grid& g, bool fixed_point) {
   // Periodic levels are searched as dense ones are.
@@ -93,16 +93,20 @@ CrossSearches plan_cross_searches(const Grid& g, bool fixed_point) {
     for (int f = 0; f < c; f++) {
       if (lie_apart(g.level[c], g.level[f])) continue;
       const Level coarse = dense(g.level[c]), fine = dense(g.level[f]);
-      const double fine_cost = few(coarse) ? whole_cost(coarse) : fine_to_coarse_cost(fine, coarse),
-                   coarse_cost = coarse_to_fine_cost(coarse, fine);
+      CrossSearch up{c, coarse.spheres < kMostInTable ? Way::table : Way::rows,
+                     fine_to_coarse_cost(fine, coarse)},
+          down{f, Way::rows, coarse_to_fine_cost(coarse, fine)};
+      if (whole_cost(coarse) < up.cost) up.way = Way::whole, up.cost = whole_cost(coarse);
       const double search_radius = (coarse.radius_max + fine.radius_max) * fine.per_size;
       const bool wide = search_radius > kLargestSearchRadius[fixed_point] ||
                         2.01 * search_radius + 3 > keys_of(g.level[f]).side();
-      if (wide ||
-          fine_cost * static_cast<double>(fine.spheres) <= coarse_cost * static_cast<double>(coarse.spheres))
-        plan.add(f, c, fine_cost), plan.partners[c].add(g.level[f]);
-      else
-        plan.add(c, f, coarse_cost);
+      if (!wide &&
+          down.cost * static_cast<double>(coarse.spheres) < up.cost * static_cast<double>(fine.spheres)) {
+        plan.of_level[c].push_back(down);
+        continue;
+      }
+      plan.of_level[f].push_back(up);
+      if (up.way == Way::table) plan.partners[c].add(g.level[f]);
     }
   return plan;
 }
@@ -146,7 +150,7 @@ class Searcher {
     const auto test_bins = sparse(bins, first, last) ? kernels_.test_sparse_bins : kernels_.test_bins;
     while (first < last) {
       Searched s{0, 0, false};
-      if (!confirms_ && !repeats(level)) {
+      if (!confirms_ && near(level) == INFINITY) {
         const HitLists out = hits_.room();
         s = test_bins(bins, first, std::min(last, first + kConfirmed), out, kMostCandidates);
         hits_.keep(s.doubt ? confirm_bins(out, s.hits) : s.hits);
@@ -187,26 +191,25 @@ class Searcher {
       keep_touching(out, n);
     }
   }
+  // The same for another level, all of whose spheres are tested.
+  void whole_level(int from, int level, std::uint32_t first, std::uint32_t last) {
+    const Box box = box_of(from, level);
+    const Level& l = grid_.level[level];
+    const Run all{starts_[l.offset], starts_[std::uint64_t(l.offset) + l.buckets]};
+    for (std::uint32_t a = first; a < last; a++) {
+      const Sphere s = exact_sphere(a);
+      if (box.holds(s) && has_bin(l, s)) test_in_parts(seeker_at(l, a, s), a, all, near(level, true));
+    }
+  }
   // The same for another level, by rows of its bins.
   void other_level(int from, int level, std::uint32_t first, std::uint32_t last) {
-    const Level& l = grid_.level[level];
-    // Spheres beyond these bounds meet none of the level. A bin more than the reach makes up for rounding.
-    double low[3], high[3];
-    for (int k = 0; k < 3; k++) {
-      const double reach = (grid_.level[from].radius_max + l.radius_max) * (1 + 0x1p-20) + l.size,
-                   begin = static_cast<double>(l.first[k]) * l.size;
-      low[k] = l.hashed ? -INFINITY : begin - reach;
-      high[k] = l.hashed ? INFINITY : begin + l.count[k] * l.size + reach;
-    }
+    const Box box = box_of(from, level);
     // Rows are looked up for several spheres before any is tested, so that none waits for another.
     std::uint32_t together = 0;
     for (std::uint32_t a = first; a < last; a++) {
       const Sphere s = exact_sphere(a);
-      CrossSearch& search = together_[together];
-      if (!((s.x >= low[0]) & (s.x <= high[0]) & (s.y >= low[1]) & (s.y <= high[1]) & (s.z >= low[2]) &
-            (s.z <= high[2])) ||
-          !prepare(level, a, s, search))
-        continue;
+      BallSearch& search = together_[together];
+      if (!box.holds(s) || !prepare(level, a, s, search)) continue;
       if (search.rows <= kRows / static_cast<int>(kTogether) && ++together < kTogether) continue;
       search_level(level, together), together = 0;
       if (search.rows > kRows / static_cast<int>(kTogether)) search_alone(level, search);
@@ -225,10 +228,43 @@ class Searcher {
     s.r += grown_by();
     return s;
   }
-  // May spheres meet whose bins are far apart? The places of fixed-point slots repeat after 256 bins.
-  bool repeats(int level) const {
-    return kFixedPoint && (level_keys_[level].periodic() || few(grid_.level[level]));
+  // The same as a slot of another level.
+  Slot seeker_at(const Level& l, std::uint32_t a, [[maybe_unused]] Sphere s) const {
+    if constexpr (kFixedPoint)
+      return fixed_point_slot(l, s);
+    else
+      return seeker(a);
   }
+  // A sphere this far out has no bin number. The spheres of this level are nearer (need_of), and cannot touch
+  // it.
+  static bool has_bin(const Level& l, const Sphere& s) {
+    return larger(larger(magnitude(s.x), magnitude(s.y)), magnitude(s.z)) <= 0x1p43 * l.size;
+  }
+  // Where spheres of a level may meet those of another.
+  struct Box {
+    double low[3], high[3];
+    bool holds(const Sphere& s) const {
+      return (s.x >= low[0]) & (s.x <= high[0]) & (s.y >= low[1]) & (s.y <= high[1]) & (s.z >= low[2]) &
+             (s.z <= high[2]);
+    }
+  };
+  Box box_of(int from, int level) const {
+    const Level& l = grid_.level[level];
+    Box box;
+    for (int k = 0; k < 3; k++) {  // a bin more than the reach makes up for rounding
+      const double reach = (grid_.level[from].radius_max + l.radius_max) * (1 + 0x1p-20) + l.size,
+                   begin = static_cast<double>(l.first[k]) * l.size;
+      box.low[k] = l.hashed ? -INFINITY : begin - reach;
+      box.high[k] = l.hashed ? INFINITY : begin + l.count[k] * l.size + reach;
+    }
+    return box;
+  }
+  // How far apart along an axis centres may be that the search of a level compares: the places of fixed-point
+  // slots repeat after 256 bins. `any`: spheres of the level may be met that are not near.
+  double near(int level, bool any) const {
+    return kFixedPoint && any ? 0x1p7 * grid_.level[level].size : INFINITY;
+  }
+  double near(int level) const { return near(level, level_keys_[level].periodic()); }
 
   // Do the spheres of these slots have few candidates? Some of them are asked.
   static bool sparse(const Bins<Slot>& bins, std::uint32_t first, std::uint32_t last) {
@@ -259,8 +295,8 @@ class Searcher {
         runs_around(l, here + row - 1, 3, runs, count);
     }
     for (int k = 0; k < count; k++) candidates += runs[k].end - runs[k].begin;
-    if (candidates <= kMostCandidates) return test(seeker(a), a, runs, count, level);
-    for (int k = 0; k < count; k++) test_in_parts(seeker(a), a, runs[k], level);
+    if (candidates <= kMostCandidates) return test(seeker(a), a, runs, count, near(level));
+    for (int k = 0; k < count; k++) test_in_parts(seeker(a), a, runs[k], near(level));
   }
   // Appends the spheres of the buckets from `first` on, at most as many as the ring has: one run or two.
   void runs_around(const LevelKeys& l, std::uint32_t first, std::uint32_t buckets, Run* runs,
@@ -272,27 +308,20 @@ class Searcher {
     if (inside < buckets) runs[count++] = {starts[0], starts[buckets - inside]};
   }
   // The search of a sphere at another level: of the rows of bins around the ball.
-  struct CrossSearch {
+  struct BallSearch {
     std::uint32_t a;
     int rows;  // at most, then how many; more than kRows where it takes a search of its own
     Slot me;
     Ball ball;
   };
   // Returns false if the sphere meets none of the level.
-  bool prepare(int level, std::uint32_t a, Sphere s, CrossSearch& search) const {
+  bool prepare(int level, std::uint32_t a, Sphere s, BallSearch& search) const {
     const Level& l = grid_.level[level];
     const LevelKeys& keys = level_keys_[level];
-    search.a = a, search.me = seeker(a), search.rows = 1;
-    if (!kFixedPoint && few(l)) return true;
+    if (!has_bin(l, s)) return false;
+    search.a = a, search.me = seeker_at(l, a, s);
     s.r += margin_ / 2;
-    // A sphere this far out has no bin number. The spheres of this level are nearer (need_of), and cannot
-    // touch it.
-    if (larger(larger(magnitude(s.x), magnitude(s.y)), magnitude(s.z)) > 0x1p43 * l.size) return false;
     const Split x = split(l, s.x), y = split(l, s.y), z = split(l, s.z);
-    if constexpr (kFixedPoint)
-      search.me = {fixed_point_of(l, x), fixed_point_of(l, y), fixed_point_of(l, z),
-                   static_cast<float>(mul(s.r, l.units))};
-    if (few(l)) return true;
     Ball& ball = search.ball;
     ball.x = static_cast<float>(x.rest * l.per_size), ball.y = static_cast<float>(y.rest * l.per_size);
     ball.z = static_cast<float>(z.rest * l.per_size);
@@ -325,18 +354,16 @@ class Searcher {
   // Tests the first `count` spheres of together_.
   void search_level(int level, std::uint32_t count) {
     const std::uint32_t* const starts = starts_ + grid_.level[level].offset;
-    const Run all{starts[0], starts[grid_.level[level].buckets]};
-    const bool whole = few(grid_.level[level]);
     Run* rows = rows_;
-    for (std::uint32_t k = 0; k < count && !whole; k++) {
+    for (std::uint32_t k = 0; k < count; k++) {
       together_[k].rows = rows_of_box(together_[k].ball, starts, rows);
       rows += together_[k].rows;
     }
     rows = rows_;
     for (std::uint32_t k = 0; k < count; k++) {
-      const CrossSearch& s = together_[k];
-      test_rows(s.me, s.a, whole ? &all : rows, s.rows, level);
-      if (!whole) rows += s.rows;
+      const BallSearch& s = together_[k];
+      test_rows(s.me, s.a, rows, s.rows, near(level));
+      rows += s.rows;
     }
   }
   // The rows of the box around a ball that has few, as find_rows() writes them. To leave out what the ball
@@ -354,14 +381,14 @@ class Searcher {
     return n;
   }
   // The same for a sphere with many rows.
-  void search_alone(int level, CrossSearch& s) {
+  void search_alone(int level, BallSearch& s) {
     const Level& l = grid_.level[level];
     if (s.rows == kAround) return search_around(level_keys_[level], s.ball, s.me, s.a, level);
     Ball& ball = s.ball;
     const int last = ball.z_high, layers = std::max(1, kRows / (ball.y_high - ball.y_low + 1));
     for (; ball.z_low <= last; ball.z_low += layers) {
       ball.z_high = std::min(last, ball.z_low + layers - 1);
-      test_rows(s.me, s.a, rows_, kernels_.find_rows(ball, starts_ + l.offset, rows_), level);
+      test_rows(s.me, s.a, rows_, kernels_.find_rows(ball, starts_ + l.offset, rows_), near(level));
     }
   }
   // All rows of the box around the ball, on a periodic level.
@@ -374,7 +401,7 @@ class Searcher {
                     ball.key + static_cast<std::uint32_t>(ball.x_low) +
                         static_cast<std::uint32_t>(y) * ball.row + static_cast<std::uint32_t>(z) * ball.plane,
                     width, rows_, count);
-        test_rows(me, a, rows_, count, level);
+        test_rows(me, a, rows_, count, near(level));
       }
   }
   // Restricts bins low to high, relative to `bin`, to those that exist on the level. False if none of them
@@ -389,7 +416,7 @@ class Searcher {
   }
 
   // Tests the candidates in `count` rows, as many at once as there is room for.
-  void test_rows(const Slot& me, std::uint32_t a, const Run* rows, int count, int level) {
+  void test_rows(const Slot& me, std::uint32_t a, const Run* rows, int count, double near) {
     int first = 0;
     std::uint32_t candidates = 0;
     for (int k = 0; k < count; k++) {
@@ -398,28 +425,27 @@ class Searcher {
         candidates += n;
         continue;
       }
-      if (k > first) test(me, a, rows + first, k - first, level);
+      if (k > first) test(me, a, rows + first, k - first, near);
       first = k, candidates = n;
-      if (n > kMostCandidates) test_in_parts(me, a, rows[k], level), first = k + 1, candidates = 0;
+      if (n > kMostCandidates) test_in_parts(me, a, rows[k], near), first = k + 1, candidates = 0;
     }
-    if (count > first) test(me, a, rows + first, count - first, level);
+    if (count > first) test(me, a, rows + first, count - first, near);
   }
 
   // Tests the candidates of a run of any length.
-  void test_in_parts(const Slot& me, std::uint32_t a, Run r, int level) {
+  void test_in_parts(const Slot& me, std::uint32_t a, Run r, double near) {
     while (r.begin < r.end) {
       const Run part{r.begin, std::min(r.end, r.begin + kMostCandidates)};
-      test(me, a, &part, 1, level);
+      test(me, a, &part, 1, near);
       r.begin = part.end;
     }
   }
-  // Tests at most kMostCandidates candidates of this level.
-  void test(const Slot& me, std::uint32_t a, const Run* runs, int count, int level) {
+  // Tests at most kMostCandidates candidates.
+  void test(const Slot& me, std::uint32_t a, const Run* runs, int count, double near) {
     const HitLists out = hits_.room();
     bool doubt;
     std::uint32_t n = kernels_.test_runs(slots_, me, runs, count, out.b, doubt);
-    if (doubt | confirms_ | repeats(level))
-      n = confirm(me, a, out.b, n, repeats(level) ? 0x1p7 * grid_.level[level].size : INFINITY, doubt);
+    if (doubt | confirms_ | (near < INFINITY)) n = confirm(me, a, out.b, n, near, doubt);
     // Whole vectors: what is too much is written over.
     for (std::uint32_t k = 0; k < n; k += kLanes) std::fill_n(out.a + k, kLanes, a);
     hits_.keep(n);
@@ -518,7 +544,7 @@ class Searcher {
   bool exact_, bounded_ = false, confirms_ = false;
   double margin_;
   Run rows_[kRows + kLanes];
-  CrossSearch together_[kTogether];
+  BallSearch together_[kTogether];
   Batch batch_;
   LevelKeys level_keys_[kMaxLevels];
   std::uint64_t doubtful_ = 0;
@@ -535,7 +561,7 @@ std::uint64_t GridPath::search(const Grid& grid, const CallOptions& options, boo
   while (reaches_.size() < static_cast<std::size_t>(grid.levels)) reaches_.emplace_back(*budget_);
   for (int k = 0; k < grid.levels; k++) {
     const Level& l = grid.level[k];
-    if (cross_searches.partners[k].any && by_table(l))
+    if (cross_searches.partners[k].any)
       reaches_[static_cast<std::size_t>(k)].build(l, cross_searches.partners[k], exact_spheres<Slot>(),
                                                   starts_[l.offset],
                                                   starts_[std::uint64_t(l.offset) + l.buckets]);
@@ -543,13 +569,13 @@ std::uint64_t GridPath::search(const Grid& grid, const CallOptions& options, boo
   for (int k = 0; k < grid.levels; k++) {
     const Level& l = grid.level[k];
     const std::uint64_t begin = starts_[l.offset], end = starts_[std::uint64_t(l.offset) + l.buckets];
-    const auto add = [&](int at, double each) {
+    const auto add = [&](int at, Way way, double each) {
       const auto size = std::min(static_cast<std::uint64_t>(std::max(1.0, kChunkTime / each)), kChunkSlots);
       for (std::uint64_t slot = begin; slot < end; slot += size)
-        chunks_.push_back({slot, std::min(size, end - slot), 0, 0, 0, 0, k, at});
+        chunks_.push_back({slot, std::min(size, end - slot), 0, 0, 0, 0, k, at, way});
     };
-    add(k, kOwnLevelTime);
-    for (int q = 0; q < cross_searches.count[k]; q++) add(cross_searches.at[k][q], cross_searches.cost[k][q]);
+    add(k, Way::rows, kOwnLevelTime);
+    for (const CrossSearch& c : cross_searches.of_level[k]) add(c.at, c.way, c.cost);
   }
   while (hits_.size() < static_cast<std::size_t>(threads)) hits_.emplace_back(*budget_);
   hits_[0].resize(Hits::kLeast, "the list of contacts");  // here, because nothing may throw in the threads
@@ -573,8 +599,10 @@ std::uint64_t GridPath::search(const Grid& grid, const CallOptions& options, boo
                  end = static_cast<std::uint32_t>(c.slot + c.slots);
       if (c.at == c.level)
         searcher.own_level(c.at, slot, end);
-      else if (c.at > c.level && by_table(grid.level[c.at]))
+      else if (c.way == Way::table)
         searcher.coarser_level(c.at, slot, end);
+      else if (c.way == Way::whole)
+        searcher.whole_level(c.level, c.at, slot, end);
       else
         searcher.other_level(c.level, c.at, slot, end);
       c.count = hits.size() - c.first;
