@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: MIT
 #include "detect/omp/kernels.h"
 
-#include "detect/core/grid.h"
-
 #include <algorithm>
 #include <array>
 #include <bit>
@@ -506,17 +504,34 @@ PADDER_CLONES bool mark_touching(const Batch& batch, int count, double margin, s
   return small == 0;
 }
 
-// As split(), without a cast to an integer: AVX2 has none for 64 bits. Adding 1.5 * 2^52 and subtracting it
-// again rounds a number below 2^51 to a whole one, and the low bits of the sum are those of the whole number.
+// As whole_below(), without a cast to an integer: AVX2 has none for 64 bits. Adding 1.5 * 2^52 and
+// subtracting it again rounds a number below 2^51 to a whole one, and the low bits of the sum are those of
+// the whole number.
+namespace {
+constexpr double kWhole = 0x1.8p52;
+[[gnu::always_inline]] inline double whole_part(double v) {
+  const double near = (v + kWhole) - kWhole;
+  return near > v ? near - 1 : near;
+}
+[[gnu::always_inline]] inline std::uint32_t low_bits(double whole) {
+  return static_cast<std::uint32_t>(std::bit_cast<std::uint64_t>(whole + kWhole));
+}
+// The bin of split().
+[[gnu::always_inline]] inline double bin_number(double x, double size, double per_size) {
+  const double below = whole_part(x * per_size), rest = x - below * size;
+  return rest < 0 ? below - 1 : ((rest >= size) & (below != -1)) ? below + 1 : below;
+}
+}  // namespace
 PADDER_CLONES void bin_numbers(const double* x, int count, const double* size, const double* per_size,
                                std::uint32_t* bins) {
-  constexpr double kWhole = 0x1.8p52;
+  for (int k = 0; k < count; k++) bins[k] = low_bits(bin_number(x[k], size[k], per_size[k]));
+}
+PADDER_CLONES void fixed_points(const double* x, int count, const Level& level, std::int32_t* places) {
+  const double size = level.size, per_size = level.per_size, units = level.units;
   for (int k = 0; k < count; k++) {
-    const double quotient = x[k] * per_size[k], near = (quotient + kWhole) - kWhole;
-    const double below = near > quotient ? near - 1 : near;
-    const double rest = x[k] - below * size[k];
-    const double bin = rest < 0 ? below - 1 : ((rest >= size[k]) & (below != -1)) ? below + 1 : below;
-    bins[k] = static_cast<std::uint32_t>(std::bit_cast<std::uint64_t>(bin + kWhole));
+    const double bin = bin_number(x[k], size, per_size), rest = x[k] - bin * size;
+    places[k] =
+        static_cast<std::int32_t>((low_bits(bin) << kUnitBits) + low_bits(whole_part(rest * units + 0.5)));
   }
 }
 

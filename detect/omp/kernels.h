@@ -6,6 +6,7 @@
 #include <type_traits>
 
 #include "detect/contact.h"
+#include "detect/core/grid.h"
 #include "detect/detector.h"
 
 namespace padder::detect::omp {
@@ -133,6 +134,8 @@ void copy_normals(const Batch& batch, std::uint32_t count, Normal<T>* to);
 // For up to kBatch coordinates along an axis, each with the edge of its bins: the bin numbers of split() in
 // grid.h, modulo 2^32.
 void bin_numbers(const double* x, int count, const double* size, const double* per_size, std::uint32_t* bins);
+// For up to kBatch coordinates along an axis of the level: fixed_point_of() in grid.h.
+void fixed_points(const double* x, int count, const Level& level, std::int32_t* places);
 // The octaves of `count` spheres, as octave_of() in grid.h has them.
 void octaves_of(const double* x, const double* y, const double* z, const double* r, int count, int top,
                 std::int64_t* octaves);

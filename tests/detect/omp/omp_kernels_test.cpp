@@ -326,12 +326,12 @@ TEST(Kernels, MarksOfPairsThatTouch) {
   EXPECT_EQ(small, 4) << "2^-510 and 2^-1000";
 }
 
-TEST(BinNumbers, AreThoseOfSplit) {
+TEST(BinNumbers, AndFixedPointsAreThoseOfSplit) {
   std::mt19937_64 random(11);
   std::uniform_real_distribution<double> unit(-1, 1);
   for (const double size : {2.00390625, 1023.0 / 1024, 513 * 0x1p-60, 0x1p100}) {
     Level l;
-    l.size = size, l.per_size = 1 / size;
+    l.size = size, l.per_size = 1 / size, l.units = std::ldexp(l.per_size, kUnitBits);
     std::vector<double> x;
     for (const double far : {1.0, 1e3, 1e6, 1e12, 0x1p43})
       for (int k = 0; k < 2000; k++) {
@@ -346,9 +346,12 @@ TEST(BinNumbers, AreThoseOfSplit) {
       std::uint32_t bins[kBatch];
       const std::vector<double> sizes(kBatch, l.size), per_size(kBatch, l.per_size);
       bin_numbers(x.data() + first, n, sizes.data(), per_size.data(), bins);
+      std::int32_t places[kBatch];
+      fixed_points(x.data() + first, n, l, places);
       for (int k = 0; k < n; k++) {
         const double v = x[first + static_cast<std::size_t>(k)];
         ASSERT_EQ(bins[k], static_cast<std::uint32_t>(split(l, v).bin)) << v << " in bins of " << size;
+        ASSERT_EQ(places[k], fixed_point_of(l, split(l, v))) << v << " in bins of " << size;
       }
     }
   }
