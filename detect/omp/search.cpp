@@ -369,15 +369,20 @@ class Searcher {
   // The rows of the box around a ball that has few, as find_rows() writes them. To leave out what the ball
   // does not cross would take longer than to test it.
   static int rows_of_box(const Ball& b, const std::uint32_t* starts, Run* rows) {
+    // One loop over y and z, because a processor does not predict the end of a short one.
+    const int wide = b.y_high - b.y_low + 1, all = wide * (b.z_high - b.z_low + 1);
+    const std::uint32_t to_next_layer = b.plane - static_cast<std::uint32_t>(wide - 1) * b.row,
+                        count = static_cast<std::uint32_t>(b.x_high - b.x_low + 1);
+    std::uint32_t key = b.key + static_cast<std::uint32_t>(b.x_low) +
+                        static_cast<std::uint32_t>(b.y_low) * b.row +
+                        static_cast<std::uint32_t>(b.z_low) * b.plane;
     int n = 0;
-    for (int z = b.z_low; z <= b.z_high; z++)
-      for (int y = b.y_low; y <= b.y_high; y++) {
-        const std::uint32_t key = b.key + static_cast<std::uint32_t>(b.x_low) +
-                                  static_cast<std::uint32_t>(y) * b.row +
-                                  static_cast<std::uint32_t>(z) * b.plane;
-        rows[n] = {starts[key], starts[key + static_cast<std::uint32_t>(b.x_high - b.x_low + 1)]};
-        n += rows[n].begin < rows[n].end;
-      }
+    for (int k = 0, left = wide; k < all; k++) {
+      rows[n] = {starts[key], starts[key + count]};
+      n += rows[n].begin < rows[n].end;
+      const bool next_layer = --left == 0;
+      key += next_layer ? to_next_layer : b.row, left = next_layer ? wide : left;
+    }
     return n;
   }
   // The same for a sphere with many rows.
