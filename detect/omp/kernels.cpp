@@ -38,6 +38,20 @@ std::uint32_t test_runs_plain(const Slots<Slot>& slots, const Slot& me, const Ru
 }
 
 template <class Slot>
+Searched test_searches_plain(const Slots<Slot>& slots, const RunSearch<Slot>* searches, std::uint32_t count,
+                             const Run* runs, const HitLists& out) {
+  Searched all{count, 0, false};
+  for (std::uint32_t k = 0; k < count; k++) {
+    bool doubt;
+    const std::uint32_t n =
+        test_runs_plain(slots, searches[k].me, runs, searches[k].runs, out.b + all.hits, doubt);
+    std::fill_n(out.a + all.hits, n, searches[k].a);
+    runs += searches[k].runs, all.hits += n, all.doubt |= doubt;
+  }
+  return all;
+}
+
+template <class Slot>
 Searched test_bins_plain(const Bins<Slot>& bins, std::uint32_t first, std::uint32_t last, const HitLists& out,
                          std::uint32_t room) {
   Searched all{0, 0, false};
@@ -169,6 +183,34 @@ __attribute__((target("avx2,popcnt"))) std::uint32_t test_runs_avx2(const Slots<
   doubt = _mm256_movemask_ps(doubts) != 0;
   return static_cast<std::uint32_t>(out - first);
 }
+// Writes `a` so many times, and up to kLanes times more. Returns the end.
+__attribute__((target("avx2"), always_inline)) inline std::uint32_t* fill(std::uint32_t* out,
+                                                                          std::ptrdiff_t count,
+                                                                          std::uint32_t a) {
+  std::uint32_t* const end = out + count;
+  do {
+    _mm256_storeu_si256(reinterpret_cast<__m256i*>(out), _mm256_set1_epi32(static_cast<int>(a)));
+    out += kLanes;
+  } while (out < end);
+  return end;
+}
+template <class Slot>
+__attribute__((target("avx2,popcnt"))) Searched test_searches_avx2(const Slots<Slot>& given,
+                                                                   const RunSearch<Slot>* searches,
+                                                                   std::uint32_t count, const Run* runs,
+                                                                   const HitLists& lists) {
+  const Slots<Slot> slots = given;
+  std::uint32_t *out_a = lists.a, *out = lists.b;
+  __m256 doubts = _mm256_setzero_ps();
+  for (std::uint32_t k = 0; k < count; k++) {
+    const Seeker<Slot> me{spread(searches[k].me), _mm256_set1_ps(searches[k].me.r)};
+    const std::uint32_t* const before = out;
+    for (const Run* const end = runs + searches[k].runs; runs != end; runs++)
+      out = test_run(slots, me, *runs, out, doubts);
+    out_a = fill(out_a, out - before, searches[k].a);
+  }
+  return {count, static_cast<std::uint32_t>(out - lists.b), _mm256_movemask_ps(doubts) != 0};
+}
 template <class Slot>
 __attribute__((target("avx2,popcnt"))) Searched test_bins_avx2(const Bins<Slot>& given, std::uint32_t first,
                                                                std::uint32_t last, const HitLists& lists,
@@ -188,12 +230,7 @@ __attribute__((target("avx2,popcnt"))) Searched test_bins_avx2(const Bins<Slot>&
     const std::uint32_t* const before = out;
 #pragma GCC unroll kForwardRuns
     for (const Run& run : runs) out = test_run(bins.slots, me, run, out, doubts);
-    std::uint32_t* const end = out_a + (out - before);
-    do {
-      _mm256_storeu_si256(reinterpret_cast<__m256i*>(out_a), _mm256_set1_epi32(static_cast<int>(a)));
-      out_a += kLanes;
-    } while (out_a < end);
-    out_a = end;
+    out_a = fill(out_a, out - before, a);
   }
   return {a - first, static_cast<std::uint32_t>(out - begin), _mm256_movemask_ps(doubts) != 0};
 }
@@ -403,13 +440,15 @@ __attribute__((target("avx2"))) std::uint32_t copy_normals_avx2(const Batch& bat
 
 template <class Slot>
 Kernels<Slot> plain_kernels() {
-  return {test_runs_plain<Slot>, test_bins_plain<Slot>, test_bins_plain<Slot>, find_rows_plain};
+  return {test_runs_plain<Slot>, test_searches_plain<Slot>, test_bins_plain<Slot>, test_bins_plain<Slot>,
+          find_rows_plain};
 }
 template <class Slot>
 Kernels<Slot> kernels_for_this_machine() {
 #ifdef PADDER_AVX2
   if (has_avx2()) {
-    Kernels<Slot> here{test_runs_avx2<Slot>, test_bins_avx2<Slot>, test_bins_avx2<Slot>, find_rows_avx2};
+    Kernels<Slot> here{test_runs_avx2<Slot>, test_searches_avx2<Slot>, test_bins_avx2<Slot>,
+                       test_bins_avx2<Slot>, find_rows_avx2};
     if constexpr (std::is_same_v<Slot, FloatSlot>) here.test_sparse_bins = test_sparse_bins_avx2;
     return here;
   }

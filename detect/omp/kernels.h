@@ -50,6 +50,13 @@ struct Searched {
   std::uint32_t spheres, hits;  // how many
   bool doubt;                   // may any hit be one that float cannot decide?
 };
+// A sphere that searches so many runs of its own; `a`: its slot.
+template <class Slot>
+struct RunSearch {
+  Slot me;
+  std::uint32_t a;
+  int runs;
+};
 // Where hits go: pairs of slots that the float test does not call apart, each slot in its list.
 struct HitLists {
   std::uint32_t *a, *b;
@@ -89,6 +96,10 @@ struct Kernels {
   // float band; slots right after a run may set it, too.
   std::uint32_t (*test_runs)(const Slots<Slot>& slots, const Slot& me, const Run* runs, int count,
                              std::uint32_t* out, bool& doubt);
+  // The same for several spheres, whose runs follow each other. Writes each hit with the sphere that
+  // searched.
+  Searched (*test_searches)(const Slots<Slot>& slots, const RunSearch<Slot>* searches, std::uint32_t count,
+                            const Run* runs, const HitLists& out);
   // Tests the spheres of slots `first` to `last` - 1, one after the other. Writes each hit with the sphere
   // that searched first. Ends before a sphere beyond last_key or with more candidates than there is room for:
   // `room` in all. There must be room for kLanes more.

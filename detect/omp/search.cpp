@@ -204,17 +204,26 @@ class Searcher {
   // The same for another level, by rows of its bins.
   void other_level(int from, int level, std::uint32_t first, std::uint32_t last) {
     const Box box = box_of(from, level);
-    // Rows are looked up for several spheres before any is tested, so that none waits for another.
+    // Several spheres are tested together, so that none waits for the rows of another.
+    constexpr int kMostRows = kRows / static_cast<int>(kTogether);
+    const std::uint32_t* const starts = starts_ + grid_.level[level].offset;
+    Run* rows = rows_;
     std::uint32_t together = 0;
+    const auto search_together = [&] { search_level(level, together), together = 0, rows = rows_; };
     for (std::uint32_t a = first; a < last; a++) {
       const Sphere s = exact_sphere(a);
-      BallSearch& search = together_[together];
+      BallSearch search;
       if (!box.holds(s) || !prepare(level, a, s, search)) continue;
-      if (search.rows <= kRows / static_cast<int>(kTogether) && ++together < kTogether) continue;
-      search_level(level, together), together = 0;
-      if (search.rows > kRows / static_cast<int>(kTogether)) search_alone(level, search);
+      if (search.rows <= kMostRows) {
+        together_[together] = {search.me, a, rows_of_box(search.ball, starts, rows)};
+        rows += together_[together++].runs;
+        if (together == kTogether) search_together();
+      } else {
+        search_together();  // first, because the rows are kept in one place
+        search_alone(level, a, search);
+      }
     }
-    search_level(level, together);
+    search_together();
   }
 
  private:
@@ -309,17 +318,16 @@ class Searcher {
   }
   // The search of a sphere at another level: of the rows of bins around the ball.
   struct BallSearch {
-    std::uint32_t a;
-    int rows;  // at most, then how many; more than kRows where it takes a search of its own
     Slot me;
     Ball ball;
+    int rows;  // at most; more than kRows where it takes a search of its own
   };
   // Returns false if the sphere meets none of the level.
   bool prepare(int level, std::uint32_t a, Sphere s, BallSearch& search) const {
     const Level& l = grid_.level[level];
     const LevelKeys& keys = level_keys_[level];
     if (!has_bin(l, s)) return false;
-    search.a = a, search.me = seeker_at(l, a, s);
+    search.me = seeker_at(l, a, s);
     s.r += margin_ / 2;
     const Split x = split(l, s.x), y = split(l, s.y), z = split(l, s.z);
     Ball& ball = search.ball;
@@ -353,18 +361,19 @@ class Searcher {
   }
   // Tests the first `count` spheres of together_.
   void search_level(int level, std::uint32_t count) {
-    const std::uint32_t* const starts = starts_ + grid_.level[level].offset;
-    Run* rows = rows_;
-    for (std::uint32_t k = 0; k < count; k++) {
-      together_[k].rows = rows_of_box(together_[k].ball, starts, rows);
-      rows += together_[k].rows;
+    const Run* rows = rows_;
+    for (std::uint32_t k = 0; k < count; k++) rows += together_[k].runs;
+    std::uint64_t candidates = 0;
+    for (const Run* row = rows_; row != rows; row++) candidates += row->end - row->begin;
+    if (candidates <= kMostCandidates) {
+      const HitLists out = hits_.room();
+      const Searched s = kernels_.test_searches(slots_, together_, count, rows_, out);
+      s.doubt || confirms_ || near(level) < INFINITY ? keep_touching(out, s.hits) : hits_.keep(s.hits);
+      return;
     }
     rows = rows_;
-    for (std::uint32_t k = 0; k < count; k++) {
-      const BallSearch& s = together_[k];
-      test_rows(s.me, s.a, rows, s.rows, near(level));
-      rows += s.rows;
-    }
+    for (std::uint32_t k = 0; k < count; rows += together_[k++].runs)
+      test_rows(together_[k].me, together_[k].a, rows, together_[k].runs, near(level));
   }
   // The rows of the box around a ball that has few, as find_rows() writes them. To leave out what the ball
   // does not cross would take longer than to test it.
@@ -386,14 +395,14 @@ class Searcher {
     return n;
   }
   // The same for a sphere with many rows.
-  void search_alone(int level, BallSearch& s) {
+  void search_alone(int level, std::uint32_t a, BallSearch& s) {
     const Level& l = grid_.level[level];
-    if (s.rows == kAround) return search_around(level_keys_[level], s.ball, s.me, s.a, level);
+    if (s.rows == kAround) return search_around(level_keys_[level], s.ball, s.me, a, level);
     Ball& ball = s.ball;
     const int last = ball.z_high, layers = std::max(1, kRows / (ball.y_high - ball.y_low + 1));
     for (; ball.z_low <= last; ball.z_low += layers) {
       ball.z_high = std::min(last, ball.z_low + layers - 1);
-      test_rows(s.me, s.a, rows_, kernels_.find_rows(ball, starts_ + l.offset, rows_), near(level));
+      test_rows(s.me, a, rows_, kernels_.find_rows(ball, starts_ + l.offset, rows_), near(level));
     }
   }
   // All rows of the box around the ball, on a periodic level.
@@ -549,7 +558,7 @@ class Searcher {
   bool exact_, bounded_ = false, confirms_ = false;
   double margin_;
   Run rows_[kRows + kLanes];
-  BallSearch together_[kTogether];
+  RunSearch<Slot> together_[kTogether];
   Batch batch_;
   LevelKeys level_keys_[kMaxLevels];
   std::uint64_t doubtful_ = 0;

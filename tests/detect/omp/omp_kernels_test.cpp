@@ -80,6 +80,43 @@ TYPED_TEST(KernelsTest, RunsGiveWhatTheFilterDoesNotCallApart) {
   EXPECT_GT(doubts, 100);
 }
 
+// Several spheres with runs of their own find what each finds alone, some of them nothing.
+TYPED_TEST(KernelsTest, SearchesGiveWhatTheirRunsGive) {
+  for (int round = 0; round < 500; round++) {
+    std::vector<Run> runs;
+    std::vector<RunSearch<TypeParam>> searches;
+    std::vector<std::uint32_t> wanted_a, wanted_b, found(this->kCount + kLanes);
+    bool doubtful = false;
+    for (std::uint32_t k = this->below(20); k > 0; k--) {
+      const std::uint32_t a = this->below(this->kCount);
+      searches.push_back({this->slots_[a], a, static_cast<int>(this->below(9))});
+      for (int q = 0; q < searches.back().runs; q++) {
+        const std::uint32_t begin = this->below(this->kCount - 20);
+        runs.push_back({begin, begin + this->below(20)});
+      }
+      bool doubt;
+      const std::uint32_t n =
+          this->plain_.test_runs(this->slots_, searches.back().me,
+                                 runs.data() + runs.size() - static_cast<std::size_t>(searches.back().runs),
+                                 searches.back().runs, found.data(), doubt);
+      wanted_a.insert(wanted_a.end(), n, a),
+          wanted_b.insert(wanted_b.end(), found.begin(), found.begin() + n);
+      doubtful |= doubt;
+    }
+    for (const Kernels<TypeParam>& kernels : {this->plain_, this->here_}) {
+      std::vector<std::uint32_t> a(this->kCount + kLanes), b(a);
+      const Searched s =
+          kernels.test_searches(this->slots_, searches.data(), static_cast<std::uint32_t>(searches.size()),
+                                runs.data(), {a.data(), b.data()});
+      a.resize(s.hits), b.resize(s.hits);
+      ASSERT_EQ(s.spheres, searches.size());
+      ASSERT_EQ(a, wanted_a);
+      ASSERT_EQ(b, wanted_b);
+      ASSERT_TRUE(s.doubt || !doubtful);
+    }
+  }
+}
+
 // 9 * 8 * 7 bins with a border, of which every third is empty. Each sphere meets what lies behind it in its
 // bin and in the 13 bins of the forward half, and the search goes on where it ended: for lack of room, or at
 // the last key.
