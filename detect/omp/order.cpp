@@ -254,6 +254,7 @@ std::uint64_t GridPath::run(const View<T>& spheres, const Summary& summary, cons
   double shrink[kOctaves];
   std::fill_n(shrink, kOctaves, 1.0);
   Grid grid = choose_levels(summary, options.bin_size, shrink);
+  spread_planes(spheres, grid);
   const auto order = [&] {
     floats ? sort<FloatSlot>(spheres, grid, threads, seconds)
            : sort<FixedPointSlot>(spheres, grid, threads, seconds);

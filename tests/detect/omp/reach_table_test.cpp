@@ -23,7 +23,7 @@ Level level_over(const std::vector<Sphere>& spheres, bool hashed, double grown_b
     l.count[k] = static_cast<std::uint32_t>(split(l, (&high->x)[k]).bin - l.first[k] + 1);
     l.buckets *= l.count[k] + 2;
   }
-  if (hashed) l.hashed = 1, l.ring = l.buckets = kLeastRing;
+  if (hashed) l.hashed = 1, l.ring = l.buckets = kLeastRing, set_spread(l, Spread::cubes);
   return l;
 }
 
@@ -65,7 +65,7 @@ TEST(ReachTable, TellsEachPartnerOnce) {
     for (const Sphere& p : partners) {
       const Bin bin = bin_of(l, p);
       const omp::Run run = table.run(static_cast<std::uint32_t>(bin.x), static_cast<std::uint32_t>(bin.y),
-                                static_cast<std::uint32_t>(bin.z));
+                                     static_cast<std::uint32_t>(bin.z));
       std::vector<std::uint32_t> found(table.slots() + run.begin, table.slots() + run.end);
       ASSERT_TRUE(std::is_sorted(found.begin(), found.end()));
       ASSERT_EQ(std::adjacent_find(found.begin(), found.end()), found.end()) << "listed twice";
