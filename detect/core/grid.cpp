@@ -82,15 +82,12 @@ double row_cost(double candidates) { return 4.5 * std::max(1.0, candidates / 8 +
 // The cost of a sphere of `from` that searches the finer level `at`, whose bins have this size, row by row. A
 // radius of 0.7 of the largest one is taken for the usual one, and the ball around the sphere crosses 0.8 of
 // the rows in the box around it.
-double coarse_to_fine_cost(const Summary::Octave& from, const Summary::Octave& at, double size,
-                           bool hashed = false) {
+double coarse_to_fine_cost(const Summary::Octave& from, const Summary::Octave& at, double size) {
   if (!(size > 0)) return 0;
   const double search_radius = 0.7 * from.radius_max + at.radius_max, wide = 2 * search_radius / size + 1;
   double rows = 0.8;
-  for (int c = 1; c < 3; c++) rows *= hashed ? wide : std::min(wide, bins_along(at, c, size));
-  const double row = hashed
-                         ? 15 * wide  // each bin is a lookup of its own
-                         : 8 + row_cost(density_of(at, size) * 0.8 * std::min(wide, bins_along(at, 0, size)));
+  for (int c = 1; c < 3; c++) rows *= std::min(wide, bins_along(at, c, size));
+  const double row = 8 + row_cost(density_of(at, size) * 0.8 * std::min(wide, bins_along(at, 0, size)));
   return 15 + fraction_near(from, at, search_radius) * (25 + rows * row);
 }
 // The cost of a sphere of `from` that searches the coarser level `at`, whose bins have this size. It finds
@@ -104,12 +101,24 @@ double fine_to_coarse_cost(const Summary::Octave& from, const Summary::Octave& a
          static_cast<double>(at.count) / static_cast<double>(from.count) *
              (5 + fraction_near(at, from, reach) * 5 * listed);
 }
-// The level as if it were one octave.
-Summary::Octave as_octave(const Level& l) {
-  Summary::Octave o{l.spheres, l.size, l.radius_max};
-  for (int k = 0; k < 3; k++)
-    o.low[k] = static_cast<double>(l.first[k]) * l.size, o.high[k] = o.low[k] + (l.count[k] - 1) * l.size;
-  return o;
+// Two levels as if each were an octave. The bounds of a hashed one tell nothing: where it has spheres it has
+// about one in a bin, and they are taken to be near those of the other level.
+struct TwoOctaves {
+  Summary::Octave from, at;
+};
+TwoOctaves as_octaves(const Level& from, const Level& at) {
+  const auto octave = [](const Level& l) {
+    Summary::Octave o{l.spheres, l.size, l.radius_max};
+    for (int k = 0; k < 3; k++) {
+      const double bins = l.hashed ? std::cbrt(static_cast<double>(l.spheres)) : l.count[k];
+      o.low[k] = static_cast<double>(l.first[k]) * l.size, o.high[k] = o.low[k] + (bins - 1) * l.size;
+    }
+    return o;
+  };
+  TwoOctaves two{octave(from), octave(at)};
+  if (from.hashed || at.hashed)
+    std::copy_n(two.at.low, 3, two.from.low), std::copy_n(two.at.high, 3, two.from.high);
+  return two;
 }
 // The cost of making octaves a to b one level, for CrossSearch::cheaper: of the search of this level by its
 // own spheres, and, for each coarser octave, of the search between the two in the direction that costs less.
@@ -477,10 +486,12 @@ bool lie_apart(const Level& a, const Level& b) {
 }
 
 double coarse_to_fine_cost(const Level& from, const Level& at) {
-  return coarse_to_fine_cost(as_octave(from), as_octave(at), at.size, at.hashed);
+  const TwoOctaves two = as_octaves(from, at);
+  return coarse_to_fine_cost(two.from, two.at, at.size);
 }
 double fine_to_coarse_cost(const Level& from, const Level& at) {
-  return fine_to_coarse_cost(as_octave(from), as_octave(at), at.size);
+  const TwoOctaves two = as_octaves(from, at);
+  return fine_to_coarse_cost(two.from, two.at, at.size);
 }
 
 }  // namespace padder::detect

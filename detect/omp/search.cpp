@@ -86,27 +86,25 @@ struct CrossSearches {
   std::vector<CrossSearch> of_level[kMaxLevels];
 };
 CrossSearches plan_cross_searches(const Grid& g, bool fixed_point) {
-  // Periodic levels are searched as dense ones are.
-  const auto dense = [](Level l) { return l.hashed = 0, l; };
   CrossSearches plan;
   for (int c = 0; c < g.levels; c++)
     for (int f = 0; f < c; f++) {
-      if (lie_apart(g.level[c], g.level[f])) continue;
-      const Level coarse = dense(g.level[c]), fine = dense(g.level[f]);
+      const Level &coarse = g.level[c], &fine = g.level[f];
+      if (lie_apart(coarse, fine)) continue;
       CrossSearch up{c, coarse.spheres < kMostInTable ? Way::table : Way::rows,
                      fine_to_coarse_cost(fine, coarse)},
           down{f, Way::rows, coarse_to_fine_cost(coarse, fine)};
       if (whole_cost(coarse) < up.cost) up.way = Way::whole, up.cost = whole_cost(coarse);
       const double search_radius = (coarse.radius_max + fine.radius_max) * fine.per_size;
       const bool wide = search_radius > kLargestSearchRadius[fixed_point] ||
-                        2.01 * search_radius + 3 > keys_of(g.level[f]).side();
+                        2.01 * search_radius + 3 > keys_of(fine).side();
       if (!wide &&
           down.cost * static_cast<double>(coarse.spheres) < up.cost * static_cast<double>(fine.spheres)) {
         plan.of_level[c].push_back(down);
         continue;
       }
       plan.of_level[f].push_back(up);
-      if (up.way == Way::table) plan.partners[c].add(g.level[f]);
+      if (up.way == Way::table) plan.partners[c].add(fine);
     }
   return plan;
 }
