@@ -83,14 +83,14 @@ std::uint64_t mistaken_pairs(const View<T>& some, const Level& l) {
 }
 
 // Where all spheres are of one periodic level: lie planes of bins on each other? Then the level is spread
-// for planes. Of n spheres, 3 sqrt(n) are asked. If the ring were filled evenly, two pairs of these would
+// for planes. Of n spheres, 2 sqrt(n) are asked. If the ring were filled evenly, one pair of these would
 // share a bucket by mistake.
 template <class T>
 void spread_planes(const View<T>& spheres, Grid& g) {
-  constexpr std::uint64_t kMany = 8;
+  constexpr std::uint64_t kMany = 5;
   Level& l = g.level[0];
   if (g.levels > 1 || !l.hashed || l.ring < 1u << kLeastPlaneBits) return;
-  const auto asked = static_cast<std::uint64_t>(3 * std::sqrt(static_cast<double>(spheres.count))),
+  const auto asked = static_cast<std::uint64_t>(2 * std::sqrt(static_cast<double>(spheres.count))),
              step = spheres.count / asked;
   std::vector<T> some;
   some.reserve(4 * asked);

@@ -164,8 +164,8 @@ TEST(PeriodicLevels, LayersDoNotLieOnThemselves) {
   std::uniform_real_distribution<float> unit(0, 1);
   for (const int upright : {0, 2, 3}) {  // 3: no layer, a cube
     std::vector<float> spheres{1e6f, -2e6f, 3e6f, 1};
-    for (int k = 0; k < 40000; k++) {
-      float place[3] = {400 * unit(random), 400 * unit(random), 400 * unit(random)};
+    for (int k = 0; k < 120000; k++) {
+      float place[3] = {700 * unit(random), 700 * unit(random), 700 * unit(random)};
       if (upright < 3)
         place[upright] = 0;
       else
