@@ -79,19 +79,46 @@ double fraction_near(const Summary::Octave& from, const Summary::Octave& at, dou
 // The cost of testing the candidates of a row of bins. Eight are tested at once, and a row begins and ends
 // anywhere, so half a vector is wasted on average.
 double row_cost(double candidates) { return 4.5 * std::max(1.0, candidates / 8 + 0.5); }
-// The cost of a sphere of `from` that searches level `at`, whose bins have this size. A radius of 0.7 of the
-// largest one is taken for the usual one, and the ball around the sphere crosses 0.8 of the rows in the box
-// around it.
-double cross_search_cost(const Summary::Octave& from, const Summary::Octave& at, double size,
-                         bool hashed = false) {
+// The cost of a sphere of `from` that searches the finer level `at`, whose bins have this size, row by row. A
+// radius of 0.7 of the largest one is taken for the usual one, and the ball around the sphere crosses 0.8 of
+// the rows in the box around it.
+double coarse_to_fine_cost(const Summary::Octave& from, const Summary::Octave& at, double size) {
   if (!(size > 0)) return 0;
   const double search_radius = 0.7 * from.radius_max + at.radius_max, wide = 2 * search_radius / size + 1;
   double rows = 0.8;
-  for (int c = 1; c < 3; c++) rows *= hashed ? wide : std::min(wide, bins_along(at, c, size));
-  const double row = hashed
-                         ? 15 * wide  // each bin is a lookup of its own
-                         : 8 + row_cost(density_of(at, size) * 0.8 * std::min(wide, bins_along(at, 0, size)));
+  for (int c = 1; c < 3; c++) rows *= std::min(wide, bins_along(at, c, size));
+  const double row = 8 + row_cost(density_of(at, size) * 0.8 * std::min(wide, bins_along(at, 0, size)));
   return 15 + fraction_near(from, at, search_radius) * (25 + rows * row);
+}
+// The cost of a sphere of `from` that searches the coarser level `at`, whose bins have this size. It finds
+// all spheres that reach into its bin in one list. Its part of the cost of the lists counts, too.
+double fine_to_coarse_cost(const Summary::Octave& from, const Summary::Octave& at, double size) {
+  const double wide = (1.4 * at.radius_max + 2 * from.radius_max) / size + 1, listed = wide * wide * wide,
+               reach = from.radius_max + at.radius_max;
+  return 6 +
+         fraction_near(from, at, reach) *
+             (3 + 4 * std::min(listed * density_of(at, size), static_cast<double>(at.count))) +
+         static_cast<double>(at.count) / static_cast<double>(from.count) *
+             (5 + fraction_near(at, from, reach) * 5 * listed);
+}
+// Two levels as if each were an octave. The bounds of a hashed one tell nothing: where it has spheres it has
+// about one in a bin, and they are taken to be near those of the other level.
+struct TwoOctaves {
+  Summary::Octave from, at;
+};
+TwoOctaves as_octaves(const Level& from, const Level& at) {
+  const auto octave = [](const Level& l) {
+    Summary::Octave o{l.spheres, l.size, l.radius_max};
+    for (int k = 0; k < 3; k++) {
+      const double bins = l.hashed ? std::cbrt(static_cast<double>(l.spheres)) : l.count[k];
+      o.low[k] = static_cast<double>(l.first[k]) * l.size, o.high[k] = o.low[k] + (bins - 1) * l.size;
+    }
+    return o;
+  };
+  TwoOctaves two{octave(from), octave(at)};
+  if (from.hashed || at.hashed)
+    std::copy_n(two.at.low, 3, two.from.low), std::copy_n(two.at.high, 3, two.from.high);
+  return two;
 }
 // The cost of making octaves a to b one level, for CrossSearch::cheaper: of the search of this level by its
 // own spheres, and, for each coarser octave, of the search between the two in the direction that costs less.
@@ -112,8 +139,8 @@ double cheaper_cost(const Summary& s, const std::vector<int>& octaves, std::size
   }
   for (std::size_t k = b + 1; k < octaves.size(); k++) {
     const Summary::Octave& o = s.octave[octaves[k]];
-    cost += std::min(static_cast<double>(o.count) * cross_search_cost(o, all, size),
-                     static_cast<double>(all.count) * cross_search_cost(all, o, o.need_max));
+    cost += std::min(static_cast<double>(o.count) * coarse_to_fine_cost(o, all, size),
+                     static_cast<double>(all.count) * fine_to_coarse_cost(all, o, o.need_max));
   }
   return cost;
 }
@@ -451,14 +478,24 @@ Summary expected_next(const Summary& before, const Summary& now) {
   return s;
 }
 
-double cross_search_cost(const Level& from, const Level& at) {
-  const auto octave = [](const Level& l) {
-    Summary::Octave o{l.spheres, l.size, l.radius_max};
-    for (int k = 0; k < 3; k++)
-      o.low[k] = static_cast<double>(l.first[k]) * l.size, o.high[k] = o.low[k] + (l.count[k] - 1) * l.size;
-    return o;
-  };
-  return cross_search_cost(octave(from), octave(at), at.size, at.hashed);
+bool lie_apart(const Level& a, const Level& b) {
+  if (a.hashed || b.hashed) return false;
+  // By a bin more, since a sphere's bin in float may be the next one (detect/cuda/order/bins.h).
+  const double apart = 1.01 * (a.radius_max + b.radius_max) + a.size + b.size;
+  const auto low = [](const Level& l, int axis) { return static_cast<double>(l.first[axis]) * l.size; };
+  const auto high = [&](const Level& l, int axis) { return low(l, axis) + l.count[axis] * l.size; };
+  for (int c = 0; c < 3; c++)
+    if (low(a, c) > high(b, c) + apart || low(b, c) > high(a, c) + apart) return true;
+  return false;
+}
+
+double coarse_to_fine_cost(const Level& from, const Level& at) {
+  const TwoOctaves two = as_octaves(from, at);
+  return coarse_to_fine_cost(two.from, two.at, at.size);
+}
+double fine_to_coarse_cost(const Level& from, const Level& at) {
+  const TwoOctaves two = as_octaves(from, at);
+  return fine_to_coarse_cost(two.from, two.at, at.size);
 }
 
 }  // namespace padder::detect

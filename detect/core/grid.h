@@ -260,8 +260,11 @@ bool covers(const Grid& grid, const Summary& s);
 // Host code. What the summary of the next call may be, if the spheres go on moving as they did from `before`
 // to `now`, at up to twice the speed.
 Summary expected_next(const Summary& before, const Summary& now);
+// Host code. Do the bounds of two levels lie so far from each other that none of their spheres touch?
+bool lie_apart(const Level& a, const Level& b);
 // Host code. What it costs on a CPU that a sphere of level `from` searches level `at`: nanoseconds, good
 // enough to compare two ways.
-double cross_search_cost(const Level& from, const Level& at);
+double coarse_to_fine_cost(const Level& from, const Level& at);
+double fine_to_coarse_cost(const Level& from, const Level& at);
 
 }  // namespace padder::detect

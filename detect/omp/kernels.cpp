@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: MIT
 #include "detect/omp/kernels.h"
 
-#include "detect/core/grid.h"
-
 #include <algorithm>
 #include <array>
 #include <bit>
@@ -37,6 +35,20 @@ std::uint32_t test_runs_plain(const Slots<Slot>& slots, const Slot& me, const Ru
     }
   doubt = any;
   return n;
+}
+
+template <class Slot>
+Searched test_searches_plain(const Slots<Slot>& slots, const RunSearch<Slot>* searches, std::uint32_t count,
+                             const Run* runs, const HitLists& out) {
+  Searched all{count, 0, false};
+  for (std::uint32_t k = 0; k < count; k++) {
+    bool doubt;
+    const std::uint32_t n =
+        test_runs_plain(slots, searches[k].me, runs, searches[k].runs, out.b + all.hits, doubt);
+    std::fill_n(out.a + all.hits, n, searches[k].a);
+    runs += searches[k].runs, all.hits += n, all.doubt |= doubt;
+  }
+  return all;
 }
 
 template <class Slot>
@@ -171,6 +183,34 @@ __attribute__((target("avx2,popcnt"))) std::uint32_t test_runs_avx2(const Slots<
   doubt = _mm256_movemask_ps(doubts) != 0;
   return static_cast<std::uint32_t>(out - first);
 }
+// Writes `a` so many times, and up to kLanes times more. Returns the end.
+__attribute__((target("avx2"), always_inline)) inline std::uint32_t* fill(std::uint32_t* out,
+                                                                          std::ptrdiff_t count,
+                                                                          std::uint32_t a) {
+  std::uint32_t* const end = out + count;
+  do {
+    _mm256_storeu_si256(reinterpret_cast<__m256i*>(out), _mm256_set1_epi32(static_cast<int>(a)));
+    out += kLanes;
+  } while (out < end);
+  return end;
+}
+template <class Slot>
+__attribute__((target("avx2,popcnt"))) Searched test_searches_avx2(const Slots<Slot>& given,
+                                                                   const RunSearch<Slot>* searches,
+                                                                   std::uint32_t count, const Run* runs,
+                                                                   const HitLists& lists) {
+  const Slots<Slot> slots = given;
+  std::uint32_t *out_a = lists.a, *out = lists.b;
+  __m256 doubts = _mm256_setzero_ps();
+  for (std::uint32_t k = 0; k < count; k++) {
+    const Seeker<Slot> me{spread(searches[k].me), _mm256_set1_ps(searches[k].me.r)};
+    const std::uint32_t* const before = out;
+    for (const Run* const end = runs + searches[k].runs; runs != end; runs++)
+      out = test_run(slots, me, *runs, out, doubts);
+    out_a = fill(out_a, out - before, searches[k].a);
+  }
+  return {count, static_cast<std::uint32_t>(out - lists.b), _mm256_movemask_ps(doubts) != 0};
+}
 template <class Slot>
 __attribute__((target("avx2,popcnt"))) Searched test_bins_avx2(const Bins<Slot>& given, std::uint32_t first,
                                                                std::uint32_t last, const HitLists& lists,
@@ -190,12 +230,7 @@ __attribute__((target("avx2,popcnt"))) Searched test_bins_avx2(const Bins<Slot>&
     const std::uint32_t* const before = out;
 #pragma GCC unroll kForwardRuns
     for (const Run& run : runs) out = test_run(bins.slots, me, run, out, doubts);
-    std::uint32_t* const end = out_a + (out - before);
-    do {
-      _mm256_storeu_si256(reinterpret_cast<__m256i*>(out_a), _mm256_set1_epi32(static_cast<int>(a)));
-      out_a += kLanes;
-    } while (out_a < end);
-    out_a = end;
+    out_a = fill(out_a, out - before, a);
   }
   return {a - first, static_cast<std::uint32_t>(out - begin), _mm256_movemask_ps(doubts) != 0};
 }
@@ -405,13 +440,15 @@ __attribute__((target("avx2"))) std::uint32_t copy_normals_avx2(const Batch& bat
 
 template <class Slot>
 Kernels<Slot> plain_kernels() {
-  return {test_runs_plain<Slot>, test_bins_plain<Slot>, test_bins_plain<Slot>, find_rows_plain};
+  return {test_runs_plain<Slot>, test_searches_plain<Slot>, test_bins_plain<Slot>, test_bins_plain<Slot>,
+          find_rows_plain};
 }
 template <class Slot>
 Kernels<Slot> kernels_for_this_machine() {
 #ifdef PADDER_AVX2
   if (has_avx2()) {
-    Kernels<Slot> here{test_runs_avx2<Slot>, test_bins_avx2<Slot>, test_bins_avx2<Slot>, find_rows_avx2};
+    Kernels<Slot> here{test_runs_avx2<Slot>, test_searches_avx2<Slot>, test_bins_avx2<Slot>,
+                       test_bins_avx2<Slot>, find_rows_avx2};
     if constexpr (std::is_same_v<Slot, FloatSlot>) here.test_sparse_bins = test_sparse_bins_avx2;
     return here;
   }
@@ -496,17 +533,44 @@ void to_normals(Batch& batch, int count) {
   }
 }
 
-// As split(), without a cast to an integer: AVX2 has none for 64 bits. Adding 1.5 * 2^52 and subtracting it
-// again rounds a number below 2^51 to a whole one, and the low bits of the sum are those of the whole number.
+PADDER_CLONES bool mark_touching(const Batch& batch, int count, double margin, std::int64_t* touch) {
+  std::int64_t small = 0;
+  for (int k = 0; k < count; k++) {
+    const double x = batch.x[k], y = batch.y[k], z = batch.z[k], s = batch.s[k] + margin;
+    touch[k] = x * x + y * y + z * z <= s * s ? 1 : 0;
+    small |= s < kSmallSum ? 1 : 0;
+  }
+  return small == 0;
+}
+
+// As whole_below(), without a cast to an integer: AVX2 has none for 64 bits. Adding 1.5 * 2^52 and
+// subtracting it again rounds a number below 2^51 to a whole one, and the low bits of the sum are those of
+// the whole number.
+namespace {
+constexpr double kWhole = 0x1.8p52;
+[[gnu::always_inline]] inline double whole_part(double v) {
+  const double near = (v + kWhole) - kWhole;
+  return near > v ? near - 1 : near;
+}
+[[gnu::always_inline]] inline std::uint32_t low_bits(double whole) {
+  return static_cast<std::uint32_t>(std::bit_cast<std::uint64_t>(whole + kWhole));
+}
+// The bin of split().
+[[gnu::always_inline]] inline double bin_number(double x, double size, double per_size) {
+  const double below = whole_part(x * per_size), rest = x - below * size;
+  return rest < 0 ? below - 1 : ((rest >= size) & (below != -1)) ? below + 1 : below;
+}
+}  // namespace
 PADDER_CLONES void bin_numbers(const double* x, int count, const double* size, const double* per_size,
                                std::uint32_t* bins) {
-  constexpr double kWhole = 0x1.8p52;
+  for (int k = 0; k < count; k++) bins[k] = low_bits(bin_number(x[k], size[k], per_size[k]));
+}
+PADDER_CLONES void fixed_points(const double* x, int count, const Level& level, std::int32_t* places) {
+  const double size = level.size, per_size = level.per_size, units = level.units;
   for (int k = 0; k < count; k++) {
-    const double quotient = x[k] * per_size[k], near = (quotient + kWhole) - kWhole;
-    const double below = near > quotient ? near - 1 : near;
-    const double rest = x[k] - below * size[k];
-    const double bin = rest < 0 ? below - 1 : ((rest >= size[k]) & (below != -1)) ? below + 1 : below;
-    bins[k] = static_cast<std::uint32_t>(std::bit_cast<std::uint64_t>(bin + kWhole));
+    const double bin = bin_number(x[k], size, per_size), rest = x[k] - bin * size;
+    places[k] =
+        static_cast<std::int32_t>((low_bits(bin) << kUnitBits) + low_bits(whole_part(rest * units + 0.5)));
   }
 }
 

@@ -6,6 +6,7 @@
 #include <type_traits>
 
 #include "detect/contact.h"
+#include "detect/core/grid.h"
 #include "detect/detector.h"
 
 namespace padder::detect::omp {
@@ -49,6 +50,13 @@ struct Searched {
   std::uint32_t spheres, hits;  // how many
   bool doubt;                   // may any hit be one that float cannot decide?
 };
+// A sphere that searches so many runs of its own; `a`: its slot.
+template <class Slot>
+struct RunSearch {
+  Slot me;
+  std::uint32_t a;
+  int runs;
+};
 // Where hits go: pairs of slots that the float test does not call apart, each slot in its list.
 struct HitLists {
   std::uint32_t *a, *b;
@@ -88,6 +96,10 @@ struct Kernels {
   // float band; slots right after a run may set it, too.
   std::uint32_t (*test_runs)(const Slots<Slot>& slots, const Slot& me, const Run* runs, int count,
                              std::uint32_t* out, bool& doubt);
+  // The same for several spheres, whose runs follow each other. Writes each hit with the sphere that
+  // searched.
+  Searched (*test_searches)(const Slots<Slot>& slots, const RunSearch<Slot>* searches, std::uint32_t count,
+                            const Run* runs, const HitLists& out);
   // Tests the spheres of slots `first` to `last` - 1, one after the other. Writes each hit with the sphere
   // that searched first. Ends before a sphere beyond last_key or with more candidates than there is room for:
   // `room` in all. There must be room for kLanes more.
@@ -124,12 +136,17 @@ template <class S>
 void differences(const S* spheres, const std::uint32_t* i, const std::uint32_t* j, std::uint32_t count,
                  Batch& out);
 void to_normals(Batch& batch, int count);
+// Sets touch[k] to 1 where the pair touches (touching() in contact.h), else to 0. False if some sum of radii
+// is so small that this does not tell it.
+bool mark_touching(const Batch& batch, int count, double margin, std::int64_t* touch);
 template <class T>
 void copy_normals(const Batch& batch, std::uint32_t count, Normal<T>* to);
 
 // For up to kBatch coordinates along an axis, each with the edge of its bins: the bin numbers of split() in
 // grid.h, modulo 2^32.
 void bin_numbers(const double* x, int count, const double* size, const double* per_size, std::uint32_t* bins);
+// For up to kBatch coordinates along an axis of the level: fixed_point_of() in grid.h.
+void fixed_points(const double* x, int count, const Level& level, std::int32_t* places);
 // The octaves of `count` spheres, as octave_of() in grid.h has them.
 void octaves_of(const double* x, const double* y, const double* z, const double* r, int count, int top,
                 std::int64_t* octaves);

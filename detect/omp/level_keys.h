@@ -43,7 +43,7 @@ struct LevelKeys {
 
 inline constexpr std::uint32_t kLeastRing = 1024;  // side() is at least 7, see tests/detect/omp
 
-// The keys of a level. The ring of a hashed one must have at least kLeastRing buckets.
+// The keys of a level. A hashed one must have a ring of at least kLeastRing buckets, and set_spread().
 inline LevelKeys keys_of(const Level& l) {
   LevelKeys k;
   k.offset = l.offset;
@@ -53,23 +53,38 @@ inline LevelKeys keys_of(const Level& l) {
     k.base = 0u - first(0) - first(1) * k.row - first(2) * k.plane;
     return k;
   }
-  // About the cube root of the ring, so that the spheres around one are not far from it in memory. The last
-  // bits are such that a line of bins along an axis or a diagonal spreads over at least an eighth of the ring
-  // before it meets itself. With row = 5 modulo 8 and plane / row = 9 modulo 16, none of row, plane,
-  // 1 +- row, 1 +- plane, row +- plane and 1 +- row +- plane is divisible by 16.
-  k.mask = l.ring - 1;
-  const auto side = static_cast<std::uint32_t>(std::cbrt(static_cast<double>(l.ring)));
-  k.row = (side & ~7u) | 5u;
-  k.plane = k.row * ((side & ~15u) | 9u);
+  k.mask = l.ring - 1, k.row = l.row, k.plane = l.plane;
   return k;
 }
 
-// The grid with rings of at least kLeastRing buckets.
+// How the bins of a periodic level spread over its ring. The last bits are such that a line of bins along an
+// axis or a diagonal spreads over at least an eighth of the ring before it meets itself. With row = 5 modulo
+// 8 and plane / row = 9 modulo 16, none of row, plane, 1 +- row, 1 +- plane, row +- plane and 1 +- row +-
+// plane is divisible by 16.
+//
+// cubes: about the cube root of the ring, so that the spheres around one are not far from it in memory. But
+// a plane of bins then lies on itself: (x, y) and (x + row, y - 1) share a bucket, and so do (y, z) and
+// (y + plane / row, z - 1). xy and yz: one of them about the square root, for spheres that lie in a plane.
+enum class Spread { cubes, xy, yz };
+inline constexpr int kLeastPlaneBits =
+    17;  // of a ring for planes; side() of a smaller one may be less than 7
+inline void set_spread(Level& l, Spread spread) {
+  const double ring = l.ring, cube = std::cbrt(ring), plane = std::sqrt(ring);
+  const auto row = static_cast<std::uint32_t>(spread == Spread::cubes ? cube
+                                              : spread == Spread::xy  ? plane
+                                                                      : 8),
+             rows = static_cast<std::uint32_t>(spread == Spread::cubes ? cube
+                                               : spread == Spread::xy  ? plane / 8
+                                                                       : plane);
+  l.row = (row & ~7u) | 5u, l.plane = l.row * ((rows & ~15u) | 9u);
+}
+
+// The grid with rings of at least kLeastRing buckets, spread as cubes.
 inline Grid with_rings(Grid g) {
   g.buckets = 0;
   for (int k = 0; k < g.levels; k++) {
     Level& l = g.level[k];
-    if (l.hashed) l.ring = l.buckets = std::max(l.ring, kLeastRing);
+    if (l.hashed) l.ring = l.buckets = std::max(l.ring, kLeastRing), set_spread(l, Spread::cubes);
     l.offset = g.buckets, g.buckets += l.buckets;
   }
   return g;

@@ -6,7 +6,7 @@
 #include <omp.h>
 
 #include "detect/omp/choose_levels.h"
-#include "detect/omp/paths.h"
+#include "detect/omp/reach_table.h"
 
 namespace padder::detect::omp {
 namespace {
@@ -120,13 +120,34 @@ struct CountingSort {
       const Entry<T>& e = entries[k];
       const std::uint32_t id = e.id, at = place[e.key - low]++;
       const Sphere s{e.x, e.y, e.z, e.r};
-      if constexpr (std::is_same_v<Slot, FloatSlot>) {
+      if constexpr (std::is_same_v<Slot, FloatSlot>)
         exact_spheres[at] = float_slot(s), slots.set(at, float_slot(s));
-      } else {
-        exact_spheres[at] = s, slots.set(at, fixed_point_slot(grid.level[level_of(grid, s)], s));
-      }
+      else
+        exact_spheres[at] = s;
       ids[at] = id, keys[at] = e.key;
       if (filters) filters[at] = spheres.filter(id);
+    }
+    if constexpr (std::is_same_v<Slot, FixedPointSlot>)
+      for (int level = 0; level < grid.levels; level++) {
+        const Level& l = grid.level[level];
+        const std::uint32_t first = std::max(low, l.offset),
+                            last = std::min(low + width, l.offset + l.buckets);
+        if (first < last) set_fixed_points(l, starts[first], last < low + width ? starts[last] : end);
+      }
+  }
+  // The slots `first` to `last` - 1, which are of this level, from the exact spheres.
+  void set_fixed_points(const Level& l, std::uint32_t first, std::uint32_t last) const {
+    for (std::uint32_t count; first < last; first += count) {
+      count = std::min(kBatch, last - first);
+      double place[3][kBatch];
+      for (std::uint32_t k = 0; k < count; k++) {
+        const Sphere& s = exact_spheres[first + k];
+        place[0][k] = s.x, place[1][k] = s.y, place[2][k] = s.z;
+        slots.r[first + k] = static_cast<float>(mul(add(s.r, l.grown_by), l.units));
+      }
+      const auto n = static_cast<int>(count);
+      fixed_points(place[0], n, l, slots.x + first), fixed_points(place[1], n, l, slots.y + first);
+      fixed_points(place[2], n, l, slots.z + first);
     }
   }
 };
@@ -144,6 +165,8 @@ GridPath::GridPath(Budget& b)
       slots_{Buffer<float>(b), Buffer<float>(b), Buffer<float>(b), Buffer<float>(b)},
       filters_(b),
       spheres_(b) {}
+
+GridPath::~GridPath() = default;
 
 template <class Slot, class T>
 void GridPath::sort(const View<T>& spheres, const Grid& grid, int threads, Seconds& seconds) {
@@ -231,6 +254,7 @@ std::uint64_t GridPath::run(const View<T>& spheres, const Summary& summary, cons
   double shrink[kOctaves];
   std::fill_n(shrink, kOctaves, 1.0);
   Grid grid = choose_levels(summary, options.bin_size, shrink);
+  spread_planes(spheres, grid);
   const auto order = [&] {
     floats ? sort<FloatSlot>(spheres, grid, threads, seconds)
            : sort<FixedPointSlot>(spheres, grid, threads, seconds);

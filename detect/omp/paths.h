@@ -211,10 +211,17 @@ struct Entry {
   T x, y, z, r;
 };
 
+class ReachTable;
+
+// How the spheres of a level search another. By rows of its bins; or, a coarser one, by its table of reaches;
+// or they test all of its spheres, if these are few.
+enum class Way { rows, table, whole };
+
 // The grid path (order.cpp, search.cpp, records.cpp).
 class GridPath {
  public:
   explicit GridPath(Budget& b);
+  ~GridPath();
   template <class T>
   std::uint64_t run(const View<T>& spheres, const Summary& summary, const CallOptions& options, int threads,
                     Records& records, Seconds& seconds);  // returns the number of doubtful pairs
@@ -250,6 +257,7 @@ class GridPath {
     std::uint64_t first, count;  // the hits in the lists of the thread
     std::uint64_t record;        // number of the first record
     int thread, level, at;       // the level of the slots, and the level that they search
+    Way way;
   };
 
   Budget* budget_;
@@ -262,6 +270,7 @@ class GridPath {
   Buffer<Filter> filters_;
   Buffer<std::byte> spheres_;                // in the order of the slots: Exact<Slot>
   std::vector<Buffer<std::uint32_t>> hits_;  // of each thread: HitLists, half of the buffer each
+  std::vector<ReachTable> reaches_;          // of each level, where finer spheres search it so
   std::vector<Chunk> chunks_;
 };
 

@@ -40,14 +40,27 @@ class ChunkWriter {
               Records& records)
       : spheres_(spheres), ids_(ids), options_(options), records_(records) {}
 
-  // The contacts of `count` hits, into the records from `first` on.
-  void write(const std::uint32_t* a, const std::uint32_t* b, std::uint64_t count, std::uint64_t first) {
-    for (std::uint64_t done = 0; done < count; done += kBatch)
-      write_batch_of(a + done, b + done,
-                     static_cast<std::uint32_t>(std::min<std::uint64_t>(kBatch, count - done)), first + done);
+  // The contacts of `count` hits, into the records from `first` on. scattered: the slots of `b` are of
+  // another level, and lie anywhere.
+  void write(const std::uint32_t* a, const std::uint32_t* b, std::uint64_t count, std::uint64_t first,
+             bool scattered) {
+    const auto batch = [&](std::uint64_t from) {
+      return static_cast<std::uint32_t>(std::min<std::uint64_t>(kBatch, count - std::min(from, count)));
+    };
+    if (scattered) fetch(b, batch(0));
+    for (std::uint64_t done = 0, next = kBatch; done < count; done = next, next += kBatch) {
+      if (scattered) fetch(b + next, batch(next));  // while the batch before it is written
+      write_batch_of(a + done, b + done, batch(done), first + done);
+    }
   }
 
  private:
+  void fetch([[maybe_unused]] const std::uint32_t* slots, [[maybe_unused]] std::uint32_t count) const {
+#ifdef __GNUC__
+    for (std::uint32_t k = 0; k < count; k++)
+      __builtin_prefetch(spheres_ + slots[k]), __builtin_prefetch(ids_ + slots[k]);
+#endif
+  }
   void write_batch_of(const std::uint32_t* a, const std::uint32_t* b, std::uint32_t count,
                       std::uint64_t first) {
     Pair* const pairs = records_.pairs.data() + first;
@@ -115,7 +128,7 @@ void GridPath::write(const CallOptions& options, int threads, Records& records) 
       const Chunk& c = chunks_[static_cast<std::size_t>(k)];
       const Buffer<std::uint32_t>& hits = hits_[static_cast<std::size_t>(c.thread)];
       const std::uint32_t* const a = hits.data() + c.first;
-      writer.write(a, a + hits.capacity() / 2, c.count, c.record);
+      writer.write(a, a + hits.capacity() / 2, c.count, c.record, c.at != c.level);
     }
   }
 }

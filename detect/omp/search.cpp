@@ -7,8 +7,7 @@
 #include <cstring>
 #include <limits>
 
-#include "detect/omp/level_keys.h"
-#include "detect/omp/paths.h"
+#include "detect/omp/reach_table.h"
 
 namespace padder::detect::omp {
 namespace {
@@ -65,40 +64,47 @@ class Hits {
 // The largest search radius of a coarse sphere, in bins of the finer level. Fixed-point slots know their
 // place modulo 256 bins only, and kSearchRadiusFactor must not add more than a bin.
 constexpr double kLargestSearchRadius[2] = {800, 100};  // for float slots, for fixed-point slots
-// A level of so few spheres is searched whole: that costs a vector of tests for eight spheres, and no look-up
-// of rows. whole_cost: for each sphere that searches, in nanoseconds; a rough measurement.
-constexpr std::uint64_t kFewSpheres = 128;
-bool few(const Level& l) { return l.spheres <= kFewSpheres; }
-double whole_cost(const Level& l) { return 8 + 3.5 * (static_cast<double>(l.spheres) / kLanes + 0.5); }
 constexpr int kRows = 2048;              // rows of bins that are looked up together; at least one layer
 constexpr std::uint32_t kTogether = 16;  // spheres whose rows are
 constexpr int kAround = std::numeric_limits<int>::max();  // rows that go on at the other end of the ring
 
+// For each sphere that searches a whole level, in nanoseconds; a rough measurement.
+double whole_cost(const Level& l) { return 8 + 3.5 * (static_cast<double>(l.spheres) / kLanes + 0.5); }
+// A sphere is in 27 lists at most, and a table has 32-bit numbers.
+constexpr std::uint64_t kMostInTable = std::uint64_t(1) << 27;
+
 // Which other levels the spheres of each level search. Of two levels, one searches the other, in the
 // direction that costs less. A large sphere touches most of the finer spheres that it tests, but it searches
 // many bins.
+struct CrossSearch {
+  int at;
+  Way way;
+  double cost;  // for each sphere that searches, in nanoseconds
+};
 struct CrossSearches {
-  int count[kMaxLevels] = {}, at[kMaxLevels][kMaxLevels];
-  double cost[kMaxLevels][kMaxLevels];  // for each sphere of the level, in nanoseconds
-  void add(int from, int to, double each) { cost[from][count[from]] = each, at[from][count[from]++] = to; }
+  Partners partners[kMaxLevels];  // of each level, those that search it by its table
+  std::vector<CrossSearch> of_level[kMaxLevels];
 };
 CrossSearches plan_cross_searches(const Grid& g, bool fixed_point) {
-  // Periodic levels are searched as dense ones are.
-  const auto dense = [](Level l) { return l.hashed = 0, l; };
   CrossSearches plan;
   for (int c = 0; c < g.levels; c++)
     for (int f = 0; f < c; f++) {
-      const Level coarse = dense(g.level[c]), fine = dense(g.level[f]);
-      const double fine_cost = few(coarse) ? whole_cost(coarse) : cross_search_cost(fine, coarse),
-                   coarse_cost = cross_search_cost(coarse, fine);
+      const Level &coarse = g.level[c], &fine = g.level[f];
+      if (lie_apart(coarse, fine)) continue;
+      CrossSearch up{c, coarse.spheres < kMostInTable ? Way::table : Way::rows,
+                     fine_to_coarse_cost(fine, coarse)},
+          down{f, Way::rows, coarse_to_fine_cost(coarse, fine)};
+      if (whole_cost(coarse) < up.cost) up.way = Way::whole, up.cost = whole_cost(coarse);
       const double search_radius = (coarse.radius_max + fine.radius_max) * fine.per_size;
       const bool wide = search_radius > kLargestSearchRadius[fixed_point] ||
-                        2.01 * search_radius + 3 > keys_of(g.level[f]).side();
-      if (wide ||
-          fine_cost * static_cast<double>(fine.spheres) <= coarse_cost * static_cast<double>(coarse.spheres))
-        plan.add(f, c, fine_cost);
-      else
-        plan.add(c, f, coarse_cost);
+                        2.01 * search_radius + 3 > keys_of(fine).side();
+      if (!wide &&
+          down.cost * static_cast<double>(coarse.spheres) < up.cost * static_cast<double>(fine.spheres)) {
+        plan.of_level[c].push_back(down);
+        continue;
+      }
+      plan.of_level[f].push_back(up);
+      if (up.way == Way::table) plan.partners[c].add(fine);
     }
   return plan;
 }
@@ -111,11 +117,12 @@ int floor_of(float v) {
 template <class Slot>
 class Searcher {
  public:
-  Searcher(const Exact<Slot>* spheres, const Grid& grid, const CallOptions& options, const Slots<Slot>& slots,
-           const std::uint32_t* ids, const std::uint32_t* keys, const std::uint32_t* starts,
-           const Filter* filters, Hits& hits)
+  Searcher(const Exact<Slot>* spheres, const Grid& grid, const std::vector<ReachTable>& reaches,
+           const CallOptions& options, const Slots<Slot>& slots, const std::uint32_t* ids,
+           const std::uint32_t* keys, const std::uint32_t* starts, const Filter* filters, Hits& hits)
       : spheres_(spheres),
         grid_(grid),
+        reaches_(reaches),
         own_(options.own),
         slots_(slots),
         ids_(ids),
@@ -141,7 +148,7 @@ class Searcher {
     const auto test_bins = sparse(bins, first, last) ? kernels_.test_sparse_bins : kernels_.test_bins;
     while (first < last) {
       Searched s{0, 0, false};
-      if (!confirms_ && !repeats(level)) {
+      if (!confirms_ && near(level) == INFINITY) {
         const HitLists out = hits_.room();
         s = test_bins(bins, first, std::min(last, first + kConfirmed), out, kMostCandidates);
         hits_.keep(s.doubt ? confirm_bins(out, s.hits) : s.hits);
@@ -150,31 +157,71 @@ class Searcher {
       if (s.spheres == 0) own_level_of(level, bins, first++);
     }
   }
-  // The same for another level.
-  void other_level(int from, int level, std::uint32_t first, std::uint32_t last) {
+  // The same for a coarser level, by its table of reaches. All candidates are decided in double: half of them
+  // touch, and float would look at the rest in vain.
+  void coarser_level(int level, std::uint32_t first, std::uint32_t last) {
+    const ReachTable& table = reaches_[static_cast<std::size_t>(level)];
     const Level& l = grid_.level[level];
-    // Spheres beyond these bounds meet none of the level. A bin more than the reach makes up for rounding.
-    double low[3], high[3];
-    for (int k = 0; k < 3; k++) {
-      const double reach = (grid_.level[from].radius_max + l.radius_max) * (1 + 0x1p-20) + l.size,
-                   begin = static_cast<double>(l.first[k]) * l.size;
-      low[k] = l.hashed ? -INFINITY : begin - reach;
-      high[k] = l.hashed ? INFINITY : begin + l.count[k] * l.size + reach;
+    double place[3][kBatch], size[kBatch], per_size[kBatch];
+    std::uint32_t bins[3][kBatch];
+    std::fill_n(size, kBatch, l.size), std::fill_n(per_size, kBatch, l.per_size);
+    for (std::uint32_t count; first < last; first += count) {
+      count = std::min(kBatch, last - first);
+      for (std::uint32_t k = 0; k < count; k++) {
+        const Sphere s = exact_sphere(first + k);
+        place[0][k] = s.x, place[1][k] = s.y, place[2][k] = s.z;
+      }
+      for (int axis = 0; axis < 3; axis++)
+        bin_numbers(place[axis], static_cast<int>(count), size, per_size, bins[axis]);
+      HitLists out = hits_.room();
+      std::uint32_t n = 0;
+      for (std::uint32_t k = 0; k < count; k++) {
+        Run run = table.run(bins[0][k], bins[1][k], bins[2][k]);
+        while (run.end - run.begin > kMostCandidates - n) {
+          const std::uint32_t part = kMostCandidates - n;
+          add_pairs(out, n, first + k, table.slots() + run.begin, part);
+          keep_touching(out, n + part);
+          out = hits_.room(), n = 0, run.begin += part;
+        }
+        add_pairs(out, n, first + k, table.slots() + run.begin, run.end - run.begin);
+        n += run.end - run.begin;
+      }
+      keep_touching(out, n);
     }
-    // Rows are looked up for several spheres before any is tested, so that none waits for another.
-    std::uint32_t together = 0;
+  }
+  // The same for another level, all of whose spheres are tested.
+  void whole_level(int from, int level, std::uint32_t first, std::uint32_t last) {
+    const Box box = box_of(from, level);
+    const Level& l = grid_.level[level];
+    const Run all{starts_[l.offset], starts_[std::uint64_t(l.offset) + l.buckets]};
     for (std::uint32_t a = first; a < last; a++) {
       const Sphere s = exact_sphere(a);
-      CrossSearch& search = together_[together];
-      if (!((s.x >= low[0]) & (s.x <= high[0]) & (s.y >= low[1]) & (s.y <= high[1]) & (s.z >= low[2]) &
-            (s.z <= high[2])) ||
-          !prepare(level, a, s, search))
-        continue;
-      if (search.rows <= kRows / static_cast<int>(kTogether) && ++together < kTogether) continue;
-      search_level(level, together), together = 0;
-      if (search.rows > kRows / static_cast<int>(kTogether)) search_alone(level, search);
+      if (box.holds(s) && has_bin(l, s)) test_in_parts(seeker_at(l, a, s), a, all, near(level, true));
     }
-    search_level(level, together);
+  }
+  // The same for another level, by rows of its bins.
+  void other_level(int from, int level, std::uint32_t first, std::uint32_t last) {
+    const Box box = box_of(from, level);
+    // Several spheres are tested together, so that none waits for the rows of another.
+    constexpr int kMostRows = kRows / static_cast<int>(kTogether);
+    const std::uint32_t* const starts = starts_ + grid_.level[level].offset;
+    Run* rows = rows_;
+    std::uint32_t together = 0;
+    const auto search_together = [&] { search_level(level, together), together = 0, rows = rows_; };
+    for (std::uint32_t a = first; a < last; a++) {
+      const Sphere s = exact_sphere(a);
+      BallSearch search;
+      if (!box.holds(s) || !prepare(level, a, s, search)) continue;
+      if (search.rows <= kMostRows) {
+        together_[together] = {search.me, a, rows_of_box(search.ball, starts, rows)};
+        rows += together_[together++].runs;
+        if (together == kTogether) search_together();
+      } else {
+        search_together();  // first, because the rows are kept in one place
+        search_alone(level, a, search);
+      }
+    }
+    search_together();
   }
 
  private:
@@ -188,10 +235,43 @@ class Searcher {
     s.r += grown_by();
     return s;
   }
-  // May spheres meet whose bins are far apart? The places of fixed-point slots repeat after 256 bins.
-  bool repeats(int level) const {
-    return kFixedPoint && (level_keys_[level].periodic() || few(grid_.level[level]));
+  // The same as a slot of another level.
+  Slot seeker_at(const Level& l, std::uint32_t a, [[maybe_unused]] Sphere s) const {
+    if constexpr (kFixedPoint)
+      return fixed_point_slot(l, s);
+    else
+      return seeker(a);
   }
+  // A sphere this far out has no bin number. The spheres of this level are nearer (need_of), and cannot touch
+  // it.
+  static bool has_bin(const Level& l, const Sphere& s) {
+    return larger(larger(magnitude(s.x), magnitude(s.y)), magnitude(s.z)) <= 0x1p43 * l.size;
+  }
+  // Where spheres of a level may meet those of another.
+  struct Box {
+    double low[3], high[3];
+    bool holds(const Sphere& s) const {
+      return (s.x >= low[0]) & (s.x <= high[0]) & (s.y >= low[1]) & (s.y <= high[1]) & (s.z >= low[2]) &
+             (s.z <= high[2]);
+    }
+  };
+  Box box_of(int from, int level) const {
+    const Level& l = grid_.level[level];
+    Box box;
+    for (int k = 0; k < 3; k++) {  // a bin more than the reach makes up for rounding
+      const double reach = (grid_.level[from].radius_max + l.radius_max) * (1 + 0x1p-20) + l.size,
+                   begin = static_cast<double>(l.first[k]) * l.size;
+      box.low[k] = l.hashed ? -INFINITY : begin - reach;
+      box.high[k] = l.hashed ? INFINITY : begin + l.count[k] * l.size + reach;
+    }
+    return box;
+  }
+  // How far apart along an axis centres may be that the search of a level compares: the places of fixed-point
+  // slots repeat after 256 bins. `any`: spheres of the level may be met that are not near.
+  double near(int level, bool any) const {
+    return kFixedPoint && any ? 0x1p7 * grid_.level[level].size : INFINITY;
+  }
+  double near(int level) const { return near(level, level_keys_[level].periodic()); }
 
   // Do the spheres of these slots have few candidates? Some of them are asked.
   static bool sparse(const Bins<Slot>& bins, std::uint32_t first, std::uint32_t last) {
@@ -222,8 +302,8 @@ class Searcher {
         runs_around(l, here + row - 1, 3, runs, count);
     }
     for (int k = 0; k < count; k++) candidates += runs[k].end - runs[k].begin;
-    if (candidates <= kMostCandidates) return test(seeker(a), a, runs, count, level);
-    for (int k = 0; k < count; k++) test_in_parts(seeker(a), a, runs[k], level);
+    if (candidates <= kMostCandidates) return test(seeker(a), a, runs, count, near(level));
+    for (int k = 0; k < count; k++) test_in_parts(seeker(a), a, runs[k], near(level));
   }
   // Appends the spheres of the buckets from `first` on, at most as many as the ring has: one run or two.
   void runs_around(const LevelKeys& l, std::uint32_t first, std::uint32_t buckets, Run* runs,
@@ -235,27 +315,19 @@ class Searcher {
     if (inside < buckets) runs[count++] = {starts[0], starts[buckets - inside]};
   }
   // The search of a sphere at another level: of the rows of bins around the ball.
-  struct CrossSearch {
-    std::uint32_t a;
-    int rows;  // at most, then how many; more than kRows where it takes a search of its own
+  struct BallSearch {
     Slot me;
     Ball ball;
+    int rows;  // at most; more than kRows where it takes a search of its own
   };
   // Returns false if the sphere meets none of the level.
-  bool prepare(int level, std::uint32_t a, Sphere s, CrossSearch& search) const {
+  bool prepare(int level, std::uint32_t a, Sphere s, BallSearch& search) const {
     const Level& l = grid_.level[level];
     const LevelKeys& keys = level_keys_[level];
-    search.a = a, search.me = seeker(a), search.rows = 1;
-    if (!kFixedPoint && few(l)) return true;
+    if (!has_bin(l, s)) return false;
+    search.me = seeker_at(l, a, s);
     s.r += margin_ / 2;
-    // A sphere this far out has no bin number. The spheres of this level are nearer (need_of), and cannot
-    // touch it.
-    if (larger(larger(magnitude(s.x), magnitude(s.y)), magnitude(s.z)) > 0x1p43 * l.size) return false;
     const Split x = split(l, s.x), y = split(l, s.y), z = split(l, s.z);
-    if constexpr (kFixedPoint)
-      search.me = {fixed_point_of(l, x), fixed_point_of(l, y), fixed_point_of(l, z),
-                   static_cast<float>(mul(s.r, l.units))};
-    if (few(l)) return true;
     Ball& ball = search.ball;
     ball.x = static_cast<float>(x.rest * l.per_size), ball.y = static_cast<float>(y.rest * l.per_size);
     ball.z = static_cast<float>(z.rest * l.per_size);
@@ -287,44 +359,48 @@ class Searcher {
   }
   // Tests the first `count` spheres of together_.
   void search_level(int level, std::uint32_t count) {
-    const std::uint32_t* const starts = starts_ + grid_.level[level].offset;
-    const Run all{starts[0], starts[grid_.level[level].buckets]};
-    const bool whole = few(grid_.level[level]);
-    Run* rows = rows_;
-    for (std::uint32_t k = 0; k < count && !whole; k++) {
-      together_[k].rows = rows_of_box(together_[k].ball, starts, rows);
-      rows += together_[k].rows;
+    const Run* rows = rows_;
+    for (std::uint32_t k = 0; k < count; k++) rows += together_[k].runs;
+    std::uint64_t candidates = 0;
+    for (const Run* row = rows_; row != rows; row++) candidates += row->end - row->begin;
+    if (candidates <= kMostCandidates) {
+      const HitLists out = hits_.room();
+      const Searched s = kernels_.test_searches(slots_, together_, count, rows_, out);
+      s.doubt || confirms_ || near(level) < INFINITY ? keep_touching(out, s.hits) : hits_.keep(s.hits);
+      return;
     }
     rows = rows_;
-    for (std::uint32_t k = 0; k < count; k++) {
-      const CrossSearch& s = together_[k];
-      test_rows(s.me, s.a, whole ? &all : rows, s.rows, level);
-      if (!whole) rows += s.rows;
-    }
+    for (std::uint32_t k = 0; k < count; rows += together_[k++].runs)
+      test_rows(together_[k].me, together_[k].a, rows, together_[k].runs, near(level));
   }
   // The rows of the box around a ball that has few, as find_rows() writes them. To leave out what the ball
   // does not cross would take longer than to test it.
   static int rows_of_box(const Ball& b, const std::uint32_t* starts, Run* rows) {
+    // One loop over y and z, because a processor does not predict the end of a short one.
+    const int wide = b.y_high - b.y_low + 1, all = wide * (b.z_high - b.z_low + 1);
+    const std::uint32_t to_next_layer = b.plane - static_cast<std::uint32_t>(wide - 1) * b.row,
+                        count = static_cast<std::uint32_t>(b.x_high - b.x_low + 1);
+    std::uint32_t key = b.key + static_cast<std::uint32_t>(b.x_low) +
+                        static_cast<std::uint32_t>(b.y_low) * b.row +
+                        static_cast<std::uint32_t>(b.z_low) * b.plane;
     int n = 0;
-    for (int z = b.z_low; z <= b.z_high; z++)
-      for (int y = b.y_low; y <= b.y_high; y++) {
-        const std::uint32_t key = b.key + static_cast<std::uint32_t>(b.x_low) +
-                                  static_cast<std::uint32_t>(y) * b.row +
-                                  static_cast<std::uint32_t>(z) * b.plane;
-        rows[n] = {starts[key], starts[key + static_cast<std::uint32_t>(b.x_high - b.x_low + 1)]};
-        n += rows[n].begin < rows[n].end;
-      }
+    for (int k = 0, left = wide; k < all; k++) {
+      rows[n] = {starts[key], starts[key + count]};
+      n += rows[n].begin < rows[n].end;
+      const bool next_layer = --left == 0;
+      key += next_layer ? to_next_layer : b.row, left = next_layer ? wide : left;
+    }
     return n;
   }
   // The same for a sphere with many rows.
-  void search_alone(int level, CrossSearch& s) {
+  void search_alone(int level, std::uint32_t a, BallSearch& s) {
     const Level& l = grid_.level[level];
-    if (s.rows == kAround) return search_around(level_keys_[level], s.ball, s.me, s.a, level);
+    if (s.rows == kAround) return search_around(level_keys_[level], s.ball, s.me, a, level);
     Ball& ball = s.ball;
     const int last = ball.z_high, layers = std::max(1, kRows / (ball.y_high - ball.y_low + 1));
     for (; ball.z_low <= last; ball.z_low += layers) {
       ball.z_high = std::min(last, ball.z_low + layers - 1);
-      test_rows(s.me, s.a, rows_, kernels_.find_rows(ball, starts_ + l.offset, rows_), level);
+      test_rows(s.me, a, rows_, kernels_.find_rows(ball, starts_ + l.offset, rows_), near(level));
     }
   }
   // All rows of the box around the ball, on a periodic level.
@@ -337,7 +413,7 @@ class Searcher {
                     ball.key + static_cast<std::uint32_t>(ball.x_low) +
                         static_cast<std::uint32_t>(y) * ball.row + static_cast<std::uint32_t>(z) * ball.plane,
                     width, rows_, count);
-        test_rows(me, a, rows_, count, level);
+        test_rows(me, a, rows_, count, near(level));
       }
   }
   // Restricts bins low to high, relative to `bin`, to those that exist on the level. False if none of them
@@ -352,7 +428,7 @@ class Searcher {
   }
 
   // Tests the candidates in `count` rows, as many at once as there is room for.
-  void test_rows(const Slot& me, std::uint32_t a, const Run* rows, int count, int level) {
+  void test_rows(const Slot& me, std::uint32_t a, const Run* rows, int count, double near) {
     int first = 0;
     std::uint32_t candidates = 0;
     for (int k = 0; k < count; k++) {
@@ -361,31 +437,67 @@ class Searcher {
         candidates += n;
         continue;
       }
-      if (k > first) test(me, a, rows + first, k - first, level);
+      if (k > first) test(me, a, rows + first, k - first, near);
       first = k, candidates = n;
-      if (n > kMostCandidates) test_in_parts(me, a, rows[k], level), first = k + 1, candidates = 0;
+      if (n > kMostCandidates) test_in_parts(me, a, rows[k], near), first = k + 1, candidates = 0;
     }
-    if (count > first) test(me, a, rows + first, count - first, level);
+    if (count > first) test(me, a, rows + first, count - first, near);
   }
 
   // Tests the candidates of a run of any length.
-  void test_in_parts(const Slot& me, std::uint32_t a, Run r, int level) {
+  void test_in_parts(const Slot& me, std::uint32_t a, Run r, double near) {
     while (r.begin < r.end) {
       const Run part{r.begin, std::min(r.end, r.begin + kMostCandidates)};
-      test(me, a, &part, 1, level);
+      test(me, a, &part, 1, near);
       r.begin = part.end;
     }
   }
-  // Tests at most kMostCandidates candidates of this level.
-  void test(const Slot& me, std::uint32_t a, const Run* runs, int count, int level) {
+  // Tests at most kMostCandidates candidates.
+  void test(const Slot& me, std::uint32_t a, const Run* runs, int count, double near) {
     const HitLists out = hits_.room();
     bool doubt;
     std::uint32_t n = kernels_.test_runs(slots_, me, runs, count, out.b, doubt);
-    if (doubt | confirms_ | repeats(level))
-      n = confirm(me, a, out.b, n, repeats(level) ? 0x1p7 * grid_.level[level].size : INFINITY, doubt);
+    if (doubt | confirms_ | (near < INFINITY)) n = confirm(me, a, out.b, n, near, doubt);
     // Whole vectors: what is too much is written over.
     for (std::uint32_t k = 0; k < n; k += kLanes) std::fill_n(out.a + k, kLanes, a);
     hits_.keep(n);
+  }
+
+  // Appends pairs of slot a and the next `count` slots of `b`. Whole vectors: what is too much is written
+  // over.
+  static void add_pairs(const HitLists& out, std::uint32_t n, std::uint32_t a, const std::uint32_t* b,
+                        std::uint32_t count) {
+    for (std::uint32_t k = 0; k < count; k += kLanes)
+      std::fill_n(out.a + n + k, kLanes, a), std::copy_n(b + k, kLanes, out.b + n + k);
+  }
+  // Keeps those of the first n hits that are contacts, by the exact test and the filter.
+  void keep_touching(const HitLists& hits, std::uint32_t n) {
+    std::fill_n(hits.a + n, kLanes, n > 0 ? hits.a[0] : 0),
+        std::fill_n(hits.b + n, kLanes, n > 0 ? hits.b[0] : 0);
+    std::uint32_t kept = 0;
+    for (std::uint32_t first = 0; first < n; first += kBatch) {
+      const std::uint32_t count = std::min(kBatch, n - first);
+      const std::uint32_t *a = hits.a + first, *b = hits.b + first;
+      std::int64_t touch[kBatch];
+      differences(spheres_, a, b, count, batch_);
+      if (!mark_touching(batch_, static_cast<int>(count), margin_, touch))
+        for (std::uint32_t k = 0; k < count; k++)
+          touch[k] = touching(exact_sphere(a[k]), exact_sphere(b[k]), margin_);
+      for (std::uint32_t k = 0; k < count; k++) {
+        const std::uint32_t mine = a[k], other = b[k];
+        hits.a[kept] = mine, hits.b[kept] = other;
+        kept += touch[k] != 0;
+      }
+    }
+    if (confirms_) {
+      n = kept, kept = 0;
+      for (std::uint32_t k = 0; k < n; k++) {
+        const std::uint32_t a = hits.a[k];
+        hits.a[kept] = a, hits.b[kept] = hits.b[k];
+        kept += confirm(seeker(a), a, hits.b + kept, 1, INFINITY, false);
+      }
+    }
+    hits_.keep(kept);
   }
 
   // Removes the hits that are no contacts from those of spheres at their own level. Returns how many are
@@ -432,6 +544,7 @@ class Searcher {
 
   const Exact<Slot>* spheres_;
   const Grid& grid_;
+  const std::vector<ReachTable>& reaches_;
   const Region own_;
   const Slots<Slot> slots_;
   const std::uint32_t* ids_;
@@ -443,7 +556,8 @@ class Searcher {
   bool exact_, bounded_ = false, confirms_ = false;
   double margin_;
   Run rows_[kRows + kLanes];
-  CrossSearch together_[kTogether];
+  RunSearch<Slot> together_[kTogether];
+  Batch batch_;
   LevelKeys level_keys_[kMaxLevels];
   std::uint64_t doubtful_ = 0;
 };
@@ -456,16 +570,24 @@ std::uint64_t GridPath::search(const Grid& grid, const CallOptions& options, boo
   Stopwatch watch;
   const CrossSearches cross_searches = plan_cross_searches(grid, std::is_same_v<Slot, FixedPointSlot>);
   chunks_.clear();
+  while (reaches_.size() < static_cast<std::size_t>(grid.levels)) reaches_.emplace_back(*budget_);
+  for (int k = 0; k < grid.levels; k++) {
+    const Level& l = grid.level[k];
+    if (cross_searches.partners[k].any)
+      reaches_[static_cast<std::size_t>(k)].build(l, cross_searches.partners[k], exact_spheres<Slot>(),
+                                                  starts_[l.offset],
+                                                  starts_[std::uint64_t(l.offset) + l.buckets]);
+  }
   for (int k = 0; k < grid.levels; k++) {
     const Level& l = grid.level[k];
     const std::uint64_t begin = starts_[l.offset], end = starts_[std::uint64_t(l.offset) + l.buckets];
-    const auto add = [&](int at, double each) {
+    const auto add = [&](int at, Way way, double each) {
       const auto size = std::min(static_cast<std::uint64_t>(std::max(1.0, kChunkTime / each)), kChunkSlots);
       for (std::uint64_t slot = begin; slot < end; slot += size)
-        chunks_.push_back({slot, std::min(size, end - slot), 0, 0, 0, 0, k, at});
+        chunks_.push_back({slot, std::min(size, end - slot), 0, 0, 0, 0, k, at, way});
     };
-    add(k, kOwnLevelTime);
-    for (int q = 0; q < cross_searches.count[k]; q++) add(cross_searches.at[k][q], cross_searches.cost[k][q]);
+    add(k, Way::rows, kOwnLevelTime);
+    for (const CrossSearch& c : cross_searches.of_level[k]) add(c.at, c.way, c.cost);
   }
   while (hits_.size() < static_cast<std::size_t>(threads)) hits_.emplace_back(*budget_);
   hits_[0].resize(Hits::kLeast, "the list of contacts");  // here, because nothing may throw in the threads
@@ -478,8 +600,8 @@ std::uint64_t GridPath::search(const Grid& grid, const CallOptions& options, boo
   {
     const int t = omp_get_thread_num();
     Hits hits(hits_[static_cast<std::size_t>(t)], *budget_);
-    Searcher<Slot> searcher(exact_spheres<Slot>(), grid, options, slots<Slot>(), ids_.data(), keys_.data(),
-                            starts_.data(), filtered ? filters_.data() : nullptr, hits);
+    Searcher<Slot> searcher(exact_spheres<Slot>(), grid, reaches_, options, slots<Slot>(), ids_.data(),
+                            keys_.data(), starts_.data(), filtered ? filters_.data() : nullptr, hits);
     // Backwards: the few largest spheres come first, because their cost is known least.
 #pragma omp for schedule(dynamic, 1)
     for (auto k = static_cast<std::int64_t>(chunks_.size()) - 1; k >= 0; k--) {
@@ -489,6 +611,10 @@ std::uint64_t GridPath::search(const Grid& grid, const CallOptions& options, boo
                  end = static_cast<std::uint32_t>(c.slot + c.slots);
       if (c.at == c.level)
         searcher.own_level(c.at, slot, end);
+      else if (c.way == Way::table)
+        searcher.coarser_level(c.at, slot, end);
+      else if (c.way == Way::whole)
+        searcher.whole_level(c.level, c.at, slot, end);
       else
         searcher.other_level(c.level, c.at, slot, end);
       c.count = hits.size() - c.first;

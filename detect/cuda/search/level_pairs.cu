@@ -54,16 +54,6 @@ double high_of(const Level& l, int axis) {
   return static_cast<double>(l.first[axis] + static_cast<std::int64_t>(l.count[axis])) * l.size;
 }
 
-// Do the bounds of two levels lie so far from each other that none of their spheres touch? By one bin more,
-// since a sphere's bin in float may be the next one.
-bool lie_apart(const Level& a, const Level& b) {
-  const double apart = 1.01 * (a.radius_max + b.radius_max) + a.size + b.size;
-  if (a.hashed || b.hashed) return false;
-  for (int c = 0; c < 3; c++)
-    if (low_of(a, c) > high_of(b, c) + apart || low_of(b, c) > high_of(a, c) + apart) return true;
-  return false;
-}
-
 // How the spheres of level `from` are grouped, or their rows divided, so that a unit finds about as many
 // contacts as a warp's queue holds. `reach`: of the largest, in bins of level `at`. `larger`: units are to be
 // so many times as large.

@@ -382,9 +382,21 @@ TEST(Grid, LevelsThatLookEitherWay) {
   const Grid g = choose_grid(summary_of(wide.spheres), 0, 8, CrossSearch::cheaper);
   ASSERT_EQ(g.levels, 2);
   const Level &fine = g.level[0], &coarse = g.level[1];
-  EXPECT_LT(cross_search_cost(coarse, fine) * static_cast<double>(coarse.spheres),
-            cross_search_cost(fine, coarse) * static_cast<double>(fine.spheres));
-  EXPECT_GT(cross_search_cost(coarse, fine), 20 * cross_search_cost(fine, coarse)) << "of one sphere";
+  EXPECT_LT(coarse_to_fine_cost(coarse, fine) * static_cast<double>(coarse.spheres),
+            fine_to_coarse_cost(fine, coarse) * static_cast<double>(fine.spheres));
+  EXPECT_GT(coarse_to_fine_cost(coarse, fine), 20 * fine_to_coarse_cost(fine, coarse)) << "of one sphere";
+}
+
+// The bounds of hashed levels are wide and tell nothing: these spheres lie together, but for some far away.
+TEST(Grid, LargeSpheresSearchSmallOnesAlsoInHashedLevels) {
+  Level fine, coarse;
+  fine.hashed = coarse.hashed = 1;
+  fine.size = 8, fine.radius_max = 4, fine.spheres = 97000;
+  coarse.size = 32, coarse.radius_max = 15.9, coarse.spheres = 3000;
+  for (int k = 0; k < 3; k++)
+    fine.first[k] = -4096, fine.count[k] = 8192, coarse.first[k] = -512, coarse.count[k] = 1024;
+  EXPECT_LT(2 * coarse_to_fine_cost(coarse, fine) * static_cast<double>(coarse.spheres),
+            fine_to_coarse_cost(fine, coarse) * static_cast<double>(fine.spheres));
 }
 
 // Two spheres of one level that touch are at most one bin apart: what neighbour_offsets says is never too

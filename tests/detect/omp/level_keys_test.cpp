@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 // Keys of bins on the CPU: what neighbouring bins promise, and scenes whose far spheres share buckets.
-#include "detect/omp/level_keys.h"
+#include "detect/omp/choose_levels.h"
 
 #include <numeric>
 #include <set>
@@ -10,10 +10,19 @@
 namespace padder::detect::omp {
 namespace {
 
-LevelKeys periodic(int bits) {
+LevelKeys periodic(int bits, Spread spread = Spread::cubes) {
   Level l;
   l.hashed = 1, l.ring = l.buckets = 1u << bits;
+  set_spread(l, spread);
   return keys_of(l);
+}
+// Every size of ring, and every way to spread over it.
+std::vector<std::pair<int, Spread>> rings() {
+  std::vector<std::pair<int, Spread>> all;
+  for (int bits = 10; bits <= 28; bits++)
+    for (const Spread spread : {Spread::cubes, Spread::xy, Spread::yz})
+      if (spread == Spread::cubes || bits >= kLeastPlaneBits) all.push_back({bits, spread});
+  return all;
 }
 std::uint32_t difference(const LevelKeys& k, int x, int y, int z) {
   return (static_cast<std::uint32_t>(x) + static_cast<std::uint32_t>(y) * k.row +
@@ -22,8 +31,8 @@ std::uint32_t difference(const LevelKeys& k, int x, int y, int z) {
 }
 
 TEST(LevelKeys, BinsOfABoxHaveDifferentKeys) {
-  for (int bits = 10; bits <= 28; bits++) {
-    const LevelKeys k = periodic(bits);
+  for (const auto& [bits, spread] : rings()) {
+    const LevelKeys k = periodic(bits, spread);
     const int side = static_cast<int>(k.side());
     EXPECT_GE(side, 7) << bits;
     // All differences where they are few, and otherwise those between neighbours and some at random.
@@ -44,8 +53,8 @@ TEST(LevelKeys, BinsOfABoxHaveDifferentKeys) {
 }
 
 TEST(LevelKeys, LinesSpreadOverTheRing) {
-  for (int bits = 10; bits <= 28; bits++) {
-    const LevelKeys k = periodic(bits);
+  for (const auto& [bits, spread] : rings()) {
+    const LevelKeys k = periodic(bits, spread);
     for (int z = -1; z <= 1; z++)
       for (int y = -1; y <= 1; y++)
         for (int x = -1; x <= 1; x++) {
@@ -146,6 +155,43 @@ TEST(PeriodicLevels, AnyPlaceOnTheRingGivesTheContactsOfBruteForce) {
     Detector d({BackendKind::omp}, {});
     d.options().threads = 1;
     ASSERT_EQ(sorted(d.detect(a.input).pair_span()), brute_force(s)) << "round " << round;
+  }
+}
+
+// A layer and a sphere far away. Spread as cubes, the layer would lie on itself seven times over.
+TEST(PeriodicLevels, LayersDoNotLieOnThemselves) {
+  std::mt19937_64 random(21);
+  std::uniform_real_distribution<float> unit(0, 1);
+  for (const int upright : {0, 2, 3}) {  // 3: no layer, a cube
+    std::vector<float> spheres{1e6f, -2e6f, 3e6f, 1};
+    for (int k = 0; k < 120000; k++) {
+      float place[3] = {700 * unit(random), 700 * unit(random), 700 * unit(random)};
+      if (upright < 3)
+        place[upright] = 0;
+      else
+        for (float& p : place) p *= 0.15f;
+      spheres.insert(spheres.end(), place, place + 3), spheres.push_back(1);
+    }
+    Input input;
+    input.spheres = spheres_of<float>(spheres.size() / 4, spheres.data(), spheres.data() + 3);
+    input.spheres.center_stride = input.spheres.radius_stride = 4;
+    const View<float> view{spheres.data(), spheres.data() + 3, 4, 4, spheres.size() / 4, nullptr, nullptr};
+    double shrink[kOctaves];
+    std::fill_n(shrink, kOctaves, 1.0);
+    Grid grid = choose_levels(summarize(view, 1), 0, shrink);
+    ASSERT_TRUE(grid.levels == 1 && grid.level[0].hashed);
+    const std::uint64_t before = mistaken_pairs(view, grid.level[0]);
+    spread_planes(view, grid);
+    EXPECT_EQ(2 * mistaken_pairs(view, grid.level[0]) < before, upright < 3) << upright;
+    CallOptions options;
+    options.threads = 2, options.width = Width::pairs;
+    Detector d({BackendKind::omp}, options);
+    options.path = Path::nine_stages;
+    Detector reference({BackendKind::omp}, options);
+    const std::uint64_t wanted = reference.detect(input).count;
+    ASSERT_GT(wanted, 1000u);
+    EXPECT_EQ(d.detect(input).count, wanted);
+    EXPECT_EQ(d.hash(), reference.hash());
   }
 }
 

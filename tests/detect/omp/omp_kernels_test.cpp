@@ -80,6 +80,43 @@ TYPED_TEST(KernelsTest, RunsGiveWhatTheFilterDoesNotCallApart) {
   EXPECT_GT(doubts, 100);
 }
 
+// Several spheres with runs of their own find what each finds alone, some of them nothing.
+TYPED_TEST(KernelsTest, SearchesGiveWhatTheirRunsGive) {
+  for (int round = 0; round < 500; round++) {
+    std::vector<Run> runs;
+    std::vector<RunSearch<TypeParam>> searches;
+    std::vector<std::uint32_t> wanted_a, wanted_b, found(this->kCount + kLanes);
+    bool doubtful = false;
+    for (std::uint32_t k = this->below(20); k > 0; k--) {
+      const std::uint32_t a = this->below(this->kCount);
+      searches.push_back({this->slots_[a], a, static_cast<int>(this->below(9))});
+      for (int q = 0; q < searches.back().runs; q++) {
+        const std::uint32_t begin = this->below(this->kCount - 20);
+        runs.push_back({begin, begin + this->below(20)});
+      }
+      bool doubt;
+      const std::uint32_t n =
+          this->plain_.test_runs(this->slots_, searches.back().me,
+                                 runs.data() + runs.size() - static_cast<std::size_t>(searches.back().runs),
+                                 searches.back().runs, found.data(), doubt);
+      wanted_a.insert(wanted_a.end(), n, a),
+          wanted_b.insert(wanted_b.end(), found.begin(), found.begin() + n);
+      doubtful |= doubt;
+    }
+    for (const Kernels<TypeParam>& kernels : {this->plain_, this->here_}) {
+      std::vector<std::uint32_t> a(this->kCount + kLanes), b(a);
+      const Searched s =
+          kernels.test_searches(this->slots_, searches.data(), static_cast<std::uint32_t>(searches.size()),
+                                runs.data(), {a.data(), b.data()});
+      a.resize(s.hits), b.resize(s.hits);
+      ASSERT_EQ(s.spheres, searches.size());
+      ASSERT_EQ(a, wanted_a);
+      ASSERT_EQ(b, wanted_b);
+      ASSERT_TRUE(s.doubt || !doubtful);
+    }
+  }
+}
+
 // 9 * 8 * 7 bins with a border, of which every third is empty. Each sphere meets what lies behind it in its
 // bin and in the 13 bins of the forward half, and the search goes on where it ended: for lack of room, or at
 // the last key.
@@ -294,12 +331,44 @@ TEST(Kernels, NormalsAreThoseOfTheRecord) {
     }
 }
 
-TEST(BinNumbers, AreThoseOfSplit) {
+// Marks are those of touching(), or it says that the spheres are too small for them.
+TEST(Kernels, MarksOfPairsThatTouch) {
+  std::mt19937_64 random(12);
+  std::uniform_real_distribution<double> unit(-1, 1);
+  int touch = 0, apart = 0, small = 0;
+  for (const int exponent : {0, 300, -480, -510, -1000})
+    for (const double margin : {0.0, std::ldexp(0.1, exponent)}) {
+      const double by = std::ldexp(1.0, exponent);
+      Batch batch;
+      std::vector<Sphere> i(kBatch), j(kBatch);
+      for (std::uint32_t k = 0; k < kBatch; k++) {
+        i[k] = {by * unit(random), by * unit(random), by * unit(random), by * std::abs(unit(random))};
+        j[k] = {by * unit(random), by * unit(random), by * unit(random), by * std::abs(unit(random))};
+        if (k % 3 == 0) j[k] = i[k], j[k].x += i[k].r + j[k].r + margin;  // one point, but for rounding
+        batch.x[k] = j[k].x - i[k].x, batch.y[k] = j[k].y - i[k].y, batch.z[k] = j[k].z - i[k].z;
+        batch.s[k] = i[k].r + j[k].r;
+      }
+      std::int64_t marks[kBatch];
+      if (!mark_touching(batch, kBatch, margin, marks)) {
+        small++;
+        continue;
+      }
+      for (std::uint32_t k = 0; k < kBatch; k++) {
+        ASSERT_EQ(marks[k] != 0, touching(i[k], j[k], margin)) << exponent << ' ' << k;
+        (marks[k] ? touch : apart)++;
+      }
+    }
+  EXPECT_GT(touch, 100);
+  EXPECT_GT(apart, 100);
+  EXPECT_EQ(small, 4) << "2^-510 and 2^-1000";
+}
+
+TEST(BinNumbers, AndFixedPointsAreThoseOfSplit) {
   std::mt19937_64 random(11);
   std::uniform_real_distribution<double> unit(-1, 1);
   for (const double size : {2.00390625, 1023.0 / 1024, 513 * 0x1p-60, 0x1p100}) {
     Level l;
-    l.size = size, l.per_size = 1 / size;
+    l.size = size, l.per_size = 1 / size, l.units = std::ldexp(l.per_size, kUnitBits);
     std::vector<double> x;
     for (const double far : {1.0, 1e3, 1e6, 1e12, 0x1p43})
       for (int k = 0; k < 2000; k++) {
@@ -314,9 +383,12 @@ TEST(BinNumbers, AreThoseOfSplit) {
       std::uint32_t bins[kBatch];
       const std::vector<double> sizes(kBatch, l.size), per_size(kBatch, l.per_size);
       bin_numbers(x.data() + first, n, sizes.data(), per_size.data(), bins);
+      std::int32_t places[kBatch];
+      fixed_points(x.data() + first, n, l, places);
       for (int k = 0; k < n; k++) {
         const double v = x[first + static_cast<std::size_t>(k)];
         ASSERT_EQ(bins[k], static_cast<std::uint32_t>(split(l, v).bin)) << v << " in bins of " << size;
+        ASSERT_EQ(places[k], fixed_point_of(l, split(l, v))) << v << " in bins of " << size;
       }
     }
   }
