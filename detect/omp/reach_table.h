@@ -49,15 +49,16 @@ class ReachTable {
   // The run of the table that holds the spheres that reach into bin (x, y, z). The numbers are modulo 2^32.
   Run run(std::uint32_t x, std::uint32_t y, std::uint32_t z) const {
     const std::uint32_t key =
-        inside(x, 0) & inside(y, 1) & inside(z, 2) ? keys_.key(x, y, z) : level_.buckets;
+        (inside(x, 0) & inside(y, 1) & inside(z, 2)) != 0 ? keys_.key(x, y, z) : level_.buckets;
     return {starts_[key], starts_[std::uint64_t(key) + 1]};
   }
   // Slots of spheres; behind the last run, there are kLanes more that can be read.
   const std::uint32_t* slots() const { return slots_.data(); }
 
  private:
-  // Is a bin one of those of the level or of its border? Partners elsewhere touch nothing of the level.
-  bool inside(std::uint32_t bin, int axis) const {
+  // Is a bin one of those of the level or of its border, 1 or 0? Partners elsewhere touch nothing of the
+  // level.
+  std::uint32_t inside(std::uint32_t bin, int axis) const {
     return keys_.periodic() ||
            bin + 1 - static_cast<std::uint32_t>(level_.first[axis]) < level_.count[axis] + 2;
   }

@@ -133,7 +133,8 @@ TYPED_TEST(KernelsTest, BinsGiveTheForwardHalf) {
   const auto count = static_cast<std::uint32_t>(keys.size());
   ASSERT_LT(count, this->kCount);
   for (std::uint32_t k = 0; k + 1 < count; k += 10) {  // these just touch the next, as far as float can tell
-    this->x_[k + 1] = this->x_[k] + static_cast<TestFixture::Component>(this->r_[k] + this->r_[k + 1]);
+    this->x_[k + 1] =
+        this->x_[k] + static_cast<typename TestFixture::Component>(this->r_[k] + this->r_[k + 1]);
     this->y_[k + 1] = this->y_[k], this->z_[k + 1] = this->z_[k];
   }
   std::vector<Exact<TypeParam>> spheres(count + kLanes);
