@@ -419,8 +419,11 @@ Grid choose_grid(const Summary& given, double bin_size, double bins_per_sphere, 
     for (std::size_t k = begins[level]; k < end; k++)
       g.level_of_octave[octaves[k]] = static_cast<std::uint8_t>(level);
     Level& l = g.level[level];
-    l.size = all.need_max > 0 ? rounded_up(std::max(all.need_max, bin_size))
-                              : rounded_up(bin_size > 0 ? bin_size : 1);
+    // Where coordinates and not radii ask for the edge (need_of), it is no round number: the steps of a
+    // lattice of points would be a multiple of so many bins that all of them shared a bucket of the ring.
+    const double need = all.need_max > 2.1 * all.radius_max ? 1.07 * all.need_max : all.need_max;
+    l.size =
+        all.need_max > 0 ? rounded_up(std::max(need, bin_size)) : rounded_up(bin_size > 0 ? bin_size : 1);
     if (cross_search == CrossSearch::coarse_to_fine && begins.size() > 1)
       l.size = size_of_sparse(all, l.size);
     l.per_size = 1 / l.size, l.units = std::ldexp(l.per_size, kUnitBits), l.radius_max = all.radius_max,
