@@ -111,7 +111,7 @@ TwoOctaves as_octaves(const Level& from, const Level& at) {
     Summary::Octave o{l.spheres, l.size, l.radius_max};
     for (int k = 0; k < 3; k++) {
       const double bins = l.hashed ? std::cbrt(static_cast<double>(l.spheres)) : l.count[k];
-      o.low[k] = static_cast<double>(l.first[k]) * l.size, o.high[k] = o.low[k] + (bins - 1) * l.size;
+      o.low[k] = low_of(l, k), o.high[k] = o.low[k] + (bins - 1) * l.size;
     }
     return o;
   };
@@ -485,10 +485,8 @@ bool lie_apart(const Level& a, const Level& b) {
   if (a.hashed || b.hashed) return false;
   // By a bin more, since a sphere's bin in float may be the next one (detect/cuda/order/bins.h).
   const double apart = 1.01 * (a.radius_max + b.radius_max) + a.size + b.size;
-  const auto low = [](const Level& l, int axis) { return static_cast<double>(l.first[axis]) * l.size; };
-  const auto high = [&](const Level& l, int axis) { return low(l, axis) + l.count[axis] * l.size; };
   for (int c = 0; c < 3; c++)
-    if (low(a, c) > high(b, c) + apart || low(b, c) > high(a, c) + apart) return true;
+    if (low_of(a, c) > high_of(b, c) + apart || low_of(b, c) > high_of(a, c) + apart) return true;
   return false;
 }
 

@@ -260,6 +260,11 @@ bool covers(const Grid& grid, const Summary& s);
 // Host code. What the summary of the next call may be, if the spheres go on moving as they did from `before`
 // to `now`, at up to twice the speed.
 Summary expected_next(const Summary& before, const Summary& now);
+// Host code. The bounds of a level's bins along an axis.
+inline double low_of(const Level& l, int axis) { return static_cast<double>(l.first[axis]) * l.size; }
+inline double high_of(const Level& l, int axis) {
+  return static_cast<double>(l.first[axis] + static_cast<std::int64_t>(l.count[axis])) * l.size;
+}
 // Host code. Do the bounds of two levels lie so far from each other that none of their spheres touch?
 bool lie_apart(const Level& a, const Level& b);
 // Host code. What it costs on a CPU that a sphere of level `from` searches level `at`: nanoseconds, good

@@ -18,9 +18,8 @@ struct Partners {
   void add(const Level& l) {
     any = true, radius = std::max(radius, l.radius_max);
     for (int k = 0; k < 3; k++) {
-      const double first = static_cast<double>(l.first[k]) * l.size;
-      low[k] = l.hashed ? -INFINITY : std::min(low[k], first);
-      high[k] = l.hashed ? INFINITY : std::max(high[k], first + l.count[k] * l.size);
+      low[k] = l.hashed ? -INFINITY : std::min(low[k], low_of(l, k));
+      high[k] = l.hashed ? INFINITY : std::max(high[k], high_of(l, k));
     }
   }
 };

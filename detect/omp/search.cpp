@@ -259,10 +259,9 @@ class Searcher {
     const Level& l = grid_.level[level];
     Box box;
     for (int k = 0; k < 3; k++) {  // a bin more than the reach makes up for rounding
-      const double reach = (grid_.level[from].radius_max + l.radius_max) * (1 + 0x1p-20) + l.size,
-                   begin = static_cast<double>(l.first[k]) * l.size;
-      box.low[k] = l.hashed ? -INFINITY : begin - reach;
-      box.high[k] = l.hashed ? INFINITY : begin + l.count[k] * l.size + reach;
+      const double reach = (grid_.level[from].radius_max + l.radius_max) * (1 + 0x1p-20) + l.size;
+      box.low[k] = l.hashed ? -INFINITY : low_of(l, k) - reach;
+      box.high[k] = l.hashed ? INFINITY : high_of(l, k) + reach;
     }
     return box;
   }

@@ -112,9 +112,8 @@ class Mender {
 
   // Where corners lie on edges, as where triangles repeat that are divided differently, or where a scrap
   // stands on a surface with T-junctions, nothing says which triangles are the skin. There the edges are
-  // split, if fewer stay open then.
-  // Corners that are off by rounding lie on an edge, those of a copy that is moved a little must not: first
-  // the rounding of double, then that of float.
+  // split, if fewer stay open then. Corners that are off by rounding lie on an edge, first by that of double
+  // and then by that of float; corners of a copy that is moved a little must not.
   void split_pieces() {
     if (options_.mode == RepairMode::sheet) return;
     const double farthest =

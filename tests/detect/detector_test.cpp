@@ -233,21 +233,6 @@ TEST_P(DetectorTest, PointsOnly) {
   expect_right(s, "points, twenty of them twice");
 }
 
-// Their bins are as small as coordinates allow, and the step of the lattice is a power of two of them.
-TEST_P(DetectorTest, PointsOnALattice) {
-  if (GetParam().path != Path::grid) return;
-  std::vector<FloatSphere> points;
-  for (int k = 0; k <= 1 << 17; k++) {
-    const float at = 1.5f * static_cast<float>(k);
-    points.push_back({at, at, -at, 0});
-  }
-  points.push_back(points[77]);
-  CallOptions options = options_;
-  options.width = Width::pairs;
-  Detector d(device_, options);
-  EXPECT_EQ(d.detect(input_of(points)).count, 1u);
-}
-
 TEST_P(DetectorTest, RatioOneToTenThousand) {
   TestScene s = random_scene(1500, 1, 30, 5);
   for (std::size_t k = 0; k < s.spheres.size(); k++)

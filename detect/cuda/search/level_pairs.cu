@@ -48,12 +48,6 @@ double part_within(const Level& l, double reach) {
   return part;
 }
 
-// The bounds of a level along an axis.
-double low_of(const Level& l, int axis) { return static_cast<double>(l.first[axis]) * l.size; }
-double high_of(const Level& l, int axis) {
-  return static_cast<double>(l.first[axis] + static_cast<std::int64_t>(l.count[axis])) * l.size;
-}
-
 // How the spheres of level `from` are grouped, or their rows divided, so that a unit finds about as many
 // contacts as a warp's queue holds. `reach`: of the largest, in bins of level `at`. `larger`: units are to be
 // so many times as large.

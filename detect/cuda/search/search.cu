@@ -35,10 +35,8 @@ bool places_repeat(const Grid& grid) {
   double low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY};
   for (int k = 0; k < grid.levels; k++) {
     const Level& l = grid.level[k];
-    for (int c = 0; c < 3; c++) {
-      const auto first = static_cast<double>(l.first[c]);
-      low[c] = std::min(low[c], first * l.size), high[c] = std::max(high[c], (first + l.count[c]) * l.size);
-    }
+    for (int c = 0; c < 3; c++)
+      low[c] = std::min(low[c], low_of(l, c)), high[c] = std::max(high[c], high_of(l, c));
   }
   for (int k = 0; k < grid.levels; k++)
     for (int c = 0; c < 3; c++)

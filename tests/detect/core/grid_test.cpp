@@ -326,6 +326,21 @@ TEST(Grid, HashedLevelsOfALayerAreBounded) {
   }
 }
 
+// Bins of points are as small as coordinates allow. If the step of these were 2^30 of them, half of the
+// points would share a bucket of the ring, and each would be tested against each.
+TEST(Grid, PointsOnALineShareNoBucket) {
+  std::vector<Sphere> points;
+  for (int k = 0; k <= 1 << 12; k++) points.push_back({1.5 * k, 1.5 * k, -1.5 * k, 0});
+  const Grid g = choose_grid(summary_of(points), 0, 8, CrossSearch::coarse_to_fine);
+  std::map<std::uint32_t, std::size_t> in_bucket;
+  std::size_t most = 0;
+  for (const Sphere& p : points) {
+    const Level& l = g.level[level_of(g, p)];
+    most = std::max(most, ++in_bucket[key_of(l, bin_of(l, p))]);
+  }
+  EXPECT_LT(most, points.size() / 50);
+}
+
 // However large one sphere is, it searches no more bins than there are. So it must not get a level with bins
 // of its own size that holds the others, too: there each would be tested against each.
 TEST(Grid, OneGiantDoesNotCoarsenTheOthers) {

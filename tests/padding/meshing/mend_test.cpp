@@ -671,7 +671,6 @@ TEST(Mend, TrianglesWithoutAreaHoldTheSurfaceTogether) {
   EXPECT_NEAR(volume(r), 1, 1e-12);
 }
 
-// A cube of 27 cells without the one in the middle, and without one at the rim that shares an edge with it.
 // T-junctions alone are cracks. Where scraps stand on the surface, or triangles repeat that are divided
 // differently, more than two triangles meet in edges, and the outside came in at the T-junctions.
 TEST(Mend, EdgesAreSplitWhereCornersLieOnThem) {
@@ -721,6 +720,7 @@ TEST(Mend, EdgesAreSplitWhereCornersLieOnThem) {
   }
 }
 
+// A cube of 27 cells without the one in the middle, and without one at the rim that shares an edge with it.
 TEST(Mend, ACavityMayShareAnEdgeWithTheOutside) {
   Mesh cells;
   for (int k = 0; k < 27; k++) {
