@@ -328,7 +328,7 @@ TEST(Grid, HashedLevelsOfALayerAreBounded) {
 
 // Bins of points are as small as coordinates allow. If the step of these were 2^30 of them, half of the
 // points would share a bucket of the ring, and each would be tested against each.
-TEST(Grid, PointsOnALineShareNoBucket) {
+TEST(Grid, FewPointsOnALineShareABucket) {
   std::vector<Sphere> points;
   for (int k = 0; k <= 1 << 12; k++) points.push_back({1.5 * k, 1.5 * k, -1.5 * k, 0});
   const Grid g = choose_grid(summary_of(points), 0, 8, CrossSearch::coarse_to_fine);
