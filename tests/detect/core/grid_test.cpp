@@ -326,7 +326,7 @@ TEST(Grid, HashedLevelsOfALayerAreBounded) {
   }
 }
 
-// Bins of points are as small as coordinates allow. If the step of these were 2^30 of them, half of the
+// Bins of points are as small as coordinates allow. If the step of these were 2^30 of them, a third of the
 // points would share a bucket of the ring, and each would be tested against each.
 TEST(Grid, FewPointsOnALineShareABucket) {
   std::vector<Sphere> points;
