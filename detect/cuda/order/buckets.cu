@@ -27,10 +27,12 @@ Buckets choose_buckets(const Grid& grid, const Ordered& o, double aim, double wi
     Buckets::Part& part = b.part[k];
     part.entry = k ? grid.level[k].offset : 0, part.bucket = b.count;
     const std::uint32_t entries = (k + 1 < grid.levels ? grid.level[k + 1].offset : b.entries) - part.entry;
-    const double spheres = static_cast<double>(std::max<std::uint64_t>(grid.level[k].spheres, 1)),
-                 // Hashed levels fill buckets less evenly: lines and planes of spheres come in runs.
-        filled = grid.level[k].filled * entries * (grid.level[k].hashed ? tuning::kHashedBucket : 1),
-                 width = std::floor(std::clamp(aim * filled / spheres, 2.0, widest - 1));
+    const Level& l = grid.level[k];
+    // Hashed levels fill buckets less evenly: lines and planes of spheres come in runs. Of a dense level, the
+    // two empty layers of the border are buckets of their own, which leaves fewer entries to the others.
+    const double spheres = static_cast<double>(std::max<std::uint64_t>(l.spheres, 1)),
+                 part_filled = l.hashed ? tuning::kHashedBucket : l.filled * l.count[2] / (l.count[2] + 2.0),
+                 width = std::floor(std::clamp(aim * part_filled * entries / spheres, 2.0, widest - 1));
     part.magic = static_cast<std::uint32_t>(std::ceil(4294967296.0 / width));
     // A level of few spheres may have fewer entries than its buckets have room for.
     b.widest = std::max(b.widest, std::min(static_cast<std::uint32_t>(width), entries) + 2);

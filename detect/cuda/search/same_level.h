@@ -82,14 +82,13 @@ __device__ __forceinline__ std::uint32_t queue_candidates(const SearchTask& task
 
 // Keeps those of the queue that pass `check`, in the same order. `check(words, hit)` is given AtOnce pairs of
 // a lane and says which of them hit; behind the end it is given the last pair again.
-template <int AtOnce, class Check>
-__device__ __forceinline__ std::uint32_t keep_those(const PairQueue& queue, std::uint32_t count,
-                                                    Check check) {
+template <int AtOnce, class Queue, class Check>
+__device__ __forceinline__ std::uint32_t keep_those(const Queue& queue, std::uint32_t count, Check check) {
   const std::uint32_t lane = kept_in_register(threadIdx.x & 31), below = (1u << lane) - 1;
   std::uint32_t hits = 0;
 #pragma unroll 1
   for (std::uint32_t k = 0; k < count; k += 32 * AtOnce) {
-    std::uint32_t word[AtOnce];
+    typename Queue::Word word[AtOnce];
     bool hit[AtOnce];
 #pragma unroll
     for (int u = 0; u < AtOnce; u++) {
@@ -109,24 +108,24 @@ __device__ __forceinline__ std::uint32_t keep_those(const PairQueue& queue, std:
   return hits;
 }
 // Tests the pairs of the queue one by one: float is not sure of some, or something beside the distance
-// counts.
-template <SlotKind Kind>
-static __device__ __noinline__ std::uint32_t test_queue_exactly(const SearchTask& task, const Grid& grid,
-                                                                PairQueue queue, std::uint32_t count) {
+// counts. counts: are doubtful pairs to be counted?
+template <SlotKind Kind, class Queue>
+static __device__ __noinline__ std::uint32_t test_queue_exactly(const SearchTask& task, Queue queue,
+                                                                std::uint32_t count, bool counts) {
   const auto* const slots = slots_of<Kind>(task);
-  return keep_those<1>(queue, count, [&](const std::uint32_t(&word)[1], bool(&hit)[1]) {
+  return keep_those<1>(queue, count, [&](const typename Queue::Word(&word)[1], bool(&hit)[1]) {
     const std::uint32_t i = queue.i(word[0]), j = queue.j(word[0]);
-    if (hit[0]) hit[0] = test<Kind>(task, i, load_slot(slots + i), j, load_slot(slots + j), true);
+    if (hit[0]) hit[0] = test<Kind>(task, i, load_slot(slots + i), j, load_slot(slots + j), counts);
   });
 }
 // `doubt`: float is not enough for the lane's own sphere. MayRound: slots may be doubles rounded to float.
-template <SlotKind Kind, bool MayRound>
-__device__ __forceinline__ std::uint32_t test_queue(const SearchTask& task, const Grid& grid,
-                                                    const PairQueue& queue, std::uint32_t count, bool doubt) {
+template <SlotKind Kind, bool MayRound, class Queue>
+__device__ __forceinline__ std::uint32_t test_queue(const SearchTask& task, const Queue& queue,
+                                                    std::uint32_t count, bool doubt, bool counts) {
   constexpr int kAtOnce = 3;  // pairs that a lane has under way
   const auto* const slots = slots_of<Kind>(task);
   std::uint32_t hits =
-      keep_those<kAtOnce>(queue, count, [&](const std::uint32_t(&word)[kAtOnce], bool(&hit)[kAtOnce]) {
+      keep_those<kAtOnce>(queue, count, [&](const typename Queue::Word(&word)[kAtOnce], bool(&hit)[kAtOnce]) {
         typename SlotOf<Kind>::Type a[kAtOnce], b[kAtOnce];
 #pragma unroll
         for (int u = 0; u < kAtOnce; u++)
@@ -139,17 +138,50 @@ __device__ __forceinline__ std::uint32_t test_queue(const SearchTask& task, cons
           doubt = doubt || (hit[u] && !sure);
         }
       });
-  if (__any_sync(kFullWarp, doubt)) hits = test_queue_exactly<Kind>(task, grid, queue, hits);
+  if (__any_sync(kFullWarp, doubt)) hits = test_queue_exactly<Kind>(task, queue, hits, counts);
   return hits;
 }
 
-// Tests the candidates of the 32 spheres from `first` on without a queue. Calls take(hit, i, j, hits) with a
-// candidate of each lane, whether it is a contact, and the lanes that have one.
-template <SlotKind Kind, class Pairs, class Take>
-__device__ __forceinline__ void search_rows_unqueued(const SearchTask& task, const Grid& grid,
-                                                     const Pairs& pairs, std::uint32_t first, bool counts,
-                                                     Take take) {
-  const auto* const slots = slots_of<Kind>(task);
+// Emits what is in the queue, as numbers `before` onwards of the producer.
+template <SlotKind Kind, class Queue>
+__device__ __forceinline__ void emit_queue(const SearchTask& task, const Queue& queue, std::uint32_t count,
+                                           const OutputRange& range, std::uint32_t before) {
+  emit_by_warp<Kind>(task, range, count, before, [&](std::uint32_t k, std::uint32_t& i, std::uint32_t& j) {
+    const auto word = queue.get(k);
+    i = queue.i(word), j = queue.j(word);
+  });
+}
+// Slots for so many contacts of a warp, in any order.
+static __device__ __forceinline__ OutputRange reserve_for_warp(const SearchTask& task, std::uint32_t count) {
+  Word slot = 0;
+  if ((threadIdx.x & 31) == 0) slot = atomicAdd(&task.counters->contacts, static_cast<Word>(count));
+  return {__shfl_sync(kFullWarp, slot, 0), 0, ~0u, 0, 0};
+}
+
+// For warps with more candidates than their queue holds, and for long rows: whenever the queue is full, its
+// pairs are tested, and it begins anew. In any order the contacts are written at once; the result is 0. In a
+// stable order they are counted without a range, and emitted with one, as numbers `before` onwards of the
+// tile.
+template <SlotKind Kind, class Words, class Pairs>
+static __device__ __noinline__ std::uint32_t search_in_parts(const SearchTask& task, const Grid& grid,
+                                                             const Pairs& pairs, Words& words,
+                                                             std::uint32_t first, const OutputRange* range,
+                                                             std::uint32_t before) {
+  const WidePairQueue queue{shared_address(words.index)};
+  const std::uint32_t below = (1u << (threadIdx.x & 31)) - 1;
+  std::uint32_t waiting = 0, found = 0;
+  const auto take_waiting = [&] {
+    __syncwarp();
+    const std::uint32_t hits = test_queue<Kind, true>(task, queue, waiting, task.test_all, !range);
+    if (range || !task.stable_order) {
+      const OutputRange to = range ? *range : reserve_for_warp(task, hits);
+      // Beyond the capacity they are counted alone, and the caller searches again.
+      if (range || to.slot + hits <= task.output.capacity)
+        emit_queue<Kind>(task, queue, hits, to, range ? before + found : 0);
+    }
+    __syncwarp();
+    found += hits, waiting = 0;
+  };
   LevelQuery<Kind> query = level_query<Kind>(task, grid, pairs, first);
   const int rows = query.split ? kRows + 1 : kRows;
 #pragma unroll 1
@@ -157,12 +189,12 @@ __device__ __forceinline__ void search_rows_unqueued(const SearchTask& task, con
     for (std::uint32_t begin = query.begin[0], longest = 64; longest > 32;) {
       std::uint32_t mask = code_mask<Kind>(task, query.seeker, begin, query.end[0], query.valid, longest);
       begin &= ~3u;
-      while (__any_sync(kFullWarp, mask != 0)) {
+      while (const std::uint32_t has = __ballot_sync(kFullWarp, mask != 0)) {
+        if (waiting + 32 > Words::kCapacity / 2) take_waiting();
         const int k = __clz(mask);
-        const std::uint32_t j = begin + k;
-        const bool hit = mask && test<Kind>(task, query.index, query.slot, j, load_slot(slots + j), counts);
-        if (mask) mask ^= 0x80000000u >> k;
-        take(hit, query.index, j, __ballot_sync(kFullWarp, hit));
+        if (mask)
+          queue.put(waiting + __popc(has & below), {query.index, begin + k}), mask ^= 0x80000000u >> k;
+        waiting += __popc(has);
       }
       begin = min(begin + 32, query.end[0]);  // no further than what may be read
     }
@@ -171,59 +203,8 @@ __device__ __forceinline__ void search_rows_unqueued(const SearchTask& task, con
     for (int k = 0; k + 1 < kRows; k++) query.begin[k] = query.begin[k + 1], query.end[k] = query.end[k + 1];
     if (query.split) query.begin[kRows - 1] = query.rest_begin, query.end[kRows - 1] = query.rest_end;
   }
-}
-// For warps with more candidates than their queue holds, and for long rows. With a range, emits the contacts
-// as numbers `base` onwards of the tile; without, only counts them.
-template <SlotKind Kind, class Pairs>
-static __device__ __noinline__ std::uint32_t search_unqueued(const SearchTask& task, const Grid& grid,
-                                                             const Pairs& pairs, std::uint32_t first,
-                                                             const OutputRange* range, std::uint32_t base) {
-  const std::uint32_t below = (1u << (threadIdx.x & 31)) - 1;
-  std::uint32_t hits = 0;
-  search_rows_unqueued<Kind>(task, grid, pairs, first, !range,
-                             [&](bool hit, std::uint32_t i, std::uint32_t j, std::uint32_t has) {
-                               if (hit && range)
-                                 emit<Kind>(task, *range, base + hits + __popc(has & below), i, j);
-                               hits += __popc(has);
-                             });
-  return hits;
-}
-template <SlotKind Kind>
-static __device__ __noinline__ void write_queue(const SearchTask& task, PairQueue queue,
-                                                std::uint32_t count) {
-  Word slot = 0;
-  if ((threadIdx.x & 31) == 0) slot = atomicAdd(&task.counters->contacts, static_cast<Word>(count));
-  slot = __shfl_sync(kFullWarp, slot, 0);
-  __syncwarp();
-  if (slot + count > task.output.capacity) return;  // counted; the caller searches again
-  emit_by_warp<Kind>(task, {slot, 0, ~0u, 0, 0}, count, 0,
-                     [&](std::uint32_t k, std::uint32_t& i, std::uint32_t& j) {
-                       const std::uint32_t word = queue.get(k);
-                       i = queue.i(word), j = queue.j(word);
-                     });
-  __syncwarp();
-}
-// The same in any order, where the contacts need not be counted before the first is written: each time the
-// queue is full of them they are written, and nothing is searched twice. Returns how many are left: none.
-template <SlotKind Kind, class Words, class Pairs>
-static __device__ __noinline__ std::uint32_t search_and_write(const SearchTask& task, const Grid& grid,
-                                                              const Pairs& pairs, Words& words,
-                                                              std::uint32_t first) {
-  const PairQueue queue{shared_address(words.index), first, task.spheres.count};
-  const std::uint32_t lane = threadIdx.x & 31, below = (1u << lane) - 1;
-  std::uint32_t waiting = 0;
-  search_rows_unqueued<Kind>(
-      task, grid, pairs, first, true, [&](bool hit, std::uint32_t, std::uint32_t j, std::uint32_t has) {
-        if (hit)
-          queue.put(waiting + __popc(has & below),
-                    (lane << PairQueue::kLaneShift) + j - queue.first + (j < queue.first ? queue.count : 0));
-        waiting += __popc(has);
-        if (waiting + 32 > Words::kCapacity)
-          __syncwarp(), write_queue<Kind>(task, queue, waiting), waiting = 0;
-      });
-  __syncwarp();
-  if (waiting) write_queue<Kind>(task, queue, waiting);
-  return 0;
+  if (waiting) take_waiting();
+  return task.stable_order ? found : 0;
 }
 
 // The contacts of the 32 spheres from `first` on, in the queue unless kQueueOverflow is set. Contacts that
@@ -241,26 +222,21 @@ __device__ __forceinline__ bool find_same_level(const SearchTask& task, const Gr
     doubt = doubt && !(task.only_owner && owns_contacts_of<Kind>(task, query.slot));
   const std::uint32_t queued = queue_candidates<Kind, Words::kCapacity>(task, query, queue);
   if (queued <= Words::kCapacity)
-    found = test_queue<Kind, MayRound>(task, grid, queue, queued, doubt);
-  else if (task.stable_order || task.spheres.count > PairQueue::kFar / 2)
-    found = search_unqueued<Kind>(task, grid, pairs, first, nullptr, 0) | kQueueOverflow;
+    found = test_queue<Kind, MayRound>(task, queue, queued, doubt, true);
   else
-    found = search_and_write<Kind>(task, grid, pairs, words, first);
+    found = search_in_parts<Kind>(task, grid, pairs, words, first, nullptr, 0) |
+            (task.stable_order ? kQueueOverflow : 0);
   return true;
 }
 template <SlotKind Kind, class Words, class Pairs>
 __device__ __forceinline__ void emit_same_level(const SearchTask& task, const Grid& grid, const Pairs& pairs,
                                                 Words& words, std::uint32_t first, std::uint32_t found,
                                                 const OutputRange& range, std::uint32_t before) {
-  if (found & kQueueOverflow) {
-    search_unqueued<Kind>(task, grid, pairs, first, &range, before);
-    return;
-  }
-  const PairQueue queue{shared_address(words.index), first, task.spheres.count};
-  emit_by_warp<Kind>(task, range, found, before, [&](std::uint32_t k, std::uint32_t& i, std::uint32_t& j) {
-    const std::uint32_t word = queue.get(k);
-    i = queue.i(word), j = queue.j(word);
-  });
+  if (found & kQueueOverflow)
+    search_in_parts<Kind>(task, grid, pairs, words, first, &range, before);
+  else
+    emit_queue<Kind>(task, PairQueue{shared_address(words.index), first, task.spheres.count}, found, range,
+                     before);
 }
 
 }  // namespace padder::detect::cuda

@@ -13,7 +13,7 @@ inline constexpr std::uint32_t kQueueOverflow = 1u << 31;
 template <std::uint32_t Capacity>
 struct ContactQueue {
   static constexpr std::uint32_t kCapacity = Capacity;
-  std::uint32_t index[Capacity];
+  alignas(8) std::uint32_t index[Capacity];
   unsigned char who[Capacity];
 };
 
@@ -22,9 +22,10 @@ struct ContactQueue {
 template <std::uint32_t Capacity>
 struct PairWords {
   static constexpr std::uint32_t kCapacity = Capacity;
-  std::uint32_t index[Capacity];
+  alignas(8) std::uint32_t index[Capacity];
 };
 struct PairQueue {
+  using Word = std::uint32_t;
   static constexpr std::uint32_t kFar = 1u << 27, kLaneShift = 27;
   std::uint32_t address, first, count;  // of the words; of the warp's spheres; spheres in all
   __device__ __forceinline__ void put(std::uint32_t k, std::uint32_t word) const {
@@ -38,6 +39,17 @@ struct PairQueue {
     const std::uint32_t at = first + (word & (kFar - 1));
     return min(at, at - count);
   }
+};
+// The same memory for half as many pairs, of any two spheres.
+struct WidePairQueue {
+  using Word = uint2;
+  std::uint32_t address;
+  __device__ __forceinline__ void put(std::uint32_t k, uint2 pair) const {
+    store_shared(address + 8 * k, pair.x, pair.y);
+  }
+  __device__ __forceinline__ uint2 get(std::uint32_t k) const { return load_shared_pair(address + 8 * k); }
+  __device__ __forceinline__ std::uint32_t i(uint2 pair) const { return pair.x; }
+  __device__ __forceinline__ std::uint32_t j(uint2 pair) const { return pair.y; }
 };
 
 }  // namespace padder::detect::cuda

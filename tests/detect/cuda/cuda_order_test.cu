@@ -477,7 +477,7 @@ TEST_P(CudaOrderTest, BucketsAreKept) {
       for (std::size_t k = 8; k < crowd.size(); k++)
         crowd[k].x = 0.25f * crowd[k].x + 15, crowd[k].y = 0.25f * crowd[k].y + 15,
         crowd[k].z = 0.25f * crowd[k].z + 15;
-      const bool groups = GetParam().bucket_spheres < (several ? 5 : 10);  // of so many nothing is kept
+      const bool groups = GetParam().bucket_spheres < 10;  // of so many buckets nothing is kept
       expect_order(orderer, summary, crowd, kind, true, true, along, true, !groups);
       EXPECT_EQ(orderer.kept(), kept);
       expect_order(orderer, summary, spheres, kind, true, true, along, false, false);
