@@ -48,8 +48,13 @@ struct FusedSearch : FusedQueue<Stable, Given, Owned> {
     for (bool last = false; !last;) {
       std::uint32_t end;
       if (of_unit) {
-        end = put_runs(row.i, row.begin, row.end);
-        if (!__any_sync(kFullWarp, row.begin != row.end)) {
+        bool some = __any_sync(kFullWarp, row.begin != row.end);
+        end = upto;
+        if (some) {
+          end = put_runs(row.i, row.begin, row.end);
+          some = __any_sync(kFullWarp, row.begin != row.end);
+        }
+        if (!some) {
           if (Hashed && at >= behind && !second && __any_sync(kFullWarp, split))
             second = true, begun = 0, at = 0;
           last = at >= behind;

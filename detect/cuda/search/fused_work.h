@@ -49,17 +49,19 @@ __device__ __forceinline__ WorkItem item_of(const WorkPlan& work, std::uint32_t 
   const auto begin = [&](std::uint32_t count, std::uint32_t round) {
     return static_cast<std::uint32_t>(static_cast<std::uint64_t>(count) * round >> bits);
   };
-  // A round at or before that of the item, by float arithmetic; then on to the right one.
-  auto round = static_cast<std::uint32_t>(static_cast<float>(number) * static_cast<float>(1 << bits) /
-                                          static_cast<float>(work.items - work.first) * 0.99999f);
-  std::uint32_t before = 0;
-  for (bool more = true; more; round += more) {
-    std::uint32_t next = 0;
-    before = 0;
-    for (std::uint32_t p = lane; p <= pairs; p += 32)
-      before += begin(work.count[p], round), next += begin(work.count[p], round + 1);
-    before = __reduce_add_sync(kFullWarp, before), next = __reduce_add_sync(kFullWarp, next);
-    more = next <= number;
+  std::uint32_t round = 0, before = 0;
+  if (bits) {
+    // A round at or before that of the item, by float arithmetic; then on to the right one.
+    round = static_cast<std::uint32_t>(static_cast<float>(number) * static_cast<float>(1 << bits) /
+                                       static_cast<float>(work.items - work.first) * 0.99999f);
+    for (bool more = true; more; round += more) {
+      std::uint32_t next = 0;
+      before = 0;
+      for (std::uint32_t p = lane; p <= pairs; p += 32)
+        before += begin(work.count[p], round), next += begin(work.count[p], round + 1);
+      before = __reduce_add_sync(kFullWarp, before), next = __reduce_add_sync(kFullWarp, next);
+      more = next <= number;
+    }
   }
   std::uint32_t left = number - before;
   for (std::uint32_t p0 = 0;; p0 += 32) {
