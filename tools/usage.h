@@ -123,7 +123,8 @@ inline std::string meant_by(const CLI::App& app, std::string word) {
     for (const CLI::Option* option : a.get_options())
       for (const std::string& name : option->get_lnames()) {
         const std::string whole = "--" + name;
-        const std::size_t between = letters_between(word, whole);
+        const bool begun = letters > 2 && whole.starts_with(word);
+        const std::size_t between = begun ? 0 : letters_between(word, whole);
         const bool near = between <= 1 + letters / 4 || (letters > 2 && whole.starts_with(word.substr(0, 5)));
         if (near && between < least) best = whole, least = between;
       }

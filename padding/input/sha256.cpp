@@ -30,7 +30,7 @@ class Digest {
 
  private:
   static void check(bool good) {
-    if (!good) throw Error("SHA-256 is not available in this OpenSSL: enable it");
+    if (!good) throw Error("OpenSSL computes no SHA-256: it has no memory left, or was built without");
   }
 
   std::unique_ptr<EVP_MD_CTX, void (*)(EVP_MD_CTX*)> context_;

@@ -102,11 +102,26 @@ TEST_F(Pad, WrongUsageReturns2WithOneSentenceAndWritesNothing) {
       SCOPED_TRACE(option + " " + value);
       expect_one_sentence(pad("a.obj " + option + " " + value), 2);
     }
-  for (const char* arguments :
-       {"", "--no-such-option a.obj", "a.obj -o=b.spheres.json", "a.obj --preview a.jpg", "a.obj --depth",
-        "a.obj sub/a.obj", "a.obj sub/a.obj -o both.spheres.json", "a.obj -o a.unknown",
-        "a.obj --write-mesh a.glb", "a.obj --write-mesh a.obj", "a.obj a.stl --write-mesh both.obj",
-        "a.urdf --write-mesh a.obj", "a.obj --robot-spheres 10", "a.obj --joint elbow=1"}) {
+  for (const char* arguments : {"",
+                                "--no-such-option a.obj",
+                                "a.obj -o=b.spheres.json",
+                                "a.obj --preview a.jpg",
+                                "a.obj --depth",
+                                "a.obj sub/a.obj",
+                                "a.obj sub/a.obj -o both.spheres.json",
+                                "a.obj -o a.unknown",
+                                "a.obj --write-mesh a.glb",
+                                "a.obj --write-mesh a.obj",
+                                "a.obj a.stl --write-mesh both.obj",
+                                "a.urdf --write-mesh a.obj",
+                                "a.obj --robot-spheres 10",
+                                "a.obj --joint elbow=1",
+                                "a.obj -o ''",
+                                "a.obj --max-radius 5%",
+                                "a.obj --depth 0.2 --max-spheres 9",
+                                "a.obj --protrusion 1%",
+                                "a.obj --protrusion 0 --gap 0",
+                                "a.obj --max-spheres 4294967297"}) {
     SCOPED_TRACE(arguments);
     expect_one_sentence(pad(arguments), 2);
   }
@@ -129,8 +144,7 @@ TEST_F(Pad, WhatCannotBeMeantIsRefusedUnlessForced) {
   for (const char* arguments :
        {"a.obj --tolerance 200%", "a.obj --tolerance 5", "a.obj --lod 1%,90%", "a.obj --edge-length 200%",
         "a.obj --tolerance 2% --min-radius 5", "a.obj --tolerance 2% --reach 0.00001%",
-        "a.obj --tolerance 2% --reach 300%", "a.obj --tolerance 2% --min-radius 10% --max-radius 5%",
-        "a.obj --max-radius 5%"}) {
+        "a.obj --tolerance 2% --reach 300%", "a.obj --tolerance 2% --min-radius 10% --max-radius 5%"}) {
     SCOPED_TRACE(arguments);
     expect_one_sentence(pad(arguments), 1);
   }

@@ -177,6 +177,16 @@ void use_streams(PadArguments& a, cli::StreamFiles& files) {
   }
 }
 
+// What no mesh could satisfy is wrong usage. A robot's number of spheres becomes a tolerance of each link.
+void check_options(const PadArguments& a) {
+  if (a.robot.max_spheres > 0) return;
+  try {
+    check(a.options);
+  } catch (const Error& e) {
+    throw UsageError(e.what());
+  }
+}
+
 // Ends the program with a sentence if it is still at work after --seconds. A thread and no signal: it may
 // print.
 void end_after(const PadArguments& a) {
@@ -198,6 +208,9 @@ int run(PadArguments& a, const CLI::App& app, cli::StreamFiles& files) {
   if (lists_parts(a)) return run_parts(a, settings_of(app));
   if (a.meshes.empty())
     throw UsageError("name a mesh, a folder of meshes, or --manifest FILE (see pad --help)");
+  for (const std::string& output : a.outputs)
+    if (output.empty()) throw UsageError("-o is empty: name a file or a folder, or leave it out");
+  check_options(a);
   for (const char* option : {"--shard", "--workers", "--page"})
     if (app.count(option) > 0)
       throw UsageError(std::string(option) +
