@@ -468,6 +468,28 @@ def test_stubs_name_what_is_there():
     assert set(padder.__all__) == named
 
 
+def test_numbers_out_of_range_are_value_errors():
+    centers, radii = np.zeros((2, 3)), np.ones(2)
+    cluster = padder.pad(CUBE, FACES, tolerance="20%")
+    for call in (lambda: padder.pad(CUBE, FACES, max_spheres=-1), lambda: padder.pad(CUBE, FACES, family=2**32),
+                 lambda: padder.pad(CUBE, FACES, mask=-1), lambda: padder.pad(CUBE, FACES, effort=-1, tolerance="5%"),
+                 lambda: setattr(cluster, "family", 2**32), lambda: setattr(cluster, "unit", "km"),
+                 lambda: padder.detect(centers, radii, threads=-1), lambda: padder.detect(centers, radii, margin=-1),
+                 lambda: padder.detect(centers, radii, margin=float("nan")), lambda: padder.detect(centers, radii, device=2**31),
+                 lambda: padder.Detector().detect(centers, radii, revision=2**64), lambda: padder.worlds(-1, centers=centers, radii=radii)):
+        with pytest.raises(ValueError):
+            call()
+    for call in (lambda: padder.pad(CUBE, FACES, family=1.5), lambda: padder.pad(CUBE, FACES, tolerance="5%", force="yes"),
+                 lambda: padder.detect(centers, radii, threads="2")):
+        with pytest.raises(TypeError):
+            call()
+    for call in (padder.load, padder.pad_file):
+        with pytest.raises(FileNotFoundError):
+            call("")
+    cluster.family, cluster.mask, cluster.unit = np.uint32(7), 2**32 - 1, "mm"
+    assert (cluster.family, cluster.mask, cluster.unit) == (7, 2**32 - 1, "mm")
+
+
 def test_a_cluster_as_a_page():
     box = np.array([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)], float)
     faces = [(0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5), (0, 4, 5), (0, 5, 1), (2, 3, 7), (2, 7, 6), (0, 2, 6), (0, 6, 4), (1, 5, 7), (1, 7, 3)]

@@ -65,7 +65,7 @@ def test_what_was_not_asked_for_and_what_makes_no_sense_is_said():
         answers.distance
     with pytest.raises(ValueError, match="answer must be"):
         padder.worlds(2, "all", centers, radii)
-    with pytest.raises(padder.Error, match="margin"):
+    with pytest.raises(ValueError, match="margin"):
         padder.detect(centers, radii, margin=-1)
     with pytest.raises(padder.Error, match="is in world 1, but"):
         padder.worlds(1, "any", centers[:1], radii[:1], world=[1])

@@ -8,6 +8,7 @@
 #include "tools/python/arrays.h"
 #include "tools/python/bodies.h"
 #include "tools/python/module.h"
+#include "tools/python/whole.h"
 
 namespace padder::python {
 
@@ -305,6 +306,8 @@ class PyDetector {
  private:
   template <class Work>
   void call(const Scene& scene, double margin, Work work) {
+    if (!(margin >= 0) || !std::isfinite(margin))
+      throw py::value_error("margin must be 0 or positive, and finite");
     Request in;
     if (scene.bodies) in.input.shapes = scene.bodies->shapes, in.input.bodies = scene.bodies->bodies;
     in.input.revision = scene.revision;
@@ -401,14 +404,15 @@ void add_detect(py::module_& m) {
   add_results(m);
   const auto none = py::none();
   py::class_<PyDetector>(m, "Detector")
-      .def(py::init<const std::string&, const std::string&, const std::string&, int, int, bool>(),
+      .def(py::init<const std::string&, const std::string&, const std::string&, Whole<int>, Whole<int>,
+                    bool>(),
            py::kw_only(), "width"_a = "normals", "backend"_a = "auto", "precision"_a = "exact",
            "threads"_a = 0, "device"_a = 0, "history"_a = false)
       .def_property_readonly("backend", &PyDetector::backend)
       .def(
           "detect",
           [](PyDetector& d, Objects centers, Objects radii, Objects family, Objects mask, Objects is_static,
-             Objects world, MaybeBodies bodies, std::uint64_t revision, Objects moved, Objects poses,
+             Objects world, MaybeBodies bodies, Whole<std::uint64_t> revision, Objects moved, Objects poses,
              double margin) {
             return d.detect({centers, radii, family, mask, is_static, world, bodies, revision, moved, poses},
                             margin);
@@ -422,9 +426,9 @@ void add_detect(py::module_& m) {
               .c_str())
       .def(
           "worlds",
-          [](PyDetector& d, std::uint32_t count, const std::string& answer, Objects centers, Objects radii,
-             Objects family, Objects mask, Objects is_static, Objects world, MaybeBodies bodies,
-             std::uint64_t revision, Objects moved, Objects poses, double margin) {
+          [](PyDetector& d, Whole<std::uint32_t> count, const std::string& answer, Objects centers,
+             Objects radii, Objects family, Objects mask, Objects is_static, Objects world,
+             MaybeBodies bodies, Whole<std::uint64_t> revision, Objects moved, Objects poses, double margin) {
             return d.worlds(count, answer,
                             {centers, radii, family, mask, is_static, world, bodies, revision, moved, poses},
                             margin);
@@ -437,7 +441,7 @@ void add_detect(py::module_& m) {
       "detect",
       [](Objects centers, Objects radii, Objects family, Objects mask, Objects is_static, Objects world,
          MaybeBodies bodies, double margin, const std::string& width, const std::string& backend,
-         const std::string& precision, int threads, int device) {
+         const std::string& precision, Whole<int> threads, Whole<int> device) {
         return PyDetector(width, backend, precision, threads, device)
             .detect({centers, radii, family, mask, is_static, world, bodies}, margin);
       },
@@ -449,9 +453,9 @@ void add_detect(py::module_& m) {
           .c_str());
   m.def(
       "worlds",
-      [](std::uint32_t count, const std::string& answer, Objects centers, Objects radii, Objects family,
-         Objects mask, Objects is_static, Objects world, MaybeBodies bodies, double margin,
-         const std::string& backend, int threads, int device) {
+      [](Whole<std::uint32_t> count, const std::string& answer, Objects centers, Objects radii,
+         Objects family, Objects mask, Objects is_static, Objects world, MaybeBodies bodies, double margin,
+         const std::string& backend, Whole<int> threads, Whole<int> device) {
         return PyDetector("pairs", backend, "exact", threads, device)
             .worlds(count, answer, {centers, radii, family, mask, is_static, world, bodies}, margin);
       },

@@ -16,6 +16,7 @@
 #include "tools/python/arrays.h"
 #include "tools/python/interruptible.h"
 #include "tools/python/module.h"
+#include "tools/python/whole.h"
 
 namespace padder::python {
 
@@ -90,7 +91,7 @@ Mesh mesh_of(const py::object& given_vertices, const py::object& given_faces) {
 // Throws the error that Python's open() throws for a file that does not exist.
 void need_file(const std::filesystem::path& path) {
   std::error_code code;
-  if (path.empty() || std::filesystem::exists(path, code)) return;
+  if (std::filesystem::exists(path, code)) return;
   errno = ENOENT;
   PyErr_SetFromErrnoWithFilename(PyExc_FileNotFoundError, path.c_str());
   throw py::error_already_set();
@@ -104,17 +105,28 @@ void need_unit(const std::string& unit) {
   }
 }
 
+// What the option of this name is given as.
+template <class T>
+T cast_of(const py::object& given, const std::string& name) {
+  try {
+    return py::cast<T>(given);
+  } catch (const py::cast_error&) {
+    throw py::type_error(name + " must not be of the type " +
+                         py::str(py::type::of(given)).cast<std::string>());
+  }
+}
+
 // The options that are given by their names only.
 void take_more(PadOptions& o, const py::kwargs& more) {
   for (const auto& [key, given] : more) {
     const auto name = py::cast<std::string>(key);
     const auto value = py::reinterpret_borrow<py::object>(given);
     if (name == "balance") {
-      const auto balance = balance_of(py::cast<std::string>(value));
+      const auto balance = balance_of(cast_of<std::string>(value, name));
       if (!balance) throw py::value_error("balance must be \"none\", \"volume\" or \"mean\"");
       o.balance = *balance;
     } else if (name == "effort") {
-      o.effort = py::cast<int>(value);
+      o.effort = cast_of<Whole<int>>(value, name);
     } else if (name == "smooth") {
       o.smooth = number_of(value, "smooth");
     } else if (name == "lod") {
@@ -129,7 +141,7 @@ void take_more(PadOptions& o, const py::kwargs& more) {
     } else if (name == "thickness") {
       o.thickness = length_of(value, "thickness");
     } else if (name == "force") {
-      o.force = py::cast<bool>(value);
+      o.force = cast_of<bool>(value, name);
     } else {
       throw py::type_error("padding has no option \"" + name + '"');
     }
@@ -195,9 +207,15 @@ void add_spheres_of(PyCluster& cluster) {
              return "<padder.Cluster " + c.name + ": " + std::to_string(c.size()) + " spheres>";
            })
       .def_readwrite("name", &Cluster::name)
-      .def_readwrite("unit", &Cluster::unit)
-      .def_readwrite("family", &Cluster::family)
-      .def_readwrite("mask", &Cluster::mask)
+      .def_property(
+          "unit", [](const Cluster& c) { return c.unit; },
+          [](Cluster& c, const std::string& unit) { need_unit(unit), c.unit = unit; })
+      .def_property(
+          "family", [](const Cluster& c) { return c.family; },
+          [](Cluster& c, Whole<std::uint32_t> family) { c.family = family; })
+      .def_property(
+          "mask", [](const Cluster& c) { return c.mask; },
+          [](Cluster& c, Whole<std::uint32_t> mask) { c.mask = mask; })
       .def_readonly("volume_union", &Cluster::volume_union)
       .def_property_readonly("centers",
                              [](const py::object& self) {
@@ -262,10 +280,10 @@ void add_pad_of_arrays(py::module_& m) {
   m.def(
       "pad",
       [](const py::object& vertices, const py::object& faces, const py::object& depth,
-         const py::object& tolerance, const py::object& edge_length, std::uint64_t max_spheres,
-         double sharp_angle, const std::string& repair, std::uint32_t family, std::uint32_t mask,
-         const std::string& unit, const std::string& name, const py::object& protrusion,
-         const py::object& gap, const py::kwargs& more) {
+         const py::object& tolerance, const py::object& edge_length, Whole<std::uint64_t> max_spheres,
+         double sharp_angle, const std::string& repair, Whole<std::uint32_t> family,
+         Whole<std::uint32_t> mask, const std::string& unit, const std::string& name,
+         const py::object& protrusion, const py::object& gap, const py::kwargs& more) {
         const PadOptions options = options_of(depth, tolerance, edge_length, max_spheres, sharp_angle, repair,
                                               family, mask, protrusion, gap, more);
         need_unit(unit);
@@ -300,9 +318,10 @@ void add_pad_of_file(py::module_& m) {
   m.def(
       "pad_file",
       [](const std::filesystem::path& path, const py::object& depth, const py::object& tolerance,
-         const py::object& edge_length, std::uint64_t max_spheres, double sharp_angle,
-         const std::string& repair, std::uint32_t family, std::uint32_t mask, const std::string& unit,
-         double scale, const py::object& protrusion, const py::object& gap, const py::kwargs& more) {
+         const py::object& edge_length, Whole<std::uint64_t> max_spheres, double sharp_angle,
+         const std::string& repair, Whole<std::uint32_t> family, Whole<std::uint32_t> mask,
+         const std::string& unit, double scale, const py::object& protrusion, const py::object& gap,
+         const py::kwargs& more) {
         const PadOptions options = options_of(depth, tolerance, edge_length, max_spheres, sharp_angle, repair,
                                               family, mask, protrusion, gap, more);
         need_unit(unit), need_file(path);
@@ -358,9 +377,9 @@ void add_robot(py::module_& m) {
   m.def(
       "pad_urdf",
       [](const std::filesystem::path& path, const py::object& depth, const py::object& tolerance,
-         const py::object& edge_length, std::uint64_t max_spheres, std::uint64_t robot_spheres, bool visual,
-         const std::vector<std::filesystem::path>& package_path, int poses, const std::string& repair,
-         const py::kwargs& more) {
+         const py::object& edge_length, Whole<std::uint64_t> max_spheres, Whole<std::uint64_t> robot_spheres,
+         bool visual, const std::vector<std::filesystem::path>& package_path, Whole<int> poses,
+         const std::string& repair, const py::kwargs& more) {
         const PadOptions options =
             options_of(depth, tolerance, edge_length, max_spheres, PadOptions().sharp_angle, repair, 0, 0,
                        py::none(), py::none(), more);
