@@ -2,11 +2,10 @@
 // The first half of the grid path on the CPU: the spheres are ordered by the keys of their bins. It
 // corresponds to stages 1 to 6 of the paper. Each sphere is listed in its owner bin only, so T[i] is 1. One
 // counting sort replaces stages 1 to 4, and yields the starts of stage 5 at no cost; nothing is left of
-// stage 6. Stages 7 to 9 are in search.cpp and records.cpp.
+// stage 6. Stages 7 to 9 are in search/search.cpp and records.cpp.
 #include <omp.h>
 
 #include "detect/omp/choose_levels.h"
-#include "detect/omp/reach_table.h"
 
 namespace padder::detect::omp {
 namespace {
@@ -153,20 +152,6 @@ struct CountingSort {
 };
 
 }  // namespace
-
-GridPath::GridPath(Budget& b)
-    : budget_(&b),
-      keys_(b),
-      starts_(b),
-      ids_(b),
-      counts_(b),
-      places_(b),
-      entries_(b),
-      slots_{Buffer<float>(b), Buffer<float>(b), Buffer<float>(b), Buffer<float>(b)},
-      filters_(b),
-      spheres_(b) {}
-
-GridPath::~GridPath() = default;
 
 template <class Slot, class T>
 void GridPath::sort(const View<T>& spheres, const Grid& grid, int threads, Seconds& seconds) {

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "detect/core/backend.h"
-#include "detect/omp/kernels.h"
+#include "detect/omp/batches.h"
 
 namespace padder::detect::omp {
 
@@ -217,7 +217,7 @@ class ReachTable;
 // or they test all of its spheres, if these are few.
 enum class Way { rows, table, whole };
 
-// The grid path (order.cpp, search.cpp, records.cpp).
+// The grid path (order.cpp, search/search.cpp, records.cpp).
 class GridPath {
  public:
   explicit GridPath(Budget& b);

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: MIT
 // The inner loops of the CPU's search: those for this machine give what plain C++ gives, and both what they
 // promise.
-#include "detect/omp/kernels.h"
+#include "detect/omp/batches.h"
+#include "detect/omp/search/kernels.h"
 
 #include <algorithm>
 #include <bit>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 // The table by which finer spheres search a level on the CPU: that each finds its partners, and once.
-#include "detect/omp/reach_table.h"
+#include "detect/omp/search/reach_table.h"
 
 #include <algorithm>
 

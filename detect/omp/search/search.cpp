@@ -4,10 +4,11 @@
 // level is tested once. It is also tested against the levels that its own level searches.
 #include <omp.h>
 
-#include <cstring>
 #include <limits>
 
-#include "detect/omp/reach_table.h"
+#include "detect/omp/search/cross_search.h"
+#include "detect/omp/search/hits.h"
+#include "detect/omp/search/reach_table.h"
 
 namespace padder::detect::omp {
 namespace {
@@ -16,98 +17,12 @@ namespace {
 // kChunkSlots slots. kOwnLevelTime: nanoseconds that a sphere takes at its own level, about.
 constexpr double kChunkTime = 1e5, kOwnLevelTime = 40;
 constexpr std::uint64_t kChunkSlots = 2048;
-// The most candidates that are tested before the room for hits is checked again.
-constexpr std::uint32_t kMostCandidates = 8192;
-
 // Spheres whose hits are all looked at again if float cannot decide one of them.
 constexpr std::uint32_t kConfirmed = 64;
 
-// The hits of one thread. The lists grow as they must. If there is not enough memory, hits are only counted
-// from then on, so that the sentence about it can say how much would be needed.
-class Hits {
- public:
-  static constexpr std::uint64_t kLeast = 4 * (kMostCandidates + kLanes);
-  // The buffer must have room for kLeast slots.
-  Hits(Buffer<std::uint32_t>& buffer, Budget& budget) : buffer_(buffer), budget_(budget) {}
-
-  // Room for kMostCandidates hits after those that are kept.
-  HitLists room() {
-    if (size_ + kMostCandidates + kLanes > buffer_.capacity() / 2) grow();
-    return {buffer_.data() + size_, buffer_.data() + buffer_.capacity() / 2 + size_};
-  }
-  void keep(std::uint64_t n) {
-    total_ += n;
-    if (!counting_) size_ += n;
-  }
-  std::uint64_t size() const { return size_; }
-  std::uint64_t total() const { return total_; }
-  bool counting() const { return counting_; }
-
- private:
-  void grow() {
-    Buffer<std::uint32_t> wider(budget_);
-    if (!wider.try_resize(2 * buffer_.capacity())) {
-      counting_ = true, size_ = 0;
-      return;
-    }
-    for (std::uint64_t list = 0; list < 2; list++)
-      std::memcpy(wider.data() + list * wider.capacity() / 2, buffer_.data() + list * buffer_.capacity() / 2,
-                  size_ * sizeof(std::uint32_t));
-    buffer_.swap(wider);
-  }
-  Buffer<std::uint32_t>& buffer_;
-  Budget& budget_;
-  std::uint64_t size_ = 0, total_ = 0;
-  bool counting_ = false;
-};
-
-// The largest search radius of a coarse sphere, in bins of the finer level. Fixed-point slots know their
-// place modulo 256 bins only, and kSearchRadiusFactor must not add more than a bin.
-constexpr double kLargestSearchRadius[2] = {800, 100};  // for float slots, for fixed-point slots
 constexpr int kRows = 2048;              // rows of bins that are looked up together; at least one layer
 constexpr std::uint32_t kTogether = 16;  // spheres whose rows are
 constexpr int kAround = std::numeric_limits<int>::max();  // rows that go on at the other end of the ring
-
-// For each sphere that searches a whole level, in nanoseconds; a rough measurement.
-double whole_cost(const Level& l) { return 8 + 3.5 * (static_cast<double>(l.spheres) / kLanes + 0.5); }
-// A sphere is in 27 lists at most, and a table has 32-bit numbers.
-constexpr std::uint64_t kMostInTable = std::uint64_t(1) << 27;
-
-// Which other levels the spheres of each level search. Of two levels, one searches the other, in the
-// direction that costs less. A large sphere touches most of the finer spheres that it tests, but it searches
-// many bins.
-struct CrossSearch {
-  int at;
-  Way way;
-  double cost;  // for each sphere that searches, in nanoseconds
-};
-struct CrossSearches {
-  Partners partners[kMaxLevels];  // of each level, those that search it by its table
-  std::vector<CrossSearch> of_level[kMaxLevels];
-};
-CrossSearches plan_cross_searches(const Grid& g, bool fixed_point) {
-  CrossSearches plan;
-  for (int c = 0; c < g.levels; c++)
-    for (int f = 0; f < c; f++) {
-      const Level &coarse = g.level[c], &fine = g.level[f];
-      if (lie_apart(coarse, fine)) continue;
-      CrossSearch up{c, coarse.spheres < kMostInTable ? Way::table : Way::rows,
-                     fine_to_coarse_cost(fine, coarse)},
-          down{f, Way::rows, coarse_to_fine_cost(coarse, fine)};
-      if (whole_cost(coarse) < up.cost) up.way = Way::whole, up.cost = whole_cost(coarse);
-      const double search_radius = (coarse.radius_max + fine.radius_max) * fine.per_size;
-      const bool wide = search_radius > kLargestSearchRadius[fixed_point] ||
-                        2.01 * search_radius + 3 > keys_of(fine).side();
-      if (!wide &&
-          down.cost * static_cast<double>(coarse.spheres) < up.cost * static_cast<double>(fine.spheres)) {
-        plan.of_level[c].push_back(down);
-        continue;
-      }
-      plan.of_level[f].push_back(up);
-      if (up.way == Way::table) plan.partners[c].add(fine);
-    }
-  return plan;
-}
 
 int floor_of(float v) {
   const int whole = static_cast<int>(v);
@@ -562,6 +477,20 @@ class Searcher {
 };
 
 }  // namespace
+
+GridPath::GridPath(Budget& b)
+    : budget_(&b),
+      keys_(b),
+      starts_(b),
+      ids_(b),
+      counts_(b),
+      places_(b),
+      entries_(b),
+      slots_{Buffer<float>(b), Buffer<float>(b), Buffer<float>(b), Buffer<float>(b)},
+      filters_(b),
+      spheres_(b) {}
+
+GridPath::~GridPath() = default;
 
 template <class Slot>
 std::uint64_t GridPath::search(const Grid& grid, const CallOptions& options, bool filtered, int threads,
