@@ -66,6 +66,20 @@ void forget(int place) {
   if (place >= 0) unfinished[place].state = 0;
 }
 
+// The file that is to be replaced: that which a link leads to, so that the link stays. Throws Error for
+// what a file must not replace.
+std::filesystem::path target_of(std::filesystem::path path) {
+  struct stat about {};
+  if (::stat(path.c_str(), &about) == 0 && !S_ISREG(about.st_mode) && !S_ISDIR(about.st_mode))
+    throw Error("cannot write " + path.string() +
+                ": it is a device, a pipe or a socket: name a regular file, or - for the standard output");
+  std::error_code code;
+  constexpr int most = 40;  // as the system follows
+  for (int k = 0; k < most && std::filesystem::is_symlink(path, code); k++)
+    path = path.parent_path() / std::filesystem::read_symlink(path, code);
+  return path;
+}
+
 }  // namespace
 
 void remove_unfinished_files() noexcept {
@@ -95,12 +109,15 @@ std::string read_file(const std::filesystem::path& path, std::uintmax_t most) {
   return bytes;
 }
 
-FileWriter::FileWriter(const std::filesystem::path& path) : path_(path), beside_(path) {
+FileWriter::FileWriter(const std::filesystem::path& path) : path_(target_of(path)), beside_(path_) {
   // The process id keeps two runs that write the same asset at once out of each other's half-written file.
   beside_ += ".part" + std::to_string(::getpid());
   place_ = remember(beside_.string());  // before it is there: a signal may come in between
   file_ = ::open(beside_.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
-  if (file_ >= 0) return;
+  if (file_ >= 0) {
+    if (struct stat about{}; ::stat(path_.c_str(), &about) == 0) (void)::fchmod(file_, about.st_mode & 07777);
+    return;
+  }
   const int error = errno;
   forget(place_);
   fail(error);
