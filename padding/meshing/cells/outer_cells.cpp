@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "padding/meshing/outer_cells.h"
+#include "padding/meshing/cells/outer_cells.h"
 
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <atomic>
-#include <map>
 #include <numeric>
 #include <optional>
 #include <unordered_map>

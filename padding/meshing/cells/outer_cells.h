@@ -7,7 +7,7 @@
 #include <span>
 #include <vector>
 
-#include "padding/meshing/contacts.h"
+#include "padding/meshing/cells/contacts.h"
 
 namespace padder {
 
