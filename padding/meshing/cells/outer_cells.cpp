@@ -3,10 +3,13 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <numeric>
 #include <optional>
+#include <span>
 #include <unordered_map>
+#include <unordered_set>
 
 #include "padding/geometry/surface.h"
 #include "padding/meshing/pieces.h"
@@ -39,7 +42,7 @@ class Cutter {
       out.too_many = true;
       return out;
     }
-    join();
+    find_regions();
     decide();
     return collect();
   }
@@ -48,6 +51,7 @@ class Cutter {
   struct Region {
     std::uint32_t triangle = 0;
     Point place;                     // in the region
+    double room = -1;                // how far inside, about
     std::optional<int> front, back;  // winding numbers on the two sides of the triangle
     bool twice = false;              // another triangle has the same region
   };
@@ -113,6 +117,8 @@ class Cutter {
         if (c.point[k] != edge >> 32 && c.point[k] != (edge & 0xffffffffu))
           on_edge_[edge].push_back(c.point[k]);
       }
+      for (int k = 0; k < 3; k++)
+        if (c.point[0] != c.point[1] && c.runs_along(k)) touched_.insert(edge_of(cut.triangle, k));
     }
     for (auto& [edge, on] : on_edge_) {
       const Point from = soup_.points[edge >> 32];
@@ -189,42 +195,79 @@ class Cutter {
   }
 
   // Regions: triangles that nothing meets and that hang together, and the regions of each cut triangle.
-  void join() {
+  void find_regions() {
     const auto n = static_cast<std::uint32_t>(soup_.triangles.size());
     std::vector<std::uint32_t> parent(n);
     std::iota(parent.begin(), parent.end(), 0u);
     const std::vector<Side> sides = sides_of(soup_, parent);
     for_edges(sides, [&](std::size_t begin, std::size_t end) {
-      if (end - begin != 2) return;
-      const auto s = sides[begin].triangle, t = sides[begin + 1].triangle;
-      // The two must also run alike, or the front of one is the back of the other.
-      if (piece_of_[s] != kNone || piece_of_[t] != kNone ||
-          sides[begin].direction == sides[begin + 1].direction || roles_[s] != roles_[t])
-        return;
-      parent[root_of(parent, s)] = root_of(parent, t);
+      const auto s = sides[begin].triangle, t = sides[end - 1].triangle;
+      if (run_on(sides, begin, end) && piece_of_[s] == kNone && piece_of_[t] == kNone)
+        parent[root_of(parent, s)] = root_of(parent, t);
     });
     region_of_.assign(n, kNone);
-    std::vector<double> largest;
     for (std::uint32_t t = 0; t < n; t++) {
       if (piece_of_[t] != kNone || is_flat(soup_, t)) continue;
+      const Point &a = soup_.corner(t, 0), &b = soup_.corner(t, 1), &c = soup_.corner(t, 2);
+      const double room =
+          2 * soup_.area_normal(t).norm() / ((b - a).norm() + (c - b).norm() + (a - c).norm());
       auto& region = region_of_[root_of(parent, t)];
-      if (region == kNone) region = new_region(t, Point::Zero()), largest.push_back(-1);
-      const double area = soup_.area_normal(t).norm();
-      if (area > largest[region]) {
-        largest[region] = area, regions_[region].triangle = t;
-        regions_[region].place = (soup_.corner(t, 0) + soup_.corner(t, 1) + soup_.corner(t, 2)) / 3;
-      }
+      if (region == kNone) region = new_region(t, Point::Zero(), -1);
+      Region& r = regions_[region];
+      if (room > r.room) r.room = room, r.triangle = t, r.place = (a + b + c) / 3;
     }
     for (std::uint32_t t = 0; t < n; t++)
       if (piece_of_[t] == kNone) region_of_[t] = region_of_[root_of(parent, t)];
     for (std::size_t k = 0; k < cut_.size(); k++) {
       region_of_[cut_[k]] = static_cast<std::uint32_t>(regions_.size());
-      for (const Point& place : pieces_[k].places) new_region(cut_[k], place);
+      for (std::size_t r = 0; r < pieces_[k].places.size(); r++)
+        new_region(cut_[k], pieces_[k].places[r], pieces_[k].room[r]);
     }
+    join(sides);
   }
 
-  std::uint32_t new_region(std::uint32_t triangle, const Point& place) {
-    regions_.push_back({triangle, place, {}, {}, false});
+  // Does the surface run on over an edge, from the front of one triangle to the front of another one?
+  bool run_on(const std::vector<Side>& sides, std::size_t begin, std::size_t end) const {
+    return end - begin == 2 && sides[begin].direction != sides[begin + 1].direction &&
+           roles_[sides[begin].triangle] == roles_[sides[begin + 1].triangle];
+  }
+
+  // Regions on both sides of an edge have the same before them, unless something touches the edge along a
+  // part of it. Those of triangles that others lie on are decided one by one.
+  void join(const std::vector<Side>& sides) {
+    leader_.resize(regions_.size());
+    std::iota(leader_.begin(), leader_.end(), 0u);
+    for_edges(sides, [&](std::size_t begin, std::size_t end) {
+      const auto s = sides[begin].triangle, t = sides[end - 1].triangle;
+      if (!run_on(sides, begin, end) || (piece_of_[s] == kNone && piece_of_[t] == kNone) ||
+          overlaps_.count(s) || overlaps_.count(t) || touched_.count(sides[begin].edge))
+        return;
+      const std::vector<std::uint32_t> one = regions_along(s, sides[begin].edge),
+                                       other = regions_along(t, sides[begin].edge);
+      for (std::size_t k = 0; k < one.size() && one.size() == other.size(); k++) {
+        if (one[k] == kNone || other[k] == kNone) continue;
+        const auto a = root_of(leader_, one[k]), b = root_of(leader_, other[k]);
+        leader_[std::max(a, b)] = std::min(a, b);
+      }
+    });
+  }
+
+  // The regions of t along one of its edges, from the smaller vertex on.
+  std::vector<std::uint32_t> regions_along(std::uint32_t t, std::uint64_t edge) const {
+    if (piece_of_[t] == kNone) return {region_of_[t]};
+    const TrianglePieces& p = pieces_[piece_of_[t]];
+    std::size_t k = 0;
+    while (edge_of(t, static_cast<int>(k)) != edge) k++;
+    std::vector<std::uint32_t> along(p.rim.begin() + p.rim_of[k],
+                                     k < 2 ? p.rim.begin() + p.rim_of[k + 1] : p.rim.end());
+    for (auto& region : along)
+      if (region != kNone) region += region_of_[t];
+    if (soup_.triangles[t][k] != edge >> 32) std::reverse(along.begin(), along.end());
+    return along;
+  }
+
+  std::uint32_t new_region(std::uint32_t triangle, const Point& place, double room) {
+    regions_.push_back({triangle, place, room, {}, {}, false});
     return static_cast<std::uint32_t>(regions_.size() - 1);
   }
 
@@ -242,14 +285,42 @@ class Cutter {
     return true;
   }
 
+  // A ray decides on all regions that are joined. Another one, from the next largest of them, must agree.
   void decide() {
+    std::vector<std::uint32_t> joined(regions_.size());
+    std::iota(joined.begin(), joined.end(), 0u);
+    for (auto& leader : leader_) leader = leader_[leader];  // a leader stands before those that it leads
+    std::stable_sort(joined.begin(), joined.end(), [&](auto a, auto b) { return leader_[a] < leader_[b]; });
+    std::vector<std::size_t> begin;
+    for (std::size_t k = 0; k < joined.size(); k++)
+      if (leader_[joined[k]] == joined[k]) begin.push_back(k);
+    const std::size_t groups = begin.size();
+    begin.push_back(joined.size());
 #pragma omp parallel for schedule(dynamic, 16)
-    for (std::size_t k = 0; k < regions_.size(); k++) {
-      const auto found = overlaps_.find(regions_[k].triangle);
-      std::vector<std::uint32_t> others;
-      if (found != overlaps_.end()) others = found->second;
-      if (!decide(regions_[k], others) && add_near(regions_[k], others)) decide(regions_[k], others);
+    for (std::size_t g = 0; g < groups; g++) {
+      const auto group = std::span(joined).subspan(begin[g], begin[g + 1] - begin[g]);
+      if (group.size() > 1 && decide_together(group)) continue;
+      for (const auto k : group) {
+        const auto found = overlaps_.find(regions_[k].triangle);
+        std::vector<std::uint32_t> others;
+        if (found != overlaps_.end()) others = found->second;
+        if (!decide(regions_[k], others) && add_near(regions_[k], others)) decide(regions_[k], others);
+      }
     }
+  }
+
+  bool decide_together(std::span<const std::uint32_t> group) {
+    std::array<std::uint32_t, 2> largest = {group[0], group[1]};
+    const auto room = [&](std::uint32_t k) { return regions_[k].room; };
+    if (room(largest[1]) > room(largest[0])) std::swap(largest[0], largest[1]);
+    for (const auto k : group.subspan(2)) {
+      if (room(k) > room(largest[1])) largest[1] = k;
+      if (room(largest[1]) > room(largest[0])) std::swap(largest[0], largest[1]);
+    }
+    Region &first = regions_[largest[0]], &second = regions_[largest[1]];
+    if (!decide(first, {}) || !decide(second, {}) || first.front != second.front) return false;
+    for (const auto k : group) regions_[k].front = first.front, regions_[k].back = first.back;
+    return true;
   }
 
   // `others` may lie on the region, in ascending order. False where rounding leaves open what lies before it.
@@ -354,29 +425,35 @@ class Cutter {
     std::iota(same_.begin(), same_.end(), 0u);
     const double size = 1e-12 * soup_.bounds().diagonal();
     std::unordered_multimap<std::uint64_t, std::uint32_t> cells;
-    const auto cell = [&](const Point& p, int dx, int dy, int dz) {
-      const auto part = [&](double x, int d) {
-        return static_cast<std::uint64_t>(static_cast<std::int64_t>(std::floor(x / size)) + d);
-      };
-      std::uint64_t h = part(p.x(), dx) * 0x9e3779b97f4a7c15ull;
-      h = (h ^ (h >> 29) ^ part(p.y(), dy)) * 0xbf58476d1ce4e5b9ull;
-      return (h ^ (h >> 31) ^ part(p.z(), dz)) * 0x94d049bb133111ebull;
+    using Cell = std::array<std::int64_t, 3>;
+    const auto cell = [&](const Point& p, double step) {
+      Cell c;
+      for (int k = 0; k < 3; k++) c[k] = static_cast<std::int64_t>(std::floor((p[k] + step) / size));
+      return c;
+    };
+    const auto hash = [](const Cell& c) {
+      std::uint64_t h = 0;
+      for (const auto x : c) h = (h ^ (h >> 31) ^ static_cast<std::uint64_t>(x)) * 0x9e3779b97f4a7c15ull;
+      return h;
     };
     for (std::uint32_t v = 0; v < points_.size(); v++) {
       if (!used[v]) continue;
       if (v >= soup_.points.size()) {
         std::uint32_t best = kNone;
-        for (int c = 0; c < 27; c++) {
-          const auto [begin, end] = cells.equal_range(cell(points_[v], c % 3 - 1, c / 3 % 3 - 1, c / 9 - 1));
-          for (auto it = begin; it != end; ++it)
-            if ((points_[it->second] - points_[v]).norm() < near_) best = std::min(best, it->second);
-        }
+        const Cell low = cell(points_[v], -1.01 * near_), high = cell(points_[v], 1.01 * near_);
+        for (auto x = low[0]; x <= high[0]; x++)
+          for (auto y = low[1]; y <= high[1]; y++)
+            for (auto z = low[2]; z <= high[2]; z++) {
+              const auto [begin, end] = cells.equal_range(hash({x, y, z}));
+              for (auto it = begin; it != end; ++it)
+                if ((points_[it->second] - points_[v]).norm() < near_) best = std::min(best, it->second);
+            }
         if (best != kNone) {
           same_[v] = best;
           continue;
         }
       }
-      cells.emplace(cell(points_[v], 0, 0, 0), v);
+      cells.emplace(hash(cell(points_[v], 0)), v);
     }
   }
 
@@ -390,11 +467,13 @@ class Cutter {
   std::vector<TriangleCut> cuts_;
   std::vector<std::uint32_t> cuts_of_;  // of triangle t: cuts_of_[t] up to cuts_of_[t + 1]
   std::unordered_map<std::uint64_t, std::vector<std::uint32_t>> on_edge_;
+  std::unordered_set<std::uint64_t> touched_;  // edges that something touches along a part of them
   std::unordered_map<std::uint32_t, std::vector<std::uint32_t>> overlaps_;
   std::vector<std::uint32_t> cut_, piece_of_;  // the cut triangles; of each triangle its place among them
   std::vector<TrianglePieces> pieces_;
   std::vector<Region> regions_;
   std::vector<std::uint32_t> region_of_;  // of a cut triangle, the first
+  std::vector<std::uint32_t> leader_;     // of each region the first that it is joined with
   std::vector<std::uint32_t> same_;
 };
 
