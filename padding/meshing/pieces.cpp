@@ -435,29 +435,17 @@ std::vector<Side> sides_of(const Mesh& mesh, const std::vector<std::uint32_t>& t
     const auto u = mesh.triangles[t][k], v = mesh.triangles[t][(k + 1) % 3];
     return {std::uint64_t(std::min(u, v)) << 32 | std::max(u, v), t, u < v ? 1 : -1};
   };
-  const auto less = [](const Side& a, const Side& b) {
-    return a.edge != b.edge ? a.edge < b.edge : a.triangle < b.triangle;
-  };
   std::vector<Side> sides(3 * triangles.size());
-  if (4 * triangles.size() < mesh.points.size()) {  // a small piece of a large mesh
-    for (std::size_t k = 0; k < sides.size(); k++) sides[k] = side(triangles[k / 3], static_cast<int>(k % 3));
-    std::sort(sides.begin(), sides.end(), less);
-    return sides;
-  }
-  // Those with the same smaller vertex are put together first. They are few.
-  std::vector<std::size_t> begin(mesh.points.size() + 1);
-  for (std::size_t k = 0; k < sides.size(); k++)
-    begin[(side(triangles[k / 3], static_cast<int>(k % 3)).edge >> 32) + 1]++;
-  std::partial_sum(begin.begin(), begin.end(), begin.begin());
-  std::vector<std::size_t> next(begin.begin(), begin.end() - 1);
-  for (std::size_t k = 0; k < sides.size(); k++) {
-    const Side s = side(triangles[k / 3], static_cast<int>(k % 3));
-    sides[next[s.edge >> 32]++] = s;
-  }
 #pragma omp parallel for schedule(static) if (sides.size() > 16384)
-  for (std::size_t v = 0; v < mesh.points.size(); v++)
-    std::sort(sides.begin() + static_cast<std::ptrdiff_t>(begin[v]),
-              sides.begin() + static_cast<std::ptrdiff_t>(begin[v + 1]), less);
+  for (std::size_t k = 0; k < sides.size(); k++) sides[k] = side(triangles[k / 3], static_cast<int>(k % 3));
+  const auto before = [](const Side& a, const Side& b) { return a.triangle < b.triangle; };
+  if (4 * triangles.size() < mesh.points.size())  // a small piece of a large mesh
+    std::sort(sides.begin(), sides.end(), [&](const Side& a, const Side& b) {
+      return a.edge != b.edge ? a.edge < b.edge : before(a, b);
+    });
+  else
+    sort_by_edge(
+        sides, mesh.points.size(), [](const Side& s) { return s.edge; }, before);
   return sides;
 }
 

@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Sorts a soup into pieces and turns the triangles of each alike.
 #pragma once
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <numeric>
 #include <optional>
 #include <string>
 #include <vector>
@@ -59,6 +61,28 @@ struct Side {
   std::uint32_t triangle;
   int direction;  // 1 from the smaller vertex to the larger, otherwise -1
 };
+
+// Sorts items that belong to edges, first by edge: first edge(item), and then as less(a, b) says. Those with
+// the same smaller vertex are put together first; they are few, so the rest is done on all threads. Returns
+// where the items of each smaller vertex begin, and at last the end.
+template <class Item, class Edge, class Less>
+std::vector<std::size_t> sort_by_edge(std::vector<Item>& items, std::size_t vertices, Edge&& edge,
+                                      Less&& less) {
+  std::vector<std::size_t> begin(vertices + 1);
+  for (const Item& item : items) begin[(edge(item) >> 32) + 1]++;
+  std::partial_sum(begin.begin(), begin.end(), begin.begin());
+  std::vector<std::size_t> next(begin.begin(), begin.end() - 1);
+  std::vector<Item> sorted(items.size());
+  for (const Item& item : items) sorted[next[edge(item) >> 32]++] = item;
+  items.swap(sorted);
+#pragma omp parallel for schedule(static) if (items.size() > 16384)
+  for (std::size_t v = 0; v < vertices; v++)
+    std::sort(items.begin() + static_cast<std::ptrdiff_t>(begin[v]),
+              items.begin() + static_cast<std::ptrdiff_t>(begin[v + 1]), [&](const Item& a, const Item& b) {
+                return edge(a) != edge(b) ? edge(a) < edge(b) : less(a, b);
+              });
+  return begin;
+}
 
 // The sides of the triangles listed, in ascending order: those of one edge stand together, and of these the
 // triangles ascend. On all threads; takes about 0.1 us for each side.

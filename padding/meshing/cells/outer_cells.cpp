@@ -10,7 +10,9 @@
 #include <span>
 #include <unordered_map>
 #include <unordered_set>
+#include <utility>
 
+#include "padding/geometry/random.h"
 #include "padding/geometry/surface.h"
 #include "padding/meshing/pieces.h"
 
@@ -56,6 +58,12 @@ class Cutter {
     bool twice = false;              // another triangle has the same region
   };
 
+  struct EdgePoint {
+    std::uint64_t edge = 0;
+    double along = 0;  // the edge, from its smaller vertex
+    std::uint32_t point = 0;
+  };
+
   // --- points ---
 
   Point at(const MeetingPoint& m) const {
@@ -76,13 +84,13 @@ class Cutter {
   // Gives each meeting point its index, and each edge the points on it.
   void name_points() {
     std::vector<MeetingPoint> all;
+    all.reserve(2 * contacts_.cuts.size());
     for (const Cut& cut : contacts_.cuts)
       for (const MeetingPoint& m : cut.ends)
         if (!m.is_vertex()) all.push_back(m);
-    const auto less = [](const MeetingPoint& a, const MeetingPoint& b) {
-      return a.what != b.what ? a.what < b.what : a.with < b.with;
-    };
-    std::sort(all.begin(), all.end(), less);
+    const auto edge = [](const MeetingPoint& m) { return m.what; };
+    const auto less = [](const MeetingPoint& a, const MeetingPoint& b) { return a.with < b.with; };
+    sort_by_edge(all, soup_.points.size(), edge, less);
     all.erase(std::unique(all.begin(), all.end(), [](const auto& a, const auto& b) { return a.same(b); }),
               all.end());
     const std::size_t first = points_.size();
@@ -102,33 +110,65 @@ class Cutter {
     for (const Cut& cut : contacts_.cuts) cuts_of_[cut.triangle + 1]++;
     std::partial_sum(cuts_of_.begin(), cuts_of_.end(), cuts_of_.begin());
     cuts_.resize(contacts_.cuts.size());
-    std::vector<std::uint32_t> next(cuts_of_);
-    for (const Cut& cut : contacts_.cuts) {
-      TriangleCut& c = cuts_[next[cut.triangle]++];
-      for (int k = 0; k < 2; k++) {
-        const MeetingPoint& m = cut.ends[k];
-        c.point[k] = m.is_vertex()
+    std::vector<std::uint32_t> next(cuts_of_), place(contacts_.cuts.size());
+    for (std::size_t k = 0; k < place.size(); k++) place[k] = next[contacts_.cuts[k].triangle]++;
+    const auto before = [](const MeetingPoint& a, const MeetingPoint& b) {
+      return a.what != b.what ? a.what < b.what : a.with < b.with;
+    };
+#pragma omp parallel for if (place.size() > 1024)
+    for (std::size_t k = 0; k < place.size(); k++) {
+      TriangleCut& c = cuts_[place[k]];
+      for (int i = 0; i < 2; i++) {
+        const MeetingPoint& m = contacts_.cuts[k].ends[i];
+        c.point[i] = m.is_vertex()
                          ? static_cast<std::uint32_t>(m.what)
                          : static_cast<std::uint32_t>(
-                               first + (std::lower_bound(all.begin(), all.end(), m, less) - all.begin()));
-        c.point[k] = same_[c.point[k]], c.place[k] = m.place;
-        if (m.place < 3 || m.place >= 6) continue;
-        const std::uint64_t edge = edge_of(cut.triangle, m.place - 3);
-        if (c.point[k] != edge >> 32 && c.point[k] != (edge & 0xffffffffu))
-          on_edge_[edge].push_back(c.point[k]);
+                               first + (std::lower_bound(all.begin(), all.end(), m, before) - all.begin()));
+        c.point[i] = same_[c.point[i]], c.place[i] = m.place;
       }
-      for (int k = 0; k < 3; k++)
-        if (c.point[0] != c.point[1] && c.runs_along(k)) touched_.insert(edge_of(cut.triangle, k));
     }
-    for (auto& [edge, on] : on_edge_) {
-      const Point from = soup_.points[edge >> 32];
-      const Vector along = soup_.points[edge & 0xffffffffu] - from;
-      std::sort(on.begin(), on.end(), [&](auto a, auto b) {
-        const double x = along.dot(points_[a] - from), y = along.dot(points_[b] - from);
-        return x != y ? x < y : a < b;
-      });
-      on.erase(std::unique(on.begin(), on.end()), on.end());
-    }
+    find_points_on_edges();
+  }
+
+  void find_points_on_edges() {
+    for (std::uint32_t t = 0; t < soup_.triangles.size(); t++)
+      for (const TriangleCut& c : cuts_of(t)) {
+        for (int k = 0; k < 2; k++) {
+          if (c.place[k] < 3 || c.place[k] >= 6) continue;
+          const std::uint64_t edge = edge_of(t, c.place[k] - 3);
+          const auto from = static_cast<std::uint32_t>(edge >> 32), to = static_cast<std::uint32_t>(edge);
+          if (c.point[k] == from || c.point[k] == to) continue;
+          const Vector along = soup_.points[to] - soup_.points[from];
+          on_edges_.push_back({edge, along.dot(points_[c.point[k]] - soup_.points[from]), c.point[k]});
+        }
+        for (int k = 0; k < 3; k++)
+          if (c.point[0] != c.point[1] && c.runs_along(k)) touched_.insert(edge_of(t, k));
+      }
+    const auto less = [](const EdgePoint& a, const EdgePoint& b) {
+      return a.along != b.along ? a.along < b.along : a.point < b.point;
+    };
+    const auto same = [](const EdgePoint& a, const EdgePoint& b) {
+      return a.edge == b.edge && a.point == b.point;
+    };
+    const auto edge = [](const EdgePoint& p) { return p.edge; };
+    sort_by_edge(on_edges_, soup_.points.size(), edge, less);
+    on_edges_.erase(std::unique(on_edges_.begin(), on_edges_.end(), same), on_edges_.end());
+    on_edges_of_.assign(soup_.points.size() + 1, 0);
+    for (const EdgePoint& p : on_edges_) on_edges_of_[(p.edge >> 32) + 1]++;
+    std::partial_sum(on_edges_of_.begin(), on_edges_of_.end(), on_edges_of_.begin());
+  }
+
+  // The points on an edge, from its smaller vertex on.
+  std::span<const EdgePoint> on_edge(std::uint64_t edge) const {
+    const auto from = edge >> 32;
+    const std::span<const EdgePoint> all(on_edges_.data() + on_edges_of_[from],
+                                         on_edges_of_[from + 1] - on_edges_of_[from]);
+    const auto begin = std::partition_point(all.begin(), all.end(), [&](auto& p) { return p.edge < edge; });
+    return {begin, std::partition_point(begin, all.end(), [&](auto& p) { return p.edge == edge; })};
+  }
+
+  std::span<const TriangleCut> cuts_of(std::uint32_t t) const {
+    return {cuts_.data() + cuts_of_[t], cuts_of_[t + 1] - cuts_of_[t]};
   }
 
   std::uint64_t edge_of(std::uint32_t t, int k) const {
@@ -149,8 +189,8 @@ class Cutter {
 
   // A point on an edge cuts all triangles that have the edge.
   bool is_cut(std::uint32_t t) const {
-    bool cut = cuts_of_[t] != cuts_of_[t + 1] || overlaps_.count(t) > 0;
-    for (int k = 0; k < 3 && !cut && !on_edge_.empty(); k++) cut = on_edge_.count(edge_of(t, k)) > 0;
+    bool cut = !cuts_of(t).empty() || overlaps_.count(t) > 0;
+    for (int k = 0; k < 3 && !cut; k++) cut = !on_edge(edge_of(t, k)).empty();
     return cut && !is_flat(soup_, t);
   }
 
@@ -158,9 +198,7 @@ class Cutter {
   std::array<std::vector<std::uint32_t>, 3> rim_of(std::uint32_t t) const {
     std::array<std::vector<std::uint32_t>, 3> rim;
     for (int k = 0; k < 3; k++) {
-      const auto found = on_edge_.find(edge_of(t, k));
-      if (found == on_edge_.end()) continue;
-      rim[k] = found->second;
+      for (const EdgePoint& p : on_edge(edge_of(t, k))) rim[k].push_back(p.point);
       if (soup_.triangles[t][k] > soup_.triangles[t][(k + 1) % 3]) std::reverse(rim[k].begin(), rim[k].end());
     }
     return rim;
@@ -169,17 +207,18 @@ class Cutter {
   // False if the cuts cross at too many places.
   bool cut() {
     piece_of_.assign(soup_.triangles.size(), kNone);
+    std::vector<char> is_cut_one(soup_.triangles.size());
+#pragma omp parallel for schedule(static)
+    for (std::size_t t = 0; t < is_cut_one.size(); t++) is_cut_one[t] = is_cut(static_cast<std::uint32_t>(t));
     for (std::uint32_t t = 0; t < soup_.triangles.size(); t++)
-      if (is_cut(t)) piece_of_[t] = static_cast<std::uint32_t>(cut_.size()), cut_.push_back(t);
+      if (is_cut_one[t]) piece_of_[t] = static_cast<std::uint32_t>(cut_.size()), cut_.push_back(t);
     pieces_.resize(cut_.size());
     std::atomic<std::size_t> crossings = 0;  // once above the limit it stays there, in whatever order
 #pragma omp parallel for schedule(dynamic, 1)
     for (std::size_t k = 0; k < cut_.size(); k++) {
       if (crossings > limit_) continue;
       const std::uint32_t t = cut_[k];
-      pieces_[k] =
-          cut_triangle(soup_, t, points_, rim_of(t),
-                       std::span(cuts_.data() + cuts_of_[t], cuts_of_[t + 1] - cuts_of_[t]), near_, limit_);
+      pieces_[k] = cut_triangle(soup_, t, points_, rim_of(t), cuts_of(t), near_, limit_);
       crossings += pieces_[k].too_many ? limit_ + 1 : pieces_[k].fresh.size();
     }
     if (crossings > limit_) return false;
@@ -419,42 +458,50 @@ class Cutter {
     return out;
   }
 
-  // Points that were computed in two ways differ by rounding.
+  // Points that were computed in two ways differ by rounding. Each new point becomes the first one near it
+  // that stays.
   void join_equal_points(const std::vector<char>& used) {
     same_.resize(points_.size());
     std::iota(same_.begin(), same_.end(), 0u);
     const double size = 1e-12 * soup_.bounds().diagonal();
-    std::unordered_multimap<std::uint64_t, std::uint32_t> cells;
     using Cell = std::array<std::int64_t, 3>;
     const auto cell = [&](const Point& p, double step) {
       Cell c;
       for (int k = 0; k < 3; k++) c[k] = static_cast<std::int64_t>(std::floor((p[k] + step) / size));
       return c;
     };
-    const auto hash = [](const Cell& c) {
+    std::size_t slots = 1024;
+    while (slots < points_.size()) slots *= 2;
+    const auto slot = [&](const Cell& c) {
       std::uint64_t h = 0;
-      for (const auto x : c) h = (h ^ (h >> 31) ^ static_cast<std::uint64_t>(x)) * 0x9e3779b97f4a7c15ull;
-      return h;
+      for (const auto x : c) h = Random(h ^ static_cast<std::uint64_t>(x)).next();
+      return h & (slots - 1);
     };
-    for (std::uint32_t v = 0; v < points_.size(); v++) {
-      if (!used[v]) continue;
-      if (v >= soup_.points.size()) {
-        std::uint32_t best = kNone;
-        const Cell low = cell(points_[v], -1.01 * near_), high = cell(points_[v], 1.01 * near_);
-        for (auto x = low[0]; x <= high[0]; x++)
-          for (auto y = low[1]; y <= high[1]; y++)
-            for (auto z = low[2]; z <= high[2]; z++) {
-              const auto [begin, end] = cells.equal_range(hash({x, y, z}));
-              for (auto it = begin; it != end; ++it)
-                if ((points_[it->second] - points_[v]).norm() < near_) best = std::min(best, it->second);
-            }
-        if (best != kNone) {
-          same_[v] = best;
-          continue;
-        }
-      }
-      cells.emplace(hash(cell(points_[v], 0)), v);
-    }
+    // Of each slot a list of the points in its cells.
+    std::vector<std::uint32_t> head(slots, kNone), next(points_.size()), slot_of(points_.size());
+#pragma omp parallel for schedule(static)
+    for (std::size_t v = 0; v < points_.size(); v++)
+      slot_of[v] = static_cast<std::uint32_t>(slot(cell(points_[v], 0)));
+    for (std::uint32_t v = 0; v < points_.size(); v++)
+      if (used[v]) next[v] = std::exchange(head[slot_of[v]], v);
+    // Calls visit(w) for the points near v that stand before it.
+    const auto visit_near = [&](std::size_t v, auto&& visit) {
+      const Cell low = cell(points_[v], -1.01 * near_), high = cell(points_[v], 1.01 * near_);
+      for (auto x = low[0]; x <= high[0]; x++)
+        for (auto y = low[1]; y <= high[1]; y++)
+          for (auto z = low[2]; z <= high[2]; z++)
+            for (auto w = head[slot({x, y, z})]; w != kNone; w = next[w])
+              if (w < v && (points_[w] - points_[v]).norm() < near_) visit(w);
+    };
+    std::vector<char> is_near(points_.size(), 0);
+#pragma omp parallel for schedule(static)
+    for (std::size_t v = soup_.points.size(); v < points_.size(); v++)
+      if (used[v]) visit_near(v, [&](std::uint32_t) { is_near[v] = 1; });
+    for (std::uint32_t v = 0; v < points_.size(); v++)
+      if (is_near[v])
+        visit_near(v, [&](std::uint32_t w) {
+          if (same_[w] == w) same_[v] = std::min(same_[v], w);
+        });
   }
 
   const Mesh& soup_;
@@ -465,8 +512,9 @@ class Cutter {
   std::vector<Point> points_;  // of the soup, then the new ones
   const double near_;          // points that are closer are one
   std::vector<TriangleCut> cuts_;
-  std::vector<std::uint32_t> cuts_of_;  // of triangle t: cuts_of_[t] up to cuts_of_[t + 1]
-  std::unordered_map<std::uint64_t, std::vector<std::uint32_t>> on_edge_;
+  std::vector<std::uint32_t> cuts_of_;    // of triangle t: cuts_of_[t] up to cuts_of_[t + 1]
+  std::vector<EdgePoint> on_edges_;       // in the order of the edges, and along each from its smaller vertex
+  std::vector<std::size_t> on_edges_of_;  // where those of edges with this smaller vertex begin
   std::unordered_set<std::uint64_t> touched_;  // edges that something touches along a part of them
   std::unordered_map<std::uint32_t, std::vector<std::uint32_t>> overlaps_;
   std::vector<std::uint32_t> cut_, piece_of_;  // the cut triangles; of each triangle its place among them
