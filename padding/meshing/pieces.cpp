@@ -11,7 +11,7 @@
 #include <utility>
 
 #include "padding/geometry/random.h"
-#include "padding/meshing/holes.h"
+#include "padding/meshing/holes/holes.h"
 
 namespace padder {
 namespace {
@@ -435,29 +435,17 @@ std::vector<Side> sides_of(const Mesh& mesh, const std::vector<std::uint32_t>& t
     const auto u = mesh.triangles[t][k], v = mesh.triangles[t][(k + 1) % 3];
     return {std::uint64_t(std::min(u, v)) << 32 | std::max(u, v), t, u < v ? 1 : -1};
   };
-  const auto less = [](const Side& a, const Side& b) {
-    return a.edge != b.edge ? a.edge < b.edge : a.triangle < b.triangle;
-  };
   std::vector<Side> sides(3 * triangles.size());
-  if (4 * triangles.size() < mesh.points.size()) {  // a small piece of a large mesh
-    for (std::size_t k = 0; k < sides.size(); k++) sides[k] = side(triangles[k / 3], static_cast<int>(k % 3));
-    std::sort(sides.begin(), sides.end(), less);
-    return sides;
-  }
-  // Those with the same smaller vertex are put together first. They are few.
-  std::vector<std::size_t> begin(mesh.points.size() + 1);
-  for (std::size_t k = 0; k < sides.size(); k++)
-    begin[(side(triangles[k / 3], static_cast<int>(k % 3)).edge >> 32) + 1]++;
-  std::partial_sum(begin.begin(), begin.end(), begin.begin());
-  std::vector<std::size_t> next(begin.begin(), begin.end() - 1);
-  for (std::size_t k = 0; k < sides.size(); k++) {
-    const Side s = side(triangles[k / 3], static_cast<int>(k % 3));
-    sides[next[s.edge >> 32]++] = s;
-  }
 #pragma omp parallel for schedule(static) if (sides.size() > 16384)
-  for (std::size_t v = 0; v < mesh.points.size(); v++)
-    std::sort(sides.begin() + static_cast<std::ptrdiff_t>(begin[v]),
-              sides.begin() + static_cast<std::ptrdiff_t>(begin[v + 1]), less);
+  for (std::size_t k = 0; k < sides.size(); k++) sides[k] = side(triangles[k / 3], static_cast<int>(k % 3));
+  const auto before = [](const Side& a, const Side& b) { return a.triangle < b.triangle; };
+  if (4 * triangles.size() < mesh.points.size())  // a small piece of a large mesh
+    std::sort(sides.begin(), sides.end(), [&](const Side& a, const Side& b) {
+      return a.edge != b.edge ? a.edge < b.edge : before(a, b);
+    });
+  else
+    sort_by_edge(
+        sides, mesh.points.size(), [](const Side& s) { return s.edge; }, before);
   return sides;
 }
 
@@ -470,114 +458,17 @@ double signed_volume(const Mesh& mesh, const std::vector<std::uint32_t>& triangl
   return sum / 6;
 }
 
-bool is_copy(const Surface& surface, const std::vector<std::uint32_t>& triangles, double between,
-             const std::function<bool(std::uint32_t)>& other) {
-  const Mesh& mesh = surface.mesh();
-  double area = 0;
-  for (const auto t : triangles) area += mesh.area_normal(t).norm();
-  const double width = between * std::abs(signed_volume(mesh, triangles)) / area;
-  const auto follows = [&](const Point& p) {
-    bool near = false;
-    surface.visit({p - Vector::Constant(width), p + Vector::Constant(width)},
-                  [&](std::uint32_t t) { near = near || (other(t) && surface.distance_to(t, p) <= width); });
-    return near;
-  };
-  return std::all_of(triangles.begin(), triangles.end(), [&](std::uint32_t t) {
-    const Point &a = mesh.corner(t, 0), &b = mesh.corner(t, 1), &c = mesh.corner(t, 2);
-    return follows(a) && follows(b) && follows(c) && follows((a + b + c) / 3);
-  });
+bool turn_outward(Mesh& mesh, const std::vector<std::uint32_t>& triangles) {
+  if (!(signed_volume(mesh, triangles) < 0)) return false;
+  for (const auto t : triangles) std::swap(mesh.triangles[t][1], mesh.triangles[t][2]);
+  return true;
 }
 
-std::vector<std::uint32_t> shells_around(const Surface& surface, const std::vector<std::uint32_t>& shell,
-                                         const std::vector<std::uint32_t>& shell_of,
-                                         const std::function<bool(std::uint32_t)>& skip) {
-  const Mesh& mesh = surface.mesh();
-  const auto t = shell[0], own = shell_of[t];
-  // Others may have its corners and edges.
-  const Point p = (mesh.corner(t, 0) + mesh.corner(t, 1) + mesh.corner(t, 2)) / 3;
-  std::map<std::uint32_t, int> windings;  // of each shell
-  const auto left_out = [&](std::uint32_t s) { return shell_of[s] == own || skip(s); };
-  std::vector<std::uint32_t> around;
-  for (const Vector& d : Surface::ray_directions()) {
-    windings.clear();
-    const auto visit = [&](std::uint32_t s, int crossing) { windings[shell_of[s]] += crossing; };
-    if (!surface.crossings(p, d, left_out, visit)) continue;
-    // A shell that repeats winds twice around what it encloses.
-    for (const auto& [other, winding] : windings)
-      if (winding != 0) around.push_back(other);
-    break;
-  }
-  return around;
-}
-
-namespace {
-
-// A level of detail holds at least this share of what the level around it does (a ball of 48 triangles holds
-// 0.76 of a round one), and has at most this share of its triangles.
-constexpr double kLeastLevel = 0.7, kCoarser = 0.5;
-// Corners lie on a shell that is nearer than this share of the diagonal, and much nearer than the middles of
-// triangles at this share of their distance. Along a wall the two are about equal.
-constexpr double kOnShell = 1e-4, kMuchNearer = 0.3;
-
-// Mean distances of the corners and of the middles of triangles, over the area.
-struct ShellDistance {
-  double corners = 0, middles = 0;
-};
-ShellDistance distance_between(const Mesh& mesh, const std::vector<std::uint32_t>& shell,
-                               const Surface& other) {
-  constexpr std::size_t wanted = 256;
-  double area = 0, sum = 0;
-  for (const auto t : shell) area += mesh.area_normal(t).norm();
-  ShellDistance out;
-  std::size_t asked = 0;
-  for (const auto t : shell) {  // at even steps of the area
-    sum += mesh.area_normal(t).norm();
-    const std::size_t before = asked;
-    while (double(asked) + 0.5 < sum / area * wanted && asked < wanted) asked++;
-    if (asked == before) continue;
-    const Point &a = mesh.corner(t, 0), &b = mesh.corner(t, 1), &c = mesh.corner(t, 2);
-    const double weight = double(asked - before) / wanted;
-    for (const Point& p : {a, b, c}) out.corners += weight * other.nearest(p).distance / 3;
-    out.middles += weight * other.nearest((a + b + c) / 3).distance;
-  }
+Mesh part_of(const Mesh& mesh, const std::vector<std::uint32_t>& triangles) {
+  Mesh out;
+  out.points = mesh.points;
+  for (const auto t : triangles) out.triangles.push_back(mesh.triangles[t]);
   return out;
-}
-
-}  // namespace
-
-std::vector<char> find_repeats(const Mesh& mesh, const std::vector<NestedShell>& shells) {
-  constexpr std::uint32_t none = ~0u;
-  const auto count = static_cast<std::uint32_t>(shells.size());
-  // The shell next around each one, if it may be a level of that one.
-  std::vector<std::uint32_t> next(count, none);
-  for (std::uint32_t k = 0; k < count; k++) {
-    const NestedShell& shell = shells[k];
-    for (const auto a : shell.around)
-      if (next[k] == none || shells[a].volume < shells[next[k]].volume) next[k] = a;
-    if (next[k] != none &&
-        (shells[next[k]].inward != shell.inward || shell.volume < kLeastLevel * shells[next[k]].volume))
-      next[k] = none;
-  }
-  const auto coarser = [&](std::uint32_t k) {
-    return next[k] != none &&
-           double(shells[k].triangles.size()) <= kCoarser * double(shells[next[k]].triangles.size());
-  };
-  std::vector<char> repeats(count, 0);
-  for (std::uint32_t k = 0; k < count; k++)
-    if (coarser(k) && coarser(next[k])) repeats[k] = repeats[next[k]] = 1;
-  for (std::uint32_t k = 0; k < count; k++) {
-    if (repeats[k] || next[k] == none) continue;
-    Mesh around;
-    around.points = mesh.points;
-    for (const auto t : shells[next[k]].triangles) around.triangles.push_back(mesh.triangles[t]);
-    const ShellDistance distance = distance_between(mesh, shells[k].triangles, Surface(around));
-    Box box;
-    for (const auto t : shells[k].triangles)
-      for (const auto v : mesh.triangles[t]) box.add(mesh.points[v]);
-    repeats[k] = distance.corners <= kOnShell * box.diagonal() ||
-                 (coarser(k) && distance.corners <= kMuchNearer * distance.middles);
-  }
-  return repeats;
 }
 
 std::vector<DirectedEdge> missing_edges(const Mesh& mesh, const std::vector<std::uint32_t>& triangles) {

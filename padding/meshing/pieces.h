@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Sorts a soup into pieces and turns the triangles of each alike.
 #pragma once
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
-#include <functional>
+#include <numeric>
 #include <optional>
 #include <string>
 #include <vector>
@@ -61,6 +62,28 @@ struct Side {
   int direction;  // 1 from the smaller vertex to the larger, otherwise -1
 };
 
+// Sorts items that belong to edges, first by edge: first edge(item), and then as less(a, b) says. Those with
+// the same smaller vertex are put together first; they are few, so the rest is done on all threads. Returns
+// where the items of each smaller vertex begin, and at last the end.
+template <class Item, class Edge, class Less>
+std::vector<std::size_t> sort_by_edge(std::vector<Item>& items, std::size_t vertices, Edge&& edge,
+                                      Less&& less) {
+  std::vector<std::size_t> begin(vertices + 1);
+  for (const Item& item : items) begin[(edge(item) >> 32) + 1]++;
+  std::partial_sum(begin.begin(), begin.end(), begin.begin());
+  std::vector<std::size_t> next(begin.begin(), begin.end() - 1);
+  std::vector<Item> sorted(items.size());
+  for (const Item& item : items) sorted[next[edge(item) >> 32]++] = item;
+  items.swap(sorted);
+#pragma omp parallel for schedule(static) if (items.size() > 16384)
+  for (std::size_t v = 0; v < vertices; v++)
+    std::sort(items.begin() + static_cast<std::ptrdiff_t>(begin[v]),
+              items.begin() + static_cast<std::ptrdiff_t>(begin[v + 1]), [&](const Item& a, const Item& b) {
+                return edge(a) != edge(b) ? edge(a) < edge(b) : less(a, b);
+              });
+  return begin;
+}
+
 // The sides of the triangles listed, in ascending order: those of one edge stand together, and of these the
 // triangles ascend. On all threads; takes about 0.1 us for each side.
 std::vector<Side> sides_of(const Mesh& mesh, const std::vector<std::uint32_t>& triangles);
@@ -77,34 +100,11 @@ void for_edges(const std::vector<Side>& sides, Visit&& visit) {
 // The signed volume that triangles enclose: those of `mesh` that are listed.
 double signed_volume(const Mesh& mesh, const std::vector<std::uint32_t>& triangles);
 
-// Do the triangles listed, which close, follow other ones so closely that they are a copy of these, moved a
-// little, and no wall lies between them? What lies between holds less than the share `between` of what they
-// enclose. Only those for which `other` holds count. Ends at the first corner that lies apart.
-bool is_copy(const Surface& surface, const std::vector<std::uint32_t>& triangles, double between,
-             const std::function<bool(std::uint32_t)>& other);
+// Turns them round if they enclose less than nothing. Returns whether they did.
+bool turn_outward(Mesh& mesh, const std::vector<std::uint32_t>& triangles);
 
-// A closed shell, and the closed shells around it, by index.
-struct NestedShell {
-  std::vector<std::uint32_t> triangles;
-  std::vector<std::uint32_t> around;
-  bool inward = false;  // it faced so in the file
-  double volume = 0;    // that it encloses
-};
-
-// The shells around the first triangle of `shell`, by index, in ascending order. It meets none of them.
-// `shell_of` tells of each triangle of the surface which one it is of; those to skip() do not count.
-std::vector<std::uint32_t> shells_around(const Surface& surface, const std::vector<std::uint32_t>& shell,
-                                         const std::vector<std::uint32_t>& shell_of,
-                                         const std::function<bool(std::uint32_t)>& skip);
-
-// For each shell: does it repeat the one next around it, as a copy or as a coarser level of detail? Such
-// shells bound no cavity. One that faces as the shell around it does and fills most of it may be that, or the
-// inner side of a wall. It repeats the other one
-// - if its corners lie on the other one, whatever its triangles between them cut off;
-// - if it is coarser, and its corners come much nearer to the other one than the middles of its triangles:
-//   then not a wall parts them, but chords;
-// - if it is one of three or more levels, each coarser than the one around it.
-std::vector<char> find_repeats(const Mesh& mesh, const std::vector<NestedShell>& shells);
+// The triangles listed as a mesh with all points of the other one.
+Mesh part_of(const Mesh& mesh, const std::vector<std::uint32_t>& triangles);
 
 // An edge from `from` to `to`.
 struct DirectedEdge {

@@ -16,8 +16,9 @@
 #include <optional>
 
 #include "padding/asset/error.h"
+#include "padding/meshing/cavities/shells.h"
+#include "padding/meshing/cells/contacts.h"
 #include "padding/meshing/cgal_mesh.h"
-#include "padding/meshing/contacts.h"
 #include "padding/meshing/mend.h"
 #include "padding/meshing/pieces.h"
 #include "padding/meshing/wrap.h"

@@ -106,6 +106,7 @@ Json report_json(const PadFiles& files, const PadOptions& options, const Padded&
             {"cavities", r.steps.cavities},
             {"copies", r.steps.copies},
             {"buried_area", r.steps.buried_area},
+            {"split_edges", r.steps.split},
             {"joined_corners", r.steps.joined},
             {"joined_width", r.steps.joined_width},
             {"cracks", r.steps.cracks},

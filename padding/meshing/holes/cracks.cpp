@@ -1,25 +1,16 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "padding/meshing/holes.h"
+#include "padding/meshing/holes/cracks.h"
 
 #include <Eigen/Geometry>
 #include <algorithm>
-#include <cmath>
-#include <limits>
 #include <map>
-#include <numbers>
 #include <numeric>
-#include <set>
 #include <unordered_map>
 
 #include "padding/geometry/point_tree.h"
-#include "padding/input/polygon.h"
 
 namespace padder {
 namespace {
-
-constexpr std::size_t kLongRim = 300;  // the time for the least area grows with the cube of the rim
-constexpr double kThinRing = 2e-3;     // width of the ring between copies, as a share of the rim's length
-constexpr double kFlatRim = 0.02;      // distance from the plane across it, as a share of its length
 
 // How often each directed edge is missing. An edge and its opposite cancel.
 class Needs {
@@ -49,114 +40,11 @@ class Needs {
   std::map<std::pair<std::uint32_t, std::uint32_t>, int> count_;
 };
 
-// The patch of least area over a polygon, by dynamic programming (Barequet and Sharir, Filling gaps in the
-// boundary of a polyhedron, 1995): the best over points i to j is a triangle (i, k, j) with the best on
-// either side of it. CGAL's triangulate_hole_polyline looks for small angles between triangles first, and
-// closed an open seam by a patch through the middle of the body.
-void least_area(const std::vector<Point>& polygon, Triangles& out) {
-  const std::size_t n = polygon.size();
-  std::vector<double> best(n * n, 0);
-  std::vector<std::uint32_t> middle(n * n, 0);
-  for (std::size_t length = 2; length < n; length++)
-    for (std::size_t i = 0, j = length; j < n; i++, j++) {
-      double least = std::numeric_limits<double>::infinity();
-      for (std::size_t k = i + 1; k < j; k++) {
-        const double area = best[i * n + k] + best[k * n + j] +
-                            (polygon[k] - polygon[i]).cross(polygon[j] - polygon[i]).norm();
-        if (area < least) least = area, middle[i * n + j] = static_cast<std::uint32_t>(k);
-      }
-      best[i * n + j] = least;
-    }
-  std::vector<std::array<std::size_t, 2>> open = {{0, n - 1}};
-  while (!open.empty()) {
-    const auto [i, j] = open.back();
-    open.pop_back();
-    if (j - i < 2) continue;
-    const std::uint32_t k = middle[i * n + j];
-    out.push_back({static_cast<std::uint32_t>(i), k, static_cast<std::uint32_t>(j)});
-    open.push_back({i, k}), open.push_back({k, j});
-  }
-}
-
-// A rim that lies about in a plane.
-struct FlatRim {
-  std::vector<Point> points;
-  Vector area = Vector::Zero();  // twice, along the normal
-  double most_off = 0;           // from the plane: what lies off it by less counts as in it
-
-  FlatRim(const Mesh& mesh, const std::vector<std::uint32_t>& rim) {
-    for (const auto v : rim) points.push_back(mesh.points[v]);
-    for (std::size_t k = 1; k + 1 < points.size(); k++)
-      area += (points[k] - points[0]).cross(points[k + 1] - points[0]);
-    most_off = kFlatRim * rim_length(mesh, rim);
-  }
-  bool lies_in_plane(const Point& p) const {
-    return std::abs(area.normalized().dot(p - points[0])) <= most_off;
-  }
-  bool is_flat() const {
-    return area.norm() > 0 &&
-           std::all_of(points.begin(), points.end(), [&](const Point& p) { return lies_in_plane(p); });
-  }
-  // Does the rim run round the point, as seen along its normal?
-  bool surrounds(const Point& p) const {
-    double turn = 0;
-    const Vector n = area.normalized();
-    for (std::size_t k = 0; k < points.size(); k++) {
-      const Vector a = points[k] - p, b = points[(k + 1) % points.size()] - p;
-      turn += std::atan2(n.dot(a.cross(b)), a.dot(b) - n.dot(a) * n.dot(b));
-    }
-    return std::abs(turn) > std::numbers::pi;
-  }
-  bool surrounds(const FlatRim& other) const {
-    return area.norm() > other.area.norm() &&
-           std::abs(area.dot(other.area)) > 0.99 * area.norm() * other.area.norm() &&
-           std::all_of(other.points.begin(), other.points.end(),
-                       [&](const Point& p) { return lies_in_plane(p) && surrounds(p); });
-  }
-};
-
 }  // namespace
 
-std::vector<Ring> find_rings(const Mesh& mesh, const std::vector<std::vector<std::uint32_t>>& rims) {
-  constexpr std::size_t most_rims = 1000;  // each is compared with each; a soup has more
-  std::vector<Ring> rings;
-  if (rims.size() > most_rims) return rings;
-  std::vector<FlatRim> flat;
-  std::vector<char> is_flat;
-  for (const auto& rim : rims) flat.emplace_back(mesh, rim), is_flat.push_back(flat.back().is_flat());
-  for (std::size_t inner = 0; inner < rims.size(); inner++) {
-    if (!is_flat[inner]) continue;
-    std::size_t outer = rims.size();  // the smallest one around it
-    for (std::size_t k = 0; k < rims.size(); k++)
-      if (is_flat[k] && (outer == rims.size() || flat[k].area.norm() < flat[outer].area.norm()) &&
-          flat[k].surrounds(flat[inner]))
-        outer = k;
-    if (outer == rims.size()) continue;
-    double least = std::numeric_limits<double>::infinity();
-    Ring ring{outer, inner, {}, flat[outer].area.dot(flat[inner].area) > 0};
-    for (const auto a : rims[outer])
-      for (const auto b : rims[inner])
-        if (const double away = (mesh.points[b] - mesh.points[a]).norm(); away < least)
-          least = away, ring.bridge = {a, b};
-    if (ring.alike && least < kThinRing * rim_length(mesh, rims[inner])) continue;
-    rings.push_back(ring);
-  }
-  return rings;
-}
-
-void join_rims(std::vector<std::vector<std::uint32_t>>& rims, const std::array<std::uint32_t, 2>& bridge) {
-  std::array<std::size_t, 2> at = {rims.size(), rims.size()};
-  for (std::size_t k = 0; k < rims.size(); k++)
-    for (std::size_t end = 0; end < 2; end++)
-      if (std::find(rims[k].begin(), rims[k].end(), bridge[end]) != rims[k].end()) at[end] = k;
-  if (at[0] == at[1] || at[0] == rims.size() || at[1] == rims.size()) return;
-  for (std::size_t end = 0; end < 2; end++) {
-    auto& rim = rims[at[end]];
-    std::rotate(rim.begin(), std::find(rim.begin(), rim.end(), bridge[end]), rim.end());
-    rim.push_back(bridge[end]);
-  }
-  rims[at[0]].insert(rims[at[0]].end(), rims[at[1]].begin(), rims[at[1]].end());
-  rims.erase(rims.begin() + static_cast<std::ptrdiff_t>(at[1]));
+double crack_limit(const RepairOptions& options, double diagonal) {
+  const double share = options.tolerance > 0 ? kCrackShare * options.tolerance : diagonal;
+  return std::min(kCrackWidth * diagonal, share);
 }
 
 std::vector<CrackTriangle> close_cracks(const Mesh& mesh, std::vector<DirectedEdge>& missing, double width) {
@@ -342,97 +230,6 @@ JoinedCorners join_corners(const Mesh& soup, const Mesh& mesh, const std::vector
   for (Point& p : out.mesh.points)
     if (const auto found = moved.find(p); found != moved.end()) p = found->second;
   return out;
-}
-
-std::vector<std::vector<std::uint32_t>> trace_rims(const Mesh& mesh,
-                                                   const std::vector<std::uint32_t>& triangles,
-                                                   const std::vector<DirectedEdge>& missing) {
-  std::unordered_map<std::uint32_t, std::vector<std::uint32_t>> ways;  // from a vertex
-  std::unordered_map<std::uint32_t, Vector> normals;
-  for (const DirectedEdge& e : missing) ways[e.from].push_back(e.to), normals[e.from] = Vector::Zero();
-  for (const auto t : triangles)
-    for (const auto v : mesh.triangles[t])
-      if (const auto n = normals.find(v); n != normals.end()) n->second += mesh.area_normal(t);
-
-  // Takes the way on from `at` that is first when turning from the way back, with the hole on the left.
-  const auto take = [&](std::uint32_t from, std::uint32_t at) {
-    auto& on = ways[at];
-    std::size_t best = 0;
-    double least = 10;
-    const Vector n = normals[at].normalized(), back = mesh.points[from] - mesh.points[at];
-    for (std::size_t k = 0; on.size() > 1 && k < on.size(); k++) {
-      const Vector d = mesh.points[on[k]] - mesh.points[at];
-      double angle = -std::atan2(n.dot(back.cross(d)), back.dot(d) - n.dot(back) * n.dot(d));
-      if (angle <= 1e-9) angle += 2 * std::numbers::pi;
-      if (angle < least) least = angle, best = k;
-    }
-    const std::uint32_t to = on[best];
-    on.erase(on.begin() + static_cast<std::ptrdiff_t>(best));
-    return to;
-  };
-
-  std::vector<std::vector<std::uint32_t>> rims;
-  for (const DirectedEdge& first : missing) {
-    auto& start = ways[first.from];
-    if (start.empty()) continue;
-    std::vector<std::uint32_t> path = {first.from};
-    std::unordered_map<std::uint32_t, std::size_t> place = {{first.from, 0}};
-    std::uint32_t from = first.from, at = start.back();
-    start.pop_back();
-    while (true) {
-      const auto seen = place.find(at);
-      if (seen != place.end()) {  // the path closes a loop
-        const auto begin = path.begin() + static_cast<std::ptrdiff_t>(seen->second);
-        if (path.end() - begin >= 3) rims.emplace_back(begin, path.end());
-        for (auto it = begin + 1; it != path.end(); ++it) place.erase(*it);
-        path.erase(begin + 1, path.end());
-        if (path.size() == 1) break;
-        from = path[path.size() - 2];
-      } else {
-        place[at] = path.size(), path.push_back(at);
-        from = path[path.size() - 2];
-      }
-      if (ways[at].empty()) break;  // only if the edges do not balance
-      at = take(from, at);
-    }
-  }
-  return rims;
-}
-
-double rim_length(const Mesh& mesh, const std::vector<std::uint32_t>& rim) {
-  double length = 0;
-  for (std::size_t k = 0; k < rim.size(); k++)
-    length += (mesh.points[rim[(k + 1) % rim.size()]] - mesh.points[rim[k]]).norm();
-  return length;
-}
-
-Triangles fill_rim(const Mesh& mesh, const std::vector<std::uint32_t>& rim) {
-  std::vector<Point> polygon;
-  for (const auto v : rim) polygon.push_back(mesh.points[v]);
-  Vector normal = Vector::Zero();
-  for (std::size_t k = 1; k + 1 < polygon.size(); k++)
-    normal += (polygon[k] - polygon[0]).cross(polygon[k + 1] - polygon[0]);
-  double low = 0, high = 0;
-  for (const Point& p : polygon) {
-    const double d = normal.normalized().dot(p - polygon[0]);
-    low = std::min(low, d), high = std::max(high, d);
-  }
-  Triangles out;
-  const bool ring = std::set<std::uint32_t>(rim.begin(), rim.end()).size() < rim.size();
-  if (rim.size() > 3 && rim.size() <= kLongRim && (ring || !(high - low <= kFlatRim * rim_length(mesh, rim))))
-    least_area(polygon, out);
-  else
-    triangulate_polygon(polygon, out);
-  for (auto& t : out)
-    for (auto& v : t) v = rim[v];
-  return out;
-}
-
-double solid_angle(const Mesh& mesh, const std::array<std::uint32_t, 3>& t, const Point& p) {
-  const Vector a = mesh.points[t[0]] - p, b = mesh.points[t[1]] - p, c = mesh.points[t[2]] - p;
-  const double x = a.norm(), y = b.norm(), z = c.norm();
-  const double below = x * y * z + a.dot(b) * z + b.dot(c) * x + c.dot(a) * y;
-  return std::atan2(a.dot(b.cross(c)), below) / (2 * std::numbers::pi);
 }
 
 }  // namespace padder

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "padding/meshing/contacts.h"
+#include "padding/meshing/cells/contacts.h"
 
 #include <CGAL/Triangle_3.h>
 #include <CGAL/intersections.h>

@@ -7,7 +7,7 @@
 #include <span>
 #include <vector>
 
-#include "padding/meshing/contacts.h"
+#include "padding/meshing/cells/contacts.h"
 
 namespace padder {
 
@@ -47,16 +47,27 @@ OuterCells outer_cells(const Surface& soup, const std::vector<TriangleRole>& rol
 struct TriangleCut {
   std::array<std::uint32_t, 2> point;
   std::array<int, 2> place;
+
+  // Does it run along the edge behind corner k?
+  bool runs_along(int k) const {
+    const auto on = [k](int p) { return p == k || p == (k + 1) % 3 || p == 3 + k; };
+    return on(place[0]) && on(place[1]);
+  }
 };
 
 // The pieces of a triangle, facing as it does.
 struct TrianglePieces {
-  static constexpr std::uint32_t kFresh = 1u << 31;  // marks the index of a fresh point
+  static constexpr std::uint32_t kFresh = 1u << 31, kNone = ~0u;  // marks the index of a fresh point
   std::vector<std::array<std::uint32_t, 3>> faces;
   std::vector<std::uint32_t> region;  // of each face: regions are separated by cuts
   std::vector<Point> places;          // of each region a point well inside
-  std::vector<Point> fresh;           // points where cuts cross each other
-  bool too_many = false;              // of these; nothing else is here then
+  std::vector<double> room;           // of each region: how far inside, about
+  // The regions along the edge behind corner k, from that corner on, are those from rim[rim_of[k]] on: one
+  // for each part between two points. kNone where rounding has left no piece.
+  std::vector<std::uint32_t> rim;
+  std::array<std::uint32_t, 3> rim_of{};
+  std::vector<Point> fresh;  // points where cuts cross each other
+  bool too_many = false;     // of these; nothing else is here then
 };
 
 // Triangulates triangle t of the mesh such that the cuts, and the points on its edges (in order along each,

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "padding/meshing/outer_cells.h"
+#include "padding/meshing/cells/outer_cells.h"
 
 #include <CGAL/Constrained_Delaunay_triangulation_2.h>
 #include <CGAL/Triangulation_face_base_with_info_2.h>
@@ -45,6 +45,7 @@ class TriangleCutter {
                      std::size_t limit) {
     std::vector<std::uint32_t> round;
     for (int k = 0; k < 3; k++) {
+      out_.rim_of[k] = static_cast<std::uint32_t>(round.size());
       round.push_back(corners_[k]);
       round.insert(round.end(), rim[k].begin(), rim[k].end());
     }
@@ -69,15 +70,25 @@ class TriangleCutter {
         return std::move(out_);
       }
     }
-    return collect();
+    collect();
+    for (std::size_t k = 0; k < round.size(); k++)
+      out_.rim.push_back(region_beside(handles[k], handles[(k + 1) % round.size()]));
+    return std::move(out_);
   }
 
  private:
   static bool on_one_edge(const TriangleCut& cut) {
-    const auto on = [](int place, int k) { return place == k || place == (k + 1) % 3 || place == 3 + k; };
-    for (int k = 0; k < 3; k++)
-      if (on(cut.place[0], k) && on(cut.place[1], k)) return true;
-    return false;
+    return cut.runs_along(0) || cut.runs_along(1) || cut.runs_along(2);
+  }
+
+  // The region to the left of the edge from a to b.
+  std::uint32_t region_beside(Triangulation::Vertex_handle a, Triangulation::Vertex_handle b) const {
+    Triangulation::Face_handle f;
+    int k;
+    if (a == b || !triangulation_.is_edge(a, b, f, k)) return TrianglePieces::kNone;
+    if (f->vertex(Triangulation::ccw(k)) != a) f = f->neighbor(k);
+    const int region = f->info().region;
+    return region < 0 ? TrianglePieces::kNone : static_cast<std::uint32_t>(region);
   }
 
   // The points that the cut runs through, from one end to the other. Cuts on one line, which rounding has
@@ -135,7 +146,7 @@ class TriangleCutter {
     return v->info().index;
   }
 
-  TrianglePieces collect() {
+  void collect() {
     std::vector<Triangulation::Face_handle> stack;
     for (auto f = triangulation_.finite_faces_begin(); f != triangulation_.finite_faces_end(); ++f) {
       if (f->info().region >= 0 || !real(f)) continue;
@@ -159,9 +170,8 @@ class TriangleCutter {
           next->info().region = region, stack.push_back(next);
         }
       }
-      out_.places.push_back(place);
+      out_.places.push_back(place), out_.room.push_back(best);
     }
-    return std::move(out_);
   }
 
   const std::array<std::uint32_t, 3>& corners_;

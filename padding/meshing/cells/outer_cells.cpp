@@ -1,14 +1,18 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "padding/meshing/outer_cells.h"
+#include "padding/meshing/cells/outer_cells.h"
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <array>
 #include <atomic>
-#include <map>
 #include <numeric>
 #include <optional>
+#include <span>
 #include <unordered_map>
+#include <unordered_set>
+#include <utility>
 
+#include "padding/geometry/random.h"
 #include "padding/geometry/surface.h"
 #include "padding/meshing/pieces.h"
 
@@ -40,7 +44,7 @@ class Cutter {
       out.too_many = true;
       return out;
     }
-    join();
+    find_regions();
     decide();
     return collect();
   }
@@ -49,8 +53,15 @@ class Cutter {
   struct Region {
     std::uint32_t triangle = 0;
     Point place;                     // in the region
+    double room = -1;                // how far inside, about
     std::optional<int> front, back;  // winding numbers on the two sides of the triangle
     bool twice = false;              // another triangle has the same region
+  };
+
+  struct EdgePoint {
+    std::uint64_t edge = 0;
+    double along = 0;  // the edge, from its smaller vertex
+    std::uint32_t point = 0;
   };
 
   // --- points ---
@@ -73,13 +84,13 @@ class Cutter {
   // Gives each meeting point its index, and each edge the points on it.
   void name_points() {
     std::vector<MeetingPoint> all;
+    all.reserve(2 * contacts_.cuts.size());
     for (const Cut& cut : contacts_.cuts)
       for (const MeetingPoint& m : cut.ends)
         if (!m.is_vertex()) all.push_back(m);
-    const auto less = [](const MeetingPoint& a, const MeetingPoint& b) {
-      return a.what != b.what ? a.what < b.what : a.with < b.with;
-    };
-    std::sort(all.begin(), all.end(), less);
+    const auto edge = [](const MeetingPoint& m) { return m.what; };
+    const auto less = [](const MeetingPoint& a, const MeetingPoint& b) { return a.with < b.with; };
+    sort_by_edge(all, soup_.points.size(), edge, less);
     all.erase(std::unique(all.begin(), all.end(), [](const auto& a, const auto& b) { return a.same(b); }),
               all.end());
     const std::size_t first = points_.size();
@@ -99,31 +110,65 @@ class Cutter {
     for (const Cut& cut : contacts_.cuts) cuts_of_[cut.triangle + 1]++;
     std::partial_sum(cuts_of_.begin(), cuts_of_.end(), cuts_of_.begin());
     cuts_.resize(contacts_.cuts.size());
-    std::vector<std::uint32_t> next(cuts_of_);
-    for (const Cut& cut : contacts_.cuts) {
-      TriangleCut& c = cuts_[next[cut.triangle]++];
-      for (int k = 0; k < 2; k++) {
-        const MeetingPoint& m = cut.ends[k];
-        c.point[k] = m.is_vertex()
+    std::vector<std::uint32_t> next(cuts_of_), place(contacts_.cuts.size());
+    for (std::size_t k = 0; k < place.size(); k++) place[k] = next[contacts_.cuts[k].triangle]++;
+    const auto before = [](const MeetingPoint& a, const MeetingPoint& b) {
+      return a.what != b.what ? a.what < b.what : a.with < b.with;
+    };
+#pragma omp parallel for if (place.size() > 1024)
+    for (std::size_t k = 0; k < place.size(); k++) {
+      TriangleCut& c = cuts_[place[k]];
+      for (int i = 0; i < 2; i++) {
+        const MeetingPoint& m = contacts_.cuts[k].ends[i];
+        c.point[i] = m.is_vertex()
                          ? static_cast<std::uint32_t>(m.what)
                          : static_cast<std::uint32_t>(
-                               first + (std::lower_bound(all.begin(), all.end(), m, less) - all.begin()));
-        c.point[k] = same_[c.point[k]], c.place[k] = m.place;
-        if (m.place < 3 || m.place >= 6) continue;
-        const std::uint64_t edge = edge_of(cut.triangle, m.place - 3);
-        if (c.point[k] != edge >> 32 && c.point[k] != (edge & 0xffffffffu))
-          on_edge_[edge].push_back(c.point[k]);
+                               first + (std::lower_bound(all.begin(), all.end(), m, before) - all.begin()));
+        c.point[i] = same_[c.point[i]], c.place[i] = m.place;
       }
     }
-    for (auto& [edge, on] : on_edge_) {
-      const Point from = soup_.points[edge >> 32];
-      const Vector along = soup_.points[edge & 0xffffffffu] - from;
-      std::sort(on.begin(), on.end(), [&](auto a, auto b) {
-        const double x = along.dot(points_[a] - from), y = along.dot(points_[b] - from);
-        return x != y ? x < y : a < b;
-      });
-      on.erase(std::unique(on.begin(), on.end()), on.end());
-    }
+    find_points_on_edges();
+  }
+
+  void find_points_on_edges() {
+    for (std::uint32_t t = 0; t < soup_.triangles.size(); t++)
+      for (const TriangleCut& c : cuts_of(t)) {
+        for (int k = 0; k < 2; k++) {
+          if (c.place[k] < 3 || c.place[k] >= 6) continue;
+          const std::uint64_t edge = edge_of(t, c.place[k] - 3);
+          const auto from = static_cast<std::uint32_t>(edge >> 32), to = static_cast<std::uint32_t>(edge);
+          if (c.point[k] == from || c.point[k] == to) continue;
+          const Vector along = soup_.points[to] - soup_.points[from];
+          on_edges_.push_back({edge, along.dot(points_[c.point[k]] - soup_.points[from]), c.point[k]});
+        }
+        for (int k = 0; k < 3; k++)
+          if (c.point[0] != c.point[1] && c.runs_along(k)) touched_.insert(edge_of(t, k));
+      }
+    const auto less = [](const EdgePoint& a, const EdgePoint& b) {
+      return a.along != b.along ? a.along < b.along : a.point < b.point;
+    };
+    const auto same = [](const EdgePoint& a, const EdgePoint& b) {
+      return a.edge == b.edge && a.point == b.point;
+    };
+    const auto edge = [](const EdgePoint& p) { return p.edge; };
+    sort_by_edge(on_edges_, soup_.points.size(), edge, less);
+    on_edges_.erase(std::unique(on_edges_.begin(), on_edges_.end(), same), on_edges_.end());
+    on_edges_of_.assign(soup_.points.size() + 1, 0);
+    for (const EdgePoint& p : on_edges_) on_edges_of_[(p.edge >> 32) + 1]++;
+    std::partial_sum(on_edges_of_.begin(), on_edges_of_.end(), on_edges_of_.begin());
+  }
+
+  // The points on an edge, from its smaller vertex on.
+  std::span<const EdgePoint> on_edge(std::uint64_t edge) const {
+    const auto from = edge >> 32;
+    const std::span<const EdgePoint> all(on_edges_.data() + on_edges_of_[from],
+                                         on_edges_of_[from + 1] - on_edges_of_[from]);
+    const auto begin = std::partition_point(all.begin(), all.end(), [&](auto& p) { return p.edge < edge; });
+    return {begin, std::partition_point(begin, all.end(), [&](auto& p) { return p.edge == edge; })};
+  }
+
+  std::span<const TriangleCut> cuts_of(std::uint32_t t) const {
+    return {cuts_.data() + cuts_of_[t], cuts_of_[t + 1] - cuts_of_[t]};
   }
 
   std::uint64_t edge_of(std::uint32_t t, int k) const {
@@ -144,8 +189,8 @@ class Cutter {
 
   // A point on an edge cuts all triangles that have the edge.
   bool is_cut(std::uint32_t t) const {
-    bool cut = cuts_of_[t] != cuts_of_[t + 1] || overlaps_.count(t) > 0;
-    for (int k = 0; k < 3 && !cut && !on_edge_.empty(); k++) cut = on_edge_.count(edge_of(t, k)) > 0;
+    bool cut = !cuts_of(t).empty() || overlaps_.count(t) > 0;
+    for (int k = 0; k < 3 && !cut; k++) cut = !on_edge(edge_of(t, k)).empty();
     return cut && !is_flat(soup_, t);
   }
 
@@ -153,9 +198,7 @@ class Cutter {
   std::array<std::vector<std::uint32_t>, 3> rim_of(std::uint32_t t) const {
     std::array<std::vector<std::uint32_t>, 3> rim;
     for (int k = 0; k < 3; k++) {
-      const auto found = on_edge_.find(edge_of(t, k));
-      if (found == on_edge_.end()) continue;
-      rim[k] = found->second;
+      for (const EdgePoint& p : on_edge(edge_of(t, k))) rim[k].push_back(p.point);
       if (soup_.triangles[t][k] > soup_.triangles[t][(k + 1) % 3]) std::reverse(rim[k].begin(), rim[k].end());
     }
     return rim;
@@ -164,17 +207,18 @@ class Cutter {
   // False if the cuts cross at too many places.
   bool cut() {
     piece_of_.assign(soup_.triangles.size(), kNone);
+    std::vector<char> is_cut_one(soup_.triangles.size());
+#pragma omp parallel for schedule(static)
+    for (std::size_t t = 0; t < is_cut_one.size(); t++) is_cut_one[t] = is_cut(static_cast<std::uint32_t>(t));
     for (std::uint32_t t = 0; t < soup_.triangles.size(); t++)
-      if (is_cut(t)) piece_of_[t] = static_cast<std::uint32_t>(cut_.size()), cut_.push_back(t);
+      if (is_cut_one[t]) piece_of_[t] = static_cast<std::uint32_t>(cut_.size()), cut_.push_back(t);
     pieces_.resize(cut_.size());
     std::atomic<std::size_t> crossings = 0;  // once above the limit it stays there, in whatever order
 #pragma omp parallel for schedule(dynamic, 1)
     for (std::size_t k = 0; k < cut_.size(); k++) {
       if (crossings > limit_) continue;
       const std::uint32_t t = cut_[k];
-      pieces_[k] =
-          cut_triangle(soup_, t, points_, rim_of(t),
-                       std::span(cuts_.data() + cuts_of_[t], cuts_of_[t + 1] - cuts_of_[t]), near_, limit_);
+      pieces_[k] = cut_triangle(soup_, t, points_, rim_of(t), cuts_of(t), near_, limit_);
       crossings += pieces_[k].too_many ? limit_ + 1 : pieces_[k].fresh.size();
     }
     if (crossings > limit_) return false;
@@ -190,42 +234,79 @@ class Cutter {
   }
 
   // Regions: triangles that nothing meets and that hang together, and the regions of each cut triangle.
-  void join() {
+  void find_regions() {
     const auto n = static_cast<std::uint32_t>(soup_.triangles.size());
     std::vector<std::uint32_t> parent(n);
     std::iota(parent.begin(), parent.end(), 0u);
     const std::vector<Side> sides = sides_of(soup_, parent);
     for_edges(sides, [&](std::size_t begin, std::size_t end) {
-      if (end - begin != 2) return;
-      const auto s = sides[begin].triangle, t = sides[begin + 1].triangle;
-      // The two must also run alike, or the front of one is the back of the other.
-      if (piece_of_[s] != kNone || piece_of_[t] != kNone ||
-          sides[begin].direction == sides[begin + 1].direction || roles_[s] != roles_[t])
-        return;
-      parent[root_of(parent, s)] = root_of(parent, t);
+      const auto s = sides[begin].triangle, t = sides[end - 1].triangle;
+      if (run_on(sides, begin, end) && piece_of_[s] == kNone && piece_of_[t] == kNone)
+        parent[root_of(parent, s)] = root_of(parent, t);
     });
     region_of_.assign(n, kNone);
-    std::vector<double> largest;
     for (std::uint32_t t = 0; t < n; t++) {
       if (piece_of_[t] != kNone || is_flat(soup_, t)) continue;
+      const Point &a = soup_.corner(t, 0), &b = soup_.corner(t, 1), &c = soup_.corner(t, 2);
+      const double room =
+          2 * soup_.area_normal(t).norm() / ((b - a).norm() + (c - b).norm() + (a - c).norm());
       auto& region = region_of_[root_of(parent, t)];
-      if (region == kNone) region = new_region(t, Point::Zero()), largest.push_back(-1);
-      const double area = soup_.area_normal(t).norm();
-      if (area > largest[region]) {
-        largest[region] = area, regions_[region].triangle = t;
-        regions_[region].place = (soup_.corner(t, 0) + soup_.corner(t, 1) + soup_.corner(t, 2)) / 3;
-      }
+      if (region == kNone) region = new_region(t, Point::Zero(), -1);
+      Region& r = regions_[region];
+      if (room > r.room) r.room = room, r.triangle = t, r.place = (a + b + c) / 3;
     }
     for (std::uint32_t t = 0; t < n; t++)
       if (piece_of_[t] == kNone) region_of_[t] = region_of_[root_of(parent, t)];
     for (std::size_t k = 0; k < cut_.size(); k++) {
       region_of_[cut_[k]] = static_cast<std::uint32_t>(regions_.size());
-      for (const Point& place : pieces_[k].places) new_region(cut_[k], place);
+      for (std::size_t r = 0; r < pieces_[k].places.size(); r++)
+        new_region(cut_[k], pieces_[k].places[r], pieces_[k].room[r]);
     }
+    join(sides);
   }
 
-  std::uint32_t new_region(std::uint32_t triangle, const Point& place) {
-    regions_.push_back({triangle, place, {}, {}, false});
+  // Does the surface run on over an edge, from the front of one triangle to the front of another one?
+  bool run_on(const std::vector<Side>& sides, std::size_t begin, std::size_t end) const {
+    return end - begin == 2 && sides[begin].direction != sides[begin + 1].direction &&
+           roles_[sides[begin].triangle] == roles_[sides[begin + 1].triangle];
+  }
+
+  // Regions on both sides of an edge have the same before them, unless something touches the edge along a
+  // part of it. Those of triangles that others lie on are decided one by one.
+  void join(const std::vector<Side>& sides) {
+    leader_.resize(regions_.size());
+    std::iota(leader_.begin(), leader_.end(), 0u);
+    for_edges(sides, [&](std::size_t begin, std::size_t end) {
+      const auto s = sides[begin].triangle, t = sides[end - 1].triangle;
+      if (!run_on(sides, begin, end) || (piece_of_[s] == kNone && piece_of_[t] == kNone) ||
+          overlaps_.count(s) || overlaps_.count(t) || touched_.count(sides[begin].edge))
+        return;
+      const std::vector<std::uint32_t> one = regions_along(s, sides[begin].edge),
+                                       other = regions_along(t, sides[begin].edge);
+      for (std::size_t k = 0; k < one.size() && one.size() == other.size(); k++) {
+        if (one[k] == kNone || other[k] == kNone) continue;
+        const auto a = root_of(leader_, one[k]), b = root_of(leader_, other[k]);
+        leader_[std::max(a, b)] = std::min(a, b);
+      }
+    });
+  }
+
+  // The regions of t along one of its edges, from the smaller vertex on.
+  std::vector<std::uint32_t> regions_along(std::uint32_t t, std::uint64_t edge) const {
+    if (piece_of_[t] == kNone) return {region_of_[t]};
+    const TrianglePieces& p = pieces_[piece_of_[t]];
+    std::size_t k = 0;
+    while (edge_of(t, static_cast<int>(k)) != edge) k++;
+    std::vector<std::uint32_t> along(p.rim.begin() + p.rim_of[k],
+                                     k < 2 ? p.rim.begin() + p.rim_of[k + 1] : p.rim.end());
+    for (auto& region : along)
+      if (region != kNone) region += region_of_[t];
+    if (soup_.triangles[t][k] != edge >> 32) std::reverse(along.begin(), along.end());
+    return along;
+  }
+
+  std::uint32_t new_region(std::uint32_t triangle, const Point& place, double room) {
+    regions_.push_back({triangle, place, room, {}, {}, false});
     return static_cast<std::uint32_t>(regions_.size() - 1);
   }
 
@@ -243,14 +324,42 @@ class Cutter {
     return true;
   }
 
+  // A ray decides on all regions that are joined. Another one, from the next largest of them, must agree.
   void decide() {
+    std::vector<std::uint32_t> joined(regions_.size());
+    std::iota(joined.begin(), joined.end(), 0u);
+    for (auto& leader : leader_) leader = leader_[leader];  // a leader stands before those that it leads
+    std::stable_sort(joined.begin(), joined.end(), [&](auto a, auto b) { return leader_[a] < leader_[b]; });
+    std::vector<std::size_t> begin;
+    for (std::size_t k = 0; k < joined.size(); k++)
+      if (leader_[joined[k]] == joined[k]) begin.push_back(k);
+    const std::size_t groups = begin.size();
+    begin.push_back(joined.size());
 #pragma omp parallel for schedule(dynamic, 16)
-    for (std::size_t k = 0; k < regions_.size(); k++) {
-      const auto found = overlaps_.find(regions_[k].triangle);
-      std::vector<std::uint32_t> others;
-      if (found != overlaps_.end()) others = found->second;
-      if (!decide(regions_[k], others) && add_near(regions_[k], others)) decide(regions_[k], others);
+    for (std::size_t g = 0; g < groups; g++) {
+      const auto group = std::span(joined).subspan(begin[g], begin[g + 1] - begin[g]);
+      if (group.size() > 1 && decide_together(group)) continue;
+      for (const auto k : group) {
+        const auto found = overlaps_.find(regions_[k].triangle);
+        std::vector<std::uint32_t> others;
+        if (found != overlaps_.end()) others = found->second;
+        if (!decide(regions_[k], others) && add_near(regions_[k], others)) decide(regions_[k], others);
+      }
     }
+  }
+
+  bool decide_together(std::span<const std::uint32_t> group) {
+    std::array<std::uint32_t, 2> largest = {group[0], group[1]};
+    const auto room = [&](std::uint32_t k) { return regions_[k].room; };
+    if (room(largest[1]) > room(largest[0])) std::swap(largest[0], largest[1]);
+    for (const auto k : group.subspan(2)) {
+      if (room(k) > room(largest[1])) largest[1] = k;
+      if (room(largest[1]) > room(largest[0])) std::swap(largest[0], largest[1]);
+    }
+    Region &first = regions_[largest[0]], &second = regions_[largest[1]];
+    if (!decide(first, {}) || !decide(second, {}) || first.front != second.front) return false;
+    for (const auto k : group) regions_[k].front = first.front, regions_[k].back = first.back;
+    return true;
   }
 
   // `others` may lie on the region, in ascending order. False where rounding leaves open what lies before it.
@@ -349,36 +458,50 @@ class Cutter {
     return out;
   }
 
-  // Points that were computed in two ways differ by rounding.
+  // Points that were computed in two ways differ by rounding. Each new point becomes the first one near it
+  // that stays.
   void join_equal_points(const std::vector<char>& used) {
     same_.resize(points_.size());
     std::iota(same_.begin(), same_.end(), 0u);
     const double size = 1e-12 * soup_.bounds().diagonal();
-    std::unordered_multimap<std::uint64_t, std::uint32_t> cells;
-    const auto cell = [&](const Point& p, int dx, int dy, int dz) {
-      const auto part = [&](double x, int d) {
-        return static_cast<std::uint64_t>(static_cast<std::int64_t>(std::floor(x / size)) + d);
-      };
-      std::uint64_t h = part(p.x(), dx) * 0x9e3779b97f4a7c15ull;
-      h = (h ^ (h >> 29) ^ part(p.y(), dy)) * 0xbf58476d1ce4e5b9ull;
-      return (h ^ (h >> 31) ^ part(p.z(), dz)) * 0x94d049bb133111ebull;
+    using Cell = std::array<std::int64_t, 3>;
+    const auto cell = [&](const Point& p, double step) {
+      Cell c;
+      for (int k = 0; k < 3; k++) c[k] = static_cast<std::int64_t>(std::floor((p[k] + step) / size));
+      return c;
     };
-    for (std::uint32_t v = 0; v < points_.size(); v++) {
-      if (!used[v]) continue;
-      if (v >= soup_.points.size()) {
-        std::uint32_t best = kNone;
-        for (int c = 0; c < 27; c++) {
-          const auto [begin, end] = cells.equal_range(cell(points_[v], c % 3 - 1, c / 3 % 3 - 1, c / 9 - 1));
-          for (auto it = begin; it != end; ++it)
-            if ((points_[it->second] - points_[v]).norm() < near_) best = std::min(best, it->second);
-        }
-        if (best != kNone) {
-          same_[v] = best;
-          continue;
-        }
-      }
-      cells.emplace(cell(points_[v], 0, 0, 0), v);
-    }
+    std::size_t slots = 1024;
+    while (slots < points_.size()) slots *= 2;
+    const auto slot = [&](const Cell& c) {
+      std::uint64_t h = 0;
+      for (const auto x : c) h = Random(h ^ static_cast<std::uint64_t>(x)).next();
+      return h & (slots - 1);
+    };
+    // Of each slot a list of the points in its cells.
+    std::vector<std::uint32_t> head(slots, kNone), next(points_.size()), slot_of(points_.size());
+#pragma omp parallel for schedule(static)
+    for (std::size_t v = 0; v < points_.size(); v++)
+      slot_of[v] = static_cast<std::uint32_t>(slot(cell(points_[v], 0)));
+    for (std::uint32_t v = 0; v < points_.size(); v++)
+      if (used[v]) next[v] = std::exchange(head[slot_of[v]], v);
+    // Calls visit(w) for the points near v that stand before it.
+    const auto visit_near = [&](std::size_t v, auto&& visit) {
+      const Cell low = cell(points_[v], -1.01 * near_), high = cell(points_[v], 1.01 * near_);
+      for (auto x = low[0]; x <= high[0]; x++)
+        for (auto y = low[1]; y <= high[1]; y++)
+          for (auto z = low[2]; z <= high[2]; z++)
+            for (auto w = head[slot({x, y, z})]; w != kNone; w = next[w])
+              if (w < v && (points_[w] - points_[v]).norm() < near_) visit(w);
+    };
+    std::vector<char> is_near(points_.size(), 0);
+#pragma omp parallel for schedule(static)
+    for (std::size_t v = soup_.points.size(); v < points_.size(); v++)
+      if (used[v]) visit_near(v, [&](std::uint32_t) { is_near[v] = 1; });
+    for (std::uint32_t v = 0; v < points_.size(); v++)
+      if (is_near[v])
+        visit_near(v, [&](std::uint32_t w) {
+          if (same_[w] == w) same_[v] = std::min(same_[v], w);
+        });
   }
 
   const Mesh& soup_;
@@ -389,13 +512,16 @@ class Cutter {
   std::vector<Point> points_;  // of the soup, then the new ones
   const double near_;          // points that are closer are one
   std::vector<TriangleCut> cuts_;
-  std::vector<std::uint32_t> cuts_of_;  // of triangle t: cuts_of_[t] up to cuts_of_[t + 1]
-  std::unordered_map<std::uint64_t, std::vector<std::uint32_t>> on_edge_;
+  std::vector<std::uint32_t> cuts_of_;    // of triangle t: cuts_of_[t] up to cuts_of_[t + 1]
+  std::vector<EdgePoint> on_edges_;       // in the order of the edges, and along each from its smaller vertex
+  std::vector<std::size_t> on_edges_of_;  // where those of edges with this smaller vertex begin
+  std::unordered_set<std::uint64_t> touched_;  // edges that something touches along a part of them
   std::unordered_map<std::uint32_t, std::vector<std::uint32_t>> overlaps_;
   std::vector<std::uint32_t> cut_, piece_of_;  // the cut triangles; of each triangle its place among them
   std::vector<TrianglePieces> pieces_;
   std::vector<Region> regions_;
   std::vector<std::uint32_t> region_of_;  // of a cut triangle, the first
+  std::vector<std::uint32_t> leader_;     // of each region the first that it is joined with
   std::vector<std::uint32_t> same_;
 };
 
