@@ -109,6 +109,7 @@ TEST(Worlds, ContactsAreThoseOfTheOracleOnEveryPath) {
                                     static_cast<std::uint32_t>(seed % 4 * 60));
       CallOptions o{.margin = seed % 3 == 0 ? 0 : 0.01 * static_cast<double>(seed)};
       if (seed % 5 == 0) o.own.low[0] = 1, o.own.high[1] = 3;
+      if (seed % 5 == 1) o.own.low[0] = 1.9, o.own.high[0] = 2, o.margin = 1;  // wider than the region
       const std::vector<Pair> expected = oracle(w.input(), o);
       without_contacts += expected.empty();  // as of two bodies, and a box that owns none of their contacts
       for (const Path path : {Path::grid, Path::nine_stages}) {

@@ -225,10 +225,11 @@ struct PairTester {
   }
 };
 
-// Where the midpoints of contacts can lie whose spheres are in two balls. (The balls of a margin are larger
-// by half of it. The rounding that halo_of adds is enough for all spheres in a ball: 60 u of 128.)
-__device__ __forceinline__ Bounds halo_of_pair(const Sphere& a, const Sphere& b) {
-  const Bounds of_a = halo_of(a, b.r), of_b = halo_of(b, a.r);
+// Where the midpoints of contacts can lie whose spheres are in two balls. (Without worlds the balls are
+// larger by half of the margin already, and the halo is wider than it need be. The rounding that halo_of adds
+// is enough for all spheres in a ball: 60 u of 128.)
+__device__ __forceinline__ Bounds halo_of_pair(const Sphere& a, const Sphere& b, double margin) {
+  const Bounds of_a = halo_of(a, b.r, margin), of_b = halo_of(b, a.r, margin);
   Bounds both;
   for (int k = 0; k < 3; k++)
     both.low[k] = larger(of_a.low[k], of_b.low[k]), both.high[k] = smaller(of_a.high[k], of_b.high[k]);
@@ -239,7 +240,7 @@ __device__ __forceinline__ Bounds halo_of_pair(const Sphere& a, const Sphere& b)
 // or if nothing that touches would be owned.
 __device__ __forceinline__ bool prepare(const NarrowPhaseTask& task, Pair p, ElementPair& out) {
   const BodyView& v = task.view;
-  if (!task.owns_all && !meets(halo_of_pair(v.balls[p.i], v.balls[p.j]), task.own)) return false;
+  if (!task.owns_all && !meets(halo_of_pair(v.balls[p.i], v.balls[p.j], task.margin), task.own)) return false;
   if (v.stances[p.i].body == kLoose && v.stances[p.j].body == kLoose) {  // there is nothing to sieve
     out.count_a = out.count_b = 1, out.body_a = out.body_b = kLoose;
     out.slot_a = v.stances[p.i].piece, out.slot_b = v.stances[p.j].piece;
