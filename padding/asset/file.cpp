@@ -66,18 +66,12 @@ void forget(int place) {
   if (place >= 0) unfinished[place].state = 0;
 }
 
-// The file that is to be replaced: that which a link leads to, so that the link stays. Throws Error for
-// what a file must not replace.
-std::filesystem::path target_of(std::filesystem::path path) {
+// Throws Error for what a file must not replace, also through a link.
+void refuse_devices(const std::filesystem::path& path) {
   struct stat about {};
   if (::stat(path.c_str(), &about) == 0 && !S_ISREG(about.st_mode) && !S_ISDIR(about.st_mode))
     throw Error("cannot write " + path.string() +
                 ": it is a device, a pipe or a socket: name a regular file, or - for the standard output");
-  std::error_code code;
-  constexpr int most = 40;  // as the system follows
-  for (int k = 0; k < most && std::filesystem::is_symlink(path, code); k++)
-    path = path.parent_path() / std::filesystem::read_symlink(path, code);
-  return path;
 }
 
 }  // namespace
@@ -109,7 +103,8 @@ std::string read_file(const std::filesystem::path& path, std::uintmax_t most) {
   return bytes;
 }
 
-FileWriter::FileWriter(const std::filesystem::path& path) : path_(target_of(path)), beside_(path_) {
+FileWriter::FileWriter(const std::filesystem::path& path) : path_(path), beside_(path) {
+  refuse_devices(path);
   // The process id keeps two runs that write the same asset at once out of each other's half-written file.
   beside_ += ".part" + std::to_string(::getpid());
   place_ = remember(beside_.string());  // before it is there: a signal may come in between

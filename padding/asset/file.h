@@ -31,10 +31,10 @@ std::string read_file(const std::filesystem::path& path, std::uintmax_t most = k
 // A file that is written in portions, so that its content need not be held as a whole. It grows beside its
 // target, in the same folder, and commit() renames it to the target: a reader sees the old file or the new
 // one, never half of it. The destructor removes a file that was not committed, and so does
-// remove_unfinished_files(). A link stays, and what it leads to is replaced; the new file has the old one's
-// mode. Every function throws Error if the folder is absent, full or not writable, and the constructor if the
-// target is a device, a pipe or a socket. The sentence names the target and what the system said. After that
-// the writer must not be used.
+// remove_unfinished_files(). A link of that name is replaced, and what it leads to is untouched; the new file
+// has the old one's mode. Every function throws Error if the folder is absent, full or not writable, and the
+// constructor if the target is a device, a pipe or a socket, or a link to one. The sentence names the target
+// and what the system said. After that the writer must not be used.
 class FileWriter {
  public:
   explicit FileWriter(const std::filesystem::path& path);
