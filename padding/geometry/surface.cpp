@@ -162,8 +162,11 @@ void Surface::cut_needles() {
   for (std::uint32_t k = 0; k < slots_.size(); k++) {
     const auto& [a, ab, ac] = slots_[k];
     const double excess = boxes_of(slots_[k])[1];
+    // The steps are rounded, and a ray must not slip through between two boxes.
+    const Vector slack = 1e-15 * (a.cwiseAbs() + ab.cwiseAbs() + ac.cwiseAbs());
     const int cuts = static_cast<int>(excess < most ? std::max(1.0, std::ceil(excess)) : most);
-    for (const Box& box : slices({a, a + ab, a + ac}, cuts)) {
+    for (Box& box : slices({a, a + ab, a + ac}, cuts)) {
+      box.low -= slack, box.high += slack;
       const auto v = static_cast<std::uint32_t>(boxes.points.size());
       boxes.points.push_back(box.low), boxes.points.push_back(box.high);
       boxes.triangles.push_back({v, v + 1, v + 1}), slot_of.push_back(k);
@@ -459,21 +462,27 @@ std::optional<int> Surface::crossings(const Point& p, const Vector& direction,
                                       const std::function<void(std::uint32_t, int)>& visit) const {
   if (slots_.empty()) return 0;
   const Vector inverse = direction.cwiseInverse();
+  const TriangleTree& tree = near_tree();
+  std::vector<std::uint32_t> crossed;  // the ray may meet the boxes of two parts of one triangle
   std::uint32_t stack[TriangleTree::kStackSize];
   int top = 0, sum = 0;
   stack[top++] = 0;
   while (top > 0) {
-    const TriangleTree::Node& node = tree_.nodes()[stack[--top]];
+    const TriangleTree::Node& node = tree.nodes()[stack[--top]];
     for (int side = 0; side < 2; side++) {
       if (!meets(node, side, p, inverse)) continue;
       if (node.count[side] == 0) stack[top++] = node.child[side];
       for (std::uint32_t k = 0; k < node.count[side]; k++) {
-        const std::uint32_t triangle = tree_.triangles()[node.child[side] + k];
+        const std::uint32_t triangle = triangle_at(node.child[side] + k);
         if (skip && skip(triangle)) continue;
         const auto& t = mesh_.triangles[triangle];
         const auto one =
             crossing(direction, mesh_.points[t[0]] - p, mesh_.points[t[1]] - p, mesh_.points[t[2]] - p);
         if (!one) return std::nullopt;
+        if (parts_ && *one != 0) {
+          if (std::find(crossed.begin(), crossed.end(), triangle) != crossed.end()) continue;
+          crossed.push_back(triangle);
+        }
         sum += *one;
         if (visit && *one != 0) visit(triangle, *one);
       }

@@ -142,12 +142,15 @@ class Surface {
   void find_normals();
   void cut_needles();
 
-  // The tree in which nearest triangles are looked for, and the slot of tree_ for each of its slots.
+  // The tree in which nearest triangles and rays are looked for, and the slot of tree_ for each of its slots.
   struct Parts {
     TriangleTree tree;
     std::vector<std::uint32_t> slot;
   };
   const TriangleTree& near_tree() const { return parts_ ? parts_->tree : tree_; }
+  std::uint32_t triangle_at(std::uint32_t slot) const {  // of near_tree()
+    return tree_.triangles()[parts_ ? parts_->slot[slot] : slot];
+  }
 
   Mesh mesh_;
   std::size_t first_sheet_ = std::numeric_limits<std::size_t>::max();

@@ -246,6 +246,24 @@ TEST(Surface, AgreesWithBruteForceOnAStarOfNeedles) {
   }
 }
 
+// A rod of long triangles across the axes: each lies in many boxes of the tree, and counts once.
+TEST(Surface, RaysCountEachNeedleOnce) {
+  Mesh rods;
+  RandomInput random(4);
+  for (int k = 0; k < 8; k++) {
+    Mesh rod = shapes::box({-10, -0.1, -0.1}, {10, 0.1, 0.1});
+    const Vector x = random.direction(), y = x.unitOrthogonal(), z = x.cross(y);
+    for (Point& p : rod.points) p = p.x() * x + p.y() * y + p.z() * z;
+    rods = joined(rods, rod);
+  }
+  const Surface surface(rods, SideBy::winding);
+  ASSERT_GT(surface.needle_parts(), 4 * rods.triangles.size());
+  for (int k = 0; k < 2000; k++) {
+    const Point p = random.uniform(0, k % 2 ? 0.2 : 10) * random.direction();
+    EXPECT_EQ(surface.winding_number(p).value(), std::lround(winding(rods, p)));
+  }
+}
+
 TEST(Surface, NeedlesAcrossTheAxesAreCutForTheirBoxesAndNothingElseIs) {
   for (const int points : {50, 500}) {
     const Mesh mesh = star(points);

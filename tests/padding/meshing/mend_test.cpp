@@ -968,5 +968,21 @@ TEST(Mend, SameForAnyNumberOfThreads) {
   EXPECT_EQ(one.solid->mesh().triangles, three.solid->mesh().triangles);
 }
 
+// The face of one box runs through an edge of the other one, along the middle of it: what lies before the two
+// triangles of that edge differs there.
+TEST(Mend, AFaceThroughAnEdgePartsWhatLiesOnBothSidesOfIt) {
+  Mesh slanted = shapes::box({0, 0.25, 0}, {1, 0.75, 0.5});
+  for (Point& p : slanted.points) p = {0.5 + p.x() + p.z(), p.y(), 0.5 + p.x() - p.z()};
+  if (volume(slanted) < 0) slanted = turned_over(slanted);
+  for (const int n : {1, 4}) {
+    const Mesh cube = shapes::box({0, 0, 0}, {1, 1, 1}, n);
+    const Repaired r = mended(joined(cube, slanted));
+    EXPECT_NEAR(volume(r), 1.375, 1e-12);
+    EXPECT_EQ(r.sheet, 0u);
+    expect_body(
+        r, [&](const Point& p) { return winding(cube, p) + winding(slanted, p) > 0.5; }, 1);
+  }
+}
+
 }  // namespace
 }  // namespace padder
