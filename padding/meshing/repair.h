@@ -43,6 +43,9 @@ struct RepairOptions {
   std::size_t most_pairs = 1'000'000;
 };
 
+// The radius of the ball that a wrap keeps out, whatever these options say of it.
+double wrap_alpha(const RepairOptions& options, double diagonal);
+
 // A closed mesh that meets itself nowhere is kept as it is, turned outward (CGAL's Polygon Mesh Processing).
 // Everything else is mended (mend.h): its triangles stay where they are, unless their corners are joined
 // (RepairSteps::joined), and the body is where their winding

@@ -8,19 +8,28 @@
 
 namespace padder {
 
+namespace {
+double accuracy_of(const RepairOptions& options, double diagonal) {
+  return options.accuracy > 0 ? options.accuracy : diagonal / 500;
+}
+}  // namespace
+
+double wrap_alpha(const RepairOptions& options, double diagonal) {
+  // No wrap facet is larger than alpha allows, and its corners lie at the offset: so the wrap stands off by
+  // at most the sum. The room left is for the slack of the proof.
+  if (options.tolerance > 0) return std::max(0.83 * options.tolerance, diagonal / 600);
+  if (options.alpha > 0) return options.alpha;
+  return std::clamp(2.75 * accuracy_of(options, diagonal), diagonal / 400, diagonal / 150);
+}
+
 Repaired wrap(const Soup& soup, const RepairOptions& options, double diagonal, RepairReport report,
               const std::string& why) {
   Repaired out;
   out.kind = BodyKind::wrap;
-  const double accuracy = options.accuracy > 0 ? options.accuracy : diagonal / 500;
-  out.alpha = options.alpha > 0 ? options.alpha : std::clamp(2.75 * accuracy, diagonal / 400, diagonal / 150);
-  out.offset = options.offset > 0 ? options.offset : std::min(accuracy / 3, diagonal / 1500);
-  if (options.tolerance > 0) {
-    // No wrap facet is larger than alpha allows, and its corners lie at the offset: so the wrap stands off by
-    // at most the sum. The room left is for the slack of the proof.
-    out.alpha = std::max(0.83 * options.tolerance, diagonal / 600);
-    out.offset = options.tolerance / 8;
-  }
+  out.alpha = wrap_alpha(options, diagonal);
+  out.offset =
+      options.offset > 0 ? options.offset : std::min(accuracy_of(options, diagonal) / 3, diagonal / 1500);
+  if (options.tolerance > 0) out.offset = options.tolerance / 8;
   std::vector<std::array<std::size_t, 3>> triangles;
   for (const auto& t : soup.triangles) triangles.push_back({t[0], t[1], t[2]});
   CgalMesh mesh;

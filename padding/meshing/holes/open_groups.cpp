@@ -13,6 +13,7 @@
 #include "padding/geometry/medial.h"
 #include "padding/geometry/random.h"
 #include "padding/meshing/holes/cracks.h"
+#include "padding/meshing/holes/sealed_room.h"
 
 namespace padder {
 namespace {
@@ -259,18 +260,23 @@ class PieceCloser {
     }
   }
 
-  // Do the open groups together enclose more than each by itself, as strips of a scan do that overlap? Then
-  // their patches lie within the body.
+  // Do the open groups together enclose more than each with its own patches, as strips of a scan do that
+  // overlap? Then these patches lie within the body, and a wrap is right; but only as far as it encloses that
+  // body: it goes into a car through the windows.
   bool enclose_more(const Surface& units, const Surface& groups) const {
     constexpr int points = 4096;
-    Mesh solids;
+    Mesh walls = units.mesh(), solids;
     Box box;
     solids.points = mesh_.points;
     for (const OpenGroup& group : groups_)
-      for (std::size_t k = 0; group.solid && k < group.triangles.size(); k++) {
-        solids.triangles.push_back(mesh_.triangles[group.triangles[k]]);
-        for (const auto v : solids.triangles.back()) box.add(mesh_.points[v]);
+      for (std::size_t k = 0; k < group.triangles.size(); k++) {
+        const auto& triangle = mesh_.triangles[group.triangles[k]];
+        if (k < group.own + group.cracks.size()) walls.triangles.push_back(triangle);
+        if (!group.solid) continue;
+        solids.triangles.push_back(triangle);
+        for (const auto v : triangle) box.add(mesh_.points[v]);
       }
+    const SealedRoom room(walls, wrap_alpha(options_, diagonal_));
     const Surface closed(solids, SideBy::winding);
     int each = 0, more = 0;
 #pragma omp parallel for schedule(dynamic, 64) reduction(+ : each, more)
@@ -280,7 +286,7 @@ class PieceCloser {
       const Point p = box.low + at.cwiseProduct(box.high - box.low);
       if (closed.winding_number(p).value_or(0) > 0)
         each++;
-      else if (units.winding_number(p).value_or(0) <= 0 && open_winding(groups, p) > 0.5)
+      else if (room.holds(p) && units.winding_number(p).value_or(0) <= 0 && open_winding(groups, p) > 0.5)
         more++;
     }
     return more > each;

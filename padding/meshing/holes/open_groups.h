@@ -30,7 +30,8 @@ struct OpenGroup {
 
 struct OpenGroups {
   std::vector<OpenGroup> groups;
-  // In mode `automatic`: together they enclose more than each with its own patches, as strips of a scan do.
+  // In mode `automatic`: together they enclose more than each with its own patches, as strips of a scan do,
+  // and a wrap encloses it, too.
   bool parts_of_one = false;
 };
 

@@ -406,8 +406,8 @@ TEST(Mend, ABoxThatAClosedPieceCoversIsASolid) {
   EXPECT_NEAR(volume(mended(joined(open, shapes::box({0, 0, 1}, {0.5, 1, 1.1}, 3)))), 0.05, 1e-9);
 }
 
-// Each strip by itself would be closed by a patch through the ball.
-TEST(Mend, StripsOfAScanThatOverlapAreNoLenses) {
+// Six strips that overlap around a ball.
+Mesh strips_around_a_ball() {
   Mesh strips;
   for (int k = 0; k < 6; k++) {
     const auto first = static_cast<std::uint32_t>(strips.points.size());
@@ -423,6 +423,12 @@ TEST(Mend, StripsOfAScanThatOverlapAreNoLenses) {
               strips.triangles.push_back({at, at + 22, at + 1});
       }
   }
+  return strips;
+}
+
+// Each strip by itself would be closed by a patch through the ball.
+TEST(Mend, StripsOfAScanThatOverlapAreNoLenses) {
+  const Mesh strips = strips_around_a_ball();
   RepairOptions options;
   options.tolerance = options.accuracy = 0.02 * strips.bounds().diagonal();
   std::string why;
@@ -431,6 +437,20 @@ TEST(Mend, StripsOfAScanThatOverlapAreNoLenses) {
   const Repaired r = repair(strips, options, "strips");
   EXPECT_EQ(r.kind, BodyKind::wrap);
   EXPECT_NEAR(volume(r), 4.0 / 3 * std::numbers::pi, 0.3);
+}
+
+// A wrap would go in through the window and be a shell.
+TEST(Mend, StripsAroundARoomWithAWindowAreNotWrapped) {
+  Mesh strips = strips_around_a_ball();
+  std::erase_if(strips.triangles, [&](const auto& t) {
+    const Point& p = strips.points[t[0]];
+    return p.x() > 0 && std::abs(p.y()) < 0.3 && std::abs(p.z()) < 0.3;
+  });
+  RepairOptions options;
+  options.tolerance = options.accuracy = 0.02 * strips.bounds().diagonal();
+  const Repaired r = repair(strips, options, "strips");
+  EXPECT_EQ(r.kind, BodyKind::solid) << r.report;
+  EXPECT_GT(volume(r), 0.5);
 }
 
 TEST(Mend, ASolidWithAnOpenSeamIsStillASolid) {
@@ -699,9 +719,9 @@ TEST(Mend, EdgesAreSplitWhereCornersLieOnThem) {
     for (const auto& t : post.triangles)
       if (random.uniform(0, 1) < 0.4) twice.triangles.push_back(t);
     twice = divided(twice);
-    for (const Mesh& divided : {scraps, twice})
+    for (const Mesh& post_in_parts : {scraps, twice})
       for (const double grid : {0x1p40, 0x1p22}) {  // as pad and as a file in float round
-        Mesh mesh = divided;
+        Mesh mesh = post_in_parts;
         for (Point& p : mesh.points) p = (p * grid).array().round() / grid;
         const Repaired r = mended(mesh);
         EXPECT_EQ(r.kind, BodyKind::solid);
