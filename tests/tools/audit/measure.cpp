@@ -45,13 +45,19 @@ class Outside {
   const Tree& tree_;
 };
 
-// The triangles of `surface` whose middle is no point of the mesh.
+// The triangles of `surface` whose middle, or that of an edge, is no point of the mesh. Across a fold, that
+// of an edge is the farthest.
 Mesh patches_of(const Mesh& surface, const Tree& input) {
   Mesh patches;
   patches.points = surface.points;
   for (std::size_t t = 0; t < surface.triangles.size(); t++) {
-    const Point middle = (surface.corner(t, 0) + surface.corner(t, 1) + surface.corner(t, 2)) / 3;
-    if (input.squared_distance(cgal(middle)) > 1e-14) patches.triangles.push_back(surface.triangles[t]);
+    const Point &a = surface.corner(t, 0), &b = surface.corner(t, 1), &c = surface.corner(t, 2);
+    for (const Point& p :
+         {Point((a + b + c) / 3), Point((a + b) / 2), Point((b + c) / 2), Point((c + a) / 2)})
+      if (input.squared_distance(cgal(p)) > 1e-14) {
+        patches.triangles.push_back(surface.triangles[t]);
+        break;
+      }
   }
   return patches;
 }
