@@ -261,6 +261,15 @@ class UrdfReader {
       if (!b.joint.mimic.empty() && (b.joint.mimic == b.joint.name || !joint_names_.contains(b.joint.mimic)))
         fail("joint " + excerpt(b.joint.name) + ": it mimics " + excerpt(b.joint.mimic) +
              ", which is no other joint of this robot");
+    std::map<std::string_view, const Joint*> named;
+    for (const Body& b : bodies_) named[b.joint.name] = &b.joint;
+    for (const Body& b : bodies_) {
+      const Joint* leader = &b.joint;
+      for (std::size_t turns = 0; !leader->mimic.empty(); turns++, leader = named.at(leader->mimic))
+        if (turns > bodies_.size())
+          fail("joint " + excerpt(b.joint.name) + ": the joints that it mimics go round in a circle at " +
+               excerpt(leader->name));
+    }
   }
 
   // Puts parents before their children, and keeps the order of the file otherwise.

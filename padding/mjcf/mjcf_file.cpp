@@ -70,7 +70,11 @@ void MjcfFile::follow_includes(pugi::xml_node node, std::vector<std::string>& se
       seen.push_back(name);
       const fs::path file = path_.parent_path() / name;
       pugi::xml_document part;
-      importing::load_xml(part, read_file(file, kMostText), file.string());
+      try {
+        importing::load_xml(part, read_file(file, kMostText), file.string());
+      } catch (const Error& e) {
+        fail(child, e.what());
+      }
       follow_includes(part.document_element(), seen);
       for (const pugi::xml_node& inner : part.document_element().children())
         node.insert_copy_before(inner, child);
