@@ -226,6 +226,11 @@ int run(PadArguments& a, const CLI::App& app, cli::StreamFiles& files) {
   // OMP_NUM_THREADS may ask for more than OpenMP's own stack holds.
   omp_set_num_threads(a.threads > 0 ? a.threads : std::min(omp_get_max_threads(), cli::kMostThreads));
   limit_memory(a.memory.empty() ? machine_memory() : cli::bytes_of(a.memory).value());
+  try {  // what the program holds already may be more
+    ::operator delete(::operator new(std::size_t(4) << 20));
+  } catch (const std::bad_alloc&) {
+    throw Error("--memory " + a.memory + " is less than the program itself needs: give it more");
+  }
   if (app.count("--seconds") > 0 && a.seconds > 0) end_after(a);
   const int code = pad_meshes(a, files);
   if (code == 0) files.deliver();
