@@ -354,6 +354,8 @@ std::vector<std::pair<std::size_t, std::size_t>> neighbours(const Urdf& urdf) {
 
 void keep_neighbours_apart(Urdf& urdf) {
   for (const auto& [i, j] : neighbours(urdf)) urdf.model.apart.push_back({i, j});
+  const auto with_shapes = [](const UrdfLink& link) { return !link.shapes.empty(); };
+  if (std::ranges::count_if(urdf.links, with_shapes) < 2) return;  // nobody to be kept apart from
   const Groups groups(urdf);
   std::vector<std::size_t> number(groups.above.size());  // counts the groups with shapes
   std::size_t count = 0;

@@ -73,6 +73,13 @@ TEST_F(PadFormatsTest, AUnitIsNeverLostWithoutAWord) {
   EXPECT_LT(read_spheres(folder_ / "c.xml").bounds.diagonal(), 0.003);
 }
 
+TEST_F(PadFormatsTest, ARobotOfOneLinkHasNoFamily) {
+  ASSERT_EQ(pad("cube.obj --unit m --edge-length 10% -q -o c.urdf").output, "");
+  ASSERT_EQ(pad("c.urdf -q -o links/").output, "");
+  EXPECT_EQ(read_spheres(folder_ / "links/cube.spheres.json").family, 0u);
+  EXPECT_EQ(pad("c.urdf -q --format liggghts -o c.txt").output, "");
+}
+
 TEST_F(PadFormatsTest, WhatAConversionLeavesOutIsSaid) {
   ASSERT_EQ(pad("r.urdf --tolerance 10% -q -o r.yaml -o r.srdf").output, "");
   EXPECT_EQ(pad("r.yaml -q -o s.srdf").output, "");
@@ -91,6 +98,12 @@ TEST_F(PadFormatsTest, WhatCannotBeReadIsTheCause) {
   EXPECT_EQ(included("nothere.xml"),
             "pad: m.xml, <include>: cannot open nothere.xml: check the name and that it may be read\n");
   EXPECT_EQ(included("m.xml"), "pad: m.xml, <include>: the file m.xml is included twice\n");
+  std::string nested = "<mujoco>";
+  for (int k = 0; k < 100; k++) nested += "<default class='a'>";
+  for (int k = 0; k < 100; k++) nested += "</default>";
+  write_file(folder_ / "nested.xml", nested + "</mujoco>");
+  EXPECT_EQ(pad("nested.xml -o o.urdf --memory 1G --seconds 20").output,
+            "pad: nested.xml, <default>: there is a class \"a\" already\n");
   write_file(folder_ / "cut.xml", "<mujoco><worldbody><geom type='box' si");
   EXPECT_TRUE(pad("cut.xml --tolerance 2%").output.starts_with("pad: cut.xml: not XML at byte "));
   for (const std::string absent : {"absent.xml", "absent.yaml"})

@@ -111,6 +111,7 @@ TEST_F(Pad, WrongUsageReturns2WithOneSentenceAndWritesNothing) {
                                 "a.obj sub/a.obj -o both.spheres.json",
                                 "a.obj -o a.unknown",
                                 "a.obj --write-mesh a.glb",
+                                "a.obj -o b.obj --write-mesh ./b.obj",
                                 "a.obj --write-mesh a.obj",
                                 "a.obj a.stl --write-mesh both.obj",
                                 "a.urdf --write-mesh a.obj",

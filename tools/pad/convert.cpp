@@ -39,7 +39,7 @@ void write(const SphereModel& spheres, const OutputFile& file, const ConvertJob&
                        file.path.string() + ", or convert the robot's URDF");
   if (file.format->in_metres && model.unit.empty())
     warnings.push_back(input + " does not say its unit, so " + file.path.string() +
-                       " takes its lengths for metres: --unit mm, cm or in says otherwise");
+                       " takes its lengths for metres: name the unit with --unit");
   for (auto& sentence : write_model(model, file.path, *file.format, job.exporting))
     warnings.push_back(std::move(sentence));
 }

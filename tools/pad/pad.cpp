@@ -47,6 +47,9 @@ fs::path surface_file(const PadArguments& a, const std::string& mesh) {
         "--write-mesh must name a folder when there are several meshes: make it, or end it with /");
   if (!can_write_mesh(a.write_mesh))
     throw UsageError("--write-mesh must name a file that ends in .obj, .off, .ply or .stl, or a folder");
+  for (const std::string& output : a.outputs)
+    if (fs::path(output).lexically_normal() == fs::path(a.write_mesh).lexically_normal())
+      throw UsageError("--write-mesh and -o name one file: name two");
   std::error_code code;
   if (fs::equivalent(a.write_mesh, mesh, code))
     throw UsageError("--write-mesh would write over " + mesh + ": name another file");
