@@ -116,6 +116,7 @@ TEST_F(Pad, WrongUsageReturns2WithOneSentenceAndWritesNothing) {
                                 "a.obj a.stl --write-mesh both.obj",
                                 "a.urdf --write-mesh a.obj",
                                 "a.obj --robot-spheres 10",
+                                "a.urdf --robot-spheres 9 --edge-length 2%",
                                 "a.obj --joint elbow=1",
                                 "a.obj -o ''",
                                 "a.obj --max-radius 5%",

@@ -180,11 +180,12 @@ void use_streams(PadArguments& a, cli::StreamFiles& files) {
   }
 }
 
-// What no mesh could satisfy is wrong usage. A robot's number of spheres becomes a tolerance of each link.
+// What no mesh could satisfy is wrong usage. A robot's number of spheres excludes what that of a part does.
 void check_options(const PadArguments& a) {
-  if (a.robot.max_spheres > 0) return;
+  PadOptions options = a.options;
+  if (a.robot.max_spheres > 0) options.max_spheres = a.robot.max_spheres;
   try {
-    check(a.options);
+    check(options);
   } catch (const Error& e) {
     throw UsageError(e.what());
   }
