@@ -113,6 +113,11 @@ void check(const PadOptions& options) {
   if (options.lower_bound && !options.by_tolerance())
     throw Error(
         "a lower bound needs a tolerance or a count: without one, there is a sphere for each triangle");
+  if (options.edge_length.given() && !options.by_depth())
+    throw Error(
+        "an edge length has no effect on spheres that a tolerance or a count chooses: leave it out, or give "
+        "a "
+        "depth ratio as well");
   if (options.depth_ratio && options.max_spheres > 0)
     throw Error("a depth ratio and a count exclude each other: leave out one of them");
   if (options.depth_ratio && options.by_tolerance() &&

@@ -346,7 +346,8 @@ PaddedRobot pad_robot(const fs::path& path, const PadOptions& asked, const Robot
         "depth ratio for each link: leave these out");
   Urdf urdf = read_robot(path, whole.reading);
   if (std::all_of(urdf.links.begin(), urdf.links.end(), [](const UrdfLink& l) { return l.shapes.empty(); }))
-    throw Error(path.string() + ": no link has any geometry");
+    throw Error(path.string() + ": no link has any geometry" +
+                (urdf.notes.empty() ? "" : " (" + urdf.notes.front() + ")"));
   keep_neighbours_apart(urdf);
   PaddedRobot out;
   out.notes = std::move(urdf.notes);

@@ -43,8 +43,12 @@ std::uint64_t DeviceWorker::host_memory() const {
 }
 
 void DeviceWorker::fail(const std::string& reason) const {
-  throw Error("box " + std::to_string(box_) + " failed on " +
-              (on_host_ ? "the CPU" : "GPU " + std::to_string(device_.device)) + ": " + reason);
+  const std::string box = "box " + std::to_string(box_),
+                    device = on_host_ ? "the CPU" : "GPU " + std::to_string(device_.device);
+  if (options_.memory_limit && reason.find("memory") != std::string::npos)
+    throw Error(box + " needs more memory on " + device + " than the " +
+                std::to_string(options_.memory_limit) + " bytes that its limit leaves it: raise the limit");
+  throw Error(box + " failed on " + device + ": " + reason);
 }
 
 BoxResult DeviceWorker::run(const BoxLoad& load, std::uint32_t box, const CallOptions& options, int threads,

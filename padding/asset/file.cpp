@@ -108,7 +108,11 @@ FileWriter::FileWriter(const std::filesystem::path& path) : path_(path), beside_
   // The process id keeps two runs that write the same asset at once out of each other's half-written file.
   beside_ += ".part" + std::to_string(::getpid());
   place_ = remember(beside_.string());  // before it is there: a signal may come in between
-  file_ = ::open(beside_.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
+  // Exclusively: a link of this name, which somebody else may have put there, would be followed. What a
+  // killed process of this id has left is removed.
+  const auto open = [&] { return ::open(beside_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666); };
+  file_ = open();
+  if (file_ < 0 && errno == EEXIST && ::unlink(beside_.c_str()) == 0) file_ = open();
   if (file_ >= 0) {
     if (struct stat about{}; ::stat(path_.c_str(), &about) == 0) (void)::fchmod(file_, about.st_mode & 07777);
     return;

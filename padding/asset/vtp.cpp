@@ -31,7 +31,8 @@ std::string VtpWriter::announce(const VtpHead& h) {
   return line;
 }
 
-VtpWriter::VtpWriter(std::uint64_t points, std::vector<VtpHead> heads, WriteAt write)
+VtpWriter::VtpWriter(std::uint64_t points, std::vector<VtpHead> heads, WriteAt write,
+                     const std::string& fields)
     : write_(std::move(write)), points_(points) {
   std::string data;
   for (const VtpHead& h : heads) data += announce(h);
@@ -41,7 +42,8 @@ VtpWriter::VtpWriter(std::uint64_t points, std::vector<VtpHead> heads, WriteAt w
   const std::string count = std::to_string(points);
   head_ =
       "<?xml version=\"1.0\"?>\n<VTKFile type=\"PolyData\" version=\"1.0\" byte_order=\"LittleEndian\" "
-      "header_type=\"UInt64\">\n<PolyData>\n<Piece NumberOfPoints=\"" +
+      "header_type=\"UInt64\">\n<PolyData>\n" +
+      (fields.empty() ? "" : "<FieldData>\n" + fields + "</FieldData>\n") + "<Piece NumberOfPoints=\"" +
       count + "\" NumberOfVerts=\"" + count + "\">\n<PointData>\n" + data + "</PointData>\n<Points>\n" +
       positions + "</Points>\n<Verts>\n" + vertices +
       "</Verts>\n</Piece>\n</PolyData>\n<AppendedData encoding=\"raw\">\n_";

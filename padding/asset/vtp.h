@@ -24,7 +24,8 @@ struct VtpHead {
 // threads can fill the arrays at once. Each point gets a vertex, so that ParaView shows it.
 class VtpWriter {
  public:
-  VtpWriter(std::uint64_t points, std::vector<VtpHead> heads, WriteAt write);
+  // `fields` is XML of DataArrays that are about the file as a whole.
+  VtpWriter(std::uint64_t points, std::vector<VtpHead> heads, WriteAt write, const std::string& fields = {});
   // Three arrays follow those of `heads`: the position of each point, three doubles; the point of each
   // vertex; and where the list of points of each vertex ends. The last two are std::int64_t. Vertex k is
   // point k, and its list ends at k + 1.

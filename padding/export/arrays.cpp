@@ -36,6 +36,10 @@ Files write_npz(const Job& job) {
              {"family", npy_array(a.family.data(), {n})},
              {"mask", npy_array(a.mask.data(), {n})}};
   if (job.model.bodies.size() > 1) arrays["body"] = npy_array(a.body.data(), {n});
+  if (!job.model.unit.empty()) {
+    const double unit = metres(job.model.unit);
+    arrays[kUnitInMetres] = npy_array(&unit, {1});
+  }
   return {{"", npz_bytes(arrays)}};
 }
 
@@ -44,7 +48,11 @@ Files write_vtp(const Job& job) {
   std::vector<VtpHead> heads{{"radius", 'f', 8, 1}, {"family", 'u', 4, 1}, {"mask", 'u', 4, 1}};
   if (job.model.bodies.size() > 1) heads.push_back({"body", 'u', 4, 1});
   std::string out;
-  VtpWriter v(a.radii.size(), heads, write_into(out));
+  std::string fields;
+  if (!job.model.unit.empty())
+    fields = "<DataArray type=\"Float64\" Name=\"" + std::string(kUnitInMetres) +
+             "\" NumberOfTuples=\"1\" format=\"ascii\">" + number(metres(job.model.unit)) + "</DataArray>\n";
+  VtpWriter v(a.radii.size(), heads, write_into(out), fields);
   v.append(0, a.radii), v.append(1, a.family), v.append(2, a.mask);
   if (job.model.bodies.size() > 1) v.append(3, a.body);
   v.append(heads.size(), a.positions);

@@ -5,6 +5,7 @@
 #include <array>
 #include <charconv>
 #include <cmath>
+#include <deque>
 #include <string_view>
 
 #include "padding/asset/error.h"
@@ -161,19 +162,19 @@ std::vector<std::string> write_model(const Model& model, const fs::path& path, c
     return std::string_view(e.format.name) == format.name;
   });
   if (entry == kEntries.end()) throw Error("no format is called \"" + std::string(format.name) + "\"");
+  std::deque<FileWriter> writers;  // all are written before the first is put in its place
   for (const auto& [name, bytes] : entry->write(job)) {
-    if (name.empty()) {
-      write_file(path, bytes);
-    } else if (name.front() == '*') {  // beside, with another ending
-      fs::path beside = path;
-      write_file(beside.replace_extension(name.substr(1)), bytes);
-    } else {
-      std::error_code code;
-      fs::create_directories((path / name).parent_path(),
-                             code);  // if this fails, write_file names the reason
-      write_file(path / name, bytes);
+    fs::path file = path;
+    if (name.starts_with('*')) {  // beside, with another ending
+      file.replace_extension(name.substr(1));
+    } else if (!name.empty()) {
+      file /= name;
+      std::error_code code;  // if this fails, the writer names the reason
+      fs::create_directories(file.parent_path(), code);
     }
+    writers.emplace_back(file).append(bytes);
   }
+  for (FileWriter& writer : writers) writer.commit();
   std::vector<std::string> warnings = mass_warnings(model, format);
   if (const std::size_t n = neighbours_beyond_families(model); n > 0 && format.filter == F::numbers)
     warnings.push_back(model.name + " has more moving parts than 32 families can tell apart: in " +

@@ -51,7 +51,7 @@ struct ExportOptions {
 void check_filters(const Model& model, const Format& format);
 
 // Writes the model as one file. MercuryDPM gets a folder; a URDF gets NAME.srdf beside it when some pairs may
-// not touch. Each file is written whole or not at all. Throws Error, one sentence, when the format cannot
+// not touch. All files are written whole, or none. Throws Error, one sentence, when the format cannot
 // hold the model (families, several bodies, no volume, a sphere of radius 0, no sphere); then nothing is
 // written. Numbers have as many digits as the same double needs to be read back; .glb holds float32. Equal
 // models give equal bytes. Returns what the file states that is not exact and that its reader should know,

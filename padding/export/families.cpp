@@ -2,6 +2,7 @@
 #include "padding/export/families.h"
 
 #include <algorithm>
+#include <bit>
 #include <map>
 #include <set>
 
@@ -93,6 +94,16 @@ FilterBits mujoco_bits(const CollisionFilter& body) {
   if (masked) return {none_but_mask, ~masked};
   return {~std::uint32_t(0),
           ~std::uint32_t(0)};  // so that it also touches a geom that sets only one of the two fields
+}
+
+std::optional<CollisionFilter> filter_of_mujoco_bits(const FilterBits& bits) {
+  CollisionFilter filter;
+  if (std::has_single_bit(bits.own) && bits.own >> 31 == 0)
+    filter.family = static_cast<std::uint32_t>(std::countr_zero(bits.own));
+  const std::uint32_t own = filter.family ? bits.own : 0;
+  filter.mask = masked_bits(~std::uint32_t(0), kMujocoFamilies) & ~bits.others & ~own;
+  filter.mask >>= 1;
+  return mujoco_bits(filter) == bits ? std::optional(filter) : std::nullopt;
 }
 
 // ChCollisionModel.cpp of Chrono 8 and 9: a model begins with family_group(1) and family_mask(0x7FFF),

@@ -38,6 +38,9 @@ constexpr std::uint32_t kChronoFamilies = 14;
 // is above kMujocoFamilies; the writer excludes such pairs one by one within a file.
 FilterBits mujoco_bits(const CollisionFilter& body);
 
+// The family and mask whose bits these are; none for bits that mujoco_bits() does not make.
+std::optional<CollisionFilter> filter_of_mujoco_bits(const FilterBits& bits);
+
 // Chrono lets two bodies touch when each side's group is in the other's mask. That is our rule, as long as no
 // family is above kChronoFamilies. Where one is, filter_bits() chooses bits 1 to 14 that hold among these
 // bodies only. The result is empty when 14 bits are too few, and for a single body.

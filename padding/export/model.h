@@ -69,6 +69,9 @@ Model model_of(Cluster cluster);
 // one way to move are not looked at. Empty: all at 0.
 std::vector<Eigen::Isometry3d> poses_at(const Model& model, const std::vector<double>& values = {});
 
+// What .npz and .vtp call the array of one number that says the unit of lengths.
+inline constexpr const char* kUnitInMetres = "unit_in_metres";
+
 // Metres in a unit; 1 for "". Throws Error for a word that is none of them.
 double metres(const std::string& unit);
 

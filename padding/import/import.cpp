@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <set>
 
 #include "padding/asset/child.h"
@@ -13,6 +14,7 @@
 namespace padder {
 namespace {
 
+using importing::Content;
 using importing::Part;
 using importing::Parts;
 namespace fs = std::filesystem;
@@ -57,31 +59,39 @@ bool is_any_of(const std::string& ending, std::initializer_list<const char*> end
   return std::ranges::any_of(endings, [&](const char* e) { return ending == e; });
 }
 
-Parts from_child(const std::function<Parts()>& read, std::size_t file_size, const std::string& where) {
-  Parts parts;
+Content from_child(const std::function<Content()>& read, std::size_t file_size, const std::string& where) {
+  Content content;
   const auto send = [&](ChildPipe& pipe) {
-    bool sent = pipe.put<std::uint64_t>(parts.size());
-    for (const Part& p : parts)
+    bool sent = pipe.put_array(content.unit) && pipe.put(content.links) &&
+                pipe.put<std::uint64_t>(content.parts.size());
+    for (const Part& p : content.parts)
       sent = sent && pipe.put_array(p.name) && pipe.put_array(p.centers) && pipe.put_array(p.radii) &&
              pipe.put_array(p.family) && pipe.put_array(p.mask);
+    sent = sent && pipe.put<std::uint64_t>(content.apart.size());
+    for (const auto& pair : content.apart)
+      sent = sent && pipe.put_array(pair.a) && pipe.put_array(pair.b) && pipe.put_array(pair.reason);
     return sent;
   };
   const auto receive = [&](ChildPipe& pipe) {
     std::uint64_t left = 0;
-    bool sound = pipe.get(left);
+    bool sound = pipe.get_array(content.unit) && pipe.get(content.links) && pipe.get(left);
     for (; sound && left > 0; left--) {
-      Part& p = parts.emplace_back();
+      Part& p = content.parts.emplace_back();
       sound = pipe.get_array(p.name) && pipe.get_array(p.centers) && pipe.get_array(p.radii) &&
               pipe.get_array(p.family) && pipe.get_array(p.mask) && p.centers.size() == p.radii.size();
     }
+    for (sound = sound && pipe.get(left); sound && left > 0; left--) {
+      auto& pair = content.apart.emplace_back();
+      sound = pipe.get_array(pair.a) && pipe.get_array(pair.b) && pipe.get_array(pair.reason);
+    }
     return sound;
   };
-  in_child([&] { parts = read(); }, send, receive, file_size, where);
-  return parts;
+  in_child([&] { content = read(); }, send, receive, file_size, where);
+  return content;
 }
 
 // Of every format but our own.
-Parts parts_of(const fs::path& path) {
+Content content_of(const fs::path& path) {
   const std::string where = path.string(), ending = ending_of(path);
   std::error_code code;
   if (fs::is_directory(path, code)) return importing::read_mercury(path);
@@ -91,7 +101,7 @@ Parts parts_of(const fs::path& path) {
   const bool text = !is_any_of(ending, {".csv", ".npz", ".vtp"});
   const std::string bytes = read_file(path, text ? kMostText : kMostBytes);
   return from_child(
-      [&] {
+      [&]() -> Content {
         if (ending == ".csv") return importing::read_csv(bytes, where);
         if (ending == ".npz") return importing::read_npz(bytes, where);
         if (ending == ".vtp") return importing::read_vtp(bytes, where);
@@ -102,11 +112,11 @@ Parts parts_of(const fs::path& path) {
       bytes.size(), where);
 }
 
-Cluster cluster_of(Part p, const fs::path& path) {
+Cluster cluster_of(Part p, const std::string& unit, const fs::path& path) {
   const std::string where = path.string();
   Cluster c;
   c.name = p.name.empty() ? path.stem().string() : p.name;
-  c.source.file = path.filename().string();
+  c.unit = unit, c.source.file = path.filename().string();
   c.centers = std::move(p.centers), c.radii = std::move(p.radii);
   c.triangle.assign(c.size(), -1);
   c.family = common(p.family, "families", where), c.mask = common(p.mask, "masks", where);
@@ -127,33 +137,44 @@ bool is_own(const fs::path& path) {
 
 }  // namespace
 
+std::string importing::unit_of(const std::vector<double>& array, const std::string& where) {
+  for (const char* unit : {"m", "cm", "mm", "in"})  // a program may have saved it as a float
+    if (array.size() == 1 && std::abs(array[0] / metres(unit) - 1) < 1e-6) return unit;
+  throw Error(where + ": " + kUnitInMetres + " must be one number: 1, 0.01, 0.001 or 0.0254");
+}
+
 Cluster read_spheres(const fs::path& path, const std::string& part) {
   if (is_own(path)) return cluster_from_json(read_file(path, kMostText), path.string());
-  return cluster_of(chosen(parts_of(path), part, path.string()), path);
+  Content content = content_of(path);
+  return cluster_of(chosen(std::move(content.parts), part, path.string()), content.unit, path);
 }
 
 bool is_sphere_file(const fs::path& path) {
+  if (std::error_code code; fs::is_directory(path, code)) return !importing::mercury_spheres(path).empty();
   return is_any_of(ending_of(path), {".json", ".csv", ".npz", ".vtp", ".yaml", ".yml", ".xrdf", ".srdf",
                                      ".xml", ".txt", ".dat", ".multisphere"});
 }
 
 SphereModel read_sphere_model(const fs::path& path) {
   if (is_own(path)) return {model_of(read_spheres(path)), false};
-  Parts parts = parts_of(path);
-  std::erase_if(parts, [](const Part& p) { return p.radii.empty(); });
-  if (parts.empty()) throw Error(path.string() + ": there is no sphere in it");
+  Content content = content_of(path);
+  std::erase_if(content.parts, [](const Part& p) { return p.radii.empty(); });
+  if (content.parts.empty()) throw Error(path.string() + ": there is no sphere in it");
   SphereModel out;
-  out.model.name = path.stem().string();
-  const std::string ending = ending_of(path);
-  const bool in_metres = is_any_of(ending, {".yaml", ".yml", ".xrdf", ".srdf", ".xml"});
-  if (in_metres) out.model.unit = "m";
-  out.links = in_metres && parts.size() > 1;
-  for (Part& p : parts) {
+  out.model.name = path.stem().string(), out.model.unit = content.unit;
+  out.links = content.links && content.parts.size() > 1;
+  std::map<std::string, std::size_t> index;
+  for (Part& p : content.parts) {
     Body body;
-    body.cluster = cluster_of(std::move(p), path);
-    body.cluster.unit = out.model.unit;
+    body.cluster = cluster_of(std::move(p), content.unit, path);
     body.name = body.cluster.name;
+    index.emplace(body.name, out.model.bodies.size());
     out.model.bodies.push_back(std::move(body));
+  }
+  for (const auto& pair : content.apart) {  // a link without spheres is none of the bodies
+    const auto a = index.find(pair.a), b = index.find(pair.b);
+    if (a != index.end() && b != index.end() && a != b)
+      out.model.apart.push_back({a->second, b->second, pair.reason});
   }
   return out;
 }

@@ -18,7 +18,8 @@ namespace padder {
 // families in one body, or several parts when none is named (the message lists them).
 Cluster read_spheres(const std::filesystem::path& path, const std::string& part = {});
 
-// Is this a file of spheres by its ending: one that read_spheres reads and that no mesh has?
+// Is this a file of spheres by its ending, one that read_spheres reads and that no mesh has? Or the folder of
+// a MercuryDPM clump?
 bool is_sphere_file(const std::filesystem::path& path);
 
 // What a file of spheres holds.

@@ -71,7 +71,7 @@ std::vector<std::uint32_t> bits(const Npz& arrays, const char* name, std::size_t
 
 }  // namespace
 
-Parts read_csv(std::string_view text, const std::string& where) {
+Content read_csv(std::string_view text, const std::string& where) {
   Parts parts(1);
   const Lines lines{where};
   bool header = false;
@@ -87,11 +87,11 @@ Parts read_csv(std::string_view text, const std::string& where) {
     if (c.size() != 4) lines.fail(number, "four numbers are wanted");
     lines.sphere(parts[0], c, {0, 1, 2, 3}, number);
   });
-  return parts;
+  return {std::move(parts)};
 }
 
 // LIGGGHTS: x y z r and # comments. YADE says its columns in the first line.
-Parts read_list(std::string_view text, const std::string& where) {
+Content read_list(std::string_view text, const std::string& where) {
   const Lines lines{where};
   std::map<std::string, Part> parts;
   std::array<std::size_t, 4> at{0, 1, 2, 3};
@@ -128,31 +128,51 @@ Parts read_list(std::string_view text, const std::string& where) {
   Parts out;
   for (auto& [name, part] : parts) out.push_back(std::move(part));
   if (out.size() == 1) out[0].name.clear();  // one clump: the file's name is a better name than a number
-  return out;
+  return {std::move(out)};
 }
 
-Parts read_mercury(const std::filesystem::path& folder) {
+std::filesystem::path mercury_spheres(const std::filesystem::path& folder) {
   std::error_code code;
-  std::filesystem::path file = folder / "Clump" / "Clump.txt";
-  if (!std::filesystem::exists(file, code))
-    file = folder / "clump" / "clump.txt";  // as earlier versions name it
-  if (!std::filesystem::exists(file, code))
+  for (const char* name : {"Clump/Clump.txt", "clump/clump.txt"})  // the latter of earlier versions
+    if (std::filesystem::exists(folder / name, code)) return folder / name;
+  return {};
+}
+
+Content read_mercury(const std::filesystem::path& folder) {
+  const std::filesystem::path file = mercury_spheres(folder);
+  if (file.empty())
     throw Error(folder.string() +
                 " is a folder without Clump/Clump.txt: name a file, or the folder of a MercuryDPM clump");
   const std::string where = file.string(), text = read_file(file);
   Parts parts(1);
   const Lines lines{where};
-  parts[0].name = std::filesystem::absolute(folder).lexically_normal().filename().string();
+  parts[0].name =
+      std::filesystem::absolute(folder / ".").lexically_normal().parent_path().filename().string();
   each_line(text, [&](std::string_view line, std::size_t number) {
     if (line.empty()) return;
     const auto c = columns(line, true);
     if (c.size() != 4) lines.fail(number, "four numbers are wanted");
     lines.sphere(parts[0], c, {0, 1, 2, 3}, number);
   });
-  return parts;
+  return {std::move(parts)};
 }
 
-Parts read_npz(std::string_view bytes, const std::string& where) {
+Parts parts_by_body(Part all, const std::vector<std::uint32_t>& body) {
+  if (body.empty()) return {std::move(all)};
+  std::map<std::uint32_t, Part> parts;
+  for (std::size_t k = 0; k < body.size(); k++) {
+    Part& p = parts[body[k]];
+    p.name = std::to_string(body[k]);
+    p.centers.push_back(all.centers[k]), p.radii.push_back(all.radii[k]);
+    if (!all.family.empty()) p.family.push_back(all.family[k]);
+    if (!all.mask.empty()) p.mask.push_back(all.mask[k]);
+  }
+  Parts out;
+  for (auto& [name, part] : parts) out.push_back(std::move(part));
+  return out;
+}
+
+Content read_npz(std::string_view bytes, const std::string& where) {
   const Npz arrays = npz_from_bytes(bytes, where);
   const auto array = [&](const char* name) -> const NpyArray& {
     const auto it = arrays.find(name);
@@ -169,18 +189,9 @@ Parts read_npz(std::string_view bytes, const std::string& where) {
   const std::vector<double> xyz = centers.as<double>();
   for (std::size_t k = 0; k < n; k++) all.centers.emplace_back(xyz[3 * k], xyz[3 * k + 1], xyz[3 * k + 2]);
   all.family = bits(arrays, "family", n, where), all.mask = bits(arrays, "mask", n, where);
-  const std::vector<std::uint32_t> body = bits(arrays, "body", n, where);
-  if (body.empty()) return {all};
-  std::map<std::uint32_t, Part> parts;
-  for (std::size_t k = 0; k < n; k++) {
-    Part& p = parts[body[k]];
-    p.name = std::to_string(body[k]);
-    p.centers.push_back(all.centers[k]), p.radii.push_back(all.radii[k]);
-    if (!all.family.empty()) p.family.push_back(all.family[k]);
-    if (!all.mask.empty()) p.mask.push_back(all.mask[k]);
-  }
-  Parts out;
-  for (auto& [name, part] : parts) out.push_back(std::move(part));
+  Content out{parts_by_body(std::move(all), bits(arrays, "body", n, where))};
+  if (const auto unit = arrays.find(kUnitInMetres); unit != arrays.end())
+    out.unit = unit_of(unit->second.as<double>(), where);
   return out;
 }
 

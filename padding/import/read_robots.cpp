@@ -6,6 +6,7 @@
 #include <pugixml.hpp>
 
 #include "padding/asset/excerpt.h"
+#include "padding/export/families.h"
 #include "padding/import/readers.h"
 #include "padding/import/xml.h"
 
@@ -62,6 +63,17 @@ void append(Parts& parts, const YAML::Node& links, const std::string& where) {
   }
 }
 
+// The pairs of links that are never tested: under each link a list of others. What is no such list says
+// nothing here.
+void append(std::vector<ApartNames>& apart, const YAML::Node& ignored) {
+  if (!ignored.IsDefined() || !ignored.IsMap()) return;
+  for (const auto& link : ignored) {
+    if (!link.first.IsScalar() || !link.second.IsSequence()) continue;
+    for (const YAML::Node& other : link.second)
+      if (other.IsScalar()) apart.push_back({link.first.Scalar(), other.Scalar(), Apart().reason});
+  }
+}
+
 // "1 2 3"; false for anything but three numbers.
 bool three(const char* text, Point& out) {
   const char* end = text + std::char_traits<char>::length(text);
@@ -89,6 +101,21 @@ void append(Part& part, const pugi::xml_node& at, const char* center, const char
   part.centers.push_back(p), part.radii.push_back(r);
 }
 
+// The family and mask of a body whose geoms all have the same bits, if these are bits of ours.
+void append_filter(Part& part, const pugi::xml_node& body) {
+  std::optional<FilterBits> all;
+  for (const pugi::xml_node& geom : body.children("geom")) {
+    // MuJoCo reads a signed number. Geoms without bits get 1 and 1, which are none of ours.
+    const FilterBits bits{static_cast<std::uint32_t>(geom.attribute("contype").as_llong(1)),
+                          static_cast<std::uint32_t>(geom.attribute("conaffinity").as_llong(1))};
+    if (all && *all != bits) return;
+    all = bits;
+  }
+  if (!all || part.radii.empty()) return;
+  if (const auto filter = filter_of_mujoco_bits(*all))
+    part.family = {filter->family}, part.mask = {filter->mask};
+}
+
 void append_mujoco(Parts& parts, const pugi::xml_node& parent, const std::string& where) {
   for (const pugi::xml_node& body : parent.children("body")) {
     Part part;
@@ -96,6 +123,7 @@ void append_mujoco(Parts& parts, const pugi::xml_node& parent, const std::string
     for (const pugi::xml_node& geom : body.children("geom"))
       if (std::string_view(geom.attribute("type").as_string("sphere")) == "sphere" && geom.attribute("size"))
         append(part, geom, geom.attribute("pos").as_string(), geom.attribute("size").as_string(), where);
+    append_filter(part, body);
     parts.push_back(std::move(part));
     append_mujoco(parts, body, where);
   }
@@ -103,7 +131,7 @@ void append_mujoco(Parts& parts, const pugi::xml_node& parent, const std::string
 
 }  // namespace
 
-Parts read_yaml(const std::string& text, const std::string& where) {
+Content read_yaml(const std::string& text, const std::string& where) {
   YAML::Node document;
   try {
     document = YAML::Load(text);
@@ -113,7 +141,8 @@ Parts read_yaml(const std::string& text, const std::string& where) {
   }
   if (!document.IsMap())
     throw Error(where + ": neither collision_spheres (cuRobo) nor geometry (XRDF) is in it");
-  Parts parts;
+  Content out;
+  out.unit = "m", out.links = true;
   if (const YAML::Node geometry = value_of(document, "geometry", where);
       geometry.IsDefined() && geometry.IsMap()) {
     std::size_t groups = 0;
@@ -125,29 +154,37 @@ Parts read_yaml(const std::string& text, const std::string& where) {
       append(links, group.second["spheres"], where);
       for (Part& link : links) {
         if (groups > 1) link.name = group.first.Scalar() + "/" + link.name;
-        parts.push_back(std::move(link));
+        out.parts.push_back(std::move(link));
       }
     }
-    return parts;
+    if (const YAML::Node self = value_of(document, "self_collision", where); self.IsDefined())
+      append(out.apart, value_of(self, "ignore", where));
+    return out;
   }
-  YAML::Node spheres = value_of(document, "collision_spheres", where);
-  if (!spheres.IsDefined() && document["robot_cfg"].IsDefined() &&
+  YAML::Node robot = document;
+  if (!value_of(document, "collision_spheres", where).IsDefined() && document["robot_cfg"].IsDefined() &&
       document["robot_cfg"].IsMap())  // a whole robot of cuRobo
-    if (const YAML::Node k = document["robot_cfg"]["kinematics"]; k && k.IsMap())
-      spheres.reset(k["collision_spheres"]);
+    if (const YAML::Node k = document["robot_cfg"]["kinematics"]; k && k.IsMap()) robot.reset(k);
+  const YAML::Node spheres = value_of(robot, "collision_spheres", where);
   if (!spheres.IsDefined())
     throw Error(where + ": neither collision_spheres (cuRobo) nor geometry (XRDF) is in it");
-  append(parts, spheres, where);
-  return parts;
+  append(out.parts, spheres, where);
+  append(out.apart, value_of(robot, "self_collision_ignore", where));
+  return out;
 }
 
-Parts read_xml(const std::string& text, const std::string& where) {
+Content read_xml(const std::string& text, const std::string& where) {
   pugi::xml_document document;
   load_xml(document, text, where);
-  Parts parts;
+  Content out;
+  out.unit = "m", out.links = true;
   if (const pugi::xml_node mujoco = document.child("mujoco")) {
-    for (const pugi::xml_node& world : mujoco.children("worldbody")) append_mujoco(parts, world, where);
-    return parts;
+    for (const pugi::xml_node& world : mujoco.children("worldbody")) append_mujoco(out.parts, world, where);
+    for (const pugi::xml_node& contact : mujoco.children("contact"))
+      for (const pugi::xml_node& pair : contact.children("exclude"))
+        out.apart.push_back(
+            {pair.attribute("body1").as_string(), pair.attribute("body2").as_string(), "User"});
+    return out;
   }
   const pugi::xml_node robot = document.child("robot");
   if (!robot) throw Error(where + ": neither <robot> nor <mujoco> is its root");
@@ -156,8 +193,11 @@ Parts read_xml(const std::string& text, const std::string& where) {
     part.name = link.attribute("link").as_string();
     for (const pugi::xml_node& s : link.children("sphere"))
       append(part, s, s.attribute("center").as_string("0 0 0"), s.attribute("radius").as_string(), where);
-    parts.push_back(std::move(part));
+    out.parts.push_back(std::move(part));
   }
+  for (const pugi::xml_node& pair : robot.children("disable_collisions"))
+    out.apart.push_back({pair.attribute("link1").as_string(), pair.attribute("link2").as_string(),
+                         pair.attribute("reason").as_string(Apart().reason.c_str())});
   for (const pugi::xml_node& link : robot.children("link")) {  // URDF
     Part part;
     part.name = link.attribute("name").as_string();
@@ -165,9 +205,9 @@ Parts read_xml(const std::string& text, const std::string& where) {
       if (const pugi::xml_node s = c.child("geometry").child("sphere"))
         append(part, s, c.child("origin").attribute("xyz").as_string(), s.attribute("radius").as_string(),
                where);
-    parts.push_back(std::move(part));
+    out.parts.push_back(std::move(part));
   }
-  return parts;
+  return out;
 }
 
 }  // namespace padder::importing

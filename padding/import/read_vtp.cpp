@@ -71,8 +71,9 @@ class Reader {
     compressed_ = !compressor.empty();
   }
 
-  Parts parts() {
+  Content content() {
     Part part;
+    std::vector<std::uint32_t> body;
     for (const pugi::xml_node& piece : document_.child("VTKFile").child("PolyData").children("Piece")) {
       const std::vector<double> points = values(piece.child("Points").child("DataArray"));
       const pugi::xml_node data = piece.child("PointData");
@@ -86,8 +87,16 @@ class Reader {
       }
       append_bits(part.family, data.find_child_by_attribute("DataArray", "Name", "family"), radii.size());
       append_bits(part.mask, data.find_child_by_attribute("DataArray", "Name", "mask"), radii.size());
+      append_bits(body, data.find_child_by_attribute("DataArray", "Name", "body"), radii.size());
     }
-    return {part};
+    for (const auto* numbers : {&part.family, &part.mask, &body})
+      if (!numbers->empty() && numbers->size() != part.radii.size())
+        fail("a family, mask or body is stated in some pieces and not in others");
+    Content out{parts_by_body(std::move(part), body)};
+    const pugi::xml_node fields = document_.child("VTKFile").child("PolyData").child("FieldData");
+    if (const pugi::xml_node unit = fields.find_child_by_attribute("DataArray", "Name", kUnitInMetres))
+      out.unit = unit_of(values(unit), where_);
+    return out;
   }
 
  private:
@@ -96,10 +105,10 @@ class Reader {
   void append_bits(std::vector<std::uint32_t>& out, const pugi::xml_node& array, std::size_t n) {
     if (!array) return;
     const std::vector<double> v = values(array);
-    if (v.size() != n) fail("families and masks must have one entry a point");
+    if (v.size() != n) fail("families, masks and bodies must have one entry a point");
     for (const double f : v) {
       if (!(f >= 0 && f <= 4294967295.0) || f != std::floor(f))
-        fail("a family or mask must be a whole number from 0 to 4294967295");
+        fail("a family, mask or body must be a whole number from 0 to 4294967295");
       out.push_back(static_cast<std::uint32_t>(f));
     }
   }
@@ -198,6 +207,6 @@ class Reader {
 
 }  // namespace
 
-Parts read_vtp(std::string_view bytes, const std::string& where) { return Reader(bytes, where).parts(); }
+Content read_vtp(std::string_view bytes, const std::string& where) { return Reader(bytes, where).content(); }
 
 }  // namespace padder::importing

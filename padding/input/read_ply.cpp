@@ -160,6 +160,12 @@ class Text : public Body {
     return true;
   }
   std::size_t left() const override { return size_ - std::min(size_, lines_.offset()) + line_.size(); }
+  // The first word that was not read, and the line it is in, counted from 1; "" at the end of the file.
+  std::pair<std::string_view, std::uint32_t> next() {
+    std::string_view word;
+    while ((word = next_word(line_)).empty() && lines_.next(line_)) continue;
+    return {word, lines_.number()};
+  }
 
  private:
   Lines lines_;
@@ -312,6 +318,12 @@ Soup read_ply(const std::string& bytes, const std::string& where) {
   if (header.format == "ascii") {
     Text body(rest);
     soup = PlyReader(header, body, where).read();
+    const auto head =
+        static_cast<std::uint32_t>(std::count(bytes.begin(), bytes.end() - std::ssize(rest), '\n'));
+    if (const auto [word, line] = body.next(); !word.empty())
+      fail(where, at_line(head + line) + printable(word) +
+                      " stands behind the last element: the header promises " +
+                      "fewer than there are, export the mesh again");
   } else {
     Binary body(rest, header.format == "binary_big_endian");
     soup = PlyReader(header, body, where).read();

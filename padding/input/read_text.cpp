@@ -78,6 +78,9 @@ void check_obj(std::string_view text, const std::string& where, Soup& soup) {
       if (index > largest) largest = index, largest_line = lines.number();
     }
     if (corners == 0) fail(where, at_line(lines.number()) + "a face without corners: export the mesh again");
+    if (corners < 3 && lines.offset() >= text.size() && !text.ends_with('\n'))
+      fail(where, at_line(lines.number()) + "the file ends within a face of " + std::to_string(corners) +
+                      (corners == 1 ? " corner" : " corners") + ": it is cut short, export it again");
   }
   if (others) soup.notes.push_back(std::to_string(others) + " lines, curves or points left out");
   if (largest > static_cast<std::int64_t>(soup.points.size()))
@@ -206,6 +209,10 @@ Soup read_off(const std::string& bytes, const std::string& where) {
     else
       soup.corners.resize(soup.corners.size() - static_cast<std::size_t>(corners)), soup.thin++;
   }
+  if (try_line())
+    fail(where, at_line(lines.number()) + printable(next_word(line)) +
+                    " stands behind the last face: the header says " + std::to_string(counts[1]) +
+                    " and there are more, export the mesh again");
   return soup;
 }
 

@@ -261,6 +261,15 @@ class UrdfReader {
       if (!b.joint.mimic.empty() && (b.joint.mimic == b.joint.name || !joint_names_.contains(b.joint.mimic)))
         fail("joint " + excerpt(b.joint.name) + ": it mimics " + excerpt(b.joint.mimic) +
              ", which is no other joint of this robot");
+    std::map<std::string_view, const Joint*> named;
+    for (const Body& b : bodies_) named[b.joint.name] = &b.joint;
+    for (const Body& b : bodies_) {
+      const Joint* leader = &b.joint;
+      for (std::size_t turns = 0; !leader->mimic.empty(); turns++, leader = named.at(leader->mimic))
+        if (turns > bodies_.size())
+          fail("joint " + excerpt(b.joint.name) + ": the joints that it mimics go round in a circle at " +
+               excerpt(leader->name));
+    }
   }
 
   // Puts parents before their children, and keeps the order of the file otherwise.
@@ -345,6 +354,8 @@ std::vector<std::pair<std::size_t, std::size_t>> neighbours(const Urdf& urdf) {
 
 void keep_neighbours_apart(Urdf& urdf) {
   for (const auto& [i, j] : neighbours(urdf)) urdf.model.apart.push_back({i, j});
+  const auto with_shapes = [](const UrdfLink& link) { return !link.shapes.empty(); };
+  if (std::ranges::count_if(urdf.links, with_shapes) < 2) return;  // nobody to be kept apart from
   const Groups groups(urdf);
   std::vector<std::size_t> number(groups.above.size());  // counts the groups with shapes
   std::size_t count = 0;

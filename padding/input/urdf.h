@@ -61,9 +61,9 @@ Urdf read_urdf(const std::filesystem::path& path, const UrdfOptions& options = {
 std::vector<std::pair<std::size_t, std::size_t>> neighbours(const Urdf& urdf);
 
 // Lists these pairs in model.apart, and turns them into families and masks of the bodies: the links of a
-// rigid group get one family, and neighbouring groups mask each other. Links without shapes get none. When 32
-// families are not enough (families_of, padding/export/families.h), no link gets one, and only the list says
-// what may not touch.
+// rigid group get one family, and neighbouring groups mask each other. Links without shapes get none, nor
+// does the only link that has some. When 32 families are not enough (families_of, padding/export/families.h),
+// no link gets one, and only the list says what may not touch.
 void keep_neighbours_apart(Urdf& urdf);
 
 }  // namespace padder

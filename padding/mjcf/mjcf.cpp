@@ -9,6 +9,8 @@
 
 #include "padding/asset/error.h"
 #include "padding/asset/excerpt.h"
+#include "padding/asset/file.h"
+#include "padding/import/xml.h"
 #include "padding/mjcf/mjcf_file.h"
 
 namespace padder {
@@ -389,6 +391,19 @@ class MjcfReader {
 
 Urdf read_mjcf(const fs::path& path, const UrdfOptions& options) { return MjcfReader(path, options).read(); }
 
+namespace {
+
+// URDF may end in .xml, too.
+bool is_urdf(const fs::path& path) try {
+  pugi::xml_document document;
+  importing::load_xml(document, read_file(path, kMostText), path.string());
+  return !document.child("robot").empty();
+} catch (const Error&) {
+  return false;
+}
+
+}  // namespace
+
 bool is_mjcf_to_pad(const fs::path& path) {
   if (path.extension() != ".xml") return false;
   try {
@@ -407,7 +422,7 @@ bool is_mjcf_to_pad(const fs::path& path) {
     file.root().traverse(walker);
     return other;
   } catch (const Error&) {  // who reads it says why it cannot be read
-    return false;
+    return !is_urdf(path);
   }
 }
 

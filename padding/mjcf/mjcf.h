@@ -30,7 +30,8 @@ namespace padder {
 // where one should be, a class or mesh that is not there, a name twice, a mesh file that is not there.
 Urdf read_mjcf(const std::filesystem::path& path, const UrdfOptions& options = {});
 
-// It is MJCF, and has a geom that is no sphere: a robot to be padded, and no file of spheres.
+// Is it a robot to be padded, and no file of spheres: MJCF that has a geom that is no sphere, or what cannot
+// be read as MJCF and is no URDF?
 bool is_mjcf_to_pad(const std::filesystem::path& path);
 
 // By read_mjcf if the file ends in .xml, else by read_urdf.

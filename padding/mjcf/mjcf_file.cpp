@@ -70,7 +70,11 @@ void MjcfFile::follow_includes(pugi::xml_node node, std::vector<std::string>& se
       seen.push_back(name);
       const fs::path file = path_.parent_path() / name;
       pugi::xml_document part;
-      importing::load_xml(part, read_file(file, kMostText), file.string());
+      try {
+        importing::load_xml(part, read_file(file, kMostText), file.string());
+      } catch (const Error& e) {
+        fail(child, e.what());
+      }
       follow_includes(part.document_element(), seen);
       for (const pugi::xml_node& inner : part.document_element().children())
         node.insert_copy_before(inner, child);
@@ -85,6 +89,9 @@ void MjcfFile::follow_includes(pugi::xml_node node, std::vector<std::string>& se
 void MjcfFile::add_defaults(pugi::xml_node node, const std::string& above) {
   const std::string name = node.attribute("class").as_string(above.empty() ? kMain : "");
   if (name.empty()) fail(node, "a default inside another one needs a class");
+  // As in MuJoCo. The chains of classes inside one another would grow without end.
+  if (!above.empty() && classes_.contains(name))
+    fail(node, "there is a class \"" + excerpt(name) + "\" already");
   auto& chain = classes_[name];
   chain.insert(chain.begin(), node);  // several sections of the same class: the later counts first
   if (!above.empty()) {

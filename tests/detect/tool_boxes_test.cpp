@@ -124,8 +124,10 @@ TEST_F(DetectBoxes, WrongUsageIsASentence) {
   expect_said("npy.json --memory 1M -o c.csv", 2, "write a .npy");
   expect_said("spheres.npy --stages", 2, "--stages");
   expect_said("spheres.npy --copies 2", 1, "--copies");
-  expect_said("npy.json --devices 2 --backend omp -o c.txt", 1, "cannot tell the format");
+  expect_said("npy.json --devices 2 --backend omp -o c.txt", 2, "cannot tell the format");
   EXPECT_FALSE(fs::exists(folder_ / "c.csv"));
+  write_spheres(5000);
+  expect_said("npy.json --backend omp --memory 64K", 1, "raise the limit");
 }
 
 }  // namespace

@@ -94,7 +94,7 @@ TEST_F(DetectTool, ErrorsAreOneSentenceAndACode) {
   const Outcome absent = run("absent.json");
   EXPECT_EQ(absent.code, 1);
   EXPECT_EQ(absent.err, "detect: cannot open absent.json: check the name and that it may be read\n");
-  EXPECT_EQ(run("dense.json -o contacts.txt").code, 1);
+  EXPECT_EQ(run("dense.json -o contacts.txt").code, 2);
   write_file(
       folder_ / "bad.json",
       R"({"format": "padder.scene", "version": 1, "spheres": [{"centers": [[0, 0, 0]], "radii": [-1]}]})");
@@ -135,6 +135,8 @@ TEST_F(DetectTool, WrongUsageIsASentence) {
             "--devices: \"1e6\" is no number of devices: write a whole number above 0, or all");
   EXPECT_EQ(said("--bin-size -1"), "--bin-size takes a number above 0, not \"-1\"");
   EXPECT_EQ(said("--bin-size wide"), "--bin-size takes a number above 0, not \"wide\"");
+  EXPECT_EQ(said("--bin-size nan"), "--bin-size: \"nan\" is no decimal number");
+  EXPECT_EQ(said("--margin nan"), "--margin: \"nan\" is no decimal number");
   EXPECT_EQ(said("--bin-size"), "--bin-size takes a number above 0, and none is given");
   EXPECT_EQ(said("--precision sloppy"), "--precision takes one of exact and fast, not \"sloppy\"");
   EXPECT_EQ(said("--backend gpu"), "--backend takes one of auto, omp and cuda, not \"gpu\"");
@@ -148,6 +150,16 @@ TEST_F(DetectTool, WrongUsageIsASentence) {
   EXPECT_EQ(said("--pre=fast"), "there is no option \"--pre=fast\": --precision may be meant");
   EXPECT_EQ(said("--copy=3"), "there is no option \"--copy=3\": --copies may be meant");
   EXPECT_TRUE(run("").err.starts_with("detect: SCENE is missing: a scene (.json), a cluster"));
+  for (const auto& [arguments, sentence] : std::vector<std::pair<std::string, std::string>>{
+           {"-o c.txt", "cannot tell the format of c.txt: end it with .csv, .npz, .vtp or .npy"},
+           {"-o c", "cannot tell the format of c: end it with .csv, .npz, .vtp or .npy"},
+           {"--stages --path fast",
+            "--stages prints the nine stages, which --path fast leaves out: leave out one of both"}}) {
+    const Outcome r = run("dense.json " + arguments);
+    EXPECT_EQ(r.code, 2) << arguments;
+    EXPECT_EQ(r.err, "detect: " + sentence + "\n");
+  }
+  EXPECT_EQ(run("dense.json --stages --path nine-stages --precision sloppy").code, 2);
   write_file(folder_ / "part.stl", "solid part");
   EXPECT_EQ(run("part.stl").err,
             "detect: SCENE: \"part.stl\" is a mesh: make spheres of it first, with pad part.stl (see detect "

@@ -141,7 +141,7 @@ template <auto Read>
 void import_parts(std::string_view bytes) {
   expect_answer([&] {
     const std::string own(bytes);
-    for (const importing::Part& part : Read(own, "file"))
+    for (const importing::Part& part : Read(own, "file").parts)
       if (part.centers.size() != part.radii.size()) wrong("centres and radii differ in number");
   });
 }

@@ -421,6 +421,11 @@ def test_bad_bodies():
                 padder.Bodies(shapes, bad)
             with pytest.raises(ValueError, match="body 7 "):
                 detector.detect(bodies=bodies, poses=bad)
+    for mirror in (-np.eye(3), np.diag([1.0, 1, -1])):
+        bad = poses.copy()
+        bad[7, :9] = mirror.ravel()
+        with pytest.raises(ValueError, match="body 7 begins with a mirror image"):
+            padder.Bodies(shapes, bad)
     changed = padder.Bodies(shapes, poses)
     detector.detect(bodies=changed, revision=1)
     changed.poses[7, :9] = 0
@@ -476,6 +481,7 @@ def test_numbers_out_of_range_are_value_errors():
                  lambda: setattr(cluster, "family", 2**32), lambda: setattr(cluster, "unit", "km"),
                  lambda: padder.detect(centers, radii, threads=-1), lambda: padder.detect(centers, radii, margin=-1),
                  lambda: padder.detect(centers, radii, margin=float("nan")), lambda: padder.detect(centers, radii, device=2**31),
+                 lambda: padder.detect(centers, radii, device=5, backend="omp"), lambda: padder.Detector(device=5, backend="omp"),
                  lambda: padder.Detector().detect(centers, radii, revision=2**64), lambda: padder.worlds(-1, centers=centers, radii=radii)):
         with pytest.raises(ValueError):
             call()

@@ -162,6 +162,7 @@ TEST_F(BenchCompare, WhatCannotBeComparedEndsWithOneSentence) {
       "bench: table2.json: table2 measures no time; scaling, bodies, stages, speedup and frontier do\n");
   EXPECT_EQ(bench("compare old.json").err,
             "bench: name two files that the same bench wrote: bench compare OLD.json NEW.json\n");
+  EXPECT_EQ(bench("compare old.json").code, 2);
   const Outcome usage = bench("compare old.json old.json --within fast");
   EXPECT_EQ(usage.code, 2);
   EXPECT_NE(usage.err.find("as 3% or 0.03"), std::string::npos) << usage.err;

@@ -184,7 +184,7 @@ TEST_F(BenchDraw, WhatIsDamagedEndsWithOneSentenceAndNoPicture) {
   EXPECT_EQ(files(), (std::set<std::string>{"good.json", "bad.json"}));
   EXPECT_EQ(bench("draw absent.json").err,
             "bench: cannot open absent.json: check the name and that it may be read\n");
-  EXPECT_EQ(bench("draw").code, 1);
+  EXPECT_EQ(bench("draw").code, 2);
   EXPECT_EQ(bench("draw good.json ./good.json").err,
             "bench: ./good.json: another file is drawn under the same name: give each a folder of its own "
             "with -o\n");

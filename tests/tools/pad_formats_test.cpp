@@ -45,6 +45,96 @@ TEST_F(PadFormatsTest, EndingsAndFormats) {
   EXPECT_TRUE(fs::exists(folder_ / "many/cube.txt"));
 }
 
+TEST_F(PadFormatsTest, AMercuryFolderIsReadBack) {
+  ASSERT_EQ(pad("cube.obj --edge-length 10% -q -o c.spheres.json -o c.vtp").output, "");
+  ASSERT_EQ(pad("c.spheres.json -o m --format mercury -q").output, "");
+  for (const char* name : {"m", "m/"}) {
+    EXPECT_EQ(pad(std::string(name) + " -o b.spheres.json -q").output, "");
+    EXPECT_EQ(read_spheres(folder_ / "b.spheres.json").size(), read_spheres(folder_ / "c.vtp").size());
+    EXPECT_EQ(read_spheres(folder_ / "b.spheres.json").name, "m");
+    fs::remove(folder_ / "b.spheres.json");
+    EXPECT_EQ(pad(std::string(name) + " --format npz -q").output, "");
+    EXPECT_TRUE(fs::remove(folder_ / "m.npz"));
+  }
+}
+
+TEST_F(PadFormatsTest, AUnitIsNeverLostWithoutAWord) {
+  ASSERT_EQ(pad("cube.obj --edge-length 10% -q --unit mm -o c.spheres.json -o c.npz -o c.vtp").output, "");
+  for (const char* file : {"c.spheres.json", "c.npz", "c.vtp"}) {
+    ASSERT_EQ(pad(std::string(file) + " -q -o c.xml").output, "") << file;
+    EXPECT_LT(read_spheres(folder_ / "c.xml").bounds.diagonal(), 0.003) << file;
+  }
+  ASSERT_EQ(pad("c.npz -q --format liggghts -o c.txt").output, "");
+  const Ran silent = pad("c.txt -o c.xml");
+  EXPECT_NE(silent.output.find("c.txt does not say its unit, so c.xml takes its lengths for metres"),
+            std::string::npos)
+      << silent.output;
+  EXPECT_EQ(pad("c.txt --unit mm -q -o c.xml").output, "");
+  EXPECT_LT(read_spheres(folder_ / "c.xml").bounds.diagonal(), 0.003);
+}
+
+TEST_F(PadFormatsTest, ARobotOfOneLinkHasNoFamily) {
+  ASSERT_EQ(pad("cube.obj --unit m --edge-length 10% -q -o c.urdf").output, "");
+  ASSERT_EQ(pad("c.urdf -q -o links/").output, "");
+  EXPECT_EQ(read_spheres(folder_ / "links/cube.spheres.json").family, 0u);
+  EXPECT_EQ(pad("c.urdf -q --format liggghts -o c.txt").output, "");
+}
+
+TEST_F(PadFormatsTest, WhatAConversionLeavesOutIsSaid) {
+  ASSERT_EQ(pad("r.urdf --tolerance 10% -q -o r.yaml -o r.srdf").output, "");
+  EXPECT_EQ(pad("r.yaml -q -o s.srdf").output, "");
+  EXPECT_NE(read_file(folder_ / "s.srdf").find("link1=\"a\" link2=\"b\""), std::string::npos);
+  const Ran r = pad("r.srdf -o s.xrdf");
+  EXPECT_NE(r.output.find("the joints, the base and the tool of r.srdf are not read: set them in s.xrdf"),
+            std::string::npos)
+      << r.output;
+}
+
+TEST_F(PadFormatsTest, WhatCannotBeReadIsTheCause) {
+  const auto included = [&](const std::string& name) {
+    write_file(folder_ / "m.xml", "<mujoco><include file='" + name + "'/></mujoco>");
+    return pad("m.xml -o o.urdf").output;
+  };
+  EXPECT_EQ(included("nothere.xml"),
+            "pad: m.xml, <include>: cannot open nothere.xml: check the name and that it may be read\n");
+  EXPECT_EQ(included("m.xml"), "pad: m.xml, <include>: the file m.xml is included twice\n");
+  std::string nested = "<mujoco>";
+  for (int k = 0; k < 100; k++) nested += "<default class='a'>";
+  for (int k = 0; k < 100; k++) nested += "</default>";
+  write_file(folder_ / "nested.xml", nested + "</mujoco>");
+  EXPECT_EQ(pad("nested.xml -o o.urdf --memory 1G --seconds 20").output,
+            "pad: nested.xml, <default>: there is a class \"a\" already\n");
+  write_file(folder_ / "cut.xml", "<mujoco><worldbody><geom type='box' si");
+  EXPECT_TRUE(pad("cut.xml --tolerance 2%").output.starts_with("pad: cut.xml: not XML at byte "));
+  for (const std::string absent : {"absent.xml", "absent.yaml"})
+    EXPECT_EQ(pad(absent + " --tolerance 2%").output,
+              "pad: cannot open " + absent + ": check the name and that it may be read\n");
+}
+
+TEST_F(PadFormatsTest, ARobotThatContradictsItselfIsASentence) {
+  const auto joints = [&](const std::string& inside, const std::string& more) {
+    write_file(
+        folder_ / "j.urdf",
+        "<robot name='r'><link name='a'><collision><geometry><sphere radius='0.5'/></geometry></collision>"
+        "</link><link name='b'/><link name='c'/>"
+        "<joint name='j' type='revolute'><parent link='a'/><child link='b'/><limit lower='-1' upper='1'/>" +
+            inside + "</joint><joint name='k' type='prismatic'><parent link='a'/><child link='c'/>" +
+            "<mimic joint='j'/></joint></robot>");
+    return pad("j.urdf -q -o o.urdf " + more).output;
+  };
+  EXPECT_EQ(joints("", "--joint j=1"), "");
+  EXPECT_EQ(joints("<mimic joint='k'/>", ""),
+            "pad: j.urdf: joint j: the joints that it mimics go round in a circle at j\n");
+  EXPECT_EQ(joints("", "--joint j=99"), "pad: j.urdf: --joint j: its limits are from -1 to 1 radians\n");
+  EXPECT_EQ(joints("", "--joint k=0"), "pad: j.urdf: --joint k: it follows the joint j: place that one\n");
+  write_file(folder_ / "p.urdf",
+             "<robot name='r'><link name='a'><collision><geometry><sphere radius='0'/></geometry></collision>"
+             "</link></robot>");
+  EXPECT_EQ(
+      pad("p.urdf").output,
+      "pad: p.urdf: no link has any geometry (a: a sphere of radius 0, which is a point, was left out)\n");
+}
+
 TEST_F(PadFormatsTest, WhatAFormatCannotHoldIsASentenceAndNoFile) {
   const Ran r = pad("cube.obj --edge-length 10% --family 3 -q -o c.csv");
   EXPECT_EQ(r.status, 1);

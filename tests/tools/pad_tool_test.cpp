@@ -84,7 +84,7 @@ TEST_F(Pad, WrongUsageReturns2WithOneSentenceAndWritesNothing) {
       {"--tolerance",
        {"0", "-1%", "5 %", "5%%", "5%x", "'5%% '", "nan%", "inf", "0x10%", "1e999", "+5%", "'% 5'"}},
       {"--max-spheres", {"0", "-1", "010", "1e3", "99999999999999999999"}},
-      {"--lod", {"2%,x", "2%,nan"}},
+      {"--lod", {"2%,x", "2%,nan", ",", "2%,,1%", "2%,", "''"}},
       {"--balance", {"both"}},
       {"--effort", {"4", "0x1", "1.5"}},
       {"--smooth", {"0", "inf"}},
@@ -111,14 +111,18 @@ TEST_F(Pad, WrongUsageReturns2WithOneSentenceAndWritesNothing) {
                                 "a.obj sub/a.obj -o both.spheres.json",
                                 "a.obj -o a.unknown",
                                 "a.obj --write-mesh a.glb",
+                                "a.obj -o b.obj --write-mesh ./b.obj",
                                 "a.obj --write-mesh a.obj",
                                 "a.obj a.stl --write-mesh both.obj",
                                 "a.urdf --write-mesh a.obj",
                                 "a.obj --robot-spheres 10",
+                                "a.urdf --robot-spheres 9 --edge-length 2%",
                                 "a.obj --joint elbow=1",
                                 "a.obj -o ''",
                                 "a.obj --max-radius 5%",
                                 "a.obj --depth 0.2 --max-spheres 9",
+                                "a.obj --lod , -o b.spheres.json",
+                                "a.obj --edge-length 5% --tolerance 5%",
                                 "a.obj --protrusion 1%",
                                 "a.obj --protrusion 0 --gap 0",
                                 "a.obj --max-spheres 4294967297"}) {
@@ -410,6 +414,28 @@ TEST_F(Pad, AFaultyMeshInABatchHindersNoOther) {
   EXPECT_NE(run.err.find("bad.obj"), std::string::npos) << run.err;
   EXPECT_EQ(Json::parse(run.out).size(), 3u);
   EXPECT_EQ(files(), (std::set<std::string>{"a.spheres.json", "c.spheres.json"}));
+}
+
+TEST_F(Pad, TooLittleMemoryIsTheCauseThatIsNamed) {
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+  GTEST_SKIP() << "a sanitizer takes more memory than the limit";
+#endif
+  const std::string a = cube("a.obj");
+  const Outcome r = pad(a + " --tolerance 5% --memory 1M");
+  expect_one_sentence(r, 1);
+  EXPECT_EQ(r.err, "pad: --memory 1M is less than the program itself needs: give it more\n");
+}
+
+TEST_F(Pad, APreviewThatFailsSaysOneSentence) {
+  const std::string a = cube("a.obj");
+  ASSERT_EQ(pad(a + kCoarse + "-q").code, 0);
+  fs::remove(folder_ / a);
+  const std::string small = "a.spheres.json --size 16x16 --samples 1 -o ";
+  const Outcome failed = run("preview", small + "absent/a.png"), made = run("preview", small + "a.png");
+  EXPECT_EQ(failed.code, 1);
+  EXPECT_EQ(std::ranges::count(failed.err, '\n'), 1) << failed.err;
+  EXPECT_NE(failed.err.find("cannot write absent/a.png"), std::string::npos) << failed.err;
+  EXPECT_NE(made.err.find("spheres alone are shown"), std::string::npos) << made.err;
 }
 
 TEST_F(Pad, QuietIsSilentButForErrors) {

@@ -121,7 +121,8 @@ int main(int argc, char** argv) {
   app.add_flag("--history", s.history, "measure a list with a history as well (scenes)");
   app.add_option("--margin", s.margin, "measure with a margin of so many mean radii as well (scenes)")
       ->type_name("X")
-      ->check(CLI::Range(0.0, 1000.0));
+      ->check(CLI::Range(0.0, 1000.0))
+      ->check(padder::cli::decimal());
   app.add_option("--backend", s.backend, "auto (each that is there, the default), omp or cuda")
       ->type_name("WHICH")
       ->check(CLI::IsMember({"auto", "omp", "cuda"}));

@@ -50,9 +50,7 @@ BoxOptions box_options(const Arguments& a, const Scene& scene) {
 
 void check_box_arguments(const Arguments& a) {
   if (a.stages) throw UsageError("--stages is for small scenes: leave out --devices and --memory");
-  if (a.output.empty() || ends_in(a.output, ".npy")) return;
-  check_contact_ending(a.output);
-  if (a.memory)
+  if (a.memory && !a.output.empty() && !ends_in(a.output, ".npy"))
     throw UsageError("-o " + a.output +
                      ": a sorted file needs the whole list in memory: with --memory, write a .npy");
 }

@@ -3,6 +3,8 @@
 // does the work.
 #include <cmath>
 #include <cstdio>
+#include <filesystem>
+#include <set>
 
 #include "detect/core/nine_stages.h"
 #include "detect/scene/contact_file.h"
@@ -23,6 +25,11 @@ CLI::Validator device_count() {
         return text == "all" || (padder::cli::is_whole(text) && text != "0" && text.size() < 5);
       },
       "number of devices: write a whole number above 0, or all");
+}
+
+const std::set<std::string>& format_names() {
+  static const std::set<std::string> all{"csv", "npz", "vtp", "npy"};
+  return all;
 }
 
 void declare(CLI::App& app, Arguments& a, std::string& memory) {
@@ -56,6 +63,7 @@ void declare(CLI::App& app, Arguments& a, std::string& memory) {
   a.precision.add(app, "--precision", "exact: the contacts of double arithmetic; fast: float only");
   app.add_option("--bin-size", a.options.bin_size, "edge of a bin, in the scene's unit (default: chosen)")
       ->check(CLI::PositiveNumber)
+      ->check(padder::cli::decimal())
       ->type_name("S");
   app.add_option(
          "-o", a.output,
@@ -63,10 +71,11 @@ void declare(CLI::App& app, Arguments& a, std::string& memory) {
          "writes to stdout")
       ->type_name("FILE");
   app.add_option("--format", a.format, "of -o -: csv, npz, vtp or npy")
-      ->check(CLI::IsMember({"csv", "npz", "vtp", "npy"}))
+      ->check(CLI::IsMember(format_names()))
       ->type_name("NAME");
   app.add_option("--margin", a.options.margin, "contacts are all pairs whose gap is at most M")
       ->check(CLI::NonNegativeNumber)
+      ->check(padder::cli::decimal())
       ->type_name("M");
   app.add_flag("--hash", a.hash, "print the order-free hash of the pairs");
   app.add_flag("--stages", a.stages, "print the arrays T, S, B, C, D, E, F of a small scene");
@@ -188,7 +197,6 @@ int find_contacts(Arguments& a) {
         "--lod is for bodies and one detector: leave out --devices, --memory, mpirun and files of spheres");
   if (launch.ranks > 1) return run_ranks(a, launch);
   if (wants_boxes(a)) return run_boxes(a);
-  if (!a.output.empty()) check_contact_ending(a.output);
   Scene scene = read_input(a);
   const RungChoice choice =
       is_whole ? RungChoice() : choose_rungs(scene, rung_rule(a.lod), a.options.margin, {a.backend.value()});
@@ -254,6 +262,9 @@ int run(Arguments& a) {
     throw UsageError("- is stdin or stdout of one process, and there are several ranks: name files");
   if (!printed && !a.format.empty())
     throw UsageError("--format is for -o -: the ending of a file tells its format");
+  const std::string ending = std::filesystem::path(a.output).extension().string();
+  if (!printed && !a.output.empty() && (ending.empty() || !format_names().contains(ending.substr(1))))
+    throw UsageError("cannot tell the format of " + a.output + ": end it with .csv, .npz, .vtp or .npy");
   if (printed) a.quiet = true, a.output = files.output("contacts." + a.format);
   const int code = find_contacts(a);
   files.deliver();
@@ -299,6 +310,10 @@ int main(int argc, char** argv) {
       app, argc, argv,
       [&] {
         padder::detect::SphereFile::end_program_if_shortened("detect", padder::cli::remove_all_unfinished);
+        if (arguments.stages && app.count("--path") > 0 &&
+            arguments.path.value() != padder::detect::Path::nine_stages)
+          throw padder::cli::UsageError(
+              "--stages prints the nine stages, which --path fast leaves out: leave out one of both");
         if (!memory.empty()) arguments.memory = *padder::cli::bytes_of(memory);
         return padder::tool::run(arguments);
       },

@@ -36,6 +36,18 @@ std::string format_names_text() {
   return names;
 }
 
+// Of "2%,1%,0.5%"; nothing where one of them is no length.
+std::optional<std::vector<Length>> lengths_of(std::string_view text) {
+  std::vector<Length> lengths;
+  for (std::size_t at = 0; at <= text.size();) {
+    const std::size_t end = std::min(text.find(',', at), text.size());
+    const auto length = length_of(text.substr(at, end - at));
+    if (!length) return std::nullopt;
+    lengths.push_back(*length), at = end + 1;
+  }
+  return lengths;
+}
+
 CLI::Validator mesh_ending() {
   return accepting(
       [](auto& text) {
@@ -119,10 +131,13 @@ void declare_spheres(CLI::App& app, PadArguments& a) {
                "also prove how few spheres could do: some seconds more");
   add_length(app, "--reach", a.options.min_grain_radius,
              "radius of the smallest grain: what it cannot touch is not padded");
-  app.add_option("--lod", a.options.lod, "a ladder of tolerances in one asset, as 2%,1%,0.5%")
-      ->delimiter(',')
+  // One text, and no list of CLI11's, which leaves out what is empty and then takes the next word.
+  app.add_option_function<std::string>(
+         "--lod", [&a](const std::string& text) { a.options.lod = lengths_of(text).value(); },
+         "a ladder of tolerances in one asset, as 2%,1%,0.5%")
       ->type_name("LENGTHS")
-      ->check(length());
+      ->check(accepting([](auto& text) { return lengths_of(text).has_value(); },
+                        "list of lengths: write some with commas between them, as 2%,1%,0.5%"));
 }
 
 // What happens to the surface first, and what the asset says of itself.

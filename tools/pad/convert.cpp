@@ -2,6 +2,7 @@
 #include "tools/pad/convert.h"
 
 #include <cstdio>
+#include <string_view>
 
 #include "padding/asset/error.h"
 #include "padding/import/import.h"
@@ -33,6 +34,12 @@ void write(const SphereModel& spheres, const OutputFile& file, const ConvertJob&
     throw Error(input + " says which spheres each of its " + std::to_string(model.bodies.size()) +
                 " links has, but not where the links are, as " + file.path.string() +
                 " must: convert the robot's URDF with the spheres, or write .yaml, .xrdf or .srdf");
+  if (spheres.links && std::string_view(file.format->name) != "srdf")  // which holds no joints
+    warnings.push_back("the joints, the base and the tool of " + input + " are not read: set them in " +
+                       file.path.string() + ", or convert the robot's URDF");
+  if (file.format->in_metres && model.unit.empty())
+    warnings.push_back(input + " does not say its unit, so " + file.path.string() +
+                       " takes its lengths for metres: name the unit with --unit");
   for (auto& sentence : write_model(model, file.path, *file.format, job.exporting))
     warnings.push_back(std::move(sentence));
 }

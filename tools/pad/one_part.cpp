@@ -43,11 +43,13 @@ const Format* format_of(const PadArguments& a, const std::string& mesh) {
 }
 
 std::string output_name(const std::string& mesh, const Format* format) {
-  return fs::path(mesh).stem().string() +
+  const fs::path path = mesh.ends_with('/') ? fs::path(mesh).parent_path() : fs::path(mesh);
+  return path.stem().string() +
          (!format ? ".spheres.json" : std::string(is_robot(mesh) ? ".spheres" : "") + format->ending);
 }
 
 void check_conversion(const PadArguments& a, const std::string& file) {
+  if (std::error_code code; !fs::exists(file, code)) return;  // its reader says so
   if (a.outputs.empty() && a.format.empty())
     throw cli::UsageError(file + " holds spheres already: name with -o what to convert it to");
   if (a.options.by_tolerance() || a.options.depth_ratio || !a.preview.empty() || !a.write_mesh.empty())

@@ -47,6 +47,9 @@ fs::path surface_file(const PadArguments& a, const std::string& mesh) {
         "--write-mesh must name a folder when there are several meshes: make it, or end it with /");
   if (!can_write_mesh(a.write_mesh))
     throw UsageError("--write-mesh must name a file that ends in .obj, .off, .ply or .stl, or a folder");
+  for (const std::string& output : a.outputs)
+    if (fs::path(output).lexically_normal() == fs::path(a.write_mesh).lexically_normal())
+      throw UsageError("--write-mesh and -o name one file: name two");
   std::error_code code;
   if (fs::equivalent(a.write_mesh, mesh, code))
     throw UsageError("--write-mesh would write over " + mesh + ": name another file");
@@ -177,11 +180,12 @@ void use_streams(PadArguments& a, cli::StreamFiles& files) {
   }
 }
 
-// What no mesh could satisfy is wrong usage. A robot's number of spheres becomes a tolerance of each link.
+// What no mesh could satisfy is wrong usage. A robot's number of spheres excludes what that of a part does.
 void check_options(const PadArguments& a) {
-  if (a.robot.max_spheres > 0) return;
+  PadOptions options = a.options;
+  if (a.robot.max_spheres > 0) options.max_spheres = a.robot.max_spheres;
   try {
-    check(a.options);
+    check(options);
   } catch (const Error& e) {
     throw UsageError(e.what());
   }
@@ -226,6 +230,11 @@ int run(PadArguments& a, const CLI::App& app, cli::StreamFiles& files) {
   // OMP_NUM_THREADS may ask for more than OpenMP's own stack holds.
   omp_set_num_threads(a.threads > 0 ? a.threads : std::min(omp_get_max_threads(), cli::kMostThreads));
   limit_memory(a.memory.empty() ? machine_memory() : cli::bytes_of(a.memory).value());
+  try {  // what the program holds already may be more
+    ::operator delete(::operator new(std::size_t(4) << 20));
+  } catch (const std::bad_alloc&) {
+    throw Error("--memory " + a.memory + " is less than the program itself needs: give it more");
+  }
   if (app.count("--seconds") > 0 && a.seconds > 0) end_after(a);
   const int code = pad_meshes(a, files);
   if (code == 0) files.deliver();

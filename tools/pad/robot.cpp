@@ -24,6 +24,22 @@ Json pairs_json(const Model& model) {
   return counts;
 }
 
+// Throws Error, which begins with `where`, if the joint cannot be placed there.
+void check_place(const std::string& where, const Model& model, const std::string& name, double value) {
+  const Joint& joint =
+      std::ranges::find(model.bodies, name, [](const Body& b) { return b.joint.name; })->joint;
+  if (!joint.mimic.empty()) throw Error(where + "it follows the joint " + joint.mimic + ": place that one");
+  const bool turns = joint.type == Joint::Type::revolute || joint.type == Joint::Type::continuous;
+  if (!turns && joint.type != Joint::Type::prismatic)
+    throw Error(where + "it moves in more than one way, and one number does not place it");
+  if (joint.type == Joint::Type::continuous || !(joint.lower < joint.upper)) return;
+  if (value < joint.lower || value > joint.upper) {
+    char limits[64];
+    std::snprintf(limits, sizeof limits, "from %.9g to %.9g", joint.lower, joint.upper);
+    throw Error(where + "its limits are " + limits + (turns ? " radians" : " metres"));
+  }
+}
+
 // What could not be done once the links are padded is refused before.
 void check_job(const RobotJob& job) {
   Urdf urdf = read_robot(job.urdf, job.whole.reading);
@@ -32,10 +48,12 @@ void check_job(const RobotJob& job) {
   std::vector<std::string> names;
   for (const Body& b : urdf.model.bodies)
     if (b.joint.type != Joint::Type::fixed) names.push_back(b.joint.name);
-  for (const auto& [name, value] : job.joints)
+  for (const auto& [name, value] : job.joints) {
     if (!std::ranges::count(names, name))
       throw Error(job.urdf.string() + ": --joint: it has no joint " + name + " that moves; " +
                   (names.empty() ? "none does" : "its joints are " + cli::listed(names)));
+    check_place(job.urdf.string() + ": --joint " + name + ": ", urdf.model, name, value);
+  }
 }
 
 // The robot's spheres and meshes as one body, where its joints stand.

@@ -111,7 +111,8 @@ bool is_cluster(std::string_view text) {
   return text.find("\"padder.cluster\"") < text.find("\"padder.scene\"");
 }
 
-padder::View view_of(const Arguments& a) {
+// `note` becomes what is to be said once the work is done.
+padder::View view_of(const Arguments& a, std::string& note) {
   const bool piped = padder::cli::is_stream(a.input);
   const fs::path path = piped ? "stdin.json" : a.input;
   const std::string where = piped ? "the standard input" : a.input;
@@ -119,10 +120,8 @@ padder::View view_of(const Arguments& a) {
   if (!a.copies && is_cluster(text)) {
     const padder::Cluster cluster = padder::cluster_from_json(text, where);
     const padder::Mesh mesh = padder::mesh_of(cluster, path, a.mesh);
-    if (mesh.triangles.empty() && !cluster.source.file.empty() && !a.quiet)
-      std::fprintf(stderr,
-                   "preview: the mesh of %s was not found: spheres alone are shown (--mesh MESH names it)\n",
-                   where.c_str());
+    if (mesh.triangles.empty() && !cluster.source.file.empty())
+      note = "the mesh of " + where + " was not found: spheres alone are shown (--mesh MESH names it)";
     return padder::view_of(cluster, mesh);
   }
   if (!a.mesh.empty()) throw UsageError("--mesh is for a cluster, and " + where + " is none");
@@ -153,7 +152,8 @@ int run(Arguments& a, padder::cli::StreamFiles& files) {
   use_stdout(a, files);
   check(a);
   const auto began = std::chrono::steady_clock::now();
-  padder::View view = view_of(a);
+  std::string note;
+  padder::View view = view_of(a, note);
   if (!a.contacts.empty()) padder::add_contacts(view, a.contacts);
   const bool page = a.output.ends_with(".html");
   if (page) {
@@ -163,6 +163,7 @@ int run(Arguments& a, padder::cli::StreamFiles& files) {
     a.picture.azimuth = a.from.first, a.picture.elevation = a.from.second, a.picture.up = a.up[0];
     padder::write_png(padder::render(view, a.picture), a.output);
   }
+  if (!note.empty() && !a.quiet) std::fprintf(stderr, "preview: %s\n", note.c_str());
   const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count();
   const auto bytes = fs::file_size(a.output);
   const std::uint64_t shown = view.rungs.empty() ? view.size() : view.rungs[a.rung].count;

@@ -151,6 +151,13 @@ void check_rotation(const double* rotation, std::size_t body) {
             " does not begin with a rotation: the three rows of its matrix must have length 1 "
             "and be at right angles");
     }
+  const double* r = rotation;
+  if (r[0] * (r[4] * r[8] - r[5] * r[7]) + r[1] * (r[5] * r[6] - r[3] * r[8]) +
+          r[2] * (r[3] * r[7] - r[4] * r[6]) <
+      0)
+    throw py::value_error(
+        "the pose of body " + std::to_string(body) +
+        " begins with a mirror image and no rotation: the determinant of its matrix must be 1");
 }
 
 void add_bodies(py::module_& m) {

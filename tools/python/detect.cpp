@@ -280,6 +280,10 @@ class PyDetector {
       throw py::value_error("precision must be \"exact\" or \"fast\"");
     device_ = device;
     shared_->detector = std::make_unique<detect::Detector>(choice, o);
+    if (device != 0 && this->backend() == "omp")
+      throw py::value_error(
+          "device " + std::to_string(device) +
+          " is a GPU that is not there or not asked for: leave device out for the backend omp");
   }
 
   std::string backend() const { return shared_->detector->backend(); }

@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: MIT
 #include "padding/asset/file.h"
 
+#include <fcntl.h>
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 #include <sys/time.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include <csignal>
@@ -117,19 +119,35 @@ TEST_F(File, DevicesAreNotReplacedAndModesStay) {
   EXPECT_EQ(entries(), 4u);
 }
 
-// A pipe of its name that nobody reads keeps open() waiting, while the handler comes.
+// Processes that do nothing but begin files are ended at some moment, and their handlers leave nothing.
 TEST_F(File, IsKnownToTheHandlerBeforeItIsThere) {
-  ASSERT_EQ(::mkfifo((folder_ / ("a.part" + std::to_string(::getpid()))).c_str(), 0600), 0);
-  struct sigaction remove {
-  }, before{};
-  remove.sa_handler = [](int) { remove_unfinished_files(); };
-  ASSERT_EQ(::sigaction(SIGALRM, &remove, &before), 0);
-  const itimerval often{{0, 20000}, {0, 20000}}, never{};
-  ::setitimer(ITIMER_REAL, &often, nullptr);
-  EXPECT_THROW(FileWriter(folder_ / "a"), Error);
-  ::setitimer(ITIMER_REAL, &never, nullptr);
-  ::sigaction(SIGALRM, &before, nullptr);
+  for (int k = 0; k < 200; k++) {
+    const pid_t child = ::fork();
+    ASSERT_GE(child, 0);
+    if (child == 0) {
+      std::signal(SIGALRM, [](int) {
+        remove_unfinished_files();
+        ::_exit(0);
+      });
+      const itimerval soon{{0, 0}, {0, 1000 + 7 * k}};
+      ::setitimer(ITIMER_REAL, &soon, nullptr);
+      for (;;) FileWriter(folder_ / "a");
+    }
+    int status = 0;
+    ASSERT_EQ(::waitpid(child, &status, 0), child);
+    ASSERT_EQ(status, 0);
+  }
   EXPECT_EQ(entries(), 0u);
+}
+
+TEST_F(File, ALinkOfThePartsNameIsNotFollowed) {
+  write_file(folder_ / "precious", "old");
+  fs::create_symlink("precious", folder_ / ("a.part" + std::to_string(::getpid())));
+  write_file(folder_ / "a", "new");
+  EXPECT_EQ(read_file(folder_ / "precious"), "old");
+  EXPECT_EQ(read_file(folder_ / "a"), "new");
+  EXPECT_FALSE(fs::is_symlink(folder_ / "a"));
+  EXPECT_EQ(entries(), 2u);
 }
 
 TEST_F(File, WithoutCommitNothingIsLeft) {
@@ -139,20 +157,25 @@ TEST_F(File, WithoutCommitNothingIsLeft) {
   EXPECT_EQ(entries(), 1u);
 }
 
+// The writer takes the lowest number that is free, under which /dev/full is put then.
+void write_to_full_disk(const fs::path& path) {
+  const int full = ::open("/dev/full", O_WRONLY), next = ::dup(full);
+  ::close(next);
+  FileWriter out(path);
+  ::dup2(full, next), ::close(full);
+  out.append(std::string(100000, 'x'));
+}
+
 TEST_F(File, AFullDiskIsNoticed) {
   if (!fs::exists("/dev/full")) GTEST_SKIP() << "no /dev/full on this system";
-  fs::create_symlink("/dev/full",
-                     folder_ / ("a.part" + std::to_string(::getpid())));  // where the bytes go first
-  expect_error([&] { write_file(folder_ / "a", std::string(100000, 'x')); },
+  expect_error([&] { write_to_full_disk(folder_ / "a"); },
                "a (No space left on device): check that the folder exists, may be written and has room");
   EXPECT_EQ(entries(), 0u);
 }
 
 TEST_F(File, WhoIsToBlameIsTold) {
   if (!fs::exists("/dev/full")) GTEST_SKIP() << "no /dev/full on this system";
-  const std::string part = ".part" + std::to_string(::getpid());
-  fs::create_symlink("/dev/full", folder_ / ("a" + part));
-  EXPECT_THROW(write_file(folder_ / "a", "x"), DiskError);
+  EXPECT_THROW(write_to_full_disk(folder_ / "a"), DiskError);
   try {
     write_file(folder_ / "absent" / "a", "x");
     ADD_FAILURE();

@@ -38,6 +38,34 @@ TEST_F(ArraysTest, BodiesArePlacedInTheWorld) {
   EXPECT_EQ(read_spheres(folder_ / "arm.npz", "3").family, 2u);
 }
 
+TEST_F(ArraysTest, TheUnitComesBack) {
+  for (const char* file : {"b.npz", "b.vtp"})
+    for (const char* unit : {"m", "cm", "mm", "in", ""}) {
+      SCOPED_TRACE(std::string(file) + " " + unit);
+      Model m = model_of(brick());
+      m.unit = unit;
+      write(m, file);
+      EXPECT_EQ(read_spheres(folder_ / file).unit, unit);
+      EXPECT_EQ(read_sphere_model(folder_ / file).model.unit, unit);
+    }
+  const double furlong = 201.168;
+  Npz arrays = npz_from_bytes(text(model_of(brick()), "b.npz"), "b.npz");
+  arrays["unit_in_metres"] = npy_array(&furlong, {1});
+  write_file(folder_ / "f.npz", npz_bytes(arrays));
+  EXPECT_NE(error_of([&] { read_spheres(folder_ / "f.npz"); }).find("unit_in_metres must be one number"),
+            std::string::npos);
+}
+
+TEST_F(ArraysTest, BodiesComeBack) {
+  for (const char* file : {"arm.npz", "arm.vtp"}) {
+    const Model back = read_sphere_model(write(arm(), file)).model;
+    ASSERT_EQ(back.bodies.size(), 4u) << file;
+    EXPECT_EQ(back.bodies[1].cluster.family, 2u) << file;
+    EXPECT_EQ(back.bodies[1].cluster.mask, 0b101u) << file;
+    EXPECT_EQ(read_spheres(folder_ / file, "4").size(), 3u) << file;
+  }
+}
+
 TEST_F(ArraysTest, NumpyLoadsIt) {
   if (!python_has("numpy")) GTEST_SKIP() << "python3-numpy is not installed";
   write(model_of(filtered_brick()), "b.npz");
@@ -50,7 +78,8 @@ TEST_F(ArraysTest, NumpyLoadsIt) {
           "z[\"family\"][2], z[\"mask\"][0])\n"
           "numpy.savez(\"back.npz\", centers=z[\"centers\"][1:].astype(\"f4\"), radii=z[\"radii\"][1:])'");
   EXPECT_EQ(r.output,
-            "['centers', 'family', 'mask', 'radii'] (3, 3) float64 (3,) uint32 4294967294 2147483649\n");
+            "['centers', 'family', 'mask', 'radii', 'unit_in_metres'] (3, 3) float64 (3,) uint32 4294967294 "
+            "2147483649\n");
   EXPECT_EQ(read_spheres(folder_ / "back.npz").size(), 2u);
   EXPECT_NEAR(read_spheres(folder_ / "back.npz").centers[0].x(), brick().centers[1].x(), 1e-6);
 }

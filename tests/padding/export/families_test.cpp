@@ -136,6 +136,14 @@ TEST(Families, MujocosBitsAreTheSameInEveryFile) {
   EXPECT_NE(mujoco_bits({0, 4}), mujoco_bits({0, 0}));
 }
 
+TEST(Families, MujocosBitsReadBack) {
+  for (const CollisionFilter f : {CollisionFilter{0, 0}, {5, 3}, {30, 0}, {0, 6}, {1, 0x3ffffffe}})
+    EXPECT_EQ(filter_of_mujoco_bits(mujoco_bits(f)), f) << f.family << " " << f.mask;
+  // MuJoCo's own of a geom that states none, and two that somebody else may have chosen.
+  for (const FilterBits b : {FilterBits{1, 1}, {0, 0}, {2, 2}})
+    EXPECT_FALSE(filter_of_mujoco_bits(b)) << b.own << " " << b.others;
+}
+
 TEST(Families, PairsAreThoseThatMayNotTouch) {
   const std::vector<CollisionFilter> bodies{{1, 2}, {2, 0}, {1, 0}, {0, 0}};
   EXPECT_EQ(filtered_pairs(bodies), (std::vector<std::pair<std::size_t, std::size_t>>{{0, 1}, {0, 2}}));

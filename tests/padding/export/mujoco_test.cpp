@@ -89,6 +89,20 @@ TEST_F(MujocoTest, TheTruthTableOfFamilies) {
   EXPECT_GT(expected.size(), 50u);
 }
 
+TEST_F(MujocoTest, FamilyAndMaskComeBack) {
+  Cluster c = brick();
+  c.family = 5, c.mask = 3;
+  const Cluster back = read_spheres(write(model_of(c), "b.xml"));
+  EXPECT_EQ(back.family, 5u);
+  EXPECT_EQ(back.mask, 3u);
+  EXPECT_EQ(back.unit, "m");
+  // Geoms of other programs' bits say nothing about families.
+  write_file(folder_ / "h.xml",
+             "<mujoco><worldbody><body name='a'><geom size='1' contype='4'/><geom size='2' contype='8'/>"
+             "</body></worldbody></mujoco>");
+  EXPECT_EQ(read_spheres(folder_ / "h.xml").family, 0u);
+}
+
 TEST_F(MujocoTest, MoreFamiliesThanBitsInOneFile) {
   std::vector<CollisionFilter> chain;  // each masks the one before: no two alike
   for (std::uint32_t k = 1; k <= 32; k++) chain.push_back({k, k == 1 ? 0 : 1u << (k - 2)});

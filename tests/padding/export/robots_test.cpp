@@ -40,6 +40,23 @@ TEST_F(RobotsTest, EveryFormatGivesTheSameBitsBack) {
   }
 }
 
+TEST_F(RobotsTest, PairsThatMayNotTouchComeBack) {
+  Model m = arm();
+  m.apart.push_back({0, 4, "Never"});
+  for (const char* file : {"a.yaml", "a.xrdf", "a.srdf", "a.xml"}) {
+    const Model back = read_sphere_model(write(m, file)).model;
+    std::string pairs;
+    for (const Apart& p : back.apart) pairs += back.bodies[p.a].name + "-" + back.bodies[p.b].name + " ";
+    const bool bits = std::string(file) == "a.xml";  // its families keep the others apart
+    EXPECT_EQ(pairs,
+              bits ? "base-finger " : "base-upper base-hand base-finger upper-hand upper-finger hand-finger ")
+        << file;
+    if (bits) continue;
+    const bool reasons = std::string(file) == "a.srdf";
+    EXPECT_EQ(back.apart[2].reason == "Never", reasons) << file;
+  }
+}
+
 TEST_F(RobotsTest, MillimetresBecomeMetres) {
   Cluster c = brick();
   c.unit = "mm";

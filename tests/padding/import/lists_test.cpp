@@ -44,6 +44,14 @@ TEST_F(ListsTest, DemEngineCsv) {
   EXPECT_NEAR(moments[2], 4 * (0.36 + 0.16), 1e-9);
 }
 
+TEST_F(ListsTest, AllFilesOfAClumpAreWrittenOrNone) {
+  fs::create_directory(folder_ / "m");
+  write_file(folder_ / "m/Inertia", "a file where a folder must be");
+  EXPECT_NE(error_of([&] { write(model_of(brick()), "m", "mercury"); }).find("cannot write"),
+            std::string::npos);
+  EXPECT_TRUE(fs::is_empty(folder_ / "m/Clump"));
+}
+
 TEST_F(ListsTest, DemEngineCsvByHand) {
   const auto read = [&](const std::string& content) {
     write_file(folder_ / "h.csv", content);

@@ -203,6 +203,8 @@ TEST_F(Read, OffVariants) {
   const std::string points = "OFF\n4 2 0\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n";
   EXPECT_EQ(read("e.off", points + "3 0\n1 \n2\n3 0 1 3\n").mesh.triangles.size(), 2u);
   expect_fault(put("f.off", points + "3 0 1\n3 0 1 3\n"), "too few corners");
+  expect_fault(put("g.off", points + "3 0 1 2\n3 0 1 3\n\n3 1 2 3\n"),
+               "line 10: '3' stands behind the last face: the header says 2");
 }
 
 TEST_F(Read, StlInBothForms) {
@@ -252,6 +254,8 @@ TEST_F(Read, PlyInItsForms) {
   for (std::size_t length = 1; length < body.size(); length += 7)
     expect_fault(put("cut.ply", ply("binary_little_endian", "double", body.substr(0, length))), "cut short");
   expect_fault(put("list.ply", ply("ascii", "float", "0 0 0\n2 0 0\n0 2 0\n4 0 1 2\n")), "cannot be read");
+  expect_fault(put("more.ply", ply("ascii", "float", "0 0 0\n2 0 0\n0 2 0\n3 0 1 2\n\n3 2 1 0\n")),
+               "line 16: '3' stands behind the last element");
   expect_fault(put("out.ply", ply("ascii", "float", "0 0 0\n2 0 0\n0 2 0\n3 0 1 3\n")), "names vertex 3");
 }
 
@@ -644,6 +648,7 @@ TEST_F(Read, ObjFaultsNameTheirLine) {
       {v + "f 1 2 99999999999999999999\n", "line 4: '99999999999999999999' is no vertex index"},
       {v + "f a b c\n", "line 4: 'a' is no vertex index"},
       {v + "f\n", "line 4: a face without corners"},
+      {v + "f 1 2 3\nf 1 2", "line 5: the file ends within a face of 2 corners: it is cut short"},
       {"v 0 0\n" + v, "line 1: a vertex needs three coordinates, here are 2"},
       {"v 0,5 1 2\n" + v, "a point, not a comma"},
       {"v nan 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "line 1: vertex 1"},

@@ -6,6 +6,7 @@
 #include "padding/asset/error.h"
 #include "tools/bench/bench.h"
 #include "tools/bench/report/document.h"
+#include "tools/cli.h"
 
 namespace padder::bench {
 namespace {
@@ -140,7 +141,7 @@ void say_other_machine(const Settings& s, const Json& before, const Json& after)
 
 Json compare(const Settings& s) {
   if (s.files.size() != 2)
-    throw Error("name two files that the same bench wrote: bench compare OLD.json NEW.json");
+    throw cli::UsageError("name two files that the same bench wrote: bench compare OLD.json NEW.json");
   const std::string &old_file = s.files[0], &new_file = s.files[1];
   const Json before = read_document(old_file), after = read_document(new_file);
   const std::string bench = bench_of(before, old_file), other = bench_of(after, new_file);

@@ -10,6 +10,7 @@
 #include "padding/asset/error.h"
 #include "padding/asset/file.h"
 #include "tools/bench/report/document.h"
+#include "tools/cli.h"
 
 namespace padder::bench {
 namespace {
@@ -84,7 +85,7 @@ void write_result(const Settings& s, const Json& result) {
 }
 
 Json draw_files(const Settings& s) {
-  if (s.files.empty()) throw Error("name at least one file that a bench wrote: bench draw FILE...");
+  if (s.files.empty()) throw cli::UsageError("name at least one file that a bench wrote: bench draw FILE...");
   struct Drawing {
     fs::path folder, stem;
     std::vector<Plot> plots;

@@ -169,7 +169,7 @@ class List {
 bool lists_parts(const PadArguments& a) {
   std::error_code code;
   return !a.manifest.empty() || std::ranges::any_of(a.meshes, [&](const std::string& mesh) {
-    return fs::is_directory(mesh, code) || is_pattern(mesh);
+    return (fs::is_directory(mesh, code) && !is_sphere_file(mesh)) || is_pattern(mesh);
   });
 }
 
@@ -178,7 +178,7 @@ std::vector<Part> list_parts(const PadArguments& a, const std::map<std::string, 
   if (!a.manifest.empty()) list.add_manifest();
   std::error_code code;
   for (const std::string& mesh : a.meshes) try {
-      if (fs::is_directory(mesh, code))
+      if (fs::is_directory(mesh, code) && !is_sphere_file(mesh))
         list.add_folder(mesh);
       else if (is_pattern(mesh))
         list.add_pattern(mesh);
