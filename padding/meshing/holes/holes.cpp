@@ -7,6 +7,7 @@
 #include <limits>
 #include <numbers>
 #include <set>
+#include <span>
 #include <unordered_map>
 
 #include "padding/input/polygon.h"
@@ -47,24 +48,45 @@ void least_area(const std::vector<Point>& polygon, Triangles& out) {
   }
 }
 
-// A rim that lies about in a plane.
+// The patch over a polygon whose points up to `end` go round one rim, and whose other points round the other:
+// triangles between the two, each with the shorter of the two edges that it may have.
+void zip(const std::vector<Point>& polygon, std::size_t end, Triangles& out) {
+  std::size_t i = 0, j = polygon.size() - 1;
+  while (i < end || j > end + 1) {
+    const bool first = j == end + 1 || (i < end && (polygon[i + 1] - polygon[j]).norm() <
+                                                       (polygon[i] - polygon[j - 1]).norm());
+    const std::size_t k = first ? i + 1 : j - 1;
+    out.push_back(
+        {static_cast<std::uint32_t>(i), static_cast<std::uint32_t>(k), static_cast<std::uint32_t>(j)});
+    (first ? i : j) = k;
+  }
+}
+
+// Twice the area that a polygon encloses, along the normal.
+Vector area_vector(std::span<const Point> polygon) {
+  Vector area = Vector::Zero();
+  for (std::size_t k = 1; k + 1 < polygon.size(); k++)
+    area += (polygon[k] - polygon[0]).cross(polygon[k + 1] - polygon[0]);
+  return area;
+}
+
+// A rim and the plane across it.
 struct FlatRim {
   std::vector<Point> points;
+  Point middle = Point::Zero();
   Vector area = Vector::Zero();  // twice, along the normal
   double most_off = 0;           // from the plane: what lies off it by less counts as in it
+  bool is_flat = false;
 
   FlatRim(const Mesh& mesh, const std::vector<std::uint32_t>& rim) {
-    for (const auto v : rim) points.push_back(mesh.points[v]);
-    for (std::size_t k = 1; k + 1 < points.size(); k++)
-      area += (points[k] - points[0]).cross(points[k + 1] - points[0]);
+    for (const auto v : rim) points.push_back(mesh.points[v]), middle += mesh.points[v] / double(rim.size());
+    area = area_vector(points);
     most_off = kFlatRim * rim_length(mesh, rim);
+    is_flat = area.norm() > 0 &&
+              std::all_of(points.begin(), points.end(), [&](const Point& p) { return lies_in_plane(p); });
   }
   bool lies_in_plane(const Point& p) const {
     return std::abs(area.normalized().dot(p - points[0])) <= most_off;
-  }
-  bool is_flat() const {
-    return area.norm() > 0 &&
-           std::all_of(points.begin(), points.end(), [&](const Point& p) { return lies_in_plane(p); });
   }
   // Does the rim run round the point, as seen along its normal?
   bool surrounds(const Point& p) const {
@@ -82,35 +104,99 @@ struct FlatRim {
            std::all_of(other.points.begin(), other.points.end(),
                        [&](const Point& p) { return lies_in_plane(p) && surrounds(p); });
   }
+  // Does each lie behind the other, about along one axis?
+  bool faces_away_from(const FlatRim& other) const {
+    return area.dot(other.area) < -0.9 * area.norm() * other.area.norm() &&
+           area.dot(other.middle - middle) < 0 && other.area.dot(middle - other.middle) < 0 &&
+           surrounds(other.middle) && other.surrounds(middle);
+  }
 };
+
+constexpr std::size_t kMostRims = 1000;  // each is compared with each; a soup has more
+
+std::vector<FlatRim> flat_rims(const Mesh& mesh, const std::vector<std::vector<std::uint32_t>>& rims) {
+  std::vector<FlatRim> flat;
+  for (const auto& rim : rims) flat.emplace_back(mesh, rim);
+  return flat;
+}
+
+std::array<std::uint32_t, 2> nearest_points(const Mesh& mesh, const std::vector<std::uint32_t>& one,
+                                            const std::vector<std::uint32_t>& other) {
+  std::array<std::uint32_t, 2> nearest{};
+  double least = std::numeric_limits<double>::infinity();
+  for (const auto a : one)
+    for (const auto b : other)
+      if (const double away = (mesh.points[b] - mesh.points[a]).norm(); away < least)
+        least = away, nearest = {a, b};
+  return nearest;
+}
+
+std::vector<Point> points_of(const Mesh& mesh, const std::vector<std::uint32_t>& rim) {
+  std::vector<Point> points;
+  for (const auto v : rim) points.push_back(mesh.points[v]);
+  return points;
+}
 
 }  // namespace
 
 std::vector<Ring> find_rings(const Mesh& mesh, const std::vector<std::vector<std::uint32_t>>& rims) {
-  constexpr std::size_t most_rims = 1000;  // each is compared with each; a soup has more
   std::vector<Ring> rings;
-  if (rims.size() > most_rims) return rings;
-  std::vector<FlatRim> flat;
-  std::vector<char> is_flat;
-  for (const auto& rim : rims) flat.emplace_back(mesh, rim), is_flat.push_back(flat.back().is_flat());
+  if (rims.size() > kMostRims) return rings;
+  const std::vector<FlatRim> flat = flat_rims(mesh, rims);
   for (std::size_t inner = 0; inner < rims.size(); inner++) {
-    if (!is_flat[inner]) continue;
+    if (!flat[inner].is_flat) continue;
     std::size_t outer = rims.size();  // the smallest one around it
     for (std::size_t k = 0; k < rims.size(); k++)
-      if (is_flat[k] && (outer == rims.size() || flat[k].area.norm() < flat[outer].area.norm()) &&
+      if (flat[k].is_flat && (outer == rims.size() || flat[k].area.norm() < flat[outer].area.norm()) &&
           flat[k].surrounds(flat[inner]))
         outer = k;
     if (outer == rims.size()) continue;
-    double least = std::numeric_limits<double>::infinity();
-    Ring ring{outer, inner, {}, flat[outer].area.dot(flat[inner].area) > 0};
-    for (const auto a : rims[outer])
-      for (const auto b : rims[inner])
-        if (const double away = (mesh.points[b] - mesh.points[a]).norm(); away < least)
-          least = away, ring.bridge = {a, b};
+    const Ring ring{outer, inner, nearest_points(mesh, rims[outer], rims[inner]),
+                    flat[outer].area.dot(flat[inner].area) > 0};
+    const double least = (mesh.points[ring.bridge[1]] - mesh.points[ring.bridge[0]]).norm();
     if (ring.alike && least < kThinRing * rim_length(mesh, rims[inner])) continue;
     rings.push_back(ring);
   }
   return rings;
+}
+
+std::vector<std::array<std::uint32_t, 2>> find_bands(const Mesh& mesh,
+                                                     const std::vector<std::vector<std::uint32_t>>& rims,
+                                                     const std::vector<std::uint32_t>& piece) {
+  struct Band {
+    double share;  // its area over that of the two patches
+    std::array<std::size_t, 2> rims;
+    std::array<std::uint32_t, 2> bridge;
+  };
+  std::vector<Band> bands;
+  if (rims.size() > kMostRims) return {};
+  const std::vector<FlatRim> flat = flat_rims(mesh, rims);
+  for (std::size_t a = 0; a < rims.size(); a++)
+    for (std::size_t b = 0; b < a; b++) {
+      if (piece[a] == ~0u || piece[a] != piece[b] || !flat[a].is_flat || !flat[b].is_flat ||
+          !flat[a].faces_away_from(flat[b]))
+        continue;
+      Band band{0, {a, b}, nearest_points(mesh, rims[a], rims[b])};
+      std::vector<std::vector<std::uint32_t>> joined = {rims[a], rims[b]};
+      join_rims(joined, band.bridge);
+      const std::vector<Point> polygon = points_of(mesh, joined[0]);
+      Triangles triangles;
+      zip(polygon, rims[a].size(), triangles);
+      for (const auto& [i, j, k] : triangles)
+        band.share += (polygon[j] - polygon[i]).cross(polygon[k] - polygon[i]).norm();
+      band.share /= flat[a].area.norm() + flat[b].area.norm();
+      if (band.share < 1) bands.push_back(band);
+    }
+  std::stable_sort(bands.begin(), bands.end(),
+                   [](const Band& one, const Band& other) { return one.share < other.share; });
+  std::vector<char> taken(rims.size());
+  std::vector<std::array<std::uint32_t, 2>> bridges;
+  for (const Band& band : bands) {
+    if (taken[band.rims[0]] || taken[band.rims[1]]) continue;
+    taken[band.rims[0]] = taken[band.rims[1]] = true;
+    bridges.push_back(band.bridge);
+  }
+  return bridges;
 }
 
 void join_rims(std::vector<std::vector<std::uint32_t>>& rims, const std::array<std::uint32_t, 2>& bridge) {
@@ -191,20 +277,23 @@ double rim_length(const Mesh& mesh, const std::vector<std::uint32_t>& rim) {
 }
 
 Triangles fill_rim(const Mesh& mesh, const std::vector<std::uint32_t>& rim) {
-  std::vector<Point> polygon;
-  for (const auto v : rim) polygon.push_back(mesh.points[v]);
-  Vector normal = Vector::Zero();
-  for (std::size_t k = 1; k + 1 < polygon.size(); k++)
-    normal += (polygon[k] - polygon[0]).cross(polygon[k + 1] - polygon[0]);
+  const std::vector<Point> polygon = points_of(mesh, rim);
+  const std::size_t distinct = std::set<std::uint32_t>(rim.begin(), rim.end()).size();
+  const bool one = distinct == rim.size(), two = distinct + 2 == rim.size();
+  // Where two were joined, the plane is that across the first.
+  const auto end = static_cast<std::size_t>(std::find(rim.begin() + 1, rim.end(), rim[0]) - rim.begin());
+  const Vector normal = area_vector(std::span(polygon).first(two ? end : polygon.size())).normalized();
   double low = 0, high = 0;
   for (const Point& p : polygon) {
-    const double d = normal.normalized().dot(p - polygon[0]);
+    const double d = normal.dot(p - polygon[0]);
     low = std::min(low, d), high = std::max(high, d);
   }
+  const bool is_flat = high - low <= kFlatRim * rim_length(mesh, rim);
   Triangles out;
-  const bool ring = std::set<std::uint32_t>(rim.begin(), rim.end()).size() < rim.size();
-  if (rim.size() > 3 && rim.size() <= kLongRim && (ring || !(high - low <= kFlatRim * rim_length(mesh, rim))))
+  if (rim.size() > 3 && rim.size() <= kLongRim && !(one && is_flat))
     least_area(polygon, out);
+  else if (two && !is_flat)
+    zip(polygon, end, out);
   else
     triangulate_polygon(polygon, out);
   for (auto& t : out)

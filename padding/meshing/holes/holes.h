@@ -26,12 +26,20 @@ struct Ring {
 };
 std::vector<Ring> find_rings(const Mesh& mesh, const std::vector<std::vector<std::uint32_t>>& rims);
 
+// Where the hole through a body has no wall, as in a tire alone, each of two rims lies behind the other,
+// about along one axis, and a band between the two has less area than a patch over each. Returns the two
+// points of each band that lie nearest to each other. The rims are those of pieces that face outward; `piece`
+// says of which, or ~0: of none.
+std::vector<std::array<std::uint32_t, 2>> find_bands(const Mesh& mesh,
+                                                     const std::vector<std::vector<std::uint32_t>>& rims,
+                                                     const std::vector<std::uint32_t>& piece);
+
 // Makes one rim of two, which runs over the bridge and back. Does nothing where the bridge does not lie
 // between two rims.
 void join_rims(std::vector<std::vector<std::uint32_t>>& rims, const std::array<std::uint32_t, 2>& bridge);
 
 // Triangles that fill a rim of 3 or more points: ears in the plane across it if it is about flat or long,
-// otherwise, and if it is a ring's, the patch of least area.
+// otherwise, and if it was joined of several, the patch of least area; of two long ones, about that.
 Triangles fill_rim(const Mesh& mesh, const std::vector<std::uint32_t>& rim);
 
 double rim_length(const Mesh& mesh, const std::vector<std::uint32_t>& rim);

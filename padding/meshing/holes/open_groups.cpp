@@ -80,31 +80,54 @@ class PieceCloser {
     for (const DirectedEdge& e : missing) groups_[group_of[root(e.from)]].missing.push_back(e);
   }
 
-  // Rings at the ends of pipes, whose outer wall faces outward and whose inner wall faces inward, or the
-  // other way round where no pipe is so. Where there are none, both walls may face outward, as those of a
-  // helmet: then the inner one is turned.
+  struct Filled {  // a piece with its rims filled
+    double volume = 0, area = 0;
+  };
+
+  // Which rims bound one hole together: those of rings at the ends of pipes, and those of bands.
   template <class Root>
   void find_bridges(const std::vector<std::uint32_t>& open, std::vector<DirectedEdge>& missing, Root&& root) {
-    const auto rims = trace_rims(mesh_, open, missing);
-    std::vector<Ring> rings = find_rings(mesh_, rims);
-    if (rings.empty()) return;
-    std::map<std::uint32_t, double> volume, area;  // of each piece with its rims filled
+    auto rims = trace_rims(mesh_, open, missing);
+    if (rims.size() < 2) return;
+    std::vector<Filled> filled(mesh_.points.size());  // at the root of each piece
     const auto add = [&](std::uint32_t a, std::uint32_t b, std::uint32_t c) {
       const Point &p = mesh_.points[a], &q = mesh_.points[b], &r = mesh_.points[c];
-      volume[root(a)] += p.dot(q.cross(r)) / 6, area[root(a)] += (q - p).cross(r - p).norm() / 2;
+      Filled& piece = filled[root(a)];
+      piece.volume += p.dot(q.cross(r)) / 6, piece.area += (q - p).cross(r - p).norm() / 2;
     };
     for (const auto t : open) add(mesh_.triangles[t][0], mesh_.triangles[t][1], mesh_.triangles[t][2]);
     for (const auto& rim : rims)
       for (std::size_t k = 1; k + 1 < rim.size(); k++) add(rim[0], rim[k], rim[k + 1]);
+
+    std::vector<Ring> rings = find_rings(mesh_, rims);
+    std::vector<std::uint32_t> piece;
+    for (const auto& rim : rims) piece.push_back(root(rim[0]));
+    for (const Ring& ring : rings) piece[ring.outer] = piece[ring.inner] = kNone;
+    if (!rings.empty()) find_pipes(rims, rings, filled, open, missing, root);
+    for (auto& rim : rims)
+      if (filled[root(rim[0])].volume < 0) std::reverse(rim.begin(), rim.end());  // as if it faced outward
+    const auto bands = find_bands(mesh_, rims, piece);
+    bridges_.insert(bridges_.end(), bands.begin(), bands.end());
+  }
+
+  // The outer wall of a pipe faces outward and the inner one inward, or the other way round where no pipe is
+  // so. Where there are none, both walls may face outward, as those of a helmet: then the inner one is
+  // turned.
+  template <class Root>
+  void find_pipes(const std::vector<std::vector<std::uint32_t>>& rims, std::vector<Ring>& rings,
+                  const std::vector<Filled>& filled, const std::vector<std::uint32_t>& open,
+                  std::vector<DirectedEdge>& missing, Root&& root) {
     for (const int sign : {1, -1}) {
       for (const Ring& ring : rings)
-        if (!ring.alike && sign * volume[root(ring.bridge[0])] > 0 && sign * volume[root(ring.bridge[1])] < 0)
+        if (!ring.alike && sign * filled[root(ring.bridge[0])].volume > 0 &&
+            sign * filled[root(ring.bridge[1])].volume < 0)
           bridges_.push_back(ring.bridge);
       if (!bridges_.empty()) return;
     }
     std::erase_if(rings, [&](const Ring& ring) {
       const auto encloses = [&](std::uint32_t v) {
-        return std::abs(volume[root(v)]) > kLeastWallVolume * std::pow(area[root(v)], 1.5);
+        const Filled& piece = filled[root(v)];
+        return std::abs(piece.volume) > kLeastWallVolume * std::pow(piece.area, 1.5);
       };
       return !ring.alike || !encloses(ring.bridge[0]) || !encloses(ring.bridge[1]);
     });

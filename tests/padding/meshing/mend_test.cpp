@@ -464,6 +464,33 @@ TEST(Mend, ASolidWithAnOpenSeamIsStillASolid) {
   EXPECT_GT(volume(r), 8);
 }
 
+// A tire alone has no wall where its wheel belongs. A barrel is closed by a lid and a floor.
+TEST(Mend, TheHoleThroughATireIsNotFilled) {
+  for (const int n : {40, 200})
+    for (const double half_width : {0.2, 0.9}) {
+      const bool tire = half_width < 0.6 / 2;
+      std::vector<std::array<double, 2>> profile;
+      for (int k = 0; k <= 12; k++) {
+        const double u = std::numbers::pi * k / 12;
+        profile.push_back({0.6 + 0.4 * std::sin(u), -half_width * std::cos(u)});
+      }
+      double whole = 0;  // with the hole through it
+      for (std::size_t k = 0; k + 1 < profile.size(); k++) {
+        const auto [r, low] = profile[k];
+        const auto [s, high] = profile[k + 1];
+        whole += (high - low) * (r * r + r * s + s * s) / 3;
+      }
+      const double hole = 2 * half_width * 0.6 * 0.6, per_turn = n * std::sin(2 * std::numbers::pi / n) / 2;
+      const Mesh mesh = lathe(profile, n);
+      for (const Mesh& side : {mesh, turned_over(mesh)}) {
+        const Repaired r = mended(side, RepairMode::fill);
+        EXPECT_EQ(r.kind, BodyKind::solid);
+        EXPECT_EQ(r.patches.size(), tire ? 1u : 2u);
+        EXPECT_NEAR(volume(r), per_turn * (whole - tire * hole), 1e-9) << n << " " << half_width;
+      }
+    }
+}
+
 // The walls of a pipe are two pieces, and nothing joins them at its ends.
 TEST(Mend, APipeOfTwoWallsIsNoRod) {
   const auto wall = [](double radius, const Point& at, int n) {
