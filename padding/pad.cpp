@@ -312,6 +312,8 @@ RepairOptions repairing(const PadOptions& options, double length, double toleran
   // The wrap must be finer than the cap over a triangle with that edge, or than the tolerance.
   r.accuracy = length > 0 ? options.depth_ratio_used() * length / std::numbers::sqrt3 : tolerance;
   r.tolerance = tolerance;
+  // What a fold buries is too near to the surface to take much room from the balls. A remesh needs the cells.
+  r.fold_size = length > 0 ? 0 : tolerance;
   if (options.min_grain_radius.given()) {
     r.mode = RepairMode::wrap, r.tolerance = 0;
     r.alpha = options.min_grain_radius.absolute(diagonal) / diagonal;

@@ -46,6 +46,8 @@ class Surface {
   // triangles, which may be open, crossed or turned at random. The hull says what is inside.
   Surface(Surface triangles, std::shared_ptr<const Surface> hull);
 
+  void set_side(SideBy side) { side_ = side; }
+
   // From triangle `first` on, `mesh` is a sheet: the body has half of the thickness on either side of it, and
   // signed_nearest() and certified_distance() are less by that where nothing else is inside.
   void set_sheet(std::size_t first, double thickness) {

@@ -266,16 +266,22 @@ std::optional<Repaired> piece_repaired(Mesh piece, const Mesh& input, const Repa
   if (volume < 0)
     for (auto& t : piece.triangles) std::swap(t[1], t[2]);
   auto surface = std::make_shared<Surface>(piece);
-  if (any_contact(*surface)) {
+  RepairReport report;
+  if (volume < 0) report.add("turned inside out");
+  const std::optional<std::size_t> folds = count_folds(*surface, options.fold_size);
+  if (!folds) {
     std::string why_not;
     std::optional<Repaired> body = mend_piece(std::move(surface), options, &why_not);
     if (body) body->steps.turned_pieces = volume < 0;
     return mended(std::move(body), why_not, input, options, diagonal, name);
   }
-  RepairReport report;
-  if (volume < 0) report.add("turned inside out");
   Repaired out;
-  out.mesh = std::move(piece), out.report = report.text(), out.checked = true;
+  if (*folds > 0) {
+    report.add("kept folds smaller than the tolerance (" + count_of(*folds, "pair") + " of triangles)");
+    out.steps.pieces = 1, out.steps.crossing_pairs = *folds;
+    surface->set_side(SideBy::winding);
+  }
+  out.mesh = std::move(piece), out.report = report.text(), out.checked = *folds == 0;
   out.ready = std::move(*surface);
   return out;
 }

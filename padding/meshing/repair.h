@@ -30,6 +30,9 @@ struct RepairOptions {
   double tolerance = 0;
   // Corners farther apart are not joined, nor those farther apart than a crack may be wide. 0: none are.
   double join_width = std::numeric_limits<double>::infinity();
+  // A closed piece that crosses itself in folds no larger than this (count_folds() in cells/contacts.h), and
+  // nowhere else, is kept as it is.
+  double fold_size = 0;
   double accuracy = 0;  // error asked for, which a wrap must not spoil; 0: diagonal/500
   // Radius of the ball that a wrap keeps out; 0: 2.75 times the accuracy, from diagonal/400 to diagonal/150.
   double alpha = 0;

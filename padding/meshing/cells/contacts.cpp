@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <atomic>
 #include <mutex>
+#include <numeric>
 #include <optional>
 
 #include "padding/meshing/cgal_mesh.h"
@@ -381,6 +382,48 @@ std::vector<char> flat_ones(const Mesh& mesh) {
   return flat;
 }
 
+// Tells pairs of triangles between which the surface leads on a short way from others.
+class FoldTest {
+ public:
+  FoldTest(const Mesh& mesh, double size)
+      : mesh_(mesh), size2_(size * size), begin_(mesh.points.size() + 1), around_(3 * mesh.triangles.size()) {
+    for (const Corners& c : mesh.triangles)
+      for (const auto v : c) begin_[v + 1]++;
+    std::partial_sum(begin_.begin(), begin_.end(), begin_.begin());
+    std::vector<std::uint32_t> next(begin_);
+    for (std::uint32_t t = 0; t < mesh.triangles.size(); t++)
+      for (const auto v : mesh.triangles[t]) around_[next[v]++] = t;
+  }
+
+  bool is_fold(std::uint32_t s, std::uint32_t t) const {
+    const Corners &from = mesh_.triangles[s], &to = mesh_.triangles[t];
+    const Point middle = (mesh_.corner(s, 0) + mesh_.corner(s, 1) + mesh_.corner(s, 2)) / 3;
+    const auto leaves = [&](std::uint32_t v) { return (mesh_.points[v] - middle).squaredNorm() > size2_; };
+    if (std::any_of(from.begin(), from.end(), leaves) || std::any_of(to.begin(), to.end(), leaves))
+      return false;
+    std::array<std::uint32_t, kMostCorners> seen;
+    std::size_t count = 0;
+    for (const auto v : from) seen[count++] = v;
+    for (std::size_t k = 0; k < count; k++) {
+      if (std::count(to.begin(), to.end(), seen[k]) > 0) return true;
+      for (auto at = begin_[seen[k]]; at < begin_[seen[k] + 1]; at++)
+        for (const auto v : mesh_.triangles[around_[at]]) {
+          if (leaves(v) || std::find(&seen[0], &seen[count], v) != &seen[count]) continue;
+          if (count == kMostCorners) return false;
+          seen[count++] = v;
+        }
+    }
+    return false;
+  }
+
+ private:
+  static constexpr std::size_t kMostCorners = 1024;
+
+  const Mesh& mesh_;
+  const double size2_;
+  std::vector<std::uint32_t> begin_, around_;  // the triangles around each vertex
+};
+
 }  // namespace
 
 bool is_flat(const Mesh& mesh, std::uint32_t t) {
@@ -432,5 +475,22 @@ Contacts find_contacts(const Surface& surface, std::size_t limit, const std::vec
 }
 
 bool any_contact(const Surface& surface) { return find_contacts(surface, 0).too_many; }
+
+std::optional<std::size_t> count_folds(const Surface& surface, double size) {
+  const std::vector<char> flat = flat_ones(surface.mesh());
+  const PairTest test(surface.mesh());
+  const FoldTest folds(surface.mesh(), size);
+  std::atomic<std::size_t> count = 0;
+  std::atomic<bool> all = true;
+  NearPairs(surface, flat).visit([&](std::uint32_t s, std::uint32_t t) {
+    Contacts unused;
+    if (!test.meet(s, t, unused)) return false;
+    count++;
+    if (!folds.is_fold(s, t)) all = false;
+    return !all;
+  });
+  if (!all) return std::nullopt;
+  return count;
+}
 
 }  // namespace padder

@@ -4,6 +4,7 @@
 #include <array>
 #include <cstdint>
 #include <limits>
+#include <optional>
 #include <vector>
 
 #include "padding/geometry/surface.h"
@@ -50,5 +51,10 @@ Contacts find_contacts(const Surface& surface, std::size_t limit = std::numeric_
 
 // Do any two triangles meet? Stops at the first.
 bool any_contact(const Surface& surface);
+
+// The number of pairs that meet, where all are folds no larger than `size`, as the noise of a scan makes
+// them: from one triangle of a pair the surface leads to the other without leaving a ball of that radius
+// around the first. Nothing where one pair is none; stops at the first of these.
+std::optional<std::size_t> count_folds(const Surface& surface, double size);
 
 }  // namespace padder

@@ -132,6 +132,28 @@ TEST(Repair, OverlappingBoxesBecomeTheirUnion) {
   EXPECT_NEAR(volume(r), 1.125, 1e-9);
 }
 
+// The noise of a scan folds the surface over; where the folds are small, cutting them out gains nothing.
+TEST(Repair, SmallFoldsAreKept) {
+  Mesh rough = shapes::sphere(4);
+  shapes::RandomInput random(3);
+  for (Point& p : rough.points) p += 0.08 * random.direction();
+  RepairOptions options;
+  EXPECT_NE(repair(rough, options, "rough").report.find("made one body"), std::string::npos);
+  options.fold_size = 0.4;
+  for (const Mesh& mesh : {rough, shapes::turned_over(rough)}) {
+    const Repaired r = repair(mesh, options, "rough");
+    EXPECT_NE(r.report.find("kept folds"), std::string::npos) << r.report;
+    EXPECT_GT(r.steps.crossing_pairs, 0u);
+    EXPECT_EQ(r.mesh.triangles.size(), rough.triangles.size());
+    EXPECT_EQ(r.side(), SideBy::winding);
+    EXPECT_EQ(r.ready->signed_nearest(Point::Zero()).distance,
+              Surface(r.mesh, SideBy::winding).signed_nearest(Point::Zero()).distance);
+    EXPECT_LT(r.ready->signed_nearest(Point::Zero()).distance, -0.9);
+  }
+  const Mesh two = joined(kCube, shapes::box({0.5, 0.5, 0.5}, {2, 2, 2}));
+  EXPECT_NE(repair(two, options, "two").report.find("made one body"), std::string::npos);
+}
+
 TEST(Repair, AnInnerShellIsACavity) {
   Mesh mesh = kCube;
   mesh =

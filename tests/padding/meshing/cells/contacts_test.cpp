@@ -147,5 +147,46 @@ TEST(Contacts, PassiveTrianglesCutNothing) {
   for (const Cut& cut : some.cuts) EXPECT_GE(cut.triangle, walls);
 }
 
+// Do edges lead from s to t whose ends lie within a ball around the middle of s?
+bool is_fold(const Mesh& mesh, std::uint32_t s, std::uint32_t t, double size) {
+  const Point middle = (mesh.corner(s, 0) + mesh.corner(s, 1) + mesh.corner(s, 2)) / 3;
+  const auto in = [&](std::uint32_t v) { return (mesh.points[v] - middle).norm() <= size; };
+  std::set<std::uint32_t> reached(mesh.triangles[s].begin(), mesh.triangles[s].end());
+  for (const auto& corners : {mesh.triangles[s], mesh.triangles[t]})
+    if (!std::all_of(corners.begin(), corners.end(), in)) return false;
+  for (bool more = true; more;) {
+    more = false;
+    for (const auto& c : mesh.triangles)
+      for (int k = 0; k < 3; k++)
+        for (int l = 0; l < 3; l++)
+          if (reached.count(c[k]) > 0 && in(c[l])) more |= reached.insert(c[l]).second;
+  }
+  const auto& to = mesh.triangles[t];
+  return std::any_of(to.begin(), to.end(), [&](auto v) { return reached.count(v) > 0; });
+}
+
+TEST(Contacts, FoldsAreCountedWhereNothingElseMeets) {
+  Mesh rough = shapes::sphere(3), plate = shapes::box({0, 0, 0}, {1, 1, 0.05}, 8);
+  shapes::RandomInput random(3);
+  for (Point& p : rough.points) p += 0.16 * random.direction();
+  for (Point& p : plate.points)
+    if (p.z() > 0.04 && (p - Point(0.5, 0.5, 0.05)).norm() < 0.15) p.z() = -0.05;  // through the other face
+  std::set<bool> answers;
+  for (const Mesh& mesh : {rough, plate, shapes::joined(rough, rough)})
+    for (const double size : {0.01, 0.2, 0.3, 0.5, 0.7, 10.0}) {
+      const Surface surface(mesh);
+      const std::vector<std::array<std::uint32_t, 2>> pairs = find_contacts(surface).pairs;
+      ASSERT_FALSE(pairs.empty());
+      const bool all = std::all_of(pairs.begin(), pairs.end(),
+                                   [&](const auto& p) { return is_fold(mesh, p[0], p[1], size); });
+      const std::optional<std::size_t> folds = count_folds(surface, size);
+      ASSERT_EQ(folds.has_value(), all) << size;
+      if (all) EXPECT_EQ(*folds, pairs.size());
+      answers.insert(all);
+    }
+  EXPECT_EQ(answers.size(), 2u);
+  EXPECT_FALSE(count_folds(Surface(plate), 0.25));
+}
+
 }  // namespace
 }  // namespace padder
