@@ -164,37 +164,35 @@ std::vector<std::array<std::uint32_t, 2>> find_bands(const Mesh& mesh,
                                                      const std::vector<std::vector<std::uint32_t>>& rims,
                                                      const std::vector<std::uint32_t>& piece) {
   struct Band {
-    double share;  // its area over that of the two patches
-    std::array<std::size_t, 2> rims;
-    std::array<std::uint32_t, 2> bridge;
+    double seen;  // the solid angle of both holes from halfway between them
+    std::size_t a, b;
   };
   std::vector<Band> bands;
   if (rims.size() > kMostRims) return {};
   const std::vector<FlatRim> flat = flat_rims(mesh, rims);
+  const auto solid_angle_of = [&](const std::vector<std::uint32_t>& rim, const Point& from) {
+    double sum = 0;
+    for (std::size_t k = 1; k + 1 < rim.size(); k++)
+      sum += solid_angle(mesh, {rim[0], rim[k], rim[k + 1]}, from);
+    return sum;
+  };
   for (std::size_t a = 0; a < rims.size(); a++)
     for (std::size_t b = 0; b < a; b++) {
       if (piece[a] == ~0u || piece[a] != piece[b] || !flat[a].is_flat || !flat[b].is_flat ||
           !flat[a].faces_away_from(flat[b]))
         continue;
-      Band band{0, {a, b}, nearest_points(mesh, rims[a], rims[b])};
-      std::vector<std::vector<std::uint32_t>> joined = {rims[a], rims[b]};
-      join_rims(joined, band.bridge);
-      const std::vector<Point> polygon = points_of(mesh, joined[0]);
-      Triangles triangles;
-      zip(polygon, rims[a].size(), triangles);
-      for (const auto& [i, j, k] : triangles)
-        band.share += (polygon[j] - polygon[i]).cross(polygon[k] - polygon[i]).norm();
-      band.share /= flat[a].area.norm() + flat[b].area.norm();
-      if (band.share < 1) bands.push_back(band);
+      const Point halfway = (flat[a].middle + flat[b].middle) / 2;
+      const double seen = solid_angle_of(rims[a], halfway) + solid_angle_of(rims[b], halfway);
+      if (1 - seen < 0.5) bands.push_back({seen, a, b});
     }
   std::stable_sort(bands.begin(), bands.end(),
-                   [](const Band& one, const Band& other) { return one.share < other.share; });
+                   [](const Band& one, const Band& other) { return one.seen > other.seen; });
   std::vector<char> taken(rims.size());
   std::vector<std::array<std::uint32_t, 2>> bridges;
   for (const Band& band : bands) {
-    if (taken[band.rims[0]] || taken[band.rims[1]]) continue;
-    taken[band.rims[0]] = taken[band.rims[1]] = true;
-    bridges.push_back(band.bridge);
+    if (taken[band.a] || taken[band.b]) continue;
+    taken[band.a] = taken[band.b] = true;
+    bridges.push_back(nearest_points(mesh, rims[band.a], rims[band.b]));
   }
   return bridges;
 }

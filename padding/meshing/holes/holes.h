@@ -27,9 +27,9 @@ struct Ring {
 std::vector<Ring> find_rings(const Mesh& mesh, const std::vector<std::vector<std::uint32_t>>& rims);
 
 // Where the hole through a body has no wall, as in a tire alone, each of two rims lies behind the other,
-// about along one axis, and a band between the two has less area than a patch over each. Returns the two
-// points of each band that lie nearest to each other. The rims are those of pieces that face outward; `piece`
-// says of which, or ~0: of none.
+// about along one axis, and halfway between them the winding number is below 1/2 without patches over them.
+// There a band between the two closes the body. Returns the two points of each band that lie nearest to each
+// other. The rims are those of pieces that face outward; `piece` says of which, or ~0: of none.
 std::vector<std::array<std::uint32_t, 2>> find_bands(const Mesh& mesh,
                                                      const std::vector<std::vector<std::uint32_t>>& rims,
                                                      const std::vector<std::uint32_t>& piece);
