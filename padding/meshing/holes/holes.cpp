@@ -288,10 +288,10 @@ Triangles fill_rim(const Mesh& mesh, const std::vector<std::uint32_t>& rim) {
   }
   const bool is_flat = high - low <= kFlatRim * rim_length(mesh, rim);
   Triangles out;
-  if (rim.size() > 3 && rim.size() <= kLongRim && !(one && is_flat))
-    least_area(polygon, out);
-  else if (two && !is_flat)
+  if (two && !is_flat)
     zip(polygon, end, out);
+  else if (rim.size() > 3 && rim.size() <= kLongRim && !(one && is_flat))
+    least_area(polygon, out);
   else
     triangulate_polygon(polygon, out);
   for (auto& t : out)
