@@ -141,8 +141,6 @@ class Cutter {
           const Vector along = soup_.points[to] - soup_.points[from];
           on_edges_.push_back({edge, along.dot(points_[c.point[k]] - soup_.points[from]), c.point[k]});
         }
-        for (int k = 0; k < 3; k++)
-          if (c.point[0] != c.point[1] && c.runs_along(k)) touched_.insert(edge_of(t, k));
       }
     const auto less = [](const EdgePoint& a, const EdgePoint& b) {
       return a.along != b.along ? a.along < b.along : a.point < b.point;
@@ -156,6 +154,23 @@ class Cutter {
     on_edges_of_.assign(soup_.points.size() + 1, 0);
     for (const EdgePoint& p : on_edges_) on_edges_of_[(p.edge >> 32) + 1]++;
     std::partial_sum(on_edges_of_.begin(), on_edges_of_.end(), on_edges_of_.begin());
+    find_touched_edges();
+  }
+
+  // By the points themselves: one that was found inside a triangle, or on another edge, may have become one
+  // with a point of this edge.
+  void find_touched_edges() {
+    for (std::uint32_t t = 0; t < soup_.triangles.size(); t++)
+      for (const TriangleCut& c : cuts_of(t))
+        for (int k = 0; k < 3; k++) {
+          const auto lies_on = [&](std::uint32_t p) {
+            const auto between = on_edge(edge_of(t, k));
+            return p == same_[soup_.triangles[t][k]] || p == same_[soup_.triangles[t][(k + 1) % 3]] ||
+                   std::any_of(between.begin(), between.end(), [p](auto& q) { return q.point == p; });
+          };
+          if (c.point[0] != c.point[1] && lies_on(c.point[0]) && lies_on(c.point[1]))
+            touched_.insert(edge_of(t, k));
+        }
   }
 
   // The points on an edge, from its smaller vertex on.
@@ -324,7 +339,7 @@ class Cutter {
     return true;
   }
 
-  // A ray decides on all regions that are joined. Another one, from the next largest of them, must agree.
+  // A ray decides on all regions that are joined. Others, from some of them, must agree.
   void decide() {
     std::vector<std::uint32_t> joined(regions_.size());
     std::iota(joined.begin(), joined.end(), 0u);
@@ -349,21 +364,27 @@ class Cutter {
   }
 
   bool decide_together(std::span<const std::uint32_t> group) {
-    std::array<std::uint32_t, 2> largest = {group[0], group[1]};
-    const auto room = [&](std::uint32_t k) { return regions_[k].room; };
-    if (room(largest[1]) > room(largest[0])) std::swap(largest[0], largest[1]);
-    for (const auto k : group.subspan(2)) {
-      if (room(k) > room(largest[1])) largest[1] = k;
-      if (room(largest[1]) > room(largest[0])) std::swap(largest[0], largest[1]);
+    constexpr std::size_t most_asked = 8;
+    const auto largest = *std::max_element(
+        group.begin(), group.end(), [&](auto a, auto b) { return regions_[a].room < regions_[b].room; });
+    const Region first = decided(largest);
+    if (!first.front) return false;
+    for (std::size_t k = 0; k < group.size(); k += (group.size() + most_asked - 1) / most_asked) {
+      const auto front = decided(group[k]).front;
+      if (front && front != first.front) return false;
     }
-    Region &first = regions_[largest[0]], &second = regions_[largest[1]];
-    if (!decide(first, {}) || !decide(second, {}) || first.front != second.front) return false;
     for (const auto k : group) regions_[k].front = first.front, regions_[k].back = first.back;
     return true;
   }
 
+  Region decided(std::uint32_t k) const {
+    Region region = regions_[k];
+    decide(region, {});
+    return region;
+  }
+
   // `others` may lie on the region, in ascending order. False where rounding leaves open what lies before it.
-  bool decide(Region& r, const std::vector<std::uint32_t>& others) {
+  bool decide(Region& r, const std::vector<std::uint32_t>& others) const {
     const Vector n = soup_.area_normal(r.triangle);
     int jump = solid(r.triangle);
     bool twice = false;

@@ -464,6 +464,23 @@ TEST(Mend, ASolidWithAnOpenSeamIsStillASolid) {
   EXPECT_GT(volume(r), 8);
 }
 
+// The prism lies half in the box, and two of its edges lie in the box's face but for rounding: they cross its
+// plane here and there. What lies on the two sides of such an edge is not decided together.
+TEST(Mend, AnEdgeInAFacePartsInsideFromOutside) {
+  RandomInput random(7);
+  std::vector<std::array<double, 2>> profile = {{0, -0.5}};
+  for (int k = 0; k <= 6; k++) profile.push_back({0.5, k / 6.0 - 0.5});
+  profile.push_back({0, 0.5});
+  Mesh prism = lathe(profile, 4);
+  for (Point& p : prism.points) p = Point(p.z(), p.x(), p.y() + 1);
+  const Mesh box = shapes::box({-2, -2, -1}, {2, 2, 1}, 3);
+  for (int k = 0; k < 100; k++) {
+    const Eigen::Matrix3d turn = random.rotation();
+    const Repaired r = mended(moved(joined(box, prism), turn, random.direction()));
+    EXPECT_NEAR(volume(r), volume(box) + volume(prism) / 2, 1e-9) << k;
+  }
+}
+
 // A tire alone has no wall where its wheel belongs. A barrel is closed by a lid and a floor.
 TEST(Mend, TheHoleThroughATireIsNotFilled) {
   for (const int n : {40, 200})
