@@ -34,7 +34,7 @@ TEST(Attempt, RepairMovesBallsWhereOthersWouldBeAdded) {
   const std::size_t before = attempt.chosen.size();
 
   std::vector<CoverPoint> spots(samples.fine.begin(), samples.fine.end());
-  for (CoverPoint& spot : spots) spot.margin *= 1.3;
+  for (CoverPoint& spot : spots) spot.margin *= 1.35;
   attempt.problem.add(spots, {});
   ASSERT_GT(open_points(attempt), 0u);
   Attempt added = attempt, repaired = attempt;
