@@ -160,17 +160,19 @@ class Cutter {
   // By the points themselves: one that was found inside a triangle, or on another edge, may have become one
   // with a point of this edge.
   void find_touched_edges() {
-    for (std::uint32_t t = 0; t < soup_.triangles.size(); t++)
-      for (const TriangleCut& c : cuts_of(t))
-        for (int k = 0; k < 3; k++) {
-          const auto lies_on = [&](std::uint32_t p) {
-            const auto between = on_edge(edge_of(t, k));
-            return p == same_[soup_.triangles[t][k]] || p == same_[soup_.triangles[t][(k + 1) % 3]] ||
-                   std::any_of(between.begin(), between.end(), [p](auto& q) { return q.point == p; });
-          };
-          if (c.point[0] != c.point[1] && lies_on(c.point[0]) && lies_on(c.point[1]))
-            touched_.insert(edge_of(t, k));
-        }
+    for (std::uint32_t t = 0; t < soup_.triangles.size(); t++) {
+      if (cuts_of(t).empty()) continue;
+      for (int k = 0; k < 3; k++) {
+        const std::uint64_t edge = edge_of(t, k);
+        const std::span<const EdgePoint> between = on_edge(edge);
+        const auto lies_on = [&](std::uint32_t p) {
+          return p == same_[soup_.triangles[t][k]] || p == same_[soup_.triangles[t][(k + 1) % 3]] ||
+                 std::any_of(between.begin(), between.end(), [p](auto& q) { return q.point == p; });
+        };
+        for (const TriangleCut& c : cuts_of(t))
+          if (c.point[0] != c.point[1] && lies_on(c.point[0]) && lies_on(c.point[1])) touched_.insert(edge);
+      }
+    }
   }
 
   // The points on an edge, from its smaller vertex on.
@@ -339,7 +341,7 @@ class Cutter {
     return true;
   }
 
-  // A ray decides on all regions that are joined. Others, from some of them, must agree.
+  // A ray decides on all regions that are joined. Those of some others must agree, and at least one of them.
   void decide() {
     std::vector<std::uint32_t> joined(regions_.size());
     std::iota(joined.begin(), joined.end(), 0u);
@@ -369,10 +371,14 @@ class Cutter {
         group.begin(), group.end(), [&](auto a, auto b) { return regions_[a].room < regions_[b].room; });
     const Region first = decided(largest);
     if (!first.front) return false;
+    bool agreed = false;
     for (std::size_t k = 0; k < group.size(); k += (group.size() + most_asked - 1) / most_asked) {
+      if (group[k] == largest) continue;
       const auto front = decided(group[k]).front;
       if (front && front != first.front) return false;
+      agreed |= front.has_value();
     }
+    if (!agreed) return false;
     for (const auto k : group) regions_[k].front = first.front, regions_[k].back = first.back;
     return true;
   }

@@ -62,6 +62,12 @@ void zip(const std::vector<Point>& polygon, std::size_t end, Triangles& out) {
   }
 }
 
+std::vector<Point> points_of(const Mesh& mesh, const std::vector<std::uint32_t>& rim) {
+  std::vector<Point> points;
+  for (const auto v : rim) points.push_back(mesh.points[v]);
+  return points;
+}
+
 // Twice the area that a polygon encloses, along the normal.
 Vector area_vector(std::span<const Point> polygon) {
   Vector area = Vector::Zero();
@@ -78,8 +84,8 @@ struct FlatRim {
   double most_off = 0;           // from the plane: what lies off it by less counts as in it
   bool is_flat = false;
 
-  FlatRim(const Mesh& mesh, const std::vector<std::uint32_t>& rim) {
-    for (const auto v : rim) points.push_back(mesh.points[v]), middle += mesh.points[v] / double(rim.size());
+  FlatRim(const Mesh& mesh, const std::vector<std::uint32_t>& rim) : points(points_of(mesh, rim)) {
+    for (const Point& p : points) middle += p / double(points.size());
     area = area_vector(points);
     most_off = kFlatRim * rim_length(mesh, rim);
     is_flat = area.norm() > 0 &&
@@ -129,12 +135,6 @@ std::array<std::uint32_t, 2> nearest_points(const Mesh& mesh, const std::vector<
       if (const double away = (mesh.points[b] - mesh.points[a]).norm(); away < least)
         least = away, nearest = {a, b};
   return nearest;
-}
-
-std::vector<Point> points_of(const Mesh& mesh, const std::vector<std::uint32_t>& rim) {
-  std::vector<Point> points;
-  for (const auto v : rim) points.push_back(mesh.points[v]);
-  return points;
 }
 
 }  // namespace
@@ -288,7 +288,7 @@ Triangles fill_rim(const Mesh& mesh, const std::vector<std::uint32_t>& rim) {
   }
   const bool is_flat = high - low <= kFlatRim * rim_length(mesh, rim);
   Triangles out;
-  if (two && !is_flat)
+  if (two && !(is_flat && rim.size() <= kLongRim))
     zip(polygon, end, out);
   else if (rim.size() > 3 && rim.size() <= kLongRim && !(one && is_flat))
     least_area(polygon, out);

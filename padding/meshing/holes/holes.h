@@ -38,8 +38,9 @@ std::vector<std::array<std::uint32_t, 2>> find_bands(const Mesh& mesh,
 // between two rims.
 void join_rims(std::vector<std::vector<std::uint32_t>>& rims, const std::array<std::uint32_t, 2>& bridge);
 
-// Triangles that fill a rim of 3 or more points: a band's from rim to rim; else ears in the plane across it
-// if it is about flat or long; otherwise, and if it is a ring's, the patch of least area.
+// Triangles that fill a rim of 3 or more points: from rim to rim if it is a band's or a long ring's; else
+// ears in the plane across it if it is about flat or long; otherwise, and if it is a ring's, the patch of
+// least area.
 Triangles fill_rim(const Mesh& mesh, const std::vector<std::uint32_t>& rim);
 
 double rim_length(const Mesh& mesh, const std::vector<std::uint32_t>& rim);

@@ -484,7 +484,7 @@ TEST(Mend, AnEdgeInAFacePartsInsideFromOutside) {
 // A tire alone has no wall where its wheel belongs. A barrel is closed by a lid and a floor.
 TEST(Mend, TheHoleThroughATireIsNotFilled) {
   for (const int n : {40, 200})
-    for (const double half_width : {0.2, 0.33, 0.36, 0.9}) {
+    for (const double half_width : {0.01, 0.2, 0.33, 0.36, 0.9}) {
       const bool tire = half_width < 0.6 / std::sqrt(3);
       std::vector<std::array<double, 2>> profile;
       for (int k = 0; k <= 12; k++) {

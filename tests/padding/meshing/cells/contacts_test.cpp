@@ -181,7 +181,9 @@ TEST(Contacts, FoldsAreCountedWhereNothingElseMeets) {
                                    [&](const auto& p) { return is_fold(mesh, p[0], p[1], size); });
       const std::optional<std::size_t> folds = count_folds(surface, size);
       ASSERT_EQ(folds.has_value(), all) << size;
-      if (all) EXPECT_EQ(*folds, pairs.size());
+      if (all) {
+        EXPECT_EQ(*folds, pairs.size());
+      }
       answers.insert(all);
     }
   EXPECT_EQ(answers.size(), 2u);
