@@ -12,10 +12,10 @@ namespace padder {
 namespace {
 
 // How far from the place of a chosen ball, in turn: share of the radius of the disc that it covers.
-constexpr std::array kStepSizes = {0.2, 0.3};
+constexpr std::array kStepSizes = {0.25, 0.4};
 // Balls that were tried stay to be chosen from while there are at most so many for each chosen one, and in
 // all.
-constexpr std::size_t kMostTried = 40, kMostTriedInAll = 400'000;
+constexpr std::size_t kMostTried = 20, kMostTriedInAll = 400'000;
 
 }  // namespace
 
@@ -50,6 +50,11 @@ void Attempt::solve(double steps) {
 }
 
 void Attempt::try_places(const BallGrower& grower, int places) {
+  const std::size_t tried = problem.candidates().size();
+  if (tried > kMostTriedInAll || tried > kMostTried * chosen.size()) {
+    problem.keep(chosen);
+    std::iota(chosen.begin(), chosen.end(), 0u);
+  }
   std::vector<std::uint32_t> all(chosen.size());
   std::iota(all.begin(), all.end(), 0u);
   try_places(grower, places, all);
@@ -68,11 +73,6 @@ void Attempt::try_places(const BallGrower& grower, int places, const std::vector
   }
   std::vector<Candidate> fresh;
   for (const auto& candidates : tried_at) fresh.insert(fresh.end(), candidates.begin(), candidates.end());
-  const std::size_t tried = problem.candidates().size();
-  if (tried > kMostTriedInAll || tried > kMostTried * chosen.size()) {
-    problem.keep(chosen);
-    std::iota(chosen.begin(), chosen.end(), 0u);
-  }
   problem.add({}, fresh);
 }
 

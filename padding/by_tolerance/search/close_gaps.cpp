@@ -15,7 +15,6 @@ constexpr int kRepairedRounds = 60;   // after these, balls are only added
 constexpr int kMostGapRounds = 100;   // after these, the cover is not proved
 constexpr int kRepairPlaces = 4;      // tried around each ball beside an open point
 constexpr double kRepairSteps = 30;   // exchanges for each of these balls
-constexpr double kDecay = 0.85;       // each round searches less than the one before
 constexpr double kSpacing = 0.25;     // of the spots: share of the tolerance sum
 constexpr double kGapMargin = 0.003;  // of their points: share of the tolerance sum
 
@@ -63,14 +62,14 @@ bool close_gaps(Attempt& attempt, const BallGrower& grower, double steps, int pl
                 CoverProblem* also) {
   OpenPieces open(grower.surface().mesh(), grower.limits().gap);
   // The cap is for surface that a radius limit leaves open.
-  for (int round = 0;; round++, steps *= kDecay) {
+  for (int round = 0;; round++) {
     const std::vector<GapPart> failures =
         open.failures(attempt.balls(), kSpacing * grower.limits().tolerance_sum);
     if (failures.empty()) return true;
     const bool search = round < kSearchedRounds;
     if (search) watch.tick();
     watch.check();
-    if (search && places > 0) attempt.try_places(grower, places);
+    if (places > 0) attempt.try_places(grower, search ? places : 0);
     if (round == kMostGapRounds || !refine(attempt.problem, grower, failures, also)) return false;
     const std::vector<char> all(attempt.chosen.size(), search);
     if (places == 0 || round >= kRepairedRounds) {

@@ -9,7 +9,7 @@ namespace padder {
 // The whole cover is searched in at most so many rounds, each of which is a step of the watch. Further rounds
 // move the balls around the spots that are left, and add one where that fails; what is proved elsewhere stays
 // so. The last only add, so that they end.
-inline constexpr int kSearchedRounds = 10;
+inline constexpr int kSearchedRounds = 5;
 
 // Makes the spots that the certificate finds points to cover, until it finds none. Returns false if the
 // radius limits leave some. In the first round, the search makes `steps` exchanges for each ball and tries so

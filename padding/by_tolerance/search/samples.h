@@ -38,7 +38,7 @@ struct SampleOptions {
   double tolerance_sum = 0;   // protrusion and gap together: so far beyond its medial ball a sphere covers
   double grown_density = 3;   // of the places with balls
   double coarse_density = 4;  // of the coarse points
-  double fine_density = 6;    // of the fine points; at least coarse_density
+  double fine_density = 5;    // of the fine points; at least coarse_density
   double largest = std::numeric_limits<double>::infinity();  // radius of medial balls
 };
 
