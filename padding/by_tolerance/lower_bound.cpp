@@ -19,7 +19,7 @@ constexpr std::size_t kMostPoints = 30000;  // with weights
 constexpr int kFirstSteps = 1200, kLaterSteps = 400;  // of the linear programme
 constexpr double kMostAdditions = 5e8;                // of a round, over all steps
 constexpr int kMostRounds = 12;                       // of weights and boxes in turn
-constexpr double kLeastGain = 0.005;                  // of a round, else it is the last
+constexpr double kNearEnough = 1.02;                  // ends the rounds: a ball gathers so much at most
 constexpr std::size_t kBatch = 256;                   // boxes that are split together
 // Boxes have the size of the neighbourhoods in which balls cover about the same, which the tolerance sum
 // tells. Half edges in shares of it: of boxes that are not split further, and of the largest that become
@@ -136,9 +136,8 @@ class LowerBound {
       const double most = prove(std::max<std::size_t>(10000, options_.boxes * begun));
       const double sum = std::accumulate(packing_.weights.begin(), packing_.weights.end(), 0.0);
       if (!(most > 0)) break;
-      const double bound = sum / most * (1 - kRounding), before = best;
-      best = std::max(best, bound);
-      if (round > 3 && bound < (1 + kLeastGain) * before) break;
+      best = std::max(best, sum / most * (1 - kRounding));
+      if (most < kNearEnough) break;
       add_rows(begun);
     }
     return static_cast<std::uint64_t>(std::max(1.0, std::ceil(best)));
