@@ -242,6 +242,10 @@ FilesBeside check_gltf(std::string_view bytes, const fs::path& path, const std::
   using Json = nlohmann::json;
   const Json json = parse_json<Json>(bytes, where);
   const JsonPlace<Json> document(json, where);
+  const Json::json_pointer version("/asset/version");
+  if (json.contains(version) && json[version].is_string() &&
+      json[version].get_ref<const std::string&>().starts_with("1."))
+    fail(where, "it is glTF 1, which is not read: export it as glTF 2");
   const auto names = [&](const char* key) {
     std::vector<std::string> out;
     if (document.has(key))
@@ -290,6 +294,8 @@ Soup read_scene(const std::string& bytes, const FilesBeside& beside, const fs::p
                            AI_CONFIG_IMPORT_FBX_READ_LIGHTS, AI_CONFIG_IMPORT_FBX_READ_CAMERAS,
                            AI_CONFIG_IMPORT_FBX_READ_ANIMATIONS, AI_CONFIG_IMPORT_FBX_READ_WEIGHTS})
     importer.SetPropertyBool(part, false);
+  // Bones and nodes without a mesh have no surface; assimp would draw them.
+  importer.SetPropertyBool(AI_CONFIG_IMPORT_NO_SKELETON_MESHES, true);
   // ROS and Gazebo look at no up axis of COLLADA, and its files are made for them.
   importer.SetPropertyBool(AI_CONFIG_IMPORT_COLLADA_IGNORE_UP_DIRECTION, true);
   const aiScene* scene = importer.ReadFile(where, aiProcess_RemoveComponent);

@@ -487,6 +487,21 @@ TEST_F(Read, ColladaHasItsUnitAndItsStrips) {
   }
 }
 
+TEST_F(Read, NodesWithoutMeshesHaveNoSurface) {
+  expect_fault(
+      put("bones.dae",
+          R"(<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1"><asset/>)"
+          R"(<library_visual_scenes><visual_scene id="s"><node id="a"><node id="b"><translate>0 0 2</translate>)"
+          R"(</node></node></visual_scene></library_visual_scenes>)"
+          R"(<scene><instance_visual_scene url="#s"/></scene></COLLADA>)"),
+      "it holds no triangle");
+}
+
+TEST_F(Read, GltfOneIsNamed) {
+  expect_fault(put("old.gltf", R"({"asset":{"version":"1.0"},"nodes":{"a":{}},"meshes":{}})"),
+               "it is glTF 1, which is not read");
+}
+
 // A scene with two instances of one triangle, the second mirrored in x and moved up. Both must face +z.
 const char* mirrored_gltf = R"({"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0,1]}],
 "nodes":[{"mesh":0},{"mesh":0,"scale":[-2,1,1],"translation":[0,0,3]}],
