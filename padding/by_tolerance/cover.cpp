@@ -32,7 +32,7 @@ constexpr double kGreedyMargin = 0.3;
 
 constexpr int kMovePlaces = 16;  // tried around each ball
 constexpr int kMergeMoves = 2;
-// What the first round of close_gaps() does: share of the stage's steps, and places tried around each ball.
+// What a searched round of close_gaps() does: share of the stage's steps, and places tried around each ball.
 constexpr double kClosingShare = 0.5;
 constexpr int kClosingPlaces = 4;
 

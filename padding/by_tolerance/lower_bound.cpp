@@ -19,7 +19,7 @@ constexpr std::size_t kMostPoints = 30000;  // with weights
 constexpr int kFirstSteps = 1200, kLaterSteps = 400;  // of the linear programme
 constexpr double kMostAdditions = 5e8;                // of a round, over all steps
 constexpr int kMostRounds = 12;                       // of weights and boxes in turn
-constexpr double kNearEnough = 1.02;                  // ends the rounds: a ball gathers so much at most
+constexpr double kNearEnough = 1.02;                  // the last round: no ball gathers more than this
 constexpr std::size_t kBatch = 256;                   // boxes that are split together
 // Boxes have the size of the neighbourhoods in which balls cover about the same, which the tolerance sum
 // tells. Half edges in shares of it: of boxes that are not split further, and of the largest that become

@@ -67,7 +67,7 @@ Touching ball_below(const Surface& surface, const Point& p, const Vector& normal
 Ball ball_below_roughness(const Surface& surface, const Point& p, const Vector& normal, double largest,
                           double tolerance, double guess, const Ball& inner) {
   constexpr double same_side = 0.5;  // cosine: farther apart, the two points lie on two walls of the body
-  constexpr double worth_it = 1.05;
+  constexpr double worth_it = 1.05;  // times the radius: less is not worth the queries of a step
   constexpr int most_steps = 8;
   Touching best = ball_below(surface, p, normal, largest, tolerance, guess, 0, inner);
   for (int step = 0; step < most_steps; step++) {

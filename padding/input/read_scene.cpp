@@ -294,7 +294,7 @@ Soup read_scene(const std::string& bytes, const FilesBeside& beside, const fs::p
                            AI_CONFIG_IMPORT_FBX_READ_LIGHTS, AI_CONFIG_IMPORT_FBX_READ_CAMERAS,
                            AI_CONFIG_IMPORT_FBX_READ_ANIMATIONS, AI_CONFIG_IMPORT_FBX_READ_WEIGHTS})
     importer.SetPropertyBool(part, false);
-  // Bones and nodes without a mesh have no surface; assimp would draw them.
+  // Bones and nodes without a mesh have no surface, but assimp would make meshes of them.
   importer.SetPropertyBool(AI_CONFIG_IMPORT_NO_SKELETON_MESHES, true);
   // ROS and Gazebo look at no up axis of COLLADA, and its files are made for them.
   importer.SetPropertyBool(AI_CONFIG_IMPORT_COLLADA_IGNORE_UP_DIRECTION, true);

@@ -12,9 +12,9 @@ namespace padder {
 inline constexpr int kSearchedRounds = 5;
 
 // Makes the spots that the certificate finds points to cover, until it finds none. Returns false if the
-// radius limits leave some. In the first round, the search makes `steps` exchanges for each ball and tries so
-// many places around each; with 0 balls are only added. `also`, if there is one, gets the same points and
-// balls.
+// radius limits leave some. In each searched round, the search makes `steps` exchanges for each ball and
+// tries so many places around each; with 0 balls are only added. `also`, if there is one, gets the same
+// points and balls.
 bool close_gaps(Attempt& attempt, const BallGrower& grower, double steps, int places, Watch& watch,
                 CoverProblem* also);
 
