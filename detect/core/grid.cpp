@@ -295,11 +295,12 @@ std::int64_t last_bin(const Level& l, double high) {
 // stepped bounds, in bins.
 void lay_out(Level& l, const Summary::Octave& all, double most, GridBounds bounds, std::uint64_t least_step) {
   double bins = 1, within = 1;
-  l.filled = 1;
+  l.filled = l.least_filled = 1;
   for (int k = 0; k < 3; k++) {
     std::int64_t low = split(l, all.low[k]).bin, high = split(l, all.high[k]).bin;
     const std::int64_t wide = high - low + 1;
     std::int64_t filled = wide;
+    double least_filled = std::min(std::floor((all.high[k] - all.low[k]) / l.size) + 1.0, double(wide));
     within *= static_cast<double>(wide + 2);
     if (bounds == GridBounds::stepped) {
       const auto step = static_cast<std::int64_t>(
@@ -308,6 +309,7 @@ void lay_out(Level& l, const Summary::Octave& all, double most, GridBounds bound
       low = ((low + step / 2) & -step) - step / 2, high = ((high + step / 2) | (step - 1)) - step / 2;
       // The middle of what it may be: it must not change more often than the bounds.
       filled = high - low + 1 - (step - 1);
+      least_filled = static_cast<double>(filled);
     } else if (bounds == GridBounds::wide) {
       // By half a bin where there are few: beside spheres that lie in a plane, each bin is a row more for
       // those of other levels.
@@ -319,12 +321,13 @@ void lay_out(Level& l, const Summary::Octave& all, double most, GridBounds bound
     l.count[k] = static_cast<std::uint32_t>(std::min<std::int64_t>(high - low + 1, 0x7fffffff));
     bins *= static_cast<double>(high - low + 3);
     l.filled *= static_cast<double>(filled) / static_cast<double>(high - low + 1);
+    l.least_filled *= least_filled / static_cast<double>(high - low + 1);
   }
   if (within <= most && bins <= 0x1p31) {
     l.buckets = static_cast<std::uint32_t>(bins);
     return;
   }
-  l.filled = 1;
+  l.filled = l.least_filled = 1;
   l.hashed = 1;
   set_ring(l, static_cast<int>(std::bit_width(2 * all.count - 1)));
   std::int64_t far = 1;

@@ -48,6 +48,7 @@ struct Level {
   std::uint32_t offset = 0, buckets = 1;       // its keys are offset to offset + buckets - 1
   std::uint64_t spheres = 0;                   // their number, by the summary
   double filled = 1;                           // the part of the bins that lies within the spheres' bounds
+  double least_filled = 1;  // the same, if those that lie across a face of the bins all go to one side of it
   friend bool operator==(const Level&, const Level&) = default;
 };
 

@@ -25,6 +25,10 @@ inline constexpr int kCopyThreads = 8, kCopyBlocks = 2;
 // down.
 inline constexpr std::uint32_t kFewSpheres = 1u << 18;
 
+// Contacts for each sphere that the first list of few spheres has room for. A list that is made longer stops
+// the device: row "a list of few spheres that grows". The room is memory alone, on any chip.
+inline constexpr std::uint32_t kListOfFew = 4;
+
 // Spheres of a bucket on average, where a block has kBucketShared bytes of shared memory; with less, buckets
 // are as much smaller. Row "buckets of 5,000, 6,500, 7,000, 8,000 spheres". Larger ones overflow.
 inline constexpr double kBucketSpheres = 6500;

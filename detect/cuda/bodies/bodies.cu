@@ -159,8 +159,10 @@ void BodySearch::enqueue(const Plan& plan, Tools& tools, cudaStream_t stream, St
 void BodySearch::pass(const Call& call, bool recorded) {
   expect_report(plan_, tools_);
   if (recorded)
-    recording_.run(plan_, book_.moves, call.stream, call.side,
-                   [&](cudaStream_t stream) { enqueue(plan_, tools_, stream, call.clock); });
+    recording_.run(
+        plan_, call.stream, call.side,
+        [&](cudaStream_t stream) { enqueue(plan_, tools_, stream, call.clock); },
+        [&](Plan& plan) { plan.moves = book_.moves; });
   else
     enqueue(plan_, tools_, call.stream, call.clock);
   const ProfileRange range("padder: wait");

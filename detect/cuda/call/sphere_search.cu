@@ -140,12 +140,16 @@ void SphereSearch::plan_output(const Call& call, bool with_survey) {
 }
 
 // The list lends its memory to the order as work space. In a first call it has none yet. Smaller buckets take
-// more room: where that is not lent, they are counted in each call.
+// more room: where that is not lent, they are counted in each call. The list of few spheres lends none, but
+// is long enough for usual scenes: making it longer would take several times as long as a call.
 void SphereSearch::lengthen_to_lend(const Call& call) {
   const std::uint32_t count = plan_.source.count;
-  if (call.options.width == Width::pairs || count < tuning::kFewSpheres ||
-      (call.list.capacity(call.options) > 0 && crowding_ == 0))
+  const bool first = call.list.capacity(call.options) == 0;
+  if (count < tuning::kFewSpheres) {
+    if (first && book_.limit == 0) call.list.reserve(call.options, tuning::kListOfFew * std::uint64_t(count));
     return;
+  }
+  if (call.options.width == Width::pairs || (!first && crowding_ == 0)) return;
   const std::uint64_t room = Orderer::room(count) + (crowding_ ? count / 8 : 0);
   const bool words = plan_.kind != SlotKind::equal || !float_bins(plan_.grid, plan_.kind, count).on;
   if (!words)
@@ -212,8 +216,10 @@ void SphereSearch::pass(const Call& call, bool recorded) {
   expect_report(plan_, tools_);
   if (call.history) call.history->begin_pass(plan_.history, call.stream);
   if (recorded)
-    recording_.run(plan_, book_.moves, call.stream, call.side,
-                   [&](cudaStream_t stream) { enqueue(plan_, tools_, stream, call.clock); });
+    recording_.run(
+        plan_, call.stream, call.side,
+        [&](cudaStream_t stream) { enqueue(plan_, tools_, stream, call.clock); },
+        [&](Plan& plan) { plan.moves = book_.moves, plan.kept = tools_.orderer.kept(); });
   else
     enqueue(plan_, tools_, call.stream, call.clock);
   const ProfileRange range("padder: wait");
@@ -234,6 +240,7 @@ struct SphereSearch::Steps {
     s.make_plan(source, call, previous);
     s.plan_output(call, true);
     s.pass(call, true);
+    if (s.found_.flags == kOutgrown) s.pass(call, true);
     const SlotKind kind = s.plan_.kind;
     const SearchOptions searched = s.plan_.search;
     if (!s.tools_.surveyor.finish(s.plan_.searched(), s.plan_.octaves, s.plan_.top, s.plan_.along(),

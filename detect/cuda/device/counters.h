@@ -12,7 +12,8 @@ struct Counters {
   std::uint32_t flags;          // set by Orderer, cleared by its caller
 };
 // Counters::flags. Crowded: a bin or bucket is too full for the method. Outside: a sphere lies outside the
-// bins, which were chosen for other spheres.
-enum : std::uint32_t { kCrowded = 1, kOutside = 2 };
+// bins, which were chosen for other spheres. Outgrown: a bucket has outgrown the room that it got by the
+// previous call (OrderRequest::keep).
+enum : std::uint32_t { kCrowded = 1, kOutside = 2, kOutgrown = 4 };
 
 }  // namespace padder::detect::cuda

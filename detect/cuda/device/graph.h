@@ -26,9 +26,10 @@ class SideStream {
 };
 
 // Plan: everything that decides what is enqueued, and comparable. Whatever a kernel is given by value must
-// follow from the plan; what stands behind addresses may change. plan.moves is MemoryBook::moves, because a
-// graph holds addresses. Several plans are kept: calls with a history have two memories for their lists in
-// turn, and the quotas of a stable list change back and forth while spheres move.
+// follow from the plan; what stands behind addresses may change. That goes for addresses as well: what tells
+// that memory was taken (MemoryBook::moves) is part of the plan. Several plans are kept: calls with a history
+// have two memories for their lists in turn, and the quotas of a stable list change back and forth while
+// spheres move.
 template <class Plan>
 class Recording {
  public:
@@ -39,30 +40,25 @@ class Recording {
   Recording(const Recording&) = delete;
   Recording& operator=(const Recording&) = delete;
 
-  // Enqueues on `stream` what the plan stands for. The first time it calls enqueue(stream). The second time,
-  // unless kKept other plans came between, it records enqueue() on `side` and launches the recording;
-  // afterwards it launches the recording alone. `moves` is read after enqueue(), which may allocate. Throws
-  // Error.
-  template <class Enqueue>
-  void run(const Plan& plan, const std::uint64_t& moves, cudaStream_t stream, SideStream& side,
-           Enqueue enqueue) {
+  // Enqueues on `stream` what the plan stands for. The first and the second time, unless kKept other plans
+  // came between, it calls enqueue(stream). The second time it also records enqueue() on `side`, while the
+  // device works; afterwards it launches the recording alone. What enqueue() itself changes, such as the
+  // memory that it takes, renew(plan) brings up to date in a plan. Throws Error.
+  template <class Enqueue, class Renew>
+  void run(const Plan& plan, cudaStream_t stream, SideStream& side, Enqueue enqueue, Renew renew) {
     for (int k = 0; k < kKept && !(plan == recorded_[last_].plan); k++) last_ = (last_ + 1) % kKept;
     if (!(plan == recorded_[last_].plan)) last_ = oldest_, oldest_ = (oldest_ + 1) % kKept;
     Recorded& r = recorded_[last_];
-    if (!(plan == r.plan)) {
-      r.drop();
-      r.plan = plan;
-      enqueue(stream);
-      r.plan.moves = moves;
-      return;
-    }
-    if (!r.graph) r.graph = record(side.get(), enqueue);
-    if (r.plan.moves != moves) {  // memory was taken while it was recorded: some addresses are old
-      r.drop();
-      r.plan.moves = moves;
-      return enqueue(stream);
-    }
-    cuda_check(cudaGraphLaunch(r.graph, stream), "launch a graph");
+    if (plan == r.plan && r.graph) return cuda_check(cudaGraphLaunch(r.graph, stream), "launch a graph");
+    const bool again = plan == r.plan;
+    r.drop();
+    r.plan = plan;
+    enqueue(stream);
+    renew(r.plan);
+    if (!again || !(plan == r.plan)) return;
+    r.graph = record(side.get(), enqueue);
+    renew(r.plan);
+    if (!(plan == r.plan)) r.drop();  // memory was taken while it was recorded: some addresses are old
   }
 
  private:

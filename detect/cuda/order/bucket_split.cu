@@ -79,15 +79,16 @@ struct BucketOf<LevelBins> {
 // All buckets at once; or groups of buckets first, and then the buckets of each group.
 enum class Pass { whole, among_groups, within_groups };
 
-// By the last block that has divided its spheres: buckets begin where the counts of this call say.
+// By the last block that has divided its spheres: buckets begin where the counts of this call say, whether
+// they had room or not.
 __device__ __noinline__ void begin_as_found(const Starts& starts, std::uint32_t count, std::uint32_t* shared,
                                             std::uint32_t* sums, Counters* counters) {
   if (!is_last(starts)) return;
   for (std::uint32_t b = threadIdx.x; b < count; b += blockDim.x) {
     const std::uint32_t begin = starts.room[b], room = starts.room[b + 1] - begin,
                         found = __ldcg(starts.cursor + b) - begin;
-    if (found > room) atomicOr(&counters->flags, kOutside);
-    shared[b] = min(found, room);
+    if (found > room) atomicOr(&counters->flags, kOutgrown);
+    shared[b] = found;
   }
   scan_shared(shared, count, sums);
   for (std::uint32_t b = threadIdx.x; b <= count; b += blockDim.x) starts.bucket[b] = shared[b];

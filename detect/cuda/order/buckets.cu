@@ -31,7 +31,8 @@ Buckets choose_buckets(const Grid& grid, const Ordered& o, double aim, double wi
     // Hashed levels fill buckets less evenly: lines and planes of spheres come in runs. Of a dense level, the
     // two empty layers of the border are buckets of their own, which leaves fewer entries to the others.
     const double spheres = static_cast<double>(std::max<std::uint64_t>(l.spheres, 1)),
-                 part_filled = l.hashed ? tuning::kHashedBucket : l.filled * l.count[2] / (l.count[2] + 2.0),
+                 part_filled =
+                     l.hashed ? tuning::kHashedBucket : l.least_filled * l.count[2] / (l.count[2] + 2.0),
                  width = std::floor(std::clamp(aim * part_filled * entries / spheres, 2.0, widest - 1));
     part.magic = static_cast<std::uint32_t>(std::ceil(4294967296.0 / width));
     // A level of few spheres may have fewer entries than its buckets have room for.

@@ -53,12 +53,12 @@ struct OrderRequest {
   // What it asks for is gathered along; it and the counters need not have been set to zero then.
   const Gather& gather;
   const Lent& lent;
-  Counters* counters;  // kCrowded or kOutside is set in Counters::flags
+  Counters* counters;  // Counters::flags is set
   int processors;      // processors_of(stream); the order does not depend on it
   cudaStream_t stream;
   // If the previous call had the same buckets, nothing is counted: each has a little more room than it needed
-  // then. kOutside is set where that is not enough, or where one radius is not that of all; the caller then
-  // calls again without.
+  // then. kOutgrown is set where that is not enough; the next call gives each what it needs now. kOutside is
+  // set where one radius is not that of all; the caller then calls again without.
   bool keep = false;
 };
 

@@ -179,6 +179,32 @@ TEST_F(SparseTest, UnequalSpheresInAPlaneAsByTheProcessor) {
         }
 }
 
+// A plane on a face of bins, whose spheres go to both sides of it and come back: their buckets hold twice as
+// many then as in the call before.
+TEST_F(SparseTest, PlanesThatComeBackToAFaceAsByTheProcessor) {
+  constexpr std::uint32_t n = 300'000;
+  for (const double ratio : {1.0, 10.0}) {
+    TestScene flat;
+    const double edge = std::sqrt((1 + ratio) * n) / 2;
+    while (flat.spheres.size() < n)
+      flat.spheres.push_back(
+          {edge * unit(), edge * unit(), 0, std::pow(ratio, std::pow(std::abs(unit()), 8))});
+    TestScene away = flat;
+    move(away, 0.02);
+    for (const Order order : {Order::any, Order::stable}) {
+      CallOptions o;
+      o.order = order;
+      Detector cpu({BackendKind::omp}, {}), gpu({BackendKind::cuda}, o);
+      for (int call = 0; call < 8; call++) {
+        const TestScene given = (call % 4 == 3 ? flat : away).rounded();
+        const Arranged input(given, Scalar::f32);
+        ASSERT_EQ(gpu.detect(input.input).count, cpu.detect(input.input).count) << call << " seed " << seed_;
+        ASSERT_EQ(gpu.hash(), cpu.hash()) << "call " << call << " seed " << seed_;
+      }
+    }
+  }
+}
+
 // Everything in a few bins that share buckets with others far away: places repeat each 256 bins in fixed
 // point.
 TEST_F(SparseTest, PlacesThatRepeatAreToldApart) {
