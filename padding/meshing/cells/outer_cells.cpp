@@ -14,6 +14,7 @@
 
 #include "padding/geometry/random.h"
 #include "padding/geometry/surface.h"
+#include "padding/meshing/cells/meeting_place.h"
 #include "padding/meshing/pieces.h"
 
 namespace padder {
@@ -66,21 +67,6 @@ class Cutter {
 
   // --- points ---
 
-  Point at(const MeetingPoint& m) const {
-    const auto end = [&](std::uint64_t e, int k) { return soup_.points[k ? e & 0xffffffffu : e >> 32]; };
-    const Point p = end(m.what, 0), q = end(m.what, 1);
-    double x, y;  // distances of p and q to what is met
-    if (m.with & MeetingPoint::kTriangle) {
-      const std::size_t t = m.with & ~MeetingPoint::kTriangle;
-      const Vector n = soup_.area_normal(t);
-      x = std::abs(n.dot(p - soup_.corner(t, 0))), y = std::abs(n.dot(q - soup_.corner(t, 0)));
-    } else {
-      const Vector u = end(m.with, 0), along = end(m.with, 1) - u;
-      x = along.cross(p - u).norm(), y = along.cross(q - u).norm();
-    }
-    return x + y > 0 ? Point(p + (q - p) * (x / (x + y))) : Point(0.5 * (p + q));
-  }
-
   // Gives each meeting point its index, and each edge the points on it.
   void name_points() {
     std::vector<MeetingPoint> all;
@@ -96,7 +82,7 @@ class Cutter {
     const std::size_t first = points_.size();
     points_.resize(first + all.size());
 #pragma omp parallel for if (all.size() > 1024)
-    for (std::size_t k = 0; k < all.size(); k++) points_[first + k] = at(all[k]);
+    for (std::size_t k = 0; k < all.size(); k++) points_[first + k] = place_of(all[k], soup_, near_);
 
     // An edge meets triangles in one plane at one point. Taken as several, it would make cuts that all but
     // coincide.

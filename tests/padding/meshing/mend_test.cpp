@@ -465,7 +465,8 @@ TEST(Mend, ASolidWithAnOpenSeamIsStillASolid) {
 }
 
 // The prism lies half in the box, and two of its edges lie in the box's face but for rounding: they cross its
-// plane here and there. What lies on the two sides of such an edge is not decided together.
+// plane here and there. What lies on the two sides of such an edge is not decided together, and where it
+// crosses the plane its place is not left to rounding.
 TEST(Mend, AnEdgeInAFacePartsInsideFromOutside) {
   RandomInput random(7);
   std::vector<std::array<double, 2>> profile = {{0, -0.5}};
@@ -473,12 +474,15 @@ TEST(Mend, AnEdgeInAFacePartsInsideFromOutside) {
   profile.push_back({0, 0.5});
   Mesh prism = lathe(profile, 4);
   for (Point& p : prism.points) p = Point(p.z(), p.x(), p.y() + 1);
+  Mesh cube_on_its_edge = shapes::box({-0.5, -0.5, -0.5}, {0.5, 0.5, 0.5}, 6);
+  for (Point& p : cube_on_its_edge.points) p = {p.x(), p.y() + p.z(), p.z() - p.y() + 1};
   const Mesh box = shapes::box({-2, -2, -1}, {2, 2, 1}, 3);
-  for (int k = 0; k < 100; k++) {
-    const Eigen::Matrix3d turn = random.rotation();
-    const Repaired r = mended(moved(joined(box, prism), turn, random.direction()));
-    EXPECT_NEAR(volume(r), volume(box) + volume(prism) / 2, 1e-9) << k;
-  }
+  for (const Mesh& half : {prism, cube_on_its_edge})
+    for (int k = 0; k < 50; k++) {
+      const Eigen::Matrix3d turn = random.rotation();
+      const Repaired r = mended(moved(joined(box, half), turn, random.direction()));
+      EXPECT_NEAR(volume(r), volume(box) + volume(half) / 2, 1e-9) << k;
+    }
 }
 
 // A tire alone has no wall where its wheel belongs. A barrel is closed by a lid and a floor.

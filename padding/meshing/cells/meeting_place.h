@@ -1,0 +1,12 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+#include "padding/meshing/cells/contacts.h"
+
+namespace padder {
+
+// Where a meeting point that is no vertex lies, rounded once, to about `near` in any case: where the edge
+// runs nearly along what it meets, the distances of its ends from that are rounding alone, and are computed
+// again in rational numbers.
+Point place_of(const MeetingPoint& meeting, const Mesh& soup, double near);
+
+}  // namespace padder
