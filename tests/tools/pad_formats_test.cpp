@@ -165,7 +165,8 @@ TEST_F(PadFormatsTest, SpheresAreConvertedWithoutPadding) {
   EXPECT_NE(unplaced.output.find("not where the links are"), std::string::npos) << unplaced.output;
   EXPECT_FALSE(fs::exists(folder_ / "s.xml"));
   for (const char* wrong :
-       {"c.spheres.json", "c.spheres.json -o x.xml --tolerance 1%", "c.spheres.json -o c.spheres.json",
+       {"c.spheres.json", "c.spheres.json -o x.xml --tolerance 1%", "c.spheres.json -o x.xml --effort 2",
+        "d.yaml c.npz -o many/ --format mjcf --repair fill", "c.spheres.json -o c.spheres.json",
         "cube.obj -o x.xml -o x.xml", "cube.obj -o x.xml -o y.foo", "r.urdf -o x.xml -o x.json"})
     EXPECT_EQ(pad(wrong).status, 2) << wrong;
   EXPECT_FALSE(fs::exists(folder_ / "x.xml"));
@@ -180,6 +181,13 @@ TEST_F(PadFormatsTest, FailuresAreJson) {
     ASSERT_FALSE(report.is_discarded()) << wrong << r.output;
     EXPECT_TRUE(report.contains("input") && report["error"].is_string()) << wrong;
   }
+}
+
+// The .srdf that a URDF brings along lists pairs alone; one that is asked for has the spheres, too.
+TEST_F(PadFormatsTest, AnSrdfThatIsAskedForIsNotLostToThatOfAUrdf) {
+  ASSERT_EQ(pad("r.urdf --edge-length 10% -q -o p.srdf").output, "");
+  ASSERT_EQ(pad("r.urdf --edge-length 10% -q -o q.srdf -o q.urdf").output, "");
+  EXPECT_EQ(read_file(folder_ / "q.srdf"), read_file(folder_ / "p.srdf"));
 }
 
 TEST_F(PadFormatsTest, Robots) {

@@ -215,15 +215,20 @@ int run(PadArguments& a, const CLI::App& app, cli::StreamFiles& files) {
   for (const std::string& output : a.outputs)
     if (output.empty()) throw UsageError("-o is empty: name a file or a folder, or leave it out");
   check_options(a);
-  for (const char* option : {"--shard", "--workers", "--page"})
-    if (app.count(option) > 0)
-      throw UsageError(std::string(option) +
-                       " is for a folder of meshes or a --manifest, and there is neither");
+  const auto refuse = [&](std::initializer_list<const char*> options, const std::string& why) {
+    for (const char* option : options)
+      if (app.count(option) > 0) throw UsageError(option + why);
+  };
+  refuse({"--shard", "--workers", "--page"},
+         " is for a folder of meshes or a --manifest, and there is neither");
   if (std::ranges::none_of(a.meshes, is_robot))
-    for (const char* option :
-         {"--robot-spheres", "--visual", "--package-path", "--xacro", "--self-collision", "--joint"})
-      if (app.count(option) > 0)
-        throw UsageError(std::string(option) + " is for a robot, and " + a.meshes[0] + " is none");
+    refuse({"--robot-spheres", "--visual", "--package-path", "--xacro", "--self-collision", "--joint"},
+           " is for a robot, and " + a.meshes[0] + " is none");
+  if (std::ranges::all_of(a.meshes, [](const auto& m) { return is_sphere_file(m) && !is_robot(m); }))
+    refuse({"--edge-length", "--max-radius", "--min-radius", "--balance", "--smooth", "--effort",
+            "--lower-bound", "--reach", "--lod", "--sharp-angle", "--repair", "--thickness", "--force"},
+           " is for a mesh, and " + a.meshes[0] +
+               " holds spheres already, which are converted and not padded again");
   for (const std::string& folder : a.package_folders)
     if (std::error_code code; !fs::is_directory(folder, code))
       throw UsageError("--package-path: there is no folder " + cli::in_quotes(folder));

@@ -88,11 +88,18 @@ void preview_robot(const RobotJob& job, const PaddedRobot& robot) {
 
 }  // namespace
 
+std::vector<OutputFile> in_writing_order(std::vector<OutputFile> files) {
+  std::ranges::stable_partition(files, [](const OutputFile& file) {
+    return !file.format || std::string_view(file.format->name) != "srdf";
+  });
+  return files;
+}
+
 Json run_robot(const RobotJob& job, const RobotProgress& progress) {
   check_job(job);
   const PaddedRobot robot = pad_robot(job.urdf, job.options, job.whole, progress);
   std::vector<std::string> warnings;
-  for (const OutputFile& file : job.outputs)
+  for (const OutputFile& file : in_writing_order(job.outputs))
     for (auto& sentence : write_model(robot.model, file.path, *file.format, job.exporting))
       warnings.push_back(std::move(sentence));
   for (const PadReport& report : robot.reports)
